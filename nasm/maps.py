@@ -1,0 +1,113 @@
+"""The nonautonomous standard map, its inverse and its tangent.
+
+    S_κ :  y' = y + (κ/2π) sin 2πx,   x' = x + y'                              (stdmap)
+    T   =  S_{κ_{P-1}} ∘ … ∘ S_{κ_1} ∘ S_{κ_0}                                 (mapaut)
+
+Calleja, del-Castillo-Negrete, Martínez-del-Río, Olvera, "Global transport in a nonautonomous
+standard map", arXiv:1606.04824, Sec. II; names in parentheses are that paper's equation labels.
+
+Conventions
+-----------
+- Angles are in turns. x is on the lift (not reduced mod 1), so rotation numbers can be read off.
+- A *forcing* is one period of strengths, `kappa = (κ_0, …, κ_{P-1})`, first kick first. P = 2 is the
+  paper's T_{κ1κ2}, with κ1 = κ_0. P = 1 is the standard map.
+- One *step* is one period, P kicks. Rotation numbers are per step.
+- The functions take and return floats or arrays that broadcast together; `kick` and `unkick` can
+  also be called inside Numba kernels.
+"""
+
+from fractions import Fraction
+
+import numpy as np
+from numba.extending import register_jitable
+
+from nasm.sine import cos2pi, sin2pi
+
+TWO_PI = 2 * np.pi
+
+
+@register_jitable
+def kick(kappa, x, y):
+    """S_κ, Eq. (stdmap): one kick of strength kappa. Returns x', y'."""
+    y = y + kappa / TWO_PI * sin2pi(x)
+    return x + y, y
+
+
+@register_jitable
+def unkick(kappa, x, y):
+    """S_κ⁻¹, Eq. (stdmap_inv). Returns the x, y that `kick` takes to the given ones."""
+    x = x - y
+    return x, y - kappa / TWO_PI * sin2pi(x)
+
+
+def step(kappa, x, y):
+    """T, Eq. (mapaut): one period of the forcing `kappa`, first kick first. Returns x', y'."""
+    for strength in forcing(kappa):
+        x, y = kick(strength, x, y)
+    return x, y
+
+
+def unstep(kappa, x, y):
+    """T⁻¹: one period undone, last kick first. Returns x, y."""
+    for strength in forcing(kappa)[::-1]:
+        x, y = unkick(strength, x, y)
+    return x, y
+
+
+def kick_tangent(kappa, x):
+    """DS_κ(x) = [[1 + κ cos 2πx, 1], [κ cos 2πx, 1]], shape (2, 2, *x.shape)."""
+    c = kappa * cos2pi(np.asarray(x, dtype=float))
+    one = np.ones_like(c)
+    return np.array([[1 + c, one], [c, one]])
+
+
+def step_tangent(kappa, x, y):
+    """DT(x, y), shape (2, 2, *x.shape): rows (x', y'), columns (x, y); determinant 1."""
+    tangent = np.eye(2)
+    for strength in forcing(kappa):
+        tangent = np.einsum("ij...,jk...->ik...", kick_tangent(strength, x), tangent)
+        x, y = kick(strength, x, y)
+    return tangent
+
+
+def twist(kappa, x, y):
+    """∂x'/∂y of one step, Eq. (twist_cond); for P = 2 it is positive everywhere iff |κ2| < 2."""
+    return step_tangent(kappa, x, y)[0, 1]
+
+
+def rotating_forcing(mean, amplitude, frequency, phase=0.0):
+    """One period of κ_n = κ̄ + Δκ cos 2π(φ0 + nΩ), the rotating standard map, Eq. (rotmap).
+
+    Parameters
+    ----------
+    mean, amplitude : float
+        κ̄ and Δκ.
+    frequency : Fraction or str
+        Ω = p/q, an exact fraction; the forcing has period P = q.
+    phase : float
+        φ0 in turns.
+
+    Returns
+    -------
+    ndarray of shape (q,), first kick first.
+
+    With Ω = 1/2 and φ0 = 0 this is (κ̄ + Δκ, κ̄ - Δκ), so that Δκ = (κ1 - κ2)/2 for T_{κ1κ2}, whose
+    first kick is κ1. The paper writes (κ2 - κ1)/2, which goes with its Eq. (kap), where the even
+    n = 0 kicks with κ2; the two forcings differ by a shift of half a period.
+    """
+    frequency = Fraction(frequency)
+    turns = [float(frequency * n % 1) for n in range(frequency.denominator)]
+    return forcing(mean + amplitude * cos2pi(np.asarray(turns) + phase))
+
+
+def forcing(kappa):
+    """`kappa` as a float array of shape (P,); ValueError if it is not a non-empty finite vector."""
+    strengths = np.asarray(kappa, dtype=float)
+    if strengths.ndim != 1 or strengths.size == 0:
+        raise ValueError(
+            f"kappa={kappa!r} has shape {strengths.shape}; a forcing is a vector of P ≥ 1 strengths, "
+            "first kick first, e.g. kappa=(0.3, 0.5)"
+        )
+    if not np.isfinite(strengths).all():
+        raise ValueError(f"kappa={kappa!r} is not finite; every strength must be a finite number")
+    return strengths

@@ -1,0 +1,196 @@
+"""Rotation numbers as exact continued fractions.
+
+    ω = [a₀; a₁, …, a_k, (b₁, …, b_m)]  =  a₀ + 1/(a₁ + 1/(a₂ + …)),   b₁, …, b_m repeated for ever
+
+A float cannot carry a rotation number: all that matters about ω, how badly it is approximated by
+fractions, is in the digits that a float cuts off. A RotationNumber keeps a prefix and a period, so
+its convergents are exact to any order. Rational numbers have no period; quadratic irrationals have
+one (Lagrange). A *noble* number is one whose period is (1): its circles are the most robust.
+
+Arithmetic goes by γ = [0;(1)], the golden mean (√5 - 1)/2, as in the paper: "gamma", "2gamma+1",
+"(5gamma+6)/(4gamma+5)".
+"""
+
+import re
+from dataclasses import dataclass
+from fractions import Fraction
+from itertools import chain, cycle
+from math import isqrt
+
+NAMES = (
+    "gamma",
+    "gamma+1",
+    "2gamma",
+    "2gamma+1",
+    "(5gamma+6)/(4gamma+5)",
+    "(gamma+1)/(4gamma+5)",
+)
+"""The six rotation numbers of the paper, Sec. VI, as `parse` reads them."""
+
+
+@dataclass(frozen=True)
+class RotationNumber:
+    """[prefix; (tail)]: partial quotients, and those that repeat for ever (none if rational).
+
+    All partial quotients but the first are ≥ 1. Made by `parse` or `rational`, a RotationNumber is
+    in its shortest form, so that equal numbers compare equal.
+    """
+
+    prefix: tuple[int, ...]
+    tail: tuple[int, ...] = ()
+
+    def __str__(self):
+        """"[1;4,(1)]", which `parse` reads back."""
+        periodic = f"({','.join(map(str, self.tail))})" if self.tail else ""
+        parts = [*map(str, self.prefix), *([periodic] if periodic else [])]
+        return f"[{';'.join([parts[0], ','.join(parts[1:])]) if parts[1:] else parts[0]}]"
+
+    def __float__(self):
+        """The nearest float: convergents run until the float no longer changes."""
+        value = None
+        for fraction in convergents(self):
+            if value == fraction.numerator / fraction.denominator and fraction.denominator > 2**53:
+                break
+            value = fraction.numerator / fraction.denominator
+        return value
+
+    @property
+    def is_rational(self):
+        return not self.tail
+
+    @property
+    def is_noble(self):
+        return self.tail == (1,)
+
+
+def parse(text):
+    """The rotation number that `text` spells.
+
+    Reads a continued fraction "[1;4,(1)]" (the period in parentheses), a fraction "3/5", or a
+    Möbius transform of the golden mean with integer coefficients, "(5gamma+6)/(4gamma+5)".
+    ValueError, with the three forms, for anything else.
+    """
+    compact = re.sub(r"[\s*]", "", text).replace("γ", "gamma")
+    if match := re.fullmatch(r"\[(-?\d+)(?:;([\d,]*?),?(?:\((\d+(?:,\d+)*)\))?)?\]", compact):
+        first, middle, tail = match.groups()
+        prefix = [int(first), *(int(a) for a in (middle or "").split(",") if a)]
+        period = [int(b) for b in (tail or "").split(",") if b]
+        if all(a >= 1 for a in [*prefix[1:], *period]):
+            return _shortest(prefix, period)
+    elif match := re.fullmatch(r"\(?([^()/]+)\)?(?:/\(?([^()/]+)\)?)?", compact):
+        top, bottom = (_linear(part) for part in (match[1], match[2] or "1"))
+        if top and bottom and bottom != (0, 0):
+            return _golden_moebius(*top, *bottom)
+    raise ValueError(
+        f"{text!r} is not a rotation number; write a continued fraction like [1;4,(1)], a fraction "
+        "like 3/5, or a ratio in the golden mean like (5gamma+6)/(4gamma+5)"
+    )
+
+
+def rational(fraction):
+    """The RotationNumber of a Fraction, int, or anything that Fraction takes exactly."""
+    fraction = Fraction(fraction)
+    p, q = fraction.numerator, fraction.denominator
+    quotients = []
+    while q:
+        a, (p, q) = p // q, (q, p % q)
+        quotients.append(a)
+    return RotationNumber(tuple(quotients))
+
+
+def convergents(omega):
+    """Iterator over the convergents p_k/q_k of omega as Fractions; endless unless it is rational."""
+    p, p_last, q, q_last = 1, 0, 0, 1
+    for a in chain(omega.prefix, cycle(omega.tail)):
+        p, p_last, q, q_last = a * p + p_last, p, a * q + q_last, q
+        yield Fraction(p, q)
+
+
+def moebius(omega, a, b, c=0, d=1):
+    """(a·ω + b)/(c·ω + d), exactly, for integers with ad ≠ bc; e.g. moebius(ω, -1, 2) = 2 - ω."""
+    if a * d == b * c:
+        raise ValueError(f"({a}ω + {b})/({c}ω + {d}) does not depend on ω; use ad ≠ bc")
+    if omega.is_rational:
+        value = list(convergents(omega))[-1]
+        if c * value + d == 0:
+            raise ValueError(f"({a}ω + {b})/({c}ω + {d}) is infinite at ω = {value}")
+        return rational((a * value + b) / (c * value + d))
+    # Write ω = (r + s·√n)/t with the period's own quadratic equation, then rationalise.
+    (p, p_last), (q, q_last) = _product(omega.tail)
+    n = (q_last - p) ** 2 + 4 * q * p_last  # of q·x² + (q_last - p)·x - p_last = 0, x > 1
+    r, s, t = p - q_last, 1, 2 * q
+    (p, p_last), (q, q_last) = _product(omega.prefix)
+    top, bottom = (p * r + p_last * t, p * s), (q * r + q_last * t, q * s)  # u + v√n, over the same
+    top, bottom = (
+        (a * top[0] + b * bottom[0], a * top[1] + b * bottom[1]),
+        (c * top[0] + d * bottom[0], c * top[1] + d * bottom[1]),
+    )
+    norm = bottom[0] ** 2 - n * bottom[1] ** 2
+    r = top[0] * bottom[0] - n * top[1] * bottom[1]
+    s = top[1] * bottom[0] - top[0] * bottom[1]
+    return _expand_surd(r, s, norm, n)
+
+
+def _linear(text):
+    """(a, b) of "a·gamma + b" in any order, or None."""
+    terms = re.findall(r"([+-]?)(\d*)(gamma)?", text)
+    if "".join(sign + digits + gamma for sign, digits, gamma in terms) != text or not text:
+        return None
+    a = b = 0
+    for sign, digits, gamma in terms:
+        if not (digits or gamma):
+            continue
+        value = int(digits or 1) * (-1 if sign == "-" else 1)
+        a, b = (a + value, b) if gamma else (a, b + value)
+    return a, b
+
+
+def _golden_moebius(a, b, c, d):
+    if a * d == b * c:  # no γ left in it
+        return rational(Fraction(b, d) if d else Fraction(a, c))
+    return moebius(RotationNumber((0,), (1,)), a, b, c, d)
+
+
+def _product(quotients):
+    """The matrix ((p, p_last), (q, q_last)) of the continued fraction with these quotients."""
+    p, p_last, q, q_last = 1, 0, 0, 1
+    for a in quotients:
+        p, p_last, q, q_last = a * p + p_last, p, a * q + q_last, q
+    return (p, p_last), (q, q_last)
+
+
+def _expand_surd(r, s, t, n):
+    """The continued fraction of (r + s·√n)/t: repeat a = floor, x → 1/(x - a) until x recurs."""
+    n, s = n * s * s, (1 if s > 0 else -1)
+    if s < 0:
+        r, t = -r, -t
+    if (n - r * r) % t:
+        r, n, t = r * abs(t), n * t * t, t * abs(t)
+    root = isqrt(n)
+    seen, quotients = {}, []
+    while (r, t) not in seen:
+        seen[r, t] = len(quotients)
+        a = (r + root) // t if t > 0 else (r + root + 1) // t
+        quotients.append(a)
+        r = a * t - r
+        t = (n - r * r) // t
+    start = seen[r, t]
+    return _shortest(quotients[:start], quotients[start:])
+
+
+def _shortest(prefix, tail):
+    """The canonical RotationNumber: no repetition inside the tail, as short a prefix as can be."""
+    if not tail:
+        value = 0
+        for a in reversed(prefix):
+            value = a + (1 / Fraction(value) if value else 0)
+        return rational(value)
+    for length in range(1, len(tail) + 1):
+        if len(tail) % length == 0 and tail == tail[:length] * (len(tail) // length):
+            tail = tail[:length]
+            break
+    if not prefix:  # keep a₀ apart: it alone may be 0 or negative
+        prefix, tail = tail[:1], tail[1:] + tail[:1]
+    while len(prefix) > 1 and prefix[-1] == tail[-1]:
+        prefix, tail = prefix[:-1], tail[-1:] + tail[:-1]
+    return RotationNumber(tuple(prefix), tuple(tail))
