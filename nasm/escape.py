@@ -107,10 +107,41 @@ def first_escape(kappas, x, y, sizes, n_max, window=PAPER_WINDOW):
             f"sizes={sizes.tolist()} must be increasing whole numbers from 1 to {x.size}, "
             "the number of starts"
         )
-    times = _first_escapes(
-        _kicks(flat), x - 0.25, y - shift, sizes.astype(np.int64), n_max, lo, hi
-    )
+    times = _first_escapes(_kicks(flat), x - 0.25, y - shift, sizes.astype(np.int64), n_max, lo, hi)
     return times.T.reshape(sizes.size, *plane)
+
+
+def boundary(escape_time, kappa1, kappa2, angles, n):
+    """Where rays from the origin first meet {n* ≤ n} in a field over the (κ1, κ2) plane.
+
+    Parameters
+    ----------
+    escape_time : array of shape (kappa2.size, kappa1.size), first escape times; NaN: not known.
+    kappa1, kappa2 : equally spaced cell centres.
+    angles : array, degrees; the ray (cos, sin).
+    n : number of steps.
+
+    Returns
+    -------
+    scale : ndarray, shape of angles: the distance from the origin at which the ray passes from the
+        last cell without transport into the first with; its resolution is one cell. NaN where the
+        ray meets no such pair of cells inside the plane.
+    """
+    kappa1, kappa2 = np.asarray(kappa1), np.asarray(kappa2)
+    width = np.array([kappa1[1] - kappa1[0], kappa2[1] - kappa2[0]])
+    origin = np.array([kappa1[0], kappa2[0]]) - width / 2
+    radians = np.deg2rad(np.asarray(angles, dtype=float))[..., None]
+    reach = np.hypot(np.abs(kappa1).max() + width[0], np.abs(kappa2).max() + width[1])
+    # Eight samples a cell, so that no ray jumps over a cell by more than its corner.
+    scales = np.arange(0, reach, width.min() / 8)
+    column = np.floor((scales * np.cos(radians) - origin[0]) / width[0]).astype(int)
+    row = np.floor((scales * np.sin(radians) - origin[1]) / width[1]).astype(int)
+    inside = (column >= 0) & (column < kappa1.size) & (row >= 0) & (row < kappa2.size)
+    times = np.full(inside.shape, np.nan)
+    times[inside] = np.asarray(escape_time)[row[inside], column[inside]]
+    crossing = (times[..., :-1] > n) & (times[..., 1:] <= n)
+    first = crossing.argmax(axis=-1)
+    return np.where(crossing.any(axis=-1), (scales[first] + scales[first + 1]) / 2, np.nan)
 
 
 def _increasing(low, sizes, high):

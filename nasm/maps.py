@@ -9,8 +9,8 @@ standard map", arXiv:1606.04824, Sec. II; names in parentheses are that paper's 
 Conventions
 -----------
 - Angles are in turns. x is on the lift (not reduced mod 1), so rotation numbers can be read off.
-- A *forcing* is one period of strengths, `kappa = (κ_0, …, κ_{P-1})`, first kick first. P = 2 is the
-  paper's T_{κ1κ2}, with κ1 = κ_0. P = 1 is the standard map.
+- A *forcing* is one period of strengths, `kappa = (κ_0, …, κ_{P-1})`, first kick first. P = 2 is
+  the paper's T_{κ1κ2}, with κ1 = κ_0; P = 1 is the standard map.
 - One *step* is one period, P kicks. Rotation numbers are per step.
 - The functions take and return floats or arrays that broadcast together; `kick` and `unkick` can
   also be called inside Numba kernels.
@@ -105,8 +105,8 @@ def forcing(kappa):
     strengths = np.asarray(kappa, dtype=float)
     if strengths.ndim != 1 or strengths.size == 0:
         raise ValueError(
-            f"kappa={kappa!r} has shape {strengths.shape}; a forcing is a vector of P ≥ 1 strengths, "
-            "first kick first, e.g. kappa=(0.3, 0.5)"
+            f"kappa={kappa!r} has shape {strengths.shape}; a forcing is a vector of P ≥ 1 "
+            "strengths, first kick first, e.g. kappa=(0.3, 0.5)"
         )
     if not np.isfinite(strengths).all():
         raise ValueError(f"kappa={kappa!r} is not finite; every strength must be a finite number")

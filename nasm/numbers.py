@@ -40,7 +40,7 @@ class RotationNumber:
     tail: tuple[int, ...] = ()
 
     def __str__(self):
-        """"[1;4,(1)]", which `parse` reads back."""
+        """ "[1;4,(1)]", which `parse` reads back."""
         periodic = f"({','.join(map(str, self.tail))})" if self.tail else ""
         parts = [*map(str, self.prefix), *([periodic] if periodic else [])]
         return f"[{';'.join([parts[0], ','.join(parts[1:])]) if parts[1:] else parts[0]}]"
@@ -99,7 +99,7 @@ def rational(fraction):
 
 
 def convergents(omega):
-    """Iterator over the convergents p_k/q_k of omega as Fractions; endless unless it is rational."""
+    """Iterator over the convergents p_k/q_k of omega as Fractions; endless if irrational."""
     p, p_last, q, q_last = 1, 0, 0, 1
     for a in chain(omega.prefix, cycle(omega.tail)):
         p, p_last, q, q_last = a * p + p_last, p, a * q + q_last, q

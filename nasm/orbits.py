@@ -106,7 +106,7 @@ def _orbit(kappa, x, y, n):
 
 @njit(nogil=True)
 def _bump(n):
-    """w(t/n) at t = 1, …, n - 1, normalised to sum 1; w vanishes with all derivatives at 0 and n."""
+    """w(t/n) normalised to sum 1; it vanishes with all derivatives at t = 0 and n."""
     w = np.zeros(n)
     for t in range(1, n):
         s = t / n

@@ -1,0 +1,95 @@
+"""Clusters: worker processes on this machine by default, or a running dask scheduler by address."""
+
+import os
+import signal
+import threading
+from contextlib import contextmanager
+
+import dask
+from dask.system import CPU_COUNT
+from distributed import Client, LocalCluster, WorkerPlugin
+from distributed.security import Security
+
+# A task that was with a worker when it died is suspect at once, not after it killed three more;
+# the sweep reruns suspects alone. The profiler of tasks would cost 1% for what nobody looks at.
+_CONFIG = {
+    "distributed.scheduler.allowed-failures": 0,
+    "distributed.worker.profile.enabled": False,
+}
+
+
+class ClusterError(Exception):
+    """No cluster to compute on; the message says why, and what to do."""
+
+
+class _WarmUp(WorkerPlugin):
+    """Readies a worker: compiled kernels, and deaf to a Ctrl-C that is meant for the driver."""
+
+    name = "nasm-warm-up"
+
+    def __init__(self, warm_up):
+        self.warm_up = warm_up
+
+    def setup(self, worker):
+        if threading.current_thread() is threading.main_thread():
+            signal.signal(signal.SIGINT, signal.SIG_IGN)
+        self.warm_up()
+
+
+@contextmanager
+def connect(warm_up, scheduler=None, n_workers=None, tls=None):
+    """A dask Client whose workers are warmed up.
+
+    Parameters
+    ----------
+    warm_up : function without arguments, run once in each worker process.
+    scheduler : address of a running scheduler, "tcp://…" or "tls://…", whose workers see this
+        machine's files and have this package; by default workers are started on this machine, which
+        listen on loopback only.
+    n_workers : int ≥ 1, worker processes to start here; default one per core.
+    tls : (ca, cert, key) files, for a "tls://" address.
+
+    ClusterError if the scheduler does not answer or has no workers.
+    """
+    if n_workers is not None and n_workers < 1:
+        raise ClusterError(f"workers={n_workers} must be at least 1")
+    connection = _local(n_workers) if scheduler is None else _remote(scheduler, tls)
+    with dask.config.set(_CONFIG), connection as client:
+        client.register_plugin(_WarmUp(warm_up))
+        yield client
+
+
+@contextmanager
+def _local(n_workers):
+    # Kernels of one tile run in one thread, in a process of its own; no BLAS is called, but a
+    # library that thinks otherwise must not start a thread per core in each of them.
+    cluster = LocalCluster(
+        n_workers=n_workers or CPU_COUNT,
+        threads_per_worker=1,
+        host="127.0.0.1",
+        dashboard_address=None,
+        silence_logs="CRITICAL",
+    )
+    with cluster, Client(cluster) as client:
+        yield client
+
+
+@contextmanager
+def _remote(address, tls):
+    security = None
+    if tls is not None:
+        ca, cert, key = map(os.fspath, tls)
+        security = Security(
+            tls_ca_file=ca, tls_client_cert=cert, tls_client_key=key, require_encryption=True
+        )
+    try:
+        client = Client(address, security=security, timeout=10)
+    except (OSError, ValueError, TypeError) as error:
+        raise ClusterError(
+            f"no dask scheduler answers at {address} ({error}); start one with `dask scheduler`, "
+            "or leave the address out to compute on this machine"
+        ) from None
+    with client:
+        if not client.scheduler_info()["workers"]:
+            raise ClusterError(f"the scheduler at {address} has no workers; start `dask worker`s")
+        yield client

@@ -1,0 +1,145 @@
+"""Cubes: what a labelled store of results holds, before anything is computed.
+
+A cube is a lazy xarray template (variables, dims, coordinates, units), the length of a tile along
+each tiled dimension, and the settings that decide its values. Two cubes with one `config_hash` hold
+the same numbers, whoever computes them, in whatever order.
+"""
+
+import hashlib
+import json
+import platform
+import subprocess
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from functools import cached_property
+from importlib.metadata import version
+from pathlib import Path
+
+import dask.array
+import numpy as np
+import xarray as xr
+
+FORMAT = "nasm-cubes/1"
+"""Version of the store's layout; a store of another version is refused."""
+
+
+@dataclass(frozen=True)
+class Cube:
+    """The plan of one cube.
+
+    name : its group in the store.
+    template : Dataset of the right dims, dtypes, coordinates and attributes, values not computed.
+    tile : {dim: cells}; a tile is the unit of work and of storage. Every variable has all of these
+        dims, in this order.
+    settings : JSON-able, everything besides the coordinates that decides the values.
+    """
+
+    name: str
+    template: xr.Dataset
+    tile: dict[str, int]
+    settings: dict
+
+    @property
+    def sizes(self):
+        return dict(self.template.sizes)
+
+    @cached_property
+    def config_hash(self):
+        """SHA-256 of coordinates, variables, tiling and settings."""
+        digest = hashlib.sha256()
+        for name, coordinate in sorted(self.template.coords.items()):
+            digest.update(name.encode() + np.ascontiguousarray(coordinate.values).tobytes())
+        variables = {
+            k: [list(v.dims), str(v.dtype)] for k, v in sorted(self.template.data_vars.items())
+        }
+        plan = {"variables": variables, "tile": self.tile, "settings": self.settings}
+        digest.update(json.dumps(plan, sort_keys=True).encode())
+        return digest.hexdigest()
+
+
+def escape_cube(name, kappa1, kappa2, sizes, n_max, window, tile):
+    """The cube of first escape times over the (κ1, κ2) plane.
+
+    Parameters
+    ----------
+    name : str, the cube's group.
+    kappa1, kappa2 : grid.Axis.
+    sizes : increasing ints, the nested ensembles.
+    n_max : int, steps (periods of the forcing) after which an orbit counts as not escaping.
+    window : (lo, hi) in y.
+    tile : int, cells along each side of a tile.
+    """
+    coords = {
+        "ensemble": _coordinate("ensemble", sizes, "number of orbits in the ensemble", "1"),
+        "kappa2": _coordinate("kappa2", kappa2.centres, "strength of the second kick", "1"),
+        "kappa1": _coordinate("kappa1", kappa1.centres, "strength of the first kick", "1"),
+    }
+    attrs = {
+        "long_name": "first step at which an orbit of the ensemble is outside the window",
+        "units": "1",
+        "comment": "steps of two kicks; NaN: not computed; inf: no escape up to n_max. "
+        "escape_time <= N is global transport within N steps, for every N <= n_max.",
+        "source": "arXiv:1606.04824, Eq. (mapaut), Proposition 1 and Sec. V.B",
+    }
+    dims = tuple(coords)
+    shape = tuple(c.size for c in coords.values())
+    escape_time = dask.array.full(shape, np.nan, dtype="float64", chunks=-1)
+    template = xr.Dataset(
+        {"escape_time": (dims, escape_time, attrs)},
+        coords,
+        {"title": "First escape times of the nonautonomous standard map"},
+    )
+    settings = {"n_max": int(n_max), "window": [float(w) for w in window]}
+    return Cube(name, template, {"kappa2": tile, "kappa1": tile}, settings)
+
+
+def composed(cube, field, level):
+    """`cube` of escape times with the values `field`, composed of several levels of refinement.
+
+    field : array (ensemble, kappa2, kappa1). level : int array (kappa2, kappa1), which level each
+    cell's value is from.
+    """
+    attrs = {
+        "long_name": "level of refinement of the cell's value",
+        "units": "1",
+        "comment": "0 is the coarsest; each level halves the cells",
+    }
+    template = cube.template.assign(
+        escape_time=cube.template.escape_time.copy(data=field),
+        level=(("kappa2", "kappa1"), level, attrs),
+    )
+    return Cube(cube.name, template, cube.tile, cube.settings)
+
+
+def provenance():
+    """Who computed: versions of the package and its libraries, git commit, time of creation."""
+    libraries = ["numpy", "numba", "xarray", "zarr", "dask"]
+    return {
+        "package_version": version("nasm-transport"),
+        "git_commit": _git_commit(),
+        "python_version": platform.python_version(),
+        "library_versions": ", ".join(f"{name} {version(name)}" for name in libraries),
+        "created": datetime.now(UTC).isoformat(timespec="seconds"),
+    }
+
+
+def _coordinate(dim, values, long_name, units):
+    return xr.Variable(dim, np.asarray(values), {"long_name": long_name, "units": units})
+
+
+def _git_commit():
+    """The commit of the source tree, "-dirty" if it was edited; "unknown" outside a checkout."""
+    here = Path(__file__).parent
+    command = ["git", "-C", str(here), "describe", "--always", "--dirty", "--abbrev=40"]
+    try:
+        # Installed inside some other project's checkout, we would name that one's commit.
+        tracked = subprocess.run(
+            ["git", "-C", str(here), "ls-files", "--error-unmatch", Path(__file__).name],
+            capture_output=True,
+        )
+        described = subprocess.run(command, capture_output=True, text=True)
+    except OSError:
+        return "unknown"
+    if tracked.returncode or described.returncode:
+        return "unknown"
+    return described.stdout.strip()

@@ -1,0 +1,263 @@
+"""The store: one zarr v3 hierarchy in an output directory, a group per cube, a chunk per tile.
+
+The life of a tile: missing → (leased in memory) → data chunks written → commit record written last.
+The commit record is the tile's chunk of `cpu_seconds`: *a tile is done if that file exists*. The
+store is the only truth; there is no other list of what is done. Every file is written aside and
+renamed into place, and so is every group, so that a killed process leaves nothing half-written.
+
+One driver at a time may write to a directory (a lock that dies with its process). Several workers
+may commit tiles at once, even the same tile: they write the same bytes.
+
+While a sweep runs, chunks are raw little-endian numbers without compression, written straight to
+their files: zarr's own writer takes 1.6 ms for the two chunks of a tile, this 0.2 ms. All else goes
+through xarray and zarr.
+"""
+
+import fcntl
+import os
+import shutil
+import warnings
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import mkstemp
+
+import dask.array
+import numpy as np
+import xarray as xr
+import zarr
+
+from pipeline.grid import tile_counts, tile_indices
+from pipeline.schema import FORMAT, Cube, provenance
+
+STORE = "cubes.zarr"
+COMMIT = "cpu_seconds"
+_ASIDE = ".partial"
+_LOCK = ".lock"
+
+
+class StoreError(Exception):
+    """The output directory cannot take this sweep; the message says why, and what to do."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """What a worker must know to commit a tile: a small, picklable part of a Cube and its place.
+
+    variables : (name, dtype, shape of a chunk, axes that are tiled) of each variable.
+    """
+
+    out: Path
+    name: str
+    variables: tuple[tuple[str, str, tuple[int, ...], tuple[int, ...]], ...]
+
+    @property
+    def group(self):
+        return self.out / STORE / self.name
+
+    def chunk_file(self, variable, index):
+        return self.group / variable / "c" / Path(*map(str, index))
+
+
+@contextmanager
+def driving(out):
+    """Hold the directory `out` as its one driver; makes it, checks it, clears a killed one's mess.
+
+    StoreError if it is not ours, of another version, not writable, or driven by someone else.
+    Nothing in a directory that is refused is touched.
+    """
+    out = Path(out)
+    _refuse_foreign(out)
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        lock = open(out / _LOCK, "a+")  # noqa: SIM115 (closed below, after the lock's work)
+    except OSError as error:
+        raise StoreError(f"cannot write to {out}: {error.strerror}; choose another --out") from None
+    with lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            lock.seek(0)
+            raise StoreError(
+                f"{out} is being written by another run (process {lock.read().strip() or '?'}); "
+                "wait for it, stop it, or choose another --out"
+            ) from None
+        lock.truncate(0)
+        lock.write(str(os.getpid()))
+        lock.flush()
+        shutil.rmtree(out / _ASIDE, ignore_errors=True)
+        (out / _ASIDE).mkdir()
+        if not (out / STORE).exists():
+            zarr.create_group(out / _ASIDE / STORE, attributes={"format": FORMAT}, zarr_format=3)
+            os.rename(out / _ASIDE / STORE, out / STORE)
+        try:
+            yield
+        finally:
+            shutil.rmtree(out / _ASIDE, ignore_errors=True)
+
+
+def create(out, cube):
+    """Make the cube's group, all tiles missing, or check that the one that is there is the same.
+
+    Returns its Layout. StoreError, naming what differs, if a cube of this name with other
+    coordinates or settings is there.
+    """
+    layout = _layout(out, cube)
+    if layout.group.exists():
+        _refuse_different(layout, cube)
+    else:
+        _write_group(out, cube, _with_commit_records(cube), compute=False)
+    return layout
+
+
+def replace(out, cube):
+    """Write a cube that is already computed in full, in place of any of its name; compressed."""
+    _write_group(out, cube, cube.template, compute=True)
+
+
+def missing(layout, cube):
+    """Indices of the tiles without a commit record, in tile order."""
+    committed = _committed(layout.group / COMMIT / "c", len(cube.tile))
+    return [index for index in tile_indices(cube.sizes, cube.tile) if index not in committed]
+
+
+def is_committed(layout, index):
+    return layout.chunk_file(COMMIT, index).exists()
+
+
+def commit(layout, index, arrays, seconds):
+    """Write the tile's data, then its commit record: the CPU seconds that it took."""
+    for name, dtype, chunk_shape, tiled_axes in layout.variables:
+        array = np.asarray(arrays[name], dtype=dtype)
+        if array.shape != chunk_shape:  # the last tile of a dimension; zarr stores a whole chunk
+            padding = [
+                (0, whole - part) for whole, part in zip(chunk_shape, array.shape, strict=True)
+            ]
+            array = np.pad(array, padding)
+        chunk = [0] * array.ndim
+        for axis, i in zip(tiled_axes, index, strict=True):
+            chunk[axis] = i
+        _write_aside(layout, layout.chunk_file(name, chunk), array)
+    _write_aside(layout, layout.chunk_file(COMMIT, index), np.float64(seconds))
+
+
+def read(out, name):
+    """The cube `name` as a Dataset, chunk by chunk lazily."""
+    return xr.open_zarr(Path(out) / STORE, group=name, chunks={})
+
+
+def _write_aside(layout, target, array):
+    """The array's raw bytes into the file `target`, which appears whole or not at all."""
+    descriptor, aside = mkstemp(dir=layout.out / _ASIDE)
+    with os.fdopen(descriptor, "wb") as file:
+        file.write(array.astype(array.dtype.newbyteorder("<"), copy=False).tobytes())
+    try:
+        os.rename(aside, target)
+    except FileNotFoundError:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        os.rename(aside, target)
+
+
+def _layout(out, cube: Cube):
+    variables = []
+    for name, variable in cube.template.data_vars.items():
+        shape = tuple(cube.tile.get(dim, cube.sizes[dim]) for dim in variable.dims)
+        axes = tuple(variable.dims.index(dim) for dim in cube.tile)
+        variables.append((name, str(variable.dtype), shape, axes))
+    return Layout(Path(out), cube.name, tuple(variables))
+
+
+def _with_commit_records(cube):
+    counts = tile_counts(cube.sizes, cube.tile)
+    records = dask.array.full(tuple(counts.values()), np.nan, dtype="float64", chunks=-1)
+    attrs = {
+        "long_name": "CPU time of the tile",
+        "units": "s",
+        "comment": "written last: the tile is complete if this is not NaN",
+    }
+    tiled = {f"tile_{dim}": length for dim, length in cube.tile.items()}
+    attrs |= {"cells_per_tile": list(tiled.values())}
+    return cube.template.assign({COMMIT: (tuple(tiled), records, attrs)})
+
+
+def _write_group(out, cube, dataset, compute):
+    """The dataset as the group of `cube`: built aside, renamed in whole."""
+    out = Path(out)
+    aside, group = out / _ASIDE / cube.name, out / STORE / cube.name
+    attrs = {"config_hash": cube.config_hash, **cube.settings, **provenance()}
+    dataset = dataset.assign_attrs(attrs)
+    encoding = {}
+    if not compute:
+        for name, _, chunks, _ in _layout(out, cube).variables:
+            encoding[name] = {"chunks": chunks, "compressors": None, "filters": None}
+        encoding[COMMIT] = {"chunks": (1,) * len(cube.tile), "compressors": None, "filters": None}
+    shutil.rmtree(aside, ignore_errors=True)
+    with warnings.catch_warnings():
+        # Zarr v3 has no standard for consolidated metadata yet; xarray reads it, and reading a
+        # store without it costs the user a warning.
+        warnings.filterwarnings("ignore", message="Consolidated metadata")
+        dataset.to_zarr(aside, compute=compute, encoding=encoding, zarr_format=3, consolidated=True)
+        if group.exists():
+            os.rename(group, out / _ASIDE / f"{cube.name}.old")
+        os.rename(aside, group)
+        zarr.consolidate_metadata(out / STORE)
+    shutil.rmtree(out / _ASIDE / f"{cube.name}.old", ignore_errors=True)
+
+
+def _committed(directory, depth):
+    """Indices of the chunk files below `directory`, which is `depth` levels deep."""
+    with suppress(FileNotFoundError), os.scandir(directory) as entries:
+        if depth == 1:
+            return {(int(entry.name),) for entry in entries}
+        return {
+            (int(entry.name), *rest)
+            for entry in entries
+            for rest in _committed(entry.path, depth - 1)
+        }
+    return set()
+
+
+def _refuse_foreign(out):
+    if out.exists() and not out.is_dir():
+        raise StoreError(f"{out} is a file; --out must be a directory")
+    if not out.exists():
+        return
+    try:
+        found = {entry.name for entry in os.scandir(out)}
+    except OSError as error:
+        raise StoreError(f"cannot read {out}: {error.strerror}; choose another --out") from None
+    if STORE not in found:
+        if found - {_LOCK, _ASIDE}:
+            raise StoreError(
+                f"{out} holds other files and no {STORE}; choose a new or empty directory for --out"
+            )
+        return
+    try:
+        written_as = zarr.open_group(out / STORE, mode="r").attrs.get("format")
+    except (FileNotFoundError, ValueError):
+        written_as = None
+    if written_as != FORMAT:
+        raise StoreError(
+            f"{out / STORE} is a store of version {written_as!r}, this program writes {FORMAT!r}; "
+            "choose another --out"
+        )
+
+
+def _refuse_different(layout, cube):
+    found = zarr.open_group(layout.group, mode="r")
+    if found.attrs.get("config_hash") == cube.config_hash:
+        return
+    differences = [
+        f"{key} is {found.attrs.get(key)}, not {value}"
+        for key, value in cube.settings.items()
+        if found.attrs.get(key) != value
+    ]
+    for dim, coordinate in cube.template.coords.items():
+        there = found[dim][...] if dim in found else None
+        if there is None or not np.array_equal(there, coordinate.values):
+            differences.append(f"the values of {dim} differ")
+    raise StoreError(
+        f"{layout.group} was computed with other settings: "
+        f"{'; '.join(differences) or 'its tiles or variables differ'}. "
+        "Repeat the old settings to resume it, or choose another --out"
+    )

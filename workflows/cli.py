@@ -1,0 +1,102 @@
+"""The command line that all workflows share: where to write, what to compute on, how to end.
+
+Exit codes: 0 done; 1 some tiles failed; 2 bad input, nothing touched; 130 stopped by Ctrl-C.
+"""
+
+import functools
+import sys
+from contextlib import contextmanager
+
+import click
+
+
+def axis_option(name, default, help):
+    """An option LO:HI:N, given to the function as a grid.Axis."""
+
+    def parse(context, parameter, value):
+        from pipeline.grid import parse_axis
+
+        try:
+            return parse_axis(value)
+        except ValueError as error:
+            raise click.BadParameter(str(error)) from None
+
+    return click.option(
+        name, default=default, show_default=True, metavar="LO:HI:N", callback=parse, help=help
+    )
+
+
+def cluster_options(function):
+    """--out, --scheduler, --workers and the TLS files, as one dict `cluster` and `out`."""
+
+    @click.option(
+        "--out",
+        default="out",
+        show_default=True,
+        type=click.Path(path_type=str),
+        help="Directory of the results; an earlier run in it is resumed.",
+    )
+    @click.option(
+        "--workers",
+        type=click.IntRange(1, 4096),
+        help="Worker processes on this machine.  [default: one per core]",
+    )
+    @click.option(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="Compute on a running dask scheduler, tcp://HOST:PORT or tls://HOST:PORT, whose "
+        "workers see the same files, instead of on this machine.",
+    )
+    @click.option(
+        "--tls",
+        nargs=3,
+        type=click.Path(exists=True, dir_okay=False),
+        metavar="CA CERT KEY",
+        help="Certificate files for a tls:// scheduler.",
+    )
+    @functools.wraps(function)
+    def wrapped(*args, workers, scheduler, tls, **kwargs):
+        cluster = {"n_workers": workers, "scheduler": scheduler, "tls": tls}
+        return function(*args, cluster=cluster, **kwargs)
+
+    return wrapped
+
+
+@contextmanager
+def session(out, cluster):
+    """Hold `out` as its driver and connect to the workers: yields the dask client.
+
+    Turns what a user can mend into one line and exit code 2.
+    """
+    from pipeline import store, tasks
+    from pipeline.cluster import ClusterError, connect
+
+    try:
+        with store.driving(out), connect(tasks.warm_up, **cluster) as client:
+            yield client
+    except (store.StoreError, ClusterError) as error:
+        raise click.UsageError(str(error)) from None
+    except ConnectionError as error:
+        raise click.ClickException(str(error)) from None
+    except KeyboardInterrupt:
+        click.echo("abandoned; run the same command again to resume", err=True)
+        sys.exit(130)
+
+
+def finish(outcome):
+    """Go on after a complete sweep; end the program, saying how to go on, after any other."""
+    if outcome.interrupted:
+        click.echo(
+            f"stopped with {outcome.remaining} tiles missing; run the same command again to resume",
+            err=True,
+        )
+        sys.exit(130)
+    if outcome.failed:
+        for index, reason in sorted(outcome.failed.items()):
+            click.echo(f"tile {index} failed: {reason}", err=True)
+        click.echo(
+            f"{len(outcome.failed)} tiles failed and stay missing; run the same command again to "
+            "retry them",
+            err=True,
+        )
+        sys.exit(1)

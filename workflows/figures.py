@@ -1,0 +1,86 @@
+"""Figures: each function takes a Dataset, returns a Figure, and computes no physics."""
+
+import matplotlib
+
+matplotlib.use("agg")
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.colors import LogNorm
+
+_BOUNDARY_COLOURS = ["#E69F00", "#009E73", "#0072B2"]  # Okabe & Ito, safe for colour-blind readers
+
+
+def save(figure, out, name):
+    """Write the figure as NAME.png and NAME.pdf; returns the two paths."""
+    paths = [f"{out}/{name}.{kind}" for kind in ("png", "pdf")]
+    for path in paths:
+        figure.savefig(path, dpi=200, bbox_inches="tight")
+    plt.close(figure)
+    return paths
+
+
+def draw_escape_plane(plane, steps):
+    """First escape times of the largest ensemble, with the boundary of each number of steps."""
+    figure, axes = _plane_axes(plane)
+    field = _draw_field(axes, plane)
+    for n, colour in zip(steps, _BOUNDARY_COLOURS, strict=False):
+        axes.contour(
+            plane.kappa1, plane.kappa2, field <= n, levels=[0.5], colors=colour, linewidths=1.0
+        )
+        axes.plot([], [], color=colour, label=f"$N = {_power(n)}$")
+    axes.legend(loc="lower right", framealpha=0.9)
+    return figure
+
+
+def draw_critical_boundary(plane, table):
+    """The escape field and on it the boundary along rays, for each number of steps."""
+    figure, axes = _plane_axes(plane)
+    _draw_field(axes, plane)
+    for n, colour in zip(table.n.values, _BOUNDARY_COLOURS, strict=False):
+        curve = table.sel(n=n)
+        axes.plot(curve.kappa1, curve.kappa2, color=colour, lw=1.3, label=f"$N = {_power(n)}$")
+    axes.legend(loc="lower right", framealpha=0.9)
+    return figure
+
+
+def _plane_axes(plane):
+    width = float(plane.kappa1.max() - plane.kappa1.min())
+    height = float(plane.kappa2.max() - plane.kappa2.min())
+    figure, axes = plt.subplots(figsize=(10, 1.2 + 8 * min(1.2, height / width)))
+    axes.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$", aspect="equal")
+    axes.set_title(
+        rf"Global transport: {int(plane.ensemble[-1])} orbits, up to "
+        rf"${_power(plane.attrs['n_max'])}$ steps of $\mathcal{{T}}_{{\kappa_1\kappa_2}}$"
+    )
+    return figure, axes
+
+
+def _draw_field(axes, plane):
+    """The field on a log scale; cells without escape are left white. Returns the field."""
+    field = plane.escape_time.isel(ensemble=-1).values
+    half = [float(c.diff(c.name)[0]) / 2 for c in (plane.kappa1, plane.kappa2)]
+    extent = [
+        float(plane.kappa1[0]) - half[0],
+        float(plane.kappa1[-1]) + half[0],
+        float(plane.kappa2[0]) - half[1],
+        float(plane.kappa2[-1]) + half[1],
+    ]
+    image = axes.imshow(
+        np.where(np.isfinite(field), field, np.nan),
+        extent=extent,
+        origin="lower",
+        norm=LogNorm(vmin=1, vmax=plane.attrs["n_max"]),
+        cmap="magma",
+        interpolation="nearest",
+    )
+    axes.figure.colorbar(
+        image, ax=axes, label="first escape $n^*$ (steps); white: none", fraction=0.024, pad=0.02
+    )
+    return field
+
+
+def _power(n):
+    """10^5, 5·10^5, … in TeX."""
+    exponent = int(np.floor(np.log10(n)))
+    mantissa = n / 10**exponent
+    return f"10^{exponent}" if mantissa == 1 else rf"{mantissa:g}\cdot 10^{exponent}"
