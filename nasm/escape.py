@@ -72,7 +72,8 @@ def escape_time(kappa, x, y, n_max, window=PAPER_WINDOW):
         If an argument is not finite, empty, or out of range; the message names it.
     """
     strengths, x, y, n_max, lo, hi, shift = _checked(kappa, x, y, n_max, window)
-    times = _escape_times(_kicks(strengths), x.ravel() - 0.25, y.ravel() - shift, n_max, lo, hi)
+    times = np.empty(x.size)
+    _escape_times(_kicks(strengths), x.ravel() - 0.25, y.ravel() - shift, n_max, lo, hi, times)
     return times.reshape(x.shape)
 
 
@@ -107,7 +108,9 @@ def first_escape(kappas, x, y, sizes, n_max, window=PAPER_WINDOW):
             f"sizes={sizes.tolist()} must be increasing whole numbers from 1 to {x.size}, "
             "the number of starts"
         )
-    times = _first_escapes(_kicks(flat), x - 0.25, y - shift, sizes.astype(np.int64), n_max, lo, hi)
+    times = np.empty((len(flat), sizes.size))
+    sizes = sizes.astype(np.int64)
+    _first_escapes(_kicks(flat), x - 0.25, y - shift, sizes, n_max, lo, hi, times)
     return times.T.reshape(sizes.size, *plane)
 
 
@@ -177,7 +180,7 @@ def _kicks(kappas):
     return -kappas[..., None] * np.array(SINE)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _kick(c, p, x, y):
     """Kick p, on lanes or floats; x is the shifted angle X."""
     r = x - rint(x)
@@ -236,11 +239,23 @@ def _alarm(reach, limit):
     return alarm
 
 
+# Kernels here copy and fill element by element: Numba takes seconds to compile slices and fills.
+
+
+@njit(nogil=True)
+def _copy(source, start, n, target, target_start):
+    for i in range(n):
+        target[target_start + i] = source[start + i]
+
+
 @njit(nogil=True)
 def _padded(values, start, stop, filler):
     """values[start:stop] in a buffer whose length is a multiple of the lanes."""
-    buffer = np.full((stop - start + LANES - 1) // LANES * LANES, filler)
-    buffer[: stop - start] = values[start:stop]
+    size = stop - start
+    buffer = np.empty((size + LANES - 1) // LANES * LANES)
+    _copy(values, start, size, buffer, 0)
+    for i in range(size, buffer.size):
+        buffer[i] = filler
     return buffer
 
 
@@ -256,10 +271,12 @@ def _chunk(n, n_max):
 
 
 @njit(nogil=True)
-def _escape_times(c, x0, y0, n_max, lo, hi):
-    """n* of every orbit; survivors are packed together after each chunk of time."""
-    times = np.full(x0.size, np.inf)
-    orbit = np.arange(x0.size)
+def _escape_times(c, x0, y0, n_max, lo, hi, times):
+    """n* of every orbit into `times`; survivors are packed together after each chunk of time."""
+    orbit = np.empty(x0.size, np.int64)
+    for i in range(x0.size):
+        orbit[i] = i
+        times[i] = np.inf
     x, y = _padded(x0, 0, x0.size, _PARK_X), _padded(y0, 0, x0.size, _PARK_Y)
     x_end, y_end, reach = np.empty(LANES), np.empty(LANES), np.empty(LANES)
     limit = min(-lo, hi)
@@ -280,8 +297,8 @@ def _escape_times(c, x0, y0, n_max, lo, hi):
                             if t <= block:
                                 times[orbit[i]] = n + done + t
                                 x_end[lane], y_end[lane] = _PARK_X, _PARK_Y
-                x[start : start + LANES] = x_end
-                y[start : start + LANES] = y_end
+                _copy(x_end, 0, LANES, x, start)
+                _copy(y_end, 0, LANES, y, start)
                 done += block
         n += chunk
         survivors = 0
@@ -289,10 +306,9 @@ def _escape_times(c, x0, y0, n_max, lo, hi):
             if np.isinf(times[orbit[i]]):
                 orbit[survivors], x[survivors], y[survivors] = orbit[i], x[i], y[i]
                 survivors += 1
-        x[survivors:alive] = _PARK_X
-        y[survivors:alive] = _PARK_Y
+        for i in range(survivors, alive):
+            x[i], y[i] = _PARK_X, _PARK_Y
         alive = survivors
-    return times
 
 
 @njit(nogil=True)
@@ -322,23 +338,20 @@ def _first_escape(c, x0, y0, start, stop, n_max, lo, hi):
                             t = _replay(c, x[i + lane], y[i + lane], block, lo, hi)
                             if t <= block:
                                 first = min(first, n + done + t)
-                x[i : i + LANES] = x_end
-                y[i : i + LANES] = y_end
+                _copy(x_end, 0, LANES, x, i)
+                _copy(y_end, 0, LANES, y, i)
                 done += block
         n += chunk
     return first
 
 
 @njit(nogil=True)
-def _first_escapes(c, x0, y0, sizes, n_max, lo, hi):
-    """`_first_escape` of each nested ensemble (columns) for each forcing (rows)."""
-    times = np.full((c.shape[0], sizes.size), np.inf)
+def _first_escapes(c, x0, y0, sizes, n_max, lo, hi, times):
+    """`_first_escape` of each nested ensemble (columns) for each forcing (rows) into `times`."""
     for i in range(c.shape[0]):
         first, start = n_max + 1, 0
         for j in range(sizes.size):
             if first > 0:  # a larger ensemble matters only at times before the smaller one's
                 first = _first_escape(c[i], x0, y0, start, sizes[j], first - 1, lo, hi)
             start = sizes[j]
-            if first <= n_max:
-                times[i, j] = first
-    return times
+            times[i, j] = first if first <= n_max else np.inf

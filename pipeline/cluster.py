@@ -61,13 +61,11 @@ def connect(warm_up, scheduler=None, n_workers=None, tls=None):
 
 @contextmanager
 def _local(n_workers):
-    # Kernels of one tile run in one thread, in a process of its own; no BLAS is called, but a
-    # library that thinks otherwise must not start a thread per core in each of them.
     cluster = LocalCluster(
         n_workers=n_workers or CPU_COUNT,
         threads_per_worker=1,
         host="127.0.0.1",
-        dashboard_address=None,
+        dashboard_address="127.0.0.1:0",
         silence_logs="CRITICAL",
     )
     with cluster, Client(cluster) as client:
@@ -83,7 +81,7 @@ def _remote(address, tls):
             tls_ca_file=ca, tls_client_cert=cert, tls_client_key=key, require_encryption=True
         )
     try:
-        client = Client(address, security=security, timeout=10)
+        client = Client(address, security=security, timeout=5)
     except (OSError, ValueError, TypeError) as error:
         raise ClusterError(
             f"no dask scheduler answers at {address} ({error}); start one with `dask scheduler`, "

@@ -37,9 +37,11 @@ class Axis:
         """The n cell centres, ndarray."""
         return self.lo + (np.arange(self.n) + 0.5) * ((self.hi - self.lo) / self.n)
 
-    def refined(self, factor):
-        """The same interval in `factor` times as many cells."""
-        return Axis(self.lo, self.hi, self.n * factor)
+    def coarsened(self, factor):
+        """The same interval in n/factor cells; n must be a multiple of factor."""
+        if self.n % factor:
+            raise ValueError(f"axis {self}: {self.n} cells cannot be joined {factor} to one")
+        return Axis(self.lo, self.hi, self.n // factor)
 
 
 def parse_axis(text):

@@ -27,7 +27,7 @@ def compose(levels):
     """
     field, level = levels[0], _level_of(levels[0], 0)
     for number, finer in enumerate(levels[1:], 1):
-        field, level = _halved(field), _halved(level)
+        field, level = halved(field), halved(level)
         there = ~np.isnan(finer).all(axis=tuple(range(finer.ndim - 2)))
         field = np.where(there, finer, field)
         level = np.where(there, np.int8(number), level)
@@ -57,12 +57,8 @@ def tiles_at(cells, cells_per_tile):
     )
 
 
-def next_level(cells):
-    """Marked cells, marked at the next level."""
-    return _halved(cells)
-
-
-def _halved(array):
+def halved(array):
+    """The array at the next level: every cell cut into FACTOR × FACTOR, with its value."""
     return array.repeat(FACTOR, axis=-2).repeat(FACTOR, axis=-1)
 
 

@@ -230,7 +230,7 @@ class _Progress:
     def _show(self, end):
         self.shown = time.monotonic()
         elapsed = self.shown - self.start
-        left = elapsed * (self.total / self.done - 1) if self.done > 0 else float("nan")
+        left = elapsed * max(0.0, self.total / self.done - 1) if self.done > 0 else float("nan")
         line = (
             f"{self.name}: {self.tiles}/{len(self.costs)} tiles, "
             f"{self.tiles / max(elapsed, 1e-9):.1f}/s, {elapsed:.0f} s gone, {left:.0f} s left"

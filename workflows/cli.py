@@ -9,6 +9,8 @@ from contextlib import contextmanager
 
 import click
 
+HELP = {"help_option_names": ["-h", "--help"]}
+
 
 def axis_option(name, default, help):
     """An option LO:HI:N, given to the function as a grid.Axis."""
@@ -23,6 +25,32 @@ def axis_option(name, default, help):
 
     return click.option(
         name, default=default, show_default=True, metavar="LO:HI:N", callback=parse, help=help
+    )
+
+
+def integers_option(name, default, largest, help):
+    """An option N[,N...]: increasing whole numbers from 1 to `largest`, given as a list or None."""
+
+    def parse(context, parameter, value):
+        if value is None:
+            return None
+        try:
+            numbers = [int(number) for number in value.split(",")]
+        except ValueError:
+            numbers = []
+        if (
+            not numbers
+            or sorted(set(numbers)) != numbers
+            or numbers[0] < 1
+            or numbers[-1] > largest
+        ):
+            raise click.BadParameter(
+                f"{value!r} must be increasing whole numbers from 1 to {largest}, e.g. 100,1000"
+            )
+        return numbers
+
+    return click.option(
+        name, default=default, show_default=True, metavar="N[,N...]", callback=parse, help=help
     )
 
 

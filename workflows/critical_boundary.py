@@ -7,37 +7,48 @@ true boundary only like N^(-1/3).
 
 import click
 
-from workflows.cli import axis_option, cluster_options, session
-from workflows.escape_plane import boundaries_at, checked_levels, escape_plane, plane_options
+from workflows.cli import HELP, cluster_options, session
+from workflows.escape_plane import escape_plane, plane_options
 
 
-def boundary_table(plane, angles, steps):
-    """The boundary of the largest ensemble along rays, a Dataset with dims (n, angle)."""
+def boundary_table(dataset, angles, steps):
+    """The boundary of the largest ensemble along rays: a Dataset with dims (n, angle).
+
+    critical_scale is the distance from the origin, resolution the cell's width there.
+    """
     import numpy as np
     import xarray as xr
 
     from nasm.escape import boundary
 
-    field = plane.escape_time.isel(ensemble=-1)
-    scale = np.array(
-        [boundary(field.values, plane.kappa1.values, plane.kappa2.values, angles, n) for n in steps]
+    field = dataset.escape_time.isel(ensemble=-1)
+    axes = dataset.kappa1.values, dataset.kappa2.values
+    scale = xr.DataArray(
+        [boundary(field.values, *axes, angles, n) for n in steps],
+        {"n": steps, "angle": angles},
+        ("n", "angle"),
     )
+    radians = np.deg2rad(scale.angle)
     table = xr.Dataset(
         {
-            "critical_scale": (("n", "angle"), scale),
-            "kappa1": (("n", "angle"), scale * np.cos(np.deg2rad(angles))),
-            "kappa2": (("n", "angle"), scale * np.sin(np.deg2rad(angles))),
-        },
-        {"n": steps, "angle": angles},
+            "kappa1": scale * np.cos(radians),
+            "kappa2": scale * np.sin(radians),
+            "critical_scale": scale,
+        }
     )
-    cell = float(max(plane.kappa1.diff("kappa1")[0], plane.kappa2.diff("kappa2")[0]))
-    return table.assign_attrs(resolution=cell, orbits=int(plane.ensemble[-1]))
+    table["resolution"] = xr.full_like(scale, max(np.ptp(axis[:2]) for axis in axes))
+    if "level" in dataset:
+        there = {
+            name: table[name].fillna(0) for name in ("kappa1", "kappa2")
+        }  # NaN has no nearest cell
+        level = dataset.level.sel(there, method="nearest")
+        table["resolution"] *= 2.0 ** (int(dataset.level.max()) - level)
+    table["resolution"] = table.resolution.where(scale.notnull())
+    return table
 
 
-@click.command(context_settings={"help_option_names": ["-h", "--help"]})
-@axis_option("--kappa1", "-1:1:1024", "First kick's strength: lower end, upper end, cells.")
-@axis_option("--kappa2", "0:1:512", "Second kick's strength, likewise.")
-@plane_options(n_max=100_000, n_orbits=64, tile=8, levels=5)
+@click.command(context_settings=HELP)
+@plane_options("-1.1:1.1:512", "0:1.1:256", n_max=100_000, n_orbits=64, tile=8, levels=4)
 @click.option(
     "--angles",
     default=361,
@@ -46,25 +57,23 @@ def boundary_table(plane, angles, steps):
     help="Rays of the table, from 0 to 180 degrees.",
 )
 @cluster_options
-def main(out, cluster, kappa1, kappa2, n_max, n_orbits, tile, levels, angles):
+def main(out, cluster, plane, angles):
     """The critical boundary of global transport: a cube, a table and a figure in OUT.
 
     The defaults take about a minute on two cores. The paper's size of job is --n-max 1000000
     --n-orbits 10000.
     """
-    checked_levels(kappa1, kappa2, levels)
     with session(out, cluster) as client:
-        plane = escape_plane(client, out, kappa1, kappa2, n_max, n_orbits, tile, levels)
+        dataset = escape_plane(client, out, plane)
         import numpy as np
 
         from workflows.figures import draw_critical_boundary, save
 
-        steps = boundaries_at(n_max)
-        table = boundary_table(plane, np.linspace(0, 180, angles), steps)
+        table = boundary_table(dataset, np.linspace(0, 180, angles), plane.drawn)
         table.to_dataframe().to_csv(f"{out}/critical_boundary.csv", float_format="%.6g")
-        figures = save(draw_critical_boundary(plane, table), out, "critical_boundary")
+        figures = save(draw_critical_boundary(dataset, table), out, "critical_boundary")
     click.echo(f"cube:   {out}/cubes.zarr, group escape")
-    click.echo(f"table:  {out}/critical_boundary.csv, one cell is {table.resolution:.2g}")
+    click.echo(f"table:  {out}/critical_boundary.csv")
     click.echo(f"figure: {', '.join(figures)}")
 
 

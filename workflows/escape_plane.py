@@ -2,17 +2,53 @@
 
 Direct iteration of T_{κ1κ2} (arXiv:1606.04824, Sec. V.B, Figs. 5 and 6). One field of first escape
 times n* holds the boundary {n* ≤ N} of every N ≤ n_max. The plane is computed in full, or, with
---levels above 1, coarsely at first and then finer only where one of the boundaries runs.
+--levels above 1, coarsely at first and then finer only where a boundary runs.
 """
+
+import functools
+from dataclasses import dataclass
 
 import click
 
-from workflows.cli import axis_option, cluster_options, finish, session
+from workflows.cli import HELP, axis_option, cluster_options, finish, integers_option, session
 
 
-def plane_options(n_max, n_orbits, tile, levels):
-    """The options of an escape-time plane, with the defaults of one workflow."""
+@dataclass(frozen=True)
+class Plane:
+    """What to compute: axes and number of levels of the finest grid, ensembles, and steps.
+
+    kappa1, kappa2 : grid.Axis. n_orbits : sizes of nested ensembles. follow : N of the boundaries
+    {n* ≤ N} that the levels follow.
+    """
+
+    kappa1: object
+    kappa2: object
+    n_max: int
+    n_orbits: list[int]
+    tile: int
+    levels: int
+    follow: list[int]
+
+    def __post_init__(self):
+        for name, axis in (("--kappa1", self.kappa1), ("--kappa2", self.kappa2)):
+            if axis.n % 2 ** (self.levels - 1):
+                raise click.BadParameter(
+                    f"{axis.n} cells cannot be halved {self.levels - 1} times; use a multiple of "
+                    f"{2 ** (self.levels - 1)}, or fewer --levels",
+                    param_hint=name,
+                )
+
+    @property
+    def drawn(self):
+        """N of the boundaries that are shown: n_max/10, n_max/2, n_max, as in Fig. 5."""
+        return sorted({max(1, self.n_max // 10), max(1, self.n_max // 2), self.n_max})
+
+
+def plane_options(kappa1, kappa2, n_max, n_orbits, tile, levels):
+    """The options of an escape-time plane, with one workflow's defaults; passed on as `plane`."""
     options = [
+        axis_option("--kappa1", kappa1, "First kick's strength: lower end, upper end, cells."),
+        axis_option("--kappa2", kappa2, "Second kick's strength, likewise."),
         click.option(
             "--n-max",
             default=n_max,
@@ -20,13 +56,11 @@ def plane_options(n_max, n_orbits, tile, levels):
             type=click.IntRange(1, 10**12),
             help="Steps (of two kicks) after which an orbit counts as not escaping.",
         ),
-        click.option(
+        integers_option(
             "--n-orbits",
-            default=str(n_orbits),
-            show_default=True,
-            metavar="M[,M...]",
-            callback=_parse_sizes,
-            help="Orbits of an ensemble; several, increasing: nested ensembles, all recorded.",
+            str(n_orbits),
+            10**8,
+            "Orbits of the ensemble; several, increasing: nested ensembles, all recorded.",
         ),
         click.option(
             "--tile",
@@ -42,115 +76,92 @@ def plane_options(n_max, n_orbits, tile, levels):
             type=click.IntRange(1, 12),
             help="Levels of refinement up to the cells asked for; 1 computes every cell.",
         ),
+        integers_option(
+            "--follow",
+            None,
+            10**12,
+            "Refine along the boundaries {n* <= N} of these N.  [default: n-max]",
+        ),
     ]
 
     def decorate(function):
+        @functools.wraps(function)
+        def wrapped(*args, kappa1, kappa2, n_max, n_orbits, tile, levels, follow, **kwargs):
+            plane = Plane(kappa1, kappa2, n_max, n_orbits, tile, levels, follow or [n_max])
+            return function(*args, plane=plane, **kwargs)
+
         for option in reversed(options):
-            function = option(function)
-        return function
+            wrapped = option(wrapped)
+        return wrapped
 
     return decorate
 
 
-def _parse_sizes(context, parameter, value):
-    try:
-        sizes = [int(size) for size in value.split(",")]
-    except ValueError:
-        sizes = [0]
-    if sorted(set(sizes)) != sizes or not 1 <= sizes[0] <= sizes[-1] <= 10**8:
-        raise click.BadParameter(
-            f"{value!r} must be whole numbers from 1 to 10^8, increasing, e.g. 100,1000,10000"
-        )
-    return sizes
+def escape_plane(client, out, plane):
+    """Compute the field of first escape times into the store in `out`; returns it as a Dataset.
 
-
-def boundaries_at(n_max):
-    """The N whose boundaries are followed and drawn: n_max/10, n_max/2 and n_max, as in Fig. 5."""
-    return sorted({max(1, n_max // 10), max(1, n_max // 2), n_max})
-
-
-def escape_plane(client, out, kappa1, kappa2, n_max, n_orbits, tile, levels):
-    """Compute the field of first escape times, refined where boundaries run; returns the Dataset.
-
-    kappa1, kappa2 are the Axis of the finest level. Every level is a cube of its own,
-    `escape_level0` and so on; `escape` is the composed field, with the `level` of each cell. With
-    one level, `escape` is the cube itself. Ends the program if the sweep does not complete.
+    With one level, the cube `escape` holds every cell. With more, every level is a cube of its own,
+    `escape_level0` and so on, and `escape` is composed of them, with the `level` of each cell. Ends
+    the program if a sweep does not complete.
     """
     from nasm.escape import PAPER_WINDOW
     from pipeline import refine, schema, store, tasks
-    from pipeline.grid import Axis
     from pipeline.sweep import sweep
 
-    def level_cube(name, number):
-        coarser = refine.FACTOR ** (levels - 1 - number)
-        axes = [Axis(a.lo, a.hi, a.n // coarser) for a in (kappa1, kappa2)]
-        return schema.escape_cube(name, *axes, n_orbits, n_max, PAPER_WINDOW, tile)
+    def cube(name, level):
+        axes = [
+            axis.coarsened(refine.FACTOR ** (plane.levels - 1 - level))
+            for axis in (plane.kappa1, plane.kappa2)
+        ]
+        return schema.escape_cube(
+            name, *axes, plane.n_orbits, plane.n_max, PAPER_WINDOW, plane.tile
+        )
 
-    def compute(cube, wanted):
-        finish(sweep(client, out, cube, tasks.escape_tile, tasks.escape_cost, wanted))
-        return store.read(out, cube.name).escape_time.values
+    def compute(level_cube, wanted=None):
+        finish(sweep(client, out, level_cube, tasks.escape_tile, tasks.escape_cost, wanted))
+        return store.read(out, level_cube.name).escape_time.values
 
-    if levels == 1:
-        compute(level_cube("escape", 0), None)
+    if plane.levels == 1:
+        compute(cube("escape", 0))
         return store.read(out, "escape")
-    fields = []
-    for number in range(levels):
-        cube = level_cube(f"escape_level{number}", number)
-        if number == 0:
-            fields.append(compute(cube, None))
-            continue
+    fields = [compute(cube("escape_level0", 0))]
+    for level in range(1, plane.levels):
+        level_cube = cube(f"escape_level{level}", level)
+        wanted = refine.tiles_at(refine.halved(_followed_cells(fields, plane)), plane.tile)
+        fields.append(compute(level_cube, wanted))
         # Finer cells may show that the boundary runs on in a neighbouring tile: follow it there.
-        wanted, done = set(), set()
-        cells = refine.next_level(_boundary_cells(refine.compose(fields)[0], n_max))
-        while more := (refine.tiles_at(cells, tile) - done):
+        while more := refine.tiles_at(_followed_cells(fields, plane), plane.tile) - wanted:
             wanted |= more
-            fields[number:] = [compute(cube, wanted)]
-            done |= more
-            cells = _boundary_cells(refine.compose(fields)[0], n_max)
-        if number == len(fields):  # no boundary in the plane
-            fields.append(compute(cube, set()))
-    field, level = refine.compose(fields)
-    store.replace(out, schema.composed(level_cube("escape", levels - 1), field, level))
+            fields[-1] = compute(level_cube, wanted)
+    composed = schema.composed(cube("escape", plane.levels - 1), *refine.compose(fields))
+    store.replace(out, composed)
     return store.read(out, "escape")
 
 
-def _boundary_cells(field, n_max):
-    """Cells at a boundary of any ensemble and any N that is followed."""
-    from pipeline.refine import boundary_cells
+def _followed_cells(fields, plane):
+    """Cells at the boundary {n* ≤ N} of any ensemble, for any N to be followed."""
+    import numpy as np
 
-    return boundary_cells(
-        (field[None] <= [[[[n]]] for n in boundaries_at(n_max)]).reshape(-1, *field.shape[-2:])
-    )
+    from pipeline.refine import boundary_cells, compose
 
-
-def checked_levels(kappa1, kappa2, levels):
-    """Refuse axes that cannot be halved levels - 1 times."""
-    for name, axis in (("--kappa1", kappa1), ("--kappa2", kappa2)):
-        if axis.n % 2 ** (levels - 1):
-            raise click.BadParameter(
-                f"{axis.n} cells cannot be halved {levels - 1} times; use a multiple of "
-                f"{2 ** (levels - 1)}, or fewer --levels",
-                param_hint=name,
-            )
+    field, _ = compose(fields)
+    return boundary_cells(np.concatenate([field <= n for n in plane.follow]))
 
 
-@click.command(context_settings={"help_option_names": ["-h", "--help"]})
-@axis_option("--kappa1", "-1:1:256", "First kick's strength: lower end, upper end, cells.")
-@axis_option("--kappa2", "0:1:128", "Second kick's strength, likewise.")
-@plane_options(n_max=10_000, n_orbits=64, tile=16, levels=1)
+@click.command(context_settings=HELP)
+@plane_options("-1.1:1.1:256", "0:1.1:128", n_max=10_000, n_orbits=64, tile=16, levels=1)
 @cluster_options
-def main(out, cluster, kappa1, kappa2, n_max, n_orbits, tile, levels):
+def main(out, cluster, plane):
     """First escape times over the (κ1, κ2) plane, into OUT/cubes.zarr, group `escape`.
 
     The paper's Fig. 5 is --kappa1 0:1:512 --kappa2 0:1:512 --levels 5 --n-max 1000000
     --n-orbits 10000, and Fig. 6 the same with --kappa1 -1:1:1024.
     """
-    checked_levels(kappa1, kappa2, levels)
     with session(out, cluster) as client:
-        plane = escape_plane(client, out, kappa1, kappa2, n_max, n_orbits, tile, levels)
+        dataset = escape_plane(client, out, plane)
         from workflows.figures import draw_escape_plane, save
 
-        figures = save(draw_escape_plane(plane, boundaries_at(n_max)), out, "escape_plane")
+        figures = save(draw_escape_plane(dataset, plane.drawn), out, "escape_plane")
     click.echo(f"cube:   {out}/cubes.zarr, group escape")
     click.echo(f"figure: {', '.join(figures)}")
 

@@ -28,7 +28,7 @@ def draw_escape_plane(plane, steps):
             plane.kappa1, plane.kappa2, field <= n, levels=[0.5], colors=colour, linewidths=1.0
         )
         axes.plot([], [], color=colour, label=f"$N = {_power(n)}$")
-    axes.legend(loc="lower right", framealpha=0.9)
+    axes.legend(loc="lower center")
     return figure
 
 
@@ -39,7 +39,7 @@ def draw_critical_boundary(plane, table):
     for n, colour in zip(table.n.values, _BOUNDARY_COLOURS, strict=False):
         curve = table.sel(n=n)
         axes.plot(curve.kappa1, curve.kappa2, color=colour, lw=1.3, label=f"$N = {_power(n)}$")
-    axes.legend(loc="lower right", framealpha=0.9)
+    axes.legend(loc="lower center")
     return figure
 
 
@@ -69,7 +69,7 @@ def _draw_field(axes, plane):
         np.where(np.isfinite(field), field, np.nan),
         extent=extent,
         origin="lower",
-        norm=LogNorm(vmin=1, vmax=plane.attrs["n_max"]),
+        norm=LogNorm(vmin=max(1, np.nanmin(field)), vmax=plane.attrs["n_max"]),
         cmap="magma",
         interpolation="nearest",
     )

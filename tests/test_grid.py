@@ -1,0 +1,67 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pipeline.grid import Axis, parse_axis, tile_counts, tile_indices, tile_slices
+
+lengths = st.integers(1, 40)
+
+
+@given(rows=lengths, columns=lengths, height=lengths, width=lengths)
+def test_tiles_cover_every_cell_exactly_once(rows, columns, height, width):
+    sizes, tile = {"row": rows, "column": columns}, {"row": height, "column": width}
+    visits = np.zeros((rows, columns), dtype=int)
+    for index in tile_indices(sizes, tile):
+        slices = tile_slices(index, sizes, tile)
+        visits[slices["row"], slices["column"]] += 1
+    assert (visits == 1).all()
+
+
+@given(rows=lengths, height=lengths)
+def test_no_tile_is_empty_or_too_long(rows, height):
+    sizes, tile = {"row": rows}, {"row": height}
+    indices = tile_indices(sizes, tile)
+    assert len(indices) == tile_counts(sizes, tile)["row"]
+    for index in indices:
+        cells = range(rows)[tile_slices(index, sizes, tile)["row"]]
+        assert 1 <= len(cells) <= height
+
+
+def test_centres_lie_inside_the_edges():
+    assert Axis(-1, 1, 4).centres.tolist() == [-0.75, -0.25, 0.25, 0.75]
+
+
+def test_a_coarser_axis_has_the_means_of_the_finer_ones_centres():
+    axis = Axis(-0.3, 1.1, 12)
+    np.testing.assert_allclose(
+        axis.coarsened(4).centres, axis.centres.reshape(3, 4).mean(axis=1), atol=1e-15
+    )
+
+
+def test_an_axis_that_cannot_be_coarsened_says_so():
+    with pytest.raises(ValueError, match="12 cells cannot be joined 5 to one"):
+        Axis(0, 1, 12).coarsened(5)
+
+
+@given(st.floats(-9, 0), st.floats(1, 9), lengths)
+def test_an_axis_reads_back(lo, hi, n):
+    assert parse_axis(f"{lo!r}:{hi!r}:{n}") == Axis(lo, hi, n)
+
+
+@pytest.mark.parametrize("text", ["", "0:1", "0:1:x", "a:1:3", "0:1:2:3", "0:1:2.5"])
+def test_what_is_no_axis_is_refused_with_an_example(text):
+    with pytest.raises(ValueError, match="LO:HI:N"):
+        parse_axis(text)
+
+
+@pytest.mark.parametrize("text", ["1:0:4", "1:1:4", "nan:1:4", "0:inf:4"])
+def test_ends_out_of_order_or_infinite_are_refused(text):
+    with pytest.raises(ValueError, match="finite and the lower one first"):
+        parse_axis(text)
+
+
+@pytest.mark.parametrize("n", [0, -3, 10**7])
+def test_a_number_of_cells_out_of_range_is_refused(n):
+    with pytest.raises(ValueError, match="from 1 to 1048576"):
+        Axis(0, 1, n)

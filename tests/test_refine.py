@@ -1,0 +1,75 @@
+import numpy as np
+
+from pipeline import refine
+
+
+def disc(n):
+    """Cells of [-1, 1]² inside a circle of radius 0.7."""
+    centre = -1 + (np.arange(n) + 0.5) * 2 / n
+    return centre[:, None] ** 2 + centre[None] ** 2 < 0.49
+
+
+def refined_disc(coarse, levels, tile):
+    """The disc's field (1 inside, 2 outside) followed through the levels, and cells computed."""
+    fields = [np.where(disc(coarse), 1.0, 2.0)]
+    computed = fields[0].size
+    for level in range(1, levels):
+        full = np.where(disc(coarse * 2**level), 1.0, 2.0)
+        field, _ = refine.compose(fields)
+        tiles = refine.tiles_at(refine.halved(refine.boundary_cells(field[None] < 1.5)), tile)
+        here = np.full(full.shape, np.nan)
+        for row, column in tiles:
+            cells = np.s_[row * tile : (row + 1) * tile, column * tile : (column + 1) * tile]
+            here[cells] = full[cells]
+        computed += len(tiles) * tile**2
+        fields.append(here)
+    return refine.compose(fields), computed
+
+
+def test_a_smooth_boundary_is_found_exactly_from_a_fifth_of_the_cells():
+    (field, _), computed = refined_disc(coarse=32, levels=5, tile=8)
+    n = 32 * 2**4
+    assert np.array_equal(field < 1.5, disc(n))
+    assert computed < 0.2 * n**2
+
+
+def test_the_boundary_is_resolved_at_the_finest_level():
+    (field, level), _ = refined_disc(coarse=32, levels=4, tile=8)
+    assert (level[refine.boundary_cells(field[None] < 1.5)] == 3).all()
+    assert level.min() == 0
+
+
+def test_a_cell_holds_the_finest_value_that_there_is():
+    coarse = np.array([[1.0, 2.0]])
+    fine = np.full((2, 4), np.nan)
+    fine[0, 1] = 5.0
+    field, level = refine.compose([coarse, fine])
+    assert field.tolist() == [[1, 5, 2, 2], [1, 1, 2, 2]]
+    assert level.tolist() == [[0, 1, 0, 0], [0, 0, 0, 0]]
+
+
+def test_a_cell_counts_as_computed_if_any_ensemble_is_there():
+    coarse = np.ones((2, 1, 1))
+    fine = np.full((2, 2, 2), np.nan)
+    fine[:, 0, 0] = [np.inf, 3.0]
+    field, level = refine.compose([coarse, fine])
+    assert field[:, 0, 0].tolist() == [np.inf, 3.0]
+    assert level.tolist() == [[1, 0], [0, 0]]
+
+
+def test_where_all_cells_agree_there_is_no_boundary():
+    assert not refine.boundary_cells(np.ones((2, 5, 7), dtype=bool)).any()
+
+
+def test_neighbours_across_a_corner_count():
+    answers = np.zeros((1, 3, 3), dtype=bool)
+    answers[0, 0, 0] = True
+    expected = np.zeros((3, 3), dtype=bool)
+    expected[:2, :2] = True
+    assert np.array_equal(refine.boundary_cells(answers), expected)
+
+
+def test_tiles_are_those_of_the_marked_cells():
+    cells = np.zeros((6, 9), dtype=bool)
+    cells[5, 8] = cells[0, 2] = cells[1, 1] = True
+    assert refine.tiles_at(cells, 3) == {(0, 0), (1, 2)}

@@ -1,0 +1,72 @@
+import math
+
+import mpmath
+import numpy as np
+import oracles
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numba import njit
+
+from nasm.sine import SINE, cos2pi, sin2pi
+
+RNG = np.random.default_rng(1)
+ANGLES = np.concatenate(
+    [
+        RNG.uniform(-1, 1, 20_000),
+        RNG.uniform(-1e6, 1e6, 5_000),
+        RNG.uniform(-1, 1, 5_000) * 2.0 ** RNG.integers(-60, 52, 5_000),
+        np.arange(-16, 17) / 16,
+    ]
+)
+
+# Sums and differences of these with small integers and quarters are exact.
+dyadic = st.integers(-(2**42), 2**42).map(lambda k: k / 2**40)
+
+
+@pytest.mark.parametrize(("ours", "exact"), [(sin2pi, mpmath.sinpi), (cos2pi, mpmath.cospi)])
+def test_error_is_below_4e_16_also_far_from_zero(ours, exact):
+    with mpmath.workdps(50):
+        error = max(abs(ours(x) - exact(2 * mpmath.mpf(x))) for x in ANGLES.tolist())
+    assert error <= 4e-16
+
+
+def test_whole_turns_are_exact_however_many():
+    turns = np.array([0.0, 1.0, -7.0, 1e6, 2.0**53, -1e300])
+    assert (sin2pi(turns) == 0).all()
+    np.testing.assert_allclose(cos2pi(turns), 1, rtol=0, atol=4e-16)
+
+
+def test_sine_is_odd_and_cosine_even_to_the_last_bit():
+    np.testing.assert_array_equal(sin2pi(-ANGLES), -sin2pi(ANGLES))
+    np.testing.assert_array_equal(cos2pi(-ANGLES), cos2pi(ANGLES))
+
+
+@settings(deadline=None)
+@given(x=dyadic, turns=st.integers(-(10**3), 10**3))
+def test_turns_half_turns_and_quarter_turns_are_exact(x, turns):
+    assert sin2pi(x + turns) == sin2pi(x)
+    assert sin2pi(x + 0.5) == -sin2pi(x)
+    assert cos2pi(x) == sin2pi(x + 0.25)
+
+
+def test_kernels_and_plain_python_agree_to_the_last_bit():
+    @njit
+    def both(x):
+        return sin2pi(x), cos2pi(x)
+
+    np.testing.assert_array_equal(both(ANGLES), (sin2pi(ANGLES), cos2pi(ANGLES)))
+    assert both(0.1) == (sin2pi(0.1), cos2pi(0.1))
+
+
+def test_coefficients_are_those_of_the_best_polynomial():
+    with mpmath.workdps(40):
+        best, level = oracles.sine_polynomial(7)
+    assert SINE[0] == 1
+    assert float(level) == pytest.approx(1.10e-16, abs=0.005e-16)
+    # Two polynomials are the same to double precision if they differ, anywhere on |u| ≤ 1/4, by no
+    # more than rounding their coefficients to double does.
+    rounding = sum(math.ulp(c) / 2 * 0.25 ** (2 * k) for k, c in enumerate(SINE) if k)
+    u = np.linspace(0, 0.25, 1001)
+    difference = sum(float(c - b) * u ** (2 * k) for k, (c, b) in enumerate(zip(SINE[1:], best), 1))
+    assert np.abs(difference).max() <= rounding

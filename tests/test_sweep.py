@@ -1,0 +1,227 @@
+"""The sweep, on a cube that is quick to compute (toy.py), with workers and drivers that die."""
+
+import io
+import os
+import random
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import psutil
+import pytest
+import toy
+
+from pipeline import store
+from pipeline.cluster import ClusterError, connect
+from pipeline.sweep import _pack, sweep
+
+
+@pytest.fixture(scope="module")
+def client():
+    with connect(toy.no_warm_up, n_workers=2) as client:
+        yield client
+
+
+def run(client, out, plan, **kwargs):
+    report = io.StringIO()
+    with store.driving(out):
+        return sweep(client, out, plan, toy.compute, toy.predict, report=report, **kwargs)
+
+
+def assert_complete(out, plan):
+    cube = store.read(out, plan.name)
+    for name, values in toy.serial(plan).items():
+        assert np.array_equal(cube[name].values, values)
+    assert np.isfinite(cube.cpu_seconds).all()
+
+
+@pytest.mark.parametrize("tile", [1, 3, 10, 50])
+def test_a_sweep_equals_a_serial_computation_whatever_the_tiling(client, tmp_path, tile):
+    plan = toy.cube(tile=tile)
+    outcome = run(client, tmp_path, plan)
+    assert (outcome.failed, outcome.interrupted, outcome.remaining) == ({}, False, 0)
+    assert_complete(tmp_path, plan)
+
+
+def test_a_sweep_equals_a_serial_computation_with_another_number_of_workers(tmp_path):
+    with connect(toy.no_warm_up, n_workers=1) as client:
+        run(client, tmp_path, toy.cube())
+    assert_complete(tmp_path, toy.cube())
+
+
+def test_every_tile_is_computed_once_and_none_again(client, tmp_path):
+    log = tmp_path / "log"
+    plan = toy.cube(log=str(log))
+    assert run(client, tmp_path / "out", plan).committed == 20
+    assert run(client, tmp_path / "out", plan).committed == 0
+    lines = log.read_text().splitlines()
+    assert len(lines) == len(set(lines)) == 20
+
+
+def test_only_the_wanted_tiles_are_computed(client, tmp_path):
+    plan = toy.cube()
+    assert run(client, tmp_path, plan, wanted={(0, 0), (2, 1)}).committed == 2
+    seconds = store.read(tmp_path, "toy").cpu_seconds.values
+    assert set(zip(*map(list, np.nonzero(np.isfinite(seconds))), strict=True)) == {(0, 0), (2, 1)}
+
+
+def test_a_tile_that_raises_fails_and_the_others_go_on(client, tmp_path):
+    plan = toy.cube(raises=[0.0, -1.0])
+    outcome = run(client, tmp_path, plan)
+    assert outcome.failed == {(0, 0): "ArithmeticError: no answer here"}
+    assert (outcome.committed, outcome.remaining) == (19, 1)
+
+
+def test_a_tile_that_kills_its_workers_fails_alone(client, tmp_path):
+    plan = toy.cube(poison=[0.0, -1.0])
+    outcome = run(client, tmp_path, plan)
+    assert list(outcome.failed) == [(0, 0)]
+    assert "its worker died" in outcome.failed[0, 0]
+    assert (outcome.committed, outcome.remaining) == (19, 1)
+
+
+def test_a_sweep_survives_workers_killed_at_random(client, tmp_path):
+    plan = toy.cube(tile=1, seconds=0.02)
+    stop = threading.Event()
+
+    def kill():
+        choose = random.Random(1)
+        while not stop.wait(0.4):
+            pids = list(client.run(os.getpid, on_error="ignore").values())
+            if pids:
+                os.kill(choose.choice(pids), signal.SIGKILL)
+
+    killer = threading.Thread(target=kill)
+    killer.start()
+    time.sleep(0.1)
+    try:
+        first = run(client, tmp_path, plan)
+    finally:
+        stop.set()
+        killer.join()
+    # A tile may have had the bad luck to be killed each time; it is only missing, not lost.
+    assert first.committed + len(first.failed) == 130
+    committed = commit_times(tmp_path)
+    run(client, tmp_path, plan)
+    assert_complete(tmp_path, plan)
+    assert committed.items() <= commit_times(tmp_path).items()
+
+
+def commit_times(out):
+    records = (out / store.STORE / "toy" / store.COMMIT / "c").rglob("*")
+    return {path: path.stat().st_mtime_ns for path in records if path.is_file()}
+
+
+def start_driver(out, seconds=0.05):
+    command = [sys.executable, str(Path(__file__).with_name("toy.py")), str(out), str(seconds)]
+    return subprocess.Popen(
+        command, stderr=subprocess.PIPE, text=True, start_new_session=True, cwd=out.parent
+    )
+
+
+def wait_for_commits(out, n, driver):
+    deadline = time.monotonic() + 60
+    while len(commit_times(out)) < n:
+        assert driver.poll() is None, driver.stderr.read()
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+@pytest.mark.parametrize("kills", [2, pytest.param(10, marks=pytest.mark.slow)])
+def test_a_driver_killed_at_random_loses_nothing_and_repeats_nothing(tmp_path, kills):
+    choose = random.Random(kills)
+    plan = toy.cube(tile=1, seconds=0.05)
+    committed = {}
+    for i in range(kills):
+        driver = start_driver(tmp_path / "out")
+        wait_for_commits(tmp_path / "out", (i + 1) * 120 // (kills + 1), driver)
+        time.sleep(choose.uniform(0, 0.1))
+        driver.kill()
+        driver.communicate()
+        now = commit_times(tmp_path / "out")
+        assert committed.items() <= now.items()
+        committed = now
+    driver = start_driver(tmp_path / "out")
+    _, error = driver.communicate(timeout=60)
+    assert driver.returncode == 0, error
+    assert committed.items() <= commit_times(tmp_path / "out").items()
+    assert_complete(tmp_path / "out", plan)
+
+
+def test_ctrl_c_drains_and_the_next_run_resumes(tmp_path):
+    driver = start_driver(tmp_path / "out")
+    wait_for_commits(tmp_path / "out", 10, driver)
+    os.killpg(driver.pid, signal.SIGINT)  # as a terminal does: to the driver and its workers
+    _, error = driver.communicate(timeout=60)
+    assert driver.returncode == 130, error
+    assert "waiting for the tiles in flight" in error
+    committed = commit_times(tmp_path / "out")
+    assert 10 <= len(committed) < 130
+    driver = start_driver(tmp_path / "out", seconds=0.05)
+    _, error = driver.communicate(timeout=60)
+    assert driver.returncode == 0, error
+    assert committed.items() <= commit_times(tmp_path / "out").items()
+    assert_complete(tmp_path / "out", toy.cube(tile=1, seconds=0.05))
+
+
+def test_a_second_ctrl_c_abandons_the_tiles_in_flight(tmp_path):
+    driver = start_driver(tmp_path / "out", seconds=30)
+    for line in driver.stderr:
+        if "connected" in line:
+            break
+    time.sleep(2)
+    os.kill(driver.pid, signal.SIGINT)
+    time.sleep(0.5)
+    start = time.monotonic()
+    os.kill(driver.pid, signal.SIGINT)
+    driver.communicate(timeout=60)
+    assert driver.returncode != 0
+    assert time.monotonic() - start < 20
+    assert commit_times(tmp_path / "out") == {}
+
+
+def test_batches_hold_every_tile_once_and_start_with_the_most_expensive():
+    costs = {(i,): cost for i, cost in enumerate([0.01, 3.0, 0.2, 0.4, 0.02, 0.0])}
+    batches = list(_pack(costs))
+    assert batches[0] == [(1,)]
+    assert sorted(index for batch in batches for index in batch) == sorted(costs)
+    assert all(sum(costs[i] for i in batch) <= 0.5 or len(batch) == 1 for batch in batches)
+    assert len(batches) < len(costs)
+
+
+def test_progress_tells_tiles_rate_and_time_left(client, tmp_path):
+    report = io.StringIO()
+    with store.driving(tmp_path):
+        sweep(client, tmp_path, toy.cube(), toy.compute, toy.predict, report=report)
+    assert "toy: 20/20 tiles" in report.getvalue()
+    assert "0 s left" in report.getvalue()
+
+
+def test_workers_listen_on_loopback_only(client):
+    here = psutil.Process()
+    listening = [
+        connection.laddr.ip
+        for process in [here, *here.children(recursive=True)]
+        for connection in process.net_connections()
+        if connection.status == psutil.CONN_LISTEN
+    ]
+    assert len(listening) >= 3  # the scheduler and two workers
+    assert set(listening) == {"127.0.0.1"}
+
+
+def test_a_scheduler_that_does_not_answer_is_one_clear_error():
+    with (
+        pytest.raises(ClusterError, match=r"no dask scheduler answers at tcp://127\.0\.0\.1:9"),
+        connect(toy.no_warm_up, scheduler="tcp://127.0.0.1:9"),
+    ):
+        pass
+
+
+def test_a_running_scheduler_is_used_by_its_address(client, tmp_path):
+    with connect(toy.no_warm_up, scheduler=client.scheduler.address) as other:
+        run(other, tmp_path, toy.cube())
+    assert_complete(tmp_path, toy.cube())

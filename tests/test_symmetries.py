@@ -1,0 +1,225 @@
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+from nasm import symmetries
+from nasm.escape import ensemble, escape_time
+from nasm.maps import kick, step, unkick
+from nasm.orbits import orbit, rotation_number
+
+strengths = st.floats(-2, 2)
+coordinates = st.floats(-1, 1)
+planes = st.tuples(strengths, strengths)
+
+
+@st.composite
+def cases(draw, periods=(1, 2, 3, 4, 5)):
+    """A forcing, a start, and a number of steps that makes six kicks or a few less."""
+    P = draw(st.sampled_from(periods))
+    kappa = draw(st.lists(strengths, min_size=P, max_size=P))
+    return kappa, draw(coordinates), draw(coordinates), 6 // P
+
+
+# An error of one kick, below 4e-15 while |x| and |y| are below 10, grows by less than ‖DS‖ ≤ 4 with
+# each of up to seven kicks.
+SHORT = 4e-15 * 4**7
+
+# A robust circle, and its rotation number to better than 1e-12.
+KAPPA, X, Y, N = (0.3, 0.2), 0.1, 0.31, 4000
+CIRCLE = 1e-10
+
+
+def assert_orbits_agree(actual, expected):
+    assert_allclose(actual, expected, rtol=0, atol=SHORT)
+
+
+def omega(kappa, x, y):
+    value, digits = rotation_number(kappa, x, y, N)
+    assert digits > 9
+    return float(value)
+
+
+@settings(deadline=None)
+@given(case=cases())
+def test_reflection(case):
+    kappa, x, y, n = case
+    xs, ys = orbit(kappa, x, y, n)
+    reflected_x, reflected_y = orbit(*symmetries.reflect(kappa, x, y), n)
+    np.testing.assert_array_equal(reflected_x, -xs)
+    np.testing.assert_array_equal(reflected_y, -ys)
+
+
+@settings(deadline=None)
+@given(case=cases(), r=st.integers(-3, 3), s=st.integers(-3, 3))
+def test_translation(case, r, s):
+    kappa, x, y, n = case
+    xs, ys = orbit(kappa, x, y, n)
+    gained = len(kappa) * np.arange(n + 1) * s
+    translated = orbit(*symmetries.translate(kappa, x, y, r, s), n)
+    assert_orbits_agree(translated, (xs + r + gained, ys + s))
+
+
+@settings(deadline=None)
+@given(case=cases())
+def test_negation(case):
+    kappa, x, y, n = case
+    xs, ys = orbit(kappa, x, y, n)
+    negated, x, y = symmetries.negate(kappa, x, y)
+    np.testing.assert_array_equal(negated, [-k for k in kappa])
+    assert_orbits_agree(orbit(negated, x, y, n), (xs + 0.5, ys))
+
+
+@settings(deadline=None)
+@given(case=cases(periods=(2, 4)))
+def test_alternation(case):
+    kappa, x, y, n = case
+    xs, ys = orbit(kappa, x, y, n)
+    alternated, x, y = symmetries.alternate(kappa, x, y)
+    np.testing.assert_array_equal(alternated, [k * (-1) ** i for i, k in enumerate(kappa)])
+    gained = len(kappa) // 2 * np.arange(n + 1)
+    assert_orbits_agree(orbit(alternated, x, y, n), (xs + gained, ys + 0.5))
+
+
+@pytest.mark.parametrize("kappa", [[0.3], [0.3, 0.4, 0.5]])
+def test_alternation_needs_an_even_period(kappa):
+    with pytest.raises(ValueError, match=rf"P={len(kappa)}; alternating signs need an even period"):
+        symmetries.alternate(kappa, 0.0, 0.0)
+
+
+@settings(deadline=None)
+@given(case=cases())
+def test_shift(case):
+    kappa, x, y, n = case
+    xs, ys = orbit(kappa, x, y, n)
+    shifted, x, y = symmetries.shift(kappa, x, y)
+    np.testing.assert_array_equal(shifted, kappa[1:] + kappa[:1])
+    assert_orbits_agree(orbit(shifted, x, y, n), kick(kappa[0], xs, ys))
+
+
+@settings(deadline=None)
+@given(kappa=planes, x=coordinates, y=coordinates)
+def test_swapping_kicks_conjugates_the_map(kappa, x, y):
+    kappa1, kappa2 = kappa
+    swapped = step((kappa2, kappa1), *kick(kappa1, x, y))
+    assert_orbits_agree(kick(kappa1, *step(kappa, x, y)), swapped)
+
+
+@settings(deadline=None)
+@given(kappa=planes, x=coordinates, y=coordinates, n=st.integers(1, 3))
+def test_swapping_kicks_as_the_paper_writes_it(kappa, x, y, n):
+    kappa1, kappa2 = kappa
+    xs, ys = orbit(kappa, *kick(kappa2, x, y), n)
+    conjugated = unkick(kappa2, xs[-1], ys[-1])
+    swapped_x, swapped_y = orbit((kappa2, kappa1), x, y, n)
+    # unkick adds an eighth kick's worth of error.
+    assert_allclose(conjugated, (swapped_x[-1], swapped_y[-1]), rtol=0, atol=4 * SHORT)
+
+
+def test_rotation_numbers_follow_the_symmetries():
+    w = omega(KAPPA, X, Y)
+    expected = [
+        (symmetries.reflect(KAPPA, X, Y), -w),
+        (symmetries.translate(KAPPA, X, Y, 2, 3), w + 2 * 3),
+        (symmetries.negate(KAPPA, X, Y), w),
+        (symmetries.alternate(KAPPA, X, Y), w + 1),
+        (symmetries.shift(KAPPA, X, Y), w),
+        ((KAPPA, 1 - X, 1 - Y), 2 - w),  # Eq. (ome4)
+    ]
+    for image, w_image in expected:
+        assert omega(*image) == pytest.approx(w_image, abs=CIRCLE)
+
+
+def test_rotation_numbers_for_other_periods():
+    for kappa in [(0.4,), (0.2, 0.1, 0.15), (0.1, 0.1, 0.05, 0.1)]:
+        P = len(kappa)
+        w = omega(kappa, X, Y)
+        moved = omega(*symmetries.translate(kappa, X, Y, 0, 1))
+        assert moved == pytest.approx(w + P, abs=CIRCLE)
+        assert omega(*symmetries.shift(kappa, X, Y)) == pytest.approx(w, abs=CIRCLE)
+        if P % 2 == 0:
+            alternated = omega(*symmetries.alternate(kappa, X, Y))
+            assert alternated == pytest.approx(w + P / 2, abs=CIRCLE)
+
+
+def test_rotation_number_of_the_swapped_map_needs_the_inverse_kick_in_ome5():
+    kappa1, kappa2 = KAPPA
+    w, swapped = omega(KAPPA, X, Y), (kappa2, kappa1)
+    assert omega(swapped, *unkick(kappa2, X, Y)) == pytest.approx(w, abs=CIRCLE)
+    assert omega(swapped, *kick(kappa1, X, Y)) == pytest.approx(w, abs=CIRCLE)
+    as_printed = omega(swapped, *kick(kappa2, X, Y))
+    assert abs(as_printed - w) > 1e-4
+
+
+def to_the_wedge(kappa, x, y):
+    """Alternate, negate and shift until 0 ≤ κ2 ≤ κ1."""
+    z = kappa, x, y
+    if kappa[0] * kappa[1] < 0:
+        z = symmetries.alternate(*z)
+    if z[0][0] + z[0][1] < 0:
+        z = symmetries.negate(*z)
+    if z[0][1] > z[0][0]:
+        z = symmetries.shift(*z)
+    return z
+
+
+@settings(deadline=None, max_examples=40)
+@given(angle=st.floats(-360, 720))
+def test_fold_says_where_the_symmetries_take_a_ray_and_its_circles(angle):
+    assume(min(angle % 45, -angle % 45) > 1e-6)  # on an axis or diagonal two answers are right
+    wedge_angle, omega_shift = symmetries.fold(angle)
+    kappa = 0.05 * np.array([np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))])
+    folded, x, y = to_the_wedge(kappa, X, Y)
+    assert 0 <= wedge_angle <= 45
+    assert np.rad2deg(np.arctan2(folded[1], folded[0])) == pytest.approx(wedge_angle, abs=1e-9)
+    moved = omega(folded, x, y) - omega(kappa, X, Y) - omega_shift
+    assert abs(moved - 2 * round(moved / 2)) < CIRCLE
+
+
+@given(wedge_angle=st.floats(0, 45))
+def test_fold_undoes_unfold(wedge_angle):
+    folded, _ = symmetries.fold(symmetries.unfold(wedge_angle))
+    assert_allclose(folded, wedge_angle, rtol=0, atol=1e-12)
+
+
+def test_unfold_gives_the_eight_rays_of_the_square():
+    a, b = np.cos(np.deg2rad(30)), np.sin(np.deg2rad(30))
+    angles = symmetries.unfold(30)
+    rays = {(round(np.cos(t), 9), round(np.sin(t), 9)) for t in np.deg2rad(angles)}
+    square = {(i * p, j * q) for i in (1, -1) for j in (1, -1) for p, q in [(a, b), (b, a)]}
+    assert rays == {(round(p, 9), round(q, 9)) for p, q in square}
+    assert ((angles >= 0) & (angles < 360)).all()
+    # Half of them, where κ1 and κ2 have opposite signs, carry the circle of ω + 1.
+    assert symmetries.fold(angles)[1].tolist() == (np.sin(2 * np.deg2rad(angles)) < 0).tolist()
+
+
+def test_fold_and_unfold_take_arrays():
+    assert symmetries.unfold([0.0, 10.0, 45.0]).shape == (8, 3)
+    wedge_angle, omega_shift = symmetries.fold(np.arange(0.0, 360.0, 15.0))
+    assert wedge_angle.tolist() == [0, 15, 30, 45, 30, 15] * 4
+    assert omega_shift.tolist() == ([0] * 7 + [1] * 5) * 2
+
+
+@pytest.mark.parametrize("angle", [-1.0, 45.5, np.nan])
+def test_unfold_refuses_an_angle_outside_the_wedge(angle):
+    with pytest.raises(ValueError, match=r"wedge_angle=.*from 0 to 45 degrees"):
+        symmetries.unfold(angle)
+
+
+def test_escape_times_follow_the_symmetries():
+    # Kicks so strong that all escapes come before chaos has magnified rounding to a visible size:
+    # six steps of two kicks, at most 3¹² × 1e-15.
+    kappa, n_max, window = np.array([3.0, 2.5]), 6, (-1.0, 1.25)
+    x, y = ensemble(500)
+    times = escape_time(kappa, x, y, n_max, window)
+    assert len(np.unique(times)) > 4
+
+    def image(z, window):
+        return escape_time(*z, n_max, window)
+
+    np.testing.assert_array_equal(image(symmetries.reflect(kappa, x, y), (-1.25, 1.0)), times)
+    np.testing.assert_array_equal(image(symmetries.negate(kappa, x, y), window), times)
+    np.testing.assert_array_equal(image(symmetries.alternate(kappa, x, y), (-0.5, 1.75)), times)
+    moved = symmetries.translate(kappa, x, y, -2, 1)
+    np.testing.assert_array_equal(image(moved, (0.0, 2.25)), times)

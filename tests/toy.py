@@ -1,0 +1,83 @@
+"""A cube that is quick to compute and easy to check, with tiles that misbehave on request.
+
+`python toy.py OUT [SECONDS]` sweeps it in a process of its own, for tests that kill the process.
+"""
+
+import os
+import signal
+import sys
+import time
+from pathlib import Path
+
+import dask.array
+import numpy as np
+import xarray as xr
+
+from pipeline import store
+from pipeline.cluster import connect
+from pipeline.schema import Cube
+from pipeline.sweep import sweep
+
+
+def cube(rows=10, columns=13, tile=3, **settings):
+    """Two variables over (row, column), one of them with a further dimension that is not tiled."""
+    coords = {
+        "part": np.arange(2),
+        "row": np.linspace(0, 1, rows),
+        "column": np.linspace(-1, 1, columns),
+    }
+    shape = {"wave": ("part", "row", "column"), "sign": ("row", "column")}
+    dtype = {"wave": "float64", "sign": "int8"}
+    variables = {
+        name: (
+            dims,
+            dask.array.zeros([len(coords[d]) for d in dims], dtype=dtype[name], chunks=-1),
+            {"long_name": name, "units": "1"},
+        )
+        for name, dims in shape.items()
+    }
+    template = xr.Dataset(variables, coords, {"title": "toy"})
+    return Cube("toy", template, {"row": tile, "column": tile}, settings)
+
+
+def compute(coords, settings):
+    if settings.get("log"):
+        with open(settings["log"], "a") as log:
+            log.write(f"{coords['row'][0]:.6f} {coords['column'][0]:.6f}\n")
+    time.sleep(settings.get("seconds", 0.0))
+    at = [float(coords["row"][0]), float(coords["column"][0])]
+    if settings.get("poison") == at:
+        os.kill(os.getpid(), signal.SIGKILL)
+    if settings.get("raises") == at:
+        raise ArithmeticError("no answer here")
+    row, column = np.meshgrid(coords["row"], coords["column"], indexing="ij")
+    wave = np.stack([np.sin(7 * row + part) * np.exp(column) for part in coords["part"]])
+    return {"wave": wave, "sign": np.sign(column).astype("int8")}
+
+
+def predict(coords, settings):
+    # Uneven, so that there are batches of one tile and of many.
+    return 0.3 if coords["row"][0] > 0.6 else 0.01
+
+
+def serial(plan):
+    """The whole cube computed at once."""
+    coords = {name: coordinate.values for name, coordinate in plan.template.coords.items()}
+    return compute(coords, {})
+
+
+def no_warm_up():
+    pass
+
+
+def main(out, seconds):
+    with store.driving(out), connect(no_warm_up, n_workers=2) as client:
+        print("connected", file=sys.stderr, flush=True)
+        outcome = sweep(client, out, cube(tile=1, seconds=seconds), compute, predict)
+    if outcome.interrupted:
+        sys.exit(130)
+    sys.exit(1 if outcome.failed else 0)
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), float(sys.argv[2]))
