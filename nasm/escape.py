@@ -137,8 +137,11 @@ def boundary(escape_time, kappa1, kappa2, angles, n):
     reach = np.hypot(np.abs(kappa1).max() + width[0], np.abs(kappa2).max() + width[1])
     # Eight samples a cell, so that no ray jumps over a cell by more than its corner.
     scales = np.arange(0, reach, width.min() / 8)
-    column = np.floor((scales * np.cos(radians) - origin[0]) / width[0]).astype(int)
-    row = np.floor((scales * np.sin(radians) - origin[1]) / width[1]).astype(int)
+    # A ray along the plane's lower or left edge is inside, whatever rounding makes of the edge.
+    column, row = (
+        np.floor((scales * part - low) / step + 1e-9).astype(int)
+        for part, low, step in zip((np.cos(radians), np.sin(radians)), origin, width, strict=True)
+    )
     inside = (column >= 0) & (column < kappa1.size) & (row >= 0) & (row < kappa2.size)
     times = np.full(inside.shape, np.nan)
     times[inside] = np.asarray(escape_time)[row[inside], column[inside]]

@@ -10,11 +10,16 @@ from dask.system import CPU_COUNT
 from distributed import Client, LocalCluster, WorkerPlugin
 from distributed.security import Security
 
-# A task that was with a worker when it died is suspect at once, not after it killed three more;
-# the sweep reruns suspects alone. The profiler of tasks would cost 1% for what nobody looks at.
 _CONFIG = {
+    # A task that was with a worker when it died is suspect at once, not after it killed three
+    # more; the sweep reruns suspects alone.
     "distributed.scheduler.allowed-failures": 0,
+    # What dask measures for its dashboard takes 4% of the CPU by default.
     "distributed.worker.profile.enabled": False,
+    "distributed.admin.tick.interval": "1s",
+    "distributed.admin.tick.limit": "1h",
+    "distributed.admin.system-monitor.interval": "10s",
+    "distributed.admin.system-monitor.gil.enabled": False,
 }
 
 
@@ -66,9 +71,10 @@ def _local(n_workers):
         threads_per_worker=1,
         host="127.0.0.1",
         dashboard_address="127.0.0.1:0",
+        memory_limit=0,  # tiles are small; watching the workers' memory costs more than they use
         silence_logs="CRITICAL",
     )
-    with cluster, Client(cluster) as client:
+    with cluster, Client(cluster, set_as_default=False) as client:
         yield client
 
 
@@ -81,7 +87,7 @@ def _remote(address, tls):
             tls_ca_file=ca, tls_client_cert=cert, tls_client_key=key, require_encryption=True
         )
     try:
-        client = Client(address, security=security, timeout=5)
+        client = Client(address, security=security, timeout=5, set_as_default=False)
     except (OSError, ValueError, TypeError) as error:
         raise ClusterError(
             f"no dask scheduler answers at {address} ({error}); start one with `dask scheduler`, "

@@ -93,21 +93,23 @@ def escape_cube(name, kappa1, kappa2, sizes, n_max, window, tile):
     return Cube(name, template, {"kappa2": tile, "kappa1": tile}, settings)
 
 
-def composed(cube, field, level):
-    """`cube` of escape times with the values `field`, composed of several levels of refinement.
+def composed(cube, field=None, level=None):
+    """`cube` of escape times, composed of several levels of refinement.
 
-    field : array (ensemble, kappa2, kappa1). level : int array (kappa2, kappa1), which level each
-    cell's value is from.
+    field : array (ensemble, kappa2, kappa1), its values. level : int8 array (kappa2, kappa1), which
+    level each cell's value is from. Without them: the plan of that cube.
     """
+    shape = tuple(cube.sizes[dim] for dim in ("kappa2", "kappa1"))
+    if level is None:
+        level = dask.array.full(shape, -1, dtype="int8", chunks=-1)
     attrs = {
         "long_name": "level of refinement of the cell's value",
         "units": "1",
         "comment": "0 is the coarsest; each level halves the cells",
     }
-    template = cube.template.assign(
-        escape_time=cube.template.escape_time.copy(data=field),
-        level=(("kappa2", "kappa1"), level, attrs),
-    )
+    template = cube.template.assign(level=(("kappa2", "kappa1"), level, attrs))
+    if field is not None:
+        template["escape_time"] = template.escape_time.copy(data=field)
     return Cube(cube.name, template, cube.tile, cube.settings)
 
 

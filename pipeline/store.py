@@ -67,7 +67,7 @@ def driving(out):
     Nothing in a directory that is refused is touched.
     """
     out = Path(out)
-    _refuse_foreign(out)
+    refuse_foreign(out)
     try:
         out.mkdir(parents=True, exist_ok=True)
         lock = open(out / _LOCK, "a+")  # noqa: SIM115 (closed below, after the lock's work)
@@ -96,6 +96,58 @@ def driving(out):
             shutil.rmtree(out / _ASIDE, ignore_errors=True)
 
 
+def refuse_foreign(out):
+    """StoreError if `out` holds other things than a store of this version; touches nothing."""
+    out = Path(out)
+    if out.exists() and not out.is_dir():
+        raise StoreError(f"{out} is a file; --out must be a directory")
+    if not out.exists():
+        return
+    try:
+        found = {entry.name for entry in os.scandir(out)}
+    except OSError as error:
+        raise StoreError(f"cannot read {out}: {error.strerror}; choose another --out") from None
+    if STORE not in found:
+        if found - {_LOCK, _ASIDE}:
+            raise StoreError(
+                f"{out} holds other files and no {STORE}; choose a new or empty directory for --out"
+            )
+        return
+    try:
+        written_as = zarr.open_group(out / STORE, mode="r").attrs.get("format")
+    except (FileNotFoundError, ValueError):
+        written_as = None
+    if written_as != FORMAT:
+        raise StoreError(
+            f"{out / STORE} is a store of version {written_as!r}, this program writes {FORMAT!r}; "
+            "choose another --out"
+        )
+
+
+def refuse_different(out, cube):
+    """StoreError, naming what differs, if another cube of this name is in the store."""
+    group = Path(out) / STORE / cube.name
+    if not group.exists():
+        return
+    found = zarr.open_group(group, mode="r")
+    if found.attrs.get("config_hash") == cube.config_hash:
+        return
+    differences = [
+        f"{key} is {found.attrs.get(key)}, not {value}"
+        for key, value in cube.settings.items()
+        if found.attrs.get(key) != value
+    ]
+    for dim, coordinate in cube.template.coords.items():
+        there = found[dim][...] if dim in found else None
+        if there is None or not np.array_equal(there, coordinate.values):
+            differences.append(f"the values of {dim} differ")
+    raise StoreError(
+        f"{group} was computed with other settings: "
+        f"{'; '.join(differences) or 'its tiles or variables differ'}. "
+        "Repeat the old settings to resume it, or choose another --out"
+    )
+
+
 def create(out, cube):
     """Make the cube's group, all tiles missing, or check that the one that is there is the same.
 
@@ -103,15 +155,18 @@ def create(out, cube):
     coordinates or settings is there.
     """
     layout = _layout(out, cube)
-    if layout.group.exists():
-        _refuse_different(layout, cube)
-    else:
+    refuse_different(out, cube)
+    if not layout.group.exists():
         _write_group(out, cube, _with_commit_records(cube), compute=False)
     return layout
 
 
 def replace(out, cube):
-    """Write a cube that is already computed in full, in place of any of its name; compressed."""
+    """Write a cube that is computed in full, compressed, in place of an earlier state of itself.
+
+    StoreError if another cube of this name is there.
+    """
+    refuse_different(out, cube)
     _write_group(out, cube, cube.template, compute=True)
 
 
@@ -142,8 +197,8 @@ def commit(layout, index, arrays, seconds):
 
 
 def read(out, name):
-    """The cube `name` as a Dataset, chunk by chunk lazily."""
-    return xr.open_zarr(Path(out) / STORE, group=name, chunks={})
+    """The cube `name` as a Dataset, read lazily."""
+    return xr.open_zarr(Path(out) / STORE, group=name, chunks=None)
 
 
 def _write_aside(layout, target, array):
@@ -215,49 +270,3 @@ def _committed(directory, depth):
             for rest in _committed(entry.path, depth - 1)
         }
     return set()
-
-
-def _refuse_foreign(out):
-    if out.exists() and not out.is_dir():
-        raise StoreError(f"{out} is a file; --out must be a directory")
-    if not out.exists():
-        return
-    try:
-        found = {entry.name for entry in os.scandir(out)}
-    except OSError as error:
-        raise StoreError(f"cannot read {out}: {error.strerror}; choose another --out") from None
-    if STORE not in found:
-        if found - {_LOCK, _ASIDE}:
-            raise StoreError(
-                f"{out} holds other files and no {STORE}; choose a new or empty directory for --out"
-            )
-        return
-    try:
-        written_as = zarr.open_group(out / STORE, mode="r").attrs.get("format")
-    except (FileNotFoundError, ValueError):
-        written_as = None
-    if written_as != FORMAT:
-        raise StoreError(
-            f"{out / STORE} is a store of version {written_as!r}, this program writes {FORMAT!r}; "
-            "choose another --out"
-        )
-
-
-def _refuse_different(layout, cube):
-    found = zarr.open_group(layout.group, mode="r")
-    if found.attrs.get("config_hash") == cube.config_hash:
-        return
-    differences = [
-        f"{key} is {found.attrs.get(key)}, not {value}"
-        for key, value in cube.settings.items()
-        if found.attrs.get(key) != value
-    ]
-    for dim, coordinate in cube.template.coords.items():
-        there = found[dim][...] if dim in found else None
-        if there is None or not np.array_equal(there, coordinate.values):
-            differences.append(f"the values of {dim} differ")
-    raise StoreError(
-        f"{layout.group} was computed with other settings: "
-        f"{'; '.join(differences) or 'its tiles or variables differ'}. "
-        "Repeat the old settings to resume it, or choose another --out"
-    )

@@ -94,7 +94,7 @@ class _Run:
         suspects = []
         batches = iter(batches)
         in_flight = {}
-        completed = as_completed()
+        completed = as_completed(loop=self.client.loop)
         while True:
             while len(in_flight) < window and not self.interrupt.is_set():
                 batch = next(batches, None)

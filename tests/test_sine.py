@@ -68,5 +68,6 @@ def test_coefficients_are_those_of_the_best_polynomial():
     # more than rounding their coefficients to double does.
     rounding = sum(math.ulp(c) / 2 * 0.25 ** (2 * k) for k, c in enumerate(SINE) if k)
     u = np.linspace(0, 0.25, 1001)
-    difference = sum(float(c - b) * u ** (2 * k) for k, (c, b) in enumerate(zip(SINE[1:], best), 1))
+    errors = [float(c - b) for c, b in zip(SINE[1:], best, strict=True)]
+    difference = sum(error * u ** (2 * k) for k, error in enumerate(errors, 1))
     assert np.abs(difference).max() <= rounding

@@ -1,3 +1,4 @@
+import dataclasses
 import os
 import warnings
 
@@ -142,10 +143,12 @@ def test_replacing_a_cube_keeps_the_others(tmp_path):
     with store.driving(tmp_path):
         commit_all(tmp_path, plan)
         for factor in (1, 2):
-            template = plan.template.compute().assign(wave=plan.template.wave.compute() + factor)
-            other = type(plan)("other", template, plan.tile, {"factor": factor})
-            store.replace(tmp_path, other)
+            template = plan.template.assign(wave=plan.template.wave + factor)
+            store.replace(tmp_path, dataclasses.replace(plan, name="other", template=template))
             assert (store.read(tmp_path, "other").wave == factor).all()
+        with pytest.raises(store.StoreError, match="other settings"):
+            store.replace(tmp_path, dataclasses.replace(plan, name="other", settings={"depth": 1}))
+        assert (store.read(tmp_path, "other").wave == 2).all()
     tree = xr.open_datatree(tmp_path / store.STORE, engine="zarr")
     assert set(tree.children) == {"toy", "other"}
     assert np.array_equal(tree["toy"].wave.values, toy.serial(plan)["wave"])

@@ -3,6 +3,7 @@
 `python toy.py OUT [SECONDS]` sweeps it in a process of its own, for tests that kill the process.
 """
 
+import hashlib
 import os
 import signal
 import sys
@@ -17,6 +18,8 @@ from pipeline import store
 from pipeline.cluster import connect
 from pipeline.schema import Cube
 from pipeline.sweep import sweep
+
+_MEGABYTE = bytes(2**20)
 
 
 def cube(rows=10, columns=13, tile=3, **settings):
@@ -45,6 +48,9 @@ def compute(coords, settings):
         with open(settings["log"], "a") as log:
             log.write(f"{coords['row'][0]:.6f} {coords['column'][0]:.6f}\n")
     time.sleep(settings.get("seconds", 0.0))
+    end = time.thread_time() + settings.get("burn", 0.0)
+    while time.thread_time() < end:
+        hashlib.sha256(_MEGABYTE)  # without the interpreter's lock, like our kernels
     at = [float(coords["row"][0]), float(coords["column"][0])]
     if settings.get("poison") == at:
         os.kill(os.getpid(), signal.SIGKILL)
@@ -58,6 +64,10 @@ def compute(coords, settings):
 def predict(coords, settings):
     # Uneven, so that there are batches of one tile and of many.
     return 0.3 if coords["row"][0] > 0.6 else 0.01
+
+
+def predict_burn(coords, settings):
+    return settings["burn"]
 
 
 def serial(plan):

@@ -100,7 +100,8 @@ def session(out, cluster):
     from pipeline.cluster import ClusterError, connect
 
     try:
-        with store.driving(out), connect(tasks.warm_up, **cluster) as client:
+        store.refuse_foreign(out)
+        with connect(tasks.warm_up, **cluster) as client, store.driving(out):
             yield client
     except (store.StoreError, ClusterError) as error:
         raise click.UsageError(str(error)) from None

@@ -36,14 +36,13 @@ def boundary_table(dataset, angles, steps):
             "critical_scale": scale,
         }
     )
-    table["resolution"] = xr.full_like(scale, max(np.ptp(axis[:2]) for axis in axes))
+    cell = max(np.ptp(axis[:2]) for axis in axes)
     if "level" in dataset:
-        there = {
-            name: table[name].fillna(0) for name in ("kappa1", "kappa2")
-        }  # NaN has no nearest cell
-        level = dataset.level.sel(there, method="nearest")
-        table["resolution"] *= 2.0 ** (int(dataset.level.max()) - level)
-    table["resolution"] = table.resolution.where(scale.notnull())
+        level = dataset.level
+        there = table[["kappa1", "kappa2"]].fillna(0)  # NaN has no nearest cell
+        here = level.sel(kappa1=there.kappa1, kappa2=there.kappa2, method="nearest")
+        cell = cell * 2.0 ** (level.max() - here.drop_vars(["kappa1", "kappa2"]))
+    table["resolution"] = cell + 0 * scale
     return table
 
 

@@ -124,6 +124,8 @@ def escape_plane(client, out, plane):
     if plane.levels == 1:
         compute(cube("escape", 0))
         return store.read(out, "escape")
+    finest = cube("escape", plane.levels - 1)
+    store.refuse_different(out, schema.composed(finest))
     fields = [compute(cube("escape_level0", 0))]
     for level in range(1, plane.levels):
         level_cube = cube(f"escape_level{level}", level)
@@ -133,8 +135,7 @@ def escape_plane(client, out, plane):
         while more := refine.tiles_at(_followed_cells(fields, plane), plane.tile) - wanted:
             wanted |= more
             fields[-1] = compute(level_cube, wanted)
-    composed = schema.composed(cube("escape", plane.levels - 1), *refine.compose(fields))
-    store.replace(out, composed)
+    store.replace(out, schema.composed(finest, *refine.compose(fields)))
     return store.read(out, "escape")
 
 

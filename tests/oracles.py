@@ -1,0 +1,99 @@
+"""Slow and obvious implementations, and arithmetic of many digits, to compare the package with."""
+
+import math
+from itertools import chain, cycle, islice, pairwise
+
+import mpmath
+import numpy as np
+from numba import njit
+
+
+@njit
+def kick(kappa, x, y):
+    """S_κ, Eq. (stdmap), by the library's sine of radians."""
+    y = y + kappa / (2 * math.pi) * math.sin(2 * math.pi * x)
+    return x + y, y
+
+
+def orbit(kappa, x, y, n):
+    """x_0, …, x_n and y_0, …, y_n of one orbit, as lists."""
+    xs, ys = [x], [y]
+    for _ in range(n):
+        for strength in kappa:
+            x, y = kick(strength, x, y)
+        xs.append(x)
+        ys.append(y)
+    return xs, ys
+
+
+@njit
+def _escape_time(kappa, x, y, n_max, lo, hi):
+    for n in range(n_max + 1):
+        if y < lo or y > hi:
+            return float(n)
+        for strength in kappa:
+            x, y = kick(strength, x - math.floor(x), y)
+    return math.inf
+
+
+def escape_time(kappa, x, y, n_max, window=(-2.0, 2.3)):
+    """The definition of n*, one orbit after the other."""
+    kappa = np.asarray(kappa, dtype=float)
+    starts = zip(x, y, strict=True)
+    return np.array([_escape_time(kappa, x0, y0, n_max, *window) for x0, y0 in starts])
+
+
+def exact_step(kappa, x, y):
+    """T at mpmath's working precision."""
+    for strength in kappa:
+        y = y + mpmath.mpf(strength) / (2 * mpmath.pi) * mpmath.sinpi(2 * mpmath.mpf(x))
+        x = x + y
+    return x, y
+
+
+def continued_fraction(prefix, tail, terms=400):
+    """[prefix; (tail)] at mpmath's working precision, from its first `terms` partial quotients."""
+    quotients = list(islice(chain(prefix, cycle(tail)), terms))
+    value = mpmath.mpf(quotients[-1])
+    for a in reversed(quotients[:-1]):
+        value = a + 1 / value
+    return value
+
+
+def nearest_float(value):
+    """An mpf rounded once, to double."""
+    with mpmath.workprec(53):
+        return float(+value)
+
+
+def sine_polynomial(n):
+    """c of the best 2πu·(1 + c_1 u² + … + c_n u²ⁿ) ≈ sin 2πu on [0, 1/4], and its largest error.
+
+    Remez exchange: solve for c and an error that is the same, ± in turn, at n + 1 nodes; move the
+    nodes to its extrema; repeat. The last node stays at 1/4, the others are zeros of the slope.
+    """
+    turn = 2 * mpmath.pi
+    quarter = mpmath.mpf(1) / 4
+
+    def error(u):
+        return turn * u * (1 + sum(c[k] * u ** (2 * k + 2) for k in range(n))) - mpmath.sin(
+            turn * u
+        )
+
+    def slope(u):
+        series = sum((2 * k + 3) * c[k] * u ** (2 * k + 2) for k in range(n))
+        return turn * (1 + series - mpmath.cos(turn * u))
+
+    def zero(function, low, high):
+        return mpmath.findroot(function, (low, high), solver="anderson", verify=False)
+
+    nodes = [quarter * mpmath.cos(mpmath.pi * (n - i) / (2 * n + 2)) for i in range(n + 1)]
+    for _ in range(6):  # quadratic: 9 exact digits after the fourth, all 40 after the sixth
+        rows = [
+            [turn * u ** (2 * k + 3) for k in range(n)] + [(-1) ** i] for i, u in enumerate(nodes)
+        ]
+        *c, level = mpmath.lu_solve(rows, [mpmath.sin(turn * u) - turn * u for u in nodes])
+        zeros = [zero(error, *ends) for ends in pairwise(nodes)]
+        extrema = [zero(slope, *ends) for ends in pairwise([nodes[0] / 20, *zeros])]
+        nodes = [*extrema, quarter]
+    return c, abs(level)

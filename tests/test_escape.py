@@ -1,0 +1,317 @@
+import os
+import platform
+import subprocess
+import sys
+
+import mpmath
+import numpy as np
+import oracles
+import pytest
+from numba import njit
+from numpy.testing import assert_array_equal
+from scipy.stats import ks_2samp
+
+from nasm import escape
+from nasm.escape import boundary, ensemble, escape_time, first_escape
+
+# (strengths with chaos from wall to wall, steps): so few steps that rounding has not grown to where
+# it matters. With starts that differ by 1e-12 no time of the ensemble of 1000 differs.
+SHORT = [((8.0,), 10), ((6.0, 5.0), 8), ((4.0, -5.0, 6.0), 5)]
+
+FORCINGS = [(2.5,), (1.5, 1.4), (1.2, -1.3, 1.6)]
+
+
+@njit
+def _scalar_times(c, x, y, n_max, lo, hi):
+    times = np.full(x.size, np.inf)
+    for i in range(x.size):
+        xi, yi = x[i] - 0.25, y[i]
+        for n in range(n_max + 1):
+            if yi < lo or yi > hi:
+                times[i] = n
+                break
+            for p in range(c.shape[0]):
+                xi, yi = escape._kick(c, p, xi, yi)
+    return times
+
+
+@njit
+def _kick_each(c, x, y):
+    kicked_x, kicked_y = np.empty_like(x), np.empty_like(y)
+    for i in range(x.size):
+        kicked_x[i], kicked_y[i] = escape._kick(c, 0, x[i], y[i])
+    return kicked_x, kicked_y
+
+
+def scalar_times(kappa, x, y, n_max, window):
+    """One orbit after the other with the kernel's own kick on floats: no lanes, blocks, packing."""
+    return _scalar_times(escape._kicks(np.array(kappa)), x, y, n_max, *window)
+
+
+@pytest.mark.parametrize("strength", [0.3, -2.0])
+def test_the_kernel_s_kick_is_right_to_rounding(strength):
+    rng = np.random.default_rng(3)
+    x, y = rng.uniform(-0.5, 0.5, 2000), rng.uniform(-0.5, 0.5, 2000)
+    c = escape._kicks(np.array([strength]))
+    kicked_x, kicked_y = _kick_each(c, x - 0.25, y)
+    with mpmath.workdps(30):
+        for i in range(x.size):
+            shifted = mpmath.mpf(x[i] - 0.25)
+            exact_x, exact_y = oracles.exact_step([strength], shifted + 0.25, y[i])
+            # A sine that is right to 2.5e-16, and half an ulp of the sum.
+            bound = 2.5e-16 * abs(strength) / (2 * np.pi) + np.spacing(abs(kicked_y[i])) / 2
+            assert abs(kicked_y[i] - exact_y) <= bound
+            # X is known to a whole turn.
+            turns = kicked_x[i] + 0.25 - exact_x
+            assert abs(turns - mpmath.nint(turns)) <= bound + 1.2e-16
+
+
+@pytest.mark.parametrize(("kappa", "n_max"), SHORT)
+def test_times_are_those_of_the_definition(kappa, n_max):
+    x, y = ensemble(1000)
+    times = escape_time(kappa, x, y, n_max)
+    assert_array_equal(times, oracles.escape_time(kappa, x, y, n_max))
+    assert {2, 3, 4, 5} <= set(times)
+
+
+def test_long_times_are_distributed_as_those_of_the_definition():
+    x, y = ensemble(4000)
+    ours = escape_time((1.5, 1.5), x, y, 5000)
+    plain = oracles.escape_time((1.5, 1.5), x, y, 5000)
+    assert (ours != plain).any()  # chaos: these are draws
+    assert 1000 < np.isfinite(ours).sum() < 3999
+    # Kicks that are stronger by 3% have a p-value of 1e-5.
+    assert ks_2samp(np.minimum(ours, 5001), np.minimum(plain, 5001)).pvalue > 1e-3
+
+
+@pytest.mark.parametrize("kappa", FORCINGS)
+@pytest.mark.parametrize("n_orbits", [1, 63, 130])
+def test_lockstep_blocks_and_packing_do_not_change_a_time(kappa, n_orbits):
+    # 20 001 steps: the longest chunk, and a last block that is not full.
+    x, y = ensemble(n_orbits)
+    times = escape_time(kappa, x, y, 20_001)
+    assert_array_equal(times, scalar_times(kappa, x, y, 20_001, escape.PAPER_WINDOW))
+
+
+@pytest.mark.parametrize("n_max", [1, 127, 128, 129, 640, 700])
+def test_n_max_may_fall_anywhere_in_a_block(n_max):
+    x, y = ensemble(200)
+    times = escape_time((1.9, 1.9), x, y, n_max)
+    full = escape_time((1.9, 1.9), x, y, 1000)
+    assert_array_equal(times, np.where(full <= n_max, full, np.inf))
+
+
+@pytest.mark.parametrize("window", [(-2.0, 2.3), (0.05, 0.28), (-0.4, 0.25), (-0.5, 0.5)])
+def test_windows_of_any_kind(window):
+    lo, hi = window
+    x, y = ensemble(130)
+    y = lo + (hi - lo) * y / 0.3  # inside, so that the smallest time is not 0
+    times = escape_time((0.3, 0.2), x, y, 1000, window)
+    assert_array_equal(times, scalar_times((0.3, 0.2), x, y, 1000, window))
+    smallest = first_escape([(0.3, 0.2)], x, y, [130], 1000, window)
+    assert smallest == times.min() > 0
+
+
+def test_a_start_outside_has_escaped_at_time_0():
+    outside, inside = [-2.1, 2.31, 40.0, -1e300], [-2.0, 0.1, 2.3]
+    times = escape_time((0.1, 0.1), 0.0, outside + inside, 10)
+    assert (times[:4] == 0).all()
+    assert (times[4:] > 0).all()
+
+
+def test_a_start_outside_counts_whenever_it_joins_the_ensemble():
+    x, y = np.array([0.25, 0.25, 0.25]), np.array([0.1, 2.29, 2.31])  # sin 2πx = 1: kicked upwards
+    firsts = first_escape([(0.1, 0.1), (0.0, 0.0)], x, y, [1, 2, 3], 1)
+    assert_array_equal(firsts, [[np.inf, np.inf], [1, np.inf], [0, 0]])
+
+
+def test_an_escape_at_n_max_counts():
+    x, y = ensemble(300)
+    times = escape_time((1.9, 1.9), x, y, 1000)
+    for i in np.argsort(times)[[0, 1, 20, 60]]:
+        n = int(times[i])
+        assert escape_time((1.9, 1.9), x[i], y[i], n) == n
+        assert escape_time((1.9, 1.9), x[i], y[i], n - 1) == np.inf
+    first = int(times.min())
+    assert first_escape([(1.9, 1.9)], x, y, [300], first) == first
+    assert first_escape([(1.9, 1.9)], x, y, [300], first - 1) == np.inf
+
+
+@pytest.mark.parametrize("kappa", FORCINGS)
+def test_first_escape_is_the_smallest_time_of_each_nested_ensemble(kappa):
+    x, y = ensemble(700)
+    sizes = [1, 2, 63, 64, 65, 128, 300, 700]
+    kappas = np.multiply.outer([[0.0, 0.7, 0.8], [0.9, 1.0, 1.3]], kappa)
+    firsts = first_escape(kappas, x, y, sizes, 3000)
+    assert firsts.shape == (8, 2, 3)
+    for cell in np.ndindex(2, 3):
+        times = escape_time(kappas[cell], x, y, 3000)
+        assert_array_equal(firsts[:, *cell], [times[:size].min() for size in sizes])
+    assert np.isinf(firsts[:, 0, 0]).all()
+    assert len(np.unique(firsts[:, 1, 2])) > 1
+
+
+def test_one_forcing_gives_one_number_per_size():
+    x, y = ensemble(10)
+    assert first_escape((6.0, 5.0), x, y, [1, 10], 100).shape == (2,)
+
+
+@pytest.mark.parametrize("shift", [-3, 1, 20])
+def test_a_window_and_starts_shifted_by_whole_turns_give_the_same_times(shift):
+    x, y = ensemble(200)
+    y = np.round(y * 2**30) / 2**30  # so that y + shift is exact
+    window = np.array([-2.0, 2.25])
+    times = escape_time((1.9, 1.9), x, y, 500, window)
+    assert_array_equal(escape_time((1.9, 1.9), x, y + shift, 500, window + shift), times)
+    firsts = first_escape([(1.9, 1.9)], x, y, [10, 200], 500, window)
+    shifted = first_escape([(1.9, 1.9)], x, y + shift, [10, 200], 500, window + shift)
+    assert_array_equal(shifted, firsts)
+
+
+def test_whole_turns_of_x_do_not_matter():
+    x, y = ensemble(200)
+    x = np.round(x * 2**30) / 2**30
+    assert_array_equal(
+        escape_time((1.9, 1.9), x + 1000, y, 500), escape_time((1.9, 1.9), x, y, 500)
+    )
+
+
+def test_a_wider_window_is_left_later():
+    x, y = ensemble(200)
+    narrow, wide = (escape_time((1.9, 1.9), x, y, 3000, w) for w in [(-2, 2.3), (-3, 3.3)])
+    assert (wide >= narrow).all()
+    assert (wide > narrow).any()
+
+
+def test_a_barrier_at_small_strengths_holds_and_at_large_ones_does_not():
+    x, y = ensemble(300)
+    assert first_escape([(0.3, 0.3)], x, y, [300], 50_000) == np.inf
+    assert first_escape([(1.5, 1.5)], x, y, [300], 5000) < 1000
+
+
+@pytest.mark.parametrize("kappa", [(5.0, 0.0), (-6.0, 0.0)])
+def test_one_kick_alone_escapes_like_the_standard_map_at_twice_the_strength(kappa):
+    x, y = ensemble(1000)
+    times = escape_time(kappa, x, y, 6)
+    assert_array_equal(escape_time([2 * kappa[0]], x, 2 * y, 6, (-4.0, 4.6)), times)
+    assert len(np.unique(times)) > 4
+
+
+def test_starts_broadcast():
+    x, y = np.linspace(0, 1, 3), np.linspace(0, 0.3, 4)
+    times = escape_time((6.0, 5.0), x[:, None], y, 8)
+    assert times.shape == (3, 4)
+    assert times[2, 1] == escape_time((6.0, 5.0), x[2], y[1], 8)
+    assert escape_time((6.0, 5.0), 0.1, 0.1, 8).shape == ()
+
+
+def test_ensembles_are_nested():
+    assert_array_equal(ensemble(100), np.array(ensemble(1000))[:, :100])
+
+
+@pytest.mark.parametrize("n_orbits", [1000, 10_000])
+def test_ensembles_fill_the_paper_s_rectangle_evenly(n_orbits):
+    x, y = ensemble(n_orbits)
+    assert ((x >= 0) & (x < 1) & (y >= 0) & (y < 0.3)).all()
+    # Of 5 × 5 boxes, a random sample of 1000 would miss the mean of the fullest by about 15.
+    counts, _, _ = np.histogram2d(x, y, bins=5, range=[(0, 1), (0, 0.3)])
+    assert np.abs(counts - n_orbits / 25).max() <= 6
+
+
+def test_a_processor_without_fma_finds_the_same_times(tmp_path):
+    if platform.machine() not in ("x86_64", "AMD64"):
+        pytest.skip("x86-64 is the target that lacks fma")
+    path = tmp_path / "times.npy"
+    script = f"""
+import numpy as np
+from nasm import escape
+x, y = escape.ensemble(130)
+np.save({str(path)!r}, escape.escape_time((1.5, 1.4), x, y, 2000))
+(code,) = escape._escape_times.inspect_asm().values()
+assert "vfmadd" not in code
+"""
+    target = {"NUMBA_CPU_NAME": "x86-64", "NUMBA_CPU_FEATURES": ""}
+    subprocess.run([sys.executable, "-c", script], env=os.environ | target, check=True)
+    times = escape_time((1.5, 1.4), *ensemble(130), 2000)
+    assert np.isfinite(times).any()
+    assert_array_equal(np.load(path), times)
+
+
+def test_boundary_is_where_a_ray_first_meets_transport():
+    kappa1, kappa2 = np.linspace(-0.975, 0.975, 40), np.linspace(0.025, 0.975, 20)
+    radius = np.hypot(kappa1, kappa2[:, None])
+    times = np.where(radius > 0.6, 100.0, np.inf)
+    angles = np.array([[20.0, 45.0], [90.5, 160.0]])
+    half_diagonal = 0.05 / np.sqrt(2) + 0.05 / 16  # of a cell, and half the distance of samples
+    found = boundary(times, kappa1, kappa2, angles, 100)
+    assert found.shape == angles.shape
+    assert np.abs(found - 0.6).max() <= half_diagonal
+    assert np.isnan(boundary(times, kappa1, kappa2, angles, 99)).all()
+    assert np.isnan(boundary(times, kappa1, kappa2, [-45.0], 100)).all()
+    later = np.where(radius > 0.8, 100.0, np.where(radius > 0.6, 1000.0, np.inf))
+    assert np.abs(boundary(later, kappa1, kappa2, angles, 100) - 0.8).max() <= half_diagonal
+
+
+def test_boundary_is_not_known_next_to_cells_that_are_not():
+    kappa = np.arange(0.05, 1, 0.1)
+    times = np.where(np.hypot(kappa, kappa[:, None]) > 0.6, 100.0, np.inf)
+    times[np.abs(np.hypot(kappa, kappa[:, None]) - 0.6) < 0.2] = np.nan
+    assert np.isnan(boundary(times, kappa, kappa, [10.0, 30.0, 80.0], 100)).all()
+
+
+GOOD = {"kappa": (0.3, 0.3), "x": 0.0, "y": 0.1, "n_max": 10, "window": (-2.0, 2.3)}
+STEPS = r"must be a whole number from 1 to 1000000000000"
+
+
+@pytest.mark.parametrize(
+    ("bad", "message"),
+    [
+        ({"kappa": (0.3, np.nan)}, r"kappa=.*nan.* is not finite"),
+        ({"kappa": 0.3}, r"kappa=0\.3 has shape \(\)"),
+        ({"kappa": ()}, r"kappa=\(\) has shape \(0,\)"),
+        ({"x": np.nan}, r"x is not finite"),
+        ({"y": [0.1, -np.inf]}, r"y is not finite"),
+        ({"x": [], "y": []}, r"x is empty; an ensemble has at least one start"),
+        ({"n_max": 0}, rf"n_max=0 {STEPS}"),
+        ({"n_max": -1}, rf"n_max=-1 {STEPS}"),
+        ({"n_max": 1.5}, rf"n_max=1\.5 {STEPS}"),
+        ({"n_max": 10**13}, rf"n_max=10000000000000 {STEPS}"),
+        ({"window": (2.3, -2.0)}, r"window=\(2\.3, -2\.0\) must be two finite numbers, lower end"),
+        ({"window": (0.0, 0.0)}, r"window=\(0\.0, 0\.0\) must be two finite numbers"),
+        ({"window": (-np.inf, 2.0)}, r"window=\(-inf, 2\.0\) must be two finite numbers"),
+    ],
+)
+def test_bad_arguments_are_named(bad, message):
+    with pytest.raises(ValueError, match=message):
+        escape_time(**(GOOD | bad))
+    arguments = {"sizes": [1], **GOOD, **bad}
+    arguments["kappas"] = [arguments.pop("kappa")]
+    if "kappa" not in bad:
+        arguments |= {name: np.atleast_1d(arguments[name]) for name in ("x", "y")}
+        with pytest.raises(ValueError, match=message):
+            first_escape(**arguments)
+
+
+@pytest.mark.parametrize(
+    "sizes", [[], [0, 2], [-1], [2, 2], [3, 1], [1, 6], [1.0, 2.0], [[1, 2]], 3, [True]]
+)
+def test_sizes_are_increasing_whole_numbers_of_starts(sizes):
+    message = r"sizes=.* must be increasing whole numbers from 1 to 5, the number of starts"
+    with pytest.raises(ValueError, match=message):
+        first_escape([(0.3, 0.3)], *ensemble(5), sizes, 10)
+
+
+def test_nested_ensembles_need_a_vector_of_starts_and_an_array_of_forcings():
+    with pytest.raises(ValueError, match=r"x and y have shape \(1, 5\).* need a vector of starts"):
+        first_escape([(0.3, 0.3)], np.zeros((1, 5)), 0.1, [1], 10)
+    with pytest.raises(ValueError, match=r"kappas=.*0\.3.* is a number; give an array of shape"):
+        first_escape(0.3, np.zeros(5), 0.1, [1], 10)
+    with pytest.raises(ValueError, match=r"kappa=.*inf.* is not finite"):
+        first_escape([(0.3, 0.3), (0.3, np.inf)], np.zeros(5), 0.1, [1], 10)
+
+
+@pytest.mark.parametrize("n_orbits", [0, -3, 2.0, 10**9])
+def test_an_ensemble_has_a_whole_number_of_orbits(n_orbits):
+    message = rf"n_orbits={n_orbits} must be a whole number from 1 to 100000000"
+    with pytest.raises(ValueError, match=message):
+        ensemble(n_orbits)

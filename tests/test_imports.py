@@ -1,0 +1,62 @@
+"""Imports point down only: workflows → pipeline → nasm."""
+
+import ast
+import sys
+from graphlib import TopologicalSorter
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+MODULES = {
+    ".".join(path.relative_to(ROOT).with_suffix("").parts): path
+    for package in ("nasm", "pipeline", "workflows")
+    for path in sorted((ROOT / package).rglob("*.py"))
+}
+
+
+def imports(module):
+    """All that the module imports, inside functions too; both a and a.b for `from a import b`."""
+    path = MODULES[module]
+    package = module.split(".") if path.stem == "__init__" else module.split(".")[:-1]
+    names = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            above = package[: len(package) + 1 - node.level] if node.level else []
+            source = ".".join([*above, *([node.module] if node.module else [])])
+            names |= {source, *(f"{source}.{alias.name}" for alias in node.names)}
+    return names
+
+
+def packages(module):
+    return {name.split(".")[0] for name in imports(module)}
+
+
+def test_the_walk_sees_imports():
+    assert {"nasm.escape", "nasm.maps"} <= MODULES.keys()
+    assert {"numpy", "nasm.sine", "nasm.sine.sin2pi"} <= imports("nasm.maps")
+
+
+@pytest.mark.parametrize("module", [m for m in MODULES if m.startswith("nasm")])
+def test_nasm_knows_no_file_cluster_or_plot(module):
+    numerics = {"nasm", "llvmlite", "numba", "numpy", "rocket_fft", "scipy"}
+    assert packages(module) <= numerics | sys.stdlib_module_names
+
+
+@pytest.mark.parametrize("module", [m for m in MODULES if m.startswith("pipeline")])
+def test_pipeline_knows_no_workflow(module):
+    assert "workflows" not in packages(module)
+
+
+def test_nasm_has_no_circular_import():
+    graph = {m: imports(m) & MODULES.keys() - {m, "nasm"} for m in MODULES if m.startswith("nasm.")}
+    assert graph["nasm.escape"]
+    tuple(TopologicalSorter(graph).static_order())  # CycleError names the circle
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_nothing_imports_tests(module):
+    tests = {"tests", *(path.stem for path in Path(__file__).parent.glob("*.py"))}
+    assert not packages(module) & tests

@@ -1,0 +1,168 @@
+import mpmath
+import numpy as np
+import oracles
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy import cos, pi, sin
+from numpy.testing import assert_allclose
+
+from nasm.maps import (
+    forcing,
+    kick,
+    rotating_forcing,
+    step,
+    step_tangent,
+    twist,
+    unkick,
+    unstep,
+)
+
+strengths = st.floats(-2, 2)
+forcings = st.lists(strengths, min_size=1, max_size=3)
+coordinates = st.floats(-1, 1)
+
+# With |κ| ≤ 2 and |x|, |y| ≤ 2 a kick is wrong by less than 2e-15: 4e-16·κ/2π of the sine, and half
+# an ulp in each sum. Each further kick magnifies that by less than ‖DS‖ ≤ 2 + |κ| = 4.
+ROUNDING = 2e-15
+
+
+def rounding(kappa):
+    return ROUNDING * 4 ** (len(kappa) - 1)
+
+
+def closed_form(kappa, x, y):
+    """Eqs. (mapaut) and (EfeGe), as printed."""
+    kappa1, kappa2 = kappa
+    first = kappa1 / (2 * pi) * sin(2 * pi * x)
+    F2 = first + kappa2 / (2 * pi) * sin(2 * pi * (x + y + first))
+    F1 = first + F2
+    return x + 2 * y + F1, y + F2
+
+
+@settings(deadline=None)
+@given(kappa=st.tuples(strengths, strengths), x=coordinates, y=coordinates)
+def test_step_of_two_kicks_is_the_closed_form_of_the_paper(kappa, x, y):
+    # Twice the bound, because the library's sine of radians errs as well.
+    assert_allclose(step(kappa, x, y), closed_form(kappa, x, y), rtol=0, atol=2 * rounding(kappa))
+
+
+@settings(deadline=None)
+@given(kappa=forcings, x=coordinates, y=coordinates)
+def test_step_is_right_to_rounding(kappa, x, y):
+    with mpmath.workdps(30):
+        exact = [float(z) for z in oracles.exact_step(kappa, x, y)]
+    assert_allclose(step(kappa, x, y), exact, rtol=0, atol=rounding(kappa))
+
+
+@settings(deadline=None)
+@given(kappa=strengths, x=coordinates, y=coordinates)
+def test_unkick_undoes_kick(kappa, x, y):
+    assert_allclose(unkick(kappa, *kick(kappa, x, y)), (x, y), rtol=0, atol=2 * ROUNDING)
+    assert_allclose(kick(kappa, *unkick(kappa, x, y)), (x, y), rtol=0, atol=2 * ROUNDING)
+
+
+@settings(deadline=None)
+@given(kappa=forcings, x=coordinates, y=coordinates)
+def test_unstep_undoes_step(kappa, x, y):
+    # As many kicks back as there: twice as many magnify the first one's error.
+    atol = rounding(2 * kappa)
+    assert_allclose(unstep(kappa, *step(kappa, x, y)), (x, y), rtol=0, atol=atol)
+
+
+@settings(deadline=None)
+@given(kappa=forcings, x=coordinates, y=coordinates)
+def test_area_is_preserved(kappa, x, y):
+    # The determinant is a difference of products of two elements, each below 4^P.
+    determinant = np.linalg.det(step_tangent(kappa, x, y))
+    assert determinant == pytest.approx(1, abs=ROUNDING * 16 ** len(kappa))
+
+
+@settings(deadline=None)
+@given(kappa=forcings, x=coordinates, y=coordinates)
+def test_tangent_is_the_derivative_of_step(kappa, x, y):
+    tangent = step_tangent(kappa, x, y)
+    with mpmath.workdps(50):
+        h = mpmath.mpf("1e-15")  # central differences are then exact to 30 digits
+        for column, (dx, dy) in enumerate([(h, 0), (0, h)]):
+            ahead = mpmath.matrix(oracles.exact_step(kappa, x + dx, y + dy))
+            behind = mpmath.matrix(oracles.exact_step(kappa, x - dx, y - dy))
+            slope = [float(s) for s in (ahead - behind) / (2 * h)]
+            # An error of x is one of κ cos 2πx, 2π|κ| < 13 times as large.
+            assert_allclose(tangent[:, column], slope, rtol=0, atol=13 * 4 * rounding(kappa))
+
+
+def test_maps_and_tangents_take_arrays():
+    kappa, x, y = (0.3, 0.5, -0.2), np.linspace(0, 1, 4)[:, None], np.linspace(0, 1, 5)
+    xs, ys = step(kappa, x, y)
+    tangent = step_tangent(kappa, x, y)
+    assert xs.shape == ys.shape == (4, 5)
+    assert tangent.shape == (2, 2, 4, 5)
+    assert (xs[2, 3], ys[2, 3]) == step(kappa, x[2, 0], y[3])
+    assert_allclose(tangent[..., 2, 3], step_tangent(kappa, x[2, 0], y[3]), rtol=1e-15)
+
+
+@settings(deadline=None)
+@given(kappa1=strengths, kappa2=strengths, x=coordinates, y=coordinates)
+def test_twist_is_the_paper_s(kappa1, kappa2, x, y):
+    expected = 2 + kappa2 * cos(2 * pi * (x + y + kappa1 / (2 * pi) * sin(2 * pi * x)))
+    assert twist((kappa1, kappa2), x, y) == pytest.approx(expected, abs=13 * 8 * ROUNDING)
+
+
+@pytest.mark.parametrize("kappa1", [-3.0, 0.0, 1.0])
+def test_twist_needs_a_second_kick_below_2(kappa1):
+    x, y = np.meshgrid(np.arange(32) / 32, np.arange(32) / 32)
+    assert (twist((kappa1, 1.99), x, y) > 0).all()
+    assert twist((kappa1, 2.01), 0.0, 0.5) < 0
+
+
+def test_rotating_forcing_of_one_half_alternates():
+    assert_allclose(rotating_forcing(0.5, 0.2, "1/2"), (0.7, 0.3), rtol=1e-15)
+    assert_allclose(rotating_forcing(0.5, 0.2, "1/2", phase=0.25), (0.5, 0.5), rtol=1e-15)
+
+
+def test_rotating_forcing_with_the_paper_s_sign_starts_half_a_period_later():
+    kappa1, kappa2 = 0.7, 0.3
+    mean, amplitude = (kappa1 + kappa2) / 2, (kappa2 - kappa1) / 2
+    assert_allclose(rotating_forcing(mean, amplitude, "1/2"), (kappa2, kappa1), rtol=1e-15)
+
+
+def test_rotating_forcing_has_period_q():
+    assert_allclose(rotating_forcing(0.5, 0.2, "1/3"), (0.7, 0.4, 0.4), rtol=1e-15)
+    n, phase = np.arange(7), 0.1
+    expected = 0.5 + 0.2 * cos(2 * pi * (phase + n * 5 / 7))
+    assert_allclose(rotating_forcing(0.5, 0.2, "5/7", phase), expected, rtol=1e-14)
+
+
+@settings(deadline=None)
+@given(kappa=strengths, x=coordinates, y=coordinates)
+def test_one_kick_alone_is_the_standard_map_at_twice_the_strength(kappa, x, y):
+    def standard(X, Y):
+        return step([2 * kappa], X, Y)
+
+    x1, y1 = step((kappa, 0), x, y)
+    assert_allclose((x1, 2 * y1), standard(x, 2 * y), rtol=0, atol=8 * ROUNDING)
+    x1, y1 = step((0, kappa), x, y)
+    assert_allclose((x1 + y1, 2 * y1), standard(x + y, 2 * y), rtol=0, atol=8 * ROUNDING)
+
+
+@given(kappa=strengths, x=coordinates, y=coordinates)
+def test_equal_kicks_are_the_standard_map_twice(kappa, x, y):
+    assert step((kappa, kappa), x, y) == step([kappa], *step([kappa], x, y))
+
+
+@pytest.mark.parametrize(
+    ("kappa", "message"),
+    [
+        (0.3, r"kappa=0\.3 has shape \(\).*vector of P ≥ 1 strengths"),
+        ([], r"kappa=\[\] has shape \(0,\)"),
+        ([[0.3, 0.5]], r"shape \(1, 2\)"),
+        ([0.3, np.nan], r"kappa=.*nan.* is not finite"),
+        ([np.inf], r"kappa=.*inf.* is not finite"),
+    ],
+)
+def test_a_forcing_is_a_finite_vector(kappa, message):
+    with pytest.raises(ValueError, match=message):
+        forcing(kappa)
+    with pytest.raises(ValueError, match=message):
+        step(kappa, 0.0, 0.0)

@@ -1,0 +1,193 @@
+from fractions import Fraction
+from itertools import islice, pairwise
+
+import mpmath
+import oracles
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from nasm.numbers import NAMES, RotationNumber, convergents, moebius, parse, rational
+
+quotients = st.integers(1, 30)
+prefixes = st.builds(
+    lambda a, rest: [a, *rest], st.integers(-5, 5), st.lists(quotients, max_size=5)
+)
+tails = st.lists(quotients, min_size=1, max_size=5)
+irrationals = st.builds(lambda prefix, tail: parse(spell(prefix, tail)), prefixes, tails)
+integers = st.integers(-6, 6)
+
+
+def spell(prefix, tail=()):
+    first, *rest = prefix
+    period = [f"({','.join(map(str, tail))})"] if tail else []
+    parts = [*map(str, rest), *period]
+    return f"[{first};{','.join(parts)}]" if parts else f"[{first}]"
+
+
+def exact(omega):
+    """Its value to 100 digits."""
+    with mpmath.workdps(100):
+        return oracles.continued_fraction(omega.prefix, omega.tail)
+
+
+def formulas():
+    with mpmath.workdps(100):
+        gamma = (mpmath.sqrt(5) - 1) / 2
+        return {
+            "gamma": gamma,
+            "gamma+1": gamma + 1,
+            "2gamma": 2 * gamma,
+            "2gamma+1": 2 * gamma + 1,
+            "(5gamma+6)/(4gamma+5)": (5 * gamma + 6) / (4 * gamma + 5),
+            "(gamma+1)/(4gamma+5)": (gamma + 1) / (4 * gamma + 5),
+        }
+
+
+def test_the_paper_s_numbers_are_their_formulas():
+    assert set(NAMES) == set(formulas())
+    for name, value in formulas().items():
+        assert float(parse(name)) == oracles.nearest_float(value)
+
+
+def test_the_paper_s_numbers_as_continued_fractions():
+    expected = ["[0;(1)]", "[1;(1)]", "[1;(4)]", "[2;(4)]", "[1;4,(1)]", "[0;4,(1)]"]
+    assert [str(parse(name)) for name in NAMES] == expected
+    assert [parse(text) for text in expected] == [parse(name) for name in NAMES]
+
+
+def test_nobles_end_in_ones():
+    noble = [parse(name).is_noble for name in NAMES]
+    assert noble == [True, True, False, False, True, True]
+    assert not parse("3/5").is_noble
+
+
+@given(prefix=prefixes, tail=tails)
+def test_parsing_keeps_the_value(prefix, tail):
+    omega = parse(spell(prefix, tail))
+    with mpmath.workdps(100):
+        value = oracles.continued_fraction(prefix, tail)
+    assert mpmath.almosteq(exact(omega), value, rel_eps=mpmath.mpf(10) ** -90)
+    assert float(omega) == oracles.nearest_float(value)
+
+
+@given(prefix=prefixes, tail=tails | st.just([]))
+def test_parse_reads_what_str_writes(prefix, tail):
+    omega = parse(spell(prefix, tail))
+    assert parse(str(omega)) == omega
+
+
+@given(prefix=prefixes, tail=tails, unrolled=st.integers(0, 7), repeated=st.integers(1, 3))
+def test_equal_numbers_compare_equal(prefix, tail, unrolled, repeated):
+    turns = (tail * (unrolled + 1))[:unrolled]
+    start = unrolled % len(tail)
+    rolled = (tail[start:] + tail[:start]) * repeated
+    assert parse(spell(prefix + turns, rolled)) == parse(spell(prefix, tail))
+
+
+@given(st.fractions(max_denominator=10**12))
+def test_a_fraction_is_the_last_of_its_convergents(fraction):
+    omega = rational(fraction)
+    assert list(convergents(omega))[-1] == fraction
+    assert float(omega) == float(fraction)
+    assert omega.is_rational
+    assert omega == parse(str(fraction)) == parse(str(omega))
+
+
+@given(prefix=prefixes)
+def test_the_two_spellings_of_a_fraction_are_one_number(prefix):
+    assert parse(spell([*prefix, 1])) == parse(spell([*prefix[:-1], prefix[-1] + 1]))
+
+
+def test_convergents_of_the_golden_mean_are_ratios_of_fibonacci_numbers():
+    ratios = [Fraction(*pair) for pair in [(0, 1), (1, 1), (1, 2), (2, 3), (3, 5), (5, 8), (8, 13)]]
+    assert list(islice(convergents(parse("gamma")), 7)) == ratios
+
+
+@given(irrationals)
+def test_convergents_come_ever_closer_from_both_sides(omega):
+    value = exact(omega)
+    with mpmath.workdps(100):
+        misses = [f.denominator * value - f.numerator for f in islice(convergents(omega), 12)]
+    assert all(abs(after) < abs(before) for before, after in pairwise(misses))
+    assert all(miss * (-1) ** k > 0 for k, miss in enumerate(misses))
+
+
+def test_no_fraction_with_a_smaller_denominator_is_closer_than_a_convergent():
+    omega = float(parse("[0;4,(1)]"))
+    for fraction in islice(convergents(parse("[0;4,(1)]")), 1, 9):
+        miss = abs(fraction.denominator * omega - fraction.numerator)
+        for q in range(1, fraction.denominator):
+            assert abs(q * omega - round(q * omega)) > miss
+
+
+@given(omega=irrationals, a=integers, b=integers, c=integers, d=integers)
+def test_moebius_transform_and_its_inverse(omega, a, b, c, d):
+    assume(a * d != b * c)
+    image = moebius(omega, a, b, c, d)
+    assert moebius(image, d, -b, -c, a) == omega
+    assert all(quotient >= 1 for quotient in (*image.prefix[1:], *image.tail))
+    with mpmath.workdps(100):
+        value = exact(omega)
+        value = (a * value + b) / (c * value + d)
+    assert float(image) == oracles.nearest_float(value)
+
+
+@given(fraction=st.fractions(max_denominator=50), a=integers, b=integers, c=integers, d=integers)
+def test_moebius_transform_of_a_fraction(fraction, a, b, c, d):
+    assume(a * d != b * c and c * fraction + d != 0)
+    image = rational((a * fraction + b) / (c * fraction + d))
+    assert moebius(rational(fraction), a, b, c, d) == image
+
+
+def test_the_mirror_of_a_circle_has_2_minus_omega():
+    assert moebius(parse("2gamma"), -1, 2) == parse("2-2gamma")
+    assert moebius(parse("gamma"), -1, 2) == parse("-gamma+2")
+
+
+def test_moebius_refuses_a_constant_and_infinity():
+    with pytest.raises(ValueError, match="does not depend on ω; use ad ≠ bc"):
+        moebius(parse("gamma"), 2, 4, 1, 2)
+    with pytest.raises(ValueError, match="is infinite at ω = 1/2"):
+        moebius(parse("1/2"), 1, 0, 2, -1)
+
+
+@pytest.mark.parametrize(
+    ("text", "omega"),
+    [
+        ("γ", RotationNumber((0,), (1,))),
+        (" 2 * gamma + 1 ", RotationNumber((2,), (4,))),
+        ("1 + gamma", RotationNumber((1,), (1,))),
+        ("1/gamma", RotationNumber((1,), (1,))),
+        ("(2gamma)/(gamma)", RotationNumber((2,))),
+        ("-3/5", RotationNumber((-1, 2, 2))),
+        ("6/4", RotationNumber((1, 2))),
+        ("[3]", RotationNumber((3,))),
+        ("[-2; 3, (1, 2)]", RotationNumber((-2, 3), (1, 2))),
+    ],
+)
+def test_ways_to_write_a_number(text, omega):
+    assert parse(text) == omega
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "golden",
+        "1.5",
+        "3/0",
+        "1/2/3",
+        "[1;0,(1)]",
+        "[1;2",
+        "[;1]",
+        "[1;-2]",
+        "[1;(0)]",
+        "[1;()]",
+    ],
+)
+def test_what_is_not_a_number_is_refused_with_the_forms_that_are(text):
+    with pytest.raises(
+        ValueError, match=r"is not a rotation number.*\[1;4,\(1\)\].*3/5.*5gamma\+6"
+    ):
+        parse(text)

@@ -1,0 +1,141 @@
+import mpmath
+import numpy as np
+import oracles
+import pytest
+from numpy.testing import assert_allclose
+
+from nasm.orbits import REGULAR_DIGITS, orbit, portrait, rotation_number
+
+# Robust circles: ω about 0.62 and 0.76 of the paper's map, far below their breakup.
+KAPPA = (0.3, 0.2)
+X, Y = np.array([0.1, 0.0]), np.array([0.31, 0.38])
+
+
+@pytest.mark.parametrize("kappa", [(0.9,), (0.5, 0.7), (0.5, -0.3, 0.2)])
+def test_orbit_is_that_of_a_plain_loop(kappa):
+    xs, ys = orbit(kappa, 0.1, 0.3, 10)
+    # 10 steps magnify the rounding of a kick, 1e-15, by less than 1e3 on these orbits.
+    assert_allclose((xs, ys), oracles.orbit(kappa, 0.1, 0.3, 10), rtol=0, atol=1e-12)
+
+
+def test_orbit_is_right_to_rounding():
+    xs, ys = orbit((0.5, 0.7), 0.1, 0.3, 5)
+    with mpmath.workdps(30):
+        x, y = mpmath.mpf(0.1), mpmath.mpf(0.3)
+        for n in range(6):
+            assert (xs[n], ys[n]) == pytest.approx((float(x), float(y)), abs=1e-13)
+            x, y = oracles.exact_step((0.5, 0.7), x, y)
+
+
+def test_orbit_stays_on_the_lift():
+    xs, ys = orbit([0.0, 0.0, 0.0], 0.25, 0.5, 100)
+    np.testing.assert_array_equal(xs, 0.25 + 3 * 0.5 * np.arange(101))
+    np.testing.assert_array_equal(ys, 0.5)
+
+
+def test_an_orbit_of_no_steps_is_its_start():
+    xs, ys = orbit(KAPPA, X, Y, 0)
+    np.testing.assert_array_equal(xs, [X])
+    np.testing.assert_array_equal(ys, [Y])
+
+
+def test_starts_broadcast():
+    xs, ys = orbit(KAPPA, X[:, None], np.linspace(0, 1, 5), 7)
+    assert xs.shape == ys.shape == (8, 2, 5)
+    alone_x, alone_y = orbit(KAPPA, X[1], 0.75, 7)
+    assert alone_x.shape == (8,)
+    np.testing.assert_array_equal((xs[:, 1, 3], ys[:, 1, 3]), (alone_x, alone_y))
+    omega, digits = rotation_number(KAPPA, X[:, None], np.linspace(0, 1, 5), 100)
+    assert omega.shape == digits.shape == (2, 5)
+
+
+@pytest.mark.parametrize("P", [1, 2, 3])
+def test_a_rigid_rotation_has_omega_P_y(P):
+    y = np.array([0.2, 2**-0.5, -0.3, 5.1])
+    omega, digits = rotation_number(np.zeros(P), 0.4, y, 1000)
+    assert_allclose(omega, P * y, rtol=0, atol=1e-13)
+    assert (digits > 13).all()
+
+
+def test_rotation_number_of_a_circle_has_12_digits_after_10_000_steps():
+    omega, digits = rotation_number(KAPPA, X, Y, 10_000)
+    longer, _ = rotation_number(KAPPA, X, Y, 100_000)
+    assert_allclose(omega, longer, rtol=0, atol=1e-12)
+    assert (digits > 10).all()
+    # An independent, crude average: the orbit keeps within one turn of the rigid rotation.
+    xs, _ = orbit(KAPPA, X, Y, 10_000)
+    assert_allclose(omega, (xs[-1] - xs[0]) / 10_000, rtol=0, atol=1e-4)
+
+
+def test_rotation_number_is_the_weighted_average_of_the_advances():
+    n = 1000
+    xs, _ = orbit(KAPPA, X, Y, n)
+    s = np.arange(1, n)[:, None] / n
+    w = np.exp(-1 / (s * (1 - s)))
+    average = (w * np.diff(xs, axis=0)[1:]).sum(axis=0) / w.sum()
+    assert_allclose(rotation_number(KAPPA, X, Y, n)[0], average, rtol=0, atol=1e-13)
+
+
+def test_digits_seldom_promise_too_much():
+    y = np.linspace(0, 0.5, 201)
+    exact, sure = rotation_number(KAPPA, 0.1, y, 100_000)
+    omega, digits = rotation_number(KAPPA, 0.1, y, 3000)
+    assert (np.isfinite(omega) == (digits >= REGULAR_DIGITS)).all()
+    regular = (digits >= REGULAR_DIGITS) & (sure > 12)
+    assert regular.sum() > 150
+    # The halves of an orbit agree by chance now and then: 2% of circles have a larger error.
+    errors = np.abs(omega - exact)[regular]
+    assert np.mean(errors > 10.0 ** -digits[regular] + 1e-13) < 0.05
+
+
+def test_rotation_numbers_of_the_reductions_are_the_standard_map_s():
+    def standard(kappa, x, y):
+        return rotation_number([kappa], x, y, 10_000)[0]
+
+    def ours(kappa):
+        return rotation_number(kappa, X, Y, 10_000)[0]
+
+    assert_allclose(ours((0.3, 0)), standard(0.6, X, 2 * Y), rtol=0, atol=1e-11)
+    assert_allclose(ours((0, 0.3)), standard(0.6, X + Y, 2 * Y), rtol=0, atol=1e-11)
+    assert_allclose(ours((0.3, 0.3)), 2 * standard(0.3, X, Y), rtol=0, atol=1e-11)
+
+
+def test_mirrored_circles_have_omega_and_2_minus_omega():
+    omega, _ = rotation_number(KAPPA, X, Y, 10_000)
+    mirrored, _ = rotation_number(KAPPA, 1 - X, 1 - Y, 10_000)
+    assert_allclose(omega + mirrored, 2, rtol=0, atol=1e-11)
+
+
+def test_a_chaotic_orbit_has_no_rotation_number():
+    omega, digits = rotation_number((1.5, 1.5), [0.01, 0.02, 0.03], 0.0, 10_000)
+    assert np.isnan(omega).all()
+    assert (digits < REGULAR_DIGITS).all()
+
+
+def test_an_island_turns_with_its_periodic_orbit():
+    # (1/2, 0) is elliptic for small positive strengths, and fixed: ω = 0 all around it.
+    omega, _ = rotation_number(KAPPA, 0.55, 0.0, 10_000)
+    assert omega == pytest.approx(0, abs=1e-12)
+
+
+def test_portrait_shows_one_cell():
+    x, y = portrait((0.9, 0.7), n_orbits=10, n=50)
+    assert x.shape == y.shape == (51, 10)
+    for values in (x, y):
+        assert ((values >= 0) & (values < 1)).all()
+    assert set(x[0]) == {0.0, 0.5}
+    assert_allclose(np.sort(y[0]), np.arange(10) / 10)
+
+
+def test_bad_arguments_are_named():
+    with pytest.raises(ValueError, match=r"n=-1 is negative; an orbit has n ≥ 0 steps"):
+        orbit(KAPPA, 0.0, 0.0, -1)
+    with pytest.raises(ValueError, match=r"n=3 is too short to compare two halves; use n ≥ 4"):
+        rotation_number(KAPPA, 0.0, 0.0, 3)
+    for function in (orbit, rotation_number):
+        with pytest.raises(ValueError, match=r"x is not finite"):
+            function(KAPPA, np.nan, 0.0, 10)
+        with pytest.raises(ValueError, match=r"y is not finite"):
+            function(KAPPA, 0.0, [0.0, np.inf], 10)
+        with pytest.raises(ValueError, match=r"kappa=0\.3 has shape"):
+            function(0.3, 0.0, 0.0, 10)

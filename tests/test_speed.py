@@ -1,0 +1,136 @@
+"""Speed, as ratios within one run: `python -m pytest -m benchmark -s`.
+
+Whatever else runs on the machine is in every time; versions are therefore timed in turn, in CPU
+seconds, and medians compared.
+"""
+
+import ctypes
+import os
+import shutil
+import subprocess
+import time
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import oracles
+import psutil
+import pytest
+import toy
+
+from nasm import escape
+from nasm.sine import SINE
+from pipeline import store
+from pipeline.cluster import connect
+from pipeline.sweep import sweep
+
+pytestmark = pytest.mark.benchmark
+
+KAPPA = (0.3, 0.3)  # nothing escapes: the kernel at its steady speed
+FLAGS = {
+    "avx512dq": ["-O3", "-march=native", "-fno-schedule-insns2"],
+    "avx2": ["-O3", "-mavx2", "-mfma", "-mtune=native", "-fno-schedule-insns2"],
+}
+
+
+def median_times(*timed, repeats=9):
+    """Median CPU seconds of each function, called in turn."""
+    times = np.empty((repeats, len(timed)))
+    for row in times:
+        for i, function in enumerate(timed):
+            start = time.process_time()
+            function()
+            row[i] = time.process_time() - start
+    return np.median(times, axis=0)
+
+
+@pytest.fixture(scope="module")
+def c_kernel(tmp_path_factory):
+    """escape_reference.c, compiled for this machine."""
+    cpu = Path("/proc/cpuinfo").read_text() if os.path.exists("/proc/cpuinfo") else ""
+    flags = next((FLAGS[feature] for feature in FLAGS if feature in cpu), None)
+    if flags is None or shutil.which("gcc") is None:
+        pytest.skip("needs gcc and a processor with AVX2")
+    library = tmp_path_factory.mktemp("c") / "escape.so"
+    source = Path(__file__).with_name("escape_reference.c")
+    subprocess.run(["gcc", *flags, "-shared", "-fPIC", source, "-o", library], check=True)
+    function = ctypes.CDLL(str(library)).escape_blocks
+    array = np.ctypeslib.ndpointer(dtype=np.float64, flags="C_CONTIGUOUS")
+    function.argtypes = [array, ctypes.c_long, array, array, ctypes.c_long, ctypes.c_long]
+    function.argtypes += [ctypes.c_double, ctypes.c_double]
+    function.restype = ctypes.c_double
+    return function
+
+
+def test_the_kernel_against_plain_numba_and_c(c_kernel):
+    n_orbits, n = 1024, 20_000
+    x, y = escape.ensemble(n_orbits)
+    few, short = slice(0, 64), 4000  # the plain kernel is slow; time less of it
+    coefficients = -np.outer(KAPPA, SINE)
+
+    def plain():
+        assert np.isinf(oracles.escape_time(KAPPA, x[few], y[few], short)).all()
+
+    def lanes():
+        assert np.isinf(escape.escape_time(KAPPA, x, y, n)).all()
+
+    def ensemble():
+        assert np.isinf(escape.first_escape([KAPPA], x, y, [n_orbits], n)).all()
+
+    def c():
+        assert c_kernel(coefficients, 2, x - 0.25, y.copy(), n_orbits, n, -2.0, 2.3) == 0
+
+    for function in (plain, lanes, ensemble, c):
+        function()
+    per_step = median_times(plain, lanes, ensemble, c) * 1e9
+    per_step /= np.array([64 * short, *[n_orbits * n] * 3])
+    for name, ns in zip(("plain Numba", "escape_time", "first_escape", "C"), per_step, strict=True):
+        print(f"\n{name:13} {ns:6.3f} ns a step, {per_step[0] / ns:5.1f} x plain", end="")
+    plain_ns, lanes_ns, ensemble_ns, c_ns = per_step
+    print(f"\nof the speed of C: {c_ns / lanes_ns:.2f}, {c_ns / ensemble_ns:.2f}")
+    assert plain_ns / lanes_ns > 25
+    assert plain_ns / ensemble_ns > 25
+
+
+def test_two_threads_against_one():
+    x, y = escape.ensemble(1024)
+    halves = [(x[:512], y[:512]), (x[512:], y[512:])]
+
+    def run(half):
+        escape.escape_time(KAPPA, *half, 100_000)
+
+    ratios = []
+    with ThreadPoolExecutor(2) as pool:
+        list(pool.map(run, halves))
+        for _ in range(9):
+            start = time.perf_counter()
+            for half in halves:
+                run(half)
+            middle = time.perf_counter()
+            list(pool.map(run, halves))
+            ratios.append((middle - start) / (time.perf_counter() - middle))
+    print(f"\ntwo threads: {np.median(ratios):.2f} x one")
+
+
+def cpu_seconds():
+    """CPU time so far of this process and its children, which are the workers."""
+    here = psutil.Process()
+    return sum(sum(process.cpu_times()[:2]) for process in [here, *here.children(recursive=True)])
+
+
+@pytest.mark.parametrize(("tile", "seconds", "side"), [(1, 0.5, 8), (1, 0.002, 40)])
+def test_overhead_of_the_sweep(tmp_path, tile, seconds, side):
+    plan = toy.cube(side, side, tile, burn=seconds)
+    first = {(row, column) for row in range(2) for column in range(2)}
+    with connect(toy.no_warm_up, n_workers=2) as client, store.driving(tmp_path):
+        sweep(client, tmp_path, plan, toy.compute, toy.predict_burn, wanted=first)  # imports
+        before = float(store.read(tmp_path, "toy").cpu_seconds.sum())
+        start = cpu_seconds()
+        sweep(client, tmp_path, plan, toy.compute, toy.predict_burn)
+        total = cpu_seconds() - start
+    computing = float(store.read(tmp_path, "toy").cpu_seconds.sum()) - before
+    overhead = total - computing
+    print(
+        f"\n{side**2} tiles of {seconds} s: overhead {100 * overhead / computing:.1f}% of the "
+        f"kernels' CPU time, {1e3 * overhead / side**2:.2f} ms a tile"
+    )
