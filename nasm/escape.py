@@ -20,11 +20,10 @@ tests for escapes once a block of steps, by the block's largest |y|; only after 
 block's start replayed step by step, so times are exact.
 """
 
-from numbers import Integral
-
 import numpy as np
 from numba import njit
 
+from nasm.checks import count, points
 from nasm.lanes import LANES, fabs, fma, load, maximum, own_frame, rint, store
 from nasm.maps import forcing
 from nasm.sine import SINE
@@ -46,7 +45,7 @@ def ensemble(n_orbits):
     The additive sequence of the plastic number g (g³ = g + 1), frac(1/2 + i/g) and
     frac(1/2 + i/g²): ensembles of all sizes are nested, and the same on every machine.
     """
-    n_orbits = _count("n_orbits", n_orbits, 1, 10**8)
+    n_orbits = count("n_orbits", n_orbits, 1, 10**8)
     plastic = 1.324717957244746
     i = np.arange(n_orbits)
     return (0.5 + i / plastic) % 1.0, 0.3 * ((0.5 + i / plastic**2) % 1.0)
@@ -100,16 +99,17 @@ def first_escape(kappas, x, y, sizes, n_max, window=PAPER_WINDOW):
     plane = kappas.shape[:-1]
     flat = forcing(kappas.ravel()).reshape(-1, kappas.shape[-1])
     _, x, y, n_max, lo, hi, shift = _checked(flat[0], x, y, n_max, window)
-    sizes = np.asarray(sizes)
     if x.ndim != 1:
         raise ValueError(f"x and y have shape {x.shape}; nested ensembles need a vector of starts")
-    if sizes.ndim != 1 or sizes.dtype.kind not in "iu" or not _increasing(0, sizes, x.size):
+    sizes = np.asarray(sizes)
+    ordered = sizes.ndim == 1 and sizes.size and sizes.dtype.kind in "iu"
+    if not (ordered and sizes[0] >= 1 and sizes[-1] <= x.size and (sizes[1:] > sizes[:-1]).all()):
         raise ValueError(
             f"sizes={sizes.tolist()} must be increasing whole numbers from 1 to {x.size}, "
             "the number of starts"
         )
-    times = np.empty((len(flat), sizes.size))
     sizes = sizes.astype(np.int64)
+    times = np.empty((len(flat), sizes.size))
     _first_escapes(_kicks(flat), x - 0.25, y - shift, sizes, n_max, lo, hi, times)
     return times.T.reshape(sizes.size, *plane)
 
@@ -150,32 +150,19 @@ def boundary(escape_time, kappa1, kappa2, angles, n):
     return np.where(crossing.any(axis=-1), (scales[first] + scales[first + 1]) / 2, np.nan)
 
 
-def _increasing(low, sizes, high):
-    return sizes.size > 0 and low < sizes[0] and sizes[-1] <= high and (np.diff(sizes) > 0).all()
-
-
-def _count(name, value, low, high):
-    """`value` as an int in [low, high]."""
-    if not (isinstance(value, Integral) and low <= value <= high):
-        raise ValueError(f"{name}={value!r} must be a whole number from {low} to {high}")
-    return int(value)
-
-
 def _checked(kappa, x, y, n_max, window):
     """The arguments, validated, and the window moved by an integer `shift` to lie around y = 0."""
     strengths = forcing(kappa)
-    x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
-    for name, values in (("x", x), ("y", y)):
-        if values.size == 0:
-            raise ValueError(f"{name} is empty; an ensemble has at least one start")
-        if not np.isfinite(values).all():
-            raise ValueError(f"{name} is not finite; starts must be finite numbers")
-    n_max = _count("n_max", n_max, 1, MAX_STEPS)
-    lo, hi = map(float, window)
-    if not (np.isfinite([lo, hi]).all() and lo < hi):
-        raise ValueError(f"window=({lo}, {hi}) must be two finite numbers, lower end first")
-    shift = np.rint((lo + hi) / 2)
-    return strengths, x, y, n_max, lo - shift, hi - shift, shift
+    x, y = points(x, y)
+    if x.size == 0:
+        raise ValueError("x and y are empty; an ensemble has at least one start")
+    n_max = count("n_max", n_max, 1, MAX_STEPS)
+    ends = np.asarray(window, dtype=float)
+    if ends.shape != (2,) or not np.isfinite(ends).all() or not ends[0] < ends[1]:
+        raise ValueError(f"window={window!r} must be two finite numbers, lower end first")
+    shift = np.rint(ends.mean())
+    lo, hi = (ends - shift).tolist()
+    return strengths, x, y, n_max, lo, hi, shift
 
 
 def _kicks(kappas):

@@ -27,6 +27,12 @@ NAMES = (
 )
 """The six rotation numbers of the paper, Sec. VI, as `parse` reads them."""
 
+_INTEGERS = r"\d+(?:,\d+)*"
+_CONTINUED_FRACTION = rf"\[(-?\d+)(?:;({_INTEGERS})(?:,\(({_INTEGERS})\))?|;\(({_INTEGERS})\))?\]"
+_TERM = r"(?:\d+\*?gamma|gamma|\d+)"
+_SUM = rf"[+-]?{_TERM}(?:[+-]{_TERM})*"
+_RATIO = rf"(-?{_TERM}|\({_SUM}\))/({_TERM}|\({_SUM}\))"
+
 
 @dataclass(frozen=True)
 class RotationNumber:
@@ -46,12 +52,13 @@ class RotationNumber:
         return f"[{';'.join([parts[0], ','.join(parts[1:])]) if parts[1:] else parts[0]}]"
 
     def __float__(self):
-        """The nearest float: convergents run until the float no longer changes."""
+        """The nearest float: that of two consecutive convergents that round alike, as ω between
+        them then does too."""
         value = None
         for fraction in convergents(self):
-            if value == fraction.numerator / fraction.denominator and fraction.denominator > 2**53:
+            last, value = value, fraction.numerator / fraction.denominator
+            if value == last:
                 break
-            value = fraction.numerator / fraction.denominator
         return value
 
     @property
@@ -70,16 +77,16 @@ def parse(text):
     Möbius transform of the golden mean with integer coefficients, "(5gamma+6)/(4gamma+5)".
     ValueError, with the three forms, for anything else.
     """
-    compact = re.sub(r"[\s*]", "", text).replace("γ", "gamma")
-    if match := re.fullmatch(r"\[(-?\d+)(?:;([\d,]*?),?(?:\((\d+(?:,\d+)*)\))?)?\]", compact):
-        first, middle, tail = match.groups()
-        prefix = [int(first), *(int(a) for a in (middle or "").split(",") if a)]
-        period = [int(b) for b in (tail or "").split(",") if b]
-        if all(a >= 1 for a in [*prefix[1:], *period]):
-            return _shortest(prefix, period)
-    elif match := re.fullmatch(r"\(?([^()/]+)\)?(?:/\(?([^()/]+)\)?)?", compact):
-        top, bottom = (_linear(part) for part in (match[1], match[2] or "1"))
-        if top and bottom and bottom != (0, 0):
+    compact = re.sub(r"\s*([-+*/;,()[\]])\s*", r"\1", text.strip()).replace("γ", "gamma")
+    if match := re.fullmatch(_CONTINUED_FRACTION, compact):
+        first, prefix, tail, tail_only = match.groups()
+        prefix = [int(a) for a in (prefix or "").split(",") if a]
+        tail = [int(b) for b in (tail or tail_only or "").split(",") if b]
+        if all(a >= 1 for a in prefix + tail):
+            return _shortest([int(first), *prefix], tail)
+    elif match := re.fullmatch(f"({_SUM})", compact) or re.fullmatch(_RATIO, compact):
+        top, bottom = (_linear(part.strip("()")) for part in (*match.groups(), "1")[:2])
+        if bottom != (0, 0):
             return _golden_moebius(*top, *bottom)
     raise ValueError(
         f"{text!r} is not a rotation number; write a continued fraction like [1;4,(1)], a fraction "
@@ -132,16 +139,12 @@ def moebius(omega, a, b, c=0, d=1):
 
 
 def _linear(text):
-    """(a, b) of "a·gamma + b" in any order, or None."""
-    terms = re.findall(r"([+-]?)(\d*)(gamma)?", text)
-    if "".join(sign + digits + gamma for sign, digits, gamma in terms) != text or not text:
-        return None
+    """(a, b) of "a·gamma + b", a sum of terms as in _SUM."""
     a = b = 0
-    for sign, digits, gamma in terms:
-        if not (digits or gamma):
-            continue
-        value = int(digits or 1) * (-1 if sign == "-" else 1)
-        a, b = (a + value, b) if gamma else (a, b + value)
+    for sign, digits, gamma in re.findall(r"([+-]?)(\d*)\*?(gamma)?", text):
+        if digits or gamma:
+            value = int(sign + (digits or "1"))
+            a, b = (a + value, b) if gamma else (a, b + value)
     return a, b
 
 
@@ -160,12 +163,13 @@ def _product(quotients):
 
 
 def _expand_surd(r, s, t, n):
-    """The continued fraction of (r + s·√n)/t: repeat a = floor, x → 1/(x - a) until x recurs."""
+    """The continued fraction of (r + s·√n)/t: repeat a = floor, x → 1/(x - a) until x recurs.
+
+    t must divide s²n - r², as it does for a root of an equation with integer coefficients.
+    """
     n, s = n * s * s, (1 if s > 0 else -1)
     if s < 0:
         r, t = -r, -t
-    if (n - r * r) % t:
-        r, n, t = r * abs(t), n * t * t, t * abs(t)
     root = isqrt(n)
     seen, quotients = {}, []
     while (r, t) not in seen:

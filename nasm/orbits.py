@@ -12,7 +12,10 @@ regular for longer than the average lasts.
 import numpy as np
 from numba import njit
 
+from nasm.checks import count, points
 from nasm.maps import forcing, kick
+
+MAX_STEPS = 10**9
 
 REGULAR_DIGITS = 5
 """Halves that share fewer digits give no rotation number: the orbit is chaotic, or n too small."""
@@ -25,16 +28,15 @@ def orbit(kappa, x, y, n):
     ----------
     kappa : sequence of P floats, the forcing, first kick first.
     x, y : float or arrays that broadcast to one shape.
-    n : int ≥ 0, steps (periods of the forcing).
+    n : int, 0 to 10⁹, steps (periods of the forcing).
 
     Returns
     -------
     x, y : ndarrays of shape (n + 1, *shape); index 0 is the start.
     """
     strengths = forcing(kappa)
-    x, y = _points(x, y)
-    if n < 0:
-        raise ValueError(f"n={n} is negative; an orbit has n ≥ 0 steps")
+    x, y = points(x, y)
+    n = count("n", n, 0, MAX_STEPS)
     xs, ys = _orbit(strengths, x.ravel(), y.ravel(), n)
     return xs.reshape(n + 1, *x.shape), ys.reshape(n + 1, *x.shape)
 
@@ -42,9 +44,10 @@ def orbit(kappa, x, y, n):
 def portrait(kappa, n_orbits=40, n=400):
     """A phase portrait of one cell: orbits from the symmetry lines x = 0 and x = 1/2.
 
-    Returns x and y, shape (n + 1, n_orbits), both reduced to [0, 1). Starts alternate between the
+    Returns x and y, shape (n + 1, n_orbits), both reduced mod 1. Starts alternate between the
     two lines, equally spaced in y, so that islands on either and the circles between are met.
     """
+    n_orbits = count("n_orbits", n_orbits, 1, MAX_STEPS)
     y = np.arange(n_orbits) / n_orbits
     x = np.where(np.arange(n_orbits) % 2, 0.5, 0.0)
     x, y = orbit(kappa, x, y, n)
@@ -58,31 +61,22 @@ def rotation_number(kappa, x, y, n):
     ----------
     kappa : sequence of P floats, the forcing, first kick first.
     x, y : float or arrays that broadcast to one shape.
-    n : int ≥ 4, steps to average over; 10⁴ gives 12 digits or more on a robust circle.
+    n : int, 4 to 10⁹, steps to average over; 10⁴ gives 12 digits or more on a robust circle.
 
     Returns
     -------
     omega : ndarray; NaN where the two halves of the orbit share fewer than `REGULAR_DIGITS` digits.
-    digits : ndarray, -log10 of the difference of the two halves' averages (at most 16): how many
-        digits to believe. The value itself uses the whole orbit and is usually better than that.
+    digits : ndarray, -log10 of the difference of the two halves' averages (at most 16). The value
+        uses the whole orbit and is usually better than that; the halves may also agree by chance:
+        on robust circles the error exceeded 10^-digits in 2-3% of cases, mostly by less than 10×.
     """
     strengths = forcing(kappa)
-    x, y = _points(x, y)
-    if n < 4:
-        raise ValueError(f"n={n} is too short to compare two halves; use n ≥ 4, e.g. n=10_000")
+    x, y = points(x, y)
+    n = count("n", n, 4, MAX_STEPS)
     whole, first, second = _weighted_averages(strengths, x.ravel(), y.ravel(), n)
     digits = -np.log10(np.maximum(np.abs(first - second), 1e-16))
     omega = np.where(digits >= REGULAR_DIGITS, whole, np.nan)
     return omega.reshape(x.shape), digits.reshape(x.shape)
-
-
-def _points(x, y):
-    """x and y as finite float arrays of one shape."""
-    x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
-    for name, values in (("x", x), ("y", y)):
-        if not np.isfinite(values).all():
-            raise ValueError(f"{name} is not finite; initial conditions must be finite numbers")
-    return x, y
 
 
 @njit(nogil=True)

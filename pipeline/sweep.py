@@ -16,10 +16,11 @@ import signal
 import sys
 import threading
 import time
+from concurrent.futures import CancelledError
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-from distributed import KilledWorker, as_completed
+from distributed import KilledWorker, wait
 
 from pipeline import store
 from pipeline.grid import tile_slices
@@ -27,6 +28,7 @@ from pipeline.grid import tile_slices
 _BATCH_SECONDS = 0.5  # of predicted CPU time in a batch: long against 2 ms of scheduling
 _BATCH_TILES = 256
 _IN_FLIGHT = 2  # batches per worker: one computing, one waiting
+_PATIENCE = 30  # seconds without any worker, after which the sweep gives up
 _ATTEMPTS_ALONE = 2  # worker deaths that condemn a tile: one may be somebody else's doing
 
 
@@ -55,6 +57,7 @@ def sweep(client, out, cube, compute, predict, wanted=None, report=sys.stderr):
     Returns
     -------
     Outcome. StoreError if the store holds another cube of that name; no tile is then computed.
+    ConnectionError if the scheduler or all workers are gone; what is committed stays.
     """
     layout = store.create(out, cube)
     missing = store.missing(layout, cube)
@@ -94,7 +97,6 @@ class _Run:
         suspects = []
         batches = iter(batches)
         in_flight = {}
-        completed = as_completed(loop=self.client.loop)
         while True:
             while len(in_flight) < window and not self.interrupt.is_set():
                 batch = next(batches, None)
@@ -105,20 +107,34 @@ class _Run:
                     _compute_batch, self.layout, self.compute, self.settings, tiles, pure=False
                 )
                 in_flight[future] = batch
-                completed.add(future)
             if not in_flight:
                 return suspects
-            future = next(completed)
-            batch = in_flight.pop(future)
-            if future.status == "finished":
-                self._count(future.result())
-            elif future.status == "error" and isinstance(future.exception(), KilledWorker):
-                suspects += batch
-            elif future.status == "error":
-                raise future.exception()
-            else:
-                raise ConnectionError("the dask scheduler is gone; run again to resume")
-            future.release()
+            for future in self._first_completed(list(in_flight)):
+                batch = in_flight.pop(future)
+                try:
+                    # A worker may die between the end of a batch and its report: dask then runs
+                    # the batch again, which may end in either way.
+                    self._count(future.result())
+                except KilledWorker:
+                    suspects += batch
+                except CancelledError:
+                    raise ConnectionError(
+                        "the dask scheduler is gone; run again to resume"
+                    ) from None
+                future.release()
+
+    def _first_completed(self, futures):
+        """Wait until some of the futures are done, and return those."""
+        alive = time.monotonic()
+        while True:
+            try:
+                with self.client.as_current():
+                    return wait(futures, timeout=1, return_when="FIRST_COMPLETED").done
+            except TimeoutError:
+                if self.client.scheduler_info(n_workers=-1)["workers"]:
+                    alive = time.monotonic()
+                elif time.monotonic() - alive > _PATIENCE:
+                    raise ConnectionError("no workers are left; run again to resume") from None
 
     def _count(self, results):
         for index, error in results:

@@ -271,7 +271,7 @@ STEPS = r"must be a whole number from 1 to 1000000000000"
         ({"kappa": ()}, r"kappa=\(\) has shape \(0,\)"),
         ({"x": np.nan}, r"x is not finite"),
         ({"y": [0.1, -np.inf]}, r"y is not finite"),
-        ({"x": [], "y": []}, r"x is empty; an ensemble has at least one start"),
+        ({"x": [], "y": []}, r"x and y are empty; an ensemble has at least one start"),
         ({"n_max": 0}, rf"n_max=0 {STEPS}"),
         ({"n_max": -1}, rf"n_max=-1 {STEPS}"),
         ({"n_max": 1.5}, rf"n_max=1\.5 {STEPS}"),
@@ -293,7 +293,20 @@ def test_bad_arguments_are_named(bad, message):
 
 
 @pytest.mark.parametrize(
-    "sizes", [[], [0, 2], [-1], [2, 2], [3, 1], [1, 6], [1.0, 2.0], [[1, 2]], 3, [True]]
+    "sizes",
+    [
+        [],
+        [0, 2],
+        [-1],
+        [2, 2],
+        [3, 1],
+        [1, 6],
+        [1.0, 2.0],
+        [[1, 2]],
+        3,
+        [True],
+        np.array([3, 1], np.uint8),
+    ],
 )
 def test_sizes_are_increasing_whole_numbers_of_starts(sizes):
     message = r"sizes=.* must be increasing whole numbers from 1 to 5, the number of starts"

@@ -184,6 +184,17 @@ def test_ways_to_write_a_number(text, omega):
         "[1;-2]",
         "[1;(0)]",
         "[1;()]",
+        "[1;4,,3]",
+        "[1;]",
+        "gamma*2",
+        "gamma2",
+        "gamma+1/2",
+        "1/4gamma+5",
+        "gamma+",
+        "(gamma+1",
+        "--1",
+        "1 2",
+        "+",
     ],
 )
 def test_what_is_not_a_number_is_refused_with_the_forms_that_are(text):

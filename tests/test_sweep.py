@@ -84,31 +84,42 @@ def test_a_tile_that_kills_its_workers_fails_alone(client, tmp_path):
     assert (outcome.committed, outcome.remaining) == (19, 1)
 
 
-def test_a_sweep_survives_workers_killed_at_random(client, tmp_path):
-    plan = toy.cube(tile=1, seconds=0.02)
-    stop = threading.Event()
+def test_a_sweep_survives_workers_killed_at_random(tmp_path):
+    plan = toy.cube(tile=1, seconds=0.03)
+    choose = random.Random(1)
 
-    def kill():
-        choose = random.Random(1)
-        while not stop.wait(0.4):
+    def kill_three(client):
+        for _ in range(3):
+            time.sleep(0.7)
             pids = list(client.run(os.getpid, on_error="ignore").values())
-            if pids:
-                os.kill(choose.choice(pids), signal.SIGKILL)
+            os.kill(choose.choice(pids), signal.SIGKILL)
 
-    killer = threading.Thread(target=kill)
-    killer.start()
-    time.sleep(0.1)
-    try:
+    with connect(toy.no_warm_up, n_workers=2) as client:
+        killer = threading.Thread(target=kill_three, args=[client])
+        killer.start()
         first = run(client, tmp_path, plan)
-    finally:
-        stop.set()
         killer.join()
     # A tile may have had the bad luck to be killed each time; it is only missing, not lost.
     assert first.committed + len(first.failed) == 130
     committed = commit_times(tmp_path)
-    run(client, tmp_path, plan)
+    with connect(toy.no_warm_up, n_workers=2) as client:
+        run(client, tmp_path, plan)
     assert_complete(tmp_path, plan)
     assert committed.items() <= commit_times(tmp_path).items()
+
+
+def test_a_sweep_without_workers_gives_up_and_says_so(tmp_path, monkeypatch):
+    monkeypatch.setattr("pipeline.sweep._PATIENCE", 1)
+    with connect(toy.no_warm_up, n_workers=1) as client:
+
+        def retire():
+            time.sleep(0.5)
+            client.cluster.scale(0)
+
+        threading.Thread(target=retire).start()
+        with pytest.raises(ConnectionError, match="no workers are left; run again to resume"):
+            run(client, tmp_path, toy.cube(tile=1, seconds=0.1))
+    assert 0 < len(commit_times(tmp_path)) < 130
 
 
 def commit_times(out):
