@@ -19,6 +19,7 @@ import shutil
 import warnings
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from tempfile import mkstemp
 
@@ -51,12 +52,13 @@ class Layout:
     name: str
     variables: tuple[tuple[str, str, tuple[int, ...], tuple[int, ...]], ...]
 
-    @property
+    @cached_property
     def group(self):
         return self.out / STORE / self.name
 
     def chunk_file(self, variable, index):
-        return self.group / variable / "c" / Path(*map(str, index))
+        """Path of a chunk, as a string: this runs once a tile, and pathlib is slow."""
+        return f"{self.group}/{variable}/c/{'/'.join(map(str, index))}"
 
 
 @contextmanager
@@ -177,7 +179,7 @@ def missing(layout, cube):
 
 
 def is_committed(layout, index):
-    return layout.chunk_file(COMMIT, index).exists()
+    return os.path.exists(layout.chunk_file(COMMIT, index))
 
 
 def commit(layout, index, arrays, seconds):
@@ -209,7 +211,7 @@ def _write_aside(layout, target, array):
     try:
         os.rename(aside, target)
     except FileNotFoundError:
-        target.parent.mkdir(parents=True, exist_ok=True)
+        os.makedirs(os.path.dirname(target), exist_ok=True)
         os.rename(aside, target)
 
 
