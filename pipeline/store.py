@@ -17,9 +17,10 @@ import fcntl
 import os
 import shutil
 import warnings
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
+from math import prod
 from pathlib import Path
 from tempfile import mkstemp
 
@@ -29,7 +30,7 @@ import xarray as xr
 import zarr
 
 from pipeline.grid import tile_counts, tile_indices
-from pipeline.schema import FORMAT, Cube, provenance
+from pipeline.schema import FORMAT, provenance
 
 STORE = "cubes.zarr"
 COMMIT = "cpu_seconds"
@@ -42,23 +43,43 @@ class StoreError(Exception):
 
 
 @dataclass(frozen=True)
-class Layout:
-    """What a worker must know to commit a tile: a small, picklable part of a Cube and its place.
+class _Variable:
+    """How one variable is cut into chunks.
 
-    variables : (name, dtype, shape of a chunk, axes that are tiled) of each variable.
+    tiled_axes : for each of its axes which number of a tile's index counts chunks along it, or None
+        for an axis that is not tiled.
     """
+
+    name: str
+    dtype: str
+    chunk_shape: tuple[int, ...]
+    tiled_axes: tuple[int | None, ...]
+
+    def chunk(self, index):
+        """The chunk that holds the tile of that index."""
+        return [0 if axis is None else index[axis] for axis in self.tiled_axes]
+
+    @property
+    def chunk_bytes(self):
+        return prod(self.chunk_shape) * np.dtype(self.dtype).itemsize
+
+
+@dataclass(frozen=True)
+class Layout:
+    """What a worker must know to commit a tile: a small, picklable part of a Cube and its place."""
 
     out: Path
     name: str
-    variables: tuple[tuple[str, str, tuple[int, ...], tuple[int, ...]], ...]
+    variables: tuple[_Variable, ...]
+    record: _Variable
 
     @cached_property
     def group(self):
         return self.out / STORE / self.name
 
-    def chunk_file(self, variable, index):
-        """Path of a chunk, as a string: this runs once a tile, and pathlib is slow."""
-        return f"{self.group}/{variable}/c/{'/'.join(map(str, index))}"
+    def chunk_file(self, variable, chunk):
+        """Path of a chunk, as a string: this runs for every tile, and pathlib is slow."""
+        return f"{self.group}/{variable}/c/{'/'.join(map(str, chunk))}"
 
 
 @contextmanager
@@ -173,29 +194,31 @@ def replace(out, cube):
 
 
 def missing(layout, cube):
-    """Indices of the tiles without a commit record, in tile order."""
-    committed = _committed(layout.group / COMMIT / "c", len(cube.tile))
-    return [index for index in tile_indices(cube.sizes, cube.tile) if index not in committed]
+    """Indices of the tiles that are not committed, in tile order."""
+    return [i for i in tile_indices(cube.sizes, cube.tile) if not is_committed(layout, i)]
 
 
 def is_committed(layout, index):
-    return os.path.exists(layout.chunk_file(COMMIT, index))
+    """Whether the tile's commit record and data are there, in full length.
+
+    The record alone would do after a kill; after a power cut the disk may have kept the record and
+    lost the data, as nothing here waits for the disk.
+    """
+    try:
+        return all(
+            os.path.getsize(layout.chunk_file(variable.name, variable.chunk(index)))
+            == variable.chunk_bytes
+            for variable in (layout.record, *layout.variables)
+        )
+    except FileNotFoundError:
+        return False
 
 
 def commit(layout, index, arrays, seconds):
     """Write the tile's data, then its commit record: the CPU seconds that it took."""
-    for name, dtype, chunk_shape, tiled_axes in layout.variables:
-        array = np.asarray(arrays[name], dtype=dtype)
-        if array.shape != chunk_shape:  # the last tile of a dimension; zarr stores a whole chunk
-            padding = [
-                (0, whole - part) for whole, part in zip(chunk_shape, array.shape, strict=True)
-            ]
-            array = np.pad(array, padding)
-        chunk = [0] * array.ndim
-        for axis, i in zip(tiled_axes, index, strict=True):
-            chunk[axis] = i
-        _write_aside(layout, layout.chunk_file(name, chunk), array)
-    _write_aside(layout, layout.chunk_file(COMMIT, index), np.float64(seconds))
+    for variable in layout.variables:
+        _write_aside(layout, variable, index, np.asarray(arrays[variable.name]))
+    _write_aside(layout, layout.record, index, np.full((1,) * len(index), seconds))
 
 
 def read(out, name):
@@ -203,11 +226,16 @@ def read(out, name):
     return xr.open_zarr(Path(out) / STORE, group=name, chunks=None)
 
 
-def _write_aside(layout, target, array):
-    """The array's raw bytes into the file `target`, which appears whole or not at all."""
+def _write_aside(layout, variable, index, array):
+    """The tile's chunk of one variable into its file, which appears whole or not at all."""
+    array = array.astype(np.dtype(variable.dtype).newbyteorder("<"))
+    if array.shape != variable.chunk_shape:  # a short last tile; zarr stores a whole chunk
+        lengths = zip(variable.chunk_shape, array.shape, strict=True)
+        array = np.pad(array, [(0, whole - part) for whole, part in lengths])
+    target = layout.chunk_file(variable.name, variable.chunk(index))
     descriptor, aside = mkstemp(dir=layout.out / _ASIDE)
     with os.fdopen(descriptor, "wb") as file:
-        file.write(array.astype(array.dtype.newbyteorder("<"), copy=False).tobytes())
+        file.write(array.tobytes())
     try:
         os.rename(aside, target)
     except FileNotFoundError:
@@ -215,13 +243,20 @@ def _write_aside(layout, target, array):
         os.rename(aside, target)
 
 
-def _layout(out, cube: Cube):
-    variables = []
-    for name, variable in cube.template.data_vars.items():
-        shape = tuple(cube.tile.get(dim, cube.sizes[dim]) for dim in variable.dims)
-        axes = tuple(variable.dims.index(dim) for dim in cube.tile)
-        variables.append((name, str(variable.dtype), shape, axes))
-    return Layout(Path(out), cube.name, tuple(variables))
+def _layout(out, cube):
+    sizes, tiled = cube.sizes, list(cube.tile)
+    variables = tuple(
+        _Variable(
+            name=str(name),
+            dtype=str(variable.dtype),
+            chunk_shape=tuple(cube.tile.get(dim, sizes[dim]) for dim in variable.dims),
+            tiled_axes=tuple(tiled.index(dim) if dim in tiled else None for dim in variable.dims),
+        )
+        for name, variable in cube.template.data_vars.items()
+    )
+    record = _Variable(COMMIT, "float64", (1,) * len(tiled), tuple(range(len(tiled))))
+    # Absolute: workers need not share our working directory.
+    return Layout(Path(out).absolute(), cube.name, variables, record)
 
 
 def _with_commit_records(cube):
@@ -245,9 +280,10 @@ def _write_group(out, cube, dataset, compute):
     dataset = dataset.assign_attrs(attrs)
     encoding = {}
     if not compute:
-        for name, _, chunks, _ in _layout(out, cube).variables:
-            encoding[name] = {"chunks": chunks, "compressors": None, "filters": None}
-        encoding[COMMIT] = {"chunks": (1,) * len(cube.tile), "compressors": None, "filters": None}
+        layout = _layout(out, cube)
+        for variable in (*layout.variables, layout.record):
+            chunks = variable.chunk_shape
+            encoding[variable.name] = {"chunks": chunks, "compressors": None, "filters": None}
     shutil.rmtree(aside, ignore_errors=True)
     with warnings.catch_warnings():
         # Zarr v3 has no standard for consolidated metadata yet; xarray reads it, and reading a
@@ -259,16 +295,3 @@ def _write_group(out, cube, dataset, compute):
         os.rename(aside, group)
         zarr.consolidate_metadata(out / STORE)
     shutil.rmtree(out / _ASIDE / f"{cube.name}.old", ignore_errors=True)
-
-
-def _committed(directory, depth):
-    """Indices of the chunk files below `directory`, which is `depth` levels deep."""
-    with suppress(FileNotFoundError), os.scandir(directory) as entries:
-        if depth == 1:
-            return {(int(entry.name),) for entry in entries}
-        return {
-            (int(entry.name), *rest)
-            for entry in entries
-            for rest in _committed(entry.path, depth - 1)
-        }
-    return set()

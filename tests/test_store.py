@@ -63,6 +63,16 @@ def test_a_tile_is_missing_until_its_commit_record_is_written(tmp_path):
     assert np.isfinite(seconds).sum() == 2
 
 
+def test_a_tile_that_lost_data_in_a_power_cut_is_missing_again(tmp_path):
+    plan = toy.cube()
+    with store.driving(tmp_path):
+        layout = commit_all(tmp_path, plan)
+        chunks = tmp_path / store.STORE / "toy" / "sign" / "c"
+        (chunks / "1" / "2").write_bytes(b"")
+        (chunks / "3" / "0").unlink()
+        assert store.missing(layout, plan) == [(1, 2), (3, 0)]
+
+
 def test_a_chunk_of_fill_values_is_stored_like_any_other(tmp_path):
     plan = toy.cube(tile=13)
     with store.driving(tmp_path):
