@@ -1,0 +1,38 @@
+"""The common answer of every method: at which scale does a circle, or the last one, break?
+
+On the ray κ = s·profile, s ≥ 0, the circle of rotation number ω exists for small s and breaks at
+the critical scale. The set of all critical points is the boundary CB_ω, that of the last circle
+CB_gt (arXiv:1606.04824, Sec. V).
+"""
+
+from dataclasses import dataclass
+from enum import Enum
+
+from nasm.numbers import RotationNumber
+
+
+class Status(Enum):
+    """Why a CriticalScale has the value it has; anything but OK comes with value NaN."""
+
+    OK = "ok"
+    RATIONAL = "omega is rational: no circle, its convergents end"
+    NO_BREAKUP = "no breakup found up to the largest scale searched"
+    DISORDERED = "Newton found an orbit that is not ordered like a rotation"
+    NOT_CONVERGED = "the estimates did not settle within the largest period allowed"
+
+
+@dataclass(frozen=True)
+class CriticalScale:
+    """What a method found out about a breakup on the ray κ = s·profile.
+
+    value : best estimate of the critical s. error : estimated absolute error of it.
+    lower, upper : what the method *shows*: a circle exists at lower, none at upper; NaN where it
+    shows nothing. omega : the circle's rotation number, None if the method names none.
+    """
+
+    value: float
+    error: float
+    lower: float
+    upper: float
+    omega: RotationNumber | None
+    status: Status
