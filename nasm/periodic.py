@@ -21,8 +21,8 @@ linearised chain that are odd and even about the centre,
 
     R = - w'_M v_M,        M = N/2,   ' = centred difference,
 
-a product: nothing cancels, however small or large R is (MacKay, Renormalisation in Area-Preserving
-Maps, 1993, for symmetric orbits; Greene, J. Math. Phys. 20 (1979) 1183, for R itself).
+since DT^q is the half orbit's matrix followed by that of its mirror image: a product, and no trace
+near 2 is subtracted from 2. R itself is Greene's (J. Math. Phys. 20 (1979) 1183).
 
 A circle of ω exists as long as the residues of its convergents p_n/q_n tend to 0, and is broken
 where they grow. At the breakup R_n = R_{n+m}, m the period of the continued fraction of ω, which

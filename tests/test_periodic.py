@@ -1,0 +1,226 @@
+"""Periodic orbits against high precision, published residues, symmetries, and each other."""
+
+import tomllib
+from pathlib import Path
+
+import mpmath
+import numpy as np
+import oracles
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from nasm import periodic
+from nasm.critical import Status
+from nasm.maps import step, step_tangent
+from nasm.numbers import NAMES, RotationNumber, moebius, parse
+
+LITERATURE = tomllib.loads(Path(__file__).with_name("literature.toml").read_text())
+KAPPA_G = LITERATURE["kappa_G"]["value"]
+GAMMA = parse("gamma")
+FIBONACCI = [(5, 8), (8, 13), (13, 21), (21, 34), (34, 55), (55, 89), (89, 144)]
+
+
+def ray(degrees):
+    return np.cos(np.deg2rad(degrees)), np.sin(np.deg2rad(degrees))
+
+
+def orbit_in_phase_space(kappa, p, q, centre=None):
+    """x_0, y_0 of T at the centre's period, and the forcing rotated so that it starts there."""
+    centre = centre or periodic.dominant_centre(kappa)
+    x = periodic.symmetric_orbit(kappa, p, q, centre)
+    strengths = np.roll(kappa, -centre[0])
+    # x[0] is the centre's site; y of that site is the step that led to it.
+    return strengths, x, x[0] - (x[-1] - p)
+
+
+@pytest.mark.parametrize("kappa", [(0.6,), (0.4, 0.3), (-0.4, 0.3), (0.2, -0.5), (0.3, 0.1, 0.1)])
+@pytest.mark.parametrize(("p", "q"), [(0, 1), (1, 2), (2, 5), (3, 4), (8, 13)])
+def test_orbits_are_periodic_symmetric_and_ordered(kappa, p, q):
+    strengths, x, y = orbit_in_phase_space(kappa, p, q)
+    x_end, y_end = x[0], y
+    for n in range(q):
+        assert x_end == pytest.approx(x[n * len(kappa)], abs=1e-11)
+        x_end, y_end = step(strengths, x_end, y_end)
+    assert (x_end - p, y_end) == pytest.approx((x[0], y), abs=1e-11)
+    mirrored = np.concatenate([x[:1], 2 * x[0] + p - x[:0:-1]])
+    np.testing.assert_allclose(mirrored, x, atol=1e-14)
+    sites = x[:: len(kappa)]
+    order = np.argsort(sites % 1.0)
+    assert np.array_equal(np.argsort((x[0] + np.arange(q) * p / q + 1e-9) % 1.0), order) or q <= 2
+
+
+@pytest.mark.parametrize("kappa", [(0.6,), (0.4, 0.3), (-0.4, 0.3), (0.3, 0.1, 0.1)])
+@pytest.mark.parametrize("a", [0.0, 0.5])
+@pytest.mark.parametrize(("p", "q"), [(0, 1), (1, 2), (2, 5), (3, 4), (5, 13)])
+def test_residue_is_that_of_the_monodromy_matrix(kappa, a, p, q):
+    # Even and odd numbers of sites, both kinds of centre, against the product of the tangents.
+    strengths, x, y = orbit_in_phase_space(kappa, p, q, (0, a))
+    monodromy = np.eye(2)
+    x = x[0]
+    for _ in range(q):
+        monodromy = step_tangent(strengths, x, y) @ monodromy
+        x, y = step(strengths, x, y)
+    expected = (2 - np.trace(monodromy)) / 4
+    assert periodic.residue(kappa, p, q, (0, a)) == pytest.approx(expected, abs=1e-10, rel=1e-10)
+
+
+def test_a_long_orbit_against_fifty_digits():
+    kappa, p, q = (0.45, 0.35), 144, 233
+    centre = periodic.dominant_centre(kappa)
+    x = periodic.symmetric_orbit(kappa, p, q)
+    strengths = np.roll(kappa, -centre[0])
+    with mpmath.workdps(50):
+        # Polish the one unknown, y at the centre, on the condition that half the orbit is half.
+        def miss(y):
+            end = mpmath.mpf(x[0])
+            for _ in range(q):
+                end, y = oracles.exact_step(strengths, end, y)
+            return end - x[0] - p
+
+        start = mpmath.mpf(x[0] - (x[-1] - p))
+        y = mpmath.findroot(miss, (start, start + mpmath.mpf(10) ** -15), tol=1e-60)
+        assert abs(y - start) < 1e-13
+        exact = mpmath.mpf(x[0])
+        matrix = mpmath.eye(2)
+        for _ in range(q):
+            for strength in strengths:
+                c = strength * mpmath.cospi(2 * exact)
+                matrix = mpmath.matrix([[1 + c, 1], [c, 1]]) * matrix
+                exact, y = oracles.exact_step([strength], exact, y)
+        expected = (2 - matrix[0, 0] - matrix[1, 1]) / 4
+    assert periodic.residue(kappa, p, q) == pytest.approx(float(expected), rel=1e-9)
+
+
+@settings(deadline=None, max_examples=25)
+@given(st.floats(0.05, 0.45), st.floats(0.05, 0.45), st.sampled_from(FIBONACCI[:4]))
+def test_residue_is_equal_under_the_symmetries(kappa1, kappa2, fraction):
+    p, q = fraction
+    expected = periodic.residue((kappa1, kappa2), p, q)
+    for kappa, shifted in (
+        ((kappa2, kappa1), p),
+        ((-kappa1, -kappa2), p),
+        ((kappa1, kappa2), p + 2 * q),
+        ((kappa1, kappa2), 2 * q - p),
+        ((kappa1, -kappa2), p + q),
+        ((-kappa1, kappa2), p + q),
+    ):
+        assert periodic.residue(kappa, shifted, q) == pytest.approx(expected, rel=1e-7, abs=1e-13)
+
+
+def test_minimax_is_positive_and_minimizing_negative():
+    for kappa in ((0.4, 0.3), (-0.4, 0.3), (0.1, -0.3), (0.5,)):
+        site, a = periodic.dominant_centre(kappa)
+        assert periodic.residue(kappa, 8, 13) > 0
+        assert periodic.residue(kappa, 8, 13, (site, 0.5 - a)) < 0
+
+
+def test_greene_1979():
+    # At κ_G the residues of the golden convergents tend to 0.2500888 (minimax) from both sides, and
+    # to -0.25543 (minimizing).
+    residues = [periodic.residue((KAPPA_G,), p, q) for p, q in [*FIBONACCI, (1597, 2584)]]
+    published = LITERATURE["golden_residue"]
+    errors = np.array(residues) - published["minimax"]
+    assert (errors[:-2] * errors[1:-1] < 0).all()
+    assert abs(errors[-1]) < 3e-5
+    minimizing = periodic.residue((KAPPA_G,), 1597, 2584 + 1597, (0, 0.0))
+    assert minimizing == pytest.approx(published["minimizing"], abs=5e-5)
+
+
+@pytest.mark.parametrize(
+    ("name", "profile", "exact"),
+    [
+        ("gamma", (1,), KAPPA_G),
+        ("gamma", (1, 0), KAPPA_G / 2),
+        ("gamma+1", (0, 1), KAPPA_G / 2),
+        ("2gamma", (1, 1), KAPPA_G),
+        ("2gamma+1", (-1, 1), KAPPA_G),
+        ("2gamma", (-1, -1), KAPPA_G),
+        ("3gamma", (1, 1, 1), KAPPA_G),
+    ],
+)
+def test_the_golden_circle_of_the_standard_map_breaks_at_kappa_g(name, profile, exact):
+    found = periodic.critical_scale(parse(name), profile)
+    assert found.status is Status.OK
+    assert abs(found.value - exact) < 1e-10
+    assert abs(found.value - exact) <= found.error < 1e-9
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_symmetric_copies_computed_apart_agree(name):
+    omega = parse(name)
+    noble = omega.is_noble
+    here = periodic.critical_scale(omega, ray(25))
+    for angle, copy in ((65, omega), (205, omega), (155, moebius(omega, 1, 1))):
+        there = periodic.critical_scale(copy, ray(angle))
+        assert there.value == pytest.approx(here.value, abs=1e-10 if noble else 1e-8)
+        assert abs(there.value - here.value) <= here.error + there.error
+
+
+@pytest.mark.parametrize("angle", [15, 30, 115])
+def test_error_covers_the_change_with_a_longer_period(angle):
+    for name in NAMES:
+        omega = parse(name)
+        periods = (600, 6000) if omega.is_noble else (3000, 30_000)
+        short, long = (periodic.critical_scale(omega, ray(angle), q_max=q) for q in periods)
+        assert short.status is long.status is Status.OK
+        assert abs(short.value - long.value) <= 2 * short.error
+
+
+def test_the_boundary_converges_like_the_square_of_the_period():
+    errors = [
+        abs(periodic.critical_scale(GAMMA, (1, 0), q_max=q).value - KAPPA_G / 2)
+        for q in (60, 150, 400)
+    ]
+    # Aitken's rule does better than the q⁻² of the crossings themselves.
+    slope = np.polyfit(np.log([60, 150, 400]), np.log(errors), 1)[0]
+    assert slope < -2
+
+
+def test_a_rational_omega_has_no_circle():
+    found = periodic.critical_scale(parse("3/5"), (1, 0))
+    assert found.status is Status.RATIONAL
+    assert np.isnan([found.value, found.error, found.lower, found.upper]).all()
+
+
+def test_too_short_periods_are_admitted():
+    found = periodic.critical_scale(GAMMA, (1, 0), q_max=13)
+    assert found.status is Status.NOT_CONVERGED
+    assert np.isnan(found.value)
+
+
+def test_a_hardly_irrational_omega_is_not_answered_by_a_number():
+    found = periodic.critical_scale(RotationNumber((0, 2, 10**9), (1,)), (1, 0))
+    assert found.status is not Status.OK
+    assert np.isnan(found.value)
+
+
+def test_a_bad_start_is_not_taken_for_the_orbit():
+    # A half orbit so far from the rotation that Newton's method lands on one that is not ordered.
+    orbit = periodic._HalfOrbit((0.9, 0.9), 13, 21, None)
+    orbit.u += 0.4 * np.sin(40 * np.arange(orbit.u.size))
+    orbit.u[0] = orbit.u[-2] = 0
+    rejected = orbit.u.copy()
+    if orbit.move(1.0):
+        assert periodic._ordered(orbit.u, 21, orbit.stride, np.empty(42))
+    assert not periodic._ordered(rejected, 21, orbit.stride, np.empty(42))
+
+
+def test_centres_are_where_the_forcing_is_a_palindrome():
+    assert periodic.symmetry_centres((0.3,)) == [0]
+    assert periodic.symmetry_centres((0.3, 0.1)) == [0, 1]
+    assert periodic.symmetry_centres((0.3, 0.1, 0.1)) == [0]
+    assert periodic.symmetry_centres((0.1, 0.2, 0.3)) == []
+
+
+def test_bad_arguments_are_named():
+    with pytest.raises(ValueError, match="no symmetry centre"):
+        periodic.residue((0.1, 0.2, 0.3), 1, 3)
+    with pytest.raises(ValueError, match="p/q = 2/4 has a common factor"):
+        periodic.residue((0.1, 0.2), 2, 4)
+    with pytest.raises(ValueError, match="q=0 must be a whole number from 1 to 1000000"):
+        periodic.residue((0.1, 0.2), 1, 0)
+    with pytest.raises(ValueError, match=r"centre=\(0, 0\.25\) is no symmetry centre"):
+        periodic.residue((0.1, 0.2), 1, 3, (0, 0.25))
+    with pytest.raises(ValueError, match="profile is zero"):
+        periodic.critical_scale(GAMMA, (0, 0))
