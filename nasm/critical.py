@@ -17,6 +17,7 @@ class Status(Enum):
     OK = "ok"
     RATIONAL = "omega is rational: no circle, its convergents end"
     NO_BREAKUP = "no breakup found up to the largest scale searched"
+    NEAR_CUSP = "orbits up to the largest period do not yet see how near the cusp |κ1| = |κ2| is"
     DISORDERED = "Newton found an orbit that is not ordered like a rotation"
     NOT_CONVERGED = "the estimates did not settle within the largest period allowed"
 

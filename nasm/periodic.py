@@ -44,6 +44,8 @@ from nasm.symmetries import alternate
 
 MAX_PERIOD = 10**6
 
+_ROUNDING = 1e-12  # residues below are rounding errors of the slopes v' and w', which are near 1
+
 
 def symmetry_centres(kappa):
     """Sites c in 0, …, P - 1 with κ_{c+j} = κ_{c-j} for all j, as a list of ints.
@@ -136,23 +138,29 @@ def critical_scale(omega, profile, q_max=3000):
     dominant_centre(short)
     if omega.is_rational:
         return _failed(omega, Status.RATIONAL)
-    period = len(omega.tail)
+    period = len(short_omega.tail)
     fractions = [f for f in islice(convergents(short_omega), 200) if 3 <= f.denominator <= q_max]
     orbits = [_HalfOrbit(short, f.numerator, f.denominator, None) for f in fractions]
-    period = len(short_omega.tail)
-    crossings = []
+    if fractions and fractions[-1].denominator < _cusp_period(short):
+        return _failed(omega, Status.NEAR_CUSP)
+    crossings, status = [], Status.NOT_CONVERGED
     for lower, higher in zip(orbits, orbits[period:], strict=False):
         crossing = _crossing(lower, higher, crossings)
-        if isinstance(crossing, Status):
-            if len(crossings) >= 2 * period + 2:
-                break  # longer orbits are out of reach; what there is may do
-            return _failed(omega, crossing)
-        crossings.append(crossing)
-    values = [_aitken(*crossings[n::period][:3]) for n in range(len(crossings) - 2 * period)]
-    if len(values) < 2:
-        return _failed(omega, Status.NOT_CONVERGED)
-    value = values[-1]
-    error = max(abs(value - values[-2]), 1e-13 * value)
+        if not isinstance(crossing, Status):
+            crossings.append(crossing)
+        elif len(crossings) > 2 * period + 1:
+            break  # longer orbits are out of reach; there are enough without them
+        else:
+            # Near a cusp the shortest orbits are not yet on the way to the limit: start afresh.
+            crossings, status = [], crossing
+    if len(crossings) < 2 * period + 2:
+        return _failed(omega, status)
+    value, ratio = _aitken(*crossings[-1 - 2 * period :: period])
+    value_before, ratio_before = _aitken(*crossings[-2 - 2 * period : -1 : period])
+    error = max(abs(value - value_before), 1e-13 * value)
+    if not 0.5 < ratio / ratio_before < 2 or abs(ratio) > 0.9:
+        # Not geometric yet, as at small angles from a cusp: the extrapolation means nothing.
+        error = max(error, abs(value - crossings[-1]), abs(crossings[-1] - crossings[-2]))
     return CriticalScale(value, error, np.nan, np.nan, omega, Status.OK)
 
 
@@ -175,6 +183,16 @@ def _shortest(profile, omega):
     return profile, omega
 
 
+def _cusp_period(profile):
+    """The period from which orbits tell a ray near the cusp |κ1| = |κ2| from the cusp itself.
+
+    At an angle δ from the cusp the boundary is below the tip by δ^0.6, which orbits of period q see
+    to within 1/q; five times that period was enough in every case tried.
+    """
+    larger, smaller = np.sort(np.abs(profile))[::-1] if profile.size == 2 else (1.0, 0.0)
+    return 5 * (1 - smaller / larger) ** -0.6
+
+
 def _crossing(lower, higher, crossings):
     """The scale at which two minimax orbits have the same residue, or a Status.
 
@@ -185,11 +203,11 @@ def _crossing(lower, higher, crossings):
     def excess(scale):
         if not (lower.move(scale) and higher.move(scale)):
             raise _LostError
-        residues = lower.residue(), higher.residue()
-        # Deep inside, a residue may be so small that its sign is rounding; it is positive.
-        return np.log(residues[1] / residues[0]) if min(residues) > 0 else -100.0
+        residues = np.clip([lower.residue(), higher.residue()], -1.0, 1e300)
+        # Deep inside, both are lost in rounding, and not even their signs mean anything.
+        return np.log(residues[1] / residues[0]) if residues.min() > _ROUNDING else -100.0
 
-    largest = 4 / np.abs(lower.profile).max()
+    largest = 2 / np.abs(lower.profile).max()  # the twist region ends there
     try:
         if len(crossings) < 2:
             left, width = 0.0, largest / 50
@@ -198,7 +216,7 @@ def _crossing(lower, higher, crossings):
             width = 2 * abs(crossings[-1] - crossings[-2])
             left, right = crossings[-1] - width, crossings[-1] + width
             while excess(left) > 0:
-                left, width = left - width, 2 * width
+                left, width = max(left - width, 0.0), 2 * width
         while excess(right) < 0:
             if right > largest:
                 return Status.NO_BREAKUP
@@ -208,7 +226,7 @@ def _crossing(lower, higher, crossings):
             while excess(left) > 0:
                 left *= 0.5
         return brentq(excess, left, right, xtol=1e-16 * right, rtol=1e-15)
-    except _LostError:
+    except (_LostError, ValueError):  # brentq's: on its way back it met another orbit
         return Status.DISORDERED
 
 
@@ -217,9 +235,11 @@ class _LostError(Exception):
 
 
 def _aitken(first, second, third):
-    """The limit of a sequence that converges geometrically, from three terms."""
-    curvature = (third - second) - (second - first)
-    return third - (third - second) ** 2 / curvature if curvature != 0 else third
+    """The limit of a sequence that converges geometrically, from three terms, and its ratio."""
+    step, next_step = second - first, third - second
+    if step == next_step:
+        return third, 1.0
+    return third - next_step**2 / (next_step - step), next_step / step if step != 0 else 0.0
 
 
 class _HalfOrbit:

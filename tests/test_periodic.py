@@ -167,6 +167,22 @@ def test_error_covers_the_change_with_a_longer_period(angle):
         assert abs(short.value - long.value) <= 2 * short.error
 
 
+@pytest.mark.parametrize("angle", [44, 44.9, 44.99, 134.99, 45 - 1e-4, 45 + 1e-6])
+def test_near_a_cusp_the_error_is_honest_or_there_is_no_answer(angle):
+    for name in NAMES:
+        short = periodic.critical_scale(parse(name), ray(angle))
+        long = periodic.critical_scale(parse(name), ray(angle), q_max=10_000)
+        if short.status is long.status is Status.OK:
+            assert abs(short.value - long.value) <= 3 * short.error
+        for found in (short, long):
+            assert np.isfinite(found.value) == (found.status is Status.OK)
+
+
+def test_too_near_a_cusp_there_is_no_answer_and_on_it_there_is():
+    assert periodic.critical_scale(parse("2gamma"), ray(45 - 1e-6)).status is Status.NEAR_CUSP
+    assert periodic.critical_scale(parse("2gamma"), (1.0, 1.0)).status is Status.OK
+
+
 def test_the_boundary_converges_like_the_square_of_the_period():
     errors = [
         abs(periodic.critical_scale(GAMMA, (1, 0), q_max=q).value - KAPPA_G / 2)
