@@ -93,6 +93,60 @@ def escape_cube(name, kappa1, kappa2, sizes, n_max, window, tile):
     return Cube(name, template, {"kappa2": tile, "kappa1": tile}, settings)
 
 
+def breakdown_cube(name, omegas, angles, statuses, tile, settings):
+    """The cube of critical scales of circles on rays: CB_ω for several ω, by one method.
+
+    Parameters
+    ----------
+    name : str, the cube's group.
+    omegas : {exact text: float} of rotation numbers.
+    angles : array, degrees; the ray κ = s·(cos, sin).
+    statuses : list of words; what the status 1, 2, … means (0: not computed).
+    tile : int, angles per tile; a tile has one ω.
+    settings : JSON-able, what else decides the values.
+    """
+    coords = {
+        "omega": _coordinate("omega", list(omegas.values()), "rotation number per step", "1"),
+        "angle": _coordinate("angle", angles, "direction of the ray in the plane", "degree"),
+    }
+    coords["omega"].attrs["exact"] = list(omegas)
+    quantities = {
+        "critical_scale": "scale at which the circle breaks, best estimate",
+        "error": "estimated absolute error of critical_scale",
+        "lower": "scale at which a circle was shown to exist",
+        "upper": "scale at which no circle was shown to be left",
+        "kappa1": "strength of the first kick at the breakup",
+        "kappa2": "strength of the second kick at the breakup",
+    }
+    shape = tuple(c.size for c in coords.values())
+    blank = dask.array.full(shape, np.nan, dtype="float64", chunks=-1)
+    variables = {
+        key: (tuple(coords), blank, {"long_name": long_name, "units": "1"})
+        for key, long_name in quantities.items()
+    }
+    flags = ["not_computed", *statuses]
+    variables["status"] = (
+        tuple(coords),
+        dask.array.zeros(shape, dtype="int8", chunks=-1),
+        {
+            "long_name": "outcome",
+            "units": "1",
+            "flag_values": list(range(len(flags))),
+            "flag_meanings": " ".join(flags),
+        },
+    )
+    template = xr.Dataset(
+        variables,
+        coords,
+        {
+            "title": "Breakup of invariant circles of the nonautonomous standard map",
+            "source": "arXiv:1606.04824, Sec. VI",
+        },
+    )
+    settings = {"omegas": list(omegas), **settings}
+    return Cube(name, template, {"omega": 1, "angle": tile}, settings)
+
+
 def composed(cube, field=None, level=None):
     """`cube` of escape times, composed of several levels of refinement.
 

@@ -6,7 +6,8 @@ a small probe, so that a sweep can start with the expensive tiles and batch the 
 
 import numpy as np
 
-from nasm import escape
+from nasm import escape, numbers, periodic
+from nasm.critical import Status
 
 _SECONDS_PER_STEP = 0.8e-9  # of one orbit and one step of two kicks; only ratios matter
 _PROBE_STEPS = 2000
@@ -41,9 +42,48 @@ def escape_cost(coords, settings):
     return _SECONDS_PER_STEP * n_orbits * steps * cells
 
 
-def warm_up():
-    """Compile the kernels that the tasks call, once per process."""
+def residue_tile(coords, settings):
+    """Critical scales by Greene's residue, of the circles `omega` on the rays `angle`.
+
+    settings : `omegas`, the exact texts of all rotation numbers; `q_max`, the longest period.
+    """
+    exact = {float(omega): omega for omega in map(numbers.parse, settings["omegas"])}
+    radians = np.deg2rad(coords["angle"])
+    profiles = np.stack([np.cos(radians), np.sin(radians)], axis=-1)
+    # Exactly on a diagonal the map is shorter, and cos 45° and sin 45° differ by rounding.
+    on_diagonal = coords["angle"] % 90 == 45
+    profiles[on_diagonal] = np.sign(profiles[on_diagonal]) * np.sqrt(0.5)
+    found = [
+        [periodic.critical_scale(exact[omega], profile, settings["q_max"]) for profile in profiles]
+        for omega in coords["omega"].tolist()
+    ]
+    arrays = {
+        name: np.array([[getattr(scale, attribute) for scale in row] for row in found])
+        for name, attribute in _BREAKDOWN.items()
+    }
+    arrays["kappa1"] = arrays["critical_scale"] * profiles[:, 0]
+    arrays["kappa2"] = arrays["critical_scale"] * profiles[:, 1]
+    arrays["status"] = np.array([[1 + STATUSES.index(s.status) for s in row] for row in found])
+    return arrays
+
+
+def residue_cost(coords, settings):
+    """Predicted CPU seconds of `residue_tile`: 20 ms for each ray, whatever it holds."""
+    return 0.02 * coords["omega"].size * coords["angle"].size
+
+
+STATUSES = list(Status)
+_BREAKDOWN = {"critical_scale": "value", "error": "error", "lower": "lower", "upper": "upper"}
+
+
+def escape_warm_up():
+    """Compile the kernels of `escape_tile`, once per process."""
     escape.first_escape([[0.0, 0.0]], *escape.ensemble(1), [1], 1)
+
+
+def residue_warm_up():
+    """Compile the kernels of `residue_tile`, once per process."""
+    periodic.residue((0.1, 0.1), 1, 3)
 
 
 def _strengths(coords):

@@ -13,8 +13,10 @@ import xarray as xr
 import zarr
 from click.testing import CliRunner
 
+from nasm import periodic
+from nasm.numbers import parse
 from pipeline import store
-from workflows import critical_boundary, escape_plane
+from workflows import circle_boundaries, critical_boundary, escape_plane
 
 QUICK = ["--workers", "1", "--n-max", "4000", "--n-orbits", "16,64", "--tile", "4"]
 PLANE = ["--kappa1", "-1.4:1.4:128", "--kappa2", "0:1.4:64"]
@@ -209,3 +211,42 @@ def test_help_comes_at_once_and_names_every_option(workflow):
         assert option in run.stdout
     assert "numba" not in run.stderr
     assert "xarray" not in run.stderr
+
+
+def test_circle_boundaries_are_those_of_each_ray(tmp_path):
+    omegas = ["--omega", "gamma", "--omega", "2gamma", "--omega", "3/5"]
+    succeed(circle_boundaries, tmp_path / "out", "--workers", "1", "--angles", "5", *omegas)
+    cube = xr.open_zarr(tmp_path / "out/cubes.zarr", group="breakdown_residue")
+    exact = cube.omega.attrs["exact"]
+    assert exact == ["[0;1,1,2]", "[0;(1)]", "[1;(4)]"]
+    assert cube.angle.values.tolist() == [0, 45, 90, 135, 180]
+    scale = cube.critical_scale.sel(omega=float(parse("gamma")))
+    assert scale.sel(angle=[0, 90, 180]).values == pytest.approx(KAPPA_G / 2, abs=1e-9)
+    diagonal = cube.critical_scale.sel(omega=float(parse("2gamma")), angle=45)
+    assert float(diagonal) == pytest.approx(KAPPA_G * 2**0.5, abs=1e-9)
+    for i, text in enumerate(exact):
+        for angle in (0, 90):
+            profile = np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))
+            expected = periodic.critical_scale(parse(text), profile)
+            here = cube.isel(omega=i).sel(angle=angle)
+            np.testing.assert_equal(float(here.critical_scale), expected.value)
+            meanings = cube.status.attrs["flag_meanings"].split()
+            assert meanings[int(here.status)] == expected.status.name.lower()
+    assert (tmp_path / "out/circle_boundaries.csv").exists()
+    assert (tmp_path / "out/circle_boundaries.png").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--omega", "golden"], "is not a rotation number"),
+        (["--omega", "gamma", "--omega", "[0;(1)]"], "two rotation numbers are equal"),
+        (["--angles", "1"], "2<=x<=1000000"),
+        (["--q-max", "3"], "10<=x<=1000000"),
+    ],
+)
+def test_bad_rotation_numbers_are_refused(tmp_path, options, message):
+    result = invoke(circle_boundaries, tmp_path / "out", *options)
+    assert result.exit_code == 2
+    assert message in result.output
+    assert not (tmp_path / "out").exists()

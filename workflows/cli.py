@@ -91,17 +91,19 @@ def cluster_options(function):
 
 
 @contextmanager
-def session(out, cluster):
+def session(out, cluster, method):
     """Hold `out` as its driver and connect to the workers: yields the dask client.
 
-    Turns what a user can mend into one line and exit code 2.
+    The workers are warmed up for the tasks of `method`, "escape" or "residue". What a user can mend
+    ends the program with one line and exit code 2.
     """
     from pipeline import store, tasks
     from pipeline.cluster import ClusterError, connect
 
+    warm_up = {"escape": tasks.escape_warm_up, "residue": tasks.residue_warm_up}[method]
     try:
         store.refuse_foreign(out)
-        with connect(tasks.warm_up, **cluster) as client, store.driving(out):
+        with connect(warm_up, **cluster) as client, store.driving(out):
             yield client
     except (store.StoreError, ClusterError) as error:
         raise click.UsageError(str(error)) from None

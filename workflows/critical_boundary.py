@@ -62,7 +62,7 @@ def main(out, cluster, plane, angles):
     The defaults take about a minute on two cores. The paper's size of job is --n-max 1000000
     --n-orbits 10000.
     """
-    with session(out, cluster) as client:
+    with session(out, cluster, "escape") as client:
         dataset = escape_plane(client, out, plane)
         import numpy as np
 

@@ -158,7 +158,7 @@ def main(out, cluster, plane):
     The paper's Fig. 5 is --kappa1 0:1:512 --kappa2 0:1:512 --levels 5 --n-max 1000000
     --n-orbits 10000, and Fig. 6 the same with --kappa1 -1:1:1024.
     """
-    with session(out, cluster) as client:
+    with session(out, cluster, "escape") as client:
         dataset = escape_plane(client, out, plane)
         from workflows.figures import draw_escape_plane, save
 

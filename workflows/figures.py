@@ -84,3 +84,19 @@ def _power(n):
     exponent = int(np.floor(np.log10(n)))
     mantissa = n / 10**exponent
     return f"10^{exponent}" if mantissa == 1 else rf"{mantissa:g}\cdot 10^{exponent}"
+
+
+def draw_circle_boundaries(breakdown):
+    """CB_ω of each rotation number over the upper half plane."""
+    figure, axes = plt.subplots(figsize=(10, 5.6))
+    colours = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"]
+    exact = breakdown.omega.attrs["exact"]
+    for i, text in enumerate(exact):
+        curve = breakdown.isel(omega=i)
+        colour = colours[i % len(colours)]
+        label = rf"$\omega = {text}$".replace("γ", r"\gamma")
+        axes.plot(curve.kappa1, curve.kappa2, color=colour, lw=1.3, label=label)
+    axes.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$", aspect="equal")
+    axes.set_title(r"Breakup of circles by Greene's residue: $\mathit{CB}_\omega$")
+    axes.legend(loc="lower center", ncols=2, fontsize="small")
+    return figure
