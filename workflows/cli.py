@@ -91,27 +91,45 @@ def cluster_options(function):
 
 
 @contextmanager
-def session(out, cluster, method):
-    """Hold `out` as its driver and connect to the workers: yields the dask client.
+def _explained():
+    """What a user can mend ends the program with one line and exit code 2."""
+    from pipeline.cluster import ClusterError
+    from pipeline.store import StoreError
 
-    The workers are warmed up for the tasks of `method`, "escape" or "residue". What a user can mend
-    ends the program with one line and exit code 2.
-    """
-    from pipeline import store, tasks
-    from pipeline.cluster import ClusterError, connect
-
-    warm_up = {"escape": tasks.escape_warm_up, "residue": tasks.residue_warm_up}[method]
     try:
-        store.refuse_foreign(out)
-        with connect(warm_up, **cluster) as client, store.driving(out):
-            yield client
-    except (store.StoreError, ClusterError) as error:
+        yield
+    except (StoreError, ClusterError) as error:
         raise click.UsageError(str(error)) from None
     except ConnectionError as error:
         raise click.ClickException(str(error)) from None
     except KeyboardInterrupt:
         click.echo("abandoned; run the same command again to resume", err=True)
         sys.exit(130)
+
+
+@contextmanager
+def driver(out):
+    """Hold `out` as its driver, without a cluster."""
+    from pipeline import store
+
+    with _explained(), store.driving(out):
+        yield
+
+
+@contextmanager
+def session(out, cluster, method):
+    """Hold `out` as its driver and connect to the workers: yields the dask client.
+
+    The workers are warmed up for the tasks of `method`, "escape" or "residue".
+    """
+    from pipeline import store, tasks
+    from pipeline.cluster import connect
+
+    warm_up = {"escape": tasks.escape_warm_up, "residue": tasks.residue_warm_up}[method]
+    with _explained():
+        store.refuse_foreign(out)
+        with connect(warm_up, **cluster) as client, store.driving(out):
+            yield client
 
 
 def finish(outcome):
