@@ -115,39 +115,53 @@ def first_escape(kappas, x, y, sizes, n_max, window=PAPER_WINDOW):
 
 
 def boundary(escape_time, kappa1, kappa2, angles, n):
-    """Where rays from the origin first meet {n* ≤ n} in a field over the (κ1, κ2) plane.
+    """Where rays from the origin pass into {n* ≤ n}, in a field over the (κ1, κ2) plane.
 
     Parameters
     ----------
     escape_time : array of shape (kappa2.size, kappa1.size), first escape times; NaN: not known.
-    kappa1, kappa2 : equally spaced cell centres.
+    kappa1, kappa2 : equally spaced cell centres, at least two each.
     angles : array, degrees; the ray (cos, sin).
     n : number of steps.
 
     Returns
     -------
-    scale : ndarray, shape of angles: the distance from the origin at which the ray passes from the
-        last cell without transport into the first with; its resolution is one cell. NaN where the
-        ray meets no such pair of cells inside the plane.
+    scale : ndarray, shape of angles: the distance from the origin at which the ray passes from a
+        cell without transport into one with it, for the first time; its resolution is one cell. NaN
+        where it meets no such pair of cells in the plane, or transport next to an unknown cell.
     """
-    kappa1, kappa2 = np.asarray(kappa1), np.asarray(kappa2)
-    width = np.array([kappa1[1] - kappa1[0], kappa2[1] - kappa2[0]])
-    origin = np.array([kappa1[0], kappa2[0]]) - width / 2
-    radians = np.deg2rad(np.asarray(angles, dtype=float))[..., None]
-    reach = np.hypot(np.abs(kappa1).max() + width[0], np.abs(kappa2).max() + width[1])
-    # Eight samples a cell, so that no ray jumps over a cell by more than its corner.
-    scales = np.arange(0, reach, width.min() / 8)
-    # A ray along the plane's lower or left edge is inside, whatever rounding makes of the edge.
-    column, row = (
-        np.floor((scales * part - low) / step + 1e-9).astype(int)
-        for part, low, step in zip((np.cos(radians), np.sin(radians)), origin, width, strict=True)
-    )
-    inside = (column >= 0) & (column < kappa1.size) & (row >= 0) & (row < kappa2.size)
-    times = np.full(inside.shape, np.nan)
-    times[inside] = np.asarray(escape_time)[row[inside], column[inside]]
-    crossing = (times[..., :-1] > n) & (times[..., 1:] <= n)
-    first = crossing.argmax(axis=-1)
-    return np.where(crossing.any(axis=-1), (scales[first] + scales[first + 1]) / 2, np.nan)
+    escape_time = np.asarray(escape_time)
+    centres = np.asarray(kappa1), np.asarray(kappa2)
+    if min(c.size for c in centres) < 2:
+        raise ValueError("kappa1 and kappa2 need at least two cells each, to tell a cell's width")
+    widths = [c[1] - c[0] for c in centres]
+    lows = [c[0] - width / 2 for c, width in zip(centres, widths, strict=True)]
+    reach = np.hypot(*(np.abs(c).max() + w for c, w in zip(centres, widths, strict=True)))
+    angles = np.asarray(angles, dtype=float)
+    scale = np.full(angles.shape, np.nan)
+    for i, radians in np.ndenumerate(np.deg2rad(angles)):
+        direction = np.cos(radians), np.sin(radians)
+        # Eight samples a cell, so that the ray misses no more than a cell's corner.
+        step = 1 / (8 * max(abs(d) / w for d, w in zip(direction, widths, strict=True)))
+        along = np.arange(0, reach, step)
+        column, row = (
+            _cell(along * d, low, width, c.size)
+            for d, low, width, c in zip(direction, lows, widths, centres, strict=True)
+        )
+        inside = (column >= 0) & (row >= 0)
+        along, times = along[inside], escape_time[row[inside], column[inside]]
+        first = (times <= n).argmax() if times.size else 0
+        if first > 0 and times[first - 1] > n:
+            scale[i] = (along[first - 1] + along[first]) / 2
+    return scale
+
+
+def _cell(values, low, width, size):
+    """The cells of an axis that the values lie in; -1 outside. Its edges belong to the axis,
+    whatever rounding makes of them."""
+    position = (values - low) / width
+    cell = np.clip(np.floor(position).astype(int), 0, size - 1)
+    return np.where((position > -1e-9) & (position < size + 1e-9), cell, -1)
 
 
 def _checked(kappa, x, y, n_max, window):

@@ -83,12 +83,13 @@ def second2(kappa1, kappa2, z):
 
 
 def cubic_estimate(kappa1, kappa2):
-    """z of the secondary point to third order, Eq. (z_aprox) corrected; NaN where z² < 0."""
+    """z of the secondary point to third order, Eq. (z_aprox) corrected; NaN where there is none."""
     kappa1, kappa2 = np.asarray(kappa1, dtype=float), np.asarray(kappa2, dtype=float)
-    square = (6 * kappa1 + 6 * kappa2 - 3 * kappa1 * kappa2) / (
-        kappa1 - kappa1 * kappa2 / 2 + kappa2 * (1 - kappa1 / 2) ** 3
-    )
-    return np.sqrt(np.where(square >= 0, square, np.nan))
+    numerator = 6 * kappa1 + 6 * kappa2 - 3 * kappa1 * kappa2
+    denominator = kappa1 - kappa1 * kappa2 / 2 + kappa2 * (1 - kappa1 / 2) ** 3
+    with np.errstate(divide="ignore", invalid="ignore"):
+        square = numerator / denominator
+        return np.sqrt(np.where(np.isfinite(square) & (square >= 0), square, np.nan))
 
 
 def _bisect(kappa1, kappa2, left, right):

@@ -25,6 +25,9 @@ from nasm.sine import cos2pi, sin2pi
 
 TWO_PI = 2 * np.pi
 
+MAX_STRENGTH = 1e6
+"""Largest |κ|: far beyond any barrier, and far from where products of strengths overflow."""
+
 
 @register_jitable
 def kick(kappa, x, y):
@@ -101,13 +104,16 @@ def rotating_forcing(mean, amplitude, frequency, phase=0.0):
 
 
 def forcing(kappa):
-    """`kappa` as a float array of shape (P,); ValueError if it is not a non-empty finite vector."""
+    """`kappa` as a float array of shape (P,); ValueError if it is empty or too large."""
     strengths = np.asarray(kappa, dtype=float)
     if strengths.ndim != 1 or strengths.size == 0:
         raise ValueError(
             f"kappa={kappa!r} has shape {strengths.shape}; a forcing is a vector of P ≥ 1 "
             "strengths, first kick first, e.g. kappa=(0.3, 0.5)"
         )
-    if not np.isfinite(strengths).all():
-        raise ValueError(f"kappa={kappa!r} is not finite; every strength must be a finite number")
+    if not (np.abs(strengths) <= MAX_STRENGTH).all():
+        raise ValueError(
+            f"kappa={kappa!r} is not finite or too large; strengths are from -{MAX_STRENGTH:g} to "
+            f"{MAX_STRENGTH:g}"
+        )
     return strengths

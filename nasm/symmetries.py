@@ -5,8 +5,8 @@ the orbit of (x, y) under κ; each docstring says what becomes of ω. Forcings h
 the paper's map P = 2.
 
 The symmetries of the forcing generate the symmetry group of the square on the (κ1, κ2) plane. The
-boundary of global transport has all of it. That of one circle has it up to ω → ω + 1: `fold` takes
-a ray to the wedge 0 ≤ κ2 ≤ κ1, and says which ω it is there.
+boundary of global transport, CB_gt, has all of it. That of one circle, CB_ω, has it up to
+ω → ω + 1: `fold` takes a ray to the wedge 0 ≤ κ2 ≤ κ1, and says which ω it is there.
 """
 
 import numpy as np

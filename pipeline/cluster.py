@@ -1,6 +1,7 @@
 """Clusters: worker processes on this machine by default, or a running dask scheduler by address."""
 
 import os
+import re
 import signal
 import threading
 from contextlib import contextmanager
@@ -12,7 +13,7 @@ from distributed.security import Security
 
 _CONFIG = {
     # A task that was with a worker when it died is suspect at once, not after it killed three
-    # more; the sweep reruns suspects alone.
+    # more; the sweep reruns suspects alone. (A scheduler elsewhere has its own setting, 3 deaths.)
     "distributed.scheduler.allowed-failures": 0,
     # What dask measures for its dashboard takes 4% of the CPU by default.
     "distributed.worker.profile.enabled": False,
@@ -28,15 +29,16 @@ class ClusterError(Exception):
 
 
 class _WarmUp(WorkerPlugin):
-    """Readies a worker: compiled kernels, and deaf to a Ctrl-C that is meant for the driver."""
+    """Readies a worker: compiled kernels, and, for a worker on this machine that the driver has
+    started, deaf to a Ctrl-C that is meant for the driver."""
 
     name = "nasm-warm-up"
 
-    def __init__(self, warm_up):
-        self.warm_up = warm_up
+    def __init__(self, warm_up, ours):
+        self.warm_up, self.ours = warm_up, ours
 
     def setup(self, worker):
-        if threading.current_thread() is threading.main_thread():
+        if self.ours and threading.current_thread() is threading.main_thread():
             signal.signal(signal.SIGINT, signal.SIG_IGN)
         self.warm_up()
 
@@ -58,24 +60,47 @@ def connect(warm_up, scheduler=None, n_workers=None, tls=None):
     """
     if n_workers is not None and n_workers < 1:
         raise ClusterError(f"workers={n_workers} must be at least 1")
+    if scheduler is None and tls is not None:
+        raise ClusterError("TLS files are for a scheduler elsewhere; give its tls:// address too")
+    if scheduler is not None and n_workers is not None:
+        raise ClusterError(f"the scheduler at {scheduler} has its own workers; leave --workers out")
+    if scheduler is not None and not re.fullmatch(r"(tcp|tls)://[^/\s]+:\d+", scheduler):
+        raise ClusterError(f"scheduler={scheduler!r} must be tcp://HOST:PORT or tls://HOST:PORT")
+    if scheduler is not None and scheduler.startswith("tls://") and tls is None:
+        raise ClusterError(f"the scheduler at {scheduler} needs TLS files: CA, CERT and KEY")
     connection = _local(n_workers) if scheduler is None else _remote(scheduler, tls)
     with dask.config.set(_CONFIG), connection as client:
-        client.register_plugin(_WarmUp(warm_up))
+        client.register_plugin(_WarmUp(warm_up, ours=scheduler is None))
         yield client
+        if scheduler is not None:
+            client.unregister_worker_plugin(_WarmUp.name)
 
 
 @contextmanager
 def _local(n_workers):
-    cluster = LocalCluster(
-        n_workers=n_workers or CPU_COUNT,
-        threads_per_worker=1,
-        host="127.0.0.1",
-        dashboard_address="127.0.0.1:0",
-        memory_limit=0,  # tiles are small; watching the workers' memory costs more than they use
-        silence_logs="CRITICAL",
-    )
+    with _deaf_to_interrupts():  # workers inherit that, until their plugin sees to it
+        cluster = LocalCluster(
+            n_workers=n_workers or CPU_COUNT,
+            threads_per_worker=1,
+            host="127.0.0.1",
+            dashboard_address="127.0.0.1:0",
+            memory_limit=0,  # tiles are small; to watch the memory costs more than they use
+            silence_logs="CRITICAL",
+        )
     with cluster, Client(cluster, set_as_default=False) as client:
         yield client
+
+
+@contextmanager
+def _deaf_to_interrupts():
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    previous = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, previous)
 
 
 @contextmanager

@@ -89,7 +89,7 @@ def escape_cube(name, kappa1, kappa2, sizes, n_max, window, tile):
         coords,
         {"title": "First escape times of the nonautonomous standard map"},
     )
-    settings = {"n_max": int(n_max), "window": [float(w) for w in window]}
+    settings = {"n_max": int(n_max), "window": [float(w) for w in window], "cells_per_tile": tile}
     return Cube(name, template, {"kappa2": tile, "kappa1": tile}, settings)
 
 
@@ -147,8 +147,10 @@ def breakdown_cube(name, omegas, angles, statuses, tile, settings):
     return Cube(name, template, {"omega": 1, "angle": tile}, settings)
 
 
-def composed(cube, field=None, level=None):
+def composed(cube, levels, follow, field=None, level=None):
     """`cube` of escape times, composed of several levels of refinement.
+
+    levels : their number. follow : list of N, the boundaries that they follow.
 
     field : array (ensemble, kappa2, kappa1), its values. level : int8 array (kappa2, kappa1), which
     level each cell's value is from. Without them: the plan of that cube.
@@ -164,7 +166,8 @@ def composed(cube, field=None, level=None):
     template = cube.template.assign(level=(("kappa2", "kappa1"), level, attrs))
     if field is not None:
         template["escape_time"] = template.escape_time.copy(data=field)
-    return Cube(cube.name, template, cube.tile, cube.settings)
+    settings = {"levels": levels, "follow": follow, **cube.settings}
+    return Cube(cube.name, template, cube.tile, settings)
 
 
 def provenance():

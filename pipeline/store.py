@@ -22,7 +22,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from math import prod
 from pathlib import Path
-from tempfile import mkstemp
+from uuid import uuid4
 
 import dask.array
 import numpy as np
@@ -152,7 +152,12 @@ def refuse_different(out, cube):
     group = Path(out) / STORE / cube.name
     if not group.exists():
         return
-    found = zarr.open_group(group, mode="r")
+    try:
+        found = zarr.open_group(group, mode="r")
+    except (FileNotFoundError, ValueError):
+        raise StoreError(
+            f"the metadata of {group} are damaged; delete it, or choose another --out"
+        ) from None
     if found.attrs.get("config_hash") == cube.config_hash:
         return
     differences = [
@@ -187,9 +192,11 @@ def create(out, cube):
 def replace(out, cube):
     """Write a cube that is computed in full, compressed, in place of an earlier state of itself.
 
-    StoreError if another cube of this name is there.
+    Nothing is written if that state is the same. StoreError if another cube of this name is there.
     """
     refuse_different(out, cube)
+    if (Path(out) / STORE / cube.name).exists() and read(out, cube.name).equals(cube.template):
+        return
     _write_group(out, cube, cube.template, compute=True)
 
 
@@ -233,8 +240,8 @@ def _write_aside(layout, variable, index, array):
         lengths = zip(variable.chunk_shape, array.shape, strict=True)
         array = np.pad(array, [(0, whole - part) for whole, part in lengths])
     target = layout.chunk_file(variable.name, variable.chunk(index))
-    descriptor, aside = mkstemp(dir=layout.out / _ASIDE)
-    with os.fdopen(descriptor, "wb") as file:
+    aside = f"{layout.out}/{_ASIDE}/{uuid4().hex}"
+    with open(aside, "xb") as file:
         file.write(array.tobytes())
     try:
         os.rename(aside, target)

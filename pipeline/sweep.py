@@ -17,7 +17,7 @@ import sys
 import threading
 import time
 from concurrent.futures import CancelledError
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 
 from distributed import KilledWorker, wait
@@ -109,7 +109,7 @@ class _Run:
                 in_flight[future] = batch
             if not in_flight:
                 return suspects
-            for future in self._first_completed(list(in_flight)):
+            for future in _first_completed(self.client, list(in_flight)):
                 batch = in_flight.pop(future)
                 try:
                     # A worker may die between the end of a batch and its report: dask then runs
@@ -123,19 +123,6 @@ class _Run:
                     ) from None
                 future.release()
 
-    def _first_completed(self, futures):
-        """Wait until some of the futures are done, and return those."""
-        alive = time.monotonic()
-        while True:
-            try:
-                with self.client.as_current():
-                    return wait(futures, timeout=1, return_when="FIRST_COMPLETED").done
-            except TimeoutError:
-                if self.client.scheduler_info(n_workers=-1)["workers"]:
-                    alive = time.monotonic()
-                elif time.monotonic() - alive > _PATIENCE:
-                    raise ConnectionError("no workers are left; run again to resume") from None
-
     def _count(self, results):
         for index, error in results:
             if error is None:
@@ -143,6 +130,20 @@ class _Run:
             else:
                 self.failed[index] = error
         self.progress.advance([index for index, _ in results])
+
+
+def _first_completed(client, futures):
+    """Wait until some of the futures are done, and return those."""
+    alive = time.monotonic()
+    while True:
+        try:
+            with client.as_current():
+                return wait(futures, timeout=1, return_when="FIRST_COMPLETED").done
+        except TimeoutError:
+            if client.scheduler_info(n_workers=-1)["workers"]:
+                alive = time.monotonic()
+            elif time.monotonic() - alive > _PATIENCE:
+                raise ConnectionError("no workers are left; run again to resume") from None
 
 
 def _compute_batch(layout, compute, settings, tiles):
@@ -171,15 +172,23 @@ def _tile_coords(cube, index):
 
 
 def _predict_all(client, tiles, predict, settings):
-    """{index: predicted CPU seconds}, probed on the workers."""
+    """{index: predicted CPU seconds}, probed on the workers; 1 s for tiles whose probe failed."""
+    costs = dict.fromkeys(tiles, 1.0)
     indices = list(tiles)
     parts = [indices[i : i + _BATCH_TILES] for i in range(0, len(indices), _BATCH_TILES)]
-    futures = [
-        client.submit(_predict_batch, predict, settings, [tiles[i] for i in part], pure=False)
+    pending = {
+        client.submit(_predict_batch, predict, settings, [tiles[i] for i in part], pure=False): part
         for part in parts
-    ]
-    costs = [cost for part in client.gather(futures) for cost in part]
-    return dict(zip(indices, costs, strict=True))
+    }
+    while pending:
+        for future in _first_completed(client, list(pending)):
+            part = pending.pop(future)
+            if future.status == "finished":
+                # A worker's death between the probe and its report costs the prediction only.
+                with suppress(KilledWorker):
+                    costs.update(zip(part, future.result(), strict=True))
+            future.release()
+    return costs
 
 
 def _predict_batch(predict, settings, tiles):

@@ -252,6 +252,22 @@ def test_boundary_is_where_a_ray_first_meets_transport():
     assert np.abs(boundary(later, kappa1, kappa2, angles, 100) - 0.8).max() <= half_diagonal
 
 
+def test_boundary_includes_rays_along_every_edge_of_the_plane():
+    kappa = np.arange(0.05, 1, 0.1)
+    for first, second, angle in ((kappa, -kappa[::-1], 0), (-kappa[::-1], kappa, 90)):
+        times = np.where(np.hypot(first, second[:, None]) > 0.6, 5.0, np.inf)
+        assert boundary(times, first, second, [angle], 5)[0] == pytest.approx(0.6, abs=0.06)
+
+
+def test_boundary_is_not_known_where_the_ray_enters_the_plane_in_transport():
+    kappa1, kappa2 = np.arange(0.35, 1, 0.1), np.arange(0.05, 1, 0.1)
+    times = np.full((10, 7), np.inf)
+    times[:, 0] = times[:, 5] = 5.0
+    assert np.isnan(boundary(times, kappa1, kappa2, [10.0], 5)).all()
+    with pytest.raises(ValueError, match="at least two cells"):
+        boundary(times[:1], kappa1, kappa2[:1], [10.0], 5)
+
+
 def test_boundary_is_not_known_next_to_cells_that_are_not():
     kappa = np.arange(0.05, 1, 0.1)
     times = np.where(np.hypot(kappa, kappa[:, None]) > 0.6, 100.0, np.inf)

@@ -16,7 +16,7 @@ from click.testing import CliRunner
 from nasm import periodic
 from nasm.numbers import parse
 from pipeline import store
-from workflows import circle_boundaries, critical_boundary, escape_plane
+from workflows import circle_boundaries, critical_boundary, escape_plane, period_one
 
 QUICK = ["--workers", "1", "--n-max", "4000", "--n-orbits", "16,64", "--tile", "4"]
 PLANE = ["--kappa1", "-1.4:1.4:128", "--kappa2", "0:1.4:64"]
@@ -77,17 +77,12 @@ def test_the_cube_explains_itself(dense):
     assert {"title", "config_hash", "package_version", "git_commit", "created"} <= set(cube.attrs)
 
 
-def test_the_table_holds_the_boundary_of_each_n_along_rays(finished):
+def test_the_table_holds_the_boundary_along_rays(finished):
     with open(finished / "critical_boundary.csv") as file:
         rows = list(csv.DictReader(file))
-    assert len(rows) == 3 * 37
-    scales = {
-        n: np.array([float(r["critical_scale"] or "nan") for r in rows if int(r["n"]) == n])
-        for n in (400, 2000, 4000)
-    }
-    both = np.isfinite(scales[2000]) & np.isfinite(scales[4000])
-    assert both.sum() > 20
-    assert (scales[4000] <= scales[2000] + 0.05)[both].all()
+    assert len(rows) == 37
+    assert {r["n"] for r in rows} == {"4000"}
+    assert {float(r["resolution"]) for r in rows if r["resolution"]} == {2.8 / 128}
     ray = next(r for r in rows if r["angle"] == "90" and r["n"] == "4000")
     assert abs(float(ray["kappa1"])) < 1e-9
     assert float(ray["kappa2"]) == pytest.approx(float(ray["critical_scale"]), rel=1e-5)
@@ -133,8 +128,13 @@ def test_other_settings_are_refused_and_nothing_is_touched(dense, finished):
     assert "n_max is 4000, not 5000" in result.output
     result = invoke(critical_boundary, dense, *QUICK, *PLANE, "--levels", "3")
     assert result.exit_code == 2
-    assert "computed with other settings" in result.output
+    assert "levels is None, not 3" in result.output
+    before_refined = snapshot(finished)
+    result = invoke(critical_boundary, finished, *QUICK, *PLANE, "--levels", "3", "--follow", "300")
+    assert result.exit_code == 2
+    assert "follow is [4000], not [300]" in result.output
     assert snapshot(dense) == before
+    assert snapshot(finished) == before_refined
 
 
 def snapshot(out):
@@ -159,10 +159,16 @@ def snapshot(out):
         (["--n-orbits", "100,10"], "increasing whole numbers from 1"),
         (["--tile", "0"], "1<=x<=4096"),
         (["--kappa1", "0:1:30", "--levels", "3"], "multiple of 4"),
+        (["--kappa1", "0:1:4", "--levels", "3"], "use at least 8"),
+        (["--kappa1", "0:1:1", "--levels", "1"], "use at least 2"),
+        (["--follow", "2000000"], "must be at most n-max"),
         (["--workers", "0"], "1<=x<=4096"),
         (["--tls", "none", "none", "none"], "does not exist"),
+        (["--tls", __file__, __file__, __file__], "give its tls:// address"),
+        (["--scheduler", "tls://127.0.0.1:9"], "needs TLS files"),
+        (["--scheduler", "tcp://127.0.0.1:9", "--workers", "1"], "leave --workers out"),
         (["--scheduler", "tcp://127.0.0.1:9"], "no dask scheduler answers"),
-        (["--scheduler", "nonsense"], "no dask scheduler answers"),
+        (["--scheduler", "nonsense"], "must be tcp://HOST:PORT"),
     ],
 )
 @pytest.mark.parametrize("workflow", [escape_plane, critical_boundary])
@@ -201,6 +207,21 @@ def test_a_directory_that_cannot_be_written_is_refused():
     result = invoke(escape_plane, "/proc/self/none", *QUICK)
     assert result.exit_code == 2
     assert "cannot write" in result.output
+
+
+@pytest.mark.parametrize(
+    "plane",
+    [
+        ["--kappa1", "0:0.1:8", "--kappa2", "0:0.1:8"],  # nothing escapes
+        ["--kappa1", "3:3.1:8", "--kappa2", "3:3.1:8"],  # everything does
+        ["--kappa1", "-1.1:1.1:16", "--kappa2", "-1.1:0:8"],  # below the axis
+        ["--kappa1", "0:1.1:8", "--kappa2", "0:1.1:8", "--n-max", "1"],
+    ],
+)
+def test_unusual_planes_end_with_a_figure(tmp_path, plane):
+    output = succeed(critical_boundary, tmp_path / "out", *QUICK, "--levels", "2", *plane)
+    assert (tmp_path / "out/critical_boundary.png").exists()
+    assert ("no ray passes into transport" in output) == (plane[1] != "-1.1:1.1:16")
 
 
 @pytest.mark.parametrize("workflow", ["escape_plane", "critical_boundary"])
@@ -250,3 +271,17 @@ def test_bad_rotation_numbers_are_refused(tmp_path, options, message):
     assert result.exit_code == 2
     assert message in result.output
     assert not (tmp_path / "out").exists()
+
+
+def test_period_one_orbits_are_kept_as_labelled_cubes(tmp_path):
+    axes = ["--primary", "-4:4:20", "--secondary", "0:8:10"]
+    for _ in range(2):  # a second run says the same
+        succeed(period_one, tmp_path / "out", *axes)
+    primary = xr.open_zarr(tmp_path / "out/cubes.zarr", group="period_one_primary")
+    assert primary.residue.dims == ("point", "kappa2", "kappa1")
+    cell = primary.residue.sel(kappa1=0.6, kappa2=1.0, method="nearest").isel(point=1)
+    kappa1, kappa2 = float(cell.kappa1), float(cell.kappa2)
+    assert float(cell) == pytest.approx((kappa1 + kappa2) / 2 - kappa1 * kappa2 / 4)
+    secondary = xr.open_zarr(tmp_path / "out/cubes.zarr", group="period_one_secondary")
+    assert 0 < np.isfinite(secondary.z).mean() < 1
+    assert invoke(period_one, tmp_path / "out", "--primary", "-3:3:20").exit_code == 2

@@ -1,6 +1,7 @@
 """The command line that all workflows share: where to write, what to compute on, how to end.
 
-Exit codes: 0 done; 1 some tiles failed; 2 bad input, nothing touched; 130 stopped by Ctrl-C.
+Exit codes: 0 done; 1 some tiles failed, or the workers are gone; 2 bad input, nothing touched;
+130 stopped by Ctrl-C.
 """
 
 import functools
@@ -55,7 +56,7 @@ def integers_option(name, default, largest, help):
 
 
 def cluster_options(function):
-    """--out, --scheduler, --workers and the TLS files, as one dict `cluster` and `out`."""
+    """--out, passed on as `out`; --scheduler, --workers and --tls, as the dict `cluster`."""
 
     @click.option(
         "--out",
@@ -93,15 +94,16 @@ def cluster_options(function):
 @contextmanager
 def _explained():
     """What a user can mend ends the program with one line and exit code 2."""
-    from pipeline.cluster import ClusterError
-    from pipeline.store import StoreError
-
     try:
-        yield
-    except (StoreError, ClusterError) as error:
-        raise click.UsageError(str(error)) from None
-    except ConnectionError as error:
-        raise click.ClickException(str(error)) from None
+        from pipeline.cluster import ClusterError
+        from pipeline.store import StoreError
+
+        try:
+            yield
+        except (StoreError, ClusterError) as error:
+            raise click.UsageError(str(error)) from None
+        except ConnectionError as error:
+            raise click.ClickException(str(error)) from None
     except KeyboardInterrupt:
         click.echo("abandoned; run the same command again to resume", err=True)
         sys.exit(130)
@@ -110,10 +112,11 @@ def _explained():
 @contextmanager
 def driver(out):
     """Hold `out` as its driver, without a cluster."""
-    from pipeline import store
+    with _explained():
+        from pipeline import store
 
-    with _explained(), store.driving(out):
-        yield
+        with store.driving(out):
+            yield
 
 
 @contextmanager
@@ -122,11 +125,11 @@ def session(out, cluster, method):
 
     The workers are warmed up for the tasks of `method`, "escape" or "residue".
     """
-    from pipeline import store, tasks
-    from pipeline.cluster import connect
-
-    warm_up = {"escape": tasks.escape_warm_up, "residue": tasks.residue_warm_up}[method]
     with _explained():
+        from pipeline import store, tasks
+        from pipeline.cluster import connect
+
+        warm_up = {"escape": tasks.escape_warm_up, "residue": tasks.residue_warm_up}[method]
         store.refuse_foreign(out)
         with connect(warm_up, **cluster) as client, store.driving(out):
             yield client
@@ -134,15 +137,16 @@ def session(out, cluster, method):
 
 def finish(outcome):
     """Go on after a complete sweep; end the program, saying how to go on, after any other."""
+    for index, reason in sorted(outcome.failed.items()):
+        click.echo(f"tile {index} failed: {reason}", err=True)
     if outcome.interrupted:
         click.echo(
-            f"stopped with {outcome.remaining} tiles missing; run the same command again to resume",
+            f"stopped with {outcome.remaining} tiles of this sweep missing; run the same command "
+            "again to resume",
             err=True,
         )
         sys.exit(130)
     if outcome.failed:
-        for index, reason in sorted(outcome.failed.items()):
-            click.echo(f"tile {index} failed: {reason}", err=True)
         click.echo(
             f"{len(outcome.failed)} tiles failed and stay missing; run the same command again to "
             "retry them",

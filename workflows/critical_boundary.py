@@ -1,7 +1,7 @@
 """The main job: where in the (κ1, κ2) plane does global transport begin?
 
 For now by the direct method alone (arXiv:1606.04824, Sec. V.B): the boundary {n* ≤ N} of first
-escape times, for several N. It shows transport, so it is an upper bound, which falls towards the
+escape times. It shows transport, so it is an upper bound, which falls towards the
 true boundary only like N^(-1/3).
 """
 
@@ -52,8 +52,8 @@ def boundary_table(dataset, angles, steps):
     "--angles",
     default=361,
     show_default=True,
-    type=click.IntRange(2, 10**6),
-    help="Rays of the table, from 0 to 180 degrees.",
+    type=click.IntRange(2, 10**5),
+    help="Rays of the table: from 0 to 180 degrees, to 360 if the plane has negative kappa2.",
 )
 @cluster_options
 def main(out, cluster, plane, angles):
@@ -68,7 +68,11 @@ def main(out, cluster, plane, angles):
 
         from workflows.figures import draw_critical_boundary, save
 
-        table = boundary_table(dataset, np.linspace(0, 180, angles), plane.drawn)
+        half_turns = 2 if plane.kappa2.lo < 0 else 1
+        rays = np.linspace(0, 180 * half_turns, angles)
+        table = boundary_table(dataset, rays, plane.drawn)
+        for n in table.n.values[table.critical_scale.isnull().all("angle")]:
+            click.echo(f"no ray passes into transport within {n} steps in this plane", err=True)
         table.to_dataframe().to_csv(f"{out}/critical_boundary.csv", float_format="%.6g")
         figures = save(draw_critical_boundary(dataset, table), out, "critical_boundary")
     click.echo(f"cube:   {out}/cubes.zarr, group escape")

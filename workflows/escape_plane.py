@@ -37,10 +37,25 @@ class Plane:
                     f"{2 ** (self.levels - 1)}, or fewer --levels",
                     param_hint=name,
                 )
+            if axis.n < 2**self.levels:
+                raise click.BadParameter(
+                    f"{axis.n} cells are too few; use at least {2**self.levels}, two at the "
+                    "coarsest level",
+                    param_hint=name,
+                )
+        if self.follow[-1] > self.n_max:
+            raise click.BadParameter(
+                f"N={self.follow[-1]} must be at most n-max={self.n_max}", param_hint="--follow"
+            )
 
     @property
     def drawn(self):
-        """N of the boundaries that are shown: n_max/10, n_max/2, n_max, as in Fig. 5."""
+        """N of the boundaries that are shown: those that are resolved everywhere.
+
+        In a plane that is computed in full n_max/10, n_max/2 and n_max, as in Fig. 5.
+        """
+        if self.levels > 1:
+            return self.follow
         return sorted({max(1, self.n_max // 10), max(1, self.n_max // 2), self.n_max})
 
 
@@ -80,7 +95,7 @@ def plane_options(kappa1, kappa2, n_max, n_orbits, tile, levels):
             "--follow",
             None,
             10**12,
-            "Refine along the boundaries {n* <= N} of these N.  [default: n-max]",
+            "Refine along, and draw, the boundaries {n* <= N} of these N.  [default: n-max]",
         ),
     ]
 
@@ -125,7 +140,7 @@ def escape_plane(client, out, plane):
         compute(cube("escape", 0))
         return store.read(out, "escape")
     finest = cube("escape", plane.levels - 1)
-    store.refuse_different(out, schema.composed(finest))
+    store.refuse_different(out, schema.composed(finest, plane.levels, plane.follow))
     fields = [compute(cube("escape_level0", 0))]
     for level in range(1, plane.levels):
         level_cube = cube(f"escape_level{level}", level)
@@ -135,7 +150,8 @@ def escape_plane(client, out, plane):
         while more := refine.tiles_at(_followed_cells(fields, plane), plane.tile) - wanted:
             wanted |= more
             fields[-1] = compute(level_cube, wanted)
-    store.replace(out, schema.composed(finest, *refine.compose(fields)))
+    composed = schema.composed(finest, plane.levels, plane.follow, *refine.compose(fields))
+    store.replace(out, composed)
     return store.read(out, "escape")
 
 

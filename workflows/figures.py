@@ -7,7 +7,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.colors import LogNorm
 
-_BOUNDARY_COLOURS = ["#E69F00", "#009E73", "#0072B2"]  # Okabe & Ito, safe for colour-blind readers
+# Okabe & Ito, safe for colour-blind readers; the largest N first.
+_BOUNDARY_COLOURS = ["#0072B2", "#009E73", "#56B4E9"]
 
 
 def save(figure, out, name):
@@ -23,12 +24,12 @@ def draw_escape_plane(plane, steps):
     """First escape times of the largest ensemble, with the boundary of each number of steps."""
     figure, axes = _plane_axes(plane)
     field = _draw_field(axes, plane)
-    for n, colour in zip(steps, _BOUNDARY_COLOURS, strict=False):
+    for n, colour in zip(steps[::-1], _BOUNDARY_COLOURS, strict=False):
         axes.contour(
             plane.kappa1, plane.kappa2, field <= n, levels=[0.5], colors=colour, linewidths=1.0
         )
         axes.plot([], [], color=colour, label=f"$N = {_power(n)}$")
-    axes.legend(loc="lower center")
+    axes.legend(loc="best")
     return figure
 
 
@@ -36,7 +37,7 @@ def draw_critical_boundary(plane, table):
     """The escape field and on it the boundary along rays, for each number of steps."""
     figure, axes = _plane_axes(plane)
     _draw_field(axes, plane)
-    for n, colour in zip(table.n.values, _BOUNDARY_COLOURS, strict=False):
+    for n, colour in zip(table.n.values[::-1], _BOUNDARY_COLOURS, strict=False):
         curve = table.sel(n=n)
         axes.plot(curve.kappa1, curve.kappa2, color=colour, lw=1.3, label=f"$N = {_power(n)}$")
     axes.legend(loc="lower center")
@@ -65,11 +66,13 @@ def _draw_field(axes, plane):
         float(plane.kappa2[0]) - half[1],
         float(plane.kappa2[-1]) + half[1],
     ]
+    finite = np.where(np.isfinite(field), field, np.nan)
+    earliest = max(1.0, np.nanmin(finite)) if np.isfinite(finite).any() else 1.0
     image = axes.imshow(
-        np.where(np.isfinite(field), field, np.nan),
+        finite,
         extent=extent,
         origin="lower",
-        norm=LogNorm(vmin=max(1, np.nanmin(field)), vmax=plane.attrs["n_max"]),
+        norm=LogNorm(vmin=earliest, vmax=max(plane.attrs["n_max"], 1.1 * earliest)),
         cmap="magma",
         interpolation="nearest",
     )
@@ -80,8 +83,10 @@ def _draw_field(axes, plane):
 
 
 def _power(n):
-    """10^5, 5·10^5, … in TeX."""
-    exponent = int(np.floor(np.log10(n)))
+    """10^5, 5·10^5, … in TeX; small numbers and crooked ones as they are."""
+    if n < 1000 or n % 10 ** (len(str(n)) - 2):
+        return str(n)
+    exponent = len(str(n)) - 1
     mantissa = n / 10**exponent
     return f"10^{exponent}" if mantissa == 1 else rf"{mantissa:g}\cdot 10^{exponent}"
 
@@ -129,10 +134,10 @@ def draw_secondary_points(secondary):
     )
     figure.colorbar(image, ax=axes, label=r"error of the cubic estimate of $z_*$; white: no point")
     stable = (secondary.residue > 0) & (secondary.residue < 1)
-    axes.contour(
-        secondary.kappa1, secondary.kappa2, stable, levels=[0.5], colors=["#D55E00"], linewidths=1.5
+    axes.contourf(
+        secondary.kappa1, secondary.kappa2, stable, levels=[0.5, 1.5], colors="none", hatches=["//"]
     )
-    axes.plot([], [], color="#D55E00", label="stable between these curves")
+    axes.fill_between([], [], [], facecolor="none", edgecolor="black", hatch="//", label="stable")
     axes.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$", aspect="equal")
     axes.set_title("Secondary period-one orbits next to $(1/2, 0)$")
     axes.legend(loc="lower left")
