@@ -157,7 +157,9 @@ def critical_scale(omega, profile, q_max=3000):
         return _failed(omega, status)
     value, ratio = _aitken(*crossings[-1 - 2 * period :: period])
     value_before, ratio_before = _aitken(*crossings[-2 - 2 * period : -1 : period])
-    error = max(abs(value - value_before), 1e-13 * value)
+    # The residue of q steps has lost about q² ε to rounding, and tells the scale q times better.
+    rounding = 20 * np.finfo(float).eps * fractions[-1].denominator * value
+    error = max(abs(value - value_before), rounding)
     if not 0.5 < ratio / ratio_before < 2 or abs(ratio) > 0.9:
         # Not geometric yet, as at small angles from a cusp: the extrapolation means nothing.
         error = max(error, abs(value - crossings[-1]), abs(crossings[-1] - crossings[-2]))

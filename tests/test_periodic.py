@@ -146,6 +146,13 @@ def test_the_golden_circle_of_the_standard_map_breaks_at_kappa_g(name, profile, 
     assert abs(found.value - exact) <= found.error < 1e-9
 
 
+@pytest.mark.parametrize("q_max", [300, 1000, 3000, 8000, 20_000])
+def test_error_covers_truncation_and_rounding(q_max):
+    for name, profile, exact in (("gamma", (1, 0), KAPPA_G / 2), ("2gamma", (1, 1), KAPPA_G)):
+        found = periodic.critical_scale(parse(name), profile, q_max)
+        assert abs(found.value - exact) <= found.error
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_symmetric_copies_computed_apart_agree(name):
     omega = parse(name)
