@@ -29,6 +29,7 @@ _BATCH_SECONDS = 0.5  # of predicted CPU time in a batch: long against 2 ms of s
 _BATCH_TILES = 256
 _IN_FLIGHT = 2  # batches per worker: one computing, one waiting
 _PATIENCE = 30  # seconds without any worker, after which the sweep gives up
+_REPORT = 5  # seconds to fetch the report of a batch that has ended
 _ATTEMPTS_ALONE = 2  # worker deaths that condemn a tile: one may be somebody else's doing
 
 
@@ -113,8 +114,11 @@ class _Run:
                 batch = in_flight.pop(future)
                 try:
                     # A worker may die between the end of a batch and its report: dask then runs
-                    # the batch again, which may end in either way.
-                    self._count(future.result())
+                    # the batch again, which may end in any of these ways.
+                    self._count(future.result(timeout=_REPORT))
+                except TimeoutError:
+                    in_flight[future] = batch
+                    continue
                 except KilledWorker:
                     suspects += batch
                 except CancelledError:
@@ -185,8 +189,8 @@ def _predict_all(client, tiles, predict, settings):
             part = pending.pop(future)
             if future.status == "finished":
                 # A worker's death between the probe and its report costs the prediction only.
-                with suppress(KilledWorker):
-                    costs.update(zip(part, future.result(), strict=True))
+                with suppress(KilledWorker, TimeoutError):
+                    costs.update(zip(part, future.result(timeout=_REPORT), strict=True))
             future.release()
     return costs
 
