@@ -113,7 +113,7 @@ def critical_scale(omega, profile, q_max=3000):
     """The scale at which the circle of ω breaks on the ray κ = s·profile, by Greene's residue.
 
     1. Where the forcing repeats itself, up to the symmetry `alternate`, take the shorter map: on
-       κ1 = κ2 the standard map itself, at ω/2. The diagonals are cusps; no other method is exact.
+       κ1 = κ2 the standard map itself, at ω/2. The boundaries have cusps there.
     2. For consecutive convergents solve R_n(s) = R_{n+m}(s), m the period of ω's continued
        fraction, for the minimax orbits.
     3. Extrapolate the solutions by Aitken's rule.
@@ -126,8 +126,9 @@ def critical_scale(omega, profile, q_max=3000):
 
     Returns
     -------
-    CriticalScale. error : the difference of the last two extrapolated values, but at least what
-    rounding leaves. lower and upper are NaN: Greene's criterion is not a proof of either.
+    CriticalScale. error : the difference of the last two extrapolated values, or that of the
+    crossings where these are not geometric yet, but at least what rounding leaves. lower and upper
+    are NaN: Greene's criterion is not a proof of either.
 
     ValueError if profile is zero or has no symmetry centre.
     """
@@ -135,14 +136,14 @@ def critical_scale(omega, profile, q_max=3000):
     if not profile.any():
         raise ValueError("profile is zero; a ray needs a direction, e.g. profile=(1, 0.5)")
     short, short_omega = _shortest(profile, omega)
-    dominant_centre(short)
+    centre = dominant_centre(short)
     if omega.is_rational:
         return _failed(omega, Status.RATIONAL)
     period = len(short_omega.tail)
     fractions = [f for f in islice(convergents(short_omega), 200) if 3 <= f.denominator <= q_max]
-    orbits = [_HalfOrbit(short, f.numerator, f.denominator, None) for f in fractions]
     if fractions and fractions[-1].denominator < _cusp_period(short):
         return _failed(omega, Status.NEAR_CUSP)
+    orbits = [_HalfOrbit(short, f.numerator, f.denominator, centre) for f in fractions]
     crossings, status = [], Status.NOT_CONVERGED
     for lower, higher in zip(orbits, orbits[period:], strict=False):
         crossing = _crossing(lower, higher, crossings)
