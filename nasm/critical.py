@@ -5,6 +5,7 @@ the critical scale. The set of all critical points is the boundary CB_ω, that o
 CB_gt (arXiv:1606.04824, Sec. V).
 """
 
+import math
 from dataclasses import dataclass
 from enum import Enum
 
@@ -16,9 +17,10 @@ class Status(Enum):
 
     OK = "ok"
     RATIONAL = "omega is rational: no circle, its convergents end"
+    OUTSIDE = "broken, or its orbits not to be followed, at the start of the segment already"
     NO_BREAKUP = "no breakup found up to the largest scale searched"
     NEAR_CUSP = "orbits up to the largest period do not yet see how near the cusp |κ1| = |κ2| is"
-    DISORDERED = "Newton found an orbit that is not ordered like a rotation"
+    DISORDERED = "Newton found an orbit of another kind: not ordered, or with the other sign of R"
     NOT_CONVERGED = "the estimates did not settle within the largest period allowed"
 
 
@@ -37,3 +39,8 @@ class CriticalScale:
     upper: float
     omega: RotationNumber | None
     status: Status
+
+
+def no_answer(omega, status):
+    """The CriticalScale of a method that failed, and why."""
+    return CriticalScale(math.nan, math.nan, math.nan, math.nan, omega, status)

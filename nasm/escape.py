@@ -24,6 +24,7 @@ import numpy as np
 from numba import njit
 
 from nasm.checks import count, points
+from nasm.critical import CriticalScale, Status, no_answer
 from nasm.lanes import LANES, fabs, fma, load, maximum, own_frame, rint, store
 from nasm.maps import forcing
 from nasm.sine import SINE
@@ -34,6 +35,8 @@ PAPER_WINDOW = (-2.0, 2.3)
 MAX_STEPS = 10**12
 """Largest n_max: half a day for a single block of orbits, and far below the 2⁵³ up to which
 float64 tells integers apart."""
+
+_ETA = 3.012  # of the bias k_N - k_c ~ N^(-1/η)
 
 _BLOCK = 128  # steps between two tests for escape: fewer cost 3% in speed, more make replays longer
 _LONGEST_CHUNK = 4096  # steps between two compactions or two looks at the rest of the ensemble
@@ -112,6 +115,52 @@ def first_escape(kappas, x, y, sizes, n_max, window=PAPER_WINDOW):
     times = np.empty((len(flat), sizes.size))
     _first_escapes(_kicks(flat), x - 0.25, y - shift, sizes, n_max, lo, hi, times)
     return times.T.reshape(sizes.size, *plane)
+
+
+def critical_scale(profile, n_max, n_orbits=1000, window=PAPER_WINDOW):
+    """The scale at which global transport begins on the ray κ = s·profile, by direct iteration.
+
+    1. Bisect for the least scale k_N with an escape within N = n_max steps, to 1e-4 of it.
+    2. The same for N/8, and extrapolate: k_N - k_c ~ N^(-1/η), η = 3.012 = ln(αβ)/ln δ from the
+       scaling constants of MacKay (Physica D 7 (1983) 283).
+
+    Parameters
+    ----------
+    profile : sequence of P floats.
+    n_max : int, 64 to 10¹², steps.
+    n_orbits : int, the size of `ensemble`.
+    window : (lo, hi) in y.
+
+    Returns
+    -------
+    CriticalScale. upper : k_N, an escape was seen there. value : extrapolated; error : upper -
+    value, as the bias is what is uncertain. lower is NaN: no escape shows nothing. omega is None.
+    Status NO_BREAKUP if nothing escapes even where the largest |κ| is 2.
+
+    ValueError if profile is zero or an argument out of range.
+    """
+    profile = forcing(profile)
+    if not profile.any():
+        raise ValueError("profile is zero; a ray needs a direction, e.g. profile=(1, 0.5)")
+    n_max = count("n_max", n_max, 64, MAX_STEPS)
+    x, y = ensemble(n_orbits)
+
+    def least_escaping(n, inside, outside):
+        while outside - inside > 1e-4 * outside:
+            middle = (inside + outside) / 2
+            if np.isinf(first_escape(middle * profile, x, y, [x.size], n, window)[0]):
+                inside = middle
+            else:
+                outside = middle
+        return inside, outside
+
+    furthest = 2 / np.abs(profile).max()
+    if np.isinf(first_escape(furthest * profile, x, y, [x.size], n_max // 8, window)[0]):
+        return no_answer(None, Status.NO_BREAKUP)
+    inside, upper = least_escaping(n_max, 0.0, furthest)
+    _, upper_before = least_escaping(n_max // 8, inside, furthest)
+    value = upper - (upper_before - upper) / (8 ** (1 / _ETA) - 1)
+    return CriticalScale(value, upper - value, np.nan, upper, None, Status.OK)
 
 
 def boundary(escape_time, kappa1, kappa2, angles, n):

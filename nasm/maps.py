@@ -99,7 +99,9 @@ def rotating_forcing(mean, amplitude, frequency, phase=0.0):
     n = 0 kicks with κ2; the two forcings differ by a shift of half a period.
     """
     frequency = Fraction(frequency)
-    turns = [float(frequency * n % 1) for n in range(frequency.denominator)]
+    turns = [frequency * n % 1 for n in range(frequency.denominator)]
+    # In (-1/2, 1/2], so that times n and -n get the same strength to the last bit.
+    turns = [float(turn - 1 if 2 * turn > 1 else turn) for turn in turns]
     return forcing(mean + amplitude * cos2pi(np.asarray(turns) + phase))
 
 

@@ -1,48 +1,30 @@
-"""Symmetric periodic orbits, Greene's residue, and the breakup of a circle from its convergents.
-
-In the chain (Lagrangian) form an orbit is a sequence of sites, one per kick,
-
-    x_{n+1} - 2 x_n + x_{n-1} = (κ_n / 2π) sin 2πx_n,     y_n = x_n - x_{n-1},
-
-and an orbit of T with rotation number p/q has N = Pq sites and x_{n+N} = x_n + p. A site c is a
-*symmetry centre* of the forcing if κ_{c+j} = κ_{c-j}; an orbit with x_c = a, a = 0 or 1/2, then
-equals its mirror image x_{c-j} = 2a - x_{c+j}, and half of it is enough. For P = 1 and P = 2 every
-site is a centre.
-
-What is computed and stored is the deviation u from the rotation,
-
-    x_j = a + jp/N + u_j,     u_{-j} = -u_j,     u_{j+N} = u_j,
-
-which obeys the same equation, the rotation being linear in j. On the lift x would grow to p and
-lose the digits that the residue of a long orbit needs.
-
-Greene's residue R = (2 - Tr DT^q)/4 comes from the same half. With v and w the solutions of the
-linearised chain that are odd and even about the centre,
-
-    R = - w'_M v_M,        M = N/2,   ' = centred difference,
-
-since DT^q is the half orbit's matrix followed by that of its mirror image: a product, and no trace
-near 2 is subtracted from 2. R itself is Greene's (J. Math. Phys. 20 (1979) 1183).
+"""Periodic orbits, Greene's residue, and the breakup of a circle from its convergents.
 
 A circle of ω exists as long as the residues of its convergents p_n/q_n tend to 0, and is broken
-where they grow. At the breakup R_n = R_{n+m}, m the period of the continued fraction of ω, which
-needs no knowledge of the value that they share. Those crossings converge like q^-2.
+where they grow (Greene, J. Math. Phys. 20 (1979) 1183). At the breakup
+
+    R_n(s) = R_{n+m}(s),      m the period of the continued fraction of ω,
+
+which needs no knowledge of the value that they share. Those crossings converge like q^-2, and
+geometrically from one convergent to the next, so that Aitken's rule gains several digits. The
+orbits and their residues are those of `nasm.chain`.
+
+Of every p/q there are two families: the *minimax* orbit, R > 0, through the symmetry centre of the
+largest |κ|, and the *minimizing* one (of the action), R < 0, through a centre that the other does
+not meet. Both break up with the circle.
 """
 
+from fractions import Fraction
 from itertools import islice
 
 import numpy as np
-from numba import njit
 from scipy.optimize import brentq
 
-from nasm.checks import count
-from nasm.critical import CriticalScale, Status
-from nasm.maps import TWO_PI, forcing
-from nasm.numbers import convergents, moebius
-from nasm.sine import cos2pi, sin2pi
-from nasm.symmetries import alternate
-
-MAX_PERIOD = 10**6
+from nasm.chain import HalfOrbit, is_symmetry_centre
+from nasm.critical import CriticalScale, Status, no_answer
+from nasm.maps import forcing, rotating_forcing
+from nasm.numbers import convergents, rational
+from nasm.symmetries import shorten
 
 _ROUNDING = 1e-12  # residues below are rounding errors of the slopes v' and w', which are near 1
 
@@ -51,12 +33,11 @@ def symmetry_centres(kappa):
     """Sites c in 0, …, P - 1 with κ_{c+j} = κ_{c-j} for all j, as a list of ints.
 
     All sites for P ≤ 2. For larger P only palindromes have one: e.g. the rotating forcing with
-    phase 0, whose centre is site 0; a forcing with P ≥ 3 different strengths in no such order has
-    none, and its periodic orbits are not found by this module.
+    phase 0 or 1/2, whose centre is site 0; a forcing with P ≥ 3 different strengths in no such
+    order has none, and its periodic orbits are not found by this module.
     """
     strengths = forcing(kappa)
-    around = [np.roll(strengths, -c) for c in range(strengths.size)]
-    return [c for c, k in enumerate(around) if np.array_equal(k[1:], k[:0:-1])]
+    return [c for c in range(strengths.size) if is_symmetry_centre(strengths, c)]
 
 
 def dominant_centre(kappa):
@@ -66,14 +47,41 @@ def dominant_centre(kappa):
     ValueError if the forcing has no centre.
     """
     strengths = forcing(kappa)
-    centres = symmetry_centres(strengths)
-    if not centres:
-        raise ValueError(
-            f"kappa={kappa!r} has no symmetry centre; symmetric orbits need a forcing that reads "
-            "the same forwards and backwards from some site"
-        )
-    site = max(centres, key=lambda c: abs(strengths[c]))
-    return site, 0.5 if strengths[site] > 0 else 0.0
+    # Strengths in descending order: with long forcings, only the first sites need to be tried.
+    for site in np.argsort(-np.abs(strengths), kind="stable").tolist():
+        if is_symmetry_centre(strengths, site):
+            return site, 0.5 if strengths[site] > 0 else 0.0
+    raise ValueError(
+        f"kappa={kappa!r} has no symmetry centre; symmetric orbits need a forcing that reads "
+        "the same forwards and backwards from some site"
+    )
+
+
+def minimax_centre(kappa, p, q):
+    """`dominant_centre`: the same for every p/q."""
+    return dominant_centre(kappa)
+
+
+def minimizing_centre(kappa, p, q):
+    """A centre (site, a) of the minimizing orbit of p/q, R < 0.
+
+    An orbit with x = a at site s has x = a + p/2 (mod 1) half a period later, at site s + Pq/2; the
+    minimizing orbit goes through a centre that the minimax orbit does not meet. ValueError if it
+    meets all, as with P = 1 and even q: the minimizing orbit then has its centres between sites.
+    """
+    strengths = forcing(kappa)
+    site, a = dominant_centre(strengths)
+    met = [(site, a)]
+    if strengths.size * q % 2 == 0:
+        met.append(((site + strengths.size * q // 2) % strengths.size, (a + p / 2) % 1.0))
+    for other in (site, *symmetry_centres(strengths)):
+        for line in (0.5 - a, a):
+            if (other, line) not in met:
+                return other, line
+    raise ValueError(
+        f"the minimizing orbit of {p}/{q} has no centre on a site of the forcing; repeat the "
+        "forcing, or take another p/q"
+    )
 
 
 def symmetric_orbit(kappa, p, q, centre=None):
@@ -83,21 +91,18 @@ def symmetric_orbit(kappa, p, q, centre=None):
     ----------
     kappa : sequence of P floats, the forcing, first kick first.
     p, q : ints without common factor, 1 ≤ q ≤ 10⁶.
-    centre : (site, a), a in {0, 1/2}; default `dominant_centre`, the minimax orbit. The minimizing
-        orbit goes through a centre that the minimax orbit does not meet.
+    centre : (site, a), a in {0, 1/2}; default `dominant_centre`, the minimax orbit; see also
+        `minimizing_centre`.
 
     Returns
     -------
     x : ndarray of shape (P·q,), the sites from the centre on, on the lift; None if the orbit is not
         found: Newton's method, continued from κ = 0, met only orbits that are not ordered like a
-        rotation.
+        rotation. (Ordered is what orbits of one rotation number p/q are at different times; with
+        q = 1 there is nothing to compare, and only the small steps of the continuation protect.)
     """
-    orbit = _HalfOrbit(kappa, p, q, centre)
-    if not orbit.move(1.0):
-        return None
-    x = np.empty(orbit.profile.size * q)
-    _unfold(orbit.u, x)
-    return orbit.a + p * np.arange(x.size) / x.size + x
+    orbit = _orbit(kappa, p, q, centre)
+    return orbit.sites() if orbit.move(1.0) else None
 
 
 def residue(kappa, p, q, centre=None):
@@ -105,136 +110,242 @@ def residue(kappa, p, q, centre=None):
 
     0 < R < 1 is elliptic, R < 0 hyperbolic, R > 1 hyperbolic with reflection.
     """
-    orbit = _HalfOrbit(kappa, p, q, centre)
-    return orbit.residue() if orbit.move(1.0) else np.nan
+    orbit = _orbit(kappa, p, q, centre)
+    return orbit.refined_residue() if orbit.move(1.0) else np.nan
 
 
-def critical_scale(omega, profile, q_max=3000):
-    """The scale at which the circle of ω breaks on the ray κ = s·profile, by Greene's residue.
+def _orbit(kappa, p, q, centre):
+    profile = forcing(kappa)
+    return HalfOrbit(0 * profile, profile, p, q, centre or dominant_centre(profile))
 
-    1. Where the forcing repeats itself, up to the symmetry `alternate`, take the shorter map: on
-       κ1 = κ2 the standard map itself, at ω/2. The boundaries have cusps there.
-    2. For consecutive convergents solve R_n(s) = R_{n+m}(s), m the period of ω's continued
-       fraction, for the minimax orbits.
-    3. Extrapolate the solutions by Aitken's rule.
+
+def critical_scale(omega, profile, q_max=6000, start=None, family=minimax_centre):
+    """The scale at which the circle of ω breaks on the segment κ = start + s·profile, s ≥ 0.
+
+    The `crossings` of the residues of its convergents, extrapolated by Aitken's rule.
 
     Parameters
     ----------
     omega : RotationNumber, irrational.
-    profile : sequence of P floats with a symmetry centre; see `symmetry_centres`.
-    q_max : int, the largest period used. 3000 gives ten digits or more for noble ω.
+    profile : sequence of P floats.
+    q_max : int, the largest period used. 1500 gives nine digits for noble ω, 6000 twelve.
+    start : sequence of P floats; default 0, a ray from the origin. The circle should exist there:
+        what is found is the first breakup in steps of a fiftieth of the twist region, |κ| < 2.
+    family : `minimax_centre` or `minimizing_centre`, whose orbits are used: two routes to one
+        value. Within a few degrees of the diagonals the symmetric orbits of some p/q are no longer
+        minimizing, and the second route is barred.
 
     Returns
     -------
     CriticalScale. error : the difference of the last two extrapolated values, or that of the
-    crossings where these are not geometric yet, but at least what rounding leaves. lower and upper
-    are NaN: Greene's criterion is not a proof of either.
+    crossings where these are not geometric yet. lower and upper are NaN: Greene's criterion is not
+    a proof of either.
 
-    ValueError if profile is zero or has no symmetry centre.
+    ValueError if profile is zero, start is of another length, or the forcings have no common
+    symmetry centre.
     """
-    profile = forcing(profile)
-    if not profile.any():
-        raise ValueError("profile is zero; a ray needs a direction, e.g. profile=(1, 0.5)")
-    short, short_omega = _shortest(profile, omega)
-    centre = dominant_centre(short)
-    if omega.is_rational:
-        return _failed(omega, Status.RATIONAL)
-    period = len(short_omega.tail)
-    fractions = [f for f in islice(convergents(short_omega), 200) if 3 <= f.denominator <= q_max]
-    if fractions and fractions[-1].denominator < _cusp_period(short):
-        return _failed(omega, Status.NEAR_CUSP)
-    orbits = [_HalfOrbit(short, f.numerator, f.denominator, centre) for f in fractions]
-    crossings, status = [], Status.NOT_CONVERGED
-    for lower, higher in zip(orbits, orbits[period:], strict=False):
-        crossing = _crossing(lower, higher, crossings)
-        if not isinstance(crossing, Status):
-            crossings.append(crossing)
-        elif len(crossings) > 2 * period + 1:
-            break  # longer orbits are out of reach; there are enough without them
-        else:
-            # Near a cusp the shortest orbits are not yet on the way to the limit: start afresh.
-            crossings, status = [], crossing
-    if len(crossings) < 2 * period + 2:
-        return _failed(omega, status)
-    value, ratio = _aitken(*crossings[-1 - 2 * period :: period])
-    value_before, ratio_before = _aitken(*crossings[-2 - 2 * period : -1 : period])
-    # The residue of q steps has lost about q² ε to rounding, and tells the scale q times better.
-    rounding = 20 * np.finfo(float).eps * fractions[-1].denominator * value
-    error = max(abs(value - value_before), rounding)
+    (_, scales), status, period = _crossings(omega, profile, q_max, start, family)
+    if status is not Status.OK:
+        return no_answer(omega, status)
+    value, ratio = _aitken(*scales[-1 - 2 * period :: period])
+    value_before, ratio_before = _aitken(*scales[-2 - 2 * period : -1 : period])
+    error = max(abs(value - value_before), 4 * np.spacing(value))
     if not 0.5 < ratio / ratio_before < 2 or abs(ratio) > 0.9:
         # Not geometric yet, as at small angles from a cusp: the extrapolation means nothing.
-        error = max(error, abs(value - crossings[-1]), abs(crossings[-1] - crossings[-2]))
+        error = max(error, abs(value - scales[-1]), abs(scales[-1] - scales[-2]))
+        if error * np.abs(profile).max() > 0.01:
+            return no_answer(omega, Status.NOT_CONVERGED)
     return CriticalScale(value, error, np.nan, np.nan, omega, Status.OK)
 
 
-def _failed(omega, status):
-    return CriticalScale(np.nan, np.nan, np.nan, np.nan, omega, status)
+def crossings(omega, profile, q_max=6000, start=None, family=minimax_centre):
+    """The scales at which consecutive convergents have the same residue, R_n(s) = R_{n+m}(s).
+
+    Arguments as for `critical_scale`. Where the forcing repeats itself, up to the symmetry
+    `alternate`, the shorter map is taken: on κ1 = κ2 the standard map itself, at ω/2. The
+    boundaries have cusps there.
+
+    Returns
+    -------
+    q, scales : ndarrays of shape (n,): the longer of the two periods, and the crossing. Empty where
+    there is no answer; `critical_scale` says why.
+    """
+    return _crossings(omega, profile, q_max, start, family)[0]
 
 
-def _shortest(profile, omega):
-    """The shortest forcing with the same orbits up to symmetry, and ω per its shorter period."""
-    candidates = [(profile, omega)]
-    if profile.size % 2 == 0:
-        alternated, _, _ = alternate(profile, 0.0, 0.0)
-        candidates.append((alternated, moebius(omega, 1, profile.size // 2)))
-    for length in range(1, profile.size):
-        for strengths, number in candidates:
-            if profile.size % length == 0 and np.array_equal(
-                strengths, np.tile(strengths[:length], profile.size // length)
-            ):
-                return strengths[:length], moebius(number, 1, 0, 0, profile.size // length)
-    return profile, omega
+def _crossings(omega, profile, q_max, start, family):
+    """(periods, scales), the status, and the period m of ω for the shortest map."""
+    profile = forcing(profile)
+    start = np.zeros_like(profile) if start is None else forcing(start)
+    if not profile.any():
+        raise ValueError("profile is zero; a ray needs a direction, e.g. profile=(1, 0.5)")
+    if start.shape != profile.shape:
+        raise ValueError(f"start={start} and profile={profile} differ in length")
+    (start, profile), short_omega = shorten([start, profile], omega)
+    dominant_centre(start + profile)
+    none = np.empty((2, 0))
+    if omega.is_rational:
+        return none, Status.RATIONAL, 0
+    period = len(short_omega.tail)
+    fractions = [f for f in islice(convergents(short_omega), 200) if 3 <= f.denominator <= q_max]
+    orbits = _Orbits(start, profile, family)
+    found, status = [], Status.NOT_CONVERGED
+    for lower, higher in zip(fractions, fractions[period:], strict=False):
+        scale = _crossing(orbits, lower, higher, [scale for _, scale in found])
+        if isinstance(scale, Status):
+            if len(found) > 2 * period + 1:
+                break  # longer orbits are out of reach; there are enough without them
+            # Near a cusp the shortest orbits are not yet on the way to the limit: start afresh.
+            found, status = [], scale
+        else:
+            found.append((higher.denominator, scale))
+            if q_max < _cusp_period(start + scale * profile):
+                return none, Status.NEAR_CUSP, period
+    if len(found) < 2 * period + 2:
+        return none, status, period
+    return np.array(found).T, Status.OK, period
 
 
-def _cusp_period(profile):
-    """The period from which orbits tell a ray near the cusp |κ1| = |κ2| from the cusp itself.
+def torus_scale(omega, frequency, mean, amplitude):
+    """Where a torus of the rotating standard map breaks, by the residue of one long orbit.
+
+    The orbit has the rotation vector (p/q, Ω): κ_n = s·(κ̄ + Δκ cos 2πnΩ), and p/q per kick. With
+    both fractions close to an incommensurate pair it stands for the two-dimensional torus of that
+    pair, and its residues pass from tiny to huge where the torus breaks.
+
+    Parameters
+    ----------
+    omega, frequency : Fraction or str, p/q and Ω.
+    mean, amplitude : float, the direction (κ̄, Δκ).
+
+    Returns
+    -------
+    CriticalScale. value : where |R| of either symmetric orbit first reaches 1/4, in steps of a
+    hundredth of the range |κ| < 2. error : how far from there |R| = 1 is, or the orbit lost, which
+    tells how sharp a breakup this period sees; no bound for the difference from the torus. omega is
+    that per period of the forcing. lower and upper are NaN. Status DISORDERED if the orbit is lost
+    before.
+    """
+    profile = rotating_forcing(mean, amplitude, frequency)
+    if not profile.any():
+        raise ValueError("mean and amplitude are zero; a ray needs a direction")
+    exact = rational(Fraction(omega) * profile.size)
+    (short,), number = shorten([profile], exact)
+    (*_, turns) = convergents(number)
+    site, a = dominant_centre(short)
+    orbits = [
+        HalfOrbit(0 * short, short, turns.numerator, turns.denominator, (site, line))
+        for line in (a, 0.5 - a)
+    ]
+
+    def excess(scale, level):
+        if not all(orbit.move(scale) for orbit in orbits):
+            raise _LostError
+        return np.log(max(1e-300, *(abs(orbit.residue()) for orbit in orbits)) / level)
+
+    scales = []
+    try:
+        reached, step = 0.0, 0.02 / np.abs(short).max()
+        for level in (0.25, 1.0):
+            while excess(reached + step, level) < 0:
+                reached += step
+                if reached > 100 * step:
+                    return no_answer(exact, Status.NO_BREAKUP)
+            scales.append(brentq(excess, reached, reached + step, args=(level,), xtol=1e-12))
+    except (_LostError, ValueError):
+        if not scales:
+            return no_answer(exact, Status.DISORDERED)
+        scales.append(reached + step)
+    value, one = scales
+    return CriticalScale(value, one - value, np.nan, np.nan, exact, Status.OK)
+
+
+def _cusp_period(kappa):
+    """The period from which orbits tell a forcing near the cusp |κ1| = |κ2| from the cusp itself.
 
     At an angle δ from the cusp the boundary is below the tip by δ^0.6, which orbits of period q see
     to within 1/q; five times that period was enough in every case tried.
     """
-    larger, smaller = np.sort(np.abs(profile))[::-1] if profile.size == 2 else (1.0, 0.0)
-    return 5 * (1 - smaller / larger) ** -0.6
+    larger, smaller = np.sort(np.abs(kappa))[::-1] if kappa.size == 2 else (1.0, 0.0)
+    return 5 * (1 - smaller / larger) ** -0.6 if smaller < larger else np.inf
 
 
-def _crossing(lower, higher, crossings):
-    """The scale at which two minimax orbits have the same residue, or a Status.
+class _Orbits:
+    """The orbits of one family on a segment, each made when it is first asked for."""
+
+    def __init__(self, start, profile, family):
+        self.start, self.profile, self.family = start, profile, family
+        self._made = {}
+
+    def at(self, fraction, scale):
+        """The orbit of that rotation number, moved to that scale. _LostError if it is not found."""
+        p, q = fraction.numerator, fraction.denominator
+        # The dominant centre changes where the segment crosses |κ1| = |κ2|.
+        centre = self.family(self.start + scale * self.profile, p, q)
+        key = fraction, centre
+        if key not in self._made:
+            self._made[key] = HalfOrbit(self.start, self.profile, p, q, centre)
+        if not self._made[key].move(scale):
+            raise _LostError
+        return self._made[key]
+
+
+class _LostError(Exception):
+    """An orbit could not be followed."""
+
+
+def _crossing(orbits, lower, higher, crossings):
+    """The scale at which two orbits of a family have the same residue, or a Status.
 
     Below it the longer orbit has the smaller residue. The search starts around where the crossings
-    so far tend to, or from the origin.
+    so far tend to, or from the start of the segment.
     """
 
     def excess(scale):
-        if not (lower.move(scale) and higher.move(scale)):
-            raise _LostError
-        residues = np.clip([lower.residue(), higher.residue()], -1.0, 1e300)
+        residues = np.abs([orbits.at(f, scale).residue() for f in (lower, higher)])
         # Deep inside, both are lost in rounding, and not even their signs mean anything.
         return np.log(residues[1] / residues[0]) if residues.min() > _ROUNDING else -100.0
 
-    largest = 2 / np.abs(lower.profile).max()  # the twist region ends there
+    unit = 1 / np.abs(orbits.profile).max()
+    largest = (2 + np.abs(orbits.start).max()) * unit  # beyond the twist region, |κ| < 2
     try:
         if len(crossings) < 2:
-            left, width = 0.0, largest / 50
+            if orbits.start.any() and not _inside(excess):
+                return Status.OUTSIDE
+            left, width = 0.0, 0.04 * unit
             right = crossings[-1] if crossings else width
         else:
             width = 2 * abs(crossings[-1] - crossings[-2])
-            left, right = crossings[-1] - width, crossings[-1] + width
+            left, right = max(crossings[-1] - width, 0.0), crossings[-1] + width
             while excess(left) > 0:
                 left, width = max(left - width, 0.0), 2 * width
         while excess(right) < 0:
             if right > largest:
                 return Status.NO_BREAKUP
             left, right, width = right, right + width, 1.2 * width
-        if left == 0.0:
+        if left == 0.0 and not orbits.start.any():
             left = 0.5 * right
             while excess(left) > 0:
                 left *= 0.5
-        return brentq(excess, left, right, xtol=1e-16 * right, rtol=1e-15)
+        precision = 1e-8 * unit / higher.denominator
+        scale = brentq(excess, left, right, xtol=precision)
+        # One secant step with refined residues ends what rounding had ended.
+        near = 1e6 * precision
+        slope = (excess(scale + near) - excess(scale - near)) / (2 * near)
+        residues = [orbits.at(f, scale).refined_residue() for f in (lower, higher)]
+        if residues[0] * residues[1] < 0:  # one is not of the family, as happens near a cusp
+            return Status.DISORDERED
+        return scale - np.log(residues[1] / residues[0]) / slope
     except (_LostError, ValueError):  # brentq's: on its way back it met another orbit
         return Status.DISORDERED
 
 
-class _LostError(Exception):
-    """An orbit could not be followed."""
+def _inside(excess):
+    """Whether the segment starts where the longer orbit has the smaller residue."""
+    try:
+        return excess(0.0) < 0
+    except _LostError:
+        return False
 
 
 def _aitken(first, second, third):
@@ -243,151 +354,3 @@ def _aitken(first, second, third):
     if step == next_step:
         return third, 1.0
     return third - next_step**2 / (next_step - step), next_step / step if step != 0 else 0.0
-
-
-class _HalfOrbit:
-    """A symmetric orbit of p/q on the ray κ = s·profile, at the scale that it was last moved to."""
-
-    def __init__(self, profile, p, q, centre):
-        self.profile = forcing(profile)
-        self.q = count("q", q, 1, MAX_PERIOD)
-        p = count("p", p, -MAX_PERIOD, MAX_PERIOD)
-        if np.gcd(p, q) != 1:
-            raise ValueError(f"p/q = {p}/{q} has a common factor; write it in lowest terms")
-        self.site, self.a = dominant_centre(self.profile) if centre is None else centre
-        centres = symmetry_centres(self.profile)
-        if self.site not in centres or self.a not in (0, 0.5):
-            raise ValueError(
-                f"centre={centre!r} is no symmetry centre; sites are {centres}, a is 0 or 0.5"
-            )
-        n_sites = self.profile.size * q
-        # The rotation's angles, reduced mod 1 in integers: exact for any length.
-        self.theta = self.a + np.arange(n_sites // 2 + 2) * (p % n_sites) % n_sites / n_sites
-        self.u = np.zeros(self.theta.size)
-        self.scale = 0.0
-        self.stride = pow(p, -1, q) if q > 1 else 0
-
-    def move(self, scale):
-        """Continue the orbit to that scale; whether it got there."""
-        self.scale = _follow(
-            self.profile, self.scale, scale, self.site, self.q, self.theta, self.stride, self.u
-        )
-        return self.scale == scale
-
-    def residue(self):
-        strengths = self.scale * self.profile
-        return _residue(strengths, self.site, self.profile.size * self.q, self.theta, self.u)
-
-
-@njit(nogil=True)
-def _newton(kappa, site, n_sites, theta, u, workspace):
-    """Newton's method for the deviations u of a half orbit, in place; whether it converged.
-
-    The linearised chain is tridiagonal: one sweep of elimination, one back; O(N) a step. The
-    unknowns are the sites strictly between the two centres. The second centre is the site N/2,
-    where u = 0; for odd N it is halfway between two sites, and u_{M+1} = -u_M for M = (N - 1)/2.
-    """
-    odd = n_sites % 2 == 1
-    unknowns = n_sites // 2 if odd else n_sites // 2 - 1
-    ratio, right = workspace[0], workspace[1]
-    last = np.inf
-    for _ in range(25):
-        if odd:
-            u[unknowns + 1] = -u[unknowns]
-        c = d = 0.0
-        for j in range(1, unknowns + 1):
-            strength = kappa[(site + j) % kappa.size]
-            x = theta[j] + u[j]
-            error = u[j + 1] - 2 * u[j] + u[j - 1] - strength / TWO_PI * sin2pi(x)
-            diagonal = -2 - strength * cos2pi(x)
-            if odd and j == unknowns:
-                diagonal -= 1
-            c, d = 1 / (diagonal - c), -(error + d) / (diagonal - c)
-            ratio[j], right[j] = c, d
-        largest = change = 0.0
-        for j in range(unknowns, 0, -1):
-            change = right[j] - ratio[j] * change
-            u[j] += change
-            largest = max(largest, abs(change))
-        if odd:
-            u[unknowns + 1] = -u[unknowns]
-        if not largest < 0.5:
-            return False
-        # Quadratic convergence ends in rounding: stop there, and not before.
-        if largest < 1e-16 or (largest < 1e-10 and largest >= 0.25 * last):
-            return True
-        last = largest
-    return False
-
-
-@njit(nogil=True)
-def _unfold(half, u):
-    """The deviations of all N sites from those of half of them: u_{N-j} = -u_j."""
-    n = u.size
-    for j in range(n // 2 + 1):
-        u[j] = half[j]
-    for j in range(n // 2 + 1, n):
-        u[j] = -half[n - j]
-
-
-@njit(nogil=True)
-def _ordered(half, q, stride, u):
-    """Whether the orbit is ordered like the rotation: sites whose angles differ by the least, 1/q,
-    and which are `stride` steps of T apart in time, keep their order."""
-    _unfold(half, u)
-    n = u.size
-    hop = n // q * stride
-    for j in range(n):
-        k = j + hop
-        if not u[k - n if k >= n else k] - u[j] + 1 / q > 0:
-            return False
-    return True
-
-
-@njit(nogil=True)
-def _follow(profile, start, end, site, q, theta, stride, u):
-    """Continue an ordered half orbit, in place, from the forcing start·profile to end·profile.
-
-    Steps adapt: doubled after each success, halved when Newton fails or finds another orbit.
-    Returns the scale that was reached: `end`, or short of it if the steps became too small.
-    """
-    n_sites = profile.size * q
-    workspace = np.empty((2, u.size))
-    trial, before, full = u.copy(), u.copy(), np.empty(n_sites)
-    at, last_step, step = start, 0.0, end - start
-    while at != end:
-        if abs(step) >= abs(end - at):
-            step = end - at
-        target = end if step == end - at else at + step
-        for j in range(u.size):  # extrapolate linearly in the scale
-            trial[j] = u[j] + ((u[j] - before[j]) * (step / last_step) if last_step != 0 else 0.0)
-        if _newton(target * profile, site, n_sites, theta, trial, workspace) and _ordered(
-            trial, q, stride, full
-        ):
-            for j in range(u.size):
-                before[j], u[j] = u[j], trial[j]
-            at, last_step = target, step
-            step *= 2
-        else:
-            step /= 2
-            if abs(step) < 1e-6 * abs(end - start):
-                return at
-    return at
-
-
-@njit(nogil=True)
-def _residue(kappa, site, n_sites, theta, u):
-    """R of a half orbit, by the formula at the head of the module."""
-    end = n_sites // 2
-    c = kappa[site % kappa.size] * cos2pi(theta[0])
-    v_last, v = 0.0, 1.0  # odd about the centre: v_0 = 0, v_1 = 1
-    w_last, w = 1.0, 1 + c / 2  # even: w_0 = 1, w_1 = w_{-1}
-    steps = end if n_sites % 2 else end - 1
-    for j in range(1, steps + 1):
-        c = 2 + kappa[(site + j) % kappa.size] * cos2pi(theta[j] + u[j])
-        v_last, v = v, c * v - v_last
-        w_last, w = w, c * w - w_last
-    if n_sites % 2:  # the second centre is halfway between the last two sites
-        return -(w - w_last) * (v + v_last) / 2
-    c = 1 + kappa[(site + end) % kappa.size] * cos2pi(theta[end]) / 2
-    return -(c * w - w_last) * v

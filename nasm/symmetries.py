@@ -12,6 +12,7 @@ boundary of global transport, CB_gt, has all of it. That of one circle, CB_ω, h
 import numpy as np
 
 from nasm.maps import forcing, kick
+from nasm.numbers import moebius
 
 
 def reflect(kappa, x, y):
@@ -74,6 +75,33 @@ def fold(angle):
     mirrored = turned > 90.0
     quarter = np.where(mirrored, 180.0 - turned, turned)
     return np.minimum(quarter, 90.0 - quarter), mirrored.astype(int)
+
+
+def shorten(forcings, omega):
+    """The shortest forcings with the same orbits up to symmetry, and ω per their shorter period.
+
+    On κ1 = κ2 one step is two of the standard map, at ω/2; on κ1 = -κ2 so it is up to `alternate`.
+
+    Parameters
+    ----------
+    forcings : sequence of forcings of one period P, which are shortened alike.
+    omega : RotationNumber per P kicks.
+
+    Returns
+    -------
+    forcings : list of arrays of shape (P',), P' a divisor of P. omega : RotationNumber.
+    """
+    candidates = [([forcing(kappa) for kappa in forcings], omega)]
+    period = candidates[0][0][0].size
+    if period % 2 == 0:
+        alternated = [alternate(kappa, 0.0, 0.0)[0] for kappa in forcings]
+        candidates.append((alternated, moebius(omega, 1, period // 2)))
+    for length in (n for n in range(1, period) if period % n == 0):
+        for strengths, number in candidates:
+            if all((kappa == np.roll(kappa, length)).all() for kappa in strengths):
+                number = moebius(number, 1, 0, 0, period // length)
+                return [kappa[:length] for kappa in strengths], number
+    return candidates[0]
 
 
 def unfold(wedge_angle):

@@ -105,18 +105,46 @@ def breakdown_cube(name, omegas, angles, statuses, tile, settings):
     tile : int, angles per tile; a tile has one ω.
     settings : JSON-able, what else decides the values.
     """
+    omega = _coordinate("omega", list(omegas.values()), "rotation number per step", "1")
+    omega.attrs["exact"] = list(omegas)
+    attrs = {
+        "title": "Breakup of invariant circles of the nonautonomous standard map",
+        "source": "arXiv:1606.04824, Sec. VI",
+    }
+    plane = {"kappa1": "strength of the first kick", "kappa2": "strength of the second kick"}
+    settings = {"omegas": list(omegas), **settings}
+    return _ray_cube(name, omega, angles, plane, statuses, tile, settings, attrs)
+
+
+def rotating_cube(name, frequencies, angles, statuses, tile, settings):
+    """The cube of critical scales of rotating standard maps, κ_n = κ̄ + Δκ cos 2π(φ0 + nΩ).
+
+    As `breakdown_cube`, with the frequencies {exact text: float} of Ω in place of ω, and the ray
+    (κ̄, Δκ) = s·(cos, sin).
+    """
+    frequency = _coordinate("frequency", list(frequencies.values()), "frequency Ω", "1")
+    frequency.attrs["exact"] = list(frequencies)
+    attrs = {
+        "title": "Breakup of the last barriers of rotating standard maps",
+        "source": "arXiv:1606.04824, Sec. VII, Eq. (rotmap)",
+    }
+    plane = {"kappa_mean": "mean strength κ̄", "kappa_amplitude": "amplitude Δκ of the strengths"}
+    settings = {"frequencies": list(frequencies), **settings}
+    return _ray_cube(name, frequency, angles, plane, statuses, tile, settings, attrs)
+
+
+def _ray_cube(name, rows, angles, plane, statuses, tile, settings, attrs):
+    """A cube of critical scales with dims (rows, angle); `plane` are the point's coordinates."""
     coords = {
-        "omega": _coordinate("omega", list(omegas.values()), "rotation number per step", "1"),
+        rows.dims[0]: rows,
         "angle": _coordinate("angle", angles, "direction of the ray in the plane", "degree"),
     }
-    coords["omega"].attrs["exact"] = list(omegas)
     quantities = {
-        "critical_scale": "scale at which the circle breaks, best estimate",
+        "critical_scale": "scale of the breakup, best estimate",
         "error": "estimated absolute error of critical_scale",
         "lower": "scale at which a circle was shown to exist",
         "upper": "scale at which no circle was shown to be left",
-        "kappa1": "strength of the first kick at the breakup",
-        "kappa2": "strength of the second kick at the breakup",
+        **{key: f"{long_name} at the breakup" for key, long_name in plane.items()},
     }
     shape = tuple(c.size for c in coords.values())
     blank = dask.array.full(shape, np.nan, dtype="float64", chunks=-1)
@@ -135,16 +163,8 @@ def breakdown_cube(name, omegas, angles, statuses, tile, settings):
             "flag_meanings": " ".join(flags),
         },
     )
-    template = xr.Dataset(
-        variables,
-        coords,
-        {
-            "title": "Breakup of invariant circles of the nonautonomous standard map",
-            "source": "arXiv:1606.04824, Sec. VI",
-        },
-    )
-    settings = {"omegas": list(omegas), **settings}
-    return Cube(name, template, {"omega": 1, "angle": tile}, settings)
+    template = xr.Dataset(variables, coords, attrs)
+    return Cube(name, template, {rows.dims[0]: 1, "angle": tile}, settings)
 
 
 def composed(cube, levels, follow, field=None, level=None):

@@ -4,10 +4,13 @@ For each cube there is one that computes a tile, and one that predicts its cost 
 a small probe, so that a sweep can start with the expensive tiles and batch the cheap ones.
 """
 
+from fractions import Fraction
+
 import numpy as np
 
 from nasm import escape, numbers, periodic
 from nasm.critical import Status
+from nasm.maps import rotating_forcing
 
 _SECONDS_PER_STEP = 0.8e-9  # of one orbit and one step of two kicks; only ratios matter
 _PROBE_STEPS = 2000
@@ -48,28 +51,89 @@ def residue_tile(coords, settings):
     settings : `omegas`, the exact texts of all rotation numbers; `q_max`, the longest period.
     """
     exact = {float(omega): omega for omega in map(numbers.parse, settings["omegas"])}
-    radians = np.deg2rad(coords["angle"])
-    profiles = np.stack([np.cos(radians), np.sin(radians)], axis=-1)
-    # Exactly on a diagonal the map is shorter, and cos 45° and sin 45° differ by rounding.
-    on_diagonal = coords["angle"] % 90 == 45
-    profiles[on_diagonal] = np.sign(profiles[on_diagonal]) * np.sqrt(0.5)
+    profiles = _profiles(coords["angle"])
     found = [
         [periodic.critical_scale(exact[omega], profile, settings["q_max"]) for profile in profiles]
         for omega in coords["omega"].tolist()
     ]
+    return _breakdown(found, {"kappa1": profiles[:, 0], "kappa2": profiles[:, 1]})
+
+
+def residue_cost(coords, settings):
+    """Predicted CPU seconds of `residue_tile`: 30 ms for each ray, whatever it holds."""
+    return 0.03 * coords["omega"].size * coords["angle"].size
+
+
+def torus_tile(coords, settings):
+    """Breakup of tori of rotating standard maps, by the residue of one long orbit.
+
+    settings : `vectors`, the rotation vectors "p/q,Ω" of all `frequencies`.
+    """
+    vectors = [vector.split(",") for vector in settings["vectors"]]
+    omegas = {float(Fraction(frequency)): (omega, frequency) for omega, frequency in vectors}
+    profiles = _profiles(coords["angle"])
+    found = [
+        [periodic.torus_scale(*omegas[frequency], *profile) for profile in profiles]
+        for frequency in coords["frequency"].tolist()
+    ]
+    return _breakdown(found, {"kappa_mean": profiles[:, 0], "kappa_amplitude": profiles[:, 1]})
+
+
+def torus_cost(coords, settings):
+    """Predicted CPU seconds of `torus_tile`: 0.5 s for each ray, whatever it holds."""
+    return 0.5 * coords["frequency"].size * coords["angle"].size
+
+
+def transport_tile(coords, settings):
+    """The onset of global transport in rotating standard maps, by direct iteration.
+
+    settings : `frequencies`, their exact texts; `phase`; `n_max` and `n_orbits`, the effort.
+    """
+    exact = {float(Fraction(text)): text for text in settings["frequencies"]}
+    profiles = _profiles(coords["angle"])
+    found = [
+        [
+            escape.critical_scale(
+                rotating_forcing(*profile, exact[frequency], settings["phase"]),
+                settings["n_max"],
+                settings["n_orbits"],
+            )
+            for profile in profiles
+        ]
+        for frequency in coords["frequency"].tolist()
+    ]
+    return _breakdown(found, {"kappa_mean": profiles[:, 0], "kappa_amplitude": profiles[:, 1]})
+
+
+def transport_cost(coords, settings):
+    """Predicted CPU seconds of `transport_tile`: ten runs of the whole ensemble a ray."""
+    rays = coords["frequency"].size * coords["angle"].size
+    return 10 * _SECONDS_PER_STEP * settings["n_orbits"] * settings["n_max"] * rays
+
+
+def _profiles(angles):
+    """Unit vectors, shape (angle, 2)."""
+    radians = np.deg2rad(angles)
+    profiles = np.stack([np.cos(radians), np.sin(radians)], axis=-1)
+    # Exactly on a diagonal the map is shorter, and cos 45° and sin 45° differ by rounding.
+    on_diagonal = angles % 90 == 45
+    profiles[on_diagonal] = np.sign(profiles[on_diagonal]) * np.sqrt(0.5)
+    # On an axis as well: cos 90° and sin 180° are not quite 0.
+    on_axis = angles % 90 == 0
+    profiles[on_axis] = np.rint(profiles[on_axis])
+    return profiles
+
+
+def _breakdown(found, plane):
+    """The arrays of a cube of critical scales: `found` has rows of CriticalScale, one a ray."""
     arrays = {
         name: np.array([[getattr(scale, attribute) for scale in row] for row in found])
         for name, attribute in _BREAKDOWN.items()
     }
-    arrays["kappa1"] = arrays["critical_scale"] * profiles[:, 0]
-    arrays["kappa2"] = arrays["critical_scale"] * profiles[:, 1]
+    for name, direction in plane.items():
+        arrays[name] = arrays["critical_scale"] * direction
     arrays["status"] = np.array([[1 + STATUSES.index(s.status) for s in row] for row in found])
     return arrays
-
-
-def residue_cost(coords, settings):
-    """Predicted CPU seconds of `residue_tile`: 20 ms for each ray, whatever it holds."""
-    return 0.02 * coords["omega"].size * coords["angle"].size
 
 
 STATUSES = list(Status)
@@ -84,6 +148,12 @@ def escape_warm_up():
 def residue_warm_up():
     """Compile the kernels of `residue_tile`, once per process."""
     periodic.residue((0.1, 0.1), 1, 3)
+
+
+def rotating_warm_up():
+    """Compile the kernels of `torus_tile` and `transport_tile`, once per process."""
+    escape_warm_up()
+    residue_warm_up()
 
 
 def _strengths(coords):

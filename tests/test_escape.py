@@ -2,6 +2,8 @@ import os
 import platform
 import subprocess
 import sys
+import tomllib
+from pathlib import Path
 
 import mpmath
 import numpy as np
@@ -12,7 +14,10 @@ from numpy.testing import assert_array_equal
 from scipy.stats import ks_2samp
 
 from nasm import escape
+from nasm.critical import Status
 from nasm.escape import boundary, ensemble, escape_time, first_escape
+
+KAPPA_G = tomllib.loads(Path(__file__).with_name("literature.toml").read_text())["kappa_G"]["value"]
 
 # (strengths with chaos from wall to wall, steps): so few steps that rounding has not grown to where
 # it matters. With starts that differ by 1e-12 no time of the ensemble of 1000 differs.
@@ -344,3 +349,30 @@ def test_an_ensemble_has_a_whole_number_of_orbits(n_orbits):
     message = rf"n_orbits={n_orbits} must be a whole number from 1 to 100000000"
     with pytest.raises(ValueError, match=message):
         ensemble(n_orbits)
+
+
+@pytest.mark.parametrize(("profile", "barrier"), [((1, 0), KAPPA_G / 2), ((1, 1), KAPPA_G)])
+def test_direct_critical_scale_is_shown_from_above(profile, barrier):
+    raw = []
+    for n_max in (1000, 30_000):
+        found = escape.critical_scale(profile, n_max, 256)
+        assert found.status is Status.OK
+        x, y = ensemble(256)
+        at = np.multiply(found.upper, profile)
+        assert first_escape(at, x, y, [256], n_max) <= n_max
+        assert found.upper > barrier
+        assert abs(found.value - barrier) <= found.error
+        assert abs(found.value - barrier) < found.upper - barrier
+        raw.append(found.upper)
+    # The bias falls like N^(-1/3): thirty times the steps, a third of it.
+    assert 0.2 < (raw[1] - barrier) / (raw[0] - barrier) < 0.5
+
+
+def test_a_ray_without_escape_has_no_critical_scale():
+    found = escape.critical_scale((1, 0), 64, 64, window=(-1e6, 1e6))
+    assert found.status is Status.NO_BREAKUP
+    assert np.isnan([found.value, found.error, found.upper]).all()
+    with pytest.raises(ValueError, match="profile is zero"):
+        escape.critical_scale((0, 0), 1000)
+    with pytest.raises(ValueError, match="n_max=10 must be a whole number from 64"):
+        escape.critical_scale((1, 0), 10)

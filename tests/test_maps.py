@@ -1,3 +1,5 @@
+from fractions import Fraction
+
 import mpmath
 import numpy as np
 import oracles
@@ -166,3 +168,9 @@ def test_a_forcing_is_a_finite_vector(kappa, message):
         forcing(kappa)
     with pytest.raises(ValueError, match=message):
         step(kappa, 0.0, 0.0)
+
+
+@given(st.integers(1, 400), st.integers(2, 400))
+def test_rotating_forcing_of_phase_zero_is_a_palindrome_to_the_last_bit(p, q):
+    strengths = rotating_forcing(0.3, 0.7, Fraction(p, q))
+    assert np.array_equal(strengths[1:], strengths[:0:-1])

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from nasm import periodic
+from nasm import chain, periodic
 from nasm.critical import Status
 from nasm.maps import step, step_tangent
 from nasm.numbers import NAMES, RotationNumber, moebius, parse
@@ -89,7 +89,12 @@ def test_a_long_orbit_against_fifty_digits():
                 matrix = mpmath.matrix([[1 + c, 1], [c, 1]]) * matrix
                 exact, y = oracles.exact_step([strength], exact, y)
         expected = (2 - matrix[0, 0] - matrix[1, 1]) / 4
-    assert periodic.residue(kappa, p, q) == pytest.approx(float(expected), rel=1e-9)
+    assert periodic.residue(kappa, p, q) == pytest.approx(float(expected), rel=1e-14)
+    # Floats alone lose q² ulp, and refining gives them back.
+    orbit = chain.HalfOrbit((0, 0), kappa, p, q, centre)
+    assert orbit.move(1.0)
+    assert orbit.refined_residue() == periodic.residue(kappa, p, q)
+    assert orbit.residue() == pytest.approx(float(expected), rel=q**2 * 2**-52)
 
 
 @settings(deadline=None, max_examples=25)
@@ -153,6 +158,61 @@ def test_error_covers_truncation_and_rounding(q_max):
         assert abs(found.value - exact) <= found.error
 
 
+@pytest.mark.parametrize(
+    ("name", "profile", "exact"),
+    [("gamma", (1, 0), KAPPA_G / 2), ("gamma", (0, 1), KAPPA_G / 2), ("2gamma", (1, 1), KAPPA_G)],
+)
+def test_kappa_g_to_twelve_digits(name, profile, exact):
+    found = periodic.critical_scale(parse(name), profile, q_max=12_000)
+    assert abs(found.value - exact) < 1e-12
+
+
+@pytest.mark.parametrize("angle", [10, 30, 112])
+def test_minimax_and_minimizing_orbits_tell_the_same_breakup(angle):
+    for name in NAMES:
+        omega = parse(name)
+        q_max, bound = (3000, 1e-9) if omega.is_noble else (6000, 1e-8)
+        one = periodic.critical_scale(omega, ray(angle), q_max)
+        other = periodic.critical_scale(omega, ray(angle), q_max, family=periodic.minimizing_centre)
+        assert one.status is other.status is Status.OK
+        assert one.value != other.value
+        assert abs(one.value - other.value) < min(bound, one.error + other.error)
+        assert max(one.error, other.error) < 2 * bound
+
+
+@settings(deadline=None, max_examples=12)
+@given(st.floats(5, 40), st.floats(-0.25, 0.3), st.floats(-0.2, 0.25))
+def test_segments_from_inside_end_on_the_same_boundary(angle, kappa1, kappa2):
+    # Not only from below: some of them cross κ1 = κ2, where the minimax orbit changes its centre.
+    along_ray = periodic.critical_scale(GAMMA, ray(angle), 1000)
+    end, start = np.multiply(along_ray.value, ray(angle)), np.array([kappa1, kappa2])
+    along = periodic.critical_scale(GAMMA, end - start, 1000, start=start)
+    assert abs(along.value - 1) <= along.error + along_ray.error < 1e-7
+
+
+def test_the_tip_is_reached_along_the_lines_of_one_difference():
+    # On κ2 - κ1 = δ the boundary of 2γ falls short of the tip by δ^0.6 or so.
+    short = []
+    for delta in (1e-2, 1e-3, 1e-4):
+        found = periodic.critical_scale(parse("2gamma"), (1, 1), start=(0, delta))
+        assert found.status is Status.OK
+        assert found.error < 1e-4
+        short.append(KAPPA_G - found.value)
+    assert 0.5 < np.diff(np.log10(short)).mean() / -1 < 0.75
+
+
+def test_a_segment_that_starts_outside_says_so():
+    for start, profile in (((0.7, 0.5), (1, 0)), ((1.5, 1.5), (1, 1)), ((0.5, 0), (0, 1))):
+        found = periodic.critical_scale(GAMMA, profile, start=start)
+        assert found.status is Status.OUTSIDE
+        assert np.isnan(found.value)
+    end = periodic.critical_scale(GAMMA, (1, 0)).value
+    just = periodic.critical_scale(GAMMA, (1, 0), start=(end * (1 + 1e-4), 0))
+    assert just.status is Status.OUTSIDE
+    just = periodic.critical_scale(GAMMA, (1, 0), start=(end * (1 - 1e-4), 0))
+    assert just.value == pytest.approx(1e-4 * end, abs=1e-11)
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_symmetric_copies_computed_apart_agree(name):
     omega = parse(name)
@@ -190,14 +250,19 @@ def test_too_near_a_cusp_there_is_no_answer_and_on_it_there_is():
     assert periodic.critical_scale(parse("2gamma"), (1.0, 1.0)).status is Status.OK
 
 
-def test_the_boundary_converges_like_the_square_of_the_period():
-    errors = [
-        abs(periodic.critical_scale(GAMMA, (1, 0), q_max=q).value - KAPPA_G / 2)
-        for q in (60, 150, 400)
-    ]
-    # Aitken's rule does better than the q⁻² of the crossings themselves.
-    slope = np.polyfit(np.log([60, 150, 400]), np.log(errors), 1)[0]
-    assert slope < -2
+@pytest.mark.parametrize("angle", [0, 27, 118])
+def test_crossings_converge_like_the_square_of_the_period(angle):
+    best = periodic.critical_scale(GAMMA, ray(angle), 8000).value
+    q, scales = periodic.crossings(GAMMA, ray(angle), 2000)
+    order = np.polyfit(np.log(q[7:]), np.log(np.abs(scales - best)[7:]), 1)[0]
+    assert order == pytest.approx(-2.04, abs=0.03)
+
+
+def test_aitken_gains_on_the_crossings():
+    best = periodic.critical_scale(GAMMA, ray(27), 4000).value
+    _, scales = periodic.crossings(GAMMA, ray(27), 400)
+    extrapolated = periodic.critical_scale(GAMMA, ray(27), 400).value
+    assert abs(extrapolated - best) < 0.02 * abs(scales[-1] - best)
 
 
 def test_a_rational_omega_has_no_circle():
@@ -220,13 +285,13 @@ def test_a_hardly_irrational_omega_is_not_answered_by_a_number():
 
 def test_a_bad_start_is_not_taken_for_the_orbit():
     # A half orbit so far from the rotation that Newton's method lands on one that is not ordered.
-    orbit = periodic._HalfOrbit((0.9, 0.9), 13, 21, None)
+    orbit = periodic.HalfOrbit((0, 0), (0.9, 0.9), 13, 21, (0, 0.5))
     orbit.u += 0.4 * np.sin(40 * np.arange(orbit.u.size))
     orbit.u[0] = orbit.u[-2] = 0
     rejected = orbit.u.copy()
     if orbit.move(1.0):
-        assert periodic._ordered(orbit.u, 21, orbit.stride, np.empty(42))
-    assert not periodic._ordered(rejected, 21, orbit.stride, np.empty(42))
+        assert chain._ordered(orbit.u, 21, orbit.stride, np.empty(42))
+    assert not chain._ordered(rejected, 21, orbit.stride, np.empty(42))
 
 
 def test_centres_are_where_the_forcing_is_a_palindrome():
@@ -234,6 +299,51 @@ def test_centres_are_where_the_forcing_is_a_palindrome():
     assert periodic.symmetry_centres((0.3, 0.1)) == [0, 1]
     assert periodic.symmetry_centres((0.3, 0.1, 0.1)) == [0]
     assert periodic.symmetry_centres((0.1, 0.2, 0.3)) == []
+
+
+def test_the_minimizing_orbit_is_another_orbit():
+    for kappa in ((0.4, 0.3), (-0.2, 0.3), (0.3, 0.1, 0.1)):
+        for p, q in ((1, 3), (2, 5), (5, 13), *([(1, 2), (3, 4)] if len(kappa) == 2 else [])):
+            site, a = periodic.minimizing_centre(kappa, p, q)
+            minimax = periodic.symmetric_orbit(kappa, p, q)
+            here = np.roll(minimax, periodic.dominant_centre(kappa)[0])[site :: len(kappa)]
+            assert np.abs((here - a + 0.5) % 1.0 - 0.5).min() > 1e-3
+            assert periodic.residue(kappa, p, q, (site, a)) < 0
+    with pytest.raises(ValueError, match="minimizing orbit of 1/2 has no centre on a site"):
+        periodic.minimizing_centre((0.3,), 1, 2)
+
+
+def test_a_torus_without_rotation_is_a_circle_of_the_standard_map():
+    # Δκ = 0: whatever Ω, the orbit is that of the standard map.
+    found = periodic.torus_scale("89/144", "5/12", 1.0, 0.0)
+    residues = [periodic.residue((found.value,), 89, 144, (0, a)) for a in (0, 0.5)]
+    assert max(map(abs, residues)) == pytest.approx(0.25, rel=1e-8)
+    assert found.value + found.error > KAPPA_G * 0.99
+
+
+def test_a_torus_of_two_kicks_is_a_circle_of_the_map():
+    mean, amplitude = 0.9, 0.3
+    found = periodic.torus_scale("21/68", "1/2", mean, amplitude)
+    kappa = found.value * np.array([mean + amplitude, mean - amplitude])
+    residues = [periodic.residue(kappa, 21, 34, (0, 0.5)), periodic.residue(kappa, 21, 34, (0, 0))]
+    assert max(map(abs, residues)) == pytest.approx(0.25, rel=1e-8)
+
+
+def test_tori_break_where_longer_convergents_say():
+    # Consecutive convergents of one rotation vector, of the tribonacci constant.
+    for angle in (20, 60):
+        mean, amplitude = ray(angle)
+        shorter = periodic.torus_scale("504/927", "778/927", mean, amplitude)
+        longer = periodic.torus_scale("927/1705", "1431/1705", mean, amplitude)
+        assert shorter.status is longer.status is Status.OK
+        assert longer.value == pytest.approx(shorter.value, rel=0.05)
+
+
+def test_a_ray_without_direction_is_refused():
+    with pytest.raises(ValueError, match="mean and amplitude are zero"):
+        periodic.torus_scale("5/8", "1/2", 0, 0)
+    with pytest.raises(ValueError, match="differ in length"):
+        periodic.critical_scale(GAMMA, (1, 0), start=(0, 0, 0))
 
 
 def test_bad_arguments_are_named():

@@ -13,10 +13,10 @@ import xarray as xr
 import zarr
 from click.testing import CliRunner
 
-from nasm import periodic
+from nasm import escape, periodic
 from nasm.numbers import parse
 from pipeline import store
-from workflows import circle_boundaries, critical_boundary, escape_plane, period_one
+from workflows import circle_boundaries, critical_boundary, escape_plane, period_one, rotating
 
 QUICK = ["--workers", "1", "--n-max", "4000", "--n-orbits", "16,64", "--tile", "4"]
 PLANE = ["--kappa1", "-1.4:1.4:128", "--kappa2", "0:1.4:64"]
@@ -246,8 +246,7 @@ def test_circle_boundaries_are_those_of_each_ray(tmp_path):
     diagonal = cube.critical_scale.sel(omega=float(parse("2gamma")), angle=45)
     assert float(diagonal) == pytest.approx(KAPPA_G * 2**0.5, abs=1e-9)
     for i, text in enumerate(exact):
-        for angle in (0, 90):
-            profile = np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))
+        for angle, profile in ((0, (1, 0)), (90, (0, 1))):
             expected = periodic.critical_scale(parse(text), profile)
             here = cube.isel(omega=i).sel(angle=angle)
             np.testing.assert_equal(float(here.critical_scale), expected.value)
@@ -270,6 +269,42 @@ def test_bad_rotation_numbers_are_refused(tmp_path, options, message):
     result = invoke(circle_boundaries, tmp_path / "out", *options)
     assert result.exit_code == 2
     assert message in result.output
+    assert not (tmp_path / "out").exists()
+
+
+def test_rotating_maps_are_kept_as_labelled_cubes(tmp_path):
+    out = tmp_path / "out"
+    effort = ["--angles", "3", "--n-max", "1000", "--n-orbits", "64"]
+    vectors = ["--vector", "81/149,125/149", "--vector", "44/81,68/81"]
+    succeed(rotating, out, "--workers", "1", *effort, *vectors)
+    tori = xr.open_zarr(out / "cubes.zarr", group="rotating_tori")
+    assert tori.critical_scale.dims == ("frequency", "angle")
+    assert tori.frequency.attrs["exact"] == ["125/149", "68/81"]
+    expected = periodic.torus_scale("81/149", "125/149", 0.0, 1.0)
+    cell = tori.sel(angle=90).isel(frequency=0)
+    assert float(cell.critical_scale) == float(cell.kappa_amplitude) == expected.value
+    assert float(cell.kappa_mean) == 0.0
+    transport = xr.open_zarr(out / "cubes.zarr", group="rotating_transport")
+    # κ̄ alone is the standard map, whatever the frequency; Δκ alone with Ω = 1/2 is (κ, -κ).
+    direct = escape.critical_scale((1.0, 1.0), 1000, 64).upper
+    assert float(transport.upper.sel(frequency=0.5, angle=0)) == direct
+    assert (out / "diamond.png").exists()
+    assert (out / "tori.pdf").exists()
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "told"),
+    [
+        ("--vector", "1/3", "must be a fraction and a fraction"),
+        ("--vector", "1/0,1/3", "must be a fraction and a fraction"),
+        ("--frequency", "half", "must be a fraction like 1/3"),
+        ("--frequency", "2", "must be a fraction like 1/3"),
+    ],
+)
+def test_bad_rotation_vectors_are_refused(tmp_path, option, value, told):
+    result = invoke(rotating, tmp_path / "out", option, value)
+    assert result.exit_code == 2
+    assert told in result.output
     assert not (tmp_path / "out").exists()
 
 

@@ -54,7 +54,7 @@ def _parse_omegas(context, parameter, value):
 )
 @click.option(
     "--q-max",
-    default=3000,
+    default=6000,
     show_default=True,
     type=click.IntRange(10, 10**6),
     help="Longest period of the orbits used.",

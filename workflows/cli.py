@@ -123,13 +123,13 @@ def driver(out):
 def session(out, cluster, method):
     """Hold `out` as its driver and connect to the workers: yields the dask client.
 
-    The workers are warmed up for the tasks of `method`, "escape" or "residue".
+    The workers are warmed up for the tasks of `method`: "escape", "residue" or "rotating".
     """
     with _explained():
         from pipeline import store, tasks
         from pipeline.cluster import connect
 
-        warm_up = {"escape": tasks.escape_warm_up, "residue": tasks.residue_warm_up}[method]
+        warm_up = getattr(tasks, f"{method}_warm_up")
         store.refuse_foreign(out)
         with connect(warm_up, **cluster) as client, store.driving(out):
             yield client

@@ -1,5 +1,7 @@
 """Figures: each function takes a Dataset, returns a Figure, and computes no physics."""
 
+from fractions import Fraction
+
 import matplotlib
 
 matplotlib.use("agg")
@@ -7,7 +9,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.colors import LogNorm
 
-# Okabe & Ito, safe for colour-blind readers; the largest N first.
+# Okabe & Ito, safe for colour-blind readers; of boundaries, the largest N first.
+_CIRCLE_COLOURS = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"]
 _BOUNDARY_COLOURS = ["#0072B2", "#009E73", "#56B4E9"]
 
 
@@ -94,16 +97,67 @@ def _power(n):
 def draw_circle_boundaries(breakdown):
     """CB_ω of each rotation number over the upper half plane."""
     figure, axes = plt.subplots(figsize=(10, 5.6))
-    colours = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"]
-    exact = breakdown.omega.attrs["exact"]
-    for i, text in enumerate(exact):
-        curve = breakdown.isel(omega=i)
-        colour = colours[i % len(colours)]
-        label = rf"$\omega = {text}$".replace("γ", r"\gamma")
-        axes.plot(curve.kappa1, curve.kappa2, color=colour, lw=1.3, label=label)
+    _draw_circles(axes, breakdown, breakdown.kappa1, breakdown.kappa2)
     axes.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$", aspect="equal")
     axes.set_title(r"Breakup of circles by Greene's residue: $\mathit{CB}_\omega$")
     axes.legend(loc="lower center", ncols=2, fontsize="small")
+    return figure
+
+
+def _draw_circles(axes, breakdown, x, y):
+    """The curves (x, y) of each ω; with (-x, -y), as all boundaries have that symmetry."""
+    for i, text in enumerate(breakdown.omega.attrs["exact"]):
+        colour = _CIRCLE_COLOURS[i % len(_CIRCLE_COLOURS)]
+        axes.plot(x[i], y[i], color=colour, lw=1.3, label=rf"$\omega = {text}$")
+        axes.plot(-x[i], -y[i], color=colour, lw=1.3)
+
+
+def draw_rotating_circles(breakdown, transport):
+    """CB_ω and the onset of transport for Ω = 1/2 in the variables κ̄, Δκ: the diamond, Fig. 10."""
+    figure, axes = plt.subplots(figsize=(7, 7))
+    mean, amplitude = (
+        (breakdown.kappa1 + breakdown.kappa2) / 2,
+        (breakdown.kappa1 - breakdown.kappa2) / 2,
+    )
+    _draw_circles(axes, breakdown, mean, amplitude)
+    _draw_transport(axes, transport.sel(frequency=0.5))
+    axes.set_title(r"Rotating standard map with $\Omega = 1/2$: $T_{\kappa_1\kappa_2}$")
+    return _rotating(figure, axes)
+
+
+def draw_rotating_tori(tori, transport):
+    """Breakup of tori by the residue of long orbits, and the onset of transport, Fig. 11."""
+    figure, axes = plt.subplots(figsize=(7, 7))
+    for i, vector in enumerate(tori.attrs["vectors"].split()):
+        curve, colour = tori.isel(frequency=i), _CIRCLE_COLOURS[i % len(_CIRCLE_COLOURS)]
+        axes.plot(
+            curve.kappa_mean, curve.kappa_amplitude, color=colour, lw=1.0, label=f"torus ({vector})"
+        )
+        axes.plot(-curve.kappa_mean, -curve.kappa_amplitude, color=colour, lw=1.0)
+    for i, style in zip(range(transport.frequency.size), ("-", "--", ":", "-."), strict=False):
+        _draw_transport(axes, transport.isel(frequency=i), style)
+    axes.set_title("Rotating standard maps: tori and the onset of transport")
+    return _rotating(figure, axes)
+
+
+def _draw_transport(axes, transport, style="-"):
+    frequency = Fraction(float(transport.frequency)).limit_denominator(10**6)
+    label = rf"transport, $\Omega = {frequency}$, $N = {_power(transport.attrs['n_max'])}$"
+    for sign, text in ((1, label), (-1, None)):
+        scale = sign * transport.upper / transport.critical_scale
+        axes.plot(
+            scale * transport.kappa_mean,
+            scale * transport.kappa_amplitude,
+            style,
+            color="black",
+            lw=1.6,
+            label=text,
+        )
+
+
+def _rotating(figure, axes):
+    axes.set(xlabel=r"$\bar\kappa$", ylabel=r"$\Delta\kappa$", aspect="equal")
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=2, fontsize="small")
     return figure
 
 

@@ -1,0 +1,100 @@
+"""Double-double arithmetic: a number as the unevaluated sum of two floats, about 32 digits.
+
+    x = x_hi + x_lo,   |x_lo| ≤ ulp(x_hi)/2
+
+Sums and products are made of error-free transformations: a + b = s + e and a·b = p + e exactly,
+with s and p the rounded results (Knuth; Dekker; here with fma). Where a long computation ends in a
+float that rounding has eaten into, its last steps in this arithmetic give the digits back.
+
+`add`, `multiply` and `sincos_2pi` exist inside `numba.njit` functions only, and take and return
+pairs (hi, lo).
+"""
+
+from fractions import Fraction
+from math import factorial
+
+from numba import njit
+
+from nasm.lanes import fma, rint
+
+
+def _arctan_inverse(n):
+    return sum(Fraction((-1) ** k, (2 * k + 1) * n ** (2 * k + 1)) for k in range(40))
+
+
+# Machin: π = 16 arctan(1/5) - 4 arctan(1/239), far beyond the digits that a pair holds.
+_PI = 16 * _arctan_inverse(5) - 4 * _arctan_inverse(239)
+
+
+def _pair(exact):
+    return float(exact), float(exact - Fraction(float(exact)))
+
+
+def _taylor(first):
+    """Taylor coefficients of sin 2πr (first = 1) or cos 2πr (0) in r², good for |r| ≤ 1/8."""
+    powers = range(first, first + 26, 2)
+    return tuple(_pair((-1) ** ((n - first) // 2) * (2 * _PI) ** n / factorial(n)) for n in powers)
+
+
+_SIN, _COS = _taylor(1), _taylor(0)
+INVERSE_TWO_PI = _pair(1 / (2 * _PI))
+
+
+@njit(inline="always")
+def two_sum(a, b):
+    """a + b of two floats, exactly."""
+    s = a + b
+    t = s - a
+    return s, (a - (s - t)) + (b - t)
+
+
+@njit(inline="always")
+def _renormalised(hi, lo):
+    s = hi + lo
+    return s, lo - (s - hi)
+
+
+@njit(inline="always")
+def add(a, b):
+    s, error = two_sum(a[0], b[0])
+    return _renormalised(s, error + (a[1] + b[1]))
+
+
+@njit(inline="always")
+def multiply(a, b):
+    p = a[0] * b[0]
+    error = fma(a[0], b[0], -p)
+    return _renormalised(p, error + fma(a[0], b[1], a[1] * b[0]))
+
+
+@njit(inline="always")
+def divided(a, b):
+    """a/b of two floats."""
+    quotient = a / b
+    return quotient, fma(-quotient, b, a) / b
+
+
+@njit
+def _polynomial(coefficients, square):
+    value = coefficients[len(coefficients) - 1]
+    for k in range(len(coefficients) - 2, -1, -1):
+        value = add(multiply(value, square), coefficients[k])
+    return value
+
+
+@njit
+def sincos_2pi(x):
+    """sin 2πx and cos 2πx, to 1e-29."""
+    x = _renormalised(x[0] - rint(x[0]), x[1])
+    quarter = rint(4 * x[0])
+    r = two_sum(x[0] - 0.25 * quarter, x[1])
+    square = multiply(r, r)
+    s = multiply(_polynomial(_SIN, square), r)
+    c = _polynomial(_COS, square)
+    if quarter == 0:
+        return s, c
+    if quarter == 1:
+        return c, (-s[0], -s[1])
+    if quarter == -1:
+        return (-c[0], -c[1]), s
+    return (-s[0], -s[1]), (-c[0], -c[1])
