@@ -244,14 +244,15 @@ def _angle(numerator, n_sites, a, u_hi, u_lo):
 
 
 @njit(nogil=True)
-def _refine(kappa, site, n_sites, numerators, a, u, low, workspace):
-    """One Newton step for the pairs (u, low), in place; the largest change.
+def _refine(kappa, site, n_sites, numerators, a, u, low, cos, cos_low, workspace):
+    """One Newton step for the pairs (u, low), in place, and cos 2πx of the result; the largest
+    change.
 
     Residuals in double-double, the linear solve in floats: its errors are those of a small change.
     """
     odd = n_sites % 2 == 1
     unknowns = n_sites // 2 if odd else n_sites // 2 - 1
-    ratio, right = workspace[0], workspace[1]
+    ratio, right, sin = workspace[0], workspace[1], workspace[2]
     c = d = 0.0
     for j in range(1, unknowns + 1):
         strength = kappa[(site + j) % kappa.size]
@@ -264,11 +265,13 @@ def _refine(kappa, site, n_sites, numerators, a, u, low, workspace):
         if odd and j == unknowns:
             diagonal -= 1
         c, d = 1 / (diagonal - c), -(error[0] + d) / (diagonal - c)
-        ratio[j], right[j] = c, d
+        ratio[j], right[j], sin[j] = c, d, sine[0]
+        cos[j], cos_low[j] = cosine
     largest = change = 0.0
     for j in range(unknowns, 0, -1):
         change = right[j] - ratio[j] * change
         u[j], low[j] = add((u[j], low[j]), (change, 0.0))
+        cos[j], cos_low[j] = add((cos[j], cos_low[j]), (-TWO_PI * sin[j] * change, 0.0))
         largest = max(largest, abs(change))
     if odd:
         u[unknowns + 1], low[unknowns + 1] = -u[unknowns], -low[unknowns]
@@ -278,10 +281,12 @@ def _refine(kappa, site, n_sites, numerators, a, u, low, workspace):
 @njit(nogil=True)
 def _refined_residue(kappa, site, n_sites, numerators, a, u):
     """`_residue` in double-double arithmetic, of the orbit that floats have found."""
-    u, low, workspace = u.copy(), np.zeros(u.size), np.empty((2, u.size))
+    u, low, workspace = u.copy(), np.zeros(u.size), np.empty((3, u.size))
+    cos, cos_low = np.empty(u.size), np.empty(u.size)
     for _ in range(4):
         # The step is quadratic: after a small one nothing is left to gain.
-        if _refine(kappa, site, n_sites, numerators, a, u, low, workspace) < 1e-12:
+        change = _refine(kappa, site, n_sites, numerators, a, u, low, cos, cos_low, workspace)
+        if change < 1e-12:
             break
     end = n_sites // 2
     # Differences instead of the three-term recurrence: v' = v_{j+1} - v_j, v'_j = v'_{j-1} + c v_j.
@@ -290,8 +295,7 @@ def _refined_residue(kappa, site, n_sites, numerators, a, u):
     w_step = (half_kick, 0.0)
     w = two_sum(1.0, half_kick)
     for j in range(1, end + 1 if n_sites % 2 else end):
-        _, cosine = sincos_2pi(_angle(numerators[j], n_sites, a, u[j], low[j]))
-        c = multiply((kappa[(site + j) % kappa.size], 0.0), cosine)
+        c = multiply((kappa[(site + j) % kappa.size], 0.0), (cos[j], cos_low[j]))
         v_step, w_step = add(v_step, multiply(c, v)), add(w_step, multiply(c, w))
         v_last, v, w = v, add(v, v_step), add(w, w_step)
     if n_sites % 2:  # the second centre is halfway between the last two sites

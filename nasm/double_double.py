@@ -31,8 +31,8 @@ def _pair(exact):
 
 
 def _taylor(first):
-    """Taylor coefficients of sin 2πr (first = 1) or cos 2πr (0) in r², good for |r| ≤ 1/8."""
-    powers = range(first, first + 26, 2)
+    """Taylor coefficients of sin 2πr (first = 1) or cos 2πr (0) in r², to 1e-23 for |r| ≤ 1/8."""
+    powers = range(first, first + 22, 2)
     return tuple(_pair((-1) ** ((n - first) // 2) * (2 * _PI) ** n / factorial(n)) for n in powers)
 
 
@@ -84,7 +84,7 @@ def _polynomial(coefficients, square):
 
 @njit
 def sincos_2pi(x):
-    """sin 2πx and cos 2πx, to 1e-29."""
+    """sin 2πx and cos 2πx, to 1e-23."""
     x = _renormalised(x[0] - rint(x[0]), x[1])
     quarter = rint(4 * x[0])
     r = two_sum(x[0] - 0.25 * quarter, x[1])
