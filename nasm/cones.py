@@ -53,6 +53,7 @@ from nasm.lanes import LANES, copysign, fabs, fma, load, minimum, own_frame, rin
 from nasm.maps import forcing
 from nasm.periodic import dominant_centre
 from nasm.sine import SINE
+from nasm.symmetries import alternate
 
 MAX_STEPS = 10**9
 
@@ -123,25 +124,27 @@ def eliminates(kappa, n_max):
 
 
 def critical_scale(profile, n_max):
-    """The scale above which no circle is left on the ray κ = s·profile, as n_max steps show it.
+    """The scale at which the last circle breaks on the ray κ = s·profile, and one without circles.
 
-    1. Start where the dominant strength is 2, and all starts are eliminated by the first kick.
-    2. Lower the scale, by the law s - s_c ∝ 1/T through the last two points, so that the longest
-       lifetime T grows by a factor of 4.2 each time; until it is near n_max: that is `upper`.
+    1. Start where the dominant strength is 2, and the first kick eliminates all starts.
+    2. Lower the scale, by the law s - s_c = slope/T through the last two scales, so that the
+       longest lifetime T grows by a factor of 4.2 each time, until it is near n_max: `upper`.
     3. `value` is where the law leads to for T → ∞.
 
-    The factor is (1/γ)³: for a circle with golden tail the law's ripple has the period 1/γ in T,
-    and cancels.
+    The factor is (1/γ)³. The ripple of the law has the period 1/γ in T if the last circle has a
+    golden tail, and then it cancels.
 
     Parameters
     ----------
     profile : sequence of P floats with a symmetry centre, not all 0.
-    n_max : int, 10 to 10⁹, steps. 1000 locate the boundary.
+    n_max : int, 10 to 10⁹, steps. On the paper's plane upper/value - 1 is 0.6/n_max to 0.9/n_max,
+        on its diagonals half of that.
 
     Returns
     -------
-    CriticalScale. upper : all starts are eliminated within n_max steps there. lower is NaN and
-    omega None: the method shows no circle, and names none.
+    CriticalScale. upper : no start was found to survive n_max steps there. error : a sixth of
+    upper - value; all of it next to a cusp, see `_cusp_steps`. lower is NaN and omega None: the
+    method shows no circle, and names none.
 
     ValueError if profile is zero or has no symmetry centre.
     """
@@ -149,23 +152,25 @@ def critical_scale(profile, n_max):
     if not profile.any():
         raise ValueError("profile is zero; a ray needs a direction, e.g. profile=(1, 0.5)")
     n_kicks = profile.size * count("n_max", n_max, 10, MAX_STEPS)
+    site, _ = dominant_centre(profile)
 
     def lifetime(scale, limit):
         return _longest_lived(_line(scale * profile), limit)[1]
 
-    site, _ = dominant_centre(profile)
     scale, time = 2 / abs(profile[site]), 1.0
-    slope = scale / 2  # of the scale as a function of 1/T
-    survived, beyond = 0.0, 0.0  # all that is known there: T > beyond
+    slope = scale / 2  # a guess; a bad one costs time, no more
+    survived, beyond = 0.0, 0.0  # a start lives longer than `beyond` at the scale `survived`
     for _ in range(_MOST_SCALES):
         if time >= 0.8 * n_kicks:
             break
+        if beyond == n_kicks and scale - survived < 0.05 * slope / time:
+            break  # lifetimes jump past n_max
         target = min(0.9 * n_kicks, _STRIDE * time)
-        limit = min(n_kicks, int(2 * target))
         lower = scale - slope * (1 / time - 1 / target)
         if lower <= survived and beyond > target:
             share = (1 / target - 1 / beyond) / (1 / time - 1 / beyond)
             lower = survived + max(share, 0.1) * (scale - survived)
+        limit = min(n_kicks, int(2 * target))
         lived = lifetime(lower, limit)
         if np.isinf(lived):
             survived, beyond = lower, limit
@@ -173,16 +178,37 @@ def critical_scale(profile, n_max):
         if lived > 1.5 * time:
             slope = (scale - lower) / (1 / time - 1 / lived)
         scale, time = lower, max(lived, time)
-    ends = [scale - slope / time]
-    points = [(scale, time)]
-    for _ in range(2):
-        higher = ends[0] + _STRIDE * (points[-1][0] - ends[0])
-        points.append((higher, lifetime(higher, n_kicks)))
-    return scale, points
+    else:
+        return _NOT_CONVERGED
+    higher = scale + (_STRIDE - 1) * slope / time
+    earlier = lifetime(higher, n_kicks)
+    if not earlier < time:  # the search has missed a survivor at the lower scale
+        return _NOT_CONVERGED
+    gap = (higher - scale) / (time / earlier - 1)
+    near_cusp = time < profile.size * _cusp_steps(profile)
+    error = gap if near_cusp else gap / 6
+    return CriticalScale(scale - gap, error, np.nan, scale, None, Status.OK)
 
 
 _STRIDE = 2 + 5**0.5
-_MOST_SCALES = 60
+_MOST_SCALES = 100
+_NOT_CONVERGED = CriticalScale(np.nan, np.nan, np.nan, np.nan, None, Status.NOT_CONVERGED)
+
+
+def _cusp_steps(profile):
+    """The steps that it takes to tell a forcing from one of a shorter period that is close to it.
+
+    Until then lifetimes follow the law of the shorter forcing, which has another slope. For P = 2
+    the shorter ones are on the diagonals |κ1| = |κ2|, where the boundary has cusps.
+    """
+    forms = [profile] if profile.size % 2 else [profile, alternate(profile, 0.0, 0.0)[0]]
+    differences = [
+        np.abs(np.roll(form, length) - form).max() / np.abs(form).max()
+        for form in forms
+        for length in range(1, profile.size)
+        if profile.size % length == 0
+    ]
+    return max((6 * d**-0.6 for d in differences if d > 0), default=0.0)
 
 
 @dataclass(frozen=True)
