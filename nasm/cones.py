@@ -60,10 +60,6 @@ MAX_STEPS = 10**9
 _BLOCK = 32  # kicks between two tests for v ≤ 0; even
 _LONGEST_CHUNK = 4096  # kicks between two compactions
 
-# v and w are scaled by a power of two once they exceed the limit. A kick multiplies them by at
-# most 2²¹ (|κ| ≤ MAX_STRENGTH), a block by less than 2⁶⁷², so they stay below 2¹⁰²³.
-_LARGE, _SCALE = 2.0**300, 2.0**-672
-
 # (starts, place of the start in its cell) of two grids that have no start in common.
 _GRIDS = ((2048, 0.5), (1597, 0.382))
 _KEPT, _CHILDREN, _SHRINK = 32, 8, 0.15
@@ -137,12 +133,12 @@ def critical_scale(profile, n_max):
     Parameters
     ----------
     profile : sequence of P floats with a symmetry centre, not all 0.
-    n_max : int, 10 to 10⁹, steps. On the paper's plane upper/value - 1 is 0.6/n_max to 0.9/n_max,
+    n_max : int, 30 to 10⁹, steps. On the paper's plane upper/value - 1 is 0.6/n_max to 0.9/n_max,
         on its diagonals half of that.
 
     Returns
     -------
-    CriticalScale. upper : no start was found to survive n_max steps there. error : a sixth of
+    CriticalScale. upper : no start was found to survive n_max steps there. error : a third of
     upper - value; all of it next to a cusp, see `_cusp_steps`. lower is NaN and omega None: the
     method shows no circle, and names none.
 
@@ -151,29 +147,32 @@ def critical_scale(profile, n_max):
     profile = forcing(profile)
     if not profile.any():
         raise ValueError("profile is zero; a ray needs a direction, e.g. profile=(1, 0.5)")
-    n_kicks = profile.size * count("n_max", n_max, 10, MAX_STEPS)
+    n_kicks = profile.size * count("n_max", n_max, 30, MAX_STEPS)
     site, _ = dominant_centre(profile)
+    if abs(profile[site]) < np.abs(profile).max():
+        raise ValueError(
+            f"profile={profile.tolist()} is strongest where it has no symmetry centre; minimizing "
+            "orbits may then be on the line, and outlive the last circle"
+        )
 
-    def lifetime(scale, limit):
-        return _longest_lived(_line(scale * profile), limit)[1]
+    def lifetime(scale):
+        return _longest_lived(_line(scale * profile), n_kicks)[1]
 
     scale, time = 2 / abs(profile[site]), 1.0
     slope = scale / 2  # a guess; a bad one costs time, no more
-    survived, beyond = 0.0, 0.0  # a start lives longer than `beyond` at the scale `survived`
+    survived = 0.0  # the largest scale known at which a start survives n_max
     for _ in range(_MOST_SCALES):
-        if time >= 0.8 * n_kicks:
+        if time >= 0.8 * n_kicks or scale - survived < 0.05 * slope / time:
             break
-        if beyond == n_kicks and scale - survived < 0.05 * slope / time:
-            break  # lifetimes jump past n_max
         target = min(0.9 * n_kicks, _STRIDE * time)
-        lower = scale - slope * (1 / time - 1 / target)
-        if lower <= survived and beyond > target:
-            share = (1 / target - 1 / beyond) / (1 / time - 1 / beyond)
-            lower = survived + max(share, 0.1) * (scale - survived)
-        limit = min(n_kicks, int(2 * target))
-        lived = lifetime(lower, limit)
+        share = (1 / target - 1 / n_kicks) / (1 / time - 1 / n_kicks)
+        lower = max(
+            scale - slope * (1 / time - 1 / target),
+            survived + max(share, 0.1) * (scale - survived),
+        )
+        lived = lifetime(lower)
         if np.isinf(lived):
-            survived, beyond = lower, limit
+            survived = lower
             continue
         if lived > 1.5 * time:
             slope = (scale - lower) / (1 / time - 1 / lived)
@@ -181,12 +180,12 @@ def critical_scale(profile, n_max):
     else:
         return _NOT_CONVERGED
     higher = scale + (_STRIDE - 1) * slope / time
-    earlier = lifetime(higher, n_kicks)
+    earlier = lifetime(higher)
     if not earlier < time:  # the search has missed a survivor at the lower scale
         return _NOT_CONVERGED
     gap = (higher - scale) / (time / earlier - 1)
     near_cusp = time < profile.size * _cusp_steps(profile)
-    error = gap if near_cusp else gap / 6
+    error = gap if near_cusp else gap / 3
     return CriticalScale(scale - gap, error, np.nan, scale, None, Status.OK)
 
 
@@ -228,9 +227,7 @@ def _line(strengths):
     site, a = dominant_centre(strengths)
     strengths = np.roll(strengths, -site)
     rows = np.resize(strengths, strengths.size + _BLOCK - 1)
-    return _Line(
-        -rows[:, None] * np.array(SINE), strengths.size, a - 0.25, abs(strengths[0]) / 2
-    )
+    return _Line(-rows[:, None] * np.array(SINE), strengths.size, a - 0.25, abs(strengths[0]) / 2)
 
 
 def _kicks(line, y, n_kicks):
@@ -301,7 +298,7 @@ def _kick(c, n, x, y, v, w):
 def _advance(c, site, state, start, report):
     """A block of kicks from `site` on, of the 64 orbits from `start` on, in place.
 
-    Rows of report: x, y, v, w before the block, the smallest v in it, and |v| + |w| after it.
+    Rows of report: x, y, v, w before the block, and the smallest v in it.
     """
     own_frame()
     size = state.shape[1]
@@ -316,15 +313,14 @@ def _advance(c, site, state, start, report):
     smallest = v
     for n in range(site, site + _BLOCK, 2):  # unrolled by two: 1.1 times faster
         x, y, v, w = _kick(c, n, x, y, v, w)
-        smallest = minimum(smallest, v)
+        smallest = minimum(v, smallest)
         x, y, v, w = _kick(c, n + 1, x, y, v, w)
-        smallest = minimum(smallest, v)
+        smallest = minimum(v, smallest)
     store(state, start, x)
     store(state, size + start, y)
     store(state, 2 * size + start, v)
     store(state, 3 * size + start, w)
     store(report, 4 * LANES, smallest)
-    store(report, 5 * LANES, fabs(v) + fabs(w))
 
 
 @njit(nogil=True)
@@ -342,14 +338,15 @@ def _replay(c, site, report, lane):
 def _elimination_times(c, period, x, y, w, n_max, times):
     """The kick after which v ≤ 0 for every start into `times`, inf if later than n_max."""
     size = (y.size + LANES - 1) // LANES * LANES
-    state, report = np.empty((4, size)), np.empty((6, LANES))
+    state, report = np.empty((4, size)), np.empty((5, LANES))
     orbit = np.empty(y.size, np.int64)
     for i in range(size):
         state[0, i], state[1, i], state[2, i], state[3, i] = x, 0.0, np.nan, w
     for i in range(y.size):
         orbit[i], state[1, i], state[2, i] = i, y[i], 1.0
         times[i] = np.inf
-    # A lane at rest has v = NaN: it raises no alarm.
+    # A lane at rest has v = NaN: it raises no alarm. An orbit that is hyperbolic for ever, as only
+    # one whose x and y are exact is, gets there by overflow: it counts as a survivor, as it should.
     alive, n = y.size, 0
     while n < n_max and alive > 0:
         chunk = min(max(n // 4 // _BLOCK, 1) * _BLOCK, _LONGEST_CHUNK)
@@ -359,17 +356,13 @@ def _elimination_times(c, period, x, y, w, n_max, times):
                 _advance(c, site, state, start, report)
                 alarm = False
                 for lane in range(LANES):
-                    alarm |= (report[4, lane] <= 0) | (report[5, lane] > _LARGE)
-                if not alarm:
-                    continue
-                for lane in range(LANES):
-                    i = start + lane
-                    if report[4, lane] <= 0:
-                        times[orbit[i]] = done + _replay(c, site, report, lane)
-                        state[2, i] = np.nan
-                    elif report[5, lane] > _LARGE:
-                        state[2, i] *= _SCALE
-                        state[3, i] *= _SCALE
+                    alarm |= report[4, lane] <= 0
+                if alarm:
+                    for lane in range(LANES):
+                        if report[4, lane] <= 0:
+                            i = start + lane
+                            times[orbit[i]] = done + _replay(c, site, report, lane)
+                            state[2, i] = np.nan
         n += chunk
         survivors = 0
         for i in range(alive):
