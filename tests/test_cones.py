@@ -21,7 +21,7 @@ LITERATURE = tomllib.loads(Path(__file__).with_name("literature.toml").read_text
 KAPPA_G = LITERATURE["kappa_G"]["value"]
 # Each some per cent beyond the breakup of its last circle: lifetimes of all lengths.
 PAIRS = [(0.71, 0.46), (-0.43, 0.72), (0.15, -0.57)]
-FORCINGS = [(1.03,), *PAIRS, (0.4, 0.1, 0.1), (0.2, 0.1, 0.4, 0.1)]
+FORCINGS = [(1.03,), *PAIRS, (0.1, 0.4, 0.1), (0.2, 0.1, 0.4, 0.1)]
 Y = (np.arange(300) + 0.5) / 600
 
 
@@ -47,6 +47,14 @@ def test_times_are_those_of_the_definition(kappa):
     assert len(np.unique(plain[early])) > 5
     assert_array_equal(kicks[early], plain[early])
     assert (kicks[~early] > 25).all()
+
+
+def test_times_are_right_where_v_is_negative_for_a_single_kick():
+    # Strengths beyond 2 off the line turn v around within a kick.
+    kappa = (0.3, 0.0, 5.0, 5.0, 5.0, 5.0, 0.0)
+    plain = oracles.elimination_time(kappa, 0.5, Y, 14)
+    assert {3, 4, 5} <= set(plain)
+    np.testing.assert_allclose(elimination_time(kappa, Y, 2) * 7, plain)
 
 
 @pytest.mark.parametrize("kappa", FORCINGS)
@@ -256,6 +264,15 @@ def test_a_beam_of_32_finds_what_a_wider_one_finds(monkeypatch):
         found[kept] = np.array([cones._search(line, 10**6, *cones._GRIDS[0])[1] for line in lines])
     assert (found[32] >= 0.98 * found[128]).all()
     assert (found[1] < 0.98 * found[128]).mean() > 0.2  # the search is not an easy one
+
+
+@pytest.mark.parametrize("degrees", [14, 30, 44.4, 44.99])
+def test_a_dense_scan_finds_no_longer_life(degrees):
+    # A cell at the end of the search is 0.01/T² ≈ 5e-8 wide; the scan's are 2.4e-7.
+    kappa = 1.003 * critical_scale(ray(degrees), 5000).value * ray(degrees)
+    _, time = longest_lived(kappa, 10**6)
+    dense = elimination_time(kappa, (np.arange(2**21) + 0.3) / 2**22, 10**6).max()
+    assert 0.98 * time <= dense <= 1.005 * time
 
 
 def test_the_grids_have_no_start_in_common():
