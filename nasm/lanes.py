@@ -5,10 +5,11 @@ has (8 of AVX-512, 16 of AVX2), and that many independent chains hide the latenc
 one chain alone waits for most of its time. Written with scalars, the same kernel is at the mercy of
 the auto-vectoriser, which a harmless edit switches off.
 
-`+ - *` work on lanes, and between lanes and a float, which fills all lanes. `fma`, `rint`, `fabs`
-and `maximum` take lanes or floats, so that one source of a formula compiles to both: with the same
-operations in the same order, a lane and the scalar code agree to the last bit, on every machine
-(fma is exact by definition; a processor without it falls back on a slow, equal, library call).
+`+ - *` work on lanes, and between lanes and a float, which fills all lanes. `fma`, `rint`, `fabs`,
+`copysign`, `maximum` and `minimum` take lanes or floats, so that one source of a formula compiles
+to both: with the same operations in the same order, a lane and the scalar code agree to the last
+bit, on every machine (fma is exact by definition; a processor without it falls back on a slow,
+equal, library call).
 
 These names exist inside `numba.njit` functions only.
 """
@@ -98,22 +99,39 @@ def fabs(typing_context, a):
 
 
 @intrinsic
+def copysign(typing_context, a, b):
+    """|a| with the sign of b."""
+    result = _result([a, b])
+    return result and (result(a, b), _elementwise(_llvm("copysign")))
+
+
+@intrinsic
 def fma(typing_context, a, b, c):
     """a·b + c, rounded once."""
     result = _result([a, b, c])
     return result and (result(a, b, c), _elementwise(_llvm("fma")))
 
 
+def _select(comparison):
+    def emit(builder, a, b):
+        # Compare and select is one instruction; LLVM's own maxnum pays for its rules about NaN.
+        return builder.select(builder.fcmp_ordered(comparison, a, b), a, b)
+
+    return emit
+
+
 @intrinsic
 def maximum(typing_context, a, b):
     """The larger of a and b; b if either is NaN."""
-
-    def emit(builder, a, b):
-        # Compare and select is one instruction; LLVM's own maxnum pays for its rules about NaN.
-        return builder.select(builder.fcmp_ordered(">", a, b), a, b)
-
     result = _result([a, b])
-    return result and (result(a, b), _elementwise(emit))
+    return result and (result(a, b), _elementwise(_select(">")))
+
+
+@intrinsic
+def minimum(typing_context, a, b):
+    """The smaller of a and b; b if either is NaN."""
+    result = _result([a, b])
+    return result and (result(a, b), _elementwise(_select("<")))
 
 
 def _overload_operator(python_operator, instruction):

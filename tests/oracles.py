@@ -97,3 +97,21 @@ def sine_polynomial(n):
         extrema = [zero(slope, *ends) for ends in pairwise([nodes[0] / 20, *zeros])]
         nodes = [*extrema, quarter]
     return c, abs(level)
+
+
+@njit
+def _elimination_time(kappa, a, y, n_max):
+    x, v, last = a, 1.0, 1.0 + kappa[0] / 2 * math.cos(2 * math.pi * a)  # v_0, v_{-1} = v_1
+    for n in range(n_max):
+        strength = kappa[n % kappa.size]
+        v, last = (2 + strength * math.cos(2 * math.pi * x)) * v - last, v
+        if v <= 0:
+            return float(n + 1)
+        x, y = kick(strength, x - math.floor(x), y)
+    return math.inf
+
+
+def elimination_time(kappa, a, y, n_max):
+    """The kick after which v ≤ 0, for starts (a, y) before the first kick of kappa."""
+    kappa = np.asarray(kappa, dtype=float)
+    return np.array([_elimination_time(kappa, a, start, n_max) for start in y])

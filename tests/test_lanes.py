@@ -5,7 +5,18 @@ import pytest
 from numba import njit
 from numba.core.errors import TypingError
 
-from nasm.lanes import LANES, fabs, fma, load, maximum, own_frame, rint, store
+from nasm.lanes import (
+    LANES,
+    copysign,
+    fabs,
+    fma,
+    load,
+    maximum,
+    minimum,
+    own_frame,
+    rint,
+    store,
+)
 
 RNG = np.random.default_rng(2)
 A, B, C = RNG.uniform(-1, 1, (3, LANES)) * 2.0 ** RNG.integers(-40, 40, (3, LANES))
@@ -45,6 +56,16 @@ def _maximum(a, b, c):
 
 
 @njit
+def _minimum(a, b, c):
+    return minimum(a, b)
+
+
+@njit
+def _copysign(a, b, c):
+    return copysign(a, b)
+
+
+@njit
 def _fma(a, b, c):
     return fma(a, b, c)
 
@@ -62,9 +83,11 @@ OPERATIONS = {
     _rint: lambda a, b, c: np.rint(a),
     _fabs: lambda a, b, c: np.fabs(a),
     _maximum: lambda a, b, c: np.maximum(a, b),
+    _minimum: lambda a, b, c: np.minimum(a, b),
+    _copysign: lambda a, b, c: np.copysign(a, b),
     _fma: exact_fma,
 }
-BINARY = [_add, _subtract, _multiply, _maximum]
+BINARY = [_add, _subtract, _multiply, _maximum, _minimum, _copysign]
 
 
 @njit
@@ -124,10 +147,11 @@ def test_fma_rounds_once():
     assert _fma(a, b, c) == -(2.0**-60)
 
 
-def test_maximum_is_its_second_argument_where_there_is_a_nan():
+@pytest.mark.parametrize("operation", [_maximum, _minimum], ids=name)
+def test_the_second_argument_wins_where_there_is_a_nan(operation):
     nans, ones = np.full(LANES, np.nan), np.ones(LANES)
-    assert_same_bits(on_lanes(_maximum, nans, ones, C), ones)
-    assert_same_bits(on_lanes(_maximum, ones, nans, C), nans)
+    assert_same_bits(on_lanes(operation, nans, ones, C), ones)
+    assert_same_bits(on_lanes(operation, ones, nans, C), nans)
 
 
 def test_lanes_move_from_and_to_any_index():

@@ -18,7 +18,7 @@ import psutil
 import pytest
 import toy
 
-from nasm import escape
+from nasm import cones, escape
 from nasm.sine import SINE
 from pipeline import store
 from pipeline.cluster import connect
@@ -90,6 +90,47 @@ def test_the_kernel_against_plain_numba_and_c(c_kernel):
     print(f"\nof the speed of C: {c_ns / lanes_ns:.2f}, {c_ns / ensemble_ns:.2f}")
     assert plain_ns / lanes_ns > 25
     assert plain_ns / ensemble_ns > 25
+
+
+def test_the_cone_kernel_against_plain_numba_and_the_escape_kernel():
+    y, n = np.linspace(0.2, 0.3, 256), 20_000
+    kappa = np.array([0.01, 0.01])  # all starts survive
+    few, short = y[:16], 4000
+
+    def plain():
+        assert np.isinf(oracles.elimination_time(kappa, 0.5, few, 2 * short)).all()
+
+    def lanes():
+        assert np.isinf(cones.elimination_time(kappa, y, n)).all()
+
+    def escapes():
+        assert np.isinf(escape.escape_time(kappa, 0.5, y, n)).all()
+
+    for function in (plain, lanes, escapes):
+        function()
+    per_kick = median_times(plain, lanes, escapes) * 1e9
+    per_kick /= 2 * np.array([few.size * short, *[y.size * n] * 2])
+    for name, ns in zip(("plain Numba", "cones", "escape"), per_kick, strict=True):
+        print(f"\n{name:13} {ns:6.3f} ns a kick, {per_kick[0] / ns:5.1f} x plain", end="")
+    print(f"\ncones / escape: {per_kick[1] / per_kick[2]:.2f}")
+    assert per_kick[0] / per_kick[1] > 20
+    assert per_kick[1] / per_kick[2] < 3
+
+
+def test_a_scale_by_converse_kam():
+    angles = np.random.default_rng(4).uniform(0, 45, 12)
+    profiles = np.stack([np.cos(np.deg2rad(angles)), np.sin(np.deg2rad(angles))], axis=1)
+    cones.critical_scale((1, 0), 30)
+    print()
+    for n_max in (1000, 10_000, 100_000):
+        seconds, widths = [], []
+        for profile in profiles:
+            start = time.process_time()
+            found = cones.critical_scale(profile, n_max)
+            seconds.append(time.process_time() - start)
+            widths.append(found.upper / found.value - 1)
+        print(f"n_max {n_max:6}: {np.median(seconds):.4f} s, width {np.median(widths):.1e}")
+        assert np.max(widths) < 1 / n_max
 
 
 def test_two_threads_against_one():

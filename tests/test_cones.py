@@ -1,0 +1,319 @@
+"""Converse KAM against its definition, the action's second variation, and Greene's residue."""
+
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import oracles
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numba import njit
+from numpy.testing import assert_array_equal
+from scipy.linalg import eigvalsh_tridiagonal
+
+from nasm import cones, periodic
+from nasm.cones import critical_scale, eliminates, elimination_time, longest_lived
+from nasm.critical import Status
+from nasm.numbers import parse
+
+LITERATURE = tomllib.loads(Path(__file__).with_name("literature.toml").read_text())
+KAPPA_G = LITERATURE["kappa_G"]["value"]
+# Each some per cent beyond the breakup of its last circle: lifetimes of all lengths.
+PAIRS = [(0.71, 0.46), (-0.43, 0.72), (0.15, -0.57)]
+FORCINGS = [(1.03,), *PAIRS, (0.1, 0.4, 0.1), (0.2, 0.1, 0.4, 0.1)]
+Y = (np.arange(300) + 0.5) / 600
+
+
+def ray(degrees):
+    return np.array([np.cos(np.deg2rad(degrees)), np.sin(np.deg2rad(degrees))])
+
+
+def from_the_centre(kappa):
+    """The forcing that starts on the dominant centre, and the line's a."""
+    site, a = periodic.dominant_centre(kappa)
+    return np.roll(kappa, -site), a
+
+
+@pytest.mark.parametrize("kappa", FORCINGS)
+def test_times_are_those_of_the_definition(kappa):
+    # 25 kicks: rounding has not grown to where it matters.
+    strengths, a = from_the_centre(kappa)
+    period = len(kappa)
+    kicks = elimination_time(kappa, Y, 25) * period
+    plain = oracles.elimination_time(strengths, a, Y, 25 * period)
+    early = plain <= 25
+    assert early.sum() > 100
+    assert len(np.unique(plain[early])) > 5
+    assert_array_equal(kicks[early], plain[early])
+    assert (kicks[~early] > 25).all()
+
+
+def test_times_are_right_where_v_is_negative_for_a_single_kick():
+    # Strengths beyond 2 off the line turn v around within a kick.
+    kappa = (0.3, 0.0, 5.0, 5.0, 5.0, 5.0, 0.0)
+    plain = oracles.elimination_time(kappa, 0.5, Y, 14)
+    assert {3, 4, 5} <= set(plain)
+    np.testing.assert_allclose(elimination_time(kappa, Y, 2) * 7, plain)
+
+
+@pytest.mark.parametrize("kappa", FORCINGS)
+def test_a_start_is_eliminated_when_its_orbit_no_longer_minimizes_the_action(kappa):
+    # The definition with no tangent vector: the second variation of the piece |k| < n.
+    strengths, a = from_the_centre(kappa)
+    period = len(kappa)
+    for y in Y[::23]:
+        kicks = elimination_time(kappa, y, 30) * period
+        n = int(min(kicks, 30))
+        x, sites = a, []
+        for k in range(n):
+            sites.append(2 + strengths[k % period] * np.cos(2 * np.pi * x))
+            x, y = oracles.kick(strengths[k % period], x, y)
+        diagonal = np.array(sites[:0:-1] + sites)
+        if kicks == n:
+            assert eigvalsh_tridiagonal(diagonal, np.full(2 * n - 2, -1.0))[0] <= 0
+        if n > 1:
+            assert eigvalsh_tridiagonal(diagonal[1:-1], np.full(2 * n - 4, -1.0))[0] > 0
+
+
+@njit
+def _one_by_one(c, period, x0, y0, w0, n_max):
+    times = np.full(y0.size, np.inf)
+    for i in range(y0.size):
+        x, y, v, w = x0, y0[i], 1.0, w0
+        for n in range(n_max):
+            x, y, v, w = cones._kick(c, n % period, x, y, v, w)
+            if v <= 0:
+                times[i] = n + 1
+                break
+    return times
+
+
+@pytest.mark.parametrize("kappa", FORCINGS)
+@pytest.mark.parametrize("n_starts", [1, 63, 300])
+def test_lockstep_blocks_and_packing_do_not_change_a_time(kappa, n_starts):
+    # The same kick on floats, one start at a time; 20 001 kicks: a last block that is not full.
+    line = cones._line(0.9 * critical_scale(kappa, 100).value * np.array(kappa))
+    y, n = Y[:n_starts], 20_001
+    times = cones._kicks(line, y, n)
+    plain = _one_by_one(line.table, line.period, line.x, y, line.w, n)
+    assert_array_equal(times, plain)
+    if n_starts == 300:
+        assert 2 < np.isinf(times).sum() < 100
+        assert (times[np.isfinite(times)] > 100).any()
+
+
+def test_n_max_may_fall_anywhere():
+    full = elimination_time((0.5, 0.5), Y, 5000)
+    assert len(np.unique(full)) > 20
+    for n_max in (1, 2, 15, 16, 17, 31, 100, 700):
+        times = elimination_time((0.5, 0.5), Y, n_max)
+        assert_array_equal(times, np.where(full <= n_max, full, np.inf))
+
+
+def test_times_count_periods():
+    kicks = elimination_time((1.1,), Y, 600)
+    assert np.isfinite(kicks).sum() > 100
+    for period in (2, 3):
+        assert_array_equal(elimination_time((1.1,) * period, Y, 600 // period) * period, kicks)
+
+
+def test_the_shape_is_that_of_the_starts():
+    assert elimination_time((1.1, 0.2), 0.1, 10).shape == ()
+    assert elimination_time((1.1, 0.2), Y.reshape(3, 100), 10).shape == (3, 100)
+    assert elimination_time((1.1, 0.2), [], 10).shape == (0,)
+
+
+coordinate = st.floats(0, 0.5)
+strength = st.floats(0.2, 1.9)
+
+
+@settings(deadline=None, max_examples=60)
+@given(strength, strength, coordinate)
+def test_times_keep_the_symmetries(kappa1, kappa2, y):
+    y = np.round(y * 2**30) / 2**30
+    kappa = np.array([kappa1, kappa2])
+    # Ten steps: the images round differently, by as little as has not grown yet.
+    time = elimination_time(kappa, y, 10)
+    assert elimination_time(kappa[::-1], y, 10) == time
+    for image, image_y in ((kappa, y + 1), (kappa, -y), (kappa, 1 - y), (-kappa, y)):
+        assert elimination_time(image, image_y, 10) == pytest.approx(time)
+    for signs in ((1, -1), (-1, 1)):
+        assert elimination_time(kappa * signs, 0.5 - y, 10) == pytest.approx(time)
+
+
+@settings(deadline=None, max_examples=8)
+@given(st.floats(0, 44))
+def test_the_boundary_keeps_the_symmetries_of_the_square(degrees):
+    expected = critical_scale(ray(degrees), 200)
+    for angle in (90 - degrees, 90 + degrees, 180 - degrees, 180 + degrees, -degrees):
+        found = critical_scale(ray(angle), 200)
+        assert abs(found.value - expected.value) <= found.error
+
+
+def test_no_kicks_leave_all_circles():
+    assert np.isinf(elimination_time((0, 0), Y, 10_000)).all()
+    assert not eliminates((0, 0), 1000)
+
+
+@pytest.mark.parametrize("kappa", [(2.1,), (-5, 1), (0.3, 1e6), (2.001, 0, 0)])
+def test_beyond_two_the_first_kick_eliminates(kappa):
+    assert_array_equal(elimination_time(kappa, Y, 5), 1 / len(kappa))
+
+
+@pytest.mark.parametrize(("profile", "a"), [((0.5, 0.0), 0.5), ((-0.4, 0.2), 0.0)])
+def test_an_existing_circle_is_never_eliminated(profile, a):
+    # A start on the golden circle, to 1e-9, by its convergent 10946/17711.
+    omega, p, q = parse("gamma"), 10946, 17711
+    scale = 0.999 * periodic.critical_scale(omega, profile).value
+    kappa = scale * np.array(profile)
+    x = periodic.symmetric_orbit(kappa, p, q)
+    assert x[0] == a
+    assert elimination_time(kappa, x[1] - x[0], 100_000) == np.inf
+    assert not eliminates(kappa, 100_000)
+
+
+# The most robust circle on a ray, by trying out nobles.
+LAST = [
+    (0, "gamma"),
+    (20, "gamma"),
+    (30, "[0;1,2,(1)]"),
+    (36, "[0;1,3,(1)]"),
+    (43, "[0;1,3,2,(1)]"),
+    (45, "2gamma"),
+]
+
+
+@pytest.mark.parametrize(("degrees", "omega"), LAST)
+@pytest.mark.parametrize("n_max", [30, 300, 3000])
+def test_the_last_circle_breaks_where_its_residue_says(degrees, omega, n_max):
+    # On the diagonal cos and sin would differ in the last digit, next to the cusp.
+    profile = np.full(2, np.sqrt(0.5)) if degrees == 45 else ray(degrees)
+    exact = periodic.critical_scale(parse(omega), profile).value
+    found = critical_scale(profile, n_max)
+    assert found.status is Status.OK
+    assert abs(found.value - exact) <= found.error
+    assert found.value + found.error <= found.upper
+    assert exact < found.upper < exact * (1 + 1.1 / n_max)
+    assert np.isnan(found.lower)
+    assert found.omega is None
+
+
+@pytest.mark.parametrize(("profile", "exact"), [((1, 0), KAPPA_G / 2), ((1, 1), KAPPA_G)])
+def test_greene_1979_from_above(profile, exact):
+    found = critical_scale(profile, 10_000)
+    assert abs(found.value - exact) <= found.error < 5e-5 * exact
+    assert exact < found.upper < exact * (1 + 1e-4)
+
+
+@pytest.mark.parametrize(("profile", "exact"), [((1, 0), KAPPA_G / 2), ((1, 1), KAPPA_G)])
+def test_lifetimes_grow_like_one_over_the_distance_from_the_breakup(profile, exact):
+    distances = 10.0 ** -np.arange(2, 4.6, 0.25)
+    times = [longest_lived(exact * (1 + d) * np.array(profile), 10**6)[1] for d in distances]
+    assert np.isfinite(times).all()
+    order, _ = np.polyfit(np.log(distances), np.log(times), 1)
+    assert order == pytest.approx(-1, abs=0.04)
+
+
+@pytest.mark.parametrize("degrees", [45 - 1e-1, 45 - 1e-2, 45 - 1e-3, 45 - 1e-5])
+def test_errors_next_to_the_cusp_are_honest(degrees):
+    better = critical_scale(ray(degrees), 20_000)
+    errors = []
+    for n_max in (50, 200, 800, 3200):
+        found = critical_scale(ray(degrees), n_max)
+        assert abs(found.value - better.value) <= found.error + better.error
+        assert better.value < found.upper
+        errors.append(abs(found.value - better.value) / (found.upper - found.value))
+    if degrees < 45 - 1e-4:  # there a third of the distance would not be enough for all n_max
+        assert max(errors) < 1
+    if degrees == 45 - 1e-2:
+        assert max(errors) > 1 / 3
+
+
+@pytest.mark.parametrize("profile", [(1.8, -0.1, -0.1), (0.8, 0.5, -2.0, 0.5)])
+def test_longer_periods_agree_with_more_steps(profile):
+    better, found = (critical_scale(profile, n_max) for n_max in (3000, 100))
+    assert abs(found.value - better.value) <= found.error
+    assert better.error < found.error / 10
+
+
+def test_the_line_is_eliminated_above_upper_and_not_far_below():
+    found = critical_scale(ray(30), 500)
+    for scale in (1, 1.001, 1.01, 1.3, 3):
+        assert eliminates(scale * found.upper * ray(30), 500)
+    assert not eliminates((found.value - found.error) * ray(30), 500)
+    assert not eliminates(found.upper * ray(30), 300)
+
+
+def test_the_longest_lived_start_is_on_the_last_circle():
+    # On the axis, T is S at 2κ with two of its y to one of T's: ω = γ or its mirror image 1 - γ.
+    kappa = (KAPPA_G / 2 * (1 + 1e-5), 0.0)
+    y, time = longest_lived(kappa, 10**6)
+    assert elimination_time(kappa, y, 10**6) == time
+    x = periodic.symmetric_orbit((KAPPA_G / 2, 0.0), 987, 1597)
+    circle = x[1] - x[0]
+    assert min(abs(y - circle), abs(y - (0.5 - circle))) < 1e-4
+    assert 0 <= y <= 0.5
+
+
+def test_a_beam_of_32_finds_what_a_wider_one_finds(monkeypatch):
+    lines = [cones._line(critical_scale(ray(d), 2000).value * 1.001 * ray(d)) for d in range(4, 45)]
+    found = {}
+    for kept in (1, 32, 128):
+        monkeypatch.setattr(cones, "_KEPT", kept)
+        found[kept] = np.array([cones._search(line, 10**6, *cones._GRIDS[0])[1] for line in lines])
+    assert (found[32] >= 0.98 * found[128]).all()
+    assert (found[1] < 0.98 * found[128]).mean() > 0.2  # the search is not an easy one
+
+
+@pytest.mark.parametrize("degrees", [14, 30, 44.4, 44.99])
+def test_a_dense_scan_finds_no_longer_life(degrees):
+    # A cell at the end of the search is 0.01/T² ≈ 5e-8 wide; the scan's are 2.4e-7.
+    kappa = 1.003 * critical_scale(ray(degrees), 5000).value * ray(degrees)
+    _, time = longest_lived(kappa, 10**6)
+    dense = elimination_time(kappa, (np.arange(2**21) + 0.3) / 2**22, 10**6).max()
+    assert 0.98 * time <= dense <= 1.005 * time
+
+
+def test_the_grids_have_no_start_in_common():
+    (n, offset), (m, other) = cones._GRIDS
+    first, second = (np.arange(n) + offset) / n, (np.arange(m) + other) / m
+    assert np.abs(first[:, None] - second).min() > 1e-9
+
+
+GOOD = {"kappa": (0.3, 0.3), "y": 0.1, "n_max": 10}
+
+
+@pytest.mark.parametrize(
+    ("bad", "message"),
+    [
+        ({"kappa": (0.3, np.nan)}, r"kappa=.*nan.* is not finite"),
+        ({"kappa": ()}, r"kappa=\(\) has shape \(0,\)"),
+        ({"kappa": (0.1, 0.2, 0.3)}, r"no symmetry centre"),
+        ({"y": [0.1, np.inf]}, r"y is not finite; starts must be finite numbers"),
+        ({"n_max": 0}, r"n_max=0 must be a whole number from 1 to 1000000000"),
+        ({"n_max": 2.5}, r"n_max=2\.5 must be a whole number"),
+    ],
+)
+def test_bad_arguments_are_named(bad, message):
+    arguments = GOOD | bad
+    with pytest.raises(ValueError, match=message):
+        elimination_time(**arguments)
+    if "y" not in bad:
+        del arguments["y"]
+        with pytest.raises(ValueError, match=message):
+            eliminates(**arguments)
+
+
+@pytest.mark.parametrize(
+    ("profile", "n_max", "message"),
+    [
+        ((0, 0), 100, "profile is zero"),
+        ((0.1, 0.2, 0.3), 100, "no symmetry centre"),
+        ((0.1, 0.9, 0.9), 100, r"profile=\[0\.1, 0\.9, 0\.9\] is strongest where it has no"),
+        ((1, 0), 29, "n_max=29 must be a whole number from 30 to 1000000000"),
+    ],
+)
+def test_rays_that_cannot_be_searched(profile, n_max, message):
+    with pytest.raises(ValueError, match=message):
+        critical_scale(profile, n_max)
