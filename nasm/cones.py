@@ -153,8 +153,9 @@ def critical_scale(profile, n_max):
     -------
     CriticalScale. upper : no start was found to survive n_max steps there. error : a third of
     upper - value; all of it next to a cusp, see `_cusp_steps`. (True errors were 3% of upper -
-    value, at most 15%; next to a cusp at most 80%.) lower is NaN and omega None:
-    the method shows no circle, and names none.
+    value, at most 15%; next to a cusp at most 80%.) lower is NaN and omega None: the method shows
+    no circle, and names none. status NOT_CONVERGED if lifetimes contradict each other, as they do
+    when a search misses a survivor.
 
     ValueError if profile is zero, or has no symmetry centre or no dominant line, see above.
     """
