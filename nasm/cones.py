@@ -24,9 +24,11 @@ A circle is a graph, so it meets the line x_c = a in one point: if all y of the 
 eliminated, no rotational circle is left, and transport is global. y from 0 to 1/2 suffice for
 every P, for the chain has the symmetries y → y + 1 and (x, y) → (-x, -y), and both keep the line.
 The centre is the dominant one, where κ_c cos 2πa = -|κ_c|: the minimax orbits are on it, and lose
-their positive v soonest. Orbits that minimize the action never do, though they be periodic; with
-the largest |κ| on no centre some may be on the line, and stay. The criterion is MacKay and
-Percival's, Commun. Math. Phys. 98 (1985) 469.
+their positive v soonest. Orbits that minimize the action never do, though they be periodic. To
+first order the minimax orbit of ω = p is on the line if Σ_n κ_n cos 2πnp/P, n from the centre, has
+the sign of κ_c. For P ≤ 2 all p have it; for other forcings there may be no dominant line, and
+then not all of it can be eliminated. The criterion is MacKay and Percival's, Commun. Math. Phys.
+98 (1985) 469.
 
 Beyond the last circle's breakup, at the scale s_c of a ray, the longest life on the line is T,
 
@@ -52,7 +54,7 @@ import numpy as np
 from numba import njit
 
 from nasm.checks import count
-from nasm.critical import CriticalScale, Status
+from nasm.critical import CriticalScale, Status, no_answer
 from nasm.lanes import LANES, copysign, fabs, fma, load, minimum, own_frame, rint, store
 from nasm.maps import forcing
 from nasm.periodic import dominant_centre
@@ -69,8 +71,8 @@ _GRIDS = ((2048, 0.5), (1597, 0.382))
 _KEPT, _CHILDREN, _SHRINK = 32, 8, 0.15
 
 _STRIDE = 2 + 5**0.5  # (1/γ)³
-_MOST_SCALES = 100  # 15 are usual
-_NOT_CONVERGED = CriticalScale(np.nan, np.nan, np.nan, np.nan, None, Status.NOT_CONVERGED)
+_MOST_SCALES = 100  # 10 are usual
+_NOT_CONVERGED = no_answer(None, Status.NOT_CONVERGED)
 
 
 def elimination_time(kappa, y, n_max):
@@ -144,27 +146,29 @@ def critical_scale(profile, n_max):
     Parameters
     ----------
     profile : sequence of P floats with a symmetry centre, not all 0.
-    n_max : int, 30 to 10⁹, steps. On the paper's plane upper/value - 1 is 0.6/n_max to 1/n_max, on
+    n_max : int, 100 to 10⁹, steps. On the paper's plane upper/value - 1 is 0.6/n_max to 1/n_max, on
         its diagonals half of that.
 
     Returns
     -------
     CriticalScale. upper : no start was found to survive n_max steps there. error : a third of
     upper - value; all of it next to a cusp, see `_cusp_steps`. (True errors were 3% of upper -
-    value and at most 15%, for n_max from 100 on; next to a cusp 80%.) lower is NaN and omega None:
-    the method shows no circle, and names none.
+    value, at most 15%; next to a cusp at most 80%.) lower is NaN and omega None: the method shows
+    no circle, and names none. status NOT_CONVERGED if lifetimes contradict each other, as they do
+    when a search misses a survivor.
 
-    ValueError if profile is zero, has no symmetry centre, or its largest |κ| is on none.
+    ValueError if profile is zero, or has no symmetry centre or no dominant line, see above.
     """
     profile = forcing(profile)
     if not profile.any():
         raise ValueError("profile is zero; a ray needs a direction, e.g. profile=(1, 0.5)")
-    n_kicks = profile.size * count("n_max", n_max, 30, MAX_STEPS)
+    n_kicks = profile.size * count("n_max", n_max, 100, MAX_STEPS)
     site, _ = dominant_centre(profile)
-    if abs(profile[site]) < np.abs(profile).max():
+    resonances = np.fft.fft(np.roll(profile, -site)).real * np.sign(profile[site])
+    if resonances.min() < -1e-9 * resonances.max():
         raise ValueError(
-            f"profile={profile.tolist()} is strongest where it has no symmetry centre; minimizing "
-            "orbits may then be on the line, and outlive the last circle"
+            f"profile={profile.tolist()} has no dominant symmetry line: the minimizing orbit of "
+            f"ω={resonances.argmin()} is on it, and is never eliminated"
         )
 
     def lifetime(scale):

@@ -120,7 +120,7 @@ def test_the_cone_kernel_against_plain_numba_and_the_escape_kernel():
 def test_a_scale_by_converse_kam():
     angles = np.random.default_rng(4).uniform(0, 45, 12)
     profiles = np.stack([np.cos(np.deg2rad(angles)), np.sin(np.deg2rad(angles))], axis=1)
-    cones.critical_scale((1, 0), 30)
+    cones.critical_scale((1, 0), 100)
     print()
     for n_max in (1000, 10_000, 100_000):
         seconds, widths = [], []
