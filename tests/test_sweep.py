@@ -91,7 +91,9 @@ def test_a_sweep_survives_workers_killed_at_random(tmp_path):
     def kill_three(client):
         for _ in range(3):
             time.sleep(0.7)
-            pids = list(client.run(os.getpid, on_error="ignore").values())
+            pids = []
+            while not pids:  # both may be on their way back
+                pids = list(client.run(os.getpid, on_error="ignore").values())
             os.kill(choose.choice(pids), signal.SIGKILL)
 
     with connect(toy.no_warm_up, n_workers=2) as client:
