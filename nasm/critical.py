@@ -21,6 +21,7 @@ class Status(Enum):
     NO_BREAKUP = "no breakup found up to the largest scale searched"
     NEAR_CUSP = "orbits up to the largest period do not yet see how near the cusp |κ1| = |κ2| is"
     DISORDERED = "Newton found an orbit of another kind: not ordered, or with the other sign of R"
+    UNDECIDED = "the methods contradict each other"
     NOT_CONVERGED = "the estimates did not settle within the effort allowed"
 
 

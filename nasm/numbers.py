@@ -15,7 +15,7 @@ import re
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import chain, cycle
-from math import isqrt
+from math import floor, isqrt
 
 NAMES = (
     "gamma",
@@ -136,6 +136,23 @@ def moebius(omega, a, b, c=0, d=1):
     r = top[0] * bottom[0] - n * top[1] * bottom[1]
     s = top[1] * bottom[0] - top[0] * bottom[1]
     return _expand_surd(r, s, norm, n)
+
+
+def nobles_near(value, width, n):
+    """Noble numbers within `width` of a float, those with the shortest prefix first; at most n.
+
+    Each has the partial quotients of `value` up to some place, and ones from there on.
+    """
+    found, prefix, rest = [], [], value
+    while len(found) < n and len(prefix) < 30:
+        prefix.append(floor(rest))
+        noble = _shortest(prefix, [1])
+        if abs(float(noble) - value) < width and noble not in found:
+            found.append(noble)
+        if rest == prefix[-1]:
+            break
+        rest = 1 / (rest - prefix[-1])
+    return found
 
 
 def _linear(text):

@@ -1,0 +1,111 @@
+"""The last barrier on a ray κ = s·profile: which circle breaks last, where, and how sure that is.
+
+The boundary of global transport CB_gt is the envelope of the boundaries CB_ω over all ω: at each
+angle another circle may be the last one. It is found and bracketed in four steps.
+
+1. Locate. Converse KAM gives the breakup to 10⁻⁴, and beyond it the start that lives longest: it
+   is next to what is left of the last circle.
+2. Identify. The weighted Birkhoff average of its orbit is a rotation number to six digits or so,
+   and the nobles that agree with it, the shortest first, are the candidates.
+3. Value. Greene's residue says where each candidate breaks; the last one is the barrier.
+4. Certify. Below the value an invariant circle of that ω, certified by Newton's method on a finer
+   grid: `lower`. Above it, converse KAM on two unrelated grids finds no start that survives:
+   `upper`. A survivor is another barrier, and goes back to step 2.
+
+Each step is another method, and checks the one before. If they do not agree in the end there is no
+value, but the bracket of those that do.
+"""
+
+from math import floor
+
+import numpy as np
+
+from nasm import cones, continuation, periodic
+from nasm.critical import CriticalScale, Status
+from nasm.maps import forcing
+from nasm.numbers import convergents, moebius, nobles_near, rational
+from nasm.orbits import rotation_number
+from nasm.symmetries import shorten
+
+_LOCATE = 1000  # steps of converse KAM in step 1
+_BEYOND = 0.5 / _LOCATE  # where, past the breakup, the longest-lived start is asked for its ω
+_NEAR = 2e-5  # of the measured rotation number; neighbours that robust are further apart
+_CANDIDATES = 3
+_ROUNDS = 4
+
+
+def critical_scale(profile, tol=1e-4):
+    """The scale at which the last rotational invariant circle breaks on the ray κ = s·profile.
+
+    Parameters
+    ----------
+    profile : sequence of P floats with a dominant symmetry line; see `nasm.cones`.
+    tol : float, 10⁻⁵ to 10⁻¹: the width of the bracket to aim at, (upper - lower)/value.
+
+    Returns
+    -------
+    CriticalScale. value, error : by Greene's residue. lower : a circle of ω is certified there;
+    upper : no start on the dominant line survives there. omega : that of the last barrier, per
+    period, in [0, P/2], which stands for ±ω and all ω + P·n: their circles break together.
+    Status UNDECIDED, and no value, where the methods contradict each other; lower and upper are
+    then those that were shown. lower is NaN where no circle could be certified.
+
+    ValueError if profile is zero, has no dominant symmetry line, or tol is out of range.
+    """
+    profile = forcing(profile)
+    if not 1e-5 <= tol <= 0.1:
+        raise ValueError(f"tol={tol!r} must be from 1e-5 to 0.1")
+    located = cones.critical_scale(profile, _LOCATE)
+    if located.status is not Status.OK:
+        return located
+    # On κ1 = κ2 the barriers are noble for the standard map, not for two steps of it.
+    (short,), zero = shorten([profile], rational(0))
+    above = tol / 5
+    n_certify = int(1.6 / above)
+    survivor, _ = cones.longest_lived(located.value * (1 + _BEYOND) * short, 2 * _LOCATE)
+    best, found = None, located.value * (1 + _BEYOND)
+    for _ in range(_ROUNDS):
+        best = _most_robust(_candidates(found * short, survivor), short, best)
+        if best is None:
+            break
+        found = best.value * (1 + above)
+        survivor, time = cones.longest_lived(found * short, n_certify)
+        if np.isfinite(time):
+            lower = continuation.certified_scale(best.omega, short, best.value, tol - above)
+            omega = _per_period(best.omega, profile, short, zero)
+            return CriticalScale(best.value, best.error, lower, found, omega, Status.OK)
+    upper = cones.critical_scale(profile, n_certify).upper
+    return CriticalScale(np.nan, np.nan, np.nan, upper, None, Status.UNDECIDED)
+
+
+def _candidates(kappa, y):
+    """Nobles near the rotation number of the orbit that starts in y on the dominant line."""
+    site, a = periodic.dominant_centre(kappa)
+    omega, _ = rotation_number(np.roll(kappa, -site), a, y, _LOCATE)
+    return nobles_near(float(omega), _NEAR, _CANDIDATES) if np.isfinite(omega) else []
+
+
+def _most_robust(omegas, profile, best):
+    """The CriticalScale of the circle that breaks last, `best` among them; None if there is none.
+
+    Of two that residues cannot tell apart it is the one with the shorter prefix.
+    """
+    for omega in omegas:
+        scale = periodic.critical_scale(omega, profile)
+        if scale.status is Status.OK and (
+            best is None or scale.value - best.value > scale.error + best.error
+        ):
+            best = scale
+    return best
+
+
+def _per_period(omega, profile, short, zero):
+    """ω of the short forcing as one per period of the long one, in [0, P/2].
+
+    ω = 0 of the long one is `zero` for the short one.
+    """
+    period, ratio = profile.size, profile.size // short.size
+    (*_, shift) = convergents(zero)
+    omega = moebius(omega, ratio * shift.denominator, -ratio * shift.numerator, 0, shift.denominator)
+    omega = moebius(omega, 1, -period * floor(float(omega) / period))
+    return omega if float(omega) <= period / 2 else moebius(omega, -1, period)
