@@ -38,9 +38,9 @@ from scipy.optimize import brentq
 from nasm.checks import count
 from nasm.critical import CriticalScale, Status
 from nasm.maps import TWO_PI, forcing
-from nasm.numbers import convergents, moebius
+from nasm.numbers import convergents
 from nasm.sine import cos2pi, sin2pi
-from nasm.symmetries import alternate
+from nasm.symmetries import shortest
 
 MAX_PERIOD = 10**6
 
@@ -135,7 +135,7 @@ def critical_scale(omega, profile, q_max=3000):
     profile = forcing(profile)
     if not profile.any():
         raise ValueError("profile is zero; a ray needs a direction, e.g. profile=(1, 0.5)")
-    short, short_omega = _shortest(profile, omega)
+    short, short_omega = shortest(profile, omega)
     centre = dominant_centre(short)
     if omega.is_rational:
         return _failed(omega, Status.RATIONAL)
@@ -169,21 +169,6 @@ def critical_scale(omega, profile, q_max=3000):
 
 def _failed(omega, status):
     return CriticalScale(np.nan, np.nan, np.nan, np.nan, omega, status)
-
-
-def _shortest(profile, omega):
-    """The shortest forcing with the same orbits up to symmetry, and ω per its shorter period."""
-    candidates = [(profile, omega)]
-    if profile.size % 2 == 0:
-        alternated, _, _ = alternate(profile, 0.0, 0.0)
-        candidates.append((alternated, moebius(omega, 1, profile.size // 2)))
-    for length in range(1, profile.size):
-        for strengths, number in candidates:
-            if profile.size % length == 0 and np.array_equal(
-                strengths, np.tile(strengths[:length], profile.size // length)
-            ):
-                return strengths[:length], moebius(number, 1, 0, 0, profile.size // length)
-    return profile, omega
 
 
 def _cusp_period(profile):

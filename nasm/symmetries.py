@@ -12,6 +12,7 @@ boundary of global transport, CB_gt, has all of it. That of one circle, CB_ω, h
 import numpy as np
 
 from nasm.maps import forcing, kick
+from nasm.numbers import moebius
 
 
 def reflect(kappa, x, y):
@@ -52,6 +53,25 @@ def shift(kappa, x, y):
     """
     strengths = forcing(kappa)
     return np.roll(strengths, -1), *kick(strengths[0], x, y)
+
+
+def shortest(profile, omega):
+    """The shortest forcing with the same orbits up to symmetry, and ω per its shorter period.
+
+    On κ1 = κ2 it is the standard map with ω/2, on κ1 = -κ2 that with (ω + 1)/2 by `alternate`.
+    """
+    profile = forcing(profile)
+    candidates = [(profile, omega)]
+    if profile.size % 2 == 0:
+        alternated, _, _ = alternate(profile, 0.0, 0.0)
+        candidates.append((alternated, moebius(omega, 1, profile.size // 2)))
+    for length in range(1, profile.size):
+        for strengths, number in candidates:
+            if profile.size % length == 0 and np.array_equal(
+                strengths, np.tile(strengths[:length], profile.size // length)
+            ):
+                return strengths[:length], moebius(number, 1, 0, 0, profile.size // length)
+    return profile, omega
 
 
 def fold(angle):
