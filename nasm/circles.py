@@ -24,6 +24,8 @@ circle here has therefore converged again, with h' > 0, on a grid four times fin
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
+from math import prod
 
 import numpy as np
 import rocket_fft  # noqa: F401  (np.fft inside kernels)
@@ -42,7 +44,7 @@ N_LARGEST = 2**16
 _FINER = 4  # the certificate's grid
 _STEPS = 12  # of Newton's method, which needs 3 to 8 where there is a circle
 _UPDATE = 1e-9  # converged: the last update of u was smaller
-_TAIL = 1e-3  # resolved: the last 15% of the modes hold less than this part of the H³ norm
+_TAIL = 3e-3  # resolved: the last 15% of the modes hold less than this part of the H³ norm
 _DIVISOR = 1e-5  # with smaller divisors, rounding errors of 1e-17 are larger than _UPDATE in u
 
 
@@ -169,25 +171,35 @@ def measured_rotation_number(circle, n=10_000):
 
 def _continue_from_rotation(omega, kappa, n_max):
     at, step = 0.0, 1.0
-    u, before, at_before = np.zeros((kappa.size, N_FIRST)), None, None
+    path = [(0.0, np.zeros((kappa.size, N_FIRST)))]
     while at < 1.0:
         target = min(at + step, 1.0)
-        trial = u.copy() if before is None else extrapolate(before, at_before, u, at, target)
-        trial, status = settle(omega, target * kappa, trial, n_max)
+        u, status = settle(omega, target * kappa, extrapolate(path, target), n_max)
         if status is Status.OK:
-            before, at_before, u, at = u, at, trial, target
+            path.append((target, u))
+            at = target
             step *= 2
         elif status in (Status.RATIONAL, Status.NEARLY_RATIONAL) or step < 1e-3:
-            return trial, status
+            return u, status
         else:
             step /= 2
     return u, Status.OK
 
 
-def extrapolate(before, at_before, u, at, target):
-    """Deviations at the scale `target` from those at two scales, linearly; on the grid of u."""
-    before = fourier.resample(before, u.shape[-1])
-    return u + (u - before) * ((target - at) / (at - at_before))
+def extrapolate(path, target):
+    """Deviations at the scale `target`, by Lagrange's formula through the last circles of a path.
+
+    path : list of at least one (scale, u), with grids that do not shrink. At most three are used;
+    three give a Newton step less than two near the breakup.
+    """
+    path = path[-3:]
+    n = path[-1][1].shape[-1]
+    u = np.zeros_like(path[-1][1])
+    for i, (scale, deviations) in enumerate(path):
+        others = [other for k, (other, _) in enumerate(path) if k != i]
+        weight = prod((target - other) / (scale - other) for other in others)
+        u += weight * fourier.resample(deviations, n)
+    return u
 
 
 def _deviations(u, n_sites):
@@ -204,6 +216,7 @@ def _angles(omega, n_sites):
     return float(omega) * np.arange(n_sites) / n_sites
 
 
+@lru_cache(maxsize=256)
 def _constants(omega, n_sites, n):
     return _angles(omega, n_sites), fourier.turns(omega, n // 2 + 1), fourier.cut(omega, n)
 

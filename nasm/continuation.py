@@ -33,7 +33,7 @@ UNSTABLE = {(1,): 1.6279500, (2,): 2.4416, (3,): 3.344, (4,): 4.265}
 
 N_MAX = 16384  # points of a grid
 N_CERTIFIED = 4096  # points of the circle that is certified, on a grid four times finer
-_SMALLEST = 1e-4  # step, relative to the scale, before Newton's failures are final
+_MOST_CIRCLES = 100  # on a ray: 10 to 30 are met
 _ROUNDS = 50  # of the fixed point iteration for s_c, which needs 5 to 20
 
 
@@ -67,41 +67,44 @@ def critical_scale(omega, profile, tol=1e-6):
     if not tol > 0:
         raise ValueError(f"tol={tol} must be positive; it is the error to aim at, e.g. tol=1e-6")
     if omega.is_rational:
-        return _failed(omega, Status.RATIONAL)
+        return CriticalScale(nan, nan, nan, nan, omega, Status.RATIONAL)
     short, short_omega = shortest(profile, omega)
     growth, delta = _scaling(short_omega.tail)
-    golden, known = short_omega.tail == (1,), short_omega.tail in UNSTABLE
-    # A step takes away one period of M's oscillation where that is short, a part where it is long.
-    part, window, share = (1 - 1 / delta, 2, 0.5) if golden else (0.25, 4, 1.0)
-    path, estimates, limit, error = [], [], inf, inf
+    part = 1 - 1 / delta if growth < 2 else 0.25
+    window = 1 + round(log(delta) / -log(1 - part))  # estimates over one period of M, or two circles
+    window = max(window, 3)
+    finest, estimates, limit, error = [], [], inf, inf
     at, step = 0.0, 0.1 / np.abs(short).max()
-    u = np.zeros((short.size, circles.N_FIRST))
-    while error > tol:
+    smallest = 1e-4 * step
+    path = [(at, np.zeros((short.size, circles.N_FIRST)))]
+    while error > tol and len(path) < _MOST_CIRCLES:
         target = at + min(step, part * (limit - at))
-        if path:
-            before = path[-2] if len(path) > 1 else (0.0, np.zeros_like(u), nan)
-            trial = circles.extrapolate(before[1], before[0], u, at, target)
-        else:
-            trial = u.copy()
-        trial, status = circles.settle(short_omega, target * short, trial, N_MAX)
-        if status in (Status.TOO_FEW_MODES, Status.NEARLY_RATIONAL) or step < _SMALLEST * at:
-            break
-        if status is not Status.OK:
+        u = circles.extrapolate(path, target)
+        u, status = circles.settle(short_omega, target * short, u, N_MAX)
+        if status is Status.NO_CIRCLE and target - at > smallest:
             step = (target - at) / 2
             continue
-        step, at, u = 2 * (target - at), target, trial
-        path.append((at, u, fineness(u)))
-        limit, lower_order = _breakup(path, growth, delta)
+        if status is not Status.OK:
+            break
+        step, at = 2 * (target - at), target
+        path.append((at, u))
+        finest.append(fineness(u))
+        limit, lower_order = _breakup(path[1:], finest, growth, delta)
         if lower_order is not None:
             estimates.append(limit)
-            last = estimates[-window:]
-            if len(last) == window:
-                error = share * max(max(last) - min(last), abs(limit - lower_order))
-    if not np.isfinite(error):
-        return _failed(omega, status if status is not Status.OK else Status.NOT_CONVERGED)
-    if not known:
+        last = estimates[-window:]
+        if lower_order is not None and len(last) == window:
+            error = 0.5 * max(max(last) - min(last), abs(limit - lower_order))
+    lower = _last_certified(short_omega, short, path)
+    if error == inf:
+        status = Status.NOT_CONVERGED if status is Status.OK else status
+        return CriticalScale(nan, nan, lower, nan, omega, status)
+    if short_omega.tail not in UNSTABLE:
         error = limit - at
-    return CriticalScale(limit, error, _last_certified(short_omega, short, path), nan, omega, Status.OK)
+    drop = limit * _cusp_drop(short)
+    if drop < 3 * (limit - at):  # the circles met so far cannot know of it
+        error += drop
+    return CriticalScale(limit, error, lower, nan, omega, Status.OK)
 
 
 def fineness(u):
@@ -112,19 +115,30 @@ def fineness(u):
 
 def _last_certified(omega, profile, path):
     """The scale of the last circle that is certified, of those of at most N_CERTIFIED points."""
-    for scale, u, _ in reversed([point for point in path if point[1].shape[-1] <= N_CERTIFIED]):
+    for scale, u in reversed([point for point in path if point[1].shape[-1] <= N_CERTIFIED]):
         if circles.certify(omega, scale * profile, u)[1] is Status.OK:
             return scale
     return nan
 
 
-def _breakup(path, growth, delta):
+def _cusp_drop(profile):
+    """By how much a ray near the cusp |κ1| = |κ2| breaks below the tip, as a part of the scale.
+
+    ε^0.6 for |κ2| = (1 - ε)|κ1|: 0.8 to 1.0 of it were found by residues for the paper's circles.
+    """
+    if profile.size != 2:
+        return 0.0
+    smaller, larger = np.sort(np.abs(profile))
+    return (1 - smaller / larger) ** 0.6
+
+
+def _breakup(path, finest, growth, delta):
     """s_c from the last circles of the path, and a value of lower order to compare it with.
 
     Three scales at M, M/Λ and M/Λ², the last two by interpolation. As long as the path does not
     reach back so far: a straight line through the last two M^(-1/ν), and None.
     """
-    scales, log_m = np.array([s for s, _, _ in path]), np.log([m for _, _, m in path])
+    scales, log_m = np.array([s for s, _ in path]), np.log(finest)
     if len(path) < 2:
         return inf, None
     last, nu = scales[-1], log(growth) / log(delta)
@@ -169,6 +183,3 @@ def _scaling(tail):
     trace, determinant = np.trace(matrix), (-1) ** len(tail)
     return (trace + sqrt(trace**2 - 4 * determinant)) / 2, UNSTABLE[tail]
 
-
-def _failed(omega, status):
-    return CriticalScale(nan, nan, nan, nan, omega, status)
