@@ -248,7 +248,8 @@ def _iterate(kappa, angles, turn, kept, u):
             return 2, first
         if tail > _TAIL and change < 1e-3:
             return 1, first
-        if change < _UPDATE or change < 1e-6 and change * (change / last) ** 2 < 1e-2 * _UPDATE:
+        next_change = change * (change / last) ** 2
+        if change < _UPDATE or (change < 1e-6 and next_change < 1e-2 * _UPDATE):
             return 0, first
         last_error, last = error, change
     return 2, first

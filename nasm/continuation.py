@@ -61,7 +61,7 @@ def critical_scale(omega, profile, tol=1e-6):
     to 10⁻⁶, it covered the true error in COVERAGE of the cases. Near the cusps |κ1| = |κ2| it
     contains the depth to which the boundary falls there, as long as the circles met so far cannot
     tell; where δ is not known for the tail of ω, the whole way from the last circle.
-    If no estimate is reached, value and error are NaN, and lower is what was certified all the same.
+    Without an estimate, value and error are NaN; lower is what was certified all the same.
 
     ValueError if profile is zero or tol not positive.
     """
@@ -75,7 +75,9 @@ def critical_scale(omega, profile, tol=1e-6):
     short, short_omega = shortest(profile, omega)
     growth, delta = _scaling(short_omega.tail)
     part = 1 - 1 / delta if growth < 2 else 0.25
-    window = max(3, 1 + round(log(delta) / -log(1 - part)))  # the circles over a factor δ in s_c - s
+    window = max(
+        3, 1 + round(log(delta) / -log(1 - part))
+    )  # the circles over a factor δ in s_c - s
     path = [(0.0, np.zeros((short.size, circles.N_FIRST)))]
     finest, estimates, limit, error = [], [], inf, inf
     step = 0.1 / np.abs(short).max()
@@ -122,7 +124,9 @@ def _next_circle(omega, profile, path, step):
     at = path[-1][0]
     for _ in range(_HALVINGS):
         target = at + step
-        u, status = circles.settle(omega, target * profile, circles.extrapolate(path, target), N_MAX)
+        u, status = circles.settle(
+            omega, target * profile, circles.extrapolate(path, target), N_MAX
+        )
         if status is not Status.NO_CIRCLE:
             break
         step /= 2
@@ -180,7 +184,7 @@ def _breakup(path, finest, growth, delta):
 
 
 def _interpolation(x, at):
-    """Weights w for which w @ y is the cubic through four of the points (x, y) around `at`, there."""
+    """Weights w: w @ y is the cubic through those four of the points (x, y) around `at`, there."""
     start = min(max(np.searchsorted(x, at) - 2, 0), x.size - 4)
     weights = np.zeros(x.size)
     four = range(start, start + 4)
@@ -198,4 +202,3 @@ def _scaling(tail):
         matrix = matrix @ np.array([[b, 1.0], [1.0, 0.0]])
     trace, determinant = np.trace(matrix), (-1) ** len(tail)
     return (trace + sqrt(trace**2 - 4 * determinant)) / 2, UNSTABLE[tail]
-

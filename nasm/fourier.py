@@ -84,10 +84,9 @@ def resample(f, n):
 
 
 def sobolev_norm(f, order):
-    """‖f‖_{H^r} = (Σ_k |2πk|^{2r} |f̂_k|²)^{1/2} over the last axis: the norm of the r-th derivative.
+    """‖f‖_{H^r} = (Σ_k |2πk|^{2r} |f̂_k|²)^{1/2} over the last axis: that of the r-th derivative.
 
-    For r = 0 it is the norm of f itself. Only differences matter to circles: constants have norm 0
-    for r > 0.
+    A seminorm for r > 0: constants have none.
     """
     n = f.shape[-1]
     modes = np.fft.rfft(f) / n

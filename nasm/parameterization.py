@@ -48,7 +48,7 @@ def newton_step(omega, kappa, u):
     tangent[0] += 1
     normal = J_INVERSE @ tangent / np.sum(tangent**2, axis=0)  # J⁻¹ DK N
     frame = np.stack([tangent, normal], axis=1)
-    frame_after = fourier.rotate(tangent - [[1], [0]], turn) + [[1], [0]]
+    frame_after = fourier.rotate(tangent, turn)
     size_after = np.sum(frame_after**2, axis=0)
     normal_after = J_INVERSE @ frame_after / size_after
     pushed = np.einsum("ab...,b...->a...", step_tangent(kappa, x, y), normal)
