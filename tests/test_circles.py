@@ -285,6 +285,26 @@ def test_too_many_modes_drown_in_rounding_and_say_so():
     assert adapted.u.shape[-1] <= 512
 
 
+def test_not_a_number_is_not_a_circle():
+    # max and min pass over NaN: without the twist every check would.
+    kappa = np.array([0.3, 0.2])
+    for value in (np.nan, np.inf):
+        assert circles.settle(GAMMA, kappa, np.full((2, 64), value), 64)[1] is Status.NO_CIRCLE
+    assert circles.certify(GAMMA, kappa, np.full((2, 64), np.nan))[1] is Status.NOT_CERTIFIED
+    with pytest.raises(ValueError, match="deviations must be finite"):
+        circles.invariant_circle(GAMMA, kappa, start=np.full((2, 64), np.nan))
+
+
+def test_twist_is_at_least_the_number_of_kicks_where_the_circle_is_a_graph():
+    for kappa in ((0.9,), (0.4, 0.2), (0.1, -0.2, 0.15)):
+        circle = circles.invariant_circle(GAMMA, kappa)
+        turn = fourier.turns(GAMMA, circle.u.shape[-1] // 2 + 1)
+        around = np.vstack([circle.u, fourier.rotate(circle.u[0], turn)])
+        slopes = 1 + fourier.derivative(around)
+        assert slopes.min() > 0
+        assert np.mean(1 / (slopes[1:] * slopes[:-1]), axis=1).sum() >= len(kappa)
+
+
 def test_a_start_far_from_the_circle_gives_a_status_or_the_circle():
     rng = np.random.default_rng(0)
     theta = np.arange(64) / 64
