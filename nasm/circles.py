@@ -137,7 +137,7 @@ def newton_step(omega, kappa, u):
     """
     kappa = forcing(kappa)
     u = _deviations(u, kappa.size).copy()
-    error = _chain_step(kappa, *_constants(omega, kappa.size, u.shape[-1]), u)[0]
+    error = _chain_step(kappa, *_constants(omega, *u.shape), u, _workspace(*u.shape))[0]
     return u, error
 
 
@@ -229,7 +229,7 @@ _OUTCOMES = (Status.OK, Status.TOO_FEW_MODES, Status.NO_CIRCLE)
 
 def _newton(omega, kappa, u):
     """Newton's method on the grid of u, in place: a Status, and the error before the first step."""
-    angles, turn, kept = _constants(omega, kappa.size, u.shape[-1])
+    angles, turn, kept = _constants(omega, *u.shape)
     if fourier.smallest_divisor(omega, kept) < _DIVISOR:
         return Status.NEARLY_RATIONAL, np.nan
     outcome, error = _iterate(kappa, angles, turn, kept, u)
@@ -242,9 +242,10 @@ def _iterate(kappa, angles, turn, kept, u):
 
     The update squares each time, so the last one need not be made.
     """
+    workspace = _workspace(*u.shape)
     first = last_error = last = 1.0
     for step in range(_STEPS):
-        error, change, slope, twist, tail = _chain_step(kappa, angles, turn, kept, u)
+        error, change, slope, twist, tail = _chain_step(kappa, angles, turn, kept, u, workspace)
         if step == 0:
             first = error
         if not (error < 1 and slope > 0 and twist > 0.5 and change < 1):  # so is it if one is NaN
@@ -261,16 +262,29 @@ def _iterate(kappa, angles, turn, kept, u):
 
 
 @njit(nogil=True, error_model="numpy")
-def _chain_step(kappa, angles, turn, kept, u):
+def _workspace(n_sites, n):
+    """Arrays for `_chain_step`. Above n = 4096 to allocate them anew takes as long as the step."""
+    return (
+        np.empty((n_sites, n // 2 + 1), np.complex128),
+        np.zeros((2 * n_sites + 3, n // 2 + 1), np.complex128),
+        np.empty((2 * n_sites + 3, n)),
+        np.empty(n // 2 + 1, np.complex128),
+    )
+
+
+@njit(nogil=True, error_model="numpy")
+def _chain_step(kappa, angles, turn, kept, u, workspace):
     """One Newton step, in place: see the module.
 
     Returns max |E|, the largest update, min h', the twist, and the tail: all but the update of u as
     it was before the step.
     """
     n_sites, n = u.shape
-    x, slopes, tail = _sites(u, turn, kept)  # u_{-1}, …, u_P and h_0', …, h_P'
+    own, modes, values, line = workspace
+    tail = _sites(u, turn, kept, own, modes, values)
+    x, slopes = values[: n_sites + 2], values[n_sites + 2 :]  # u_{-1}, …, u_P and h_0', …, h_P'
     flux, inverse, residual = np.empty((3, n_sites, n))
-    total = np.zeros(n)
+    total, w = np.zeros(n), np.empty(n)
     error, slope = 0.0, np.inf
     for j in range(n_sites):
         strength = kappa[j] / TWO_PI
@@ -283,12 +297,12 @@ def _chain_step(kappa, angles, turn, kept, u):
         for i in range(n):  # apart from the loop above, which is then one of vectors
             error = max(error, abs(residual[j, i]))
             slope = min(slope, slopes[j, i])
-    before = _solve_cohomology(total, turn, kept)  # the flux into site 0
+    _solve_cohomology(total, turn, kept, line, w)  # the flux into site 0
     sum_flux = sum_inverse = 0.0
     for j in range(n_sites):
         for i in range(n):
             inverse[j, i] = 1 / (slopes[j, i] * slopes[j + 1, i])
-            flux[j, i] = (before[i] + flux[j, i]) * inverse[j, i]
+            flux[j, i] = (w[i] + flux[j, i]) * inverse[j, i]
             sum_flux += flux[j, i]
             sum_inverse += inverse[j, i]
     constant = -sum_flux / sum_inverse
@@ -297,7 +311,7 @@ def _chain_step(kappa, angles, turn, kept, u):
         for i in range(n):
             flux[j, i] += constant * inverse[j, i]  # now w_{j+1} - w_j
             total[i] += flux[j, i]
-    w = _solve_cohomology(total, turn, kept)
+    _solve_cohomology(total, turn, kept, line, w)
     mean = change = 0.0
     for i in range(n):
         mean += slopes[0, i] * w[i] / n
@@ -314,14 +328,13 @@ def _chain_step(kappa, angles, turn, kept, u):
 
 
 @njit(nogil=True, error_model="numpy")
-def _sites(u, turn, kept):
-    """u_{-1}, …, u_P and h_0', …, h_P' of the modes below `kept`, with ⟨u_0⟩ = 0.
+def _sites(u, turn, kept, own, modes, values):
+    """Fill values with u_{-1}, …, u_P and h_0', …, h_P', of the modes below `kept`, with ⟨u_0⟩ = 0.
 
-    And the part of the H³ norm in the last 15% of these modes.
+    Returns the part of the H³ norm in the last 15% of these modes.
     """
     n_sites, n = u.shape
-    own = np.fft.rfft(u)
-    modes = np.zeros((2 * n_sites + 3, n // 2 + 1), np.complex128)
+    np.fft.rfft(u, out=own)
     mass = edge = 0.0
     own[0, 0] = 0.0
     for j in range(n_sites):
@@ -338,16 +351,16 @@ def _sites(u, turn, kept):
         modes[n_sites + 1, k] = modes[1, k] * turn[k]
         modes[2 * n_sites + 2, k] = modes[n_sites + 2, k] * turn[k]
     modes[n_sites + 2 :, 0] = n  # h' = 1 + u'
-    values = np.fft.irfft(modes, n)
-    return values[: n_sites + 2], values[n_sites + 2 :], np.sqrt(edge / mass) if mass > 0 else 0.0
+    np.fft.irfft(modes, n, out=values)
+    return np.sqrt(edge / mass) if mass > 0 else 0.0
 
 
 @njit(nogil=True, error_model="numpy")
-def _solve_cohomology(f, turn, kept):
-    """`fourier.solve_cohomology` for kernels."""
-    modes = np.fft.rfft(f)
+def _solve_cohomology(f, turn, kept, modes, g):
+    """`fourier.solve_cohomology` into g."""
+    np.fft.rfft(f, out=modes)
     modes[0] = 0.0
     for k in range(1, kept):
         modes[k] /= turn[k] - 1
     modes[kept:] = 0.0
-    return np.fft.irfft(modes, f.size)
+    np.fft.irfft(modes, f.size, out=g)

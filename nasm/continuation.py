@@ -32,7 +32,7 @@ UNSTABLE = {(1,): 1.6279500, (2,): 2.4416, (3,): 3.344, (4,): 4.265}
 `nasm.periodic`, as the growth of dR/ds at s_c from one convergent to the next."""
 
 N_MAX = 16384  # points of a grid
-N_CERTIFIED = 4096  # points of the circle that is certified, on a grid four times finer
+N_CERTIFIED = 2048  # points of the circle that is certified, on a grid four times finer
 _MOST_CIRCLES = 100  # on a ray: 10 to 30 are met
 _HALVINGS = 12  # of a step, before Newton's failures are final
 _ROUNDS = 50  # of the fixed point iteration for s_c, which needs 5 to 20
@@ -45,7 +45,7 @@ def critical_scale(omega, profile, tol=1e-6):
     2. Continue the circle from s = 0, each time a fixed part of the way to the breakup as it is
        then estimated, with as many modes as each circle asks for.
     3. Stop when `error` is below tol, or the modes are used up.
-    4. Certify the last circle of at most 4096 points.
+    4. Certify the last circle of at most 2048 points.
 
     Parameters
     ----------

@@ -99,8 +99,9 @@ STEPS = 50
 
 def repeat_chain_step(kappa, omega, u):
     kappa, constants = np.array(kappa), circles._constants(omega, *u.shape)
+    workspace = circles._workspace(*u.shape)
     for _ in range(STEPS):  # transforms of one length in a row, as in use: their tables are cached
-        circles._chain_step(kappa, *constants, u)
+        circles._chain_step(kappa, *constants, u, workspace)
 
 
 def test_a_newton_step_of_a_circle_costs_n_log_n():
