@@ -106,6 +106,8 @@ def _per_period(omega, profile, short, zero):
     """
     period, ratio = profile.size, profile.size // short.size
     (*_, shift) = convergents(zero)
-    omega = moebius(omega, ratio * shift.denominator, -ratio * shift.numerator, 0, shift.denominator)
+    omega = moebius(
+        omega, ratio * shift.denominator, -ratio * shift.numerator, 0, shift.denominator
+    )
     omega = moebius(omega, 1, -period * floor(float(omega) / period))
     return omega if float(omega) <= period / 2 else moebius(omega, -1, period)

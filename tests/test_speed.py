@@ -10,6 +10,7 @@ import shutil
 import subprocess
 import time
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,8 @@ import psutil
 import pytest
 import toy
 
-from nasm import cones, escape
+from nasm import circles, cones, continuation, escape, fourier, parameterization, periodic
+from nasm.numbers import parse
 from nasm.sine import SINE
 from pipeline import store
 from pipeline.cluster import connect
@@ -131,6 +133,51 @@ def test_a_scale_by_converse_kam():
             widths.append(found.upper / found.value - 1)
         print(f"n_max {n_max:6}: {np.median(seconds):.4f} s, width {np.median(widths):.1e}")
         assert np.max(widths) < 1 / n_max
+
+
+STEPS = 50
+
+
+def repeat_chain_step(kappa, omega, u):
+    kappa, constants = np.array(kappa), circles._constants(omega, *u.shape)
+    workspace = circles._workspace(*u.shape)
+    for _ in range(STEPS):  # transforms of one length in a row, as in use: their tables are cached
+        circles._chain_step(kappa, *constants, u, workspace)
+
+
+def test_a_newton_step_of_a_circle_costs_n_log_n():
+    omega, kappa, modes = parse("gamma"), (0.3, 0.3), 2 ** np.arange(8, 15)
+    exact = circles.invariant_circle(omega, kappa).u
+    starts = [fourier.resample(exact, n) for n in modes]
+    chain = [partial(repeat_chain_step, kappa, omega, u.copy()) for u in starts]
+    frame = [partial(parameterization.newton_step, omega, kappa, u) for u in starts]
+    for function in chain:
+        function()
+    times = median_times(*chain, *frame, repeats=15).reshape(2, -1) * 1e6
+    times[0] /= STEPS
+    print("\n    n  chain form  Algorithm 1, µs a step")
+    for n, ours, paper in zip(modes, *times, strict=True):
+        print(f"{n:6} {ours:10.0f} {paper:10.0f}")
+    large = modes >= 1024
+    for row in times:
+        slope = np.polyfit(np.log(modes[large]), np.log(row[large]), 1)[0]
+        print(f"grows like n^{slope:.2f}")
+        assert slope < 1.3
+    assert (times[0] < times[1]).all()
+
+
+def test_a_breakup_by_continuation_against_one_by_residue():
+    omega, ray = parse("gamma"), (1, 0)
+    tolerances = (1e-4, 1e-5, 1e-6)
+    timed = [partial(continuation.critical_scale, omega, ray, tol) for tol in tolerances]
+    timed.append(partial(periodic.critical_scale, omega, ray, 1000))
+    for function in timed:
+        function()
+    times = median_times(*timed) * 1e3
+    for tol, ms in zip(tolerances, times, strict=False):
+        print(f"\ncircles to {tol:.0e}: {ms:5.1f} ms", end="")
+    print(f"\nresidues to q = 1000: {times[-1]:5.1f} ms")
+    assert (np.diff(times[:-1]) > 0).all()
 
 
 def test_two_threads_against_one():

@@ -1,0 +1,68 @@
+"""Circles carried to the parameters that a symmetry maps theirs to (Sec. VI.C).
+
+If T∘K(θ) = K(θ + ω), and a change of variables C turns T into T', then C∘K is a circle of T'. Here
+K is given by the deviations u_j of its sites (see `circles`), in which the paper's compositions are
+
+    S∘S:               (κ) → (κ, κ),          ω → 2ω:       u_j(θ) = u(θ + jω)           (mapsquare)
+    R_{1/2} ∘ K:       κ → -κ:                              u_j(θ) → u_j(θ - 1/2)      (stdsymmetry)
+    y → y + 1/2:       κ_j → (-1)^j κ_j,      ω → ω + P/2:  u_j unchanged
+    P_{1/2} ∘ K:       (2κ) → (κ, 0):                       u_1(θ) = (u_0(θ) + u_0(θ + ω))/2
+    S_κ0 ∘ K:          (κ_0, …) → (…, κ_0):                 u_j(θ) → u_{j+1}(θ - ω/P)
+
+The third is the paper's circle of S_κ∘R_{-1/2}, which gives one of (κ, -κ) with 2ω + 1. The last is
+S_κ2⁻¹∘K for P = 2, one step of T earlier. Each result is certified anew.
+"""
+
+import numpy as np
+
+from nasm import circles, fourier, symmetries
+from nasm.maps import TWO_PI
+from nasm.numbers import moebius
+
+
+def repeat(circle, times):
+    """The circle of the same map with its forcing written out `times` times; ω → times·ω."""
+    turn = fourier.turns(circle.omega, circle.u.shape[-1] // 2 + 1)
+    u = [fourier.rotate(circle.u, turn**m) for m in range(times)]
+    omega = moebius(circle.omega, times, 0)
+    return _certified(omega, np.tile(circle.kappa, times), np.concatenate(u))
+
+
+def negate(circle):
+    """κ → -κ; ω unchanged."""
+    n = circle.u.shape[-1]
+    return _certified(circle.omega, -circle.kappa, np.roll(circle.u, n // 2, axis=-1))
+
+
+def alternate(circle):
+    """κ_j → (-1)^j κ_j for even P; ω → ω + P/2."""
+    kappa, _, _ = symmetries.alternate(circle.kappa, 0.0, 0.0)
+    return _certified(moebius(circle.omega, 1, kappa.size // 2), kappa, circle.u)
+
+
+def interleave(circle):
+    """(κ_0, …, κ_{P-1}) → (κ_0/2, 0, κ_1/2, 0, …): idle kicks between half as strong ones."""
+    turn = fourier.turns(circle.omega, circle.u.shape[-1] // 2 + 1)
+    after = np.vstack([circle.u[1:], fourier.rotate(circle.u[:1], turn)])
+    n_sites, n = circle.u.shape
+    u = np.stack([circle.u, (circle.u + after) / 2], axis=1).reshape(2 * n_sites, n)
+    kappa = np.stack([circle.kappa / 2, np.zeros(n_sites)], axis=1).ravel()
+    return _certified(circle.omega, kappa, u)
+
+
+def shift(circle):
+    """(κ_0, …, κ_{P-1}) → (κ_1, …, κ_{P-1}, κ_0), the swap for P = 2; ω unchanged."""
+    n_sites, n = circle.u.shape
+    turn = fourier.turns(circle.omega, n // 2 + 1)
+    site_turn = fourier.turns(moebius(circle.omega, 1, 0, 0, n_sites), n // 2 + 1)
+    u = np.vstack([circle.u[1:], fourier.rotate(circle.u[:1], turn)])
+    u = fourier.rotate(u, site_turn.conj())
+    # θ counts from ⟨u_0⟩ = 0: not the case by itself without a symmetry centre.
+    mean = u[0].mean()
+    u = fourier.rotate(u, np.exp(-1j * TWO_PI * mean * np.arange(n // 2 + 1))) - mean
+    return _certified(circle.omega, np.roll(circle.kappa, -1), u)
+
+
+def _certified(omega, kappa, u):
+    error, status = circles.certify(omega, kappa, u)
+    return circles.InvariantCircle(omega, kappa, u, error, status)

@@ -1,0 +1,366 @@
+"""Invariant circles in chain form, by Newton's method, and what certifies one.
+
+The sites of a circle's orbits are x_j = h_j(θ), j = 0, …, P - 1 within a period, and a period takes
+θ to θ + ω:
+
+    h_j(θ) = θ + jω/P + u_j(θ),     h_P(θ) = h_0(θ + ω),     h_{-1}(θ) = h_{P-1}(θ - ω),
+    E_j = h_{j+1} - 2h_j + h_{j-1} - (κ_j/2π) sin 2πh_j = 0.
+
+The unknowns are the deviations u_j, periodic functions on a grid of n points, an array of shape
+(P, n). They are unique up to θ → θ + constant, which ⟨u_0⟩ = 0 fixes.
+
+Newton's step is Levi and Moser's (Proc. Sympos. Pure Math. 69 (2001) 733). Write the correction of
+u_j as h_j' w_j. The linearised equations times h_j' telescope, up to terms of the size of E²:
+
+    c_j (w_{j+1} - w_j) - c_{j-1} (w_j - w_{j-1}) = -h_j' E_j,        c_j = h_j' h_{j+1}'.
+
+Summed over a period this is an equation g(θ + ω) - g(θ) = f(θ) for the flux c_j (w_{j+1} - w_j).
+Its free constant is fixed by ⟨Σ_j (w_{j+1} - w_j)⟩ = 0, and a second such equation gives w_0. The
+constant is found as long as the twist ⟨Σ_j 1/c_j⟩ is not 0; where h' > 0 it is at least P, since
+⟨log h'⟩ ≤ log ⟨h'⟩ = 0. Everything is diagonal in θ or in Fourier space: O(n log n).
+
+With too few modes Newton's method converges on "circles" far beyond the breakup. What is called a
+circle here has therefore converged again, with h' > 0, on a grid four times finer.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from math import prod
+
+import numpy as np
+import rocket_fft  # noqa: F401  (np.fft inside kernels)
+from numba import njit
+
+from nasm import fourier, orbits
+from nasm.checks import count
+from nasm.critical import Status
+from nasm.maps import TWO_PI, forcing
+from nasm.numbers import RotationNumber
+from nasm.sine import sin2pi
+
+N_FIRST = 64  # points of the first grid
+N_LARGEST = 2**16
+
+_FINER = 4  # the certificate's grid
+_STEPS = 12  # of Newton's method, which needs 3 to 8 where there is a circle
+_UPDATE = 1e-9  # converged: the last update of u was smaller
+_TAIL = 3e-3  # resolved: the last 15% of the modes hold less than this part of the H³ norm
+_DIVISOR = 1e-5  # with smaller divisors, rounding errors of 1e-17 are larger than _UPDATE in u
+
+
+@dataclass(frozen=True)
+class InvariantCircle:
+    """A circle of rotation number omega, or what Newton's method was left with.
+
+    omega : RotationNumber per period. kappa : ndarray (P,), the forcing.
+    u : ndarray (P, n), the deviations u_j at θ = i/n; see the module.
+    error : largest |E_j| of u on the grid of 4n points; NaN if u never converged.
+    status : OK if certified; otherwise why not.
+    """
+
+    omega: RotationNumber
+    kappa: np.ndarray
+    u: np.ndarray
+    error: float
+    status: Status
+
+    @property
+    def certified(self):
+        return self.status is Status.OK
+
+
+def invariant_circle(omega, kappa, n_max=4096, start=None):
+    """The circle of rotation number omega under the forcing kappa.
+
+    1. Newton's method from `start`, or continued from κ = 0 along s·kappa: steps in s double after
+       a success and are halved after a failure.
+    2. The number of modes doubles while the last of them carry more than 0.3% of the H³ norm.
+    3. The certificate: Newton's method converges again on a grid four times finer, with h' > 0.
+
+    Parameters
+    ----------
+    omega : RotationNumber, irrational.
+    kappa : sequence of P floats, first kick first.
+    n_max : int, the most grid points to use, 64 to 65536; the certificate uses 4 times as many.
+    start : ndarray (P, n), deviations near the circle, n a power of 2 from 16; default as above.
+
+    Returns
+    -------
+    InvariantCircle, with a status that says why if it is not certified. A circle that exists may be
+    missed (too few modes, an unlucky start). One that is certified exists as far as floating-point
+    arithmetic and 4n points can tell: this is no proof, and resonances of ω beyond those modes, as
+    of a rational ω of large denominator, are not seen.
+    """
+    kappa = forcing(kappa)
+    n_max = count("n_max", n_max, N_FIRST, N_LARGEST)
+    if start is not None:
+        u, status = settle(omega, kappa, _deviations(start, kappa.size).copy(), n_max)
+    else:
+        u, status = _continue_from_rotation(omega, kappa, n_max)
+    if status is not Status.OK:
+        return InvariantCircle(omega, kappa, u, np.nan, status)
+    error, status = certify(omega, kappa, u)
+    return InvariantCircle(omega, kappa, u, error, status)
+
+
+def settle(omega, kappa, u, n_max):
+    """Newton's method from u (overwritten), with as many modes as it asks for.
+
+    Returns u on the grid where it converged, and OK; or what was left, and the reason. Nothing is
+    certified yet.
+    """
+    if omega.is_rational:
+        return u, Status.RATIONAL
+    while True:
+        status = _newton(omega, kappa, u)[0]
+        n = u.shape[-1]
+        if status is not Status.TOO_FEW_MODES or 2 * n > n_max:
+            return u, status
+        u = fourier.resample(u, 2 * n)
+
+
+def certify(omega, kappa, u):
+    """Whether u is a circle also for the modes that it does not have.
+
+    Returns the largest |E_j| of u on a grid four times finer, and OK if Newton's method converges
+    from it on that grid with h_j' > 0, without asking for more modes still.
+    """
+    fine = fourier.resample(u, _FINER * u.shape[-1])
+    status, error = _newton(omega, kappa, fine)
+    return error, status if status in (Status.OK, Status.NEARLY_RATIONAL) else Status.NOT_CERTIFIED
+
+
+def newton_step(omega, kappa, u):
+    """One step of the chain form. Returns the new u, shape (P, n), and the largest |E_j| before it.
+
+    `parameterization.newton_step` is the same step of the paper's Algorithm 1.
+    """
+    kappa = forcing(kappa)
+    u = _deviations(u, kappa.size).copy()
+    error = _chain_step(kappa, *_constants(omega, *u.shape), u, _workspace(*u.shape))[0]
+    return u, error
+
+
+def residual(omega, kappa, u):
+    """E_j on the grid of u, shape (P, n): zero on a circle."""
+    kappa = forcing(kappa)
+    n_sites, n = u.shape
+    turn = fourier.turns(omega, n // 2 + 1)
+    around = np.vstack([fourier.rotate(u[-1], turn.conj()), u, fourier.rotate(u[0], turn)])
+    x = np.arange(n) / n + _angles(omega, n_sites)[:, None] + u
+    return around[2:] - 2 * u + around[:-2] - kappa[:, None] / TWO_PI * sin2pi(x)
+
+
+def graph(circle):
+    """x, y of the circle at the start of a period, at θ = i/n: two ndarrays (n,), x on the lift."""
+    n_sites, n = circle.u.shape
+    before = fourier.rotate(circle.u[-1], fourier.turns(circle.omega, n // 2 + 1).conj())
+    x = np.arange(n) / n + circle.u[0]
+    return x, float(circle.omega) / n_sites + circle.u[0] - before
+
+
+def amplitude(circle):
+    """max y - min y on the grid."""
+    return np.ptp(graph(circle)[1])
+
+
+def measured_rotation_number(circle, n=10_000):
+    """Rotation number of the orbit that starts on the circle at θ = 0, from n steps of the map."""
+    x, y = graph(circle)
+    return float(orbits.rotation_number(circle.kappa, x[0], y[0], n)[0])
+
+
+def _continue_from_rotation(omega, kappa, n_max):
+    at, step = 0.0, 1.0
+    path = [(0.0, np.zeros((kappa.size, N_FIRST)))]
+    while at < 1.0:
+        target = min(at + step, 1.0)
+        u, status = settle(omega, target * kappa, extrapolate(path, target), n_max)
+        if status is Status.OK:
+            path.append((target, u))
+            at = target
+            step *= 2
+        elif status in (Status.RATIONAL, Status.NEARLY_RATIONAL) or step < 1e-3:
+            return u, status
+        else:
+            step /= 2
+    return u, Status.OK
+
+
+def extrapolate(path, target):
+    """Deviations at the scale `target`, by Lagrange's formula through the last circles of a path.
+
+    path : list of at least one (scale, u), with grids that do not shrink. At most three are used;
+    three give a Newton step less than two near the breakup.
+    """
+    path = path[-3:]
+    n = path[-1][1].shape[-1]
+    u = np.zeros_like(path[-1][1])
+    for i, (scale, deviations) in enumerate(path):
+        others = [other for k, (other, _) in enumerate(path) if k != i]
+        weight = prod((target - other) / (scale - other) for other in others)
+        u += weight * fourier.resample(deviations, n)
+    return u
+
+
+def _deviations(u, n_sites):
+    u = np.asarray(u, dtype=float)
+    if u.ndim != 2 or u.shape[0] != n_sites or u.shape[1] < 16 or u.shape[1] & (u.shape[1] - 1):
+        raise ValueError(
+            f"deviations of shape {u.shape}; they are P={n_sites} functions on a grid of n points, "
+            "n a power of 2 from 16, e.g. np.zeros((2, 64)) for the rotation"
+        )
+    if not np.isfinite(u).all():
+        raise ValueError("deviations must be finite numbers")
+    return u
+
+
+def _angles(omega, n_sites):
+    return float(omega) * np.arange(n_sites) / n_sites
+
+
+@lru_cache(maxsize=256)
+def _constants(omega, n_sites, n):
+    return _angles(omega, n_sites), fourier.turns(omega, n // 2 + 1), fourier.cut(omega, n)
+
+
+_OUTCOMES = (Status.OK, Status.TOO_FEW_MODES, Status.NO_CIRCLE)
+
+
+def _newton(omega, kappa, u):
+    """Newton's method on the grid of u, in place: a Status, and the error before the first step."""
+    angles, turn, kept = _constants(omega, *u.shape)
+    if fourier.smallest_divisor(omega, kept) < _DIVISOR:
+        return Status.NEARLY_RATIONAL, np.nan
+    outcome, error = _iterate(kappa, angles, turn, kept, u)
+    return _OUTCOMES[outcome], error
+
+
+@njit(nogil=True, error_model="numpy")
+def _iterate(kappa, angles, turn, kept, u):
+    """Newton steps until they tell: an index into _OUTCOMES, and the error before the first step.
+
+    The update squares each time, so the last one need not be made.
+    """
+    workspace = _workspace(*u.shape)
+    first = last_error = last = 1.0
+    for step in range(_STEPS):
+        error, change, slope, twist, tail = _chain_step(kappa, angles, turn, kept, u, workspace)
+        if step == 0:
+            first = error
+        if not (error < 1 and slope > 0 and twist > 0.5 and change < 1):  # so is it if one is NaN
+            return 2, first
+        if error > max(2 * last_error, 1e-9):
+            return 2, first
+        if tail > _TAIL and change < 1e-3:
+            return 1, first
+        next_change = change * (change / last) ** 2
+        if change < _UPDATE or (change < 1e-6 and next_change < 1e-2 * _UPDATE):
+            return 0, first
+        last_error, last = error, change
+    return 2, first
+
+
+@njit(nogil=True, error_model="numpy")
+def _workspace(n_sites, n):
+    """Arrays for `_chain_step`. Above n = 4096 to allocate them anew takes as long as the step."""
+    return (
+        np.empty((n_sites, n // 2 + 1), np.complex128),
+        np.zeros((2 * n_sites + 3, n // 2 + 1), np.complex128),
+        np.empty((2 * n_sites + 3, n)),
+        np.empty(n // 2 + 1, np.complex128),
+    )
+
+
+@njit(nogil=True, error_model="numpy")
+def _chain_step(kappa, angles, turn, kept, u, workspace):
+    """One Newton step, in place: see the module.
+
+    Returns max |E|, the largest update, min h', the twist, and the tail: all but the update of u as
+    it was before the step.
+    """
+    n_sites, n = u.shape
+    own, modes, values, line = workspace
+    tail = _sites(u, turn, kept, own, modes, values)
+    x, slopes = values[: n_sites + 2], values[n_sites + 2 :]  # u_{-1}, …, u_P and h_0', …, h_P'
+    flux, inverse, residual = np.empty((3, n_sites, n))
+    total, w = np.zeros(n), np.empty(n)
+    error, slope = 0.0, np.inf
+    for j in range(n_sites):
+        strength = kappa[j] / TWO_PI
+        for i in range(n):
+            kick = strength * sin2pi(i / n + angles[j] + x[j + 1, i])
+            residual[j, i] = x[j + 2, i] - 2 * x[j + 1, i] + x[j, i] - kick
+            total[i] -= slopes[j, i] * residual[j, i]
+            flux[j, i] = total[i]
+            u[j, i] = x[j + 1, i]
+        for i in range(n):  # apart from the loop above, which is then one of vectors
+            error = max(error, abs(residual[j, i]))
+            slope = min(slope, slopes[j, i])
+    _solve_cohomology(total, turn, kept, line, w)  # the flux into site 0
+    sum_flux = sum_inverse = 0.0
+    for j in range(n_sites):
+        for i in range(n):
+            inverse[j, i] = 1 / (slopes[j, i] * slopes[j + 1, i])
+            flux[j, i] = (w[i] + flux[j, i]) * inverse[j, i]
+            sum_flux += flux[j, i]
+            sum_inverse += inverse[j, i]
+    constant = -sum_flux / sum_inverse
+    total[:] = 0.0
+    for j in range(n_sites):
+        for i in range(n):
+            flux[j, i] += constant * inverse[j, i]  # now w_{j+1} - w_j
+            total[i] += flux[j, i]
+    _solve_cohomology(total, turn, kept, line, w)
+    mean = change = 0.0
+    for i in range(n):
+        mean += slopes[0, i] * w[i] / n
+    for i in range(n):
+        w[i] -= mean
+    for j in range(n_sites):
+        for i in range(n):
+            x[j, i] = slopes[j, i] * w[i]
+            u[j, i] += x[j, i]
+            w[i] += flux[j, i]
+        for i in range(n):
+            change = max(change, abs(x[j, i]))
+    return error, change, slope, sum_inverse / n, tail
+
+
+@njit(nogil=True, error_model="numpy")
+def _sites(u, turn, kept, own, modes, values):
+    """Fill values with u_{-1}, …, u_P and h_0', …, h_P', of the modes below `kept`, with ⟨u_0⟩ = 0.
+
+    Returns the part of the H³ norm in the last 15% of these modes.
+    """
+    n_sites, n = u.shape
+    np.fft.rfft(u, out=own)
+    mass = edge = 0.0
+    own[0, 0] = 0.0
+    for j in range(n_sites):
+        for k in range(kept):
+            a = own[j, k]
+            modes[j + 1, k] = a
+            modes[n_sites + 2 + j, k] = complex(-TWO_PI * k * a.imag, TWO_PI * k * a.real)
+            part = (a.real**2 + a.imag**2) * float(k) ** 6
+            mass += part
+            if k >= 0.85 * kept:
+                edge += part
+    for k in range(kept):
+        modes[0, k] = modes[n_sites, k] * turn[k].conjugate()
+        modes[n_sites + 1, k] = modes[1, k] * turn[k]
+        modes[2 * n_sites + 2, k] = modes[n_sites + 2, k] * turn[k]
+    modes[n_sites + 2 :, 0] = n  # h' = 1 + u'
+    np.fft.irfft(modes, n, out=values)
+    return np.sqrt(edge / mass) if mass > 0 else 0.0
+
+
+@njit(nogil=True, error_model="numpy")
+def _solve_cohomology(f, turn, kept, modes, g):
+    """`fourier.solve_cohomology` into g."""
+    np.fft.rfft(f, out=modes)
+    modes[0] = 0.0
+    for k in range(1, kept):
+        modes[k] /= turn[k] - 1
+    modes[kept:] = 0.0
+    np.fft.irfft(modes, f.size, out=g)

@@ -1,0 +1,95 @@
+"""Periodic functions on a grid: rotations by ω, derivatives, small divisors, Sobolev norms.
+
+    f(θ) = Σ_k f̂_k e^{2πikθ},     f(θ + ω) ↔ e^{2πikω} f̂_k,     f'(θ) ↔ 2πik f̂_k
+
+A function is its values at θ = i/n, along the last axis. The equations of KAM theory,
+g(θ + ω) - g(θ) = f(θ), divide f̂_k by e^{2πikω} - 1: small when k is the denominator of a convergent
+of ω, and never zero only because ω is irrational. So the phases kω mod 1 are taken from integers.
+"""
+
+from functools import lru_cache
+
+import numpy as np
+
+from nasm.maps import TWO_PI
+from nasm.numbers import convergents
+
+_LARGEST_DENOMINATOR = 10**12  # k·p stays below 2⁶³ up to k = 9·10⁶
+
+
+@lru_cache(maxsize=32)
+def turns(omega, n_modes):
+    """e^{2πikω} for k = 0, …, n_modes - 1, read-only; of a RotationNumber, to the last digits.
+
+    kω mod 1 is exact for a convergent p/q of ω with q ≤ 10¹², which misses ω by less than 1/q²,
+    and by much less than double precision would.
+    """
+    for fraction in convergents(omega):
+        if fraction.denominator > _LARGEST_DENOMINATOR:
+            break
+        p, q = fraction.numerator % fraction.denominator, fraction.denominator
+    k = np.arange(n_modes, dtype=np.int64) * p % q
+    values = np.exp(1j * TWO_PI * (np.where(2 * k > q, k - q, k) / q))
+    values.flags.writeable = False
+    return values
+
+
+@lru_cache(maxsize=256)
+def cut(omega, n):
+    """Number of modes to keep on a grid of n points: 36% of n, so that products do not alias much.
+
+    A cut just above a resonant mode, the denominator q of a convergent, would keep that mode and
+    drop the ones that it drives: the cut is then moved below it.
+    """
+    kept = int(0.36 * n)
+    for fraction in convergents(omega):
+        if 0.8 * kept < fraction.denominator < kept:
+            return fraction.denominator
+        if fraction.denominator >= kept:
+            break
+    return kept
+
+
+@lru_cache(maxsize=256)
+def smallest_divisor(omega, n_modes):
+    """min |e^{2πikω} - 1| over 1 ≤ k < n_modes."""
+    return np.abs(turns(omega, n_modes)[1:] - 1).min()
+
+
+def rotate(f, turn):
+    """f(θ + ω) with turn = `turns`(ω); f(θ - ω) with its conjugate."""
+    n = f.shape[-1]
+    return np.fft.irfft(np.fft.rfft(f) * turn[: n // 2 + 1], n)
+
+
+def derivative(f):
+    """f'(θ)."""
+    n = f.shape[-1]
+    return np.fft.irfft(np.fft.rfft(f) * (1j * TWO_PI * np.arange(n // 2 + 1)), n)
+
+
+def solve_cohomology(f, turn, kept):
+    """g with g(θ + ω) - g(θ) = f(θ) - ⟨f⟩ and ⟨g⟩ = 0, of fewer than `kept` modes."""
+    n = f.shape[-1]
+    modes = np.fft.rfft(f)
+    modes[..., 0] = modes[..., kept:] = 0
+    modes[..., 1:kept] /= turn[1:kept] - 1
+    return np.fft.irfft(modes, n)
+
+
+def resample(f, n):
+    """The same function on a grid of n points; exact if it has fewer than n/2 modes."""
+    modes = np.fft.rfft(f)
+    return np.fft.irfft(modes[..., : n // 2 + 1] * (n / f.shape[-1]), n)
+
+
+def sobolev_norm(f, order):
+    """‖f‖_{H^r} = (Σ_k |2πk|^{2r} |f̂_k|²)^{1/2} over the last axis: that of the r-th derivative.
+
+    A seminorm for r > 0: constants have none.
+    """
+    n = f.shape[-1]
+    modes = np.fft.rfft(f) / n
+    k = np.arange(modes.shape[-1])
+    twice = np.where((k == 0) | (2 * k == n), 1, 2)
+    return np.sqrt(np.sum(twice * (TWO_PI * k) ** (2 * order) * np.abs(modes) ** 2, axis=-1))

@@ -1,0 +1,79 @@
+"""The paper's Algorithm 1: Newton's method for invariant circles in a symplectic frame.
+
+    T ∘ K(θ) = K(θ + ω),     K(θ) = (θ + u_0(θ), ω/P + …),                        (invariance)
+
+arXiv:1606.04824, Sec. VI; names in parentheses are that paper's equation labels. Written to be read
+beside it; `circles.newton_step` is the same step in chain form, and faster.
+
+Functions of θ are arrays whose last axis is the grid θ = i/n; vectors have shape (2, n), matrices
+(2, 2, n). J = [[0, 1], [-1, 0]].
+"""
+
+import numpy as np
+
+from nasm import fourier
+from nasm.maps import forcing, kick, step, step_tangent
+
+J_INVERSE = np.array([[0.0, -1.0], [1.0, 0.0]])
+
+
+def newton_step(omega, kappa, u):
+    """One step of Algorithm 1, for any forcing.
+
+    Parameters
+    ----------
+    omega : RotationNumber per period. kappa : sequence of P floats, first kick first.
+    u : ndarray (P, n), the deviations u_j of the circle's sites from the rotation; see `circles`.
+
+    Returns
+    -------
+    u : ndarray (P, n), after the step, with ⟨u_0⟩ = 0.
+    error : float, largest component of |e_0| = |T∘K(θ) - K(θ + ω)| before it.
+
+    The paper's S_0, below its Eq. (reduction), lacks the J⁻¹ that (Mmatrix) implies.
+    """
+    kappa = forcing(kappa)
+    n = u.shape[-1]
+    turn, kept = fourier.turns(omega, n // 2 + 1), fourier.cut(omega, n)
+    rotation, theta = float(omega), np.arange(n) / n
+
+    # 1) K_0 and its error; x - θ is the periodic part of x.
+    periodic = np.stack([u[0], rotation / kappa.size + u[0] - fourier.rotate(u[-1], turn.conj())])
+    x, y = theta + periodic[0], periodic[1]
+    e = np.stack(step(kappa, x, y)) - fourier.rotate(periodic, turn)
+    e[0] -= theta + rotation
+
+    # 2) The frame M = [DK | J⁻¹ DK N] and the twist S.
+    tangent = fourier.derivative(periodic)
+    tangent[0] += 1
+    normal = J_INVERSE @ tangent / np.sum(tangent**2, axis=0)  # J⁻¹ DK N
+    frame = np.stack([tangent, normal], axis=1)
+    frame_after = fourier.rotate(tangent, turn)
+    size_after = np.sum(frame_after**2, axis=0)
+    normal_after = J_INVERSE @ frame_after / size_after
+    pushed = np.einsum("ab...,b...->a...", step_tangent(kappa, x, y), normal)
+    twist = np.sum(frame_after * pushed, axis=0) / size_after
+
+    # 3) M⁻¹(θ + ω) e, by det M = 1.
+    e_1 = e[0] * normal_after[1] - e[1] * normal_after[0]
+    e_2 = e[1] * frame_after[0] - e[0] * frame_after[1]
+
+    # 4), 5), 6) W_2 up to its average, its average, W_1: (W2), (W1).
+    w_2 = fourier.solve_cohomology(e_2, turn, kept)
+    w_2 -= np.mean(e_1 + twist * w_2) / np.mean(twist)
+    w_1 = fourier.solve_cohomology(e_1 + twist * w_2, turn, kept)
+    w_1 -= np.mean(frame[0, 0] * w_1 + frame[0, 1] * w_2)  # ⟨Δx⟩ = 0, for ⟨DK_x⟩ = 1
+
+    # 7) K_1 = K_0 + M W; then its sites.
+    x, y = np.stack([x, y]) + np.einsum("ab...,b...->a...", frame, np.stack([w_1, w_2]))
+    after = [x - theta]
+    for j, strength in enumerate(kappa[:-1], start=1):
+        x, y = kick(strength, x, y)
+        after.append(x - theta - j * rotation / kappa.size)
+    return _filtered(np.stack(after), kept), np.abs(e).max()
+
+
+def _filtered(u, kept):
+    modes = np.fft.rfft(u)
+    modes[:, kept:] = 0
+    return np.fft.irfft(modes, u.shape[-1])

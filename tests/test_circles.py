@@ -1,0 +1,335 @@
+"""Invariant circles: two Newton's methods against each other, iteration, symmetries; and fakes."""
+
+import tomllib
+from pathlib import Path
+
+import mpmath
+import numpy as np
+import oracles
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from nasm import circle_symmetries, circles, fourier, parameterization
+from nasm.critical import Status
+from nasm.maps import step
+from nasm.numbers import NAMES, RotationNumber, moebius, parse
+
+KAPPA_G = tomllib.loads(Path(__file__).with_name("literature.toml").read_text())["kappa_G"]["value"]
+GAMMA = parse("gamma")
+LIOUVILLE = RotationNumber((0, 1, 10, 100, 1000, 10**4, 10**5), (1,))
+
+strengths = st.floats(-0.35, 0.35)
+
+
+def invariance_error(circle):
+    """max |T∘K(θ) - K(θ + ω)|, by the map itself, on a grid that Newton's method did not use."""
+    fine = fourier.resample(circle.u, 2 * circle.u.shape[-1])
+    turn = fourier.turns(circle.omega, fine.shape[-1] // 2 + 1)
+    theta, per_kick = np.arange(fine.shape[-1]) / fine.shape[-1], float(circle.omega) / len(fine)
+    y = per_kick + fine[0] - fourier.rotate(fine[-1], turn.conj())
+    x_after, y_after = step(circle.kappa, theta + fine[0], y)
+    wanted_x = theta + float(circle.omega) + fourier.rotate(fine[0], turn)
+    return max(np.abs(x_after - wanted_x).max(), np.abs(y_after - fourier.rotate(y, turn)).max())
+
+
+def newton_errors(newton_step, omega, kappa, u, steps):
+    errors = []
+    for _ in range(steps):
+        u, error = newton_step(omega, kappa, u)
+        errors.append(error)
+    return u, np.array(errors)
+
+
+@pytest.mark.parametrize("kappa", [(0.5,), (0.3, 0.2), (-0.2, 0.25), (0.05, -0.1, 0.1, 0.05)])
+@pytest.mark.parametrize("name", ["gamma", "(5gamma+6)/(4gamma+5)", "[0;(2)]"])
+def test_the_two_newton_methods_find_the_same_circle(name, kappa):
+    omega, n = parse(name), 256
+    near = circles.invariant_circle(omega, 0.97 * np.array(kappa))
+    assert near.certified
+    start = fourier.resample(near.u, n)
+    results = []
+    for newton_step in (circles.newton_step, parameterization.newton_step):
+        u, errors = newton_errors(newton_step, omega, kappa, start, 7)
+        assert errors[-1] < 3e-14
+        results.append(u)
+    np.testing.assert_allclose(*results, atol=2e-12)
+
+
+@pytest.mark.parametrize("newton_step", [circles.newton_step, parameterization.newton_step])
+def test_newton_error_squares(newton_step):
+    exact, _ = newton_errors(newton_step, GAMMA, (0.4, 0.2), np.zeros((2, 512)), 10)
+    pairs = []
+    for distance in (0.1, 0.03, 0.01, 0.003):
+        u, before = newton_step(GAMMA, (0.4, 0.2), (1 - distance) * exact)
+        _, after = newton_step(GAMMA, (0.4, 0.2), u)
+        pairs.append((before, after))
+    slope = np.polyfit(*np.log(pairs).T, 1)[0]
+    assert slope == pytest.approx(2, abs=0.1)
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("kappa", [(0.2, 0.1), (0.05, -0.3), (0.1, 0.05, 0.1)])
+def test_a_certified_circle_is_invariant_under_the_map(name, kappa):
+    circle = circles.invariant_circle(parse(name), kappa)
+    assert circle.certified
+    assert circle.error == pytest.approx(
+        np.abs(circles.residual(circle.omega, circle.kappa, fourier.resample(circle.u, 512))).max(),
+        rel=0.5,
+        abs=1e-15,
+    )
+    assert invariance_error(circle) < 10 * circle.error + 1e-14
+
+
+def test_iterating_a_circle_measures_its_rotation_number():
+    for name, kappa in (("gamma", (0.4, 0.1)), ("2gamma", (0.2, 0.3)), ("gamma", (0.9,))):
+        circle = circles.invariant_circle(parse(name), kappa)
+        assert circles.measured_rotation_number(circle) == pytest.approx(
+            float(circle.omega), abs=100 * circle.error + 1e-12
+        )
+
+
+def test_the_circle_to_second_order_in_kappa():
+    # Perturbation theory of the standard map: u = κ/(4π (cos 2πω - 1)) sin 2πθ + O(κ²).
+    kappa = 1e-4
+    circle = circles.invariant_circle(GAMMA, (kappa,))
+    theta = np.arange(circle.u.shape[-1]) / circle.u.shape[-1]
+    first = kappa / (4 * np.pi * (np.cos(2 * np.pi * float(GAMMA)) - 1)) * np.sin(2 * np.pi * theta)
+    assert np.abs(circle.u[0] - first).max() < 10 * kappa**2
+    assert circles.amplitude(circle) == pytest.approx(
+        4 * np.abs(first).max() * np.sin(np.pi * float(GAMMA)), rel=1e-3
+    )
+
+
+def test_sobolev_norms_are_those_of_the_derivatives():
+    theta = np.arange(64) / 64
+    f = np.sin(2 * np.pi * theta) - 0.3 * np.cos(10 * np.pi * theta)
+    for order, exact in ((0, 1 + 0.09), (1, 1 + 0.09 * 25), (3, 1 + 0.09 * 25**3)):
+        norm = np.sqrt(exact / 2) * (2 * np.pi) ** order
+        assert fourier.sobolev_norm(f, order) == pytest.approx(norm, rel=1e-12)
+    assert fourier.sobolev_norm(f, 1) == pytest.approx(np.sqrt(np.mean(fourier.derivative(f) ** 2)))
+
+
+def test_phases_of_high_modes_are_exact():
+    omega, k = parse("(5gamma+6)/(4gamma+5)"), 30_000
+    with mpmath.workdps(50):
+        exact = mpmath.expjpi(2 * k * oracles.continued_fraction(omega.prefix, omega.tail))
+        assert abs(complex(exact) - fourier.turns(omega, k + 1)[k]) < 1e-15
+    # A float of ω would be wrong in the phase by 1e-12.
+    assert abs(np.exp(2j * np.pi * k * float(omega)) - complex(exact)) > 1e-13
+
+
+def test_the_cohomological_equation_is_solved():
+    rng = np.random.default_rng(1)
+    modes = np.zeros(65, complex)
+    modes[1:30] = rng.normal(size=29) + 1j * rng.normal(size=29)
+    f, turn = np.fft.irfft(modes, 128), fourier.turns(GAMMA, 65)
+    g = fourier.solve_cohomology(f, turn, 30)
+    np.testing.assert_allclose(fourier.rotate(g, turn) - g, f, atol=1e-14)
+
+
+def test_the_cut_keeps_no_resonance_at_its_edge():
+    for name in NAMES:
+        for n in (64, 128, 1024, 4096):
+            kept = fourier.cut(parse(name), n)
+            assert 0.28 * n < kept <= 0.36 * n
+            divisors = np.abs(fourier.turns(parse(name), kept)[1:] - 1)
+            assert divisors.argmin() + 1 <= 0.85 * kept
+
+
+def test_the_deviations_of_a_symmetric_forcing_are_odd():
+    # The reflection x → -x is nowhere imposed; rounding and truncation respect it.
+    circle = circles.invariant_circle(GAMMA, (0.4, 0.2))
+    u = circle.u[0]
+    assert np.abs(u + np.roll(u[::-1], 1)).max() < 1e-12
+
+
+# The symmetries of circles, Sec. VI.C
+
+
+def polished(circle):
+    """Its deviations after Newton's method on a grid that resolves it to rounding."""
+    start = fourier.resample(circle.u, 512)
+    return circles.invariant_circle(circle.omega, circle.kappa, start=start).u
+
+
+def assert_same_circle(carried):
+    """The carried circle is certified, invariant under its own map, and the one found directly."""
+    assert carried.certified
+    assert invariance_error(carried) < 10 * carried.error + 1e-14
+    direct = circles.invariant_circle(carried.omega, carried.kappa)
+    np.testing.assert_allclose(polished(carried), polished(direct), atol=1e-10)
+
+
+@settings(deadline=None, max_examples=15)
+@given(strengths, strengths, st.sampled_from(["gamma", "gamma+1", "[0;(2)]"]))
+def test_circles_are_carried_along_the_symmetries_of_two_kicks(kappa1, kappa2, name):
+    circle = circles.invariant_circle(parse(name), (kappa1, kappa2))
+    assert circle.certified
+    swapped = circle_symmetries.shift(circle)
+    assert tuple(swapped.kappa) == (kappa2, kappa1)
+    assert swapped.omega == circle.omega
+    assert_same_circle(swapped)
+    negated = circle_symmetries.negate(circle)
+    assert tuple(negated.kappa) == (-kappa1, -kappa2)
+    assert_same_circle(negated)
+    alternate = circle_symmetries.alternate(circle)
+    assert tuple(alternate.kappa) == (kappa1, -kappa2)
+    assert alternate.omega == moebius(circle.omega, 1, 1)
+    assert_same_circle(alternate)
+
+
+@settings(deadline=None, max_examples=10)
+@given(st.floats(-0.7, 0.7))
+def test_circles_of_the_standard_map_give_those_of_the_known_limits(kappa):
+    circle = circles.invariant_circle(GAMMA, (kappa,))
+    square = circle_symmetries.repeat(circle, 2)
+    assert tuple(square.kappa) == (kappa, kappa)
+    assert square.omega == parse("2gamma")
+    assert_same_circle(square)
+    axis = circle_symmetries.interleave(circle)
+    assert tuple(axis.kappa) == (kappa / 2, 0)
+    assert axis.omega == GAMMA
+    assert_same_circle(axis)
+    antidiagonal = circle_symmetries.alternate(square)
+    assert tuple(antidiagonal.kappa) == (kappa, -kappa)
+    assert antidiagonal.omega == parse("2gamma+1")
+    assert_same_circle(antidiagonal)
+
+
+def test_a_forcing_without_symmetry_centre_is_shifted_all_the_way_round():
+    circle = circles.invariant_circle(GAMMA, (0.1, 0.2, -0.25))
+    shifted = circle
+    for _ in range(3):
+        shifted = circle_symmetries.shift(shifted)
+        assert_same_circle(shifted)
+        assert abs(shifted.u[0].mean()) < 1e-15
+    np.testing.assert_allclose(shifted.u, circle.u, atol=1e-8)
+
+
+# Where it fails
+
+
+def naive_circle(n, kappa_end, step):
+    """The farthest circle of the standard map that n modes and small updates make believe in."""
+    u, kappa = np.zeros((1, n)), 0.0
+    while kappa < kappa_end:
+        trial, change, steps = u, 1.0, 0
+        while change > 1e-10 and steps < 40:
+            before, (trial, error) = trial, circles.newton_step(GAMMA, (kappa + step,), trial)
+            change, steps = np.abs(trial - before).max(), steps + 1
+            if not error < 1:
+                return kappa, u
+        if change > 1e-10:
+            return kappa, u
+        u, kappa = trial, kappa + step
+    return kappa, u
+
+
+@pytest.mark.parametrize(("n", "past"), [(16, 0.27), (32, 0.1), (64, 0.05), (128, 0.009)])
+def test_too_few_modes_and_small_updates_make_fake_circles_that_are_rejected(n, past):
+    kappa, fake = naive_circle(n, KAPPA_G + past, 0.01)
+    assert kappa > KAPPA_G + past - 0.01
+    assert kappa > KAPPA_G
+    error, status = circles.certify(GAMMA, np.array([kappa]), fake)
+    assert status is Status.NOT_CERTIFIED
+    assert error > 1e-6
+    n_max = max(n, circles.N_FIRST)
+    circle = circles.invariant_circle(GAMMA, (kappa,), n_max=n_max, start=fake)
+    assert not circle.certified
+
+
+@pytest.mark.parametrize("past", [2e-4, 1e-3, 1e-2, 0.27, 1.0])
+def test_past_breakdown_there_is_never_a_circle(past):
+    for n_max in (64, 128, 256, 512, 1024, 2048, 4096):
+        circle = circles.invariant_circle(GAMMA, (KAPPA_G + past,), n_max=n_max)
+        assert circle.status in (Status.TOO_FEW_MODES, Status.NO_CIRCLE, Status.NOT_CERTIFIED)
+    assert not circles.invariant_circle(GAMMA, (KAPPA_G / 2 + past, 0)).certified
+
+
+def test_with_enough_modes_the_circle_just_below_is_found_and_certified():
+    for name, kappa in (("gamma", (KAPPA_G - 0.01,)), ("2gamma", (KAPPA_G - 0.02,) * 2)):
+        few = circles.invariant_circle(parse(name), kappa, n_max=512)
+        assert few.status is Status.TOO_FEW_MODES
+        assert np.isnan(few.error)
+        enough = circles.invariant_circle(parse(name), kappa, n_max=8192)
+        assert enough.certified
+        assert enough.error < 1e-8
+
+
+@pytest.mark.parametrize("kappa", [(2.0, 0.1), (0.0, 2.0), (2.5, -2.5), (5.0, 5.0), (1e6, 1e6)])
+def test_near_and_beyond_the_end_of_the_twist_there_is_a_status(kappa):
+    assert not circles.invariant_circle(GAMMA, kappa).certified
+
+
+def test_a_rational_omega_is_refused():
+    circle = circles.invariant_circle(parse("3/5"), (0.2, 0.1))
+    assert circle.status is Status.RATIONAL
+    assert not circle.certified
+
+
+def test_a_nearly_rational_omega_is_refused_where_rounding_would_decide():
+    for prefix in ((0, 2, 10**9), (0, 2, 10**15), (0, 1, 1, 1, 10**8)):
+        circle = circles.invariant_circle(RotationNumber(prefix, (1,)), (0.2, 0.1))
+        assert circle.status is Status.NEARLY_RATIONAL
+
+
+def test_a_liouville_like_omega_has_a_circle_only_while_its_resonances_are_asleep():
+    assert circles.invariant_circle(LIOUVILLE, (0.05, 0.02)).certified
+    assert circles.invariant_circle(LIOUVILLE, (0.3, 0.2)).status is Status.NEARLY_RATIONAL
+
+
+def test_too_many_modes_drown_in_rounding_and_say_so():
+    # From the rotation, on a far too fine grid, rounding in the high modes decides.
+    start = np.zeros((2, 16384))
+    assert not circles.invariant_circle(GAMMA, (0.45, 0), n_max=16384, start=start).certified
+    adapted = circles.invariant_circle(GAMMA, (0.45, 0), n_max=16384)
+    assert adapted.certified
+    assert adapted.u.shape[-1] <= 512
+
+
+def test_not_a_number_is_not_a_circle():
+    # max and min pass over NaN: without the twist every check would.
+    kappa = np.array([0.3, 0.2])
+    for value in (np.nan, np.inf):
+        assert circles.settle(GAMMA, kappa, np.full((2, 64), value), 64)[1] is Status.NO_CIRCLE
+    assert circles.certify(GAMMA, kappa, np.full((2, 64), np.nan))[1] is Status.NOT_CERTIFIED
+    with pytest.raises(ValueError, match="deviations must be finite"):
+        circles.invariant_circle(GAMMA, kappa, start=np.full((2, 64), np.nan))
+
+
+def test_twist_is_at_least_the_number_of_kicks_where_the_circle_is_a_graph():
+    for kappa in ((0.9,), (0.4, 0.2), (0.1, -0.2, 0.15)):
+        circle = circles.invariant_circle(GAMMA, kappa)
+        turn = fourier.turns(GAMMA, circle.u.shape[-1] // 2 + 1)
+        around = np.vstack([circle.u, fourier.rotate(circle.u[0], turn)])
+        slopes = 1 + fourier.derivative(around)
+        assert slopes.min() > 0
+        assert np.mean(1 / (slopes[1:] * slopes[:-1]), axis=1).sum() >= len(kappa)
+
+
+def test_a_start_far_from_the_circle_gives_a_status_or_the_circle():
+    rng = np.random.default_rng(0)
+    theta = np.arange(64) / 64
+    wanted = circles.invariant_circle(GAMMA, (0.3, 0.3)).u
+    starts = [size * rng.normal(size=(2, 64)) for size in (1e-3, 0.01, 0.1, 1)]
+    starts += [size * np.tile(np.sin(2 * np.pi * theta), (2, 1)) for size in (0.05, 0.2)]
+    statuses = set()
+    for start in starts:
+        circle = circles.invariant_circle(GAMMA, (0.3, 0.3), start=start)
+        statuses.add(circle.status)
+        if circle.certified:
+            n = circle.u.shape[-1]
+            np.testing.assert_allclose(circle.u, fourier.resample(wanted, n), atol=1e-8)
+    assert Status.NO_CIRCLE in statuses
+
+
+def test_bad_arguments_are_named():
+    with pytest.raises(ValueError, match=r"deviations of shape \(1, 64\); they are P=2 functions"):
+        circles.invariant_circle(GAMMA, (0.1, 0.2), start=np.zeros((1, 64)))
+    with pytest.raises(ValueError, match="n a power of 2 from 16"):
+        circles.newton_step(GAMMA, (0.1,), np.zeros((1, 100)))
+    with pytest.raises(ValueError, match="n_max=32 must be a whole number from 64 to 65536"):
+        circles.invariant_circle(GAMMA, (0.1, 0.2), n_max=32)
+    with pytest.raises(ValueError, match="need an even period"):
+        circle_symmetries.alternate(circles.invariant_circle(GAMMA, (0.1,)))
