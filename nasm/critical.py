@@ -19,11 +19,11 @@ class Status(Enum):
     NO_BREAKUP = "no breakup found up to the largest scale searched"
     NEAR_CUSP = "orbits up to the largest period do not yet see how near the cusp |κ1| = |κ2| is"
     DISORDERED = "Newton found an orbit that is not ordered like a rotation"
+    NOT_CONVERGED = "the estimates did not settle within the periods or circles allowed"
     NO_CIRCLE = "Newton's method finds no circle"
     TOO_FEW_MODES = "the circle, if there is one, needs more modes than allowed"
     NOT_CERTIFIED = "what converged is no circle: on a finer grid it does not converge again"
     NEARLY_RATIONAL = "omega is so near a fraction that rounding hides the difference"
-    NOT_CONVERGED = "the estimates did not settle within the largest period allowed"
 
 
 @dataclass(frozen=True)
