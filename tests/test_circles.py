@@ -72,7 +72,7 @@ def test_the_frame_reduces_the_tangent_to_a_shear():
     shear = np.array([[np.ones(512), s], [np.zeros(512), np.ones(512)]])
     left = np.einsum("abn,bcn->acn", map_tangent, frame)
     right = np.einsum("abn,bcn->acn", after, shear)
-    np.testing.assert_allclose(left, right, atol=1e-9)
+    np.testing.assert_allclose(left, right, atol=1e-11)
     literal = np.einsum("an,abn,bn->n", after[:, 0], map_tangent, tangent)
     literal /= np.sum(after[:, 0] ** 2, axis=0) * np.sum(tangent**2, axis=0)
     assert np.abs(literal - s).max() > 0.1
