@@ -313,8 +313,7 @@ def test_too_many_modes_drown_in_rounding_and_say_so():
 def test_not_a_number_is_not_a_circle():
     # max and min pass over NaN: without the twist every check would.
     kappa = np.array([0.3, 0.2])
-    for value in (np.nan, np.inf):
-        assert circles.settle(GAMMA, kappa, np.full((2, 64), value), 64)[1] is Status.NO_CIRCLE
+    assert circles.settle(GAMMA, kappa, np.full((2, 64), np.nan), 64)[1] is Status.NO_CIRCLE
     assert circles.certify(GAMMA, kappa, np.full((2, 64), np.nan))[1] is Status.NOT_CERTIFIED
     with pytest.raises(ValueError, match="deviations must be finite"):
         circles.invariant_circle(GAMMA, kappa, start=np.full((2, 64), np.nan))
