@@ -59,9 +59,9 @@ def critical_scale(omega, profile, tol=1e-6):
     error : half the spread of the last estimates, or of the last one and its neighbour of lower
     order. It may exceed tol. On 360 rays of random angle, with the paper's six circles, it covered
     the difference to residues in 99.7%, 98.9% and 97.2% for tol = 10⁻⁴, 10⁻⁵ and 10⁻⁶. Near the
-    cusps |κ1| = |κ2| it contains the depth to which the boundary falls there, as long as the
-    circles met so far cannot tell; where δ is not known for the tail of ω, the whole way from the
-    last circle.
+    cusps |κ1| = |κ2| of P = 2 it contains the depth to which the boundary falls there, as long as
+    the circles met so far cannot tell; where δ is not known for the tail of ω, the whole way from
+    the last circle.
     Without an estimate, value and error are NaN; lower is what was certified all the same.
 
     ValueError if profile is zero or tol not positive.
@@ -76,9 +76,8 @@ def critical_scale(omega, profile, tol=1e-6):
     (short,), short_omega = shorten([profile], omega)
     growth, delta = _scaling(short_omega.tail)
     part = 1 - 1 / delta if growth < 2 else 0.25
-    window = max(
-        3, 1 + round(log(delta) / -log(1 - part))
-    )  # the circles over a factor δ in s_c - s
+    # As many circles as s_c - s takes to shrink by δ, and M to run through its oscillation.
+    window = max(3, 1 + round(log(delta) / -log(1 - part)))
     path = [(0.0, np.zeros((short.size, circles.N_FIRST)))]
     finest, estimates, limit, error = [], [], inf, inf
     step = 0.1 / np.abs(short).max()
@@ -125,9 +124,8 @@ def _next_circle(omega, profile, path, step):
     at = path[-1][0]
     for _ in range(_HALVINGS):
         target = at + step
-        u, status = circles.settle(
-            omega, target * profile, circles.extrapolate(path, target), N_MAX
-        )
+        u = circles.extrapolate(path, target)
+        u, status = circles.settle(omega, target * profile, u, N_MAX)
         if status is not Status.NO_CIRCLE:
             break
         step /= 2

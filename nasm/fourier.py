@@ -43,7 +43,7 @@ def cut(omega, n):
     """
     kept = int(0.36 * n)
     for fraction in convergents(omega):
-        if 0.8 * kept < fraction.denominator < kept:
+        if 0.6 * kept < fraction.denominator < kept:
             return fraction.denominator
         if fraction.denominator >= kept:
             break

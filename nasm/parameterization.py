@@ -30,7 +30,6 @@ def newton_step(omega, kappa, u):
     u : ndarray (P, n), after the step, with ⟨u_0⟩ = 0.
     error : float, largest component of |e_0| = |T∘K(θ) - K(θ + ω)| before it.
 
-    The paper's S_0, below its Eq. (reduction), lacks the J⁻¹ that (Mmatrix) implies.
     """
     kappa = forcing(kappa)
     n = u.shape[-1]
@@ -43,25 +42,19 @@ def newton_step(omega, kappa, u):
     e = np.stack(step(kappa, x, y)) - fourier.rotate(periodic, turn)
     e[0] -= theta + rotation
 
-    # 2) The frame M = [DK | J⁻¹ DK N] and the twist S.
+    # 2) M(θ) and M(θ + ω); S; M⁻¹(θ + ω) e, by det M = 1.
     tangent = fourier.derivative(periodic)
     tangent[0] += 1
-    normal = J_INVERSE @ tangent / np.sum(tangent**2, axis=0)  # J⁻¹ DK N
-    frame = np.stack([tangent, normal], axis=1)
-    frame_after = fourier.rotate(tangent, turn)
-    size_after = np.sum(frame_after**2, axis=0)
-    normal_after = J_INVERSE @ frame_after / size_after
-    pushed = np.einsum("ab...,b...->a...", step_tangent(kappa, x, y), normal)
-    twist = np.sum(frame_after * pushed, axis=0) / size_after
-
-    # 3) M⁻¹(θ + ω) e, by det M = 1.
-    e_1 = e[0] * normal_after[1] - e[1] * normal_after[0]
-    e_2 = e[1] * frame_after[0] - e[0] * frame_after[1]
+    frame = symplectic_frame(tangent)
+    frame_after = symplectic_frame(fourier.rotate(tangent, turn))
+    s = twist(step_tangent(kappa, x, y), frame, frame_after)
+    e_1 = frame_after[1, 1] * e[0] - frame_after[0, 1] * e[1]
+    e_2 = frame_after[0, 0] * e[1] - frame_after[1, 0] * e[0]
 
     # 4), 5), 6) W_2 up to its average, its average, W_1: (W2), (W1).
     w_2 = fourier.solve_cohomology(e_2, turn, kept)
-    w_2 -= np.mean(e_1 + twist * w_2) / np.mean(twist)
-    w_1 = fourier.solve_cohomology(e_1 + twist * w_2, turn, kept)
+    w_2 -= np.mean(e_1 + s * w_2) / np.mean(s)
+    w_1 = fourier.solve_cohomology(e_1 + s * w_2, turn, kept)
     w_1 -= np.mean(frame[0, 0] * w_1 + frame[0, 1] * w_2)  # ⟨Δx⟩ = 0, for ⟨DK_x⟩ = 1
 
     # 7) K_1 = K_0 + M W; then its sites.
@@ -71,6 +64,22 @@ def newton_step(omega, kappa, u):
         x, y = kick(strength, x, y)
         after.append(x - theta - j * rotation / kappa.size)
     return _filtered(np.stack(after), kept), np.abs(e).max()
+
+
+def symplectic_frame(tangent):
+    """M = [DK | J⁻¹ DK N], N = 1/|DK|², from DK of shape (2, n): (2, 2, n), det M = 1. (Mmatrix)"""
+    normal = J_INVERSE @ tangent / np.sum(tangent**2, axis=0)
+    return np.stack([tangent, normal], axis=1)
+
+
+def twist(map_tangent, frame, frame_after):
+    """S(θ) in DT(K) M(θ) = M(θ + ω) [[1, S], [0, 1]], (reduction): shape (n,).
+
+    S = N(θ+ω) DK(θ+ω)ᵀ DT(K) J⁻¹ DK N. The paper's formula for it has no J⁻¹.
+    """
+    tangent_after = frame_after[:, 0]
+    pushed = np.einsum("ab...,b...->a...", map_tangent, frame[:, 1])
+    return np.sum(tangent_after * pushed, axis=0) / np.sum(tangent_after**2, axis=0)
 
 
 def _filtered(u, kept):
