@@ -130,6 +130,32 @@ def certify(omega, kappa, u):
     return error, status if status in (Status.OK, Status.NEARLY_RATIONAL) else Status.NOT_CERTIFIED
 
 
+def polish(omega, kappa, u):
+    """Newton's method from u (overwritten) until max |E_j| < 10⁻¹⁰, or below 10⁻⁸ shrinks no more;
+    whether it got there, with h' > 0.
+
+    For more modes than `settle` can judge: beyond 10⁵ of them the small divisors let rounding into
+    the updates of u, which then stop shrinking, while the residual E does shrink.
+    """
+    return _polish(kappa, *_constants(omega, *u.shape), u)
+
+
+def polished_is_circle(omega, kappa, u):
+    """`certify` for what `polish` has made, on a grid that holds the modes up to the next resonance.
+
+    There max |E_j| is below 10⁻⁸ still, and one Newton step brings it to a tenth or less, and below
+    10⁻¹⁰. Beyond the breakup it is 10⁻⁷ or more there, and does not shrink.
+    """
+    fine = fourier.resample(u, fourier.grid(omega, 1.5 * fourier.cut(omega, u.shape[-1])))
+    workspace = _workspace(*fine.shape)
+    before, change, slope, twist, _ = _chain_step(
+        kappa, *_constants(omega, *fine.shape), fine, workspace
+    )
+    if not (before < 1e-8 and slope > 0 and twist > 0.5 and change < 1e-3):
+        return False
+    return bool(np.abs(residual(omega, kappa, fine)).max() < min(0.1 * before, 1e-10))
+
+
 def newton_step(omega, kappa, u):
     """One step of the chain form. Returns the new u, shape (P, n), and the largest |E_j| before it.
 
@@ -259,6 +285,25 @@ def _iterate(kappa, angles, turn, kept, u):
             return 0, first
         last_error, last = error, change
     return 2, first
+
+
+@njit(nogil=True, error_model="numpy")
+def _polish(kappa, angles, turn, kept, u):
+    workspace = _workspace(*u.shape)
+    best, least = u.copy(), np.inf
+    for _ in range(_STEPS):
+        before = u.copy()
+        error, change, slope, twist, _ = _chain_step(kappa, angles, turn, kept, u, workspace)
+        if not (error < 1 and slope > 0 and twist > 0.5 and change < 1):
+            break
+        if error < 1e-10:
+            return True
+        if least < 1e-8 and error > 0.5 * least:
+            break
+        if error < least:
+            best, least = before, error
+    u[:] = best
+    return least < 1e-8
 
 
 @njit(nogil=True, error_model="numpy")

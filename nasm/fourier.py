@@ -8,8 +8,10 @@ of ω, and never zero only because ω is irrational. So the phases kω mod 1 are
 """
 
 from functools import lru_cache
+from math import ceil
 
 import numpy as np
+from scipy.fft import next_fast_len
 
 from nasm.maps import TWO_PI
 from nasm.numbers import convergents
@@ -34,16 +36,30 @@ def turns(omega, n_modes):
     return values
 
 
+_KEPT = 0.36  # of the n points: the modes that are kept, so that products do not alias much
+
+
+def grid(omega, n_modes):
+    """The number of points of a grid whose `cut` leaves n_modes or more, just below a resonance.
+
+    Near a breakup the modes up to the next resonance are small, and those from it on are not.
+    """
+    for fraction in convergents(omega):
+        if fraction.denominator >= max(n_modes, 100):
+            return next_fast_len(2 * ceil((fraction.denominator + 1) / _KEPT / 2), real=True)
+    raise ValueError(f"omega={omega} is rational; a circle needs an irrational rotation number")
+
+
 @lru_cache(maxsize=256)
 def cut(omega, n):
-    """Number of modes to keep on a grid of n points: 36% of n, so that products do not alias much.
+    """Number of modes to keep on a grid of n points: 36% of n, or less.
 
     A cut just above a resonant mode, the denominator q of a convergent, would keep that mode and
     drop the ones that it drives: the cut is then moved below it.
     """
-    kept = int(0.36 * n)
+    kept = int(_KEPT * n)
     for fraction in convergents(omega):
-        if 0.6 * kept < fraction.denominator < kept:
+        if 0.8 * kept < fraction.denominator < kept:
             return fraction.denominator
         if fraction.denominator >= kept:
             break
