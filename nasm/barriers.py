@@ -60,7 +60,7 @@ def critical_scale(profile, tol=1e-4):
         return located
     # On κ1 = κ2 the barriers are noble for the standard map, not for two steps of it.
     (short,), zero = shorten([profile], rational(0))
-    above = tol / 5
+    above = tol / 5  # and the rest below, where it costs more
     n_certify = int(1.6 / above)
     survivor, _ = cones.longest_lived(located.value * (1 + _BEYOND) * short, 2 * _LOCATE)
     best, found = None, located.value * (1 + _BEYOND)

@@ -141,7 +141,7 @@ def polish(omega, kappa, u):
 
 
 def polished_is_circle(omega, kappa, u):
-    """`certify` for what `polish` has made, on a grid that holds the modes up to the next resonance.
+    """`certify` for what `polish` has made, on a grid with the modes up to the next resonance.
 
     There max |E_j| is below 10⁻⁸ still, and one Newton step brings it to a tenth or less, and below
     10⁻¹⁰. Beyond the breakup it is 10⁻⁷ or more there, and does not shrink.
