@@ -137,7 +137,21 @@ def polish(omega, kappa, u):
     For more modes than `settle` can judge: beyond 10⁵ of them the small divisors let rounding into
     the updates of u, which then stop shrinking, while the residual E does shrink.
     """
-    return _polish(kappa, *_constants(omega, *u.shape), u)
+    constants, workspace = _constants(omega, *u.shape), _workspace(*u.shape)
+    best, least = u.copy(), np.inf
+    for _ in range(_STEPS):
+        before = u.copy()
+        error, change, slope, twist, _ = _chain_step(kappa, *constants, u, workspace)
+        if not (error < 1 and slope > 0 and twist > 0.5 and change < 1):
+            break
+        if error < 1e-10:
+            return True
+        if least < 1e-8 and error > 0.5 * least:
+            break
+        if error < least:
+            best, least = before, error
+    u[:] = best
+    return least < 1e-8
 
 
 def polished_is_circle(omega, kappa, u):
@@ -285,25 +299,6 @@ def _iterate(kappa, angles, turn, kept, u):
             return 0, first
         last_error, last = error, change
     return 2, first
-
-
-@njit(nogil=True, error_model="numpy")
-def _polish(kappa, angles, turn, kept, u):
-    workspace = _workspace(*u.shape)
-    best, least = u.copy(), np.inf
-    for _ in range(_STEPS):
-        before = u.copy()
-        error, change, slope, twist, _ = _chain_step(kappa, angles, turn, kept, u, workspace)
-        if not (error < 1 and slope > 0 and twist > 0.5 and change < 1):
-            break
-        if error < 1e-10:
-            return True
-        if least < 1e-8 and error > 0.5 * least:
-            break
-        if error < least:
-            best, least = before, error
-    u[:] = best
-    return least < 1e-8
 
 
 @njit(nogil=True, error_model="numpy")

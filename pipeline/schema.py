@@ -23,6 +23,10 @@ FORMAT = "nasm-cubes/1"
 """Version of the store's layout; a store of another version is refused."""
 
 
+N_QUOTIENTS = 32
+"""Places for the partial quotients of a rotation number that is a result."""
+
+
 @dataclass(frozen=True)
 class Cube:
     """The plan of one cube.
@@ -111,9 +115,34 @@ def breakdown_cube(name, omegas, angles, statuses, tile, settings):
         "title": "Breakup of invariant circles of the nonautonomous standard map",
         "source": "arXiv:1606.04824, Sec. VI",
     }
-    plane = {"kappa1": "strength of the first kick", "kappa2": "strength of the second kick"}
     settings = {"omegas": list(omegas), **settings}
-    return _ray_cube(name, omega, angles, plane, statuses, tile, settings, attrs)
+    return _ray_cube(name, {"omega": omega}, angles, _KICKS, statuses, tile, settings, attrs)
+
+
+def barrier_cube(name, angles, statuses, tile, settings):
+    """The cube of the last barrier on rays: CB_gt from both sides, and which circle is the last.
+
+    As `breakdown_cube`, with ω a result: `omega`, and exactly its partial quotients, of which the
+    last `tail_length` repeat for ever.
+    """
+    attrs = {
+        "title": "The last barrier to transport of the nonautonomous standard map",
+        "source": "arXiv:1606.04824, Sec. V and VI",
+    }
+    cube = _ray_cube(name, {}, angles, _KICKS, statuses, tile, settings, attrs)
+    quotient = _coordinate("quotient", range(N_QUOTIENTS), "place of a partial quotient", "1")
+    template = cube.template.assign_coords(quotient=quotient)
+    n_angles = len(angles)
+    for key, shape, fill, long_name in (
+        ("omega", (n_angles,), np.nan, "rotation number of the last circle, per step, in [0, 1]"),
+        ("quotients", (N_QUOTIENTS, n_angles), np.int32(0), "partial quotients of omega"),
+        ("tail_length", (n_angles,), np.int8(0), "partial quotients at the end that repeat"),
+    ):
+        dims = ("quotient", "angle")[-len(shape) :]
+        blank = dask.array.full(shape, fill, chunks=-1)
+        template[key] = (dims, blank, {"long_name": long_name, "units": "1"})
+    template.quotients.attrs["comment"] = "0 behind the last one"
+    return Cube(name, template, cube.tile, cube.settings)
 
 
 def rotating_cube(name, frequencies, angles, statuses, tile, settings):
@@ -130,13 +159,17 @@ def rotating_cube(name, frequencies, angles, statuses, tile, settings):
     }
     plane = {"kappa_mean": "mean strength κ̄", "kappa_amplitude": "amplitude Δκ of the strengths"}
     settings = {"frequencies": list(frequencies), **settings}
-    return _ray_cube(name, frequency, angles, plane, statuses, tile, settings, attrs)
+    rows = {"frequency": frequency}
+    return _ray_cube(name, rows, angles, plane, statuses, tile, settings, attrs)
+
+
+_KICKS = {"kappa1": "strength of the first kick", "kappa2": "strength of the second kick"}
 
 
 def _ray_cube(name, rows, angles, plane, statuses, tile, settings, attrs):
-    """A cube of critical scales with dims (rows, angle); `plane` are the point's coordinates."""
+    """A cube of critical scales with dims (*rows, angle); `plane` are the point's coordinates."""
     coords = {
-        rows.dims[0]: rows,
+        **rows,
         "angle": _coordinate("angle", angles, "direction of the ray in the plane", "degree"),
     }
     quantities = {
@@ -164,7 +197,9 @@ def _ray_cube(name, rows, angles, plane, statuses, tile, settings, attrs):
         },
     )
     template = xr.Dataset(variables, coords, attrs)
-    return Cube(name, template, {rows.dims[0]: 1, "angle": tile}, settings)
+    # What a status code means is part of what decides the numbers.
+    settings = {**settings, "statuses": list(statuses)}
+    return Cube(name, template, {**dict.fromkeys(rows, 1), "angle": tile}, settings)
 
 
 def composed(cube, levels, follow, field=None, level=None):

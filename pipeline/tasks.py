@@ -5,10 +5,11 @@ a small probe, so that a sweep can start with the expensive tiles and batch the 
 """
 
 from fractions import Fraction
+from operator import attrgetter
 
 import numpy as np
 
-from nasm import escape, numbers, periodic
+from nasm import barriers, continuation, escape, numbers, periodic
 from nasm.critical import Status
 from nasm.maps import rotating_forcing
 
@@ -62,6 +63,46 @@ def residue_tile(coords, settings):
 def residue_cost(coords, settings):
     """Predicted CPU seconds of `residue_tile`: 30 ms for each ray, whatever it holds."""
     return 0.03 * coords["omega"].size * coords["angle"].size
+
+
+def circle_tile(coords, settings):
+    """Critical scales of the circles `omega` on the rays `angle`, by continuation to breakdown.
+
+    settings : `omegas`, the exact texts of all rotation numbers; `tol`, the error to aim at.
+    """
+    exact = {float(omega): omega for omega in map(numbers.parse, settings["omegas"])}
+    profiles = _profiles(coords["angle"])
+    found = [
+        [continuation.critical_scale(exact[omega], p, settings["tol"]) for p in profiles]
+        for omega in coords["omega"].tolist()
+    ]
+    return _breakdown(found, {"kappa1": profiles[:, 0], "kappa2": profiles[:, 1]})
+
+
+def circle_cost(coords, settings):
+    """Predicted CPU seconds of `circle_tile`: 10 ms for each ray, whatever it holds."""
+    return 0.01 * coords["omega"].size * coords["angle"].size
+
+
+def barrier_tile(coords, settings):
+    """The last barrier on the rays `angle`; settings : `tol`, the width of the bracket."""
+    profiles = _profiles(coords["angle"])
+    found = [barriers.critical_scale(profile, settings["tol"]) for profile in profiles]
+    arrays = _breakdown(found, {"kappa1": profiles[:, 0], "kappa2": profiles[:, 1]})
+    arrays["omega"] = np.array([np.nan if s.omega is None else float(s.omega) for s in found])
+    arrays["quotients"] = np.zeros((coords["quotient"].size, len(found)), np.int32)
+    arrays["tail_length"] = np.zeros(len(found), np.int8)
+    for i, omega in enumerate(scale.omega for scale in found):
+        if omega is not None:
+            quotients = [*omega.prefix, *omega.tail]
+            arrays["quotients"][: len(quotients), i] = quotients
+            arrays["tail_length"][i] = len(omega.tail)
+    return arrays
+
+
+def barrier_cost(coords, settings):
+    """Predicted CPU seconds of `barrier_tile`: two each ray at a tolerance of 2·10⁻⁵."""
+    return (0.1 + 4e-5 / settings["tol"]) * coords["angle"].size
 
 
 def torus_tile(coords, settings):
@@ -125,14 +166,15 @@ def _profiles(angles):
 
 
 def _breakdown(found, plane):
-    """The arrays of a cube of critical scales: `found` has rows of CriticalScale, one a ray."""
+    """The arrays of a cube of critical scales: `found` is nested lists of CriticalScale."""
+    found = np.array(found, dtype=object)
     arrays = {
-        name: np.array([[getattr(scale, attribute) for scale in row] for row in found])
+        name: np.vectorize(attrgetter(attribute), otypes=[float])(found)
         for name, attribute in _BREAKDOWN.items()
     }
     for name, direction in plane.items():
         arrays[name] = arrays["critical_scale"] * direction
-    arrays["status"] = np.array([[1 + STATUSES.index(s.status) for s in row] for row in found])
+    arrays["status"] = np.vectorize(lambda scale: 1 + STATUSES.index(scale.status))(found)
     return arrays
 
 
@@ -140,20 +182,19 @@ STATUSES = list(Status)
 _BREAKDOWN = {"critical_scale": "value", "error": "error", "lower": "lower", "upper": "upper"}
 
 
-def escape_warm_up():
-    """Compile the kernels of `escape_tile`, once per process."""
-    escape.first_escape([[0.0, 0.0]], *escape.ensemble(1), [1], 1)
+def warm_up(methods):
+    """Compile the kernels of some methods, once per process: "escape", "residue", "circle", …"""
+    for method in methods:
+        _WARM_UPS[method]()
 
 
-def residue_warm_up():
-    """Compile the kernels of `residue_tile`, once per process."""
-    periodic.residue((0.1, 0.1), 1, 3)
-
-
-def rotating_warm_up():
-    """Compile the kernels of `torus_tile` and `transport_tile`, once per process."""
-    escape_warm_up()
-    residue_warm_up()
+_GOLDEN = numbers.RotationNumber((0,), (1,))
+_WARM_UPS = {
+    "escape": lambda: escape.first_escape([[0.0, 0.0]], *escape.ensemble(1), [1], 1),
+    "residue": lambda: periodic.residue((0.1, 0.1), 1, 3),
+    "circle": lambda: continuation.critical_scale(_GOLDEN, (1.0, 0.0), 0.1),
+    "barrier": lambda: barriers.critical_scale((1.0, 0.0), 0.1),
+}
 
 
 def _strengths(coords):

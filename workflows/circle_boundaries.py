@@ -1,29 +1,46 @@
 """At which forcings does the circle of rotation number ω break? The boundaries CB_ω.
 
-By Greene's residue, along rays of the (κ1, κ2) plane, for the paper's six rotation numbers
-(arXiv:1606.04824, Sec. VI, Fig. 8) or any others.
+Along rays of the (κ1, κ2) plane, for the paper's six rotation numbers (arXiv:1606.04824, Sec. VI,
+Figs. 8 and 9) or any others, by two methods: the paper's, circles continued to their breakdown,
+and Greene's residue, which is sharper and knows nothing of circles.
 """
 
 import click
 
-from workflows.cli import HELP, cluster_options, finish, session
+from workflows.cli import HELP, Job, carry_out, cluster_options, session
+from workflows.last_barrier import barrier_job, ray_angles, tips_option, unfolded
 
 
-def circle_boundaries(client, out, omegas, angles, q_max):
-    """Compute the cube `breakdown_residue` into the store in `out`; returns it as a Dataset."""
-    from pipeline import schema, store, tasks
-    from pipeline.sweep import sweep
+def continuation_job(omegas, angles, tol):
+    """The cube `breakdown`."""
+    from pipeline import tasks
 
-    cube = schema.breakdown_cube(
-        "breakdown_residue",
-        {str(omega): float(omega) for omega in omegas},
-        angles,
-        [status.name.lower() for status in tasks.STATUSES],
-        tile=20,
-        settings={"method": "Greene's residue", "q_max": q_max},
-    )
-    finish(sweep(client, out, cube, tasks.residue_tile, tasks.residue_cost))
-    return store.read(out, cube.name)
+    settings = {"method": "continuation of circles", "tol": tol}
+    cube = _cube("breakdown", omegas, angles, settings)
+    return Job(cube, tasks.circle_tile, tasks.circle_cost)
+
+
+def residue_job(omegas, angles, q_max):
+    """The cube `breakdown_residue`."""
+    from pipeline import tasks
+
+    settings = {"method": "Greene's residue", "q_max": q_max}
+    cube = _cube("breakdown_residue", omegas, angles, settings)
+    return Job(cube, tasks.residue_tile, tasks.residue_cost)
+
+
+def _cube(name, omegas, angles, settings):
+    from pipeline import schema, tasks
+
+    exact = {str(omega): float(omega) for omega in omegas}
+    statuses = [status.name.lower() for status in tasks.STATUSES]
+    return schema.breakdown_cube(name, exact, angles, statuses, tile=20, settings=settings)
+
+
+def write_table(dataset, path):
+    """A CSV table of a breakdown cube, without what the sweep noted about its tiles."""
+    tiles = [dim for dim in dataset.dims if str(dim).startswith("tile_")]
+    dataset.drop_dims(tiles).to_dataframe().to_csv(path, float_format="%.12g")
 
 
 def _parse_omegas(context, parameter, value):
@@ -52,28 +69,45 @@ def _parse_omegas(context, parameter, value):
     type=click.IntRange(2, 10**6),
     help="Rays, from 0 to 180 degrees.",
 )
+@tips_option
+@click.option(
+    "--tol",
+    default=1e-4,
+    show_default=True,
+    type=click.FloatRange(1e-7, 0.1),
+    help="Error of the continuation to aim at.",
+)
 @click.option(
     "--q-max",
     default=6000,
     show_default=True,
     type=click.IntRange(10, 10**6),
-    help="Longest period of the orbits used.",
+    help="Longest period of the orbits of the residue method.",
 )
 @cluster_options
-def main(out, cluster, omega, angles, q_max):
-    """The boundaries CB_ω of circles: a cube, a table and a figure in OUT."""
-    import numpy as np
+def main(out, cluster, omega, angles, tips, tol, q_max):
+    """The boundaries CB_ω of circles: two cubes, a table of each and two figures in OUT.
 
-    with session(out, cluster, "residue") as client:
-        dataset = circle_boundaries(client, out, omega, np.linspace(0, 180, angles), q_max)
-        from workflows.figures import draw_circle_boundaries, save
+    The defaults take a minute and a half on two cores.
+    """
+    rays = ray_angles(angles, tips)
+    jobs = [
+        continuation_job(omega, rays, tol),
+        residue_job(omega, rays, q_max),
+        barrier_job(rays, 1e-3),
+    ]
+    with session(out, cluster, ["circle", "barrier"], [job.cube for job in jobs]) as client:
+        circles, residues, barrier = (carry_out(client, out, job) for job in jobs)
+        from workflows.figures import draw_circle_boundaries, draw_tips, save
 
-        table = dataset.drop_dims([dim for dim in dataset.dims if str(dim).startswith("tile_")])
-        table.to_dataframe().to_csv(f"{out}/circle_boundaries.csv", float_format="%.12g")
-        figures = save(draw_circle_boundaries(dataset), out, "circle_boundaries")
-    click.echo(f"cube:   {out}/cubes.zarr, group breakdown_residue")
-    click.echo(f"table:  {out}/circle_boundaries.csv")
-    click.echo(f"figure: {', '.join(figures)}")
+        barrier = unfolded(barrier, rays)
+        write_table(circles, f"{out}/circle_boundaries.csv")
+        write_table(residues, f"{out}/circle_boundaries_residue.csv")
+        figures = save(draw_circle_boundaries(circles, barrier), out, "circle_boundaries")
+        figures += save(draw_tips(residues, circles, barrier), out, "tips")
+    click.echo(f"cubes:   {out}/cubes.zarr, groups breakdown, breakdown_residue and barrier")
+    click.echo(f"tables:  {out}/circle_boundaries.csv, {out}/circle_boundaries_residue.csv")
+    click.echo(f"figures: {', '.join(figures)}")
 
 
 if __name__ == "__main__":

@@ -6,7 +6,9 @@ Exit codes: 0 done; 1 some tiles failed, or the workers are gone; 2 bad input, n
 
 import functools
 import sys
+from collections.abc import Callable
 from contextlib import contextmanager
+from dataclasses import dataclass
 
 import click
 
@@ -119,20 +121,41 @@ def driver(out):
             yield
 
 
+@dataclass(frozen=True)
+class Job:
+    """A cube, the task that computes a tile of it, and the task that predicts its cost."""
+
+    cube: object
+    compute: Callable
+    predict: Callable
+
+
 @contextmanager
-def session(out, cluster, method):
+def session(out, cluster, methods, cubes):
     """Hold `out` as its driver and connect to the workers: yields the dask client.
 
-    The workers are warmed up for the tasks of `method`: "escape", "residue" or "rotating".
+    The workers are warmed up for the tasks of `methods`; see `tasks.warm_up`. Before they start,
+    `out` is refused if it holds one of the `cubes` to be computed with other settings.
     """
     with _explained():
         from pipeline import store, tasks
         from pipeline.cluster import connect
 
-        warm_up = getattr(tasks, f"{method}_warm_up")
         store.refuse_foreign(out)
+        for cube in cubes:
+            store.refuse_different(out, cube)
+        warm_up = functools.partial(tasks.warm_up, methods)
         with connect(warm_up, **cluster) as client, store.driving(out):
             yield client
+
+
+def carry_out(client, out, job):
+    """Sweep the job's cube into the store in `out`; returns it as a Dataset."""
+    from pipeline import store
+    from pipeline.sweep import sweep
+
+    finish(sweep(client, out, job.cube, job.compute, job.predict))
+    return store.read(out, job.cube.name)
 
 
 def finish(outcome):

@@ -1,14 +1,17 @@
-"""The main job: where in the (κ1, κ2) plane does global transport begin?
+"""The main job: where in the (κ1, κ2) plane does global transport begin, and what breaks there?
 
-For now by the direct method alone (arXiv:1606.04824, Sec. V.B): the boundary {n* ≤ N} of first
-escape times. It shows transport, so it is an upper bound, which falls towards the
-true boundary only like N^(-1/3).
+Three methods in one store and one picture (arXiv:1606.04824, Secs. V and VI): first escape times
+over the plane by direct iteration, which close in on the boundary from outside like N^(-1/3); the
+boundaries CB_ω of the paper's six circles by continuation; and CB_gt itself on rays, bracketed
+between a certified circle and converse KAM, with the circle that is the last to break.
 """
 
 import click
 
-from workflows.cli import HELP, cluster_options, session
-from workflows.escape_plane import escape_plane, plane_options
+from workflows.circle_boundaries import continuation_job, write_table
+from workflows.cli import HELP, carry_out, cluster_options, session
+from workflows.escape_plane import escape_plane, plane_options, planned
+from workflows.last_barrier import barrier_job, ray_angles, tips_option, unfolded
 
 
 def boundary_table(dataset, angles, steps):
@@ -50,33 +53,47 @@ def boundary_table(dataset, angles, steps):
 @plane_options("-1.1:1.1:512", "0:1.1:256", n_max=100_000, n_orbits=64, tile=8, levels=4)
 @click.option(
     "--angles",
-    default=361,
+    default=181,
     show_default=True,
     type=click.IntRange(2, 10**5),
-    help="Rays of the table: from 0 to 180 degrees, to 360 if the plane has negative kappa2.",
+    help="Rays, from 0 to 180 degrees.",
+)
+@tips_option
+@click.option(
+    "--tol",
+    default=1e-4,
+    show_default=True,
+    type=click.FloatRange(1e-5, 0.1),
+    help="Width of the bracket of CB_gt, and error of the CB_omega, to aim at.",
 )
 @cluster_options
-def main(out, cluster, plane, angles):
-    """The critical boundary of global transport: a cube, a table and a figure in OUT.
+def main(out, cluster, plane, angles, tips, tol):
+    """The critical boundary of global transport: three cubes, three tables and a figure in OUT.
 
-    The defaults take about a minute on two cores. The paper's size of job is --n-max 1000000
-    --n-orbits 10000.
+    The defaults take about two minutes on two cores. The paper's size of direct iteration is
+    --n-max 1000000 --n-orbits 10000.
     """
-    with session(out, cluster, "escape") as client:
-        dataset = escape_plane(client, out, plane)
-        import numpy as np
+    from nasm.numbers import NAMES, parse
 
+    rays = ray_angles(angles, tips)
+    circle_job = continuation_job(sorted(map(parse, NAMES), key=float), rays, tol)
+    last_job = barrier_job(rays, tol)
+    cubes = [planned(plane), circle_job.cube, last_job.cube]
+    with session(out, cluster, ["escape", "circle", "barrier"], cubes) as client:
+        barrier = unfolded(carry_out(client, out, last_job), rays)
+        circles = carry_out(client, out, circle_job)
+        dataset = escape_plane(client, out, plane)
         from workflows.figures import draw_critical_boundary, save
 
-        half_turns = 2 if plane.kappa2.lo < 0 else 1
-        rays = np.linspace(0, 180 * half_turns, angles)
-        table = boundary_table(dataset, rays, plane.drawn)
-        for n in table.n.values[table.critical_scale.isnull().all("angle")]:
+        direct = boundary_table(dataset, rays, plane.drawn)
+        for n in direct.n.values[direct.critical_scale.isnull().all("angle")]:
             click.echo(f"no ray passes into transport within {n} steps in this plane", err=True)
-        table.to_dataframe().to_csv(f"{out}/critical_boundary.csv", float_format="%.6g")
-        figures = save(draw_critical_boundary(dataset, table), out, "critical_boundary")
-    click.echo(f"cube:   {out}/cubes.zarr, group escape")
-    click.echo(f"table:  {out}/critical_boundary.csv")
+        barrier.to_dataframe().to_csv(f"{out}/critical_boundary.csv", float_format="%.12g")
+        write_table(circles, f"{out}/circle_boundaries.csv")
+        direct.to_dataframe().to_csv(f"{out}/direct_boundary.csv", float_format="%.6g")
+        figures = save(draw_critical_boundary(dataset, circles, barrier), out, "critical_boundary")
+    click.echo(f"cubes:  {out}/cubes.zarr, groups escape, breakdown and barrier")
+    click.echo(f"tables: {out}/critical_boundary.csv, circle_boundaries.csv, direct_boundary.csv")
     click.echo(f"figure: {', '.join(figures)}")
 
 

@@ -112,6 +112,27 @@ def plane_options(kappa1, kappa2, n_max, n_orbits, tile, levels):
     return decorate
 
 
+def planned(plane):
+    """The cube `escape` of the plane: all of it, or as composed of its levels."""
+    from pipeline import schema
+
+    finest = _level_cube(plane, "escape", plane.levels - 1)
+    if plane.levels == 1:
+        return finest
+    return schema.composed(finest, plane.levels, plane.follow)
+
+
+def _level_cube(plane, name, level):
+    from nasm.escape import PAPER_WINDOW
+    from pipeline import refine, schema
+
+    axes = [
+        axis.coarsened(refine.FACTOR ** (plane.levels - 1 - level))
+        for axis in (plane.kappa1, plane.kappa2)
+    ]
+    return schema.escape_cube(name, *axes, plane.n_orbits, plane.n_max, PAPER_WINDOW, plane.tile)
+
+
 def escape_plane(client, out, plane):
     """Compute the field of first escape times into the store in `out`; returns it as a Dataset.
 
@@ -119,37 +140,26 @@ def escape_plane(client, out, plane):
     `escape_level0` and so on, and `escape` is composed of them, with the `level` of each cell. Ends
     the program if a sweep does not complete.
     """
-    from nasm.escape import PAPER_WINDOW
     from pipeline import refine, schema, store, tasks
     from pipeline.sweep import sweep
-
-    def cube(name, level):
-        axes = [
-            axis.coarsened(refine.FACTOR ** (plane.levels - 1 - level))
-            for axis in (plane.kappa1, plane.kappa2)
-        ]
-        return schema.escape_cube(
-            name, *axes, plane.n_orbits, plane.n_max, PAPER_WINDOW, plane.tile
-        )
 
     def compute(level_cube, wanted=None):
         finish(sweep(client, out, level_cube, tasks.escape_tile, tasks.escape_cost, wanted))
         return store.read(out, level_cube.name).escape_time.values
 
     if plane.levels == 1:
-        compute(cube("escape", 0))
+        compute(planned(plane))
         return store.read(out, "escape")
-    finest = cube("escape", plane.levels - 1)
-    store.refuse_different(out, schema.composed(finest, plane.levels, plane.follow))
-    fields = [compute(cube("escape_level0", 0))]
+    fields = [compute(_level_cube(plane, "escape_level0", 0))]
     for level in range(1, plane.levels):
-        level_cube = cube(f"escape_level{level}", level)
+        level_cube = _level_cube(plane, f"escape_level{level}", level)
         wanted = refine.tiles_at(refine.halved(_followed_cells(fields, plane)), plane.tile)
         fields.append(compute(level_cube, wanted))
         # Finer cells may show that the boundary runs on in a neighbouring tile: follow it there.
         while more := refine.tiles_at(_followed_cells(fields, plane), plane.tile) - wanted:
             wanted |= more
             fields[-1] = compute(level_cube, wanted)
+    finest = _level_cube(plane, "escape", plane.levels - 1)
     composed = schema.composed(finest, plane.levels, plane.follow, *refine.compose(fields))
     store.replace(out, composed)
     return store.read(out, "escape")
@@ -174,7 +184,7 @@ def main(out, cluster, plane):
     The paper's Fig. 5 is --kappa1 0:1:512 --kappa2 0:1:512 --levels 5 --n-max 1000000
     --n-orbits 10000, and Fig. 6 the same with --kappa1 -1:1:1024.
     """
-    with session(out, cluster, "escape") as client:
+    with session(out, cluster, ["escape"], [planned(plane)]) as client:
         dataset = escape_plane(client, out, plane)
         from workflows.figures import draw_escape_plane, save
 

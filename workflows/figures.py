@@ -36,15 +36,37 @@ def draw_escape_plane(plane, steps):
     return figure
 
 
-def draw_critical_boundary(plane, table):
-    """The escape field and on it the boundary along rays, for each number of steps."""
-    figure, axes = _plane_axes(plane)
+def draw_critical_boundary(plane, circles, barrier):
+    """The escape field, CB_ω of the circles and CB_gt in the colours of the last circle; which
+    circle that is, by angle; and how CB_gt falls from the tip at 45°."""
+    figure = plt.figure(figsize=(12, 10.5))
+    axes, strip, tip = _three_panels(figure)
     _draw_field(axes, plane)
-    for n, colour in zip(table.n.values[::-1], _BOUNDARY_COLOURS, strict=False):
-        curve = table.sel(n=n)
-        axes.plot(curve.kappa1, curve.kappa2, color=colour, lw=1.3, label=f"$N = {_power(n)}$")
-    axes.legend(loc="lower center")
+    breakdown = {"color": "0.45", "lw": 0.7}
+    for i in range(circles.omega.size):
+        label = r"$\mathit{CB}_\omega$ of the paper's six circles" if i == 0 else None
+        axes.plot(circles.kappa1[i], circles.kappa2[i], label=label, **breakdown)
+    colours = _draw_barrier(axes, barrier)
+    ends = [(float(c.min()), float(c.max())) for c in (plane.kappa1, plane.kappa2)]
+    axes.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$", aspect="equal", xlim=ends[0], ylim=ends[1])
+    axes.set_title(
+        rf"Where the last barrier breaks; behind it, escape of {int(plane.ensemble[-1])} orbits "
+        rf"within ${_power(plane.attrs['n_max'])}$ steps"
+    )
+    axes.legend(loc="upper center", fontsize="small")
+    _draw_circle_strip(strip, barrier, colours)
+    _draw_tip(tip, barrier, colours)
+    figure.tight_layout()
     return figure
+
+
+def _three_panels(figure):
+    """Axes for the plane, for what happens by angle, and for the tip."""
+    return figure.subplot_mosaic(
+        [["plane", "plane"], ["strip", "tip"]],
+        height_ratios=[1.5, 1],
+        width_ratios=[2.4, 1],
+    ).values()
 
 
 def _plane_axes(plane):
@@ -94,13 +116,31 @@ def _power(n):
     return f"10^{exponent}" if mantissa == 1 else rf"{mantissa:g}\cdot 10^{exponent}"
 
 
-def draw_circle_boundaries(breakdown):
-    """CB_ω of each rotation number over the upper half plane."""
-    figure, axes = plt.subplots(figsize=(10, 5.6))
+def draw_circle_boundaries(breakdown, barrier):
+    """CB_ω of each rotation number over the upper half plane, and CB_gt behind them, Fig. 8."""
+    figure, axes = plt.subplots(figsize=(10, 5.8))
+    axes.fill_between(barrier.kappa1, barrier.kappa2, color="0.92", label=r"$\mathit{CB}_{gt}$")
     _draw_circles(axes, breakdown, breakdown.kappa1, breakdown.kappa2)
-    axes.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$", aspect="equal")
-    axes.set_title(r"Breakup of circles by Greene's residue: $\mathit{CB}_\omega$")
-    axes.legend(loc="lower center", ncols=2, fontsize="small")
+    axes.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$", aspect="equal", ylim=(0, None))
+    axes.set_title(r"Breakup of circles: $\mathit{CB}_\omega$, and of the last one")
+    axes.legend(loc="upper center", ncols=2, fontsize="small")
+    return figure
+
+
+def draw_tips(residues, circles, barrier):
+    """The tips at 45° and 135° in detail, Fig. 9: residues as lines, circles as points."""
+    figure, panels = plt.subplots(1, 2, figsize=(11, 5.5), layout="constrained")
+    for axes, sign in zip(panels, (-1, 1), strict=True):
+        axes.fill_between(barrier.kappa1, barrier.kappa2, color="0.92")
+        _draw_circles(axes, residues, residues.kappa1, residues.kappa2)
+        for i in range(circles.omega.size):
+            colour = _CIRCLE_COLOURS[i % len(_CIRCLE_COLOURS)]
+            axes.plot(circles.kappa1[i], circles.kappa2[i], ".", color=colour, ms=3)
+        ends = sorted((sign * 0.7, sign * 1.0))
+        axes.set(xlim=ends, ylim=(0.7, 1.0), aspect="equal", xlabel=r"$\kappa_1$")
+    panels[0].set_ylabel(r"$\kappa_2$")
+    panels[1].legend(loc="lower right", fontsize="x-small")
+    figure.suptitle("The tips: lines by Greene's residue, points by continuation of circles")
     return figure
 
 
@@ -128,7 +168,7 @@ def draw_rotating_circles(breakdown, transport):
 def draw_rotating_tori(tori, transport):
     """Breakup of tori by the residue of long orbits, and the onset of transport, Fig. 11."""
     figure, axes = plt.subplots(figsize=(7, 7))
-    for i, vector in enumerate(tori.attrs["vectors"].split()):
+    for i, vector in enumerate(tori.attrs["vectors"]):
         curve, colour = tori.isel(frequency=i), _CIRCLE_COLOURS[i % len(_CIRCLE_COLOURS)]
         axes.plot(
             curve.kappa_mean, curve.kappa_amplitude, color=colour, lw=1.0, label=f"torus ({vector})"
@@ -159,6 +199,53 @@ def _rotating(figure, axes):
     axes.set(xlabel=r"$\bar\kappa$", ylabel=r"$\Delta\kappa$", aspect="equal")
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=2, fontsize="small")
     return figure
+
+
+def draw_last_barrier(barrier):
+    """CB_gt over the upper half plane, coloured by the last circle; which one it is, by angle; and
+    how CB_gt falls from the tip at 45°."""
+    figure = plt.figure(figsize=(11, 8.5))
+    plane, strip, tip = _three_panels(figure)
+    colours = _draw_barrier(plane, barrier)
+    plane.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$", aspect="equal")
+    plane.set_title("Where the last barrier breaks")
+    _draw_circle_strip(strip, barrier, colours)
+    _draw_tip(tip, barrier, colours)
+    figure.tight_layout()
+    return figure
+
+
+def _draw_tip(axes, barrier, colours):
+    """How far the boundary is below the tip at 45°, on logarithmic axes."""
+    side = barrier.isel(angle=np.flatnonzero(((barrier.angle < 45) & (barrier.angle > 25)).values))
+    short = barrier.critical_scale.sel(angle=45) - side.critical_scale
+    axes.scatter(45 - side.angle, short, c=[colours[c] for c in side.circle.values], s=14)
+    axes.set(xscale="log", yscale="log", xlabel=r"$45° - \varphi$", ylabel="scale below the tip")
+    axes.grid(lw=0.3)
+
+
+def _draw_barrier(axes, table):
+    """CB_gt, each point in the colour of its last circle; returns {circle: colour}."""
+    circles = [c for c in dict.fromkeys(table.circle.values.tolist()) if c]
+    palette = plt.get_cmap("tab20").colors
+    colours = {circle: palette[i % len(palette)] for i, circle in enumerate(circles)}
+    colours[""] = "black"
+    axes.plot(table.kappa1, table.kappa2, color="0.6", lw=0.8, zorder=1)
+    points = [colours[c] for c in table.circle.values]
+    axes.scatter(table.kappa1, table.kappa2, c=points, s=9, zorder=2)
+    return colours
+
+
+def _draw_circle_strip(axes, table, colours):
+    """Which circle is the last, by angle."""
+    for circle, colour in colours.items():
+        here = table.isel(angle=np.flatnonzero(table.circle.values == circle))
+        if here.angle.size:
+            label = rf"$\omega = {circle}$" if circle else "undecided"
+            axes.plot(here.angle, here.omega, ".", color=colour, ms=5, label=label)
+    axes.set(xlabel=r"angle $\varphi$ of the ray (degrees)", ylabel=r"$\omega$ of the last circle")
+    axes.legend(loc="center left", fontsize="xx-small", ncols=2, bbox_to_anchor=(0.02, 0.5))
+    axes.grid(lw=0.3)
 
 
 def draw_primary_points(primary):

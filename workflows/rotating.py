@@ -10,52 +10,44 @@ from fractions import Fraction
 
 import click
 
-from workflows.circle_boundaries import circle_boundaries
-from workflows.cli import HELP, cluster_options, finish, session
+from workflows.circle_boundaries import residue_job
+from workflows.cli import HELP, Job, carry_out, cluster_options, session
 
 # The paper's vector of 1705/3136 is the first. 1/τ = 0.543689… and 1/τ + 1/τ² = 0.839286…, τ the
 # tribonacci constant, have the convergents of the other two; 2631 may be a misprint of 2632.
 VECTORS = ("1705/3136,2631/3136", "1705/3136,2632/3136", "927/1705,1431/1705")
 
 
-def tori(client, out, vectors, angles):
-    """Compute the cube `rotating_tori`; returns it as a Dataset."""
-    from pipeline import schema, store, tasks
-    from pipeline.sweep import sweep
+def tori_job(vectors, angles):
+    """The cube `rotating_tori`."""
+    from pipeline import tasks
 
-    frequencies = {v.split(",")[1]: float(Fraction(v.split(",")[1])) for v in vectors}
-    cube = schema.rotating_cube(
-        "rotating_tori",
-        frequencies,
-        angles,
-        [status.name.lower() for status in tasks.STATUSES],
-        tile=20,
-        settings={"method": "Greene's residue of one orbit", "vectors": list(vectors)},
-    )
-    finish(sweep(client, out, cube, tasks.torus_tile, tasks.torus_cost))
-    return store.read(out, cube.name).assign_attrs(vectors=" ".join(vectors))
+    frequencies = [vector.split(",")[1] for vector in vectors]
+    settings = {"method": "Greene's residue of one orbit", "vectors": list(vectors)}
+    cube = _cube("rotating_tori", frequencies, angles, 20, settings)
+    return Job(cube, tasks.torus_tile, tasks.torus_cost)
 
 
-def transport(client, out, frequencies, phase, angles, n_max, n_orbits):
-    """Compute the cube `rotating_transport`; returns it as a Dataset."""
-    from pipeline import schema, store, tasks
-    from pipeline.sweep import sweep
+def transport_job(frequencies, phase, angles, n_max, n_orbits):
+    """The cube `rotating_transport`."""
+    from pipeline import tasks
 
-    cube = schema.rotating_cube(
-        "rotating_transport",
-        {text: float(Fraction(text)) for text in frequencies},
-        angles,
-        [status.name.lower() for status in tasks.STATUSES],
-        tile=10,
-        settings={
-            "method": "direct iteration",
-            "phase": phase,
-            "n_max": n_max,
-            "n_orbits": n_orbits,
-        },
-    )
-    finish(sweep(client, out, cube, tasks.transport_tile, tasks.transport_cost))
-    return store.read(out, cube.name)
+    settings = {
+        "method": "direct iteration",
+        "phase": phase,
+        "n_max": n_max,
+        "n_orbits": n_orbits,
+    }
+    cube = _cube("rotating_transport", frequencies, angles, 10, settings)
+    return Job(cube, tasks.transport_tile, tasks.transport_cost)
+
+
+def _cube(name, frequencies, angles, tile, settings):
+    from pipeline import schema, tasks
+
+    exact = {text: float(Fraction(text)) for text in frequencies}
+    statuses = [status.name.lower() for status in tasks.STATUSES]
+    return schema.rotating_cube(name, exact, angles, statuses, tile, settings)
 
 
 def _fractions(count):
@@ -133,16 +125,20 @@ def main(out, cluster, vector, frequency, phase, angles, n_max, n_orbits):
     """Rotating standard maps: three cubes and two figures in OUT."""
     import numpy as np
 
-    with session(out, cluster, "rotating") as client:
-        from nasm.numbers import NAMES, parse
+    from nasm.numbers import NAMES, parse
+
+    rays = np.linspace(0, 180, angles)
+    jobs = [
+        residue_job(sorted(map(parse, NAMES), key=float), rays, q_max=6000),
+        transport_job(frequency, phase, rays, n_max, n_orbits),
+        tori_job(vector, rays),
+    ]
+    with session(out, cluster, ["escape", "residue"], [job.cube for job in jobs]) as client:
+        circles, direct, tori = (carry_out(client, out, job) for job in jobs)
         from workflows.figures import draw_rotating_circles, draw_rotating_tori, save
 
-        rays = np.linspace(0, 180, angles)
-        omegas = sorted(map(parse, NAMES), key=float)
-        circles = circle_boundaries(client, out, omegas, rays, 6000)
-        direct = transport(client, out, frequency, phase, rays, n_max, n_orbits)
-        figures = save(draw_rotating_tori(tori(client, out, vector, rays), direct), out, "tori")
-        if "1/2" in frequency:
+        figures = save(draw_rotating_tori(tori, direct), out, "tori")
+        if 0.5 in direct.frequency:
             figures += save(draw_rotating_circles(circles, direct), out, "diamond")
     groups = "breakdown_residue, rotating_transport, rotating_tori"
     click.echo(f"cubes:   {out}/cubes.zarr, groups {groups}")
