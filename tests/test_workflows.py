@@ -12,15 +12,37 @@ import pytest
 import xarray as xr
 import zarr
 from click.testing import CliRunner
+from distributed import LocalCluster
 
-from nasm import escape, periodic
+from nasm import barriers, escape, periodic
 from nasm.numbers import parse
 from pipeline import store
-from workflows import circle_boundaries, critical_boundary, escape_plane, period_one, rotating
+from workflows import (
+    circle_boundaries,
+    critical_boundary,
+    escape_plane,
+    last_barrier,
+    period_one,
+    rotating,
+)
 
-QUICK = ["--workers", "1", "--n-max", "4000", "--n-orbits", "16,64", "--tile", "4"]
+QUICK = ["--n-max", "4000", "--n-orbits", "16,64", "--tile", "4"]
 PLANE = ["--kappa1", "-1.4:1.4:128", "--kappa2", "0:1.4:64"]
 KAPPA_G = tomllib.loads(Path(__file__).with_name("literature.toml").read_text())["kappa_G"]["value"]
+
+
+RAYS = ["--tips", "0", "--tol", "0.01"]
+WORKERS = []
+
+
+@pytest.fixture(scope="module", autouse=True)
+def workers():
+    """Workers for all workflows of this module, which compile the kernels once."""
+    with LocalCluster(
+        n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address="127.0.0.1:0"
+    ) as cluster:
+        WORKERS[:] = ["--scheduler", cluster.scheduler_address]
+        yield
 
 
 def invoke(workflow, out, *options):
@@ -28,7 +50,7 @@ def invoke(workflow, out, *options):
 
 
 def succeed(workflow, out, *options):
-    result = invoke(workflow, out, *options)
+    result = invoke(workflow, out, *options, *WORKERS)
     assert result.exit_code == 0, result.output + repr(result.exception)
     return result.output
 
@@ -37,7 +59,9 @@ def succeed(workflow, out, *options):
 def finished(tmp_path_factory):
     """The main job, small: its directory."""
     out = tmp_path_factory.mktemp("main") / "out"
-    output = succeed(critical_boundary, out, *QUICK, *PLANE, "--levels", "3", "--angles", "37")
+    output = succeed(
+        critical_boundary, out, *QUICK, *PLANE, *RAYS, "--levels", "3", "--angles", "37"
+    )
     for name in ("cubes.zarr", "critical_boundary.csv", "critical_boundary.png"):
         assert f"{out}/{name}" in output
         assert (out / name).exists()
@@ -77,32 +101,56 @@ def test_the_cube_explains_itself(dense):
     assert {"title", "config_hash", "package_version", "git_commit", "created"} <= set(cube.attrs)
 
 
-def test_the_table_holds_the_boundary_along_rays(finished):
-    with open(finished / "critical_boundary.csv") as file:
-        rows = list(csv.DictReader(file))
+def table(path, **where):
+    with open(path) as file:
+        rows = csv.DictReader(file)
+        return [r for r in rows if all(r[key] == value for key, value in where.items())]
+
+
+def test_the_direct_table_holds_the_boundary_along_rays(finished):
+    rows = table(finished / "direct_boundary.csv")
     assert len(rows) == 37
     assert {r["n"] for r in rows} == {"4000"}
     assert {float(r["resolution"]) for r in rows if r["resolution"]} == {2.8 / 128}
-    ray = next(r for r in rows if r["angle"] == "90" and r["n"] == "4000")
+    (ray,) = [r for r in rows if r["angle"] == "90"]
     assert abs(float(ray["kappa1"])) < 1e-9
     assert float(ray["kappa2"]) == pytest.approx(float(ray["critical_scale"]), rel=1e-5)
 
 
-def test_the_direct_boundary_lies_outside_the_exact_values(finished):
-    # On the axis the circle of γ breaks at κ_G/2, on the diagonal that of 2γ at (κ_G, κ_G).
-    with open(finished / "critical_boundary.csv") as file:
-        rows = {(r["n"], r["angle"]): r["critical_scale"] for r in csv.DictReader(file)}
-    for angle, exact in (("0", KAPPA_G / 2), ("45", KAPPA_G * 2**0.5), ("90", KAPPA_G / 2)):
-        assert exact < float(rows["4000", angle]) < 1.6 * exact
+def test_the_boundary_is_bracketed_on_every_ray_and_the_last_circle_named(finished):
+    rows = table(finished / "critical_boundary.csv")
+    assert [float(r["angle"]) for r in rows] == list(range(0, 181, 5))
+    for r in rows:
+        value, lower, upper = (float(r[key]) for key in ("critical_scale", "lower", "upper"))
+        assert lower < value < upper
+        assert upper - lower < 0.0101 * value
+        assert float(parse(r["circle"])) == pytest.approx(float(r["omega"]), abs=1e-11)
+    # On the axis the golden circle breaks at κ_G/2, on the diagonal that of 2γ at (κ_G, κ_G).
+    scale = {int(float(r["angle"])): float(r["critical_scale"]) for r in rows}
+    for angle, exact in ((0, KAPPA_G / 2), (45, KAPPA_G * 2**0.5), (90, KAPPA_G / 2)):
+        assert scale[angle] == pytest.approx(exact, abs=1e-10)
+    for angle in range(0, 45, 5):
+        copies = [scale[a] for a in (angle, 90 - angle, 90 + angle, 180 - angle)]
+        assert max(copies) == min(copies)
+    circles = {int(float(r["angle"])): r["circle"] for r in rows}
+    assert circles[45] == "[0;1,3,(4)]"
+    assert circles[135] == "[0;(4)]"
+    assert circles[30] == circles[60] == "[0;1,2,(1)]"
+    assert circles[120] == circles[150] == "[0;3,(1)]"
 
 
-def test_the_boundary_has_the_symmetry_of_the_square(finished):
-    with open(finished / "critical_boundary.csv") as file:
-        scale = {
-            float(r["angle"]): float(r["critical_scale"] or "nan")
-            for r in csv.DictReader(file)
-            if r["n"] == "4000"
-        }
+def test_the_three_methods_are_in_order(finished):
+    # Circles break before the last of them does, and orbits escape beyond that.
+    last = {r["angle"]: r for r in table(finished / "critical_boundary.csv")}
+    for r in table(finished / "circle_boundaries.csv"):
+        assert float(r["critical_scale"]) - float(r["error"]) < float(last[r["angle"]]["upper"])
+    for r in table(finished / "direct_boundary.csv"):
+        assert float(last[r["angle"]]["critical_scale"]) < float(r["critical_scale"])
+
+
+def test_the_direct_boundary_has_the_symmetry_of_the_square(finished):
+    rows = table(finished / "direct_boundary.csv", n="4000")
+    scale = {float(r["angle"]): float(r["critical_scale"] or "nan") for r in rows}
     for angle in range(0, 45, 5):
         copies = [scale[a] for a in (angle, 90 - angle, 90 + angle, 180 - angle)]
         # At finite N the window, not symmetric itself, and the draw of the escapers leave 10-20%.
@@ -130,9 +178,13 @@ def test_other_settings_are_refused_and_nothing_is_touched(dense, finished):
     assert result.exit_code == 2
     assert "levels is None, not 3" in result.output
     before_refined = snapshot(finished)
-    result = invoke(critical_boundary, finished, *QUICK, *PLANE, "--levels", "3", "--follow", "300")
+    same = [*QUICK, *PLANE, "--levels", "3", "--angles", "37"]
+    result = invoke(critical_boundary, finished, *same, *RAYS, "--follow", "300")
     assert result.exit_code == 2
     assert "follow is [4000], not [300]" in result.output
+    result = invoke(critical_boundary, finished, *same, "--tips", "0", "--tol", "0.02")
+    assert result.exit_code == 2
+    assert "tol is 0.01, not 0.02" in result.output
     assert snapshot(dense) == before
     assert snapshot(finished) == before_refined
 
@@ -198,13 +250,13 @@ def test_a_store_of_another_version_is_refused(tmp_path):
 
 def test_a_directory_that_another_run_writes_is_refused(tmp_path):
     with store.driving(tmp_path):
-        result = invoke(escape_plane, tmp_path, *QUICK)
+        result = invoke(escape_plane, tmp_path, *QUICK, *WORKERS)
     assert result.exit_code == 2
     assert "is being written by another run" in result.output
 
 
 def test_a_directory_that_cannot_be_written_is_refused():
-    result = invoke(escape_plane, "/proc/self/none", *QUICK)
+    result = invoke(escape_plane, "/proc/self/none", *QUICK, *WORKERS)
     assert result.exit_code == 2
     assert "cannot write" in result.output
 
@@ -219,7 +271,8 @@ def test_a_directory_that_cannot_be_written_is_refused():
     ],
 )
 def test_unusual_planes_end_with_a_figure(tmp_path, plane):
-    output = succeed(critical_boundary, tmp_path / "out", *QUICK, "--levels", "2", *plane)
+    rays = [*RAYS, "--angles", "3"]
+    output = succeed(critical_boundary, tmp_path / "out", *QUICK, "--levels", "2", *rays, *plane)
     assert (tmp_path / "out/critical_boundary.png").exists()
     assert ("no ray passes into transport" in output) == (plane[1] != "-1.1:1.1:16")
 
@@ -236,7 +289,7 @@ def test_help_comes_at_once_and_names_every_option(workflow):
 
 def test_circle_boundaries_are_those_of_each_ray(tmp_path):
     omegas = ["--omega", "gamma", "--omega", "2gamma", "--omega", "3/5"]
-    succeed(circle_boundaries, tmp_path / "out", "--workers", "1", "--angles", "5", *omegas)
+    succeed(circle_boundaries, tmp_path / "out", "--angles", "5", *RAYS, *omegas)
     cube = xr.open_zarr(tmp_path / "out/cubes.zarr", group="breakdown_residue")
     exact = cube.omega.attrs["exact"]
     assert exact == ["[0;1,1,2]", "[0;(1)]", "[1;(4)]"]
@@ -252,8 +305,16 @@ def test_circle_boundaries_are_those_of_each_ray(tmp_path):
             np.testing.assert_equal(float(here.critical_scale), expected.value)
             meanings = cube.status.attrs["flag_meanings"].split()
             assert meanings[int(here.status)] == expected.status.name.lower()
-    assert (tmp_path / "out/circle_boundaries.csv").exists()
+    circles = xr.open_zarr(tmp_path / "out/cubes.zarr", group="breakdown")
+    known = circles.isel(omega=[1, 2])
+    difference = abs(known.critical_scale - cube.isel(omega=[1, 2]).critical_scale)
+    assert (difference < known.error).where(cube.status.isel(omega=[1, 2]) == 1).all()
+    assert (known.lower < known.critical_scale).all()
+    assert np.isnan(circles.critical_scale.isel(omega=0)).all()
+    assert len(table(tmp_path / "out/circle_boundaries.csv")) == 3 * 5
+    assert (tmp_path / "out/circle_boundaries_residue.csv").exists()
     assert (tmp_path / "out/circle_boundaries.png").exists()
+    assert (tmp_path / "out/tips.png").exists()
 
 
 @pytest.mark.parametrize(
@@ -276,7 +337,7 @@ def test_rotating_maps_are_kept_as_labelled_cubes(tmp_path):
     out = tmp_path / "out"
     effort = ["--angles", "3", "--n-max", "1000", "--n-orbits", "64"]
     vectors = ["--vector", "81/149,125/149", "--vector", "44/81,68/81"]
-    succeed(rotating, out, "--workers", "1", *effort, *vectors)
+    succeed(rotating, out, *effort, *vectors)
     tori = xr.open_zarr(out / "cubes.zarr", group="rotating_tori")
     assert tori.critical_scale.dims == ("frequency", "angle")
     assert tori.frequency.attrs["exact"] == ["125/149", "68/81"]
@@ -308,10 +369,30 @@ def test_bad_rotation_vectors_are_refused(tmp_path, option, value, told):
     assert not (tmp_path / "out").exists()
 
 
+def test_the_last_barrier_is_kept_as_a_labelled_cube(tmp_path):
+    out = tmp_path / "out"
+    succeed(last_barrier, out, "--angles", "4", "--tips", "1", "--tol", "0.001")
+    cube = xr.open_zarr(out / "cubes.zarr", group="barrier")
+    # Rays at 0, 60, 120 and 180 degrees, on the cusps and two degrees from them, in the wedge.
+    assert cube.angle.values.tolist() == [0, 30, 43, 45]
+    assert cube.quotients.dims == ("quotient", "angle")
+    expected = barriers.critical_scale((np.cos(np.pi / 6), np.sin(np.pi / 6)), 1e-3)
+    here = cube.isel(angle=1)
+    for name in ("value", "error", "lower", "upper"):
+        there = "critical_scale" if name == "value" else name
+        assert float(here[there]) == pytest.approx(getattr(expected, name), rel=1e-14)
+    assert float(here.omega) == float(expected.omega)
+    rows = table(out / "last_barrier.csv")
+    assert [float(r["angle"]) for r in rows] == [0, 43, 45, 47, 60, 120, 133, 135, 137, 180]
+    assert parse(rows[4]["circle"]) == expected.omega
+    # Its mirror image: 1 - ω.
+    assert rows[5]["circle"] == "[0;3,(1)]"
+
+
 def test_period_one_orbits_are_kept_as_labelled_cubes(tmp_path):
     axes = ["--primary", "-4:4:20", "--secondary", "0:8:10"]
     for _ in range(2):  # a second run says the same
-        succeed(period_one, tmp_path / "out", *axes)
+        assert invoke(period_one, tmp_path / "out", *axes).exit_code == 0
     primary = xr.open_zarr(tmp_path / "out/cubes.zarr", group="period_one_primary")
     assert primary.residue.dims == ("point", "kappa2", "kappa1")
     cell = primary.residue.sel(kappa1=0.6, kappa2=1.0, method="nearest").isel(point=1)

@@ -219,6 +219,9 @@ def _draw_tip(axes, barrier, colours):
     """How far the boundary is below the tip at 45°, on logarithmic axes."""
     side = barrier.isel(angle=np.flatnonzero(((barrier.angle < 45) & (barrier.angle > 25)).values))
     short = barrier.critical_scale.sel(angle=45) - side.critical_scale
+    if not (short > 0).any():
+        axes.set_axis_off()
+        return
     axes.scatter(45 - side.angle, short, c=[colours[c] for c in side.circle.values], s=14)
     axes.set(xscale="log", yscale="log", xlabel=r"$45° - \varphi$", ylabel="scale below the tip")
     axes.grid(lw=0.3)
