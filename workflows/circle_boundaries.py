@@ -7,7 +7,7 @@ and Greene's residue, which is sharper and knows nothing of circles.
 
 import click
 
-from workflows.cli import HELP, Job, carry_out, cluster_options, session
+from workflows.cli import HELP, Job, angles_option, carry_out, cluster_options, session
 from workflows.last_barrier import barrier_job, ray_angles, tips_option, unfolded
 
 
@@ -62,13 +62,7 @@ def _parse_omegas(context, parameter, value):
     callback=_parse_omegas,
     help="Rotation number, 2gamma+1 or [1;4,(1)]; may be repeated.  [default: the paper's six]",
 )
-@click.option(
-    "--angles",
-    default=361,
-    show_default=True,
-    type=click.IntRange(2, 10**6),
-    help="Rays, from 0 to 180 degrees.",
-)
+@angles_option(361)
 @tips_option
 @click.option(
     "--tol",

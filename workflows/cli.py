@@ -57,6 +57,17 @@ def integers_option(name, default, largest, help):
     )
 
 
+def angles_option(default):
+    """--angles, the number of rays."""
+    return click.option(
+        "--angles",
+        default=default,
+        show_default=True,
+        type=click.IntRange(2, 10**6),
+        help="Rays, from 0 to 180 degrees.",
+    )
+
+
 def cluster_options(function):
     """--out, passed on as `out`; --scheduler, --workers and --tls, as the dict `cluster`."""
 

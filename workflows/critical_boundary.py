@@ -9,7 +9,7 @@ between a certified circle and converse KAM, with the circle that is the last to
 import click
 
 from workflows.circle_boundaries import continuation_job, write_table
-from workflows.cli import HELP, carry_out, cluster_options, session
+from workflows.cli import HELP, angles_option, carry_out, cluster_options, session
 from workflows.escape_plane import escape_plane, plane_options, planned
 from workflows.last_barrier import barrier_job, ray_angles, tips_option, unfolded
 
@@ -51,13 +51,7 @@ def boundary_table(dataset, angles, steps):
 
 @click.command(context_settings=HELP)
 @plane_options("-1.1:1.1:512", "0:1.1:256", n_max=100_000, n_orbits=64, tile=8, levels=4)
-@click.option(
-    "--angles",
-    default=181,
-    show_default=True,
-    type=click.IntRange(2, 10**5),
-    help="Rays, from 0 to 180 degrees.",
-)
+@angles_option(181)
 @tips_option
 @click.option(
     "--tol",

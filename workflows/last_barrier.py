@@ -7,7 +7,7 @@ the wedge 0 ≤ κ2 ≤ κ1 before they are computed.
 
 import click
 
-from workflows.cli import HELP, Job, carry_out, cluster_options, session
+from workflows.cli import HELP, Job, angles_option, carry_out, cluster_options, session
 
 
 def barrier_job(angles, tol):
@@ -88,13 +88,7 @@ tips_option = click.option(
 
 
 @click.command(context_settings=HELP)
-@click.option(
-    "--angles",
-    default=181,
-    show_default=True,
-    type=click.IntRange(2, 10**6),
-    help="Rays, from 0 to 180 degrees.",
-)
+@angles_option(181)
 @tips_option
 @click.option(
     "--tol",

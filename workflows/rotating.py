@@ -11,7 +11,7 @@ from fractions import Fraction
 import click
 
 from workflows.circle_boundaries import residue_job
-from workflows.cli import HELP, Job, carry_out, cluster_options, session
+from workflows.cli import HELP, Job, angles_option, carry_out, cluster_options, session
 
 # The paper's vector of 1705/3136 is the first. 1/τ = 0.543689… and 1/τ + 1/τ² = 0.839286…, τ the
 # tribonacci constant, have the convergents of the other two; 2631 may be a misprint of 2632.
@@ -99,13 +99,7 @@ def _fractions(count):
     type=click.FloatRange(0, 1, max_open=True),
     help="Phase φ0 of the forcing, in turns, for transport.",
 )
-@click.option(
-    "--angles",
-    default=181,
-    show_default=True,
-    type=click.IntRange(2, 10**6),
-    help="Rays, from 0 to 180 degrees.",
-)
+@angles_option(181)
 @click.option(
     "--n-max",
     default=20_000,
