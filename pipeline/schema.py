@@ -79,10 +79,7 @@ def escape_cube(name, kappa1, kappa2, sizes, n_max, window, tile):
         "kappa1": _coordinate("kappa1", kappa1.centres, "strength of the first kick", "1"),
     }
     attrs = {
-        "long_name": "first step at which an orbit of the ensemble is outside the window",
-        "units": "1",
-        "comment": "steps of two kicks; NaN: not computed; inf: no escape up to n_max. "
-        "escape_time <= N is global transport within N steps, for every N <= n_max.",
+        **_ESCAPE_TIME,
         "source": "arXiv:1606.04824, Eq. (mapaut), Proposition 1 and Sec. V.B",
     }
     dims = tuple(coords)
@@ -117,6 +114,35 @@ def breakdown_cube(name, omegas, angles, statuses, tile, settings):
     }
     settings = {"omegas": list(omegas), **settings}
     return _ray_cube(name, {"omega": omega}, angles, _KICKS, statuses, tile, settings, attrs)
+
+
+def escape_rays_cube(name, sizes, scales, excesses, n_max, window, tile):
+    """The cube of first escape times along rays, near and beyond a breakup that is known.
+
+    Parameters
+    ----------
+    scales : {angle in degrees: scale of the breakup s_c on the ray}.
+    excesses : increasing floats x; the forcing is s_c·(1 + x)·(cos, sin).
+    name, sizes, n_max, window : as for `escape_cube`. tile : int, excesses per tile.
+    """
+    coords = {
+        "ensemble": _coordinate("ensemble", sizes, "number of orbits in the ensemble", "1"),
+        "angle": _coordinate("angle", list(scales), "direction of the ray in the plane", "degree"),
+        "excess": _coordinate("excess", excesses, "scale in parts of the breakup's, less 1", "1"),
+    }
+    attrs = {**_ESCAPE_TIME, "source": "arXiv:1606.04824, Sec. V.B and Fig. 7"}
+    escape_time = dask.array.full(tuple(c.size for c in coords.values()), np.nan, chunks=-1)
+    template = xr.Dataset(
+        {"escape_time": (tuple(coords), escape_time, attrs)},
+        coords,
+        {"title": "First escape times beyond the last barrier"},
+    )
+    settings = {
+        "n_max": int(n_max),
+        "window": [float(w) for w in window],
+        "critical_scales": {str(float(angle)): scale for angle, scale in scales.items()},
+    }
+    return Cube(name, template, {"angle": 1, "excess": tile}, settings)
 
 
 def barrier_cube(name, angles, statuses, tile, settings):
@@ -163,6 +189,12 @@ def rotating_cube(name, frequencies, angles, statuses, tile, settings):
     return _ray_cube(name, rows, angles, plane, statuses, tile, settings, attrs)
 
 
+_ESCAPE_TIME = {
+    "long_name": "first step at which an orbit of the ensemble is outside the window",
+    "units": "1",
+    "comment": "steps of two kicks; NaN: not computed; inf: no escape up to n_max. "
+    "escape_time <= N is global transport within N steps, for every N <= n_max.",
+}
 _KICKS = {"kappa1": "strength of the first kick", "kappa2": "strength of the second kick"}
 
 

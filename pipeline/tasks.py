@@ -46,6 +46,26 @@ def escape_cost(coords, settings):
     return _SECONDS_PER_STEP * n_orbits * steps * cells
 
 
+def escape_rays_tile(coords, settings):
+    """First escape times along rays: (ensemble, angle, excess).
+
+    settings : `n_max`, `window`, and `critical_scales`, {angle: scale of the breakup}.
+    """
+    sizes = coords["ensemble"]
+    x, y = escape.ensemble(int(sizes[-1]))
+    scales = np.array([settings["critical_scales"][str(a)] for a in coords["angle"].tolist()])
+    profiles = scales[:, None] * _profiles(coords["angle"])
+    kappas = profiles[:, None, :] * (1 + coords["excess"][:, None])
+    times = escape.first_escape(kappas, x, y, sizes, settings["n_max"], settings["window"])
+    return {"escape_time": times}
+
+
+def escape_rays_cost(coords, settings):
+    """Predicted CPU seconds of `escape_rays_tile`: the bias falls like N^(-1/3)."""
+    steps = np.minimum(settings["n_max"], 100 * (0.3 / coords["excess"]) ** 3)
+    return _SECONDS_PER_STEP * int(coords["ensemble"][-1]) * steps.sum() * coords["angle"].size
+
+
 def residue_tile(coords, settings):
     """Critical scales by Greene's residue, of the circles `omega` on the rays `angle`.
 
@@ -150,6 +170,11 @@ def transport_cost(coords, settings):
     """Predicted CPU seconds of `transport_tile`: ten runs of the whole ensemble a ray."""
     rays = coords["frequency"].size * coords["angle"].size
     return 10 * _SECONDS_PER_STEP * settings["n_orbits"] * settings["n_max"] * rays
+
+
+def profile(angle):
+    """The unit vector of a ray at an angle in degrees."""
+    return _profiles(np.array([angle]))[0]
 
 
 def _profiles(angles):

@@ -1,0 +1,62 @@
+"""The convergence study: its fits on made-up data, and a small run of it."""
+
+import numpy as np
+import pytest
+import xarray as xr
+from click.testing import CliRunner
+
+from nasm import escape
+from pipeline import tasks
+from workflows import convergence
+
+
+def test_the_exponent_of_a_power_law_is_found_with_its_error():
+    n = np.geomspace(100, 1e6, 30)
+    eta, deviation = convergence.exponent(n, 3 * n ** (-1 / 3.012))
+    assert eta == pytest.approx(3.012, abs=1e-12)
+    assert deviation < 1e-9
+    noise = np.exp(0.1 * np.random.default_rng(0).standard_normal(30))
+    eta, deviation = convergence.exponent(n, 3 * n ** (-1 / 3.012) * noise)
+    assert 0.01 < deviation < 0.2
+    assert abs(eta - 3.012) < 3 * deviation
+
+
+def test_the_bias_is_where_transport_begins_for_good():
+    times = [[np.inf, 900, np.inf, 300, 120, 50]]  # one stray escaper inside the boundary
+    cube = xr.Dataset(
+        {"escape_time": (("ensemble", "excess"), times)},
+        {"ensemble": [10], "excess": [0.1, 0.2, 0.3, 0.4, 0.5, 0.6]},
+        {"n_max": 1000},
+    )
+    bias = convergence.direct_bias(cube).isel(ensemble=0)
+    assert float(bias.sel(n=1000)) == 0.4
+    assert float(bias.sel(n=100)) == 0.6
+    assert float(bias.sel(n=250, method="nearest")) == 0.5
+    everything = cube.assign(escape_time=cube.escape_time.fillna(0) * 0)
+    assert np.isnan(convergence.direct_bias(everything)).all()
+
+
+def test_a_small_run_keeps_its_cubes(tmp_path):
+    out = tmp_path / "out"
+    options = ["--out", str(out), "--quick", "--n-max", "2000", "--workers", "1"]
+    result = CliRunner().invoke(convergence.main, options)
+    assert result.exit_code == 0, result.output + repr(result.exception)
+    cube = xr.open_zarr(out / "cubes.zarr", group="escape_rays")
+    assert cube.escape_time.dims == ("ensemble", "angle", "excess")
+    breakup = cube.attrs["critical_scales"]["20.0"] * tasks.profile(20.0)
+    kappa = breakup * (1 + float(cube.excess[100]))
+    expected = escape.first_escape(kappa, *escape.ensemble(1000), [100, 1000], 2000)
+    assert cube.escape_time.sel(angle=20)[:, 100].values.tolist() == expected.tolist()
+    others = xr.open_zarr(out / "cubes.zarr", group="convergence").load()
+    for angle in convergence.ANGLES:
+        here = others.sel(angle=angle)
+        cones = here.cones_raw.dropna("steps")
+        slope = np.polyfit(np.log(cones.steps), np.log(cones), 1)[0]
+        assert slope == pytest.approx(-1, abs=0.05)
+        residue = here.residue.dropna("q")[5:]
+        slope = np.polyfit(np.log(residue.q), np.log(residue), 1)[0]
+        assert slope == pytest.approx(-2.04, abs=0.1)
+        circles = here.circles_raw.dropna("modes")
+        assert (circles * circles.modes < 40).all()
+        assert (circles * circles.modes > 4).all()
+    assert (out / "convergence.png").exists()

@@ -1,0 +1,156 @@
+"""How fast does each method converge, in its own measure of effort?
+
+The paper's Fig. 7 and its likes on other rays: the boundary {n* ≤ N} of direct iteration closes in
+on the breakup like N^(-1/η) (arXiv:1606.04824, Sec. V.B, with η = 2.681 and 3.322; renormalisation
+gives 3.012), in the number of steps N and in the number of orbits M. Beside it converse KAM in N,
+Greene's residue in the period q, and certified circles in the number n of grid points.
+"""
+
+import click
+
+from workflows.cli import HELP, Job, carry_out, cluster_options, session
+
+ANGLES = (0.0, 20.0, 40.0, 45.0)
+
+
+def breakups(angles):
+    """{angle: CriticalScale} of the last barrier, to judge the others by."""
+    from nasm import barriers
+    from pipeline.tasks import profile
+
+    return {angle: barriers.critical_scale(profile(angle), 1e-3) for angle in angles}
+
+
+def direct_job(scales, sizes, n_max):
+    """The cube `escape_rays`: excesses from 1% to 100%, sixty a decade."""
+    import numpy as np
+
+    from nasm.escape import PAPER_WINDOW
+    from pipeline import schema, tasks
+
+    excesses = np.geomspace(0.01, 1.0, 121)
+    cube = schema.escape_rays_cube(
+        "escape_rays", sizes, scales, excesses, n_max, PAPER_WINDOW, tile=1
+    )
+    return Job(cube, tasks.escape_rays_tile, tasks.escape_rays_cost)
+
+
+def direct_bias(cube):
+    """κ_N/κ_c - 1 for 33 N from 100 to n_max: the least excess from which on all escape within N."""
+    import numpy as np
+    import xarray as xr
+
+    n = np.unique(np.rint(np.geomspace(100, cube.attrs["n_max"], 33)).astype(int))
+    n = xr.DataArray(n, dims="n", coords={"n": n}, attrs={"long_name": "steps", "units": "1"})
+    escaped = (cube.escape_time <= n).isel(excess=slice(None, None, -1))
+    beyond = escaped.cumprod("excess").astype(bool)
+    bias = cube.excess.where(beyond).min("excess")
+    # Where even the least excess escapes, or the largest does not, the boundary is not on the grid.
+    known = beyond.any("excess") & ~beyond.all("excess")
+    bias = bias.where(known).rename("bias")
+    return bias.assign_attrs(long_name="boundary of n* <= N, in parts of the breakup, less 1")
+
+
+def exponent(n, bias):
+    """η and its standard error, of bias ~ n^(-1/η), by a straight line through the logarithms."""
+    import numpy as np
+
+    known = np.isfinite(bias)
+    (slope, _), covariance = np.polyfit(np.log(n[known]), np.log(bias[known]), 1, cov=True)
+    return -1 / slope, np.sqrt(covariance[0, 0]) / slope**2
+
+
+def other_methods(breakups, quick):
+    """Errors of the other methods: a Dataset with dims (angle, n, q or modes)."""
+    import numpy as np
+    import xarray as xr
+
+    from nasm import circles, cones, periodic
+    from pipeline.tasks import profile
+
+    steps = 10 ** np.arange(2, 5 if quick else 6)
+    modes = 2 ** np.arange(7, 11 if quick else 14)
+    rows = []
+    for angle, best in breakups.items():
+        found = [cones.critical_scale(profile(angle), int(n)) for n in steps]
+        raw = [scale.upper / best.value - 1 for scale in found]
+        corrected = [abs(scale.value / best.value - 1) for scale in found]
+        q, scales = periodic.crossings(best.omega, profile(angle), 2000 if quick else 20_000)
+        last = [_last_certified(circles, best, profile(angle), int(n)) / best.value for n in modes]
+        row = xr.Dataset(
+            {
+                "cones_raw": ("steps", raw),
+                "cones_corrected": ("steps", corrected),
+                "residue": ("q", np.abs(scales / best.value - 1)),
+                "circles_raw": ("modes", 1 - np.array(last)),
+            },
+            {"steps": steps, "q": q.astype(int), "modes": modes},
+        )
+        rows.append(row)
+    dataset = xr.concat(
+        rows, xr.DataArray(list(breakups), dims="angle", name="angle"), join="outer"
+    )
+    for variable in dataset.variables.values():
+        variable.attrs = {"units": "1", "long_name": "error in parts of the breakup"}
+    for name, words in (("steps", "steps N"), ("q", "period"), ("modes", "grid points n")):
+        dataset[name].attrs = {"units": "1", "long_name": words}
+    dataset.angle.attrs = {"units": "degree", "long_name": "direction of the ray in the plane"}
+    return dataset.assign_attrs(title="Convergence of converse KAM, residues and circles")
+
+
+def _last_certified(circles, best, profile, n):
+    """The largest scale below the breakup, to 1% of its distance, with a certified circle."""
+    inside, outside = 0.5, 1.0
+    while outside - inside > 0.01 * (1 - inside):
+        middle = (inside + outside) / 2
+        circle = circles.invariant_circle(best.omega, middle * best.value * profile, n_max=n)
+        inside, outside = (middle, outside) if circle.certified else (inside, middle)
+    return inside * best.value
+
+
+@click.command(context_settings=HELP)
+@click.option(
+    "--n-max",
+    default=1_000_000,
+    show_default=True,
+    type=click.IntRange(1000, 10**9),
+    help="Steps of direct iteration.",
+)
+@click.option(
+    "--quick",
+    is_flag=True,
+    help="A preview: 10 000 steps, and short runs of the other methods.",
+)
+@cluster_options
+def main(out, cluster, n_max, quick):
+    """Convergence studies: two cubes, a table and a figure in OUT.
+
+    About six minutes on two cores; ten times the steps take ten times as long.
+    """
+    n_max = min(n_max, 10_000) if quick else n_max
+    best = breakups(ANGLES)
+    scales = {angle: float(scale.value) for angle, scale in best.items()}
+    job = direct_job(scales, [100, 1000], n_max)
+    with session(out, cluster, ["escape"], [job.cube]) as client:
+        bias = direct_bias(carry_out(client, out, job).load())
+        from pipeline import store
+        from pipeline.schema import Cube
+        from workflows.figures import draw_convergence, save
+
+        others = other_methods(best, quick)
+        store.replace(out, Cube("convergence", others, {}, {"quick": quick}))
+        fits = {
+            angle: exponent(bias.n.values, bias.sel(angle=angle).isel(ensemble=-1).values)
+            for angle in ANGLES
+        }
+        bias.to_dataframe().to_csv(f"{out}/convergence_direct.csv", float_format="%.6g")
+        figures = save(draw_convergence(bias, others, fits), out, "convergence")
+    for angle, (eta, deviation) in fits.items():
+        click.echo(f"direct iteration at {angle:g}°: eta = {eta:.2f} ± {deviation:.2f}")
+    click.echo(f"cubes:  {out}/cubes.zarr, groups escape_rays and convergence")
+    click.echo(f"table:  {out}/convergence_direct.csv")
+    click.echo(f"figure: {', '.join(figures)}")
+
+
+if __name__ == "__main__":
+    main()
