@@ -32,7 +32,7 @@ def test_the_bias_is_where_transport_begins_for_good():
     assert float(bias.sel(n=1000)) == 0.4
     assert float(bias.sel(n=100)) == 0.6
     assert float(bias.sel(n=250, method="nearest")) == 0.5
-    everything = cube.assign(escape_time=cube.escape_time.fillna(0) * 0)
+    everything = cube.assign(escape_time=xr.zeros_like(cube.escape_time))
     assert np.isnan(convergence.direct_bias(everything)).all()
 
 

@@ -36,7 +36,7 @@ def direct_job(scales, sizes, n_max):
 
 
 def direct_bias(cube):
-    """κ_N/κ_c - 1 for 33 N from 100 to n_max: the least excess from which on all escape within N."""
+    """κ_N/κ_c - 1 for 33 N up to n_max: the least excess from which on all escape within N."""
     import numpy as np
     import xarray as xr
 
