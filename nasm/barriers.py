@@ -177,7 +177,7 @@ def verdict(kappa):
                 circle = x, y - float(zero) / short.size  # as `alternate` moves it
                 break
     else:
-        if boundary.lower >= 1:
+        if boundary.lower >= 1 and not cones.eliminates(short, _LOCATE):
             answer, evidence = Answer.BARRIER, Evidence.CIRCLE_BEYOND
     if boundary.omega is not None:
         boundary = replace(boundary, omega=_per_period(boundary.omega, kappa, short, zero))
@@ -201,7 +201,7 @@ def _circle_under(kappa, boundary):
 
     None too if converse KAM contradicts it.
     """
-    if np.isfinite(cones.longest_lived(kappa, _LOCATE)[1]):
+    if cones.eliminates(kappa, _LOCATE):
         return None
     omega, distance = boundary.omega, 1 - 1 / boundary.value
     if _NEAREST <= distance < _TOLERANCES[0]:
