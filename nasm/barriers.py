@@ -41,7 +41,7 @@ _ROUNDS = 4
 _TOLERANCES = (1e-3, 1e-4, 2e-5)  # of the boundary next to a point: 0.1 s, 0.4 s and 2 to 3 s
 _MOST_STEPS = 400_000  # of converse KAM at a point, a second or two: to 4e-6 above the boundary
 _MOST_POINTS = 2**15  # of a circle that is further than the first tolerance from its breakup
-_NEAREST = 1e-5  # below the boundary: where rounding ends the certificate
+_NEAREST = 1.5e-5  # below the boundary: nearer, certificates fail, and take 5 s to do so
 
 
 class Answer(Enum):
@@ -147,7 +147,7 @@ def verdict(kappa):
 
     Returns
     -------
-    Verdict. UNDECIDED closer to the boundary than some 10⁻⁵ below and 4·10⁻⁶ above, in parts of
+    Verdict. UNDECIDED closer to the boundary than some 1.5·10⁻⁵ below and 4·10⁻⁶ above, in parts of
     kappa, or where the methods fail or contradict each other; its boundary then holds the bracket.
 
     ValueError if kappa is not finite, too large, or has no dominant symmetry line.
