@@ -113,6 +113,20 @@ def critical_scale(omega, profile, tol=1e-6):
 def certified_scale(omega, profile, breakup, distance):
     """A scale at which the circle of ω is certified, near a breakup that is known.
 
+    Parameters
+    ----------
+    omega, profile, breakup, distance : as for `certified_circle`.
+
+    Returns
+    -------
+    scale : float, breakup·(1 - distance) or below; NaN if no circle is certified.
+    """
+    return certified_circle(omega, profile, breakup, distance)[0]
+
+
+def certified_circle(omega, profile, breakup, distance):
+    """A circle of ω that is certified, near a breakup that is known.
+
     1. Circles are found at the distances 1/2, 0.15, 0.045, … of the breakup, in parts of it, with
        6 modes or more per distance, as the finest structures there ask for.
     2. The one at `distance` is certified on a finer grid; else one a bit, or a step, further in.
@@ -129,6 +143,7 @@ def certified_scale(omega, profile, breakup, distance):
     scale : float, breakup·(1 - distance) or below; NaN if no circle is certified. The work grows
     like 1/distance: 0.2 s at 10⁻⁴, 2 s and 400 MB at 10⁻⁵. There rounding sets a limit: next to a
     cusp 3·10⁻⁵ may be the nearest.
+    u : ndarray (P, n), its deviations; None if no circle is certified.
     """
     profile = forcing(profile)
     if not 1e-6 <= distance <= 0.5:
@@ -144,11 +159,11 @@ def certified_scale(omega, profile, breakup, distance):
     for d, modes in ((distance, 0.7), (distance, 1.0), (min(1.4 * distance, 0.5), 0.7)):
         u = _circle_near(omega, profile, path, breakup * (1 - d), modes * _MODES / d)
         if u is not None and circles.polished_is_circle(omega, breakup * (1 - d) * profile, u):
-            return breakup * (1 - d)
+            return breakup * (1 - d), u
     for scale, u in reversed(path[1:]):
         if circles.polished_is_circle(omega, scale * profile, u):
-            return scale
-    return nan
+            return scale, u
+    return nan, None
 
 
 def _circle_near(omega, profile, path, scale, n_modes):

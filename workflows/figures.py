@@ -325,3 +325,42 @@ def draw_secondary_points(secondary):
     axes.set_title("Secondary period-one orbits next to $(1/2, 0)$")
     axes.legend(loc="lower left")
     return figure
+
+
+def draw_verdict(portrait):
+    """A phase portrait with the circle that is a barrier, or with an orbit that escapes."""
+    escapes = "escaping_y" in portrait
+    figure, panels = plt.subplots(
+        1, 1 + escapes, figsize=(6 + 6 * escapes, 6.2), layout="constrained", squeeze=False
+    )
+    axes = panels[0, 0]
+    axes.plot(portrait.x.values.ravel(), _cell(portrait.y.values.ravel()), **_dots("0.3", 0.9))
+    if "circle_x" in portrait:
+        stride = max(1, portrait.theta.size // 4096)
+        x, y = portrait.circle_x.values[::stride] % 1, _cell(portrait.circle_y.values[::stride])
+        order = np.argsort(x)
+        axes.plot(
+            x[order], y[order], color="#D55E00", lw=1.8, label=rf"$\omega = {portrait.omega}$"
+        )
+    if escapes:
+        time = np.arange(portrait.time.size)
+        x, y = portrait.escaping_x.values, portrait.escaping_y.values
+        axes.plot(x % 1, _cell(y), label="orbit that escapes", **_dots("#D55E00", 1.5))
+        panels[0, 1].plot(time, y, color="#D55E00", lw=0.3, marker=".", ms=2, rasterized=True)
+        panels[0, 1].set(xlabel="step $n$", ylabel="$y_n$ of the orbit that escapes", box_aspect=1)
+    axes.set(xlim=(0, 1), ylim=(-0.25, 0.75), xlabel="$x$ (turns)", ylabel="$y$ (mod 1)")
+    axes.set_aspect("equal")
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(loc="upper right", framealpha=0.95, markerscale=6)
+    kappa1, kappa2 = portrait.kappa
+    figure.suptitle(rf"$(\kappa_1, \kappa_2) = ({kappa1:.8g}, {kappa2:.8g})$: {portrait.answer}")
+    return figure
+
+
+def _dots(colour, size):
+    return {"ls": "", "marker": ".", "ms": size, "mew": 0, "color": colour, "rasterized": True}
+
+
+def _cell(y):
+    """y mod 1 in [-1/4, 3/4): the circles of 0 ≤ ω/P ≤ 1/2, up to their amplitude, are whole."""
+    return (y + 0.25) % 1 - 0.25

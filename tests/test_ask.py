@@ -1,0 +1,177 @@
+"""A verdict on one forcing: consistent with the boundary, symmetric, and never a guess."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from nasm import barriers, circles, cones, continuation, orbits, periodic
+from nasm.barriers import Answer, Evidence, verdict
+from nasm.critical import Status, no_answer
+from nasm.maps import MAX_STRENGTH
+from workflows import ask
+
+_RANDOM = np.random.default_rng(5)
+ANGLES = [-45.0, *_RANDOM.uniform(0, 360, 2)]
+
+
+def ray(angle):
+    """(cos, sin), exact on the diagonals and axes, where the map is shorter."""
+    return np.round([np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))], 12)
+
+
+@pytest.fixture(scope="module", params=ANGLES)
+def boundary(request):
+    profile = ray(request.param)
+    return profile, barriers.critical_scale(profile, 1e-4).value
+
+
+@pytest.mark.parametrize("distance", [1e-2, 1e-3, 1e-4])
+def test_verdicts_agree_with_the_boundary_on_both_sides(boundary, distance):
+    profile, value = boundary
+    inside = verdict(value * (1 - distance) * profile)
+    assert (inside.answer, inside.evidence) == (Answer.BARRIER, Evidence.CIRCLE)
+    assert inside.boundary.value == pytest.approx(1 / (1 - distance), abs=1e-8)
+    outside = verdict(value * (1 + distance) * profile)
+    assert (outside.answer, outside.evidence) == (Answer.TRANSPORT, Evidence.CONES)
+    assert outside.boundary.value == pytest.approx(1 / (1 + distance), abs=1e-8)
+    assert outside.boundary.omega == inside.boundary.omega
+
+
+def test_on_the_boundary_a_verdict_is_undecided_and_tells_the_bracket():
+    value = barriers.critical_scale((1.0, 1.0), 1e-3).value
+    found = verdict((value, value))
+    assert (found.answer, found.circle) == (Answer.UNDECIDED, None)
+    assert found.boundary.lower < 1 < found.boundary.upper < found.boundary.lower + 3e-5
+
+
+@pytest.mark.parametrize("point", [(0.4, 0.5), (0.526, 0.69), (0.97, 0.97), (0.69, 0.53)])
+def test_points_that_a_symmetry_joins_get_the_same_verdict(point):
+    kappa1, kappa2 = point
+    found = [
+        verdict(copy)
+        for copy in ((kappa1, kappa2), (kappa2, kappa1), (-kappa1, -kappa2), (kappa1, -kappa2))
+    ]
+    assert len({v.answer for v in found}) == 1
+    np.testing.assert_allclose([v.boundary.value for v in found], found[0].boundary.value, 1e-8)
+
+
+@pytest.mark.parametrize("kappa", [(0.3, 0.4), (0.6, 0.6), (0.6, -0.6), (-0.6, 0.6), (0.3,)])
+def test_the_circle_has_the_rotation_number_of_the_verdict(kappa):
+    found = verdict(kappa)
+    x, y = found.circle
+    omega = orbits.rotation_number(kappa, x[0], y[0], 10_000)[0] % len(kappa)
+    assert min(omega, len(kappa) - omega) == pytest.approx(float(found.boundary.omega), abs=1e-7)
+
+
+def test_no_kicks_leave_every_circle():
+    found = verdict((0.0, 0.0))
+    assert (found.answer, found.evidence) == (Answer.BARRIER, Evidence.INTEGRABLE)
+
+
+@pytest.mark.parametrize("kappa", [(2.0, 0.0), (0.1, -3.0), (MAX_STRENGTH, -MAX_STRENGTH)])
+def test_a_strength_of_two_leaves_no_circle(kappa):
+    found = verdict(kappa)
+    assert (found.answer, found.steps) == (Answer.TRANSPORT, 0.5)
+
+
+def test_next_to_a_cusp_the_points_themselves_still_decide():
+    inside, outside = verdict((0.9, 0.9000001)), verdict((1.0, 1.0000001))
+    assert np.isnan(inside.boundary.value)
+    assert (inside.answer, outside.answer) == (Answer.BARRIER, Answer.TRANSPORT)
+
+
+@pytest.fixture
+def briefly(monkeypatch):
+    """Only the first look at the boundary: a verdict that is not found takes 0.2 s, not 4."""
+    monkeypatch.setattr(barriers, "_TOLERANCES", (1e-3,))
+
+
+@pytest.mark.usefixtures("briefly")
+@pytest.mark.parametrize("kappa", [(0.3, 0.45), (0.526, 0.69)])
+def test_without_a_certified_circle_there_is_no_barrier(monkeypatch, kappa):
+    def failing(omega, kappa, *args):
+        u = np.zeros((2, 64))
+        return circles.InvariantCircle(omega, np.array(kappa), u, np.nan, Status.NOT_CERTIFIED)
+
+    monkeypatch.setattr(circles, "invariant_circle", failing)
+    monkeypatch.setattr(continuation, "certified_circle", lambda *_: (np.nan, None))
+    monkeypatch.setattr(continuation, "certified_scale", lambda *_: np.nan)
+    found = verdict(kappa)
+    assert (found.answer, found.evidence) == (Answer.UNDECIDED, Evidence.NONE)
+
+
+@pytest.mark.usefixtures("briefly")
+def test_a_circle_further_out_is_a_barrier_on_an_assumption(monkeypatch):
+    monkeypatch.setattr(continuation, "certified_circle", lambda *_: (np.nan, None))
+    monkeypatch.setattr(continuation, "certified_scale", lambda omega, profile, value, _: value)
+    assert verdict((0.526, 0.69)).evidence is Evidence.CIRCLE_BEYOND
+
+
+@pytest.mark.usefixtures("briefly")
+def test_starts_that_never_go_leave_no_verdict(monkeypatch):
+    monkeypatch.setattr(cones, "longest_lived", lambda kappa, n_max: (0.2, np.inf))
+    assert verdict((1.2, 0.9)).answer is Answer.UNDECIDED
+
+
+@pytest.mark.usefixtures("briefly")
+def test_converse_kam_against_a_certified_circle_is_no_verdict(monkeypatch):
+    monkeypatch.setattr(cones, "eliminates", lambda kappa, n_max: True)
+    assert verdict((0.3, 0.4)).boundary.lower > 1
+    assert verdict((0.3, 0.4)).answer is Answer.UNDECIDED
+
+
+def test_without_residues_only_the_point_itself_decides(monkeypatch):
+    monkeypatch.setattr(
+        periodic, "critical_scale", lambda omega, _: no_answer(omega, Status.DISORDERED)
+    )
+    assert verdict((0.3, 0.4)).answer is Answer.BARRIER
+    assert verdict((1.2, 0.9)).answer is Answer.TRANSPORT
+
+
+def run(*arguments):
+    return CliRunner().invoke(ask.main, [str(argument) for argument in arguments])
+
+
+@pytest.mark.parametrize(
+    ("point", "told"),
+    [
+        (("-0.69", "0.525"), ["TRANSPORT", "omega = [0;4,(1)]", "converse KAM eliminates"]),
+        (("0.526", "0.69"), ["BARRIER", "omega = [0;1,3,(1)]", "certified"]),
+        (("1.5", "-1.5"), ["TRANSPORT", "Direct iteration: the orbit from"]),
+        (("0", "0"), ["BARRIER", "without kicks"]),
+    ],
+)
+def test_the_answer_in_words_and_as_a_figure(tmp_path, point, told):
+    result = run(*point, "--out", tmp_path / "out")
+    assert result.exit_code == 0, result.output + repr(result.exception)
+    for words in told:
+        assert words in result.output
+    name = "ask_{}_{}".format(*map(float, point))
+    for kind in ("png", "pdf"):
+        assert (tmp_path / f"out/{name}.{kind}").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["nan", "1"], "not finite or too large"),
+        (["1", "-inf"], "not finite or too large"),
+        (["1e7", "1"], "not finite or too large"),
+        (["0.5", "0,5"], "'0,5' is not a valid float"),
+        (["0.5"], "Missing argument 'KAPPA2'"),
+        (["0.5", "0.5", "--uot", "x"], "unexpected extra argument"),
+    ],
+)
+def test_bad_strengths_are_refused(tmp_path, arguments, told):
+    result = run(*arguments, "--out", tmp_path / "out")
+    assert result.exit_code == 2
+    assert told in result.output
+    assert not (tmp_path / "out").exists()
+
+
+def test_help_imports_nothing_heavy():
+    code = "import sys, workflows.ask; assert not {'numba', 'matplotlib'} & sys.modules.keys()"
+    subprocess.run([sys.executable, "-c", code], check=True)

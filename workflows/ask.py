@@ -1,0 +1,153 @@
+"""Is transport global under this one forcing, or does a barrier stop it?
+
+The verdict of `nasm.barriers` in plain sentences, and a phase portrait with what decides: the
+circle, or an orbit that escapes. One forcing, no sweep.
+"""
+
+import time
+
+import click
+
+from workflows.cli import HELP, driver
+
+_STARTS, _STEPS = 64, 10**6  # of direct iteration, 0.1 s; it only illustrates
+
+
+def escaping_orbit(kappa):
+    """x, y of an orbit up to its escape from the paper's window; None if none was found.
+
+    The starts that escape first in one arithmetic are followed in another: chaos lets few of them
+    do so at the same step, but most do.
+    """
+    import numpy as np
+
+    from nasm import escape, orbits
+
+    x, y = escape.ensemble(_STARTS)
+    times = escape.escape_time(kappa, x, y, _STEPS)
+    lo, hi = escape.PAPER_WINDOW
+    for start in np.argsort(times, kind="stable")[:4]:
+        if np.isfinite(times[start]):
+            orbit = orbits.orbit(kappa, x[start], y[start], min(4 * int(times[start]), _STEPS))
+            outside = (orbit[1] < lo) | (orbit[1] > hi)
+            if outside.any():
+                return tuple(values[: outside.argmax() + 1] for values in orbit)
+    return None
+
+
+def portrait_dataset(kappa, verdict, escaping):
+    """The portrait, and the circle or the escaping orbit if there is one, to be drawn."""
+    import xarray as xr
+
+    from nasm import orbits
+
+    x, y = orbits.portrait(kappa, 80, 600)
+    dataset = xr.Dataset({"x": (("step", "orbit"), x), "y": (("step", "orbit"), y)})
+    dataset.attrs = {"kappa": list(kappa), "answer": verdict.answer.value}
+    if verdict.circle is not None:
+        dataset.attrs["omega"] = str(verdict.boundary.omega)
+        dataset = dataset.assign(circle_x=("theta", verdict.circle[0]))
+        dataset = dataset.assign(circle_y=("theta", verdict.circle[1]))
+    if escaping is not None:
+        dataset = dataset.assign(escaping_x=("time", escaping[0]), escaping_y=("time", escaping[1]))
+    return dataset
+
+
+def sentences(kappa, verdict, escaping):
+    """The verdict in words, a list of lines."""
+    from nasm.barriers import Answer, Evidence
+
+    boundary, omega = verdict.boundary, verdict.boundary.omega
+    point = f"({kappa[0]}, {kappa[1]})"
+    meaning = {
+        Answer.BARRIER: "a rotational invariant circle is left; no orbit gets past it",
+        Answer.TRANSPORT: "no rotational invariant circle is left; transport in y is global",
+        Answer.UNDECIDED: "neither a barrier nor transport could be shown",
+    }
+    lines = [f"{verdict.answer.name} at (kappa1, kappa2) = {point}: {meaning[verdict.answer]}."]
+    if omega is not None:
+        which = {
+            Answer.BARRIER: "The circle of",
+            Answer.TRANSPORT: "The last circle to break on the ray was that of",
+            Answer.UNDECIDED: "The last circle to break on the ray is that of",
+        }
+        lines.append(
+            f"{which[verdict.answer]} omega = {omega} = {float(omega):.12g} per step (likewise all "
+            "±omega + 2n)."
+        )
+    lines.append(f"Evidence: {verdict.evidence.value}.")
+    if verdict.evidence is Evidence.CONES:
+        lines.append(f"The longest-lived start is eliminated after {verdict.steps:g} steps.")
+    if verdict.evidence is not Evidence.INTEGRABLE:
+        lines += _distance(boundary)
+    if escaping is not None:
+        x, y = escaping[0][0], escaping[1][0]
+        lines.append(
+            f"Direct iteration: the orbit from (x, y) = ({x:.6g}, {y:.6g}) arrives at "
+            f"y = {escaping[1][-1]:.3g} after {escaping[0].size - 1} steps."
+        )
+    elif verdict.answer is Answer.TRANSPORT:
+        lines.append(
+            f"Direct iteration: no escape seen of {_STARTS} orbits in {_STEPS} steps; that shows "
+            "nothing."
+        )
+    return lines
+
+
+def _distance(boundary):
+    """Where the last circle breaks on the ray, in multiples of the strengths asked about."""
+    from math import isfinite
+
+    lines = []
+    if isfinite(boundary.value):
+        lines.append(
+            f"It breaks at {boundary.value:.12g} times these strengths, ±{boundary.error:.1g}, by "
+            "Greene's residue (a criterion, not a proof)."
+        )
+    else:
+        lines.append(f"Where the last one breaks on the ray is not known: {boundary.status.value}.")
+    if isfinite(boundary.lower):
+        lines.append(f"A circle is certified at {boundary.lower:.9g} times these strengths.")
+    if isfinite(boundary.upper):
+        lines.append(
+            f"At {boundary.upper:.9g} times these strengths converse KAM finds no circle at all."
+        )
+    return lines
+
+
+@click.command(context_settings={**HELP, "ignore_unknown_options": True})
+@click.argument("kappa1", type=float)
+@click.argument("kappa2", type=float)
+@click.option("--out", default="out", show_default=True, help="Directory of the figure.")
+def main(kappa1, kappa2, out):
+    """Transport or barrier under kicks of strengths KAPPA1, KAPPA2 in turn? With a portrait in OUT.
+
+    Strengths are dimensionless, -1e6 to 1e6, and may be negative: -0.69 0.525. The answer may be
+    UNDECIDED, within a few parts in 10^5 of the boundary; the exit code is 0 for all three.
+    """
+    from nasm.maps import forcing
+
+    kappa = (kappa1, kappa2)
+    try:
+        forcing(kappa)
+    except ValueError as error:
+        raise click.UsageError(str(error)) from None
+    with driver(out):
+        from nasm import barriers
+        from workflows.figures import draw_verdict, save
+
+        began = time.perf_counter()
+        verdict = barriers.verdict(kappa)
+        transport = verdict.answer is barriers.Answer.TRANSPORT
+        escaping = escaping_orbit(kappa) if transport else None
+        spent = time.perf_counter() - began
+        for line in sentences(kappa, verdict, escaping):
+            click.echo(line)
+        figure = draw_verdict(portrait_dataset(kappa, verdict, escaping))
+        figures = save(figure, out, f"ask_{kappa1}_{kappa2}")
+    click.echo(f"time:    {spent:.1f} s, with the compilation of the kernels")
+    click.echo(f"figures: {', '.join(figures)}")
+
+
+if __name__ == "__main__":
+    main()
