@@ -102,47 +102,35 @@ def test_the_list_of_nobles_is_complete():
     assert set(listed) <= inside
 
 
-def assert_no_noble_breaks_later(angle, omegas, q_max):
+def assert_the_best_noble_is_the_barrier(angle, omegas, q_max):
     found = critical_scale(ray(angle), 1e-3)
     assert is_shown(found)
-    last = mirror_images(found.omega, 2)
-    beaten = 0
-    for omega in omegas:
-        other = periodic.critical_scale(omega, ray(angle), q_max)
-        if other.status is not Status.OK:
-            continue
-        if omega in last:
-            assert abs(other.value - found.value) <= other.error + found.error
-        else:
-            assert other.value - other.error < found.value
-            beaten += 1
-    return found, beaten
+    scales = [periodic.critical_scale(omega, ray(angle), q_max) for omega in omegas]
+    known = [scale for scale in scales if scale.status is Status.OK]
+    assert len(known) > 0.9 * len(omegas)
+    best = max(known, key=lambda scale: scale.value)
+    assert best.omega in mirror_images(found.omega, 2)
+    assert best.value == pytest.approx(found.value, rel=1e-6)
 
 
-@pytest.mark.parametrize("angle", [13.7, 31.9, 40.6])
-def test_no_noble_breaks_later(angle):
-    omegas = nobles(20)
-    found, beaten = assert_no_noble_breaks_later(angle, omegas, 200)
-    assert mirror_images(found.omega, 2) & set(omegas)
-    assert beaten > 0.9 * len(omegas)
+@pytest.mark.parametrize("angle", [13.7, 40.6])
+def test_of_all_short_nobles_the_last_one_is_the_barrier(angle):
+    assert_the_best_noble_is_the_barrier(angle, nobles(20), 400)
 
 
 @pytest.mark.slow
-def test_no_noble_of_a_thousand_breaks_later():
-    omegas = nobles(60)
+def test_of_a_thousand_nobles_the_last_one_is_the_barrier():
     for angle in np.random.default_rng(16).uniform(0, 44, 8):
-        found, beaten = assert_no_noble_breaks_later(angle, omegas, 600)
-        assert mirror_images(found.omega, 2) & set(omegas)
-        assert beaten > 0.9 * len(omegas)
+        assert_the_best_noble_is_the_barrier(angle, nobles(60), 800)
 
 
 def test_the_paper_s_six_circles_break_no_later():
     by_a_paper_s, by_another = 0, 0
-    for angle in np.random.default_rng(6).uniform(0, 180, 12):
+    for angle in np.random.default_rng(6).uniform(0, 180, 8):
         found = critical_scale(ray(angle), 1e-3)
         assert is_shown(found)
         last = mirror_images(found.omega, 2)
-        scales = [periodic.critical_scale(parse(name), ray(angle), 1500) for name in NAMES]
+        scales = [periodic.critical_scale(parse(name), ray(angle), 1000) for name in NAMES]
         known = [scale for scale in scales if scale.status is Status.OK]
         assert len(known) >= 4
         for scale in known:
@@ -161,7 +149,7 @@ def test_the_paper_s_six_circles_break_no_later():
 
 # The bracket
 
-ANGLES = [0, 8, 24.3, 30, 36.1, 41.2, 43.9, 62.5, 81, 104, 127.7, 166]
+ANGLES = [0, 36.1, 43.9, 62.5, 104, 127.7]
 
 
 @pytest.mark.parametrize("tol", [1e-3, 1e-4])
@@ -181,9 +169,9 @@ def test_the_bracket_is_as_narrow_as_asked_for_and_contains_the_breakup(angle, t
         assert 43 < angle < 47
 
 
-@pytest.mark.parametrize("angle", [24.3, 127.7])
+@pytest.mark.parametrize("angle", [24.3])
 def test_with_tol_the_bracket_closes_in_on_one_value(angle):
-    rough, *finer = [critical_scale(ray(angle), tol) for tol in (1e-1, 1e-2, 1e-3, 1e-4, 2e-5)]
+    rough, *finer = [critical_scale(ray(angle), tol) for tol in (1e-1, 1e-3, 1e-4, 2e-5)]
     for found in finer:
         assert is_shown(found)
         assert rough.lower < found.lower
@@ -212,7 +200,7 @@ def test_at_lower_is_a_circle_and_at_upper_no_start_survives():
     assert np.isinf(cones.elimination_time(found.lower * ray(30), y, 10_000)).any()
 
 
-@pytest.mark.parametrize("angle", [0, 30, 43, 112])
+@pytest.mark.parametrize("angle", [0, 43, 112])
 def test_a_million_steps_cross_no_barrier_at_lower_and_escape_beyond_upper(angle):
     found = critical_scale(ray(angle), 1e-3)
     kappas = np.outer([found.lower, 1.1 * found.upper], ray(angle))
@@ -236,7 +224,7 @@ def test_longer_periods_agree_with_cones_and_norms(profile):
 # Symmetries
 
 
-@pytest.mark.parametrize("wedge_angle", [11.3, 29.4, 38.8])
+@pytest.mark.parametrize("wedge_angle", [11.3, 38.8])
 def test_the_eight_rays_of_the_square_have_one_barrier(wedge_angle):
     expected = critical_scale(ray(wedge_angle), 1e-3)
     last = mirror_images(expected.omega, 2)
@@ -263,8 +251,8 @@ def test_a_forcing_repeated_has_its_barrier_at_twice_the_omega(angle):
 
 
 def misled(monkeypatch, candidates):
-    """Let step 2 of round n find candidates[n], and what it does find after that; or the last for
-    ever. Returns the list of the rounds' forcings."""
+    """Let step 2 find these candidates, round by round, and after them what it does find. Returns
+    the list of the rounds' forcings."""
     rounds, real = [], barriers._candidates
 
     def other(kappa, y):
@@ -277,8 +265,8 @@ def misled(monkeypatch, candidates):
     return rounds
 
 
-@pytest.mark.parametrize("angle", [30, 36.1, 40])
-@pytest.mark.parametrize("wrong", [["gamma"], ["[0;2,3,(1)]", "gamma+1"], ["[0;1,5,(1)]"]])
+@pytest.mark.parametrize("angle", [30, 36.1])
+@pytest.mark.parametrize("wrong", [["gamma"], ["[0;2,3,(1)]", "gamma+1"], ["[0;1,5,(1)]"], []])
 def test_a_wrong_candidate_is_caught_and_the_right_one_found(angle, wrong, monkeypatch):
     expected = critical_scale(ray(angle), 1e-3)
     assert not {parse(name) for name in wrong} & mirror_images(expected.omega, 2)
@@ -288,11 +276,14 @@ def test_a_wrong_candidate_is_caught_and_the_right_one_found(angle, wrong, monke
     assert found == expected
 
 
-@pytest.mark.parametrize("wrong", [["gamma"], ["2gamma", "[0;1,3,(1)]"], ["3/5"], []])
-def test_wrong_candidates_alone_give_no_value_but_a_true_bound(wrong, monkeypatch):
+@pytest.mark.parametrize(
+    ("wrong", "tol"), [(["2gamma", "[0;5,(1)]"], 1e-1), (["[0;2,3,(1)]"], 1e-3), ([], 1e-3)]
+)
+def test_wrong_candidates_alone_give_no_value_but_a_true_bound(wrong, tol, monkeypatch):
     exact = critical_scale(ray(30), 1e-3).value
-    misled(monkeypatch, [wrong] * 10)
-    found = critical_scale(ray(30), 1e-3)
+    rounds = misled(monkeypatch, [wrong] * 10)
+    found = critical_scale(ray(30), tol)
+    assert len(rounds) > 1
     assert found.status is Status.UNDECIDED
     assert np.isnan([found.value, found.error, found.lower]).all()
     assert found.omega is None
@@ -331,26 +322,23 @@ def lie(monkeypatch, factor):
 # Where it fails
 
 
-@pytest.mark.parametrize("offset", [1, 0.1, 0.01, 1e-3, 1e-4, 1e-6])
+@pytest.mark.parametrize("offset", [0.1, 0.01, 1e-3])
 def test_near_the_cusp_the_answer_is_honest(offset):
     tip = KAPPA_G * 2**0.5
-    for angle in (45 - offset, 135 + offset):
-        found = [critical_scale(ray(angle), tol) for tol in (1e-2, 1e-3, 1e-4)]
-        assert all(scale.status in (Status.OK, Status.UNDECIDED) for scale in found)
-        # What is shown by one is not denied by another.
-        lowers = [scale.lower for scale in found if not np.isnan(scale.lower)]
-        uppers = [scale.upper for scale in found]
-        assert max(lowers, default=0) < min(uppers)
-        assert min(uppers) < tip * (1 + 1e-4)
-        for scale in found:
-            if scale.status is Status.UNDECIDED:
-                assert np.isnan([scale.value, scale.error]).all()
-                continue
+    found = [critical_scale(ray(45 - offset), tol) for tol in (1e-3, 1e-4)]
+    # What is shown by one is not denied by the other.
+    lower = max((scale.lower for scale in found if not np.isnan(scale.lower)), default=0)
+    upper = min(scale.upper for scale in found)
+    assert lower < upper < tip * (1 + 1e-4)
+    for scale in found:
+        if scale.status is Status.UNDECIDED:
+            assert np.isnan([scale.value, scale.error]).all()
+        else:
             assert is_shown(scale)
-            assert scale.value - scale.error < min(uppers)
-            assert scale.value + scale.error > max(lowers)
-        if offset >= 0.01:
-            assert {scale.status for scale in found} == {Status.OK}
+            assert lower < scale.value + scale.error
+            assert scale.value - scale.error < upper
+    if offset >= 0.01:
+        assert {scale.status for scale in found} == {Status.OK}
 
 
 GOOD = {"profile": (1, 0.5), "tol": 1e-3}
