@@ -10,7 +10,7 @@ angle another circle may be the last one. It is found and bracketed in four step
 3. Value. Greene's residue says where each candidate breaks; the last one is the barrier.
 4. Certify. Below the value an invariant circle of that ω, certified by Newton's method on a finer
    grid: `lower`. Above it, converse KAM on two unrelated grids finds no start that survives:
-   `upper`. A survivor is another barrier, and goes back to step 2.
+   `upper`. A survivor is on another barrier: back to step 1, four times as near to the breakup.
 
 Each step is another method, and checks the one before. If they do not agree in the end there is no
 value, but the bracket of those that do.
@@ -32,11 +32,11 @@ from nasm.numbers import convergents, moebius, nobles_near, rational
 from nasm.orbits import rotation_number
 from nasm.symmetries import shorten
 
-_LOCATE = 1000  # steps of converse KAM in step 1
-_BEYOND = 0.5 / _LOCATE  # where, past the breakup, the longest-lived start is asked for its ω
+_LOCATE = (1000, 4000, 16_000, 64_000)  # steps of converse KAM in step 1, round by round
+_BEYOND = 0.5  # over the steps: where, past the breakup, the longest-lived start is asked for its ω
 _NEAR = 2e-5  # of the measured rotation number; neighbours that robust are further apart
+_AVERAGED = 1000  # steps
 _CANDIDATES = 3
-_ROUNDS = 4
 
 _TOLERANCES = (1e-3, 1e-4, 2e-5)  # of the boundary next to a point: 0.1 s, 0.4 s and 2 to 3 s
 _MOST_STEPS = 400_000  # of converse KAM at a point, a second or two: to 4e-6 above the boundary
@@ -111,27 +111,26 @@ def critical_scale(profile, tol=1e-4):
     profile = forcing(profile)
     if not 1e-5 <= tol <= 0.1:
         raise ValueError(f"tol={tol!r} must be from 1e-5 to 0.1")
-    located = cones.critical_scale(profile, _LOCATE)
-    if located.status is not Status.OK:
-        return located
     # On κ1 = κ2 the barriers are noble for the standard map, not for two steps of it.
     (short,), zero = shorten([profile], rational(0))
     above = tol / 5  # and the rest below, where it costs more
     n_certify = int(1.6 / above)
-    survivor, _ = cones.longest_lived(located.value * (1 + _BEYOND) * short, 2 * _LOCATE)
-    best, found = None, located.value * (1 + _BEYOND)
-    for _ in range(_ROUNDS):
-        best = _most_robust(_candidates(found * short, survivor), short, best)
+    best = None
+    for steps in _LOCATE:
+        located = cones.critical_scale(profile, steps)
+        if located.status is not Status.OK:
+            return located
+        beyond = located.value * (1 + _BEYOND / steps) * short
+        longest_lived, _ = cones.longest_lived(beyond, 2 * steps)
+        best = _most_robust(_candidates(beyond, longest_lived), short, best)
         if best is None:
-            break
-        found = best.value * (1 + above)
-        survivor, time = cones.longest_lived(found * short, n_certify)
-        if np.isfinite(time):
+            continue
+        upper = best.value * (1 + above)
+        if cones.eliminates(upper * short, n_certify):
             lower = continuation.certified_scale(best.omega, short, best.value, tol - above)
             omega = _per_period(best.omega, profile, short, zero)
-            return CriticalScale(best.value, best.error, lower, found, omega, Status.OK)
-    upper = cones.critical_scale(profile, n_certify).upper
-    return CriticalScale(np.nan, np.nan, np.nan, upper, None, Status.UNDECIDED)
+            return CriticalScale(best.value, best.error, lower, upper, omega, Status.OK)
+    return CriticalScale(np.nan, np.nan, np.nan, located.upper, None, Status.UNDECIDED)
 
 
 def verdict(kappa):
@@ -221,7 +220,7 @@ def _circle_under(kappa, boundary):
 def _candidates(kappa, y):
     """Nobles near the rotation number of the orbit that starts in y on the dominant line."""
     site, a = periodic.dominant_centre(kappa)
-    omega, _ = rotation_number(np.roll(kappa, -site), a, y, _LOCATE)
+    omega, _ = rotation_number(np.roll(kappa, -site), a, y, _AVERAGED)
     return nobles_near(float(omega), _NEAR, _CANDIDATES) if np.isfinite(omega) else []
 
 

@@ -45,6 +45,7 @@ _FINER = 4  # the certificate's grid
 _STEPS = 12  # of Newton's method, which needs 3 to 8 where there is a circle
 _UPDATE = 1e-9  # converged: the last update of u was smaller
 _TAIL = 3e-3  # resolved: the last 15% of the modes hold less than this part of the H³ norm
+_ROUNDED = 1e-13  # of max |E_j|: less is rounding, and no step makes less of it
 _DIVISOR = 1e-5  # with smaller divisors, rounding errors of 1e-17 are larger than _UPDATE in u
 
 
@@ -158,7 +159,7 @@ def polished_is_circle(omega, kappa, u):
     """`certify` for what `polish` has made, on a grid with the modes up to the next resonance.
 
     There max |E_j| is below 10⁻⁸ still, and one Newton step brings it to a tenth or less, and below
-    10⁻¹⁰. Beyond the breakup it is 10⁻⁷ or more there, and does not shrink.
+    10⁻¹⁰, or it is rounding. Beyond the breakup it is 10⁻⁷ or more there, and does not shrink.
     """
     fine = fourier.resample(u, fourier.grid(omega, 1.5 * fourier.cut(omega, u.shape[-1])))
     workspace = _workspace(*fine.shape)
@@ -167,7 +168,8 @@ def polished_is_circle(omega, kappa, u):
     )
     if not (before < 1e-8 and slope > 0 and twist > 0.5 and change < 1e-3):
         return False
-    return bool(np.abs(residual(omega, kappa, fine)).max() < min(0.1 * before, 1e-10))
+    after = np.abs(residual(omega, kappa, fine)).max()
+    return bool(after < max(min(0.1 * before, 1e-10), _ROUNDED))
 
 
 def newton_step(omega, kappa, u):

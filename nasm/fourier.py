@@ -46,7 +46,9 @@ def grid(omega, n_modes):
     """
     for fraction in convergents(omega):
         if fraction.denominator >= max(n_modes, 100):
-            return next_fast_len(2 * ceil((fraction.denominator + 1) / _KEPT / 2), real=True)
+            n = next_fast_len(2 * ceil((fraction.denominator + 1) / _KEPT / 2), real=True)
+            if cut(omega, n) >= n_modes:  # not so if another resonance is just below
+                return n
     raise ValueError(f"omega={omega} is rational; a circle needs an irrational rotation number")
 
 

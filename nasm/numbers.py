@@ -143,7 +143,7 @@ def nobles_near(value, width, n):
 
     Each has the partial quotients of `value` up to some place, and ones from there on.
     """
-    found, prefix, rest = [], [], value
+    found, prefix, rest = [], [], Fraction(value)
     while len(found) < n and len(prefix) < 30:
         prefix.append(floor(rest))
         noble = _shortest(prefix, [1])

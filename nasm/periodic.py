@@ -333,6 +333,8 @@ def _crossing(orbits, lower, higher, crossings):
         near = 1e6 * precision
         slope = (excess(scale + near) - excess(scale - near)) / (2 * near)
         residues = [orbits.at(f, scale).refined_residue() for f in (lower, higher)]
+        if np.abs(residues).min() < 10 * _ROUNDING:  # the crossing is that of -100 above
+            return Status.NOT_CONVERGED
         if residues[0] * residues[1] < 0:  # one is not of the family, as happens near a cusp
             return Status.DISORDERED
         return scale - np.log(residues[1] / residues[0]) / slope

@@ -261,6 +261,39 @@ def test_too_few_modes_and_small_updates_make_fake_circles_that_are_rejected(n, 
     assert not circle.certified
 
 
+@pytest.mark.parametrize(("n", "past"), [(16, 0.27), (32, 0.1), (64, 0.05), (128, 0.009)])
+def test_nor_are_these_fakes_circles_once_polished(n, past):
+    kappa, fake = naive_circle(n, KAPPA_G + past, 0.01)
+    assert kappa > KAPPA_G
+    assert not circles.polished_is_circle(GAMMA, np.array([kappa]), fake)
+    assert not circles.polish(GAMMA, np.array([kappa]), fake)
+    assert not circles.polished_is_circle(GAMMA, np.array([kappa]), fake)
+
+
+@pytest.mark.parametrize("name", ["gamma", "2gamma", "(gamma+1)/(4gamma+5)"])
+def test_both_certificates_agree_on_circles_with_enough_modes(name):
+    omega, kappa = parse(name), np.array([0.3, 0.2])
+    u = circles.invariant_circle(omega, kappa).u
+    for n_modes in (100, 1000):
+        polished = fourier.resample(u, fourier.grid(omega, n_modes))
+        assert circles.polish(omega, kappa, polished)
+        assert circles.polished_is_circle(omega, kappa, polished)
+        assert np.abs(circles.residual(omega, kappa, polished)).max() < 1e-10
+
+
+def test_what_is_off_a_circle_is_polished_or_rejected():
+    kappa = np.array([0.3, 0.2])
+    wanted = fourier.resample(circles.invariant_circle(GAMMA, kappa).u, 512)
+    off = wanted + 1e-3 * np.sin(2 * np.pi * np.arange(512) / 512)
+    assert not circles.polished_is_circle(GAMMA, kappa, off)
+    assert circles.polish(GAMMA, kappa, off)
+    np.testing.assert_allclose(off, wanted, atol=1e-8)
+    assert circles.polished_is_circle(GAMMA, kappa, off)
+    nothing = np.full((2, 512), np.nan)
+    assert not circles.polished_is_circle(GAMMA, kappa, nothing)
+    assert not circles.polish(GAMMA, kappa, nothing)
+
+
 @pytest.mark.parametrize("past", [2e-4, 1e-3, 1e-2, 0.27, 1.0])
 def test_past_breakdown_there_is_never_a_circle(past):
     for n_max in (64, 128, 256, 512, 1024, 2048, 4096):

@@ -187,3 +187,69 @@ def test_bad_arguments_are_named():
         continuation.critical_scale(GAMMA, (0, 0))
     with pytest.raises(ValueError, match="tol=0 must be positive"):
         continuation.critical_scale(GAMMA, (1, 0), 0)
+
+
+# Certified near a breakup that is known
+
+KNOWN = [
+    ("gamma", (1,)),
+    ("gamma", ray(20)),
+    ("2gamma", (1, 1)),
+    ("[0;1,2,(1)]", ray(30)),
+    ("(gamma+1)/(4gamma+5)", ray(130)),
+    ("2gamma", ray(30)),
+]
+
+
+@pytest.mark.parametrize(("name", "profile"), KNOWN)
+def test_a_circle_is_certified_at_the_distance_asked_for(name, profile):
+    omega = parse(name)
+    breakup = periodic.critical_scale(omega, profile).value
+    for distance in (0.5, 0.1, 1e-2, 1e-3):
+        scale = continuation.certified_scale(omega, profile, breakup, distance)
+        assert scale == breakup * (1 - distance)
+        if distance > 1e-3:
+            kappa = scale * np.array(profile)
+            assert circles.invariant_circle(omega, kappa, n_max=8192).certified
+
+
+@pytest.mark.parametrize(("name", "profile"), KNOWN)
+@pytest.mark.parametrize(("too_high", "distance"), [(0.3, 0.1), (1e-2, 5e-3), (1e-3, 5e-4)])
+def test_nothing_is_certified_beyond_the_breakup(name, profile, too_high, distance):
+    omega = parse(name)
+    breakup = periodic.critical_scale(omega, profile).value
+    scale = continuation.certified_scale(omega, profile, breakup * (1 + too_high), distance)
+    assert scale < breakup  # not NaN either: circles further in are met on the way
+
+
+@pytest.mark.parametrize(("name", "profile"), [("gamma", (1,)), ("[0;1,2,(1)]", ray(30))])
+def test_fakes_just_beyond_the_breakup_are_met_and_rejected(name, profile, monkeypatch):
+    # So near to it, Newton's method does converge.
+    omega = parse(name)
+    breakup = periodic.critical_scale(omega, profile).value
+    met, certificate = [], circles.polished_is_circle
+
+    def recording(omega, kappa, u):
+        met.append((np.abs(kappa).max() / np.abs(profile).max(), certificate(omega, kappa, u)))
+        return met[-1][1]
+
+    monkeypatch.setattr(circles, "polished_is_circle", recording)
+    scale = continuation.certified_scale(omega, profile, breakup * (1 + 1e-4), 5e-5)
+    assert [answer for at, answer in met if at > breakup * (1 + 1e-6)] == [False] * 3
+    assert breakup * (1 - 1e-3) < scale < breakup
+
+
+def test_without_a_breakup_nothing_is_certified():
+    assert np.isnan(continuation.certified_scale(GAMMA, (1, 0), np.nan, 1e-2))
+    assert np.isnan(continuation.certified_scale(GAMMA, (1, 0), 3.0, 1e-2))
+
+
+@pytest.mark.parametrize("distance", [0, 1e-7, 0.6, -1e-3, np.nan])
+def test_distances_out_of_range_are_named(distance):
+    with pytest.raises(ValueError, match=f"distance={distance!r} must be from 1e-6 to 0.5"):
+        continuation.certified_scale(GAMMA, (1, 0), KAPPA_G / 2, distance)
+
+
+def test_a_rational_omega_is_not_certified():
+    with pytest.raises(ValueError, match=r"omega=\[0;1,1,2\] is rational; a circle needs"):
+        continuation.certified_scale(parse("3/5"), (1, 0), KAPPA_G / 2, 1e-2)

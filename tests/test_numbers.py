@@ -7,7 +7,15 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from nasm.numbers import NAMES, RotationNumber, convergents, moebius, parse, rational
+from nasm.numbers import (
+    NAMES,
+    RotationNumber,
+    convergents,
+    moebius,
+    nobles_near,
+    parse,
+    rational,
+)
 
 quotients = st.integers(1, 30)
 prefixes = st.builds(
@@ -202,3 +210,50 @@ def test_what_is_not_a_number_is_refused_with_the_forms_that_are(text):
         ValueError, match=r"is not a rotation number.*\[1;4,\(1\)\].*3/5.*5gamma\+6"
     ):
         parse(text)
+
+
+@given(prefixes, st.integers(-12, -3))
+def test_a_noble_is_found_from_its_float(prefix, exponent):
+    omega = parse(spell(prefix, [1]))
+    found = nobles_near(float(omega), 10.0**exponent, 30)
+    assert omega in found
+    assert omega == min(found, key=lambda noble: abs(float(noble) - float(omega)))
+
+
+@given(st.floats(-3, 3), st.floats(1e-9, 0.5), st.integers(1, 6))
+def test_nobles_near_a_number_agree_with_it_and_the_shortest_come_first(value, width, n):
+    found = nobles_near(value, width, n)
+    assert len(set(found)) == len(found) <= n
+    lengths = [len(omega.prefix) for omega in found]
+    assert lengths == sorted(lengths)
+    more = nobles_near(value, width, n + 5)
+    assert more[: len(found)] == found
+    assert len(found) == n or more == found
+    quotients_of_value = rational(Fraction(value)).prefix
+    for omega in found:
+        assert omega.is_noble
+        assert abs(exact(omega) - value) < width * (1 + 1e-6)
+        assert omega.prefix == quotients_of_value[: len(omega.prefix)]
+
+
+@pytest.mark.parametrize(
+    ("value", "width", "n", "expected"),
+    [
+        (0.618034, 1e-5, 1, ["gamma"]),
+        (-0.381966, 1e-5, 1, ["gamma-1"]),
+        (0.7236, 2e-5, 1, ["[0;1,2,(1)]"]),
+        (2.2360679775, 1e-9, 1, ["2gamma+1"]),
+        (0.5, 0.2, 9, ["gamma", "1-gamma"]),
+        (0.5, 0.1, 9, []),
+        (2.0, 0.7, 9, ["2+gamma"]),
+        (0.7236, 2e-5, 0, []),
+    ],
+)
+def test_nobles_near_some_numbers(value, width, n, expected):
+    found = nobles_near(value, width, n)
+    if value == 2.2360679775:  # 2γ + 1 has a tail of fours: the nobles near it are others
+        assert found
+        assert parse(expected[0]) not in found
+        assert found[0].prefix[:5] == (2, 4, 4, 4, 4)
+    else:
+        assert found == [parse(name) for name in expected]

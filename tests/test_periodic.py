@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from nasm import chain, periodic
+from nasm import chain, continuation, periodic
 from nasm.critical import Status
 from nasm.maps import step, step_tangent
 from nasm.numbers import NAMES, RotationNumber, moebius, parse
@@ -281,6 +281,20 @@ def test_a_hardly_irrational_omega_is_not_answered_by_a_number():
     found = periodic.critical_scale(RotationNumber((0, 2, 10**9), (1,)), (1, 0))
     assert found.status is not Status.OK
     assert np.isnan(found.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "angle"), [("[0;1,1,22,(1)]", 24.94434), ("[0;2,25,(1)]", 18.95274)]
+)
+def test_residues_lost_in_rounding_do_not_cross(name, angle):
+    # Those of the first convergents are, up to the breakup of so weak a circle.
+    found = periodic.critical_scale(parse(name), ray(angle), 3000)
+    other = periodic.critical_scale(
+        parse(name), ray(angle), 3000, family=periodic.minimizing_centre
+    )
+    assert found.status is other.status is Status.OK
+    assert abs(found.value - other.value) <= 2 * (found.error + other.error) < 1e-4
+    assert 0.8 < continuation.critical_scale(parse(name), ray(angle)).lower / found.value < 1
 
 
 def test_a_bad_start_is_not_taken_for_the_orbit():

@@ -1,0 +1,363 @@
+"""The last barrier: κ_G, all other circles, other methods, its symmetries; and led astray."""
+
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from nasm import barriers, circles, cones, continuation, escape, periodic
+from nasm.barriers import critical_scale
+from nasm.critical import Status
+from nasm.numbers import NAMES, RotationNumber, moebius, parse
+from nasm.symmetries import fold, unfold
+
+KAPPA_G = tomllib.loads(Path(__file__).with_name("literature.toml").read_text())["kappa_G"]["value"]
+GAMMA = parse("gamma")
+
+
+def ray(degrees):
+    return np.array([np.cos(np.deg2rad(degrees)), np.sin(np.deg2rad(degrees))])
+
+
+def mirror_images(omega, period):
+    """Those in [0, P] of the rotation numbers ±ω + P·n, whose circles all break at one scale."""
+    images = [moebius(omega, sign, period * n) for sign in (1, -1) for n in range(-3, 4)]
+    return {image for image in images if 0 <= float(image) <= period}
+
+
+def is_shown(found):
+    """Whether the value is between what is shown to exist and what is shown not to."""
+    return found.status is Status.OK and found.lower < found.value < found.upper
+
+
+# Exact values
+
+
+@pytest.mark.parametrize(
+    ("profile", "exact", "omegas"),
+    [
+        ((1,), KAPPA_G, ["1-gamma"]),
+        ((-1,), KAPPA_G, ["1-gamma"]),
+        ((1, 0), KAPPA_G / 2, ["1-gamma", "gamma"]),
+        ((0, 1), KAPPA_G / 2, ["1-gamma", "gamma"]),
+        ((-1, 0), KAPPA_G / 2, ["1-gamma", "gamma"]),
+        ((1, 1), KAPPA_G, ["2-2gamma"]),
+        ((-1, -1), KAPPA_G, ["2-2gamma"]),
+        ((1, -1), KAPPA_G, ["2gamma-1"]),
+        ((-1, 1), KAPPA_G, ["2gamma-1"]),
+        ((1, 1, 1), KAPPA_G, ["3-3gamma"]),
+        ((0, 1, 0), KAPPA_G / 3, ["1-gamma", "gamma", "2-gamma"]),
+        ((1, 1, 1, 1), KAPPA_G, ["4-4gamma"]),
+        ((1, -1, 1, -1), KAPPA_G, ["4gamma-2"]),
+    ],
+)
+def test_the_last_circle_of_the_standard_map_in_all_its_disguises(profile, exact, omegas):
+    # P kicks of κ are P steps of the standard map at κ; one kick in P is its kick of Pκ, whose ω
+    # counts modulo 1.
+    found = critical_scale(profile, tol=1e-3)
+    assert is_shown(found)
+    assert abs(found.value - exact) <= found.error < 1e-10
+    assert found.lower < exact < found.upper
+    assert found.omega in [parse(name) for name in omegas]
+
+
+def test_the_last_omegas_as_continued_fractions():
+    assert str(critical_scale((1, 1), 1e-2).omega) == "[0;1,3,(4)]"
+    assert str(critical_scale((1, -1), 1e-2).omega) == "[0;(4)]"
+
+
+# The envelope of all circles
+
+
+def nobles(bound):
+    """All [0;a_1,…,a_k,(1)] in (0, 1) whose prefix has a denominator up to `bound`."""
+    found = [GAMMA]
+
+    def grow(prefix, q, q_last):
+        a = 1
+        while a * q + q_last <= bound:
+            if a > 1:  # a one at the end belongs to the tail
+                found.append(RotationNumber((*prefix, a), (1,)))
+            grow((*prefix, a), a * q + q_last, q)
+            a += 1
+
+    grow((0,), 1, 0)
+    return found
+
+
+def test_the_list_of_nobles_is_complete():
+    # Each lies between neighbours of a Farey series, next to the one of smaller denominator.
+    listed = nobles(9)
+    assert len(set(listed)) == len(listed)
+    assert all(parse(str(omega)) == omega and omega.is_noble for omega in listed)
+    by_farey = set()
+    for q in range(1, 10):
+        for p in range(q + 1):
+            for q_next in range(1, q + 1):
+                for p_next in range(q_next + 1):
+                    if abs(p * q_next - p_next * q) == 1:
+                        by_farey.add(moebius(GAMMA, p_next, p, q_next, q))
+    inside = {omega for omega in by_farey if 0 < float(omega) < 1}
+    assert set(listed) <= inside
+
+
+def assert_the_best_noble_is_the_barrier(angle, omegas, q_max):
+    found = critical_scale(ray(angle), 1e-3)
+    assert is_shown(found)
+    scales = [periodic.critical_scale(omega, ray(angle), q_max) for omega in omegas]
+    known = [scale for scale in scales if scale.status is Status.OK]
+    assert len(known) > 0.9 * len(omegas)
+    best = max(known, key=lambda scale: scale.value)
+    assert best.omega in mirror_images(found.omega, 2)
+    assert best.value == pytest.approx(found.value, rel=1e-6)
+
+
+@pytest.mark.parametrize("angle", [13.7, 40.6])
+def test_of_all_short_nobles_the_last_one_is_the_barrier(angle):
+    assert_the_best_noble_is_the_barrier(angle, nobles(20), 400)
+
+
+@pytest.mark.slow
+def test_of_a_thousand_nobles_the_last_one_is_the_barrier():
+    for angle in np.random.default_rng(16).uniform(0, 44, 8):
+        assert_the_best_noble_is_the_barrier(angle, nobles(60), 800)
+
+
+def test_the_paper_s_six_circles_break_no_later():
+    by_a_paper_s, by_another = 0, 0
+    for angle in np.random.default_rng(6).uniform(0, 180, 8):
+        found = critical_scale(ray(angle), 1e-3)
+        assert is_shown(found)
+        last = mirror_images(found.omega, 2)
+        scales = [periodic.critical_scale(parse(name), ray(angle), 1000) for name in NAMES]
+        known = [scale for scale in scales if scale.status is Status.OK]
+        assert len(known) >= 4
+        for scale in known:
+            if scale.omega in last:
+                assert abs(scale.value - found.value) <= scale.error + found.error
+            else:
+                assert scale.value < found.value
+        if any(parse(name) in last for name in NAMES):
+            by_a_paper_s += 1
+        else:
+            by_another += 1
+    # They do not make up the envelope.
+    assert by_a_paper_s > 0
+    assert by_another > 0
+
+
+# The bracket
+
+ANGLES = [0, 36.1, 43.9, 62.5, 104, 127.7]
+
+
+@pytest.mark.parametrize("tol", [1e-3, 1e-4])
+@pytest.mark.parametrize("angle", ANGLES)
+def test_the_bracket_is_as_narrow_as_asked_for_and_contains_the_breakup(angle, tol):
+    found = critical_scale(ray(angle), tol)
+    assert is_shown(found)
+    assert found.upper - found.lower <= tol * found.value * (1 + 1e-9)
+    # The minimizing orbits, of which the method knows nothing, break up in the bracket too.
+    judge = periodic.critical_scale(
+        found.omega, ray(angle), 3000, family=periodic.minimizing_centre
+    )
+    if judge.status is Status.OK:
+        assert found.lower < judge.value < found.upper
+        assert abs(judge.value - found.value) <= judge.error + found.error
+    else:
+        assert 43 < angle < 47
+
+
+@pytest.mark.parametrize("angle", [24.3])
+def test_with_tol_the_bracket_closes_in_on_one_value(angle):
+    rough, *finer = [critical_scale(ray(angle), tol) for tol in (1e-1, 1e-3, 2e-5)]
+    for found in finer:
+        assert is_shown(found)
+        assert rough.lower < found.lower
+        assert found.upper < rough.upper
+        assert found.omega == rough.omega
+        assert abs(found.value - rough.value) <= found.error + rough.error
+        rough = found
+    assert found.upper - found.lower <= 2e-5 * found.value * (1 + 1e-9)
+
+
+@pytest.mark.parametrize("angle", [20, 37, 115])
+def test_the_norms_of_the_last_circle_blow_up_at_the_value(angle):
+    found = critical_scale(ray(angle), 1e-2)
+    judge = continuation.critical_scale(found.omega, ray(angle), 1e-5)
+    assert judge.status is Status.OK
+    assert abs(judge.value - found.value) <= judge.error + found.error < 1e-4
+
+
+def test_at_lower_is_a_circle_and_at_upper_no_start_survives():
+    # Once more, by the other certificate and by a dense scan.
+    found = critical_scale(ray(30), 5e-3)
+    circle = circles.invariant_circle(found.omega, found.lower * ray(30), n_max=8192)
+    assert circle.certified
+    y = (np.arange(50_000) + 0.5) / 100_000
+    assert np.isfinite(cones.elimination_time(found.upper * ray(30), y, 10_000)).all()
+    assert np.isinf(cones.elimination_time(found.lower * ray(30), y, 10_000)).any()
+
+
+@pytest.mark.parametrize("angle", [0, 43])
+def test_a_million_steps_cross_no_barrier_at_lower_and_escape_beyond_upper(angle):
+    found = critical_scale(ray(angle), 1e-3)
+    kappas = np.outer([found.lower, 1.1 * found.upper], ray(angle))
+    inside, outside = escape.first_escape(kappas, *escape.ensemble(1000), [1000], 10**6)[0]
+    assert inside == np.inf
+    assert outside < 10**6
+
+
+@pytest.mark.parametrize("profile", [(1, 0.2, 0.2), (1.8, -0.1, -0.1), (0.2, 0.1, 1, 0.1)])
+def test_longer_periods_agree_with_cones_and_norms(profile):
+    found = critical_scale(profile, 1e-3)
+    assert is_shown(found)
+    assert found.upper - found.lower <= 1e-3 * found.value * (1 + 1e-9)
+    assert 0 <= float(found.omega) <= len(profile) / 2
+    by_cones = cones.critical_scale(profile, 3000)
+    assert abs(by_cones.value - found.value) <= by_cones.error + found.error
+    by_norms = continuation.critical_scale(found.omega, profile, 1e-4)
+    assert abs(by_norms.value - found.value) <= by_norms.error + found.error
+
+
+# Symmetries
+
+
+@pytest.mark.parametrize("wedge_angle", [38.8])
+def test_the_eight_rays_of_the_square_have_one_barrier(wedge_angle):
+    expected = critical_scale(ray(wedge_angle), 1e-3)
+    last = mirror_images(expected.omega, 2)
+    for angle in unfold(wedge_angle):
+        found = critical_scale(ray(angle), 1e-3)
+        assert is_shown(found)
+        assert abs(found.value - expected.value) <= found.error + expected.error
+        for side in ("lower", "upper"):
+            assert getattr(found, side) == pytest.approx(getattr(expected, side), rel=1e-8)
+        assert 0 <= float(found.omega) <= 1
+        omega_shift = int(fold(angle)[1])
+        assert mirror_images(moebius(found.omega, 1, omega_shift), 2) == last
+
+
+@pytest.mark.parametrize("angle", [25, 160])
+def test_a_forcing_repeated_has_its_barrier_at_twice_the_omega(angle):
+    once, twice = (critical_scale(np.tile(ray(angle), n), 1e-3) for n in (1, 2))
+    assert (twice.value, twice.lower, twice.upper) == (once.value, once.lower, once.upper)
+    assert twice.omega in mirror_images(moebius(once.omega, 2, 0), 4)
+    assert float(twice.omega) <= 2
+
+
+# Led astray
+
+
+def misled(monkeypatch, candidates):
+    """Let step 2 find these candidates, round by round, and after them what it does find. Returns
+    the list of the rounds' forcings."""
+    rounds, real = [], barriers._candidates
+
+    def other(kappa, y):
+        rounds.append(kappa)
+        if len(rounds) <= len(candidates):
+            return [parse(name) for name in candidates[len(rounds) - 1]]
+        return real(kappa, y)
+
+    monkeypatch.setattr(barriers, "_candidates", other)
+    return rounds
+
+
+@pytest.mark.parametrize("angle", [30, 36.1])
+@pytest.mark.parametrize("wrong", [["gamma"], ["[0;2,3,(1)]", "gamma+1"], ["[0;1,5,(1)]"], []])
+def test_a_wrong_candidate_is_caught_and_the_right_one_found(angle, wrong, monkeypatch):
+    expected = critical_scale(ray(angle), 1e-3)
+    assert not {parse(name) for name in wrong} & mirror_images(expected.omega, 2)
+    rounds = misled(monkeypatch, [wrong])
+    found = critical_scale(ray(angle), 1e-3)
+    assert len(rounds) > 1
+    assert found == expected
+
+
+@pytest.mark.parametrize(
+    ("wrong", "tol"), [(["2gamma", "[0;5,(1)]"], 1e-1), (["[0;2,3,(1)]"], 1e-3), ([], 1e-3)]
+)
+def test_wrong_candidates_alone_give_no_value_but_a_true_bound(wrong, tol, monkeypatch):
+    exact = critical_scale(ray(30), 1e-3).value
+    rounds = misled(monkeypatch, [wrong] * 10)
+    found = critical_scale(ray(30), tol)
+    assert len(rounds) > 1
+    assert found.status is Status.UNDECIDED
+    assert np.isnan([found.value, found.error, found.lower]).all()
+    assert found.omega is None
+    assert exact < found.upper < exact * (1 + 1e-3)
+
+
+def test_a_value_too_low_is_contradicted_by_the_cones(monkeypatch):
+    exact = critical_scale(ray(30), 1e-2).value
+    lie(monkeypatch, 1 - 1e-2)
+    found = critical_scale(ray(30), 1e-2)
+    assert found.status is Status.UNDECIDED
+    assert np.isnan([found.value, found.error, found.lower]).all()
+    assert exact < found.upper < exact * (1 + 1e-3)
+
+
+@pytest.mark.parametrize("factor", [1.002, 1.01])
+def test_above_a_value_too_high_no_circle_is_shown(factor, monkeypatch):
+    exact = critical_scale(ray(30), 1e-3).value
+    lie(monkeypatch, factor)
+    found = critical_scale(ray(30), 1e-3)
+    assert np.isnan(found.lower) or found.lower < exact
+    assert exact < found.upper
+
+
+def lie(monkeypatch, factor):
+    """Let residues find all breakups at `factor` times the scale."""
+    real = periodic.critical_scale
+
+    def wrong(omega, profile, *arguments):
+        found = real(omega, profile, *arguments)
+        return type(found)(factor * found.value, found.error, np.nan, np.nan, omega, found.status)
+
+    monkeypatch.setattr(periodic, "critical_scale", wrong)
+
+
+# Where it fails
+
+
+@pytest.mark.parametrize("offset", [0.1, 0.01, 1e-3])
+def test_near_the_cusp_the_answer_is_honest(offset):
+    tip = KAPPA_G * 2**0.5
+    found = [critical_scale(ray(45 - offset), tol) for tol in (1e-3, 1e-4)]
+    # What is shown by one is not denied by the other.
+    lower = max((scale.lower for scale in found if not np.isnan(scale.lower)), default=0)
+    upper = min(scale.upper for scale in found)
+    assert lower < upper < tip * (1 + 1e-4)
+    for scale in found:
+        if scale.status is Status.UNDECIDED:
+            assert np.isnan([scale.value, scale.error]).all()
+        else:
+            assert is_shown(scale)
+            assert lower < scale.value + scale.error
+            assert scale.value - scale.error < upper
+    if offset >= 0.01:
+        assert {scale.status for scale in found} == {Status.OK}
+
+
+GOOD = {"profile": (1, 0.5), "tol": 1e-3}
+
+
+@pytest.mark.parametrize(
+    ("bad", "message"),
+    [
+        ({"profile": (0, 0)}, "profile is zero"),
+        ({"profile": ()}, r"kappa=\(\) has shape \(0,\)"),
+        ({"profile": (1, np.nan)}, "is not finite"),
+        ({"profile": (0.1, 0.2, 0.3)}, "no symmetry centre"),
+        ({"profile": (0.1, 0.9, 0.9)}, r"profile=.*0\.9\] has no dominant symmetry line"),
+        ({"tol": 9e-6}, r"tol=9e-06 must be from 1e-5 to 0\.1"),
+        ({"tol": 0.2}, r"tol=0\.2 must be from 1e-5 to 0\.1"),
+        ({"tol": -1e-3}, r"tol=-0\.001 must be"),
+        ({"tol": np.nan}, "tol=nan must be"),
+    ],
+)
+def test_bad_arguments_are_named(bad, message):
+    with pytest.raises(ValueError, match=message):
+        critical_scale(**GOOD | bad)
