@@ -253,7 +253,7 @@ def test_a_forcing_repeated_has_its_barrier_at_twice_the_omega(angle):
 def misled(monkeypatch, candidates):
     """Let step 2 find these candidates, round by round, and after them what it does find. Returns
     the list of the rounds' forcings."""
-    rounds, real = [], barriers._candidates
+    rounds, real = [], barriers.candidates
 
     def other(kappa, y):
         rounds.append(kappa)
@@ -261,7 +261,7 @@ def misled(monkeypatch, candidates):
             return [parse(name) for name in candidates[len(rounds) - 1]]
         return real(kappa, y)
 
-    monkeypatch.setattr(barriers, "_candidates", other)
+    monkeypatch.setattr(barriers, "candidates", other)
     return rounds
 
 

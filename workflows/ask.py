@@ -1,6 +1,6 @@
 """Is transport global under this one forcing, or does a barrier stop it?
 
-The verdict of `nasm.barriers` in plain sentences, and a phase portrait with what decides: the
+The verdict of `nasm.verdict` in plain sentences, and a phase portrait with what decides: the
 circle, or an orbit that escapes. One forcing, no sweep.
 """
 
@@ -55,7 +55,7 @@ def portrait_dataset(kappa, verdict, escaping):
 
 def sentences(kappa, verdict, escaping):
     """The verdict in words, a list of lines."""
-    from nasm.barriers import Answer, Evidence
+    from nasm.verdict import Answer, Evidence
 
     boundary, omega = verdict.boundary, verdict.boundary.omega
     point = f"({kappa[0]}, {kappa[1]})"
@@ -133,17 +133,17 @@ def main(kappa1, kappa2, out):
     except ValueError as error:
         raise click.UsageError(str(error)) from None
     with driver(out):
-        from nasm import barriers
+        from nasm.verdict import Answer, verdict
         from workflows.figures import draw_verdict, save
 
         began = time.perf_counter()
-        verdict = barriers.verdict(kappa)
-        transport = verdict.answer is barriers.Answer.TRANSPORT
+        found = verdict(kappa)
+        transport = found.answer is Answer.TRANSPORT
         escaping = escaping_orbit(kappa) if transport else None
         spent = time.perf_counter() - began
-        for line in sentences(kappa, verdict, escaping):
+        for line in sentences(kappa, found, escaping):
             click.echo(line)
-        figure = draw_verdict(portrait_dataset(kappa, verdict, escaping))
+        figure = draw_verdict(portrait_dataset(kappa, found, escaping))
         figures = save(figure, out, f"ask_{kappa1}_{kappa2}")
     click.echo(f"time:    {spent:.1f} s, with the compilation of the kernels")
     click.echo(f"figures: {', '.join(figures)}")

@@ -8,9 +8,9 @@ import pytest
 from click.testing import CliRunner
 
 from nasm import barriers, circles, cones, continuation, orbits, periodic
-from nasm.barriers import Answer, Evidence, verdict
 from nasm.critical import Status, no_answer
 from nasm.maps import MAX_STRENGTH
+from nasm.verdict import Answer, Evidence, verdict
 from workflows import ask
 
 _RANDOM = np.random.default_rng(5)
@@ -86,7 +86,7 @@ def test_next_to_a_cusp_the_points_themselves_still_decide():
 @pytest.fixture
 def briefly(monkeypatch):
     """Only the first look at the boundary: a verdict that is not found takes 0.2 s, not 4."""
-    monkeypatch.setattr(barriers, "_TOLERANCES", (1e-3,))
+    monkeypatch.setattr("nasm.verdict._TOLERANCES", (1e-3,))
 
 
 @pytest.mark.usefixtures("briefly")

@@ -1,0 +1,154 @@
+"""Is transport global under one forcing, or is a barrier left?
+
+The boundary on the ray through the forcing tells only where to look and how hard. The answer comes
+from the forcing itself: a circle that is certified there, or no start that survives converse KAM.
+"""
+
+from dataclasses import dataclass, replace
+from enum import Enum
+from math import inf
+
+import numpy as np
+
+from nasm import circles, cones, continuation
+from nasm.barriers import candidates, critical_scale, per_period
+from nasm.critical import CriticalScale, Status, no_answer
+from nasm.maps import forcing
+from nasm.numbers import rational
+from nasm.symmetries import shorten
+
+_TOLERANCES = (1e-3, 1e-4, 2e-5)  # of the boundary next to a point: 0.1 s, 0.4 s and 2 to 3 s
+_STEPS = 1000  # of converse KAM that every point is asked to survive
+_MOST_STEPS = 400_000  # of converse KAM at a point, a second or two: to 4e-6 above the boundary
+_MOST_POINTS = 2**15  # of a circle that is further than the first tolerance from its breakup
+_NEAREST = 1.5e-5  # below the boundary: nearer, certificates fail, and take 5 s to do so
+
+
+class Answer(Enum):
+    """Is transport in y global?"""
+
+    BARRIER = "barrier"
+    TRANSPORT = "transport"
+    UNDECIDED = "undecided"
+
+
+class Evidence(Enum):
+    """What an Answer rests on."""
+
+    INTEGRABLE = "without kicks, every y is a circle"
+    CIRCLE = (
+        "the circle was computed for this very forcing by Newton's method, and certified on a "
+        "finer grid; that is no computer-assisted proof"
+    )
+    CIRCLE_BEYOND = (
+        "the circle is certified further out on the ray from κ = 0, not at this forcing; that it "
+        "does not break and come back on the way is an assumption"
+    )
+    CONES = (
+        "converse KAM eliminates all starts for this very forcing; near to a proof, but the starts "
+        "are a sample and the arithmetic is floating point"
+    )
+    NONE = "no circle is certified at this forcing, and not all starts are eliminated"
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Whether a rotational invariant circle is left under the forcing kappa.
+
+    answer, evidence : what is known, and from what. UNDECIDED is no guess at either.
+    boundary : CriticalScale of the last barrier on the ray s·kappa, s = 1 being the forcing itself.
+        Its omega is the circle's, if there is one; else that of the last circle that broke.
+    circle : x, y of it at the start of a period, ndarrays, x on the lift, y up to an integer; None
+        unless evidence is CIRCLE.
+    steps : float, within which converse KAM eliminated all starts; inf unless evidence is CONES.
+    """
+
+    answer: Answer
+    evidence: Evidence
+    boundary: CriticalScale
+    circle: tuple[np.ndarray, np.ndarray] | None = None
+    steps: float = inf
+
+
+def verdict(kappa):
+    """Does a barrier exist under the forcing kappa, or is transport global?
+
+    1. The boundary on the ray through kappa, the finer the nearer it turns out to be.
+    2. Below it, the circle under kappa itself, certified, while converse KAM leaves a survivor.
+    3. Above it, converse KAM under kappa itself, with as many steps as the distance asks for.
+
+    Parameters
+    ----------
+    kappa : sequence of P floats with a dominant symmetry line; see `nasm.cones`.
+
+    Returns
+    -------
+    Verdict. UNDECIDED closer to the boundary than some 1.5·10⁻⁵ below and 4·10⁻⁶ above, in parts of
+    kappa, or where the methods fail or contradict each other; its boundary then holds the bracket.
+
+    ValueError if kappa is not finite, too large, or has no dominant symmetry line.
+    """
+    kappa = forcing(kappa)
+    size = float(np.abs(kappa).max())
+    if size == 0:
+        return Verdict(Answer.BARRIER, Evidence.INTEGRABLE, no_answer(None, Status.NO_BREAKUP))
+    (short,), zero = shorten([kappa], rational(0))
+    answer, evidence, circle, steps = Answer.UNDECIDED, Evidence.NONE, None, inf
+    for tol in _TOLERANCES:
+        boundary = _in_units_of(size, critical_scale(short / size, tol))
+        if abs(boundary.value - 1) < tol / 5 and tol > _TOLERANCES[-1]:
+            continue  # look closer before deciding
+        end = boundary.value if np.isfinite(boundary.value) else boundary.upper
+        if end < 1:
+            steps = _elimination(short, 1 / end - 1) * short.size / kappa.size
+            if steps < inf:
+                answer, evidence = Answer.TRANSPORT, Evidence.CONES
+                break
+        elif end > 1:
+            found = _circle_under(short, boundary)
+            if found is not None:
+                answer, evidence = Answer.BARRIER, Evidence.CIRCLE
+                boundary = replace(boundary, omega=found.omega)
+                x, y = circles.graph(found)
+                circle = x, y - float(zero) / short.size  # as `alternate` moves it
+                break
+    else:
+        if boundary.lower >= 1 and not cones.eliminates(short, _STEPS):
+            answer, evidence = Answer.BARRIER, Evidence.CIRCLE_BEYOND
+    if boundary.omega is not None:
+        boundary = replace(boundary, omega=per_period(boundary.omega, kappa, short, zero))
+    return Verdict(answer, evidence, boundary, circle, steps)
+
+
+def _in_units_of(size, scale):
+    """The scale of a profile as one of size·profile."""
+    lengths = ("value", "error", "lower", "upper")
+    return replace(scale, **{name: float(getattr(scale, name)) / size for name in lengths})
+
+
+def _elimination(kappa, distance):
+    """Steps until no start survives, that far above the boundary; inf if some do."""
+    n_max = min(max(1.6 / distance, _STEPS), _MOST_STEPS)
+    return cones.longest_lived(kappa, int(n_max))[1]
+
+
+def _circle_under(kappa, boundary):
+    """A certified circle under kappa, below the boundary; None if there is none to show.
+
+    None too if converse KAM contradicts it.
+    """
+    if cones.eliminates(kappa, _STEPS):
+        return None
+    omega, distance = boundary.omega, 1 - 1 / boundary.value
+    if _NEAREST <= distance < _TOLERANCES[0]:
+        scale, u = continuation.certified_circle(omega, kappa, boundary.value, distance)
+        if not scale > 1 - 1e-12:  # not certified here, only further in
+            return None
+        error = np.abs(circles.residual(omega, kappa, u)).max()
+        return circles.InvariantCircle(omega, kappa, u, error, Status.OK)
+    omegas = [omega]
+    if omega is None:  # as next to a cusp, where residues give no value
+        beyond = boundary.upper * kappa
+        omegas = candidates(beyond, cones.longest_lived(beyond, 2 * _STEPS)[0])
+    found = (circles.invariant_circle(omega, kappa, _MOST_POINTS) for omega in omegas)
+    return next((circle for circle in found if circle.certified), None)
