@@ -125,7 +125,7 @@ def _last_certified(circles, best, profile, n):
 def main(out, cluster, n_max, quick):
     """Convergence studies: two cubes, a table and a figure in OUT.
 
-    About six minutes on two cores; ten times the steps take ten times as long.
+    About three minutes on two cores; ten times the steps take ten times as long.
     """
     n_max = min(n_max, 10_000) if quick else n_max
     best = breakups(ANGLES)
