@@ -44,9 +44,10 @@ def critical_scale(profile, tol=1e-4):
 
     Returns
     -------
-    CriticalScale. value, error : by Greene's residue. lower : a circle of ω is certified there;
-    upper : no start on the dominant line survives there. omega : that of the last barrier, per
-    period, in [0, P/2], which stands for ±ω and all ω + P·n: their circles break together.
+    CriticalScale. value, error : by Greene's residue, error no larger than the bracket. lower : a
+    circle of ω is certified there; upper : no start on the dominant line survives there. omega :
+    that of the last barrier, per period, in [0, P/2], which stands for ±ω and all ω + P·n: their
+    circles break together.
     Status UNDECIDED, and no value, where the methods contradict each other; lower and upper are
     then those that were shown. lower is NaN where no circle could be certified.
 
@@ -73,7 +74,9 @@ def critical_scale(profile, tol=1e-4):
         if cones.eliminates(upper * short, n_certify):
             lower = continuation.certified_scale(best.omega, short, best.value, tol - above)
             omega = per_period(best.omega, profile, short, zero)
-            return CriticalScale(best.value, best.error, lower, upper, omega, Status.OK)
+            # Next to a cusp the bracket may know better than the residues do; NaN is no bracket.
+            error = np.fmin(best.error, max(best.value - lower, upper - best.value))
+            return CriticalScale(best.value, error, lower, upper, omega, Status.OK)
     return CriticalScale(np.nan, np.nan, np.nan, located.upper, None, Status.UNDECIDED)
 
 
