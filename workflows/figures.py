@@ -325,7 +325,8 @@ def draw_work_precision(data):
                 label=name,
             )
         axes.axhspan(1e-16, float(here.judge_error), color="0.9")
-        axes.set(xscale="log", yscale="log", ylim=(1e-14, 2), title=f"{int(here.angle)}°")
+        axes.set(xscale="log", yscale="log", ylim=(1e-14, 2))
+        axes.set_title(rf"$\kappa_2/\kappa_1 = \tan {int(here.angle)}°$")
         axes.set(xlabel="CPU time (s)", ylabel="relative error")
         axes.grid(lw=0.3)
     steps = panels.flat[data.angle.size]

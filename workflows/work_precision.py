@@ -1,12 +1,14 @@
 """How much does each method compute for an accuracy? Speed against error, all methods on five rays.
 
 The answer that all are judged by is Greene's residue with periods up to `JUDGE`; the circle that
-breaks last, whose ω some methods must be told, is the one that `nasm.barriers` names. Seconds are
-CPU seconds of one thread, the median of several runs; the first run, which compiles the kernels,
-is told apart.
+breaks last, whose ω circles and residues must be told, is the one that `nasm.barriers` names.
+Seconds are CPU seconds of one thread, the median of several runs; a first run, which imports and
+compiles, is told apart.
 
-There is no single precision here. Direct iteration could use it, and carry twice as many orbits: a
-gain of 2^(1/3) in its error. All other methods live on digits that single precision has not.
+There is no single precision here. Only direct iteration could use it: its error, a bias, is far
+above rounding, and twice the steps in the same time would divide it by 2^(1/3). All other methods
+need digits that single precision has not: starts 10⁻¹⁶ apart, residuals of 10⁻¹⁰, residues from
+10⁻¹² on.
 """
 
 from collections.abc import Callable
@@ -108,11 +110,14 @@ def last_circle(ray, n_points):
 
 
 def birkhoff(ray, n):
-    """The last scale at which the orbit that lives longest by converse KAM still looks regular.
+    """The last scale at which the orbit that lives longest by converse KAM looks quasiperiodic.
 
-    No test of existence, for what is left of a circle looks regular too; nor is every other orbit
-    chaotic, so that the search stays within a tenth of what converse KAM says.
+    It does if its rotation number has five digits, and is none of the fractions up to q = 200 that
+    islands have. No test of existence: longer islands and what is left of circles look so too. The
+    search stays within a tenth of what converse KAM says, for more regular orbits lie beyond.
     """
+    from fractions import Fraction
+
     import numpy as np
 
     from nasm import cones, orbits, periodic
@@ -120,12 +125,15 @@ def birkhoff(ray, n):
     profile = np.array(ray.profile)
     site, a = periodic.dominant_centre(profile)
 
-    def regular(scale):
+    def quasiperiodic(scale):
         y, _ = cones.longest_lived(scale * profile, n)
-        return np.isfinite(orbits.rotation_number(scale * np.roll(profile, -site), a, y, n)[0])
+        omega, digits = map(float, orbits.rotation_number(scale * np.roll(profile, -site), a, y, n))
+        if omega != omega:
+            return False
+        return abs(omega - Fraction(omega).limit_denominator(200)) > 10 * 10**-digits
 
     near = cones.critical_scale(profile, 100).value
-    return ((_last(regular, 0.9 * near, 1.1 * near, 0.1 / n), nan),)
+    return ((_last(quasiperiodic, 0.9 * near, 1.1 * near, 0.1 / n), nan),)
 
 
 def _last(holds, low, high, precision):
@@ -156,10 +164,10 @@ METHODS = {
         STEPS,
         direct(100, 1.2),
     ),
-    "birkhoff": Method(("weighted Birkhoff average",), "n", STEPS, birkhoff),
     "cones": Method(
         ("converse KAM, upper bound", "converse KAM, value"), "N", [100, *STEPS], converse_kam
     ),
+    "birkhoff": Method(("weighted Birkhoff average",), "n", STEPS, birkhoff),
     "circle": Method(
         ("last certified circle",), "points", [64, 256, 1024, 4096, 16_384], last_circle
     ),
@@ -177,8 +185,8 @@ POINTS = [2**k for k in range(6, 15)]
 
 
 def answers(names):
-    """(name, place among the method's answers, label) of all answers of some methods."""
-    return [(n, i, label) for n in names for i, label in enumerate(METHODS[n].answers)]
+    """(name, answer) of all answers of some methods."""
+    return [(name, answer) for name in names for answer in METHODS[name].answers]
 
 
 def plan(angles, names, quick):
@@ -188,12 +196,10 @@ def plan(angles, names, quick):
 
     from pipeline.schema import Cube
 
+    efforts = {name: METHODS[name].efforts[: -1 if quick else None] for name in names}
     rows = answers(names)
-    n_levels = max(len(METHODS[name].efforts) - quick for name in names)
-    effort = np.full((len(rows), n_levels), np.nan)
-    for row, (name, _, _) in zip(effort, rows, strict=True):
-        efforts = METHODS[name].efforts[: n_levels if not quick else -1]
-        row[: len(efforts)] = efforts
+    n_levels = max(map(len, efforts.values()))
+    effort = [efforts[name] + [np.nan] * (n_levels - len(efforts[name])) for name, _ in rows]
     coords = {
         "angle": ("angle", angles, _told("angle of the ray", "degree")),
         "method": ("method", range(len(rows)), _told("method and what it answers")),
@@ -201,8 +207,8 @@ def plan(angles, names, quick):
         "form": ("form", range(len(FORMS)), _told("form of Newton's step for a circle")),
         "points": ("points", POINTS, _told("points of the circle")),
     }
-    coords["method"][2]["names"] = [label for _, _, label in rows]
-    coords["method"][2]["efforts"] = [METHODS[name].effort for name, _, _ in rows]
+    coords["method"][2]["names"] = [answer for _, answer in rows]
+    coords["method"][2]["efforts"] = [METHODS[name].effort for name, _ in rows]
     coords["form"][2]["names"] = list(FORMS)
     every = ("angle", "method", "level")
     variables = {
@@ -210,7 +216,7 @@ def plan(angles, names, quick):
         "cpu_seconds": (every, "CPU time of one run, median", "s"),
         "error": (every, "relative error", "1"),
         "estimated_error": (every, "error that the method estimates, in parts of the value", "1"),
-        "warm_up_seconds": (every[1:2], "CPU time of the first run beyond that of the later", "s"),
+        "warm_up_seconds": (every[1:2], "CPU time of a first run, which compiles", "s"),
         "value": (every[:1], "scale of the breakup that all are judged by", "1"),
         "judge_error": (every[:1], "relative error of that scale, estimated", "1"),
         "naming_seconds": (every[:1], "CPU time to find which circle is the last one", "s"),
@@ -221,7 +227,7 @@ def plan(angles, names, quick):
         blank = np.full([template.sizes[dim] for dim in dims], np.nan)
         template[key] = (dims, blank, _told(long_name, units))
     template["effort"].values[:] = effort
-    settings = {"methods": list(names), "judge_q_max": JUDGE}
+    settings = {"efforts": efforts, "judge_q_max": JUDGE}
     return Cube("work_precision", template, {}, settings)
 
 
@@ -230,9 +236,9 @@ def _told(long_name, units="1"):
 
 
 def timed(run, *arguments):
-    """What it returns, and the median CPU seconds of up to seven runs, in half a second."""
+    """What it returns, and the median CPU seconds of up to five runs, in 0.2 s or one run."""
     seconds = []
-    while len(seconds) < 7 and sum(seconds) < 0.5:
+    while len(seconds) < 5 and sum(seconds) < 0.2:
         start = thread_time()
         found = run(*arguments)
         seconds.append(thread_time() - start)
@@ -251,33 +257,31 @@ def judged(angle):
 
 def measure(blank, names, tell=lambda text: None):
     """`plan`'s template with all numbers; tell(text) hears of the progress."""
+    import numpy as np
+
+    from nasm.numbers import parse
+
     data = blank.copy(deep=True)
-    rows = answers(names)
+    rows = {name: [] for name in names}
+    for row, (name, _) in enumerate(answers(names)):
+        rows[name].append(row)
+    for name, here in rows.items():  # kernels that methods share are compiled by the first of them
+        start = thread_time()
+        METHODS[name].run(Ray(PROFILES[0], parse("gamma"), nan, nan), METHODS[name].efforts[0])
+        data.warm_up_seconds[here] = thread_time() - start
+    judged(0)
     for i, angle in enumerate(data.angle.values.tolist()):
-        if i == 0:
-            judged(angle)  # compiles
-        ray, seconds = judged(angle)
-        data.naming_seconds[i], data.value[i] = seconds, ray.value
-        data.judge_error[i] = ray.error / ray.value
-        for name in names:
-            method = METHODS[name]
-            here = [row for row, (other, _, _) in enumerate(rows) if other == name]
-            for level, effort in enumerate(data.effort.values[here[0]]):
-                if effort != effort:
-                    break
-                effort = effort if effort < 1 else int(effort)
-                if i == level == 0:
-                    start = thread_time()
-                    method.run(ray, effort)
-                    first = thread_time() - start
-                found, seconds = timed(method.run, ray, effort)
-                if i == level == 0:
-                    data.warm_up_seconds[here] = max(first - seconds, 0.0)
+        ray, data.naming_seconds[i] = judged(angle)
+        data.value[i], data.judge_error[i] = ray.value, ray.error / ray.value
+        for name, here in rows.items():
+            n_efforts = int(data.effort[here[0]].notnull().sum())
+            for level, effort in enumerate(METHODS[name].efforts[:n_efforts]):
+                found, seconds = timed(METHODS[name].run, ray, effort)
                 data.cpu_seconds[i, here, level] = seconds
-                for row, (scale, error) in zip(here, found, strict=True):
-                    data.error[i, row, level] = abs(scale / ray.value - 1)
-                    data.estimated_error[i, row, level] = error / ray.value
-                tell(f"{angle}°: {name}, {method.effort} = {effort:g}: {seconds:.3g} s")
+                scale, error = np.transpose(found)
+                data.error[i, here, level] = np.abs(scale / ray.value - 1)
+                data.estimated_error[i, here, level] = error / ray.value
+                tell(f"{angle}°: {name}, {METHODS[name].effort} = {effort:g}: {seconds:.3g} s")
     data["step_seconds"].values[:] = newton_seconds()
     return data
 
@@ -327,16 +331,17 @@ def seconds_for(data, accuracy):
 
 
 def table(data):
-    """Lines of a Markdown table: which method for which accuracy."""
+    """Lines of a Markdown table: which method for which accuracy, and what it compiles."""
     columns = [seconds_for(data, accuracy) for accuracy in ACCURACIES]
-    lines = ["| CPU seconds for an error of | " + " | ".join(f"{a:g}" for a in ACCURACIES)]
-    lines[0] += " | error ∝ |"
-    lines.append("|---" * (len(ACCURACIES) + 2) + "|")
+    columns.append(data.warm_up_seconds.values)
+    heads = [f"{accuracy:.0e}".replace("e-0", "e-") for accuracy in ACCURACIES]
+    lines = [f"| seconds for an error of | {' | '.join(heads)} | first run | error ∝ |"]
+    lines.append("|---" * (len(columns) + 2) + "|")
     for i, label in enumerate(data.method.attrs["names"]):
-        cells = [f"{c[i]:.2g}" if c[i] == c[i] else "–" for c in columns]
+        cells = [f"{column[i]:.2g}" if column[i] == column[i] else "–" for column in columns]
         slope = order(data, i)
-        law = f"{data.method.attrs['efforts'][i]}^{slope:.2g}" if slope == slope else "–"
-        lines.append(f"| {label} | " + " | ".join(cells) + f" | {law} |")
+        law = f"{data.method.attrs['efforts'][i]}^{slope:.2f}" if abs(slope) > 0.1 else "–"
+        lines.append(f"| {label} | {' | '.join(cells)} | {law} |")
     return lines
 
 
