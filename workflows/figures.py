@@ -304,7 +304,8 @@ _BETTER = ("extrapolated", "value", "blow-up", "Aitken")
 
 
 def draw_work_precision(data):
-    """Error against CPU time, a panel for each ray; and the time of a Newton step."""
+    """Error against CPU time, a panel for each ray, grey where the judge may err; and the time of a
+    Newton step."""
     n_panels = data.angle.size + 1
     figure, panels = plt.subplots(
         -(-n_panels // 3), min(3, n_panels), figsize=(13, 9), layout="constrained", squeeze=False
@@ -326,7 +327,7 @@ def draw_work_precision(data):
             )
         axes.axhspan(1e-16, float(here.judge_error), color="0.9")
         axes.set(xscale="log", yscale="log", ylim=(1e-14, 2))
-        axes.set_title(rf"$\kappa_2/\kappa_1 = \tan {int(here.angle)}°$")
+        axes.set_title(rf"$\varphi = {int(here.angle)}°$")
         axes.set(xlabel="CPU time (s)", ylabel="relative error")
         axes.grid(lw=0.3)
     steps = panels.flat[data.angle.size]

@@ -38,7 +38,7 @@ class Ray:
     error: float
 
 
-@dataclass(frozen=True)
+@dataclass
 class Method:
     """run(ray, effort) → (scale, estimated error) for each of `answers`; efforts, the last one in
     full runs only."""
