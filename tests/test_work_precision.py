@@ -10,7 +10,7 @@ from click.testing import CliRunner
 from nasm import periodic
 from nasm.numbers import parse
 from workflows import work_precision
-from workflows.work_precision import METHODS
+from workflows.contenders import METHODS, judged
 
 NAMES = ["cones", "circle", "continuation", "crossing", "residue", "barriers"]
 EFFORTS = {"cones": [100, 1000, 10_000], "circle": [64, 256, 1024], "barriers": [1e-2, 3e-3, 1e-3]}
@@ -106,7 +106,7 @@ def test_seconds_count_from_where_all_errors_are_small():
 
 
 def test_direct_bias_falls_like_n_to_the_minus_one_third():
-    ray, _ = work_precision.judged(45)
+    ray = judged(45)
     steps = [1000, 10_000, 100_000]
     found = [METHODS["direct-100"].run(ray, n) for n in steps]
     errors = [raw / ray.value - 1 for (raw, _), _ in found]
@@ -117,7 +117,7 @@ def test_direct_bias_falls_like_n_to_the_minus_one_third():
 
 
 def test_a_single_orbit_looks_quasiperiodic_beyond_the_breakup():
-    ray, _ = work_precision.judged(45)
+    ray = judged(45)
     ((scale, error),) = METHODS["birkhoff"].run(ray, 10_000)
     assert 1e-3 < scale / ray.value - 1 < 0.02
     assert np.isnan(error)

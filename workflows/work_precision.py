@@ -1,6 +1,6 @@
 """How much does each method compute for an accuracy? Speed against error, all methods on five rays.
 
-The answer that all are judged by is Greene's residue with periods up to `JUDGE`; the circle that
+The answer that all are judged by is Greene's residue with periods up to 30 000; the circle that
 breaks last, whose ω circles and residues must be told, is the one that `nasm.barriers` names.
 Seconds are CPU seconds of one thread, the median of several runs; a first run, which imports and
 compiles, is told apart.
@@ -11,175 +11,16 @@ need digits that single precision has not: starts 10⁻¹⁶ apart, residuals of
 10⁻¹² on.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from math import cos, nan, radians
+from math import nan
 from statistics import median
 from time import thread_time
 
 import click
 
 from workflows.cli import HELP, driver
+from workflows.contenders import JUDGE, METHODS, PROFILES, Ray, judged
 
-JUDGE = 30_000
-PROFILES = {45: (1.0, 1.0), 0: (1.0, 0.0)} | {
-    angle: (cos(radians(angle)), cos(radians(90 - angle))) for angle in (30, 40, 120)
-}
 ACCURACIES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-8, 1e-10)
-
-
-@dataclass(frozen=True)
-class Ray:
-    """A problem: on κ = s·profile the last circle, of omega, breaks at s = value ± error."""
-
-    profile: tuple
-    omega: object
-    value: float
-    error: float
-
-
-@dataclass
-class Method:
-    """run(ray, effort) → (scale, estimated error) for each of `answers`; efforts, the last one in
-    full runs only."""
-
-    answers: tuple[str, ...]
-    effort: str
-    efforts: list
-    run: Callable
-
-
-def direct(n_orbits, reach):
-    """Direct iteration; transport is |y_n - y_0| > reach for all starts 0 ≤ y_0 ≤ 0.3."""
-
-    def run(ray, n_max):
-        from nasm import escape
-
-        window = (-reach, 0.3 + reach)
-        found = escape.critical_scale(ray.profile, n_max, n_orbits, window)
-        return (found.upper, found.error), (found.value, found.error)
-
-    return run
-
-
-def converse_kam(ray, n_max):
-    from nasm import cones
-
-    found = cones.critical_scale(ray.profile, n_max)
-    return (found.upper, found.upper - found.value), (found.value, found.error)
-
-
-def crossing(ray, q_max):
-    from nasm import periodic
-
-    _, scales = periodic.crossings(ray.omega, ray.profile, q_max)
-    return ((scales[-1], abs(scales[-1] - scales[-2])) if scales.size else (nan, nan),)
-
-
-def residue(ray, q_max):
-    from nasm import periodic
-
-    found = periodic.critical_scale(ray.omega, ray.profile, q_max)
-    return ((found.value, found.error),)
-
-
-def continuation(ray, tol):
-    from nasm import continuation
-
-    found = continuation.critical_scale(ray.omega, ray.profile, tol)
-    return ((found.value, found.error),)
-
-
-def last_circle(ray, n_points):
-    """The last circle that is certified with that many points."""
-    import numpy as np
-
-    from nasm import circles
-
-    start = None
-
-    def exists(scale):
-        nonlocal start
-        kappa = scale * np.array(ray.profile)
-        circle = circles.invariant_circle(ray.omega, kappa, n_points, start)
-        start = circle.u if circle.certified else start
-        return circle.certified
-
-    largest = 2 / max(map(abs, ray.profile))  # where there is no circle
-    return ((_last(exists, 0.0, largest, 0.1 / n_points), nan),)
-
-
-def birkhoff(ray, n):
-    """The last scale at which the orbit that lives longest by converse KAM looks quasiperiodic.
-
-    It does if its rotation number has five digits, and is none of the fractions up to q = 200 that
-    islands have. No test of existence: longer islands and what is left of circles look so too. The
-    search stays within a tenth of what converse KAM says, for more regular orbits lie beyond.
-    """
-    from fractions import Fraction
-
-    import numpy as np
-
-    from nasm import cones, orbits, periodic
-
-    profile = np.array(ray.profile)
-    site, a = periodic.dominant_centre(profile)
-
-    def quasiperiodic(scale):
-        y, _ = cones.longest_lived(scale * profile, n)
-        omega, digits = map(float, orbits.rotation_number(scale * np.roll(profile, -site), a, y, n))
-        if omega != omega:
-            return False
-        return abs(omega - Fraction(omega).limit_denominator(200)) > 10 * 10**-digits
-
-    near = cones.critical_scale(profile, 100).value
-    return ((_last(quasiperiodic, 0.9 * near, 1.1 * near, 0.1 / n), nan),)
-
-
-def _last(holds, low, high, precision):
-    """Bisection for the scale up to which something holds, to that part of it."""
-    while high - low > precision * high:
-        middle = (low + high) / 2
-        low, high = (middle, high) if holds(middle) else (low, middle)
-    return low
-
-
-def barrier(ray, tol):
-    from nasm import barriers
-
-    found = barriers.critical_scale(ray.profile, tol)
-    return (found.lower, found.upper - found.lower), (found.value, found.error)
-
-
-STEPS = [1000, 10_000, 100_000, 1_000_000]
-PERIODS = [30, 100, 300, 1000, 3000, 10_000]
-METHODS = {
-    "direct": Method(("direct", "direct, extrapolated"), "N", STEPS, direct(10_000, 2.0)),
-    "direct-100": Method(
-        ("direct, 100 orbits", "direct, 100 orbits, extrapolated"), "N", STEPS, direct(100, 2.0)
-    ),
-    "direct-window": Method(
-        ("direct, 100 orbits, near exit", "direct, 100 orbits, near exit, extrapolated"),
-        "N",
-        STEPS,
-        direct(100, 1.2),
-    ),
-    "cones": Method(
-        ("converse KAM, upper bound", "converse KAM, value"), "N", [100, *STEPS], converse_kam
-    ),
-    "birkhoff": Method(("weighted Birkhoff average",), "n", STEPS, birkhoff),
-    "circle": Method(
-        ("last certified circle",), "points", [64, 256, 1024, 4096, 16_384], last_circle
-    ),
-    "continuation": Method(
-        ("blow-up of circles",), "tol", [1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6], continuation
-    ),
-    "crossing": Method(("residue, last crossing",), "q", PERIODS, crossing),
-    "residue": Method(("residue, Aitken",), "q", PERIODS, residue),
-    "barriers": Method(
-        ("barriers, bracket", "barriers, value"), "tol", [1e-1, 1e-2, 1e-3, 1e-4, 2e-5], barrier
-    ),
-}
 FORMS = ("chain form", "the paper's Algorithm 1")
 POINTS = [2**k for k in range(6, 15)]
 
@@ -219,7 +60,6 @@ def plan(angles, names, quick):
         "warm_up_seconds": (every[1:2], "CPU time of a first run, which compiles", "s"),
         "value": (every[:1], "scale of the breakup that all are judged by", "1"),
         "judge_error": (every[:1], "relative error of that scale, estimated", "1"),
-        "naming_seconds": (every[:1], "CPU time to find which circle is the last one", "s"),
         "step_seconds": (("form", "points"), "CPU time of one Newton step, median", "s"),
     }
     template = xr.Dataset(coords=coords, attrs={"title": "Speed against accuracy of all methods"})
@@ -245,16 +85,6 @@ def timed(run, *arguments):
     return found, median(seconds)
 
 
-def judged(angle):
-    """The Ray at that angle, and the seconds that it took to name its last circle."""
-    from nasm import barriers, periodic
-
-    profile = PROFILES[angle]
-    named, seconds = timed(barriers.critical_scale, profile, 1e-2)
-    judge = periodic.critical_scale(named.omega, profile, JUDGE)
-    return Ray(profile, named.omega, judge.value, judge.error), seconds
-
-
 def measure(blank, names, tell=lambda text: None):
     """`plan`'s template with all numbers; tell(text) hears of the progress."""
     import numpy as np
@@ -269,9 +99,8 @@ def measure(blank, names, tell=lambda text: None):
         start = thread_time()
         METHODS[name].run(Ray(PROFILES[0], parse("gamma"), nan, nan), METHODS[name].efforts[0])
         data.warm_up_seconds[here] = thread_time() - start
-    judged(0)
     for i, angle in enumerate(data.angle.values.tolist()):
-        ray, data.naming_seconds[i] = judged(angle)
+        ray = judged(angle)
         data.value[i], data.judge_error[i] = ray.value, ray.error / ray.value
         for name, here in rows.items():
             n_efforts = int(data.effort[here[0]].notnull().sum())
@@ -359,14 +188,14 @@ def main(out, quick, only, angle):
 
     On one core, about a minute and a half with --quick and fifteen minutes without.
     """
-    names = only or tuple(METHODS)
+    names = tuple(dict.fromkeys(only)) or tuple(METHODS)
     with driver(out):
         from dataclasses import replace
 
         from pipeline import store
         from workflows.figures import draw_work_precision, save
 
-        cube = plan([int(a) for a in angle] or list(PROFILES), names, quick)
+        cube = plan([int(a) for a in dict.fromkeys(angle)] or list(PROFILES), names, quick)
         store.refuse_different(out, cube)
         data = measure(cube.template, names, lambda text: click.echo(text, err=True))
         store.replace(out, replace(cube, template=data))
