@@ -64,6 +64,7 @@ def test_errors_fall_with_effort(measured, name, order, margin):
 @pytest.mark.parametrize(
     "name",
     [
+        "converse KAM, upper bound",
         "converse KAM, value",
         "residue, last crossing",
         "residue, Aitken",

@@ -52,7 +52,7 @@ def direct(n_orbits, reach):
 
         window = (-reach, 0.3 + reach)
         found = escape.critical_scale(ray.profile, n_max, n_orbits, window)
-        return (found.upper, found.error), (found.value, found.error)
+        return _bound_and_value(found)
 
     return run
 
@@ -61,7 +61,11 @@ def converse_kam(ray, n_max):
     from nasm import cones
 
     found = cones.critical_scale(ray.profile, n_max)
-    return (found.upper, found.upper - found.value), (found.value, found.error)
+    return _bound_and_value(found)
+
+
+def _bound_and_value(found):
+    return (found.upper, found.upper - found.value + found.error), (found.value, found.error)
 
 
 def crossing(ray, q_max):
