@@ -58,6 +58,7 @@ def direct(n_orbits, reach):
 
 
 def converse_kam(ray, n_max):
+    """Converse KAM: where no start survives n_max steps, and extrapolated."""
     from nasm import cones
 
     found = cones.critical_scale(ray.profile, n_max)
@@ -69,6 +70,7 @@ def _bound_and_value(found):
 
 
 def crossing(ray, q_max):
+    """Where the last two convergents have the same residue; its last change as error."""
     from nasm import periodic
 
     _, scales = periodic.crossings(ray.omega, ray.profile, q_max)
@@ -76,6 +78,7 @@ def crossing(ray, q_max):
 
 
 def residue(ray, q_max):
+    """Those crossings, extrapolated by Aitken's rule."""
     from nasm import periodic
 
     found = periodic.critical_scale(ray.omega, ray.profile, q_max)
@@ -83,6 +86,7 @@ def residue(ray, q_max):
 
 
 def continuation(ray, tol):
+    """The blow-up of the norms of the circles on the ray."""
     from nasm import continuation
 
     found = continuation.critical_scale(ray.omega, ray.profile, tol)
@@ -144,6 +148,7 @@ def _last(holds, low, high, precision):
 
 
 def barrier(ray, tol):
+    """The further end of the bracket, with its width; and the value in it."""
     from nasm import barriers
 
     found = barriers.critical_scale(ray.profile, tol)
