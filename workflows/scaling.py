@@ -1,0 +1,372 @@
+"""What does the pipeline add to the tiles' own time, and how many workers can it feed?
+
+A sweep of n tiles of c seconds packs b = min(256, max(1, ⌊0.5/c⌋)) tiles into a batch, B = ⌈n/b⌉
+batches (`pipeline.sweep`). One driver, which holds the scheduler too, spends s = t_batch + b·t_tile
+on each; a worker takes d = w_batch + b·(c + w_tile), commits included. W workers need
+
+    T(W) = T_0 + n·t_list + max( ⌈B/W⌉·d + min(B, W)·s,    the workers, after the first hand-out
+                                 B·s + d,                  the driver, then the last batch
+                                 n·t_store )               a store that commits one tile at a time
+
+All constants are measured here: t_batch, t_tile, w_batch, w_tile from the CPU time of the driver
+and of one or two worker processes, beside that of the tiles; T_0, t_list from when the first tile
+begins; t_store by committing tiles in a loop. The model is checked by simulation: a real scheduler
+and up to 1024 workers whose tiles sleep. They share a process, which adds one more bound to T(W),
+B·w_batch + n·w_tile, and two cores. Efficiency is n·c/(W·T).
+"""
+
+from dataclasses import dataclass, fields
+from functools import reduce
+
+import click
+
+from workflows.cli import HELP, driver, finish, integers_option
+
+COSTS = (0.001, 0.01, 0.1, 1.0)
+TILES = (10, 100, 1000, 10_000)
+SIMULATED_COSTS = (0.1, 1.0, 4.0)
+ROUNDS = 3  # batches for each simulated worker
+MOST_SIMULATED = 4000  # tiles
+CROWD = (16, 64, 256, 1024)
+MINUTES = 10  # of the sweep that the recommendations are for
+GOOD = 0.9  # efficiency
+
+
+@dataclass(frozen=True)
+class Constants:
+    """Seconds. start: T_0; listing: t_list; batch, tile: the driver's; worker_batch, worker_tile:
+    a worker's; store: t_store."""
+
+    start: float
+    listing: float
+    batch: float
+    tile: float
+    worker_batch: float
+    worker_tile: float
+    store: float
+
+    def times(self, factor):
+        """On a machine that is slower by a factor."""
+        return Constants(*(factor * getattr(self, field.name) for field in fields(self)))
+
+
+def packing(n, cost):
+    """(tiles in a batch, batches) of n equal tiles, as `pipeline.sweep` packs them."""
+    import numpy as np
+
+    from pipeline.sweep import BATCH_SECONDS, BATCH_TILES
+
+    size = np.floor(BATCH_SECONDS / np.maximum(cost, 1e-9) + 1e-9)
+    size = np.minimum(np.minimum(np.maximum(size, 1), BATCH_TILES), n)
+    return size, np.ceil(n / size)
+
+
+def sweep_seconds(n, cost, workers, constants, crowded=False):
+    """T(W) of the module's docstring; `crowded`: all workers in one process. Arrays or numbers."""
+    import numpy as np
+
+    k = constants
+    size, batches = packing(n, cost)
+    serve = k.batch + size * k.tile
+    batch = k.worker_batch + size * (cost + k.worker_tile)
+    bounds = [
+        np.ceil(batches / workers) * batch + np.minimum(batches, workers) * serve,
+        batches * serve + batch,
+        n * k.store,
+    ]
+    if crowded:
+        bounds.append(batches * k.worker_batch + n * k.worker_tile + size * cost)
+    return k.start + n * k.listing + reduce(np.maximum, bounds)
+
+
+def efficiency(n, cost, workers, seconds):
+    """The part of the workers' time that went into the tiles."""
+    return n * cost / (workers * seconds)
+
+
+def measure(client, scratch, n, cost, burn):
+    """One sweep in the empty directory `scratch`: {quantity: seconds}."""
+    import io
+    import shutil
+    import time
+
+    from pipeline import store, synthetic
+    from pipeline.sweep import sweep
+
+    def cpu(workers):
+        return sum(client.run(time.process_time, workers=workers).values())
+
+    # Simulated workers are in one process, which any of them can tell the time of.
+    everyone = list(client.scheduler_info(n_workers=-1)["workers"])
+    everyone = everyone if burn else everyone[:1]
+    shutil.rmtree(scratch, ignore_errors=True)
+    cube = synthetic.cube(n, cost, burn)
+    slow = [slowness()]
+    workers, here, start = cpu(everyone), time.process_time(), time.time()
+    with store.driving(scratch):
+        finish(sweep(client, scratch, cube, synthetic.tile, synthetic.cost, report=io.StringIO()))
+        wall, driver_cpu = time.time() - start, time.process_time() - here
+        workers = cpu(everyone) - workers
+        found = store.read(scratch, cube.name)
+        tiles, first = float(found.cpu_seconds.sum()), float(found.began.min()) - start
+    shutil.rmtree(scratch)
+    slow.append(slowness())
+    return {
+        "wall": wall,
+        "first": first,
+        "driver_cpu": driver_cpu,
+        "workers_cpu": workers - tiles,
+        "slowness": sum(slow) / 2,
+    }
+
+
+def slowness():
+    """Seconds that pass in a second of CPU time: 1 on an idle machine."""
+    import time
+
+    start, cpu = time.perf_counter(), time.thread_time()
+    while time.thread_time() < cpu + 0.1:
+        pass
+    return (time.perf_counter() - start) / (time.thread_time() - cpu)
+
+
+def commit_seconds(scratch, n=300):
+    """CPU seconds of one commit, by one process in a loop."""
+    import shutil
+    import time
+
+    import numpy as np
+
+    from pipeline import store, synthetic
+
+    cube = synthetic.cube(n, 0, burn=False)
+    arrays = {"began": np.zeros((1, synthetic.CELLS))}
+    with store.driving(scratch):
+        layout = store.create(scratch, cube)
+        start = time.process_time()
+        for i in range(n):
+            store.commit(layout, (i,), arrays, 0.0)
+        seconds = (time.process_time() - start) / n
+    shutil.rmtree(scratch)
+    return seconds
+
+
+def fit(measured, store):
+    """The Constants that explain the measured sweeps best, in parts of each; none is negative."""
+    import numpy as np
+    from scipy.optimize import nnls
+
+    runs = measured.stack(run=("workers", "cost", "tiles")).dropna("run", subset=["wall"])
+    n = runs.tiles.values.astype(float)
+    _, batches = packing(n, runs.cost.values)
+    one = np.ones_like(n)
+
+    def explain(seconds, *columns):
+        scale = np.maximum(seconds, 1e-3)
+        return nnls(np.stack(columns, axis=1) / scale[:, None], seconds / scale)[0]
+
+    first = runs["first"] / runs.slowness
+    start, listing = explain(first.values, one, n)
+    _, batch, tile = explain(runs.driver_cpu.values, one, batches, n)
+    _, worker_batch, worker_tile = explain(runs.workers_cpu.values, one, batches, n)
+    return Constants(start, listing, batch, tile, worker_batch, worker_tile, store)
+
+
+def blank(title, coords, quantities):
+    """A Dataset of NaN with the dims of `coords` and quantities {name: (meaning, units)}."""
+    import numpy as np
+    import xarray as xr
+
+    shape = tuple(len(values) for values in coords.values())
+    meanings = {
+        "workers": ("workers", "1"),
+        "cost": ("time of a tile", "s"),
+        "tiles": ("tiles of the sweep", "1"),
+    }
+    dataset = xr.Dataset(
+        {
+            name: (tuple(coords), np.full(shape, np.nan), {"long_name": meaning, "units": units})
+            for name, (meaning, units) in quantities.items()
+        },
+        {dim: np.asarray(values) for dim, values in coords.items()},
+        {"title": title},
+    )
+    for dim in coords:
+        dataset[dim].attrs = dict(zip(("long_name", "units"), meanings[dim], strict=True))
+    return dataset
+
+
+_QUANTITIES = {
+    "wall": ("duration of the sweep", "s"),
+    "first": ("from its start to the first tile's", "s"),
+    "driver_cpu": ("CPU time of driver and scheduler", "s"),
+    "workers_cpu": ("CPU time of the workers beside their tiles", "s"),
+    "slowness": ("time that passed in a second of CPU time, by the machine's other load", "1"),
+    "efficiency": ("part of the workers' time that went into the tiles", "1"),
+    "model_wall": ("duration by the model, slowed as the machine was", "s"),
+}
+
+
+def plans(workers, crowd, quick):
+    """The three datasets, nothing in them yet."""
+    import numpy as np
+
+    model = {
+        "tiles": ("tiles of the sweep", "1"),
+        "efficiency": ("part of the workers' time that goes into the tiles", "1"),
+        "throughput": ("tiles per second", "1/s"),
+    }
+    tiles = TILES[:-1] if quick else TILES
+    return (
+        blank(
+            "Sweeps of synthetic tiles that burn CPU time",
+            {"workers": workers, "cost": COSTS, "tiles": list(tiles)},
+            _QUANTITIES,
+        ),
+        blank(
+            "Sweeps of synthetic tiles that sleep, with many workers in one process",
+            {"workers": crowd, "cost": SIMULATED_COSTS[: 2 if quick else 3]},
+            {"tiles": model["tiles"], **_QUANTITIES},
+        ),
+        blank(
+            f"Model: sweeps of {MINUTES} minutes' work for each worker, each on its own core",
+            {"workers": [1, *CROWD], "cost": np.geomspace(1e-3, 300, 221)},
+            model,
+        ),
+    )
+
+
+def run_measured(measured, scratch, longest):
+    """Fill `measured`: sweeps up to `longest` seconds of tiles; medians of three of the short."""
+    import numpy as np
+
+    from pipeline import synthetic
+    from pipeline.cluster import connect
+
+    for workers in measured.workers.values.tolist():
+        with connect(synthetic.no_warm_up, n_workers=workers) as client:
+            measure(client, scratch, 10, 0.0, burn=True)  # imports
+            for cost in measured.cost.values.tolist():
+                for n in measured.tiles.values.tolist():
+                    if n * cost > longest or n * cost < 0.05:
+                        continue
+                    runs = [
+                        measure(client, scratch, n, cost, burn=True)
+                        for _ in range(3 if n * max(cost, 2e-3) <= longest / 4 else 1)
+                    ]
+                    at = {"workers": workers, "cost": cost, "tiles": n}
+                    for name in runs[0]:
+                        measured[name].loc[at] = np.median([run[name] for run in runs])
+
+
+def run_simulated(simulated, scratch):
+    """Fill `simulated`: three batches for each worker, or as many as are quickly simulated."""
+    from pipeline import synthetic
+
+    for workers in simulated.workers.values.tolist():
+        with synthetic.crowd(workers) as client:
+            measure(client, scratch, workers, 0.0, burn=False)  # imports, connections
+            for cost in simulated.cost.values.tolist():
+                n = simulated_tiles(workers, cost)
+                at = {"workers": workers, "cost": cost}
+                simulated.tiles.loc[at] = n
+                for name, value in measure(client, scratch, n, cost, burn=False).items():
+                    simulated[name].loc[at] = value
+
+
+def simulated_tiles(workers, cost):
+    """How many tiles a simulated sweep has."""
+    return min(MOST_SIMULATED, int(ROUNDS * workers * packing(10**6, cost)[0]))
+
+
+def compare(dataset, constants, crowded):
+    """Fill in `efficiency`, and `model_wall` with the constants slowed as the machine was."""
+    sweeps = dataset.tiles.where(dataset.wall > 0), dataset.cost, dataset.workers
+    model = sweep_seconds(*sweeps, constants.times(dataset.slowness), crowded)
+    for name, values in (
+        ("model_wall", model),
+        ("efficiency", efficiency(*sweeps, dataset.wall)),
+    ):
+        dataset[name][:] = values.transpose(*dataset[name].dims)
+
+
+def predict(model, constants):
+    """Fill `model`: sweeps that would take `MINUTES` at full efficiency."""
+    import numpy as np
+
+    tiles = np.maximum(1, np.rint(60 * MINUTES * model.workers / model.cost))
+    seconds = sweep_seconds(tiles, model.cost, model.workers, constants)
+    model["tiles"][:] = tiles
+    model["efficiency"][:] = efficiency(tiles, model.cost, model.workers, seconds)
+    model["throughput"][:] = tiles / seconds
+
+
+def good_costs(model, workers):
+    """(least, largest) seconds of a tile from which on, up to which, the efficiency is `GOOD`."""
+    row = model.efficiency.sel(workers=workers)
+    good = model.cost.values[row.values >= GOOD]
+    return (float(good.min()), float(good.max())) if good.size else (float("nan"),) * 2
+
+
+@click.command(context_settings=HELP)
+@click.option("--out", default="out", show_default=True, help="Directory of the results.")
+@integers_option("--workers", "1,2", 64, "Worker processes of the measured sweeps.")
+@integers_option("--crowd", None, 4096, "Workers simulated.  [default: 16,64,256,1024]")
+@click.option("--quick", is_flag=True, help="A preview: short sweeps, and 16 and 64 workers.")
+def main(out, workers, crowd, quick):
+    """Throughput and overhead of the pipeline: three cubes, two tables and a figure in OUT.
+
+    About five minutes, a quick run one. Measured on synthetic tiles, in a scratch directory in OUT
+    that is deleted; other cubes are not touched.
+    """
+    crowd = crowd or (CROWD[:2] if quick else CROWD)
+    with driver(out):
+        import shutil
+
+        from pipeline import store
+        from pipeline.schema import Cube
+        from workflows.figures import draw_scaling, save
+
+        names = ("scaling_measured", "scaling_simulated", "scaling_model")
+        datasets = plans(workers, crowd, quick)
+        for name, dataset in zip(names, datasets, strict=True):
+            store.refuse_different(out, Cube(name, dataset, {}, {"quick": quick}))
+        measured, simulated, model = datasets
+        scratch = f"{out}/scaling_scratch"
+        shutil.rmtree(scratch, ignore_errors=True)  # of a run that was killed
+        try:
+            commit = commit_seconds(scratch)
+            run_measured(measured, scratch, longest=1.0 if quick else 10.0)
+            run_simulated(simulated, scratch)
+        finally:
+            shutil.rmtree(scratch, ignore_errors=True)
+        constants = fit(measured, commit)
+        compare(measured, constants, crowded=False)
+        compare(simulated, constants, crowded=True)
+        predict(model, constants)
+        for name, dataset in zip(names, datasets, strict=True):
+            dataset.attrs |= {f"seconds_{key}": value for key, value in vars(constants).items()}
+            store.replace(out, Cube(name, dataset, {}, {"quick": quick}))
+            if dataset is not model:
+                table = dataset.to_dataframe().dropna(subset="wall")
+                table.to_csv(f"{out}/{name}.csv", float_format="%.4g")
+        figures = save(draw_scaling(*datasets), out, "scaling")
+    for field in fields(constants):
+        click.echo(f"{field.name:13} {1e3 * getattr(constants, field.name):8.3f} ms")
+    for name, dataset in zip(names[:2], datasets, strict=False):
+        ratio = (dataset.wall / dataset.model_wall).values
+        ratio = ratio[ratio > 0]
+        click.echo(f"{name}: {ratio.min():.2f} to {ratio.max():.2f} times as long as by the model")
+    for count in CROWD:
+        least, largest = good_costs(model, count)
+        click.echo(
+            f"{count:5} workers, {MINUTES} minutes: {100 * GOOD:.0f}% efficiency with tiles of "
+            f"{least:.2g} to {largest:.2g} s"
+        )
+    click.echo(f"cubes:  {out}/cubes.zarr, groups {', '.join(names)}")
+    click.echo(f"tables: {out}/{names[0]}.csv, {out}/{names[1]}.csv")
+    click.echo(f"figure: {', '.join(figures)}")
+
+
+if __name__ == "__main__":
+    main()
