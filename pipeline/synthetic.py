@@ -17,6 +17,7 @@ import numpy as np
 import xarray as xr
 from distributed import LocalCluster, Worker
 
+from pipeline import store
 from pipeline.cluster import QUIET, connect
 from pipeline.schema import Cube
 
@@ -27,31 +28,43 @@ _BLOCK = bytes(2**15)
 def cube(n_tiles, seconds, burn):
     """The cube of `n_tiles` tiles of `seconds` each: of CPU time if `burn`, asleep otherwise.
 
-    `began` : when each tile began, seconds since the epoch.
+    `when` : the first cell of a tile is when it began, the others when it ended, in seconds since
+        the epoch.
     """
-    began = dask.array.full((n_tiles, CELLS), np.nan, chunks=-1)
-    attrs = {"long_name": "when the tile began", "units": "s"}
+    when = dask.array.full((n_tiles, CELLS), np.nan, chunks=-1)
+    attrs = {"long_name": "when the tile began, and ended", "units": "s"}
     coords = {"tile": np.arange(n_tiles), "cell": np.arange(CELLS)}
-    template = xr.Dataset({"began": (("tile", "cell"), began, attrs)}, coords)
+    template = xr.Dataset({"when": (("tile", "cell"), when, attrs)}, coords)
     settings = {"seconds": float(seconds), "burn": bool(burn)}
     return Cube("synthetic", template, {"tile": 1}, settings)
 
 
 def tile(coords, settings):
-    """{"began": array (tile, cell)}, after the given time."""
-    began = np.full((coords["tile"].size, CELLS), time.time())
+    """{"when": array (tile, cell)}, after the given time."""
+    began = time.time()
     if settings["burn"]:
         end = time.thread_time() + settings["seconds"]
         while time.thread_time() < end:
             hashlib.sha256(_BLOCK)  # without the interpreter's lock, like the kernels
     else:
         time.sleep(settings["seconds"])
-    return {"began": began}
+    when = np.full((coords["tile"].size, CELLS), time.time())
+    when[:, 0] = began
+    return {"when": when}
 
 
 def cost(coords, settings):
     """Predicted CPU seconds of `tile`, exactly."""
     return settings["seconds"]
+
+
+def commit_all(layout, indices):
+    """Commit tiles of the cube, one after the other; the CPU seconds that one takes."""
+    arrays = {"when": np.zeros((1, CELLS))}
+    start = time.process_time()
+    for i in indices:
+        store.commit(layout, (i,), arrays, 0.0)
+    return (time.process_time() - start) / len(indices)
 
 
 def no_warm_up():

@@ -9,8 +9,8 @@ on each; a worker takes d = w_batch + b·(c + w_tile), commits included. W worke
                                  n·t_store )               a store that commits one tile at a time
 
 All constants are measured here: t_batch, t_tile, w_batch, w_tile from the CPU time of the driver
-and of one or two worker processes, beside that of the tiles; T_0, t_list from when the first tile
-begins; t_store by committing tiles in a loop. The model is checked by simulation: a real scheduler
+and of the workers, beside that of the tiles; T_0, t_list from when the first tile begins; t_store
+by workers that commit in a loop, all at once. The model is checked by simulation: a real scheduler
 and up to 1024 workers whose tiles sleep. They share a process, which adds one more bound to T(W),
 B·w_batch + n·w_tile, and two cores. Efficiency is n·c/(W·T).
 """
@@ -61,12 +61,17 @@ def packing(n, cost):
     return size, np.ceil(n / size)
 
 
-def sweep_seconds(n, cost, workers, constants, crowded=False):
-    """T(W) of the module's docstring; `crowded`: all workers in one process. Arrays or numbers."""
+def sweep_seconds(n, cost, workers, constants, crowded=False, slowness=1.0):
+    """T(W) of the module's docstring. Arrays or numbers.
+
+    crowded : all workers are in one process. slowness : the factor by which the machine's other
+    load slows all that computes; tiles that sleep, in a crowd, are not slowed.
+    """
     import numpy as np
 
-    k = constants
+    k = constants.times(slowness)
     size, batches = packing(n, cost)
+    cost = cost if crowded else cost * slowness
     serve = k.batch + size * k.tile
     batch = k.worker_batch + size * (cost + k.worker_tile)
     bounds = [
@@ -101,22 +106,25 @@ def measure(client, scratch, n, cost, burn):
     everyone = everyone if burn else everyone[:1]
     shutil.rmtree(scratch, ignore_errors=True)
     cube = synthetic.cube(n, cost, burn)
-    slow = [slowness()]
+    slow = 1.0 if burn else slowness()
     workers, here, start = cpu(everyone), time.process_time(), time.time()
     with store.driving(scratch):
         finish(sweep(client, scratch, cube, synthetic.tile, synthetic.cost, report=io.StringIO()))
         wall, driver_cpu = time.time() - start, time.process_time() - here
         workers = cpu(everyone) - workers
         found = store.read(scratch, cube.name)
-        tiles, first = float(found.cpu_seconds.sum()), float(found.began.min()) - start
+        tiles, when = float(found.cpu_seconds.sum()), found.when.values
     shutil.rmtree(scratch)
-    slow.append(slowness())
+    if burn:
+        slow = float((when[:, 1] - when[:, 0]).sum()) / max(tiles, 1e-9)
+    else:
+        slow = (slow + slowness()) / 2
     return {
         "wall": wall,
-        "first": first,
+        "first": float(when.min()) - start,
         "driver_cpu": driver_cpu,
         "workers_cpu": workers - tiles,
-        "slowness": sum(slow) / 2,
+        "slowness": slow,
     }
 
 
@@ -130,43 +138,52 @@ def slowness():
     return (time.perf_counter() - start) / (time.thread_time() - cpu)
 
 
-def commit_seconds(scratch, n=300):
-    """CPU seconds of one commit, by one process in a loop."""
+def commit_seconds(client, scratch, n=200):
+    """Seconds that the store is held by one commit: CPU time of a commit when all workers commit
+    at once, of which they wait for each other most, over the number of workers."""
     import shutil
-    import time
-
-    import numpy as np
 
     from pipeline import store, synthetic
 
-    cube = synthetic.cube(n, 0, burn=False)
-    arrays = {"began": np.zeros((1, synthetic.CELLS))}
+    workers = list(client.scheduler_info(n_workers=-1)["workers"])
+    cube = synthetic.cube(n * len(workers), 0, burn=False)
     with store.driving(scratch):
         layout = store.create(scratch, cube)
-        start = time.process_time()
-        for i in range(n):
-            store.commit(layout, (i,), arrays, 0.0)
-        seconds = (time.process_time() - start) / n
+        futures = [
+            client.submit(
+                synthetic.commit_all,
+                layout,
+                range(i * n, (i + 1) * n),
+                workers=[worker],
+                pure=False,
+            )
+            for i, worker in enumerate(workers)
+        ]
+        seconds = sum(client.gather(futures)) / len(workers) ** 2
     shutil.rmtree(scratch)
     return seconds
 
 
-def fit(measured, store):
-    """The Constants that explain the measured sweeps best, in parts of each; none is negative."""
+def fit(measured, simulated, store):
+    """The Constants that explain all sweeps' CPU times best, in parts of each; none is negative."""
     import numpy as np
+    import pandas as pd
     from scipy.optimize import nnls
 
-    runs = measured.stack(run=("workers", "cost", "tiles")).dropna("run", subset=["wall"])
-    n = runs.tiles.values.astype(float)
+    runs = [
+        dataset.to_dataframe().dropna(subset="wall").reset_index()
+        for dataset in (measured, simulated)
+    ]
+    runs = pd.concat(runs, ignore_index=True)
+    n = runs.tiles.values
     _, batches = packing(n, runs.cost.values)
-    one = np.ones_like(n)
+    one = np.ones(n.size)
 
     def explain(seconds, *columns):
-        scale = np.maximum(seconds, 1e-3)
+        scale = np.maximum(seconds, 0.05)
         return nnls(np.stack(columns, axis=1) / scale[:, None], seconds / scale)[0]
 
-    first = runs["first"] / runs.slowness
-    start, listing = explain(first.values, one, n)
+    start, listing = explain((runs["first"] / runs.slowness).values, one, n)
     _, batch, tile = explain(runs.driver_cpu.values, one, batches, n)
     _, worker_batch, worker_tile = explain(runs.workers_cpu.values, one, batches, n)
     return Constants(start, listing, batch, tile, worker_batch, worker_tile, store)
@@ -236,8 +253,11 @@ def plans(workers, crowd, quick):
     )
 
 
-def run_measured(measured, scratch, longest):
-    """Fill `measured`: sweeps up to `longest` seconds of tiles; medians of three of the short."""
+def run_measured(measured, scratch, longest, repeats):
+    """Fill `measured`: sweeps up to `longest` seconds of tiles; medians of `repeats`, if short.
+
+    Returns the seconds of a commit into the store, by the last number of workers.
+    """
     import numpy as np
 
     from pipeline import synthetic
@@ -246,17 +266,19 @@ def run_measured(measured, scratch, longest):
     for workers in measured.workers.values.tolist():
         with connect(synthetic.no_warm_up, n_workers=workers) as client:
             measure(client, scratch, 10, 0.0, burn=True)  # imports
+            commit = commit_seconds(client, scratch)
             for cost in measured.cost.values.tolist():
                 for n in measured.tiles.values.tolist():
                     if n * cost > longest or n * cost < 0.05:
                         continue
                     runs = [
                         measure(client, scratch, n, cost, burn=True)
-                        for _ in range(3 if n * max(cost, 2e-3) <= longest / 4 else 1)
+                        for _ in range(repeats if n * max(cost, 2e-3) <= 2.5 else 1)
                     ]
                     at = {"workers": workers, "cost": cost, "tiles": n}
                     for name in runs[0]:
                         measured[name].loc[at] = np.median([run[name] for run in runs])
+    return commit
 
 
 def run_simulated(simulated, scratch):
@@ -280,9 +302,12 @@ def simulated_tiles(workers, cost):
 
 
 def compare(dataset, constants, crowded):
-    """Fill in `efficiency`, and `model_wall` with the constants slowed as the machine was."""
+    """Fill in `efficiency`, and `model_wall` with all that computes slowed as the machine was.
+
+    crowded : the tiles sleep, with many workers in one process; the machine does not slow them.
+    """
     sweeps = dataset.tiles.where(dataset.wall > 0), dataset.cost, dataset.workers
-    model = sweep_seconds(*sweeps, constants.times(dataset.slowness), crowded)
+    model = sweep_seconds(*sweeps, constants, crowded, dataset.slowness)
     for name, values in (
         ("model_wall", model),
         ("efficiency", efficiency(*sweeps, dataset.wall)),
@@ -335,12 +360,11 @@ def main(out, workers, crowd, quick):
         scratch = f"{out}/scaling_scratch"
         shutil.rmtree(scratch, ignore_errors=True)  # of a run that was killed
         try:
-            commit = commit_seconds(scratch)
-            run_measured(measured, scratch, longest=1.0 if quick else 10.0)
+            commit = run_measured(measured, scratch, *((1.0, 1) if quick else (10.0, 3)))
             run_simulated(simulated, scratch)
         finally:
             shutil.rmtree(scratch, ignore_errors=True)
-        constants = fit(measured, commit)
+        constants = fit(measured, simulated, commit)
         compare(measured, constants, crowded=False)
         compare(simulated, constants, crowded=True)
         predict(model, constants)
