@@ -298,12 +298,10 @@ def draw_scaling(measured, simulated, model):
         for n, marker in zip(measured.tiles.values, "ov^s", strict=False):
             row = measured.sel(workers=workers, tiles=n).dropna("cost", subset=["wall"])
             label = f"{workers} workers, {n} tiles"
-            _draw_efficiency(here, row, int(workers), row.tiles, _CIRCLE_COLOURS[i], marker, label)
+            _draw_efficiency(here, row, _CIRCLE_COLOURS[i], marker, label)
     for i, workers in enumerate(simulated.workers.values):
         row = simulated.sel(workers=workers)
-        _draw_efficiency(
-            crowd, row, int(workers), row.tiles, _CIRCLE_COLOURS[i], "o", f"{workers} workers"
-        )
+        _draw_efficiency(crowd, row, _CIRCLE_COLOURS[i], "o", f"{workers} workers")
     for i, workers in enumerate(model.workers.values):
         row = model.efficiency.sel(workers=workers)
         colour = "k" if i == 0 else _CIRCLE_COLOURS[i - 1]
@@ -322,10 +320,10 @@ def draw_scaling(measured, simulated, model):
     return figure
 
 
-def _draw_efficiency(axes, row, workers, tiles, colour, marker, label):
+def _draw_efficiency(axes, row, colour, marker, label):
     """Points where it was measured, a dashed line through what the model says there."""
     axes.plot(row.cost, row.efficiency, marker, color=colour, label=label)
-    by_model = tiles * row.cost / (workers * row.model_wall)
+    by_model = row.efficiency * row.wall / row.model_wall
     axes.plot(row.cost, by_model, "--", marker=marker, mfc="none", ms=8, color=colour, lw=1)
 
 
