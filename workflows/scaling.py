@@ -273,6 +273,7 @@ def run_measured(measured, scratch, longest, repeats):
     from pipeline.cluster import connect
 
     for workers in measured.workers.values.tolist():
+        click.echo(f"measuring {workers} worker processes", err=True)
         with connect(synthetic.no_warm_up, n_workers=workers) as client:
             measure(client, scratch, 10, 0.0, burn=True)  # imports
             commit = commit_seconds(client, scratch)
@@ -295,6 +296,7 @@ def run_simulated(simulated, scratch):
     from pipeline import synthetic
 
     for workers in simulated.workers.values.tolist():
+        click.echo(f"simulating {workers} workers", err=True)
         with synthetic.crowd(workers) as client:
             measure(client, scratch, workers, 0.0, burn=False)  # imports, connections
             for cost in simulated.cost.values.tolist():
