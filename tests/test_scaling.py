@@ -59,6 +59,16 @@ def test_workers_in_one_process_are_served_by_it():
     assert seconds == pytest.approx(0.2 + 1000 * 5e-3 + 1.0)
 
 
+def test_a_good_tile_is_long_for_the_driver_and_short_for_the_sweep():
+    _, _, model = scaling.plans([1], [16], quick=False)
+    scaling.predict(model, SOME)
+    least, largest = zip(*(scaling.good_costs(model, w) for w in (16, 256, 1024)), strict=True)
+    assert least[0] < least[1] < least[2]
+    assert least[2] == pytest.approx(1024 * 4.2e-3, rel=0.15)  # as long as the driver's round
+    assert all(45 < cost < 67 for cost in largest)  # a tenth of ten minutes
+    assert np.isnan(scaling.good_costs(model * 0, 16)).all()
+
+
 def test_constants_are_recovered_from_sweeps_that_obey_them():
     measured, simulated, _ = scaling.plans([1, 2], [16, 64], quick=False)
     simulated["tiles"][:] = 1000

@@ -297,15 +297,15 @@ def draw_scaling(measured, simulated, model):
     for i, workers in enumerate(measured.workers.values):
         for n, marker in zip(measured.tiles.values, "ov^s", strict=False):
             row = measured.sel(workers=workers, tiles=n).dropna("cost", subset=["wall"])
-            label = f"{workers} workers, {n} tiles"
+            label = f"{_count(workers)}, {n} tiles"
             _draw_efficiency(here, row, _CIRCLE_COLOURS[i], marker, label)
     for i, workers in enumerate(simulated.workers.values):
         row = simulated.sel(workers=workers)
-        _draw_efficiency(crowd, row, _CIRCLE_COLOURS[i], "o", f"{workers} workers")
+        _draw_efficiency(crowd, row, _CIRCLE_COLOURS[i], "o", _count(workers))
     for i, workers in enumerate(model.workers.values):
         row = model.efficiency.sel(workers=workers)
         colour = "k" if i == 0 else _CIRCLE_COLOURS[i - 1]
-        cluster.plot(row.cost, row, color=colour, label=f"{workers} workers")
+        cluster.plot(row.cost, row, color=colour, label=_count(workers))
     here.set_title("Measured, worker processes on this machine")
     crowd.set_title("Simulated, all workers in one process")
     cluster.set_title("Model, ten minutes, each worker on its own core")
@@ -318,6 +318,10 @@ def draw_scaling(measured, simulated, model):
         axes.plot([], [], "k--", label="model, slowed as the machine was")
         axes.legend(fontsize="x-small", loc="best")
     return figure
+
+
+def _count(workers):
+    return "1 worker" if workers == 1 else f"{workers} workers"
 
 
 def _draw_efficiency(axes, row, colour, marker, label):

@@ -342,10 +342,18 @@ def predict(model, constants):
 
 
 def good_costs(model, workers):
-    """(least, largest) seconds of a tile from which on, up to which, the efficiency is `GOOD`."""
-    row = model.efficiency.sel(workers=workers)
-    good = model.cost.values[row.values >= GOOD]
-    return (float(good.min()), float(good.max())) if good.size else (float("nan"),) * 2
+    """(least, largest) seconds of a tile between which the efficiency is `GOOD` throughout, around
+    its best; NaN if it is not good anywhere."""
+    import numpy as np
+
+    row = model.efficiency.sel(workers=workers).values
+    best = int(row.argmax())
+    if row[best] < GOOD:
+        return np.nan, np.nan
+    poor = np.flatnonzero(row < GOOD)
+    first = max(poor[poor < best], default=-1) + 1
+    last = min(poor[poor > best], default=row.size) - 1
+    return float(model.cost[first]), float(model.cost[last])
 
 
 @click.command(context_settings=HELP)
