@@ -106,7 +106,7 @@ def _wait_for_workers(cluster, n_workers, patience=120):
 
 
 def _workers(address, n_workers):
-    """In a process of its own: many workers, until it is killed."""
+    """In a process of its own: many workers, until it is killed or their scheduler is gone."""
     logging.disable(logging.CRITICAL)
 
     async def work():
@@ -116,7 +116,7 @@ def _workers(address, n_workers):
         ]
         for worker in workers:
             await worker
-        await asyncio.Event().wait()
+        await asyncio.gather(*(worker.finished() for worker in workers))
 
     with dask.config.set(QUIET):
         asyncio.run(work())

@@ -12,10 +12,10 @@ for equal tiles. Of unequal ones the longest may come last: ⌈B/W⌉·d is then
 B·d/W + longest. Efficiency is n·c/(W·T).
 
 All constants are measured here: t_batch, t_tile, w_batch, w_tile from the CPU time of the driver
-and of the workers, beside that of the tiles; T_0, t_list from when the first tile begins; t_store
-by workers that commit in a loop, all at once. The model is checked by simulation: a real scheduler
-and hundreds of workers whose tiles sleep. They share a process, which adds one more bound to the
-maximum, B·w_batch + n·w_tile + b·c.
+and of the workers, beside that of the tiles, in all sweeps; T_0, t_list from when the first tile
+begins; t_store by workers that commit in a loop, all at once. The durations are checked
+by simulation: a real scheduler and hundreds of workers whose tiles sleep. They share a process,
+which adds one more bound to the maximum, B·w_batch + n·w_tile + b·c.
 """
 
 from dataclasses import dataclass, fields
@@ -68,9 +68,9 @@ def packing(n, cost):
 def sweep_seconds(n, cost, workers, constants, crowded=False, slowness=1.0, longest=None):
     """T(W) of the module's docstring. Arrays or numbers.
 
-    longest : seconds of the longest tile, if they are not equal. crowded : all workers are in one
-    process. slowness : the factor by which the machine's other
-    load slows all that computes; tiles that sleep, in a crowd, are not slowed.
+    crowded : all workers are in one process. slowness : the factor by which the machine's other
+    load slows all that computes; tiles that sleep, in a crowd, are not slowed. longest : seconds of
+    the longest tile, if they are not equal.
     """
     import numpy as np
 
