@@ -359,13 +359,13 @@ def good_costs(model, workers):
 @click.command(context_settings=HELP)
 @click.option("--out", default="out", show_default=True, help="Directory of the results.")
 @integers_option("--workers", "1,2", 64, "Worker processes of the measured sweeps.")
-@integers_option("--crowd", None, 4096, "Workers simulated.  [default: 16,64,256]")
+@integers_option("--crowd", None, 512, "Workers simulated.  [default: 16,64,256]")
 @click.option("--quick", is_flag=True, help="A preview: short sweeps, and 16 and 64 workers.")
 def main(out, workers, crowd, quick):
     """Throughput and overhead of the pipeline: three cubes, two tables and a figure in OUT.
 
-    About five minutes, a quick run one. Measured on synthetic tiles, in a scratch directory in OUT
-    that is deleted; other cubes are not touched.
+    About six minutes on two busy cores, a quick run one. Measured on synthetic tiles, in a scratch
+    directory in OUT that is deleted; other cubes are not touched.
     """
     crowd = crowd or (CROWD[:2] if quick else CROWD)
     with driver(out):
