@@ -11,7 +11,7 @@ from dask.system import CPU_COUNT
 from distributed import Client, LocalCluster, WorkerPlugin
 from distributed.security import Security
 
-_CONFIG = {
+QUIET = {
     # A task that was with a worker when it died is suspect at once, not after it killed three
     # more; the sweep reruns suspects alone. (A scheduler elsewhere has its own setting, 3 deaths.)
     "distributed.scheduler.allowed-failures": 0,
@@ -69,7 +69,7 @@ def connect(warm_up, scheduler=None, n_workers=None, tls=None):
     if scheduler is not None and scheduler.startswith("tls://") and tls is None:
         raise ClusterError(f"the scheduler at {scheduler} needs TLS files: CA, CERT and KEY")
     connection = _local(n_workers) if scheduler is None else _remote(scheduler, tls)
-    with dask.config.set(_CONFIG), connection as client:
+    with dask.config.set(QUIET), connection as client:
         client.register_plugin(_WarmUp(warm_up, ours=scheduler is None))
         yield client
         if scheduler is not None:

@@ -25,8 +25,8 @@ from distributed import KilledWorker, wait
 from pipeline import store
 from pipeline.grid import tile_slices
 
-_BATCH_SECONDS = 0.5  # of predicted CPU time in a batch: long against 2 ms of scheduling
-_BATCH_TILES = 256
+BATCH_SECONDS = 0.5  # of predicted CPU time in a batch: long against 2 ms of scheduling
+BATCH_TILES = 256
 _IN_FLIGHT = 2  # batches per worker: one computing, one waiting
 _PATIENCE = 30  # seconds without any worker, after which the sweep gives up
 _REPORT = 5  # seconds to fetch the report of a batch that has ended
@@ -179,7 +179,7 @@ def _predict_all(client, tiles, predict, settings):
     """{index: predicted CPU seconds}, probed on the workers; 1 s for tiles whose probe failed."""
     costs = dict.fromkeys(tiles, 1.0)
     indices = list(tiles)
-    parts = [indices[i : i + _BATCH_TILES] for i in range(0, len(indices), _BATCH_TILES)]
+    parts = [indices[i : i + BATCH_TILES] for i in range(0, len(indices), BATCH_TILES)]
     pending = {
         client.submit(_predict_batch, predict, settings, [tiles[i] for i in part], pure=False): part
         for part in parts
@@ -203,7 +203,7 @@ def _pack(costs):
     """Batches of tiles, the most expensive first; each batch of cheap ones up to half a second."""
     batch, seconds = [], 0.0
     for index in sorted(costs, key=costs.get, reverse=True):
-        if batch and (seconds + costs[index] > _BATCH_SECONDS or len(batch) == _BATCH_TILES):
+        if batch and (seconds + costs[index] > BATCH_SECONDS or len(batch) == BATCH_TILES):
             yield batch
             batch, seconds = [], 0.0
         batch.append(index)
