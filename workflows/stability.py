@@ -1,0 +1,608 @@
+"""Where does each method stop being right? Nine small studies of failure, and one figure."""
+
+import time
+
+import click
+
+from workflows.cli import HELP, driver
+
+
+def near_cusp(quick):
+    """1. Values and errors next to the cusp at 45°, judged by longer runs.
+
+    `periodic` and `continuation` on the circle of γ, by residues of ten times longer orbits; `cones`
+    and `barriers` on the last circle, by barriers of a tenth of the tolerance or longer lives.
+    """
+    import numpy as np
+
+    from nasm import barriers, cones, continuation, periodic
+    from nasm.critical import Status
+    from nasm.numbers import parse
+    from pipeline.tasks import profile
+
+    gamma, deltas = parse("gamma"), np.geomspace(10, 1e-5, 7 if quick else 13)
+    rows = []
+    for delta in deltas:
+        ray = profile(45 - delta)
+        circle = periodic.critical_scale(gamma, ray, 20_000 if quick else 60_000)
+        last = barriers.critical_scale(ray, 3e-4 if quick else 1e-4)
+        if last.status is not Status.OK:
+            last = cones.critical_scale(ray, 30_000 if quick else 100_000)
+        found = [
+            (periodic.critical_scale(gamma, ray), circle),
+            (continuation.critical_scale(gamma, ray), circle),
+            (cones.critical_scale(ray, 1000), last),
+            (barriers.critical_scale(ray, 1e-3), last),
+        ]
+        rows.append([_judged(scale, judge) for scale, judge in found])
+    off, claimed, uncertain, status = np.array(rows).transpose(2, 1, 0)
+    return _labelled(
+        "Distance to the cusp at 45 degrees",
+        {
+            "method": _names("periodic", "continuation", "cones", "barriers"),
+            "delta": (deltas, "distance 45° - φ from the cusp", "degree"),
+        },
+        {
+            "off": (off, "difference to the sharpest value known, in parts of it"),
+            "error": (claimed, "error that the method claims, in parts of the value"),
+            "judge_error": (uncertain, "error that the sharpest method claims, likewise"),
+            "status": _statuses(status),
+        },
+    )
+
+
+def _judged(scale, judge):
+    off = abs(scale.value - judge.value) / judge.value
+    status = _code(scale.status)
+    return off, scale.error / scale.value, judge.error / judge.value, status
+
+
+def past_boundary(quick):
+    """2. What each method says at scales s_c(1 + x), on either side of the breakup s_c."""
+    import numpy as np
+
+    from nasm import barriers, circles, cones, escape, orbits, periodic
+    from pipeline.tasks import profile
+
+    angles = (20.0, 45.0) if quick else (0.0, 20.0, 40.0, 45.0)
+    decades = np.geomspace(1e-4, 1e-1, 4 if quick else 10)
+    excess = np.concatenate([-decades[::-1], [0.0], decades])
+    n_cones, n_escape = 5000, 10_000 if quick else 100_000
+    starts = escape.ensemble(100)
+    shape = len(angles), excess.size
+    certified, digits, lived, escaped = np.zeros((4, *shape))
+    for i, angle in enumerate(angles):
+        best = barriers.critical_scale(profile(angle), 1e-3)
+        for j, x in enumerate(excess):
+            kappa = best.value * (1 + x) * profile(angle)
+            circle = circles.invariant_circle(best.omega, kappa, n_max=2048)
+            certified[i, j] = circle.certified
+            y, lived[i, j] = cones.longest_lived(kappa, n_cones)
+            site, a = periodic.dominant_centre(kappa)
+            digits[i, j] = orbits.rotation_number(np.roll(kappa, -site), a, y, 5000)[1]
+            escaped[i, j] = escape.first_escape(kappa, *starts, [100], n_escape)[0]
+    return _labelled(
+        "Distance past the breakup",
+        {
+            "angle": (angles, "direction of the ray in the plane", "degree"),
+            "excess": (excess, "scale over that of the breakup, less 1", "1"),
+        },
+        {
+            "certified": (certified.astype("int8"), "whether a circle of 2048 points is certified"),
+            "elimination_time": (lived, "steps in which converse KAM eliminates all; inf: not so"),
+            "digits": (digits, "digits of the weighted Birkhoff average of the longest-lived"),
+            "escape_time": (escaped, "first escape of 100 orbits, steps; inf: none"),
+        },
+        n_cones=n_cones,
+        n_escape=n_escape,
+    )
+
+
+def disguised_fractions(quick):
+    """3. Circles of fractions p/q disguised as irrational, [0;1,…,1,10⁶,(1)], at (0.3, 0.2).
+
+    They are 10⁻⁶/q² from p/q. The island of p/q reaches 2/(πq²)·arcsin √R from it (a pendulum's),
+    so that no circle is left where the residue R is above 2.5·10⁻¹².
+    """
+    import numpy as np
+
+    from nasm import circles, continuation, periodic
+    from nasm.numbers import RotationNumber, convergents
+
+    kappa = np.array([0.3, 0.2])
+    rows = []
+    for ones in range(3, 12 if quick else 17):
+        omega = RotationNumber((0, *[1] * ones, 10**6), (1,))
+        fraction = list(convergents(RotationNumber((0, *[1] * ones))))[-1]
+        p, q = fraction.numerator, fraction.denominator
+        circle = circles.invariant_circle(omega, kappa)
+        by_norms = continuation.critical_scale(omega, kappa)
+        by_residues = periodic.critical_scale(omega, kappa)
+        rows.append(
+            (q, abs(periodic.residue(kappa, p, q)), circle.u.shape[-1])
+            + (by_norms.value, by_norms.error, by_norms.lower)
+            + tuple(_code(found.status) for found in (circle, by_norms, by_residues))
+        )
+    q, residue, modes, value, error, lower, *statuses = np.array(rows).T
+    return _labelled(
+        "Fractions disguised as irrational rotation numbers",
+        {"q": (q.astype(int), "denominator of the fraction", "1")},
+        {
+            "residue": (residue, "|R| of p/q; no circle next to it above 2.5e-12"),
+            "points": (modes, "grid points of the circle"),
+            "value": (value, "breakup by continuation, in parts of (0.3, 0.2)"),
+            "error": (error, "its error"),
+            "lower": (lower, "its last certified circle"),
+            "circle": _statuses(statuses[0]),
+            "continuation": _statuses(statuses[1]),
+            "periodic": _statuses(statuses[2]),
+        },
+        swallowed_above=(np.pi / 2 * 1e-6) ** 2,
+    )
+
+
+def beyond_the_twist(quick):
+    """4. What is left of the methods for scales up to 3, through the end of the twist at |κ| = 2."""
+    import numpy as np
+
+    from nasm import circles, cones, escape, orbits, periodic
+    from nasm.maps import twist
+    from nasm.numbers import parse
+    from pipeline.tasks import profile
+
+    angles, scales = (0.0, 20.0, 45.0, 90.0, 135.0), np.linspace(0.25, 3.0, 12 if quick else 23)
+    shape = len(angles), scales.size
+    least, lived, residue, digits, escaped, status = np.full((6, *shape), np.nan)
+    x = np.arange(400) / 400
+    for i, angle in enumerate(angles):
+        for j, scale in enumerate(scales):
+            kappa = scale * profile(angle)
+            least[i, j] = twist(kappa, *np.meshgrid(x, x)).min()
+            y, lived[i, j] = cones.longest_lived(kappa, 2000)
+            residue[i, j] = periodic.residue(kappa, 89, 144)
+            site, a = periodic.dominant_centre(kappa)
+            digits[i, j] = orbits.rotation_number(np.roll(kappa, -site), a, y, 2000)[1]
+            escaped[i, j] = escape.first_escape(kappa, *escape.ensemble(100), [100], 2000)[0]
+            status[i, j] = _code(circles.invariant_circle(parse("gamma"), kappa, 512).status)
+    return _labelled(
+        "Near the end of the twist and beyond",
+        {
+            "angle": (angles, "direction of the ray in the plane", "degree"),
+            "scale": (scales, "scale s of the forcing", "1"),
+        },
+        {
+            "twist": (least, "least ∂x'/∂y of a step"),
+            "elimination_time": (lived, "steps in which converse KAM eliminates all; inf: not so"),
+            "residue": (residue, "residue of the minimax orbit of 89/144; NaN: not found"),
+            "digits": (digits, "digits of the weighted Birkhoff average of the longest-lived"),
+            "escape_time": (escaped, "first escape of 100 orbits, steps; inf: none"),
+            "circle": _statuses(status),
+        },
+    )
+
+
+def amplitudes(quick):
+    """5. max y - min y of circles just inside CB_gt, before the first and before the second kick.
+
+    The last circle at 0.999 of its breakup, and nobles of ω between its translates where they
+    exist. A circle and its translate by y = 1 confine an orbit to |Δy| ≤ 1 + amplitude.
+    """
+    import numpy as np
+
+    from nasm import barriers, circles, continuation
+    from nasm.numbers import parse
+    from pipeline.tasks import profile
+
+    angles = np.linspace(0, 45, 6 if quick else 19)
+    others = ["gamma", "2gamma", "[0;2,(1)]", "[0;3,(1)]", "[0;4,(1)]", "[0;1,3,(1)]", "[0;8,(1)]"]
+    fractions = np.array([0.3, 0.6, 0.8, 0.9, 0.97])
+    last, largest = np.full((2, angles.size), np.nan), np.zeros((angles.size, fractions.size))
+    for i, angle in enumerate(angles):
+        best = barriers.critical_scale(profile(angle), 1e-3)
+        scale, u = continuation.certified_circle(best.omega, profile(angle), best.value, 1e-3)
+        if u is not None:
+            last[:, i] = _heights(best.omega, u)
+        for j, fraction in enumerate(fractions):
+            kappa = fraction * best.value * profile(angle)
+            for omega in map(parse, others):
+                circle = circles.invariant_circle(omega, kappa, n_max=512)
+                if circle.certified:
+                    largest[i, j] = max(largest[i, j], *_heights(omega, circle.u))
+    return _labelled(
+        "Amplitudes of invariant circles",
+        {
+            "kick": ((0, 1), "kick before which y is taken", "1"),
+            "angle": (angles, "direction of the ray in the plane", "degree"),
+            "part": (fractions, "scale over that of the last breakup", "1"),
+        },
+        {
+            "last": (("kick", "angle"), last, "amplitude of the last circle at 0.999 s_c"),
+            "largest": (("angle", "part"), largest, "largest amplitude of seven other circles"),
+        },
+        justified_exit=float(1 + max(np.nanmax(last), largest.max())),
+    )
+
+
+def _heights(omega, u):
+    """max y - min y before each kick: y_j = x_j - x_{j-1}."""
+    import numpy as np
+
+    from nasm import fourier
+
+    before = fourier.rotate(u[-1], fourier.turns(omega, u.shape[-1] // 2 + 1).conj())
+    return np.ptp(np.diff(np.vstack([before, u]), axis=0), axis=1)
+
+
+def missed_survivors(quick):
+    """6. How often the beam search of `cones` misses the longest life, by the number it keeps.
+
+    Judged by the best that any of them found.
+    """
+    import numpy as np
+
+    from nasm import cones
+    from pipeline.tasks import profile
+
+    kept, n_max = 2 ** np.arange(6), 20_000
+    random = np.random.default_rng(6)
+    n_rays = 20 if quick else 150
+    angles = np.where(random.random(n_rays) < 1 / 3, 45 - random.random(n_rays), 45)
+    angles = np.where(angles == 45, 45 * random.random(n_rays), angles)
+    lives = np.empty((kept.size, n_rays))
+    standard = cones._KEPT
+    try:
+        for j, (angle, x) in enumerate(
+            zip(angles, 10 ** random.uniform(-4, -2, n_rays), strict=True)
+        ):
+            cones._KEPT = standard
+            kappa = cones.critical_scale(profile(angle), 3000).value * (1 + x) * profile(angle)
+            for i, number in enumerate(kept):
+                cones._KEPT = int(number)
+                lives[i, j] = cones.longest_lived(kappa, n_max)[1]
+    finally:
+        cones._KEPT = standard
+    best = lives.max(axis=0)
+    known = np.isfinite(best)
+    lost = 1 - lives[:, known] / best[known]
+    return _labelled(
+        "Lives that the beam search misses",
+        {"kept": (kept, "starts kept at each level", "1")},
+        {
+            "missed": ((lost > 0.01).mean(axis=1), "part of searches that miss 1% of a life"),
+            "worst": (lost.max(axis=1), "largest part of a life missed"),
+        },
+        searches=int(known.sum()),
+    )
+
+
+def fake_circles(quick):
+    """7. How far past the breakup Newton's method "converges", and what the certificate says.
+
+    The naive method stops on small updates, with n points, and goes on in κ as far as it gets.
+    """
+    import numpy as np
+
+    from nasm import circles, periodic
+    from nasm.critical import Status
+    from nasm.numbers import parse
+
+    gamma, profiles = parse("gamma"), ((1.0,), (1.0, 0.5))
+    points = 2 ** np.arange(4, 9 if quick else 11)
+    past, fakes, passed, polished = np.zeros((4, len(profiles), points.size))
+    for i, profile in enumerate(profiles):
+        breakup = periodic.critical_scale(gamma, profile).value
+        for j, n in enumerate(points):
+            path = _naive_path(gamma, np.array(profile), int(n), breakup)
+            believed = [(scale, u) for scale, u in path if scale > breakup]
+            past[i, j] = path[-1][0] / breakup - 1
+            fakes[i, j] = len(believed)
+            for scale, u in believed:
+                kappa = scale * np.array(profile)
+                passed[i, j] += circles.certify(gamma, kappa, u)[1] is Status.OK
+                polished[i, j] += circles.polished_is_circle(gamma, kappa, u)
+    return _labelled(
+        "Fake circles",
+        {
+            "ray": (range(len(profiles)), "the standard map, and (1, 0.5)", "1"),
+            "n": (points, "grid points", "1"),
+        },
+        {
+            "past": (past, "last naive convergence over the breakup, less 1"),
+            "fakes": (fakes.astype(int), "circles believed in beyond the breakup"),
+            "passed": (passed.astype(int), "those that pass `certify`"),
+            "polished": (polished.astype(int), "those that pass `polished_is_circle`"),
+        },
+    )
+
+
+def _naive_path(omega, profile, n, breakup):
+    """(scale, u) of all circles that small updates on n points make believe in."""
+    import numpy as np
+
+    from nasm import circles
+
+    path, step = [(0.0, np.zeros((profile.size, n)))], 0.1 * breakup
+    while step > 1e-4 * breakup and path[-1][0] < 3 * breakup:
+        target, trial = path[-1][0] + step, path[-1][1]
+        for _ in range(40):
+            before, (trial, error) = trial, circles.newton_step(omega, target * profile, trial)
+            change = np.abs(trial - before).max()
+            if change < 1e-10 or not error < 1:
+                break
+        if change < 1e-10 and error < 1:
+            path.append((target, trial))
+        else:
+            step /= 2
+    return path
+
+
+def disordered_orbits(quick):
+    """8. Newton's method for the orbit of 34/55 from bad starts: what it finds, and what is said."""
+    import numpy as np
+
+    from nasm import chain, periodic
+
+    kappa, p, q = np.array([0.5, 0.25]), 34, 55
+    noises = np.geomspace(1e-3, 1, 7)
+    trials = 200 if quick else 2000
+    random = np.random.default_rng(8)
+    orbit = chain.HalfOrbit(0 * kappa, kappa, p, q, periodic.dominant_centre(kappa))
+    orbit.move(1.0)
+    right = orbit.u.copy()
+    workspace, full = np.empty((2, right.size)), np.empty(orbit.n_sites)
+    counts = np.zeros((4, noises.size), int)  # lost, right, wrong and refused, wrong and accepted
+    for j, noise in enumerate(noises):
+        for _ in range(trials):
+            u = noise * random.standard_normal(right.size)
+            u[0] = 0.0
+            if orbit.n_sites % 2 == 0:
+                u[orbit.n_sites // 2 :] = 0.0
+            converged = chain._newton(kappa, orbit.site, orbit.n_sites, orbit.theta, u, workspace)
+            if not converged:
+                counts[0, j] += 1
+            elif np.abs(u - right).max() < 1e-9:
+                counts[1, j] += 1
+            else:
+                counts[3 if chain._ordered(u, q, orbit.stride, full) else 2, j] += 1
+    names = ("lost", "right", "refused", "accepted")
+    words = ("no convergence", "the orbit", "another orbit, refused", "another orbit, accepted")
+    return _labelled(
+        "Orbits that Newton's method finds from bad starts",
+        {"noise": (noises, "rms of the start's deviations from the rotation, turns", "1")},
+        {
+            name: (row / trials, f"part of starts that lead to: {word}")
+            for name, row, word in zip(names, counts, words, strict=True)
+        },
+        trials=trials,
+    )
+
+
+def rounding(quick):
+    """9. Drift off a certified circle of (0.3, 0.3), and the error of n steps forth and n back.
+
+    lift: the polynomial sine, x not reduced. turns: the same, x reduced each kick. libm: math.sin of
+    2πx, reduced. lattice: y rounded to 2⁻⁵¹ each kick. float32: the polynomial, reduced.
+    """
+    import numpy as np
+
+    from nasm import circles
+    from nasm.numbers import parse
+
+    kappa = np.array([0.3, 0.3])
+    steps = 10 ** np.arange(2, 7 if quick else 8)
+    circle = circles.invariant_circle(parse("gamma"), kappa, n_max=1024)
+    x, y = (values[:: circle.u.shape[-1] // 16].copy() for values in circles.graph(circle))
+    kernels = _arithmetics()
+    drift, back = np.full((2, len(kernels), steps.size), np.nan)
+    for i, (advance, retreat, kind) in enumerate(kernels.values()):
+        at, done = (x.astype(kind), y.astype(kind)), 0
+        start = at[0].copy(), at[1].copy()
+        for j, n in enumerate(steps):
+            advance(kappa.astype(kind), *at, n - done)
+            done = n
+            drift[i, j] = np.sqrt(np.mean(_height_above(circle, *at) ** 2))
+            if n <= 10**6:
+                there = at[0].copy(), at[1].copy()
+                retreat(kappa.astype(kind), *there, n)
+                off = [a.astype(float) - b for a, b in zip(there, start, strict=True)]
+                back[i, j] = max(np.abs(off[0] - np.rint(off[0])).max(), np.abs(off[1]).max())
+    return _labelled(
+        "Rounding",
+        {
+            "arithmetic": _names(*kernels),
+            "steps": (steps, "steps of two kicks", "1"),
+        },
+        {
+            "drift": (drift, "rms distance in y from the circle, of 16 orbits"),
+            "reversal": (back, "largest error of x or y after n steps and back"),
+        },
+    )
+
+
+def _height_above(circle, x, y):
+    """y less that of the circle at the same x, by Newton's method for θ."""
+    import numpy as np
+
+    from nasm import circles
+
+    n = circle.u.shape[-1]
+    modes = np.fft.rfft(np.stack([circle.u[0], circles.graph(circle)[1]])) / n
+    modes[:, 1:] *= 2
+    k = np.arange(modes.shape[1])
+    x, y = x.astype(float), y.astype(float)
+    x = x - np.floor(x)
+    theta = x.copy()
+    for _ in range(20):
+        waves = np.exp(2j * np.pi * k * theta[:, None])
+        u, slope = (waves @ modes[0]).real, 1 + (waves @ (2j * np.pi * k * modes[0])).real
+        theta -= (theta + u - x) / slope
+    return y - (np.exp(2j * np.pi * k * theta[:, None]) @ modes[1]).real
+
+
+def _arithmetics():
+    """{name: (advance, retreat, dtype)}: n steps forth or back, in place."""
+    import math
+
+    import numpy as np
+    from numba import njit
+
+    from nasm.sine import SINE, sin2pi
+
+    two_pi, two_pi_32 = 2 * np.pi, np.float32(2 * np.pi)
+    c = tuple(np.float32(a) for a in SINE[:6])
+
+    @njit
+    def polynomial(kappa, x):
+        return kappa / two_pi * sin2pi(x)
+
+    @njit
+    def libm(kappa, x):
+        return kappa / two_pi * math.sin(two_pi * x)
+
+    @njit
+    def quantised(kappa, x):
+        return ((kappa / two_pi * sin2pi(x)) + 3.0) - 3.0
+
+    @njit
+    def single(kappa, x):
+        a = abs(x - np.rint(x))
+        u = math.copysign(min(a, np.float32(0.5) - a), x - np.rint(x))
+        u = np.float32(u)
+        v = u * u
+        s = c[4] + v * c[5]
+        s = c[3] + v * s
+        s = c[2] + v * s
+        s = c[1] + v * s
+        s = c[0] + v * s
+        return kappa / two_pi_32 * (two_pi_32 * u * s)
+
+    @njit
+    def same(x):
+        return x
+
+    @njit
+    def reduced(x):
+        return x - np.floor(x)
+
+    def pair(force, wrap):
+        @njit
+        def advance(kappa, x, y, n):
+            for i in range(x.size):
+                a, b = x[i], y[i]
+                for _ in range(n):
+                    for strength in kappa:
+                        b = b + force(strength, a)
+                        a = wrap(a + b)
+                x[i], y[i] = a, b
+
+        @njit
+        def retreat(kappa, x, y, n):
+            for i in range(x.size):
+                a, b = x[i], y[i]
+                for _ in range(n):
+                    for strength in kappa[::-1]:
+                        a = wrap(a - b)
+                        b = b - force(strength, a)
+                x[i], y[i] = a, b
+
+        return advance, retreat
+
+    return {
+        "lift": (*pair(polynomial, same), np.float64),
+        "turns": (*pair(polynomial, reduced), np.float64),
+        "libm": (*pair(libm, reduced), np.float64),
+        "lattice": (*pair(quantised, reduced), np.float64),
+        "float32": (*pair(single, reduced), np.float32),
+    }
+
+
+def _names(*names):
+    return range(len(names)), ", ".join(names), "1"
+
+
+def _code(status):
+    from pipeline.tasks import STATUSES
+
+    return 1 + STATUSES.index(status)
+
+
+def _statuses(codes):
+    import numpy as np
+
+    from pipeline.tasks import STATUSES
+
+    return np.asarray(codes).astype("int8"), [status.name for status in STATUSES]
+
+
+def _labelled(title, coords, variables, **attrs):
+    """A Dataset; variables without dims have all of them, in the order of the coordinates."""
+    import numpy as np
+    import xarray as xr
+
+    dataset = xr.Dataset(attrs={"title": title, **attrs})
+    for name, (values, long_name, units) in coords.items():
+        dataset[name] = xr.DataArray(
+            np.array(values), dims=name, attrs={"long_name": long_name, "units": units}
+        )
+    for name, (*dims, values, words) in variables.items():
+        dims = dims[0] if dims else tuple(coords)
+        dataset[name] = xr.DataArray(values, dims=dims, attrs={"units": "1"})
+        if isinstance(words, list):
+            flags = {
+                "flag_values": list(range(1, len(words) + 1)),
+                "flag_meanings": " ".join(words),
+            }
+            dataset[name].attrs.update(long_name="status of the method", **flags)
+        else:
+            dataset[name].attrs["long_name"] = words
+    return dataset
+
+
+STUDIES = {
+    "cusp": near_cusp,
+    "boundary": past_boundary,
+    "fractions": disguised_fractions,
+    "twist": beyond_the_twist,
+    "amplitude": amplitudes,
+    "beam": missed_survivors,
+    "fakes": fake_circles,
+    "disorder": disordered_orbits,
+    "rounding": rounding,
+}
+
+
+def run(quick, only=None):
+    """{name: Dataset} of all studies, or some, with a line of progress for each."""
+    found = {}
+    for name in only or STUDIES:
+        begin = time.perf_counter()
+        found[name] = STUDIES[name](quick)
+        seconds = time.perf_counter() - begin
+        click.echo(f"{name}: {found[name].attrs['title']}, {seconds:.1f} s", err=True)
+    return found
+
+
+@click.command(context_settings=HELP)
+@click.option("--quick", is_flag=True, help="A preview: fewer and shorter runs of everything.")
+@click.option("--out", default="out", show_default=True, help="Directory of the results.")
+def main(out, quick):
+    """Where each method stops being right: nine cubes and a figure in OUT.
+
+    About four minutes on two cores; --quick less than one.
+    """
+    with driver(out):
+        from pipeline import store
+        from pipeline.schema import Cube
+
+        found = run(quick)
+        for name, dataset in found.items():
+            store.replace(out, Cube(f"stability_{name}", dataset, {}, {"quick": quick}))
+        from workflows.figures import draw_stability, save
+
+        figures = save(draw_stability(found), out, "stability")
+    click.echo(f"cubes:  {out}/cubes.zarr, groups stability_{', stability_'.join(found)}")
+    click.echo(f"figure: {', '.join(figures)}")
+
+
+if __name__ == "__main__":
+    main()
