@@ -187,7 +187,8 @@ def _crossings(omega, profile, q_max, start, family):
     if omega.is_rational:
         return none, Status.RATIONAL, 0
     period = len(short_omega.tail)
-    fractions = [f for f in islice(convergents(short_omega), 200) if 3 <= f.denominator <= q_max]
+    known = list(islice(convergents(short_omega), len(short_omega.prefix) + 200))
+    fractions = [f for f in known if 3 <= f.denominator <= q_max]
     orbits = _Orbits(start, profile, family)
     found, status = [], Status.NOT_CONVERGED
     for lower, higher in zip(fractions, fractions[period:], strict=False):
@@ -203,6 +204,8 @@ def _crossings(omega, profile, q_max, start, family):
                 return none, Status.NEAR_CUSP, period
     if len(found) < 2 * period + 2:
         return none, status, period
+    if found[-1][0] < known[len(short_omega.prefix) - 1 + period].denominator:
+        return none, Status.NOT_CONVERGED, period  # these are convergents of another number
     return np.array(found).T, Status.OK, period
 
 

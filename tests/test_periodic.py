@@ -283,6 +283,16 @@ def test_a_hardly_irrational_omega_is_not_answered_by_a_number():
     assert np.isnan(found.value)
 
 
+@pytest.mark.parametrize("ones", [6, 8, 12, 15])
+@pytest.mark.parametrize("large", [100, 10**6])
+def test_convergents_before_a_large_quotient_do_not_answer_for_it(ones, large):
+    # Up to q_max they are those of the golden mean, whose circle breaks later.
+    disguised = RotationNumber((0, *[1] * ones, large), (1,))
+    found = periodic.critical_scale(disguised, (0.3, 0.2), 1500)
+    assert found.status is not Status.OK
+    assert periodic.crossings(disguised, (0.3, 0.2), 1500).size == 0
+
+
 @pytest.mark.parametrize(
     ("name", "angle"), [("[0;1,1,22,(1)]", 24.94434), ("[0;2,25,(1)]", 18.95274)]
 )
