@@ -10,8 +10,8 @@ from workflows.cli import HELP, driver
 def near_cusp(quick):
     """1. Values and errors next to the cusp at 45°, judged by longer runs.
 
-    `periodic` and `continuation` on the circle of γ, by residues of ten times longer orbits; `cones`
-    and `barriers` on the last circle, by barriers of a tenth of the tolerance or longer lives.
+    `periodic` and `continuation` on the circle of γ, `cones` and `barriers` on the last circle: by
+    residues of ten times longer orbits, and where these fail, by lives a hundred times longer.
     """
     import numpy as np
 
@@ -20,12 +20,15 @@ def near_cusp(quick):
     from nasm.numbers import parse
     from pipeline.tasks import profile
 
-    gamma, deltas = parse("gamma"), np.geomspace(10, 1e-5, 7 if quick else 13)
+    gamma, deltas = parse("gamma"), np.geomspace(10, 1e-5, 5 if quick else 13)
+    q_max = 15_000 if quick else 60_000
     rows = []
     for delta in deltas:
         ray = profile(45 - delta)
-        circle = periodic.critical_scale(gamma, ray, 20_000 if quick else 60_000)
+        circle = periodic.critical_scale(gamma, ray, q_max)
         last = barriers.critical_scale(ray, 3e-4 if quick else 1e-4)
+        if last.status is Status.OK:
+            last = periodic.critical_scale(last.omega, ray, q_max)
         if last.status is not Status.OK:
             last = cones.critical_scale(ray, 30_000 if quick else 100_000)
         found = [
@@ -67,7 +70,7 @@ def past_boundary(quick):
     angles = (20.0, 45.0) if quick else (0.0, 20.0, 40.0, 45.0)
     decades = np.geomspace(1e-4, 1e-1, 4 if quick else 10)
     excess = np.concatenate([-decades[::-1], [0.0], decades])
-    n_cones, n_escape = 5000, 10_000 if quick else 100_000
+    n_cones, n_escape, n_modes = 5000, *((10_000, 2048) if quick else (100_000, 16_384))
     starts = escape.ensemble(100)
     shape = len(angles), excess.size
     certified, digits, lived, escaped = np.zeros((4, *shape))
@@ -75,7 +78,7 @@ def past_boundary(quick):
         best = barriers.critical_scale(profile(angle), 1e-3)
         for j, x in enumerate(excess):
             kappa = best.value * (1 + x) * profile(angle)
-            circle = circles.invariant_circle(best.omega, kappa, n_max=2048)
+            circle = circles.invariant_circle(best.omega, kappa, n_max=n_modes)
             certified[i, j] = circle.certified
             y, lived[i, j] = cones.longest_lived(kappa, n_cones)
             site, a = periodic.dominant_centre(kappa)
@@ -88,61 +91,69 @@ def past_boundary(quick):
             "excess": (excess, "scale over that of the breakup, less 1", "1"),
         },
         {
-            "certified": (certified.astype("int8"), "whether a circle of 2048 points is certified"),
+            "certified": (
+                certified.astype("int8"),
+                "whether a circle of n_modes points is certified",
+            ),
             "elimination_time": (lived, "steps in which converse KAM eliminates all; inf: not so"),
             "digits": (digits, "digits of the weighted Birkhoff average of the longest-lived"),
             "escape_time": (escaped, "first escape of 100 orbits, steps; inf: none"),
         },
         n_cones=n_cones,
         n_escape=n_escape,
+        n_modes=n_modes,
     )
 
 
 def disguised_fractions(quick):
-    """3. Circles of fractions p/q disguised as irrational, [0;1,…,1,10⁶,(1)], at (0.3, 0.2).
+    """3. Circles of fractions p/q disguised as irrational, [0;1,…,1,a,(1)], on the ray (0.3, 0.2).
 
-    They are 10⁻⁶/q² from p/q. The island of p/q reaches 2/(πq²)·arcsin √R from it (a pendulum's),
-    so that no circle is left where the residue R is above 2.5·10⁻¹².
+    They are 1/(aq²) from p/q and, for large a, break long before the golden circle, to which their
+    first convergents belong. Judged by residues of longer orbits where these see the tail.
     """
     import numpy as np
 
     from nasm import circles, continuation, periodic
     from nasm.numbers import RotationNumber, convergents
 
-    kappa = np.array([0.3, 0.2])
-    rows = []
-    for ones in range(3, 12 if quick else 17):
-        omega = RotationNumber((0, *[1] * ones, 10**6), (1,))
-        fraction = list(convergents(RotationNumber((0, *[1] * ones))))[-1]
-        p, q = fraction.numerator, fraction.denominator
-        circle = circles.invariant_circle(omega, kappa)
-        by_norms = continuation.critical_scale(omega, kappa)
-        by_residues = periodic.critical_scale(omega, kappa)
-        rows.append(
-            (q, abs(periodic.residue(kappa, p, q)), circle.u.shape[-1])
-            + (by_norms.value, by_norms.error, by_norms.lower)
-            + tuple(_code(found.status) for found in (circle, by_norms, by_residues))
-        )
-    q, residue, modes, value, error, lower, *statuses = np.array(rows).T
+    kappa, large = np.array([0.3, 0.2]), (10, 100, 10**6)
+    ones = range(3, 12 if quick else 17)
+    q = [list(convergents(RotationNumber((0, *[1] * n))))[-1].denominator for n in ones]
+    values, errors = np.full((2, len(large), 3, len(ones)), np.nan)
+    lower, status = np.full((len(large), len(ones)), np.nan), np.zeros((len(large), 3, len(ones)))
+    for i, a in enumerate(large):
+        for j, n in enumerate(ones):
+            omega = RotationNumber((0, *[1] * n, a), (1,))
+            found = (
+                periodic.critical_scale(omega, kappa),
+                continuation.critical_scale(omega, kappa),
+                periodic.critical_scale(omega, kappa, 20_000),
+            )
+            values[i, :, j] = [scale.value for scale in found]
+            errors[i, :, j] = [scale.error for scale in found]
+            lower[i, j] = found[1].lower
+            circle = circles.invariant_circle(omega, kappa)
+            codes = found[0].status, found[1].status, circle.status
+            status[i, :, j] = [_code(code) for code in codes]
     return _labelled(
         "Fractions disguised as irrational rotation numbers",
-        {"q": (q.astype(int), "denominator of the fraction", "1")},
         {
-            "residue": (residue, "|R| of p/q; no circle next to it above 2.5e-12"),
-            "points": (modes, "grid points of the circle"),
-            "value": (value, "breakup by continuation, in parts of (0.3, 0.2)"),
-            "error": (error, "its error"),
-            "lower": (lower, "its last certified circle"),
-            "circle": _statuses(statuses[0]),
-            "continuation": _statuses(statuses[1]),
-            "periodic": _statuses(statuses[2]),
+            "quotient": (large, "the partial quotient a after the ones", "1"),
+            "method": _names("periodic", "continuation", "longer orbits; of status: circles"),
+            "q": (q, "denominator of the fraction", "1"),
         },
-        swallowed_above=(np.pi / 2 * 1e-6) ** 2,
+        {
+            "value": (values, "breakup, in parts of (0.3, 0.2)"),
+            "error": (errors, "its error"),
+            "lower": (("quotient", "q"), lower, "last certified circle of continuation"),
+            "status": _statuses(status),
+        },
+        golden=float(periodic.critical_scale(RotationNumber((0,), (1,)), kappa).value),
     )
 
 
 def beyond_the_twist(quick):
-    """4. What is left of the methods for scales up to 3, through the end of the twist at |κ| = 2."""
+    """4. What is left of the methods for scales up to 3; the twist ends at |κ2| = 2."""
     import numpy as np
 
     from nasm import circles, cones, escape, orbits, periodic
@@ -196,10 +207,13 @@ def amplitudes(quick):
     angles = np.linspace(0, 45, 6 if quick else 19)
     others = ["gamma", "2gamma", "[0;2,(1)]", "[0;3,(1)]", "[0;4,(1)]", "[0;1,3,(1)]", "[0;8,(1)]"]
     fractions = np.array([0.3, 0.6, 0.8, 0.9, 0.97])
-    last, largest = np.full((2, angles.size), np.nan), np.zeros((angles.size, fractions.size))
+    last, largest = (
+        np.full((2, angles.size), np.nan),
+        np.full((angles.size, fractions.size), np.nan),
+    )
     for i, angle in enumerate(angles):
         best = barriers.critical_scale(profile(angle), 1e-3)
-        scale, u = continuation.certified_circle(best.omega, profile(angle), best.value, 1e-3)
+        _, u = continuation.certified_circle(best.omega, profile(angle), best.value, 1e-3)
         if u is not None:
             last[:, i] = _heights(best.omega, u)
         for j, fraction in enumerate(fractions):
@@ -207,7 +221,7 @@ def amplitudes(quick):
             for omega in map(parse, others):
                 circle = circles.invariant_circle(omega, kappa, n_max=512)
                 if circle.certified:
-                    largest[i, j] = max(largest[i, j], *_heights(omega, circle.u))
+                    largest[i, j] = np.nanmax([largest[i, j], *_heights(omega, circle.u)])
     return _labelled(
         "Amplitudes of invariant circles",
         {
@@ -219,7 +233,7 @@ def amplitudes(quick):
             "last": (("kick", "angle"), last, "amplitude of the last circle at 0.999 s_c"),
             "largest": (("angle", "part"), largest, "largest amplitude of seven other circles"),
         },
-        justified_exit=float(1 + max(np.nanmax(last), largest.max())),
+        justified_exit=float(1 + max(np.nanmax(last), np.nanmax(largest))),
     )
 
 
@@ -337,41 +351,48 @@ def _naive_path(omega, profile, n, breakup):
 
 
 def disordered_orbits(quick):
-    """8. Newton's method for the orbit of 34/55 from bad starts: what it finds, and what is said."""
+    """8. Newton's method for the orbit of 13/21 from bad starts: what it finds, and what is said.
+
+    The forcing grows from inside the plane's barriers to far beyond; starts are the rotation with
+    random deviations of 0.03 and 0.1 turns.
+    """
     import numpy as np
 
     from nasm import chain, periodic
 
-    kappa, p, q = np.array([0.5, 0.25]), 34, 55
-    noises = np.geomspace(1e-3, 1, 7)
-    trials = 200 if quick else 2000
+    p, q, noises = 13, 21, (0.03, 0.1)
+    scales = np.linspace(0.2, 1.6, 8)
+    trials = 100 if quick else 1000
     random = np.random.default_rng(8)
-    orbit = chain.HalfOrbit(0 * kappa, kappa, p, q, periodic.dominant_centre(kappa))
-    orbit.move(1.0)
-    right = orbit.u.copy()
-    workspace, full = np.empty((2, right.size)), np.empty(orbit.n_sites)
-    counts = np.zeros((4, noises.size), int)  # lost, right, wrong and refused, wrong and accepted
-    for j, noise in enumerate(noises):
-        for _ in range(trials):
-            u = noise * random.standard_normal(right.size)
-            u[0] = 0.0
-            if orbit.n_sites % 2 == 0:
-                u[orbit.n_sites // 2 :] = 0.0
-            converged = chain._newton(kappa, orbit.site, orbit.n_sites, orbit.theta, u, workspace)
-            if not converged:
-                counts[0, j] += 1
-            elif np.abs(u - right).max() < 1e-9:
-                counts[1, j] += 1
-            else:
-                counts[3 if chain._ordered(u, q, orbit.stride, full) else 2, j] += 1
+    counts = np.zeros((4, len(noises), scales.size), int)
+    for j, scale in enumerate(scales):
+        kappa = scale * np.array([1.0, 0.5])
+        orbit = chain.HalfOrbit(0 * kappa, kappa, p, q, periodic.dominant_centre(kappa))
+        orbit.move(1.0)
+        right, full = orbit.u.copy(), np.empty(orbit.n_sites)
+        workspace, end = np.empty((2, right.size)), orbit.n_sites // 2
+        for i, noise in enumerate(noises):
+            for _ in range(trials):
+                u = noise * random.standard_normal(right.size)
+                u[0] = u[end:] = 0.0
+                if not chain._newton(kappa, orbit.site, orbit.n_sites, orbit.theta, u, workspace):
+                    outcome = 0
+                elif np.abs(u - right)[: end + 1].max() < 1e-9:
+                    outcome = 1
+                else:
+                    outcome = 3 if chain._ordered(u, q, orbit.stride, full) else 2
+                counts[outcome, i, j] += 1
     names = ("lost", "right", "refused", "accepted")
     words = ("no convergence", "the orbit", "another orbit, refused", "another orbit, accepted")
     return _labelled(
         "Orbits that Newton's method finds from bad starts",
-        {"noise": (noises, "rms of the start's deviations from the rotation, turns", "1")},
         {
-            name: (row / trials, f"part of starts that lead to: {word}")
-            for name, row, word in zip(names, counts, words, strict=True)
+            "noise": (noises, "rms of the start's deviations from the rotation, turns", "1"),
+            "scale": (scales, "scale s of the forcing s·(1, 0.5)", "1"),
+        },
+        {
+            name: (part / trials, f"part of starts that lead to: {word}")
+            for name, part, word in zip(names, counts, words, strict=True)
         },
         trials=trials,
     )
@@ -380,8 +401,8 @@ def disordered_orbits(quick):
 def rounding(quick):
     """9. Drift off a certified circle of (0.3, 0.3), and the error of n steps forth and n back.
 
-    lift: the polynomial sine, x not reduced. turns: the same, x reduced each kick. libm: math.sin of
-    2πx, reduced. lattice: y rounded to 2⁻⁵¹ each kick. float32: the polynomial, reduced.
+    lift: the polynomial sine, x not reduced. turns: the same, x reduced each kick. libm: math.sin
+    of 2πx, reduced. lattice: y rounded to 2⁻⁵¹ each kick. float32: the polynomial, reduced.
     """
     import numpy as np
 
@@ -389,9 +410,10 @@ def rounding(quick):
     from nasm.numbers import parse
 
     kappa = np.array([0.3, 0.3])
-    steps = 10 ** np.arange(2, 7 if quick else 8)
+    steps = 10 ** np.arange(2, 6 if quick else 8)
     circle = circles.invariant_circle(parse("gamma"), kappa, n_max=1024)
-    x, y = (values[:: circle.u.shape[-1] // 16].copy() for values in circles.graph(circle))
+    x, y = (values[:: circle.u.shape[-1] // 8] for values in circles.graph(circle))
+    x, y = (x + 3.0) - 3.0, (y + 3.0) - 3.0  # on the lattice of 2⁻⁵¹
     kernels = _arithmetics()
     drift, back = np.full((2, len(kernels), steps.size), np.nan)
     for i, (advance, retreat, kind) in enumerate(kernels.values()):
@@ -413,7 +435,7 @@ def rounding(quick):
             "steps": (steps, "steps of two kicks", "1"),
         },
         {
-            "drift": (drift, "rms distance in y from the circle, of 16 orbits"),
+            "drift": (drift, "rms distance in y from the circle, of 8 orbits"),
             "reversal": (back, "largest error of x or y after n steps and back"),
         },
     )
@@ -517,7 +539,7 @@ def _arithmetics():
 
 
 def _names(*names):
-    return range(len(names)), ", ".join(names), "1"
+    return range(len(names)), list(names), "1"
 
 
 def _code(status):
@@ -541,9 +563,10 @@ def _labelled(title, coords, variables, **attrs):
 
     dataset = xr.Dataset(attrs={"title": title, **attrs})
     for name, (values, long_name, units) in coords.items():
-        dataset[name] = xr.DataArray(
-            np.array(values), dims=name, attrs={"long_name": long_name, "units": units}
-        )
+        attrs = {"long_name": long_name, "units": units}
+        if isinstance(long_name, list):
+            attrs = {"long_name": name, "units": units, "names": long_name}
+        dataset[name] = xr.DataArray(np.array(values), dims=name, attrs=attrs)
     for name, (*dims, values, words) in variables.items():
         dims = dims[0] if dims else tuple(coords)
         dataset[name] = xr.DataArray(values, dims=dims, attrs={"units": "1"})
