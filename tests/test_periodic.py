@@ -159,6 +159,21 @@ def test_error_covers_truncation_and_rounding(q_max):
 
 
 @pytest.mark.parametrize(
+    ("name", "angle"),
+    [
+        ("(gamma+1)/(4gamma+5)", 25.948730289534073),
+        ("(gamma+1)/(4gamma+5)", 49.32870995046929),
+        ("(5gamma+6)/(4gamma+5)", 106.72938325877112),
+        ("(5gamma+6)/(4gamma+5)", 161.04885519531123),
+    ],
+)
+def test_the_error_covers_also_where_two_extrapolated_values_agree_by_chance(name, angle):
+    found = periodic.critical_scale(parse(name), ray(angle))
+    better = periodic.critical_scale(parse(name), ray(angle), 30_000)
+    assert abs(found.value - better.value) <= found.error + better.error < 1e-9
+
+
+@pytest.mark.parametrize(
     ("name", "profile", "exact"),
     [("gamma", (1, 0), KAPPA_G / 2), ("gamma", (0, 1), KAPPA_G / 2), ("2gamma", (1, 1), KAPPA_G)],
 )
