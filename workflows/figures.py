@@ -484,7 +484,8 @@ def _draw_fakes(axes, study):
         here = study.sel(ray=ray)
         axes.plot(study.n, here.past, "o-", color=_CIRCLE_COLOURS[ray], label=label)
     passed, fakes = int(study.passed.sum() + study.polished.sum()), int(study.fakes.sum())
-    axes.set(xscale="log", yscale="log", xlabel="grid points $n$", ylabel="past the breakup")
+    axes.set_xscale("log", base=2)
+    axes.set(yscale="log", xlabel="grid points $n$", ylabel="past the breakup")
     axes.set_title(f"Fake circles: {fakes} believed in, {passed} certified")
 
 
