@@ -390,8 +390,8 @@ def draw_stability(studies):
 
 def _draw_near_cusp(axes, study):
     """Errors as they are, the claims dashed, and crosses where there is no answer."""
-    for i, name in enumerate(study.method.attrs["names"]):
-        here, colour = study.isel(method=i), _CIRCLE_COLOURS[i]
+    for i, name in enumerate(study.approach.attrs["names"]):
+        here, colour = study.isel(approach=i), _CIRCLE_COLOURS[i]
         off = np.maximum(here.off, 1e-14)
         axes.plot(study.delta, off, "o-", color=colour, ms=4, label=name)
         axes.plot(study.delta, here.error, "--", color=colour, lw=1)
@@ -431,7 +431,7 @@ def _draw_fractions(axes, study):
     for i, quotient in enumerate(study.quotient.values):
         here, colour = study.isel(quotient=i), _CIRCLE_COLOURS[i]
         place = study.q * 1.08**i
-        residues, norms = (here.isel(method=m) for m in (0, 1))
+        residues, norms = (here.isel(approach=m) for m in (0, 1))
         axes.errorbar(
             place, norms.value, norms.error, fmt="s", color=colour, ms=4, mfc="none", lw=1
         )
