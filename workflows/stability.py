@@ -157,7 +157,7 @@ def disguised_fractions(quick):
     from nasm.numbers import RotationNumber, convergents
 
     kappa, large = np.array([0.3, 0.2]), (10, 100, 10**6)
-    ones = range(3, 12 if quick else 17)
+    ones = range(3, 10 if quick else 17)
     q = [list(convergents(RotationNumber((0, *[1] * n))))[-1].denominator for n in ones]
     values, errors = np.full((2, len(large), 3, len(ones)), np.nan)
     lower, status = np.full((len(large), len(ones)), np.nan), np.zeros((len(large), 3, len(ones)))
@@ -167,7 +167,7 @@ def disguised_fractions(quick):
             found = (
                 periodic.critical_scale(omega, kappa),
                 continuation.critical_scale(omega, kappa),
-                periodic.critical_scale(omega, kappa, 20_000),
+                periodic.critical_scale(omega, kappa, 10_000 if quick else 20_000),
             )
             values[i, :, j] = [scale.value for scale in found]
             errors[i, :, j] = [scale.error for scale in found]
@@ -651,7 +651,7 @@ def run(quick, only=None):
 def main(out, quick):
     """Where each method stops being right: nine cubes and a figure in OUT.
 
-    About two minutes on two cores; --quick less than one.
+    Two to three minutes on two cores; --quick less than one.
     """
     with driver(out):
         from pipeline import store
