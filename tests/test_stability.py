@@ -51,6 +51,14 @@ def test_each_study_keeps_a_labelled_dataset(out, study):
     assert (out / "stability.pdf").exists()
 
 
+def test_other_settings_are_refused_before_the_work(out):
+    before = sorted(out.rglob("*"))
+    result = CliRunner().invoke(stability.main, ["--out", str(out)])
+    assert result.exit_code == 2
+    assert "quick is True, not False" in result.output
+    assert sorted(out.rglob("*")) == before
+
+
 def test_near_the_cusp_errors_are_honest_or_there_is_no_answer(study):
     cusp = study("cusp")
     answered = cusp.status == OK
