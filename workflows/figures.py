@@ -423,7 +423,9 @@ def _draw_past_boundary(axes, study):
     axes.set_xticks(place[chosen], [f"{excess[i]:.0e}" for i in chosen], fontsize="xx-small")
     for i, angle in enumerate(study.angle.values):
         axes.plot([], [], "o", color=_CIRCLE_COLOURS[i], label=rf"$\varphi = {angle:g}°$")
-    axes.set(xlabel="$s/s_c - 1$", title="Who says what on either side of the breakup")
+    axes.set(
+        xlabel="$s/s_c - 1$", ylim=(-0.3, 4.2), title="Who says what on either side of the breakup"
+    )
 
 
 def _draw_fractions(axes, study):
@@ -481,8 +483,8 @@ def _draw_missed(axes, study):
 
 def _draw_fakes(axes, study):
     for ray, label in enumerate(("standard map", "on $(1, 0.5)$")):
-        here = study.sel(ray=ray)
-        axes.plot(study.n, here.past, "o-", color=_CIRCLE_COLOURS[ray], label=label)
+        past = study.past.sel(ray=ray)
+        axes.plot(study.n, past.where(past > 0), "o-", color=_CIRCLE_COLOURS[ray], label=label)
     passed, fakes = int(study.passed.sum() + study.polished.sum()), int(study.fakes.sum())
     axes.set_xscale("log", base=2)
     axes.set(yscale="log", xlabel="grid points $n$", ylabel="past the breakup")
