@@ -18,6 +18,7 @@ That the blow-up marks the breakup is Calleja & de la Llave's criterion (Nonline
 2029), which the paper uses (arXiv:1606.04824, Sec. VI).
 """
 
+from itertools import islice
 from math import ceil, inf, log, nan, prod, sqrt
 
 import numpy as np
@@ -25,6 +26,7 @@ import numpy as np
 from nasm import circles, fourier
 from nasm.critical import CriticalScale, Status, no_answer
 from nasm.maps import forcing
+from nasm.numbers import convergents
 from nasm.symmetries import shorten
 
 UNSTABLE = {(1,): 1.6279500, (2,): 2.4416, (3,): 3.344, (4,): 4.265}
@@ -61,8 +63,8 @@ def critical_scale(omega, profile, tol=1e-6):
     order. It may exceed tol. On 360 rays of random angle, with the paper's six circles, it covered
     the difference to residues in 99.7%, 98.9% and 97.2% for tol = 10⁻⁴, 10⁻⁵ and 10⁻⁶. Near the
     cusps |κ1| = |κ2| of P = 2 it contains the depth to which the boundary falls there, as long as
-    the circles met so far cannot tell; where δ is not known for the tail of ω, the whole way from
-    the last circle.
+    the circles met so far cannot tell; where δ is not known for the tail of ω, or the circles do
+    not have the modes to tell ω from one with another tail, the whole way from the last circle.
     Without an estimate, value and error are NaN; lower is what was certified all the same.
 
     ValueError if profile is zero or tol not positive.
@@ -84,7 +86,10 @@ def critical_scale(omega, profile, tol=1e-6):
     step = 0.1 / np.abs(short).max()
     while error > tol and len(path) < _MOST_CIRCLES:
         at = path[-1][0]
-        circle, status = _next_circle(short_omega, short, path, min(step, part * (limit - at)))
+        step = min(step, part * (limit - at))
+        if not step > 1e-14 * at:  # as good as there, as far as the norms can tell
+            break
+        circle, status = _next_circle(short_omega, short, path, step)
         if status is not Status.OK:
             break
         path.append(circle)
@@ -97,9 +102,11 @@ def critical_scale(omega, profile, tol=1e-6):
         last = estimates[-window:]
         if len(last) == window:
             error = 0.5 * max(max(last) - min(last), abs(limit - lower_order))
-            if short_omega.tail not in UNSTABLE:
+            if short_omega.tail not in UNSTABLE or not _sees_tail(short_omega, circle[1]):
                 error = max(error, limit - circle[0])
     lower = _last_certified(short_omega, short, path)
+    if error < inf and not _sees_tail(short_omega, path[-1][1]):
+        error = max(error, estimates[-1] - lower) if lower == lower else inf
     if error == inf:
         status = Status.NOT_CONVERGED if status is Status.OK else status
         return CriticalScale(nan, nan, lower, nan, omega, status)
@@ -202,6 +209,15 @@ def _last_certified(omega, profile, path):
         if circles.certify(omega, scale * profile, u)[1] is Status.OK:
             return scale
     return nan
+
+
+def _sees_tail(omega, u):
+    """Whether u has the modes of the first convergent that knows all of the prefix of ω.
+
+    A large partial quotient may break the circle at resonances that fewer modes do not have.
+    """
+    *_, fraction = islice(convergents(omega), len(omega.prefix))
+    return fourier.cut(omega, u.shape[-1]) >= fraction.denominator
 
 
 def _cusp_drop(profile):

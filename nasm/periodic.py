@@ -137,9 +137,9 @@ def critical_scale(omega, profile, q_max=6000, start=None, family=minimax_centre
 
     Returns
     -------
-    CriticalScale. error : the difference of the last two extrapolated values, or that of the
-    crossings where these are not geometric yet. lower and upper are NaN: Greene's criterion is not
-    a proof of either.
+    CriticalScale. error : the difference of the last two extrapolated values, or what that of the
+    two before should have shrunk to, if it is larger, or that of the crossings where these are not
+    geometric yet. lower and upper are NaN: Greene's criterion is not a proof of either.
 
     ValueError if profile is zero, start is of another length, or the forcings have no common
     symmetry centre.
@@ -150,6 +150,9 @@ def critical_scale(omega, profile, q_max=6000, start=None, family=minimax_centre
     value, ratio = _aitken(*scales[-1 - 2 * period :: period])
     value_before, ratio_before = _aitken(*scales[-2 - 2 * period : -1 : period])
     error = max(abs(value - value_before), 4 * np.spacing(value))
+    if len(scales) > 2 * period + 2 and abs(ratio) < 0.5:  # two values may agree by chance
+        earlier, _ = _aitken(*scales[-3 - 2 * period : -2 : period])
+        error = max(error, abs(value_before - earlier) * ratio**2)
     if not 0.5 < ratio / ratio_before < 2 or abs(ratio) > 0.9:
         # Not geometric yet, as at small angles from a cusp: the extrapolation means nothing.
         error = max(error, abs(value - scales[-1]), abs(scales[-1] - scales[-2]))
@@ -187,7 +190,8 @@ def _crossings(omega, profile, q_max, start, family):
     if omega.is_rational:
         return none, Status.RATIONAL, 0
     period = len(short_omega.tail)
-    fractions = [f for f in islice(convergents(short_omega), 200) if 3 <= f.denominator <= q_max]
+    known = list(islice(convergents(short_omega), len(short_omega.prefix) + 200))
+    fractions = [f for f in known if 3 <= f.denominator <= q_max]
     orbits = _Orbits(start, profile, family)
     found, status = [], Status.NOT_CONVERGED
     for lower, higher in zip(fractions, fractions[period:], strict=False):
@@ -203,6 +207,8 @@ def _crossings(omega, profile, q_max, start, family):
                 return none, Status.NEAR_CUSP, period
     if len(found) < 2 * period + 2:
         return none, status, period
+    if found[-1][0] < known[len(short_omega.prefix) - 1 + period].denominator:
+        return none, Status.NOT_CONVERGED, period  # these are convergents of another number
     return np.array(found).T, Status.OK, period
 
 

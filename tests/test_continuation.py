@@ -175,6 +175,18 @@ def test_a_hardly_irrational_omega_is_not_answered_by_a_number(prefix):
     assert np.isnan([found.value, found.error]).all()
 
 
+@pytest.mark.parametrize("ones", [7, 9, 10, 11, 13])
+@pytest.mark.parametrize("large", [100, 10**6])
+def test_a_large_quotient_that_the_modes_do_not_see_is_in_the_error(ones, large):
+    # Up to its resonance the circle looks like the golden one, which is the last to break.
+    disguised = RotationNumber((0, *[1] * ones, large), (1,))
+    found = continuation.critical_scale(disguised, (0.3, 0.2))
+    if found.status is Status.OK:
+        assert found.value - found.error <= found.lower < 2.0806
+    else:
+        assert np.isnan([found.value, found.error]).all()
+
+
 def test_a_circle_that_breaks_at_once_gives_a_status_or_a_bound():
     for omega in (RotationNumber((0,), (40,)), RotationNumber((0, 2, 1000), (1,))):
         found = continuation.critical_scale(omega, ray(30))

@@ -159,6 +159,21 @@ def test_error_covers_truncation_and_rounding(q_max):
 
 
 @pytest.mark.parametrize(
+    ("name", "angle"),
+    [
+        ("(gamma+1)/(4gamma+5)", 25.948730289534073),
+        ("(gamma+1)/(4gamma+5)", 49.32870995046929),
+        ("(5gamma+6)/(4gamma+5)", 106.72938325877112),
+        ("(5gamma+6)/(4gamma+5)", 161.04885519531123),
+    ],
+)
+def test_the_error_covers_also_where_two_extrapolated_values_agree_by_chance(name, angle):
+    found = periodic.critical_scale(parse(name), ray(angle))
+    better = periodic.critical_scale(parse(name), ray(angle), 30_000)
+    assert abs(found.value - better.value) <= found.error + better.error < 1e-9
+
+
+@pytest.mark.parametrize(
     ("name", "profile", "exact"),
     [("gamma", (1, 0), KAPPA_G / 2), ("gamma", (0, 1), KAPPA_G / 2), ("2gamma", (1, 1), KAPPA_G)],
 )
@@ -281,6 +296,16 @@ def test_a_hardly_irrational_omega_is_not_answered_by_a_number():
     found = periodic.critical_scale(RotationNumber((0, 2, 10**9), (1,)), (1, 0))
     assert found.status is not Status.OK
     assert np.isnan(found.value)
+
+
+@pytest.mark.parametrize("ones", [6, 8, 12, 15])
+@pytest.mark.parametrize("large", [100, 10**6])
+def test_convergents_before_a_large_quotient_do_not_answer_for_it(ones, large):
+    # Up to q_max they are those of the golden mean, whose circle breaks later.
+    disguised = RotationNumber((0, *[1] * ones, large), (1,))
+    found = periodic.critical_scale(disguised, (0.3, 0.2), 1500)
+    assert found.status is not Status.OK
+    assert periodic.crossings(disguised, (0.3, 0.2), 1500).size == 0
 
 
 @pytest.mark.parametrize(

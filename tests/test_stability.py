@@ -1,0 +1,143 @@
+"""Where methods stop being right: a quick run of the study keeps its promises."""
+
+import numpy as np
+import pytest
+import xarray as xr
+from click.testing import CliRunner
+
+from pipeline.tasks import STATUSES
+from workflows import stability
+
+OK = 1
+
+
+@pytest.fixture(scope="module")
+def out(tmp_path_factory):
+    out = tmp_path_factory.mktemp("stability") / "out"
+    result = CliRunner().invoke(stability.main, ["--quick", "--out", str(out)])
+    assert result.exit_code == 0, result.output + repr(result.exception)
+    return out
+
+
+@pytest.fixture
+def study(out):
+    return lambda name: xr.open_zarr(out / "cubes.zarr", group=f"stability_{name}").load()
+
+
+DIMS = {
+    "cusp": {"approach", "delta"},
+    "boundary": {"angle", "excess"},
+    "fractions": {"quotient", "approach", "q"},
+    "twist": {"angle", "scale"},
+    "amplitude": {"kick", "angle", "part"},
+    "beam": {"kept"},
+    "fakes": {"ray", "n"},
+    "disorder": {"noise", "scale"},
+    "rounding": {"arithmetic", "steps"},
+}
+
+
+def test_each_study_keeps_a_labelled_dataset(out, study):
+    assert set(DIMS) == set(stability.STUDIES)
+    for name, dims in DIMS.items():
+        dataset = study(name)
+        assert set(dataset.dims) == dims
+        assert dataset.attrs["title"]
+        for variable in dataset.variables.values():
+            assert variable.attrs["long_name"]
+            assert variable.attrs["units"] in ("1", "degree")
+    assert study("cusp").status.attrs["flag_meanings"].split()[OK - 1] == STATUSES[0].name
+    assert (out / "stability.png").exists()
+    assert (out / "stability.pdf").exists()
+
+
+def test_other_settings_are_refused_before_the_work(out):
+    before = sorted(out.rglob("*"))
+    result = CliRunner().invoke(stability.main, ["--out", str(out)])
+    assert result.exit_code == 2
+    assert "quick is True, not False" in result.output
+    assert sorted(out.rglob("*")) == before
+
+
+def test_near_the_cusp_errors_are_honest_or_there_is_no_answer(study):
+    cusp = study("cusp")
+    answered = cusp.status == OK
+    assert np.isnan(cusp.off.where(~answered)).all()
+    # Continuation claims to cover the truth in 97% of cases; here by no more than a factor of 2.
+    claimed = cusp.error * xr.where(cusp.approach == 1, 2, 1) + cusp.judge_error
+    assert ((cusp.off <= claimed) | cusp.off.isnull()).all()
+    assert answered.sel(approach=2).all()  # converse KAM always has an answer
+    assert answered.sel(delta=slice(None, 0.05)).all()
+
+
+def test_no_method_crosses_the_breakup(study):
+    boundary = study("boundary")
+    beyond, inside = boundary.sel(excess=slice(0, None)), boundary.sel(excess=slice(None, -1e-9))
+    assert (beyond.certified == 0).all()
+    assert (inside.isel(excess=0).certified == 1).all()
+    assert np.isinf(inside.elimination_time).all()
+    assert np.isinf(inside.escape_time).all()
+    assert np.isfinite(beyond.sel(excess=slice(9e-4, None)).elimination_time).all()
+    # Weighted Birkhoff averages are no proof of a circle.
+    assert (boundary.sel(excess=1e-3, method="nearest").digits > 5).all()
+
+
+def test_disguised_fractions_get_no_wrong_answer(study):
+    fractions = study("fractions")
+    value, error = fractions.value, fractions.error
+    norms, residues = value.sel(approach=1), value.sel(approach=2)
+    off = abs(norms - residues) <= error.sel(approach=1) + error.sel(approach=2)
+    assert (off | norms.isnull() | residues.isnull()).all()
+    assert int((norms.notnull() & residues.notnull()).sum()) >= 3
+    # Behind a quotient of a million, no residue of a period within reach knows the circle.
+    assert (fractions.status.sel(quotient=10**6, approach=0) != OK).all()
+    assert not (fractions.lower > fractions.attrs["golden"]).any()
+
+
+def test_beyond_the_twist_nothing_is_certified(study):
+    twist = study("twist")
+    beyond = twist.scale > 1.5
+    assert (twist.circle.where(beyond, 0) != OK).all()
+    assert np.isfinite(twist.elimination_time.where(beyond, 1)).all()
+    assert (twist.twist.sel(angle=90, scale=2.25) < 0).all()
+
+
+def test_amplitudes_are_far_below_one(study):
+    amplitude = study("amplitude")
+    assert amplitude["last"].notnull().all()
+    assert (amplitude["last"] < 0.25).all()
+    assert amplitude.attrs["justified_exit"] < 1.25
+
+
+def test_the_beam_that_is_used_misses_nothing(study):
+    missed = study("beam").missed
+    assert float(missed.sel(kept=1)) > 0.3
+    assert float(missed.sel(kept=32)) == 0
+
+
+def test_all_fakes_are_rejected(study):
+    fakes = study("fakes")
+    assert (fakes.fakes > 0).all()
+    assert (fakes.passed == 0).all()
+    assert (fakes.polished == 0).all()
+    assert (fakes.past.sel(n=16) > 0.2).all()
+
+
+def test_orbits_of_another_order_are_all_refused(study):
+    disorder = study("disorder")
+    assert float(disorder.refused.sel(scale=1.2, method="nearest").max()) > 0.1
+    assert (disorder.accepted == 0).all()
+    total = disorder.lost + disorder.right + disorder.refused + disorder.accepted
+    np.testing.assert_allclose(total, 1)
+
+
+def test_float32_drifts_and_a_lattice_is_reversible(study):
+    rounding = study("rounding")
+    names = rounding.arithmetic.attrs["names"]
+    last = rounding.isel(steps=-1)
+    drift = dict(zip(names, last.drift.values.tolist(), strict=True))
+    assert drift["float32"] > 1e6 * drift["turns"]
+    assert drift["lift"] > 100 * drift["turns"]
+    assert max(drift["turns"], drift["libm"]) < 1e-13
+    reversal = rounding.isel(arithmetic=names.index("lattice")).reversal
+    assert (reversal == 0).all()

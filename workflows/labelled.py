@@ -1,0 +1,44 @@
+"""Small labelled Datasets for studies that are no sweeps."""
+
+
+def listed(*names):
+    return range(len(names)), list(names), "1"
+
+
+def status_code(status):
+    from pipeline.tasks import STATUSES
+
+    return 1 + STATUSES.index(status)
+
+
+def status_flags(codes):
+    import numpy as np
+
+    from pipeline.tasks import STATUSES
+
+    return np.asarray(codes).astype("int8"), [status.name for status in STATUSES]
+
+
+def labelled(title, coords, variables, **attrs):
+    """A Dataset; variables without dims have all of them, in the order of the coordinates."""
+    import numpy as np
+    import xarray as xr
+
+    dataset = xr.Dataset(attrs={"title": title, **attrs})
+    for name, (values, long_name, units) in coords.items():
+        attrs = {"long_name": long_name, "units": units}
+        if isinstance(long_name, list):
+            attrs = {"long_name": name, "units": units, "names": long_name}
+        dataset[name] = xr.DataArray(np.array(values), dims=name, attrs=attrs)
+    for name, (*dims, values, words) in variables.items():
+        dims = dims[0] if dims else tuple(coords)
+        dataset[name] = xr.DataArray(values, dims=dims, attrs={"units": "1"})
+        if isinstance(words, list):
+            flags = {
+                "flag_values": list(range(1, len(words) + 1)),
+                "flag_meanings": " ".join(words),
+            }
+            dataset[name].attrs.update(long_name="status of the method", **flags)
+        else:
+            dataset[name].attrs["long_name"] = words
+    return dataset
