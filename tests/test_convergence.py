@@ -39,6 +39,7 @@ def test_the_bias_is_where_transport_begins_for_good():
 def test_a_small_run_keeps_its_cubes(tmp_path):
     out = tmp_path / "out"
     options = ["--out", str(out), "--quick", "--n-max", "2000", "--workers", "1"]
+    options += ["--n-orbits", "100,1000"]
     result = CliRunner().invoke(convergence.main, options)
     assert result.exit_code == 0, result.output + repr(result.exception)
     cube = xr.open_zarr(out / "cubes.zarr", group="escape_rays")

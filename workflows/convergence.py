@@ -8,7 +8,7 @@ Greene's residue in the period q, and certified circles in the number n of grid 
 
 import click
 
-from workflows.cli import HELP, Job, carry_out, cluster_options, session
+from workflows.cli import HELP, Job, carry_out, cluster_options, integers_option, session
 
 ANGLES = (0.0, 20.0, 40.0, 45.0)
 
@@ -116,21 +116,27 @@ def _last_certified(circles, best, profile, n):
     type=click.IntRange(1000, 10**9),
     help="Steps of direct iteration.",
 )
+@integers_option(
+    "--n-orbits",
+    "10,30,100,300,1000",
+    10**8,
+    "Orbits of the ensembles of direct iteration, increasing.",
+)
 @click.option(
     "--quick",
     is_flag=True,
     help="A preview: 10 000 steps, and short runs of the other methods.",
 )
 @cluster_options
-def main(out, cluster, n_max, quick):
+def main(out, cluster, n_max, n_orbits, quick):
     """Convergence studies: two cubes, a table and a figure in OUT.
 
-    About three minutes on two cores; ten times the steps take ten times as long.
+    About three minutes on two cores; ten times the steps or orbits take ten times as long.
     """
     n_max = min(n_max, 10_000) if quick else n_max
     best = breakups(ANGLES)
     scales = {angle: float(scale.value) for angle, scale in best.items()}
-    job = direct_job(scales, [100, 1000], n_max)
+    job = direct_job(scales, n_orbits, n_max)
     with session(out, cluster, ["escape"], [job.cube]) as client:
         bias = direct_bias(carry_out(client, out, job).load())
         from pipeline import store

@@ -260,8 +260,8 @@ def draw_convergence(bias, others, fits):
         eta, deviation = fits[angle]
         label = rf"{words}: $\eta = {eta:.2f} \pm {deviation:.2f}$"
         direct.plot(bias.n, bias.sel(angle=angle)[-1], ".", color=colour, label=label)
-        smallest = bias.sel(angle=angle) / bias.sel(angle=angle).isel(ensemble=-1)
-        orbits.plot(bias.n, smallest[0], ".-", color=colour, label=words)
+        ratio = bias.sel(angle=angle) / bias.sel(angle=angle).isel(ensemble=-1)
+        orbits.plot(bias.ensemble, ratio.mean("n"), ".-", color=colour, label=words)
         here = others.sel(angle=angle)
         cones.plot(here.steps, here.cones_raw, "o-", color=colour, label=f"{words}: upper")
         cones.plot(here.steps, here.cones_corrected, "s--", color=colour, mfc="none")
@@ -276,7 +276,8 @@ def draw_convergence(bias, others, fits):
     count = [int(size) for size in bias.ensemble]
     direct.set(title=f"Direct iteration, {count[-1]} orbits", xlabel="steps $N$")
     direct.set_ylabel(r"$\kappa_N/\kappa_c - 1$")
-    orbits.set(title=f"Bias with {count[0]} orbits against {count[-1]}", xlabel="steps $N$")
+    orbits.set(title=f"Bias in parts of that with {count[-1]} orbits", xlabel="orbits $M$")
+    orbits.set_ylabel("mean over $N$")
     cones.set(title="Converse KAM; dashed: corrected", xlabel="steps $N$", ylabel="relative error")
     sharp.set(
         title="Residue crossings; dashed: last certified circle",
