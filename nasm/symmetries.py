@@ -55,6 +55,21 @@ def shift(kappa, x, y):
     return np.roll(strengths, -1), *kick(strengths[0], x, y)
 
 
+def ray(angle):
+    """(cos, sin) of an angle in degrees, shape (*angle.shape, 2): the profile of a ray.
+
+    Exact where symmetry makes it matter: on the axes no strength is left over, and on the diagonals
+    both are equal in size to the last bit, so that the map is the shorter one of `shorten`.
+    """
+    angle = np.asarray(angle, dtype=float)
+    radians = np.deg2rad(angle)
+    profile = np.stack([np.cos(radians), np.sin(radians)], axis=-1)
+    on_axis, on_diagonal = angle % 90 == 0, angle % 90 == 45
+    profile[on_axis] = np.rint(profile[on_axis])
+    profile[on_diagonal] = np.sign(profile[on_diagonal]) * np.sqrt(0.5)
+    return profile
+
+
 def fold(angle):
     """Fold rays of the (κ1, κ2) plane into the wedge 0 ≤ κ2 ≤ κ1.
 

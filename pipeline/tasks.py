@@ -12,6 +12,7 @@ import numpy as np
 from nasm import barriers, continuation, escape, numbers, periodic
 from nasm.critical import Status
 from nasm.maps import rotating_forcing
+from nasm.symmetries import ray
 
 _SECONDS_PER_STEP = 0.8e-9  # of one orbit and one step of two kicks; only ratios matter
 _PROBE_STEPS = 2000
@@ -54,7 +55,7 @@ def escape_rays_tile(coords, settings):
     sizes = coords["ensemble"]
     x, y = escape.ensemble(int(sizes[-1]))
     scales = np.array([settings["critical_scales"][str(a)] for a in coords["angle"].tolist()])
-    profiles = scales[:, None] * _profiles(coords["angle"])
+    profiles = scales[:, None] * ray(coords["angle"])
     kappas = profiles[:, None, :] * (1 + coords["excess"][:, None])
     times = escape.first_escape(kappas, x, y, sizes, settings["n_max"], settings["window"])
     return {"escape_time": times}
@@ -71,13 +72,12 @@ def residue_tile(coords, settings):
 
     settings : `omegas`, the exact texts of all rotation numbers; `q_max`, the longest period.
     """
-    exact = {float(omega): omega for omega in map(numbers.parse, settings["omegas"])}
-    profiles = _profiles(coords["angle"])
-    found = [
-        [periodic.critical_scale(exact[omega], profile, settings["q_max"]) for profile in profiles]
-        for omega in coords["omega"].tolist()
-    ]
-    return _breakdown(found, {"kappa1": profiles[:, 0], "kappa2": profiles[:, 1]})
+    exact = _exact_omegas(settings)
+
+    def critical_scale(omega, profile):
+        return periodic.critical_scale(exact[omega], profile, settings["q_max"])
+
+    return _on_rays(coords, "omega", critical_scale, _KICKS)
 
 
 def residue_cost(coords, settings):
@@ -90,13 +90,12 @@ def circle_tile(coords, settings):
 
     settings : `omegas`, the exact texts of all rotation numbers; `tol`, the error to aim at.
     """
-    exact = {float(omega): omega for omega in map(numbers.parse, settings["omegas"])}
-    profiles = _profiles(coords["angle"])
-    found = [
-        [continuation.critical_scale(exact[omega], p, settings["tol"]) for p in profiles]
-        for omega in coords["omega"].tolist()
-    ]
-    return _breakdown(found, {"kappa1": profiles[:, 0], "kappa2": profiles[:, 1]})
+    exact = _exact_omegas(settings)
+
+    def critical_scale(omega, profile):
+        return continuation.critical_scale(exact[omega], profile, settings["tol"])
+
+    return _on_rays(coords, "omega", critical_scale, _KICKS)
 
 
 def circle_cost(coords, settings):
@@ -106,9 +105,9 @@ def circle_cost(coords, settings):
 
 def barrier_tile(coords, settings):
     """The last barrier on the rays `angle`; settings : `tol`, the width of the bracket."""
-    profiles = _profiles(coords["angle"])
+    profiles = ray(coords["angle"])
     found = [barriers.critical_scale(profile, settings["tol"]) for profile in profiles]
-    arrays = _breakdown(found, {"kappa1": profiles[:, 0], "kappa2": profiles[:, 1]})
+    arrays = _breakdown(found, dict(zip(_KICKS, profiles.T, strict=True)))
     arrays["omega"] = np.array([np.nan if s.omega is None else float(s.omega) for s in found])
     arrays["quotients"] = np.zeros((coords["quotient"].size, len(found)), np.int32)
     arrays["tail_length"] = np.zeros(len(found), np.int8)
@@ -132,12 +131,11 @@ def torus_tile(coords, settings):
     """
     vectors = [vector.split(",") for vector in settings["vectors"]]
     omegas = {float(Fraction(frequency)): (omega, frequency) for omega, frequency in vectors}
-    profiles = _profiles(coords["angle"])
-    found = [
-        [periodic.torus_scale(*omegas[frequency], *profile) for profile in profiles]
-        for frequency in coords["frequency"].tolist()
-    ]
-    return _breakdown(found, {"kappa_mean": profiles[:, 0], "kappa_amplitude": profiles[:, 1]})
+
+    def critical_scale(frequency, profile):
+        return periodic.torus_scale(*omegas[frequency], *profile)
+
+    return _on_rays(coords, "frequency", critical_scale, _ROTATING)
 
 
 def torus_cost(coords, settings):
@@ -151,19 +149,12 @@ def transport_tile(coords, settings):
     settings : `frequencies`, their exact texts; `phase`; `n_max` and `n_orbits`, the effort.
     """
     exact = {float(Fraction(text)): text for text in settings["frequencies"]}
-    profiles = _profiles(coords["angle"])
-    found = [
-        [
-            escape.critical_scale(
-                rotating_forcing(*profile, exact[frequency], settings["phase"]),
-                settings["n_max"],
-                settings["n_orbits"],
-            )
-            for profile in profiles
-        ]
-        for frequency in coords["frequency"].tolist()
-    ]
-    return _breakdown(found, {"kappa_mean": profiles[:, 0], "kappa_amplitude": profiles[:, 1]})
+
+    def critical_scale(frequency, profile):
+        kappa = rotating_forcing(*profile, exact[frequency], settings["phase"])
+        return escape.critical_scale(kappa, settings["n_max"], settings["n_orbits"])
+
+    return _on_rays(coords, "frequency", critical_scale, _ROTATING)
 
 
 def transport_cost(coords, settings):
@@ -172,22 +163,16 @@ def transport_cost(coords, settings):
     return 10 * _SECONDS_PER_STEP * settings["n_orbits"] * settings["n_max"] * rays
 
 
-def profile(angle):
-    """The unit vector of a ray at an angle in degrees."""
-    return _profiles(np.array([angle]))[0]
+def _exact_omegas(settings):
+    """{float: RotationNumber} of the setting `omegas`."""
+    return {float(omega): omega for omega in map(numbers.parse, settings["omegas"])}
 
 
-def _profiles(angles):
-    """Unit vectors, shape (angle, 2)."""
-    radians = np.deg2rad(angles)
-    profiles = np.stack([np.cos(radians), np.sin(radians)], axis=-1)
-    # Exactly on a diagonal the map is shorter, and cos 45° and sin 45° differ by rounding.
-    on_diagonal = angles % 90 == 45
-    profiles[on_diagonal] = np.sign(profiles[on_diagonal]) * np.sqrt(0.5)
-    # On an axis as well: cos 90° and sin 180° are not quite 0.
-    on_axis = angles % 90 == 0
-    profiles[on_axis] = np.rint(profiles[on_axis])
-    return profiles
+def _on_rays(coords, dim, critical_scale, plane):
+    """The arrays of a tile with dims (dim, angle), of critical_scale(coordinate, profile)."""
+    profiles = ray(coords["angle"])
+    found = [[critical_scale(row, profile) for profile in profiles] for row in coords[dim].tolist()]
+    return _breakdown(found, dict(zip(plane, profiles.T, strict=True)))
 
 
 def _breakdown(found, plane):
@@ -204,6 +189,8 @@ def _breakdown(found, plane):
 
 
 STATUSES = list(Status)
+_KICKS = "kappa1", "kappa2"
+_ROTATING = "kappa_mean", "kappa_amplitude"
 _BREAKDOWN = {"critical_scale": "value", "error": "error", "lower": "lower", "upper": "upper"}
 
 

@@ -6,7 +6,7 @@ import xarray as xr
 from click.testing import CliRunner
 
 from nasm import escape
-from pipeline import tasks
+from nasm.symmetries import ray
 from workflows import convergence
 
 
@@ -44,7 +44,7 @@ def test_a_small_run_keeps_its_cubes(tmp_path):
     assert result.exit_code == 0, result.output + repr(result.exception)
     cube = xr.open_zarr(out / "cubes.zarr", group="escape_rays")
     assert cube.escape_time.dims == ("ensemble", "angle", "excess")
-    breakup = cube.attrs["critical_scales"]["20.0"] * tasks.profile(20.0)
+    breakup = cube.attrs["critical_scales"]["20.0"] * ray(20.0)
     kappa = breakup * (1 + float(cube.excess[100]))
     expected = escape.first_escape(kappa, *escape.ensemble(1000), [100, 1000], 2000)
     assert cube.escape_time.sel(angle=20)[:, 100].values.tolist() == expected.tolist()

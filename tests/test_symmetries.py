@@ -223,3 +223,14 @@ def test_escape_times_follow_the_symmetries():
     np.testing.assert_array_equal(image(symmetries.alternate(kappa, x, y), (-0.5, 1.75)), times)
     moved = symmetries.translate(kappa, x, y, -2, 1)
     np.testing.assert_array_equal(image(moved, (0.0, 2.25)), times)
+
+
+def test_rays_are_exact_on_axes_and_diagonals():
+    assert symmetries.ray(90.0).tolist() == [0.0, 1.0]
+    assert symmetries.ray(180.0).tolist() == [-1.0, 0.0]
+    for angle in (45, 135, 225):
+        kappa1, kappa2 = symmetries.ray(angle)
+        assert abs(kappa1) == abs(kappa2)
+    angles = np.array([[-30.0, 20.0, 100.0], [45.0, 90.0, 300.0]])
+    assert_allclose(symmetries.ray(angles)[..., 0], np.cos(np.deg2rad(angles)), atol=1e-15)
+    assert_allclose(symmetries.ray(angles)[..., 1], np.sin(np.deg2rad(angles)), atol=1e-15)

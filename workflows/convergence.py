@@ -16,9 +16,9 @@ ANGLES = (0.0, 20.0, 40.0, 45.0)
 def breakups(angles):
     """{angle: CriticalScale} of the last barrier, to judge the others by."""
     from nasm import barriers
-    from pipeline.tasks import profile
+    from nasm.symmetries import ray
 
-    return {angle: barriers.critical_scale(profile(angle), 1e-3) for angle in angles}
+    return {angle: barriers.critical_scale(ray(angle), 1e-3) for angle in angles}
 
 
 def direct_job(scales, sizes, n_max):
@@ -66,17 +66,17 @@ def other_methods(breakups, quick):
     import xarray as xr
 
     from nasm import circles, cones, periodic
-    from pipeline.tasks import profile
+    from nasm.symmetries import ray
 
     steps = 10 ** np.arange(2, 5 if quick else 6)
     modes = 2 ** np.arange(7, 11 if quick else 14)
     rows = []
     for angle, best in breakups.items():
-        found = [cones.critical_scale(profile(angle), int(n)) for n in steps]
+        found = [cones.critical_scale(ray(angle), int(n)) for n in steps]
         raw = [scale.upper / best.value - 1 for scale in found]
         corrected = [abs(scale.value / best.value - 1) for scale in found]
-        q, scales = periodic.crossings(best.omega, profile(angle), 2000 if quick else 20_000)
-        last = [_last_certified(circles, best, profile(angle), int(n)) / best.value for n in modes]
+        q, scales = periodic.crossings(best.omega, ray(angle), 2000 if quick else 20_000)
+        last = [_last_certified(circles, best, ray(angle), int(n)) / best.value for n in modes]
         row = xr.Dataset(
             {
                 "cones_raw": ("steps", raw),

@@ -34,12 +34,11 @@ def unfolded(barrier, angles):
     import numpy as np
     import xarray as xr
 
-    from nasm.symmetries import fold
+    from nasm.symmetries import fold, ray
 
     wedge, mirrored = fold(angles)
     barrier = barrier.load()
     there = barrier.sel(angle=wedge, method="nearest", tolerance=1e-8)
-    radians = np.deg2rad(angles)
     circles = [
         _circle(there.quotients.values[:, i].tolist(), int(there.tail_length[i]), mirror)
         for i, mirror in enumerate(mirrored)
@@ -47,8 +46,8 @@ def unfolded(barrier, angles):
     scales = ["critical_scale", "error", "lower", "upper", "status"]
     table = xr.Dataset({key: ("angle", there[key].values, there[key].attrs) for key in scales})
     table = table.assign_coords(angle=("angle", angles, barrier.angle.attrs))
-    table["kappa1"] = table.critical_scale * xr.DataArray(np.cos(radians), dims="angle")
-    table["kappa2"] = table.critical_scale * xr.DataArray(np.sin(radians), dims="angle")
+    for name, direction in zip(("kappa1", "kappa2"), ray(angles).T, strict=True):
+        table[name] = table.critical_scale * xr.DataArray(direction, dims="angle")
     table["omega"] = ("angle", np.where(mirrored, 1 - there.omega, there.omega), there.omega.attrs)
     table["circle"] = ("angle", circles)
     return table.assign_attrs(barrier.attrs)

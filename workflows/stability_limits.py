@@ -17,24 +17,24 @@ def near_cusp(quick):
     from nasm import barriers, cones, continuation, periodic
     from nasm.critical import Status
     from nasm.numbers import parse
-    from pipeline.tasks import profile
+    from nasm.symmetries import ray
 
     gamma, deltas = parse("gamma"), np.geomspace(10, 1e-5, 5 if quick else 13)
     q_max = 15_000 if quick else 60_000
     rows = []
     for delta in deltas:
-        ray = profile(45 - delta)
-        circle = periodic.critical_scale(gamma, ray, q_max)
-        last = barriers.critical_scale(ray, 3e-4 if quick else 1e-4)
+        profile = ray(45 - delta)
+        circle = periodic.critical_scale(gamma, profile, q_max)
+        last = barriers.critical_scale(profile, 3e-4 if quick else 1e-4)
         if last.status is Status.OK:
-            last = periodic.critical_scale(last.omega, ray, q_max)
+            last = periodic.critical_scale(last.omega, profile, q_max)
         if last.status is not Status.OK:
-            last = cones.critical_scale(ray, 30_000 if quick else 100_000)
+            last = cones.critical_scale(profile, 30_000 if quick else 100_000)
         found = [
-            (periodic.critical_scale(gamma, ray), circle),
-            (continuation.critical_scale(gamma, ray), circle),
-            (cones.critical_scale(ray, 1000), last),
-            (barriers.critical_scale(ray, 1e-3), last),
+            (periodic.critical_scale(gamma, profile), circle),
+            (continuation.critical_scale(gamma, profile), circle),
+            (cones.critical_scale(profile, 1000), last),
+            (barriers.critical_scale(profile, 1e-3), last),
         ]
         rows.append([_judged(scale, judge) for scale, judge in found])
     off, claimed, uncertain, status = np.array(rows).transpose(2, 1, 0)
@@ -64,7 +64,7 @@ def past_boundary(quick):
     import numpy as np
 
     from nasm import barriers, circles, cones, escape, orbits, periodic
-    from pipeline.tasks import profile
+    from nasm.symmetries import ray
 
     angles = (20.0, 45.0) if quick else (0.0, 20.0, 40.0, 45.0)
     decades = np.geomspace(1e-4, 1e-1, 4 if quick else 10)
@@ -74,9 +74,9 @@ def past_boundary(quick):
     shape = len(angles), excess.size
     certified, digits, lived, escaped = np.zeros((4, *shape))
     for i, angle in enumerate(angles):
-        best = barriers.critical_scale(profile(angle), 1e-3)
+        best = barriers.critical_scale(ray(angle), 1e-3)
         for j, x in enumerate(excess):
-            kappa = best.value * (1 + x) * profile(angle)
+            kappa = best.value * (1 + x) * ray(angle)
             circle = circles.invariant_circle(best.omega, kappa, n_max=n_modes)
             certified[i, j] = circle.certified
             y, lived[i, j] = cones.longest_lived(kappa, n_cones)
@@ -158,7 +158,7 @@ def beyond_the_twist(quick):
     from nasm import circles, cones, escape, orbits, periodic
     from nasm.maps import twist
     from nasm.numbers import parse
-    from pipeline.tasks import profile
+    from nasm.symmetries import ray
 
     angles, scales = (0.0, 20.0, 45.0, 90.0, 135.0), np.linspace(0.25, 3.0, 12 if quick else 23)
     shape = len(angles), scales.size
@@ -166,7 +166,7 @@ def beyond_the_twist(quick):
     x = np.arange(400) / 400
     for i, angle in enumerate(angles):
         for j, scale in enumerate(scales):
-            kappa = scale * profile(angle)
+            kappa = scale * ray(angle)
             least[i, j] = twist(kappa, *np.meshgrid(x, x)).min()
             y, lived[i, j] = cones.longest_lived(kappa, 2000)
             residue[i, j] = periodic.residue(kappa, 89, 144)
@@ -201,7 +201,7 @@ def amplitudes(quick):
 
     from nasm import barriers, circles, continuation
     from nasm.numbers import parse
-    from pipeline.tasks import profile
+    from nasm.symmetries import ray
 
     angles = np.linspace(0, 45, 6 if quick else 19)
     others = ["gamma", "2gamma", "[0;2,(1)]", "[0;3,(1)]", "[0;4,(1)]", "[0;1,3,(1)]", "[0;8,(1)]"]
@@ -211,12 +211,12 @@ def amplitudes(quick):
         np.full((angles.size, fractions.size), np.nan),
     )
     for i, angle in enumerate(angles):
-        best = barriers.critical_scale(profile(angle), 1e-3)
-        _, u = continuation.certified_circle(best.omega, profile(angle), best.value, 1e-3)
+        best = barriers.critical_scale(ray(angle), 1e-3)
+        _, u = continuation.certified_circle(best.omega, ray(angle), best.value, 1e-3)
         if u is not None:
             last[:, i] = _heights(best.omega, u)
         for j, fraction in enumerate(fractions):
-            kappa = fraction * best.value * profile(angle)
+            kappa = fraction * best.value * ray(angle)
             for omega in map(parse, others):
                 circle = circles.invariant_circle(omega, kappa, n_max=512)
                 if circle.certified:

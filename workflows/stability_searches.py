@@ -14,7 +14,7 @@ def missed_survivors(quick):
     import numpy as np
 
     from nasm import cones
-    from pipeline.tasks import profile
+    from nasm.symmetries import ray
 
     kept, n_max = 2 ** np.arange(6), 20_000
     random = np.random.default_rng(6)
@@ -28,7 +28,7 @@ def missed_survivors(quick):
             zip(angles, 10 ** random.uniform(-4, -2, n_rays), strict=True)
         ):
             cones._KEPT = standard
-            kappa = cones.critical_scale(profile(angle), 3000).value * (1 + x) * profile(angle)
+            kappa = cones.critical_scale(ray(angle), 3000).value * (1 + x) * ray(angle)
             for i, number in enumerate(kept):
                 cones._KEPT = int(number)
                 lives[i, j] = cones.longest_lived(kappa, n_max)[1]
