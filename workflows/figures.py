@@ -247,7 +247,7 @@ def _draw_circle_strip(axes, table, colours):
             label = rf"$\omega = {circle}$" if circle else "undecided"
             axes.plot(here.angle, here.omega, ".", color=colour, ms=5, label=label)
     axes.set(xlabel=r"angle $\varphi$ of the ray (degrees)", ylabel=r"$\omega$ of the last circle")
-    axes.legend(loc="center left", fontsize="xx-small", ncols=2, bbox_to_anchor=(0.02, 0.5))
+    axes.legend(loc="upper right", fontsize="xx-small", ncols=2)
     axes.grid(lw=0.3)
 
 
