@@ -134,7 +134,8 @@ def main(kappa1, kappa2, out):
         raise click.UsageError(str(error)) from None
     with driver(out):
         from nasm.verdict import Answer, verdict
-        from workflows.figures import draw_verdict, save
+        from workflows.figures.ask import draw_verdict
+        from workflows.figures.style import save
 
         began = time.perf_counter()
         found = verdict(kappa)

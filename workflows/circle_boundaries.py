@@ -92,7 +92,8 @@ def main(out, cluster, omega, angles, tips, tol, q_max):
     ]
     with session(out, cluster, ["circle", "barrier"], [job.cube for job in jobs]) as client:
         circles, residues, barrier = (carry_out(client, out, job) for job in jobs)
-        from workflows.figures import draw_circle_boundaries, draw_tips, save
+        from workflows.figures.circle_boundaries import draw_circle_boundaries, draw_tips
+        from workflows.figures.style import save
 
         barrier = unfolded(barrier, rays)
         write_table(circles, f"{out}/circle_boundaries.csv")

@@ -141,7 +141,8 @@ def main(out, cluster, n_max, n_orbits, quick):
         bias = direct_bias(carry_out(client, out, job).load())
         from pipeline import store
         from pipeline.schema import Cube
-        from workflows.figures import draw_convergence, save
+        from workflows.figures.convergence import draw_convergence
+        from workflows.figures.style import save
 
         others = other_methods(best, quick)
         store.replace(out, Cube("convergence", others, {}, {"quick": quick}))

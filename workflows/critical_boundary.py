@@ -77,7 +77,8 @@ def main(out, cluster, plane, angles, tips, tol):
         barrier = unfolded(carry_out(client, out, last_job), rays)
         circles = carry_out(client, out, circle_job)
         dataset = escape_plane(client, out, plane)
-        from workflows.figures import draw_critical_boundary, save
+        from workflows.figures.critical_boundary import draw_critical_boundary
+        from workflows.figures.style import save
 
         direct = boundary_table(dataset, rays, plane.drawn)
         for n in direct.n.values[direct.critical_scale.isnull().all("angle")]:

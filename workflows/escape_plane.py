@@ -186,7 +186,8 @@ def main(out, cluster, plane):
     """
     with session(out, cluster, ["escape"], [planned(plane)]) as client:
         dataset = escape_plane(client, out, plane)
-        from workflows.figures import draw_escape_plane, save
+        from workflows.figures.escape_plane import draw_escape_plane
+        from workflows.figures.style import save
 
         figures = save(draw_escape_plane(dataset, plane.drawn), out, "escape_plane")
     click.echo(f"cube:   {out}/cubes.zarr, group escape")

@@ -84,7 +84,8 @@ def main(out, primary, secondary):
     with driver(out):
         from pipeline import store
         from pipeline.schema import Cube
-        from workflows.figures import draw_primary_points, draw_secondary_points, save
+        from workflows.figures.period_one import draw_primary_points, draw_secondary_points
+        from workflows.figures.style import save
 
         cubes = [
             Cube("period_one_primary", primary_dataset(primary), {}, {}),

@@ -129,7 +129,8 @@ def main(out, cluster, vector, frequency, phase, angles, n_max, n_orbits):
     ]
     with session(out, cluster, ["escape", "residue"], [job.cube for job in jobs]) as client:
         circles, direct, tori = (carry_out(client, out, job) for job in jobs)
-        from workflows.figures import draw_rotating_circles, draw_rotating_tori, save
+        from workflows.figures.rotating import draw_rotating_circles, draw_rotating_tori
+        from workflows.figures.style import save
 
         figures = save(draw_rotating_tori(tori, direct), out, "tori")
         if 0.5 in direct.frequency:

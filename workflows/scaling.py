@@ -279,7 +279,8 @@ def main(out, workers, crowd, quick):
 
         from pipeline import store, throughput
         from pipeline.schema import Cube
-        from workflows.figures import draw_scaling, save
+        from workflows.figures.scaling import draw_scaling
+        from workflows.figures.style import save
 
         names = ("scaling_measured", "scaling_simulated", "scaling_model")
         datasets = plans(workers, crowd, quick)

@@ -98,7 +98,8 @@ def main(out, quick):
         found = run(quick, [name for name in STUDIES if name not in first]) | first
         for name, dataset in found.items():
             store.replace(out, Cube(f"stability_{name}", dataset, {}, {"quick": quick}))
-        from workflows.figures import draw_stability, save
+        from workflows.figures.stability import draw_stability
+        from workflows.figures.style import save
 
         figures = save(draw_stability(found), out, "stability")
     click.echo(f"cubes:  {out}/cubes.zarr, groups stability_{', stability_'.join(found)}")

@@ -193,7 +193,8 @@ def main(out, quick, only, angle):
         from dataclasses import replace
 
         from pipeline import store
-        from workflows.figures import draw_work_precision, save
+        from workflows.figures.style import save
+        from workflows.figures.work_precision import draw_work_precision
 
         cube = plan([int(a) for a in dict.fromkeys(angle)] or list(PROFILES), names, quick)
         store.refuse_different(out, cube)

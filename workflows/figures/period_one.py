@@ -1,0 +1,41 @@
+"""Period-one orbits, Figs. 3 and 4."""
+
+import matplotlib.pyplot as plt
+from matplotlib.colors import LogNorm
+
+
+def draw_primary_points(primary):
+    """Stability of the four primary period-one points over the plane, Fig. 3."""
+    figure, panels = plt.subplots(2, 2, figsize=(8, 8), sharex=True, sharey=True)
+    for axes, i, point in zip(panels.flat, range(4), primary.point.attrs["points"], strict=True):
+        residue = primary.residue.isel(point=i)
+        stable = (residue > 0) & (residue < 1)
+        axes.contourf(primary.kappa1, primary.kappa2, stable, levels=[0.5, 1.5], colors=["#D55E00"])
+        axes.set(title=f"$(x, y) = {point}$", aspect="equal")
+        axes.axhline(0, color="0.7", lw=0.6)
+        axes.axvline(0, color="0.7", lw=0.6)
+    for axes in panels[1]:
+        axes.set_xlabel(r"$\kappa_1$")
+    for axes in panels[:, 0]:
+        axes.set_ylabel(r"$\kappa_2$")
+    figure.suptitle("Strengths for which a primary period-one orbit is stable")
+    return figure
+
+
+def draw_secondary_points(secondary):
+    """Where secondary points exist and are stable, and the error of the cubic estimate, Fig. 4."""
+    figure, axes = plt.subplots(figsize=(7.5, 6))
+    error = secondary.estimate_error.where(secondary.estimate_error > 0)
+    image = axes.pcolormesh(
+        secondary.kappa1, secondary.kappa2, error, norm=LogNorm(vmin=1e-4, vmax=3), cmap="viridis"
+    )
+    figure.colorbar(image, ax=axes, label=r"error of the cubic estimate of $z_*$; white: no point")
+    stable = (secondary.residue > 0) & (secondary.residue < 1)
+    axes.contourf(
+        secondary.kappa1, secondary.kappa2, stable, levels=[0.5, 1.5], colors="none", hatches=["//"]
+    )
+    axes.fill_between([], [], [], facecolor="none", edgecolor="black", hatch="//", label="stable")
+    axes.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$", aspect="equal")
+    axes.set_title("Secondary period-one orbits next to $(1/2, 0)$")
+    axes.legend(loc="lower left")
+    return figure

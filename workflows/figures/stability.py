@@ -1,0 +1,154 @@
+"""Where each method stops being right: nine panels."""
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+from workflows.figures.style import CIRCLE_COLOURS
+
+
+def draw_stability(studies):
+    """Where each method stops being right: nine panels, one for each study."""
+    figure, panels = plt.subplots(3, 3, figsize=(16, 13), layout="constrained")
+    draw = {
+        "cusp": _draw_near_cusp,
+        "boundary": _draw_past_boundary,
+        "fractions": _draw_fractions,
+        "twist": _draw_twist,
+        "amplitude": _draw_amplitudes,
+        "beam": _draw_missed,
+        "fakes": _draw_fakes,
+        "disorder": _draw_disorder,
+        "rounding": _draw_rounding,
+    }
+    for axes, (name, panel) in zip(panels.flat, draw.items(), strict=True):
+        panel(axes, studies[name])
+        axes.grid(lw=0.3)
+        if axes.get_legend_handles_labels()[0]:
+            axes.legend(fontsize="x-small")
+    return figure
+
+
+def _draw_near_cusp(axes, study):
+    """Errors as they are, the claims dashed, and crosses where there is no answer."""
+    for i, name in enumerate(study.approach.attrs["names"]):
+        here, colour = study.isel(approach=i), CIRCLE_COLOURS[i]
+        off = np.maximum(here.off, 1e-14)
+        axes.plot(study.delta, off, "o-", color=colour, ms=4, label=name)
+        axes.plot(study.delta, here.error, "--", color=colour, lw=1)
+        silent = study.delta[(here.status != 1).values]
+        axes.plot(silent, np.full(silent.size, 0.3 / 2**i), "x", color=colour)
+    axes.set(xscale="log", yscale="log", xlabel=r"$45° - \varphi$ (degrees)")
+    axes.set(ylabel="relative error", title="Near the cusp: error; dashed: claimed; ×: no answer")
+
+
+def _draw_past_boundary(axes, study):
+    """What each method claims about each side: a mark for each method that says so."""
+    excess = study.excess.values
+    inside = np.abs(excess[excess != 0]).min()
+    place = np.sign(excess) * np.log10(np.maximum(np.abs(excess), inside / 10) / inside * 10)
+    claims = (
+        ("circle certified", study.certified == 1, "o", 3),
+        ("Birkhoff: regular, 5 digits", study.digits >= 5, "s", 2),
+        ("eliminated by converse KAM", np.isfinite(study.elimination_time), "v", 1),
+        ("escape seen", np.isfinite(study.escape_time), "^", 0),
+    )
+    for _, said, mark, row in claims:
+        for i, angle in enumerate(study.angle.values):
+            here = said.sel(angle=angle).values
+            y = np.full(here.sum(), row + 0.15 * i)
+            axes.plot(place[here], y, mark, color=CIRCLE_COLOURS[i], ms=4)
+    axes.set_yticks([3, 2, 1, 0], [label for label, *_ in claims], fontsize="x-small")
+    axes.axvline(0, color="black", lw=0.8)
+    chosen = [i for i, x in enumerate(excess) if x == 0 or abs(np.log10(abs(x)) % 1) < 1e-6]
+    axes.set_xticks(place[chosen], [f"{excess[i]:.0e}" for i in chosen], fontsize="xx-small")
+    for i, angle in enumerate(study.angle.values):
+        axes.plot([], [], "o", color=CIRCLE_COLOURS[i], label=rf"$\varphi = {angle:g}°$")
+    axes.set(
+        xlabel="$s/s_c - 1$", ylim=(-0.3, 4.2), title="Who says what on either side of the breakup"
+    )
+
+
+def _draw_fractions(axes, study):
+    """Breakups by continuation and by residues, with errors, and the certified circles below."""
+    for i, quotient in enumerate(study.quotient.values):
+        here, colour = study.isel(quotient=i), CIRCLE_COLOURS[i]
+        place = study.q * 1.08**i
+        residues, norms = (here.isel(approach=m) for m in (0, 1))
+        axes.errorbar(
+            place, norms.value, norms.error, fmt="s", color=colour, ms=4, mfc="none", lw=1
+        )
+        axes.plot(place, residues.value, "o", color=colour, ms=5, label=f"$a = {quotient}$")
+        axes.plot(place, here.lower, "_", color=colour)
+    axes.axhline(study.attrs["golden"], color="0.5", lw=0.8)
+    axes.set(xscale="log", ylim=(0, 3), xlabel="$q$ of $p/q$", ylabel="breakup on $s(0.3, 0.2)$")
+    axes.set_title(r"$[0;1,…,1,a,\overline{1}]$: ● residues, □ continuation, – certified", size=10)
+
+
+def _draw_twist(axes, study):
+    """Lives on the dominant line, and the least twist."""
+    for i, angle in enumerate(study.angle.values):
+        here, colour = study.isel(angle=i), CIRCLE_COLOURS[i]
+        finite = here.where(np.isfinite(here.elimination_time))
+        label = rf"$\varphi = {angle:g}°$"
+        axes.plot(study.scale, finite.elimination_time, "o-", color=colour, ms=3, label=label)
+        axes.plot(study.scale, here.escape_time.where(np.isfinite(here.escape_time)), "^:", ms=3,
+                  color=colour, lw=0.8)  # fmt: skip
+        end = here.scale.where(here.twist < 1e-9).min()
+        axes.axvline(float(end), color=colour, lw=0.8, ls="--")
+    axes.set(yscale="log", xlabel="scale $s$", ylabel="steps")
+    axes.set_title("● converse KAM, ▲ escape; dashed: the twist ends")
+
+
+def _draw_amplitudes(axes, study):
+    """Amplitudes of the last circles and of others."""
+    for kick in (0, 1):
+        style = ("o-", "x")[kick]
+        label = f"last circle, kick {kick + 1}"
+        axes.plot(study.angle, study["last"].sel(kick=kick), style, color="#0072B2", label=label)
+    for i, part in enumerate(study.part.values[:4]):
+        label = rf"seven others at ${part:g}\,s_c$"
+        here = study.largest.sel(part=part)
+        axes.plot(study.angle, here, ".--", color=CIRCLE_COLOURS[1 + i], label=label)
+    axes.set(xlabel=r"angle $\varphi$ (degrees)", ylabel="amplitude in $y$", ylim=(0, 0.25))
+    axes.set_title("Proposition 1 assumes amplitudes below 1")
+
+
+def _draw_missed(axes, study):
+    axes.plot(study.kept, 100 * study.missed, "o-", label="searches that miss 1% of the life")
+    axes.plot(study.kept, 100 * study.worst, "s--", mfc="none", label="largest part missed")
+    axes.set_xscale("log", base=2)
+    axes.set(xlabel="starts kept", ylabel="percent")
+    axes.set_title(f"Beam search of converse KAM, {study.attrs['searches']} searches")
+
+
+def _draw_fakes(axes, study):
+    for ray, label in enumerate(("standard map", "on $(1, 0.5)$")):
+        past = study.past.sel(ray=ray)
+        axes.plot(study.n, past.where(past > 0), "o-", color=CIRCLE_COLOURS[ray], label=label)
+    passed, fakes = int(study.passed.sum() + study.polished.sum()), int(study.fakes.sum())
+    axes.set_xscale("log", base=2)
+    axes.set(yscale="log", xlabel="grid points $n$", ylabel="past the breakup")
+    axes.set_title(f"Fake circles: {fakes} believed in, {passed} certified")
+
+
+def _draw_disorder(axes, study):
+    for i, name in enumerate(("lost", "right", "refused", "accepted")):
+        for j, style in enumerate(("o-", "s--")):
+            label = name if j == 0 else None
+            y = study[name].isel(noise=j)
+            axes.plot(study.scale, y, style, color=CIRCLE_COLOURS[i], ms=4, label=label)
+    noises = " and ".join(f"{noise:g}" for noise in study.noise.values)
+    axes.set(xlabel="scale $s$ of $s(1, 0.5)$", ylabel="part of starts")
+    axes.set_title(f"Newton for 13/21 from bad starts (off by {noises})")
+
+
+def _draw_rounding(axes, study):
+    for i, name in enumerate(study.arithmetic.attrs["names"]):
+        here, colour = study.isel(arithmetic=i), CIRCLE_COLOURS[i]
+        axes.plot(study.steps, here.drift, "o-", color=colour, ms=4, label=name)
+        reversal = here.reversal.where(here.reversal > 0)
+        axes.plot(study.steps, reversal, "--", color=colour, lw=1)
+    n = study.steps.values
+    axes.plot(n, 2e-17 * n**0.5, ":", color="0.5", label=r"$\sqrt{n}$")
+    axes.set(xscale="log", yscale="log", xlabel="steps $n$", ylabel="distance")
+    axes.set_title("Drift off a circle; dashed: error of $n$ steps and back")

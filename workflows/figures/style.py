@@ -1,0 +1,36 @@
+"""What all figures share: colours, numbers in TeX, and how a figure is saved."""
+
+import matplotlib
+
+matplotlib.use("agg")
+import matplotlib.pyplot as plt
+
+# Okabe & Ito, safe for colour-blind readers.
+CIRCLE_COLOURS = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"]
+
+
+def save(figure, out, name):
+    """Write the figure as NAME.png and NAME.pdf; returns the two paths."""
+    paths = [f"{out}/{name}.{kind}" for kind in ("png", "pdf")]
+    for path in paths:
+        figure.savefig(path, dpi=200, bbox_inches="tight")
+    plt.close(figure)
+    return paths
+
+
+def power(n):
+    """10^5, 5·10^5, … in TeX; small numbers and crooked ones as they are."""
+    if n < 1000 or n % 10 ** (len(str(n)) - 2):
+        return str(n)
+    exponent = len(str(n)) - 1
+    mantissa = n / 10**exponent
+    return f"10^{exponent}" if mantissa == 1 else rf"{mantissa:g}\cdot 10^{exponent}"
+
+
+def dots(colour, size):
+    return {"ls": "", "marker": ".", "ms": size, "mew": 0, "color": colour, "rasterized": True}
+
+
+def cell(y):
+    """y mod 1 in [-1/4, 3/4): the circles of 0 ≤ ω/P ≤ 1/2, up to their amplitude, are whole."""
+    return (y + 0.25) % 1 - 0.25

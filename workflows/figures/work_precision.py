@@ -1,0 +1,58 @@
+"""Error against CPU time of every method."""
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+# Colour of a method, by how its name begins; its better answer is drawn filled, the other hollow.
+_METHOD_COLOURS = {
+    "direct, 100 orbits, near": "#E69F00",
+    "direct, 100 orbits": "#CC79A7",
+    "direct": "#D55E00",
+    "weighted": "0.6",
+    "converse": "#0072B2",
+    "last certified": "#56B4E9",
+    "blow-up": "#56B4E9",
+    "residue": "#009E73",
+    "barriers": "black",
+}
+_BETTER = ("extrapolated", "value", "blow-up", "Aitken")
+
+
+def draw_work_precision(data):
+    """Error against CPU time, a panel for each ray, grey where the judge may err; and the time of a
+    Newton step."""
+    n_panels = data.angle.size + 1
+    figure, panels = plt.subplots(
+        -(-n_panels // 3), min(3, n_panels), figsize=(13, 9), layout="constrained", squeeze=False
+    )
+    for axes, i in zip(panels.flat, range(data.angle.size), strict=False):
+        here = data.isel(angle=i)
+        for method, name in enumerate(data.method.attrs["names"]):
+            colour = next(c for start, c in _METHOD_COLOURS.items() if name.startswith(start))
+            better = any(word in name for word in _BETTER)
+            axes.plot(
+                here.cpu_seconds[method],
+                np.maximum(here.error[method], 1e-16),
+                "o-" if better else "o--",
+                color=colour,
+                mfc=colour if better else "white",
+                ms=5,
+                lw=1.2,
+                label=name,
+            )
+        axes.axhspan(1e-16, float(here.judge_error), color="0.9")
+        axes.set(xscale="log", yscale="log", ylim=(1e-14, 2))
+        axes.set_title(rf"$\varphi = {int(here.angle)}°$")
+        axes.set(xlabel="CPU time (s)", ylabel="relative error")
+        axes.grid(lw=0.3)
+    steps = panels.flat[data.angle.size]
+    for i, name in enumerate(data.form.attrs["names"]):
+        steps.plot(data.points, 1e6 * data.step_seconds[i], "os"[i] + "-", color="k", label=name)
+    steps.set(xscale="log", yscale="log", xlabel="points of the circle $n$", ylabel="CPU time (µs)")
+    steps.set_title("A Newton step")
+    steps.legend()
+    steps.grid(lw=0.3)
+    for axes in panels.flat[n_panels:]:
+        axes.set_axis_off()
+    figure.legend(*panels.flat[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
+    return figure
