@@ -9,12 +9,17 @@ import matplotlib.pyplot as plt
 CIRCLE_COLOURS = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"]
 
 
-def save(figure, out, name):
-    """Write the figure as NAME.png and NAME.pdf; returns the two paths."""
+def save(figure, out, name, caption=""):
+    """Write the figure as NAME.png and NAME.pdf, and its caption as NAME.txt.
+
+    Returns the paths of the two pictures, which carry the caption too.
+    """
     paths = [f"{out}/{name}.{kind}" for kind in ("png", "pdf")]
-    for path in paths:
-        figure.savefig(path, dpi=200, bbox_inches="tight")
+    for path, key in zip(paths, ("Description", "Subject"), strict=True):
+        figure.savefig(path, dpi=200, bbox_inches="tight", metadata={key: caption})
     plt.close(figure)
+    with open(f"{out}/{name}.txt", "w", encoding="utf-8") as file:
+        file.write(caption + "\n")
     return paths
 
 
