@@ -15,12 +15,14 @@ from click.testing import CliRunner
 from distributed import LocalCluster
 
 from nasm import barriers, escape, periodic
+from nasm import flux as nasm_flux
 from nasm.numbers import parse
 from pipeline import store
 from workflows import (
     circle_boundaries,
     critical_boundary,
     escape_plane,
+    flux,
     last_barrier,
     period_one,
     rotating,
@@ -401,3 +403,27 @@ def test_period_one_orbits_are_kept_as_labelled_cubes(tmp_path):
     secondary = xr.open_zarr(tmp_path / "out/cubes.zarr", group="period_one_secondary")
     assert 0 < np.isfinite(secondary.z).mean() < 1
     assert invoke(period_one, tmp_path / "out", "--primary", "-3:3:20").exit_code == 2
+
+
+def test_the_flux_beyond_the_breakup_is_kept_with_its_law(tmp_path):
+    out = tmp_path / "out"
+    succeed(flux, out, "--angle", "0", "--nearest", "1e-3")
+    cube = xr.open_zarr(out / "cubes.zarr", group="flux")
+    assert cube.flux.dims == ("angle", "excess")
+    assert (cube.status == 1).all()
+    first = cube.isel(angle=0, excess=0)
+    kappa = (KAPPA_G / 2 * (1 + float(first.excess)), 0.0)
+    assert float(first.flux) == pytest.approx(nasm_flux.flux(parse("gamma"), kappa).value, rel=1e-6)
+    (law,) = table(out / "flux_law.csv")
+    assert float(law["exponent"]) == pytest.approx(3.0117, abs=1e-3)
+    assert "3.0117" in (out / "flux.txt").read_text()
+    assert (out / "flux.png").exists()
+
+
+@pytest.mark.parametrize(
+    "options", [["--angle", "200"], ["--angle", "x"], ["--nearest", "0"], ["--q-max", "3"]]
+)
+def test_bad_options_of_the_flux_are_refused(tmp_path, options):
+    result = invoke(flux, tmp_path / "out", *options)
+    assert result.exit_code == 2
+    assert not (tmp_path / "out").exists()
