@@ -2,6 +2,8 @@
 
 import csv
 import os
+import re
+import runpy
 import subprocess
 import sys
 import tomllib
@@ -403,6 +405,71 @@ def test_period_one_orbits_are_kept_as_labelled_cubes(tmp_path):
     secondary = xr.open_zarr(tmp_path / "out/cubes.zarr", group="period_one_secondary")
     assert 0 < np.isfinite(secondary.z).mean() < 1
     assert invoke(period_one, tmp_path / "out", "--primary", "-3:3:20").exit_code == 2
+
+
+RECIPES = Path(__file__).parents[1] / "workflows" / "recipes"
+
+
+def follow_recipe(name, tmp_path, monkeypatch, capsys, *arguments):
+    """Run a recipe as a script in an empty directory; returns what it prints."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", [name, *map(str, arguments)])
+    runpy.run_path(str(RECIPES / f"{name}.py"))
+    return capsys.readouterr().out
+
+
+def test_every_recipe_is_tested():
+    tested = set(re.findall(r'follow_recipe\(\s*"(\w+)"', Path(__file__).read_text()))
+    assert tested == {path.stem for path in RECIPES.glob("*.py")}
+
+
+def test_recipe_select_steps(finished, tmp_path, monkeypatch, capsys):
+    said = follow_recipe("select_steps", tmp_path, monkeypatch, capsys, finished, 1000)
+    assert f"{100 * (field(finished) <= 1000).mean():.1f}% of the" in said
+    assert (tmp_path / "select_steps.png").exists()
+
+
+def test_recipe_contour_boundary(finished, tmp_path, monkeypatch, capsys):
+    follow_recipe("contour_boundary", tmp_path, monkeypatch, capsys, finished)
+    points = np.array(
+        [[r["kappa1"], r["kappa2"]] for r in table(tmp_path / "contour_boundary.csv")]
+    )
+    radius = np.hypot(*points.astype(float).T)
+    # Outside the last barrier, all of it, and within the direct boundary of the table.
+    assert radius.min() > KAPPA_G / 2
+    direct = [float(r["critical_scale"] or 0) for r in table(finished / "direct_boundary.csv")]
+    assert radius.max() < max(direct) + 0.1
+
+
+def test_recipe_compare_stores(finished, dense, tmp_path, monkeypatch, capsys):
+    said = follow_recipe("compare_stores", tmp_path, monkeypatch, capsys, finished, dense)
+    differ = ((field(finished) <= 4000) != (field(dense) <= 4000)).sum()
+    assert f"8192 cells in both; {differ} of them answer differently" in said
+    assert "levels: 3 and None" in said
+
+
+def test_recipe_join_levels(finished, tmp_path, monkeypatch, capsys):
+    said = follow_recipe("join_levels", tmp_path, monkeypatch, capsys, finished)
+    assert "equal to the cube escape: True" in said
+    rows = table(tmp_path / "join_levels.csv")
+    assert {r["level"] for r in rows} == {"0", "1", "2"}
+
+
+@pytest.mark.parametrize(
+    ("group", "name"),
+    [("barrier", "upper"), ("breakdown", "critical_scale"), ("escape", "escape_time")],
+)
+def test_recipe_export(finished, tmp_path, monkeypatch, capsys, group, name):
+    said = follow_recipe("export", tmp_path, monkeypatch, capsys, finished, group)
+    assert "read back equal: True" in said
+    exported = [float(r[name] or "nan") for r in table(tmp_path / f"{group}.csv")]
+    kept = xr.open_zarr(finished / "cubes.zarr", group=group)[name]
+    assert np.array_equal(np.sort(exported), np.sort(kept.values.ravel()), equal_nan=True)
+
+
+def test_recipe_large_field(finished, tmp_path, monkeypatch, capsys):
+    said = follow_recipe("large_field", tmp_path, monkeypatch, capsys, finished)
+    assert f"{(field(finished) <= 4000).mean():.6f}" in said
 
 
 def test_the_flux_beyond_the_breakup_is_kept_with_its_law(tmp_path):

@@ -2,7 +2,7 @@
 
 import matplotlib.pyplot as plt
 
-from workflows.figures.style import CIRCLE_COLOURS
+from workflows.figures.style import CIRCLE_COLOURS, omega_label
 
 
 def draw_circle_boundaries(breakdown, barrier):
@@ -37,7 +37,7 @@ def draw_circles(axes, breakdown, x, y):
     """The curves (x, y) of each ω; with (-x, -y), as all boundaries have that symmetry."""
     for i, text in enumerate(breakdown.omega.attrs["exact"]):
         colour = CIRCLE_COLOURS[i % len(CIRCLE_COLOURS)]
-        axes.plot(x[i], y[i], color=colour, lw=1.3, label=rf"$\omega = {text}$")
+        axes.plot(x[i], y[i], color=colour, lw=1.3, label=omega_label(text))
         axes.plot(-x[i], -y[i], color=colour, lw=1.3)
 
 

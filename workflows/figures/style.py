@@ -25,6 +25,15 @@ def save(figure, out, name, caption=""):
     return paths
 
 
+def omega_label(text):
+    """The continued fraction in TeX, with the paper's name of it if it has one."""
+    from nasm.numbers import NAMES, parse
+
+    names = {str(parse(name)): name.replace("gamma", r"\gamma") for name in NAMES}
+    name = rf"{names[text]} = " if text in names else ""
+    return rf"$\omega = {name}{text}$"
+
+
 def power(n):
     """10^5, 5·10^5, … in TeX; small numbers and crooked ones as they are."""
     if n < 1000 or n % 10 ** (len(str(n)) - 2):
