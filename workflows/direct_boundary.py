@@ -60,11 +60,10 @@ def inwards(client, out, job):
 
 
 def boundary_dataset(found, barrier, steps):
-    """The boundary {n* ≤ N} on rays, and how unsymmetric it is: dims (n, angle).
+    """The boundary {n* ≤ N} on rays, dims (n, angle), and how unsymmetric it is; see `asymmetry`.
 
     critical_scale is s_N, bias s_N/s_c - 1; resolution is how much less s_N might be on the cube's
-    grid. swap and mirror are s_N less that of the ray's image in κ1 ↔ κ2 and κ1 → -κ1, in parts of
-    their mean; NaN where the image is not one of the rays.
+    grid.
     """
     import numpy as np
 
@@ -75,21 +74,21 @@ def boundary_dataset(found, barrier, steps):
     scale = breakup * (1 + bias)
     spacing = 1 - float(found.excess[0] / found.excess[1])
     kappa1, kappa2 = np.moveaxis(scale[..., None] * ray(angle), -1, 0)
-    of_image = "critical_scale less that of the image in {}, in parts of their mean"
+    by_step = "n", "angle"
     return labelled(
         "Boundary of global transport by direct iteration",
         {
             "n": (steps, "steps N", "1"),
             "angle": (angle, "direction of the ray in the plane", "degree"),
+            "excess": (found.excess.values, "scale in parts of the breakup's, less 1", "1"),
         },
         {
-            "critical_scale": (scale, "scale from which on some orbit escapes"),
-            "bias": (bias, "critical_scale in parts of the breakup, less 1"),
-            "resolution": (spacing * bias * breakup, "spacing of the scales there"),
-            "kappa1": (kappa1, "strength of the first kick"),
-            "kappa2": (kappa2, "strength of the second kick"),
-            "swap": (_unlike(scale, angle, (90 - angle) % 180), of_image.format("κ1 ↔ κ2")),
-            "mirror": (_unlike(scale, angle, 180 - angle), of_image.format("κ1 → -κ1")),
+            "critical_scale": (by_step, scale, "scale from which on some orbit escapes"),
+            "bias": (by_step, bias, "critical_scale in parts of the breakup, less 1"),
+            "resolution": (by_step, spacing * bias * breakup, "spacing of the scales there"),
+            "kappa1": (by_step, kappa1, "strength of the first kick"),
+            "kappa2": (by_step, kappa2, "strength of the second kick"),
+            **asymmetry(angle, scale, found.escape_time.isel(ensemble=0).values),
         },
         n_orbits=int(found.ensemble[0]),
         spacing=spacing,
@@ -97,14 +96,39 @@ def boundary_dataset(found, barrier, steps):
     )
 
 
-def _unlike(scale, angle, image):
-    """How far the scales are from those at the image's angles, in parts of the mean."""
+def asymmetry(angle, scale, times):
+    """What a boundary of the square's symmetry would have 0 for, as variables of a Dataset.
+
+    swap and mirror compare s_N, dims (n, angle), with that of the ray's image in κ1 ↔ κ2 and
+    κ1 → -κ1; swap_times and mirror_times compare n* itself, dims (angle, excess), which no grid
+    rounds. NaN where the image is the ray itself, or not one of the rays.
+    """
+    import numpy as np
+
+    times = np.where(np.isfinite(times) & (times > 0), times, np.nan)
+    variables = {}
+    for name, image, words in (
+        ("swap", (90 - angle) % 180, "that of the image in κ1 ↔ κ2"),
+        ("mirror", 180 - angle, "that of the image in κ1 → -κ1"),
+    ):
+        other = _of_images(scale, angle, image)
+        ratio = times / _of_images(times.T, angle, image).T
+        variables[name] = (
+            ("n", "angle"),
+            2 * (scale - other) / (scale + other),
+            f"critical_scale less {words}, in parts of their mean",
+        )
+        variables[f"{name}_times"] = (("angle", "excess"), np.log(ratio), f"ln of n* over {words}")
+    return variables
+
+
+def _of_images(values, angle, image):
+    """The values, with angles along the last axis, of the rays at the angles `image`."""
     import numpy as np
 
     place = {degrees: i for i, degrees in enumerate(angle.tolist())}
     there = np.array([place.get(degrees, -1) for degrees in image.round(9).tolist()])
-    imaged = np.where(there < 0, np.nan, scale[:, there])
-    return 2 * (scale - imaged) / (scale + imaged)
+    return np.where((there < 0) | (there == np.arange(angle.size)), np.nan, values[..., there])
 
 
 def insets_dataset():
@@ -157,8 +181,8 @@ def insets_dataset():
 def main(out, cluster, steps, n_orbits, angles, tips):
     """The boundary by direct iteration: three cubes, a table and two figures in OUT.
 
-    The defaults are the paper's size: COST. A tenth of the steps and of the orbits take a hundredth
-    of that.
+    The defaults are the paper's size: 40 CPU seconds a ray, two hours in all. A tenth of the steps
+    and a tenth of the orbits take a hundredth of that.
     """
     rays = ray_angles(angles, tips)
     last_job = barrier_job(rays, 1e-4)
@@ -181,7 +205,9 @@ def main(out, cluster, steps, n_orbits, angles, tips):
         for n, lost in zip(steps, boundary.bias.isnull().sum("angle").values, strict=True):
             if lost:
                 click.echo(f"N = {n}: no boundary on {lost} rays from 1% to 100% outside", err=True)
-        boundary.to_dataframe().to_csv(f"{out}/direct_boundary_rays.csv", float_format="%.6g")
+        boundary.drop_dims("excess").to_dataframe().to_csv(
+            f"{out}/direct_boundary_rays.csv", float_format="%.6g"
+        )
         caption = figures.describe(boundary)
         drawn = save(figures.draw_quadrant(boundary, barrier), out, "direct_quadrant", caption)
         drawn += save(
