@@ -433,7 +433,7 @@ def test_direct_iteration_closes_in_on_the_boundary_from_outside(direct):
     for r in rows:
         n, angle = int(r["n"]), float(r["angle"])
         breakup = cube.attrs["critical_scales"][str(angle)] * symmetries.ray(angle)
-        i = int(abs(cube.excess - float(r["bias"])).argmin())
+        i = np.abs(cube.excess.values - float(r["bias"])).argmin()
         kappas = breakup * (1 + cube.excess.values[i - 1 : i + 1, None])
         assert (float(r["kappa1"]), float(r["kappa2"])) == pytest.approx(kappas[1], rel=1e-5)
         inside, outside = escape.first_escape(kappas, *escape.ensemble(64), [64], 4000)[0]
