@@ -16,13 +16,15 @@ import zarr
 from click.testing import CliRunner
 from distributed import LocalCluster
 
-from nasm import barriers, escape, periodic
+from nasm import barriers, escape, periodic, symmetries
 from nasm import flux as nasm_flux
 from nasm.numbers import parse
+from nasm.verdict import Answer, verdict
 from pipeline import store
 from workflows import (
     circle_boundaries,
     critical_boundary,
+    direct_boundary,
     escape_plane,
     flux,
     last_barrier,
@@ -493,4 +495,78 @@ def test_the_flux_beyond_the_breakup_is_kept_with_its_law(tmp_path):
 def test_bad_options_of_the_flux_are_refused(tmp_path, options):
     result = invoke(flux, tmp_path / "out", *options)
     assert result.exit_code == 2
+    assert not (tmp_path / "out").exists()
+
+
+DIRECT = ["--angles", "5", "--tips", "0", "--n-orbits", "64", "--steps", "400,4000"]
+
+
+@pytest.fixture(scope="module")
+def direct(tmp_path_factory):
+    """The boundary by direct iteration on five rays: its directory."""
+    out = tmp_path_factory.mktemp("direct") / "out"
+    output = succeed(direct_boundary, out, *DIRECT)
+    for name in ("direct_boundary.png", "direct_quadrant.pdf", "direct_boundary_rays.csv"):
+        assert (out / name).exists()
+    assert f"{out}/direct_boundary.png" in output
+    return out
+
+
+def test_direct_iteration_closes_in_on_the_boundary_from_outside(direct):
+    rows = table(direct / "direct_boundary_rays.csv")
+    assert [(int(r["n"]), float(r["angle"])) for r in rows] == [
+        (n, angle) for n in (400, 4000) for angle in (0, 45, 90, 135, 180)
+    ]
+    barrier = xr.open_zarr(direct / "cubes.zarr", group="barrier").load()
+    scale = {(r["n"], float(r["angle"])): float(r["critical_scale"]) for r in rows}
+    for angle in (0, 45, 90, 135, 180):
+        upper = float(barrier.upper.sel(angle=0 if angle % 90 == 0 else 45))
+        assert upper < scale["4000", angle] < scale["400", angle] < 2.01 * upper
+    cube = xr.open_zarr(direct / "cubes.zarr", group="direct_boundary").load()
+    for r in rows:
+        n, angle = int(r["n"]), float(r["angle"])
+        breakup = cube.attrs["critical_scales"][str(angle)] * symmetries.ray(angle)
+        i = np.abs(cube.excess.values - float(r["bias"])).argmin()
+        kappas = breakup * (1 + cube.excess.values[i - 1 : i + 1, None])
+        assert (float(r["kappa1"]), float(r["kappa2"])) == pytest.approx(kappas[1], rel=1e-5)
+        inside, outside = escape.first_escape(kappas, *escape.ensemble(64), [64], 4000)[0]
+        assert outside <= n < inside
+
+
+def test_no_more_is_iterated_than_the_boundary_needs(direct):
+    cube = xr.open_zarr(direct / "cubes.zarr", group="direct_boundary")
+    times = cube.escape_time.isel(ensemble=0)
+    assert (np.isinf(times).sum("excess") == 1).all()
+    assert (times.isel(excess=slice(0, 5)).isnull()).all()
+    before = {p: p.stat().st_mtime_ns for p in (direct / "cubes.zarr").rglob("c/*/*/*")}
+    succeed(direct_boundary, direct, *DIRECT)
+    assert before == {p: p.stat().st_mtime_ns for p in (direct / "cubes.zarr").rglob("c/*/*/*")}
+    result = invoke(direct_boundary, direct, *DIRECT, "--n-orbits", "65", *WORKERS)
+    assert result.exit_code == 2
+    assert "the values of ensemble differ" in result.output
+
+
+def test_the_orbit_of_an_inset_stays_where_a_circle_is_left(direct):
+    insets = xr.open_zarr(direct / "cubes.zarr", group="direct_insets").load()
+    assert (insets.visits.sum(("x", "y")) == 3_000_001).all()
+    span = (insets.highest - insets.lowest).values
+    inside, outside = (verdict(kappa).answer for kappa in direct_boundary.INSETS[:2])
+    assert (inside, outside) == (Answer.BARRIER, Answer.TRANSPORT)
+    # Between a circle and its copy one cell further, of amplitudes below 0.2; or not.
+    assert span[0] < 1.2 < span[1]
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--steps", "100,10"], "increasing whole numbers from 1"),
+        (["--steps", "0"], "increasing whole numbers from 1"),
+        (["--n-orbits", "0"], "1<=x<=100000000"),
+        (["--angles", "1"], "2<=x<=1000000"),
+    ],
+)
+def test_bad_efforts_are_refused(tmp_path, options, message):
+    result = invoke(direct_boundary, tmp_path / "out", *options)
+    assert result.exit_code == 2
+    assert message in result.output
     assert not (tmp_path / "out").exists()

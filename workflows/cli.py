@@ -160,12 +160,15 @@ def session(out, cluster, methods, cubes):
             yield client
 
 
-def carry_out(client, out, job):
-    """Sweep the job's cube into the store in `out`; returns it as a Dataset."""
+def carry_out(client, out, job, wanted=None):
+    """Sweep the job's cube, or the tiles `wanted` of it, into the store in `out`.
+
+    Returns the cube as a Dataset.
+    """
     from pipeline import store
     from pipeline.sweep import sweep
 
-    finish(sweep(client, out, job.cube, job.compute, job.predict))
+    finish(sweep(client, out, job.cube, job.compute, job.predict, wanted))
     return store.read(out, job.cube.name)
 
 
