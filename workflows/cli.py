@@ -160,6 +160,22 @@ def session(out, cluster, methods, cubes):
             yield client
 
 
+@contextmanager
+def shared_workers(scheduler, n_workers, tls):
+    """The options by which several workflows, run in turn, compute on the same workers.
+
+    Those of the cluster that the arguments name, or workers on this machine for all of them.
+    """
+    if scheduler is not None:
+        yield ["--scheduler", scheduler, *(["--tls", *tls] if tls else [])]
+        return
+    with _explained():
+        from pipeline.cluster import connect
+
+        with connect(lambda: None, n_workers=n_workers) as client:
+            yield ["--scheduler", client.scheduler.address]
+
+
 def carry_out(client, out, job, wanted=None):
     """Sweep the job's cube, or the tiles `wanted` of it, into the store in `out`.
 
