@@ -18,14 +18,14 @@ _ROTATING = "python -m workflows.rotating"
 def discussion_claims(circles, barrier, tori, direct):
     """Sec. VII."""
     return [
-        *_hull(circles, barrier),
+        *hull_claims(circles, barrier),
         *_rotating_map(),
         _third(direct),
         _tori(tori, barrier),
     ]
 
 
-def _hull(circles, barrier):
+def hull_claims(circles, barrier):
     from scipy.spatial import ConvexHull
 
     wedge = barrier.sel(angle=slice(0, 45))

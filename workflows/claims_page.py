@@ -6,7 +6,7 @@ from pathlib import Path
 
 from workflows.claims_envelope import HEADER, cells
 from workflows.claims_rules import Verdict
-from workflows.page import code, heading, page, paragraph, table
+from workflows.page import code, formula, heading, page, paragraph, table
 
 _COLOURS = {
     Verdict.HOLDS: "yes",
@@ -21,7 +21,7 @@ _ERRATUM = ("place", "printed", "corrected", "printed_off", "corrected_off", "me
 def claims_page(claims, errata, rows, sentences):
     """The document, a str; `rows` and `sentences` of `claims_envelope`."""
     counts = Counter(claim.verdict for claim in claims)
-    found = "; ".join(f"{counts[v]} {v.value}" for v in Verdict if counts[v])
+    found = "; ".join(f"{v.value}, {counts[v]}" for v in Verdict if counts[v])
     shown = sum(erratum.shown for erratum in errata)
     return page(
         "The claims of “Global transport in a nonautonomous standard map”",
@@ -30,7 +30,7 @@ def claims_page(claims, errata, rows, sentences):
             "Sections and equation labels are those of its LaTeX source."
         ),
         paragraph(
-            f"{len(claims)} claims: {found}. {shown} of {len(errata)} errata shown by numbers."
+            f"{len(claims)} claims: {found}. Errata shown by numbers: {shown} of {len(errata)}."
         ),
         paragraph(
             "Each verdict is computed from the value beside it, by a rule in the code: an equation "
@@ -42,7 +42,14 @@ def claims_page(claims, errata, rows, sentences):
         heading("Claims"),
         table(
             [
-                (c.place, c.statement, c.value, c.verdict.value, c.note, code(c.command))
+                (
+                    c.place,
+                    formula(c.statement),
+                    formula(c.value),
+                    c.verdict.value,
+                    formula(c.note),
+                    code(c.command),
+                )
                 for c in claims
             ],
             ("Place", "The paper's claim", "Our value", "Verdict", "Note", "Command"),
@@ -54,11 +61,11 @@ def claims_page(claims, errata, rows, sentences):
             [
                 (
                     e.place,
-                    e.printed,
-                    e.corrected,
+                    formula(e.printed),
+                    formula(e.corrected),
                     f"{e.printed_off:.2g}",
                     f"{e.corrected_off:.1e}",
-                    e.measured,
+                    formula(e.measured),
                     "shown" if e.shown else "not shown",
                     code(e.command),
                 )

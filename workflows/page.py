@@ -3,6 +3,7 @@
 All text is escaped, but for `Markup`, which the functions here make.
 """
 
+import re
 from html import escape
 
 _STYLE = """
@@ -17,6 +18,7 @@ th, td { text-align: left; vertical-align: top; padding: 0.45em 0.8em; }
 td { border-top: 1px solid #ddd; overflow-wrap: anywhere; }
 th { border-bottom: 2px solid #1a1a1a; position: sticky; top: 0; background: white; }
 code { font-size: 0.8rem; }
+sub { font-size: 0.75em; line-height: 0; }
 tr.yes td:first-child { border-left: 5px solid #009e73; }
 tr.partly td:first-child { border-left: 5px solid #e69f00; }
 tr.no td:first-child { border-left: 5px solid #d55e00; }
@@ -48,6 +50,19 @@ def paragraph(*parts):
 
 def code(text):
     return Markup(f"<code>{escape(text)}</code>")
+
+
+def formula(text):
+    """Plain text in which T_κ1κ2, x_n and R_{-½} have their subscripts; labels (sim_M) stay."""
+    return Markup(_SUBSCRIPT.sub(_lowered, escape(text)))
+
+
+_SUBSCRIPT = re.compile(r"\(\w{2,}_\w+\)|_\{([^}]*)\}|_([κωγε½A-Za-z0-9]+)")
+
+
+def _lowered(match):
+    below = match[1] or match[2]
+    return f"<sub>{below}</sub>" if below else match[0]
 
 
 def table(rows, header, classes=None):
