@@ -35,7 +35,7 @@ def jobs(angles, tips, tol, n_max, n_orbits):
         "circles": residue_job(sorted(map(parse, NAMES), key=float), rays, q_max=6000),
         "escapes": direct_job(cusp, [n_orbits], n_max),
         "tori": tori_job(VECTORS[:1], around),
-        "direct": transport_job(["1/3", "1/2"], 0.0, around, n_max // 10, min(n_orbits, 256)),
+        "direct": transport_job(["1/3", "1/2"], 0.0, around, min(n_max, 20_000), 64),
     }, rays
 
 

@@ -71,7 +71,7 @@ def cells(row):
 
 
 def _text(value, form):
-    return form.format(value) if np.isfinite(value) else "–"
+    return form.format(round(value, 12) + 0.0) if np.isfinite(value) else "–"  # no -0
 
 
 def summary(circles, barrier, rows):

@@ -92,7 +92,7 @@ def claims_page(claims, errata, rows, sentences):
             "parts of the scale; and how long before CB_gt each of the paper's six breaks, at the "
             "least over the range, with 0 where it is the last itself. ω is in [0, 1] and stands "
             "for ±ω and all ω + 2n: [0;1,3,(1)] for (5γ+6)/(4γ+5), [0;2,(1)] for γ+1, "
-            "[0;1,3,(4)] for 2γ."
+            "[0;1,3,(4)] for 2γ. Shorter ranges may lie between two rays."
         ),
         *map(paragraph, sentences),
         table([cells(row) for row in rows], [h.replace("gamma", "γ") for h in HEADER]),

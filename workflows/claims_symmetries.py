@@ -90,7 +90,15 @@ def symmetry_claims():
         off = omega(*_SYMMETRIES[number][2](*ROBUST)) - expected(before)
         value = identity(np.abs(off).max(), _CIRCLE)
         claims.append(Claim(f"Sec. III.B, Eq. {label}", statement, *value, _TESTS))
-    return [*claims, _ome5()]
+    standard = np.array([0.5]), 0.1, np.array([0.62, 0.37])
+    off = omega(standard[0], 1 - 0.1, 1 - standard[2]) - (1 - omega(*standard))
+    footnote = Claim(
+        "Sec. III.B, footnote 2",
+        "In the standard map ω(1 - x₀, 1 - y₀) = 1 - ω",
+        *identity(np.abs(off).max(), _CIRCLE),
+        _TESTS,
+    )
+    return [*claims, footnote, _ome5()]
 
 
 def _deviation_of_f(sign, image):
