@@ -59,6 +59,7 @@ class Page(HTMLParser):
         (claims_rules.graded("", True), Verdict.HOLDS),
         (claims_rules.graded("", False, True), Verdict.CAVEAT),
         (claims_rules.graded("", False, False), Verdict.FAILS),
+        (claims_rules.graded("", True, True, known=False), Verdict.UNDECIDED),
     ],
 )
 def test_the_rules(value, verdict):
@@ -175,10 +176,12 @@ def test_the_page_and_the_tables_hold_every_claim(exact, tmp_path):
     found, errata = exact
     circles, barrier = envelope(np.array([0.5, 0.6, 1.4]), ["[0;(1)]"] * 3, 0.99)
     ranges = claims_envelope.ranges(circles, barrier)
-    cells = Page(claims_page(found, errata, ranges, ["a summary"])).cells
+    cells = Page(claims_page(found, errata, ranges, ["a summary"], "a command")).cells
     assert_holds(cells, [(c.place, c.statement, c.value, c.command) for c in found])
     assert_holds(cells, [(e.place, e.printed, e.corrected, e.command) for e in errata])
-    assert_holds(cells, [("a summary", *claims_envelope.cells(row)) for row in ranges])
+    assert_holds(
+        cells, [("a summary", "Made by a command.", *claims_envelope.cells(row)) for row in ranges]
+    )
     write_tables(tmp_path, found, errata, ranges)
     assert [row["value"] for row in rows(tmp_path / "claims.csv")] == [c.value for c in found]
     assert len(rows(tmp_path / "errata.csv")) == len(errata)

@@ -115,11 +115,15 @@ def main(out, cluster, angles, tips, tol, n_max, n_orbits):
     with session(out, cluster, methods, [job.cube for job in wanted.values()]) as client:
         cubes = {name: carry_out(client, out, job) for name, job in wanted.items()}
         from workflows.claims_page import claims_page, write_tables
+        from workflows.claims_rules import CLAIMS
 
         claims, errata, rows, sentences = examine(cubes, rays, n_max, n_orbits)
         tables = write_tables(out, claims, errata, rows)
         path = Path(out) / "claims.html"
-        path.write_text(claims_page(claims, errata, rows, sentences), encoding="utf-8")
+        command = f"{CLAIMS} --angles {angles} --tips {tips} --tol {tol:g} --n-max {n_max}"
+        command = f"{command} --n-orbits {n_orbits}"
+        text = claims_page(claims, errata, rows, sentences, command)
+        path.write_text(text, encoding="utf-8")
     click.echo(f"page:   {path}")
     click.echo(f"tables: {', '.join(map(str, tables))}")
     groups = ", ".join(job.cube.name for job in wanted.values())

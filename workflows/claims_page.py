@@ -15,11 +15,27 @@ _COLOURS = {
     Verdict.UNDECIDED: "unknown",
 }
 
+_VERDICTS = (
+    "Each verdict is computed from the value beside it, by a rule in the code: an equation holds "
+    "if its sides differ by no more than rounding explains, a number if it is within the errors. A "
+    "caveat means that the claim holds only in the sense that the note states. Equations are tried "
+    "on random points, boundaries on rays: none of this is a proof. Commands run in a copy of the "
+    "program."
+)
+_ENVELOPE = (
+    "“It is expected that the CB_gt is the convex hull of all the CB_ω” (Sec. VII). The claims "
+    "above judge that as it stands, and read as “envelope”: that on each ray transport begins "
+    "where the last circle breaks. Here, in the wedge 0° ≤ φ ≤ 45°, which circle that is; how wide "
+    "the bracket is between its certificate and converse KAM, in parts of the scale; and how long "
+    "before CB_gt each of the paper's six breaks, at the least over the range, with 0 where it is "
+    "the last itself. ω is in [0, 1] and stands for ±ω and all ω + 2n: [0;1,3,(1)] for "
+    "(5γ+6)/(4γ+5), [0;2,(1)] for γ+1, [0;1,3,(4)] for 2γ. Shorter ranges may lie between two rays."
+)
 _ERRATUM = ("place", "printed", "corrected", "printed_off", "corrected_off", "measured")
 
 
-def claims_page(claims, errata, rows, sentences):
-    """The document, a str; `rows` and `sentences` of `claims_envelope`."""
+def claims_page(claims, errata, rows, sentences, command):
+    """The document, a str; `rows` and `sentences` of `claims_envelope`, `command` that made it."""
     counts = Counter(claim.verdict for claim in claims)
     found = "; ".join(f"{v.value}, {counts[v]}" for v in Verdict if counts[v])
     shown = sum(erratum.shown for erratum in errata)
@@ -32,13 +48,8 @@ def claims_page(claims, errata, rows, sentences):
         paragraph(
             f"{len(claims)} claims: {found}. Errata shown by numbers: {shown} of {len(errata)}."
         ),
-        paragraph(
-            "Each verdict is computed from the value beside it, by a rule in the code: an equation "
-            "holds if its sides differ by no more than rounding explains, a number if it is within "
-            "the errors. A caveat means that the claim holds only in the sense that the note "
-            "states. Equations are tried on random points, boundaries on rays: none of this is a "
-            "proof. Commands run in a copy of the program."
-        ),
+        paragraph(_VERDICTS),
+        paragraph("Made by ", code(command), "."),
         heading("Claims"),
         table(
             [
@@ -84,17 +95,8 @@ def claims_page(claims, errata, rows, sentences):
             ["yes" if erratum.shown else "no" for erratum in errata],
         ),
         heading("The envelope"),
-        paragraph(
-            "“It is expected that the CB_gt is the convex hull of all the CB_ω” (Sec. VII). The "
-            "claims above judge that as it stands, and read as “envelope”: that on each ray "
-            "transport begins where the last circle breaks. Here, in the wedge 0° ≤ φ ≤ 45°, which "
-            "circle that is; how wide the bracket is between its certificate and converse KAM, in "
-            "parts of the scale; and how long before CB_gt each of the paper's six breaks, at the "
-            "least over the range, with 0 where it is the last itself. ω is in [0, 1] and stands "
-            "for ±ω and all ω + 2n: [0;1,3,(1)] for (5γ+6)/(4γ+5), [0;2,(1)] for γ+1, "
-            "[0;1,3,(4)] for 2γ. Shorter ranges may lie between two rays."
-        ),
-        *map(paragraph, sentences),
+        paragraph(formula(_ENVELOPE)),
+        *(paragraph(formula(sentence)) for sentence in sentences),
         table([cells(row) for row in rows], [h.replace("gamma", "γ") for h in HEADER]),
     )
 

@@ -77,14 +77,13 @@ def agrees(value, error, expected, uncertainty=0.0):
     return text, _known(Verdict.HOLDS if near else Verdict.FAILS, value, error)
 
 
-def graded(text, literal, weaker=False):
+def graded(text, literal, weaker=False, known=True):
+    """literal, weaker : whether it holds so. known : whether there was an answer to judge by."""
+    if not known:
+        return text, Verdict.UNDECIDED
     if literal:
         return text, Verdict.HOLDS
     return text, Verdict.CAVEAT if weaker else Verdict.FAILS
-
-
-def undecided(why):
-    return why, Verdict.UNDECIDED
 
 
 def _known(verdict, *values):

@@ -15,9 +15,9 @@ p { max-width: 46em; }
 table { border-collapse: collapse; font-size: 0.85rem; width: 100%; }
 caption { caption-side: top; text-align: left; padding-bottom: 0.5em; }
 th, td { text-align: left; vertical-align: top; padding: 0.45em 0.8em; }
-td { border-top: 1px solid #ddd; overflow-wrap: anywhere; }
+td { border-top: 1px solid #ddd; overflow-wrap: break-word; }
 th { border-bottom: 2px solid #1a1a1a; position: sticky; top: 0; background: white; }
-code { font-size: 0.8rem; }
+code { font-size: 0.8rem; overflow-wrap: anywhere; }
 sub { font-size: 0.75em; line-height: 0; }
 tr.yes td:first-child { border-left: 5px solid #009e73; }
 tr.partly td:first-child { border-left: 5px solid #e69f00; }
