@@ -132,7 +132,8 @@ def _third(direct):
         "The boundary for Ω = ⅓ surpasses that for Ω = ½ in a small region of (κ̄, Δκ)",
         *graded(
             f"it does by more than 2% on {beyond.sum()} of {gain.size} rays, by up to "
-            f"{max(gain, default=np.nan):.0%}, both by direct iteration up to N = {direct.attrs['n_max']}",
+            f"{max(gain, default=np.nan):.0%}, both by direct iteration up to "
+            f"N = {direct.attrs['n_max']}",
             0 < share < 0.25,
             beyond.any(),
             gain.size > 0,

@@ -70,7 +70,7 @@ def _exact():
     return Erratum(
         "Sec. II, Eq. (exact)",
         "(S_κ2 ∘ S_κ1)*α = S_κ1* S_κ1* α",
-        "(S_κ2 ∘ S_κ1)*α = S_κ1* S_κ2* α (and before it: both S_κ1 and S_κ2 are exact)",
+        "(S_κ2 ∘ S_κ1)*α = S_κ1* S_κ2* α",
         pulled_back(0),
         pulled_back(1),
         1e-12,

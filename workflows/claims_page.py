@@ -22,6 +22,13 @@ _VERDICTS = (
     "on random points, boundaries on rays: none of this is a proof. Commands run in a copy of the "
     "program."
 )
+_MISPRINTS = (
+    "Misprints that need no measurement: before Eq. (exact), “both S_κ2 and S_κ2” for S_κ1 and "
+    "S_κ2; in the definition of CB, CB_gc for CB_gt; at the end of Sec. V.A, ε_c for κ_G; in "
+    "Algorithm 1 the steps are numbered 1, 3, 4, 5, 6, 7, 6, 7; before Eq. (stdsymmetry), the "
+    "reference to the standard map is to Eq. (mapaut), not (stdmap); in the captions of Figs. 8 "
+    "and 10, “four KAM tori” are six."
+)
 _ENVELOPE = (
     "“It is expected that the CB_gt is the convex hull of all the CB_ω” (Sec. VII). The claims "
     "above judge that as it stands, and read as “envelope”: that on each ray transport begins "
@@ -94,6 +101,7 @@ def claims_page(claims, errata, rows, sentences, command):
             ),
             ["yes" if erratum.shown else "no" for erratum in errata],
         ),
+        paragraph(formula(_MISPRINTS)),
         heading("The envelope"),
         paragraph(formula(_ENVELOPE)),
         *(paragraph(formula(sentence)) for sentence in sentences),

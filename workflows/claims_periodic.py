@@ -32,8 +32,8 @@ def periodic_claims():
             "Sec. IV.A, Eqs. (period_one_r1)-(r4)",
             "The points are stable iff these lie between 0 and 2",
             *graded(
-                f"{wrong} of {printed.size} cases have eigenvalues off the unit circle and not so, "
-                "or the other way round",
+                f"in {wrong} of {printed.size} cases this and the eigenvalues of DT, complex or "
+                "real, disagree",
                 wrong == 0,
             ),
             _PERIOD_ONE,

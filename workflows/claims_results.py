@@ -41,8 +41,8 @@ def result_claims(circles, barrier):
             "Sec. VI.D, Fig. 8",
             "Each CB_ω is asymmetrical in the upper half plane",
             *graded(
-                f"mirror images in the κ2-axis differ by up to {lopsided:.0%} or more of the "
-                "scale, for each",
+                f"mirror images in the κ2-axis differ somewhere by {lopsided:.0%} of the scale at "
+                "least, for each of the six",
                 all((off > error).any() for off, error in asymmetry),
             ),
             _CIRCLES,
