@@ -221,6 +221,15 @@ def rows(path):
         return list(csv.DictReader(file))
 
 
+def test_bad_options_are_refused_by_name(tmp_path):
+    for option, value in (("--tol", "1"), ("--angles", "2"), ("--n-max", "10"), ("--tips", "-1")):
+        result = CliRunner().invoke(claims.main, ["--out", str(tmp_path), option, value])
+        assert result.exit_code == 2
+        assert option in result.output
+        assert "range" in result.output
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.slow
 def test_a_small_run_writes_the_page_with_every_claim(small):
     written = rows(small / "claims.csv")

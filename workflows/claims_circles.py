@@ -38,7 +38,7 @@ def _algorithm():
         first.append(error)
         second.append(parameterization.newton_step(gamma, _KAPPA, u)[1])
     order, mean_order = (np.polyfit(np.log(first), np.log(y), 1)[0] for y in (second, mean))
-    sizes = 2 ** np.arange(10, 17)
+    sizes = 2 ** np.arange(12, 17)
     work = np.polyfit(np.log(sizes), np.log([_step_seconds(gamma, int(n)) for n in sizes]), 1)[0]
     off = frames(gamma, _KAPPA, exact)["shear"]
     off[0, 0] -= 1

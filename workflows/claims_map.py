@@ -13,7 +13,7 @@ from workflows.claims_rules import CLAIMS, Claim, graded, identity, rounding
 _STEPS = 3
 
 
-def largest(difference, n_forcings=100, n_points=50):
+def largest(difference, n_forcings=50, n_points=100):
     """The largest |difference(kappa, x, y)| over random forcings and points."""
     random, worst = np.random.default_rng(1), 0.0
     for kappa in random.uniform(-2, 2, (n_forcings, 2)):
