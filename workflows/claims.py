@@ -108,7 +108,7 @@ def main(out, cluster, angles, tips, tol, n_max, n_orbits):
     """The paper's claims, one by one: a page, three tables and five cubes in OUT.
 
     The defaults take some minutes on two cores; --angles 19 --tips 8 --tol 1e-3 --n-max 20000
-    --n-orbits 64 less than one.
+    --n-orbits 64 about one.
     """
     wanted, rays = jobs(angles, tips, tol, n_max, n_orbits)
     methods = ["residue", "barrier", "escape"]
