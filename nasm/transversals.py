@@ -1,0 +1,216 @@
+"""Converse KAM without a symmetry: starts on a curve that every rotational circle crosses.
+
+Along an orbit of the chain, x_{n+1} - 2x_n + x_{n-1} = (κ_n/2π) sin 2πx_n, let v solve the
+linearised chain forwards from the start, and likewise u backwards:
+
+    v_{n+1} = (2 + κ_n cos 2πx_n) v_n - v_{n-1},   v_0 = 0,  v_1 = 1;    u_0 = 0,  u_{-1} = 1.
+
+No rotational invariant circle passes through the start if some v_n ≤ 0 or u_{-n} ≤ 0, n ≥ 1, or if
+
+    Σ_{n≥1} 1/(v_n v_{n+1}) + Σ_{n≥1} 1/(u_{-n} u_{-n-1})  ≥  2 + κ_0 cos 2πx_0
+
+in a partial sum. For a circle gives a solution ξ_n > 0 of the linearised chain (see `nasm.cones`).
+ξ_n v_{n+1} - ξ_{n+1} v_n = ξ_0 is constant, so v_n > 0, and ξ_n/v_n falls by ξ_0/(v_n v_{n+1}) from
+each site to the next: ξ_1 > ξ_0 Σ 1/(v_n v_{n+1}). The same holds backwards, and ξ_1 + ξ_{-1} is
+ξ_0 times the right side. On a symmetry line both sums are equal, and the criterion is that of
+`nasm.cones`.
+
+Every rotational circle crosses a curve that leads from y = -∞ to y = ∞. If all starts on one are
+eliminated, no circle is left. Taken here is the *transversal*
+
+    x = a + c₁ sin 2πy + c₂ sin 4πy   before the kick of one site,
+
+which the symmetries y → y + 1 and (x, y) → (-x, -y) keep for a = 0 and 1/2: starts with y from 0 to
+1/2 suffice. Orbits that minimize the action are never eliminated. The transversal must pass through
+the gaps that they leave, around the minimax orbits, for every ω; where the forcing has a centre and
+a dominant line that is the straight line x = a, and for others it bends. To first order the minimax
+orbit of ω = p is at the maximum of -Σ_n κ_n cos 2π(x + np/P), whose place depends on p.
+
+Beyond the last circle's breakup, at the scale s_c of a ray, the longest life on a transversal that
+passes through the widest gap of the last circle's remains is T, s/s_c - 1 ≈ C/T, as on a symmetry
+line. On others it is longer. Near to a proof, and none, as all is sampled in floating point.
+"""
+
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from numba import njit
+
+from nasm.checks import count, points
+from nasm.critical import CriticalScale, Status, no_answer
+from nasm.maps import forcing, kick
+from nasm.sine import cos2pi
+
+MAX_STEPS = 10**6
+
+# As in `nasm.cones`: a beam search.
+_STARTS, _KEPT, _CHILDREN, _SHRINK = 1024, 32, 8, 0.15
+
+_BENDS = np.arange(-8, 9) / 40  # c₁ of the first transversals tried
+_SHORTEST = 12  # kicks of the first round; each round has three times those of the one before
+_LOCAL = 100  # kicks from which on only neighbours of the best transversal are tried
+_STEP = 0.2  # over the kicks: by how much the scale is lowered at a time, in parts
+_NEIGHBOUR = 6.0  # over the kicks: how far off the neighbours are in c₁ and c₂
+_STRIDE = 2 + 5**0.5  # (1/γ)³, see `nasm.cones`
+_EXCESS = 2.0  # over the kicks: s/s_c - 1 when all are eliminated, roughly
+
+
+@dataclass(frozen=True)
+class Transversal:
+    """The curve x = a + c₁ sin 2πy + c₂ sin 4πy before the kick of `site`."""
+
+    site: int
+    a: float
+    c1: float = 0.0
+    c2: float = 0.0
+
+    def x(self, y):
+        return self.a + self.c1 * np.sin(2 * np.pi * y) + self.c2 * np.sin(4 * np.pi * y)
+
+
+def elimination_time(kappa, site, x, y, n_kicks):
+    """When each start (x, y) before the kick of `site` is eliminated.
+
+    Parameters
+    ----------
+    kappa : sequence of P floats, the forcing, first kick first; site : int, 0 to P - 1.
+    x, y : arrays of one shape.
+    n_kicks : int, kicks in either direction.
+
+    Returns
+    -------
+    ndarray of float64: the kicks in either direction that it takes; inf for a start that survives
+    n_kicks. A finite time shows that no rotational circle passes through the start.
+    """
+    strengths = forcing(kappa)
+    strengths = np.roll(strengths, -count("site", site, 0, strengths.size - 1))
+    x, y = points(x, y)
+    n_kicks = count("n_kicks", n_kicks, 1, MAX_STEPS)
+    times = np.full(x.size, np.inf)
+    _elimination_times(strengths, x.ravel(), y.ravel(), n_kicks, False, times)
+    return times.reshape(x.shape)
+
+
+def longest_lived(kappa, transversal, n_kicks):
+    """The start on a transversal that takes longest to be eliminated: y in [0, 1/2], and kicks.
+
+    inf kicks if a start survives n_kicks. The beam search of `cones.longest_lived`, on one grid of
+    1024 starts: it may miss a survivor.
+    """
+    strengths = np.roll(forcing(kappa), -transversal.site)
+    cell = 0.5 / _STARTS
+    y = (np.arange(_STARTS) + 0.5) * cell
+    brood = np.arange(_CHILDREN) - (_CHILDREN - 1) / 2
+    best_y, best_time = 0.0, 0.0
+    while True:
+        times = np.zeros(y.size)
+        _elimination_times(strengths, transversal.x(y), y, n_kicks, True, times)
+        longest = times.argmax()
+        if times[longest] > best_time:
+            best_y, best_time = float(y[longest]), float(times[longest])
+        if np.isinf(best_time) or cell * best_time**2 < 0.01 or cell < np.spacing(0.5):
+            return best_y, best_time
+        kept = np.argsort(-times, kind="stable")[:_KEPT]
+        cell *= _SHRINK
+        y = (y[kept, None] + cell * brood).ravel()
+
+
+def critical_scale(profile, n_max):
+    """The scale at which the last circle breaks on the ray κ = s·profile, for any forcing.
+
+    1. Start where the largest |κ| is 2. Of transversals of all sites and bends, take the one on
+       which all starts are eliminated within a few kicks at the lowest scale.
+    2. Allow three times the kicks, and lower the scale again on that transversal or its neighbours
+       in c₁ and c₂, and so on until n_max: `upper`.
+    3. `value` is where the law s - s_c ~ 1/T leads to for T → ∞.
+
+    Parameters
+    ----------
+    profile : sequence of P floats, not all 0.
+    n_max : int, 30 to 10⁶, steps.
+
+    Returns
+    -------
+    CriticalScale. upper : no start on a transversal was found to survive n_max steps there. error :
+    upper - value. lower is NaN and omega None: the method shows no circle, and names none. Status
+    NO_BREAKUP if no transversal is eliminated where the largest |κ| is 2, NOT_CONVERGED if
+    lifetimes contradict each other.
+    """
+    profile = forcing(profile)
+    if not profile.any():
+        raise ValueError("profile is zero; a ray needs a direction, e.g. profile=(1, 0.5)")
+    n_max = profile.size * count("n_max", n_max, 30, MAX_STEPS)
+    a = 0.5 if profile.sum() > 0 else 0.0
+    tried = [Transversal(*place) for place in product(range(profile.size), (a,), _BENDS.tolist())]
+    best, scale = None, 2 / np.abs(profile).max()
+    rounds = int(np.log(n_max / _SHORTEST) / np.log(3))
+    for n_kicks in (n_max // 3**left for left in range(rounds, -1, -1)):
+        if best is not None and n_kicks > _LOCAL:
+            tried = _neighbours(best, _NEIGHBOUR / n_kicks)
+        best, scale = _lowest(profile, tried, best, scale, n_kicks)
+        if best is None:
+            return no_answer(None, Status.NO_BREAKUP)
+    _, time = longest_lived(scale * profile, best, n_max)
+    higher = scale * (1 + (_STRIDE - 1) * _EXCESS / time)
+    _, earlier = longest_lived(higher * profile, best, n_max)
+    if not earlier < time < np.inf:
+        return no_answer(None, Status.NOT_CONVERGED)
+    gap = (higher - scale) / (time / earlier - 1)
+    return CriticalScale(scale - gap, gap, np.nan, scale, None, Status.OK)
+
+
+def _neighbours(transversal, distance):
+    """The transversal and those around it in c₁ and c₂."""
+    steps = 0.0, distance, -distance
+    return [
+        Transversal(transversal.site, transversal.a, transversal.c1 + d1, transversal.c2 + d2)
+        for d1, d2 in product(steps, steps)
+    ]
+
+
+def _lowest(profile, transversals, best, scale, n_kicks):
+    """The transversal that is eliminated within n_kicks at the lowest scale, and that scale.
+
+    `best` is known to be so at `scale`, and stays if no other is lower.
+    """
+    for transversal in transversals:
+        while True:
+            lower = scale * (1 - _STEP / n_kicks)
+            if np.isinf(longest_lived(lower * profile, transversal, n_kicks)[1]):
+                break
+            best, scale = transversal, lower
+    return best, scale
+
+
+@njit(nogil=True)
+def _elimination_times(kappa, x, y, n_kicks, one_is_enough, times):
+    for i in range(x.size):
+        times[i] = _elimination_time(kappa, x[i], y[i], n_kicks)
+        if one_is_enough and np.isinf(times[i]):
+            return
+
+
+@njit(nogil=True)
+def _elimination_time(kappa, x, y, n_kicks):
+    """Kicks in either direction until the start is eliminated, inf if more than n_kicks."""
+    period = kappa.size
+    bound = 2 + kappa[0] * cos2pi(x)
+    # Backwards the chain is one with the strengths in reverse order.
+    ahead, p = kick(kappa[0], x, y)
+    behind, q = x - y, -y
+    v_before, v, u_before, u, total = 0.0, 1.0, 0.0, 1.0, 0.0
+    if bound <= 0:
+        return 1.0
+    for n in range(1, n_kicks):
+        forwards, backwards = kappa[n % period], kappa[-n % period]
+        v_before, v = v, (2 + forwards * cos2pi(ahead)) * v - v_before
+        u_before, u = u, (2 + backwards * cos2pi(behind)) * u - u_before
+        if v <= 0 or u <= 0:
+            return n + 1.0
+        total += 1 / (v_before * v) + 1 / (u_before * u)
+        if total >= bound:
+            return n + 1.0
+        ahead, p = kick(forwards, ahead, p)
+        behind, q = kick(backwards, behind, q)
+    return np.inf
