@@ -18,7 +18,7 @@ each site to the next: ξ_1 > ξ_0 Σ 1/(v_n v_{n+1}). The same holds backwards,
 Every rotational circle crosses a curve that leads from y = -∞ to y = ∞. If all starts on one are
 eliminated, no circle is left. Taken here is the *transversal*
 
-    x = a + c₁ sin 2πy + c₂ sin 4πy   before the kick of one site,
+    x = a + c_1 sin 2πy + c_2 sin 4πy + c_3 sin 6πy   before the kick of one site,
 
 which the symmetries y → y + 1 and (x, y) → (-x, -y) keep for a = 0 and 1/2: starts with y from 0 to
 1/2 suffice. Orbits that minimize the action are never eliminated. The transversal must pass through
@@ -45,28 +45,32 @@ from nasm.sine import cos2pi
 MAX_STEPS = 10**6
 
 # As in `nasm.cones`: a beam search.
-_STARTS, _KEPT, _CHILDREN, _SHRINK = 1024, 32, 8, 0.15
+_GRIDS = ((1024, 0.5), (797, 0.382))  # starts, and the place of the start in its cell
+_KEPT, _CHILDREN, _SHRINK = 32, 8, 0.15
 
-_BENDS = np.arange(-8, 9) / 40  # c₁ of the first transversals tried
+_HARMONICS = 3  # with two, the bound was up to six times as far off
+_BENDS = np.arange(-8, 9) / 40  # c_1 of the first transversals tried
 _SHORTEST = 12  # kicks of the first round; each round has three times those of the one before
 _LOCAL = 100  # kicks from which on only neighbours of the best transversal are tried
 _STEP = 0.2  # over the kicks: by how much the scale is lowered at a time, in parts
-_NEIGHBOUR = 6.0  # over the kicks: how far off the neighbours are in c₁ and c₂
+_NEIGHBOUR = 6.0  # over the kicks: how far off the neighbours are in c_k
 _STRIDE = 2 + 5**0.5  # (1/γ)³, see `nasm.cones`
 _EXCESS = 2.0  # over the kicks: s/s_c - 1 when all are eliminated, roughly
 
 
 @dataclass(frozen=True)
 class Transversal:
-    """The curve x = a + c₁ sin 2πy + c₂ sin 4πy before the kick of `site`."""
+    """The curve x = a + Σ_k c_k sin 2πky before the kick of `site`."""
 
     site: int
     a: float
-    c1: float = 0.0
-    c2: float = 0.0
+    bends: tuple[float, ...]
+    """c_1, c_2, …"""
 
     def x(self, y):
-        return self.a + self.c1 * np.sin(2 * np.pi * y) + self.c2 * np.sin(4 * np.pi * y)
+        """x at each y of a vector."""
+        k = np.arange(1, len(self.bends) + 1)
+        return self.a + np.sin(2 * np.pi * np.outer(y, k)) @ np.array(self.bends)
 
 
 def elimination_time(kappa, site, x, y, n_kicks):
@@ -93,14 +97,24 @@ def elimination_time(kappa, site, x, y, n_kicks):
 
 
 def longest_lived(kappa, transversal, n_kicks):
-    """The start on a transversal that takes longest to be eliminated: y in [0, 1/2], and kicks.
+    """The start on a transversal that takes longest to be eliminated.
 
-    inf kicks if a start survives n_kicks. The beam search of `cones.longest_lived`, on one grid of
-    1024 starts: it may miss a survivor.
+    Returns
+    -------
+    y : float, in [0, 1/2]. kicks : float, in either direction; inf for a start that survives
+    n_kicks, which need not be the last one then.
+
+    The beam search of `cones.longest_lived`, on two unrelated grids: it may miss a survivor.
     """
-    strengths = np.roll(forcing(kappa), -transversal.site)
-    cell = 0.5 / _STARTS
-    y = (np.arange(_STARTS) + 0.5) * cell
+    found = [_search(kappa, transversal, n_kicks, *grid) for grid in _GRIDS]
+    return max(found, key=lambda start: start[1])
+
+
+def _search(kappa, transversal, n_kicks, starts, offset):
+    """The beam search on one grid; one survivor is enough."""
+    strengths = np.roll(kappa, -transversal.site)
+    cell = 0.5 / starts
+    y = (np.arange(starts) + offset) * cell
     brood = np.arange(_CHILDREN) - (_CHILDREN - 1) / 2
     best_y, best_time = 0.0, 0.0
     while True:
@@ -121,9 +135,11 @@ def critical_scale(profile, n_max):
 
     1. Start where the largest |κ| is 2. Of transversals of all sites and bends, take the one on
        which all starts are eliminated within a few kicks at the lowest scale.
-    2. Allow three times the kicks, and lower the scale again on that transversal or its neighbours
-       in c₁ and c₂, and so on until n_max: `upper`.
-    3. `value` is where the law s - s_c ~ 1/T leads to for T → ∞.
+    2. Allow three times the kicks, and lower the scale again on that transversal, its neighbours in
+       c_k, the best one's neighbours, and so on until none is better.
+    3. Repeat that until the kicks are those of n_max steps. After a search on another grid that is
+       `upper`.
+    4. `value` is where the law s - s_c ~ 1/T leads to for T → ∞.
 
     Parameters
     ----------
@@ -142,31 +158,48 @@ def critical_scale(profile, n_max):
         raise ValueError("profile is zero; a ray needs a direction, e.g. profile=(1, 0.5)")
     n_max = profile.size * count("n_max", n_max, 30, MAX_STEPS)
     a = 0.5 if profile.sum() > 0 else 0.0
-    tried = [Transversal(*place) for place in product(range(profile.size), (a,), _BENDS.tolist())]
+    straight = (0.0,) * (_HARMONICS - 1)
+    tried = [
+        Transversal(site, a, (bend, *straight))
+        for site, bend in product(range(profile.size), _BENDS.tolist())
+    ]
     best, scale = None, 2 / np.abs(profile).max()
     rounds = int(np.log(n_max / _SHORTEST) / np.log(3))
     for n_kicks in (n_max // 3**left for left in range(rounds, -1, -1)):
-        if best is not None and n_kicks > _LOCAL:
-            tried = _neighbours(best, _NEIGHBOUR / n_kicks)
-        best, scale = _lowest(profile, tried, best, scale, n_kicks)
+        if best is None or n_kicks <= _LOCAL:
+            best, scale = _lowest(profile, tried, best, scale, n_kicks)
+        else:
+            best, scale = _descended(profile, best, scale, n_kicks)
         if best is None:
             return no_answer(None, Status.NO_BREAKUP)
-    _, time = longest_lived(scale * profile, best, n_max)
+    # Of many transversals the best may be one on which the search missed a survivor.
+    while np.isinf(time := longest_lived(scale * profile, best, n_max)[1]):
+        scale *= 1 + _STEP / n_max
     higher = scale * (1 + (_STRIDE - 1) * _EXCESS / time)
     _, earlier = longest_lived(higher * profile, best, n_max)
-    if not earlier < time < np.inf:
+    if not earlier < time:
         return no_answer(None, Status.NOT_CONVERGED)
     gap = (higher - scale) / (time / earlier - 1)
     return CriticalScale(scale - gap, gap, np.nan, scale, None, Status.OK)
 
 
-def _neighbours(transversal, distance):
-    """The transversal and those around it in c₁ and c₂."""
-    steps = 0.0, distance, -distance
-    return [
-        Transversal(transversal.site, transversal.a, transversal.c1 + d1, transversal.c2 + d2)
-        for d1, d2 in product(steps, steps)
-    ]
+def _descended(profile, best, scale, n_kicks):
+    """`_lowest` from one transversal on, by neighbours of neighbours until none is better."""
+    _, scale = _lowest(profile, [best], best, scale, n_kicks)
+    while True:
+        better, scale = _lowest(profile, _neighbours(best, n_kicks), best, scale, n_kicks)
+        if better is best:
+            return best, scale
+        best = better
+
+
+def _neighbours(transversal, n_kicks):
+    """Transversals with one of the bends changed."""
+    distance = _NEIGHBOUR / n_kicks
+    for k, change in product(range(_HARMONICS), (distance, -distance)):
+        bends = list(transversal.bends)
+        bends[k] += change
+        yield Transversal(transversal.site, transversal.a, tuple(bends))
 
 
 def _lowest(profile, transversals, best, scale, n_kicks):
@@ -177,7 +210,7 @@ def _lowest(profile, transversals, best, scale, n_kicks):
     for transversal in transversals:
         while True:
             lower = scale * (1 - _STEP / n_kicks)
-            if np.isinf(longest_lived(lower * profile, transversal, n_kicks)[1]):
+            if np.isinf(_search(lower * profile, transversal, n_kicks, *_GRIDS[0])[1]):
                 break
             best, scale = transversal, lower
     return best, scale
