@@ -18,7 +18,7 @@ each site to the next: ξ_1 > ξ_0 Σ 1/(v_n v_{n+1}). The same holds backwards,
 Every rotational circle crosses a curve that leads from y = -∞ to y = ∞. If all starts on one are
 eliminated, no circle is left. Taken here is the *transversal*
 
-    x = a + c_1 sin 2πy + c_2 sin 4πy + c_3 sin 6πy   before the kick of one site,
+    x = a + c_1 sin 2πy + c_2 sin 4πy + … + c_8 sin 16πy   before the kick of one site,
 
 which the symmetries y → y + 1 and (x, y) → (-x, -y) keep for a = 0 and 1/2: starts with y from 0 to
 1/2 suffice. Orbits that minimize the action are never eliminated. The transversal must pass through
@@ -48,7 +48,7 @@ MAX_STEPS = 10**6
 _GRIDS = ((1024, 0.5), (797, 0.382))  # starts, and the place of the start in its cell
 _KEPT, _CHILDREN, _SHRINK = 32, 8, 0.15
 
-_HARMONICS = 3  # with two, the bound was up to six times as far off
+_HARMONICS = 8  # with 3, bounds on some rays of three kicks were up to six times as far off
 _BENDS = np.arange(-8, 9) / 40  # c_1 of the first transversals tried
 _SHORTEST = 12  # kicks of the first round; each round has three times those of the one before
 _LOCAL = 100  # kicks from which on only neighbours of the best transversal are tried
@@ -56,6 +56,7 @@ _STEP = 0.2  # over the kicks: by how much the scale is lowered at a time, in pa
 _NEIGHBOUR = 6.0  # over the kicks: how far off the neighbours are in c_k
 _STRIDE = 2 + 5**0.5  # (1/γ)³, see `nasm.cones`
 _EXCESS = 2.0  # over the kicks: s/s_c - 1 when all are eliminated, roughly
+_UNCERTAIN = 3.0  # errors in parts of upper - value: on a transversal beside the widest gap
 
 
 @dataclass(frozen=True)
@@ -149,9 +150,13 @@ def critical_scale(profile, n_max):
     Returns
     -------
     CriticalScale. upper : no start on a transversal was found to survive n_max steps there. error :
-    upper - value. lower is NaN and omega None: the method shows no circle, and names none. Status
-    NO_BREAKUP if no transversal is eliminated where the largest |κ| is 2, NOT_CONVERGED if
-    lifetimes contradict each other.
+    three times upper - value, or how much the last round lowered the scale, if that is more. Where
+    the search has found the widest gap true errors are a third of upper - value or less; it may get
+    stuck beside it, and then the law leads too far out. lower is NaN and omega None: the method
+    shows no circle, and names none. Status NO_BREAKUP if no transversal is eliminated where the
+    largest |κ| is 2, NOT_CONVERGED if lifetimes contradict each other.
+
+    ValueError if profile is zero or n_max out of range.
     """
     profile = forcing(profile)
     if not profile.any():
@@ -166,6 +171,7 @@ def critical_scale(profile, n_max):
     best, scale = None, 2 / np.abs(profile).max()
     rounds = int(np.log(n_max / _SHORTEST) / np.log(3))
     for n_kicks in (n_max // 3**left for left in range(rounds, -1, -1)):
+        scale_before = scale
         if best is None or n_kicks <= _LOCAL:
             best, scale = _lowest(profile, tried, best, scale, n_kicks)
         else:
@@ -180,7 +186,8 @@ def critical_scale(profile, n_max):
     if not earlier < time:
         return no_answer(None, Status.NOT_CONVERGED)
     gap = (higher - scale) / (time / earlier - 1)
-    return CriticalScale(scale - gap, gap, np.nan, scale, None, Status.OK)
+    error = max(_UNCERTAIN * gap, scale_before - scale)
+    return CriticalScale(scale - gap, error, np.nan, scale, None, Status.OK)
 
 
 def _descended(profile, best, scale, n_kicks):

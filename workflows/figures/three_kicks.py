@@ -19,6 +19,10 @@ def draw_three_kicks(three, two):
         label = rf"$\varphi_0 = {text}$"
         draw_diamond(plane, curve, color=colour, lw=1.1, label=label)
         strip.plot(three.angle, curve.ratio, color=colour, lw=1.1, label=label)
+        half = curve.error / curve.critical_scale * curve.ratio
+        strip.fill_between(
+            three.angle, curve.ratio - half, curve.ratio + half, color=colour, alpha=0.25, lw=0
+        )
     plane.set(xlabel=r"$\bar\kappa$", ylabel=r"$\Delta\kappa$", aspect="equal")
     plane.set_title(r"Onset of global transport for $\Omega = 1/3$ and $1/2$")
     plane.legend(loc="upper right", fontsize="small")
