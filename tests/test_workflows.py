@@ -27,7 +27,7 @@ from workflows import (
     rotating,
     three_kicks,
 )
-from workflows.figures.stretches import stretches
+from workflows.figures.stretches import stretches, where_above
 
 QUICK = ["--n-max", "4000", "--n-orbits", "16,64", "--tile", "4"]
 PLANE = ["--kappa1", "-1.4:1.4:128", "--kappa2", "0:1.4:64"]
@@ -415,6 +415,8 @@ def test_stretches_are_where_the_ratio_is_above_one():
     assert (second.start, second.end) == (pytest.approx(35), 40)
     assert str(second) == "35.0°-40.0° (by 10% at 40.0°)"
     assert stretches(angle, np.full(6, 0.99)) == []
+    inside = np.array([0.9, 0.95, np.nan, 0.97, 0.9, 0.8])
+    assert where_above(angle, inside) == "nowhere (nearest, 0.970 of it, at 30.0°)"
 
 
 def test_the_last_barrier_is_kept_as_a_labelled_cube(tmp_path):

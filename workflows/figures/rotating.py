@@ -4,7 +4,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from workflows.figures.circle_boundaries import draw_circles
-from workflows.figures.stretches import stretches
+from workflows.figures.stretches import where_above
 from workflows.figures.style import CIRCLE_COLOURS, power
 
 
@@ -51,11 +51,13 @@ def tori_caption(tori, two, direct):
         "Angles θ of rays (κ̄, Δκ) = s·(cos θ, sin θ)."
     ]
     for i, vector in enumerate(tori.attrs["vectors"]):
-        sharp, bounded = (
-            ", ".join(map(str, stretches(tori.angle.values, ratio.values[i]))) or "nowhere"
+        sharp, biased = (
+            where_above(tori.angle.values, ratio.values[i])
             for ratio in (tori.ratio, tori.ratio_direct)
         )
-        parts.append(f"Torus ({vector}): outside CB_gt at {sharp}; outside the onset {bounded}.")
+        parts.append(f"Torus ({vector}) outside CB_gt: {sharp}; outside the onset: {biased}.")
+    wide = 100 * float((tori.error / tori.critical_scale).median())
+    parts.append(f"|R| = 1 is further out by {wide:.1g}% in the median.")
     return " ".join(parts)
 
 
@@ -77,7 +79,7 @@ def draw_diamond(axes, curve, **style):
 def fill_diamond(axes, two, label):
     """CB_gt of T, and grey inside."""
     outline = _closed(two.kappa_mean, two.kappa_amplitude)
-    axes.fill(*outline, facecolor="0.92", edgecolor="black", lw=1.3, label=label)
+    axes.fill(*outline, facecolor="0.92", edgecolor="black", lw=2, label=label)
 
 
 def _draw_onset(axes, direct):

@@ -39,6 +39,17 @@ def stretches(angle, ratio):
     return found
 
 
+def where_above(angle, ratio):
+    """In words: the stretches, or where the ratio comes nearest to 1."""
+    import numpy as np
+
+    found = stretches(angle, ratio)
+    if found or not np.isfinite(ratio).any():
+        return ", ".join(map(str, found)) or "unknown"
+    nearest = int(np.nanargmax(ratio))
+    return f"nowhere (nearest, {ratio[nearest]:.3f} of it, at {angle[nearest]:.1f}°)"
+
+
 def _crossing(angle, ratio, inside, outside):
     """Between the last ray above 1 and the first one not above; that last ray if there is none."""
     if not 0 <= outside < ratio.size or not ratio[outside] <= 1:

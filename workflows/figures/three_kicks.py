@@ -3,7 +3,7 @@
 import matplotlib.pyplot as plt
 
 from workflows.figures.rotating import draw_diamond, fill_diamond
-from workflows.figures.stretches import stretches
+from workflows.figures.stretches import where_above
 from workflows.figures.style import CIRCLE_COLOURS
 
 
@@ -36,15 +36,15 @@ def draw_three_kicks(three, two):
 
 def caption(three):
     """What the figure shows, and where three kicks outlast two."""
+    relative = three.error / three.critical_scale
     parts = [
         "Boundary of global transport of the rotating standard map with Ω = 1/3 for several phases "
         "φ0, by converse KAM on transversals, against that of T (Ω = 1/2, black and grey): in the "
         "plane of the mean strength κ̄ and the amplitude Δκ, and as the ratio of the scales along "
         "rays (κ̄, Δκ) = s·(cos θ, sin θ).",
-        f"The largest error estimate is {float((three.error / three.critical_scale).max()):.1e} of "
-        "the scale. Three kicks outlast two:",
+        f"Bands: estimated errors, {float(relative.median()):.1e} of the scale in the median and "
+        f"{float(relative.max()):.1e} at most. Three kicks outlast two:",
     ]
     for i, phase in enumerate(three.phase.attrs["exact"]):
-        found = stretches(three.angle.values, three.ratio.values[i])
-        parts.append(f"φ0 = {phase}: {', '.join(map(str, found)) or 'nowhere'}.")
+        parts.append(f"φ0 = {phase}: {where_above(three.angle.values, three.ratio.values[i])}.")
     return " ".join(parts)
