@@ -216,14 +216,17 @@ def rotating_cube(name, frequencies, angles, statuses, tile, settings):
     """
     frequency = _coordinate("frequency", list(frequencies.values()), "frequency Ω", "1")
     frequency.attrs["exact"] = list(frequencies)
-    attrs = {
-        "title": "Breakup of the last barriers of rotating standard maps",
-        "source": "arXiv:1606.04824, Sec. VII, Eq. (rotmap)",
-    }
-    plane = {"kappa_mean": "mean strength κ̄", "kappa_amplitude": "amplitude Δκ of the strengths"}
     settings = {"frequencies": list(frequencies), **settings}
     rows = {"frequency": frequency}
-    return _ray_cube(name, rows, angles, plane, statuses, tile, settings, attrs)
+    return _ray_cube(name, rows, angles, _ROTATING, statuses, tile, settings, _ROTATING_MAPS)
+
+
+def phases_cube(name, phases, angles, statuses, tile, settings):
+    """As `rotating_cube`, for one frequency and the phases {exact text: float} of φ0."""
+    phase = _coordinate("phase", list(phases.values()), "phase φ0 of the first kick, in turns", "1")
+    phase.attrs["exact"] = list(phases)
+    rows = {"phase": phase}
+    return _ray_cube(name, rows, angles, _ROTATING, statuses, tile, settings, _ROTATING_MAPS)
 
 
 _ESCAPE_TIME = {
@@ -233,6 +236,11 @@ _ESCAPE_TIME = {
     "escape_time <= N is global transport within N steps, for every N <= n_max.",
 }
 _KICKS = {"kappa1": "strength of the first kick", "kappa2": "strength of the second kick"}
+_ROTATING = {"kappa_mean": "mean strength κ̄", "kappa_amplitude": "amplitude Δκ of the strengths"}
+_ROTATING_MAPS = {
+    "title": "Breakup of the last barriers of rotating standard maps",
+    "source": "arXiv:1606.04824, Sec. VII, Eq. (rotmap)",
+}
 
 
 def _ray_cube(name, rows, angles, plane, statuses, tile, settings, attrs):

@@ -9,7 +9,7 @@ from operator import attrgetter
 
 import numpy as np
 
-from nasm import barriers, continuation, escape, flux, numbers, periodic
+from nasm import barriers, continuation, escape, flux, numbers, periodic, transversals
 from nasm.critical import Status
 from nasm.maps import rotating_forcing
 from nasm.symmetries import ray
@@ -188,6 +188,24 @@ def flux_cost(coords, settings):
     return 3e-4 * coords["angle"].size * np.sum(1 / coords["excess"])
 
 
+def phases_tile(coords, settings):
+    """The last barrier of a rotating standard map for several phases, by converse KAM.
+
+    settings : `frequency`, its exact text; `n_max`, steps.
+    """
+
+    def critical_scale(phase, profile):
+        kappa = rotating_forcing(*profile, settings["frequency"], phase)
+        return transversals.critical_scale(kappa, settings["n_max"])
+
+    return _on_rays(coords, "phase", critical_scale, _ROTATING)
+
+
+def phases_cost(coords, settings):
+    """Predicted CPU seconds of `phases_tile`: two each ray for 1000 steps."""
+    return 2e-3 * settings["n_max"] * coords["phase"].size * coords["angle"].size
+
+
 def _exact_omegas(settings):
     """{float: RotationNumber} of the setting `omegas`."""
     return {float(omega): omega for omega in map(numbers.parse, settings["omegas"])}
@@ -238,6 +256,7 @@ _WARM_UPS = {
     "circle": lambda: continuation.critical_scale(_GOLDEN, (1.0, 0.0), 0.1),
     "flux": lambda: flux.action_difference((0.1, 0.1), 1, 3),
     "barrier": lambda: barriers.critical_scale((1.0, 0.0), 0.1),
+    "transversal": lambda: transversals.elimination_time((1.0,), 0, 0.5, 0.0, 1),
 }
 
 

@@ -16,8 +16,9 @@ import zarr
 from click.testing import CliRunner
 from distributed import LocalCluster
 
-from nasm import barriers, escape, periodic, symmetries
+from nasm import barriers, escape, periodic, symmetries, transversals
 from nasm import flux as nasm_flux
+from nasm.maps import rotating_forcing
 from nasm.numbers import parse
 from nasm.verdict import Answer, verdict
 from pipeline import store
@@ -30,7 +31,9 @@ from workflows import (
     last_barrier,
     period_one,
     rotating,
+    three_kicks,
 )
+from workflows.figures.stretches import stretches, where_above
 
 QUICK = ["--n-max", "4000", "--n-orbits", "16,64", "--tile", "4"]
 PLANE = ["--kappa1", "-1.4:1.4:128", "--kappa2", "0:1.4:64"]
@@ -341,7 +344,7 @@ def test_bad_rotation_numbers_are_refused(tmp_path, options, message):
 
 def test_rotating_maps_are_kept_as_labelled_cubes(tmp_path):
     out = tmp_path / "out"
-    effort = ["--angles", "3", "--n-max", "1000", "--n-orbits", "64"]
+    effort = ["--angles", "3", "--tips", "0", "--n-max", "1000", "--n-orbits", "64"]
     vectors = ["--vector", "81/149,125/149", "--vector", "44/81,68/81"]
     succeed(rotating, out, *effort, *vectors)
     tori = xr.open_zarr(out / "cubes.zarr", group="rotating_tori")
@@ -352,27 +355,74 @@ def test_rotating_maps_are_kept_as_labelled_cubes(tmp_path):
     assert float(cell.critical_scale) == float(cell.kappa_amplitude) == expected.value
     assert float(cell.kappa_mean) == 0.0
     transport = xr.open_zarr(out / "cubes.zarr", group="rotating_transport")
-    # κ̄ alone is the standard map, whatever the frequency; Δκ alone with Ω = 1/2 is (κ, -κ).
+    # κ̄ alone is the standard map; Δκ alone with Ω = 1/2 is (κ, -κ).
     direct = escape.critical_scale((1.0, 1.0), 1000, 64).upper
     assert float(transport.upper.sel(frequency=0.5, angle=0)) == direct
-    assert (out / "diamond.png").exists()
-    assert (out / "tori.pdf").exists()
+    rows = table(out / "tori.csv")
+    assert len(rows) == 2 * 5
+    # At 45° the second kick is off, and CB_gt is where the standard map breaks at 2·κ1 = κ_G.
+    (row,) = [r for r in rows if r["angle"] == "45" and float(r["frequency"]) > 0.8393]
+    two = KAPPA_G / 2 / 2**0.5
+    assert float(row["ratio"]) == pytest.approx(float(row["critical_scale"]) / two, rel=1e-6)
+    assert float(row["ratio_direct"]) < float(row["ratio"])
+    for name in ("diamond", "tori"):
+        assert (out / f"{name}.png").exists()
+        assert "Δκ" in (out / f"{name}.txt").read_text()
 
 
 @pytest.mark.parametrize(
-    ("option", "value", "told"),
+    ("workflow", "options", "told"),
     [
-        ("--vector", "1/3", "must be a fraction and a fraction"),
-        ("--vector", "1/0,1/3", "must be a fraction and a fraction"),
-        ("--frequency", "half", "must be a fraction like 1/3"),
-        ("--frequency", "2", "must be a fraction like 1/3"),
+        (rotating, ["--vector", "1/3"], "must be two fractions"),
+        (rotating, ["--vector", "1/0,1/3"], "must be two fractions"),
+        (rotating, ["--vector", "1/3,2"], "must be two fractions"),
+        (rotating, ["--vector", "1/3,2/5", "--vector", "1/5,4/10"], "frequencies are equal"),
+        (three_kicks, ["--phase", "a third"], "must be a fraction from 0 to below 1"),
+        (three_kicks, ["--phase", "1/0"], "must be a fraction from 0 to below 1"),
+        (three_kicks, ["--phase", "1"], "must be a fraction from 0 to below 1"),
+        (three_kicks, ["--phase", "1/2", "--phase", "2/4"], "two phases are equal"),
+        (three_kicks, ["--n-max", "29"], "30<=x<=100000"),
     ],
 )
-def test_bad_rotation_vectors_are_refused(tmp_path, option, value, told):
-    result = invoke(rotating, tmp_path / "out", option, value)
+def test_bad_rotation_vectors_and_phases_are_refused(tmp_path, workflow, options, told):
+    result = invoke(workflow, tmp_path / "out", *options)
     assert result.exit_code == 2
     assert told in result.output
     assert not (tmp_path / "out").exists()
+
+
+def test_three_kicks_are_kept_as_a_labelled_cube(tmp_path):
+    out = tmp_path / "out"
+    rays = ["--angles", "3", "--tips", "0", "--n-max", "30"]
+    succeed(three_kicks, out, *rays, "--phase", "1/24", "--phase", "0")
+    cube = xr.open_zarr(out / "cubes.zarr", group="three_kicks")
+    assert cube.critical_scale.dims == ("phase", "angle")
+    assert cube.phase.attrs["exact"] == ["0", "1/24"]
+    assert cube.angle.values.tolist() == [0, 45, 90, 135, 180]
+    profile = rotating_forcing(0.0, 1.0, "1/3", 1 / 24)
+    expected = transversals.critical_scale(profile, 30)
+    assert float(cube.upper.sel(angle=90)[1]) == expected.upper
+    # κ̄ alone is the standard map, for any phase and number of kicks.
+    still = cube.sel(angle=0)
+    assert (abs(still.critical_scale - KAPPA_G) < still.error).all()
+    rows = table(out / "three_kicks.csv")
+    assert len(rows) == 2 * 5
+    for r in rows:
+        if r["angle"] == "180":
+            assert abs(float(r["ratio"]) - 1) < float(r["error"]) / float(r["critical_scale"])
+    assert "φ0 = 1/24: " in (out / "three_kicks.txt").read_text()
+    assert (out / "three_kicks.pdf").exists()
+
+
+def test_stretches_are_where_the_ratio_is_above_one():
+    angle = np.array([0.0, 10, 20, 30, 40, 50])
+    first, second = stretches(angle, np.array([1.5, 1.2, 0.8, 0.9, 1.1, np.nan]))
+    assert (first.start, first.end, first.peak, first.peak_angle) == (0, pytest.approx(15), 1.5, 0)
+    assert (second.start, second.end) == (pytest.approx(35), 40)
+    assert str(second) == "35.0°-40.0° (by 10% at 40.0°)"
+    assert stretches(angle, np.full(6, 0.99)) == []
+    inside = np.array([0.9, 0.95, np.nan, 0.97, 0.9, 0.8])
+    assert where_above(angle, inside) == "nowhere (nearest, 0.970 of it, at 30.0°)"
 
 
 def test_the_last_barrier_is_kept_as_a_labelled_cube(tmp_path):

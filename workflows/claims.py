@@ -11,9 +11,10 @@ import click
 
 from workflows.circle_boundaries import residue_job
 from workflows.cli import HELP, carry_out, cluster_options, session
-from workflows.convergence import direct_bias, direct_job
+from workflows.convergence import direct_bias, direct_job, steps_up_to
 from workflows.last_barrier import barrier_job, unfolded
-from workflows.rotating import VECTORS, tori_job, transport_job
+from workflows.rotating import VECTORS, tori_job, two_kicks
+from workflows.three_kicks import compared, three_kicks_job
 
 _STEP = 7.5  # degrees, of rays around the half plane, so that mirror images and tori have theirs
 
@@ -35,7 +36,7 @@ def jobs(angles, tips, tol, n_max, n_orbits):
         "circles": residue_job(sorted(map(parse, NAMES), key=float), rays, q_max=6000),
         "escapes": direct_job(cusp, [n_orbits], n_max),
         "tori": tori_job(VECTORS[:1], around),
-        "direct": transport_job(["1/3", "1/2"], 0.0, around, min(n_max, 20_000), 64),
+        "three": three_kicks_job(["0", "1/24", "1/12"], around, 300),
     }, rays
 
 
@@ -52,7 +53,8 @@ def examine(cubes, rays, n_max, n_orbits):
     from workflows.claims_symmetries import symmetry_claims
 
     barrier, circles = unfolded(cubes["barrier"], rays), cubes["circles"].load()
-    bias = direct_bias(cubes["escapes"].load()).isel(ensemble=-1, angle=0)
+    three = compared(cubes["three"], two_kicks(cubes["barrier"], cubes["three"].angle.values))
+    bias = direct_bias(cubes["escapes"].load(), steps_up_to(n_max)).isel(ensemble=-1, angle=0)
     claims = [
         *map_claims(),
         *symmetry_claims(),
@@ -60,7 +62,7 @@ def examine(cubes, rays, n_max, n_orbits):
         *boundary_claims(bias, n_max, n_orbits),
         *circle_claims(),
         *result_claims(circles, barrier),
-        *discussion_claims(circles, barrier, cubes["tori"].load(), cubes["direct"].load()),
+        *discussion_claims(circles, barrier, cubes["tori"].load(), three),
     ]
     rows = ranges(circles, barrier)
     claims.sort(key=lambda claim: claim.place.split(",")[0])  # as the paper goes
@@ -111,7 +113,7 @@ def main(out, cluster, angles, tips, tol, n_max, n_orbits):
     --n-orbits 64 about one.
     """
     wanted, rays = jobs(angles, tips, tol, n_max, n_orbits)
-    methods = ["residue", "barrier", "escape"]
+    methods = ["residue", "barrier", "escape", "transversal"]
     with session(out, cluster, methods, [job.cube for job in wanted.values()]) as client:
         cubes = {name: carry_out(client, out, job) for name, job in wanted.items()}
         from workflows.claims_page import claims_page, write_tables

@@ -35,6 +35,13 @@ def direct_job(scales, sizes, n_max):
     return Job(cube, tasks.escape_rays_tile, tasks.escape_rays_cost)
 
 
+def steps_up_to(n_max):
+    """33 numbers of steps from 100 to n_max, equally spaced in the logarithm."""
+    import numpy as np
+
+    return np.unique(np.rint(np.geomspace(100, n_max, 33)).astype(int))
+
+
 def direct_bias(cube, steps):
     """κ_N/κ_c - 1 for each N of `steps`: the least excess from which on all escape within N.
 
@@ -170,15 +177,12 @@ def main(out, cluster, n_max, n_orbits, quick):
 
     About three minutes on two cores; ten times the steps or orbits take ten times as long.
     """
-    import numpy as np
-
     n_max = min(n_max, 10_000) if quick else n_max
     best = breakups(ANGLES)
     scales = {angle: float(scale.value) for angle, scale in best.items()}
     job = direct_job(scales, n_orbits, n_max)
     with session(out, cluster, ["escape"], [job.cube]) as client:
-        steps = np.unique(np.rint(np.geomspace(100, n_max, 33)).astype(int))
-        bias = direct_bias(carry_out(client, out, job).load(), steps)
+        bias = direct_bias(carry_out(client, out, job).load(), steps_up_to(n_max))
         from pipeline import store
         from pipeline.schema import Cube
         from workflows.figures import convergence as drawing
