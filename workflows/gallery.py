@@ -45,7 +45,11 @@ EXHIBITS = (
     Exhibit("Three kicks: the rotating map of Ω = 1/3", "three_kicks", "--angles 37"),
     Exhibit("The last barrier, from both sides", "last_barrier", "--angles 61 --tips 6 --tol 1e-3"),
     Exhibit("The flux through the last circle, broken", "flux", "--nearest 1e-3"),
-    Exhibit("Claims of the paper", "claims", "--quick"),
+    Exhibit(
+        "Claims of the paper",
+        "claims",
+        "--angles 19 --tips 8 --tol 1e-3 --n-max 20000 --n-orbits 64",
+    ),
 )
 
 
@@ -72,8 +76,8 @@ def exhibit_section(exhibit, command, out):
         parts.append(page.figure(f"{exhibit.workflow}/{picture.name}", text))
     files = sorted([*here.glob("*.pdf"), *here.glob("*.csv"), *here.glob("*.html")])
     links = [page.link(f"{exhibit.workflow}/{file.name}", file.name) for file in files]
-    links.append(page.link(f"{exhibit.workflow}/cubes.zarr", "cubes.zarr"))
-    parts.append(page.paragraph("Files: ", *links))
+    links.append(page.code(f"{exhibit.workflow}/cubes.zarr"))
+    parts.append(page.paragraph(*(part for link in links for part in (link, " "))))
     return page.Markup("\n".join(parts))
 
 

@@ -1,10 +1,11 @@
-"""A page of HTML that needs nothing but itself: headings, paragraphs, tables; no scripts.
+"""A page of HTML that needs nothing but itself: headings, paragraphs, tables, pictures; no scripts.
 
 All text is escaped, but for `Markup`, which the functions here make.
 """
 
 import re
 from html import escape
+from urllib.parse import quote
 
 _STYLE = """
 body { font: 17px/1.5 Georgia, serif; color: #1a1a1a; max-width: 82rem; margin: 2rem auto;
@@ -17,6 +18,9 @@ caption { caption-side: top; text-align: left; padding-bottom: 0.5em; }
 th, td { text-align: left; vertical-align: top; padding: 0.45em 0.8em; }
 td { border-top: 1px solid #ddd; overflow-wrap: break-word; }
 th { border-bottom: 2px solid #1a1a1a; position: sticky; top: 0; background: white; }
+figure { margin: 1.5em 0; }
+figcaption { max-width: 46em; font-size: 0.9rem; }
+img { max-width: 100%; max-height: 48rem; }
 code { font-size: 0.8rem; overflow-wrap: anywhere; }
 sub { font-size: 0.75em; line-height: 0; }
 tr.yes td:first-child { border-left: 5px solid #009e73; }
@@ -63,6 +67,19 @@ _SUBSCRIPT = re.compile(r"\(\w{2,}_\w+\)|_\{([^}]*)\}|_([κωγε½A-Za-z0-9]+)"
 def _lowered(match):
     below = match[1] or match[2]
     return f"<sub>{below}</sub>" if below else match[0]
+
+
+def link(target, text):
+    return Markup(f'<a href="{escape(quote(target))}">{escape(text)}</a>')
+
+
+def figure(picture, caption):
+    """A picture, by its path from the page, with its caption; it opens in full when clicked."""
+    image = f'<img src="{escape(quote(picture))}" alt="{escape(caption)}" loading="lazy">'
+    return Markup(
+        f'<figure><a href="{escape(quote(picture))}">{image}</a>'
+        f"<figcaption>{_html(caption)}</figcaption></figure>"
+    )
 
 
 def table(rows, header, classes=None):
