@@ -224,7 +224,7 @@ _WARM_UPS = {
     "residue": lambda: periodic.residue((0.1, 0.1), 1, 3),
     "circle": lambda: continuation.critical_scale(_GOLDEN, (1.0, 0.0), 0.1),
     "barrier": lambda: barriers.critical_scale((1.0, 0.0), 0.1),
-    "transversal": lambda: transversals.elimination_time((1.0,), 0, 0.5, 0.0, 1),
+    "transversal": lambda: transversals.critical_scale((1.0,), 30),
 }
 
 
