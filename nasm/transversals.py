@@ -38,6 +38,7 @@ from itertools import product
 import numpy as np
 from numba import njit
 
+from nasm import escape
 from nasm.checks import count, points
 from nasm.critical import CriticalScale, Status, no_answer
 from nasm.maps import forcing, kick
@@ -56,6 +57,7 @@ _LOCAL = 100  # kicks from which on only neighbours of the best transversal are 
 _STEP = 0.2  # over the kicks: by how much the scale is lowered at a time, in parts
 _NEIGHBOUR = 6.0  # over the kicks: how far off the neighbours are in c_k
 _EXCESS = 0.7  # steps: C of the law
+_ORBITS, _ESCAPE_STEPS = 256, 10**6
 _UNCERTAIN = 3.0  # errors in parts of upper - value: on a transversal beside the widest gap
 
 
@@ -141,6 +143,7 @@ def critical_scale(profile, n_max):
     3. Repeat that until the kicks are those of n_max steps. After a search on another grid that is
        `upper`.
     4. `value` is lower by 0.7/T, T the longest life there in steps.
+    5. No orbit must escape there within 10⁶ steps: none does just beyond the breakup.
 
     Parameters
     ----------
@@ -153,7 +156,8 @@ def critical_scale(profile, n_max):
     three times upper - value, or how much the last round lowered the scale, if that is more: the
     search may get stuck on a transversal beside the widest gap, and is further out then than the
     law says. lower is NaN and omega None: the method shows no circle, and names none. Status
-    NO_BREAKUP if no transversal is eliminated where the largest |κ| is 2.
+    NO_BREAKUP if no transversal is eliminated where the largest |κ| is 2; UNDECIDED, and no value,
+    if an orbit escapes below what the search found: `upper` is where it did.
 
     ValueError if profile is zero or n_max out of range.
     """
@@ -180,8 +184,16 @@ def critical_scale(profile, n_max):
     while np.isinf(time := longest_lived(scale * profile, best, n_max)[1]):
         scale *= 1 + _STEP / n_max
     gap = scale * _EXCESS * profile.size / time
-    error = max(_UNCERTAIN * gap, scale_before - scale)
-    return CriticalScale(scale - gap, error, np.nan, scale, None, Status.OK)
+    value, error = scale - gap, max(_UNCERTAIN * gap, scale_before - scale)
+    if _escapes(value * profile):
+        return CriticalScale(np.nan, np.nan, np.nan, value, None, Status.UNDECIDED)
+    return CriticalScale(value, error, np.nan, scale, None, Status.OK)
+
+
+def _escapes(kappa):
+    """Whether some orbit is seen to get past where all circles would be."""
+    x, y = escape.ensemble(_ORBITS)
+    return bool(np.isfinite(escape.first_escape([kappa], x, y, [_ORBITS], _ESCAPE_STEPS)).any())
 
 
 def _descended(profile, best, scale, n_kicks):

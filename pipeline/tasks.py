@@ -256,7 +256,7 @@ _WARM_UPS = {
     "circle": lambda: continuation.critical_scale(_GOLDEN, (1.0, 0.0), 0.1),
     "flux": lambda: flux.action_difference((0.1, 0.1), 1, 3),
     "barrier": lambda: barriers.critical_scale((1.0, 0.0), 0.1),
-    "transversal": lambda: transversals.elimination_time((1.0,), 0, 0.5, 0.0, 1),
+    "transversal": lambda: transversals.critical_scale((1.0,), 30),
 }
 
 

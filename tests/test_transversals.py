@@ -9,6 +9,7 @@ from scipy.linalg import eigvalsh_tridiagonal
 from nasm import cones, escape
 from nasm.critical import Status
 from nasm.maps import rotating_forcing
+from nasm.symmetries import ray
 from nasm.transversals import Transversal, critical_scale, elimination_time, longest_lived
 
 FORCINGS = [(1.03,), (0.71, 0.46), (0.2, 0.5, 0.36), (0.1, 0.7, -0.3, 0.2)]
@@ -72,7 +73,7 @@ def test_the_breakup_is_that_of_the_symmetry_line(profile):
         assert known.value < found.upper < known.value * (1 + 1.5 / n_max)
 
 
-@pytest.mark.parametrize("angle", [25.0, 118.0])
+@pytest.mark.parametrize("angle", [pytest.param(25.0, marks=pytest.mark.slow), 118.0])
 def test_phases_with_one_boundary(angle):
     phase = 0.03
     mean, amplitude = np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))
@@ -100,6 +101,14 @@ def test_orbits_escape_only_beyond_the_breakup_and_none_survives_there():
     assert abs(direct.value - found.value) < direct.error
     straight = Transversal(1, 0.0, (0.0, 0.0, 0.0))
     assert np.isinf(longest_lived((found.value - found.error) * profile, straight, 10**4)[1])
+
+
+def test_a_search_that_an_escape_contradicts_has_no_value():
+    # On this ray orbits escape at a scale of 0.777, and the search gets stuck above it.
+    found = critical_scale(rotating_forcing(*ray(93.0), "1/3"), 300)
+    assert found.status is Status.UNDECIDED
+    assert np.isnan(found.value)
+    assert found.upper < 0.85
 
 
 @pytest.mark.parametrize(
