@@ -36,7 +36,7 @@ def jobs(angles, tips, tol, n_max, n_orbits):
         "circles": residue_job(sorted(map(parse, NAMES), key=float), rays, q_max=6000),
         "escapes": direct_job(cusp, [n_orbits], n_max),
         "tori": tori_job(VECTORS[:1], around),
-        "three": three_kicks_job(["0", "1/24", "1/12"], around, 300),
+        "three": three_kicks_job(["0", "1/24", "1/12"], around, 100),
     }, rays
 
 

@@ -42,7 +42,11 @@ EXHIBITS = (
         "rotating",
         "--angles 61 --n-max 2000 --n-orbits 64",
     ),
-    Exhibit("Three kicks: the rotating map of Ω = 1/3", "three_kicks", "--angles 37"),
+    Exhibit(
+        "Three kicks: the rotating map of Ω = 1/3",
+        "three_kicks",
+        "--angles 19 --tips 0 --phase 0 --phase 1/12 --n-max 100",
+    ),
     Exhibit("The last barrier, from both sides", "last_barrier", "--angles 61 --tips 6 --tol 1e-3"),
     Exhibit("The flux through the last circle, broken", "flux", "--nearest 1e-3"),
     Exhibit(
