@@ -5,6 +5,7 @@ into a directory of its own in OUT, all on the same workers, and writes OUT/inde
 resumes by itself.
 """
 
+import shlex
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -65,7 +66,7 @@ def run(exhibit, out, workers, quick):
     swept = any(option.name == "scheduler" for option in main.params)
     click.echo(f"\n{exhibit.title}", err=True)
     main.main([*options, *place, *(workers if swept else [])], standalone_mode=False)
-    return " ".join(["python -m", f"workflows.{exhibit.workflow}", *options, *place])
+    return shlex.join(["python", "-m", f"workflows.{exhibit.workflow}", *options, *place])
 
 
 def exhibit_section(exhibit, command, out):
