@@ -11,7 +11,15 @@ from fractions import Fraction
 import click
 
 from workflows.circle_boundaries import residue_job
-from workflows.cli import HELP, Job, angles_option, carry_out, cluster_options, session
+from workflows.cli import (
+    HELP,
+    Job,
+    angles_option,
+    carry_out,
+    cluster_options,
+    session,
+    store_option,
+)
 
 # The paper's vector of 1705/3136 is the first. 1/τ = 0.543689… and 1/τ + 1/τ² = 0.839286…, τ the
 # tribonacci constant, have the convergents of the other two; 2631 may be a misprint of 2632.
@@ -114,8 +122,9 @@ def _fractions(count):
     type=click.IntRange(1, 10**8),
     help="Orbits of direct iteration.",
 )
+@store_option
 @cluster_options
-def main(out, cluster, vector, frequency, phase, angles, n_max, n_orbits):
+def main(out, place, cluster, vector, frequency, phase, angles, n_max, n_orbits):
     """Rotating standard maps: three cubes and two figures in OUT."""
     import numpy as np
 
@@ -127,8 +136,8 @@ def main(out, cluster, vector, frequency, phase, angles, n_max, n_orbits):
         transport_job(frequency, phase, rays, n_max, n_orbits),
         tori_job(vector, rays),
     ]
-    with session(out, cluster, ["escape", "residue"], [job.cube for job in jobs]) as client:
-        circles, direct, tori = (carry_out(client, out, job) for job in jobs)
+    with session(out, cluster, ["escape", "residue"], [job.cube for job in jobs], place) as client:
+        circles, direct, tori = (carry_out(client, place, job) for job in jobs)
         from workflows.figures.rotating import draw_rotating_circles, draw_rotating_tori
         from workflows.figures.style import save
 
@@ -136,7 +145,7 @@ def main(out, cluster, vector, frequency, phase, angles, n_max, n_orbits):
         if 0.5 in direct.frequency:
             figures += save(draw_rotating_circles(circles, direct), out, "diamond")
     groups = "breakdown_residue, rotating_transport, rotating_tori"
-    click.echo(f"cubes:   {out}/cubes.zarr, groups {groups}")
+    click.echo(f"cubes:   {place}/cubes.zarr, groups {groups}")
     click.echo(f"figures: {', '.join(figures)}")
 
 
