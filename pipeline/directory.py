@@ -8,7 +8,7 @@ import errno
 import fcntl
 import os
 import shutil
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from uuid import uuid4
 
@@ -66,7 +66,7 @@ class Directory:
                     f"{lock.read().strip() or '?'}); wait for it, stop it, or choose another --out"
                 ) from None
             aside = f"{self.root}/{_ASIDE}"
-            with self._explained():
+            with self._writing():
                 lock.truncate(0)
                 lock.write(str(os.getpid()))
                 lock.flush()
@@ -79,7 +79,7 @@ class Directory:
 
     def put(self, key, data):
         """Write the file, which appears whole or not at all."""
-        with self._explained():
+        with self._writing():
             aside = self._aside()
             try:
                 with open(aside, "xb") as file:
@@ -105,19 +105,25 @@ class Directory:
 
     def put_group(self, key, files):
         """Write the files {key in the group: bytes} in place of what is there, in one rename."""
-        with self._explained():
+        with self._writing():
             aside, target = self._aside(), f"{self.root}/{key}"
             for name, data in files.items():
                 os.makedirs(os.path.dirname(f"{aside}/{name}"), exist_ok=True)
                 with open(f"{aside}/{name}", "xb") as file:
                     file.write(data)
-            if os.path.exists(target):
-                os.rename(target, self._aside())
+            self.delete_group(key)
             os.rename(aside, target)
+
+    def delete_group(self, key):
+        """Delete a group and all below, if it is there; it vanishes in one rename."""
+        with self._writing(), suppress(FileNotFoundError):
+            aside = self._aside()
+            os.rename(f"{self.root}/{key}", aside)
+            shutil.rmtree(aside, ignore_errors=True)
 
     def read(self, key):
         """The bytes of a file, or None if it is not there."""
-        with self._explained("read"):
+        with self._writing("read"):
             try:
                 with open(f"{self.root}/{key}", "rb") as file:
                     return file.read()
@@ -142,10 +148,14 @@ class Directory:
 
     def delete(self, keys):
         """Delete the files; one that is not there is none to delete."""
-        with self._explained():
+        with self._writing():
             for key in keys:
                 with suppress(FileNotFoundError):
                     os.unlink(f"{self.root}/{key}")
+
+    def explained(self):
+        """Others' errors as they read here, in words: the operating system's are in words."""
+        return nullcontext()
 
     def zarr_store(self, key, read_only=True):
         """What zarr reads and writes there."""
@@ -157,7 +167,7 @@ class Directory:
         return f"{self.root}/{_ASIDE}/{uuid4().hex}"
 
     @contextmanager
-    def _explained(self, doing="write to"):
+    def _writing(self, doing="write to"):
         try:
             yield
         except OSError as error:

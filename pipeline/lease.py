@@ -85,13 +85,15 @@ def _keep(store, holder, version, stop, lost):
                 lost.set()
                 return
     with suppress(BaseError):
-        _put(store, {}, version)
+        if _put(store, {}, version) is None:
+            lost.set()
 
 
 def _put(store, holder, condition):
     """Write the lease; its version, or None if the condition did not hold."""
     try:
-        return store.put(_KEY, json.dumps(holder).encode() if holder else b"", mode=condition)
+        body = json.dumps(holder).encode() if holder else b""
+        return _is(store.put(_KEY, body, mode=condition))
     except (AlreadyExistsError, PreconditionError, FileNotFoundError):
         # It may have been ourselves: a write of which we never got the answer.
         with suppress(FileNotFoundError):
@@ -109,7 +111,8 @@ def _read(store):
 
 
 def _is(found):
-    return {"e_tag": found["e_tag"], "version": found["version"]}
+    """The condition that the lease is still this one; stores tell by the one or the other."""
+    return {key: found[key] for key in ("e_tag", "version") if found[key] is not None}
 
 
 def _now(store):

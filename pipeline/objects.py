@@ -56,7 +56,7 @@ class Objects:
 
     def names(self):
         """First parts of the keys below the prefix that others have put there, or we before."""
-        with self._explained():
+        with self.explained():
             found = self._store.list_with_delimiter()
         names = {*found["common_prefixes"], *(entry["path"] for entry in found["objects"])}
         return names - lease.KEYS
@@ -64,12 +64,12 @@ class Objects:
     @contextmanager
     def held(self):
         """Hold the prefix as its one driver."""
-        with self._explained(), lease.leased(self._store, self.url):
+        with self.explained(), lease.leased(self._store, self.url):
             yield
 
     def put(self, key, data):
         """Write the object."""
-        with self._explained():
+        with self.explained():
             self._store.put(key, data)
 
     def put_group(self, key, files):
@@ -77,17 +77,20 @@ class Objects:
 
         A reader, or a run after a crash, meanwhile finds no group of this name.
         """
-        root = f"{key}/zarr.json"
-        with self._explained():
-            old = self.sizes(key)
-            self.delete([root] if root in old else [])
-            self.delete(list(old.keys() - {root}))
+        with self.explained():
+            self.delete_group(key)
             for name in sorted(files, key="zarr.json".__eq__):
                 self._store.put(f"{key}/{name}", files[name])
 
+    def delete_group(self, key):
+        """Delete a group and all below, if it is there: its root, by which it is there, first."""
+        root, old = f"{key}/zarr.json", self.sizes(key)
+        self.delete([root] if root in old else [])
+        self.delete(list(old.keys() - {root}))
+
     def read(self, key):
         """The bytes of an object, or None if it is not there."""
-        with self._explained():
+        with self.explained():
             try:
                 return bytes(self._store.get(key).bytes())
             except FileNotFoundError as error:
@@ -95,7 +98,7 @@ class Objects:
 
     def size(self, key):
         """The length of an object in bytes, or None if it is not there."""
-        with self._explained():
+        with self.explained():
             try:
                 return self._store.head(key)["size"]
             except FileNotFoundError as error:
@@ -103,7 +106,7 @@ class Objects:
 
     def sizes(self, prefix):
         """{key: bytes} of all objects below."""
-        with self._explained():
+        with self.explained():
             return {
                 entry["path"]: entry["size"] for page in self._store.list(prefix) for entry in page
             }
@@ -111,7 +114,7 @@ class Objects:
     def delete(self, keys):
         """Delete the objects; one that is not there is none to delete."""
         if keys:
-            with self._explained():
+            with self.explained():
                 obstore.delete(self._store, keys)
 
     def zarr_store(self, key, read_only=True):
@@ -121,7 +124,8 @@ class Objects:
         return ObjectStore(_opened(f"{self.url.rstrip('/')}/{key}"), read_only=read_only)
 
     @contextmanager
-    def _explained(self):
+    def explained(self):
+        """All errors of the object store, ours and others' as they read there, in words."""
         try:
             yield
         except (BaseError, FileNotFoundError) as error:

@@ -50,12 +50,27 @@ def place_of(out):
 
 
 @contextmanager
+def explained(out):
+    """What xarray and zarr raise inside, reading a store that fails, becomes a StorageError."""
+    place = place_of(out)
+    try:
+        with place.explained():
+            yield
+    except ValueError as error:
+        if "computed checksum" not in str(error):
+            raise
+        raise StorageError(
+            f"{place} holds damaged chunks; run `python -m workflows.verify --repair` on it, to "
+            "have them computed again"
+        ) from None
+
+
+@contextmanager
 def driving(out):
     """Hold the place `out` as its one driver; makes it, checks it, clears a killed one's mess.
 
     StoreError if it is not ours, of another version, not writable, or driven by someone else.
-    Nothing in a place that is refused is touched. StorageError if it fails, or holds damaged chunks
-    that are read, under way.
+    Nothing in a place that is refused is touched.
     """
     refuse_foreign(out)
     place = place_of(out)
@@ -64,15 +79,7 @@ def driving(out):
             files = {}
             zarr.create_group(MemoryStore(files), attributes={"format": FORMAT}, zarr_format=3)
             place.put_group(STORE, _bytes(files))
-        try:
-            yield
-        except ValueError as error:  # what zarr raises, however deep
-            if "computed checksum" not in str(error):
-                raise
-            raise StorageError(
-                f"{place} holds damaged chunks; to find them and free them for a new computation "
-                "run `python -m workflows.verify --repair` on it"
-            ) from None
+        yield
 
 
 def refuse_foreign(out):

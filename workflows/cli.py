@@ -69,16 +69,30 @@ def angles_option(default):
     )
 
 
+def _refuse_url(out):
+    if "://" in out:
+        # It is not repeated: there may be a password in it.
+        raise click.UsageError(
+            "--out is a directory, for tables and figures too; only the cubes of a sweep can be "
+            "elsewhere, by --store URL"
+        )
+    return out
+
+
+out_option = click.option(
+    "--out",
+    default="out",
+    show_default=True,
+    type=click.Path(path_type=str),
+    callback=lambda context, parameter, value: _refuse_url(value),
+    help="Directory of the results; an earlier run in it is resumed.",
+)
+
+
 def cluster_options(function):
     """--out, passed on as `out`; --scheduler, --workers and --tls, as the dict `cluster`."""
 
-    @click.option(
-        "--out",
-        default="out",
-        show_default=True,
-        type=click.Path(path_type=str),
-        help="Directory of the results; an earlier run in it is resumed.",
-    )
+    @out_option
     @click.option(
         "--workers",
         type=click.IntRange(1, 4096),
@@ -126,19 +140,21 @@ def store_option(function):
 
 
 @contextmanager
-def _explained():
-    """What a user can mend ends the program with one line and exit code 2."""
+def explained(place):
+    """What a user can mend ends the program with one line, and exit code 2 or 1."""
     try:
+        from pipeline import store
         from pipeline.cluster import ClusterError
         from pipeline.faults import StorageError, StoreError
 
         try:
-            yield
+            with store.explained(place):
+                yield
         except (StoreError, ClusterError) as error:
             raise click.UsageError(str(error)) from None
         except StorageError as fault:
-            again = "what is committed stays; then run the same command again to resume"
-            raise click.ClickException(f"{fault}; {again}") from None
+            again = "What is committed stays; run the same command again to resume"
+            raise click.ClickException(f"{fault}. {again}") from None
         except OSError as error:  # no workers, or no room for a table
             raise click.ClickException(str(error)) from None
     except KeyboardInterrupt:
@@ -150,20 +166,11 @@ def _explained():
 def driver(out):
     """Hold the directory `out` as its driver, without a cluster."""
     _refuse_url(out)
-    with _explained():
+    with explained(out):
         from pipeline import store
 
         with store.driving(out):
             yield
-
-
-def _refuse_url(out):
-    if "://" in out:
-        # It is not repeated: there may be a password in it.
-        raise click.UsageError(
-            "--out is a directory, for tables and figures too; only the cubes of a sweep can be "
-            "elsewhere, by --store URL"
-        )
 
 
 @dataclass(frozen=True)
@@ -184,8 +191,7 @@ def session(out, cluster, methods, cubes, place=None):
     `cubes` to be computed with other settings.
     """
     place = place or out
-    _refuse_url(out)
-    with _explained():
+    with explained(place):
         from pipeline import store, tasks
         from pipeline.cluster import connect
 
