@@ -66,7 +66,7 @@ class Directory:
                     f"{lock.read().strip() or '?'}); wait for it, stop it, or choose another --out"
                 ) from None
             aside = f"{self.root}/{_ASIDE}"
-            with self._writing():
+            with self._failing():
                 lock.truncate(0)
                 lock.write(str(os.getpid()))
                 lock.flush()
@@ -79,7 +79,7 @@ class Directory:
 
     def put(self, key, data):
         """Write the file, which appears whole or not at all."""
-        with self._writing():
+        with self._failing():
             aside = self._aside()
             try:
                 with open(aside, "xb") as file:
@@ -105,7 +105,7 @@ class Directory:
 
     def put_group(self, key, files):
         """Write the files {key in the group: bytes} in place of what is there, in one rename."""
-        with self._writing():
+        with self._failing():
             aside, target = self._aside(), f"{self.root}/{key}"
             for name, data in files.items():
                 os.makedirs(os.path.dirname(f"{aside}/{name}"), exist_ok=True)
@@ -116,14 +116,14 @@ class Directory:
 
     def delete_group(self, key):
         """Delete a group and all below, if it is there; it vanishes in one rename."""
-        with self._writing(), suppress(FileNotFoundError):
+        with self._failing(), suppress(FileNotFoundError):
             aside = self._aside()
             os.rename(f"{self.root}/{key}", aside)
             shutil.rmtree(aside, ignore_errors=True)
 
     def read(self, key):
         """The bytes of a file, or None if it is not there."""
-        with self._writing("read"):
+        with self._failing("read"):
             try:
                 with open(f"{self.root}/{key}", "rb") as file:
                     return file.read()
@@ -132,23 +132,30 @@ class Directory:
 
     def size(self, key):
         """The length of a file in bytes, or None if it is not there."""
-        try:
-            return os.path.getsize(f"{self.root}/{key}")
-        except (FileNotFoundError, NotADirectoryError):
-            return None
+        with self._failing("read"):
+            try:
+                return os.path.getsize(f"{self.root}/{key}")
+            except (FileNotFoundError, NotADirectoryError):
+                return None
 
     def sizes(self, prefix):
         """{key: bytes} of all files below."""
+
+        def fail(error):
+            if not isinstance(error, FileNotFoundError):
+                raise error
+
         start = len(self.root) + 1
-        return {
-            f"{directory[start:]}/{file}": os.path.getsize(f"{directory}/{file}")
-            for directory, _, files in os.walk(f"{self.root}/{prefix}")
-            for file in files
-        }
+        with self._failing("read"):
+            return {
+                f"{directory[start:]}/{file}": os.path.getsize(f"{directory}/{file}")
+                for directory, _, files in os.walk(f"{self.root}/{prefix}", onerror=fail)
+                for file in files
+            }
 
     def delete(self, keys):
         """Delete the files; one that is not there is none to delete."""
-        with self._writing():
+        with self._failing():
             for key in keys:
                 with suppress(FileNotFoundError):
                     os.unlink(f"{self.root}/{key}")
@@ -167,7 +174,7 @@ class Directory:
         return f"{self.root}/{_ASIDE}/{uuid4().hex}"
 
     @contextmanager
-    def _writing(self, doing="write to"):
+    def _failing(self, doing="write to"):
         try:
             yield
         except OSError as error:

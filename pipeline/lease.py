@@ -8,6 +8,9 @@ The lease is one small object, written only on a condition that the store itself
 3. It has expired if it was not replaced for a time, by the store's clock alone: the time of its
    last change against that of a probe written now. No driver's clock is read: it may be wrong.
 4. Release it: replace it by an empty object, on the same condition.
+
+A driver that was cut off for so long that another took over says so at its end. What both have
+written is the same.
 """
 
 import json

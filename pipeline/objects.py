@@ -166,7 +166,11 @@ def _cause(text):
     answer = re.search(r"<Code>(\w+)</Code>", text) or re.search(r"status code: (\d+)", text)
     if answer:
         return f"answers {answer[1]}; put that right"
+    if "HTTP error" in text:
+        return (
+            f"does not answer within {PATIENCE} s; look to the network and the endpoint "
+            "(AWS_ENDPOINT_URL, and AWS_ALLOW_HTTP=true for http)"
+        )
     return (
-        f"does not answer within {PATIENCE} s; look to the network and the endpoint "
-        "(AWS_ENDPOINT_URL, and AWS_ALLOW_HTTP=true for http)"
+        "cannot be opened with what the environment says; see what your kind of store needs there"
     )
