@@ -10,6 +10,7 @@ import os
 import shutil
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass
+from typing import ClassVar
 from uuid import uuid4
 
 from pipeline.faults import StorageError, StoreError
@@ -30,6 +31,7 @@ class Directory:
     """root : str, absolute: workers need not share our working directory."""
 
     root: str
+    groups_appear_whole: ClassVar[bool] = True
 
     def __str__(self):
         return self.root

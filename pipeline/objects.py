@@ -13,6 +13,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import timedelta
 from functools import lru_cache
+from typing import ClassVar
 
 import obstore
 from obstore.exceptions import BaseError
@@ -46,6 +47,7 @@ class Objects:
     """url : str, see `parse`."""
 
     url: str
+    groups_appear_whole: ClassVar[bool] = False
 
     def __str__(self):
         return self.url

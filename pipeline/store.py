@@ -213,10 +213,15 @@ def unreadable(group, arrays):
 
 
 def _exists(place, name):
-    """Whether there is a group of this name. Tiles without its metadata are an error."""
+    """Whether there is a group of this name. Files of one without its metadata are an error.
+
+    But where groups do not appear whole, a driver may have died while it made one without tiles.
+    """
     if place.size(f"{STORE}/{name}/zarr.json") is not None:
         return True
-    if place.sizes(f"{STORE}/{name}/{COMMIT}/c"):
+    left = place.sizes(f"{STORE}/{name}")
+    records = f"{STORE}/{name}/{COMMIT}/c/"
+    if left and (place.groups_appear_whole or any(key.startswith(records) for key in left)):
         raise _no_metadata(place, name)
     return False
 

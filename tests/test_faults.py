@@ -5,6 +5,7 @@ import json
 import os
 import pickle
 import resource
+import shutil
 
 import numcodecs
 import numpy as np
@@ -45,18 +46,18 @@ def n_computed(client, out, plan):
 
 
 def test_a_full_disk_stops_the_sweep_and_the_next_run_completes_it(client, tmp_path):
-    plan = toy.cube(tile=1, rows=20, columns=20)
+    plan = toy.cube(tile=1, rows=12, columns=12)
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     # No file can be longer than ten bytes: the system writes a part of a chunk, and refuses the
     # rest.
-    events = {100: lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (10, before[1]))}
+    events = {50: lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (10, before[1]))}
     try:
         with pytest.raises(StorageError, match=r"cannot write to .*; raise the limit"):
             toy.watched_sweep(client, tmp_path, plan, events)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
-    assert len(toy.COMPUTED) < 110  # it did not let 400 tiles fail in turn
-    assert 290 < n_computed(client, tmp_path, plan) < 310
+    assert len(toy.COMPUTED) < 60  # it did not let 144 tiles fail in turn
+    assert 84 < n_computed(client, tmp_path, plan) < 104
 
 
 @pytest.mark.parametrize(
@@ -87,6 +88,15 @@ def test_a_store_that_is_moved_under_way_is_missed_and_grows_nowhere_else(client
     assert not (out / moved).exists()
     os.rename(elsewhere, os.path.normpath(out / moved))
     assert 100 < n_computed(client, out, plan) < 130
+
+
+def test_a_failing_store_ends_a_workflow_with_exit_code_1(tmp_path):
+    with (
+        pytest.raises(ClickException, match=r"the disk\. .*run the same command") as raised,
+        driver(str(tmp_path)),
+    ):
+        raise StorageError("make room on the disk")
+    assert raised.value.exit_code == 1
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs a device that is full")
@@ -193,6 +203,10 @@ def test_tiles_without_metadata_are_an_error_and_are_kept(client, tmp_path):
     plan = toy.cube()
     toy.watched_sweep(client, tmp_path, plan)
     (tmp_path / store.STORE / "toy" / "zarr.json").unlink()
+    with pytest.raises(store.StoreError, match=r"metadata of .* are damaged"):
+        toy.watched_sweep(client, tmp_path, plan)
+    assert chunk(tmp_path, "wave", 0, 1, 2).exists()
+    shutil.rmtree(tmp_path / store.STORE / "toy" / store.COMMIT)
     with pytest.raises(store.StoreError, match=r"metadata of .* are damaged"):
         toy.watched_sweep(client, tmp_path, plan)
     assert chunk(tmp_path, "wave", 0, 1, 2).exists()

@@ -195,7 +195,7 @@ def session(out, cluster, methods, cubes, place=None):
         from pipeline import store, tasks
         from pipeline.cluster import connect
 
-        if place != out and os.path.exists(f"{out}/{store.STORE}"):
+        if place != out and store.STORE in store.place_of(out).names():
             raise store.StoreError(f"{out} holds cubes of its own; choose another --out for tables")
         store.refuse_foreign(place)
         for cube in cubes:
