@@ -102,11 +102,15 @@ class HalfOrbit:
             self.strengths, self.site, self.n_sites, self.numerators, self.a, self.u
         )
 
-    def sites(self):
-        """x of all N sites from the centre on, on the lift."""
+    def deviations(self):
+        """u of all N sites from the centre on."""
         u = np.empty(self.n_sites)
         _unfold(self.u, u)
-        return self.a + self.p * np.arange(self.n_sites) / self.n_sites + u
+        return u
+
+    def sites(self):
+        """x of all N sites from the centre on, on the lift."""
+        return self.a + self.p * np.arange(self.n_sites) / self.n_sites + self.deviations()
 
     @property
     def n_sites(self):
@@ -157,7 +161,7 @@ def _newton(kappa, site, n_sites, theta, u, workspace):
         if not largest < 0.5:
             return False
         # Quadratic convergence ends in rounding: stop there, and not before.
-        if largest < 1e-16 or (largest < 1e-10 and largest >= 0.25 * last):
+        if largest < 1e-16 or (largest < 1e-8 and largest >= 0.25 * last):
             return True
         last = largest
     return False
@@ -213,7 +217,7 @@ def _follow(start, profile, begin, end, site, q, theta, stride, u):
             step *= 2
         else:
             step /= 2
-            if abs(step) < 1e-6 * abs(end - begin):
+            if abs(step) < 1e-9 * abs(end - begin):
                 return at
     return at
 

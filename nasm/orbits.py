@@ -41,6 +41,22 @@ def orbit(kappa, x, y, n):
     return xs.reshape(n + 1, *x.shape), ys.reshape(n + 1, *x.shape)
 
 
+def kicked_orbit(kappa, x, y, n):
+    """The first n kicks of the orbits that start in (x, y), Eq. (nas_map), on the lift.
+
+    Kick t = 0, 1, … has the strength κ_{t mod P}. Every P-th point is one of `orbit`; the points
+    after each first kick are an orbit of the forcing that begins with the second (`shift` in
+    `nasm.symmetries`), and so on: P orbits of P maps, one map's circles across another's.
+
+    Parameters and results are those of `orbit`, with n counting kicks.
+    """
+    strengths = forcing(kappa)
+    x, y = points(x, y)
+    n = count("n", n, 0, MAX_STEPS)
+    xs, ys = _kicked_orbit(strengths, x.ravel(), y.ravel(), n)
+    return xs.reshape(n + 1, *x.shape), ys.reshape(n + 1, *x.shape)
+
+
 def portrait(kappa, n_orbits=40, n=400):
     """A phase portrait of one cell: orbits from the symmetry lines x = 0 and x = 1/2.
 
@@ -95,6 +111,18 @@ def _orbit(kappa, x, y, n):
     for t in range(n):
         for i in range(x.size):
             xs[t + 1, i], ys[t + 1, i] = _step(kappa, xs[t, i], ys[t, i])
+    return xs, ys
+
+
+@njit(nogil=True)
+def _kicked_orbit(kappa, x, y, n):
+    xs = np.empty((n + 1, x.size))
+    ys = np.empty((n + 1, x.size))
+    xs[0] = x
+    ys[0] = y
+    for t in range(n):
+        for i in range(x.size):
+            xs[t + 1, i], ys[t + 1, i] = kick(kappa[t % kappa.size], xs[t, i], ys[t, i])
     return xs, ys
 
 

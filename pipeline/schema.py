@@ -127,8 +127,7 @@ def escape_rays_cube(name, sizes, scales, excesses, n_max, window, tile):
     """
     coords = {
         "ensemble": _coordinate("ensemble", sizes, "number of orbits in the ensemble", "1"),
-        "angle": _coordinate("angle", list(scales), "direction of the ray in the plane", "degree"),
-        "excess": _coordinate("excess", excesses, "scale in parts of the breakup's, less 1", "1"),
+        **_beyond_breakup(scales, excesses),
     }
     attrs = {**_ESCAPE_TIME, "source": "arXiv:1606.04824, Sec. V.B and Fig. 7"}
     escape_time = dask.array.full(tuple(c.size for c in coords.values()), np.nan, chunks=-1)
@@ -140,9 +139,47 @@ def escape_rays_cube(name, sizes, scales, excesses, n_max, window, tile):
     settings = {
         "n_max": int(n_max),
         "window": [float(w) for w in window],
-        "critical_scales": {str(float(angle)): scale for angle, scale in scales.items()},
+        "critical_scales": _by_angle(scales),
     }
     return Cube(name, template, {"angle": 1, "excess": tile}, settings)
+
+
+def flux_cube(name, scales, circles, excesses, statuses, settings):
+    """The cube of the flux through circles beyond their breakup.
+
+    Parameters
+    ----------
+    scales, excesses : as for `escape_rays_cube`. circles : {angle: exact text of ω}.
+    name, statuses, settings : as for `breakdown_cube`. A tile is one forcing.
+    """
+    coords = _beyond_breakup(scales, excesses)
+    shape, dims = tuple(c.size for c in coords.values()), tuple(coords)
+    variables = {
+        "flux": (np.nan, "area through the broken circle, per step: turns times y"),
+        "error": (np.nan, "estimated absolute error of flux"),
+        "period": (np.int32(0), "longest period of the orbits used"),
+        "status": (np.int8(0), "outcome"),
+    }
+    template = xr.Dataset(
+        {
+            key: (
+                dims,
+                dask.array.full(shape, blank, chunks=-1),
+                {"long_name": words, "units": "1"},
+            )
+            for key, (blank, words) in variables.items()
+        },
+        coords,
+        {"title": "Flux through the remains of the last circle", "source": "arXiv:1606.04824"},
+    )
+    template.status.attrs |= _flags(statuses)
+    settings = {
+        "critical_scales": _by_angle(scales),
+        "circles": _by_angle(circles),
+        "statuses": list(statuses),
+        **settings,
+    }
+    return Cube(name, template, {"angle": 1, "excess": 1}, settings)
 
 
 def barrier_cube(name, angles, statuses, tile, settings):
@@ -179,14 +216,17 @@ def rotating_cube(name, frequencies, angles, statuses, tile, settings):
     """
     frequency = _coordinate("frequency", list(frequencies.values()), "frequency Ω", "1")
     frequency.attrs["exact"] = list(frequencies)
-    attrs = {
-        "title": "Breakup of the last barriers of rotating standard maps",
-        "source": "arXiv:1606.04824, Sec. VII, Eq. (rotmap)",
-    }
-    plane = {"kappa_mean": "mean strength κ̄", "kappa_amplitude": "amplitude Δκ of the strengths"}
     settings = {"frequencies": list(frequencies), **settings}
     rows = {"frequency": frequency}
-    return _ray_cube(name, rows, angles, plane, statuses, tile, settings, attrs)
+    return _ray_cube(name, rows, angles, _ROTATING, statuses, tile, settings, _ROTATING_MAPS)
+
+
+def phases_cube(name, phases, angles, statuses, tile, settings):
+    """As `rotating_cube`, for one frequency and the phases {exact text: float} of φ0."""
+    phase = _coordinate("phase", list(phases.values()), "phase φ0 of the first kick, in turns", "1")
+    phase.attrs["exact"] = list(phases)
+    rows = {"phase": phase}
+    return _ray_cube(name, rows, angles, _ROTATING, statuses, tile, settings, _ROTATING_MAPS)
 
 
 _ESCAPE_TIME = {
@@ -196,6 +236,11 @@ _ESCAPE_TIME = {
     "escape_time <= N is global transport within N steps, for every N <= n_max.",
 }
 _KICKS = {"kappa1": "strength of the first kick", "kappa2": "strength of the second kick"}
+_ROTATING = {"kappa_mean": "mean strength κ̄", "kappa_amplitude": "amplitude Δκ of the strengths"}
+_ROTATING_MAPS = {
+    "title": "Breakup of the last barriers of rotating standard maps",
+    "source": "arXiv:1606.04824, Sec. VII, Eq. (rotmap)",
+}
 
 
 def _ray_cube(name, rows, angles, plane, statuses, tile, settings, attrs):
@@ -217,21 +262,34 @@ def _ray_cube(name, rows, angles, plane, statuses, tile, settings, attrs):
         key: (tuple(coords), blank, {"long_name": long_name, "units": "1"})
         for key, long_name in quantities.items()
     }
-    flags = ["not_computed", *statuses]
     variables["status"] = (
         tuple(coords),
         dask.array.zeros(shape, dtype="int8", chunks=-1),
-        {
-            "long_name": "outcome",
-            "units": "1",
-            "flag_values": list(range(len(flags))),
-            "flag_meanings": " ".join(flags),
-        },
+        {"long_name": "outcome", "units": "1", **_flags(statuses)},
     )
     template = xr.Dataset(variables, coords, attrs)
     # What a status code means is part of what decides the numbers.
     settings = {**settings, "statuses": list(statuses)}
     return Cube(name, template, {**dict.fromkeys(rows, 1), "angle": tile}, settings)
+
+
+def _flags(statuses):
+    """CF attributes of a status variable; 0 is what no tile has written."""
+    flags = ["not_computed", *statuses]
+    return {"flag_values": list(range(len(flags))), "flag_meanings": " ".join(flags)}
+
+
+def _beyond_breakup(scales, excesses):
+    """Coordinates of forcings s_c·(1 + excess)·(cos, sin) on the rays of `scales`."""
+    return {
+        "angle": _coordinate("angle", list(scales), "direction of the ray in the plane", "degree"),
+        "excess": _coordinate("excess", excesses, "scale in parts of the breakup's, less 1", "1"),
+    }
+
+
+def _by_angle(quantities):
+    """{angle: …} with keys that JSON keeps."""
+    return {str(float(angle)): quantity for angle, quantity in quantities.items()}
 
 
 def composed(cube, levels, follow, field=None, level=None):

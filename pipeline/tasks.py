@@ -9,7 +9,7 @@ from operator import attrgetter
 
 import numpy as np
 
-from nasm import barriers, continuation, escape, numbers, periodic
+from nasm import barriers, continuation, escape, flux, numbers, periodic, transversals
 from nasm.critical import Status
 from nasm.maps import rotating_forcing
 from nasm.symmetries import ray
@@ -163,6 +163,49 @@ def transport_cost(coords, settings):
     return 10 * _SECONDS_PER_STEP * settings["n_orbits"] * settings["n_max"] * rays
 
 
+def flux_tile(coords, settings):
+    """The flux through broken circles at the `excess` beyond their breakup on the rays `angle`.
+
+    settings : `critical_scales` and `circles`, {angle: scale of the breakup} and {angle: exact text
+    of ω}; `q_max`, the longest period.
+    """
+    found = [
+        [
+            flux.flux(
+                numbers.parse(settings["circles"][angle]),
+                settings["critical_scales"][angle] * (1 + excess) * ray(float(angle)),
+                settings["q_max"],
+            )
+            for excess in coords["excess"]
+        ]
+        for angle in map(str, coords["angle"].tolist())
+    ]
+    return _fields(found, {"flux": "value", "error": "error", "period": "period"})
+
+
+def flux_cost(coords, settings):
+    """Predicted CPU seconds of `flux_tile`: the period needed grows like 1/excess."""
+    return 3e-4 * coords["angle"].size * np.sum(1 / coords["excess"])
+
+
+def phases_tile(coords, settings):
+    """The last barrier of a rotating standard map for several phases, by converse KAM.
+
+    settings : `frequency`, its exact text; `n_max`, steps.
+    """
+
+    def critical_scale(phase, profile):
+        kappa = rotating_forcing(*profile, settings["frequency"], phase)
+        return transversals.critical_scale(kappa, settings["n_max"])
+
+    return _on_rays(coords, "phase", critical_scale, _ROTATING)
+
+
+def phases_cost(coords, settings):
+    """Predicted CPU seconds of `phases_tile`: two each ray for 1000 steps."""
+    return 2e-3 * settings["n_max"] * coords["phase"].size * coords["angle"].size
+
+
 def _exact_omegas(settings):
     """{float: RotationNumber} of the setting `omegas`."""
     return {float(omega): omega for omega in map(numbers.parse, settings["omegas"])}
@@ -177,14 +220,20 @@ def _on_rays(coords, dim, critical_scale, plane):
 
 def _breakdown(found, plane):
     """The arrays of a cube of critical scales: `found` is nested lists of CriticalScale."""
-    found = np.array(found, dtype=object)
-    arrays = {
-        name: np.vectorize(attrgetter(attribute), otypes=[float])(found)
-        for name, attribute in _BREAKDOWN.items()
-    }
+    arrays = _fields(found, _BREAKDOWN)
     for name, direction in plane.items():
         arrays[name] = arrays["critical_scale"] * direction
-    arrays["status"] = np.vectorize(lambda scale: 1 + STATUSES.index(scale.status))(found)
+    return arrays
+
+
+def _fields(found, names):
+    """{variable: array of the field `names` gives for it} and `status`, of nested lists."""
+    found = np.array(found, dtype=object)
+    arrays = {
+        name: np.vectorize(attrgetter(field), otypes=[float])(found)
+        for name, field in names.items()
+    }
+    arrays["status"] = np.vectorize(lambda one: 1 + STATUSES.index(one.status))(found)
     return arrays
 
 
@@ -205,7 +254,9 @@ _WARM_UPS = {
     "escape": lambda: escape.first_escape([[0.0, 0.0]], *escape.ensemble(1), [1], 1),
     "residue": lambda: periodic.residue((0.1, 0.1), 1, 3),
     "circle": lambda: continuation.critical_scale(_GOLDEN, (1.0, 0.0), 0.1),
+    "flux": lambda: flux.action_difference((0.1, 0.1), 1, 3),
     "barrier": lambda: barriers.critical_scale((1.0, 0.0), 0.1),
+    "transversal": lambda: transversals.elimination_time((1.0,), 0, 0.5, 0.0, 1),
 }
 
 

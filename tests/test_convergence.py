@@ -28,12 +28,26 @@ def test_the_bias_is_where_transport_begins_for_good():
         {"ensemble": [10], "excess": [0.1, 0.2, 0.3, 0.4, 0.5, 0.6]},
         {"n_max": 1000},
     )
-    bias = convergence.direct_bias(cube).isel(ensemble=0)
-    assert float(bias.sel(n=1000)) == 0.4
-    assert float(bias.sel(n=100)) == 0.6
-    assert float(bias.sel(n=250, method="nearest")) == 0.5
+    steps = [40, 100, 250, 1000]
+    bias = convergence.direct_bias(cube, steps).isel(ensemble=0)
+    np.testing.assert_array_equal(bias, [np.nan, 0.6, 0.5, 0.4])
+    outer = cube.assign(escape_time=cube.escape_time.where(cube.excess > 0.25))
+    np.testing.assert_array_equal(convergence.direct_bias(outer, steps)[0], bias)
     everything = cube.assign(escape_time=xr.zeros_like(cube.escape_time))
-    assert np.isnan(convergence.direct_bias(everything)).all()
+    assert np.isnan(convergence.direct_bias(everything, steps)).all()
+
+
+def test_the_diagonal_has_an_exponent_for_each_half_of_n():
+    n = np.geomspace(100, 1e6, 40)
+    excess = np.where(n <= 1e4, n ** (-1 / 2.7), 1.5 * n ** (-1 / 3.3))
+    coords = {"n": n, "ensemble": [10, 1000], "angle": [20.0, 45.0]}
+    bias = xr.DataArray(np.ones((40, 2, 2)), coords, ("n", "ensemble", "angle"))
+    bias[:, 1, 1] = excess
+    bias[0, 1, 1] = np.nan
+    diagonal = convergence.on_the_diagonal(bias, np.sqrt(2) * 0.9)
+    np.testing.assert_allclose(diagonal.distance[1:], 0.9 * excess[1:])
+    np.testing.assert_allclose(diagonal.eta, [2.7, 3.3])
+    np.testing.assert_allclose(diagonal.fit, 0.9 * excess)
 
 
 def test_a_small_run_keeps_its_cubes(tmp_path):
@@ -61,3 +75,11 @@ def test_a_small_run_keeps_its_cubes(tmp_path):
         assert (circles * circles.modes < 40).all()
         assert (circles * circles.modes > 4).all()
     assert (out / "convergence.png").exists()
+    diagonal = xr.open_zarr(out / "cubes.zarr", group="convergence_diagonal")
+    # A distance on the diagonal times √2 is one on its ray.
+    scale = cube.attrs["critical_scales"]["45.0"] + np.sqrt(2) * float(diagonal.distance[-1])
+    times = cube.escape_time.isel(ensemble=-1).sel(angle=45)
+    first = times.excess.values.searchsorted(scale / cube.attrs["critical_scales"]["45.0"] - 1.001)
+    assert (times[first:] <= 2000).all()
+    assert times[first - 1] > 2000
+    assert "κ_G = 0.97163540" in (out / "convergence_diagonal.txt").read_text()

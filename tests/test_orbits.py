@@ -4,7 +4,8 @@ import oracles
 import pytest
 from numpy.testing import assert_allclose
 
-from nasm.orbits import REGULAR_DIGITS, orbit, portrait, rotation_number
+from nasm.maps import kick
+from nasm.orbits import REGULAR_DIGITS, kicked_orbit, orbit, portrait, rotation_number
 
 # Robust circles: ω about 0.62 and 0.76 of the paper's map, far below their breakup.
 KAPPA = (0.3, 0.2)
@@ -37,6 +38,17 @@ def test_an_orbit_of_no_steps_is_its_start():
     xs, ys = orbit(KAPPA, X, Y, 0)
     np.testing.assert_array_equal(xs, [X])
     np.testing.assert_array_equal(ys, [Y])
+
+
+@pytest.mark.parametrize("kappa", [(0.9,), (0.5, 0.7), (0.5, -0.3, 0.2)])
+def test_the_points_between_kicks_are_orbits_of_the_shifted_forcings(kappa):
+    P, x, y = len(kappa), X, Y
+    xs, ys = kicked_orbit(kappa, X, Y, 50 * P)
+    for first in range(P):
+        shifted = np.roll(kappa, -first)
+        expected = orbit(shifted, x, y, 49)
+        np.testing.assert_array_equal((xs[first::P][:50], ys[first::P][:50]), expected)
+        x, y = kick(kappa[first], x, y)
 
 
 def test_starts_broadcast():
@@ -136,9 +148,11 @@ def test_bad_arguments_are_named():
         orbit(KAPPA, np.zeros(2), np.zeros(3), 1)
     with pytest.raises(ValueError, match=r"n=-1 must be a whole number from 0 to 1000000000"):
         orbit(KAPPA, 0.0, 0.0, -1)
+    with pytest.raises(ValueError, match=r"n=-1 must be a whole number from 0 to 1000000000"):
+        kicked_orbit(KAPPA, 0.0, 0.0, -1)
     with pytest.raises(ValueError, match=r"n=3 must be a whole number from 4 to 1000000000"):
         rotation_number(KAPPA, 0.0, 0.0, 3)
-    for function in (orbit, rotation_number):
+    for function in (orbit, kicked_orbit, rotation_number):
         with pytest.raises(ValueError, match=r"x is not finite"):
             function(KAPPA, np.nan, 0.0, 10)
         with pytest.raises(ValueError, match=r"y is not finite"):

@@ -2,6 +2,8 @@
 
 import csv
 import os
+import re
+import runpy
 import subprocess
 import sys
 import tomllib
@@ -14,17 +16,24 @@ import zarr
 from click.testing import CliRunner
 from distributed import LocalCluster
 
-from nasm import barriers, escape, periodic
+from nasm import barriers, escape, periodic, symmetries, transversals
+from nasm import flux as nasm_flux
+from nasm.maps import rotating_forcing
 from nasm.numbers import parse
+from nasm.verdict import Answer, verdict
 from pipeline import store
 from workflows import (
     circle_boundaries,
     critical_boundary,
+    direct_boundary,
     escape_plane,
+    flux,
     last_barrier,
     period_one,
     rotating,
+    three_kicks,
 )
+from workflows.figures.stretches import stretches, where_above
 
 QUICK = ["--n-max", "4000", "--n-orbits", "16,64", "--tile", "4"]
 PLANE = ["--kappa1", "-1.4:1.4:128", "--kappa2", "0:1.4:64"]
@@ -335,7 +344,7 @@ def test_bad_rotation_numbers_are_refused(tmp_path, options, message):
 
 def test_rotating_maps_are_kept_as_labelled_cubes(tmp_path):
     out = tmp_path / "out"
-    effort = ["--angles", "3", "--n-max", "1000", "--n-orbits", "64"]
+    effort = ["--angles", "3", "--tips", "0", "--n-max", "1000", "--n-orbits", "64"]
     vectors = ["--vector", "81/149,125/149", "--vector", "44/81,68/81"]
     succeed(rotating, out, *effort, *vectors)
     tori = xr.open_zarr(out / "cubes.zarr", group="rotating_tori")
@@ -346,27 +355,74 @@ def test_rotating_maps_are_kept_as_labelled_cubes(tmp_path):
     assert float(cell.critical_scale) == float(cell.kappa_amplitude) == expected.value
     assert float(cell.kappa_mean) == 0.0
     transport = xr.open_zarr(out / "cubes.zarr", group="rotating_transport")
-    # κ̄ alone is the standard map, whatever the frequency; Δκ alone with Ω = 1/2 is (κ, -κ).
+    # κ̄ alone is the standard map; Δκ alone with Ω = 1/2 is (κ, -κ).
     direct = escape.critical_scale((1.0, 1.0), 1000, 64).upper
     assert float(transport.upper.sel(frequency=0.5, angle=0)) == direct
-    assert (out / "diamond.png").exists()
-    assert (out / "tori.pdf").exists()
+    rows = table(out / "tori.csv")
+    assert len(rows) == 2 * 5
+    # At 45° the second kick is off, and CB_gt is where the standard map breaks at 2·κ1 = κ_G.
+    (row,) = [r for r in rows if r["angle"] == "45" and float(r["frequency"]) > 0.8393]
+    two = KAPPA_G / 2 / 2**0.5
+    assert float(row["ratio"]) == pytest.approx(float(row["critical_scale"]) / two, rel=1e-6)
+    assert float(row["ratio_direct"]) < float(row["ratio"])
+    for name in ("diamond", "tori"):
+        assert (out / f"{name}.png").exists()
+        assert "Δκ" in (out / f"{name}.txt").read_text()
 
 
 @pytest.mark.parametrize(
-    ("option", "value", "told"),
+    ("workflow", "options", "told"),
     [
-        ("--vector", "1/3", "must be a fraction and a fraction"),
-        ("--vector", "1/0,1/3", "must be a fraction and a fraction"),
-        ("--frequency", "half", "must be a fraction like 1/3"),
-        ("--frequency", "2", "must be a fraction like 1/3"),
+        (rotating, ["--vector", "1/3"], "must be two fractions"),
+        (rotating, ["--vector", "1/0,1/3"], "must be two fractions"),
+        (rotating, ["--vector", "1/3,2"], "must be two fractions"),
+        (rotating, ["--vector", "1/3,2/5", "--vector", "1/5,4/10"], "frequencies are equal"),
+        (three_kicks, ["--phase", "a third"], "must be a fraction from 0 to below 1"),
+        (three_kicks, ["--phase", "1/0"], "must be a fraction from 0 to below 1"),
+        (three_kicks, ["--phase", "1"], "must be a fraction from 0 to below 1"),
+        (three_kicks, ["--phase", "1/2", "--phase", "2/4"], "two phases are equal"),
+        (three_kicks, ["--n-max", "29"], "30<=x<=100000"),
     ],
 )
-def test_bad_rotation_vectors_are_refused(tmp_path, option, value, told):
-    result = invoke(rotating, tmp_path / "out", option, value)
+def test_bad_rotation_vectors_and_phases_are_refused(tmp_path, workflow, options, told):
+    result = invoke(workflow, tmp_path / "out", *options)
     assert result.exit_code == 2
     assert told in result.output
     assert not (tmp_path / "out").exists()
+
+
+def test_three_kicks_are_kept_as_a_labelled_cube(tmp_path):
+    out = tmp_path / "out"
+    rays = ["--angles", "3", "--tips", "0", "--n-max", "30"]
+    succeed(three_kicks, out, *rays, "--phase", "1/24", "--phase", "0")
+    cube = xr.open_zarr(out / "cubes.zarr", group="three_kicks")
+    assert cube.critical_scale.dims == ("phase", "angle")
+    assert cube.phase.attrs["exact"] == ["0", "1/24"]
+    assert cube.angle.values.tolist() == [0, 45, 90, 135, 180]
+    profile = rotating_forcing(0.0, 1.0, "1/3", 1 / 24)
+    expected = transversals.critical_scale(profile, 30)
+    assert float(cube.upper.sel(angle=90)[1]) == expected.upper
+    # κ̄ alone is the standard map, for any phase and number of kicks.
+    still = cube.sel(angle=0)
+    assert (abs(still.critical_scale - KAPPA_G) < still.error).all()
+    rows = table(out / "three_kicks.csv")
+    assert len(rows) == 2 * 5
+    for r in rows:
+        if r["angle"] == "180":
+            assert abs(float(r["ratio"]) - 1) < float(r["error"]) / float(r["critical_scale"])
+    assert "φ0 = 1/24: " in (out / "three_kicks.txt").read_text()
+    assert (out / "three_kicks.pdf").exists()
+
+
+def test_stretches_are_where_the_ratio_is_above_one():
+    angle = np.array([0.0, 10, 20, 30, 40, 50])
+    first, second = stretches(angle, np.array([1.5, 1.2, 0.8, 0.9, 1.1, np.nan]))
+    assert (first.start, first.end, first.peak, first.peak_angle) == (0, pytest.approx(15), 1.5, 0)
+    assert (second.start, second.end) == (pytest.approx(35), 40)
+    assert str(second) == "35.0°-40.0° (by 10% at 40.0°)"
+    assert stretches(angle, np.full(6, 0.99)) == []
+    inside = np.array([0.9, 0.95, np.nan, 0.97, 0.9, 0.8])
+    assert where_above(angle, inside) == "nowhere (nearest, 0.970 of it, at 30.0°)"
 
 
 def test_the_last_barrier_is_kept_as_a_labelled_cube(tmp_path):
@@ -401,3 +457,166 @@ def test_period_one_orbits_are_kept_as_labelled_cubes(tmp_path):
     secondary = xr.open_zarr(tmp_path / "out/cubes.zarr", group="period_one_secondary")
     assert 0 < np.isfinite(secondary.z).mean() < 1
     assert invoke(period_one, tmp_path / "out", "--primary", "-3:3:20").exit_code == 2
+
+
+RECIPES = Path(__file__).parents[1] / "workflows" / "recipes"
+
+
+def follow_recipe(name, tmp_path, monkeypatch, capsys, *arguments):
+    """Run a recipe as a script in an empty directory; returns what it prints."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", [name, *map(str, arguments)])
+    runpy.run_path(str(RECIPES / f"{name}.py"))
+    return capsys.readouterr().out
+
+
+def test_every_recipe_is_tested():
+    tested = set(re.findall(r'follow_recipe\(\s*"(\w+)"', Path(__file__).read_text()))
+    assert tested == {path.stem for path in RECIPES.glob("*.py")}
+
+
+def test_recipe_select_steps(finished, tmp_path, monkeypatch, capsys):
+    said = follow_recipe("select_steps", tmp_path, monkeypatch, capsys, finished, 1000)
+    assert f"{100 * (field(finished) <= 1000).mean():.1f}% of the" in said
+    assert (tmp_path / "select_steps.png").exists()
+
+
+def test_recipe_contour_boundary(finished, tmp_path, monkeypatch, capsys):
+    follow_recipe("contour_boundary", tmp_path, monkeypatch, capsys, finished)
+    points = np.array(
+        [[r["kappa1"], r["kappa2"]] for r in table(tmp_path / "contour_boundary.csv")]
+    )
+    radius = np.hypot(*points.astype(float).T)
+    # Outside the last barrier, all of it, and within the direct boundary of the table.
+    assert radius.min() > KAPPA_G / 2
+    direct = [float(r["critical_scale"] or 0) for r in table(finished / "direct_boundary.csv")]
+    assert radius.max() < max(direct) + 0.1
+
+
+def test_recipe_compare_stores(finished, dense, tmp_path, monkeypatch, capsys):
+    said = follow_recipe("compare_stores", tmp_path, monkeypatch, capsys, finished, dense)
+    differ = ((field(finished) <= 4000) != (field(dense) <= 4000)).sum()
+    assert f"8192 cells in both; {differ} of them answer differently" in said
+    assert "levels: 3 and None" in said
+
+
+def test_recipe_join_levels(finished, tmp_path, monkeypatch, capsys):
+    said = follow_recipe("join_levels", tmp_path, monkeypatch, capsys, finished)
+    assert "equal to the cube escape: True" in said
+    rows = table(tmp_path / "join_levels.csv")
+    assert {r["level"] for r in rows} == {"0", "1", "2"}
+
+
+@pytest.mark.parametrize(
+    ("group", "name"),
+    [("barrier", "upper"), ("breakdown", "critical_scale"), ("escape", "escape_time")],
+)
+def test_recipe_export(finished, tmp_path, monkeypatch, capsys, group, name):
+    said = follow_recipe("export", tmp_path, monkeypatch, capsys, finished, group)
+    assert "read back equal: True" in said
+    exported = [float(r[name] or "nan") for r in table(tmp_path / f"{group}.csv")]
+    kept = xr.open_zarr(finished / "cubes.zarr", group=group)[name]
+    assert np.array_equal(np.sort(exported), np.sort(kept.values.ravel()), equal_nan=True)
+
+
+def test_recipe_large_field(finished, tmp_path, monkeypatch, capsys):
+    said = follow_recipe("large_field", tmp_path, monkeypatch, capsys, finished)
+    assert f"{(field(finished) <= 4000).mean():.6f}" in said
+
+
+def test_the_flux_beyond_the_breakup_is_kept_with_its_law(tmp_path):
+    out = tmp_path / "out"
+    succeed(flux, out, "--angle", "0", "--nearest", "1e-3")
+    cube = xr.open_zarr(out / "cubes.zarr", group="flux")
+    assert cube.flux.dims == ("angle", "excess")
+    assert (cube.status == 1).all()
+    first = cube.isel(angle=0, excess=0)
+    kappa = (KAPPA_G / 2 * (1 + float(first.excess)), 0.0)
+    assert float(first.flux) == pytest.approx(nasm_flux.flux(parse("gamma"), kappa).value, rel=1e-6)
+    (law,) = table(out / "flux_law.csv")
+    assert float(law["exponent"]) == pytest.approx(3.0117, abs=1e-3)
+    assert "3.0117" in (out / "flux.txt").read_text()
+    assert (out / "flux.png").exists()
+
+
+@pytest.mark.parametrize(
+    "options", [["--angle", "200"], ["--angle", "x"], ["--nearest", "0"], ["--q-max", "3"]]
+)
+def test_bad_options_of_the_flux_are_refused(tmp_path, options):
+    result = invoke(flux, tmp_path / "out", *options)
+    assert result.exit_code == 2
+    assert not (tmp_path / "out").exists()
+
+
+DIRECT = ["--angles", "5", "--tips", "0", "--n-orbits", "64", "--steps", "400,4000"]
+
+
+@pytest.fixture(scope="module")
+def direct(tmp_path_factory):
+    """The boundary by direct iteration on five rays: its directory."""
+    out = tmp_path_factory.mktemp("direct") / "out"
+    output = succeed(direct_boundary, out, *DIRECT)
+    for name in ("direct_boundary.png", "direct_quadrant.pdf", "direct_boundary_rays.csv"):
+        assert (out / name).exists()
+    assert f"{out}/direct_boundary.png" in output
+    return out
+
+
+def test_direct_iteration_closes_in_on_the_boundary_from_outside(direct):
+    rows = table(direct / "direct_boundary_rays.csv")
+    assert [(int(r["n"]), float(r["angle"])) for r in rows] == [
+        (n, angle) for n in (400, 4000) for angle in (0, 45, 90, 135, 180)
+    ]
+    barrier = xr.open_zarr(direct / "cubes.zarr", group="barrier").load()
+    scale = {(r["n"], float(r["angle"])): float(r["critical_scale"]) for r in rows}
+    for angle in (0, 45, 90, 135, 180):
+        upper = float(barrier.upper.sel(angle=0 if angle % 90 == 0 else 45))
+        assert upper < scale["4000", angle] < scale["400", angle] < 2.01 * upper
+    cube = xr.open_zarr(direct / "cubes.zarr", group="direct_boundary").load()
+    for r in rows:
+        n, angle = int(r["n"]), float(r["angle"])
+        breakup = cube.attrs["critical_scales"][str(angle)] * symmetries.ray(angle)
+        i = np.abs(cube.excess.values - float(r["bias"])).argmin()
+        kappas = breakup * (1 + cube.excess.values[i - 1 : i + 1, None])
+        assert (float(r["kappa1"]), float(r["kappa2"])) == pytest.approx(kappas[1], rel=1e-5)
+        inside, outside = escape.first_escape(kappas, *escape.ensemble(64), [64], 4000)[0]
+        assert outside <= n < inside
+
+
+def test_no_more_is_iterated_than_the_boundary_needs(direct):
+    cube = xr.open_zarr(direct / "cubes.zarr", group="direct_boundary")
+    times = cube.escape_time.isel(ensemble=0)
+    assert (np.isinf(times).sum("excess") == 1).all()
+    assert (times.isel(excess=slice(0, 5)).isnull()).all()
+    before = {p: p.stat().st_mtime_ns for p in (direct / "cubes.zarr").rglob("c/*/*/*")}
+    succeed(direct_boundary, direct, *DIRECT)
+    assert before == {p: p.stat().st_mtime_ns for p in (direct / "cubes.zarr").rglob("c/*/*/*")}
+    result = invoke(direct_boundary, direct, *DIRECT, "--n-orbits", "65", *WORKERS)
+    assert result.exit_code == 2
+    assert "the values of ensemble differ" in result.output
+
+
+def test_the_orbit_of_an_inset_stays_where_a_circle_is_left(direct):
+    insets = xr.open_zarr(direct / "cubes.zarr", group="direct_insets").load()
+    assert (insets.visits.sum(("x", "y")) == 3_000_001).all()
+    span = (insets.highest - insets.lowest).values
+    inside, outside = (verdict(kappa).answer for kappa in direct_boundary.INSETS[:2])
+    assert (inside, outside) == (Answer.BARRIER, Answer.TRANSPORT)
+    # Between a circle and its copy one cell further, of amplitudes below 0.2; or not.
+    assert span[0] < 1.2 < span[1]
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--steps", "100,10"], "increasing whole numbers from 1"),
+        (["--steps", "0"], "increasing whole numbers from 1"),
+        (["--n-orbits", "0"], "1<=x<=100000000"),
+        (["--angles", "1"], "2<=x<=1000000"),
+    ],
+)
+def test_bad_efforts_are_refused(tmp_path, options, message):
+    result = invoke(direct_boundary, tmp_path / "out", *options)
+    assert result.exit_code == 2
+    assert message in result.output
+    assert not (tmp_path / "out").exists()

@@ -101,14 +101,26 @@ def main(out, place, cluster, omega, angles, tips, tol, q_max):
     ]
     with session(out, cluster, ["circle", "barrier"], [job.cube for job in jobs], place) as client:
         circles, residues, barrier = (carry_out(client, place, job) for job in jobs)
-        from workflows.figures.circle_boundaries import draw_circle_boundaries, draw_tips
+        from workflows.figures.circle_boundaries import (
+            circles_caption,
+            draw_circle_boundaries,
+            draw_tips,
+            tips_caption,
+        )
         from workflows.figures.style import save
 
         barrier = unfolded(barrier, rays)
         write_table(circles, f"{out}/circle_boundaries.csv")
         write_table(residues, f"{out}/circle_boundaries_residue.csv")
-        figures = save(draw_circle_boundaries(circles, barrier), out, "circle_boundaries")
-        figures += save(draw_tips(residues, circles, barrier), out, "tips")
+        figures = save(
+            draw_circle_boundaries(circles, barrier),
+            out,
+            "circle_boundaries",
+            circles_caption(residues, circles, barrier),
+        )
+        figures += save(
+            draw_tips(residues, circles, barrier), out, "tips", tips_caption(residues, circles)
+        )
     click.echo(f"cubes:   {place}/cubes.zarr, groups breakdown, breakdown_residue and barrier")
     click.echo(f"tables:  {out}/circle_boundaries.csv, {out}/circle_boundaries_residue.csv")
     click.echo(f"figures: {', '.join(figures)}")

@@ -8,7 +8,7 @@ import functools
 import os
 import sys
 from collections.abc import Callable
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 
 import click
@@ -140,7 +140,7 @@ def store_option(function):
 
 
 @contextmanager
-def explained(place):
+def explained(place=None):
     """What a user can mend ends the program with one line, and exit code 2 or 1."""
     try:
         from pipeline import store
@@ -148,7 +148,7 @@ def explained(place):
         from pipeline.faults import StorageError, StoreError
 
         try:
-            with store.explained(place):
+            with store.explained(place) if place else nullcontext():
                 yield
         except (StoreError, ClusterError) as error:
             raise click.UsageError(str(error)) from None
@@ -206,12 +206,31 @@ def session(out, cluster, methods, cubes, place=None):
             yield client
 
 
-def carry_out(client, place, job):
-    """Sweep the job's cube into the store in `place`; returns it as a Dataset."""
+@contextmanager
+def shared_workers(scheduler, n_workers, tls):
+    """The options by which several workflows, run in turn, compute on the same workers.
+
+    Those of the cluster that the arguments name, or workers on this machine for all of them.
+    """
+    if scheduler is not None:
+        yield ["--scheduler", scheduler, *(["--tls", *tls] if tls else [])]
+        return
+    with explained():
+        from pipeline.cluster import connect
+
+        with connect(lambda: None, n_workers=n_workers) as client:
+            yield ["--scheduler", client.scheduler.address]
+
+
+def carry_out(client, place, job, wanted=None):
+    """Sweep the job's cube, or the tiles `wanted` of it, into the store in `place`.
+
+    Returns the cube as a Dataset.
+    """
     from pipeline import store
     from pipeline.sweep import sweep
 
-    finish(sweep(client, place, job.cube, job.compute, job.predict))
+    finish(sweep(client, place, job.cube, job.compute, job.predict, wanted))
     return store.read(place, job.cube.name)
 
 

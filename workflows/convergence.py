@@ -43,13 +43,23 @@ def direct_job(scales, sizes, n_max):
     return Job(cube, tasks.escape_rays_tile, tasks.escape_rays_cost)
 
 
-def direct_bias(cube):
-    """κ_N/κ_c - 1 for 33 N up to n_max: the least excess from which on all escape within N."""
+def steps_up_to(n_max):
+    """33 numbers of steps from 100 to n_max, equally spaced in the logarithm."""
     import numpy as np
+
+    return np.unique(np.rint(np.geomspace(100, n_max, 33)).astype(int))
+
+
+def direct_bias(cube, steps):
+    """κ_N/κ_c - 1 for each N of `steps`: the least excess from which on all escape within N.
+
+    NaN where that is not between two excesses of the cube. What is not computed counts as no
+    escape.
+    """
     import xarray as xr
 
-    n = np.unique(np.rint(np.geomspace(100, cube.attrs["n_max"], 33)).astype(int))
-    n = xr.DataArray(n, dims="n", coords={"n": n}, attrs={"long_name": "steps", "units": "1"})
+    n = xr.DataArray(steps, dims="n", coords={"n": steps})
+    n.n.attrs.update(long_name="steps", units="1")
     escaped = (cube.escape_time <= n).isel(excess=slice(None, None, -1))
     beyond = escaped.cumprod("excess").astype(bool)
     bias = cube.excess.where(beyond).min("excess")
@@ -66,6 +76,40 @@ def exponent(n, bias):
     known = np.isfinite(bias)
     (slope, _), covariance = np.polyfit(np.log(n[known]), np.log(bias[known]), 1, cov=True)
     return -1 / slope, np.sqrt(covariance[0, 0]) / slope**2
+
+
+def on_the_diagonal(bias, critical):
+    """κ_N - κ_c on (κ, κ) against N, Fig. 7, with η fitted to the lower and the upper half of N.
+
+    bias : of `direct_bias`, with the angle 45. critical : scale of the breakup there.
+    """
+    import numpy as np
+
+    from workflows.labelled import labelled, listed
+
+    kappa_c = critical * np.sqrt(0.5)
+    distance = kappa_c * bias.sel(angle=45.0).isel(ensemble=-1).transpose("n").values
+    n = bias.n.values
+    small = n <= np.sqrt(float(n[0]) * float(n[-1]))
+    fits = [exponent(n[half], distance[half]) for half in (small, ~small)]
+    power_law = n ** (-1 / np.where(small, fits[0][0], fits[1][0]))
+    offset = np.log(distance / power_law)
+    for half in (small, ~small):
+        power_law[half] *= np.exp(np.nanmean(offset[half]))
+    return labelled(
+        "Convergence of direct iteration at the cusp of the horn",
+        {"n": (n, "steps N", "1"), "half": listed("small N", "large N")},
+        {
+            "distance": (("n",), distance, "κ_N - κ_c on the diagonal (κ, κ)"),
+            "fit": (("n",), power_law, "C N^(-1/η), of its half"),
+            "upper_half": (("n",), (~small).astype("int8"), "whether N is in the upper half"),
+            "eta": (("half",), [eta for eta, _ in fits], "η of κ_N - κ_c ~ N^(-1/η)"),
+            "eta_error": (("half",), [error for _, error in fits], "standard error of η"),
+        },
+        critical=float(kappa_c),
+        n_orbits=int(bias.ensemble[-1]),
+        source="arXiv:1606.04824, Fig. 7",
+    )
 
 
 def other_methods(breakups, quick):
@@ -138,7 +182,7 @@ def _last_certified(circles, best, profile, n):
 @store_option
 @cluster_options
 def main(out, place, cluster, n_max, n_orbits, quick):
-    """Convergence studies: two cubes, a table and a figure in OUT.
+    """Convergence studies: three cubes, a table and two figures in OUT.
 
     About three minutes on two cores; ten times the steps or orbits take ten times as long.
     """
@@ -147,10 +191,10 @@ def main(out, place, cluster, n_max, n_orbits, quick):
     scales = {angle: float(scale.value) for angle, scale in best.items()}
     job = direct_job(scales, n_orbits, n_max)
     with session(out, cluster, ["escape"], [job.cube], place) as client:
-        bias = direct_bias(carry_out(client, place, job).load())
+        bias = direct_bias(carry_out(client, place, job).load(), steps_up_to(n_max))
         from pipeline import store
         from pipeline.schema import Cube
-        from workflows.figures.convergence import draw_convergence
+        from workflows.figures import convergence as drawing
         from workflows.figures.style import save
 
         others = other_methods(best, quick)
@@ -160,12 +204,19 @@ def main(out, place, cluster, n_max, n_orbits, quick):
             for angle in ANGLES
         }
         bias.to_dataframe().to_csv(f"{out}/convergence_direct.csv", float_format="%.6g")
-        figures = save(draw_convergence(bias, others, fits), out, "convergence")
+        figure, words = drawing.draw_convergence(bias, others, fits), drawing.describe(bias, fits)
+        figures = save(figure, out, "convergence", words)
+        diagonal = on_the_diagonal(bias, scales[45.0])
+        store.replace(place, Cube("convergence_diagonal", diagonal, {}, {}))
+        figure, words = drawing.draw_diagonal(diagonal), drawing.describe_diagonal(diagonal)
+        figures += save(figure, out, "convergence_diagonal", words)
     for angle, (eta, deviation) in fits.items():
         click.echo(f"direct iteration at {angle:g}°: eta = {eta:.2f} ± {deviation:.2f}")
-    click.echo(f"cubes:  {place}/cubes.zarr, groups escape_rays and convergence")
-    click.echo(f"table:  {out}/convergence_direct.csv")
-    click.echo(f"figure: {', '.join(figures)}")
+    click.echo(
+        f"cubes:   {place}/cubes.zarr, groups escape_rays, convergence and convergence_diagonal"
+    )
+    click.echo(f"table:   {out}/convergence_direct.csv")
+    click.echo(f"figures: {', '.join(figures)}")
 
 
 if __name__ == "__main__":

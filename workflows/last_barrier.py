@@ -115,11 +115,11 @@ def main(out, place, cluster, angles, tips, tol):
     job = barrier_job(rays, tol)
     with session(out, cluster, ["barrier"], [job.cube], place) as client:
         table = unfolded(carry_out(client, place, job), rays)
-        from workflows.figures.last_barrier import draw_last_barrier
+        from workflows.figures.last_barrier import caption, draw_last_barrier
         from workflows.figures.style import save
 
         table.to_dataframe().to_csv(f"{out}/last_barrier.csv", float_format="%.12g")
-        figures = save(draw_last_barrier(table), out, "last_barrier")
+        figures = save(draw_last_barrier(table), out, "last_barrier", caption(table))
     click.echo(f"cube:   {place}/cubes.zarr, group barrier")
     click.echo(f"table:  {out}/last_barrier.csv")
     click.echo(f"figure: {', '.join(figures)}")

@@ -84,7 +84,7 @@ def main(out, primary, secondary):
     with driver(out):
         from pipeline import store
         from pipeline.schema import Cube
-        from workflows.figures.period_one import draw_primary_points, draw_secondary_points
+        from workflows.figures import period_one as draw
         from workflows.figures.style import save
 
         cubes = [
@@ -95,8 +95,11 @@ def main(out, primary, secondary):
             store.refuse_different(out, cube)
         for cube in cubes:
             store.replace(out, cube)
-        figures = save(draw_primary_points(cubes[0].template), out, "period_one_primary")
-        figures += save(draw_secondary_points(cubes[1].template), out, "period_one_secondary")
+        first, second = (cube.template for cube in cubes)
+        primary = draw.draw_primary_points(first), out, "period_one_primary"
+        secondary = draw.draw_secondary_points(second), out, "period_one_secondary"
+        figures = save(*primary, draw.primary_caption(first))
+        figures += save(*secondary, draw.secondary_caption(second))
     click.echo(f"cubes:   {out}/cubes.zarr, groups period_one_primary and period_one_secondary")
     click.echo(f"figures: {', '.join(figures)}")
 

@@ -1,16 +1,16 @@
 """How do barriers break in the rotating standard map, κ_n = κ̄ + Δκ cos 2π(φ0 + nΩ)?
 
-In the (κ̄, Δκ) plane (arXiv:1606.04824, Sec. VII, Figs. 10 and 11): the circles of T_{κ1κ2},
-which is Ω = 1/2; the onset of global transport for Ω = 1/2, 1/3 and others by direct iteration; and
-the breakup of two-dimensional tori, by the residue of long orbits whose rotation vectors
-approximate theirs.
+In the (κ̄, Δκ) plane (arXiv:1606.04824, Sec. VII, Figs. 10 and 11). T_{κ1κ2} is Ω = 1/2: its
+circles, its last barrier CB_gt, and the onset of transport by direct iteration, which lies outside
+CB_gt. Two-dimensional tori break near where the residues of long orbits grow whose rotation vectors
+approximate theirs; where that is outside CB_gt, tori outlast circles.
 """
 
 from fractions import Fraction
 
 import click
 
-from workflows.circle_boundaries import residue_job
+from workflows.circle_boundaries import residue_job, write_table
 from workflows.cli import (
     HELP,
     Job,
@@ -20,6 +20,7 @@ from workflows.cli import (
     session,
     store_option,
 )
+from workflows.last_barrier import barrier_job, ray_angles, tips_option, unfolded
 
 # The paper's vector of 1705/3136 is the first. 1/τ = 0.543689… and 1/τ + 1/τ² = 0.839286…, τ the
 # tribonacci constant, have the convergents of the other two; 2631 may be a misprint of 2632.
@@ -36,17 +37,12 @@ def tori_job(vectors, angles):
     return Job(cube, tasks.torus_tile, tasks.torus_cost)
 
 
-def transport_job(frequencies, phase, angles, n_max, n_orbits):
-    """The cube `rotating_transport`."""
+def transport_job(angles, n_max, n_orbits):
+    """The cube `rotating_transport`, of Ω = 1/2."""
     from pipeline import tasks
 
-    settings = {
-        "method": "direct iteration",
-        "phase": phase,
-        "n_max": n_max,
-        "n_orbits": n_orbits,
-    }
-    cube = _cube("rotating_transport", frequencies, angles, 10, settings)
+    settings = {"method": "direct iteration", "phase": 0.0, "n_max": n_max, "n_orbits": n_orbits}
+    cube = _cube("rotating_transport", ["1/2"], angles, 10, settings)
     return Job(cube, tasks.transport_tile, tasks.transport_cost)
 
 
@@ -58,27 +54,55 @@ def _cube(name, frequencies, angles, tile, settings):
     return schema.rotating_cube(name, exact, angles, statuses, tile, settings)
 
 
-def _fractions(count):
-    """Values like 1/3, or 1/3,2/5, with `count` fractions each; sorted by the last."""
+def rotated_rays(n, tips):
+    """The rays of `ray_angles`, θ = 45° - φ, as angles of the (κ̄, Δκ) plane; cusps at 0 and 90."""
+    import numpy as np
 
-    def parse(context, parameter, values):
-        for value in values:
-            try:
-                parts = [Fraction(part) for part in value.split(",")]
-            except (ValueError, ZeroDivisionError):
-                parts = []
-            if len(parts) != count or not 1 < parts[-1].denominator <= 10**5:
-                raise click.BadParameter(
-                    f"{value!r} must be {' and '.join(['a fraction'] * count)} like "
-                    f"{','.join(['1/3', '2/5'][:count])}, the last one in lowest terms between 1/2 "
-                    "and some n/100000"
-                )
-        values = sorted(values, key=lambda value: Fraction(value.split(",")[-1]))
-        if len({Fraction(value.split(",")[-1]) for value in values}) < len(values):
-            raise click.BadParameter("two frequencies are equal")
-        return values
+    return np.unique(np.append((45 - ray_angles(n, tips)) % 180, 180.0).round(9))
 
-    return parse
+
+def two_kicks(barrier, angles):
+    """CB_gt of T on rays (κ̄, Δκ) = s·(cos θ, sin θ), from the cube `barrier` of 45° - θ."""
+    import numpy as np
+
+    two = unfolded(barrier, 45 - angles)
+    two["kappa_mean"] = (two.kappa1 + two.kappa2) / 2
+    two["kappa_amplitude"] = (two.kappa1 - two.kappa2) / 2
+    for name in ("critical_scale", "error", "lower", "upper"):
+        two[name] = two[name].copy(data=two[name] / np.sqrt(2))
+    coordinate = ("angle", angles, {"long_name": "direction of the ray", "units": "degree"})
+    return two.assign_coords(angle=coordinate)
+
+
+def compared(tori, two, direct):
+    """The cube `rotating_tori` and its scales in parts of CB_gt and of direct iteration."""
+    tori = tori.load()
+    onset = direct.upper.isel(frequency=0, drop=True)
+    for name, scale, words in (
+        ("ratio", two.critical_scale, "CB_gt of T"),
+        ("ratio_direct", onset, "the onset of transport of T by direct iteration"),
+    ):
+        tori[name] = tori.critical_scale / scale
+        tori[name].attrs = {"long_name": f"scale of the torus over that of {words}", "units": "1"}
+    return tori
+
+
+def _vectors(context, parameter, values):
+    """Values like 1/3,2/5: a fraction, and a frequency; sorted by the last."""
+    for value in values:
+        try:
+            parts = [Fraction(part) for part in value.split(",")]
+        except (ValueError, ZeroDivisionError):
+            parts = []
+        if len(parts) != 2 or not 1 < parts[1].denominator <= 10**5:
+            raise click.BadParameter(
+                f"{value!r} must be two fractions like 1/3,2/5, the last one in lowest terms "
+                "between 1/2 and some n/100000"
+            )
+    values = sorted(values, key=lambda value: Fraction(value.split(",")[1]))
+    if len({Fraction(value.split(",")[1]) for value in values}) < len(values):
+        raise click.BadParameter("two frequencies are equal")
+    return values
 
 
 @click.command(context_settings=HELP)
@@ -88,26 +112,11 @@ def _fractions(count):
     default=VECTORS,
     show_default=True,
     metavar="P/Q,OMEGA",
-    callback=_fractions(2),
+    callback=_vectors,
     help="Rotation vector of a periodic orbit: turns per kick and frequency. May be repeated.",
 )
-@click.option(
-    "--frequency",
-    multiple=True,
-    default=("1/2", "1/3"),
-    show_default=True,
-    metavar="OMEGA",
-    callback=_fractions(1),
-    help="Frequency of the forcing, for transport by direct iteration. May be repeated.",
-)
-@click.option(
-    "--phase",
-    default=0.0,
-    show_default=True,
-    type=click.FloatRange(0, 1, max_open=True),
-    help="Phase φ0 of the forcing, in turns, for transport.",
-)
 @angles_option(181)
+@tips_option
 @click.option(
     "--n-max",
     default=20_000,
@@ -124,28 +133,34 @@ def _fractions(count):
 )
 @store_option
 @cluster_options
-def main(out, place, cluster, vector, frequency, phase, angles, n_max, n_orbits):
-    """Rotating standard maps: three cubes and two figures in OUT."""
-    import numpy as np
-
+def main(out, place, cluster, vector, angles, tips, n_max, n_orbits):
+    """Rotating standard maps: four cubes, a table and two figures in OUT."""
     from nasm.numbers import NAMES, parse
 
-    rays = np.linspace(0, 180, angles)
+    rays = rotated_rays(angles, tips)
     jobs = [
-        residue_job(sorted(map(parse, NAMES), key=float), rays, q_max=6000),
-        transport_job(frequency, phase, rays, n_max, n_orbits),
+        residue_job(sorted(map(parse, NAMES), key=float), ray_angles(angles, tips), q_max=6000),
+        barrier_job(45 - rays, 2e-4),
+        transport_job(rays, n_max, n_orbits),
         tori_job(vector, rays),
     ]
-    with session(out, cluster, ["escape", "residue"], [job.cube for job in jobs], place) as client:
-        circles, direct, tori = (carry_out(client, place, job) for job in jobs)
-        from workflows.figures.rotating import draw_rotating_circles, draw_rotating_tori
+    with session(out, cluster, ["escape", "barrier"], [job.cube for job in jobs], place) as client:
+        circles, barrier, direct, tori = (carry_out(client, place, job) for job in jobs)
+        from workflows.figures import rotating as figure
         from workflows.figures.style import save
 
-        figures = save(draw_rotating_tori(tori, direct), out, "tori")
-        if 0.5 in direct.frequency:
-            figures += save(draw_rotating_circles(circles, direct), out, "diamond")
-    groups = "breakdown_residue, rotating_transport, rotating_tori"
+        two = two_kicks(barrier, rays)
+        tori = compared(tori, two, direct)
+        write_table(tori, f"{out}/tori.csv")
+        parts = circles, two, direct
+        figures = save(
+            figure.draw_rotating_circles(*parts), out, "diamond", figure.circles_caption(*parts)
+        )
+        parts = tori, two, direct
+        figures += save(figure.draw_rotating_tori(*parts), out, "tori", figure.tori_caption(*parts))
+    groups = "breakdown_residue, barrier, rotating_transport, rotating_tori"
     click.echo(f"cubes:   {place}/cubes.zarr, groups {groups}")
+    click.echo(f"table:   {out}/tori.csv")
     click.echo(f"figures: {', '.join(figures)}")
 
 

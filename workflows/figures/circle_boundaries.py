@@ -2,7 +2,7 @@
 
 import matplotlib.pyplot as plt
 
-from workflows.figures.style import CIRCLE_COLOURS
+from workflows.figures.style import CIRCLE_COLOURS, omega_label
 
 
 def draw_circle_boundaries(breakdown, barrier):
@@ -37,5 +37,33 @@ def draw_circles(axes, breakdown, x, y):
     """The curves (x, y) of each ω; with (-x, -y), as all boundaries have that symmetry."""
     for i, text in enumerate(breakdown.omega.attrs["exact"]):
         colour = CIRCLE_COLOURS[i % len(CIRCLE_COLOURS)]
-        axes.plot(x[i], y[i], color=colour, lw=1.3, label=rf"$\omega = {text}$")
+        axes.plot(x[i], y[i], color=colour, lw=1.3, label=omega_label(text))
         axes.plot(-x[i], -y[i], color=colour, lw=1.3)
+
+
+def circles_caption(residues, circles, barrier):
+    """What is shown, where each circle comes nearest to CB_gt, and whether all lie within."""
+    ratio = (residues.critical_scale / barrier.critical_scale).load()
+    beyond = residues.critical_scale - residues.error > barrier.critical_scale + barrier.error
+    shares = ", ".join(
+        f"{text}: {100 * float(ratio[i].min()):.1f} to {100 * float(ratio[i].max()):.1f}%"
+        for i, text in enumerate(residues.omega.attrs["exact"])
+    )
+    return (
+        f"Critical boundaries of circles, by continuation on {circles.angle.size} rays to "
+        f"{circles.attrs['tol']:g}, in front of the region without global transport. Their "
+        f"distance from the origin in parts of that of the last barrier: {shares}. Points beyond "
+        f"the last barrier by more than the errors: {int(beyond.sum())} of {beyond.size}."
+    )
+
+
+def tips_caption(residues, circles):
+    """What is shown, and how far the two methods are apart."""
+    off = abs(circles.critical_scale / residues.critical_scale - 1)
+    silent = int((circles.status != 1).sum() + (residues.status != 1).sum())
+    return (
+        "The tips of the horns: lines by Greene's residue of periods up to "
+        f"{residues.attrs['q_max']}, points by continuation to {circles.attrs['tol']:g}. Relative "
+        f"difference of the two: median {float(off.median()):.1g}, largest {float(off.max()):.1g}; "
+        f"{silent} of {2 * circles.status.size} have no answer."
+    )

@@ -61,3 +61,22 @@ def three_panels(figure):
         height_ratios=[1.5, 1],
         width_ratios=[2.4, 1],
     ).values()
+
+
+def caption(barrier):
+    """What is shown, how wide the brackets are, and which circles are the last."""
+    width = (barrier.upper - barrier.lower) / barrier.critical_scale
+    wedge = barrier.isel(angle=np.flatnonzero((barrier.angle <= 45).values))
+    changes = [
+        (float(angle), circle)
+        for i, (angle, circle) in enumerate(zip(wedge.angle, wedge.circle.values, strict=True))
+        if i == 0 or circle != wedge.circle.values[i - 1]
+    ]
+    return (
+        f"The boundary of global transport on {barrier.angle.size} rays, between a certified "
+        f"circle and converse KAM; widest bracket {float(width.max()):.1e} of the scale, "
+        f"{int((barrier.status != 1).sum())} undecided. Circles that are the last to break, from "
+        "the angle on: "
+        + ", ".join(f"{angle:g}° {circle or 'undecided'}" for angle, circle in changes)
+        + "."
+    )

@@ -39,3 +39,30 @@ def draw_secondary_points(secondary):
     axes.set_title("Secondary period-one orbits next to $(1/2, 0)$")
     axes.legend(loc="lower left")
     return figure
+
+
+def primary_caption(primary):
+    """What is shown, and how much of the plane is stable."""
+    stable = (primary.residue > 0) & (primary.residue < 1)
+    parts = ", ".join(
+        f"{point}: {100 * float(stable.sel(point=i).mean()):.1f}%"
+        for i, point in enumerate(primary.point.attrs["points"])
+    )
+    return (
+        "Strengths of the kicks for which each primary period-one orbit is stable, 0 < R < 1 "
+        f"(coloured). Stable parts of the plane shown: {parts}."
+    )
+
+
+def secondary_caption(secondary):
+    """What is shown, and how good the estimate is."""
+    exists = secondary.z.notnull()
+    stable = (secondary.residue > 0) & (secondary.residue < 1)
+    error = secondary.estimate_error
+    return (
+        "Secondary period-one orbits next to (1/2, 0): where they exist "
+        f"({100 * float(exists.mean()):.1f}% of the cells), where they are stable "
+        f"({100 * float(stable.mean()):.1f}%, hatched), and the error of the cubic estimate of z, "
+        f"Eq. (z_aprox) with the sign corrected: median {float(error.median()):.2g}, largest "
+        f"{float(error.max()):.2g}."
+    )

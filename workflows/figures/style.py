@@ -1,5 +1,7 @@
 """What all figures share: colours, numbers in TeX, and how a figure is saved."""
 
+from pathlib import Path
+
 import matplotlib
 
 matplotlib.use("agg")
@@ -10,7 +12,7 @@ CIRCLE_COLOURS = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E
 
 
 def save(figure, out, name, caption=""):
-    """Write the figure as NAME.png and NAME.pdf, and its caption as NAME.txt.
+    """Write the figure as NAME.png and NAME.pdf, and its caption, if it has one, as NAME.txt.
 
     Returns the paths of the two pictures, which carry the caption too.
     """
@@ -18,9 +20,18 @@ def save(figure, out, name, caption=""):
     for path, key in zip(paths, ("Description", "Subject"), strict=True):
         figure.savefig(path, dpi=200, bbox_inches="tight", metadata={key: caption})
     plt.close(figure)
-    with open(f"{out}/{name}.txt", "w", encoding="utf-8") as file:
-        file.write(caption + "\n")
+    if caption:
+        Path(f"{out}/{name}.txt").write_text(f"{caption}\n", encoding="utf-8")
     return paths
+
+
+def omega_label(text):
+    """The continued fraction in TeX, with the paper's name of it if it has one."""
+    from nasm.numbers import NAMES, parse
+
+    names = {str(parse(name)): name.replace("gamma", r"\gamma") for name in NAMES}
+    name = rf"{names[text]} = " if text in names else ""
+    return rf"$\omega = {name}{text}$"
 
 
 def power(n):

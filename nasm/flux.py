@@ -1,0 +1,154 @@
+"""The flux through a broken circle: the difference in action of two periodic orbits.
+
+Where the circle of ω is broken a cantorus is left, and orbits pass through its gaps. The area that
+passes upwards in one step of T, and as much downwards, is
+
+    ΔW = lim ΔW_{p/q},    ΔW_{p/q} = W(minimax orbit) - W(minimizing orbit),
+
+over the convergents p/q of ω (MacKay, Meiss & Percival, Physica D 13 (1984) 55), with the action
+
+    W = Σ_n (x_{n+1} - x_n)²/2 - (κ_n/4π²) cos 2πx_n
+
+over the Pq sites of a period, whose stationary points are the orbits of the chain form. While the
+circle exists ΔW_{p/q} tends to 0 faster than any power of 1/q; beyond its breakup it has a limit,
+which grows like (κ - κ_c)^3.01 for noble ω (MacKay's ln(αβ)/ln δ).
+
+The two actions share most of their digits. With d_n the distance of the minimax orbit's sites from
+the minimizing orbit's next to them, and since that one is stationary,
+
+    ΔW_{p/q} = Σ (d_{n+1} - d_n)²/2 + (κ_n/4π²) [2 cos 2πx_n sin² πd_n
+                                                  + sin 2πx_n (sin 2πd_n - 2πd_n)],
+
+which is of second order in d, and so small against its terms only as a sum.
+
+It is the flux through the gaps that hold the symmetric minimax orbit. Far beyond the breakup a
+cantorus may have other gaps too, which let more pass.
+"""
+
+from dataclasses import dataclass
+from itertools import islice
+
+import numpy as np
+
+from nasm.chain import HalfOrbit
+from nasm.critical import Status
+from nasm.maps import TWO_PI, forcing
+from nasm.numbers import RotationNumber, convergents
+from nasm.periodic import dominant_centre, minimizing_centre
+from nasm.sine import cos2pi, sin2pi
+from nasm.symmetries import shorten
+
+_SETTLED = 0.01  # relative change from one convergent to the next above which there is no answer
+
+
+@dataclass(frozen=True)
+class Flux:
+    """The flux through the remains of the circle of ω, per step of T.
+
+    value : area, in turns times y; 0 within `error` while the circle exists, NaN if status is not
+    OK. error : estimated absolute error. period : the longest period of the orbits used.
+    """
+
+    value: float
+    error: float
+    period: int
+    omega: RotationNumber
+    status: Status
+
+
+def flux(omega, kappa, q_max=30_000, rtol=1e-6):
+    """ΔW of the convergents of ω, until it changes no more or is lost in rounding.
+
+    Parameters
+    ----------
+    omega : RotationNumber, irrational.
+    kappa : sequence of P floats, the forcing, first kick first.
+    q_max : int, the longest period used. At 10⁻⁴ beyond the breakup 30 000 do for three digits.
+    rtol : float, relative change from one convergent to the next to aim at; 1% is accepted.
+
+    Returns
+    -------
+    Flux. error : the last change and the rounding of the sum; the changes shrink faster than
+    geometrically. Status NOT_CONVERGED next to the breakup, where q_max is too short to see on
+    which side one is, DISORDERED where longer orbits were lost before they settled. ValueError if
+    the forcing has no symmetry centre.
+    """
+    kappa = forcing(kappa)
+    (short,), short_omega = shorten([kappa], omega)
+    dominant_centre(short)
+    if omega.is_rational:
+        return Flux(np.nan, np.nan, 0, omega, Status.RATIONAL)
+    steps = kappa.size // short.size
+    # Up to the end of the prefix these are convergents of other numbers too.
+    enough = list(islice(convergents(short_omega), len(short_omega.prefix) + 1))[-1].denominator
+    value, error, period, status = np.nan, np.inf, 0, Status.NOT_CONVERGED
+    for fraction in convergents(short_omega):
+        p, q = fraction.numerator, fraction.denominator
+        if q == period or (short.size == 1 and q % 2 == 0):
+            continue  # 1/1 is 0/1 again; and of even q the minimizing orbit has no centre on a site
+        if q > q_max:
+            break
+        longer, rounding = _action_difference(short, p, q)
+        if not longer > -rounding:  # orbits are lost, or nearer to each other than rounding
+            status = Status.DISORDERED
+            break
+        value, error, period = longer, abs(longer - value) + rounding, q
+        if q >= enough and error <= max(rtol * value, 2 * rounding):
+            return Flux(steps * value, steps * error, q, omega, Status.OK)
+    if period >= enough and error <= _SETTLED * value:
+        return Flux(steps * value, steps * error, period, omega, Status.OK)
+    return Flux(np.nan, np.nan, period, omega, status)
+
+
+def action_difference(kappa, p, q):
+    """ΔW_{p/q}, the area that passes through the gaps of the ordered p/q orbits in one step.
+
+    Parameters
+    ----------
+    kappa : sequence of P floats, the forcing, first kick first.
+    p, q : ints without common factor, 1 ≤ q ≤ 10⁶.
+
+    Returns
+    -------
+    float; NaN if one of the two orbits is not found. ValueError if the forcing has no symmetry
+    centre, or the minimizing orbit none on a site (P = 1 and even q).
+    """
+    value, _ = _action_difference(forcing(kappa), p, q)
+    return value
+
+
+def _action_difference(kappa, p, q):
+    """ΔW_{p/q}, and how far rounding may have moved it."""
+    centres = dominant_centre(kappa), minimizing_centre(kappa, p, q)
+    minimax, minimizing = (HalfOrbit(0 * kappa, kappa, p, q, centre) for centre in centres)
+    if not (minimax.move(1.0) and minimizing.move(1.0)):
+        return np.nan, np.nan
+    shift, offset = _nearest(minimax, minimizing)
+    n_sites, u = minimizing.n_sites, minimizing.deviations()
+    d = offset + np.roll(minimax.deviations(), -shift) - u
+    site = np.arange(n_sites)
+    x = minimizing.a + site * (p % n_sites) % n_sites / n_sites + u
+    bend = 2 * cos2pi(x) * sin2pi(d / 2) ** 2 + sin2pi(x) * (sin2pi(d) - TWO_PI * d)
+    terms = np.stack(
+        [
+            (np.roll(d, -1) - d) ** 2 / 2,
+            kappa[(minimizing.site + site) % kappa.size] / TWO_PI**2 * bend,
+        ]
+    )
+    # The sum's own, and an ulp by which each site of the minimizing orbit misses being stationary.
+    rounding = np.finfo(float).eps * (np.abs(terms).sum() + np.linalg.norm(d))
+    return float(terms.sum()), float(rounding)
+
+
+def _nearest(minimax, minimizing):
+    """Which site of the minimax orbit is next to the first of the minimizing one, and how far ahead
+    its rotation is: half a gap, 1/2q.
+
+    One orbit may start any number of steps after the other.
+    """
+    n_sites, period = minimizing.n_sites, minimizing.profile.size
+    shift = minimizing.site - minimax.site + period * np.arange(minimizing.q)
+    ahead = int(2 * (minimax.a - minimizing.a)) * n_sites + 2 * shift * minimizing.p  # in 1/2N
+    ahead = (ahead + n_sites) % (2 * n_sites) - n_sites
+    nearest = np.abs(ahead).argmin()
+    return int(shift[nearest]), ahead[nearest] / (2 * n_sites)

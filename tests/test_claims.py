@@ -1,0 +1,277 @@
+"""The rules must be able to say no, and the page must hold what they said."""
+
+import ast
+import csv
+import importlib
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from click.testing import CliRunner
+
+from nasm.numbers import NAMES, parse
+from workflows import claims, claims_envelope, claims_rules, page
+from workflows.claims_page import claims_page, write_tables
+from workflows.claims_rules import Erratum, Verdict
+
+TESTS = Path(__file__).parent
+VOID = {"meta", "br", "img", "link", "hr"}
+
+
+class Page(HTMLParser):
+    """The words of a page, cell by cell; tags that do not match fail."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.open, self.tags, self.cells = [], [], []
+        self.feed(text)
+        self.close()
+        assert not self.open
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append(tag)
+        assert not any(name.startswith("on") for name, _ in attrs)
+        if tag not in VOID:
+            self.open.append(tag)
+        if tag in ("td", "th", "p", "h1", "h2"):
+            self.cells.append("")
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        if self.cells:
+            self.cells[-1] += data
+
+
+@pytest.mark.parametrize(
+    ("value", "verdict"),
+    [
+        (claims_rules.identity(1e-15, 1e-14), Verdict.HOLDS),
+        (claims_rules.identity(1e-13, 1e-14), Verdict.FAILS),
+        (claims_rules.identity(np.nan, 1e-14), Verdict.UNDECIDED),
+        (claims_rules.agrees(0.97163540605, 1e-11, *claims_rules.printed("0.971635406")), "holds"),
+        (claims_rules.agrees(0.97163540705, 1e-11, *claims_rules.printed("0.971635406")), "not"),
+        (claims_rules.agrees(np.nan, 1e-11, 0.971635406), Verdict.UNDECIDED),
+        (claims_rules.agrees(0.97, np.nan, 0.971635406), Verdict.UNDECIDED),
+        (claims_rules.graded("", True), Verdict.HOLDS),
+        (claims_rules.graded("", False, True), Verdict.CAVEAT),
+        (claims_rules.graded("", False, False), Verdict.FAILS),
+        (claims_rules.graded("", True, True, known=False), Verdict.UNDECIDED),
+    ],
+)
+def test_the_rules(value, verdict):
+    named = {"holds": Verdict.HOLDS, "not": Verdict.FAILS}
+    assert value[1] is named.get(verdict, verdict)
+
+
+def test_a_printed_number_is_good_to_half_a_unit_of_its_last_digit():
+    assert claims_rules.printed("0.97") == (0.97, pytest.approx(0.005))
+    assert claims_rules.printed("3") == (3.0, 0.5)
+
+
+@pytest.mark.parametrize(
+    ("printed", "corrected", "shown"),
+    [(0.1, 1e-14, True), (0.1, 1e-9, False), (1e-14, 1e-14, False), (np.nan, 0.0, False)],
+)
+def test_an_erratum_is_shown_by_both_numbers_only(printed, corrected, shown):
+    assert Erratum("", "", "", printed, corrected, 1e-12, "", "").shown is shown
+
+
+def test_wrong_equations_do_not_hold(monkeypatch):
+    from workflows import claims_map, claims_symmetries
+
+    monkeypatch.setattr(claims_map, "kick", lambda kappa, x, y: (x - y, y))
+    wrong = [c.verdict for c in claims_map.map_claims()]
+    assert wrong.count(Verdict.FAILS) >= 4
+    monkeypatch.setattr(claims_symmetries, "closed_form", lambda kappa, x, y: np.array([x, x]))
+    assert claims_symmetries.symmetry_claims()[2].verdict is Verdict.FAILS
+
+
+def envelope(ours, circle, six):
+    """CB_gt on three rays, and the paper's six, `six` of them in parts of it."""
+    angles = np.array([0.0, 20.0, 45.0])
+    names = sorted(float(parse(name)) for name in NAMES)
+    barrier = xr.Dataset(
+        {
+            "critical_scale": ("angle", ours),
+            "error": ("angle", np.full(3, 1e-10)),
+            "lower": ("angle", 0.999 * ours),
+            "upper": ("angle", 1.001 * ours),
+            "circle": ("angle", circle),
+        },
+        {"angle": angles},
+    )
+    scale = np.outer(np.full(6, six), ours)
+    circles = xr.Dataset(
+        {
+            "critical_scale": (("omega", "angle"), scale),
+            "error": (("omega", "angle"), np.full((6, 3), 1e-10)),
+        },
+        {"omega": names, "angle": angles},
+    )
+    return circles, barrier
+
+
+def test_the_envelope_and_the_hull_are_judged_by_the_numbers():
+    from workflows.claims_discussion import hull_claims
+
+    horned = envelope(np.array([0.5, 0.6, 1.4]), ["[0;(1)]"] * 3, 0.99)
+    assert [c.verdict.value for c in hull_claims(*horned)] == [
+        "does not hold",
+        "holds",
+        "holds with a caveat",
+    ]
+    octagon = envelope(np.array([1.0, 1.0, 1.0]), ["[0;(1)]"] * 3, 1.0)
+    assert [c.verdict for c in hull_claims(*octagon)] == [Verdict.HOLDS] * 3
+    poor = envelope(np.array([1.0, np.nan, 1.0]), ["[0;(1)]", "", "[0;(1)]"], 0.9)
+    assert [c.verdict for c in hull_claims(*poor)][1:] == [Verdict.FAILS] * 2
+
+
+def test_ranges_of_the_envelope():
+    names = ["[0;(1)]", "[0;1,3,(1)]", "[0;1,3,(1)]"]
+    circles, barrier = envelope(np.array([0.5, 0.6, 1.4]), names, 0.99)
+    rows = claims_envelope.ranges(circles, barrier)
+    assert [(row["from"], row["to"], row["circle"]) for row in rows] == [
+        (0.0, 0.0, "[0;(1)]"),
+        (20.0, 45.0, "[0;1,3,(1)]"),
+    ]
+    assert rows[0]["bracket"] == pytest.approx(0.002)
+    assert rows[1]["short"] == dict.fromkeys(NAMES, pytest.approx(0.01))
+    assert claims_envelope.cells(rows[1])[:3] == ("20 – 45", "[0;1,3,(1)]", "2e-03")
+    assert "1.000%" in claims_envelope.summary(circles, barrier, rows)[0]
+
+
+def test_text_is_escaped_and_subscripts_are_set():
+    text = page.page(
+        "a < b & c", page.table([["<script>", page.formula("T_κ1κ2 < (sim_M)")]], "xy")
+    )
+    assert "<script>" not in text
+    assert "T<sub>κ1κ2</sub> &lt; (sim_M)" in text
+    assert_holds(Page(text).cells, [("a < b & c", "<script>", "x")])
+
+
+@pytest.fixture(scope="module")
+def exact():
+    """The claims that take no sweep, and the errata."""
+    from workflows.claims_circles import circle_claims
+    from workflows.claims_errata import errata
+    from workflows.claims_map import map_claims
+    from workflows.claims_periodic import periodic_claims
+    from workflows.claims_symmetries import symmetry_claims
+
+    return [*map_claims(), *symmetry_claims(), *periodic_claims(), *circle_claims()], errata()
+
+
+def test_no_equation_fails_and_all_errata_are_shown(exact):
+    found, errata = exact
+    assert {claim.verdict for claim in found} == {Verdict.HOLDS, Verdict.CAVEAT}
+    assert all(claim.note for claim in found if claim.verdict is Verdict.CAVEAT)
+    assert all(erratum.shown for erratum in errata)
+
+
+def test_the_page_and_the_tables_hold_every_claim(exact, tmp_path):
+    found, errata = exact
+    circles, barrier = envelope(np.array([0.5, 0.6, 1.4]), ["[0;(1)]"] * 3, 0.99)
+    ranges = claims_envelope.ranges(circles, barrier)
+    cells = Page(claims_page(found, errata, ranges, ["a summary"], "a command")).cells
+    assert_holds(cells, [(c.place, c.statement, c.value, c.command) for c in found])
+    assert_holds(cells, [(e.place, e.printed, e.corrected, e.command) for e in errata])
+    assert_holds(
+        cells, [("a summary", "Made by a command.", *claims_envelope.cells(row)) for row in ranges]
+    )
+    write_tables(tmp_path, found, errata, ranges)
+    assert [row["value"] for row in rows(tmp_path / "claims.csv")] == [c.value for c in found]
+    assert len(rows(tmp_path / "errata.csv")) == len(errata)
+    assert len(rows(tmp_path / "envelope.csv")) == len(ranges)
+
+
+def test_the_commands_named_exist(exact):
+    for row in (*exact[0], *exact[1]):
+        assert_exists(row.command)
+
+
+def assert_holds(cells, rows):
+    """Subscripts lose their underscore and braces on the page."""
+    plain = {_plain(cell.strip()) for cell in cells}
+    for row in rows:
+        assert {_plain(text) for text in row} <= plain
+
+
+def _plain(text):
+    return text.translate(dict.fromkeys(map(ord, "_{}")))
+
+
+RUN = ["--angles", "4", "--tips", "2", "--tol", "0.01", "--n-max", "10000", "--n-orbits", "10"]
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory):
+    """A small run of the whole: its directory."""
+    out = tmp_path_factory.mktemp("claims") / "out"
+    result = CliRunner().invoke(claims.main, ["--out", str(out), *RUN])
+    assert result.exit_code == 0, result.output + repr(result.exception)
+    return out
+
+
+def rows(path):
+    with open(path, encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_bad_options_are_refused_by_name(tmp_path):
+    for option, value in (("--tol", "1"), ("--angles", "2"), ("--n-max", "10"), ("--tips", "-1")):
+        result = CliRunner().invoke(claims.main, ["--out", str(tmp_path), option, value])
+        assert result.exit_code == 2
+        assert option in result.output
+        assert "range" in result.output
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.slow
+def test_a_small_run_writes_the_page_with_every_claim(small):
+    written = rows(small / "claims.csv")
+    cells = Page((small / "claims.html").read_text(encoding="utf-8")).cells
+    columns = ("place", "statement", "value", "verdict", "command")
+    assert_holds(cells, [[row[column] for column in columns] for row in written])
+    assert len(written) > 75
+    assert all(row["shown"] == "True" for row in rows(small / "errata.csv"))
+    assert {row["verdict"] for row in written} <= {verdict.value for verdict in Verdict}
+    failed = [row["statement"] for row in written if row["verdict"] == "does not hold"]
+    assert any("convex hull" in statement for statement in failed)
+
+
+@pytest.mark.slow
+def test_the_commands_that_a_run_names_exist(small):
+    written = [row["command"] for row in rows(small / "claims.csv") + rows(small / "errata.csv")]
+    for command in sorted(set(written)):
+        assert_exists(command)
+
+
+def test_a_command_that_does_not_exist_is_noticed():
+    assert_exists("python -m workflows.ask -0.69 0.525")
+    assert_exists("python -m workflows.work_precision --quick")
+    for wrong in (
+        "python -m workflows.no_such",
+        "python -m workflows.ask --no-such-option 1",
+        "python -m pytest tests/test_maps.py::test_no_such",
+    ):
+        with pytest.raises((AssertionError, ImportError)):
+            assert_exists(wrong)
+
+
+def assert_exists(command):
+    """Whether a workflow has the options, or a file of tests the test."""
+    python, dash, module, *rest = command.split()
+    assert (python, dash) == ("python", "-m")
+    options = [word for word in rest if word.startswith("--")]
+    if module == "pytest":
+        path, _, test = rest[0].partition("::")
+        tree = ast.parse((TESTS.parent / path).read_text(encoding="utf-8"))
+        defined = {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}
+        assert not test or test in defined, command
+    else:
+        known = importlib.import_module(module).main.params
+        assert set(options) <= {name for option in known for name in option.opts}, command

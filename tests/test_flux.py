@@ -1,0 +1,136 @@
+"""The flux through broken circles against areas, exact reductions, and renormalisation."""
+
+import math
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from nasm import maps, periodic
+from nasm.critical import Status
+from nasm.flux import action_difference, flux
+from nasm.numbers import parse, rational
+
+LITERATURE = tomllib.loads(Path(__file__).with_name("literature.toml").read_text())
+GOLDEN = parse("gamma")
+GOLDEN_AXIS = periodic.critical_scale(GOLDEN, (1.0, 0.0)).value
+
+
+def turnstile_area(kappa, p, q, n=200_000):
+    """The area between a segment, from a minimizing point to the minimax point next to it, and its
+    image under T^q, which has the same ends p turns further: ∫y dx of the one less the other's."""
+    (x0, y0), (x1, y1) = (
+        points_before_first_kick(kappa, p, q, family)
+        for family in (periodic.minimizing_centre, periodic.minimax_centre)
+    )
+    ahead = (x1 - x0[0]) % 1
+    j = ahead.argmin()
+    t = np.linspace(0, 1, n)
+    x, y = x0[0] + t * ahead[j], y0[0] + t * (y1[j] - y0[0])
+    area = -area_below(x, y)
+    for _ in range(q):
+        x, y = maps.step(kappa, x, y)
+    return abs(area + area_below(x, y))
+
+
+def points_before_first_kick(kappa, p, q, family):
+    """x mod 1 and y of the q points of an orbit of T."""
+    site, a = family(kappa, p, q)
+    x = periodic.symmetric_orbit(kappa, p, q, (site, a))
+    x = np.append(x[-1] - p, x)
+    first = 1 + np.flatnonzero((site + np.arange(x.size - 1)) % len(kappa) == 0)
+    return x[first] % 1, x[first] - x[first - 1]
+
+
+def area_below(x, y):
+    return float(np.sum(np.diff(x) * (y[1:] + y[:-1]) / 2))
+
+
+@pytest.mark.parametrize(
+    ("kappa", "p", "q"),
+    [((1.2,), 1, 3), ((1.2,), 2, 5), ((0.7, 0.4), 1, 3), ((0.7, 0.4), 3, 4), ((0.9, -0.5), 2, 5),
+     ((0.2, 0.9), 1, 2), ((0.8, 0.3, 0.3), 1, 3), ((0.8, 0.3, 0.3), 2, 5)],
+)  # fmt: skip
+def test_the_difference_in_action_is_the_area_of_the_turnstile(kappa, p, q):
+    expected = turnstile_area(np.array(kappa), p, q)
+    assert action_difference(kappa, p, q) == pytest.approx(expected, rel=1e-6)
+
+
+def test_the_pendulum_of_the_fixed_points():
+    # Between (0, 0) and (1/2, 0): the potential's difference, exactly.
+    assert action_difference((0.8,), 0, 1) == pytest.approx(0.8 / (2 * math.pi**2), rel=1e-14)
+
+
+@given(st.floats(0.1, 1.5), st.sampled_from([(1, 3), (2, 5), (3, 7), (8, 13), (21, 55)]))
+@settings(deadline=None, max_examples=30)
+def test_on_the_axis_it_is_half_that_of_the_standard_map(kappa, fraction):
+    # (κ, 0) is S_2κ with Y = 2y.
+    expected = action_difference((kappa,), *fraction) / 2
+    found = action_difference((kappa / 2, 0.0), *fraction)
+    assert found == pytest.approx(expected, rel=1e-9, abs=1e-18)
+
+
+@pytest.mark.parametrize(("p", "q"), [(1, 3), (2, 5), (8, 13)])
+def test_two_steps_of_the_standard_map_let_twice_as_much_pass(p, q):
+    expected = 2 * action_difference((1.1,), p, q)
+    assert action_difference((1.1, 1.1), 2 * p, q) == pytest.approx(expected, rel=1e-9)
+    whole = flux(parse("2gamma"), (1.1, 1.1))
+    once = flux(GOLDEN, (1.1,))
+    assert whole.value == pytest.approx(2 * once.value, rel=1e-9)
+
+
+def test_symmetric_forcings_have_the_same_flux():
+    kappa = np.array([0.75, 0.3])
+    expected = flux(GOLDEN, kappa).value
+    assert expected > 1e-6
+    assert flux(GOLDEN, kappa[::-1]).value == pytest.approx(expected, rel=1e-9)
+    assert flux(GOLDEN, -kappa).value == pytest.approx(expected, rel=1e-9)
+    assert flux(parse("gamma+1"), kappa * [1, -1]).value == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize("part", [0.9, 0.99, 0.999])
+def test_nothing_passes_through_a_circle(part):
+    found = flux(GOLDEN, (part * GOLDEN_AXIS, 0.0))
+    assert found.status is Status.OK
+    assert abs(found.value) <= found.error < 1e-16
+
+
+def test_at_the_breakup_there_is_no_answer():
+    found = flux(GOLDEN, (GOLDEN_AXIS, 0.0))
+    assert found.status is Status.NOT_CONVERGED
+    assert math.isnan(found.value)
+
+
+def test_the_claimed_error_covers_longer_orbits():
+    for excess in (1e-3, 1e-2, 0.1):
+        kappa = (GOLDEN_AXIS * (1 + excess), 0.0)
+        rough, fine = flux(GOLDEN, kappa, rtol=1e-2), flux(GOLDEN, kappa, rtol=1e-9)
+        assert abs(rough.value - fine.value) < rough.error < 0.011 * rough.value
+
+
+def test_renormalisation_gives_the_exponent():
+    # MacKay's ln(αβ)/ln δ: approached from below, the deviation in proportion to the distance.
+    x = np.array([5e-4, 1e-3, 2e-3])
+    values = [flux(GOLDEN, (GOLDEN_AXIS * (1 + e), 0.0)).value for e in x]
+    slopes = np.diff(np.log(values)) / np.log(2)
+    assert 2 * slopes[0] - slopes[1] == pytest.approx(
+        LITERATURE["flux_exponent"]["value"], abs=1e-3
+    )
+
+
+def test_a_near_rational_needs_its_large_quotient():
+    # As long as its convergents are the golden ones, it must not be answered by them.
+    omega = parse("[0;1,1,1,1,1,1,200,(1)]")
+    assert math.isnan(flux(omega, (0.55, 0.1), q_max=1000).value)
+
+
+def test_what_has_no_answer_says_so():
+    assert flux(rational("1/2"), (0.6, 0.1)).status is Status.RATIONAL
+    assert flux(GOLDEN, (0.6, 0.1), q_max=5).status is Status.NOT_CONVERGED
+    with pytest.raises(ValueError, match="no symmetry centre"):
+        flux(GOLDEN, (0.1, 0.2, 0.3))
+    with pytest.raises(ValueError, match="no centre on a site"):
+        action_difference((1.0,), 1, 2)

@@ -1,0 +1,128 @@
+"""Converse KAM on transversals against the action's second variation, symmetry lines, phases."""
+
+import numpy as np
+import oracles
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from scipy.linalg import eigvalsh_tridiagonal
+
+from nasm import cones, escape
+from nasm.critical import Status
+from nasm.maps import rotating_forcing
+from nasm.transversals import Transversal, critical_scale, elimination_time, longest_lived
+
+FORCINGS = [(1.03,), (0.71, 0.46), (0.2, 0.5, 0.36), (0.1, 0.7, -0.3, 0.2)]
+
+
+@pytest.mark.parametrize("kappa", FORCINGS)
+def test_a_start_is_eliminated_when_its_orbit_no_longer_minimizes_the_action(kappa):
+    # The definition with no tangent vector: the second variation of the piece |k| < n.
+    period, rng = len(kappa), np.random.default_rng(len(kappa))
+    n_max, eliminated = 25, 0
+    for x, y in rng.uniform(0, 1, (40, 2)):
+        site = int(rng.integers(period))
+        kicks = elimination_time(kappa, site, x, y, n_max)
+        n = int(min(kicks, n_max))
+        ahead, p, sites = x, y, []
+        for k in range(n):
+            sites.append(2 + kappa[(site + k) % period] * np.cos(2 * np.pi * ahead))
+            ahead, p = oracles.kick(kappa[(site + k) % period], ahead, p)
+        behind, q = x, y
+        for k in range(1, n):
+            behind -= q
+            sites.insert(0, 2 + kappa[(site - k) % period] * np.cos(2 * np.pi * behind))
+            q -= kappa[(site - k) % period] / (2 * np.pi) * np.sin(2 * np.pi * behind)
+        smallest = [
+            eigvalsh_tridiagonal(np.array(piece), np.full(len(piece) - 1, -1.0))[0]
+            for piece in (sites, sites[1:-1])
+            if piece
+        ]
+        if kicks <= n_max:
+            eliminated += 1
+            assert smallest[0] <= 0
+        assert all(eigenvalue > 0 for eigenvalue in smallest[1:])
+    assert eliminated > 5
+
+
+@pytest.mark.parametrize(
+    ("kappa", "site", "a"),
+    [((1.03,), 0, 0.5), ((0.71, 0.46), 0, 0.5), ((-0.43, 0.72), 1, 0.5), ((0.1, 0.1, -0.4), 2, 0)],
+)
+def test_on_a_symmetry_line_times_are_those_of_cones(kappa, site, a):
+    y = (np.arange(300) + 0.5) / 600
+    kicks = elimination_time(kappa, site, a, y, 30 * len(kappa))
+    assert_array_equal(kicks, np.rint(cones.elimination_time(kappa, y, 30) * len(kappa)))
+    assert len(np.unique(kicks)) > 5
+
+
+def test_nothing_is_eliminated_where_circles_are():
+    y = np.linspace(0, 1, 50)
+    assert np.isinf(elimination_time((0.0, 0.0, 0.0), 1, 0.3, y, 1000)).all()
+    below = rotating_forcing(0.1, 0.1, "1/3", 0.05)
+    assert np.isinf(longest_lived(below, Transversal(0, 0.5, (0.02, 0.0, 0.0)), 3000)[1])
+
+
+@pytest.mark.parametrize("profile", [(1.0,), (0.6, 0.8), (-0.5, 0.8), (1.8, -0.1, -0.1)])
+def test_the_breakup_is_that_of_the_symmetry_line(profile):
+    known = cones.critical_scale(profile, 5000)
+    for n_max in (30, 100):
+        found = critical_scale(profile, n_max)
+        assert found.status is Status.OK
+        assert abs(found.value - known.value) < found.error / 5
+        assert known.value < found.upper < known.value * (1 + 1.5 / n_max)
+
+
+@pytest.mark.parametrize("angle", [25.0, 118.0])
+def test_phases_with_one_boundary(angle):
+    phase = 0.03
+    mean, amplitude = np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))
+    forcings = [
+        rotating_forcing(mean, amplitude, "1/3", phase),
+        rotating_forcing(mean, amplitude, "1/3", phase + 1 / 3),  # starts a kick later
+        rotating_forcing(mean, amplitude, "1/3", -phase),  # reversed in time
+        rotating_forcing(mean, -amplitude, "1/3", phase + 1 / 2),  # the same forcing
+        rotating_forcing(mean, -amplitude, "1/3", 1 / 6 - phase),  # all three together
+        rotating_forcing(-mean, -amplitude, "1/3", phase),  # x + 1/2
+    ]
+    found = [critical_scale(kappa, 50) for kappa in forcings]
+    values, errors = (np.array([getattr(s, name) for s in found]) for name in ("value", "error"))
+    assert (abs(values - values[0]) < errors / 2).all()
+    assert_allclose(values, values[0], rtol=6e-3)
+    other = critical_scale(rotating_forcing(mean, amplitude, "1/3", phase + 1 / 24), 50)
+    assert abs(other.value - values[0]) > 0.01 * values[0]  # not all phases are alike
+
+
+def test_orbits_escape_only_beyond_the_breakup_and_none_survives_there():
+    profile = rotating_forcing(-0.8, 0.5, "1/3", 1 / 24)
+    found = critical_scale(profile, 100)
+    direct = escape.critical_scale(profile, 2000, 64)
+    assert found.upper < direct.upper
+    assert abs(direct.value - found.value) < direct.error
+    straight = Transversal(1, 0.0, (0.0, 0.0, 0.0))
+    assert np.isinf(longest_lived((found.value - found.error) * profile, straight, 10**4)[1])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (((), 0, 0.5, 0.1, 10), r"kappa=\(\) has shape"),
+        (((0.1, 0.2), 2, 0.5, 0.1, 10), "site=2 must be a whole number from 0 to 1"),
+        (((0.1, 0.2), 0, np.nan, 0.1, 10), "x is not finite"),
+        (((0.1, 0.2), 0, 0.5, 0.1, 0), "n_kicks=0 must be a whole number from 1"),
+    ],
+)
+def test_bad_arguments_are_named(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        elimination_time(*arguments)
+
+
+@pytest.mark.parametrize(
+    ("profile", "n_max", "message"),
+    [
+        ((0.0, 0.0, 0.0), 100, "profile is zero"),
+        ((0.1, 0.2, 0.3), 29, "n_max=29 must be a whole number from 30"),
+    ],
+)
+def test_rays_that_cannot_be_searched(profile, n_max, message):
+    with pytest.raises(ValueError, match=message):
+        critical_scale(profile, n_max)

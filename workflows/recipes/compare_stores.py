@@ -1,0 +1,30 @@
+"""Do two stores agree? The same plane computed with other settings, or refined and in full.
+
+python workflows/recipes/compare_stores.py OUT OTHER [N]
+"""
+
+# %% Open both, and see which settings differ.
+import sys
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+one, other = (xr.open_zarr(Path(out) / "cubes.zarr", group="escape") for out in sys.argv[1:3])
+own = {"created", "config_hash", "git_commit", "library_versions", "python_version"}
+for key in sorted((one.attrs.keys() | other.attrs.keys()) - own):
+    if one.attrs.get(key) != other.attrs.get(key):
+        print(f"{key}: {one.attrs.get(key)} and {other.attrs.get(key)}")
+
+# %% Bring the other to the cells of the first. A cell of the other grid serves all within it.
+n = int(sys.argv[3]) if len(sys.argv) > 3 else min(one.attrs["n_max"], other.attrs["n_max"])
+first, second = (cube.escape_time.isel(ensemble=-1).load() for cube in (one, other))
+reach = [float(abs(np.diff(other[name].values[:2])[0])) / 2 for name in ("kappa1", "kappa2")]
+second = second.reindex_like(first, method="nearest", tolerance=max(reach) * 1.000001)
+
+# %% Cells that both know, and in which they answer differently.
+both = first.notnull() & second.notnull()
+differ = ((first <= n) != (second <= n)) & both
+print(f"{int(both.sum())} cells in both; {int(differ.sum())} of them answer differently at N={n}")
+equal = ((first == second) & both).sum() / both.sum()
+print(f"{100 * float(equal):.1f}% have the same escape time to the step")
