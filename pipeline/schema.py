@@ -19,7 +19,7 @@ import dask.array
 import numpy as np
 import xarray as xr
 
-FORMAT = "nasm-cubes/1"
+FORMAT = "nasm-cubes/2"
 """Version of the store's layout; a store of another version is refused."""
 
 

@@ -5,7 +5,8 @@
    per worker at a time.
 3. Tiles that were with a worker that died are suspects: rerun alone at the end. A tile that fails
    alone, or raises an error, has failed: it stays missing, and the sweep goes on with the others.
-4. On Ctrl-C submit no more, wait for the tiles in flight, and say what is left.
+4. On Ctrl-C submit no more, wait for the tiles in flight, and say what is left. Likewise if the
+   store fails: a full disk would fail all tiles in turn.
 
 The sweep knows nothing of what it computes: `compute(coords, settings)` returns the arrays of one
 tile, `predict(coords, settings)` its cost in CPU seconds. Both must be importable by the workers.
@@ -23,6 +24,7 @@ from dataclasses import dataclass
 from distributed import KilledWorker, wait
 
 from pipeline import store
+from pipeline.faults import StorageError
 from pipeline.grid import tile_slices
 
 BATCH_SECONDS = 0.5  # of predicted CPU time in a batch: long against 2 ms of scheduling
@@ -49,7 +51,7 @@ def sweep(client, out, cube, compute, predict, wanted=None, report=sys.stderr):
     Parameters
     ----------
     client : distributed.Client, see `pipeline.cluster`.
-    out : path, a directory held by `store.driving`.
+    out : the place of a store, held by `store.driving`.
     cube : schema.Cube; created in the store if it is not there.
     compute, predict : functions (coords, settings), see above; coords are {dim: ndarray}.
     wanted : iterable of tile indices, default all.
@@ -58,7 +60,8 @@ def sweep(client, out, cube, compute, predict, wanted=None, report=sys.stderr):
     Returns
     -------
     Outcome. StoreError if the store holds another cube of that name; no tile is then computed.
-    ConnectionError if the scheduler or all workers are gone; what is committed stays.
+    StorageError if the disk or the object store fails; what is committed stays, here and below.
+    ConnectionError if the scheduler or all workers are gone.
     """
     layout = store.create(out, cube)
     missing = store.missing(layout, cube)
@@ -82,6 +85,8 @@ def sweep(client, out, cube, compute, predict, wanted=None, report=sys.stderr):
             else:
                 failed[index] = "its worker died each time, also when it ran alone"
     progress.end()
+    if run.fault:
+        raise run.fault
     return Outcome(run.committed, failed, interrupt.is_set(), len(missing) - run.committed)
 
 
@@ -91,7 +96,7 @@ class _Run:
     def __init__(self, client, layout, compute, settings, tiles, interrupt, progress):
         self.client, self.layout, self.compute, self.settings = client, layout, compute, settings
         self.tiles, self.interrupt, self.progress = tiles, interrupt, progress
-        self.committed, self.failed = 0, {}
+        self.committed, self.failed, self.fault = 0, {}, None
 
     def all(self, batches, window):
         """Run the batches, at most `window` at a time; returns tiles whose worker died."""
@@ -99,7 +104,7 @@ class _Run:
         batches = iter(batches)
         in_flight = {}
         while True:
-            while len(in_flight) < window and not self.interrupt.is_set():
+            while len(in_flight) < window and not (self.fault or self.interrupt.is_set()):
                 batch = next(batches, None)
                 if batch is None:
                     break
@@ -121,6 +126,8 @@ class _Run:
                     continue
                 except KilledWorker:
                     suspects += batch
+                except StorageError as fault:
+                    self.fault = fault
                 except CancelledError:
                     raise ConnectionError(
                         "the dask scheduler is gone; run again to resume"
@@ -151,7 +158,10 @@ def _first_completed(client, futures):
 
 
 def _compute_batch(layout, compute, settings, tiles):
-    """On a worker: compute and commit each tile; returns [(index, None or what went wrong)]."""
+    """On a worker: compute and commit each tile; returns [(index, None or what went wrong)].
+
+    A store that fails is no fault of the tile, and raises.
+    """
     results = []
     for index, coords in tiles:
         error = None
@@ -161,6 +171,8 @@ def _compute_batch(layout, compute, settings, tiles):
                 start = time.thread_time()
                 arrays = compute(coords, settings)
                 store.commit(layout, index, arrays, time.thread_time() - start)
+        except StorageError:
+            raise
         except Exception as exception:
             error = f"{type(exception).__name__}: {exception}"
         results.append((index, error))

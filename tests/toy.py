@@ -4,15 +4,18 @@
 """
 
 import hashlib
+import io
 import os
 import signal
 import sys
 import time
+from contextlib import contextmanager
 from pathlib import Path
 
 import dask.array
 import numpy as np
 import xarray as xr
+from distributed import Client, LocalCluster
 
 from pipeline import store
 from pipeline.cluster import connect
@@ -59,6 +62,42 @@ def compute(coords, settings):
     row, column = np.meshgrid(coords["row"], coords["column"], indexing="ij")
     wave = np.stack([np.sin(7 * row + part) * np.exp(column) for part in coords["part"]])
     return {"wave": wave, "sign": np.sign(column).astype("int8")}
+
+
+COMPUTED = []  # first coordinates of tiles, in the order in which `watched` computed them
+EVENTS = {}  # what is to happen before it computes the tile of that number
+
+
+def watched(coords, settings):
+    COMPUTED.append((coords["row"][0], coords["column"][0]))
+    EVENTS.pop(len(COMPUTED), no_warm_up)()
+    return compute(coords, settings)
+
+
+def watched_sweep(client, out, plan, events=()):
+    """A sweep by workers in this process, during which events may happen; see COMPUTED after it."""
+    COMPUTED.clear()
+    EVENTS.clear()
+    EVENTS.update(events)
+    with store.driving(out):
+        return sweep(client, out, plan, watched, predict, report=io.StringIO())
+
+
+@contextmanager
+def workers_here():
+    """A dask Client whose two workers are threads of this process."""
+    with (
+        LocalCluster(
+            processes=False,
+            protocol="tcp",
+            host="127.0.0.1",
+            n_workers=1,
+            threads_per_worker=2,
+            dashboard_address="127.0.0.1:0",
+        ) as cluster,
+        Client(cluster) as client,
+    ):
+        yield client
 
 
 def predict(coords, settings):

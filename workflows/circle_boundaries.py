@@ -7,7 +7,15 @@ and Greene's residue, which is sharper and knows nothing of circles.
 
 import click
 
-from workflows.cli import HELP, Job, angles_option, carry_out, cluster_options, session
+from workflows.cli import (
+    HELP,
+    Job,
+    angles_option,
+    carry_out,
+    cluster_options,
+    session,
+    store_option,
+)
 from workflows.last_barrier import barrier_job, ray_angles, tips_option, unfolded
 
 
@@ -78,8 +86,9 @@ def _parse_omegas(context, parameter, value):
     type=click.IntRange(10, 10**6),
     help="Longest period of the orbits of the residue method.",
 )
+@store_option
 @cluster_options
-def main(out, cluster, omega, angles, tips, tol, q_max):
+def main(out, place, cluster, omega, angles, tips, tol, q_max):
     """The boundaries CB_ω of circles: two cubes, a table of each and two figures in OUT.
 
     The defaults take a minute and a half on two cores.
@@ -90,8 +99,8 @@ def main(out, cluster, omega, angles, tips, tol, q_max):
         residue_job(omega, rays, q_max),
         barrier_job(rays, 1e-3),
     ]
-    with session(out, cluster, ["circle", "barrier"], [job.cube for job in jobs]) as client:
-        circles, residues, barrier = (carry_out(client, out, job) for job in jobs)
+    with session(out, cluster, ["circle", "barrier"], [job.cube for job in jobs], place) as client:
+        circles, residues, barrier = (carry_out(client, place, job) for job in jobs)
         from workflows.figures.circle_boundaries import (
             circles_caption,
             draw_circle_boundaries,
@@ -112,7 +121,7 @@ def main(out, cluster, omega, angles, tips, tol, q_max):
         figures += save(
             draw_tips(residues, circles, barrier), out, "tips", tips_caption(residues, circles)
         )
-    click.echo(f"cubes:   {out}/cubes.zarr, groups breakdown, breakdown_residue and barrier")
+    click.echo(f"cubes:   {place}/cubes.zarr, groups breakdown, breakdown_residue and barrier")
     click.echo(f"tables:  {out}/circle_boundaries.csv, {out}/circle_boundaries_residue.csv")
     click.echo(f"figures: {', '.join(figures)}")
 

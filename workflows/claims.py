@@ -10,7 +10,7 @@ from pathlib import Path
 import click
 
 from workflows.circle_boundaries import residue_job
-from workflows.cli import HELP, carry_out, cluster_options, session
+from workflows.cli import HELP, carry_out, cluster_options, session, store_option
 from workflows.convergence import direct_bias, direct_job, steps_up_to
 from workflows.last_barrier import barrier_job, unfolded
 from workflows.rotating import VECTORS, tori_job, two_kicks
@@ -105,8 +105,9 @@ def examine(cubes, rays, n_max, n_orbits):
     type=click.IntRange(10, 10**5),
     help="Orbits of direct iteration.",
 )
+@store_option
 @cluster_options
-def main(out, cluster, angles, tips, tol, n_max, n_orbits):
+def main(out, place, cluster, angles, tips, tol, n_max, n_orbits):
     """The paper's claims, one by one: a page, three tables and five cubes in OUT.
 
     The defaults take some minutes on two cores; --angles 19 --tips 8 --tol 1e-3 --n-max 20000
@@ -114,8 +115,8 @@ def main(out, cluster, angles, tips, tol, n_max, n_orbits):
     """
     wanted, rays = jobs(angles, tips, tol, n_max, n_orbits)
     methods = ["residue", "barrier", "escape", "transversal"]
-    with session(out, cluster, methods, [job.cube for job in wanted.values()]) as client:
-        cubes = {name: carry_out(client, out, job) for name, job in wanted.items()}
+    with session(out, cluster, methods, [job.cube for job in wanted.values()], place) as client:
+        cubes = {name: carry_out(client, place, job) for name, job in wanted.items()}
         from workflows.claims_page import claims_page, write_tables
         from workflows.claims_rules import CLAIMS
 
@@ -129,7 +130,7 @@ def main(out, cluster, angles, tips, tol, n_max, n_orbits):
     click.echo(f"page:   {path}")
     click.echo(f"tables: {', '.join(map(str, tables))}")
     groups = ", ".join(job.cube.name for job in wanted.values())
-    click.echo(f"cubes:  {out}/cubes.zarr, groups {groups}")
+    click.echo(f"cubes:  {place}/cubes.zarr, groups {groups}")
 
 
 if __name__ == "__main__":

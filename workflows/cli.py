@@ -1,13 +1,14 @@
 """The command line that all workflows share: where to write, what to compute on, how to end.
 
-Exit codes: 0 done; 1 some tiles failed, or the workers are gone; 2 bad input, nothing touched;
-130 stopped by Ctrl-C.
+Exit codes: 0 done; 1 some tiles failed, or the workers are gone, or the disk or the object store
+failed; 2 bad input, nothing touched; 130 stopped by Ctrl-C.
 """
 
 import functools
+import os
 import sys
 from collections.abc import Callable
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 
 import click
@@ -68,16 +69,30 @@ def angles_option(default):
     )
 
 
+def _refuse_url(out):
+    if "://" in out:
+        # It is not repeated: there may be a password in it.
+        raise click.UsageError(
+            "--out is a directory, for tables and figures too; only the cubes of a sweep can be "
+            "elsewhere, by --store URL"
+        )
+    return out
+
+
+out_option = click.option(
+    "--out",
+    default="out",
+    show_default=True,
+    type=click.Path(path_type=str),
+    callback=lambda context, parameter, value: _refuse_url(value),
+    help="Directory of the results; an earlier run in it is resumed.",
+)
+
+
 def cluster_options(function):
     """--out, passed on as `out`; --scheduler, --workers and --tls, as the dict `cluster`."""
 
-    @click.option(
-        "--out",
-        default="out",
-        show_default=True,
-        type=click.Path(path_type=str),
-        help="Directory of the results; an earlier run in it is resumed.",
-    )
+    @out_option
     @click.option(
         "--workers",
         type=click.IntRange(1, 4096),
@@ -104,18 +119,43 @@ def cluster_options(function):
     return wrapped
 
 
+def store_option(function):
+    """--store, passed on as `place`: where the cubes are, which is OUT unless told otherwise."""
+
+    @click.option(
+        "--store",
+        metavar="URL",
+        help="Keep the cubes in an object store, s3://BUCKET/PREFIX (or gs://, az://), not in OUT. "
+        "Credentials come from the environment.",
+    )
+    @functools.wraps(function)
+    def wrapped(*args, out, store, **kwargs):
+        if store is not None and "://" not in store:
+            raise click.BadParameter(
+                "--store is a URL, s3://BUCKET/PREFIX; a directory goes to --out"
+            )
+        return function(*args, out=out, place=store or out, **kwargs)
+
+    return wrapped
+
+
 @contextmanager
-def _explained():
-    """What a user can mend ends the program with one line and exit code 2."""
+def explained(place=None):
+    """What a user can mend ends the program with one line, and exit code 2 or 1."""
     try:
+        from pipeline import store
         from pipeline.cluster import ClusterError
-        from pipeline.store import StoreError
+        from pipeline.faults import StorageError, StoreError
 
         try:
-            yield
+            with store.explained(place) if place else nullcontext():
+                yield
         except (StoreError, ClusterError) as error:
             raise click.UsageError(str(error)) from None
-        except ConnectionError as error:
+        except StorageError as fault:
+            again = "What is committed stays; run the same command again to resume"
+            raise click.ClickException(f"{fault}. {again}") from None
+        except OSError as error:  # no workers, or no room for a table
             raise click.ClickException(str(error)) from None
     except KeyboardInterrupt:
         click.echo("abandoned; run the same command again to resume", err=True)
@@ -124,8 +164,9 @@ def _explained():
 
 @contextmanager
 def driver(out):
-    """Hold `out` as its driver, without a cluster."""
-    with _explained():
+    """Hold the directory `out` as its driver, without a cluster."""
+    _refuse_url(out)
+    with explained(out):
         from pipeline import store
 
         with store.driving(out):
@@ -142,21 +183,26 @@ class Job:
 
 
 @contextmanager
-def session(out, cluster, methods, cubes):
-    """Hold `out` as its driver and connect to the workers: yields the dask client.
+def session(out, cluster, methods, cubes, place=None):
+    """Hold the store as its driver and connect to the workers: yields the dask client.
 
-    The workers are warmed up for the tasks of `methods`; see `tasks.warm_up`. Before they start,
-    `out` is refused if it holds one of the `cubes` to be computed with other settings.
+    The store is in `place`, by default in `out`. The workers are warmed up for the tasks of
+    `methods`; see `tasks.warm_up`. Before they start, the place is refused if it holds one of the
+    `cubes` to be computed with other settings.
     """
-    with _explained():
+    place = place or out
+    with explained(place):
         from pipeline import store, tasks
         from pipeline.cluster import connect
 
-        store.refuse_foreign(out)
+        if place != out and store.STORE in store.place_of(out).names():
+            raise store.StoreError(f"{out} holds cubes of its own; choose another --out for tables")
+        store.refuse_foreign(place)
         for cube in cubes:
-            store.refuse_different(out, cube)
+            store.refuse_different(place, cube)
         warm_up = functools.partial(tasks.warm_up, methods)
-        with connect(warm_up, **cluster) as client, store.driving(out):
+        with connect(warm_up, **cluster) as client, store.driving(place):
+            os.makedirs(out, exist_ok=True)
             yield client
 
 
@@ -169,23 +215,23 @@ def shared_workers(scheduler, n_workers, tls):
     if scheduler is not None:
         yield ["--scheduler", scheduler, *(["--tls", *tls] if tls else [])]
         return
-    with _explained():
+    with explained():
         from pipeline.cluster import connect
 
         with connect(lambda: None, n_workers=n_workers) as client:
             yield ["--scheduler", client.scheduler.address]
 
 
-def carry_out(client, out, job, wanted=None):
-    """Sweep the job's cube, or the tiles `wanted` of it, into the store in `out`.
+def carry_out(client, place, job, wanted=None):
+    """Sweep the job's cube, or the tiles `wanted` of it, into the store in `place`.
 
     Returns the cube as a Dataset.
     """
     from pipeline import store
     from pipeline.sweep import sweep
 
-    finish(sweep(client, out, job.cube, job.compute, job.predict, wanted))
-    return store.read(out, job.cube.name)
+    finish(sweep(client, place, job.cube, job.compute, job.predict, wanted))
+    return store.read(place, job.cube.name)
 
 
 def finish(outcome):

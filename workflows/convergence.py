@@ -8,7 +8,15 @@ Greene's residue in the period q, and certified circles in the number n of grid 
 
 import click
 
-from workflows.cli import HELP, Job, carry_out, cluster_options, integers_option, session
+from workflows.cli import (
+    HELP,
+    Job,
+    carry_out,
+    cluster_options,
+    integers_option,
+    session,
+    store_option,
+)
 
 ANGLES = (0.0, 20.0, 40.0, 45.0)
 
@@ -171,8 +179,9 @@ def _last_certified(circles, best, profile, n):
     is_flag=True,
     help="A preview: 10 000 steps, and short runs of the other methods.",
 )
+@store_option
 @cluster_options
-def main(out, cluster, n_max, n_orbits, quick):
+def main(out, place, cluster, n_max, n_orbits, quick):
     """Convergence studies: three cubes, a table and two figures in OUT.
 
     About three minutes on two cores; ten times the steps or orbits take ten times as long.
@@ -181,15 +190,15 @@ def main(out, cluster, n_max, n_orbits, quick):
     best = breakups(ANGLES)
     scales = {angle: float(scale.value) for angle, scale in best.items()}
     job = direct_job(scales, n_orbits, n_max)
-    with session(out, cluster, ["escape"], [job.cube]) as client:
-        bias = direct_bias(carry_out(client, out, job).load(), steps_up_to(n_max))
+    with session(out, cluster, ["escape"], [job.cube], place) as client:
+        bias = direct_bias(carry_out(client, place, job).load(), steps_up_to(n_max))
         from pipeline import store
         from pipeline.schema import Cube
         from workflows.figures import convergence as drawing
         from workflows.figures.style import save
 
         others = other_methods(best, quick)
-        store.replace(out, Cube("convergence", others, {}, {"quick": quick}))
+        store.replace(place, Cube("convergence", others, {}, {"quick": quick}))
         fits = {
             angle: exponent(bias.n.values, bias.sel(angle=angle).isel(ensemble=-1).values)
             for angle in ANGLES
@@ -198,13 +207,13 @@ def main(out, cluster, n_max, n_orbits, quick):
         figure, words = drawing.draw_convergence(bias, others, fits), drawing.describe(bias, fits)
         figures = save(figure, out, "convergence", words)
         diagonal = on_the_diagonal(bias, scales[45.0])
-        store.replace(out, Cube("convergence_diagonal", diagonal, {}, {}))
+        store.replace(place, Cube("convergence_diagonal", diagonal, {}, {}))
         figure, words = drawing.draw_diagonal(diagonal), drawing.describe_diagonal(diagonal)
         figures += save(figure, out, "convergence_diagonal", words)
     for angle, (eta, deviation) in fits.items():
         click.echo(f"direct iteration at {angle:g}°: eta = {eta:.2f} ± {deviation:.2f}")
     click.echo(
-        f"cubes:   {out}/cubes.zarr, groups escape_rays, convergence and convergence_diagonal"
+        f"cubes:   {place}/cubes.zarr, groups escape_rays, convergence and convergence_diagonal"
     )
     click.echo(f"table:   {out}/convergence_direct.csv")
     click.echo(f"figures: {', '.join(figures)}")

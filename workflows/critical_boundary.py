@@ -9,7 +9,7 @@ between a certified circle and converse KAM, with the circle that is the last to
 import click
 
 from workflows.circle_boundaries import continuation_job, write_table
-from workflows.cli import HELP, angles_option, carry_out, cluster_options, session
+from workflows.cli import HELP, angles_option, carry_out, cluster_options, session, store_option
 from workflows.escape_plane import escape_plane, plane_options, planned
 from workflows.last_barrier import barrier_job, ray_angles, tips_option, unfolded
 
@@ -60,8 +60,9 @@ def boundary_table(dataset, angles, steps):
     type=click.FloatRange(1e-5, 0.1),
     help="Width of the bracket of CB_gt, and error of the CB_omega, to aim at.",
 )
+@store_option
 @cluster_options
-def main(out, cluster, plane, angles, tips, tol):
+def main(out, place, cluster, plane, angles, tips, tol):
     """The critical boundary of global transport: three cubes, three tables and a figure in OUT.
 
     The defaults take about two minutes on two cores. The paper's size of direct iteration is
@@ -73,10 +74,10 @@ def main(out, cluster, plane, angles, tips, tol):
     circle_job = continuation_job(sorted(map(parse, NAMES), key=float), rays, tol)
     last_job = barrier_job(rays, tol)
     cubes = [planned(plane), circle_job.cube, last_job.cube]
-    with session(out, cluster, ["escape", "circle", "barrier"], cubes) as client:
-        barrier = unfolded(carry_out(client, out, last_job), rays)
-        circles = carry_out(client, out, circle_job)
-        dataset = escape_plane(client, out, plane)
+    with session(out, cluster, ["escape", "circle", "barrier"], cubes, place) as client:
+        barrier = unfolded(carry_out(client, place, last_job), rays)
+        circles = carry_out(client, place, circle_job)
+        dataset = escape_plane(client, place, plane)
         from workflows.figures.critical_boundary import draw_critical_boundary
         from workflows.figures.style import save
 
@@ -87,7 +88,7 @@ def main(out, cluster, plane, angles, tips, tol):
         write_table(circles, f"{out}/circle_boundaries.csv")
         direct.to_dataframe().to_csv(f"{out}/direct_boundary.csv", float_format="%.6g")
         figures = save(draw_critical_boundary(dataset, circles, barrier), out, "critical_boundary")
-    click.echo(f"cubes:  {out}/cubes.zarr, groups escape, breakdown and barrier")
+    click.echo(f"cubes:  {place}/cubes.zarr, groups escape, breakdown and barrier")
     click.echo(f"tables: {out}/critical_boundary.csv, circle_boundaries.csv, direct_boundary.csv")
     click.echo(f"figure: {', '.join(figures)}")
 

@@ -22,6 +22,7 @@ from workflows.cli import (
     cluster_options,
     integers_option,
     session,
+    store_option,
 )
 from workflows.convergence import direct_bias
 from workflows.labelled import labelled
@@ -47,11 +48,11 @@ def direct_job(barrier, n_max, n_orbits):
     return Job(cube, tasks.escape_rays_tile, tasks.escape_rays_cost)
 
 
-def inwards(client, out, job):
+def inwards(client, place, job):
     """Sweep the job's cube from the largest excess inwards, on each ray to the first no-escape."""
     rays = range(job.cube.sizes["angle"])
     for excess in reversed(range(job.cube.sizes["excess"])):
-        found = carry_out(client, out, job, {(ray, excess) for ray in rays})
+        found = carry_out(client, place, job, {(ray, excess) for ray in rays})
         times = found.escape_time[-1, :, excess].values
         rays = [ray for ray in rays if times[ray] <= job.cube.settings["n_max"]]
         if not rays:
@@ -177,8 +178,9 @@ def insets_dataset():
 )
 @angles_option(181)
 @tips_option
+@store_option
 @cluster_options
-def main(out, cluster, steps, n_orbits, angles, tips):
+def main(out, place, cluster, steps, n_orbits, angles, tips):
     """The boundary by direct iteration: three cubes, a table and two figures in OUT.
 
     The defaults are the paper's size: 40 CPU seconds a ray, two hours in all. A tenth of the steps
@@ -186,7 +188,7 @@ def main(out, cluster, steps, n_orbits, angles, tips):
     """
     rays = ray_angles(angles, tips)
     last_job = barrier_job(rays, 1e-4)
-    with session(out, cluster, ["barrier", "escape"], [last_job.cube]) as client:
+    with session(out, cluster, ["barrier", "escape"], [last_job.cube], place) as client:
         import numpy as np
 
         from pipeline import store
@@ -194,14 +196,14 @@ def main(out, cluster, steps, n_orbits, angles, tips):
         from workflows.figures import direct_boundary as figures
         from workflows.figures.style import save
 
-        barrier = unfolded(carry_out(client, out, last_job), rays)
+        barrier = unfolded(carry_out(client, place, last_job), rays)
         # Direct iteration is too coarse to resolve the tips.
         spread = np.linspace(0, 180, angles).round(9)
         known = barrier.sel(angle=spread).dropna("angle", subset=["critical_scale"])
         boundary = boundary_dataset(
-            inwards(client, out, direct_job(known, steps[-1], n_orbits)), known, steps
+            inwards(client, place, direct_job(known, steps[-1], n_orbits)), known, steps
         )
-        store.replace(out, insets := Cube("direct_insets", insets_dataset(), {}, {}))
+        store.replace(place, insets := Cube("direct_insets", insets_dataset(), {}, {}))
         for n, lost in zip(steps, boundary.bias.isnull().sum("angle").values, strict=True):
             if lost:
                 click.echo(f"N = {n}: no boundary on {lost} rays from 1% to 100% outside", err=True)
@@ -216,7 +218,7 @@ def main(out, cluster, steps, n_orbits, angles, tips):
             "direct_boundary",
             f"{caption} {figures.describe_insets(insets.template)}",
         )
-    click.echo(f"cubes:   {out}/cubes.zarr, groups direct_boundary, direct_insets and barrier")
+    click.echo(f"cubes:   {place}/cubes.zarr, groups direct_boundary, direct_insets and barrier")
     click.echo(f"table:   {out}/direct_boundary_rays.csv")
     click.echo(f"figures: {', '.join(drawn)}")
 

@@ -10,7 +10,15 @@ from dataclasses import dataclass
 
 import click
 
-from workflows.cli import HELP, axis_option, cluster_options, finish, integers_option, session
+from workflows.cli import (
+    HELP,
+    axis_option,
+    cluster_options,
+    finish,
+    integers_option,
+    session,
+    store_option,
+)
 
 
 @dataclass(frozen=True)
@@ -133,8 +141,8 @@ def _level_cube(plane, name, level):
     return schema.escape_cube(name, *axes, plane.n_orbits, plane.n_max, PAPER_WINDOW, plane.tile)
 
 
-def escape_plane(client, out, plane):
-    """Compute the field of first escape times into the store in `out`; returns it as a Dataset.
+def escape_plane(client, place, plane):
+    """Compute the field of first escape times into the store in `place`; returns it as a Dataset.
 
     With one level, the cube `escape` holds every cell. With more, every level is a cube of its own,
     `escape_level0` and so on, and `escape` is composed of them, with the `level` of each cell. Ends
@@ -144,12 +152,12 @@ def escape_plane(client, out, plane):
     from pipeline.sweep import sweep
 
     def compute(level_cube, wanted=None):
-        finish(sweep(client, out, level_cube, tasks.escape_tile, tasks.escape_cost, wanted))
-        return store.read(out, level_cube.name).escape_time.values
+        finish(sweep(client, place, level_cube, tasks.escape_tile, tasks.escape_cost, wanted))
+        return store.read(place, level_cube.name).escape_time.values
 
     if plane.levels == 1:
         compute(planned(plane))
-        return store.read(out, "escape")
+        return store.read(place, "escape")
     fields = [compute(_level_cube(plane, "escape_level0", 0))]
     for level in range(1, plane.levels):
         level_cube = _level_cube(plane, f"escape_level{level}", level)
@@ -161,8 +169,8 @@ def escape_plane(client, out, plane):
             fields[-1] = compute(level_cube, wanted)
     finest = _level_cube(plane, "escape", plane.levels - 1)
     composed = schema.composed(finest, plane.levels, plane.follow, *refine.compose(fields))
-    store.replace(out, composed)
-    return store.read(out, "escape")
+    store.replace(place, composed)
+    return store.read(place, "escape")
 
 
 def _followed_cells(fields, plane):
@@ -177,20 +185,21 @@ def _followed_cells(fields, plane):
 
 @click.command(context_settings=HELP)
 @plane_options("-1.1:1.1:256", "0:1.1:128", n_max=10_000, n_orbits=64, tile=16, levels=1)
+@store_option
 @cluster_options
-def main(out, cluster, plane):
+def main(out, place, cluster, plane):
     """First escape times over the (κ1, κ2) plane, into OUT/cubes.zarr, group `escape`.
 
     The paper's Fig. 5 is --kappa1 0:1:512 --kappa2 0:1:512 --levels 5 --n-max 1000000
     --n-orbits 10000, and Fig. 6 the same with --kappa1 -1:1:1024.
     """
-    with session(out, cluster, ["escape"], [planned(plane)]) as client:
-        dataset = escape_plane(client, out, plane)
+    with session(out, cluster, ["escape"], [planned(plane)], place) as client:
+        dataset = escape_plane(client, place, plane)
         from workflows.figures.escape_plane import draw_escape_plane
         from workflows.figures.style import save
 
         figures = save(draw_escape_plane(dataset, plane.drawn), out, "escape_plane")
-    click.echo(f"cube:   {out}/cubes.zarr, group escape")
+    click.echo(f"cube:   {place}/cubes.zarr, group escape")
     click.echo(f"figure: {', '.join(figures)}")
 
 

@@ -8,7 +8,7 @@ MacKay, Meiss & Percival, Physica D 13 (1984) 55.
 
 import click
 
-from workflows.cli import HELP, Job, carry_out, cluster_options, session
+from workflows.cli import HELP, Job, carry_out, cluster_options, session, store_option
 from workflows.last_barrier import barrier_job, unfolded
 
 
@@ -86,8 +86,9 @@ def laws(fluxes):
     type=click.IntRange(100, 10**6),
     help="Longest period of the orbits; 10/NEAREST or more.",
 )
+@store_option
 @cluster_options
-def main(out, cluster, angle, nearest, q_max):
+def main(out, place, cluster, angle, nearest, q_max):
     """The flux through broken circles: two cubes, two tables and a figure in OUT.
 
     The defaults take a minute on two cores.
@@ -97,9 +98,9 @@ def main(out, cluster, angle, nearest, q_max):
     rays = np.unique(angle)
     excesses = np.geomspace(nearest, 0.5, 1 + int(8 * np.log10(0.5 / nearest)))
     last = barrier_job(rays, 1e-3)
-    with session(out, cluster, ["barrier", "flux"], [last.cube]) as client:
-        job = flux_job(unfolded(carry_out(client, out, last), rays), excesses, q_max)
-        fluxes = carry_out(client, out, job).load()
+    with session(out, cluster, ["barrier", "flux"], [last.cube], place) as client:
+        job = flux_job(unfolded(carry_out(client, place, last), rays), excesses, q_max)
+        fluxes = carry_out(client, place, job).load()
         from workflows.figures.flux import caption, draw_flux
         from workflows.figures.style import save
 
@@ -109,7 +110,7 @@ def main(out, cluster, angle, nearest, q_max):
         figures = save(draw_flux(fluxes, fits), out, "flux", caption(fluxes, fits))
     for angle, row in fits.to_dataframe().iterrows():
         click.echo(f"{angle:g}°, {row.circle}: eta = {row.exponent:.6f} ± {row.exponent_error:.6f}")
-    click.echo(f"cubes:  {out}/cubes.zarr, groups barrier and flux")
+    click.echo(f"cubes:  {place}/cubes.zarr, groups barrier and flux")
     click.echo(f"tables: {out}/flux.csv, {out}/flux_law.csv")
     click.echo(f"figure: {', '.join(figures)}")
 

@@ -7,7 +7,15 @@ the wedge 0 ≤ κ2 ≤ κ1 before they are computed.
 
 import click
 
-from workflows.cli import HELP, Job, angles_option, carry_out, cluster_options, session
+from workflows.cli import (
+    HELP,
+    Job,
+    angles_option,
+    carry_out,
+    cluster_options,
+    session,
+    store_option,
+)
 
 
 def barrier_job(angles, tol):
@@ -96,22 +104,23 @@ tips_option = click.option(
     type=click.FloatRange(1e-5, 0.1),
     help="Width of the bracket to aim at, in parts of the scale.",
 )
+@store_option
 @cluster_options
-def main(out, cluster, angles, tips, tol):
+def main(out, place, cluster, angles, tips, tol):
     """The last barrier on rays: a cube, a table and a figure in OUT.
 
     The defaults take about a minute and a half on two cores.
     """
     rays = ray_angles(angles, tips)
     job = barrier_job(rays, tol)
-    with session(out, cluster, ["barrier"], [job.cube]) as client:
-        table = unfolded(carry_out(client, out, job), rays)
+    with session(out, cluster, ["barrier"], [job.cube], place) as client:
+        table = unfolded(carry_out(client, place, job), rays)
         from workflows.figures.last_barrier import caption, draw_last_barrier
         from workflows.figures.style import save
 
         table.to_dataframe().to_csv(f"{out}/last_barrier.csv", float_format="%.12g")
         figures = save(draw_last_barrier(table), out, "last_barrier", caption(table))
-    click.echo(f"cube:   {out}/cubes.zarr, group barrier")
+    click.echo(f"cube:   {place}/cubes.zarr, group barrier")
     click.echo(f"table:  {out}/last_barrier.csv")
     click.echo(f"figure: {', '.join(figures)}")
 

@@ -11,7 +11,15 @@ from fractions import Fraction
 import click
 
 from workflows.circle_boundaries import residue_job, write_table
-from workflows.cli import HELP, Job, angles_option, carry_out, cluster_options, session
+from workflows.cli import (
+    HELP,
+    Job,
+    angles_option,
+    carry_out,
+    cluster_options,
+    session,
+    store_option,
+)
 from workflows.last_barrier import barrier_job, ray_angles, tips_option, unfolded
 
 # The paper's vector of 1705/3136 is the first. 1/τ = 0.543689… and 1/τ + 1/τ² = 0.839286…, τ the
@@ -123,8 +131,9 @@ def _vectors(context, parameter, values):
     type=click.IntRange(1, 10**8),
     help="Orbits of direct iteration.",
 )
+@store_option
 @cluster_options
-def main(out, cluster, vector, angles, tips, n_max, n_orbits):
+def main(out, place, cluster, vector, angles, tips, n_max, n_orbits):
     """Rotating standard maps: four cubes, a table and two figures in OUT."""
     from nasm.numbers import NAMES, parse
 
@@ -135,8 +144,8 @@ def main(out, cluster, vector, angles, tips, n_max, n_orbits):
         transport_job(rays, n_max, n_orbits),
         tori_job(vector, rays),
     ]
-    with session(out, cluster, ["escape", "barrier"], [job.cube for job in jobs]) as client:
-        circles, barrier, direct, tori = (carry_out(client, out, job) for job in jobs)
+    with session(out, cluster, ["escape", "barrier"], [job.cube for job in jobs], place) as client:
+        circles, barrier, direct, tori = (carry_out(client, place, job) for job in jobs)
         from workflows.figures import rotating as figure
         from workflows.figures.style import save
 
@@ -150,7 +159,7 @@ def main(out, cluster, vector, angles, tips, n_max, n_orbits):
         parts = tori, two, direct
         figures += save(figure.draw_rotating_tori(*parts), out, "tori", figure.tori_caption(*parts))
     groups = "breakdown_residue, barrier, rotating_transport, rotating_tori"
-    click.echo(f"cubes:   {out}/cubes.zarr, groups {groups}")
+    click.echo(f"cubes:   {place}/cubes.zarr, groups {groups}")
     click.echo(f"table:   {out}/tori.csv")
     click.echo(f"figures: {', '.join(figures)}")
 

@@ -13,7 +13,15 @@ from fractions import Fraction
 
 import click
 
-from workflows.cli import HELP, Job, angles_option, carry_out, cluster_options, session
+from workflows.cli import (
+    HELP,
+    Job,
+    angles_option,
+    carry_out,
+    cluster_options,
+    session,
+    store_option,
+)
 from workflows.last_barrier import barrier_job, tips_option
 from workflows.rotating import rotated_rays, two_kicks
 
@@ -72,13 +80,16 @@ def _parse_phases(context, parameter, values):
     type=click.IntRange(30, 10**5),
     help="Steps (of three kicks) of converse KAM; the upper bound is 0.7/N above the value.",
 )
+@store_option
 @cluster_options
-def main(out, cluster, phase, angles, tips, n_max):
+def main(out, place, cluster, phase, angles, tips, n_max):
     """Rotating standard maps with Ω = 1/3: two cubes, a table and a figure in OUT."""
     rays = rotated_rays(angles, tips)
     jobs = [three_kicks_job(phase, rays, n_max), barrier_job(45 - rays, 1e-3)]
-    with session(out, cluster, ["transversal", "barrier"], [job.cube for job in jobs]) as client:
-        three, barrier = (carry_out(client, out, job) for job in jobs)
+    with session(
+        out, cluster, ["transversal", "barrier"], [job.cube for job in jobs], place
+    ) as client:
+        three, barrier = (carry_out(client, place, job) for job in jobs)
         from workflows.circle_boundaries import write_table
         from workflows.figures.style import save
         from workflows.figures.three_kicks import caption, draw_three_kicks
@@ -87,7 +98,7 @@ def main(out, cluster, phase, angles, tips, n_max):
         three = compared(three, two)
         write_table(three, f"{out}/three_kicks.csv")
         figures = save(draw_three_kicks(three, two), out, "three_kicks", caption(three))
-    click.echo(f"cubes:  {out}/cubes.zarr, groups three_kicks and barrier")
+    click.echo(f"cubes:  {place}/cubes.zarr, groups three_kicks and barrier")
     click.echo(f"table:  {out}/three_kicks.csv")
     click.echo(f"figure: {', '.join(figures)}")
 

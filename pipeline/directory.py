@@ -1,0 +1,184 @@
+"""A store's place on a disk: a directory, its files named by keys `a/b/c`.
+
+Every file is written aside and renamed into place, and so is every group, so that a killed process
+leaves nothing half-written. One driver at a time: a lock that dies with its process.
+"""
+
+import errno
+import fcntl
+import os
+import shutil
+from contextlib import contextmanager, nullcontext, suppress
+from dataclasses import dataclass
+from typing import ClassVar
+from uuid import uuid4
+
+from pipeline.faults import StorageError, StoreError
+
+_ASIDE = ".partial"
+_LOCK = ".lock"
+_CURES = {
+    errno.ENOSPC: "make room on the disk",
+    errno.EDQUOT: "make room within the disk quota",
+    errno.EFBIG: "raise the limit on the size of files",
+    errno.ENOENT: "it was moved or deleted under way; put it back",
+    errno.ENOTDIR: "it was moved or deleted under way; put it back",
+}
+
+
+@dataclass(frozen=True)
+class Directory:
+    """root : str, absolute: workers need not share our working directory."""
+
+    root: str
+    groups_appear_whole: ClassVar[bool] = True
+
+    def __str__(self):
+        return self.root
+
+    def names(self):
+        """Names of what others have put in the directory, or we before; empty if there is none."""
+        if not os.path.exists(self.root):
+            return set()
+        if not os.path.isdir(self.root):
+            raise StoreError(f"{self} is a file; --out must be a directory")
+        try:
+            return {entry.name for entry in os.scandir(self.root)} - {_ASIDE, _LOCK}
+        except OSError as error:
+            raise StoreError(
+                f"cannot read {self}: {error.strerror}; choose another --out"
+            ) from None
+
+    @contextmanager
+    def held(self):
+        """Hold the directory as its one driver; makes it, clears a killed one's mess."""
+        try:
+            os.makedirs(self.root, exist_ok=True)
+            lock = open(f"{self.root}/{_LOCK}", "a+")  # noqa: SIM115 (closed below, after its work)
+        except OSError as error:
+            why = f"cannot write to {self}: {error.strerror}; choose another --out"
+            raise StoreError(why) from None
+        with lock:
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except OSError:
+                lock.seek(0)
+                raise StoreError(
+                    f"{self} is being written by another run (process "
+                    f"{lock.read().strip() or '?'}); wait for it, stop it, or choose another --out"
+                ) from None
+            aside = f"{self.root}/{_ASIDE}"
+            with self._failing():
+                lock.truncate(0)
+                lock.write(str(os.getpid()))
+                lock.flush()
+                shutil.rmtree(aside, ignore_errors=True)
+                os.mkdir(aside)
+            try:
+                yield
+            finally:
+                shutil.rmtree(aside, ignore_errors=True)
+
+    def put(self, key, data):
+        """Write the file, which appears whole or not at all."""
+        with self._failing():
+            aside = self._aside()
+            try:
+                with open(aside, "xb") as file:
+                    file.write(data)
+                self._place(aside, key)
+            except OSError:
+                with suppress(OSError):
+                    os.unlink(aside)
+                raise
+
+    def _place(self, aside, key):
+        target = f"{self.root}/{key}"
+        try:
+            os.rename(aside, target)
+        except FileNotFoundError:
+            # The first chunk of its row. An array that is gone was moved away: it must not grow
+            # again here, without its metadata.
+            array = target.rpartition("/c/")[0]
+            if not os.path.exists(f"{array}/zarr.json"):
+                raise
+            os.makedirs(os.path.dirname(target), exist_ok=True)
+            os.rename(aside, target)
+
+    def put_group(self, key, files):
+        """Write the files {key in the group: bytes} in place of what is there, in one rename."""
+        with self._failing():
+            aside, target = self._aside(), f"{self.root}/{key}"
+            for name, data in files.items():
+                os.makedirs(os.path.dirname(f"{aside}/{name}"), exist_ok=True)
+                with open(f"{aside}/{name}", "xb") as file:
+                    file.write(data)
+            self.delete_group(key)
+            os.rename(aside, target)
+
+    def delete_group(self, key):
+        """Delete a group and all below, if it is there; it vanishes in one rename."""
+        with self._failing(), suppress(FileNotFoundError):
+            aside = self._aside()
+            os.rename(f"{self.root}/{key}", aside)
+            shutil.rmtree(aside, ignore_errors=True)
+
+    def read(self, key):
+        """The bytes of a file, or None if it is not there."""
+        with self._failing("read"):
+            try:
+                with open(f"{self.root}/{key}", "rb") as file:
+                    return file.read()
+            except (FileNotFoundError, NotADirectoryError):
+                return None
+
+    def size(self, key):
+        """The length of a file in bytes, or None if it is not there."""
+        with self._failing("read"):
+            try:
+                return os.path.getsize(f"{self.root}/{key}")
+            except (FileNotFoundError, NotADirectoryError):
+                return None
+
+    def sizes(self, prefix):
+        """{key: bytes} of all files below."""
+
+        def fail(error):
+            if not isinstance(error, FileNotFoundError):
+                raise error
+
+        start = len(self.root) + 1
+        with self._failing("read"):
+            return {
+                f"{directory[start:]}/{file}": os.path.getsize(f"{directory}/{file}")
+                for directory, _, files in os.walk(f"{self.root}/{prefix}", onerror=fail)
+                for file in files
+            }
+
+    def delete(self, keys):
+        """Delete the files; one that is not there is none to delete."""
+        with self._failing():
+            for key in keys:
+                with suppress(FileNotFoundError):
+                    os.unlink(f"{self.root}/{key}")
+
+    def explained(self):
+        """Others' errors as they read here, in words: the operating system's are in words."""
+        return nullcontext()
+
+    def zarr_store(self, key, read_only=True):
+        """What zarr reads and writes there."""
+        from zarr.storage import LocalStore
+
+        return LocalStore(f"{self.root}/{key}", read_only=read_only)
+
+    def _aside(self):
+        return f"{self.root}/{_ASIDE}/{uuid4().hex}"
+
+    @contextmanager
+    def _failing(self, doing="write to"):
+        try:
+            yield
+        except OSError as error:
+            cure = _CURES.get(error.errno, "put that right")
+            raise StorageError(f"cannot {doing} {self}: {error.strerror}; {cure}") from None

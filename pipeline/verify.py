@@ -1,0 +1,85 @@
+"""Look at every chunk of a store, and free what is damaged for a new computation.
+
+A tile is damaged if it is committed and one of its chunks is gone, cut short, or does not match its
+checksum. Its commit record is deleted first, so that the next sweep computes it, and no other.
+"""
+
+from concurrent.futures import ThreadPoolExecutor
+from itertools import product
+
+import zarr
+
+from pipeline.faults import StoreError
+from pipeline.layout import COMMIT, STORE, checksum, stored_layout
+from pipeline.store import consolidate, opened, place_of, refuse_foreign, unreadable
+
+_AT_ONCE = 1024  # tiles that are looked at together
+
+
+def names(out):
+    """Names of the cubes in the store; StoreError if there is none of this version."""
+    refuse_foreign(out)
+    try:
+        return sorted(zarr.open_group(place_of(out).zarr_store(STORE), mode="r").group_keys())
+    except FileNotFoundError:
+        raise StoreError(f"{out} holds no {STORE}; give the --out or --store of a run") from None
+
+
+def parts(out, name):
+    """What there is to verify of a cube: the index of each tile that is committed, and first ().
+
+    () is the cube itself: its coordinates, and all of a cube that is no sweep's.
+    """
+    place = place_of(out)
+    group = opened(place, name)
+    layout = stored_layout(place, name, group)
+    if not layout:
+        return [()]
+    records = place.sizes(f"{STORE}/{name}/{COMMIT}")
+    indices = product(*map(range, group[COMMIT].shape))
+    return [(), *(index for index in indices if layout.key(layout.record, index) in records)]
+
+
+def verify(out, name, parts):
+    """Yield (index, what is damaged, or None) for each of the parts."""
+    place = place_of(out)
+    group = opened(place, name)
+    layout = stored_layout(place, name, group)
+
+    def damage(index):
+        return _damaged_tile(layout, index) if index else _damaged_cube(group, layout)
+
+    with ThreadPoolExecutor(8) as pool:  # an object store takes its time for each
+        for i in range(0, len(parts), _AT_ONCE):
+            some = parts[i : i + _AT_ONCE]
+            yield from zip(some, pool.map(damage, some), strict=True)
+
+
+def free(out, name, index):
+    """Make a tile missing; or, for (), the cube, unless it is a sweep's, which mends itself."""
+    place = place_of(out)
+    layout = stored_layout(place, name, opened(place, name))
+    if layout and index:
+        place.delete([layout.key(layout.record, index)])
+        place.delete([layout.key(variable, index) for variable in layout.variables])
+    elif not layout:
+        place.delete_group(f"{STORE}/{name}")
+        consolidate(place)
+
+
+def _damaged_cube(group, layout):
+    tiled = {COMMIT, *(variable.name for variable in layout.variables)} if layout else set()
+    damaged = unreadable(group, sorted(set(group.array_keys()) - tiled))
+    return f"{', '.join(damaged)} cannot be read" if damaged else None
+
+
+def _damaged_tile(layout, index):
+    for variable in (layout.record, *layout.variables):
+        data = layout.place.read(layout.key(variable, index))
+        if data is None:
+            return f"{variable.name} is gone"
+        if len(data) != variable.chunk_bytes:
+            return f"{variable.name} has {len(data)} bytes instead of {variable.chunk_bytes}"
+        if checksum(data[:-4]) != data[-4:]:
+            return f"{variable.name} does not match its checksum"
+    return None

@@ -1,0 +1,295 @@
+"""Disks that fill up, files that vanish or change, names and stores that nobody expects."""
+
+import errno
+import json
+import os
+import pickle
+import resource
+import shutil
+
+import numcodecs
+import numpy as np
+import pytest
+import toy
+import xarray as xr
+import zarr
+from click import ClickException
+from click.testing import CliRunner
+from zarr.errors import UnknownCodecError
+
+import workflows.verify
+from pipeline import store, verify
+from pipeline.faults import StorageError
+from workflows.cli import driver
+
+
+@pytest.fixture(scope="module")
+def client():
+    """Workers in this process, where a test can make the disk fail."""
+    with toy.workers_here() as client:
+        yield client
+
+
+def assert_complete(out, plan):
+    cube = store.read(out, plan.name)
+    for name, values in toy.serial(plan).items():
+        assert np.array_equal(cube[name].values, values)
+    assert np.isfinite(cube.cpu_seconds).all()
+
+
+def n_computed(client, out, plan):
+    """How many tiles a run computes, which completes the cube."""
+    assert toy.watched_sweep(client, out, plan).remaining == 0
+    assert_complete(out, plan)
+    assert len(set(toy.COMPUTED)) == len(toy.COMPUTED)
+    return len(toy.COMPUTED)
+
+
+def test_a_full_disk_stops_the_sweep_and_the_next_run_completes_it(client, tmp_path):
+    plan = toy.cube(tile=1, rows=12, columns=12)
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    # No file can be longer than ten bytes: the system writes a part of a chunk, and refuses the
+    # rest.
+    events = {50: lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (10, before[1]))}
+    try:
+        with pytest.raises(StorageError, match=r"cannot write to .*; raise the limit"):
+            toy.watched_sweep(client, tmp_path, plan, events)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert len(toy.COMPUTED) < 60  # it did not let 144 tiles fail in turn
+    assert 84 < n_computed(client, tmp_path, plan) < 104
+
+
+@pytest.mark.parametrize(
+    ("number", "message"), [(errno.ENOSPC, "make room"), (errno.EACCES, "Permission denied")]
+)
+def test_a_disk_that_cannot_be_written_is_one_clear_message(
+    client, tmp_path, monkeypatch, number, message
+):
+    def fail(source, target):
+        raise OSError(number, os.strerror(number))
+
+    plan = toy.cube()
+    events = {5: lambda: monkeypatch.setattr("pipeline.directory.os.rename", fail)}
+    with pytest.raises(StorageError, match=f"cannot write to {tmp_path}: .*{message}"):
+        toy.watched_sweep(client, tmp_path, plan, events)
+    monkeypatch.undo()
+    assert not (tmp_path / ".partial").exists()
+    assert 10 < n_computed(client, tmp_path, plan) < 20
+
+
+@pytest.mark.parametrize("moved", [".", store.STORE, f"{store.STORE}/toy"])
+def test_a_store_that_is_moved_under_way_is_missed_and_grows_nowhere_else(client, tmp_path, moved):
+    out, elsewhere = tmp_path / "out", tmp_path / "elsewhere"
+    plan = toy.cube(tile=1)
+    events = {20: lambda: os.rename(os.path.normpath(out / moved), elsewhere)}
+    with pytest.raises(StorageError, match="it was moved or deleted under way; put it back"):
+        toy.watched_sweep(client, out, plan, events)
+    assert not (out / moved).exists()
+    os.rename(elsewhere, os.path.normpath(out / moved))
+    assert 100 < n_computed(client, out, plan) < 130
+
+
+def test_a_failing_store_ends_a_workflow_with_exit_code_1(tmp_path):
+    with (
+        pytest.raises(ClickException, match=r"the disk\. .*run the same command") as raised,
+        driver(str(tmp_path)),
+    ):
+        raise StorageError("make room on the disk")
+    assert raised.value.exit_code == 1
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs a device that is full")
+def test_a_table_that_cannot_be_written_is_one_message(tmp_path):
+    with (
+        pytest.raises(ClickException, match="No space left on device") as raised,
+        driver(str(tmp_path)),
+        open("/dev/full", "wb", buffering=0) as table,
+    ):
+        table.write(b"table")
+    assert raised.value.exit_code == 1
+
+
+def test_what_is_committed_does_not_depend_on_clocks(client, tmp_path):
+    plan = toy.cube()
+    toy.watched_sweep(client, tmp_path, plan)
+    for i, path in enumerate(tmp_path.rglob("*")):
+        os.utime(path, (0, 0) if i % 2 else (4e9, 4e9))
+    assert n_computed(client, tmp_path, plan) == 0
+
+
+def chunk(out, variable, *index):
+    return out.joinpath(store.STORE, "toy", variable, "c", *map(str, index))
+
+
+def damage(out):
+    """Damage four tiles, each in its way; returns their indices."""
+    data = bytearray(chunk(out, "wave", 0, 1, 2).read_bytes())
+    data[17] ^= 1
+    chunk(out, "wave", 0, 1, 2).write_bytes(data)
+    chunk(out, "wave", 0, 0, 0).write_bytes(data[:-9])
+    chunk(out, "sign", 3, 4).unlink()
+    record = bytearray(chunk(out, store.COMMIT, 2, 2).read_bytes())
+    record[0] ^= 128
+    chunk(out, store.COMMIT, 2, 2).write_bytes(record)
+    return {(1, 2), (0, 0), (3, 4), (2, 2)}
+
+
+def invoke(out, *options):
+    return CliRunner().invoke(workflows.verify.main, ["--out", str(out), *options])
+
+
+def test_damaged_tiles_are_found_and_repaired_by_computing_them_alone(client, tmp_path):
+    plan = toy.cube()
+    toy.watched_sweep(client, tmp_path, plan)
+    assert invoke(tmp_path).exit_code == 0
+    damaged = damage(tmp_path)
+    found = dict(verify.verify(tmp_path, "toy", verify.parts(tmp_path, "toy")))
+    assert {index for index, what in found.items() if what} == damaged
+    assert len(found) == 21
+    result = invoke(tmp_path)
+    assert result.exit_code == 1
+    assert "toy: 20 tiles, 4 damaged" in result.output
+    assert "tile (3, 4): sign is gone" in result.output
+    assert "tile (0, 0): wave has 139 bytes instead of 148" in result.output
+    assert "tile (1, 2): wave does not match its checksum" in result.output
+    assert invoke(tmp_path, "--repair").exit_code == 0
+    assert np.isfinite(store.read(tmp_path, "toy").cpu_seconds).sum() == 16
+    assert n_computed(client, tmp_path, plan) == 4
+    assert invoke(tmp_path).exit_code == 0
+
+
+@pytest.mark.parametrize("cut", [slice(None, -1), slice(0), slice(1, None)])
+def test_a_plain_xarray_refuses_a_damaged_chunk(client, tmp_path, cut):
+    toy.watched_sweep(client, tmp_path, toy.cube())
+    whole = chunk(tmp_path, "wave", 0, 1, 2).read_bytes()
+    cube = xr.open_zarr(tmp_path / store.STORE, group="toy")
+    chunk(tmp_path, "wave", 0, 1, 2).write_bytes(whole[cut])
+    with pytest.raises(ValueError, match="computed checksum do not match"):
+        cube.wave.load()
+    with (
+        pytest.raises(StorageError, match=r"run `python -m workflows.verify --repair`"),
+        store.explained(tmp_path),
+    ):
+        store.read(tmp_path, "toy").wave.load()
+
+
+def test_damaged_coordinates_are_written_anew(client, tmp_path):
+    plan = toy.cube()
+    toy.watched_sweep(client, tmp_path, plan)
+    chunk(tmp_path, "row", 0).write_bytes(b"noise")
+    assert "the cube: row cannot be read" in invoke(tmp_path, "--repair").output
+    assert n_computed(client, tmp_path, plan) == 0
+    assert invoke(tmp_path).exit_code == 0
+
+
+def test_a_damaged_cube_that_is_no_sweeps_is_written_anew(tmp_path):
+    template = xr.Dataset({"square": ("x", np.arange(5.0) ** 2)}, {"x": np.arange(5)})
+    plan = toy.Cube("squares", template, {}, {})
+    with store.driving(tmp_path):
+        store.replace(tmp_path, plan)
+    file = tmp_path / store.STORE / "squares" / "square" / "c" / "0"
+    data = file.read_bytes()
+    file.write_bytes(data[:-2] + b"??")
+    assert invoke(tmp_path).exit_code == 1
+    assert invoke(tmp_path, "--repair").exit_code == 0
+    with store.driving(tmp_path):
+        store.replace(tmp_path, plan)
+    assert store.read(tmp_path, "squares").equals(template)
+    assert file.read_bytes() == data
+
+
+def test_tiles_without_metadata_are_an_error_and_are_kept(client, tmp_path):
+    plan = toy.cube()
+    toy.watched_sweep(client, tmp_path, plan)
+    (tmp_path / store.STORE / "toy" / "zarr.json").unlink()
+    with pytest.raises(store.StoreError, match=r"metadata of .* are damaged"):
+        toy.watched_sweep(client, tmp_path, plan)
+    assert chunk(tmp_path, "wave", 0, 1, 2).exists()
+    shutil.rmtree(tmp_path / store.STORE / "toy" / store.COMMIT)
+    with pytest.raises(store.StoreError, match=r"metadata of .* are damaged"):
+        toy.watched_sweep(client, tmp_path, plan)
+    assert chunk(tmp_path, "wave", 0, 1, 2).exists()
+
+
+def test_a_store_that_is_not_there_cannot_be_verified(tmp_path):
+    result = invoke(tmp_path / "none")
+    assert result.exit_code == 2
+    assert f"holds no {store.STORE}" in result.output
+    assert not (tmp_path / "none").exists()
+
+
+NAMES = ["a b", "ünïcödé λ", "#1", "100%25", "new\nline", "~", "-x", "[a]*?", "quote'\"", "a:b::c"]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_directory_may_have_any_name(client, tmp_path, monkeypatch, name):
+    monkeypatch.chdir(tmp_path)
+    plan = toy.cube(tile=10)
+    assert n_computed(client, name, plan) == 2
+    assert_complete(tmp_path / name, plan)
+    assert os.listdir(tmp_path) == [name]
+    with xr.open_zarr(zarr.storage.LocalStore(tmp_path / name / store.STORE), group="toy") as cube:
+        assert np.array_equal(cube.wave, toy.serial(plan)["wave"])
+    assert "toy: 2 tiles, 0 damaged" in invoke(f"./{name}").output
+
+
+class Trap:
+    """Creates the file `sprung` when it is unpickled."""
+
+    def __init__(self, sprung):
+        self.sprung = str(sprung)
+
+    def __reduce__(self):
+        return os.mkdir, (self.sprung,)
+
+
+def strangers_group(out, sprung):
+    """A group of zarr version 2, whose array says that its chunks are pickles."""
+    (out / "toy" / "wave").mkdir(parents=True)
+    pickled = {"id": "pickle", "protocol": 5}
+    array = {
+        "zarr_format": 2,
+        "shape": [1],
+        "chunks": [1],
+        "dtype": "|O",
+        "compressor": None,
+        "fill_value": None,
+        "order": "C",
+        "filters": [pickled],
+    }
+    (out / "toy" / ".zgroup").write_text('{"zarr_format": 2}')
+    (out / "toy" / "wave" / ".zattrs").write_text('{"_ARRAY_DIMENSIONS": ["x"]}')
+    (out / "toy" / "wave" / ".zarray").write_text(json.dumps(array))
+    data = numcodecs.get_codec(pickled).encode(np.array([Trap(sprung)], dtype=object))
+    (out / "toy" / "wave" / "0").write_bytes(data)
+
+
+def strangers_array(out, sprung):
+    """A group of version 3, an array of which names a codec for pickles."""
+    group = zarr.create_group(out / "toy", zarr_format=3)
+    group.create_array("wave", shape=(1,), chunks=(1,), dtype="f8", dimension_names=["x"])
+    file = out / "toy" / "wave" / "zarr.json"
+    metadata = json.loads(file.read_text())
+    codec = {"name": "numcodecs.pickle", "configuration": {"id": "pickle"}}
+    file.write_text(json.dumps(metadata | {"codecs": [codec]}))
+    (out / "toy" / "wave" / "c").mkdir()
+    (out / "toy" / "wave" / "c" / "0").write_bytes(pickle.dumps(Trap(sprung)))
+
+
+@pytest.mark.filterwarnings("ignore:Failed to open Zarr store with consolidated metadata")
+@pytest.mark.parametrize("strangers", [strangers_group, strangers_array])
+def test_a_strangers_pickles_are_not_executed(tmp_path, strangers):
+    out, sprung = tmp_path / "out", tmp_path / "sprung"
+    with store.driving(out):
+        pass
+    strangers(out / store.STORE, sprung)
+    for attempt in (
+        lambda: store.read(out, "toy").load(),
+        lambda: list(verify.verify(out, "toy", verify.parts(out, "toy"))),
+    ):
+        with pytest.raises((store.StoreError, KeyError, UnknownCodecError)):
+            attempt()
+    assert not sprung.exists()
+    pickle.loads(pickle.dumps(Trap(sprung)))
+    assert sprung.exists()  # it would have
