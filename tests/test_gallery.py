@@ -28,8 +28,9 @@ class Links(HTMLParser):
 @pytest.mark.parametrize("exhibit", gallery.EXHIBITS, ids=lambda exhibit: exhibit.workflow)
 def test_the_options_of_the_preview_are_valid(exhibit):
     main = import_module(f"workflows.{exhibit.workflow}").main
-    with main.make_context("command", shlex.split(exhibit.quick)):
-        pass
+    for options in (exhibit.quick, exhibit.full):
+        with main.make_context("command", shlex.split(options)):
+            pass
 
 
 def test_the_page_shows_every_figure_with_its_caption_and_command(tmp_path, monkeypatch):

@@ -29,23 +29,23 @@ def flux_job(barrier, excesses, q_max):
 
 
 def law(excess, flux):
-    """C and η of flux = C·x^η·exp(b·x), by least squares of the logarithms; x the excess ≤ 1%.
+    """C and η of flux = C·x^η·exp(bx + cx²), by least squares of the logarithms; x the excess ≤ 3%.
 
-    The factor exp(b·x) is the first correction to the law: without it η comes out 0.01 too small.
-    Returns (C, η) and their standard errors; NaN for fewer than four points.
+    The exponential is the first corrections to the law: without them η comes out 0.01 too small,
+    without c 10⁻⁵. Returns (C, η) and the standard errors of the fit; NaN for too few points.
     """
     import numpy as np
 
-    known = np.isfinite(flux) & (flux > 0) & (excess <= 0.0101)
-    if known.sum() < 4:
+    known = np.isfinite(flux) & (flux > 0) & (excess <= 0.031)
+    if known.sum() < 6:
         return np.full((2, 2), np.nan)
-    x = excess[known]
-    matrix = np.stack([np.ones_like(x), np.log(x), x], axis=1)
-    right = np.log(flux[known])
-    (log_c, eta, b), *_ = np.linalg.lstsq(matrix, right)
-    spread = np.sum((right - matrix @ [log_c, eta, b]) ** 2) / max(1, x.size - 3)
+    x, right = excess[known], np.log(flux[known])
+    matrix = np.stack([np.ones_like(x), np.log(x), x, x**2], axis=1)
+    found, *_ = np.linalg.lstsq(matrix, right)
+    spread = np.sum((right - matrix @ found) ** 2) / (x.size - found.size)
     errors = np.sqrt(spread * np.diag(np.linalg.inv(matrix.T @ matrix)))
-    return np.array([[np.exp(log_c), eta], [np.exp(log_c) * errors[0], errors[1]]])
+    amplitude = np.exp(found[0])
+    return np.array([[amplitude, found[1]], [amplitude * errors[0], errors[1]]])
 
 
 def laws(fluxes):
@@ -109,7 +109,7 @@ def main(out, place, cluster, angle, nearest, q_max):
         fits.to_dataframe().to_csv(f"{out}/flux_law.csv", float_format="%.6g")
         figures = save(draw_flux(fluxes, fits), out, "flux", caption(fluxes, fits))
     for angle, row in fits.to_dataframe().iterrows():
-        click.echo(f"{angle:g}°, {row.circle}: eta = {row.exponent:.6f} ± {row.exponent_error:.6f}")
+        click.echo(f"{angle:g}°, {row.circle}: eta = {row.exponent:.6f} ± {row.exponent_error:.0e}")
     click.echo(f"cubes:  {place}/cubes.zarr, groups barrier and flux")
     click.echo(f"tables: {out}/flux.csv, {out}/flux_law.csv")
     click.echo(f"figure: {', '.join(figures)}")

@@ -17,11 +17,12 @@ from workflows.cli import HELP, cluster_options, shared_workers
 
 @dataclass(frozen=True)
 class Exhibit:
-    """A workflow, what it shows, and its options for a preview; without options it is full size."""
+    """A workflow, what it shows, and its options for a preview, and for the paper's size."""
 
     title: str
     workflow: str
     quick: str = ""
+    full: str = ""
 
 
 EXHIBITS = (
@@ -32,7 +33,12 @@ EXHIBITS = (
         "direct_boundary",
         "--angles 37 --n-orbits 100 --steps 1000,5000,10000",
     ),
-    Exhibit("Figure 7: convergence", "convergence", "--quick --n-orbits 10,100"),
+    Exhibit(
+        "Figure 7: convergence",
+        "convergence",
+        "--quick --n-orbits 10,100",
+        "--n-orbits 10,100,1000,10000",
+    ),
     Exhibit(
         "Figures 8 and 9: boundaries of circles",
         "circle_boundaries",
@@ -60,7 +66,7 @@ EXHIBITS = (
 
 def run(exhibit, out, workers, quick):
     """Run the workflow as its command line would; returns that command."""
-    options = exhibit.quick.split() if quick else []
+    options = (exhibit.quick if quick else exhibit.full).split()
     place = ["--out", f"{out}/{exhibit.workflow}"]
     main = import_module(f"workflows.{exhibit.workflow}").main
     swept = any(option.name == "scheduler" for option in main.params)

@@ -38,12 +38,13 @@ def draw_flux(fluxes, fits):
 def caption(fluxes, fits):
     """What is shown, and the fitted laws."""
     laws = ", ".join(
-        f"η = {row.exponent:.6f} ± {row.exponent_error:.6f} at {angle:g}° ({row.circle})"
+        f"η = {row.exponent:.6f} ± {row.exponent_error:.0e} at {angle:g}° ({row.circle})"
         for angle, row in fits.to_dataframe().iterrows()
     )
     return (
         "Area that passes through the remains of the last circle in one step, the difference in "
         "action of minimax and minimizing orbits of periods up to "
         f"{fluxes.attrs['q_max']}, against the distance beyond the breakup. Fits of "
-        f"ΔW = C·x^η·exp(bx) up to x = 1%: {laws}. Renormalisation gives 3.0117 for noble circles."
+        f"ΔW = C·x^η·exp(bx + cx²) up to x = 3%: {laws} (errors of the fit alone). Renormalisation "
+        "gives 3.01172 for noble circles."
     )
