@@ -115,7 +115,8 @@ def test_a_sweep_without_workers_gives_up_and_says_so(tmp_path, monkeypatch):
     with connect(toy.no_warm_up, n_workers=1) as client:
 
         def retire():
-            time.sleep(0.5)
+            while not commit_times(tmp_path):
+                time.sleep(0.05)
             client.cluster.scale(0)
 
         threading.Thread(target=retire).start()
