@@ -12,9 +12,10 @@ import xarray as xr
 from click.testing import CliRunner
 
 from nasm.numbers import NAMES, parse
-from workflows import claims, claims_envelope, claims_rules, page
-from workflows.claims_page import claims_page, write_tables
-from workflows.claims_rules import Erratum, Verdict
+from workflows import claims, page
+from workflows.paper import envelope, rules
+from workflows.paper.claims_page import claims_page, write_tables
+from workflows.paper.rules import Erratum, Verdict
 
 TESTS = Path(__file__).parent
 VOID = {"meta", "br", "img", "link", "hr"}
@@ -49,17 +50,17 @@ class Page(HTMLParser):
 @pytest.mark.parametrize(
     ("value", "verdict"),
     [
-        (claims_rules.identity(1e-15, 1e-14), Verdict.HOLDS),
-        (claims_rules.identity(1e-13, 1e-14), Verdict.FAILS),
-        (claims_rules.identity(np.nan, 1e-14), Verdict.UNDECIDED),
-        (claims_rules.agrees(0.97163540605, 1e-11, *claims_rules.printed("0.971635406")), "holds"),
-        (claims_rules.agrees(0.97163540705, 1e-11, *claims_rules.printed("0.971635406")), "not"),
-        (claims_rules.agrees(np.nan, 1e-11, 0.971635406), Verdict.UNDECIDED),
-        (claims_rules.agrees(0.97, np.nan, 0.971635406), Verdict.UNDECIDED),
-        (claims_rules.graded("", True), Verdict.HOLDS),
-        (claims_rules.graded("", False, True), Verdict.CAVEAT),
-        (claims_rules.graded("", False, False), Verdict.FAILS),
-        (claims_rules.graded("", True, True, known=False), Verdict.UNDECIDED),
+        (rules.identity(1e-15, 1e-14), Verdict.HOLDS),
+        (rules.identity(1e-13, 1e-14), Verdict.FAILS),
+        (rules.identity(np.nan, 1e-14), Verdict.UNDECIDED),
+        (rules.agrees(0.97163540605, 1e-11, *rules.printed("0.971635406")), "holds"),
+        (rules.agrees(0.97163540705, 1e-11, *rules.printed("0.971635406")), "not"),
+        (rules.agrees(np.nan, 1e-11, 0.971635406), Verdict.UNDECIDED),
+        (rules.agrees(0.97, np.nan, 0.971635406), Verdict.UNDECIDED),
+        (rules.graded("", True), Verdict.HOLDS),
+        (rules.graded("", False, True), Verdict.CAVEAT),
+        (rules.graded("", False, False), Verdict.FAILS),
+        (rules.graded("", True, True, known=False), Verdict.UNDECIDED),
     ],
 )
 def test_the_rules(value, verdict):
@@ -68,8 +69,8 @@ def test_the_rules(value, verdict):
 
 
 def test_a_printed_number_is_good_to_half_a_unit_of_its_last_digit():
-    assert claims_rules.printed("0.97") == (0.97, pytest.approx(0.005))
-    assert claims_rules.printed("3") == (3.0, 0.5)
+    assert rules.printed("0.97") == (0.97, pytest.approx(0.005))
+    assert rules.printed("3") == (3.0, 0.5)
 
 
 @pytest.mark.parametrize(
@@ -81,16 +82,17 @@ def test_an_erratum_is_shown_by_both_numbers_only(printed, corrected, shown):
 
 
 def test_wrong_equations_do_not_hold(monkeypatch):
-    from workflows import claims_map, claims_symmetries
+    from workflows.paper import map as paper_map
+    from workflows.paper import symmetries
 
-    monkeypatch.setattr(claims_map, "kick", lambda kappa, x, y: (x - y, y))
-    wrong = [c.verdict for c in claims_map.map_claims()]
+    monkeypatch.setattr(paper_map, "kick", lambda kappa, x, y: (x - y, y))
+    wrong = [c.verdict for c in paper_map.map_claims()]
     assert wrong.count(Verdict.FAILS) >= 4
-    monkeypatch.setattr(claims_symmetries, "closed_form", lambda kappa, x, y: np.array([x, x]))
-    assert claims_symmetries.symmetry_claims()[2].verdict is Verdict.FAILS
+    monkeypatch.setattr(symmetries, "closed_form", lambda kappa, x, y: np.array([x, x]))
+    assert symmetries.symmetry_claims()[2].verdict is Verdict.FAILS
 
 
-def envelope(ours, circle, six):
+def three_rays(ours, circle, six):
     """CB_gt on three rays, and the paper's six, `six` of them in parts of it."""
     angles = np.array([0.0, 20.0, 45.0])
     names = sorted(float(parse(name)) for name in NAMES)
@@ -116,32 +118,32 @@ def envelope(ours, circle, six):
 
 
 def test_the_envelope_and_the_hull_are_judged_by_the_numbers():
-    from workflows.claims_discussion import hull_claims
+    from workflows.paper.discussion import hull_claims
 
-    horned = envelope(np.array([0.5, 0.6, 1.4]), ["[0;(1)]"] * 3, 0.99)
+    horned = three_rays(np.array([0.5, 0.6, 1.4]), ["[0;(1)]"] * 3, 0.99)
     assert [c.verdict.value for c in hull_claims(*horned)] == [
         "does not hold",
         "holds",
         "holds with a caveat",
     ]
-    octagon = envelope(np.array([1.0, 1.0, 1.0]), ["[0;(1)]"] * 3, 1.0)
+    octagon = three_rays(np.array([1.0, 1.0, 1.0]), ["[0;(1)]"] * 3, 1.0)
     assert [c.verdict for c in hull_claims(*octagon)] == [Verdict.HOLDS] * 3
-    poor = envelope(np.array([1.0, np.nan, 1.0]), ["[0;(1)]", "", "[0;(1)]"], 0.9)
+    poor = three_rays(np.array([1.0, np.nan, 1.0]), ["[0;(1)]", "", "[0;(1)]"], 0.9)
     assert [c.verdict for c in hull_claims(*poor)][1:] == [Verdict.FAILS] * 2
 
 
 def test_ranges_of_the_envelope():
     names = ["[0;(1)]", "[0;1,3,(1)]", "[0;1,3,(1)]"]
-    circles, barrier = envelope(np.array([0.5, 0.6, 1.4]), names, 0.99)
-    rows = claims_envelope.ranges(circles, barrier)
+    circles, barrier = three_rays(np.array([0.5, 0.6, 1.4]), names, 0.99)
+    rows = envelope.ranges(circles, barrier)
     assert [(row["from"], row["to"], row["circle"]) for row in rows] == [
         (0.0, 0.0, "[0;(1)]"),
         (20.0, 45.0, "[0;1,3,(1)]"),
     ]
     assert rows[0]["bracket"] == pytest.approx(0.002)
     assert rows[1]["short"] == dict.fromkeys(NAMES, pytest.approx(0.01))
-    assert claims_envelope.cells(rows[1])[:3] == ("20 – 45", "[0;1,3,(1)]", "2e-03")
-    assert "1.000%" in claims_envelope.summary(circles, barrier, rows)[0]
+    assert envelope.cells(rows[1])[:3] == ("20 – 45", "[0;1,3,(1)]", "2e-03")
+    assert "1.000%" in envelope.summary(circles, barrier, rows)[0]
 
 
 def test_text_is_escaped_and_subscripts_are_set():
@@ -156,11 +158,11 @@ def test_text_is_escaped_and_subscripts_are_set():
 @pytest.fixture(scope="module")
 def exact():
     """The claims that take no sweep, and the errata."""
-    from workflows.claims_circles import circle_claims
-    from workflows.claims_errata import errata
-    from workflows.claims_map import map_claims
-    from workflows.claims_periodic import periodic_claims
-    from workflows.claims_symmetries import symmetry_claims
+    from workflows.paper.circles import circle_claims
+    from workflows.paper.errata import errata
+    from workflows.paper.map import map_claims
+    from workflows.paper.periodic import periodic_claims
+    from workflows.paper.symmetries import symmetry_claims
 
     return [*map_claims(), *symmetry_claims(), *periodic_claims(), *circle_claims()], errata()
 
@@ -174,13 +176,13 @@ def test_no_equation_fails_and_all_errata_are_shown(exact):
 
 def test_the_page_and_the_tables_hold_every_claim(exact, tmp_path):
     found, errata = exact
-    circles, barrier = envelope(np.array([0.5, 0.6, 1.4]), ["[0;(1)]"] * 3, 0.99)
-    ranges = claims_envelope.ranges(circles, barrier)
+    circles, barrier = three_rays(np.array([0.5, 0.6, 1.4]), ["[0;(1)]"] * 3, 0.99)
+    ranges = envelope.ranges(circles, barrier)
     cells = Page(claims_page(found, errata, ranges, ["a summary"], "a command")).cells
     assert_holds(cells, [(c.place, c.statement, c.value, c.command) for c in found])
     assert_holds(cells, [(e.place, e.printed, e.corrected, e.command) for e in errata])
     assert_holds(
-        cells, [("a summary", "Made by a command.", *claims_envelope.cells(row)) for row in ranges]
+        cells, [("a summary", "Made by a command.", *envelope.cells(row)) for row in ranges]
     )
     write_tables(tmp_path, found, errata, ranges)
     assert [row["value"] for row in rows(tmp_path / "claims.csv")] == [c.value for c in found]

@@ -1,7 +1,7 @@
 """What became of each claim of the paper? A page to hold beside it, and the same as tables.
 
 Claim by claim through arXiv:1606.04824: our value with its error, the verdict that a rule makes of
-it (`workflows.claims_rules`), and the command that shows it. Then the errata, measured, and the
+it (`workflows.paper.rules`), and the command that shows it. Then the errata, measured, and the
 paper's conjecture on the envelope of all CB_ω, examined with the two-sided bracket.
 """
 
@@ -26,7 +26,7 @@ def jobs(angles, tips, tol, n_max, n_orbits):
     from nasm import barriers
     from nasm.numbers import NAMES, parse
     from nasm.symmetries import ray
-    from workflows.claims_envelope import wedge_angles
+    from workflows.paper.envelope import wedge_angles
 
     around = np.arange(0, 180 + _STEP, _STEP)
     rays = np.unique(np.concatenate([wedge_angles(angles, tips), around]).round(9))
@@ -42,15 +42,15 @@ def jobs(angles, tips, tol, n_max, n_orbits):
 
 def examine(cubes, rays, n_max, n_orbits):
     """All claims, all errata, and the ranges of the envelope with their summary."""
-    from workflows.claims_boundary import boundary_claims
-    from workflows.claims_circles import circle_claims
-    from workflows.claims_discussion import discussion_claims
-    from workflows.claims_envelope import ranges, summary
-    from workflows.claims_errata import errata
-    from workflows.claims_map import map_claims
-    from workflows.claims_periodic import periodic_claims
-    from workflows.claims_results import result_claims
-    from workflows.claims_symmetries import symmetry_claims
+    from workflows.paper.boundary import boundary_claims
+    from workflows.paper.circles import circle_claims
+    from workflows.paper.discussion import discussion_claims
+    from workflows.paper.envelope import ranges, summary
+    from workflows.paper.errata import errata
+    from workflows.paper.map import map_claims
+    from workflows.paper.periodic import periodic_claims
+    from workflows.paper.results import result_claims
+    from workflows.paper.symmetries import symmetry_claims
 
     barrier, circles = unfolded(cubes["barrier"], rays), cubes["circles"].load()
     three = compared(cubes["three"], two_kicks(cubes["barrier"], cubes["three"].angle.values))
@@ -117,8 +117,8 @@ def main(out, place, cluster, angles, tips, tol, n_max, n_orbits):
     methods = ["residue", "barrier", "escape", "transversal"]
     with session(out, cluster, methods, [job.cube for job in wanted.values()], place) as client:
         cubes = {name: carry_out(client, place, job) for name, job in wanted.items()}
-        from workflows.claims_page import claims_page, write_tables
-        from workflows.claims_rules import CLAIMS
+        from workflows.paper.claims_page import claims_page, write_tables
+        from workflows.paper.rules import CLAIMS
 
         claims, errata, rows, sentences = examine(cubes, rays, n_max, n_orbits)
         tables = write_tables(out, claims, errata, rows)

@@ -7,9 +7,9 @@ from nasm.maps import kick, step
 from nasm.numbers import moebius, parse
 from nasm.symmetries import ray
 from nasm.verdict import verdict
-from workflows.claims_map import largest
-from workflows.claims_rules import CLAIMS, Claim, agrees, graded, identity, printed, rounding
 from workflows.convergence import exponent
+from workflows.paper.map import largest
+from workflows.paper.rules import CLAIMS, Claim, agrees, graded, identity, printed, rounding
 from workflows.stability_limits import amplitudes
 
 KAPPA_G = printed("0.971635406")

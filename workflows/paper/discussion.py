@@ -1,6 +1,6 @@
 """Claims of the discussion (Sec. VII): CB_gt and all CB_ω, and rotating standard maps.
 
-circles, barrier : as in `claims_results`. tori : the cube `rotating_tori`.
+circles, barrier : as in `results`. tori : the cube `rotating_tori`.
 three : the cube `three_kicks` with its `ratio` to that of two.
 """
 
@@ -8,8 +8,8 @@ import numpy as np
 
 from nasm.maps import forcing, rotating_forcing, step
 from nasm.symmetries import ray, unfold
-from workflows.claims_map import largest
-from workflows.claims_rules import CLAIMS, Claim, graded, identity, rounding
+from workflows.paper.map import largest
+from workflows.paper.rules import CLAIMS, Claim, graded, identity, rounding
 
 _BARRIER = "python -m workflows.last_barrier"
 _ROTATING = "python -m workflows.rotating"

@@ -4,9 +4,9 @@ import csv
 from collections import Counter
 from pathlib import Path
 
-from workflows.claims_envelope import HEADER, cells
-from workflows.claims_rules import Verdict
 from workflows.page import code, formula, heading, page, paragraph, table
+from workflows.paper.envelope import HEADER, cells
+from workflows.paper.rules import Verdict
 
 _COLOURS = {
     Verdict.HOLDS: "yes",

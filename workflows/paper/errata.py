@@ -6,11 +6,11 @@ Each is measured: by how much the printed form fails, and the corrected one.
 import numpy as np
 
 from nasm.maps import kick, step
-from workflows.claims_circles import frames, golden_circle
-from workflows.claims_map import generating_function, largest, path_integral
-from workflows.claims_periodic import cubic_estimates
-from workflows.claims_rules import CLAIMS, Erratum, rounding
-from workflows.claims_symmetries import ROBUST, ome5_deviations, omega
+from workflows.paper.circles import frames, golden_circle
+from workflows.paper.map import generating_function, largest, path_integral
+from workflows.paper.periodic import cubic_estimates
+from workflows.paper.rules import CLAIMS, Erratum, rounding
+from workflows.paper.symmetries import ROBUST, ome5_deviations, omega
 
 
 def errata():
