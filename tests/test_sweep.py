@@ -198,11 +198,12 @@ def test_a_second_ctrl_c_abandons_the_tiles_in_flight(tmp_path):
 
 
 def test_batches_hold_every_tile_once_and_start_with_the_most_expensive():
-    costs = {(i,): cost for i, cost in enumerate([0.01, 3.0, 0.2, 0.4, 0.02, 0.0])}
+    costs = np.array([0.01, 3.0, 0.2, 0.4, 0.02, 0.0])
     batches = list(_pack(costs))
-    assert batches[0] == [(1,)]
-    assert sorted(index for batch in batches for index in batch) == sorted(costs)
-    assert all(sum(costs[i] for i in batch) <= 0.5 or len(batch) == 1 for batch in batches)
+    assert batches[0].tolist() == [1]
+    assert sorted(np.concatenate(batches)) == list(range(len(costs)))
+    assert (np.diff(costs[np.concatenate(batches)]) <= 0).all()
+    assert all(costs[batch].sum() <= 0.5 or len(batch) == 1 for batch in batches)
     assert len(batches) < len(costs)
 
 
