@@ -20,8 +20,8 @@ class Progress:
     def __enter__(self):
         return self
 
-    def __exit__(self, kind, error, traceback):
-        if kind is None and self.tiles:
+    def __exit__(self, *error):
+        if self.tiles:
             self._show("\n")
 
     def begin(self, tiles, seconds):

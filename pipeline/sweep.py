@@ -35,6 +35,7 @@ from pipeline.progress import Progress
 
 BATCH_SECONDS = 0.5  # of predicted CPU time in a batch: long against 2 ms of scheduling
 BATCH_TILES = 256
+_PROBES = 1000  # about, at most: each costs the driver some milliseconds, whatever is in it
 _IN_FLIGHT = 2  # batches per worker: one computing, one waiting
 _ROLL_CALL = 1  # seconds after which the workers are counted again: they join and leave
 _PATIENCE = 30  # seconds without any worker, after which the sweep gives up
@@ -241,7 +242,8 @@ def _compute_batch(layout, compute, settings, packed):
 def _predict_all(client, cube, tiles, predict):
     """Predicted CPU seconds of each tile, probed on the workers; 1 s where the probe failed."""
     costs = np.ones(len(tiles))
-    batches = np.split(np.arange(len(tiles)), range(BATCH_TILES, len(tiles), BATCH_TILES))
+    many = max(BATCH_TILES, len(tiles) // _PROBES)
+    batches = np.split(np.arange(len(tiles)), range(many, len(tiles), many))
 
     def submit(batch):
         packed = _packed(cube, tiles[batch])
