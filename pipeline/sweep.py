@@ -2,7 +2,7 @@
 
 1. List the missing tiles and predict the cost of each.
 2. Pack cheap tiles into batches; submit batches, the most expensive first, never more than a few
-   per worker at a time.
+   at a time for each worker that there is.
 3. Tiles that were with a worker that died are suspects: rerun alone at the end. A tile that fails
    alone, or raises an error, has failed: it stays missing, and the sweep goes on with the others.
 4. On Ctrl-C submit no more, wait for the tiles in flight, and say what is left. Likewise if the
