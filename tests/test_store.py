@@ -68,6 +68,8 @@ def test_a_tile_that_lost_data_in_a_power_cut_is_missing_again(tmp_path):
         chunks = tmp_path / store.STORE / "toy" / "sign" / "c"
         (chunks / "1" / "2").write_bytes(b"")
         (chunks / "3" / "0").unlink()
+        (chunks / ".DS_Store").write_bytes(bytes(13))  # of a file browser, as long as a chunk
+        (chunks / "1" / "x").write_bytes(bytes(13))
         assert store.missing(layout, plan).tolist() == [[1, 2], [3, 0]]
 
 
