@@ -27,6 +27,7 @@ from queue import Empty, SimpleQueue
 
 import numpy as np
 from distributed import KilledWorker
+from distributed.comm import CommClosedError
 
 from pipeline import store
 from pipeline.faults import StorageError
@@ -176,7 +177,7 @@ def _ended(client, submit, batches, most=inf):
             # may end in any of these ways.
             future.add_done_callback(done.put)
             continue
-        except CancelledError:
+        except (CancelledError, CommClosedError):
             raise ConnectionError(_NO_SCHEDULER) from None
         except Exception as exception:
             failure = exception
