@@ -141,19 +141,11 @@ class Directory:
                 return None
 
     def sizes(self, prefix):
-        """{key: bytes} of all files below."""
-
-        def fail(error):
-            if not isinstance(error, FileNotFoundError):
-                raise error
-
+        """Yield (key, bytes) of all files below; no list of them is kept."""
         start = len(self.root) + 1
         with self._failing("read"):
-            return {
-                f"{directory[start:]}/{file}": os.path.getsize(f"{directory}/{file}")
-                for directory, _, files in os.walk(f"{self.root}/{prefix}", onerror=fail)
-                for file in files
-            }
+            for entry in _files(f"{self.root}/{prefix}"):
+                yield entry.path[start:], entry.stat().st_size
 
     def delete(self, keys):
         """Delete the files; one that is not there is none to delete."""
@@ -182,3 +174,13 @@ class Directory:
         except OSError as error:
             cure = _CURES.get(error.errno, "put that right")
             raise StorageError(f"cannot {doing} {self}: {error.strerror}; {cure}") from None
+
+
+def _files(directory):
+    """Yield the os.DirEntry of each file in the directory, if it is there, and below."""
+    with suppress(FileNotFoundError), os.scandir(directory) as entries:
+        for entry in entries:
+            if entry.is_dir(follow_symlinks=False):
+                yield from _files(entry.path)
+            else:
+                yield entry

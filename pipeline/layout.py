@@ -31,6 +31,11 @@ class Variable:
     def chunk_bytes(self):
         return prod(self.chunk_shape) * np.dtype(self.dtype).itemsize + 4
 
+    def tile_of(self, chunk):
+        """The index of the tile whose key ends like this; the inverse of `Layout.key`."""
+        numbers = zip(chunk.split("/"), self.tiled_axes, strict=True)
+        return tuple(int(number) for number, axis in numbers if axis is not None)
+
     def encoded(self, array):
         """The bytes of a chunk: numbers, then their checksum."""
         array = array.astype(np.dtype(self.dtype).newbyteorder("<"))
@@ -53,7 +58,11 @@ class Layout:
     def key(self, variable, index):
         """Of the chunk that holds the tile of that index."""
         chunk = "/".join("0" if axis is None else str(index[axis]) for axis in variable.tiled_axes)
-        return f"{STORE}/{self.name}/{variable.name}/c/{chunk}"
+        return f"{self.chunks(variable)}/{chunk}"
+
+    def chunks(self, variable):
+        """What the keys of all chunks of a variable begin with."""
+        return f"{STORE}/{self.name}/{variable.name}/c"
 
 
 def layout_of(place, cube):

@@ -86,7 +86,7 @@ class Objects:
 
     def delete_group(self, key):
         """Delete a group and all below, if it is there: its root, by which it is there, first."""
-        root, old = f"{key}/zarr.json", self.sizes(key)
+        root, old = f"{key}/zarr.json", dict(self.sizes(key))
         self.delete([root] if root in old else [])
         self.delete(list(old.keys() - {root}))
 
@@ -107,11 +107,11 @@ class Objects:
                 return _absent(error)
 
     def sizes(self, prefix):
-        """{key: bytes} of all objects below."""
+        """Yield (key, bytes) of all objects below; no list of them is kept."""
         with self.explained():
-            return {
-                entry["path"]: entry["size"] for page in self._store.list(prefix) for entry in page
-            }
+            for page in self._store.list(prefix):
+                for entry in page:
+                    yield entry["path"], entry["size"]
 
     def delete(self, keys):
         """Delete the objects; one that is not there is none to delete."""

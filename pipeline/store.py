@@ -18,7 +18,7 @@ chunks of a tile, this 0.2 ms. All else goes through xarray and zarr.
 
 import os
 import warnings
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 import dask.array
 import numpy as np
@@ -29,7 +29,7 @@ from zarr.storage import MemoryStore
 
 from pipeline.directory import Directory
 from pipeline.faults import StorageError, StoreError
-from pipeline.grid import tile_counts, tile_indices
+from pipeline.grid import tile_counts
 from pipeline.layout import COMMIT, STORE, layout_of
 from pipeline.schema import FORMAT, provenance
 
@@ -163,10 +163,21 @@ def replace(out, cube):
 
 
 def missing(layout, cube):
-    """Indices of the tiles that are not committed, in tile order."""
-    sizes = layout.place.sizes(f"{STORE}/{layout.name}")
-    indices = tile_indices(cube.sizes, cube.tile)
-    return [index for index in indices if not _is_complete(layout, index, sizes.get)]
+    """Indices of the tiles that are not committed, in tile order: int array (tiles, dims).
+
+    One pass over the files, which may be millions: nothing is kept of them but a bit for each tile.
+    """
+    counts = tuple(tile_counts(cube.sizes, cube.tile).values())
+    committed = np.ones(counts, dtype=bool)
+    for variable in (layout.record, *layout.variables):
+        chunks = layout.chunks(variable)
+        there = np.zeros(counts, dtype=bool)
+        for key, size in layout.place.sizes(chunks):
+            if size == variable.chunk_bytes:
+                with suppress(ValueError, IndexError):  # others' files, e.g. of a file browser
+                    there[variable.tile_of(key[len(chunks) + 1 :])] = True
+        committed &= there
+    return np.argwhere(~committed)
 
 
 def is_committed(layout, index):
@@ -175,12 +186,8 @@ def is_committed(layout, index):
     The record alone would do after a kill; after a power cut the disk may have kept the record and
     lost the data, as nothing here waits for the disk.
     """
-    return _is_complete(layout, index, layout.place.size)
-
-
-def _is_complete(layout, index, size):
     return all(
-        size(layout.key(variable, index)) == variable.chunk_bytes
+        layout.place.size(layout.key(variable, index)) == variable.chunk_bytes
         for variable in (layout.record, *layout.variables)
     )
 
@@ -219,9 +226,8 @@ def _exists(place, name):
     """
     if place.size(f"{STORE}/{name}/zarr.json") is not None:
         return True
-    left = place.sizes(f"{STORE}/{name}")
-    records = f"{STORE}/{name}/{COMMIT}/c/"
-    if left and (place.groups_appear_whole or any(key.startswith(records) for key in left)):
+    whole = f"{STORE}/{name}" if place.groups_appear_whole else f"{STORE}/{name}/{COMMIT}/c"
+    if any(place.sizes(whole)):
         raise _no_metadata(place, name)
     return False
 

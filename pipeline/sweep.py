@@ -2,7 +2,7 @@
 
 1. List the missing tiles and predict the cost of each.
 2. Pack cheap tiles into batches; submit batches, the most expensive first, never more than a few
-   per worker at a time.
+   at a time for each worker that there is.
 3. Tiles that were with a worker that died are suspects: rerun alone at the end. A tile that fails
    alone, or raises an error, has failed: it stays missing, and the sweep goes on with the others.
 4. On Ctrl-C submit no more, wait for the tiles in flight, and say what is left. Likewise if the
@@ -13,26 +13,36 @@ tile, `predict(coords, settings)` its cost in CPU seconds. Both must be importab
 Results do not depend on the number of workers, on batches, or on interruptions.
 """
 
+import pickle
 import signal
 import sys
 import threading
 import time
 from concurrent.futures import CancelledError
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
+from itertools import takewhile
+from math import inf
+from queue import Empty, SimpleQueue
 
-from distributed import KilledWorker, wait
+import numpy as np
+from distributed import KilledWorker
+from distributed.comm import CommClosedError
 
 from pipeline import store
 from pipeline.faults import StorageError
-from pipeline.grid import tile_slices
+from pipeline.grid import tile_counts, tile_slices
+from pipeline.progress import Progress
 
 BATCH_SECONDS = 0.5  # of predicted CPU time in a batch: long against 2 ms of scheduling
 BATCH_TILES = 256
+_PROBES = 1000  # about, at most: each costs the driver some milliseconds, whatever is in it
 _IN_FLIGHT = 2  # batches per worker: one computing, one waiting
+_ROLL_CALL = 1  # seconds after which the workers are counted again: they join and leave
 _PATIENCE = 30  # seconds without any worker, after which the sweep gives up
 _REPORT = 5  # seconds to fetch the report of a batch that has ended
 _ATTEMPTS_ALONE = 2  # worker deaths that condemn a tile: one may be somebody else's doing
+_NO_SCHEDULER = "the dask scheduler is gone; run again to resume"
 
 
 @dataclass(frozen=True)
@@ -45,7 +55,7 @@ class Outcome:
     remaining: int
 
 
-def sweep(client, out, cube, compute, predict, wanted=None, report=sys.stderr):
+def sweep(client, out, cube, compute, predict, wanted=None, report=sys.stderr, progress=None):
     """Compute the missing tiles of `cube` into the store in `out`.
 
     Parameters
@@ -56,6 +66,7 @@ def sweep(client, out, cube, compute, predict, wanted=None, report=sys.stderr):
     compute, predict : functions (coords, settings), see above; coords are {dim: ndarray}.
     wanted : iterable of tile indices, default all.
     report : text stream for progress.
+    progress : the Progress of a series of sweeps, instead of a line for this one in `report`.
 
     Returns
     -------
@@ -64,107 +75,158 @@ def sweep(client, out, cube, compute, predict, wanted=None, report=sys.stderr):
     ConnectionError if the scheduler or all workers are gone.
     """
     layout = store.create(out, cube)
-    missing = store.missing(layout, cube)
+    tiles = store.missing(layout, cube)
     if wanted is not None:
-        wanted = set(wanted)
-        missing = [index for index in missing if index in wanted]
-    if not missing:
+        tiles = tiles[_among(tiles, wanted, cube)]
+    if not len(tiles):
         return Outcome(0, {}, False, 0)
-    tiles = {index: _tile_coords(cube, index) for index in missing}
-    costs = _predict_all(client, tiles, predict, cube.settings)
-    progress = _Progress(cube.name, costs, report)
-    with _draining_on_interrupt() as interrupt:
-        run = _Run(client, layout, compute, cube.settings, tiles, interrupt, progress)
-        window = _IN_FLIGHT * max(1, len(client.scheduler_info(n_workers=-1)["workers"]))
-        suspects = run.all(_pack(costs), window)
+    costs = _predict_all(client, cube, tiles, predict)
+    line = Progress(cube.name, report) if progress is None else nullcontext(progress)
+    with _draining_on_interrupt() as interrupt, line as progress:
+        progress.begin(len(tiles), costs.sum())
+        run = _Run(client, layout, compute, cube, tiles, costs, interrupt, progress)
+        suspects = run.all(_pack(costs))
         failed = run.failed
-        for index in suspects:
+        for tile in suspects:
             for _ in range(_ATTEMPTS_ALONE):
-                if not run.all([[index]], 1):
+                if not run.all([np.array([tile])], most=1):
                     break
             else:
-                failed[index] = "its worker died each time, also when it ran alone"
-    progress.end()
+                failed[tile] = "its worker died each time, also when it ran alone"
     if run.fault:
         raise run.fault
-    return Outcome(run.committed, failed, interrupt.is_set(), len(missing) - run.committed)
+    failed = {tuple(tiles[tile].tolist()): reason for tile, reason in failed.items()}
+    return Outcome(run.committed, failed, interrupt.is_set(), len(tiles) - run.committed)
+
+
+def _among(tiles, wanted, cube):
+    """For each of the tiles whether its index is wanted."""
+    chosen = np.zeros(tuple(tile_counts(cube.sizes, cube.tile).values()), dtype=bool)
+    for index in wanted:
+        chosen[index] = True
+    return chosen[tuple(tiles.T)]
+
+
+# Below, a tile is a place in `tiles`, the array of the indices of all tiles of the sweep, and a
+# batch is an array of places. With a million tiles little else may be kept of each.
 
 
 class _Run:
-    """The submission loop and what it has counted so far."""
+    """The submission of batches, and what has been counted of those that have ended."""
 
-    def __init__(self, client, layout, compute, settings, tiles, interrupt, progress):
-        self.client, self.layout, self.compute, self.settings = client, layout, compute, settings
-        self.tiles, self.interrupt, self.progress = tiles, interrupt, progress
+    def __init__(self, client, layout, compute, cube, tiles, costs, interrupt, progress):
+        self.client, self.layout, self.compute, self.cube = client, layout, compute, cube
+        self.tiles, self.costs, self.interrupt, self.progress = tiles, costs, interrupt, progress
         self.committed, self.failed, self.fault = 0, {}, None
 
-    def all(self, batches, window):
-        """Run the batches, at most `window` at a time; returns tiles whose worker died."""
+    def all(self, batches, most=inf):
+        """Run the batches, at most `most` at a time; returns tiles whose worker died."""
         suspects = []
-        batches = iter(batches)
-        in_flight = {}
-        while True:
-            while len(in_flight) < window and not (self.fault or self.interrupt.is_set()):
-                batch = next(batches, None)
-                if batch is None:
-                    break
-                tiles = [(index, self.tiles[index]) for index in batch]
-                future = self.client.submit(
-                    _compute_batch, self.layout, self.compute, self.settings, tiles, pure=False
-                )
-                in_flight[future] = batch
-            if not in_flight:
-                return suspects
-            for future in _first_completed(self.client, list(in_flight)):
-                batch = in_flight.pop(future)
-                try:
-                    # A worker may die between the end of a batch and its report: dask then runs
-                    # the batch again, which may end in any of these ways.
-                    self._count(future.result(timeout=_REPORT))
-                except TimeoutError:
-                    in_flight[future] = batch
-                    continue
-                except KilledWorker:
-                    suspects += batch
-                except StorageError as fault:
-                    self.fault = fault
-                except CancelledError:
-                    raise ConnectionError(
-                        "the dask scheduler is gone; run again to resume"
-                    ) from None
-                future.release()
-
-    def _count(self, results):
-        for index, error in results:
-            if error is None:
-                self.committed += 1
+        going_on = takewhile(lambda _: not (self.fault or self.interrupt.is_set()), batches)
+        for batch, errors, exception in _ended(self.client, self._submit, going_on, most):
+            if exception is None:
+                self._count(batch, errors)
+            elif isinstance(exception, KilledWorker):
+                suspects += batch.tolist()
+            elif isinstance(exception, StorageError):
+                self.fault = exception
             else:
-                self.failed[index] = error
-        self.progress.advance([index for index, _ in results])
+                raise exception
+        return suspects
+
+    def _submit(self, batch):
+        return self.client.submit(
+            _compute_batch,
+            self.layout,
+            self.compute,
+            self.cube.settings,
+            _packed(self.cube, self.tiles[batch]),
+            pure=False,
+        )
+
+    def _count(self, batch, errors):
+        self.committed += len(batch) - len(errors)
+        self.failed |= {int(batch[place]): error for place, error in errors.items()}
+        self.progress.advance(len(batch), self.costs[batch].sum())
 
 
-def _first_completed(client, futures):
-    """Wait until some of the futures are done, and return those."""
-    alive = time.monotonic()
+def _ended(client, submit, batches, most=inf):
+    """Submit the batches in turn, a few per worker and at most `most` at a time.
+
+    Yields (batch, result, None) or (batch, None, exception) of each when it has ended.
+    """
+    batches, in_flight, done = iter(batches), {}, SimpleQueue()
+    crew = _Crew(client)
     while True:
+        window = min(most, _IN_FLIGHT * max(1, crew.size()))
+        while len(in_flight) < window and (batch := next(batches, None)) is not None:
+            future = submit(batch)
+            in_flight[future] = batch
+            future.add_done_callback(done.put)
+        if not in_flight:
+            return
         try:
-            with client.as_current():
-                return wait(futures, timeout=1, return_when="FIRST_COMPLETED").done
+            future = done.get(timeout=_ROLL_CALL)
+        except Empty:
+            continue
+        result = failure = None
+        try:
+            result = future.result(timeout=_REPORT)
         except TimeoutError:
-            if client.scheduler_info(n_workers=-1)["workers"]:
-                alive = time.monotonic()
-            elif time.monotonic() - alive > _PATIENCE:
-                raise ConnectionError("no workers are left; run again to resume") from None
+            # Its worker died between the end of the batch and its report: dask runs it again, which
+            # may end in any of these ways.
+            future.add_done_callback(done.put)
+            continue
+        except (CancelledError, CommClosedError):
+            raise ConnectionError(_NO_SCHEDULER) from None
+        except Exception as exception:
+            failure = exception
+        future.release()
+        yield in_flight.pop(future), result, failure
 
 
-def _compute_batch(layout, compute, settings, tiles):
-    """On a worker: compute and commit each tile; returns [(index, None or what went wrong)].
+class _Crew:
+    """The workers that there are, counted once in a while: they join and leave."""
+
+    def __init__(self, client):
+        self.client, self.workers = client, 0
+        self.counted, self.alive = -inf, time.monotonic()
+
+    def size(self):
+        """How many they are; ConnectionError if there have been none for long."""
+        now = time.monotonic()
+        if now - self.counted >= _ROLL_CALL:
+            try:
+                self.workers = len(self.client.nthreads())
+            except OSError:
+                raise ConnectionError(_NO_SCHEDULER) from None
+            self.counted = now
+            if self.workers:
+                self.alive = now
+            elif now - self.alive > _PATIENCE:
+                raise ConnectionError("no workers are left; run again to resume")
+        return self.workers
+
+
+def _packed(cube, indices):
+    """The tiles [(index, coords)] of a batch, as bytes: dask would send each array by itself."""
+    sizes = cube.sizes
+    axes = {str(dim): coordinate.values for dim, coordinate in cube.template.coords.items()}
+    tiles = []
+    for index in map(tuple, indices.tolist()):
+        slices = tile_slices(index, sizes, cube.tile)
+        coords = {dim: axis[slices[dim]] if dim in slices else axis for dim, axis in axes.items()}
+        tiles.append((index, coords))
+    return pickle.dumps(tiles, protocol=5)
+
+
+def _compute_batch(layout, compute, settings, packed):
+    """On a worker: compute and commit each tile; returns {place in the batch: what went wrong}.
 
     A store that fails is no fault of the tile, and raises.
     """
-    results = []
-    for index, coords in tiles:
-        error = None
+    errors = {}
+    for place, (index, coords) in enumerate(pickle.loads(packed)):
         try:
             # Dask may run a task twice, e.g. when it loses touch with a worker.
             if not store.is_committed(layout, index):
@@ -174,54 +236,40 @@ def _compute_batch(layout, compute, settings, tiles):
         except StorageError:
             raise
         except Exception as exception:
-            error = f"{type(exception).__name__}: {exception}"
-        results.append((index, error))
-    return results
+            errors[place] = f"{type(exception).__name__}: {exception}"
+    return errors
 
 
-def _tile_coords(cube, index):
-    slices = tile_slices(index, cube.sizes, cube.tile)
-    return {
-        str(dim): coordinate.values[slices.get(dim, slice(None))]
-        for dim, coordinate in cube.template.coords.items()
-    }
+def _predict_all(client, cube, tiles, predict):
+    """Predicted CPU seconds of each tile, probed on the workers; 1 s where the probe failed."""
+    costs = np.ones(len(tiles))
+    many = max(BATCH_TILES, len(tiles) // _PROBES)
+    batches = np.split(np.arange(len(tiles)), range(many, len(tiles), many))
 
+    def submit(batch):
+        packed = _packed(cube, tiles[batch])
+        return client.submit(_predict_batch, predict, cube.settings, packed, pure=False)
 
-def _predict_all(client, tiles, predict, settings):
-    """{index: predicted CPU seconds}, probed on the workers; 1 s for tiles whose probe failed."""
-    costs = dict.fromkeys(tiles, 1.0)
-    indices = list(tiles)
-    parts = [indices[i : i + BATCH_TILES] for i in range(0, len(indices), BATCH_TILES)]
-    pending = {
-        client.submit(_predict_batch, predict, settings, [tiles[i] for i in part], pure=False): part
-        for part in parts
-    }
-    while pending:
-        for future in _first_completed(client, list(pending)):
-            part = pending.pop(future)
-            if future.status == "finished":
-                # A worker's death between the probe and its report costs the prediction only.
-                with suppress(KilledWorker, TimeoutError):
-                    costs.update(zip(part, future.result(timeout=_REPORT), strict=True))
-            future.release()
+    for batch, seconds, failure in _ended(client, submit, batches):
+        if failure is None:
+            costs[batch] = seconds
     return costs
 
 
-def _predict_batch(predict, settings, tiles):
-    return [predict(coords, settings) for coords in tiles]
+def _predict_batch(predict, settings, packed):
+    return [predict(coords, settings) for _, coords in pickle.loads(packed)]
 
 
 def _pack(costs):
     """Batches of tiles, the most expensive first; each batch of cheap ones up to half a second."""
-    batch, seconds = [], 0.0
-    for index in sorted(costs, key=costs.get, reverse=True):
-        if batch and (seconds + costs[index] > BATCH_SECONDS or len(batch) == BATCH_TILES):
-            yield batch
-            batch, seconds = [], 0.0
-        batch.append(index)
-        seconds += costs[index]
-    if batch:
+    order = np.argsort(-costs, kind="stable")
+    start = 0
+    while start < len(order):
+        batch = order[start : start + BATCH_TILES]
+        fit = np.searchsorted(np.cumsum(costs[batch]), BATCH_SECONDS, side="right")
+        batch = batch[: max(1, fit)]
         yield batch
+        start += len(batch)
 
 
 @contextmanager
@@ -246,34 +294,3 @@ def _draining_on_interrupt():
         yield interrupt
     finally:
         signal.signal(signal.SIGINT, previous)
-
-
-class _Progress:
-    """One line: tiles done, rate, time left by predicted cost. On a terminal it is rewritten; in
-    a log a new one is written every ten seconds."""
-
-    def __init__(self, name, costs, stream):
-        self.name, self.costs, self.stream = name, costs, stream
-        self.total = sum(costs.values())
-        self.done, self.tiles = 0.0, 0
-        self.start = self.shown = time.monotonic()
-        self.interval = 0.2 if stream.isatty() else 10.0
-
-    def advance(self, indices):
-        self.tiles += len(indices)
-        self.done += sum(self.costs[index] for index in indices)
-        if time.monotonic() - self.shown > self.interval:
-            self._show("\r" if self.stream.isatty() else "\n")
-
-    def end(self):
-        self._show("\n")
-
-    def _show(self, end):
-        self.shown = time.monotonic()
-        elapsed = self.shown - self.start
-        left = elapsed * max(0.0, self.total / self.done - 1) if self.done > 0 else float("nan")
-        line = (
-            f"{self.name}: {self.tiles}/{len(self.costs)} tiles, "
-            f"{self.tiles / max(elapsed, 1e-9):.1f}/s, {elapsed:.0f} s gone, {left:.0f} s left"
-        )
-        print(line.ljust(78), end=end, file=self.stream, flush=True)

@@ -35,7 +35,7 @@ def parts(out, name):
     layout = stored_layout(place, name, group)
     if not layout:
         return [()]
-    records = place.sizes(f"{STORE}/{name}/{COMMIT}")
+    records = {key for key, _ in place.sizes(f"{STORE}/{name}/{COMMIT}")}
     indices = product(*map(range, group[COMMIT].shape))
     return [(), *(index for index in indices if layout.key(layout.record, index) in records)]
 

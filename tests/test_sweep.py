@@ -9,6 +9,7 @@ import sys
 import threading
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import psutil
@@ -17,7 +18,8 @@ import toy
 
 from pipeline import store
 from pipeline.cluster import ClusterError, connect
-from pipeline.sweep import _pack, sweep
+from pipeline.progress import Progress
+from pipeline.sweep import _ended, _pack, sweep
 
 
 @pytest.fixture(scope="module")
@@ -199,11 +201,12 @@ def test_a_second_ctrl_c_abandons_the_tiles_in_flight(tmp_path):
 
 
 def test_batches_hold_every_tile_once_and_start_with_the_most_expensive():
-    costs = {(i,): cost for i, cost in enumerate([0.01, 3.0, 0.2, 0.4, 0.02, 0.0])}
+    costs = np.array([0.01, 3.0, 0.2, 0.4, 0.02, 0.0])
     batches = list(_pack(costs))
-    assert batches[0] == [(1,)]
-    assert sorted(index for batch in batches for index in batch) == sorted(costs)
-    assert all(sum(costs[i] for i in batch) <= 0.5 or len(batch) == 1 for batch in batches)
+    assert batches[0].tolist() == [1]
+    assert sorted(np.concatenate(batches)) == list(range(len(costs)))
+    assert (np.diff(costs[np.concatenate(batches)]) <= 0).all()
+    assert all(costs[batch].sum() <= 0.5 or len(batch) == 1 for batch in batches)
     assert len(batches) < len(costs)
 
 
@@ -213,6 +216,50 @@ def test_progress_tells_tiles_rate_and_time_left(client, tmp_path):
         sweep(client, tmp_path, toy.cube(), toy.compute, toy.predict, report=report)
     assert "toy: 20/20 tiles" in report.getvalue()
     assert "0 s left" in report.getvalue()
+
+
+def test_a_series_of_sweeps_shares_one_line_of_progress(client, tmp_path):
+    report = io.StringIO()
+    with store.driving(tmp_path), Progress("series", report) as progress:
+        for wanted in ({(0, 0)}, {(1, 0), (2, 0)}, {(1, 0)}):
+            sweep(client, tmp_path, toy.cube(), toy.compute, toy.predict, wanted, progress=progress)
+        assert "1/1 tiles" not in report.getvalue()
+    assert report.getvalue().splitlines()[-1].startswith("series: 3/3 tiles")
+
+
+class Promise:
+    """A dask future that ends when it is told to."""
+
+    def add_done_callback(self, end):
+        self.end = end
+
+    def result(self, timeout):
+        return None
+
+    def release(self):
+        pass
+
+
+def test_the_batches_in_flight_follow_the_workers_that_there_are(monkeypatch):
+    monkeypatch.setattr("pipeline.sweep._ROLL_CALL", 0)
+    workers = [1] * 10 + [4] * 20 + [0] * 10 + [2] * 60
+    in_flight, seen = [], []
+
+    def nthreads():
+        seen.append(len(in_flight))
+        if in_flight:
+            promise = in_flight.pop(0)
+            promise.end(promise)
+        return range(workers[len(seen) - 1])
+
+    def submit(batch):
+        in_flight.append(Promise())
+        return in_flight[-1]
+
+    client = SimpleNamespace(nthreads=nthreads)
+    assert [batch for batch, _, _ in _ended(client, submit, range(90))] == list(range(90))
+    # Two per worker, and one as long as there is none; one of them has ended a moment before.
+    assert [seen[i] for i in (9, 29, 39, 59)] == [1, 7, 1, 3]
 
 
 def test_workers_listen_on_loopback_only(client):

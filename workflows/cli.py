@@ -222,15 +222,15 @@ def shared_workers(scheduler, n_workers, tls):
             yield ["--scheduler", client.scheduler.address]
 
 
-def carry_out(client, place, job, wanted=None):
+def carry_out(client, place, job, wanted=None, progress=None):
     """Sweep the job's cube, or the tiles `wanted` of it, into the store in `place`.
 
-    Returns the cube as a Dataset.
+    `progress` is the line of a series of sweeps. Returns the cube as a Dataset.
     """
     from pipeline import store
     from pipeline.sweep import sweep
 
-    finish(sweep(client, place, job.cube, job.compute, job.predict, wanted))
+    finish(sweep(client, place, job.cube, job.compute, job.predict, wanted, progress=progress))
     return store.read(place, job.cube.name)
 
 

@@ -50,13 +50,19 @@ def direct_job(barrier, n_max, n_orbits):
 
 def inwards(client, place, job):
     """Sweep the job's cube from the largest excess inwards, on each ray to the first no-escape."""
+    import sys
+
+    from pipeline.progress import Progress
+
     rays = range(job.cube.sizes["angle"])
-    for excess in reversed(range(job.cube.sizes["excess"])):
-        found = carry_out(client, place, job, {(ray, excess) for ray in rays})
-        times = found.escape_time[-1, :, excess].values
-        rays = [ray for ray in rays if times[ray] <= job.cube.settings["n_max"]]
-        if not rays:
-            break
+    with Progress(job.cube.name, sys.stderr) as progress:
+        for excess in reversed(range(job.cube.sizes["excess"])):
+            wanted = {(ray, excess) for ray in rays}
+            found = carry_out(client, place, job, wanted, progress)
+            times = found.escape_time[-1, :, excess].values
+            rays = [ray for ray in rays if times[ray] <= job.cube.settings["n_max"]]
+            if not rays:
+                break
     return found.load()
 
 

@@ -153,20 +153,19 @@ def escape_plane(client, place, plane):
 
     def compute(level_cube, wanted=None):
         finish(sweep(client, place, level_cube, tasks.escape_tile, tasks.escape_cost, wanted))
-        return store.read(place, level_cube.name).escape_time.values
+        return store.read(place, level_cube.name)
 
     if plane.levels == 1:
-        compute(planned(plane))
-        return store.read(place, "escape")
-    fields = [compute(_level_cube(plane, "escape_level0", 0))]
+        return compute(planned(plane))
+    fields = [compute(_level_cube(plane, "escape_level0", 0)).escape_time.values]
     for level in range(1, plane.levels):
         level_cube = _level_cube(plane, f"escape_level{level}", level)
         wanted = refine.tiles_at(refine.halved(_followed_cells(fields, plane)), plane.tile)
-        fields.append(compute(level_cube, wanted))
+        fields.append(compute(level_cube, wanted).escape_time.values)
         # Finer cells may show that the boundary runs on in a neighbouring tile: follow it there.
         while more := refine.tiles_at(_followed_cells(fields, plane), plane.tile) - wanted:
             wanted |= more
-            fields[-1] = compute(level_cube, wanted)
+            fields[-1] = compute(level_cube, wanted).escape_time.values
     finest = _level_cube(plane, "escape", plane.levels - 1)
     composed = schema.composed(finest, plane.levels, plane.follow, *refine.compose(fields))
     store.replace(place, composed)
