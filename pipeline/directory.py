@@ -32,6 +32,8 @@ class Directory:
 
     root: str
     groups_appear_whole: ClassVar[bool] = True
+    probe: ClassVar[str] = f"{_ASIDE}/probe"
+    """Key of a file that says whose directory it is, while it is held."""
 
     def __str__(self):
         return self.root

@@ -48,6 +48,7 @@ class Objects:
 
     url: str
     groups_appear_whole: ClassVar[bool] = False
+    probe: ClassVar[str] = ".probe"
 
     def __str__(self):
         return self.url
@@ -61,7 +62,7 @@ class Objects:
         with self.explained():
             found = self._store.list_with_delimiter()
         names = {*found["common_prefixes"], *(entry["path"] for entry in found["objects"])}
-        return names - lease.KEYS
+        return names - lease.KEYS - {self.probe}
 
     @contextmanager
     def held(self):

@@ -50,6 +50,9 @@ def compute(coords, settings):
     if settings.get("log"):
         with open(settings["log"], "a") as log:
             log.write(f"{coords['row'][0]:.6f} {coords['column'][0]:.6f}\n")
+    if settings.get("pids"):
+        with open(settings["pids"], "a") as pids:
+            pids.write(f"{os.getpid()}\n")
     time.sleep(settings.get("seconds", 0.0))
     end = time.thread_time() + settings.get("burn", 0.0)
     while time.thread_time() < end:
