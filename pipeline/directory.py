@@ -8,6 +8,7 @@ import errno
 import fcntl
 import os
 import shutil
+import time
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from typing import ClassVar
@@ -61,14 +62,12 @@ class Directory:
             why = f"cannot write to {self}: {error.strerror}; choose another --out"
             raise StoreError(why) from None
         with lock:
-            try:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except OSError:
+            if not _locked(lock):
                 lock.seek(0)
                 raise StoreError(
                     f"{self} is being written by another run (process "
                     f"{lock.read().strip() or '?'}); wait for it, stop it, or choose another --out"
-                ) from None
+                )
             aside = f"{self.root}/{_ASIDE}"
             with self._failing():
                 lock.truncate(0)
@@ -80,6 +79,21 @@ class Directory:
                 yield
             finally:
                 shutil.rmtree(aside, ignore_errors=True)
+
+    def driver(self):
+        """Who holds the directory now, in words; "" if nobody does."""
+        try:
+            with open(f"{self.root}/{_LOCK}") as lock:
+                try:
+                    # Given back at once, as the file is closed.
+                    fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
+                except OSError:
+                    return f"process {lock.read().strip() or '?'}"
+        except FileNotFoundError:
+            return ""
+        except OSError as error:
+            raise StoreError(f"cannot read {self}: {error.strerror}") from None
+        return ""
 
     def put(self, key, data):
         """Write the file, which appears whole or not at all."""
@@ -144,18 +158,23 @@ class Directory:
 
     def sizes(self, prefix):
         """{key: bytes} of all files below."""
+        return {key: found.st_size for key, found in self._files(prefix)}
 
+    def changes(self, prefix):
+        """{key: (bytes, time of its last change in seconds)} of all files below."""
+        return {key: (found.st_size, found.st_mtime) for key, found in self._files(prefix)}
+
+    def _files(self, prefix):
         def fail(error):
             if not isinstance(error, FileNotFoundError):
                 raise error
 
         start = len(self.root) + 1
         with self._failing("read"):
-            return {
-                f"{directory[start:]}/{file}": os.path.getsize(f"{directory}/{file}")
-                for directory, _, files in os.walk(f"{self.root}/{prefix}", onerror=fail)
-                for file in files
-            }
+            for directory, _, files in os.walk(f"{self.root}/{prefix}", onerror=fail):
+                for file in files:
+                    path = f"{directory}/{file}"
+                    yield path[start:], os.stat(path)
 
     def delete(self, keys):
         """Delete the files; one that is not there is none to delete."""
@@ -184,3 +203,14 @@ class Directory:
         except OSError as error:
             cure = _CURES.get(error.errno, "put that right")
             raise StorageError(f"cannot {doing} {self}: {error.strerror}; {cure}") from None
+
+
+def _locked(file):
+    """Lock the file, if no other driver has. `driver` locks it for a moment too: try twice."""
+    for _ in range(2):
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return True
+        except OSError:
+            time.sleep(0.05)
+    return False

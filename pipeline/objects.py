@@ -70,6 +70,11 @@ class Objects:
         with self.explained(), lease.leased(self._store, self.url):
             yield
 
+    def driver(self):
+        """Who holds the prefix now, in words; "" if nobody does."""
+        with self.explained():
+            return lease.holder(self._store)
+
     def put(self, key, data):
         """Write the object."""
         with self.explained():
@@ -109,10 +114,19 @@ class Objects:
 
     def sizes(self, prefix):
         """{key: bytes} of all objects below."""
+        return {entry["path"]: entry["size"] for entry in self._entries(prefix)}
+
+    def changes(self, prefix):
+        """{key: (bytes, time of its last change in seconds)} of all objects below."""
+        return {
+            entry["path"]: (entry["size"], entry["last_modified"].timestamp())
+            for entry in self._entries(prefix)
+        }
+
+    def _entries(self, prefix):
         with self.explained():
-            return {
-                entry["path"]: entry["size"] for page in self._store.list(prefix) for entry in page
-            }
+            for page in self._store.list(prefix):
+                yield from page
 
     def delete(self, keys):
         """Delete the objects; one that is not there is none to delete."""

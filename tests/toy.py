@@ -118,6 +118,11 @@ def serial(plan):
     return compute(coords, {})
 
 
+def compute_tile():
+    """The arrays of a full tile of `cube()`."""
+    return {"wave": np.ones((2, 3, 3)), "sign": np.ones((3, 3))}
+
+
 def no_warm_up():
     pass
 
