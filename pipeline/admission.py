@@ -124,8 +124,9 @@ def _admitting(client, name, complaint, prepare, cure):
     name = f"nasm-{name}-{client.id}"
     _refuse_unfit(client, complaint, cure)
     client.subscribe_topic(name, lambda event: print(event[1], file=sys.stderr, flush=True))
-    # A key that the scheduler knows for as long as this client is connected to it.
-    alive = client.submit(_nothing, key=name, pure=False)
+    # A task that the scheduler knows for as long as this client is connected to it, and that no
+    # worker can take: a result would be in the way of the worker that holds it when that retires.
+    alive = client.submit(_nothing, key=name, resources={name: 1}, pure=False)
     _register(client, _Admission(name, complaint, prepare))
     yield
     with suppress(OSError):  # a worker has gone meanwhile; the others do without it

@@ -13,6 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import click
+import dask
 import numpy as np
 import pytest
 import toy
@@ -20,7 +21,7 @@ from click.testing import CliRunner
 from cryptography import x509
 from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
-from distributed import Client
+from distributed import Client, LocalCluster
 from distributed.security import Security
 
 from pipeline import store
@@ -243,6 +244,32 @@ def test_a_driver_that_is_gone_turns_no_worker_away(cluster):
     assert n_workers(file) == 2
     worker.kill()
     wait_until(lambda: n_workers(file) == 1)
+
+
+@pytest.mark.slow
+def test_workers_end_by_their_lifetime_and_are_replaced(tmp_path):
+    # As jobs of a queue with a wall time; see the recipe job_queue.
+    pids = tmp_path / "pids"
+    plan = toy.cube(tile=1, seconds=0.08, pids=str(pids))
+    with (
+        dask.config.set({"distributed.deploy.lost-worker-timeout": "100ms"}),
+        LocalCluster(
+            n_workers=2,
+            threads_per_worker=1,
+            host="127.0.0.1",
+            dashboard_address="127.0.0.1:0",
+            memory_limit=0,
+            lifetime="3s",
+            lifetime_stagger="1s",
+            silence_logs="CRITICAL",
+        ) as workers,
+    ):
+        workers.adapt(minimum=2, maximum=2, interval="100ms")
+        with connect(toy.no_warm_up, scheduler=workers.scheduler_address) as client:
+            outcome = run(client, tmp_path / "out", plan)
+    assert (outcome.failed, outcome.remaining) == ({}, 0)
+    assert_complete(tmp_path / "out", plan)
+    assert len(set(pids.read_text().split())) > 2
 
 
 PEM = serialization.Encoding.PEM
