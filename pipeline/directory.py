@@ -206,8 +206,8 @@ class Directory:
 
 
 def _locked(file):
-    """Lock the file, if no other driver has. `driver` locks it for a moment too: try twice."""
-    for _ in range(2):
+    """Lock the file, if no other driver has. `driver` locks it for a moment too: try again."""
+    for _ in range(3):
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             return True

@@ -83,22 +83,20 @@ def test_a_driver_may_start_while_the_status_is_read(tmp_path):
     stop = threading.Event()
 
     def ask():
-        while not stop.is_set():
+        while not stop.wait(0.001):
             store.place_of(tmp_path).driver()
 
     with store.driving(tmp_path):
         pass
-    threads = [threading.Thread(target=ask) for _ in range(2)]
-    for thread in threads:
-        thread.start()
+    asking = threading.Thread(target=ask)
+    asking.start()
     try:
-        for _ in range(5):
+        for _ in range(30):
             with store.driving(tmp_path):
                 pass
     finally:
         stop.set()
-        for thread in threads:
-            thread.join()
+        asking.join()
 
 
 def test_rate_and_time_left_are_those_of_the_last_minutes(tmp_path):
