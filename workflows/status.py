@@ -35,7 +35,7 @@ def main(out, place, draw):
 
 def described(state, at_work):
     """The state of a cube in words."""
-    size = f"{state.size / 1e6:.3g} MB"
+    size = f"{state.size / 1e6:.3g} MB" if state.size >= 1e6 else f"{state.size / 1e3:.3g} kB"
     if not state.tiles:
         return f"written whole; {size}"
     parts = [f"{state.done} of {state.tiles} tiles"]
