@@ -1,15 +1,23 @@
-"""Clusters: worker processes on this machine by default, or a running dask scheduler by address."""
+"""Clusters: worker processes on this machine by default, or a running dask scheduler.
 
+A scheduler elsewhere is named by its address, or by the file in which it has written that.
+"""
+
+import json
 import os
 import re
 import signal
 import threading
 from contextlib import contextmanager
+from functools import partial
 
 import dask
 from dask.system import CPU_COUNT
-from distributed import Client, LocalCluster, WorkerPlugin
+from distributed import Client, LocalCluster
+from distributed.comm import CommClosedError
 from distributed.security import Security
+
+from pipeline.admission import ClusterError, comparing
 
 QUIET = {
     # A task that was with a worker when it died is suspect at once, not after it killed three
@@ -24,39 +32,23 @@ QUIET = {
 }
 
 
-class ClusterError(Exception):
-    """No cluster to compute on; the message says why, and what to do."""
-
-
-class _WarmUp(WorkerPlugin):
-    """Readies a worker: compiled kernels, and, for a worker on this machine that the driver has
-    started, deaf to a Ctrl-C that is meant for the driver."""
-
-    name = "nasm-warm-up"
-
-    def __init__(self, warm_up, ours):
-        self.warm_up, self.ours = warm_up, ours
-
-    def setup(self, worker):
-        if self.ours and threading.current_thread() is threading.main_thread():
-            signal.signal(signal.SIGINT, signal.SIG_IGN)
-        self.warm_up()
+_ADDRESS = re.compile(r"(tcp|tls)://[^/\s]+:\d+")
 
 
 @contextmanager
 def connect(warm_up, scheduler=None, n_workers=None, tls=None):
-    """A dask Client whose workers are warmed up.
+    """A dask Client whose workers have our versions and are warmed up, also those that join later.
 
     Parameters
     ----------
     warm_up : function without arguments, run once in each worker process.
-    scheduler : address of a running scheduler, "tcp://…" or "tls://…", whose workers see this
-        machine's files and have this package; by default workers are started on this machine, which
-        listen on loopback only.
+    scheduler : address of a running scheduler, "tcp://…" or "tls://…", or the path of its scheduler
+        file, whose workers see this machine's files and have this package; by default workers are
+        started on this machine, which listen on loopback only.
     n_workers : int ≥ 1, worker processes to start here; default one per core.
     tls : (ca, cert, key) files, for a "tls://" address.
 
-    ClusterError if the scheduler does not answer or has no workers.
+    ClusterError if the scheduler does not answer or has no workers, or workers that are not fit.
     """
     if n_workers is not None and n_workers < 1:
         raise ClusterError(f"workers={n_workers} must be at least 1")
@@ -64,16 +56,19 @@ def connect(warm_up, scheduler=None, n_workers=None, tls=None):
         raise ClusterError("TLS files are for a scheduler elsewhere; give its tls:// address too")
     if scheduler is not None and n_workers is not None:
         raise ClusterError(f"the scheduler at {scheduler} has its own workers; leave --workers out")
-    if scheduler is not None and not re.fullmatch(r"(tcp|tls)://[^/\s]+:\d+", scheduler):
-        raise ClusterError(f"scheduler={scheduler!r} must be tcp://HOST:PORT or tls://HOST:PORT")
-    if scheduler is not None and scheduler.startswith("tls://") and tls is None:
-        raise ClusterError(f"the scheduler at {scheduler} needs TLS files: CA, CERT and KEY")
-    connection = _local(n_workers) if scheduler is None else _remote(scheduler, tls)
-    with dask.config.set(QUIET), connection as client:
-        client.register_plugin(_WarmUp(warm_up, ours=scheduler is None))
+    if scheduler is None:
+        connection, prepare = _local(n_workers), partial(_ready_ours, warm_up)
+    else:
+        connection, prepare = _remote(_address(scheduler), tls), warm_up
+    with dask.config.set(QUIET), connection as client, comparing(client, prepare):
         yield client
-        if scheduler is not None:
-            client.unregister_worker_plugin(_WarmUp.name)
+
+
+def _ready_ours(warm_up):
+    """Ready a worker that the driver has started: deaf to a Ctrl-C that is meant for the driver."""
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+    warm_up()
 
 
 @contextmanager
@@ -103,22 +98,69 @@ def _deaf_to_interrupts():
         signal.signal(signal.SIGINT, previous)
 
 
-@contextmanager
-def _remote(address, tls):
-    security = None
-    if tls is not None:
-        ca, cert, key = map(os.fspath, tls)
-        security = Security(
-            tls_ca_file=ca, tls_client_cert=cert, tls_client_key=key, require_encryption=True
+def _address(scheduler):
+    """The address that `scheduler` is, or that its file holds."""
+    if _ADDRESS.fullmatch(scheduler):
+        return scheduler
+    if "://" in scheduler or not os.path.isfile(scheduler):
+        raise ClusterError(
+            f"scheduler={scheduler!r} must be tcp://HOST:PORT or tls://HOST:PORT, or the file that "
+            "`dask scheduler --scheduler-file` has written; there is no such file"
         )
     try:
+        with open(scheduler, encoding="utf-8") as file:
+            address = json.load(file)["address"]
+        if _ADDRESS.fullmatch(address):
+            return address
+    except OSError as error:
+        raise ClusterError(
+            f"cannot read the scheduler file {scheduler}: {error.strerror}"
+        ) from None
+    except (ValueError, KeyError, TypeError):
+        pass
+    raise ClusterError(
+        f"{scheduler} is no scheduler file: no JSON with an address tcp://HOST:PORT or "
+        "tls://HOST:PORT; give the one that `dask scheduler --scheduler-file` has written"
+    )
+
+
+@contextmanager
+def _remote(address, tls):
+    security = _security(address, tls)
+    try:
         client = Client(address, security=security, timeout=5, set_as_default=False)
+    except CommClosedError:
+        raise ClusterError(
+            f"{address} answers, but hangs up: a scheduler with TLS needs a tls:// address and "
+            "certificates of the CA that it knows; one without TLS, a tcp:// address"
+        ) from None
     except (OSError, ValueError, TypeError) as error:
         raise ClusterError(
             f"no dask scheduler answers at {address} ({error}); start one with `dask scheduler`, "
             "or leave the address out to compute on this machine"
         ) from None
     with client:
-        if not client.scheduler_info()["workers"]:
+        if not client.scheduler_info(n_workers=-1)["workers"]:
             raise ClusterError(f"the scheduler at {address} has no workers; start `dask worker`s")
         yield client
+
+
+def _security(address, tls):
+    if address.startswith("tcp://"):
+        if tls is not None:
+            raise ClusterError(f"TLS files are for a tls:// address, not {address}")
+        return None
+    if tls is None:
+        raise ClusterError(f"the scheduler at {address} needs TLS files: CA, CERT and KEY")
+    ca, cert, key = map(os.fspath, tls)
+    security = Security(
+        tls_ca_file=ca, tls_client_cert=cert, tls_client_key=key, require_encryption=True
+    )
+    try:
+        security.get_connection_args("client")
+    except OSError as error:
+        raise ClusterError(
+            f"the TLS files {ca}, {cert} and {key} cannot be used ({error}); they must be the CA's "
+            "certificate, a certificate, and the key of that, in PEM format"
+        ) from None
+    return security

@@ -8,6 +8,7 @@ import errno
 import fcntl
 import os
 import shutil
+import time
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from typing import ClassVar
@@ -32,6 +33,8 @@ class Directory:
 
     root: str
     groups_appear_whole: ClassVar[bool] = True
+    probe: ClassVar[str] = f"{_ASIDE}/probe"
+    """Key of a file that says whose directory it is, while it is held."""
 
     def __str__(self):
         return self.root
@@ -59,14 +62,12 @@ class Directory:
             why = f"cannot write to {self}: {error.strerror}; choose another --out"
             raise StoreError(why) from None
         with lock:
-            try:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except OSError:
+            if not _locked(lock):
                 lock.seek(0)
                 raise StoreError(
                     f"{self} is being written by another run (process "
                     f"{lock.read().strip() or '?'}); wait for it, stop it, or choose another --out"
-                ) from None
+                )
             aside = f"{self.root}/{_ASIDE}"
             with self._failing():
                 lock.truncate(0)
@@ -78,6 +79,21 @@ class Directory:
                 yield
             finally:
                 shutil.rmtree(aside, ignore_errors=True)
+
+    def driver(self):
+        """Who holds the directory now, in words; "" if nobody does."""
+        try:
+            with open(f"{self.root}/{_LOCK}") as lock:
+                try:
+                    # Given back at once, as the file is closed.
+                    fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
+                except OSError:
+                    return f"process {lock.read().strip() or '?'}"
+        except FileNotFoundError:
+            return ""
+        except OSError as error:
+            raise StoreError(f"cannot read {self}: {error.strerror}") from None
+        return ""
 
     def put(self, key, data):
         """Write the file, which appears whole or not at all."""
@@ -147,6 +163,15 @@ class Directory:
             for entry in _files(f"{self.root}/{prefix}"):
                 yield entry.path[start:], entry.stat().st_size
 
+    def changes(self, prefix):
+        """{key: (bytes, time of its last change in seconds)} of all files below."""
+        start = len(self.root) + 1
+        with self._failing("read"):
+            found = (
+                (entry.path[start:], entry.stat()) for entry in _files(f"{self.root}/{prefix}")
+            )
+            return {key: (status.st_size, status.st_mtime) for key, status in found}
+
     def delete(self, keys):
         """Delete the files; one that is not there is none to delete."""
         with self._failing():
@@ -184,3 +209,14 @@ def _files(directory):
                 yield from _files(entry.path)
             else:
                 yield entry
+
+
+def _locked(file):
+    """Lock the file, if no other driver has. `driver` locks it for a moment too: try again."""
+    for _ in range(3):
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return True
+        except OSError:
+            time.sleep(0.05)
+    return False

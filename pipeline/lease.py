@@ -18,6 +18,7 @@ import os
 import socket
 import threading
 from contextlib import contextmanager, suppress
+from datetime import UTC, datetime
 from uuid import uuid4
 
 from obstore.exceptions import AlreadyExistsError, BaseError, PreconditionError
@@ -56,6 +57,19 @@ def leased(store, url):
         raise StorageError(
             f"{url} was taken over by another run, as this one was not heard of for {LEASE} s"
         )
+
+
+def holder(store):
+    """Who holds the lease now, in words; "" if nobody does. By this machine's clock: it tells only,
+    and writes nothing."""
+    try:
+        found, other = _read(store)
+    except FileNotFoundError:
+        return ""
+    age = (datetime.now(UTC) - found["last_modified"]).total_seconds()
+    if not other or age > LEASE:
+        return ""
+    return f"process {other['process']} on {other['host']}, heard of {max(0, age):.0f} s ago"
 
 
 def _take(store, url, holder):

@@ -48,6 +48,7 @@ class Objects:
 
     url: str
     groups_appear_whole: ClassVar[bool] = False
+    probe: ClassVar[str] = ".probe"
 
     def __str__(self):
         return self.url
@@ -61,13 +62,18 @@ class Objects:
         with self.explained():
             found = self._store.list_with_delimiter()
         names = {*found["common_prefixes"], *(entry["path"] for entry in found["objects"])}
-        return names - lease.KEYS
+        return names - lease.KEYS - {self.probe}
 
     @contextmanager
     def held(self):
         """Hold the prefix as its one driver."""
         with self.explained(), lease.leased(self._store, self.url):
             yield
+
+    def driver(self):
+        """Who holds the prefix now, in words; "" if nobody does."""
+        with self.explained():
+            return lease.holder(self._store)
 
     def put(self, key, data):
         """Write the object."""
@@ -108,10 +114,20 @@ class Objects:
 
     def sizes(self, prefix):
         """Yield (key, bytes) of all objects below; no list of them is kept."""
+        for entry in self._entries(prefix):
+            yield entry["path"], entry["size"]
+
+    def changes(self, prefix):
+        """{key: (bytes, time of its last change in seconds)} of all objects below."""
+        return {
+            entry["path"]: (entry["size"], entry["last_modified"].timestamp())
+            for entry in self._entries(prefix)
+        }
+
+    def _entries(self, prefix):
         with self.explained():
             for page in self._store.list(prefix):
-                for entry in page:
-                    yield entry["path"], entry["size"]
+                yield from page
 
     def delete(self, keys):
         """Delete the objects; one that is not there is none to delete."""

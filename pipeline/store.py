@@ -98,7 +98,7 @@ def refuse_foreign(out):
     try:
         root = zarr.open_group(place.zarr_store(STORE), mode="r", zarr_format=3)
         written_as = root.attrs.get("format")
-    except (FileNotFoundError, ValueError):
+    except (FileNotFoundError, TypeError, ValueError):
         written_as = None
     if written_as != FORMAT:
         raise StoreError(

@@ -2,6 +2,7 @@
 
 import os
 import pickle
+import re
 import socket
 import subprocess
 import sys
@@ -19,8 +20,10 @@ from click.testing import CliRunner
 from obstore.store import S3Store
 from zarr.storage import ObjectStore
 
+import workflows.status
 import workflows.verify
 from pipeline import lease, objects, store
+from pipeline.admission import ClusterError, sharing
 from pipeline.faults import StorageError
 from pipeline.layout import layout_of
 from pipeline.store import StoreError
@@ -110,6 +113,41 @@ def test_a_sweep_reads_back_without_us_and_is_done(client, url):
     assert toy.watched_sweep(client, url, plan).committed == 0
     tree = xr.open_datatree(ObjectStore(bare(f"{url}/cubes.zarr"), read_only=True), engine="zarr")
     assert set(tree.children) == {"toy"}
+
+
+def test_the_status_tells_tiles_rate_and_driver_and_writes_nothing(client, url, tmp_path):
+    said = []
+
+    def ask():
+        command = ["--out", str(tmp_path / "none"), "--store", url]
+        said.append(CliRunner().invoke(workflows.status.main, command))
+
+    asking = threading.Thread(target=ask)
+    toy.watched_sweep(client, url, toy.cube(seconds=0.02), {6: asking.start, 15: asking.join})
+    assert said[0].exit_code == 0
+    assert re.search(rf"a driver is at work \(process {os.getpid()} on \S+, heard", said[0].output)
+    assert re.search(r"toy: \d+ of 20 tiles \(\d+\.0%\), \d+ missing; ", said[0].output)
+    before = {entry["path"]: entry["e_tag"] for page in bare(url).list() for entry in page}
+    assert ".probe" not in before
+    ask()
+    assert "no driver" in said[1].output
+    assert "toy: 20 of 20 tiles; " in said[1].output
+    assert "last tile" in said[1].output
+    assert before == {entry["path"]: entry["e_tag"] for page in bare(url).list() for entry in page}
+    assert not (tmp_path / "none").exists()
+
+
+def test_workers_see_an_object_store_by_what_the_driver_put_there(client, url, monkeypatch):
+    with store.driving(url):
+        with sharing(client, url):
+            assert bare(url).get(".probe").bytes()
+        assert store.place_of(url).names() == {store.STORE}
+        monkeypatch.setattr(objects.Objects, "read", lambda place, key: None)
+        with (
+            pytest.raises(ClusterError, match=f"does not see {url} as this machine does"),
+            sharing(client, url),
+        ):
+            pass
 
 
 def test_other_settings_other_files_and_other_versions_are_refused(client, url):

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import tomllib
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -522,6 +523,36 @@ def test_recipe_export(finished, tmp_path, monkeypatch, capsys, group, name):
 def test_recipe_large_field(finished, tmp_path, monkeypatch, capsys):
     said = follow_recipe("large_field", tmp_path, monkeypatch, capsys, finished)
     assert f"{(field(finished) <= 4000).mean():.6f}" in said
+
+
+@pytest.mark.slow
+def test_recipe_job_queue(tmp_path, monkeypatch, capsys):
+    asked = {}
+
+    class Queue(LocalCluster):
+        """Stands in for the queue: its jobs are processes here."""
+
+        def __init__(self, **job):
+            asked.update(job)
+            here = {"host": "127.0.0.1", "dashboard_address": "127.0.0.1:0"}
+            super().__init__(n_workers=0, threads_per_worker=1, **here)
+
+        def adapt(self, minimum_jobs, maximum_jobs):
+            assert minimum_jobs == maximum_jobs
+            super().adapt(minimum=1, maximum=1)
+
+    monkeypatch.setitem(sys.modules, "dask_jobqueue", SimpleNamespace(SLURMCluster=Queue))
+    monkeypatch.setenv("PYTHONPATH", str(RECIPES.parents[1]))
+    arguments = ["escape_plane", "--out", tmp_path / "out", *QUICK]
+    plane = ["--kappa1", "0:1:8", "--kappa2", "0:1:8"]
+    follow_recipe("job_queue", tmp_path, monkeypatch, capsys, *arguments, *plane)
+    assert np.isfinite(xr.open_zarr(tmp_path / "out/cubes.zarr", group="escape").cpu_seconds).all()
+    assert asked["cores"] == asked["processes"]
+    options = dict(zip(*[iter(asked["worker_extra_args"])] * 2, strict=True))
+    hours, rest, _ = map(int, asked["walltime"].split(":"))
+    lifetimes = options["--lifetime"], options["--lifetime-stagger"]
+    longest = sum(int(minutes.removesuffix("m")) for minutes in lifetimes)
+    assert longest < 60 * hours + rest
 
 
 def test_the_flux_beyond_the_breakup_is_kept_with_its_law(tmp_path):

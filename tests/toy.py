@@ -50,6 +50,9 @@ def compute(coords, settings):
     if settings.get("log"):
         with open(settings["log"], "a") as log:
             log.write(f"{coords['row'][0]:.6f} {coords['column'][0]:.6f}\n")
+    if settings.get("pids"):
+        with open(settings["pids"], "a") as pids:
+            pids.write(f"{os.getpid()}\n")
     time.sleep(settings.get("seconds", 0.0))
     end = time.thread_time() + settings.get("burn", 0.0)
     while time.thread_time() < end:
@@ -113,6 +116,11 @@ def serial(plan):
     """The whole cube computed at once."""
     coords = {name: coordinate.values for name, coordinate in plan.template.coords.items()}
     return compute(coords, {})
+
+
+def compute_tile():
+    """The arrays of a full tile of `cube()`."""
+    return {"wave": np.ones((2, 3, 3)), "sign": np.ones((3, 3))}
 
 
 def no_warm_up():

@@ -100,9 +100,9 @@ def cluster_options(function):
     )
     @click.option(
         "--scheduler",
-        metavar="ADDRESS",
-        help="Compute on a running dask scheduler, tcp://HOST:PORT or tls://HOST:PORT, whose "
-        "workers see the same files, instead of on this machine.",
+        metavar="ADDRESS|FILE",
+        help="Compute on a running dask scheduler, tcp://HOST:PORT, tls://HOST:PORT or the path of "
+        "its scheduler file, whose workers see the same files, instead of on this machine.",
     )
     @click.option(
         "--tls",
@@ -193,6 +193,7 @@ def session(out, cluster, methods, cubes, place=None):
     place = place or out
     with explained(place):
         from pipeline import store, tasks
+        from pipeline.admission import sharing
         from pipeline.cluster import connect
 
         if place != out and store.STORE in store.place_of(out).names():
@@ -201,7 +202,11 @@ def session(out, cluster, methods, cubes, place=None):
         for cube in cubes:
             store.refuse_different(place, cube)
         warm_up = functools.partial(tasks.warm_up, methods)
-        with connect(warm_up, **cluster) as client, store.driving(place):
+        with (
+            connect(warm_up, **cluster) as client,
+            store.driving(place),
+            sharing(client, place),
+        ):
             os.makedirs(out, exist_ok=True)
             yield client
 
