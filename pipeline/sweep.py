@@ -22,6 +22,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 
 from distributed import KilledWorker, wait
+from distributed.comm import CommClosedError
 
 from pipeline import store
 from pipeline.faults import StorageError
@@ -32,6 +33,7 @@ BATCH_TILES = 256
 _IN_FLIGHT = 2  # batches per worker: one computing, one waiting
 _PATIENCE = 30  # seconds without any worker, after which the sweep gives up
 _REPORT = 5  # seconds to fetch the report of a batch that has ended
+_NO_SCHEDULER = "the dask scheduler is gone; run again to resume"
 _ATTEMPTS_ALONE = 2  # worker deaths that condemn a tile: one may be somebody else's doing
 
 
@@ -120,7 +122,7 @@ class _Run:
                 try:
                     # A worker may die between the end of a batch and its report: dask then runs
                     # the batch again, which may end in any of these ways.
-                    self._count(future.result(timeout=_REPORT))
+                    self._count(_report_of(future))
                 except TimeoutError:
                     in_flight[future] = batch
                     continue
@@ -128,10 +130,6 @@ class _Run:
                     suspects += batch
                 except StorageError as fault:
                     self.fault = fault
-                except CancelledError:
-                    raise ConnectionError(
-                        "the dask scheduler is gone; run again to resume"
-                    ) from None
                 future.release()
 
     def _count(self, results):
@@ -150,11 +148,21 @@ def _first_completed(client, futures):
         try:
             with client.as_current():
                 return wait(futures, timeout=1, return_when="FIRST_COMPLETED").done
+        except CancelledError:
+            raise ConnectionError(_NO_SCHEDULER) from None
         except TimeoutError:
             if client.scheduler_info(n_workers=-1)["workers"]:
                 alive = time.monotonic()
             elif time.monotonic() - alive > _PATIENCE:
                 raise ConnectionError("no workers are left; run again to resume") from None
+
+
+def _report_of(future):
+    """What a task that is done returned, or raises what it raised."""
+    try:
+        return future.result(timeout=_REPORT)
+    except (CancelledError, CommClosedError):
+        raise ConnectionError(_NO_SCHEDULER) from None
 
 
 def _compute_batch(layout, compute, settings, tiles):
@@ -202,7 +210,7 @@ def _predict_all(client, tiles, predict, settings):
             if future.status == "finished":
                 # A worker's death between the probe and its report costs the prediction only.
                 with suppress(KilledWorker, TimeoutError):
-                    costs.update(zip(part, future.result(timeout=_REPORT), strict=True))
+                    costs.update(zip(part, _report_of(future), strict=True))
             future.release()
     return costs
 
