@@ -1,10 +1,11 @@
 """Clusters: worker processes on this machine by default, or a running dask scheduler by address."""
 
+import logging
 import os
 import re
 import signal
 import threading
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 import dask
 from dask.system import CPU_COUNT
@@ -73,7 +74,10 @@ def connect(warm_up, scheduler=None, n_workers=None, tls=None):
         client.register_plugin(_WarmUp(warm_up, ours=scheduler is None))
         yield client
         if scheduler is not None:
-            client.unregister_worker_plugin(_WarmUp.name)
+            # A worker has gone meanwhile, and the others do without it; or the scheduler is a new
+            # one, started again, that knows of none.
+            with suppress(OSError, ValueError):
+                client.unregister_worker_plugin(_WarmUp.name)
 
 
 @contextmanager
@@ -105,6 +109,8 @@ def _deaf_to_interrupts():
 
 @contextmanager
 def _remote(address, tls):
+    # What dask would log of a scheduler that is gone is a traceback; the sweep says it in words.
+    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
     security = None
     if tls is not None:
         ca, cert, key = map(os.fspath, tls)
