@@ -4,6 +4,7 @@ A scheduler elsewhere is named by its address, or by the file in which it has wr
 """
 
 import json
+import logging
 import os
 import re
 import signal
@@ -126,6 +127,8 @@ def _address(scheduler):
 
 @contextmanager
 def _remote(address, tls):
+    # What dask would log of a scheduler that is gone is a traceback; the sweep says it in words.
+    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
     security = _security(address, tls)
     try:
         client = Client(address, security=security, timeout=5, set_as_default=False)

@@ -57,7 +57,7 @@ def state(out, name):
     group = opened(place, name)
     layout = stored_layout(place, name, group)
     if not layout:
-        size = sum(place.sizes(f"{STORE}/{name}").values())
+        size = sum(size for _, size in place.sizes(f"{STORE}/{name}"))
         return State(name, 0, 0, nan, False, size, nan, nan)
     records = {
         key: time

@@ -16,6 +16,7 @@ before it (`layout`), written straight to their places: zarr's own writer takes 
 chunks of a tile, this 0.2 ms. All else goes through xarray and zarr.
 """
 
+import json
 import os
 import warnings
 from contextlib import contextmanager, suppress
@@ -141,7 +142,9 @@ def create(out, cube):
     refuse_different(out, cube)
     if not _exists(layout.place, cube.name):
         _put_group(layout.place, cube, _empty(layout, cube))
-    elif unreadable(opened(layout.place, cube.name), list(cube.template.coords)):
+        return layout
+    _gather(layout.place, cube.name)
+    if unreadable(opened(layout.place, cube.name), list(cube.template.coords)):
         for key, data in _empty(layout, cube).items():
             if "/c/" in key:
                 layout.place.put(f"{STORE}/{cube.name}/{key}", data)
@@ -155,8 +158,10 @@ def replace(out, cube):
     """
     place = place_of(out)
     refuse_different(out, cube)
-    if _exists(place, cube.name) and read(out, cube.name).equals(cube.template):
-        return
+    if _exists(place, cube.name):
+        _gather(place, cube.name)
+        if read(out, cube.name).equals(cube.template):
+            return
     compressed = {"compressors": (ZstdCodec(), Crc32cCodec())}
     encoding = dict.fromkeys(cube.template.variables, compressed)
     _put_group(place, cube, _files(cube, cube.template, encoding, compute=True))
@@ -284,6 +289,13 @@ def _files(cube, dataset, encoding, compute):
 def _put_group(place, cube, files):
     place.put_group(f"{STORE}/{cube.name}", files)
     consolidate(place)
+
+
+def _gather(place, name):
+    """Consolidate, if the cube is not in it: a driver may have died between the two."""
+    root = json.loads(place.read(f"{STORE}/zarr.json"))
+    if name not in (root.get("consolidated_metadata") or {"metadata": {}})["metadata"]:
+        consolidate(place)
 
 
 def consolidate(place):

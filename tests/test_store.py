@@ -50,6 +50,25 @@ def test_a_plain_xarray_opens_the_store_without_a_warning(tmp_path):
     assert tree["toy"].wave.attrs["units"] == "1"
 
 
+@pytest.mark.parametrize("write", [store.create, store.replace])
+def test_metadata_that_a_killed_driver_did_not_gather_are_gathered_by_the_next(
+    tmp_path, monkeypatch, write
+):
+    def die(place):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(store, "consolidate", die)
+        with pytest.raises(KeyboardInterrupt), store.driving(tmp_path):
+            write(tmp_path, toy.cube())
+    with store.driving(tmp_path):
+        write(tmp_path, toy.cube())
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert xr.open_zarr(tmp_path / store.STORE, group="toy").attrs["title"] == "toy"
+    assert set(xr.open_datatree(tmp_path / store.STORE, engine="zarr").children) == {"toy"}
+
+
 def test_a_tile_is_missing_until_its_commit_record_is_written(tmp_path):
     plan = toy.cube()
     with store.driving(tmp_path):

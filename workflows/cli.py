@@ -114,7 +114,8 @@ def cluster_options(function):
     @functools.wraps(function)
     def wrapped(*args, workers, scheduler, tls, **kwargs):
         cluster = {"n_workers": workers, "scheduler": scheduler, "tls": tls}
-        return function(*args, cluster=cluster, **kwargs)
+        with _abandoned_on_interrupt():
+            return function(*args, cluster=cluster, **kwargs)
 
     return wrapped
 
@@ -142,7 +143,7 @@ def store_option(function):
 @contextmanager
 def explained(place=None):
     """What a user can mend ends the program with one line, and exit code 2 or 1."""
-    try:
+    with _abandoned_on_interrupt():
         from pipeline import store
         from pipeline.cluster import ClusterError
         from pipeline.faults import StorageError, StoreError
@@ -157,6 +158,13 @@ def explained(place=None):
             raise click.ClickException(f"{fault}. {again}") from None
         except OSError as error:  # no workers, or no room for a table
             raise click.ClickException(str(error)) from None
+
+
+@contextmanager
+def _abandoned_on_interrupt():
+    """A Ctrl-C while no sweep is under way, e.g. before it, while its cube is being described."""
+    try:
+        yield
     except KeyboardInterrupt:
         click.echo("abandoned; run the same command again to resume", err=True)
         sys.exit(130)
