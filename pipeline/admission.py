@@ -129,7 +129,9 @@ def _admitting(client, name, complaint, prepare, cure):
     alive = client.submit(_nothing, key=name, resources={name: 1}, pure=False)
     _register(client, _Admission(name, complaint, prepare))
     yield
-    with suppress(OSError):  # a worker has gone meanwhile; the others do without it
+    # A worker has gone meanwhile, and the others do without it; or the scheduler is a new one,
+    # started again, that knows of none.
+    with suppress(OSError, ValueError):
         client.unregister_worker_plugin(name)
     client.unsubscribe_topic(name)
     alive.release()
