@@ -140,7 +140,7 @@ class _Run:
             self.layout,
             self.compute,
             self.cube.settings,
-            _packed(self.cube, self.tiles[batch]),
+            _parcel(self.cube, self.tiles[batch]),
             pure=False,
         )
 
@@ -208,7 +208,7 @@ class _Crew:
         return self.workers
 
 
-def _packed(cube, indices):
+def _parcel(cube, indices):
     """The tiles [(index, coords)] of a batch, as bytes: dask would send each array by itself."""
     sizes = cube.sizes
     axes = {str(dim): coordinate.values for dim, coordinate in cube.template.coords.items()}
@@ -247,7 +247,7 @@ def _predict_all(client, cube, tiles, predict):
     batches = np.split(np.arange(len(tiles)), range(many, len(tiles), many))
 
     def submit(batch):
-        packed = _packed(cube, tiles[batch])
+        packed = _parcel(cube, tiles[batch])
         return client.submit(_predict_batch, predict, cube.settings, packed, pure=False)
 
     for batch, seconds, failure in _ended(client, submit, batches):

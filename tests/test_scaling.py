@@ -15,7 +15,7 @@ SOME = throughput.Constants(0.1, 1e-4, 4e-3, 2e-4, 4e-3, 1e-3, 1e-3)
 
 @pytest.mark.parametrize("cost", [0, 1 / 1024, 1 / 64, 1 / 8, 0.3, 0.5, 2])
 @pytest.mark.parametrize("n", [1, 100, 1000])
-def test_tiles_are_packed_as_the_sweep_packs_them(n, cost):
+def test_tiles_are_parcel_as_the_sweep_packs_them(n, cost):
     size, batches = throughput.packing(n, cost)
     packed = list(_pack(np.full(n, cost)))
     assert (len(packed), len(packed[0])) == (batches, size)

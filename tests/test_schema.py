@@ -1,4 +1,5 @@
 import dataclasses
+import pickle
 
 import numpy as np
 import pytest
@@ -6,7 +7,7 @@ import pytest
 from nasm import escape
 from pipeline import schema, tasks
 from pipeline.grid import Axis, tile_indices
-from pipeline.sweep import _tile_coords
+from pipeline.sweep import _parcel
 
 PLANE = {
     "name": "escape",
@@ -51,8 +52,9 @@ def test_the_tiles_of_a_plane_hold_the_escape_times_of_its_cells():
     x, y = escape.ensemble(40)
     strengths = np.stack(np.meshgrid(PLANE["kappa1"].centres, PLANE["kappa2"].centres), axis=-1)
     whole = escape.first_escape(strengths, x, y, PLANE["sizes"], PLANE["n_max"])
-    for row, column in tile_indices(cube.sizes, cube.tile):
-        tile = tasks.escape_tile(_tile_coords(cube, (row, column)), cube.settings)
+    parcel = _parcel(cube, np.array(tile_indices(cube.sizes, cube.tile)))
+    for (row, column), coords in pickle.loads(parcel):
+        tile = tasks.escape_tile(coords, cube.settings)
         cells = np.s_[:, 4 * row : 4 * row + 4, 4 * column : 4 * column + 4]
         assert np.array_equal(tile["escape_time"], whole[cells])
 
