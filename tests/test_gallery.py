@@ -53,13 +53,3 @@ def test_the_page_shows_every_figure_with_its_caption_and_command(tmp_path, monk
     words = shlex.split(command)
     assert words[:3] == ["python", "-m", "workflows.period_one"]
     assert words[-2:] == ["--out", str(Path(out) / "period_one")]
-
-
-def test_other_settings_are_refused_by_name(tmp_path, monkeypatch):
-    for cells in ("40", "20"):
-        small = gallery.Exhibit("Figures 3 and 4", "period_one", f"--primary -4:4:{cells}")
-        monkeypatch.setattr(gallery, "EXHIBITS", (small,))
-        options = ["--quick", "--out", str(tmp_path), "--workers", "1"]
-        result = CliRunner().invoke(gallery.main, options)
-    assert result.exit_code == 2
-    assert "was computed with other settings" in result.output
