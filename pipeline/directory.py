@@ -114,11 +114,14 @@ class Directory:
             os.rename(aside, target)
         except FileNotFoundError:
             # The first chunk of its row. An array that is gone was moved away: it must not grow
-            # again here, without its metadata.
-            array = target.rpartition("/c/")[0]
-            if not os.path.exists(f"{array}/zarr.json"):
+            # again here, without its metadata; so make what is below it only.
+            path, chunks, below = target.rpartition("/c/")
+            if not chunks:
                 raise
-            os.makedirs(os.path.dirname(target), exist_ok=True)
+            for part in ["c", *below.split("/")[:-1]]:
+                path = f"{path}/{part}"
+                with suppress(FileExistsError):
+                    os.mkdir(path)
             os.rename(aside, target)
 
     def put_group(self, key, files):
