@@ -458,7 +458,14 @@ def move_store(stage, driver, choose):
     except FileNotFoundError:
         return False
     driver.wait(choose.uniform(0.05, 0.5))
+    if made_anew := moved.exists():
+        # It went before the driver had looked for it, which has begun another in its place.
+        stage.applied.append(kill_driver)
+        kill_driver(stage, driver, choose)
+        driver.wait()
+        os.rename(moved, stage.folder / f"anew {time.monotonic()}")
     os.rename(stage.folder / "elsewhere", moved)
+    return False if made_anew else None
 
 
 def lose_permissions(stage, driver, choose):
