@@ -127,8 +127,9 @@ def _address(scheduler):
 
 @contextmanager
 def _remote(address, tls):
-    # What dask would log of a scheduler that is gone is a traceback; the sweep says it in words.
-    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
+    # What dask would log of a scheduler that is gone are tracebacks; the sweep says it in words.
+    for name in ("client", "batched"):
+        logging.getLogger(f"distributed.{name}").setLevel(logging.CRITICAL)
     security = _security(address, tls)
     try:
         client = Client(address, security=security, timeout=5, set_as_default=False)
