@@ -4,7 +4,6 @@
 faults and when they come; processes keep their own time, as ever.
 """
 
-import gc
 import io
 import os
 import random
@@ -13,7 +12,6 @@ import signal
 import socket
 import threading
 import time
-import warnings
 from contextlib import ExitStack, suppress
 from urllib.parse import urlsplit
 
@@ -45,15 +43,6 @@ def report():
 def pool(tmp_path_factory):
     with campaign.pool(tmp_path_factory.mktemp("pool")) as pool:
         yield pool
-
-
-@pytest.fixture(autouse=True)
-def abandoned_sockets():
-    """Dask leaves the sockets of a scheduler that was killed to the collector, which warns."""
-    yield
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", ResourceWarning)
-        gc.collect()
 
 
 def seeds(numbers):
