@@ -250,21 +250,37 @@ def _kicks(line, y, n_kicks):
 
 
 def _longest_lived(line, n_kicks):
-    """y and time, in kicks, of the longest-lived start of both grids; one survivor is enough."""
-    y, time = _search(line, n_kicks, *_GRIDS[0])
-    if np.isinf(time):
-        return y, time
-    return max((y, time), _search(line, n_kicks, *_GRIDS[1]), key=lambda found: found[1])
+    """y and time, in kicks, of the longest-lived start of both grids."""
+    return longest_found(lambda y: _kicks(line, y, n_kicks), _GRIDS)
 
 
 def _search(line, n_kicks, starts, offset):
     """The beam search of `longest_lived` on one grid."""
+    return beam_search(lambda y: _kicks(line, y, n_kicks), starts, offset)
+
+
+def longest_found(lifetimes, grids):
+    """`beam_search` on each of the grids (starts, offset), until one finds a survivor."""
+    found = []
+    for grid in grids:
+        found.append(beam_search(lifetimes, *grid))
+        if np.isinf(found[-1][1]):
+            break
+    return max(found, key=lambda start: start[1])
+
+
+def beam_search(lifetimes, starts, offset):
+    """y in [0, 1/2] and lifetime of the start that lives longest; one survivor is enough.
+
+    lifetimes : function, vector of y → their lifetimes in kicks, inf for a survivor. starts, offset
+    : a grid, the number of its starts and the place of each in its cell.
+    """
     cell = 0.5 / starts
     y = (np.arange(starts) + offset) * cell
     brood = np.arange(_CHILDREN) - (_CHILDREN - 1) / 2
     best_y, best_time = 0.0, 0.0
     while True:
-        times = _kicks(line, y, n_kicks)
+        times = lifetimes(y)
         longest = times.argmax()
         if times[longest] > best_time:
             best_y, best_time = float(y[longest]), float(times[longest])

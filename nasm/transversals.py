@@ -40,16 +40,14 @@ from numba import njit
 
 from nasm import escape
 from nasm.checks import count, points
+from nasm.cones import beam_search, longest_found
 from nasm.critical import CriticalScale, Status, no_answer
 from nasm.maps import forcing, kick
 from nasm.sine import cos2pi
 
 MAX_STEPS = 10**6
 
-# As in `nasm.cones`: a beam search.
 _GRIDS = ((1024, 0.5), (797, 0.382))  # starts, and the place of the start in its cell
-_KEPT, _CHILDREN, _SHRINK = 32, 8, 0.15
-
 _HARMONICS = 8  # with 3, bounds on some rays of three kicks were up to six times as far off
 _BENDS = np.arange(-8, 9) / 40  # c_1 of the first transversals tried
 _SHORTEST = 12  # kicks of the first round; each round has three times those of the one before
@@ -109,28 +107,19 @@ def longest_lived(kappa, transversal, n_kicks):
 
     The beam search of `cones.longest_lived`, on two unrelated grids: it may miss a survivor.
     """
-    found = [_search(kappa, transversal, n_kicks, *grid) for grid in _GRIDS]
-    return max(found, key=lambda start: start[1])
+    return longest_found(_lifetimes(kappa, transversal, n_kicks), _GRIDS)
 
 
-def _search(kappa, transversal, n_kicks, starts, offset):
-    """The beam search on one grid; one survivor is enough."""
+def _lifetimes(kappa, transversal, n_kicks):
+    """y → kicks of the starts on a transversal, up to the first survivor; 0 of those behind it."""
     strengths = np.roll(kappa, -transversal.site)
-    cell = 0.5 / starts
-    y = (np.arange(starts) + offset) * cell
-    brood = np.arange(_CHILDREN) - (_CHILDREN - 1) / 2
-    best_y, best_time = 0.0, 0.0
-    while True:
+
+    def lifetimes(y):
         times = np.zeros(y.size)
         _elimination_times(strengths, transversal.x(y), y, n_kicks, True, times)
-        longest = times.argmax()
-        if times[longest] > best_time:
-            best_y, best_time = float(y[longest]), float(times[longest])
-        if np.isinf(best_time) or cell * best_time**2 < 0.01 or cell < np.spacing(0.5):
-            return best_y, best_time
-        kept = np.argsort(-times, kind="stable")[:_KEPT]
-        cell *= _SHRINK
-        y = (y[kept, None] + cell * brood).ravel()
+        return times
+
+    return lifetimes
 
 
 def critical_scale(profile, n_max):
@@ -223,7 +212,8 @@ def _lowest(profile, transversals, best, scale, n_kicks):
     for transversal in transversals:
         while True:
             lower = scale * (1 - _STEP / n_kicks)
-            if np.isinf(_search(lower * profile, transversal, n_kicks, *_GRIDS[0])[1]):
+            lifetimes = _lifetimes(lower * profile, transversal, n_kicks)
+            if np.isinf(beam_search(lifetimes, *_GRIDS[0])[1]):
                 break
             best, scale = transversal, lower
     return best, scale
