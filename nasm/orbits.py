@@ -35,10 +35,7 @@ def orbit(kappa, x, y, n):
     x, y : ndarrays of shape (n + 1, *shape); index 0 is the start.
     """
     strengths = forcing(kappa)
-    x, y = points(x, y)
-    n = count("n", n, 0, MAX_STEPS)
-    xs, ys = _orbit(strengths, x.ravel(), y.ravel(), n)
-    return xs.reshape(n + 1, *x.shape), ys.reshape(n + 1, *x.shape)
+    return _recorded(strengths, x, y, n, strengths.size)
 
 
 def kicked_orbit(kappa, x, y, n):
@@ -50,10 +47,14 @@ def kicked_orbit(kappa, x, y, n):
 
     Parameters and results are those of `orbit`, with n counting kicks.
     """
-    strengths = forcing(kappa)
+    return _recorded(forcing(kappa), x, y, n, 1)
+
+
+def _recorded(kappa, x, y, n, every):
+    """Orbits of n points after the start, one each `every` kicks."""
     x, y = points(x, y)
     n = count("n", n, 0, MAX_STEPS)
-    xs, ys = _kicked_orbit(strengths, x.ravel(), y.ravel(), n)
+    xs, ys = _orbit(kappa, x.ravel(), y.ravel(), n, every)
     return xs.reshape(n + 1, *x.shape), ys.reshape(n + 1, *x.shape)
 
 
@@ -103,26 +104,17 @@ def _step(kappa, x, y):
 
 
 @njit(nogil=True)
-def _orbit(kappa, x, y, n):
+def _orbit(kappa, x, y, n, every):
     xs = np.empty((n + 1, x.size))
     ys = np.empty((n + 1, x.size))
     xs[0] = x
     ys[0] = y
     for t in range(n):
         for i in range(x.size):
-            xs[t + 1, i], ys[t + 1, i] = _step(kappa, xs[t, i], ys[t, i])
-    return xs, ys
-
-
-@njit(nogil=True)
-def _kicked_orbit(kappa, x, y, n):
-    xs = np.empty((n + 1, x.size))
-    ys = np.empty((n + 1, x.size))
-    xs[0] = x
-    ys[0] = y
-    for t in range(n):
-        for i in range(x.size):
-            xs[t + 1, i], ys[t + 1, i] = kick(kappa[t % kappa.size], xs[t, i], ys[t, i])
+            xt, yt = xs[t, i], ys[t, i]
+            for k in range(t * every, (t + 1) * every):
+                xt, yt = kick(kappa[k % kappa.size], xt, yt)
+            xs[t + 1, i], ys[t + 1, i] = xt, yt
     return xs, ys
 
 
