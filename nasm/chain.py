@@ -217,7 +217,7 @@ def _follow(start, profile, begin, end, site, q, theta, stride, u):
             step *= 2
         else:
             step /= 2
-            if abs(step) < 1e-9 * abs(end - begin):
+            if abs(step) < 1e-6 * abs(end - begin):
                 return at
     return at
 
