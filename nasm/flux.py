@@ -63,7 +63,8 @@ def flux(omega, kappa, q_max=30_000, rtol=1e-6):
     ----------
     omega : RotationNumber, irrational.
     kappa : sequence of P floats, the forcing, first kick first.
-    q_max : int, the longest period used. At 10⁻⁴ beyond the breakup 30 000 do for three digits.
+    q_max : int, the longest period used. 30 000 do from 10⁻³ beyond the breakup on, 200 000 from
+        10⁻⁴.
     rtol : float, relative change from one convergent to the next to aim at; 1% is accepted.
 
     Returns
@@ -94,8 +95,9 @@ def flux(omega, kappa, q_max=30_000, rtol=1e-6):
             break
         value, error, period = longer, abs(longer - value) + rounding, q
         if q >= enough and error <= max(rtol * value, 2 * rounding):
-            return Flux(steps * value, steps * error, q, omega, Status.OK)
-    if period >= enough and error <= _SETTLED * value:
+            status = Status.OK
+            break
+    if status is Status.OK or (period >= enough and error <= _SETTLED * value):
         return Flux(steps * value, steps * error, period, omega, Status.OK)
     return Flux(np.nan, np.nan, period, omega, status)
 
