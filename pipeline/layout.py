@@ -43,7 +43,7 @@ class Variable:
             lengths = zip(self.chunk_shape, array.shape, strict=True)
             array = np.pad(array, [(0, whole - part) for whole, part in lengths])
         numbers = array.tobytes()
-        return numbers + checksum(numbers)
+        return numbers + _checksum(numbers)
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ def layout_of(place, cube):
             name=str(name),
             dtype=str(variable.dtype),
             chunk_shape=tuple(cube.tile.get(dim, sizes[dim]) for dim in variable.dims),
-            tiled_axes=tuple(tiled.index(dim) if dim in tiled else None for dim in variable.dims),
+            tiled_axes=_tiled_axes(variable.dims, tiled),
         )
         for name, variable in cube.template.data_vars.items()
     )
@@ -90,7 +90,7 @@ def stored_layout(place, name, group):
             name=key,
             dtype=str(array.dtype),
             chunk_shape=array.chunks,
-            tiled_axes=tuple(tiled.index(dim) if dim in tiled else None for dim in dims),
+            tiled_axes=_tiled_axes(dims, tiled),
         )
         for key, array in group.arrays()
         if set(tiled) <= set(dims := array.metadata.dimension_names) and [key] != list(dims)
@@ -98,10 +98,19 @@ def stored_layout(place, name, group):
     return Layout(place, name, variables, _record(len(tiled)))
 
 
+def _tiled_axes(dims, tiled):
+    return tuple(tiled.index(dim) if dim in tiled else None for dim in dims)
+
+
 def _record(n_dims):
     return Variable(COMMIT, "float64", (1,) * n_dims, tuple(range(n_dims)))
 
 
-def checksum(data):
+def is_sound(data):
+    """Whether the bytes of a chunk match the checksum in which they end."""
+    return _checksum(data[:-4]) == data[-4:]
+
+
+def _checksum(data):
     """CRC-32C, four bytes."""
     return crc32c(data).to_bytes(4, "little")

@@ -220,13 +220,13 @@ def _parcel(cube, indices):
     return pickle.dumps(tiles, protocol=5)
 
 
-def _compute_batch(layout, compute, settings, packed):
+def _compute_batch(layout, compute, settings, parcel):
     """On a worker: compute and commit each tile; returns {place in the batch: what went wrong}.
 
     A store that fails is no fault of the tile, and raises.
     """
     errors = {}
-    for place, (index, coords) in enumerate(pickle.loads(packed)):
+    for place, (index, coords) in enumerate(pickle.loads(parcel)):
         try:
             # Dask may run a task twice, e.g. when it loses touch with a worker.
             if not store.is_committed(layout, index):
@@ -247,8 +247,8 @@ def _predict_all(client, cube, tiles, predict):
     batches = np.split(np.arange(len(tiles)), range(many, len(tiles), many))
 
     def submit(batch):
-        packed = _parcel(cube, tiles[batch])
-        return client.submit(_predict_batch, predict, cube.settings, packed, pure=False)
+        parcel = _parcel(cube, tiles[batch])
+        return client.submit(_predict_batch, predict, cube.settings, parcel, pure=False)
 
     for batch, seconds, failure in _ended(client, submit, batches):
         if failure is None:
@@ -256,8 +256,8 @@ def _predict_all(client, cube, tiles, predict):
     return costs
 
 
-def _predict_batch(predict, settings, packed):
-    return [predict(coords, settings) for _, coords in pickle.loads(packed)]
+def _predict_batch(predict, settings, parcel):
+    return [predict(coords, settings) for _, coords in pickle.loads(parcel)]
 
 
 def _pack(costs):
