@@ -12,6 +12,7 @@ from google_crc32c import value as crc32c
 
 STORE = "cubes.zarr"
 COMMIT = "cpu_seconds"
+FAILURE = ".failed"
 
 
 @dataclass(frozen=True)
@@ -59,6 +60,10 @@ class Layout:
         """Of the chunk that holds the tile of that index."""
         chunk = "/".join("0" if axis is None else str(index[axis]) for axis in variable.tiled_axes)
         return f"{self.chunks(variable)}/{chunk}"
+
+    def failure_key(self, index):
+        """Of the reason why the tile of that index has failed. It is no chunk's key to zarr."""
+        return self.key(self.record, index) + FAILURE
 
     def chunks(self, variable):
         """What the keys of all chunks of a variable begin with."""

@@ -1,22 +1,26 @@
 """How far a sweep is, from its store alone: nothing is written, and no driver is disturbed.
 
-A tile is done if its commit record is there in full length, and was done when that was written. Why
-a tile is missing is recorded nowhere: it has not had its turn, was not wanted, or has failed.
+A tile is done if its commit record is there in full length, and was done when that was written. One
+that is missing failed when it was last tried, if the store has the reason; or it has not had its
+turn, or was not wanted.
 """
 
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass
 from math import nan, prod
 
 import numpy as np
 
-from pipeline.layout import COMMIT, STORE, is_sound, stored_layout
+from pipeline.layout import COMMIT, FAILURE, STORE, is_sound, stored_layout
 from pipeline.store import opened, place_of
 
 RECENT = 300
 """Seconds before the last commit over which the rate is taken."""
 
 _READ = 1024  # commit records that are read; of more, these are a sample
+_TOLD = 10  # failures whose reasons are read
+_LENGTH = 500  # bytes of a reason
 
 
 @dataclass(frozen=True)
@@ -24,12 +28,15 @@ class State:
     """Of one cube: numbers of tiles; CPU seconds, of which `sampled` says if they are estimated;
     bytes; the time of the last commit; tiles per second in the last minutes before it.
 
-    tiles is 0 for a cube that is no sweep's: it was written whole.
+    tiles is 0 for a cube that is no sweep's: it was written whole. reasons : {index: why it failed}
+    of the first few of the failed tiles.
     """
 
     name: str
     tiles: int
     done: int
+    failed: int
+    reasons: dict[tuple[int, ...], str]
     cpu_seconds: float
     sampled: bool
     size: int
@@ -58,12 +65,15 @@ def state(out, name):
     layout = stored_layout(place, name, group)
     if not layout:
         size = sum(size for _, size in place.sizes(f"{STORE}/{name}"))
-        return State(name, 0, 0, nan, False, size, nan, nan)
+        return State(name, 0, 0, 0, {}, nan, False, size, nan, nan)
+    changes = place.changes(layout.chunks(layout.record))
+    whole = layout.record.chunk_bytes
     records = {
         key: time
-        for key, (size, time) in place.changes(f"{STORE}/{name}/{COMMIT}/c").items()
-        if size == layout.record.chunk_bytes
+        for key, (size, time) in changes.items()
+        if size == whole and not key.endswith(FAILURE)
     }
+    failed = _failed_tiles(layout, changes.keys(), records)
     every = -(-len(records) // _READ) or 1
     seconds = _cpu_seconds(place, sorted(records)[::every])
     last, rate = _rate(np.fromiter(records.values(), float, len(records)))
@@ -71,6 +81,8 @@ def state(out, name):
         name,
         tiles=prod(group[COMMIT].shape),
         done=len(records),
+        failed=len(failed),
+        reasons={index: _reason(layout, index) for index in failed[:_TOLD]},
         cpu_seconds=float(np.mean(seconds) * len(records)) if seconds else 0.0,
         sampled=every > 1,
         # Every tile has one chunk of each variable, and all have the same length.
@@ -78,6 +90,23 @@ def state(out, name):
         last=last,
         rate=rate,
     )
+
+
+def _failed_tiles(layout, keys, records):
+    """Indices of the tiles that have a reason and no commit record, in tile order."""
+    start, end = len(layout.chunks(layout.record)) + 1, -len(FAILURE)
+    failed = []
+    for key in keys:
+        if key.endswith(FAILURE) and key[:end] not in records:
+            with suppress(ValueError):  # others' files
+                failed.append(layout.record.tile_of(key[start:end]))
+    return sorted(failed)
+
+
+def _reason(layout, index):
+    """In one line that is safe to print: whoever made the store may have written anything."""
+    text = (layout.place.read(layout.failure_key(index)) or b"")[:_LENGTH].decode(errors="replace")
+    return "".join(c if c.isprintable() else " " for c in text)
 
 
 def _cpu_seconds(place, keys):

@@ -3,7 +3,8 @@
 The life of a tile: missing → (leased in memory) → data chunks written → commit record written last.
 The commit record is the tile's chunk of `cpu_seconds`: *a tile is done if that chunk exists*. The
 store is the only truth; there is no other list of what is done. What appears in it appears whole,
-so that a killed process leaves nothing half-written.
+so that a killed process leaves nothing half-written. If a tile fails, the reason is written beside
+the place of its commit record, and means something as long as that is missing.
 
 One driver at a time may write to a store. Several workers may commit tiles at once, even the same
 tile: they write the same bytes.
@@ -204,6 +205,11 @@ def commit(layout, index, arrays, seconds):
         data = variable.encoded(np.asarray(arrays[variable.name]))
         layout.place.put(layout.key(variable, index), data)
     layout.place.put(layout.key(layout.record, index), layout.record.encoded(record))
+
+
+def record_failure(layout, index, reason):
+    """Write why a tile that is not committed has failed, beside the place of its commit record."""
+    layout.place.put(layout.failure_key(index), reason.encode(errors="replace"))
 
 
 def read(out, name):

@@ -4,7 +4,8 @@
 2. Pack cheap tiles into batches; submit batches, the most expensive first, never more than a few
    at a time for each worker that there is.
 3. Tiles that were with a worker that died are suspects: rerun alone at the end. A tile that fails
-   alone, or raises an error, has failed: it stays missing, and the sweep goes on with the others.
+   alone, or raises an error, has failed: it stays missing, the store keeps the reason, and the
+   sweep goes on with the others.
 4. On Ctrl-C submit no more, wait for the tiles in flight, and say what is left. Likewise if the
    store fails: a full disk would fail all tiles in turn.
 
@@ -86,16 +87,15 @@ def sweep(client, out, cube, compute, predict, wanted=None, report=sys.stderr, p
         progress.begin(len(tiles), costs.sum())
         run = _Run(client, layout, compute, cube, tiles, costs, interrupt, progress)
         suspects = run.all(_pack(costs))
-        failed = run.failed
         for tile in suspects:
             for _ in range(_ATTEMPTS_ALONE):
                 if not run.all([np.array([tile])], most=1):
                     break
             else:
-                failed[tile] = "its worker died each time, also when it ran alone"
+                run.condemn(tile, "its worker died each time, also when it ran alone")
     if run.fault:
         raise run.fault
-    failed = {tuple(tiles[tile].tolist()): reason for tile, reason in failed.items()}
+    failed = {tuple(tiles[tile].tolist()): reason for tile, reason in run.failed.items()}
     return Outcome(run.committed, failed, interrupt.is_set(), len(tiles) - run.committed)
 
 
@@ -133,6 +133,14 @@ class _Run:
             else:
                 raise exception
         return suspects
+
+    def condemn(self, tile, reason):
+        """Count a tile as failed that left no word of its own in the store."""
+        self.failed[tile] = reason
+        try:
+            store.record_failure(self.layout, tuple(self.tiles[tile].tolist()), reason)
+        except StorageError as fault:
+            self.fault = fault
 
     def _submit(self, batch):
         return self.client.submit(
@@ -237,6 +245,7 @@ def _compute_batch(layout, compute, settings, parcel):
             raise
         except Exception as exception:
             errors[place] = f"{type(exception).__name__}: {exception}"
+            store.record_failure(layout, index, errors[place])
     return errors
 
 

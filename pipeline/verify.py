@@ -61,7 +61,8 @@ def free(out, name, index):
     layout = stored_layout(place, name, opened(place, name))
     if layout and index:
         place.delete([layout.key(layout.record, index)])
-        place.delete([layout.key(variable, index) for variable in layout.variables])
+        chunks = [layout.key(variable, index) for variable in layout.variables]
+        place.delete([*chunks, layout.failure_key(index)])
     elif not layout:
         place.delete_group(f"{STORE}/{name}")
         consolidate(place)

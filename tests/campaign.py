@@ -40,7 +40,7 @@ from distributed import Scheduler, Worker
 
 import pipeline.tasks  # noqa: F401 (imported once, before processes are forked)
 import workflows.verify
-from pipeline import lease, objects, store, verify
+from pipeline import lease, objects, status, store, verify
 from pipeline.grid import tile_indices
 from workflows.cli import Job, carry_out, cluster_options, session, store_option
 
@@ -743,6 +743,7 @@ class Stage:
         if code == 1 and "tiles failed and stay missing" in text:
             failed = {tuple(map(int, pair)) for pair in re.findall(r"tile \((\d), (\d)\) f", text)}
             assert failed == set(self.missing()) - self.corrupted.keys(), said
+            assert status.state(self.out, "toy").failed == len(failed), said
 
     def observe(self):
         """Nothing that was committed is lost or other than it was; all of it is right."""

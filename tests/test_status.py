@@ -11,7 +11,7 @@ import xarray as xr
 from click.testing import CliRunner
 
 import workflows.status
-from pipeline import store
+from pipeline import store, verify
 from pipeline.grid import Axis
 from pipeline.schema import barrier_cube, escape_cube
 from pipeline.status import RECENT, state
@@ -128,6 +128,49 @@ def test_a_torn_record_is_a_missing_tile(tmp_path):
     second.write_bytes(second.read_bytes()[::-1])  # in full length, but damaged: counted, not read
     found = state(tmp_path, "toy")
     assert (found.done, found.cpu_seconds) == (1, 0.0)
+
+
+def test_failed_tiles_are_told_with_the_reason_until_they_are_computed(client, tmp_path):
+    plan = toy.cube(raises=[0.0, -1.0])
+    assert toy.watched_sweep(client, tmp_path, plan).remaining == 1
+    reason = "ArithmeticError: no answer here"
+    found = state(tmp_path, "toy")
+    assert (found.done, found.failed, found.reasons) == (19, 1, {(0, 0): reason})
+    said = told(tmp_path)
+    assert "19 of 20 tiles (95.0%), 1 missing, of which 1 failed when last tried; " in said
+    assert f"\n  tile (0, 0) failed: {reason}\n" in said
+    with store.driving(tmp_path):
+        commit(tmp_path, plan, [(0, 0)], toy.compute_tile())
+    found = state(tmp_path, "toy")
+    assert (found.done, found.failed, found.reasons) == (20, 0, {})
+    assert " failed: " not in told(tmp_path)
+
+
+def test_a_tile_that_is_freed_has_not_failed(tmp_path):
+    with store.driving(tmp_path):
+        commit(tmp_path, toy.cube(), [(0, 0)], toy.compute_tile())
+        store.record_failure(store.create(tmp_path, toy.cube()), (0, 0), "before that")
+        verify.free(tmp_path, "toy", (0, 0))
+    found = state(tmp_path, "toy")
+    assert (found.done, found.failed) == (0, 0)
+
+
+def test_of_many_failures_the_first_are_told_and_a_reason_is_only_text(tmp_path):
+    with store.driving(tmp_path):
+        layout = store.create(tmp_path, toy.cube())
+        for i, j in [(i, j) for i in range(3) for j in range(5)]:
+            store.record_failure(layout, (i, j), f"\x1b[2J{i}\n{j}\ud800" + "x" * 1000)
+    strange = tmp_path / layout.failure_key((3, 3))
+    strange.parent.mkdir()
+    strange.with_name("mine.failed").write_text("no tile")
+    strange.write_bytes(b"\xff" * 12)  # as long as a commit record
+    found = state(tmp_path, "toy")
+    assert (found.done, found.failed, found.missing) == (0, 16, 20)
+    said = told(tmp_path)
+    assert said.count(" failed: ") == 10
+    assert "tile (1, 4) failed:  [2J1 4?xx" in said
+    assert "  ... and 6 more\n" in said
+    assert max(map(len, said.splitlines())) < 600
 
 
 def test_an_empty_store_and_one_that_is_none(tmp_path):

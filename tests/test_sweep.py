@@ -19,6 +19,7 @@ import toy
 from pipeline import store
 from pipeline.cluster import ClusterError, connect
 from pipeline.progress import Progress
+from pipeline.status import state
 from pipeline.sweep import _ended, _pack, sweep
 
 
@@ -84,6 +85,7 @@ def test_a_tile_that_kills_its_workers_fails_alone(client, tmp_path):
     assert list(outcome.failed) == [(0, 0)]
     assert "its worker died" in outcome.failed[0, 0]
     assert (outcome.committed, outcome.remaining) == (19, 1)
+    assert state(tmp_path, "toy").reasons == outcome.failed
 
 
 def test_a_sweep_survives_workers_killed_at_random(tmp_path):

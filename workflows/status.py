@@ -17,7 +17,7 @@ from workflows.cli import HELP, explained, out_option, store_option
 @store_option
 @out_option
 def main(out, place, draw):
-    """The state of all cubes of a store: tiles, CPU time, rate, time left."""
+    """The state of all cubes of a store: tiles, failures, CPU time, rate, time left."""
     with explained(place):
         from pipeline.status import driver, state
         from pipeline.verify import names
@@ -28,7 +28,12 @@ def main(out, place, draw):
         if not cubes:
             click.echo("no cubes yet")
         for name in cubes:
-            click.echo(f"{name}: {described(state(place, name), bool(at_work))}")
+            found = state(place, name)
+            click.echo(f"{name}: {described(found, bool(at_work))}")
+            for index, reason in found.reasons.items():
+                click.echo(f"  tile {index} failed: {reason}")
+            if found.failed > len(found.reasons):
+                click.echo(f"  ... and {found.failed - len(found.reasons)} more")
             if draw:
                 draw_cube(out, place, name)
 
@@ -41,6 +46,8 @@ def described(state, at_work):
     parts = [f"{state.done} of {state.tiles} tiles"]
     if state.missing:
         parts[0] += f" ({100 * state.done / state.tiles:.1f}%), {state.missing} missing"
+        if state.failed:
+            parts[0] += f", of which {state.failed} failed when last tried"
     parts.append(f"{'about ' if state.sampled else ''}{state.cpu_seconds:.3g} CPU s")
     parts.append(size)
     if isfinite(state.last):
