@@ -169,21 +169,26 @@ def replace(out, cube):
 
 
 def missing(layout, cube):
-    """Indices of the tiles that are not committed, in tile order: int array (tiles, dims).
-
-    One pass over the files, which may be millions: nothing is kept of them but a bit for each tile.
-    """
+    """Indices of the tiles that are not committed, in tile order: int array (tiles, dims)."""
     counts = tuple(tile_counts(cube.sizes, cube.tile).values())
     committed = np.ones(counts, dtype=bool)
     for variable in (layout.record, *layout.variables):
-        chunks = layout.chunks(variable)
-        there = np.zeros(counts, dtype=bool)
-        for key, size in layout.place.sizes(chunks):
-            if size == variable.chunk_bytes:
-                with suppress(ValueError, IndexError):  # others' files, e.g. of a file browser
-                    there[variable.tile_of(key[len(chunks) + 1 :])] = True
-        committed &= there
+        committed &= tiles_with(layout, variable, counts, variable.chunk_bytes)
     return np.argwhere(~committed)
+
+
+def tiles_with(layout, variable, counts, size=None):
+    """For each of the tiles, whether the variable has a chunk, of that size if one is given.
+
+    One pass over the files, which may be millions: nothing is kept of them but a bit for each tile.
+    """
+    chunks = layout.chunks(variable)
+    found = np.zeros(counts, dtype=bool)
+    for key, length in layout.place.sizes(chunks):
+        if length == size or size is None:
+            with suppress(ValueError, IndexError):  # others' files, e.g. of a file browser
+                found[variable.tile_of(key[len(chunks) + 1 :])] = True
+    return found
 
 
 def is_committed(layout, index):

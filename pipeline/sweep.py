@@ -81,7 +81,7 @@ def sweep(client, out, cube, compute, predict, wanted=None, report=sys.stderr, p
         tiles = tiles[_among(tiles, wanted, cube)]
     if not len(tiles):
         return Outcome(0, {}, False, 0)
-    costs = _predict_all(client, cube, tiles, predict)
+    costs = _predict_all(client, cube, tiles, predict, Progress(f"{cube.name}: costs", report))
     line = Progress(cube.name, report) if progress is None else nullcontext(progress)
     with _draining_on_interrupt() as interrupt, line as progress:
         progress.begin(len(tiles), costs.sum())
@@ -249,9 +249,10 @@ def _compute_batch(layout, compute, settings, parcel):
     return errors
 
 
-def _predict_all(client, cube, tiles, predict):
+def _predict_all(client, cube, tiles, predict, progress):
     """Predicted CPU seconds of each tile, probed on the workers; 1 s where the probe failed."""
     costs = np.ones(len(tiles))
+    progress.begin(len(tiles), len(tiles))  # its line is shown only if this takes long
     many = max(BATCH_TILES, len(tiles) // _PROBES)
     batches = np.split(np.arange(len(tiles)), range(many, len(tiles), many))
 
@@ -262,6 +263,7 @@ def _predict_all(client, cube, tiles, predict):
     for batch, seconds, failure in _ended(client, submit, batches):
         if failure is None:
             costs[batch] = seconds
+        progress.advance(len(batch), len(batch))
     return costs
 
 

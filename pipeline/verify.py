@@ -5,13 +5,14 @@ checksum. Its commit record is deleted first, so that the next sweep computes it
 """
 
 from concurrent.futures import ThreadPoolExecutor
-from itertools import product
+from functools import partial
 
+import numpy as np
 import zarr
 
 from pipeline.faults import StoreError
 from pipeline.layout import COMMIT, STORE, is_sound, stored_layout
-from pipeline.store import consolidate, opened, place_of, refuse_foreign, unreadable
+from pipeline.store import consolidate, opened, place_of, refuse_foreign, tiles_with, unreadable
 
 _AT_ONCE = 1024  # tiles that are looked at together
 
@@ -25,34 +26,32 @@ def names(out):
         raise StoreError(f"{out} holds no {STORE}; give the --out or --store of a run") from None
 
 
-def parts(out, name):
-    """What there is to verify of a cube: the index of each tile that is committed, and first ().
+def committed(out, name):
+    """Indices of a cube's tiles that have a commit record, be it damaged: int array (tiles, dims).
 
-    () is the cube itself: its coordinates, and all of a cube that is no sweep's.
+    A cube that is no sweep's has no tiles.
     """
     place = place_of(out)
     group = opened(place, name)
     layout = stored_layout(place, name, group)
     if not layout:
-        return [()]
-    records = {key for key, _ in place.sizes(f"{STORE}/{name}/{COMMIT}")}
-    indices = product(*map(range, group[COMMIT].shape))
-    return [(), *(index for index in indices if layout.key(layout.record, index) in records)]
+        return np.empty((0, 0), dtype=int)
+    return np.argwhere(tiles_with(layout, layout.record, group[COMMIT].shape))
 
 
-def verify(out, name, parts):
-    """Yield (index, what is damaged, or None) for each of the parts."""
+def verify(out, name, tiles):
+    """Yield (index, what is damaged, or None) for the cube, and for each of the tiles.
+
+    The index of the cube is (): its coordinates, and all of a cube that is no sweep's.
+    """
     place = place_of(out)
     group = opened(place, name)
     layout = stored_layout(place, name, group)
-
-    def damage(index):
-        return _damaged_tile(layout, index) if index else _damaged_cube(group, layout)
-
+    yield (), _damaged_cube(group, layout)
     with ThreadPoolExecutor(8) as pool:  # an object store takes its time for each
-        for i in range(0, len(parts), _AT_ONCE):
-            some = parts[i : i + _AT_ONCE]
-            yield from zip(some, pool.map(damage, some), strict=True)
+        for i in range(0, len(tiles), _AT_ONCE):
+            some = [tuple(index) for index in tiles[i : i + _AT_ONCE].tolist()]
+            yield from zip(some, pool.map(partial(_damaged_tile, layout), some), strict=True)
 
 
 def free(out, name, index):

@@ -780,7 +780,7 @@ class Stage:
 
     def _verify(self, damaged):
         """`verify` names what we damaged and nothing else; what it repairs is missing again."""
-        found = dict(verify.verify(self.out, "toy", verify.parts(self.out, "toy")))
+        found = dict(verify.verify(self.out, "toy", verify.committed(self.out, "toy")))
         named = {index for index, what in found.items() if what}
         self.report.false_verdicts += len(named ^ damaged)
         assert named == damaged, f"damaged: {damaged}, found: {named}"

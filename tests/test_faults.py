@@ -144,7 +144,7 @@ def test_damaged_tiles_are_found_and_repaired_by_computing_them_alone(client, tm
     toy.watched_sweep(client, tmp_path, plan)
     assert invoke(tmp_path).exit_code == 0
     damaged = damage(tmp_path)
-    found = dict(verify.verify(tmp_path, "toy", verify.parts(tmp_path, "toy")))
+    found = dict(verify.verify(tmp_path, "toy", verify.committed(tmp_path, "toy")))
     assert {index for index, what in found.items() if what} == damaged
     assert len(found) == 21
     result = invoke(tmp_path)
@@ -286,7 +286,7 @@ def test_a_strangers_pickles_are_not_executed(tmp_path, strangers):
     strangers(out / store.STORE, sprung)
     for attempt in (
         lambda: store.read(out, "toy").load(),
-        lambda: list(verify.verify(out, "toy", verify.parts(out, "toy"))),
+        lambda: list(verify.verify(out, "toy", verify.committed(out, "toy"))),
     ):
         with pytest.raises((store.StoreError, KeyError, UnknownCodecError)):
             attempt()

@@ -3,6 +3,7 @@
 import io
 import os
 import random
+import re
 import signal
 import subprocess
 import sys
@@ -227,6 +228,25 @@ def test_a_series_of_sweeps_shares_one_line_of_progress(client, tmp_path):
             sweep(client, tmp_path, toy.cube(), toy.compute, toy.predict, wanted, progress=progress)
         assert "1/1 tiles" not in report.getvalue()
     assert report.getvalue().splitlines()[-1].startswith("series: 3/3 tiles")
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+def predict_slowly(coords, settings):
+    time.sleep(0.002)
+    return 0.01
+
+
+def test_to_predict_many_costs_shows_progress(client, tmp_path):
+    report, plan = Terminal(), toy.cube(30, 30, tile=1)
+    with store.driving(tmp_path):
+        sweep(client, tmp_path, plan, toy.compute, predict_slowly, report=report)
+    first, *_, last = report.getvalue().split("\r")
+    assert re.match(r"toy: costs: \d+/900 tiles", first)
+    assert re.match(r"toy: 900/900 tiles", last)
 
 
 class Promise:

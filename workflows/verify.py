@@ -34,16 +34,16 @@ def main(out, place, repair):
 
 def check(place, name, repair):
     """Verify a cube and say what is damaged; returns in how many places."""
-    from pipeline.verify import free, parts, verify
+    from pipeline.verify import committed, free, verify
 
-    looked_at = parts(place, name)
+    tiles = committed(place, name)
     damaged = {}
-    with click.progressbar(length=len(looked_at), label=name, file=sys.stderr) as progress:
-        for index, what in verify(place, name, looked_at):
+    with click.progressbar(length=1 + len(tiles), label=name, file=sys.stderr) as progress:
+        for index, what in verify(place, name, tiles):
             progress.update(1)
             if what:
                 damaged[index] = what
-    click.echo(f"{name}: {len(looked_at) - 1} tiles, {len(damaged)} damaged")
+    click.echo(f"{name}: {len(tiles)} tiles, {len(damaged)} damaged")
     for index, what in damaged.items():
         click.echo(f"  {f'tile {index}' if index else 'the cube'}: {what}")
         if repair:
