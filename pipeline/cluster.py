@@ -136,7 +136,8 @@ def _remote(address, tls):
     except CommClosedError:
         raise ClusterError(
             f"{address} answers, but hangs up: a scheduler with TLS needs a tls:// address and "
-            "certificates of the CA that it knows; one without TLS, a tcp:// address"
+            "certificates of the CA that it knows; one without TLS, a tcp:// address; one that is "
+            "being stopped, to be started again"
         ) from None
     except (OSError, ValueError, TypeError) as error:
         raise ClusterError(

@@ -199,6 +199,8 @@ class Directory:
     def _failing(self, doing="write to"):
         try:
             yield
+        except StorageError:  # in words already
+            raise
         except OSError as error:
             cure = _CURES.get(error.errno, "put that right")
             raise StorageError(f"cannot {doing} {self}: {error.strerror}; {cure}") from None

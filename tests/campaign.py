@@ -560,6 +560,7 @@ ENDS = {
         (-signal.SIGKILL, ""),
         (1, r"Error: the dask scheduler is gone; run again to resume"),
         (2, r"Error: no dask scheduler answers at tcp://\S+ \(.*\); start one"),
+        (2, r"Error: tcp://\S+ answers, but hangs up: .* being stopped, to be started again"),
         (2, r"Error: the scheduler at tcp://\S+ has no workers; start `dask worker`s"),
     ],
     interrupt: [(130, r"stopped with \d+ tiles|abandoned; run the same command again to resume")],
