@@ -93,7 +93,7 @@ def test_a_store_that_is_moved_under_way_is_missed_and_grows_nowhere_else(client
 def test_a_group_that_cannot_be_replaced_is_one_message_with_its_cause(tmp_path):
     (tmp_path / store.STORE).write_text("no directory")
     place = store.place_of(tmp_path)
-    with place.held(), pytest.raises(StorageError, match="cannot write to .*: Not a directory; "):
+    with place.held(), pytest.raises(StorageError, match=r"cannot write to .*: Not a directory; "):
         place.put_group(f"{store.STORE}/toy", {"zarr.json": b"{}"})
 
 
