@@ -9,24 +9,21 @@ Workers that are there are all asked before any tile is computed, and one that i
 program. A worker that joins later is asked as it joins, and sent away before it computes a tile.
 """
 
-import hashlib
 import re
 import socket
 import sys
 import time
 from contextlib import contextmanager, suppress
 from functools import partial
-from importlib.metadata import PackageNotFoundError, version
-from pathlib import Path
 from uuid import uuid4
 
 from distributed import Status, WorkerPlugin
 
 from pipeline.faults import StorageError
+from pipeline.provenance import digest_of, libraries
 from pipeline.schema import FORMAT
 from pipeline.store import place_of
 
-_DECIDING = ("llvmlite", "numba", "numpy", "rocket-fft", "scipy")
 _SIGHT = 2  # seconds that a file system of several machines may take to show a file
 _NAMED = 3  # workers in one message
 _LACKING = re.compile(r"No module named '(\w+)")
@@ -36,31 +33,13 @@ class ClusterError(Exception):
     """No cluster to compute on; the message says why, and what to do."""
 
 
-def _digest():
-    """Of the package's source: its version alone would miss an edit."""
-    root = Path(__file__).parents[1]
-    digest = hashlib.sha256()
-    for path in sorted([*(root / "nasm").glob("*.py"), *(root / "pipeline").glob("*.py")]):
-        digest.update(path.name.encode() + path.read_bytes())
-    return digest.hexdigest()[:12]
-
-
-# Of the files as they are imported: a worker that runs on while they are edited has the old ones.
-_SOURCE = _digest()
+# Not the mathematics alone: workers write to the store too.
+_SOURCE = digest_of("nasm/*.py", "pipeline/*.py")
 
 
 def versions():
-    """{package: version} of all that decides the numbers, in this process."""
-    return {"nasm-transport": f"{FORMAT}, source {_SOURCE}"} | dict(
-        zip(_DECIDING, map(_installed, _DECIDING), strict=True)
-    )
-
-
-def _installed(package):
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return "missing"
+    """{package: version} of all that must be the same, in this process."""
+    return {"nasm-transport": f"{FORMAT}, source {_SOURCE}", **libraries()}
 
 
 def other_versions(ours):

@@ -31,6 +31,8 @@ QUIET = {
     "distributed.admin.system-monitor.interval": "10s",
     "distributed.admin.system-monitor.gil.enabled": False,
 }
+_LOOPBACK = {"distributed.comm.require-encryption": False}
+"""A site's demand is for its network."""
 
 
 _ADDRESS = re.compile(r"(tcp|tls)://[^/\s]+:\d+")
@@ -58,10 +60,12 @@ def connect(warm_up, scheduler=None, n_workers=None, tls=None):
     if scheduler is not None and n_workers is not None:
         raise ClusterError(f"the scheduler at {scheduler} has its own workers; leave --workers out")
     if scheduler is None:
+        settings = QUIET | _LOOPBACK
         connection, prepare = _local(n_workers), partial(_ready_ours, warm_up)
     else:
+        settings = QUIET
         connection, prepare = _remote(_address(scheduler), tls), warm_up
-    with dask.config.set(QUIET), connection as client, comparing(client, prepare):
+    with dask.config.set(settings), connection as client, comparing(client, prepare):
         yield client
 
 
@@ -74,7 +78,7 @@ def _ready_ours(warm_up):
 
 @contextmanager
 def _local(n_workers):
-    with _deaf_to_interrupts():  # workers inherit that, until their plugin sees to it
+    with _interrupts_kept() as kept:
         cluster = LocalCluster(
             n_workers=n_workers or CPU_COUNT,
             threads_per_worker=1,
@@ -84,18 +88,28 @@ def _local(n_workers):
             silence_logs="CRITICAL",
         )
     with cluster, Client(cluster, set_as_default=False) as client:
+        if kept:
+            raise KeyboardInterrupt
         yield client
 
 
 @contextmanager
-def _deaf_to_interrupts():
+def _interrupts_kept():
+    """A list of the Ctrl-C that come meanwhile, which do nothing else.
+
+    Threads that are started meanwhile are deaf to it, and so are the processes that they start:
+    workers, until their plugin sees to it.
+    """
+    kept = []
     if threading.current_thread() is not threading.main_thread():
-        yield
+        yield kept
         return
-    previous = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    previous = signal.signal(signal.SIGINT, lambda *_: kept.append(True))
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
-        yield
+        yield kept
     finally:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
         signal.signal(signal.SIGINT, previous)
 
 

@@ -8,6 +8,7 @@ import errno
 import fcntl
 import os
 import shutil
+import stat
 import time
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass
@@ -39,14 +40,14 @@ class Directory:
     def __str__(self):
         return self.root
 
-    def names(self):
-        """Names of what others have put in the directory, or we before; empty if there is none."""
+    def names(self, key=""):
+        """Names of what others have put there, or we before; empty if there is no directory."""
         if not os.path.exists(self.root):
             return set()
         if not os.path.isdir(self.root):
             raise StoreError(f"{self} is a file; --out must be a directory")
         try:
-            return {entry.name for entry in os.scandir(self.root)} - {_ASIDE, _LOCK}
+            return set(os.listdir(f"{self.root}/{key}")) - {_ASIDE, _LOCK}
         except OSError as error:
             raise StoreError(
                 f"cannot read {self}: {error.strerror}; choose another --out"
@@ -57,7 +58,7 @@ class Directory:
         """Hold the directory as its one driver; makes it, clears a killed one's mess."""
         try:
             os.makedirs(self.root, exist_ok=True)
-            lock = open(f"{self.root}/{_LOCK}", "a+")  # noqa: SIM115 (closed below, after its work)
+            lock = self._open_lock(os.O_RDWR | os.O_CREAT)
         except OSError as error:
             why = f"cannot write to {self}: {error.strerror}; choose another --out"
             raise StoreError(why) from None
@@ -74,16 +75,25 @@ class Directory:
                 lock.write(str(os.getpid()))
                 lock.flush()
                 shutil.rmtree(aside, ignore_errors=True)
-                os.mkdir(aside)
+                os.makedirs(aside, exist_ok=True)  # a worker of a driver that died may write there
             try:
                 yield
             finally:
                 shutil.rmtree(aside, ignore_errors=True)
 
+    def _open_lock(self, flags):
+        """The lock file; OSError if it is none, for it is written: no link, and no pipe."""
+        path = f"{self.root}/{_LOCK}"
+        lock = os.fdopen(os.open(path, flags | os.O_NOFOLLOW | os.O_NONBLOCK, 0o644), "r+")
+        if stat.S_ISREG(os.fstat(lock.fileno()).st_mode):
+            return lock
+        lock.close()
+        raise OSError(errno.EINVAL, f"{_LOCK} is no file of ours")
+
     def driver(self):
         """Who holds the directory now, in words; "" if nobody does."""
         try:
-            with open(f"{self.root}/{_LOCK}") as lock:
+            with self._open_lock(os.O_RDONLY) as lock:
                 try:
                     # Given back at once, as the file is closed.
                     fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
@@ -124,6 +134,13 @@ class Directory:
                     os.mkdir(path)
             os.rename(aside, target)
 
+    def put_files(self, key, files):
+        """Write the files {name below the key: bytes}, each whole, beside what else is there."""
+        for name, data in files.items():
+            with self._failing():
+                os.makedirs(os.path.dirname(f"{self.root}/{key}/{name}"), exist_ok=True)
+            self.put(f"{key}/{name}", data)
+
     def put_group(self, key, files):
         """Write the files {key in the group: bytes} in place of what is there, in one rename."""
         with self._failing():
@@ -132,6 +149,8 @@ class Directory:
                 os.makedirs(os.path.dirname(f"{aside}/{name}"), exist_ok=True)
                 with open(f"{aside}/{name}", "xb") as file:
                     file.write(data)
+                    file.flush()
+                    os.fsync(file.fileno())  # tiles that a power cut takes can be computed again
             self.delete_group(key)
             os.rename(aside, target)
 

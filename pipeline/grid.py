@@ -11,6 +11,7 @@ from math import isfinite
 import numpy as np
 
 MAX_CELLS = 2**20
+MAX_TILES = 2**24
 
 
 @dataclass(frozen=True)

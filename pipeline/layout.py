@@ -10,6 +10,8 @@ from math import prod
 import numpy as np
 from google_crc32c import value as crc32c
 
+from pipeline.grid import MAX_TILES, tile_counts
+
 STORE = "cubes.zarr"
 COMMIT = "cpu_seconds"
 FAILURE = ".failed"
@@ -25,6 +27,7 @@ class Variable:
 
     name: str
     dtype: str
+    shape: tuple[int, ...]
     chunk_shape: tuple[int, ...]
     tiled_axes: tuple[int | None, ...]
 
@@ -37,14 +40,42 @@ class Variable:
         numbers = zip(chunk.split("/"), self.tiled_axes, strict=True)
         return tuple(int(number) for number, axis in numbers if axis is not None)
 
-    def encoded(self, array):
-        """The bytes of a chunk: numbers, then their checksum."""
-        array = array.astype(np.dtype(self.dtype).newbyteorder("<"))
-        if array.shape != self.chunk_shape:  # a short last tile; zarr stores a whole chunk
-            lengths = zip(self.chunk_shape, array.shape, strict=True)
+    def tile_shape(self, index):
+        """The shape of the variable in a tile: a chunk's, but less at the end of an axis."""
+        return tuple(
+            length if axis is None else min(length, whole - index[axis] * length)
+            for length, whole, axis in zip(
+                self.chunk_shape, self.shape, self.tiled_axes, strict=True
+            )
+        )
+
+    def encoded(self, array, index):
+        """The bytes of a tile's chunk: numbers, then their checksum.
+
+        ValueError if the array is not what the plan says: nothing is cut, padded or wrapped round.
+        """
+        array, shape = np.asarray(array), self.tile_shape(index)
+        if array.shape != shape:
+            raise ValueError(f"{self.name} has the shape {array.shape} instead of {shape}")
+        array = self._converted(array)
+        if shape != self.chunk_shape:  # zarr stores a whole chunk
+            lengths = zip(self.chunk_shape, shape, strict=True)
             array = np.pad(array, [(0, whole - part) for whole, part in lengths])
-        numbers = array.tobytes()
+        numbers = array.astype(array.dtype.newbyteorder("<")).tobytes()
         return numbers + _checksum(numbers)
+
+    def _converted(self, array):
+        dtype = np.dtype(self.dtype)
+        if array.dtype == dtype:
+            return array
+        fits = array.dtype.kind in "biuf"
+        if fits:
+            with np.errstate(invalid="ignore"):
+                converted = array.astype(dtype)
+            fits = dtype.kind == "f" or np.array_equal(converted, array)
+        if not fits:
+            raise ValueError(f"{self.name} is of {array.dtype}, and does not fit into {dtype}")
+        return converted
 
 
 @dataclass(frozen=True)
@@ -55,6 +86,11 @@ class Layout:
     name: str
     variables: tuple[Variable, ...]
     record: Variable
+
+    @property
+    def tiled(self):
+        """Names of the arrays whose chunks are tiles."""
+        return {variable.name for variable in (self.record, *self.variables)}
 
     def key(self, variable, index):
         """Of the chunk that holds the tile of that index."""
@@ -77,38 +113,52 @@ def layout_of(place, cube):
         Variable(
             name=str(name),
             dtype=str(variable.dtype),
+            shape=variable.shape,
             chunk_shape=tuple(cube.tile.get(dim, sizes[dim]) for dim in variable.dims),
             tiled_axes=_tiled_axes(variable.dims, tiled),
         )
         for name, variable in cube.template.data_vars.items()
     )
-    return Layout(place, cube.name, variables, _record(len(tiled)))
+    counts = tuple(tile_counts(sizes, cube.tile).values())
+    return Layout(place, cube.name, variables, _record(counts))
 
 
 def stored_layout(place, name, group):
-    """The Layout of a sweep's cube, from its metadata; None for a cube that is no sweep's."""
+    """The Layout of a sweep's cube, from its metadata; None for a cube that is no sweep's.
+
+    ValueError if no cube of ours has such metadata.
+    """
     if COMMIT not in group:
         return None
-    tiled = [dim.removeprefix("tile_") for dim in group[COMMIT].metadata.dimension_names]
+    arrays = dict(group.arrays())
+    if COMMIT not in arrays or any(a.metadata.dimension_names is None for a in arrays.values()):
+        raise ValueError("arrays without dimensions")
+    tiled = [dim.removeprefix("tile_") for dim in arrays[COMMIT].metadata.dimension_names]
     variables = tuple(
         Variable(
             name=key,
             dtype=str(array.dtype),
+            shape=array.shape,
             chunk_shape=array.chunks,
             tiled_axes=_tiled_axes(dims, tiled),
         )
-        for key, array in group.arrays()
+        for key, array in arrays.items()
         if set(tiled) <= set(dims := array.metadata.dimension_names) and [key] != list(dims)
     )
-    return Layout(place, name, variables, _record(len(tiled)))
+    counts = arrays[COMMIT].shape
+    lengths = [length for variable in variables for length in variable.chunk_shape]
+    if not counts or not all((*counts, *lengths)) or prod(counts) > MAX_TILES:
+        raise ValueError("no tiles, or too many")
+    return Layout(place, name, variables, _record(counts))
 
 
 def _tiled_axes(dims, tiled):
     return tuple(tiled.index(dim) if dim in tiled else None for dim in dims)
 
 
-def _record(n_dims):
-    return Variable(COMMIT, "float64", (1,) * n_dims, tuple(range(n_dims)))
+def _record(counts):
+    ones = (1,) * len(counts)
+    return Variable(COMMIT, "float64", counts, ones, tuple(range(len(counts))))
 
 
 def is_sound(data):

@@ -24,12 +24,14 @@ from uuid import uuid4
 from obstore.exceptions import AlreadyExistsError, BaseError, PreconditionError
 
 from pipeline.faults import StorageError, StoreError
+from pipeline.seal import parsed
 
 LEASE = 60
 """Seconds without a renewal after which a driver counts as dead. It renews four times as often."""
 
 _KEY = ".lease"
 _PROBE = ".lease-probe"
+_UNKNOWN = {"process": "?", "host": "?", "run": "?"}
 KEYS = frozenset({_KEY, _PROBE})
 
 
@@ -42,7 +44,12 @@ def leased(store, url):
         "run": uuid4().hex,
         "renewal": 0,
     }
-    version = _take(store, url, holder)
+    try:
+        version = _take(store, url, holder)
+    except NotImplementedError:  # AWS_CONDITIONAL_PUT=disabled
+        raise StoreError(
+            f"{url} is set to do without conditions on writes, so two runs could not be kept apart"
+        ) from None
     if _put(store, {**holder, "run": ""}, "create") is not None:
         raise StoreError(f"{url} ignores conditions on writes, so two runs could not be kept apart")
     stop, lost = threading.Event(), threading.Event()
@@ -124,7 +131,7 @@ def _read(store):
     """(What the store says of the lease, its holder); the holder of a free one is {}."""
     answer = store.get(_KEY)
     body = bytes(answer.bytes())
-    return answer.meta, json.loads(body) if body else {}
+    return answer.meta, (_UNKNOWN | (parsed(body) or {})) if body else {}
 
 
 def _is(found):

@@ -31,7 +31,7 @@ PATIENCE = 30
 def parse(url):
     """(kind, bucket, prefix) of a URL; StoreError with an example otherwise."""
     match = _URL.fullmatch(url)
-    if not match:
+    if not match or {".", ".."} & set(url.split("/")):
         # The URL is not repeated: what is wrong with it may be a password in it.
         raise StoreError(
             "the URL of the store must be s3://BUCKET/PREFIX (or gs://, az://), of letters, digits "
@@ -55,14 +55,15 @@ class Objects:
 
     @property
     def _store(self):
-        return _opened(self.url)
-
-    def names(self):
-        """First parts of the keys below the prefix that others have put there, or we before."""
         with self.explained():
-            found = self._store.list_with_delimiter()
-        names = {*found["common_prefixes"], *(entry["path"] for entry in found["objects"])}
-        return names - lease.KEYS - {self.probe}
+            return _opened(self.url)
+
+    def names(self, key=""):
+        """First parts of the keys below that others have put there, or we before."""
+        with self.explained():
+            found = self._store.list_with_delimiter(key or None)
+        paths = [*found["common_prefixes"], *(entry["path"] for entry in found["objects"])]
+        return {path.rpartition("/")[2] for path in paths} - lease.KEYS - {self.probe}
 
     @contextmanager
     def held(self):
@@ -80,6 +81,12 @@ class Objects:
         with self.explained():
             self._store.put(key, data)
 
+    def put_files(self, key, files):
+        """Write the files {name below the key: bytes}, the root of a group last."""
+        with self.explained():
+            for name in sorted(files, key="zarr.json".__eq__):
+                self._store.put(f"{key}/{name}", files[name])
+
     def put_group(self, key, files):
         """Write the files {key in the group: bytes} in place of what is there.
 
@@ -87,8 +94,7 @@ class Objects:
         """
         with self.explained():
             self.delete_group(key)
-            for name in sorted(files, key="zarr.json".__eq__):
-                self._store.put(f"{key}/{name}", files[name])
+        self.put_files(key, files)
 
     def delete_group(self, key):
         """Delete a group and all below, if it is there: its root, by which it is there, first."""
@@ -150,6 +156,11 @@ class Objects:
             if getattr(error, "errno", None) is not None:  # a file of this machine, not an object
                 raise
             raise StorageError(f"{self} {_cause(str(error))}") from None
+        except BaseException as error:
+            # A setting that obstore cannot digest, e.g. an endpoint that is no URL, ends it so.
+            if type(error).__name__ != "PanicException":
+                raise
+            raise StorageError(f"{self} {_cause('')}") from None
 
 
 @lru_cache

@@ -1,6 +1,7 @@
 """One line that tells how far a sweep is: tiles done, rate, time left by predicted cost."""
 
 import time
+from contextlib import suppress
 
 
 class Progress:
@@ -45,4 +46,7 @@ class Progress:
             f"{self.name}: {self.tiles_done}/{self.tiles} tiles, "
             f"{self.tiles_done / max(elapsed, 1e-9):.1f}/s, {elapsed:.0f} s gone, {left:.0f} s left"
         )
-        print(line.ljust(78), end=end, file=self.stream, flush=True)
+        with suppress(
+            OSError
+        ):  # a log whose disk is full, or that nobody reads, is not the sweep's end
+            print(line.ljust(78), end=end, file=self.stream, flush=True)

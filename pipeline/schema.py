@@ -7,19 +7,14 @@ the same numbers, whoever computes them, in whatever order.
 
 import hashlib
 import json
-import platform
-import subprocess
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from functools import cached_property
-from importlib.metadata import version
-from pathlib import Path
 
 import dask.array
 import numpy as np
 import xarray as xr
 
-FORMAT = "nasm-cubes/2"
+FORMAT = "nasm-cubes/3"
 """Version of the store's layout; a store of another version is refused."""
 
 
@@ -315,35 +310,5 @@ def composed(cube, levels, follow, field=None, level=None):
     return Cube(cube.name, template, cube.tile, settings)
 
 
-def provenance():
-    """Who computed: versions of the package and its libraries, git commit, time of creation."""
-    libraries = ["numpy", "numba", "xarray", "zarr", "dask"]
-    return {
-        "package_version": version("nasm-transport"),
-        "git_commit": _git_commit(),
-        "python_version": platform.python_version(),
-        "library_versions": ", ".join(f"{name} {version(name)}" for name in libraries),
-        "created": datetime.now(UTC).isoformat(timespec="seconds"),
-    }
-
-
 def _coordinate(dim, values, long_name, units):
     return xr.Variable(dim, np.asarray(values), {"long_name": long_name, "units": units})
-
-
-def _git_commit():
-    """The commit of the source tree, "-dirty" if it was edited; "unknown" outside a checkout."""
-    here = Path(__file__).parent
-    command = ["git", "-C", str(here), "describe", "--always", "--dirty", "--abbrev=40"]
-    try:
-        # Installed inside some other project's checkout, we would name that one's commit.
-        tracked = subprocess.run(
-            ["git", "-C", str(here), "ls-files", "--error-unmatch", Path(__file__).name],
-            capture_output=True,
-        )
-        described = subprocess.run(command, capture_output=True, text=True)
-    except OSError:
-        return "unknown"
-    if tracked.returncode or described.returncode:
-        return "unknown"
-    return described.stdout.strip()

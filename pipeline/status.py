@@ -12,15 +12,15 @@ from math import nan, prod
 
 import numpy as np
 
-from pipeline.layout import COMMIT, FAILURE, STORE, is_sound, stored_layout
-from pipeline.store import opened, place_of
+from pipeline.faults import LONGEST_REASON, in_one_line
+from pipeline.layout import FAILURE, STORE, is_sound
+from pipeline.store import place_of, stored
 
 RECENT = 300
 """Seconds before the last commit over which the rate is taken."""
 
 _READ = 1024  # commit records that are read; of more, these are a sample
 _TOLD = 10  # failures whose reasons are read
-_LENGTH = 500  # bytes of a reason
 
 
 @dataclass(frozen=True)
@@ -61,8 +61,7 @@ def driver(out):
 def state(out, name):
     """The State of the cube `name`; StoreError if its metadata are damaged."""
     place = place_of(out)
-    group = opened(place, name)
-    layout = stored_layout(place, name, group)
+    _, layout = stored(place, name)
     if not layout:
         size = sum(size for _, size in place.sizes(f"{STORE}/{name}"))
         return State(name, 0, 0, 0, {}, nan, False, size, nan, nan)
@@ -79,10 +78,13 @@ def state(out, name):
     last, rate = _rate(np.fromiter(records.values(), float, len(records)))
     return State(
         name,
-        tiles=prod(group[COMMIT].shape),
+        tiles=prod(layout.record.shape),
         done=len(records),
         failed=len(failed),
-        reasons={index: _reason(layout, index) for index in failed[:_TOLD]},
+        reasons={
+            index: _reason(layout, index, changes[layout.failure_key(index)][0])
+            for index in failed[:_TOLD]
+        },
         cpu_seconds=float(np.mean(seconds) * len(records)) if seconds else 0.0,
         sampled=every > 1,
         # Every tile has one chunk of each variable, and all have the same length.
@@ -99,14 +101,19 @@ def _failed_tiles(layout, keys, records):
     for key in keys:
         if key.endswith(FAILURE) and key[:end] not in records:
             with suppress(ValueError):  # others' files
-                failed.append(layout.record.tile_of(key[start:end]))
+                index = layout.record.tile_of(key[start:end])
+                if layout.failure_key(index) == key:
+                    failed.append(index)
     return sorted(failed)
 
 
-def _reason(layout, index):
+def _reason(layout, index, size):
     """In one line that is safe to print: whoever made the store may have written anything."""
-    text = (layout.place.read(layout.failure_key(index)) or b"")[:_LENGTH].decode(errors="replace")
-    return "".join(c if c.isprintable() else " " for c in text)
+    if size > LONGEST_REASON:
+        return "for a reason too long to be one of ours"
+    return in_one_line(
+        (layout.place.read(layout.failure_key(index)) or b"").decode(errors="replace")
+    )
 
 
 def _cpu_seconds(place, keys):

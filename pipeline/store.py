@@ -17,10 +17,11 @@ before it (`layout`), written straight to their places: zarr's own writer takes 
 chunks of a tile, this 0.2 ms. All else goes through xarray and zarr.
 """
 
-import json
 import os
+import re
 import warnings
 from contextlib import contextmanager, suppress
+from math import prod
 
 import dask.array
 import numpy as np
@@ -31,9 +32,14 @@ from zarr.storage import MemoryStore
 
 from pipeline.directory import Directory
 from pipeline.faults import StorageError, StoreError
-from pipeline.grid import tile_counts
-from pipeline.layout import COMMIT, STORE, layout_of
-from pipeline.schema import FORMAT, provenance
+from pipeline.grid import MAX_TILES, tile_counts
+from pipeline.layout import COMMIT, STORE, layout_of, stored_layout
+from pipeline.provenance import computed_by, provenance
+from pipeline.schema import FORMAT
+from pipeline.seal import is_intact, parsed, sealed
+
+_ROOT = f"{STORE}/zarr.json"
+_NAME = re.compile(r"\w+", re.ASCII)
 
 
 def place_of(out):
@@ -77,10 +83,11 @@ def driving(out):
     refuse_foreign(out)
     place = place_of(out)
     with place.held():
-        if place.size(f"{STORE}/zarr.json") is None:
+        if parsed(place.read(_ROOT)) is None:
             files = {}
             zarr.create_group(MemoryStore(files), attributes={"format": FORMAT}, zarr_format=3)
-            place.put_group(STORE, _bytes(files))
+            place.put_files(STORE, _bytes(files))
+            consolidate(place)
         yield
 
 
@@ -97,11 +104,7 @@ def refuse_foreign(out):
         raise StoreError(
             f"{place} holds other files and no {STORE}; choose a new or empty --out or --store"
         )
-    try:
-        root = zarr.open_group(place.zarr_store(STORE), mode="r", zarr_format=3)
-        written_as = root.attrs.get("format")
-    except (FileNotFoundError, TypeError, ValueError):
-        written_as = None
+    written_as = _format(place)
     if written_as != FORMAT:
         raise StoreError(
             f"{place}/{STORE} is a store of version {written_as!r}, this program writes "
@@ -109,23 +112,53 @@ def refuse_foreign(out):
         )
 
 
+def _format(place):
+    """What the root says, or if that is damaged, any of the cubes."""
+    written = [parsed(place.read(_ROOT))]
+    if written == [None]:
+        written = [{"attributes": _attributes(place, name)} for name in names(place)]
+    for found in written:
+        with suppress(KeyError, TypeError):
+            return found["attributes"]["format"]
+    return None
+
+
+def names(place):
+    """Names of the cubes in the store, by their folders; of others' folders they are no names."""
+    return sorted(name for name in place.names(STORE) if _NAME.fullmatch(name))
+
+
 def refuse_different(out, cube):
-    """StoreError, naming what differs, if another cube of this name is in the store."""
+    """StoreError, naming what differs, if another cube of this name is in the store.
+
+    Returns the attributes of the one that is there; None if there is none.
+    """
     place = place_of(out)
-    if not _exists(place, cube.name):
-        return
-    found = opened(place, cube.name)
-    if found.attrs.get("config_hash") == cube.config_hash:
-        return
+    counts = tile_counts(cube.sizes, cube.tile)
+    if prod(counts.values()) > MAX_TILES:
+        raise StoreError(
+            f"{cube.name} would have {' × '.join(map(str, counts.values()))} tiles, more than "
+            f"{MAX_TILES}; choose larger tiles, or fewer cells"
+        )
+    attributes = _attributes(place, cube.name)
+    if attributes is None:
+        if _has_files(place, cube.name):
+            raise _no_metadata(place, cube.name)
+        return None
+    if attributes.get("config_hash") == cube.config_hash:
+        return attributes
     differences = [
-        f"{key} is {found.attrs.get(key)}, not {value}"
+        f"{key} is {attributes.get(key)}, not {value}"
         for key, value in cube.settings.items()
-        if found.attrs.get(key) != value
+        if attributes.get(key) != value
     ]
-    for dim, coordinate in cube.template.coords.items():
-        there = found[dim][...] if dim in found else None
-        if there is None or not np.array_equal(there, coordinate.values):
-            differences.append(f"the values of {dim} differ")
+    if not differences:
+        found, _ = stored(place, cube.name)
+        differences = [
+            f"the values of {dim} differ"
+            for dim, coordinate in cube.template.coords.items()
+            if dim not in found or not np.array_equal(found[dim][...], coordinate.values)
+        ]
     raise StoreError(
         f"{place}/{STORE}/{cube.name} was computed with other settings: "
         f"{'; '.join(differences) or 'its tiles or variables differ'}. "
@@ -133,22 +166,32 @@ def refuse_different(out, cube):
     )
 
 
+def refuse_other_mathematics(out, cube):
+    """StoreError if the tiles that are there were computed by other code: none are mixed."""
+    place = place_of(out)
+    theirs, ours = _attributes(place, cube.name).get("computed_by"), computed_by()
+    if theirs != ours:
+        raise StoreError(
+            f"{place}/{STORE}/{cube.name} was computed by {theirs}; this is {ours}. Resume it with "
+            "those versions, or choose another --out or --store"
+        )
+
+
 def create(out, cube):
     """Make the cube's group, all tiles missing, or check that the one that is there is the same.
 
     Returns its Layout. StoreError, naming what differs, if a cube of this name with other
-    coordinates or settings is there. Damaged coordinates are written anew.
+    coordinates or settings is there. Damaged metadata or coordinates are written anew.
     """
     layout = layout_of(place_of(out), cube)
-    refuse_different(out, cube)
-    if not _exists(layout.place, cube.name):
-        _put_group(layout.place, cube, _empty(layout, cube))
-        return layout
-    _gather(layout.place, cube.name)
-    if unreadable(opened(layout.place, cube.name), list(cube.template.coords)):
-        for key, data in _empty(layout, cube).items():
-            if "/c/" in key:
-                layout.place.put(f"{STORE}/{cube.name}/{key}", data)
+    place, attributes = layout.place, refuse_different(out, cube)
+    if attributes is None:
+        _put_group(place, cube, _empty(layout, cube, provenance()))
+    elif not is_intact(place, f"{STORE}/{cube.name}", layout.tiled):
+        # Who computed the tiles that are there is told nowhere else.
+        kept = {key: attributes[key] for key in provenance() if key in attributes}
+        place.put_files(f"{STORE}/{cube.name}", _empty(layout, cube, kept))
+    _gather(place, cube.name)
     return layout
 
 
@@ -157,33 +200,31 @@ def replace(out, cube):
 
     Nothing is written if that state is the same. StoreError if another cube of this name is there.
     """
-    place = place_of(out)
-    refuse_different(out, cube)
-    if _exists(place, cube.name):
+    place, attributes = place_of(out), refuse_different(out, cube)
+    if attributes is not None and is_intact(place, f"{STORE}/{cube.name}", ()):
         _gather(place, cube.name)
         if read(out, cube.name).equals(cube.template):
             return
     compressed = {"compressors": (ZstdCodec(), Crc32cCodec())}
     encoding = dict.fromkeys(cube.template.variables, compressed)
-    _put_group(place, cube, _files(cube, cube.template, encoding, compute=True))
+    _put_group(place, cube, _files(cube, cube.template, encoding, True, provenance()))
 
 
-def missing(layout, cube):
+def missing(layout):
     """Indices of the tiles that are not committed, in tile order: int array (tiles, dims)."""
-    counts = tuple(tile_counts(cube.sizes, cube.tile).values())
-    committed = np.ones(counts, dtype=bool)
+    committed = np.ones(layout.record.shape, dtype=bool)
     for variable in (layout.record, *layout.variables):
-        committed &= tiles_with(layout, variable, counts, variable.chunk_bytes)
+        committed &= tiles_with(layout, variable, variable.chunk_bytes)
     return np.argwhere(~committed)
 
 
-def tiles_with(layout, variable, counts, size=None):
+def tiles_with(layout, variable, size=None):
     """For each of the tiles, whether the variable has a chunk, of that size if one is given.
 
     One pass over the files, which may be millions: nothing is kept of them but a bit for each tile.
     """
     chunks = layout.chunks(variable)
-    found = np.zeros(counts, dtype=bool)
+    found = np.zeros(layout.record.shape, dtype=bool)
     for key, length in layout.place.sizes(chunks):
         if length == size or size is None:
             with suppress(ValueError, IndexError):  # others' files, e.g. of a file browser
@@ -205,11 +246,14 @@ def is_committed(layout, index):
 
 def commit(layout, index, arrays, seconds):
     """Write the tile's data, then its commit record: the CPU seconds that it took."""
-    record = np.full((1,) * len(index), seconds)
-    for variable in layout.variables:
-        data = variable.encoded(np.asarray(arrays[variable.name]))
-        layout.place.put(layout.key(variable, index), data)
-    layout.place.put(layout.key(layout.record, index), layout.record.encoded(record))
+    chunks = {
+        layout.key(variable, index): variable.encoded(arrays[variable.name], index)
+        for variable in layout.variables
+    }
+    record = np.full(layout.record.chunk_shape, seconds)
+    for key, data in chunks.items():
+        layout.place.put(key, data)
+    layout.place.put(layout.key(layout.record, index), layout.record.encoded(record, index))
 
 
 def record_failure(layout, index, reason):
@@ -224,36 +268,46 @@ def read(out, name):
     return xr.open_zarr(store, group=name, chunks=None, zarr_format=3)
 
 
-def unreadable(group, arrays):
-    """Those names of `arrays` in the group that cannot be read."""
-    damaged = []
-    for name in arrays:
-        try:
-            group[name][...]
-        except (KeyError, ValueError, RuntimeError):
-            damaged.append(name)
-    return damaged
+def stored(place, name):
+    """The cube's group as zarr has it, and its Layout, None if it is no sweep's.
+
+    StoreError if its metadata are damaged.
+    """
+    try:
+        group = zarr.open_group(place.zarr_store(STORE), path=name, mode="r", zarr_format=3)
+        return group, stored_layout(place, name, group)
+    except (AttributeError, FileNotFoundError, KeyError, RecursionError, TypeError, ValueError):
+        raise _no_metadata(place, name) from None
 
 
-def _exists(place, name):
-    """Whether there is a group of this name. Files of one without its metadata are an error.
+def _attributes(place, name):
+    """Those of the cube's group, or if its metadata are damaged, of their copy at the root.
+
+    None if neither has any of ours.
+    """
+    for of_the_group in (_own, _copy):
+        with suppress(KeyError, TypeError):
+            attributes = of_the_group(place, name)["attributes"]
+            if "config_hash" in attributes:
+                return attributes
+    return None
+
+
+def _own(place, name):
+    return parsed(place.read(f"{STORE}/{name}/zarr.json"))
+
+
+def _copy(place, name):
+    return _at_the_root(place)[name] if _has_files(place, name) else None
+
+
+def _has_files(place, name):
+    """Whether something is there under the cube's name.
 
     But where groups do not appear whole, a driver may have died while it made one without tiles.
     """
-    if place.size(f"{STORE}/{name}/zarr.json") is not None:
-        return True
     whole = f"{STORE}/{name}" if place.groups_appear_whole else f"{STORE}/{name}/{COMMIT}/c"
-    if any(place.sizes(whole)):
-        raise _no_metadata(place, name)
-    return False
-
-
-def opened(place, name):
-    """The cube's group as zarr has it; StoreError if its metadata are damaged."""
-    try:
-        return zarr.open_group(place.zarr_store(STORE), path=name, mode="r", zarr_format=3)
-    except (FileNotFoundError, KeyError, TypeError, ValueError):
-        raise _no_metadata(place, name) from None
+    return any(place.sizes(whole))
 
 
 def _no_metadata(place, name):
@@ -276,25 +330,30 @@ def _with_commit_records(cube):
     return cube.template.assign({COMMIT: (tuple(tiled), records, attrs)})
 
 
-def _empty(layout, cube):
+def _empty(layout, cube, computed):
     """The files of the cube's group before any tile is there."""
     dataset = _with_commit_records(cube)
     checked = {"compressors": (Crc32cCodec(),), "filters": None}
     encoding = dict.fromkeys(dataset.variables, checked)
     for variable in (*layout.variables, layout.record):
         encoding[variable.name] = {"chunks": variable.chunk_shape, **checked}
-    return _files(cube, dataset, encoding, compute=False)
+    return _files(cube, dataset, encoding, False, computed)
 
 
-def _files(cube, dataset, encoding, compute):
-    """{key in the group: bytes} of the dataset as the group of `cube`."""
-    attrs = {"config_hash": cube.config_hash, **cube.settings, **provenance()}
+def _files(cube, dataset, encoding, compute, computed):
+    """{key in the group: bytes} of the dataset as the group of `cube`, and who computed it."""
+    attrs = {"format": FORMAT, "config_hash": cube.config_hash, **cube.settings, **computed}
     files = {}
     with _consolidated_quietly():
         dataset.assign_attrs(attrs).to_zarr(
-            MemoryStore(files), compute=compute, encoding=encoding, zarr_format=3, consolidated=True
+            MemoryStore(files),
+            compute=compute,
+            encoding=encoding,
+            zarr_format=3,
+            consolidated=True,
+            write_empty_chunks=True,
         )
-    return _bytes(files)
+    return sealed(_bytes(files))
 
 
 def _put_group(place, cube, files):
@@ -303,10 +362,26 @@ def _put_group(place, cube, files):
 
 
 def _gather(place, name):
-    """Consolidate, if the cube is not in it: a driver may have died between the two."""
-    root = json.loads(place.read(f"{STORE}/zarr.json"))
-    if name not in (root.get("consolidated_metadata") or {"metadata": {}})["metadata"]:
+    """Consolidate, if need be: a driver may have died before it did."""
+    if not is_gathered(place, name):
         consolidate(place)
+
+
+def is_gathered(place, name):
+    """Whether the root, which xarray reads, has the metadata of an intact cube as they are."""
+    own, copies = _own(place, name), _at_the_root(place)
+    arrays = own["consolidated_metadata"]["metadata"]
+    return copies.get(name, {}).get("attributes") == own["attributes"] and all(
+        copies.get(f"{name}/{key}") == array for key, array in arrays.items()
+    )
+
+
+def _at_the_root(place):
+    """{name of a cube, or cube/array: its metadata}, the copy that xarray reads."""
+    try:
+        return parsed(place.read(_ROOT))["consolidated_metadata"]["metadata"]
+    except (KeyError, TypeError):
+        return {}
 
 
 def consolidate(place):

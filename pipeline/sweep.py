@@ -31,7 +31,7 @@ from distributed import KilledWorker
 from distributed.comm import CommClosedError
 
 from pipeline import store
-from pipeline.faults import StorageError
+from pipeline.faults import StorageError, reason_of
 from pipeline.grid import tile_counts, tile_slices
 from pipeline.progress import Progress
 
@@ -40,6 +40,7 @@ BATCH_TILES = 256
 _PROBES = 1000  # about, at most: each costs the driver some milliseconds, whatever is in it
 _IN_FLIGHT = 2  # batches per worker: one computing, one waiting
 _ROLL_CALL = 1  # seconds after which the workers are counted again: they join and leave
+_UNKNOWN_COST = 1.0  # CPU seconds, where the probe failed
 _PATIENCE = 30  # seconds without any worker, after which the sweep gives up
 _REPORT = 5  # seconds to fetch the report of a batch that has ended
 _ATTEMPTS_ALONE = 2  # worker deaths that condemn a tile: one may be somebody else's doing
@@ -71,16 +72,18 @@ def sweep(client, out, cube, compute, predict, wanted=None, report=sys.stderr, p
 
     Returns
     -------
-    Outcome. StoreError if the store holds another cube of that name; no tile is then computed.
+    Outcome. StoreError if the store holds another cube of that name, or one that other code has
+    begun; no tile is then computed.
     StorageError if the disk or the object store fails; what is committed stays, here and below.
     ConnectionError if the scheduler or all workers are gone.
     """
     layout = store.create(out, cube)
-    tiles = store.missing(layout, cube)
+    tiles = store.missing(layout)
     if wanted is not None:
         tiles = tiles[_among(tiles, wanted, cube)]
     if not len(tiles):
         return Outcome(0, {}, False, 0)
+    store.refuse_other_mathematics(out, cube)
     costs = _predict_all(client, cube, tiles, predict, Progress(f"{cube.name}: costs", report))
     line = Progress(cube.name, report) if progress is None else nullcontext(progress)
     with _draining_on_interrupt() as interrupt, line as progress:
@@ -241,17 +244,17 @@ def _compute_batch(layout, compute, settings, parcel):
                 start = time.thread_time()
                 arrays = compute(coords, settings)
                 store.commit(layout, index, arrays, time.thread_time() - start)
-        except StorageError:
+        except (StorageError, KeyboardInterrupt, SystemExit):
             raise
-        except Exception as exception:
-            errors[place] = f"{type(exception).__name__}: {exception}"
+        except BaseException as exception:  # dask would neither go on nor end
+            errors[place] = reason_of(exception)
             store.record_failure(layout, index, errors[place])
     return errors
 
 
 def _predict_all(client, cube, tiles, predict, progress):
-    """Predicted CPU seconds of each tile, probed on the workers; 1 s where the probe failed."""
-    costs = np.ones(len(tiles))
+    """Predicted CPU seconds of each tile, probed on the workers."""
+    costs = np.full(len(tiles), _UNKNOWN_COST)
     progress.begin(len(tiles), len(tiles))  # its line is shown only if this takes long
     many = max(BATCH_TILES, len(tiles) // _PROBES)
     batches = np.split(np.arange(len(tiles)), range(many, len(tiles), many))
@@ -268,7 +271,8 @@ def _predict_all(client, cube, tiles, predict, progress):
 
 
 def _predict_batch(predict, settings, parcel):
-    return [predict(coords, settings) for _, coords in pickle.loads(parcel)]
+    costs = [float(predict(coords, settings)) for _, coords in pickle.loads(parcel)]
+    return [cost if 0 <= cost < inf else _UNKNOWN_COST for cost in costs]
 
 
 def _pack(costs):

@@ -8,11 +8,12 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 
 import numpy as np
-import zarr
 
+from pipeline import store
 from pipeline.faults import StoreError
-from pipeline.layout import COMMIT, STORE, is_sound, stored_layout
-from pipeline.store import consolidate, opened, place_of, refuse_foreign, tiles_with, unreadable
+from pipeline.layout import STORE, is_sound
+from pipeline.seal import is_intact
+from pipeline.store import consolidate, is_gathered, place_of, refuse_foreign, stored, tiles_with
 
 _AT_ONCE = 1024  # tiles that are looked at together
 
@@ -20,34 +21,35 @@ _AT_ONCE = 1024  # tiles that are looked at together
 def names(out):
     """Names of the cubes in the store; StoreError if there is none of this version."""
     refuse_foreign(out)
-    try:
-        return sorted(zarr.open_group(place_of(out).zarr_store(STORE), mode="r").group_keys())
-    except FileNotFoundError:
-        raise StoreError(f"{out} holds no {STORE}; give the --out or --store of a run") from None
+    place = place_of(out)
+    if STORE not in place.names():
+        raise StoreError(f"{out} holds no {STORE}; give the --out or --store of a run")
+    return store.names(place)
 
 
 def committed(out, name):
     """Indices of a cube's tiles that have a commit record, be it damaged: int array (tiles, dims).
 
-    A cube that is no sweep's has no tiles.
+    A cube that is no sweep's has no tiles. StoreError if its metadata are damaged, here and below.
     """
-    place = place_of(out)
-    group = opened(place, name)
-    layout = stored_layout(place, name, group)
+    _, layout = stored(place_of(out), name)
     if not layout:
         return np.empty((0, 0), dtype=int)
-    return np.argwhere(tiles_with(layout, layout.record, group[COMMIT].shape))
+    return np.argwhere(tiles_with(layout, layout.record))
 
 
 def verify(out, name, tiles):
     """Yield (index, what is damaged, or None) for the cube, and for each of the tiles.
 
-    The index of the cube is (): its coordinates, and all of a cube that is no sweep's.
+    The index of the cube is (): its metadata and coordinates, and all of a cube that is no sweep's.
+    By metadata that are damaged no tile can be judged, and none is.
     """
     place = place_of(out)
-    group = opened(place, name)
-    layout = stored_layout(place, name, group)
-    yield (), _damaged_cube(group, layout)
+    _, layout = stored(place, name)
+    if not is_intact(place, f"{STORE}/{name}", layout.tiled if layout else ()):
+        yield (), "its metadata or coordinates" if layout else "its metadata or numbers"
+        return
+    yield (), None if is_gathered(place, name) else "the copy of its metadata at the root"
     with ThreadPoolExecutor(8) as pool:  # an object store takes its time for each
         for i in range(0, len(tiles), _AT_ONCE):
             some = [tuple(index) for index in tiles[i : i + _AT_ONCE].tolist()]
@@ -55,9 +57,9 @@ def verify(out, name, tiles):
 
 
 def free(out, name, index):
-    """Make a tile missing; or, for (), the cube, unless it is a sweep's, which mends itself."""
+    """Make a tile missing; or, for (), the cube, but not a sweep's: its next run mends it."""
     place = place_of(out)
-    layout = stored_layout(place, name, opened(place, name))
+    _, layout = stored(place, name)
     if layout and index:
         place.delete([layout.key(layout.record, index)])
         chunks = [layout.key(variable, index) for variable in layout.variables]
@@ -67,19 +69,14 @@ def free(out, name, index):
         consolidate(place)
 
 
-def _damaged_cube(group, layout):
-    tiled = {COMMIT, *(variable.name for variable in layout.variables)} if layout else set()
-    damaged = unreadable(group, sorted(set(group.array_keys()) - tiled))
-    return f"{', '.join(damaged)} cannot be read" if damaged else None
-
-
 def _damaged_tile(layout, index):
     for variable in (layout.record, *layout.variables):
-        data = layout.place.read(layout.key(variable, index))
-        if data is None:
+        key = layout.key(variable, index)
+        size = layout.place.size(key)
+        if size is None:
             return f"{variable.name} is gone"
-        if len(data) != variable.chunk_bytes:
-            return f"{variable.name} has {len(data)} bytes instead of {variable.chunk_bytes}"
-        if not is_sound(data):
+        if size != variable.chunk_bytes:  # it is not read then: it may be of any length
+            return f"{variable.name} has {size} bytes instead of {variable.chunk_bytes}"
+        if not is_sound(layout.place.read(key) or b""):
             return f"{variable.name} does not match its checksum"
     return None

@@ -4,6 +4,7 @@ import datetime
 import io
 import json
 import os
+import signal
 import subprocess
 import sys
 import threading
@@ -21,7 +22,7 @@ from click.testing import CliRunner
 from cryptography import x509
 from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
-from distributed import Client, LocalCluster
+from distributed import Client, LocalCluster, Status
 from distributed.security import Security
 
 from pipeline import store
@@ -36,7 +37,8 @@ SOURCES = os.pathsep.join([str(ROOT), str(ROOT / "tests")])
 # What a worker may run before anything else, to be like one on another machine; dask runs it twice.
 OTHER_NUMBA = """
 from pipeline import admission
-admission._installed = lambda name: "0.1" if name == "numba" else admission.version(name)
+ours = admission.libraries()
+admission.libraries = lambda: ours | {"numba": "0.1"}
 """
 OTHER_SOURCE = "from pipeline import admission; admission._SOURCE = '0123456789ab'"
 NO_PACKAGE = "import sys; sys.modules['pipeline'] = None"
@@ -276,6 +278,43 @@ def test_workers_end_by_their_lifetime_and_are_replaced(tmp_path):
     assert (outcome.failed, outcome.remaining) == ({}, 0)
     assert_complete(tmp_path / "out", plan)
     assert len(set(pids.read_text().split())) > 2
+
+
+def test_ctrl_c_while_the_workers_start_comes_when_they_have_started(monkeypatch):
+    clusters = []
+
+    def start(**options):
+        os.kill(os.getpid(), signal.SIGINT)
+        clusters.append(LocalCluster(**options))
+        return clusters[0]
+
+    monkeypatch.setattr("pipeline.cluster.LocalCluster", start)
+    with pytest.raises(KeyboardInterrupt), connect(toy.no_warm_up, n_workers=1):
+        pass
+    assert clusters[0].status == Status.closed
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_workers_are_deaf_to_ctrl_c_also_when_they_are_started_again():
+    with connect(toy.no_warm_up, n_workers=1) as client:
+        (pid,) = client.run(os.getpid).values()
+        os.kill(pid, signal.SIGKILL)
+        wait_until(lambda: pids(client) not in ([], [pid]))
+        (again,) = pids(client)
+        os.kill(again, signal.SIGINT)
+        assert client.submit(os.getpid).result(timeout=30) == again
+
+
+def pids(client):
+    return list(client.run(os.getpid, on_error="ignore").values())
+
+
+def test_a_sites_demand_for_encryption_is_not_for_loopback():
+    with (
+        dask.config.set({"distributed.comm.require-encryption": True}),
+        connect(toy.no_warm_up, n_workers=1) as client,
+    ):
+        assert client.submit(sum, [1, 2]).result() == 3
 
 
 PEM = serialization.Encoding.PEM

@@ -26,6 +26,7 @@ from pipeline import lease, objects, store
 from pipeline.admission import ClusterError, sharing
 from pipeline.faults import StorageError
 from pipeline.layout import layout_of
+from pipeline.schema import FORMAT
 from pipeline.store import StoreError
 from workflows import escape_plane
 
@@ -161,7 +162,7 @@ def test_other_settings_other_files_and_other_versions_are_refused(client, url):
         toy.watched_sweep(client, above, toy.cube())
     root = bare(f"{url}/cubes.zarr")
     text = bytes(root.get("zarr.json").bytes())
-    root.put("zarr.json", text.replace(b"nasm-cubes/2", b"nasm-cubes/0"))
+    root.put("zarr.json", text.replace(FORMAT.encode(), b"nasm-cubes/0"))
     with pytest.raises(StoreError, match="nasm-cubes/0"):
         toy.watched_sweep(client, url, toy.cube(depth=1))
 
@@ -313,6 +314,42 @@ def test_a_driver_whose_lease_was_taken_says_so(url, monkeypatch):
         bare(url).put(".lease", b'{"run": "other", "process": 1, "host": "h"}')
 
 
+@pytest.mark.parametrize("body", [b"garbage", b'{"a": 1}', b"[1]", b"5"])
+def test_a_lease_that_is_none_keeps_others_out_until_it_expires(url, monkeypatch, body):
+    bare(url).put(".lease", body)
+    assert "process ?" in objects.Objects(url).driver()
+    with pytest.raises(StoreError, match=r"another run \(process \? on \?"), store.driving(url):
+        pass
+    monkeypatch.setattr(lease, "LEASE", -1)
+    with store.driving(url):
+        pass
+
+
+@pytest.mark.parametrize(
+    ("variable", "value", "message"),
+    [
+        ("AWS_CONDITIONAL_PUT", "disabled", "set to do without conditions on writes"),
+        ("AWS_ENDPOINT_URL", "not a url", "cannot be opened with what the environment says"),
+        ("AWS_ACCESS_KEY_ID", f"a\n{SECRET}", "cannot be opened with what the environment says"),
+    ],
+)
+def test_an_environment_that_cannot_be_is_one_message(
+    url, monkeypatch, tmp_path, variable, value, message
+):
+    with store.driving(url):
+        pass
+    with monkeypatch.context() as patch:
+        patch.setenv(variable, value)
+        objects._opened.cache_clear()
+        result = CliRunner().invoke(
+            workflows.verify.main, ["--out", str(tmp_path), "--store", url, "--repair"]
+        )
+    objects._opened.cache_clear()
+    assert result.exit_code in (1, 2)
+    assert message in result.output
+    assert SECRET not in result.output
+
+
 def test_a_store_that_ignores_conditions_is_refused(url, monkeypatch):
     class Careless:
         def __getattr__(self, name):
@@ -354,6 +391,8 @@ def test_damaged_objects_are_found_and_computed_again(client, url):
         f"ftp://cubes/{SECRET}",
         f"s3://{SECRET}",
         f"s3:///{SECRET}",
+        f"s3://cubes/../{SECRET}",
+        f"s3://cubes/{SECRET}/.",
     ],
 )
 @pytest.mark.parametrize("option", ["--store", "--out"])

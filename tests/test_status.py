@@ -1,5 +1,6 @@
 """The status of a store, of sweeps that are complete, under way, killed or not begun."""
 
+import dataclasses
 import os
 import threading
 import time
@@ -42,10 +43,10 @@ def files(out):
 
 
 def commit(out, cube, indices, arrays, seconds=0.5):
-    """Commit some tiles by hand, all of the same arrays."""
+    """Commit some tiles by hand, of the arrays(index)."""
     layout = store.create(out, cube)
     for index in indices:
-        store.commit(layout, index, arrays, seconds)
+        store.commit(layout, index, arrays(index), seconds)
     return [out / layout.key(layout.record, index) for index in indices]
 
 
@@ -102,7 +103,7 @@ def test_a_driver_may_start_while_the_status_is_read(tmp_path):
 def test_rate_and_time_left_are_those_of_the_last_minutes(tmp_path):
     with store.driving(tmp_path):
         indices = [(i, j) for i in range(4) for j in range(5)]
-        records = commit(tmp_path, toy.cube(), indices[:12], toy.compute_tile(), 0.25)
+        records = commit(tmp_path, toy.cube(), indices[:12], toy.ones, 0.25)
     now = time.time()
     # Two long ago, then one every ten seconds.
     for i, record in enumerate(records):
@@ -123,7 +124,7 @@ def test_rate_and_time_left_are_those_of_the_last_minutes(tmp_path):
 
 def test_a_torn_record_is_a_missing_tile(tmp_path):
     with store.driving(tmp_path):
-        first, second = commit(tmp_path, toy.cube(), [(0, 0), (1, 1)], toy.compute_tile(), 2.0)
+        first, second = commit(tmp_path, toy.cube(), [(0, 0), (1, 1)], toy.ones, 2.0)
     first.write_bytes(b"")
     second.write_bytes(second.read_bytes()[::-1])  # in full length, but damaged: counted, not read
     found = state(tmp_path, "toy")
@@ -140,7 +141,7 @@ def test_failed_tiles_are_told_with_the_reason_until_they_are_computed(client, t
     assert "19 of 20 tiles (95.0%), 1 missing, of which 1 failed when last tried; " in said
     assert f"\n  tile (0, 0) failed: {reason}\n" in said
     with store.driving(tmp_path):
-        commit(tmp_path, plan, [(0, 0)], toy.compute_tile())
+        commit(tmp_path, plan, [(0, 0)], toy.ones)
     found = state(tmp_path, "toy")
     assert (found.done, found.failed, found.reasons) == (20, 0, {})
     assert " failed: " not in told(tmp_path)
@@ -148,7 +149,7 @@ def test_failed_tiles_are_told_with_the_reason_until_they_are_computed(client, t
 
 def test_a_tile_that_is_freed_has_not_failed(tmp_path):
     with store.driving(tmp_path):
-        commit(tmp_path, toy.cube(), [(0, 0)], toy.compute_tile())
+        commit(tmp_path, toy.cube(), [(0, 0)], toy.ones)
         store.record_failure(store.create(tmp_path, toy.cube()), (0, 0), "before that")
         verify.free(tmp_path, "toy", (0, 0))
     found = state(tmp_path, "toy")
@@ -159,7 +160,8 @@ def test_of_many_failures_the_first_are_told_and_a_reason_is_only_text(tmp_path)
     with store.driving(tmp_path):
         layout = store.create(tmp_path, toy.cube())
         for i, j in [(i, j) for i in range(3) for j in range(5)]:
-            store.record_failure(layout, (i, j), f"\x1b[2J{i}\n{j}\ud800" + "x" * 1000)
+            store.record_failure(layout, (i, j), f"\x1b[2J{i}\n{j}\ud800" + "x" * 480)
+        store.record_failure(layout, (0, 1), "x" * 3000)
     strange = tmp_path / layout.failure_key((3, 3))
     strange.parent.mkdir()
     strange.with_name("mine.failed").write_text("no tile")
@@ -168,6 +170,7 @@ def test_of_many_failures_the_first_are_told_and_a_reason_is_only_text(tmp_path)
     assert (found.done, found.failed, found.missing) == (0, 16, 20)
     said = told(tmp_path)
     assert said.count(" failed: ") == 10
+    assert "tile (0, 1) failed: for a reason too long" in said
     assert "tile (1, 4) failed:  [2J1 4?xx" in said
     assert "  ... and 6 more\n" in said
     assert max(map(len, said.splitlines())) < 600
@@ -183,13 +186,22 @@ def test_an_empty_store_and_one_that_is_none(tmp_path):
     assert "holds other files and no cubes.zarr" in refused(tmp_path / "foreign")
 
 
-@pytest.mark.parametrize("damage", [b"", b"{", b"[]", b"\xff"])
-def test_damaged_metadata_are_one_clear_message(tmp_path, damage):
+DAMAGE = [b"", b"{", b"[]", b"\xff", b"[" * 100_000]
+
+
+@pytest.mark.parametrize("damage", DAMAGE, ids=range(len(DAMAGE)))
+def test_damaged_metadata_of_a_cube_are_one_clear_message_and_hide_no_other(tmp_path, damage):
     with store.driving(tmp_path):
         store.create(tmp_path, toy.cube())
+        store.create(tmp_path, dataclasses.replace(toy.cube(), name="zoo"))
     (tmp_path / "cubes.zarr/toy/zarr.json").write_bytes(damage)
-    assert "cubes.zarr/toy are damaged" in refused(tmp_path)
-    (tmp_path / "cubes.zarr/zarr.json").write_bytes(damage)
+    for _ in range(2):
+        result = CliRunner().invoke(workflows.status.main, ["--out", str(tmp_path)])
+        assert result.exit_code == 1
+        assert "cubes.zarr/toy are damaged" in result.output
+        assert "zoo: 0 of 20 tiles" in result.output
+        (tmp_path / "cubes.zarr/zarr.json").write_bytes(damage)
+    (tmp_path / "cubes.zarr/zoo/zarr.json").write_bytes(damage)
     assert "is a store of version None" in refused(tmp_path)
 
 
@@ -199,7 +211,7 @@ def test_a_plane_so_far_is_drawn(tmp_path, monkeypatch):
     field = np.full((1, 4, 4), np.inf)
     field[0, 2:] = 10.0
     with store.driving(tmp_path):
-        commit(tmp_path, cube, [(0, 0), (1, 1)], {"escape_time": field})
+        commit(tmp_path, cube, [(0, 0), (1, 1)], lambda index: {"escape_time": field})
     said = told(tmp_path, "--draw")
     assert f"{tmp_path}/status_escape.png" in said
     assert "2 of 4 tiles are computed" in (tmp_path / "status_escape.txt").read_text()
@@ -216,13 +228,15 @@ def test_a_plane_so_far_is_drawn(tmp_path, monkeypatch):
 def test_rays_so_far_are_drawn_and_other_cubes_are_not(tmp_path):
     cube = barrier_cube("barrier", [0.0, 30.0, 45.0], ["ok"], 1, {})
     arrays = {
-        name: np.full([1 if d == "angle" else cube.sizes[d] for d in variable.dims], 0.7)
+        name: np.full([1 if d == "angle" else cube.sizes[d] for d in variable.dims], 0.7).astype(
+            variable.dtype
+        )
         for name, variable in cube.template.data_vars.items()
     }
     other = xr.Dataset({"z": ("x", [1.0])})
     with store.driving(tmp_path):
-        commit(tmp_path, cube, [(1,)], arrays)
-        commit(tmp_path, toy.cube(), [], {})
+        commit(tmp_path, cube, [(1,)], lambda index: arrays)
+        commit(tmp_path, toy.cube(), [], None)
         store.replace(tmp_path, toy.Cube("table", other, {}, {}))
     said = told(tmp_path, "--draw")
     assert "table: written whole" in said
@@ -239,7 +253,7 @@ def test_a_sample_of_many_records_is_enough(tmp_path, monkeypatch):
     monkeypatch.setattr("pipeline.status._READ", 6)
     with store.driving(tmp_path):
         indices = [(i, j) for i in range(4) for j in range(5)]
-        commit(tmp_path, toy.cube(), indices, toy.compute_tile(), 0.25)
+        commit(tmp_path, toy.cube(), indices, toy.ones, 0.25)
     found = state(tmp_path, "toy")
     assert found.sampled
     assert found.cpu_seconds == pytest.approx(20 * 0.25)

@@ -30,7 +30,7 @@ def test_what_is_committed_tile_by_tile_reads_back_whole(tmp_path):
     plan = toy.cube()
     with store.driving(tmp_path):
         layout = commit_all(tmp_path, plan)
-        assert len(store.missing(layout, plan)) == 0
+        assert len(store.missing(layout)) == 0
     cube = store.read(tmp_path, "toy")
     for name, values in toy.serial(plan).items():
         assert np.array_equal(cube[name].values, values)
@@ -74,7 +74,7 @@ def test_a_tile_is_missing_until_its_commit_record_is_written(tmp_path):
     with store.driving(tmp_path):
         layout = commit_all(tmp_path, plan, [(0, 0), (3, 4)])
         assert not store.is_committed(layout, (1, 1))
-        missing = set(map(tuple, store.missing(layout, plan).tolist()))
+        missing = set(map(tuple, store.missing(layout).tolist()))
         assert missing == set(tile_indices(plan.sizes, plan.tile)) - {(0, 0), (3, 4)}
     seconds = store.read(tmp_path, "toy").cpu_seconds
     assert np.isfinite(seconds).sum() == 2
@@ -89,7 +89,7 @@ def test_a_tile_that_lost_data_in_a_power_cut_is_missing_again(tmp_path):
         (chunks / "3" / "0").unlink()
         (chunks / ".DS_Store").write_bytes(bytes(13))  # of a file browser, as long as a chunk
         (chunks / "1" / "x").write_bytes(bytes(13))
-        assert store.missing(layout, plan).tolist() == [[1, 2], [3, 0]]
+        assert store.missing(layout).tolist() == [[1, 2], [3, 0]]
 
 
 def test_a_chunk_of_fill_values_is_stored_like_any_other(tmp_path):
@@ -98,7 +98,7 @@ def test_a_chunk_of_fill_values_is_stored_like_any_other(tmp_path):
         layout = store.create(tmp_path, plan)
         empty = {"wave": np.full((2, 10, 13), np.nan), "sign": np.zeros((10, 13))}
         store.commit(layout, (0, 0), empty, 1.0)
-        assert len(store.missing(layout, plan)) == 0
+        assert len(store.missing(layout)) == 0
     assert np.isnan(store.read(tmp_path, "toy").wave).all()
 
 

@@ -1,5 +1,6 @@
 """The sweep, on a cube that is quick to compute (toy.py), with workers and drivers that die."""
 
+import errno
 import io
 import os
 import random
@@ -9,6 +10,7 @@ import subprocess
 import sys
 import threading
 import time
+from asyncio import CancelledError
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -17,8 +19,9 @@ import psutil
 import pytest
 import toy
 
-from pipeline import store
+from pipeline import provenance, store
 from pipeline.cluster import ClusterError, connect
+from pipeline.layout import Variable
 from pipeline.progress import Progress
 from pipeline.status import state
 from pipeline.sweep import _ended, _pack, sweep
@@ -78,6 +81,100 @@ def test_a_tile_that_raises_fails_and_the_others_go_on(client, tmp_path):
     outcome = run(client, tmp_path, plan)
     assert outcome.failed == {(0, 0): "ArithmeticError: no answer here"}
     assert (outcome.committed, outcome.remaining) == (19, 1)
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+class WordlessError(Exception):
+    def __str__(self):
+        raise RuntimeError("no words")
+
+
+def fail(error):
+    raise error
+
+
+ODD = {
+    "short": (
+        lambda tile: tile["wave"][:, :1],
+        "wave has the shape (2, 1, 3) instead of (2, 3, 3)",
+    ),
+    "long": (lambda tile: np.tile(tile["wave"], 2), "wave has the shape (2, 3, 6) instead of"),
+    "scalar": (lambda tile: 1.0, "wave has the shape () instead of"),
+    "complex": (lambda tile: tile["wave"] * 1j, "wave is of complex128, and does not fit into"),
+    "text": (lambda tile: tile["wave"].astype(str), "does not fit into float64"),
+    "wordless": (lambda tile: fail(WordlessError()), "WordlessError: (which has no words)"),
+    "long words": (lambda tile: fail(OSError("x" * 10**7)), "OSError: xxx"),
+    "lines": (lambda tile: fail(OSError("a\nb\x1b[31m")), "OSError: a b [31m"),
+    "cancelled": (lambda tile: fail(CancelledError()), "CancelledError: "),
+    "base": (lambda tile: fail(GeneratorExit()), "GeneratorExit: "),
+}
+
+
+def compute_oddly(coords, settings):
+    tile = toy.compute(coords, settings)
+    if (coords["row"][0], coords["column"][0]) == (0.0, -1.0):
+        return tile | {"wave": ODD[settings["odd"]][0](tile)}
+    return tile
+
+
+@pytest.mark.parametrize("odd", ODD)
+def test_a_tile_of_another_shape_or_an_odd_exception_fails_alone(tmp_path, odd):
+    with toy.workers_here() as client, store.driving(tmp_path):
+        plan, report = toy.cube(odd=odd), io.StringIO()
+        outcome = sweep(client, tmp_path, plan, compute_oddly, toy.predict, report=report)
+    assert (outcome.committed, list(outcome.failed)) == (19, [(0, 0)])
+    assert ODD[odd][1] in outcome.failed[0, 0]
+    assert len(outcome.failed[0, 0]) <= 500
+    assert state(tmp_path, "toy").reasons == outcome.failed
+
+
+@pytest.mark.parametrize(
+    ("numbers", "fits"), [([1.0], True), ([True], True), ([np.nan], False), ([300], False)]
+)
+def test_numbers_that_do_not_fit_into_an_integer_are_refused(numbers, fits):
+    variable = Variable("sign", "int8", (1,), (1,), (0,))
+    if fits:
+        assert variable.encoded(np.array(numbers), (0,))[0] == 1
+    else:
+        with pytest.raises(ValueError, match="does not fit into int8"):
+            variable.encoded(np.array(numbers), (0,))
+
+
+@pytest.mark.parametrize("cost", ["a second", np.ones(2), None, np.nan, -1.0, np.inf])
+def test_an_odd_prediction_is_none(tmp_path, cost):
+    with toy.workers_here() as client, store.driving(tmp_path):
+        report, plan = io.StringIO(), toy.cube()
+        sweep(client, tmp_path, plan, toy.compute, lambda *_: cost, report=report)
+    assert_complete(tmp_path, plan)
+    assert "nan" not in report.getvalue()
+
+
+def test_a_log_that_cannot_be_written_does_not_end_the_sweep(client, tmp_path):
+    class Full(Terminal):
+        def write(self, text):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with store.driving(tmp_path):
+        sweep(client, tmp_path, toy.cube(), toy.compute, toy.predict, report=Full())
+    assert_complete(tmp_path, toy.cube())
+
+
+def test_no_tile_is_added_by_other_mathematics(client, tmp_path, monkeypatch):
+    plan = toy.cube()
+    assert run(client, tmp_path, plan, wanted={(0, 0)}).committed == 1
+    before = commit_times(tmp_path)
+    with monkeypatch.context() as patch:
+        patch.setattr(provenance, "_MATHEMATICS", "0123456789ab")
+        with pytest.raises(store.StoreError, match="this is mathematics 0123456789ab, llvmlite"):
+            run(client, tmp_path, plan)
+        assert run(client, tmp_path, plan, wanted={(0, 0)}).committed == 0
+    assert commit_times(tmp_path) == before
+    run(client, tmp_path, plan)
+    assert_complete(tmp_path, plan)
 
 
 def test_a_tile_that_kills_its_workers_fails_alone(client, tmp_path):
@@ -228,11 +325,6 @@ def test_a_series_of_sweeps_shares_one_line_of_progress(client, tmp_path):
             sweep(client, tmp_path, toy.cube(), toy.compute, toy.predict, wanted, progress=progress)
         assert "1/1 tiles" not in report.getvalue()
     assert report.getvalue().splitlines()[-1].startswith("series: 3/3 tiles")
-
-
-class Terminal(io.StringIO):
-    def isatty(self):
-        return True
 
 
 def predict_slowly(coords, settings):

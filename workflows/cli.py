@@ -13,6 +13,8 @@ from dataclasses import dataclass
 
 import click
 
+_TOLD = 10  # failed tiles whose reasons are told
+
 HELP = {"help_option_names": ["-h", "--help"]}
 
 
@@ -249,8 +251,10 @@ def carry_out(client, place, job, wanted=None, progress=None):
 
 def finish(outcome):
     """Go on after a complete sweep; end the program, saying how to go on, after any other."""
-    for index, reason in sorted(outcome.failed.items()):
+    for index, reason in sorted(outcome.failed.items())[:_TOLD]:
         click.echo(f"tile {index} failed: {reason}", err=True)
+    if len(outcome.failed) > _TOLD:
+        click.echo(f"... and {len(outcome.failed) - _TOLD} more", err=True)
     if outcome.interrupted:
         click.echo(
             f"stopped with {outcome.remaining} tiles of this sweep missing; run the same command "

@@ -4,6 +4,7 @@ Read from the store alone, while a driver is at work or when it is dead: nothing
 nothing is written but the pictures of --draw.
 """
 
+import sys
 import time
 from math import isfinite
 
@@ -19,7 +20,7 @@ from workflows.cli import HELP, explained, out_option, store_option
 def main(out, place, draw):
     """The state of all cubes of a store: tiles, failures, CPU time, rate, time left."""
     with explained(place):
-        from pipeline.status import driver, state
+        from pipeline.status import driver
         from pipeline.verify import names
 
         cubes = names(place)
@@ -27,15 +28,28 @@ def main(out, place, draw):
         click.echo(f"{place}: {f'a driver is at work ({at_work})' if at_work else 'no driver'}")
         if not cubes:
             click.echo("no cubes yet")
-        for name in cubes:
-            found = state(place, name)
-            click.echo(f"{name}: {described(found, bool(at_work))}")
-            for index, reason in found.reasons.items():
-                click.echo(f"  tile {index} failed: {reason}")
-            if found.failed > len(found.reasons):
-                click.echo(f"  ... and {found.failed - len(found.reasons)} more")
-            if draw:
-                draw_cube(out, place, name)
+        damaged = sum(not told(out, place, name, bool(at_work), draw) for name in cubes)
+    sys.exit(1 if damaged else 0)
+
+
+def told(out, place, name, at_work, draw):
+    """Print the state of a cube; False if its metadata are damaged."""
+    from pipeline.faults import StoreError
+    from pipeline.status import state
+
+    try:
+        found = state(place, name)
+    except StoreError as error:
+        click.echo(f"{name}: {error}")
+        return False
+    click.echo(f"{name}: {described(found, at_work)}")
+    for index, reason in found.reasons.items():
+        click.echo(f"  tile {index} failed: {reason}")
+    if found.failed > len(found.reasons):
+        click.echo(f"  ... and {found.failed - len(found.reasons)} more")
+    if draw:
+        draw_cube(out, place, name)
+    return True
 
 
 def described(state, at_work):

@@ -34,9 +34,14 @@ def main(out, place, repair):
 
 def check(place, name, repair):
     """Verify a cube and say what is damaged; returns in how many places."""
+    from pipeline.faults import StoreError
     from pipeline.verify import committed, free, verify
 
-    tiles = committed(place, name)
+    try:
+        tiles = committed(place, name)
+    except StoreError as error:
+        click.echo(f"{name}: {error}")
+        return 1
     damaged = {}
     with click.progressbar(length=1 + len(tiles), label=name, file=sys.stderr) as progress:
         for index, what in verify(place, name, tiles):
@@ -45,7 +50,7 @@ def check(place, name, repair):
                 damaged[index] = what
     click.echo(f"{name}: {len(tiles)} tiles, {len(damaged)} damaged")
     for index, what in damaged.items():
-        click.echo(f"  {f'tile {index}' if index else 'the cube'}: {what}")
+        click.echo(f"  {f'tile {index}: {what}' if index else f'damaged: {what}'}")
         if repair:
             free(place, name, index)
     return len(damaged)

@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 
 one, other = (xr.open_zarr(Path(out) / "cubes.zarr", group="escape") for out in sys.argv[1:3])
-own = {"created", "config_hash", "git_commit", "library_versions", "python_version"}
+own = {"created", "config_hash", "git_commit", "library_versions", "python_version", "seal"}
 for key in sorted((one.attrs.keys() | other.attrs.keys()) - own):
     if one.attrs.get(key) != other.attrs.get(key):
         print(f"{key}: {one.attrs.get(key)} and {other.attrs.get(key)}")
