@@ -122,15 +122,19 @@ def test_the_direct_table_holds_the_boundary_along_rays(finished):
     assert len(rows) == 37
     assert {r["n"] for r in rows} == {"4000"}
     assert {float(r["resolution"]) for r in rows if r["resolution"]} == {2.8 / 128}
-    (ray,) = [r for r in rows if r["angle"] == "90"]
-    assert abs(float(ray["kappa1"])) < 1e-9
-    assert float(ray["kappa2"]) == pytest.approx(float(ray["critical_scale"]), rel=1e-5)
+    ends = {r["angle"]: (r["kappa1"], r["kappa2"]) for r in rows}
+    scale = {r["angle"]: r["critical_scale"] for r in rows}
+    assert ends["0"] == (scale["0"], "0")
+    assert ends["90"] == ("0", scale["90"])
+    assert ends["180"] == (f"-{scale['180']}", "0")
+    assert ends["45"][0] == ends["45"][1]
 
 
 def test_the_boundary_is_bracketed_on_every_ray_and_the_last_circle_named(finished):
     rows = table(finished / "critical_boundary.csv")
     assert [float(r["angle"]) for r in rows] == list(range(0, 181, 5))
     for r in rows:
+        assert r["status"] == "ok"
         value, lower, upper = (float(r[key]) for key in ("critical_scale", "lower", "upper"))
         assert lower < value < upper
         assert upper - lower < 0.0101 * value
@@ -322,7 +326,11 @@ def test_circle_boundaries_are_those_of_each_ray(tmp_path):
     assert (known.lower < known.critical_scale).all()
     assert np.isnan(circles.critical_scale.isel(omega=0)).all()
     assert len(table(tmp_path / "out/circle_boundaries.csv")) == 3 * 5
-    assert (tmp_path / "out/circle_boundaries_residue.csv").exists()
+    rows = table(tmp_path / "out/circle_boundaries_residue.csv")
+    # In the order of the cube: 3/5, the golden mean, and 2γ on five rays each.
+    assert [r["status"] for r in rows] == [meanings[int(i)] for i in cube.status.values.ravel()]
+    assert {r["status"] for r in rows[:5]} == {"rational"}
+    assert {r["status"] for r in rows[5:10]} == {"ok"}
     assert (tmp_path / "out/circle_boundaries.png").exists()
     assert (tmp_path / "out/tips.png").exists()
 

@@ -22,6 +22,7 @@ from workflows.cli import (
     session,
     store_option,
 )
+from workflows.labelled import write_table
 from workflows.last_barrier import barrier_job, tips_option
 from workflows.rotating import rotated_rays, two_kicks
 
@@ -90,7 +91,6 @@ def main(out, place, cluster, phase, angles, tips, n_max):
         out, cluster, ["transversal", "barrier"], [job.cube for job in jobs], place
     ) as client:
         three, barrier = (carry_out(client, place, job) for job in jobs)
-        from workflows.circle_boundaries import write_table
         from workflows.figures.style import save
         from workflows.figures.three_kicks import caption, draw_three_kicks
 

@@ -25,7 +25,9 @@ def draw_escape_plane(plane, steps):
 def _plane_axes(plane):
     width = float(plane.kappa1.max() - plane.kappa1.min())
     height = float(plane.kappa2.max() - plane.kappa2.min())
-    figure, axes = plt.subplots(figsize=(10, 1.2 + 8 * min(1.2, height / width)), layout="constrained")
+    figure, axes = plt.subplots(
+        figsize=(10, 1.2 + 8 * min(1.2, height / width)), layout="constrained"
+    )
     axes.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$", aspect="equal")
     axes.set_title(
         rf"Global transport: {int(plane.ensemble[-1])} orbits, up to "

@@ -67,7 +67,7 @@ def secondary_caption(secondary):
     return (
         "Secondary period-one orbits next to (1/2, 0): where they exist "
         f"({100 * float(exists.mean()):.1f}% of the cells), where they are stable "
-        f"({100 * float(stable.mean()):.1f}%, vermilion), and the error of the cubic estimate of z, "
-        "the paper's with its sign corrected: median "
-        f"{float(error.median()):.2g}, largest {float(error.max()):.2g}."
+        f"({100 * float(stable.mean()):.1f}%, vermilion), and the error of the paper's cubic "
+        f"estimate of z, with its sign corrected: median {float(error.median()):.2g}, largest "
+        f"{float(error.max()):.2g}."
     )
