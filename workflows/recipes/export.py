@@ -14,7 +14,7 @@ from pathlib import Path
 import xarray as xr
 
 group = sys.argv[2] if len(sys.argv) > 2 else "barrier"
-if len(sys.argv) < 2 or not Path(sys.argv[1], "cubes.zarr", group).is_dir():
+if len(sys.argv) < 2 or not Path(sys.argv[1], f"cubes.zarr/{group}").is_dir():
     print(__doc__, file=sys.stderr)
     sys.exit(2)
 out = Path(sys.argv[1])
