@@ -135,7 +135,10 @@ def _vectors(context, parameter, values):
 @store_option
 @cluster_options
 def main(out, place, cluster, vector, angles, tips, n_max, n_orbits):
-    """Rotating standard maps: four cubes, a table and two figures in OUT."""
+    """Rotating standard maps: four cubes, a table and two figures in OUT.
+
+    The defaults take 140 CPU seconds, about a minute and a half on two cores.
+    """
     from nasm.numbers import NAMES, parse
 
     rays = rotated_rays(angles, tips)
