@@ -35,7 +35,7 @@ from nasm import fourier, orbits
 from nasm.checks import count
 from nasm.critical import Status
 from nasm.maps import TWO_PI, forcing
-from nasm.numbers import RotationNumber
+from nasm.numbers import RotationNumber, checked
 from nasm.sine import sin2pi
 
 N_FIRST = 64  # points of the first grid
@@ -80,7 +80,7 @@ def invariant_circle(omega, kappa, n_max=4096, start=None):
 
     Parameters
     ----------
-    omega : RotationNumber, irrational.
+    omega : RotationNumber, irrational; e.g. `numbers.parse("gamma")`.
     kappa : sequence of P floats, first kick first.
     n_max : int, the most grid points to use, 64 to 65536; the certificate uses 4 times as many.
     start : ndarray (P, n), deviations near the circle, n a power of 2 from 16; default as above.
@@ -110,7 +110,7 @@ def settle(omega, kappa, u, n_max):
     Returns u on the grid where it converged, and OK; or what was left, and the reason. Nothing is
     certified yet.
     """
-    if omega.is_rational:
+    if checked(omega).is_rational:
         return u, Status.RATIONAL
     while True:
         status = _newton(omega, kappa, u)[0]
@@ -258,7 +258,7 @@ def _deviations(u, n_sites):
 
 
 def _angles(omega, n_sites):
-    return float(omega) * np.arange(n_sites) / n_sites
+    return float(checked(omega)) * np.arange(n_sites) / n_sites
 
 
 @lru_cache(maxsize=256)

@@ -26,7 +26,7 @@ import numpy as np
 from nasm import circles, fourier
 from nasm.critical import CriticalScale, Status, no_answer
 from nasm.maps import forcing
-from nasm.numbers import convergents
+from nasm.numbers import checked, convergents
 from nasm.symmetries import shorten
 
 UNSTABLE = {(1,): 1.6279500, (2,): 2.4416, (3,): 3.344, (4,): 4.265}
@@ -52,7 +52,7 @@ def critical_scale(omega, profile, tol=1e-6):
 
     Parameters
     ----------
-    omega : RotationNumber, irrational.
+    omega : RotationNumber, irrational; e.g. `numbers.parse("gamma")`.
     profile : sequence of P floats, not all zero; no symmetry is needed.
     tol : float, the error to aim at.
 
@@ -74,7 +74,7 @@ def critical_scale(omega, profile, tol=1e-6):
         raise ValueError("profile is zero; a ray needs a direction, e.g. profile=(1, 0.5)")
     if not tol > 0:
         raise ValueError(f"tol={tol} must be positive; it is the error to aim at, e.g. tol=1e-6")
-    if omega.is_rational:
+    if checked(omega).is_rational:
         return no_answer(omega, Status.RATIONAL)
     (short,), short_omega = shorten([profile], omega)
     growth, delta = _scaling(short_omega.tail)
@@ -140,7 +140,7 @@ def certified_circle(omega, profile, breakup, distance):
 
     Parameters
     ----------
-    omega : RotationNumber, irrational.
+    omega : RotationNumber, irrational; e.g. `numbers.parse("gamma")`.
     profile : sequence of P floats.
     breakup : float, the scale of the breakup, e.g. by `periodic.critical_scale`.
     distance : float, 10⁻⁶ to 1/2.

@@ -45,6 +45,10 @@ class CriticalScale:
     omega: RotationNumber | None
     status: Status
 
+    def __post_init__(self):
+        for name in ("value", "error", "lower", "upper"):  # NumPy's scalars print as np.float64(…)
+            object.__setattr__(self, name, float(getattr(self, name)))
+
 
 def no_answer(omega, status):
     """The CriticalScale of a method that failed, and why."""

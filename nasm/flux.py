@@ -61,7 +61,7 @@ def flux(omega, kappa, q_max=30_000, rtol=1e-6):
 
     Parameters
     ----------
-    omega : RotationNumber, irrational.
+    omega : RotationNumber, irrational; e.g. `numbers.parse("gamma")`.
     kappa : sequence of P floats, the forcing, first kick first.
     q_max : int, the longest period used. 30 000 do from 10⁻³ beyond the breakup on, 200 000 from
         10⁻⁴.

@@ -38,8 +38,8 @@ _RATIO = rf"(-?{_TERM}|\({_SUM}\))/({_TERM}|\({_SUM}\))"
 class RotationNumber:
     """[prefix; (tail)]: partial quotients, and those that repeat for ever (none if rational).
 
-    All partial quotients but the first are ≥ 1. Made by `parse` or `rational`, a RotationNumber is
-    in its shortest form, so that equal numbers compare equal.
+    All partial quotients but the first are ≥ 1. Made by `parse("gamma")` or `rational`, it is in
+    its shortest form, so that equal numbers compare equal.
     """
 
     prefix: tuple[int, ...]
@@ -105,8 +105,19 @@ def rational(fraction):
     return RotationNumber(tuple(quotients))
 
 
+def checked(omega):
+    """omega itself; ValueError, with the remedy, unless it is a RotationNumber."""
+    if not isinstance(omega, RotationNumber):
+        raise ValueError(
+            f"omega={omega!r} is not a RotationNumber, which is exact; make one of its name or its "
+            "continued fraction, e.g. nasm.numbers.parse('gamma') or nasm.numbers.parse('[1;(4)]')"
+        )
+    return omega
+
+
 def convergents(omega):
     """Iterator over the convergents p_k/q_k of omega as Fractions; endless if irrational."""
+    checked(omega)
     p, p_last, q, q_last = 1, 0, 0, 1
     for a in chain(omega.prefix, cycle(omega.tail)):
         p, p_last, q, q_last = a * p + p_last, p, a * q + q_last, q
@@ -117,7 +128,7 @@ def moebius(omega, a, b, c=0, d=1):
     """(a·ω + b)/(c·ω + d), exactly, for integers with ad ≠ bc; e.g. moebius(ω, -1, 2) = 2 - ω."""
     if a * d == b * c:
         raise ValueError(f"({a}ω + {b})/({c}ω + {d}) does not depend on ω; use ad ≠ bc")
-    if omega.is_rational:
+    if checked(omega).is_rational:
         value = list(convergents(omega))[-1]
         if c * value + d == 0:
             raise ValueError(f"({a}ω + {b})/({c}ω + {d}) is infinite at ω = {value}")

@@ -22,7 +22,8 @@ def newton_step(omega, kappa, u):
 
     Parameters
     ----------
-    omega : RotationNumber per period. kappa : sequence of P floats, first kick first.
+    omega : RotationNumber per period, e.g. `numbers.parse("gamma")`.
+    kappa : sequence of P floats, first kick first.
     u : ndarray (P, n), the deviations u_j of the circle's sites from the rotation; see `circles`.
 
     Returns

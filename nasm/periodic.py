@@ -126,7 +126,7 @@ def critical_scale(omega, profile, q_max=6000, start=None, family=minimax_centre
 
     Parameters
     ----------
-    omega : RotationNumber, irrational.
+    omega : RotationNumber, irrational; e.g. `numbers.parse("gamma")`.
     profile : sequence of P floats.
     q_max : int, the largest period used. 1500 gives nine digits for noble ω, 6000 twelve.
     start : sequence of P floats; default 0, a ray from the origin. The circle should exist there:

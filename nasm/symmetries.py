@@ -12,7 +12,7 @@ boundary of global transport, CB_gt, has all of it. That of one circle, CB_ω, h
 import numpy as np
 
 from nasm.maps import forcing, kick
-from nasm.numbers import moebius
+from nasm.numbers import checked, moebius
 
 
 def reflect(kappa, x, y):
@@ -100,13 +100,13 @@ def shorten(forcings, omega):
     Parameters
     ----------
     forcings : sequence of forcings of one period P, which are shortened alike.
-    omega : RotationNumber per P kicks.
+    omega : RotationNumber per P kicks, e.g. `numbers.parse("gamma")`.
 
     Returns
     -------
     forcings : list of arrays of shape (P',), P' a divisor of P. omega : RotationNumber.
     """
-    candidates = [([forcing(kappa) for kappa in forcings], omega)]
+    candidates = [([forcing(kappa) for kappa in forcings], checked(omega))]
     period = candidates[0][0][0].size
     if period % 2 == 0:
         alternated = [alternate(kappa, 0.0, 0.0)[0] for kappa in forcings]

@@ -123,7 +123,7 @@ def verdict(kappa):
 def _in_units_of(size, scale):
     """The scale of a profile as one of size·profile."""
     lengths = ("value", "error", "lower", "upper")
-    return replace(scale, **{name: float(getattr(scale, name)) / size for name in lengths})
+    return replace(scale, **{name: getattr(scale, name) / size for name in lengths})
 
 
 def _elimination(kappa, distance):

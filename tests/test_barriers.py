@@ -8,7 +8,7 @@ import pytest
 
 from nasm import barriers, circles, cones, continuation, escape, periodic
 from nasm.barriers import critical_scale
-from nasm.critical import Status
+from nasm.critical import CriticalScale, Status
 from nasm.numbers import NAMES, RotationNumber, moebius, parse
 from nasm.symmetries import fold, unfold
 
@@ -361,3 +361,9 @@ GOOD = {"profile": (1, 0.5), "tol": 1e-3}
 def test_bad_arguments_are_named(bad, message):
     with pytest.raises(ValueError, match=message):
         critical_scale(**GOOD | bad)
+
+
+def test_a_scale_prints_as_plain_numbers():
+    half = np.float64(0.5)
+    scale = CriticalScale(half, half, half, half, None, Status.OK)
+    assert repr(scale).startswith("CriticalScale(value=0.5, error=0.5, lower=0.5, upper=0.5, ")

@@ -1,12 +1,18 @@
+import ast
+import re
 from fractions import Fraction
 from itertools import islice, pairwise
+from pathlib import Path
 
 import mpmath
+import numpy as np
 import oracles
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+import nasm
+from nasm import barriers, circles, continuation, flux, fourier, parameterization, periodic
 from nasm.numbers import (
     NAMES,
     RotationNumber,
@@ -16,6 +22,7 @@ from nasm.numbers import (
     parse,
     rational,
 )
+from nasm.symmetries import shorten
 
 quotients = st.integers(1, 30)
 prefixes = st.builds(
@@ -257,3 +264,60 @@ def test_nobles_near_some_numbers(value, width, n, expected):
         assert found[0].prefix[:5] == (2, 4, 4, 4, 4)
     else:
         assert found == [parse(name) for name in expected]
+
+
+KAPPA = (0.3, 0.4)
+REST = np.zeros((2, 64))  # deviations of the rotation
+TAKE_OMEGA = {
+    barriers.per_period: (np.array(KAPPA), np.array(KAPPA), rational(0)),
+    circles.invariant_circle: (KAPPA,),
+    circles.settle: (np.array(KAPPA), REST, 64),
+    circles.certify: (np.array(KAPPA), REST),
+    circles.polish: (np.array(KAPPA), REST),
+    circles.polished_is_circle: (np.array(KAPPA), REST),
+    circles.newton_step: (KAPPA, REST),
+    circles.residual: (KAPPA, REST),
+    continuation.critical_scale: (KAPPA,),
+    continuation.certified_scale: (KAPPA, 1.7, 0.1),
+    continuation.certified_circle: (KAPPA, 1.7, 0.1),
+    flux.flux: (KAPPA,),
+    fourier.turns: (8,),
+    fourier.grid: (8,),
+    fourier.cut: (64,),
+    fourier.smallest_divisor: (8,),
+    moebius: (1, 1),
+    parameterization.newton_step: (KAPPA, REST),
+    periodic.critical_scale: (KAPPA,),
+    periodic.crossings: (KAPPA,),
+}
+
+
+def test_every_public_function_of_omega_is_among_these():
+    found = {
+        f"{path.stem}.{node.name}"
+        for path in Path(nasm.__file__).parent.glob("*.py")
+        for node in ast.parse(path.read_text(encoding="utf-8")).body
+        if isinstance(node, ast.FunctionDef) and not node.name.startswith("_")
+        if [argument.arg for argument in node.args.args][:1] == ["omega"]
+    }
+    named = {f"{f.__module__.split('.')[1]}.{f.__name__}" for f in TAKE_OMEGA}
+    # A torus is named by fractions, no_answer passes on what it gets, the others are tested below.
+    others = {"critical.no_answer", "numbers.checked", "numbers.convergents"}
+    assert found == named | others | {"periodic.torus_scale"}
+
+
+@pytest.mark.parametrize("omega", [0.618, "gamma", Fraction(3, 5), None])
+@pytest.mark.parametrize(
+    ("function", "others"), TAKE_OMEGA.items(), ids=lambda f: getattr(f, "__qualname__", "")
+)
+def test_what_is_no_rotation_number_is_refused_with_the_remedy(function, others, omega):
+    named = re.escape(f"omega={omega!r} is not a RotationNumber")
+    with pytest.raises(ValueError, match=named) as refused:
+        function(omega, *others)
+    assert "nasm.numbers.parse('gamma')" in str(refused.value)
+
+
+@pytest.mark.parametrize("take", [lambda x: shorten([(0.3,)], x), lambda x: next(convergents(x))])
+def test_so_it_is_by_those_of_another_signature(take):
+    with pytest.raises(ValueError, match=r"omega=0\.618 is not a RotationNumber"):
+        take(0.618)

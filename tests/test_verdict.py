@@ -3,6 +3,7 @@
 import subprocess
 import sys
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -12,6 +13,7 @@ from nasm.critical import Status, no_answer
 from nasm.maps import MAX_STRENGTH
 from nasm.verdict import Answer, Evidence, verdict
 from workflows import ask
+from workflows.figures.ask import draw_verdict
 
 _RANDOM = np.random.default_rng(5)
 ANGLES = [-45.0, *_RANDOM.uniform(0, 360, 2)]
@@ -142,6 +144,7 @@ def run(*arguments):
         (("0.526", "0.69"), ["BARRIER", "omega = [0;1,3,(1)]", "certified"]),
         (("1.5", "-1.5"), ["TRANSPORT", "Direct iteration: the orbit from"]),
         (("0", "0"), ["BARRIER", "without kicks"]),
+        (("1e-320", "0"), ["BARRIER", "It breaks at more than 1.8e+308 times these strengths"]),
     ],
 )
 def test_the_answer_in_words_and_as_a_figure(tmp_path, point, told):
@@ -152,6 +155,17 @@ def test_the_answer_in_words_and_as_a_figure(tmp_path, point, told):
     name = "ask_{}_{}".format(*map(float, point))
     for kind in ("png", "pdf"):
         assert (tmp_path / f"out/{name}.{kind}").stat().st_size > 10_000
+
+
+def test_the_circle_is_drawn_over_the_whole_period():
+    kappa = (0.3, 0.4)
+    figure = draw_verdict(ask.portrait_dataset(kappa, verdict(kappa), None))
+    (circle,) = [line for line in figure.axes[0].lines if line.get_label().startswith("$")]
+    x, y = circle.get_data()
+    assert x[0] <= 0 < 1 <= x[-1]
+    assert (np.diff(x) > 0).all()
+    assert (x[-2] - 1, y[-2]) == pytest.approx((x[0], y[0]))
+    plt.close(figure)
 
 
 @pytest.mark.parametrize(

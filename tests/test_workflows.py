@@ -122,15 +122,19 @@ def test_the_direct_table_holds_the_boundary_along_rays(finished):
     assert len(rows) == 37
     assert {r["n"] for r in rows} == {"4000"}
     assert {float(r["resolution"]) for r in rows if r["resolution"]} == {2.8 / 128}
-    (ray,) = [r for r in rows if r["angle"] == "90"]
-    assert abs(float(ray["kappa1"])) < 1e-9
-    assert float(ray["kappa2"]) == pytest.approx(float(ray["critical_scale"]), rel=1e-5)
+    ends = {r["angle"]: (r["kappa1"], r["kappa2"]) for r in rows}
+    scale = {r["angle"]: r["critical_scale"] for r in rows}
+    assert ends["0"] == (scale["0"], "0")
+    assert ends["90"] == ("0", scale["90"])
+    assert ends["180"] == (f"-{scale['180']}", "0")
+    assert ends["45"][0] == ends["45"][1]
 
 
 def test_the_boundary_is_bracketed_on_every_ray_and_the_last_circle_named(finished):
     rows = table(finished / "critical_boundary.csv")
     assert [float(r["angle"]) for r in rows] == list(range(0, 181, 5))
     for r in rows:
+        assert r["status"] == "ok"
         value, lower, upper = (float(r[key]) for key in ("critical_scale", "lower", "upper"))
         assert lower < value < upper
         assert upper - lower < 0.0101 * value
@@ -322,7 +326,11 @@ def test_circle_boundaries_are_those_of_each_ray(tmp_path):
     assert (known.lower < known.critical_scale).all()
     assert np.isnan(circles.critical_scale.isel(omega=0)).all()
     assert len(table(tmp_path / "out/circle_boundaries.csv")) == 3 * 5
-    assert (tmp_path / "out/circle_boundaries_residue.csv").exists()
+    rows = table(tmp_path / "out/circle_boundaries_residue.csv")
+    # In the order of the cube: 3/5, the golden mean, and 2γ on five rays each.
+    assert [r["status"] for r in rows] == [meanings[int(i)] for i in cube.status.values.ravel()]
+    assert {r["status"] for r in rows[:5]} == {"rational"}
+    assert {r["status"] for r in rows[5:10]} == {"ok"}
     assert (tmp_path / "out/circle_boundaries.png").exists()
     assert (tmp_path / "out/tips.png").exists()
 
@@ -468,6 +476,7 @@ def follow_recipe(name, tmp_path, monkeypatch, capsys, *arguments):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "argv", [name, *map(str, arguments)])
     runpy.run_path(str(RECIPES / f"{name}.py"))
+    assert not [path for path in tmp_path.iterdir() if path.is_file()]  # all goes to OUT
     return capsys.readouterr().out
 
 
@@ -476,16 +485,37 @@ def test_every_recipe_is_tested():
     assert tested == {path.stem for path in RECIPES.glob("*.py")}
 
 
+@pytest.mark.parametrize("recipe", sorted(RECIPES.glob("*.py")), ids=lambda path: path.stem)
+def test_a_recipe_without_a_store_tells_its_usage(recipe, tmp_path, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "dask_jobqueue", SimpleNamespace(SLURMCluster=None))
+    mistakes = [[], [tmp_path], [tmp_path, tmp_path]] if recipe.stem != "job_queue" else [[]]
+    for arguments in mistakes:
+        monkeypatch.setattr(sys, "argv", [recipe.name, *map(str, arguments)])
+        with pytest.raises(SystemExit) as ended:
+            runpy.run_path(str(recipe))
+        assert ended.value.code == 2
+        assert f"python workflows/recipes/{recipe.name} " in capsys.readouterr().err
+    assert not os.listdir(tmp_path)
+
+
+def test_comparing_one_store_with_none_tells_the_usage(finished, monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", ["compare_stores.py", str(finished)])
+    with pytest.raises(SystemExit) as ended:
+        runpy.run_path(str(RECIPES / "compare_stores.py"))
+    assert ended.value.code == 2
+    assert "OUT OTHER" in capsys.readouterr().err
+
+
 def test_recipe_select_steps(finished, tmp_path, monkeypatch, capsys):
     said = follow_recipe("select_steps", tmp_path, monkeypatch, capsys, finished, 1000)
     assert f"{100 * (field(finished) <= 1000).mean():.1f}% of the" in said
-    assert (tmp_path / "select_steps.png").exists()
+    assert (finished / "select_steps.png").exists()
 
 
 def test_recipe_contour_boundary(finished, tmp_path, monkeypatch, capsys):
     follow_recipe("contour_boundary", tmp_path, monkeypatch, capsys, finished)
     points = np.array(
-        [[r["kappa1"], r["kappa2"]] for r in table(tmp_path / "contour_boundary.csv")]
+        [[r["kappa1"], r["kappa2"]] for r in table(finished / "contour_boundary.csv")]
     )
     radius = np.hypot(*points.astype(float).T)
     # Outside the last barrier, all of it, and within the direct boundary of the table.
@@ -504,7 +534,7 @@ def test_recipe_compare_stores(finished, dense, tmp_path, monkeypatch, capsys):
 def test_recipe_join_levels(finished, tmp_path, monkeypatch, capsys):
     said = follow_recipe("join_levels", tmp_path, monkeypatch, capsys, finished)
     assert "equal to the cube escape: True" in said
-    rows = table(tmp_path / "join_levels.csv")
+    rows = table(finished / "join_levels.csv")
     assert {r["level"] for r in rows} == {"0", "1", "2"}
 
 
@@ -515,9 +545,11 @@ def test_recipe_join_levels(finished, tmp_path, monkeypatch, capsys):
 def test_recipe_export(finished, tmp_path, monkeypatch, capsys, group, name):
     said = follow_recipe("export", tmp_path, monkeypatch, capsys, finished, group)
     assert "read back equal: True" in said
-    exported = [float(r[name] or "nan") for r in table(tmp_path / f"{group}.csv")]
+    rows = table(finished / f"{group}.csv")
+    exported = [float(r[name] or "nan") for r in rows]
     kept = xr.open_zarr(finished / "cubes.zarr", group=group)[name]
     assert np.array_equal(np.sort(exported), np.sort(kept.values.ravel()), equal_nan=True)
+    assert {r["status"] for r in rows if "status" in r} == (set() if group == "escape" else {"ok"})
 
 
 def test_recipe_large_field(finished, tmp_path, monkeypatch, capsys):

@@ -16,6 +16,7 @@ from workflows.cli import (
     session,
     store_option,
 )
+from workflows.labelled import write_table
 from workflows.last_barrier import barrier_job, ray_angles, tips_option, unfolded
 
 
@@ -43,12 +44,6 @@ def _cube(name, omegas, angles, settings):
     exact = {str(omega): float(omega) for omega in omegas}
     statuses = [status.name.lower() for status in tasks.STATUSES]
     return schema.breakdown_cube(name, exact, angles, statuses, tile=20, settings=settings)
-
-
-def write_table(dataset, path):
-    """A CSV table of a breakdown cube, without what the sweep noted about its tiles."""
-    tiles = [dim for dim in dataset.dims if str(dim).startswith("tile_")]
-    dataset.drop_dims(tiles).to_dataframe().to_csv(path, float_format="%.12g")
 
 
 def _parse_omegas(context, parameter, value):

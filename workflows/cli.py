@@ -81,14 +81,19 @@ def _refuse_url(out):
     return out
 
 
-out_option = click.option(
-    "--out",
-    default="out",
-    show_default=True,
-    type=click.Path(path_type=str),
-    callback=lambda context, parameter, value: _refuse_url(value),
-    help="Directory of the results; an earlier run in it is resumed.",
-)
+def _out_option(help):
+    return click.option(
+        "--out",
+        default="out",
+        show_default=True,
+        type=click.Path(path_type=str),
+        callback=lambda context, parameter, value: _refuse_url(value),
+        help=help,
+    )
+
+
+out_option = _out_option("Directory of the results; an earlier run in it is resumed.")
+run_option = _out_option("Directory of a run.")
 
 
 def cluster_options(function):

@@ -8,9 +8,10 @@ between a certified circle and converse KAM, with the circle that is the last to
 
 import click
 
-from workflows.circle_boundaries import continuation_job, write_table
+from workflows.circle_boundaries import continuation_job
 from workflows.cli import HELP, angles_option, carry_out, cluster_options, session, store_option
 from workflows.escape_plane import escape_plane, plane_options, planned
+from workflows.labelled import write_table
 from workflows.last_barrier import barrier_job, ray_angles, tips_option, unfolded
 
 
@@ -23,6 +24,7 @@ def boundary_table(dataset, angles, steps):
     import xarray as xr
 
     from nasm.escape import boundary
+    from nasm.symmetries import ray
 
     field = dataset.escape_time.isel(ensemble=-1)
     axes = dataset.kappa1.values, dataset.kappa2.values
@@ -31,14 +33,8 @@ def boundary_table(dataset, angles, steps):
         {"n": steps, "angle": angles},
         ("n", "angle"),
     )
-    radians = np.deg2rad(scale.angle)
-    table = xr.Dataset(
-        {
-            "kappa1": scale * np.cos(radians),
-            "kappa2": scale * np.sin(radians),
-            "critical_scale": scale,
-        }
-    )
+    kappa1, kappa2 = (scale * xr.DataArray(part, dims="angle") for part in ray(angles).T)
+    table = xr.Dataset({"kappa1": kappa1, "kappa2": kappa2, "critical_scale": scale})
     cell = max(np.ptp(axis[:2]) for axis in axes)
     if "level" in dataset:
         level = dataset.level
@@ -84,7 +80,7 @@ def main(out, place, cluster, plane, angles, tips, tol):
         direct = boundary_table(dataset, rays, plane.drawn)
         for n in direct.n.values[direct.critical_scale.isnull().all("angle")]:
             click.echo(f"no ray passes into transport within {n} steps in this plane", err=True)
-        barrier.to_dataframe().to_csv(f"{out}/critical_boundary.csv", float_format="%.12g")
+        write_table(barrier, f"{out}/critical_boundary.csv")
         write_table(circles, f"{out}/circle_boundaries.csv")
         direct.to_dataframe().to_csv(f"{out}/direct_boundary.csv", float_format="%.6g")
         figures = save(draw_critical_boundary(dataset, circles, barrier), out, "critical_boundary")

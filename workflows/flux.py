@@ -9,6 +9,7 @@ MacKay, Meiss & Percival, Physica D 13 (1984) 55.
 import click
 
 from workflows.cli import HELP, Job, carry_out, cluster_options, session, store_option
+from workflows.labelled import write_table
 from workflows.last_barrier import barrier_job, unfolded
 
 
@@ -105,7 +106,7 @@ def main(out, place, cluster, angle, nearest, q_max):
         from workflows.figures.style import save
 
         fits = laws(fluxes)
-        fluxes.to_dataframe().to_csv(f"{out}/flux.csv", float_format="%.9g")
+        write_table(fluxes, f"{out}/flux.csv")
         fits.to_dataframe().to_csv(f"{out}/flux_law.csv", float_format="%.6g")
         figures = save(draw_flux(fluxes, fits), out, "flux", caption(fluxes, fits))
     for angle, row in fits.to_dataframe().iterrows():

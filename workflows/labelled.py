@@ -1,4 +1,4 @@
-"""Small labelled Datasets for studies that are no sweeps."""
+"""Small labelled Datasets for studies that are no sweeps, and tables of any Dataset."""
 
 
 def listed(*names):
@@ -42,3 +42,15 @@ def labelled(title, coords, variables, **attrs):
         else:
             dataset[name].attrs["long_name"] = words
     return dataset
+
+
+def write_table(dataset, path):
+    """The Dataset as a CSV table, outcomes as words, without what a sweep noted about its tiles."""
+    tiles = [dim for dim in dataset.dims if str(dim).startswith("tile_")]
+    table = dataset.drop_dims(tiles).to_dataframe()
+    for name in table:
+        words = dataset[name].attrs.get("flag_meanings")
+        if words is not None:
+            codes = dataset[name].attrs["flag_values"]
+            table[name] = table[name].map(dict(zip(codes, words.split(), strict=True)))
+    table.to_csv(path, float_format="%.12g")

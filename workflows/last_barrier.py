@@ -16,6 +16,7 @@ from workflows.cli import (
     session,
     store_option,
 )
+from workflows.labelled import write_table
 
 
 def barrier_job(angles, tol):
@@ -118,7 +119,7 @@ def main(out, place, cluster, angles, tips, tol):
         from workflows.figures.last_barrier import caption, draw_last_barrier
         from workflows.figures.style import save
 
-        table.to_dataframe().to_csv(f"{out}/last_barrier.csv", float_format="%.12g")
+        write_table(table, f"{out}/last_barrier.csv")
         figures = save(draw_last_barrier(table), out, "last_barrier", caption(table))
     click.echo(f"cube:   {place}/cubes.zarr, group barrier")
     click.echo(f"table:  {out}/last_barrier.csv")

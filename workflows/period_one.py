@@ -22,7 +22,7 @@ def primary_dataset(axis):
     attrs = {
         "long_name": "Greene's residue; stable if 0 < R < 1",
         "units": "1",
-        "source": "arXiv:1606.04824, Eqs. (period_one_r1)-(period_one_r4)",
+        "source": "arXiv:1606.04824, Sec. IV.A and Fig. 3",
     }
     coords = {"point": range(len(points)), "kappa2": kappa2, "kappa1": kappa1}
     dataset = xr.Dataset({"residue": (tuple(coords), residue, attrs)}, coords)
@@ -49,7 +49,7 @@ def secondary_dataset(axis):
         "x": (x, "x of the point, in turns"),
         "y": (y, "y of the point"),
         "residue": (residue, "Greene's residue; stable if 0 < R < 1"),
-        "estimate_error": (estimate_error, "error of z by the corrected Eq. (z_aprox)"),
+        "estimate_error": (estimate_error, "error of z by the cubic estimate, its sign corrected"),
     }
     dataset = xr.Dataset(
         {
@@ -59,7 +59,7 @@ def secondary_dataset(axis):
         {"kappa2": kappa2, "kappa1": kappa1},
     )
     return dataset.assign_attrs(
-        title="Secondary period-one orbits", source="arXiv:1606.04824, Eqs. (second1), (second2)"
+        title="Secondary period-one orbits", source="arXiv:1606.04824, Sec. IV.A and Fig. 4"
     )
 
 

@@ -48,7 +48,7 @@ def nonautonomous_dataset(n_orbits, steps):
             **_points("kick_", ("kick", "orbit"), *kicked),
             **_points("island_", ("kick",), *island),
         },
-        source="arXiv:1606.04824, Eqs. (nas_map), (mapaut) and Fig. 1",
+        source="arXiv:1606.04824, Sec. II and Fig. 1",
     )
 
 
@@ -93,7 +93,7 @@ def symmetric_dataset(n_orbits, steps):
             **_points("marked_", ("forcing", "step", "marked"), *marked),
             "difference": (("forcing",), apart, words),
         },
-        source="arXiv:1606.04824, Eqs. (shift3), (shift2), (shift1) and Fig. 2",
+        source="arXiv:1606.04824, Sec. III.A and Fig. 2",
     )
 
 

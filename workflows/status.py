@@ -10,13 +10,13 @@ from math import isfinite
 
 import click
 
-from workflows.cli import HELP, explained, out_option, store_option
+from workflows.cli import HELP, explained, run_option, store_option
 
 
 @click.command(context_settings=HELP)
 @click.option("--draw", is_flag=True, help="Draw what is there so far into OUT.")
 @store_option
-@out_option
+@run_option
 def main(out, place, draw):
     """The state of all cubes of a store: tiles, failures, CPU time, rate, time left."""
     with explained(place):
@@ -94,6 +94,7 @@ def draw_cube(out, place, name):
     if figure is None:
         click.echo("  (neither a plane nor rays: not drawn)")
         return
+    figure.axes[0].set_title(name)
     os.makedirs(out, exist_ok=True)
     click.echo(f"  figure: {', '.join(save(figure, out, f'status_{name}', caption(cube, name)))}")
 

@@ -9,13 +9,13 @@ from contextlib import nullcontext
 
 import click
 
-from workflows.cli import HELP, explained, out_option, store_option
+from workflows.cli import HELP, explained, run_option, store_option
 
 
 @click.command(context_settings=HELP)
 @click.option("--repair", is_flag=True, help="Delete what is damaged, to be computed again.")
 @store_option
-@out_option
+@run_option
 def main(out, place, repair):
     """Verify all cubes of a store; exit code 1 if damage is found and not repaired."""
     with explained(place):

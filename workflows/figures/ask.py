@@ -18,19 +18,23 @@ def draw_verdict(portrait):
         stride = max(1, portrait.theta.size // 4096)
         x, y = portrait.circle_x.values[::stride] % 1, cell(portrait.circle_y.values[::stride])
         order = np.argsort(x)
-        axes.plot(
-            x[order], y[order], color="#D55E00", lw=1.8, label=rf"$\omega = {portrait.omega}$"
-        )
+        x, y = x[order], y[order]
+        # One point more at each end, so that the period is covered from 0 to 1.
+        x, y = np.r_[x[-1] - 1, x, x[0] + 1], np.r_[y[-1], y, y[0]]
+        axes.plot(x, y, color="#D55E00", lw=1.8, label=rf"$\omega = {portrait.omega}$")
     if escapes:
         time = np.arange(portrait.time.size)
         x, y = portrait.escaping_x.values, portrait.escaping_y.values
-        axes.plot(x % 1, cell(y), label="orbit that escapes", **dots("#D55E00", 1.5))
-        panels[0, 1].plot(time, y, color="#D55E00", lw=0.3, marker=".", ms=2, rasterized=True)
+        size = 1.5 + 12 / np.sqrt(time.size)  # a few points are lost among the portrait's
+        axes.plot(x % 1, cell(y), **dots("#D55E00", size))
+        axes.plot([], [], label="orbit that escapes", **dots("#D55E00", 9))
+        panels[0, 1].plot(time, y, color="#D55E00", lw=0.3, marker=".", ms=size, rasterized=True)
         panels[0, 1].set(xlabel="step $n$", ylabel="$y_n$ of the orbit that escapes", box_aspect=1)
+        panels[0, 1].xaxis.get_major_locator().set_params(integer=True)
     axes.set(xlim=(0, 1), ylim=(-0.25, 0.75), xlabel="$x$ (turns)", ylabel="$y$ (mod 1)")
     axes.set_aspect("equal")
     if axes.get_legend_handles_labels()[0]:
-        axes.legend(loc="upper right", framealpha=0.95, markerscale=6)
+        axes.legend(loc="lower right", bbox_to_anchor=(1, 1), frameon=False)
     kappa1, kappa2 = portrait.kappa
-    figure.suptitle(rf"$(\kappa_1, \kappa_2) = ({kappa1:.8g}, {kappa2:.8g})$: {portrait.answer}")
+    figure.suptitle(rf"$(\kappa_1, \kappa_2)$ = ({kappa1}, {kappa2}): {portrait.answer}")
     return figure

@@ -4,9 +4,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.colors import LogNorm
 
-from workflows.figures.style import power
+from workflows.figures.style import CIRCLE_COLOURS, power
 
-_BOUNDARY_COLOURS = ["#0072B2", "#009E73", "#56B4E9"]
+_BOUNDARY_COLOURS = ["black", CIRCLE_COLOURS[2], CIRCLE_COLOURS[5]]  # far from those of the field
 
 
 def draw_escape_plane(plane, steps):
@@ -18,14 +18,16 @@ def draw_escape_plane(plane, steps):
             plane.kappa1, plane.kappa2, field <= n, levels=[0.5], colors=colour, linewidths=1.0
         )
         axes.plot([], [], color=colour, label=f"$N = {power(n)}$")
-    axes.legend(loc="best")
+    figure.legend(loc="outside lower center", ncols=len(steps), frameon=False)
     return figure
 
 
 def _plane_axes(plane):
     width = float(plane.kappa1.max() - plane.kappa1.min())
     height = float(plane.kappa2.max() - plane.kappa2.min())
-    figure, axes = plt.subplots(figsize=(10, 1.2 + 8 * min(1.2, height / width)))
+    figure, axes = plt.subplots(
+        figsize=(10, 1.2 + 8 * min(1.2, height / width)), layout="constrained"
+    )
     axes.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$", aspect="equal")
     axes.set_title(
         rf"Global transport: {int(plane.ensemble[-1])} orbits, up to "

@@ -3,6 +3,10 @@
 import matplotlib.pyplot as plt
 from matplotlib.colors import LogNorm
 
+from workflows.figures.style import CIRCLE_COLOURS
+
+_STABLE = CIRCLE_COLOURS[1]
+
 
 def draw_primary_points(primary):
     """Stability of the four primary period-one points over the plane, Fig. 3."""
@@ -10,7 +14,7 @@ def draw_primary_points(primary):
     for axes, i, point in zip(panels.flat, range(4), primary.point.attrs["points"], strict=True):
         residue = primary.residue.isel(point=i)
         stable = (residue > 0) & (residue < 1)
-        axes.contourf(primary.kappa1, primary.kappa2, stable, levels=[0.5, 1.5], colors=["#D55E00"])
+        axes.contourf(primary.kappa1, primary.kappa2, stable, levels=[0.5, 1.5], colors=[_STABLE])
         axes.set(title=f"$(x, y) = {point}$", aspect="equal")
         axes.axhline(0, color="0.7", lw=0.6)
         axes.axvline(0, color="0.7", lw=0.6)
@@ -31,10 +35,11 @@ def draw_secondary_points(secondary):
     )
     figure.colorbar(image, ax=axes, label=r"error of the cubic estimate of $z_*$; white: no point")
     stable = (secondary.residue > 0) & (secondary.residue < 1)
-    axes.contourf(
-        secondary.kappa1, secondary.kappa2, stable, levels=[0.5, 1.5], colors="none", hatches=["//"]
-    )
-    axes.fill_between([], [], [], facecolor="none", edgecolor="black", hatch="//", label="stable")
+    # Filled and outlined: a hatch is lost in the narrow second region, κ1 = κ2 > 5.
+    where = secondary.kappa1, secondary.kappa2, stable
+    axes.contourf(*where, levels=[0.5, 1.5], colors=[_STABLE], alpha=0.5)
+    axes.contour(*where, levels=[0.5], colors=[_STABLE], linewidths=1.2)
+    axes.fill_between([], [], [], facecolor=(_STABLE, 0.5), edgecolor=_STABLE, label="stable")
     axes.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$", aspect="equal")
     axes.set_title("Secondary period-one orbits next to $(1/2, 0)$")
     axes.legend(loc="lower left")
@@ -62,7 +67,7 @@ def secondary_caption(secondary):
     return (
         "Secondary period-one orbits next to (1/2, 0): where they exist "
         f"({100 * float(exists.mean()):.1f}% of the cells), where they are stable "
-        f"({100 * float(stable.mean()):.1f}%, hatched), and the error of the cubic estimate of z, "
-        f"Eq. (z_aprox) with the sign corrected: median {float(error.median()):.2g}, largest "
+        f"({100 * float(stable.mean()):.1f}%, vermilion), and the error of the paper's cubic "
+        f"estimate of z, with its sign corrected: median {float(error.median()):.2g}, largest "
         f"{float(error.max()):.2g}."
     )

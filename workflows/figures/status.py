@@ -41,7 +41,8 @@ def _draw_plane(cube):
         cmap=ListedColormap(["0.8"]),
         interpolation="nearest",
     )
-    axes.legend(handles=[Patch(color="0.8", label="not computed")], loc="upper left")
+    grey = [Patch(color="0.8", label="not computed")]
+    axes.legend(handles=grey, loc="lower left", bbox_to_anchor=(0, 1), frameon=False)
     axes.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$", aspect="equal")
     return figure
 

@@ -1,6 +1,8 @@
 """Do two stores agree? The same plane computed with other settings, or refined and in full.
 
-python workflows/recipes/compare_stores.py OUT OTHER [N]
+    python workflows/recipes/compare_stores.py OUT OTHER [N]
+
+OUT and OTHER are the directories of two runs with the group `escape`.
 """
 
 # %% Open both, and see which settings differ.
@@ -10,6 +12,9 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
+if len(sys.argv) < 3 or not all(Path(d, "cubes.zarr/escape").is_dir() for d in sys.argv[1:3]):
+    print(__doc__, file=sys.stderr)
+    sys.exit(2)
 one, other = (xr.open_zarr(Path(out) / "cubes.zarr", group="escape") for out in sys.argv[1:3])
 own = {"created", "config_hash", "git_commit", "library_versions", "python_version", "seal"}
 for key in sorted((one.attrs.keys() | other.attrs.keys()) - own):

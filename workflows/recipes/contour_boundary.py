@@ -2,7 +2,8 @@
 
     python workflows/recipes/contour_boundary.py OUT [N]
 
-Writes contour_boundary.csv with the columns curve, kappa1, kappa2.
+OUT is the directory of a run with the group `escape`. Writes OUT/contour_boundary.csv, with the
+columns curve, kappa1, kappa2.
 """
 
 # %% Open, and answer the yes-or-no question in every cell.
@@ -14,6 +15,9 @@ import pandas as pd
 import xarray as xr
 from contourpy import contour_generator
 
+if len(sys.argv) < 2 or not Path(sys.argv[1], "cubes.zarr/escape").is_dir():
+    print(__doc__, file=sys.stderr)
+    sys.exit(2)
 out = Path(sys.argv[1])
 cube = xr.open_zarr(out / "cubes.zarr", group="escape")
 n = int(sys.argv[2]) if len(sys.argv) > 2 else cube.attrs["n_max"]
@@ -31,6 +35,6 @@ frames = [
     for i, line in enumerate(lines)
 ]
 table = pd.concat(frames) if frames else pd.DataFrame(columns=["curve", "kappa1", "kappa2"])
-table.to_csv("contour_boundary.csv", index=False)
+table.to_csv(out / "contour_boundary.csv", index=False)
 widths = [float(np.diff(cube[name].values[:2])[0]) for name in ("kappa1", "kappa2")]
-print(f"cells are {widths[0]:.3g} by {widths[1]:.3g}; wrote contour_boundary.csv")
+print(f"cells are {widths[0]:.3g} by {widths[1]:.3g}; wrote {out / 'contour_boundary.csv'}")

@@ -35,6 +35,9 @@ JOB = {
 
 # %% As many jobs as there should be; for those that end, new ones are submitted. (To let dask
 # choose a number is of no use: few tasks wait at the scheduler, however much is left to do.)
+if len(sys.argv) < 2:
+    print(__doc__, file=sys.stderr)
+    sys.exit(2)
 workflow, *options = sys.argv[1:]
 with SLURMCluster(**JOB) as cluster:
     cluster.adapt(minimum_jobs=JOBS, maximum_jobs=JOBS)

@@ -2,7 +2,9 @@
 
     python workflows/recipes/join_levels.py OUT
 
-Writes join_levels.csv: each computed cell once, with its level, centre and first escape time.
+OUT is the directory of a run with --levels above 1, and so with the groups `escape_level0`, … and
+`escape`. Writes OUT/join_levels.csv: each computed cell once, with its level, centre and first
+escape time.
 """
 
 # %% The whole store is a tree of groups; each level of refinement is one.
@@ -13,6 +15,9 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+if len(sys.argv) < 2 or not Path(sys.argv[1], "cubes.zarr/escape_level0").is_dir():
+    print(__doc__, file=sys.stderr)
+    sys.exit(2)
 out = Path(sys.argv[1])
 tree = xr.open_datatree(out / "cubes.zarr", engine="zarr")
 names = sorted((name for name in tree if name.startswith("escape_level")), key=len)
@@ -27,7 +32,7 @@ for number, level in enumerate(levels):
     cells = level.escape_time.isel(ensemble=-1, drop=True).to_dataframe().dropna().reset_index()
     frames.append(cells.assign(level=number))
 table = pd.concat(frames, ignore_index=True)
-table.to_csv("join_levels.csv", index=False)
+table.to_csv(out / "join_levels.csv", index=False)
 
 # %% One field at the finest resolution: the finest level that was computed in each cell wins.
 joined = levels[0].escape_time.isel(ensemble=-1)

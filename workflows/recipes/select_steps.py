@@ -2,6 +2,8 @@
 
     python workflows/recipes/select_steps.py OUT [N]
 
+OUT is the directory of a run with the group `escape`. Writes OUT/select_steps.png.
+
 Cells (# %%) open as a notebook in Jupyter (with jupytext), VS Code and Spyder.
 """
 
@@ -13,6 +15,9 @@ import matplotlib.pyplot as plt
 import xarray as xr
 from matplotlib.colors import LogNorm
 
+if len(sys.argv) < 2 or not Path(sys.argv[1], "cubes.zarr/escape").is_dir():
+    print(__doc__, file=sys.stderr)
+    sys.exit(2)
 out = Path(sys.argv[1])
 cube = xr.open_zarr(out / "cubes.zarr", group="escape")
 print(cube)
@@ -35,8 +40,11 @@ for size in cube.ensemble.values:
     print(f"{size:8d} orbits: transport in {int(mask.sum())} cells")
 
 # %% A picture.
-figure, axes = plt.subplots()
+figure, axes = plt.subplots(figsize=(9, 5), layout="constrained")
+axes.set_aspect("equal")
 finite = largest.where(transport)
-finite.plot(ax=axes, norm=LogNorm(vmax=n), cbar_kwargs={"label": "first escape (steps)"})
-axes.set(aspect="equal", xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$", title=f"$N = {n}$")
-figure.savefig("select_steps.png")
+bar = {"label": "first escape (steps)", "location": "bottom", "shrink": 0.6}
+finite.plot(ax=axes, norm=LogNorm(vmax=n), cbar_kwargs=bar)
+axes.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$", title=f"$N = {n}$")
+figure.savefig(out / "select_steps.png")
+print(f"wrote {out / 'select_steps.png'}")
