@@ -11,6 +11,7 @@ import signal
 import threading
 from contextlib import contextmanager
 from functools import partial
+from multiprocessing import resource_tracker
 
 import dask
 from dask.system import CPU_COUNT
@@ -88,9 +89,14 @@ def _local(n_workers):
             silence_logs="CRITICAL",
         )
     with cluster, Client(cluster, set_as_default=False) as client:
-        if kept:
-            raise KeyboardInterrupt
-        yield client
+        try:
+            if kept:
+                raise KeyboardInterrupt
+            yield client
+        except KeyboardInterrupt:
+            # It would log what the workers were being asked and will not answer.
+            logging.getLogger("asyncio").setLevel(logging.CRITICAL)
+            raise
 
 
 @contextmanager
@@ -104,6 +110,7 @@ def _interrupts_kept():
     if threading.current_thread() is not threading.main_thread():
         yield kept
         return
+    resource_tracker.ensure_running()  # as it starts, it makes the thread hear again
     previous = signal.signal(signal.SIGINT, lambda *_: kept.append(True))
     signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
