@@ -58,7 +58,18 @@ def test_points_that_a_symmetry_joins_get_the_same_verdict(point):
     np.testing.assert_allclose([v.boundary.value for v in found], found[0].boundary.value, 1e-8)
 
 
-@pytest.mark.parametrize("kappa", [(0.3, 0.4), (0.6, 0.6), (0.6, -0.6), (-0.6, 0.6), (0.3,)])
+@pytest.mark.parametrize(
+    "kappa",
+    [
+        (0.3, 0.4),
+        (0.6, 0.6),
+        (0.6, -0.6),
+        (-0.6, 0.6),
+        (0.3,),
+        (0.4, 0, -0.4, 0),
+        (0, 0.4, 0, -0.4),
+    ],
+)
 def test_the_circle_has_the_rotation_number_of_the_verdict(kappa):
     found = verdict(kappa)
     x, y = found.circle
