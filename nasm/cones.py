@@ -59,7 +59,7 @@ from nasm.lanes import LANES, copysign, fabs, fma, load, minimum, own_frame, rin
 from nasm.maps import forcing
 from nasm.periodic import dominant_centre
 from nasm.sine import SINE
-from nasm.symmetries import alternate
+from nasm.symmetries import CUSP_EXPONENT, distances_to_shorter
 
 MAX_STEPS = 10**9
 
@@ -209,17 +209,12 @@ def _cusp_steps(profile):
     """The steps that it takes to tell a forcing from one of a shorter period that is close to it.
 
     Until then lifetimes follow the law of the shorter forcing, which has another slope. For P = 2
-    the shorter ones are on the diagonals |κ1| = |κ2|, where the boundary has cusps: at a relative
-    distance d from one it is lower than the tip by d^0.6. Six was measured, on 150 rays.
+    the shorter ones are on the diagonals |κ1| = |κ2|, where the boundary has cusps. Six was
+    measured, on 150 rays.
     """
-    forms = [profile] if profile.size % 2 else [profile, alternate(profile, 0.0, 0.0)[0]]
-    differences = [
-        np.abs(np.roll(form, length) - form).max() / np.abs(form).max()
-        for form in forms
-        for length in range(1, profile.size)
-        if profile.size % length == 0
-    ]
-    return max((6 * d**-0.6 for d in differences if d > 0), default=0.0)
+    distances = distances_to_shorter(profile)
+    nearest = distances.min(where=distances > 0, initial=np.inf)
+    return 6 * nearest**-CUSP_EXPONENT
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ from nasm.chain import HalfOrbit, is_symmetry_centre
 from nasm.critical import CriticalScale, Status, no_answer
 from nasm.maps import forcing, rotating_forcing
 from nasm.numbers import convergents, rational
-from nasm.symmetries import shorten
+from nasm.symmetries import CUSP_EXPONENT, distances_to_shorter, shorten
 
 _ROUNDING = 1e-12  # residues below are rounding errors of the slopes v' and w', which are near 1
 
@@ -267,13 +267,13 @@ def torus_scale(omega, frequency, mean, amplitude):
 
 
 def _cusp_period(kappa):
-    """The period from which orbits tell a forcing near the cusp |κ1| = |κ2| from the cusp itself.
+    """The period from which orbits tell a forcing next to a cusp from the shorter one of the cusp.
 
-    At an angle δ from the cusp the boundary is below the tip by δ^0.6, which orbits of period q see
-    to within 1/q; five times that period was enough in every case tried.
+    At a distance d from the cusp the boundary is below the tip by d^0.6, which orbits of period q
+    see to within 1/q; five times that period was enough in every case tried.
     """
-    larger, smaller = np.sort(np.abs(kappa))[::-1] if kappa.size == 2 else (1.0, 0.0)
-    return 5 * (1 - smaller / larger) ** -0.6 if smaller < larger else np.inf
+    nearest = distances_to_shorter(kappa).min(initial=np.inf)
+    return 5 * nearest**-CUSP_EXPONENT if nearest > 0 else np.inf
 
 
 class _Orbits:

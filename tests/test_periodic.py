@@ -1,6 +1,7 @@
 """Periodic orbits against high precision, published residues, symmetries, and each other."""
 
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import mpmath
@@ -10,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from nasm import chain, continuation, periodic
+from nasm import chain, cones, continuation, periodic
 from nasm.critical import Status
 from nasm.maps import step, step_tangent
 from nasm.numbers import NAMES, RotationNumber, moebius, parse
@@ -263,6 +264,43 @@ def test_near_a_cusp_the_error_is_honest_or_there_is_no_answer(angle):
 def test_too_near_a_cusp_there_is_no_answer_and_on_it_there_is():
     assert periodic.critical_scale(parse("2gamma"), ray(45 - 1e-6)).status is Status.NEAR_CUSP
     assert periodic.critical_scale(parse("2gamma"), (1.0, 1.0)).status is Status.OK
+
+
+def next_to_a_shorter_one(distance):
+    """Forcings, what they are shortened to at distance 0, and the golden circle of that as one of
+    theirs."""
+    near = 1 - distance
+    return [
+        ((1, near), (1,), parse("2gamma")),
+        ((1, -near), (1,), parse("2gamma-1")),
+        ((1, near, near), (1,), parse("3gamma")),
+        ((1, 0, near, 0), (1, 0), parse("2gamma")),
+        ((1, 0, -near, 0), (1, 0), parse("2gamma-1")),
+        ((near, distance, -1, distance), (1, 0), parse("2gamma-1")),
+    ]
+
+
+@pytest.mark.parametrize("distance", [1e-2, 1e-4, 1e-6, 1e-7])
+def test_next_to_a_shorter_forcing_starts_do_not_all_die_where_a_circle_is_claimed(distance):
+    answered = 0
+    for profile, _, omega in next_to_a_shorter_one(distance):
+        by_residues = periodic.critical_scale(omega, profile)
+        by_norms = continuation.critical_scale(omega, profile, 1e-4)
+        assert np.isfinite(by_residues.value) == (by_residues.status is Status.OK)
+        for found in (by_residues, by_norms):
+            if found.status is Status.OK:
+                answered += 1
+                below = (found.value - found.error) * np.array(profile)
+                assert not cones.eliminates(below, 20_000)
+    assert answered >= 6
+
+
+def test_next_to_every_shorter_forcing_residues_give_no_answer_and_on_it_one():
+    for profile, _, omega in next_to_a_shorter_one(1e-7):
+        assert periodic.critical_scale(omega, profile).status is Status.NEAR_CUSP
+    for profile, short, omega in next_to_a_shorter_one(0.0):
+        exact = periodic.critical_scale(GAMMA, short)
+        assert periodic.critical_scale(omega, profile) == replace(exact, omega=omega)
 
 
 @pytest.mark.parametrize("angle", [0, 27, 118])
