@@ -56,7 +56,7 @@ from numba import njit
 from nasm.checks import count
 from nasm.critical import CriticalScale, Status, no_answer
 from nasm.lanes import LANES, copysign, fabs, fma, load, minimum, own_frame, rint, store
-from nasm.maps import forcing
+from nasm.maps import direction, forcing
 from nasm.periodic import dominant_centre
 from nasm.sine import SINE
 from nasm.symmetries import CUSP_EXPONENT, distances_to_shorter
@@ -157,11 +157,9 @@ def critical_scale(profile, n_max):
     no circle, and names none. status NOT_CONVERGED if lifetimes contradict each other, as they do
     when a search misses a survivor.
 
-    ValueError if profile is zero, or has no symmetry centre or no dominant line, see above.
+    ValueError if profile is zero or tiny, or has no symmetry centre or no dominant line, see above.
     """
-    profile = forcing(profile)
-    if not profile.any():
-        raise ValueError("profile is zero; a ray needs a direction, e.g. profile=(1, 0.5)")
+    profile = direction(profile)
     n_kicks = profile.size * count("n_max", n_max, 100, MAX_STEPS)
     site, _ = dominant_centre(profile)
     resonances = np.fft.fft(np.roll(profile, -site)).real * np.sign(profile[site])

@@ -25,7 +25,7 @@ import numpy as np
 
 from nasm import circles, fourier
 from nasm.critical import CriticalScale, Status, no_answer
-from nasm.maps import forcing
+from nasm.maps import direction, forcing
 from nasm.numbers import convergents
 from nasm.symmetries import CUSP_EXPONENT, distances_to_shorter, shorten
 
@@ -68,11 +68,9 @@ def critical_scale(omega, profile, tol=1e-6):
     the last circle. Without an estimate, value and error are NaN; lower is what was certified all
     the same.
 
-    ValueError if profile is zero or tol not positive.
+    ValueError if profile is zero or tiny or tol not positive.
     """
-    profile = forcing(profile)
-    if not profile.any():
-        raise ValueError("profile is zero; a ray needs a direction, e.g. profile=(1, 0.5)")
+    profile = direction(profile)
     if not tol > 0:
         raise ValueError(f"tol={tol} must be positive; it is the error to aim at, e.g. tol=1e-6")
     if omega.is_rational:

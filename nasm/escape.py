@@ -26,7 +26,7 @@ from numba import njit
 from nasm.checks import count, points
 from nasm.critical import CriticalScale, Status, no_answer
 from nasm.lanes import LANES, fabs, fma, load, maximum, own_frame, rint, store
-from nasm.maps import forcing
+from nasm.maps import direction, forcing
 from nasm.sine import SINE
 
 PAPER_WINDOW = (-2.0, 2.3)
@@ -137,11 +137,9 @@ def critical_scale(profile, n_max, n_orbits=1000, window=PAPER_WINDOW):
     value, as the bias is what is uncertain. lower is NaN: no escape shows nothing. omega is None.
     Status NO_BREAKUP if nothing escapes even where the largest |κ| is 2.
 
-    ValueError if profile is zero or an argument out of range.
+    ValueError if profile is zero or tiny or an argument out of range.
     """
-    profile = forcing(profile)
-    if not profile.any():
-        raise ValueError("profile is zero; a ray needs a direction, e.g. profile=(1, 0.5)")
+    profile = direction(profile)
     n_max = count("n_max", n_max, 64, MAX_STEPS)
     x, y = ensemble(n_orbits)
 

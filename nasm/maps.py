@@ -28,6 +28,9 @@ TWO_PI = 2 * np.pi
 MAX_STRENGTH = 1e6
 """Largest |κ|: far beyond any barrier, and far from where products of strengths overflow."""
 
+MIN_SIZE = 1e-300
+"""Least size of a ray's profile, its largest |κ|: scales are 1/size or so, and still floats."""
+
 
 @register_jitable
 def kick(kappa, x, y):
@@ -103,6 +106,21 @@ def rotating_forcing(mean, amplitude, frequency, phase=0.0):
     # In (-1/2, 1/2], so that times n and -n get the same strength to the last bit.
     turns = [float(turn - 1 if 2 * turn > 1 else turn) for turn in turns]
     return forcing(mean + amplitude * cos2pi(np.asarray(turns) + phase))
+
+
+def direction(profile):
+    """`profile` of a ray κ = s·profile as a forcing; ValueError if it is zero, or so small that the
+    scales of the ray are too large for floats."""
+    strengths = forcing(profile)
+    size = np.abs(strengths).max()
+    if size == 0:
+        raise ValueError("profile is zero; a ray needs a direction, e.g. profile=(1, 0.5)")
+    if size < MIN_SIZE:
+        raise ValueError(
+            f"profile={profile!r} has no strength of {MIN_SIZE:g} or more; its size is only the "
+            "unit of the scale, so multiply it by any number"
+        )
+    return strengths
 
 
 def forcing(kappa):

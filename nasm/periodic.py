@@ -22,7 +22,7 @@ from scipy.optimize import brentq
 
 from nasm.chain import HalfOrbit, is_symmetry_centre
 from nasm.critical import CriticalScale, Status, no_answer
-from nasm.maps import forcing, rotating_forcing
+from nasm.maps import direction, forcing, rotating_forcing
 from nasm.numbers import convergents, rational
 from nasm.symmetries import CUSP_EXPONENT, distances_to_shorter, shorten
 
@@ -141,8 +141,8 @@ def critical_scale(omega, profile, q_max=6000, start=None, family=minimax_centre
     two before should have shrunk to, if it is larger, or that of the crossings where these are not
     geometric yet. lower and upper are NaN: Greene's criterion is not a proof of either.
 
-    ValueError if profile is zero, start is of another length, or the forcings have no common
-    symmetry centre.
+    ValueError if profile is zero or tiny, start is of another length, or the forcings have no
+    common symmetry centre.
     """
     (_, scales), status, period = _crossings(omega, profile, q_max, start, family)
     if status is not Status.OK:
@@ -178,10 +178,8 @@ def crossings(omega, profile, q_max=6000, start=None, family=minimax_centre):
 
 def _crossings(omega, profile, q_max, start, family):
     """(periods, scales), the status, and the period m of ω for the shortest map."""
-    profile = forcing(profile)
+    profile = direction(profile)
     start = np.zeros_like(profile) if start is None else forcing(start)
-    if not profile.any():
-        raise ValueError("profile is zero; a ray needs a direction, e.g. profile=(1, 0.5)")
     if start.shape != profile.shape:
         raise ValueError(f"start={start} and profile={profile} differ in length")
     (start, profile), short_omega = shorten([start, profile], omega)
@@ -235,6 +233,7 @@ def torus_scale(omega, frequency, mean, amplitude):
     profile = rotating_forcing(mean, amplitude, frequency)
     if not profile.any():
         raise ValueError("mean and amplitude are zero; a ray needs a direction")
+    direction(profile)
     exact = rational(Fraction(omega) * profile.size)
     (short,), number = shorten([profile], exact)
     (*_, turns) = convergents(number)
@@ -361,4 +360,6 @@ def _aitken(first, second, third):
     step, next_step = second - first, third - second
     if step == next_step:
         return third, 1.0
-    return third - next_step**2 / (next_step - step), next_step / step if step != 0 else 0.0
+    # Not next_step², which overflows for large scales, of small profiles.
+    limit = third - next_step * (next_step / (next_step - step))
+    return limit, next_step / step if step != 0 else 0.0

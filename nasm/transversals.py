@@ -42,7 +42,7 @@ from nasm import escape
 from nasm.checks import count, points
 from nasm.cones import beam_search, longest_found
 from nasm.critical import CriticalScale, Status, no_answer
-from nasm.maps import forcing, kick
+from nasm.maps import direction, forcing, kick
 from nasm.sine import cos2pi
 
 MAX_STEPS = 10**6
@@ -148,11 +148,9 @@ def critical_scale(profile, n_max):
     NO_BREAKUP if no transversal is eliminated where the largest |κ| is 2; UNDECIDED, and no value,
     if an orbit escapes below what the search found: `upper` is where it did.
 
-    ValueError if profile is zero or n_max out of range.
+    ValueError if profile is zero or tiny or n_max out of range.
     """
-    profile = forcing(profile)
-    if not profile.any():
-        raise ValueError("profile is zero; a ray needs a direction, e.g. profile=(1, 0.5)")
+    profile = direction(profile)
     n_max = profile.size * count("n_max", n_max, 30, MAX_STEPS)
     straight = (0.0,) * (_HARMONICS - 1)
     tried = [

@@ -114,6 +114,8 @@ def verdict(kappa):
     else:
         if boundary.lower >= 1 and not cones.eliminates(short, _STEPS):
             answer, evidence = Answer.BARRIER, Evidence.CIRCLE_BEYOND
+    if boundary.upper == inf:  # kicks so weak that floats do not reach from them to the boundary
+        boundary = no_answer(boundary.omega, Status.NO_BREAKUP)
     if boundary.omega is not None:
         boundary = replace(boundary, omega=per_period(boundary.omega, kappa, short, zero))
     return Verdict(answer, evidence, boundary, circle, steps)

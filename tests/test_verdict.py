@@ -82,6 +82,17 @@ def test_no_kicks_leave_every_circle():
     assert (found.answer, found.evidence) == (Answer.BARRIER, Evidence.INTEGRABLE)
 
 
+@pytest.mark.parametrize("size", [1e-300, 1e-310, 5e-324])
+def test_the_weakest_kicks_leave_a_circle_and_no_infinite_boundary(size):
+    found = verdict((size, 0.0))
+    assert (found.answer, found.evidence) == (Answer.BARRIER, Evidence.CIRCLE)
+    if size == 1e-300:
+        exact = verdict((0.25, 0.0)).boundary.value * 0.25
+        assert found.boundary.value * size == pytest.approx(exact, rel=1e-12)
+    else:
+        assert found.boundary == no_answer(found.boundary.omega, Status.NO_BREAKUP)
+
+
 @pytest.mark.parametrize("kappa", [(2.0, 0.0), (0.1, -3.0), (MAX_STRENGTH, -MAX_STRENGTH)])
 def test_a_strength_of_two_leaves_no_circle(kappa):
     found = verdict(kappa)
