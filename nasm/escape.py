@@ -129,7 +129,7 @@ def critical_scale(profile, n_max, n_orbits=1000, window=PAPER_WINDOW):
     profile : sequence of P floats.
     n_max : int, 64 to 10¹², steps.
     n_orbits : int, the size of `ensemble`.
-    window : (lo, hi) in y.
+    window : (lo, hi) in y, around all starts.
 
     Returns
     -------
@@ -142,6 +142,12 @@ def critical_scale(profile, n_max, n_orbits=1000, window=PAPER_WINDOW):
     profile = direction(profile)
     n_max = count("n_max", n_max, 64, MAX_STEPS)
     x, y = ensemble(n_orbits)
+    *_, lo, hi, shift = _checked(profile, x, y, n_max, window)
+    if not ((lo <= y - shift) & (y - shift <= hi)).all():
+        raise ValueError(
+            f"window={window!r} leaves out starts of the ensemble, which would escape without a "
+            "kick; it must contain y from 0 to 0.3"
+        )
 
     def least_escaping(n, inside, outside):
         while outside - inside > 1e-4 * outside:
