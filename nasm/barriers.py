@@ -21,6 +21,7 @@ from math import floor
 import numpy as np
 
 from nasm import cones, continuation, periodic
+from nasm.checks import real
 from nasm.critical import CriticalScale, Status
 from nasm.maps import direction
 from nasm.numbers import convergents, moebius, nobles_near, rational
@@ -54,6 +55,7 @@ def critical_scale(profile, tol=1e-4):
     ValueError if profile is zero or tiny, has no dominant symmetry line, or tol is out of range.
     """
     profile = direction(profile)
+    tol = real("tol", tol)
     if not 1e-5 <= tol <= 0.1:
         raise ValueError(f"tol={tol!r} must be from 1e-5 to 0.1")
     # On κ1 = κ2 the barriers are noble for the standard map, not for two steps of it.

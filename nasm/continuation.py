@@ -24,6 +24,7 @@ from math import ceil, inf, log, nan, prod, sqrt
 import numpy as np
 
 from nasm import circles, fourier
+from nasm.checks import real
 from nasm.critical import CriticalScale, Status, no_answer
 from nasm.maps import direction, forcing
 from nasm.numbers import convergents
@@ -68,11 +69,14 @@ def critical_scale(omega, profile, tol=1e-6):
     the last circle. Without an estimate, value and error are NaN; lower is what was certified all
     the same.
 
-    ValueError if profile is zero or tiny or tol not positive.
+    ValueError if profile is zero or tiny or tol not positive and finite.
     """
     profile = direction(profile)
-    if not tol > 0:
-        raise ValueError(f"tol={tol} must be positive; it is the error to aim at, e.g. tol=1e-6")
+    tol = real("tol", tol)
+    if not 0 < tol < inf:
+        raise ValueError(
+            f"tol={tol} must be positive and finite; it is the error to aim at, e.g. tol=1e-6"
+        )
     if omega.is_rational:
         return no_answer(omega, Status.RATIONAL)
     (short,), short_omega = shorten([profile], omega)

@@ -363,6 +363,8 @@ GOOD = {"profile": (1, 0.5), "tol": 1e-3}
         ({"tol": 0.2}, r"tol=0\.2 must be from 1e-5 to 0\.1"),
         ({"tol": -1e-3}, r"tol=-0\.001 must be"),
         ({"tol": np.nan}, "tol=nan must be"),
+        ({"tol": "1e-3"}, r"tol='1e-3' must be a number"),
+        ({"tol": None}, "tol=None must be a number"),
     ],
 )
 def test_bad_arguments_are_named(bad, message):
