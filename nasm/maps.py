@@ -16,11 +16,10 @@ Conventions
   also be called inside Numba kernels.
 """
 
-from fractions import Fraction
-
 import numpy as np
 from numba.extending import register_jitable
 
+from nasm.checks import fraction
 from nasm.sine import cos2pi, sin2pi
 
 TWO_PI = 2 * np.pi
@@ -89,7 +88,7 @@ def rotating_forcing(mean, amplitude, frequency, phase=0.0):
     mean, amplitude : float
         κ̄ and Δκ.
     frequency : Fraction or str
-        Ω = p/q, an exact fraction; the forcing has period P = q.
+        Ω = p/q, an exact fraction, q ≤ 10⁶; the forcing has period P = q.
     phase : float
         φ0 in turns.
 
@@ -101,7 +100,7 @@ def rotating_forcing(mean, amplitude, frequency, phase=0.0):
     first kick is κ1. The paper writes (κ2 - κ1)/2, which goes with its Eq. (kap), where the even
     n = 0 kicks with κ2; the two forcings differ by a shift of half a period.
     """
-    frequency = Fraction(frequency)
+    frequency = fraction("frequency", frequency)
     turns = [frequency * n % 1 for n in range(frequency.denominator)]
     # In (-1/2, 1/2], so that times n and -n get the same strength to the last bit.
     turns = [float(turn - 1 if 2 * turn > 1 else turn) for turn in turns]

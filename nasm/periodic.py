@@ -14,13 +14,13 @@ largest |κ|, and the *minimizing* one (of the action), R < 0, through a centre 
 not meet. Both break up with the circle.
 """
 
-from fractions import Fraction
 from itertools import islice
 
 import numpy as np
 from scipy.optimize import brentq
 
 from nasm.chain import HalfOrbit, is_symmetry_centre
+from nasm.checks import fraction
 from nasm.critical import CriticalScale, Status, no_answer
 from nasm.maps import direction, forcing, rotating_forcing
 from nasm.numbers import convergents, rational
@@ -234,7 +234,7 @@ def torus_scale(omega, frequency, mean, amplitude):
     if not profile.any():
         raise ValueError("mean and amplitude are zero; a ray needs a direction")
     direction(profile)
-    exact = rational(Fraction(omega) * profile.size)
+    exact = rational(fraction("omega", omega) * profile.size)
     (short,), number = shorten([profile], exact)
     (*_, turns) = convergents(number)
     site, a = dominant_centre(short)

@@ -419,6 +419,10 @@ def test_tori_break_where_longer_convergents_say():
 def test_a_ray_without_direction_is_refused():
     with pytest.raises(ValueError, match="mean and amplitude are zero"):
         periodic.torus_scale("5/8", "1/2", 0, 0)
+    with pytest.raises(ValueError, match="frequency='1/0' is no fraction"):
+        periodic.torus_scale("1/3", "1/0", 1, 1)
+    with pytest.raises(ValueError, match="omega='1/0' is no fraction"):
+        periodic.torus_scale("1/0", "1/3", 1, 1)
     with pytest.raises(ValueError, match="differ in length"):
         periodic.critical_scale(GAMMA, (1, 0), start=(0, 0, 0))
 
