@@ -123,8 +123,17 @@ def direction(profile):
 
 
 def forcing(kappa):
-    """`kappa` as a float array of shape (P,); ValueError if it is empty or too large."""
-    strengths = np.asarray(kappa, dtype=float)
+    """`kappa` as a float array of shape (P,); ValueError if it is no such vector or too large."""
+    try:
+        strengths = np.asarray(kappa)
+        if strengths.dtype.kind not in "iufO":  # floats can be made of strings and bools too
+            raise TypeError
+        strengths = np.asarray(strengths, dtype=float)
+    except (TypeError, ValueError):
+        raise ValueError(
+            f"kappa={kappa!r} is not made of real numbers; a forcing is a vector of P ≥ 1 "
+            "strengths, first kick first, e.g. kappa=(0.3, 0.5)"
+        ) from None
     if strengths.ndim != 1 or strengths.size == 0:
         raise ValueError(
             f"kappa={kappa!r} has shape {strengths.shape}; a forcing is a vector of P ≥ 1 "

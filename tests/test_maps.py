@@ -161,6 +161,12 @@ def test_equal_kicks_are_the_standard_map_twice(kappa, x, y):
         ([[0.3, 0.5]], r"shape \(1, 2\)"),
         ([0.3, np.nan], r"kappa=.*nan.* is not finite"),
         ([np.inf], r"kappa=.*inf.* is not finite"),
+        ([0.3, 1j], r"kappa=\[0\.3, 1j\] is not made of real numbers"),
+        ([[0.1, 0.2], [0.3]], r"kappa=\[\[0\.1, 0\.2\], \[0\.3\]\] is not made of real numbers"),
+        (["0.3", "0.5"], r"kappa=\['0\.3', '0\.5'\] is not made of real numbers"),
+        ("0.3", r"kappa='0\.3' is not made of real numbers"),
+        ([True, False], r"kappa=\[True, False\] is not made of real numbers"),
+        ([0.3, object()], r"kappa=\[0\.3, <object.*\] is not made of real numbers"),
     ],
 )
 def test_a_forcing_is_a_finite_vector(kappa, message):
@@ -168,6 +174,12 @@ def test_a_forcing_is_a_finite_vector(kappa, message):
         forcing(kappa)
     with pytest.raises(ValueError, match=message):
         step(kappa, 0.0, 0.0)
+
+
+def test_a_forcing_may_be_made_of_any_real_numbers():
+    for kappa in ([1, 2], (Fraction(1), 2.0), np.array([1, 2], np.uint8), np.float32([1, 2])):
+        assert forcing(kappa).dtype == float
+        assert_array_equal(forcing(kappa), [1.0, 2.0])
 
 
 @pytest.mark.parametrize(
