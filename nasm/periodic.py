@@ -19,8 +19,8 @@ from itertools import islice
 import numpy as np
 from scipy.optimize import brentq
 
-from nasm.chain import HalfOrbit, is_symmetry_centre
-from nasm.checks import fraction
+from nasm.chain import MAX_PERIOD, HalfOrbit, is_symmetry_centre
+from nasm.checks import count, fraction
 from nasm.critical import CriticalScale, Status, no_answer
 from nasm.maps import direction, forcing, rotating_forcing
 from nasm.numbers import convergents, rational
@@ -116,7 +116,8 @@ def residue(kappa, p, q, centre=None):
 
 def _orbit(kappa, p, q, centre):
     profile = forcing(kappa)
-    return HalfOrbit(0 * profile, profile, p, q, centre or dominant_centre(profile))
+    centre = dominant_centre(profile) if centre is None else centre
+    return HalfOrbit(0 * profile, profile, p, q, centre)
 
 
 def critical_scale(omega, profile, q_max=6000, start=None, family=minimax_centre):
@@ -128,7 +129,7 @@ def critical_scale(omega, profile, q_max=6000, start=None, family=minimax_centre
     ----------
     omega : RotationNumber, irrational.
     profile : sequence of P floats.
-    q_max : int, the largest period used. 1500 gives nine digits for noble ω, 6000 twelve.
+    q_max : int up to 10⁶, the largest period used. 1500 gives nine digits for noble ω, 6000 twelve.
     start : sequence of P floats; default 0, a ray from the origin. The circle should exist there:
         what is found is the first breakup in steps of a fiftieth of the twist region, |κ| < 2.
     family : `minimax_centre` or `minimizing_centre`, whose orbits are used: two routes to one
@@ -178,7 +179,7 @@ def crossings(omega, profile, q_max=6000, start=None, family=minimax_centre):
 
 def _crossings(omega, profile, q_max, start, family):
     """(periods, scales), the status, and the period m of ω for the shortest map."""
-    profile = direction(profile)
+    profile, q_max = direction(profile), count("q_max", q_max, 1, MAX_PERIOD)
     start = np.zeros_like(profile) if start is None else forcing(start)
     if start.shape != profile.shape:
         raise ValueError(f"start={start} and profile={profile} differ in length")

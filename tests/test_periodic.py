@@ -266,6 +266,18 @@ def test_too_near_a_cusp_there_is_no_answer_and_on_it_there_is():
     assert periodic.critical_scale(parse("2gamma"), (1.0, 1.0)).status is Status.OK
 
 
+@pytest.mark.parametrize(("name", "profile"), [("gamma", (1, 0)), ("gamma", (1, 0.2, 0.2))])
+def test_omega_counts_modulo_the_period(name, profile):
+    # y → y + 1 takes ω to ω + P, however far.
+    expected = periodic.critical_scale(parse(name), profile, 1000)
+    norms = continuation.critical_scale(parse(name), profile, 1e-3)
+    assert expected.status is Status.OK
+    for turns in (1, 10**6, 10**20):
+        omega = moebius(parse(name), 1, len(profile) * turns)
+        assert periodic.critical_scale(omega, profile, 1000) == replace(expected, omega=omega)
+        assert continuation.critical_scale(omega, profile, 1e-3) == replace(norms, omega=omega)
+
+
 def next_to_a_shorter_one(distance):
     """Forcings, what they are shortened to at distance 0, and the golden circle of that as one of
     theirs."""
@@ -434,7 +446,11 @@ def test_bad_arguments_are_named():
         periodic.residue((0.1, 0.2), 2, 4)
     with pytest.raises(ValueError, match="q=0 must be a whole number from 1 to 1000000"):
         periodic.residue((0.1, 0.2), 1, 0)
-    with pytest.raises(ValueError, match=r"centre=\(0, 0\.25\) is no symmetry centre"):
-        periodic.residue((0.1, 0.2), 1, 3, (0, 0.25))
+    for centre in ((0, 0.25), (0.5, 0.5), (0,), (0, 0.5, 1), (0, None), 0, (), "ab"):
+        with pytest.raises(ValueError, match=r"centre=.* is no symmetry centre \(site, a\)"):
+            periodic.residue((0.1, 0.2), 1, 3, centre)
+    for q_max in (0, -5, np.nan, 500.5, "a", 10**6 + 1):
+        with pytest.raises(ValueError, match=r"q_max=.* must be a whole number from 1 to 1000000"):
+            periodic.critical_scale(GAMMA, (1, 0), q_max=q_max)
     with pytest.raises(ValueError, match="profile is zero"):
         periodic.critical_scale(GAMMA, (0, 0))
