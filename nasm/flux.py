@@ -85,13 +85,16 @@ def flux(omega, kappa, q_max=30_000, rtol=1e-6):
     if omega.is_rational:
         return Flux(np.nan, np.nan, 0, omega, Status.RATIONAL)
     steps = kappa.size // short.size
+    if short.size == 1:
+        # With idle kicks between, all minimizing orbits have their centres on sites; Y is 2y then.
+        short, steps = np.array([short[0] / 2, 0.0]), 2 * steps
     # Up to the end of the prefix these are convergents of other numbers too.
     enough = list(islice(convergents(short_omega), len(short_omega.prefix) + 1))[-1].denominator
     value, error, period, status = np.nan, np.inf, 0, Status.NOT_CONVERGED
     for fraction in convergents(short_omega):
         p, q = fraction.numerator, fraction.denominator
-        if q == period or (short.size == 1 and q % 2 == 0):
-            continue  # 1/1 is 0/1 again; and of even q the minimizing orbit has no centre on a site
+        if q == period:
+            continue  # 1/1 is 0/1 again
         if q > q_max:
             break
         longer, rounding = _action_difference(short, p, q)

@@ -127,6 +127,18 @@ def test_a_near_rational_needs_its_large_quotient():
     assert math.isnan(flux(omega, (0.55, 0.1), q_max=1000).value)
 
 
+@pytest.mark.parametrize(("kappa", "p", "q"), [(0.9, 377, 305), (1.2, 21, 17), (1.8, 21, 17)])
+def test_the_standard_map_has_a_flux_with_convergents_of_even_denominators(kappa, p, q):
+    # Those of 2γ: 5/4, 21/17, 89/72, 377/305. For 4 and 72 the minimizing orbit has no centre on a
+    # site of P = 1. The longest of the others that is found there is close to the limit already.
+    found = flux(parse("2gamma"), (kappa,))
+    assert found.status is Status.OK
+    assert found.error < 1e-2 * found.value
+    assert found.value == pytest.approx(action_difference((kappa,), p, q), rel=0.02)
+    thrice = flux(parse("6gamma"), (kappa,) * 3)
+    assert thrice.value == pytest.approx(3 * found.value, rel=1e-9)
+
+
 @pytest.mark.parametrize(
     ("bad", "message"),
     [
