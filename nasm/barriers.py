@@ -21,8 +21,9 @@ from math import floor
 import numpy as np
 
 from nasm import cones, continuation, periodic
+from nasm.checks import real
 from nasm.critical import CriticalScale, Status
-from nasm.maps import forcing
+from nasm.maps import direction
 from nasm.numbers import convergents, moebius, nobles_near, rational
 from nasm.orbits import rotation_number
 from nasm.symmetries import shorten
@@ -51,9 +52,10 @@ def critical_scale(profile, tol=1e-4):
     Status UNDECIDED, and no value, where the methods contradict each other; lower and upper are
     then those that were shown. lower is NaN where no circle could be certified.
 
-    ValueError if profile is zero, has no dominant symmetry line, or tol is out of range.
+    ValueError if profile is zero or tiny, has no dominant symmetry line, or tol is out of range.
     """
-    profile = forcing(profile)
+    profile = direction(profile)
+    tol = real("tol", tol)
     if not 1e-5 <= tol <= 0.1:
         raise ValueError(f"tol={tol!r} must be from 1e-5 to 0.1")
     # On κ1 = κ2 the barriers are noble for the standard map, not for two steps of it.

@@ -28,6 +28,8 @@ Rounding still costs R about q² ulp: the linearised chain of a long orbit near 
 residuals are computed in double-double arithmetic, and follows v and w in the same.
 """
 
+from numbers import Integral
+
 import numpy as np
 from numba import njit
 
@@ -45,6 +47,13 @@ def is_symmetry_centre(kappa, site):
     return np.array_equal(around[1:], around[:0:-1])
 
 
+def _is_centre(kappa, centre):
+    match centre:
+        case (Integral() as site, 0 | 0.5):
+            return is_symmetry_centre(kappa, site)
+    return False
+
+
 class HalfOrbit:
     """A symmetric orbit of p/q on the segment κ = start + s·profile, at the s last moved to.
 
@@ -58,13 +67,12 @@ class HalfOrbit:
         self.p = p = count("p", p, -MAX_PERIOD * self.profile.size, MAX_PERIOD * self.profile.size)
         if np.gcd(p, q) != 1:
             raise ValueError(f"p/q = {p}/{q} has a common factor; write it in lowest terms")
+        if not all(_is_centre(strengths, centre) for strengths in (self.start, self.profile)):
+            raise ValueError(
+                f"centre={centre!r} is no symmetry centre (site, a); κ must read the same forwards "
+                "and backwards from the site, a whole number, and a is 0 or 0.5"
+            )
         self.site, self.a = centre
-        for strengths in (self.start, self.profile):
-            if self.a not in (0, 0.5) or not is_symmetry_centre(strengths, self.site):
-                raise ValueError(
-                    f"centre={centre!r} is no symmetry centre; κ must read the same forwards and "
-                    "backwards from the site, and a is 0 or 0.5"
-                )
         n_sites = self.profile.size * q
         # The rotation's angles in units of 1/N, reduced mod N: exact for any length.
         self.numerators = np.arange(n_sites // 2 + 2) * (p % n_sites) % n_sites

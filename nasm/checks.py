@@ -1,8 +1,11 @@
 """Arguments that several modules take, checked at the edge: the kernels behind it trust them."""
 
-from numbers import Integral
+from fractions import Fraction
+from numbers import Integral, Real
 
 import numpy as np
+
+MAX_DENOMINATOR = 10**6
 
 
 def count(name, value, low, high):
@@ -10,6 +13,27 @@ def count(name, value, low, high):
     if not isinstance(value, Integral) or isinstance(value, bool) or not low <= value <= high:
         raise ValueError(f"{name}={value!r} must be a whole number from {low} to {high}")
     return int(value)
+
+
+def real(name, value):
+    """`value` as a float; ValueError unless it is a number. Its range is up to the caller."""
+    if not isinstance(value, Real) or isinstance(value, bool):
+        raise ValueError(f"{name}={value!r} must be a number")
+    return float(value)
+
+
+def fraction(name, value):
+    """`value` as an exact Fraction; ValueError unless it is one with a denominator up to 10⁶."""
+    try:
+        exact = Fraction(value)
+    except (TypeError, ValueError, OverflowError, ZeroDivisionError):
+        raise ValueError(f"{name}={value!r} is no fraction; write one like '1/3'") from None
+    if exact.denominator > MAX_DENOMINATOR:
+        raise ValueError(
+            f"{name}={value!r} is {exact}, whose denominator is more than {MAX_DENOMINATOR}; write "
+            f"a shorter fraction, like '{exact.limit_denominator(1000)}'"
+        )
+    return exact
 
 
 def points(x, y):

@@ -56,10 +56,10 @@ from numba import njit
 from nasm.checks import count
 from nasm.critical import CriticalScale, Status, no_answer
 from nasm.lanes import LANES, copysign, fabs, fma, load, minimum, own_frame, rint, store
-from nasm.maps import forcing
+from nasm.maps import direction, forcing
 from nasm.periodic import dominant_centre
 from nasm.sine import SINE
-from nasm.symmetries import alternate
+from nasm.symmetries import CUSP_EXPONENT, distances_to_shorter
 
 MAX_STEPS = 10**9
 
@@ -157,11 +157,9 @@ def critical_scale(profile, n_max):
     no circle, and names none. status NOT_CONVERGED if lifetimes contradict each other, as they do
     when a search misses a survivor.
 
-    ValueError if profile is zero, or has no symmetry centre or no dominant line, see above.
+    ValueError if profile is zero or tiny, or has no symmetry centre or no dominant line, see above.
     """
-    profile = forcing(profile)
-    if not profile.any():
-        raise ValueError("profile is zero; a ray needs a direction, e.g. profile=(1, 0.5)")
+    profile = direction(profile)
     n_kicks = profile.size * count("n_max", n_max, 100, MAX_STEPS)
     site, _ = dominant_centre(profile)
     resonances = np.fft.fft(np.roll(profile, -site)).real * np.sign(profile[site])
@@ -209,17 +207,12 @@ def _cusp_steps(profile):
     """The steps that it takes to tell a forcing from one of a shorter period that is close to it.
 
     Until then lifetimes follow the law of the shorter forcing, which has another slope. For P = 2
-    the shorter ones are on the diagonals |κ1| = |κ2|, where the boundary has cusps: at a relative
-    distance d from one it is lower than the tip by d^0.6. Six was measured, on 150 rays.
+    the shorter ones are on the diagonals |κ1| = |κ2|, where the boundary has cusps. Six was
+    measured, on 150 rays.
     """
-    forms = [profile] if profile.size % 2 else [profile, alternate(profile, 0.0, 0.0)[0]]
-    differences = [
-        np.abs(np.roll(form, length) - form).max() / np.abs(form).max()
-        for form in forms
-        for length in range(1, profile.size)
-        if profile.size % length == 0
-    ]
-    return max((6 * d**-0.6 for d in differences if d > 0), default=0.0)
+    distances = distances_to_shorter(profile)
+    nearest = distances.min(where=distances > 0, initial=np.inf)
+    return 6 * nearest**-CUSP_EXPONENT
 
 
 @dataclass(frozen=True)

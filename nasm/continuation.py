@@ -24,10 +24,11 @@ from math import ceil, inf, log, nan, prod, sqrt
 import numpy as np
 
 from nasm import circles, fourier
+from nasm.checks import real
 from nasm.critical import CriticalScale, Status, no_answer
-from nasm.maps import forcing
+from nasm.maps import direction, forcing
 from nasm.numbers import checked, convergents
-from nasm.symmetries import shorten
+from nasm.symmetries import CUSP_EXPONENT, distances_to_shorter, shorten
 
 UNSTABLE = {(1,): 1.6279500, (2,): 2.4416, (3,): 3.344, (4,): 4.265}
 """δ by the tail of ω. Golden: MacKay, Physica D 7 (1983) 283. Twos, threes and fours: measured with
@@ -61,19 +62,21 @@ def critical_scale(omega, profile, tol=1e-6):
     CriticalScale. lower : the scale of the certified circle. upper : NaN.
     error : half the spread of the last estimates, or of the last one and its neighbour of lower
     order. It may exceed tol. On 360 rays of random angle, with the paper's six circles, it covered
-    the difference to residues in 99.7%, 98.9% and 97.2% for tol = 10⁻⁴, 10⁻⁵ and 10⁻⁶. Near the
-    cusps |κ1| = |κ2| of P = 2 it contains the depth to which the boundary falls there, as long as
-    the circles met so far cannot tell; where δ is not known for the tail of ω, or the circles do
-    not have the modes to tell ω from one with another tail, the whole way from the last circle.
-    Without an estimate, value and error are NaN; lower is what was certified all the same.
+    the difference to residues in 99.7%, 98.9% and 97.2% for tol = 10⁻⁴, 10⁻⁵ and 10⁻⁶. Near a
+    forcing of a shorter period, as on |κ1| = |κ2|, it contains the depth to which the boundary
+    falls there, as long as the circles met so far cannot tell; where δ is not known for the tail of
+    ω, or the circles do not have the modes to tell ω from one with another tail, the whole way from
+    the last circle. Without an estimate, value and error are NaN; lower is what was certified all
+    the same.
 
-    ValueError if profile is zero or tol not positive.
+    ValueError if profile is zero or tiny or tol not positive and finite.
     """
-    profile = forcing(profile)
-    if not profile.any():
-        raise ValueError("profile is zero; a ray needs a direction, e.g. profile=(1, 0.5)")
-    if not tol > 0:
-        raise ValueError(f"tol={tol} must be positive; it is the error to aim at, e.g. tol=1e-6")
+    profile = direction(profile)
+    tol = real("tol", tol)
+    if not 0 < tol < inf:
+        raise ValueError(
+            f"tol={tol} must be positive and finite; it is the error to aim at, e.g. tol=1e-6"
+        )
     if checked(omega).is_rational:
         return no_answer(omega, Status.RATIONAL)
     (short,), short_omega = shorten([profile], omega)
@@ -111,9 +114,9 @@ def critical_scale(omega, profile, tol=1e-6):
         status = Status.NOT_CONVERGED if status is Status.OK else status
         return CriticalScale(nan, nan, lower, nan, omega, status)
     value = estimates[-1]
-    drop = value * _cusp_drop(short)
-    if drop < 3 * (value - path[-1][0]):  # the circles met so far cannot know of it
-        error += drop
+    drops = value * distances_to_shorter(short) ** CUSP_EXPONENT
+    # What the circles met so far cannot know of: 0.8 to 1.1 of it were found by residues.
+    error += drops.max(where=drops < 3 * (value - path[-1][0]), initial=0.0)
     return CriticalScale(value, error, lower, nan, omega, Status.OK)
 
 
@@ -218,17 +221,6 @@ def _sees_tail(omega, u):
     """
     *_, fraction = islice(convergents(omega), len(omega.prefix))
     return fourier.cut(omega, u.shape[-1]) >= fraction.denominator
-
-
-def _cusp_drop(profile):
-    """By how much a ray near the cusp |κ1| = |κ2| breaks below the tip, as a part of the scale.
-
-    ε^0.6 for |κ2| = (1 - ε)|κ1|: 0.8 to 1.0 of it were found by residues for the paper's circles.
-    """
-    if profile.size != 2:
-        return 0.0
-    smaller, larger = np.sort(np.abs(profile))
-    return (1 - smaller / larger) ** 0.6
 
 
 def _breakup(path, finest, growth, delta):

@@ -19,7 +19,7 @@ class Status(Enum):
     RATIONAL = "omega is rational: no circle, its convergents end"
     OUTSIDE = "broken, or its orbits not to be followed, at the start of the segment already"
     NO_BREAKUP = "no breakup found up to the largest scale searched"
-    NEAR_CUSP = "orbits up to the largest period do not yet see how near the cusp |κ1| = |κ2| is"
+    NEAR_CUSP = "longest orbits do not yet tell the forcing from a shorter one, as on |κ1| = |κ2|"
     DISORDERED = "Newton found an orbit of another kind: not ordered, or with the other sign of R"
     NO_CIRCLE = "Newton's method finds no circle"
     TOO_FEW_MODES = "the circle, if there is one, needs more modes than allowed"

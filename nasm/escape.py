@@ -26,7 +26,7 @@ from numba import njit
 from nasm.checks import count, points
 from nasm.critical import CriticalScale, Status, no_answer
 from nasm.lanes import LANES, fabs, fma, load, maximum, own_frame, rint, store
-from nasm.maps import forcing
+from nasm.maps import direction, forcing
 from nasm.sine import SINE
 
 PAPER_WINDOW = (-2.0, 2.3)
@@ -129,7 +129,7 @@ def critical_scale(profile, n_max, n_orbits=1000, window=PAPER_WINDOW):
     profile : sequence of P floats.
     n_max : int, 64 to 10¹², steps.
     n_orbits : int, the size of `ensemble`.
-    window : (lo, hi) in y.
+    window : (lo, hi) in y, around all starts.
 
     Returns
     -------
@@ -137,13 +137,17 @@ def critical_scale(profile, n_max, n_orbits=1000, window=PAPER_WINDOW):
     value, as the bias is what is uncertain. lower is NaN: no escape shows nothing. omega is None.
     Status NO_BREAKUP if nothing escapes even where the largest |κ| is 2.
 
-    ValueError if profile is zero or an argument out of range.
+    ValueError if profile is zero or tiny or an argument out of range.
     """
-    profile = forcing(profile)
-    if not profile.any():
-        raise ValueError("profile is zero; a ray needs a direction, e.g. profile=(1, 0.5)")
+    profile = direction(profile)
     n_max = count("n_max", n_max, 64, MAX_STEPS)
     x, y = ensemble(n_orbits)
+    *_, lo, hi, shift = _checked(profile, x, y, n_max, window)
+    if not ((lo <= y - shift) & (y - shift <= hi)).all():
+        raise ValueError(
+            f"window={window!r} leaves out starts of the ensemble, which would escape without a "
+            "kick; it must contain y from 0 to 0.3"
+        )
 
     def least_escaping(n, inside, outside):
         while outside - inside > 1e-4 * outside:

@@ -30,7 +30,8 @@ from itertools import islice
 
 import numpy as np
 
-from nasm.chain import HalfOrbit
+from nasm.chain import MAX_PERIOD, HalfOrbit
+from nasm.checks import count, real
 from nasm.critical import Status
 from nasm.maps import TWO_PI, forcing
 from nasm.numbers import RotationNumber, convergents
@@ -63,9 +64,10 @@ def flux(omega, kappa, q_max=30_000, rtol=1e-6):
     ----------
     omega : RotationNumber, irrational; e.g. `numbers.parse("gamma")`.
     kappa : sequence of P floats, the forcing, first kick first.
-    q_max : int, the longest period used. 30 000 do from 10⁻³ beyond the breakup on, 200 000 from
-        10⁻⁴.
-    rtol : float, relative change from one convergent to the next to aim at; 1% is accepted.
+    q_max : int up to 10⁶, the longest period used. 30 000 do from 10⁻³ beyond the breakup on,
+        200 000 from 10⁻⁴.
+    rtol : float, 0 to 1%, relative change from one convergent to the next to aim at; 1% is
+        accepted.
 
     Returns
     -------
@@ -74,19 +76,25 @@ def flux(omega, kappa, q_max=30_000, rtol=1e-6):
     which side one is, DISORDERED where longer orbits were lost before they settled. ValueError if
     the forcing has no symmetry centre.
     """
-    kappa = forcing(kappa)
+    kappa, q_max = forcing(kappa), count("q_max", q_max, 1, MAX_PERIOD)
+    rtol = real("rtol", rtol)
+    if not 0 <= rtol <= _SETTLED:
+        raise ValueError(f"rtol={rtol} must be from 0 to {_SETTLED}, a part of the flux")
     (short,), short_omega = shorten([kappa], omega)
     dominant_centre(short)
     if omega.is_rational:
         return Flux(np.nan, np.nan, 0, omega, Status.RATIONAL)
     steps = kappa.size // short.size
+    if short.size == 1:
+        # With idle kicks between, all minimizing orbits have their centres on sites; Y is 2y then.
+        short, steps = np.array([short[0] / 2, 0.0]), 2 * steps
     # Up to the end of the prefix these are convergents of other numbers too.
     enough = list(islice(convergents(short_omega), len(short_omega.prefix) + 1))[-1].denominator
     value, error, period, status = np.nan, np.inf, 0, Status.NOT_CONVERGED
     for fraction in convergents(short_omega):
         p, q = fraction.numerator, fraction.denominator
-        if q == period or (short.size == 1 and q % 2 == 0):
-            continue  # 1/1 is 0/1 again; and of even q the minimizing orbit has no centre on a site
+        if q == period:
+            continue  # 1/1 is 0/1 again
         if q > q_max:
             break
         longer, rounding = _action_difference(short, p, q)

@@ -16,17 +16,19 @@ Conventions
   also be called inside Numba kernels.
 """
 
-from fractions import Fraction
-
 import numpy as np
 from numba.extending import register_jitable
 
+from nasm.checks import fraction
 from nasm.sine import cos2pi, sin2pi
 
 TWO_PI = 2 * np.pi
 
 MAX_STRENGTH = 1e6
 """Largest |κ|: far beyond any barrier, and far from where products of strengths overflow."""
+
+MIN_SIZE = 1e-300
+"""Least size of a ray's profile, its largest |κ|: scales are 1/size or so, and still floats."""
 
 
 @register_jitable
@@ -86,7 +88,7 @@ def rotating_forcing(mean, amplitude, frequency, phase=0.0):
     mean, amplitude : float
         κ̄ and Δκ.
     frequency : Fraction or str
-        Ω = p/q, an exact fraction; the forcing has period P = q.
+        Ω = p/q, an exact fraction, q ≤ 10⁶; the forcing has period P = q.
     phase : float
         φ0 in turns.
 
@@ -98,16 +100,40 @@ def rotating_forcing(mean, amplitude, frequency, phase=0.0):
     first kick is κ1. The paper writes (κ2 - κ1)/2, which goes with its Eq. (kap), where the even
     n = 0 kicks with κ2; the two forcings differ by a shift of half a period.
     """
-    frequency = Fraction(frequency)
+    frequency = fraction("frequency", frequency)
     turns = [frequency * n % 1 for n in range(frequency.denominator)]
     # In (-1/2, 1/2], so that times n and -n get the same strength to the last bit.
     turns = [float(turn - 1 if 2 * turn > 1 else turn) for turn in turns]
     return forcing(mean + amplitude * cos2pi(np.asarray(turns) + phase))
 
 
+def direction(profile):
+    """`profile` of a ray κ = s·profile as a forcing; ValueError if it is zero, or so small that the
+    scales of the ray are too large for floats."""
+    strengths = forcing(profile)
+    size = np.abs(strengths).max()
+    if size == 0:
+        raise ValueError("profile is zero; a ray needs a direction, e.g. profile=(1, 0.5)")
+    if size < MIN_SIZE:
+        raise ValueError(
+            f"profile={profile!r} has no strength of {MIN_SIZE:g} or more; its size is only the "
+            "unit of the scale, so multiply it by any number"
+        )
+    return strengths
+
+
 def forcing(kappa):
-    """`kappa` as a float array of shape (P,); ValueError if it is empty or too large."""
-    strengths = np.asarray(kappa, dtype=float)
+    """`kappa` as a float array of shape (P,); ValueError if it is no such vector or too large."""
+    try:
+        strengths = np.asarray(kappa)
+        if strengths.dtype.kind not in "iufO":  # floats can be made of strings and bools too
+            raise TypeError
+        strengths = np.asarray(strengths, dtype=float)
+    except (TypeError, ValueError):
+        raise ValueError(
+            f"kappa={kappa!r} is not made of real numbers; a forcing is a vector of P ≥ 1 "
+            "strengths, first kick first, e.g. kappa=(0.3, 0.5)"
+        ) from None
     if strengths.ndim != 1 or strengths.size == 0:
         raise ValueError(
             f"kappa={kappa!r} has shape {strengths.shape}; a forcing is a vector of P ≥ 1 "

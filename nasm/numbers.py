@@ -15,7 +15,10 @@ import re
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import chain, cycle
-from math import floor, isqrt
+from math import floor, isfinite, isqrt
+from numbers import Integral
+
+from nasm.checks import count, real
 
 NAMES = (
     "gamma",
@@ -77,7 +80,7 @@ def parse(text):
     Möbius transform of the golden mean with integer coefficients, "(5gamma+6)/(4gamma+5)".
     ValueError, with the three forms, for anything else.
     """
-    compact = re.sub(r"\s*([-+*/;,()[\]])\s*", r"\1", text.strip()).replace("γ", "gamma")
+    compact = re.sub(r"\s*([-+*/;,()[\]])\s*", r"\1", str(text).strip()).replace("γ", "gamma")
     if match := re.fullmatch(_CONTINUED_FRACTION, compact):
         first, prefix, tail, tail_only = match.groups()
         prefix = [int(a) for a in (prefix or "").split(",") if a]
@@ -126,6 +129,9 @@ def convergents(omega):
 
 def moebius(omega, a, b, c=0, d=1):
     """(a·ω + b)/(c·ω + d), exactly, for integers with ad ≠ bc; e.g. moebius(ω, -1, 2) = 2 - ω."""
+    if not all(isinstance(n, Integral) for n in (a, b, c, d)):
+        raise ValueError(f"({a}ω + {b})/({c}ω + {d}) is not exact; use whole numbers a, b, c, d")
+    a, b, c, d = int(a), int(b), int(c), int(d)  # of any length, as products need
     if a * d == b * c:
         raise ValueError(f"({a}ω + {b})/({c}ω + {d}) does not depend on ω; use ad ≠ bc")
     if checked(omega).is_rational:
@@ -154,6 +160,10 @@ def nobles_near(value, width, n):
 
     Each has the partial quotients of `value` up to some place, and ones from there on.
     """
+    value, width = real("value", value), real("width", width)
+    n = count("n", n, 0, 10**6)
+    if not isfinite(value) or not width > 0:
+        raise ValueError(f"value={value} must be finite, and width={width} positive")
     found, prefix, rest = [], [], Fraction(value)
     while len(found) < n and len(prefix) < 30:
         prefix.append(floor(rest))

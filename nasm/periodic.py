@@ -14,17 +14,17 @@ largest |κ|, and the *minimizing* one (of the action), R < 0, through a centre 
 not meet. Both break up with the circle.
 """
 
-from fractions import Fraction
 from itertools import islice
 
 import numpy as np
 from scipy.optimize import brentq
 
-from nasm.chain import HalfOrbit, is_symmetry_centre
+from nasm.chain import MAX_PERIOD, HalfOrbit, is_symmetry_centre
+from nasm.checks import count, fraction
 from nasm.critical import CriticalScale, Status, no_answer
-from nasm.maps import forcing, rotating_forcing
+from nasm.maps import direction, forcing, rotating_forcing
 from nasm.numbers import convergents, rational
-from nasm.symmetries import shorten
+from nasm.symmetries import CUSP_EXPONENT, distances_to_shorter, shorten
 
 _ROUNDING = 1e-12  # residues below are rounding errors of the slopes v' and w', which are near 1
 
@@ -116,7 +116,8 @@ def residue(kappa, p, q, centre=None):
 
 def _orbit(kappa, p, q, centre):
     profile = forcing(kappa)
-    return HalfOrbit(0 * profile, profile, p, q, centre or dominant_centre(profile))
+    centre = dominant_centre(profile) if centre is None else centre
+    return HalfOrbit(0 * profile, profile, p, q, centre)
 
 
 def critical_scale(omega, profile, q_max=6000, start=None, family=minimax_centre):
@@ -128,7 +129,7 @@ def critical_scale(omega, profile, q_max=6000, start=None, family=minimax_centre
     ----------
     omega : RotationNumber, irrational; e.g. `numbers.parse("gamma")`.
     profile : sequence of P floats.
-    q_max : int, the largest period used. 1500 gives nine digits for noble ω, 6000 twelve.
+    q_max : int up to 10⁶, the largest period used. 1500 gives nine digits for noble ω, 6000 twelve.
     start : sequence of P floats; default 0, a ray from the origin. The circle should exist there:
         what is found is the first breakup in steps of a fiftieth of the twist region, |κ| < 2.
     family : `minimax_centre` or `minimizing_centre`, whose orbits are used: two routes to one
@@ -141,8 +142,8 @@ def critical_scale(omega, profile, q_max=6000, start=None, family=minimax_centre
     two before should have shrunk to, if it is larger, or that of the crossings where these are not
     geometric yet. lower and upper are NaN: Greene's criterion is not a proof of either.
 
-    ValueError if profile is zero, start is of another length, or the forcings have no common
-    symmetry centre.
+    ValueError if profile is zero or tiny, start is of another length, or the forcings have no
+    common symmetry centre.
     """
     (_, scales), status, period = _crossings(omega, profile, q_max, start, family)
     if status is not Status.OK:
@@ -178,10 +179,8 @@ def crossings(omega, profile, q_max=6000, start=None, family=minimax_centre):
 
 def _crossings(omega, profile, q_max, start, family):
     """(periods, scales), the status, and the period m of ω for the shortest map."""
-    profile = forcing(profile)
+    profile, q_max = direction(profile), count("q_max", q_max, 1, MAX_PERIOD)
     start = np.zeros_like(profile) if start is None else forcing(start)
-    if not profile.any():
-        raise ValueError("profile is zero; a ray needs a direction, e.g. profile=(1, 0.5)")
     if start.shape != profile.shape:
         raise ValueError(f"start={start} and profile={profile} differ in length")
     (start, profile), short_omega = shorten([start, profile], omega)
@@ -235,7 +234,8 @@ def torus_scale(omega, frequency, mean, amplitude):
     profile = rotating_forcing(mean, amplitude, frequency)
     if not profile.any():
         raise ValueError("mean and amplitude are zero; a ray needs a direction")
-    exact = rational(Fraction(omega) * profile.size)
+    direction(profile)
+    exact = rational(fraction("omega", omega) * profile.size)
     (short,), number = shorten([profile], exact)
     (*_, turns) = convergents(number)
     site, a = dominant_centre(short)
@@ -267,13 +267,13 @@ def torus_scale(omega, frequency, mean, amplitude):
 
 
 def _cusp_period(kappa):
-    """The period from which orbits tell a forcing near the cusp |κ1| = |κ2| from the cusp itself.
+    """The period from which orbits tell a forcing next to a cusp from the shorter one of the cusp.
 
-    At an angle δ from the cusp the boundary is below the tip by δ^0.6, which orbits of period q see
-    to within 1/q; five times that period was enough in every case tried.
+    At a distance d from the cusp the boundary is below the tip by d^0.6, which orbits of period q
+    see to within 1/q; five times that period was enough in every case tried.
     """
-    larger, smaller = np.sort(np.abs(kappa))[::-1] if kappa.size == 2 else (1.0, 0.0)
-    return 5 * (1 - smaller / larger) ** -0.6 if smaller < larger else np.inf
+    nearest = distances_to_shorter(kappa).min(initial=np.inf)
+    return 5 * nearest**-CUSP_EXPONENT if nearest > 0 else np.inf
 
 
 class _Orbits:
@@ -361,4 +361,6 @@ def _aitken(first, second, third):
     step, next_step = second - first, third - second
     if step == next_step:
         return third, 1.0
-    return third - next_step**2 / (next_step - step), next_step / step if step != 0 else 0.0
+    # Not next_step², which overflows for large scales, of small profiles.
+    limit = third - next_step * (next_step / (next_step - step))
+    return limit, next_step / step if step != 0 else 0.0

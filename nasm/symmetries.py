@@ -9,10 +9,16 @@ boundary of global transport, CB_gt, has all of it. That of one circle, CB_ω, h
 ω → ω + 1: `fold` takes a ray to the wedge 0 ≤ κ2 ≤ κ1, and says which ω it is there.
 """
 
+from functools import lru_cache
+
 import numpy as np
 
 from nasm.maps import forcing, kick
-from nasm.numbers import checked, moebius
+from nasm.numbers import RotationNumber, moebius
+
+CUSP_EXPONENT = 0.6
+"""At a relative distance d from a forcing of a shorter period the boundary is below what it is
+there by about d^0.6: it has cusps, as that of CB_gt on |κ1| = |κ2|."""
 
 
 def reflect(kappa, x, y):
@@ -43,6 +49,23 @@ def alternate(kappa, x, y):
             "e.g. the forcing repeated twice"
         )
     return strengths * (-1.0) ** np.arange(strengths.size), np.asarray(x), np.asarray(y) + 0.5
+
+
+def alternate_spaced(kappa, x, y, spacing):
+    """`alternate` where only the sites c, c + m, c + 2m, … are kicked: their signs alternate.
+
+    (x, y) → (x - c/2m, y + 1/2m), with m = spacing and c < m: between two of these kicks x advances
+    further by one half. ω → ω + P/2m, P being an even multiple of m.
+    """
+    strengths = forcing(kappa)
+    first = int(np.abs(strengths).argmax()) % spacing
+    form = _alternated(strengths, spacing, first)
+    if strengths.size % (2 * spacing) or (np.abs(form) != np.abs(strengths)).any():
+        raise ValueError(
+            f"kappa={kappa!r} does not kick every {spacing}th site alone, an even number of times "
+            "in a period"
+        )
+    return form, np.asarray(x) - first / (2 * spacing), np.asarray(y) + 1 / (2 * spacing)
 
 
 def shift(kappa, x, y):
@@ -95,7 +118,8 @@ def fold(angle):
 def shorten(forcings, omega):
     """The shortest forcings with the same orbits up to symmetry, and ω per their shorter period.
 
-    On κ1 = κ2 one step is two of the standard map, at ω/2; on κ1 = -κ2 so it is up to `alternate`.
+    On κ1 = κ2 one step is two of the standard map, at ω/2; on κ1 = -κ2 so it is up to `alternate`,
+    and on (κ, 0, -κ, 0) one is two of (κ, 0) up to `alternate_spaced`.
 
     Parameters
     ----------
@@ -104,19 +128,82 @@ def shorten(forcings, omega):
 
     Returns
     -------
-    forcings : list of arrays of shape (P',), P' a divisor of P. omega : RotationNumber.
+    forcings : list of arrays of shape (P',), P' a divisor of P. omega : RotationNumber, in [0, P'],
+    to which y → y + 1 takes it.
     """
-    candidates = [([forcing(kappa) for kappa in forcings], checked(omega))]
-    period = candidates[0][0][0].size
-    if period % 2 == 0:
-        alternated = [alternate(kappa, 0.0, 0.0)[0] for kappa in forcings]
-        candidates.append((alternated, moebius(omega, 1, period // 2)))
-    for length in (n for n in range(1, period) if period % n == 0):
-        for strengths, number in candidates:
-            if all((kappa == np.roll(kappa, length)).all() for kappa in strengths):
-                number = moebius(number, 1, 0, 0, period // length)
-                return [kappa[:length] for kappa in strengths], number
-    return candidates[0]
+    kappas = np.array([forcing(kappa) for kappa in forcings])
+    length, spacing, short = _shortest(kappas)
+    if spacing:
+        omega = moebius(omega, 1, kappas.shape[1] // (2 * spacing))
+    omega = moebius(omega, 1, 0, 0, kappas.shape[1] // length)
+    whole, *rest = omega.prefix
+    return list(short), RotationNumber((whole % length, *rest), omega.tail)
+
+
+def lengthen(kappa, x, y):
+    """(x, y) under the forcing that `shorten` makes of kappa → that orbit's (x, y) under kappa."""
+    strengths = forcing(kappa)
+    _, spacing, _ = _shortest(strengths[None])
+    if not spacing:
+        return x, y
+    _, before, above = alternate_spaced(strengths, 0.0, 0.0, spacing)
+    return x - before, y - above
+
+
+def distances_to_shorter(kappa):
+    """How far a forcing is from the forms that `shorten` shortens, one for each shorter period.
+
+    ndarray: the largest change of a strength that it takes, in parts of the largest |κ|; 0 for what
+    can be shortened. Where one is small, the boundary is next to a cusp; see `CUSP_EXPONENT`.
+    """
+    kappas = forcing(kappa)[None]
+    size, forms = np.abs(kappas).max(), _forms(kappas)
+    return np.array(
+        [
+            _change(kappas, form, length) / size if size > 0 else 0.0
+            for length in _divisors(kappas.size)[:-1]
+            for spacing, form in forms
+            if not spacing or length % spacing == 0
+        ]
+    )
+
+
+def _shortest(kappas):
+    """The shortest period of forcings, rows of an array; the spacing m of the kicks whose signs it
+    takes to alternate, 0 if none; and the rows of that period."""
+    forms = _forms(kappas)
+    for length in _divisors(kappas.shape[1])[:-1]:
+        for spacing, form in forms:
+            if _change(kappas, form, length) == 0:
+                return length, spacing, form[:, :length]
+    return kappas.shape[1], 0, kappas
+
+
+def _forms(kappas):
+    """0 and the forcings; and, for each spacing m, m and those sites m apart, with alternating
+    signs, among which the largest |κ| is."""
+    largest = int(np.abs(kappas).max(axis=0).argmax())
+    spacings = [m for m in _divisors(kappas.shape[1]) if kappas.shape[1] // m % 2 == 0]
+    return [(0, kappas)] + [(m, _alternated(kappas, m, largest % m)) for m in spacings]
+
+
+def _alternated(kappas, spacing, first):
+    form = np.zeros_like(kappas)
+    form[..., first :: 2 * spacing] = kappas[..., first :: 2 * spacing]
+    form[..., first + spacing :: 2 * spacing] = -kappas[..., first + spacing :: 2 * spacing]
+    return form
+
+
+def _change(kappas, form, length):
+    """The largest change that makes |κ| that of the form, and the form one of that period."""
+    periods = form.reshape(len(form), -1, length)
+    between = periods.max(axis=1) - periods.min(axis=1)
+    return max(between.max(), (np.abs(kappas) - np.abs(form)).max())
+
+
+@lru_cache
+def _divisors(n):
+    return [divisor for divisor in range(1, n + 1) if n % divisor == 0]
 
 
 def unfold(wedge_angle):

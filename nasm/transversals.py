@@ -42,7 +42,7 @@ from nasm import escape
 from nasm.checks import count, points
 from nasm.cones import beam_search, longest_found
 from nasm.critical import CriticalScale, Status, no_answer
-from nasm.maps import forcing, kick
+from nasm.maps import direction, forcing, kick
 from nasm.sine import cos2pi
 
 MAX_STEPS = 10**6
@@ -100,6 +100,11 @@ def elimination_time(kappa, site, x, y, n_kicks):
 def longest_lived(kappa, transversal, n_kicks):
     """The start on a transversal that takes longest to be eliminated.
 
+    Parameters
+    ----------
+    kappa, n_kicks : as for `elimination_time`.
+    transversal : Transversal of one of the sites.
+
     Returns
     -------
     y : float, in [0, 1/2]. kicks : float, in either direction; inf for a start that survives
@@ -107,6 +112,15 @@ def longest_lived(kappa, transversal, n_kicks):
 
     The beam search of `cones.longest_lived`, on two unrelated grids: it may miss a survivor.
     """
+    strengths = forcing(kappa)
+    n_kicks = count("n_kicks", n_kicks, 1, MAX_STEPS)
+    count("site", transversal.site, 0, strengths.size - 1)
+    if not np.isfinite([transversal.a, *transversal.bends]).all():
+        raise ValueError(f"{transversal} is not finite; a and the bends must be finite numbers")
+    return _longest_lived(strengths, transversal, n_kicks)
+
+
+def _longest_lived(kappa, transversal, n_kicks):
     return longest_found(_lifetimes(kappa, transversal, n_kicks), _GRIDS)
 
 
@@ -148,11 +162,9 @@ def critical_scale(profile, n_max):
     NO_BREAKUP if no transversal is eliminated where the largest |κ| is 2; UNDECIDED, and no value,
     if an orbit escapes below what the search found: `upper` is where it did.
 
-    ValueError if profile is zero or n_max out of range.
+    ValueError if profile is zero or tiny or n_max out of range.
     """
-    profile = forcing(profile)
-    if not profile.any():
-        raise ValueError("profile is zero; a ray needs a direction, e.g. profile=(1, 0.5)")
+    profile = direction(profile)
     n_max = profile.size * count("n_max", n_max, 30, MAX_STEPS)
     straight = (0.0,) * (_HARMONICS - 1)
     tried = [
@@ -170,7 +182,7 @@ def critical_scale(profile, n_max):
         if best is None:
             return no_answer(None, Status.NO_BREAKUP)
     # Of many transversals the best may be one on which the search missed a survivor.
-    while np.isinf(time := longest_lived(scale * profile, best, n_max)[1]):
+    while np.isinf(time := _longest_lived(scale * profile, best, n_max)[1]):
         scale *= 1 + _STEP / n_max
     gap = scale * _EXCESS * profile.size / time
     value, error = scale - gap, max(_UNCERTAIN * gap, scale_before - scale)

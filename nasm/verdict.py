@@ -15,7 +15,7 @@ from nasm.barriers import candidates, critical_scale, per_period
 from nasm.critical import CriticalScale, Status, no_answer
 from nasm.maps import forcing
 from nasm.numbers import rational
-from nasm.symmetries import shorten
+from nasm.symmetries import lengthen, shorten
 
 _TOLERANCES = (1e-3, 1e-4, 2e-5)  # of the boundary next to a point: 0.1 s, 0.4 s and 2 to 3 s
 _STEPS = 1000  # of converse KAM that every point is asked to survive
@@ -109,12 +109,13 @@ def verdict(kappa):
             if found is not None:
                 answer, evidence = Answer.BARRIER, Evidence.CIRCLE
                 boundary = replace(boundary, omega=found.omega)
-                x, y = circles.graph(found)
-                circle = x, y - float(zero) / short.size  # as `alternate` moves it
+                circle = lengthen(kappa, *circles.graph(found))
                 break
     else:
         if boundary.lower >= 1 and not cones.eliminates(short, _STEPS):
             answer, evidence = Answer.BARRIER, Evidence.CIRCLE_BEYOND
+    if boundary.upper == inf:  # kicks so weak that floats do not reach from them to the boundary
+        boundary = no_answer(boundary.omega, Status.NO_BREAKUP)
     if boundary.omega is not None:
         boundary = replace(boundary, omega=per_period(boundary.omega, kappa, short, zero))
     return Verdict(answer, evidence, boundary, circle, steps)

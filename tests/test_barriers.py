@@ -50,6 +50,13 @@ def is_shown(found):
         ((0, 1, 0), KAPPA_G / 3, ["1-gamma", "gamma", "2-gamma"]),
         ((1, 1, 1, 1), KAPPA_G, ["4-4gamma"]),
         ((1, -1, 1, -1), KAPPA_G, ["4gamma-2"]),
+        ((1, 0, -1, 0), KAPPA_G / 2, ["2gamma-1", "3-2gamma"]),
+        ((0, 1, 0, -1), KAPPA_G / 2, ["2gamma-1", "3-2gamma"]),
+        (
+            (1, 0, 0, 0, -1, 0, 0, 0),
+            KAPPA_G / 4,
+            ["2gamma-1", "2gamma+1", "3-2gamma", "5-2gamma"],
+        ),
     ],
 )
 def test_the_last_circle_of_the_standard_map_in_all_its_disguises(profile, exact, omegas):
@@ -356,6 +363,8 @@ GOOD = {"profile": (1, 0.5), "tol": 1e-3}
         ({"tol": 0.2}, r"tol=0\.2 must be from 1e-5 to 0\.1"),
         ({"tol": -1e-3}, r"tol=-0\.001 must be"),
         ({"tol": np.nan}, "tol=nan must be"),
+        ({"tol": "1e-3"}, r"tol='1e-3' must be a number"),
+        ({"tol": None}, "tol=None must be a number"),
     ],
 )
 def test_bad_arguments_are_named(bad, message):

@@ -197,8 +197,12 @@ def test_a_circle_that_breaks_at_once_gives_a_status_or_a_bound():
 def test_bad_arguments_are_named():
     with pytest.raises(ValueError, match="profile is zero"):
         continuation.critical_scale(GAMMA, (0, 0))
-    with pytest.raises(ValueError, match="tol=0 must be positive"):
-        continuation.critical_scale(GAMMA, (1, 0), 0)
+    for tol in (0, -1e-4, np.inf, np.nan):
+        with pytest.raises(ValueError, match=r"tol=.* must be positive and finite"):
+            continuation.critical_scale(GAMMA, (1, 0), tol)
+    for tol in ("a", None, True, 1e-4j):
+        with pytest.raises(ValueError, match=r"tol=.* must be a number"):
+            continuation.critical_scale(GAMMA, (1, 0), tol)
 
 
 # Certified near a breakup that is known

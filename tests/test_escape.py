@@ -368,6 +368,14 @@ def test_direct_critical_scale_is_shown_from_above(profile, barrier):
     assert 0.2 < (raw[1] - barrier) / (raw[0] - barrier) < 0.5
 
 
+@pytest.mark.parametrize("window", [(5.0, 6.0), (0.1, 2.3), (-2.0, 0.29)])
+def test_a_window_must_hold_all_starts(window):
+    with pytest.raises(ValueError, match=r"window=.* leaves out starts of the ensemble"):
+        escape.critical_scale((1, 0), 64, window=window)
+    moved = escape.critical_scale((1, 1), 640, 64, window=(-0.7, 1.0))
+    assert moved.status is Status.OK
+
+
 def test_a_ray_without_escape_has_no_critical_scale():
     found = escape.critical_scale((1, 0), 64, 64, window=(-1e6, 1e6))
     assert found.status is Status.NO_BREAKUP

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from nasm import maps, periodic
 from nasm.critical import Status
 from nasm.flux import action_difference, flux
-from nasm.numbers import parse, rational
+from nasm.numbers import moebius, parse, rational
 
 LITERATURE = tomllib.loads(Path(__file__).with_name("literature.toml").read_text())
 GOLDEN = parse("gamma")
@@ -125,6 +125,44 @@ def test_a_near_rational_needs_its_large_quotient():
     # As long as its convergents are the golden ones, it must not be answered by them.
     omega = parse("[0;1,1,1,1,1,1,200,(1)]")
     assert math.isnan(flux(omega, (0.55, 0.1), q_max=1000).value)
+
+
+@pytest.mark.parametrize(("kappa", "p", "q"), [(0.9, 377, 305), (1.2, 21, 17), (1.8, 21, 17)])
+def test_the_standard_map_has_a_flux_with_convergents_of_even_denominators(kappa, p, q):
+    # Those of 2γ: 5/4, 21/17, 89/72, 377/305. For 4 and 72 the minimizing orbit has no centre on a
+    # site of P = 1. The longest of the others that is found there is close to the limit already.
+    found = flux(parse("2gamma"), (kappa,))
+    assert found.status is Status.OK
+    assert found.error < 1e-2 * found.value
+    assert found.value == pytest.approx(action_difference((kappa,), p, q), rel=0.02)
+    thrice = flux(parse("6gamma"), (kappa,) * 3)
+    assert thrice.value == pytest.approx(3 * found.value, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("bad", "message"),
+    [
+        ({"rtol": math.inf}, r"rtol=inf must be from 0 to 0\.01"),
+        ({"rtol": math.nan}, r"rtol=nan must be from 0 to 0\.01"),
+        ({"rtol": -1}, r"rtol=-1\.0 must be from 0 to 0\.01"),
+        ({"rtol": "a"}, "rtol='a' must be a number"),
+        ({"q_max": 0}, "q_max=0 must be a whole number from 1 to 1000000"),
+        ({"q_max": 500.5}, r"q_max=500\.5 must be a whole number"),
+        ({"q_max": math.nan}, "q_max=nan must be a whole number"),
+    ],
+)
+def test_bad_arguments_are_named(bad, message):
+    with pytest.raises(ValueError, match=message):
+        flux(GOLDEN, (1.0, 0.0), **bad)
+
+
+def test_omega_counts_modulo_the_period():
+    # y → y + 1 takes ω to ω + P, however far.
+    expected = flux(GOLDEN, (0.6, 0.1))
+    for turns in (1, 10**6, 10**20):
+        found = flux(moebius(GOLDEN, 1, 2 * turns), (0.6, 0.1))
+        assert found.status is Status.OK
+        assert (found.value, found.error) == (expected.value, expected.error)
 
 
 def test_what_has_no_answer_says_so():

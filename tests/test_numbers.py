@@ -219,6 +219,36 @@ def test_what_is_not_a_number_is_refused_with_the_forms_that_are(text):
         parse(text)
 
 
+@pytest.mark.parametrize("value", [None, 0.6, True, b"gamma"])
+def test_what_is_not_even_text_is_refused_alike(value):
+    with pytest.raises(ValueError, match=r"is not a rotation number.*\[1;4,\(1\)\]"):
+        parse(value)
+
+
+def test_arguments_that_would_make_no_number_are_named():
+    gamma = parse("gamma")
+    with pytest.raises(ValueError, match=r"\(1ω \+ 0\.5\)/\(0ω \+ 1\) is not exact; use whole"):
+        moebius(gamma, 1, 0.5)
+    for value in (float("nan"), float("inf")):
+        with pytest.raises(ValueError, match=rf"value={value} must be finite"):
+            nobles_near(value, 1e-3, 2)
+    for width in (0.0, -1.0, float("nan")):
+        with pytest.raises(ValueError, match=rf"width={width} positive"):
+            nobles_near(0.6, width, 2)
+    with pytest.raises(ValueError, match=r"value='0\.6' must be a number"):
+        nobles_near("0.6", 1e-3, 2)
+    with pytest.raises(ValueError, match=r"n=1\.5 must be a whole number from 0"):
+        nobles_near(0.6, 1e-3, 1.5)
+
+
+@pytest.mark.parametrize("integer", [np.int64, np.int8])
+def test_integers_of_limited_length_do_not_overflow(integer):
+    # Products of 63 bits or more occur on the way.
+    expected = moebius(parse("[0;9999,9999,(7,5)]"), 3, 100, 7, 100)
+    found = moebius(parse("[0;9999,9999,(7,5)]"), *map(integer, (3, 100, 7, 100)))
+    assert found == expected
+
+
 @given(prefixes, st.integers(-12, -3))
 def test_a_noble_is_found_from_its_float(prefix, exponent):
     omega = parse(spell(prefix, [1]))

@@ -100,6 +100,34 @@ def test_digits_seldom_promise_too_much():
     assert np.mean(errors > 10.0 ** -digits[regular] + 1e-13) < 0.05
 
 
+@pytest.mark.parametrize(
+    ("kappa", "y"), [((0.3, 0.2), 0.3), ((0.5,), 0.38), ((0.2, 0.1, 0.15), 0.2)]
+)
+def test_digits_end_where_rounding_begins(kappa, y):
+    with mpmath.workprec(80):
+        exact = weighted_average(kappa, mpmath.mpf(0.1), mpmath.mpf(y), 4000)
+        assert abs(exact - weighted_average(kappa, mpmath.mpf(0.1), mpmath.mpf(y), 3000)) < 1e-14
+    for n in (10**4, 10**5, 10**6):
+        starts = np.full(1, 0.1), np.full(1, y)
+        omega, digits = rotation_number(kappa, *starts, n)
+        assert digits > 12.5
+        assert digits <= 14
+        assert abs(omega - float(exact)) < 10.0**-digits + 1e-14
+
+
+def weighted_average(kappa, x, y, n):
+    """ω of n exact steps, from the definition."""
+    total = weights = mpmath.mpf(0)
+    for t in range(n):
+        x_next, y = oracles.exact_step(kappa, x, y)
+        if t > 0:
+            s = mpmath.mpf(t) / n
+            weight = mpmath.exp(-1 / (s * (1 - s)))
+            total, weights = total + weight * (x_next - x), weights + weight
+        x = x_next
+    return total / weights
+
+
 def test_rotation_numbers_of_the_reductions_are_the_standard_map_s():
     def standard(kappa, x, y):
         return rotation_number([kappa], x, y, 10_000)[0]

@@ -1,6 +1,7 @@
 """Periodic orbits against high precision, published residues, symmetries, and each other."""
 
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import mpmath
@@ -10,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from nasm import chain, continuation, periodic
+from nasm import chain, cones, continuation, periodic
 from nasm.critical import Status
 from nasm.maps import step, step_tangent
 from nasm.numbers import NAMES, RotationNumber, moebius, parse
@@ -265,6 +266,55 @@ def test_too_near_a_cusp_there_is_no_answer_and_on_it_there_is():
     assert periodic.critical_scale(parse("2gamma"), (1.0, 1.0)).status is Status.OK
 
 
+@pytest.mark.parametrize(("name", "profile"), [("gamma", (1, 0)), ("gamma", (1, 0.2, 0.2))])
+def test_omega_counts_modulo_the_period(name, profile):
+    # y → y + 1 takes ω to ω + P, however far.
+    expected = periodic.critical_scale(parse(name), profile, 1000)
+    norms = continuation.critical_scale(parse(name), profile, 1e-3)
+    assert expected.status is Status.OK
+    for turns in (1, 10**6, 10**20):
+        omega = moebius(parse(name), 1, len(profile) * turns)
+        assert periodic.critical_scale(omega, profile, 1000) == replace(expected, omega=omega)
+        assert continuation.critical_scale(omega, profile, 1e-3) == replace(norms, omega=omega)
+
+
+def next_to_a_shorter_one(distance):
+    """Forcings, what they are shortened to at distance 0, and the golden circle of that as one of
+    theirs."""
+    near = 1 - distance
+    return [
+        ((1, near), (1,), parse("2gamma")),
+        ((1, -near), (1,), parse("2gamma-1")),
+        ((1, near, near), (1,), parse("3gamma")),
+        ((1, 0, near, 0), (1, 0), parse("2gamma")),
+        ((1, 0, -near, 0), (1, 0), parse("2gamma-1")),
+        ((near, distance, -1, distance), (1, 0), parse("2gamma-1")),
+    ]
+
+
+@pytest.mark.parametrize("distance", [1e-2, 1e-4, 1e-6, 1e-7])
+def test_next_to_a_shorter_forcing_starts_do_not_all_die_where_a_circle_is_claimed(distance):
+    answered = 0
+    for profile, _, omega in next_to_a_shorter_one(distance):
+        by_residues = periodic.critical_scale(omega, profile)
+        by_norms = continuation.critical_scale(omega, profile, 1e-4)
+        assert np.isfinite(by_residues.value) == (by_residues.status is Status.OK)
+        for found in (by_residues, by_norms):
+            if found.status is Status.OK:
+                answered += 1
+                below = (found.value - found.error) * np.array(profile)
+                assert not cones.eliminates(below, 20_000)
+    assert answered >= 6
+
+
+def test_next_to_every_shorter_forcing_residues_give_no_answer_and_on_it_one():
+    for profile, _, omega in next_to_a_shorter_one(1e-7):
+        assert periodic.critical_scale(omega, profile).status is Status.NEAR_CUSP
+    for profile, short, omega in next_to_a_shorter_one(0.0):
+        exact = periodic.critical_scale(GAMMA, short)
+        assert periodic.critical_scale(omega, profile) == replace(exact, omega=omega)
+
+
 @pytest.mark.parametrize("angle", [0, 27, 118])
 def test_crossings_converge_like_the_square_of_the_period(angle):
     best = periodic.critical_scale(GAMMA, ray(angle), 8000).value
@@ -381,6 +431,10 @@ def test_tori_break_where_longer_convergents_say():
 def test_a_ray_without_direction_is_refused():
     with pytest.raises(ValueError, match="mean and amplitude are zero"):
         periodic.torus_scale("5/8", "1/2", 0, 0)
+    with pytest.raises(ValueError, match="frequency='1/0' is no fraction"):
+        periodic.torus_scale("1/3", "1/0", 1, 1)
+    with pytest.raises(ValueError, match="omega='1/0' is no fraction"):
+        periodic.torus_scale("1/0", "1/3", 1, 1)
     with pytest.raises(ValueError, match="differ in length"):
         periodic.critical_scale(GAMMA, (1, 0), start=(0, 0, 0))
 
@@ -392,7 +446,11 @@ def test_bad_arguments_are_named():
         periodic.residue((0.1, 0.2), 2, 4)
     with pytest.raises(ValueError, match="q=0 must be a whole number from 1 to 1000000"):
         periodic.residue((0.1, 0.2), 1, 0)
-    with pytest.raises(ValueError, match=r"centre=\(0, 0\.25\) is no symmetry centre"):
-        periodic.residue((0.1, 0.2), 1, 3, (0, 0.25))
+    for centre in ((0, 0.25), (0.5, 0.5), (0,), (0, 0.5, 1), (0, None), 0, (), "ab"):
+        with pytest.raises(ValueError, match=r"centre=.* is no symmetry centre \(site, a\)"):
+            periodic.residue((0.1, 0.2), 1, 3, centre)
+    for q_max in (0, -5, np.nan, 500.5, "a", 10**6 + 1):
+        with pytest.raises(ValueError, match=r"q_max=.* must be a whole number from 1 to 1000000"):
+            periodic.critical_scale(GAMMA, (1, 0), q_max=q_max)
     with pytest.raises(ValueError, match="profile is zero"):
         periodic.critical_scale(GAMMA, (0, 0))

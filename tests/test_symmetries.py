@@ -7,7 +7,8 @@ from numpy.testing import assert_allclose
 from nasm import symmetries
 from nasm.escape import ensemble, escape_time
 from nasm.maps import kick, step, unkick
-from nasm.orbits import orbit, rotation_number
+from nasm.numbers import convergents, parse, rational
+from nasm.orbits import kicked_orbit, orbit, rotation_number
 
 strengths = st.floats(-2, 2)
 coordinates = st.floats(-1, 1)
@@ -89,6 +90,32 @@ def test_alternation_needs_an_even_period(kappa):
 
 
 @settings(deadline=None)
+@given(
+    spacing=st.integers(1, 3),
+    first=st.integers(0, 2),
+    kicks=st.sampled_from((2, 4)),
+    data=st.data(),
+)
+def test_alternation_of_kicks_with_idle_ones_between(spacing, first, kicks, data):
+    assume(first < spacing)
+    kappa = np.zeros(kicks * spacing)
+    kappa[first::spacing] = data.draw(st.lists(strengths, min_size=kicks, max_size=kicks))
+    x, y = data.draw(coordinates), data.draw(coordinates)
+    xs, ys = kicked_orbit(kappa, x, y, 7)
+    alternated, x, y = symmetries.alternate_spaced(kappa, x, y, spacing)
+    signs = np.repeat((-1.0) ** np.arange(kicks), spacing)
+    np.testing.assert_array_equal(alternated, kappa * signs)
+    moved = xs + (np.arange(8) - (first if kappa.any() else 0)) / (2 * spacing)
+    assert_orbits_agree(kicked_orbit(alternated, x, y, 7), (moved, ys + 1 / (2 * spacing)))
+
+
+@pytest.mark.parametrize(("kappa", "spacing"), [((0.3, 0, 0.2), 1), ((0.3, 0.1, -0.3, 0), 2)])
+def test_alternation_of_spaced_kicks_needs_an_even_number_and_no_others(kappa, spacing):
+    with pytest.raises(ValueError, match=rf"does not kick every {spacing}th site alone"):
+        symmetries.alternate_spaced(kappa, 0.0, 0.0, spacing)
+
+
+@settings(deadline=None)
 @given(case=cases())
 def test_shift(case):
     kappa, x, y, n = case
@@ -149,6 +176,80 @@ def test_rotation_number_of_the_swapped_map_needs_the_inverse_kick_in_ome5():
     assert omega(swapped, *kick(kappa1, X, Y)) == pytest.approx(w, abs=CIRCLE)
     as_printed = omega(swapped, *kick(kappa2, X, Y))
     assert abs(as_printed - w) > 1e-4
+
+
+@pytest.mark.parametrize(
+    ("kappa", "length"),
+    [
+        ((0.3, 0.2), 2),
+        ((0.3, 0.3), 1),
+        ((0.3, -0.3), 1),
+        ((0.3, 0.0), 2),
+        ((0.3, 0.2, -0.3, -0.2), 4),
+        ((0.3, 0.2, 0.3, 0.2), 2),
+        ((0.3, -0.2, 0.3, -0.2), 2),
+        ((0.3, 0.2, -0.3, 0.2), 4),
+        ((0.3, 0.0, -0.3, 0.0), 2),
+        ((0.0, 0.3, 0.0, -0.3), 2),
+        ((0.0, 0.0, 0.3, 0.0, 0.0, -0.3), 3),
+        ((0.3, 0.0, -0.2, 0.0, -0.3, 0.0, 0.2, 0.0), 8),
+        ((0.3, 0.0, -0.2, 0.0, 0.3, 0.0, -0.2, 0.0), 4),
+        ((0.3, 0.0, 0.0, 0.0, -0.3, 0.0, 0.0, 0.0), 4),
+        ((0.0, 0.0, 0.0, 0.3, 0.0, 0.0, 0.0, -0.3), 4),
+    ],
+)
+def test_the_shorter_forcing_has_the_same_orbits_and_its_omega(kappa, length):
+    (short,), zero = symmetries.shorten([kappa], rational(0))
+    assert short.size == length
+    assert (min(symmetries.distances_to_shorter(kappa), default=1) == 0) == (length < len(kappa))
+    x, y = np.array([0.13, 0.4]), np.array([0.31, 0.77])
+    long_x, long_y = symmetries.lengthen(kappa, x, y)
+    ratio = len(kappa) // length
+    xs, ys = orbit(short, x, y, 3 * ratio)
+    # ω of the short one is that of the long one, over their ratio, and `zero` more.
+    (*_, turns) = convergents(zero)
+    gained = np.arange(4) * ratio * float(turns)
+    moved_x, moved_y = xs[::ratio] + (long_x - x), ys[::ratio] + (long_y - y)
+    found_x, found_y = orbit(kappa, long_x, long_y, 3)
+    assert_allclose(found_y, moved_y, rtol=0, atol=1e-12)
+    assert_allclose(found_x, moved_x - gained[:, None], rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("kappa", "distance"),
+    [
+        ((2.0, -1.9), 0.05),
+        ((1.9, 2.0), 0.05),
+        ((1.0, 0.0), 1.0),
+        ((1.0, 0.9, 0.95), 0.1),
+        ((1.0, 0.0, -0.9, 0.0), 0.1),
+        ((1.0, 0.1, -0.95, -0.02), 0.1),
+        ((0.5, 1.0, 0.4, 0.9), 0.1),
+        ((0.5, -1.0, -0.4, 0.9), 0.5),
+    ],
+)
+def test_the_distance_to_a_shorter_forcing(kappa, distance):
+    for copy in (kappa, np.roll(kappa, 1), np.negative(kappa), np.array(kappa) * 1e-200):
+        assert min(symmetries.distances_to_shorter(copy)) == pytest.approx(distance)
+    assert symmetries.distances_to_shorter([kappa[0]]).size == 0
+
+
+def test_forcings_of_no_common_shorter_period_stay_as_they_are():
+    pair = [(0.3, 0.3), (0.3, -0.3)]
+    found, omega = symmetries.shorten(pair, parse("gamma"))
+    np.testing.assert_array_equal(found, pair)
+    assert omega == parse("gamma")
+    (start, profile), omega = symmetries.shorten([(0, 0.1, 0, -0.1), (0, 1, 0, -1)], parse("gamma"))
+    np.testing.assert_array_equal((start, profile), [(0, 0.1), (0, 1)])
+    assert omega == parse("(gamma+1)/2")
+
+
+@pytest.mark.parametrize("kappa", [(0.3, 0.2), (0.3, -0.3), (0.1, 0.2, 0.3)])
+def test_omega_is_that_of_the_circle_between_y_0_and_1(kappa):
+    near, far = (symmetries.shorten([kappa], parse(f"[{n};3,(1)]")) for n in (1, 1 + 6 * 10**20))
+    np.testing.assert_array_equal(near[0], far[0])
+    assert near[1] == far[1]
+    assert 0 <= float(far[1]) <= len(far[0][0])
 
 
 def to_the_wedge(kappa, x, y):

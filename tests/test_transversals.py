@@ -126,6 +126,25 @@ def test_bad_arguments_are_named(arguments, message):
 
 
 @pytest.mark.parametrize(
+    ("bad", "message"),
+    [
+        ({"kappa": (np.nan, 1.0)}, r"kappa=.*nan.* is not finite"),
+        ({"transversal": Transversal(2, 0.5, (0.0,))}, "site=2 must be a whole number from 0 to 1"),
+        ({"transversal": Transversal(0.5, 0.5, (0.0,))}, r"site=0\.5 must be a whole number"),
+        ({"transversal": Transversal(0, 0.5, (0.1, np.nan))}, "Transversal.*nan.* is not finite"),
+        ({"transversal": Transversal(0, np.inf, ())}, "Transversal.*inf.* is not finite"),
+        ({"n_kicks": 0}, "n_kicks=0 must be a whole number from 1"),
+        ({"n_kicks": 1.5}, r"n_kicks=1\.5 must be a whole number from 1"),
+    ],
+)
+def test_a_search_with_bad_arguments_finds_no_survivor(bad, message):
+    good = {"kappa": (1.2, 1.0), "transversal": Transversal(0, 0.5, (0.0,)), "n_kicks": 10}
+    assert np.isfinite(longest_lived(**good | {"n_kicks": 200})[1])
+    with pytest.raises(ValueError, match=message):
+        longest_lived(**good | bad)
+
+
+@pytest.mark.parametrize(
     ("profile", "n_max", "message"),
     [
         ((0.0, 0.0, 0.0), 100, "profile is zero"),

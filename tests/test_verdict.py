@@ -60,7 +60,18 @@ def test_points_that_a_symmetry_joins_get_the_same_verdict(point):
     np.testing.assert_allclose([v.boundary.value for v in found], found[0].boundary.value, 1e-8)
 
 
-@pytest.mark.parametrize("kappa", [(0.3, 0.4), (0.6, 0.6), (0.6, -0.6), (-0.6, 0.6), (0.3,)])
+@pytest.mark.parametrize(
+    "kappa",
+    [
+        (0.3, 0.4),
+        (0.6, 0.6),
+        (0.6, -0.6),
+        (-0.6, 0.6),
+        (0.3,),
+        (0.4, 0, -0.4, 0),
+        (0, 0.4, 0, -0.4),
+    ],
+)
 def test_the_circle_has_the_rotation_number_of_the_verdict(kappa):
     found = verdict(kappa)
     x, y = found.circle
@@ -71,6 +82,17 @@ def test_the_circle_has_the_rotation_number_of_the_verdict(kappa):
 def test_no_kicks_leave_every_circle():
     found = verdict((0.0, 0.0))
     assert (found.answer, found.evidence) == (Answer.BARRIER, Evidence.INTEGRABLE)
+
+
+@pytest.mark.parametrize("size", [1e-300, 1e-310, 5e-324])
+def test_the_weakest_kicks_leave_a_circle_and_no_infinite_boundary(size):
+    found = verdict((size, 0.0))
+    assert (found.answer, found.evidence) == (Answer.BARRIER, Evidence.CIRCLE)
+    if size == 1e-300:
+        exact = verdict((0.25, 0.0)).boundary.value * 0.25
+        assert found.boundary.value * size == pytest.approx(exact, rel=1e-12)
+    else:
+        assert found.boundary == no_answer(found.boundary.omega, Status.NO_BREAKUP)
 
 
 @pytest.mark.parametrize("kappa", [(2.0, 0.0), (0.1, -3.0), (MAX_STRENGTH, -MAX_STRENGTH)])
