@@ -363,17 +363,23 @@ def _put_group(place, cube, files):
 
 def _gather(place, name):
     """Consolidate, if need be: a driver may have died before it did."""
-    if not is_gathered(place, name):
+    own, copies = metadata(place, name)
+    if copies != own:
         consolidate(place)
 
 
-def is_gathered(place, name):
-    """Whether the root, which xarray reads, has the metadata of an intact cube as they are."""
-    own, copies = _own(place, name), _at_the_root(place)
+def metadata(place, name):
+    """The metadata of an intact cube and of its arrays, by name, and what the root has of these.
+
+    Xarray reads the copies at the root; of a cube that is being made there are none.
+    """
+    own = _own(place, name)
     arrays = own["consolidated_metadata"]["metadata"]
-    return copies.get(name, {}).get("attributes") == own["attributes"] and all(
-        copies.get(f"{name}/{key}") == array for key, array in arrays.items()
-    )
+    own = {name: own["attributes"], **{f"{name}/{key}": array for key, array in arrays.items()}}
+    copies = {key: copy for key, copy in _at_the_root(place).items() if key in own}
+    if name in copies:
+        copies[name] = copies[name].get("attributes")
+    return own, copies
 
 
 def _at_the_root(place):

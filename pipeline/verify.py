@@ -13,7 +13,7 @@ from pipeline import store
 from pipeline.faults import StoreError
 from pipeline.layout import STORE, is_sound
 from pipeline.seal import is_intact
-from pipeline.store import consolidate, is_gathered, place_of, refuse_foreign, stored, tiles_with
+from pipeline.store import consolidate, metadata, place_of, refuse_foreign, stored, tiles_with
 
 _AT_ONCE = 1024  # tiles that are looked at together
 
@@ -49,7 +49,9 @@ def verify(out, name, tiles):
     if not is_intact(place, f"{STORE}/{name}", layout.tiled if layout else ()):
         yield (), "its metadata or coordinates" if layout else "its metadata or numbers"
         return
-    yield (), None if is_gathered(place, name) else "the copy of its metadata at the root"
+    own, copies = metadata(place, name)
+    misleading = any(own[key] != copy for key, copy in copies.items())
+    yield (), "the copy of its metadata at the root" if misleading else None
     with ThreadPoolExecutor(8) as pool:  # an object store takes its time for each
         for i in range(0, len(tiles), _AT_ONCE):
             some = [tuple(index) for index in tiles[i : i + _AT_ONCE].tolist()]

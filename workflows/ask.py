@@ -4,7 +4,6 @@ The verdict of `nasm.verdict` in plain sentences, and a phase portrait with what
 circle, or an orbit that escapes. One forcing, no sweep.
 """
 
-import sys
 import time
 
 import click
@@ -99,18 +98,11 @@ def _distance(boundary):
     """Where the last circle breaks on the ray, in multiples of the strengths asked about."""
     from math import isfinite
 
-    from nasm.critical import Status
-
     lines = []
     if isfinite(boundary.value):
         lines.append(
             f"It breaks at {boundary.value:.12g} times these strengths, ±{boundary.error:.1g}, by "
             "Greene's residue (a criterion, not a proof)."
-        )
-    elif boundary.status is Status.OK:  # too many times strengths next to nothing for a number
-        lines.append(
-            f"It breaks at more than {sys.float_info.max:.2g} times these strengths, by Greene's "
-            "residue (a criterion, not a proof)."
         )
     else:
         lines.append(f"Where the last one breaks on the ray is not known: {boundary.status.value}.")
