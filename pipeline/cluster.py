@@ -20,6 +20,7 @@ from distributed.comm import CommClosedError
 from distributed.security import Security
 
 from pipeline.admission import ClusterError, comparing
+from pipeline.faults import NO_SCHEDULER
 
 QUIET = {
     # A task that was with a worker when it died is suspect at once, not after it killed three
@@ -166,9 +167,14 @@ def _remote(address, tls):
             "or leave the address out to compute on this machine"
         ) from None
     with client:
-        if not client.scheduler_info(n_workers=-1)["workers"]:
-            raise ClusterError(f"the scheduler at {address} has no workers; start `dask worker`s")
-        yield client
+        try:
+            if not client.scheduler_info(n_workers=-1)["workers"]:
+                raise ClusterError(
+                    f"the scheduler at {address} has no workers; start `dask worker`s"
+                )
+            yield client
+        except CommClosedError:
+            raise ConnectionError(NO_SCHEDULER) from None
 
 
 def _security(address, tls):

@@ -1,4 +1,6 @@
-"""What can go wrong with a store, in words for the one who runs the program."""
+"""What can go wrong with a store or a cluster, in words for the one who runs the program."""
+
+NO_SCHEDULER = "the dask scheduler is gone; run again to resume"
 
 
 class StoreError(Exception):

@@ -31,7 +31,7 @@ from distributed import KilledWorker
 from distributed.comm import CommClosedError
 
 from pipeline import store
-from pipeline.faults import StorageError, reason_of
+from pipeline.faults import NO_SCHEDULER, StorageError, reason_of
 from pipeline.grid import tile_counts, tile_slices
 from pipeline.progress import Progress
 
@@ -44,7 +44,6 @@ _UNKNOWN_COST = 1.0  # CPU seconds, where the probe failed
 _PATIENCE = 30  # seconds without any worker, after which the sweep gives up
 _REPORT = 5  # seconds to fetch the report of a batch that has ended
 _ATTEMPTS_ALONE = 2  # worker deaths that condemn a tile: one may be somebody else's doing
-_NO_SCHEDULER = "the dask scheduler is gone; run again to resume"
 
 
 @dataclass(frozen=True)
@@ -189,7 +188,7 @@ def _ended(client, submit, batches, most=inf):
             future.add_done_callback(done.put)
             continue
         except (CancelledError, CommClosedError):
-            raise ConnectionError(_NO_SCHEDULER) from None
+            raise ConnectionError(NO_SCHEDULER) from None
         except Exception as exception:
             failure = exception
         future.release()
@@ -210,7 +209,7 @@ class _Crew:
             try:
                 self.workers = len(self.client.nthreads())
             except OSError:
-                raise ConnectionError(_NO_SCHEDULER) from None
+                raise ConnectionError(NO_SCHEDULER) from None
             self.counted = now
             if self.workers:
                 self.alive = now
