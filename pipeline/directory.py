@@ -42,12 +42,12 @@ class Directory:
 
     def names(self, key=""):
         """Names of what others have put there, or we before; empty if there is no directory."""
-        if not os.path.exists(self.root):
-            return set()
-        if not os.path.isdir(self.root):
+        if os.path.exists(self.root) and not os.path.isdir(self.root):
             raise StoreError(f"{self} is a file; --out must be a directory")
         try:
             return set(os.listdir(f"{self.root}/{key}")) - {_ASIDE, _LOCK}
+        except FileNotFoundError:
+            return set()
         except OSError as error:
             raise StoreError(
                 f"cannot read {self}: {error.strerror}; choose another --out"
@@ -205,11 +205,11 @@ class Directory:
         """Others' errors as they read here, in words: the operating system's are in words."""
         return nullcontext()
 
-    def zarr_store(self, key, read_only=True):
-        """What zarr reads and writes there."""
+    def zarr_store(self, key):
+        """What zarr reads there."""
         from zarr.storage import LocalStore
 
-        return LocalStore(f"{self.root}/{key}", read_only=read_only)
+        return LocalStore(f"{self.root}/{key}", read_only=True)
 
     def _aside(self):
         return f"{self.root}/{_ASIDE}/{uuid4().hex}"

@@ -141,11 +141,11 @@ class Objects:
             with self.explained():
                 obstore.delete(self._store, keys)
 
-    def zarr_store(self, key, read_only=True):
-        """What zarr reads and writes there."""
+    def zarr_store(self, key):
+        """What zarr reads there."""
         from zarr.storage import ObjectStore
 
-        return ObjectStore(_opened(f"{self.url.rstrip('/')}/{key}"), read_only=read_only)
+        return ObjectStore(_opened(f"{self.url.rstrip('/')}/{key}"), read_only=True)
 
     @contextmanager
     def explained(self):

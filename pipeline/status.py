@@ -14,7 +14,8 @@ import numpy as np
 
 from pipeline.faults import LONGEST_REASON, in_one_line
 from pipeline.layout import FAILURE, STORE, is_sound
-from pipeline.store import place_of, stored
+from pipeline.metadata import stored
+from pipeline.store import place_of
 
 RECENT = 300
 """Seconds before the last commit over which the rate is taken."""

@@ -18,28 +18,20 @@ chunks of a tile, this 0.2 ms. All else goes through xarray and zarr.
 """
 
 import os
-import re
-import warnings
 from contextlib import contextmanager, suppress
 from math import prod
 
-import dask.array
 import numpy as np
 import xarray as xr
-import zarr
-from zarr.codecs import Crc32cCodec, ZstdCodec
-from zarr.storage import MemoryStore
 
+from pipeline import metadata
 from pipeline.directory import Directory
 from pipeline.faults import StorageError, StoreError
 from pipeline.grid import MAX_TILES, tile_counts
-from pipeline.layout import COMMIT, STORE, layout_of, stored_layout
+from pipeline.layout import STORE, layout_of
 from pipeline.provenance import computed_by, provenance
 from pipeline.schema import FORMAT
-from pipeline.seal import is_intact, parsed, sealed
-
-_ROOT = f"{STORE}/zarr.json"
-_NAME = re.compile(r"\w+", re.ASCII)
+from pipeline.seal import is_intact
 
 
 def place_of(out):
@@ -83,11 +75,8 @@ def driving(out):
     refuse_foreign(out)
     place = place_of(out)
     with place.held():
-        if parsed(place.read(_ROOT)) is None:
-            files = {}
-            zarr.create_group(MemoryStore(files), attributes={"format": FORMAT}, zarr_format=3)
-            place.put_files(STORE, _bytes(files))
-            consolidate(place)
+        if not metadata.has_root(place):
+            metadata.put_root(place)
         yield
 
 
@@ -104,28 +93,12 @@ def refuse_foreign(out):
         raise StoreError(
             f"{place} holds other files and no {STORE}; choose a new or empty --out or --store"
         )
-    written_as = _format(place)
+    written_as = metadata.format_of(place)
     if written_as != FORMAT:
         raise StoreError(
             f"{place}/{STORE} is a store of version {written_as!r}, this program writes "
             f"{FORMAT!r}; choose another --out or --store"
         )
-
-
-def _format(place):
-    """What the root says, or if that is damaged, any of the cubes."""
-    written = [parsed(place.read(_ROOT))]
-    if written == [None]:
-        written = [{"attributes": _attributes(place, name)} for name in names(place)]
-    for found in written:
-        with suppress(KeyError, TypeError):
-            return found["attributes"]["format"]
-    return None
-
-
-def names(place):
-    """Names of the cubes in the store, by their folders; of others' folders they are no names."""
-    return sorted(name for name in place.names(STORE) if _NAME.fullmatch(name))
 
 
 def refuse_different(out, cube):
@@ -140,10 +113,10 @@ def refuse_different(out, cube):
             f"{cube.name} would have {' × '.join(map(str, counts.values()))} tiles, more than "
             f"{MAX_TILES}; choose larger tiles, or fewer cells"
         )
-    attributes = _attributes(place, cube.name)
+    attributes = metadata.attributes(place, cube.name)
     if attributes is None:
-        if _has_files(place, cube.name):
-            raise _no_metadata(place, cube.name)
+        if metadata.has_files(place, cube.name):
+            raise metadata.lost(place, cube.name)
         return None
     if attributes.get("config_hash") == cube.config_hash:
         return attributes
@@ -153,7 +126,7 @@ def refuse_different(out, cube):
         if attributes.get(key) != value
     ]
     if not differences:
-        found, _ = stored(place, cube.name)
+        found, _ = metadata.stored(place, cube.name)
         differences = [
             f"the values of {dim} differ"
             for dim, coordinate in cube.template.coords.items()
@@ -169,7 +142,7 @@ def refuse_different(out, cube):
 def refuse_other_mathematics(out, cube):
     """StoreError if the tiles that are there were computed by other code: none are mixed."""
     place = place_of(out)
-    theirs, ours = _attributes(place, cube.name).get("computed_by"), computed_by()
+    theirs, ours = metadata.attributes(place, cube.name).get("computed_by"), computed_by()
     if theirs != ours:
         raise StoreError(
             f"{place}/{STORE}/{cube.name} was computed by {theirs}; this is {ours}. Resume it with "
@@ -186,12 +159,12 @@ def create(out, cube):
     layout = layout_of(place_of(out), cube)
     place, attributes = layout.place, refuse_different(out, cube)
     if attributes is None:
-        _put_group(place, cube, _empty(layout, cube, provenance()))
+        metadata.put_group(place, cube, metadata.empty_files(layout, cube, provenance()))
     elif not is_intact(place, f"{STORE}/{cube.name}", layout.tiled):
         # Who computed the tiles that are there is told nowhere else.
         kept = {key: attributes[key] for key in provenance() if key in attributes}
-        place.put_files(f"{STORE}/{cube.name}", _empty(layout, cube, kept))
-    _gather(place, cube.name)
+        place.put_files(f"{STORE}/{cube.name}", metadata.empty_files(layout, cube, kept))
+    metadata.gather(place, cube.name)
     return layout
 
 
@@ -202,12 +175,10 @@ def replace(out, cube):
     """
     place, attributes = place_of(out), refuse_different(out, cube)
     if attributes is not None and is_intact(place, f"{STORE}/{cube.name}", ()):
-        _gather(place, cube.name)
+        metadata.gather(place, cube.name)
         if read(out, cube.name).equals(cube.template):
             return
-    compressed = {"compressors": (ZstdCodec(), Crc32cCodec())}
-    encoding = dict.fromkeys(cube.template.variables, compressed)
-    _put_group(place, cube, _files(cube, cube.template, encoding, True, provenance()))
+    metadata.put_group(place, cube, metadata.whole_files(cube, provenance()))
 
 
 def missing(layout):
@@ -266,144 +237,3 @@ def read(out, name):
     # Version 3 alone: what others wrote as version 2 may name codecs that run what they decode.
     store = place_of(out).zarr_store(STORE)
     return xr.open_zarr(store, group=name, chunks=None, zarr_format=3)
-
-
-def stored(place, name):
-    """The cube's group as zarr has it, and its Layout, None if it is no sweep's.
-
-    StoreError if its metadata are damaged.
-    """
-    try:
-        group = zarr.open_group(place.zarr_store(STORE), path=name, mode="r", zarr_format=3)
-        return group, stored_layout(place, name, group)
-    except (AttributeError, FileNotFoundError, KeyError, RecursionError, TypeError, ValueError):
-        raise _no_metadata(place, name) from None
-
-
-def _attributes(place, name):
-    """Those of the cube's group, or if its metadata are damaged, of their copy at the root.
-
-    None if neither has any of ours.
-    """
-    for of_the_group in (_own, _copy):
-        with suppress(KeyError, TypeError):
-            attributes = of_the_group(place, name)["attributes"]
-            if "config_hash" in attributes:
-                return attributes
-    return None
-
-
-def _own(place, name):
-    return parsed(place.read(f"{STORE}/{name}/zarr.json"))
-
-
-def _copy(place, name):
-    return _at_the_root(place)[name] if _has_files(place, name) else None
-
-
-def _has_files(place, name):
-    """Whether something is there under the cube's name.
-
-    But where groups do not appear whole, a driver may have died while it made one without tiles.
-    """
-    whole = f"{STORE}/{name}" if place.groups_appear_whole else f"{STORE}/{name}/{COMMIT}/c"
-    return any(place.sizes(whole))
-
-
-def _no_metadata(place, name):
-    return StoreError(
-        f"the metadata of {place}/{STORE}/{name} are damaged; delete it, or choose another --out "
-        "or --store"
-    )
-
-
-def _with_commit_records(cube):
-    counts = tile_counts(cube.sizes, cube.tile)
-    records = dask.array.full(tuple(counts.values()), np.nan, dtype="float64", chunks=-1)
-    attrs = {
-        "long_name": "CPU time of the tile",
-        "units": "s",
-        "comment": "written last: the tile is complete if this is not NaN",
-    }
-    tiled = {f"tile_{dim}": length for dim, length in cube.tile.items()}
-    attrs |= {"cells_per_tile": list(tiled.values())}
-    return cube.template.assign({COMMIT: (tuple(tiled), records, attrs)})
-
-
-def _empty(layout, cube, computed):
-    """The files of the cube's group before any tile is there."""
-    dataset = _with_commit_records(cube)
-    checked = {"compressors": (Crc32cCodec(),), "filters": None}
-    encoding = dict.fromkeys(dataset.variables, checked)
-    for variable in (*layout.variables, layout.record):
-        encoding[variable.name] = {"chunks": variable.chunk_shape, **checked}
-    return _files(cube, dataset, encoding, False, computed)
-
-
-def _files(cube, dataset, encoding, compute, computed):
-    """{key in the group: bytes} of the dataset as the group of `cube`, and who computed it."""
-    attrs = {"format": FORMAT, "config_hash": cube.config_hash, **cube.settings, **computed}
-    files = {}
-    with _consolidated_quietly():
-        dataset.assign_attrs(attrs).to_zarr(
-            MemoryStore(files),
-            compute=compute,
-            encoding=encoding,
-            zarr_format=3,
-            consolidated=True,
-            write_empty_chunks=True,
-        )
-    return sealed(_bytes(files))
-
-
-def _put_group(place, cube, files):
-    place.put_group(f"{STORE}/{cube.name}", files)
-    consolidate(place)
-
-
-def _gather(place, name):
-    """Consolidate, if need be: a driver may have died before it did."""
-    own, copies = metadata(place, name)
-    if copies != own:
-        consolidate(place)
-
-
-def metadata(place, name):
-    """The metadata of an intact cube and of its arrays, by name, and what the root has of these.
-
-    Xarray reads the copies at the root; of a cube that is being made there are none.
-    """
-    own = _own(place, name)
-    arrays = own["consolidated_metadata"]["metadata"]
-    own = {name: own["attributes"], **{f"{name}/{key}": array for key, array in arrays.items()}}
-    copies = {key: copy for key, copy in _at_the_root(place).items() if key in own}
-    if name in copies:
-        copies[name] = copies[name].get("attributes")
-    return own, copies
-
-
-def _at_the_root(place):
-    """{name of a cube, or cube/array: its metadata}, the copy that xarray reads."""
-    try:
-        return parsed(place.read(_ROOT))["consolidated_metadata"]["metadata"]
-    except (KeyError, TypeError):
-        return {}
-
-
-def consolidate(place):
-    """Gather the metadata of all cubes at the root, for `xr.open_datatree`."""
-    with _consolidated_quietly():
-        zarr.consolidate_metadata(place.zarr_store(STORE, read_only=False))
-
-
-def _bytes(files):
-    return {key: buffer.to_bytes() for key, buffer in files.items()}
-
-
-@contextmanager
-def _consolidated_quietly():
-    """Zarr v3 has no standard for consolidated metadata yet; xarray reads it, and reading a store
-    without it costs the user a warning."""
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message="Consolidated metadata")
-        yield

@@ -9,11 +9,11 @@ from functools import partial
 
 import numpy as np
 
-from pipeline import store
+from pipeline import metadata
 from pipeline.faults import StoreError
 from pipeline.layout import STORE, is_sound
 from pipeline.seal import is_intact
-from pipeline.store import consolidate, metadata, place_of, refuse_foreign, stored, tiles_with
+from pipeline.store import place_of, refuse_foreign, tiles_with
 
 _AT_ONCE = 1024  # tiles that are looked at together
 
@@ -24,7 +24,7 @@ def names(out):
     place = place_of(out)
     if STORE not in place.names():
         raise StoreError(f"{out} holds no {STORE}; give the --out or --store of a run")
-    return store.names(place)
+    return metadata.names(place)
 
 
 def committed(out, name):
@@ -32,7 +32,7 @@ def committed(out, name):
 
     A cube that is no sweep's has no tiles. StoreError if its metadata are damaged, here and below.
     """
-    _, layout = stored(place_of(out), name)
+    _, layout = metadata.stored(place_of(out), name)
     if not layout:
         return np.empty((0, 0), dtype=int)
     return np.argwhere(tiles_with(layout, layout.record))
@@ -45,11 +45,11 @@ def verify(out, name, tiles):
     By metadata that are damaged no tile can be judged, and none is.
     """
     place = place_of(out)
-    _, layout = stored(place, name)
+    _, layout = metadata.stored(place, name)
     if not is_intact(place, f"{STORE}/{name}", layout.tiled if layout else ()):
         yield (), "its metadata or coordinates" if layout else "its metadata or numbers"
         return
-    own, copies = metadata(place, name)
+    own, copies = metadata.with_copies(place, name)
     misleading = any(own[key] != copy for key, copy in copies.items())
     yield (), "the copy of its metadata at the root" if misleading else None
     with ThreadPoolExecutor(8) as pool:  # an object store takes its time for each
@@ -61,14 +61,14 @@ def verify(out, name, tiles):
 def free(out, name, index):
     """Make a tile missing; or, for (), the cube, but not a sweep's: its next run mends it."""
     place = place_of(out)
-    _, layout = stored(place, name)
+    _, layout = metadata.stored(place, name)
     if layout and index:
         place.delete([layout.key(layout.record, index)])
         chunks = [layout.key(variable, index) for variable in layout.variables]
         place.delete([*chunks, layout.failure_key(index)])
     elif not layout:
         place.delete_group(f"{STORE}/{name}")
-        consolidate(place)
+        metadata.consolidate(place)
 
 
 def _damaged_tile(layout, index):

@@ -42,10 +42,11 @@ import pipeline.tasks  # noqa: F401 (imported once, before processes are forked)
 import workflows.verify
 from pipeline import lease, objects, status, store, verify
 from pipeline.grid import tile_indices
+from pipeline.layout import COMMIT
 from workflows.cli import Job, carry_out, cluster_options, session, store_option
 
 ROWS = COLUMNS = 8
-VARIABLES = ("wave", "sign", store.COMMIT)
+VARIABLES = ("wave", "sign", COMMIT)
 LEASE = 2  # seconds
 ENDS_WITHIN = 60  # seconds for one run; a driver that takes longer hangs
 
@@ -97,11 +98,11 @@ def _chunks(out, index):
     return {
         "wave": group / "wave" / "c" / "0" / row / column,
         "sign": group / "sign" / "c" / row / column,
-        store.COMMIT: group / store.COMMIT / "c" / row / column,
+        COMMIT: group / COMMIT / "c" / row / column,
     }
 
 
-_BYTES = {"wave": 2 * 8 + 4, "sign": 1 + 4, store.COMMIT: 8 + 4}
+_BYTES = {"wave": 2 * 8 + 4, "sign": 1 + 4, COMMIT: 8 + 4}
 
 
 def _is_there(out, index):
@@ -750,7 +751,7 @@ class Stage:
         """Nothing that was committed is lost or other than it was; all of it is right."""
         now = {}
         for index in self.committed():
-            record = _chunks(self.out, index)[store.COMMIT]
+            record = _chunks(self.out, index)[COMMIT]
             now[index] = record.stat().st_ino, record.read_bytes()
         damaged = {index for index, (path, data) in self.corrupted.items() if _read(path) == data}
         lost = self.seen.keys() - now.keys() - self.corrupted.keys()

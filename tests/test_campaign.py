@@ -24,6 +24,7 @@ from test_objects import assert_complete, bare, environment, serving
 
 from pipeline import store
 from pipeline.cluster import connect
+from pipeline.layout import COMMIT
 from pipeline.sweep import sweep
 from workflows.cli import cluster_options
 
@@ -129,7 +130,7 @@ class Wire:
 
 def records(url):
     """{commit record: its bytes and its time}."""
-    shop = bare(f"{url}/cubes.zarr/toy/{store.COMMIT}/c")
+    shop = bare(f"{url}/cubes.zarr/toy/{COMMIT}/c")
     listed = [entry for page in shop.list() for entry in page]
     return {
         entry["path"]: (bytes(shop.get(entry["path"]).bytes()), entry["last_modified"])

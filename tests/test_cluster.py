@@ -28,6 +28,7 @@ from distributed.security import Security
 from pipeline import store
 from pipeline.admission import ClusterError, sharing
 from pipeline.cluster import connect
+from pipeline.layout import COMMIT
 from pipeline.sweep import sweep
 from workflows import last_barrier
 from workflows.cli import session
@@ -46,6 +47,7 @@ OTHER_DISK = """
 from pipeline.directory import Directory
 Directory.read = lambda directory, key: None
 from pipeline import admission
+from pipeline.layout import COMMIT
 admission._SIGHT = 0
 """
 
@@ -118,7 +120,7 @@ def run(client, out, plan):
 
 
 def commit_times(out):
-    records = (out / store.STORE / "toy" / store.COMMIT / "c").glob("*/*")
+    records = (out / store.STORE / "toy" / COMMIT / "c").glob("*/*")
     return {path: path.stat().st_mtime_ns for path in records}
 
 

@@ -1,5 +1,6 @@
 """Disks that fill up, files that vanish or change, names and stores that nobody expects."""
 
+import dataclasses
 import errno
 import json
 import os
@@ -21,6 +22,7 @@ from zarr.errors import UnknownCodecError
 import workflows.verify
 from pipeline import store, verify
 from pipeline.faults import StorageError
+from pipeline.layout import COMMIT
 from workflows.cli import driver
 
 
@@ -137,9 +139,9 @@ def damage(out):
     chunk(out, "wave", 0, 1, 2).write_bytes(data)
     chunk(out, "wave", 0, 0, 0).write_bytes(data[:-9])
     chunk(out, "sign", 3, 4).unlink()
-    record = bytearray(chunk(out, store.COMMIT, 2, 2).read_bytes())
+    record = bytearray(chunk(out, COMMIT, 2, 2).read_bytes())
     record[0] ^= 128
-    chunk(out, store.COMMIT, 2, 2).write_bytes(record)
+    chunk(out, COMMIT, 2, 2).write_bytes(record)
     return {(1, 2), (0, 0), (3, 4), (2, 2)}
 
 
@@ -245,11 +247,11 @@ def test_damaged_metadata_are_found_cost_no_tile_and_are_written_anew(client, tm
     assert invoke(tmp_path).exit_code == 0
     cube = xr.open_zarr(tmp_path / store.STORE, group="toy")
     assert cube.attrs["depth"] == 3
-    assert cube.drop_vars(store.COMMIT).equals(reference(plan))
+    assert cube.drop_vars(COMMIT).equals(reference(plan))
 
 
 def commits(out):
-    records = (out / "cubes.zarr/toy" / store.COMMIT / "c").rglob("*")
+    records = (out / "cubes.zarr/toy" / COMMIT / "c").rglob("*")
     return {path: path.read_bytes() for path in records if path.is_file()}
 
 
@@ -258,6 +260,21 @@ def reference(plan):
     return plan.template.assign(
         {name: (variable.dims, serial[name]) for name, variable in plan.template.data_vars.items()}
     )
+
+
+@pytest.mark.parametrize("file", ["zarr.json", "wave/zarr.json", "row/zarr.json"])
+@pytest.mark.parametrize("lost", [b"", b"{", b"[]", b'{"zarr_format": 3}'])
+def test_a_cube_with_damaged_metadata_is_in_no_others_way(tmp_path, file, lost):
+    other = dataclasses.replace(toy.cube(), name="zoo")
+    with store.driving(tmp_path):
+        store.create(tmp_path, toy.cube())
+        (tmp_path / "cubes.zarr/toy" / file).write_bytes(lost)
+        layout = store.create(tmp_path, other)
+        store.commit(layout, (0, 0), toy.ones((0, 0)), 0.5)
+    assert float(store.read(tmp_path, "zoo").wave[0, 0, 0]) == 1.0
+    result = invoke(tmp_path)
+    assert result.exit_code == 1
+    assert "zoo: 1 tiles, 0 damaged" in result.output
 
 
 def test_a_copy_of_the_metadata_that_differs_is_gathered_anew(client, tmp_path):
@@ -332,7 +349,7 @@ def test_tiles_without_metadata_are_an_error_and_are_kept(client, tmp_path):
     with pytest.raises(store.StoreError, match=r"metadata of .* are damaged"):
         toy.watched_sweep(client, tmp_path, plan)
     assert chunk(tmp_path, "wave", 0, 1, 2).exists()
-    shutil.rmtree(tmp_path / store.STORE / "toy" / store.COMMIT)
+    shutil.rmtree(tmp_path / store.STORE / "toy" / COMMIT)
     with pytest.raises(store.StoreError, match=r"metadata of .* are damaged"):
         toy.watched_sweep(client, tmp_path, plan)
     assert chunk(tmp_path, "wave", 0, 1, 2).exists()

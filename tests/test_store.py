@@ -1,4 +1,5 @@
 import dataclasses
+import json
 import os
 import warnings
 
@@ -8,7 +9,7 @@ import toy
 import xarray as xr
 import zarr
 
-from pipeline import store
+from pipeline import metadata, store
 from pipeline.grid import tile_indices, tile_slices
 
 
@@ -50,6 +51,18 @@ def test_a_plain_xarray_opens_the_store_without_a_warning(tmp_path):
     assert tree["toy"].wave.attrs["units"] == "1"
 
 
+def test_metadata_are_gathered_as_zarr_does(tmp_path):
+    with store.driving(tmp_path):
+        commit_all(tmp_path, toy.cube(depth=3))
+        store.replace(tmp_path, dataclasses.replace(toy.cube(), name="other"))
+    root = tmp_path / store.STORE / "zarr.json"
+    ours = json.loads(root.read_bytes())
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        zarr.consolidate_metadata(tmp_path / store.STORE)
+    assert json.loads(root.read_bytes()) == ours
+
+
 @pytest.mark.parametrize("write", [store.create, store.replace])
 def test_metadata_that_a_killed_driver_did_not_gather_are_gathered_by_the_next(
     tmp_path, monkeypatch, write
@@ -58,7 +71,7 @@ def test_metadata_that_a_killed_driver_did_not_gather_are_gathered_by_the_next(
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(store, "consolidate", die)
+        patch.setattr(metadata, "consolidate", die)
         with pytest.raises(KeyboardInterrupt), store.driving(tmp_path):
             write(tmp_path, toy.cube())
     with store.driving(tmp_path):

@@ -21,7 +21,7 @@ import toy
 
 from pipeline import provenance, store
 from pipeline.cluster import ClusterError, connect
-from pipeline.layout import Variable
+from pipeline.layout import COMMIT, Variable
 from pipeline.progress import Progress
 from pipeline.status import state
 from pipeline.sweep import _ended, _pack, sweep
@@ -228,7 +228,7 @@ def test_a_sweep_without_workers_gives_up_and_says_so(tmp_path, monkeypatch):
 
 
 def commit_times(out):
-    records = (out / store.STORE / "toy" / store.COMMIT / "c").rglob("*")
+    records = (out / store.STORE / "toy" / COMMIT / "c").rglob("*")
     return {path: path.stat().st_mtime_ns for path in records if path.is_file()}
 
 

@@ -23,6 +23,7 @@ from nasm.maps import rotating_forcing
 from nasm.numbers import parse
 from nasm.verdict import Answer, verdict
 from pipeline import store
+from pipeline.layout import COMMIT
 from workflows import (
     circle_boundaries,
     critical_boundary,
@@ -178,7 +179,7 @@ def test_a_second_run_computes_nothing_and_says_the_same(dense):
 
 
 def commit_times(out):
-    records = (out / "cubes.zarr/escape" / store.COMMIT).rglob("*")
+    records = (out / "cubes.zarr/escape" / COMMIT).rglob("*")
     return {path: path.stat().st_mtime_ns for path in records}
 
 
