@@ -11,7 +11,7 @@ import numpy as np
 
 from pipeline import metadata
 from pipeline.faults import StoreError
-from pipeline.layout import STORE, is_sound
+from pipeline.layout import COMMIT, STORE, is_sound
 from pipeline.seal import is_intact
 from pipeline.store import place_of, refuse_foreign, tiles_with
 
@@ -66,7 +66,7 @@ def free(out, name, index):
         place.delete([layout.key(layout.record, index)])
         chunks = [layout.key(variable, index) for variable in layout.variables]
         place.delete([*chunks, layout.failure_key(index)])
-    elif not layout:
+    elif not layout and not any(place.sizes(f"{STORE}/{name}/{COMMIT}")):
         place.delete_group(f"{STORE}/{name}")
         metadata.consolidate(place)
 
