@@ -121,11 +121,18 @@ def compute_oddly(coords, settings):
     return tile
 
 
+@pytest.fixture(scope="module")
+def here():
+    """Workers in this process, for functions that no other can import."""
+    with toy.workers_here() as client:
+        yield client
+
+
 @pytest.mark.parametrize("odd", ODD)
-def test_a_tile_of_another_shape_or_an_odd_exception_fails_alone(tmp_path, odd):
-    with toy.workers_here() as client, store.driving(tmp_path):
+def test_a_tile_of_another_shape_or_an_odd_exception_fails_alone(here, tmp_path, odd):
+    with store.driving(tmp_path):
         plan, report = toy.cube(odd=odd), io.StringIO()
-        outcome = sweep(client, tmp_path, plan, compute_oddly, toy.predict, report=report)
+        outcome = sweep(here, tmp_path, plan, compute_oddly, toy.predict, report=report)
     assert (outcome.committed, list(outcome.failed)) == (19, [(0, 0)])
     assert ODD[odd][1] in outcome.failed[0, 0]
     assert len(outcome.failed[0, 0]) <= 500
@@ -145,10 +152,10 @@ def test_numbers_that_do_not_fit_into_an_integer_are_refused(numbers, fits):
 
 
 @pytest.mark.parametrize("cost", ["a second", np.ones(2), None, np.nan, -1.0, np.inf])
-def test_an_odd_prediction_is_none(tmp_path, cost):
-    with toy.workers_here() as client, store.driving(tmp_path):
+def test_an_odd_prediction_is_none(here, tmp_path, cost):
+    with store.driving(tmp_path):
         report, plan = io.StringIO(), toy.cube()
-        sweep(client, tmp_path, plan, toy.compute, lambda *_: cost, report=report)
+        sweep(here, tmp_path, plan, toy.compute, lambda *_: cost, report=report)
     assert_complete(tmp_path, plan)
     assert "nan" not in report.getvalue()
 
