@@ -460,6 +460,7 @@ def move_store(stage, driver, choose):
         return False
     driver.wait(choose.uniform(0.05, 0.5))
     if made_anew := moved.exists():
+        stage.made_anew = True
         # It went before the driver had looked for it, which has begun another in its place.
         stage.applied.append(kill_driver)
         kill_driver(stage, driver, choose)
@@ -659,6 +660,7 @@ class Stage:
     n_drivers: int = 0
     seen: dict = field(default_factory=dict)  # {index: (inode, bytes) of its commit record}
     corrupted: dict = field(default_factory=dict)  # {index: (path, bytes that we left there)}
+    made_anew: bool = False
     begun: list = field(default_factory=list)  # names of tiles, as often as they were begun
     drivers: set = field(default_factory=set)  # pids of those that have begun
 
@@ -784,6 +786,8 @@ class Stage:
         """`verify` names what we damaged and nothing else; what it repairs is missing again."""
         found = dict(verify.verify(self.out, "toy", verify.committed(self.out, "toy")))
         named = {index for index, what in found.items() if what}
+        if self.made_anew:  # the root has the metadata of the other one, until the next run
+            named.discard(())
         self.report.false_verdicts += len(named ^ damaged)
         assert named == damaged, f"damaged: {damaged}, found: {named}"
         if damaged:
