@@ -166,8 +166,7 @@ def with_copies(place, name):
     Xarray reads the copies at the root; of a cube that is being made there are none.
     """
     own = _own(place, name)
-    arrays = own["consolidated_metadata"]["metadata"]
-    own = {name: own["attributes"], **{f"{name}/{key}": array for key, array in arrays.items()}}
+    own = {name: own["attributes"], **_arrays(name, own)}
     copies = {key: copy for key, copy in _at_the_root(place).items() if key in own}
     if name in copies:
         copies[name] = copies[name].get("attributes")
@@ -195,13 +194,18 @@ def _root(place):
     for name in names(place):
         try:
             own = _own(place, name)
-            arrays = own["consolidated_metadata"]["metadata"]
             group = own | {"consolidated_metadata": _inline({})}
-            gathered |= {name: group, **{f"{name}/{key}": array for key, array in arrays.items()}}
+            gathered |= {name: group, **_arrays(name, own)}
         except (AttributeError, KeyError, TypeError):
             gathered |= {key: copy for key, copy in before.items() if key.split("/")[0] == name}
     root = {"attributes": {"format": FORMAT}, "zarr_format": 3, "node_type": "group"}
     return json.dumps(root | {"consolidated_metadata": _inline(gathered)}).encode()
+
+
+def _arrays(name, group):
+    """{cube/array: its metadata}, of the cube whose metadata are given."""
+    arrays = group["consolidated_metadata"]["metadata"]
+    return {f"{name}/{key}": array for key, array in arrays.items()}
 
 
 def _inline(gathered):

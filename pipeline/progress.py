@@ -46,7 +46,5 @@ class Progress:
             f"{self.name}: {self.tiles_done}/{self.tiles} tiles, "
             f"{self.tiles_done / max(elapsed, 1e-9):.1f}/s, {elapsed:.0f} s gone, {left:.0f} s left"
         )
-        with suppress(
-            OSError
-        ):  # a log whose disk is full, or that nobody reads, is not the sweep's end
+        with suppress(OSError):  # a log that is full, or closed, does not end the sweep
             print(line.ljust(78), end=end, file=self.stream, flush=True)
