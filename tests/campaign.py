@@ -32,13 +32,13 @@ from pathlib import Path
 
 import click
 import numpy as np
+import pipeline.tasks  # noqa: F401 (imported once, before processes are forked)
 import psutil
 import pytest
 import toy
 from click.testing import CliRunner
 from distributed import Scheduler, Worker
 
-import pipeline.tasks  # noqa: F401 (imported once, before processes are forked)
 import workflows.verify
 from pipeline import lease, objects, status, store, verify
 from pipeline.grid import tile_indices

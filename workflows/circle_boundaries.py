@@ -9,7 +9,6 @@ import click
 
 from workflows.cli import (
     HELP,
-    Job,
     angles_option,
     carry_out,
     cluster_options,
@@ -17,33 +16,7 @@ from workflows.cli import (
     store_option,
 )
 from workflows.labelled import write_table
-from workflows.last_barrier import barrier_job, ray_angles, tips_option, unfolded
-
-
-def continuation_job(omegas, angles, tol):
-    """The cube `breakdown`."""
-    from pipeline import tasks
-
-    settings = {"method": "continuation of circles", "tol": tol}
-    cube = _cube("breakdown", omegas, angles, settings)
-    return Job(cube, tasks.circle_tile, tasks.circle_cost)
-
-
-def residue_job(omegas, angles, q_max):
-    """The cube `breakdown_residue`."""
-    from pipeline import tasks
-
-    settings = {"method": "Greene's residue", "q_max": q_max}
-    cube = _cube("breakdown_residue", omegas, angles, settings)
-    return Job(cube, tasks.residue_tile, tasks.residue_cost)
-
-
-def _cube(name, omegas, angles, settings):
-    from pipeline import schema, tasks
-
-    exact = {str(omega): float(omega) for omega in omegas}
-    statuses = [status.name.lower() for status in tasks.STATUSES]
-    return schema.breakdown_cube(name, exact, angles, statuses, tile=20, settings=settings)
+from workflows.last_barrier import ray_angles, tips_option, unfolded
 
 
 def _parse_omegas(context, parameter, value):
@@ -88,14 +61,16 @@ def main(out, place, cluster, omega, angles, tips, tol, q_max):
 
     The defaults take a minute and a half on two cores.
     """
+    from pipeline.cubes import barrier, breakdown
+
     rays = ray_angles(angles, tips)
     jobs = [
-        continuation_job(omega, rays, tol),
-        residue_job(omega, rays, q_max),
-        barrier_job(rays, 1e-3),
+        breakdown.by_continuation(omega, rays, tol),
+        breakdown.by_residue(omega, rays, q_max),
+        barrier.last_barrier(rays, 1e-3),
     ]
-    with session(out, cluster, ["circle", "barrier"], [job.cube for job in jobs], place) as client:
-        circles, residues, barrier = (carry_out(client, place, job) for job in jobs)
+    with session(out, cluster, jobs, place) as client:
+        circles, residues, last = (carry_out(client, place, job) for job in jobs)
         from workflows.figures.circle_boundaries import (
             circles_caption,
             draw_circle_boundaries,
@@ -104,17 +79,17 @@ def main(out, place, cluster, omega, angles, tips, tol, q_max):
         )
         from workflows.figures.style import save
 
-        barrier = unfolded(barrier, rays)
+        last = unfolded(last, rays)
         write_table(circles, f"{out}/circle_boundaries.csv")
         write_table(residues, f"{out}/circle_boundaries_residue.csv")
         figures = save(
-            draw_circle_boundaries(circles, barrier),
+            draw_circle_boundaries(circles, last),
             out,
             "circle_boundaries",
-            circles_caption(residues, circles, barrier),
+            circles_caption(residues, circles, last),
         )
         figures += save(
-            draw_tips(residues, circles, barrier), out, "tips", tips_caption(residues, circles)
+            draw_tips(residues, circles, last), out, "tips", tips_caption(residues, circles)
         )
     click.echo(f"cubes:   {place}/cubes.zarr, groups breakdown, breakdown_residue and barrier")
     click.echo(f"tables:  {out}/circle_boundaries.csv, {out}/circle_boundaries_residue.csv")

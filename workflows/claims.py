@@ -9,12 +9,11 @@ from pathlib import Path
 
 import click
 
-from workflows.circle_boundaries import residue_job
 from workflows.cli import HELP, carry_out, cluster_options, session, store_option
 from workflows.convergence import direct_bias, direct_job, steps_up_to
-from workflows.last_barrier import barrier_job, unfolded
-from workflows.rotating import VECTORS, tori_job, two_kicks
-from workflows.three_kicks import compared, three_kicks_job
+from workflows.last_barrier import unfolded
+from workflows.rotating import VECTORS, two_kicks
+from workflows.three_kicks import compared
 
 _STEP = 7.5  # degrees, of rays around the half plane, so that mirror images and tori have theirs
 
@@ -26,17 +25,18 @@ def jobs(angles, tips, tol, n_max, n_orbits):
     from nasm import barriers
     from nasm.numbers import NAMES, parse
     from nasm.symmetries import ray
+    from pipeline.cubes import barrier, breakdown, rotating
     from workflows.paper.envelope import wedge_angles
 
     around = np.arange(0, 180 + _STEP, _STEP)
     rays = np.unique(np.concatenate([wedge_angles(angles, tips), around]).round(9))
     cusp = {45.0: float(barriers.critical_scale(ray(45.0), 1e-3).value)}
     return {
-        "barrier": barrier_job(rays, tol),
-        "circles": residue_job(sorted(map(parse, NAMES), key=float), rays, q_max=6000),
+        "barrier": barrier.last_barrier(rays, tol),
+        "circles": breakdown.by_residue(sorted(map(parse, NAMES), key=float), rays, 6000),
         "escapes": direct_job(cusp, [n_orbits], n_max),
-        "tori": tori_job(VECTORS[:1], around),
-        "three": three_kicks_job(["0", "1/24", "1/12"], around, 100),
+        "tori": rotating.tori(VECTORS[:1], around),
+        "three": rotating.three_kicks(["0", "1/24", "1/12"], around, 100),
     }, rays
 
 
@@ -114,8 +114,7 @@ def main(out, place, cluster, angles, tips, tol, n_max, n_orbits):
     --n-orbits 64 about one.
     """
     wanted, rays = jobs(angles, tips, tol, n_max, n_orbits)
-    methods = ["residue", "barrier", "escape", "transversal"]
-    with session(out, cluster, methods, [job.cube for job in wanted.values()], place) as client:
+    with session(out, cluster, wanted.values(), place) as client:
         cubes = {name: carry_out(client, place, job) for name, job in wanted.items()}
         from workflows.paper.claims_page import claims_page, write_tables
         from workflows.paper.rules import CLAIMS

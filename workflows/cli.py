@@ -7,9 +7,7 @@ failed; 2 bad input, nothing touched; 130 stopped by Ctrl-C.
 import functools
 import os
 import sys
-from collections.abc import Callable
 from contextlib import contextmanager, nullcontext
-from dataclasses import dataclass
 
 import click
 
@@ -188,35 +186,25 @@ def driver(out):
             yield
 
 
-@dataclass(frozen=True)
-class Job:
-    """A cube, the task that computes a tile of it, and the task that predicts its cost."""
-
-    cube: object
-    compute: Callable
-    predict: Callable
-
-
 @contextmanager
-def session(out, cluster, methods, cubes, place=None):
+def session(out, cluster, jobs, place=None):
     """Hold the store as its driver and connect to the workers: yields the dask client.
 
-    The store is in `place`, by default in `out`. The workers are warmed up for the tasks of
-    `methods`; see `tasks.warm_up`. Before they start, the place is refused if it holds one of the
-    `cubes` to be computed with other settings.
+    The store is in `place`, by default in `out`. The workers are warmed up for the `jobs`. Before
+    they start, the place is refused if it holds one of their cubes with other settings.
     """
     place = place or out
     with explained(place):
-        from pipeline import store, tasks
+        from pipeline import store
         from pipeline.admission import sharing
         from pipeline.cluster import connect
 
         if place != out and store.STORE in store.place_of(out).names():
             raise store.StoreError(f"{out} holds cubes of its own; choose another --out for tables")
         store.refuse_foreign(place)
-        for cube in cubes:
-            store.refuse_different(place, cube)
-        warm_up = functools.partial(tasks.warm_up, methods)
+        for job in jobs:
+            store.refuse_different(place, job.cube)
+        warm_up = functools.partial(_warm_up, [job.warm_up for job in jobs])
         with (
             connect(warm_up, **cluster) as client,
             store.driving(place),
@@ -224,6 +212,11 @@ def session(out, cluster, methods, cubes, place=None):
         ):
             os.makedirs(out, exist_ok=True)
             yield client
+
+
+def _warm_up(functions):
+    for function in functions:
+        function()
 
 
 @contextmanager

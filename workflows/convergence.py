@@ -10,7 +10,6 @@ import click
 
 from workflows.cli import (
     HELP,
-    Job,
     carry_out,
     cluster_options,
     integers_option,
@@ -33,14 +32,9 @@ def direct_job(scales, sizes, n_max):
     """The cube `escape_rays`: excesses from 1% to 100%, sixty a decade."""
     import numpy as np
 
-    from nasm.escape import PAPER_WINDOW
-    from pipeline import schema, tasks
+    from pipeline.cubes import escape
 
-    excesses = np.geomspace(0.01, 1.0, 121)
-    cube = schema.escape_rays_cube(
-        "escape_rays", sizes, scales, excesses, n_max, PAPER_WINDOW, tile=1
-    )
-    return Job(cube, tasks.escape_rays_tile, tasks.escape_rays_cost)
+    return escape.beyond("escape_rays", scales, np.geomspace(0.01, 1.0, 121), sizes, n_max)
 
 
 def steps_up_to(n_max):
@@ -190,10 +184,10 @@ def main(out, place, cluster, n_max, n_orbits, quick):
     best = breakups(ANGLES)
     scales = {angle: float(scale.value) for angle, scale in best.items()}
     job = direct_job(scales, n_orbits, n_max)
-    with session(out, cluster, ["escape"], [job.cube], place) as client:
+    with session(out, cluster, [job], place) as client:
         bias = direct_bias(carry_out(client, place, job).load(), steps_up_to(n_max))
         from pipeline import store
-        from pipeline.schema import Cube
+        from pipeline.cubes.cube import Cube
         from workflows.figures import convergence as drawing
         from workflows.figures.style import save
 

@@ -8,11 +8,10 @@ between a certified circle and converse KAM, with the circle that is the last to
 
 import click
 
-from workflows.circle_boundaries import continuation_job
 from workflows.cli import HELP, angles_option, carry_out, cluster_options, session, store_option
 from workflows.escape_plane import escape_plane, plane_options, planned
 from workflows.labelled import write_table
-from workflows.last_barrier import barrier_job, ray_angles, tips_option, unfolded
+from workflows.last_barrier import ray_angles, tips_option, unfolded
 
 
 def boundary_table(dataset, angles, steps):
@@ -65,12 +64,14 @@ def main(out, place, cluster, plane, angles, tips, tol):
     --n-max 1000000 --n-orbits 10000.
     """
     from nasm.numbers import NAMES, parse
+    from pipeline.cubes import breakdown
+    from pipeline.cubes.barrier import last_barrier
 
     rays = ray_angles(angles, tips)
-    circle_job = continuation_job(sorted(map(parse, NAMES), key=float), rays, tol)
-    last_job = barrier_job(rays, tol)
-    cubes = [planned(plane), circle_job.cube, last_job.cube]
-    with session(out, cluster, ["escape", "circle", "barrier"], cubes, place) as client:
+    circle_job = breakdown.by_continuation(sorted(map(parse, NAMES), key=float), rays, tol)
+    last_job = last_barrier(rays, tol)
+    jobs = [planned(plane), circle_job, last_job]
+    with session(out, cluster, jobs, place) as client:
         barrier = unfolded(carry_out(client, place, last_job), rays)
         circles = carry_out(client, place, circle_job)
         dataset = escape_plane(client, place, plane)

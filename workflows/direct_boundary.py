@@ -16,7 +16,6 @@ import click
 
 from workflows.cli import (
     HELP,
-    Job,
     angles_option,
     carry_out,
     cluster_options,
@@ -26,7 +25,7 @@ from workflows.cli import (
 )
 from workflows.convergence import direct_bias
 from workflows.labelled import labelled
-from workflows.last_barrier import barrier_job, ray_angles, tips_option, unfolded
+from workflows.last_barrier import ray_angles, tips_option, unfolded
 
 INSETS = ((0.526, 0.69), (0.526, 0.73), (-0.69, 0.525), (-0.73, 0.525))
 INSET_START = (0.5, 0.44)
@@ -38,14 +37,10 @@ def direct_job(barrier, n_max, n_orbits):
     """The cube `direct_boundary`: one ensemble on the rays of `barrier`, excesses 1% to 100%."""
     import numpy as np
 
-    from nasm.escape import PAPER_WINDOW
-    from pipeline import schema, tasks
+    from pipeline.cubes import escape
 
     scales = dict(zip(barrier.angle.values.tolist(), barrier.critical_scale.values, strict=True))
-    cube = schema.escape_rays_cube(
-        "direct_boundary", [n_orbits], scales, np.geomspace(0.01, 1, 61), n_max, PAPER_WINDOW, 1
-    )
-    return Job(cube, tasks.escape_rays_tile, tasks.escape_rays_cost)
+    return escape.beyond("direct_boundary", scales, np.geomspace(0.01, 1, 61), [n_orbits], n_max)
 
 
 def inwards(client, place, job):
@@ -192,13 +187,15 @@ def main(out, place, cluster, steps, n_orbits, angles, tips):
     The defaults are the paper's size: 40 CPU seconds a ray, two hours in all. A tenth of the steps
     and a tenth of the orbits take a hundredth of that.
     """
+    from pipeline.cubes.barrier import last_barrier
+
     rays = ray_angles(angles, tips)
-    last_job = barrier_job(rays, 1e-4)
-    with session(out, cluster, ["barrier", "escape"], [last_job.cube], place) as client:
+    last_job = last_barrier(rays, 1e-4)
+    with session(out, cluster, [last_job], place) as client:
         import numpy as np
 
         from pipeline import store
-        from pipeline.schema import Cube
+        from pipeline.cubes.cube import Cube
         from workflows.figures import direct_boundary as figures
         from workflows.figures.style import save
 

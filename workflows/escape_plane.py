@@ -6,15 +6,15 @@ times n* holds the boundary {n* ≤ N} of every N ≤ n_max. The plane is comput
 """
 
 import functools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import click
 
 from workflows.cli import (
     HELP,
     axis_option,
+    carry_out,
     cluster_options,
-    finish,
     integers_option,
     session,
     store_option,
@@ -121,24 +121,24 @@ def plane_options(kappa1, kappa2, n_max, n_orbits, tile, levels):
 
 
 def planned(plane):
-    """The cube `escape` of the plane: all of it, or as composed of its levels."""
-    from pipeline import schema
+    """The job of the plane: all of it, or the cube as composed of its levels."""
+    from pipeline.cubes import escape
 
-    finest = _level_cube(plane, "escape", plane.levels - 1)
+    finest = _level_job(plane, "escape", plane.levels - 1)
     if plane.levels == 1:
         return finest
-    return schema.composed(finest, plane.levels, plane.follow)
+    return replace(finest, cube=escape.composed(finest.cube, plane.levels, plane.follow))
 
 
-def _level_cube(plane, name, level):
-    from nasm.escape import PAPER_WINDOW
-    from pipeline import refine, schema
+def _level_job(plane, name, level):
+    from pipeline import refine
+    from pipeline.cubes import escape
 
     axes = [
         axis.coarsened(refine.FACTOR ** (plane.levels - 1 - level))
         for axis in (plane.kappa1, plane.kappa2)
     ]
-    return schema.escape_cube(name, *axes, plane.n_orbits, plane.n_max, PAPER_WINDOW, plane.tile)
+    return escape.plane(name, *axes, plane.n_orbits, plane.n_max, plane.tile)
 
 
 def escape_plane(client, place, plane):
@@ -148,26 +148,23 @@ def escape_plane(client, place, plane):
     `escape_level0` and so on, and `escape` is composed of them, with the `level` of each cell. Ends
     the program if a sweep does not complete.
     """
-    from pipeline import refine, schema, store, tasks
-    from pipeline.sweep import sweep
-
-    def compute(level_cube, wanted=None):
-        finish(sweep(client, place, level_cube, tasks.escape_tile, tasks.escape_cost, wanted))
-        return store.read(place, level_cube.name)
+    from pipeline import refine, store
+    from pipeline.cubes import escape
 
     if plane.levels == 1:
-        return compute(planned(plane))
-    fields = [compute(_level_cube(plane, "escape_level0", 0)).escape_time.values]
+        return carry_out(client, place, planned(plane))
+    job = _level_job(plane, "escape_level0", 0)
+    fields = [carry_out(client, place, job).escape_time.values]
     for level in range(1, plane.levels):
-        level_cube = _level_cube(plane, f"escape_level{level}", level)
+        job = _level_job(plane, f"escape_level{level}", level)
         wanted = refine.tiles_at(refine.halved(_followed_cells(fields, plane)), plane.tile)
-        fields.append(compute(level_cube, wanted).escape_time.values)
+        fields.append(carry_out(client, place, job, wanted).escape_time.values)
         # Finer cells may show that the boundary runs on in a neighbouring tile: follow it there.
         while more := refine.tiles_at(_followed_cells(fields, plane), plane.tile) - wanted:
             wanted |= more
-            fields[-1] = compute(level_cube, wanted).escape_time.values
-    finest = _level_cube(plane, "escape", plane.levels - 1)
-    composed = schema.composed(finest, plane.levels, plane.follow, *refine.compose(fields))
+            fields[-1] = carry_out(client, place, job, wanted).escape_time.values
+    finest = _level_job(plane, "escape", plane.levels - 1).cube
+    composed = escape.composed(finest, plane.levels, plane.follow, *refine.compose(fields))
     store.replace(place, composed)
     return store.read(place, "escape")
 
@@ -192,7 +189,7 @@ def main(out, place, cluster, plane):
     The paper's Fig. 5 is --kappa1 0:1:512 --kappa2 0:1:512 --levels 5 --n-max 1000000
     --n-orbits 10000, and Fig. 6 the same with --kappa1 -1:1:1024.
     """
-    with session(out, cluster, ["escape"], [planned(plane)], place) as client:
+    with session(out, cluster, [planned(plane)], place) as client:
         dataset = escape_plane(client, place, plane)
         from workflows.figures.escape_plane import draw_escape_plane
         from workflows.figures.style import save

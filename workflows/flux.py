@@ -8,25 +8,19 @@ MacKay, Meiss & Percival, Physica D 13 (1984) 55.
 
 import click
 
-from workflows.cli import HELP, Job, carry_out, cluster_options, session, store_option
+from workflows.cli import HELP, carry_out, cluster_options, session, store_option
 from workflows.labelled import write_table
-from workflows.last_barrier import barrier_job, unfolded
+from workflows.last_barrier import unfolded
 
 
 def flux_job(barrier, excesses, q_max):
     """The cube `flux` on the rays of a table of last barriers."""
-    from pipeline import schema, tasks
+    from pipeline.cubes import flux
 
     rays = barrier.to_dataframe()
-    cube = schema.flux_cube(
-        "flux",
-        rays.critical_scale.to_dict(),
-        rays.circle.to_dict(),
-        excesses,
-        [status.name.lower() for status in tasks.STATUSES],
-        {"q_max": q_max},
+    return flux.through_last_circle(
+        rays.critical_scale.to_dict(), rays.circle.to_dict(), excesses, q_max
     )
-    return Job(cube, tasks.flux_tile, tasks.flux_cost)
 
 
 def law(excess, flux):
@@ -96,10 +90,12 @@ def main(out, place, cluster, angle, nearest, q_max):
     """
     import numpy as np
 
+    from pipeline.cubes import barrier
+
     rays = np.unique(angle)
     excesses = np.geomspace(nearest, 0.5, 1 + int(8 * np.log10(0.5 / nearest)))
-    last = barrier_job(rays, 1e-3)
-    with session(out, cluster, ["barrier", "flux"], [last.cube], place) as client:
+    last = barrier.last_barrier(rays, 1e-3)
+    with session(out, cluster, [last], place) as client:
         job = flux_job(unfolded(carry_out(client, place, last), rays), excesses, q_max)
         fluxes = carry_out(client, place, job).load()
         from workflows.figures.flux import caption, draw_flux

@@ -6,17 +6,18 @@ def listed(*names):
 
 
 def status_code(status):
-    from pipeline.tasks import STATUSES
+    from pipeline.cubes.cube import status_code
 
-    return 1 + STATUSES.index(status)
+    return status_code(status)
 
 
 def status_flags(codes):
+    """A variable of codes of Status, for `labelled`."""
     import numpy as np
 
-    from pipeline.tasks import STATUSES
+    from pipeline.cubes.cube import FLAGS
 
-    return np.asarray(codes).astype("int8"), [status.name for status in STATUSES]
+    return np.asarray(codes).astype("int8"), {"long_name": "status of the method", **FLAGS}
 
 
 def labelled(title, coords, variables, **attrs):
@@ -33,14 +34,7 @@ def labelled(title, coords, variables, **attrs):
     for name, (*dims, values, words) in variables.items():
         dims = dims[0] if dims else tuple(coords)
         dataset[name] = xr.DataArray(values, dims=dims, attrs={"units": "1"})
-        if isinstance(words, list):
-            flags = {
-                "flag_values": list(range(1, len(words) + 1)),
-                "flag_meanings": " ".join(words),
-            }
-            dataset[name].attrs.update(long_name="status of the method", **flags)
-        else:
-            dataset[name].attrs["long_name"] = words
+        dataset[name].attrs |= words if isinstance(words, dict) else {"long_name": words}
     return dataset
 
 

@@ -9,7 +9,6 @@ import click
 
 from workflows.cli import (
     HELP,
-    Job,
     angles_option,
     carry_out,
     cluster_options,
@@ -17,22 +16,6 @@ from workflows.cli import (
     store_option,
 )
 from workflows.labelled import write_table
-
-
-def barrier_job(angles, tol):
-    """The cube `barrier` of the rays' images in the wedge."""
-    from nasm.symmetries import fold
-    from pipeline import schema, tasks
-
-    wedge, _ = fold(angles)
-    cube = schema.barrier_cube(
-        "barrier",
-        sorted(set(wedge.round(9).tolist())),
-        [status.name.lower() for status in tasks.STATUSES],
-        tile=1,
-        settings={"tol": tol},
-    )
-    return Job(cube, tasks.barrier_tile, tasks.barrier_cost)
 
 
 def unfolded(barrier, angles):
@@ -112,9 +95,11 @@ def main(out, place, cluster, angles, tips, tol):
 
     The defaults take about a minute and a half on two cores.
     """
+    from pipeline.cubes import barrier
+
     rays = ray_angles(angles, tips)
-    job = barrier_job(rays, tol)
-    with session(out, cluster, ["barrier"], [job.cube], place) as client:
+    job = barrier.last_barrier(rays, tol)
+    with session(out, cluster, [job], place) as client:
         table = unfolded(carry_out(client, place, job), rays)
         from workflows.figures.last_barrier import caption, draw_last_barrier
         from workflows.figures.style import save

@@ -83,7 +83,7 @@ def main(out, primary, secondary):
     """Period-one orbits: two cubes and two figures in OUT."""
     with driver(out):
         from pipeline import store
-        from pipeline.schema import Cube
+        from pipeline.cubes.cube import Cube
         from workflows.figures import period_one as draw
         from workflows.figures.style import save
 

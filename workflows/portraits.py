@@ -133,7 +133,7 @@ def main(out, n_orbits, steps):
     """Phase portraits: two cubes and two figures in OUT. A few seconds."""
     with driver(out):
         from pipeline import store
-        from pipeline.schema import Cube
+        from pipeline.cubes.cube import Cube
         from workflows.figures import portraits as figures
         from workflows.figures.style import save
 

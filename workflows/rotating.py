@@ -10,10 +10,8 @@ from fractions import Fraction
 
 import click
 
-from workflows.circle_boundaries import residue_job
 from workflows.cli import (
     HELP,
-    Job,
     angles_option,
     carry_out,
     cluster_options,
@@ -21,38 +19,11 @@ from workflows.cli import (
     store_option,
 )
 from workflows.labelled import write_table
-from workflows.last_barrier import barrier_job, ray_angles, tips_option, unfolded
+from workflows.last_barrier import ray_angles, tips_option, unfolded
 
 # The paper's vector of 1705/3136 is the first. 1/τ = 0.543689… and 1/τ + 1/τ² = 0.839286…, τ the
 # tribonacci constant, have the convergents of the other two; 2631 may be a misprint of 2632.
 VECTORS = ("1705/3136,2631/3136", "1705/3136,2632/3136", "927/1705,1431/1705")
-
-
-def tori_job(vectors, angles):
-    """The cube `rotating_tori`."""
-    from pipeline import tasks
-
-    frequencies = [vector.split(",")[1] for vector in vectors]
-    settings = {"method": "Greene's residue of one orbit", "vectors": list(vectors)}
-    cube = _cube("rotating_tori", frequencies, angles, 20, settings)
-    return Job(cube, tasks.torus_tile, tasks.torus_cost)
-
-
-def transport_job(angles, n_max, n_orbits):
-    """The cube `rotating_transport`, of Ω = 1/2."""
-    from pipeline import tasks
-
-    settings = {"method": "direct iteration", "phase": 0.0, "n_max": n_max, "n_orbits": n_orbits}
-    cube = _cube("rotating_transport", ["1/2"], angles, 10, settings)
-    return Job(cube, tasks.transport_tile, tasks.transport_cost)
-
-
-def _cube(name, frequencies, angles, tile, settings):
-    from pipeline import schema, tasks
-
-    exact = {text: float(Fraction(text)) for text in frequencies}
-    statuses = [status.name.lower() for status in tasks.STATUSES]
-    return schema.rotating_cube(name, exact, angles, statuses, tile, settings)
 
 
 def rotated_rays(n, tips):
@@ -140,20 +111,21 @@ def main(out, place, cluster, vector, angles, tips, n_max, n_orbits):
     The defaults take 140 CPU seconds, about a minute and a half on two cores.
     """
     from nasm.numbers import NAMES, parse
+    from pipeline.cubes import barrier, breakdown, rotating
 
-    rays = rotated_rays(angles, tips)
+    circles, rays = sorted(map(parse, NAMES), key=float), rotated_rays(angles, tips)
     jobs = [
-        residue_job(sorted(map(parse, NAMES), key=float), ray_angles(angles, tips), q_max=6000),
-        barrier_job(45 - rays, 2e-4),
-        transport_job(rays, n_max, n_orbits),
-        tori_job(vector, rays),
+        breakdown.by_residue(circles, ray_angles(angles, tips), q_max=6000),
+        barrier.last_barrier(45 - rays, 2e-4),
+        rotating.transport(rays, n_max, n_orbits),
+        rotating.tori(vector, rays),
     ]
-    with session(out, cluster, ["escape", "barrier"], [job.cube for job in jobs], place) as client:
-        circles, barrier, direct, tori = (carry_out(client, place, job) for job in jobs)
+    with session(out, cluster, jobs, place) as client:
+        circles, last, direct, tori = (carry_out(client, place, job) for job in jobs)
         from workflows.figures import rotating as figure
         from workflows.figures.style import save
 
-        two = two_kicks(barrier, rays)
+        two = two_kicks(last, rays)
         tori = compared(tori, two, direct)
         write_table(tori, f"{out}/tori.csv")
         parts = circles, two, direct

@@ -89,7 +89,7 @@ def main(out, quick):
     """
     with driver(out):
         from pipeline import store
-        from pipeline.schema import Cube
+        from pipeline.cubes.cube import Cube
 
         # One that takes a moment, and tells whether OUT holds other settings.
         first = run(quick, ["disorder"])

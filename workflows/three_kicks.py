@@ -15,7 +15,6 @@ import click
 
 from workflows.cli import (
     HELP,
-    Job,
     angles_option,
     carry_out,
     cluster_options,
@@ -23,21 +22,10 @@ from workflows.cli import (
     store_option,
 )
 from workflows.labelled import write_table
-from workflows.last_barrier import barrier_job, tips_option
+from workflows.last_barrier import tips_option
 from workflows.rotating import rotated_rays, two_kicks
 
 PHASES = ("0", "1/48", "1/24", "1/16", "1/12")
-
-
-def three_kicks_job(phases, angles, n_max):
-    """The cube `three_kicks`."""
-    from pipeline import schema, tasks
-
-    settings = {"method": "converse KAM on transversals", "frequency": "1/3", "n_max": n_max}
-    exact = {text: float(Fraction(text)) for text in phases}
-    statuses = [status.name.lower() for status in tasks.STATUSES]
-    cube = schema.phases_cube("three_kicks", exact, angles, statuses, 4, settings)
-    return Job(cube, tasks.phases_tile, tasks.phases_cost)
 
 
 def compared(three, two):
@@ -88,16 +76,16 @@ def main(out, place, cluster, phase, angles, tips, n_max):
 
     The defaults take some nine CPU minutes, about five minutes on two cores.
     """
+    from pipeline.cubes import barrier, rotating
+
     rays = rotated_rays(angles, tips)
-    jobs = [three_kicks_job(phase, rays, n_max), barrier_job(45 - rays, 1e-3)]
-    with session(
-        out, cluster, ["transversal", "barrier"], [job.cube for job in jobs], place
-    ) as client:
-        three, barrier = (carry_out(client, place, job) for job in jobs)
+    jobs = [rotating.three_kicks(phase, rays, n_max), barrier.last_barrier(45 - rays, 1e-3)]
+    with session(out, cluster, jobs, place) as client:
+        three, last = (carry_out(client, place, job) for job in jobs)
         from workflows.figures.style import save
         from workflows.figures.three_kicks import caption, draw_three_kicks
 
-        two = two_kicks(barrier, rays)
+        two = two_kicks(last, rays)
         three = compared(three, two)
         write_table(three, f"{out}/three_kicks.csv")
         figures = save(draw_three_kicks(three, two), out, "three_kicks", caption(three))

@@ -35,7 +35,7 @@ def plan(angles, names, quick):
     import numpy as np
     import xarray as xr
 
-    from pipeline.schema import Cube
+    from pipeline.cubes.cube import Cube
 
     efforts = {name: METHODS[name].efforts[: -1 if quick else None] for name in names}
     rows = answers(names)
