@@ -20,8 +20,8 @@ from uuid import uuid4
 from distributed import Status, WorkerPlugin
 
 from pipeline.faults import StorageError
+from pipeline.layout import FORMAT
 from pipeline.provenance import digest_of, libraries
-from pipeline.schema import FORMAT
 from pipeline.store import place_of
 
 _SIGHT = 2  # seconds that a file system of several machines may take to show a file

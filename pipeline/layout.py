@@ -13,6 +13,9 @@ from google_crc32c import value as crc32c
 from pipeline.grid import MAX_TILES, tile_counts
 
 STORE = "cubes.zarr"
+FORMAT = "nasm-cubes/3"
+"""Version of the store's layout; a store of another version is refused."""
+
 COMMIT = "cpu_seconds"
 FAILURE = ".failed"
 

@@ -17,8 +17,7 @@ from zarr.storage import MemoryStore
 
 from pipeline.faults import StoreError
 from pipeline.grid import tile_counts
-from pipeline.layout import COMMIT, STORE, stored_layout
-from pipeline.schema import FORMAT
+from pipeline.layout import COMMIT, FORMAT, STORE, stored_layout
 from pipeline.seal import parsed, sealed
 
 _ROOT = f"{STORE}/zarr.json"

@@ -28,9 +28,8 @@ from pipeline import metadata
 from pipeline.directory import Directory
 from pipeline.faults import StorageError, StoreError
 from pipeline.grid import MAX_TILES, tile_counts
-from pipeline.layout import STORE, layout_of
+from pipeline.layout import FORMAT, STORE, layout_of
 from pipeline.provenance import computed_by, provenance
-from pipeline.schema import FORMAT
 from pipeline.seal import is_intact
 
 

@@ -9,7 +9,7 @@ import time
 
 import toy
 
-from pipeline import store, synthetic
+from pipeline import store
 from pipeline.cluster import connect
 from pipeline.sweep import sweep
 
@@ -21,10 +21,10 @@ def peak_memory():
 
 
 def main(out, n_tiles):
-    cube = synthetic.cube(n_tiles, 0.0, burn=True)
+    job = toy.line(n_tiles)
     with store.driving(out), connect(toy.no_warm_up, n_workers=2) as client:
         start = time.process_time()
-        outcome = sweep(client, out, cube, synthetic.tile, synthetic.cost)
+        outcome = sweep(client, out, job.cube, job.compute, job.predict)
         seconds = time.process_time() - start
     done = {"committed": outcome.committed, "remaining": outcome.remaining}
     print(json.dumps({**done, "seconds": seconds, "bytes": peak_memory()}))

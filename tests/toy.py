@@ -19,7 +19,7 @@ from distributed import Client, LocalCluster
 
 from pipeline import store
 from pipeline.cluster import connect
-from pipeline.schema import Cube
+from pipeline.cubes.cube import Cube, Job, blank
 from pipeline.sweep import sweep
 
 _MEGABYTE = bytes(2**20)
@@ -116,6 +116,21 @@ def serial(plan):
     """The whole cube computed at once."""
     coords = {name: coordinate.values for name, coordinate in plan.template.coords.items()}
     return compute(coords, {})
+
+
+def line(n_tiles):
+    """The Job of tiles in a row, of 2 kB each, that cost nothing."""
+    coords = {dim: xr.Variable(dim, np.arange(n)) for dim, n in (("tile", n_tiles), ("cell", 256))}
+    template = xr.Dataset({"level": blank(coords, "level")}, coords)
+    return Job(Cube("line", template, {"tile": 1}, {}), level, nothing, no_warm_up)
+
+
+def level(coords, settings):
+    return {"level": np.ones((coords["tile"].size, 256))}
+
+
+def nothing(coords, settings):
+    return 0.0
 
 
 def ones(index):

@@ -36,14 +36,16 @@ def main(run, omega, angles, tips, tol, q_max):
 
     The defaults take a minute and a half on two cores.
     """
+    from pipeline.cubes import breakdown
+    from pipeline.cubes.barrier import last_barrier
     from workflows.figures import circle_boundaries as figures
-    from workflows.parts import jobs, rays
+    from workflows.parts import rays
 
     angles = rays.ray_angles(angles, tips)
     wanted = (
-        jobs.continuation(omega, angles, tol),
-        jobs.residue(omega, angles, q_max),
-        rays.barrier_job(angles, 1e-3),
+        breakdown.by_continuation(omega, angles, tol),
+        breakdown.by_residue(omega, angles, q_max),
+        last_barrier(angles, 1e-3),
     )
     with run.sweeping(*wanted):
         circles, residues, barrier = map(run.sweep, wanted)

@@ -31,7 +31,7 @@ def main(run, n_max, n_orbits, quick):
     with run.sweeping(job):
         bias = direct.direct_bias(run.sweep(job).load(), direct.steps_up_to(n_max))
         others = convergence.other_methods(best, quick)
-        run.keep("convergence", others, {"quick": quick})
+        run.keep("convergence", others, quick=quick)
         fits = convergence.exponents(bias)
         diagonal = convergence.on_the_diagonal(bias, scales[45.0])
         run.keep("convergence_diagonal", diagonal)

@@ -22,13 +22,15 @@ def main(run, angles, tips, tol, **options):
     The defaults take about two minutes on two cores. The paper's size of direct iteration is
     --n-max 1000000 --n-orbits 10000.
     """
+    from pipeline.cubes import breakdown
+    from pipeline.cubes.barrier import last_barrier
     from workflows.figures.critical_boundary import draw_critical_boundary
-    from workflows.parts import jobs, rays
+    from workflows.parts import rays
     from workflows.parts.plane import boundary_table, escape_plane, plane_of, planned
 
     plane, angles = plane_of(**options), rays.ray_angles(angles, tips)
-    circle_job = jobs.continuation(rays.PAPER_CIRCLES, angles, tol)
-    last_job = rays.barrier_job(angles, tol)
+    circle_job = breakdown.by_continuation(rays.PAPER_CIRCLES, angles, tol)
+    last_job = last_barrier(angles, tol)
     with run.sweeping(planned(plane), circle_job, last_job):
         barrier = rays.unfolded(run.sweep(last_job), angles)
         circles = run.sweep(circle_job)

@@ -30,11 +30,12 @@ def main(run, steps, n_orbits, angles, tips):
     """
     from numpy import linspace
 
+    from pipeline.cubes.barrier import last_barrier
     from workflows.figures import direct_boundary as figures
     from workflows.parts import direct, rays
 
     all_rays = rays.ray_angles(angles, tips)
-    last = rays.barrier_job(all_rays, 1e-4)
+    last = last_barrier(all_rays, 1e-4)
     with run.sweeping(last):
         barrier = rays.unfolded(run.sweep(last), all_rays)
         spread = linspace(0, 180, angles).round(9)  # direct iteration is too coarse for the tips

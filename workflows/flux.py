@@ -26,11 +26,12 @@ def main(run, angle, nearest, q_max):
 
     Distances beyond the breakup go up to 0.5. The defaults take a minute on two cores.
     """
+    from pipeline.cubes.barrier import last_barrier
     from workflows.figures import flux as figures
     from workflows.parts import flux, rays
 
     angles, excesses = flux.grid(angle, nearest)
-    last = rays.barrier_job(angles, 1e-3)
+    last = last_barrier(angles, 1e-3)
     with run.sweeping(last):
         job = flux.job(rays.unfolded(run.sweep(last), angles), excesses, q_max)
         fluxes = run.sweep(job).load()

@@ -15,11 +15,12 @@ def main(run, angles, tips, tol):
 
     The defaults take about a minute and a half on two cores.
     """
+    from pipeline.cubes.barrier import last_barrier
     from workflows.figures import last_barrier as figures
     from workflows.parts import rays
 
     angles = rays.ray_angles(angles, tips)
-    job = rays.barrier_job(angles, tol)
+    job = last_barrier(angles, tol)
     with run.sweeping(job):
         barrier = rays.unfolded(run.sweep(job), angles)
         run.table("last_barrier", barrier)

@@ -21,8 +21,8 @@ def main(run, n_orbits, steps):
 
     size = {"n_orbits": n_orbits, "steps": steps}
     with run.driving():
-        kicks = run.keep("portraits", nonautonomous_dataset(**size), size)
-        symmetric = run.keep("portraits_symmetry", symmetric_dataset(**size), size)
+        kicks = run.keep("portraits", nonautonomous_dataset(**size), **size)
+        symmetric = run.keep("portraits_symmetry", symmetric_dataset(**size), **size)
         run.figure("portraits", figures.draw_kicks(kicks), figures.describe_kicks(kicks))
         run.figure(
             "portraits_symmetry",

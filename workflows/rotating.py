@@ -54,15 +54,17 @@ def main(run, vector, angles, tips, n_max, n_orbits):
 
     The defaults take 140 CPU seconds, about a minute and a half on two cores.
     """
+    from pipeline.cubes import breakdown, rotating
+    from pipeline.cubes.barrier import last_barrier
     from workflows.figures import rotating as figures
-    from workflows.parts import jobs, rays
+    from workflows.parts import rays
 
     around = rays.rotated_rays(angles, tips)
     wanted = (
-        jobs.residue(rays.PAPER_CIRCLES, rays.ray_angles(angles, tips), q_max=6000),
-        rays.barrier_job(45 - around, 2e-4),
-        jobs.transport(around, n_max, n_orbits),
-        jobs.tori(vector, around),
+        breakdown.by_residue(rays.PAPER_CIRCLES, rays.ray_angles(angles, tips), q_max=6000),
+        last_barrier(45 - around, 2e-4),
+        rotating.transport(around, n_max, n_orbits),
+        rotating.tori(vector, around),
     )
     with run.sweeping(*wanted):
         circles, barrier, direct, tori = (run.sweep(job).load() for job in wanted)

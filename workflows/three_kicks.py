@@ -51,11 +51,13 @@ def main(run, phase, angles, tips, n_max):
 
     The defaults take some nine CPU minutes, about five minutes on two cores.
     """
+    from pipeline.cubes import rotating
+    from pipeline.cubes.barrier import last_barrier
     from workflows.figures import three_kicks as figures
-    from workflows.parts import jobs, rays
+    from workflows.parts import rays
 
     around = rays.rotated_rays(angles, tips)
-    wanted = jobs.three_kicks(phase, around, n_max), rays.barrier_job(45 - around, 1e-3)
+    wanted = rotating.three_kicks(phase, around, n_max), last_barrier(45 - around, 1e-3)
     with run.sweeping(*wanted):
         three, barrier = (run.sweep(job).load() for job in wanted)
         two = rays.two_kicks(barrier, around)

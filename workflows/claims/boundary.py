@@ -7,9 +7,9 @@ from nasm.maps import kick, step
 from nasm.numbers import moebius, parse
 from nasm.symmetries import ray
 from nasm.verdict import verdict
-from workflows.parts.direct import exponent
 from workflows.claims.map import largest
 from workflows.claims.rules import CLAIMS, Claim, agrees, graded, identity, printed, rounding
+from workflows.parts.direct import exponent
 from workflows.stability.limits import amplitudes
 
 KAPPA_G = printed("0.971635406")

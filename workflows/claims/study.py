@@ -4,6 +4,8 @@ import numpy as np
 
 from nasm import barriers
 from nasm.symmetries import ray
+from pipeline.cubes import breakdown, rotating
+from pipeline.cubes.barrier import last_barrier
 from workflows.claims.boundary import boundary_claims
 from workflows.claims.circles import circle_claims
 from workflows.claims.discussion import discussion_claims
@@ -13,8 +15,8 @@ from workflows.claims.map import map_claims
 from workflows.claims.periodic import periodic_claims
 from workflows.claims.results import result_claims
 from workflows.claims.symmetries import symmetry_claims
-from workflows.parts import direct, jobs
-from workflows.parts.rays import PAPER_CIRCLES, barrier_job, two_kicks, unfolded, with_ratio
+from workflows.parts import direct
+from workflows.parts.rays import PAPER_CIRCLES, two_kicks, unfolded, with_ratio
 
 _STEP = 7.5  # degrees, of rays around the half plane, so that mirror images and tori have theirs
 _TORUS = "1705/3136,2631/3136"
@@ -26,11 +28,11 @@ def planned(angles, tips, tol, n_max, n_orbits):
     rays = np.unique(np.concatenate([wedge_angles(angles, tips), around]).round(9))
     cusp = {45.0: float(barriers.critical_scale(ray(45.0), 1e-3).value)}
     return {
-        "barrier": barrier_job(rays, tol),
-        "circles": jobs.residue(PAPER_CIRCLES, rays, q_max=6000),
+        "barrier": last_barrier(rays, tol),
+        "circles": breakdown.by_residue(PAPER_CIRCLES, rays, q_max=6000),
         "escapes": direct.bias_job(cusp, [n_orbits], n_max),
-        "tori": jobs.tori([_TORUS], around),
-        "three": jobs.three_kicks(["0", "1/24", "1/12"], around, 100),
+        "tori": rotating.tori([_TORUS], around),
+        "three": rotating.three_kicks(["0", "1/24", "1/12"], around, 100),
     }, rays
 
 

@@ -240,14 +240,14 @@ class Run:
     def sweeping(self, *jobs):
         """As `driving`, with workers; other settings than those of the jobs are refused first."""
         with explained(self.place):
-            from pipeline import store, tasks
+            from pipeline import store
             from pipeline.admission import sharing
             from pipeline.cluster import connect
 
             store.refuse_foreign(self.place)
             for job in jobs:
                 store.refuse_different(self.place, job.cube)
-            warm_up = functools.partial(tasks.warm_up, [job.method for job in jobs])
+            warm_up = functools.partial(_warm_up, [job.warm_up for job in jobs])
             with (
                 connect(warm_up, **self.cluster) as self.client,
                 self.driving(),
@@ -277,19 +277,19 @@ class Run:
         self._note("cubes", f"{self.place}/cubes.zarr/{job.cube.name}")
         return store.read(self.place, job.cube.name)
 
-    def check(self, name, dataset, settings):
+    def check(self, name, dataset, **settings):
         """Refuse to go on if the store holds this cube with other settings."""
         from pipeline import store
-        from pipeline.schema import Cube
+        from pipeline.cubes.cube import Cube
 
         store.refuse_different(self.place, Cube(name, dataset, {}, settings))
 
-    def keep(self, name, dataset, settings=None, tile=None):
-        """Write a cube that no sweep computes, whole; return it."""
+    def keep(self, name, dataset, tile=None, **settings):
+        """Write a cube that no sweep computes, whole; return its Dataset."""
         from pipeline import store
-        from pipeline.schema import Cube
+        from pipeline.cubes.cube import Cube
 
-        store.replace(self.place, Cube(name, dataset, tile or {}, settings or {}))
+        store.replace(self.place, Cube(name, dataset, tile or {}, settings))
         self._note("cubes", f"{self.place}/cubes.zarr/{name}")
         return dataset
 
@@ -358,6 +358,11 @@ def shared_workers(scheduler, n_workers, tls):
 
         with connect(lambda: None, n_workers=n_workers) as client:
             yield ["--scheduler", client.scheduler.address]
+
+
+def _warm_up(functions):
+    for function in functions:
+        function()
 
 
 def _go_on(outcome):

@@ -10,8 +10,8 @@ import xarray as xr
 
 from nasm import orbits
 from nasm.symmetries import ray
+from pipeline.cubes.escape import beyond
 from pipeline.progress import Progress
-from workflows.parts import jobs
 from workflows.parts.tables import described
 
 INSETS = ((0.526, 0.69), (0.526, 0.73), (-0.69, 0.525), (-0.73, 0.525))
@@ -27,13 +27,13 @@ def steps_up_to(n_max):
 
 def bias_job(scales, sizes, n_max):
     """The job of the cube `escape_rays`: excesses from 1% to 100%, sixty a decade."""
-    return jobs.escape_rays("escape_rays", sizes, scales, np.geomspace(0.01, 1, 121), n_max)
+    return beyond("escape_rays", scales, np.geomspace(0.01, 1, 121), sizes, n_max)
 
 
 def boundary_job(barrier, n_max, n_orbits):
     """The job of the cube `direct_boundary`: one ensemble, excesses 1% to 100%, thirty a decade."""
     scales = dict(zip(barrier.angle.values.tolist(), barrier.critical_scale.values, strict=True))
-    return jobs.escape_rays("direct_boundary", [n_orbits], scales, np.geomspace(0.01, 1, 61), n_max)
+    return beyond("direct_boundary", scales, np.geomspace(0.01, 1, 61), [n_orbits], n_max)
 
 
 def inwards(run, job):

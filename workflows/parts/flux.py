@@ -3,7 +3,7 @@
 import numpy as np
 import xarray as xr
 
-from workflows.parts import jobs
+from pipeline.cubes.flux import through_last_circle
 
 
 def grid(angles, nearest):
@@ -14,7 +14,8 @@ def grid(angles, nearest):
 def job(barrier, excesses, q_max):
     """The job of the cube `flux` on the rays of a table of last barriers."""
     rays = barrier.to_dataframe()
-    return jobs.flux(rays.critical_scale.to_dict(), rays.circle.to_dict(), excesses, q_max)
+    scales, circles = rays.critical_scale.to_dict(), rays.circle.to_dict()
+    return through_last_circle(scales, circles, excesses, q_max)
 
 
 def law(excess, flux):
@@ -39,6 +40,8 @@ def laws(fluxes):
     """Fit `law` on each ray: a Dataset with dim (angle)."""
     fits = np.array([law(fluxes.excess.values, row.values) for row in fluxes.flux])
     names = ("amplitude", "exponent", "amplitude_error", "exponent_error")
-    columns = {name: ("angle", column) for name, column in zip(names, fits.reshape(-1, 4).T, strict=True)}
+    columns = {
+        name: ("angle", column) for name, column in zip(names, fits.reshape(-1, 4).T, strict=True)
+    }
     columns["circle"] = ("angle", list(fluxes.attrs["circles"].values()))
     return xr.Dataset(columns, {"angle": fluxes.angle})

@@ -1,6 +1,6 @@
 """The field of first escape times over the (κ1, κ2) plane, refined where its boundaries run."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import click
 import numpy as np
@@ -8,9 +8,9 @@ import xarray as xr
 
 from nasm.escape import boundary
 from nasm.symmetries import ray
-from pipeline import refine, schema
+from pipeline import refine
+from pipeline.cubes import escape
 from pipeline.grid import Axis
-from workflows.parts import jobs
 
 
 @dataclass(frozen=True)
@@ -72,13 +72,13 @@ def planned(plane):
     finest = _level_job(plane, "escape", plane.levels - 1)
     if plane.levels == 1:
         return finest
-    return finest._replace(cube=schema.composed(finest.cube, plane.levels, plane.follow))
+    return replace(finest, cube=escape.composed(finest.cube, plane.levels, plane.follow))
 
 
 def _level_job(plane, name, level):
     factor = refine.FACTOR ** (plane.levels - 1 - level)
     axes = [axis.coarsened(factor) for axis in (plane.kappa1, plane.kappa2)]
-    return jobs.escape(name, *axes, plane.n_orbits, plane.n_max, plane.tile)
+    return escape.plane(name, *axes, plane.n_orbits, plane.n_max, plane.tile)
 
 
 def escape_plane(run, plane):
@@ -99,8 +99,8 @@ def escape_plane(run, plane):
             wanted |= more
             fields[-1] = run.sweep(job, wanted).escape_time.values
     finest = _level_job(plane, "escape", plane.levels - 1).cube
-    cube = schema.composed(finest, plane.levels, plane.follow, *refine.compose(fields))
-    return run.keep(cube.name, cube.template, cube.settings, cube.tile)
+    cube = escape.composed(finest, plane.levels, plane.follow, *refine.compose(fields))
+    return run.keep(cube.name, cube.template, cube.tile, **cube.settings)
 
 
 def _followed_cells(fields, plane):

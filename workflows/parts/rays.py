@@ -1,7 +1,7 @@
 """Rays of the planes (κ1, κ2) and (κ̄, Δκ), and what cubes say about them.
 
 κ = s·(cos φ, sin φ). CB_gt has the symmetries of the square (arXiv:1606.04824, Sec. III), so that
-rays are folded into the wedge 0 ≤ κ2 ≤ κ1 before they are computed, and unfolded afterwards.
+the cube `barrier` holds the images of rays in the wedge 0 ≤ κ2 ≤ κ1, and is unfolded when read.
 """
 
 import numpy as np
@@ -9,7 +9,6 @@ import xarray as xr
 
 from nasm.numbers import NAMES, RotationNumber, moebius, parse
 from nasm.symmetries import fold, ray
-from workflows.parts import jobs
 from workflows.parts.tables import described
 
 PAPER_CIRCLES = sorted(map(parse, NAMES), key=float)
@@ -28,12 +27,6 @@ def ray_angles(n, tips):
 def rotated_rays(n, tips):
     """Return the rays of `ray_angles` as angles θ = 45° - φ of the (κ̄, Δκ) plane."""
     return np.unique(np.append((45 - ray_angles(n, tips)) % 180, 180.0).round(9))
-
-
-def barrier_job(angles, tol):
-    """The job of the cube `barrier`, on the images of the rays in the wedge."""
-    wedge, _ = fold(angles)
-    return jobs.barrier(sorted(set(wedge.round(9).tolist())), tol)
 
 
 def unfolded(barrier, angles):

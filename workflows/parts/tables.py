@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from pipeline.tasks import STATUSES
+from pipeline.cubes.cube import FLAGS
 
 
 def described(long_name, units="1", **more):
@@ -15,16 +15,9 @@ def listed(dim, *names):
     return dim, np.arange(len(names)), described(dim, names=list(names))
 
 
-def status_code(status):
-    """Return the code of a Status in a cube; 0 stands for "not computed"."""
-    return 1 + STATUSES.index(status)
-
-
 def outcomes(dims, codes):
-    """Return a variable of status codes with their meanings."""
-    words = ["not_computed", *(status.name.lower() for status in STATUSES)]
-    flags = {"flag_values": list(range(len(words))), "flag_meanings": " ".join(words)}
-    return dims, np.asarray(codes).astype("int8"), described("outcome", **flags)
+    """Return a variable of status codes, see `cube.status_code`, with their meanings."""
+    return dims, np.asarray(codes).astype("int8"), described("outcome", **FLAGS)
 
 
 def write(dataset, path):

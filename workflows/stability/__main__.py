@@ -62,7 +62,7 @@ def main(run, quick):
     with run.driving():
         for name, study in STUDIES.items():
             begin = time.perf_counter()
-            found[name] = run.keep(f"stability_{name}", study(quick), {"quick": quick})
+            found[name] = run.keep(f"stability_{name}", study(quick), quick=quick)
             seconds = time.perf_counter() - begin
             click.echo(f"{name}: {found[name].attrs['title']}, {seconds:.1f} s", err=True)
         run.figure("stability", draw_stability(found))

@@ -11,7 +11,8 @@ from nasm.critical import Status
 from nasm.maps import twist
 from nasm.numbers import RotationNumber, convergents, parse
 from nasm.symmetries import ray
-from workflows.parts.tables import described, listed, outcomes, status_code
+from pipeline.cubes.cube import status_code
+from workflows.parts.tables import described, listed, outcomes
 
 _ANGLE = described("direction of the ray in the plane", "degree")
 _LIFE = described("steps in which converse KAM eliminates all; inf: not so")
