@@ -35,6 +35,7 @@ from numba import njit
 
 from nasm.checks import count
 from nasm.double_double import INVERSE_TWO_PI, add, divided, multiply, sincos_2pi, two_sum
+from nasm.kernels import kernel
 from nasm.maps import TWO_PI, forcing
 from nasm.sine import cos2pi, sin2pi
 
@@ -134,7 +135,7 @@ class HalfOrbit:
         )
 
 
-@njit(nogil=True)
+@kernel
 def _newton(kappa, site, n_sites, theta, u, workspace):
     """Newton's method for the deviations u of a half orbit, in place; whether it converged.
 
@@ -175,7 +176,7 @@ def _newton(kappa, site, n_sites, theta, u, workspace):
     return False
 
 
-@njit(nogil=True)
+@kernel
 def _unfold(half, u):
     """The deviations of all N sites from those of half of them: u_{N-j} = -u_j."""
     n = u.size
@@ -185,7 +186,7 @@ def _unfold(half, u):
         u[j] = -half[n - j]
 
 
-@njit(nogil=True)
+@kernel
 def _ordered(half, q, stride, u):
     """Whether the orbit is ordered like the rotation: sites whose angles differ by the least, 1/q,
     and which are `stride` steps of T apart in time, keep their order."""
@@ -199,7 +200,7 @@ def _ordered(half, q, stride, u):
     return True
 
 
-@njit(nogil=True)
+@kernel
 def _follow(start, profile, begin, end, site, q, theta, stride, u):
     """Continue an ordered half orbit, in place, on κ = start + s·profile from s = begin to end.
 
@@ -230,7 +231,7 @@ def _follow(start, profile, begin, end, site, q, theta, stride, u):
     return at
 
 
-@njit(nogil=True)
+@kernel
 def _residue(kappa, site, n_sites, theta, u):
     """R of a half orbit, by the formula at the head of the module."""
     end = n_sites // 2
@@ -290,7 +291,7 @@ def _refine(kappa, site, n_sites, numerators, a, u, low, cos, cos_low, workspace
     return largest
 
 
-@njit(nogil=True)
+@kernel
 def _refined_residue(kappa, site, n_sites, numerators, a, u):
     """`_residue` in double-double arithmetic, of the orbit that floats have found."""
     u, low, workspace = u.copy(), np.zeros(u.size), np.empty((3, u.size))

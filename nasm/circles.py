@@ -34,6 +34,7 @@ from numba import njit
 from nasm import fourier, orbits
 from nasm.checks import count
 from nasm.critical import Status
+from nasm.kernels import kernel
 from nasm.maps import TWO_PI, forcing
 from nasm.numbers import RotationNumber, checked
 from nasm.sine import sin2pi
@@ -278,7 +279,7 @@ def _newton(omega, kappa, u):
     return _OUTCOMES[outcome], error
 
 
-@njit(nogil=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _iterate(kappa, angles, turn, kept, u):
     """Newton steps until they tell: an index into _OUTCOMES, and the error before the first step.
 
@@ -303,7 +304,7 @@ def _iterate(kappa, angles, turn, kept, u):
     return 2, first
 
 
-@njit(nogil=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _workspace(n_sites, n):
     """Arrays for `_chain_step`. Above n = 4096 to allocate them anew takes as long as the step."""
     return (
@@ -314,7 +315,7 @@ def _workspace(n_sites, n):
     )
 
 
-@njit(nogil=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _chain_step(kappa, angles, turn, kept, u, workspace):
     """One Newton step, in place: see the module.
 

@@ -55,6 +55,7 @@ from numba import njit
 
 from nasm.checks import count
 from nasm.critical import CriticalScale, Status, no_answer
+from nasm.kernels import kernel
 from nasm.lanes import LANES, copysign, fabs, fma, load, minimum, own_frame, rint, store
 from nasm.maps import direction, forcing
 from nasm.periodic import dominant_centre
@@ -363,7 +364,7 @@ def _replay(c, site, report, lane):
     return n
 
 
-@njit(nogil=True)
+@kernel
 def _elimination_times(c, period, x, y, w, n_max, times):
     """The kick after which v ≤ 0 for every start into `times`, inf if later than n_max."""
     size = (y.size + LANES - 1) // LANES * LANES

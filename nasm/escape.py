@@ -25,6 +25,7 @@ from numba import njit
 
 from nasm.checks import count, points
 from nasm.critical import CriticalScale, Status, no_answer
+from nasm.kernels import kernel
 from nasm.lanes import LANES, fabs, fma, load, maximum, own_frame, rint, store
 from nasm.maps import direction, forcing
 from nasm.sine import SINE
@@ -327,7 +328,7 @@ def _chunk(n, n_max):
     return min(max(n // 4, _BLOCK), _LONGEST_CHUNK, n_max - n)
 
 
-@njit(nogil=True)
+@kernel
 def _escape_times(c, x0, y0, n_max, lo, hi, times):
     """n* of every orbit into `times`; survivors are packed together after each chunk of time."""
     orbit = np.empty(x0.size, np.int64)
@@ -402,7 +403,7 @@ def _first_escape(c, x0, y0, start, stop, n_max, lo, hi):
     return first
 
 
-@njit(nogil=True)
+@kernel
 def _first_escapes(c, x0, y0, sizes, n_max, lo, hi, times):
     """`_first_escape` of each nested ensemble (columns) for each forcing (rows) into `times`."""
     for i in range(c.shape[0]):

@@ -13,6 +13,7 @@ import numpy as np
 from numba import njit
 
 from nasm.checks import count, points
+from nasm.kernels import kernel
 from nasm.maps import forcing, kick
 
 MAX_STEPS = 10**9
@@ -107,7 +108,7 @@ def _step(kappa, x, y):
     return x, y
 
 
-@njit(nogil=True)
+@kernel
 def _orbit(kappa, x, y, n, every):
     xs = np.empty((n + 1, x.size))
     ys = np.empty((n + 1, x.size))
@@ -132,7 +133,7 @@ def _bump(n):
     return w / w.sum()
 
 
-@njit(nogil=True)
+@kernel
 def _weighted_averages(kappa, x, y, n):
     """Averages of the advance in x over the whole orbit, its first and its second half."""
     half = n // 2

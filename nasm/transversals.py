@@ -42,6 +42,7 @@ from nasm import escape
 from nasm.checks import count, points
 from nasm.cones import beam_search, longest_found
 from nasm.critical import CriticalScale, Status, no_answer
+from nasm.kernels import kernel
 from nasm.maps import direction, forcing, kick
 from nasm.sine import cos2pi
 
@@ -231,7 +232,7 @@ def _lowest(profile, transversals, best, scale, n_kicks):
     return best, scale
 
 
-@njit(nogil=True)
+@kernel
 def _elimination_times(kappa, x, y, n_kicks, one_is_enough, times):
     for i in range(x.size):
         times[i] = _elimination_time(kappa, x[i], y[i], n_kicks)

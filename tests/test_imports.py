@@ -41,8 +41,10 @@ def test_the_walk_sees_imports():
 
 @pytest.mark.parametrize("module", [m for m in MODULES if m.startswith("nasm")])
 def test_nasm_knows_no_file_cluster_or_plot(module):
-    numerics = {"nasm", "llvmlite", "numba", "numpy", "rocket_fft", "scipy"}
-    assert packages(module) <= numerics | sys.stdlib_module_names
+    allowed = {"nasm", "llvmlite", "numba", "numpy", "rocket_fft", "scipy"}
+    if module == "nasm.kernels":  # the compiled kernels on disk have more than one writer
+        allowed.add("filelock")
+    assert packages(module) <= allowed | sys.stdlib_module_names
 
 
 @pytest.mark.parametrize("module", [m for m in MODULES if m.startswith("pipeline")])

@@ -1,0 +1,109 @@
+"""Compiled kernels, kept on disk: each is compiled once per machine, not once per process.
+
+`@kernel` is Numba's `njit(nogil=True)` with Numba's own cache on disk, and three promises more.
+
+- *Never stale.* Numba asks whether the file of a kernel has changed; but the code of other files is
+  compiled into it. Here the directory's name is a digest of all sources of this package and of the
+  version of rocket-fft; Numba keys by its own version, the processor and the types. So another
+  version has a directory of its own.
+- *Many processes.* Two that write at once would give two entries one number, so writers take turns.
+- *No harm.* Where nothing can be written or read, on a full disk, or from a damaged file, a kernel
+  is compiled as if there were no cache.
+
+The directory is in NUMBA_CACHE_DIR if that is set, else in the user's folder of caches. Only
+functions that Python calls are kernels; what they call is compiled into them (`njit` alone).
+"""
+
+import hashlib
+import os
+import shutil
+import time
+from contextlib import suppress
+from functools import cache, partial
+from importlib.metadata import version
+from pathlib import Path
+
+from numba import config, njit
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
+from numba.misc.appdirs import AppDirs
+
+_UNUSED = 30 * 24 * 3600  # seconds after which the kernels of another version are deleted
+_PATIENCE = 10  # seconds to wait for another writer
+
+
+def kernel(function=None, **options):
+    """Compile a function as `njit(nogil=True, **options)` does, and keep the result on disk."""
+    if function is None:
+        return partial(kernel, **options)
+    dispatcher = njit(nogil=True, **options)(function)
+    if directory() is not None:
+        dispatcher._cache = _Cache(function)  # what cache=True does, with a cache of ours
+    return dispatcher
+
+
+@cache
+def directory():
+    """The directory of the kernels of these sources, made if need be; None if it cannot be."""
+    digest = hashlib.sha256(version("rocket-fft").encode())
+    for source in sorted(Path(__file__).parent.glob("*.py")):
+        digest.update(source.name.encode() + b"\0" + source.read_bytes())
+    root = Path(config.CACHE_DIR or AppDirs("nasm", appauthor=False).user_cache_dir)
+    path = root / f"kernels-{digest.hexdigest()[:16]}"
+    with suppress(OSError):
+        path.mkdir(parents=True, exist_ok=True)
+        os.utime(path)
+        for other in root.glob("kernels-" + "?" * 16):
+            if other.stat().st_mtime < time.time() - _UNUSED:
+                shutil.rmtree(other, ignore_errors=True)
+        return path
+    return None
+
+
+def are_compiled():
+    """Whether kernels of these sources are on disk; without a directory for them they never are."""
+    return directory() is not None and any(directory().glob("*.nbc"))
+
+
+class _Locator(_CacheLocator):
+    """Where Numba's cache keeps a function."""
+
+    def __init__(self, function, source):
+        self._py_file, self._line = source, function.__code__.co_firstlineno
+
+    @classmethod
+    def from_function(cls, function, source):
+        return cls(function, source)
+
+    def get_cache_path(self):
+        return str(directory())
+
+    def get_source_stamp(self):
+        return directory().name
+
+    def get_disambiguator(self):
+        return str(self._line)
+
+
+class _Kept(CompileResultCacheImpl):
+    _locator_classes = (_Locator,)
+
+
+class _Cache(FunctionCache):
+    """Numba's cache of a function, which fails without a word."""
+
+    _impl_class = _Kept
+
+    def load_overload(self, sig, target_context):
+        try:
+            return super().load_overload(sig, target_context)
+        except Exception:  # a damaged file may raise anything when it is unpickled
+            self._alone(self.flush)
+
+    def save_overload(self, sig, data):
+        self._alone(super().save_overload, sig, data)
+
+    def _alone(self, write, *args):
+        from filelock import FileLock  # 0.1 s to import, and mostly not needed
+
+        with suppress(OSError), FileLock(directory() / ".lock", timeout=_PATIENCE):
+            write(*args)
