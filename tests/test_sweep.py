@@ -19,28 +19,27 @@ import psutil
 import pytest
 import toy
 
-from pipeline import provenance, store
-from pipeline.cluster import ClusterError, connect
-from pipeline.layout import COMMIT, Variable
-from pipeline.progress import Progress
-from pipeline.status import state
-from pipeline.sweep import _ended, _pack, sweep
+from pipeline import store
+from pipeline.cubes.cube import Job
+from pipeline.sweep.cluster import ClusterError, connect
+from pipeline.sweep.progress import Progress, duration
+from pipeline.sweep.sweep import _ended, _pack, sweep
 
 
 @pytest.fixture(scope="module")
 def client():
-    with connect(toy.no_warm_up, n_workers=2) as client:
+    with connect(n_workers=2) as client:
         yield client
 
 
-def run(client, out, plan, **kwargs):
-    report = io.StringIO()
-    with store.driving(out):
-        return sweep(client, out, plan, toy.compute, toy.predict, report=report, **kwargs)
+def run(client, out, plan, wanted=None, **functions):
+    place, job = store.place_of(out), Job(plan, toy.compute, toy.predict, toy.no_warm_up)
+    with store.driving(place):
+        return sweep(client, place, replace(job, **functions), wanted, toy.silent())
 
 
 def assert_complete(out, plan):
-    cube = store.read(out, plan.name)
+    cube = store.read(store.place_of(out), plan.name)
     for name, values in toy.serial(plan).items():
         assert np.array_equal(cube[name].values, values)
     assert np.isfinite(cube.cpu_seconds).all()
@@ -55,7 +54,7 @@ def test_a_sweep_equals_a_serial_computation_whatever_the_tiling(client, tmp_pat
 
 
 def test_a_sweep_equals_a_serial_computation_with_another_number_of_workers(tmp_path):
-    with connect(toy.no_warm_up, n_workers=1) as client:
+    with connect(n_workers=1) as client:
         run(client, tmp_path, toy.cube())
     assert_complete(tmp_path, toy.cube())
 
@@ -205,7 +204,7 @@ def test_a_sweep_survives_workers_killed_at_random(tmp_path):
                 pids = list(client.run(os.getpid, on_error="ignore").values())
             os.kill(choose.choice(pids), signal.SIGKILL)
 
-    with connect(toy.no_warm_up, n_workers=2) as client:
+    with connect(n_workers=2) as client:
         killer = threading.Thread(target=kill_three, args=[client])
         killer.start()
         first = run(client, tmp_path, plan)
@@ -213,15 +212,15 @@ def test_a_sweep_survives_workers_killed_at_random(tmp_path):
     # A tile may have had the bad luck to be killed each time; it is only missing, not lost.
     assert first.committed + len(first.failed) == 130
     committed = commit_times(tmp_path)
-    with connect(toy.no_warm_up, n_workers=2) as client:
+    with connect(n_workers=2) as client:
         run(client, tmp_path, plan)
     assert_complete(tmp_path, plan)
     assert committed.items() <= commit_times(tmp_path).items()
 
 
 def test_a_sweep_without_workers_gives_up_and_says_so(tmp_path, monkeypatch):
-    monkeypatch.setattr("pipeline.sweep._PATIENCE", 1)
-    with connect(toy.no_warm_up, n_workers=1) as client:
+    monkeypatch.setattr("pipeline.sweep.sweep._PATIENCE", 1)
+    with connect(n_workers=1) as client:
 
         def retire():
             while not commit_times(tmp_path):
@@ -362,7 +361,7 @@ class Promise:
 
 
 def test_the_batches_in_flight_follow_the_workers_that_there_are(monkeypatch):
-    monkeypatch.setattr("pipeline.sweep._ROLL_CALL", 0)
+    monkeypatch.setattr("pipeline.sweep.sweep._ROLL_CALL", 0)
     workers = [1] * 10 + [4] * 20 + [0] * 10 + [2] * 60
     in_flight, seen = [], []
 
@@ -398,12 +397,12 @@ def test_workers_listen_on_loopback_only(client):
 def test_a_scheduler_that_does_not_answer_is_one_clear_error():
     with (
         pytest.raises(ClusterError, match=r"no dask scheduler answers at tcp://127\.0\.0\.1:9"),
-        connect(toy.no_warm_up, scheduler="tcp://127.0.0.1:9"),
+        connect(scheduler="tcp://127.0.0.1:9"),
     ):
         pass
 
 
 def test_a_running_scheduler_is_used_by_its_address(client, tmp_path):
-    with connect(toy.no_warm_up, scheduler=client.scheduler.address) as other:
+    with connect(scheduler=client.scheduler.address) as other:
         run(other, tmp_path, toy.cube())
     assert_complete(tmp_path, toy.cube())

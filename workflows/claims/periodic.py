@@ -4,7 +4,7 @@ import numpy as np
 
 from nasm import fixed_points, periodic
 from nasm.maps import TWO_PI, step, step_tangent, unkick
-from pipeline.grid import parse_axis
+from pipeline.sweep.grid import parse_axis
 from workflows.claims.rules import Claim, graded, identity
 from workflows.parts.period_one import secondary_dataset
 

@@ -11,7 +11,7 @@ import xarray as xr
 from nasm import orbits
 from nasm.symmetries import ray
 from pipeline.cubes.escape import beyond
-from pipeline.progress import Progress
+from pipeline.sweep.progress import Progress
 from workflows.parts.tables import described
 
 INSETS = ((0.526, 0.69), (0.526, 0.73), (-0.69, 0.525), (-0.73, 0.525))

@@ -8,9 +8,9 @@ import xarray as xr
 
 from nasm.escape import boundary
 from nasm.symmetries import ray
-from pipeline import refine
 from pipeline.cubes import escape
-from pipeline.grid import Axis
+from pipeline.sweep import refine
+from pipeline.sweep.grid import Axis
 
 
 @dataclass(frozen=True)
@@ -89,24 +89,19 @@ def escape_plane(run, plane):
     """
     if plane.levels == 1:
         return run.sweep(planned(plane))
-    fields = [run.sweep(_level_job(plane, "escape_level0", 0)).escape_time.values]
-    for level in range(1, plane.levels):
-        job = _level_job(plane, f"escape_level{level}", level)
-        wanted = refine.tiles_at(refine.halved(_followed_cells(fields, plane)), plane.tile)
-        fields.append(run.sweep(job, wanted).escape_time.values)
-        # Finer cells may show that the boundary runs on in a neighbouring tile: follow it there.
-        while more := refine.tiles_at(_followed_cells(fields, plane), plane.tile) - wanted:
-            wanted |= more
-            fields[-1] = run.sweep(job, wanted).escape_time.values
+
+    def compute(level, wanted):
+        return run.sweep(
+            _level_job(plane, f"escape_level{level}", level), wanted
+        ).escape_time.values
+
+    def is_within(field):
+        return np.concatenate([field <= n for n in plane.follow])
+
+    composed = refine.refine(compute, is_within, plane.levels, plane.tile)
     finest = _level_job(plane, "escape", plane.levels - 1).cube
-    cube = escape.composed(finest, plane.levels, plane.follow, *refine.compose(fields))
+    cube = escape.composed(finest, plane.levels, plane.follow, *composed)
     return run.keep(cube.name, cube.template, cube.tile, **cube.settings)
-
-
-def _followed_cells(fields, plane):
-    """Mark the cells at a boundary {n* ≤ N} of any ensemble, for any N to be followed."""
-    field, _ = refine.compose(fields)
-    return refine.boundary_cells(np.concatenate([field <= n for n in plane.follow]))
 
 
 def boundary_table(dataset, angles, steps):

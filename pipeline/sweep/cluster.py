@@ -7,11 +7,8 @@ import json
 import logging
 import os
 import re
-import signal
-import threading
-from contextlib import contextmanager
-from functools import partial
-from multiprocessing import resource_tracker
+from contextlib import ExitStack, contextmanager
+from functools import cache
 
 import dask
 from dask.system import CPU_COUNT
@@ -19,10 +16,8 @@ from distributed import Client, LocalCluster
 from distributed.comm import CommClosedError
 from distributed.security import Security
 
-from pipeline.admission import ClusterError, comparing
-from pipeline.faults import NO_SCHEDULER
-
-QUIET = {
+NO_SCHEDULER = "the dask scheduler is gone; run again to resume"
+_QUIET = {
     # A task that was with a worker when it died is suspect at once, not after it killed three
     # more; the sweep reruns suspects alone. (A scheduler elsewhere has its own setting, 3 deaths.)
     "distributed.scheduler.allowed-failures": 0,
@@ -33,27 +28,32 @@ QUIET = {
     "distributed.admin.system-monitor.interval": "10s",
     "distributed.admin.system-monitor.gil.enabled": False,
 }
-_LOOPBACK = {"distributed.comm.require-encryption": False}
-"""A site's demand is for its network."""
-
-
+_LOCAL = {
+    "distributed.comm.require-encryption": False,  # what a site demands is for its network
+    # A Ctrl-C in the terminal reaches all its processes, and is for the driver.
+    "distributed.worker.preload": ["import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"],
+}
 _ADDRESS = re.compile(r"(tcp|tls)://[^/\s]+:\d+")
 
 
+class ClusterError(Exception):
+    """No cluster to compute on; the message says why, and what to do."""
+
+
 @contextmanager
-def connect(warm_up, scheduler=None, n_workers=None, tls=None):
-    """A dask Client whose workers have our versions and are warmed up, also those that join later.
+def connect(scheduler=None, n_workers=None, tls=None):
+    """Yield a function that returns the dask Client; it connects when it is first called.
 
     Parameters
     ----------
-    warm_up : function without arguments, run once in each worker process.
     scheduler : address of a running scheduler, "tcp://…" or "tls://…", or the path of its scheduler
         file, whose workers see this machine's files and have this package; by default workers are
         started on this machine, which listen on loopback only.
     n_workers : int ≥ 1, worker processes to start here; default one per core.
     tls : (ca, cert, key) files, for a "tls://" address.
 
-    ClusterError if the scheduler does not answer or has no workers, or workers that are not fit.
+    ClusterError if the arguments do not go together, here; if the scheduler does not answer or has
+    no workers, when the function is called.
     """
     if n_workers is not None and n_workers < 1:
         raise ClusterError(f"workers={n_workers} must be at least 1")
@@ -62,63 +62,33 @@ def connect(warm_up, scheduler=None, n_workers=None, tls=None):
     if scheduler is not None and n_workers is not None:
         raise ClusterError(f"the scheduler at {scheduler} has its own workers; leave --workers out")
     if scheduler is None:
-        settings = QUIET | _LOOPBACK
-        connection, prepare = _local(n_workers), partial(_ready_ours, warm_up)
+        settings, connection = _QUIET | _LOCAL, _local(n_workers)
     else:
-        settings = QUIET
-        connection, prepare = _remote(_address(scheduler), tls), warm_up
-    with dask.config.set(settings), connection as client, comparing(client, prepare):
-        yield client
-
-
-def _ready_ours(warm_up):
-    """Ready a worker that the driver has started: deaf to a Ctrl-C that is meant for the driver."""
-    if threading.current_thread() is threading.main_thread():
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-    warm_up()
+        address = _address(scheduler)
+        settings, connection = _QUIET, _remote(address, _security(address, tls))
+    with dask.config.set(settings), ExitStack() as stack:
+        yield cache(lambda: stack.enter_context(connection))
 
 
 @contextmanager
 def _local(n_workers):
-    with _interrupts_kept() as kept:
-        cluster = LocalCluster(
+    with (
+        LocalCluster(
             n_workers=n_workers or CPU_COUNT,
             threads_per_worker=1,
             host="127.0.0.1",
             dashboard_address="127.0.0.1:0",
             memory_limit=0,  # tiles are small; to watch the memory costs more than they use
             silence_logs="CRITICAL",
-        )
-    with cluster, Client(cluster, set_as_default=False) as client:
+        ) as cluster,
+        Client(cluster, set_as_default=False) as client,
+    ):
         try:
-            if kept:
-                raise KeyboardInterrupt
             yield client
         except KeyboardInterrupt:
             # It would log what the workers were being asked and will not answer.
             logging.getLogger("asyncio").setLevel(logging.CRITICAL)
             raise
-
-
-@contextmanager
-def _interrupts_kept():
-    """A list of the Ctrl-C that come meanwhile, which do nothing else.
-
-    Threads that are started meanwhile are deaf to it, and so are the processes that they start:
-    workers, until their plugin sees to it.
-    """
-    kept = []
-    if threading.current_thread() is not threading.main_thread():
-        yield kept
-        return
-    resource_tracker.ensure_running()  # as it starts, it makes the thread hear again
-    previous = signal.signal(signal.SIGINT, lambda *_: kept.append(True))
-    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield kept
-    finally:
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
-        signal.signal(signal.SIGINT, previous)
 
 
 def _address(scheduler):
@@ -148,11 +118,10 @@ def _address(scheduler):
 
 
 @contextmanager
-def _remote(address, tls):
+def _remote(address, security):
     # What dask would log of a scheduler that is gone are tracebacks; the sweep says it in words.
     for name in ("client", "batched"):
         logging.getLogger(f"distributed.{name}").setLevel(logging.CRITICAL)
-    security = _security(address, tls)
     try:
         client = Client(address, security=security, timeout=5, set_as_default=False)
     except CommClosedError:

@@ -26,12 +26,12 @@ class Progress:
             self._show("\n")
 
     def begin(self, tiles, seconds):
-        """So many tiles more are to be done, of so many predicted seconds."""
+        """Add tiles to be done, and the seconds predicted for them."""
         self.tiles += tiles
         self.seconds += seconds
 
     def advance(self, tiles, seconds):
-        """So many tiles more are done."""
+        """Count tiles as done."""
         self.tiles_done += tiles
         self.seconds_done += seconds
         if time.monotonic() - self.shown > self.interval:
@@ -40,11 +40,19 @@ class Progress:
     def _show(self, end):
         self.shown = time.monotonic()
         elapsed = self.shown - self.start
-        done = self.seconds_done
-        left = elapsed * max(0.0, self.seconds / done - 1) if done > 0 else float("nan")
+        left = "?"
+        if self.seconds_done > 0:
+            left = duration(elapsed * max(0.0, self.seconds / self.seconds_done - 1))
         line = (
             f"{self.name}: {self.tiles_done}/{self.tiles} tiles, "
-            f"{self.tiles_done / max(elapsed, 1e-9):.1f}/s, {elapsed:.0f} s gone, {left:.0f} s left"
+            f"{self.tiles_done / max(elapsed, 1e-9):.1f}/s, {duration(elapsed)} gone, {left} left"
         )
         with suppress(OSError):  # a log that is full, or closed, does not end the sweep
             print(line.ljust(78), end=end, file=self.stream, flush=True)
+
+
+def duration(seconds):
+    """Return a time in words: 45 s, 12 min, 3.2 h."""
+    if seconds < 120:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 7200 else f"{seconds / 3600:.1f} h"

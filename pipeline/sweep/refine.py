@@ -14,6 +14,32 @@ FACTOR = 2
 """Cells of the next level per cell and dimension."""
 
 
+def refine(compute, ask, levels, tile):
+    """Compute a field level by level, finer only along the boundaries; see `compose`.
+
+    Parameters
+    ----------
+    compute : (level, set of tiles or None for all) → field of that level, NaN where not computed;
+        called again for a level with more tiles, it returns all of them.
+    ask : field → bool array (questions, rows, columns).
+    levels : int ≥ 1.
+    tile : int, cells along each side of a tile.
+
+    Returns
+    -------
+    field, level : as by `compose`.
+    """
+    fields = [compute(0, None)]
+    for number in range(1, levels):
+        wanted = tiles_at(halved(boundary_cells(ask(compose(fields)[0]))), tile)
+        fields.append(compute(number, wanted))
+        # Finer cells may show that the boundary runs on in a neighbouring tile: follow it there.
+        while more := tiles_at(boundary_cells(ask(compose(fields)[0])), tile) - wanted:
+            wanted |= more
+            fields[-1] = compute(number, wanted)
+    return compose(fields)
+
+
 def compose(levels):
     """One field at the resolution of the last level, and the level of each cell.
 

@@ -5,13 +5,11 @@ an axis keeps its edges, so that levels of refinement nest.
 """
 
 from dataclasses import dataclass
-from itertools import product
 from math import isfinite
 
 import numpy as np
 
 MAX_CELLS = 2**20
-MAX_TILES = 2**24
 
 
 @dataclass(frozen=True)
@@ -46,7 +44,7 @@ class Axis:
 
 
 def parse_axis(text):
-    """The Axis that "LO:HI:N" spells; ValueError with an example otherwise."""
+    """Parse an Axis from "LO:HI:N"; ValueError with an example otherwise."""
     try:
         lo, hi, n = text.split(":")
         lo, hi, n = float(lo), float(hi), int(n)
@@ -59,20 +57,15 @@ def parse_axis(text):
 
 
 def tile_counts(sizes, tile):
-    """How many tiles there are along each dimension: {dim: ceil(cells / cells per tile)}."""
+    """Return the number of tiles along each dimension: {dim: ceil(cells / cells per tile)}."""
     return {dim: -(-sizes[dim] // length) for dim, length in tile.items()}
 
 
-def tile_indices(sizes, tile):
-    """All tile indices, in the order of the dimensions of `tile` ({dim: cells per tile}).
-
-    The cells of all tiles together, by `tile_slices`, are every cell exactly once.
-    """
-    return list(product(*map(range, tile_counts(sizes, tile).values())))
-
-
 def tile_slices(index, sizes, tile):
-    """{dim: slice} of the cells of one tile; the last tile of a dimension may be short."""
+    """Return {dim: slice} of the cells of one tile; the last tile of a dimension may be short.
+
+    The cells of all tiles together are every cell exactly once.
+    """
     return {
         dim: slice(i * length, min((i + 1) * length, sizes[dim]))
         for i, (dim, length) in zip(index, tile.items(), strict=True)

@@ -1,0 +1,44 @@
+"""The store: each cube is a zarr group of its own, PLACE/NAME.zarr, a chunk per tile.
+
+The life of a tile: missing → data chunks written → commit record written last. The record is the
+tile's chunk of `cpu_seconds`; *a tile is done if all its chunks are there in full length*. Nothing
+else lists what is done. If a tile fails, the reason is kept, and means something while the tile is
+missing.
+
+Zarr writes and reads all chunks, each with its CRC-32C; obstore puts them into a directory or an
+object store, each whole or not at all, so that a killed process leaves nothing half-written. What
+several workers or drivers write more than once is the same each time: they need no order.
+
+The store knows neither mathematics nor dask. A cube is anything with the attributes `name`,
+`template`, `tile`, `sizes`, `settings` and `config_hash`, see `pipeline.cubes.cube.Cube`.
+"""
+
+from pipeline.store.metadata import check, create, names, replace, sees
+from pipeline.store.place import Place, Refused, StoreFailed, driving, explained, place_of
+from pipeline.store.provenance import computed_by
+from pipeline.store.status import State, status
+from pipeline.store.tiles import commit, is_committed, missing, read, record_failure
+from pipeline.store.verify import verify
+
+__all__ = [
+    "Place",
+    "Refused",
+    "State",
+    "StoreFailed",
+    "check",
+    "commit",
+    "computed_by",
+    "create",
+    "driving",
+    "explained",
+    "is_committed",
+    "missing",
+    "names",
+    "place_of",
+    "read",
+    "record_failure",
+    "replace",
+    "sees",
+    "status",
+    "verify",
+]

@@ -1,0 +1,132 @@
+"""Where cubes are kept: a directory, or a prefix in an object store, both through obstore.
+
+A file or object appears whole or not at all. Credentials, endpoint and region come from the
+environment (AWS_ACCESS_KEY_ID, AWS_ENDPOINT_URL, …) of the driver and of each worker, and go
+nowhere from there.
+"""
+
+import os
+import re
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import timedelta
+from functools import lru_cache
+
+from filelock import FileLock, Timeout
+from obstore.exceptions import BaseError
+from obstore.store import LocalStore, from_url
+
+PATIENCE = 30
+"""Seconds for which a request is repeated while an object store does not answer."""
+
+_URL = re.compile(r"(s3|gs|az)://[a-z0-9][a-z0-9._-]+(/[\w.=+-]+)+", re.ASCII)
+
+
+class Refused(Exception):
+    """The store cannot take this sweep; the message says why, and what to do. Nothing was done."""
+
+
+class StoreFailed(OSError):
+    """The disk or the object store failed under way. What is committed stays."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where cubes are kept; see `place_of`.
+
+    root : absolute path of a directory, or URL of a prefix in an object store.
+    """
+
+    root: str
+
+    def __str__(self):
+        return self.root
+
+    @property
+    def is_directory(self):
+        return "://" not in self.root
+
+    def cube(self, name):
+        """Path or URL of the cube's zarr group."""
+        return f"{self.root}/{name}.zarr"
+
+    def objects(self, name=None):
+        """The obstore store of all files, or of those of one cube."""
+        path = self.cube(name) if name else self.root
+        if self.is_directory and not os.path.isdir(path):
+            raise FileNotFoundError(f"{path} does not exist")
+        return _opened(path)
+
+
+def place_of(out):
+    """Return the Place that `out` names: a directory, or s3://, gs:// or az://BUCKET/PREFIX."""
+    out = str(out)
+    if "://" not in out:
+        return Place(os.path.abspath(out))
+    if not _URL.fullmatch(out.rstrip("/")):
+        # The URL is not repeated: what is wrong with it may be a password in it.
+        raise Refused(
+            "the URL of the store must be s3://BUCKET/PREFIX (or gs://, az://), of letters, digits "
+            "and ._=+-, without user, password or '?'; credentials go into the environment, "
+            "e.g. AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY"
+        )
+    return Place(out.rstrip("/"))
+
+
+@lru_cache
+def _opened(path):
+    if "://" not in path:
+        return LocalStore(path)
+    return from_url(path, retry_config={"retry_timeout": timedelta(seconds=PATIENCE)})
+
+
+@contextmanager
+def driving(place):
+    """Keep a second driver off a directory, which is made if need be.
+
+    In an object store nothing keeps two drivers apart. They write the same bytes, so that all they
+    lose is time.
+    """
+    if not place.is_directory:
+        yield
+        return
+    lock = FileLock(f"{place}/.lock", timeout=0)
+    try:
+        os.makedirs(place.root, exist_ok=True)
+        lock.acquire()
+    except Timeout:
+        raise Refused(
+            f"{place} is being written by another run; wait for it, stop it, or choose another "
+            "--out"
+        ) from None
+    except OSError as error:
+        raise Refused(f"cannot write to {place}: {error.strerror}; choose another --out") from None
+    try:
+        yield
+    finally:
+        lock.release()
+
+
+@contextmanager
+def explained(place):
+    """Turn what obstore and zarr raise inside, because the store fails, into a StoreFailed."""
+    try:
+        yield
+    except BaseException as error:
+        if isinstance(error, ValueError) and "computed checksum" in str(error):
+            words = "some chunks are damaged; run `python -m workflows.verify --repair` on it"
+        elif _is_obstores(error):
+            # The rest may hold a signature.
+            words = re.split(r"[\n<?]|Debug source", str(error))[0].strip(" :")
+        else:
+            raise
+        raise StoreFailed(f"{place}: {words}") from None
+
+
+def _is_obstores(error):
+    if isinstance(error, StoreFailed):
+        return False
+    if isinstance(error, OSError):  # with an errno it is a file of this machine, not of the store
+        return error.errno is None
+    # A setting that obstore cannot digest, e.g. an endpoint that is no URL, is a PanicException.
+    return isinstance(error, BaseError) or type(error).__name__ == "PanicException"

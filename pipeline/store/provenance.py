@@ -1,0 +1,75 @@
+"""Who computed a cube: the versions of all that decides its numbers, and of the rest."""
+
+import hashlib
+import platform
+import subprocess
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+_PACKAGE = Path(__file__).parents[2]
+_MATHEMATICS = "nasm/*.py", "pipeline/cubes/*.py"
+_DECIDING = "llvmlite", "numba", "numpy", "rocket-fft", "scipy"
+_OTHERS = "xarray", "zarr", "dask"
+PROVENANCE = (
+    "computed_by",
+    "package_version",
+    "git_commit",
+    "python_version",
+    "library_versions",
+    "created",
+)
+"""Names of the attributes of a cube that tell who computed it."""
+
+
+def digest_of(*patterns):
+    """Digest of those files of the package: its version alone would miss an edit."""
+    digest = hashlib.sha256()
+    for path in sorted(path for pattern in patterns for path in _PACKAGE.glob(pattern)):
+        digest.update(path.name.encode() + path.read_bytes())
+    return digest.hexdigest()[:12]
+
+
+def _versions(packages):
+    return ", ".join(f"{package} {_version(package)}" for package in packages)
+
+
+def _version(package):
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "missing"
+
+
+# Of the files as they are imported: a process that runs on while they are edited has the old ones.
+_COMPUTED_BY = f"mathematics {digest_of(*_MATHEMATICS)}, {_versions(_DECIDING)}"
+
+
+def computed_by():
+    """What decides the numbers of a cube besides its plan, in one line: source and libraries."""
+    return _COMPUTED_BY
+
+
+def provenance(computed_by):
+    """Attributes of a new cube: who computes it, versions, git commit, time of creation."""
+    package, now = _version("nasm-transport"), datetime.now(UTC).isoformat(timespec="seconds")
+    libraries = _versions(_OTHERS)
+    values = computed_by, package, _git_commit(), platform.python_version(), libraries, now
+    return dict(zip(PROVENANCE, values, strict=True))
+
+
+def _git_commit():
+    """The commit of the source tree, "-dirty" if it was edited; "unknown" outside a checkout."""
+    git, here = ["git", "-C", str(_PACKAGE)], Path(__file__).relative_to(_PACKAGE)
+    try:
+        # If we are installed inside another project's checkout, its commit says nothing of us.
+        subprocess.run([*git, "ls-files", "--error-unmatch", here], capture_output=True, check=True)
+        described = subprocess.run(
+            [*git, "describe", "--always", "--dirty", "--abbrev=40"],
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+    except (OSError, subprocess.CalledProcessError):
+        return "unknown"
+    return described.stdout.strip()

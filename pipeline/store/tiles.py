@@ -1,0 +1,150 @@
+"""Tiles: list the missing ones, commit one, read them all.
+
+Every tiled variable has one chunk for each tile, raw numbers with their CRC-32C behind.
+"""
+
+from functools import lru_cache
+from math import prod
+
+import numpy as np
+import xarray as xr
+import zarr
+from zarr.storage import ObjectStore
+
+from pipeline.store.place import Refused, explained
+
+COMMIT = "cpu_seconds"
+_LONGEST_REASON = 500  # characters of an exception that are kept
+_DAMAGED = (AttributeError, KeyError, RecursionError, TypeError, ValueError)
+
+
+@lru_cache
+def arrays_of(place, name):
+    """{name: zarr array} of the cube, kept open; Refused if its metadata are lost or damaged."""
+    try:
+        # A tile of fill values must be stored like any other.
+        with explained(place), zarr.config.set({"array.write_empty_chunks": True}):
+            store = ObjectStore(place.objects())
+            arrays = dict(
+                zarr.open_group(store, path=f"{name}.zarr", mode="r+", zarr_format=3).arrays()
+            )
+            if all(array.metadata.dimension_names for array in arrays.values()):
+                return arrays
+    except _DAMAGED:
+        pass
+    raise Refused(
+        f"the metadata of {place.cube(name)} are damaged; run the workflow that computed it again, "
+        "to have them written anew"
+    )
+
+
+def forget():
+    """Open the arrays anew when they are needed next."""
+    arrays_of.cache_clear()
+
+
+def tiled_arrays(arrays):
+    """{name: (zarr array, its axes that count tiles)} of the arrays whose chunks are tiles."""
+    tiled = [dim.removeprefix("tile_") for dim in arrays[COMMIT].metadata.dimension_names]
+    found = {}
+    for key, array in arrays.items():
+        dims = [dim.removeprefix("tile_") for dim in array.metadata.dimension_names]
+        if set(tiled) <= set(dims) and array.metadata.dimension_names != (key,):
+            found[key] = array, [dims.index(dim) for dim in tiled]
+    return found
+
+
+def survey(place, name):
+    """Look which chunks are there, in one pass: returns (done, written), arrays over the tiles.
+
+    done : whether all chunks of the tile are there, in full length.
+    written : time of the commit record in seconds, NaN if there is none.
+    """
+    arrays = arrays_of(place, name)
+    tiled = tiled_arrays(arrays)
+    sizes = {key: prod(a.chunks) * a.dtype.itemsize + 4 for key, (a, _) in tiled.items()}
+    found = np.zeros(arrays[COMMIT].shape, dtype="uint8")
+    written = np.full(found.shape, np.nan)
+    with explained(place):
+        for page in place.objects().list(f"{name}.zarr", chunk_size=10_000):
+            for file in page:
+                _, key, *chunk = file["path"].split("/")
+                if key not in sizes or chunk[0] != "c":
+                    continue
+                try:
+                    tile = tuple(int(chunk[1 + axis]) for axis in tiled[key][1])
+                    found[tile] += file["size"] == sizes[key]
+                    if key == COMMIT:
+                        written[tile] = file["last_modified"].timestamp()
+                except (ValueError, IndexError):  # somebody else's file
+                    continue
+    return found == len(tiled), written
+
+
+def missing(place, cube):
+    """Indices of the tiles that are not committed, in tile order: int array (tiles, dims)."""
+    done, _ = survey(place, cube.name)
+    return np.argwhere(~done)
+
+
+def is_committed(place, name, index):
+    """Whether the tile has a commit record."""
+    with explained(place):
+        try:
+            head = place.objects().head(f"{name}.zarr/{COMMIT}/c/{'/'.join(map(str, index))}")
+        except FileNotFoundError:
+            return False
+    return head["size"] == 12  # a float64 and its checksum
+
+
+def commit(place, name, index, arrays, seconds):
+    """Write the tile's data, then its commit record: the CPU seconds that it took.
+
+    ValueError if an array does not have the shape and kind of numbers that the cube has.
+    """
+    opened = arrays_of(place, name)
+    tiled = tiled_arrays(opened)
+    parts = {key: _part(*tiled[key], index, key, values) for key, values in arrays.items()}
+    with explained(place):
+        for key, (region, values) in parts.items():
+            opened[key][region] = values
+        opened[COMMIT][tuple(index)] = seconds
+
+
+def _part(array, axes, index, key, values):
+    """(region of the array that the tile fills, its values); zarr would cast and broadcast."""
+    region = [slice(0, whole) for whole in array.shape]
+    for axis, i in zip(axes, index, strict=True):
+        length = array.chunks[axis]
+        region[axis] = slice(i * length, min((i + 1) * length, array.shape[axis]))
+    shape = tuple(part.stop - part.start for part in region)
+    values = np.asarray(values)
+    if values.shape != shape:
+        raise ValueError(f"{key} has the shape {values.shape} instead of {shape}")
+    fits = values.dtype.kind in "biuf"
+    if fits and array.dtype.kind != "f":
+        with np.errstate(invalid="ignore"):
+            fits = np.array_equal(values.astype(array.dtype), values)
+    if not fits:
+        raise ValueError(f"{key} is of {values.dtype}, and does not fit into {array.dtype}")
+    return tuple(region), values
+
+
+def record_failure(place, name, index, reason):
+    """Write why a tile that is not committed has failed. To zarr it is no chunk."""
+    with explained(place):
+        reason = reason[:_LONGEST_REASON].encode(errors="replace")
+        place.objects().put(failure_key(name, index), reason)
+
+
+def failure_key(name, index):
+    """Key of the reason why the tile has failed."""
+    return f"{name}.zarr/.failed/{'.'.join(map(str, index))}"
+
+
+def read(place, name):
+    """The cube as a Dataset, read lazily. To read a damaged chunk is a ValueError."""
+    with explained(place):
+        # Version 3 alone: what others wrote as version 2 may name codecs that unpickle.
+        store = ObjectStore(place.objects(name), read_only=True)
+        return xr.open_zarr(store, chunks=None, zarr_format=3)
