@@ -7,10 +7,10 @@ from nasm.maps import kick, step
 from nasm.numbers import moebius, parse
 from nasm.symmetries import ray
 from nasm.verdict import verdict
-from workflows.convergence import exponent
-from workflows.paper.map import largest
-from workflows.paper.rules import CLAIMS, Claim, agrees, graded, identity, printed, rounding
-from workflows.stability_limits import amplitudes
+from workflows.claims.map import largest
+from workflows.claims.rules import CLAIMS, Claim, agrees, graded, identity, printed, rounding
+from workflows.parts.direct import exponent
+from workflows.stability.limits import amplitudes
 
 KAPPA_G = printed("0.971635406")
 _LIMITS = "python -m pytest tests/test_barriers.py::"

@@ -1,9 +1,23 @@
 """Studies of stability: at the cusp, past the breakup, at fractions, without twist, in amplitude.
 
-Their findings are in `workflows.stability`.
+Their findings are in `workflows.stability.__main__`.
 """
 
-from workflows.labelled import labelled, listed, status_code, status_flags
+import numpy as np
+import xarray as xr
+
+from nasm import barriers, circles, cones, continuation, escape, fourier, orbits, periodic
+from nasm.critical import Status
+from nasm.maps import twist
+from nasm.numbers import RotationNumber, convergents, parse
+from nasm.symmetries import ray
+from pipeline.cubes.cube import status_code
+from workflows.parts.tables import described, listed, outcomes
+
+_ANGLE = described("direction of the ray in the plane", "degree")
+_LIFE = described("steps in which converse KAM eliminates all; inf: not so")
+_DIGITS = described("digits of the weighted Birkhoff average of the longest-lived")
+_ESCAPE = described("first escape of 100 orbits, steps; inf: none")
 
 
 def near_cusp(quick):
@@ -12,13 +26,6 @@ def near_cusp(quick):
     `periodic` and `continuation` on the circle of γ, `cones` and `barriers` on the last circle: by
     residues of ten times longer orbits, and where these fail, by lives a hundred times longer.
     """
-    import numpy as np
-
-    from nasm import barriers, cones, continuation, periodic
-    from nasm.critical import Status
-    from nasm.numbers import parse
-    from nasm.symmetries import ray
-
     gamma, deltas = parse("gamma"), np.geomspace(10, 1e-5, 5 if quick else 13)
     q_max = 15_000 if quick else 60_000
     rows = []
@@ -38,18 +45,19 @@ def near_cusp(quick):
         ]
         rows.append([_judged(scale, judge) for scale, judge in found])
     off, claimed, uncertain, status = np.array(rows).transpose(2, 1, 0)
-    return labelled(
-        "Distance to the cusp at 45 degrees",
+    dims = "approach", "delta"
+    return xr.Dataset(
         {
-            "approach": listed("periodic", "continuation", "cones", "barriers"),
-            "delta": (deltas, "distance 45° - φ from the cusp", "degree"),
+            "off": (dims, off, described("difference to the sharpest value known, in parts of it")),
+            "error": (dims, claimed, described("error that the method claims, relative")),
+            "judge_error": (dims, uncertain, described("error that the sharpest method claims")),
+            "status": outcomes(dims, status),
         },
         {
-            "off": (off, "difference to the sharpest value known, in parts of it"),
-            "error": (claimed, "error that the method claims, in parts of the value"),
-            "judge_error": (uncertain, "error that the sharpest method claims, likewise"),
-            "status": status_flags(status),
+            "approach": listed("approach", "periodic", "continuation", "cones", "barriers"),
+            "delta": ("delta", deltas, described("distance 45° - φ from the cusp", "degree")),
         },
+        {"title": "Distance to the cusp at 45 degrees"},
     )
 
 
@@ -61,11 +69,6 @@ def _judged(scale, judge):
 
 def past_boundary(quick):
     """2. What each method says at scales s_c(1 + x), on either side of the breakup s_c."""
-    import numpy as np
-
-    from nasm import barriers, circles, cones, escape, orbits, periodic
-    from nasm.symmetries import ray
-
     angles = (20.0, 45.0) if quick else (0.0, 20.0, 40.0, 45.0)
     decades = np.geomspace(1e-4, 1e-1, 4 if quick else 10)
     excess = np.concatenate([-decades[::-1], [0.0], decades])
@@ -83,24 +86,25 @@ def past_boundary(quick):
             site, a = periodic.dominant_centre(kappa)
             digits[i, j] = orbits.rotation_number(np.roll(kappa, -site), a, y, 5000)[1]
             escaped[i, j] = escape.first_escape(kappa, *starts, [100], n_escape)[0]
-    return labelled(
-        "Distance past the breakup",
+    dims = "angle", "excess"
+    said = described("whether a circle of n_modes points is certified")
+    return xr.Dataset(
         {
-            "angle": (angles, "direction of the ray in the plane", "degree"),
-            "excess": (excess, "scale over that of the breakup, less 1", "1"),
+            "certified": (dims, certified.astype("int8"), said),
+            "elimination_time": (dims, lived, _LIFE),
+            "digits": (dims, digits, _DIGITS),
+            "escape_time": (dims, escaped, _ESCAPE),
         },
         {
-            "certified": (
-                certified.astype("int8"),
-                "whether a circle of n_modes points is certified",
-            ),
-            "elimination_time": (lived, "steps in which converse KAM eliminates all; inf: not so"),
-            "digits": (digits, "digits of the weighted Birkhoff average of the longest-lived"),
-            "escape_time": (escaped, "first escape of 100 orbits, steps; inf: none"),
+            "angle": ("angle", list(angles), _ANGLE),
+            "excess": ("excess", excess, described("scale over that of the breakup, less 1")),
         },
-        n_cones=n_cones,
-        n_escape=n_escape,
-        n_modes=n_modes,
+        {
+            "title": "Distance past the breakup",
+            "n_cones": n_cones,
+            "n_escape": n_escape,
+            "n_modes": n_modes,
+        },
     )
 
 
@@ -110,11 +114,6 @@ def disguised_fractions(quick):
     They are 1/(aq²) from p/q and, for large a, break long before the golden circle, to which their
     first convergents belong. Judged by residues of longer orbits where these see the tail.
     """
-    import numpy as np
-
-    from nasm import circles, continuation, periodic
-    from nasm.numbers import RotationNumber, convergents
-
     kappa, large = np.array([0.3, 0.2]), (10, 100, 10**6)
     ones = range(3, 10 if quick else 17)
     q = [list(convergents(RotationNumber((0, *[1] * n))))[-1].denominator for n in ones]
@@ -134,32 +133,28 @@ def disguised_fractions(quick):
             circle = circles.invariant_circle(omega, kappa)
             codes = found[0].status, found[1].status, circle.status
             status[i, :, j] = [status_code(code) for code in codes]
-    return labelled(
-        "Fractions disguised as irrational rotation numbers",
+    dims = "quotient", "approach", "q"
+    golden = periodic.critical_scale(RotationNumber((0,), (1,)), kappa).value
+    last = described("last certified circle of continuation")
+    approaches = "periodic", "continuation", "longer orbits; of status: circles"
+    return xr.Dataset(
         {
-            "quotient": (large, "the partial quotient a after the ones", "1"),
-            "approach": listed("periodic", "continuation", "longer orbits; of status: circles"),
-            "q": (q, "denominator of the fraction", "1"),
+            "value": (dims, values, described("breakup, in parts of (0.3, 0.2)")),
+            "error": (dims, errors, described("error that the method claims for value")),
+            "lower": (("quotient", "q"), lower, last),
+            "status": outcomes(dims, status),
         },
         {
-            "value": (values, "breakup, in parts of (0.3, 0.2)"),
-            "error": (errors, "its error"),
-            "lower": (("quotient", "q"), lower, "last certified circle of continuation"),
-            "status": status_flags(status),
+            "quotient": ("quotient", list(large), described("partial quotient a after the ones")),
+            "approach": listed("approach", *approaches),
+            "q": ("q", q, described("denominator of the fraction")),
         },
-        golden=float(periodic.critical_scale(RotationNumber((0,), (1,)), kappa).value),
+        {"title": "Fractions disguised as irrational rotation numbers", "golden": float(golden)},
     )
 
 
 def beyond_the_twist(quick):
     """4. What is left of the methods for scales up to 3; the twist ends at |κ2| = 2."""
-    import numpy as np
-
-    from nasm import circles, cones, escape, orbits, periodic
-    from nasm.maps import twist
-    from nasm.numbers import parse
-    from nasm.symmetries import ray
-
     angles, scales = (0.0, 20.0, 45.0, 90.0, 135.0), np.linspace(0.25, 3.0, 12 if quick else 23)
     shape = len(angles), scales.size
     least, lived, residue, digits, escaped, status = np.full((6, *shape), np.nan)
@@ -174,20 +169,22 @@ def beyond_the_twist(quick):
             digits[i, j] = orbits.rotation_number(np.roll(kappa, -site), a, y, 2000)[1]
             escaped[i, j] = escape.first_escape(kappa, *escape.ensemble(100), [100], 2000)[0]
             status[i, j] = status_code(circles.invariant_circle(parse("gamma"), kappa, 512).status)
-    return labelled(
-        "Near the end of the twist and beyond",
+    dims = "angle", "scale"
+    minimax = described("residue of the minimax orbit of 89/144; NaN: not found")
+    return xr.Dataset(
         {
-            "angle": (angles, "direction of the ray in the plane", "degree"),
-            "scale": (scales, "scale s of the forcing", "1"),
+            "twist": (dims, least, described("least ∂x'/∂y of a step")),
+            "elimination_time": (dims, lived, _LIFE),
+            "residue": (dims, residue, minimax),
+            "digits": (dims, digits, _DIGITS),
+            "escape_time": (dims, escaped, _ESCAPE),
+            "circle": outcomes(dims, status),
         },
         {
-            "twist": (least, "least ∂x'/∂y of a step"),
-            "elimination_time": (lived, "steps in which converse KAM eliminates all; inf: not so"),
-            "residue": (residue, "residue of the minimax orbit of 89/144; NaN: not found"),
-            "digits": (digits, "digits of the weighted Birkhoff average of the longest-lived"),
-            "escape_time": (escaped, "first escape of 100 orbits, steps; inf: none"),
-            "circle": status_flags(status),
+            "angle": ("angle", list(angles), _ANGLE),
+            "scale": ("scale", scales, described("scale s of the forcing")),
         },
+        {"title": "Near the end of the twist and beyond"},
     )
 
 
@@ -197,19 +194,11 @@ def amplitudes(quick):
     The last circle at 0.999 of its breakup, and nobles of ω between its translates where they
     exist. A circle and its translate by y = 1 confine an orbit to |Δy| ≤ 1 + amplitude.
     """
-    import numpy as np
-
-    from nasm import barriers, circles, continuation
-    from nasm.numbers import parse
-    from nasm.symmetries import ray
-
     angles = np.linspace(0, 45, 6 if quick else 19)
     others = ["gamma", "2gamma", "[0;2,(1)]", "[0;3,(1)]", "[0;4,(1)]", "[0;1,3,(1)]", "[0;8,(1)]"]
     fractions = np.array([0.3, 0.6, 0.8, 0.9, 0.97])
-    last, largest = (
-        np.full((2, angles.size), np.nan),
-        np.full((angles.size, fractions.size), np.nan),
-    )
+    last = np.full((2, angles.size), np.nan)
+    largest = np.full((angles.size, fractions.size), np.nan)
     for i, angle in enumerate(angles):
         best = barriers.critical_scale(ray(angle), 1e-3)
         _, u = continuation.certified_circle(best.omega, ray(angle), best.value, 1e-3)
@@ -221,26 +210,26 @@ def amplitudes(quick):
                 circle = circles.invariant_circle(omega, kappa, n_max=512)
                 if circle.certified:
                     largest[i, j] = np.nanmax([largest[i, j], *_heights(omega, circle.u)])
-    return labelled(
-        "Amplitudes of invariant circles",
+    at_last = described("amplitude of the last circle at 0.999 s_c")
+    at_others = described("largest amplitude of seven other circles")
+    return xr.Dataset(
         {
-            "kick": ((0, 1), "kick before which y is taken", "1"),
-            "angle": (angles, "direction of the ray in the plane", "degree"),
-            "part": (fractions, "scale over that of the last breakup", "1"),
+            "last": (("kick", "angle"), last, at_last),
+            "largest": (("angle", "part"), largest, at_others),
         },
         {
-            "last": (("kick", "angle"), last, "amplitude of the last circle at 0.999 s_c"),
-            "largest": (("angle", "part"), largest, "largest amplitude of seven other circles"),
+            "kick": ("kick", [0, 1], described("kick before which y is taken")),
+            "angle": ("angle", angles, _ANGLE),
+            "part": ("part", fractions, described("scale over that of the last breakup")),
         },
-        justified_exit=float(1 + max(np.nanmax(last), np.nanmax(largest))),
+        {
+            "title": "Amplitudes of invariant circles",
+            "justified_exit": float(1 + max(np.nanmax(last), np.nanmax(largest))),
+        },
     )
 
 
 def _heights(omega, u):
     """max y - min y before each kick: y_j = x_j - x_{j-1}."""
-    import numpy as np
-
-    from nasm import fourier
-
     before = fourier.rotate(u[-1], fourier.turns(omega, u.shape[-1] // 2 + 1).conj())
     return np.ptp(np.diff(np.vstack([before, u]), axis=0), axis=1)

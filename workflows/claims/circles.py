@@ -7,8 +7,8 @@ import numpy as np
 from nasm import circle_symmetries, circles, fourier, parameterization
 from nasm.maps import kick, step, step_tangent
 from nasm.numbers import moebius, parse
-from workflows.paper.map import largest
-from workflows.paper.rules import CLAIMS, Claim, graded, identity, rounding
+from workflows.claims.map import largest
+from workflows.claims.rules import CLAIMS, Claim, graded, identity, rounding
 
 _TESTS = "python -m pytest tests/test_circles.py"
 _KAPPA = (0.4, 0.2)

@@ -4,9 +4,9 @@ import numpy as np
 
 from nasm import fixed_points, periodic
 from nasm.maps import TWO_PI, step, step_tangent, unkick
-from pipeline.grid import parse_axis
-from workflows.paper.rules import Claim, graded, identity
-from workflows.period_one import secondary_dataset
+from pipeline.sweep.grid import parse_axis
+from workflows.claims.rules import Claim, graded, identity
+from workflows.parts.period_one import secondary_dataset
 
 _TESTS = "python -m pytest tests/test_fixed_points.py"
 _PERIOD_ONE = "python -m workflows.period_one"

@@ -1,9 +1,18 @@
 """Study of stability: rounding in direct iteration, by the arithmetic it uses.
 
-Its findings are in `workflows.stability`.
+Its findings are in `workflows.stability.__main__`.
 """
 
-from workflows.labelled import labelled, listed
+import math
+
+import numpy as np
+import xarray as xr
+from numba import njit
+
+from nasm import circles
+from nasm.numbers import parse
+from nasm.sine import SINE, sin2pi
+from workflows.parts.tables import described, listed
 
 
 def rounding(quick):
@@ -12,11 +21,6 @@ def rounding(quick):
     lift: the polynomial sine, x not reduced. turns: the same, x reduced each kick. libm: math.sin
     of 2πx, reduced. lattice: y rounded to 2⁻⁵¹ each kick. float32: the polynomial, reduced.
     """
-    import numpy as np
-
-    from nasm import circles
-    from nasm.numbers import parse
-
     kappa = np.array([0.3, 0.3])
     steps = 10 ** np.arange(2, 6 if quick else 8)
     circle = circles.invariant_circle(parse("gamma"), kappa, n_max=1024)
@@ -36,25 +40,22 @@ def rounding(quick):
                 retreat(kappa.astype(kind), *there, n)
                 off = [a.astype(float) - b for a, b in zip(there, start, strict=True)]
                 back[i, j] = max(np.abs(off[0] - np.rint(off[0])).max(), np.abs(off[1]).max())
-    return labelled(
-        "Rounding",
+    dims = "arithmetic", "steps"
+    return xr.Dataset(
         {
-            "arithmetic": listed(*kernels),
-            "steps": (steps, "steps of two kicks", "1"),
+            "drift": (dims, drift, described("rms distance in y from the circle, of 8 orbits")),
+            "reversal": (dims, back, described("largest error of x or y after n steps and back")),
         },
         {
-            "drift": (drift, "rms distance in y from the circle, of 8 orbits"),
-            "reversal": (back, "largest error of x or y after n steps and back"),
+            "arithmetic": listed("arithmetic", *kernels),
+            "steps": ("steps", steps, described("steps of two kicks")),
         },
+        {"title": "Rounding"},
     )
 
 
 def _height_above(circle, x, y):
-    """y less that of the circle at the same x, by Newton's method for θ."""
-    import numpy as np
-
-    from nasm import circles
-
+    """Return y less that of the circle at the same x, by Newton's method for θ."""
     n = circle.u.shape[-1]
     modes = np.fft.rfft(np.stack([circle.u[0], circles.graph(circle)[1]])) / n
     modes[:, 1:] *= 2
@@ -70,14 +71,7 @@ def _height_above(circle, x, y):
 
 
 def _arithmetics():
-    """{name: (advance, retreat, dtype)}: n steps forth or back, in place."""
-    import math
-
-    import numpy as np
-    from numba import njit
-
-    from nasm.sine import SINE, sin2pi
-
+    """Return {name: (advance, retreat, dtype)}, which iterate n steps forth or back, in place."""
     two_pi, two_pi_32 = 2 * np.pi, np.float32(2 * np.pi)
     c = tuple(np.float32(a) for a in SINE[:6])
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from nasm.maps import TWO_PI, kick, step, step_tangent, twist, unkick
 from nasm.orbits import orbit
-from workflows.paper.rules import CLAIMS, Claim, graded, identity, rounding
+from workflows.claims.rules import CLAIMS, Claim, graded, identity, rounding
 
 _STEPS = 3
 

@@ -44,66 +44,28 @@ import time
 
 import click
 
-from workflows.cli import HELP, driver
-from workflows.stability_limits import (
-    amplitudes,
-    beyond_the_twist,
-    disguised_fractions,
-    near_cusp,
-    past_boundary,
-)
-from workflows.stability_rounding import rounding
-from workflows.stability_searches import disordered_orbits, fake_circles, missed_survivors
-
-STUDIES = {
-    "cusp": near_cusp,
-    "boundary": past_boundary,
-    "fractions": disguised_fractions,
-    "twist": beyond_the_twist,
-    "amplitude": amplitudes,
-    "beam": missed_survivors,
-    "fakes": fake_circles,
-    "disorder": disordered_orbits,
-    "rounding": rounding,
-}
+from workflows.parts.cli import command, quick_option, writes
 
 
-def run(quick, only=None):
-    """{name: Dataset} of all studies, or some, with a line of progress for each."""
-    found = {}
-    for name in only or STUDIES:
-        begin = time.perf_counter()
-        found[name] = STUDIES[name](quick)
-        seconds = time.perf_counter() - begin
-        click.echo(f"{name}: {found[name].attrs['title']}, {seconds:.1f} s", err=True)
-    return found
-
-
-@click.command(context_settings=HELP)
-@click.option("--quick", is_flag=True, help="A preview: fewer and shorter runs of everything.")
-@click.option("--out", default="out", show_default=True, help="Directory of the results.")
-def main(out, quick):
+@command()
+@quick_option
+@writes
+def main(run, quick):
     """Where each method stops being right: nine cubes and a figure in OUT.
 
     Two to three minutes on two cores; --quick less than one.
     """
-    with driver(out):
-        from pipeline import store
-        from pipeline.cubes.cube import Cube
+    from workflows.figures.stability import draw_stability
+    from workflows.stability.studies import STUDIES
 
-        # One that takes a moment, and tells whether OUT holds other settings.
-        first = run(quick, ["disorder"])
-        cube = Cube("stability_disorder", first["disorder"], {}, {"quick": quick})
-        store.refuse_different(out, cube)
-        found = run(quick, [name for name in STUDIES if name not in first]) | first
-        for name, dataset in found.items():
-            store.replace(out, Cube(f"stability_{name}", dataset, {}, {"quick": quick}))
-        from workflows.figures.stability import draw_stability
-        from workflows.figures.style import save
-
-        figures = save(draw_stability(found), out, "stability")
-    click.echo(f"cubes:  {out}/cubes.zarr, groups stability_{', stability_'.join(found)}")
-    click.echo(f"figure: {', '.join(figures)}")
+    found = {}
+    with run.driving():
+        for name, study in STUDIES.items():
+            begin = time.perf_counter()
+            found[name] = run.keep(f"stability_{name}", study(quick), quick=quick)
+            seconds = time.perf_counter() - begin
+            click.echo(f"{name}: {found[name].attrs['title']}, {seconds:.1f} s", err=True)
+        run.figure("stability", draw_stability(found))
 
 
 if __name__ == "__main__":

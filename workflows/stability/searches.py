@@ -1,9 +1,16 @@
 """Studies of stability: what beam searches miss, and what Newton's method finds in error.
 
-Their findings are in `workflows.stability`.
+Their findings are in `workflows.stability.__main__`.
 """
 
-from workflows.labelled import labelled
+import numpy as np
+import xarray as xr
+
+from nasm import chain, circles, cones, periodic
+from nasm.critical import Status
+from nasm.numbers import parse
+from nasm.symmetries import ray
+from workflows.parts.tables import described
 
 
 def missed_survivors(quick):
@@ -11,11 +18,6 @@ def missed_survivors(quick):
 
     Judged by the best that any of them found.
     """
-    import numpy as np
-
-    from nasm import cones
-    from nasm.symmetries import ray
-
     kept, n_max = 2 ** np.arange(6), 20_000
     random = np.random.default_rng(6)
     n_rays = 20 if quick else 150
@@ -37,14 +39,17 @@ def missed_survivors(quick):
     best = lives.max(axis=0)
     known = np.isfinite(best)
     lost = 1 - lives[:, known] / best[known]
-    return labelled(
-        "Lives that the beam search misses",
-        {"kept": (kept, "starts kept at each level", "1")},
+    return xr.Dataset(
         {
-            "missed": ((lost > 0.01).mean(axis=1), "part of searches that miss 1% of a life"),
-            "worst": (lost.max(axis=1), "largest part of a life missed"),
+            "missed": (
+                "kept",
+                (lost > 0.01).mean(axis=1),
+                described("part that misses 1% of a life"),
+            ),
+            "worst": ("kept", lost.max(axis=1), described("largest part of a life missed")),
         },
-        searches=int(known.sum()),
+        {"kept": ("kept", kept, described("starts kept at each level"))},
+        {"title": "Lives that the beam search misses", "searches": int(known.sum())},
     )
 
 
@@ -53,12 +58,6 @@ def fake_circles(quick):
 
     The naive method stops on small updates, with n points, and goes on in κ as far as it gets.
     """
-    import numpy as np
-
-    from nasm import circles, periodic
-    from nasm.critical import Status
-    from nasm.numbers import parse
-
     gamma, profiles = parse("gamma"), ((1.0,), (1.0, 0.5))
     points = 2 ** np.arange(4, 9 if quick else 11)
     past, fakes, passed, polished = np.zeros((4, len(profiles), points.size))
@@ -73,27 +72,30 @@ def fake_circles(quick):
                 kappa = scale * np.array(profile)
                 passed[i, j] += circles.certify(gamma, kappa, u)[1] is Status.OK
                 polished[i, j] += circles.polished_is_circle(gamma, kappa, u)
-    return labelled(
-        "Fake circles",
+    dims = "ray", "n"
+    last = described("last naive convergence over the breakup, less 1")
+    believed = described("circles believed in beyond the breakup")
+    return xr.Dataset(
         {
-            "ray": (range(len(profiles)), "the standard map, and (1, 0.5)", "1"),
-            "n": (points, "grid points", "1"),
+            "past": (dims, past, last),
+            "fakes": (dims, fakes.astype(int), believed),
+            "passed": (dims, passed.astype(int), described("those that pass `certify`")),
+            "polished": (
+                dims,
+                polished.astype(int),
+                described("those polished to circles"),
+            ),
         },
         {
-            "past": (past, "last naive convergence over the breakup, less 1"),
-            "fakes": (fakes.astype(int), "circles believed in beyond the breakup"),
-            "passed": (passed.astype(int), "those that pass `certify`"),
-            "polished": (polished.astype(int), "those that pass `polished_is_circle`"),
+            "ray": ("ray", range(len(profiles)), described("the standard map, and (1, 0.5)")),
+            "n": ("n", points, described("grid points")),
         },
+        {"title": "Fake circles"},
     )
 
 
 def _naive_path(omega, profile, n, breakup):
     """(scale, u) of all circles that small updates on n points make believe in."""
-    import numpy as np
-
-    from nasm import circles
-
     path, step = [(0.0, np.zeros((profile.size, n)))], 0.1 * breakup
     while step > 1e-4 * breakup and path[-1][0] < 3 * breakup:
         target, trial = path[-1][0] + step, path[-1][1]
@@ -115,10 +117,6 @@ def disordered_orbits(quick):
     The forcing grows from inside the plane's barriers to far beyond; starts are the rotation with
     random deviations of 0.03 and 0.1 turns.
     """
-    import numpy as np
-
-    from nasm import chain, periodic
-
     p, q, noises = 13, 21, (0.03, 0.1)
     scales = np.linspace(0.2, 1.6, 8)
     trials = 100 if quick else 1000
@@ -141,17 +139,17 @@ def disordered_orbits(quick):
                 else:
                     outcome = 3 if chain._ordered(u, q, orbit.stride, full) else 2
                 counts[outcome, i, j] += 1
-    names = ("lost", "right", "refused", "accepted")
-    words = ("no convergence", "the orbit", "another orbit, refused", "another orbit, accepted")
-    return labelled(
-        "Orbits that Newton's method finds from bad starts",
+    dims, part = ("noise", "scale"), counts / trials
+    return xr.Dataset(
         {
-            "noise": (noises, "rms of the start's deviations from the rotation, turns", "1"),
-            "scale": (scales, "scale s of the forcing s·(1, 0.5)", "1"),
+            "lost": (dims, part[0], described("part of starts without convergence")),
+            "right": (dims, part[1], described("part that leads to the orbit")),
+            "refused": (dims, part[2], described("part that leads to another orbit, refused")),
+            "accepted": (dims, part[3], described("part that leads to another orbit, accepted")),
         },
         {
-            name: (part / trials, f"part of starts that lead to: {word}")
-            for name, part, word in zip(names, counts, words, strict=True)
+            "noise": ("noise", list(noises), described("rms deviation from the rotation, turns")),
+            "scale": ("scale", scales, described("scale s of the forcing s·(1, 0.5)")),
         },
-        trials=trials,
+        {"title": "Orbits that Newton's method finds from bad starts", "trials": trials},
     )

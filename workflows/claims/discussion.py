@@ -8,8 +8,8 @@ import numpy as np
 
 from nasm.maps import forcing, rotating_forcing, step
 from nasm.symmetries import ray, unfold
-from workflows.paper.map import largest
-from workflows.paper.rules import CLAIMS, Claim, graded, identity, rounding
+from workflows.claims.map import largest
+from workflows.claims.rules import CLAIMS, Claim, graded, identity, rounding
 
 _BARRIER = "python -m workflows.last_barrier"
 _ROTATING = "python -m workflows.rotating"

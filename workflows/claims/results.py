@@ -8,8 +8,8 @@ import numpy as np
 from nasm import cones, continuation, escape, periodic
 from nasm.numbers import NAMES, parse
 from nasm.symmetries import ray
-from workflows.paper.boundary import KAPPA_G
-from workflows.paper.rules import Claim, graded
+from workflows.claims.boundary import KAPPA_G
+from workflows.claims.rules import Claim, graded
 
 _CIRCLES = "python -m workflows.circle_boundaries"
 

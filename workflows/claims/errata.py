@@ -6,11 +6,11 @@ Each is measured: by how much the printed form fails, and the corrected one.
 import numpy as np
 
 from nasm.maps import kick, step
-from workflows.paper.circles import frames, golden_circle
-from workflows.paper.map import generating_function, largest, path_integral
-from workflows.paper.periodic import cubic_estimates
-from workflows.paper.rules import CLAIMS, Erratum, rounding
-from workflows.paper.symmetries import ROBUST, ome5_deviations, omega
+from workflows.claims.circles import frames, golden_circle
+from workflows.claims.map import generating_function, largest, path_integral
+from workflows.claims.periodic import cubic_estimates
+from workflows.claims.rules import CLAIMS, Erratum, rounding
+from workflows.claims.symmetries import ROBUST, ome5_deviations, omega
 
 
 def errata():

@@ -1,11 +1,18 @@
-"""The methods that speed and accuracy are compared of, each as a function of its effort.
+"""The methods that `work_precision` compares, each as a function of its effort.
 
 What a method answers may be several scales, e.g. a bound and a better value, at one price.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from fractions import Fraction
 from math import cos, nan, radians
+
+import numpy as np
+
+from nasm import barriers, circles, cones, escape, orbits, periodic
+from nasm import continuation as norms
+from nasm.numbers import RotationNumber
 
 JUDGE = 30_000
 PROFILES = {45: (1.0, 1.0), 0: (1.0, 0.0)} | {
@@ -18,15 +25,20 @@ class Ray:
     """A problem: on κ = s·profile the last circle, of omega, breaks at s = value ± error."""
 
     profile: tuple
-    omega: object
+    omega: RotationNumber
     value: float
     error: float
 
 
 @dataclass
 class Method:
-    """run(ray, effort) → (scale, estimated error) for each of `answers`; efforts, the last one in
-    full runs only."""
+    """One method, and how much it is to compute.
+
+    answers : names of what it answers.
+    effort : letter or name of its measure of effort.
+    efforts : values to measure, the last one in full runs only.
+    run : function (ray, effort) → (scale, estimated error) for each of `answers`.
+    """
 
     answers: tuple[str, ...]
     effort: str
@@ -35,9 +47,7 @@ class Method:
 
 
 def judged(angle):
-    """The Ray at that angle, by all that residues can give."""
-    from nasm import barriers, periodic
-
+    """Return the Ray at that angle, by all that residues can give."""
     profile = PROFILES[angle]
     omega = barriers.critical_scale(profile, 1e-2).omega
     judge = periodic.critical_scale(omega, profile, JUDGE)
@@ -45,11 +55,9 @@ def judged(angle):
 
 
 def direct(n_orbits, reach):
-    """Direct iteration; transport is |y_n - y_0| > reach for all starts 0 ≤ y_0 ≤ 0.3."""
+    """Make direct iteration; transport is |y_n - y_0| > reach for all starts 0 ≤ y_0 ≤ 0.3."""
 
     def run(ray, n_max):
-        from nasm import escape
-
         window = (-reach, 0.3 + reach)
         found = escape.critical_scale(ray.profile, n_max, n_orbits, window)
         return _bound_and_value(found)
@@ -58,9 +66,7 @@ def direct(n_orbits, reach):
 
 
 def converse_kam(ray, n_max):
-    """Converse KAM: where no start survives n_max steps, and extrapolated."""
-    from nasm import cones
-
+    """Answer by converse KAM where no start survives n_max steps, and extrapolated."""
     found = cones.critical_scale(ray.profile, n_max)
     return _bound_and_value(found)
 
@@ -70,35 +76,25 @@ def _bound_and_value(found):
 
 
 def crossing(ray, q_max):
-    """Where the last two convergents have the same residue; its last change as error."""
-    from nasm import periodic
-
+    """Answer where the last two convergents have the same residue; the last change is the error."""
     _, scales = periodic.crossings(ray.omega, ray.profile, q_max)
     return ((scales[-1], abs(scales[-1] - scales[-2])) if scales.size else (nan, nan),)
 
 
 def residue(ray, q_max):
-    """Those crossings, extrapolated by Aitken's rule."""
-    from nasm import periodic
-
+    """Extrapolate those crossings by Aitken's rule."""
     found = periodic.critical_scale(ray.omega, ray.profile, q_max)
     return ((found.value, found.error),)
 
 
 def continuation(ray, tol):
-    """The blow-up of the norms of the circles on the ray."""
-    from nasm import continuation
-
-    found = continuation.critical_scale(ray.omega, ray.profile, tol)
+    """Answer where the norms of the circles on the ray blow up."""
+    found = norms.critical_scale(ray.omega, ray.profile, tol)
     return ((found.value, found.error),)
 
 
 def last_circle(ray, n_points):
-    """The last circle that is certified with that many points."""
-    import numpy as np
-
-    from nasm import circles
-
+    """Find the last circle that is certified with that many points."""
     start = None
 
     def exists(scale):
@@ -113,18 +109,12 @@ def last_circle(ray, n_points):
 
 
 def birkhoff(ray, n):
-    """The last scale at which the orbit that lives longest by converse KAM looks quasiperiodic.
+    """Find the last scale at which converse KAM's longest-lived orbit looks quasiperiodic.
 
-    It does if its rotation number has five digits, and is none of the fractions up to q = 200 that
-    islands have. No test of existence: longer islands and what is left of circles look so too. The
-    search stays within a tenth of what converse KAM says, for more regular orbits lie beyond.
+    It does if its rotation number has five digits and is not a fraction up to q = 200, as islands
+    have. That does not show a circle: longer islands and what is left of circles look so too. The
+    search stays within a tenth of what converse KAM says, because regular orbits lie beyond.
     """
-    from fractions import Fraction
-
-    import numpy as np
-
-    from nasm import cones, orbits, periodic
-
     profile = np.array(ray.profile)
     site, a = periodic.dominant_centre(profile)
 
@@ -140,7 +130,7 @@ def birkhoff(ray, n):
 
 
 def _last(holds, low, high, precision):
-    """Bisection for the scale up to which something holds, to that part of it."""
+    """Bisect for the scale up to which something holds, to a relative precision."""
     while high - low > precision * high:
         middle = (low + high) / 2
         low, high = (middle, high) if holds(middle) else (low, middle)
@@ -148,9 +138,7 @@ def _last(holds, low, high, precision):
 
 
 def barrier(ray, tol):
-    """The further end of the bracket, with its width; and the value in it."""
-    from nasm import barriers
-
+    """Answer the further end of the bracket, with its width; and the value in it."""
     found = barriers.critical_scale(ray.profile, tol)
     return (found.lower, found.upper - found.lower), (found.value, found.error)
 

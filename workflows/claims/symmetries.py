@@ -8,8 +8,8 @@ import numpy as np
 
 from nasm.maps import kick, unkick
 from nasm.orbits import orbit, rotation_number
-from workflows.paper.map import closed_form, largest
-from workflows.paper.rules import Claim, graded, identity, rounding
+from workflows.claims.map import closed_form, largest
+from workflows.claims.rules import Claim, graded, identity, rounding
 
 _STEPS = 3
 _TESTS = "python -m pytest tests/test_symmetries.py"
