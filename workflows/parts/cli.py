@@ -236,9 +236,9 @@ class Run:
         with explained(self):
             from pipeline import store
 
-            if self.where != self.out and os.path.isdir(self.out):
-                if store.names(store.place_of(self.out)):
-                    raise store.Refused(f"{self.out} holds cubes of its own; choose another --out")
+            tables = store.place_of(self.out)
+            if tables != self.place and os.path.isdir(self.out) and store.names(tables):
+                raise store.Refused(f"{self.out} holds cubes of its own; choose another --out")
             with store.driving(self.place):
                 os.makedirs(self.out, exist_ok=True)
                 yield self
