@@ -32,18 +32,18 @@ from pathlib import Path
 
 import click
 import numpy as np
+import pipeline.tasks  # noqa: F401 (imported once, before processes are forked)
 import psutil
 import pytest
 import toy
 from click.testing import CliRunner
 from distributed import Scheduler, Worker
+from workflows.cli import Job, carry_out, cluster_options, session, store_option
 
-import pipeline.tasks  # noqa: F401 (imported once, before processes are forked)
 import workflows.verify
 from pipeline import lease, objects, status, store, verify
 from pipeline.grid import tile_indices
 from pipeline.layout import COMMIT
-from workflows.cli import Job, carry_out, cluster_options, session, store_option
 
 ROWS = COLUMNS = 8
 VARIABLES = ("wave", "sign", COMMIT)

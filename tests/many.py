@@ -9,9 +9,9 @@ import time
 
 import toy
 
-from pipeline import store, synthetic
-from pipeline.cluster import connect
-from pipeline.sweep import sweep
+from pipeline import store
+from pipeline.sweep.cluster import connect
+from pipeline.sweep.sweep import sweep
 
 
 def peak_memory():
@@ -21,10 +21,11 @@ def peak_memory():
 
 
 def main(out, n_tiles):
-    cube = synthetic.cube(n_tiles, 0.0, burn=True)
-    with store.driving(out), connect(toy.no_warm_up, n_workers=2) as client:
+    place = store.place_of(out)
+    with store.driving(place), connect(n_workers=2) as client:
+        client()
         start = time.process_time()
-        outcome = sweep(client, out, cube, synthetic.tile, synthetic.cost)
+        outcome = sweep(client, place, toy.line(n_tiles))
         seconds = time.process_time() - start
     done = {"committed": outcome.committed, "remaining": outcome.remaining}
     print(json.dumps({**done, "seconds": seconds, "bytes": peak_memory()}))

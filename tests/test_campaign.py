@@ -21,12 +21,12 @@ import pytest
 import toy
 from click.testing import CliRunner
 from test_objects import assert_complete, bare, environment, serving
+from workflows.cli import cluster_options
 
 from pipeline import store
 from pipeline.cluster import connect
 from pipeline.layout import COMMIT
 from pipeline.sweep import sweep
-from workflows.cli import cluster_options
 
 FEW = range(3)
 MANY = range(100, 300)

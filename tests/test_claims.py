@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 import xarray as xr
 from click.testing import CliRunner
-
-from nasm.numbers import NAMES, parse
-from workflows import claims, page
 from workflows.paper import envelope, rules
 from workflows.paper.claims_page import claims_page, write_tables
 from workflows.paper.rules import Erratum, Verdict
+
+from nasm.numbers import NAMES, parse
+from workflows import claims, page
 
 TESTS = Path(__file__).parent
 VOID = {"meta", "br", "img", "link", "hr"}

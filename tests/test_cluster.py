@@ -24,6 +24,7 @@ from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from distributed import Client, LocalCluster, Status
 from distributed.security import Security
+from workflows.cli import session
 
 from pipeline import store
 from pipeline.admission import ClusterError, sharing
@@ -31,7 +32,6 @@ from pipeline.cluster import connect
 from pipeline.layout import COMMIT
 from pipeline.sweep import sweep
 from workflows import last_barrier
-from workflows.cli import session
 
 ROOT = Path(__file__).parents[1]
 SOURCES = os.pathsep.join([str(ROOT), str(ROOT / "tests")])

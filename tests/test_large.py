@@ -10,8 +10,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import toy
 
-from pipeline import schema, store, synthetic
+from pipeline import store
+from pipeline.cubes import escape
 from pipeline.grid import Axis, tile_indices, tile_slices
 from pipeline.layout import layout_of
 
@@ -36,7 +38,7 @@ def report_of(driver):
     ("n_tiles", "megabytes"), [(10_000, 250), pytest.param(100_000, 250, marks=pytest.mark.slow)]
 )
 def test_many_tiles_need_little_of_the_driver_also_when_interrupted(tmp_path, n_tiles, megabytes):
-    cube = synthetic.cube(n_tiles, 0.0, burn=True)
+    cube = toy.line(n_tiles).cube
     layout = layout_of(store.place_of(tmp_path / "out"), cube)
     driver = start_driver(tmp_path / "out", n_tiles)
     while not store.is_committed(layout, (n_tiles // 3,)):
@@ -60,7 +62,7 @@ def written_field(out, cells):
     Returns how many cells of the last ensemble have each escape time.
     """
     axis = Axis(0, 1, cells)
-    cube = schema.escape_cube("escape", axis, axis, [10, 100, 1000, 10_000], 1000, (-2, 2.3), 64)
+    cube = escape.plane("escape", axis, axis, [10, 100, 1000, 10_000], 1000, 64).cube
     times = np.zeros(1002, dtype=int)
     with store.driving(out):
         layout = store.create(out, cube)

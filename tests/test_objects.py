@@ -18,6 +18,7 @@ import toy
 import xarray as xr
 from click.testing import CliRunner
 from obstore.store import S3Store
+from pipeline.schema import FORMAT
 from zarr.storage import ObjectStore
 
 import workflows.status
@@ -26,7 +27,6 @@ from pipeline import lease, objects, store
 from pipeline.admission import ClusterError, sharing
 from pipeline.faults import StorageError
 from pipeline.layout import layout_of
-from pipeline.schema import FORMAT
 from pipeline.store import StoreError
 from workflows import escape_plane
 

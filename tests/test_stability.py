@@ -5,7 +5,7 @@ import pytest
 import xarray as xr
 from click.testing import CliRunner
 
-from pipeline.tasks import STATUSES
+from nasm.critical import Status
 from workflows import stability
 
 OK = 1
@@ -46,7 +46,7 @@ def test_each_study_keeps_a_labelled_dataset(out, study):
         for variable in dataset.variables.values():
             assert variable.attrs["long_name"]
             assert variable.attrs["units"] in ("1", "degree")
-    assert study("cusp").status.attrs["flag_meanings"].split()[OK - 1] == STATUSES[0].name
+    assert study("cusp").status.attrs["flag_meanings"].split()[OK] == Status.OK.name.lower()
     assert (out / "stability.png").exists()
     assert (out / "stability.pdf").exists()
 

@@ -13,8 +13,8 @@ from click.testing import CliRunner
 
 import workflows.status
 from pipeline import store, verify
+from pipeline.cubes import barrier, escape
 from pipeline.grid import Axis
-from pipeline.schema import barrier_cube, escape_cube
 from pipeline.status import RECENT, state
 
 
@@ -207,7 +207,7 @@ def test_damaged_metadata_of_a_cube_are_one_clear_message_and_hide_no_other(tmp_
 
 def test_a_plane_so_far_is_drawn(tmp_path, monkeypatch):
     axis = Axis(0.0, 1.0, 8)
-    cube = escape_cube("escape", axis, axis, [64], 1000, (-2.0, 2.3), 4)
+    cube = escape.plane("escape", axis, axis, [64], 1000, 4).cube
     field = np.full((1, 4, 4), np.inf)
     field[0, 2:] = 10.0
     with store.driving(tmp_path):
@@ -226,7 +226,7 @@ def test_a_plane_so_far_is_drawn(tmp_path, monkeypatch):
 
 
 def test_rays_so_far_are_drawn_and_other_cubes_are_not(tmp_path):
-    cube = barrier_cube("barrier", [0.0, 30.0, 45.0], ["ok"], 1, {})
+    cube = barrier.last_barrier([0.0, 30.0, 45.0], 1e-3).cube
     arrays = {
         name: np.full([1 if d == "angle" else cube.sizes[d] for d in variable.dims], 0.7).astype(
             variable.dtype

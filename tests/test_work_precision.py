@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 import xarray as xr
 from click.testing import CliRunner
+from workflows.contenders import METHODS, judged
 
 from nasm import periodic
 from nasm.numbers import parse
 from workflows import work_precision
-from workflows.contenders import METHODS, judged
 
 NAMES = ["cones", "circle", "continuation", "crossing", "residue", "barriers"]
 EFFORTS = {"cones": [100, 1000, 10_000], "circle": [64, 256, 1024], "barriers": [1e-2, 3e-3, 1e-3]}

@@ -18,9 +18,10 @@ import xarray as xr
 from distributed import Client, LocalCluster
 
 from pipeline import store
-from pipeline.cluster import connect
-from pipeline.schema import Cube
-from pipeline.sweep import sweep
+from pipeline.cubes.cube import Cube, Job, blank
+from pipeline.sweep.cluster import connect
+from pipeline.sweep.progress import Progress
+from pipeline.sweep.sweep import sweep
 
 _MEGABYTE = bytes(2**20)
 
@@ -44,6 +45,12 @@ def cube(rows=10, columns=13, tile=3, **settings):
     }
     template = xr.Dataset(variables, coords, {"title": "toy"})
     return Cube("toy", template, {"row": tile, "column": tile}, settings)
+
+
+def job(*args, compute=None, predict=None, **settings):
+    """The Job of `cube`, by other functions if they are given."""
+    plan = cube(*args, **settings)
+    return Job(plan, compute or globals()["compute"], predict or globals()["predict"], no_warm_up)
 
 
 def compute(coords, settings):
@@ -77,18 +84,22 @@ def watched(coords, settings):
     return compute(coords, settings)
 
 
-def watched_sweep(client, out, plan, events=()):
+def watched_sweep(client, place, plan, events=()):
     """A sweep by workers in this process, during which events may happen; see COMPUTED after it."""
     COMPUTED.clear()
     EVENTS.clear()
     EVENTS.update(events)
-    with store.driving(out):
-        return sweep(client, out, plan, watched, predict, report=io.StringIO())
+    with store.driving(place):
+        return sweep(client, place, Job(plan, watched, predict, no_warm_up), progress=silent())
+
+
+def silent():
+    return Progress("toy", io.StringIO())
 
 
 @contextmanager
 def workers_here():
-    """A dask Client whose two workers are threads of this process."""
+    """What `connect` yields, of a Client whose two workers are threads of this process."""
     with (
         LocalCluster(
             processes=False,
@@ -100,7 +111,7 @@ def workers_here():
         ) as cluster,
         Client(cluster) as client,
     ):
-        yield client
+        yield lambda: client
 
 
 def predict(coords, settings):
@@ -118,6 +129,21 @@ def serial(plan):
     return compute(coords, {})
 
 
+def line(n_tiles):
+    """The Job of tiles in a row, of 2 kB each, that cost nothing."""
+    coords = {dim: xr.Variable(dim, np.arange(n)) for dim, n in (("tile", n_tiles), ("cell", 256))}
+    template = xr.Dataset({"level": blank(coords, "level")}, coords)
+    return Job(Cube("line", template, {"tile": 1}, {}), level, nothing, no_warm_up)
+
+
+def level(coords, settings):
+    return {"level": np.ones((coords["tile"].size, 256))}
+
+
+def nothing(coords, settings):
+    return 0.0
+
+
 def ones(index):
     """Arrays for a tile of `cube()`, all ones."""
     shape = min(3, 10 - 3 * index[0]), min(3, 13 - 3 * index[1])
@@ -129,9 +155,11 @@ def no_warm_up():
 
 
 def main(out, seconds):
-    with store.driving(out), connect(no_warm_up, n_workers=2) as client:
+    place = store.place_of(out)
+    with store.driving(place), connect(n_workers=2) as client:
+        client()
         print("connected", file=sys.stderr, flush=True)
-        outcome = sweep(client, out, cube(tile=1, seconds=seconds), compute, predict)
+        outcome = sweep(client, place, job(tile=1, seconds=seconds))
     if outcome.interrupted:
         sys.exit(130)
     sys.exit(1 if outcome.failed else 0)

@@ -4,17 +4,15 @@ The verdict of `nasm.verdict` in plain sentences, and a phase portrait with what
 circle, or an orbit that escapes. One forcing, no sweep.
 """
 
-import time
-
 import click
 
-from workflows.cli import HELP, driver
+from workflows.parts.cli import command, writes
 
 _STARTS, _STEPS = 64, 10**6  # of direct iteration, 0.1 s; it only illustrates
 
 
 def escaping_orbit(kappa):
-    """x, y of an orbit up to its escape from the paper's window; None if none was found.
+    """Return x, y of an orbit up to its escape from the paper's window, or None.
 
     The starts that escape first in one arithmetic are followed in another: chaos lets few of them
     do so at the same step, but most do.
@@ -36,7 +34,7 @@ def escaping_orbit(kappa):
 
 
 def portrait_dataset(kappa, verdict, escaping):
-    """The portrait, and the circle or the escaping orbit if there is one, to be drawn."""
+    """Return the portrait to be drawn, with the circle or the escaping orbit if there is one."""
     import xarray as xr
 
     from nasm import orbits
@@ -54,7 +52,7 @@ def portrait_dataset(kappa, verdict, escaping):
 
 
 def sentences(kappa, verdict, escaping):
-    """The verdict in words, a list of lines."""
+    """Put the verdict into words, a list of lines."""
     from nasm.verdict import Answer, Evidence
 
     boundary, omega = verdict.boundary, verdict.boundary.omega
@@ -95,7 +93,7 @@ def sentences(kappa, verdict, escaping):
 
 
 def _distance(boundary):
-    """Where the last circle breaks on the ray, in multiples of the strengths asked about."""
+    """Say where the last circle breaks on the ray, in multiples of the strengths asked about."""
     from math import isfinite
 
     lines = []
@@ -115,18 +113,17 @@ def _distance(boundary):
     return lines
 
 
-@click.command(context_settings={**HELP, "ignore_unknown_options": True})
+@command(ignore_unknown_options=True)
 @click.argument("kappa1", type=float)
 @click.argument("kappa2", type=float)
-@click.option("--out", default="out", show_default=True, help="Directory of the figure.")
-def main(kappa1, kappa2, out):
+@writes
+def main(run, kappa1, kappa2):
     """Transport or barrier under kicks of strengths KAPPA1, KAPPA2 in turn? With a portrait in OUT.
 
     Strengths are dimensionless, -1e6 to 1e6, and may be negative: -0.69 0.525. The answer may be
     UNDECIDED, within a few parts in 10^5 of the boundary; the exit code is 0 for all three. It
     takes about twenty seconds, nearly all of them to compile the kernels.
     """
-    began = time.perf_counter()
     from nasm.maps import forcing
 
     kappa = (kappa1, kappa2)
@@ -134,10 +131,9 @@ def main(kappa1, kappa2, out):
         forcing(kappa)
     except ValueError as error:
         raise click.UsageError(str(error)) from None
-    with driver(out):
+    with run.driving():
         from nasm.verdict import Answer, verdict
         from workflows.figures.ask import draw_verdict
-        from workflows.figures.style import save
 
         found = verdict(kappa)
         transport = found.answer is Answer.TRANSPORT
@@ -145,9 +141,7 @@ def main(kappa1, kappa2, out):
         for line in sentences(kappa, found, escaping):
             click.echo(line)
         figure = draw_verdict(portrait_dataset(kappa, found, escaping))
-        figures = save(figure, out, f"ask_{kappa1}_{kappa2}")
-    click.echo(f"time:    {time.perf_counter() - began:.1f} s, compilation and figure included")
-    click.echo(f"figures: {', '.join(figures)}")
+        run.figure(f"ask_{kappa1}_{kappa2}", figure)
 
 
 if __name__ == "__main__":

@@ -5,120 +5,63 @@ Figs. 8 and 9) or any others, by two methods: the paper's, circles continued to 
 and Greene's residue, which is sharper and knows nothing of circles.
 """
 
-import click
-
-from workflows.cli import (
-    HELP,
-    Job,
-    angles_option,
-    carry_out,
-    cluster_options,
-    session,
-    store_option,
-)
-from workflows.labelled import write_table
-from workflows.last_barrier import barrier_job, ray_angles, tips_option, unfolded
+from workflows.parts.cli import command, parsed, ray_options, real, sweeps, whole
 
 
-def continuation_job(omegas, angles, tol):
-    """The cube `breakdown`."""
-    from pipeline import tasks
-
-    settings = {"method": "continuation of circles", "tol": tol}
-    cube = _cube("breakdown", omegas, angles, settings)
-    return Job(cube, tasks.circle_tile, tasks.circle_cost)
-
-
-def residue_job(omegas, angles, q_max):
-    """The cube `breakdown_residue`."""
-    from pipeline import tasks
-
-    settings = {"method": "Greene's residue", "q_max": q_max}
-    cube = _cube("breakdown_residue", omegas, angles, settings)
-    return Job(cube, tasks.residue_tile, tasks.residue_cost)
-
-
-def _cube(name, omegas, angles, settings):
-    from pipeline import schema, tasks
-
-    exact = {str(omega): float(omega) for omega in omegas}
-    statuses = [status.name.lower() for status in tasks.STATUSES]
-    return schema.breakdown_cube(name, exact, angles, statuses, tile=20, settings=settings)
-
-
-def _parse_omegas(context, parameter, value):
+def parse_omegas(texts):
+    """Return the RotationNumbers in increasing order; ValueError if two are equal."""
     from nasm.numbers import NAMES, parse
 
-    try:
-        omegas = [parse(text) for text in value or NAMES]
-    except ValueError as error:
-        raise click.BadParameter(str(error)) from None
-    if len({float(omega) for omega in omegas}) < len(omegas):
-        raise click.BadParameter("two rotation numbers are equal, or equal as floats")
-    return sorted(omegas, key=float)
+    omegas = sorted(map(parse, texts or NAMES), key=float)
+    if len(set(map(float, omegas))) < len(omegas):
+        raise ValueError("two rotation numbers are equal, or equal as floats")
+    return omegas
 
 
-@click.command(context_settings=HELP)
-@click.option(
+@command()
+@parsed(
     "--omega",
+    None,
+    parse_omegas,
+    "OMEGA",
+    "Rotation number, 2gamma+1 or [1;4,(1)]; may be repeated.  [default: the paper's six]",
     multiple=True,
-    callback=_parse_omegas,
-    help="Rotation number, 2gamma+1 or [1;4,(1)]; may be repeated.  [default: the paper's six]",
 )
-@angles_option(361)
-@tips_option
-@click.option(
-    "--tol",
-    default=1e-4,
-    show_default=True,
-    type=click.FloatRange(1e-7, 0.1),
-    help="Error of the continuation to aim at.",
-)
-@click.option(
-    "--q-max",
-    default=6000,
-    show_default=True,
-    type=click.IntRange(10, 10**6),
-    help="Longest period of the orbits of the residue method.",
-)
-@store_option
-@cluster_options
-def main(out, place, cluster, omega, angles, tips, tol, q_max):
+@ray_options(361)
+@real("--tol", 1e-4, 1e-7, 0.1, "Error of the continuation to aim at.")
+@whole("--q-max", 6000, 10, 10**6, "Longest period of the orbits of the residue method.")
+@sweeps
+def main(run, omega, angles, tips, tol, q_max):
     """The boundaries CB_ω of circles: two cubes, a table of each and two figures in OUT.
 
     The defaults take a minute and a half on two cores.
     """
-    rays = ray_angles(angles, tips)
-    jobs = [
-        continuation_job(omega, rays, tol),
-        residue_job(omega, rays, q_max),
-        barrier_job(rays, 1e-3),
-    ]
-    with session(out, cluster, ["circle", "barrier"], [job.cube for job in jobs], place) as client:
-        circles, residues, barrier = (carry_out(client, place, job) for job in jobs)
-        from workflows.figures.circle_boundaries import (
-            circles_caption,
-            draw_circle_boundaries,
-            draw_tips,
-            tips_caption,
-        )
-        from workflows.figures.style import save
+    from pipeline.cubes import breakdown
+    from pipeline.cubes.barrier import last_barrier
+    from workflows.figures import circle_boundaries as figures
+    from workflows.parts import rays
 
-        barrier = unfolded(barrier, rays)
-        write_table(circles, f"{out}/circle_boundaries.csv")
-        write_table(residues, f"{out}/circle_boundaries_residue.csv")
-        figures = save(
-            draw_circle_boundaries(circles, barrier),
-            out,
+    angles = rays.ray_angles(angles, tips)
+    wanted = (
+        breakdown.by_continuation(omega, angles, tol),
+        breakdown.by_residue(omega, angles, q_max),
+        last_barrier(angles, 1e-3),
+    )
+    with run.sweeping(*wanted):
+        circles, residues, barrier = map(run.sweep, wanted)
+        barrier = rays.unfolded(barrier, angles)
+        run.table("circle_boundaries", circles)
+        run.table("circle_boundaries_residue", residues)
+        run.figure(
             "circle_boundaries",
-            circles_caption(residues, circles, barrier),
+            figures.draw_circle_boundaries(circles, barrier),
+            figures.circles_caption(residues, circles, barrier),
         )
-        figures += save(
-            draw_tips(residues, circles, barrier), out, "tips", tips_caption(residues, circles)
+        run.figure(
+            "tips",
+            figures.draw_tips(residues, circles, barrier),
+            figures.tips_caption(residues, circles),
         )
-    click.echo(f"cubes:   {place}/cubes.zarr, groups breakdown, breakdown_residue and barrier")
-    click.echo(f"tables:  {out}/circle_boundaries.csv, {out}/circle_boundaries_residue.csv")
-    click.echo(f"figures: {', '.join(figures)}")
 
 
 if __name__ == "__main__":

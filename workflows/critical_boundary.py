@@ -8,85 +8,40 @@ between a certified circle and converse KAM, with the circle that is the last to
 
 import click
 
-from workflows.circle_boundaries import continuation_job
-from workflows.cli import HELP, angles_option, carry_out, cluster_options, session, store_option
-from workflows.escape_plane import escape_plane, plane_options, planned
-from workflows.labelled import write_table
-from workflows.last_barrier import barrier_job, ray_angles, tips_option, unfolded
+from workflows.parts.cli import command, plane_options, ray_options, real, sweeps
 
 
-def boundary_table(dataset, angles, steps):
-    """The boundary of the largest ensemble along rays: a Dataset with dims (n, angle).
-
-    critical_scale is the distance from the origin, resolution the cell's width there.
-    """
-    import numpy as np
-    import xarray as xr
-
-    from nasm.escape import boundary
-    from nasm.symmetries import ray
-
-    field = dataset.escape_time.isel(ensemble=-1)
-    axes = dataset.kappa1.values, dataset.kappa2.values
-    scale = xr.DataArray(
-        [boundary(field.values, *axes, angles, n) for n in steps],
-        {"n": steps, "angle": angles},
-        ("n", "angle"),
-    )
-    kappa1, kappa2 = (scale * xr.DataArray(part, dims="angle") for part in ray(angles).T)
-    table = xr.Dataset({"kappa1": kappa1, "kappa2": kappa2, "critical_scale": scale})
-    cell = max(np.ptp(axis[:2]) for axis in axes)
-    if "level" in dataset:
-        level = dataset.level
-        there = table[["kappa1", "kappa2"]].fillna(0)  # NaN has no nearest cell
-        here = level.sel(kappa1=there.kappa1, kappa2=there.kappa2, method="nearest")
-        cell = cell * 2.0 ** (level.max() - here.drop_vars(["kappa1", "kappa2"]))
-    table["resolution"] = cell + 0 * scale
-    return table
-
-
-@click.command(context_settings=HELP)
+@command()
 @plane_options("-1.1:1.1:512", "0:1.1:256", n_max=100_000, n_orbits=64, tile=8, levels=4)
-@angles_option(181)
-@tips_option
-@click.option(
-    "--tol",
-    default=1e-4,
-    show_default=True,
-    type=click.FloatRange(1e-5, 0.1),
-    help="Width of the bracket of CB_gt, and error of the CB_omega, to aim at.",
-)
-@store_option
-@cluster_options
-def main(out, place, cluster, plane, angles, tips, tol):
+@ray_options(181)
+@real("--tol", 1e-4, 1e-5, 0.1, "Width of the bracket of CB_gt, and error of the CB_ω, to aim at.")
+@sweeps
+def main(run, angles, tips, tol, **options):
     """The critical boundary of global transport: three cubes, three tables and a figure in OUT.
 
     The defaults take about two minutes on two cores. The paper's size of direct iteration is
     --n-max 1000000 --n-orbits 10000.
     """
-    from nasm.numbers import NAMES, parse
+    from pipeline.cubes import breakdown
+    from pipeline.cubes.barrier import last_barrier
+    from workflows.figures.critical_boundary import draw_critical_boundary
+    from workflows.parts import rays
+    from workflows.parts.plane import boundary_table, escape_plane, plane_of, planned
 
-    rays = ray_angles(angles, tips)
-    circle_job = continuation_job(sorted(map(parse, NAMES), key=float), rays, tol)
-    last_job = barrier_job(rays, tol)
-    cubes = [planned(plane), circle_job.cube, last_job.cube]
-    with session(out, cluster, ["escape", "circle", "barrier"], cubes, place) as client:
-        barrier = unfolded(carry_out(client, place, last_job), rays)
-        circles = carry_out(client, place, circle_job)
-        dataset = escape_plane(client, place, plane)
-        from workflows.figures.critical_boundary import draw_critical_boundary
-        from workflows.figures.style import save
-
-        direct = boundary_table(dataset, rays, plane.drawn)
+    plane, angles = plane_of(**options), rays.ray_angles(angles, tips)
+    circle_job = breakdown.by_continuation(rays.PAPER_CIRCLES, angles, tol)
+    last_job = last_barrier(angles, tol)
+    with run.sweeping(planned(plane), circle_job, last_job):
+        barrier = rays.unfolded(run.sweep(last_job), angles)
+        circles = run.sweep(circle_job)
+        field = escape_plane(run, plane)
+        direct = boundary_table(field, angles, plane.drawn)
         for n in direct.n.values[direct.critical_scale.isnull().all("angle")]:
             click.echo(f"no ray passes into transport within {n} steps in this plane", err=True)
-        write_table(barrier, f"{out}/critical_boundary.csv")
-        write_table(circles, f"{out}/circle_boundaries.csv")
-        direct.to_dataframe().to_csv(f"{out}/direct_boundary.csv", float_format="%.6g")
-        figures = save(draw_critical_boundary(dataset, circles, barrier), out, "critical_boundary")
-    click.echo(f"cubes:  {place}/cubes.zarr, groups escape, breakdown and barrier")
-    click.echo(f"tables: {out}/critical_boundary.csv, circle_boundaries.csv, direct_boundary.csv")
-    click.echo(f"figure: {', '.join(figures)}")
+        run.table("critical_boundary", barrier)
+        run.table("circle_boundaries", circles)
+        run.table("direct_boundary", direct)
+        run.figure("critical_boundary", draw_critical_boundary(field, circles, barrier))
 
 
 if __name__ == "__main__":

@@ -1,26 +1,25 @@
 """The paper, regenerated: every figure with its caption, its command and its numbers, on one page.
 
-Runs one workflow after the other (arXiv:1606.04824, Figs. 1 to 11, and what goes beyond them), each
+Runs one command after the other (arXiv:1606.04824, Figs. 1 to 11, and what goes beyond them), each
 into a directory of its own in OUT, all on the same workers, and writes OUT/index.html. Each of them
 resumes by itself.
 """
 
 import shlex
 from dataclasses import dataclass
-from importlib import import_module
 from pathlib import Path
 
 import click
 
-from workflows.cli import HELP, cluster_options, shared_workers
+from workflows.parts.cli import cluster_options, command, main_of, out_option, shared_workers
 
 
 @dataclass(frozen=True)
 class Exhibit:
-    """A workflow, what it shows, and its options for a preview, and for the paper's size."""
+    """A command, what it shows, and its options for a preview and for the paper's size."""
 
     title: str
-    workflow: str
+    name: str
     quick: str = ""
     full: str = ""
 
@@ -64,59 +63,53 @@ EXHIBITS = (
 )
 
 
-def run(exhibit, out, workers, quick):
-    """Run the workflow as its command line would; returns that command."""
+def show(exhibit, out, workers, quick):
+    """Run the command; return what the page shows of it."""
     options = (exhibit.quick if quick else exhibit.full).split()
-    place = ["--out", f"{out}/{exhibit.workflow}"]
-    main = import_module(f"workflows.{exhibit.workflow}").main
+    options += ["--out", f"{out}/{exhibit.name}"]
+    main = main_of(exhibit.name)
     swept = any(option.name == "scheduler" for option in main.params)
     click.echo(f"\n{exhibit.title}", err=True)
-    main.main([*options, *place, *(workers if swept else [])], standalone_mode=False)
-    return shlex.join(["python", "-m", f"workflows.{exhibit.workflow}", *options, *place])
+    main.main([*options, *(workers if swept else [])], standalone_mode=False)
+    here = Path(out, exhibit.name)
+    texts = {path.stem: path.read_text(encoding="utf-8").strip() for path in here.glob("*.txt")}
+    files = sorted(path for kind in ("pdf", "csv", "html") for path in here.glob(f"*.{kind}"))
+    return {
+        "title": exhibit.title,
+        "command": shlex.join(["python", "-m", f"workflows.{exhibit.name}", *options]),
+        "pictures": [
+            (f"{exhibit.name}/{path.name}", texts.get(path.stem, ""))
+            for path in sorted(here.glob("*.png"))
+        ],
+        "files": [f"{exhibit.name}/{path.name}" for path in files],
+        "cubes": [f"{exhibit.name}/{path.name}" for path in sorted(here.glob("*.zarr"))],
+    }
 
 
-def exhibit_section(exhibit, command, out):
-    """The part of the page that shows what the workflow has written."""
-    from workflows import page
-
-    here = Path(out) / exhibit.workflow
-    parts = [page.heading(exhibit.title), page.paragraph(page.code(command))]
-    for picture in sorted(here.glob("*.png")):
-        caption = picture.with_suffix(".txt")
-        text = caption.read_text(encoding="utf-8").strip() if caption.exists() else ""
-        parts.append(page.figure(f"{exhibit.workflow}/{picture.name}", text))
-    files = sorted([*here.glob("*.pdf"), *here.glob("*.csv"), *here.glob("*.html")])
-    links = [page.link(f"{exhibit.workflow}/{file.name}", file.name) for file in files]
-    links.append(page.code(f"{exhibit.workflow}/cubes.zarr"))
-    parts.append(page.paragraph(*(part for link in links for part in (link, " "))))
-    return page.Markup("\n".join(parts))
-
-
-@click.command(context_settings={**HELP, "default_map": {"out": "gallery"}})
+@command(default_map={"out": "gallery"})
 @click.option("--quick", is_flag=True, help="A preview of everything, in a few minutes.")
 @click.option(
     "--only",
     multiple=True,
-    type=click.Choice([exhibit.workflow for exhibit in EXHIBITS]),
-    help="A workflow to run; may be repeated.  [default: all]",
+    type=click.Choice([exhibit.name for exhibit in EXHIBITS]),
+    help="A command to run; may be repeated.  [default: all]",
 )
+@out_option
 @cluster_options
-def main(out, cluster, quick, only):
+def main(out, quick, only, workers, scheduler, tls):
     """The paper, regenerated: all figures and claims, and the page OUT/index.html that shows them.
 
     The full size, as in the paper, takes hours on two cores, nearly all of them direct iteration.
     """
-    from workflows import page
+    from workflows.parts.page import render
 
-    chosen = [exhibit for exhibit in EXHIBITS if not only or exhibit.workflow in only]
-    with shared_workers(**cluster) as workers:
-        sections = []
-        for exhibit in chosen:
-            command = run(exhibit, out, workers, quick)
-            sections.append(exhibit_section(exhibit, command, out))
-            # After each of them, so that there is something to see.
-            text = page.page("Global transport in a nonautonomous standard map", *sections)
-            Path(out, "index.html").write_text(text, encoding="utf-8")
+    sections = []
+    with shared_workers(scheduler, workers, tls) as workers:
+        for exhibit in EXHIBITS:
+            if not only or exhibit.name in only:
+                sections.append(show(exhibit, out, workers, quick))
+                # After each of them, so that there is something to see.
+                render("parts/gallery.html", f"{out}/index.html", sections=sections)
     click.echo(f"page: {out}/index.html")
 
 

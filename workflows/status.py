@@ -10,7 +10,7 @@ from math import isfinite
 
 import click
 
-from workflows.cli import HELP, explained, run_option, store_option
+from workflows.parts.cli import command, explained, out_option, store_option
 
 
 @click.command(context_settings=HELP)

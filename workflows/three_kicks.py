@@ -11,99 +11,59 @@ barrier is found by converse KAM on transversals, `nasm.transversals`.
 
 from fractions import Fraction
 
-import click
-
-from workflows.cli import (
-    HELP,
-    Job,
-    angles_option,
-    carry_out,
-    cluster_options,
-    session,
-    store_option,
-)
-from workflows.labelled import write_table
-from workflows.last_barrier import barrier_job, tips_option
-from workflows.rotating import rotated_rays, two_kicks
+from workflows.parts.cli import command, parsed, ray_options, sweeps, whole
 
 PHASES = ("0", "1/48", "1/24", "1/16", "1/12")
 
 
-def three_kicks_job(phases, angles, n_max):
-    """The cube `three_kicks`."""
-    from pipeline import schema, tasks
-
-    settings = {"method": "converse KAM on transversals", "frequency": "1/3", "n_max": n_max}
-    exact = {text: float(Fraction(text)) for text in phases}
-    statuses = [status.name.lower() for status in tasks.STATUSES]
-    cube = schema.phases_cube("three_kicks", exact, angles, statuses, 4, settings)
-    return Job(cube, tasks.phases_tile, tasks.phases_cost)
-
-
-def compared(three, two):
-    """The cube `three_kicks` with the `ratio` of its scales to those of T on the same rays."""
-    three = three.load()
-    three["ratio"] = three.critical_scale / two.critical_scale
-    three["ratio"].attrs = {"long_name": "scale of three kicks over that of two", "units": "1"}
-    return three
-
-
-def _parse_phases(context, parameter, values):
-    for value in values:
+def parse_phases(texts):
+    """Return the texts of fractions from 0 to below 1 in increasing order, no two equal."""
+    phases = {}
+    for text in texts:
         try:
-            phase = Fraction(value)
+            phase = Fraction(text)
         except (ValueError, ZeroDivisionError):
             phase = -1
         if not 0 <= phase < 1:
-            raise click.BadParameter(f"{value!r} must be a fraction from 0 to below 1, like 1/24")
-    values = sorted(values, key=Fraction)
-    if len(set(map(Fraction, values))) < len(values):
-        raise click.BadParameter("two phases are equal")
-    return values
+            raise ValueError(f"{text!r} must be a fraction from 0 to below 1, like 1/24")
+        if phase in phases:
+            raise ValueError(f"two phases are equal: {text} and {phases[phase]}")
+        phases[phase] = text
+    return [phases[phase] for phase in sorted(phases)]
 
 
-@click.command(context_settings=HELP)
-@click.option(
+@command()
+@parsed(
     "--phase",
+    PHASES,
+    parse_phases,
+    "FRACTION",
+    "Phase φ0 of the forcing, in turns. May be repeated.",
     multiple=True,
-    default=PHASES,
-    show_default=True,
-    metavar="FRACTION",
-    callback=_parse_phases,
-    help="Phase φ0 of the forcing, in turns. May be repeated.",
 )
-@angles_option(61)
-@tips_option
-@click.option(
-    "--n-max",
-    default=300,
-    show_default=True,
-    type=click.IntRange(30, 10**5),
-    help="Steps (of three kicks) of converse KAM; the upper bound is 0.7/N above the value.",
+@ray_options(61)
+@whole(
+    "--n-max", 300, 30, 10**5, "Steps N of converse KAM; the upper bound is 0.7/N above the value."
 )
-@store_option
-@cluster_options
-def main(out, place, cluster, phase, angles, tips, n_max):
+@sweeps
+def main(run, phase, angles, tips, n_max):
     """Rotating standard maps with Ω = 1/3: two cubes, a table and a figure in OUT.
 
     The defaults take some nine CPU minutes, about five minutes on two cores.
     """
-    rays = rotated_rays(angles, tips)
-    jobs = [three_kicks_job(phase, rays, n_max), barrier_job(45 - rays, 1e-3)]
-    with session(
-        out, cluster, ["transversal", "barrier"], [job.cube for job in jobs], place
-    ) as client:
-        three, barrier = (carry_out(client, place, job) for job in jobs)
-        from workflows.figures.style import save
-        from workflows.figures.three_kicks import caption, draw_three_kicks
+    from pipeline.cubes import rotating
+    from pipeline.cubes.barrier import last_barrier
+    from workflows.figures import three_kicks as figures
+    from workflows.parts import rays
 
-        two = two_kicks(barrier, rays)
-        three = compared(three, two)
-        write_table(three, f"{out}/three_kicks.csv")
-        figures = save(draw_three_kicks(three, two), out, "three_kicks", caption(three))
-    click.echo(f"cubes:  {place}/cubes.zarr, groups three_kicks and barrier")
-    click.echo(f"table:  {out}/three_kicks.csv")
-    click.echo(f"figure: {', '.join(figures)}")
+    around = rays.rotated_rays(angles, tips)
+    wanted = rotating.three_kicks(phase, around, n_max), last_barrier(45 - around, 1e-3)
+    with run.sweeping(*wanted):
+        three, barrier = (run.sweep(job).load() for job in wanted)
+        two = rays.two_kicks(barrier, around)
+        three = rays.with_ratio(three, two.critical_scale, "two kicks")
+        run.table("three_kicks", three)
+        run.figure("three_kicks", figures.draw_three_kicks(three, two), figures.caption(three))
 
 
 if __name__ == "__main__":

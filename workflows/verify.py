@@ -9,7 +9,7 @@ from contextlib import nullcontext
 
 import click
 
-from workflows.cli import HELP, explained, run_option, store_option
+from workflows.parts.cli import command, explained, out_option, store_option
 
 
 @click.command(context_settings=HELP)

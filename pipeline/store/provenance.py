@@ -8,7 +8,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 _PACKAGE = Path(__file__).parents[2]
-_MATHEMATICS = "nasm/*.py", "pipeline/tasks.py", "pipeline/cubes/*.py"
+_MATHEMATICS = "nasm/*.py", "pipeline/cubes/*.py"
 _DECIDING = "llvmlite", "numba", "numpy", "rocket-fft", "scipy"
 
 

@@ -1,0 +1,68 @@
+"""The flux through the last circle once it is broken: area per step, ΔW, beyond the breakup.
+
+κ = s_c·(1 + excess)·(cos angle, sin angle). An outlook of arXiv:1606.04824, Sec. VII; the method is
+that of MacKay, Meiss & Percival, Physica D 13 (1984) 55.
+"""
+
+import numpy as np
+import xarray as xr
+
+from nasm import flux, numbers
+from nasm.symmetries import ray
+from pipeline.cubes.cube import (
+    PAPER,
+    STATUS_SETTING,
+    Cube,
+    Job,
+    blank,
+    blank_status,
+    fields,
+)
+from pipeline.cubes.escape import beyond_breakup, by_angle
+
+
+def through_last_circle(scales, circles, excesses, q_max):
+    """Return the Job of the cube `flux`. A tile is one forcing.
+
+    scales : {angle in degrees: scale s_c of the breakup on the ray}.
+    circles : {angle: exact text of the last circle's ω}.
+    excesses : increasing floats.
+    q_max : int, the longest period.
+    """
+    coords = beyond_breakup(scales, excesses)
+    variables = {
+        "flux": blank(coords, "area through the broken circle, per step: turns times y"),
+        "error": blank(coords, "estimated absolute error of flux"),
+        "period": blank(coords, "longest period of the orbits used", np.int32(0)),
+        "status": blank_status(coords),
+    }
+    attrs = {"title": "Flux through the remains of the last circle", "source": PAPER}
+    settings = {"critical_scales": by_angle(scales), "circles": by_angle(circles), "q_max": q_max}
+    tile = {"angle": 1, "excess": 1}
+    template = xr.Dataset(variables, coords, attrs)
+    cube = Cube("flux", template, tile, settings | STATUS_SETTING)
+    return Job(cube, _compute, _predict, _warm_up)
+
+
+def _compute(coords, settings):
+    found = [
+        [
+            flux.flux(
+                numbers.parse(settings["circles"][angle]),
+                settings["critical_scales"][angle] * (1 + excess) * ray(float(angle)),
+                settings["q_max"],
+            )
+            for excess in coords["excess"]
+        ]
+        for angle in map(str, coords["angle"].tolist())
+    ]
+    return fields(found, {"flux": "value", "error": "error", "period": "period"})
+
+
+def _predict(coords, settings):
+    """Predict by the period needed, which grows like 1/excess."""
+    return 3e-4 * coords["angle"].size * np.sum(1 / coords["excess"])
+
+
+def _warm_up():
+    flux.action_difference((0.1, 0.1), 1, 3)

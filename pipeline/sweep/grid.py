@@ -1,0 +1,72 @@
+"""Planes of cells, and tiles that cover them exactly once.
+
+An axis LO:HI:N is N cells of equal width; a cell is represented by its centre. Halving the cells of
+an axis keeps its edges, so that levels of refinement nest.
+"""
+
+from dataclasses import dataclass
+from math import isfinite
+
+import numpy as np
+
+MAX_CELLS = 2**20
+
+
+@dataclass(frozen=True)
+class Axis:
+    """[lo, hi] cut into n cells."""
+
+    lo: float
+    hi: float
+    n: int
+
+    def __post_init__(self):
+        if not (isfinite(self.lo) and isfinite(self.hi) and self.lo < self.hi):
+            raise ValueError(
+                f"axis {self}: the ends must be finite and the lower one first, e.g. 0:1:128"
+            )
+        if not 1 <= self.n <= MAX_CELLS:
+            raise ValueError(f"axis {self}: the number of cells must be from 1 to {MAX_CELLS}")
+
+    def __str__(self):
+        return f"{self.lo:g}:{self.hi:g}:{self.n}"
+
+    @property
+    def centres(self):
+        """The n cell centres, ndarray."""
+        return self.lo + (np.arange(self.n) + 0.5) * ((self.hi - self.lo) / self.n)
+
+    def coarsened(self, factor):
+        """The same interval in n/factor cells; n must be a multiple of factor."""
+        if self.n % factor:
+            raise ValueError(f"axis {self}: {self.n} cells cannot be joined {factor} to one")
+        return Axis(self.lo, self.hi, self.n // factor)
+
+
+def parse_axis(text):
+    """Parse an Axis from "LO:HI:N"; ValueError with an example otherwise."""
+    try:
+        lo, hi, n = text.split(":")
+        lo, hi, n = float(lo), float(hi), int(n)
+    except ValueError:
+        raise ValueError(
+            f"{text!r} is not an axis; write LO:HI:N, two numbers and a number of cells, "
+            "e.g. -1:1:256"
+        ) from None
+    return Axis(lo, hi, n)
+
+
+def tile_counts(sizes, tile):
+    """Return the number of tiles along each dimension: {dim: ceil(cells / cells per tile)}."""
+    return {dim: -(-sizes[dim] // length) for dim, length in tile.items()}
+
+
+def tile_slices(index, sizes, tile):
+    """Return {dim: slice} of the cells of one tile; the last tile of a dimension may be short.
+
+    The cells of all tiles together are every cell exactly once.
+    """
+    return {
+        dim: slice(i * length, min((i + 1) * length, sizes[dim]))
+        for i, (dim, length) in zip(index, tile.items(), strict=True)
+    }

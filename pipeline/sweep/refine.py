@@ -1,0 +1,93 @@
+"""Adaptive refinement: halve the cells only where a boundary crosses them.
+
+Level 0 is computed in full. A cell of level l is on the boundary if the answer to a yes-or-no
+question differs between it and one of its eight neighbours; the tiles of level l + 1 that touch
+such a cell are computed next. Levels are composed into one array at the finest resolution, in which
+every cell holds the value of the finest level that was computed there.
+
+Arrays are (…, rows, columns), with as many cells per tile side at every level.
+"""
+
+import numpy as np
+
+FACTOR = 2
+"""Cells of the next level per cell and dimension."""
+
+
+def refine(compute, ask, levels, tile):
+    """Compute a field level by level, finer only along the boundaries; see `compose`.
+
+    Parameters
+    ----------
+    compute : (level, set of tiles or None for all) → field of that level, NaN where not computed;
+        called again for a level with more tiles, it returns all of them.
+    ask : field → bool array (questions, rows, columns).
+    levels : int ≥ 1.
+    tile : int, cells along each side of a tile.
+
+    Returns
+    -------
+    field, level : as by `compose`.
+    """
+    fields = [compute(0, None)]
+    for number in range(1, levels):
+        wanted = tiles_at(halved(boundary_cells(ask(compose(fields)[0]))), tile)
+        fields.append(compute(number, wanted))
+        # Finer cells may show that the boundary runs on in a neighbouring tile: follow it there.
+        while more := tiles_at(boundary_cells(ask(compose(fields)[0])), tile) - wanted:
+            wanted |= more
+            fields[-1] = compute(number, wanted)
+    return compose(fields)
+
+
+def compose(levels):
+    """One field at the resolution of the last level, and the level of each cell.
+
+    Parameters
+    ----------
+    levels : list of arrays (…, rows·2ˡ, columns·2ˡ), NaN where not computed.
+
+    Returns
+    -------
+    field : array of the last one's shape. level : int8 array (rows, columns); -1 where no level is.
+    """
+    field, level = levels[0], _level_of(levels[0], 0)
+    for number, finer in enumerate(levels[1:], 1):
+        field, level = halved(field), halved(level)
+        there = ~np.isnan(finer).all(axis=tuple(range(finer.ndim - 2)))
+        field = np.where(there, finer, field)
+        level = np.where(there, np.int8(number), level)
+    return field, level
+
+
+def boundary_cells(answers):
+    """Cells with a neighbour (of eight) that answers differently.
+
+    answers : bool array (questions, rows, columns). Returns a bool array (rows, columns).
+    """
+    padded = np.pad(answers, [(0, 0), (1, 1), (1, 1)], mode="edge")
+    rows, columns = answers.shape[1:]
+    differs = np.zeros((rows, columns), dtype=bool)
+    for i in range(3):
+        for j in range(3):
+            neighbour = padded[:, i : i + rows, j : j + columns]
+            differs |= (neighbour != answers).any(axis=0)
+    return differs
+
+
+def tiles_at(cells, cells_per_tile):
+    """Indices (row, column) of the tiles that hold a marked cell, `cells` being at their level."""
+    rows, columns = np.nonzero(cells)
+    return set(
+        zip((rows // cells_per_tile).tolist(), (columns // cells_per_tile).tolist(), strict=True)
+    )
+
+
+def halved(array):
+    """The array at the next level: every cell cut into FACTOR × FACTOR, with its value."""
+    return array.repeat(FACTOR, axis=-2).repeat(FACTOR, axis=-1)
+
+
+def _level_of(field, number):
+    computed = ~np.isnan(field).all(axis=tuple(range(field.ndim - 2)))
+    return np.where(computed, np.int8(number), np.int8(-1))

@@ -1,0 +1,419 @@
+"""The sweep: compute what a cube misses, tile by tile, on a dask cluster.
+
+1. List the missing tiles. If there are any, connect to the workers and predict the cost of each.
+2. Pack cheap tiles into batches; submit batches, the most expensive first, never more than a few
+   at a time for each worker.
+3. A worker whose versions are not the driver's, or who does not see the cube, says so instead of
+   computing. It is retired, and its batch goes to another.
+4. Tiles that were with a worker that died are suspects: they are rerun alone at the end. A tile
+   that fails alone, or raises an error, has failed: it stays missing, the store keeps the reason,
+   and the sweep goes on with the others.
+5. On Ctrl-C submit no more, wait for the tiles in flight, and say what is left. Likewise if the
+   store fails: a full disk would fail all tiles in turn.
+
+Results do not depend on the number of workers, on batches, or on interruptions.
+"""
+
+import pickle
+import signal
+import socket
+import sys
+import threading
+import time
+from concurrent.futures import CancelledError
+from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass
+from functools import cache, partial
+from math import inf, prod
+from queue import Empty, SimpleQueue
+
+import cloudpickle
+import numpy as np
+from distributed import KilledWorker, get_worker
+from distributed.comm import CommClosedError
+
+from pipeline import store
+from pipeline.sweep.cluster import NO_SCHEDULER, ClusterError
+from pipeline.sweep.grid import tile_counts, tile_slices
+from pipeline.sweep.progress import Progress, duration
+
+BATCH_SECONDS = 0.5  # of predicted CPU time in a batch: long against 2 ms of scheduling
+BATCH_TILES = 256
+_PROBES = 1000  # about, at most: each costs the driver some milliseconds, whatever is in it
+_IN_FLIGHT = 2  # batches per worker: one computing, one waiting
+_ROLL_CALL = 1  # seconds after which the workers are counted again: they join and leave
+_UNKNOWN_COST = 1.0  # CPU seconds, where the probe failed
+_PATIENCE = 30  # seconds without any worker, after which the sweep gives up
+_SIGHT = 2  # seconds that a file system of several machines may take to show a file
+_REPORT = 5  # seconds to fetch the report of a batch that has ended
+_ATTEMPTS_ALONE = 2  # worker deaths that condemn a tile: one may be somebody else's doing
+_LONG = 5  # seconds of work that are announced
+_LONGEST_REASON = 500  # characters of an exception that are kept
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a sweep did.
+
+    committed : tiles computed and committed.
+    failed : {tile index: reason}.
+    interrupted : whether Ctrl-C stopped it.
+    remaining : tiles that are still missing.
+    """
+
+    committed: int
+    failed: dict[tuple[int, ...], str]
+    interrupted: bool
+    remaining: int
+
+
+def sweep(client, place, job, wanted=None, progress=None):
+    """Compute the missing tiles of the job's cube into the store.
+
+    Parameters
+    ----------
+    client : () → distributed.Client; called only if tiles are missing. See `cluster.connect`.
+    place : Place of the store, held by `store.driving`.
+    job : Job; its cube is created in the store if it is not there.
+    wanted : iterable of tile indices, default all.
+    progress : the Progress of a series of sweeps, instead of a line for this one.
+
+    Returns
+    -------
+    Outcome.
+
+    Raises
+    ------
+    store.Refused if the store holds another cube of that name, or one that other code has begun;
+    no tile is then computed. store.StoreFailed if the disk or the object store fails. ClusterError
+    if no worker is fit. ConnectionError if the scheduler or all workers are gone. What is committed
+    stays.
+    """
+    cube, computed_by = job.cube, store.computed_by()
+    store.create(place, cube, computed_by)
+    tiles = store.missing(place, cube)
+    if wanted is not None:
+        tiles = tiles[_among(tiles, wanted, cube)]
+    line = Progress(cube.name, sys.stderr) if progress is None else nullcontext(progress)
+    if not len(tiles):
+        if progress is None:
+            print(f"{cube.name}: nothing to compute", file=sys.stderr)
+        return Outcome(0, {}, False, 0)
+    client = client()
+    costs = _predict_all(client, job, tiles)
+    if progress is None:
+        _announce(cube, costs, sum(client.nthreads().values()))
+    with _draining_on_interrupt() as interrupt, line as progress:
+        progress.begin(len(tiles), costs.sum())
+        run = _Run(client, place, job, computed_by, tiles, costs, interrupt, progress)
+        suspects = run.all(_pack(costs))
+        for tile in suspects:
+            for _ in range(_ATTEMPTS_ALONE):
+                if not run.all([np.array([tile])], most=1):
+                    break
+            else:
+                run.condemn(tile, "its worker died each time, also when it ran alone")
+    if run.fault:
+        raise run.fault
+    failed = {tuple(tiles[tile].tolist()): reason for tile, reason in run.failed.items()}
+    return Outcome(run.committed, failed, interrupt.is_set(), len(tiles) - run.committed)
+
+
+def _among(tiles, wanted, cube):
+    """Tell for each of the tiles whether its index is wanted."""
+    chosen = np.zeros(tuple(tile_counts(cube.sizes, cube.tile).values()), dtype=bool)
+    for index in wanted:
+        chosen[index] = True
+    return chosen[tuple(tiles.T)]
+
+
+def _announce(cube, costs, n_threads):
+    """Say how long a sweep will take, and how much it will write, unless that is little."""
+    seconds = costs.sum() / max(1, n_threads)
+    if seconds > _LONG:
+        part = costs.size / prod(tile_counts(cube.sizes, cube.tile).values())
+        print(
+            f"{cube.name}: {costs.size} tiles, about {duration(seconds)} on {n_threads} workers, "
+            f"{part * cube.template.nbytes / 1e6:.3g} MB",
+            file=sys.stderr,
+        )
+
+
+# Below, a tile is a place in `tiles`, the array of the indices of all tiles of the sweep, and a
+# batch is an array of places. With a million tiles little else may be kept of each.
+
+
+class _Run:
+    """The submission of batches, and what has been counted of those that have ended."""
+
+    def __init__(self, client, place, job, computed_by, tiles, costs, interrupt, progress):
+        self.client, self.place, self.job, self.tiles = client, place, job, tiles
+        self.costs, self.interrupt, self.progress = costs, interrupt, progress
+        cube, computing = job.cube, (job.warm_up, job.compute, job.cube.settings)
+        work = partial(_compute_batch, place, cube.name, cube.config_hash, computed_by, *computing)
+        self.work = cloudpickle.dumps(work)
+        self.committed, self.failed, self.unfit, self.fault = 0, {}, set(), None
+
+    def all(self, batches, most=inf):
+        """Run the batches, at most `most` at a time; return the tiles whose worker died."""
+        batches, returned, suspects = iter(batches), [], []
+
+        def next_batch():
+            if self.fault or self.interrupt.is_set():
+                return None
+            return returned.pop() if returned else next(batches, None)
+
+        for batch, result, exception in _ended(self.client, self._submit, next_batch, most):
+            if isinstance(exception, KilledWorker):
+                suspects += batch.tolist()
+            elif isinstance(exception, store.StoreFailed | store.Refused):
+                self.fault = exception
+            elif exception is not None:
+                raise exception
+            elif isinstance(result, tuple):
+                self._retire(*result)
+                returned.append(batch)
+            else:
+                self._count(batch, result)
+        return suspects
+
+    def condemn(self, tile, reason):
+        """Count a tile as failed whose worker could not say why."""
+        self.failed[tile] = reason
+        try:
+            index = tuple(self.tiles[tile].tolist())
+            store.record_failure(self.place, self.job.cube.name, index, reason)
+        except store.StoreFailed as fault:
+            self.fault = fault
+
+    def _submit(self, batch):
+        parcel = _parcel(self.job.cube, self.tiles[batch])
+        return self.client.submit(_on_worker(), self.work, parcel, pure=False)
+
+    def _count(self, batch, errors):
+        self.committed += len(batch) - len(errors)
+        self.failed |= {int(batch[place]): error for place, error in errors.items()}
+        self.progress.advance(len(batch), self.costs[batch].sum())
+
+    def _retire(self, address, complaint):
+        """Send an unfit worker away; ClusterError if there is no other."""
+        words = f"the worker {address} {complaint}"
+        if address not in self.unfit:
+            self.unfit.add(address)
+            print(f"retired: {words}", file=sys.stderr)
+        if self.client.nthreads().keys() <= self.unfit:
+            raise ClusterError(
+                f"no worker is fit to compute: {words}. Give all machines the same versions, and "
+                "an --out that they share, or an object store and its environment"
+            )
+        self.client.retire_workers([address])
+
+
+def _ended(client, submit, next_batch, most=inf):
+    """Submit batches until next_batch() is None, a few per worker and at most `most` at a time.
+
+    Yields (batch, result, None) or (batch, None, exception) of each when it has ended.
+    """
+    in_flight, done, crew = {}, SimpleQueue(), _Crew(client)
+    while True:
+        window = min(most, _IN_FLIGHT * max(1, crew.size()))
+        while len(in_flight) < window and (batch := next_batch()) is not None:
+            future = submit(batch)
+            in_flight[future] = batch
+            future.add_done_callback(done.put)
+        if not in_flight:
+            return
+        try:
+            future = done.get(timeout=_ROLL_CALL)
+        except Empty:
+            continue
+        result = failure = None
+        try:
+            result = future.result(timeout=_REPORT)
+        except TimeoutError:
+            # Its worker died between the end of the batch and its report: dask runs it again, which
+            # may end in any of these ways.
+            future.add_done_callback(done.put)
+            continue
+        except (CancelledError, CommClosedError):
+            raise ConnectionError(NO_SCHEDULER) from None
+        except Exception as exception:
+            failure = exception
+        future.release()
+        yield in_flight.pop(future), result, failure
+
+
+class _Crew:
+    """The number of workers, counted once in a while: they join and leave."""
+
+    def __init__(self, client):
+        self.client, self.workers = client, 0
+        self.counted, self.alive = -inf, time.monotonic()
+
+    def size(self):
+        """Return their number; ConnectionError if there have been none for long."""
+        now = time.monotonic()
+        if now - self.counted >= _ROLL_CALL:
+            try:
+                self.workers = len(self.client.nthreads())
+            except OSError:
+                raise ConnectionError(NO_SCHEDULER) from None
+            self.counted = now
+            if self.workers:
+                self.alive = now
+            elif now - self.alive > _PATIENCE:
+                raise ConnectionError("no workers are left; run again to resume")
+        return self.workers
+
+
+def _parcel(cube, indices):
+    """Return the tiles [(index, coords)] of a batch as bytes; dask would send each array alone."""
+    sizes = cube.sizes
+    axes = {str(dim): coordinate.values for dim, coordinate in cube.template.coords.items()}
+    tiles = []
+    for index in map(tuple, indices.tolist()):
+        slices = tile_slices(index, sizes, cube.tile)
+        coords = {dim: axis[slices[dim]] if dim in slices else axis for dim, axis in axes.items()}
+        tiles.append((index, coords))
+    return pickle.dumps(tiles, protocol=5)
+
+
+@cache
+def _on_worker():
+    """Return the function that a worker runs: it is sent whole, as the package may be missing."""
+
+    def run(work, parcel):
+        import pickle
+        import socket
+
+        from distributed import get_worker
+
+        try:
+            work = pickle.loads(work)
+        except Exception as error:
+            words = f"on {socket.gethostname()} cannot run this package ({error})"
+            return get_worker().address, words
+        return work(parcel)
+
+    return run
+
+
+def _compute_batch(place, name, config_hash, computed_by, warm_up, compute, settings, parcel):
+    """On a worker: compute and commit each tile.
+
+    Returns {place in the batch: what went wrong}, or (address, complaint) of a worker that is not
+    fit. A store that fails is no fault of the tile, and raises.
+    """
+    if complaint := _complaint(place, name, config_hash, computed_by):
+        return get_worker().address, f"on {socket.gethostname()} {complaint}"
+    _warmed_up(warm_up)
+    errors = {}
+    for number, (index, coords) in enumerate(pickle.loads(parcel)):
+        try:
+            # Dask may run a task twice, e.g. when it loses touch with a worker.
+            if not store.is_committed(place, name, index):
+                start = time.thread_time()
+                arrays = compute(coords, settings)
+                store.commit(place, name, index, arrays, time.thread_time() - start)
+        except (store.StoreFailed, store.Refused, KeyboardInterrupt, SystemExit):
+            raise
+        except BaseException as exception:  # dask hangs on those that are no Exception
+            errors[number] = _reason(exception)
+            store.record_failure(place, name, index, errors[number])
+    return errors
+
+
+def _complaint(place, name, config_hash, computed_by):
+    """Return why this worker must not compute the cube; "" if it may."""
+    ours, theirs = (text.split(", ") for text in (store.computed_by(), computed_by))
+    other = [f"{a} instead of {b}" for a, b in zip(ours, theirs, strict=True) if a != b]
+    if other:
+        return f"has {', '.join(other)}"
+    end = time.monotonic() + _SIGHT
+    while not store.sees(place, name, config_hash):
+        if time.monotonic() > end:
+            return f"does not see {place} as the driver does"
+        time.sleep(0.1)
+    return ""
+
+
+@cache
+def _warmed_up(warm_up):
+    """Compile a job's kernels, once in each process; no tile is to be charged for it."""
+    warm_up()
+
+
+def _reason(exception):
+    """Return an exception in one line of bounded length that a terminal obeys in nothing."""
+    try:
+        words = str(exception)
+    except Exception:
+        words = "(which has no words)"
+    line = f"{type(exception).__name__}: {words}"[:_LONGEST_REASON]
+    return "".join(character if character.isprintable() else " " for character in line)
+
+
+def _predict_all(client, job, tiles):
+    """Return predicted CPU seconds of each tile, probed on the workers."""
+    costs = np.full(len(tiles), _UNKNOWN_COST)
+    many = max(BATCH_TILES, len(tiles) // _PROBES)
+    batches = iter(np.split(np.arange(len(tiles)), range(many, len(tiles), many)))
+    work = cloudpickle.dumps(partial(_predict_batch, job.predict, job.cube.settings))
+
+    def submit(batch):
+        parcel = _parcel(job.cube, tiles[batch])
+        return client.submit(_on_worker(), work, parcel, pure=False)
+
+    # The line is shown only if this takes long.
+    with Progress(f"{job.cube.name}: costs", sys.stderr) as progress:
+        progress.begin(len(tiles), len(tiles))
+        for batch, seconds, failure in _ended(client, submit, partial(next, batches, None)):
+            if failure is None and not isinstance(seconds, tuple):
+                costs[batch] = seconds
+            progress.advance(len(batch), len(batch))
+    return costs
+
+
+def _predict_batch(predict, settings, parcel):
+    costs = [float(predict(coords, settings)) for _, coords in pickle.loads(parcel)]
+    return [cost if 0 <= cost < inf else _UNKNOWN_COST for cost in costs]
+
+
+def _pack(costs):
+    """Yield batches of tiles, the most expensive first; cheap ones up to half a second together."""
+    order = np.argsort(-costs, kind="stable")
+    start = 0
+    while start < len(order):
+        batch = order[start : start + BATCH_TILES]
+        fit = np.searchsorted(np.cumsum(costs[batch]), BATCH_SECONDS, side="right")
+        batch = batch[: max(1, fit)]
+        yield batch
+        start += len(batch)
+
+
+@contextmanager
+def _draining_on_interrupt():
+    """Yield an Event that the first Ctrl-C sets; the second interrupts at once.
+
+    A program that was started with Ctrl-C ignored, in the background of a script, ignores it.
+    """
+    interrupt = threading.Event()
+    in_main = threading.current_thread() is threading.main_thread()
+    if not in_main or signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        yield interrupt
+        return
+
+    def drain(signum, frame):
+        if interrupt.is_set():
+            raise KeyboardInterrupt
+        interrupt.set()
+        print(
+            "\nstopping: waiting for the tiles in flight (Ctrl-C again to abandon them)",
+            file=sys.stderr,
+        )
+
+    previous = signal.signal(signal.SIGINT, drain)
+    try:
+        yield interrupt
+    finally:
+        signal.signal(signal.SIGINT, previous)

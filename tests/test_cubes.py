@@ -1,0 +1,117 @@
+"""What the cubes plan, and that their tiles hold what the methods answer."""
+
+import dataclasses
+import pickle
+
+import numpy as np
+import pytest
+
+from nasm import escape as method
+from nasm import numbers
+from nasm.critical import Status
+from pipeline.cubes import barrier, breakdown, escape, flux, rotating
+from pipeline.cubes.cube import status_code
+from pipeline.grid import Axis, tile_indices
+from pipeline.sweep import _parcel
+
+PLANE = {
+    "name": "escape",
+    "kappa1": Axis(-1, 1, 6),
+    "kappa2": Axis(0, 1.2, 5),
+    "sizes": [8, 40],
+    "n_max": 300,
+    "window": (-2.0, 2.3),
+    "tile": 4,
+}
+GAMMA = numbers.parse("gamma")
+RAYS = [0.0, 30.0, 45.0]
+JOBS = {
+    "plane": escape.plane(**PLANE),
+    "beyond": escape.beyond("rays", {20.0: 1.0}, [0.1, 0.5], [4, 8], 100),
+    "continuation": breakdown.by_continuation([GAMMA], RAYS, 1e-2),
+    "residue": breakdown.by_residue([GAMMA], RAYS, 100),
+    "barrier": barrier.last_barrier(RAYS, 1e-1),
+    "tori": rotating.tori(["5/8,1/3"], [30.0]),
+    "transport": rotating.transport(RAYS, 100, 8),
+    "three kicks": rotating.three_kicks(["0", "1/24"], [30.0], 30),
+    "flux": flux.through_last_circle({20.0: 1.0}, {20.0: str(GAMMA)}, [0.5], 50),
+}
+
+
+def plan(**changes):
+    return escape.plane(**{**PLANE, **changes}).cube
+
+
+@pytest.mark.parametrize("name", JOBS)
+def test_a_tile_has_the_variables_of_its_cube_and_each_has_a_name_and_a_unit(name):
+    job = JOBS[name]
+    cube = pickle.loads(pickle.dumps(job)).cube
+    for variable in cube.template.variables.values():
+        assert variable.attrs["long_name"]
+        assert variable.attrs["units"] in ("1", "degree")
+    assert {"title", "source"} <= cube.template.attrs.keys()
+    job.warm_up()
+    ((_, coords),) = pickle.loads(_parcel(cube, np.zeros((1, len(cube.tile)), dtype=int)))
+    arrays = job.compute(coords, cube.settings)
+    assert arrays.keys() == set(cube.template.data_vars)
+    for key, array in arrays.items():
+        dims = cube.template[key].dims
+        assert array.shape == tuple(coords[dim].size for dim in dims)
+        assert np.can_cast(array.dtype, cube.template[key].dtype, "same_kind") or key == "period"
+    assert 0 < job.predict(coords, cube.settings) < 60
+
+
+def test_a_code_of_status_is_read_by_the_words_beside_it():
+    words = JOBS["barrier"].cube.template.status.attrs
+    assert words == words | JOBS["flux"].cube.template.status.attrs
+    meaning = dict(zip(words["flag_values"], words["flag_meanings"].split(), strict=True))
+    assert meaning[0] == "not_computed"
+    assert all(meaning[status_code(status)] == status.name.lower() for status in Status)
+
+
+def test_the_hash_is_that_of_what_decides_the_numbers():
+    hashes = {plan().config_hash}
+    for change in (
+        {"kappa1": Axis(-1, 1.1, 6)},
+        {"kappa2": Axis(0, 1.2, 6)},
+        {"sizes": [8, 41]},
+        {"n_max": 301},
+        {"window": (-2.0, 2.4)},
+        {"tile": 5},
+    ):
+        hashes.add(plan(**change).config_hash)
+    assert len(hashes) == 7
+    assert plan(name="other").config_hash == plan().config_hash
+    retitled = plan().template.assign_attrs(title="another")
+    assert dataclasses.replace(plan(), template=retitled).config_hash == plan().config_hash
+
+
+def test_nothing_is_computed_in_a_plan():
+    values = plan(kappa1=Axis(-1, 1, 2**20), kappa2=Axis(-1, 1, 2**20))
+    assert values.template.escape_time.chunks is not None  # 2⁴⁰ cells and more, none in memory
+    assert plan().template.escape_time.isnull().all()
+
+
+def test_the_tiles_of_a_plane_hold_the_escape_times_of_its_cells():
+    job = JOBS["plane"]
+    cube = job.cube
+    x, y = method.ensemble(40)
+    strengths = np.stack(np.meshgrid(PLANE["kappa1"].centres, PLANE["kappa2"].centres), axis=-1)
+    whole = method.first_escape(strengths, x, y, PLANE["sizes"], PLANE["n_max"])
+    parcel = _parcel(cube, np.array(tile_indices(cube.sizes, cube.tile)))
+    for (row, column), coords in pickle.loads(parcel):
+        tile = job.compute(coords, cube.settings)
+        cells = np.s_[:, 4 * row : 4 * row + 4, 4 * column : 4 * column + 4]
+        assert np.array_equal(tile["escape_time"], whole[cells])
+
+
+def test_the_cost_of_a_tile_is_predicted_within_its_order_of_magnitude():
+    # Nothing escapes around the origin: n_max steps of every orbit in every cell.
+    costs = []
+    for lo, hi in ((-0.1, 0.1), (2, 2.2)):
+        axis = Axis(lo, hi, 8)
+        job = escape.plane("escape", axis, axis, [64], 20_000, 8)
+        coords = {key: value.values for key, value in job.cube.template.coords.items()}
+        costs.append(job.predict(coords, job.cube.settings))
+    assert costs[0] == pytest.approx(8 * 8 * 64 * 20_000 * 0.8e-9)
+    assert costs[1] < costs[0] / 100

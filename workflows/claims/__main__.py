@@ -1,0 +1,38 @@
+"""What became of each claim of the paper? A page to hold beside it, and the same as tables.
+
+Claim by claim through arXiv:1606.04824: our value with its error, the verdict that a rule makes of
+it (`workflows.claims.rules`), and the command that shows it. Then the errata, measured, and the
+paper's conjecture on the envelope of all CB_ω, examined with the two-sided bracket.
+"""
+
+from workflows.parts.cli import command, real, sweeps, whole
+
+
+@command()
+@whole("--angles", 91, 3, 10**5, "Rays, from 0 to 45 degrees.")
+@whole("--tips", 24, 0, 1000, "More rays below the cusp at 45 degrees, from 5 to 0.01 degrees.")
+@real("--tol", 1e-4, 1e-5, 0.01, "Width of the bracket of CB_gt to aim at, in parts of the scale.")
+@whole("--n-max", 1_000_000, 10_000, 10**8, "Steps of direct iteration.")
+@whole("--n-orbits", 1000, 10, 10**5, "Orbits of direct iteration.")
+@sweeps
+def main(run, **size):
+    """The paper's claims, one by one: a page, three tables and five cubes in OUT.
+
+    The defaults take some minutes on two cores; --angles 19 --tips 8 --tol 1e-3 --n-max 20000
+    --n-orbits 64 about one.
+    """
+    from workflows.claims.page import counted, write_page, write_tables
+    from workflows.claims.study import examine, planned
+
+    jobs, rays = planned(**size)
+    with run.sweeping(*jobs.values()):
+        cubes = {name: run.sweep(job).load() for name, job in jobs.items()}
+        found = examine(cubes, rays, size["n_max"], size["n_orbits"])
+        options = " ".join(f"--{name.replace('_', '-')} {n}" for name, n in size.items())
+        write_page(run, *found, f"python -m workflows.claims {options}")
+        write_tables(run, *found[:3])
+        run.say(counted(*found[:2]))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,208 @@
+"""Claims on Algorithm 1 and on circles carried along symmetries (Secs. VI.A to VI.C)."""
+
+import time
+
+import numpy as np
+
+from nasm import circle_symmetries, circles, fourier, parameterization
+from nasm.maps import kick, step, step_tangent
+from nasm.numbers import moebius, parse
+from workflows.claims.map import largest
+from workflows.claims.rules import CLAIMS, Claim, graded, identity, rounding
+
+_TESTS = "python -m pytest tests/test_circles.py"
+_KAPPA = (0.4, 0.2)
+_POINTS = 512
+
+
+def circle_claims():
+    return [*_algorithm(), *_symmetries()]
+
+
+def golden_circle(kappa):
+    """The circle of γ, by Newton's method down to rounding; certified, or it says why not."""
+    gamma, u = parse("gamma"), np.zeros((len(kappa), _POINTS))
+    for _ in range(10):
+        u, _ = parameterization.newton_step(gamma, kappa, u)
+    return circles.InvariantCircle(gamma, np.array(kappa), u, *circles.certify(gamma, kappa, u))
+
+
+def _algorithm():
+    circle = golden_circle(_KAPPA)
+    gamma, exact = circle.omega, circle.u
+    first, second, mean = [], [], []
+    for distance in (0.1, 0.03, 0.01, 0.003):
+        start = (1 - distance) * exact
+        mean.append(abs(frames(gamma, _KAPPA, start)["e"][1].mean()))
+        u, error = parameterization.newton_step(gamma, _KAPPA, start)
+        first.append(error)
+        second.append(parameterization.newton_step(gamma, _KAPPA, u)[1])
+    order, mean_order = (np.polyfit(np.log(first), np.log(y), 1)[0] for y in (second, mean))
+    sizes = 2 ** np.arange(12, 17)
+    work = np.polyfit(np.log(sizes), np.log([_step_seconds(gamma, int(n)) for n in sizes]), 1)[0]
+    off = frames(gamma, _KAPPA, exact)["shear"]
+    off[0, 0] -= 1
+    off[1, 1] -= 1
+    off[0, 1] = 0
+    return [
+        Claim(
+            "Sec. VI.A, Eq. (newton)",
+            "‖e₁‖ ≈ ‖e₀‖²: Newton's method converges quadratically",
+            *graded(f"‖e₁‖ ~ ‖e₀‖^{order:.2f}, on the golden circle", abs(order - 2) < 0.1),
+            f"{_TESTS}::test_newton_error_squares",
+        ),
+        Claim(
+            "Sec. VI.A, Eq. (reduction)",
+            "DT(K) M(θ) = M(θ + ω) [[1, S], [0, 1]] on an invariant circle",
+            *identity(float(np.abs(off).max()), 1e-10),
+            f"{_TESTS}::test_the_frame_reduces_the_tangent_to_a_shear",
+            "The formula printed for S lacks a J⁻¹; see the errata.",
+        ),
+        Claim(
+            "Sec. VI.A",
+            "∫ [M⁻¹(θ + ω) e₀]₂ dθ = O(‖e₀‖²), as T is exact",
+            *graded(f"the average is ~ ‖e₀‖^{mean_order:.2f}", mean_order > 1.9),
+            CLAIMS,
+        ),
+        Claim(
+            "Sec. VI.A, Remark",
+            "A step of Algorithm 1 costs O(n log n), not O(n²)",
+            *graded(f"its time is ~ n^{work:.2f} from n = {sizes[0]} to {sizes[-1]}", work < 1.5),
+            "python -m pytest tests/test_speed.py -m benchmark -s",
+            "CPU time, measured in this run; log n is not told from a small power of n.",
+        ),
+    ]
+
+
+def frames(omega, kappa, u):
+    """Algorithm 1's M⁻¹(θ + ω) e, its M⁻¹(θ + ω) DT M(θ), S, and S as printed, by the map itself.
+
+    A dict of "e" (2, n), "shear" (2, 2, n), "s" and "printed_s" (n,).
+    """
+    turn = fourier.turns(omega, u.shape[-1] // 2 + 1)
+    x, y, e = invariance(omega, kappa, u)
+    tangent = fourier.derivative(np.stack([u[0], y]))
+    tangent[0] += 1
+    frame = parameterization.symplectic_frame(tangent)
+    after = parameterization.symplectic_frame(fourier.rotate(tangent, turn))
+    inverse = np.linalg.inv(after.transpose(2, 0, 1)).transpose(1, 2, 0)
+    map_tangent = step_tangent(kappa, x, y)
+    pushed = np.einsum("abn,bcn->acn", map_tangent, frame)
+    printed = np.einsum("an,abn,bn->n", after[:, 0], map_tangent, tangent)
+    printed /= np.sum(after[:, 0] ** 2, axis=0) * np.sum(tangent**2, axis=0)
+    return {
+        "e": np.einsum("abn,bn->an", inverse, e),
+        "shear": np.einsum("abn,bcn->acn", inverse, pushed),
+        "s": parameterization.twist(map_tangent, frame, after),
+        "printed_s": printed,
+    }
+
+
+def invariance(omega, kappa, u):
+    """x, y of K, and T∘K(θ) - K(θ + ω), shape (2, n), by the map itself."""
+    n = u.shape[-1]
+    turn, theta = fourier.turns(omega, n // 2 + 1), np.arange(n) / n
+    y = float(omega) / len(kappa) + u[0] - fourier.rotate(u[-1], turn.conj())
+    e = np.stack(step(kappa, theta + u[0], y)) - fourier.rotate(np.stack([u[0], y]), turn)
+    e[0] -= theta + float(omega)
+    return theta + u[0], y, e
+
+
+def _step_seconds(omega, n):
+    u, seconds = np.zeros((2, n)), []
+    parameterization.newton_step(omega, _KAPPA, u)  # tables of the grid are made once
+    for _ in range(5):
+        begin = time.thread_time()
+        parameterization.newton_step(omega, _KAPPA, u)
+        seconds.append(time.thread_time() - begin)
+    return min(seconds)
+
+
+def _symmetries():
+    gamma, two_gamma = parse("gamma"), parse("2gamma")
+    standard, other = golden_circle((0.5,)), golden_circle(_KAPPA)
+    double = circle_symmetries.repeat(standard, 2)
+    # K of S_κ∘R_{-1/2} is one of (-κ, -κ) up to y → y + 1/2, from which it gets 2ω + 1.
+    opposite = circle_symmetries.alternate(circle_symmetries.negate(double))
+    single = circle_symmetries.interleave(standard)
+    one_less = moebius(gamma, 1, 1)
+    negated = circle_symmetries.negate(other)
+    alternated = circle_symmetries.alternate(other)
+    both = circle_symmetries.alternate(negated)
+    swapped = circle_symmetries.shift(other)
+
+    def half_turn(kappa, x, y):
+        x_after, y_after = kick(-kappa[0], x, y)
+        return np.subtract(kick(kappa[0], x - 0.5, y), (x_after - 0.5, y_after))
+
+    def rescaled(kappa, x, y):
+        x_after, y_after = kick(2 * kappa[0], x, 2 * y)
+        return np.subtract(step((kappa[0], 0), x, y), (x_after, y_after / 2))
+
+    place, test = "Sec. VI.C, Eq. ", f"{_TESTS}::"
+    limits = f"{test}test_circles_of_the_standard_map_give_those_of_the_known_limits"
+    carried = f"{test}test_circles_are_carried_along_the_symmetries_of_two_kicks"
+    return [
+        Claim(
+            "Sec. III.B",
+            "Each circle has three associated ones: ω + 1 under (-κ1, κ2) and (κ1, -κ2), ω under "
+            "(-κ1, -κ2)",
+            *_carried(
+                (negated, gamma, (-0.4, -0.2)),
+                (alternated, one_less, (0.4, -0.2)),
+                (both, one_less, (-0.4, 0.2)),
+            ),
+            carried,
+        ),
+        Claim(
+            f"{place}(mapsquare)",
+            "A circle of S_κ with ω is one of T_κκ with 2ω",
+            *_carried((double, two_gamma, (0.5, 0.5))),
+            limits,
+        ),
+        Claim(
+            f"{place}(stdsymmetry)",
+            "S_ε ∘ R_{-½} = R_{-½} ∘ S_{-ε}",
+            *identity(largest(half_turn), rounding(1)),
+            limits,
+        ),
+        Claim(
+            f"{place}(circ-symmetry) and after it",
+            "A circle of S_κ ∘ R_{-½} with ω is one of S_κ ∘ S_{-κ} with 2ω + 1",
+            *_carried((opposite, moebius(two_gamma, 1, 1), (-0.5, 0.5))),
+            limits,
+        ),
+        Claim(
+            "Sec. VI.C",
+            "T_κ0 = P_½ ∘ S_2κ ∘ P_2",
+            *identity(largest(rescaled), rounding(2)),
+            limits,
+        ),
+        Claim(
+            "Sec. VI.C",
+            "P_½ ∘ K is a circle of T_κ0 with the ω of K, and S_0⁻¹ ∘ P_½ ∘ K one of T_0κ",
+            *_carried(
+                (single, gamma, (0.25, 0)), (circle_symmetries.shift(single), gamma, (0, 0.25))
+            ),
+            limits,
+        ),
+        Claim(
+            "Sec. VI.C",
+            "If T_κ1κ2 has a circle with ω, then T_κ2κ1 has one with the same ω",
+            *_carried((swapped, gamma, (0.2, 0.4))),
+            carried,
+        ),
+    ]
+
+
+def _carried(*cases):
+    """Circles, with the ω and the forcing that they should have."""
+    right = all(
+        circle.certified and circle.omega == omega and np.array_equal(circle.kappa, kappa)
+        for circle, omega, kappa in cases
+    )
+    off = max(
+        np.abs(invariance(circle.omega, circle.kappa, circle.u)[2]).max() for circle, *_ in cases
+    )
+    words = "certified; largest |T∘K(θ) - K(θ + ω)|" if right else "not certified as such;"
+    return identity(float(off) if right else np.inf, 1e-12, words)

@@ -1,0 +1,153 @@
+"""Claims on the definition of the map (Sec. II), on random forcings and points.
+
+Equations are tried in the paper's own form, with |κ_i| ≤ 2 and |x|, |y| ≤ 1; nothing here is a
+proof.
+"""
+
+import numpy as np
+
+from nasm.maps import TWO_PI, kick, step, step_tangent, twist, unkick
+from nasm.orbits import orbit
+from workflows.claims.rules import CLAIMS, Claim, graded, identity, rounding
+
+_STEPS = 3
+
+
+def largest(difference, n_forcings=50, n_points=100):
+    """The largest |difference(kappa, x, y)| over random forcings and points."""
+    random, worst = np.random.default_rng(1), 0.0
+    for kappa in random.uniform(-2, 2, (n_forcings, 2)):
+        x, y = random.uniform(-1, 1, (2, n_points))
+        worst = np.maximum(worst, np.abs(difference(kappa, x, y)).max())
+    return float(worst)
+
+
+def closed_form(kappa, x, y):
+    """F_1 and F_2, Eqs. (Efe) and (Ge)."""
+    first = kappa[0] / TWO_PI * np.sin(TWO_PI * x)
+    second = first + kappa[1] / TWO_PI * np.sin(TWO_PI * (x + y + first))
+    return np.stack([first + second, second])
+
+
+def map_claims():
+    """Sec. II."""
+
+    def composition(kappa, x, y):
+        f1, f2 = closed_form(kappa, x, y)
+        return np.subtract((x + 2 * y + f1, y + f2), kick(kappa[1], *kick(kappa[0], x, y)))
+
+    def conjugation(kappa, x, y):
+        after = [values[-1] for values in orbit(kappa, *kick(kappa[1], x, y), _STEPS)]
+        swapped = [values[-1] for values in orbit(kappa[::-1], x, y, _STEPS)]
+        return np.subtract(unkick(kappa[1], *after), swapped)
+
+    def inverse(kappa, x, y):
+        return np.subtract(unkick(kappa[0], *kick(kappa[0], x, y)), (x, y))
+
+    def printed_twist(kappa, x, y):
+        angle = TWO_PI * (x + y + kappa[0] / TWO_PI * np.sin(TWO_PI * x))
+        return 2 + kappa[1] * np.cos(angle) - twist(kappa, x, y)
+
+    def area(kappa, x, y):
+        tangent = step_tangent(kappa, x, y)
+        return tangent[0, 0] * tangent[1, 1] - tangent[0, 1] * tangent[1, 0] - 1
+
+    def generated(kappa, x, y):
+        return path_integral(kappa, x, y) - generating_function(kappa, x, y)
+
+    theta = np.arange(256) / 256
+    cylinder = np.meshgrid(theta, theta)
+    inside, outside = (
+        min(twist((kappa1, kappa2), *cylinder).min() for kappa1 in (-1.9, 0.3, 1.0))
+        for kappa2 in (1.99, 2.01)
+    )
+    maps, place = "python -m pytest tests/test_maps.py::", "Sec. II, Eq. "
+    return [
+        Claim(
+            f"{place}(mapaut), (EfeGe)",
+            "T_κ1κ2 = S_κ2 ∘ S_κ1 is x + 2y + F₁, y + F₂",
+            *identity(largest(composition), rounding(2)),
+            f"{maps}test_step_of_two_kicks_is_the_closed_form_of_the_paper",
+        ),
+        Claim(
+            f"{place}(sim_M)",
+            "S_κ2⁻¹ ∘ T_κ1κ2ⁿ ∘ S_κ2 = T_κ2κ1ⁿ, for n up to 3",
+            *identity(largest(conjugation), rounding(2 * _STEPS + 2)),
+            "python -m pytest tests/test_symmetries.py::test_swapping_kicks_as_the_paper_writes_it",
+        ),
+        Claim(
+            f"{place}(stdmap_inv)",
+            "S_κ⁻¹(x, y) = (x - y, y - (κ/2π) sin 2π(x - y))",
+            *identity(largest(inverse), rounding(2)),
+            f"{maps}test_unkick_undoes_kick",
+        ),
+        Claim(
+            f"{place}(twist_cond)",
+            "∂x'/∂y = 2 + κ2 cos 2π(x + y + (κ1/2π) sin 2πx)",
+            *identity(largest(printed_twist), rounding(3)),
+            f"{maps}test_twist_is_the_paper_s",
+        ),
+        Claim(
+            "Sec. II",
+            "∂x'/∂y > 0 on the whole cylinder for |κ2| < 2, hence the twist region |κ_i| < 2",
+            *graded(
+                f"least ∂x'/∂y {inside:.3g} at κ2 = 1.99, {outside:.3g} at 2.01",
+                inside > 0 > outside,
+            ),
+            f"{maps}test_twist_needs_a_second_kick_below_2",
+        ),
+        Claim(
+            f"{place}(symplectic)",
+            "T preserves area: det DT = 1",
+            *identity(largest(area), rounding(3)),
+            f"{maps}test_area_is_preserved",
+        ),
+        Claim(
+            f"{place}(exact)",
+            "T is exact: ∫ T*α - α, α = y dx, along any path is the change of P₁ + P₂∘S_κ1",
+            *identity(largest(generated, n_points=10), 1e-12),
+            CLAIMS,
+            "P_i = y'²/2 - (κ_i/4π²) cos 2πx. So the net flux through any rotational circle is "
+            "zero, as P has the period of x. As printed, the equation has a misprint; see below.",
+        ),
+        _alternation(),
+    ]
+
+
+def _alternation():
+    """The forcing and the start of Fig. 1(d)."""
+    kappa = np.array([0.35, 0.5])
+    x, y = orbit(kappa, 0.0, 0.55, 10_000)
+    x_odd, _ = kick(kappa[0], x, y)
+    away = [np.abs(at - np.rint(at)).max() for at in (x, x_odd - 0.5)]
+    return Claim(
+        "Sec. II, Fig. 1(d)",
+        "From (0, 0.55) the motion alternates between the islands of (0, ½) and (½, ½)",
+        *graded(
+            f"10 000 even iterates stay within {away[0]:.2f} of x = 0, odd ones within "
+            f"{away[1]:.2f} of x = ½",
+            max(away) < 0.25,
+        ),
+        CLAIMS,
+    )
+
+
+def path_integral(kappa, x, y):
+    """∫ y' dx' - y dx along straight paths from the origin to (x, y), by Gauss's formula."""
+    nodes, weights = np.polynomial.legendre.leggauss(60)
+    t = (nodes[:, None] + 1) / 2
+    tangent = step_tangent(kappa, t * x, t * y)
+    _, y_after = step(kappa, t * x, t * y)
+    dx_after = tangent[0, 0] * x + tangent[0, 1] * y
+    return weights @ (y_after * dx_after - t * y * x) / 2
+
+
+def generating_function(kappa, x, y):
+    """P₁ + P₂∘S_κ1 at (x, y), less that at the origin."""
+    change = 0.0
+    for strength in kappa:
+        after = kick(strength, x, y)
+        change = change + after[1] ** 2 / 2
+        change = change - strength / TWO_PI**2 * (np.cos(TWO_PI * x) - 1)
+        x, y = after
+    return change

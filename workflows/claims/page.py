@@ -1,0 +1,44 @@
+"""The page of the claims and its tables: what a reader sees of `workflows.claims`."""
+
+from collections import Counter
+
+from pandas import DataFrame
+
+from workflows.claims.envelope import HEADER, cells
+from workflows.claims.rules import Verdict
+from workflows.parts.page import render
+
+
+def counted(claims, errata):
+    """Say how many claims have which verdict, and how many errata are shown."""
+    counts = Counter(claim.verdict for claim in claims)
+    found = "; ".join(f"{v.value}, {counts[v]}" for v in Verdict if counts[v])
+    shown = sum(erratum.shown for erratum in errata)
+    return f"{len(claims)} claims: {found}. Errata shown by numbers: {shown} of {len(errata)}."
+
+
+def write_page(run, claims, errata, rows, sentences, command):
+    """Write OUT/claims.html; `rows`, `sentences`: of `envelope`; `command`: what made it."""
+    render(
+        "claims/page.html",
+        run.path("pages", "claims.html"),
+        claims=claims,
+        errata=errata,
+        rows=map(cells, rows),
+        sentences=sentences,
+        command=command,
+        counted=counted(claims, errata),
+        header=[name.replace("gamma", "γ") for name in HEADER],
+    )
+
+
+def write_tables(run, claims, errata, rows):
+    """Write OUT/claims.csv, OUT/errata.csv and OUT/envelope.csv."""
+    tables = {
+        "claims": [{**vars(claim), "verdict": claim.verdict.value} for claim in claims],
+        "errata": [{**vars(erratum), "shown": erratum.shown} for erratum in errata],
+        "envelope": [{**row, **row["short"]} for row in rows],
+    }
+    for name, lines in tables.items():
+        table = DataFrame(lines).drop(columns="short", errors="ignore")
+        table.to_csv(run.path("tables", f"{name}.csv"), index=False)

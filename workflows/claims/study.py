@@ -1,0 +1,56 @@
+"""The sweeps that the claims are judged by, and the judgement of all of them."""
+
+import numpy as np
+
+from nasm import barriers
+from nasm.symmetries import ray
+from pipeline.cubes import breakdown, rotating
+from pipeline.cubes.barrier import last_barrier
+from workflows.claims.boundary import boundary_claims
+from workflows.claims.circles import circle_claims
+from workflows.claims.discussion import discussion_claims
+from workflows.claims.envelope import ranges, summary, wedge_angles
+from workflows.claims.errata import errata
+from workflows.claims.map import map_claims
+from workflows.claims.periodic import periodic_claims
+from workflows.claims.results import result_claims
+from workflows.claims.symmetries import symmetry_claims
+from workflows.parts import direct
+from workflows.parts.rays import PAPER_CIRCLES, two_kicks, unfolded, with_ratio
+
+_STEP = 7.5  # degrees, of rays around the half plane, so that mirror images and tori have theirs
+_TORUS = "1705/3136,2631/3136"
+
+
+def planned(angles, tips, tol, n_max, n_orbits):
+    """Return the jobs of all sweeps, {name: job}, and the rays of the plane."""
+    around = np.arange(0, 180 + _STEP, _STEP)
+    rays = np.unique(np.concatenate([wedge_angles(angles, tips), around]).round(9))
+    cusp = {45.0: float(barriers.critical_scale(ray(45.0), 1e-3).value)}
+    return {
+        "barrier": last_barrier(rays, tol),
+        "circles": breakdown.by_residue(PAPER_CIRCLES, rays, q_max=6000),
+        "escapes": direct.bias_job(cusp, [n_orbits], n_max),
+        "tori": rotating.tori([_TORUS], around),
+        "three": rotating.three_kicks(["0", "1/24", "1/12"], around, 100),
+    }, rays
+
+
+def examine(cubes, rays, n_max, n_orbits):
+    """Return all claims, all errata, and the ranges of the envelope with their summary."""
+    barrier, circles = unfolded(cubes["barrier"], rays), cubes["circles"]
+    two = two_kicks(cubes["barrier"], cubes["three"].angle.values)
+    three = with_ratio(cubes["three"], two.critical_scale, "two kicks")
+    bias = direct.direct_bias(cubes["escapes"], direct.steps_up_to(n_max))
+    claims = [
+        *map_claims(),
+        *symmetry_claims(),
+        *periodic_claims(),
+        *boundary_claims(bias.isel(ensemble=-1, angle=0), n_max, n_orbits),
+        *circle_claims(),
+        *result_claims(circles, barrier),
+        *discussion_claims(circles, barrier, cubes["tori"], three),
+    ]
+    claims.sort(key=lambda claim: claim.place.split(",")[0])  # as the paper goes
+    rows = ranges(circles, barrier)
+    return claims, errata(), rows, summary(circles, barrier, rows)

@@ -1,0 +1,127 @@
+"""The field of first escape times over the (κ1, κ2) plane, refined where its boundaries run."""
+
+from dataclasses import dataclass, replace
+
+import click
+import numpy as np
+import xarray as xr
+
+from nasm.escape import boundary
+from nasm.symmetries import ray
+from pipeline.cubes import escape
+from pipeline.sweep.grid import Axis
+from pipeline.sweep.refine import FACTOR, refine
+
+
+@dataclass(frozen=True)
+class Plane:
+    """What to compute.
+
+    kappa1, kappa2 : axes of the finest grid.
+    n_max : steps up to which orbits are followed.
+    n_orbits : increasing sizes of the nested ensembles.
+    tile : cells along each side of a tile.
+    levels : number of levels of refinement, each of cells half as wide.
+    follow : increasing N of the boundaries {n* ≤ N} that the levels follow.
+    """
+
+    kappa1: Axis
+    kappa2: Axis
+    n_max: int
+    n_orbits: list[int]
+    tile: int
+    levels: int
+    follow: list[int]
+
+    @property
+    def drawn(self):
+        """N of the boundaries to be drawn: those that are resolved everywhere.
+
+        In a plane that is computed in full n_max/10, n_max/2 and n_max, as in Fig. 5.
+        """
+        if self.levels > 1:
+            return self.follow
+        return sorted({max(1, self.n_max // 10), max(1, self.n_max // 2), self.n_max})
+
+
+def plane_of(kappa1, kappa2, n_max, n_orbits, tile, levels, follow):
+    """Return the Plane of `cli.plane_options`; a usage error if they do not fit together."""
+    follow, coarsest = follow or [n_max], 2 ** (levels - 1)
+    for name, axis in (("--kappa1", kappa1), ("--kappa2", kappa2)):
+        if axis.n % coarsest:
+            raise click.BadParameter(
+                f"{axis.n} cells cannot be halved {levels - 1} times; use a multiple of "
+                f"{coarsest}, or fewer --levels",
+                param_hint=name,
+            )
+        if axis.n < 2 * coarsest:
+            raise click.BadParameter(
+                f"{axis.n} cells are too few; use at least {2 * coarsest}, two at the coarsest "
+                "level",
+                param_hint=name,
+            )
+    if follow[-1] > n_max:
+        raise click.BadParameter(
+            f"N={follow[-1]} must be at most n-max={n_max}", param_hint="--follow"
+        )
+    return Plane(kappa1, kappa2, n_max, n_orbits, tile, levels, follow)
+
+
+def planned(plane):
+    """The job of the cube `escape`: all cells, or the plan of what its levels are composed to."""
+    finest = _level_job(plane, "escape", plane.levels - 1)
+    if plane.levels == 1:
+        return finest
+    return replace(finest, cube=escape.composed(finest.cube, plane.levels, plane.follow))
+
+
+def _level_job(plane, name, level):
+    factor = FACTOR ** (plane.levels - 1 - level)
+    axes = [axis.coarsened(factor) for axis in (plane.kappa1, plane.kappa2)]
+    return escape.plane(name, *axes, plane.n_orbits, plane.n_max, plane.tile)
+
+
+def escape_plane(run, plane):
+    """Compute the field of first escape times, and return the cube `escape` as a Dataset.
+
+    With one level the cube holds every cell. With more every level is a cube of its own,
+    `escape_level0` and so on, and `escape` is composed of them, with the `level` of each cell.
+    """
+    if plane.levels == 1:
+        return run.sweep(planned(plane))
+
+    def compute(level, wanted):
+        job = _level_job(plane, f"escape_level{level}", level)
+        return run.sweep(job, wanted).escape_time.values
+
+    def ask(field):
+        return np.concatenate([field <= n for n in plane.follow])
+
+    field, level = refine(compute, ask, plane.levels, plane.tile)
+    finest = _level_job(plane, "escape", plane.levels - 1).cube
+    cube = escape.composed(finest, plane.levels, plane.follow, field, level)
+    return run.keep(cube.name, cube.template, cube.tile, **cube.settings)
+
+
+def boundary_table(dataset, angles, steps):
+    """Find the boundary of the largest ensemble on rays: a Dataset with dims (n, angle).
+
+    critical_scale is the distance from the origin, resolution the cell's width there.
+    """
+    field = dataset.escape_time.isel(ensemble=-1)
+    axes = dataset.kappa1.values, dataset.kappa2.values
+    scale = xr.DataArray(
+        [boundary(field.values, *axes, angles, n) for n in steps],
+        {"n": steps, "angle": angles},
+        ("n", "angle"),
+    )
+    kappa1, kappa2 = (scale * xr.DataArray(part, dims="angle") for part in ray(angles).T)
+    table = xr.Dataset({"kappa1": kappa1, "kappa2": kappa2, "critical_scale": scale})
+    cell = max(np.ptp(axis[:2]) for axis in axes)
+    if "level" in dataset:
+        level = dataset.level
+        there = table[["kappa1", "kappa2"]].fillna(0)  # NaN has no nearest cell
+        here = level.sel(kappa1=there.kappa1, kappa2=there.kappa2, method="nearest")
+        cell = cell * 2.0 ** (level.max() - here.drop_vars(["kappa1", "kappa2"]))
+    table["resolution"] = cell + 0 * scale
+    return table

@@ -1,0 +1,15 @@
+"""All studies of stability, {name: study(quick) → Dataset}; one that takes a moment comes first."""
+
+from workflows.stability import limits, rounding, searches
+
+STUDIES = {
+    "disorder": searches.disordered_orbits,
+    "cusp": limits.near_cusp,
+    "boundary": limits.past_boundary,
+    "fractions": limits.disguised_fractions,
+    "twist": limits.beyond_the_twist,
+    "amplitude": limits.amplitudes,
+    "beam": searches.missed_survivors,
+    "fakes": searches.fake_circles,
+    "rounding": rounding.rounding,
+}

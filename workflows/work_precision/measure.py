@@ -1,0 +1,160 @@
+"""Measure seconds and errors of all methods, and tell which is fastest for an accuracy."""
+
+from math import nan
+from statistics import median
+from time import thread_time
+
+import click
+import numpy as np
+import xarray as xr
+
+from nasm import circles, fourier, parameterization
+from nasm.numbers import parse
+from workflows.parts.tables import described, listed
+from workflows.work_precision.methods import JUDGE, METHODS, PROFILES, Ray, judged
+
+ACCURACIES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-8, 1e-10)
+FORMS = ("chain form", "the paper's Algorithm 1")
+POINTS = [2**k for k in range(6, 15)]
+
+
+def answers(names):
+    """List (name, answer) for all answers of some methods."""
+    return [(name, answer) for name in names for answer in METHODS[name].answers]
+
+
+def plan(angles, names, quick):
+    """Return the Dataset, nothing measured yet, and the settings that decide it."""
+    efforts = {name: METHODS[name].efforts[: -1 if quick else None] for name in names}
+    rows = answers(names)
+    level, n_methods = np.arange(max(map(len, efforts.values()))), len(rows)
+    method = listed("method", *(answer for _, answer in rows))
+    method[2]["efforts"] = [METHODS[name].effort for name, _ in rows]
+    by_run = {"angle": len(angles), "method": n_methods, "level": level.size}
+    by_step = {"form": len(FORMS), "points": len(POINTS)}
+
+    def blank(sizes, long_name, units="1"):
+        return tuple(sizes), np.full(tuple(sizes.values()), np.nan), described(long_name, units)
+
+    data = xr.Dataset(
+        {
+            "effort": blank(
+                {"method": n_methods, "level": level.size},
+                "effort: steps N or n, period q, points, or tolerance tol",
+            ),
+            "cpu_seconds": blank(by_run, "CPU time of one run, median", "s"),
+            "error": blank(by_run, "relative error"),
+            "estimated_error": blank(by_run, "relative error that the method estimates"),
+            "warm_up_seconds": blank({"method": n_methods}, "CPU time of a first run", "s"),
+            "value": blank({"angle": len(angles)}, "scale of the breakup that all are judged by"),
+            "judge_error": blank({"angle": len(angles)}, "estimated relative error of value"),
+            "step_seconds": blank(by_step, "CPU time of one Newton step, median", "s"),
+        },
+        {
+            "angle": ("angle", angles, described("angle of the ray", "degree")),
+            "method": method,
+            "level": ("level", level, described("level of effort")),
+            "form": listed("form", *FORMS),
+            "points": ("points", POINTS, described("points of the circle")),
+        },
+        {"title": "Speed against accuracy of all methods"},
+    )
+    for row, (name, _) in enumerate(rows):
+        data.effort[row, : len(efforts[name])] = efforts[name]
+    return data, {"efforts": efforts, "judge_q_max": JUDGE}
+
+
+def timed(run, *arguments):
+    """Return the result, and the median CPU seconds of up to five runs, in 0.2 s or one run."""
+    seconds = []
+    while len(seconds) < 5 and sum(seconds) < 0.2:
+        start = thread_time()
+        found = run(*arguments)
+        seconds.append(thread_time() - start)
+    return found, median(seconds)
+
+
+def measure(blank, names):
+    """Fill the Dataset of `plan` with all numbers, and print the progress."""
+    data = blank.copy(deep=True)
+    rows = {name: [] for name in names}
+    for row, (name, _) in enumerate(answers(names)):
+        rows[name].append(row)
+    for name, here in rows.items():  # kernels that methods share are compiled by the first of them
+        start = thread_time()
+        METHODS[name].run(Ray(PROFILES[0], parse("gamma"), nan, nan), METHODS[name].efforts[0])
+        data.warm_up_seconds[here] = thread_time() - start
+    for i, angle in enumerate(data.angle.values.tolist()):
+        ray = judged(angle)
+        data.value[i], data.judge_error[i] = ray.value, ray.error / ray.value
+        for name, here in rows.items():
+            n_efforts = int(data.effort[here[0]].notnull().sum())
+            for level, effort in enumerate(METHODS[name].efforts[:n_efforts]):
+                found, seconds = timed(METHODS[name].run, ray, effort)
+                data.cpu_seconds[i, here, level] = seconds
+                scale, error = np.transpose(found)
+                data.error[i, here, level] = np.abs(scale / ray.value - 1)
+                data.estimated_error[i, here, level] = error / ray.value
+                told = f"{angle}°: {name}, {METHODS[name].effort} = {effort:g}: {seconds:.3g} s"
+                click.echo(told, err=True)
+    data["step_seconds"].values[:] = newton_seconds()
+    return data
+
+
+def newton_seconds():
+    """Measure a Newton step of the golden circle, in the order of FORMS and POINTS."""
+    omega, kappa = parse("gamma"), np.array([0.3, 0.5])
+    u = circles.invariant_circle(omega, kappa).u
+    return [
+        [timed(step, omega, kappa, fourier.resample(u, n))[1] for n in POINTS]
+        for step in (circles.newton_step, parameterization.newton_step)
+    ]
+
+
+def order(data, method):
+    """Fit the slope of log error against log effort: median over the rays, NaN without a ray."""
+    slopes = []
+    for angle in range(data.angle.size):
+        here = data.isel(angle=angle, method=method)
+        seen = (here.error > 10 * here.judge_error).values
+        if seen.sum() > 2:
+            points = np.log(here.effort.values[seen]), np.log(here.error.values[seen])
+            slopes.append(np.polyfit(*points, 1)[0])
+    return float(np.median(slopes)) if slopes else nan
+
+
+def seconds_for(data, accuracy):
+    """Find the CPU seconds by method for the last circle's breakup to an accuracy on every ray.
+
+    The effort is the least from which on all errors are that small; the slowest ray counts. NaN
+    where a ray is never that accurate.
+    """
+    failed = (data.error > accuracy) | data.error.isnull() & data.effort.notnull()
+    from_here = ~failed.values[..., ::-1].cumsum(axis=-1)[..., ::-1].astype(bool)
+    from_here &= data.error.notnull().values
+    seconds = np.where(from_here, data.cpu_seconds, np.inf).min(axis=-1).max(axis=0)
+    return np.where(np.isinf(seconds), nan, seconds)
+
+
+def table(data):
+    """Write a Markdown table: which method for which accuracy, and its first run."""
+    columns = [seconds_for(data, accuracy) for accuracy in ACCURACIES]
+    columns.append(data.warm_up_seconds.values)
+    heads = [f"{accuracy:.0e}".replace("e-0", "e-") for accuracy in ACCURACIES]
+    lines = [f"| seconds for an error of | {' | '.join(heads)} | first run | error ∝ |"]
+    lines.append("|---" * (len(columns) + 2) + "|")
+    for i, label in enumerate(data.method.attrs["names"]):
+        cells = [f"{column[i]:.2g}" if column[i] == column[i] else "–" for column in columns]
+        slope = order(data, i)
+        law = f"{data.method.attrs['efforts'][i]}^{slope:.2f}" if abs(slope) > 0.1 else "–"
+        lines.append(f"| {label} | {' | '.join(cells)} | {law} |")
+    return "\n".join(lines)
+
+
+def cells(data):
+    """Return a DataFrame of all runs, a row each."""
+    table = data[["effort", "cpu_seconds", "error", "estimated_error"]].to_dataframe()
+    table = table.dropna(subset=["cpu_seconds"]).reset_index()
+    for key in ("names", "efforts"):
+        table[key] = [data.method.attrs[key][i] for i in table.method]
+    return table

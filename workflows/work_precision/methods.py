@@ -1,0 +1,174 @@
+"""The methods that `work_precision` compares, each as a function of its effort.
+
+What a method answers may be several scales, e.g. a bound and a better value, at one price.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from fractions import Fraction
+from math import cos, nan, radians
+
+import numpy as np
+
+from nasm import barriers, circles, cones, escape, orbits, periodic
+from nasm import continuation as norms
+from nasm.numbers import RotationNumber
+
+JUDGE = 30_000
+PROFILES = {45: (1.0, 1.0), 0: (1.0, 0.0)} | {
+    angle: (cos(radians(angle)), cos(radians(90 - angle))) for angle in (30, 40, 120)
+}
+
+
+@dataclass(frozen=True)
+class Ray:
+    """A problem: on κ = s·profile the last circle, of omega, breaks at s = value ± error."""
+
+    profile: tuple
+    omega: RotationNumber
+    value: float
+    error: float
+
+
+@dataclass
+class Method:
+    """One method, and how much it is to compute.
+
+    answers : names of what it answers.
+    effort : letter or name of its measure of effort.
+    efforts : values to measure, the last one in full runs only.
+    run : function (ray, effort) → (scale, estimated error) for each of `answers`.
+    """
+
+    answers: tuple[str, ...]
+    effort: str
+    efforts: list
+    run: Callable
+
+
+def judged(angle):
+    """Return the Ray at that angle, by all that residues can give."""
+    profile = PROFILES[angle]
+    omega = barriers.critical_scale(profile, 1e-2).omega
+    judge = periodic.critical_scale(omega, profile, JUDGE)
+    return Ray(profile, omega, judge.value, judge.error)
+
+
+def direct(n_orbits, reach):
+    """Make direct iteration; transport is |y_n - y_0| > reach for all starts 0 ≤ y_0 ≤ 0.3."""
+
+    def run(ray, n_max):
+        window = (-reach, 0.3 + reach)
+        found = escape.critical_scale(ray.profile, n_max, n_orbits, window)
+        return _bound_and_value(found)
+
+    return run
+
+
+def converse_kam(ray, n_max):
+    """Answer by converse KAM where no start survives n_max steps, and extrapolated."""
+    found = cones.critical_scale(ray.profile, n_max)
+    return _bound_and_value(found)
+
+
+def _bound_and_value(found):
+    return (found.upper, found.upper - found.value + found.error), (found.value, found.error)
+
+
+def crossing(ray, q_max):
+    """Answer where the last two convergents have the same residue; the last change is the error."""
+    _, scales = periodic.crossings(ray.omega, ray.profile, q_max)
+    return ((scales[-1], abs(scales[-1] - scales[-2])) if scales.size else (nan, nan),)
+
+
+def residue(ray, q_max):
+    """Extrapolate those crossings by Aitken's rule."""
+    found = periodic.critical_scale(ray.omega, ray.profile, q_max)
+    return ((found.value, found.error),)
+
+
+def continuation(ray, tol):
+    """Answer where the norms of the circles on the ray blow up."""
+    found = norms.critical_scale(ray.omega, ray.profile, tol)
+    return ((found.value, found.error),)
+
+
+def last_circle(ray, n_points):
+    """Find the last circle that is certified with that many points."""
+    start = None
+
+    def exists(scale):
+        nonlocal start
+        kappa = scale * np.array(ray.profile)
+        circle = circles.invariant_circle(ray.omega, kappa, n_points, start)
+        start = circle.u if circle.certified else start
+        return circle.certified
+
+    largest = 2 / max(map(abs, ray.profile))  # where there is no circle
+    return ((_last(exists, 0.0, largest, 0.1 / n_points), nan),)
+
+
+def birkhoff(ray, n):
+    """Find the last scale at which converse KAM's longest-lived orbit looks quasiperiodic.
+
+    It does if its rotation number has five digits and is not a fraction up to q = 200, as islands
+    have. That does not show a circle: longer islands and what is left of circles look so too. The
+    search stays within a tenth of what converse KAM says, because regular orbits lie beyond.
+    """
+    profile = np.array(ray.profile)
+    site, a = periodic.dominant_centre(profile)
+
+    def quasiperiodic(scale):
+        y, _ = cones.longest_lived(scale * profile, n)
+        omega, digits = map(float, orbits.rotation_number(scale * np.roll(profile, -site), a, y, n))
+        if omega != omega:
+            return False
+        return abs(omega - Fraction(omega).limit_denominator(200)) > 10 * 10**-digits
+
+    near = cones.critical_scale(profile, 100).value
+    return ((_last(quasiperiodic, 0.9 * near, 1.1 * near, 0.1 / n), nan),)
+
+
+def _last(holds, low, high, precision):
+    """Bisect for the scale up to which something holds, to a relative precision."""
+    while high - low > precision * high:
+        middle = (low + high) / 2
+        low, high = (middle, high) if holds(middle) else (low, middle)
+    return low
+
+
+def barrier(ray, tol):
+    """Answer the further end of the bracket, with its width; and the value in it."""
+    found = barriers.critical_scale(ray.profile, tol)
+    return (found.lower, found.upper - found.lower), (found.value, found.error)
+
+
+STEPS = [1000, 10_000, 100_000, 1_000_000]
+PERIODS = [30, 100, 300, 1000, 3000, 10_000]
+METHODS = {
+    "direct": Method(("direct", "direct, extrapolated"), "N", STEPS, direct(10_000, 2.0)),
+    "direct-100": Method(
+        ("direct, 100 orbits", "direct, 100 orbits, extrapolated"), "N", STEPS, direct(100, 2.0)
+    ),
+    "direct-window": Method(
+        ("direct, 100 orbits, near exit", "direct, 100 orbits, near exit, extrapolated"),
+        "N",
+        STEPS,
+        direct(100, 1.2),
+    ),
+    "cones": Method(
+        ("converse KAM, upper bound", "converse KAM, value"), "N", [100, *STEPS], converse_kam
+    ),
+    "birkhoff": Method(("weighted Birkhoff average",), "n", STEPS, birkhoff),
+    "circle": Method(
+        ("last certified circle",), "points", [64, 256, 1024, 4096, 16_384], last_circle
+    ),
+    "continuation": Method(
+        ("blow-up of circles",), "tol", [1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6], continuation
+    ),
+    "crossing": Method(("residue, last crossing",), "q", PERIODS, crossing),
+    "residue": Method(("residue, Aitken",), "q", PERIODS, residue),
+    "barriers": Method(
+        ("barriers, bracket", "barriers, value"), "tol", [1e-1, 1e-2, 1e-3, 1e-4, 2e-5], barrier
+    ),
+}
