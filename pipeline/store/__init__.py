@@ -19,26 +19,3 @@ from pipeline.store.provenance import computed_by
 from pipeline.store.status import State, status
 from pipeline.store.tiles import commit, is_committed, missing, read, record_failure
 from pipeline.store.verify import verify
-
-__all__ = [
-    "Place",
-    "Refused",
-    "State",
-    "StoreFailed",
-    "check",
-    "commit",
-    "computed_by",
-    "create",
-    "driving",
-    "explained",
-    "is_committed",
-    "missing",
-    "names",
-    "place_of",
-    "read",
-    "record_failure",
-    "replace",
-    "sees",
-    "status",
-    "verify",
-]

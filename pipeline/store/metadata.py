@@ -1,8 +1,8 @@
 """Metadata of cubes: a function of the cube and of who computes it, written before any tile.
 
-What decides a cube's numbers is written twice, into the attributes of the group and of
-`cpu_seconds`, so that either zarr.json can be lost and written again. Whoever puts the group's
-first has made the cube; any other driver must agree with it.
+What decides a cube's numbers is written twice, as attributes of the group and with `cpu_seconds`,
+so that either zarr.json can be lost and written again. Whoever puts the group's zarr.json first has
+made the cube; any other driver must agree with it.
 """
 
 import json
@@ -18,15 +18,14 @@ from zarr.codecs import Crc32cCodec, ZstdCodec
 from zarr.storage import MemoryStore
 
 from pipeline.store.place import Refused, explained
-from pipeline.store.provenance import PROVENANCE, provenance
+from pipeline.store.provenance import provenance
 from pipeline.store.tiles import COMMIT, forget, missing
 
 MAX_TILES = 2**24
-_WITNESS = f"{COMMIT}/zarr.json"
 
 
 def names(place):
-    """Names of the cubes in the place; Refused if it does not exist."""
+    """Names of the cubes in the place; Refused if the place does not exist."""
     with explained(place):
         try:
             folders = place.objects().list_with_delimiter()["common_prefixes"]
@@ -60,18 +59,18 @@ def create(place, cube, computed_by):
 
     Metadata and coordinates that are damaged or missing are written again. Refused as by `check`.
     """
+    forget()
     found = check(place, cube, computed_by)
     with explained(place):
         if not found:
-            _delete(place, cube.name, "zarr.json")  # damaged: it says nothing
-            files = _empty_files(cube, provenance(computed_by))
+            key, root = "zarr.json", _empty_files(cube, provenance(computed_by))["zarr.json"]
             with suppress(AlreadyExistsError):
-                place.objects().put(
-                    f"{cube.name}.zarr/zarr.json", files["zarr.json"], mode="create"
-                )
+                _put(place, cube.name, key, root, mode="create")
+            if not _attributes(place, cube.name, key):  # damaged
+                _put(place, cube.name, key, root)
             found = check(place, cube, computed_by)  # another driver may have been first
-        _put_what_differs(place, cube.name, _empty_files(cube, found))
-    forget()
+        for key, data in _differing(place, cube.name, _empty_files(cube, found)).items():
+            _put(place, cube.name, key, data)
 
 
 def replace(place, cube, computed_by):
@@ -84,10 +83,11 @@ def replace(place, cube, computed_by):
     with explained(place):
         if found and not _differing(place, cube.name, _whole_files(cube, found)):
             return
-        _delete(place, cube.name, "zarr.json")
+        with suppress(FileNotFoundError):
+            place.objects().delete(f"{cube.name}.zarr/zarr.json")
         files = _whole_files(cube, provenance(computed_by))
-        files["zarr.json"] = files.pop("zarr.json")
-        _put_what_differs(place, cube.name, files)
+        for key in sorted(files, key="zarr.json".__eq__):
+            _put(place, cube.name, key, files[key])
 
 
 def sees(place, name, config_hash):
@@ -99,51 +99,61 @@ def sees(place, name, config_hash):
 
 def copies_agree(place, name):
     """Whether what the cube's group says of its arrays, and of itself, is what these say."""
-    with explained(place), suppress(ValueError, KeyError, TypeError, AttributeError):
+    with (
+        explained(place),
+        suppress(AttributeError, KeyError, RecursionError, TypeError, ValueError),
+    ):
         root = json.loads(_read(place, name, "zarr.json"))
         copies = root["consolidated_metadata"]["metadata"]
         own = {key: json.loads(_read(place, name, f"{key}/zarr.json")) for key in copies}
-        witness = root["attributes"] | (own[COMMIT]["attributes"] if COMMIT in own else {})
-        return own == copies and all(witness[k] == v for k, v in root["attributes"].items())
+        identity = json.loads(own[COMMIT]["attributes"]["cube"]) if COMMIT in own else {}
+        return own == copies and identity.items() <= root["attributes"].items()
     return False
 
 
 def _check_settings(place, cube):
     """The attributes of the cube that is there, None if there is none; Refused if it differs."""
     with explained(place):
-        found = [_attributes(place, cube.name, key) for key in ("zarr.json", _WITNESS)]
-        found = [attributes for attributes in found if attributes]
-        same = [a for a in found if a["config_hash"] == cube.config_hash]
-        if not found and _has_records(place, cube.name):
-            raise Refused(
-                f"the metadata of {place.cube(cube.name)} are lost; delete it, or choose another "
-                "--out or --store"
-            )
-    if found and not same:
-        differences = [
-            f"{key} is {found[0].get(key)}, not {value}"
-            for key, value in cube.settings.items()
-            if found[0].get(key) != value
-        ]
+        both = [_attributes(place, cube.name, key) for key in (f"{COMMIT}/zarr.json", "zarr.json")]
+        found = [attributes for attributes in both if attributes]
+        for attributes in found:  # one of them may be damaged
+            if attributes["config_hash"] == cube.config_hash:
+                return attributes
+        if not found and not _is_taken(place, cube.name):
+            return None
+    if not found:
         raise Refused(
-            f"{place.cube(cube.name)} was computed with other settings: "
-            f"{'; '.join(differences) or 'its coordinates, tiles or variables differ'}. "
-            "Repeat the old settings to resume it, or choose another --out or --store"
+            f"{place.cube(cube.name)} is not a cube of this program, or its metadata are lost; "
+            "delete it, or choose another --out or --store"
         )
-    return same[0] if same else None
+    differences = [
+        f"{key} is {found[0].get(key)}, not {value}"
+        for key, value in cube.settings.items()
+        if found[0].get(key) != value
+    ]
+    raise Refused(
+        f"{place.cube(cube.name)} was computed with other settings: "
+        f"{'; '.join(differences) or 'its coordinates, tiles or variables differ'}. "
+        "Repeat the old settings to resume it, or choose another --out or --store"
+    )
 
 
 def _attributes(place, name, key):
-    """Attributes in a zarr.json of the cube; None if it is missing, damaged or not of a cube."""
-    with suppress(ValueError, KeyError, TypeError, RecursionError):
+    """What decides the cube's numbers, as a zarr.json of it tells; None if that is damaged."""
+    with suppress(AttributeError, KeyError, RecursionError, TypeError, ValueError):
         found = json.loads(_read(place, name, key))["attributes"]
-        return found if "config_hash" in found else None
+        found = json.loads(found["cube"]) if key.startswith(COMMIT) else found
+        return found if isinstance(found["config_hash"], str) else None
     return None
 
 
-def _has_records(place, name):
+def _is_taken(place, name):
+    """Whether there are tiles, or a zarr group of somebody else."""
     with suppress(FileNotFoundError):
-        return any(place.objects().list(f"{name}.zarr/{COMMIT}/c"))
+        if any(place.objects().list(f"{name}.zarr/{COMMIT}/c")):
+            return True
+    with suppress(ValueError, RecursionError):
+        return bool(json.loads(_read(place, name, "zarr.json")))
     return False
 
 
@@ -154,18 +164,12 @@ def _read(place, name, key):
     return b""
 
 
-def _delete(place, name, key):
-    with suppress(FileNotFoundError):
-        place.objects().delete(f"{name}.zarr/{key}")
+def _put(place, name, key, data, **mode):
+    place.objects().put(f"{name}.zarr/{key}", data, **mode)
 
 
 def _differing(place, name, files):
     return {key: data for key, data in files.items() if _read(place, name, key) != data}
-
-
-def _put_what_differs(place, name, files):
-    for key, data in _differing(place, name, files).items():
-        place.objects().put(f"{name}.zarr/{key}", data)
 
 
 def _tile_counts(cube):
@@ -173,24 +177,24 @@ def _tile_counts(cube):
 
 
 def _empty_files(cube, computed):
-    """{key: bytes} of the cube before any tile is there."""
-    counts = _tile_counts(cube)
-    words = {
+    """{key: bytes} of the cube before any tile is there; `computed` tells by whom."""
+    counts, identity = _tile_counts(cube), _identity(cube, computed)
+    attributes = {
         "long_name": "CPU time of the tile",
         "units": "s",
         "comment": "written last: the tile is complete if this is not NaN",
+        "cube": json.dumps(identity),
     }
     records = dask.array.full(counts, np.nan, chunks=-1)
     dims = tuple(f"tile_{dim}" for dim in cube.tile)
-    attributes = _identity(cube, computed)
-    dataset = cube.template.assign({COMMIT: (dims, records, words | attributes)})
     checked = {"compressors": (Crc32cCodec(),), "filters": None}
-    encoding = {key: {"chunks": array.shape, **checked} for key, array in dataset.coords.items()}
-    for key, array in cube.template.data_vars.items():
-        chunks = tuple(cube.tile.get(dim, cube.sizes[dim]) for dim in array.dims)
+    encoding = {COMMIT: {"chunks": (1,) * len(counts), **checked}}
+    for key, array in cube.template.variables.items():
+        whole = key in cube.template.coords
+        chunks = tuple(n if whole else cube.tile.get(dim, n) for dim, n in array.sizes.items())
         encoding[key] = {"chunks": chunks, **checked}
-    encoding[COMMIT] = {"chunks": (1,) * len(counts), **checked}
-    return _files(dataset.assign_attrs(attributes), encoding, compute=False)
+    dataset = cube.template.assign({COMMIT: (dims, records, attributes)})
+    return _files(dataset.assign_attrs(identity), encoding, compute=False)
 
 
 def _whole_files(cube, computed):
@@ -202,9 +206,7 @@ def _whole_files(cube, computed):
 
 
 def _identity(cube, computed):
-    """Attributes: the plan of the cube, and of `computed` what tells who computes it."""
-    kept = {key: computed[key] for key in PROVENANCE if key in computed}
-    return {**kept, **cube.settings, "config_hash": cube.config_hash}
+    return {**computed, **cube.settings, "config_hash": cube.config_hash}
 
 
 def _files(dataset, encoding, compute):

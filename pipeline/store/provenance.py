@@ -10,16 +10,6 @@ from pathlib import Path
 _PACKAGE = Path(__file__).parents[2]
 _MATHEMATICS = "nasm/*.py", "pipeline/cubes/*.py"
 _DECIDING = "llvmlite", "numba", "numpy", "rocket-fft", "scipy"
-_OTHERS = "xarray", "zarr", "dask"
-PROVENANCE = (
-    "computed_by",
-    "package_version",
-    "git_commit",
-    "python_version",
-    "library_versions",
-    "created",
-)
-"""Names of the attributes of a cube that tell who computed it."""
 
 
 def digest_of(*patterns):
@@ -52,10 +42,14 @@ def computed_by():
 
 def provenance(computed_by):
     """Attributes of a new cube: who computes it, versions, git commit, time of creation."""
-    package, now = _version("nasm-transport"), datetime.now(UTC).isoformat(timespec="seconds")
-    libraries = _versions(_OTHERS)
-    values = computed_by, package, _git_commit(), platform.python_version(), libraries, now
-    return dict(zip(PROVENANCE, values, strict=True))
+    return {
+        "computed_by": computed_by,
+        "package_version": _version("nasm-transport"),
+        "git_commit": _git_commit(),
+        "python_version": platform.python_version(),
+        "library_versions": _versions(("xarray", "zarr", "dask")),
+        "created": datetime.now(UTC).isoformat(timespec="seconds"),
+    }
 
 
 def _git_commit():

@@ -15,23 +15,22 @@ from pipeline.store.place import Refused, explained
 
 COMMIT = "cpu_seconds"
 _LONGEST_REASON = 500  # characters of an exception that are kept
-_DAMAGED = (AttributeError, KeyError, RecursionError, TypeError, ValueError)
+_DAMAGED = AttributeError, FileNotFoundError, KeyError, RecursionError, TypeError, ValueError
 
 
 @lru_cache
 def arrays_of(place, name):
     """{name: zarr array} of the cube, kept open; Refused if its metadata are lost or damaged."""
-    try:
-        # A tile of fill values must be stored like any other.
-        with explained(place), zarr.config.set({"array.write_empty_chunks": True}):
+    # A tile of fill values must be stored like any other.
+    with explained(place), zarr.config.set({"array.write_empty_chunks": True}):
+        try:
             store = ObjectStore(place.objects())
-            arrays = dict(
-                zarr.open_group(store, path=f"{name}.zarr", mode="r+", zarr_format=3).arrays()
-            )
+            group = zarr.open_group(store, path=f"{name}.zarr", mode="r+", zarr_format=3)
+            arrays = dict(group.arrays())
             if all(array.metadata.dimension_names for array in arrays.values()):
                 return arrays
-    except _DAMAGED:
-        pass
+        except _DAMAGED:
+            pass
     raise Refused(
         f"the metadata of {place.cube(name)} are damaged; run the workflow that computed it again, "
         "to have them written anew"
