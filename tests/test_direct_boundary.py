@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import xarray as xr
-from commands import snapshot, succeed, table
+from commands import succeed, table
 
 from nasm import escape
 from nasm.symmetries import ray
@@ -97,14 +97,11 @@ def test_direct_iteration_closes_in_on_the_boundary_from_outside(direct):
         assert outside <= n < inside
 
 
-def test_no_more_is_iterated_than_the_boundary_needs(direct, workers):
+def test_no_more_is_iterated_than_the_boundary_needs(direct):
     cube = xr.open_zarr(direct / "direct_boundary.zarr")
     times = cube.escape_time.isel(ensemble=0)
     assert (np.isinf(times).sum("excess") == 1).all()
     assert (times.isel(excess=slice(0, 5)).isnull()).all()
-    before = snapshot(direct / "direct_boundary.zarr")
-    succeed("direct_boundary", direct, *DIRECT, *workers)
-    assert snapshot(direct / "direct_boundary.zarr") == before
 
 
 def test_the_orbit_of_an_inset_stays_where_a_circle_is_left(direct):

@@ -44,7 +44,7 @@ def dense(tmp_path_factory, workers):
 
 
 def field(out):
-    return xr.open_zarr(out / "escape.zarr").escape_time.isel(ensemble=-1).values
+    return xr.open_zarr(out / "escape.zarr", chunks=None).escape_time.isel(ensemble=-1).values
 
 
 def test_refinement_finds_the_boundary_of_the_full_grid(finished, dense):

@@ -18,19 +18,8 @@ KAPPA_G = tomllib.loads(Path(__file__).with_name("literature.toml").read_text())
 
 
 def test_circle_boundaries_are_those_of_each_ray(tmp_path, workers):
-    omegas = ["--omega", "gamma", "--omega", "2gamma", "--omega", "3/5"]
-    succeed(
-        "circle_boundaries",
-        tmp_path / "out",
-        "--angles",
-        "5",
-        "--tips",
-        "0",
-        "--tol",
-        "0.01",
-        *omegas,
-        *workers,
-    )
+    options = "--angles 5 --tips 0 --tol 0.01 --omega gamma --omega 2gamma --omega 3/5".split()
+    succeed("circle_boundaries", tmp_path / "out", *options, *workers)
     cube = xr.open_zarr(tmp_path / "out/breakdown_residue.zarr")
     exact = cube.omega.attrs["exact"]
     assert exact == ["[0;1,1,2]", "[0;(1)]", "[1;(4)]"]
@@ -115,10 +104,11 @@ def test_three_kicks_are_kept_as_a_labelled_cube(tmp_path, workers):
 
 def test_stretches_are_where_the_ratio_is_above_one():
     angle = np.array([0.0, 10, 20, 30, 40, 50])
-    first, second = stretches(angle, np.array([1.5, 1.2, 0.8, 0.9, 1.1, np.nan]))
-    assert (first.start, first.end, first.peak, first.peak_angle) == (0, pytest.approx(15), 1.5, 0)
-    assert (second.start, second.end) == (pytest.approx(35), 40)
-    assert str(second) == "35.0°-40.0° (by 10% at 40.0°)"
+    ratio = np.array([1.5, 1.2, 0.8, 0.9, 1.1, np.nan])
+    first, second = stretches(angle, ratio)
+    assert first == (0, pytest.approx(15), 0, 1.5)
+    assert second == (pytest.approx(35), 40, 40, 1.1)
+    assert where_above(angle, ratio).endswith(", 35.0°-40.0° (by 10% at 40.0°)")
     assert stretches(angle, np.full(6, 0.99)) == []
     inside = np.array([0.9, 0.95, np.nan, 0.97, 0.9, 0.8])
     assert where_above(angle, inside) == "nowhere (nearest, 0.970 of it, at 30.0°)"

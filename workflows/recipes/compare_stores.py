@@ -15,7 +15,7 @@ import xarray as xr
 if len(sys.argv) < 3 or not all(Path(d, "escape.zarr").is_dir() for d in sys.argv[1:3]):
     print(__doc__, file=sys.stderr)
     sys.exit(2)
-one, other = (xr.open_zarr(Path(out) / "escape.zarr") for out in sys.argv[1:3])
+one, other = (xr.open_zarr(Path(out) / "escape.zarr", chunks=None) for out in sys.argv[1:3])
 own = {"created", "config_hash", "git_commit", "library_versions", "python_version"}
 for key in sorted((one.attrs.keys() | other.attrs.keys()) - own):
     if one.attrs.get(key) != other.attrs.get(key):

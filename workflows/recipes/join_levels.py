@@ -7,7 +7,7 @@ OUT is the directory of a run with --levels above 1, and so with the cubes `esca
 escape time.
 """
 
-# %% Each level of refinement is a cube.
+# %% Each level of refinement is a cube. Its tiles are small: read it without dask.
 import sys
 from pathlib import Path
 
@@ -20,7 +20,8 @@ if len(sys.argv) < 2 or not Path(sys.argv[1], "escape_level0.zarr").is_dir():
     sys.exit(2)
 out = Path(sys.argv[1])
 count = len(list(out.glob("escape_level*.zarr")))
-levels = [xr.open_zarr(out / f"escape_level{number}.zarr") for number in range(count)]
+paths = [out / f"escape_level{number}.zarr" for number in range(count)]
+levels = [xr.open_zarr(path, chunks=None).load() for path in paths]
 for number, level in enumerate(levels):
     known = level.escape_time.isel(ensemble=-1).notnull()
     print(f"level {number}: {int(known.sum())} of {known.size} cells computed")
@@ -40,5 +41,5 @@ for level in levels[1:]:
     joined = finer.fillna(joined.reindex_like(finer, method="nearest"))
 
 # %% The cube `escape` holds just that.
-composed = xr.open_zarr(out / "escape.zarr").escape_time.isel(ensemble=-1)
+composed = xr.open_zarr(out / "escape.zarr", chunks=None).escape_time.isel(ensemble=-1)
 print("equal to the cube escape:", bool(np.array_equal(joined, composed, equal_nan=True)))
