@@ -52,6 +52,22 @@ def test_pipeline_knows_no_workflow(module):
     assert "workflows" not in packages(module)
 
 
+@pytest.mark.parametrize("module", [m for m in MODULES if m.startswith("workflows.")])
+def test_commands_and_their_parts_import_no_other_command(module):
+    inside = {name.split(".")[1] for name in imports(module) if name.startswith("workflows.")}
+    assert inside <= {"parts", "figures", module.split(".")[1]}
+
+
+@pytest.mark.parametrize("module", [m for m in MODULES if m.startswith("workflows.figures")])
+def test_figures_compute_no_physics(module):
+    assert "pipeline" not in packages(module)
+    assert {name for name in imports(module) if name.startswith("nasm.")} <= {
+        "nasm.numbers",
+        "nasm.numbers.NAMES",
+        "nasm.numbers.parse",
+    }
+
+
 def test_nasm_has_no_circular_import():
     graph = {m: imports(m) & MODULES.keys() - {m, "nasm"} for m in MODULES if m.startswith("nasm.")}
     assert graph["nasm.escape"]

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import click
 
-from workflows.parts.cli import cluster_options, command, main_of, out_option, shared_workers
+from workflows.parts.cli import cluster_options, command, main_of, out_option
 
 
 @dataclass(frozen=True)
@@ -102,6 +102,7 @@ def main(out, quick, only, workers, scheduler, tls):
     The full size, as in the paper, takes hours on two cores, nearly all of them direct iteration.
     """
     from workflows.parts.page import render
+    from workflows.parts.run import shared_workers
 
     sections = []
     Path(out).mkdir(parents=True, exist_ok=True)

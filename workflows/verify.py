@@ -9,7 +9,7 @@ from contextlib import nullcontext
 
 import click
 
-from workflows.parts.cli import command, explained, place_options
+from workflows.parts.cli import command, place_options
 
 
 @command()
@@ -18,6 +18,7 @@ from workflows.parts.cli import command, explained, place_options
 def main(place, repair):
     """Verify all cubes of a store; exit code 1 if damage is found and not repaired."""
     from pipeline import store
+    from workflows.parts.run import explained
 
     n_damaged = 0
     with explained(place), store.driving(place) if repair else nullcontext():

@@ -9,8 +9,8 @@ from nasm.symmetries import ray
 from nasm.verdict import verdict
 from workflows.claims.map import largest
 from workflows.claims.rules import CLAIMS, Claim, agrees, graded, identity, printed, rounding
+from workflows.parts.amplitudes import amplitudes
 from workflows.parts.direct import exponent
-from workflows.stability.limits import amplitudes
 
 KAPPA_G = printed("0.971635406")
 _LIMITS = "python -m pytest tests/test_barriers.py::"

@@ -1,20 +1,13 @@
-"""The command line that all commands share: options, the run of a command, and how it ends.
-
-Exit codes: 0 done; 1 tiles failed, or the workers are gone, or the disk or the object store failed;
-2 bad input, nothing touched; 130 stopped by Ctrl-C.
+"""The command line that all commands share: options, and how a command is made.
 
 Heavy imports wait until the options are parsed, so that --help comes at once.
 """
 
 import functools
-import os
 import sys
-from contextlib import contextmanager
 from importlib import import_module
 
 import click
-
-MAX_REASONS = 10  # failed tiles whose reasons are printed
 
 
 def command(**settings):
@@ -196,7 +189,9 @@ def place_options(function):
     @store_option
     @functools.wraps(function)
     def wrapped(out, store, **options):
-        return function(place=_place(out, store), **options)
+        from workflows.parts.run import place_of
+
+        return function(place=place_of(out, store), **options)
 
     return wrapped
 
@@ -208,7 +203,9 @@ def writes(function):
     @store_option
     @functools.wraps(function)
     def wrapped(out, store, **options):
-        return function(run=Run(out, _place(out, store)), **options)
+        from workflows.parts.run import Run, place_of
+
+        return function(run=Run(out, place_of(out, store)), **options)
 
     return wrapped
 
@@ -221,156 +218,9 @@ def sweeps(function):
     @cluster_options
     @functools.wraps(function)
     def wrapped(out, store, workers, scheduler, tls, **options):
+        from workflows.parts.run import Run, place_of
+
         cluster = {"n_workers": workers, "scheduler": scheduler, "tls": tls}
-        return function(run=Run(out, _place(out, store), cluster), **options)
+        return function(run=Run(out, place_of(out, store), cluster), **options)
 
     return wrapped
-
-
-def _place(out, store):
-    from pipeline.store import Refused, place_of
-
-    try:
-        return place_of(store or out)
-    except Refused as error:
-        raise click.UsageError(str(error)) from None
-
-
-class Run:
-    """The run of one command: it writes cubes into its place, tables and figures into OUT.
-
-    out : directory of tables and figures.
-    place : Place of the cubes.
-    cluster : arguments of `cluster.connect`.
-    """
-
-    def __init__(self, out, place, cluster=None):
-        self.out, self.place, self.cluster = out, place, cluster
-        self.client = None
-        self.words, self.written = [], {}
-
-    @contextmanager
-    def driving(self):
-        """Hold the place as its one driver; at the end print what was found, and where it is."""
-        with explained(self.place):
-            from pipeline import store
-
-            with store.driving(self.place):
-                os.makedirs(self.out, exist_ok=True)
-                yield self
-        for words in filter(None, self.words):
-            click.echo(click.wrap_text(words, 100))
-        for kind, paths in self.written.items():
-            click.echo(f"{kind + ':':9}{', '.join(paths)}")
-
-    @contextmanager
-    def sweeping(self, *jobs):
-        """As `driving`, with workers for the sweeps; refuse a place with other settings first."""
-        with explained(self.place):
-            from pipeline.sweep.cluster import connect
-
-            for job in jobs:
-                self.check(job.cube)
-            with connect(**self.cluster) as self.client, self.driving():
-                yield self
-
-    def check(self, cube):
-        """Refuse to go on if the place holds this cube with other settings."""
-        from pipeline import store
-
-        store.check(self.place, cube, store.computed_by())
-
-    def sweep(self, job, wanted=None, progress=None):
-        """Compute the missing tiles of the job's cube, or those `wanted`; return it as a Dataset.
-
-        `progress` is the line of a series of sweeps. The program ends if tiles fail, and on Ctrl-C.
-        """
-        from pipeline import store
-        from pipeline.sweep.sweep import sweep
-
-        _go_on(sweep(self.client, self.place, job, wanted, progress))
-        self._note("cubes", self.place.cube(job.cube.name))
-        return store.read(self.place, job.cube.name)
-
-    def keep(self, name, dataset, tile=None, **settings):
-        """Write a cube that no sweep computes, whole; return it as a Dataset."""
-        from pipeline import store
-        from pipeline.cubes.cube import Cube
-
-        cube = Cube(name, dataset, tile or {}, settings)
-        store.replace(self.place, cube, store.computed_by())
-        self._note("cubes", self.place.cube(name))
-        return dataset.assign_attrs(settings)
-
-    def table(self, name, dataset):
-        """Write a Dataset as OUT/NAME.csv."""
-        from workflows.parts.tables import write
-
-        write(dataset, self.path("tables", f"{name}.csv"))
-
-    def figure(self, name, figure, caption=""):
-        """Write OUT/NAME.png and .pdf, and the caption beside them; the caption is printed too."""
-        from workflows.figures.style import save
-
-        for path in save(figure, self.out, name, caption):
-            self._note("figures", path)
-        self.say(caption)
-
-    def path(self, kind, name):
-        """Return the path OUT/NAME of a file, named at the end among those of its kind."""
-        return self._note(kind, f"{self.out}/{name}")
-
-    def say(self, words):
-        """Print a finding at the end, before the paths."""
-        self.words.append(words)
-
-    def _note(self, kind, path):
-        paths = self.written.setdefault(kind, [])
-        if path not in paths:
-            paths.append(path)
-        return path
-
-
-@contextmanager
-def explained(place):
-    """End the program with one line and exit code 2 or 1 for what the user can mend."""
-    from pipeline import store
-    from pipeline.sweep.cluster import ClusterError
-
-    try:
-        with store.explained(place):
-            yield
-    except (store.Refused, ClusterError) as error:
-        raise click.UsageError(str(error)) from None
-    except OSError as error:  # the store, the workers, or no room for a table
-        again = "What is committed stays; run the same command again to resume"
-        raise click.ClickException(f"{error}. {again}") from None
-
-
-@contextmanager
-def shared_workers(scheduler, n_workers, tls):
-    """Yield the options by which several commands, run in turn, compute on the same workers."""
-    if scheduler is not None:
-        yield ["--scheduler", scheduler, *(["--tls", *tls] if tls else [])]
-        return
-    from pipeline.sweep.cluster import connect
-
-    with connect(n_workers=n_workers) as client:
-        yield ["--scheduler", client().scheduler.address]
-
-
-def _go_on(outcome):
-    """Go on after a complete sweep; after any other end the program and say how to resume."""
-    failed = sorted(outcome.failed.items())
-    for index, reason in failed[:MAX_REASONS]:
-        click.echo(f"tile {index} failed: {reason}", err=True)
-    if len(failed) > MAX_REASONS:
-        click.echo(f"... and {len(failed) - MAX_REASONS} more", err=True)
-    if outcome.interrupted:
-        missing = f"stopped with {outcome.remaining} tiles of this sweep missing"
-        click.echo(f"{missing}; run the same command again to resume", err=True)
-        sys.exit(130)
-    if failed:
-        missing = f"{len(failed)} tiles failed and stay missing"
-        click.echo(f"{missing}; run the same command again to retry them", err=True)
-        sys.exit(1)

@@ -1,5 +1,6 @@
 """All studies of stability, {name: study(quick) → Dataset}; one that takes a moment comes first."""
 
+from workflows.parts.amplitudes import amplitudes
 from workflows.stability import limits, rounding, searches
 
 STUDIES = {
@@ -8,7 +9,7 @@ STUDIES = {
     "boundary": limits.past_boundary,
     "fractions": limits.disguised_fractions,
     "twist": limits.beyond_the_twist,
-    "amplitude": limits.amplitudes,
+    "amplitude": amplitudes,
     "beam": searches.missed_survivors,
     "fakes": searches.fake_circles,
     "rounding": rounding.rounding,
