@@ -38,12 +38,12 @@ import pytest
 import toy
 from click.testing import CliRunner
 from distributed import Scheduler, Worker
+from pipeline.grid import tile_indices
+from pipeline.layout import COMMIT
 from workflows.cli import Job, carry_out, cluster_options, session, store_option
 
 import workflows.verify
 from pipeline import lease, objects, status, store, verify
-from pipeline.grid import tile_indices
-from pipeline.layout import COMMIT
 
 ROWS = COLUMNS = 8
 VARIABLES = ("wave", "sign", COMMIT)

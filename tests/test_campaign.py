@@ -20,12 +20,12 @@ import click
 import pytest
 import toy
 from click.testing import CliRunner
+from pipeline.cluster import connect
+from pipeline.layout import COMMIT
 from test_objects import assert_complete, bare, environment, serving
 from workflows.cli import cluster_options
 
 from pipeline import store
-from pipeline.cluster import connect
-from pipeline.layout import COMMIT
 from pipeline.sweep import sweep
 
 FEW = range(3)

@@ -17,13 +17,13 @@ import xarray as xr
 import zarr
 from click import ClickException
 from click.testing import CliRunner
+from pipeline.faults import StorageError
+from pipeline.layout import COMMIT
 from workflows.cli import driver
 from zarr.errors import UnknownCodecError
 
 import workflows.verify
 from pipeline import store, verify
-from pipeline.faults import StorageError
-from pipeline.layout import COMMIT
 
 
 @pytest.fixture(scope="module")

@@ -18,15 +18,15 @@ import toy
 import xarray as xr
 from click.testing import CliRunner
 from obstore.store import S3Store
+from pipeline.admission import ClusterError, sharing
+from pipeline.faults import StorageError
+from pipeline.layout import layout_of
 from pipeline.schema import FORMAT
 from zarr.storage import ObjectStore
 
 import workflows.status
 import workflows.verify
 from pipeline import lease, objects, store
-from pipeline.admission import ClusterError, sharing
-from pipeline.faults import StorageError
-from pipeline.layout import layout_of
 from pipeline.store import StoreError
 from workflows import escape_plane
 

@@ -10,12 +10,12 @@ import pytest
 import toy
 import xarray as xr
 from click.testing import CliRunner
+from pipeline.grid import Axis
+from pipeline.status import RECENT, state
 
 import workflows.status
 from pipeline import store, verify
 from pipeline.cubes import barrier, escape
-from pipeline.grid import Axis
-from pipeline.status import RECENT, state
 
 
 @pytest.fixture(scope="module")

@@ -8,9 +8,9 @@ import pytest
 import toy
 import xarray as xr
 import zarr
+from pipeline.grid import tile_indices, tile_slices
 
 from pipeline import metadata, store
-from pipeline.grid import tile_indices, tile_slices
 
 
 def commit_all(out, plan, indices=None):
