@@ -191,6 +191,9 @@ class _Run:
 
     def _retire(self, address, complaint):
         """Send an unfit worker away; ClusterError if there is no other."""
+        if not store.sees(self.place, self.job.cube.name, self.job.cube.config_hash):
+            self.fault = store.StoreFailed(f"{self.place} was moved, or deleted, under way")
+            return
         words = f"the worker {address} {complaint}"
         if address not in self.unfit:
             self.unfit.add(address)
