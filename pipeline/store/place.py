@@ -116,8 +116,8 @@ def explained(place):
         if isinstance(error, ValueError) and "computed checksum" in str(error):
             words = "some chunks are damaged; run `python -m workflows.verify --repair` on it"
         elif _is_obstores(error):
-            # The rest may hold a signature.
-            words = re.split(r"[\n<?]|Debug source", str(error))[0].strip(" :")
+            # What follows, and what queries a URL, may hold a signature.
+            words = re.sub(r"\?\S+", "", re.split(r"[\n<]|Debug source", str(error))[0]).strip(" :")
         else:
             raise
         raise StoreFailed(f"{place}: {words}") from None
