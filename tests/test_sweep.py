@@ -183,7 +183,7 @@ def test_long_work_is_announced(client, tmp_path, capsys):
     place, job = store.place_of(tmp_path), toy.job(predict=predict_a_minute)
     with store.driving(place):
         sweep(client, place, job, wanted=[(row, 0) for row in range(4)])
-    assert "toy: 4 tiles, about 120 s on 2 workers, 0.000442 MB\n" in capsys.readouterr().err
+    assert "toy: 4 tiles, about 2 min on 2 workers, 0.000482 MB\n" in capsys.readouterr().err
 
 
 def predict_a_minute(coords, settings):
@@ -215,11 +215,11 @@ def test_a_sweep_survives_workers_killed_at_random(tmp_path):
             time.sleep(0.7)
             pids = []
             while not pids:  # both may be on their way back
-                pids = list(client().run(os.getpid, on_error="ignore").values())
+                pids = list(client.run(os.getpid, on_error="ignore").values())
             os.kill(choose.choice(pids), signal.SIGKILL)
 
     with connect(n_workers=2) as client:
-        killer = threading.Thread(target=kill_three, args=[client])
+        killer = threading.Thread(target=kill_three, args=[client()])
         killer.start()
         first = run(client, tmp_path, plan)
         killer.join()

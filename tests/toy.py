@@ -12,6 +12,7 @@ import time
 from contextlib import contextmanager
 from pathlib import Path
 
+import dask
 import dask.array
 import numpy as np
 import xarray as xr
@@ -101,6 +102,7 @@ def silent():
 def workers_here():
     """What `connect` yields, of a Client whose two workers are threads of this process."""
     with (
+        dask.config.set({"distributed.worker.preload": []}),  # those of `connect` are processes
         LocalCluster(
             processes=False,
             protocol="tcp",

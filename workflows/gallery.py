@@ -104,6 +104,7 @@ def main(out, quick, only, workers, scheduler, tls):
     from workflows.parts.page import render
 
     sections = []
+    Path(out).mkdir(parents=True, exist_ok=True)
     with shared_workers(scheduler, workers, tls) as workers:
         for exhibit in EXHIBITS:
             if not only or exhibit.name in only:

@@ -1,7 +1,7 @@
 """Is every number in the store still what was written?
 
-All chunks are read and compared with their checksums. With --repair the damaged tiles are deleted,
-so that the next run of the workflow that computed them computes them again, and no others.
+All chunks are read and compared with their checksums. With --repair damaged tiles become missing:
+the next run of the command that computed them computes them again, and no others.
 """
 
 import sys
@@ -9,51 +9,28 @@ from contextlib import nullcontext
 
 import click
 
-from workflows.parts.cli import command, explained, out_option, store_option
+from workflows.parts.cli import command, explained, place_options
 
 
-@click.command(context_settings=HELP)
-@click.option("--repair", is_flag=True, help="Delete what is damaged, to be computed again.")
-@store_option
-@run_option
-def main(out, place, repair):
+@command()
+@click.option("--repair", is_flag=True, help="Free what is damaged, to be computed again.")
+@place_options
+def main(place, repair):
     """Verify all cubes of a store; exit code 1 if damage is found and not repaired."""
-    with explained(place):
-        from pipeline.store import driving
-        from pipeline.verify import names
+    from pipeline import store
 
-        cubes = names(place)
-        with driving(place) if repair else nullcontext():
-            n_damaged = sum(check(place, name, repair) for name in cubes)
-    if n_damaged and not repair:
-        click.echo("to have the damaged tiles computed again, add --repair", err=True)
-        sys.exit(1)
+    n_damaged = 0
+    with explained(place), store.driving(place) if repair else nullcontext():
+        for name in store.names(place):
+            damaged = list(store.verify(place, name, repair))
+            n_damaged += len(damaged)
+            click.echo(f"{name}: {len(damaged)} tiles damaged" if damaged else f"{name}: sound")
+            for index, what in damaged:
+                click.echo(f"  {f'tile {index}: {what}' if index else what}")
     if n_damaged:
-        click.echo("repaired: now run the workflows again that computed these cubes", err=True)
-
-
-def check(place, name, repair):
-    """Verify a cube and say what is damaged; returns in how many places."""
-    from pipeline.faults import StoreError
-    from pipeline.verify import committed, free, verify
-
-    try:
-        tiles = committed(place, name)
-    except StoreError as error:
-        click.echo(f"{name}: {error}")
-        return 1
-    damaged = {}
-    with click.progressbar(length=1 + len(tiles), label=name, file=sys.stderr) as progress:
-        for index, what in verify(place, name, tiles):
-            progress.update(1)
-            if what:
-                damaged[index] = what
-    click.echo(f"{name}: {len(tiles)} tiles, {len(damaged)} damaged")
-    for index, what in damaged.items():
-        click.echo(f"  {f'tile {index}: {what}' if index else f'damaged: {what}'}")
-        if repair:
-            free(place, name, index)
-    return len(damaged)
+        again = "run again the commands that computed these cubes"
+        click.echo(f"repaired: now {again}" if repair else f"add --repair, then {again}", err=True)
+    sys.exit(bool(n_damaged) and not repair)
 
 
 if __name__ == "__main__":

@@ -364,13 +364,12 @@ def _predict_all(client, job, tiles):
         parcel = _parcel(job.cube, tiles[batch])
         return client.submit(_on_worker(), work, parcel, pure=False)
 
-    # The line is shown only if this takes long.
-    with Progress(f"{job.cube.name}: costs", sys.stderr) as progress:
-        progress.begin(len(tiles), len(tiles))
-        for batch, seconds, failure in _ended(client, submit, partial(next, batches, None)):
-            if failure is None and not isinstance(seconds, tuple):
-                costs[batch] = seconds
-            progress.advance(len(batch), len(batch))
+    progress = Progress(f"{job.cube.name}: costs", sys.stderr)
+    progress.begin(len(tiles), len(tiles))  # the line is shown only if this takes long
+    for batch, seconds, failure in _ended(client, submit, partial(next, batches, None)):
+        if failure is None and not isinstance(seconds, tuple):
+            costs[batch] = seconds
+        progress.advance(len(batch), len(batch))
     return costs
 
 

@@ -9,7 +9,7 @@ Heavy imports wait until the options are parsed, so that --help comes at once.
 import functools
 import os
 import sys
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from importlib import import_module
 
 import click
@@ -189,6 +189,18 @@ cluster_options = together(
 )
 
 
+def place_options(function):
+    """Add --out and --store, and pass the Place of the cubes on as `place`."""
+
+    @out_option
+    @store_option
+    @functools.wraps(function)
+    def wrapped(out, store, **options):
+        return function(place=_place(out, store), **options)
+
+    return wrapped
+
+
 def writes(function):
     """Add --out and --store, and pass a Run on as `run`."""
 
@@ -196,7 +208,7 @@ def writes(function):
     @store_option
     @functools.wraps(function)
     def wrapped(out, store, **options):
-        return function(run=Run(out, store), **options)
+        return function(run=Run(out, _place(out, store)), **options)
 
     return wrapped
 
@@ -210,54 +222,63 @@ def sweeps(function):
     @functools.wraps(function)
     def wrapped(out, store, workers, scheduler, tls, **options):
         cluster = {"n_workers": workers, "scheduler": scheduler, "tls": tls}
-        return function(run=Run(out, store, cluster), **options)
+        return function(run=Run(out, _place(out, store), cluster), **options)
 
     return wrapped
 
 
-class Run:
-    """The run of one command: it writes cubes into its store, tables and figures into OUT."""
+def _place(out, store):
+    from pipeline.store import Refused, place_of
 
-    def __init__(self, out, store=None, cluster=None):
-        self.out, self.where, self.cluster = out, store or out, cluster
+    try:
+        return place_of(store or out)
+    except Refused as error:
+        raise click.UsageError(str(error)) from None
+
+
+class Run:
+    """The run of one command: it writes cubes into its place, tables and figures into OUT.
+
+    out : directory of tables and figures.
+    place : Place of the cubes.
+    cluster : arguments of `cluster.connect`.
+    """
+
+    def __init__(self, out, place, cluster=None):
+        self.out, self.place, self.cluster = out, place, cluster
         self.client = None
         self.words, self.written = [], {}
 
-    @functools.cached_property
-    def place(self):
-        """The Place of the cubes."""
-        from pipeline import store
-
-        return store.place_of(self.where)
-
     @contextmanager
     def driving(self):
-        """Hold the store as its one driver; at the end print what was found, and where it is."""
-        with explained(self):
+        """Hold the place as its one driver; at the end print what was found, and where it is."""
+        with explained(self.place):
             from pipeline import store
 
-            if self.where != self.out and os.path.isdir(self.out):
-                if store.names(store.place_of(self.out)):
-                    raise store.Refused(f"{self.out} holds cubes of its own; choose another --out")
             with store.driving(self.place):
                 os.makedirs(self.out, exist_ok=True)
                 yield self
-        self._finished()
+        for words in filter(None, self.words):
+            click.echo(click.wrap_text(words, 100))
+        for kind, paths in self.written.items():
+            click.echo(f"{kind + ':':9}{', '.join(paths)}")
 
     @contextmanager
     def sweeping(self, *jobs):
-        """As `driving`, with workers; other settings than those of the jobs are refused first.
-
-        Workers start when the first sweep finds that tiles are missing.
-        """
-        with explained(self):
-            from pipeline import store
+        """As `driving`, with workers for the sweeps; refuse a place with other settings first."""
+        with explained(self.place):
             from pipeline.sweep.cluster import connect
 
             for job in jobs:
-                store.check(self.place, job.cube, store.computed_by())
+                self.check(job.cube)
             with connect(**self.cluster) as self.client, self.driving():
                 yield self
+
+    def check(self, cube):
+        """Refuse to go on if the place holds this cube with other settings."""
+        from pipeline import store
+
+        store.check(self.place, cube, store.computed_by())
 
     def sweep(self, job, wanted=None, progress=None):
         """Compute the missing tiles of the job's cube, or those `wanted`; return it as a Dataset.
@@ -270,13 +291,6 @@ class Run:
         _go_on(sweep(self.client, self.place, job, wanted, progress))
         self._note("cubes", self.place.cube(job.cube.name))
         return store.read(self.place, job.cube.name)
-
-    def check(self, name, dataset, **settings):
-        """Refuse to go on if the store holds this cube with other settings."""
-        from pipeline import store
-        from pipeline.cubes.cube import Cube
-
-        store.check(self.place, Cube(name, dataset, {}, settings), store.computed_by())
 
     def keep(self, name, dataset, tile=None, **settings):
         """Write a cube that no sweep computes, whole; return its Dataset."""
@@ -316,29 +330,21 @@ class Run:
             paths.append(path)
         return path
 
-    def _finished(self):
-        for words in filter(None, self.words):
-            click.echo(click.wrap_text(words, 100))
-        for kind, paths in self.written.items():
-            click.echo(f"{kind + ':':9}{', '.join(paths)}")
-
 
 @contextmanager
-def explained(run=None):
+def explained(place):
     """End the program with one line and exit code 2 or 1 for what the user can mend."""
     from pipeline import store
     from pipeline.sweep.cluster import ClusterError
 
     try:
-        with store.explained(run.place) if run else nullcontext():
+        with store.explained(place):
             yield
     except (store.Refused, ClusterError) as error:
         raise click.UsageError(str(error)) from None
-    except store.StoreFailed as fault:
+    except OSError as error:  # the store, the workers, or no room for a table
         again = "What is committed stays; run the same command again to resume"
-        raise click.ClickException(f"{fault}. {again}") from None
-    except OSError as error:  # no workers, or no room for a table
-        raise click.ClickException(str(error)) from None
+        raise click.ClickException(f"{error}. {again}") from None
 
 
 @contextmanager
@@ -347,30 +353,24 @@ def shared_workers(scheduler, n_workers, tls):
     if scheduler is not None:
         yield ["--scheduler", scheduler, *(["--tls", *tls] if tls else [])]
         return
-    with explained():
-        from pipeline.sweep.cluster import connect
+    from pipeline.sweep.cluster import connect
 
-        with connect(n_workers=n_workers) as client:
-            yield ["--scheduler", client().scheduler.address]
+    with connect(n_workers=n_workers) as client:
+        yield ["--scheduler", client().scheduler.address]
 
 
 def _go_on(outcome):
     """Go on after a complete sweep; after any other end the program and say how to resume."""
-    for index, reason in sorted(outcome.failed.items())[:MAX_REASONS]:
+    failed = sorted(outcome.failed.items())
+    for index, reason in failed[:MAX_REASONS]:
         click.echo(f"tile {index} failed: {reason}", err=True)
-    if len(outcome.failed) > MAX_REASONS:
-        click.echo(f"... and {len(outcome.failed) - MAX_REASONS} more", err=True)
+    if len(failed) > MAX_REASONS:
+        click.echo(f"... and {len(failed) - MAX_REASONS} more", err=True)
     if outcome.interrupted:
-        click.echo(
-            f"stopped with {outcome.remaining} tiles of this sweep missing; run the same command "
-            "again to resume",
-            err=True,
-        )
+        missing = f"stopped with {outcome.remaining} tiles of this sweep missing"
+        click.echo(f"{missing}; run the same command again to resume", err=True)
         sys.exit(130)
-    if outcome.failed:
-        click.echo(
-            f"{len(outcome.failed)} tiles failed and stay missing; run the same command again to "
-            "retry them",
-            err=True,
-        )
+    if failed:
+        missing = f"{len(failed)} tiles failed and stay missing"
+        click.echo(f"{missing}; run the same command again to retry them", err=True)
         sys.exit(1)

@@ -40,8 +40,6 @@ def laws(fluxes):
     """Fit `law` on each ray: a Dataset with dim (angle)."""
     fits = np.array([law(fluxes.excess.values, row.values) for row in fluxes.flux])
     names = ("amplitude", "exponent", "amplitude_error", "exponent_error")
-    columns = {
-        name: ("angle", column) for name, column in zip(names, fits.reshape(-1, 4).T, strict=True)
-    }
+    columns = {name: ("angle", fits.reshape(-1, 4)[:, i]) for i, name in enumerate(names)}
     columns["circle"] = ("angle", list(fluxes.attrs["circles"].values()))
     return xr.Dataset(columns, {"angle": fluxes.angle})

@@ -9,8 +9,8 @@ import xarray as xr
 from nasm.escape import boundary
 from nasm.symmetries import ray
 from pipeline.cubes import escape
+from pipeline.sweep import refine
 from pipeline.sweep.grid import Axis
-from pipeline.sweep.refine import FACTOR, refine
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ def planned(plane):
 
 
 def _level_job(plane, name, level):
-    factor = FACTOR ** (plane.levels - 1 - level)
+    factor = refine.FACTOR ** (plane.levels - 1 - level)
     axes = [axis.coarsened(factor) for axis in (plane.kappa1, plane.kappa2)]
     return escape.plane(name, *axes, plane.n_orbits, plane.n_max, plane.tile)
 
@@ -91,15 +91,16 @@ def escape_plane(run, plane):
         return run.sweep(planned(plane))
 
     def compute(level, wanted):
-        job = _level_job(plane, f"escape_level{level}", level)
-        return run.sweep(job, wanted).escape_time.values
+        return run.sweep(
+            _level_job(plane, f"escape_level{level}", level), wanted
+        ).escape_time.values
 
-    def ask(field):
+    def is_within(field):
         return np.concatenate([field <= n for n in plane.follow])
 
-    field, level = refine(compute, ask, plane.levels, plane.tile)
+    composed = refine.refine(compute, is_within, plane.levels, plane.tile)
     finest = _level_job(plane, "escape", plane.levels - 1).cube
-    cube = escape.composed(finest, plane.levels, plane.follow, field, level)
+    cube = escape.composed(finest, plane.levels, plane.follow, *composed)
     return run.keep(cube.name, cube.template, cube.tile, **cube.settings)
 
 

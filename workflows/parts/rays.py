@@ -17,7 +17,7 @@ PAPER_CIRCLES = sorted(map(parse, NAMES), key=float)
 def ray_angles(n, tips):
     """Return n angles from 0 to 180 degrees, 45° and 135°, and `tips` more on each side of those.
 
-    The latter are spaced logarithmically, from 2 to 0.02 degrees away; the boundary has cusps there.
+    Those are spaced logarithmically, from 2 to 0.02 degrees away; the boundary has cusps there.
     """
     away = np.append(np.geomspace(2.0, 0.02, tips), 0.0)
     near = np.concatenate([[45 - away, 45 + away], [135 - away, 135 + away]]).ravel()

@@ -52,9 +52,9 @@ def main(run, quick, only, angle):
 
     only = tuple(dict.fromkeys(only))
     with run.driving():
-        blank, settings = plan([int(a) for a in dict.fromkeys(angle)], only, quick)
-        run.check("work_precision", blank, **settings)
-        data = run.keep("work_precision", measure(blank, only), **settings)
+        cube = plan([int(a) for a in dict.fromkeys(angle)], only, quick)
+        run.check(cube)
+        data = run.keep(cube.name, measure(cube.template, only), **cube.settings)
         path = run.path("tables", "work_precision.csv")
         cells(data).to_csv(path, index=False, float_format="%.6g")
         path = run.path("tables", "work_precision.md")

@@ -10,6 +10,7 @@ import xarray as xr
 
 from nasm import circles, fourier, parameterization
 from nasm.numbers import parse
+from pipeline.cubes.cube import Cube
 from workflows.parts.tables import described, listed
 from workflows.work_precision.methods import JUDGE, METHODS, PROFILES, Ray, judged
 
@@ -24,7 +25,7 @@ def answers(names):
 
 
 def plan(angles, names, quick):
-    """Return the Dataset, nothing measured yet, and the settings that decide it."""
+    """Return the cube, nothing measured yet."""
     efforts = {name: METHODS[name].efforts[: -1 if quick else None] for name in names}
     rows = answers(names)
     level, n_methods = np.arange(max(map(len, efforts.values()))), len(rows)
@@ -61,7 +62,7 @@ def plan(angles, names, quick):
     )
     for row, (name, _) in enumerate(rows):
         data.effort[row, : len(efforts[name])] = efforts[name]
-    return data, {"efforts": efforts, "judge_q_max": JUDGE}
+    return Cube("work_precision", data, {}, {"efforts": efforts, "judge_q_max": JUDGE})
 
 
 def timed(run, *arguments):
