@@ -283,6 +283,7 @@ def test_a_second_driver_of_a_directory_is_refused_until_the_first_is_dead(tmp_p
         pass
 
 
+@pytest.mark.filterwarnings("ignore:Consolidated metadata")  # threads share their filters
 def test_of_many_that_make_a_cube_at_once_one_wins(place):
     n, together = 4, Barrier(4)
 
@@ -565,6 +566,8 @@ def test_a_directory_that_cannot_be_written_is_refused(tmp_path):
 
 
 def test_an_error_of_ours_is_not_the_stores(on_disk, tmp_path):
+    with pytest.raises(ConnectionError, match="gone"), store.explained(on_disk):
+        raise ConnectionError("the scheduler is gone")
     with pytest.raises(FileNotFoundError, match="table"), store.explained(on_disk):
         (tmp_path / "table").read_text()
 
@@ -690,11 +693,14 @@ def test_a_tile_costs_at_most_3_ms(on_disk, capsys):
     plan = toy.line(500).cube
     store.create(on_disk, plan, US)
     ones = {"level": np.ones((1, 256))}
-    start = time.process_time()
-    for i in range(500):
-        store.is_committed(on_disk, "line", (i,))
-        store.commit(on_disk, "line", (i,), ones, 0.0)
-    each = (time.process_time() - start) / 500
+    rounds = []
+    for tiles in np.arange(500).reshape(10, 50):
+        start = time.process_time()
+        for i in tiles:
+            store.is_committed(on_disk, "line", (i,))
+            store.commit(on_disk, "line", (i,), ones, 0.0)
+        rounds.append((time.process_time() - start) / 50)
+    each = np.median(rounds)
     start = time.process_time()
     assert not len(store.missing(on_disk, plan))
     listed = (time.process_time() - start) / 500

@@ -124,9 +124,7 @@ def explained(place):
 
 
 def _is_obstores(error):
-    if isinstance(error, StoreFailed):
-        return False
-    if isinstance(error, OSError):  # with an errno it is a file of this machine, not of the store
-        return error.errno is None
+    if isinstance(error, FileNotFoundError | PermissionError):
+        return error.errno is None  # otherwise it is about a file of this machine
     # A setting that obstore cannot digest, e.g. an endpoint that is no URL, is a PanicException.
     return isinstance(error, BaseError) or type(error).__name__ == "PanicException"
