@@ -18,12 +18,12 @@ import oracles
 import psutil
 import pytest
 import toy
+from pipeline.cluster import connect
 
 from nasm import circles, cones, continuation, escape, fourier, parameterization, periodic
 from nasm.numbers import parse
 from nasm.sine import SINE
 from pipeline import store
-from pipeline.cluster import connect
 from pipeline.sweep import sweep
 
 pytestmark = pytest.mark.benchmark

@@ -257,10 +257,15 @@ def commit_times(out):
     return {path: path.stat().st_mtime_ns for path in records if path.is_file()}
 
 
-def start_driver(out, seconds=0.05):
+def start_driver(out, seconds=0.05, interrupt=signal.default_int_handler):
     command = [sys.executable, str(Path(__file__).with_name("toy.py")), str(out), str(seconds)]
     return subprocess.Popen(
-        command, stderr=subprocess.PIPE, text=True, start_new_session=True, cwd=out.parent
+        command,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        cwd=out.parent,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, interrupt),
     )
 
 
@@ -307,6 +312,15 @@ def test_ctrl_c_drains_and_the_next_run_resumes(tmp_path):
     assert driver.returncode == 0, error
     assert committed.items() <= commit_times(tmp_path / "out").items()
     assert_complete(tmp_path / "out", toy.cube(tile=1, seconds=0.05))
+
+
+def test_a_program_started_with_ctrl_c_ignored_ignores_it(tmp_path):
+    driver = start_driver(tmp_path / "out", 0.02, interrupt=signal.SIG_IGN)
+    wait_for_commits(tmp_path / "out", 10, driver)
+    os.killpg(driver.pid, signal.SIGINT)
+    _, error = driver.communicate(timeout=60)
+    assert driver.returncode == 0, error
+    assert_complete(tmp_path / "out", toy.cube(tile=1, seconds=0.02))
 
 
 def test_a_second_ctrl_c_abandons_the_tiles_in_flight(tmp_path):

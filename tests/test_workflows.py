@@ -16,6 +16,7 @@ import xarray as xr
 import zarr
 from click.testing import CliRunner
 from distributed import LocalCluster
+from pipeline.layout import COMMIT
 
 from nasm import barriers, escape, periodic, symmetries, transversals
 from nasm import flux as nasm_flux
@@ -23,7 +24,6 @@ from nasm.maps import rotating_forcing
 from nasm.numbers import parse
 from nasm.verdict import Answer, verdict
 from pipeline import store
-from pipeline.layout import COMMIT
 from workflows import (
     circle_boundaries,
     critical_boundary,
