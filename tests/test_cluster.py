@@ -1,9 +1,9 @@
 """Clusters of schedulers and workers in processes of their own, as on other machines."""
 
 import datetime
-import io
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -13,7 +13,6 @@ from collections import Counter
 from contextlib import contextmanager
 from pathlib import Path
 
-import click
 import dask
 import numpy as np
 import pytest
@@ -22,33 +21,30 @@ from click.testing import CliRunner
 from cryptography import x509
 from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
-from distributed import Client, LocalCluster, Status
+from distributed import Client, LocalCluster
 from distributed.security import Security
-from workflows.cli import session
 
 from pipeline import store
-from pipeline.admission import ClusterError, sharing
-from pipeline.cluster import connect
-from pipeline.layout import COMMIT
-from pipeline.sweep import sweep
+from pipeline.cubes.cube import Job
+from pipeline.sweep.cluster import ClusterError, connect
+from pipeline.sweep.sweep import sweep
 from workflows import last_barrier
 
 ROOT = Path(__file__).parents[1]
 SOURCES = os.pathsep.join([str(ROOT), str(ROOT / "tests")])
 # What a worker may run before anything else, to be like one on another machine; dask runs it twice.
 OTHER_NUMBA = """
-from pipeline import admission
-ours = admission.libraries()
-admission.libraries = lambda: ours | {"numba": "0.1"}
+from pipeline import store
+names = store.computed_by().split(", ")
+ours = ", ".join("numba 0.1" if "numba" in name else name for name in names)
+store.computed_by = lambda: ours
 """
-OTHER_SOURCE = "from pipeline import admission; admission._SOURCE = '0123456789ab'"
 NO_PACKAGE = "import sys; sys.modules['pipeline'] = None"
 OTHER_DISK = """
-from pipeline.directory import Directory
-Directory.read = lambda directory, key: None
-from pipeline import admission
-from pipeline.layout import COMMIT
-admission._SIGHT = 0
+from pipeline import store
+from pipeline.sweep import sweep
+store.sees = lambda place, name, config_hash: False
+sweep._SIGHT = 0
 """
 
 
@@ -108,19 +104,20 @@ def cluster(tmp_path_factory):
 
 
 def assert_complete(out, plan):
-    cube = store.read(out, plan.name)
+    cube = store.read(store.place_of(out), plan.name)
     for name, values in toy.serial(plan).items():
         assert np.array_equal(cube[name].values, values)
     assert np.isfinite(cube.cpu_seconds).all()
 
 
 def run(client, out, plan):
-    with store.driving(out), sharing(client, out):
-        return sweep(client, out, plan, toy.compute, toy.predict, report=io.StringIO())
+    place, job = store.place_of(out), Job(plan, toy.compute, toy.predict, toy.no_warm_up)
+    with store.driving(place):
+        return sweep(client, place, job, progress=toy.silent())
 
 
 def commit_times(out):
-    records = (out / store.STORE / "toy" / COMMIT / "c").glob("*/*")
+    records = (out / "toy.zarr/cpu_seconds/c").glob("*/*")
     return {path: path.stat().st_mtime_ns for path in records}
 
 
@@ -144,7 +141,7 @@ def test_workers_come_and_go_and_nothing_is_committed_twice(cluster, tmp_path):
             time.sleep(0.3)
             getattr(worker, leave)()
 
-    with connect(toy.no_warm_up, scheduler=file) as client:
+    with connect(scheduler=file) as client:
         threads = [threading.Thread(target=target) for target in (watch, come_and_go)]
         for thread in threads:
             thread.start()
@@ -157,7 +154,7 @@ def test_workers_come_and_go_and_nothing_is_committed_twice(cluster, tmp_path):
     assert_complete(out, plan)
     assert len(seen) > 50
     assert not changed
-    # What a worker was at when it went is computed again, and nothing else.
+    # The tiles that a worker was computing when it left are computed again, and no others.
     again = [tile for tile, n in Counter(log.read_text().splitlines()).items() if n > 1]
     assert len(again) <= 2
 
@@ -176,7 +173,7 @@ def test_workers_come_and_go_and_nothing_is_committed_twice(cluster, tmp_path):
         ('{"address": "tls://127.0.0.1:9"}', "needs TLS files"),
     ],
 )
-def test_a_scheduler_file_that_is_none_is_one_clear_message(tmp_path, content, told):
+def test_a_malformed_scheduler_file_is_one_clear_message(tmp_path, content, told):
     file = tmp_path / "scheduler.json"
     if content is not None:
         file.write_bytes(content if isinstance(content, bytes) else content.encode())
@@ -187,73 +184,46 @@ def test_a_scheduler_file_that_is_none_is_one_clear_message(tmp_path, content, t
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize(
+UNFIT = pytest.mark.parametrize(
     ("preload", "told"),
     [
-        (OTHER_NUMBA, r"^the worker tcp://\S+ on \S+ has numba 0\.1 instead of \d"),
-        pytest.param(
-            OTHER_SOURCE,
-            r"^the worker tcp://\S+ on \S+ has nasm-transport \S+ source 0123456789ab",
-            marks=pytest.mark.slow,
-        ),
-        (NO_PACKAGE, r"^the worker tcp://\S+ lacks the package pipeline: install the same"),
-        (OTHER_DISK, r"^the worker tcp://\S+ on \S+ does not see /\S+/out as this machine does"),
-    ],
-    ids=["numba", "source", "package", "disk"],
-)
-def test_a_worker_that_is_not_fit_is_one_clear_message(cluster, tmp_path, preload, told):
-    file, start_worker = cluster
-    worker = start_worker(preload)
-    wait_until(lambda: n_workers(file) == 2)
-    options = {"scheduler": file, "n_workers": None, "tls": None}
-    with (
-        pytest.raises(click.UsageError, match=told) as refusal,
-        session(str(tmp_path / "out"), options, [], []),
-    ):
-        pass
-    worker.kill()
-    wait_until(lambda: n_workers(file) == 1)
-    assert refusal.value.exit_code == 2
-    assert "\n" not in str(refusal.value)
-
-
-@pytest.mark.parametrize(
-    "preload",
-    [
-        pytest.param(OTHER_NUMBA, id="numba"),
-        pytest.param(NO_PACKAGE, id="package", marks=pytest.mark.slow),
-        pytest.param(OTHER_DISK, id="disk", marks=pytest.mark.slow),
+        pytest.param(OTHER_NUMBA, r"has numba 0\.1 instead of numba \d", id="numba"),
+        pytest.param(NO_PACKAGE, "cannot run this package .*pipeline", id="package"),
+        pytest.param(OTHER_DISK, r"does not see /\S+/out as the driver does", id="disk"),
     ],
 )
-def test_a_worker_that_joins_and_is_not_fit_computes_nothing(cluster, tmp_path, preload, capfd):
+
+
+@UNFIT
+def test_an_unfit_worker_computes_nothing_and_others_do_its_work(
+    cluster, tmp_path, preload, told, capfd
+):
     file, start_worker = cluster
     pids = tmp_path / "pids"
     plan = toy.cube(tile=1, seconds=0.03, pids=str(pids))
-    with connect(toy.no_warm_up, scheduler=file) as client:
+    with connect(scheduler=file) as client:
+        client()
         worker = start_worker(preload)
         outcome = run(client, tmp_path / "out", plan)
         worker.wait(timeout=30)
-        time.sleep(0.1)
     assert (outcome.failed, outcome.remaining) == ({}, 0)
     assert_complete(tmp_path / "out", plan)
     assert str(worker.pid) not in pids.read_text().split()
-    if preload != NO_PACKAGE:  # that says so in its own log only
-        assert "sent away: the worker tcp://" in capfd.readouterr().err
+    assert re.search(rf"retired: the worker tcp://\S+ on \S+ {told}", capfd.readouterr().err)
 
 
-@pytest.mark.slow
-def test_a_driver_that_is_gone_turns_no_worker_away(cluster):
-    file, start_worker = cluster
-    code = "import sys, os, toy; from pipeline.cluster import connect\n"
-    code += "connect(toy.no_warm_up, sys.argv[1]).__enter__(); os._exit(0)"
-    environment = os.environ | {"PYTHONPATH": SOURCES}
-    subprocess.run([sys.executable, "-c", code, file], env=environment, check=True)
-    worker = start_worker(OTHER_NUMBA)
-    wait_until(lambda: n_workers(file) == 2)
-    time.sleep(0.5)
-    assert n_workers(file) == 2
-    worker.kill()
-    wait_until(lambda: n_workers(file) == 1)
+@UNFIT
+def test_without_a_fit_worker_the_sweep_ends_with_one_message(tmp_path, preload, told):
+    with scheduling(tmp_path) as (file, start_worker):
+        start_worker(preload)
+        wait_until(lambda: n_workers(file) == 1)
+        with (
+            pytest.raises(ClusterError, match=f"no worker is fit to compute: .* {told}") as refusal,
+            connect(scheduler=file) as client,
+        ):
+            run(client, tmp_path / "out", toy.cube())
+    assert "\n" not in str(refusal.value)
+    assert commit_times(tmp_path / "out") == {}
 
 
 @pytest.mark.slow
@@ -275,36 +245,21 @@ def test_workers_end_by_their_lifetime_and_are_replaced(tmp_path):
         ) as workers,
     ):
         workers.adapt(minimum=2, maximum=2, interval="100ms")
-        with connect(toy.no_warm_up, scheduler=workers.scheduler_address) as client:
+        with connect(scheduler=workers.scheduler_address) as client:
             outcome = run(client, tmp_path / "out", plan)
     assert (outcome.failed, outcome.remaining) == ({}, 0)
     assert_complete(tmp_path / "out", plan)
     assert len(set(pids.read_text().split())) > 2
 
 
-def test_ctrl_c_while_the_workers_start_comes_when_they_have_started(monkeypatch):
-    clusters = []
-
-    def start(**options):
-        os.kill(os.getpid(), signal.SIGINT)
-        clusters.append(LocalCluster(**options))
-        return clusters[0]
-
-    monkeypatch.setattr("pipeline.cluster.LocalCluster", start)
-    with pytest.raises(KeyboardInterrupt), connect(toy.no_warm_up, n_workers=1):
-        pass
-    assert clusters[0].status == Status.closed
-    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
-
-
 def test_workers_are_deaf_to_ctrl_c_also_when_they_are_started_again():
-    with connect(toy.no_warm_up, n_workers=1) as client:
-        (pid,) = client.run(os.getpid).values()
+    with connect(n_workers=1) as client:
+        (pid,) = pids(client())
         os.kill(pid, signal.SIGKILL)
-        wait_until(lambda: pids(client) not in ([], [pid]))
-        (again,) = pids(client)
+        wait_until(lambda: pids(client()) not in ([], [pid]))
+        (again,) = pids(client())
         os.kill(again, signal.SIGINT)
-        assert client.submit(os.getpid).result(timeout=30) == again
+        assert client().submit(os.getpid).result(timeout=30) == again
 
 
 def pids(client):
@@ -314,9 +269,9 @@ def pids(client):
 def test_a_sites_demand_for_encryption_is_not_for_loopback():
     with (
         dask.config.set({"distributed.comm.require-encryption": True}),
-        connect(toy.no_warm_up, n_workers=1) as client,
+        connect(n_workers=1) as client,
     ):
-        assert client.submit(sum, [1, 2]).result() == 3
+        assert client().submit(sum, [1, 2]).result() == 3
 
 
 PEM = serialization.Encoding.PEM
@@ -351,8 +306,8 @@ def secured(tmp_path_factory):
 
 def test_a_sweep_over_tls(secured, tmp_path):
     file, tls = secured
-    with connect(toy.no_warm_up, scheduler=file, tls=tls) as client:
-        assert client.scheduler.address.startswith("tls://")
+    with connect(scheduler=file, tls=tls) as client:
+        assert client().scheduler.address.startswith("tls://")
         run(client, tmp_path, toy.cube())
     assert_complete(tmp_path, toy.cube())
 
@@ -371,5 +326,5 @@ def test_tls_that_does_not_match_is_one_clear_message(secured, tmp_path):
         (file, (file, ca, key), "cannot be used .* in PEM format"),
         ("tcp://127.0.0.1:9", (ca, ca, key), "TLS files are for a tls:// address"),
     ):
-        with pytest.raises(ClusterError, match=told), connect(toy.no_warm_up, scheduler, tls=tls):
-            pass
+        with pytest.raises(ClusterError, match=told), connect(scheduler, tls=tls) as client:
+            client()

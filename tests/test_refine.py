@@ -1,6 +1,6 @@
 import numpy as np
 
-from pipeline import refine
+from pipeline.sweep import refine
 
 
 def disc(n):
@@ -11,19 +11,21 @@ def disc(n):
 
 def refined_disc(coarse, levels, tile):
     """The disc's field (1 inside, 2 outside) followed through the levels, and cells computed."""
-    fields = [np.where(disc(coarse), 1.0, 2.0)]
-    computed = fields[0].size
-    for level in range(1, levels):
+    computed = {}
+
+    def compute(level, tiles):
         full = np.where(disc(coarse * 2**level), 1.0, 2.0)
-        field, _ = refine.compose(fields)
-        tiles = refine.tiles_at(refine.halved(refine.boundary_cells(field[None] < 1.5)), tile)
+        computed[level] = full.size if tiles is None else len(tiles) * tile**2
+        if tiles is None:
+            return full
         here = np.full(full.shape, np.nan)
         for row, column in tiles:
             cells = np.s_[row * tile : (row + 1) * tile, column * tile : (column + 1) * tile]
             here[cells] = full[cells]
-        computed += len(tiles) * tile**2
-        fields.append(here)
-    return refine.compose(fields), computed
+        return here
+
+    field = refine.refine(compute, lambda field: field[None] < 1.5, levels, tile)
+    return field, sum(computed.values())
 
 
 def test_a_smooth_boundary_is_found_exactly_from_a_fifth_of_the_cells():

@@ -1,196 +1,727 @@
+"""The promises of the store, on every kind of place: a directory, and an object store of S3's kind.
+
+Sweeps under faults are in `test_sweep` and `campaign`; here tiles are committed one by one.
+"""
+
 import dataclasses
 import json
 import os
+import pickle
+import resource
+import subprocess
+import sys
+import time
+import uuid
 import warnings
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager, suppress
+from importlib.metadata import version
+from threading import Barrier
 
+import numcodecs
 import numpy as np
 import pytest
+import seaweed
 import toy
 import xarray as xr
 import zarr
+from obstore.store import S3Store
+from zarr.errors import UnknownCodecError
+from zarr.storage import ObjectStore
 
-from pipeline import metadata, store
-from pipeline.grid import tile_indices, tile_slices
+from pipeline import store
+from pipeline.cubes.cube import Cube
+from pipeline.store import place as places
+from pipeline.store.tiles import COMMIT
+from pipeline.sweep.grid import tile_slices
 
-
-def commit_all(out, plan, indices=None):
-    layout = store.create(out, plan)
-    everything = {name: coordinate.values for name, coordinate in plan.template.coords.items()}
-    for index in indices or tile_indices(plan.sizes, plan.tile):
-        slices = tile_slices(index, plan.sizes, plan.tile)
-        coords = {dim: values[slices.get(dim, slice(None))] for dim, values in everything.items()}
-        store.commit(layout, index, toy.compute(coords, {}), 0.25)
-    return layout
-
-
-def contents(out):
-    return {path: path.stat().st_mtime_ns for path in out.rglob("*")}
+US = "mathematics 1"
+SLOW = pytest.mark.slow
 
 
-def test_what_is_committed_tile_by_tile_reads_back_whole(tmp_path):
-    plan = toy.cube()
-    with store.driving(tmp_path):
-        layout = commit_all(tmp_path, plan)
-        assert len(store.missing(layout)) == 0
-    cube = store.read(tmp_path, "toy")
+@pytest.fixture(scope="module")
+def server(tmp_path_factory):
+    with (
+        seaweed.serving(tmp_path_factory.mktemp("weed")) as (address, _),
+        seaweed.environment(address),
+    ):
+        yield address
+
+
+@pytest.fixture
+def bucket(server):
+    return store.place_of(f"s3://cubes/{uuid.uuid4().hex}/run")
+
+
+@pytest.fixture(params=["directory", pytest.param("bucket", marks=SLOW)])
+def place(request, tmp_path):
+    if request.param == "bucket":
+        return request.getfixturevalue("bucket")
+    return directory(tmp_path / "out")
+
+
+@pytest.fixture
+def on_disk(tmp_path):
+    return directory(tmp_path / "out")
+
+
+def directory(path):
+    path.mkdir()
+    return store.place_of(path)
+
+
+def arrays(plan, index):
+    """What a worker computes for a tile."""
+    slices = tile_slices(index, plan.sizes, plan.tile)
+    coords = plan.template.coords.items()
+    return toy.compute({dim: c.values[slices.get(dim, slice(None))] for dim, c in coords}, {})
+
+
+def fill(place, plan, indices=None):
+    """Commit the tiles, all that are missing by default; returns how many."""
+    store.create(place, plan, US)
+    chosen = store.missing(place, plan).tolist() if indices is None else indices
+    for index in map(tuple, chosen):
+        store.commit(place, plan.name, index, arrays(plan, index), 0.25)
+    return len(chosen)
+
+
+def missing(place, plan):
+    return set(map(tuple, store.missing(place, plan).tolist()))
+
+
+def assert_complete(place, plan):
+    cube = store.read(place, plan.name)
     for name, values in toy.serial(plan).items():
         assert np.array_equal(cube[name].values, values)
         assert cube[name].dtype == values.dtype
     assert (cube.cpu_seconds == 0.25).all()
+    assert list(store.verify(place, plan.name)) == []
 
 
-def test_a_plain_xarray_opens_the_store_without_a_warning(tmp_path):
-    with store.driving(tmp_path):
-        commit_all(tmp_path, toy.cube(depth=3))
+def get(place, key):
+    return bytes(place.objects().get(key).bytes())
+
+
+def put(place, key, data):
+    """Write the file, or delete it if data is None."""
+    if data is None:
+        place.objects().delete(key)
+    else:
+        place.objects().put(key, data)
+
+
+def contents(place):
+    files = [file for page in place.objects().list() for file in page]
+    return {file["path"]: (file["e_tag"], file["last_modified"]) for file in files}
+
+
+# Tiles.
+
+
+def test_what_is_committed_tile_by_tile_reads_back_whole(place):
+    plan = toy.cube()
+    assert fill(place, plan) == 20
+    assert_complete(place, plan)
+    assert fill(place, plan) == 0
+
+
+def test_a_plain_xarray_opens_a_cube_without_a_warning(on_disk):
+    plan = toy.cube(depth=3)
+    fill(on_disk, plan)
+    store.record_failure(on_disk, "toy", (0, 0), "for once")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        cube = xr.open_zarr(tmp_path / store.STORE, group="toy")
-        tree = xr.open_datatree(tmp_path / store.STORE, engine="zarr")
+        cube = xr.open_zarr(on_disk.cube("toy"))
+        assert np.array_equal(cube.wave, toy.serial(plan)["wave"])
+    assert cube.attrs["title"] == "toy"
     assert cube.attrs["depth"] == 3
-    assert {"config_hash", "package_version", "git_commit", "created"} <= set(cube.attrs)
-    assert tree["toy"].wave.attrs["units"] == "1"
+    assert {"config_hash", "computed_by", "git_commit", "created"} <= set(cube.attrs)
+    assert cube.wave.attrs["units"] == "1"
 
 
-def test_metadata_are_gathered_as_zarr_does(tmp_path):
-    with store.driving(tmp_path):
-        commit_all(tmp_path, toy.cube(depth=3))
-        store.replace(tmp_path, dataclasses.replace(toy.cube(), name="other"))
-    root = tmp_path / store.STORE / "zarr.json"
-    ours = json.loads(root.read_bytes())
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        zarr.consolidate_metadata(tmp_path / store.STORE)
-    assert json.loads(root.read_bytes()) == ours
+def test_a_cube_in_an_object_store_is_read_without_us_and_holds_no_secret(bucket):
+    plan = toy.cube(tile=5)
+    assert fill(bucket, plan) == 6
+    assert_complete(bucket, plan)
+    prefix = bucket.cube("toy").removeprefix("s3://cubes/")
+    cube = xr.open_zarr(ObjectStore(S3Store("cubes", prefix=prefix), read_only=True))
+    assert np.array_equal(cube.wave, toy.serial(plan)["wave"])
+    secrets = seaweed.SECRET.encode(), b"somebody"
+    written = [get(bucket, key) for key in contents(bucket)]
+    for text in (*written, pickle.dumps(bucket), repr(bucket).encode()):
+        assert not any(secret in text for secret in secrets)
 
 
-@pytest.mark.parametrize("write", [store.create, store.replace])
-def test_metadata_that_a_killed_driver_did_not_gather_are_gathered_by_the_next(
-    tmp_path, monkeypatch, write
-):
-    def die(place):
-        raise KeyboardInterrupt
+class Cut(Exception):
+    """A process was killed here."""
+
+
+@contextmanager
+def killed_at_put(monkeypatch, n):
+    """End what happens inside as a kill would, before the put of that number."""
+    puts = iter(range(1000))
+
+    def cut(put):
+        def counted(self, *args, **kwargs):
+            if next(puts) == n:
+                raise Cut
+            return put(self, *args, **kwargs)
+
+        return counted
 
     with monkeypatch.context() as patch:
-        patch.setattr(metadata, "consolidate", die)
-        with pytest.raises(KeyboardInterrupt), store.driving(tmp_path):
-            write(tmp_path, toy.cube())
-    with store.driving(tmp_path):
-        write(tmp_path, toy.cube())
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        assert xr.open_zarr(tmp_path / store.STORE, group="toy").attrs["title"] == "toy"
-    assert set(xr.open_datatree(tmp_path / store.STORE, engine="zarr").children) == {"toy"}
+        patch.setattr(ObjectStore, "set", cut(ObjectStore.set))
+        patch.setattr("pipeline.store.metadata._put", cut(store.metadata._put))
+        with pytest.raises(Cut):
+            yield
 
 
-def test_a_tile_is_missing_until_its_commit_record_is_written(tmp_path):
+@pytest.mark.parametrize("n", range(3))
+def test_a_tile_that_was_cut_off_before_any_chunk_is_missing(on_disk, monkeypatch, n):
     plan = toy.cube()
-    with store.driving(tmp_path):
-        layout = commit_all(tmp_path, plan, [(0, 0), (3, 4)])
-        assert not store.is_committed(layout, (1, 1))
-        missing = set(map(tuple, store.missing(layout).tolist()))
-        assert missing == set(tile_indices(plan.sizes, plan.tile)) - {(0, 0), (3, 4)}
-    seconds = store.read(tmp_path, "toy").cpu_seconds
-    assert np.isfinite(seconds).sum() == 2
+    fill(on_disk, plan, [(0, 0)])
+    with killed_at_put(monkeypatch, n):
+        fill(on_disk, plan, [(1, 1)])
+    assert not store.is_committed(on_disk, "toy", (1, 1))
+    assert store.is_committed(on_disk, "toy", (0, 0))
+    assert fill(on_disk, plan) == 19
+    assert_complete(on_disk, plan)
 
 
-def test_a_tile_that_lost_data_in_a_power_cut_is_missing_again(tmp_path):
-    plan = toy.cube()
-    with store.driving(tmp_path):
-        layout = commit_all(tmp_path, plan)
-        chunks = tmp_path / store.STORE / "toy" / "sign" / "c"
-        (chunks / "1" / "2").write_bytes(b"")
-        (chunks / "3" / "0").unlink()
-        (chunks / ".DS_Store").write_bytes(bytes(13))  # of a file browser, as long as a chunk
-        (chunks / "1" / "x").write_bytes(bytes(13))
-        assert store.missing(layout).tolist() == [[1, 2], [3, 0]]
+@pytest.mark.parametrize("n", range(9))
+def test_a_cube_that_was_cut_off_while_it_was_made_is_made_by_the_next_run(on_disk, monkeypatch, n):
+    with killed_at_put(monkeypatch, n):
+        store.create(on_disk, toy.cube(depth=1), US)
+    if n:  # there is something; nobody else may take it
+        with pytest.raises(store.Refused, match="depth is 1, not 2"):
+            store.create(on_disk, toy.cube(depth=2), US)
+    assert fill(on_disk, toy.cube(depth=1)) == 20
+    assert_complete(on_disk, toy.cube(depth=1))
 
 
-def test_a_chunk_of_fill_values_is_stored_like_any_other(tmp_path):
+def test_a_chunk_of_fill_values_is_stored_like_any_other(on_disk):
     plan = toy.cube(tile=13)
-    with store.driving(tmp_path):
-        layout = store.create(tmp_path, plan)
-        empty = {"wave": np.full((2, 10, 13), np.nan), "sign": np.zeros((10, 13))}
-        store.commit(layout, (0, 0), empty, 1.0)
-        assert len(store.missing(layout)) == 0
-    assert np.isnan(store.read(tmp_path, "toy").wave).all()
+    store.create(on_disk, plan, US)
+    empty = {"wave": np.full((2, 10, 13), np.nan), "sign": np.zeros((10, 13))}
+    store.commit(on_disk, "toy", (0, 0), empty, 0.0)
+    assert not missing(on_disk, plan)
+    assert np.isnan(store.read(on_disk, "toy").wave).all()
 
 
-def test_the_same_cube_is_resumed_and_another_is_refused(tmp_path):
-    with store.driving(tmp_path):
-        store.create(tmp_path, toy.cube(depth=1))
-        store.create(tmp_path, toy.cube(depth=1))
-        before = contents(tmp_path)
-        with pytest.raises(store.StoreError, match="depth is 1, not 2"):
-            store.create(tmp_path, toy.cube(depth=2))
-        with pytest.raises(store.StoreError, match="the values of row differ"):
-            store.create(tmp_path, toy.cube(rows=11, depth=1))
-        with pytest.raises(store.StoreError, match="tiles or variables differ"):
-            store.create(tmp_path, toy.cube(tile=4, depth=1))
-        assert contents(tmp_path) == before
+@pytest.mark.parametrize(
+    "values",
+    [np.zeros((3, 2)), 1, np.full((3, 3), np.nan), np.full((3, 3), 128), np.zeros((3, 3), complex)],
+)
+def test_a_tile_of_other_shape_or_kind_is_refused_not_cast(on_disk, values):
+    store.create(on_disk, toy.cube(), US)
+    with pytest.raises(ValueError, match="sign "):
+        store.commit(on_disk, "toy", (0, 0), {**toy.ones((0, 0)), "sign": values}, 1.0)
+    assert not store.is_committed(on_disk, "toy", (0, 0))
 
 
-def test_a_second_driver_is_refused(tmp_path):
-    with (
-        store.driving(tmp_path),
-        pytest.raises(store.StoreError, match=f"another run \\(process {os.getpid()}\\)"),
-        store.driving(tmp_path),
+def test_files_of_somebody_else_are_no_tiles(on_disk):
+    fill(on_disk, toy.cube())
+    for name in (".DS_Store", "1/x", "x/y/z", "9/9"):
+        put(on_disk, f"toy.zarr/sign/c/{name}", bytes(13))
+    put(on_disk, "toy.zarr/sign/c/1/1", None)
+    assert missing(on_disk, toy.cube()) == {(1, 1)}
+
+
+def test_what_is_committed_does_not_depend_on_clocks(on_disk):
+    fill(on_disk, toy.cube())
+    for i, key in enumerate(contents(on_disk)):
+        os.utime(f"{on_disk}/{key}", (0, 0) if i % 2 else (4e9, 4e9))
+    assert not missing(on_disk, toy.cube())
+
+
+# Who may write.
+
+
+def test_a_cube_of_other_settings_is_refused_and_nothing_is_touched(place):
+    plan = toy.cube(depth=1)
+    fill(place, plan, [(0, 0)])
+    before = contents(place)
+    store.check(place, plan, US)
+    store.create(place, plan, US)
+    for other, told in (
+        (toy.cube(depth=2), "depth is 1, not 2"),
+        (toy.cube(rows=11, depth=1), "coordinates, tiles or variables differ"),
+        (toy.cube(tile=4, depth=1), "coordinates, tiles or variables differ"),
     ):
-        pass
-    with store.driving(tmp_path):
-        pass
+        for refuse in (store.check, store.create, store.replace):
+            with pytest.raises(store.Refused, match=told):
+                refuse(place, other, US)
+    assert contents(place) == before
 
 
-def test_a_foreign_directory_is_refused_and_left_alone(tmp_path):
-    (tmp_path / "thesis.tex").write_text("draft")
-    before = contents(tmp_path)
-    with pytest.raises(store.StoreError, match="holds other files"), store.driving(tmp_path):
-        pass
-    assert contents(tmp_path) == before
-
-
-def test_a_file_is_no_directory(tmp_path):
-    file = tmp_path / "file"
-    file.write_text("")
-    with pytest.raises(store.StoreError, match="is a file"), store.driving(file):
-        pass
-
-
-@pytest.mark.skipif(not os.path.isdir("/proc/self"), reason="needs a directory root cannot write")
-def test_an_unwritable_directory_is_refused():
-    with pytest.raises(store.StoreError, match="cannot write"), store.driving("/proc/self/none"):
-        pass
-
-
-def test_a_store_of_another_version_is_refused_and_left_alone(tmp_path):
-    zarr.create_group(tmp_path / store.STORE, attributes={"format": "nasm-cubes/0"})
-    before = contents(tmp_path)
-    with pytest.raises(store.StoreError, match="nasm-cubes/0"), store.driving(tmp_path):
-        pass
-    assert contents(tmp_path) == before
-
-
-def test_leftovers_of_a_killed_writer_are_cleared(tmp_path):
-    with store.driving(tmp_path):
-        pass
-    aside = tmp_path / ".partial"
-    aside.mkdir()
-    (aside / "half-written").write_bytes(b"12")
-    with store.driving(tmp_path):
-        assert list(aside.iterdir()) == []
-    assert not aside.exists()
-
-
-def test_replacing_a_cube_keeps_the_others(tmp_path):
+def test_other_mathematics_adds_no_tile_and_a_complete_cube_needs_none(place):
     plan = toy.cube()
-    with store.driving(tmp_path):
-        commit_all(tmp_path, plan)
-        for factor in (1, 2):
-            template = plan.template.assign(wave=plan.template.wave + factor)
-            store.replace(tmp_path, dataclasses.replace(plan, name="other", template=template))
-            assert (store.read(tmp_path, "other").wave == factor).all()
-        with pytest.raises(store.StoreError, match="other settings"):
-            store.replace(tmp_path, dataclasses.replace(plan, name="other", settings={"depth": 1}))
-        assert (store.read(tmp_path, "other").wave == 2).all()
-    tree = xr.open_datatree(tmp_path / store.STORE, engine="zarr")
-    assert set(tree.children) == {"toy", "other"}
-    assert np.array_equal(tree["toy"].wave.values, toy.serial(plan)["wave"])
+    fill(place, plan, [(0, 0)])
+    before = contents(place)
+    for refuse in (store.check, store.create):
+        with pytest.raises(store.Refused, match="by mathematics 1; this is mathematics 2"):
+            refuse(place, plan, "mathematics 2")
+    assert contents(place) == before
+    fill(place, plan)
+    store.create(place, plan, "mathematics 2")
+    assert store.read(place, "toy").attrs["computed_by"] == US
+
+
+def test_a_second_driver_of_a_directory_is_refused_until_the_first_is_dead(tmp_path):
+    code = "import sys; from pipeline import store\n"
+    code += "with store.driving(store.place_of(sys.argv[1])): print(flush=True); input()"
+    command = [sys.executable, "-c", code, str(tmp_path / "out")]
+    first = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    first.stdout.readline()
+    second = store.driving(store.place_of(tmp_path / "out"))
+    with pytest.raises(store.Refused, match="another run"), second:
+        pass
+    first.kill()
+    first.communicate()
+    with store.driving(store.place_of(tmp_path / "out")):
+        pass
+
+
+@pytest.mark.filterwarnings("ignore:Consolidated metadata")  # threads share their filters
+def test_of_many_that_make_a_cube_at_once_one_wins(place):
+    n, together = 4, Barrier(4)
+
+    def make(depth):
+        together.wait()
+        try:
+            store.create(place, toy.cube(depth=depth), US)
+        except store.Refused:
+            return None
+        return depth
+
+    with ThreadPoolExecutor(n) as pool:
+        won = [depth for depth in pool.map(make, range(n)) if depth is not None]
+    assert len(won) == 1
+    assert store.read(place, "toy").attrs["depth"] == won[0]
+    assert fill(place, toy.cube(depth=won[0])) == 20
+
+
+def test_a_worker_sees_the_cube_of_the_driver_and_no_other(place, tmp_path):
+    plan = toy.cube(depth=1)
+    assert not store.sees(place, "toy", plan.config_hash)
+    store.create(place, plan, US)
+    assert store.sees(place, "toy", plan.config_hash)
+    assert not store.sees(place, "toy", toy.cube(depth=2).config_hash)
+    assert not store.sees(store.place_of(tmp_path / "elsewhere"), "toy", plan.config_hash)
+
+
+def test_a_cube_that_was_deleted_is_made_anew_with_any_settings(place):
+    fill(place, toy.cube())
+    for key in contents(place):
+        put(place, key, None)
+    assert fill(place, toy.cube(tile=4)) == 12
+    assert_complete(place, toy.cube(tile=4))
+
+
+def test_a_zarr_group_of_somebody_else_is_refused_and_left_alone(on_disk):
+    xr.Dataset({"precious": ("x", [1.0])}).to_zarr(on_disk.cube("toy"), consolidated=False)
+    before = contents(on_disk)
+    for refuse in (store.check, store.create, store.replace):
+        with pytest.raises(store.Refused, match="not a cube of this program"):
+            refuse(on_disk, toy.cube(), US)
+    assert contents(on_disk) == before
+
+
+def test_more_tiles_than_the_store_can_count_are_refused(on_disk):
+    with pytest.raises(store.Refused, match="choose larger tiles"):
+        store.check(on_disk, toy.cube(rows=5000, columns=5000, tile=1), US)
+
+
+# Damage.
+
+
+def damage(place):
+    """Damage five tiles, each in its way; returns their indices."""
+    data = bytearray(get(place, "toy.zarr/wave/c/0/1/2"))
+    data[17] ^= 1
+    put(place, "toy.zarr/wave/c/0/1/2", bytes(data))
+    put(place, "toy.zarr/wave/c/0/0/0", bytes(data[:-9]))
+    put(place, "toy.zarr/sign/c/3/4", None)
+    record = bytearray(get(place, f"toy.zarr/{COMMIT}/c/2/2"))
+    record[0] ^= 128
+    put(place, f"toy.zarr/{COMMIT}/c/2/2", bytes(record))
+    put(place, f"toy.zarr/{COMMIT}/c/1/1", b"")
+    return {(1, 2), (0, 0), (3, 4), (2, 2), (1, 1)}
+
+
+def test_damaged_tiles_are_found_and_after_repair_they_alone_are_missing(place):
+    plan = toy.cube()
+    fill(place, plan)
+    damaged = damage(place)
+    found = dict(store.verify(place, "toy"))
+    assert found.keys() == damaged
+    assert found[1, 2] == "wave does not match its checksum"
+    assert dict(store.verify(place, "toy", repair=True)) == found
+    assert missing(place, plan) == damaged
+    assert np.isfinite(store.read(place, "toy").cpu_seconds).sum() == 15
+    assert fill(place, plan) == 5
+    assert_complete(place, plan)
+
+
+@pytest.mark.parametrize("cut", [slice(None, -1), slice(0), slice(1, None), slice(0, 3)])
+def test_a_plain_xarray_refuses_a_damaged_chunk(on_disk, cut):
+    fill(on_disk, toy.cube(tile=13))
+    key = "toy.zarr/wave/c/0/0/0"
+    put(on_disk, key, get(on_disk, key)[cut])
+    with pytest.raises(ValueError, match="checksum"):
+        xr.open_zarr(on_disk.cube("toy")).wave.load()
+    with pytest.raises(store.StoreFailed, match="--repair"), store.explained(on_disk):
+        store.read(on_disk, "toy").wave.load()
+
+
+LOST = [None, b"", b"{", b"[]", b'{"zarr_format": 3}']
+METADATA = ["zarr.json", "wave/zarr.json", f"{COMMIT}/zarr.json", "row/zarr.json", "row/c/0"]
+
+
+@pytest.mark.parametrize("lost", LOST, ids=range(len(LOST)))
+@pytest.mark.parametrize("key", METADATA)
+def test_lost_metadata_are_found_cost_no_tile_and_let_no_other_settings_in(on_disk, key, lost):
+    plan, key = toy.cube(depth=3), f"toy.zarr/{key}"
+    fill(on_disk, plan)
+    before = get(on_disk, key)
+    put(on_disk, key, lost)
+    assert [index for index, _ in store.verify(on_disk, "toy")] == [()]
+    with pytest.raises(store.Refused, match="depth is 3, not 4"):
+        store.create(on_disk, toy.cube(depth=4), US)
+    assert fill(on_disk, plan) == 0
+    assert get(on_disk, key) == before
+    assert_complete(on_disk, plan)
+
+
+def test_a_changed_setting_in_the_metadata_is_found_and_written_again(on_disk):
+    plan = toy.cube(depth=3)
+    fill(on_disk, plan)
+    before = get(on_disk, "toy.zarr/zarr.json")
+    put(on_disk, "toy.zarr/zarr.json", before.replace(b'"depth": 3', b'"depth": 4'))
+    assert list(store.verify(on_disk, "toy")) == [((), "copies of its metadata differ")]
+    assert fill(on_disk, plan) == 0
+    assert get(on_disk, "toy.zarr/zarr.json") == before
+
+
+def test_tiles_without_any_metadata_are_refused_and_kept(on_disk):
+    fill(on_disk, toy.cube())
+    put(on_disk, "toy.zarr/zarr.json", None)
+    put(on_disk, f"toy.zarr/{COMMIT}/zarr.json", None)
+    before = contents(on_disk)
+    with pytest.raises(store.Refused, match="metadata are lost"):
+        store.create(on_disk, toy.cube(), US)
+    assert contents(on_disk) == before
+
+
+class Trap:
+    """Makes a directory when it is unpickled."""
+
+    def __init__(self, sprung):
+        self.sprung = str(sprung)
+
+    def __reduce__(self):
+        return os.mkdir, (self.sprung,)
+
+
+def strangers_group(cube, sprung):
+    """A group of zarr version 2, whose array says that its chunks are pickles."""
+    (cube / "wave").mkdir(parents=True)
+    pickled = {"id": "pickle", "protocol": 5}
+    array = {"zarr_format": 2, "shape": [1], "chunks": [1], "dtype": "|O", "compressor": None}
+    array |= {"fill_value": None, "order": "C", "filters": [pickled]}
+    (cube / ".zgroup").write_text('{"zarr_format": 2}')
+    (cube / "wave" / ".zattrs").write_text('{"_ARRAY_DIMENSIONS": ["x"]}')
+    (cube / "wave" / ".zarray").write_text(json.dumps(array))
+    data = numcodecs.get_codec(pickled).encode(np.array([Trap(sprung)], dtype=object))
+    (cube / "wave" / "0").write_bytes(data)
+
+
+def strangers_array(cube, sprung):
+    """A group of version 3, an array of which names a codec for pickles."""
+    group = zarr.create_group(cube, zarr_format=3)
+    group.create_array("wave", shape=(1,), chunks=(1,), dtype="f8", dimension_names=["x"])
+    metadata = json.loads((cube / "wave" / "zarr.json").read_text())
+    metadata["codecs"] = [{"name": "numcodecs.pickle", "configuration": {"id": "pickle"}}]
+    (cube / "wave" / "zarr.json").write_text(json.dumps(metadata))
+    (cube / "wave" / "c").mkdir()
+    (cube / "wave" / "c" / "0").write_bytes(pickle.dumps(Trap(sprung)))
+
+
+@pytest.mark.filterwarnings("ignore:Failed to open Zarr store with consolidated metadata")
+@pytest.mark.parametrize("strangers", [strangers_group, strangers_array])
+def test_pickles_in_a_store_are_not_executed(on_disk, tmp_path, strangers):
+    sprung = tmp_path / "sprung"
+    strangers(tmp_path / "out" / "toy.zarr", sprung)
+    with suppress(store.StoreFailed, KeyError, UnknownCodecError):
+        store.read(on_disk, "toy").load()
+    assert [index for index, _ in store.verify(on_disk, "toy")] == [()]
+    assert [state.damage != "" for state in store.status(on_disk)] == [True]
+    assert not sprung.exists()
+    pickle.loads(pickle.dumps(Trap(sprung)))
+    assert sprung.exists()  # it would have
+
+
+# Cubes that are written whole.
+
+
+def squares(factor, **settings):
+    square = ("x", factor * np.arange(5.0) ** 2, {"units": "1"})
+    template = xr.Dataset({"square": square}, {"x": np.arange(5)})
+    return Cube("squares", template, {}, settings)
+
+
+def test_a_cube_that_is_replaced_is_the_new_one_and_leaves_others_alone(place):
+    fill(place, toy.cube())
+    before = contents(place)
+    for factor in (1, 2, 2):
+        store.replace(place, squares(factor), US)
+        assert np.array_equal(store.read(place, "squares").square, factor * np.arange(5.0) ** 2)
+        assert list(store.verify(place, "squares")) == []
+    after = contents(place)
+    store.replace(place, squares(2), "mathematics 2")  # the same numbers
+    assert contents(place) == after
+    assert before.items() <= after.items()
+    with pytest.raises(store.Refused, match="depth is None, not 1"):
+        store.replace(place, squares(2, depth=1), US)
+    store.check(place, squares(2), "mathematics 2")
+    assert store.names(place) == ["squares", "toy"]
+
+
+@pytest.mark.parametrize("n", range(5))
+def test_a_cube_whose_replacement_was_cut_off_is_not_there_until_the_next_run(
+    on_disk, monkeypatch, n
+):
+    store.replace(on_disk, squares(1), US)
+    with killed_at_put(monkeypatch, n):
+        store.replace(on_disk, squares(2), US)
+    with pytest.raises(store.StoreFailed):
+        store.read(on_disk, "squares")
+    store.replace(on_disk, squares(2), US)
+    assert np.array_equal(store.read(on_disk, "squares").square, 2 * np.arange(5.0) ** 2)
+    assert list(store.verify(on_disk, "squares")) == []
+
+
+@pytest.mark.parametrize("lost", [None, b"", b"1234567890123456"])
+@pytest.mark.parametrize("key", ["zarr.json", "square/zarr.json", "square/c/0", "x/c/0"])
+def test_a_damaged_cube_that_was_written_whole_is_found_and_written_anew(on_disk, key, lost):
+    store.replace(on_disk, squares(1), US)
+    put(on_disk, f"squares.zarr/{key}", lost)
+    assert {index for index, _ in store.verify(on_disk, "squares")} == {()}
+    if (key, lost) == ("zarr.json", b"1234567890123456"):  # it might be somebody else's
+        put(on_disk, f"squares.zarr/{key}", None)
+    store.replace(on_disk, squares(1), US)
+    assert np.array_equal(store.read(on_disk, "squares").square, np.arange(5.0) ** 2)
+    assert list(store.verify(on_disk, "squares")) == []
+
+
+# A store that fails.
+
+
+@contextmanager
+def full_disk():
+    """No file can be longer than ten bytes: the system writes a part of a chunk, not the rest."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (10, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+@contextmanager
+def lost_permission():
+    """Be nobody for a while, to whom the directories of tests are closed."""
+    if os.geteuid():
+        pytest.skip("needs root, to become somebody else")
+    os.seteuid(65534)
+    try:
+        yield
+    finally:
+        os.seteuid(0)
+
+
+@pytest.mark.parametrize(
+    ("failing", "told"), [(full_disk, "File too large"), (lost_permission, "ermission denied")]
+)
+def test_a_disk_that_fails_is_one_message_and_the_next_run_completes_the_cube(
+    on_disk, failing, told
+):
+    plan = toy.cube()
+    fill(on_disk, plan, [(0, 0), (1, 1)])
+    with failing(), pytest.raises(store.StoreFailed) as failed:
+        store.commit(on_disk, "toy", (2, 2), arrays(plan, (2, 2)), 0.25)
+    assert str(failed.value).startswith(f"{on_disk}: ")
+    assert told in str(failed.value)
+    assert "\n" not in str(failed.value)
+    assert fill(on_disk, plan) == 18
+    assert_complete(on_disk, plan)
+
+
+def test_a_directory_that_cannot_be_written_is_refused(tmp_path):
+    (tmp_path / "file").write_text("")
+    held = store.driving(store.place_of(tmp_path / "file"))
+    with pytest.raises(store.Refused, match="cannot write"), held:
+        pass
+
+
+def test_an_error_of_ours_is_not_the_stores(on_disk, tmp_path):
+    with pytest.raises(ConnectionError, match="gone"), store.explained(on_disk):
+        raise ConnectionError("the scheduler is gone")
+    with pytest.raises(FileNotFoundError, match="table"), store.explained(on_disk):
+        (tmp_path / "table").read_text()
+
+
+@SLOW
+def test_a_server_that_is_gone_and_wrong_credentials_are_one_message(tmp_path, monkeypatch):
+    monkeypatch.setattr(places, "PATIENCE", 1)
+    plan = toy.cube()
+    with seaweed.serving(tmp_path) as (address, server), seaweed.environment(address):
+        place = store.place_of("s3://cubes/run")
+        fill(place, plan, [(0, 0)])
+        with monkeypatch.context() as patch:
+            patch.setenv("AWS_SECRET_ACCESS_KEY", "another-secret")
+            places._opened.cache_clear()
+            with pytest.raises(store.StoreFailed, match=r"^s3://cubes/run: ") as refused:
+                store.missing(place, plan)
+        places._opened.cache_clear()
+        server.kill()
+        with pytest.raises(store.StoreFailed, match=r"^s3://cubes/run: ") as gone:
+            store.commit(place, "toy", (1, 1), arrays(plan, (1, 1)), 1.0)
+    for failed in (refused, gone):
+        assert len(str(failed.value)) < 300
+        assert "secret" not in str(failed.value).lower()
+        assert "Signature=" not in str(failed.value)
+
+
+# Places.
+
+
+@pytest.mark.parametrize(
+    "url",
+    [
+        "s3://user:password@bucket/run",
+        "s3://bucket/run?key=password",
+        "s3://bucket",
+        "http://host/password",
+        "s3://Bucket name/password",
+    ],
+)
+def test_a_malformed_url_is_refused_and_not_repeated(url):
+    with pytest.raises(store.Refused, match="must be s3://BUCKET/PREFIX") as refused:
+        store.place_of(url)
+    assert "password" not in str(refused.value).replace("user, password", "")
+
+
+def test_an_endpoint_that_is_no_url_is_one_message():
+    failed = pytest.raises(store.StoreFailed, match=r"^s3://cubes/run: ")
+    with seaweed.environment("no url"), failed:
+        store.names(store.place_of("s3://cubes/run"))
+
+
+ODD = ["a b", "ünïcödé λ", "#1", "100%25", "new\nline", "~", "-x", "[a]*?", "quote'\"", "a:b::c"]
+
+
+@pytest.mark.parametrize("name", ODD)
+def test_a_directory_may_have_any_name(tmp_path, monkeypatch, name):
+    monkeypatch.chdir(tmp_path)
+    place, plan = store.place_of(name), toy.cube(tile=10)
+    with store.driving(place):
+        assert fill(place, plan) == 2
+    assert_complete(place, plan)
+    cube = xr.open_zarr(zarr.storage.LocalStore(f"{name}/toy.zarr"))
+    assert np.array_equal(cube.wave, toy.serial(plan)["wave"])
+
+
+# Status.
+
+
+def test_status_tells_tiles_failures_rate_and_time_left(place):
+    assert list(store.status(place)) == []
+    plan = toy.cube()
+    store.create(place, plan, US)
+    for index in [(0, 0), (1, 1), (2, 2)]:
+        store.record_failure(place, "toy", index, "no\x1b[2Jwords" + 1000 * "!")
+    fill(place, plan, [(1, 1), (0, 1)])
+    store.replace(place, squares(1), US)
+    before = contents(place)
+    whole, state = store.status(place)
+    assert (state.tiles, state.done, state.failed) == (20, 2, 2)
+    assert list(state.reasons) == [(0, 0), (2, 2)]
+    assert state.reasons[0, 0].startswith("no [2Jwords!!!")
+    assert len(state.reasons[0, 0]) == 500
+    assert (whole.name, whole.tiles, whole.damage) == ("squares", 0, "")
+    assert contents(place) == before
+
+
+def test_rate_and_time_left_are_those_of_the_last_minutes(on_disk):
+    plan = toy.cube()
+    tiles = list(np.ndindex(4, 3))
+    fill(on_disk, plan, tiles)
+    now = time.time()
+    for i, (row, column) in enumerate(tiles):
+        written = now - 5000 + i if i < 6 else now - 10 * (12 - i)
+        os.utime(f"{on_disk}/toy.zarr/{COMMIT}/c/{row}/{column}", (written, written))
+    (state,) = store.status(on_disk)
+    assert state.rate == pytest.approx(0.1)
+    assert state.seconds_left == pytest.approx(80)
+
+
+def test_a_place_that_does_not_exist_is_refused_and_not_made(tmp_path):
+    place = store.place_of(tmp_path / "none")
+    for ask in (store.names, lambda place: list(store.status(place))):
+        with pytest.raises(store.Refused, match="does not exist"):
+            ask(place)
+    assert not (tmp_path / "none").exists()
+
+
+@pytest.mark.parametrize("lost", LOST[:4], ids=range(4))
+def test_damaged_metadata_of_a_cube_hide_no_other(on_disk, lost):
+    fill(on_disk, toy.cube())
+    fill(on_disk, dataclasses.replace(toy.cube(), name="other"))
+    put(on_disk, "other.zarr/zarr.json", lost)
+    other, state = store.status(on_disk)
+    assert "run the workflow" in other.damage
+    assert (state.done, state.damage) == (20, "")
+
+
+# What it costs.
+
+
+@pytest.mark.benchmark
+def test_a_tile_costs_at_most_3_ms(on_disk, capsys):
+    plan = toy.line(500).cube
+    store.create(on_disk, plan, US)
+    ones = {"level": np.ones((1, 256))}
+    rounds = []
+    for tiles in np.arange(500).reshape(10, 50):
+        start = time.process_time()
+        for i in tiles:
+            store.is_committed(on_disk, "line", (i,))
+            store.commit(on_disk, "line", (i,), ones, 0.0)
+        rounds.append((time.process_time() - start) / 50)
+    each = np.median(rounds)
+    start = time.process_time()
+    assert not len(store.missing(on_disk, plan))
+    listed = (time.process_time() - start) / 500
+    with capsys.disabled():
+        print(f"\na tile costs {1e3 * each:.2f} ms of CPU, to list it {1e3 * listed:.3f} ms")
+    assert each < 3e-3
+    assert listed < 2e-4
+
+
+# Who computed it.
+
+
+def test_provenance_names_versions_and_commit(on_disk):
+    store.create(on_disk, toy.cube(), store.computed_by())
+    found = store.read(on_disk, "toy").attrs
+    assert {"package_version", "git_commit", "library_versions", "created"} <= set(found)
+    assert f"numba {version('numba')}, " in found["computed_by"]
+    assert found["computed_by"].startswith("mathematics ")
+
+
+def test_the_mathematics_are_the_files_of_nasm_and_of_the_cubes():
+    digest = store.provenance.digest_of
+    assert digest("nasm/*.py") == digest("nasm/*.py")
+    assert digest("nasm/*.py") != digest("nasm/*.py", "pipeline/cubes/*.py")

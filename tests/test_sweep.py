@@ -257,10 +257,15 @@ def commit_times(out):
     return {path: path.stat().st_mtime_ns for path in records if path.is_file()}
 
 
-def start_driver(out, seconds=0.05):
+def start_driver(out, seconds=0.05, interrupt=signal.default_int_handler):
     command = [sys.executable, str(Path(__file__).with_name("toy.py")), str(out), str(seconds)]
     return subprocess.Popen(
-        command, stderr=subprocess.PIPE, text=True, start_new_session=True, cwd=out.parent
+        command,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        cwd=out.parent,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, interrupt),
     )
 
 
@@ -307,6 +312,15 @@ def test_ctrl_c_drains_and_the_next_run_resumes(tmp_path):
     assert driver.returncode == 0, error
     assert committed.items() <= commit_times(tmp_path / "out").items()
     assert_complete(tmp_path / "out", toy.cube(tile=1, seconds=0.05))
+
+
+def test_a_program_started_with_ctrl_c_ignored_ignores_it(tmp_path):
+    driver = start_driver(tmp_path / "out", 0.02, interrupt=signal.SIG_IGN)
+    wait_for_commits(tmp_path / "out", 10, driver)
+    os.killpg(driver.pid, signal.SIGINT)
+    _, error = driver.communicate(timeout=60)
+    assert driver.returncode == 0, error
+    assert_complete(tmp_path / "out", toy.cube(tile=1, seconds=0.02))
 
 
 def test_a_second_ctrl_c_abandons_the_tiles_in_flight(tmp_path):
@@ -366,6 +380,28 @@ def test_to_predict_many_costs_shows_progress(client, tmp_path, monkeypatch):
     first, *_, last = report.getvalue().split("\r")
     assert re.match(r"toy: costs: \d+/900 tiles", first)
     assert re.match(r"toy: 900/900 tiles", last)
+
+
+def test_a_store_that_is_deleted_under_way_ends_the_sweep_with_one_message(client, tmp_path):
+    def delete():
+        wait_until(lambda: len(commit_times(tmp_path / "out")) > 5)
+        (tmp_path / "out").rename(tmp_path / "away")
+
+    thread = threading.Thread(target=delete)
+    thread.start()
+    with pytest.raises(store.StoreFailed, match=r"out: .* does not exist|was moved, or deleted"):
+        run(client, tmp_path / "out", toy.cube(tile=1, seconds=0.05))
+    thread.join()
+    assert not commit_times(tmp_path / "out")
+    run(client, tmp_path / "away", toy.cube(tile=1, seconds=0.05))
+    assert_complete(tmp_path / "away", toy.cube(tile=1))
+
+
+def wait_until(condition):
+    deadline = time.monotonic() + 60
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
 
 
 class Promise:

@@ -5,22 +5,20 @@ square (Sec. III), so the rays computed are images of those asked for, in the we
 """
 
 import dataclasses
+from functools import partial
 
 import numpy as np
 
 from nasm import barriers
 from nasm.symmetries import fold, ray
 from pipeline.cubes.cube import PAPER, Job, blank, coordinate
-from pipeline.cubes.rays import KICKS, cube_on_rays, scales
+from pipeline.cubes.rays import KICKS, cube_on_rays, per_ray, scales
 
 _N_QUOTIENTS = 32  # places for the partial quotients of a rotation number
 
 
 def last_barrier(angles, tol):
-    """Return the Job of the cube `barrier`.
-
-    `omega` is a result here; exactly it is its partial quotients, of which the last `tail_length`
-    repeat for ever.
+    """Return the Job of the cube `barrier`; ω is a result, exactly by its partial quotients.
 
     angles : degrees, any; the cube holds their images. tol : float, the bracket's relative width.
     """
@@ -47,7 +45,9 @@ def last_barrier(angles, tol):
         ),
         tail_length=blank(on_ray, "partial quotients at the end that repeat", np.int8(0)),
     )
-    return Job(dataclasses.replace(cube, template=template), _compute, _predict, warm_up)
+    seconds, warm_up = 0.1 + 4e-5 / tol, partial(barriers.critical_scale, (1.0, 0.0), 0.1)
+    cube = dataclasses.replace(cube, template=template)
+    return Job(cube, _compute, partial(per_ray, seconds), warm_up)
 
 
 def _compute(coords, settings):
@@ -63,12 +63,3 @@ def _compute(coords, settings):
             arrays["quotients"][: len(quotients), i] = quotients
             arrays["tail_length"][i] = len(omega.tail)
     return arrays
-
-
-def _predict(coords, settings):
-    return (0.1 + 4e-5 / settings["tol"]) * coords["angle"].size
-
-
-def warm_up():
-    """Compile the kernels of all four methods that `nasm.barriers` compares."""
-    barriers.critical_scale((1.0, 0.0), 0.1)

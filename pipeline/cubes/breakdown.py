@@ -3,11 +3,11 @@
 κ = s·(cos angle, sin angle), arXiv:1606.04824, Sec. VI.
 """
 
+from functools import partial
+
 from nasm import continuation, numbers, periodic
 from pipeline.cubes.cube import PAPER, Job
-from pipeline.cubes.rays import KICKS, cube_on_rays, rows_of, tile_on_rays
-
-_TILE = 20  # rays
+from pipeline.cubes.rays import KICKS, cube_on_rays, per_ray, rows_of, tile_on_rays
 
 
 def by_continuation(omegas, angles, tol):
@@ -16,8 +16,9 @@ def by_continuation(omegas, angles, tol):
     omegas : list of RotationNumber. angles : degrees. tol : float, the error to aim at.
     """
     settings = {"method": "continuation of circles", "tol": tol}
+    warm_up = partial(continuation.critical_scale, numbers.parse("gamma"), (1.0, 0.0), 0.1)
     cube = _cube("breakdown", omegas, angles, settings)
-    return Job(cube, _compute_continuation, _predict_continuation, _warm_up_continuation)
+    return Job(cube, _by_continuation, partial(per_ray, 0.01), warm_up)
 
 
 def by_residue(omegas, angles, q_max):
@@ -27,7 +28,10 @@ def by_residue(omegas, angles, q_max):
     """
     settings = {"method": "Greene's residue", "q_max": q_max}
     cube = _cube("breakdown_residue", omegas, angles, settings)
-    return Job(cube, _compute_residue, _predict_residue, warm_up_residue)
+    return Job(cube, _by_residue, partial(per_ray, 0.03), warm_up_residues)
+
+
+warm_up_residues = partial(periodic.residue, (0.1, 0.1), 1, 3)
 
 
 def _cube(name, omegas, angles, settings):
@@ -37,48 +41,23 @@ def _cube(name, omegas, angles, settings):
         rows_of("omega", exact, "rotation number per step"),
         angles,
         KICKS,
-        _TILE,
+        20,
         {"omegas": list(exact), **settings},
         title="Breakup of invariant circles of the nonautonomous standard map",
         source=f"{PAPER}, Sec. VI",
     )
 
 
-def _exact(settings):
-    """Return {float: RotationNumber} of the setting `omegas`."""
-    return {float(omega): omega for omega in map(numbers.parse, settings["omegas"])}
+def _by_continuation(coords, settings):
+    return _on_rays(coords, settings, continuation.critical_scale, settings["tol"])
 
 
-def _compute_continuation(coords, settings):
-    exact = _exact(settings)
-
-    def critical_scale(omega, profile):
-        return continuation.critical_scale(exact[omega], profile, settings["tol"])
-
-    return tile_on_rays(coords, "omega", critical_scale, KICKS)
+def _by_residue(coords, settings):
+    return _on_rays(coords, settings, periodic.critical_scale, settings["q_max"])
 
 
-def _predict_continuation(coords, settings):
-    return 0.01 * coords["omega"].size * coords["angle"].size
-
-
-def _warm_up_continuation():
-    continuation.critical_scale(numbers.RotationNumber((0,), (1,)), (1.0, 0.0), 0.1)
-
-
-def _compute_residue(coords, settings):
-    exact = _exact(settings)
-
-    def critical_scale(omega, profile):
-        return periodic.critical_scale(exact[omega], profile, settings["q_max"])
-
-    return tile_on_rays(coords, "omega", critical_scale, KICKS)
-
-
-def _predict_residue(coords, settings):
-    return 0.03 * coords["omega"].size * coords["angle"].size
-
-
-def warm_up_residue():
-    """Compile the kernels of Greene's residue."""
-    periodic.residue((0.1, 0.1), 1, 3)
+def _on_rays(coords, settings, method, effort):
+    exact = {float(omega): omega for omega in map(numbers.parse, settings["omegas"])}
+    return tile_on_rays(
+        coords, "omega", KICKS, lambda omega, profile: method(exact[omega], profile, effort)
+    )

@@ -57,12 +57,12 @@ class Cube:
 
 @dataclass(frozen=True)
 class Job:
-    """A cube, and what computes it; workers must be able to import the three functions.
+    """A cube, and what computes it; workers must be able to import the functions.
 
     cube : Cube.
     compute : (coords of a tile, settings) → {variable: array}; coords are {dim: ndarray}.
     predict : (coords of a tile, settings) → CPU seconds that `compute` will take.
-    warm_up : () → None; compiles the kernels of `compute`, once in each worker.
+    warm_up : () → anything; compiles the kernels of `compute`, once in each worker.
     """
 
     cube: Cube
@@ -89,7 +89,7 @@ FLAGS = {
 }
 """CF attributes of every variable of status, in sweeps and studies; 0 is what no tile wrote."""
 
-STATUS_SETTING = {"statuses": [status.name.lower() for status in _STATUSES]}
+STATUS_SETTING = {"statuses": FLAGS["flag_meanings"].split()[1:]}
 """What a code means is part of what decides the numbers."""
 
 
@@ -98,21 +98,15 @@ def status_code(status):
     return 1 + _STATUSES.index(status)
 
 
-def blank_status(coords):
-    """Return the variable `status` over `coords` that no tile has written."""
-    return blank(coords, "outcome", np.int8(0), **FLAGS)
-
-
 def fields(answers, names):
-    """Return arrays of the fields of answers, and of their status.
+    """Return {variable: array of the field that `names` gives for it} and `status`.
 
-    answers : nested lists of answers of a method, e.g. of CriticalScale.
-    names : {variable: field}.
+    answers : nested lists of what a method answers, e.g. of CriticalScale.
     """
     answers = np.array(answers, dtype=object)
-    arrays = {
-        name: np.vectorize(attrgetter(field), otypes=[float])(answers)
-        for name, field in names.items()
-    }
+
+    def array_of(field):
+        return np.vectorize(attrgetter(field), otypes=[float])(answers)
+
     codes = np.vectorize(lambda answer: status_code(answer.status), otypes=["int8"])(answers)
-    return {**arrays, "status": codes}
+    return {name: array_of(field) for name, field in names.items()} | {"status": codes}

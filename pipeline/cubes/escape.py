@@ -27,44 +27,31 @@ _COMMENT = (
 )
 
 
-def plane(name, kappa1, kappa2, sizes, n_max, tile, window=PAPER_WINDOW):
+def plane(name, kappa1, kappa2, sizes, n_max, tile):
     """Return the Job of escape times over the (κ1, κ2) plane.
 
-    Parameters
-    ----------
-    name : the cube's name.
     kappa1, kappa2 : grid.Axis.
     sizes : increasing ints, the nested ensembles.
     n_max : int, steps (periods of the forcing) after which an orbit counts as not escaping.
     tile : int, cells along each side of a tile.
-    window : (lo, hi) in y.
     """
     axes = {
         "kappa2": coordinate("kappa2", kappa2.centres, KICKS["kappa2"]),
         "kappa1": coordinate("kappa1", kappa1.centres, KICKS["kappa1"]),
     }
-    settings = {**_effort(n_max, window), "cells_per_tile": tile}
-    cube = _cube(
-        name,
-        sizes,
-        axes,
-        {"kappa2": tile, "kappa1": tile},
-        settings,
-        "First escape times of the nonautonomous standard map",
-        "Eq. (mapaut), Proposition 1 and Sec. V.B",
-    )
+    title = "First escape times of the nonautonomous standard map"
+    tiles, settings = {"kappa2": tile, "kappa1": tile}, {"cells_per_tile": tile}
+    cube = _cube(name, sizes, n_max, axes, tiles, settings, title)
     return Job(cube, _compute_plane, _predict_plane, warm_up_escape)
 
 
 def composed(cube, levels, follow, field=None, level=None):
-    """Return the plan of a plane composed of levels of refinement, or the cube itself.
+    """Return the cube of a plane composed of levels of refinement, or its plan without values.
 
-    Parameters
-    ----------
     cube : the plane in full at the finest level.
     levels : int, number of levels.
     follow : list of N, whose boundaries {n* ≤ N} the levels follow.
-    field : array (ensemble, kappa2, kappa1), the values; without them, the plan.
+    field : array (ensemble, kappa2, kappa1), the values.
     level : int8 array (kappa2, kappa1), which level each value is from.
     """
     dims, values, attrs = blank(
@@ -80,23 +67,16 @@ def composed(cube, levels, follow, field=None, level=None):
     return dataclasses.replace(cube, template=template, settings=settings)
 
 
-def beyond(name, scales, excesses, sizes, n_max, window=PAPER_WINDOW):
+def beyond(name, scales, excesses, sizes, n_max):
     """Return the Job of escape times at κ = s_c·(1 + excess)·(cos, sin) on rays.
 
     scales : {angle in degrees: scale s_c of the breakup on the ray}.
     excesses : increasing floats.
-    name, sizes, n_max, window : as for `plane`. A tile is one forcing.
+    name, sizes, n_max : as for `plane`. A tile is one forcing.
     """
-    settings = {**_effort(n_max, window), "critical_scales": by_angle(scales)}
-    cube = _cube(
-        name,
-        sizes,
-        beyond_breakup(scales, excesses),
-        {"angle": 1, "excess": 1},
-        settings,
-        "First escape times beyond the last barrier",
-        "Sec. V.B and Fig. 7",
-    )
+    axes, title = beyond_breakup(scales, excesses), "First escape times beyond the last barrier"
+    tiles, settings = {"angle": 1, "excess": 1}, {"critical_scales": by_angle(scales)}
+    cube = _cube(name, sizes, n_max, axes, tiles, settings, title)
     return Job(cube, _compute_beyond, _predict_beyond, warm_up_escape)
 
 
@@ -113,17 +93,13 @@ def by_angle(quantities):
     return {str(float(angle)): quantity for angle, quantity in quantities.items()}
 
 
-def _effort(n_max, window):
-    return {"n_max": int(n_max), "window": [float(edge) for edge in window]}
-
-
-def _cube(name, sizes, axes, tile, settings, title, source):
+def _cube(name, sizes, n_max, axes, tiles, settings, title):
     ensemble = coordinate("ensemble", sizes, "number of orbits in the ensemble")
     coords = {"ensemble": ensemble, **axes}
-    source = f"{PAPER}, {source}"
+    source = f"{PAPER}, Eq. (mapaut), Proposition 1 and Sec. V.B"
     times = blank(coords, _WORDS, comment=_COMMENT, source=source)
     template = xr.Dataset({"escape_time": times}, coords, {"title": title, "source": source})
-    return Cube(name, template, tile, settings)
+    return Cube(name, template, tiles, {"n_max": n_max, "window": list(PAPER_WINDOW), **settings})
 
 
 def _compute_plane(coords, settings):

@@ -4,20 +4,14 @@
 that of MacKay, Meiss & Percival, Physica D 13 (1984) 55.
 """
 
+from functools import partial
+
 import numpy as np
 import xarray as xr
 
 from nasm import flux, numbers
 from nasm.symmetries import ray
-from pipeline.cubes.cube import (
-    PAPER,
-    STATUS_SETTING,
-    Cube,
-    Job,
-    blank,
-    blank_status,
-    fields,
-)
+from pipeline.cubes.cube import FLAGS, PAPER, STATUS_SETTING, Cube, Job, blank, fields
 from pipeline.cubes.escape import beyond_breakup, by_angle
 
 
@@ -34,14 +28,13 @@ def through_last_circle(scales, circles, excesses, q_max):
         "flux": blank(coords, "area through the broken circle, per step: turns times y"),
         "error": blank(coords, "estimated absolute error of flux"),
         "period": blank(coords, "longest period of the orbits used", np.int32(0)),
-        "status": blank_status(coords),
+        "status": blank(coords, "outcome", np.int8(0), **FLAGS),
     }
     attrs = {"title": "Flux through the remains of the last circle", "source": PAPER}
     settings = {"critical_scales": by_angle(scales), "circles": by_angle(circles), "q_max": q_max}
-    tile = {"angle": 1, "excess": 1}
-    template = xr.Dataset(variables, coords, attrs)
+    template, tile = xr.Dataset(variables, coords, attrs), {"angle": 1, "excess": 1}
     cube = Cube("flux", template, tile, settings | STATUS_SETTING)
-    return Job(cube, _compute, _predict, _warm_up)
+    return Job(cube, _compute, _predict, partial(flux.action_difference, (0.1, 0.1), 1, 3))
 
 
 def _compute(coords, settings):
@@ -62,7 +55,3 @@ def _compute(coords, settings):
 def _predict(coords, settings):
     """Predict by the period needed, which grows like 1/excess."""
     return 3e-4 * coords["angle"].size * np.sum(1 / coords["excess"])
-
-
-def _warm_up():
-    flux.action_difference((0.1, 0.1), 1, 3)

@@ -4,10 +4,11 @@ Their dims are (row, angle): a row is a circle, a frequency or a phase; `angle` 
 ray in a plane of forcings, on which a method finds the scale of the breakup.
 """
 
+import numpy as np
 import xarray as xr
 
 from nasm.symmetries import ray
-from pipeline.cubes.cube import STATUS_SETTING, Cube, blank, blank_status, coordinate, fields
+from pipeline.cubes.cube import FLAGS, STATUS_SETTING, Cube, blank, coordinate, fields
 
 KICKS = {"kappa1": "strength of the first kick", "kappa2": "strength of the second kick"}
 ROTATING = {"kappa_mean": "mean strength κ̄", "kappa_amplitude": "amplitude Δκ of the strengths"}
@@ -20,30 +21,8 @@ _SCALES = {
 
 
 def angles_of_rays(angles):
-    """Return the coordinate `angle`."""
+    """Return the coordinate `angle`, in degrees."""
     return coordinate("angle", angles, "direction of the ray in the plane", "degree")
-
-
-def cube_on_rays(name, rows, angles, plane, tile, settings, **attrs):
-    """Return the cube of critical scales.
-
-    Parameters
-    ----------
-    name : its name in the store.
-    rows : {dim: coordinate}, or {} for a cube with dim (angle).
-    angles : array, degrees.
-    plane : KICKS or ROTATING, the coordinates of the plane: the breakup's are variables.
-    tile : int, angles per tile; a tile has one row.
-    settings : JSON-able, what else decides the values.
-    attrs : title and source.
-    """
-    coords = {**rows, "angle": angles_of_rays(angles)}
-    variables = {key: blank(coords, words) for key, (_, words) in _SCALES.items()}
-    variables |= {key: blank(coords, f"{words} at the breakup") for key, words in plane.items()}
-    variables["status"] = blank_status(coords)
-    template = xr.Dataset(variables, coords, attrs)
-    tile = {**dict.fromkeys(rows, 1), "angle": tile}
-    return Cube(name, template, tile, settings | STATUS_SETTING)
 
 
 def rows_of(dim, exact, long_name):
@@ -51,7 +30,23 @@ def rows_of(dim, exact, long_name):
     return {dim: coordinate(dim, list(exact.values()), long_name, exact=list(exact))}
 
 
-def tile_on_rays(coords, dim, critical_scale, plane):
+def cube_on_rays(name, rows, angles, plane, tile, settings, **attrs):
+    """Return the cube of critical scales.
+
+    rows : {dim: coordinate}, or {} for a cube with dim (angle).
+    plane : KICKS or ROTATING; the coordinates of the breakup are variables.
+    tile : int, angles per tile; a tile has one row.
+    attrs : title and source.
+    """
+    coords = {**rows, "angle": angles_of_rays(angles)}
+    variables = {key: blank(coords, words) for key, (_, words) in _SCALES.items()}
+    variables |= {key: blank(coords, f"{words} at the breakup") for key, words in plane.items()}
+    variables["status"] = blank(coords, "outcome", np.int8(0), **FLAGS)
+    tile = {**dict.fromkeys(rows, 1), "angle": tile}
+    return Cube(name, xr.Dataset(variables, coords, attrs), tile, settings | STATUS_SETTING)
+
+
+def tile_on_rays(coords, dim, plane, critical_scale):
     """Return the arrays of a tile with dims (dim, angle), by critical_scale(row, profile)."""
     profiles = ray(coords["angle"])
     found = [[critical_scale(row, profile) for profile in profiles] for row in coords[dim].tolist()]
@@ -64,3 +59,8 @@ def scales(found, profiles, plane):
     for name, direction in zip(plane, profiles.T, strict=True):
         arrays[name] = arrays["critical_scale"] * direction
     return arrays
+
+
+def per_ray(seconds, coords, settings):
+    """Predict that each ray of a tile takes as long."""
+    return seconds * coords["angle"].size

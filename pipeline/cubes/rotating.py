@@ -4,13 +4,14 @@
 """
 
 from fractions import Fraction
+from functools import partial
 
 from nasm import escape, periodic, transversals
 from nasm.maps import rotating_forcing
-from pipeline.cubes.breakdown import warm_up_residue
+from pipeline.cubes.breakdown import warm_up_residues
 from pipeline.cubes.cube import PAPER, Job
 from pipeline.cubes.escape import SECONDS_PER_STEP, warm_up_escape
-from pipeline.cubes.rays import ROTATING, cube_on_rays, rows_of, tile_on_rays
+from pipeline.cubes.rays import ROTATING, cube_on_rays, per_ray, rows_of, tile_on_rays
 
 
 def tori(vectors, angles):
@@ -18,10 +19,11 @@ def tori(vectors, angles):
 
     vectors : list of "p/q,Ω", an orbit's turns per kick and the frequency. angles : degrees.
     """
-    settings = {"method": "Greene's residue of one orbit", "vectors": list(vectors)}
     frequencies = [vector.split(",")[1] for vector in vectors]
-    cube = _cube("rotating_tori", frequencies, angles, 20, settings)
-    return Job(cube, _compute_tori, _predict_tori, warm_up_residue)
+    settings = {"frequencies": frequencies, "vectors": list(vectors)}
+    settings["method"] = "Greene's residue of one orbit"
+    cube = _cube("rotating_tori", _FREQUENCY, frequencies, angles, 20, settings)
+    return Job(cube, _tori, partial(per_ray, 0.5), warm_up_residues)
 
 
 def transport(angles, n_max, n_orbits):
@@ -29,9 +31,11 @@ def transport(angles, n_max, n_orbits):
 
     angles : degrees. n_max : int, steps (periods of the forcing). n_orbits : int.
     """
-    settings = {"method": "direct iteration", "phase": 0.0, "n_max": n_max, "n_orbits": n_orbits}
-    cube = _cube("rotating_transport", ["1/2"], angles, 10, settings)
-    return Job(cube, _compute_transport, _predict_transport, warm_up_escape)
+    settings = {"frequencies": ["1/2"], "phase": 0.0, "n_max": n_max, "n_orbits": n_orbits}
+    settings["method"] = "direct iteration"
+    cube = _cube("rotating_transport", _FREQUENCY, ["1/2"], angles, 10, settings)
+    seconds = 10 * SECONDS_PER_STEP * n_orbits * n_max  # ten runs of the whole ensemble
+    return Job(cube, _transport, partial(per_ray, seconds), warm_up_escape)
 
 
 def three_kicks(phases, angles, n_max):
@@ -39,75 +43,54 @@ def three_kicks(phases, angles, n_max):
 
     phases : list of texts of φ0, in turns. angles : degrees. n_max : int, steps (of three kicks).
     """
-    cube = cube_on_rays(
-        "three_kicks",
-        rows_of("phase", _floats(phases), "phase φ0 of the first kick, in turns"),
+    settings = {"method": "converse KAM on transversals", "frequency": "1/3", "n_max": n_max}
+    cube = _cube("three_kicks", _PHASE, phases, angles, 4, settings)
+    warm_up = partial(transversals.critical_scale, (1.0,), 30)
+    return Job(cube, _phases, partial(per_ray, 2e-3 * n_max), warm_up)
+
+
+_FREQUENCY = "frequency", "frequency Ω"
+_PHASE = "phase", "phase φ0 of the first kick, in turns"
+
+
+def _cube(name, row, texts, angles, tile, settings):
+    dim, words = row
+    return cube_on_rays(
+        name,
+        rows_of(dim, {text: float(Fraction(text)) for text in texts}, words),
         angles,
         ROTATING,
-        4,
-        {"method": "converse KAM on transversals", "frequency": "1/3", "n_max": n_max},
-        **_ATTRS,
+        tile,
+        settings,
+        title="Breakup of the last barriers of rotating standard maps",
+        source=f"{PAPER}, Sec. VII, Eq. (rotmap)",
     )
-    return Job(cube, _compute_phases, _predict_phases, _warm_up_transversals)
 
 
-_ATTRS = {
-    "title": "Breakup of the last barriers of rotating standard maps",
-    "source": f"{PAPER}, Sec. VII, Eq. (rotmap)",
-}
-
-
-def _cube(name, frequencies, angles, tile, settings):
-    rows = rows_of("frequency", _floats(frequencies), "frequency Ω")
-    settings = {"frequencies": list(frequencies), **settings}
-    return cube_on_rays(name, rows, angles, ROTATING, tile, settings, **_ATTRS)
-
-
-def _floats(texts):
-    return {text: float(Fraction(text)) for text in texts}
-
-
-def _compute_tori(coords, settings):
+def _tori(coords, settings):
     vectors = [vector.split(",") for vector in settings["vectors"]]
     omegas = {float(Fraction(frequency)): (omega, frequency) for omega, frequency in vectors}
-
-    def critical_scale(frequency, profile):
-        return periodic.torus_scale(*omegas[frequency], *profile)
-
-    return tile_on_rays(coords, "frequency", critical_scale, ROTATING)
-
-
-def _predict_tori(coords, settings):
-    return 0.5 * coords["frequency"].size * coords["angle"].size
+    return tile_on_rays(
+        coords,
+        "frequency",
+        ROTATING,
+        lambda frequency, profile: periodic.torus_scale(*omegas[frequency], *profile),
+    )
 
 
-def _compute_transport(coords, settings):
+def _transport(coords, settings):
     exact = {float(Fraction(text)): text for text in settings["frequencies"]}
 
     def critical_scale(frequency, profile):
         kappa = rotating_forcing(*profile, exact[frequency], settings["phase"])
         return escape.critical_scale(kappa, settings["n_max"], settings["n_orbits"])
 
-    return tile_on_rays(coords, "frequency", critical_scale, ROTATING)
+    return tile_on_rays(coords, "frequency", ROTATING, critical_scale)
 
 
-def _predict_transport(coords, settings):
-    """Predict ten runs of the whole ensemble a ray."""
-    rays = coords["frequency"].size * coords["angle"].size
-    return 10 * SECONDS_PER_STEP * settings["n_orbits"] * settings["n_max"] * rays
-
-
-def _compute_phases(coords, settings):
+def _phases(coords, settings):
     def critical_scale(phase, profile):
         kappa = rotating_forcing(*profile, settings["frequency"], phase)
         return transversals.critical_scale(kappa, settings["n_max"])
 
-    return tile_on_rays(coords, "phase", critical_scale, ROTATING)
-
-
-def _predict_phases(coords, settings):
-    return 2e-3 * settings["n_max"] * coords["phase"].size * coords["angle"].size
-
-
-def _warm_up_transversals():
-    transversals.critical_scale((1.0,), 30)
+    return tile_on_rays(coords, "phase", ROTATING, critical_scale)

@@ -116,17 +116,15 @@ def explained(place):
         if isinstance(error, ValueError) and "computed checksum" in str(error):
             words = "some chunks are damaged; run `python -m workflows.verify --repair` on it"
         elif _is_obstores(error):
-            # The rest may hold a signature.
-            words = re.split(r"[\n<?]|Debug source", str(error))[0].strip(" :")
+            # What follows, and what queries a URL, may hold a signature.
+            words = re.sub(r"\?\S+", "", re.split(r"[\n<]|Debug source", str(error))[0]).strip(" :")
         else:
             raise
         raise StoreFailed(f"{place}: {words}") from None
 
 
 def _is_obstores(error):
-    if isinstance(error, StoreFailed):
-        return False
-    if isinstance(error, OSError):  # with an errno it is a file of this machine, not of the store
-        return error.errno is None
+    if isinstance(error, FileNotFoundError | PermissionError):
+        return error.errno is None  # otherwise it is about a file of this machine
     # A setting that obstore cannot digest, e.g. an endpoint that is no URL, is a PanicException.
     return isinstance(error, BaseError) or type(error).__name__ == "PanicException"

