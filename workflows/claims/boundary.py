@@ -28,7 +28,7 @@ _INSETS = [(0.526, 0.69), (0.526, 0.73), (-0.69, 0.525), (-0.73, 0.525)]
 
 
 def boundary_claims(bias, n_max, n_orbits):
-    """bias : that of direct iteration at 45°, of `convergence.direct_bias`."""
+    """Judge Sec. V; `bias` is that of direct iteration at 45°, from `direct.direct_bias`."""
     return [
         _standard_map(),
         *_reductions(),
@@ -117,7 +117,7 @@ def _critical_circles(place, forcing, angle, part, names):
 
 
 def _standard(omega):
-    """ω, -ω and ω + 2 stand for one another: the one in [0, 1]."""
+    """Return the one in [0, 1] of ω, -ω and ω + 2, which stand for one another."""
     omega = moebius(omega, 1, -2 * round(float(omega) / 2))
     return omega if float(omega) > 0 else moebius(omega, -1, 0)
 
@@ -213,7 +213,7 @@ def _exponents(bias):
 
 
 def _insets(n_orbits):
-    """Close: no further than the loosest boundary of the figure, that of N = 10⁵."""
+    """Judge "close" by the loosest boundary of the figure, that of N = 10⁵."""
     n_max = 100_000
     claims = []
     for point in _INSETS:

@@ -20,7 +20,7 @@ def circle_claims():
 
 
 def golden_circle(kappa):
-    """The circle of γ, by Newton's method down to rounding; certified, or it says why not."""
+    """Return the circle of γ, by Newton's method down to rounding, with its certificate."""
     gamma, u = parse("gamma"), np.zeros((len(kappa), _POINTS))
     for _ in range(10):
         u, _ = parameterization.newton_step(gamma, kappa, u)
@@ -75,9 +75,10 @@ def _algorithm():
 
 
 def frames(omega, kappa, u):
-    """Algorithm 1's M⁻¹(θ + ω) e, its M⁻¹(θ + ω) DT M(θ), S, and S as printed, by the map itself.
+    """Compute by the map itself what Algorithm 1 claims of its frame M.
 
-    A dict of "e" (2, n), "shear" (2, 2, n), "s" and "printed_s" (n,).
+    Returns a dict: "e", M⁻¹(θ + ω) e, shape (2, n); "shear", M⁻¹(θ + ω) DT M(θ), (2, 2, n); "s", S,
+    and "printed_s", S as printed, (n,).
     """
     turn = fourier.turns(omega, u.shape[-1] // 2 + 1)
     x, y, e = invariance(omega, kappa, u)
@@ -99,7 +100,7 @@ def frames(omega, kappa, u):
 
 
 def invariance(omega, kappa, u):
-    """x, y of K, and T∘K(θ) - K(θ + ω), shape (2, n), by the map itself."""
+    """Return x, y of K, and T∘K(θ) - K(θ + ω), shape (2, n), by the map itself."""
     n = u.shape[-1]
     turn, theta = fourier.turns(omega, n // 2 + 1), np.arange(n) / n
     y = float(omega) / len(kappa) + u[0] - fourier.rotate(u[-1], turn.conj())
@@ -196,7 +197,7 @@ def _symmetries():
 
 
 def _carried(*cases):
-    """Circles, with the ω and the forcing that they should have."""
+    """Judge (circle, ω, forcing): each circle should be certified and have that ω and forcing."""
     right = all(
         circle.certified and circle.omega == omega and np.array_equal(circle.kappa, kappa)
         for circle, omega, kappa in cases

@@ -16,7 +16,7 @@ _ROTATING = "python -m workflows.rotating"
 
 
 def discussion_claims(circles, barrier, tori, three):
-    """Sec. VII."""
+    """Judge Sec. VII."""
     return [
         *hull_claims(circles, barrier),
         *_rotating_map(),

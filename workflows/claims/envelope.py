@@ -13,18 +13,20 @@ HEADER = ("φ, degrees", "last circle, ω", "bracket, in parts", *NAMES)
 
 
 def wedge_angles(n, tips):
-    """n rays from 0 to 45 degrees, and `tips` more from 5 to 0.01 degrees below 45."""
+    """Return n angles from 0 to 45 degrees, and `tips` more from 5 to 0.01 degrees below 45."""
     return np.unique(
         np.concatenate([np.linspace(0, 45, n), 45 - np.geomspace(5, 0.01, tips)]).round(9)
     )
 
 
 def ranges(circles, barrier):
-    """Runs of rays with the same last circle, a list of dicts.
+    """List the runs of rays with the same last circle, a dict each.
 
-    from, to : degrees, of the first and last ray of the run. circle : ω, "" where the methods left
-    it open. bracket : the widest (upper - lower)/value. short : by which each of the paper's six
-    breaks before CB_gt at least, in parts of it; NaN where no value was found.
+    from, to : angles of the first and the last ray of the run, degrees.
+    circle : exact text of ω; "" where the methods left it open.
+    bracket : the widest (upper - lower)/value.
+    short : {name: by how much that circle of the paper's six breaks before CB_gt at least, in parts
+        of CB_gt; NaN without a value}.
     """
     wedge = barrier.sel(angle=slice(0, 45))
     names, angles = wedge.circle.values, wedge.angle.values
@@ -58,7 +60,7 @@ def _largest(values):
 
 
 def cells(row):
-    """A row of `ranges` as the text of its cells."""
+    """Return the texts of the cells of a row of `ranges`."""
     ends = (
         f"{row['from']:.6g}" if row["from"] == row["to"] else f"{row['from']:.6g} – {row['to']:.6g}"
     )
@@ -75,7 +77,7 @@ def _text(value, form):
 
 
 def summary(circles, barrier, rows):
-    """Sentences on what the table shows."""
+    """Say in sentences what the table shows."""
     wedge = barrier.sel(angle=slice(0, 45))
     six = circles.critical_scale.sel(angle=wedge.angle, method="nearest").max("omega")
     short = (1 - six / wedge.critical_scale).values

@@ -14,7 +14,7 @@ _STEPS = 3
 
 
 def largest(difference, n_forcings=50, n_points=100):
-    """The largest |difference(kappa, x, y)| over random forcings and points."""
+    """Find the largest |difference(kappa, x, y)| over random forcings and points."""
     random, worst = np.random.default_rng(1), 0.0
     for kappa in random.uniform(-2, 2, (n_forcings, 2)):
         x, y = random.uniform(-1, 1, (2, n_points))
@@ -23,14 +23,14 @@ def largest(difference, n_forcings=50, n_points=100):
 
 
 def closed_form(kappa, x, y):
-    """F_1 and F_2, Eqs. (Efe) and (Ge)."""
+    """Compute F_1 and F_2, Eqs. (Efe) and (Ge)."""
     first = kappa[0] / TWO_PI * np.sin(TWO_PI * x)
     second = first + kappa[1] / TWO_PI * np.sin(TWO_PI * (x + y + first))
     return np.stack([first + second, second])
 
 
 def map_claims():
-    """Sec. II."""
+    """Judge Sec. II."""
 
     def composition(kappa, x, y):
         f1, f2 = closed_form(kappa, x, y)
@@ -115,7 +115,7 @@ def map_claims():
 
 
 def _alternation():
-    """The forcing and the start of Fig. 1(d)."""
+    """Follow the orbit of Fig. 1(d)."""
     kappa = np.array([0.35, 0.5])
     x, y = orbit(kappa, 0.0, 0.55, 10_000)
     x_odd, _ = kick(kappa[0], x, y)
@@ -133,7 +133,7 @@ def _alternation():
 
 
 def path_integral(kappa, x, y):
-    """∫ y' dx' - y dx along straight paths from the origin to (x, y), by Gauss's formula."""
+    """Integrate y' dx' - y dx straight from the origin to (x, y), by Gauss's formula."""
     nodes, weights = np.polynomial.legendre.leggauss(60)
     t = (nodes[:, None] + 1) / 2
     tangent = step_tangent(kappa, t * x, t * y)
@@ -143,7 +143,7 @@ def path_integral(kappa, x, y):
 
 
 def generating_function(kappa, x, y):
-    """P₁ + P₂∘S_κ1 at (x, y), less that at the origin."""
+    """Compute P₁ + P₂∘S_κ1 at (x, y), less that at the origin."""
     change = 0.0
     for strength in kappa:
         after = kick(strength, x, y)

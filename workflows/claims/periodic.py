@@ -49,7 +49,7 @@ def periodic_claims():
 
 
 def _permutation_errors(kappas):
-    """P3 carries points I, II, III, IV to II, I, IV, III; P4 to III, IV, I, II."""
+    """Yield the errors of P3, which takes points I, II, III, IV to II, I, IV, III, and of P4."""
     here = fixed_points.primary_residue(*kappas)
     for signs, order in (((-1, -1), [1, 0, 3, 2]), ((1, -1), [2, 3, 0, 1])):
         there = fixed_points.primary_residue(*(kappas.T * signs).T)
@@ -62,7 +62,7 @@ def _printed_stability(kappa1, kappa2):
 
 
 def _tangents(kappas):
-    """DT at the primary points, shape (point, forcing, 2, 2)."""
+    """Compute DT at the primary points, shape (point, forcing, 2, 2)."""
     points = fixed_points.PRIMARY
     return np.array([[step_tangent(kappa, x, y) for kappa in kappas.T] for x, y in points])
 
@@ -72,12 +72,12 @@ def _tangent_residues(kappas):
 
 
 def _is_stable(kappas):
-    """Whether both eigenvalues are complex; those on the boundary have measure zero."""
+    """Tell whether both eigenvalues are complex; the boundary between has measure zero."""
     return np.abs(np.linalg.eigvals(_tangents(kappas)).imag).min(axis=-1) > 0
 
 
 def _carried_orbits():
-    """Orbits of several p/q under κ1 > κ2 > 0, and their images under the swapped kicks."""
+    """Compare orbits of several p/q under κ1 > κ2 > 0 with their images under swapped kicks."""
     worst, residues = 0.0, 0.0
     for kappa in ((0.5, 0.3), (0.8, 0.1), (0.35, 0.3)):
         for p, q in ((1, 2), (1, 3), (2, 5), (5, 8)):
@@ -106,7 +106,7 @@ def _carried_orbits():
 
 
 def _period(kappa, x, y, p, q):
-    """How far an orbit is from p/q-periodic, and its residue."""
+    """Return how far an orbit is from p/q-periodic, and its residue."""
     start, tangent = (x, y), np.eye(2)
     for _ in range(q):
         tangent = step_tangent(kappa, x, y) @ tangent
@@ -115,7 +115,7 @@ def _period(kappa, x, y, p, q):
 
 
 def _six_orbits():
-    """Sign changes of the condition y' = y, with 2y = m - (κ1/2π) sin 2πx from x' = x + m."""
+    """Count sign changes of y' - y, where 2y = m - (κ1/2π) sin 2πx gives x' = x + m."""
     random, x = np.random.default_rng(3), (np.arange(4000) + 0.5) / 4000
     counts = np.array(
         [
@@ -210,7 +210,7 @@ def _cubic_estimate():
 
 
 def cubic_estimates(epsilon):
-    """z² of (second2), and its estimates as printed and as corrected, at κ1 = κ2 = 4 + epsilon."""
+    """Return z² of (second2), and as estimated in print and corrected, at κ1 = κ2 = 4 + epsilon."""
     kappa = 4 + epsilon
     exact = float(fixed_points.secondary(kappa, kappa)[0][0]) ** 2
     denominator = kappa - kappa**2 / 2 + kappa * (1 - kappa / 2) ** 3

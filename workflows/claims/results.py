@@ -15,7 +15,7 @@ _CIRCLES = "python -m workflows.circle_boundaries"
 
 
 def result_claims(circles, barrier):
-    """Sec. VI.D."""
+    """Judge Sec. VI.D."""
     scale = circles.critical_scale
     ratio = (scale / barrier.critical_scale).values
     allowed = ((circles.error + barrier.error) / barrier.critical_scale).values
@@ -60,7 +60,7 @@ def result_claims(circles, barrier):
 
 
 def _known_limits():
-    """Breakups by the paper's method, continuation, where reductions of the map tell them."""
+    """Compare breakups by continuation with those that reductions of the map tell."""
     half, full = KAPPA_G[0] / 2, KAPPA_G[0] * np.sqrt(2)
     cases = [(0, name, half) for name in NAMES[:2]] + [(90, name, half) for name in NAMES[:2]]
     cases += [(45, "2gamma", full), (135, "2gamma+1", full)]
@@ -78,7 +78,7 @@ def _known_limits():
 
 
 def _blow_up():
-    """‖u‖_{H³}/‖u‖_{H²} of certified circles at three distances from the breakup by residues."""
+    """Measure ‖u‖_{H³}/‖u‖_{H²} of certified circles at three distances from the breakup."""
     distances, grown = (1e-2, 3e-3, 1e-3), []
     for angle, name in ((0.0, "gamma"), (30.0, "gamma"), (30.0, "[0;1,3,(1)]")):
         omega, profile = parse(name), ray(angle)
@@ -101,7 +101,7 @@ def _blow_up():
 
 
 def _bounds():
-    """Direct iteration from above and continuation from below, on rays away from symmetry."""
+    """Bound breakups by direct iteration from above, by continuation from below."""
     excess, deficit = [], []
     for angle in (15.0, 30.0):
         for name in ("[0;1,3,(1)]", "gamma"):
@@ -126,7 +126,7 @@ def _row(dataset, name):
 
 
 def _mirror(circles, name, other):
-    """|CB_name(φ) - CB_other(180° - φ)| in parts, and what errors allow; where both are known."""
+    """Return |CB_name(φ)/CB_other(180° - φ) - 1| and its error, where both are known."""
     here = _row(circles, name)
     angles = circles.angle.values
     mirrored = angles[np.isin((180 - angles).round(9), angles.round(9))]

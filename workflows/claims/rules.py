@@ -6,7 +6,7 @@ A verdict is never written by hand. Each rule returns the text of the value and 
     agrees      a value and a number in print differ by no more than the errors of both
     graded      as it is written; or only in the weaker sense that the note states; or not at all
 
-A value that is not a number decides nothing.
+NaN is UNDECIDED.
 """
 
 from dataclasses import dataclass
@@ -23,7 +23,15 @@ class Verdict(Enum):
 
 @dataclass(frozen=True)
 class Claim:
-    """place, statement: in the paper. value: ours. command: what shows it. note: why, if at all."""
+    """A statement of the paper, judged.
+
+    place : where the paper makes it.
+    statement : what it says.
+    value : what we find, in words.
+    verdict : what a rule makes of the value.
+    command : what shows it.
+    note : in which sense it holds, or why not; may be empty.
+    """
 
     place: str
     statement: str
@@ -35,7 +43,13 @@ class Claim:
 
 @dataclass(frozen=True)
 class Erratum:
-    """An equation as printed and as it should read, and by how much each of them fails."""
+    """An equation as printed and as it should read.
+
+    printed_off, corrected_off : by how much each form fails.
+    bound : what rounding explains.
+    measured : what was measured, in words.
+    place, command : as of a Claim.
+    """
 
     place: str
     printed: str
@@ -48,7 +62,7 @@ class Erratum:
 
     @property
     def shown(self):
-        """Whether the numbers show that the printed form is wrong and the other one right."""
+        """Tell whether the numbers show that the printed form is wrong, the corrected one right."""
         return self.corrected_off <= self.bound < self.printed_off / 100
 
 
@@ -56,7 +70,7 @@ CLAIMS = "python -m workflows.claims"
 
 
 def rounding(kicks):
-    """What rounding makes of so many kicks with |κ| ≤ 2: 4·10⁻¹⁵ each, and ‖DS‖ ≤ 4."""
+    """Bound the rounding error of some kicks with |κ| ≤ 2: 4·10⁻¹⁵ each, and ‖DS‖ ≤ 4."""
     return 4e-15 * 4.0**kicks
 
 
@@ -66,19 +80,19 @@ def identity(deviation, bound, words="largest deviation"):
 
 
 def printed(text):
-    """A number as printed, and half a unit of its last digit."""
+    """Return a number as printed, and half a unit of its last digit."""
     return float(text), 0.5 * 10.0 ** -len(text.partition(".")[2])
 
 
 def agrees(value, error, expected, uncertainty=0.0):
-    """`expected` is a number in print or what theory makes of one, `uncertainty` its rounding."""
+    """Compare with a number in print, or what theory makes of one, with its rounding."""
     near = abs(value - expected) <= error + uncertainty
     text = f"{value:.12g} ± {error:.1g}; to compare with {expected:.12g}"
     return text, _known(Verdict.HOLDS if near else Verdict.FAILS, value, error)
 
 
 def graded(text, literal, weaker=False, known=True):
-    """literal, weaker : whether it holds so. known : whether there was an answer to judge by."""
+    """Judge by whether a claim holds literally, or in a weaker sense; `known`: if at all."""
     if not known:
         return text, Verdict.UNDECIDED
     if literal:

@@ -76,7 +76,7 @@ def omega(kappa, x, y):
 
 
 def symmetry_claims():
-    """Sec. III."""
+    """Judge Sec. III."""
     claims = []
     for label, statement, sign, image in _F_SYMMETRIES:
         value = identity(_deviation_of_f(sign, image), rounding(2))
@@ -125,7 +125,7 @@ def _ome5():
 
 
 def ome5_deviations():
-    """By how much ω changes from z₀ to S_κ2(z₀), and to S_κ2⁻¹(z₀), under the swapped kicks."""
+    """Measure how ω changes from z₀ to S_κ2(z₀), and to S_κ2⁻¹(z₀), under the swapped kicks."""
     kappa, x, y = ROBUST
     moved = [omega(kappa[::-1], *image(kappa[1], x, y)) for image in (kick, unkick)]
     return [float(np.abs(after - omega(*ROBUST)).max()) for after in moved]

@@ -7,7 +7,7 @@ from workflows.figures.style import cell, dots
 
 
 def draw_verdict(portrait):
-    """A phase portrait with the circle that is a barrier, or with an orbit that escapes."""
+    """Draw a phase portrait with the circle that is a barrier, or with an orbit that escapes."""
     escapes = "escaping_y" in portrait
     figure, panels = plt.subplots(
         1, 1 + escapes, figsize=(6 + 6 * escapes, 6.2), layout="constrained", squeeze=False

@@ -6,7 +6,7 @@ from workflows.figures.style import CIRCLE_COLOURS, omega_label
 
 
 def draw_circle_boundaries(breakdown, barrier):
-    """CB_ω of each rotation number over the upper half plane, and CB_gt behind them, Fig. 8."""
+    """Draw CB_ω of each rotation number in the upper half plane, CB_gt behind them, Fig. 8."""
     figure, axes = plt.subplots(figsize=(10, 5.8))
     axes.fill_between(barrier.kappa1, barrier.kappa2, color="0.92", label=r"$\mathit{CB}_{gt}$")
     draw_circles(axes, breakdown, breakdown.kappa1, breakdown.kappa2)
@@ -17,7 +17,7 @@ def draw_circle_boundaries(breakdown, barrier):
 
 
 def draw_tips(residues, circles, barrier):
-    """The tips at 45° and 135° in detail, Fig. 9: residues as lines, circles as points."""
+    """Draw the tips at 45° and 135° in detail, Fig. 9: residues as lines, circles as points."""
     figure, panels = plt.subplots(1, 2, figsize=(11, 5.5), layout="constrained")
     for axes, sign in zip(panels, (-1, 1), strict=True):
         axes.fill_between(barrier.kappa1, barrier.kappa2, color="0.92")
@@ -34,7 +34,7 @@ def draw_tips(residues, circles, barrier):
 
 
 def draw_circles(axes, breakdown, x, y):
-    """The curves (x, y) of each ω; with (-x, -y), as all boundaries have that symmetry."""
+    """Draw the curves (x, y) of each ω, and (-x, -y), which by symmetry are boundaries too."""
     for i, text in enumerate(breakdown.omega.attrs["exact"]):
         colour = CIRCLE_COLOURS[i % len(CIRCLE_COLOURS)]
         axes.plot(x[i], y[i], color=colour, lw=1.3, label=omega_label(text))
@@ -42,7 +42,7 @@ def draw_circles(axes, breakdown, x, y):
 
 
 def circles_caption(residues, circles, barrier):
-    """What is shown, where each circle comes nearest to CB_gt, and whether all lie within."""
+    """Say where each circle comes nearest to CB_gt, and whether all lie within it."""
     ratio = (residues.critical_scale / barrier.critical_scale).load()
     beyond = residues.critical_scale - residues.error > barrier.critical_scale + barrier.error
     shares = ", ".join(
@@ -58,7 +58,7 @@ def circles_caption(residues, circles, barrier):
 
 
 def tips_caption(residues, circles):
-    """What is shown, and how far the two methods are apart."""
+    """Say how far the two methods are apart."""
     off = abs(circles.critical_scale / residues.critical_scale - 1)
     silent = int((circles.status != 1).sum() + (residues.status != 1).sum())
     return (

@@ -7,7 +7,7 @@ from workflows.figures.style import CIRCLE_COLOURS, power
 
 
 def draw_convergence(bias, others, fits):
-    """Error against effort of four methods, Fig. 7 and its likes, on logarithmic axes."""
+    """Draw error against effort of four methods, Fig. 7 and its likes, on logarithmic axes."""
     figure, panels = plt.subplots(2, 2, figsize=(11, 9), layout="constrained")
     direct, orbits, cones, sharp = panels.flat
     for i, angle in enumerate(bias.angle.values):
@@ -47,7 +47,7 @@ def draw_convergence(bias, others, fits):
 
 
 def describe(bias, fits):
-    """The caption of `draw_convergence`."""
+    """Describe `draw_convergence`, with the fitted exponents."""
     etas = ", ".join(
         f"{eta:.2f} ± {error:.2f} at {angle:g}°" for angle, (eta, error) in fits.items()
     )
@@ -62,7 +62,7 @@ def describe(bias, fits):
 
 
 def draw_diagonal(diagonal):
-    """Direct iteration on the diagonal in the paper's axes, Fig. 7, with a line for each half."""
+    """Draw direct iteration on the diagonal in the paper's axes, with a line for each half of N."""
     figure, axes = plt.subplots(figsize=(7, 5), layout="constrained")
     axes.plot(diagonal.n, diagonal.distance, "ko", ms=4, mfc="none")
     for half, words in enumerate(diagonal.half.attrs["names"]):
@@ -85,7 +85,7 @@ def draw_diagonal(diagonal):
 
 
 def describe_diagonal(diagonal):
-    """The caption of `draw_diagonal`."""
+    """Describe `draw_diagonal`, with the fitted exponents."""
     etas = [
         f"{float(diagonal.eta[half]):.2f} ± {float(diagonal.eta_error[half]):.2f}"
         for half in (0, 1)

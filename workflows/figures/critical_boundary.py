@@ -8,8 +8,10 @@ from workflows.figures.style import power
 
 
 def draw_critical_boundary(plane, circles, barrier):
-    """The escape field, CB_ω of the circles and CB_gt in the colours of the last circle; which
-    circle that is, by angle; and how CB_gt falls from the tip at 45°."""
+    """Draw the escape field, CB_ω of the circles and CB_gt in the colours of the last circle.
+
+    Below: which circle that is, by angle; and how CB_gt falls from the tip at 45°.
+    """
     figure = plt.figure(figsize=(12, 10.5))
     axes, strip, tip = three_panels(figure)
     draw_field(axes, plane)

@@ -8,18 +8,11 @@ from matplotlib.patches import ConnectionPatch
 from workflows.figures.style import CIRCLE_COLOURS, power
 
 # The paper's green triangles, red circles and blue squares, in colours that all can tell apart.
-_MARKS = [
-    ("^", CIRCLE_COLOURS[2]),
-    ("o", CIRCLE_COLOURS[1]),
-    ("s", CIRCLE_COLOURS[0]),
-    ("D", CIRCLE_COLOURS[3]),
-    ("v", CIRCLE_COLOURS[4]),
-    ("P", CIRCLE_COLOURS[5]),
-]
+_MARKS = list(zip("^osDvP", [CIRCLE_COLOURS[i] for i in (2, 1, 0, 3, 4, 5)], strict=True))
 
 
 def draw_quadrant(boundary, barrier):
-    """The positive quadrant, Fig. 5."""
+    """Draw the positive quadrant, Fig. 5."""
     figure, axes = plt.subplots(figsize=(7.5, 7.5), layout="constrained")
     _draw_boundaries(axes, _up_to(boundary, 90), _up_to(barrier, 90))
     axes.set(xlim=(0, None), ylim=(0, None))
@@ -29,9 +22,9 @@ def draw_quadrant(boundary, barrier):
 
 
 def draw_half_plane(boundary, barrier, insets):
-    """The upper half plane, Fig. 6, with the cell at four forcings beside it."""
+    """Draw the upper half plane, Fig. 6, with the cell at four forcings beside it."""
     figure = plt.figure(figsize=(14, 6.2), layout="constrained")
-    # The insets in the order of their forcings in the plane, from outside in and from outside in.
+    # The insets are beside the side of the plane that their forcings are on, the outer ones above.
     places = [["3", "plane", "1"], ["2", "plane", "0"]]
     panels = figure.subplot_mosaic(places, width_ratios=[1, 3.1, 1])
     plane = panels.pop("plane")
@@ -45,7 +38,7 @@ def draw_half_plane(boundary, barrier, insets):
 
 
 def describe(boundary):
-    """The caption of both figures: settings, bias and asymmetry."""
+    """Describe both figures: settings, bias and asymmetry."""
     n = ", ".join(map(str, boundary.n.values))
     biases = ", ".join(f"{100 * b:.2g}%" for b in boundary.bias.median("angle").values)
     caption = (
@@ -80,7 +73,7 @@ def _unlike(words, scales, times):
 
 
 def describe_insets(insets):
-    """What the insets of Fig. 6 show."""
+    """Describe the insets of Fig. 6."""
     ranges = "; ".join(
         f"({float(inset.kappa1):g}, {float(inset.kappa2):g}): "
         f"{float(inset.lowest):.3g} to {float(inset.highest):.3g}"
@@ -120,7 +113,7 @@ def _draw_boundaries(axes, boundary, barrier):
 
 
 def _draw_inset(axes, plane, inset):
-    """The cell, and a line from it to its forcing in the plane."""
+    """Draw the cell, and a line from it to its forcing in the plane."""
     visits = inset.visits.where(inset.visits > 0)
     axes.imshow(visits, extent=(0, 1, 0, 1), origin="lower", cmap="Blues", norm=LogNorm(vmin=0.1))
     forcing = float(inset.kappa1), float(inset.kappa2)

@@ -10,8 +10,14 @@ _BOUNDARY_COLOURS = ["black", CIRCLE_COLOURS[2], CIRCLE_COLOURS[5]]  # far from 
 
 
 def draw_escape_plane(plane, steps):
-    """First escape times of the largest ensemble, with the boundary of each number of steps."""
-    figure, axes = _plane_axes(plane)
+    """Draw first escape times of the largest ensemble, and the boundary of each number of steps."""
+    height = np.ptp(plane.kappa2.values) / np.ptp(plane.kappa1.values)
+    figure, axes = plt.subplots(figsize=(10, 1.2 + 8 * min(1.2, height)), layout="constrained")
+    axes.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$", aspect="equal")
+    axes.set_title(
+        rf"Global transport: {int(plane.ensemble[-1])} orbits, up to "
+        rf"${power(plane.attrs['n_max'])}$ steps of $\mathcal{{T}}_{{\kappa_1\kappa_2}}$"
+    )
     field = draw_field(axes, plane)
     for n, colour in zip(steps[::-1], _BOUNDARY_COLOURS, strict=False):
         axes.contour(
@@ -22,30 +28,13 @@ def draw_escape_plane(plane, steps):
     return figure
 
 
-def _plane_axes(plane):
-    width = float(plane.kappa1.max() - plane.kappa1.min())
-    height = float(plane.kappa2.max() - plane.kappa2.min())
-    figure, axes = plt.subplots(
-        figsize=(10, 1.2 + 8 * min(1.2, height / width)), layout="constrained"
-    )
-    axes.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$", aspect="equal")
-    axes.set_title(
-        rf"Global transport: {int(plane.ensemble[-1])} orbits, up to "
-        rf"${power(plane.attrs['n_max'])}$ steps of $\mathcal{{T}}_{{\kappa_1\kappa_2}}$"
-    )
-    return figure, axes
-
-
 def draw_field(axes, plane):
-    """The field on a log scale; cells without escape are left white. Returns the field."""
+    """Draw the field on a log scale, cells without escape white; return the field."""
     field = plane.escape_time.isel(ensemble=-1).values
-    half = [float(c.diff(c.name)[0]) / 2 for c in (plane.kappa1, plane.kappa2)]
-    extent = [
-        float(plane.kappa1[0]) - half[0],
-        float(plane.kappa1[-1]) + half[0],
-        float(plane.kappa2[0]) - half[1],
-        float(plane.kappa2[-1]) + half[1],
-    ]
+    extent = []
+    for axis in (plane.kappa1.values, plane.kappa2.values):
+        half = (axis[1] - axis[0]) / 2
+        extent += [axis[0] - half, axis[-1] + half]
     finite = np.where(np.isfinite(field), field, np.nan)
     earliest = max(1.0, np.nanmin(finite)) if np.isfinite(finite).any() else 1.0
     image = axes.imshow(

@@ -9,7 +9,7 @@ _ETA = 3.0117  # ln(αβ)/ln δ of MacKay's scaling constants, a guide for the e
 
 
 def draw_flux(fluxes, fits):
-    """Flux against the distance beyond the breakup, and divided by the power law of the theory."""
+    """Draw the flux against the distance beyond the breakup, and divided by the power law."""
     figure, panels = plt.subplots(1, 2, figsize=(12, 5), layout="constrained")
     whole, divided = panels
     x = fluxes.excess.values
@@ -36,7 +36,7 @@ def draw_flux(fluxes, fits):
 
 
 def caption(fluxes, fits):
-    """What is shown, and the fitted laws."""
+    """Describe the figure, with the fitted laws."""
     laws = ", ".join(
         f"η = {row.exponent:.6f} ± {row.exponent_error:.0e} at {angle:g}° ({row.circle})"
         for angle, row in fits.to_dataframe().iterrows()

@@ -5,8 +5,10 @@ import numpy as np
 
 
 def draw_last_barrier(barrier):
-    """CB_gt over the upper half plane, coloured by the last circle; which one it is, by angle; and
-    how CB_gt falls from the tip at 45°."""
+    """Draw CB_gt in the upper half plane, coloured by the last circle.
+
+    Below: which circle that is, by angle; and how CB_gt falls from the tip at 45°.
+    """
     figure = plt.figure(figsize=(11, 8.5))
     plane, strip, tip = three_panels(figure)
     colours = draw_barrier(plane, barrier)
@@ -19,7 +21,7 @@ def draw_last_barrier(barrier):
 
 
 def draw_tip(axes, barrier, colours):
-    """How far the boundary is below the tip at 45°, on logarithmic axes."""
+    """Draw how far the boundary is below the tip at 45°, on logarithmic axes."""
     side = barrier.isel(angle=np.flatnonzero(((barrier.angle < 45) & (barrier.angle > 25)).values))
     short = barrier.critical_scale.sel(angle=45) - side.critical_scale
     if not (short > 0).any():
@@ -31,7 +33,7 @@ def draw_tip(axes, barrier, colours):
 
 
 def draw_barrier(axes, table):
-    """CB_gt, each point in the colour of its last circle; returns {circle: colour}."""
+    """Draw CB_gt, each point in the colour of its last circle; return {circle: colour}."""
     circles = [c for c in dict.fromkeys(table.circle.values.tolist()) if c]
     palette = plt.get_cmap("tab20").colors
     colours = {circle: palette[i % len(palette)] for i, circle in enumerate(circles)}
@@ -43,7 +45,7 @@ def draw_barrier(axes, table):
 
 
 def draw_circle_strip(axes, table, colours):
-    """Which circle is the last, by angle."""
+    """Draw which circle is the last, by angle."""
     for circle, colour in colours.items():
         here = table.isel(angle=np.flatnonzero(table.circle.values == circle))
         if here.angle.size:
@@ -55,16 +57,14 @@ def draw_circle_strip(axes, table, colours):
 
 
 def three_panels(figure):
-    """Axes for the plane, for what happens by angle, and for the tip."""
-    return figure.subplot_mosaic(
-        [["plane", "plane"], ["strip", "tip"]],
-        height_ratios=[1.5, 1],
-        width_ratios=[2.4, 1],
-    ).values()
+    """Make axes for the plane, for what happens by angle, and for the tip."""
+    places, ratios = [["plane", "plane"], ["strip", "tip"]], ([1.5, 1], [2.4, 1])
+    panels = figure.subplot_mosaic(places, height_ratios=ratios[0], width_ratios=ratios[1])
+    return panels.values()
 
 
 def caption(barrier):
-    """What is shown, how wide the brackets are, and which circles are the last."""
+    """Say how wide the brackets are, and which circles are the last."""
     width = (barrier.upper - barrier.lower) / barrier.critical_scale
     wedge = barrier.isel(angle=np.flatnonzero((barrier.angle <= 45).values))
     changes = [

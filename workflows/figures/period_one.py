@@ -9,7 +9,7 @@ _STABLE = CIRCLE_COLOURS[1]
 
 
 def draw_primary_points(primary):
-    """Stability of the four primary period-one points over the plane, Fig. 3."""
+    """Draw where the four primary period-one points are stable, Fig. 3."""
     figure, panels = plt.subplots(2, 2, figsize=(8, 8), sharex=True, sharey=True)
     for axes, i, point in zip(panels.flat, range(4), primary.point.attrs["points"], strict=True):
         residue = primary.residue.isel(point=i)
@@ -27,7 +27,7 @@ def draw_primary_points(primary):
 
 
 def draw_secondary_points(secondary):
-    """Where secondary points exist and are stable, and the error of the cubic estimate, Fig. 4."""
+    """Draw where secondary points exist and are stable, and the estimate's error, Fig. 4."""
     figure, axes = plt.subplots(figsize=(7.5, 6))
     error = secondary.estimate_error.where(secondary.estimate_error > 0)
     image = axes.pcolormesh(
@@ -47,7 +47,7 @@ def draw_secondary_points(secondary):
 
 
 def primary_caption(primary):
-    """What is shown, and how much of the plane is stable."""
+    """Say how much of the plane is stable."""
     stable = (primary.residue > 0) & (primary.residue < 1)
     parts = ", ".join(
         f"{point}: {100 * float(stable.sel(point=i).mean()):.1f}%"
@@ -60,7 +60,7 @@ def primary_caption(primary):
 
 
 def secondary_caption(secondary):
-    """What is shown, and how good the estimate is."""
+    """Say where secondary points exist and are stable, and how good the estimate is."""
     exists = secondary.z.notnull()
     stable = (secondary.residue > 0) & (secondary.residue < 1)
     error = secondary.estimate_error

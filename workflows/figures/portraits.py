@@ -9,7 +9,7 @@ _KICKS_SHOWN = 80
 
 
 def draw_kicks(portraits):
-    """T_{κ1κ2}, T_{κ2κ1}, the nonautonomous map, and one of its orbits: in the plane, in time."""
+    """Draw T_{κ1κ2}, T_{κ2κ1}, the nonautonomous map, and one orbit: in the plane, in time."""
     figure = plt.figure(figsize=(9, 11), layout="constrained")
     places = [["first", "second"], ["raw", "island"], ["time", "time"]]
     panels = figure.subplot_mosaic(places, height_ratios=[1, 1, 0.4])
@@ -41,7 +41,7 @@ def draw_kicks(portraits):
 
 
 def describe_kicks(portraits):
-    """The caption of `draw_kicks`."""
+    """Describe `draw_kicks`."""
     first, second = (_forcing(portraits.isel(forcing=i), "({:g}, {:g})") for i in (0, 1))
     n, kicks = portraits.sizes["orbit"], portraits.sizes["kick"] - 1
     x, y = float(portraits.island_x[0]), float(portraits.island_y[0])
@@ -62,7 +62,7 @@ def describe_kicks(portraits):
 
 
 def draw_symmetry(portraits):
-    """Four forcings related by symmetries, with the images of three orbits in colours."""
+    """Draw four forcings related by symmetries, with the images of three orbits in colours."""
     figure, panels = plt.subplots(
         2, 2, figsize=(9, 9.3), layout="constrained", sharex=True, sharey=True
     )
@@ -79,7 +79,7 @@ def draw_symmetry(portraits):
 
 
 def describe_symmetry(portraits):
-    """The caption of `draw_symmetry`."""
+    """Describe `draw_symmetry`."""
     forcings = [_forcing(portraits.isel(forcing=i), "({:g}, {:g})") for i in range(4)]
     starts = ", ".join(
         f"({float(portraits.marked_x[0, 0, i]):g}, {float(portraits.marked_y[0, 0, i]):g})"

@@ -9,7 +9,7 @@ from workflows.figures.style import CIRCLE_COLOURS, power
 
 
 def draw_rotating_circles(circles, two, direct):
-    """CB_ω, CB_gt and the onset of transport of T in the variables κ̄, Δκ: the diamond, Fig. 10."""
+    """Draw CB_ω, CB_gt and the onset of transport of T in κ̄ and Δκ: the diamond, Fig. 10."""
     figure, axes = plt.subplots(figsize=(7, 7))
     fill_diamond(axes, two, r"$\mathit{CB}_{gt}$")
     mean, amplitude = (circles.kappa1 + circles.kappa2) / 2, (circles.kappa1 - circles.kappa2) / 2
@@ -20,7 +20,7 @@ def draw_rotating_circles(circles, two, direct):
 
 
 def draw_rotating_tori(tori, two, direct):
-    """Breakup of tori by the residue of long orbits, against CB_gt of T, Fig. 11."""
+    """Draw the breakup of tori by the residue of long orbits, against CB_gt of T, Fig. 11."""
     figure, axes = plt.subplots(figsize=(7, 7))
     fill_diamond(axes, two, r"$\mathit{CB}_{gt}$ of $T$")
     for i, vector in enumerate(tori.attrs["vectors"]):
@@ -43,7 +43,7 @@ def circles_caption(circles, two, direct):
 
 
 def tori_caption(tori, two, direct):
-    """What the figure shows, and where a torus outlasts the last circle of T."""
+    """Say where a torus outlasts the last circle of T."""
     parts = [
         "Breakup of two-dimensional tori of the rotating standard map, |R| = 1/4 of one orbit of "
         "each rotation vector, against CB_gt of T, and the onset of its transport by direct "
@@ -66,18 +66,18 @@ def _effort(direct):
 
 
 def _outside(two, direct):
-    """By how much direct iteration is biased, "3% to 5%"."""
+    """Say by how much direct iteration is biased, "3% to 5%"."""
     excess = 100 * (direct.upper.isel(frequency=0).values / two.critical_scale.values - 1)
     return f"{excess.min():.0f}% to {excess.max():.0f}%"
 
 
 def draw_diamond(axes, curve, **style):
-    """A boundary over all of the plane: with (κ̄, Δκ) it holds (-κ̄, -Δκ)."""
+    """Draw a boundary around the plane: with (κ̄, Δκ) it contains (-κ̄, -Δκ)."""
     axes.plot(*_closed(curve.kappa_mean, curve.kappa_amplitude), **style)
 
 
 def fill_diamond(axes, two, label):
-    """CB_gt of T, and grey inside."""
+    """Draw CB_gt of T, and grey inside."""
     outline = _closed(two.kappa_mean, two.kappa_amplitude)
     axes.fill(*outline, facecolor="0.92", edgecolor="black", lw=2, label=label)
 

@@ -1,4 +1,4 @@
-"""Where each method stops being right: nine panels."""
+"""Nine panels on where each method stops being right."""
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -7,7 +7,7 @@ from workflows.figures.style import CIRCLE_COLOURS
 
 
 def draw_stability(studies):
-    """Where each method stops being right: nine panels, one for each study."""
+    """Draw a panel for each study."""
     figure, panels = plt.subplots(3, 3, figsize=(16, 13), layout="constrained")
     draw = {
         "cusp": _draw_near_cusp,
@@ -29,7 +29,7 @@ def draw_stability(studies):
 
 
 def _draw_near_cusp(axes, study):
-    """Errors as they are, the claims dashed, and crosses where there is no answer."""
+    """Draw the errors, the claimed ones dashed, and crosses where there is no answer."""
     for i, name in enumerate(study.approach.attrs["names"]):
         here, colour = study.isel(approach=i), CIRCLE_COLOURS[i]
         off = np.maximum(here.off, 1e-14)
@@ -42,7 +42,7 @@ def _draw_near_cusp(axes, study):
 
 
 def _draw_past_boundary(axes, study):
-    """What each method claims about each side: a mark for each method that says so."""
+    """Draw what each method claims on each side of the breakup, a mark for each claim."""
     excess = study.excess.values
     inside = np.abs(excess[excess != 0]).min()
     place = np.sign(excess) * np.log10(np.maximum(np.abs(excess), inside / 10) / inside * 10)
@@ -69,7 +69,7 @@ def _draw_past_boundary(axes, study):
 
 
 def _draw_fractions(axes, study):
-    """Breakups by continuation and by residues, with errors, and the certified circles below."""
+    """Draw breakups by continuation and residues, with errors, and the certified circles below."""
     for i, quotient in enumerate(study.quotient.values):
         here, colour = study.isel(quotient=i), CIRCLE_COLOURS[i]
         place = study.q * 1.08**i
@@ -85,7 +85,7 @@ def _draw_fractions(axes, study):
 
 
 def _draw_twist(axes, study):
-    """Lives on the dominant line, and the least twist."""
+    """Draw lives on the dominant line, and where the twist ends."""
     for i, angle in enumerate(study.angle.values):
         here, colour = study.isel(angle=i), CIRCLE_COLOURS[i]
         finite = here.where(np.isfinite(here.elimination_time))
@@ -100,7 +100,7 @@ def _draw_twist(axes, study):
 
 
 def _draw_amplitudes(axes, study):
-    """Amplitudes of the last circles and of others."""
+    """Draw the amplitudes of the last circles and of others."""
     for kick in (0, 1):
         style = ("o-", "x")[kick]
         label = f"last circle, kick {kick + 1}"

@@ -26,7 +26,7 @@ def save(figure, out, name, caption=""):
 
 
 def omega_label(text):
-    """The continued fraction in TeX, with the paper's name of it if it has one."""
+    """Return the continued fraction in TeX, with the paper's name if it has one."""
     from nasm.numbers import NAMES, parse
 
     names = {str(parse(name)): name.replace("gamma", r"\gamma") for name in NAMES}
@@ -35,7 +35,7 @@ def omega_label(text):
 
 
 def power(n):
-    """10^5, 5·10^5, … in TeX; small numbers and crooked ones as they are."""
+    """Return 10^5, 5·10^5, … in TeX; small numbers and those of more digits as they are."""
     if n < 1000 or n % 10 ** (len(str(n)) - 2):
         return str(n)
     exponent = len(str(n)) - 1
@@ -48,5 +48,5 @@ def dots(colour, size):
 
 
 def cell(y):
-    """y mod 1 in [-1/4, 3/4): the circles of 0 ≤ ω/P ≤ 1/2, up to their amplitude, are whole."""
+    """Return y mod 1 in [-1/4, 3/4), which does not cut the circles of 0 ≤ ω/P ≤ 1/2."""
     return (y + 0.25) % 1 - 0.25

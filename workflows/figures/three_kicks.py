@@ -8,7 +8,7 @@ from workflows.figures.style import CIRCLE_COLOURS
 
 
 def draw_three_kicks(three, two):
-    """The boundaries in the (κ̄, Δκ) plane, and by angle in parts of that of T."""
+    """Draw the boundaries in the (κ̄, Δκ) plane, and by angle in parts of that of T."""
     figure, (plane, strip) = plt.subplots(
         1, 2, figsize=(13, 5.6), layout="constrained", width_ratios=[1.25, 1]
     )
@@ -35,7 +35,7 @@ def draw_three_kicks(three, two):
 
 
 def caption(three):
-    """What the figure shows, and where three kicks outlast two."""
+    """Say where three kicks outlast two."""
     relative = three.error / three.critical_scale
     parts = [
         "Boundary of global transport of the rotating standard map with Ω = 1/3 for several phases "

@@ -19,8 +19,10 @@ _BETTER = ("extrapolated", "value", "blow-up", "Aitken")
 
 
 def draw_work_precision(data):
-    """Error against CPU time, a panel for each ray, grey where the judge may err; and the time of a
-    Newton step."""
+    """Draw error against CPU time, a panel for each ray, and the time of a Newton step.
+
+    Grey: below the error of what all are judged by.
+    """
     n_panels = data.angle.size + 1
     figure, panels = plt.subplots(
         -(-n_panels // 3), min(3, n_panels), figsize=(13, 9), layout="constrained", squeeze=False

@@ -101,7 +101,7 @@ def increasing(name, default, largest, help):
 
 
 def ray_options(default):
-    """--angles and --tips, the rays of the upper half plane."""
+    """Make --angles and --tips, the rays of the upper half plane."""
     return together(
         whole("--angles", default, 2, 10**6, "Rays, from 0 to 180 degrees."),
         whole("--tips", 8, 0, 1000, "More rays on each side of the cusps at 45 and 135 degrees."),
@@ -109,7 +109,7 @@ def ray_options(default):
 
 
 def plane_options(kappa1, kappa2, n_max, n_orbits, tile, levels):
-    """The options of a plane of escape times, as `parts.plane.plane_of` takes them."""
+    """Make the options of a plane of escape times, as `plane.plane_of` takes them."""
     return together(
         axis("--kappa1", kappa1, "First kick's strength: lower end, upper end, cells."),
         axis("--kappa2", kappa2, "Second kick's strength, likewise."),
@@ -126,9 +126,6 @@ def plane_options(kappa1, kappa2, n_max, n_orbits, tile, levels):
             "Refine along, and draw, the boundaries {n* <= N} of these N.  [default: n-max]",
         ),
     )
-
-
-quick_option = click.option("--quick", is_flag=True, help="A preview: less, and shorter, of all.")
 
 
 def _directory(context, parameter, out):

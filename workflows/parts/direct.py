@@ -26,12 +26,12 @@ def steps_up_to(n_max):
 
 
 def bias_job(scales, sizes, n_max):
-    """The job of the cube `escape_rays`: excesses from 1% to 100%, sixty a decade."""
+    """Return the job of the cube `escape_rays`: excesses from 1% to 100%, sixty a decade."""
     return beyond("escape_rays", scales, np.geomspace(0.01, 1, 121), sizes, n_max)
 
 
 def boundary_job(barrier, n_max, n_orbits):
-    """The job of the cube `direct_boundary`: one ensemble, excesses 1% to 100%, thirty a decade."""
+    """Return the job of `direct_boundary`: one ensemble, thirty excesses a decade from 1%."""
     scales = dict(zip(barrier.angle.values.tolist(), barrier.critical_scale.values, strict=True))
     return beyond("direct_boundary", scales, np.geomspace(0.01, 1, 61), [n_orbits], n_max)
 

@@ -12,7 +12,7 @@ def grid(angles, nearest):
 
 
 def job(barrier, excesses, q_max):
-    """The job of the cube `flux` on the rays of a table of last barriers."""
+    """Return the job of the cube `flux` on the rays of a table of last barriers."""
     rays = barrier.to_dataframe()
     scales, circles = rays.critical_scale.to_dict(), rays.circle.to_dict()
     return through_last_circle(scales, circles, excesses, q_max)

@@ -8,7 +8,7 @@ from workflows.parts.tables import described
 
 
 def primary_dataset(axis):
-    """Residues of the primary points over the plane axis × axis; dims (point, kappa2, kappa1)."""
+    """Compute residues of the primary points over axis × axis; dims (point, kappa2, kappa1)."""
     plane = _plane(axis)
     kappa2, kappa1 = np.meshgrid(axis.centres, axis.centres, indexing="ij")
     points = [f"({x:g}, {y:g})" for x, y in fixed_points.PRIMARY]
@@ -26,7 +26,7 @@ def primary_dataset(axis):
 
 
 def secondary_dataset(axis):
-    """The secondary point next to (1/2, 0) over the plane axis × axis; NaN where there is none."""
+    """Find the secondary point next to (1/2, 0) over axis × axis; NaN where it does not exist."""
     kappa2, kappa1 = np.meshgrid(axis.centres, axis.centres, indexing="ij")
     z, x, y = fixed_points.secondary(kappa1, kappa2)
     residue = np.full(z.shape, np.nan)

@@ -35,7 +35,7 @@ class Plane:
 
     @property
     def drawn(self):
-        """N of the boundaries to be drawn: those that are resolved everywhere.
+        """The N whose boundaries are resolved everywhere, to be drawn.
 
         In a plane that is computed in full n_max/10, n_max/2 and n_max, as in Fig. 5.
         """
@@ -68,7 +68,7 @@ def plane_of(kappa1, kappa2, n_max, n_orbits, tile, levels, follow):
 
 
 def planned(plane):
-    """The job of the cube `escape`: all cells, or the plan of what its levels are composed to."""
+    """Return the job of the cube `escape`: all cells, or the plan of its composed levels."""
     finest = _level_job(plane, "escape", plane.levels - 1)
     if plane.levels == 1:
         return finest

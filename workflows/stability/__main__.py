@@ -40,15 +40,13 @@ What they found, in the full run:
    like n^1.5: 3·10⁻⁹ after 10⁶ steps, and as many back are 2% of a turn off.
 """
 
-import time
-
 import click
 
-from workflows.parts.cli import command, quick_option, writes
+from workflows.parts.cli import command, writes
 
 
 @command()
-@quick_option
+@click.option("--quick", is_flag=True, help="A preview: fewer and shorter runs of everything.")
 @writes
 def main(run, quick):
     """Where each method stops being right: nine cubes and a figure in OUT.
@@ -61,10 +59,8 @@ def main(run, quick):
     found = {}
     with run.driving():
         for name, study in STUDIES.items():
-            begin = time.perf_counter()
             found[name] = run.keep(f"stability_{name}", study(quick), quick=quick)
-            seconds = time.perf_counter() - begin
-            click.echo(f"{name}: {found[name].attrs['title']}, {seconds:.1f} s", err=True)
+            click.echo(f"{name}: {found[name].attrs['title']}", err=True)
         run.figure("stability", draw_stability(found))
 
 

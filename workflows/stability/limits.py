@@ -21,7 +21,7 @@ _ESCAPE = described("first escape of 100 orbits, steps; inf: none")
 
 
 def near_cusp(quick):
-    """1. Values and errors next to the cusp at 45°, judged by longer runs.
+    """1. Compare values and errors next to the cusp at 45° with longer runs.
 
     `periodic` and `continuation` on the circle of γ, `cones` and `barriers` on the last circle: by
     residues of ten times longer orbits, and where these fail, by lives a hundred times longer.
@@ -68,7 +68,7 @@ def _judged(scale, judge):
 
 
 def past_boundary(quick):
-    """2. What each method says at scales s_c(1 + x), on either side of the breakup s_c."""
+    """2. Ask each method at scales s_c(1 + x), on either side of the breakup s_c."""
     angles = (20.0, 45.0) if quick else (0.0, 20.0, 40.0, 45.0)
     decades = np.geomspace(1e-4, 1e-1, 4 if quick else 10)
     excess = np.concatenate([-decades[::-1], [0.0], decades])
@@ -109,7 +109,7 @@ def past_boundary(quick):
 
 
 def disguised_fractions(quick):
-    """3. Circles of fractions p/q disguised as irrational, [0;1,…,1,a,(1)], on the ray (0.3, 0.2).
+    """3. Break circles of fractions disguised as irrational, [0;1,…,1,a,(1)], on (0.3, 0.2).
 
     They are 1/(aq²) from p/q and, for large a, break long before the golden circle, to which their
     first convergents belong. Judged by residues of longer orbits where these see the tail.
@@ -154,7 +154,7 @@ def disguised_fractions(quick):
 
 
 def beyond_the_twist(quick):
-    """4. What is left of the methods for scales up to 3; the twist ends at |κ2| = 2."""
+    """4. Try the methods for scales up to 3; the twist ends at |κ2| = 2."""
     angles, scales = (0.0, 20.0, 45.0, 90.0, 135.0), np.linspace(0.25, 3.0, 12 if quick else 23)
     shape = len(angles), scales.size
     least, lived, residue, digits, escaped, status = np.full((6, *shape), np.nan)

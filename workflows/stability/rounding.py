@@ -16,7 +16,7 @@ from workflows.parts.tables import described, listed
 
 
 def rounding(quick):
-    """9. Drift off a certified circle of (0.3, 0.3), and the error of n steps forth and n back.
+    """9. Measure the drift off a circle of (0.3, 0.3), and the error of n steps and n back.
 
     lift: the polynomial sine, x not reduced. turns: the same, x reduced each kick. libm: math.sin
     of 2πx, reduced. lattice: y rounded to 2⁻⁵¹ each kick. float32: the polynomial, reduced.

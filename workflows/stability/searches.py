@@ -14,7 +14,7 @@ from workflows.parts.tables import described
 
 
 def missed_survivors(quick):
-    """6. How often the beam search of `cones` misses the longest life, by the number it keeps.
+    """6. Count how often the beam search of `cones` misses the longest life, by what it keeps.
 
     Judged by the best that any of them found.
     """
@@ -54,7 +54,7 @@ def missed_survivors(quick):
 
 
 def fake_circles(quick):
-    """7. How far past the breakup Newton's method "converges", and what the certificate says.
+    """7. Measure how far past the breakup Newton's method "converges", and ask the certificate.
 
     The naive method stops on small updates, with n points, and goes on in κ as far as it gets.
     """
@@ -95,7 +95,7 @@ def fake_circles(quick):
 
 
 def _naive_path(omega, profile, n, breakup):
-    """(scale, u) of all circles that small updates on n points make believe in."""
+    """List (scale, u) of all circles that small updates on n points make believe in."""
     path, step = [(0.0, np.zeros((profile.size, n)))], 0.1 * breakup
     while step > 1e-4 * breakup and path[-1][0] < 3 * breakup:
         target, trial = path[-1][0] + step, path[-1][1]
@@ -112,7 +112,7 @@ def _naive_path(omega, profile, n, breakup):
 
 
 def disordered_orbits(quick):
-    """8. Newton's method for the orbit of 13/21 from bad starts: what it finds, and what is said.
+    """8. Start Newton's method for the orbit of 13/21 badly: see what it finds, and accepts.
 
     The forcing grows from inside the plane's barriers to far beyond; starts are the rotation with
     random deviations of 0.03 and 0.1 turns.

@@ -17,18 +17,8 @@ import click
 
 from workflows.parts.cli import command, writes
 
-NAMES = (
-    "direct",
-    "direct-100",
-    "direct-window",
-    "cones",
-    "birkhoff",
-    "circle",
-    "continuation",
-    "crossing",
-    "residue",
-    "barriers",
-)
+NAMES = ("direct", "direct-100", "direct-window", "cones", "birkhoff", "circle", "continuation")
+NAMES += ("crossing", "residue", "barriers")
 ANGLES = ("45", "0", "30", "40", "120")
 
 
