@@ -22,7 +22,7 @@ METHODS = {
 def test_a_ray_s_size_is_a_unit_down_to_the_smallest(name):
     expected = METHODS[name](PROFILE, 1.0)
     assert expected.status is Status.OK
-    for size in (2.0**-530, 2.0**-996, 2.0**13):  # without rounding, which would change escapes
+    for size in (2.0**-996, 2.0**13):  # without rounding, which would change escapes
         found = METHODS[name](size * PROFILE, size)
         assert (found.status, found.omega) == (expected.status, expected.omega)
         assert found.error * size == pytest.approx(expected.error, rel=0.3)
