@@ -1,21 +1,20 @@
 """The rules must be able to say no, and the page must hold what they said."""
 
 import ast
-import csv
-import importlib
 from html.parser import HTMLParser
 from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray as xr
-from click.testing import CliRunner
-from workflows.paper import envelope, rules
-from workflows.paper.claims_page import claims_page, write_tables
-from workflows.paper.rules import Erratum, Verdict
+from commands import succeed, table
 
 from nasm.numbers import NAMES, parse
-from workflows import claims, page
+from workflows.claims import envelope, rules
+from workflows.claims.page import write_page, write_tables
+from workflows.claims.rules import Erratum, Verdict
+from workflows.parts.cli import Run, main_of
+from workflows.parts.page import formula
 
 TESTS = Path(__file__).parent
 VOID = {"meta", "br", "img", "link", "hr"}
@@ -82,8 +81,8 @@ def test_an_erratum_is_shown_by_both_numbers_only(printed, corrected, shown):
 
 
 def test_wrong_equations_do_not_hold(monkeypatch):
-    from workflows.paper import map as paper_map
-    from workflows.paper import symmetries
+    from workflows.claims import map as paper_map
+    from workflows.claims import symmetries
 
     monkeypatch.setattr(paper_map, "kick", lambda kappa, x, y: (x - y, y))
     wrong = [c.verdict for c in paper_map.map_claims()]
@@ -118,7 +117,7 @@ def three_rays(ours, circle, six):
 
 
 def test_the_envelope_and_the_hull_are_judged_by_the_numbers():
-    from workflows.paper.discussion import hull_claims
+    from workflows.claims.discussion import hull_claims
 
     horned = three_rays(np.array([0.5, 0.6, 1.4]), ["[0;(1)]"] * 3, 0.99)
     assert [c.verdict.value for c in hull_claims(*horned)] == [
@@ -147,22 +146,18 @@ def test_ranges_of_the_envelope():
 
 
 def test_text_is_escaped_and_subscripts_are_set():
-    text = page.page(
-        "a < b & c", page.table([["<script>", page.formula("T_κ1κ2 < (sim_M)")]], "xy")
-    )
-    assert "<script>" not in text
-    assert "T<sub>κ1κ2</sub> &lt; (sim_M)" in text
-    assert_holds(Page(text).cells, [("a < b & c", "<script>", "x")])
+    text = formula("<script> & T_κ1κ2 < R_{-½} (sim_M)")
+    assert text == "&lt;script&gt; &amp; T<sub>κ1κ2</sub> &lt; R<sub>-½</sub> (sim_M)"
 
 
 @pytest.fixture(scope="module")
 def exact():
     """The claims that take no sweep, and the errata."""
-    from workflows.paper.circles import circle_claims
-    from workflows.paper.errata import errata
-    from workflows.paper.map import map_claims
-    from workflows.paper.periodic import periodic_claims
-    from workflows.paper.symmetries import symmetry_claims
+    from workflows.claims.circles import circle_claims
+    from workflows.claims.errata import errata
+    from workflows.claims.map import map_claims
+    from workflows.claims.periodic import periodic_claims
+    from workflows.claims.symmetries import symmetry_claims
 
     return [*map_claims(), *symmetry_claims(), *periodic_claims(), *circle_claims()], errata()
 
@@ -177,17 +172,18 @@ def test_no_equation_fails_and_all_errata_are_shown(exact):
 def test_the_page_and_the_tables_hold_every_claim(exact, tmp_path):
     found, errata = exact
     circles, barrier = three_rays(np.array([0.5, 0.6, 1.4]), ["[0;(1)]"] * 3, 0.99)
-    ranges = envelope.ranges(circles, barrier)
-    cells = Page(claims_page(found, errata, ranges, ["a summary"], "a command")).cells
+    ranges, run = envelope.ranges(circles, barrier), Run(tmp_path, None)
+    write_page(run, found, errata, ranges, ["a summary"], "a command")
+    write_tables(run, found, errata, ranges)
+    cells = Page((tmp_path / "claims.html").read_text(encoding="utf-8")).cells
     assert_holds(cells, [(c.place, c.statement, c.value, c.command) for c in found])
     assert_holds(cells, [(e.place, e.printed, e.corrected, e.command) for e in errata])
     assert_holds(
         cells, [("a summary", "Made by a command.", *envelope.cells(row)) for row in ranges]
     )
-    write_tables(tmp_path, found, errata, ranges)
-    assert [row["value"] for row in rows(tmp_path / "claims.csv")] == [c.value for c in found]
-    assert len(rows(tmp_path / "errata.csv")) == len(errata)
-    assert len(rows(tmp_path / "envelope.csv")) == len(ranges)
+    assert [row["value"] for row in table(tmp_path / "claims.csv")] == [c.value for c in found]
+    assert len(table(tmp_path / "errata.csv")) == len(errata)
+    assert len(table(tmp_path / "envelope.csv")) == len(ranges)
 
 
 def test_the_commands_named_exist(exact):
@@ -209,46 +205,20 @@ def _plain(text):
 RUN = ["--angles", "4", "--tips", "2", "--tol", "0.01", "--n-max", "10000", "--n-orbits", "10"]
 
 
-@pytest.fixture(scope="module")
-def small(tmp_path_factory):
-    """A small run of the whole: its directory."""
-    out = tmp_path_factory.mktemp("claims") / "out"
-    result = CliRunner().invoke(claims.main, ["--out", str(out), *RUN])
-    assert result.exit_code == 0, result.output + repr(result.exception)
-    return out
-
-
-def rows(path):
-    with open(path, encoding="utf-8", newline="") as file:
-        return list(csv.DictReader(file))
-
-
-def test_bad_options_are_refused_by_name(tmp_path):
-    for option, value in (("--tol", "1"), ("--angles", "2"), ("--n-max", "10"), ("--tips", "-1")):
-        result = CliRunner().invoke(claims.main, ["--out", str(tmp_path), option, value])
-        assert result.exit_code == 2
-        assert option in result.output
-        assert "range" in result.output
-    assert not list(tmp_path.iterdir())
-
-
 @pytest.mark.slow
-def test_a_small_run_writes_the_page_with_every_claim(small):
-    written = rows(small / "claims.csv")
-    cells = Page((small / "claims.html").read_text(encoding="utf-8")).cells
+def test_a_small_run_writes_the_page_with_every_claim(tmp_path, workers):
+    assert "claims: holds, " in succeed("claims", tmp_path, *RUN, *workers)
+    written = table(tmp_path / "claims.csv")
+    cells = Page((tmp_path / "claims.html").read_text(encoding="utf-8")).cells
     columns = ("place", "statement", "value", "verdict", "command")
     assert_holds(cells, [[row[column] for column in columns] for row in written])
     assert len(written) > 75
-    assert all(row["shown"] == "True" for row in rows(small / "errata.csv"))
+    errata = table(tmp_path / "errata.csv")
+    assert all(row["shown"] == "True" for row in errata)
     assert {row["verdict"] for row in written} <= {verdict.value for verdict in Verdict}
     failed = [row["statement"] for row in written if row["verdict"] == "does not hold"]
     assert any("convex hull" in statement for statement in failed)
-
-
-@pytest.mark.slow
-def test_the_commands_that_a_run_names_exist(small):
-    written = [row["command"] for row in rows(small / "claims.csv") + rows(small / "errata.csv")]
-    for command in sorted(set(written)):
+    for command in {row["command"] for row in [*written, *errata]}:
         assert_exists(command)
 
 
@@ -265,7 +235,7 @@ def test_a_command_that_does_not_exist_is_noticed():
 
 
 def assert_exists(command):
-    """Whether a workflow has the options, or a file of tests the test."""
+    """Check that a command has the options, or a file of tests the test."""
     python, dash, module, *rest = command.split()
     assert (python, dash) == ("python", "-m")
     options = [word for word in rest if word.startswith("--")]
@@ -275,5 +245,5 @@ def assert_exists(command):
         defined = {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}
         assert not test or test in defined, command
     else:
-        known = importlib.import_module(module).main.params
+        known = main_of(module.removeprefix("workflows.")).params
         assert set(options) <= {name for option in known for name in option.opts}, command

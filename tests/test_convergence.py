@@ -3,20 +3,20 @@
 import numpy as np
 import pytest
 import xarray as xr
-from click.testing import CliRunner
+from commands import succeed
 
 from nasm import escape
 from nasm.symmetries import ray
-from workflows import convergence
+from workflows.parts import convergence, direct
 
 
 def test_the_exponent_of_a_power_law_is_found_with_its_error():
     n = np.geomspace(100, 1e6, 30)
-    eta, deviation = convergence.exponent(n, 3 * n ** (-1 / 3.012))
+    eta, deviation = direct.exponent(n, 3 * n ** (-1 / 3.012))
     assert eta == pytest.approx(3.012, abs=1e-12)
     assert deviation < 1e-9
     noise = np.exp(0.1 * np.random.default_rng(0).standard_normal(30))
-    eta, deviation = convergence.exponent(n, 3 * n ** (-1 / 3.012) * noise)
+    eta, deviation = direct.exponent(n, 3 * n ** (-1 / 3.012) * noise)
     assert 0.01 < deviation < 0.2
     assert abs(eta - 3.012) < 3 * deviation
 
@@ -29,12 +29,12 @@ def test_the_bias_is_where_transport_begins_for_good():
         {"n_max": 1000},
     )
     steps = [40, 100, 250, 1000]
-    bias = convergence.direct_bias(cube, steps).isel(ensemble=0)
+    bias = direct.direct_bias(cube, steps).isel(ensemble=0)
     np.testing.assert_array_equal(bias, [np.nan, 0.6, 0.5, 0.4])
     outer = cube.assign(escape_time=cube.escape_time.where(cube.excess > 0.25))
-    np.testing.assert_array_equal(convergence.direct_bias(outer, steps)[0], bias)
+    np.testing.assert_array_equal(direct.direct_bias(outer, steps)[0], bias)
     everything = cube.assign(escape_time=xr.zeros_like(cube.escape_time))
-    assert np.isnan(convergence.direct_bias(everything, steps)).all()
+    assert np.isnan(direct.direct_bias(everything, steps)).all()
 
 
 def test_the_diagonal_has_an_exponent_for_each_half_of_n():
@@ -50,19 +50,17 @@ def test_the_diagonal_has_an_exponent_for_each_half_of_n():
     np.testing.assert_allclose(diagonal.fit, 0.9 * excess)
 
 
-def test_a_small_run_keeps_its_cubes(tmp_path):
+def test_a_small_run_keeps_its_cubes(tmp_path, workers):
     out = tmp_path / "out"
-    options = ["--out", str(out), "--quick", "--n-max", "2000", "--workers", "1"]
-    options += ["--n-orbits", "100,1000"]
-    result = CliRunner().invoke(convergence.main, options)
-    assert result.exit_code == 0, result.output + repr(result.exception)
-    cube = xr.open_zarr(out / "cubes.zarr", group="escape_rays")
+    options = ["--quick", "--n-max", "2000", "--n-orbits", "100,1000"]
+    succeed("convergence", out, *options, *workers)
+    cube = xr.open_zarr(out / "escape_rays.zarr")
     assert cube.escape_time.dims == ("ensemble", "angle", "excess")
     breakup = cube.attrs["critical_scales"]["20.0"] * ray(20.0)
     kappa = breakup * (1 + float(cube.excess[100]))
     expected = escape.first_escape(kappa, *escape.ensemble(1000), [100, 1000], 2000)
     assert cube.escape_time.sel(angle=20)[:, 100].values.tolist() == expected.tolist()
-    others = xr.open_zarr(out / "cubes.zarr", group="convergence").load()
+    others = xr.open_zarr(out / "convergence.zarr").load()
     for angle in convergence.ANGLES:
         here = others.sel(angle=angle)
         cones = here.cones_raw.dropna("steps")
@@ -75,7 +73,7 @@ def test_a_small_run_keeps_its_cubes(tmp_path):
         assert (circles * circles.modes < 40).all()
         assert (circles * circles.modes > 4).all()
     assert (out / "convergence.png").exists()
-    diagonal = xr.open_zarr(out / "cubes.zarr", group="convergence_diagonal")
+    diagonal = xr.open_zarr(out / "convergence_diagonal.zarr")
     # A distance on the diagonal times √2 is one on its ray.
     scale = cube.attrs["critical_scales"]["45.0"] + np.sqrt(2) * float(diagonal.distance[-1])
     times = cube.escape_time.isel(ensemble=-1).sel(angle=45)

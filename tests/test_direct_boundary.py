@@ -1,16 +1,15 @@
-"""The boundary by direct iteration and its asymmetry, of made-up escape times."""
-
-import subprocess
-import sys
+"""The boundary by direct iteration: its asymmetry, of made-up escape times, and a small run."""
 
 import numpy as np
 import pytest
 import xarray as xr
+from commands import succeed, table
 
 from nasm import escape
 from nasm.symmetries import ray
-from workflows import direct_boundary
+from nasm.verdict import Answer, verdict
 from workflows.figures.direct_boundary import describe
+from workflows.parts.direct import INSETS, asymmetry, boundary_dataset
 
 EXCESS = np.geomspace(0.1, 0.8, 4)
 
@@ -24,7 +23,7 @@ def dataset(angles, beyond):
         {"ensemble": [10], "angle": np.array(angles, dtype=float), "excess": EXCESS},
     )
     barrier = found[["angle"]].assign(critical_scale=("angle", np.full(len(angles), 0.5)))
-    return direct_boundary.boundary_dataset(found, barrier, [20, 100])
+    return boundary_dataset(found, barrier, [20, 100])
 
 
 def test_a_symmetric_boundary_has_no_asymmetry():
@@ -57,19 +56,62 @@ def test_rays_without_an_image_have_no_asymmetry_to_report():
 
 def test_escape_times_are_compared_with_those_of_the_image():
     angle, times = np.array([30.0, 60.0, 120.0, 150.0]), np.array([8, 2, np.inf, 4])[:, None]
-    unlike = direct_boundary.asymmetry(angle, np.ones((1, 4)), times)
+    unlike = asymmetry(angle, np.ones((1, 4)), times)
     halvings = {"swap_times": [2, -2, np.nan, np.nan], "mirror_times": [1, np.nan, np.nan, -1]}
     for name, expected in halvings.items():
         np.testing.assert_allclose(unlike[name][1][:, 0] / np.log(2), expected)
 
 
-def test_help_comes_at_once():
-    command = [sys.executable, "-X", "importtime", "-m", "workflows.direct_boundary", "--help"]
-    run = subprocess.run(command, capture_output=True, text=True, check=True)
-    for option in ("--steps", "--n-orbits", "--angles", "--scheduler"):
-        assert option in run.stdout
-    assert "numba" not in run.stderr
-    assert "xarray" not in run.stderr
+DIRECT = ["--angles", "5", "--tips", "0", "--n-orbits", "64", "--steps", "400,4000"]
+
+
+@pytest.fixture(scope="module")
+def direct(tmp_path_factory, workers):
+    """The boundary by direct iteration on five rays: its directory."""
+    out = tmp_path_factory.mktemp("direct") / "out"
+    output = succeed("direct_boundary", out, *DIRECT, *workers)
+    for name in ("direct_boundary.png", "direct_quadrant.pdf", "direct_boundary_rays.csv"):
+        assert (out / name).exists()
+        assert f"{out}/{name}" in output
+    return out
+
+
+def test_direct_iteration_closes_in_on_the_boundary_from_outside(direct):
+    rows = table(direct / "direct_boundary_rays.csv")
+    assert [(int(r["n"]), float(r["angle"])) for r in rows] == [
+        (n, angle) for n in (400, 4000) for angle in (0, 45, 90, 135, 180)
+    ]
+    barrier = xr.open_zarr(direct / "barrier.zarr").load()
+    scale = {(r["n"], float(r["angle"])): float(r["critical_scale"]) for r in rows}
+    for angle in (0, 45, 90, 135, 180):
+        upper = float(barrier.upper.sel(angle=0 if angle % 90 == 0 else 45))
+        assert upper < scale["4000", angle] < scale["400", angle] < 2.01 * upper
+    cube = xr.open_zarr(direct / "direct_boundary.zarr").load()
+    for r in rows:
+        n, angle = int(r["n"]), float(r["angle"])
+        breakup = cube.attrs["critical_scales"][str(angle)] * ray(angle)
+        i = np.abs(cube.excess.values - float(r["bias"])).argmin()
+        kappas = breakup * (1 + cube.excess.values[i - 1 : i + 1, None])
+        assert (float(r["kappa1"]), float(r["kappa2"])) == pytest.approx(kappas[1], rel=1e-5)
+        inside, outside = escape.first_escape(kappas, *escape.ensemble(64), [64], 4000)[0]
+        assert outside <= n < inside
+
+
+def test_no_more_is_iterated_than_the_boundary_needs(direct):
+    cube = xr.open_zarr(direct / "direct_boundary.zarr")
+    times = cube.escape_time.isel(ensemble=0)
+    assert (np.isinf(times).sum("excess") == 1).all()
+    assert (times.isel(excess=slice(0, 5)).isnull()).all()
+
+
+def test_the_orbit_of_an_inset_stays_where_a_circle_is_left(direct):
+    insets = xr.open_zarr(direct / "direct_insets.zarr").load()
+    assert (insets.visits.sum(("x", "y")) == 3_000_001).all()
+    span = (insets.highest - insets.lowest).values
+    inside, outside = (verdict(kappa).answer for kappa in INSETS[:2])
+    assert (inside, outside) == (Answer.BARRIER, Answer.TRANSPORT)
+    # Between a circle and its copy one cell further, of amplitudes below 0.2; or not.
+    assert span[0] < 1.2 < span[1]
 
 
 @pytest.mark.slow

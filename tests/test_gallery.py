@@ -2,14 +2,14 @@
 
 import shlex
 from html.parser import HTMLParser
-from importlib import import_module
 from pathlib import Path
 from urllib.parse import unquote
 
 import pytest
-from click.testing import CliRunner
+from commands import succeed
 
 from workflows import gallery
+from workflows.parts.cli import main_of
 
 
 class Links(HTMLParser):
@@ -25,9 +25,9 @@ class Links(HTMLParser):
         self.texts.append(data.strip())
 
 
-@pytest.mark.parametrize("exhibit", gallery.EXHIBITS, ids=lambda exhibit: exhibit.workflow)
+@pytest.mark.parametrize("exhibit", gallery.EXHIBITS, ids=lambda exhibit: exhibit.name)
 def test_the_options_of_the_preview_are_valid(exhibit):
-    main = import_module(f"workflows.{exhibit.workflow}").main
+    main = main_of(exhibit.name)
     for options in (exhibit.quick, exhibit.full):
         with main.make_context("command", shlex.split(options)):
             pass
@@ -38,8 +38,7 @@ def test_the_page_shows_every_figure_with_its_caption_and_command(tmp_path, monk
     small = gallery.Exhibit("Figures 3 & 4", "period_one", "--primary -4:4:40 --secondary 0:8:20")
     monkeypatch.setattr(gallery, "EXHIBITS", (small,))
     for _ in range(2):  # the second time the store is complete
-        result = CliRunner().invoke(gallery.main, ["--quick", "--out", str(out), "--workers", "1"])
-        assert result.exit_code == 0, result.output + repr(result.exception)
+        succeed("gallery", out, "--quick", "--workers", "1")
     links = Links()
     links.feed((out / "index.html").read_text(encoding="utf-8"))
     assert all((out / unquote(target)).exists() for target in links.targets)

@@ -18,13 +18,13 @@ import oracles
 import psutil
 import pytest
 import toy
-from pipeline.cluster import connect
 
 from nasm import circles, cones, continuation, escape, fourier, parameterization, periodic
 from nasm.numbers import parse
 from nasm.sine import SINE
 from pipeline import store
-from pipeline.sweep import sweep
+from pipeline.sweep.cluster import connect
+from pipeline.sweep.sweep import sweep
 
 pytestmark = pytest.mark.benchmark
 
@@ -201,24 +201,25 @@ def test_two_threads_against_one():
 
 
 def cpu_seconds():
-    """CPU time so far of this process and its children, which are the workers."""
+    """CPU time so far of this process, and of its children, which are the workers."""
     here = psutil.Process()
-    return sum(sum(process.cpu_times()[:2]) for process in [here, *here.children(recursive=True)])
+    workers = sum(sum(child.cpu_times()[:2]) for child in here.children(recursive=True))
+    return np.array([sum(here.cpu_times()[:2]), workers])
 
 
 @pytest.mark.parametrize(("tile", "seconds", "side"), [(1, 0.5, 8), (1, 0.002, 40)])
-def test_overhead_of_the_sweep(tmp_path, tile, seconds, side):
-    plan = toy.cube(side, side, tile, burn=seconds)
-    first = {(row, column) for row in range(2) for column in range(2)}
-    with connect(toy.no_warm_up, n_workers=2) as client, store.driving(tmp_path):
-        sweep(client, tmp_path, plan, toy.compute, toy.predict_burn, wanted=first)  # imports
-        before = float(store.read(tmp_path, "toy").cpu_seconds.sum())
+def test_what_a_tile_costs_in_cpu_of_driver_and_workers(tmp_path, tile, seconds, side):
+    job = toy.job(side, side, tile, burn=seconds, predict=toy.predict_burn)
+    place, first = store.place_of(tmp_path), {(i, j) for i in range(2) for j in range(2)}
+    with connect(n_workers=2) as client, store.driving(place):
+        sweep(client, place, job, first)  # imports
+        before = float(store.read(place, "toy").cpu_seconds.sum())
         start = cpu_seconds()
-        sweep(client, tmp_path, plan, toy.compute, toy.predict_burn)
-        total = cpu_seconds() - start
-    computing = float(store.read(tmp_path, "toy").cpu_seconds.sum()) - before
-    overhead = total - computing
+        sweep(client, place, job)
+        driver, workers = cpu_seconds() - start
+    workers -= float(store.read(place, "toy").cpu_seconds.sum()) - before
+    n_tiles = side**2 - len(first)
     print(
-        f"\n{side**2} tiles of {seconds} s: overhead {100 * overhead / computing:.1f}% of the "
-        f"kernels' CPU time, {1e3 * overhead / side**2:.2f} ms a tile"
+        f"\n{n_tiles} tiles of {seconds} s: {1e3 * driver / n_tiles:.2f} ms of the driver, "
+        f"{1e3 * workers / n_tiles:.2f} ms of the workers a tile besides computing it"
     )

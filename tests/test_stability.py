@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 import xarray as xr
-from click.testing import CliRunner
+from commands import invoke, snapshot, succeed
 
 from nasm.critical import Status
-from workflows import stability
+from workflows.stability.studies import STUDIES
 
 OK = 1
 
@@ -14,14 +14,13 @@ OK = 1
 @pytest.fixture(scope="module")
 def out(tmp_path_factory):
     out = tmp_path_factory.mktemp("stability") / "out"
-    result = CliRunner().invoke(stability.main, ["--quick", "--out", str(out)])
-    assert result.exit_code == 0, result.output + repr(result.exception)
+    succeed("stability", out, "--quick")
     return out
 
 
 @pytest.fixture
 def study(out):
-    return lambda name: xr.open_zarr(out / "cubes.zarr", group=f"stability_{name}").load()
+    return lambda name: xr.open_zarr(out / f"stability_{name}.zarr").load()
 
 
 DIMS = {
@@ -38,7 +37,7 @@ DIMS = {
 
 
 def test_each_study_keeps_a_labelled_dataset(out, study):
-    assert set(DIMS) == set(stability.STUDIES)
+    assert set(DIMS) == set(STUDIES)
     for name, dims in DIMS.items():
         dataset = study(name)
         assert set(dataset.dims) == dims
@@ -52,11 +51,11 @@ def test_each_study_keeps_a_labelled_dataset(out, study):
 
 
 def test_other_settings_are_refused_before_the_work(out):
-    before = sorted(out.rglob("*"))
-    result = CliRunner().invoke(stability.main, ["--out", str(out)])
+    before = snapshot(out)
+    result = invoke("stability", out)
     assert result.exit_code == 2
     assert "quick is True, not False" in result.output
-    assert sorted(out.rglob("*")) == before
+    assert snapshot(out) == before
 
 
 def test_near_the_cusp_errors_are_honest_or_there_is_no_answer(study):

@@ -382,6 +382,28 @@ def test_to_predict_many_costs_shows_progress(client, tmp_path, monkeypatch):
     assert re.match(r"toy: 900/900 tiles", last)
 
 
+def test_a_store_that_is_deleted_under_way_ends_the_sweep_with_one_message(client, tmp_path):
+    def delete():
+        wait_until(lambda: len(commit_times(tmp_path / "out")) > 5)
+        (tmp_path / "out").rename(tmp_path / "away")
+
+    thread = threading.Thread(target=delete)
+    thread.start()
+    with pytest.raises(store.StoreFailed, match=r"out: .* does not exist|was moved, or deleted"):
+        run(client, tmp_path / "out", toy.cube(tile=1, seconds=0.05))
+    thread.join()
+    assert len(commit_times(tmp_path / "out")) <= 2  # what the workers were writing
+    run(client, tmp_path / "away", toy.cube(tile=1, seconds=0.05))
+    assert_complete(tmp_path / "away", toy.cube(tile=1))
+
+
+def wait_until(condition):
+    deadline = time.monotonic() + 60
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+
+
 class Promise:
     """A dask future that ends when it is told to."""
 

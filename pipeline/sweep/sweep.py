@@ -191,6 +191,9 @@ class _Run:
 
     def _retire(self, address, complaint):
         """Send an unfit worker away; ClusterError if there is no other."""
+        if not store.sees(self.place, self.job.cube.name, self.job.cube.config_hash):
+            self.fault = store.StoreFailed(f"{self.place} was moved, or deleted, under way")
+            return
         words = f"the worker {address} {complaint}"
         if address not in self.unfit:
             self.unfit.add(address)
@@ -307,10 +310,10 @@ def _compute_batch(place, name, config_hash, settings, computed_by, warm_up, com
 
 def _complaint(place, name, config_hash, computed_by):
     """Return why this worker must not compute the cube; "" if it may."""
-    ours, theirs = (text.split(", ") for text in (store.computed_by(), computed_by))
-    other = [f"{a} instead of {b}" for a, b in zip(ours, theirs, strict=True) if a != b]
-    if other:
-        return f"has {', '.join(other)}"
+    ours, theirs = store.computed_by().split(", "), computed_by.split(", ")
+    if ours != theirs:
+        other = [[x for x in a if x not in b] for a, b in ((ours, theirs), (theirs, ours))]
+        return f"has {' instead of '.join(map(', '.join, other))}"
     end = time.monotonic() + _SIGHT
     while not store.sees(place, name, config_hash):
         if time.monotonic() > end:

@@ -293,14 +293,14 @@ class Run:
         return store.read(self.place, job.cube.name)
 
     def keep(self, name, dataset, tile=None, **settings):
-        """Write a cube that no sweep computes, whole; return its Dataset."""
+        """Write a cube that no sweep computes, whole; return it as a Dataset."""
         from pipeline import store
         from pipeline.cubes.cube import Cube
 
         cube = Cube(name, dataset, tile or {}, settings)
         store.replace(self.place, cube, store.computed_by())
         self._note("cubes", self.place.cube(name))
-        return dataset
+        return dataset.assign_attrs(settings)
 
     def table(self, name, dataset):
         """Write a Dataset as OUT/NAME.csv."""

@@ -1,8 +1,8 @@
-"""Do two stores agree? The same plane computed with other settings, or refined and in full.
+"""Do two runs agree? The same plane computed with other settings, or refined and in full.
 
     python workflows/recipes/compare_stores.py OUT OTHER [N]
 
-OUT and OTHER are the directories of two runs with the group `escape`.
+OUT and OTHER are the directories of two runs with the cube `escape`.
 """
 
 # %% Open both, and see which settings differ.
@@ -12,22 +12,22 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-if len(sys.argv) < 3 or not all(Path(d, "cubes.zarr/escape").is_dir() for d in sys.argv[1:3]):
+if len(sys.argv) < 3 or not all(Path(d, "escape.zarr").is_dir() for d in sys.argv[1:3]):
     print(__doc__, file=sys.stderr)
     sys.exit(2)
-one, other = (xr.open_zarr(Path(out) / "cubes.zarr", group="escape") for out in sys.argv[1:3])
-own = {"created", "config_hash", "git_commit", "library_versions", "python_version", "seal"}
+one, other = (xr.open_zarr(Path(out) / "escape.zarr", chunks=None) for out in sys.argv[1:3])
+own = {"created", "config_hash", "git_commit", "library_versions", "python_version"}
 for key in sorted((one.attrs.keys() | other.attrs.keys()) - own):
     if one.attrs.get(key) != other.attrs.get(key):
         print(f"{key}: {one.attrs.get(key)} and {other.attrs.get(key)}")
 
-# %% Bring the other to the cells of the first. A cell of the other grid serves all within it.
+# %% Bring the other run to the cells of the first, each with the value of the cell around it.
 n = int(sys.argv[3]) if len(sys.argv) > 3 else min(one.attrs["n_max"], other.attrs["n_max"])
 first, second = (cube.escape_time.isel(ensemble=-1).load() for cube in (one, other))
 reach = [float(abs(np.diff(other[name].values[:2])[0])) / 2 for name in ("kappa1", "kappa2")]
 second = second.reindex_like(first, method="nearest", tolerance=max(reach) * 1.000001)
 
-# %% Cells that both know, and in which they answer differently.
+# %% Compare the cells that both have computed.
 both = first.notnull() & second.notnull()
 differ = ((first <= n) != (second <= n)) & both
 print(f"{int(both.sum())} cells in both; {int(differ.sum())} of them answer differently at N={n}")

@@ -2,7 +2,7 @@
 
     python workflows/recipes/contour_boundary.py OUT [N]
 
-OUT is the directory of a run with the group `escape`. Writes OUT/contour_boundary.csv, with the
+OUT is the directory of a run with the cube `escape`. Writes OUT/contour_boundary.csv, with the
 columns curve, kappa1, kappa2.
 """
 
@@ -15,11 +15,11 @@ import pandas as pd
 import xarray as xr
 from contourpy import contour_generator
 
-if len(sys.argv) < 2 or not Path(sys.argv[1], "cubes.zarr/escape").is_dir():
+if len(sys.argv) < 2 or not Path(sys.argv[1], "escape.zarr").is_dir():
     print(__doc__, file=sys.stderr)
     sys.exit(2)
 out = Path(sys.argv[1])
-cube = xr.open_zarr(out / "cubes.zarr", group="escape")
+cube = xr.open_zarr(out / "escape.zarr")
 n = int(sys.argv[2]) if len(sys.argv) > 2 else cube.attrs["n_max"]
 largest = cube.escape_time.isel(ensemble=-1).load()
 transport = (largest <= n).where(largest.notnull())  # NaN, not computed, ends a curve

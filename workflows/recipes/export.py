@@ -1,9 +1,9 @@
 """Export a cube to netCDF and CSV, for programs that do not read zarr.
 
-    python workflows/recipes/export.py OUT [GROUP]
+    python workflows/recipes/export.py OUT [CUBE]
 
-OUT is the directory of a run with that group; by default it is `barrier`, the boundary itself.
-Writes OUT/GROUP.nc (netCDF 3, read by everything) and OUT/GROUP.csv.
+OUT is the directory of a run with that cube; by default it is `barrier`, the boundary itself.
+Writes OUT/CUBE.nc (netCDF 3, read by everything) and OUT/CUBE.csv.
 """
 
 # %% Open.
@@ -13,33 +13,33 @@ from pathlib import Path
 
 import xarray as xr
 
-group = sys.argv[2] if len(sys.argv) > 2 else "barrier"
-if len(sys.argv) < 2 or not Path(sys.argv[1], f"cubes.zarr/{group}").is_dir():
+name = sys.argv[2] if len(sys.argv) > 2 else "barrier"
+if len(sys.argv) < 2 or not Path(sys.argv[1], f"{name}.zarr").is_dir():
     print(__doc__, file=sys.stderr)
     sys.exit(2)
 out = Path(sys.argv[1])
-cube = xr.open_zarr(out / "cubes.zarr", group=group, chunks=None)
+cube = xr.open_zarr(out / f"{name}.zarr", chunks=None)
 
 # %% netCDF attributes are numbers, texts and lists of numbers: write all others as JSON.
 cube = cube.drop_vars("cpu_seconds", errors="ignore").load()
 outcomes = {
-    name: dict(zip(codes.flag_values, codes.flag_meanings.split(), strict=True))
-    for name, codes in cube.data_vars.items()
+    key: dict(zip(codes.flag_values, codes.flag_meanings.split(), strict=True))
+    for key, codes in cube.data_vars.items()
     if "flag_meanings" in codes.attrs
 }
 for attrs in (cube.attrs, *(variable.attrs for variable in cube.variables.values())):
     for key, value in attrs.items():
         if not isinstance(value, (str, int, float)):
             attrs[key] = json.dumps(value)
-cube.to_netcdf(out / f"{group}.nc", engine="scipy")
+cube.to_netcdf(out / f"{name}.nc", engine="scipy")
 
 # %% One row for each cell; the partial quotients of ω, a row each, are left to netCDF.
 table = cube.drop_dims("quotient", errors="ignore").to_dataframe()
-for name, words in outcomes.items():
-    table[name] = table[name].map(words)
-table.to_csv(out / f"{group}.csv")
-print(f"{out}/{group}.nc, {out}/{group}.csv: {len(table)} rows, {', '.join(cube.data_vars)}")
+for key, words in outcomes.items():
+    table[key] = table[key].map(words)
+table.to_csv(out / f"{name}.csv")
+print(f"{out}/{name}.nc, {out}/{name}.csv: {len(table)} rows, {', '.join(cube.data_vars)}")
 
 # %% What was written reads back as it was.
-with xr.open_dataset(out / f"{group}.nc", engine="scipy") as back:
-    print("read back equal:", all(back[name].equals(cube[name]) for name in cube.data_vars))
+with xr.open_dataset(out / f"{name}.nc", engine="scipy") as back:
+    print("read back equal:", all(back[key].equals(cube[key]) for key in cube.data_vars))

@@ -2,12 +2,12 @@
 
     python workflows/recipes/join_levels.py OUT
 
-OUT is the directory of a run with --levels above 1, and so with the groups `escape_level0`, … and
+OUT is the directory of a run with --levels above 1, and so with the cubes `escape_level0`, … and
 `escape`. Writes OUT/join_levels.csv: each computed cell once, with its level, centre and first
 escape time.
 """
 
-# %% The whole store is a tree of groups; each level of refinement is one.
+# %% Each level of refinement is a cube. Its tiles are small: read it without dask.
 import sys
 from pathlib import Path
 
@@ -15,18 +15,18 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-if len(sys.argv) < 2 or not Path(sys.argv[1], "cubes.zarr/escape_level0").is_dir():
+if len(sys.argv) < 2 or not Path(sys.argv[1], "escape_level0.zarr").is_dir():
     print(__doc__, file=sys.stderr)
     sys.exit(2)
 out = Path(sys.argv[1])
-tree = xr.open_datatree(out / "cubes.zarr", engine="zarr")
-names = sorted((name for name in tree if name.startswith("escape_level")), key=len)
-levels = [tree[name].to_dataset() for name in names]
-for name, level in zip(names, levels, strict=True):
+count = len(list(out.glob("escape_level*.zarr")))
+paths = [out / f"escape_level{number}.zarr" for number in range(count)]
+levels = [xr.open_zarr(path, chunks=None).load() for path in paths]
+for number, level in enumerate(levels):
     known = level.escape_time.isel(ensemble=-1).notnull()
-    print(f"{name}: {int(known.sum())} of {known.size} cells computed")
+    print(f"level {number}: {int(known.sum())} of {known.size} cells computed")
 
-# %% One table of all of them. A coarse cell stays in it where finer ones lie within.
+# %% Join them in one table. It keeps a coarse cell also where finer ones lie within.
 frames = []
 for number, level in enumerate(levels):
     cells = level.escape_time.isel(ensemble=-1, drop=True).to_dataframe().dropna().reset_index()
@@ -34,12 +34,12 @@ for number, level in enumerate(levels):
 table = pd.concat(frames, ignore_index=True)
 table.to_csv(out / "join_levels.csv", index=False)
 
-# %% One field at the finest resolution: the finest level that was computed in each cell wins.
+# %% Join them in one field at the finest resolution: each cell has the finest level computed.
 joined = levels[0].escape_time.isel(ensemble=-1)
 for level in levels[1:]:
     finer = level.escape_time.isel(ensemble=-1)
     joined = finer.fillna(joined.reindex_like(finer, method="nearest"))
 
 # %% The cube `escape` holds just that.
-composed = tree["escape"].escape_time.isel(ensemble=-1)
+composed = xr.open_zarr(out / "escape.zarr", chunks=None).escape_time.isel(ensemble=-1)
 print("equal to the cube escape:", bool(np.array_equal(joined, composed, equal_nan=True)))

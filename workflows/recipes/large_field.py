@@ -1,8 +1,8 @@
-"""A field too large for the memory: statistics by blocks, with dask, in bounded memory.
+"""A field larger than memory: statistics by blocks, with dask.
 
     python workflows/recipes/large_field.py OUT
 
-OUT is the directory of a run with the group `escape`.
+OUT is the directory of a run with the cube `escape`.
 """
 
 # %% Chunks of the store are tiles, far too small for dask: read many at a time.
@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-if len(sys.argv) < 2 or not Path(sys.argv[1], "cubes.zarr/escape").is_dir():
+if len(sys.argv) < 2 or not Path(sys.argv[1], "escape.zarr").is_dir():
     print(__doc__, file=sys.stderr)
     sys.exit(2)
 out = Path(sys.argv[1])
-cube = xr.open_zarr(out / "cubes.zarr", group="escape", chunks={"kappa1": 512, "kappa2": 512})
+cube = xr.open_zarr(out / "escape.zarr", chunks={"kappa1": 512, "kappa2": 512})
 field = cube.escape_time.isel(ensemble=-1)
 print(f"{field.nbytes / 1e6:.1f} MB in {field.data.npartitions} blocks")
 

@@ -2,7 +2,7 @@
 
     python workflows/recipes/select_steps.py OUT [N]
 
-OUT is the directory of a run with the group `escape`. Writes OUT/select_steps.png.
+OUT is the directory of a run with the cube `escape`. Writes OUT/select_steps.png.
 
 Cells (# %%) open as a notebook in Jupyter (with jupytext), VS Code and Spyder.
 """
@@ -15,11 +15,11 @@ import matplotlib.pyplot as plt
 import xarray as xr
 from matplotlib.colors import LogNorm
 
-if len(sys.argv) < 2 or not Path(sys.argv[1], "cubes.zarr/escape").is_dir():
+if len(sys.argv) < 2 or not Path(sys.argv[1], "escape.zarr").is_dir():
     print(__doc__, file=sys.stderr)
     sys.exit(2)
 out = Path(sys.argv[1])
-cube = xr.open_zarr(out / "cubes.zarr", group="escape")
+cube = xr.open_zarr(out / "escape.zarr")
 print(cube)
 
 # %% The first escape time holds the answer for every N: transport if it is at most N.

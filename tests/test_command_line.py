@@ -1,0 +1,59 @@
+"""The command line: help comes at once; what does not fit is one message, and nothing is made."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from commands import invoke
+
+from workflows.parts.cli import main_of
+
+WORKFLOWS = Path(__file__).parents[1] / "workflows"
+COMMANDS = sorted(
+    [path.stem for path in WORKFLOWS.glob("*.py") if path.stem != "__init__"]
+    + [path.parent.name for path in WORKFLOWS.glob("*/__main__.py")]
+)
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_file_at_the_top_is_a_command_that_says_what_it_does(name):
+    assert main_of(name).help
+    assert all(option.help for option in main_of(name).params if option.param_type_name == "option")
+
+
+def test_help_needs_no_numpy_and_so_comes_at_once():
+    code = "import sys; from workflows.parts.cli import main_of\n"
+    code += f"for name in {COMMANDS}: main_of(name).main(['--help'], standalone_mode=False)\n"
+    code += "assert not {'numpy', 'jinja2', 'obstore', 'dask'} & sys.modules.keys()"
+    help = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert help.stdout.count("Usage:") == len(COMMANDS)
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "message"),
+    [
+        ("escape_plane", "--kappa1 1:0:8", "lower one first"),
+        ("escape_plane", "--kappa2 0:1", "LO:HI:N"),
+        ("escape_plane", "--n-orbits 100,10", "increasing whole numbers from 1"),
+        ("critical_boundary", "--n-orbits 0", "increasing whole numbers from 1"),
+        ("critical_boundary", "--kappa1 0:1:30 --levels 3", "multiple of 4"),
+        ("escape_plane", "--kappa1 0:1:4 --levels 3", "use at least 8"),
+        ("escape_plane", "--follow 2000000", "must be at most n-max"),
+        ("escape_plane", "--store out", "s3://BUCKET/PREFIX"),
+        ("circle_boundaries", "--omega golden", "is not a rotation number"),
+        ("circle_boundaries", "--omega gamma --omega [0;(1)]", "two rotation numbers are equal"),
+        ("rotating", "--vector 1/3", "must be two fractions"),
+        ("rotating", "--vector 1/0,1/3", "must be two fractions"),
+        ("rotating", "--vector 1/3,2/5 --vector 1/5,4/10", "two frequencies are equal"),
+        ("three_kicks", "--phase 1/0", "must be a fraction from 0 to below 1"),
+        ("three_kicks", "--phase 1/2 --phase 2/4", "two phases are equal"),
+        ("ask", "1e9 0", "kappa"),
+        ("last_barrier", "--scheduler tcp://127.0.0.1:9 --workers 1", "leave --workers out"),
+    ],
+)
+def test_bad_input_is_one_message_and_nothing_is_computed(tmp_path, name, options, message):
+    result = invoke(name, tmp_path / "out", *options.split())
+    assert result.exit_code == 2
+    assert message in result.output.replace("\n", " ")
+    assert not (tmp_path / "out").exists()

@@ -1,0 +1,163 @@
+"""Commands on rays and over planes keep labelled cubes whose numbers are those of `nasm`."""
+
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from commands import invoke, succeed, table
+
+from nasm import barriers, escape, periodic, transversals
+from nasm import flux as nasm_flux
+from nasm.maps import rotating_forcing
+from nasm.numbers import parse
+from workflows.figures.stretches import stretches, where_above
+
+KAPPA_G = tomllib.loads(Path(__file__).with_name("literature.toml").read_text())["kappa_G"]["value"]
+
+
+def test_circle_boundaries_are_those_of_each_ray(tmp_path, workers):
+    options = "--angles 5 --tips 0 --tol 0.01 --omega gamma --omega 2gamma --omega 3/5".split()
+    succeed("circle_boundaries", tmp_path / "out", *options, *workers)
+    cube = xr.open_zarr(tmp_path / "out/breakdown_residue.zarr")
+    exact = cube.omega.attrs["exact"]
+    assert exact == ["[0;1,1,2]", "[0;(1)]", "[1;(4)]"]
+    assert cube.angle.values.tolist() == [0, 45, 90, 135, 180]
+    scale = cube.critical_scale.sel(omega=float(parse("gamma")))
+    assert scale.sel(angle=[0, 90, 180]).values == pytest.approx(KAPPA_G / 2, abs=1e-9)
+    diagonal = cube.critical_scale.sel(omega=float(parse("2gamma")), angle=45)
+    assert float(diagonal) == pytest.approx(KAPPA_G * 2**0.5, abs=1e-9)
+    for i, text in enumerate(exact):
+        for angle, profile in ((0, (1, 0)), (90, (0, 1))):
+            expected = periodic.critical_scale(parse(text), profile)
+            here = cube.isel(omega=i).sel(angle=angle)
+            np.testing.assert_equal(float(here.critical_scale), expected.value)
+            meanings = cube.status.attrs["flag_meanings"].split()
+            assert meanings[int(here.status)] == expected.status.name.lower()
+    circles = xr.open_zarr(tmp_path / "out/breakdown.zarr")
+    known = circles.isel(omega=[1, 2])
+    difference = abs(known.critical_scale - cube.isel(omega=[1, 2]).critical_scale)
+    assert (difference < known.error).where(cube.status.isel(omega=[1, 2]) == 1).all()
+    assert (known.lower < known.critical_scale).all()
+    assert np.isnan(circles.critical_scale.isel(omega=0)).all()
+    assert len(table(tmp_path / "out/circle_boundaries.csv")) == 3 * 5
+    rows = table(tmp_path / "out/circle_boundaries_residue.csv")
+    # In the order of the cube: 3/5, the golden mean, and 2γ on five rays each.
+    assert [r["status"] for r in rows] == [meanings[int(i)] for i in cube.status.values.ravel()]
+    assert {r["status"] for r in rows[:5]} == {"rational"}
+    assert {r["status"] for r in rows[5:10]} == {"ok"}
+    assert (tmp_path / "out/circle_boundaries.png").exists()
+    assert (tmp_path / "out/tips.png").exists()
+
+
+def test_rotating_maps_are_kept_as_labelled_cubes(tmp_path, workers):
+    out = tmp_path / "out"
+    effort = ["--angles", "3", "--tips", "0", "--n-max", "1000", "--n-orbits", "64"]
+    vectors = ["--vector", "81/149,125/149", "--vector", "44/81,68/81"]
+    succeed("rotating", out, *effort, *vectors, *workers)
+    tori = xr.open_zarr(out / "rotating_tori.zarr")
+    assert tori.critical_scale.dims == ("frequency", "angle")
+    assert tori.frequency.attrs["exact"] == ["125/149", "68/81"]
+    expected = periodic.torus_scale("81/149", "125/149", 0.0, 1.0)
+    cell = tori.sel(angle=90).isel(frequency=0)
+    assert float(cell.critical_scale) == float(cell.kappa_amplitude) == expected.value
+    assert float(cell.kappa_mean) == 0.0
+    transport = xr.open_zarr(out / "rotating_transport.zarr")
+    # κ̄ alone is the standard map; Δκ alone with Ω = 1/2 is (κ, -κ).
+    direct = escape.critical_scale((1.0, 1.0), 1000, 64).upper
+    assert float(transport.upper.sel(frequency=0.5, angle=0)) == direct
+    rows = table(out / "tori.csv")
+    assert len(rows) == 2 * 5
+    # At 45° the second kick is off, and CB_gt is where the standard map breaks at 2·κ1 = κ_G.
+    (row,) = [r for r in rows if r["angle"] == "45" and float(r["frequency"]) > 0.8393]
+    two = KAPPA_G / 2 / 2**0.5
+    assert float(row["ratio"]) == pytest.approx(float(row["critical_scale"]) / two, rel=1e-6)
+    assert float(row["ratio_direct"]) < float(row["ratio"])
+    for name in ("diamond", "tori"):
+        assert (out / f"{name}.png").exists()
+        assert "Δκ" in (out / f"{name}.txt").read_text()
+
+
+def test_three_kicks_are_kept_as_a_labelled_cube(tmp_path, workers):
+    out = tmp_path / "out"
+    rays = ["--angles", "3", "--tips", "0", "--n-max", "30"]
+    succeed("three_kicks", out, *rays, "--phase", "1/24", "--phase", "0", *workers)
+    cube = xr.open_zarr(out / "three_kicks.zarr")
+    assert cube.critical_scale.dims == ("phase", "angle")
+    assert cube.phase.attrs["exact"] == ["0", "1/24"]
+    assert cube.angle.values.tolist() == [0, 45, 90, 135, 180]
+    profile = rotating_forcing(0.0, 1.0, "1/3", 1 / 24)
+    expected = transversals.critical_scale(profile, 30)
+    assert float(cube.upper.sel(angle=90)[1]) == expected.upper
+    # κ̄ alone is the standard map, for any phase and number of kicks.
+    still = cube.sel(angle=0)
+    assert (abs(still.critical_scale - KAPPA_G) < still.error).all()
+    rows = table(out / "three_kicks.csv")
+    assert len(rows) == 2 * 5
+    for r in rows:
+        if r["angle"] == "180":
+            assert abs(float(r["ratio"]) - 1) < float(r["error"]) / float(r["critical_scale"])
+    assert "φ0 = 1/24: " in (out / "three_kicks.txt").read_text()
+    assert (out / "three_kicks.pdf").exists()
+
+
+def test_stretches_are_where_the_ratio_is_above_one():
+    angle = np.array([0.0, 10, 20, 30, 40, 50])
+    ratio = np.array([1.5, 1.2, 0.8, 0.9, 1.1, np.nan])
+    first, second = stretches(angle, ratio)
+    assert first == (0, pytest.approx(15), 0, 1.5)
+    assert second == (pytest.approx(35), 40, 40, 1.1)
+    assert where_above(angle, ratio).endswith(", 35.0°-40.0° (by 10% at 40.0°)")
+    assert stretches(angle, np.full(6, 0.99)) == []
+    inside = np.array([0.9, 0.95, np.nan, 0.97, 0.9, 0.8])
+    assert where_above(angle, inside) == "nowhere (nearest, 0.970 of it, at 30.0°)"
+
+
+def test_the_last_barrier_is_kept_as_a_labelled_cube(tmp_path, workers):
+    out = tmp_path / "out"
+    succeed("last_barrier", out, "--angles", "4", "--tips", "1", "--tol", "0.001", *workers)
+    cube = xr.open_zarr(out / "barrier.zarr")
+    # Rays at 0, 60, 120 and 180 degrees, on the cusps and two degrees from them, in the wedge.
+    assert cube.angle.values.tolist() == [0, 30, 43, 45]
+    assert cube.quotients.dims == ("quotient", "angle")
+    expected = barriers.critical_scale((np.cos(np.pi / 6), np.sin(np.pi / 6)), 1e-3)
+    here = cube.isel(angle=1)
+    for name in ("value", "error", "lower", "upper"):
+        there = "critical_scale" if name == "value" else name
+        assert float(here[there]) == pytest.approx(getattr(expected, name), rel=1e-14)
+    assert float(here.omega) == float(expected.omega)
+    rows = table(out / "last_barrier.csv")
+    assert [float(r["angle"]) for r in rows] == [0, 43, 45, 47, 60, 120, 133, 135, 137, 180]
+    assert parse(rows[4]["circle"]) == expected.omega
+    # Its mirror image: 1 - ω.
+    assert rows[5]["circle"] == "[0;3,(1)]"
+
+
+def test_period_one_orbits_are_kept_as_labelled_cubes(tmp_path):
+    axes = ["--primary", "-4:4:20", "--secondary", "0:8:10"]
+    for _ in range(2):  # a second run says the same
+        assert invoke("period_one", tmp_path / "out", *axes).exit_code == 0
+    primary = xr.open_zarr(tmp_path / "out/period_one_primary.zarr")
+    assert primary.residue.dims == ("point", "kappa2", "kappa1")
+    cell = primary.residue.sel(kappa1=0.6, kappa2=1.0, method="nearest").isel(point=1)
+    kappa1, kappa2 = float(cell.kappa1), float(cell.kappa2)
+    assert float(cell) == pytest.approx((kappa1 + kappa2) / 2 - kappa1 * kappa2 / 4)
+    secondary = xr.open_zarr(tmp_path / "out/period_one_secondary.zarr")
+    assert 0 < np.isfinite(secondary.z).mean() < 1
+    assert invoke("period_one", tmp_path / "out", "--primary", "-3:3:20").exit_code == 2
+
+
+def test_the_flux_beyond_the_breakup_is_kept_with_its_law(tmp_path, workers):
+    out = tmp_path / "out"
+    succeed("flux", out, "--angle", "0", "--nearest", "1e-3", *workers)
+    cube = xr.open_zarr(out / "flux.zarr")
+    assert cube.flux.dims == ("angle", "excess")
+    assert (cube.status == 1).all()
+    first = cube.isel(angle=0, excess=0)
+    kappa = (KAPPA_G / 2 * (1 + float(first.excess)), 0.0)
+    assert float(first.flux) == pytest.approx(nasm_flux.flux(parse("gamma"), kappa).value, rel=1e-6)
+    (law,) = table(out / "flux_law.csv")
+    assert float(law["exponent"]) == pytest.approx(3.0117, abs=1e-3)
+    assert "3.0117" in (out / "flux.txt").read_text()
+    assert (out / "flux.png").exists()
