@@ -31,7 +31,7 @@ NAMES = (
 """The six rotation numbers of the paper, Sec. VI, as `parse` reads them."""
 
 MAX_DIGITS, MAX_QUOTIENTS = 100, 1000
-"""Longest integer that `parse` reads, and longest continued fraction, prefix and period together."""
+"""The longest integer and the longest continued fraction, prefix and one period, that are read."""
 
 _INTEGERS = r"\d+(?:,\d+)*"
 _CONTINUED_FRACTION = rf"\[(-?\d+)(?:;({_INTEGERS})(?:,\(({_INTEGERS})\))?|;\(({_INTEGERS})\))?\]"

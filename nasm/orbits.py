@@ -19,7 +19,7 @@ from nasm.maps import forcing, kick
 MAX_STEPS = 10**9
 
 REGULAR_DIGITS = 5
-"""Averages that share fewer digits give no rotation number: the orbit is chaotic, or n too small."""
+"""Averages that share fewer give no rotation number: the orbit is chaotic, or n too small."""
 
 
 def orbit(kappa, x, y, n):

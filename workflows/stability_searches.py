@@ -22,18 +22,10 @@ def missed_survivors(quick):
     angles = np.where(random.random(n_rays) < 1 / 3, 45 - random.random(n_rays), 45)
     angles = np.where(angles == 45, 45 * random.random(n_rays), angles)
     lives = np.empty((kept.size, n_rays))
-    standard = cones._KEPT
-    try:
-        for j, (angle, x) in enumerate(
-            zip(angles, 10 ** random.uniform(-4, -2, n_rays), strict=True)
-        ):
-            cones._KEPT = standard
-            kappa = cones.critical_scale(ray(angle), 3000).value * (1 + x) * ray(angle)
-            for i, number in enumerate(kept):
-                cones._KEPT = int(number)
-                lives[i, j] = cones.longest_lived(kappa, n_max)[1]
-    finally:
-        cones._KEPT = standard
+    for j, (angle, x) in enumerate(zip(angles, 10 ** random.uniform(-4, -2, n_rays), strict=True)):
+        kappa = cones.critical_scale(ray(angle), 3000).value * (1 + x) * ray(angle)
+        for i, number in enumerate(kept):
+            lives[i, j] = cones.longest_lived(kappa, n_max, int(number))[1]
     best = lives.max(axis=0)
     known = np.isfinite(best)
     lost = 1 - lives[:, known] / best[known]
