@@ -379,8 +379,8 @@ def test_a_bad_start_is_not_taken_for_the_orbit():
     orbit.u[0] = orbit.u[-2] = 0
     rejected = orbit.u.copy()
     if orbit.move(1.0):
-        assert chain._ordered(orbit.u, 21, orbit.stride, np.empty(42))
-    assert not chain._ordered(rejected, 21, orbit.stride, np.empty(42))
+        assert chain.ordered(orbit.u, 21, orbit.stride, np.empty(42))
+    assert not chain.ordered(rejected, 21, orbit.stride, np.empty(42))
 
 
 def test_centres_are_where_the_forcing_is_a_palindrome():

@@ -126,12 +126,12 @@ def disordered_orbits(quick):
             for _ in range(trials):
                 u = noise * random.standard_normal(right.size)
                 u[0] = u[end:] = 0.0
-                if not chain._newton(kappa, orbit.site, orbit.n_sites, orbit.theta, u, workspace):
+                if not chain.newton(kappa, orbit.site, orbit.n_sites, orbit.theta, u, workspace):
                     outcome = 0
                 elif np.abs(u - right)[: end + 1].max() < 1e-9:
                     outcome = 1
                 else:
-                    outcome = 3 if chain._ordered(u, q, orbit.stride, full) else 2
+                    outcome = 3 if chain.ordered(u, q, orbit.stride, full) else 2
                 counts[outcome, i, j] += 1
     names = ("lost", "right", "refused", "accepted")
     words = ("no convergence", "the orbit", "another orbit, refused", "another orbit, accepted")
