@@ -166,7 +166,7 @@ def critical_scale(profile, n_max):
     -------
     CriticalScale. upper : no start was found to survive n_max steps there. error : a third of
     upper - value; all of it next to a cusp, see `_cusp_steps`, and for three kicks or more. (True
-    errors were 3% of upper - value, at most 15%; next to a cusp at most 80%; of 116 values for 3 to
+    errors were 3% of upper - value, at most 15%; next to a cusp at most 80%; of 148 values for 3 to
     34 kicks at most 64%.) lower is NaN and omega None: the method shows no circle, and names none.
     status NOT_CONVERGED if lifetimes contradict each other, or the law, as they do when a search
     misses a survivor, and for three kicks next to one, e.g. (1, 0.999, 0.999), where the resonances
