@@ -136,7 +136,7 @@ class HalfOrbit:
 
 
 @kernel
-def _newton(kappa, site, n_sites, theta, u, workspace):
+def newton(kappa, site, n_sites, theta, u, workspace):
     """Newton's method for the deviations u of a half orbit, in place; whether it converged.
 
     The linearised chain is tridiagonal: one sweep of elimination, one back; O(N) a step. The
@@ -187,7 +187,7 @@ def _unfold(half, u):
 
 
 @kernel
-def _ordered(half, q, stride, u):
+def ordered(half, q, stride, u):
     """Whether the orbit is ordered like the rotation: sites whose angles differ by the least, 1/q,
     and which are `stride` steps of T apart in time, keep their order."""
     _unfold(half, u)
@@ -217,7 +217,7 @@ def _follow(start, profile, begin, end, site, q, theta, stride, u):
         target = end if step == end - at else at + step
         for j in range(u.size):  # extrapolate linearly in the scale
             trial[j] = u[j] + ((u[j] - before[j]) * (step / last_step) if last_step != 0 else 0.0)
-        if _newton(start + target * profile, site, n_sites, theta, trial, workspace) and _ordered(
+        if newton(start + target * profile, site, n_sites, theta, trial, workspace) and ordered(
             trial, q, stride, full
         ):
             for j in range(u.size):

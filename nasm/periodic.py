@@ -226,10 +226,12 @@ def torus_scale(omega, frequency, mean, amplitude):
     Returns
     -------
     CriticalScale. value : where |R| of either symmetric orbit first reaches 1/4, in steps of a
-    hundredth of the range |κ| < 2. error : how far from there |R| = 1 is, or the orbit lost, which
-    tells how sharp a breakup this period sees; no bound for the difference from the torus. omega is
-    that per period of the forcing. lower and upper are NaN. Status DISORDERED if the orbit is lost
-    before.
+    hundredth of the range |κ| < 2. error : how far from there |R| = 1 is, or the orbit lost; at
+    least 2·value/√N for an orbit of N kicks, which sees the torus at distances of 1/√N turns only.
+    (On 60 rays, for approximants of four pairs with N from 263 to 10 252, this covered the
+    difference to longer ones with N up to 73 396 in 98.6% of 420 cases, the worst 1.04 times as
+    large.) omega is that per period of the forcing. lower and upper are NaN. Status DISORDERED if
+    the orbit is lost before.
     """
     profile = rotating_forcing(mean, amplitude, frequency)
     if not profile.any():
@@ -263,7 +265,8 @@ def torus_scale(omega, frequency, mean, amplitude):
             return no_answer(exact, Status.DISORDERED)
         scales.append(reached + step)
     value, one = scales
-    return CriticalScale(value, one - value, np.nan, np.nan, exact, Status.OK)
+    error = max(one - value, 2 * value / orbits[0].n_sites ** 0.5)
+    return CriticalScale(value, error, np.nan, np.nan, exact, Status.OK)
 
 
 def _cusp_period(kappa):

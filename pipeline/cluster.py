@@ -105,10 +105,12 @@ def _interrupts_kept():
     """A list of the Ctrl-C that come meanwhile, which do nothing else.
 
     Threads that are started meanwhile are deaf to it, and so are the processes that they start:
-    workers, until their plugin sees to it.
+    workers, until their plugin sees to it. A program that was started with Ctrl-C ignored ignores
+    it, and its workers with it.
     """
     kept = []
-    if threading.current_thread() is not threading.main_thread():
+    ignored = signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+    if ignored or threading.current_thread() is not threading.main_thread():
         yield kept
         return
     resource_tracker.ensure_running()  # as it starts, it makes the thread hear again

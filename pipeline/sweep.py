@@ -288,9 +288,13 @@ def _pack(costs):
 
 @contextmanager
 def _draining_on_interrupt():
-    """An Event that the first Ctrl-C sets; the second interrupts at once."""
+    """An Event that the first Ctrl-C sets; the second interrupts at once.
+
+    A program that was started with Ctrl-C ignored, as in the background of a script, ignores it.
+    """
     interrupt = threading.Event()
-    if threading.current_thread() is not threading.main_thread():
+    ignored = signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+    if ignored or threading.current_thread() is not threading.main_thread():
         yield interrupt
         return
 

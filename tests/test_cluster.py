@@ -27,9 +27,9 @@ from distributed.security import Security
 
 from pipeline import store
 from pipeline.admission import ClusterError, sharing
-from pipeline.cluster import connect
+from pipeline.cluster import _interrupts_kept, connect
 from pipeline.layout import COMMIT
-from pipeline.sweep import sweep
+from pipeline.sweep import _draining_on_interrupt, sweep
 from workflows import last_barrier
 from workflows.cli import session
 
@@ -295,6 +295,18 @@ def test_ctrl_c_while_the_workers_start_comes_when_they_have_started(monkeypatch
         pass
     assert clusters[0].status == Status.closed
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_a_program_that_was_started_with_ctrl_c_ignored_ignores_it():
+    previous = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        with _interrupts_kept() as kept, _draining_on_interrupt() as interrupt:
+            os.kill(os.getpid(), signal.SIGINT)
+        assert kept == []
+        assert not interrupt.is_set()
+        assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGINT, previous)
 
 
 def test_workers_are_deaf_to_ctrl_c_also_when_they_are_started_again():
