@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from nasm import circles, continuation, periodic
+from nasm import circles, continuation, fourier, periodic
 from nasm.critical import Status
 from nasm.numbers import NAMES, RotationNumber, convergents, moebius, parse
 
@@ -82,6 +82,17 @@ def test_symmetric_copies_computed_apart_agree(name):
     for angle, copy in ((65, omega), (205, omega), (155, moebius(omega, 1, 1))):
         there = continuation.critical_scale(copy, ray(angle), 1e-5)
         assert abs(there.value - here.value) <= here.error + there.error
+
+
+def test_fineness_is_the_ratio_of_the_norms_of_third_and_second_derivative():
+    theta = np.arange(64) / 64
+    u = np.sin(2 * np.pi * theta) - 0.3 * np.cos(10 * np.pi * theta)
+    wanted = 2 * np.pi * np.sqrt((1 + 0.09 * 5**6) / (1 + 0.09 * 5**4))
+    assert continuation.fineness(u[None]) == pytest.approx(wanted, rel=1e-12)
+    second = fourier.derivative(fourier.derivative(u))
+    third = fourier.derivative(second)
+    assert wanted == pytest.approx(np.linalg.norm(third) / np.linalg.norm(second))
+    assert continuation.fineness(u[None], 4) == pytest.approx(2 * np.pi)
 
 
 def test_fineness_grows_by_the_golden_ratio_as_the_distance_shrinks_by_delta():
