@@ -203,7 +203,7 @@ def _crossings(omega, profile, q_max, start, family):
     for lower, higher in zip(fractions, fractions[period:], strict=False):
         scale = _crossing(orbits, lower, higher, [scale for _, scale in found])
         if isinstance(scale, Status):
-            if len(found) > 2 * period + 1:
+            if len(found) >= enough:
                 break  # longer orbits are out of reach; there are enough without them
             # Near a cusp the shortest orbits are not yet on the way to the limit: start afresh.
             found, status = [], status if status is Status.OUTSIDE else scale
