@@ -138,7 +138,8 @@ def critical_scale(omega, profile, q_max=6000, start=None, family=minimax_centre
     omega : RotationNumber, irrational; e.g. `numbers.parse("gamma")`.
     profile : sequence of P floats.
     q_max : int up to 10⁶, the largest period used. 1500 gives nine digits for noble ω, 6000 twelve.
-    start : sequence of P floats; default 0, a ray from the origin. The circle should exist there:
+    start : sequence of P floats; default 0, a ray from the origin; planes of forcings that do not
+        contain 0 have rays from another. The circle should exist there:
         what is found is the first breakup in steps of a fiftieth of the twist region, |κ| < 2.
     family : `minimax_centre` or `minimizing_centre`, whose orbits are used: two routes to one
         value. Within a few degrees of the diagonals the symmetric orbits of some p/q are no longer
