@@ -40,6 +40,7 @@ from nasm.maps import TWO_PI, forcing
 from nasm.sine import cos2pi, sin2pi
 
 MAX_PERIOD = 10**6
+_ROUNDING = 1e-12  # of the distance of two sites, 1e-14 as a rule
 
 
 def is_symmetry_centre(kappa, site):
@@ -136,7 +137,7 @@ class HalfOrbit:
 
 
 @kernel
-def _newton(kappa, site, n_sites, theta, u, workspace):
+def newton(kappa, site, n_sites, theta, u, workspace):
     """Newton's method for the deviations u of a half orbit, in place; whether it converged.
 
     The linearised chain is tridiagonal: one sweep of elimination, one back; O(N) a step. The
@@ -187,15 +188,16 @@ def _unfold(half, u):
 
 
 @kernel
-def _ordered(half, q, stride, u):
+def ordered(half, q, stride, u):
     """Whether the orbit is ordered like the rotation: sites whose angles differ by the least, 1/q,
-    and which are `stride` steps of T apart in time, keep their order."""
+    and which are `stride` steps of T apart in time, keep their order, as far as rounding can tell:
+    on a cantorus they may be nearer to each other."""
     _unfold(half, u)
     n = u.size
     hop = n // q * stride
     for j in range(n):
         k = j + hop
-        if not u[k - n if k >= n else k] - u[j] + 1 / q > 0:
+        if not u[k - n if k >= n else k] - u[j] + 1 / q > -_ROUNDING:
             return False
     return True
 
@@ -217,7 +219,7 @@ def _follow(start, profile, begin, end, site, q, theta, stride, u):
         target = end if step == end - at else at + step
         for j in range(u.size):  # extrapolate linearly in the scale
             trial[j] = u[j] + ((u[j] - before[j]) * (step / last_step) if last_step != 0 else 0.0)
-        if _newton(start + target * profile, site, n_sites, theta, trial, workspace) and _ordered(
+        if newton(start + target * profile, site, n_sites, theta, trial, workspace) and ordered(
             trial, q, stride, full
         ):
             for j in range(u.size):

@@ -21,8 +21,13 @@ constant is found as long as the twist ⟨Σ_j 1/c_j⟩ is not 0; where h' > 0 i
 
 With too few modes Newton's method converges on "circles" far beyond the breakup. What is called a
 circle here has therefore converged again, with h' > 0, on a grid four times finer.
+
+Grids have up to 10⁶ points. The C library would take memory for each array from the system and give
+it back, and a third of the time would go into page faults: it is told to keep what was freed.
 """
 
+import ctypes
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from math import prod
@@ -48,6 +53,13 @@ _UPDATE = 1e-9  # converged: the last update of u was smaller
 _TAIL = 3e-3  # resolved: the last 15% of the modes hold less than this part of the H³ norm
 _ROUNDED = 1e-13  # of max |E_j|: less is rounding, and no step makes less of it
 _DIVISOR = 1e-5  # with smaller divisors, rounding errors of 1e-17 are larger than _UPDATE in u
+
+_GIGABYTE = 2**30
+with suppress(OSError, AttributeError):  # other C libraries than GNU's have their own ways
+    _tell = ctypes.CDLL(None).mallopt
+    _tell(-3, _GIGABYTE)  # M_MMAP_THRESHOLD: smaller blocks come from the heap,
+    _tell(-1, _GIGABYTE)  # M_TRIM_THRESHOLD: which keeps them,
+    _tell(-8, 1)  # M_ARENA_MAX: and is one for all threads
 
 
 @dataclass(frozen=True)
@@ -189,9 +201,8 @@ def residual(omega, kappa, u):
     kappa = forcing(kappa)
     n_sites, n = u.shape
     turn = fourier.turns(omega, n // 2 + 1)
-    around = np.vstack([fourier.rotate(u[-1], turn.conj()), u, fourier.rotate(u[0], turn)])
-    x = np.arange(n) / n + _angles(omega, n_sites)[:, None] + u
-    return around[2:] - 2 * u + around[:-2] - kappa[:, None] / TWO_PI * sin2pi(x)
+    before, after = fourier.rotate(u[-1], turn.conj()), fourier.rotate(u[0], turn)
+    return _residual(kappa, _angles(omega, n_sites), before, u, after)
 
 
 def graph(circle):
@@ -302,6 +313,21 @@ def _iterate(kappa, angles, turn, kept, u):
             return 0, first
         last_error, last = error, change
     return 2, first
+
+
+@kernel
+def _residual(kappa, angles, before, u, after):
+    """E_j from u_{-1}, u_0, …, u_{P-1} and u_P."""
+    n_sites, n = u.shape
+    residual = np.empty((n_sites, n))
+    for j in range(n_sites):
+        strength = kappa[j] / TWO_PI
+        behind = u[j - 1] if j > 0 else before
+        ahead = u[j + 1] if j < n_sites - 1 else after
+        for i in range(n):
+            kick = strength * sin2pi(i / n + angles[j] + u[j, i])
+            residual[j, i] = ahead[i] - 2 * u[j, i] + behind[i] - kick
+    return residual
 
 
 @kernel(error_model="numpy")

@@ -1,6 +1,6 @@
 """Converse KAM: starts through which no rotational invariant circle passes.
 
-Along an orbit of the chain (see `nasm.periodic`) a tangent vector obeys the linearised chain
+Along an orbit of the chain (see `nasm.chain`) a tangent vector obeys the linearised chain
 
     v_{n+1} = (2 + κ_n cos 2πx_n) v_n - v_{n-1}.
 
@@ -67,13 +67,17 @@ MAX_STEPS = 10**9
 _BLOCK = 32  # kicks between two tests for v ≤ 0; even
 _LONGEST_CHUNK = 4096  # kicks between two compactions
 
-# (starts, place of the start in its cell) of two grids that have no start in common.
 _SLOPES = 0.4, 1.1
 """Bounds of slope/s_c of the law, in kicks; the upper one for each kick of the period. On 63 random
 rays of 2 to 4 kicks and 88 next to the diagonal it was 0.68 or more, and 1.01 or less for each."""
 
+# (starts, place of the start in its cell) of two grids that have no start in common.
 _GRIDS = ((2048, 0.5), (1597, 0.382))
 _KEPT, _CHILDREN, _SHRINK = 32, 8, 0.15
+
+_COARSE = 256, 0.5  # the grid that finds a survivor soonest, where there are many
+_LONGER = 16  # times n_max, for which starts should survive below the value
+_BELOW = 1 - np.array([0.01, 0.02, 0.04, 0.07, 0.1])
 
 _STRIDE = 2 + 5**0.5  # (1/γ)³
 _MOST_SCALES = 100  # 10 are usual
@@ -104,12 +108,13 @@ def elimination_time(kappa, y, n_max):
     return _kicks(line, y.ravel(), line.period * n_max).reshape(y.shape) / line.period
 
 
-def longest_lived(kappa, n_max):
+def longest_lived(kappa, n_max, kept=_KEPT):
     """The start on the dominant symmetry line that takes longest to be eliminated.
 
     Parameters
     ----------
     kappa, n_max : as for `elimination_time`.
+    kept : int ≥ 1, the starts from which the search goes on at each level.
 
     Returns
     -------
@@ -117,7 +122,7 @@ def longest_lived(kappa, n_max):
     time : float, its elimination time in steps; inf if it survives n_max steps, and then it is one
         of the survivors and need not be the last.
 
-    A beam search, on two unrelated grids: of 2048 and 1597 starts, the 32 longest-lived get 8
+    A beam search, on two unrelated grids: of 2048 and 1597 starts, the longest-lived get 8
     children each, 0.15 cells apart, and so on until a cell is too small for its starts to part.
     It may miss the longest life, and with it a survivor. Of 992 searches, 2% to 0.002% beyond the
     breakup and a third of them within a degree of the diagonals, none did so by more than 1%; with
@@ -125,7 +130,9 @@ def longest_lived(kappa, n_max):
     """
     strengths = forcing(kappa)
     n_max = count("n_max", n_max, 1, MAX_STEPS)
-    y, time = _longest_lived(_line(strengths), strengths.size * n_max)
+    line, n_kicks = _line(strengths), strengths.size * n_max
+    kept = count("kept", kept, 1, _GRIDS[1][0])
+    y, time = longest_found(lambda y: _kicks(line, y, n_kicks), _GRIDS, kept)
     return y, time / strengths.size
 
 
@@ -144,6 +151,7 @@ def critical_scale(profile, n_max):
     2. Lower the scale, by the law s - s_c = slope/T through the last two scales, so that the
        longest lifetime T grows by a factor of 4.2 each time, until it is near n_max: `upper`.
     3. `value` is where the law leads to for T → ∞.
+    4. With three kicks or more, starts must survive 16 n_max steps at six scales below `value`.
 
     The factor is (1/γ)³. The ripple of the law has the period 1/γ in T if the last circle has a
     golden tail, and then it cancels.
@@ -157,33 +165,49 @@ def critical_scale(profile, n_max):
     Returns
     -------
     CriticalScale. upper : no start was found to survive n_max steps there. error : a third of
-    upper - value; all of it next to a cusp, see `_cusp_steps`. (True errors were 3% of upper -
-    value, at most 15%; next to a cusp at most 80%.) lower is NaN and omega None: the method shows
-    no circle, and names none. status NOT_CONVERGED if lifetimes contradict each other, or the law,
-    as they do when a search misses a survivor, and for three kicks next to one, e.g. (1, 0.999,
-    0.999), where the resonances that decide are no longer those of first order.
+    upper - value; all of it next to a cusp, see `_cusp_steps`, and for three kicks or more. (True
+    errors were 3% of upper - value, at most 15%; next to a cusp at most 80%; of 148 values for 3 to
+    34 kicks at most 64%.) lower is NaN and omega None: the method shows no circle, and names none.
+    status NOT_CONVERGED if lifetimes contradict each other, or the law, as they do when a search
+    misses a survivor, and for three kicks next to one, e.g. (1, 0.999, 0.999), where the resonances
+    that decide are no longer those of first order; with three kicks or more also if below the value
+    all starts are found to die within 16 n_max steps, as next to a resonance of second order.
 
     ValueError if profile is zero or tiny, or has no symmetry centre or no dominant line, see above.
     """
     profile = direction(profile)
     n_kicks = profile.size * count("n_max", n_max, 100, MAX_STEPS)
-    site, _ = dominant_centre(profile)
-    resonances = np.fft.fft(np.roll(profile, -site)).real * np.sign(profile[site])
+    site, a = dominant_centre(profile)
+    resonances = np.fft.fft(np.roll(profile, -site)).real * (1 if a == 0.5 else -1)
     if resonances.min() < -1e-9 * resonances.max():
         raise ValueError(
             f"profile={profile.tolist()} has no dominant symmetry line: the minimizing orbit of "
             f"ω={resonances.argmin()} is on it, and is never eliminated"
         )
 
-    def lifetime(scale):
-        return _longest_lived(_line(scale * profile), n_kicks)[1]
+    def lifetime(scale, n_kicks=n_kicks, grids=_GRIDS):
+        line = _line(scale * profile)
+        return longest_found(lambda y: _kicks(line, y, n_kicks), grids)[1]
 
-    scale, time = 2 / abs(profile[site]), 1.0
+    upper, time, slope = _walk(lifetime, 2 / abs(profile[site]), n_kicks)
+    gap = _gap(lifetime, upper, time, slope, _SLOPES[1] * profile.size)
+    beyond_first_order = profile.size > 2
+    if np.isnan(gap) or (beyond_first_order and _dies_below(lifetime, upper, gap, n_kicks)):
+        return _NOT_CONVERGED
+    near_cusp = time < profile.size * _cusp_steps(profile)
+    error = gap if near_cusp or beyond_first_order else gap / 3
+    return CriticalScale(upper - gap, error, np.nan, upper, None, Status.OK)
+
+
+def _walk(lifetime, scale, n_kicks):
+    """The lowest scale at which no start was found to survive, the longest life there, and the
+    slope of the law; NaN if `_MOST_SCALES` do not lead near n_kicks."""
+    time = 1.0
     slope = scale / 2  # a guess; a bad one costs time, no more
-    survived = 0.0  # the largest scale known at which a start survives n_max
+    survived = 0.0  # the largest scale known at which a start survives
     for _ in range(_MOST_SCALES):
         if time >= 0.8 * n_kicks or scale - survived < 0.05 * slope / time:
-            break
+            return scale, time, slope
         target = min(0.9 * n_kicks, _STRIDE * time)
         share = (1 / target - 1 / n_kicks) / (1 / time - 1 / n_kicks)
         lower = max(
@@ -197,19 +221,32 @@ def critical_scale(profile, n_max):
         if lived > 1.5 * time:
             slope = (scale - lower) / (1 / time - 1 / lived)
         scale, time = lower, max(lived, time)
-    else:
-        return _NOT_CONVERGED
+    return np.nan, np.nan, np.nan
+
+
+def _gap(lifetime, scale, time, slope, steepest):
+    """How far below `scale` the law has its breakup; NaN if the law does not hold there."""
     higher = scale + (_STRIDE - 1) * slope / time
+    if np.isnan(higher):
+        return np.nan
     earlier = lifetime(higher)
     if not earlier < time:  # the search has missed a survivor at the lower scale
-        return _NOT_CONVERGED
+        return np.nan
     gap = (higher - scale) / (time / earlier - 1)
-    slope = gap * time / (scale - gap)
-    if not _SLOPES[0] < slope < _SLOPES[1] * profile.size:
-        return _NOT_CONVERGED
-    near_cusp = time < profile.size * _cusp_steps(profile)
-    error = gap if near_cusp else gap / 3
-    return CriticalScale(scale - gap, error, np.nan, scale, None, Status.OK)
+    return gap if _SLOPES[0] < gap * time / (scale - gap) < steepest else np.nan
+
+
+def _dies_below(lifetime, upper, gap, n_kicks):
+    """Whether no start is found to survive at some scale below the value, where circles should be.
+
+    Starts next to an orbit that only resonances of higher order eliminate live long at some scales,
+    and shorter again below.
+    """
+    value = upper - gap
+    return any(
+        np.isfinite(lifetime(scale, _LONGER * n_kicks, (_COARSE, *_GRIDS)))
+        for scale in (value - gap, *(value * _BELOW))
+    )
 
 
 def _cusp_steps(profile):
@@ -251,31 +288,22 @@ def _kicks(line, y, n_kicks):
     return times
 
 
-def _longest_lived(line, n_kicks):
-    """y and time, in kicks, of the longest-lived start of both grids."""
-    return longest_found(lambda y: _kicks(line, y, n_kicks), _GRIDS)
-
-
-def _search(line, n_kicks, starts, offset):
-    """The beam search of `longest_lived` on one grid."""
-    return beam_search(lambda y: _kicks(line, y, n_kicks), starts, offset)
-
-
-def longest_found(lifetimes, grids):
+def longest_found(lifetimes, grids, kept=_KEPT):
     """`beam_search` on each of the grids (starts, offset), until one finds a survivor."""
     found = []
     for grid in grids:
-        found.append(beam_search(lifetimes, *grid))
+        found.append(beam_search(lifetimes, *grid, kept))
         if np.isinf(found[-1][1]):
             break
     return max(found, key=lambda start: start[1])
 
 
-def beam_search(lifetimes, starts, offset):
+def beam_search(lifetimes, starts, offset, kept=_KEPT):
     """y in [0, 1/2] and lifetime of the start that lives longest; one survivor is enough.
 
     lifetimes : function, vector of y → their lifetimes in kicks, inf for a survivor. starts, offset
-    : a grid, the number of its starts and the place of each in its cell.
+    : a grid, the number of its starts and the place of each in its cell. kept : as for
+    `longest_lived`.
     """
     cell = 0.5 / starts
     y = (np.arange(starts) + offset) * cell
@@ -290,9 +318,9 @@ def beam_search(lifetimes, starts, offset):
         # long if that is less than 1/T, the distance of neighbours on an orbit of T kicks.
         if np.isinf(best_time) or cell * best_time**2 < 0.01 or cell < np.spacing(0.5):
             return best_y, best_time
-        kept = np.argsort(-times, kind="stable")[:_KEPT]
+        parents = y[np.argsort(-times, kind="stable")[:kept]]
         cell *= _SHRINK
-        y = (y[kept, None] + cell * brood).ravel()
+        y = (parents[:, None] + cell * brood).ravel()
 
 
 # Slopes of the sine: the coefficients of cos 2πu = d(sin 2πu)/d(2πu).

@@ -1,4 +1,4 @@
-"""Periodic functions on a grid: rotations by ω, derivatives, small divisors, Sobolev norms.
+"""Periodic functions on a grid: rotations by ω, derivatives, small divisors.
 
     f(θ) = Σ_k f̂_k e^{2πikθ},     f(θ + ω) ↔ e^{2πikω} f̂_k,     f'(θ) ↔ 2πik f̂_k
 
@@ -99,15 +99,3 @@ def resample(f, n):
     """The same function on a grid of n points; exact if it has fewer than n/2 modes."""
     modes = np.fft.rfft(f)
     return np.fft.irfft(modes[..., : n // 2 + 1] * (n / f.shape[-1]), n)
-
-
-def sobolev_norm(f, order):
-    """‖f‖_{H^r} = (Σ_k |2πk|^{2r} |f̂_k|²)^{1/2} over the last axis: that of the r-th derivative.
-
-    A seminorm for r > 0: constants have none.
-    """
-    n = f.shape[-1]
-    modes = np.fft.rfft(f) / n
-    k = np.arange(modes.shape[-1])
-    twice = np.where((k == 0) | (2 * k == n), 1, 2)
-    return np.sqrt(np.sum(twice * (TWO_PI * k) ** (2 * order) * np.abs(modes) ** 2, axis=-1))

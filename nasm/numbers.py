@@ -30,6 +30,9 @@ NAMES = (
 )
 """The six rotation numbers of the paper, Sec. VI, as `parse` reads them."""
 
+MAX_DIGITS, MAX_QUOTIENTS = 100, 1000
+"""The longest integer and the longest continued fraction, prefix and one period, that are read."""
+
 _INTEGERS = r"\d+(?:,\d+)*"
 _CONTINUED_FRACTION = rf"\[(-?\d+)(?:;({_INTEGERS})(?:,\(({_INTEGERS})\))?|;\(({_INTEGERS})\))?\]"
 _TERM = r"(?:\d+\*?gamma|gamma|\d+)"
@@ -78,9 +81,12 @@ def parse(text):
 
     Reads a continued fraction "[1;4,(1)]" (the period in parentheses), a fraction "3/5", or a
     Möbius transform of the golden mean with integer coefficients, "(5gamma+6)/(4gamma+5)".
-    ValueError, with the three forms, for anything else.
+    ValueError, with the three forms, for anything else, and for what exceeds `MAX_DIGITS` or
+    `MAX_QUOTIENTS`.
     """
     compact = re.sub(r"\s*([-+*/;,()[\]])\s*", r"\1", str(text).strip()).replace("γ", "gamma")
+    if re.search(rf"\d{{{MAX_DIGITS + 1}}}", compact) or compact.count(",") >= MAX_QUOTIENTS:
+        raise _too_long(compact)
     if match := re.fullmatch(_CONTINUED_FRACTION, compact):
         first, prefix, tail, tail_only = match.groups()
         prefix = [int(a) for a in (prefix or "").split(",") if a]
@@ -94,6 +100,14 @@ def parse(text):
     raise ValueError(
         f"{text!r} is not a rotation number; write a continued fraction like [1;4,(1)], a fraction "
         "like 3/5, or a ratio in the golden mean like (5gamma+6)/(4gamma+5)"
+    )
+
+
+def _too_long(text):
+    shown = text if len(text) <= 60 else f"{text[:40]}…, {len(text)} characters,"
+    return ValueError(
+        f"{shown} is too long; write integers of at most {MAX_DIGITS} digits, and a number whose "
+        f"continued fraction has at most {MAX_QUOTIENTS} partial quotients before it repeats"
     )
 
 
@@ -152,7 +166,9 @@ def moebius(omega, a, b, c=0, d=1):
     norm = bottom[0] ** 2 - n * bottom[1] ** 2
     r = top[0] * bottom[0] - n * top[1] * bottom[1]
     s = top[1] * bottom[0] - top[0] * bottom[1]
-    return _expand_surd(r, s, norm, n)
+    if (image := _expand_surd(r, s, norm, n)) is None:
+        raise _too_long(f"({a}ω + {b})/({c}ω + {d})")
+    return image
 
 
 def nobles_near(value, width, n):
@@ -203,7 +219,8 @@ def _product(quotients):
 def _expand_surd(r, s, t, n):
     """The continued fraction of (r + s·√n)/t: repeat a = floor, x → 1/(x - a) until x recurs.
 
-    t must divide s²n - r², as it does for a root of an equation with integer coefficients.
+    t must divide s²n - r², as it does for a root of an equation with integer coefficients. None if
+    x has not recurred after `MAX_QUOTIENTS`.
     """
     n, s = n * s * s, (1 if s > 0 else -1)
     if s < 0:
@@ -211,6 +228,8 @@ def _expand_surd(r, s, t, n):
     root = isqrt(n)
     seen, quotients = {}, []
     while (r, t) not in seen:
+        if len(quotients) == MAX_QUOTIENTS:
+            return None
         seen[r, t] = len(quotients)
         a = (r + root) // t if t > 0 else (r + root + 1) // t
         quotients.append(a)

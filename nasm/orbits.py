@@ -3,10 +3,10 @@
     ω = lim (x_n - x_0)/n  =  Σ_t w(t/n) (x_{t+1} - x_t) / Σ_t w(t/n),   w(s) = exp(-1/(s(1-s)))
 
 On an invariant circle with a Diophantine ω the weighted average converges faster than any power
-of 1/n; on a chaotic orbit hardly at all. The number of digits that its two halves share tells the
-two apart (Sander & Meiss, Physica D 411 (2020) 132569). It tells regular motion from chaos, no
-more: an orbit in an island is regular too, and just beyond a circle's breakup a cantorus may look
-regular for longer than the average lasts.
+of 1/n; on a chaotic orbit hardly at all. The number of digits that the averages of the whole orbit
+and of its halves share tells the two apart (Sander & Meiss, Physica D 411 (2020) 132569). It tells
+regular motion from chaos, no more: an orbit in an island is regular too, and just beyond a circle's
+breakup a cantorus may look regular for longer than the average lasts.
 """
 
 import numpy as np
@@ -19,7 +19,7 @@ from nasm.maps import forcing, kick
 MAX_STEPS = 10**9
 
 REGULAR_DIGITS = 5
-"""Halves that share fewer digits give no rotation number: the orbit is chaotic, or n too small."""
+"""Averages that share fewer give no rotation number: the orbit is chaotic, or n too small."""
 
 
 def orbit(kappa, x, y, n):
@@ -84,19 +84,19 @@ def rotation_number(kappa, x, y, n):
 
     Returns
     -------
-    omega : ndarray; NaN where the two halves of the orbit share fewer than `REGULAR_DIGITS` digits.
-    digits : ndarray, -log10 of the difference of the two halves' averages, or of what rounding
-        does to them, if that is more: 10⁻¹⁴, and 2·10⁻¹⁶·√n from n = 2500 on. (The largest error of
-        16 robust circles of P = 1, 2 and 3, against orbits in 100 bits, was 1.1·10⁻¹⁴, 2·10⁻¹⁴,
-        8·10⁻¹⁴ and 5·10⁻¹³ at n = 10⁴, 10⁵, 10⁶ and 10⁷: 0.6 to 1.5·10⁻¹⁶ times √n.) The value uses
-        the whole orbit and is usually better than the halves; but they may also agree by chance: on
-        robust circles the error exceeded 10^-digits in 2-3% of cases, mostly by less than 10×.
+    omega : ndarray; NaN where digits are fewer than `REGULAR_DIGITS`.
+    digits : ndarray, -log10 of the largest difference between the averages of the whole orbit and
+        of its halves, or of what rounding does to them, if that is more: 1.5·10⁻¹⁴, and 3·10⁻¹⁶·√n
+        from n = 2500 on. (Of 1961 regular orbits of P = 1, 2 and 3 with n from 10² to 10⁵, judged
+        by 64-bit mantissas, 99.6% were right to 10^-digits, and the worst was 10 times as far off:
+        averages may agree by chance.)
     """
     strengths = forcing(kappa)
     x, y = points(x, y)
     n = count("n", n, 4, MAX_STEPS)
     whole, first, second = _weighted_averages(strengths, x.ravel(), y.ravel(), n)
-    digits = -np.log10(np.maximum(np.abs(first - second), max(1e-14, 2e-16 * n**0.5)))
+    apart = np.ptp([whole, first, second], axis=0)
+    digits = -np.log10(np.maximum(apart, max(1.5e-14, 3e-16 * n**0.5)))
     omega = np.where(digits >= REGULAR_DIGITS, whole, np.nan)
     return omega.reshape(x.shape), digits.reshape(x.shape)
 

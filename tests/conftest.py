@@ -1,7 +1,12 @@
 """What tests of commands share."""
 
+import signal
+
 import pytest
 import toy
+
+# Ctrl-C works in the tests, and in the programs that they start, however pytest was started.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(scope="session")

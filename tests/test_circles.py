@@ -123,15 +123,6 @@ def test_the_circle_to_second_order_in_kappa():
     )
 
 
-def test_sobolev_norms_are_those_of_the_derivatives():
-    theta = np.arange(64) / 64
-    f = np.sin(2 * np.pi * theta) - 0.3 * np.cos(10 * np.pi * theta)
-    for order, exact in ((0, 1 + 0.09), (1, 1 + 0.09 * 25), (3, 1 + 0.09 * 25**3)):
-        norm = np.sqrt(exact / 2) * (2 * np.pi) ** order
-        assert fourier.sobolev_norm(f, order) == pytest.approx(norm, rel=1e-12)
-    assert fourier.sobolev_norm(f, 1) == pytest.approx(np.sqrt(np.mean(fourier.derivative(f) ** 2)))
-
-
 def test_phases_of_high_modes_are_exact():
     omega, k = parse("(5gamma+6)/(4gamma+5)"), 30_000
     with mpmath.workdps(50):

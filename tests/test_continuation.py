@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from nasm import circles, continuation, periodic
+from nasm import circles, continuation, fourier, periodic
 from nasm.critical import Status
 from nasm.numbers import NAMES, RotationNumber, convergents, moebius, parse
 
@@ -41,7 +41,7 @@ def test_the_golden_circle_breaks_at_kappa_g(name, profile, exact, tol):
 
 @pytest.mark.parametrize("tol", [1e-4, 1e-6])
 def test_the_error_covers_the_difference_to_residues(tol):
-    # The claim is 95%; the seed is fixed, so that this is a statement about these 48 rays.
+    # The claim is 98%; the seed is fixed, so that this is a statement about these 48 rays.
     angles = np.random.default_rng(20).uniform(0, 180, 48)
     covered = []
     for name, angle in zip(NAMES * 8, angles, strict=True):
@@ -51,12 +51,12 @@ def test_the_error_covers_the_difference_to_residues(tol):
         assert found.status is judge.status is Status.OK
         assert found.lower < judge.value
         covered.append(abs(found.value - judge.value) <= found.error + judge.error)
-    assert np.mean(covered) >= 0.95
+    assert np.mean(covered) >= 0.97  # 47 of 48
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("tol", [1e-4, 1e-5, 1e-6])
-def test_the_error_covers_the_difference_to_residues_in_95_of_100_cases(tol):
+def test_the_error_covers_the_difference_to_residues_in_98_of_100_cases(tol):
     angles = np.random.default_rng(77).uniform(0, 180, 360)
     covered = []
     for name, angle in zip(NAMES * 60, angles, strict=True):
@@ -65,7 +65,7 @@ def test_the_error_covers_the_difference_to_residues_in_95_of_100_cases(tol):
         assert judge.status is Status.OK
         covered.append(abs(found.value - judge.value) <= found.error + judge.error)
     print(f"\ncovered: {100 * np.mean(covered):.1f}%")
-    assert np.mean(covered) >= 0.95
+    assert np.mean(covered) >= 0.98
 
 
 def test_what_is_shown_to_exist_is_certified_when_looked_at_again():
@@ -82,6 +82,17 @@ def test_symmetric_copies_computed_apart_agree(name):
     for angle, copy in ((65, omega), (205, omega), (155, moebius(omega, 1, 1))):
         there = continuation.critical_scale(copy, ray(angle), 1e-5)
         assert abs(there.value - here.value) <= here.error + there.error
+
+
+def test_fineness_is_the_ratio_of_the_norms_of_third_and_second_derivative():
+    theta = np.arange(64) / 64
+    u = np.sin(2 * np.pi * theta) - 0.3 * np.cos(10 * np.pi * theta)
+    wanted = 2 * np.pi * np.sqrt((1 + 0.09 * 5**6) / (1 + 0.09 * 5**4))
+    assert continuation.fineness(u[None]) == pytest.approx(wanted, rel=1e-12)
+    second = fourier.derivative(fourier.derivative(u))
+    third = fourier.derivative(second)
+    assert wanted == pytest.approx(np.linalg.norm(third) / np.linalg.norm(second))
+    assert continuation.fineness(u[None], 4) == pytest.approx(2 * np.pi)
 
 
 def test_fineness_grows_by_the_golden_ratio_as_the_distance_shrinks_by_delta():
@@ -185,6 +196,67 @@ def test_a_large_quotient_that_the_modes_do_not_see_is_in_the_error(ones, large)
         assert found.value - found.error <= found.lower < 2.0806
     else:
         assert np.isnan([found.value, found.error]).all()
+
+
+@pytest.mark.parametrize(
+    ("name", "angle", "exact"),
+    [("[1;3,4,25,(2)]", 23.03197311151155, 0.514897), ("[0;4,4,27,(2)]", 332.1934, 0.5757)],
+)
+def test_before_the_circles_meet_the_tail_there_is_no_value(name, angle, exact):
+    # exact: by residues, to q = 60 000.
+    found = continuation.critical_scale(parse(name), ray(angle))
+    assert found.status is Status.TOO_FEW_MODES
+    assert np.isnan([found.value, found.error]).all()
+    assert 0.7 * exact < found.lower < exact
+
+
+@pytest.mark.parametrize("name_and_profile", [("2gamma", (-1, 1)), ("2gamma+1", (1, 1))])
+def test_at_the_cusps_of_the_other_class_the_error_covers_the_oscillation_of_the_norms(
+    name_and_profile,
+):
+    # ω/2 has the tail (8,2). Residues to q = 500 000: 0.76618771 on the unit ray.
+    name, profile = name_and_profile
+    found = continuation.critical_scale(parse(name), profile)
+    assert found.status is Status.OK
+    assert abs(found.value - 0.76618771 / 2**0.5) < found.error < 0.04
+
+
+def test_near_two_shorter_periods_the_error_contains_the_depths_of_both():
+    profile = (-1.015869172540561, -1.0154541970028859, -1.015869172540561, -1.0151179126561691)
+    judge = periodic.critical_scale(GAMMA, profile)
+    found = continuation.critical_scale(GAMMA, profile)
+    assert judge.status is found.status is Status.OK
+    assert abs(found.value - judge.value) <= found.error < 0.02
+
+
+def test_rounding_in_the_highest_modes_is_not_taken_for_structure():
+    # Residues: 0.0783524. M was 6708 at half of that, and 13.5 without the highest modes.
+    profile = (0.031506800738992695, 0.9995035375160978)
+    found = continuation.critical_scale(parse("[1;42,(2)]"), profile)
+    assert found.status is not Status.OK or abs(found.value - 0.0783524) <= found.error
+
+
+@pytest.mark.parametrize("case", [54, 78, 181, 208, 228])
+def test_at_the_finest_tolerance_the_error_is_half_as_large_again(case):
+    # Of 240 random rays at 10⁻⁶, those where half the spread fell short, by up to 1.67 times.
+    angle, omega = np.random.default_rng(1401).uniform(0, 180, 240)[case], parse(NAMES[case % 6])
+    judge = periodic.critical_scale(omega, ray(angle))
+    found = continuation.critical_scale(omega, ray(angle), 1e-6)
+    assert abs(found.value - judge.value) <= 1.05 * found.error < 1e-4
+
+
+def test_no_warning_goes_without_a_status():
+    # The suite makes errors of warnings; these are the flags that NumPy would not even report.
+    rng = np.random.default_rng(14)
+    with np.errstate(divide="raise", over="raise", invalid="raise"):
+        for n_kicks in (1, 2, 3, 4, 5, 6) * 4:
+            quotients = 10 ** rng.uniform(0, 1.7, rng.integers(0, 4))
+            omega = RotationNumber((0, *quotients.astype(int).tolist()), (1,))
+            profile = rng.normal(size=n_kicks) * 10 ** rng.uniform(-3, 1)
+            found = continuation.critical_scale(omega, profile, 1e-4)
+            assert np.isnan([found.value, found.error]).all() == (found.status is not Status.OK)
+            circle = circles.invariant_circle(omega, rng.uniform(0, 1) * profile)
+            assert np.isnan(circle.error) or circle.status in (Status.OK, Status.NOT_CERTIFIED)
 
 
 def test_a_circle_that_breaks_at_once_gives_a_status_or_a_bound():

@@ -1,5 +1,6 @@
 import ast
 import re
+import time
 from fractions import Fraction
 from itertools import islice, pairwise
 from pathlib import Path
@@ -217,6 +218,31 @@ def test_what_is_not_a_number_is_refused_with_the_forms_that_are(text):
         ValueError, match=r"is not a rotation number.*\[1;4,\(1\)\].*3/5.*5gamma\+6"
     ):
         parse(text)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "10000019gamma",
+        f"{'7' * 4000}gamma",
+        f"(gamma+1)/({'7' * 90}gamma+5)",
+        f"[0;{'7' * 5000},(1)]",
+        f"3/{'7' * 5000}",
+        f"[0;{','.join(['1', '2'] * 10**4)}]",
+    ],
+)
+def test_a_number_that_is_too_long_is_refused_at_once(text):
+    begin = time.process_time()
+    with pytest.raises(ValueError, match=r"too long; write .* at most 100 digits.* at most 1000 p"):
+        parse(text)
+    assert time.process_time() - begin < 0.5
+
+
+def test_long_numbers_below_the_limit_are_read():
+    long = parse("2003gamma")
+    assert len(long.tail) == 818
+    assert parse(str(long)) == long
+    assert parse(f"1/{'7' * 100}").prefix == (0, int("7" * 100))
 
 
 @pytest.mark.parametrize("value", [None, 0.6, True, b"gamma"])

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from nasm import chain, cones, continuation, periodic
+from nasm import chain, cones, continuation, periodic, symmetries
 from nasm.critical import Status
 from nasm.maps import step, step_tangent
 from nasm.numbers import NAMES, RotationNumber, moebius, parse
@@ -172,6 +172,48 @@ def test_the_error_covers_also_where_two_extrapolated_values_agree_by_chance(nam
     found = periodic.critical_scale(parse(name), ray(angle))
     better = periodic.critical_scale(parse(name), ray(angle), 30_000)
     assert abs(found.value - better.value) <= found.error + better.error < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("name", "profile"),
+    [
+        ("[1;(1,2)]", (0.9222037618645054, -0.3867043077119192)),
+        ("[1;(1,1,2)]", (-0.9309387579, 0.3651753276)),
+        ("[0;4,(1,2)]", (0.8299350314, 0.5578600634)),
+        ("[0;4,4,4,2,(1)]", (-0.7066172265, 0.7075959885)),
+        ("[0;1,3,4,4,4,2,(1)]", ray(44.99647638965198)),
+        ("[0;1,3,4,4,2,(1)]", (0.7075547711, 0.7066585087)),
+    ],
+)
+def test_the_error_covers_next_to_a_cusp_and_with_tails_of_several_quotients(name, profile):
+    better = periodic.critical_scale(parse(name), profile, 40_000)
+    assert better.error < 1e-7
+    for q_max in (1500, 6000):
+        found = periodic.critical_scale(parse(name), profile, q_max)
+        if found.status is Status.OK:
+            assert abs(found.value - better.value) <= found.error + better.error
+    assert found.status is Status.OK
+
+
+@pytest.mark.parametrize(("name", "angle"), [("2gamma", 135), ("2gamma+1", 45)])
+def test_the_paper_s_circles_have_a_value_at_each_other_s_cusps(name, angle):
+    # There they are circles of the standard map with the tail (8, 2), of which the default q_max
+    # knows two periods.
+    found = periodic.critical_scale(parse(name), symmetries.ray(angle))
+    longer = periodic.critical_scale(parse(name), symmetries.ray(angle), 200_000)
+    assert found.status is longer.status is Status.OK
+    assert abs(found.value - longer.value) <= found.error < 1e-6
+    assert longer.error < 1e-10
+
+
+@pytest.mark.parametrize(
+    ("name", "profile"),
+    [("[1;(1)]", ray(315.025)), ("[0;4,4,4,4,(1)]", ray(134.9996)), ("gamma", ray(45.0005))],
+)
+def test_where_orbits_are_lost_before_they_see_the_cusp_that_is_the_reason(name, profile):
+    found = periodic.critical_scale(parse(name), profile)
+    assert found.status is Status.NEAR_CUSP
+    assert np.isnan(found.value)
 
 
 @pytest.mark.parametrize(
@@ -379,8 +421,8 @@ def test_a_bad_start_is_not_taken_for_the_orbit():
     orbit.u[0] = orbit.u[-2] = 0
     rejected = orbit.u.copy()
     if orbit.move(1.0):
-        assert chain._ordered(orbit.u, 21, orbit.stride, np.empty(42))
-    assert not chain._ordered(rejected, 21, orbit.stride, np.empty(42))
+        assert chain.ordered(orbit.u, 21, orbit.stride, np.empty(42))
+    assert not chain.ordered(rejected, 21, orbit.stride, np.empty(42))
 
 
 def test_centres_are_where_the_forcing_is_a_palindrome():
@@ -418,14 +460,17 @@ def test_a_torus_of_two_kicks_is_a_circle_of_the_map():
     assert max(map(abs, residues)) == pytest.approx(0.25, rel=1e-8)
 
 
-def test_tori_break_where_longer_convergents_say():
+@pytest.mark.parametrize("angle", [20, 45, 70, 92.76, 117.43])
+def test_tori_break_where_longer_convergents_say(angle):
     # Consecutive convergents of one rotation vector, of the tribonacci constant.
-    for angle in (20, 60):
-        mean, amplitude = ray(angle)
-        shorter = periodic.torus_scale("504/927", "778/927", mean, amplitude)
-        longer = periodic.torus_scale("927/1705", "1431/1705", mean, amplitude)
-        assert shorter.status is longer.status is Status.OK
-        assert longer.value == pytest.approx(shorter.value, rel=0.05)
+    found = [
+        periodic.torus_scale(f"{p}/{q}", f"{r}/{q}", *ray(angle))
+        for p, r, q in [(504, 778, 927), (1705, 2632, 3136), (3136, 4841, 5768)]
+    ]
+    *shorter, longest = found
+    assert all(torus.status is Status.OK for torus in found)
+    for torus in shorter:
+        assert abs(torus.value - longest.value) < torus.error < 0.1 * torus.value
 
 
 def test_a_ray_without_direction_is_refused():

@@ -23,7 +23,7 @@ What they found, in the full run:
    their residues reach 10⁸³. Weighted Birkhoff averages show 16 digits there, and no circle: many
    of the longest-lived starts are regular orbits of another kind.
 5. Amplitudes. The last circles' are 0.077 on the axis to 0.155 on the diagonal, the same before
-   both kicks; those of seven other circles inside at most 0.162. Proposition 1 asks for less than
+   both kicks; those of seven other circles inside at most 0.1625. Proposition 1 asks for less than
    1: it has sixfold room everywhere in the plane up to CB_gt, and |Δy| > 1.17 would do as an exit.
    (On these samples: a circle not sampled may have a larger one.)
 6. The beam search of converse KAM misses the longest life by 1% or more in 65%, 21% and 3% of 150

@@ -24,18 +24,10 @@ def missed_survivors(quick):
     angles = np.where(random.random(n_rays) < 1 / 3, 45 - random.random(n_rays), 45)
     angles = np.where(angles == 45, 45 * random.random(n_rays), angles)
     lives = np.empty((kept.size, n_rays))
-    standard = cones._KEPT
-    try:
-        for j, (angle, x) in enumerate(
-            zip(angles, 10 ** random.uniform(-4, -2, n_rays), strict=True)
-        ):
-            cones._KEPT = standard
-            kappa = cones.critical_scale(ray(angle), 3000).value * (1 + x) * ray(angle)
-            for i, number in enumerate(kept):
-                cones._KEPT = int(number)
-                lives[i, j] = cones.longest_lived(kappa, n_max)[1]
-    finally:
-        cones._KEPT = standard
+    for j, (angle, x) in enumerate(zip(angles, 10 ** random.uniform(-4, -2, n_rays), strict=True)):
+        kappa = cones.critical_scale(ray(angle), 3000).value * (1 + x) * ray(angle)
+        for i, number in enumerate(kept):
+            lives[i, j] = cones.longest_lived(kappa, n_max, int(number))[1]
     best = lives.max(axis=0)
     known = np.isfinite(best)
     lost = 1 - lives[:, known] / best[known]
@@ -132,12 +124,12 @@ def disordered_orbits(quick):
             for _ in range(trials):
                 u = noise * random.standard_normal(right.size)
                 u[0] = u[end:] = 0.0
-                if not chain._newton(kappa, orbit.site, orbit.n_sites, orbit.theta, u, workspace):
+                if not chain.newton(kappa, orbit.site, orbit.n_sites, orbit.theta, u, workspace):
                     outcome = 0
                 elif np.abs(u - right)[: end + 1].max() < 1e-9:
                     outcome = 1
                 else:
-                    outcome = 3 if chain._ordered(u, q, orbit.stride, full) else 2
+                    outcome = 3 if chain.ordered(u, q, orbit.stride, full) else 2
                 counts[outcome, i, j] += 1
     dims, part = ("noise", "scale"), counts / trials
     return xr.Dataset(
