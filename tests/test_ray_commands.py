@@ -18,7 +18,20 @@ KAPPA_G = tomllib.loads(Path(__file__).with_name("literature.toml").read_text())
 
 
 def test_circle_boundaries_are_those_of_each_ray(tmp_path, workers):
-    options = ["--angles", "5", "--tips", "0", "--tol", "0.01", "--omega", "gamma", "--omega", "2gamma", "--omega", "3/5"]
+    options = [
+        "--angles",
+        "5",
+        "--tips",
+        "0",
+        "--tol",
+        "0.01",
+        "--omega",
+        "gamma",
+        "--omega",
+        "2gamma",
+        "--omega",
+        "3/5",
+    ]
     succeed("circle_boundaries", tmp_path / "out", *options, *workers)
     cube = xr.open_zarr(tmp_path / "out/breakdown_residue.zarr")
     exact = cube.omega.attrs["exact"]
