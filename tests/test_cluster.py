@@ -162,14 +162,9 @@ def test_workers_come_and_go_and_nothing_is_committed_twice(cluster, tmp_path):
 @pytest.mark.parametrize(
     ("content", "told"),
     [
-        (None, "there is no such file"),
-        ("", "is no scheduler file"),
-        ("tcp://127.0.0.1:8786", "is no scheduler file"),
-        ("[]", "is no scheduler file"),
-        ("{}", "is no scheduler file"),
-        ('{"address": null}', "is no scheduler file"),
-        ('{"address": "inproc://1/2"}', "is no scheduler file"),
-        (b"\xff\xfe", "is no scheduler file"),
+        *((content, "must be tcp://HOST:PORT") for content in (None, "", "[]", "{}", b"\xff\xfe")),
+        ('{"address": null}', "must be tcp://HOST:PORT"),
+        ('{"address": "inproc://1/2"}', "must be tcp://HOST:PORT"),
         ('{"address": "tls://127.0.0.1:9"}', "needs TLS files"),
     ],
 )

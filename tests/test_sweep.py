@@ -392,7 +392,7 @@ def test_a_store_that_is_deleted_under_way_ends_the_sweep_with_one_message(clien
     with pytest.raises(store.StoreFailed, match=r"out: .* does not exist|was moved, or deleted"):
         run(client, tmp_path / "out", toy.cube(tile=1, seconds=0.05))
     thread.join()
-    assert not commit_times(tmp_path / "out")
+    assert len(commit_times(tmp_path / "out")) <= 2  # what the workers were writing
     run(client, tmp_path / "away", toy.cube(tile=1, seconds=0.05))
     assert_complete(tmp_path / "away", toy.cube(tile=1))
 

@@ -23,7 +23,7 @@ def tori(vectors, angles):
     settings = {"frequencies": frequencies, "vectors": list(vectors)}
     settings["method"] = "Greene's residue of one orbit"
     cube = _cube("rotating_tori", _FREQUENCY, frequencies, angles, 20, settings)
-    return Job(cube, _tori, partial(per_ray, 0.5), warm_up_residues)
+    return Job(cube, _tori, partial(per_ray, 0.04), warm_up_residues)
 
 
 def transport(angles, n_max, n_orbits):
@@ -46,7 +46,7 @@ def three_kicks(phases, angles, n_max):
     settings = {"method": "converse KAM on transversals", "frequency": "1/3", "n_max": n_max}
     cube = _cube("three_kicks", _PHASE, phases, angles, 4, settings)
     warm_up = partial(transversals.critical_scale, (1.0,), 30)
-    return Job(cube, _phases, partial(per_ray, 2e-3 * n_max), warm_up)
+    return Job(cube, _phases, partial(per_ray, 0.4 + 2.5e-3 * n_max), warm_up)
 
 
 _FREQUENCY = "frequency", "frequency Ω"

@@ -33,11 +33,11 @@ class Axis:
 
     @property
     def centres(self):
-        """The n cell centres, ndarray."""
+        """ndarray of the n cell centres."""
         return self.lo + (np.arange(self.n) + 0.5) * ((self.hi - self.lo) / self.n)
 
     def coarsened(self, factor):
-        """The same interval in n/factor cells; n must be a multiple of factor."""
+        """Return the same interval in n/factor cells; n must be a multiple of factor."""
         if self.n % factor:
             raise ValueError(f"axis {self}: {self.n} cells cannot be joined {factor} to one")
         return Axis(self.lo, self.hi, self.n // factor)

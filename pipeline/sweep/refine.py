@@ -41,53 +41,36 @@ def refine(compute, ask, levels, tile):
 
 
 def compose(levels):
-    """One field at the resolution of the last level, and the level of each cell.
+    """Return one field at the resolution of the last level, and the level of each cell as int8.
 
-    Parameters
-    ----------
-    levels : list of arrays (…, rows·2ˡ, columns·2ˡ), NaN where not computed.
-
-    Returns
-    -------
-    field : array of the last one's shape. level : int8 array (rows, columns); -1 where no level is.
+    levels : list of arrays (…, rows·2ˡ, columns·2ˡ), NaN where not computed. Level -1: nowhere.
     """
-    field, level = levels[0], _level_of(levels[0], 0)
-    for number, finer in enumerate(levels[1:], 1):
-        field, level = halved(field), halved(level)
-        there = ~np.isnan(finer).all(axis=tuple(range(finer.ndim - 2)))
-        field = np.where(there, finer, field)
-        level = np.where(there, np.int8(number), level)
+    field = np.full(levels[0].shape, np.nan)
+    level = np.full(field.shape[-2:], -1, "int8")
+    for number, finer in enumerate(levels):
+        if number:
+            field, level = halved(field), halved(level)
+        computed = ~np.isnan(finer).all(axis=tuple(range(finer.ndim - 2)))
+        field = np.where(computed, finer, field)
+        level = np.where(computed, np.int8(number), level)
     return field, level
 
 
 def boundary_cells(answers):
-    """Cells with a neighbour (of eight) that answers differently.
+    """Mark the cells with a neighbour (of eight) that answers differently.
 
     answers : bool array (questions, rows, columns). Returns a bool array (rows, columns).
     """
     padded = np.pad(answers, [(0, 0), (1, 1), (1, 1)], mode="edge")
-    rows, columns = answers.shape[1:]
-    differs = np.zeros((rows, columns), dtype=bool)
-    for i in range(3):
-        for j in range(3):
-            neighbour = padded[:, i : i + rows, j : j + columns]
-            differs |= (neighbour != answers).any(axis=0)
-    return differs
+    around = np.lib.stride_tricks.sliding_window_view(padded, (3, 3), axis=(1, 2))
+    return (around != answers[..., None, None]).any(axis=(0, 3, 4))
 
 
-def tiles_at(cells, cells_per_tile):
-    """Indices (row, column) of the tiles that hold a marked cell, `cells` being at their level."""
-    rows, columns = np.nonzero(cells)
-    return set(
-        zip((rows // cells_per_tile).tolist(), (columns // cells_per_tile).tolist(), strict=True)
-    )
+def tiles_at(cells, tile):
+    """Return the indices (row, column) of the tiles, `tile` cells wide, that hold a marked cell."""
+    return set(map(tuple, (np.argwhere(cells) // tile).tolist()))
 
 
 def halved(array):
-    """The array at the next level: every cell cut into FACTOR × FACTOR, with its value."""
+    """Return the array at the next level: every cell cut into FACTOR × FACTOR, with its value."""
     return array.repeat(FACTOR, axis=-2).repeat(FACTOR, axis=-1)
-
-
-def _level_of(field, number):
-    computed = ~np.isnan(field).all(axis=tuple(range(field.ndim - 2)))
-    return np.where(computed, np.int8(number), np.int8(-1))

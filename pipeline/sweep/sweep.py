@@ -310,10 +310,10 @@ def _compute_batch(place, name, config_hash, settings, computed_by, warm_up, com
 
 def _complaint(place, name, config_hash, computed_by):
     """Return why this worker must not compute the cube; "" if it may."""
-    ours, theirs = (text.split(", ") for text in (store.computed_by(), computed_by))
-    other = [f"{a} instead of {b}" for a, b in zip(ours, theirs, strict=True) if a != b]
-    if other:
-        return f"has {', '.join(other)}"
+    ours, theirs = store.computed_by().split(", "), computed_by.split(", ")
+    if ours != theirs:
+        other = [[x for x in a if x not in b] for a, b in ((ours, theirs), (theirs, ours))]
+        return f"has {' instead of '.join(map(', '.join, other))}"
     end = time.monotonic() + _SIGHT
     while not store.sees(place, name, config_hash):
         if time.monotonic() > end:
