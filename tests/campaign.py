@@ -122,6 +122,15 @@ def pool():
             yield client()
 
 
+def _replenish(pool):
+    """Wait until both workers are there; Dask gives up one that was killed while it started."""
+    workers = pool.cluster.workers
+    for name in [name for name, nanny in workers.items() if nanny.status.name != "running"]:
+        workers.pop(name)
+    pool.cluster.scale(2)  # starts those that are not in the list
+    pool.wait_for_workers(2, timeout=ENDS_WITHIN)
+
+
 def drive(output, arguments, environment):
     os.setsid()  # a Ctrl-C reaches us and our workers, and nobody else
     os.environ.update(environment)
@@ -139,7 +148,7 @@ class Driver:
         self.pool, self.output = stage.pool, stage.folder / f"output {time.monotonic()}"
         workers = ["--workers", "2"]
         if self.pool is not None:
-            self.pool.wait_for_workers(2, timeout=ENDS_WITHIN)
+            _replenish(self.pool)
             workers = ["--scheduler", self.pool.scheduler.address]
         arguments = [json.dumps(stage.settings), *stage.options, *workers]
         aws = {name: value for name, value in os.environ.items() if name.startswith("AWS_")}

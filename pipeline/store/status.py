@@ -18,6 +18,7 @@ RECENT = 300
 """Seconds before the last commit over which the rate is taken."""
 
 _TOLD = 10  # failures whose reasons are read
+_LONGEST = 500  # characters of a reason that are told
 
 
 @dataclass(frozen=True)
@@ -81,7 +82,7 @@ def _reason(place, name, index):
     """The reason in one line that is safe to print: it may hold what a terminal would obey."""
     with explained(place):
         reason = bytes(place.objects().get(failure_key(name, index)).bytes())
-    words = reason.decode(errors="replace")
+    words = reason.decode(errors="replace")[:_LONGEST]
     return "".join(character if character.isprintable() else " " for character in words)
 
 

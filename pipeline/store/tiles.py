@@ -14,7 +14,6 @@ from zarr.storage import ObjectStore
 from pipeline.store.place import Refused, explained
 
 COMMIT = "cpu_seconds"
-_LONGEST_REASON = 500  # characters of an exception that are kept
 _DAMAGED = AttributeError, FileNotFoundError, KeyError, RecursionError, TypeError, ValueError
 
 
@@ -51,6 +50,14 @@ def tiled_arrays(arrays):
         if set(tiled) <= set(dims) and array.metadata.dimension_names != (key,):
             found[key] = array, [dims.index(dim) for dim in tiled]
     return found
+
+
+def chunk_of(array, axes, index):
+    """Where the tile's chunk is in the array's grid of chunks."""
+    chunk = [0] * array.ndim
+    for axis, i in zip(axes, index, strict=True):
+        chunk[axis] = i
+    return tuple(chunk)
 
 
 def survey(place, name):
@@ -114,10 +121,8 @@ def commit(place, name, index, arrays, seconds):
 
 def _part(array, axes, index, key, values):
     """(region of the array that the tile fills, its values); zarr would cast and broadcast."""
-    region = [slice(0, whole) for whole in array.shape]
-    for axis, i in zip(axes, index, strict=True):
-        length = array.chunks[axis]
-        region[axis] = slice(i * length, min((i + 1) * length, array.shape[axis]))
+    grid = zip(chunk_of(array, axes, index), array.chunks, array.shape, strict=True)
+    region = tuple(slice(i * n, min((i + 1) * n, whole)) for i, n, whole in grid)
     shape = tuple(part.stop - part.start for part in region)
     values = np.asarray(values)
     if values.shape != shape:
@@ -128,14 +133,13 @@ def _part(array, axes, index, key, values):
             fits = np.array_equal(values.astype(array.dtype), values)
     if not fits:
         raise ValueError(f"{key} is of {values.dtype}, and does not fit into {array.dtype}")
-    return tuple(region), values
+    return region, values
 
 
 def record_failure(place, name, index, reason):
     """Write why a tile that is not committed has failed. To zarr it is no chunk."""
     with explained(place):
-        reason = reason[:_LONGEST_REASON].encode(errors="replace")
-        place.objects().put(failure_key(name, index), reason)
+        place.objects().put(failure_key(name, index), reason.encode(errors="replace"))
 
 
 def failure_key(name, index):

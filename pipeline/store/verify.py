@@ -11,7 +11,15 @@ import numpy as np
 
 from pipeline.store.metadata import copies_agree
 from pipeline.store.place import Refused, explained
-from pipeline.store.tiles import COMMIT, arrays_of, failure_key, forget, survey, tiled_arrays
+from pipeline.store.tiles import (
+    COMMIT,
+    arrays_of,
+    chunk_of,
+    failure_key,
+    forget,
+    survey,
+    tiled_arrays,
+)
 
 _AT_ONCE = 1024  # tiles that are looked at together
 
@@ -62,17 +70,10 @@ def _look(place, arrays, index):
     with explained(place):
         for key, (array, axes) in arrays.items():
             try:
-                array.get_block_selection(_chunk(axes, array, index))
+                array.get_block_selection(chunk_of(array, axes, index))
             except ValueError:
                 return f"{key} does not match its checksum"
     return ""
-
-
-def _chunk(axes, array, index):
-    chunk = [0] * array.ndim
-    for axis, i in zip(axes, index, strict=True):
-        chunk[axis] = i
-    return tuple(chunk)
 
 
 def _free(place, name, tiled, index):
@@ -82,7 +83,7 @@ def _free(place, name, tiled, index):
         for key in keys:
             array, axes = tiled[key]
             with suppress(FileNotFoundError):
-                chunk = "/".join(map(str, _chunk(axes, array, index)))
+                chunk = "/".join(map(str, chunk_of(array, axes, index)))
                 place.objects().delete(f"{name}.zarr/{key}/c/{chunk}")
         with suppress(FileNotFoundError):
             place.objects().delete(failure_key(name, index))
