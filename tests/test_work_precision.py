@@ -30,12 +30,7 @@ def answer(data, name):
     return data.method.attrs["names"].index(name)
 
 
-def test_the_dataset_explains_itself(measured):
-    assert measured.error.dims == ("angle", "method", "level")
-    assert measured.effort.dims == ("method", "level")
-    assert measured.sizes["method"] == len(measured.method.attrs["names"])
-    for variable in measured.variables.values():
-        assert {"long_name", "units"} <= set(variable.attrs)
+def test_every_effort_is_measured(measured):
     there = measured.effort.notnull().broadcast_like(measured.error)
     assert (measured.cpu_seconds.notnull() == there).all()
     assert (measured.step_seconds > 0).all()
@@ -60,23 +55,12 @@ def test_errors_fall_with_effort(measured, name, order, margin):
     assert found == pytest.approx(order, abs=margin)
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        "converse KAM, upper bound",
-        "converse KAM, value",
-        "residue, last crossing",
-        "residue, Aitken",
-        "blow-up of circles",
-        "barriers, bracket",
-        "barriers, value",
-    ],
-)
-def test_estimated_errors_cover_the_true_ones(measured, name):
-    here = measured.isel(method=answer(measured, name))
-    known = here.error.notnull()
-    assert known.sum() >= 4
-    assert (here.error <= here.estimated_error + 10 * here.judge_error).values[known].all()
+def test_estimated_errors_cover_the_true_ones(measured):
+    claimed = measured.estimated_error + 10 * measured.judge_error
+    rated = claimed.notnull().any(("angle", "level"))
+    assert rated.sum() == 7
+    honest = (measured.error <= claimed) | measured.error.isnull()
+    assert honest.isel(method=np.flatnonzero(rated)).all()
 
 
 def test_corrected_answers_are_better(measured):

@@ -194,15 +194,14 @@ def place_options(function):
 
 
 def writes(function):
-    """Add --out and --store, and pass a Run on as `run`."""
+    """Add --out, and pass a Run without workers on as `run`."""
 
     @out_option
-    @store_option
     @functools.wraps(function)
-    def wrapped(out, store, **options):
+    def wrapped(out, **options):
         from workflows.parts.run import Run, place_of
 
-        return function(run=Run(out, place_of(out, store)), **options)
+        return function(run=Run(out, place_of(out)), **options)
 
     return wrapped
 

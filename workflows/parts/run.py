@@ -20,7 +20,7 @@ from workflows.parts.tables import write
 MAX_REASONS = 10  # failed tiles whose reasons are printed
 
 
-def place_of(out, url):
+def place_of(out, url=None):
     """Return the Place of the cubes: the URL if there is one, or else the directory `out`."""
     try:
         return store.place_of(url or out)
