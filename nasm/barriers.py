@@ -33,6 +33,8 @@ _BEYOND = 0.5  # over the steps: where, past the breakup, the longest-lived star
 _NEAR = 2e-5  # of the measured rotation number; neighbours that robust are further apart
 _AVERAGED = 1000  # steps
 _CANDIDATES = 3
+_BLURRED = 300  # period that sees a cusp, from which orbits up to 6000 may leave large errors
+_LONG = 30_000  # period of the orbits then
 
 
 def critical_scale(profile, tol=1e-4):
@@ -49,8 +51,9 @@ def critical_scale(profile, tol=1e-4):
     circle of ω is certified there; upper : no start on the dominant line survives there. omega :
     that of the last barrier, per period, in [0, P/2], which stands for ±ω and all ω + P·n: their
     circles break together.
-    Status UNDECIDED, and no value, where the methods contradict each other; lower and upper are
-    then those that were shown. lower is NaN where no circle could be certified.
+    Status UNDECIDED, and no value, where the methods contradict each other, and NEAR_CUSP where the
+    residues of a candidate cannot tell the forcing from a shorter one; upper is then what was
+    shown. lower is NaN where no circle could be certified.
 
     ValueError if profile is zero or tiny, has no dominant symmetry line, or tol is out of range.
     """
@@ -62,14 +65,16 @@ def critical_scale(profile, tol=1e-4):
     (short,), zero = shorten([profile], rational(0))
     above = tol / 5  # and the rest below, where it costs more
     n_certify = int(1.6 / above)
-    best = None
+    best, told = None, set()
     for steps in _LOCATE:
         located = cones.critical_scale(profile, steps)
         if located.status is not Status.OK:
             return located
         beyond = located.value * (1 + _BEYOND / steps) * short
         longest_lived, _ = cones.longest_lived(beyond, 2 * steps)
-        best = _most_robust(candidates(beyond, longest_lived), short, best)
+        scales = [_breakup(omega, short, above) for omega in candidates(beyond, longest_lived)]
+        told.update(scale.status for scale in scales)
+        best = _most_robust(scales, best)
         if best is None:
             continue
         upper = best.value * (1 + above)
@@ -79,23 +84,33 @@ def critical_scale(profile, tol=1e-4):
             # Next to a cusp the bracket may know better than the residues do; NaN is no bracket.
             error = np.fmin(best.error, max(best.value - lower, upper - best.value))
             return CriticalScale(best.value, error, lower, upper, omega, Status.OK)
-    return CriticalScale(np.nan, np.nan, np.nan, located.upper, None, Status.UNDECIDED)
+    # Of a circle that residues say nothing of, they contradict nothing.
+    status = Status.NEAR_CUSP if Status.NEAR_CUSP in told else Status.UNDECIDED
+    return CriticalScale(np.nan, np.nan, np.nan, located.upper, None, status)
 
 
 def candidates(kappa, y):
     """Nobles near the rotation number of the orbit that starts in y on the dominant line."""
-    site, a = periodic.dominant_centre(kappa)
-    omega, _ = rotation_number(np.roll(kappa, -site), a, y, _AVERAGED)
+    from_centre, a = periodic.from_dominant_centre(kappa)
+    omega, _ = rotation_number(from_centre, a, y, _AVERAGED)
     return nobles_near(float(omega), _NEAR, _CANDIDATES) if np.isfinite(omega) else []
 
 
-def _most_robust(omegas, profile, best):
+def _breakup(omega, profile, precision):
+    """The CriticalScale of one circle, by longer orbits if a cusp is near and blurs the others."""
+    scale = periodic.critical_scale(omega, profile)
+    if scale.error > precision * scale.value and periodic.cusp_period(profile) > _BLURRED:
+        longer = periodic.critical_scale(omega, profile, _LONG)
+        return longer if longer.status is Status.OK else scale
+    return scale
+
+
+def _most_robust(scales, best):
     """The CriticalScale of the circle that breaks last, `best` among them; None if there is none.
 
     Of two that residues cannot tell apart it is the one with the shorter prefix.
     """
-    for omega in omegas:
-        scale = periodic.critical_scale(omega, profile)
+    for scale in scales:
         if scale.status is Status.OK and (
             best is None or scale.value - best.value > scale.error + best.error
         ):

@@ -40,6 +40,7 @@ from nasm.maps import TWO_PI, forcing
 from nasm.sine import cos2pi, sin2pi
 
 MAX_PERIOD = 10**6
+_ROUNDING = 1e-12  # of the distance of two sites, 1e-14 as a rule
 
 
 def is_symmetry_centre(kappa, site):
@@ -189,13 +190,14 @@ def _unfold(half, u):
 @kernel
 def ordered(half, q, stride, u):
     """Whether the orbit is ordered like the rotation: sites whose angles differ by the least, 1/q,
-    and which are `stride` steps of T apart in time, keep their order."""
+    and which are `stride` steps of T apart in time, keep their order, as far as rounding can tell:
+    on a cantorus they may be nearer to each other."""
     _unfold(half, u)
     n = u.size
     hop = n // q * stride
     for j in range(n):
         k = j + hop
-        if not u[k - n if k >= n else k] - u[j] + 1 / q > 0:
+        if not u[k - n if k >= n else k] - u[j] + 1 / q > -_ROUNDING:
             return False
     return True
 

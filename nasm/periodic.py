@@ -5,16 +5,16 @@ where they grow (Greene, J. Math. Phys. 20 (1979) 1183). At the breakup
 
     R_n(s) = R_{n+m}(s),      m the period of the continued fraction of ω,
 
-which needs no knowledge of the value that they share. Those crossings converge like q^-2, and
-geometrically from one convergent to the next, so that Aitken's rule gains several digits. The
-orbits and their residues are those of `nasm.chain`.
+which needs no knowledge of the value that they share. Those crossings converge like q^-2.04, and
+geometrically from one period of the tail to the next, so that Aitken's rule gains several digits.
+The orbits and their residues are those of `nasm.chain`.
 
 Of every p/q there are two families: the *minimax* orbit, R > 0, through the symmetry centre of the
 largest |κ|, and the *minimizing* one (of the action), R < 0, through a centre that the other does
 not meet. Both break up with the circle.
 """
 
-from itertools import islice
+from itertools import islice, pairwise
 
 import numpy as np
 from scipy.optimize import brentq
@@ -27,6 +27,8 @@ from nasm.numbers import convergents, rational
 from nasm.symmetries import CUSP_EXPONENT, distances_to_shorter, shorten
 
 _ROUNDING = 1e-12  # residues below are rounding errors of the slopes v' and w', which are near 1
+_ORDER = 2.04  # crossings converge like q^-2.04
+_STRONG = 0.05  # ratio of crossings a period of the tail apart, from which it is trusted unseen
 
 
 def symmetry_centres(kappa):
@@ -55,6 +57,12 @@ def dominant_centre(kappa):
         f"kappa={kappa!r} has no symmetry centre; symmetric orbits need a forcing that reads "
         "the same forwards and backwards from some site"
     )
+
+
+def from_dominant_centre(kappa):
+    """The forcing from the site of its `dominant_centre` on, and the a of that centre."""
+    site, a = dominant_centre(kappa)
+    return np.roll(forcing(kappa), -site), a
 
 
 def minimax_centre(kappa, p, q):
@@ -130,7 +138,8 @@ def critical_scale(omega, profile, q_max=6000, start=None, family=minimax_centre
     omega : RotationNumber, irrational; e.g. `numbers.parse("gamma")`.
     profile : sequence of P floats.
     q_max : int up to 10⁶, the largest period used. 1500 gives nine digits for noble ω, 6000 twelve.
-    start : sequence of P floats; default 0, a ray from the origin. The circle should exist there:
+    start : sequence of P floats; default 0, a ray from the origin; planes of forcings that do not
+        contain 0 have rays from another. The circle should exist there:
         what is found is the first breakup in steps of a fiftieth of the twist region, |κ| < 2.
     family : `minimax_centre` or `minimizing_centre`, whose orbits are used: two routes to one
         value. Within a few degrees of the diagonals the symmetric orbits of some p/q are no longer
@@ -138,27 +147,21 @@ def critical_scale(omega, profile, q_max=6000, start=None, family=minimax_centre
 
     Returns
     -------
-    CriticalScale. error : the difference of the last two extrapolated values, or what that of the
-    two before should have shrunk to, if it is larger, or that of the crossings where these are not
-    geometric yet. lower and upper are NaN: Greene's criterion is not a proof of either.
+    CriticalScale. error : see `_limit`; next to a cusp it is doubled, up to four times the period
+    from which orbits see the cusp. lower and upper are NaN: Greene's criterion is not a proof of
+    either. Status NEAR_CUSP where the longest orbits that were found do not see the cusp.
 
     ValueError if profile is zero or tiny, start is of another length, or the forcings have no
     common symmetry centre.
     """
-    (_, scales), status, period = _crossings(omega, profile, q_max, start, family)
+    (periods, scales), status, tail, cusp = _crossings(omega, profile, q_max, start, family)
     if status is not Status.OK:
         return no_answer(omega, status)
-    value, ratio = _aitken(*scales[-1 - 2 * period :: period])
-    value_before, ratio_before = _aitken(*scales[-2 - 2 * period : -1 : period])
-    error = max(abs(value - value_before), 4 * np.spacing(value))
-    if len(scales) > 2 * period + 2 and abs(ratio) < 0.5:  # two values may agree by chance
-        earlier, _ = _aitken(*scales[-3 - 2 * period : -2 : period])
-        error = max(error, abs(value_before - earlier) * ratio**2)
-    if not 0.5 < ratio / ratio_before < 2 or abs(ratio) > 0.9:
-        # Not geometric yet, as at small angles from a cusp: the extrapolation means nothing.
-        error = max(error, abs(value - scales[-1]), abs(scales[-1] - scales[-2]))
-        if error * np.abs(profile).max() > 0.01:
-            return no_answer(omega, Status.NOT_CONVERGED)
+    value, error = _limit(scales, *tail)
+    if periods[-1] < 4 * cusp:
+        error *= 2
+    if error * np.abs(profile).max() > 0.01:
+        return no_answer(omega, Status.NEAR_CUSP if periods[-1] < cusp else Status.NOT_CONVERGED)
     return CriticalScale(value, error, np.nan, np.nan, omega, Status.OK)
 
 
@@ -178,7 +181,9 @@ def crossings(omega, profile, q_max=6000, start=None, family=minimax_centre):
 
 
 def _crossings(omega, profile, q_max, start, family):
-    """(periods, scales), the status, and the period m of ω for the shortest map."""
+    """(periods, scales) and the status; of the shortest map, the number of partial quotients in the
+    tail of ω and the ratio of crossings that far apart; and the period that sees a cusp nearby.
+    """
     profile, q_max = direction(profile), count("q_max", q_max, 1, MAX_PERIOD)
     start = np.zeros_like(profile) if start is None else forcing(start)
     if start.shape != profile.shape:
@@ -187,28 +192,35 @@ def _crossings(omega, profile, q_max, start, family):
     dominant_centre(start + profile)
     none = np.empty((2, 0))
     if omega.is_rational:
-        return none, Status.RATIONAL, 0
+        return none, Status.RATIONAL, (0, 0.0), 0.0
     period = len(short_omega.tail)
     known = list(islice(convergents(short_omega), len(short_omega.prefix) + 200))
+    growth = known[-1].denominator / known[-1 - period].denominator
+    ratio = (-1) ** period * growth**-_ORDER
+    enough = max(2 * period, 3) if abs(ratio) < _STRONG else 2 * period + 2
     fractions = [f for f in known if 3 <= f.denominator <= q_max]
     orbits = _Orbits(start, profile, family)
-    found, status = [], Status.NOT_CONVERGED
+    found, status, longest, cusp = [], Status.NOT_CONVERGED, 0, 0.0
     for lower, higher in zip(fractions, fractions[period:], strict=False):
         scale = _crossing(orbits, lower, higher, [scale for _, scale in found])
         if isinstance(scale, Status):
-            if len(found) > 2 * period + 1:
+            if len(found) >= enough:
                 break  # longer orbits are out of reach; there are enough without them
             # Near a cusp the shortest orbits are not yet on the way to the limit: start afresh.
-            found, status = [], scale
+            found, status = [], status if status is Status.OUTSIDE else scale
         else:
-            found.append((higher.denominator, scale))
-            if q_max < _cusp_period(start + scale * profile):
-                return none, Status.NEAR_CUSP, period
-    if len(found) < 2 * period + 2:
-        return none, status, period
-    if found[-1][0] < known[len(short_omega.prefix) - 1 + period].denominator:
-        return none, Status.NOT_CONVERGED, period  # these are convergents of another number
-    return np.array(found).T, Status.OK, period
+            longest, cusp = higher.denominator, cusp_period(start + scale * profile)
+            found.append((longest, scale))
+            if q_max < cusp:
+                break
+    if longest < cusp and (q_max < cusp or len(found) < enough) and status is not Status.OUTSIDE:
+        status = Status.NEAR_CUSP
+    elif len(found) >= enough:
+        # Without all of the prefix and a tail, these are convergents of another number.
+        whole = found[-1][0] >= known[len(short_omega.prefix) - 1 + period].denominator
+        status = Status.OK if whole else Status.NOT_CONVERGED
+    found = np.array(found).T if status is Status.OK else none
+    return found, status, (period, ratio), cusp
 
 
 def torus_scale(omega, frequency, mean, amplitude):
@@ -269,7 +281,7 @@ def torus_scale(omega, frequency, mean, amplitude):
     return CriticalScale(value, error, np.nan, np.nan, exact, Status.OK)
 
 
-def _cusp_period(kappa):
+def cusp_period(kappa):
     """The period from which orbits tell a forcing next to a cusp from the shorter one of the cusp.
 
     At a distance d from the cusp the boundary is below the tip by d^0.6, which orbits of period q
@@ -306,49 +318,65 @@ class _LostError(Exception):
 def _crossing(orbits, lower, higher, crossings):
     """The scale at which two orbits of a family have the same residue, or a Status.
 
-    Below it the longer orbit has the smaller residue. The search starts around where the crossings
-    so far tend to, or from the start of the segment.
+    Below it the longer orbit has the smaller residue.
     """
+    pair = lower, higher
 
     def excess(scale):
-        residues = np.abs([orbits.at(f, scale).residue() for f in (lower, higher)])
+        residues = np.abs([orbits.at(f, scale).residue() for f in pair])
         # Deep inside, both are lost in rounding, and not even their signs mean anything.
         return np.log(residues[1] / residues[0]) if residues.min() > _ROUNDING else -100.0
 
-    unit = 1 / np.abs(orbits.profile).max()
-    largest = (2 + np.abs(orbits.start).max()) * unit  # beyond the twist region, |κ| < 2
+    precision = 1e-8 / np.abs(orbits.profile).max() / higher.denominator
     try:
-        if len(crossings) < 2:
-            if orbits.start.any() and not _inside(excess):
-                return Status.OUTSIDE
-            left, width = 0.0, 0.04 * unit
-            right = crossings[-1] if crossings else width
-        else:
-            width = 2 * abs(crossings[-1] - crossings[-2])
-            left, right = max(crossings[-1] - width, 0.0), crossings[-1] + width
-            while excess(left) > 0:
-                left, width = max(left - width, 0.0), 2 * width
-        while excess(right) < 0:
-            if right > largest:
-                return Status.NO_BREAKUP
-            left, right, width = right, right + width, 1.2 * width
-        if left == 0.0 and not orbits.start.any():
-            left = 0.5 * right
-            while excess(left) > 0:
-                left *= 0.5
-        precision = 1e-8 * unit / higher.denominator
-        scale = brentq(excess, left, right, xtol=precision)
-        # One secant step with refined residues ends what rounding had ended.
+        bracket = _bracket(excess, orbits, crossings)
+        if isinstance(bracket, Status):
+            return bracket
+        scale = brentq(excess, *bracket, xtol=precision)
+        # A secant step with refined residues ends what rounding had ended.
         near = 1e6 * precision
         slope = (excess(scale + near) - excess(scale - near)) / (2 * near)
-        residues = [orbits.at(f, scale).refined_residue() for f in (lower, higher)]
+        residues = [orbits.at(f, scale).refined_residue() for f in pair]
         if np.abs(residues).min() < 10 * _ROUNDING:  # the crossing is that of -100 above
             return Status.NOT_CONVERGED
         if residues[0] * residues[1] < 0:  # one is not of the family, as happens near a cusp
             return Status.DISORDERED
-        return scale - np.log(residues[1] / residues[0]) / slope
+        left = np.log(residues[1] / residues[0])
+        step = -left / slope
+        if abs(step) > 1e-3 * near:  # of the longest orbits rounding moves the slope too
+            residues = [orbits.at(f, scale + step).refined_residue() for f in pair]
+            step *= left / (left - np.log(residues[1] / residues[0]))
+        return scale + step
     except (_LostError, ValueError):  # brentq's: on its way back it met another orbit
         return Status.DISORDERED
+
+
+def _bracket(excess, orbits, crossings):
+    """Scales between which the excess changes its sign, or a Status.
+
+    The search starts around where the crossings so far tend to, or from the start of the segment.
+    """
+    unit = 1 / np.abs(orbits.profile).max()
+    largest = (2 + np.abs(orbits.start).max()) * unit  # beyond the twist region, |κ| < 2
+    if len(crossings) < 2:
+        if orbits.start.any() and not _inside(excess):
+            return Status.OUTSIDE
+        left, width = 0.0, 0.04 * unit
+        right = crossings[-1] if crossings else width
+    else:
+        width = 2 * abs(crossings[-1] - crossings[-2])
+        left, right = max(crossings[-1] - width, 0.0), crossings[-1] + width
+        while excess(left) > 0:
+            left, width = max(left - width, 0.0), 2 * width
+    while excess(right) < 0:
+        if right > largest:
+            return Status.NO_BREAKUP
+        left, right, width = right, right + width, 1.2 * width
+    if left == 0.0 and not orbits.start.any():
+        left = 0.5 * right
+        while excess(left) > 0:
+            left *= 0.5
+    return left, right
 
 
 def _inside(excess):
@@ -357,6 +385,36 @@ def _inside(excess):
         return excess(0.0) < 0
     except _LostError:
         return False
+
+
+def _limit(scales, period, ratio):
+    """Where crossings tend to, and the error of that.
+
+    ratio : that of the steps between crossings a period of the tail apart, as it is in the limit.
+
+    The value is Aitken's, of the last crossings a period apart. Such values differ from the limit
+    by what shrinks like |ratio|^(3/2) in a period. So the error is the largest difference of two
+    consecutive ones, of a whole period and one more, each as small as it should have become by
+    now: of fewer, two may agree by chance. As long as there are fewer, the value that follows from
+    the last step and the ratio of the limit is compared too.
+
+    Where Aitken's ratio is not near that of the limit, as with orbits that hardly see a cusp, or is
+    not known, that is the value, and the error no smaller than the last two steps.
+    """
+    ends = range(len(scales), 2 * period, -1)[: period + 2]
+    extrapolated = [_aitken(*scales[end - 1 - 2 * period : end : period]) for end in ends]
+    by_ratio = scales[period:] + (scales[period:] - scales[:-period]) * ratio / (1 - ratio)
+    ratios = [found / ratio for _, found in extrapolated[:2]]
+    if len(ratios) == 2 and min(ratios) > 0.6 and max(ratios) < 1.6:
+        value, shrunk = extrapolated[0][0], abs(extrapolated[0][1]) ** (1.5 / period)
+        changes = [(v - w) * shrunk**n for n, ((v, _), (w, _)) in enumerate(pairwise(extrapolated))]
+        if len(extrapolated) < period + 2:
+            changes.append(value - by_ratio[-1])
+    else:
+        value, (last, before, first) = by_ratio[-1], scales[:-4:-1]
+        changes = [value - last, last - before, (before - first) * abs(ratio) ** (1 / period)]
+        changes.extend(np.diff(by_ratio[-2:]))
+    return value, max(4 * np.spacing(value), *np.abs(changes))
 
 
 def _aitken(first, second, third):

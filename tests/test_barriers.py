@@ -348,6 +348,23 @@ def test_near_the_cusp_the_answer_is_honest(offset):
         assert {scale.status for scale in found} == {Status.OK}
 
 
+def test_residues_that_the_cusp_blurs_are_asked_for_longer_orbits():
+    by_residues = periodic.critical_scale(
+        parse("[0;1,3,4,4,4,2,(1)]"), ray(44.99647638965198), 60_000
+    )
+    found = critical_scale(ray(44.99647638965198), 2e-5)
+    assert is_shown(found)
+    assert found.omega == by_residues.omega
+    assert abs(found.value - by_residues.value) <= found.error + by_residues.error < 1e-6
+
+
+def test_where_no_residue_sees_the_cusp_that_is_no_contradiction():
+    found = critical_scale((1, 0.999999), 1e-3)
+    assert found.status is Status.NEAR_CUSP
+    assert np.isnan([found.value, found.error, found.lower]).all()
+    assert 0.99 * KAPPA_G < found.upper < KAPPA_G
+
+
 GOOD = {"profile": (1, 0.5), "tol": 1e-3}
 
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from nasm import maps, periodic
+from nasm import maps, periodic, symmetries
 from nasm.critical import Status
 from nasm.flux import action_difference, flux
 from nasm.numbers import moebius, parse, rational
@@ -89,6 +89,26 @@ def test_symmetric_forcings_have_the_same_flux():
     assert flux(GOLDEN, kappa[::-1]).value == pytest.approx(expected, rel=1e-9)
     assert flux(GOLDEN, -kappa).value == pytest.approx(expected, rel=1e-9)
     assert flux(parse("gamma+1"), kappa * [1, -1]).value == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("name", "angle", "scale"),
+    [("[1;1,1,(4)]", 39.99, 0.8753627), ("[1;(4)]", 40.414, 1.01)],
+)
+def test_cantori_whose_gaps_hold_all_but_rounding_have_the_flux_of_their_copies(name, angle, scale):
+    # 7% to 12% beyond the breakup: sites of the minimizing orbit are 1e-17 apart.
+    omega, kappa = parse(name), scale * np.array(symmetries.ray(angle))
+    expected = flux(omega, kappa)
+    assert expected.status is Status.OK
+    for copy, image in (
+        (omega, -kappa),
+        (moebius(omega, 1, 1), kappa * [1, -1]),
+        (moebius(omega, -1, 0), kappa),
+        (moebius(omega, -1, 1), kappa * [-1, 1]),
+    ):
+        found = flux(copy, image)
+        assert found.status is Status.OK
+        assert abs(found.value - expected.value) <= found.error + expected.error
 
 
 @pytest.mark.parametrize("part", [0.9, 0.99, 0.999])

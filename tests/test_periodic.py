@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from nasm import chain, cones, continuation, periodic
+from nasm import chain, cones, continuation, periodic, symmetries
 from nasm.critical import Status
 from nasm.maps import step, step_tangent
 from nasm.numbers import NAMES, RotationNumber, moebius, parse
@@ -172,6 +172,48 @@ def test_the_error_covers_also_where_two_extrapolated_values_agree_by_chance(nam
     found = periodic.critical_scale(parse(name), ray(angle))
     better = periodic.critical_scale(parse(name), ray(angle), 30_000)
     assert abs(found.value - better.value) <= found.error + better.error < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("name", "profile"),
+    [
+        ("[1;(1,2)]", (0.9222037618645054, -0.3867043077119192)),
+        ("[1;(1,1,2)]", (-0.9309387579, 0.3651753276)),
+        ("[0;4,(1,2)]", (0.8299350314, 0.5578600634)),
+        ("[0;4,4,4,2,(1)]", (-0.7066172265, 0.7075959885)),
+        ("[0;1,3,4,4,4,2,(1)]", ray(44.99647638965198)),
+        ("[0;1,3,4,4,2,(1)]", (0.7075547711, 0.7066585087)),
+    ],
+)
+def test_the_error_covers_next_to_a_cusp_and_with_tails_of_several_quotients(name, profile):
+    better = periodic.critical_scale(parse(name), profile, 40_000)
+    assert better.error < 1e-7
+    for q_max in (1500, 6000):
+        found = periodic.critical_scale(parse(name), profile, q_max)
+        if found.status is Status.OK:
+            assert abs(found.value - better.value) <= found.error + better.error
+    assert found.status is Status.OK
+
+
+@pytest.mark.parametrize(("name", "angle"), [("2gamma", 135), ("2gamma+1", 45)])
+def test_the_paper_s_circles_have_a_value_at_each_other_s_cusps(name, angle):
+    # There they are circles of the standard map with the tail (8, 2), of which the default q_max
+    # knows two periods.
+    found = periodic.critical_scale(parse(name), symmetries.ray(angle))
+    longer = periodic.critical_scale(parse(name), symmetries.ray(angle), 200_000)
+    assert found.status is longer.status is Status.OK
+    assert abs(found.value - longer.value) <= found.error < 1e-6
+    assert longer.error < 1e-10
+
+
+@pytest.mark.parametrize(
+    ("name", "profile"),
+    [("[1;(1)]", ray(315.025)), ("[0;4,4,4,4,(1)]", ray(134.9996)), ("gamma", ray(45.0005))],
+)
+def test_where_orbits_are_lost_before_they_see_the_cusp_that_is_the_reason(name, profile):
+    found = periodic.critical_scale(parse(name), profile)
+    assert found.status is Status.NEAR_CUSP
+    assert np.isnan(found.value)
 
 
 @pytest.mark.parametrize(

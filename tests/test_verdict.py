@@ -104,6 +104,7 @@ def test_a_strength_of_two_leaves_no_circle(kappa):
 def test_next_to_a_cusp_the_points_themselves_still_decide():
     inside, outside = verdict((0.9, 0.9000001)), verdict((1.0, 1.0000001))
     assert np.isnan(inside.boundary.value)
+    assert inside.boundary.status is outside.boundary.status is Status.NEAR_CUSP
     assert (inside.answer, outside.answer) == (Answer.BARRIER, Answer.TRANSPORT)
 
 
