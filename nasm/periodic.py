@@ -334,7 +334,7 @@ def _crossing(orbits, lower, higher, crossings):
         bracket = _bracket(excess, orbits, crossings)
         if isinstance(bracket, Status):
             return bracket
-        scale = root(excess, *bracket, precision)
+        scale = root(excess, *bracket, 1e-3 * precision)
         # A secant step with refined residues ends what rounding had ended.
         near = 1e6 * precision
         slope = (excess(scale + near) - excess(scale - near)) / (2 * near)

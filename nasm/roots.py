@@ -15,7 +15,7 @@ def root(f, a, b, tolerance):
     fa, fb = f(a), f(b)
     if not (fa <= 0 <= fb or fb <= 0 <= fa):
         raise ValueError(f"f does not change sign: it is {fa} at {a} and {fb} at {b}")
-    share = 0.5
+    share = fa / (fa - fb) if fa != fb else 0.5
     while fa != 0 and fb != 0:
         nearest = tolerance / abs(b - a)
         if nearest > 0.5:
