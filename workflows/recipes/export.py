@@ -21,7 +21,7 @@ out = Path(sys.argv[1])
 cube = xr.open_zarr(out / f"{name}.zarr", chunks=None)
 
 # %% netCDF attributes are numbers, texts and lists of numbers: write all others as JSON.
-cube = cube.drop_vars("cpu_seconds", errors="ignore").load()
+cube = cube.load()
 outcomes = {
     key: dict(zip(codes.flag_values, codes.flag_meanings.split(), strict=True))
     for key, codes in cube.data_vars.items()
