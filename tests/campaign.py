@@ -32,7 +32,11 @@ from workflows.parts.cli import command, sweeps
 SIDE = 8  # tiles, of one cell each, along rows and columns
 TILES = set(np.ndindex(SIDE, SIDE))
 ENDS_WITHIN = 60  # seconds for one run; a driver that takes longer hangs
-_CHUNKS = {"wave": ("0/", 20), "sign": ("", 5), "tiles/cpu_seconds": ("", 12)}  # bytes with checksum
+_CHUNKS = {
+    "wave": ("0/", 20),
+    "sign": ("", 5),
+    "tiles/cpu_seconds": ("", 12),
+}  # bytes with checksum
 
 
 # The sweep: what drivers and workers run.

@@ -85,6 +85,11 @@ def coordinate(dim, values, long_name, units="1", **attrs):
     return xr.Variable(dim, np.asarray(values), {"long_name": long_name, "units": units, **attrs})
 
 
+def text(dim, words, long_name):
+    """Return a variable of words along a dimension, labelled."""
+    return xr.Variable(dim, np.array(list(words), dtype=str), {"long_name": long_name})
+
+
 def blank(coords, long_name, fill=np.nan, **attrs):
     """Return a variable over `coords` that no tile has written; it has the dtype of `fill`."""
     values = dask.array.full(tuple(c.size for c in coords.values()), fill, chunks=-1)

@@ -20,7 +20,7 @@ _SCALES = {
     "lower": ("lower", "scale at which a circle was shown to exist"),
     "upper": ("upper", "scale at which no circle was shown to be left"),
 }
-_SECONDS = 2  # of CPU time for a tile: each is a file for every variable
+_SECONDS = 3  # of CPU time in a tile, which is a file for every variable
 
 
 def angles_of_rays(angles):
@@ -36,18 +36,17 @@ def rows_of(dim, exact, long_name):
 def cube_on_rays(name, rows, angles, plane, seconds, settings, **attrs):
     """Return the cube of critical scales.
 
-    rows : {name: coordinate} of its rows, or {} for a cube with dim (angle).
+    rows : {dim: coordinate}, or {} for a cube with dim (angle).
     plane : KICKS or ROTATING; the coordinates of the breakup are variables.
     seconds : CPU time of a ray. A tile is some rays of one row.
     attrs : title and source.
     """
-    axis = angles_of_rays(angles)
-    n_tiles = ceil(axis.size * seconds / _SECONDS)
-    coords, tile = {**rows, "angle": axis}, ceil(axis.size / n_tiles)
+    coords = {**rows, "angle": angles_of_rays(angles)}
     variables = {key: blank(coords, words) for key, (_, words) in _SCALES.items()}
     variables |= {key: blank(coords, f"{words} at the breakup") for key, words in plane.items()}
     variables["status"] = blank(coords, "outcome", np.int8(0), **FLAGS)
-    tile = {**dict.fromkeys(rows, 1), "angle": tile}
+    n_rays = coords["angle"].size
+    tile = {**dict.fromkeys(rows, 1), "angle": ceil(n_rays / ceil(n_rays * seconds / _SECONDS))}
     return Cube(name, xr.Dataset(variables, coords, attrs), tile, settings | STATUS_SETTING)
 
 

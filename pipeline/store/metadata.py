@@ -1,6 +1,7 @@
 """Metadata of cubes: a function of the cube and of who computes it, written before any tile.
 
-What decides a cube's numbers is written twice, as attributes of the group and with its records, so that either zarr.json can be lost and written again. Whoever puts the group's zarr.json first has
+What decides a cube's numbers is written twice, as attributes of the group and with its records, so
+that either zarr.json can be lost and written again. Whoever puts the group's zarr.json first has
 made the cube; any other driver must agree with it.
 """
 
@@ -144,6 +145,7 @@ def _attributes(place, name, key):
     with suppress(AttributeError, KeyError, RecursionError, TypeError, ValueError):
         found = json.loads(_read(place, name, key))["attributes"]
         found = json.loads(found["cube"]) if key.startswith(COMMIT) else found
+        found.pop("coordinates", None)  # xarray's own word
         return found if isinstance(found["config_hash"], str) else None
     return None
 

@@ -33,8 +33,8 @@ for attrs in (cube.attrs, *(variable.attrs for variable in cube.variables.values
             attrs[key] = json.dumps(value)
 cube.to_netcdf(out / f"{name}.nc", engine="scipy")
 
-# %% One row for each cell; the partial quotients of ω, a row each, are left to netCDF.
-table = cube.drop_dims("quotient", errors="ignore").to_dataframe()
+# %% One row for each cell; partial quotients of ω and bounds of cells are left to netCDF.
+table = cube.drop_dims(["quotient", "bound"], errors="ignore").to_dataframe()
 for key, words in outcomes.items():
     table[key] = table[key].map(words)
 table.to_csv(out / f"{name}.csv")
