@@ -14,9 +14,9 @@ What they found, in the full run:
 3. Fractions disguised as irrational, [0;1,…,1,a,(1)]: for a = 10 and q ≤ 13 they break at 1.60 to
    1.96, where both methods reach that far. Behind a larger a residues used to answer with the
    breakup of the golden circle, 2.0806, as the convergents before a are its own, with errors of
-   10⁻² to 10⁻¹⁰; continuation too, with 2.065 ± 0.025 or so. Residues now give no answer until
-   their periods know a. Continuation takes the way from its last certified circle as the error:
-   honest, but where q is 20 to 50 of the size of the value.
+   10⁻² to 10⁻¹⁰; continuation too, with 2.065 ± 0.025 or so. Now residues give no answer until
+   their periods know a, and continuation none until its circles know the tail behind it: for
+   a = 10 and q ≤ 21 it has a value, for a = 100 and 10⁶ none at any q up to 1597.
 4. The end of the twist, |κ2| = 2, is far outside: converse KAM, which works with single kicks and
    needs no twist of the whole step, eliminates all starts within two steps before it. No circle is
    certified beyond. Orbits of 89/144 are lost from scales of 1.25 (0°) to 2.25 (135°) on; before,
