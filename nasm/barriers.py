@@ -20,7 +20,7 @@ from math import floor
 
 import numpy as np
 
-from nasm import cones, continuation, periodic
+from nasm import circles, cones, continuation, periodic
 from nasm.checks import real
 from nasm.critical import CriticalScale, Status
 from nasm.maps import direction
@@ -92,6 +92,40 @@ def critical_scale(profile, tol=1e-4):
     # Of a circle that residues say nothing of, they contradict nothing.
     status = Status.NEAR_CUSP if Status.NEAR_CUSP in told else Status.UNDECIDED
     return CriticalScale(np.nan, np.nan, np.nan, located.upper, None, status)
+
+
+def last_circle(found, profile):
+    """The last circle on the ray, as it is at `found.lower`, just before it breaks.
+
+    `circles.graph` of it is its graph. It has 10⁵ points or so where `found` is precise to 10⁻⁴: so
+    near to the breakup `circles.invariant_circle` is left with too few modes. This one comes by
+    `continuation.certified_circle`, from circles that were met further in.
+
+    Parameters
+    ----------
+    found : CriticalScale with omega, value and lower, e.g. by `critical_scale`.
+    profile : the ray that it was found on.
+
+    Returns
+    -------
+    InvariantCircle of found.omega under the forcing found.lower·profile; status NOT_CERTIFIED, and
+    no deviations, if it is not certified again.
+
+    ValueError if found has no lower scale, or no value.
+    """
+    profile = direction(profile)
+    if not 0 < found.lower < found.value:
+        raise ValueError(
+            f"lower={found.lower!r} of value={found.value!r}: no circle was certified on this ray; "
+            "ask for a wider bracket, e.g. critical_scale(profile, tol=1e-3)"
+        )
+    omega, distance = found.omega, 1 - found.lower / found.value
+    scale, u = continuation.certified_circle(omega, profile, found.value, distance)
+    if u is None:
+        u, status = np.empty((profile.size, 0)), Status.NOT_CERTIFIED
+        return circles.InvariantCircle(omega, found.lower * profile, u, np.nan, status)
+    error = np.abs(circles.residual(omega, scale * profile, u)).max()
+    return circles.InvariantCircle(omega, scale * profile, u, error, Status.OK)
 
 
 def candidates(kappa, y):

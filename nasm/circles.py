@@ -68,7 +68,7 @@ class InvariantCircle:
 
     omega : RotationNumber per period. kappa : ndarray (P,), the forcing.
     u : ndarray (P, n), the deviations u_j at θ = i/n; see the module.
-    error : largest |E_j| of u on the grid of 4n points; NaN if u never converged.
+    error : largest |E_j| of u on its grid or a finer one; NaN if u never converged.
     status : OK if certified; otherwise why not.
     """
 
@@ -101,7 +101,8 @@ def invariant_circle(omega, kappa, n_max=4096, start=None):
     Returns
     -------
     InvariantCircle, with a status that says why if it is not certified. A circle that exists may be
-    missed (too few modes, an unlucky start). One that is certified exists as far as floating-point
+    missed (too few modes, an unlucky start); `barriers.last_circle` has the one next to a breakup
+    that is known, with 10⁵ modes and more. One that is certified exists as far as floating-point
     arithmetic and 4n points can tell: this is no proof, and resonances of ω beyond those modes, as
     of a rational ω of large denominator, are not seen.
     """

@@ -22,7 +22,7 @@ class Status(Enum):
     NEAR_CUSP = "longest orbits do not yet tell the forcing from a shorter one, as on |κ1| = |κ2|"
     DISORDERED = "Newton found an orbit of another kind: not ordered, or with the other sign of R"
     NO_CIRCLE = "Newton's method finds no circle"
-    TOO_FEW_MODES = "the circle, if there is one, needs more modes than allowed"
+    TOO_FEW_MODES = "the circle, if any, needs more modes than allowed; see barriers.last_circle"
     NOT_CERTIFIED = "what converged is no circle: on a finer grid it does not converge again"
     NEARLY_RATIONAL = "omega is so near a fraction that rounding hides the difference"
     UNDECIDED = "the methods contradict each other"

@@ -32,7 +32,11 @@ from workflows.parts.cli import command, sweeps
 SIDE = 8  # tiles, of one cell each, along rows and columns
 TILES = set(np.ndindex(SIDE, SIDE))
 ENDS_WITHIN = 60  # seconds for one run; a driver that takes longer hangs
-_CHUNKS = {"wave": ("0/", 20), "sign": ("", 5), "cpu_seconds": ("", 12)}  # bytes with checksum
+_CHUNKS = {
+    "wave": ("0/", 20),
+    "sign": ("", 5),
+    "tiles/cpu_seconds": ("", 12),
+}  # bytes with checksum
 
 
 # The sweep: what drivers and workers run.
@@ -100,7 +104,7 @@ def records(place):
         return {}
     sizes = {path: file["size"] for path, file in files.items()}
     whole = [i for i in TILES if all(sizes.get(key(v, i)) == n for v, (_, n) in _CHUNKS.items())]
-    found = {index: key("cpu_seconds", index) for index in whole}
+    found = {index: key("tiles/cpu_seconds", index) for index in whole}
     return {i: (read(place, path), files[path]["last_modified"]) for i, path in found.items()}
 
 

@@ -393,3 +393,42 @@ def test_a_scale_prints_as_plain_numbers():
     half = np.float64(0.5)
     scale = CriticalScale(half, half, half, half, None, Status.OK)
     assert repr(scale).startswith("CriticalScale(value=0.5, error=0.5, lower=0.5, upper=0.5, ")
+
+
+# The circle below the bracket
+
+
+def image(kappa, x, y):
+    for strength in kappa:
+        y = y + strength / (2 * np.pi) * np.sin(2 * np.pi * x)
+        x = x + y
+    return x, y
+
+
+@pytest.mark.parametrize(
+    "profile",
+    [*map(ray, np.random.default_rng(16).uniform(0, 45, 5)), (1, 1), (1, -1), (1, 0, -1, 0)],
+)
+def test_the_last_circle_is_the_graph_of_an_invariant_circle_at_the_lower_scale(profile):
+    found = critical_scale(profile, 1e-3)
+    circle = barriers.last_circle(found, profile)
+    assert circle.certified
+    assert circle.kappa == pytest.approx(found.lower * np.array(profile), rel=1e-12)
+    assert circles.invariant_circle(found.omega, circle.kappa).status is Status.TOO_FEW_MODES
+    x, y = circles.graph(circle)
+    assert (np.diff(x) > 0).all()
+    theta, omega = np.arange(x.size) / x.size, float(found.omega)
+    turn = np.exp(2j * np.pi * omega * np.arange(x.size // 2 + 1))
+    u_ahead, y_ahead = (np.fft.irfft(np.fft.rfft(part) * turn, x.size) for part in (x - theta, y))
+    x_image, y_image = image(circle.kappa, x, y)
+    off = np.maximum(abs(x_image - (theta + omega + u_ahead)), abs(y_image - y_ahead)).max()
+    assert off < min(10 * circle.error, 1e-8)
+    assert circles.measured_rotation_number(circle) == pytest.approx(omega, abs=1e-9)
+
+
+def test_without_a_certified_circle_there_is_no_last_one():
+    nothing = CriticalScale(1.0, 0.1, np.nan, 2.0, GAMMA, Status.OK)
+    with pytest.raises(ValueError, match=r"lower=nan.*tol=1e-3"):
+        barriers.last_circle(nothing, (1, 0))
+    wrong = CriticalScale(2.0, 0.1, 1.98, 2.0, GAMMA, Status.OK)  # the circle breaks at 0.97
+    assert barriers.last_circle(wrong, (1, 0)).status is Status.NOT_CERTIFIED

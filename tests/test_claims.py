@@ -66,7 +66,7 @@ def test_wrong_equations_do_not_hold(monkeypatch):
 def three_rays(ours, circle, six):
     """CB_gt on three rays, and the paper's six, `six` of them in parts of it."""
     angles = np.array([0.0, 20.0, 45.0])
-    names = sorted(float(parse(name)) for name in NAMES)
+    names = [str(parse(name)) for name in NAMES]
     barrier = xr.Dataset(
         {
             "critical_scale": ("angle", ours),
@@ -80,10 +80,10 @@ def three_rays(ours, circle, six):
     scale = np.outer(np.full(6, six), ours)
     circles = xr.Dataset(
         {
-            "critical_scale": (("omega", "angle"), scale),
-            "error": (("omega", "angle"), np.full((6, 3), 1e-10)),
+            "critical_scale": (("circle", "angle"), scale),
+            "error": (("circle", "angle"), np.full((6, 3), 1e-10)),
         },
-        {"omega": names, "angle": angles},
+        {"circle": names, "angle": angles},
     )
     return circles, barrier
 

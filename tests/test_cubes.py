@@ -6,9 +6,11 @@ import pickle
 import numpy as np
 import pytest
 
+from nasm import barriers, numbers
 from nasm import escape as method
-from nasm import numbers
 from nasm.critical import Status
+from nasm.numbers import moebius
+from nasm.symmetries import fold, ray
 from pipeline.cubes import barrier, breakdown, escape, flux, rotating
 from pipeline.cubes.cube import status_code
 from pipeline.sweep.grid import Axis, tile_counts
@@ -47,8 +49,8 @@ def test_a_tile_has_the_variables_of_its_cube_and_each_has_a_name_and_a_unit(nam
     cube = pickle.loads(pickle.dumps(job)).cube
     for variable in cube.template.variables.values():
         assert variable.attrs["long_name"]
-        assert variable.attrs["units"] in ("1", "degree")
-    assert {"title", "source"} <= cube.template.attrs.keys()
+        assert variable.dtype.kind == "U" or variable.attrs["units"] in ("1", "degree")
+    assert {"title", "source", "Conventions", "references", "map"} <= cube.template.attrs.keys()
     job.warm_up()
     ((_, coords),) = pickle.loads(_parcel(cube, np.zeros((1, len(cube.tile)), dtype=int)))
     arrays = job.compute(coords, cube.settings)
@@ -102,6 +104,46 @@ def test_the_tiles_of_a_plane_hold_the_escape_times_of_its_cells():
         tile = job.compute(coords, cube.settings)
         cells = np.s_[:, 4 * row : 4 * row + 4, 4 * column : 4 * column + 4]
         assert np.array_equal(tile["escape_time"], whole[cells])
+
+
+def test_the_bounds_of_cells_are_halfway_between_their_centres():
+    template = plan().template
+    for name, axis in (("kappa1", PLANE["kappa1"]), ("kappa2", PLANE["kappa2"])):
+        centres, bounds = template[name], template[template[name].attrs["bounds"]]
+        assert bounds.dims == (name, "bound")
+        assert bounds.values[[0, -1], [0, 1]].tolist() == [axis.lo, axis.hi]
+        assert bounds.values[1:, 0] == pytest.approx((centres.values[1:] + centres.values[:-1]) / 2)
+        assert (bounds.values[1:, 0] == bounds.values[:-1, 1]).all()
+
+
+@pytest.mark.parametrize(
+    "job",
+    [
+        breakdown.by_continuation([GAMMA], np.arange(361), 1e-4),
+        breakdown.by_residue([GAMMA], np.arange(361), 6000),
+        barrier.last_barrier(np.arange(361) / 8, 1e-4),
+    ],
+)
+def test_tiles_of_rays_are_seconds_of_work_in_few_files(job):
+    axes = {dim: job.cube.template[dim].values[:n] for dim, n in job.cube.tile.items()}
+    assert 1 < job.predict(axes, job.cube.settings) <= 3
+
+
+def test_the_boundary_at_any_angles_is_what_the_method_answers_on_their_images():
+    angles = [200.0, 45.0, 10.0, 95.0]
+    found = barrier.boundary(angles, 1e-2)
+    assert found.angle.values.tolist() == angles
+    for angle, wedge, mirrored in zip(angles, *fold(angles), strict=True):
+        here, expected = found.sel(angle=angle), barriers.critical_scale(ray(wedge), 1e-2)
+        omega = moebius(expected.omega, -1, 1) if mirrored else expected.omega
+        assert here.circle == str(omega)
+        assert float(here.omega) == pytest.approx(float(omega), abs=1e-15)
+        for name, value in (("critical_scale", "value"), ("lower", "lower"), ("upper", "upper")):
+            assert float(here[name]) == getattr(expected, value)
+        at = np.deg2rad(angle)
+        assert float(here.kappa1) == pytest.approx(expected.value * np.cos(at))
+        assert float(here.kappa2) == pytest.approx(expected.value * np.sin(at))
+    assert found.attrs["tol"] == 1e-2
 
 
 def test_the_cost_of_a_tile_is_predicted_within_its_order_of_magnitude():

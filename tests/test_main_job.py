@@ -27,7 +27,13 @@ def finished(tmp_path_factory, workers):
     """The main job, small: its directory."""
     out = tmp_path_factory.mktemp("main") / "out"
     output = succeed("critical_boundary", out, *MAIN, *workers)
-    for name in ("escape.zarr", "barrier.zarr", "critical_boundary.csv", "critical_boundary.png"):
+    for name in (
+        "escape.zarr",
+        "barrier.zarr",
+        "boundary.zarr",
+        "critical_boundary.csv",
+        "critical_boundary.png",
+    ):
         assert f"{out}/{name}" in output
         assert (out / name).exists()
     return out
@@ -206,7 +212,7 @@ def follow(tmp_path, monkeypatch, capsys):
 def test_a_recipe_without_a_store_tells_its_usage(recipe, follow, finished, monkeypatch):
     assert f'follow("{recipe}"' in Path(__file__).read_text()
     monkeypatch.setitem(sys.modules, "dask_jobqueue", SimpleNamespace(SLURMCluster=None))
-    mistakes = {"job_queue": [], "compare_stores": [finished]}
+    mistakes = {"job_queue": [], "compare_stores": [finished], "join_planes": [finished]}
     code, usage = follow(recipe, *mistakes.get(recipe, ["nowhere"]))
     assert code == 2
     assert f"python workflows/recipes/{recipe}.py " in usage
@@ -256,6 +262,32 @@ def test_recipe_export(finished, follow, cube, name):
     assert {r["status"] for r in rows if "status" in r} == (set() if cube == "escape" else {"ok"})
 
 
+def test_recipe_boundary(finished, follow):
+    follow("boundary", finished)
+    assert (finished / "boundary.png").exists()
+    circles = {row["circle"]: int(row["size"]) for row in table(finished / "last_circles.csv")}
+    last = [row["circle"] for row in table(finished / "critical_boundary.csv")]
+    assert circles == {circle: last.count(circle) for circle in set(last)}
+
+
+def test_recipe_join_planes(finished, tmp_path_factory, workers, follow):
+    fine = tmp_path_factory.mktemp("fine") / "out"
+    plane = ["--kappa1", "0:0.7:96", "--kappa2", "0.35:0.7:48"]
+    succeed("escape_plane", fine, *QUICK, *plane, *workers)
+    said = follow("join_planes", finished, fine, 1000)
+    kappa1, kappa2 = (lo + 0.7 / 96 * (np.arange(n) + 0.5) for lo, n in ((-1.4, 384), (0, 192)))
+
+    def transport(out):
+        cube = xr.open_zarr(out / "escape.zarr").load()
+        rows = abs(cube.kappa2.values[:, None] - kappa2).argmin(axis=0)
+        columns = abs(cube.kappa1.values[:, None] - kappa1).argmin(axis=0)
+        return cube.escape_time.values[-1][np.ix_(rows, columns)] <= 1000
+
+    inside = np.outer((kappa2 > 0.35) & (kappa2 < 0.7), (kappa1 > 0) & (kappa1 < 0.7))
+    share = np.where(inside, transport(fine), transport(finished)).mean()
+    assert f"384 by 192 cells, {share:.6f}" in said
+
+
 def test_recipe_large_field(finished, follow):
     said = follow("large_field", finished)
     assert f"{(field(finished) <= 4000).mean():.6f}" in said
@@ -281,5 +313,5 @@ def test_recipe_job_queue(tmp_path, follow, monkeypatch):
     monkeypatch.setenv("PYTHONPATH", str(RECIPES.parents[1]))
     plane = [*QUICK, "--kappa1", "0:1:8", "--kappa2", "0:1:8"]
     follow("job_queue", "escape_plane", "--out", tmp_path / "out", *plane)
-    assert np.isfinite(xr.open_zarr(tmp_path / "out/escape.zarr").cpu_seconds).all()
+    assert np.isfinite(xr.open_zarr(tmp_path / "out/escape.zarr", group="tiles").cpu_seconds).all()
     assert asked["cores"] == asked["processes"]

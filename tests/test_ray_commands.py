@@ -34,26 +34,27 @@ def test_circle_boundaries_are_those_of_each_ray(tmp_path, workers):
     ]
     succeed("circle_boundaries", tmp_path / "out", *options, *workers)
     cube = xr.open_zarr(tmp_path / "out/breakdown_residue.zarr")
-    exact = cube.omega.attrs["exact"]
+    exact = cube.circle.values.tolist()
     assert exact == ["[0;1,1,2]", "[0;(1)]", "[1;(4)]"]
+    assert cube.omega.values.tolist() == [float(parse(text)) for text in exact]
     assert cube.angle.values.tolist() == [0, 45, 90, 135, 180]
-    scale = cube.critical_scale.sel(omega=float(parse("gamma")))
+    scale = cube.critical_scale.sel(circle="[0;(1)]")
     assert scale.sel(angle=[0, 90, 180]).values == pytest.approx(KAPPA_G / 2, abs=1e-9)
-    diagonal = cube.critical_scale.sel(omega=float(parse("2gamma")), angle=45)
+    diagonal = cube.critical_scale.sel(circle="[1;(4)]", angle=45)
     assert float(diagonal) == pytest.approx(KAPPA_G * 2**0.5, abs=1e-9)
     for i, text in enumerate(exact):
         for angle, profile in ((0, (1, 0)), (90, (0, 1))):
             expected = periodic.critical_scale(parse(text), profile)
-            here = cube.isel(omega=i).sel(angle=angle)
+            here = cube.isel(circle=i).sel(angle=angle)
             np.testing.assert_equal(float(here.critical_scale), expected.value)
             meanings = cube.status.attrs["flag_meanings"].split()
             assert meanings[int(here.status)] == expected.status.name.lower()
     circles = xr.open_zarr(tmp_path / "out/breakdown.zarr")
-    known = circles.isel(omega=[1, 2])
-    difference = abs(known.critical_scale - cube.isel(omega=[1, 2]).critical_scale)
-    assert (difference < known.error).where(cube.status.isel(omega=[1, 2]) == 1).all()
+    known = circles.isel(circle=[1, 2])
+    difference = abs(known.critical_scale - cube.isel(circle=[1, 2]).critical_scale)
+    assert (difference < known.error).where(cube.status.isel(circle=[1, 2]) == 1).all()
     assert (known.lower < known.critical_scale).all()
-    assert np.isnan(circles.critical_scale.isel(omega=0)).all()
+    assert np.isnan(circles.critical_scale.isel(circle=0)).all()
     assert len(table(tmp_path / "out/circle_boundaries.csv")) == 3 * 5
     rows = table(tmp_path / "out/circle_boundaries_residue.csv")
     # In the order of the cube: 3/5, the golden mean, and 2γ on five rays each.
@@ -145,6 +146,10 @@ def test_the_last_barrier_is_kept_as_a_labelled_cube(tmp_path, workers):
     assert parse(rows[4]["circle"]) == expected.omega
     # Its mirror image: 1 - ω.
     assert rows[5]["circle"] == "[0;3,(1)]"
+    boundary = xr.open_zarr(out / "boundary.zarr").load()
+    assert boundary.circle.values.tolist() == [r["circle"] for r in rows]
+    assert boundary.set_xindex("circle").sel(circle="[0;3,(1)]").angle == 120
+    assert len(boundary.to_dataframe()) == len(rows)
 
 
 def test_period_one_orbits_are_kept_as_labelled_cubes(tmp_path):

@@ -213,11 +213,11 @@ def test_what_a_tile_costs_in_cpu_of_driver_and_workers(tmp_path, tile, seconds,
     place, first = store.place_of(tmp_path), {(i, j) for i in range(2) for j in range(2)}
     with connect(n_workers=2) as client, store.driving(place):
         sweep(client, place, job, first)  # imports
-        before = float(store.read(place, "toy").cpu_seconds.sum())
+        before = float(toy.records(place).sum())
         start = cpu_seconds()
         sweep(client, place, job)
         driver, workers = cpu_seconds() - start
-    workers -= float(store.read(place, "toy").cpu_seconds.sum()) - before
+    workers -= float(toy.records(place).sum()) - before
     n_tiles = side**2 - len(first)
     print(
         f"\n{n_tiles} tiles of {seconds} s: {1e3 * driver / n_tiles:.2f} ms of the driver, "

@@ -97,7 +97,7 @@ def assert_complete(place, plan):
     for name, values in toy.serial(plan).items():
         assert np.array_equal(cube[name].values, values)
         assert cube[name].dtype == values.dtype
-    assert (cube.cpu_seconds == 0.25).all()
+    assert (toy.records(place) == 0.25).all()
     assert list(store.verify(place, plan.name)) == []
 
 
@@ -136,6 +136,9 @@ def test_a_plain_xarray_opens_a_cube_without_a_warning(on_disk):
         warnings.simplefilter("error")
         cube = xr.open_zarr(on_disk.cube("toy"))
         assert np.array_equal(cube.wave, toy.serial(plan)["wave"])
+        assert len(cube.to_dataframe()) == cube.wave.size  # no record of the sweep among the data
+        records = xr.open_zarr(on_disk.cube("toy"), group="tiles")
+        assert records.cpu_seconds.shape == (4, 5)
     assert cube.attrs["title"] == "toy"
     assert cube.attrs["depth"] == 3
     assert {"config_hash", "computed_by", "git_commit", "created"} <= set(cube.attrs)
@@ -361,7 +364,7 @@ def test_damaged_tiles_are_found_and_after_repair_they_alone_are_missing(place):
     assert found[1, 2] == "wave does not match its checksum"
     assert dict(store.verify(place, "toy", repair=True)) == found
     assert missing(place, plan) == damaged
-    assert np.isfinite(store.read(place, "toy").cpu_seconds).sum() == 15
+    assert np.isfinite(toy.records(place)).sum() == 15
     assert fill(place, plan) == 5
     assert_complete(place, plan)
 

@@ -32,7 +32,7 @@ def main(run, angles, tips, tol, **options):
     circle_job = breakdown.by_continuation(rays.PAPER_CIRCLES, angles, tol)
     last_job = last_barrier(angles, tol)
     with run.sweeping(planned(plane), circle_job, last_job):
-        barrier = rays.unfolded(run.sweep(last_job), angles)
+        barrier = run.keep("boundary", rays.unfolded(run.sweep(last_job), angles), tol=tol)
         circles = run.sweep(circle_job)
         field = escape_plane(run, plane)
         direct = boundary_table(field, angles, plane.drawn)

@@ -22,7 +22,7 @@ def main(run, angles, tips, tol):
     angles = rays.ray_angles(angles, tips)
     job = last_barrier(angles, tol)
     with run.sweeping(job):
-        barrier = rays.unfolded(run.sweep(job), angles)
+        barrier = run.keep("boundary", rays.unfolded(run.sweep(job), angles), tol=tol)
         run.table("last_barrier", barrier)
         run.figure("last_barrier", figures.draw_last_barrier(barrier), figures.caption(barrier))
 

@@ -10,9 +10,10 @@ from functools import partial
 import numpy as np
 
 from nasm import barriers
+from nasm.numbers import RotationNumber, moebius
 from nasm.symmetries import fold, ray
-from pipeline.cubes.cube import PAPER, Job, blank, coordinate
-from pipeline.cubes.rays import KICKS, cube_on_rays, per_ray, scales
+from pipeline.cubes.cube import PAPER, Job, blank, coordinate, text
+from pipeline.cubes.rays import KICKS, angles_of_rays, cube_on_rays, per_ray, scales
 
 _N_QUOTIENTS = 32  # places for the partial quotients of a rotation number
 
@@ -23,12 +24,13 @@ def last_barrier(angles, tol):
     angles : degrees, any; the cube holds their images. tol : float, the bracket's relative width.
     """
     wedge, _ = fold(angles)
+    seconds, warm_up = 0.1 + 4e-5 / tol, partial(barriers.critical_scale, (1.0, 0.0), 0.1)
     cube = cube_on_rays(
         "barrier",
         {},
         sorted(set(wedge.round(9).tolist())),
         KICKS,
-        1,
+        seconds,
         {"tol": tol},
         title="The last barrier to transport of the nonautonomous standard map",
         source=f"{PAPER}, Sec. V and VI",
@@ -45,9 +47,52 @@ def last_barrier(angles, tol):
         ),
         tail_length=blank(on_ray, "partial quotients at the end that repeat", np.int8(0)),
     )
-    seconds, warm_up = 0.1 + 4e-5 / tol, partial(barriers.critical_scale, (1.0, 0.0), 0.1)
     cube = dataclasses.replace(cube, template=template)
     return Job(cube, _compute, partial(per_ray, seconds), warm_up)
+
+
+def boundary(angles, tol=1e-4):
+    """Compute CB_gt on rays at any angles: the Dataset of `unfolded`, without workers or a store.
+
+    angles : degrees. tol : float, 1e-5 to 0.1, the bracket's relative width. Half a second of CPU
+    time at 1e-4, and 2 s at 2e-5, for each ray that is no mirror image of another one.
+    """
+    cube = last_barrier(angles, tol).cube
+    coords = {dim: cube.template[dim].values for dim in cube.sizes}
+    barrier = cube.template.copy(data=_compute(coords, cube.settings))
+    return unfolded(barrier.assign_attrs(cube.settings), angles)
+
+
+def unfolded(barrier, angles):
+    """Return the cube `barrier` on rays whose images it holds: a Dataset with dim (angle).
+
+    Its coordinate `circle` is the exact text of the last circle's ω in [0, 1], "" where none is
+    named; that of 2 - ω is its mirror image.
+    """
+    angles = np.asarray(angles, dtype=float)
+    wedge, mirrored = fold(angles)
+    there = barrier.load().sel(angle=wedge, method="nearest", tolerance=1e-8)
+    quotients, tails = there.quotients.values.T.tolist(), there.tail_length.values.tolist()
+    circles = list(map(_circle, quotients, tails, mirrored))
+    table = there.drop_vars(["quotients", "tail_length", "quotient"]).assign_coords(
+        angle=angles_of_rays(angles),
+        circle=text("angle", circles, "exact rotation number of the last circle, per step"),
+    )
+    for name, direction in zip(KICKS, ray(angles).T, strict=True):
+        table[name] = table.critical_scale.copy(data=table.critical_scale * direction)
+        table[name].attrs = barrier[name].attrs
+    table["omega"] = table.omega.copy(data=np.where(mirrored, 1 - table.omega, table.omega))
+    return table
+
+
+def _circle(quotients, tail_length, mirrored):
+    """Return the text of a rotation number from its entries in the cube, "" if it has none."""
+    while quotients and quotients[-1] == 0:
+        quotients.pop()
+    if not quotients:
+        return ""
+    omega = RotationNumber(tuple(quotients[:-tail_length]), tuple(quotients[-tail_length:]))
+    return str(moebius(omega, -1, 1) if mirrored else omega)
 
 
 def _compute(coords, settings):

@@ -3,11 +3,12 @@
 κ = s·(cos angle, sin angle), arXiv:1606.04824, Sec. VI.
 """
 
+import dataclasses
 from functools import partial
 
 from nasm import continuation, numbers, periodic
-from pipeline.cubes.cube import PAPER, Job
-from pipeline.cubes.rays import KICKS, cube_on_rays, per_ray, rows_of, tile_on_rays
+from pipeline.cubes.cube import PAPER, Job, coordinate, text
+from pipeline.cubes.rays import KICKS, cube_on_rays, per_ray, tile_on_rays
 
 
 def by_continuation(omegas, angles, tol):
@@ -17,8 +18,7 @@ def by_continuation(omegas, angles, tol):
     """
     settings = {"method": "continuation of circles", "tol": tol}
     warm_up = partial(continuation.critical_scale, numbers.parse("gamma"), (1.0, 0.0), 0.1)
-    cube = _cube("breakdown", omegas, angles, settings)
-    return Job(cube, _by_continuation, partial(per_ray, 0.01), warm_up)
+    return _job("breakdown", omegas, angles, 0.01, settings, _by_continuation, warm_up)
 
 
 def by_residue(omegas, angles, q_max):
@@ -27,37 +27,40 @@ def by_residue(omegas, angles, q_max):
     omegas : list of RotationNumber. angles : degrees. q_max : int, the longest period.
     """
     settings = {"method": "Greene's residue", "q_max": q_max}
-    cube = _cube("breakdown_residue", omegas, angles, settings)
-    return Job(cube, _by_residue, partial(per_ray, 0.03), warm_up_residues)
+    return _job("breakdown_residue", omegas, angles, 0.03, settings, _by_residue, warm_up_residues)
 
 
 warm_up_residues = partial(periodic.residue, (0.1, 0.1), 1, 3)
 
 
-def _cube(name, omegas, angles, settings):
-    exact = {str(omega): float(omega) for omega in omegas}
-    return cube_on_rays(
+def _job(name, omegas, angles, seconds, settings, compute, warm_up):
+    cube = cube_on_rays(
         name,
-        rows_of("omega", exact, "rotation number per step"),
+        {"circle": text("circle", map(str, omegas), "exact rotation number per step")},
         angles,
         KICKS,
-        20,
-        {"omegas": list(exact), **settings},
+        seconds,
+        settings,
         title="Breakup of invariant circles of the nonautonomous standard map",
         source=f"{PAPER}, Sec. VI",
     )
+    floats = coordinate("circle", list(map(float, omegas)), "rotation number per step")
+    cube = dataclasses.replace(cube, template=cube.template.assign_coords(omega=floats))
+    return Job(cube, compute, partial(per_ray, seconds), warm_up)
 
 
 def _by_continuation(coords, settings):
-    return _on_rays(coords, settings, continuation.critical_scale, settings["tol"])
+    return _on_rays(coords, continuation.critical_scale, settings["tol"])
 
 
 def _by_residue(coords, settings):
-    return _on_rays(coords, settings, periodic.critical_scale, settings["q_max"])
+    return _on_rays(coords, periodic.critical_scale, settings["q_max"])
 
 
-def _on_rays(coords, settings, method, effort):
-    exact = {float(omega): omega for omega in map(numbers.parse, settings["omegas"])}
+def _on_rays(coords, method, effort):
     return tile_on_rays(
-        coords, "omega", KICKS, lambda omega, profile: method(exact[omega], profile, effort)
+        coords,
+        "circle",
+        KICKS,
+        lambda circle, profile: method(numbers.parse(circle), profile, effort),
     )

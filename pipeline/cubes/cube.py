@@ -19,6 +19,11 @@ import xarray as xr
 from nasm.critical import Status
 
 PAPER = "arXiv:1606.04824"
+_OF_ALL = {
+    "Conventions": "CF-1.11",
+    "references": f"{PAPER}, https://arxiv.org/abs/1606.04824",
+    "map": "y' = y + κ_n/(2π) sin 2πx, x' = x + y' mod 1; κ_n has the period of the forcing",
+}
 
 
 @dataclass(frozen=True)
@@ -36,6 +41,10 @@ class Cube:
     template: xr.Dataset
     tile: dict[str, int]
     settings: dict
+
+    def __post_init__(self):
+        template = self.template.assign_attrs(_OF_ALL | self.template.attrs)
+        object.__setattr__(self, "template", template)
 
     @property
     def sizes(self):
@@ -74,6 +83,11 @@ class Job:
 def coordinate(dim, values, long_name, units="1", **attrs):
     """Return the coordinate of a dimension, labelled."""
     return xr.Variable(dim, np.asarray(values), {"long_name": long_name, "units": units, **attrs})
+
+
+def text(dim, words, long_name):
+    """Return a variable of words along a dimension, labelled."""
+    return xr.Variable(dim, np.array(list(words), dtype=str), {"long_name": long_name})
 
 
 def blank(coords, long_name, fill=np.nan, **attrs):

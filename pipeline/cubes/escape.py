@@ -35,13 +35,19 @@ def plane(name, kappa1, kappa2, sizes, n_max, tile):
     n_max : int, steps (periods of the forcing) after which an orbit counts as not escaping.
     tile : int, cells along each side of a tile.
     """
+    cells = {"kappa2": kappa2, "kappa1": kappa1}
     axes = {
-        "kappa2": coordinate("kappa2", kappa2.centres, KICKS["kappa2"]),
-        "kappa1": coordinate("kappa1", kappa1.centres, KICKS["kappa1"]),
+        dim: coordinate(dim, axis.centres, KICKS[dim], bounds=f"{dim}_bounds")
+        for dim, axis in cells.items()
     }
     title = "First escape times of the nonautonomous standard map"
     tiles, settings = {"kappa2": tile, "kappa1": tile}, {"cells_per_tile": tile}
     cube = _cube(name, sizes, n_max, axes, tiles, settings, title)
+    bounds = {
+        f"{dim}_bounds": coordinate((dim, "bound"), axis.bounds, "ends of the cells")
+        for dim, axis in cells.items()
+    }
+    cube = dataclasses.replace(cube, template=cube.template.assign_coords(bounds))
     return Job(cube, _compute_plane, _predict_plane, warm_up_escape)
 
 

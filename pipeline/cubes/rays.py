@@ -4,6 +4,8 @@ Their dims are (row, angle): a row is a circle, a frequency or a phase; `angle` 
 ray in a plane of forcings, on which a method finds the scale of the breakup.
 """
 
+from math import ceil
+
 import numpy as np
 import xarray as xr
 
@@ -18,6 +20,7 @@ _SCALES = {
     "lower": ("lower", "scale at which a circle was shown to exist"),
     "upper": ("upper", "scale at which no circle was shown to be left"),
 }
+_SECONDS = 3  # of CPU time in a tile, which is a file for every variable
 
 
 def angles_of_rays(angles):
@@ -30,19 +33,20 @@ def rows_of(dim, exact, long_name):
     return {dim: coordinate(dim, list(exact.values()), long_name, exact=list(exact))}
 
 
-def cube_on_rays(name, rows, angles, plane, tile, settings, **attrs):
+def cube_on_rays(name, rows, angles, plane, seconds, settings, **attrs):
     """Return the cube of critical scales.
 
     rows : {dim: coordinate}, or {} for a cube with dim (angle).
     plane : KICKS or ROTATING; the coordinates of the breakup are variables.
-    tile : int, angles per tile; a tile has one row.
+    seconds : CPU time of a ray. A tile is some rays of one row.
     attrs : title and source.
     """
     coords = {**rows, "angle": angles_of_rays(angles)}
     variables = {key: blank(coords, words) for key, (_, words) in _SCALES.items()}
     variables |= {key: blank(coords, f"{words} at the breakup") for key, words in plane.items()}
     variables["status"] = blank(coords, "outcome", np.int8(0), **FLAGS)
-    tile = {**dict.fromkeys(rows, 1), "angle": tile}
+    n_rays = coords["angle"].size
+    tile = {**dict.fromkeys(rows, 1), "angle": ceil(n_rays / ceil(n_rays * seconds / _SECONDS))}
     return Cube(name, xr.Dataset(variables, coords, attrs), tile, settings | STATUS_SETTING)
 
 

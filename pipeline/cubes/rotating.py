@@ -22,7 +22,7 @@ def tori(vectors, angles):
     frequencies = [vector.split(",")[1] for vector in vectors]
     settings = {"frequencies": frequencies, "vectors": list(vectors)}
     settings["method"] = "Greene's residue of one orbit"
-    cube = _cube("rotating_tori", _FREQUENCY, frequencies, angles, 20, settings)
+    cube = _cube("rotating_tori", _FREQUENCY, frequencies, angles, 0.04, settings)
     return Job(cube, _tori, partial(per_ray, 0.04), warm_up_residues)
 
 
@@ -33,8 +33,8 @@ def transport(angles, n_max, n_orbits):
     """
     settings = {"frequencies": ["1/2"], "phase": 0.0, "n_max": n_max, "n_orbits": n_orbits}
     settings["method"] = "direct iteration"
-    cube = _cube("rotating_transport", _FREQUENCY, ["1/2"], angles, 10, settings)
     seconds = 10 * SECONDS_PER_STEP * n_orbits * n_max  # ten runs of the whole ensemble
+    cube = _cube("rotating_transport", _FREQUENCY, ["1/2"], angles, seconds, settings)
     return Job(cube, _transport, partial(per_ray, seconds), warm_up_escape)
 
 
@@ -44,23 +44,23 @@ def three_kicks(phases, angles, n_max):
     phases : list of texts of φ0, in turns. angles : degrees. n_max : int, steps (of three kicks).
     """
     settings = {"method": "converse KAM on transversals", "frequency": "1/3", "n_max": n_max}
-    cube = _cube("three_kicks", _PHASE, phases, angles, 4, settings)
-    warm_up = partial(transversals.critical_scale, (1.0,), 30)
-    return Job(cube, _phases, partial(per_ray, 0.4 + 2.5e-3 * n_max), warm_up)
+    seconds, warm_up = 0.4 + 2.5e-3 * n_max, partial(transversals.critical_scale, (1.0,), 30)
+    cube = _cube("three_kicks", _PHASE, phases, angles, seconds, settings)
+    return Job(cube, _phases, partial(per_ray, seconds), warm_up)
 
 
 _FREQUENCY = "frequency", "frequency Ω"
 _PHASE = "phase", "phase φ0 of the first kick, in turns"
 
 
-def _cube(name, row, texts, angles, tile, settings):
+def _cube(name, row, texts, angles, seconds, settings):
     dim, words = row
     return cube_on_rays(
         name,
         rows_of(dim, {text: float(Fraction(text)) for text in texts}, words),
         angles,
         ROTATING,
-        tile,
+        seconds,
         settings,
         title="Breakup of the last barriers of rotating standard maps",
         source=f"{PAPER}, Sec. VII, Eq. (rotmap)",

@@ -1,7 +1,7 @@
 """Metadata of cubes: a function of the cube and of who computes it, written before any tile.
 
-What decides a cube's numbers is written twice, as attributes of the group and with `cpu_seconds`,
-so that either zarr.json can be lost and written again. Whoever puts the group's zarr.json first has
+What decides a cube's numbers is written twice, as attributes of the group and with its records, so
+that either zarr.json can be lost and written again. Whoever puts the group's zarr.json first has
 made the cube; any other driver must agree with it.
 """
 
@@ -13,13 +13,14 @@ from math import prod
 
 import dask.array
 import numpy as np
+import xarray as xr
 from obstore.exceptions import AlreadyExistsError
 from zarr.codecs import Crc32cCodec, ZstdCodec
 from zarr.storage import MemoryStore
 
 from pipeline.store.place import Refused, explained
 from pipeline.store.provenance import provenance
-from pipeline.store.tiles import COMMIT, forget, missing
+from pipeline.store.tiles import COMMIT, RECORDS, forget, missing
 
 MAX_TILES = 2**24
 
@@ -105,6 +106,7 @@ def copies_agree(place, name):
     ):
         root = json.loads(_read(place, name, "zarr.json"))
         copies = root["consolidated_metadata"]["metadata"]
+        copies.get(RECORDS, {}).pop("consolidated_metadata", None)
         own = {key: json.loads(_read(place, name, f"{key}/zarr.json")) for key in copies}
         identity = json.loads(own[COMMIT]["attributes"]["cube"]) if COMMIT in own else {}
         return own == copies and identity.items() <= root["attributes"].items()
@@ -143,6 +145,7 @@ def _attributes(place, name, key):
     with suppress(AttributeError, KeyError, RecursionError, TypeError, ValueError):
         found = json.loads(_read(place, name, key))["attributes"]
         found = json.loads(found["cube"]) if key.startswith(COMMIT) else found
+        found.pop("coordinates", None)  # xarray's own word
         return found if isinstance(found["config_hash"], str) else None
     return None
 
@@ -187,34 +190,40 @@ def _empty_files(cube, computed):
     }
     records = dask.array.full(counts, np.nan, chunks=-1)
     dims = tuple(f"tile_{dim}" for dim in cube.tile)
-    checked = {"compressors": (Crc32cCodec(),), "filters": None}
-    encoding = {COMMIT: {"chunks": (1,) * len(counts), **checked}}
+    _, commit = COMMIT.split("/")
+    checked, encoding = {"compressors": (Crc32cCodec(),), "filters": None}, {}
     for key, array in cube.template.variables.items():
         whole = key in cube.template.coords
         chunks = tuple(n if whole else cube.tile.get(dim, n) for dim, n in array.sizes.items())
         encoding[key] = {"chunks": chunks, **checked}
-    dataset = cube.template.assign({COMMIT: (dims, records, attributes)})
-    return _files(dataset.assign_attrs(identity), encoding, compute=False)
+    tree = {"/": cube.template.assign_attrs(identity)}
+    tree["/" + RECORDS] = xr.Dataset({commit: (dims, records, attributes)})
+    of_records = {commit: {"chunks": (1,) * len(counts), **checked}}
+    return _files(tree, {"/": encoding, "/" + RECORDS: of_records}, compute=False)
 
 
 def _whole_files(cube, computed):
     """{key: bytes} of a cube that is computed in full."""
     compressed = {"compressors": (ZstdCodec(), Crc32cCodec())}
     encoding = dict.fromkeys(cube.template.variables, compressed)
-    dataset = cube.template.assign_attrs(_identity(cube, computed))
-    return _files(dataset, encoding, compute=True)
+    tree = {"/": cube.template.assign_attrs(_identity(cube, computed))}
+    return _files(tree, {"/": encoding}, compute=True)
 
 
 def _identity(cube, computed):
     return {**computed, **cube.settings, "config_hash": cube.config_hash}
 
 
-def _files(dataset, encoding, compute):
+def _files(tree, encoding, compute):
+    """{key: bytes} of the zarr groups {path: Dataset}."""
     files = {}
+    for path, dataset in tree.items():  # NumPy's type of text has no standard in zarr 3
+        texts = {key: a for key, a in dataset.variables.items() if a.dtype.kind == "U"}
+        tree[path] = dataset.assign({key: text.astype(object) for key, text in texts.items()})
     with warnings.catch_warnings():
         # Zarr 3 has no standard for consolidated metadata yet; without them readers are warned.
         warnings.filterwarnings("ignore", message="Consolidated metadata")
-        dataset.to_zarr(
+        xr.DataTree.from_dict(tree).to_zarr(
             MemoryStore(files),
             compute=compute,
             encoding=encoding,

@@ -1,6 +1,7 @@
 """Tiles: list the missing ones, commit one, read them all.
 
-Every tiled variable has one chunk for each tile, raw numbers with their CRC-32C behind.
+Every tiled variable has one chunk for each tile, raw numbers with their CRC-32C behind. So has the
+commit record, in a group of its own inside the cube, where readers of the cube do not meet it.
 """
 
 from functools import lru_cache
@@ -13,7 +14,8 @@ from zarr.storage import ObjectStore
 
 from pipeline.store.place import Refused, explained
 
-COMMIT = "cpu_seconds"
+RECORDS = "tiles"
+COMMIT = f"{RECORDS}/cpu_seconds"
 _DAMAGED = AttributeError, FileNotFoundError, KeyError, RecursionError, TypeError, ValueError
 
 
@@ -25,7 +27,8 @@ def arrays_of(place, name):
         try:
             store = ObjectStore(place.objects())
             group = zarr.open_group(store, path=f"{name}.zarr", mode="r+", zarr_format=3)
-            arrays = dict(group.arrays())
+            members = group.members(max_depth=None)
+            arrays = {key: member for key, member in members if isinstance(member, zarr.Array)}
             if all(array.metadata.dimension_names for array in arrays.values()):
                 return arrays
         except _DAMAGED:
@@ -74,11 +77,11 @@ def survey(place, name):
     with explained(place):
         for page in place.objects().list(f"{name}.zarr", chunk_size=10_000):
             for file in page:
-                _, key, *chunk = file["path"].split("/")
-                if key not in sizes or chunk[0] != "c":
+                key, _, chunk = file["path"].removeprefix(f"{name}.zarr/").partition("/c/")
+                if key not in sizes:
                     continue
                 try:
-                    tile = tuple(int(chunk[1 + axis]) for axis in tiled[key][1])
+                    tile = tuple(int(chunk.split("/")[axis]) for axis in tiled[key][1])
                     found[tile] += file["size"] == sizes[key]
                     if key == COMMIT:
                         written[tile] = file["last_modified"].timestamp()

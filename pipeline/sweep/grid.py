@@ -36,6 +36,12 @@ class Axis:
         """ndarray of the n cell centres."""
         return self.lo + (np.arange(self.n) + 0.5) * ((self.hi - self.lo) / self.n)
 
+    @property
+    def bounds(self):
+        """ndarray (n, 2) of the ends of each cell."""
+        edges = np.linspace(self.lo, self.hi, self.n + 1)
+        return np.stack([edges[:-1], edges[1:]], axis=-1)
+
     def coarsened(self, factor):
         """Return the same interval in n/factor cells; n must be a multiple of factor."""
         if self.n % factor:

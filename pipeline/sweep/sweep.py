@@ -254,7 +254,7 @@ def _ended(client, submit, next_batch, most=inf):
 def _parcel(cube, indices):
     """Return the tiles [(index, coords)] of a batch as bytes; dask would send each array alone."""
     sizes = cube.sizes
-    axes = {str(dim): coordinate.values for dim, coordinate in cube.template.coords.items()}
+    axes = {dim: cube.template[dim].values for dim in sizes if dim in cube.template.coords}
     tiles = []
     for index in map(tuple, indices.tolist()):
         slices = tile_slices(index, sizes, cube.tile)

@@ -39,8 +39,8 @@ def hull_claims(circles, barrier):
     part = (wedge.critical_scale / reach).values
     worst = int(np.nanargmin(part))
     closed = ((barrier.upper - barrier.lower) / barrier.critical_scale).values
-    short = 1 - (circles.critical_scale.max("omega") / barrier.critical_scale).values
-    within = ((circles.error.max("omega") + barrier.error) / barrier.critical_scale).values
+    short = 1 - (circles.critical_scale.max("circle") / barrier.critical_scale).values
+    within = ((circles.error.max("circle") + barrier.error) / barrier.critical_scale).values
     formed = (short <= within)[np.isfinite(short)]
     return [
         Claim(

@@ -122,7 +122,7 @@ def _bounds():
 
 
 def _row(dataset, name):
-    return dataset.sel(omega=float(parse(name)), method="nearest")
+    return dataset.sel(circle=str(parse(name)))
 
 
 def _mirror(circles, name, other):
@@ -152,9 +152,9 @@ def _reflection(circles, name, other):
 
 def _heuristic(circles, barrier, name):
     parts = circles.critical_scale / barrier.critical_scale
-    best = float(_row(circles, name).omega)
-    leads = (parts.sel(omega=best) >= parts.max("omega")).values
-    short = 1 - parts.sel(omega=best).values[leads]
+    best = _row(parts, name).values
+    leads = best >= parts.max("circle").values
+    short = 1 - best[leads]
     gap = f"{short.max():.2%}" if leads.any() else "nothing"
     omega = str(parse(name))
     return Claim(

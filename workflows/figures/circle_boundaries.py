@@ -35,7 +35,7 @@ def draw_tips(residues, circles, barrier):
 
 def draw_circles(axes, breakdown, x, y):
     """Draw the curves (x, y) of each ω, and (-x, -y), which by symmetry are boundaries too."""
-    for i, text in enumerate(breakdown.omega.attrs["exact"]):
+    for i, text in enumerate(breakdown.circle.values):
         colour = CIRCLE_COLOURS[i % len(CIRCLE_COLOURS)]
         axes.plot(x[i], y[i], color=colour, lw=1.3, label=omega_label(text))
         axes.plot(-x[i], -y[i], color=colour, lw=1.3)
@@ -47,7 +47,7 @@ def circles_caption(residues, circles, barrier):
     beyond = residues.critical_scale - residues.error > barrier.critical_scale + barrier.error
     shares = ", ".join(
         f"{text}: {100 * float(ratio[i].min()):.1f} to {100 * float(ratio[i].max()):.1f}%"
-        for i, text in enumerate(residues.omega.attrs["exact"])
+        for i, text in enumerate(residues.circle.values)
     )
     return (
         f"Critical boundaries of circles, by continuation on {circles.angle.size} rays to "

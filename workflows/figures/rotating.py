@@ -33,7 +33,7 @@ def draw_rotating_tori(tori, two, direct):
 
 def circles_caption(circles, two, direct):
     return (
-        f"The boundaries CB_ω of the circles {', '.join(circles.omega.attrs['exact'])} by Greene's "
+        f"The boundaries CB_ω of the circles {', '.join(circles.circle.values)} by Greene's "
         "residue, CB_gt (bracketed to "
         f"{float(((two.upper - two.lower) / two.critical_scale).max()):.1e}), and "
         f"the onset of transport by direct iteration ({_effort(direct)}), which is "

@@ -5,10 +5,9 @@ the cube `barrier` holds the images of rays in the wedge 0 ≤ κ2 ≤ κ1, and 
 """
 
 import numpy as np
-import xarray as xr
 
-from nasm.numbers import NAMES, RotationNumber, moebius, parse
-from nasm.symmetries import fold, ray
+from nasm.numbers import NAMES, parse
+from pipeline.cubes.barrier import unfolded
 from workflows.parts.tables import described
 
 PAPER_CIRCLES = sorted(map(parse, NAMES), key=float)
@@ -27,35 +26,6 @@ def ray_angles(n, tips):
 def rotated_rays(n, tips):
     """Return the rays of `ray_angles` as angles θ = 45° - φ of the (κ̄, Δκ) plane."""
     return np.unique(np.append((45 - ray_angles(n, tips)) % 180, 180.0).round(9))
-
-
-def unfolded(barrier, angles):
-    """Return the cube `barrier` on rays whose images it holds: a Dataset with dim (angle).
-
-    `circle` is the exact text of the last circle's ω in [0, 1]; that of 2 - ω is its mirror image.
-    """
-    wedge, mirrored = fold(angles)
-    barrier = barrier.load()
-    there = barrier.sel(angle=wedge, method="nearest", tolerance=1e-8)
-    scales = ["critical_scale", "error", "lower", "upper", "status"]
-    table = xr.Dataset({key: ("angle", there[key].values, there[key].attrs) for key in scales})
-    table = table.assign_coords(angle=("angle", angles, barrier.angle.attrs))
-    for name, direction in zip(("kappa1", "kappa2"), ray(angles).T, strict=True):
-        table[name] = table.critical_scale * xr.DataArray(direction, dims="angle")
-    table["omega"] = ("angle", np.where(mirrored, 1 - there.omega, there.omega), there.omega.attrs)
-    quotients, tails = there.quotients.values.T.tolist(), there.tail_length.values.tolist()
-    table["circle"] = ("angle", list(map(_circle, quotients, tails, mirrored)))
-    return table.assign_attrs(barrier.attrs)
-
-
-def _circle(quotients, tail_length, mirrored):
-    """Return the text of a rotation number from its entries in the cube, "" if it has none."""
-    while quotients and quotients[-1] == 0:
-        quotients.pop()
-    if not quotients:
-        return ""
-    omega = RotationNumber(tuple(quotients[:-tail_length]), tuple(quotients[-tail_length:]))
-    return str(moebius(omega, -1, 1) if mirrored else omega)
 
 
 def two_kicks(barrier, angles):

@@ -21,8 +21,7 @@ def outcomes(dims, codes):
 
 
 def write(dataset, path):
-    """Write a Dataset as CSV: outcomes as words, without a sweep's own records."""
-    dataset = dataset.drop_dims([dim for dim in dataset.dims if str(dim).startswith("tile_")])
+    """Write a Dataset as CSV: outcomes as words."""
     table = dataset.to_dataframe()
     for name in table:
         words = dataset[name].attrs.get("flag_meanings")

@@ -21,7 +21,7 @@ out = Path(sys.argv[1])
 cube = xr.open_zarr(out / f"{name}.zarr", chunks=None)
 
 # %% netCDF attributes are numbers, texts and lists of numbers: write all others as JSON.
-cube = cube.drop_vars("cpu_seconds", errors="ignore").load()
+cube = cube.load()
 outcomes = {
     key: dict(zip(codes.flag_values, codes.flag_meanings.split(), strict=True))
     for key, codes in cube.data_vars.items()
@@ -33,8 +33,8 @@ for attrs in (cube.attrs, *(variable.attrs for variable in cube.variables.values
             attrs[key] = json.dumps(value)
 cube.to_netcdf(out / f"{name}.nc", engine="scipy")
 
-# %% One row for each cell; the partial quotients of ω, a row each, are left to netCDF.
-table = cube.drop_dims("quotient", errors="ignore").to_dataframe()
+# %% One row for each cell; partial quotients of ω and bounds of cells are left to netCDF.
+table = cube.drop_dims(["quotient", "bound"], errors="ignore").to_dataframe()
 for key, words in outcomes.items():
     table[key] = table[key].map(words)
 table.to_csv(out / f"{name}.csv")
