@@ -290,47 +290,6 @@ def test_the_grids_have_no_start_in_common():
     assert np.abs(first[:, None] - second).min() > 1e-9
 
 
-GOOD = {"kappa": (0.3, 0.3), "y": 0.1, "n_max": 10}
-
-
-@pytest.mark.parametrize(
-    ("bad", "message"),
-    [
-        ({"kappa": (0.3, np.nan)}, r"kappa=.*nan.* is not finite"),
-        ({"kappa": ()}, r"kappa=\(\) has shape \(0,\)"),
-        ({"kappa": (0.1, 0.2, 0.3)}, r"no symmetry centre"),
-        ({"y": [0.1, np.inf]}, r"y is not finite; starts must be finite numbers"),
-        ({"n_max": 0}, r"n_max=0 must be a whole number from 1 to 1000000000"),
-        ({"n_max": 2.5}, r"n_max=2\.5 must be a whole number"),
-    ],
-)
-def test_bad_arguments_are_named(bad, message):
-    arguments = GOOD | bad
-    with pytest.raises(ValueError, match=message):
-        elimination_time(**arguments)
-    if "y" not in bad:
-        del arguments["y"]
-        with pytest.raises(ValueError, match=message):
-            eliminates(**arguments)
-
-
-@pytest.mark.parametrize(
-    ("profile", "n_max", "message"),
-    [
-        ((0, 0), 100, "profile is zero"),
-        ((0.1, 0.2, 0.3), 100, "no symmetry centre"),
-        ((0.1, 0.9, 0.9), 100, r"0\.9\] has no dominant symmetry line: .* ω=1 is on it"),
-        ((0, 1, 1), 300, r"\[0\.0, 1\.0, 1\.0\] has no dominant symmetry line: .* ω=0 is on it"),
-        ((0, -1, -1), 300, r"1\.0\] has no dominant symmetry line: .* ω=1 is on it"),
-        ((1.3, -0.8, -0.8), 100, r"0\.8\] has no dominant symmetry line: .* ω=0 is on it"),
-        ((1, 0), 99, "n_max=99 must be a whole number from 100 to 1000000000"),
-    ],
-)
-def test_rays_that_cannot_be_searched(profile, n_max, message):
-    with pytest.raises(ValueError, match=message):
-        critical_scale(profile, n_max)
-
-
 @pytest.mark.parametrize("n_max", [400, 1600])
 def test_three_kicks_next_to_one_get_no_answer(n_max):
     # By lifetimes of three times as many steps as 1600, circles are gone from 0.97323 on; by

@@ -5,18 +5,7 @@ import pytest
 from numba import njit
 from numba.core.errors import TypingError
 
-from nasm.lanes import (
-    LANES,
-    copysign,
-    fabs,
-    fma,
-    load,
-    maximum,
-    minimum,
-    own_frame,
-    rint,
-    store,
-)
+from nasm.lanes import LANES, copysign, fabs, fma, load, maximum, minimum, own_frame, rint, store
 
 RNG = np.random.default_rng(2)
 A, B, C = RNG.uniform(-1, 1, (3, LANES)) * 2.0 ** RNG.integers(-40, 40, (3, LANES))

@@ -440,8 +440,6 @@ def test_the_minimizing_orbit_is_another_orbit():
             here = np.roll(minimax, periodic.dominant_centre(kappa)[0])[site :: len(kappa)]
             assert np.abs((here - a + 0.5) % 1.0 - 0.5).min() > 1e-3
             assert periodic.residue(kappa, p, q, (site, a)) < 0
-    with pytest.raises(ValueError, match="minimizing orbit of 1/2 has no centre on a site"):
-        periodic.minimizing_centre((0.3,), 1, 2)
 
 
 def test_a_torus_without_rotation_is_a_circle_of_the_standard_map():
@@ -471,31 +469,3 @@ def test_tori_break_where_longer_convergents_say(angle):
     assert all(torus.status is Status.OK for torus in found)
     for torus in shorter:
         assert abs(torus.value - longest.value) < torus.error < 0.1 * torus.value
-
-
-def test_a_ray_without_direction_is_refused():
-    with pytest.raises(ValueError, match="mean and amplitude are zero"):
-        periodic.torus_scale("5/8", "1/2", 0, 0)
-    with pytest.raises(ValueError, match="frequency='1/0' is no fraction"):
-        periodic.torus_scale("1/3", "1/0", 1, 1)
-    with pytest.raises(ValueError, match="omega='1/0' is no fraction"):
-        periodic.torus_scale("1/0", "1/3", 1, 1)
-    with pytest.raises(ValueError, match="differ in length"):
-        periodic.critical_scale(GAMMA, (1, 0), start=(0, 0, 0))
-
-
-def test_bad_arguments_are_named():
-    with pytest.raises(ValueError, match="no symmetry centre"):
-        periodic.residue((0.1, 0.2, 0.3), 1, 3)
-    with pytest.raises(ValueError, match="p/q = 2/4 has a common factor"):
-        periodic.residue((0.1, 0.2), 2, 4)
-    with pytest.raises(ValueError, match="q=0 must be a whole number from 1 to 1000000"):
-        periodic.residue((0.1, 0.2), 1, 0)
-    for centre in ((0, 0.25), (0.5, 0.5), (0,), (0, 0.5, 1), (0, None), 0, (), "ab"):
-        with pytest.raises(ValueError, match=r"centre=.* is no symmetry centre \(site, a\)"):
-            periodic.residue((0.1, 0.2), 1, 3, centre)
-    for q_max in (0, -5, np.nan, 500.5, "a", 10**6 + 1):
-        with pytest.raises(ValueError, match=r"q_max=.* must be a whole number from 1 to 1000000"):
-            periodic.critical_scale(GAMMA, (1, 0), q_max=q_max)
-    with pytest.raises(ValueError, match="profile is zero"):
-        periodic.critical_scale(GAMMA, (0, 0))
