@@ -1,21 +1,18 @@
 """Invariant circles: two Newton's methods against each other, iteration, symmetries; and fakes."""
 
-import tomllib
-from pathlib import Path
-
 import mpmath
 import numpy as np
 import oracles
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from oracles import KAPPA_G
 
 from nasm import circle_symmetries, circles, fourier, parameterization
 from nasm.critical import Status
 from nasm.maps import step, step_tangent
 from nasm.numbers import NAMES, RotationNumber, moebius, parse
 
-KAPPA_G = tomllib.loads(Path(__file__).with_name("literature.toml").read_text())["kappa_G"]["value"]
 GAMMA = parse("gamma")
 LIOUVILLE = RotationNumber((0, 1, 10, 100, 1000, 10**4, 10**5), (1,))
 

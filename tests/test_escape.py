@@ -2,8 +2,6 @@ import os
 import platform
 import subprocess
 import sys
-import tomllib
-from pathlib import Path
 
 import mpmath
 import numpy as np
@@ -11,6 +9,7 @@ import oracles
 import pytest
 from numba import njit
 from numpy.testing import assert_array_equal
+from oracles import KAPPA_G
 from scipy.stats import ks_2samp
 
 from nasm import escape
@@ -18,8 +17,6 @@ from nasm.barriers import critical_scale
 from nasm.critical import Status
 from nasm.escape import boundary, ensemble, escape_time, first_escape
 from nasm.symmetries import ray
-
-KAPPA_G = tomllib.loads(Path(__file__).with_name("literature.toml").read_text())["kappa_G"]["value"]
 
 # (strengths with chaos from wall to wall, steps): so few steps that rounding has not grown to where
 # it matters. With starts that differ by 1e-12 no time of the ensemble of 1000 differs.

@@ -1,20 +1,18 @@
 """The flux through broken circles against areas, exact reductions, and renormalisation."""
 
 import math
-import tomllib
-from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from oracles import LITERATURE
 
 from nasm import maps, periodic, symmetries
 from nasm.critical import Status
 from nasm.flux import action_difference, flux
 from nasm.numbers import moebius, parse, rational
 
-LITERATURE = tomllib.loads(Path(__file__).with_name("literature.toml").read_text())
 GOLDEN = parse("gamma")
 GOLDEN_AXIS = periodic.critical_scale(GOLDEN, (1.0, 0.0)).value
 

@@ -1,8 +1,6 @@
 """Periodic orbits against high precision, published residues, symmetries, and each other."""
 
-import tomllib
 from dataclasses import replace
-from pathlib import Path
 
 import mpmath
 import numpy as np
@@ -10,20 +8,16 @@ import oracles
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from oracles import KAPPA_G, LITERATURE
 
-from nasm import chain, cones, continuation, periodic, symmetries
+from nasm import chain, cones, continuation, periodic
 from nasm.critical import Status
 from nasm.maps import step, step_tangent
 from nasm.numbers import NAMES, RotationNumber, moebius, parse
+from nasm.symmetries import ray
 
-LITERATURE = tomllib.loads(Path(__file__).with_name("literature.toml").read_text())
-KAPPA_G = LITERATURE["kappa_G"]["value"]
 GAMMA = parse("gamma")
 FIBONACCI = [(5, 8), (8, 13), (13, 21), (21, 34), (34, 55), (55, 89), (89, 144)]
-
-
-def ray(degrees):
-    return np.cos(np.deg2rad(degrees)), np.sin(np.deg2rad(degrees))
 
 
 def orbit_in_phase_space(kappa, p, q, centre=None):
@@ -199,8 +193,8 @@ def test_the_error_covers_next_to_a_cusp_and_with_tails_of_several_quotients(nam
 def test_the_paper_s_circles_have_a_value_at_each_other_s_cusps(name, angle):
     # There they are circles of the standard map with the tail (8, 2), of which the default q_max
     # knows two periods.
-    found = periodic.critical_scale(parse(name), symmetries.ray(angle))
-    longer = periodic.critical_scale(parse(name), symmetries.ray(angle), 200_000)
+    found = periodic.critical_scale(parse(name), ray(angle))
+    longer = periodic.critical_scale(parse(name), ray(angle), 200_000)
     assert found.status is longer.status is Status.OK
     assert abs(found.value - longer.value) <= found.error < 1e-6
     assert longer.error < 1e-10
