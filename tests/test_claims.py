@@ -67,24 +67,13 @@ def three_rays(ours, circle, six):
     """CB_gt on three rays, and the paper's six, `six` of them in parts of it."""
     angles = np.array([0.0, 20.0, 45.0])
     names = [str(parse(name)) for name in NAMES]
-    barrier = xr.Dataset(
-        {
-            "critical_scale": ("angle", ours),
-            "error": ("angle", np.full(3, 1e-10)),
-            "lower": ("angle", 0.999 * ours),
-            "upper": ("angle", 1.001 * ours),
-            "circle": ("angle", circle),
-        },
-        {"angle": angles},
-    )
-    scale = np.outer(np.full(6, six), ours)
-    circles = xr.Dataset(
-        {
-            "critical_scale": (("circle", "angle"), scale),
-            "error": (("circle", "angle"), np.full((6, 3), 1e-10)),
-        },
-        {"circle": names, "angle": angles},
-    )
+    small = np.full((6, 3), 1e-10)
+    barrier = {"critical_scale": ours, "error": small[0], "circle": circle}
+    barrier |= {"lower": 0.999 * ours, "upper": 1.001 * ours}
+    barrier = xr.Dataset({k: ("angle", v) for k, v in barrier.items()}, {"angle": angles})
+    circles = {"critical_scale": np.outer(np.full(6, six), ours), "error": small}
+    circles = {name: (("circle", "angle"), values) for name, values in circles.items()}
+    circles = xr.Dataset(circles, {"circle": names, "angle": angles})
     return circles, barrier
 
 
@@ -92,11 +81,8 @@ def test_the_envelope_and_the_hull_are_judged_by_the_numbers():
     from workflows.claims.discussion import hull_claims
 
     horned = three_rays(np.array([0.5, 0.6, 1.4]), ["[0;(1)]"] * 3, 0.99)
-    assert [c.verdict.value for c in hull_claims(*horned)] == [
-        "does not hold",
-        "holds",
-        "holds with a caveat",
-    ]
+    expected = [Verdict.FAILS, Verdict.HOLDS, Verdict.CAVEAT]
+    assert [c.verdict for c in hull_claims(*horned)] == expected
     octagon = three_rays(np.array([1.0, 1.0, 1.0]), ["[0;(1)]"] * 3, 1.0)
     assert [c.verdict for c in hull_claims(*octagon)] == [Verdict.HOLDS] * 3
     poor = three_rays(np.array([1.0, np.nan, 1.0]), ["[0;(1)]", "", "[0;(1)]"], 0.9)
@@ -107,10 +93,8 @@ def test_ranges_of_the_envelope():
     names = ["[0;(1)]", "[0;1,3,(1)]", "[0;1,3,(1)]"]
     circles, barrier = three_rays(np.array([0.5, 0.6, 1.4]), names, 0.99)
     rows = envelope.ranges(circles, barrier)
-    assert [(row["from"], row["to"], row["circle"]) for row in rows] == [
-        (0.0, 0.0, "[0;(1)]"),
-        (20.0, 45.0, "[0;1,3,(1)]"),
-    ]
+    expected = [(0.0, 0.0, "[0;(1)]"), (20.0, 45.0, "[0;1,3,(1)]")]
+    assert [(row["from"], row["to"], row["circle"]) for row in rows] == expected
     assert rows[0]["bracket"] == pytest.approx(0.002)
     assert rows[1]["short"] == dict.fromkeys(NAMES, pytest.approx(0.01))
     assert envelope.cells(rows[1])[:3] == ("20 – 45", "[0;1,3,(1)]", "2e-03")

@@ -14,20 +14,16 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import dask
-import numpy as np
 import pytest
 import toy
 from click.testing import CliRunner
 from cryptography import x509
 from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
-from distributed import Client, LocalCluster
+from distributed import Client
 from distributed.security import Security
 
-from pipeline import store
-from pipeline.cubes.cube import Job
 from pipeline.sweep.cluster import ClusterError, connect
-from pipeline.sweep.sweep import sweep
 from workflows import last_barrier
 
 ROOT = Path(__file__).parents[1]
@@ -73,19 +69,12 @@ def scheduling(here, *options):
 
     try:
         start("scheduler", "--host", "127.0.0.1", "--port", "0", "--scheduler-file", file)
-        wait_until(file.exists)
+        toy.wait_until(lambda: file.exists() and file.read_text().endswith("}"))
         yield str(file), start_worker
     finally:
         for process in processes:
             process.kill()
             process.wait()
-
-
-def wait_until(condition):
-    deadline = time.monotonic() + 60
-    while not condition():
-        assert time.monotonic() < deadline
-        time.sleep(0.02)
 
 
 def n_workers(file, tls=None):
@@ -99,26 +88,8 @@ def cluster(tmp_path_factory):
     """A scheduler with one worker: its file, and a function that starts more."""
     with scheduling(tmp_path_factory.mktemp("cluster")) as (file, start_worker):
         start_worker()
-        wait_until(lambda: n_workers(file) == 1)
+        toy.wait_until(lambda: n_workers(file) == 1)
         yield file, start_worker
-
-
-def assert_complete(out, plan):
-    cube = store.read(store.place_of(out), plan.name)
-    for name, values in toy.serial(plan).items():
-        assert np.array_equal(cube[name].values, values)
-    assert np.isfinite(toy.records(store.place_of(out))).all()
-
-
-def run(client, out, plan):
-    place, job = store.place_of(out), Job(plan, toy.compute, toy.predict, toy.no_warm_up)
-    with store.driving(place):
-        return sweep(client, place, job, progress=toy.silent())
-
-
-def commit_times(out):
-    records = (out / "toy.zarr/tiles/cpu_seconds/c").glob("*/*")
-    return {path: path.stat().st_mtime_ns for path in records}
 
 
 def test_workers_come_and_go_and_nothing_is_committed_twice(cluster, tmp_path):
@@ -129,14 +100,14 @@ def test_workers_come_and_go_and_nothing_is_committed_twice(cluster, tmp_path):
 
     def watch():
         while not finished.is_set():
-            now = commit_times(out)
+            now = toy.commit_times(out)
             changed.extend(path for path in seen if now.get(path) != seen[path])
             seen.update(now)
             time.sleep(0.02)
 
     def come_and_go():
         two = start_worker(), start_worker()
-        wait_until(lambda: n_workers(file) == 3)
+        toy.wait_until(lambda: n_workers(file) == 3)
         for worker, leave in zip(two, ("terminate", "kill"), strict=True):
             time.sleep(0.3)
             getattr(worker, leave)()
@@ -145,13 +116,13 @@ def test_workers_come_and_go_and_nothing_is_committed_twice(cluster, tmp_path):
         threads = [threading.Thread(target=target) for target in (watch, come_and_go)]
         for thread in threads:
             thread.start()
-        outcome = run(client, out, plan)
+        outcome = toy.run(client, out, plan)
         finished.set()
         for thread in threads:
             thread.join()
-    wait_until(lambda: n_workers(file) == 1)
+    toy.wait_until(lambda: n_workers(file) == 1)
     assert (outcome.failed, outcome.remaining) == ({}, 0)
-    assert_complete(out, plan)
+    toy.assert_complete(out, plan)
     assert len(seen) > 50
     assert not changed
     # The tiles that a worker was computing when it left are computed again, and no others.
@@ -162,16 +133,15 @@ def test_workers_come_and_go_and_nothing_is_committed_twice(cluster, tmp_path):
 @pytest.mark.parametrize(
     ("content", "told"),
     [
-        *((content, "must be tcp://HOST:PORT") for content in (None, "", "[]", "{}", b"\xff\xfe")),
-        ('{"address": null}', "must be tcp://HOST:PORT"),
-        ('{"address": "inproc://1/2"}', "must be tcp://HOST:PORT"),
-        ('{"address": "tls://127.0.0.1:9"}', "needs TLS files"),
+        *((content, "must be tcp://HOST:PORT") for content in (None, b"", b"[]", b"\xff\xfe")),
+        (b'{"address": "inproc://1/2"}', "must be tcp://HOST:PORT"),
+        (b'{"address": "tls://127.0.0.1:9"}', "needs TLS files"),
     ],
 )
 def test_a_malformed_scheduler_file_is_one_clear_message(tmp_path, content, told):
     file = tmp_path / "scheduler.json"
     if content is not None:
-        file.write_bytes(content if isinstance(content, bytes) else content.encode())
+        file.write_bytes(content)
     options = ["--out", str(tmp_path / "out"), "--scheduler", str(file)]
     result = CliRunner().invoke(last_barrier.main, options)
     assert result.exit_code == 2
@@ -179,7 +149,7 @@ def test_a_malformed_scheduler_file_is_one_clear_message(tmp_path, content, told
     assert not (tmp_path / "out").exists()
 
 
-UNFIT = pytest.mark.parametrize(
+@pytest.mark.parametrize(
     ("preload", "told"),
     [
         pytest.param(OTHER_NUMBA, r"has numba 0\.1 instead of numba \d", id="numba"),
@@ -187,9 +157,6 @@ UNFIT = pytest.mark.parametrize(
         pytest.param(OTHER_DISK, r"does not see /\S+/out as the driver does", id="disk"),
     ],
 )
-
-
-@UNFIT
 def test_an_unfit_worker_computes_nothing_and_others_do_its_work(
     cluster, tmp_path, preload, told, capfd
 ):
@@ -199,59 +166,33 @@ def test_an_unfit_worker_computes_nothing_and_others_do_its_work(
     with connect(scheduler=file) as client:
         client()
         worker = start_worker(preload)
-        outcome = run(client, tmp_path / "out", plan)
+        outcome = toy.run(client, tmp_path / "out", plan)
         worker.wait(timeout=30)
     assert (outcome.failed, outcome.remaining) == ({}, 0)
-    assert_complete(tmp_path / "out", plan)
+    toy.assert_complete(tmp_path / "out", plan)
     assert str(worker.pid) not in pids.read_text().split()
     assert re.search(rf"retired: the worker tcp://\S+ on \S+ {told}", capfd.readouterr().err)
 
 
-@UNFIT
-def test_without_a_fit_worker_the_sweep_ends_with_one_message(tmp_path, preload, told):
+def test_without_a_fit_worker_the_sweep_ends_with_one_message(tmp_path):
+    told = r"does not see /\S+/out as the driver does"
     with scheduling(tmp_path) as (file, start_worker):
-        start_worker(preload)
-        wait_until(lambda: n_workers(file) == 1)
+        start_worker(OTHER_DISK)
+        toy.wait_until(lambda: n_workers(file) == 1)
         with (
             pytest.raises(ClusterError, match=f"no worker is fit to compute: .* {told}") as refusal,
             connect(scheduler=file) as client,
         ):
-            run(client, tmp_path / "out", toy.cube())
+            toy.run(client, tmp_path / "out", toy.cube())
     assert "\n" not in str(refusal.value)
-    assert commit_times(tmp_path / "out") == {}
-
-
-@pytest.mark.slow
-def test_workers_end_by_their_lifetime_and_are_replaced(tmp_path):
-    # As jobs of a queue with a wall time; see the recipe job_queue.
-    pids = tmp_path / "pids"
-    plan = toy.cube(tile=1, seconds=0.08, pids=str(pids))
-    with (
-        dask.config.set({"distributed.deploy.lost-worker-timeout": "100ms"}),
-        LocalCluster(
-            n_workers=2,
-            threads_per_worker=1,
-            host="127.0.0.1",
-            dashboard_address="127.0.0.1:0",
-            memory_limit=0,
-            lifetime="3s",
-            lifetime_stagger="1s",
-            silence_logs="CRITICAL",
-        ) as workers,
-    ):
-        workers.adapt(minimum=2, maximum=2, interval="100ms")
-        with connect(scheduler=workers.scheduler_address) as client:
-            outcome = run(client, tmp_path / "out", plan)
-    assert (outcome.failed, outcome.remaining) == ({}, 0)
-    assert_complete(tmp_path / "out", plan)
-    assert len(set(pids.read_text().split())) > 2
+    assert toy.commit_times(tmp_path / "out") == {}
 
 
 def test_workers_are_deaf_to_ctrl_c_also_when_they_are_started_again():
     with connect(n_workers=1) as client:
         (pid,) = pids(client())
         os.kill(pid, signal.SIGKILL)
-        wait_until(lambda: pids(client()) not in ([], [pid]))
+        toy.wait_until(lambda: pids(client()) not in ([], [pid]))
         (again,) = pids(client())
         os.kill(again, signal.SIGINT)
         assert client().submit(os.getpid).result(timeout=30) == again
@@ -295,7 +236,7 @@ def secured(tmp_path_factory):
     security = Security(tls_ca_file=crt, tls_client_cert=crt, tls_client_key=key)
     with scheduling(here, *options) as (file, start_worker):
         start_worker()
-        wait_until(lambda: n_workers(file, security) == 1)
+        toy.wait_until(lambda: n_workers(file, security) == 1)
         yield file, (crt, crt, key)
 
 
@@ -303,8 +244,8 @@ def test_a_sweep_over_tls(secured, tmp_path):
     file, tls = secured
     with connect(scheduler=file, tls=tls) as client:
         assert client().scheduler.address.startswith("tls://")
-        run(client, tmp_path, toy.cube())
-    assert_complete(tmp_path, toy.cube())
+        toy.run(client, tmp_path, toy.cube())
+    toy.assert_complete(tmp_path, toy.cube())
 
 
 def test_tls_that_does_not_match_is_one_clear_message(secured, tmp_path):
@@ -313,11 +254,9 @@ def test_tls_that_does_not_match_is_one_clear_message(secured, tmp_path):
     address = json.loads(Path(file).read_text())["address"]
     for scheduler, tls, told in (
         (file, (other, other, other_key), "answers, but hangs up: .* certificates of the CA"),
-        (file, (ca, other, other_key), "answers, but hangs up: .* certificates of the CA"),
         (address.replace("tls", "tcp"), None, "answers, but hangs up: .* needs a tls:// address"),
         (file, None, "needs TLS files: CA, CERT and KEY"),
         (file, (ca, ca, other_key), "cannot be used .* the key of that"),
-        (file, (ca, ca, key + "s"), r"cannot be used \(\[Errno 2\] No such file"),
         (file, (file, ca, key), "cannot be used .* in PEM format"),
         ("tcp://127.0.0.1:9", (ca, ca, key), "TLS files are for a tls:// address"),
     ):

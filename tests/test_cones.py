@@ -1,8 +1,5 @@
 """Converse KAM against its definition, the action's second variation, and Greene's residue."""
 
-import tomllib
-from pathlib import Path
-
 import numpy as np
 import oracles
 import pytest
@@ -10,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numba import njit
 from numpy.testing import assert_array_equal
+from oracles import KAPPA_G
 from scipy.linalg import eigvalsh_tridiagonal
 
 from nasm import cones, periodic
@@ -17,17 +15,12 @@ from nasm.cones import critical_scale, eliminates, elimination_time, longest_liv
 from nasm.critical import Status
 from nasm.maps import rotating_forcing
 from nasm.numbers import parse
+from nasm.symmetries import ray
 
-LITERATURE = tomllib.loads(Path(__file__).with_name("literature.toml").read_text())
-KAPPA_G = LITERATURE["kappa_G"]["value"]
 # Each some per cent beyond the breakup of its last circle: lifetimes of all lengths.
 PAIRS = [(0.71, 0.46), (-0.43, 0.72), (0.15, -0.57)]
 FORCINGS = [(1.03,), *PAIRS, (0.1, 0.4, 0.1), (0.2, 0.1, 0.4, 0.1)]
 Y = (np.arange(300) + 0.5) / 600
-
-
-def ray(degrees):
-    return np.array([np.cos(np.deg2rad(degrees)), np.sin(np.deg2rad(degrees))])
 
 
 def from_the_centre(kappa):
@@ -188,8 +181,7 @@ LAST = [
 @pytest.mark.parametrize(("degrees", "omega"), LAST)
 @pytest.mark.parametrize("n_max", [100, 500, 3000])
 def test_the_last_circle_breaks_where_its_residue_says(degrees, omega, n_max):
-    # On the diagonal cos and sin would differ in the last digit, next to the cusp.
-    profile = np.full(2, np.sqrt(0.5)) if degrees == 45 else ray(degrees)
+    profile = ray(degrees)
     exact = periodic.critical_scale(parse(omega), profile).value
     found = critical_scale(profile, n_max)
     assert found.status is Status.OK
@@ -288,47 +280,6 @@ def test_the_grids_have_no_start_in_common():
     (n, offset), (m, other) = cones._GRIDS
     first, second = (np.arange(n) + offset) / n, (np.arange(m) + other) / m
     assert np.abs(first[:, None] - second).min() > 1e-9
-
-
-GOOD = {"kappa": (0.3, 0.3), "y": 0.1, "n_max": 10}
-
-
-@pytest.mark.parametrize(
-    ("bad", "message"),
-    [
-        ({"kappa": (0.3, np.nan)}, r"kappa=.*nan.* is not finite"),
-        ({"kappa": ()}, r"kappa=\(\) has shape \(0,\)"),
-        ({"kappa": (0.1, 0.2, 0.3)}, r"no symmetry centre"),
-        ({"y": [0.1, np.inf]}, r"y is not finite; starts must be finite numbers"),
-        ({"n_max": 0}, r"n_max=0 must be a whole number from 1 to 1000000000"),
-        ({"n_max": 2.5}, r"n_max=2\.5 must be a whole number"),
-    ],
-)
-def test_bad_arguments_are_named(bad, message):
-    arguments = GOOD | bad
-    with pytest.raises(ValueError, match=message):
-        elimination_time(**arguments)
-    if "y" not in bad:
-        del arguments["y"]
-        with pytest.raises(ValueError, match=message):
-            eliminates(**arguments)
-
-
-@pytest.mark.parametrize(
-    ("profile", "n_max", "message"),
-    [
-        ((0, 0), 100, "profile is zero"),
-        ((0.1, 0.2, 0.3), 100, "no symmetry centre"),
-        ((0.1, 0.9, 0.9), 100, r"0\.9\] has no dominant symmetry line: .* ω=1 is on it"),
-        ((0, 1, 1), 300, r"\[0\.0, 1\.0, 1\.0\] has no dominant symmetry line: .* ω=0 is on it"),
-        ((0, -1, -1), 300, r"1\.0\] has no dominant symmetry line: .* ω=1 is on it"),
-        ((1.3, -0.8, -0.8), 100, r"0\.8\] has no dominant symmetry line: .* ω=0 is on it"),
-        ((1, 0), 99, "n_max=99 must be a whole number from 100 to 1000000000"),
-    ],
-)
-def test_rays_that_cannot_be_searched(profile, n_max, message):
-    with pytest.raises(ValueError, match=message):
-        critical_scale(profile, n_max)
 
 
 @pytest.mark.parametrize("n_max", [400, 1600])

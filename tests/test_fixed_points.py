@@ -75,8 +75,3 @@ def test_the_estimate_as_printed_does_not_vanish_at_the_pitchfork():
     assert fixed_points.primary_residue(kappa1, kappa2)[1] == 0
     assert fixed_points.cubic_estimate(kappa1, kappa2) == 0
     assert abs(printed) > 90
-
-
-def test_strengths_that_are_not_finite_are_refused():
-    with pytest.raises(ValueError, match="must be finite"):
-        fixed_points.secondary(np.nan, 1.0)

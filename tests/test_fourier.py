@@ -44,8 +44,3 @@ def test_a_cut_between_two_resonances_that_are_close_is_below_both():
     assert fourier.cut(omega, 350) == 121
     assert fourier.cut(omega, fourier.grid(omega, 121)) == 121
     assert fourier.cut(omega, fourier.grid(omega, 122)) >= 122
-
-
-def test_a_rational_omega_has_no_grid():
-    with pytest.raises(ValueError, match=r"omega=\[0;1,1,2\] is rational; a circle needs"):
-        fourier.grid(parse("3/5"), 1000)

@@ -170,25 +170,3 @@ def test_portrait_shows_one_cell():
         assert ((values >= 0) & (values < 1)).all()
     assert set(x[0]) == {0.0, 0.5}
     assert_allclose(np.sort(y[0]), np.arange(10) / 10)
-
-
-def test_bad_arguments_are_named():
-    with pytest.raises(ValueError, match=r"n=2\.5 must be a whole number"):
-        orbit(KAPPA, 0.0, 0.0, 2.5)
-    with pytest.raises(ValueError, match=r"n_orbits=0 must be a whole number from 1"):
-        portrait(KAPPA, n_orbits=0)
-    with pytest.raises(ValueError, match=r"shapes \(2,\) and \(3,\), which do not broadcast"):
-        orbit(KAPPA, np.zeros(2), np.zeros(3), 1)
-    with pytest.raises(ValueError, match=r"n=-1 must be a whole number from 0 to 1000000000"):
-        orbit(KAPPA, 0.0, 0.0, -1)
-    with pytest.raises(ValueError, match=r"n=-1 must be a whole number from 0 to 1000000000"):
-        kicked_orbit(KAPPA, 0.0, 0.0, -1)
-    with pytest.raises(ValueError, match=r"n=3 must be a whole number from 4 to 1000000000"):
-        rotation_number(KAPPA, 0.0, 0.0, 3)
-    for function in (orbit, kicked_orbit, rotation_number):
-        with pytest.raises(ValueError, match=r"x is not finite"):
-            function(KAPPA, np.nan, 0.0, 10)
-        with pytest.raises(ValueError, match=r"y is not finite"):
-            function(KAPPA, 0.0, [0.0, np.inf], 10)
-        with pytest.raises(ValueError, match=r"kappa=0\.3 has shape"):
-            function(0.3, 0.0, 0.0, 10)

@@ -1,12 +1,10 @@
 """Commands on rays and over planes keep labelled cubes whose numbers are those of `nasm`."""
 
-import tomllib
-from pathlib import Path
-
 import numpy as np
 import pytest
 import xarray as xr
 from commands import invoke, succeed, table
+from oracles import KAPPA_G
 
 from nasm import barriers, escape, periodic, transversals
 from nasm import flux as nasm_flux
@@ -14,24 +12,10 @@ from nasm.maps import rotating_forcing
 from nasm.numbers import parse
 from workflows.figures.stretches import stretches, where_above
 
-KAPPA_G = tomllib.loads(Path(__file__).with_name("literature.toml").read_text())["kappa_G"]["value"]
-
 
 def test_circle_boundaries_are_those_of_each_ray(tmp_path, workers):
-    options = [
-        "--angles",
-        "5",
-        "--tips",
-        "0",
-        "--tol",
-        "0.01",
-        "--omega",
-        "gamma",
-        "--omega",
-        "2gamma",
-        "--omega",
-        "3/5",
-    ]
+    omegas = ["--omega", "gamma", "--omega", "2gamma", "--omega", "3/5"]
+    options = ["--angles", "5", "--tips", "0", "--tol", "0.01", *omegas]
     succeed("circle_boundaries", tmp_path / "out", *options, *workers)
     cube = xr.open_zarr(tmp_path / "out/breakdown_residue.zarr")
     exact = cube.circle.values.tolist()

@@ -9,22 +9,16 @@ import os
 import shutil
 import subprocess
 import time
-from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 import oracles
-import psutil
 import pytest
-import toy
 
-from nasm import circles, cones, continuation, escape, fourier, parameterization, periodic
+from nasm import circles, cones, escape, fourier, parameterization
 from nasm.numbers import parse
 from nasm.sine import SINE
-from pipeline import store
-from pipeline.sweep.cluster import connect
-from pipeline.sweep.sweep import sweep
 
 pytestmark = pytest.mark.benchmark
 
@@ -119,22 +113,6 @@ def test_the_cone_kernel_against_plain_numba_and_the_escape_kernel():
     assert per_kick[1] / per_kick[2] < 3
 
 
-def test_a_scale_by_converse_kam():
-    angles = np.random.default_rng(4).uniform(0, 45, 12)
-    profiles = np.stack([np.cos(np.deg2rad(angles)), np.sin(np.deg2rad(angles))], axis=1)
-    cones.critical_scale((1, 0), 100)
-    print()
-    for n_max in (1000, 10_000, 100_000):
-        seconds, widths = [], []
-        for profile in profiles:
-            start = time.process_time()
-            found = cones.critical_scale(profile, n_max)
-            seconds.append(time.process_time() - start)
-            widths.append(found.upper / found.value - 1)
-        print(f"n_max {n_max:6}: {np.median(seconds):.4f} s, width {np.median(widths):.1e}")
-        assert np.max(widths) < 1 / n_max
-
-
 STEPS = 50
 
 
@@ -164,62 +142,3 @@ def test_a_newton_step_of_a_circle_costs_n_log_n():
         print(f"grows like n^{slope:.2f}")
         assert slope < 1.3
     assert (times[0] < times[1]).all()
-
-
-def test_a_breakup_by_continuation_against_one_by_residue():
-    omega, ray = parse("gamma"), (1, 0)
-    tolerances = (1e-4, 1e-5, 1e-6)
-    timed = [partial(continuation.critical_scale, omega, ray, tol) for tol in tolerances]
-    timed.append(partial(periodic.critical_scale, omega, ray, 1000))
-    for function in timed:
-        function()
-    times = median_times(*timed) * 1e3
-    for tol, ms in zip(tolerances, times, strict=False):
-        print(f"\ncircles to {tol:.0e}: {ms:5.1f} ms", end="")
-    print(f"\nresidues to q = 1000: {times[-1]:5.1f} ms")
-    assert (np.diff(times[:-1]) > 0).all()
-
-
-def test_two_threads_against_one():
-    x, y = escape.ensemble(1024)
-    halves = [(x[:512], y[:512]), (x[512:], y[512:])]
-
-    def run(half):
-        escape.escape_time(KAPPA, *half, 100_000)
-
-    ratios = []
-    with ThreadPoolExecutor(2) as pool:
-        list(pool.map(run, halves))
-        for _ in range(9):
-            start = time.perf_counter()
-            for half in halves:
-                run(half)
-            middle = time.perf_counter()
-            list(pool.map(run, halves))
-            ratios.append((middle - start) / (time.perf_counter() - middle))
-    print(f"\ntwo threads: {np.median(ratios):.2f} x one")
-
-
-def cpu_seconds():
-    """CPU time so far of this process, and of its children, which are the workers."""
-    here = psutil.Process()
-    workers = sum(sum(child.cpu_times()[:2]) for child in here.children(recursive=True))
-    return np.array([sum(here.cpu_times()[:2]), workers])
-
-
-@pytest.mark.parametrize(("tile", "seconds", "side"), [(1, 0.5, 8), (1, 0.002, 40)])
-def test_what_a_tile_costs_in_cpu_of_driver_and_workers(tmp_path, tile, seconds, side):
-    job = toy.job(side, side, tile, burn=seconds, predict=toy.predict_burn)
-    place, first = store.place_of(tmp_path), {(i, j) for i in range(2) for j in range(2)}
-    with connect(n_workers=2) as client, store.driving(place):
-        sweep(client, place, job, first)  # imports
-        before = float(toy.records(place).sum())
-        start = cpu_seconds()
-        sweep(client, place, job)
-        driver, workers = cpu_seconds() - start
-    workers -= float(toy.records(place).sum()) - before
-    n_tiles = side**2 - len(first)
-    print(
-        f"\n{n_tiles} tiles of {seconds} s: {1e3 * driver / n_tiles:.2f} ms of the driver, "
-        f"{1e3 * workers / n_tiles:.2f} ms of the workers a tile besides computing it"
-    )

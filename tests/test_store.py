@@ -25,12 +25,10 @@ import seaweed
 import toy
 import xarray as xr
 import zarr
-from click.testing import CliRunner
 from obstore.store import S3Store
 from zarr.errors import UnknownCodecError
 from zarr.storage import ObjectStore
 
-import workflows.verify
 from pipeline import store
 from pipeline.cubes.cube import Cube
 from pipeline.store import place as places
@@ -92,15 +90,6 @@ def missing(place, plan):
     return set(map(tuple, store.missing(place, plan).tolist()))
 
 
-def assert_complete(place, plan):
-    cube = store.read(place, plan.name)
-    for name, values in toy.serial(plan).items():
-        assert np.array_equal(cube[name].values, values)
-        assert cube[name].dtype == values.dtype
-    assert (toy.records(place) == 0.25).all()
-    assert list(store.verify(place, plan.name)) == []
-
-
 def get(place, key):
     return bytes(place.objects().get(key).bytes())
 
@@ -124,7 +113,7 @@ def contents(place):
 def test_what_is_committed_tile_by_tile_reads_back_whole(place):
     plan = toy.cube()
     assert fill(place, plan) == 20
-    assert_complete(place, plan)
+    toy.assert_complete(place, plan)
     assert fill(place, plan) == 0
 
 
@@ -148,7 +137,7 @@ def test_a_plain_xarray_opens_a_cube_without_a_warning(on_disk):
 def test_a_cube_in_an_object_store_is_read_without_us_and_holds_no_secret(bucket):
     plan = toy.cube(tile=5)
     assert fill(bucket, plan) == 6
-    assert_complete(bucket, plan)
+    toy.assert_complete(bucket, plan)
     prefix = bucket.cube("toy").removeprefix("s3://cubes/")
     cube = xr.open_zarr(ObjectStore(S3Store("cubes", prefix=prefix), read_only=True))
     assert np.array_equal(cube.wave, toy.serial(plan)["wave"])
@@ -191,7 +180,7 @@ def test_a_tile_that_was_cut_off_before_any_chunk_is_missing(on_disk, monkeypatc
     assert not store.is_committed(on_disk, "toy", (1, 1))
     assert store.is_committed(on_disk, "toy", (0, 0))
     assert fill(on_disk, plan) == 19
-    assert_complete(on_disk, plan)
+    toy.assert_complete(on_disk, plan)
 
 
 @pytest.mark.parametrize("n", range(9))
@@ -202,7 +191,7 @@ def test_a_cube_that_was_cut_off_while_it_was_made_is_made_by_the_next_run(on_di
         with pytest.raises(store.Refused, match="depth is 1, not 2"):
             store.create(on_disk, toy.cube(depth=2), US)
     assert fill(on_disk, toy.cube(depth=1)) == 20
-    assert_complete(on_disk, toy.cube(depth=1))
+    toy.assert_complete(on_disk, toy.cube(depth=1))
 
 
 def test_a_chunk_of_fill_values_is_stored_like_any_other(on_disk):
@@ -321,7 +310,7 @@ def test_a_cube_that_was_deleted_is_made_anew_with_any_settings(place):
     for key in contents(place):
         put(place, key, None)
     assert fill(place, toy.cube(tile=4)) == 12
-    assert_complete(place, toy.cube(tile=4))
+    toy.assert_complete(place, toy.cube(tile=4))
 
 
 def test_a_zarr_group_of_somebody_else_is_refused_and_left_alone(on_disk):
@@ -366,23 +355,7 @@ def test_damaged_tiles_are_found_and_after_repair_they_alone_are_missing(place):
     assert missing(place, plan) == damaged
     assert np.isfinite(toy.records(place)).sum() == 15
     assert fill(place, plan) == 5
-    assert_complete(place, plan)
-
-
-def test_the_command_verify_tells_and_repairs_damage_by_its_exit_code(on_disk):
-    def verify(*options):
-        result = CliRunner().invoke(workflows.verify.main, ["--out", str(on_disk), *options])
-        return result.exit_code, result.output
-
-    fill(on_disk, toy.cube())
-    assert verify()[0] == 0
-    damage(on_disk)
-    code, told = verify()
-    assert code == 1
-    assert "tile (1, 2): wave does not match its checksum" in told
-    assert verify("--repair")[0] == 0
-    assert verify()[0] == 0
-    assert len(missing(on_disk, toy.cube())) == 5
+    toy.assert_complete(place, plan)
 
 
 @pytest.mark.parametrize("cut", [slice(None, -1), slice(0), slice(1, None), slice(0, 3)])
@@ -412,7 +385,7 @@ def test_lost_metadata_are_found_cost_no_tile_and_let_no_other_settings_in(on_di
         store.create(on_disk, toy.cube(depth=4), US)
     assert fill(on_disk, plan) == 0
     assert get(on_disk, key) == before
-    assert_complete(on_disk, plan)
+    toy.assert_complete(on_disk, plan)
 
 
 def test_a_changed_setting_in_the_metadata_is_found_and_written_again(on_disk):
@@ -582,7 +555,7 @@ def test_a_disk_that_fails_is_one_message_and_the_next_run_completes_the_cube(
     assert told in str(failed.value)
     assert "\n" not in str(failed.value)
     assert fill(on_disk, plan) == 18
-    assert_complete(on_disk, plan)
+    toy.assert_complete(on_disk, plan)
 
 
 def test_a_full_disk_ends_a_sweep_at_once_and_the_next_run_completes_it(on_disk):
@@ -636,16 +609,10 @@ def test_a_server_that_is_gone_and_wrong_credentials_are_one_message(tmp_path, m
 # Places.
 
 
-@pytest.mark.parametrize(
-    "url",
-    [
-        "s3://user:password@bucket/run",
-        "s3://bucket/run?key=password",
-        "s3://bucket",
-        "http://host/password",
-        "s3://Bucket name/password",
-    ],
-)
+URLS = "s3://user:password@bucket/run", "s3://bucket/run?key=password", "s3://bucket"
+
+
+@pytest.mark.parametrize("url", [*URLS, "http://host/password", "s3://Bucket name/password"])
 def test_a_malformed_url_is_refused_and_not_repeated(url):
     with pytest.raises(store.Refused, match="must be s3://BUCKET/PREFIX") as refused:
         store.place_of(url)
@@ -667,7 +634,7 @@ def test_a_directory_may_have_any_name(tmp_path, monkeypatch, name):
     place, plan = store.place_of(name), toy.cube(tile=10)
     with store.driving(place):
         assert fill(place, plan) == 2
-    assert_complete(place, plan)
+    toy.assert_complete(place, plan)
     cube = xr.open_zarr(zarr.storage.LocalStore(f"{name}/toy.zarr"))
     assert np.array_equal(cube.wave, toy.serial(plan)["wave"])
 

@@ -1,8 +1,5 @@
 """A verdict on one forcing: consistent with the boundary, symmetric, and never a guess."""
 
-import subprocess
-import sys
-
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
@@ -11,17 +8,13 @@ from click.testing import CliRunner
 from nasm import barriers, circles, cones, continuation, orbits, periodic
 from nasm.critical import Status, no_answer
 from nasm.maps import MAX_STRENGTH
+from nasm.symmetries import ray
 from nasm.verdict import Answer, Evidence, verdict
 from workflows import ask
 from workflows.figures.ask import draw_verdict
 
 _RANDOM = np.random.default_rng(5)
 ANGLES = [-45.0, *_RANDOM.uniform(0, 360, 2)]
-
-
-def ray(angle):
-    """(cos, sin), exact on the diagonals and axes, where the map is shorter."""
-    return np.round([np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))], 12)
 
 
 @pytest.fixture(scope="module", params=ANGLES)
@@ -189,26 +182,3 @@ def test_the_circle_is_drawn_over_the_whole_period():
     assert (np.diff(x) > 0).all()
     assert (x[-2] - 1, y[-2]) == pytest.approx((x[0], y[0]))
     plt.close(figure)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "told"),
-    [
-        (["nan", "1"], "not finite or too large"),
-        (["1", "-inf"], "not finite or too large"),
-        (["1e7", "1"], "not finite or too large"),
-        (["0.5", "0,5"], "'0,5' is not a valid float"),
-        (["0.5"], "Missing argument 'KAPPA2'"),
-        (["0.5", "0.5", "--uot", "x"], "unexpected extra argument"),
-    ],
-)
-def test_bad_strengths_are_refused(tmp_path, arguments, told):
-    result = run(*arguments, "--out", tmp_path / "out")
-    assert result.exit_code == 2
-    assert told in result.output
-    assert not (tmp_path / "out").exists()
-
-
-def test_help_imports_nothing_heavy():
-    code = "import sys, workflows.ask; assert not {'numba', 'matplotlib'} & sys.modules.keys()"
-    subprocess.run([sys.executable, "-c", code], check=True)

@@ -3,13 +3,13 @@
 `python toy.py OUT [SECONDS]` sweeps it in a process of its own, for tests that kill the process.
 """
 
-import hashlib
 import io
 import os
 import signal
 import sys
 import time
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import dask
@@ -24,8 +24,6 @@ from pipeline.cubes.cube import Cube, Job, blank
 from pipeline.sweep.cluster import connect
 from pipeline.sweep.progress import Progress
 from pipeline.sweep.sweep import sweep
-
-_MEGABYTE = bytes(2**20)
 
 
 def cube(rows=10, columns=13, tile=3, **settings):
@@ -63,9 +61,6 @@ def compute(coords, settings):
         with open(settings["pids"], "a") as pids:
             pids.write(f"{os.getpid()}\n")
     time.sleep(settings.get("seconds", 0.0))
-    end = time.thread_time() + settings.get("burn", 0.0)
-    while time.thread_time() < end:
-        hashlib.sha256(_MEGABYTE)  # without the interpreter's lock, like our kernels
     at = [float(coords["row"][0]), float(coords["column"][0])]
     if settings.get("poison") == at:
         os.kill(os.getpid(), signal.SIGKILL)
@@ -91,8 +86,7 @@ def watched_sweep(client, place, plan, events=()):
     COMPUTED.clear()
     EVENTS.clear()
     EVENTS.update(events)
-    with store.driving(place):
-        return sweep(client, place, Job(plan, watched, predict, no_warm_up), progress=silent())
+    return run(client, place, plan, compute=watched)
 
 
 def silent():
@@ -122,10 +116,6 @@ def predict(coords, settings):
     return 0.3 if coords["row"][0] > 0.6 else 0.01
 
 
-def predict_burn(coords, settings):
-    return settings["burn"]
-
-
 def serial(plan):
     """The whole cube computed at once."""
     coords = {name: coordinate.values for name, coordinate in plan.template.coords.items()}
@@ -136,6 +126,36 @@ def records(place):
     """The commit records of `cube`, CPU seconds of each tile."""
     objects = ObjectStore(place.objects("toy"), read_only=True)
     return xr.open_zarr(objects, group="tiles").cpu_seconds
+
+
+def run(client, out, plan, wanted=None, **functions):
+    """Sweep the cube into a place that is free, silently; returns what the sweep does."""
+    place, job = store.place_of(out), Job(plan, compute, predict, no_warm_up)
+    with store.driving(place):
+        return sweep(client, place, replace(job, **functions), wanted, silent())
+
+
+def assert_complete(out, plan):
+    """The cube holds in every cell what a serial computation gives, and verify finds no damage."""
+    cube = store.read(store.place_of(out), plan.name)
+    for name, values in serial(plan).items():
+        assert np.array_equal(cube[name].values, values)
+        assert cube[name].dtype == values.dtype
+    assert np.isfinite(records(store.place_of(out))).all()
+    assert list(store.verify(store.place_of(out), plan.name)) == []
+
+
+def commit_times(out):
+    """{path: time} of the commit records that lie in a directory, but for those being written."""
+    records = (out / "toy.zarr/tiles/cpu_seconds/c").glob("*/*")
+    return {path: path.stat().st_mtime_ns for path in records if "#" not in path.name}
+
+
+def wait_until(condition):
+    deadline = time.monotonic() + 60
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
 
 
 def line(n_tiles):

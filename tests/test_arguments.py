@@ -1,0 +1,224 @@
+"""Bad arguments: each is refused by a message with its value and the remedy."""
+
+import inspect
+import re
+from fractions import Fraction
+from importlib import import_module
+from pkgutil import iter_modules
+
+import numpy as np
+import pytest
+from numpy import inf, nan
+
+import nasm
+from nasm import (
+    barriers,
+    circle_symmetries,
+    circles,
+    cones,
+    critical,
+    escape,
+    fixed_points,
+    flux,
+    fourier,
+    maps,
+    numbers,
+    orbits,
+    periodic,
+    symmetries,
+    transversals,
+)
+from nasm.numbers import parse
+from nasm.transversals import Transversal
+from pipeline.sweep.grid import Axis, parse_axis
+
+GAMMA, KAPPA, REST = parse("gamma"), (0.3, 0.4), np.zeros((2, 64))  # deviations of the rotation
+
+# Arguments that each function takes, by name; the table below makes one of them bad.
+GOOD = {
+    maps.forcing: {"kappa": KAPPA},
+    maps.step: {"kappa": KAPPA, "x": 0.0, "y": 0.0},
+    maps.rotating_forcing: {"mean": 1.0, "amplitude": 1.0, "frequency": "1/3"},
+    orbits.orbit: {"kappa": KAPPA, "x": np.zeros(2), "y": 0.0, "n": 10},
+    orbits.kicked_orbit: {"kappa": KAPPA, "x": 0.0, "y": 0.0, "n": 10},
+    orbits.rotation_number: {"kappa": KAPPA, "x": 0.0, "y": 0.0, "n": 10},
+    orbits.portrait: {"kappa": KAPPA},
+    symmetries.alternate: {"kappa": KAPPA, "x": 0.0, "y": 0.0},
+    symmetries.alternate_spaced: {"kappa": KAPPA, "x": 0.0, "y": 0.0, "spacing": 1},
+    symmetries.unfold: {"wedge_angle": 10.0},
+    fixed_points.secondary: {"kappa1": 1.0, "kappa2": 1.0},
+    numbers.moebius: {"omega": GAMMA, "a": 1, "b": 1},
+    numbers.nobles_near: {"value": 0.6, "width": 1e-3, "n": 2},
+    fourier.grid: {"omega": GAMMA, "n_modes": 1000},
+    circles.invariant_circle: {"omega": GAMMA, "kappa": KAPPA},
+    circles.newton_step: {"omega": GAMMA, "kappa": KAPPA, "u": REST},
+    circle_symmetries.alternate: {"circle": circles.invariant_circle(GAMMA, (0.0, 0.0))},
+    periodic.residue: {"kappa": KAPPA, "p": 1, "q": 3},
+    periodic.minimizing_centre: {"kappa": KAPPA, "p": 1, "q": 2},
+    periodic.critical_scale: {"omega": GAMMA, "profile": (1.0, 0.0)},
+    periodic.torus_scale: {"omega": "5/8", "frequency": "1/2", "mean": 1.0, "amplitude": 0.0},
+    flux.flux: {"omega": GAMMA, "kappa": (1.0, 0.0)},
+    flux.action_difference: {"kappa": KAPPA, "p": 1, "q": 2},
+    escape.ensemble: {"n_orbits": 5},
+    escape.escape_time: {"kappa": KAPPA, "x": 0.0, "y": 0.1, "n_max": 10},
+    escape.first_escape: {"kappas": [KAPPA], "x": np.zeros(5), "y": 0.1, "sizes": [1], "n_max": 10},
+    escape.critical_scale: {"profile": (1, 0), "n_max": 64},
+    cones.elimination_time: {"kappa": KAPPA, "y": 0.1, "n_max": 10},
+    cones.eliminates: {"kappa": KAPPA, "n_max": 10},
+    cones.critical_scale: {"profile": (1, 0), "n_max": 100},
+    transversals.elimination_time: {"kappa": KAPPA, "site": 0, "x": 0.5, "y": 0.1, "n_kicks": 10},
+    transversals.longest_lived: {
+        "kappa": (1.2, 1.0), "transversal": Transversal(0, 0.5, (0.0,)), "n_kicks": 10
+    },
+    transversals.critical_scale: {"profile": (1, 0, 0), "n_max": 30},
+    barriers.critical_scale: {"profile": (1, 0)},
+    Axis: {"lo": 0, "hi": 1, "n": 12},
+    parse_axis: {"text": "0:1:4"},
+}  # fmt: skip
+ORBITS = orbits.orbit, orbits.kicked_orbit, orbits.rotation_number
+ESCAPES = escape.escape_time, escape.first_escape
+RAYS = periodic.critical_scale, escape.critical_scale, cones.critical_scale
+RAYS += transversals.critical_scale, barriers.critical_scale
+WHOLE = "{name}={value} must be a whole number from"
+# Functions, the argument, bad values of it, and what the message says, where … is anything.
+BAD = [
+    ((maps.forcing, maps.step, *ORBITS, escape.escape_time), "kappa", [0.3],
+     "=0.3 has shape ()…vector of P ≥ 1 strengths"),
+    ((maps.forcing, escape.escape_time, cones.elimination_time, transversals.elimination_time),
+     "kappa", [[], ()], "{value} has shape (0,)"),
+    ((maps.forcing, maps.step), "kappa", [[[0.3, 0.5]]], "has shape (1, 2)"),
+    ((maps.forcing, escape.escape_time, cones.elimination_time, cones.eliminates,
+     transversals.longest_lived), "kappa", [(0.3, nan), [inf]], "is not finite"),
+    ((maps.forcing, maps.step), "kappa", [[0.3, 1j], [[0.1], [0.1, 0.2]], ["0.3"], "0.3", [True,
+     False], [object()]], "kappa={value} is not made of real numbers"),
+    ((maps.rotating_forcing,), "frequency", [0.1],
+     "frequency=0.1 is 3602…more than 1000000; write a shorter fraction, like '1/10'"),
+    ((maps.rotating_forcing,), "frequency", ["1/1000001"], "whose denominator is more than"),
+    ((maps.rotating_forcing, periodic.torus_scale), "frequency", ["1/0", "x", None, nan, inf],
+     "frequency={value} is no fraction; write one like"),
+    (RAYS, "profile", [(0, 0)], "profile is zero"),
+    ((cones.critical_scale, barriers.critical_scale), "profile", [(0.1, 0.2, 0.3)],
+     "no symmetry centre"),
+    ((cones.critical_scale, barriers.critical_scale), "profile", [(0.1, 0.9, 0.9), (0, 1, 1), (0,
+     -1, -1), (1.3, -0.8, -0.8)], "profile=…has no dominant symmetry line…is on it"),
+    ((barriers.critical_scale,), "profile", [()], "kappa=() has shape (0,)"),
+    ((barriers.critical_scale,), "profile", [(1, nan)], "is not finite"),
+    ((barriers.critical_scale,), "tol", [9e-6, 0.2, -1e-3, nan],
+     "tol={value} must be from 1e-5 to 0.1"),
+    ((barriers.critical_scale,), "tol", ["1e-3", None], "tol={value} must be a number"),
+    (ORBITS, "n", [2.5, -1], WHOLE),
+    ((orbits.rotation_number,), "n", [3], WHOLE + " 4 to 1000000000"),
+    ((orbits.portrait,), "n_orbits", [0], WHOLE + " 1"),
+    ((orbits.orbit,), "y", [np.zeros(3)], "do not broadcast"),
+    ((*ORBITS, *ESCAPES, transversals.elimination_time), "x", [nan], "x is not finite"),
+    ((*ORBITS, escape.escape_time, cones.elimination_time), "y", [[0.0, inf]], "y is not finite"),
+    ((symmetries.alternate,), "kappa", [[0.3], [0.3, 0.4, 0.5]],
+     "alternating signs need an even period"),
+    ((symmetries.alternate_spaced,), "kappa", [(0.3, 0, 0.2)],
+     "does not kick every 1th site alone"),
+    ((symmetries.alternate_spaced,), "spacing", [2], "does not kick every 2th site alone"),
+    ((symmetries.unfold,), "wedge_angle", [-1.0, 45.5, nan],
+     "wedge_angle={value}…from 0 to 45 degrees"),
+    ((fixed_points.secondary,), "kappa1", [nan], "must be finite"),
+    ((numbers.moebius,), "b", [0.5], "(1ω + 0.5)/(0ω + 1) is not exact; use whole"),
+    ((numbers.nobles_near,), "value", [nan, inf], "value={value} must be finite"),
+    ((numbers.nobles_near,), "value", ["0.6"], "value='0.6' must be a number"),
+    ((numbers.nobles_near,), "width", [0.0, -1.0, nan], "width={value} positive"),
+    ((numbers.nobles_near,), "n", [1.5], WHOLE + " 0"),
+    ((fourier.grid,), "omega", [parse("3/5")], "omega=[0;1,1,2] is rational; a circle needs"),
+    ((circles.invariant_circle,), "start", [np.zeros((1, 64))],
+     "deviations of shape (1, 64); they are P=2 functions"),
+    ((circles.invariant_circle,), "start", [np.full((2, 64), nan)], "deviations must be finite"),
+    ((circles.invariant_circle,), "n_max", [32], WHOLE + " 64 to 65536"),
+    ((circles.newton_step,), "u", [np.zeros((2, 100))], "n a power of 2 from 16"),
+    ((circle_symmetries.alternate,), "circle", [circles.invariant_circle(GAMMA, (0.0,))],
+     "need an even period"),
+    ((periodic.residue, flux.flux), "kappa", [(0.1, 0.2, 0.3)], "no symmetry centre"),
+    ((periodic.minimizing_centre, flux.action_difference), "kappa", [(0.3,)],
+     "minimizing orbit of 1/2 has no centre on a site"),
+    ((periodic.residue,), "p", [3], "p/q = 3/3 has a common factor"),
+    ((periodic.residue,), "q", [0], WHOLE + " 1 to 1000000"),
+    ((periodic.residue,), "centre", [(0, 0.25), (0.5, 0.5), (0,), (0, 0.5, 1), (0, None), 0, (),
+     "ab"], "is no symmetry centre (site, a)"),
+    ((periodic.critical_scale,), "q_max", [0, -5, nan, 500.5,
+     "a", 10**6 + 1], WHOLE + " 1 to 1000000"),
+    ((periodic.critical_scale,), "start", [(0, 0, 0)], "differ in length"),
+    ((periodic.torus_scale,), "omega", ["1/0"], "omega='1/0' is no fraction"),
+    ((periodic.torus_scale,), "mean", [0], "mean and amplitude are zero"),
+    ((flux.flux,), "rtol", [inf, nan, -1.0], "rtol={value} must be from 0 to 0.01"),
+    ((flux.flux,), "rtol", ["a"], "rtol='a' must be a number"),
+    ((flux.flux,), "q_max", [0, 500.5, nan], WHOLE + " 1 to 1000000"),
+    (ESCAPES, "n_max", [0, -1, 1.5, 10**13], WHOLE + " 1 to 1000000000000"),
+    (ESCAPES, "window", [(2.3, -2.0), (0.0, 0.0), (-inf, 2.0)], "={value} must be two finite"),
+    ((escape.escape_time,), "y", [[]], "are empty; an ensemble has at least one start"),
+    ((escape.first_escape,), "x", [np.zeros((1, 5))], "shape (1, 5)…need a vector of starts"),
+    ((escape.first_escape,), "kappas", [0.3], "kappas=…0.3…is a number; give an array of shape"),
+    ((escape.first_escape,), "kappas", [[(0.3, 0.3), (0.3, inf)]], "is not finite"),
+    ((escape.first_escape,), "sizes", [[], [0, 2], [-1], [2, 2], [3, 1], [1, 6], [1.0, 2.0], [[1,
+     2]], 3, [True], np.array([3, 1], np.uint8)],
+     "must be increasing whole numbers from 1 to 5, the number of starts"),
+    ((escape.ensemble,), "n_orbits", [0, -3, 2.0, 10**9], WHOLE + " 1 to 100000000"),
+    ((escape.critical_scale,), "n_max", [10], WHOLE + " 64"),
+    ((escape.critical_scale,), "window", [(5.0, 6.0), (0.1, 2.3), (-2.0, 0.29)],
+     "leaves out starts of the ensemble"),
+    ((cones.elimination_time, cones.eliminates), "kappa", [(0.1, 0.2, 0.3)], "no symmetry centre"),
+    ((cones.elimination_time, cones.eliminates), "n_max", [0, 2.5], WHOLE + " 1 to 1000000000"),
+    ((cones.critical_scale,), "n_max", [99], WHOLE + " 100 to 1000000000"),
+    ((transversals.elimination_time,), "site", [2], WHOLE + " 0 to 1"),
+    ((transversals.elimination_time, transversals.longest_lived),
+     "n_kicks", [0, 1.5], WHOLE + " 1"),
+    ((transversals.longest_lived,), "transversal", [Transversal(2, 0.5, (0.0,)), Transversal(0.5,
+     0.5, (0.0,))], "must be a whole number from 0 to 1"),
+    ((transversals.longest_lived,), "transversal", [Transversal(0, 0.5, (0.1, nan)),
+     Transversal(0, inf, ())], "Transversal…is not finite"),
+    ((transversals.critical_scale,), "n_max", [29], WHOLE + " 30"),
+    ((Axis,), "n", [0, -3, 10**7], "from 1 to 1048576"),
+    ((parse_axis,), "text", ["", "0:1", "0:1:x", "a:1:3", "0:1:2:3", "0:1:2.5"], "LO:HI:N"),
+    ((parse_axis,), "text", ["1:0:4", "1:1:4", "nan:1:4", "0:inf:4"],
+     "finite and the lower one first"),
+]  # fmt: skip
+
+
+CASES = [
+    (function, name, value, message)
+    for functions, name, values, message in BAD
+    for function in functions
+    for value in values
+]
+
+
+@pytest.mark.parametrize(("function", "name", "value", "message"), CASES)
+def test_a_bad_argument_is_refused_by_its_value_and_the_remedy(function, name, value, message):
+    told = message.replace("{name}", name).replace("{value}", repr(value))
+    with pytest.raises(ValueError, match=re.escape(told).replace("…", ".*")):
+        function(**GOOD[function] | {name: value})
+
+
+def functions_of(argument):
+    """Public functions of nasm whose first argument has this name."""
+    modules = [import_module(f"nasm.{module.name}") for module in iter_modules(nasm.__path__)]
+    functions = [f for module in modules for f in vars(module).values() if inspect.isfunction(f)]
+    ours = {f for f in functions if f.__module__.startswith("nasm.") and f.__name__[0] != "_"}
+    return {f for f in ours if [*inspect.signature(f).parameters][:1] == [argument]}
+
+
+# The rotation vector of a torus is a pair of fractions; no_answer passes on what it gets.
+WITH_OMEGA = functions_of("omega") - {periodic.torus_scale, critical.no_answer}
+OTHERS = dict.fromkeys(("kappa", "profile", "short"), np.array(KAPPA))
+OTHERS |= {"u": REST, "zero": numbers.rational(0), "breakup": 1.7, "distance": 0.1}
+OTHERS |= {"a": 1, "b": 1, "n": 64, "n_max": 64, "n_modes": 8}
+
+
+@pytest.mark.parametrize("omega", [0.618, "gamma", Fraction(3, 5), None])
+@pytest.mark.parametrize("function", sorted(WITH_OMEGA, key=lambda f: (f.__module__, f.__name__)))
+def test_what_is_no_rotation_number_is_refused_with_the_remedy(function, omega):
+    parameters = list(inspect.signature(function).parameters.values())[1:]
+    others = [OTHERS[p.name] for p in parameters if p.default is p.empty]
+    named = re.escape(f"omega={omega!r} is not a RotationNumber") + r".*numbers\.parse\('gamma'\)"
+    with pytest.raises(ValueError, match=named):
+        list(function(omega, *others))
+
+
+def test_a_list_of_forcings_is_shortened_with_a_rotation_number_only():
+    with pytest.raises(ValueError, match=r"omega=0\.618 is not a RotationNumber"):
+        symmetries.shorten([(0.3,)], 0.618)
