@@ -18,7 +18,8 @@ def by_continuation(omegas, angles, tol):
     settings = {"method": "continuation of circles", "tol": tol}
     warm_up = partial(continuation.critical_scale, numbers.parse("gamma"), (1.0, 0.0), 0.1)
     cube = _cube("breakdown", omegas, angles, settings)
-    return Job(cube, _by_continuation, partial(per_ray, 0.01), warm_up)
+    compute = partial(_compute, continuation.critical_scale, "tol")
+    return Job(cube, compute, partial(per_ray, 0.01), warm_up)
 
 
 def by_residue(omegas, angles, q_max):
@@ -28,7 +29,8 @@ def by_residue(omegas, angles, q_max):
     """
     settings = {"method": "Greene's residue", "q_max": q_max}
     cube = _cube("breakdown_residue", omegas, angles, settings)
-    return Job(cube, _by_residue, partial(per_ray, 0.03), warm_up_residues)
+    compute = partial(_compute, periodic.critical_scale, "q_max")
+    return Job(cube, compute, partial(per_ray, 0.03), warm_up_residues)
 
 
 warm_up_residues = partial(periodic.residue, (0.1, 0.1), 1, 3)
@@ -48,16 +50,11 @@ def _cube(name, omegas, angles, settings):
     )
 
 
-def _by_continuation(coords, settings):
-    return _on_rays(coords, settings, continuation.critical_scale, settings["tol"])
-
-
-def _by_residue(coords, settings):
-    return _on_rays(coords, settings, periodic.critical_scale, settings["q_max"])
-
-
-def _on_rays(coords, settings, method, effort):
+def _compute(method, effort, coords, settings):
     exact = {float(omega): omega for omega in map(numbers.parse, settings["omegas"])}
     return tile_on_rays(
-        coords, "omega", KICKS, lambda omega, profile: method(exact[omega], profile, effort)
+        coords,
+        "omega",
+        KICKS,
+        lambda omega, profile: method(exact[omega], profile, settings[effort]),
     )

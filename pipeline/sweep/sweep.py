@@ -8,8 +8,8 @@
 4. Tiles that were with a worker that died are suspects: they are rerun alone at the end. A tile
    that fails alone, or raises an error, has failed: it stays missing, the store keeps the reason,
    and the sweep goes on with the others.
-5. On Ctrl-C submit no more, wait for the tiles in flight, and say what is left. Likewise if the
-   store fails: a full disk would fail all tiles in turn.
+5. On Ctrl-C submit no more, wait for the tiles in flight, and say what is left. If the store fails,
+   end at once: a full disk would fail all tiles in turn.
 
 Results do not depend on the number of workers, on batches, or on interruptions.
 """
@@ -23,6 +23,7 @@ from concurrent.futures import CancelledError
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import cache, partial
+from itertools import chain
 from math import inf
 from queue import Empty, SimpleQueue
 from traceback import format_exception_only
@@ -109,8 +110,6 @@ def sweep(client, place, job, wanted=None, progress=None):
                 index = tuple(tiles[tile].tolist())
                 words = "its worker died each time, also when it ran alone"
                 run.failed[index] = store.record_failure(place, cube.name, index, words)
-    if run.fault:
-        raise run.fault
     return Outcome(run.committed, run.failed, interrupt.is_set(), len(tiles) - run.committed)
 
 
@@ -128,27 +127,23 @@ class _Run:
         of_cube = self.cube.name, self.cube.config_hash, self.cube.settings
         work = partial(_compute_batch, place, *of_cube, computed_by, warm_up, job.compute)
         self.submit = _submitter(client, work, self.cube, tiles)
-        self.committed, self.failed, self.unfit, self.fault = 0, {}, set(), None
+        self.committed, self.failed, self.unfit = 0, {}, set()
 
     def all(self, batches, most=inf):
         """Run the batches, at most `most` at a time; return the tiles whose worker died."""
-        batches, returned, suspects = iter(batches), [], []
+        batches, suspects = iter(batches), []
 
         def next_batch():
-            if self.fault or self.interrupt.is_set():
-                return None
-            return returned.pop() if returned else next(batches, None)
+            return None if self.interrupt.is_set() else next(batches, None)
 
         for batch, result in _ended(self.client, self.submit, next_batch, most):
             if isinstance(result, KilledWorker):
                 suspects += batch.tolist()
-            elif isinstance(result, store.StoreFailed | store.Refused):
-                self.fault = result
             elif isinstance(result, Exception):
                 raise result
             elif isinstance(result, tuple):
                 self._retire(*result)
-                returned.append(batch)
+                batches = chain([batch], batches)
             else:
                 self.committed += len(batch) - len(result)
                 self.failed |= result
@@ -158,8 +153,7 @@ class _Run:
     def _retire(self, address, complaint):
         """Send an unfit worker away; ClusterError if there is no other."""
         if not store.sees(self.place, self.cube.name, self.cube.config_hash):
-            self.fault = store.StoreFailed(f"{self.place} was moved, or deleted, under way")
-            return
+            raise store.StoreFailed(f"{self.place} was moved, or deleted, under way")
         words = f"the worker {address} {complaint}"
         if address not in self.unfit:
             self.unfit.add(address)
@@ -327,22 +321,16 @@ def _draining_on_interrupt():
 
     A program that was started with Ctrl-C ignored, in the background of a script, ignores it.
     """
-    interrupt = threading.Event()
-    in_main = threading.current_thread() is threading.main_thread()
-    if not in_main or signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
-        yield interrupt
-        return
+    interrupt, previous = threading.Event(), signal.getsignal(signal.SIGINT)
 
     def drain(signum, frame):
         if interrupt.is_set():
             raise KeyboardInterrupt
         interrupt.set()
-        print(
-            "\nstopping: waiting for the tiles in flight (Ctrl-C again to abandon them)",
-            file=sys.stderr,
-        )
+        words = "waiting for the tiles in flight (Ctrl-C again to abandon them)"
+        print(f"\nstopping: {words}", file=sys.stderr)
 
-    previous = signal.signal(signal.SIGINT, drain)
+    signal.signal(signal.SIGINT, signal.SIG_IGN if previous is signal.SIG_IGN else drain)
     try:
         yield interrupt
     finally:
