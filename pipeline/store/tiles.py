@@ -23,8 +23,8 @@ def arrays_of(place, name):
     """{name: zarr array} of the cube, kept open; Refused if its metadata are lost or damaged."""
     # A tile of fill values must be stored like any other.
     with explained(place), zarr.config.set({"array.write_empty_chunks": True}):
+        store = ObjectStore(place.objects())
         try:
-            store = ObjectStore(place.objects())
             group = zarr.open_group(store, path=f"{name}.zarr", mode="r+", zarr_format=3)
             arrays = dict(group.arrays())
             if all(array.metadata.dimension_names for array in arrays.values()):
