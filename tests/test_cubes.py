@@ -13,7 +13,8 @@ from nasm.numbers import moebius
 from nasm.symmetries import fold, ray
 from pipeline.cubes import barrier, breakdown, escape, flux, rotating
 from pipeline.cubes.cube import status_code
-from pipeline.sweep.grid import Axis, tile_counts
+from pipeline.store import tile_counts
+from pipeline.sweep.grid import Axis
 from pipeline.sweep.sweep import _parcel
 
 PLANE = {
@@ -98,7 +99,7 @@ def test_the_tiles_of_a_plane_hold_the_escape_times_of_its_cells():
     x, y = method.ensemble(40)
     strengths = np.stack(np.meshgrid(PLANE["kappa1"].centres, PLANE["kappa2"].centres), axis=-1)
     whole = method.first_escape(strengths, x, y, PLANE["sizes"], PLANE["n_max"])
-    indices = list(np.ndindex(*tile_counts(cube.sizes, cube.tile).values()))
+    indices = list(np.ndindex(*tile_counts(cube)))
     parcel = _parcel(cube, np.array(indices))
     for (row, column), coords in pickle.loads(parcel):
         tile = job.compute(coords, cube.settings)

@@ -14,7 +14,8 @@ import toy
 
 from pipeline import store
 from pipeline.cubes import escape
-from pipeline.sweep.grid import Axis, tile_counts, tile_slices
+from pipeline.store import tile_counts
+from pipeline.sweep.grid import Axis, tile_slices
 
 HERE = Path(__file__).parent
 LARGE_FIELD = HERE.parent / "workflows" / "recipes" / "large_field.py"
@@ -64,7 +65,7 @@ def written_field(out, cells):
     place = store.place_of(out)
     with store.driving(place):
         store.create(place, cube, store.computed_by())
-        for index in np.ndindex(*tile_counts(cube.sizes, cube.tile).values()):
+        for index in np.ndindex(*tile_counts(cube)):
             slices = tile_slices(index, cube.sizes, cube.tile)
             row, column = axis.centres[slices["kappa2"]], axis.centres[slices["kappa1"]]
             last = np.ceil(5 / (1e-3 + np.add.outer(row, column) ** 3))

@@ -1,9 +1,8 @@
 """The store: each cube is a zarr group of its own, PLACE/NAME.zarr, a chunk per tile.
 
 The life of a tile: missing → data chunks written → commit record written last. The record is the
-tile's chunk of `tiles/cpu_seconds`; *a tile is done if all its chunks are there in full length*.
-Nothing else lists what is done. If a tile fails, the reason is kept, and means something while the
-tile is missing.
+tile's chunk of `tiles/cpu_seconds`; *a tile is done if its record is there*. Nothing else lists
+what is done. If a tile fails, the reason is kept, and means something while the tile is missing.
 
 Zarr writes and reads all chunks, each with its CRC-32C; obstore puts them into a directory or an
 object store, each whole or not at all, so that a killed process leaves nothing half-written. What
@@ -13,7 +12,7 @@ The store knows neither mathematics nor dask. A cube is anything with the attrib
 `template`, `tile`, `sizes`, `settings` and `config_hash`, see `pipeline.cubes.cube.Cube`.
 """
 
-from pipeline.store.metadata import check, create, names, replace, sees
+from pipeline.store.metadata import check, create, names, replace, sees, tile_counts
 from pipeline.store.place import Place, Refused, StoreFailed, driving, explained, place_of
 from pipeline.store.provenance import computed_by
 from pipeline.store.status import State, status

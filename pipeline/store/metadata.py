@@ -40,7 +40,7 @@ def check(place, cube, computed_by):
 
     Writes nothing. Returns the attributes of the cube that is there, None if there is none.
     """
-    counts = _tile_counts(cube)
+    counts = tile_counts(cube)
     if prod(counts) > MAX_TILES:
         raise Refused(
             f"{cube.name} would have {' × '.join(map(str, counts))} tiles, more than {MAX_TILES}; "
@@ -175,13 +175,14 @@ def _differing(place, name, files):
     return {key: data for key, data in files.items() if _read(place, name, key) != data}
 
 
-def _tile_counts(cube):
+def tile_counts(cube):
+    """The number of tiles along each tiled dimension."""
     return tuple(-(-cube.sizes[dim] // length) for dim, length in cube.tile.items())
 
 
 def _empty_files(cube, computed):
     """{key: bytes} of the cube before any tile is there; `computed` tells by whom."""
-    counts, identity = _tile_counts(cube), _identity(cube, computed)
+    counts, identity = tile_counts(cube), _identity(cube, computed)
     attributes = {
         "long_name": "CPU time of the tile",
         "units": "s",

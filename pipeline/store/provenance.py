@@ -8,16 +8,14 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 _PACKAGE = Path(__file__).parents[2]
-_MATHEMATICS = "nasm/*.py", "pipeline/cubes/*.py"
+_MATHEMATICS = sorted([*_PACKAGE.glob("nasm/*.py"), *_PACKAGE.glob("pipeline/cubes/*.py")])
 _DECIDING = "llvmlite", "numba", "numpy", "rocket-fft", "scipy"
 
 
-def digest_of(*patterns):
-    """Digest of those files of the package: its version alone would miss an edit."""
-    digest = hashlib.sha256()
-    for path in sorted(path for pattern in patterns for path in _PACKAGE.glob(pattern)):
-        digest.update(path.name.encode() + path.read_bytes())
-    return digest.hexdigest()[:12]
+def _digest(paths):
+    """Digest of the files: the version of the package alone would miss an edit."""
+    files = b"".join(path.name.encode() + path.read_bytes() for path in paths)
+    return hashlib.sha256(files).hexdigest()[:12]
 
 
 def _versions(packages):
@@ -32,7 +30,7 @@ def _version(package):
 
 
 # Of the files as they are imported: a process that runs on while they are edited has the old ones.
-_COMPUTED_BY = f"mathematics {digest_of(*_MATHEMATICS)}, {_versions(_DECIDING)}"
+_COMPUTED_BY = f"mathematics {_digest(_MATHEMATICS)}, {_versions(_DECIDING)}"
 
 
 def computed_by():
@@ -54,16 +52,10 @@ def provenance(computed_by):
 
 def _git_commit():
     """The commit of the source tree, "-dirty" if it was edited; "unknown" outside a checkout."""
-    git, here = ["git", "-C", str(_PACKAGE)], Path(__file__).relative_to(_PACKAGE)
+    if not (_PACKAGE / ".git").exists():  # we may be installed inside another project's checkout
+        return "unknown"
+    command = ["git", "-C", str(_PACKAGE), "describe", "--always", "--dirty", "--abbrev=40"]
     try:
-        # If we are installed inside another project's checkout, its commit says nothing of us.
-        subprocess.run([*git, "ls-files", "--error-unmatch", here], capture_output=True, check=True)
-        described = subprocess.run(
-            [*git, "describe", "--always", "--dirty", "--abbrev=40"],
-            capture_output=True,
-            text=True,
-            check=True,
-        )
+        return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
     except (OSError, subprocess.CalledProcessError):
         return "unknown"
-    return described.stdout.strip()

@@ -18,7 +18,6 @@ RECENT = 300
 """Seconds before the last commit over which the rate is taken."""
 
 _TOLD = 10  # failures whose reasons are read
-_LONGEST = 500  # characters of a reason that are told
 
 
 @dataclass(frozen=True)
@@ -62,28 +61,21 @@ def _state(place, name):
     if COMMIT not in arrays_of(place, name):
         return State(name)
     done, written = survey(place, name)
-    failed = sorted(index for index in _tried(place, name, done.shape) if not done[index])
-    reasons = {index: _reason(place, name, index) for index in failed[:_TOLD]}
+    with explained(place):
+        failed = sorted(_failed(place, name, done))
+        files = [(index, place.objects().get(failure_key(name, index))) for index in failed[:_TOLD]]
+        reasons = {index: bytes(file.bytes()).decode(errors="replace") for index, file in files}
     return State(name, done.size, int(done.sum()), len(failed), reasons, _rate(written[done]))
 
 
-def _tried(place, name, counts):
-    """Yield the indices of the tiles of which the store has a reason."""
-    with explained(place):
-        for page in place.objects().list(f"{name}.zarr/.failed"):
-            for file in page:
-                with suppress(ValueError):  # somebody else's file
-                    index = tuple(map(int, file["path"].rpartition("/")[2].split(".")))
-                    if len(index) == len(counts) and all(map(int.__lt__, index, counts)):
-                        yield index
-
-
-def _reason(place, name, index):
-    """The reason in one line that is safe to print: it may hold what a terminal would obey."""
-    with explained(place):
-        reason = bytes(place.objects().get(failure_key(name, index)).bytes())
-    words = reason.decode(errors="replace")[:_LONGEST]
-    return "".join(character if character.isprintable() else " " for character in words)
+def _failed(place, name, done):
+    """Yield the indices of the missing tiles of which the store has a reason."""
+    for page in place.objects().list(f"{name}.zarr/.failed"):
+        for file in page:
+            with suppress(ValueError, IndexError):  # somebody else's file
+                index = tuple(map(int, file["path"].rpartition("/")[2].split(".")))
+                if not done[index]:
+                    yield index
 
 
 def _rate(times):

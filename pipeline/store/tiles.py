@@ -5,7 +5,6 @@ commit record, in a group of its own inside the cube, where readers of the cube 
 """
 
 from functools import lru_cache
-from math import prod
 
 import numpy as np
 import xarray as xr
@@ -16,6 +15,8 @@ from pipeline.store.place import Refused, explained
 
 RECORDS = "tiles"
 COMMIT = f"{RECORDS}/cpu_seconds"
+_RECORD_BYTES = 12  # a float64 and its checksum
+_LONGEST_REASON = 500  # characters of the reason of a failure that are kept
 _DAMAGED = AttributeError, FileNotFoundError, KeyError, RecursionError, TypeError, ValueError
 
 
@@ -24,8 +25,8 @@ def arrays_of(place, name):
     """{name: zarr array} of the cube, kept open; Refused if its metadata are lost or damaged."""
     # A tile of fill values must be stored like any other.
     with explained(place), zarr.config.set({"array.write_empty_chunks": True}):
+        store = ObjectStore(place.objects())
         try:
-            store = ObjectStore(place.objects())
             group = zarr.open_group(store, path=f"{name}.zarr", mode="r+", zarr_format=3)
             members = group.members(max_depth=None)
             arrays = {key: member for key, member in members if isinstance(member, zarr.Array)}
@@ -64,38 +65,30 @@ def chunk_of(array, axes, index):
 
 
 def survey(place, name):
-    """Look which chunks are there, in one pass: returns (done, written), arrays over the tiles.
+    """List the commit records: returns (done, written), arrays over the tiles.
 
-    done : whether all chunks of the tile are there, in full length.
-    written : time of the commit record in seconds, NaN if there is none.
+    done : whether the tile has one, in full length.
+    written : its time in seconds, NaN if there is none.
     """
-    arrays = arrays_of(place, name)
-    tiled = tiled_arrays(arrays)
-    sizes = {key: prod(a.chunks) * a.dtype.itemsize + 4 for key, (a, _) in tiled.items()}
-    found = np.zeros(arrays[COMMIT].shape, dtype="uint8")
-    written = np.full(found.shape, np.nan)
+    written = np.full(arrays_of(place, name)[COMMIT].shape, np.nan)
+    done = np.zeros(written.shape, dtype=bool)
     with explained(place):
-        for page in place.objects().list(f"{name}.zarr", chunk_size=10_000):
+        for page in place.objects().list(f"{name}.zarr/{COMMIT}/c", chunk_size=10_000):
             for file in page:
-                key, _, chunk = file["path"].removeprefix(f"{name}.zarr/").partition("/c/")
-                if key not in sizes:
-                    continue
                 try:
-                    tile = tuple(int(chunk.split("/")[axis]) for axis in tiled[key][1])
-                    found[tile] += file["size"] == sizes[key]
-                    if key == COMMIT:
-                        written[tile] = file["last_modified"].timestamp()
+                    tile = tuple(map(int, file["path"].split("/")[4:]))
+                    written[tile] = file["last_modified"].timestamp()
+                    done[tile] = file["size"] == _RECORD_BYTES
                 except (ValueError, IndexError):  # somebody else's file
                     continue
-    return found == len(tiled), written
+    return done, written
 
 
 def missing(place, cube):
     """Indices of the tiles that are not committed, in tile order: int array (tiles, dims)."""
     if COMMIT not in arrays_of(place, cube.name):  # written whole
         return np.empty((0, len(cube.tile)), dtype=int)
-    done, _ = survey(place, cube.name)
-    return np.argwhere(~done)
+    return np.argwhere(~survey(place, cube.name)[0])
 
 
 def is_committed(place, name, index):
@@ -105,7 +98,7 @@ def is_committed(place, name, index):
             head = place.objects().head(f"{name}.zarr/{COMMIT}/c/{'/'.join(map(str, index))}")
         except FileNotFoundError:
             return False
-    return head["size"] == 12  # a float64 and its checksum
+    return head["size"] == _RECORD_BYTES
 
 
 def commit(place, name, index, arrays, seconds):
@@ -140,9 +133,15 @@ def _part(array, axes, index, key, values):
 
 
 def record_failure(place, name, index, reason):
-    """Write why a tile that is not committed has failed. To zarr it is no chunk."""
+    """Write why a tile that is not committed has failed; to zarr it is no chunk.
+
+    Returns the reason as it is kept: one line of bounded length that a terminal obeys in nothing.
+    """
+    line = reason.strip()[:_LONGEST_REASON]
+    line = "".join(character if character.isprintable() else " " for character in line)
     with explained(place):
-        place.objects().put(failure_key(name, index), reason.encode(errors="replace"))
+        place.objects().put(failure_key(name, index), line.encode(errors="replace"))
+    return line
 
 
 def failure_key(name, index):

@@ -1,11 +1,12 @@
 """Look at every chunk of a cube, and free damaged tiles for a new computation.
 
-A tile is damaged if it has a commit record, and one of its chunks is gone, was cut, or does not
-match its checksum. All that is needed is in the store.
+A tile is damaged if it has a commit record, and one of its chunks is gone, or does not match its
+checksum. All that is needed is in the store.
 """
 
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
+from functools import partial
 
 import numpy as np
 
@@ -41,36 +42,36 @@ def verify(place, name, repair=False):
         return
     tiled = tiled_arrays(arrays) if COMMIT in arrays else {}
     for key in sorted(arrays.keys() - tiled.keys()):
-        array = arrays[key]
-        blocks = np.ndindex(*array.cdata_shape)
-        wrong = {_look(place, {key: (array, range(array.ndim))}, block) for block in blocks}
-        if array.nchunks_initialized < array.nchunks:
-            wrong.add(f"a chunk of {key} is gone")
+        whole = {key: (arrays[key], range(arrays[key].ndim))}
+        blocks = np.ndindex(*arrays[key].cdata_shape)
+        wrong = {_wrong(place, whole, block) for block in blocks}
         yield from (((), what) for what in sorted(wrong - {""}))
     if not tiled:
         return
-    done, written = survey(place, name)
-    indices = np.argwhere(np.isfinite(written))
-
-    def look(index):
-        return _look(place, tiled, index) if done[index] else "a chunk is gone, or was cut short"
-
+    indices = np.argwhere(np.isfinite(survey(place, name)[1]))
     with ThreadPoolExecutor(8) as pool:  # an object store takes its time for each
         for start in range(0, len(indices), _AT_ONCE):
             tiles = list(map(tuple, indices[start : start + _AT_ONCE].tolist()))
-            for index, what in zip(tiles, pool.map(look, tiles), strict=True):
+            found = pool.map(partial(_wrong, place, tiled), tiles)
+            for index, what in zip(tiles, found, strict=True):
                 if what and repair:
                     _free(place, name, tiled, index)
                 if what:
                     yield index, what
 
 
-def _look(place, arrays, index):
-    """Read the chunks of the index; what is wrong with them, "" if nothing is."""
+def _wrong(place, arrays, index):
+    """Read the chunks of the index; return what is wrong with them, "" if nothing is."""
     with explained(place):
         for key, (array, axes) in arrays.items():
+            chunk = chunk_of(array, axes, index)
             try:
-                array.get_block_selection(chunk_of(array, axes, index))
+                place.objects().head(
+                    _key(array, chunk)
+                )  # zarr reads a chunk that is gone as fill values
+                array.get_block_selection(chunk)
+            except FileNotFoundError:
+                return f"a chunk of {key} is gone"
             except ValueError:
                 return f"{key} does not match its checksum"
     return ""
@@ -78,12 +79,13 @@ def _look(place, arrays, index):
 
 def _free(place, name, tiled, index):
     """Make the tile missing, its commit record first."""
-    keys = [COMMIT, *sorted(tiled.keys() - {COMMIT})]
+    arrays = [tiled[COMMIT], *tiled.values()]
+    keys = [_key(array, chunk_of(array, axes, index)) for array, axes in arrays]
     with explained(place):
-        for key in keys:
-            array, axes = tiled[key]
+        for key in [*keys, failure_key(name, index)]:
             with suppress(FileNotFoundError):
-                chunk = "/".join(map(str, chunk_of(array, axes, index)))
-                place.objects().delete(f"{name}.zarr/{key}/c/{chunk}")
-        with suppress(FileNotFoundError):
-            place.objects().delete(failure_key(name, index))
+                place.objects().delete(key)
+
+
+def _key(array, chunk):
+    return f"{array.path}/{array.metadata.encode_chunk_key(chunk)}"

@@ -7,13 +7,13 @@ import json
 import logging
 import os
 import re
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from functools import cache
+from pathlib import Path
 
 import dask
 from dask.system import CPU_COUNT
 from distributed import Client, LocalCluster
-from distributed.comm import CommClosedError
 from distributed.security import Security
 
 NO_SCHEDULER = "the dask scheduler is gone; run again to resume"
@@ -24,9 +24,7 @@ _QUIET = {
     # What dask measures for its dashboard takes 4% of the CPU by default.
     "distributed.worker.profile.enabled": False,
     "distributed.admin.tick.interval": "1s",
-    "distributed.admin.tick.limit": "1h",
     "distributed.admin.system-monitor.interval": "10s",
-    "distributed.admin.system-monitor.gil.enabled": False,
 }
 _LOCAL = {
     "distributed.comm.require-encryption": False,  # what a site demands is for its network
@@ -55,12 +53,13 @@ def connect(scheduler=None, n_workers=None, tls=None):
     ClusterError if the arguments do not go together, here; if the scheduler does not answer or has
     no workers, when the function is called.
     """
-    if n_workers is not None and n_workers < 1:
-        raise ClusterError(f"workers={n_workers} must be at least 1")
     if scheduler is not None and n_workers is not None:
         raise ClusterError(f"the scheduler at {scheduler} has its own workers; leave --workers out")
     address = None if scheduler is None else _address(scheduler)
     security = _security(address, tls)
+    # What they would log of processes that are gone are tracebacks; the sweep says it in words.
+    for name in ("asyncio", "distributed.batched", "distributed.client"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)
     settings = _QUIET | (_LOCAL if address is None else {})
     with dask.config.set(settings), ExitStack() as stack:
         connection = _local(n_workers) if address is None else _remote(address, security)
@@ -80,24 +79,16 @@ def _local(n_workers):
         ) as cluster,
         Client(cluster, set_as_default=False) as client,
     ):
-        try:
-            yield client
-        except KeyboardInterrupt:
-            # It would log what the workers were being asked and will not answer.
-            logging.getLogger("asyncio").setLevel(logging.CRITICAL)
-            raise
+        yield client
 
 
 def _address(scheduler):
     """Return the address that `scheduler` is, or that its file holds."""
     address = scheduler
-    if not _ADDRESS.fullmatch(scheduler):
-        try:
-            with open(scheduler, encoding="utf-8") as file:
-                address = json.load(file)["address"]
-        except (OSError, ValueError, KeyError, TypeError):
-            address = None
-    if not (isinstance(address, str) and _ADDRESS.fullmatch(address)):
+    if "://" not in scheduler:
+        with suppress(OSError, ValueError, KeyError, TypeError):
+            address = json.loads(Path(scheduler).read_bytes())["address"]
+    if not _ADDRESS.fullmatch(str(address)):
         raise ClusterError(
             f"scheduler={scheduler!r} must be tcp://HOST:PORT or tls://HOST:PORT, or the file that "
             "`dask scheduler --scheduler-file` has written"
@@ -107,39 +98,24 @@ def _address(scheduler):
 
 @contextmanager
 def _remote(address, security):
-    # What dask would log of a scheduler that is gone are tracebacks; the sweep says it in words.
-    for name in ("client", "batched"):
-        logging.getLogger(f"distributed.{name}").setLevel(logging.CRITICAL)
     try:
         client = Client(address, security=security, timeout=5, set_as_default=False)
-    except CommClosedError:
-        raise ClusterError(
-            f"{address} answers, but hangs up: a scheduler with TLS needs a tls:// address and "
-            "certificates of the CA that it knows; one without TLS, a tcp:// address"
-        ) from None
     except (OSError, ValueError, TypeError) as error:
         raise ClusterError(
             f"no dask scheduler answers at {address} ({error}); start one with `dask scheduler`, "
-            "or leave the address out to compute on this machine"
+            "or leave the address out to compute on this machine. One with TLS needs a tls:// "
+            "address and certificates of the CA that it knows; one without, a tcp:// address"
         ) from None
     with client:
-        try:
-            if not client.nthreads():
-                raise ClusterError(
-                    f"the scheduler at {address} has no workers; start `dask worker`s"
-                )
-            yield client
-        except CommClosedError:
-            raise ConnectionError(NO_SCHEDULER) from None
+        if not client.nthreads():
+            raise ClusterError(f"the scheduler at {address} has no workers; start `dask worker`s")
+        yield client
 
 
 def _security(address, tls):
-    encrypted = address is not None and address.startswith("tls://")
-    if tls is not None and not encrypted:
-        raise ClusterError("TLS files are for a tls:// address; give that of the scheduler too")
+    if (tls is not None) != (address or "").startswith("tls://"):
+        raise ClusterError("a tls:// address needs TLS files: CA, CERT and KEY; others take none")
     if tls is None:
-        if encrypted:
-            raise ClusterError(f"the scheduler at {address} needs TLS files: CA, CERT and KEY")
         return None
     ca, cert, key = map(os.fspath, tls)
     security = Security(

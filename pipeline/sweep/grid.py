@@ -62,11 +62,6 @@ def parse_axis(text):
     return Axis(lo, hi, n)
 
 
-def tile_counts(sizes, tile):
-    """Return the number of tiles along each dimension: {dim: ceil(cells / cells per tile)}."""
-    return {dim: -(-sizes[dim] // length) for dim, length in tile.items()}
-
-
 def tile_slices(index, sizes, tile):
     """Return {dim: slice} of the cells of one tile; the last tile of a dimension may be short.
 

@@ -8,15 +8,14 @@
 4. Tiles that were with a worker that died are suspects: they are rerun alone at the end. A tile
    that fails alone, or raises an error, has failed: it stays missing, the store keeps the reason,
    and the sweep goes on with the others.
-5. On Ctrl-C submit no more, wait for the tiles in flight, and say what is left. Likewise if the
-   store fails: a full disk would fail all tiles in turn.
+5. On Ctrl-C submit no more, wait for the tiles in flight, and say what is left. If the store fails,
+   end at once: a full disk would fail all tiles in turn.
 
 Results do not depend on the number of workers, on batches, or on interruptions.
 """
 
 import pickle
 import signal
-import socket
 import sys
 import threading
 import time
@@ -24,8 +23,10 @@ from concurrent.futures import CancelledError
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import cache, partial
+from itertools import chain
 from math import inf, prod
 from queue import Empty, SimpleQueue
+from traceback import format_exception_only
 
 import cloudpickle
 import numpy as np
@@ -34,7 +35,7 @@ from distributed.comm import CommClosedError
 
 from pipeline import store
 from pipeline.sweep.cluster import NO_SCHEDULER, ClusterError
-from pipeline.sweep.grid import tile_counts, tile_slices
+from pipeline.sweep.grid import tile_slices
 from pipeline.sweep.progress import Progress, duration
 
 BATCH_SECONDS = 0.5  # of predicted CPU time in a batch: long against 2 ms of scheduling
@@ -45,10 +46,9 @@ _ROLL_CALL = 1  # seconds after which the workers are counted again: they join a
 _UNKNOWN_COST = 1.0  # CPU seconds, where the probe failed
 _PATIENCE = 30  # seconds without any worker, after which the sweep gives up
 _SIGHT = 2  # seconds that a file system of several machines may take to show a file
+_LONG = 5  # seconds of work that are announced
 _REPORT = 5  # seconds to fetch the report of a batch that has ended
 _ATTEMPTS_ALONE = 2  # worker deaths that condemn a tile: one may be somebody else's doing
-_LONG = 5  # seconds of work that are announced
-_LONGEST_REASON = 500  # characters of an exception that are kept
 
 
 @dataclass(frozen=True)
@@ -107,27 +107,23 @@ def sweep(client, place, job, wanted=None, progress=None):
     with _draining_on_interrupt() as interrupt, line as progress:
         progress.begin(len(tiles), costs.sum())
         run = _Run(client, place, job, computed_by, tiles, costs, interrupt, progress)
-        suspects = run.all(_pack(costs))
-        for tile in suspects:
-            for _ in range(_ATTEMPTS_ALONE):
-                if not run.all([np.array([tile])], most=1):
-                    break
-            else:
-                run.condemn(tile, "its worker died each time, also when it ran alone")
-    if run.fault:
-        raise run.fault
-    failed = {tuple(tiles[tile].tolist()): reason for tile, reason in run.failed.items()}
-    return Outcome(run.committed, failed, interrupt.is_set(), len(tiles) - run.committed)
+        for tile in run.all(_pack(costs)):
+            alone = [np.array([tile])]
+            if all(run.all(alone, most=1) for _ in range(_ATTEMPTS_ALONE)):
+                index = tuple(tiles[tile].tolist())
+                words = "its worker died each time, also when it ran alone"
+                run.failed[index] = store.record_failure(place, cube.name, index, words)
+    return Outcome(run.committed, run.failed, interrupt.is_set(), len(tiles) - run.committed)
 
 
 def _announce(cube, costs, n_threads):
     """Say how long a sweep will take, and how much it will write, unless that is little."""
     seconds = costs.sum() / max(1, n_threads)
     if seconds > _LONG:
-        part = costs.size / prod(tile_counts(cube.sizes, cube.tile).values())
+        share = costs.size / prod(store.tile_counts(cube))
         print(
             f"{cube.name}: {costs.size} tiles, about {duration(seconds)} on {n_threads} workers, "
-            f"{part * cube.template.nbytes / 1e6:.3g} MB",
+            f"{share * cube.template.nbytes / 1e6:.3g} MB",
             file=sys.stderr,
         )
 
@@ -140,60 +136,39 @@ class _Run:
     """The submission of batches, and what has been counted of those that have ended."""
 
     def __init__(self, client, place, job, computed_by, tiles, costs, interrupt, progress):
-        self.client, self.place, self.job, self.tiles = client, place, job, tiles
+        self.client, self.place, self.cube = client, place, job.cube
         self.costs, self.interrupt, self.progress = costs, interrupt, progress
-        cube, warm_up = job.cube, cloudpickle.dumps(job.warm_up)
-        of_cube = cube.name, cube.config_hash, cube.settings
+        warm_up = cloudpickle.dumps(job.warm_up)
+        of_cube = self.cube.name, self.cube.config_hash, self.cube.settings
         work = partial(_compute_batch, place, *of_cube, computed_by, warm_up, job.compute)
-        self.work = cloudpickle.dumps(work)
-        self.committed, self.failed, self.unfit, self.fault = 0, {}, set(), None
+        self.submit = _submitter(client, work, self.cube, tiles)
+        self.committed, self.failed, self.unfit = 0, {}, set()
 
     def all(self, batches, most=inf):
         """Run the batches, at most `most` at a time; return the tiles whose worker died."""
-        batches, returned, suspects = iter(batches), [], []
+        batches, suspects = iter(batches), []
 
         def next_batch():
-            if self.fault or self.interrupt.is_set():
-                return None
-            return returned.pop() if returned else next(batches, None)
+            return None if self.interrupt.is_set() else next(batches, None)
 
-        for batch, result, exception in _ended(self.client, self._submit, next_batch, most):
-            if isinstance(exception, KilledWorker):
+        for batch, result in _ended(self.client, self.submit, next_batch, most):
+            if isinstance(result, KilledWorker):
                 suspects += batch.tolist()
-            elif isinstance(exception, store.StoreFailed | store.Refused):
-                self.fault = exception
-            elif exception is not None:
-                raise exception
+            elif isinstance(result, Exception):
+                raise result
             elif isinstance(result, tuple):
                 self._retire(*result)
-                returned.append(batch)
+                batches = chain([batch], batches)
             else:
-                self._count(batch, result)
+                self.committed += len(batch) - len(result)
+                self.failed |= result
+                self.progress.advance(len(batch), self.costs[batch].sum())
         return suspects
-
-    def condemn(self, tile, reason):
-        """Count a tile as failed whose worker could not say why."""
-        self.failed[tile] = reason
-        try:
-            index = tuple(self.tiles[tile].tolist())
-            store.record_failure(self.place, self.job.cube.name, index, reason)
-        except store.StoreFailed as fault:
-            self.fault = fault
-
-    def _submit(self, batch):
-        parcel = _parcel(self.job.cube, self.tiles[batch])
-        return self.client.submit(_on_worker(), self.work, parcel, pure=False)
-
-    def _count(self, batch, errors):
-        self.committed += len(batch) - len(errors)
-        self.failed |= {int(batch[place]): error for place, error in errors.items()}
-        self.progress.advance(len(batch), self.costs[batch].sum())
 
     def _retire(self, address, complaint):
         """Send an unfit worker away; ClusterError if there is no other."""
-        if not store.sees(self.place, self.job.cube.name, self.job.cube.config_hash):
-            self.fault = store.StoreFailed(f"{self.place} was moved, or deleted, under way")
-            return
+        if not store.sees(self.place, self.cube.name, self.cube.config_hash):
+            raise store.StoreFailed(f"{self.place} was moved, or deleted, under way")
         words = f"the worker {address} {complaint}"
         if address not in self.unfit:
             self.unfit.add(address)
@@ -209,7 +184,7 @@ class _Run:
 def _ended(client, submit, next_batch, most=inf):
     """Submit batches until next_batch() is None, a few per worker and at most `most` at a time.
 
-    Yields (batch, result, None) or (batch, None, exception) of each when it has ended.
+    Yields (batch, result or exception) of each when it has ended.
     """
     in_flight, done = {}, SimpleQueue()
     workers, counted, alive = 0, -inf, time.monotonic()
@@ -235,7 +210,6 @@ def _ended(client, submit, next_batch, most=inf):
             future = done.get(timeout=_ROLL_CALL)
         except Empty:
             continue
-        result = failure = None
         try:
             result = future.result(timeout=_REPORT)
         except TimeoutError:
@@ -246,9 +220,23 @@ def _ended(client, submit, next_batch, most=inf):
         except (CancelledError, CommClosedError):
             raise ConnectionError(NO_SCHEDULER) from None
         except Exception as exception:
-            failure = exception
+            result = exception
         future.release()
-        yield in_flight.pop(future), result, failure
+        yield in_flight.pop(future), result
+
+
+def _submitter(client, work, cube, tiles):
+    """Return a function that submits a batch: a worker does `work` with its parcel of tiles."""
+    work = cloudpickle.dumps(work)
+
+    def run(work, parcel):  # a nested function is sent whole: the package may be missing there
+        try:
+            work = pickle.loads(work)
+        except Exception as error:
+            return get_worker().address, f"cannot run this package ({error})"
+        return work(parcel)
+
+    return lambda batch: client.submit(run, work, _parcel(cube, tiles[batch]), pure=False)
 
 
 def _parcel(cube, indices):
@@ -263,37 +251,17 @@ def _parcel(cube, indices):
     return pickle.dumps(tiles, protocol=5)
 
 
-@cache
-def _on_worker():
-    """Return the function that a worker runs: it is sent whole, as the package may be missing."""
-
-    def run(work, parcel):
-        import pickle
-        import socket
-
-        from distributed import get_worker
-
-        try:
-            work = pickle.loads(work)
-        except Exception as error:
-            words = f"on {socket.gethostname()} cannot run this package ({error})"
-            return get_worker().address, words
-        return work(parcel)
-
-    return run
-
-
 def _compute_batch(place, name, config_hash, settings, computed_by, warm_up, compute, parcel):
     """On a worker: compute and commit each tile.
 
-    Returns {place in the batch: what went wrong}, or (address, complaint) of a worker that is not
-    fit. A store that fails is no fault of the tile, and raises.
+    Returns {index: what went wrong}, or (address, complaint) of a worker that is not fit. A store
+    that fails is no fault of the tile, and raises.
     """
     if complaint := _complaint(place, name, config_hash, computed_by):
-        return get_worker().address, f"on {socket.gethostname()} {complaint}"
+        return get_worker().address, complaint
     _warmed_up(warm_up)
     errors = {}
-    for number, (index, coords) in enumerate(pickle.loads(parcel)):
+    for index, coords in pickle.loads(parcel):
         try:
             # Dask may run a task twice, e.g. when it loses touch with a worker.
             if not store.is_committed(place, name, index):
@@ -303,8 +271,8 @@ def _compute_batch(place, name, config_hash, settings, computed_by, warm_up, com
         except (store.StoreFailed, store.Refused, KeyboardInterrupt, SystemExit):
             raise
         except BaseException as exception:  # dask hangs on those that are no Exception
-            errors[number] = _reason(exception)
-            store.record_failure(place, name, index, errors[number])
+            words = "".join(format_exception_only(exception))
+            errors[index] = store.record_failure(place, name, index, words)
     return errors
 
 
@@ -328,31 +296,18 @@ def _warmed_up(warm_up):
     pickle.loads(warm_up)()
 
 
-def _reason(exception):
-    """Return an exception in one line of bounded length that a terminal obeys in nothing."""
-    try:
-        words = str(exception)
-    except Exception:
-        words = "(which has no words)"
-    line = f"{type(exception).__name__}: {words}"[:_LONGEST_REASON]
-    return "".join(character if character.isprintable() else " " for character in line)
-
-
 def _predict_all(client, job, tiles):
     """Return predicted CPU seconds of each tile, probed on the workers."""
     costs = np.full(len(tiles), _UNKNOWN_COST)
     many = max(BATCH_TILES, len(tiles) // _PROBES)
     batches = iter(np.split(np.arange(len(tiles)), range(many, len(tiles), many)))
-    work = cloudpickle.dumps(partial(_predict_batch, job.predict, job.cube.settings))
-
-    def submit(batch):
-        parcel = _parcel(job.cube, tiles[batch])
-        return client.submit(_on_worker(), work, parcel, pure=False)
-
+    submit = _submitter(
+        client, partial(_predict_batch, job.predict, job.cube.settings), job.cube, tiles
+    )
     progress = Progress(f"{job.cube.name}: costs", sys.stderr)
     progress.begin(len(tiles), len(tiles))  # the line is shown only if this takes long
-    for batch, seconds, failure in _ended(client, submit, partial(next, batches, None)):
-        if failure is None and not isinstance(seconds, tuple):
+    for batch, seconds in _ended(client, submit, partial(next, batches, None)):
+        if isinstance(seconds, list):
             costs[batch] = seconds
         progress.advance(len(batch), len(batch))
     return costs
@@ -381,22 +336,16 @@ def _draining_on_interrupt():
 
     A program that was started with Ctrl-C ignored, in the background of a script, ignores it.
     """
-    interrupt = threading.Event()
-    in_main = threading.current_thread() is threading.main_thread()
-    if not in_main or signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
-        yield interrupt
-        return
+    interrupt, previous = threading.Event(), signal.getsignal(signal.SIGINT)
 
     def drain(signum, frame):
         if interrupt.is_set():
             raise KeyboardInterrupt
         interrupt.set()
-        print(
-            "\nstopping: waiting for the tiles in flight (Ctrl-C again to abandon them)",
-            file=sys.stderr,
-        )
+        words = "waiting for the tiles in flight (Ctrl-C again to abandon them)"
+        print(f"\nstopping: {words}", file=sys.stderr)
 
-    previous = signal.signal(signal.SIGINT, drain)
+    signal.signal(signal.SIGINT, signal.SIG_IGN if previous is signal.SIG_IGN else drain)
     try:
         yield interrupt
     finally:
