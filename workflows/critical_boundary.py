@@ -31,7 +31,7 @@ def main(run, angles, tips, tol, **options):
     plane, angles = plane_of(**options), rays.ray_angles(angles, tips)
     circle_job = breakdown.by_continuation(rays.PAPER_CIRCLES, angles, tol)
     last_job = last_barrier(angles, tol)
-    with run.sweeping(planned(plane), circle_job, last_job):
+    with run.sweeping(planned(plane), circle_job, last_job, sweeps=2 + plane.levels):
         barrier = rays.unfolded(run.sweep(last_job), angles)
         circles = run.sweep(circle_job)
         field = escape_plane(run, plane)

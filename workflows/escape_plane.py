@@ -21,7 +21,7 @@ def main(run, **options):
     from workflows.parts.plane import escape_plane, plane_of, planned
 
     plane = plane_of(**options)
-    with run.sweeping(planned(plane)):
+    with run.sweeping(planned(plane), sweeps=plane.levels):
         field = escape_plane(run, plane)
         run.figure("escape_plane", draw_escape_plane(field, plane.drawn))
 

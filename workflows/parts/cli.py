@@ -179,6 +179,11 @@ cluster_options = together(
 )
 
 
+def _say_hello(out):
+    """Say that the command has begun: the imports take seconds."""
+    click.echo(f"loading; results go to {out}", err=True)
+
+
 def place_options(function):
     """Add --out and --store, and pass the Place of the cubes on as `place`."""
 
@@ -199,6 +204,7 @@ def writes(function):
     @out_option
     @functools.wraps(function)
     def wrapped(out, **options):
+        _say_hello(out)
         from workflows.parts.run import Run, place_of
 
         return function(run=Run(out, place_of(out)), **options)
@@ -214,6 +220,7 @@ def sweeps(function):
     @cluster_options
     @functools.wraps(function)
     def wrapped(out, store, workers, scheduler, tls, **options):
+        _say_hello(out)
         from workflows.parts.run import Run, place_of
 
         cluster = {"n_workers": workers, "scheduler": scheduler, "tls": tls}
