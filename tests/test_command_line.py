@@ -43,6 +43,7 @@ def test_help_needs_no_numpy_and_so_comes_at_once():
         ("escape_plane", "--store out", "s3://BUCKET/PREFIX"),
         ("circle_boundaries", "--omega golden", "is not a rotation number"),
         ("circle_boundaries", "--omega gamma --omega [0;(1)]", "two rotation numbers are equal"),
+        ("circle_boundaries", "--omega 3/5", "like [0;1,1,2,(1)]"),
         ("rotating", "--vector 1/3", "must be two fractions"),
         ("rotating", "--vector 1/0,1/3", "must be two fractions"),
         ("rotating", "--vector 1/3,2/5 --vector 1/5,4/10", "two frequencies are equal"),

@@ -214,9 +214,7 @@ def test_ways_to_write_a_number(text, omega):
     ],
 )
 def test_what_is_not_a_number_is_refused_with_the_forms_that_are(text):
-    with pytest.raises(
-        ValueError, match=r"is not a rotation number.*\[1;4,\(1\)\].*3/5.*5gamma\+6"
-    ):
+    with pytest.raises(ValueError, match=r"is not a rotation number.*\[1;4,\(1\)\].*5gamma\+6"):
         parse(text)
 
 

@@ -25,7 +25,7 @@ def main(run, angles, tips, tol, **options):
     from pipeline.cubes import breakdown
     from pipeline.cubes.barrier import last_barrier
     from workflows.figures.critical_boundary import draw_critical_boundary
-    from workflows.parts import rays
+    from workflows.parts import findings, rays
     from workflows.parts.plane import boundary_table, escape_plane, plane_of, planned
 
     plane, angles = plane_of(**options), rays.ray_angles(angles, tips)
@@ -41,7 +41,10 @@ def main(run, angles, tips, tol, **options):
         run.table("critical_boundary", barrier)
         run.table("circle_boundaries", circles)
         run.table("direct_boundary", direct)
-        run.figure("critical_boundary", draw_critical_boundary(field, circles, barrier))
+        caption = findings.boundary_found(barrier)
+        scale, resolution = direct.critical_scale, direct.resolution
+        caption += "\n" + findings.direct_found(scale, resolution, barrier, plane.n_orbits[-1])
+        run.figure("critical_boundary", draw_critical_boundary(field, circles, barrier), caption)
 
 
 if __name__ == "__main__":

@@ -50,7 +50,8 @@ class Run:
         with explained(self.place), store.driving(self.place):
             os.makedirs(self.out, exist_ok=True)
             if not are_compiled():
-                click.echo("compiling kernels, once per machine: about 20 s", err=True)
+                words = "kernels are not compiled yet: that takes about 20 s, once per machine"
+                click.echo(words, err=True)
             yield self
         self._finish()
 
@@ -117,8 +118,8 @@ class Run:
         return path
 
     def _finish(self):
-        for words in filter(None, self.words):
-            click.echo(click.wrap_text(words, 100))
+        for line in "\n".join(self.words).splitlines():
+            click.echo(click.wrap_text(line, 100))
         for kind, paths in self.written.items():
             click.echo(f"{kind + ':':9}{', '.join(paths)}")
 
