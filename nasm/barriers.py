@@ -50,7 +50,7 @@ def critical_scale(profile, tol=1e-4):
     CriticalScale. value, error : by Greene's residue, error no larger than the bracket. lower : a
     circle of ω is certified there; upper : no start on the dominant line survives there. omega :
     that of the last barrier, per period, in [0, P/2], which stands for ±ω and all ω + P·n: their
-    circles break together. Of two that are `tied` it is the one with the shorter continued fraction.
+    circles break together. Of two that are `tied` it is the one with the shorter text.
     Status UNDECIDED, and no value, where the methods contradict each other, and NEAR_CUSP where the
     residues of a candidate cannot tell the forcing from a shorter one; upper is then what was
     shown. lower is NaN where no circle could be certified.

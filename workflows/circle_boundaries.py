@@ -9,7 +9,7 @@ from workflows.parts.cli import command, parsed, ray_options, real, sweeps, whol
 
 
 def parse_omegas(texts):
-    """Return the RotationNumbers in increasing order; ValueError if one is rational, or two equal."""
+    """Return the RotationNumbers in increasing order; ValueError for rational or equal ones."""
     from nasm.numbers import NAMES, RotationNumber, parse
 
     omegas = sorted(map(parse, texts or NAMES), key=float)

@@ -6,6 +6,7 @@ Heavy imports wait until the options are parsed, so that --help comes at once.
 import functools
 import sys
 from importlib import import_module
+from pathlib import Path
 
 import click
 
@@ -15,6 +16,14 @@ def command(**settings):
 
     def decorate(function):
         @click.command(context_settings={"help_option_names": ["-h", "--help"], **settings})
+        @click.option(
+            "--version",
+            is_flag=True,
+            is_eager=True,
+            expose_value=False,
+            callback=_show_version,
+            help="Show the version and exit.",
+        )
         @functools.wraps(function)
         def wrapped(**options):
             try:
@@ -26,6 +35,21 @@ def command(**settings):
         return wrapped
 
     return decorate
+
+
+def _show_version(context, parameter, wanted):
+    if wanted:
+        from nasm import __version__
+
+        click.echo(f"nasm {__version__}")
+        context.exit()
+
+
+def commands():
+    """Return the names of all commands: each .py of `workflows`, and each package that runs."""
+    here = Path(__file__).parents[1]
+    names = [path.stem for path in here.glob("[!_]*.py")]
+    return sorted(names + [path.parent.name for path in here.glob("*/__main__.py")])
 
 
 def main_of(name):

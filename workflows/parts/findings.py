@@ -1,4 +1,4 @@
-"""What a boundary on rays tells, in words: where it is, which circles share it, how sure that is."""
+"""What a boundary tells, in words: where it is, which circles share it, how sure that is."""
 
 import numpy as np
 
@@ -40,15 +40,15 @@ def boundary_found(barrier):
     return (
         f"Global transport begins at κ = {'; '.join(places)}. The last circle to "
         f"break is, by share of the angle from 0° to 45° (all else are mirror images): {named}"
-        f"{f', and {others} others' if others > 0 else ''}. On {barrier.angle.size} rays the boundary "
-        "lies between a certified circle and converse KAM, in the median "
+        f"{f', and {others} others' if others > 0 else ''}. On {barrier.angle.size} rays the "
+        "boundary lies between a certified circle and converse KAM, in the median "
         f"{float(width.median()):.1e} of the scale apart, at most {float(width.max()):.1e}; "
         f"{int((barrier.status != 1).sum())} rays are undecided."
     )
 
 
 def _shares(barrier):
-    """List (circle, its part of the wedge from 0° to 45°), the largest first; borders are halfway."""
+    """List (circle, its part of the wedge from 0° to 45°), the largest first."""
     wedge = barrier.isel(angle=np.flatnonzero((barrier.angle <= 45).values))
     angle = wedge.angle.values
     borders = np.r_[angle[0], (angle[1:] + angle[:-1]) / 2, angle[-1]]
@@ -96,9 +96,9 @@ def field_found(field):
     first = float(times.min())
     return (
         "Some orbit escapes, which is global transport, in these parts of the plane κ1 = "
-        f"{_ends(field.kappa1)}, κ2 = {_ends(field.kappa2)}: {'; '.join(parts)} steps. The earliest "
-        f"escape takes {first:g} steps. Where none escapes nothing is shown: with more steps the "
-        "boundary moves inwards like N^(-1/3)."
+        f"{_ends(field.kappa1)}, κ2 = {_ends(field.kappa2)}: {'; '.join(parts)} steps. The "
+        f"earliest escape takes {first:g} steps. Where none escapes nothing is shown: with more "
+        "steps the boundary moves inwards like N^(-1/3)."
     )
 
 

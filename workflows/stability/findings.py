@@ -73,9 +73,9 @@ def _fractions(study):
         wrong = int((off > both[1] + here.error.sel(approach=2)).sum())
         parts.append(f"{silent} and {wrong} for a = {a:g}")
     return (
-        f"Fractions disguised as irrational, [0;1,…,1,a,(1)]: of {study.q.size} for each a, residues "
-        "say that they do not know, and continuation is further off than it claims (as longer orbits "
-        f"show where they know), in {', '.join(parts)}."
+        f"Fractions disguised as irrational, [0;1,…,1,a,(1)]: of {study.q.size} for each a, "
+        "residues say that they do not know, and continuation is further off than it claims (as "
+        f"longer orbits show where they know), in {', '.join(parts)}."
     )
 
 
@@ -83,10 +83,10 @@ def _twist(study):
     beyond = study.isel(scale=np.flatnonzero((study.scale > 1.5).values))
     lives = beyond.elimination_time.values
     return (
-        "Beyond a scale of 1.5, to and past the end of the twist, converse KAM eliminates all starts "
-        f"in {np.isfinite(lives).sum()} of {lives.size} cases, within {np.max(lives):g} steps; "
-        f"{int((beyond.circle == OK).sum()) or 'no'} circle is certified, though Birkhoff averages "
-        f"show up to {float(beyond.digits.max()):.0f} digits for regular orbits of other kinds."
+        "Beyond a scale of 1.5, to and past the end of the twist, converse KAM eliminates all "
+        f"starts in {np.isfinite(lives).sum()} of {lives.size} cases, within {np.max(lives):g} "
+        f"steps; {int((beyond.circle == OK).sum()) or 'no'} circle is certified, though Birkhoff "
+        f"averages show up to {float(beyond.digits.max()):.0f} digits for other regular orbits."
     )
 
 
@@ -129,8 +129,8 @@ def _disorder(study):
     return (
         f"From bad starts Newton's method ends on an orbit of another order in up to "
         f"{100 * float(worst.max()):.0f}% of trials, from the scale "
-        f"{float(study.scale[(worst > 0).values].min()):.2g} on; of all {total} the order check lets "
-        f"{round(float(study.accepted.sum()) * study.attrs['trials'])} wrong ones pass."
+        f"{float(study.scale[(worst > 0).values].min()):.2g} on; of all {total} the order check "
+        f"lets {round(float(study.accepted.sum()) * study.attrs['trials'])} wrong ones pass."
     )
 
 
@@ -143,6 +143,6 @@ def _rounding(study):
     back = study.reversal.max("steps")
     exact = [n for i, n in enumerate(study.arithmetic.attrs["names"]) if float(back[i]) == 0]
     return (
-        f"Rounding: after {int(study.steps[-1])} steps orbits have drifted off a circle by {drift}; "
-        f"iterated back, {' and '.join(exact) or 'none'} returns exactly to the start."
+        f"Rounding: after {int(study.steps[-1])} steps orbits have drifted off a circle by {drift}"
+        f"; iterated back, {' and '.join(exact) or 'none'} returns exactly to the start."
     )
