@@ -52,7 +52,7 @@ def main(run, steps, n_orbits, angles, tips):
         run.figure(
             "direct_boundary",
             figures.draw_half_plane(boundary, barrier, insets),
-            f"{caption} {figures.describe_insets(insets)}",
+            figures.describe_insets(insets),
         )
 
 

@@ -11,7 +11,7 @@ from workflows.claims.map import largest
 from workflows.claims.rules import CLAIMS, Claim, agrees, graded, identity, printed, rounding
 from workflows.parts.amplitudes import amplitudes
 from workflows.parts.direct import exponent
-from workflows.parts.findings import with_tie
+from workflows.parts.rays import with_tie
 
 KAPPA_G = printed("0.971635406")
 _LIMITS = "python -m pytest tests/test_barriers.py::"

@@ -2,22 +2,10 @@
 
 import numpy as np
 
-from nasm.barriers import tied
-from nasm.numbers import parse
 from nasm.symmetries import ray
+from workflows.parts.rays import with_tie
 
 _NAMED = 6  # circles that are named with their share
-
-
-def tie(circle, angle):
-    """Return the text of the ω that breaks together with that of `circle` on an axis; else ""."""
-    return str(tied(parse(circle), ray(angle)) or "") if circle else ""
-
-
-def with_tie(circle, angle):
-    """Return the text of ω, and of the one that is tied with it."""
-    other = tie(circle, angle)
-    return f"{circle}, tied with {other}" if other else circle or "undecided"
 
 
 def boundary_found(barrier):

@@ -7,6 +7,7 @@ the cube `barrier` holds the images of rays in the wedge 0 ≤ κ2 ≤ κ1, and 
 import numpy as np
 import xarray as xr
 
+from nasm.barriers import tied
 from nasm.numbers import NAMES, RotationNumber, moebius, parse
 from nasm.symmetries import fold, ray
 from workflows.parts.tables import described
@@ -33,6 +34,7 @@ def unfolded(barrier, angles):
     """Return the cube `barrier` on rays whose images it holds: a Dataset with dim (angle).
 
     `circle` is the exact text of the last circle's ω in [0, 1]; that of 2 - ω is its mirror image.
+    `tied` is that of a circle that breaks together with it, on the axes; "" elsewhere.
     """
     wedge, mirrored = fold(angles)
     barrier = barrier.load()
@@ -45,6 +47,8 @@ def unfolded(barrier, angles):
     table["omega"] = ("angle", np.where(mirrored, 1 - there.omega, there.omega), there.omega.attrs)
     quotients, tails = there.quotients.values.T.tolist(), there.tail_length.values.tolist()
     table["circle"] = ("angle", list(map(_circle, quotients, tails, mirrored)))
+    pairs = zip(table.circle.values.tolist(), angles.tolist(), strict=True)
+    table["tied"] = ("angle", [tie(circle, angle) for circle, angle in pairs])
     return table.assign_attrs(barrier.attrs)
 
 
@@ -56,6 +60,17 @@ def _circle(quotients, tail_length, mirrored):
         return ""
     omega = RotationNumber(tuple(quotients[:-tail_length]), tuple(quotients[-tail_length:]))
     return str(moebius(omega, -1, 1) if mirrored else omega)
+
+
+def tie(circle, angle):
+    """Return the text of the ω that breaks together with that of `circle` on an axis; else ""."""
+    return str(tied(parse(circle), ray(angle)) or "") if circle else ""
+
+
+def with_tie(circle, angle):
+    """Return the text of ω, and of the one that is tied with it."""
+    other = tie(circle, angle)
+    return f"{circle}, tied with {other}" if other else circle or "undecided"
 
 
 def two_kicks(barrier, angles):

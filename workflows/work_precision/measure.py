@@ -137,6 +137,25 @@ def seconds_for(data, accuracy):
     return np.where(np.isinf(seconds), nan, seconds)
 
 
+def fastest(data):
+    """Say which answer to the question is the cheapest for which accuracy."""
+    parts = []
+    for accuracy in ACCURACIES:
+        seconds = seconds_for(data, accuracy)
+        if np.isfinite(seconds).any():
+            best = int(np.nanargmin(seconds))
+            parts.append(
+                f"{accuracy:.0e} {data.method.attrs['names'][best]}, {seconds[best]:.2g} s"
+            )
+    return (
+        f"Relative error of the last breakup against CPU time on {data.angle.size} rays, "
+        f"{', '.join(f'{angle:g}°' for angle in data.angle.values)}; judged by Greene's residue to "
+        f"{float(data.judge_error.max()):.0e}. The cheapest for an error on all of them of: "
+        f"{'; '.join(parts) or 'no accuracy was reached'}. Circles and residues must be told ω, "
+        "barriers find it."
+    )
+
+
 def table(data):
     """Write a Markdown table: which method for which accuracy, and its first run."""
     columns = [seconds_for(data, accuracy) for accuracy in ACCURACIES]
