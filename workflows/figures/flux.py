@@ -39,7 +39,8 @@ def draw_flux(fluxes, fits):
 def caption(fluxes, fits):
     """Describe the figure, with the fitted laws."""
     laws = ", ".join(
-        f"η = {row.exponent:.6f} ± {row.exponent_error:.0e} at {angle:g}° ({with_tie(row.circle, angle)})"
+        f"η = {row.exponent:.6f} ± {row.exponent_error:.0e} at {angle:g}° "
+        f"({with_tie(row.circle, angle)})"
         for angle, row in fits.to_dataframe().iterrows()
     )
     return (
