@@ -4,9 +4,11 @@ The verdict of `nasm.verdict` in plain sentences, and a phase portrait with what
 circle, or an orbit that escapes. One forcing, no sweep.
 """
 
+import os
+
 import click
 
-from workflows.parts.cli import command, writes
+from workflows.parts.cli import command, out_option
 
 _STARTS, _STEPS = 64, 10**6  # of direct iteration; it only illustrates
 _NEAR = 0.96  # where the boundary is nearer, no orbit escapes: none did on 12 rays, 4% beyond
@@ -119,33 +121,40 @@ def _distance(boundary):
 @command(ignore_unknown_options=True)
 @click.argument("kappa1", type=float)
 @click.argument("kappa2", type=float)
-@writes
-def main(run, kappa1, kappa2):
+@out_option
+def main(kappa1, kappa2, out):
     """Transport or barrier under kicks of strengths KAPPA1, KAPPA2 in turn? With a portrait in OUT.
 
     Strengths are dimensionless, -1e6 to 1e6, and may be negative: -0.69 0.525. The answer may be
     UNDECIDED, within a few parts in 10^5 of the boundary; the exit code is 0 for all three. It
-    takes about twenty seconds, nearly all of them to compile the kernels.
+    takes about two seconds, and the first time on a machine twenty more to compile the kernels.
     """
+    from nasm import kernels
     from nasm.maps import forcing
+    from nasm.verdict import Answer, verdict
 
     kappa = (kappa1, kappa2)
     try:
         forcing(kappa)
+        os.makedirs(out, exist_ok=True)
     except ValueError as error:
         raise click.UsageError(str(error)) from None
-    with run.driving():
-        from nasm.verdict import Answer, verdict
-        from workflows.figures.ask import draw_verdict
+    except OSError as error:
+        raise click.UsageError(f"--out={out}: {error.strerror}; choose another directory") from None
+    if not kernels.are_compiled():
+        click.echo("compiling kernels, once per machine: about 20 s", err=True)
+    found = verdict(kappa)
+    transport = found.answer is Answer.TRANSPORT
+    far = not found.boundary.value > _NEAR  # NaN: not known to be near
+    escaping = escaping_orbit(kappa) if transport and far else None
+    for line in sentences(kappa, found, escaping):
+        click.echo(line)
 
-        found = verdict(kappa)
-        transport = found.answer is Answer.TRANSPORT
-        far = not found.boundary.value > _NEAR  # NaN: not known to be near
-        escaping = escaping_orbit(kappa) if transport and far else None
-        for line in sentences(kappa, found, escaping):
-            click.echo(line)
-        figure = draw_verdict(portrait_dataset(kappa, found, escaping))
-        run.figure(f"ask_{kappa1}_{kappa2}", figure)
+    from workflows.figures.ask import draw_verdict
+    from workflows.figures.style import save
+
+    figure = draw_verdict(portrait_dataset(kappa, found, escaping))
+    click.echo(f"figures: {', '.join(save(figure, out, f'ask_{kappa1}_{kappa2}'))}")
 
 
 if __name__ == "__main__":
