@@ -84,8 +84,9 @@ def test_in_a_browser_the_page_fills_the_width_and_does_not_overflow_it(page, tm
     )
     flags = (
         "--headless --no-sandbox --disable-gpu --disable-quic --no-first-run "
-        "--window-size=1500,900 --disable-background-networking --disable-component-update --disable-sync "
-        f"--allow-file-access-from-files --virtual-time-budget=10000 --user-data-dir={tmp_path}/it"
+        "--window-size=1500,900 --disable-background-networking --disable-component-update "
+        "--disable-sync --allow-file-access-from-files --virtual-time-budget=10000 "
+        f"--user-data-dir={tmp_path}/it"
     )
     command = [CHROMIUM, *flags.split(), "--dump-dom", frame.as_uri()]
     dom = subprocess.run(command, capture_output=True, text=True, timeout=100, check=True).stdout

@@ -1,5 +1,6 @@
 """The main job, small: three methods that bracket one boundary; what is kept, and the recipes."""
 
+import json
 import runpy
 import sys
 import tomllib
@@ -214,10 +215,17 @@ def test_a_recipe_without_a_store_tells_its_usage(recipe, follow, finished, monk
     assert recipe == "compare_stores" or cubes.get(recipe, "escape.zarr") in usage
 
 
-def test_recipe_select_steps(finished, follow):
-    said = follow("select_steps", finished, 1000)
-    assert f"{100 * (field(finished) <= 1000).mean():.1f}% of the" in said
-    assert (finished / "select_steps.png").exists()
+def test_recipe_select_steps_is_a_notebook_that_shows_what_it_prints(finished, monkeypatch, capsys):
+    notebook = json.loads((RECIPES / "select_steps.ipynb").read_text(encoding="utf-8"))
+    cells = [cell for cell in notebook["cells"] if cell["cell_type"] == "code"]
+    assert "image/png" in cells[-1]["outputs"][0]["data"]
+    assert "transport within 5000 steps in" in json.dumps(cells[1]["outputs"])
+    monkeypatch.chdir(finished.parent)  # the notebook reads out/escape.zarr
+    names = {}
+    for cell in cells:
+        exec("".join(cell["source"]), names)
+    share = 100 * (field(finished) <= 4000).mean()
+    assert f"transport within 4000 steps in {share:.1f}% of the cells" in capsys.readouterr().out
 
 
 def test_recipe_contour_boundary(finished, follow):

@@ -10,20 +10,15 @@ from pathlib import Path
 
 import click
 
+from nasm import __version__
+
 
 def command(**settings):
     """Make a function a click command; Ctrl-C before or after its sweeps ends it with code 130."""
 
     def decorate(function):
         @click.command(context_settings={"help_option_names": ["-h", "--help"], **settings})
-        @click.option(
-            "--version",
-            is_flag=True,
-            is_eager=True,
-            expose_value=False,
-            callback=_show_version,
-            help="Show the version and exit.",
-        )
+        @click.version_option(__version__, message="nasm %(version)s")
         @functools.wraps(function)
         def wrapped(**options):
             try:
@@ -35,14 +30,6 @@ def command(**settings):
         return wrapped
 
     return decorate
-
-
-def _show_version(context, parameter, wanted):
-    if wanted:
-        from nasm import __version__
-
-        click.echo(f"nasm {__version__}")
-        context.exit()
 
 
 def commands():

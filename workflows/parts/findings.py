@@ -75,12 +75,12 @@ def field_found(field):
     field : the cube `escape`.
     """
     times, n_max = field.escape_time.load(), field.attrs["n_max"]
-    steps = [n for n in (n_max // 100, n_max // 10, n_max) if n]
+    steps = sorted({max(1, n_max // 10), n_max})
     parts = []
     for size in times.ensemble.values.tolist():
         here = times.sel(ensemble=size)
         shares = [f"{100 * float((here <= n).mean()):.1f}% within {n}" for n in steps]
-        parts.append(f"of {size} orbits in {', '.join(shares)}")
+        parts.append(f"of {size} orbits in {' and '.join(shares)}")
     first = float(times.min())
     return (
         "Some orbit escapes, which is global transport, in these parts of the plane κ1 = "

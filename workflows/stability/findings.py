@@ -2,16 +2,8 @@
 
 import numpy as np
 
-from nasm.critical import Status
-from pipeline.cubes.cube import status_code
-
-OK = status_code(Status.OK)
-_NAMES = {
-    "periodic": "residues",
-    "continuation": "continuation",
-    "cones": "converse KAM",
-    "barriers": "all together",
-}
+OK = 1  # of `status`, see `pipeline.cubes.cube`
+_SAID = {"periodic": "residues", "cones": "converse KAM", "barriers": "all together"}
 
 
 def findings(studies):
@@ -34,33 +26,28 @@ def _cusp(study):
     parts = []
     for i, name in enumerate(study.approach.attrs["names"]):
         here = study.isel(approach=i)
-        answered = here.delta.values[(here.status == OK).values]
+        nearest = here.delta.values[(here.status == OK).values].min(initial=np.inf)
         over = float((here.off / (here.error + here.judge_error)).max())
         parts.append(
-            f"{_NAMES[name]} down to {answered.min(initial=np.inf):.0e}° (off by up to "
+            f"{_SAID.get(name, name)} down to {nearest:.0e}° (off by up to "
             f"{float(here.off.max()):.0e}, and by {over:.2g} times what is claimed)"
         )
     return f"Towards the cusp at 45° answers come from {'; '.join(parts)}."
 
 
 def _boundary(study):
-    beyond, inside = (study.isel(excess=np.flatnonzero(side)) for side in _sides(study.excess))
-    n_false = int((beyond.certified == 1).sum()) or "no"
-    eliminated = float(beyond.excess[np.isfinite(beyond.elimination_time).all("angle")].min())
+    beyond = study.isel(excess=np.flatnonzero((study.excess > 1e-12).values))
+    wrong = np.isfinite(study.elimination_time.where(study.excess < -1e-12)).sum()
+    gone = beyond.excess.where(np.isfinite(beyond.elimination_time).all("angle")).min()
     regular = beyond.excess.where((beyond.digits >= 5).any("angle")).max()
-    seen = beyond.excess.values[np.isfinite(beyond.escape_time).any("angle")]
-    n_killed = int(np.isfinite(inside.elimination_time).sum())
+    seen = beyond.excess.where(np.isfinite(beyond.escape_time).any("angle")).min()
     return (
-        f"Past the breakup {n_false} circle is certified. Converse KAM eliminates all starts from "
-        f"{100 * eliminated:.2g}% beyond on, and wrongly in {n_killed} cases inside; a weighted "
-        f"Birkhoff average calls an orbit regular (5 digits) up to {100 * float(regular):.2g}% "
-        "beyond; 100 orbits show an escape "
-        + (f"from {100 * seen.min():.2g}% beyond on." if seen.size else "nowhere.")
+        f"Past the breakup {int((beyond.certified == 1).sum())} circles are certified. Converse "
+        f"KAM eliminates all starts from {_percent(gone)} beyond on, and wrongly in {int(wrong)} "
+        "cases inside; a weighted Birkhoff average calls an orbit regular (5 digits) up to "
+        f"{_percent(regular)} beyond; 100 orbits show an escape "
+        + (f"from {_percent(seen)} beyond on." if np.isfinite(seen) else "nowhere.")
     )
-
-
-def _sides(excess):
-    return (excess > 1e-12).values, (excess < -1e-12).values
 
 
 def _fractions(study):
@@ -68,9 +55,8 @@ def _fractions(study):
     for a in study.quotient.values.tolist():
         here = study.sel(quotient=a)
         silent = int((here.status.isel(approach=0) != OK).sum())
-        both = [here[name].sel(approach=1) for name in ("value", "error")]
-        off = abs(both[0] - here.value.sel(approach=2))
-        wrong = int((off > both[1] + here.error.sel(approach=2)).sum())
+        norms, judge = here.isel(approach=1), here.isel(approach=2)
+        wrong = int((abs(norms.value - judge.value) > norms.error + judge.error).sum())
         parts.append(f"{silent} and {wrong} for a = {a:g}")
     return (
         f"Fractions disguised as irrational, [0;1,…,1,a,(1)]: of {study.q.size} for each a, "
@@ -85,7 +71,7 @@ def _twist(study):
     return (
         "Beyond a scale of 1.5, to and past the end of the twist, converse KAM eliminates all "
         f"starts in {np.isfinite(lives).sum()} of {lives.size} cases, within {np.max(lives):g} "
-        f"steps; {int((beyond.circle == OK).sum()) or 'no'} circle is certified, though Birkhoff "
+        f"steps; {int((beyond.circle == OK).sum())} circles are certified, though Birkhoff "
         f"averages show up to {float(beyond.digits.max()):.0f} digits for other regular orbits."
     )
 
@@ -100,49 +86,47 @@ def _amplitude(study):
 
 
 def _beam(study):
-    shares = ", ".join(
-        f"{100 * share:.0f}% with {kept}"
-        for kept, share in zip(study.kept.values.tolist(), study.missed.values, strict=True)
-    )
     return (
         "The search of converse KAM for the longest life misses 1% of it or more in these shares "
         f"of {study.attrs['searches']} searches, by the number of starts it keeps (32 in use): "
-        f"{shares}."
+        f"{_shares(study.kept, study.missed)}."
     )
 
 
 def _fakes(study):
-    past = ", ".join(
-        f"{100 * float(x):.2g}% with {n}"
-        for n, x in zip(study.n.values.tolist(), study.past.max("ray"), strict=True)
-    )
     passed = int(study.passed.sum() + study.polished.sum())
     return (
-        f"Fake circles: a stop on small updates lets Newton's method go on past the breakup by "
-        f"{past} points. Of {int(study.fakes.sum())} fakes the certificates pass {passed}."
+        "Fake circles: a stop on small updates lets Newton's method go on past the breakup by "
+        f"{_shares(study.n, study.past.max('ray'))} points. Of {int(study.fakes.sum())} fakes the "
+        f"certificates pass {passed}."
     )
 
 
 def _disorder(study):
-    total = study.attrs["trials"] * study.refused.size
-    worst = study.refused.max("noise")
+    trials, worst = study.attrs["trials"], study.refused.max("noise")
     return (
-        f"From bad starts Newton's method ends on an orbit of another order in up to "
-        f"{100 * float(worst.max()):.0f}% of trials, from the scale "
-        f"{float(study.scale[(worst > 0).values].min()):.2g} on; of all {total} the order check "
-        f"lets {round(float(study.accepted.sum()) * study.attrs['trials'])} wrong ones pass."
+        "From bad starts Newton's method ends on an orbit of another order in up to "
+        f"{_percent(worst.max())} of trials, from the scale "
+        f"{float(study.scale.where(worst > 0).min()):.2g} on; of all {trials * study.refused.size} "
+        f"the order check lets {round(float(study.accepted.sum()) * trials)} wrong ones pass."
     )
 
 
 def _rounding(study):
-    last = study.isel(steps=-1)
-    drift = ", ".join(
-        f"{name} {float(last.drift[i]):.0e}"
-        for i, name in enumerate(study.arithmetic.attrs["names"])
-    )
-    back = study.reversal.max("steps")
-    exact = [n for i, n in enumerate(study.arithmetic.attrs["names"]) if float(back[i]) == 0]
+    drift, back = study.drift.isel(steps=-1).values, study.reversal.max("steps").values
+    names = study.arithmetic.attrs["names"]
+    off = ", ".join(f"{name} {x:.0e}" for name, x in zip(names, drift, strict=True))
+    exact = [name for name, x in zip(names, back, strict=True) if x == 0]
     return (
-        f"Rounding: after {int(study.steps[-1])} steps orbits have drifted off a circle by {drift}"
-        f"; iterated back, {' and '.join(exact) or 'none'} returns exactly to the start."
+        f"Rounding: after {int(study.steps[-1])} steps orbits have drifted off a circle by {off}; "
+        f"iterated back, {' and '.join(exact) or 'none'} returns exactly to the start."
     )
+
+
+def _percent(part):
+    return f"{100 * float(part):.2g}%"
+
+
+def _shares(numbers, parts):
+    pairs = zip(numbers.values.tolist(), parts.values, strict=True)
+    return ", ".join(f"{_percent(part)} with {number}" for number, part in pairs)
