@@ -13,10 +13,10 @@ def parse_omegas(texts):
     from nasm.numbers import NAMES, RotationNumber, parse
 
     omegas = sorted(map(parse, texts or NAMES), key=float)
-    for omega in omegas:
+    for text, omega in zip(texts or (), map(parse, texts or ()), strict=True):
         if omega.is_rational:
             raise ValueError(
-                f"{omega} is rational, and has no invariant circle that could break; write an "
+                f"{text} is rational, and has no invariant circle that could break; write an "
                 f"irrational number with a periodic continued fraction, like "
                 f"{RotationNumber(omega.prefix, (1,))}"
             )
