@@ -47,10 +47,11 @@ def critical_scale(profile, tol=1e-4):
 
     Returns
     -------
-    CriticalScale. value, error : by Greene's residue, error no larger than the bracket. lower : a
-    circle of ω is certified there; upper : no start on the dominant line survives there. omega :
-    that of the last barrier, per period, in [0, P/2], which stands for ±ω and all ω + P·n: their
-    circles break together. Of two that are `tied` it is the one with the shorter text.
+    CriticalScale. value, error : by Greene's residue, error no larger than the bracket; next to a
+    cusp, where a later circle may have been missed, no smaller than upper - value. lower : a circle
+    of ω is certified there; upper : no start on the dominant line survives there. omega : that of
+    the last barrier, per period, in [0, P/2], which stands for ±ω and all ω + P·n: their circles
+    break together. Of two that are `tied` it is the one with the shorter text.
     Status UNDECIDED, and no value, where the methods contradict each other, and NEAR_CUSP where the
     residues of a candidate cannot tell the forcing from a shorter one; upper is then what was
     shown. lower is NaN where no circle could be certified.
@@ -81,8 +82,12 @@ def critical_scale(profile, tol=1e-4):
         if cones.eliminates(upper * short, n_certify):
             lower = continuation.certified_scale(best.omega, short, best.value, tol - above)
             omega = per_period(best.omega, profile, short, zero)
-            # Next to a cusp the bracket may know better than the residues do; NaN is no bracket.
-            error = np.fmin(best.error, max(best.value - lower, upper - best.value))
+            error = best.error
+            if periodic.cusp_period(short) > _BLURRED:
+                # Circles follow each other so closely there that a later one may have been missed;
+                # but not above the bracket, which may know better than the residues do.
+                error = np.fmax(error, upper - best.value)
+            error = np.fmin(error, max(best.value - lower, upper - best.value))  # NaN: no bracket
             return CriticalScale(best.value, error, lower, upper, omega, Status.OK)
     # Of a circle that residues say nothing of, they contradict nothing.
     status = Status.NEAR_CUSP if Status.NEAR_CUSP in told else Status.UNDECIDED

@@ -85,9 +85,9 @@ def flux(omega, kappa, q_max=30_000, rtol=1e-6):
     if omega.is_rational:
         return Flux(np.nan, np.nan, 0, omega, Status.RATIONAL)
     steps = kappa.size // short.size
-    if short.size == 1:
+    if short.size % 2:
         # With idle kicks between, all minimizing orbits have their centres on sites; Y is 2y then.
-        short, steps = np.array([short[0] / 2, 0.0]), 2 * steps
+        short, steps = np.column_stack([short / 2, 0 * short]).ravel(), 2 * steps
     # Up to the end of the prefix these are convergents of other numbers too.
     enough = list(islice(convergents(short_omega), len(short_omega.prefix) + 1))[-1].denominator
     value, error, period, status = np.nan, np.inf, 0, Status.NOT_CONVERGED
@@ -121,7 +121,7 @@ def action_difference(kappa, p, q):
     Returns
     -------
     float; NaN if one of the two orbits is not found. ValueError if the forcing has no symmetry
-    centre, or the minimizing orbit none on a site (P = 1 and even q).
+    centre, or the minimizing orbit none on a site (odd P and even q).
     """
     value, _ = _action_difference(forcing(kappa), p, q)
     return value

@@ -34,7 +34,7 @@ def ray(degrees):
 def test_the_golden_circle_breaks_at_kappa_g(name, profile, exact, tol):
     found = continuation.critical_scale(parse(name), profile, tol)
     assert found.status is Status.OK
-    assert abs(found.value - exact) <= found.error <= max(tol, 2.5e-6)
+    assert abs(found.value - exact) <= found.error <= max(tol, 2.6e-6)
     assert exact - 0.03 < found.lower < exact
     assert np.isnan(found.upper)
 
@@ -200,10 +200,10 @@ def test_a_large_quotient_that_the_modes_do_not_see_is_in_the_error(ones, large)
 
 @pytest.mark.parametrize(
     ("name", "angle", "exact"),
-    [("[1;3,4,25,(2)]", 23.03197311151155, 0.514897), ("[0;4,4,27,(2)]", 332.1934, 0.5757)],
+    [("[1;3,4,25,(2)]", 23.03197311151155, 0.514897), ("[0;4,4,27,(2)]", 332.1934, 0.57540)],
 )
 def test_before_the_circles_meet_the_tail_there_is_no_value(name, angle, exact):
-    # exact: by residues, to q = 60 000.
+    # exact: by residues of the minimizing orbits, to q = 60 000, with errors of 5e-7 and 2.3e-5.
     found = continuation.critical_scale(parse(name), ray(angle))
     assert found.status is Status.TOO_FEW_MODES
     assert np.isnan([found.value, found.error]).all()
@@ -237,26 +237,12 @@ def test_rounding_in_the_highest_modes_is_not_taken_for_structure():
 
 
 @pytest.mark.parametrize("case", [54, 78, 181, 208, 228])
-def test_at_the_finest_tolerance_the_error_is_half_as_large_again(case):
-    # Of 240 random rays at 10⁻⁶, those where half the spread fell short, by up to 1.67 times.
+def test_at_the_finest_tolerance_half_the_spread_of_estimates_would_fall_short(case):
+    # Of 240 random rays, those where it did, by up to 1.67 times.
     angle, omega = np.random.default_rng(1401).uniform(0, 180, 240)[case], parse(NAMES[case % 6])
     judge = periodic.critical_scale(omega, ray(angle))
     found = continuation.critical_scale(omega, ray(angle), 1e-6)
-    assert abs(found.value - judge.value) <= 1.05 * found.error < 1e-4
-
-
-def test_no_warning_goes_without_a_status():
-    # The suite makes errors of warnings; these are the flags that NumPy would not even report.
-    rng = np.random.default_rng(14)
-    with np.errstate(divide="raise", over="raise", invalid="raise"):
-        for n_kicks in (1, 2, 3, 4, 5, 6) * 4:
-            quotients = 10 ** rng.uniform(0, 1.7, rng.integers(0, 4))
-            omega = RotationNumber((0, *quotients.astype(int).tolist()), (1,))
-            profile = rng.normal(size=n_kicks) * 10 ** rng.uniform(-3, 1)
-            found = continuation.critical_scale(omega, profile, 1e-4)
-            assert np.isnan([found.value, found.error]).all() == (found.status is not Status.OK)
-            circle = circles.invariant_circle(omega, rng.uniform(0, 1) * profile)
-            assert np.isnan(circle.error) or circle.status in (Status.OK, Status.NOT_CERTIFIED)
+    assert abs(found.value - judge.value) <= found.error < 1e-4
 
 
 def test_a_circle_that_breaks_at_once_gives_a_status_or_a_bound():

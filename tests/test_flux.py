@@ -159,6 +159,14 @@ def test_the_standard_map_has_a_flux_with_convergents_of_even_denominators(kappa
     assert thrice.value == pytest.approx(3 * found.value, rel=1e-9)
 
 
+def test_three_kicks_have_a_flux_with_convergents_of_even_denominators():
+    # With its own centres the minimizing orbit is found for odd denominators only.
+    found = flux(GOLDEN, (0.6, 0.5, 0.5))
+    assert found.status is Status.OK
+    direct = action_difference((0.6, 0.5, 0.5), 144, 233)
+    assert direct == pytest.approx(found.value, rel=1e-5)
+
+
 @pytest.mark.parametrize(
     ("bad", "message"),
     [

@@ -71,6 +71,15 @@ EXHIBITS = (
 )
 
 
+# Verdicts of the claims' table, and what the page's style calls them.
+_KINDS = {
+    "holds": "holds",
+    "holds with a caveat": "caveat",
+    "does not hold": "fails",
+    "not decided": "undecided",
+}
+
+
 def run(exhibit, out, workers, quick):
     """Run the command with its cubes, tables and figures in a directory of OUT."""
     main = main_of(exhibit.name)
@@ -100,17 +109,14 @@ def shown(exhibit, out, quick):
 
 def judged(out):
     """Return the claims, as rows of their table, and how many have which verdict."""
-    from workflows.claims.rules import Verdict
-
     path = Path(out, "claims", "claims.csv")
     if not path.exists():
         return [], []
     with path.open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     counts = Counter(row["verdict"] for row in rows)
-    kinds = [(v.name.lower(), v.value, counts[v.value]) for v in Verdict if counts[v.value]]
-    names = {value: name for name, value, _ in kinds}
-    return [{**row, "kind": names[row["verdict"]]} for row in rows], kinds
+    told = [(counts[verdict], verdict) for verdict in _KINDS if counts[verdict]]
+    return [{**row, "kind": _KINDS[row["verdict"]]} for row in rows], told
 
 
 def _options(exhibit, quick):
@@ -154,7 +160,7 @@ def main(out, quick, only, workers, scheduler, tls):
                 quick=quick,
                 made=f"{date.today():%d %B %Y}, nasm {__version__}",
             )
-    told = ", ".join(f"{number} {words}" for _, words, number in counts)
+    told = ", ".join(f"{number} {words}" for number, words in counts)
     n_figures = sum(1 for _ in Path(out).glob("*/*.png"))
     claimed = f" The claims of the paper: {told}." if told else ""
     click.echo(f"\n{n_figures} figures of {len(there)} commands on one page.{claimed}")

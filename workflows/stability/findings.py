@@ -51,17 +51,15 @@ def _boundary(study):
 
 
 def _fractions(study):
-    parts = []
-    for a in study.quotient.values.tolist():
-        here = study.sel(quotient=a)
-        silent = int((here.status.isel(approach=0) != OK).sum())
-        norms, judge = here.isel(approach=1), here.isel(approach=2)
-        wrong = int((abs(norms.value - judge.value) > norms.error + judge.error).sum())
-        parts.append(f"{silent} and {wrong} for a = {a:g}")
+    silent = [(study.status.isel(approach=i) != OK).sum("q").values.tolist() for i in (0, 1)]
+    norms, judge = study.isel(approach=1), study.isel(approach=2)
+    wrong = int((abs(norms.value - judge.value) > norms.error + judge.error).sum())
+    large = ", ".join(f"{a:g}" for a in study.quotient.values)
     return (
-        f"Fractions disguised as irrational, [0;1,…,1,a,(1)]: of {study.q.size} for each a, "
-        "residues say that they do not know, and continuation is further off than it claims (as "
-        f"longer orbits show where they know), in {', '.join(parts)}."
+        f"Fractions disguised as irrational, [0;1,…,1,a,(1)] with a = {large}: of {study.q.size} "
+        f"for each a residues say that they do not know in {', '.join(map(str, silent[0]))}, "
+        f"continuation in {', '.join(map(str, silent[1]))}; it is further off than it claims, as far as longer "
+        f"orbits know, in {wrong}."
     )
 
 

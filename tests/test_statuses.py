@@ -1,0 +1,50 @@
+"""A number or a reason: every method, over random nobles and forcings.
+
+NumPy's warnings are errors in this suite, so that nothing overflows unseen either.
+"""
+
+import numpy as np
+import pytest
+
+from nasm import barriers, circles, cones, continuation, flux, periodic, verdict
+from nasm.critical import Status
+from nasm.numbers import RotationNumber
+
+
+def answers(omega, profile, part):
+    """Of each method: a number that is NaN without an answer, and the status."""
+    yield from (
+        (found.value, found.status)
+        for found in (
+            continuation.critical_scale(omega, profile, 1e-4),
+            periodic.critical_scale(omega, profile, 1500),
+            flux.flux(omega, profile, 3000),
+        )
+    )
+    circle = circles.invariant_circle(omega, part * profile)
+    if circle.status is not Status.NOT_CERTIFIED:  # its error says by how much it is none
+        yield circle.error, circle.status
+
+
+@pytest.mark.parametrize("n_kicks", [1, 2, 3, 4, 5, 6])
+def test_a_method_gives_a_number_or_a_reason_and_no_warning(n_kicks):
+    rng = np.random.default_rng(n_kicks)
+    for _ in range(4):
+        quotients = (10 ** rng.uniform(0, 1.7, rng.integers(0, 4))).astype(int)
+        omega = RotationNumber((int(rng.integers(-2, 3)), *quotients.tolist()), (1,))
+        half = rng.normal(size=n_kicks)
+        profile = (half + np.roll(half[::-1], 1)) * 10 ** rng.uniform(-3, 1)  # symmetric at site 0
+        for number, status in answers(omega, profile, rng.uniform(0, 1)):
+            assert np.isnan(number) == (status is not Status.OK)
+
+
+@pytest.mark.parametrize("n_kicks", [1, 2, 3, 4, 6])
+def test_the_methods_for_the_last_barrier_give_a_number_or_a_reason_and_no_warning(n_kicks):
+    rng = np.random.default_rng(n_kicks)
+    profile = rng.uniform(0, 0.4) ** np.arange(n_kicks)  # its first kick has the dominant line
+    profile = np.maximum(profile, np.roll(profile[::-1], 1)) * 10 ** rng.uniform(-3, 1)
+    for found in (cones.critical_scale(profile, 100), barriers.critical_scale(profile, 1e-2)):
+        assert np.isnan(found.value) == (found.status is not Status.OK)
+    said = verdict.verdict(profile)
+    undecided = said.answer is verdict.Answer.UNDECIDED
+    assert undecided == (said.evidence is verdict.Evidence.NONE)
