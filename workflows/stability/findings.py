@@ -58,8 +58,8 @@ def _fractions(study):
     return (
         f"Fractions disguised as irrational, [0;1,…,1,a,(1)] with a = {large}: of {study.q.size} "
         f"for each a residues say that they do not know in {', '.join(map(str, silent[0]))}, "
-        f"continuation in {', '.join(map(str, silent[1]))}; it is further off than it claims, as far as longer "
-        f"orbits know, in {wrong}."
+        f"continuation in {', '.join(map(str, silent[1]))}; it is further off than it "
+        f"claims, as far as longer orbits know, in {wrong}."
     )
 
 
