@@ -139,20 +139,18 @@ def seconds_for(data, accuracy):
 
 def fastest(data):
     """Say which answer to the question is the cheapest for which accuracy."""
-    parts = []
+    cheapest = {}
     for accuracy in ACCURACIES:
         seconds = seconds_for(data, accuracy)
         if np.isfinite(seconds).any():
             best = int(np.nanargmin(seconds))
-            parts.append(
-                f"{accuracy:.0e} {data.method.attrs['names'][best]}, {seconds[best]:.2g} s"
-            )
+            cheapest[data.method.attrs["names"][best], f"{seconds[best]:.2g} s"] = accuracy
+    parts = [f"{accuracy:.0e} by {name} in {s}" for (name, s), accuracy in cheapest.items()]
     return (
-        f"Relative error of the last breakup against CPU time on {data.angle.size} rays, "
-        f"{', '.join(f'{angle:g}°' for angle in data.angle.values)}; judged by Greene's residue to "
-        f"{float(data.judge_error.max()):.0e}. The cheapest for an error on all of them of: "
-        f"{'; '.join(parts) or 'no accuracy was reached'}. Circles and residues must be told ω, "
-        "barriers find it."
+        f"CPU time until the relative error of the last breakup is small on each of the rays at "
+        f"{', '.join(f'{angle:g}°' for angle in data.angle.values)}, judged by Greene's residue to "
+        f"{float(data.judge_error.max()):.0e}. The cheapest: {'; '.join(parts) or 'none'}. Circles "
+        "and residues must be told ω; barriers and converse KAM need not."
     )
 
 
