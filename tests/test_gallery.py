@@ -63,7 +63,7 @@ def test_the_page_says_that_it_is_a_preview_of_which_version_and_counts_the_clai
     text = " ".join(page.read_text(encoding="utf-8").split())
     assert "A preview" in text
     assert f"nasm {nasm.__version__}" in text
-    assert "Of 4 claims: 1 holds, 1 holds with a caveat, 1 does not hold, 1 not decided." in text
+    assert "Of 4 claims: 1 hold, 1 hold with a caveat, 1 do not hold, 1 not decided." in text
 
 
 CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")

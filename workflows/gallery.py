@@ -115,7 +115,8 @@ def judged(out):
     with path.open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     counts = Counter(row["verdict"] for row in rows)
-    told = [(counts[verdict], verdict) for verdict in _KINDS if counts[verdict]]
+    plural = {kind: kind.replace("holds", "hold").replace("does", "do") for kind in _KINDS}
+    told = [(counts[kind], plural[kind]) for kind in _KINDS if counts[kind]]
     return [{**row, "kind": _KINDS[row["verdict"]]} for row in rows], told
 
 
