@@ -5,3 +5,10 @@ decides one forcing. Below them are the methods: `cones` (converse KAM), `period
 residue), `circles` and `continuation` (invariant circles), `escape` (direct iteration). `maps`
 defines the map, `numbers` exact rotation numbers: `numbers.parse("gamma")`.
 """
+
+from importlib.metadata import PackageNotFoundError, version
+
+try:
+    __version__ = version("nasm-transport")
+except PackageNotFoundError:  # a copy of the sources that is not installed
+    __version__ = "0+source"

@@ -51,7 +51,7 @@ def critical_scale(profile, tol=1e-4):
     cusp, where a later circle may have been missed, no smaller than upper - value. lower : a circle
     of ω is certified there; upper : no start on the dominant line survives there. omega : that of
     the last barrier, per period, in [0, P/2], which stands for ±ω and all ω + P·n: their circles
-    break together.
+    break together. Of two that are `tied` it is the one with the shorter text.
     Status UNDECIDED, and no value, where the methods contradict each other, and NEAR_CUSP where the
     residues of a candidate cannot tell the forcing from a shorter one; upper is then what was
     shown. lower is NaN where no circle could be certified.
@@ -168,4 +168,17 @@ def per_period(omega, profile, short, zero):
         omega, ratio * shift.denominator, -ratio * shift.numerator, 0, shift.denominator
     )
     omega = moebius(omega, 1, -period * floor(float(omega) / period))
-    return omega if float(omega) <= period / 2 else moebius(omega, -1, period)
+    omega = omega if float(omega) <= period / 2 else moebius(omega, -1, period)
+    return min(omega, tied(omega, profile) or omega, key=lambda ω: len(ω.prefix + ω.tail))
+
+
+def tied(omega, profile):
+    """P/2 - ω, whose circle breaks together with that of ω if every other kick is zero; else None.
+
+    y → y + 1/2 is then a symmetry (`symmetries.alternate`), which takes ω to ω + P/2. So γ and
+    1 - γ break together on the axes of the (κ1, κ2) plane, where the paper writes γ.
+    """
+    profile = np.asarray(profile)
+    if profile.size % 2 or (profile[::2].any() and profile[1::2].any()):
+        return None
+    return moebius(omega, -1, profile.size // 2)

@@ -81,7 +81,7 @@ def parse(text):
 
     Reads a continued fraction "[1;4,(1)]" (the period in parentheses), a fraction "3/5", or a
     Möbius transform of the golden mean with integer coefficients, "(5gamma+6)/(4gamma+5)".
-    ValueError, with the three forms, for anything else, and for what exceeds `MAX_DIGITS` or
+    ValueError, with two of these forms, for anything else, and for what exceeds `MAX_DIGITS` or
     `MAX_QUOTIENTS`.
     """
     compact = re.sub(r"\s*([-+*/;,()[\]])\s*", r"\1", str(text).strip()).replace("γ", "gamma")
@@ -98,8 +98,8 @@ def parse(text):
         if bottom != (0, 0):
             return _golden_moebius(*top, *bottom)
     raise ValueError(
-        f"{text!r} is not a rotation number; write a continued fraction like [1;4,(1)], a fraction "
-        "like 3/5, or a ratio in the golden mean like (5gamma+6)/(4gamma+5)"
+        f"{text!r} is not a rotation number; write a continued fraction like [1;4,(1)], or a ratio "
+        "in the golden mean like (5gamma+6)/(4gamma+5)"
     )
 
 

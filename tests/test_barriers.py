@@ -63,6 +63,16 @@ def test_the_last_omegas_as_continued_fractions():
     assert str(critical_scale((1, -1), 1e-2).omega) == "[0;(4)]"
 
 
+def test_on_the_axes_gamma_stands_for_itself_and_for_one_minus_gamma():
+    for profile in ((1, 0), (0, 1), (-1, 0)):
+        assert critical_scale(profile, 1e-2).omega == GAMMA
+        assert barriers.tied(GAMMA, profile) == moebius(GAMMA, -1, 1)
+    assert barriers.tied(parse("[0;1,3,(4)]"), (1, 1)) is None
+    # Forcings on the axes to which one circle and the other are carried break at one scale.
+    one, other = (periodic.critical_scale(omega, (1, 0)) for omega in (GAMMA, parse("[0;2,(1)]")))
+    assert abs(one.value - other.value) < one.error + other.error
+
+
 # The envelope of all circles
 
 

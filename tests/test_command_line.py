@@ -2,24 +2,35 @@
 
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 from commands import invoke
 
-from workflows.parts.cli import main_of
+import nasm
+from workflows.__main__ import main as overview
+from workflows.parts.cli import commands, main_of
 
-WORKFLOWS = Path(__file__).parents[1] / "workflows"
-COMMANDS = sorted(
-    [path.stem for path in WORKFLOWS.glob("*.py") if path.stem != "__init__"]
-    + [path.parent.name for path in WORKFLOWS.glob("*/__main__.py")]
-)
+COMMANDS = commands()
 
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_every_file_at_the_top_is_a_command_that_says_what_it_does(name):
     assert main_of(name).help
     assert all(option.help for option in main_of(name).params if option.param_type_name == "option")
+
+
+def test_the_overview_has_a_line_for_each_command():
+    _, *lines = CliRunner().invoke(overview).output.strip().splitlines()
+    told = dict(line.split(maxsplit=1) for line in lines if line)
+    assert list(told) == COMMANDS
+    assert all(len(words) > 20 for words in told.values())
+
+
+def test_every_command_tells_its_version():
+    for name in COMMANDS:
+        told = CliRunner().invoke(main_of(name), ["--version"])
+        assert (told.exit_code, told.output) == (0, f"nasm {nasm.__version__}\n")
 
 
 def test_help_needs_no_numpy_and_so_comes_at_once():
@@ -43,6 +54,7 @@ def test_help_needs_no_numpy_and_so_comes_at_once():
         ("escape_plane", "--store out", "s3://BUCKET/PREFIX"),
         ("circle_boundaries", "--omega golden", "is not a rotation number"),
         ("circle_boundaries", "--omega gamma --omega [0;(1)]", "two rotation numbers are equal"),
+        ("circle_boundaries", "--omega 3/5", "like [0;1,1,2,(1)]"),
         ("rotating", "--vector 1/3", "must be two fractions"),
         ("rotating", "--vector 1/0,1/3", "must be two fractions"),
         ("rotating", "--vector 1/3,2/5 --vector 1/5,4/10", "two frequencies are equal"),

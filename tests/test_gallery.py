@@ -1,14 +1,20 @@
 """The gallery: its commands are valid, and its page shows what the workflows have written."""
 
+import csv
+import json
 import re
 import shlex
+import shutil
+import subprocess
 from html import unescape
 from urllib.parse import unquote
 
 import pytest
 from commands import succeed
 
+import nasm
 from workflows import gallery
+from workflows.claims.rules import Verdict
 from workflows.parts.cli import main_of
 
 
@@ -20,22 +26,71 @@ def test_the_options_of_the_preview_are_valid(exhibit):
             pass
 
 
-def test_the_page_shows_every_figure_with_its_caption_and_command(tmp_path, monkeypatch):
-    out = tmp_path / "out put"
+@pytest.fixture(scope="module")
+def page(tmp_path_factory):
+    """The page of one small exhibit, of which the second run finds everything done."""
+    out = tmp_path_factory.mktemp("gallery") / "out put"
     small = gallery.Exhibit("Figures 3 & 4", "period_one", "--primary -4:4:40 --secondary 0:8:20")
-    monkeypatch.setattr(gallery, "EXHIBITS", (small,))
-    for _ in range(2):  # the second time the store is complete
-        succeed("gallery", out, "--quick", "--workers", "1")
-    page = (out / "index.html").read_text(encoding="utf-8")
-    targets = set(map(unquote, re.findall(r'(?:href|src)="([^"]+)"', page)))
-    assert all((out / target).exists() for target in targets)
-    here = out / "period_one"
-    pictures = {f"period_one/{path.name}" for path in here.glob("*.png")}
-    assert len(pictures & targets) == 2
-    words = unescape(page)
+    claim = {"place": "Sec. I", "statement": "T_κ1κ2 is a map", "value": "x" * 300}
+    (out / "claims").mkdir(parents=True)
+    with (out / "claims" / "claims.csv").open("w", encoding="utf-8", newline="") as file:
+        table = csv.DictWriter(file, [*claim, "verdict"])
+        table.writeheader()
+        table.writerows([{**claim, "verdict": verdict.value} for verdict in Verdict])
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(gallery, "EXHIBITS", (small,))
+        for _ in range(2):
+            told = succeed("gallery", out, "--quick", "--workers", "1")
+    assert "2 figures of 1 commands" in told
+    return out / "index.html"
+
+
+def test_the_page_shows_every_figure_with_its_caption_and_command(page):
+    text, here = page.read_text(encoding="utf-8"), page.parent / "period_one"
+    targets = set(map(unquote, re.findall(r'(?:href|src)="([^"#:]+)"', text)))
+    assert all((page.parent / target).exists() for target in targets - {"claims/claims.html"})
+    assert {f"period_one/{path.name}" for path in here.glob("*.png")} < targets
+    words = unescape(text)
     for caption in here.glob("*.txt"):
         assert f"<figcaption>{caption.read_text(encoding='utf-8').strip()}</figcaption>" in words
-    assert "<h2>Figures 3 &amp; 4</h2>" in page
-    command = shlex.split(re.search("<code>(python -m .*)</code>", words)[1])
-    assert command[:3] == ["python", "-m", "workflows.period_one"]
-    assert command[-2:] == ["--out", str(here)]
+    assert '<h2 id="period_one">Figures 3 &amp; 4</h2>' in text
+    command = shlex.split(re.search("<code>(python -m .*period_one.*)</code>", words)[1])
+    assert command[2] == "workflows.period_one"
+    assert command[-2:] == ["--out", "period_one"]
+
+
+def test_the_page_says_that_it_is_a_preview_of_which_version_and_counts_the_claims(page):
+    text = " ".join(page.read_text(encoding="utf-8").split())
+    assert "A preview" in text
+    assert f"nasm {nasm.__version__}" in text
+    assert "Of 4 claims: 1 hold, 1 hold with a caveat, 1 do not hold, 1 not decided." in text
+
+
+CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed: apt-get install chromium")
+@pytest.mark.parametrize("width", [390, 1400])
+def test_in_a_browser_the_page_fills_the_width_and_does_not_overflow_it(page, tmp_path, width):
+    # The page in a frame of that width, which says how wide its body, its rows and its content are.
+    frame = page.with_name(f"frame{width}.html")
+    frame.write_text(
+        f"""<iframe id=f src="index.html" style="width:{width}px; height:900px; border:0"></iframe>
+        <p id=p></p><script>onload = () => {{ const d = f.contentDocument;
+        const row = d.querySelector("tbody tr"), cells = [...row.cells].map(c => c.offsetLeft);
+        p.textContent = JSON.stringify({{width: d.documentElement.clientWidth,
+            content: d.documentElement.scrollWidth, body: d.body.offsetWidth,
+            stacked: new Set(cells).size == 1}}) }}</script>"""
+    )
+    flags = (
+        "--headless --no-sandbox --disable-gpu --disable-quic --no-first-run "
+        "--window-size=1500,900 --disable-background-networking --disable-component-update "
+        "--disable-sync --allow-file-access-from-files --virtual-time-budget=10000 "
+        f"--user-data-dir={tmp_path}/it"
+    )
+    command = [CHROMIUM, *flags.split(), "--dump-dom", frame.as_uri()]
+    dom = subprocess.run(command, capture_output=True, text=True, timeout=100, check=True).stdout
+    seen = json.loads(re.search('<p id="p">(.*?)</p>', dom)[1])
+    assert seen["content"] <= seen["width"]
+    assert seen["body"] > 0.9 * width
+    assert seen["stacked"] == (width == 390)

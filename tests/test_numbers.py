@@ -178,9 +178,7 @@ NO_NUMBERS += "|[1;4,,3]|[1;]|gamma*2|gamma2|gamma+1/2|1/4gamma+5|gamma+|(gamma+
 
 @pytest.mark.parametrize("text", [*NO_NUMBERS.split("|"), None, 0.6, True, b"gamma"])
 def test_what_is_not_a_number_is_refused_with_the_forms_that_are(text):
-    with pytest.raises(
-        ValueError, match=r"is not a rotation number.*\[1;4,\(1\)\].*3/5.*5gamma\+6"
-    ):
+    with pytest.raises(ValueError, match=r"is not a rotation number.*\[1;4,\(1\)\].*5gamma\+6"):
         parse(text)
 
 

@@ -315,12 +315,16 @@ def test_a_cube_that_was_deleted_is_made_anew_with_any_settings(place):
     toy.assert_complete(place, toy.cube(tile=4))
 
 
-def test_a_zarr_group_of_somebody_else_is_refused_and_left_alone(on_disk):
-    xr.Dataset({"precious": ("x", [1.0])}).to_zarr(on_disk.cube("toy"), consolidated=False)
+@pytest.mark.parametrize("zarr_format", [2, 3])
+def test_a_zarr_group_of_somebody_else_is_refused_and_left_alone(on_disk, zarr_format):
+    precious = xr.Dataset({"precious": ("x", [1.0])})
+    precious.to_zarr(on_disk.cube("toy"), consolidated=False, zarr_format=zarr_format)
     before = contents(on_disk)
     for refuse in (store.check, store.create, store.replace):
         with pytest.raises(store.Refused, match="not a cube of this program"):
             refuse(on_disk, toy.cube(), US)
+    with pytest.raises(store.Refused, match=r"toy\.zarr is not a cube of this program"):
+        store.names(on_disk)
     assert contents(on_disk) == before
 
 
@@ -452,7 +456,8 @@ def test_pickles_in_a_store_are_not_executed(on_disk, tmp_path, strangers):
     with suppress(store.StoreFailed, KeyError, UnknownCodecError):
         store.read(on_disk, "toy").load()
     assert [index for index, _ in store.verify(on_disk, "toy")] == [()]
-    assert [state.damage != "" for state in store.status(on_disk)] == [True]
+    with pytest.raises(store.Refused, match=r"toy\.zarr is not a cube of this program"):
+        list(store.status(on_disk))
     assert not sprung.exists()
     pickle.loads(pickle.dumps(Trap(sprung)))
     assert sprung.exists()  # it would have

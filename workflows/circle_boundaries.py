@@ -9,10 +9,17 @@ from workflows.parts.cli import command, parsed, ray_options, real, sweeps, whol
 
 
 def parse_omegas(texts):
-    """Return the RotationNumbers in increasing order; ValueError if two are equal."""
-    from nasm.numbers import NAMES, parse
+    """Return the RotationNumbers in increasing order; ValueError for rational or equal ones."""
+    from nasm.numbers import NAMES, RotationNumber, parse
 
     omegas = sorted(map(parse, texts or NAMES), key=float)
+    for text, omega in zip(texts or (), map(parse, texts or ()), strict=True):
+        if omega.is_rational:
+            raise ValueError(
+                f"{text} is rational, and has no invariant circle that could break; write an "
+                f"irrational number with a periodic continued fraction, like "
+                f"{RotationNumber(omega.prefix, (1,))}"
+            )
     if len(set(map(float, omegas))) < len(omegas):
         raise ValueError("two rotation numbers are equal, or equal as floats")
     return omegas
@@ -24,7 +31,8 @@ def parse_omegas(texts):
     None,
     parse_omegas,
     "OMEGA",
-    "Rotation number, 2gamma+1 or [1;4,(1)]; may be repeated.  [default: the paper's six]",
+    "Irrational rotation number, 2gamma+1 or [1;4,(1)]; may be repeated.  "
+    "[default: the paper's six]",
     multiple=True,
 )
 @ray_options(361)

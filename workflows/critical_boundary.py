@@ -25,13 +25,13 @@ def main(run, angles, tips, tol, **options):
     from pipeline.cubes import breakdown
     from pipeline.cubes.barrier import last_barrier
     from workflows.figures.critical_boundary import draw_critical_boundary
-    from workflows.parts import rays
+    from workflows.parts import findings, rays
     from workflows.parts.plane import boundary_table, escape_plane, plane_of, planned
 
     plane, angles = plane_of(**options), rays.ray_angles(angles, tips)
     circle_job = breakdown.by_continuation(rays.PAPER_CIRCLES, angles, tol)
     last_job = last_barrier(angles, tol)
-    with run.sweeping(planned(plane), circle_job, last_job):
+    with run.sweeping(planned(plane), circle_job, last_job, sweeps=2 + plane.levels):
         barrier = run.keep("boundary", rays.unfolded(run.sweep(last_job), angles), tol=tol)
         circles = run.sweep(circle_job)
         field = escape_plane(run, plane)
@@ -41,7 +41,10 @@ def main(run, angles, tips, tol, **options):
         run.table("critical_boundary", barrier)
         run.table("circle_boundaries", circles)
         run.table("direct_boundary", direct)
-        run.figure("critical_boundary", draw_critical_boundary(field, circles, barrier))
+        caption = findings.boundary_found(barrier)
+        scale, resolution = direct.critical_scale, direct.resolution
+        caption += "\n" + findings.direct_found(scale, resolution, barrier, plane.n_orbits[-1])
+        run.figure("critical_boundary", draw_critical_boundary(field, circles, barrier), caption)
 
 
 if __name__ == "__main__":

@@ -36,7 +36,7 @@ def main(run, steps, n_orbits, angles, tips):
 
     all_rays = rays.ray_angles(angles, tips)
     last = last_barrier(all_rays, 1e-4)
-    with run.sweeping(last):
+    with run.sweeping(last, sweeps=2):
         barrier = rays.unfolded(run.sweep(last), all_rays)
         spread = linspace(0, 180, angles).round(9)  # direct iteration is too coarse for the tips
         known = barrier.sel(angle=spread).dropna("angle", subset=["critical_scale"])
@@ -52,7 +52,7 @@ def main(run, steps, n_orbits, angles, tips):
         run.figure(
             "direct_boundary",
             figures.draw_half_plane(boundary, barrier, insets),
-            f"{caption} {figures.describe_insets(insets)}",
+            figures.describe_insets(insets),
         )
 
 

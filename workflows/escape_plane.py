@@ -18,12 +18,13 @@ def main(run, **options):
     --n-orbits 10000, and Fig. 6 the same with --kappa1 -1:1:1024.
     """
     from workflows.figures.escape_plane import draw_escape_plane
+    from workflows.parts.findings import field_found
     from workflows.parts.plane import escape_plane, plane_of, planned
 
     plane = plane_of(**options)
-    with run.sweeping(planned(plane)):
+    with run.sweeping(planned(plane), sweeps=plane.levels):
         field = escape_plane(run, plane)
-        run.figure("escape_plane", draw_escape_plane(field, plane.drawn))
+        run.figure("escape_plane", draw_escape_plane(field, plane.drawn), field_found(field))
 
 
 if __name__ == "__main__":

@@ -32,7 +32,7 @@ def main(run, angle, nearest, q_max):
 
     angles, excesses = flux.grid(angle, nearest)
     last = last_barrier(angles, 1e-3)
-    with run.sweeping(last):
+    with run.sweeping(last, sweeps=2):
         job = flux.job(rays.unfolded(run.sweep(last), angles), excesses, q_max)
         fluxes = run.sweep(job).load()
         laws = flux.laws(fluxes)

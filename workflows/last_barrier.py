@@ -16,15 +16,15 @@ def main(run, angles, tips, tol):
     The defaults take about a minute and a half on two cores.
     """
     from pipeline.cubes.barrier import last_barrier
-    from workflows.figures import last_barrier as figures
-    from workflows.parts import rays
+    from workflows.figures.last_barrier import draw_last_barrier
+    from workflows.parts import findings, rays
 
     angles = rays.ray_angles(angles, tips)
     job = last_barrier(angles, tol)
     with run.sweeping(job):
         barrier = run.keep("boundary", rays.unfolded(run.sweep(job), angles), tol=tol)
         run.table("last_barrier", barrier)
-        run.figure("last_barrier", figures.draw_last_barrier(barrier), figures.caption(barrier))
+        run.figure("last_barrier", draw_last_barrier(barrier), findings.boundary_found(barrier))
 
 
 if __name__ == "__main__":

@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 
 from nasm import barriers
-from nasm.numbers import RotationNumber, moebius
+from nasm.numbers import RotationNumber, moebius, parse
 from nasm.symmetries import fold, ray
 from pipeline.cubes.cube import PAPER, Job, blank, coordinate, text
 from pipeline.cubes.rays import KICKS, angles_of_rays, cube_on_rays, per_ray, scales
@@ -67,7 +67,8 @@ def unfolded(barrier, angles):
     """Return the cube `barrier` on rays whose images it holds: a Dataset with dim (angle).
 
     Its coordinate `circle` is the exact text of the last circle's ω in [0, 1], "" where none is
-    named; that of 2 - ω is its mirror image.
+    named; that of 2 - ω is its mirror image. `tied` is that of a circle that breaks together with
+    it, as on the axes; "" elsewhere.
     """
     angles = np.asarray(angles, dtype=float)
     wedge, mirrored = fold(angles)
@@ -77,6 +78,7 @@ def unfolded(barrier, angles):
     table = there.drop_vars(["quotients", "tail_length", "quotient"]).assign_coords(
         angle=angles_of_rays(angles),
         circle=text("angle", circles, "exact rotation number of the last circle, per step"),
+        tied=text("angle", map(tie, circles, angles), "that of a circle that breaks with it"),
     )
     for name, direction in zip(KICKS, ray(angles).T, strict=True):
         table[name] = table.critical_scale.copy(data=table.critical_scale * direction)
@@ -93,6 +95,11 @@ def _circle(quotients, tail_length, mirrored):
         return ""
     omega = RotationNumber(tuple(quotients[:-tail_length]), tuple(quotients[-tail_length:]))
     return str(moebius(omega, -1, 1) if mirrored else omega)
+
+
+def tie(circle, angle):
+    """Return the text of the ω that breaks together with that of `circle` on an axis; else ""."""
+    return str(barriers.tied(parse(circle), ray(angle)) or "") if circle else ""
 
 
 def _compute(coords, settings):

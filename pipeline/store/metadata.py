@@ -6,7 +6,6 @@ made the cube; any other driver must agree with it.
 """
 
 import json
-import re
 import warnings
 from contextlib import suppress
 from math import prod
@@ -26,13 +25,21 @@ MAX_TILES = 2**24
 
 
 def names(place):
-    """Names of the cubes in the place; Refused if the place does not exist."""
+    """Names of the cubes in the place; Refused if it does not exist, or holds another's zarr."""
     with explained(place):
         try:
             folders = place.objects().list_with_delimiter()["common_prefixes"]
         except FileNotFoundError:
             raise Refused(f"{place} does not exist; give the --out or --store of a run") from None
-    return sorted(m[1] for f in folders if (m := re.fullmatch(r"(\w+)\.zarr", f, re.ASCII)))
+        found = sorted(
+            folder.removesuffix(".zarr") for folder in folders if folder.endswith(".zarr")
+        )
+        for name in found:
+            if _is_foreign(place, name):
+                raise Refused(
+                    f"{place.cube(name)} is not a cube of this program; move it elsewhere"
+                )
+    return found
 
 
 def check(place, cube, computed_by):
@@ -155,9 +162,17 @@ def _is_taken(place, name):
     with suppress(FileNotFoundError):
         if any(place.objects().list(f"{name}.zarr/{COMMIT}/c")):
             return True
+    return _is_foreign(place, name)
+
+
+def _is_foreign(place, name):
+    """Whether there is a zarr array or group that another program has made, of version 2 or 3."""
+    if any(_attributes(place, name, key) for key in (f"{COMMIT}/zarr.json", "zarr.json")):
+        return False
     with suppress(ValueError, RecursionError):
-        return bool(json.loads(_read(place, name, "zarr.json")))
-    return False
+        if json.loads(_read(place, name, "zarr.json")):
+            return True
+    return any(_read(place, name, key) for key in (".zgroup", ".zarray"))
 
 
 def _read(place, name, key):

@@ -29,6 +29,8 @@ class Progress:
         """Add tiles to be done, and the seconds predicted for them."""
         self.tiles += tiles
         self.seconds += seconds
+        if self.stream.isatty():
+            self._show("\r")
 
     def advance(self, tiles, seconds):
         """Count tiles as done."""

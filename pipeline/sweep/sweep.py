@@ -67,7 +67,7 @@ class Outcome:
     remaining: int
 
 
-def sweep(client, place, job, wanted=None, progress=None):
+def sweep(client, place, job, wanted=None, progress=None, label=None):
     """Compute the missing tiles of the job's cube into the store.
 
     Parameters
@@ -77,6 +77,7 @@ def sweep(client, place, job, wanted=None, progress=None):
     job : Job; its cube is created in the store if it is not there.
     wanted : iterable of tile indices, default all.
     progress : the Progress of a series of sweeps, instead of a line for this one.
+    label : text that names this sweep on its lines, default the name of the cube.
 
     Returns
     -------
@@ -90,6 +91,7 @@ def sweep(client, place, job, wanted=None, progress=None):
     stays.
     """
     cube, computed_by = job.cube, store.computed_by()
+    label = label or cube.name
     store.create(place, cube, computed_by)
     tiles = store.missing(place, cube)
     if wanted is not None:
@@ -97,13 +99,13 @@ def sweep(client, place, job, wanted=None, progress=None):
         tiles = tiles[[tuple(index) in wanted for index in tiles.tolist()]]
     if not len(tiles):
         if progress is None:
-            print(f"{cube.name}: nothing to compute", file=sys.stderr)
+            print(f"{label}: nothing to compute", file=sys.stderr)
         return Outcome(0, {}, False, 0)
     client = client()
     costs = _predict_all(client, job, tiles)
     if progress is None:
-        _announce(cube, costs, sum(client.nthreads().values()))
-    line = Progress(cube.name, sys.stderr) if progress is None else nullcontext(progress)
+        _announce(label, cube, costs, sum(client.nthreads().values()))
+    line = Progress(label, sys.stderr) if progress is None else nullcontext(progress)
     with _draining_on_interrupt() as interrupt, line as progress:
         progress.begin(len(tiles), costs.sum())
         run = _Run(client, place, job, computed_by, tiles, costs, interrupt, progress)
@@ -116,13 +118,13 @@ def sweep(client, place, job, wanted=None, progress=None):
     return Outcome(run.committed, run.failed, interrupt.is_set(), len(tiles) - run.committed)
 
 
-def _announce(cube, costs, n_threads):
+def _announce(label, cube, costs, n_threads):
     """Say how long a sweep will take, and how much it will write, unless that is little."""
     seconds = costs.sum() / max(1, n_threads)
     if seconds > _LONG:
         share = costs.size / prod(store.tile_counts(cube))
         print(
-            f"{cube.name}: {costs.size} tiles, about {duration(seconds)} on {n_threads} workers, "
+            f"{label}: {costs.size} tiles, about {duration(seconds)} on {n_threads} workers, "
             f"{share * cube.template.nbytes / 1e6:.3g} MB",
             file=sys.stderr,
         )

@@ -21,7 +21,7 @@ def main(run, **size):
     The defaults take some minutes on two cores; --angles 19 --tips 8 --tol 1e-3 --n-max 20000
     --n-orbits 64 about one.
     """
-    from workflows.claims.page import counted, write_page, write_tables
+    from workflows.claims.page import contradicted, counted, write_page, write_tables
     from workflows.claims.study import examine, planned
 
     jobs, rays = planned(**size)
@@ -32,6 +32,7 @@ def main(run, **size):
         write_page(run, *found, f"python -m workflows.claims {options}")
         write_tables(run, *found[:3])
         run.say(counted(*found[:2]))
+        run.say(contradicted(found[0]))
 
 
 if __name__ == "__main__":

@@ -11,6 +11,7 @@ from workflows.claims.map import largest
 from workflows.claims.rules import CLAIMS, Claim, agrees, graded, identity, printed, rounding
 from workflows.parts.amplitudes import amplitudes
 from workflows.parts.direct import exponent
+from workflows.parts.rays import with_tie
 
 KAPPA_G = printed("0.971635406")
 _LIMITS = "python -m pytest tests/test_barriers.py::"
@@ -98,7 +99,7 @@ def _critical_circles(place, forcing, angle, part, names):
     near = max(np.finfo(float).eps, *(abs(scale.value / last.value - 1) for scale in scales))
     text = (
         f"they break within {near:.0e} of CB_gt, in parts of it; the last circle found there is "
-        f"{last.omega}"
+        f"{with_tie(str(last.omega), angle)}"
     )
     return [
         Claim(

@@ -8,6 +8,7 @@ logarithmically. ω is in [0, 1] and stands for ±ω and all ω + 2n.
 import numpy as np
 
 from nasm.numbers import NAMES, parse
+from workflows.parts.rays import with_tie
 
 HEADER = ("φ, degrees", "last circle, ω", "bracket, in parts", *NAMES)
 
@@ -66,7 +67,7 @@ def cells(row):
     )
     return (
         ends,
-        row["circle"] or "open",
+        with_tie(row["circle"], row["from"]) if row["circle"] else "open",
         _text(row["bracket"], "{:.0e}"),
         *(_text(short, "{:.3%}") for short in row["short"].values()),
     )

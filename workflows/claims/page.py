@@ -8,13 +8,32 @@ from workflows.claims.envelope import HEADER, cells
 from workflows.claims.rules import Verdict
 from workflows.parts.page import render
 
+_PLURAL = {
+    Verdict.HOLDS: "hold",
+    Verdict.CAVEAT: "hold with a caveat",
+    Verdict.FAILS: "do not hold",
+    Verdict.UNDECIDED: "are not decided",
+}
+
 
 def counted(claims, errata):
     """Say how many claims have which verdict, and how many errata are shown."""
     counts = Counter(claim.verdict for claim in claims)
-    found = "; ".join(f"{v.value}, {counts[v]}" for v in Verdict if counts[v])
+    found = ", ".join(f"{counts[v]} {_PLURAL[v]}" for v in Verdict)
     shown = sum(erratum.shown for erratum in errata)
-    return f"{len(claims)} claims: {found}. Errata shown by numbers: {shown} of {len(errata)}."
+    return (
+        f"Of {len(claims)} claims of the paper {found}. {shown} of {len(errata)} errata are shown "
+        "by numbers."
+    )
+
+
+def contradicted(claims):
+    """List the claims that do not hold, with what was found instead, a line each."""
+    return "\n".join(
+        f"Does not hold ({claim.place}): {claim.statement}. Found: {claim.value}."
+        for claim in claims
+        if claim.verdict is Verdict.FAILS
+    )
 
 
 def write_page(run, claims, errata, rows, sentences, command):

@@ -80,9 +80,9 @@ def describe_insets(insets):
         for inset in (insets.isel(forcing=i) for i in range(insets.sizes["forcing"]))
     )
     return (
-        f"Insets: how often the orbit of ({insets.start[0]:g}, {insets.start[1]:g}) visits the "
-        f"parts of the cell in {insets.steps} steps (white: never); its range of y, not reduced, "
-        f"at {ranges}."
+        "The same in the upper half plane. Insets: how often the orbit of "
+        f"({insets.start[0]:g}, {insets.start[1]:g}) visits the parts of the "
+        f"cell in {insets.steps} steps (white: never); its range of y, not reduced, at {ranges}."
     )
 
 

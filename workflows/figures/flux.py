@@ -4,6 +4,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from workflows.figures.style import CIRCLE_COLOURS
+from workflows.parts.rays import with_tie
 
 _ETA = 3.0117  # ln(αβ)/ln δ of MacKay's scaling constants, a guide for the eye
 
@@ -38,7 +39,8 @@ def draw_flux(fluxes, fits):
 def caption(fluxes, fits):
     """Describe the figure, with the fitted laws."""
     laws = ", ".join(
-        f"η = {row.exponent:.6f} ± {row.exponent_error:.0e} at {angle:g}° ({row.circle})"
+        f"η = {row.exponent:.6f} ± {row.exponent_error:.0e} at {angle:g}° "
+        f"({with_tie(row.circle, angle)})"
         for angle, row in fits.to_dataframe().iterrows()
     )
     return (

@@ -61,22 +61,3 @@ def three_panels(figure):
     places, ratios = [["plane", "plane"], ["strip", "tip"]], ([1.5, 1], [2.4, 1])
     panels = figure.subplot_mosaic(places, height_ratios=ratios[0], width_ratios=ratios[1])
     return panels.values()
-
-
-def caption(barrier):
-    """Say how wide the brackets are, and which circles are the last."""
-    width = (barrier.upper - barrier.lower) / barrier.critical_scale
-    wedge = barrier.isel(angle=np.flatnonzero((barrier.angle <= 45).values))
-    changes = [
-        (float(angle), circle)
-        for i, (angle, circle) in enumerate(zip(wedge.angle, wedge.circle.values, strict=True))
-        if i == 0 or circle != wedge.circle.values[i - 1]
-    ]
-    return (
-        f"The boundary of global transport on {barrier.angle.size} rays, between a certified "
-        f"circle and converse KAM; widest bracket {float(width.max()):.1e} of the scale, "
-        f"{int((barrier.status != 1).sum())} undecided. Circles that are the last to break, from "
-        "the angle on: "
-        + ", ".join(f"{angle:g}° {circle or 'undecided'}" for angle, circle in changes)
-        + "."
-    )

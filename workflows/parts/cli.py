@@ -6,8 +6,11 @@ Heavy imports wait until the options are parsed, so that --help comes at once.
 import functools
 import sys
 from importlib import import_module
+from pathlib import Path
 
 import click
+
+from nasm import __version__
 
 
 def command(**settings):
@@ -15,6 +18,7 @@ def command(**settings):
 
     def decorate(function):
         @click.command(context_settings={"help_option_names": ["-h", "--help"], **settings})
+        @click.version_option(__version__, message="nasm %(version)s")
         @functools.wraps(function)
         def wrapped(**options):
             try:
@@ -26,6 +30,13 @@ def command(**settings):
         return wrapped
 
     return decorate
+
+
+def commands():
+    """Return the names of all commands: each .py of `workflows`, and each package that runs."""
+    here = Path(__file__).parents[1]
+    names = [path.stem for path in here.glob("[!_]*.py")]
+    return sorted(names + [path.parent.name for path in here.glob("*/__main__.py")])
 
 
 def main_of(name):
@@ -179,6 +190,11 @@ cluster_options = together(
 )
 
 
+def _say_hello(out):
+    """Say that the command has begun: the imports take seconds."""
+    click.echo(f"loading; results go to {out}", err=True)
+
+
 def place_options(function):
     """Add --out and --store, and pass the Place of the cubes on as `place`."""
 
@@ -199,6 +215,7 @@ def writes(function):
     @out_option
     @functools.wraps(function)
     def wrapped(out, **options):
+        _say_hello(out)
         from workflows.parts.run import Run, place_of
 
         return function(run=Run(out, place_of(out)), **options)
@@ -214,6 +231,7 @@ def sweeps(function):
     @cluster_options
     @functools.wraps(function)
     def wrapped(out, store, workers, scheduler, tls, **options):
+        _say_hello(out)
         from workflows.parts.run import Run, place_of
 
         cluster = {"n_workers": workers, "scheduler": scheduler, "tls": tls}

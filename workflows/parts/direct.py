@@ -39,7 +39,7 @@ def boundary_job(barrier, n_max, n_orbits):
 def inwards(run, job):
     """Sweep the job's cube from the largest excess inwards, on each ray to the first no-escape."""
     rays = range(job.cube.sizes["angle"])
-    with Progress(job.cube.name, sys.stderr) as progress:
+    with Progress(run.label(job.cube.name), sys.stderr) as progress:
         for excess in reversed(range(job.cube.sizes["excess"])):
             found = run.sweep(job, {(ray, excess) for ray in rays}, progress)
             times = found.escape_time[-1, :, excess].values

@@ -7,7 +7,7 @@ the cube `barrier` holds the images of rays in the wedge 0 ≤ κ2 ≤ κ1, and 
 import numpy as np
 
 from nasm.numbers import NAMES, parse
-from pipeline.cubes.barrier import unfolded
+from pipeline.cubes.barrier import tie, unfolded
 from workflows.parts.tables import described
 
 PAPER_CIRCLES = sorted(map(parse, NAMES), key=float)
@@ -26,6 +26,12 @@ def ray_angles(n, tips):
 def rotated_rays(n, tips):
     """Return the rays of `ray_angles` as angles θ = 45° - φ of the (κ̄, Δκ) plane."""
     return np.unique(np.append((45 - ray_angles(n, tips)) % 180, 180.0).round(9))
+
+
+def with_tie(circle, angle):
+    """Return the text of ω, and of the one that is tied with it."""
+    other = tie(circle, angle)
+    return f"{circle}, tied with {other}" if other else circle or "undecided"
 
 
 def two_kicks(barrier, angles):

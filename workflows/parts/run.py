@@ -7,9 +7,11 @@ Exit codes: 0 done; 1 tiles failed, or the workers are gone, or the disk or the 
 import os
 import sys
 from contextlib import contextmanager
+from functools import cache, partial
 
 import click
 
+from nasm.kernels import are_compiled
 from pipeline import store
 from pipeline.cubes.cube import Cube
 from pipeline.sweep.cluster import ClusterError, connect
@@ -39,6 +41,7 @@ class Run:
     def __init__(self, out, place, cluster=None):
         self.out, self.place, self.cluster = out, place, cluster
         self.client = None
+        self.begun, self.sweeps = {}, 0
         self.words, self.written = [], {}
 
     @contextmanager
@@ -46,16 +49,24 @@ class Run:
         """Hold the place as its one driver; at the end print what was found, and where it is."""
         with explained(self.place), store.driving(self.place):
             os.makedirs(self.out, exist_ok=True)
+            if not are_compiled():
+                words = "kernels are not compiled yet: that takes about 20 s, once per machine"
+                click.echo(words, err=True)
             yield self
         self._finish()
 
     @contextmanager
-    def sweeping(self, *jobs):
-        """As `driving`, with workers for the sweeps; refuse a place with other settings first."""
+    def sweeping(self, *jobs, sweeps=None):
+        """As `driving`, with workers for the sweeps; refuse a place with other settings first.
+
+        sweeps : how many there will be, if that is not one for each job.
+        """
+        self.sweeps = sweeps or len(jobs)
         with explained(self.place):
             for job in jobs:
                 self.check(job.cube)
-            with connect(**self.cluster) as self.client, self.driving():
+            with connect(**self.cluster) as client, self.driving():
+                self.client = partial(_told, client, self.cluster.get("scheduler"))
                 yield self
 
     def check(self, cube):
@@ -67,9 +78,15 @@ class Run:
 
         `progress` is the line of a series of sweeps. The program ends if tiles fail, and on Ctrl-C.
         """
-        _go_on(sweep(self.client, self.place, job, wanted, progress))
+        label = self.label(job.cube.name)
+        _go_on(sweep(self.client, self.place, job, wanted, progress, label))
         self._note("cubes", self.place.cube(job.cube.name))
         return store.read(self.place, job.cube.name)
+
+    def label(self, name):
+        """Return the name of a sweep, with its number among those of this run."""
+        number = self.begun.setdefault(name, len(self.begun) + 1)
+        return name if self.sweeps < 2 else f"sweep {number} of {self.sweeps}, {name}"
 
     def keep(self, name, dataset, tile=None, **settings):
         """Write a cube that no sweep computes, whole; return it as a Dataset."""
@@ -101,8 +118,8 @@ class Run:
         return path
 
     def _finish(self):
-        for words in filter(None, self.words):
-            click.echo(click.wrap_text(words, 100))
+        for line in "\n".join(self.words).splitlines():
+            click.echo(click.wrap_text(line, 100))
         for kind, paths in self.written.items():
             click.echo(f"{kind + ':':9}{', '.join(paths)}")
 
@@ -120,6 +137,14 @@ def explained(place):
         raise click.ClickException(f"{fault}. {again}") from None
     except OSError as error:  # no workers, or no room for a table
         raise click.ClickException(str(error)) from None
+
+
+@cache
+def _told(connect, scheduler):
+    """Connect to the workers, and say that they are waited for."""
+    words = "starting workers on this machine" if scheduler is None else "connecting to the workers"
+    click.echo(words, err=True)
+    return connect()
 
 
 @contextmanager

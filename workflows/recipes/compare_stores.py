@@ -13,7 +13,9 @@ import numpy as np
 import xarray as xr
 
 if len(sys.argv) < 3 or not all(Path(d, "escape.zarr").is_dir() for d in sys.argv[1:3]):
-    print(__doc__, file=sys.stderr)
+    missing = [out for out in sys.argv[1:3] if not Path(out, "escape.zarr").is_dir()]
+    words = [f"{out} has no cube escape.zarr; workflows.escape_plane makes one" for out in missing]
+    print(__doc__, *words, sep="\n", file=sys.stderr)
     sys.exit(2)
 one, other = (xr.open_zarr(Path(out) / "escape.zarr", chunks=None) for out in sys.argv[1:3])
 own = {"created", "config_hash", "git_commit", "library_versions", "python_version"}

@@ -16,7 +16,10 @@ import xarray as xr
 from contourpy import contour_generator
 
 if len(sys.argv) < 2 or not Path(sys.argv[1], "escape.zarr").is_dir():
-    print(__doc__, file=sys.stderr)
+    missing = [
+        f"{out} has no cube escape.zarr; workflows.escape_plane makes one" for out in sys.argv[1:2]
+    ]
+    print(__doc__, *missing, sep="\n", file=sys.stderr)
     sys.exit(2)
 out = Path(sys.argv[1])
 cube = xr.open_zarr(out / "escape.zarr")

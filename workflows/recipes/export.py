@@ -15,7 +15,9 @@ import xarray as xr
 
 name = sys.argv[2] if len(sys.argv) > 2 else "barrier"
 if len(sys.argv) < 2 or not Path(sys.argv[1], f"{name}.zarr").is_dir():
-    print(__doc__, file=sys.stderr)
+    there = sorted(path.stem for out in sys.argv[1:2] for path in Path(out).glob("*.zarr"))
+    missing = [f"{out} has no cube {name}.zarr, but {there}" for out in sys.argv[1:2]]
+    print(__doc__, *missing, sep="\n", file=sys.stderr)
     sys.exit(2)
 out = Path(sys.argv[1])
 cube = xr.open_zarr(out / f"{name}.zarr", chunks=None)

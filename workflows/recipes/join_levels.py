@@ -16,7 +16,11 @@ import pandas as pd
 import xarray as xr
 
 if len(sys.argv) < 2 or not Path(sys.argv[1], "escape_level0.zarr").is_dir():
-    print(__doc__, file=sys.stderr)
+    missing = [
+        f"{out} has no cube escape_level0.zarr; workflows.escape_plane --levels 4 makes one"
+        for out in sys.argv[1:2]
+    ]
+    print(__doc__, *missing, sep="\n", file=sys.stderr)
     sys.exit(2)
 out = Path(sys.argv[1])
 count = len(list(out.glob("escape_level*.zarr")))

@@ -38,7 +38,7 @@ def main(run, quick, only, angle):
     On one core, about a minute and a half with --quick and fifteen minutes without.
     """
     from workflows.figures.work_precision import draw_work_precision
-    from workflows.work_precision.measure import cells, measure, plan, table
+    from workflows.work_precision.measure import cells, fastest, measure, plan, table
 
     only = tuple(dict.fromkeys(only))
     with run.driving():
@@ -49,8 +49,8 @@ def main(run, quick, only, angle):
         cells(data).to_csv(path, index=False, float_format="%.6g")
         path = run.path("tables", "work_precision.md")
         Path(path).write_text(f"{table(data)}\n", encoding="utf-8")
-        run.figure("work_precision", draw_work_precision(data))
-    click.echo(f"\n{table(data)}")
+        run.figure("work_precision", draw_work_precision(data), fastest(data))
+        click.echo(f"{table(data)}\n")
 
 
 if __name__ == "__main__":

@@ -137,6 +137,23 @@ def seconds_for(data, accuracy):
     return np.where(np.isinf(seconds), nan, seconds)
 
 
+def fastest(data):
+    """Say which answer to the question is the cheapest for which accuracy."""
+    cheapest = {}
+    for accuracy in ACCURACIES:
+        seconds = seconds_for(data, accuracy)
+        if np.isfinite(seconds).any():
+            best = int(np.nanargmin(seconds))
+            cheapest[data.method.attrs["names"][best], f"{seconds[best]:.2g} s"] = accuracy
+    parts = [f"{accuracy:.0e} by {name} in {s}" for (name, s), accuracy in cheapest.items()]
+    return (
+        f"CPU time until the relative error of the last breakup is small on each of the rays at "
+        f"{', '.join(f'{angle:g}°' for angle in data.angle.values)}, judged by Greene's residue to "
+        f"{float(data.judge_error.max()):.0e}. The cheapest: {'; '.join(parts) or 'none'}. Circles "
+        "and residues must be told ω; barriers and converse KAM need not."
+    )
+
+
 def table(data):
     """Write a Markdown table: which method for which accuracy, and its first run."""
     columns = [seconds_for(data, accuracy) for accuracy in ACCURACIES]
