@@ -64,6 +64,7 @@ def test_figures_compute_no_physics(module):
     assert {name for name in imports(module) if name.startswith("nasm.")} <= {
         "nasm.numbers",
         "nasm.numbers.NAMES",
+        "nasm.numbers.moebius",
         "nasm.numbers.parse",
     }
 
