@@ -26,10 +26,11 @@ def draw_critical_boundary(plane, circles, barrier):
         rf"Where the last barrier breaks; behind it, escape of {int(plane.ensemble[-1])} orbits "
         rf"within ${steps}$ steps"
     )
-    strip = barrier.sel(angle=[123.0, 127.0], method="nearest")
-    rise, run = (float(np.diff(strip[name])[0]) for name in ("kappa2", "kappa1"))
-    axes.text(1.07 * strip.kappa1.mean(), 1.07 * strip.kappa2.mean(),
-              f"no barrier left, but no escape in ${steps}$ steps", ha="center", va="center",
-              size=9, rotation=np.rad2deg(np.arctan(rise / run)), clip_on=True)  # fmt: skip
+    x, y = (
+        1.07 * np.interp((120, 130), barrier.angle, barrier[name]) for name in ("kappa1", "kappa2")
+    )
+    axes.text(x.mean(), y.mean(), f"no barrier left, but no escape in ${steps}$ steps", ha="center",
+              va="center", size=8, rotation=np.rad2deg(np.arctan(np.ptp(y) / -np.ptp(x))),
+              clip_on=True)  # fmt: skip
     axes.legend(loc="upper center", fontsize="small")
     return figure

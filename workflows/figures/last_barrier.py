@@ -108,11 +108,12 @@ def _draw_circle_strip(axes, barrier, classes, colours):
     """Draw which circle is the last, by angle: of ω and 1 - ω the larger."""
     angle = barrier.angle.values
     omega = np.maximum(barrier.omega.values, 1 - barrier.omega.values)
+    places = dict(zip(colours, [90, 90, 90, 90, 15, 165], strict=False))  # the last are close
     for name, colour in colours.items():
         here = classes == name
         axes.plot(angle[here], omega[here], ".", color=colour, ms=5)
         if colour.startswith("#") and here.any():
-            axes.text(90, omega[here][0], name, color=colour, ha="center", va="center", size=9,
+            axes.text(places[name], omega[here][0], name, color=colour, ha="center", va="center", size=9,
                       weight="bold", bbox={"fc": "white", "ec": "none", "pad": 1})  # fmt: skip
     mark_gaps(axes, angle, barrier.status.values != 1)
     axes.set(xlabel=r"angle $\varphi$ of the ray (degrees)", xticks=range(0, 181, 45))
