@@ -1,4 +1,4 @@
-"""Where does each method stop being right? Nine small studies of failure, and one figure.
+"""Where does each method stop being right? Nine small studies of failure, in three figures.
 
 What they found, in the full run:
 
@@ -49,7 +49,7 @@ from workflows.parts.cli import command, writes
 @click.option("--quick", is_flag=True, help="A preview: fewer and shorter runs of everything.")
 @writes
 def main(run, quick):
-    """Where each method stops being right: nine cubes and a figure in OUT.
+    """Where each method stops being right: nine cubes and three figures in OUT.
 
     Two to three minutes on two cores; --quick less than one.
     """
@@ -61,7 +61,8 @@ def main(run, quick):
         for name, study in STUDIES.items():
             found[name] = run.keep(f"stability_{name}", study(quick), quick=quick)
             click.echo(f"{name}: {found[name].attrs['title']}", err=True)
-        run.figure("stability", draw_stability(found))
+        for name, figure in draw_stability(found).items():
+            run.figure(name, figure)
 
 
 if __name__ == "__main__":
