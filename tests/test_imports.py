@@ -62,7 +62,7 @@ def test_commands_and_their_parts_import_no_other_command(module):
 @pytest.mark.parametrize("module", FIGURES)
 def test_figures_compute_no_physics(module):
     assert "pipeline" not in packages(module)
-    numbers = {f"nasm.numbers{name}" for name in ("", ".NAMES", ".parse")}
+    numbers = {f"nasm.numbers{name}" for name in ("", ".NAMES", ".moebius", ".parse")}
     assert {name for name in imports(module) if name.startswith("nasm.")} <= numbers
 
 

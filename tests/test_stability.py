@@ -29,7 +29,9 @@ def test_each_study_keeps_a_labelled_dataset(out, study):
             assert variable.attrs["long_name"]
             assert variable.attrs["units"] in ("1", "degree")
     assert study("cusp").status.attrs["flag_meanings"].split()[OK] == Status.OK.name.lower()
-    assert (out / "stability.png").exists()
+    for name in ("boundary", "searches", "orbits"):
+        for kind in ("png", "pdf"):
+            assert (out / f"stability_{name}.{kind}").exists()
 
 
 def test_other_settings_are_refused_before_the_work(out):

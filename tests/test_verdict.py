@@ -175,7 +175,7 @@ def test_the_answer_in_words_and_as_a_figure(tmp_path, point, told):
 
 def test_the_circle_is_drawn_over_the_whole_period():
     kappa = (0.3, 0.4)
-    figure = draw_verdict(ask.portrait_dataset(kappa, verdict(kappa), None))
+    figure = draw_verdict(ask.portrait_of(kappa, verdict(kappa), None))
     (circle,) = [line for line in figure.axes[0].lines if line.get_label().startswith("$")]
     x, y = circle.get_data()
     assert x[0] <= 0 < 1 <= x[-1]

@@ -12,6 +12,7 @@ from workflows.parts.cli import command, out_option
 
 _STARTS, _STEPS = 64, 10**6  # of direct iteration; it only illustrates
 _NEAR = 0.96  # where the boundary is nearer, no orbit escapes: none did on 12 rays, 4% beyond
+_INSIDE = 0.95  # of the breakup, where the last circle is drawn that broke
 
 
 def escaping_orbit(kappa):
@@ -36,22 +37,31 @@ def escaping_orbit(kappa):
     return None
 
 
-def portrait_dataset(kappa, verdict, escaping):
-    """Return the portrait to be drawn, with the circle or the escaping orbit if there is one."""
-    import xarray as xr
+def portrait_of(kappa, verdict, escaping):
+    """Return what `draw_verdict` takes: orbits, and the circle, or where the last one was."""
+    import numpy as np
 
-    from nasm import orbits
+    from nasm import circles, orbits
+    from nasm.verdict import Answer
 
     x, y = orbits.portrait(kappa, 80, 600)
-    dataset = xr.Dataset({"x": (("step", "orbit"), x), "y": (("step", "orbit"), y)})
-    dataset.attrs = {"kappa": list(kappa), "answer": verdict.answer.value}
-    if verdict.circle is not None:
-        dataset.attrs["omega"] = str(verdict.boundary.omega)
-        dataset = dataset.assign(circle_x=("theta", verdict.circle[0]))
-        dataset = dataset.assign(circle_y=("theta", verdict.circle[1]))
-    if escaping is not None:
-        dataset = dataset.assign(escaping_x=("time", escaping[0]), escaping_y=("time", escaping[1]))
-    return dataset
+    boundary, lost = verdict.boundary, None
+    if verdict.answer is Answer.TRANSPORT and boundary.omega is not None and boundary.value > 0:
+        scale = _INSIDE * boundary.value
+        found = circles.invariant_circle(boundary.omega, scale * np.array(kappa), n_max=2048)
+        lost = (scale, *circles.graph(found)) if found.certified else None
+    return {
+        "kappa": kappa,
+        "answer": verdict.answer.value,
+        "x": x,
+        "y": y,
+        "rotation": orbits.rotation_number(kappa, x[0], y[0], 2000)[0],
+        "omega": str(boundary.omega or ""),
+        "circle": verdict.circle,
+        "lost": lost,
+        "escaping": escaping,
+        "bracket": (boundary.lower, boundary.value, boundary.upper),
+    }
 
 
 def sentences(kappa, verdict, escaping):
@@ -153,7 +163,7 @@ def main(kappa1, kappa2, out):
     from workflows.figures.ask import draw_verdict
     from workflows.figures.style import save
 
-    figure = draw_verdict(portrait_dataset(kappa, found, escaping))
+    figure = draw_verdict(portrait_of(kappa, found, escaping))
     click.echo(f"figures: {', '.join(save(figure, out, f'ask_{kappa1}_{kappa2}'))}")
 
 

@@ -1,40 +1,103 @@
-"""The portrait of one forcing, with what decides the verdict."""
+"""The portrait of one forcing, with what decides the verdict, and where it is in the plane."""
 
-import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib import colormaps
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
 
 from workflows.figures.style import cell, dots
 
+_CIRCLE, _ESCAPING = "black", "#D55E00"
+
 
 def draw_verdict(portrait):
-    """Draw a phase portrait with the circle that is a barrier, or with an orbit that escapes."""
-    escapes = "escaping_y" in portrait
-    figure, panels = plt.subplots(
-        1, 1 + escapes, figsize=(6 + 6 * escapes, 6.2), layout="constrained", squeeze=False
-    )
-    axes = panels[0, 0]
-    axes.plot(portrait.x.values.ravel(), cell(portrait.y.values.ravel()), **dots("0.3", 0.9))
-    if "circle_x" in portrait:
-        stride = max(1, portrait.theta.size // 4096)
-        x, y = portrait.circle_x.values[::stride] % 1, cell(portrait.circle_y.values[::stride])
-        order = np.argsort(x)
-        x, y = x[order], y[order]
-        # One point more at each end, so that the period is covered from 0 to 1.
-        x, y = np.r_[x[-1] - 1, x, x[0] + 1], np.r_[y[-1], y, y[0]]
-        axes.plot(x, y, color="#D55E00", lw=1.8, label=rf"$\omega = {portrait.omega}$")
-    if escapes:
-        time = np.arange(portrait.time.size)
-        x, y = portrait.escaping_x.values, portrait.escaping_y.values
-        size = 1.5 + 12 / np.sqrt(time.size)  # a few points are lost among the portrait's
-        axes.plot(x % 1, cell(y), **dots("#D55E00", size))
-        axes.plot([], [], label="orbit that escapes", **dots("#D55E00", 9))
-        panels[0, 1].plot(time, y, color="#D55E00", lw=0.3, marker=".", ms=size, rasterized=True)
-        panels[0, 1].set(xlabel="step $n$", ylabel="$y_n$ of the orbit that escapes", box_aspect=1)
-        panels[0, 1].xaxis.get_major_locator().set_params(integer=True)
+    """Draw a phase portrait with the circle that is a barrier, or the one that broke, an orbit that
+    crosses its place, and the forcing in the plane.
+
+    portrait : mapping of kappa, the two strengths; answer, a word; x, y, arrays (step, orbit), and
+    rotation, the ω of each orbit, NaN if chaotic; omega, text, "" if unknown; circle, (x, y) or
+    None; lost, (scale, x, y) of that circle at the forcing times scale, or None; escaping, (x, y)
+    of an orbit or None; bracket, (lower, value, upper) of the breakup in parts of the forcing.
+    """
+    figure = Figure(figsize=(11, 6.2), layout="constrained")
+    places = [["plane", "time"], ["plane", "where"]]
+    panels = figure.subplot_mosaic(places, width_ratios=[1.5, 1])
+    axes, time, where = panels["plane"], panels["time"], panels["where"]
+    _draw_orbits(axes, portrait)
+    omega = rf"$\omega = {portrait['omega']}$"
+    if portrait["circle"] is not None:
+        _draw_circle(axes, *portrait["circle"], color=_CIRCLE, lw=1.8, label=omega)
+    if portrait["lost"] is not None:
+        scale, x, y = portrait["lost"]
+        words = f"{omega} before it broke, at {scale:.3g} times the strengths"
+        _draw_circle(axes, x, y, color=_CIRCLE, lw=1.4, ls="--", label=words)
+    if portrait["escaping"] is None:
+        _draw_heights(time, portrait)
+    else:
+        x, y = portrait["escaping"]
+        size = 1.5 + 12 / np.sqrt(x.size)  # a few points are lost among the portrait's
+        axes.plot(x % 1, cell(y), **dots(_ESCAPING, size))
+        axes.plot([], [], label="orbit that escapes", **dots(_ESCAPING, 9))
+        time.plot(
+            np.arange(x.size), y, color=_ESCAPING, lw=0.3, marker=".", ms=size, rasterized=True
+        )
+        time.set(xlabel="step $n$", ylabel="$y_n$ of the orbit that escapes")
+        time.xaxis.get_major_locator().set_params(integer=True)
     axes.set(xlim=(0, 1), ylim=(-0.25, 0.75), xlabel="$x$ (turns)", ylabel="$y$ (mod 1)")
     axes.set_aspect("equal")
     if axes.get_legend_handles_labels()[0]:
-        axes.legend(loc="lower right", bbox_to_anchor=(1, 1), frameon=False)
-    kappa1, kappa2 = portrait.kappa
-    figure.suptitle(rf"$(\kappa_1, \kappa_2)$ = ({kappa1}, {kappa2}): {portrait.answer}")
+        axes.legend(loc="lower right", bbox_to_anchor=(1, 1), frameon=False, fontsize="small")
+    _locate(where, portrait)
+    kappa1, kappa2 = portrait["kappa"]
+    figure.suptitle(rf"$(\kappa_1, \kappa_2)$ = ({kappa1}, {kappa2}): {portrait['answer']}")
     return figure
+
+
+def _draw_orbits(axes, portrait):
+    """Draw each orbit in the colour of its rotation number, the chaotic ones grey."""
+    colours, norm = colormaps["viridis"], Normalize(0, 1)
+    for x, y, omega in zip(portrait["x"].T, portrait["y"].T, portrait["rotation"], strict=True):
+        near = abs((omega + 1) % 2 - 1)  # ω stands for ±ω and all ω + 2n
+        colour = colours(norm(near)) if np.isfinite(omega) else "0.7"
+        axes.plot(x, cell(y), **dots(colour, 1.2))
+    label = r"$\omega$ of the orbit, in $[0, 1]$; grey: chaotic"
+    axes.figure.colorbar(ScalarMappable(norm, colours), ax=axes, label=label, shrink=0.8)
+
+
+def _draw_circle(axes, x, y, **style):
+    stride = max(1, x.size // 4096)
+    x, y = x[::stride] % 1, cell(y[::stride])
+    order = np.argsort(x)
+    x, y = x[order], y[order]
+    # One point more at each end, so that the period is covered from 0 to 1.
+    axes.plot(np.r_[x[-1] - 1, x, x[0] + 1], np.r_[y[-1], y, y[0]], **style)
+
+
+def _draw_heights(axes, portrait):
+    """Draw ω of the portrait's orbits by the height that they start at."""
+    y, omega = portrait["y"][0], portrait["rotation"]
+    for line, colour, words in ((0, "#0072B2", "0"), (1, "#D55E00", "1/2")):
+        axes.plot(y[line::2], omega[line::2], ".", color=colour, label=f"from $x = {words}$")
+    axes.set(xlabel="$y$ of the start", ylabel=r"$\omega$; chaotic: none", xlim=(0, 1))
+    axes.legend(fontsize="x-small")
+
+
+def _locate(axes, portrait):
+    """Draw the forcing in the plane, the ray through it, and the breakup with its bracket."""
+    kappa = np.array(portrait["kappa"], float)
+    ends = [end if np.isfinite(end) else np.nan for end in portrait["bracket"]]
+    reach = 1.15 * max(np.abs(kappa).max() * np.nanmax([1.0, *ends]), 1e-300)
+    far = reach * kappa / max(np.abs(kappa).max(), 1e-300)
+    axes.plot(*np.transpose([-far, far]), ":", color="0.5", lw=0.8)
+    lower, value, upper = ends
+    axes.plot(*np.outer(kappa, [lower, upper]), color="#0072B2", lw=3, solid_capstyle="butt")
+    axes.plot(
+        *(value * kappa), "o", color="#0072B2", mfc="none", label="breakup of the last circle"
+    )
+    axes.plot(*kappa, "*", color="black", ms=9, label="the forcing")
+    axes.axhline(0, color="0.8", lw=0.6, zorder=0)
+    axes.axvline(0, color="0.8", lw=0.6, zorder=0)
+    axes.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$", aspect="equal")
+    axes.set(xlim=(-reach, reach), ylim=(-reach, reach))
+    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1), fontsize="x-small", frameon=False)

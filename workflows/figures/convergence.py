@@ -3,7 +3,7 @@
 import matplotlib.pyplot as plt
 import numpy as np
 
-from workflows.figures.style import CIRCLE_COLOURS, power
+from workflows.figures.style import CIRCLE_COLOURS, letter, power
 
 
 def draw_convergence(bias, others, fits):
@@ -11,18 +11,19 @@ def draw_convergence(bias, others, fits):
     figure, panels = plt.subplots(2, 2, figsize=(11, 9), layout="constrained")
     direct, orbits, cones, sharp = panels.flat
     for i, angle in enumerate(bias.angle.values):
+        dashes = (2 * i, (4, 4)) if i else "-"  # where curves coincide, all are seen
         colour, words = CIRCLE_COLOURS[i], rf"$\varphi = {angle:g}°$"
         eta, deviation = fits[angle]
         label = rf"{words}: $\eta = {eta:.2f} \pm {deviation:.2f}$"
         direct.plot(bias.n, bias.sel(angle=angle)[-1], ".", color=colour, label=label)
         ratio = bias.sel(angle=angle) / bias.sel(angle=angle).isel(ensemble=-1)
-        orbits.plot(bias.ensemble, ratio.mean("n"), ".-", color=colour, label=words)
+        orbits.plot(bias.ensemble, ratio.mean("n"), ".", ls=dashes, color=colour, label=words)
         here = others.sel(angle=angle)
-        cones.plot(here.steps, here.cones_raw, "o-", color=colour, label=f"{words}: upper")
-        cones.plot(here.steps, here.cones_corrected, "s--", color=colour, mfc="none")
+        cones.plot(here.steps, here.cones_raw, "o", ls=dashes, color=colour, label=words)
+        cones.plot(here.steps, here.cones_corrected, "s", ls=dashes, color=colour, mfc="none")
         q = here.residue.dropna("q")
-        sharp.plot(q.q, q, ".-", color=colour, label=f"{words}: residues")
-        sharp.plot(here.modes, here.circles_raw, "^--", color=colour, mfc="none")
+        sharp.plot(q.q, q, ".", ls=dashes, color=colour, label=words)
+        sharp.plot(here.modes, here.circles_raw, "^", ls=dashes, color=colour, mfc="none")
     n = bias.n.values
     middle = float(bias[-1].median())
     for slope, style in ((2.681, ":"), (3.012, "-"), (3.322, "--")):
@@ -33,13 +34,21 @@ def draw_convergence(bias, others, fits):
     direct.set_ylabel(r"$\kappa_N/\kappa_c - 1$")
     orbits.set(title=f"Bias in parts of that with {count[-1]} orbits", xlabel="orbits $M$")
     orbits.set_ylabel("mean over $N$")
-    cones.set(title="Converse KAM; dashed: corrected", xlabel="steps $N$", ylabel="relative error")
+    cones.set(title="Converse KAM", xlabel="steps $N$", ylabel="relative error")
     sharp.set(
-        title="Residue crossings; dashed: last certified circle",
+        title="Greene's residue, and certified circles",
         xlabel="period $q$, or grid points $n$",
         ylabel="relative error",
     )
-    for axes in panels.flat:
+    for axes, mark, words in (
+        (cones, "o", "upper bound"),
+        (cones, "s", "corrected for $N$"),
+        (sharp, ".", "residue crossing, by $q$"),
+        (sharp, "^", "last certified circle, by $n$"),
+    ):
+        axes.plot([], [], mark, color="0.4", mfc="none" if mark in "s^" else None, label=words)
+    for axes, name in zip(panels.flat, "abcd", strict=True):
+        letter(axes, name)
         axes.set(xscale="log", yscale="linear" if axes is orbits else "log")
         axes.grid(lw=0.3)
         axes.legend(fontsize="x-small")

@@ -1,9 +1,10 @@
 """The main job's figure: three methods in one plane."""
 
 import matplotlib.pyplot as plt
+import numpy as np
 
 from workflows.figures.escape_plane import draw_field
-from workflows.figures.last_barrier import draw_barrier, draw_circle_strip, draw_tip, three_panels
+from workflows.figures.last_barrier import draw_panels
 from workflows.figures.style import power
 
 
@@ -12,22 +13,31 @@ def draw_critical_boundary(plane, circles, barrier):
 
     Below: which circle that is, by angle; and how CB_gt falls from the tip at 45°.
     """
-    figure = plt.figure(figsize=(12, 10.5))
-    axes, strip, tip = three_panels(figure)
+    figure = plt.figure(figsize=(12, 10.2), layout="constrained")
+    axes = draw_panels(figure, barrier, region="0.84")
     draw_field(axes, plane)
-    breakdown = {"color": "0.45", "lw": 0.7}
     for i in range(circles.omega.size):
         label = r"$\mathit{CB}_\omega$ of the paper's six circles" if i == 0 else None
-        axes.plot(circles.kappa1[i], circles.kappa2[i], label=label, **breakdown)
-    colours = draw_barrier(axes, barrier)
+        axes.plot(circles.kappa1[i], circles.kappa2[i], label=label, color="0.5", lw=0.6)
     ends = [(float(c.min()), float(c.max())) for c in (plane.kappa1, plane.kappa2)]
-    axes.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$", aspect="equal", xlim=ends[0], ylim=ends[1])
+    axes.set(xlim=ends[0], ylim=ends[1])
+    steps = power(plane.attrs["n_max"])
     axes.set_title(
         rf"Where the last barrier breaks; behind it, escape of {int(plane.ensemble[-1])} orbits "
-        rf"within ${power(plane.attrs['n_max'])}$ steps"
+        rf"within ${steps}$ steps"
+    )
+    x, y = (
+        1.07 * np.interp((120, 130), barrier.angle, barrier[name]) for name in ("kappa1", "kappa2")
+    )
+    axes.text(
+        x.mean(),
+        y.mean(),
+        f"no barrier left, but no escape in ${steps}$ steps",
+        ha="center",
+        va="center",
+        size=8,
+        rotation=np.rad2deg(np.arctan(np.ptp(y) / -np.ptp(x))),
+        clip_on=True,
     )
     axes.legend(loc="upper center", fontsize="small")
-    draw_circle_strip(strip, barrier, colours)
-    draw_tip(tip, barrier, colours)
-    figure.tight_layout()
     return figure

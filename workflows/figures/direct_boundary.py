@@ -33,7 +33,7 @@ def draw_half_plane(boundary, barrier, insets):
     plane.set_title(_title(boundary))
     plane.legend(loc="lower center")
     for i, axes in panels.items():
-        _draw_inset(axes, plane, insets.isel(forcing=int(i)))
+        _draw_inset(axes, plane, insets.isel(forcing=int(i)), barrier)
     return figure
 
 
@@ -112,15 +112,22 @@ def _draw_boundaries(axes, boundary, barrier):
     axes.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$", aspect="equal")
 
 
-def _draw_inset(axes, plane, inset):
+def _draw_inset(axes, plane, inset, barrier):
     """Draw the cell, and a line from it to its forcing in the plane."""
     visits = inset.visits.where(inset.visits > 0)
     axes.imshow(visits, extent=(0, 1, 0, 1), origin="lower", cmap="Blues", norm=LogNorm(vmin=0.1))
     forcing = float(inset.kappa1), float(inset.kappa2)
     axes.set(xlabel="$x$", ylabel="$y$", xticks=[0, 0.5, 1], yticks=[0, 0.5, 1])
-    axes.set_title(f"$({forcing[0]:g}, {forcing[1]:g})$", fontsize="medium")
+    scale = np.interp(np.rad2deg(np.arctan2(*forcing[::-1])), barrier.angle, barrier.critical_scale)
+    beyond, low, high = np.hypot(*forcing) > scale, float(inset.lowest), float(inset.highest)
+    verdict = "transport" if beyond else "barrier"
+    if beyond and high - low < 1:
+        verdict += ", but the orbit\n"
+        verdict += f"stays in {low:.2f} < y < {high:.2f}"
+    title = f"$({forcing[0]:g}, {forcing[1]:g})$: {verdict}"
+    axes.set_title(title, fontsize="medium", color="#D55E00" if "but" in verdict else "black")
     plane.plot(*forcing, "*", color="black", ms=7, zorder=5)
-    edge = (0, 0.5) if forcing[0] > 0 else (1, 0.5)
+    edge = (0, 0.25) if forcing[0] > 0 else (1, 0.25)  # off the labels
     axes.figure.add_artist(
         ConnectionPatch(edge, forcing, "data", "data", axesA=axes, axesB=plane, color="0.5", lw=0.8)
     )

@@ -4,7 +4,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.colors import LogNorm
 
-from workflows.figures.style import CIRCLE_COLOURS, power
+from workflows.figures.style import CIRCLE_COLOURS, power, smoothed
 
 _BOUNDARY_COLOURS = ["black", CIRCLE_COLOURS[2], CIRCLE_COLOURS[5]]  # far from those of the field
 
@@ -18,18 +18,18 @@ def draw_escape_plane(plane, steps):
         rf"Global transport: {int(plane.ensemble[-1])} orbits, up to "
         rf"${power(plane.attrs['n_max'])}$ steps of $\mathcal{{T}}_{{\kappa_1\kappa_2}}$"
     )
-    field = draw_field(axes, plane)
+    field = smoothed(draw_field(axes, plane))
     for n, colour in zip(steps[::-1], _BOUNDARY_COLOURS, strict=False):
         axes.contour(
-            plane.kappa1, plane.kappa2, field <= n, levels=[0.5], colors=colour, linewidths=1.0
+            plane.kappa1, plane.kappa2, field <= n, levels=[0.5], colors=colour, linewidths=1.4
         )
-        axes.plot([], [], color=colour, label=f"$N = {power(n)}$")
+        axes.plot([], [], color=colour, label=f"$N = {power(n)}$, running median")
     figure.legend(loc="outside lower center", ncols=len(steps), frameon=False)
     return figure
 
 
 def draw_field(axes, plane):
-    """Draw the field on a log scale, cells without escape white; return the field."""
+    """Draw the field on a log scale, cells without escape light grey; return the field."""
     field = plane.escape_time.isel(ensemble=-1).values
     extent = []
     for axis in (plane.kappa1.values, plane.kappa2.values):
@@ -37,15 +37,20 @@ def draw_field(axes, plane):
         extent += [axis[0] - half, axis[-1] + half]
     finite = np.where(np.isfinite(field), field, np.nan)
     earliest = max(1.0, np.nanmin(finite)) if np.isfinite(finite).any() else 1.0
+    colours = plt.get_cmap("magma").with_extremes(bad="0.95")
     image = axes.imshow(
         finite,
         extent=extent,
         origin="lower",
         norm=LogNorm(vmin=earliest, vmax=max(plane.attrs["n_max"], 1.1 * earliest)),
-        cmap="magma",
+        cmap=colours,
         interpolation="nearest",
+        zorder=0,
     )
-    axes.figure.colorbar(
-        image, ax=axes, label="first escape $n^*$ (steps); white: none", fraction=0.024, pad=0.02
-    )
+    label = "first escape $n^*$ (steps); light grey: none"
+    if "level" in plane:
+        label += (
+            f"\ncells up to {2 ** (plane.attrs['levels'] - 1)} times wider far from the boundary"
+        )
+    axes.figure.colorbar(image, ax=axes, label=label, fraction=0.024, pad=0.02)
     return field

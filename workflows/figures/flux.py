@@ -3,7 +3,7 @@
 import matplotlib.pyplot as plt
 import numpy as np
 
-from workflows.figures.style import CIRCLE_COLOURS
+from workflows.figures.style import CIRCLE_COLOURS, circle_class, letter, mark_gaps
 from workflows.parts.rays import with_tie
 
 _ETA = 3.0117  # ln(αβ)/ln δ of MacKay's scaling constants, a guide for the eye
@@ -17,20 +17,35 @@ def draw_flux(fluxes, fits):
     for i, angle in enumerate(fluxes.angle.values):
         flux, fit = fluxes.flux.sel(angle=angle).values, fits.sel(angle=angle)
         colour = CIRCLE_COLOURS[i % len(CIRCLE_COLOURS)]
-        label = (
-            rf"$\varphi = {angle:g}°$, $\omega = {fit.circle.item()}$: "
-            rf"$\eta = {float(fit.exponent):.5f}$"
-        )
+        tie = r" (tied with $1 - \omega$)" if angle % 90 == 0 else ""
+        label = rf"$\varphi = {angle:g}°$, $\omega = {circle_class(fit.circle.item())}${tie}"
         whole.plot(x, flux, "o-", ms=3, lw=1, color=colour, label=label)
         divided.plot(x, flux / x**_ETA, "o-", ms=3, lw=1, color=colour)
+        mark_gaps(divided, x, np.isnan(flux))
     middle = np.nanmedian(fluxes.flux / fluxes.excess**_ETA)
-    whole.plot(x, 3 * middle * x**_ETA, "--", color="0.5", label=rf"$\sim x^{{{_ETA}}}$")
+    eta = float(fits.exponent.median())
+    whole.plot(
+        x,
+        3 * middle * x**_ETA,
+        "--",
+        color="0.5",
+        label=rf"$\propto x^\eta$; fitted: $\eta = {eta:.4f}$ in all",
+    )
     whole.set(title="Flux through the last circle, broken", yscale="log")
     whole.set_ylabel(r"$\Delta W$ per step (turns $\times$ $y$)")
     whole.legend(fontsize="x-small")
     divided.set(title=rf"The same, divided by $x^{{{_ETA}}}$", ylim=(0, None))
+    if {0.0, 45.0} <= set(fluxes.angle.values.tolist()):
+        ratio = float(fits.amplitude.sel(angle=45) / fits.amplitude.sel(angle=0))
+        words = (
+            f"45° is {ratio:.3f} times 0°, as both are\n"
+            "standard maps: at 45° a step is two of its\n"
+            "steps (twice the area), and at 0° one,\nwith $2y$ for its $y$ (half the area)"
+        )
+        divided.text(0.03, 0.6, words, transform=divided.transAxes, va="center", fontsize="small")
     divided.set_ylabel(rf"$\Delta W / x^{{{_ETA}}}$")
-    for axes in panels:
+    for axes, name in zip(panels, "ab", strict=True):
+        letter(axes, name)
         axes.set(xscale="log", xlabel=r"distance beyond the breakup, $x = s/s_c - 1$")
         axes.grid(lw=0.3)
     return figure

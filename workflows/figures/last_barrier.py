@@ -1,7 +1,11 @@
-"""CB_gt in the colours of the last circle."""
+"""CB_gt in the colours of the last circle, a colour for each class under the symmetry."""
 
 import matplotlib.pyplot as plt
 import numpy as np
+
+from workflows.figures.style import class_colours, letter, mark_gaps
+
+_TIP = 0.90, 0.98  # of both strengths, in the inset
 
 
 def draw_last_barrier(barrier):
@@ -9,55 +13,132 @@ def draw_last_barrier(barrier):
 
     Below: which circle that is, by angle; and how CB_gt falls from the tip at 45°.
     """
-    figure = plt.figure(figsize=(11, 8.5))
-    plane, strip, tip = three_panels(figure)
-    colours = draw_barrier(plane, barrier)
-    plane.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$", aspect="equal")
-    plane.set_title("Where the last barrier breaks")
-    draw_circle_strip(strip, barrier, colours)
-    draw_tip(tip, barrier, colours)
-    figure.tight_layout()
+    figure = plt.figure(figsize=(11, 9.4), layout="constrained")
+    draw_panels(figure, barrier).set_title("Where the last barrier breaks")
     return figure
 
 
-def draw_tip(axes, barrier, colours):
-    """Draw how far the boundary is below the tip at 45°, on logarithmic axes."""
-    side = barrier.isel(angle=np.flatnonzero(((barrier.angle < 45) & (barrier.angle > 25)).values))
-    short = barrier.critical_scale.sel(angle=45) - side.critical_scale
-    if not (short > 0).any():
+def draw_panels(figure, barrier, region="0.92"):
+    """Draw CB_gt with its tip and bracket, the last circles by angle, and the cusp.
+
+    region : grey of the plane inside CB_gt. Returns the axes of the plane.
+    """
+    places, ratios = [["plane", "plane"], ["strip", "cusp"]], ([1.55, 1], [2, 1])
+    panels = figure.subplot_mosaic(places, height_ratios=ratios[0], width_ratios=ratios[1])
+    plane, strip, cusp = panels.values()
+    classes, colours = class_colours(barrier.angle.values, barrier.circle.values)
+    plane.fill_between(barrier.kappa1, barrier.kappa2, color=region, lw=0, zorder=0.5)
+    _draw_arcs(plane, barrier, classes, colours, 3)
+    _write_circles(plane, barrier, classes, colours)
+    plane.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$", aspect="equal", ylim=(0, None))
+    tip = plane.inset_axes([0.345, 0.09, 0.135, 0.27])
+    tip.fill_between(barrier.kappa1, barrier.kappa2, color=region, lw=0)
+    _draw_arcs(tip, barrier, classes, colours, 2)
+    tip.set(xlim=_TIP, ylim=_TIP, aspect="equal")
+    tip.set_title("the tip, framed", fontsize=8, pad=3)
+    plane.add_patch(plt.Rectangle((_TIP[0],) * 2, *(_TIP[1] - _TIP[0],) * 2, fill=False, lw=0.6))
+    bracket = plane.inset_axes([0.535, 0.09, 0.135, 0.27])
+    _draw_bracket(bracket, barrier)
+    for axes in (tip, bracket):
+        axes.tick_params(labelsize=7)
+    _draw_circle_strip(strip, barrier, classes, colours)
+    _draw_cusp(cusp, barrier, classes, colours)
+    for axes, name in zip(panels.values(), "abc", strict=True):
+        letter(axes, name)
+    return plane
+
+
+def _draw_arcs(axes, barrier, classes, colours, size):
+    """Draw CB_gt as a line and points, each in the colour of the last circle's class."""
+    axes.plot(barrier.kappa1, barrier.kappa2, color="0.4", lw=0.8, zorder=2)
+    shades = [colours[name] for name in classes]
+    axes.scatter(barrier.kappa1, barrier.kappa2, c=shades, s=size**2, zorder=3)
+
+
+def _write_circles(axes, barrier, classes, colours):
+    """Write ω along the arcs that have colours, between 45° and 90°."""
+    for name, colour in colours.items():
+        (here,) = np.nonzero(
+            (classes == name) & (barrier.angle.values >= 45) & (barrier.angle.values <= 90)
+        )
+        if colour.startswith("#") and here.size > 3:
+            x, y = barrier.kappa1.values[here], barrier.kappa2.values[here]
+            slope = np.rad2deg(np.arctan2(y[0] - y[-1], x[0] - x[-1]))
+            axes.annotate(
+                name,
+                (x.mean(), y.mean()),
+                (5, -5),
+                textcoords="offset points",
+                color=colour,
+                size=9,
+                weight="bold",
+                rotation=slope,
+                ha="center",
+                va="top",
+                rotation_mode="anchor",
+                zorder=4,
+            )
+
+
+def _draw_bracket(axes, barrier):
+    """Draw the certified circle below and converse KAM above, in parts of the value."""
+    lower, upper = (1e5 * (barrier[end] / barrier.critical_scale - 1) for end in ("lower", "upper"))
+    axes.fill_between(barrier.angle, lower, upper, color="0.6", lw=0)
+    axes.plot(barrier.angle, upper, color="#D55E00", lw=0.8)
+    axes.plot(barrier.angle, lower, color="#0072B2", lw=0.8)
+    axes.axhline(0, color="black", lw=0.6)
+    axes.set(xlim=(0, 90), xticks=[0, 45, 90])
+    axes.margins(y=0.25)
+    for place, side, words in ((0.98, "top", "no circle"), (0.02, "bottom", "certified circle")):
+        axes.text(0.5, place, words, transform=axes.transAxes, ha="center", va=side, size=7)
+    axes.set_title(r"bracket by $\varphi$, $10^{-5}$", fontsize=8, pad=3)
+
+
+def _draw_cusp(axes, barrier, classes, colours):
+    """Draw how far the boundary is below the tip at 45°, on logarithmic axes, and the power."""
+    (side,) = np.nonzero((barrier.angle.values < 45) & (barrier.angle.values > 25))
+    tip = barrier.critical_scale.sel(angle=[45.0], method="nearest").values
+    below, away = tip - barrier.critical_scale.values[side], 45 - barrier.angle.values[side]
+    if not (below > 0).any():
         axes.set_axis_off()
         return
-    axes.scatter(45 - side.angle, short, c=[colours[c] for c in side.circle.values], s=14)
-    axes.set(xscale="log", yscale="log", xlabel=r"$45° - \varphi$", ylabel="scale below the tip")
+    axes.scatter(away, below, c=[colours[name] for name in classes[side]], s=14, zorder=3)
+    near = (below > 0) & (away <= 2)
+    if near.sum() > 2:
+        power, offset = np.polyfit(np.log(away[near]), np.log(below[near]), 1)
+        line = np.exp(offset) * away**power
+        label = rf"$\propto (45° - \varphi)^{{{power:.2f}}}$, fitted up to 2°"
+        axes.plot(away, line, color="0.5", lw=1, label=label)
+        axes.legend(fontsize="small", loc="upper left")
+    axes.set(xscale="log", yscale="log", title="The cusp")
+    axes.set(xlabel=r"$45° - \varphi$ (degrees)", ylabel="scale below the tip")
     axes.grid(lw=0.3)
 
 
-def draw_barrier(axes, table):
-    """Draw CB_gt, each point in the colour of its last circle; return {circle: colour}."""
-    circles = [c for c in dict.fromkeys(table.circle.values.tolist()) if c]
-    palette = plt.get_cmap("tab20").colors
-    colours = {circle: palette[i % len(palette)] for i, circle in enumerate(circles)}
-    colours[""] = "black"
-    axes.plot(table.kappa1, table.kappa2, color="0.6", lw=0.8, zorder=1)
-    points = [colours[c] for c in table.circle.values]
-    axes.scatter(table.kappa1, table.kappa2, c=points, s=9, zorder=2)
-    return colours
-
-
-def draw_circle_strip(axes, table, colours):
-    """Draw which circle is the last, by angle."""
-    for circle, colour in colours.items():
-        here = table.isel(angle=np.flatnonzero(table.circle.values == circle))
-        if here.angle.size:
-            label = rf"$\omega = {circle}$" if circle else "undecided"
-            axes.plot(here.angle, here.omega, ".", color=colour, ms=5, label=label)
-    axes.set(xlabel=r"angle $\varphi$ of the ray (degrees)", ylabel=r"$\omega$ of the last circle")
-    axes.legend(loc="upper right", fontsize="xx-small", ncols=2)
+def _draw_circle_strip(axes, barrier, classes, colours):
+    """Draw which circle is the last, by angle: of ω and 1 - ω the larger."""
+    angle = barrier.angle.values
+    omega = np.maximum(barrier.omega.values, 1 - barrier.omega.values)
+    places = dict(zip(colours, [90, 90, 90, 90, 15, 165], strict=False))  # the last are close
+    for name, colour in colours.items():
+        here = classes == name
+        axes.plot(angle[here], omega[here], ".", color=colour, ms=5)
+        if colour.startswith("#") and here.any():
+            axes.text(
+                places[name],
+                omega[here][0],
+                name,
+                color=colour,
+                ha="center",
+                va="center",
+                size=9,
+                weight="bold",
+                bbox={"fc": "white", "ec": "none", "pad": 1},
+            )
+    mark_gaps(axes, angle, barrier.status.values != 1)
+    axes.set(xlabel=r"angle $\varphi$ of the ray (degrees)", xticks=range(0, 181, 45))
+    axes.set(ylabel=r"$\omega$ of the last circle, or $1 - \omega$")
+    axes.set_title(
+        r"The last circle: $\omega$ from 0° to 90°, $1 - \omega$ beyond; on the axes the two tie"
+    )
     axes.grid(lw=0.3)
-
-
-def three_panels(figure):
-    """Make axes for the plane, for what happens by angle, and for the tip."""
-    places, ratios = [["plane", "plane"], ["strip", "tip"]], ([1.5, 1], [2.4, 1])
-    panels = figure.subplot_mosaic(places, height_ratios=ratios[0], width_ratios=ratios[1])
-    return panels.values()

@@ -35,11 +35,13 @@ def draw_secondary_points(secondary):
     )
     figure.colorbar(image, ax=axes, label=r"error of the cubic estimate of $z_*$; white: no point")
     stable = (secondary.residue > 0) & (secondary.residue < 1)
-    # Filled and outlined: a hatch is lost in the narrow second region, κ1 = κ2 > 5.
+    # Dense lines: a coarse hatch is lost in the narrow second region, κ1 = κ2 > 5.
     where = secondary.kappa1, secondary.kappa2, stable
-    axes.contourf(*where, levels=[0.5, 1.5], colors=[_STABLE], alpha=0.5)
-    axes.contour(*where, levels=[0.5], colors=[_STABLE], linewidths=1.2)
-    axes.fill_between([], [], [], facecolor=(_STABLE, 0.5), edgecolor=_STABLE, label="stable")
+    axes.contourf(*where, levels=[0.5, 1.5], colors="none", hatches=["//////"])
+    axes.contour(*where, levels=[0.5], colors="black", linewidths=1.2)
+    axes.fill_between(
+        [], [], [], facecolor="none", edgecolor="black", hatch="//////", label="stable"
+    )
     axes.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$", aspect="equal")
     axes.set_title("Secondary period-one orbits next to $(1/2, 0)$")
     axes.legend(loc="lower left")
@@ -67,7 +69,7 @@ def secondary_caption(secondary):
     return (
         "Secondary period-one orbits next to (1/2, 0): where they exist "
         f"({100 * float(exists.mean()):.1f}% of the cells), where they are stable "
-        f"({100 * float(stable.mean()):.1f}%, vermilion), and the error of the paper's cubic "
+        f"({100 * float(stable.mean()):.1f}%, hatched), and the error of the paper's cubic "
         f"estimate of z, with its sign corrected: median {float(error.median()):.2g}, largest "
         f"{float(error.max()):.2g}."
     )

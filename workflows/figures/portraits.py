@@ -24,19 +24,22 @@ def draw_kicks(portraits):
     panels["raw"].set_title(f"(c) nonautonomous map, {_forcing(first)}")
     x, y, kick = portraits.island_x.values, portraits.island_y.values, portraits.kick.values
     for parity, colour, words in ((0, BLUE, "even"), (1, VERMILION, "odd")):
-        panels["island"].plot(x[parity::2], y[parity::2], label=words, **dots(colour, 4))
+        around = (x[parity::2] + 0.25) % 1 - 0.25
+        panels["island"].plot(around, y[parity::2], label=words, **dots(colour, 4))
         # In time x is shown around 0, where one of the islands is.
         centred = (x[:_KICKS_SHOWN] + 0.25) % 1 - 0.25
         panels["time"].plot(
             kick[parity:_KICKS_SHOWN:2], centred[parity::2], "o", color=colour, ms=4
         )
     panels["time"].plot(kick[:_KICKS_SHOWN], centred, color="0.75", lw=0.6, zorder=0)
-    panels["island"].legend(title="kicks", markerscale=3, loc="upper right")
-    panels["island"].set_title(rf"(d) its orbit of $({x[0]:g}, {y[0]:g})$")
+    panels["island"].legend(title="kicks", markerscale=3, loc="upper center", ncols=2)
+    panels["island"].set_title(rf"(d) its orbit of $({x[0]:g}, {y[0]:g})$, zoomed in $y$")
     panels["time"].set(xlabel="kick $n$", ylabel=r"$\hat x_n$", ylim=(-0.25, 0.75))
     panels["time"].set_title("The orbit of (d) in time")
-    for name in ("first", "second", "raw", "island"):
+    for name in ("first", "second", "raw"):
         _label_cell(panels[name])
+    panels["island"].set(xlabel=r"$\hat x$", ylabel="$y$", xlim=(-0.25, 0.75), box_aspect=1)
+    panels["island"].margins(y=0.3)
     return figure
 
 

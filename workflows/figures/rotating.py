@@ -14,6 +14,9 @@ def draw_rotating_circles(circles, two, direct):
     fill_diamond(axes, two, r"$\mathit{CB}_{gt}$")
     mean, amplitude = (circles.kappa1 + circles.kappa2) / 2, (circles.kappa1 - circles.kappa2) / 2
     draw_circles(axes, circles, mean, amplitude)
+    for tip in _tips(axes):
+        fill_diamond(tip, two, None)
+        draw_circles(tip, circles, mean, amplitude)
     _draw_onset(axes, direct)
     axes.set_title(r"Rotating standard map with $\Omega = 1/2$: $T_{\kappa_1\kappa_2}$")
     return _rotating(figure, axes)
@@ -23,9 +26,12 @@ def draw_rotating_tori(tori, two, direct):
     """Draw the breakup of tori by the residue of long orbits, against CB_gt of T, Fig. 11."""
     figure, axes = plt.subplots(figsize=(7, 7))
     fill_diamond(axes, two, r"$\mathit{CB}_{gt}$ of $T$")
-    for i, vector in enumerate(tori.attrs["vectors"]):
-        colour = CIRCLE_COLOURS[i % len(CIRCLE_COLOURS)]
-        draw_diamond(axes, tori.isel(frequency=i), color=colour, lw=1.1, label=f"torus ({vector})")
+    for part in (axes, *_tips(axes)):
+        if part is not axes:
+            fill_diamond(part, two, None)
+        for i, vector in enumerate(tori.attrs["vectors"]):
+            colour, label = CIRCLE_COLOURS[i % len(CIRCLE_COLOURS)], f"torus ({vector})"
+            draw_diamond(part, tori.isel(frequency=i), color=colour, lw=1.1, label=label)
     _draw_onset(axes, direct)
     axes.set_title(r"Tori of rotating standard maps, and the last circle of $T$")
     return _rotating(figure, axes)
@@ -82,8 +88,23 @@ def fill_diamond(axes, two, label):
     axes.fill(*outline, facecolor="0.92", edgecolor="black", lw=2, label=label)
 
 
+def _tips(axes):
+    """Return insets of the tips on the axes of κ̄ and of Δκ, in the empty corners."""
+    right, top = axes.inset_axes([0.7, 0.7, 0.28, 0.28]), axes.inset_axes([0.02, 0.7, 0.28, 0.28])
+    right.set(xlim=(0.7, 1), ylim=(-0.15, 0.15), title="right tip")
+    top.set(xlim=(-0.15, 0.15), ylim=(0.7, 1), title="upper tip")
+    for tip in (right, top):
+        tip.set(xticks=[], yticks=[])
+        tip.title.set(fontsize=8, y=0.85, x=0.75)
+        axes.indicate_inset_zoom(tip, edgecolor="0.4", lw=0.6)
+    return right, top
+
+
 def _draw_onset(axes, direct):
     onset = direct.isel(frequency=0)
+    # Next to the axes the rays are as close as the onset is uncertain: a fence of spikes.
+    away = np.abs((onset.angle.values + 45) % 90 - 45)
+    onset = onset.isel(angle=np.flatnonzero((away == 0) | (away > 2)))
     scale = onset.upper / onset.critical_scale
     label = rf"transport of $T$ within ${power(direct.attrs['n_max'])}$ steps"
     outline = _closed(scale * onset.kappa_mean, scale * onset.kappa_amplitude)

@@ -1,30 +1,42 @@
-"""Nine panels on where each method stops being right."""
+"""Three figures of three panels on where each method stops being right."""
 
 import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.ticker import NullFormatter
 
-from workflows.figures.style import CIRCLE_COLOURS
+from workflows.figures.style import CIRCLE_COLOURS, letter
 
 
 def draw_stability(studies):
-    """Draw a panel for each study."""
-    figure, panels = plt.subplots(3, 3, figsize=(16, 13), layout="constrained")
-    draw = {
-        "cusp": _draw_near_cusp,
-        "boundary": _draw_past_boundary,
-        "fractions": _draw_fractions,
-        "twist": _draw_twist,
-        "amplitude": _draw_amplitudes,
-        "beam": _draw_missed,
-        "fakes": _draw_fakes,
-        "disorder": _draw_disorder,
-        "rounding": _draw_rounding,
+    """Draw a panel for each study: {name of the figure: (names of its studies, figure)}."""
+    groups = {
+        "stability_boundary": {
+            "cusp": _draw_near_cusp,
+            "boundary": _draw_past_boundary,
+            "fractions": _draw_fractions,
+        },
+        "stability_searches": {
+            "beam": _draw_missed,
+            "fakes": _draw_fakes,
+            "disorder": _draw_disorder,
+        },
+        "stability_orbits": {
+            "twist": _draw_twist,
+            "amplitude": _draw_amplitudes,
+            "rounding": _draw_rounding,
+        },
     }
-    for axes, (name, panel) in zip(panels.flat, draw.items(), strict=True):
+    return {name: (list(draw), _draw_three(studies, draw)) for name, draw in groups.items()}
+
+
+def _draw_three(studies, draw):
+    figure, panels = plt.subplots(1, 3, figsize=(15, 5), layout="constrained")
+    for axes, (name, panel), mark in zip(panels, draw.items(), "abc", strict=True):
         panel(axes, studies[name])
+        letter(axes, mark)
         axes.grid(lw=0.3)
         if axes.get_legend_handles_labels()[0]:
-            axes.legend(fontsize="x-small")
+            axes.legend(fontsize="small")
     return figure
 
 
@@ -38,7 +50,7 @@ def _draw_near_cusp(axes, study):
         silent = study.delta[(here.status != 1).values]
         axes.plot(silent, np.full(silent.size, 0.3 / 2**i), "x", color=colour)
     axes.set(xscale="log", yscale="log", xlabel=r"$45° - \varphi$ (degrees)")
-    axes.set(ylabel="relative error", title="Near the cusp: error; dashed: claimed; ×: no answer")
+    axes.set(ylabel="relative error", title="Near the cusp; dashed: claimed; ×: no answer")
 
 
 def _draw_past_boundary(axes, study):
@@ -47,25 +59,32 @@ def _draw_past_boundary(axes, study):
     inside = np.abs(excess[excess != 0]).min()
     place = np.sign(excess) * np.log10(np.maximum(np.abs(excess), inside / 10) / inside * 10)
     claims = (
-        ("circle certified", study.certified == 1, "o", 3),
-        ("Birkhoff: regular, 5 digits", study.digits >= 5, "s", 2),
-        ("eliminated by converse KAM", np.isfinite(study.elimination_time), "v", 1),
-        ("escape seen", np.isfinite(study.escape_time), "^", 0),
+        ("circle\ncertified", study.certified == 1, "o"),
+        ("Birkhoff:\nregular,\n5 digits", study.digits >= 5, "s"),
+        ("converse\nKAM\neliminates", np.isfinite(study.elimination_time), "v"),
+        ("escape\nseen", np.isfinite(study.escape_time), "^"),
     )
-    for _, said, mark, row in claims:
+    claims = [claim for claim in claims[::-1] if claim[1].any()]
+    for row, (_, said, mark) in enumerate(claims):
         for i, angle in enumerate(study.angle.values):
             here = said.sel(angle=angle).values
             y = np.full(here.sum(), row + 0.15 * i)
             axes.plot(place[here], y, mark, color=CIRCLE_COLOURS[i], ms=4)
-    axes.set_yticks([3, 2, 1, 0], [label for label, *_ in claims], fontsize="x-small")
+    axes.set_yticks(range(len(claims)), [label for label, *_ in claims])
     axes.axvline(0, color="black", lw=0.8)
     chosen = [i for i, x in enumerate(excess) if x == 0 or abs(np.log10(abs(x)) % 1) < 1e-6]
-    axes.set_xticks(place[chosen], [f"{excess[i]:.0e}" for i in chosen], fontsize="xx-small")
+    axes.set_xticks(place[chosen], [_signed_power(excess[i]) for i in chosen], rotation=45)
     for i, angle in enumerate(study.angle.values):
         axes.plot([], [], "o", color=CIRCLE_COLOURS[i], label=rf"$\varphi = {angle:g}°$")
     axes.set(
-        xlabel="$s/s_c - 1$", ylim=(-0.3, 4.2), title="Who says what on either side of the breakup"
+        xlabel="$s/s_c - 1$",
+        ylim=(-0.5, len(claims) + 0.3),
+        title="Who says what on either side of the breakup",
     )
+
+
+def _signed_power(x):
+    return "0" if x == 0 else rf"${'-' if x < 0 else '+'}10^{{{np.log10(abs(x)):.0f}}}$"
 
 
 def _draw_fractions(axes, study):
@@ -79,9 +98,15 @@ def _draw_fractions(axes, study):
         )
         axes.plot(place, residues.value, "o", color=colour, ms=5, label=f"$a = {quotient}$")
         axes.plot(place, here.lower, "_", color=colour)
-    axes.axhline(study.attrs["golden"], color="0.5", lw=0.8)
-    axes.set(xscale="log", ylim=(0, 3), xlabel="$q$ of $p/q$", ylabel="breakup on $s(0.3, 0.2)$")
-    axes.set_title(r"$[0;1,…,1,a,\overline{1}]$: ● residues, □ continuation, – certified", size=10)
+    for mark, words in (("o", "residues"), ("s", "continuation"), ("_", "certified")):
+        axes.plot([], [], mark, color="0.4", mfc="none" if mark == "s" else None, label=words)
+    axes.axhline(study.attrs["golden"], color="0.5", lw=0.8, label="golden circle")
+    axes.set(
+        xscale="log", ylim=(0, 3), xlabel="$q$ of the fraction", ylabel="breakup on $s(0.3, 0.2)$"
+    )
+    axes.set_xticks(study.q.values, study.q.values)
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    axes.set_title(r"Fractions in disguise, $[0;1,…,1,a,(1)]$")
 
 
 def _draw_twist(axes, study):
@@ -91,12 +116,18 @@ def _draw_twist(axes, study):
         finite = here.where(np.isfinite(here.elimination_time))
         label = rf"$\varphi = {angle:g}°$"
         axes.plot(study.scale, finite.elimination_time, "o-", color=colour, ms=3, label=label)
-        axes.plot(study.scale, here.escape_time.where(np.isfinite(here.escape_time)), "^:", ms=3,
-                  color=colour, lw=0.8)  # fmt: skip
+        axes.plot(
+            study.scale,
+            here.escape_time.where(np.isfinite(here.escape_time)),
+            "^:",
+            ms=3,
+            color=colour,
+            lw=0.8,
+        )
         end = here.scale.where(here.twist < 1e-9).min()
         axes.axvline(float(end), color=colour, lw=0.8, ls="--")
     axes.set(yscale="log", xlabel="scale $s$", ylabel="steps")
-    axes.set_title("● converse KAM, ▲ escape; dashed: the twist ends")
+    axes.set_title("● converse KAM, ▲ escape; dashed: twist ends")
 
 
 def _draw_amplitudes(axes, study):
@@ -139,7 +170,7 @@ def _draw_disorder(axes, study):
             axes.plot(study.scale, y, style, color=CIRCLE_COLOURS[i], ms=4, label=label)
     noises = " and ".join(f"{noise:g}" for noise in study.noise.values)
     axes.set(xlabel="scale $s$ of $s(1, 0.5)$", ylabel="part of starts")
-    axes.set_title(f"Newton for 13/21 from bad starts (off by {noises})")
+    axes.set_title(f"Newton for 13/21, starts off by {noises}")
 
 
 def _draw_rounding(axes, study):
@@ -151,4 +182,4 @@ def _draw_rounding(axes, study):
     n = study.steps.values
     axes.plot(n, 2e-17 * n**0.5, ":", color="0.5", label=r"$\sqrt{n}$")
     axes.set(xscale="log", yscale="log", xlabel="steps $n$", ylabel="distance")
-    axes.set_title("Drift off a circle; dashed: error of $n$ steps and back")
+    axes.set_title("Drift off a circle; dashed: $n$ steps and back")

@@ -1,11 +1,12 @@
 """What all figures share: colours, numbers in TeX, and how a figure is saved."""
 
+import sys
 from pathlib import Path
 
 import matplotlib
+import numpy as np
 
 matplotlib.use("agg")
-import matplotlib.pyplot as plt
 
 # Okabe & Ito, safe for colour-blind readers.
 CIRCLE_COLOURS = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"]
@@ -19,7 +20,8 @@ def save(figure, out, name, caption=""):
     paths = [f"{out}/{name}.{kind}" for kind in ("png", "pdf")]
     for path, key in zip(paths, ("Description", "Subject"), strict=True):
         figure.savefig(path, dpi=200, bbox_inches="tight", metadata={key: caption})
-    plt.close(figure)
+    if "matplotlib.pyplot" in sys.modules:  # which keeps its figures; importing it takes a while
+        sys.modules["matplotlib.pyplot"].close(figure)
     if caption:
         Path(f"{out}/{name}.txt").write_text(f"{caption}\n", encoding="utf-8")
     return paths
@@ -32,6 +34,53 @@ def omega_label(text):
     names = {str(parse(name)): name.replace("gamma", r"\gamma") for name in NAMES}
     name = rf"{names[text]} = " if text in names else ""
     return rf"$\omega = {name}{text}$"
+
+
+def circle_class(text):
+    """Return the text of ω in [1/2, 1] for that of ω in [0, 1]: by symmetry 1 - ω is as ω."""
+    from nasm.numbers import moebius, parse
+
+    omega = parse(text) if text else None
+    return text if omega is None or float(omega) >= 0.5 else str(moebius(omega, -1, 1))
+
+
+def class_colours(angle, circles):
+    """Return the class of each ray's circle, and {class: colour}, the longest arc first.
+
+    The six classes that are last on 1% of the angle or more have colours, the others greys.
+    """
+    classes = np.array(list(map(circle_class, circles)))
+    width = np.gradient(angle) / np.ptp(angle)
+    shares = {name: width[classes == name].sum() for name in dict.fromkeys(classes.tolist())}
+    ordered = sorted(filter(None, shares), key=lambda name: -shares[name])
+    seen = [name for name in ordered if shares[name] > 0.01][: len(CIRCLE_COLOURS)]
+    rest = [name for name in ordered if name not in seen]
+    greys = [f"{grey:.2f}" for grey in np.linspace(0.15, 0.65, len(rest))]
+    return classes, {
+        **dict(zip(seen + rest, CIRCLE_COLOURS[: len(seen)] + greys, strict=True)),
+        "": "black",
+    }
+
+
+def mark_gaps(axes, x, silent):
+    """Mark where there is no answer by × at the bottom, and say so in the legend."""
+    if np.any(silent):
+        where = {"transform": axes.get_xaxis_transform(), "ls": "", "marker": "x", "ms": 5}
+        axes.plot(x[silent], np.full(np.sum(silent), 0.02), color="0.3", label="no answer", **where)
+
+
+def letter(axes, name):
+    """Write (a), (b), … above the panel."""
+    axes.text(
+        0, 1.02, f"({name})", transform=axes.transAxes, ha="right", va="bottom", weight="bold"
+    )
+
+
+def smoothed(field):
+    """Return the running median of 7 × 7 cells: escape or not is a matter of chance in each."""
+    from scipy.ndimage import median_filter
+
+    return median_filter(field, 7)
 
 
 def power(n):

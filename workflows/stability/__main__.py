@@ -1,4 +1,4 @@
-"""Where does each method stop being right? Nine small studies of failure, and what they found.
+"""Where does each method stop being right? Nine small studies of failure, in three figures.
 
 1. Next to the cusp at 45°: who still answers, and are the errors honest? 2. On either side of the
 breakup: who claims a circle, who denies it? 3. Fractions disguised as irrational, whose convergents
@@ -20,7 +20,7 @@ from workflows.parts.cli import command, writes
 @click.option("--quick", is_flag=True, help="A preview: fewer and shorter runs of everything.")
 @writes
 def main(run, quick):
-    """Where each method stops being right: nine cubes and a figure in OUT.
+    """Where each method stops being right: nine cubes and three figures in OUT.
 
     Two to three minutes on two cores; --quick less than one.
     """
@@ -33,7 +33,9 @@ def main(run, quick):
         for number, (name, study) in enumerate(STUDIES.items(), 1):
             click.echo(f"study {number} of {len(STUDIES)}: {name}", err=True)
             found[name] = run.keep(f"stability_{name}", study(quick), quick=quick)
-        run.figure("stability", draw_stability(found), "\n".join(findings(found).values()))
+        said = findings(found)
+        for name, (studies, figure) in draw_stability(found).items():
+            run.figure(name, figure, "\n".join(said[study] for study in studies))
 
 
 if __name__ == "__main__":
