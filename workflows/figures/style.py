@@ -55,8 +55,9 @@ def class_colours(angle, circles):
     ordered = sorted(filter(None, shares), key=lambda name: -shares[name])
     seen = [name for name in ordered if shares[name] > 0.01][: len(CIRCLE_COLOURS)]
     rest = [name for name in ordered if name not in seen]
-    greys = [f"{grey:.2f}" for grey in np.linspace(0.15, 0.65, len(rest))]
-    return classes, {**dict(zip(seen + rest, CIRCLE_COLOURS[: len(seen)] + greys)), "": "black"}
+    shades = CIRCLE_COLOURS[: len(seen)]
+    shades += [f"{grey:.2f}" for grey in np.linspace(0.15, 0.65, len(rest))]
+    return classes, {**dict(zip(seen + rest, shades, strict=True)), "": "black"}
 
 
 def mark_gaps(axes, x, silent):
