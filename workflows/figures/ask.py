@@ -57,10 +57,12 @@ def draw_verdict(portrait):
 def _draw_orbits(axes, portrait):
     """Draw each orbit in the colour of its rotation number, the chaotic ones grey."""
     colours, norm = colormaps["viridis"], Normalize(0, 1)
-    for x, y, omega in zip(portrait["x"].T, portrait["y"].T, portrait["rotation"], strict=True):
-        near = abs((omega + 1) % 2 - 1)  # ω stands for ±ω and all ω + 2n
-        colour = colours(norm(near)) if np.isfinite(omega) else "0.7"
-        axes.plot(x, cell(y), **dots(colour, 1.2))
+    near = abs((portrait["rotation"] + 1) % 2 - 1)  # ω stands for ±ω and all ω + 2n
+    chaotic, x, y = np.isnan(near), portrait["x"], cell(portrait["y"])
+    axes.plot(x[:, chaotic].ravel(), y[:, chaotic].ravel(), **dots("0.7", 1.2))
+    for place in np.unique(np.round(near[~chaotic], 2)):  # few artists are quick to draw
+        here = np.round(near, 2) == place
+        axes.plot(x[:, here].ravel(), y[:, here].ravel(), **dots(colours(norm(place)), 1.2))
     label = r"$\omega$ of the orbit, in $[0, 1]$; grey: chaotic"
     axes.figure.colorbar(ScalarMappable(norm, colours), ax=axes, label=label, shrink=0.8)
 

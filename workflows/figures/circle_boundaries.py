@@ -2,7 +2,7 @@
 
 import matplotlib.pyplot as plt
 
-from workflows.figures.style import CIRCLE_COLOURS, omega_label
+from workflows.figures.style import CIRCLE_COLOURS, known, omega_label
 
 
 def draw_circle_boundaries(breakdown, barrier):
@@ -11,10 +11,12 @@ def draw_circle_boundaries(breakdown, barrier):
     axes.fill_between(barrier.kappa1, barrier.kappa2, color="0.92", label=r"$\mathit{CB}_{gt}$")
     draw_circles(axes, breakdown, breakdown.kappa1, breakdown.kappa2)
     axes.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$", aspect="equal", ylim=(0, None))
-    tip = axes.inset_axes([0.4, 0.13, 0.2, 0.34])
+    tip = axes.inset_axes([0.42, 0.07, 0.16, 0.28])
     tip.fill_between(barrier.kappa1, barrier.kappa2, color="0.92")
     draw_circles(tip, breakdown, breakdown.kappa1, breakdown.kappa2)
-    tip.set(xlim=(0.8, 0.98), ylim=(0.8, 0.98), aspect="equal", title="the tip at 45°")
+    tip.set(xlim=(0.8, 0.98), ylim=(0.8, 0.98), aspect="equal")
+    tip.set_title("the tip at 45°", fontsize=8, pad=3)
+    tip.tick_params(labelsize=7)
     axes.set_title(r"Breakup of circles: $\mathit{CB}_\omega$, and of the last one")
     axes.legend(loc="upper center", ncols=2, fontsize="small")
     return figure
@@ -23,6 +25,7 @@ def draw_circle_boundaries(breakdown, barrier):
 def draw_tips(residues, circles, barrier):
     """Draw the tips at 45° and 135° in detail, Fig. 9: residues as lines, circles as points."""
     figure, panels = plt.subplots(1, 2, figsize=(11, 5.5), layout="constrained")
+    residues, circles = known(residues), known(circles)
     for axes, sign in zip(panels, (-1, 1), strict=True):
         axes.fill_between(barrier.kappa1, barrier.kappa2, color="0.92")
         draw_circles(axes, residues, residues.kappa1, residues.kappa2)

@@ -5,7 +5,7 @@ import numpy as np
 
 from workflows.figures.escape_plane import draw_field
 from workflows.figures.last_barrier import draw_panels
-from workflows.figures.style import power
+from workflows.figures.style import known, power
 
 
 def draw_critical_boundary(plane, circles, barrier):
@@ -16,6 +16,7 @@ def draw_critical_boundary(plane, circles, barrier):
     figure = plt.figure(figsize=(12, 10.2), layout="constrained")
     axes = draw_panels(figure, barrier, region="0.84")
     draw_field(axes, plane)
+    circles = known(circles)
     for i in range(circles.omega.size):
         label = r"$\mathit{CB}_\omega$ of the paper's six circles" if i == 0 else None
         axes.plot(circles.kappa1[i], circles.kappa2[i], label=label, color="0.5", lw=0.6)

@@ -33,7 +33,7 @@ def draw_half_plane(boundary, barrier, insets):
     plane.set_title(_title(boundary))
     plane.legend(loc="lower center")
     for i, axes in panels.items():
-        _draw_inset(axes, plane, insets.isel(forcing=int(i)), barrier)
+        _draw_inset(axes, plane, insets.isel(forcing=int(i)))
     return figure
 
 
@@ -112,18 +112,16 @@ def _draw_boundaries(axes, boundary, barrier):
     axes.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$", aspect="equal")
 
 
-def _draw_inset(axes, plane, inset, barrier):
+def _draw_inset(axes, plane, inset):
     """Draw the cell, and a line from it to its forcing in the plane."""
     visits = inset.visits.where(inset.visits > 0)
     axes.imshow(visits, extent=(0, 1, 0, 1), origin="lower", cmap="Blues", norm=LogNorm(vmin=0.1))
     forcing = float(inset.kappa1), float(inset.kappa2)
     axes.set(xlabel="$x$", ylabel="$y$", xticks=[0, 0.5, 1], yticks=[0, 0.5, 1])
-    scale = np.interp(np.rad2deg(np.arctan2(*forcing[::-1])), barrier.angle, barrier.critical_scale)
-    beyond, low, high = np.hypot(*forcing) > scale, float(inset.lowest), float(inset.highest)
-    verdict = "transport" if beyond else "barrier"
-    if beyond and high - low < 1:
-        verdict += ", but the orbit\n"
-        verdict += f"stays in {low:.2f} < y < {high:.2f}"
+    low, high, transport = (float(inset[name]) for name in ("lowest", "highest", "transport"))
+    verdict = {0: "barrier", 1: "transport"}.get(transport, "undecided")
+    if transport == 1 and high - low < 1:
+        verdict += f",\nbut this orbit stays in {low:.2f} < y < {high:.2f}"
     title = f"$({forcing[0]:g}, {forcing[1]:g})$: {verdict}"
     axes.set_title(title, fontsize="medium", color="#D55E00" if "but" in verdict else "black")
     plane.plot(*forcing, "*", color="black", ms=7, zorder=5)

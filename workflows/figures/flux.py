@@ -23,14 +23,8 @@ def draw_flux(fluxes, fits):
         divided.plot(x, flux / x**_ETA, "o-", ms=3, lw=1, color=colour)
         mark_gaps(divided, x, np.isnan(flux))
     middle = np.nanmedian(fluxes.flux / fluxes.excess**_ETA)
-    eta = float(fits.exponent.median())
-    whole.plot(
-        x,
-        3 * middle * x**_ETA,
-        "--",
-        color="0.5",
-        label=rf"$\propto x^\eta$; fitted: $\eta = {eta:.4f}$ in all",
-    )
+    law = rf"$\propto x^\eta$; fitted: $\eta = {float(fits.exponent.median()):.4f}$ in all"
+    whole.plot(x, 3 * middle * x**_ETA, "--", color="0.5", label=law)
     whole.set(title="Flux through the last circle, broken", yscale="log")
     whole.set_ylabel(r"$\Delta W$ per step (turns $\times$ $y$)")
     whole.legend(fontsize="x-small")
@@ -38,9 +32,8 @@ def draw_flux(fluxes, fits):
     if {0.0, 45.0} <= set(fluxes.angle.values.tolist()):
         ratio = float(fits.amplitude.sel(angle=45) / fits.amplitude.sel(angle=0))
         words = (
-            f"45° is {ratio:.3f} times 0°, as both are\n"
-            "standard maps: at 45° a step is two of its\n"
-            "steps (twice the area), and at 0° one,\nwith $2y$ for its $y$ (half the area)"
+            f"45° is {ratio:.3f} times 0°, as both are\nstandard maps: at 45° a step is two\n"
+            "of its steps (twice the area), at 0° one,\nwith $2y$ for its $y$ (half the area)"
         )
         divided.text(0.03, 0.6, words, transform=divided.transAxes, va="center", fontsize="small")
     divided.set_ylabel(rf"$\Delta W / x^{{{_ETA}}}$")

@@ -124,17 +124,9 @@ def _draw_circle_strip(axes, barrier, classes, colours):
         here = classes == name
         axes.plot(angle[here], omega[here], ".", color=colour, ms=5)
         if colour.startswith("#") and here.any():
-            axes.text(
-                places[name],
-                omega[here][0],
-                name,
-                color=colour,
-                ha="center",
-                va="center",
-                size=9,
-                weight="bold",
-                bbox={"fc": "white", "ec": "none", "pad": 1},
-            )
+            style = {"ha": "center", "va": "center", "size": 9, "weight": "bold"}
+            box = {"fc": "white", "ec": "none", "pad": 1}
+            axes.text(places[name], omega[here][0], name, color=colour, bbox=box, **style)
     mark_gaps(axes, angle, barrier.status.values != 1)
     axes.set(xlabel=r"angle $\varphi$ of the ray (degrees)", xticks=range(0, 181, 45))
     axes.set(ylabel=r"$\omega$ of the last circle, or $1 - \omega$")

@@ -14,7 +14,7 @@ def draw_rotating_circles(circles, two, direct):
     fill_diamond(axes, two, r"$\mathit{CB}_{gt}$")
     mean, amplitude = (circles.kappa1 + circles.kappa2) / 2, (circles.kappa1 - circles.kappa2) / 2
     draw_circles(axes, circles, mean, amplitude)
-    for tip in _tips(axes):
+    for tip in _tips(axes, 0.7):
         fill_diamond(tip, two, None)
         draw_circles(tip, circles, mean, amplitude)
     _draw_onset(axes, direct)
@@ -26,7 +26,7 @@ def draw_rotating_tori(tori, two, direct):
     """Draw the breakup of tori by the residue of long orbits, against CB_gt of T, Fig. 11."""
     figure, axes = plt.subplots(figsize=(7, 7))
     fill_diamond(axes, two, r"$\mathit{CB}_{gt}$ of $T$")
-    for part in (axes, *_tips(axes)):
+    for part in (axes, *_tips(axes, 0.4)):
         if part is not axes:
             fill_diamond(part, two, None)
         for i, vector in enumerate(tori.attrs["vectors"]):
@@ -88,14 +88,12 @@ def fill_diamond(axes, two, label):
     axes.fill(*outline, facecolor="0.92", edgecolor="black", lw=2, label=label)
 
 
-def _tips(axes):
-    """Return insets of the tips on the axes of κ̄ and of Δκ, in the empty corners."""
+def _tips(axes, inner):
+    """Return insets of the tips on the axes of κ̄ and of Δκ, from `inner` to 1, in the corners."""
     right, top = axes.inset_axes([0.7, 0.7, 0.28, 0.28]), axes.inset_axes([0.02, 0.7, 0.28, 0.28])
-    right.set(xlim=(0.7, 1), ylim=(-0.15, 0.15), title="right tip")
-    top.set(xlim=(-0.15, 0.15), ylim=(0.7, 1), title="upper tip")
-    for tip in (right, top):
-        tip.set(xticks=[], yticks=[])
-        tip.title.set(fontsize=8, y=0.85, x=0.75)
+    along, across = (inner, 1), ((inner - 1) / 2, (1 - inner) / 2)
+    for tip, x, y in ((right, along, across), (top, across, along)):
+        tip.set(xlim=x, ylim=y, xticks=[], yticks=[])
         axes.indicate_inset_zoom(tip, edgecolor="0.4", lw=0.6)
     return right, top
 

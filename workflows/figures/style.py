@@ -36,6 +36,15 @@ def omega_label(text):
     return rf"$\omega = {name}{text}$"
 
 
+# As classes, of which neighbours along the boundary must differ: blue, orange, green, sky, ….
+_CLASS_COLOURS = [CIRCLE_COLOURS[i] for i in (0, 4, 2, 5, 1, 3)]
+
+
+def known(breakdown):
+    """Drop the points whose claimed error is beyond 2% of the scale: gaps in the curves drawn."""
+    return breakdown.where(breakdown.error < 0.02 * breakdown.critical_scale)
+
+
 def circle_class(text):
     """Return the text of ω in [1/2, 1] for that of ω in [0, 1]: by symmetry 1 - ω is as ω."""
     from nasm.numbers import moebius, parse
@@ -53,13 +62,11 @@ def class_colours(angle, circles):
     width = np.gradient(angle) / np.ptp(angle)
     shares = {name: width[classes == name].sum() for name in dict.fromkeys(classes.tolist())}
     ordered = sorted(filter(None, shares), key=lambda name: -shares[name])
-    seen = [name for name in ordered if shares[name] > 0.01][: len(CIRCLE_COLOURS)]
+    seen = [name for name in ordered if shares[name] > 0.01][: len(_CLASS_COLOURS)]
     rest = [name for name in ordered if name not in seen]
-    greys = [f"{grey:.2f}" for grey in np.linspace(0.15, 0.65, len(rest))]
-    return classes, {
-        **dict(zip(seen + rest, CIRCLE_COLOURS[: len(seen)] + greys, strict=True)),
-        "": "black",
-    }
+    shades = _CLASS_COLOURS[: len(seen)]
+    shades += [f"{grey:.2f}" for grey in np.linspace(0.15, 0.65, len(rest))]
+    return classes, {**dict(zip(seen + rest, shades, strict=True)), "": "black"}
 
 
 def mark_gaps(axes, x, silent):

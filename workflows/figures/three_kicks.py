@@ -1,10 +1,11 @@
 """Boundaries of the rotating standard map with Ω = 1/3 against that of T."""
 
 import matplotlib.pyplot as plt
+import numpy as np
 
 from workflows.figures.rotating import draw_diamond, fill_diamond
 from workflows.figures.stretches import where_above
-from workflows.figures.style import CIRCLE_COLOURS
+from workflows.figures.style import CIRCLE_COLOURS, mark_gaps
 
 
 def draw_three_kicks(three, two):
@@ -23,6 +24,7 @@ def draw_three_kicks(three, two):
         strip.fill_between(
             three.angle, curve.ratio - half, curve.ratio + half, color=colour, alpha=0.25, lw=0
         )
+    mark_gaps(strip, three.angle.values, np.isnan(three.ratio.values).any(axis=0))
     plane.set(xlabel=r"$\bar\kappa$", ylabel=r"$\Delta\kappa$", aspect="equal")
     plane.set_title(r"Onset of global transport for $\Omega = 1/3$ and $1/2$")
     plane.legend(loc="upper right", fontsize="small")

@@ -10,6 +10,7 @@ import xarray as xr
 
 from nasm import orbits
 from nasm.symmetries import ray
+from nasm.verdict import Answer, verdict
 from pipeline.cubes.escape import beyond
 from pipeline.sweep.progress import Progress
 from workflows.parts.tables import described
@@ -143,13 +144,15 @@ def _of_images(values, angle, image):
 
 def insets_dataset():
     """Count the visits of one orbit to the parts of the cell; dims (forcing, y, x)."""
-    visits, lowest, highest = [], [], []
+    visits, lowest, highest, answers = [], [], [], []
+    codes = {Answer.BARRIER: 0, Answer.TRANSPORT: 1, Answer.UNDECIDED: -1}
     for kappa in INSETS:
         x, y = orbits.orbit(kappa, *INSET_START, INSET_STEPS)
         cells = np.histogram2d(y % 1.0, x % 1.0, _PIXELS, [[0, 1], [0, 1]])[0]
         visits.append(cells.astype("uint32"))
         lowest.append(y.min())
         highest.append(y.max())
+        answers.append(codes[verdict(kappa).answer])
     kappa1, kappa2 = np.transpose(INSETS)
     centres = (np.arange(_PIXELS) + 0.5) / _PIXELS
     range_of_y = "y of the orbit, not reduced"
@@ -158,6 +161,7 @@ def insets_dataset():
             "visits": (("forcing", "y", "x"), np.stack(visits), described("points of the orbit")),
             "kappa1": ("forcing", kappa1, described("strength of the first kick")),
             "kappa2": ("forcing", kappa2, described("strength of the second kick")),
+            "transport": ("forcing", answers, described("1: global; 0: a barrier; -1: undecided")),
             "lowest": ("forcing", lowest, described(f"least {range_of_y}")),
             "highest": ("forcing", highest, described(f"largest {range_of_y}")),
         },
