@@ -24,7 +24,7 @@ from nasm import circles, cones, continuation, periodic
 from nasm.checks import real
 from nasm.critical import CriticalScale, Status
 from nasm.maps import direction
-from nasm.numbers import convergents, moebius, nobles_near, rational
+from nasm.numbers import checked, convergents, moebius, nobles_near, rational
 from nasm.orbits import rotation_number
 from nasm.symmetries import shorten
 
@@ -178,7 +178,7 @@ def tied(omega, profile):
     y → y + 1/2 is then a symmetry (`symmetries.alternate`), which takes ω to ω + P/2. So γ and
     1 - γ break together on the axes of the (κ1, κ2) plane, where the paper writes γ.
     """
-    profile = np.asarray(profile)
+    profile, omega = np.asarray(profile), checked(omega)
     if profile.size % 2 or (profile[::2].any() and profile[1::2].any()):
         return None
     return moebius(omega, -1, profile.size // 2)

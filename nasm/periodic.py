@@ -17,13 +17,13 @@ not meet. Both break up with the circle.
 from itertools import islice, pairwise
 
 import numpy as np
+from scipy.optimize import brentq
 
 from nasm.chain import MAX_PERIOD, HalfOrbit, is_symmetry_centre
 from nasm.checks import count, fraction
 from nasm.critical import CriticalScale, Status, no_answer
 from nasm.maps import direction, forcing, rotating_forcing
 from nasm.numbers import convergents, rational
-from nasm.roots import root
 from nasm.symmetries import CUSP_EXPONENT, distances_to_shorter, shorten
 
 _ROUNDING = 1e-12  # residues below are rounding errors of the slopes v' and w', which are near 1
@@ -271,9 +271,7 @@ def torus_scale(omega, frequency, mean, amplitude):
                 reached += step
                 if reached > 100 * step:
                     return no_answer(exact, Status.NO_BREAKUP)
-            scales.append(
-                root(lambda s, level=level: excess(s, level), reached, reached + step, 1e-12)
-            )
+            scales.append(brentq(excess, reached, reached + step, args=(level,), xtol=1e-12))
     except (_LostError, ValueError):
         if not scales:
             return no_answer(exact, Status.DISORDERED)
@@ -334,7 +332,7 @@ def _crossing(orbits, lower, higher, crossings):
         bracket = _bracket(excess, orbits, crossings)
         if isinstance(bracket, Status):
             return bracket
-        scale = root(excess, *bracket, 1e-3 * precision)
+        scale = brentq(excess, *bracket, xtol=precision)
         # A secant step with refined residues ends what rounding had ended.
         near = 1e6 * precision
         slope = (excess(scale + near) - excess(scale - near)) / (2 * near)
@@ -349,7 +347,7 @@ def _crossing(orbits, lower, higher, crossings):
             residues = [orbits.at(f, scale + step).refined_residue() for f in pair]
             step *= left / (left - np.log(residues[1] / residues[0]))
         return scale + step
-    except (_LostError, ValueError):  # of `root`: on its way back it met another orbit
+    except (_LostError, ValueError):  # brentq's: on its way back it met another orbit
         return Status.DISORDERED
 
 

@@ -194,6 +194,7 @@ def test_a_recipe_without_a_store_tells_its_usage(recipe, follow, finished, monk
     assert code == 2
     assert f"python workflows/recipes/{recipe}.py " in usage
     cubes = {"job_queue": "", "export": "barrier.zarr", "join_levels": "escape_level0.zarr"}
+    cubes |= {"boundary": "has no cube boundary.zarr", "join_planes": "python"}
     assert recipe == "compare_stores" or cubes.get(recipe, "escape.zarr") in usage
 
 

@@ -15,7 +15,8 @@ import numpy as np
 import xarray as xr
 
 if len(sys.argv) < 2 or not Path(sys.argv[1], "boundary.zarr").is_dir():
-    print(__doc__, file=sys.stderr)
+    missing = [f"{out} has no cube boundary.zarr" for out in sys.argv[1:2]]
+    print(__doc__, *missing, sep="\n", file=sys.stderr)
     sys.exit(2)
 out = Path(sys.argv[1])
 boundary = xr.open_zarr(out / "boundary.zarr").load()

@@ -17,8 +17,10 @@ import xarray as xr
 *directories, last = map(Path, sys.argv[1:] or [""])
 n = int(str(last)) if str(last).isdigit() else None
 directories += [last] if n is None else []
-if len(directories) < 2 or not all((out / "escape.zarr").is_dir() for out in directories):
-    print(__doc__, file=sys.stderr)
+missing = [out for out in directories if not (out / "escape.zarr").is_dir()]
+if len(directories) < 2 or missing:
+    words = [f"{out} has no cube escape.zarr" for out in missing]
+    print(__doc__, *words, sep="\n", file=sys.stderr)
     sys.exit(2)
 
 
