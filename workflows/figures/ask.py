@@ -20,9 +20,11 @@ def draw_verdict(portrait):
     None; lost, (scale, x, y) of that circle at the forcing times scale, or None; escaping, (x, y)
     of an orbit or None; bracket, (lower, value, upper) of the breakup in parts of the forcing.
     """
-    figure = Figure(figsize=(11, 6.2), layout="constrained")
+    figure = Figure(figsize=(11, 6.2))  # places are given: a layout engine takes half a second
     places = [["plane", "time"], ["plane", "where"]]
-    panels = figure.subplot_mosaic(places, width_ratios=[1.5, 1])
+    panels = figure.subplot_mosaic(
+        places, width_ratios=[1.7, 1], gridspec_kw={"hspace": 0.5, "wspace": 0.2}
+    )
     axes, time, where = panels["plane"], panels["time"], panels["where"]
     _draw_orbits(axes, portrait)
     omega = rf"$\omega = {portrait['omega']}$"
