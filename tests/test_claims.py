@@ -158,7 +158,7 @@ RUN = ["--angles", "4", "--tips", "2", "--tol", "0.01", "--n-max", "10000", "--n
 
 @pytest.mark.slow
 def test_a_small_run_writes_the_page_with_every_claim(tmp_path, workers):
-    assert "claims: holds, " in succeed("claims", tmp_path, *RUN, *workers)
+    assert "claims of the paper" in succeed("claims", tmp_path, *RUN, *workers)
     written = table(tmp_path / "claims.csv")
     page = (tmp_path / "claims.html").read_text(encoding="utf-8")
     for row in written:

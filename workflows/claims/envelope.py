@@ -51,7 +51,7 @@ def ranges(circles, barrier):
 
 def _shortfall(circles, barrier, name):
     scale = circles.critical_scale.sel(circle=str(parse(name)))
-    short = 1 - scale.sel(angle=barrier.angle, method="nearest") / barrier.critical_scale
+    short = 1 - scale.sel(angle=barrier.angle.values, method="nearest") / barrier.critical_scale
     short = short.values[np.isfinite(short.values)]
     return float(short.min()) if short.size else np.nan
 
@@ -80,7 +80,7 @@ def _text(value, form):
 def summary(circles, barrier, rows):
     """Say in sentences what the table shows."""
     wedge = barrier.sel(angle=slice(0, 45))
-    six = circles.critical_scale.sel(angle=wedge.angle, method="nearest").max("circle")
+    six = circles.critical_scale.sel(angle=wedge.angle.values, method="nearest").max("circle")
     short = (1 - six / wedge.critical_scale).values
     worst = int(np.nanargmax(short))
     theirs = [row for row in rows if min(row["short"].values(), default=1) < 1e-8]
