@@ -59,7 +59,7 @@ with suppress(OSError, AttributeError):  # other C libraries than GNU's have the
     _tell = ctypes.CDLL(None).mallopt
     _tell(-3, _GIGABYTE)  # M_MMAP_THRESHOLD: smaller blocks come from the heap,
     _tell(-1, _GIGABYTE)  # M_TRIM_THRESHOLD: which keeps them,
-    _tell(-8, 1)  # M_ARENA_MAX: and is one for all threads
+    _tell(-8, 1)  # M_ARENA_MAX: and serves all threads that start after this
 
 
 @dataclass(frozen=True)
@@ -242,20 +242,23 @@ def _continue_from_rotation(omega, kappa, n_max):
     return u, Status.OK
 
 
-def extrapolate(path, target):
+def extrapolate(path, target, n=0):
     """Deviations at the scale `target`, by Lagrange's formula through the last circles of a path.
 
     path : list of at least one (scale, u), with grids that do not shrink. At most three are used;
     three give a Newton step less than two near the breakup.
+    n : points of the result's grid, if they are more than those of the last circle.
     """
     path = path[-3:]
-    n = path[-1][1].shape[-1]
-    u = np.zeros_like(path[-1][1])
-    for i, (scale, deviations) in enumerate(path):
+    n = max(n, path[-1][1].shape[-1])
+    total = np.zeros((path[-1][1].shape[0], n // 2 + 1), complex)
+    for i, (scale, u) in enumerate(path):
         others = [other for k, (other, _) in enumerate(path) if k != i]
         weight = prod((target - other) / (scale - other) for other in others)
-        u += weight * fourier.resample(deviations, n)
-    return u
+        modes = np.fft.rfft(u)
+        modes *= weight * n / u.shape[-1]
+        total[:, : modes.shape[-1]] += modes
+    return np.fft.irfft(total, n)
 
 
 def _deviations(u, n_sites):

@@ -41,7 +41,7 @@ _HALVINGS = 12  # of a step, before Newton's failures are final
 _MODES = 6  # times 1/distance: enough to resolve a circle at that distance from its breakup
 _ROUNDS = 50  # of the fixed point iteration for s_c, which needs 5 to 20
 _SPREAD = 0.8  # the error's part of the spread of estimates: 0.5 fell short on 5 of 240 rays
-_PARTS = np.array([0.36, 0.85, 1.0])  # of the modes that a circle has
+_PARTS = np.array([0.85, 1.0])  # of the modes that a circle has
 _TWO_SCALES = 3  # the error of two scales, in parts of the way from the last circle: 2.3 was met
 _DELTA_UNKNOWN = 0.2  # the least error without δ, in parts of that way
 _DROPS = 4  # times the way from the second of three circles: up to it, a cusp's depth is unseen
@@ -70,8 +70,9 @@ def critical_scale(omega, profile, tol=1e-6):
     shorter period, as on |κ1| = |κ2|, it contains the depth to which the boundary falls there, as
     long as the circles met so far cannot tell. It is three times the way from the last circle where
     M has not run over Λ² yet, and a fifth of that way or more where δ is not known for the tail of
-    ω. Without an estimate, value and error are NaN, as where a large quotient hides the tail from
-    all circles that have modes enough; lower is what was certified all the same.
+    ω. Without an estimate, or with an error as large as the value, both are NaN, as where a large
+    quotient hides the tail from all circles that have modes enough; lower is what was certified all
+    the same.
 
     ValueError if profile is zero or tiny or tol not positive and finite.
     """
@@ -86,7 +87,7 @@ def critical_scale(omega, profile, tol=1e-6):
     (short,), short_omega = shorten([profile], omega)
     path, value, error, status = _walk(short_omega, short, tol)
     lower = _last_certified(short_omega, short, path)
-    if error == inf:
+    if not error < value:  # which would say nothing
         status = Status.NOT_CONVERGED if status is Status.OK else status
         return CriticalScale(nan, nan, lower, nan, omega, status)
     return CriticalScale(value, error, lower, nan, omega, Status.OK)
@@ -150,8 +151,7 @@ def certified_circle(omega, profile, breakup, distance):
 
 def _circle_near(omega, profile, path, scale, n_modes):
     """Newton's method from the circles of a path, with that many modes; None if it fails."""
-    u = circles.extrapolate(path, scale)
-    u = fourier.resample(u, max(fourier.grid(omega, n_modes), u.shape[-1]))
+    u = circles.extrapolate(path, scale, fourier.grid(omega, n_modes))
     return u if circles.polish(omega, scale * profile, u) else None
 
 
@@ -166,10 +166,7 @@ def fineness(u, last=-1):
 
 
 def _fineness_by_parts(omega, u):
-    """M by 36% of the modes, by 85% and by all: they differ where rounding takes over.
-
-    Where a circle was resolved, 36% of the modes had half of M or more, and 85% had 0.99.
-    """
+    """M by 85% of the modes and by all: they differ where the last ones are not resolved."""
     return fineness(u, (_PARTS * fourier.cut(omega, u.shape[-1])).astype(int))
 
 
@@ -191,7 +188,7 @@ def _walk(omega, profile, tol):
         if status is not Status.OK:
             break
         path.append((at, u))
-        finest.append(_fineness_by_parts(omega, u)[1:])
+        finest.append(_fineness_by_parts(omega, u))
         scales, log_m = np.array([scale for scale, _ in path[1:]]), np.log(finest).T[::-1]
         found, own_error = _estimate(omega, scales, log_m, growth, delta)
         if own_error == inf and value > at:  # the estimate before still stands
@@ -225,14 +222,6 @@ def _next_circle(omega, profile, path, step):
         if status is not Status.NO_CIRCLE:
             break
         step /= 2
-    while status is Status.OK:
-        third, most, whole = _fineness_by_parts(omega, u)
-        if third > whole / 3 and most > 0.99 * whole:
-            break
-        if 2 * u.shape[-1] > N_MAX:
-            return (target, u), Status.TOO_FEW_MODES
-        u = fourier.resample(u, 2 * u.shape[-1])
-        u, status = circles.settle(omega, target * profile, u, N_MAX)
     return (target, u), status
 
 

@@ -21,8 +21,8 @@ the minimizing orbit's next to them, and since that one is stationary,
 
 which is of second order in d, and so small against its terms only as a sum.
 
-It is the flux through the gaps that hold the symmetric minimax orbit. Far beyond the breakup a
-cantorus may have other gaps too, which let more pass.
+It is the flux through the gaps that hold the symmetric minimax orbit. Far beyond the breakup, or
+next to a forcing of a shorter period, a cantorus may have other gaps too, which let more pass.
 """
 
 from dataclasses import dataclass

@@ -221,19 +221,20 @@ def test_at_the_cusps_of_the_other_class_the_error_covers_the_oscillation_of_the
     assert abs(found.value - 0.76618771 / 2**0.5) < found.error < 0.04
 
 
+def test_an_error_as_large_as_the_value_is_no_answer():
+    # On this ray the circles stop where the next is 3 scales away, as far as their norms tell.
+    found = continuation.critical_scale(GAMMA, ray(44.8738), 1e-3)
+    assert found.status is Status.TOO_FEW_MODES
+    assert np.isnan([found.value, found.error]).all()
+    assert found.lower > 1
+
+
 def test_near_two_shorter_periods_the_error_contains_the_depths_of_both():
     profile = (-1.015869172540561, -1.0154541970028859, -1.015869172540561, -1.0151179126561691)
     judge = periodic.critical_scale(GAMMA, profile)
     found = continuation.critical_scale(GAMMA, profile)
     assert judge.status is found.status is Status.OK
     assert abs(found.value - judge.value) <= found.error < 0.02
-
-
-def test_rounding_in_the_highest_modes_is_not_taken_for_structure():
-    # Residues: 0.0783524. M was 6708 at half of that, and 13.5 without the highest modes.
-    profile = (0.031506800738992695, 0.9995035375160978)
-    found = continuation.critical_scale(parse("[1;42,(2)]"), profile)
-    assert found.status is not Status.OK or abs(found.value - 0.0783524) <= found.error
 
 
 @pytest.mark.parametrize("case", [54, 78, 181, 208, 228])

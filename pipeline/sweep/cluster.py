@@ -28,8 +28,12 @@ _QUIET = {
 }
 _LOCAL = {
     "distributed.comm.require-encryption": False,  # what a site demands is for its network
-    # A Ctrl-C in the terminal reaches all its processes, and is for the driver.
-    "distributed.worker.preload": ["import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"],
+    "distributed.worker.preload": [
+        # A Ctrl-C in the terminal reaches all its processes, and is for the driver.
+        "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)",
+        # It sets how memory is kept, and that counts only for threads that start after it.
+        "import nasm.circles",
+    ],
 }
 _ADDRESS = re.compile(r"(tcp|tls)://[^/\s]+:\d+")
 
