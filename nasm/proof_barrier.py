@@ -137,7 +137,7 @@ def prove(omega, kappa, radius=0.0, n=None, start=None, seconds=20.0):
         raise ValueError(f"radius={radius} must be from 0 to 1, and seconds={seconds} positive")
     if n is not None and count("n", n, 64, _LARGEST) % 2:
         raise ValueError(f"n={n} must be even, the points of a grid")
-    _need_flint()
+    need_flint()
     short, short_omega = kappa, omega
     if not omega.is_rational and radius == 0:  # a box of forcings cannot be shortened
         (short,), short_omega = shorten([kappa], omega)
@@ -189,7 +189,7 @@ def proved_lower(omega, profile, value, seconds=5.0):
     profile, value, seconds = direction(profile), real("value", value), real("seconds", seconds)
     if not (0 < value < inf and seconds > 0):
         raise ValueError(f"value={value} and seconds={seconds} must be positive")
-    _need_flint()
+    need_flint()
     (short,), short_omega = shorten([profile], omega)
     best, best_proof, distance, until = nan, None, 0.05, time.thread_time() + seconds
     while 1e-6 <= distance <= 0.5:
@@ -210,7 +210,7 @@ def proved_lower(omega, profile, value, seconds=5.0):
     return best, best_proof
 
 
-def _need_flint():
+def need_flint():
     if arb is None:
         raise ImportError("a proof needs python-flint: pip install 'nasm-transport[proof]'")
 

@@ -9,7 +9,7 @@ from functools import partial
 
 import numpy as np
 
-from nasm import barriers
+from nasm import barriers, proofs
 from nasm.numbers import RotationNumber, moebius, parse
 from nasm.symmetries import fold, ray
 from pipeline.cubes.cube import PAPER, Job, blank, coordinate, text
@@ -49,6 +49,34 @@ def last_barrier(angles, tol):
     )
     cube = dataclasses.replace(cube, template=template)
     return Job(cube, _compute, partial(per_ray, seconds), warm_up)
+
+
+def proved_barrier(angles, seconds):
+    """Return the Job of the cube `proved_barrier`: `last_barrier`, and what is proved of each ray.
+
+    angles : degrees. seconds : float, CPU time for each side of each ray; see `nasm.proofs`. The
+    proved bounds depend on the machine's speed; each of them holds.
+    """
+    job = last_barrier(angles, 1e-4)
+    cube, on_ray, source = job.cube, {"angle": job.cube.template.angle}, "nasm/PROOFS.md"
+    template = cube.template.assign(
+        proved_lower=blank(
+            on_ray,
+            "scale at which a barrier is proved to exist",
+            source=f"{source}, A barrier exists",
+            comment="at exactly this forcing; nothing is proved of smaller scales",
+        ),
+        proved_upper=blank(
+            on_ray,
+            "scale at which transport is proved to be global",
+            source=f"{source}, Transport is global",
+        ),
+    )
+    settings = cube.settings | {"seconds": seconds}
+    cube = dataclasses.replace(
+        cube, name="proved_barrier", template=template, tile={"angle": 1}, settings=settings
+    )
+    return Job(cube, _compute_proved, partial(per_ray, 1 + 2 * seconds), job.warm_up)
 
 
 def boundary(angles, tol=1e-4):
@@ -105,9 +133,22 @@ def tie(circle, angle):
 def _compute(coords, settings):
     profiles = ray(coords["angle"])
     found = [barriers.critical_scale(profile, settings["tol"]) for profile in profiles]
+    return _arrays(found, profiles)
+
+
+def _compute_proved(coords, settings):
+    profiles = ray(coords["angle"])
+    brackets = [proofs.critical_scale(profile, settings["seconds"]) for profile in profiles]
+    arrays = _arrays([bracket.found for bracket in brackets], profiles)
+    for side in ("lower", "upper"):
+        arrays[f"proved_{side}"] = np.array([getattr(bracket, side) for bracket in brackets])
+    return arrays
+
+
+def _arrays(found, profiles):
     arrays = scales(found, profiles, KICKS)
     arrays["omega"] = np.array([np.nan if s.omega is None else float(s.omega) for s in found])
-    arrays["quotients"] = np.zeros((coords["quotient"].size, len(found)), np.int32)
+    arrays["quotients"] = np.zeros((_N_QUOTIENTS, len(found)), np.int32)
     arrays["tail_length"] = np.zeros(len(found), np.int8)
     for i, omega in enumerate(scale.omega for scale in found):
         if omega is not None:

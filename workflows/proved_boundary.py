@@ -1,0 +1,45 @@
+"""Between which forcings does the last barrier break, proved on both sides?
+
+On each ray a circle is proved to exist at one forcing, and transport to be global at another one
+beyond it; `nasm/PROOFS.md` has both theorems. Between the two nothing is proved, and of forcings
+further in nothing but what is computed there.
+"""
+
+import click
+
+from workflows.parts.cli import command, real, sweeps, whole
+
+
+@command()
+@whole("--angles", 361, 2, 10**5, "Rays around the plane; all but an eighth are mirror images.")
+@real("--seconds", 4.0, 0.1, 10**5, "CPU time for each of the two proofs on a ray.")
+@click.option("--quick", is_flag=True, help="A preview: 37 rays, half a second for each proof.")
+@sweeps
+def main(run, angles, seconds, quick):
+    """Proved brackets of the last barrier: a cube, a table and a figure in OUT.
+
+    Needs python-flint: pip install 'nasm-transport[proof]'. The defaults take about three minutes
+    on two cores, for brackets 0.3% wide; with --seconds 30 they are 0.1% wide.
+    """
+    import numpy as np
+
+    from nasm.proof_barrier import need_flint
+    from pipeline.cubes.barrier import proved_barrier
+    from workflows.figures.proved_boundary import draw_proved_boundary
+    from workflows.parts import rays
+
+    try:
+        need_flint()
+    except ImportError as error:
+        raise click.UsageError(str(error)) from None
+    angles, seconds = (37, 0.5) if quick else (angles, seconds)
+    angles = np.linspace(0, 360, angles)
+    job = proved_barrier(angles, seconds)
+    with run.sweeping(job):
+        barrier = run.keep("proved_boundary", rays.unfolded(run.sweep(job), angles))
+        run.table("proved_boundary", barrier)
+        run.figure("proved_boundary", *draw_proved_boundary(barrier))
+
+
+if __name__ == "__main__":
+    main()
