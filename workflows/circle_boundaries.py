@@ -46,7 +46,7 @@ def main(run, omega, angles, tips, tol, q_max):
     """
     from pipeline.cubes import breakdown
     from pipeline.cubes.barrier import last_barrier
-    from workflows.figures import circle_boundaries as figures
+    from workflows.figures.circle_boundaries import draw_circle_boundaries, draw_tips
     from workflows.parts import rays
 
     angles = rays.ray_angles(angles, tips)
@@ -60,16 +60,8 @@ def main(run, omega, angles, tips, tol, q_max):
         barrier = rays.unfolded(barrier, angles)
         run.table("circle_boundaries", circles)
         run.table("circle_boundaries_residue", residues)
-        run.figure(
-            "circle_boundaries",
-            figures.draw_circle_boundaries(circles, barrier),
-            figures.circles_caption(residues, circles, barrier),
-        )
-        run.figure(
-            "tips",
-            figures.draw_tips(residues, circles, barrier),
-            figures.tips_caption(residues, circles),
-        )
+        run.figure("circle_boundaries", *draw_circle_boundaries(circles, residues, barrier))
+        run.figure("tips", *draw_tips(residues, circles, barrier))
 
 
 if __name__ == "__main__":

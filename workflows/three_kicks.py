@@ -53,7 +53,7 @@ def main(run, phase, angles, tips, n_max):
     """
     from pipeline.cubes import rotating
     from pipeline.cubes.barrier import last_barrier
-    from workflows.figures import three_kicks as figures
+    from workflows.figures.three_kicks import draw_three_kicks
     from workflows.parts import rays
 
     around = rays.rotated_rays(angles, tips)
@@ -63,7 +63,7 @@ def main(run, phase, angles, tips, n_max):
         two = rays.two_kicks(barrier, around)
         three = rays.with_ratio(three, two.critical_scale, "two kicks")
         run.table("three_kicks", three)
-        run.figure("three_kicks", figures.draw_three_kicks(three, two), figures.caption(three))
+        run.figure("three_kicks", *draw_three_kicks(three, two))
 
 
 if __name__ == "__main__":

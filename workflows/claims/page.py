@@ -1,6 +1,7 @@
 """The page of the claims and its tables: what a reader sees of `workflows.claims`."""
 
 from collections import Counter
+from pathlib import Path
 
 from pandas import DataFrame
 
@@ -52,7 +53,7 @@ def write_page(run, claims, errata, rows, sentences, command):
 
 
 def write_tables(run, claims, errata, rows):
-    """Write OUT/claims.csv, OUT/errata.csv and OUT/envelope.csv."""
+    """Write OUT/claims.csv, OUT/errata.csv and OUT/envelope.csv; OUT/claims.txt counts them."""
     tables = {
         "claims": [{**vars(claim), "verdict": claim.verdict.value} for claim in claims],
         "errata": [{**vars(erratum), "shown": erratum.shown} for erratum in errata],
@@ -61,3 +62,5 @@ def write_tables(run, claims, errata, rows):
     for name, lines in tables.items():
         table = DataFrame(lines).drop(columns="short", errors="ignore")
         table.to_csv(run.path("tables", f"{name}.csv"), index=False)
+    path = Path(run.path("tables", "claims.txt"))
+    path.write_text(f"{counted(claims, errata)}\n", encoding="utf-8")

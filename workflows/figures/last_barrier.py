@@ -3,7 +3,7 @@
 import matplotlib.pyplot as plt
 import numpy as np
 
-from workflows.figures.style import class_colours, letter, mark_gaps
+from workflows.figures.style import class_colours, letters, mark_gaps
 
 _TIP = 0.90, 0.98  # of both strengths, in the inset
 
@@ -43,8 +43,7 @@ def draw_panels(figure, barrier, region="0.92"):
         axes.tick_params(labelsize=7)
     _draw_circle_strip(strip, barrier, classes, colours)
     _draw_cusp(cusp, barrier, classes, colours)
-    for axes, name in zip(panels.values(), "abc", strict=True):
-        letter(axes, name)
+    letters(panels.values())
     return plane
 
 

@@ -4,7 +4,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.ticker import NullFormatter
 
-from workflows.figures.style import CIRCLE_COLOURS, letter
+from workflows.figures.style import CIRCLE_COLOURS, letters
 
 
 def draw_stability(studies):
@@ -31,9 +31,9 @@ def draw_stability(studies):
 
 def _draw_three(studies, draw):
     figure, panels = plt.subplots(1, 3, figsize=(15, 5), layout="constrained")
-    for axes, (name, panel), mark in zip(panels, draw.items(), "abc", strict=True):
+    letters(panels)
+    for axes, (name, panel) in zip(panels, draw.items(), strict=True):
         panel(axes, studies[name])
-        letter(axes, mark)
         axes.grid(lw=0.3)
         if axes.get_legend_handles_labels()[0]:
             axes.legend(fontsize="small")

@@ -5,18 +5,21 @@ import numpy as np
 
 from workflows.figures.rotating import draw_diamond, fill_diamond
 from workflows.figures.stretches import where_above
-from workflows.figures.style import CIRCLE_COLOURS, mark_gaps
+from workflows.figures.style import colour_of, mark_gaps
 
 
 def draw_three_kicks(three, two):
-    """Draw the boundaries in the (κ̄, Δκ) plane, and by angle in parts of that of T."""
+    """Draw the boundaries in the (κ̄, Δκ) plane, and by angle in parts of that of T.
+
+    The caption says where three kicks outlast two.
+    """
     figure, (plane, strip) = plt.subplots(
         1, 2, figsize=(13, 5.6), layout="constrained", width_ratios=[1.25, 1]
     )
     fill_diamond(plane, two, r"$\mathit{CB}_{gt}$ of $T$ ($\Omega = 1/2$)")
     strip.axhline(1, color="black", lw=1)
     for i, text in enumerate(three.phase.attrs["exact"]):
-        curve, colour = three.isel(phase=i), CIRCLE_COLOURS[i % len(CIRCLE_COLOURS)]
+        curve, colour = three.isel(phase=i), colour_of(i)
         label = rf"$\varphi_0 = {text}$"
         draw_diamond(plane, curve, color=colour, lw=1.1, label=label)
         strip.plot(three.angle, curve.ratio, color=colour, lw=1.1, label=label)
@@ -33,11 +36,6 @@ def draw_three_kicks(three, two):
     strip.set_xticks(range(0, 181, 30))
     strip.set_title("Above 1: three kicks outlast two")
     strip.grid(lw=0.3)
-    return figure
-
-
-def caption(three):
-    """Say where three kicks outlast two."""
     relative = three.error / three.critical_scale
     parts = [
         "Boundary of global transport of the rotating standard map with Ω = 1/3 for several phases "
@@ -49,4 +47,4 @@ def caption(three):
     ]
     for i, phase in enumerate(three.phase.attrs["exact"]):
         parts.append(f"φ0 = {phase}: {where_above(three.angle.values, three.ratio.values[i])}.")
-    return " ".join(parts)
+    return figure, " ".join(parts)
