@@ -75,7 +75,8 @@ def _draw_circle(axes, x, y, **style):
     order = np.argsort(x)
     x, y = x[order], y[order]
     # One point more at each end, so that the period is covered from 0 to 1.
-    axes.plot(np.r_[x[-1] - 1, x, x[0] + 1], np.r_[y[-1], y, y[0]], **style)
+    # In front of all orbits.
+    axes.plot(np.r_[x[-1] - 1, x, x[0] + 1], np.r_[y[-1], y, y[0]], zorder=3, **style)
 
 
 def _draw_heights(axes, portrait):

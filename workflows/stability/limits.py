@@ -12,9 +12,8 @@ from nasm.maps import twist
 from nasm.numbers import RotationNumber, convergents, parse
 from nasm.symmetries import ray
 from pipeline.cubes.cube import status_code
-from workflows.parts.tables import described, listed, outcomes
+from workflows.parts.tables import ANGLE, described, listed, outcomes
 
-_ANGLE = described("direction of the ray in the plane", "degree")
 _LIFE = described("steps in which converse KAM eliminates all; inf: not so")
 _DIGITS = described("digits of the weighted Birkhoff average of the longest-lived")
 _ESCAPE = described("first escape of 100 orbits, steps; inf: none")
@@ -96,7 +95,7 @@ def past_boundary(quick):
             "escape_time": (dims, escaped, _ESCAPE),
         },
         {
-            "angle": ("angle", list(angles), _ANGLE),
+            "angle": ("angle", list(angles), ANGLE),
             "excess": ("excess", excess, described("scale over that of the breakup, less 1")),
         },
         {
@@ -181,7 +180,7 @@ def beyond_the_twist(quick):
             "circle": outcomes(dims, status),
         },
         {
-            "angle": ("angle", list(angles), _ANGLE),
+            "angle": ("angle", list(angles), ANGLE),
             "scale": ("scale", scales, described("scale s of the forcing")),
         },
         {"title": "Near the end of the twist and beyond"},
