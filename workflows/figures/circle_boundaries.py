@@ -2,7 +2,7 @@
 
 import matplotlib.pyplot as plt
 
-from workflows.figures.style import colour_of, known, omega_label
+from workflows.figures.style import colour_of, known, line_of, omega_label
 
 
 def draw_circle_boundaries(breakdown, residues, barrier):
@@ -11,10 +11,11 @@ def draw_circle_boundaries(breakdown, residues, barrier):
     The caption says where each circle comes nearest to CB_gt, and whether all lie within it.
     """
     figure, axes = plt.subplots(figsize=(10, 5.8))
-    tip = axes.inset_axes([0.42, 0.07, 0.16, 0.28])
+    tip = axes.inset_axes([0.44, 0.055, 0.12, 0.2])
+    sharp = known(breakdown)
     for part, label in ((axes, r"$\mathit{CB}_{gt}$"), (tip, None)):
         part.fill_between(barrier.kappa1, barrier.kappa2, color="0.92", label=label)
-        draw_circles(part, breakdown, breakdown.kappa1, breakdown.kappa2)
+        draw_circles(part, sharp, sharp.kappa1, sharp.kappa2)
     axes.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$", aspect="equal", ylim=(0, None))
     tip.set(xlim=(0.8, 0.98), ylim=(0.8, 0.98), aspect="equal")
     tip.set_title("the tip at 45°", fontsize=8, pad=3)
@@ -31,7 +32,8 @@ def draw_circle_boundaries(breakdown, residues, barrier):
         f"Critical boundaries of circles, by continuation on {breakdown.angle.size} rays to "
         f"{breakdown.attrs['tol']:g}, in front of the region without global transport. Their "
         f"distance from the origin in parts of that of the last barrier: {shares}. Points beyond "
-        f"the last barrier by more than the errors: {int(beyond.sum())} of {beyond.size}."
+        f"the last barrier by more than the errors: {int(beyond.sum())} of {beyond.size}. Gaps: "
+        f"{int(sharp.critical_scale.isnull().sum())} points without an answer to 2%."
     )
 
 
@@ -65,5 +67,5 @@ def draw_tips(residues, circles, barrier):
 def draw_circles(axes, breakdown, x, y):
     """Draw the curves (x, y) of each ω, and (-x, -y), which by symmetry are boundaries too."""
     for i, text in enumerate(breakdown.circle.values):
-        axes.plot(x[i], y[i], color=colour_of(i), lw=1.3, label=omega_label(text))
-        axes.plot(-x[i], -y[i], color=colour_of(i), lw=1.3)
+        axes.plot(x[i], y[i], lw=1.3, label=omega_label(text), **line_of(i))
+        axes.plot(-x[i], -y[i], lw=1.3, **line_of(i))

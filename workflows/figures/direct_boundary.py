@@ -84,8 +84,10 @@ def _draw_boundaries(axes, boundary, barrier):
     for i, n in enumerate(boundary.n.values.tolist()):
         marker, colour = _MARKS[i % len(_MARKS)]
         style = {"color": colour, "ms": 4, "mfc": "none", "clip_on": False}
-        here = boundary.isel(n=i)
-        axes.plot(here.kappa1, here.kappa2, marker, label=f"$N = {power(n)}$", **style)
+        here, label = boundary.isel(n=i), f"$N = {power(n)}$"
+        if silent := int(here.bias.isnull().sum()):
+            label += f", no answer on {silent} of {here.angle.size} rays"
+        axes.plot(here.kappa1, here.kappa2, marker, label=label, **style)
     axes.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$", aspect="equal")
     axes.set_title(f"Global transport of ${power(boundary.n_orbits)}$ orbits")
 

@@ -56,27 +56,16 @@ def _draw_arcs(axes, barrier, classes, colours, size):
 
 def _write_circles(axes, barrier, classes, colours):
     """Write ω along the arcs that have colours, between 45° and 90°."""
+    above = (barrier.angle.values >= 45) & (barrier.angle.values <= 90)
+    style = {"size": 9, "weight": "bold", "ha": "center", "va": "top", "zorder": 4}
+    style |= {"textcoords": "offset points", "rotation_mode": "anchor"}
     for name, colour in colours.items():
-        (here,) = np.nonzero(
-            (classes == name) & (barrier.angle.values >= 45) & (barrier.angle.values <= 90)
-        )
+        (here,) = np.nonzero((classes == name) & above)
         if colour.startswith("#") and here.size > 3:
             x, y = barrier.kappa1.values[here], barrier.kappa2.values[here]
             slope = np.rad2deg(np.arctan2(y[0] - y[-1], x[0] - x[-1]))
-            axes.annotate(
-                name,
-                (x.mean(), y.mean()),
-                (5, -5),
-                textcoords="offset points",
-                color=colour,
-                size=9,
-                weight="bold",
-                rotation=slope,
-                ha="center",
-                va="top",
-                rotation_mode="anchor",
-                zorder=4,
-            )
+            place = x.mean(), y.mean()
+            axes.annotate(name, place, (5, -5), color=colour, rotation=slope, **style)
 
 
 def _draw_bracket(axes, barrier):

@@ -43,9 +43,8 @@ def draw_secondary_points(secondary):
     where = secondary.kappa1, secondary.kappa2, stable
     axes.contourf(*where, levels=[0.5, 1.5], colors="none", hatches=["//////"])
     axes.contour(*where, levels=[0.5], colors="black", linewidths=1.2)
-    axes.fill_between(
-        [], [], [], facecolor="none", edgecolor="black", hatch="//////", label="stable"
-    )
+    style = {"facecolor": "none", "edgecolor": "black", "hatch": "//////", "label": "stable"}
+    axes.fill_between([], [], [], **style)
     axes.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$", aspect="equal")
     axes.set_title("Secondary period-one orbits next to $(1/2, 0)$")
     axes.legend(loc="lower left")

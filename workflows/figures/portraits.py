@@ -14,9 +14,9 @@ def draw_kicks(portraits):
     places = [["first", "second"], ["raw", "island"], ["time", "time"]]
     panels = figure.subplot_mosaic(places, height_ratios=[1, 1, 0.4])
     first, second = (portraits.isel(forcing=i) for i in (0, 1))
-    map_of = r"$\mathcal{T}_{\kappa_1\kappa_2}$, $(\kappa_1, \kappa_2) =$"
-    _draw_cell(panels["first"], first.x, first.y, f"(a) {map_of} ${_forcing(first)}$")
-    _draw_cell(panels["second"], second.x, second.y, f"(b) {map_of} ${_forcing(second)}$")
+    map_of = r"$\mathcal{T}_{\kappa_1\kappa_2}$, $(\kappa_1, \kappa_2) ="
+    _draw_cell(panels["first"], first.x, first.y, f"(a) {map_of} {_forcing(first)}$")
+    _draw_cell(panels["second"], second.x, second.y, f"(b) {map_of} {_forcing(second)}$")
     title = rf"(c) nonautonomous map, $(\kappa_1, \kappa_2) = {_forcing(first)}$"
     _draw_cell(panels["raw"], portraits.kick_x, portraits.kick_y, title)
     island, time = panels["island"], panels["time"]

@@ -44,8 +44,8 @@ def draw_rotating_tori(tori, two, direct):
         if part is not axes:
             fill_diamond(part, two, None)
         for i, vector in enumerate(tori.attrs["vectors"]):
-            style = {"color": colour_of(i), "lw": 1.1, "label": f"torus ({vector})"}
-            draw_diamond(part, tori.isel(frequency=i), **style)
+            style = {"color": colour_of(i), "ls": ("-", "--", "-.")[i % 3], "lw": 1.1}
+            draw_diamond(part, tori.isel(frequency=i), label=f"torus ({vector})", **style)
     _mark_gaps(axes, two, tori.angle, tori.critical_scale, "frequency")
     _draw_onset(axes, two, direct)
     axes.set_title(r"Tori of rotating standard maps, and the last circle of $T$")
@@ -118,7 +118,7 @@ def _draw_onset(axes, two, direct):
 
 
 def _closed(x, y):
-    return [np.concatenate([values, -values]) for values in (x, y)]
+    return [np.concatenate([values, -values, values[:1]]) for values in (x, y)]
 
 
 def _finished(figure, axes):

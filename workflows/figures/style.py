@@ -16,6 +16,11 @@ def colour_of(i):
     return CIRCLE_COLOURS[i % len(CIRCLE_COLOURS)]
 
 
+def line_of(i):
+    """Return the style of the i-th line: dashed from the fourth on, as some colours are alike."""
+    return {"color": colour_of(i), "ls": (0, (5, 1.2)) if i // 3 % 2 else "-"}
+
+
 def save(figure, out, name, caption=""):
     """Write the figure as NAME.png and NAME.pdf, and its caption, if it has one, as NAME.txt.
 

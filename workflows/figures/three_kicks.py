@@ -24,9 +24,8 @@ def draw_three_kicks(three, two):
         draw_diamond(plane, curve, color=colour, lw=1.1, label=label)
         strip.plot(three.angle, curve.ratio, color=colour, lw=1.1, label=label)
         half = curve.error / curve.critical_scale * curve.ratio
-        strip.fill_between(
-            three.angle, curve.ratio - half, curve.ratio + half, color=colour, alpha=0.25, lw=0
-        )
+        band, style = (curve.ratio - half, curve.ratio + half), {"alpha": 0.25, "lw": 0}
+        strip.fill_between(three.angle, *band, color=colour, **style)
     mark_gaps(strip, three.angle.values, np.isnan(three.ratio.values).any(axis=0))
     plane.set(xlabel=r"$\bar\kappa$", ylabel=r"$\Delta\kappa$", aspect="equal")
     plane.set_title(r"Onset of global transport for $\Omega = 1/3$ and $1/2$")

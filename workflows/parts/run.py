@@ -83,8 +83,8 @@ class Run:
         tiles, seconds = np.sum([(0, 0), *self.expected.values()], axis=0)
         self.line.begin(int(tiles), seconds)
         if seconds > 0:
-            words = f"{len(known)} of {self.sweeps} sweeps are planned"
-            click.echo(f"{words}: {tiles:.0f} tiles, {duration(seconds)} of CPU time", err=True)
+            words = f"{len(known)} of {self.sweeps} sweeps are planned: {tiles:.0f} tiles"
+            click.echo(f"{words}, about {duration(seconds)} of CPU time", err=True)
 
     def check(self, cube):
         """Refuse to go on if the place holds this cube with other settings."""

@@ -72,6 +72,7 @@ def past_boundary(quick):
     decades = np.geomspace(1e-4, 1e-1, 4 if quick else 10)
     excess = np.concatenate([-decades[::-1], [0.0], decades])
     n_cones, n_escape, n_modes = 5000, *((10_000, 2048) if quick else (100_000, 16_384))
+    efforts = {"n_cones": n_cones, "n_escape": n_escape, "n_modes": n_modes}
     starts = escape.ensemble(100)
     shape = len(angles), excess.size
     certified, digits, lived, escaped = np.zeros((4, *shape))
@@ -98,12 +99,7 @@ def past_boundary(quick):
             "angle": ("angle", list(angles), ANGLE),
             "excess": ("excess", excess, described("scale over that of the breakup, less 1")),
         },
-        {
-            "title": "Distance past the breakup",
-            "n_cones": n_cones,
-            "n_escape": n_escape,
-            "n_modes": n_modes,
-        },
+        {"title": "Distance past the breakup", **efforts},
     )
 
 
