@@ -12,17 +12,17 @@ def parse_omegas(texts):
     """Return the RotationNumbers in increasing order; ValueError for rational or equal ones."""
     from nasm.numbers import NAMES, RotationNumber, parse
 
-    omegas = sorted(map(parse, texts or NAMES), key=float)
-    for text, omega in zip(texts or (), map(parse, texts or ()), strict=True):
+    omegas = {text: parse(text) for text in texts or NAMES}
+    for text, omega in omegas.items():
         if omega.is_rational:
             raise ValueError(
                 f"{text} is rational, and has no invariant circle that could break; write an "
                 f"irrational number with a periodic continued fraction, like "
                 f"{RotationNumber(omega.prefix, (1,))}"
             )
-    if len(set(map(float, omegas))) < len(omegas):
+    if len(set(map(float, omegas.values()))) < len(texts or NAMES):
         raise ValueError("two rotation numbers are equal, or equal as floats")
-    return omegas
+    return sorted(omegas.values(), key=float)
 
 
 @command()

@@ -42,9 +42,7 @@ def parse_phases(texts):
     multiple=True,
 )
 @ray_options(61)
-@whole(
-    "--n-max", 300, 30, 10**5, "Steps N of converse KAM; the upper bound is 0.7/N above the value."
-)
+@whole("--n-max", 300, 30, 10**5, "Steps N of converse KAM; its bound is 0.7/N above the value.")
 @sweeps
 def main(run, phase, angles, tips, n_max):
     """Rotating standard maps with Ω = 1/3: two cubes, a table and a figure in OUT.

@@ -140,8 +140,7 @@ def _carried(*cases):
         circle.certified and circle.omega == omega and np.array_equal(circle.kappa, kappa)
         for circle, omega, kappa in cases
     )
-    off = max(
-        np.abs(invariance(circle.omega, circle.kappa, circle.u)[2]).max() for circle, *_ in cases
-    )
+    errors = [invariance(circle.omega, circle.kappa, circle.u)[2] for circle, *_ in cases]
+    off = max(np.abs(error).max() for error in errors)
     words = "certified; largest |T∘K(θ) - K(θ + ω)|" if right else "not certified as such;"
     return identity(float(off) if right else np.inf, 1e-12, words)

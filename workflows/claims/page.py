@@ -20,7 +20,7 @@ _PLURAL = {
 def counted(claims, errata):
     """Say how many claims have which verdict, and how many errata are shown."""
     counts = Counter(claim.verdict for claim in claims)
-    found = ", ".join(f"{counts[v]} {_PLURAL[v]}" for v in Verdict)
+    found = ", ".join(f"{counts[v]} {_PLURAL[v]}" for v in Verdict if counts[v])
     shown = sum(erratum.shown for erratum in errata)
     return (
         f"Of {len(claims)} claims of the paper {found}. {shown} of {len(errata)} errata are shown "
@@ -62,5 +62,5 @@ def write_tables(run, claims, errata, rows):
     for name, lines in tables.items():
         table = DataFrame(lines).drop(columns="short", errors="ignore")
         table.to_csv(run.path("tables", f"{name}.csv"), index=False)
-    path = Path(run.path("tables", "claims.txt"))
-    path.write_text(f"{counted(claims, errata)}\n", encoding="utf-8")
+    words = f"{counted(claims, errata)}\n"
+    Path(run.out, "claims.txt").write_text(words, encoding="utf-8")

@@ -25,9 +25,8 @@ def draw_critical_boundary(plane, circles, barrier):
     steps = power(plane.attrs["n_max"])
     behind = f"behind it, escape of {int(plane.ensemble[-1])} orbits within ${steps}$ steps"
     axes.set_title(f"Where the last barrier breaks; {behind}")
-    x, y = (
-        1.07 * np.interp((120, 130), barrier.angle, barrier[name]) for name in ("kappa1", "kappa2")
-    )
+    curve = barrier.kappa1, barrier.kappa2
+    x, y = (1.07 * np.interp((120, 130), barrier.angle, values) for values in curve)
     style = {"ha": "center", "va": "center", "size": 8, "clip_on": True}
     style["rotation"] = np.rad2deg(np.arctan(np.ptp(y) / -np.ptp(x)))
     axes.text(x.mean(), y.mean(), f"no barrier left, but no escape in ${steps}$ steps", **style)

@@ -3,7 +3,7 @@
 import matplotlib.pyplot as plt
 import numpy as np
 
-from workflows.figures.style import circle_class, colour_of, letters, mark_gaps
+from workflows.figures.style import circle_class, letters, line_of, mark_gaps
 from workflows.parts.rays import with_tie
 
 _ETA = 3.0117  # ln(αβ)/ln δ of MacKay's scaling constants, a guide for the eye
@@ -21,8 +21,9 @@ def draw_flux(fluxes, fits):
         flux, fit = fluxes.flux.sel(angle=angle).values, fits.sel(angle=angle)
         tie = r" (tied with $1 - \omega$)" if angle % 90 == 0 else ""
         label = rf"$\varphi = {angle:g}°$, $\omega = {circle_class(fit.circle.item())}${tie}"
-        whole.plot(x, flux, "o-", ms=3, lw=1, color=colour_of(i), label=label)
-        divided.plot(x, flux / x**_ETA, "o-", ms=3, lw=1, color=colour_of(i))
+        style = {"marker": "osD^v"[i % 5], "ms": 3.5, "lw": 1, **line_of(i)}
+        whole.plot(x, flux, label=label, **style)
+        divided.plot(x, flux / x**_ETA, **style)
     mark_gaps(divided, x, fluxes.flux.isnull().any("angle").values)
     middle = np.nanmedian(fluxes.flux / fluxes.excess**_ETA)
     law = rf"$\propto x^\eta$; fitted: $\eta = {float(fits.exponent.median()):.4f}$ in all"

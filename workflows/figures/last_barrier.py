@@ -118,7 +118,6 @@ def _draw_circle_strip(axes, barrier, classes, colours):
     mark_gaps(axes, angle, barrier.status.values != 1)
     axes.set(xlabel=r"angle $\varphi$ of the ray (degrees)", xticks=range(0, 181, 45))
     axes.set(ylabel=r"$\omega$ of the last circle, or $1 - \omega$")
-    axes.set_title(
-        r"The last circle: $\omega$ from 0° to 90°, $1 - \omega$ beyond; on the axes the two tie"
-    )
+    words = r"$\omega$ from 0° to 90°, $1 - \omega$ beyond; on the axes the two tie"
+    axes.set_title(f"The last circle: {words}")
     axes.grid(lw=0.3)

@@ -93,9 +93,8 @@ def increasing(name, default, largest, help):
             return None
         numbers = [int(number) if number.isdecimal() else 0 for number in text.split(",")]
         if sorted(set(numbers)) != numbers or numbers[0] < 1 or numbers[-1] > largest:
-            raise ValueError(
-                f"{text!r} must be increasing whole numbers from 1 to {largest}, e.g. 100,1000"
-            )
+            words = f"must be increasing whole numbers from 1 to {largest}, e.g. 100,1000"
+            raise ValueError(f"{text!r} {words}")
         return numbers
 
     return parsed(name, default, parse, "N[,N...]", help)
@@ -115,9 +114,7 @@ def plane_options(kappa1, kappa2, n_max, n_orbits, tile, levels):
         axis("--kappa1", kappa1, "First kick's strength: lower end, upper end, cells."),
         axis("--kappa2", kappa2, "Second kick's strength, likewise."),
         whole("--n-max", n_max, 1, 10**12, "Steps of two kicks up to which orbits are followed."),
-        increasing(
-            "--n-orbits", str(n_orbits), 10**8, "Orbits; several numbers: nested ensembles."
-        ),
+        increasing("--n-orbits", str(n_orbits), 10**8, "Orbits; several: nested ensembles."),
         whole("--tile", tile, 1, 4096, "Cells along each side of a tile, the unit of work."),
         whole("--levels", levels, 1, 12, "Levels of refinement; 1 computes every cell."),
         increasing(
