@@ -97,6 +97,12 @@ def test_direct_iteration_closes_in_on_the_boundary_from_outside(direct):
         assert outside <= n < inside
 
 
+def test_status_counts_the_tiles_that_are_wanted(direct):
+    cube = xr.open_zarr(direct / "direct_boundary.zarr")
+    n = int(cube.escape_time.notnull().sum())
+    assert f"direct_boundary: {n} of {n} tiles\n" in succeed("status", direct)
+
+
 def test_no_more_is_iterated_than_the_boundary_needs(direct):
     cube = xr.open_zarr(direct / "direct_boundary.zarr")
     times = cube.escape_time.isel(ensemble=0)

@@ -30,18 +30,19 @@ def test_the_options_of_the_preview_are_valid(exhibit):
 def page(tmp_path_factory):
     """The page of one small exhibit, of which the second run finds everything done."""
     out = tmp_path_factory.mktemp("gallery") / "out put"
-    small = gallery.Exhibit("Figures 3 & 4", "period_one", "--primary -4:4:40 --secondary 0:8:20")
+    small = gallery.Exhibit("period_one", "Figures 3 & 4", "--primary -4:4:40 --secondary 0:8:20")
     claim = {"place": "Sec. I", "statement": "T_κ1κ2 is a map", "value": "x" * 300}
     (out / "claims").mkdir(parents=True)
     with (out / "claims" / "claims.csv").open("w", encoding="utf-8", newline="") as file:
         table = csv.DictWriter(file, [*claim, "verdict"])
         table.writeheader()
         table.writerows([{**claim, "verdict": verdict.value} for verdict in Verdict])
+    (out / "claims" / "claims.txt").write_text("Of 4 claims 1 hold.\n")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(gallery, "EXHIBITS", (small,))
         for _ in range(2):
             told = succeed("gallery", out, "--quick", "--workers", "1")
-    assert "2 figures of 1 commands" in told
+    assert "2 figures of 1 commands on one page. Of 4 claims 1 hold." in told
     return out / "index.html"
 
 
@@ -63,7 +64,9 @@ def test_the_page_says_that_it_is_a_preview_of_which_version_and_counts_the_clai
     text = " ".join(page.read_text(encoding="utf-8").split())
     assert "A preview" in text
     assert f"nasm {nasm.__version__}" in text
-    assert "Of 4 claims: 1 hold, 1 hold with a caveat, 1 do not hold, 1 not decided." in text
+    assert "Of 4 claims 1 hold." in text
+    for verdict in Verdict:
+        assert f'<tr class="{verdict.value.replace(" ", "-")}">' in text
 
 
 CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")

@@ -1,6 +1,7 @@
 """The main job, small: three methods that bracket one boundary; what is kept, and the recipes."""
 
 import json
+import re
 import runpy
 import sys
 from pathlib import Path
@@ -26,6 +27,8 @@ def finished(tmp_path_factory, workers):
     """The main job, small: its directory."""
     out = tmp_path_factory.mktemp("main") / "out"
     output = succeed("critical_boundary", out, *MAIN, *workers)
+    assert re.search(r"2 of 5 sweeps are planned: \d+ tiles, about \d+ s of CPU time\n", output)
+    assert re.search(r"sweep 5 of 5, escape_level2: (\d+)/\1 tiles", output)
     for name in (
         "escape.zarr",
         "barrier.zarr",
@@ -145,6 +148,17 @@ def test_status_and_verify_find_all_in_order_and_damage_where_it_is(tmp_path, de
     succeed(*plane)
     assert np.array_equal(field(out), whole)
     assert invoke("status", tmp_path / "nowhere").exit_code == 2
+
+
+def test_status_counts_the_tiles_that_refinement_wants(finished):
+    said = succeed("status", finished)
+    assert "escape: written whole\n" in said
+    levels = re.findall(r"escape_level\d: (\d+) of (\d+) tiles\n", said)
+    wanted = [
+        int((xr.open_zarr(finished / f"escape_level{i}.zarr", group="tiles").cpu_seconds > 0).sum())
+        for i in range(3)
+    ]
+    assert levels == [(str(n), str(n)) for n in wanted]
 
 
 @pytest.mark.parametrize(

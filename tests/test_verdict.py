@@ -171,6 +171,7 @@ def test_the_answer_in_words_and_as_a_figure(tmp_path, point, told):
     name = "ask_{}_{}".format(*map(float, point))
     for kind in ("png", "pdf"):
         assert (tmp_path / f"out/{name}.{kind}").stat().st_size > 10_000
+    assert (tmp_path / f"out/{name}.txt").read_text(encoding="utf-8") in result.output
 
 
 def test_the_circle_is_drawn_over_the_whole_period():

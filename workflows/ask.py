@@ -8,7 +8,7 @@ import os
 
 import click
 
-from workflows.parts.cli import command, out_option
+from workflows.parts.cli import announce_kernels, command, out_option
 
 _STARTS, _STEPS = 64, 10**6  # of direct iteration; it only illustrates
 _NEAR = 0.96  # where the boundary is nearer, no orbit escapes: none did on 12 rays, 4% beyond
@@ -69,23 +69,24 @@ def sentences(kappa, verdict, escaping):
     from nasm.verdict import Answer, Evidence
 
     boundary, omega = verdict.boundary, verdict.boundary.omega
-    point = f"({kappa[0]}, {kappa[1]})"
-    meaning = {
-        Answer.BARRIER: "a rotational invariant circle is left; no orbit gets past it",
-        Answer.TRANSPORT: "no rotational invariant circle is left; transport in y is global",
-        Answer.UNDECIDED: "neither a barrier nor transport could be shown",
-    }
-    lines = [f"{verdict.answer.name} at (kappa1, kappa2) = {point}: {meaning[verdict.answer]}."]
+    meaning, circle = {
+        Answer.BARRIER: (
+            "a rotational invariant circle is left; no orbit gets past it",
+            "The circle",
+        ),
+        Answer.TRANSPORT: (
+            "no rotational invariant circle is left; transport in y is global",
+            "The last circle to break on the ray was that",
+        ),
+        Answer.UNDECIDED: (
+            "neither a barrier nor transport could be shown",
+            "The last circle to break on the ray is that",
+        ),
+    }[verdict.answer]
+    lines = [f"{verdict.answer.name} at (kappa1, kappa2) = ({kappa[0]}, {kappa[1]}): {meaning}."]
     if omega is not None:
-        which = {
-            Answer.BARRIER: "The circle of",
-            Answer.TRANSPORT: "The last circle to break on the ray was that of",
-            Answer.UNDECIDED: "The last circle to break on the ray is that of",
-        }
-        lines.append(
-            f"{which[verdict.answer]} omega = {omega} = {float(omega):.12g} per step (likewise all "
-            "±omega + 2n)."
-        )
+        number = f"omega = {omega} = {float(omega):.12g} per step"
+        lines.append(f"{circle} of {number} (likewise all ±omega + 2n).")
     lines.append(f"Evidence: {verdict.evidence.value}.")
     if verdict.evidence is Evidence.CONES:
         lines.append(f"The longest-lived start is eliminated after {verdict.steps:g} steps.")
@@ -139,7 +140,6 @@ def main(kappa1, kappa2, out):
     UNDECIDED, within a few parts in 10^5 of the boundary; the exit code is 0 for all three. It
     takes about two seconds, and the first time on a machine twenty more to compile the kernels.
     """
-    from nasm import kernels
     from nasm.maps import forcing
     from nasm.verdict import Answer, verdict
 
@@ -151,20 +151,19 @@ def main(kappa1, kappa2, out):
         raise click.UsageError(str(error)) from None
     except OSError as error:
         raise click.UsageError(f"--out={out}: {error.strerror}; choose another directory") from None
-    if not kernels.are_compiled():
-        click.echo("compiling kernels, once per machine: about 20 s", err=True)
+    announce_kernels()
     found = verdict(kappa)
     transport = found.answer is Answer.TRANSPORT
     far = not found.boundary.value > _NEAR  # NaN: not known to be near
     escaping = escaping_orbit(kappa) if transport and far else None
-    for line in sentences(kappa, found, escaping):
-        click.echo(line)
+    told = "\n".join(sentences(kappa, found, escaping))
+    click.echo(told)
 
     from workflows.figures.ask import draw_verdict
     from workflows.figures.style import save
 
     figure = draw_verdict(portrait_of(kappa, found, escaping))
-    click.echo(f"figures: {', '.join(save(figure, out, f'ask_{kappa1}_{kappa2}'))}")
+    click.echo(f"figures: {', '.join(save(figure, out, f'ask_{kappa1}_{kappa2}', told))}")
 
 
 if __name__ == "__main__":

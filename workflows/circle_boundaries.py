@@ -12,17 +12,17 @@ def parse_omegas(texts):
     """Return the RotationNumbers in increasing order; ValueError for rational or equal ones."""
     from nasm.numbers import NAMES, RotationNumber, parse
 
-    omegas = sorted(map(parse, texts or NAMES), key=float)
-    for text, omega in zip(texts or (), map(parse, texts or ()), strict=True):
+    omegas = {text: parse(text) for text in texts or NAMES}
+    for text, omega in omegas.items():
         if omega.is_rational:
             raise ValueError(
                 f"{text} is rational, and has no invariant circle that could break; write an "
                 f"irrational number with a periodic continued fraction, like "
                 f"{RotationNumber(omega.prefix, (1,))}"
             )
-    if len(set(map(float, omegas))) < len(omegas):
+    if len(set(map(float, omegas.values()))) < len(texts or NAMES):
         raise ValueError("two rotation numbers are equal, or equal as floats")
-    return omegas
+    return sorted(omegas.values(), key=float)
 
 
 @command()
@@ -46,7 +46,7 @@ def main(run, omega, angles, tips, tol, q_max):
     """
     from pipeline.cubes import breakdown
     from pipeline.cubes.barrier import last_barrier
-    from workflows.figures import circle_boundaries as figures
+    from workflows.figures.circle_boundaries import draw_circle_boundaries, draw_tips
     from workflows.parts import rays
 
     angles = rays.ray_angles(angles, tips)
@@ -60,16 +60,8 @@ def main(run, omega, angles, tips, tol, q_max):
         barrier = rays.unfolded(barrier, angles)
         run.table("circle_boundaries", circles)
         run.table("circle_boundaries_residue", residues)
-        run.figure(
-            "circle_boundaries",
-            figures.draw_circle_boundaries(circles, barrier),
-            figures.circles_caption(residues, circles, barrier),
-        )
-        run.figure(
-            "tips",
-            figures.draw_tips(residues, circles, barrier),
-            figures.tips_caption(residues, circles),
-        )
+        run.figure("circle_boundaries", *draw_circle_boundaries(circles, residues, barrier))
+        run.figure("tips", *draw_tips(residues, circles, barrier))
 
 
 if __name__ == "__main__":

@@ -21,7 +21,7 @@ def main(run, n_max, n_orbits, quick):
 
     About three minutes on two cores; ten times the steps or orbits take ten times as long.
     """
-    from workflows.figures import convergence as figures
+    from workflows.figures.convergence import draw_convergence, draw_diagonal
     from workflows.parts import convergence, direct
 
     n_max = min(n_max, 10_000) if quick else n_max
@@ -32,20 +32,11 @@ def main(run, n_max, n_orbits, quick):
         bias = direct.direct_bias(run.sweep(job).load(), direct.steps_up_to(n_max))
         others = convergence.other_methods(best, quick)
         run.keep("convergence", others, quick=quick)
-        fits = convergence.exponents(bias)
         diagonal = convergence.on_the_diagonal(bias, scales[45.0])
         run.keep("convergence_diagonal", diagonal)
         run.table("convergence_direct", bias.to_dataset())
-        run.figure(
-            "convergence",
-            figures.draw_convergence(bias, others, fits),
-            figures.describe(bias, fits),
-        )
-        run.figure(
-            "convergence_diagonal",
-            figures.draw_diagonal(diagonal),
-            figures.describe_diagonal(diagonal),
-        )
+        run.figure("convergence", *draw_convergence(bias, others, convergence.exponents(bias)))
+        run.figure("convergence_diagonal", *draw_diagonal(diagonal))
 
 
 if __name__ == "__main__":

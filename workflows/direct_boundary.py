@@ -31,7 +31,7 @@ def main(run, steps, n_orbits, angles, tips):
     from numpy import linspace
 
     from pipeline.cubes.barrier import last_barrier
-    from workflows.figures import direct_boundary as figures
+    from workflows.figures.direct_boundary import draw_half_plane, draw_quadrant
     from workflows.parts import direct, rays
 
     all_rays = rays.ray_angles(angles, tips)
@@ -47,13 +47,8 @@ def main(run, steps, n_orbits, angles, tips):
             if lost:
                 click.echo(f"N = {n}: no boundary on {lost} rays from 1% to 100% outside", err=True)
         run.table("direct_boundary_rays", boundary.drop_dims("excess"))
-        caption = figures.describe(boundary)
-        run.figure("direct_quadrant", figures.draw_quadrant(boundary, barrier), caption)
-        run.figure(
-            "direct_boundary",
-            figures.draw_half_plane(boundary, barrier, insets),
-            figures.describe_insets(insets),
-        )
+        run.figure("direct_quadrant", *draw_quadrant(boundary, barrier))
+        run.figure("direct_boundary", *draw_half_plane(boundary, barrier, insets))
 
 
 if __name__ == "__main__":

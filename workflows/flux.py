@@ -27,7 +27,7 @@ def main(run, angle, nearest, q_max):
     Distances beyond the breakup go up to 0.5. The defaults take a minute on two cores.
     """
     from pipeline.cubes.barrier import last_barrier
-    from workflows.figures import flux as figures
+    from workflows.figures.flux import draw_flux
     from workflows.parts import flux, rays
 
     angles, excesses = flux.grid(angle, nearest)
@@ -38,7 +38,7 @@ def main(run, angle, nearest, q_max):
         laws = flux.laws(fluxes)
         run.table("flux", fluxes)
         run.table("flux_law", laws)
-        run.figure("flux", figures.draw_flux(fluxes, laws), figures.caption(fluxes, laws))
+        run.figure("flux", *draw_flux(fluxes, laws))
 
 
 if __name__ == "__main__":

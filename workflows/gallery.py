@@ -7,7 +7,7 @@ resumes by itself.
 
 import csv
 import shlex
-from collections import Counter
+import tomllib
 from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
@@ -21,70 +21,25 @@ from workflows.parts.cli import cluster_options, command, main_of, out_option
 class Exhibit:
     """A command, what it shows, and its options for a preview and for the paper's size."""
 
-    title: str
     name: str
+    title: str
     quick: str = ""
     full: str = ""
 
-
-EXHIBITS = (
-    Exhibit(
-        "Where global transport begins, and what breaks there",
-        "critical_boundary",
-        "--kappa1 -1.1:1.1:128 --kappa2 0:1.1:64 --levels 3 --n-max 5000 --angles 61 --tol 1e-3",
-    ),
-    Exhibit("Figures 1 and 2: phase portraits", "portraits"),
-    Exhibit("Figures 3 and 4: period-one orbits", "period_one"),
-    Exhibit(
-        "Figures 5 and 6: the boundary by direct iteration",
-        "direct_boundary",
-        "--angles 37 --n-orbits 100 --steps 1000,5000,10000",
-    ),
-    Exhibit(
-        "Figure 7: convergence",
-        "convergence",
-        "--quick --n-orbits 10,100",
-        "--n-orbits 10,100,1000,10000",
-    ),
-    Exhibit(
-        "Figures 8 and 9: boundaries of circles",
-        "circle_boundaries",
-        "--angles 61 --tips 6 --tol 1e-3 --q-max 1500",
-    ),
-    Exhibit(
-        "Figures 10 and 11: rotating standard maps",
-        "rotating",
-        "--angles 61 --n-max 2000 --n-orbits 64",
-    ),
-    Exhibit(
-        "Three kicks: the rotating map of Ω = 1/3",
-        "three_kicks",
-        "--angles 19 --tips 0 --phase 0 --phase 1/12 --n-max 100",
-    ),
-    Exhibit("The last barrier, from both sides", "last_barrier", "--angles 61 --tips 6 --tol 1e-3"),
-    Exhibit("The flux through the last circle, broken", "flux", "--nearest 1e-3"),
-    Exhibit(
-        "Claims of the paper",
-        "claims",
-        "--angles 19 --tips 8 --tol 1e-3 --n-max 20000 --n-orbits 64",
-    ),
-)
+    def options(self, quick):
+        return shlex.split(self.quick if quick else self.full)
 
 
-# Verdicts of the claims' table, and what the page's style calls them.
-_KINDS = {
-    "holds": "holds",
-    "holds with a caveat": "caveat",
-    "does not hold": "fails",
-    "not decided": "undecided",
-}
+_LIST = Path(__file__).parent / "parts" / "gallery.toml"
+_TEXTS = tomllib.loads(_LIST.read_text(encoding="utf-8"))
+EXHIBITS = [Exhibit(name, **texts) for name, texts in _TEXTS.items()]
 
 
 def run(exhibit, out, workers, quick):
     """Run the command with its cubes, tables and figures in a directory of OUT."""
     main = main_of(exhibit.name)
     swept = any(option.name == "scheduler" for option in main.params)
-    options = [*_options(exhibit, quick), "--out", f"{out}/{exhibit.name}"]
+    options = [*exhibit.options(quick), "--out", f"{out}/{exhibit.name}"]
     click.echo(f": {exhibit.title}", err=True)
     main.main([*options, *(workers if swept else [])], standalone_mode=False)
 
@@ -94,13 +49,11 @@ def shown(exhibit, out, quick):
     here, name = Path(out, exhibit.name), exhibit.name
     texts = {path.stem: path.read_text(encoding="utf-8").strip() for path in here.glob("*.txt")}
     files = sorted(path for kind in ("pdf", "csv", "html") for path in here.glob(f"*.{kind}"))
-    pictures = sorted(here.glob("*.png"))
+    pictures, start = sorted(here.glob("*.png")), ["python", "-m", f"workflows.{name}"]
     return {
         "title": exhibit.title,
         "name": name,
-        "command": shlex.join(
-            ["python", "-m", f"workflows.{name}", *_options(exhibit, quick), "--out", name]
-        ),
+        "command": shlex.join([*start, *exhibit.options(quick), "--out", name]),
         "pictures": [(f"{name}/{path.name}", texts.get(path.stem, "")) for path in pictures],
         "files": [f"{name}/{path.name}" for path in files],
         "cubes": [f"{name}/{path.name}" for path in sorted(here.glob("*.zarr"))],
@@ -108,20 +61,12 @@ def shown(exhibit, out, quick):
 
 
 def judged(out):
-    """Return the claims, as rows of their table, and how many have which verdict."""
-    path = Path(out, "claims", "claims.csv")
-    if not path.exists():
-        return [], []
-    with path.open(encoding="utf-8", newline="") as file:
-        rows = list(csv.DictReader(file))
-    counts = Counter(row["verdict"] for row in rows)
-    plural = {kind: kind.replace("holds", "hold").replace("does", "do") for kind in _KINDS}
-    told = [(counts[kind], plural[kind]) for kind in _KINDS if counts[kind]]
-    return [{**row, "kind": _KINDS[row["verdict"]]} for row in rows], told
-
-
-def _options(exhibit, quick):
-    return (exhibit.quick if quick else exhibit.full).split()
+    """Return the claims, as rows of their table, and how many hold, in words."""
+    table, counted = (Path(out, "claims", f"claims.{kind}") for kind in ("csv", "txt"))
+    if not table.exists():
+        return [], ""
+    with table.open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file)), counted.read_text(encoding="utf-8").strip()
 
 
 @command(default_map={"out": "gallery"})
@@ -151,20 +96,18 @@ def main(out, quick, only, workers, scheduler, tls):
             run(exhibit, out, workers, quick)
             # After each of them, so that there is something to see.
             there = [exhibit for exhibit in EXHIBITS if Path(out, exhibit.name).exists()]
-            claims, counts = judged(out)
+            claims, counted = judged(out)
             render(
                 "parts/gallery.html",
                 f"{out}/index.html",
                 sections=[shown(exhibit, out, quick) for exhibit in there],
                 claims=claims,
-                counts=counts,
+                counted=counted,
                 quick=quick,
                 made=f"{date.today():%d %B %Y}, nasm {__version__}",
             )
-    told = ", ".join(f"{number} {words}" for number, words in counts)
     n_figures = sum(1 for _ in Path(out).glob("*/*.png"))
-    claimed = f" The claims of the paper: {told}." if told else ""
-    click.echo(f"\n{n_figures} figures of {len(there)} commands on one page.{claimed}")
+    click.echo(f"\n{n_figures} figures of {len(there)} commands on one page. {counted}".rstrip())
     click.echo(f"page: {out}/index.html")
 
 

@@ -14,22 +14,14 @@ from workflows.parts.cli import axis, command, writes
 @writes
 def main(run, primary, secondary):
     """Period-one orbits: two cubes and two figures in OUT."""
-    from workflows.figures import period_one as figures
+    from workflows.figures.period_one import draw_primary_points, draw_secondary_points
     from workflows.parts.period_one import primary_dataset, secondary_dataset
 
     with run.driving():
         first = run.keep("period_one_primary", primary_dataset(primary))
         second = run.keep("period_one_secondary", secondary_dataset(secondary))
-        run.figure(
-            "period_one_primary",
-            figures.draw_primary_points(first),
-            figures.primary_caption(first),
-        )
-        run.figure(
-            "period_one_secondary",
-            figures.draw_secondary_points(second),
-            figures.secondary_caption(second),
-        )
+        run.figure("period_one_primary", *draw_primary_points(first))
+        run.figure("period_one_secondary", *draw_secondary_points(second))
 
 
 if __name__ == "__main__":

@@ -16,19 +16,15 @@ from workflows.parts.cli import command, whole, writes
 @writes
 def main(run, n_orbits, steps):
     """Phase portraits: two cubes and two figures in OUT. A few seconds."""
-    from workflows.figures import portraits as figures
+    from workflows.figures.portraits import draw_kicks, draw_symmetry
     from workflows.parts.portraits import nonautonomous_dataset, symmetric_dataset
 
     size = {"n_orbits": n_orbits, "steps": steps}
     with run.driving():
         kicks = run.keep("portraits", nonautonomous_dataset(**size), **size)
         symmetric = run.keep("portraits_symmetry", symmetric_dataset(**size), **size)
-        run.figure("portraits", figures.draw_kicks(kicks), figures.describe_kicks(kicks))
-        run.figure(
-            "portraits_symmetry",
-            figures.draw_symmetry(symmetric),
-            figures.describe_symmetry(symmetric),
-        )
+        run.figure("portraits", *draw_kicks(kicks))
+        run.figure("portraits_symmetry", *draw_symmetry(symmetric))
 
 
 if __name__ == "__main__":

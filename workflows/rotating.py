@@ -56,7 +56,7 @@ def main(run, vector, angles, tips, n_max, n_orbits):
     """
     from pipeline.cubes import breakdown, rotating
     from pipeline.cubes.barrier import last_barrier
-    from workflows.figures import rotating as figures
+    from workflows.figures.rotating import draw_rotating_circles, draw_rotating_tori
     from workflows.parts import rays
 
     around = rays.rotated_rays(angles, tips)
@@ -73,12 +73,8 @@ def main(run, vector, angles, tips, n_max, n_orbits):
         tori = rays.with_ratio(tori, two.critical_scale, "CB_gt of T")
         tori = rays.with_ratio(tori, onset, "the onset of transport of T", "ratio_direct")
         run.table("tori", tori)
-        parts = circles, two, direct
-        run.figure(
-            "diamond", figures.draw_rotating_circles(*parts), figures.circles_caption(*parts)
-        )
-        parts = tori, two, direct
-        run.figure("tori", figures.draw_rotating_tori(*parts), figures.tori_caption(*parts))
+        run.figure("diamond", *draw_rotating_circles(circles, two, direct))
+        run.figure("tori", *draw_rotating_tori(tori, two, direct))
 
 
 if __name__ == "__main__":

@@ -42,9 +42,7 @@ def parse_phases(texts):
     multiple=True,
 )
 @ray_options(61)
-@whole(
-    "--n-max", 300, 30, 10**5, "Steps N of converse KAM; the upper bound is 0.7/N above the value."
-)
+@whole("--n-max", 300, 30, 10**5, "Steps N of converse KAM; its bound is 0.7/N above the value.")
 @sweeps
 def main(run, phase, angles, tips, n_max):
     """Rotating standard maps with Ω = 1/3: two cubes, a table and a figure in OUT.
@@ -53,7 +51,7 @@ def main(run, phase, angles, tips, n_max):
     """
     from pipeline.cubes import rotating
     from pipeline.cubes.barrier import last_barrier
-    from workflows.figures import three_kicks as figures
+    from workflows.figures.three_kicks import draw_three_kicks
     from workflows.parts import rays
 
     around = rays.rotated_rays(angles, tips)
@@ -63,7 +61,7 @@ def main(run, phase, angles, tips, n_max):
         two = rays.two_kicks(barrier, around)
         three = rays.with_ratio(three, two.critical_scale, "two kicks")
         run.table("three_kicks", three)
-        run.figure("three_kicks", figures.draw_three_kicks(three, two), figures.caption(three))
+        run.figure("three_kicks", *draw_three_kicks(three, two))
 
 
 if __name__ == "__main__":

@@ -9,20 +9,17 @@ import numpy as np
 from nasm.maps import forcing, rotating_forcing, step
 from nasm.symmetries import ray, unfold
 from workflows.claims.map import largest
-from workflows.claims.rules import CLAIMS, Claim, graded, identity, rounding
-
-_BARRIER = "python -m workflows.last_barrier"
-_ROTATING = "python -m workflows.rotating"
+from workflows.claims.rules import graded, identity, rounding
 
 
 def discussion_claims(circles, barrier, tori, three):
     """Judge Sec. VII."""
-    return [
-        *hull_claims(circles, barrier),
-        *_rotating_map(),
-        _third(three),
-        _tori(tori, barrier),
-    ]
+    return {
+        **hull_claims(circles, barrier),
+        **_rotating_map(),
+        "third": _third(three),
+        "torus": _torus(tori, barrier),
+    }
 
 
 def hull_claims(circles, barrier):
@@ -42,45 +39,26 @@ def hull_claims(circles, barrier):
     short = 1 - (circles.critical_scale.max("circle") / barrier.critical_scale).values
     within = ((circles.error.max("circle") + barrier.error) / barrier.critical_scale).values
     formed = (short <= within)[np.isfinite(short)]
-    return [
-        Claim(
-            "Sec. VII",
-            "CB_gt is the convex hull of all CB_ω, taken literally",
-            *graded(
-                f"CB_gt reaches only {part[worst]:.2%} of its own convex hull at "
-                f"φ = {wedge.angle.values[worst]:g}°",
-                np.nanmin(part) > 1 - 1e-3,
-            ),
-            _BARRIER,
-            "The horns make the region far from convex.",
+    return {
+        "hull": graded(
+            f"CB_gt reaches only {part[worst]:.2%} of its own convex hull at "
+            f"φ = {wedge.angle.values[worst]:g}°",
+            np.nanmin(part) > 1 - 1e-3,
         ),
-        Claim(
-            "Sec. VII",
-            "CB_gt is the envelope of all CB_ω: on each ray transport begins where the last circle "
-            "breaks",
-            *graded(
-                f"on {np.isfinite(closed).sum()} of {closed.size} rays a certified circle of a "
-                "named ω below and converse KAM above close in on its breakup, to "
-                f"{np.nanmax(closed):.1e} of the scale or better",
-                np.isfinite(closed).all(),
-                np.isfinite(closed).mean() > 0.9,
-            ),
-            _BARRIER,
-            "True as far as sampled, in floating point; see the section on the envelope.",
+        "envelope": graded(
+            f"on {np.isfinite(closed).sum()} of {closed.size} rays a certified circle of a named "
+            "ω below and converse KAM above close in on its breakup, to "
+            f"{np.nanmax(closed):.1e} of the scale or better",
+            np.isfinite(closed).all(),
+            np.isfinite(closed).mean() > 0.9,
         ),
-        Claim(
-            "Sec. VI.D, Fig. 8",
-            "The six CB_ω alone make up CB_gt (suggested by the figure, not claimed)",
-            *graded(
-                f"one of them is the last circle on {formed.mean():.0%} of {formed.size} rays; "
-                f"elsewhere the best of them falls short by up to {np.nanmax(short):.2%}",
-                formed.all(),
-                np.nanmax(short) < 0.05,
-            ),
-            CLAIMS,
-            "Where none of them is, the section on the envelope names the circle that is.",
+        "six": graded(
+            f"one of them is the last circle on {formed.mean():.0%} of {formed.size} rays; "
+            f"elsewhere the best of them falls short by up to {np.nanmax(short):.2%}",
+            formed.all(),
+            np.nanmax(short) < 0.05,
         ),
-    ]
+    }
 
 
 def _rotating_map():
@@ -98,28 +76,14 @@ def _rotating_map():
             step(rotating_forcing(*kappa, "1/2", 0.25), x, y), step(forcing([kappa[0]] * 2), x, y)
         )
     )
-    return [
-        Claim(
-            "Sec. VII, Eq. (rotmap)",
-            "For Ω = ½ and φ₀ = 0, κ̄ = (κ1 + κ2)/2 and Δκ = (κ2 - κ1)/2 give T_κ1κ2",
-            *graded(
-                f"strengths off by {off[0]:.2g} as printed; they are those of T_κ2κ1 to "
-                f"{off[1]:.0e}, and with Δκ = (κ1 - κ2)/2 those of T_κ1κ2 to {off[2]:.0e}",
-                off[0] <= 1e-15,
-                max(off[1:]) <= 1e-15,
-            ),
-            "python -m pytest tests/test_maps.py::"
-            "test_rotating_forcing_with_the_paper_s_sign_starts_half_a_period_later",
-            "The sign goes with Eq. (kap), which kicks with κ2 at n = 0. The two maps are "
-            "conjugate, so that no boundary depends on it.",
-        ),
-        Claim(
-            "Sec. VII, Eq. (rotmap)",
-            "For Ω = ½ and φ₀ = ¼ it is the standard map",
-            *identity(constant, rounding(2)),
-            "python -m pytest tests/test_maps.py::test_rotating_forcing_of_one_half_alternates",
-        ),
-    ]
+    text = (
+        f"strengths off by {off[0]:.2g} as printed; they are those of T_κ2κ1 to {off[1]:.0e}, and "
+        f"with Δκ = (κ1 - κ2)/2 those of T_κ1κ2 to {off[2]:.0e}"
+    )
+    return {
+        "rotating_half": graded(text, off[0] <= 1e-15, max(off[1:]) <= 1e-15),
+        "rotating_quarter": identity(constant, rounding(2)),
+    }
 
 
 def _third(three):
@@ -127,22 +91,14 @@ def _third(three):
     beyond = ((three.ratio - error).max("phase") > 1).values
     known = three.ratio.notnull().any("phase").values
     share = beyond.sum() / max(known.sum(), 1)
-    return Claim(
-        "Sec. VII",
-        "The boundary for Ω = ⅓ surpasses that for Ω = ½ in a small region of (κ̄, Δκ)",
-        *graded(
-            f"for one of {three.phase.size} phases φ0 it does on {beyond.sum()} of {known.sum()} "
-            f"rays, by up to {float(three.ratio.max()) - 1:.1%}",
-            0 < share < 0.25,
-            beyond.any(),
-            known.any(),
-        ),
-        "python -m workflows.three_kicks",
-        "Small: less than a quarter of the rays.",
+    text = (
+        f"for one of {three.phase.size} phases φ0 it does on {beyond.sum()} of {known.sum()} rays, "
+        f"by up to {float(three.ratio.max()) - 1:.1%}"
     )
+    return graded(text, 0 < share < 0.25, beyond.any(), known.any())
 
 
-def _tori(tori, barrier):
+def _torus(tori, barrier):
     """κ1, κ2 = κ̄ ± Δκ turn a ray at ψ into one at 45° - ψ, √2 times as long."""
     angles = tori.angle.values
     ours = barrier.sel(angle=(45 - angles) % 180, method="nearest", tolerance=1e-6)
@@ -150,18 +106,8 @@ def _tori(tori, barrier):
     known = np.isfinite(part)
     outside = part[known] > 1
     share = outside.sum() / max(outside.size, 1)
-    return Claim(
-        "Sec. VII, Fig. 11",
-        "The boundary of the torus of (1705/3136, 2631/3136) is contained in CB_gt but for a few "
-        "peaks",
-        *graded(
-            f"outside on {outside.sum()} of {outside.size} rays; at most at "
-            f"{max(part[known], default=np.nan):.1%} of CB_gt",
-            0 < share < 0.1,
-            share < 0.1,
-            known.any(),
-        ),
-        _ROTATING,
-        "A few: less than a tenth of the rays; with a caveat if these meet no peak at all. CB_gt "
-        "is here that of the last circle; the paper's, by direct iteration, lies outside it.",
+    text = (
+        f"outside on {outside.sum()} of {outside.size} rays; at most at "
+        f"{max(part[known], default=np.nan):.1%} of CB_gt"
     )
+    return graded(text, 0 < share < 0.1, share < 0.1, known.any())

@@ -15,9 +15,8 @@ HEADER = ("φ, degrees", "last circle, ω", "bracket, in parts", *NAMES)
 
 def wedge_angles(n, tips):
     """Return n angles from 0 to 45 degrees, and `tips` more from 5 to 0.01 degrees below 45."""
-    return np.unique(
-        np.concatenate([np.linspace(0, 45, n), 45 - np.geomspace(5, 0.01, tips)]).round(9)
-    )
+    angles = np.concatenate([np.linspace(0, 45, n), 45 - np.geomspace(5, 0.01, tips)])
+    return np.unique(angles.round(9))
 
 
 def ranges(circles, barrier):
@@ -62,11 +61,9 @@ def _largest(values):
 
 def cells(row):
     """Return the texts of the cells of a row of `ranges`."""
-    ends = (
-        f"{row['from']:.6g}" if row["from"] == row["to"] else f"{row['from']:.6g} – {row['to']:.6g}"
-    )
+    ends = dict.fromkeys(f"{row[end]:.6g}" for end in ("from", "to"))
     return (
-        ends,
+        " – ".join(ends),
         with_tie(row["circle"], row["from"]) if row["circle"] else "open",
         _text(row["bracket"], "{:.0e}"),
         *(_text(short, "{:.3%}") for short in row["short"].values()),

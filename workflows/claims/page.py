@@ -1,6 +1,7 @@
 """The page of the claims and its tables: what a reader sees of `workflows.claims`."""
 
 from collections import Counter
+from pathlib import Path
 
 from pandas import DataFrame
 
@@ -19,7 +20,7 @@ _PLURAL = {
 def counted(claims, errata):
     """Say how many claims have which verdict, and how many errata are shown."""
     counts = Counter(claim.verdict for claim in claims)
-    found = ", ".join(f"{counts[v]} {_PLURAL[v]}" for v in Verdict)
+    found = ", ".join(f"{counts[v]} {_PLURAL[v]}" for v in Verdict if counts[v])
     shown = sum(erratum.shown for erratum in errata)
     return (
         f"Of {len(claims)} claims of the paper {found}. {shown} of {len(errata)} errata are shown "
@@ -52,7 +53,7 @@ def write_page(run, claims, errata, rows, sentences, command):
 
 
 def write_tables(run, claims, errata, rows):
-    """Write OUT/claims.csv, OUT/errata.csv and OUT/envelope.csv."""
+    """Write OUT/claims.csv, OUT/errata.csv and OUT/envelope.csv; OUT/claims.txt counts them."""
     tables = {
         "claims": [{**vars(claim), "verdict": claim.verdict.value} for claim in claims],
         "errata": [{**vars(erratum), "shown": erratum.shown} for erratum in errata],
@@ -61,3 +62,5 @@ def write_tables(run, claims, errata, rows):
     for name, lines in tables.items():
         table = DataFrame(lines).drop(columns="short", errors="ignore")
         table.to_csv(run.path("tables", f"{name}.csv"), index=False)
+    words = f"{counted(claims, errata)}\n"
+    Path(run.out, "claims.txt").write_text(words, encoding="utf-8")

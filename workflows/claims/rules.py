@@ -1,6 +1,7 @@
 """A claim, an erratum, and the rules by which a measured value becomes a verdict.
 
-A verdict is never written by hand. Each rule returns the text of the value and the Verdict:
+What the paper says is in claims.toml and errata.toml, in its order. A verdict is never written by
+hand. Each rule returns the text of the value and the Verdict:
 
     identity    the two sides of an equation differ by no more than rounding explains
     agrees      a value and a number in print differ by no more than the errors of both
@@ -9,9 +10,11 @@ A verdict is never written by hand. Each rule returns the text of the value and 
 NaN is UNDECIDED.
 """
 
+import tomllib
 from dataclasses import dataclass
 from enum import Enum
 from math import isfinite
+from pathlib import Path
 
 
 class Verdict(Enum):
@@ -66,7 +69,16 @@ class Erratum:
         return self.corrected_off <= self.bound < self.printed_off / 100
 
 
-CLAIMS = "python -m workflows.claims"
+def printed_texts(kind):
+    """Return {name: texts} of the "claims" or the "errata", in the paper's order."""
+    return tomllib.loads(Path(__file__).with_name(f"{kind}.toml").read_text(encoding="utf-8"))
+
+
+def judged(found):
+    """Return the Claims of {name: (value, verdict)}, in the paper's order."""
+    texts = printed_texts("claims")
+    names = sorted(found, key=list(texts).index)
+    return [Claim(**texts[name], value=found[name][0], verdict=found[name][1]) for name in names]
 
 
 def rounding(kicks):

@@ -14,6 +14,7 @@ from workflows.claims.errata import errata
 from workflows.claims.map import map_claims
 from workflows.claims.periodic import periodic_claims
 from workflows.claims.results import result_claims
+from workflows.claims.rules import judged
 from workflows.claims.symmetries import symmetry_claims
 from workflows.parts import direct
 from workflows.parts.rays import PAPER_CIRCLES, two_kicks, unfolded, with_ratio
@@ -42,15 +43,14 @@ def examine(cubes, rays, n_max, n_orbits):
     two = two_kicks(cubes["barrier"], cubes["three"].angle.values)
     three = with_ratio(cubes["three"], two.critical_scale, "two kicks")
     bias = direct.direct_bias(cubes["escapes"], direct.steps_up_to(n_max))
-    claims = [
-        *map_claims(),
-        *symmetry_claims(),
-        *periodic_claims(),
-        *boundary_claims(bias.isel(ensemble=-1, angle=0), n_max, n_orbits),
-        *circle_claims(),
-        *result_claims(circles, barrier),
-        *discussion_claims(circles, barrier, cubes["tori"], three),
-    ]
-    claims.sort(key=lambda claim: claim.place.split(",")[0])  # as the paper goes
+    found = {
+        **map_claims(),
+        **symmetry_claims(),
+        **periodic_claims(),
+        **boundary_claims(bias.isel(ensemble=-1, angle=0), n_max, n_orbits),
+        **circle_claims(),
+        **result_claims(circles, barrier),
+        **discussion_claims(circles, barrier, cubes["tori"], three),
+    }
     rows = ranges(circles, barrier)
-    return claims, errata(), rows, summary(circles, barrier, rows)
+    return judged(found), errata(), rows, summary(circles, barrier, rows)

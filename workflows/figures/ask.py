@@ -21,11 +21,9 @@ def draw_verdict(portrait):
     of an orbit or None; bracket, (lower, value, upper) of the breakup in parts of the forcing.
     """
     figure = Figure(figsize=(11, 6.2))  # places are given: a layout engine takes half a second
-    places = [["plane", "time"], ["plane", "where"]]
-    panels = figure.subplot_mosaic(
-        places, width_ratios=[1.7, 1], gridspec_kw={"hspace": 0.5, "wspace": 0.2}
-    )
-    axes, time, where = panels["plane"], panels["time"], panels["where"]
+    places, gaps = [["plane", "time"], ["plane", "where"]], {"hspace": 0.5, "wspace": 0.2}
+    panels = figure.subplot_mosaic(places, width_ratios=[1.7, 1], gridspec_kw=gaps)
+    axes, time, where = panels.values()
     _draw_orbits(axes, portrait)
     omega = rf"$\omega = {portrait['omega']}$"
     if portrait["circle"] is not None:
@@ -41,9 +39,7 @@ def draw_verdict(portrait):
         size = 1.5 + 12 / np.sqrt(x.size)  # a few points are lost among the portrait's
         axes.plot(x % 1, cell(y), **dots(_ESCAPING, size))
         axes.plot([], [], label="orbit that escapes", **dots(_ESCAPING, 9))
-        time.plot(
-            np.arange(x.size), y, color=_ESCAPING, lw=0.3, marker=".", ms=size, rasterized=True
-        )
+        time.plot(y, color=_ESCAPING, lw=0.3, marker=".", ms=size, rasterized=True)
         time.set(xlabel="step $n$", ylabel="$y_n$ of the orbit that escapes")
         time.xaxis.get_major_locator().set_params(integer=True)
     axes.set(xlim=(0, 1), ylim=(-0.25, 0.75), xlabel="$x$ (turns)", ylabel="$y$ (mod 1)")
@@ -75,7 +71,8 @@ def _draw_circle(axes, x, y, **style):
     order = np.argsort(x)
     x, y = x[order], y[order]
     # One point more at each end, so that the period is covered from 0 to 1.
-    axes.plot(np.r_[x[-1] - 1, x, x[0] + 1], np.r_[y[-1], y, y[0]], **style)
+    # In front of all orbits.
+    axes.plot(np.r_[x[-1] - 1, x, x[0] + 1], np.r_[y[-1], y, y[0]], zorder=3, **style)
 
 
 def _draw_heights(axes, portrait):
@@ -96,9 +93,8 @@ def _locate(axes, portrait):
     axes.plot(*np.transpose([-far, far]), ":", color="0.5", lw=0.8)
     lower, value, upper = ends
     axes.plot(*np.outer(kappa, [lower, upper]), color="#0072B2", lw=3, solid_capstyle="butt")
-    axes.plot(
-        *(value * kappa), "o", color="#0072B2", mfc="none", label="breakup of the last circle"
-    )
+    style = {"color": "#0072B2", "mfc": "none", "label": "breakup of the last circle"}
+    axes.plot(*(value * kappa), "o", **style)
     axes.plot(*kappa, "*", color="black", ms=9, label="the forcing")
     axes.axhline(0, color="0.8", lw=0.6, zorder=0)
     axes.axvline(0, color="0.8", lw=0.6, zorder=0)

@@ -2,75 +2,70 @@
 
 import matplotlib.pyplot as plt
 
-from workflows.figures.style import CIRCLE_COLOURS, known, omega_label
+from workflows.figures.style import colour_of, known, line_of, omega_label
 
 
-def draw_circle_boundaries(breakdown, barrier):
-    """Draw CB_ω of each rotation number in the upper half plane, CB_gt behind them, Fig. 8."""
+def draw_circle_boundaries(breakdown, residues, barrier):
+    """Draw CB_ω of each rotation number in the upper half plane, CB_gt behind them, Fig. 8.
+
+    The caption says where each circle comes nearest to CB_gt, and whether all lie within it.
+    """
     figure, axes = plt.subplots(figsize=(10, 5.8))
-    axes.fill_between(barrier.kappa1, barrier.kappa2, color="0.92", label=r"$\mathit{CB}_{gt}$")
-    draw_circles(axes, breakdown, breakdown.kappa1, breakdown.kappa2)
+    tip = axes.inset_axes([0.44, 0.055, 0.12, 0.2])
+    sharp = known(breakdown)
+    for part, label in ((axes, r"$\mathit{CB}_{gt}$"), (tip, None)):
+        part.fill_between(barrier.kappa1, barrier.kappa2, color="0.92", label=label)
+        draw_circles(part, sharp, sharp.kappa1, sharp.kappa2)
     axes.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$", aspect="equal", ylim=(0, None))
-    tip = axes.inset_axes([0.42, 0.07, 0.16, 0.28])
-    tip.fill_between(barrier.kappa1, barrier.kappa2, color="0.92")
-    draw_circles(tip, breakdown, breakdown.kappa1, breakdown.kappa2)
     tip.set(xlim=(0.8, 0.98), ylim=(0.8, 0.98), aspect="equal")
     tip.set_title("the tip at 45°", fontsize=8, pad=3)
     tip.tick_params(labelsize=7)
     axes.set_title(r"Breakup of circles: $\mathit{CB}_\omega$, and of the last one")
     axes.legend(loc="upper center", ncols=2, fontsize="small")
-    return figure
+    ratio = 100 * (residues.critical_scale / barrier.critical_scale).load()
+    beyond = residues.critical_scale - residues.error > barrier.critical_scale + barrier.error
+    shares = ", ".join(
+        f"{text}: {float(of.min()):.1f} to {float(of.max()):.1f}%"
+        for text, of in zip(residues.circle.values, ratio, strict=True)
+    )
+    return figure, (
+        f"Critical boundaries of circles, by continuation on {breakdown.angle.size} rays to "
+        f"{breakdown.attrs['tol']:g}, in front of the region without global transport. Their "
+        f"distance from the origin in parts of that of the last barrier: {shares}. Points beyond "
+        f"the last barrier by more than the errors: {int(beyond.sum())} of {beyond.size}. Gaps: "
+        f"{int(sharp.critical_scale.isnull().sum())} points without an answer to 2%."
+    )
 
 
 def draw_tips(residues, circles, barrier):
-    """Draw the tips at 45° and 135° in detail, Fig. 9: residues as lines, circles as points."""
+    """Draw the tips at 45° and 135° in detail, Fig. 9: residues as lines, circles as points.
+
+    The caption says how far the two methods are apart.
+    """
     figure, panels = plt.subplots(1, 2, figsize=(11, 5.5), layout="constrained")
-    residues, circles = known(residues), known(circles)
+    lines, points = known(residues), known(circles)
     for axes, sign in zip(panels, (-1, 1), strict=True):
         axes.fill_between(barrier.kappa1, barrier.kappa2, color="0.92")
-        draw_circles(axes, residues, residues.kappa1, residues.kappa2)
-        for i in range(circles.omega.size):
-            colour = CIRCLE_COLOURS[i % len(CIRCLE_COLOURS)]
-            axes.plot(circles.kappa1[i], circles.kappa2[i], ".", color=colour, ms=3)
+        draw_circles(axes, lines, lines.kappa1, lines.kappa2)
+        for i in range(points.circle.size):
+            axes.plot(points.kappa1[i], points.kappa2[i], ".", color=colour_of(i), ms=3)
         ends = sorted((sign * 0.7, sign * 1.0))
         axes.set(xlim=ends, ylim=(0.7, 1.0), aspect="equal", xlabel=r"$\kappa_1$")
     panels[0].set_ylabel(r"$\kappa_2$")
     panels[1].legend(loc="lower right", fontsize="x-small")
     figure.suptitle("The tips: lines by Greene's residue, points by continuation of circles")
-    return figure
-
-
-def draw_circles(axes, breakdown, x, y):
-    """Draw the curves (x, y) of each ω, and (-x, -y), which by symmetry are boundaries too."""
-    for i, text in enumerate(breakdown.circle.values):
-        colour = CIRCLE_COLOURS[i % len(CIRCLE_COLOURS)]
-        axes.plot(x[i], y[i], color=colour, lw=1.3, label=omega_label(text))
-        axes.plot(-x[i], -y[i], color=colour, lw=1.3)
-
-
-def circles_caption(residues, circles, barrier):
-    """Say where each circle comes nearest to CB_gt, and whether all lie within it."""
-    ratio = (residues.critical_scale / barrier.critical_scale).load()
-    beyond = residues.critical_scale - residues.error > barrier.critical_scale + barrier.error
-    shares = ", ".join(
-        f"{text}: {100 * float(ratio[i].min()):.1f} to {100 * float(ratio[i].max()):.1f}%"
-        for i, text in enumerate(residues.circle.values)
-    )
-    return (
-        f"Critical boundaries of circles, by continuation on {circles.angle.size} rays to "
-        f"{circles.attrs['tol']:g}, in front of the region without global transport. Their "
-        f"distance from the origin in parts of that of the last barrier: {shares}. Points beyond "
-        f"the last barrier by more than the errors: {int(beyond.sum())} of {beyond.size}."
-    )
-
-
-def tips_caption(residues, circles):
-    """Say how far the two methods are apart."""
     off = abs(circles.critical_scale / residues.critical_scale - 1)
     silent = int((circles.status != 1).sum() + (residues.status != 1).sum())
-    return (
+    return figure, (
         "The tips of the horns: lines by Greene's residue of periods up to "
         f"{residues.attrs['q_max']}, points by continuation to {circles.attrs['tol']:g}. Relative "
         f"difference of the two: median {float(off.median()):.1g}, largest {float(off.max()):.1g}; "
         f"{silent} of {2 * circles.status.size} have no answer."
     )
+
+
+def draw_circles(axes, breakdown, x, y):
+    """Draw the curves (x, y) of each ω, and (-x, -y), which by symmetry are boundaries too."""
+    for i, text in enumerate(breakdown.circle.values):
+        axes.plot(x[i], y[i], lw=1.3, label=omega_label(text), **line_of(i))
+        axes.plot(-x[i], -y[i], lw=1.3, **line_of(i))

@@ -23,22 +23,12 @@ def draw_critical_boundary(plane, circles, barrier):
     ends = [(float(c.min()), float(c.max())) for c in (plane.kappa1, plane.kappa2)]
     axes.set(xlim=ends[0], ylim=ends[1])
     steps = power(plane.attrs["n_max"])
-    axes.set_title(
-        rf"Where the last barrier breaks; behind it, escape of {int(plane.ensemble[-1])} orbits "
-        rf"within ${steps}$ steps"
-    )
-    x, y = (
-        1.07 * np.interp((120, 130), barrier.angle, barrier[name]) for name in ("kappa1", "kappa2")
-    )
-    axes.text(
-        x.mean(),
-        y.mean(),
-        f"no barrier left, but no escape in ${steps}$ steps",
-        ha="center",
-        va="center",
-        size=8,
-        rotation=np.rad2deg(np.arctan(np.ptp(y) / -np.ptp(x))),
-        clip_on=True,
-    )
+    behind = f"behind it, escape of {int(plane.ensemble[-1])} orbits within ${steps}$ steps"
+    axes.set_title(f"Where the last barrier breaks; {behind}")
+    curve = barrier.kappa1, barrier.kappa2
+    x, y = (1.07 * np.interp((120, 130), barrier.angle, values) for values in curve)
+    style = {"ha": "center", "va": "center", "size": 8, "clip_on": True}
+    style["rotation"] = np.rad2deg(np.arctan(np.ptp(y) / -np.ptp(x)))
+    axes.text(x.mean(), y.mean(), f"no barrier left, but no escape in ${steps}$ steps", **style)
     axes.legend(loc="upper center", fontsize="small")
     return figure

@@ -16,9 +16,8 @@ def draw_quadrant(boundary, barrier):
     figure, axes = plt.subplots(figsize=(7.5, 7.5), layout="constrained")
     _draw_boundaries(axes, _up_to(boundary, 90), _up_to(barrier, 90))
     axes.set(xlim=(0, None), ylim=(0, None))
-    axes.set_title(_title(boundary))
     axes.legend(loc="lower left")
-    return figure
+    return figure, describe(boundary)
 
 
 def draw_half_plane(boundary, barrier, insets):
@@ -28,13 +27,21 @@ def draw_half_plane(boundary, barrier, insets):
     places = [["3", "plane", "1"], ["2", "plane", "0"]]
     panels = figure.subplot_mosaic(places, width_ratios=[1, 3.1, 1])
     plane = panels.pop("plane")
-    _draw_boundaries(plane, _up_to(boundary, 180), _up_to(barrier, 180))
+    _draw_boundaries(plane, boundary, barrier)
     plane.set_ylim(0, None)
-    plane.set_title(_title(boundary))
     plane.legend(loc="lower center")
     for i, axes in panels.items():
         _draw_inset(axes, plane, insets.isel(forcing=int(i)))
-    return figure
+    columns = ("kappa1", "kappa2", "lowest", "highest")
+    ranges = "; ".join(
+        f"({kappa1:g}, {kappa2:g}): {lowest:.3g} to {highest:.3g}"
+        for kappa1, kappa2, lowest, highest in insets[[*columns]].to_array().values.T
+    )
+    return figure, (
+        "The same in the upper half plane. Insets: how often the orbit of "
+        f"({insets.start[0]:g}, {insets.start[1]:g}) visits the parts of the "
+        f"cell in {insets.steps} steps (white: never); its range of y, not reduced, at {ranges}."
+    )
 
 
 def describe(boundary):
@@ -50,11 +57,16 @@ def describe(boundary):
         f"{biases} (medians over the rays)."
     )
     longest = boundary.isel(n=-1)
-    parts = [
-        _unlike(words, longest[name], longest[f"{name}_times"])
-        for name, words in (("swap", "κ1 ↔ κ2"), ("mirror", "κ1 → -κ1"))
-        if longest[name].notnull().any()
-    ]
+    parts = []
+    for words, name in (("κ1 ↔ κ2", "swap"), ("κ1 → -κ1", "mirror")):
+        moved, factor = 100 * abs(longest[name]), np.exp(abs(longest[f"{name}_times"]))
+        if moved.notnull().any():
+            parts.append(
+                f"under {words} the boundary of the largest N moves by "
+                f"{float(moved.median()):.2g}% in the median and by up to "
+                f"{float(moved.max()):.2g}%, and escape times of symmetric forcings differ by a "
+                f"factor of {float(factor.median()):.2f} in the median"
+            )
     if parts:
         caption += (
             " The true boundary is symmetric; that by direct iteration only as far as escape times "
@@ -63,53 +75,21 @@ def describe(boundary):
     return caption
 
 
-def _unlike(words, scales, times):
-    scales, times = (100 * np.abs(scales.values), np.exp(np.abs(times.values)))
-    return (
-        f"under {words} the boundary of the largest N moves by {np.nanmedian(scales):.2g}% in the "
-        f"median and by up to {np.nanmax(scales):.2g}%, and escape times of symmetric forcings "
-        f"differ by a factor of {np.nanmedian(times):.2f} in the median"
-    )
-
-
-def describe_insets(insets):
-    """Describe the insets of Fig. 6."""
-    ranges = "; ".join(
-        f"({float(inset.kappa1):g}, {float(inset.kappa2):g}): "
-        f"{float(inset.lowest):.3g} to {float(inset.highest):.3g}"
-        for inset in (insets.isel(forcing=i) for i in range(insets.sizes["forcing"]))
-    )
-    return (
-        "The same in the upper half plane. Insets: how often the orbit of "
-        f"({insets.start[0]:g}, {insets.start[1]:g}) visits the parts of the "
-        f"cell in {insets.steps} steps (white: never); its range of y, not reduced, at {ranges}."
-    )
-
-
 def _up_to(dataset, angle):
     return dataset.isel(angle=np.flatnonzero(dataset.angle.values <= angle))
-
-
-def _title(boundary):
-    return f"Global transport of ${power(boundary.n_orbits)}$ orbits"
 
 
 def _draw_boundaries(axes, boundary, barrier):
     axes.plot(barrier.kappa1, barrier.kappa2, color="black", lw=1.2, label=r"$\mathit{CB}_{gt}$")
     for i, n in enumerate(boundary.n.values.tolist()):
         marker, colour = _MARKS[i % len(_MARKS)]
-        here = boundary.isel(n=i)
-        axes.plot(
-            here.kappa1,
-            here.kappa2,
-            marker,
-            color=colour,
-            ms=4,
-            mfc="none",
-            clip_on=False,
-            label=f"$N = {power(n)}$",
-        )
+        style = {"color": colour, "ms": 4, "mfc": "none", "clip_on": False}
+        here, label = boundary.isel(n=i), f"$N = {power(n)}$"
+        if silent := int(here.bias.isnull().sum()):
+            label += f", no answer on {silent} of {here.angle.size} rays"
+        axes.plot(here.kappa1, here.kappa2, marker, label=label, **style)
     axes.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$", aspect="equal")
+    axes.set_title(f"Global transport of ${power(boundary.n_orbits)}$ orbits")
 
 
 def _draw_inset(axes, plane, inset):

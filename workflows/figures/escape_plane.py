@@ -18,11 +18,9 @@ def draw_escape_plane(plane, steps):
         rf"Global transport: {int(plane.ensemble[-1])} orbits, up to "
         rf"${power(plane.attrs['n_max'])}$ steps of $\mathcal{{T}}_{{\kappa_1\kappa_2}}$"
     )
-    field = smoothed(draw_field(axes, plane))
+    field, style = smoothed(draw_field(axes, plane)), {"levels": [0.5], "linewidths": 1.4}
     for n, colour in zip(steps[::-1], _BOUNDARY_COLOURS, strict=False):
-        axes.contour(
-            plane.kappa1, plane.kappa2, field <= n, levels=[0.5], colors=colour, linewidths=1.4
-        )
+        axes.contour(plane.kappa1, plane.kappa2, field <= n, colors=colour, **style)
         axes.plot([], [], color=colour, label=f"$N = {power(n)}$, running median")
     figure.legend(loc="outside lower center", ncols=len(steps), frameon=False)
     return figure
@@ -38,19 +36,12 @@ def draw_field(axes, plane):
     finite = np.where(np.isfinite(field), field, np.nan)
     earliest = max(1.0, np.nanmin(finite)) if np.isfinite(finite).any() else 1.0
     colours = plt.get_cmap("magma").with_extremes(bad="0.95")
-    image = axes.imshow(
-        finite,
-        extent=extent,
-        origin="lower",
-        norm=LogNorm(vmin=earliest, vmax=max(plane.attrs["n_max"], 1.1 * earliest)),
-        cmap=colours,
-        interpolation="nearest",
-        zorder=0,
-    )
+    style = {"extent": extent, "origin": "lower", "interpolation": "nearest", "zorder": 0}
+    norm = LogNorm(vmin=earliest, vmax=max(plane.attrs["n_max"], 1.1 * earliest))
+    image = axes.imshow(finite, norm=norm, cmap=colours, **style)
     label = "first escape $n^*$ (steps); light grey: none"
     if "level" in plane:
-        label += (
-            f"\ncells up to {2 ** (plane.attrs['levels'] - 1)} times wider far from the boundary"
-        )
+        times = 2 ** (plane.attrs["levels"] - 1)
+        label += f"\ncells up to {times} times wider far from the boundary"
     axes.figure.colorbar(image, ax=axes, label=label, fraction=0.024, pad=0.02)
     return field

@@ -3,25 +3,28 @@
 import matplotlib.pyplot as plt
 import numpy as np
 
-from workflows.figures.style import CIRCLE_COLOURS, circle_class, letter, mark_gaps
+from workflows.figures.style import circle_class, letters, line_of, mark_gaps
 from workflows.parts.rays import with_tie
 
 _ETA = 3.0117  # ln(αβ)/ln δ of MacKay's scaling constants, a guide for the eye
 
 
 def draw_flux(fluxes, fits):
-    """Draw the flux against the distance beyond the breakup, and divided by the power law."""
+    """Draw the flux against the distance beyond the breakup, and divided by the power law.
+
+    The caption has the fitted laws.
+    """
     figure, panels = plt.subplots(1, 2, figsize=(12, 5), layout="constrained")
     whole, divided = panels
     x = fluxes.excess.values
     for i, angle in enumerate(fluxes.angle.values):
         flux, fit = fluxes.flux.sel(angle=angle).values, fits.sel(angle=angle)
-        colour = CIRCLE_COLOURS[i % len(CIRCLE_COLOURS)]
         tie = r" (tied with $1 - \omega$)" if angle % 90 == 0 else ""
         label = rf"$\varphi = {angle:g}°$, $\omega = {circle_class(fit.circle.item())}${tie}"
-        whole.plot(x, flux, "o-", ms=3, lw=1, color=colour, label=label)
-        divided.plot(x, flux / x**_ETA, "o-", ms=3, lw=1, color=colour)
-        mark_gaps(divided, x, np.isnan(flux))
+        style = {"marker": "osD^v"[i % 5], "ms": 3.5, "lw": 1, **line_of(i)}
+        whole.plot(x, flux, label=label, **style)
+        divided.plot(x, flux / x**_ETA, **style)
+    mark_gaps(divided, x, fluxes.flux.isnull().any("angle").values)
     middle = np.nanmedian(fluxes.flux / fluxes.excess**_ETA)
     law = rf"$\propto x^\eta$; fitted: $\eta = {float(fits.exponent.median()):.4f}$ in all"
     whole.plot(x, 3 * middle * x**_ETA, "--", color="0.5", label=law)
@@ -37,21 +40,16 @@ def draw_flux(fluxes, fits):
         )
         divided.text(0.03, 0.6, words, transform=divided.transAxes, va="center", fontsize="small")
     divided.set_ylabel(rf"$\Delta W / x^{{{_ETA}}}$")
-    for axes, name in zip(panels, "ab", strict=True):
-        letter(axes, name)
+    letters(panels)
+    for axes in panels:
         axes.set(xscale="log", xlabel=r"distance beyond the breakup, $x = s/s_c - 1$")
         axes.grid(lw=0.3)
-    return figure
-
-
-def caption(fluxes, fits):
-    """Describe the figure, with the fitted laws."""
     laws = ", ".join(
         f"η = {row.exponent:.6f} ± {row.exponent_error:.0e} at {angle:g}° "
         f"({with_tie(row.circle, angle)})"
         for angle, row in fits.to_dataframe().iterrows()
     )
-    return (
+    return figure, (
         "Area that passes through the remains of the last circle in one step, the difference in "
         "action of minimax and minimizing orbits of periods up to "
         f"{fluxes.attrs['q_max']}, against the distance beyond the breakup. Fits of "

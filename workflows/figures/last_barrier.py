@@ -3,7 +3,7 @@
 import matplotlib.pyplot as plt
 import numpy as np
 
-from workflows.figures.style import class_colours, letter, mark_gaps
+from workflows.figures.style import class_colours, letters, mark_gaps
 
 _TIP = 0.90, 0.98  # of both strengths, in the inset
 
@@ -43,8 +43,7 @@ def draw_panels(figure, barrier, region="0.92"):
         axes.tick_params(labelsize=7)
     _draw_circle_strip(strip, barrier, classes, colours)
     _draw_cusp(cusp, barrier, classes, colours)
-    for axes, name in zip(panels.values(), "abc", strict=True):
-        letter(axes, name)
+    letters(panels.values())
     return plane
 
 
@@ -57,27 +56,16 @@ def _draw_arcs(axes, barrier, classes, colours, size):
 
 def _write_circles(axes, barrier, classes, colours):
     """Write ω along the arcs that have colours, between 45° and 90°."""
+    above = (barrier.angle.values >= 45) & (barrier.angle.values <= 90)
+    style = {"size": 9, "weight": "bold", "ha": "center", "va": "top", "zorder": 4}
+    style |= {"textcoords": "offset points", "rotation_mode": "anchor"}
     for name, colour in colours.items():
-        (here,) = np.nonzero(
-            (classes == name) & (barrier.angle.values >= 45) & (barrier.angle.values <= 90)
-        )
+        (here,) = np.nonzero((classes == name) & above)
         if colour.startswith("#") and here.size > 3:
             x, y = barrier.kappa1.values[here], barrier.kappa2.values[here]
             slope = np.rad2deg(np.arctan2(y[0] - y[-1], x[0] - x[-1]))
-            axes.annotate(
-                name,
-                (x.mean(), y.mean()),
-                (5, -5),
-                textcoords="offset points",
-                color=colour,
-                size=9,
-                weight="bold",
-                rotation=slope,
-                ha="center",
-                va="top",
-                rotation_mode="anchor",
-                zorder=4,
-            )
+            place = x.mean(), y.mean()
+            axes.annotate(name, place, (5, -5), color=colour, rotation=slope, **style)
 
 
 def _draw_bracket(axes, barrier):
@@ -130,7 +118,6 @@ def _draw_circle_strip(axes, barrier, classes, colours):
     mark_gaps(axes, angle, barrier.status.values != 1)
     axes.set(xlabel=r"angle $\varphi$ of the ray (degrees)", xticks=range(0, 181, 45))
     axes.set(ylabel=r"$\omega$ of the last circle, or $1 - \omega$")
-    axes.set_title(
-        r"The last circle: $\omega$ from 0° to 90°, $1 - \omega$ beyond; on the axes the two tie"
-    )
+    words = r"$\omega$ from 0° to 90°, $1 - \omega$ beyond; on the axes the two tie"
+    axes.set_title(f"The last circle: {words}")
     axes.grid(lw=0.3)

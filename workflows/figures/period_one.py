@@ -11,19 +11,23 @@ _STABLE = CIRCLE_COLOURS[1]
 def draw_primary_points(primary):
     """Draw where the four primary period-one points are stable, Fig. 3."""
     figure, panels = plt.subplots(2, 2, figsize=(8, 8), sharex=True, sharey=True)
-    for axes, i, point in zip(panels.flat, range(4), primary.point.attrs["points"], strict=True):
-        residue = primary.residue.isel(point=i)
-        stable = (residue > 0) & (residue < 1)
-        axes.contourf(primary.kappa1, primary.kappa2, stable, levels=[0.5, 1.5], colors=[_STABLE])
+    stable = (primary.residue > 0) & (primary.residue < 1)
+    shares = []
+    for axes, here, point in zip(panels.flat, stable, primary.point.attrs["points"], strict=True):
+        axes.contourf(primary.kappa1, primary.kappa2, here, levels=[0.5, 1.5], colors=[_STABLE])
         axes.set(title=f"$(x, y) = {point}$", aspect="equal")
         axes.axhline(0, color="0.7", lw=0.6)
         axes.axvline(0, color="0.7", lw=0.6)
+        shares.append(f"{point}: {100 * float(here.mean()):.1f}%")
     for axes in panels[1]:
         axes.set_xlabel(r"$\kappa_1$")
     for axes in panels[:, 0]:
         axes.set_ylabel(r"$\kappa_2$")
     figure.suptitle("Strengths for which a primary period-one orbit is stable")
-    return figure
+    return figure, (
+        "Strengths of the kicks for which each primary period-one orbit is stable, 0 < R < 1 "
+        f"(coloured). Stable parts of the plane shown: {', '.join(shares)}."
+    )
 
 
 def draw_secondary_points(secondary):
@@ -39,37 +43,17 @@ def draw_secondary_points(secondary):
     where = secondary.kappa1, secondary.kappa2, stable
     axes.contourf(*where, levels=[0.5, 1.5], colors="none", hatches=["//////"])
     axes.contour(*where, levels=[0.5], colors="black", linewidths=1.2)
-    axes.fill_between(
-        [], [], [], facecolor="none", edgecolor="black", hatch="//////", label="stable"
-    )
+    style = {"facecolor": "none", "edgecolor": "black", "hatch": "//////", "label": "stable"}
+    axes.fill_between([], [], [], **style)
     axes.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$", aspect="equal")
     axes.set_title("Secondary period-one orbits next to $(1/2, 0)$")
     axes.legend(loc="lower left")
-    return figure
-
-
-def primary_caption(primary):
-    """Say how much of the plane is stable."""
-    stable = (primary.residue > 0) & (primary.residue < 1)
-    parts = ", ".join(
-        f"{point}: {100 * float(stable.sel(point=i).mean()):.1f}%"
-        for i, point in enumerate(primary.point.attrs["points"])
-    )
-    return (
-        "Strengths of the kicks for which each primary period-one orbit is stable, 0 < R < 1 "
-        f"(coloured). Stable parts of the plane shown: {parts}."
-    )
-
-
-def secondary_caption(secondary):
-    """Say where secondary points exist and are stable, and how good the estimate is."""
     exists = secondary.z.notnull()
-    stable = (secondary.residue > 0) & (secondary.residue < 1)
-    error = secondary.estimate_error
-    return (
+    return figure, (
         "Secondary period-one orbits next to (1/2, 0): where they exist "
         f"({100 * float(exists.mean()):.1f}% of the cells), where they are stable "
         f"({100 * float(stable.mean()):.1f}%, hatched), and the error of the paper's cubic "
-        f"estimate of z, with its sign corrected: median {float(error.median()):.2g}, largest "
-        f"{float(error.max()):.2g}."
+        f"estimate of z, with its sign corrected: median "
+        f"{float(secondary.estimate_error.median()):.2g}, largest "
+        f"{float(secondary.estimate_error.max()):.2g}."
     )

@@ -5,11 +5,14 @@ import numpy as np
 
 from workflows.figures.circle_boundaries import draw_circles
 from workflows.figures.stretches import where_above
-from workflows.figures.style import CIRCLE_COLOURS, power
+from workflows.figures.style import colour_of, power
 
 
 def draw_rotating_circles(circles, two, direct):
-    """Draw CB_ω, CB_gt and the onset of transport of T in κ̄ and Δκ: the diamond, Fig. 10."""
+    """Draw CB_ω, CB_gt and the onset of transport of T in κ̄ and Δκ: the diamond, Fig. 10.
+
+    The caption says how wide the bracket is, and how far outside direct iteration lies.
+    """
     figure, axes = plt.subplots(figsize=(7, 7))
     fill_diamond(axes, two, r"$\mathit{CB}_{gt}$")
     mean, amplitude = (circles.kappa1 + circles.kappa2) / 2, (circles.kappa1 - circles.kappa2) / 2
@@ -17,28 +20,10 @@ def draw_rotating_circles(circles, two, direct):
     for tip in _tips(axes, 0.7):
         fill_diamond(tip, two, None)
         draw_circles(tip, circles, mean, amplitude)
-    _draw_onset(axes, direct)
+    _mark_gaps(axes, two, (45 - circles.angle) % 180, circles.critical_scale, "circle")
+    _draw_onset(axes, two, direct)
     axes.set_title(r"Rotating standard map with $\Omega = 1/2$: $T_{\kappa_1\kappa_2}$")
-    return _rotating(figure, axes)
-
-
-def draw_rotating_tori(tori, two, direct):
-    """Draw the breakup of tori by the residue of long orbits, against CB_gt of T, Fig. 11."""
-    figure, axes = plt.subplots(figsize=(7, 7))
-    fill_diamond(axes, two, r"$\mathit{CB}_{gt}$ of $T$")
-    for part in (axes, *_tips(axes, 0.4)):
-        if part is not axes:
-            fill_diamond(part, two, None)
-        for i, vector in enumerate(tori.attrs["vectors"]):
-            colour, label = CIRCLE_COLOURS[i % len(CIRCLE_COLOURS)], f"torus ({vector})"
-            draw_diamond(part, tori.isel(frequency=i), color=colour, lw=1.1, label=label)
-    _draw_onset(axes, direct)
-    axes.set_title(r"Tori of rotating standard maps, and the last circle of $T$")
-    return _rotating(figure, axes)
-
-
-def circles_caption(circles, two, direct):
-    return (
+    return _finished(figure, axes), (
         f"The boundaries CB_ω of the circles {', '.join(circles.circle.values)} by Greene's "
         "residue, CB_gt (bracketed to "
         f"{float(((two.upper - two.lower) / two.critical_scale).max()):.1e}), and "
@@ -48,8 +33,22 @@ def circles_caption(circles, two, direct):
     )
 
 
-def tori_caption(tori, two, direct):
-    """Say where a torus outlasts the last circle of T."""
+def draw_rotating_tori(tori, two, direct):
+    """Draw the breakup of tori by the residue of long orbits, against CB_gt of T, Fig. 11.
+
+    The caption says where a torus outlasts the last circle of T.
+    """
+    figure, axes = plt.subplots(figsize=(7, 7))
+    fill_diamond(axes, two, r"$\mathit{CB}_{gt}$ of $T$")
+    for part in (axes, *_tips(axes, 0.4)):
+        if part is not axes:
+            fill_diamond(part, two, None)
+        for i, vector in enumerate(tori.attrs["vectors"]):
+            style = {"color": colour_of(i), "ls": ("-", "--", "-.")[i % 3], "lw": 1.1}
+            draw_diamond(part, tori.isel(frequency=i), label=f"torus ({vector})", **style)
+    _mark_gaps(axes, two, tori.angle, tori.critical_scale, "frequency")
+    _draw_onset(axes, two, direct)
+    axes.set_title(r"Tori of rotating standard maps, and the last circle of $T$")
     parts = [
         "Breakup of two-dimensional tori of the rotating standard map, |R| = 1/4 of one orbit of "
         "each rotation vector, against CB_gt of T, and the onset of its transport by direct "
@@ -64,7 +63,7 @@ def tori_caption(tori, two, direct):
         parts.append(f"Torus ({vector}) outside CB_gt: {sharp}; outside the onset: {biased}.")
     wide = 100 * float((tori.error / tori.critical_scale).median())
     parts.append(f"|R| = 1 is further out by {wide:.1g}% in the median.")
-    return " ".join(parts)
+    return _finished(figure, axes), " ".join(parts)
 
 
 def _effort(direct):
@@ -98,7 +97,16 @@ def _tips(axes, inner):
     return right, top
 
 
-def _draw_onset(axes, direct):
+def _mark_gaps(axes, two, angle, scale, dim):
+    """Mark by × on CB_gt the rays on which some method has no answer."""
+    silent = two.sel(angle=angle[scale.isnull().any(dim).values], method="nearest")
+    if silent.angle.size:
+        points = _closed(silent.kappa_mean, silent.kappa_amplitude)
+        axes.plot(*points, "x", color="0.3", ms=5, zorder=4, label="no answer on this ray")
+
+
+def _draw_onset(axes, two, direct):
+    _mark_gaps(axes, two, direct.angle, direct.upper, "frequency")
     onset = direct.isel(frequency=0)
     # Next to the axes the rays are as close as the onset is uncertain: a fence of spikes.
     away = np.abs((onset.angle.values + 45) % 90 - 45)
@@ -110,10 +118,10 @@ def _draw_onset(axes, direct):
 
 
 def _closed(x, y):
-    return [np.concatenate([values, -values]) for values in (x, y)]
+    return [np.concatenate([values, -values, values[:1]]) for values in (x, y)]
 
 
-def _rotating(figure, axes):
+def _finished(figure, axes):
     axes.set(xlabel=r"$\bar\kappa$", ylabel=r"$\Delta\kappa$", aspect="equal")
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=2, fontsize="small")
     return figure

@@ -4,40 +4,22 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.ticker import NullFormatter
 
-from workflows.figures.style import CIRCLE_COLOURS, letter
+from workflows.figures.style import CIRCLE_COLOURS, letters
 
 
 def draw_stability(studies):
     """Draw a panel for each study: {name of the figure: (names of its studies, figure)}."""
-    groups = {
-        "stability_boundary": {
-            "cusp": _draw_near_cusp,
-            "boundary": _draw_past_boundary,
-            "fractions": _draw_fractions,
-        },
-        "stability_searches": {
-            "beam": _draw_missed,
-            "fakes": _draw_fakes,
-            "disorder": _draw_disorder,
-        },
-        "stability_orbits": {
-            "twist": _draw_twist,
-            "amplitude": _draw_amplitudes,
-            "rounding": _draw_rounding,
-        },
-    }
-    return {name: (list(draw), _draw_three(studies, draw)) for name, draw in groups.items()}
-
-
-def _draw_three(studies, draw):
-    figure, panels = plt.subplots(1, 3, figsize=(15, 5), layout="constrained")
-    for axes, (name, panel), mark in zip(panels, draw.items(), "abc", strict=True):
-        panel(axes, studies[name])
-        letter(axes, mark)
-        axes.grid(lw=0.3)
-        if axes.get_legend_handles_labels()[0]:
-            axes.legend(fontsize="small")
-    return figure
+    drawn = {}
+    for name, parts in _FIGURES.items():
+        figure, panels = plt.subplots(1, 3, figsize=(15, 5), layout="constrained")
+        letters(panels)
+        for axes, part in zip(panels, parts, strict=True):
+            _PANELS[part](axes, studies[part])
+            axes.grid(lw=0.3)
+            if axes.get_legend_handles_labels()[0]:
+                axes.legend(fontsize="small")
+        drawn[name] = parts, figure
+    return drawn
 
 
 def _draw_near_cusp(axes, study):
@@ -76,11 +58,8 @@ def _draw_past_boundary(axes, study):
     axes.set_xticks(place[chosen], [_signed_power(excess[i]) for i in chosen], rotation=45)
     for i, angle in enumerate(study.angle.values):
         axes.plot([], [], "o", color=CIRCLE_COLOURS[i], label=rf"$\varphi = {angle:g}°$")
-    axes.set(
-        xlabel="$s/s_c - 1$",
-        ylim=(-0.5, len(claims) + 0.3),
-        title="Who says what on either side of the breakup",
-    )
+    axes.set(xlabel="$s/s_c - 1$", ylim=(-0.5, len(claims) + 0.3))
+    axes.set_title("Who says what on either side of the breakup")
 
 
 def _signed_power(x):
@@ -93,17 +72,15 @@ def _draw_fractions(axes, study):
         here, colour = study.isel(quotient=i), CIRCLE_COLOURS[i]
         place = study.q * 1.08**i
         residues, norms = (here.isel(approach=m) for m in (0, 1))
-        axes.errorbar(
-            place, norms.value, norms.error, fmt="s", color=colour, ms=4, mfc="none", lw=1
-        )
+        style = {"color": colour, "ms": 4, "mfc": "none", "lw": 1}
+        axes.errorbar(place, norms.value, norms.error, fmt="s", **style)
         axes.plot(place, residues.value, "o", color=colour, ms=5, label=f"$a = {quotient}$")
         axes.plot(place, here.lower, "_", color=colour)
     for mark, words in (("o", "residues"), ("s", "continuation"), ("_", "certified")):
         axes.plot([], [], mark, color="0.4", mfc="none" if mark == "s" else None, label=words)
     axes.axhline(study.attrs["golden"], color="0.5", lw=0.8, label="golden circle")
-    axes.set(
-        xscale="log", ylim=(0, 3), xlabel="$q$ of the fraction", ylabel="breakup on $s(0.3, 0.2)$"
-    )
+    axes.set(xscale="log", ylim=(0, 3), xlabel="$q$ of the fraction")
+    axes.set_ylabel("breakup on $s(0.3, 0.2)$")
     axes.set_xticks(study.q.values, study.q.values)
     axes.xaxis.set_minor_formatter(NullFormatter())
     axes.set_title(r"Fractions in disguise, $[0;1,…,1,a,(1)]$")
@@ -113,17 +90,9 @@ def _draw_twist(axes, study):
     """Draw lives on the dominant line, and where the twist ends."""
     for i, angle in enumerate(study.angle.values):
         here, colour = study.isel(angle=i), CIRCLE_COLOURS[i]
-        finite = here.where(np.isfinite(here.elimination_time))
-        label = rf"$\varphi = {angle:g}°$"
+        finite, label = here.where(np.isfinite(here)), rf"$\varphi = {angle:g}°$"
         axes.plot(study.scale, finite.elimination_time, "o-", color=colour, ms=3, label=label)
-        axes.plot(
-            study.scale,
-            here.escape_time.where(np.isfinite(here.escape_time)),
-            "^:",
-            ms=3,
-            color=colour,
-            lw=0.8,
-        )
+        axes.plot(study.scale, finite.escape_time, "^:", color=colour, ms=3, lw=0.8)
         end = here.scale.where(here.twist < 1e-9).min()
         axes.axvline(float(end), color=colour, lw=0.8, ls="--")
     axes.set(yscale="log", xlabel="scale $s$", ylabel="steps")
@@ -183,3 +152,21 @@ def _draw_rounding(axes, study):
     axes.plot(n, 2e-17 * n**0.5, ":", color="0.5", label=r"$\sqrt{n}$")
     axes.set(xscale="log", yscale="log", xlabel="steps $n$", ylabel="distance")
     axes.set_title("Drift off a circle; dashed: $n$ steps and back")
+
+
+_FIGURES = {
+    "stability_boundary": ("cusp", "boundary", "fractions"),
+    "stability_searches": ("beam", "fakes", "disorder"),
+    "stability_orbits": ("twist", "amplitude", "rounding"),
+}
+_PANELS = {
+    "cusp": _draw_near_cusp,
+    "boundary": _draw_past_boundary,
+    "fractions": _draw_fractions,
+    "beam": _draw_missed,
+    "fakes": _draw_fakes,
+    "disorder": _draw_disorder,
+    "twist": _draw_twist,
+    "amplitude": _draw_amplitudes,
+    "rounding": _draw_rounding,
+}

@@ -12,6 +12,15 @@ matplotlib.use("agg")
 CIRCLE_COLOURS = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"]
 
 
+def colour_of(i):
+    return CIRCLE_COLOURS[i % len(CIRCLE_COLOURS)]
+
+
+def line_of(i):
+    """Return the style of the i-th line: dashed from the fourth on, as some colours are alike."""
+    return {"color": colour_of(i), "ls": (0, (5, 1.2)) if i // 3 % 2 else "-"}
+
+
 def save(figure, out, name, caption=""):
     """Write the figure as NAME.png and NAME.pdf, and its caption, if it has one, as NAME.txt.
 
@@ -70,17 +79,18 @@ def class_colours(angle, circles):
 
 
 def mark_gaps(axes, x, silent):
-    """Mark where there is no answer by × at the bottom, and say so in the legend."""
+    """Mark by × at the bottom where a method has no answer, and say so."""
     if np.any(silent):
         where = {"transform": axes.get_xaxis_transform(), "ls": "", "marker": "x", "ms": 5}
-        axes.plot(x[silent], np.full(np.sum(silent), 0.02), color="0.3", label="no answer", **where)
+        axes.plot(x[silent], np.full(np.sum(silent), 0.02), color="0.3", **where)
+        axes.text(0.01, 0.04, "×: no answer", transform=axes.transAxes, size="x-small")
 
 
-def letter(axes, name):
-    """Write (a), (b), … above the panel."""
-    axes.text(
-        0, 1.02, f"({name})", transform=axes.transAxes, ha="right", va="bottom", weight="bold"
-    )
+def letters(panels):
+    """Write (a), (b), … above the panels."""
+    for axes, name in zip(panels, "abcdefgh", strict=False):
+        where = {"transform": axes.transAxes, "ha": "right", "va": "bottom"}
+        axes.text(0, 1.02, f"({name})", weight="bold", **where)
 
 
 def smoothed(field):

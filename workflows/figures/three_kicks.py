@@ -5,25 +5,26 @@ import numpy as np
 
 from workflows.figures.rotating import draw_diamond, fill_diamond
 from workflows.figures.stretches import where_above
-from workflows.figures.style import CIRCLE_COLOURS, mark_gaps
+from workflows.figures.style import line_of, mark_gaps
 
 
 def draw_three_kicks(three, two):
-    """Draw the boundaries in the (κ̄, Δκ) plane, and by angle in parts of that of T."""
-    figure, (plane, strip) = plt.subplots(
-        1, 2, figsize=(13, 5.6), layout="constrained", width_ratios=[1.25, 1]
-    )
+    """Draw the boundaries in the (κ̄, Δκ) plane, and by angle in parts of that of T.
+
+    The caption says where three kicks outlast two.
+    """
+    layout = {"layout": "constrained", "width_ratios": [1.25, 1]}
+    figure, (plane, strip) = plt.subplots(1, 2, figsize=(13, 5.6), **layout)
     fill_diamond(plane, two, r"$\mathit{CB}_{gt}$ of $T$ ($\Omega = 1/2$)")
     strip.axhline(1, color="black", lw=1)
     for i, text in enumerate(three.phase.attrs["exact"]):
-        curve, colour = three.isel(phase=i), CIRCLE_COLOURS[i % len(CIRCLE_COLOURS)]
-        label = rf"$\varphi_0 = {text}$"
-        draw_diamond(plane, curve, color=colour, lw=1.1, label=label)
-        strip.plot(three.angle, curve.ratio, color=colour, lw=1.1, label=label)
+        curve = three.isel(phase=i)
+        line = {"lw": 1.1, "label": rf"$\varphi_0 = {text}$", **line_of(i)}
+        draw_diamond(plane, curve, **line)
+        strip.plot(three.angle, curve.ratio, **line)
         half = curve.error / curve.critical_scale * curve.ratio
-        strip.fill_between(
-            three.angle, curve.ratio - half, curve.ratio + half, color=colour, alpha=0.25, lw=0
-        )
+        band, style = (curve.ratio - half, curve.ratio + half), {"alpha": 0.25, "lw": 0}
+        strip.fill_between(three.angle, *band, color=line["color"], **style)
     mark_gaps(strip, three.angle.values, np.isnan(three.ratio.values).any(axis=0))
     plane.set(xlabel=r"$\bar\kappa$", ylabel=r"$\Delta\kappa$", aspect="equal")
     plane.set_title(r"Onset of global transport for $\Omega = 1/3$ and $1/2$")
@@ -33,11 +34,6 @@ def draw_three_kicks(three, two):
     strip.set_xticks(range(0, 181, 30))
     strip.set_title("Above 1: three kicks outlast two")
     strip.grid(lw=0.3)
-    return figure
-
-
-def caption(three):
-    """Say where three kicks outlast two."""
     relative = three.error / three.critical_scale
     parts = [
         "Boundary of global transport of the rotating standard map with Ω = 1/3 for several phases "
@@ -49,4 +45,4 @@ def caption(three):
     ]
     for i, phase in enumerate(three.phase.attrs["exact"]):
         parts.append(f"φ0 = {phase}: {where_above(three.angle.values, three.ratio.values[i])}.")
-    return " ".join(parts)
+    return figure, " ".join(parts)

@@ -32,20 +32,12 @@ def draw_work_precision(data):
         for method, name in enumerate(data.method.attrs["names"]):
             colour = next(c for start, c in _METHOD_COLOURS.items() if name.startswith(start))
             better = any(word in name for word in _BETTER)
-            axes.plot(
-                here.cpu_seconds[method],
-                np.maximum(here.error[method], 1e-16),
-                "o-" if better else "o--",
-                color=colour,
-                mfc=colour if better else "white",
-                ms=5,
-                lw=1.2,
-                label=name,
-            )
+            style = {"color": colour, "ls": "-" if better else "--", "lw": 1.2, "label": name}
+            style |= {"marker": "o", "ms": 5, "mfc": colour if better else "white"}
+            axes.plot(here.cpu_seconds[method], np.maximum(here.error[method], 1e-16), **style)
         axes.axhspan(1e-16, float(here.judge_error), color="0.9")
-        axes.set(xscale="log", yscale="log", ylim=(1e-14, 2))
-        axes.set_title(rf"$\varphi = {int(here.angle)}°$")
-        axes.set(xlabel="CPU time (s)", ylabel="relative error")
+        axes.set(xscale="log", yscale="log", ylim=(1e-14, 2), xlabel="CPU time (s)")
+        axes.set(title=rf"$\varphi = {int(here.angle)}°$", ylabel="relative error")
         axes.grid(lw=0.3)
     steps = panels.flat[data.angle.size]
     for i, name in enumerate(data.form.attrs["names"]):

@@ -6,7 +6,7 @@ import xarray as xr
 from nasm import barriers, circles, continuation, fourier
 from nasm.numbers import parse
 from nasm.symmetries import ray
-from workflows.parts.tables import described
+from workflows.parts.tables import ANGLE, described
 
 
 def amplitudes(quick):
@@ -31,6 +31,7 @@ def amplitudes(quick):
                 circle = circles.invariant_circle(omega, kappa, n_max=512)
                 if circle.certified:
                     largest[i, j] = np.nanmax([largest[i, j], *_heights(omega, circle.u)])
+    most = float(max(np.nanmax(last), np.nanmax(largest)))
     at_last = described("amplitude of the last circle at 0.999 s_c")
     at_others = described("largest amplitude of seven other circles")
     return xr.Dataset(
@@ -40,13 +41,10 @@ def amplitudes(quick):
         },
         {
             "kick": ("kick", [0, 1], described("kick before which y is taken")),
-            "angle": ("angle", angles, described("direction of the ray in the plane", "degree")),
+            "angle": ("angle", angles, ANGLE),
             "part": ("part", fractions, described("scale over that of the last breakup")),
         },
-        {
-            "title": "Amplitudes of invariant circles",
-            "justified_exit": float(1 + max(np.nanmax(last), np.nanmax(largest))),
-        },
+        {"title": "Amplitudes of invariant circles", "justified_exit": 1 + most},
     )
 
 

@@ -50,18 +50,15 @@ def together(*options):
     return lambda function: functools.reduce(lambda f, option: option(f), options[::-1], function)
 
 
-def whole(name, default, low, high, help):
-    """Make an option that takes a whole number from low to high."""
-    kind = click.IntRange(low, high)
-    return click.option(name, default=default, show_default=True, type=kind, help=help)
-
-
-def real(name, default, low, high, help, multiple=False):
-    """Make an option that takes a number from low to high; `multiple` lets it be repeated."""
-    kind = click.FloatRange(low, high)
+def _number(kind, name, default, low, high, help, multiple=False):
     return click.option(
-        name, default=default, show_default=True, type=kind, help=help, multiple=multiple
+        name, default=default, show_default=True, type=kind(low, high), help=help, multiple=multiple
     )
+
+
+# Options that take a number from low to high; `multiple` lets them be repeated.
+whole = functools.partial(_number, click.IntRange)
+real = functools.partial(_number, click.FloatRange)
 
 
 def parsed(name, default, parse, metavar, help, multiple=False):
@@ -73,15 +70,8 @@ def parsed(name, default, parse, metavar, help, multiple=False):
         except ValueError as error:
             raise click.BadParameter(str(error)) from None
 
-    return click.option(
-        name,
-        default=default,
-        show_default=True,
-        metavar=metavar,
-        callback=callback,
-        help=help,
-        multiple=multiple,
-    )
+    told = {"show_default": True, "metavar": metavar, "help": help, "multiple": multiple}
+    return click.option(name, default=default, callback=callback, **told)
 
 
 def axis(name, default, help):
@@ -103,9 +93,8 @@ def increasing(name, default, largest, help):
             return None
         numbers = [int(number) if number.isdecimal() else 0 for number in text.split(",")]
         if sorted(set(numbers)) != numbers or numbers[0] < 1 or numbers[-1] > largest:
-            raise ValueError(
-                f"{text!r} must be increasing whole numbers from 1 to {largest}, e.g. 100,1000"
-            )
+            words = f"must be increasing whole numbers from 1 to {largest}, e.g. 100,1000"
+            raise ValueError(f"{text!r} {words}")
         return numbers
 
     return parsed(name, default, parse, "N[,N...]", help)
@@ -125,9 +114,7 @@ def plane_options(kappa1, kappa2, n_max, n_orbits, tile, levels):
         axis("--kappa1", kappa1, "First kick's strength: lower end, upper end, cells."),
         axis("--kappa2", kappa2, "Second kick's strength, likewise."),
         whole("--n-max", n_max, 1, 10**12, "Steps of two kicks up to which orbits are followed."),
-        increasing(
-            "--n-orbits", str(n_orbits), 10**8, "Orbits; several numbers: nested ensembles."
-        ),
+        increasing("--n-orbits", str(n_orbits), 10**8, "Orbits; several: nested ensembles."),
         whole("--tile", tile, 1, 4096, "Cells along each side of a tile, the unit of work."),
         whole("--levels", levels, 1, 12, "Levels of refinement; 1 computes every cell."),
         increasing(
@@ -190,9 +177,12 @@ cluster_options = together(
 )
 
 
-def _say_hello(out):
-    """Say that the command has begun: the imports take seconds."""
-    click.echo(f"loading; results go to {out}", err=True)
+def announce_kernels():
+    """Say so if the kernels have to be compiled first."""
+    from nasm.kernels import are_compiled
+
+    if not are_compiled():
+        click.echo("compiling kernels, once per machine: about 20 s", err=True)
 
 
 def place_options(function):
@@ -214,27 +204,16 @@ def writes(function):
 
     @out_option
     @functools.wraps(function)
-    def wrapped(out, **options):
-        _say_hello(out)
-        from workflows.parts.run import Run, place_of
-
-        return function(run=Run(out, place_of(out)), **options)
-
-    return wrapped
-
-
-def sweeps(function):
-    """Add --out, --store and the options of the cluster, and pass a Run on as `run`."""
-
-    @out_option
-    @store_option
-    @cluster_options
-    @functools.wraps(function)
-    def wrapped(out, store, workers, scheduler, tls, **options):
-        _say_hello(out)
+    def wrapped(out, store=None, workers=None, scheduler=None, tls=None, **options):
+        click.echo(f"loading; results go to {out}", err=True)  # the imports take seconds
         from workflows.parts.run import Run, place_of
 
         cluster = {"n_workers": workers, "scheduler": scheduler, "tls": tls}
         return function(run=Run(out, place_of(out, store), cluster), **options)
 
     return wrapped
+
+
+def sweeps(function):
+    """Add --out, --store and the options of the cluster, and pass a Run on as `run`."""
+    return writes(together(store_option, cluster_options)(function))

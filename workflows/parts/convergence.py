@@ -6,7 +6,7 @@ import xarray as xr
 from nasm import barriers, circles, cones, periodic
 from nasm.symmetries import ray
 from workflows.parts.direct import exponent
-from workflows.parts.tables import described, listed
+from workflows.parts.tables import ANGLE, described, listed
 
 ANGLES = (0.0, 20.0, 40.0, 45.0)
 
@@ -61,28 +61,25 @@ def other_methods(breakups, quick):
     modes = 2 ** np.arange(7, 11 if quick else 14)
     error = described("error in parts of the breakup")
     rows = []
+    coords = {
+        "steps": ("steps", steps, described("steps N")),
+        "modes": ("modes", modes, described("grid points n")),
+    }
     for angle, best in breakups.items():
         found = [cones.critical_scale(ray(angle), int(n)) for n in steps]
         raw = [scale.upper / best.value - 1 for scale in found]
         corrected = [abs(scale.value / best.value - 1) for scale in found]
         q, scales = periodic.crossings(best.omega, ray(angle), 2000 if quick else 20_000)
         last = [_last_certified(best, ray(angle), int(n)) / best.value for n in modes]
-        row = xr.Dataset(
-            {
-                "cones_raw": ("steps", raw, error),
-                "cones_corrected": ("steps", corrected, error),
-                "residue": ("q", np.abs(scales / best.value - 1), error),
-                "circles_raw": ("modes", 1 - np.array(last), error),
-            },
-            {
-                "steps": ("steps", steps, described("steps N")),
-                "q": ("q", q.astype(int), described("period")),
-                "modes": ("modes", modes, described("grid points n")),
-            },
-        )
-        rows.append(row)
-    words = described("direction of the ray in the plane", "degree")
-    angles = xr.DataArray(list(breakups), dims="angle", name="angle", attrs=words)
+        row = {
+            "cones_raw": ("steps", raw, error),
+            "cones_corrected": ("steps", corrected, error),
+            "residue": ("q", np.abs(scales / best.value - 1), error),
+            "circles_raw": ("modes", 1 - np.array(last), error),
+        }
+        periods = "q", q.astype(int), described("period")
+        rows.append(xr.Dataset(row, coords | {"q": periods}))
+    angles = xr.DataArray(list(breakups), dims="angle", name="angle", attrs=ANGLE)
     title = "Convergence of converse KAM, residues and circles"
     return xr.concat(rows, angles, join="outer").assign_attrs(title=title)
 

@@ -3,17 +3,15 @@
 The bias s_N/s_c - 1 of the boundary {n* ≤ N} falls like N^(-1/η).
 """
 
-import sys
-
 import numpy as np
 import xarray as xr
 
 from nasm import orbits
 from nasm.symmetries import ray
 from nasm.verdict import Answer, verdict
+from pipeline import store
 from pipeline.cubes.escape import beyond
-from pipeline.sweep.progress import Progress
-from workflows.parts.tables import described
+from workflows.parts.tables import ANGLE, described, strengths
 
 INSETS = ((0.526, 0.69), (0.526, 0.73), (-0.69, 0.525), (-0.73, 0.525))
 INSET_START = (0.5, 0.44)
@@ -40,14 +38,22 @@ def boundary_job(barrier, n_max, n_orbits):
 def inwards(run, job):
     """Sweep the job's cube from the largest excess inwards, on each ray to the first no-escape."""
     rays = range(job.cube.sizes["angle"])
-    with Progress(run.label(job.cube.name), sys.stderr) as progress:
+    with run.line:
         for excess in reversed(range(job.cube.sizes["excess"])):
-            found = run.sweep(job, {(ray, excess) for ray in rays}, progress)
+            found = run.sweep(job, {(ray, excess) for ray in rays}, line_stays=True)
             times = found.escape_time[-1, :, excess].values
             rays = [ray for ray in rays if times[ray] <= job.cube.settings["n_max"]]
             if not rays:
                 break
     return found.load()
+
+
+def tiles_wanted(place, name):
+    """Return how many tiles `inwards` wants; None while there is a ray that it has not left."""
+    cube = store.read(place, name)
+    times = cube.escape_time.isel(ensemble=-1).load()
+    left = (times > cube.attrs["n_max"]).any("excess") | times.notnull().all("excess")
+    return int(times.notnull().sum()) if left.all() else None
 
 
 def direct_bias(cube, steps):
@@ -82,7 +88,6 @@ def boundary_dataset(found, barrier, steps):
     bias = direct_bias(found, steps).isel(ensemble=0).transpose("n", "angle").values
     scale = breakup * (1 + bias)
     spacing = 1 - float(found.excess[0] / found.excess[1])
-    kappa1, kappa2 = np.moveaxis(scale[..., None] * ray(angle), -1, 0)
     dims = "n", "angle"
     words = described("scale from which on some orbit escapes")
     relative = described("critical_scale in parts of the breakup, less 1")
@@ -90,18 +95,13 @@ def boundary_dataset(found, barrier, steps):
         {
             "critical_scale": (dims, scale, words),
             "bias": (dims, bias, relative),
-            "resolution": (
-                dims,
-                spacing * bias * breakup,
-                described("spacing of the scales there"),
-            ),
-            "kappa1": (dims, kappa1, described("strength of the first kick")),
-            "kappa2": (dims, kappa2, described("strength of the second kick")),
+            "resolution": (dims, spacing * bias * breakup, described("spacing of the scales")),
+            **strengths(dims, *np.moveaxis(scale[..., None] * ray(angle), -1, 0)),
             **asymmetry(angle, scale, found.escape_time.isel(ensemble=0).values),
         },
         {
             "n": ("n", steps, described("steps N")),
-            "angle": ("angle", angle, described("direction of the ray in the plane", "degree")),
+            "angle": ("angle", angle, ANGLE),
             "excess": found.excess,
         },
         {
@@ -144,23 +144,21 @@ def _of_images(values, angle, image):
 
 def insets_dataset():
     """Count the visits of one orbit to the parts of the cell; dims (forcing, y, x)."""
-    visits, lowest, highest, answers = [], [], [], []
     codes = {Answer.BARRIER: 0, Answer.TRANSPORT: 1, Answer.UNDECIDED: -1}
+    answers = [codes[verdict(kappa).answer] for kappa in INSETS]
+    visits, lowest, highest = [], [], []
     for kappa in INSETS:
         x, y = orbits.orbit(kappa, *INSET_START, INSET_STEPS)
         cells = np.histogram2d(y % 1.0, x % 1.0, _PIXELS, [[0, 1], [0, 1]])[0]
         visits.append(cells.astype("uint32"))
         lowest.append(y.min())
         highest.append(y.max())
-        answers.append(codes[verdict(kappa).answer])
-    kappa1, kappa2 = np.transpose(INSETS)
     centres = (np.arange(_PIXELS) + 0.5) / _PIXELS
     range_of_y = "y of the orbit, not reduced"
     return xr.Dataset(
         {
             "visits": (("forcing", "y", "x"), np.stack(visits), described("points of the orbit")),
-            "kappa1": ("forcing", kappa1, described("strength of the first kick")),
-            "kappa2": ("forcing", kappa2, described("strength of the second kick")),
+            **strengths("forcing", *np.transpose(INSETS)),
             "transport": ("forcing", answers, described("1: global; 0: a barrier; -1: undecided")),
             "lowest": ("forcing", lowest, described(f"least {range_of_y}")),
             "highest": ("forcing", highest, described(f"largest {range_of_y}")),

@@ -6,6 +6,8 @@ import xarray as xr
 from nasm import fixed_points
 from workflows.parts.tables import described
 
+_SOURCE = "arXiv:1606.04824, Sec. IV.A"
+
 
 def primary_dataset(axis):
     """Compute residues of the primary points over axis × axis; dims (point, kappa2, kappa1)."""
@@ -18,10 +20,7 @@ def primary_dataset(axis):
     return xr.Dataset(
         {"residue": (("point", "kappa2", "kappa1"), residue, words)},
         {"point": ("point", range(len(points)), names), **plane},
-        {
-            "title": "Primary period-one orbits",
-            "source": "arXiv:1606.04824, Sec. IV.A and Fig. 3",
-        },
+        {"title": "Primary period-one orbits", "source": f"{_SOURCE} and Fig. 3"},
     )
 
 
@@ -46,10 +45,7 @@ def secondary_dataset(axis):
             for name, (values, words) in quantities.items()
         },
         _plane(axis),
-        {
-            "title": "Secondary period-one orbits",
-            "source": "arXiv:1606.04824, Sec. IV.A and Fig. 4",
-        },
+        {"title": "Secondary period-one orbits", "source": f"{_SOURCE} and Fig. 4"},
     )
 
 

@@ -8,6 +8,7 @@ import xarray as xr
 
 from nasm.escape import boundary
 from nasm.symmetries import ray
+from pipeline import store
 from pipeline.cubes import escape
 from pipeline.sweep import refine
 from pipeline.sweep.grid import Axis
@@ -49,21 +50,14 @@ def plane_of(kappa1, kappa2, n_max, n_orbits, tile, levels, follow):
     follow, coarsest = follow or [n_max], 2 ** (levels - 1)
     for name, axis in (("--kappa1", kappa1), ("--kappa2", kappa2)):
         if axis.n % coarsest:
-            raise click.BadParameter(
-                f"{axis.n} cells cannot be halved {levels - 1} times; use a multiple of "
-                f"{coarsest}, or fewer --levels",
-                param_hint=name,
-            )
+            words = f"cannot be halved {levels - 1} times; use a multiple of {coarsest}, or fewer"
+            raise click.BadParameter(f"{axis.n} cells {words} --levels", param_hint=name)
         if axis.n < 2 * coarsest:
-            raise click.BadParameter(
-                f"{axis.n} cells are too few; use at least {2 * coarsest}, two at the coarsest "
-                "level",
-                param_hint=name,
-            )
+            words = f"are too few; use at least {2 * coarsest}, two at the coarsest level"
+            raise click.BadParameter(f"{axis.n} cells {words}", param_hint=name)
     if follow[-1] > n_max:
-        raise click.BadParameter(
-            f"N={follow[-1]} must be at most n-max={n_max}", param_hint="--follow"
-        )
+        words = f"N={follow[-1]} must be at most n-max={n_max}"
+        raise click.BadParameter(words, param_hint="--follow")
     return Plane(kappa1, kappa2, n_max, n_orbits, tile, levels, follow)
 
 
@@ -102,6 +96,16 @@ def escape_plane(run, plane):
     finest = _level_job(plane, "escape", plane.levels - 1).cube
     cube = escape.composed(finest, plane.levels, plane.follow, *composed)
     return run.keep(cube.name, cube.template, cube.tile, **cube.settings)
+
+
+def tiles_wanted(place, number):
+    """Return how many tiles of a level of refinement are wanted; None before all are composed."""
+    if "escape" not in store.names(place):
+        return None
+    field = store.read(place, "escape")
+    cells = field.attrs["cells_per_tile"] * refine.FACTOR ** (field.attrs["levels"] - 1 - number)
+    width = {"kappa1": cells, "kappa2": cells}
+    return int((field.level.coarsen(width, boundary="pad").max() >= number).sum())
 
 
 def boundary_table(dataset, angles, steps):

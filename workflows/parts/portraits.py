@@ -5,8 +5,9 @@ import xarray as xr
 
 from nasm import orbits
 from nasm.symmetries import alternate, negate
-from workflows.parts.tables import described
+from workflows.parts.tables import described, strengths
 
+_SOURCE = "arXiv:1606.04824, Sec."
 FORCING = (0.35, 0.5)
 ISLAND = (0.0, 0.55)  # Fig. 1(d): a start in the island of (0, 1/2)
 SYMMETRIC_FORCING = (0.5, 0.7)
@@ -26,7 +27,7 @@ def nonautonomous_dataset(n_orbits, steps):
     island = orbits.kicked_orbit(FORCING, *ISLAND, steps)
     return xr.Dataset(
         {
-            **_strengths(forcings),
+            **strengths("forcing", *forcings.T),
             **_points("", ("forcing", "step", "orbit"), x, y),
             **_points("kick_", ("kick", "orbit"), *kicked),
             **_points("island_", ("kick",), *island),
@@ -37,10 +38,7 @@ def nonautonomous_dataset(n_orbits, steps):
             "kick": _numbered("kick", steps + 1, "kicks of the first forcing"),
             "orbit": _numbered("orbit", n_orbits),
         },
-        {
-            "title": "Orbits of T and of the nonautonomous map",
-            "source": "arXiv:1606.04824, Sec. II and Fig. 1",
-        },
+        {"title": "Orbits of T and of the nonautonomous map", "source": f"{_SOURCE} II and Fig. 1"},
     )
 
 
@@ -68,7 +66,7 @@ def symmetric_dataset(n_orbits, steps):
     words = "largest distance, mod 1, of marked orbits from the images of the first forcing's"
     return xr.Dataset(
         {
-            **_strengths([kappa for kappa, *_ in ideal]),
+            **strengths("forcing", *np.transpose([kappa for kappa, *_ in ideal])),
             **_points("", ("forcing", "step", "orbit"), *iterated(*(at[0] for at in starts))),
             **_points("marked_", ("forcing", "step", "marked"), *marked),
             "difference": ("forcing", apart, described(words)),
@@ -79,20 +77,12 @@ def symmetric_dataset(n_orbits, steps):
             "orbit": _numbered("orbit", n_orbits),
             "marked": _numbered("marked", len(MARKED), "marked orbit"),
         },
-        {"title": "Symmetric orbits of T", "source": "arXiv:1606.04824, Sec. III.A and Fig. 2"},
+        {"title": "Symmetric orbits of T", "source": f"{_SOURCE} III.A and Fig. 2"},
     )
 
 
 def _numbered(dim, n, words=None):
     return dim, np.arange(n), described(words or dim)
-
-
-def _strengths(forcings):
-    kappa1, kappa2 = np.transpose(forcings)
-    return {
-        "kappa1": ("forcing", kappa1, described("strength of the first kick")),
-        "kappa2": ("forcing", kappa2, described("strength of the second kick")),
-    }
 
 
 def _points(prefix, dims, x, y):

@@ -8,7 +8,7 @@ import numpy as np
 
 from nasm.numbers import NAMES, parse
 from pipeline.cubes.barrier import tie, unfolded
-from workflows.parts.tables import described
+from workflows.parts.tables import ANGLE, described
 
 PAPER_CIRCLES = sorted(map(parse, NAMES), key=float)
 
@@ -41,7 +41,7 @@ def two_kicks(barrier, angles):
     two["kappa_amplitude"] = (two.kappa1 - two.kappa2) / 2
     for name in ("critical_scale", "error", "lower", "upper"):
         two[name] = two[name].copy(data=two[name] / np.sqrt(2))
-    return two.assign_coords(angle=("angle", angles, described("direction of the ray", "degree")))
+    return two.assign_coords(angle=("angle", angles, ANGLE))
 
 
 def with_ratio(cube, scale, of, name="ratio"):

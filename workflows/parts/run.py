@@ -6,20 +6,24 @@ Exit codes: 0 done; 1 tiles failed, or the workers are gone, or the disk or the 
 
 import os
 import sys
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from functools import cache, partial
 
 import click
+import numpy as np
 
-from nasm.kernels import are_compiled
 from pipeline import store
 from pipeline.cubes.cube import Cube
 from pipeline.sweep.cluster import ClusterError, connect
+from pipeline.sweep.grid import tile_slices
+from pipeline.sweep.progress import Progress, duration
 from pipeline.sweep.sweep import sweep
 from workflows.figures.style import save
+from workflows.parts.cli import announce_kernels
 from workflows.parts.tables import write
 
 MAX_REASONS = 10  # failed tiles whose reasons are printed
+_PROBES = 10  # tiles that a first estimate of a sweep's time looks at
 
 
 def place_of(out, url=None):
@@ -41,7 +45,8 @@ class Run:
     def __init__(self, out, place, cluster=None):
         self.out, self.place, self.cluster = out, place, cluster
         self.client = None
-        self.begun, self.sweeps = {}, 0
+        self.sweeps, self.begun = 1, {}
+        self.line, self.expected = None, {}
         self.words, self.written = [], {}
 
     @contextmanager
@@ -49,9 +54,7 @@ class Run:
         """Hold the place as its one driver; at the end print what was found, and where it is."""
         with explained(self.place), store.driving(self.place):
             os.makedirs(self.out, exist_ok=True)
-            if not are_compiled():
-                words = "kernels are not compiled yet: that takes about 20 s, once per machine"
-                click.echo(words, err=True)
+            announce_kernels()
             yield self
         self._finish()
 
@@ -67,26 +70,41 @@ class Run:
                 self.check(job.cube)
             with connect(**self.cluster) as client, self.driving():
                 self.client = partial(_told, client, self.cluster.get("scheduler"))
+                if self.sweeps > 1:
+                    self._foresee(jobs)
                 yield self
+
+    def _foresee(self, jobs):
+        """Say how long the sweeps will take that are planned, and count them on the line."""
+        self.line = Progress("all sweeps", sys.stderr)
+        # A composed cube has the levels of refinement as sweeps, which depend on one another.
+        known = [job for job in jobs if "levels" not in job.cube.settings]
+        self.expected = {job.cube.name: _expected(self.place, job) for job in known}
+        tiles, seconds = np.sum([(0, 0), *self.expected.values()], axis=0)
+        self.line.begin(int(tiles), seconds)
+        if seconds > 0:
+            words = f"{len(known)} of {self.sweeps} sweeps are planned: {tiles:.0f} tiles"
+            click.echo(f"{words}, about {duration(seconds)} of CPU time", err=True)
 
     def check(self, cube):
         """Refuse to go on if the place holds this cube with other settings."""
         store.check(self.place, cube, store.computed_by())
 
-    def sweep(self, job, wanted=None, progress=None):
+    def sweep(self, job, wanted=None, line_stays=False):
         """Compute the missing tiles of the job's cube, or those `wanted`; return it as a Dataset.
 
-        `progress` is the line of a series of sweeps. The program ends if tiles fail, and on Ctrl-C.
+        `line_stays`: the next sweep goes on with its line. The program ends if tiles fail, and on
+        Ctrl-C.
         """
-        label = self.label(job.cube.name)
-        _go_on(sweep(self.client, self.place, job, wanted, progress, label))
-        self._note("cubes", self.place.cube(job.cube.name))
-        return store.read(self.place, job.cube.name)
-
-    def label(self, name):
-        """Return the name of a sweep, with its number among those of this run."""
+        name = job.cube.name
         number = self.begun.setdefault(name, len(self.begun) + 1)
-        return name if self.sweeps < 2 else f"sweep {number} of {self.sweeps}, {name}"
+        if self.line:
+            self.line.name = f"sweep {number} of {self.sweeps}, {name}"
+            self.line.begin(*(-foreseen for foreseen in self.expected.pop(name, (0, 0))))
+        with self.line if self.line and not line_stays else nullcontext():
+            _go_on(sweep(self.client, self.place, job, wanted, self.line))
+        self._note("cubes", self.place.cube(name))
+        return store.read(self.place, name)
 
     def keep(self, name, dataset, tile=None, **settings):
         """Write a cube that no sweep computes, whole; return it as a Dataset."""
@@ -155,6 +173,23 @@ def shared_workers(scheduler, n_workers, tls):
         return
     with connect(n_workers=n_workers) as client:
         yield ["--scheduler", client().scheduler.address]
+
+
+def _expected(place, job):
+    """Return how many tiles of the job's cube are missing, and the CPU seconds predicted for them.
+
+    By some of these tiles.
+    """
+    cube = job.cube
+    begun = cube.name in store.names(place)
+    tiles = store.missing(place, cube) if begun else np.argwhere(np.ones(store.tile_counts(cube)))
+    axes = {dim: cube.template[dim].values for dim in cube.sizes if dim in cube.template.coords}
+    costs = [0.0]
+    for index in tiles[:: -(-len(tiles) // _PROBES) or 1].tolist():
+        cells = tile_slices(index, cube.sizes, cube.tile)
+        coords = {dim: axis[cells.get(dim, slice(None))] for dim, axis in axes.items()}
+        costs.append(float(job.predict(coords, cube.settings)))
+    return len(tiles), len(tiles) * sum(costs) / max(1, len(costs) - 1)
 
 
 def _go_on(outcome):

@@ -10,6 +10,17 @@ def described(long_name, units="1", **more):
     return {"long_name": long_name, "units": units, **more}
 
 
+ANGLE = described("direction of the ray in the plane", "degree")
+
+
+def strengths(dims, kappa1, kappa2):
+    """Return the variables kappa1 and kappa2, labelled."""
+    return {
+        "kappa1": (dims, kappa1, described("strength of the first kick")),
+        "kappa2": (dims, kappa2, described("strength of the second kick")),
+    }
+
+
 def listed(dim, *names):
     """Return a coordinate of numbers that stand for the names."""
     return dim, np.arange(len(names)), described(dim, names=list(names))

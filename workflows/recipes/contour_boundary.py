@@ -17,9 +17,7 @@ from contourpy import contour_generator
 from scipy.ndimage import median_filter
 
 if len(sys.argv) < 2 or not Path(sys.argv[1], "escape.zarr").is_dir():
-    missing = [
-        f"{out} has no cube escape.zarr; workflows.escape_plane makes one" for out in sys.argv[1:2]
-    ]
+    missing = [f"{out} has no cube escape.zarr; escape_plane makes one" for out in sys.argv[1:2]]
     print(__doc__, *missing, sep="\n", file=sys.stderr)
     sys.exit(2)
 out = Path(sys.argv[1])

@@ -16,11 +16,8 @@ import pandas as pd
 import xarray as xr
 
 if len(sys.argv) < 2 or not Path(sys.argv[1], "escape_level0.zarr").is_dir():
-    missing = [
-        f"{out} has no cube escape_level0.zarr; workflows.escape_plane --levels 4 makes one"
-        for out in sys.argv[1:2]
-    ]
-    print(__doc__, *missing, sep="\n", file=sys.stderr)
+    words = "has no cube escape_level0.zarr; escape_plane --levels 4 makes one"
+    print(__doc__, *(f"{out} {words}" for out in sys.argv[1:2]), sep="\n", file=sys.stderr)
     sys.exit(2)
 out = Path(sys.argv[1])
 count = len(list(out.glob("escape_level*.zarr")))

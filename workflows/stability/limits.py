@@ -12,9 +12,8 @@ from nasm.maps import twist
 from nasm.numbers import RotationNumber, convergents, parse
 from nasm.symmetries import ray
 from pipeline.cubes.cube import status_code
-from workflows.parts.tables import described, listed, outcomes
+from workflows.parts.tables import ANGLE, described, listed, outcomes
 
-_ANGLE = described("direction of the ray in the plane", "degree")
 _LIFE = described("steps in which converse KAM eliminates all; inf: not so")
 _DIGITS = described("digits of the weighted Birkhoff average of the longest-lived")
 _ESCAPE = described("first escape of 100 orbits, steps; inf: none")
@@ -73,6 +72,7 @@ def past_boundary(quick):
     decades = np.geomspace(1e-4, 1e-1, 4 if quick else 10)
     excess = np.concatenate([-decades[::-1], [0.0], decades])
     n_cones, n_escape, n_modes = 5000, *((10_000, 2048) if quick else (100_000, 16_384))
+    efforts = {"n_cones": n_cones, "n_escape": n_escape, "n_modes": n_modes}
     starts = escape.ensemble(100)
     shape = len(angles), excess.size
     certified, digits, lived, escaped = np.zeros((4, *shape))
@@ -96,15 +96,10 @@ def past_boundary(quick):
             "escape_time": (dims, escaped, _ESCAPE),
         },
         {
-            "angle": ("angle", list(angles), _ANGLE),
+            "angle": ("angle", list(angles), ANGLE),
             "excess": ("excess", excess, described("scale over that of the breakup, less 1")),
         },
-        {
-            "title": "Distance past the breakup",
-            "n_cones": n_cones,
-            "n_escape": n_escape,
-            "n_modes": n_modes,
-        },
+        {"title": "Distance past the breakup", **efforts},
     )
 
 
@@ -181,7 +176,7 @@ def beyond_the_twist(quick):
             "circle": outcomes(dims, status),
         },
         {
-            "angle": ("angle", list(angles), _ANGLE),
+            "angle": ("angle", list(angles), ANGLE),
             "scale": ("scale", scales, described("scale s of the forcing")),
         },
         {"title": "Near the end of the twist and beyond"},

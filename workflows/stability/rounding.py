@@ -73,7 +73,7 @@ def _height_above(circle, x, y):
 def _arithmetics():
     """Return {name: (advance, retreat, dtype)}, which iterate n steps forth or back, in place."""
     two_pi, two_pi_32 = 2 * np.pi, np.float32(2 * np.pi)
-    c = tuple(np.float32(a) for a in SINE[:6])
+    c = tuple(np.float32(a) for a in SINE[5::-1])
 
     @njit
     def polynomial(kappa, x):
@@ -90,14 +90,10 @@ def _arithmetics():
     @njit
     def single(kappa, x):
         a = abs(x - np.rint(x))
-        u = math.copysign(min(a, np.float32(0.5) - a), x - np.rint(x))
-        u = np.float32(u)
-        v = u * u
-        s = c[4] + v * c[5]
-        s = c[3] + v * s
-        s = c[2] + v * s
-        s = c[1] + v * s
-        s = c[0] + v * s
+        u = np.float32(math.copysign(min(a, np.float32(0.5) - a), x - np.rint(x)))
+        s = np.float32(0)
+        for coefficient in c:
+            s = coefficient + u * u * s
         return kappa / two_pi_32 * (two_pi_32 * u * s)
 
     @njit

@@ -31,13 +31,10 @@ def missed_survivors(quick):
     best = lives.max(axis=0)
     known = np.isfinite(best)
     lost = 1 - lives[:, known] / best[known]
+    missed = (lost > 0.01).mean(axis=1)
     return xr.Dataset(
         {
-            "missed": (
-                "kept",
-                (lost > 0.01).mean(axis=1),
-                described("part that misses 1% of a life"),
-            ),
+            "missed": ("kept", missed, described("part that misses 1% of a life")),
             "worst": ("kept", lost.max(axis=1), described("largest part of a life missed")),
         },
         {"kept": ("kept", kept, described("starts kept at each level"))},
@@ -72,11 +69,7 @@ def fake_circles(quick):
             "past": (dims, past, last),
             "fakes": (dims, fakes.astype(int), believed),
             "passed": (dims, passed.astype(int), described("those that pass `certify`")),
-            "polished": (
-                dims,
-                polished.astype(int),
-                described("those polished to circles"),
-            ),
+            "polished": (dims, polished.astype(int), described("those polished to circles")),
         },
         {
             "ray": ("ray", range(len(profiles)), described("the standard map, and (1, 0.5)")),

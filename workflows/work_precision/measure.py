@@ -37,12 +37,10 @@ def plan(angles, names, quick):
     def blank(sizes, long_name, units="1"):
         return tuple(sizes), np.full(tuple(sizes.values()), np.nan), described(long_name, units)
 
+    effort = "effort: steps N or n, period q, points, or tolerance tol"
     data = xr.Dataset(
         {
-            "effort": blank(
-                {"method": n_methods, "level": level.size},
-                "effort: steps N or n, period q, points, or tolerance tol",
-            ),
+            "effort": blank({"method": n_methods, "level": level.size}, effort),
             "cpu_seconds": blank(by_run, "CPU time of one run, median", "s"),
             "error": blank(by_run, "relative error"),
             "estimated_error": blank(by_run, "relative error that the method estimates"),

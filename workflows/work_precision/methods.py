@@ -59,16 +59,14 @@ def direct(n_orbits, reach):
 
     def run(ray, n_max):
         window = (-reach, 0.3 + reach)
-        found = escape.critical_scale(ray.profile, n_max, n_orbits, window)
-        return _bound_and_value(found)
+        return _bound_and_value(escape.critical_scale(ray.profile, n_max, n_orbits, window))
 
     return run
 
 
 def converse_kam(ray, n_max):
     """Answer by converse KAM where no start survives n_max steps, and extrapolated."""
-    found = cones.critical_scale(ray.profile, n_max)
-    return _bound_and_value(found)
+    return _bound_and_value(cones.critical_scale(ray.profile, n_max))
 
 
 def _bound_and_value(found):
@@ -145,30 +143,21 @@ def barrier(ray, tol):
 
 STEPS = [1000, 10_000, 100_000, 1_000_000]
 PERIODS = [30, 100, 300, 1000, 3000, 10_000]
+POINTS = [64, 256, 1024, 4096, 16_384]
+TOLERANCES = [1e-1, 1e-2, 1e-3, 1e-4]
+DIRECT = ["direct", "direct, 100 orbits", "direct, 100 orbits, near exit"]
+ALL, HUNDRED, NEAR = ((name, f"{name}, extrapolated") for name in DIRECT)
+CONES = "converse KAM, upper bound", "converse KAM, value"
+BARRIERS = "barriers, bracket", "barriers, value"
 METHODS = {
-    "direct": Method(("direct", "direct, extrapolated"), "N", STEPS, direct(10_000, 2.0)),
-    "direct-100": Method(
-        ("direct, 100 orbits", "direct, 100 orbits, extrapolated"), "N", STEPS, direct(100, 2.0)
-    ),
-    "direct-window": Method(
-        ("direct, 100 orbits, near exit", "direct, 100 orbits, near exit, extrapolated"),
-        "N",
-        STEPS,
-        direct(100, 1.2),
-    ),
-    "cones": Method(
-        ("converse KAM, upper bound", "converse KAM, value"), "N", [100, *STEPS], converse_kam
-    ),
+    "direct": Method(ALL, "N", STEPS, direct(10_000, 2.0)),
+    "direct-100": Method(HUNDRED, "N", STEPS, direct(100, 2.0)),
+    "direct-window": Method(NEAR, "N", STEPS, direct(100, 1.2)),
+    "cones": Method(CONES, "N", [100, *STEPS], converse_kam),
     "birkhoff": Method(("weighted Birkhoff average",), "n", STEPS, birkhoff),
-    "circle": Method(
-        ("last certified circle",), "points", [64, 256, 1024, 4096, 16_384], last_circle
-    ),
-    "continuation": Method(
-        ("blow-up of circles",), "tol", [1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6], continuation
-    ),
+    "circle": Method(("last certified circle",), "points", POINTS, last_circle),
+    "continuation": Method(("blow-up of circles",), "tol", [*TOLERANCES, 1e-5, 1e-6], continuation),
     "crossing": Method(("residue, last crossing",), "q", PERIODS, crossing),
     "residue": Method(("residue, Aitken",), "q", PERIODS, residue),
-    "barriers": Method(
-        ("barriers, bracket", "barriers, value"), "tol", [1e-1, 1e-2, 1e-3, 1e-4, 2e-5], barrier
-    ),
+    "barriers": Method(BARRIERS, "tol", [*TOLERANCES, 2e-5], barrier),
 }
