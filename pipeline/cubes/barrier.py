@@ -76,7 +76,8 @@ def proved_barrier(angles, seconds):
     cube = dataclasses.replace(
         cube, name="proved_barrier", template=template, tile={"angle": 1}, settings=settings
     )
-    return Job(cube, _compute_proved, partial(per_ray, 1 + 2 * seconds), job.warm_up)
+    warm_up = partial(proofs.critical_scale, (1.0, 0.0), 0.1)
+    return Job(cube, _compute_proved, partial(per_ray, 1 + 2 * seconds), warm_up)
 
 
 def boundary(angles, tol=1e-4):
