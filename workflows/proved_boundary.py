@@ -13,7 +13,7 @@ from workflows.parts.cli import command, real, sweeps, whole
 @command()
 @whole("--angles", 361, 2, 10**5, "Rays around the plane; all but an eighth are mirror images.")
 @real("--seconds", 4.0, 0.1, 10**5, "CPU time for each of the two proofs on a ray.")
-@click.option("--quick", is_flag=True, help="A preview: 37 rays, half a second for each proof.")
+@click.option("--quick", is_flag=True, help="A preview: 41 rays, half a second for each proof.")
 @sweeps
 def main(run, angles, seconds, quick):
     """Proved brackets of the last barrier: a cube, a table and a figure in OUT.
@@ -32,7 +32,7 @@ def main(run, angles, seconds, quick):
         need_flint()
     except ImportError as error:
         raise click.UsageError(str(error)) from None
-    angles, seconds = (37, 0.5) if quick else (angles, seconds)
+    angles, seconds = (41, 0.5) if quick else (angles, seconds)
     angles = np.linspace(0, 360, angles)
     job = proved_barrier(angles, seconds)
     with run.sweeping(job):
