@@ -14,8 +14,10 @@ _METHOD_COLOURS = {
     "blow-up": "#56B4E9",
     "residue": "#009E73",
     "barriers": "black",
+    "transport proved": "#E34234",
+    "barrier proved": "#4B0082",
 }
-_BETTER = ("extrapolated", "value", "blow-up", "Aitken")
+_BETTER = ("extrapolated", "value", "blow-up", "Aitken", "proved")
 
 
 def draw_work_precision(data):

@@ -37,7 +37,7 @@ def plan(angles, names, quick):
     def blank(sizes, long_name, units="1"):
         return tuple(sizes), np.full(tuple(sizes.values()), np.nan), described(long_name, units)
 
-    effort = "effort: steps N or n, period q, points, or tolerance tol"
+    effort = "effort: steps N or n, period q, points, tolerance tol, or distance ε"
     data = xr.Dataset(
         {
             "effort": blank({"method": n_methods, "level": level.size}, effort),
@@ -81,7 +81,7 @@ def measure(blank, names):
         rows[name].append(row)
     for name, here in rows.items():  # kernels that methods share are compiled by the first of them
         start = thread_time()
-        METHODS[name].run(Ray(PROFILES[0], parse("gamma"), nan, nan), METHODS[name].efforts[0])
+        METHODS[name].run(Ray(PROFILES[0], parse("gamma"), 0.48, nan), METHODS[name].efforts[0])
         data.warm_up_seconds[here] = thread_time() - start
     for i, angle in enumerate(data.angle.values.tolist()):
         ray = judged(angle)
@@ -148,7 +148,7 @@ def fastest(data):
         f"CPU time until the relative error of the last breakup is small on each of the rays at "
         f"{', '.join(f'{angle:g}°' for angle in data.angle.values)}, judged by Greene's residue to "
         f"{float(data.judge_error.max()):.0e}. The cheapest: {'; '.join(parts) or 'none'}. Circles "
-        "and residues must be told ω; barriers and converse KAM need not."
+        "and residues must be told ω, and proofs where to try; barriers and converse KAM need not."
     )
 
 

@@ -10,7 +10,7 @@ from math import cos, nan, radians
 
 import numpy as np
 
-from nasm import barriers, circles, cones, escape, orbits, periodic
+from nasm import barriers, circles, cones, escape, orbits, periodic, proof_barrier, proof_transport
 from nasm import continuation as norms
 from nasm.numbers import RotationNumber
 
@@ -141,6 +141,22 @@ def barrier(ray, tol):
     return (found.lower, found.upper - found.lower), (found.value, found.error)
 
 
+def transport_proof(ray, excess):
+    """Prove that transport is global that far beyond the breakup, in parts of it."""
+    scale = (1 + excess) * ray.value
+    proved = proof_transport.prove(scale * np.array(ray.profile), 1000.0).proved
+    return ((scale if proved else nan, excess * ray.value),)
+
+
+def barrier_proof(ray, distance):
+    """Prove that the circle exists that far below its breakup."""
+    near = norms.certified_circle(ray.omega, ray.profile, ray.value, distance)
+    scale = (1 - distance) * ray.value
+    kappa = scale * np.array(ray.profile)
+    proved = proof_barrier.prove(ray.omega, kappa, start=near[1], seconds=1000.0).proved
+    return ((scale if proved else nan, distance * ray.value),)
+
+
 STEPS = [1000, 10_000, 100_000, 1_000_000]
 PERIODS = [30, 100, 300, 1000, 3000, 10_000]
 POINTS = [64, 256, 1024, 4096, 16_384]
@@ -160,4 +176,8 @@ METHODS = {
     "crossing": Method(("residue, last crossing",), "q", PERIODS, crossing),
     "residue": Method(("residue, Aitken",), "q", PERIODS, residue),
     "barriers": Method(BARRIERS, "tol", [*TOLERANCES, 2e-5], barrier),
+    "transport-proof": Method(
+        ("transport proved",), "ε", [1e-1, 1e-2, 1e-3, 3e-4], transport_proof
+    ),
+    "barrier-proof": Method(("barrier proved",), "ε", [1e-1, 1e-2, 3e-3, 1e-3], barrier_proof),
 }
