@@ -285,12 +285,16 @@ def _cover(k0, k1, x, waiting, n_waiting, lanes, boxes, ages, found, lives, most
         for lane in range(FEW):
             if boxes[lane, 1] == 0 and n_waiting > 0:
                 n_waiting -= 1
-                boxes[lane], ages[lane] = waiting[n_waiting], 0
+                ages[lane] = 0
+                boxes[lane, 0], boxes[lane, 1] = waiting[n_waiting, 0], waiting[n_waiting, 1]
                 _start(lanes, lane, k0, x, boxes[lane, 0], boxes[lane, 1])
-            busy += boxes[lane, 1] > 0
+            if boxes[lane, 1] > 0:
+                busy += 1
         if busy == 0:
             return _DONE, n_waiting, n_found, kicks
-        before[:] = lanes
+        for row in range(_ROWS):
+            for lane in range(FEW):
+                before[row, lane] = lanes[row, lane]
         _advance(k0, k1, lanes, events)
         for lane in range(FEW):
             delta = boxes[lane, 1]
@@ -303,7 +307,8 @@ def _cover(k0, k1, x, waiting, n_waiting, lanes, boxes, ages, found, lives, most
             n, outcome = _replay(k0, k1, before, lane)
             kicks += n
             if outcome == _ELIMINATED:
-                found[n_found], lives[n_found] = boxes[lane], ages[lane] + n
+                found[n_found, 0], found[n_found, 1] = boxes[lane, 0], delta
+                lives[n_found] = ages[lane] + n
                 n_found += 1
             else:
                 if delta <= _SMALLEST or n_waiting + 2 > waiting.shape[0]:
@@ -346,15 +351,12 @@ def _advance(k0, k1, lanes, events):
     rest, paid = load_few(lanes, 14 * FEW), load_few(lanes, 15 * FEW)
     scale = load_few(lanes, 16 * FEW)
     smallest, worst = V, A - A  # zeros
-    for _ in range(_BLOCK // 2):
+    for _ in range(_BLOCK):
         x, y, v, w, V, W, t, z, q, p, A, B, linear, quadratic, rest, paid, bad = _kick(
             k0, scale, x, y, v, w, V, W, t, z, q, p, A, B, linear, quadratic, rest, paid
         )
         smallest, worst = minimum(smallest, V), worst + bad
-        x, y, v, w, V, W, t, z, q, p, A, B, linear, quadratic, rest, paid, bad = _kick(
-            k1, scale, x, y, v, w, V, W, t, z, q, p, A, B, linear, quadratic, rest, paid
-        )
-        smallest, worst = minimum(smallest, V), worst + bad
+        k0, k1 = k1, k0
     store(lanes, 0, x)
     store(lanes, FEW, y)
     store(lanes, 2 * FEW, v)
@@ -384,14 +386,14 @@ def _replay(k0, k1, lanes, lane):
     linear, quadratic = lanes[12, lane], lanes[13, lane]
     rest, paid, scale = lanes[14, lane], lanes[15, lane], lanes[16, lane]
     for n in range(_BLOCK):
-        k = k0 if n % 2 == 0 else k1
         x, y, v, w, V, W, t, z, q, p, A, B, linear, quadratic, rest, paid, bad = _kick(
-            k, scale, x, y, v, w, V, W, t, z, q, p, A, B, linear, quadratic, rest, paid
+            k0, scale, x, y, v, w, V, W, t, z, q, p, A, B, linear, quadratic, rest, paid
         )
         if not bad <= 0:
             return n + 1, _FAILED
         if V <= 0:
             return n + 1, _ELIMINATED
+        k0, k1 = k1, k0
     return _BLOCK, _FAILED
 
 
