@@ -76,6 +76,7 @@ _SMALLEST = 2.0**-50  # δ; centres are exact down to there
 _BLOCK = 8  # kicks between two looks for events; even
 _ROWS = 17
 _MOST_WAITING = 2048  # boxes: each of 16 lanes leaves one behind at each of 46 halvings
+_FIRST_EXCESS = 0.1  # s/value - 1 where `proved_upper` begins
 _KICKS = 2_000_000  # in one call of the kernel
 _FOUND = 8192  # boxes in one call
 
@@ -189,26 +190,21 @@ def proved_upper(profile, value, budget):
     if not 0 < value < math.inf:
         raise ValueError(f"value={value!r} must be positive: the scale at which the circle breaks")
     end = time.thread_time() + budget
-    best, scale, proof = None, math.nan, None
-    excess, factor = 0.1, 3.0
-    while factor > 1.1 and (left := end - time.thread_time()) > 0:
-        started = time.thread_time()
-        proof = prove(value * (1 + excess) * profile, left)
-        spent = time.thread_time() - started
+    best, scale, reached, failed, affordable = None, math.nan, math.inf, 0.0, 0.0
+    excess = _FIRST_EXCESS
+    while excess < 0.9 * reached and (left := end - time.thread_time()) > 0:
+        proof = prove(value * (1 + excess) * profile, left if best else left / 4)
+        after = end - time.thread_time()
         if proof.proved:
-            best, scale = proof, value * (1 + excess)
-        elif best is None:
-            excess, factor = 2 * excess, factor  # further out, until something is proved
-            if excess > 4:
-                break
+            best, scale, reached = proof, value * (1 + excess), excess
+            # Work grows like the square of 1/excess, or a little slower.
+            affordable = excess * math.sqrt(1.5 * (left - after) / max(after, 1e-9))
+        elif best is None and excess < 4:
+            excess *= 2
             continue
         else:
-            excess *= factor
-            factor = math.sqrt(factor)
-        # Work grows like the square of 1/excess, or a little slower.
-        while factor > 1.1 and 1.5 * spent * factor**2 > end - time.thread_time():
-            factor = math.sqrt(factor)
-        excess /= factor
+            failed = excess
+        excess = max(reached / 3, math.sqrt(reached * failed), affordable)
     return scale, best or proof
 
 
