@@ -393,17 +393,11 @@ def _replay(k0, k1, lanes, lane):
     return _BLOCK, _FAILED
 
 
-@njit(forceinline=True, error_model="numpy")
-def _kick(k, scale, x, y, v, w, V, W, t, z, q, p, A, B, linear, quadratic, rest, paid):
-    """One kick of a box, on lanes or floats; x is the shifted angle X = x̂ - 1/4, scale 1/δ.
-
-    w, W, z, p are the last differences of v, V, t, q. The last result, `bad`, is 0 while the
-    bounds hold, and NaN or positive if not.
-    """
-    size = fabs(k)
-    # h = sin 2πx̂/2π = -g and cos 2πx̂ = -c.
-    r = x - rint(x)
-    u = fabs(r) - 0.25
+@njit(forceinline=True)
+def _trigonometry(x):
+    """rint X - X, h = sin 2πx/2π and cos 2πx of x = X + 1/4, on lanes or floats."""
+    back = rint(x) - x
+    u = 0.25 - fabs(back)
     u2 = u * u
     s = fma(u2, _C7, _C6)
     s = fma(s, u2, _C5)
@@ -412,7 +406,6 @@ def _kick(k, scale, x, y, v, w, V, W, t, z, q, p, A, B, linear, quadratic, rest,
     s = fma(s, u2, _C2)
     s = fma(s, u2, _C1)
     s = fma(s, u2, _C0)
-    g = s * u
     d = fma(u2, _D7, _D6)
     d = fma(d, u2, _D5)
     d = fma(d, u2, _D4)
@@ -420,9 +413,20 @@ def _kick(k, scale, x, y, v, w, V, W, t, z, q, p, A, B, linear, quadratic, rest,
     d = fma(d, u2, _D2)
     d = fma(d, u2, _D1)
     d = fma(d, u2, _D0)
-    c = copysign(d, r)
-    kc = -k * c
-    f2 = TWO_PI2 * k * g  # κh''/2
+    return back, s * u, copysign(d, back)
+
+
+@njit(forceinline=True, error_model="numpy")
+def _kick(k, scale, x, y, v, w, V, W, t, z, q, p, A, B, linear, quadratic, rest, paid):
+    """One kick of a box, on lanes or floats; x is the shifted angle X = x̂ - 1/4, scale 1/δ.
+
+    w, W, z, p are the last differences of v, V, t, q. The last result, `bad`, is 0 while the
+    bounds hold, and NaN or positive if not.
+    """
+    size = fabs(k)
+    back, h, c = _trigonometry(x)
+    kc = k * c
+    f2 = -TWO_PI2 * k * h  # κh''/2
 
     # |x - x̂|: all of it, what is not σt, and what is known by its bound alone.
     straight = fabs(t)
@@ -431,7 +435,7 @@ def _kick(k, scale, x, y, v, w, V, W, t, z, q, p, A, B, linear, quadratic, rest,
     E = (straight + curved) * UP
     E2 = E * E
     E3 = E2 * E
-    sine = TWO_PI * (fabs(g) + ULP) * UP
+    sine = TWO_PI * (fabs(h) + ULP) * UP
     both = curved * (E + straight)  # |(x - x̂)² - (σt)²|
 
     # Payment: for what Q may be larger by than in the middle, and for rounding.
@@ -467,6 +471,6 @@ def _kick(k, scale, x, y, v, w, V, W, t, z, q, p, A, B, linear, quadratic, rest,
         + maximum(0.0, wronskian - _WRONSKIAN)
         + maximum(0.0, V - _HUGE)
     )
-    y = fma(-k, g, y)
+    y = fma(k, h, y)
     y = y - rint(y)
-    return r + y, y, v1, w, V, W, t1, z, q1, p, A, B, linear, quadratic, rest, paid, bad
+    return y - back, y, v1, w, V, W, t1, z, q1, p, A, B, linear, quadratic, rest, paid, bad
