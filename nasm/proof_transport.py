@@ -66,6 +66,8 @@ PI, TWO_PI, TWO_PI2 = 3.141592653589793, 6.283185307179586, 19.739208802178716
 CUBIC, QUARTIC = 6.58, 10.34  # (2π)²/6 and (2π)³/24, rounded up: remainders of h
 COS_CUBIC = 41.35  # (2π)³/6, rounded up: the remainder of cos
 
+THEOREM = "nasm/PROOFS.md: Transport is global"
+
 _LARGEST = 0.1  # |x - x̂| up to which the bounds hold
 _KNOWN = 0.8  # share of |x - x̂| that may be known by its bound alone; else the box is halved
 _WRONSKIAN = 1e-3  # by which v_n t_{n+1} - v_{n+1} t_n may differ from δ
@@ -127,7 +129,7 @@ class TransportProof:
         if not self.proved:
             raise ValueError(f"nothing to certify: {self.outcome.value}")
         return {
-            "theorem": "nasm/PROOFS.md: Transport is global",
+            "theorem": THEOREM,
             "kappa": [strength.hex() for strength in self.kappa],
             "site": self.site,
             "a": self.a,

@@ -421,18 +421,13 @@ def test_every_shorter_life_that_is_false_is_refused():
     kappa = np.roll(proof.kappa, -proof.site)
     refused = 0
     for (y, delta), life in zip(proof.boxes, proof.lives, strict=True):
-        box = [y + place * delta for place in (-1, 0, 1)]
-        lived = max(oracles.elimination_time(kappa, proof.a, box, 10**4))
+        starts = [y + place * delta for place in (-1, 0, 1)]
+        lived = max(oracles.elimination_time(kappa, proof.a, starts, 10**4))
         assert lived <= life
         if lived > 1:
-            bound = checker.second_variation(
-                [Fraction(k) for k in kappa.tolist()],
-                Fraction(proof.a),
-                Fraction(y),
-                Fraction(delta),
-                int(lived) - 1,
-            )
-            assert not bound <= 0
+            strengths = [Fraction(number) for k in kappa.tolist() for number in (k, 0)]
+            box = (Fraction(y), Fraction(delta), *strengths)
+            assert not checker.second_variation(Fraction(proof.a), box, int(lived) - 1) <= 0
             refused += 1
     assert refused > 30
 
