@@ -441,7 +441,7 @@ def _inequalities(grid, rho, eps, n, p, k):
     room, moved = arb(0), arb(0)
     for a, b, c, y in zip(q, n, n[1:] + n[:1], x, strict=True):
         room = room.max(a * b * c * (2 * chi + chi**2))
-        moved = moved.max(2 * (4 * y / 3).expm1())
+        moved = moved.max((4 * y / 3).expm1())
     left = {"ratio": ratio, "chi": chi, "room": room, "moved": moved}
     right = {"ratio": arb(1) / 32, "chi": eta, "room": eta / (1 + eta), "moved": eta}
     failed = [name for name in left if not left[name] < right[name]]
@@ -558,6 +558,7 @@ def _decay(sizes, least=1e-12):
     return max(-np.polyfit(k[good], np.log(sizes[good]), 1)[0] / (2 * pi), 0.1 / len(k))
 
 
+@np.errstate(all="ignore")
 def _refined(grid, start):
     """Newton's steps from `start` until the theorem is verified, or nothing is won by another."""
     half, K = grid.n // 2, int(_KEPT * grid.n)
