@@ -43,6 +43,12 @@ def near(profile, omega, breakup, distance):
 
 
 @pytest.fixture
+def module():
+    """The program; mutants take its place."""
+    return proof_barrier
+
+
+@pytest.fixture
 def digits():
     """Fifty digits."""
     with mp.workdps(50):
@@ -105,8 +111,8 @@ def test_the_linearised_chain_telescopes_up_to_the_derivative_of_the_residual(n_
 def test_the_fluxes_close_for_any_chain(n_sites, digits):
     _, h, _, residual = random_chain(n_sites, 10 + n_sites)
     total, size = mp.mpf(0), mp.mpf(0)
-    for i in range(128):  # the trapezoidal rule is exact to more digits than these
-        theta = mp.mpf(i) / 128
+    for i in range(96):  # the trapezoidal rule is exact to more digits than these
+        theta = mp.mpf(i) / 96
         values = [h(j, theta, 1) * residual(j, theta) for j in range(n_sites)]
         total, size = total + sum(values), size + abs(values[0])
     assert abs(total) < digits
@@ -125,13 +131,11 @@ def test_the_bound_of_small_divisors_holds_and_is_sharp(omega, delta):
     assert bound <= brute * 1.001
 
 
-def test_closed_sums_are_those_of_all_aliases_and_all_modes_left_out():
+def test_closed_sums_are_those_of_all_aliases_and_all_modes_left_out(module):
     rho, hat, n, cut = 0.01, 0.05, 64, 29
-    grid = proof_barrier._Grid(GAMMA, [0.7], 0.0, n)
+    grid = module._Grid(GAMMA, [0.7], 0.0, n)
     u = [[arb(0), arb(0.01), arb(0.002)]]
-    (bound,) = proof_barrier._bounds_of_the_residual(
-        grid, u, [[arb(0)] * 32], arb(rho), arb(hat), [cut]
-    )
+    (bound,) = module._bounds_of_the_residual(grid, u, [[arb(0)] * 32], arb(rho), arb(hat), [cut])
     imaginary = 2 * sum(float(a) * np.sinh(2 * np.pi * k * hat) for k, a in enumerate(u[0]))
     k, most = np.arange(-3000, 3001), np.cosh(2 * np.pi * (hat + imaginary))
     sizes = most * np.exp(-2 * np.pi * hat * np.abs(k))
@@ -144,20 +148,21 @@ def test_closed_sums_are_those_of_all_aliases_and_all_modes_left_out():
     assert exact <= float(bound) <= 1.05 * exact
 
 
-def test_the_inverse_is_bounded_by_a_poor_approximation_too():
+@pytest.mark.parametrize("odd", [True, False])
+def test_the_inverse_is_bounded_by_a_poor_approximation_too(odd, module):
     # 1/(1 + a cos) = (1 + 2 Σ (-b)^k cos)/√(1 - a²) with b = (1 - √(1 - a²))/a.
-    a, rho = 0.5, 0.02
-    root = np.sqrt(1 - a**2)
-    b = (1 - root) / a
-    inverse = np.array([(-b) ** k / root for k in range(40)])
-    exact = (1 + 2 * sum((b * np.exp(2 * np.pi * rho)) ** k for k in range(1, 200))) / root
-    for modes, kept, slack in ((5, 2, 1.03), (3, 2, 1.5), (40, 1, 10.0), (40, 2, 1.0001)):
-        for odd in (True, False):
-            slope = [arb(1), arb(a / 2)]
-            bound = float(
-                proof_barrier._bound_of_the_inverse(slope, inverse[:modes], arb(rho), odd, kept)
-            )
-            assert exact * (1 - 1e-12) <= bound <= slack * exact
+    rho, cases = (
+        0.02,
+        [(0.5, 5, 2, 1.03), (0.5, 3, 2, 1.5), (0.2, 1, 1, 1.2), (0.5, 40, 2, 1.0001)],
+    )
+    for a, modes, kept, slack in cases:
+        root = np.sqrt(1 - a**2)
+        b = (1 - root) / a
+        inverse = np.array([(-b) ** k / root for k in range(modes)])
+        exact = (1 + 2 * sum((b * np.exp(2 * np.pi * rho)) ** k for k in range(1, 200))) / root
+        slope = [arb(1), arb(a / 2)]
+        bound = float(module._bound_of_the_inverse(slope, inverse, arb(rho), odd, kept))
+        assert exact * (1 - 1e-12) <= bound <= slack * exact
 
 
 @pytest.mark.parametrize(("omega", "kappa", "n"), CASES)
@@ -199,8 +204,30 @@ def certificate(module, omega, kappa, n=None):
     return json.loads(json.dumps(proof.certificate())), proof.constants
 
 
+# κ, ρ, n_0, p_0 for which ratio, chi, room and moved are the first to fail as ε grows.
+FIRST_TO_FAIL = {
+    "ratio": (0.4, 1e-5, 1.7, 1.1),
+    "chi": (0.0, 0.01, 1.0, 0.01),
+    "room": (0.4, 0.01, 1.7, 1.1),
+    "moved": (0.0, 9.0, 1.0, 0.1),
+}
+
+
 def audit(module):
     """Everything that a wrong proof would show up in; an exception if it does."""
+    for name, (kappa, rho, n, p) in FIRST_TO_FAIL.items():
+        numbers = [[arb(n), arb(1.3)], [arb(p), arb(1.9)], [arb(1.5), arb(1.4)]]
+        grid, seen = module._Grid(GAMMA, [kappa, -0.7 * kappa], 0.0, 64), []
+        for eps in np.geomspace(1e-22, 10, 100):
+            failed, left = module._inequalities(grid, arb(rho), arb(eps), *numbers)
+            delta, C = left["delta"], left["C"]
+            holds, exact = barrier_checker.inequalities(grid.kappa, delta, C, arb(eps), *numbers)
+            assert holds == (not failed)
+            assert all(value.overlaps(left[key]) for key, value in exact.items())
+            seen += failed[:1]
+        assert seen[0] == name
+    test_closed_sums_are_those_of_all_aliases_and_all_modes_left_out(module)
+    test_the_inverse_is_bounded_by_a_poor_approximation_too(True, module)
     for omega, kappa, n in CASES:
         data, constants = certificate(module, omega, kappa, n)
         holds, exact = barrier_checker.check(data)
@@ -208,17 +235,6 @@ def audit(module):
         for name, value in exact.items():
             slack = 1.5 if name in ("error", "epsilon", "ratio", "chi", "room", "moved") else 1e-5
             assert value * (1 - 1e-5) <= constants[name] <= value * (1 + slack), name
-    # The inequalities once more, where no term is negligible.
-    numbers = [[arb(1.7), arb(1.3)], [arb(1.1), arb(1.9)], [arb(1.5), arb(1.4)]]
-    grid = module._Grid(GAMMA, [0.4, -0.3], 0.0, 64)
-    for eps in (1e-9, 1e-6, 1e-5):
-        failed, left = module._inequalities(grid, arb(0.01), arb(eps), *numbers)
-        holds, exact = barrier_checker.inequalities(
-            grid.kappa, left["delta"], left["C"], arb(eps), *numbers
-        )
-        assert holds == (not failed)
-        for name, value in exact.items():
-            assert float(left[name]) == pytest.approx(float(value), rel=1e-9), name
 
 
 def test_a_second_program_finds_the_same_constants():
@@ -226,6 +242,12 @@ def test_a_second_program_finds_the_same_constants():
 
 
 MUTANTS = [
+    ("M * (aliases + rest)", "M * rest"),
+    ("M * (aliases + rest)", "M * aliases"),
+    ("polynomial(r_hat) - polynomial(1 / r_hat)", "polynomial(r_hat) / 2"),
+    ("aliases = 1 / (1 - q) + ", "aliases = "),
+    ("+ beyond * size", ""),
+    ("return size / (1 - small)", "return size"),
     ("strength = -grid.kappa[j] / (2 * arb.pi())", "strength = -grid.kappa[j] / arb(6.2831853)"),
     ("strength = -grid.kappa[j]", "strength = grid.kappa[j]"),
     ("(angle + 2 * x).sin_pi()", "(angle + 2 * x).cos_pi()"),
@@ -279,8 +301,8 @@ def test_a_certificate_with_one_digit_changed_fails():
     text = json.dumps(data)
     digits = [i for i, c in enumerate(text) if c.isdigit()]
     for i in np.random.default_rng(3).choice(digits, 200):
-        changed = text[:i] + str((int(text[i]) + 1) % 10) + text[i + 1 :]
-        assert not barrier_checker.check(json.loads(changed))[0]
+        changed = text[:i] + str(int(text[i]) % 9 + 1) + text[i + 1 :]
+        assert changed == text or not barrier_checker.check(json.loads(changed))[0]
 
 
 @pytest.mark.parametrize("site", [0, 1])
@@ -305,7 +327,7 @@ def test_without_the_digest_a_changed_digit_that_matters_still_fails(site):
 
 
 @pytest.mark.parametrize(("profile", "omega", "breakup"), LAST)
-@pytest.mark.parametrize("distance", [0.2, 0.05, 0.01])
+@pytest.mark.parametrize("distance", [0.3, 0.05])
 def test_circles_below_the_breakup_are_proved(profile, omega, breakup, distance):
     omega, kappa, u = near(profile, omega, breakup, distance)
     proof = prove(omega, kappa, start=u)
@@ -348,7 +370,7 @@ def test_a_box_of_forcings_is_proved_at_once():
     assert proof.short_kappa == (0.3, 0.3)
     holds, _ = barrier_checker.check(json.loads(json.dumps(proof.certificate())))
     assert holds
-    assert not prove(GAMMA, (0.3, 0.3), radius=1e-4).proved
+    assert not prove(GAMMA, (0.3, 0.3), radius=1e-4, n=128).proved
 
 
 def settled(omega, kappa, u):
@@ -400,12 +422,14 @@ def test_a_random_ray_is_proved_below_its_last_breakup_and_not_above(angle):
     assert proof.kappa == tuple(scale * ray(angle))
     start = circles.invariant_circle(found.omega, scale * ray(angle), 2**14).u
     for beyond in (1e-3, 1e-2):
-        assert not prove(found.omega, (1 + beyond) * found.value * ray(angle), start=start).proved
+        assert not prove(
+            found.omega, (1 + beyond) * found.value * ray(angle), start=start, n=512
+        ).proved
 
 
 def test_more_time_proves_a_circle_nearer_to_the_breakup():
     profile, omega, breakup = LAST[0]
-    scales = [proved_lower(parse(omega), profile, breakup, seconds)[0] for seconds in (0.1, 1.0)]
+    scales = [proved_lower(parse(omega), profile, breakup, seconds)[0] for seconds in (0.1, 0.5)]
     assert scales[0] < scales[1] < breakup
 
 
@@ -470,7 +494,7 @@ def test_modes_that_are_not_exact_or_not_real_are_refused(mode):
 
 def test_without_python_flint_a_proof_says_what_to_install(monkeypatch):
     monkeypatch.setattr(proof_barrier, "arb", None)
-    for ask in (lambda: prove(GAMMA, (0.3,)), lambda: proved_lower(GAMMA, (1.0,), 0.97)):
+    for ask in (lambda: prove(GAMMA, (0.3,)), lambda: proved_lower(GAMMA, (1.0,), 0.97, 1.0)):
         with pytest.raises(ImportError, match=r"pip install 'nasm-transport\[proof\]'"):
             ask()
 
@@ -480,4 +504,4 @@ def test_figueras_haro_luque_2017():
     # The golden circle of the standard map at 0.9716, 0.99996 of its breakup.
     omega, kappa, u = near((1.0,), "gamma", 0.971635406, 1 - 0.9716 / 0.971635406)
     assert kappa == pytest.approx(0.9716, abs=1e-9)
-    assert prove(omega, (0.9716,), start=u, n=3 * 2**20, seconds=1.0).proved
+    assert prove(omega, (0.9716,), start=u, n=3 * 2**20, budget=1.0).proved
