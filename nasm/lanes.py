@@ -8,9 +8,9 @@ kernel of so many variables that 64 of each would not stay in registers.
 
 `+ - * /` work on lanes, and between lanes and a float, which fills all lanes. `fma`, `rint`,
 `fabs`, `copysign`, `maximum` and `minimum` take lanes or floats, so that one source of a formula
-compiles to both: with the same operations in the same order, a lane and the scalar code agree to the last
-bit, on every machine (fma is exact by definition; a processor without it falls back on a slow,
-equal, library call).
+compiles to both: with the same operations in the same order, a lane and the scalar code agree to
+the last bit, on every machine (fma is exact by definition; a processor without it falls back on a
+slow, equal, library call).
 
 These names exist inside `numba.njit` functions only.
 """

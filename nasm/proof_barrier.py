@@ -104,7 +104,7 @@ def _dyadics(x):
     return [[0, 0], [-int(mantissa), int(exponent)]]
 
 
-def prove(omega, kappa, radius=0.0, n=None, start=None, seconds=20.0):
+def prove(omega, kappa, radius=0.0, n=None, start=None, budget=20.0):
     """Prove that the circle of rotation number omega exists under the forcing kappa.
 
     1. Take the shorter map, where the forcing repeats itself.
@@ -121,7 +121,7 @@ def prove(omega, kappa, radius=0.0, n=None, start=None, seconds=20.0):
         have the circle. The largest that can be proved is of the size of E, 10⁻¹² and less.
     n : int, even, 64 to 2097152, points of the grid; default by the decay of the circle's modes.
     start : ndarray (P, m), deviations near the circle of the shortened forcing.
-    seconds : float, CPU time of this thread after which no further grid is tried.
+    budget : float, CPU seconds, after which no further grid is tried.
 
     Returns
     -------
@@ -132,23 +132,26 @@ def prove(omega, kappa, radius=0.0, n=None, start=None, seconds=20.0):
     """
     checked(omega)
     kappa = forcing(kappa)
-    radius, seconds = real("radius", radius), real("seconds", seconds)
-    if not (0 <= radius <= 1 and seconds > 0):
-        raise ValueError(f"radius={radius} must be from 0 to 1, and seconds={seconds} positive")
+    radius, budget = real("radius", radius), real("budget", budget)
+    if not 0 <= radius <= 1:
+        raise ValueError(f"radius={radius!r} must be from 0 to 1: of an interval about each kick")
+    if not budget > 0:
+        raise ValueError(f"budget={budget!r} must be positive: seconds of computing time")
     if n is not None and count("n", n, 64, _LARGEST) % 2:
         raise ValueError(f"n={n} must be even, the points of a grid")
     need_flint()
     short, short_omega = kappa, omega
     if not omega.is_rational and radius == 0:  # a box of forcings cannot be shortened
         (short,), short_omega = shorten([kappa], omega)
-    about = omega, tuple(kappa.tolist()), radius, short_omega, tuple(short.tolist())
+    about = {"omega": omega, "kappa": tuple(kappa.tolist()), "radius": radius}
+    about |= {"short_omega": short_omega, "short_kappa": tuple(short.tolist())}
     if omega.is_rational:
-        return BarrierProof(False, "omega is rational: no circle of it is a barrier", *about)
-    until = time.thread_time() + seconds
+        return BarrierProof(False, "omega is rational: no circle of it is a barrier", **about)
+    until = time.thread_time() + budget
     if start is None:
         circle = circles.invariant_circle(short_omega, short, 2**16)
         if not circle.certified:
-            return BarrierProof(False, f"no circle was found: {circle.status.value}", *about)
+            return BarrierProof(False, f"no circle was found: {circle.status.value}", **about)
         start = circle.u
     else:
         start = np.asarray(start, dtype=float)
@@ -158,11 +161,11 @@ def prove(omega, kappa, radius=0.0, n=None, start=None, seconds=20.0):
                 f"{short.tolist()} are {short.size} functions on a grid"
             )
     if not np.isfinite(start).all():
-        return BarrierProof(False, "the start is no circle", *about)
+        return BarrierProof(False, "the start is no circle", **about)
     return _proved(short_omega, short, radius, start, n, until, about)
 
 
-def proved_lower(omega, profile, value, seconds=5.0):
+def proved_lower(omega, profile, value, budget):
     """The largest scale s at which the circle of omega is proved to exist on the ray s·profile.
 
     Circles nearer and nearer to the breakup are proved until the time is used up: the work grows
@@ -175,7 +178,8 @@ def proved_lower(omega, profile, value, seconds=5.0):
     omega : RotationNumber, irrational. profile : sequence of P floats, not all zero.
     value : float > 0, where the circle breaks, e.g. by `periodic.critical_scale`. It says only
         where to look.
-    seconds : float, CPU time of this thread to spend, as nearly as can be foreseen.
+    budget : float, CPU seconds to spend, as nearly as can be foreseen; 0.1 s reach 0.95 of the
+        breakup, 1 s 0.99 and more, and from there the way left shrinks as the time grows.
 
     Returns
     -------
@@ -186,17 +190,19 @@ def proved_lower(omega, profile, value, seconds=5.0):
     ImportError without python-flint; ValueError for a bad argument.
     """
     checked(omega)
-    profile, value, seconds = direction(profile), real("value", value), real("seconds", seconds)
-    if not (0 < value < inf and seconds > 0):
-        raise ValueError(f"value={value} and seconds={seconds} must be positive")
+    profile, value, budget = direction(profile), real("value", value), real("budget", budget)
+    if not 0 < value < inf:
+        raise ValueError(f"value={value!r} must be positive: the scale at which the circle breaks")
+    if not budget > 0:
+        raise ValueError(f"budget={budget!r} must be positive: seconds of computing time")
     need_flint()
     (short,), short_omega = shorten([profile], omega)
-    best, best_proof, distance, until = nan, None, 0.05, time.thread_time() + seconds
+    best, best_proof, distance, until = nan, None, 0.05, time.thread_time() + budget
     while 1e-6 <= distance <= 0.5:
         before = time.thread_time()
         scale, u = continuation.certified_circle(short_omega, short, value, distance)
         proof = u is not None and prove(
-            omega, scale * profile, start=u, seconds=max(until - before, 1e-3)
+            omega, scale * profile, start=u, budget=max(until - before, 1e-3)
         )
         now = time.thread_time()
         if proof and proof.proved and not scale <= best:
@@ -216,14 +222,15 @@ def need_flint():
 
 
 def _proved(omega, kappa, radius, start, n, until, about):
-    size = n or _grid_size(start)
+    size, before = n or _grid_size(start), None
     while True:
         with ctx.workprec(128 if size < 2**18 else 160):
             found = _refined(_Grid(omega, kappa.tolist(), radius, size), start)
-        proof = BarrierProof(found["proved"], found["why"], *about, size, found["rho"],
-                             found["constants"], found["modes"])  # fmt: skip
-        size = 2 * next_fast_len(2 * size // 3)
-        if proof.proved or n or size > _LARGEST or time.thread_time() > until:
+        least = found.pop("least")
+        proof = BarrierProof(**about, n=size, **found)
+        in_vain = before is not None and not least < 0.5 * before
+        size, before = 2 * next_fast_len(2 * size // 3), least
+        if proof.proved or n or in_vain or size > _LARGEST or time.thread_time() > until:
             return proof
 
 
@@ -441,7 +448,7 @@ def _inequalities(grid, rho, eps, n, p, k):
     room, moved = arb(0), arb(0)
     for a, b, c, y in zip(q, n, n[1:] + n[:1], x, strict=True):
         room = room.max(a * b * c * (2 * chi + chi**2))
-        moved = moved.max(2 * (4 * y / 3).expm1())
+        moved = moved.max((4 * y / 3).expm1())
     left = {"ratio": ratio, "chi": chi, "room": room, "moved": moved}
     right = {"ratio": arb(1) / 32, "chi": eta, "room": eta / (1 + eta), "moved": eta}
     failed = [name for name in left if not left[name] < right[name]]
@@ -463,7 +470,7 @@ def _verified(grid, modes, E):
     choice = _choice(grid, np.array(u, dtype=float), np.array(e, dtype=float), np.abs(near))
     if not choice["least"] < 1:
         why = f"the residual is too large: it makes the ratio {choice['least']:.1e}, not 1/32"
-        return {"proved": False, "why": why, "rho": nan, "constants": {}}
+        return {"proved": False, "why": why, "least": choice["least"]}
     rho, rho_hat = arb(choice["rho"]), arb(choice["rho_hat"])
     errors = _bounds_of_the_residual(grid, u, e, rho, rho_hat, choice["cuts"])
     slopes, n, p, k = [_slope(row, grid.odd) for row in modes], [], [], []
@@ -483,7 +490,8 @@ def _verified(grid, modes, E):
     }
     constants = {name: _above(x) for name, x in constants.items()}
     why = f"inequalities of the theorem fail: {', '.join(failed)}" if failed else ""
-    return {"proved": not failed, "why": why, "rho": choice["rho"], "constants": constants}
+    found = {"proved": not failed, "why": why, "least": choice["least"]}
+    return found | {"rho": choice["rho"], "constants": constants}
 
 
 def _above(x):
@@ -558,6 +566,7 @@ def _decay(sizes, least=1e-12):
     return max(-np.polyfit(k[good], np.log(sizes[good]), 1)[0] / (2 * pi), 0.1 / len(k))
 
 
+@np.errstate(all="ignore")
 def _refined(grid, start):
     """Newton's steps from `start` until the theorem is verified, or nothing is won by another."""
     half, K = grid.n // 2, int(_KEPT * grid.n)
@@ -568,7 +577,7 @@ def _refined(grid, start):
     modes = _polished(grid, turn, modes)
     if not np.isfinite(modes).all():
         why = "Newton's method diverges from the start"
-        return {"proved": False, "why": why, "rho": nan, "constants": {}, "modes": []}
+        return {"proved": False, "why": why, "least": inf}
     exact = _exact(modes, grid.odd)
     last = inf
     for _ in range(_STEPS):

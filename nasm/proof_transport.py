@@ -66,6 +66,8 @@ PI, TWO_PI, TWO_PI2 = 3.141592653589793, 6.283185307179586, 19.739208802178716
 CUBIC, QUARTIC = 6.58, 10.34  # (2π)²/6 and (2π)³/24, rounded up: remainders of h
 COS_CUBIC = 41.35  # (2π)³/6, rounded up: the remainder of cos
 
+THEOREM = "nasm/PROOFS.md: Transport is global"
+
 _LARGEST = 0.1  # |x - x̂| up to which the bounds hold
 _KNOWN = 0.8  # share of |x - x̂| that may be known by its bound alone; else the box is halved
 _WRONSKIAN = 1e-3  # by which v_n t_{n+1} - v_{n+1} t_n may differ from δ
@@ -76,6 +78,7 @@ _SMALLEST = 2.0**-50  # δ; centres are exact down to there
 _BLOCK = 8  # kicks between two looks for events; even
 _ROWS = 17
 _MOST_WAITING = 2048  # boxes: each of 16 lanes leaves one behind at each of 46 halvings
+_FIRST_EXCESS = 0.1  # s/value - 1 where `proved_upper` begins
 _KICKS = 2_000_000  # in one call of the kernel
 _FOUND = 8192  # boxes in one call
 
@@ -126,7 +129,7 @@ class TransportProof:
         if not self.proved:
             raise ValueError(f"nothing to certify: {self.outcome.value}")
         return {
-            "theorem": "nasm/PROOFS.md: Transport is global",
+            "theorem": THEOREM,
             "kappa": [strength.hex() for strength in self.kappa],
             "site": self.site,
             "a": self.a,
@@ -189,26 +192,21 @@ def proved_upper(profile, value, budget):
     if not 0 < value < math.inf:
         raise ValueError(f"value={value!r} must be positive: the scale at which the circle breaks")
     end = time.thread_time() + budget
-    best, scale, proof = None, math.nan, None
-    excess, factor = 0.1, 3.0
-    while factor > 1.1 and (left := end - time.thread_time()) > 0:
-        started = time.thread_time()
-        proof = prove(value * (1 + excess) * profile, left)
-        spent = time.thread_time() - started
+    best, scale, reached, failed, affordable = None, math.nan, math.inf, 0.0, 0.0
+    excess = _FIRST_EXCESS
+    while excess < 0.9 * reached and (left := end - time.thread_time()) > 0:
+        proof = prove(value * (1 + excess) * profile, left if best else left / 4)
+        after = end - time.thread_time()
         if proof.proved:
-            best, scale = proof, value * (1 + excess)
-        elif best is None:
-            excess, factor = 2 * excess, factor  # further out, until something is proved
-            if excess > 4:
-                break
+            best, scale, reached = proof, value * (1 + excess), excess
+            # Work grows like the square of 1/excess, or a little slower.
+            affordable = excess * math.sqrt(1.5 * (left - after) / max(after, 1e-9))
+        elif best is None and excess < 4:
+            excess *= 2
             continue
         else:
-            excess *= factor
-            factor = math.sqrt(factor)
-        # Work grows like the square of 1/excess, or a little slower.
-        while factor > 1.1 and 1.5 * spent * factor**2 > end - time.thread_time():
-            factor = math.sqrt(factor)
-        excess /= factor
+            failed = excess
+        excess = max(reached / 3, math.sqrt(reached * failed), affordable)
     return scale, best or proof
 
 
@@ -285,12 +283,16 @@ def _cover(k0, k1, x, waiting, n_waiting, lanes, boxes, ages, found, lives, most
         for lane in range(FEW):
             if boxes[lane, 1] == 0 and n_waiting > 0:
                 n_waiting -= 1
-                boxes[lane], ages[lane] = waiting[n_waiting], 0
+                ages[lane] = 0
+                boxes[lane, 0], boxes[lane, 1] = waiting[n_waiting, 0], waiting[n_waiting, 1]
                 _start(lanes, lane, k0, x, boxes[lane, 0], boxes[lane, 1])
-            busy += boxes[lane, 1] > 0
+            if boxes[lane, 1] > 0:
+                busy += 1
         if busy == 0:
             return _DONE, n_waiting, n_found, kicks
-        before[:] = lanes
+        for row in range(_ROWS):
+            for lane in range(FEW):
+                before[row, lane] = lanes[row, lane]
         _advance(k0, k1, lanes, events)
         for lane in range(FEW):
             delta = boxes[lane, 1]
@@ -303,7 +305,8 @@ def _cover(k0, k1, x, waiting, n_waiting, lanes, boxes, ages, found, lives, most
             n, outcome = _replay(k0, k1, before, lane)
             kicks += n
             if outcome == _ELIMINATED:
-                found[n_found], lives[n_found] = boxes[lane], ages[lane] + n
+                found[n_found, 0], found[n_found, 1] = boxes[lane, 0], delta
+                lives[n_found] = ages[lane] + n
                 n_found += 1
             else:
                 if delta <= _SMALLEST or n_waiting + 2 > waiting.shape[0]:
@@ -346,15 +349,12 @@ def _advance(k0, k1, lanes, events):
     rest, paid = load_few(lanes, 14 * FEW), load_few(lanes, 15 * FEW)
     scale = load_few(lanes, 16 * FEW)
     smallest, worst = V, A - A  # zeros
-    for _ in range(_BLOCK // 2):
+    for _ in range(_BLOCK):
         x, y, v, w, V, W, t, z, q, p, A, B, linear, quadratic, rest, paid, bad = _kick(
             k0, scale, x, y, v, w, V, W, t, z, q, p, A, B, linear, quadratic, rest, paid
         )
         smallest, worst = minimum(smallest, V), worst + bad
-        x, y, v, w, V, W, t, z, q, p, A, B, linear, quadratic, rest, paid, bad = _kick(
-            k1, scale, x, y, v, w, V, W, t, z, q, p, A, B, linear, quadratic, rest, paid
-        )
-        smallest, worst = minimum(smallest, V), worst + bad
+        k0, k1 = k1, k0
     store(lanes, 0, x)
     store(lanes, FEW, y)
     store(lanes, 2 * FEW, v)
@@ -384,15 +384,38 @@ def _replay(k0, k1, lanes, lane):
     linear, quadratic = lanes[12, lane], lanes[13, lane]
     rest, paid, scale = lanes[14, lane], lanes[15, lane], lanes[16, lane]
     for n in range(_BLOCK):
-        k = k0 if n % 2 == 0 else k1
         x, y, v, w, V, W, t, z, q, p, A, B, linear, quadratic, rest, paid, bad = _kick(
-            k, scale, x, y, v, w, V, W, t, z, q, p, A, B, linear, quadratic, rest, paid
+            k0, scale, x, y, v, w, V, W, t, z, q, p, A, B, linear, quadratic, rest, paid
         )
         if not bad <= 0:
             return n + 1, _FAILED
         if V <= 0:
             return n + 1, _ELIMINATED
+        k0, k1 = k1, k0
     return _BLOCK, _FAILED
+
+
+@njit(forceinline=True)
+def _trigonometry(x):
+    """rint X - X, h = sin 2πx/2π and cos 2πx of x = X + 1/4, on lanes or floats."""
+    back = rint(x) - x
+    u = 0.25 - fabs(back)
+    u2 = u * u
+    s = fma(u2, _C7, _C6)
+    s = fma(s, u2, _C5)
+    s = fma(s, u2, _C4)
+    s = fma(s, u2, _C3)
+    s = fma(s, u2, _C2)
+    s = fma(s, u2, _C1)
+    s = fma(s, u2, _C0)
+    d = fma(u2, _D7, _D6)
+    d = fma(d, u2, _D5)
+    d = fma(d, u2, _D4)
+    d = fma(d, u2, _D3)
+    d = fma(d, u2, _D2)
+    d = fma(d, u2, _D1)
+    d = fma(d, u2, _D0)
+    return back, s * u, copysign(d, back)
 
 
 @njit(forceinline=True, error_model="numpy")
@@ -403,28 +426,9 @@ def _kick(k, scale, x, y, v, w, V, W, t, z, q, p, A, B, linear, quadratic, rest,
     bounds hold, and NaN or positive if not.
     """
     size = fabs(k)
-    # h = sin 2πx̂/2π = -g and cos 2πx̂ = -c.
-    r = x - rint(x)
-    u = fabs(r) - 0.25
-    u2 = u * u
-    s = fma(u2, _C7, _C6)
-    s = fma(s, u2, _C5)
-    s = fma(s, u2, _C4)
-    s = fma(s, u2, _C3)
-    s = fma(s, u2, _C2)
-    s = fma(s, u2, _C1)
-    s = fma(s, u2, _C0)
-    g = s * u
-    d = fma(u2, _D7, _D6)
-    d = fma(d, u2, _D5)
-    d = fma(d, u2, _D4)
-    d = fma(d, u2, _D3)
-    d = fma(d, u2, _D2)
-    d = fma(d, u2, _D1)
-    d = fma(d, u2, _D0)
-    c = copysign(d, r)
-    kc = -k * c
-    f2 = TWO_PI2 * k * g  # κh''/2
+    back, h, c = _trigonometry(x)
+    kc = k * c
+    f2 = -TWO_PI2 * k * h  # κh''/2
 
     # |x - x̂|: all of it, what is not σt, and what is known by its bound alone.
     straight = fabs(t)
@@ -433,7 +437,7 @@ def _kick(k, scale, x, y, v, w, V, W, t, z, q, p, A, B, linear, quadratic, rest,
     E = (straight + curved) * UP
     E2 = E * E
     E3 = E2 * E
-    sine = TWO_PI * (fabs(g) + ULP) * UP
+    sine = TWO_PI * (fabs(h) + ULP) * UP
     both = curved * (E + straight)  # |(x - x̂)² - (σt)²|
 
     # Payment: for what Q may be larger by than in the middle, and for rounding.
@@ -469,6 +473,6 @@ def _kick(k, scale, x, y, v, w, V, W, t, z, q, p, A, B, linear, quadratic, rest,
         + maximum(0.0, wronskian - _WRONSKIAN)
         + maximum(0.0, V - _HUGE)
     )
-    y = fma(-k, g, y)
+    y = fma(k, h, y)
     y = y - rint(y)
-    return r + y, y, v1, w, V, W, t1, z, q1, p, A, B, linear, quadratic, rest, paid, bad
+    return y - back, y, v1, w, V, W, t1, z, q1, p, A, B, linear, quadratic, rest, paid, bad

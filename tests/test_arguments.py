@@ -25,6 +25,7 @@ from nasm import (
     numbers,
     orbits,
     periodic,
+    proof_barrier,
     symmetries,
     transversals,
 )
@@ -72,6 +73,8 @@ GOOD = {
     },
     transversals.critical_scale: {"profile": (1, 0, 0), "n_max": 30},
     barriers.critical_scale: {"profile": (1, 0)},
+    proof_barrier.prove: {"omega": GAMMA, "kappa": KAPPA},
+    proof_barrier.proved_lower: {"omega": GAMMA, "profile": (1, 0), "value": 0.48, "budget": 0.1},
     Axis: {"lo": 0, "hi": 1, "n": 12},
     parse_axis: {"text": "0:1:4"},
 }  # fmt: skip
@@ -172,6 +175,16 @@ BAD = [
     ((transversals.longest_lived,), "transversal", [Transversal(0, 0.5, (0.1, nan)),
      Transversal(0, inf, ())], "Transversal…is not finite"),
     ((transversals.critical_scale,), "n_max", [29], WHOLE + " 30"),
+    ((proof_barrier.prove,), "kappa", [(0.3, nan)], "is not finite"),
+    ((proof_barrier.prove,), "radius", [-1e-9, 2.0, nan], "radius={value} must be from 0 to 1"),
+    ((proof_barrier.prove,), "n", [63, 2**22, 100.0], WHOLE + " 64 to 2097152"),
+    ((proof_barrier.prove,), "n", [65], "n=65 must be even"),
+    ((proof_barrier.prove,), "start", [np.zeros((1, 64)), np.zeros(64)],
+     "are 2 functions on a grid"),
+    ((proof_barrier.prove, proof_barrier.proved_lower), "budget", [0, -1.0, nan],
+     "must be positive: seconds"),
+    ((proof_barrier.proved_lower,), "value", [0, inf, nan], "must be positive: the scale"),
+    ((proof_barrier.proved_lower,), "profile", [(0, 0)], "profile is zero"),
     ((Axis,), "n", [0, -3, 10**7], "from 1 to 1048576"),
     ((parse_axis,), "text", ["", "0:1", "0:1:x", "a:1:3", "0:1:2:3", "0:1:2.5"], "LO:HI:N"),
     ((parse_axis,), "text", ["1:0:4", "1:1:4", "nan:1:4", "0:inf:4"],
@@ -206,7 +219,7 @@ def functions_of(argument):
 WITH_OMEGA = functions_of("omega") - {periodic.torus_scale, critical.no_answer}
 OTHERS = dict.fromkeys(("kappa", "profile", "short"), np.array(KAPPA))
 OTHERS |= {"u": REST, "zero": numbers.rational(0), "breakup": 1.7, "distance": 0.1}
-OTHERS |= {"a": 1, "b": 1, "n": 64, "n_max": 64, "n_modes": 8}
+OTHERS |= {"value": 0.5, "budget": 1.0, "a": 1, "b": 1, "n": 64, "n_max": 64, "n_modes": 8}
 
 
 @pytest.mark.parametrize("omega", [0.618, "gamma", Fraction(3, 5), None])

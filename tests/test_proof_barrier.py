@@ -1,0 +1,507 @@
+"""Proofs that a circle exists: exact identities, a second program, mutants, and false claims."""
+
+import inspect
+import json
+import sys
+import types
+
+import mpmath as mp
+import numpy as np
+import pytest
+
+pytest.importorskip("flint", reason="proofs need the extra `proof`")
+import barrier_checker
+from flint import acb, arb, ctx
+
+from nasm import circles, continuation, fourier, proof_barrier
+from nasm.barriers import critical_scale
+from nasm.numbers import RotationNumber, parse
+from nasm.proof_barrier import prove, proved_lower
+from nasm.symmetries import ray
+
+GAMMA = parse("gamma")
+# Breakups on rays, by `barriers.critical_scale`: they say where to look and what must not be.
+LAST = [
+    ((1.0, 0.0), "[0;2,(1)]", 0.4858177030222401),
+    (tuple(ray(20.0)), "[0;(1)]", 0.5770384095194057),
+    (tuple(ray(30.0)), "[0;1,2,(1)]", 0.7001827090368697),
+    (tuple(ray(120.0)), "[0;3,(1)]", 0.7001827090368696),
+    ((1.0,), "[0;(1)]", 0.971635406),
+]
+# Few points, many, an odd number of sites: ω, kappa, n.
+CASES = [("gamma", (0.3, 0.2), 64), ("[0;(3)]", (-0.5,), 128), ("gamma", (0.15, 0.1, -0.05), 72)]
+
+
+def near(profile, omega, breakup, distance):
+    """(ω, kappa, deviations) of a circle in doubles at that distance from its breakup."""
+    omega, profile = parse(omega), np.array(profile)
+    scale, u = continuation.certified_circle(omega, profile, breakup, distance)
+    return omega, scale * profile, u
+
+
+# --- the theorem ----------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def module():
+    """The program; mutants take its place."""
+    return proof_barrier
+
+
+@pytest.fixture
+def digits():
+    """Fifty digits."""
+    with mp.workdps(50):
+        yield mp.mpf(10) ** -45
+
+
+def random_chain(n_sites, seed):
+    """Functions of (j, θ), and their derivatives: h_j and w_j of a chain that solves nothing."""
+    rng = np.random.default_rng(seed)
+    omega = (mp.sqrt(5) - 1) / 2
+    tables = [[mp.mpf(x) for x in row] for row in rng.normal(0, 0.02, (2 * n_sites, 6)).tolist()]
+
+    def wave(table, theta, order):
+        total = mp.mpf(0)
+        for k in (1, 2, 3):
+            phase = 2 * mp.pi * k * theta + order * mp.pi / 2
+            size = (2 * mp.pi * k) ** order
+            total += size * (table[2 * k - 2] * mp.cos(phase) + table[2 * k - 1] * mp.sin(phase))
+        return total
+
+    def h(j, theta, order=0):
+        theta, j = theta + (j // n_sites) * omega, j % n_sites
+        linear = (theta + j * omega / n_sites, 1)[order]
+        return linear + wave(tables[j], theta, order)
+
+    def w(j, theta):
+        return 0.3 + wave(tables[n_sites + j % n_sites], theta + (j // n_sites) * omega, 0)
+
+    kappa = [mp.mpf(k) for k in rng.normal(0, 0.5, n_sites).tolist()]
+
+    def residual(j, theta, order=0):
+        phase = 2 * mp.pi * h(j, theta)
+        force = (mp.sin(phase) / (2 * mp.pi), mp.cos(phase) * h(j, theta, 1))[order]
+        outer = h(j + 1, theta, order) + h(j - 1, theta, order)
+        return outer - 2 * h(j, theta, order) - kappa[j % n_sites] * force
+
+    return kappa, h, w, residual
+
+
+@pytest.mark.parametrize("n_sites", [1, 2, 3])
+def test_the_linearised_chain_telescopes_up_to_the_derivative_of_the_residual(n_sites, digits):
+    kappa, h, w, residual = random_chain(n_sites, n_sites)
+    theta = mp.mpf("0.2345")
+
+    def v(j):
+        return h(j, theta, 1) * w(j, theta)
+
+    def flux(j):
+        return h(j, theta, 1) * h(j + 1, theta, 1) * (w(j + 1, theta) - w(j, theta))
+
+    for j in range(n_sites):
+        cosine = mp.cos(2 * mp.pi * h(j, theta))
+        linear = v(j + 1) - 2 * v(j) + v(j - 1) - kappa[j] * cosine * v(j)
+        rest = flux(j) - flux(j - 1) + h(j, theta, 1) * residual(j, theta, 1) * w(j, theta)
+        assert abs(h(j, theta, 1) * linear - rest) < digits
+        assert abs(h(j, theta, 1) * residual(j, theta, 1) * w(j, theta)) > 1e-5
+
+
+@pytest.mark.parametrize("n_sites", [1, 2, 3])
+def test_the_fluxes_close_for_any_chain(n_sites, digits):
+    _, h, _, residual = random_chain(n_sites, 10 + n_sites)
+    total, size = mp.mpf(0), mp.mpf(0)
+    for i in range(96):  # the trapezoidal rule is exact to more digits than these
+        theta = mp.mpf(i) / 96
+        values = [h(j, theta, 1) * residual(j, theta) for j in range(n_sites)]
+        total, size = total + sum(values), size + abs(values[0])
+    assert abs(total) < digits
+    assert size > 0.1
+
+
+@pytest.mark.parametrize("omega", ["gamma", "[0;(2)]", "[0;(8)]", "[0;(30)]", "[0;3,50,(1,2,7)]"])
+@pytest.mark.parametrize("delta", [1e-1, 3e-3, 1e-4])
+def test_the_bound_of_small_divisors_holds_and_is_sharp(omega, delta):
+    bound = float(proof_barrier._russmann(parse(omega), arb(delta)))
+    k = np.arange(1, 10**5)
+    at = np.minimum(delta, 1 / (2 * np.pi * k))
+    divisors = np.abs(fourier.turns(parse(omega), 10**5)[1:] - 1)
+    brute = (at * np.exp(-2 * np.pi * k * at) / divisors).max()
+    assert brute <= bound * (1 + 1e-9)
+    assert bound <= brute * 1.001
+
+
+def test_closed_sums_are_those_of_all_aliases_and_all_modes_left_out(module):
+    rho, hat, n, cut = 0.01, 0.05, 64, 29
+    grid = module._Grid(GAMMA, [0.7], 0.0, n)
+    u = [[arb(0), arb(0.01), arb(0.002)]]
+    (bound,) = module._bounds_of_the_residual(grid, u, [[arb(0)] * 32], arb(rho), arb(hat), [cut])
+    imaginary = 2 * sum(float(a) * np.sinh(2 * np.pi * k * hat) for k, a in enumerate(u[0]))
+    k, most = np.arange(-3000, 3001), np.cosh(2 * np.pi * (hat + imaginary))
+    sizes = most * np.exp(-2 * np.pi * hat * np.abs(k))
+    beyond = (sizes * np.exp(2 * np.pi * rho * np.abs(k)))[np.abs(k) >= cut].sum()
+    aliases = sum(
+        np.exp(2 * np.pi * rho * abs(i)) * sizes[((k - i) % n == 0) & (k != i)].sum()
+        for i in range(-cut + 1, cut)
+    )
+    exact = 0.7 / (2 * np.pi) * (beyond + aliases)
+    assert exact <= float(bound) <= 1.05 * exact
+
+
+@pytest.mark.parametrize("odd", [True, False])
+def test_the_inverse_is_bounded_by_a_poor_approximation_too(odd, module):
+    # 1/(1 + a cos) = (1 + 2 Σ (-b)^k cos)/√(1 - a²) with b = (1 - √(1 - a²))/a.
+    rho, cases = (
+        0.02,
+        [(0.5, 5, 2, 1.03), (0.5, 3, 2, 1.5), (0.2, 1, 1, 1.2), (0.5, 40, 2, 1.0001)],
+    )
+    for a, modes, kept, slack in cases:
+        root = np.sqrt(1 - a**2)
+        b = (1 - root) / a
+        inverse = np.array([(-b) ** k / root for k in range(modes)])
+        exact = (1 + 2 * sum((b * np.exp(2 * np.pi * rho)) ** k for k in range(1, 200))) / root
+        slope = [arb(1), arb(a / 2)]
+        bound = float(module._bound_of_the_inverse(slope, inverse, arb(rho), odd, kept))
+        assert exact * (1 - 1e-12) <= bound <= slack * exact
+
+
+@pytest.mark.parametrize(("omega", "kappa", "n"), CASES)
+def test_the_residual_is_below_its_bound_in_the_strip_and_uses_part_of_it(omega, kappa, n):
+    proof = prove(parse(omega), kappa, n=n)
+    assert proof.proved, proof.why
+    quotients = parse(omega).prefix + parse(omega).tail * 150
+    with mp.workdps(60):
+        value = mp.mpf(0)
+        for a in reversed(quotients):
+            value = a + (1 / value if value else 0)
+        P, used = len(kappa), []
+        modes = [
+            [mp.mpc(mp.ldexp(re[0], re[1]), mp.ldexp(im[0], im[1])) for re, im in row]
+            for row in proof.certificate()["modes"]
+        ]
+
+        def g(j, phi):
+            z = mp.expjpi(2 * phi)
+            powers = sum(c * z**k + mp.conj(c) / z**k for k, c in enumerate(modes[j % P]) if k)
+            return phi + modes[j % P][0] + powers
+
+        for part in (-0.9, 0.5, 0.99):
+            phi = mp.mpc(0.3 + part / 3, part * proof.rho)
+            for j in range(P):
+                residual = g(j + 1, phi + value / P) - 2 * g(j, phi) + g(j - 1, phi - value / P)
+                residual -= mp.mpf(kappa[j]) / (2 * mp.pi) * mp.sin(2 * mp.pi * g(j, phi))
+                used.append(float(abs(residual)) / proof.constants["error"])
+    assert max(used) < 1
+    assert max(used) > 0.02
+
+
+# --- a second program, and mutants ----------------------------------------------------------------
+
+
+def certificate(module, omega, kappa, n=None):
+    proof = module.prove(parse(omega), kappa, n=n)
+    assert proof.proved, proof.why
+    return json.loads(json.dumps(proof.certificate())), proof.constants
+
+
+# κ, ρ, n_0, p_0 for which ratio, chi, room and moved are the first to fail as ε grows.
+FIRST_TO_FAIL = {
+    "ratio": (0.4, 1e-5, 1.7, 1.1),
+    "chi": (0.0, 0.01, 1.0, 0.01),
+    "room": (0.4, 0.01, 1.7, 1.1),
+    "moved": (0.0, 9.0, 1.0, 0.1),
+}
+
+
+def audit(module):
+    """Everything that a wrong proof would show up in; an exception if it does."""
+    for name, (kappa, rho, n, p) in FIRST_TO_FAIL.items():
+        numbers = [[arb(n), arb(1.3)], [arb(p), arb(1.9)], [arb(1.5), arb(1.4)]]
+        grid, seen = module._Grid(GAMMA, [kappa, -0.7 * kappa], 0.0, 64), []
+        for eps in np.geomspace(1e-22, 10, 100):
+            failed, left = module._inequalities(grid, arb(rho), arb(eps), *numbers)
+            delta, C = left["delta"], left["C"]
+            holds, exact = barrier_checker.inequalities(grid.kappa, delta, C, arb(eps), *numbers)
+            assert holds == (not failed)
+            assert all(value.overlaps(left[key]) for key, value in exact.items())
+            seen += failed[:1]
+        assert seen[0] == name
+    test_closed_sums_are_those_of_all_aliases_and_all_modes_left_out(module)
+    test_the_inverse_is_bounded_by_a_poor_approximation_too(True, module)
+    for omega, kappa, n in CASES:
+        data, constants = certificate(module, omega, kappa, n)
+        holds, exact = barrier_checker.check(data)
+        assert holds
+        for name, value in exact.items():
+            slack = 1.5 if name in ("error", "epsilon", "ratio", "chi", "room", "moved") else 1e-5
+            assert value * (1 - 1e-5) <= constants[name] <= value * (1 + slack), name
+
+
+def test_a_second_program_finds_the_same_constants():
+    audit(proof_barrier)
+
+
+MUTANTS = [
+    ("M * (aliases + rest)", "M * rest"),
+    ("M * (aliases + rest)", "M * aliases"),
+    ("polynomial(r_hat) - polynomial(1 / r_hat)", "polynomial(r_hat) / 2"),
+    ("aliases = 1 / (1 - q) + ", "aliases = "),
+    ("+ beyond * size", ""),
+    ("return size / (1 - small)", "return size"),
+    ("strength = -grid.kappa[j] / (2 * arb.pi())", "strength = -grid.kappa[j] / arb(6.2831853)"),
+    ("strength = -grid.kappa[j]", "strength = grid.kappa[j]"),
+    ("(angle + 2 * x).sin_pi()", "(angle + 2 * x).cos_pi()"),
+    ("row[k] += neighbours - 2 * own", "row[k] += neighbours - arb(2.0000001) * own"),
+    ("else a * turn + b * turn.conjugate()", "else a * turn + b * turn"),
+    ("row[k] += neighbours", "row[k] += arb(1.0000001) * neighbours"),
+    ("+ arb(0, 1) * radius", "+ arb(1e-9)"),
+    ("phases = [2 * alpha * k", "phases = [alpha * k"),
+    ("arb(i) / half).sin_pi()), 0.125)", "arb(i) / half).sin_pi()), 0.1250001)"),
+    ("acb(1 / (8 * (arb(i)", "acb(1 / (8.000001 * (arb(i)"),
+    ("modes.append([(f - g) / acb(0, 2", "modes.append([(f - g) / acb(0, 2.000001"),
+    ("return 2 * arb_poly(a)", "return arb_poly(a)"),
+    ("rho).exp()) - a[0]", "rho).exp()) - 2 * a[0]"),
+    ("factor * k * x for k", "factor * x for k"),
+    ("factor = 2 * arb.pi() if odd", "factor = 2 * arb(3) if odd"),
+    ("k.append((2 * arb.pi() * (rho + _norm(u[j], rho)))", "k.append((2 * arb.pi() * (rho))"),
+    ("a * b for a, b in zip(n, errors", "b for a, b in zip(n, errors"),
+    ("x.append(quotient + 1 / x[-1])", "x.append(1 / x[-1] + 1)"),
+    ("2 * (1 / (q * x[n] + before)).sin_pi()", "2 * (1 / (q * x[n])).sin_pi()"),
+    ("C = _russmann(grid.omega, delta) + delta", "C = _russmann(grid.omega, delta)"),
+    ("w = 2 * C**2 * sum(q)", "w = C**2 * sum(q)"),
+    ("sum(q) * (1 + eta) ** 2", "sum(q) * (1 + eta)"),
+    ("zip(p, p[1:] + p[:1]", "zip(p, p"),
+    ("delta = given * rho / (4 + 2 * tau)", "delta = rho / (4 + 2 * tau)"),
+    ("ratio = w * eps / (2 * e * delta**3)", "ratio = w * eps / (4 * e * delta**3)"),
+    ("two_pi * (1 + eta) * taylor / eps", "two_pi * taylor / eps"),
+    ("(arb(0.5) + y / 6) * y.exp()", "arb(0.5) * y.exp()"),
+    ("y / 6) * y.exp() * y**2", "y / 6) * y**2"),
+    ("chi = arb(4) / 3 * (1 + eta)", "chi = (1 + eta)"),
+    ("(2 * chi + chi**2)", "(2 * chi)"),
+    ("(4 * y / 3).expm1()", "y.expm1()"),
+    ('"ratio": arb(1) / 32', '"ratio": arb(1)'),
+    ('"moved": eta}', '"moved": 2 * eta}'),
+]
+
+
+@pytest.mark.parametrize(("right", "wrong"), MUTANTS)
+def test_a_changed_line_is_noticed(right, wrong, monkeypatch):
+    source = inspect.getsource(proof_barrier)
+    assert source.count(right) == 1
+    mutant = types.ModuleType("mutant")
+    monkeypatch.setitem(sys.modules, "mutant", mutant)
+    exec(source.replace(right, wrong), mutant.__dict__)
+    with pytest.raises((AssertionError, ValueError)):
+        audit(mutant)
+
+
+def test_a_certificate_with_one_digit_changed_fails():
+    data, _ = certificate(proof_barrier, "gamma", (0.3, 0.2))
+    assert barrier_checker.check(data)[0]
+    text = json.dumps(data)
+    digits = [i for i, c in enumerate(text) if c.isdigit()]
+    for i in np.random.default_rng(3).choice(digits, 200):
+        changed = text[:i] + str(int(text[i]) % 9 + 1) + text[i + 1 :]
+        assert changed == text or not barrier_checker.check(json.loads(changed))[0]
+
+
+@pytest.mark.parametrize("site", [0, 1])
+def test_without_the_digest_a_changed_digit_that_matters_still_fails(site):
+    data, _ = certificate(proof_barrier, "gamma", (0.3, 0.2))
+    del data["sha256"]
+    with ctx.workprec(barrier_checker.BITS):
+        assert barrier_checker.theorem(data)[0]
+        for k in (1, 2, 5):
+            mantissa, exponent = data["modes"][site][k][1]
+            bits = mantissa.bit_length() + exponent + 22  # the mode's digit at 2^-22
+            changed = json.loads(json.dumps(data))
+            changed["modes"][site][k][1][0] ^= 1 << (-22 - exponent if bits > 0 else 0)
+            assert not barrier_checker.theorem(changed)[0]
+        strengths = list(data["kappa"])
+        strengths[site] = (float.fromhex(strengths[site]) * (1 + 2**-20)).hex()
+        assert not barrier_checker.theorem(data | {"kappa": strengths})[0]
+        assert not barrier_checker.theorem(data | {"omega": "[0;1,1,1,1,2,(1)]"})[0]
+
+
+# --- what is proved, and what is not --------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("profile", "omega", "breakup"), LAST)
+@pytest.mark.parametrize("distance", [0.3, 0.05])
+def test_circles_below_the_breakup_are_proved(profile, omega, breakup, distance):
+    omega, kappa, u = near(profile, omega, breakup, distance)
+    proof = prove(omega, kappa, start=u)
+    assert proof.proved, proof.why
+    assert proof.kappa == tuple(kappa)
+
+
+@pytest.mark.parametrize(
+    ("omega", "kappa"),
+    [
+        ("[0;(8)]", (0.3,)),
+        ("[0;(30)]", (0.05,)),
+        ("[0;1,2,3,1000,(1,2,7)]", (0.2,)),
+        ("gamma", (0.1, 0.1, 0.1, 0.1, 0.12)),
+        ("[0;(2)]", (0.05, 0.1, -0.2, 0.1)),
+        ("gamma", (0.0, 0.0)),
+        ("gamma", (1e-300, 0.0)),
+    ],
+)
+def test_any_quadratic_rotation_number_and_any_number_of_kicks_will_do(omega, kappa):
+    assert prove(parse(omega), kappa).proved
+
+
+@pytest.mark.parametrize("n", [64, 128, 512, 2048])
+@pytest.mark.parametrize("kappa", [0.05, 0.3])
+def test_more_points_than_are_needed_do_no_harm(n, kappa):
+    assert prove(GAMMA, (kappa,), n=n).proved
+
+
+def test_forcings_are_shortened():
+    proof = prove(GAMMA, (0.4, -0.4, 0.4, -0.4))
+    assert proof.proved
+    assert proof.short_kappa == (0.4,)
+    assert proof.short_omega == parse("[0;(1)]") or float(proof.short_omega) < 1
+
+
+def test_a_box_of_forcings_is_proved_at_once():
+    proof = prove(GAMMA, (0.3, 0.3), radius=1e-9)
+    assert proof.proved
+    assert proof.short_kappa == (0.3, 0.3)
+    holds, _ = barrier_checker.check(json.loads(json.dumps(proof.certificate())))
+    assert holds
+    assert not prove(GAMMA, (0.3, 0.3), radius=1e-4, n=128).proved
+
+
+def settled(omega, kappa, u):
+    """The iterate of Newton's method with the least residual: beyond the breakup, the best."""
+    best, least = u, np.inf
+    for _ in range(25):
+        after, error = circles.newton_step(omega, kappa, u)
+        if error < least:
+            best, least = u, error
+        if not error < 10:
+            break
+        u = after
+    return best
+
+
+def proofs_above(profile, omega, breakup, n, beyond):
+    """Proofs of what does not exist, from the best that Newton's method has there."""
+    omega, profile = parse(omega), np.array(profile)
+    path = [continuation.certified_circle(omega, profile, breakup, d) for d in (0.04, 0.02)]
+    kappa = breakup * (1 + beyond) * profile
+    u = settled(
+        omega, kappa, fourier.resample(circles.extrapolate(path, breakup * (1 + beyond)), n)
+    )
+    return [prove(omega, kappa, start=start, n=n).proved for start in (u, path[-1][1])]
+
+
+@pytest.mark.parametrize("beyond", [1e-6, 1e-4, 1e-2, 0.1])
+@pytest.mark.parametrize("case", [0, 2, 4])
+def test_above_the_breakup_nothing_is_proved(case, beyond):
+    assert not any(proofs_above(*LAST[case], 512, beyond))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("n", [128, 256, 1024, 2048])
+@pytest.mark.parametrize("case", range(len(LAST)))
+def test_above_the_breakup_nothing_is_proved_on_any_ray_and_grid(case, n):
+    profile, omega, breakup = LAST[case]
+    for sign in (1, -1):
+        for beyond in (1e-6, 1e-5, 1e-4, 1e-3, 3e-3, 0.01, 0.03, 0.1):
+            profile = tuple(sign * np.array(profile))
+            assert not any(proofs_above(profile, omega, breakup, n, beyond))
+
+
+@pytest.mark.parametrize("angle", [np.random.default_rng(17).uniform(0, 360)])
+def test_a_random_ray_is_proved_below_its_last_breakup_and_not_above(angle):
+    found = critical_scale(ray(angle), 1e-3)
+    scale, proof = proved_lower(found.omega, ray(angle), found.value, 0.5)
+    assert 0.9 * found.value < scale < found.value
+    assert proof.kappa == tuple(scale * ray(angle))
+    start = circles.invariant_circle(found.omega, scale * ray(angle), 2**14).u
+    for beyond in (1e-3, 1e-2):
+        assert not prove(
+            found.omega, (1 + beyond) * found.value * ray(angle), start=start, n=512
+        ).proved
+
+
+def test_more_time_proves_a_circle_nearer_to_the_breakup():
+    profile, omega, breakup = LAST[0]
+    scales = [proved_lower(parse(omega), profile, breakup, seconds)[0] for seconds in (0.1, 0.5)]
+    assert scales[0] < scales[1] < breakup
+
+
+def test_without_a_circle_there_is_no_lower_scale():
+    scale, proof = proved_lower(GAMMA, (1.0,), 3.0, 0.2)  # it breaks at 0.97
+    assert np.isnan(scale)
+    assert proof is None or not proof.proved
+
+
+@pytest.mark.parametrize(
+    "start",
+    [
+        np.full((1, 64), np.nan),
+        np.full((1, 64), np.inf),
+        np.full((1, 64), 1e300),
+        np.zeros((1, 64)),
+        np.random.default_rng(1).normal(0, 1, (1, 64)),
+        np.random.default_rng(2).normal(0, 1e-2, (1, 200)),
+    ],
+)
+def test_what_is_no_circle_proves_nothing_and_raises_nothing(start):
+    assert not prove(GAMMA, (1.1,), start=start, n=128).proved
+
+
+@pytest.mark.parametrize(
+    ("omega", "kappa", "told"),
+    [
+        (parse("3/5"), (0.2,), "rational"),
+        (GAMMA, (1.2,), "no circle was found"),
+        (GAMMA, (5.0, 1.0), "no circle was found"),
+        (RotationNumber((0, 1, 10**6), (1,)), (0.5,), "no circle was found"),
+    ],
+)
+def test_what_is_not_proved_says_why(omega, kappa, told):
+    proof = prove(omega, kappa)
+    assert not proof.proved
+    assert told in proof.why
+    with pytest.raises(ValueError, match=r"nothing was proved: .*needs proved=True"):
+        proof.certificate()
+
+
+def test_too_few_points_say_which_inequality_fails():
+    assert "ratio" in prove(GAMMA, (0.9,), n=64).why
+
+
+def test_a_bound_outside_its_strip_is_refused():
+    # With ρ ≥ ρ̂ the sums of the tails would be negative.
+    grid = proof_barrier._Grid(GAMMA, [0.3], 0.0, 64)
+    zero = [[arb(0)] * 8]
+    for rho, cut in ((0.05, 8), (0.06, 8), (0.01, 7), (0.01, 33)):
+        with pytest.raises(ValueError, match="out of range"):
+            proof_barrier._bounds_of_the_residual(grid, zero, zero, arb(rho), arb(0.05), [cut])
+
+
+@pytest.mark.parametrize("mode", [arb(1e-3, 1e-9), acb(0, 1e-3)])
+def test_modes_that_are_not_exact_or_not_real_are_refused(mode):
+    grid = proof_barrier._Grid(GAMMA, [0.1, 0.1, 0.2], 0.0, 64)
+    rows = [[mode, acb(0)]] * 3
+    with pytest.raises(ValueError, match="exact"):
+        proof_barrier._verified(grid, rows, rows)
+
+
+def test_without_python_flint_a_proof_says_what_to_install(monkeypatch):
+    monkeypatch.setattr(proof_barrier, "arb", None)
+    for ask in (lambda: prove(GAMMA, (0.3,)), lambda: proved_lower(GAMMA, (1.0,), 0.97, 1.0)):
+        with pytest.raises(ImportError, match=r"pip install 'nasm-transport\[proof\]'"):
+            ask()
+
+
+@pytest.mark.slow
+def test_figueras_haro_luque_2017():
+    # The golden circle of the standard map at 0.9716, 0.99996 of its breakup.
+    omega, kappa, u = near((1.0,), "gamma", 0.971635406, 1 - 0.9716 / 0.971635406)
+    assert kappa == pytest.approx(0.9716, abs=1e-9)
+    assert prove(omega, (0.9716,), start=u, n=3 * 2**20, budget=1.0).proved
