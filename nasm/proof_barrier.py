@@ -46,7 +46,8 @@ that is given away: the circle is analytic in |Im φ| < (1 - GIVEN)ρ."""
 
 _KEPT = 0.38  # modes of u, in parts of the grid
 _STEPS = 6  # of Newton's method in balls, of which 0 to 3 are needed
-_LARGEST = 2**21  # points of a grid
+_LARGEST = 2**22  # points of a grid
+_ROUNDED = 41  # e^-41 is 10^-18, the rounding of long doubles
 
 
 @dataclass(frozen=True)
@@ -119,7 +120,7 @@ def prove(omega, kappa, radius=0.0, n=None, start=None, budget=20.0):
     kappa : sequence of P floats, taken as the exact binary fractions that they are.
     radius : float ≥ 0, of an interval about each κ_j; then every forcing in the box is proved to
         have the circle. The largest that can be proved is of the size of E, 10⁻¹² and less.
-    n : int, even, 64 to 2097152, points of the grid; default by the decay of the circle's modes.
+    n : int, even, 64 to 4194304, points of the grid; default by the decay of the circle's modes.
     start : ndarray (P, m), deviations near the circle of the shortened forcing.
     budget : float, CPU seconds, after which no further grid is tried.
 
@@ -612,21 +613,25 @@ def _turns(omega, n_sites, n_modes):
 
 
 def _polished(grid, turn, modes):
-    """Newton's steps in long double, on the modes above its rounding, while they help."""
-    n, last, best = grid.n, inf, modes
-    strength = np.array(grid.kappa, dtype=float)[:, None] / (2 * np.arccos(np.longdouble(-1)))
-    theta, rotation = np.arange(n) / np.longdouble(n), turn[: modes.shape[1]]
+    """Newton's steps in long double while they help, on the modes above its rounding: beyond them
+    small divisors would make rounding larger than u itself."""
+    n, K, last, best = grid.n, modes.shape[1], inf, modes
+    kept = np.arange(K) < _ROUNDED / (
+        2 * pi * _decay(np.abs(modes).max(axis=0).astype(float), 1e-6)
+    )
+    two_pi, rotation = 2 * np.arccos(np.longdouble(-1)), turn[:K]
+    strength, theta = np.array(grid.kappa, float)[:, None] / two_pi, np.arange(n) / np.longdouble(n)
     for _ in range(_STEPS):
         x = theta + np.fft.irfft(modes, n) * n
-        E = -np.fft.rfft(strength * np.sin(2 * np.arccos(np.longdouble(-1)) * x)) / n
-        E[:, : modes.shape[1]] += np.roll(modes, -1, axis=0) * rotation - 2 * modes
-        E[:, : modes.shape[1]] += np.roll(modes, 1, axis=0) * rotation.conj()
-        size = np.abs(E[:, : modes.shape[1]]).max()
+        E = -np.fft.rfft(strength * np.sin(two_pi * x)) / n
+        E[:, :K] += np.roll(modes, -1, axis=0) * rotation - 2 * modes
+        E[:, :K] += np.roll(modes, 1, axis=0) * rotation.conj()
+        size = np.abs(E[:, :K]).max()
         if not size < 0.5 * last:
             break
         best, last = modes, size
         step = _correction(turn, modes.astype(complex), (E / size).astype(complex))
-        modes = modes + size * step[:, : modes.shape[1]]
+        modes = modes + size * step[:, :K] * kept
     return best
 
 
@@ -675,6 +680,6 @@ def _doubles(rows, odd, scale=1):
 
 
 def _grid_size(start):
-    """Points for the circle's rate of decay: enough on 19 in 20 of the rays that were tried."""
+    """Points for the circle's rate of decay: enough on nearly all of the rays that were tried."""
     rate = _decay(np.abs(np.fft.rfft(start)).max(axis=0), 1e-6)
-    return max(64, 2 * next_fast_len(ceil(max(5.5, -1.85 * log(rate)) / rate)))
+    return max(64, 2 * next_fast_len(ceil(min(max(5.5, -2.05 * log(rate)), 15.8) / rate)))
