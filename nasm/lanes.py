@@ -3,13 +3,14 @@
 A `Lanes` is LLVM's vector <64 x double>. The compiler splits it over the registers that the machine
 has (8 of AVX-512, 16 of AVX2), and that many independent chains hide the latency of the arithmetic:
 one chain alone waits for most of its time. Written with scalars, the same kernel is at the mercy of
-the auto-vectoriser, which a harmless edit switches off.
+the auto-vectoriser, which a harmless edit switches off. `load_few` makes narrower lanes, for a
+kernel of so many variables that 64 of each would not stay in registers.
 
-`+ - *` work on lanes, and between lanes and a float, which fills all lanes. `fma`, `rint`, `fabs`,
-`copysign`, `maximum` and `minimum` take lanes or floats, so that one source of a formula compiles
-to both: with the same operations in the same order, a lane and the scalar code agree to the last
-bit, on every machine (fma is exact by definition; a processor without it falls back on a slow,
-equal, library call).
+`+ - * /` work on lanes, and between lanes and a float, which fills all lanes. `fma`, `rint`,
+`fabs`, `copysign`, `maximum` and `minimum` take lanes or floats, so that one source of a formula
+compiles to both: with the same operations in the same order, a lane and the scalar code agree to
+the last bit, on every machine (fma is exact by definition; a processor without it falls back on a
+slow, equal, library call).
 
 These names exist inside `numba.njit` functions only.
 """
@@ -22,48 +23,47 @@ from numba.core import cgutils
 from numba.extending import intrinsic, models, overload, register_model
 
 LANES = 64
+FEW = 16
 
 _DOUBLE = ir.DoubleType()
-_VECTOR = ir.VectorType(_DOUBLE, LANES)
-_INDICES = ir.VectorType(ir.IntType(32), LANES)
 
 
 class _LanesType(types.Type):
-    def __init__(self):
-        super().__init__(name=f"Lanes({LANES})")
-
-
-_lanes = _LanesType()
+    def __init__(self, width):
+        super().__init__(name=f"Lanes({width})")
+        self.vector = ir.VectorType(_DOUBLE, width)
 
 
 @register_model(_LanesType)
 class _LanesModel(models.PrimitiveModel):
     def __init__(self, dmm, fe_type):
-        super().__init__(dmm, fe_type, _VECTOR)
+        super().__init__(dmm, fe_type, fe_type.vector)
 
 
-def _filled(builder, value):
+def _filled(builder, value, vector):
     """`value` itself if it is a vector, else a vector with the float in every lane."""
-    if value.type == _VECTOR:
+    if value.type == vector:
         return value
-    undefined = ir.Constant(_VECTOR, ir.Undefined)
+    undefined = ir.Constant(vector, ir.Undefined)
     single = builder.insert_element(undefined, value, ir.Constant(ir.IntType(32), 0))
-    return builder.shuffle_vector(single, undefined, ir.Constant(_INDICES, [0] * LANES))
+    indices = ir.Constant(ir.VectorType(ir.IntType(32), vector.count), [0] * vector.count)
+    return builder.shuffle_vector(single, undefined, indices)
 
 
 def _result(arguments):
     """Lanes if any argument is lanes, float64 if all are; None (no match) for any other type."""
-    if not all(a in (_lanes, types.float64) for a in arguments):
+    kinds = {a for a in arguments if a != types.float64}
+    if len(kinds) > 1 or not all(isinstance(kind, _LanesType) for kind in kinds):
         return None
-    return _lanes if _lanes in arguments else types.float64
+    return kinds.pop() if kinds else types.float64
 
 
 def _elementwise(emit):
     """The code generator of an elementwise operation; `emit` works on operands of one type."""
 
     def generate(context, builder, signature, arguments):
-        if signature.return_type == _lanes:
-            arguments = [_filled(builder, a) for a in arguments]
+        if signature.return_type != types.float64:
+            arguments = [_filled(builder, a, signature.return_type.vector) for a in arguments]
         return emit(builder, *arguments)
 
     return generate
@@ -74,7 +74,7 @@ def _llvm(name):
 
     def emit(builder, *operands):
         kind = operands[0].type
-        suffix = f"v{LANES}f64" if kind == _VECTOR else "f64"
+        suffix = "f64" if kind == _DOUBLE else f"v{kind.count}f64"
         signature = ir.FunctionType(kind, [kind] * len(operands))
         function = cgutils.get_or_insert_function(
             builder.module, signature, f"llvm.{name}.{suffix}"
@@ -140,11 +140,11 @@ def _overload_operator(python_operator, instruction):
         def emit(builder, a, b):
             return getattr(builder, instruction)(a, b)
 
-        return _lanes(a, b), _elementwise(emit)
+        return _result([a, b])(a, b), _elementwise(emit)
 
     @overload(python_operator)
     def operate(a, b):
-        if _result([a, b]) is _lanes:
+        if isinstance(_result([a, b]), _LanesType):
             return lambda a, b: operation(a, b)
         return None
 
@@ -152,34 +152,43 @@ def _overload_operator(python_operator, instruction):
 _overload_operator(operator.add, "fadd")
 _overload_operator(operator.sub, "fsub")
 _overload_operator(operator.mul, "fmul")
+_overload_operator(operator.truediv, "fdiv")
 
 
-def _lane_pointer(context, builder, array_type, array, index):
+def _lane_pointer(context, builder, array_type, lanes, array, index):
     data = context.make_array(array_type)(context, builder, array).data
-    return builder.bitcast(builder.gep(data, [index]), _VECTOR.as_pointer())
+    return builder.bitcast(builder.gep(data, [index]), lanes.vector.as_pointer())
 
 
-@intrinsic
-def load(typing_context, array, index):
-    """Lanes from array[index : index + 64]; contiguous float64, bounds not checked."""
-
+def _load(width):
     def generate(context, builder, signature, arguments):
-        pointer = _lane_pointer(context, builder, signature.args[0], *arguments)
+        pointer = _lane_pointer(
+            context, builder, signature.args[0], signature.return_type, *arguments
+        )
         return builder.load(pointer, align=8)
 
-    return _lanes(array, types.intp), generate
+    def load(typing_context, array, index):
+        return _LanesType(width)(array, types.intp), generate
+
+    load.__doc__ = f"Lanes from array[index : index + {width}]; contiguous float64, not checked."
+    return intrinsic(load)
+
+
+load, load_few = _load(LANES), _load(FEW)
 
 
 @intrinsic
 def store(typing_context, array, index, lanes):
-    """array[index : index + 64] = lanes; contiguous float64, bounds not checked."""
+    """array[index : index + width] = lanes; contiguous float64, bounds not checked."""
 
     def generate(context, builder, signature, arguments):
-        pointer = _lane_pointer(context, builder, signature.args[0], *arguments[:2])
+        pointer = _lane_pointer(
+            context, builder, signature.args[0], signature.args[2], *arguments[:2]
+        )
         builder.store(arguments[2], pointer, align=8)
         return context.get_dummy_value()
 
-    return types.void(array, types.intp, _lanes), generate
+    return types.void(array, types.intp, lanes), generate
 
 
 @intrinsic

@@ -5,7 +5,20 @@ import pytest
 from numba import njit
 from numba.core.errors import TypingError
 
-from nasm.lanes import LANES, copysign, fabs, fma, load, maximum, minimum, own_frame, rint, store
+from nasm.lanes import (
+    FEW,
+    LANES,
+    copysign,
+    fabs,
+    fma,
+    load,
+    load_few,
+    maximum,
+    minimum,
+    own_frame,
+    rint,
+    store,
+)
 
 RNG = np.random.default_rng(2)
 A, B, C = RNG.uniform(-1, 1, (3, LANES)) * 2.0 ** RNG.integers(-40, 40, (3, LANES))
@@ -31,6 +44,7 @@ OPERATIONS = {
     "rint": (lambda a, b, c: rint(a), np.rint),
     "fabs": (lambda a, b, c: fabs(a), np.fabs),
     "fma": (lambda a, b, c: fma(a, b, c), exact_fma),
+    "divide": (lambda a, b, c: a / c, lambda a, b, c: a / c),
 }
 COMPILED = {name: njit(operation) for name, (operation, _) in OPERATIONS.items()}
 _load, _keep = njit(lambda array: load(array, 0)), njit(lambda number: number)
@@ -71,6 +85,18 @@ def test_a_float_fills_all_lanes(name):
 def test_fma_takes_a_float_in_any_place():
     for a, b, c in [(F, B, C), (A, F, C), (A, B, F), (A, F, F)]:
         assert_same_bits(on_lanes("fma", a, b, c), exact_fma(a, b, c))
+
+
+def test_few_lanes_are_the_first_of_many():
+    @njit
+    def compute(out):
+        a, b, c = load_few(A, 0), load_few(B, 0), load_few(C, 0)
+        store(out, 0, maximum(fma(a, b, c) / c, rint(a) - F * b))
+
+    out = np.empty(FEW)
+    compute(out)
+    expected = np.maximum(exact_fma(A, B, C) / C, np.rint(A) - F * B)
+    assert_same_bits(out, expected[:FEW])
 
 
 def test_fma_rounds_once():

@@ -1,0 +1,465 @@
+"""A proof that transport is global for every forcing of a cell of the (κ1, κ2) plane.
+
+As `nasm.proof_transport`, to first order, in three parameters: the start and the two strengths,
+
+    y = ŷ + σδ + g_0 σ_0 h_0 + g_1 σ_1 h_1,   κ_i = k_i + σ_i h_i,   |σ|, |σ_0|, |σ_1| ≤ 1,
+    x_n = x̂_n + σ t_n + σ_0 p_n + σ_1 q_n + ρ_n,   |ρ_n| ≤ A_n|v_n| + B_n|t_n|.
+
+The shear g lets the starts follow an orbit of much the same rotation number as κ varies, so that p
+and q grow less. [0, 1/2] is cut into pieces, each with a shear of its own; a piece is covered for
+all κ of the cell by starts that reach Σ_i |g_i| h_i beyond its ends. A box that fails is halved
+across the parameter that has moved its orbit most. The linear sums of the three parameters are
+signed; what is quadratic in them is in the remainder. See `PROOFS.md`, "Transport is global".
+"""
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from nasm.checks import real
+from nasm.kernels import kernel
+from nasm.lanes import FEW, fabs, fma, load_few, maximum, minimum, own_frame, rint, store
+from nasm.maps import forcing
+from nasm.periodic import dominant_centre
+from nasm.proof_transport import (
+    COS,
+    COS_CUBIC,
+    CUBIC,
+    DOWN,
+    PI,
+    QUARTIC,
+    THEOREM,
+    TWO_PI,
+    TWO_PI2,
+    ULP,
+    UP,
+    Outcome,
+    _check_arithmetic,
+    _trigonometry,
+)
+
+_LARGEST, _KNOWN, _WRONSKIAN, _HUGE = 0.1, 0.8, 1e-3, 1e100  # as in `proof_transport`
+
+_EXACT = 2.0**30  # times which strengths must be whole numbers, so that halving a cell is exact
+_PIECES = 16  # of [0, 1/2]
+_GRID = 2.0**-20  # of the ends of pieces
+_SHEARS = 2.0**-8  # of which g is a multiple
+_SMALLEST_START, _SMALLEST_STRENGTH = 2.0**-45, 2.0**-40
+_BLOCK, _ROWS, _COLUMNS = 8, 27, 9
+_MOST_WAITING = 4096
+_KICKS, _FOUND = 1_000_000, 16_384  # in one call of the kernel
+
+
+@dataclass(frozen=True)
+class CellProof:
+    """A proof that no rotational invariant circle exists for any forcing of a cell, or why not.
+
+    outcome : Outcome, as of a `TransportProof`.
+    kappa, half_width : tuples of two floats; the cell, |κ_i - kappa_i| ≤ half_width_i.
+    site, a : int and float, the symmetry line: boxes start at x = a before this kick.
+    boxes : ndarray of shape (n, 9), rows ŷ, δ, k_0, h_0, k_1, h_1, g_0, g_1 and the piece of
+        [0, 1/2]; index 0 is the kick at `site`. lives : ndarray of n ints, kicks until V ≤ 0.
+    kicks : int, kicks spent, on boxes that were halved too.
+    """
+
+    outcome: Outcome
+    kappa: tuple[float, float]
+    half_width: tuple[float, float]
+    site: int
+    a: float
+    boxes: np.ndarray
+    lives: np.ndarray
+    kicks: int
+
+    @property
+    def proved(self):
+        return self.outcome is Outcome.PROVED
+
+    def certificate(self):
+        """As of a `TransportProof`; each box has nine numbers, as in `boxes`."""
+        if not self.proved:
+            raise ValueError(f"nothing to certify: {self.outcome.value}")
+        return {
+            "theorem": THEOREM,
+            "kappa": [strength.hex() for strength in self.kappa],
+            "half_width": [width.hex() for width in self.half_width],
+            "site": self.site,
+            "a": self.a,
+            "boxes": [[number.hex() for number in box] for box in self.boxes.tolist()],
+            "lives": self.lives.tolist(),
+        }
+
+
+def prove_cell(kappa, half_width, budget=1.0):
+    """Try to prove that no rotational invariant circle exists for any forcing of a cell.
+
+    Parameters
+    ----------
+    kappa : two floats, the centre of the cell.
+    half_width : float or two floats ≥ 0. The cell is |κ_i - kappa_i| ≤ half_width_i; all of these
+        numbers must be multiples of 2⁻³⁰, so that the halves of the cell are exact. Cells in which
+        some |κ_i| ≥ 2 have the outcome SCOPE.
+    budget : float, CPU seconds to spend.
+
+    Returns
+    -------
+    CellProof. What is not proved is not disproved.
+
+    ValueError if an argument is out of range or no multiple of 2⁻³⁰. RuntimeError if the machine's
+    arithmetic is not the one that the proof needs.
+    """
+    kappa = forcing(kappa)
+    half_width, budget = forcing(np.broadcast_to(half_width, 2)), real("budget", budget)
+    if kappa.size != 2:
+        raise ValueError(f"kappa={kappa.tolist()}: the centre of a cell has two strengths")
+    if not (half_width > 0).all():
+        raise ValueError(f"half_width={half_width.tolist()} must be positive")
+    numbers = _EXACT * np.concatenate([kappa, half_width])
+    if (numbers != np.rint(numbers)).any():
+        raise ValueError(
+            f"kappa={kappa.tolist()} and half_width={half_width.tolist()} must be multiples of "
+            "2**-30, so that the corners of the cell are exact"
+        )
+    if not budget > 0:
+        raise ValueError(f"budget={budget!r} must be positive: seconds of computing time")
+    _check_arithmetic()
+    cell = tuple(kappa.tolist()), tuple(half_width.tolist())
+    if (np.abs(kappa) + half_width >= 2).any():
+        nothing = np.empty((0, _COLUMNS)), np.empty(0, np.int64)
+        return CellProof(Outcome.SCOPE, *cell, 0, 0.0, *nothing, 0)
+    site, a = dominant_centre(kappa)
+    from_line = np.roll(kappa, -site).tolist(), np.roll(half_width, -site).tolist()
+    outcome, boxes, lives, kicks = _covered(*from_line, a, budget)
+    return CellProof(outcome, *cell, site, a, boxes, lives, kicks)
+
+
+def _covered(kappa, half_width, a, budget):
+    """Outcome, boxes, lives and kicks of the cover; the first kick is that of the line."""
+    (k0, k1), (h0, h1), x = kappa, half_width, a - 0.25
+    waiting, n_waiting = np.empty((_MOST_WAITING, _COLUMNS)), 0
+    for piece in range(_PIECES)[::-1]:
+        left, right = piece / (2 * _PIECES), (piece + 1) / (2 * _PIECES)
+        shears = np.array(_shears(x, (left + right) / 2, k0, k1))
+        g0, g1 = (np.rint(np.clip(shears, -0.5, 0.5) / _SHEARS) * _SHEARS).tolist()
+        margin = abs(g0) * h0 + abs(g1) * h1
+        left = float(np.floor((left - margin) / _GRID)) * _GRID
+        right = float(np.ceil((right + margin) / _GRID)) * _GRID
+        box = (left + right) / 2, (right - left) / 2, k0, h0, k1, h1, g0, g1, piece
+        waiting[n_waiting] = box
+        n_waiting += 1
+    lanes, boxes, ages = np.zeros((_ROWS, FEW)), np.zeros((_COLUMNS, FEW)), np.zeros(FEW, np.int64)
+    found, lives = np.empty((_FOUND, _COLUMNS)), np.empty(_FOUND, np.int64)
+    all_found, all_lives = [found[:0]], [lives[:0]]
+    end, outcome, kicks = time.thread_time() + budget, Outcome.BUDGET, 0
+    while time.thread_time() < end:
+        done, n_waiting, n_found, n_kicks = _cover(
+            x, waiting, n_waiting, lanes, boxes, ages, found, lives, _KICKS
+        )
+        kicks += n_kicks
+        all_found.append(found[:n_found].copy())
+        all_lives.append(lives[:n_found].copy())
+        if done != _UNFINISHED:
+            outcome = Outcome.PROVED if done == _DONE else Outcome.PRECISION
+            break
+    return outcome, np.concatenate(all_found), np.concatenate(all_lives), kicks
+
+
+@kernel(error_model="numpy")
+def _shears(x, y, k0, k1):
+    """g_i = -p_i/t where v passes zero: the start moves with κ_i as the orbit that dies there.
+
+    No proof depends on it.
+    """
+    v, w, t, z, p0, z0, p1, z1 = 1.0, abs(k0) / 2, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0
+    for n in range(1000):
+        k, first = (k0, 1.0) if n % 2 == 0 else (k1, 0.0)
+        back, h, c = _trigonometry(x)
+        w, z = w + k * c * v, z + k * c * t
+        z0, z1 = z0 + k * c * p0 + first * h, z1 + k * c * p1 + (1 - first) * h
+        v, t, p0, p1 = v + w, t + z, p0 + z0, p1 + z1
+        if v <= 0:
+            break
+        y += k * h
+        x = y - back
+    if not abs(t) > 0.1:
+        return 0.0, 0.0
+    return -p0 / t, -p1 / t
+
+
+_DONE, _UNFINISHED, _TOO_SMALL = 0, 1, 2
+_ELIMINATED, _FAILED = 0, 1
+
+
+@kernel(error_model="numpy")
+def _cover(x, waiting, n_waiting, lanes, boxes, ages, found, lives, most_kicks):
+    """Go on with a cover, for some kicks: whether it is done, and counts.
+
+    waiting[:n_waiting] : boxes to do, a stack, rows as in CellProof. lanes, boxes, ages : the
+    state, the box (δ = 0 if there is none) and the kicks of each lane, in columns. found, lives :
+    receive the boxes eliminated.
+    """
+    before, events = np.empty((_ROWS, FEW)), np.empty((2, FEW))
+    n_found = kicks = 0
+    while kicks < most_kicks and n_found <= found.shape[0] - FEW:
+        busy = 0
+        for lane in range(FEW):
+            if boxes[1, lane] == 0 and n_waiting > 0:
+                n_waiting -= 1
+                for column in range(_COLUMNS):
+                    boxes[column, lane] = waiting[n_waiting, column]
+                ages[lane] = 0
+                _start(lanes, lane, x, boxes)
+            if boxes[1, lane] > 0:
+                busy += 1
+        if busy == 0:
+            return _DONE, n_waiting, n_found, kicks
+        for row in range(_ROWS):
+            for lane in range(FEW):
+                before[row, lane] = lanes[row, lane]
+        _advance(lanes, events)
+        for lane in range(FEW):
+            if boxes[1, lane] == 0:
+                continue
+            if events[0, lane] > 0 and events[1, lane] <= 0:  # all went well; false for NaN
+                ages[lane] += _BLOCK
+                kicks += _BLOCK
+                continue
+            n, outcome, split = _replay(before, lane)
+            kicks += n
+            if outcome == _ELIMINATED:
+                for column in range(_COLUMNS):
+                    found[n_found, column] = boxes[column, lane]
+                lives[n_found] = ages[lane] + n
+                n_found += 1
+            elif not _halve(waiting, n_waiting, boxes, lane, split):
+                return _TOO_SMALL, n_waiting, n_found, kicks
+            else:
+                n_waiting += 2
+            boxes[1, lane] = 0
+    return _UNFINISHED, n_waiting, n_found, kicks
+
+
+@njit(nogil=True)
+def _halve(waiting, n_waiting, boxes, lane, split):
+    """Put both halves of a box on the stack; False if they would be too small.
+
+    split : the parameter, 0 for the start, 1 and 2 for the strengths. The start of the middle moves
+    with a strength as the shear says.
+    """
+    width = boxes[1 + 2 * split, lane] / 2
+    smallest = _SMALLEST_START if split == 0 else _SMALLEST_STRENGTH
+    if width < smallest or n_waiting + 2 > waiting.shape[0]:
+        return False
+    for i in range(2):
+        step = width if i == 0 else -width
+        for column in range(_COLUMNS):
+            waiting[n_waiting + i, column] = boxes[column, lane]
+        waiting[n_waiting + i, 2 * split] += step
+        waiting[n_waiting + i, 1 + 2 * split] = width
+        if split > 0:
+            waiting[n_waiting + i, 0] += boxes[5 + split, lane] * step
+    return True
+
+
+@njit(nogil=True)
+def _start(lanes, lane, x, boxes):
+    """The state of a box before the kick of its line."""
+    y, delta, k0, h0, k1, h1 = (
+        boxes[0, lane],
+        boxes[1, lane],
+        boxes[2, lane],
+        boxes[3, lane],
+        boxes[4, lane],
+        boxes[5, lane],
+    )
+    for row in range(_ROWS):
+        lanes[row, lane] = 0.0
+    lanes[0, lane], lanes[1, lane] = x, y
+    lanes[2, lane] = lanes[4, lane] = 1.0  # v, V
+    lanes[3, lane] = lanes[5, lane] = abs(k0) / 2  # their last differences
+    # The last differences of t, p, q.
+    lanes[7, lane], lanes[9, lane], lanes[11, lane] = (
+        delta,
+        boxes[6, lane] * h0,
+        boxes[7, lane] * h1,
+    )
+    # Site c counts half: half of what σ_0 adds there, h_0 cos 2πa, is taken off beforehand.
+    lanes[15, lane] = 0.5 * h0 if k0 > 0 else -0.5 * h0
+    lanes[22, lane] = 1 / delta
+    lanes[23, lane], lanes[24, lane], lanes[25, lane], lanes[26, lane] = k0, h0, k1, h1
+
+
+@njit(nogil=True, error_model="numpy")
+def _advance(lanes, events):
+    """A block of kicks of all lanes, in place; the smallest V into events[0], `bad` into [1]."""
+    own_frame()
+    state = (
+        load_few(lanes, 0 * FEW),
+        load_few(lanes, 1 * FEW),
+        load_few(lanes, 2 * FEW),
+        load_few(lanes, 3 * FEW),
+        load_few(lanes, 4 * FEW),
+        load_few(lanes, 5 * FEW),
+        load_few(lanes, 6 * FEW),
+        load_few(lanes, 7 * FEW),
+        load_few(lanes, 8 * FEW),
+        load_few(lanes, 9 * FEW),
+        load_few(lanes, 10 * FEW),
+        load_few(lanes, 11 * FEW),
+        load_few(lanes, 12 * FEW),
+        load_few(lanes, 13 * FEW),
+        load_few(lanes, 14 * FEW),
+        load_few(lanes, 15 * FEW),
+        load_few(lanes, 16 * FEW),
+        load_few(lanes, 17 * FEW),
+        load_few(lanes, 18 * FEW),
+        load_few(lanes, 19 * FEW),
+        load_few(lanes, 20 * FEW),
+        load_few(lanes, 21 * FEW),
+    )
+    scale = load_few(lanes, 22 * FEW)
+    k0, h0 = load_few(lanes, 23 * FEW), load_few(lanes, 24 * FEW)
+    k1, h1 = load_few(lanes, 25 * FEW), load_few(lanes, 26 * FEW)
+    smallest, worst = state[4], state[12] - state[12]  # zeros
+    for _ in range(_BLOCK):
+        state, bad = _kick(k0, h0, k1, h1, scale, state)
+        smallest, worst = minimum(smallest, state[4]), worst + bad
+        k0, h0, k1, h1 = k1, h1, k0, h0
+    store(lanes, 0 * FEW, state[0])
+    store(lanes, 1 * FEW, state[1])
+    store(lanes, 2 * FEW, state[2])
+    store(lanes, 3 * FEW, state[3])
+    store(lanes, 4 * FEW, state[4])
+    store(lanes, 5 * FEW, state[5])
+    store(lanes, 6 * FEW, state[6])
+    store(lanes, 7 * FEW, state[7])
+    store(lanes, 8 * FEW, state[8])
+    store(lanes, 9 * FEW, state[9])
+    store(lanes, 10 * FEW, state[10])
+    store(lanes, 11 * FEW, state[11])
+    store(lanes, 12 * FEW, state[12])
+    store(lanes, 13 * FEW, state[13])
+    store(lanes, 14 * FEW, state[14])
+    store(lanes, 15 * FEW, state[15])
+    store(lanes, 16 * FEW, state[16])
+    store(lanes, 17 * FEW, state[17])
+    store(lanes, 18 * FEW, state[18])
+    store(lanes, 19 * FEW, state[19])
+    store(lanes, 20 * FEW, state[20])
+    store(lanes, 21 * FEW, state[21])
+    store(events, 0, smallest)
+    store(events, FEW, worst)
+
+
+@njit(nogil=True, error_model="numpy")
+def _replay(lanes, lane):
+    """(kicks, outcome, parameter to halve) of the lane within a block: the definition."""
+    state = (
+        lanes[0, lane],
+        lanes[1, lane],
+        lanes[2, lane],
+        lanes[3, lane],
+        lanes[4, lane],
+        lanes[5, lane],
+        lanes[6, lane],
+        lanes[7, lane],
+        lanes[8, lane],
+        lanes[9, lane],
+        lanes[10, lane],
+        lanes[11, lane],
+        lanes[12, lane],
+        lanes[13, lane],
+        lanes[14, lane],
+        lanes[15, lane],
+        lanes[16, lane],
+        lanes[17, lane],
+        lanes[18, lane],
+        lanes[19, lane],
+        lanes[20, lane],
+        lanes[21, lane],
+    )
+    scale, k0, h0 = lanes[22, lane], lanes[23, lane], lanes[24, lane]
+    k1, h1 = lanes[25, lane], lanes[26, lane]
+    for n in range(_BLOCK):
+        state, bad = _kick(k0, h0, k1, h1, scale, state)
+        if not bad <= 0 or state[4] <= 0:
+            most, first, second = state[19], state[20], state[21]
+            if n % 2 == 0:  # the parameters have changed places
+                first, second = second, first
+            split = 0 if most >= max(first, second) else 1 if first >= second else 2
+            return n + 1, _FAILED if not bad <= 0 else _ELIMINATED, split
+        k0, h0, k1, h1 = k1, h1, k0, h0
+    return _BLOCK, _FAILED, 0
+
+
+@njit(forceinline=True, error_model="numpy")
+def _kick(k, spread, k_next, spread_next, scale, state):
+    """One kick, of strength k ± spread, of a box, on lanes or floats; as in `proof_transport`.
+
+    p is moved by this kick, q by the next; in what is returned they have changed places. zp, zq are
+    their last differences, lt, lp, lq the linear sums, mt, mp, mq the largest moves so far.
+    """
+    x, y, v, w, V, W, t, z, p, zp, q, zq, A, B, lt, lp, lq, rest, paid, mt, mp, mq = state
+    size = fabs(k)
+    back, h, c = _trigonometry(x)
+    kc = k * c
+
+    # |x - x̂|, and what of it is known by its bound alone.
+    at, ap, aq = fabs(t), fabs(p), fabs(q)
+    unknown = (A * fabs(v) + B * at) * UP
+    E = (at + ap + aq + unknown) * UP
+    E2 = E * E
+    E3 = E2 * E
+    sine = TWO_PI * (fabs(h) + ULP) * UP
+    mt, mp, mq = maximum(mt, at), maximum(mp, ap), maximum(mq, aq)
+
+    # Payment: for what Q may be larger by than in the middle, and for rounding.
+    V2 = V * V
+    slope = -2.0 * TWO_PI2 * k * h * V2
+    lt = lt + slope * t
+    lp = lp + slope * p + spread * c * V2
+    lq = lq + slope * q
+    known = fabs(lt) + fabs(lp) + fabs(lq)
+    change = TWO_PI * sine * unknown + TWO_PI2 * fabs(c) * E2 + COS_CUBIC * E3
+    of_strength = TWO_PI * sine * E + TWO_PI2 * E2 + COS_CUBIC * E3 + 3e-14
+    rounding = 3e-14 + 1e-12 * E
+    rest = UP * (
+        rest + V2 * (size * change + spread * of_strength + (1.0 + size) * rounding) + 1e-15 * known
+    )
+    due = maximum(0.0, UP * (known + rest) - paid)
+    paid = (paid + due) * DOWN
+    W = fma(kc, V, W) + due / V * UP
+    V = V + W
+
+    # One kick on.
+    w = fma(kc, v, w)
+    z = fma(kc, t, z)
+    zp = fma(kc, p, zp) + spread * h
+    zq = fma(kc, q, zq)
+    v1, t1, p1, q1 = v + w, t + z, p + zp, q + zq
+    # Defects: of the orbit, of its expansion, of the solutions, of the cosine.
+    E1 = A * fabs(v1) + (1.0 + B) * fabs(t1) + fabs(p1) + fabs(q1)
+    expansion = PI * sine * E2 + CUBIC * fabs(c) * E3 + QUARTIC * E2 * E2
+    of_strength = (fabs(c) + COS) * E + PI * sine * E2 + CUBIC * E3 + QUARTIC * E2 * E2
+    solutions = 3.1 * ULP * (E1 + E + spread + spread_next) + size * (COS + 4 * ULP) * (
+        E + 41.0 * E2
+    )
+    orbit = (size + 1.5) * ULP + size * expansion + spread * of_strength
+    defect = 1.002 * (orbit + solutions) * scale
+    vt, tv = v * t1 * scale, t * v1 * scale
+    wronskian = fabs(vt - tv - 1.0) + 4 * ULP * (fabs(vt) + fabs(tv))
+    A = (A + defect * at) * UP
+    B = (B + defect * fabs(v)) * UP
+    bad = (
+        maximum(0.0, E - _LARGEST)
+        + maximum(0.0, unknown - _KNOWN * E)
+        + maximum(0.0, wronskian - _WRONSKIAN)
+        + maximum(0.0, V - _HUGE)
+    )
+    y = fma(k, h, y)
+    y = y - rint(y)
+    x = y - back
+    state = (x, y, v1, w, V, W, t1, z, q1, zq, p1, zp, A, B, lt, lq, lp, rest, paid, mt, mq, mp)
+    return state, bad

@@ -1,0 +1,517 @@
+import inspect
+import json
+import math
+import platform
+import re
+from fractions import Fraction
+from functools import cache
+
+import numpy as np
+import oracles
+import pytest
+
+flint = pytest.importorskip("flint")
+import transport_checker as checker  # noqa: E402
+from flint import arb, ctx, fmpq  # noqa: E402
+
+from nasm import barriers, proof_transport  # noqa: E402
+from nasm.proof_transport import Outcome, prove, proved_upper  # noqa: E402
+from nasm.sine import SINE  # noqa: E402
+from nasm.symmetries import ray  # noqa: E402
+
+# Where the last circle breaks, by `barriers.critical_scale`; it judges, and enters no proof.
+BREAKUPS = {0: 0.4858177030, 20: 0.5770384095, 30: 0.7001827090, 45: 1.3740999690}
+
+
+def beyond(angle, excess):
+    return BREAKUPS[angle] * (1 + excess) * ray(angle)
+
+
+# The two constants of the sine, over the whole range.
+
+
+def evaluate(coefficients, v):
+    value = arb(0)
+    for c in coefficients[::-1]:
+        value = value * v + c
+    return value
+
+
+def of_rounding(coefficients, u):
+    """Error and value of Horner's rule with fma at v = u², rounded."""
+    ulp, v = arb(2) ** -53, u * u
+    value, error = coefficients[-1], arb(0)
+    for c in coefficients[-2::-1]:
+        error = error * (1 + ulp) * v + (abs(value) + error) * ulp * v
+        value = value * v + c
+        error += ulp * (abs(value) + error)
+    return error, value
+
+
+def worst_error(polynomial, series, is_odd, pieces=8192):
+    """Largest |computed - exact| of Σ c_k u²ᵏ (times u if it is odd) on 0 ≤ u ≤ 1/4.
+
+    The polynomial minus the series is a polynomial: its mean-value form, piece by piece. u = |r| -
+    1/4 is wrong by 2⁻⁵⁶ at most: exact for |r| ≥ 1/8.
+    """
+    ulp, tail = arb(2) ** -53, arb(10) ** -40  # the series' next term is below 10⁻⁵⁰
+    difference = [(polynomial[k] if k < len(polynomial) else 0) - c for k, c in enumerate(series)]
+    slope = [2 * k * c for k, c in enumerate(difference)][1:]
+    worst = 0.0
+    for i in range(pieces):
+        middle, radius = fmpq(2 * i + 1, 8 * pieces), fmpq(1, 8 * pieces)
+        u, middle = arb(middle, radius), arb(middle)
+        approximation = abs(evaluate(difference, middle**2)) + tail
+        approximation += abs(evaluate(slope, u * u) * u) * arb(radius)
+        error, value = of_rounding(polynomial, u)
+        if is_odd:
+            approximation, error = approximation * u, error * u + ulp * (abs(value * u) + error * u)
+        total = approximation + error + arb(2) ** -56 * (1 if is_odd else 2 * arb.pi())
+        worst = max(worst, float(total.upper()))
+    return worst
+
+
+def test_bounds_of_sine_and_cosine_hold_over_the_whole_range():
+    ctx.prec, terms = 200, range(24)
+    powers = [(-1) ** k * (2 * arb.pi()) ** (2 * k) for k in terms]
+    h = [power / math.factorial(2 * k + 1) for k, power in enumerate(powers)]
+    cosine = [power / math.factorial(2 * k) for k, power in enumerate(powers)]
+    of_h = [arb(fmpq(*c.as_integer_ratio())) for c in SINE]
+    slopes = [getattr(proof_transport, f"_D{k}") for k in range(len(SINE))]
+    of_cosine = [arb(fmpq(*c.as_integer_ratio())) for c in slopes]
+    # 0.864·2⁻⁵³ and 2.02e-14
+    assert 0.8 * 2**-53 < worst_error(of_h, h, True) < 0.87 * 2**-53 < proof_transport.ULP
+    assert 1.9e-14 < worst_error(of_cosine, cosine, False) < 2.03e-14 < proof_transport.COS
+
+
+# Audits of the kernel against balls of many digits.
+
+STATE = [*"xyvwVWtzqpAB", "linear", "quadratic", "rest", "paid"]
+KICK = "".join(
+    inspect.getsource(function.py_func)
+    for function in (proof_transport._trigonometry, proof_transport._kick)
+)
+PLACES = (-1.0, -0.6, 0.3, 1.0)  # σ of the orbits that are followed exactly
+
+
+def exact_fma(a, b, c):
+    return float(Fraction(a) * Fraction(b) + Fraction(c))
+
+
+def kick_in_python(changes=()):
+    """`proof_transport._kick` as a Python function, after changes of its source."""
+    source = KICK
+    for old, new in changes:
+        assert source.count(old) == 1, old
+        source = source.replace(old, new)
+    in_python = {
+        "fma": exact_fma,
+        "rint": lambda a: float(round(a)),
+        "fabs": abs,
+        "copysign": math.copysign,
+        "maximum": lambda a, b: a if a > b else b,
+    }
+    namespace = vars(proof_transport) | in_python
+    exec(re.sub("(?m)^@.*\n", "", source), namespace)
+    return namespace["_kick"]
+
+
+def start(kappa, a, y, delta):
+    """The state of a box as the kernel starts it, and 1/δ."""
+    lanes = np.zeros((proof_transport._ROWS, 1))
+    proof_transport._start(lanes, 0, kappa[0], a - 0.25, y, delta)
+    *state, scale = lanes[:, 0].tolist()
+    return state, scale
+
+
+def run(kick, kappa, a, y, delta, n_kicks):
+    """States of the box before each kick and after the last, as dicts; ends with an event."""
+    state, scale = start(kappa, a, y, delta)
+    states = [dict(zip(STATE, state, strict=True))]
+    for n in range(n_kicks):
+        *state, bad = kick(kappa[n % len(kappa)], scale, *state)
+        states.append(dict(zip(STATE, state, strict=True)))
+        if not (bad <= 0 and states[-1]["V"] > 0):
+            break
+    return states
+
+
+@cache
+def exact_orbits(kappa, a, y, delta, n_kicks):
+    """x_n(σ) of PLACES for n ≤ n_kicks, balls so good that they are as good as exact."""
+    ctx.prec = 150 + 3 * n_kicks
+    orbits = []
+    for place in PLACES:
+        x, step = arb(a), arb(y) + arb(place) * arb(delta)
+        sites = [x]
+        for n in range(n_kicks):
+            if n > 0:
+                step += arb(kappa[n % len(kappa)]) * (2 * x).sin_pi() / (2 * arb.pi())
+            x += step
+            sites.append(x)
+        orbits.append(sites)
+    return orbits
+
+
+def used(value, bound):
+    """The share of the bound that a value uses; infinite if there is a value and no bound."""
+    return value / bound if bound > 0 else math.inf if value > 1e-30 else 0.0
+
+
+def audit(states, kappa, a, y, delta):
+    """Shares of three bounds that are used at worst, ≤ 1 if they hold: of ρ_n, of the expansion of
+    V² κ cos 2πx_n to second order, and of the payments.
+
+    Payments: after each kick the V up to there are an η with Σ_k η_k(Hη)_k ≤ 0 but for its last
+    neighbour, on every orbit of the box.
+    """
+    n_kicks = len(states) - 1
+    share = expansion_share = paid_share = 0.0
+    for sigma, sites in zip(PLACES, exact_orbits(kappa, a, y, delta, n_kicks), strict=True):
+        variation = arb(0)
+        for n, state in enumerate(states[:-1]):
+            rho = sites[n] - arb(state["x"]) - arb(fmpq(1, 4))
+            rho -= arb(sigma) * state["t"] + arb(sigma) ** 2 * state["q"]
+            rho = abs(float((rho - round(float(rho.mid()))).mid()))
+            bound = state["A"] * abs(state["v"]) + state["B"] * abs(state["t"])
+            share = max(share, used(rho, bound))
+            sine, cosine = (2 * (arb(state["x"]) + arb(fmpq(1, 4)))).sin_cos_pi()
+            exact = arb(kappa[n % len(kappa)]) * (2 * sites[n]).cos_pi()
+            t, q, pi = arb(sigma) * state["t"], arb(sigma) ** 2 * state["q"], arb.pi()
+            known = cosine - 2 * pi * sine * (t + q) - 2 * (pi * t) ** 2 * cosine
+            missing = exact - arb(kappa[n % len(kappa)]) * known
+            missing = abs(float(missing.mid())) * state["V"] ** 2
+            allowed = states[n + 1]["rest"] - state["rest"]
+            expansion_share = max(expansion_share, used(missing, allowed))
+            V, V_after = arb(state["V"]), arb(states[n + 1]["V"])
+            V_before = V_after if n == 0 else arb(states[n - 1]["V"])
+            half = arb(0.5 if n == 0 else 1.0)
+            variation += half * V * ((2 + exact) * V - V_before - V_after)
+            paid = states[n + 1]["paid"]
+            paid_share = max(paid_share, used(paid + float(variation.mid()), paid))
+    return share, expansion_share, paid_share
+
+
+def audited(changes, boxes):
+    """The worst shares over boxes; the kernel is changed."""
+    kick = kick_in_python(changes)
+    shares = [audit(run(kick, *box), *box[:4]) for box in boxes]
+    return tuple(np.max(shares, axis=0))
+
+
+def whole_cover(angle, excess):
+    """(kappa from the line on, a, y, δ, life) of the boxes of a proof."""
+    proof = prove(beyond(angle, excess))
+    kappa = tuple(np.roll(proof.kappa, -proof.site).tolist())
+    rows = zip(proof.boxes.tolist(), proof.lives.tolist(), strict=True)
+    return [(kappa, proof.a, y, delta, life) for (y, delta), life in rows]
+
+
+@cache
+def audited_boxes():
+    """Every fourth box of a cover; and two around long-lived starts that are as small as boxes get:
+    rounding is all there is, and the more of it the longer they are followed."""
+    boxes = whole_cover(20, 0.1)[1::4]
+    for cover in (whole_cover(20, 0.01), whole_cover(0, 0.1)):
+        kappa, a, y, _, life = max(cover, key=lambda box: box[4])
+        boxes.append((kappa, a, y, 2.0**-46, life + 20))
+    return boxes
+
+
+def test_bounds_hold_against_arithmetic_of_many_digits():
+    shares = audited((), audited_boxes())
+    assert (np.array(shares) <= 1).all()
+    assert shares[0] > 0.1  # the bounds are no better than they need to be
+
+
+MUTATIONS = {
+    "nothing is paid": (" + due / V * UP", ""),
+    "payments are halved": ("due / V", "0.5 * due / V"),
+    "payments are written up": ("(paid + due) * DOWN", "(paid + 1.01 * due) * DOWN"),
+    "half the linear sum": ("UP * (fabs(linear) +", "UP * (0.5 * fabs(linear) +"),
+    "no quadratic sum": ("maximum(0.0, quadratic)", "0.0"),
+    "quadratic sum of the wrong sign": ("q - TWO_PI2 * kc", "q + TWO_PI2 * kc"),
+    "no rest": (" + rest) - paid", ") - paid"),
+    "no rounding": ("(1.0 + size) * rounding", "0.0 * rounding"),
+    "cosine: ρ left out": ("TWO_PI * sine * unknown + ", ""),
+    "cosine: square left out": ("+ TWO_PI2 * fabs(c) * both", ""),
+    "cosine: cube left out": (" + COS_CUBIC * E3", ""),
+    "κh'' of the wrong sign": ("f2 = -TWO_PI2 * k", "f2 = TWO_PI2 * k"),
+    "κh'' too small": ("f2 = -TWO_PI2 * k", "f2 = -0.99 * TWO_PI2 * k"),
+    "q without its source": ("fma(kc, q, p) + f2 * t * t", "fma(kc, q, p)"),
+    "κ cos of the wrong sign": ("kc = k * c", "kc = -k * c"),
+    "kicks the wrong way": ("y = fma(k, h, y)", "y = fma(-k, h, y)"),
+    "a shorter polynomial": ("s = fma(u2, _C7, _C6)", "s = _C6"),
+    "nothing along v": ("A = (A + defect * straight) * UP", "A = A"),
+    "nothing along t": ("B = (B + defect * fabs(v)) * UP", "B = B"),
+    "q left out of |x - x̂|": ("(fabs(q) + unknown) * UP", "unknown * UP"),
+    "defect: square left out": ("PI * sine * both + CUBIC", "CUBIC"),
+    "defect: cube left out": ("+ CUBIC * fabs(c) * E3", ""),
+    "defect: rounding left out": ("(size + 1.5) * ULP + size", "size"),
+    "defect: not in units of δ": ("+ solutions) * scale", "+ solutions)"),
+}
+
+
+@pytest.mark.parametrize("mutation", MUTATIONS)
+def test_a_changed_kernel_breaks_a_bound(mutation):
+    assert max(audited([MUTATIONS[mutation]], audited_boxes())) > 1
+
+
+ONLY_SOLUTIONS = (("(size + 1.5) * ULP + size * expansion", "0.0"),)
+
+
+def tangent_share(changes):
+    """What part of A|v| + B|t| the rounding of t uses, if A and B allow for nothing else."""
+    kappa, a, y, delta, n_kicks = audited_boxes()[-2]
+    states = run(kick_in_python(changes), kappa, a, y, delta, n_kicks)
+    ctx.prec, share = 150 + 3 * n_kicks, 0.0
+    t_last, t = arb(0), arb(delta)
+    for n, state in enumerate(states[1:], start=1):
+        error = abs(float((t - state["t"]).mid()))
+        bound = state["A"] * abs(state["v"]) + state["B"] * abs(state["t"])
+        share = max(share, used(error, bound))
+        cosine = (2 * (arb(state["x"]) + arb(fmpq(1, 4)))).cos_pi()
+        t_last, t = t, (2 + arb(kappa[n % len(kappa)]) * cosine) * t - t_last
+    return share
+
+
+def test_rounding_of_solutions_has_its_own_allowance():
+    assert 1e-3 < tangent_share(ONLY_SOLUTIONS) <= 1
+    fewer = ("3.1 * ULP * (E1 + E) + size * (COS + 4 * ULP)", "0.31 * ULP * (E1 + E) + 0.0")
+    assert tangent_share((*ONLY_SOLUTIONS, fewer)) > 1
+
+
+def test_lanes_and_floats_compute_what_the_source_says():
+    kick, boxes = kick_in_python(), whole_cover(20, 0.1)[:16]
+    kappa = boxes[0][0]
+    lanes, events = np.zeros((17, 16)), np.empty((2, 16))
+    for lane, (_, a, y, delta, _) in enumerate(boxes):
+        proof_transport._start(lanes, lane, kappa[0], a - 0.25, y, delta)
+    replayed = [proof_transport._replay(*kappa, lanes, lane) for lane in range(16)]
+    proof_transport._advance(*kappa, lanes, events)
+    for lane, (_, a, y, delta, _) in enumerate(boxes):
+        state, scale = start(kappa, a, y, delta)
+        smallest, worst, life = 1.0, 0.0, None
+        for n in range(proof_transport._BLOCK):
+            *state, bad = kick(kappa[n % 2], scale, *state)
+            smallest, worst = min(smallest, state[4]), worst + bad
+            if life is None and (bad > 0 or state[4] <= 0):
+                life = n + 1, int(bad > 0)
+        assert lanes[:, lane].tolist() == [*state, scale]
+        assert events[:, lane].tolist() == [smallest, worst]
+        assert replayed[lane] == (life or (proof_transport._BLOCK, proof_transport._FAILED))
+
+
+# Floating point, as compiled.
+
+
+def test_every_fma_is_one_and_nothing_else_is():
+    after_a_block(0, 0.25)  # compiled, not loaded from the cache
+    written = KICK.count("fma(")
+    functions = (
+        (proof_transport._replay, "double", 1),
+        (proof_transport._advance, "<16 x double>", 16),
+    )
+    for function, kind, width in functions:
+        (code,), (assembly,) = function.inspect_llvm().values(), function.inspect_asm().values()
+        calls = len(re.findall(rf"call {kind} @llvm\.fma", code))
+        assert calls > 0
+        assert calls % written == 0
+        flags = re.findall(rf"= f(?:add|sub|mul|div) (.*){kind}", code)
+        assert len(flags) > 80
+        assert not any(flags)  # neither fast nor contract nor any other
+        fused = re.findall(r"\tvfn?m(?:add|sub)\w+([sp])d\t.*%([xyz])mm", assembly)
+        if platform.machine() == "x86_64" and fused:
+            widths = {"sx": 1, "px": 2, "py": 4, "pz": 8}
+            assert sum(widths["".join(one)] for one in fused) == calls * width
+
+
+def test_arithmetic_that_is_not_ieee_proves_nothing(monkeypatch):
+    assert proof_transport._arithmetic_is_ieee(1.0, 2.0**-53, 2.0**-52, 2.0**-1022)
+    # As on a machine that truncates, or one without gradual underflow.
+    assert not proof_transport._arithmetic_is_ieee(1.0, 2.0**-52, 2.0**-52, 2.0**-1022)
+    assert not proof_transport._arithmetic_is_ieee(1.0, 2.0**-53, 2.0**-52, 2.0**-1074)
+    monkeypatch.setattr(proof_transport, "_arithmetic_is_ieee", lambda *_: False)
+    with pytest.raises(RuntimeError, match="IEEE 754"):
+        prove((2.5,))
+
+
+def after_a_block(row, value, kappa=(1.5, 1.2)):
+    """Outcome of a box that dies within the block, if a number of its state is changed before; and
+    whether the lanes see that something happened."""
+    lanes, events = np.zeros((17, 16)), np.empty((2, 16))
+    for lane in range(16):
+        proof_transport._start(lanes, lane, kappa[0], 0.25, 0.3, 1e-3)
+    lanes[row, 0] = value
+    _, outcome = proof_transport._replay(*kappa, lanes, 0)
+    proof_transport._advance(*kappa, lanes, events)
+    return outcome, not (events[0, 0] > 0 and events[1, 0] <= 0)
+
+
+@pytest.mark.parametrize("row", range(17))
+def test_overflow_and_nan_eliminate_nothing(row):
+    assert after_a_block(0, 0.25) == (proof_transport._ELIMINATED, True)
+    values = [math.nan]
+    if STATE[row : row + 1] != ["paid"]:
+        values.append(math.inf)  # which paid is only after V
+    if STATE[row : row + 1] == ["V"]:
+        values.append(1e160)  # whose square is infinite
+    for value in values:
+        assert after_a_block(row, value) == (proof_transport._FAILED, True)
+
+
+# Proofs and certificates.
+
+
+def test_mackay_percival_1985():
+    """No circle of the standard map at 63/64."""
+    proof = prove((63 / 64,), 0.5)
+    assert proof.proved
+    assert proof.kicks < 50_000  # a millisecond
+    checker.check(json.loads(json.dumps(proof.certificate())))
+
+
+def test_jungreis_1991():
+    """No circle of the standard map at 0.9718."""
+    assert prove((0.9718,), 5).proved
+
+
+@pytest.mark.parametrize(("angle", "excess"), [(0, 0.1), (20, 0.1), (30, 0.03), (45, 0.03)])
+def test_an_independent_program_checks_the_certificate(angle, excess):
+    for signs in ((1, 1), (-1, 1), (1, -1)):
+        proof = prove(signs * beyond(angle, excess)[::-1])
+        assert proof.proved
+        checker.check(json.loads(json.dumps(proof.certificate())))
+
+
+def changed(certificate, key, index, value):
+    rows = list(certificate[key])
+    rows[index] = value
+    return certificate | {key: rows}
+
+
+def test_a_changed_certificate_is_refused():
+    proof = prove(beyond(20, 0.1))
+    certificate = proof.certificate()
+    checker.check(certificate)
+    (y, delta), life = proof.boxes[10].tolist(), proof.lives[10].item()
+    longest = proof.lives.argmax()
+    wrong = [
+        changed(certificate, "lives", 10, life // 2),
+        changed(certificate, "lives", longest, proof.lives[longest].item() - 10),
+        changed(certificate, "lives", 10, 0),
+        changed(certificate, "boxes", 10, [(y + delta / 16).hex(), delta.hex()]),
+        changed(certificate, "boxes", 10, [y.hex(), (delta * 15 / 16).hex()]),
+        changed(certificate, "boxes", 10, ["nan", delta.hex()]),
+        certificate | {"boxes": certificate["boxes"][1:], "lives": certificate["lives"][1:]},
+        certificate | {"boxes": certificate["boxes"][:-1], "lives": certificate["lives"][:-1]},
+        certificate | {"kappa": [(0.85 * strength).hex() for strength in proof.kappa]},
+        certificate | {"kappa": [(2.0).hex(), (2.0).hex()]},
+        certificate | {"a": 0.5 - proof.a},
+        certificate | {"site": 1 - proof.site},
+    ]
+    for other in wrong:
+        with pytest.raises(checker.Refuted):
+            checker.check(other)
+
+
+def test_every_shorter_life_that_is_false_is_refused():
+    """A box whose longest-lived start is known to live longer than that."""
+    proof = prove(beyond(30, 0.1))
+    kappa = np.roll(proof.kappa, -proof.site)
+    refused = 0
+    for (y, delta), life in zip(proof.boxes, proof.lives, strict=True):
+        starts = [y + place * delta for place in (-1, 0, 1)]
+        lived = max(oracles.elimination_time(kappa, proof.a, starts, 10**4))
+        assert lived <= life
+        if lived > 1:
+            strengths = [Fraction(number) for k in kappa.tolist() for number in (k, 0)]
+            box = (Fraction(y), Fraction(delta), *strengths)
+            assert not checker.second_variation(Fraction(proof.a), box, int(lived) - 1) <= 0
+            refused += 1
+    assert refused > 30
+
+
+def test_boxes_tile_the_half_line():
+    proof = prove(beyond(45, 0.03))
+    assert proof_transport._tiles(proof.boxes)
+    for i in range(len(proof.boxes)):
+        assert not proof_transport._tiles(np.delete(proof.boxes, i, axis=0))
+
+
+def test_what_is_not_proved_has_no_certificate():
+    with pytest.raises(ValueError, match="nothing to certify"):
+        prove((0.5,), 0.01).certificate()
+
+
+@pytest.mark.parametrize(
+    ("long", "short"),
+    [((1.1, 1.1), (1.1,)), ((1.1, -1.1), (1.1,)), ((0.6, 0, -0.6, 0), (0.6, 0.0)), ((9, 9), (9,))],
+)
+def test_the_shorter_forcing_is_proved(long, short):
+    proof = prove(long)
+    assert proof.proved
+    assert tuple(map(abs, proof.kappa)) == short
+
+
+@pytest.mark.parametrize("kappa", [(2.0, 2.5), (-2.0, 5.0), (0.9, 0.5, 0.9), (3, 1, 2, 1)])
+def test_forcings_outside_the_theorem_are_not_proved(kappa):
+    assert prove(kappa).outcome is Outcome.SCOPE
+
+
+@pytest.mark.parametrize("kappa", [(1e6,), (1e6, 1.9), (2.0,), (2.0, 0.0), (np.nextafter(2, 3),)])
+def test_strong_kicks_are_proved_at_once(kappa):
+    proof = prove(kappa)
+    assert proof.proved
+    assert proof.kicks < 3000
+
+
+@pytest.mark.parametrize("kappa", [(math.nan, 0.1), (math.inf,), (1e7,), (), "a"])
+def test_what_is_no_forcing_raises(kappa):
+    with pytest.raises(ValueError, match="kappa"):
+        prove(kappa)
+
+
+@pytest.mark.parametrize("budget", [0, -1, math.nan, "1"])
+def test_a_budget_is_positive(budget):
+    with pytest.raises(ValueError, match="budget"):
+        prove((1.0,), budget)
+
+
+def tries_below(count, budget, seed):
+    """Forcings below the breakup of random rays of the eight wedges; each must not be proved."""
+    random = np.random.default_rng(seed)
+    for _ in range(count):
+        angle = random.uniform(0, 45)
+        found = barriers.critical_scale(ray(angle), 1e-3)
+        for excess in 10.0 ** random.uniform(-6, -1, 10):
+            kappa = found.value * (1 - excess) * ray(angle)
+            kappa = random.permutation(kappa) * random.choice([-1, 1], 2)
+            yield kappa, prove(kappa, budget)
+
+
+def test_below_the_breakup_nothing_is_proved():
+    for angle in BREAKUPS:
+        for excess in (-1e-1, -1e-3, -1e-6):
+            assert not prove(beyond(angle, excess), 0.02).proved
+    assert not prove((0.0,), 0.02).proved
+
+
+@pytest.mark.slow
+def test_below_the_breakup_of_random_rays_nothing_is_proved():
+    for kappa, proof in tries_below(100, 0.2, seed=17):
+        assert not proof.proved, kappa
+
+
+def test_proved_upper_comes_near_the_breakup_from_above():
+    scale, proof = proved_upper(ray(20), BREAKUPS[20], 0.5)
+    assert proof.proved
+    assert proof.kappa == tuple((scale * ray(20)).tolist())
+    assert 0 < scale / BREAKUPS[20] - 1 < 1e-3
+
+
+def test_proved_upper_needs_no_good_value():
+    scale, proof = proved_upper(ray(20), 0.3, 0.5)
+    assert proof.proved
+    assert BREAKUPS[20] < scale < 0.8
+    assert math.isnan(proved_upper((3.0, 1.0, 2.0, 1.0), 0.3, 0.1)[0])
