@@ -40,14 +40,10 @@ try:
 except ImportError:  # the extra `proof`
     arb = None
 
-TAU, ETA, GIVEN = 0.1, 0.01, 0.99
-"""Of the theorem: parts of δ that a derivative costs, growth allowed to the constants, part of ρ
-that is given away: the circle is analytic in |Im φ| < (1 - GIVEN)ρ."""
-
 _KEPT = 0.38  # modes of u, in parts of the grid
 _STEPS = 6  # of Newton's method in balls, of which 0 to 3 are needed
 _LARGEST = 2**22  # points of a grid
-_SECONDS = 1e-5  # a point and kick, on a fast machine
+_SECONDS = 1e-5  # of computing, for a point and kick on a fast machine
 _ROUNDED = 41  # e^-41 is 10^-18, the rounding of long doubles
 
 
@@ -425,7 +421,7 @@ def _bound_of_the_inverse(slope, near, rho, odd, kept):
     sizes = [x.abs_upper() for x in slope]
     beyond = _norm([arb(0)] * kept + sizes[kept:], rho) if kept < len(slope) else 0
     both = [_both_sides(half, odd) for half in (slope[:kept], d)]
-    product, middle = both[0] * both[1], kept + len(d) - 2
+    product, middle = both[0] * both[1], len(slope[:kept]) + len(d) - 2
     defect = [product[middle + k] for k in range(middle + 1)]
     defect[0] -= 1
     size = _norm([x.abs_upper() for x in d], rho)
