@@ -40,20 +40,18 @@ try:
 except ImportError:  # the extra `proof`
     arb = None
 
-TAU, ETA, GIVEN = 0.1, 0.01, 0.99
-"""Of the theorem: parts of δ that a derivative costs, growth allowed to the constants, part of ρ
-that is given away: the circle is analytic in |Im φ| < (1 - GIVEN)ρ."""
-
 _KEPT = 0.38  # modes of u, in parts of the grid
 _STEPS = 6  # of Newton's method in balls, of which 0 to 3 are needed
-_LARGEST = 2**21  # points of a grid
+_LARGEST = 2**22  # points of a grid
+_SECONDS = 1e-5  # of computing, for a point and kick on a fast machine
+_ROUNDED = 41  # e^-41 is 10^-18, the rounding of long doubles
 
 
 @dataclass(frozen=True)
 class BarrierProof:
     """Whether a rotational invariant circle of omega is proved to exist under kappa.
 
-    proved : bool. why : str, "" if proved, else why not.
+    proved : bool. why : str, "" if proved, else "not proved: " and the reason.
     omega : RotationNumber per period. kappa : tuple of P floats, exact. radius : float; the circle
     is proved for every forcing κ' with |κ'_j - κ_j| ≤ radius.
     short_omega, short_kappa : of the shorter map (`symmetries.shorten`) in which it was proved.
@@ -82,7 +80,7 @@ class BarrierProof:
         mantissa·2^exponent. ValueError if nothing was proved.
         """
         if not self.proved:
-            raise ValueError(f"nothing was proved: {self.why}; a certificate needs proved=True")
+            raise ValueError(f"{self.why}; a certificate needs proved=True")
         data = {
             "claim": "a rotational invariant circle of omega exists under kappa",
             "omega": str(self.short_omega),
@@ -111,7 +109,7 @@ def prove(omega, kappa, radius=0.0, n=None, start=None, budget=20.0):
     2. Find the circle in doubles: `start`, or `circles.invariant_circle`.
     3. Newton's steps, the linear algebra in doubles, the residual E in balls.
     4. After each residual try to verify the theorem with it. If that fails for want of grid points,
-       again with a third more, as long as the time allows.
+       again with a third more, as long as the budget lasts.
 
     Parameters
     ----------
@@ -119,9 +117,9 @@ def prove(omega, kappa, radius=0.0, n=None, start=None, budget=20.0):
     kappa : sequence of P floats, taken as the exact binary fractions that they are.
     radius : float ≥ 0, of an interval about each κ_j; then every forcing in the box is proved to
         have the circle. The largest that can be proved is of the size of E, 10⁻¹² and less.
-    n : int, even, 64 to 2097152, points of the grid; default by the decay of the circle's modes.
+    n : int, even, 64 to 4194304, points of the grid; default by the decay of the circle's modes.
     start : ndarray (P, m), deviations near the circle of the shortened forcing.
-    budget : float, CPU seconds, after which no further grid is tried.
+    budget : float, CPU seconds; a grid that would take longer is not tried.
 
     Returns
     -------
@@ -146,12 +144,16 @@ def prove(omega, kappa, radius=0.0, n=None, start=None, budget=20.0):
     about = {"omega": omega, "kappa": tuple(kappa.tolist()), "radius": radius}
     about |= {"short_omega": short_omega, "short_kappa": tuple(short.tolist())}
     if omega.is_rational:
-        return BarrierProof(False, "omega is rational: no circle of it is a barrier", **about)
+        return BarrierProof(
+            False, "not proved: omega is rational, so its circles are no barriers", **about
+        )
     until = time.thread_time() + budget
     if start is None:
         circle = circles.invariant_circle(short_omega, short, 2**16)
         if not circle.certified:
-            return BarrierProof(False, f"no circle was found: {circle.status.value}", **about)
+            return BarrierProof(
+                False, f"not proved: no circle was found: {circle.status.value}", **about
+            )
         start = circle.u
     else:
         start = np.asarray(start, dtype=float)
@@ -161,7 +163,7 @@ def prove(omega, kappa, radius=0.0, n=None, start=None, budget=20.0):
                 f"{short.tolist()} are {short.size} functions on a grid"
             )
     if not np.isfinite(start).all():
-        return BarrierProof(False, "the start is no circle", **about)
+        return BarrierProof(False, "not proved: the start is not finite", **about)
     return _proved(short_omega, short, radius, start, n, until, about)
 
 
@@ -224,14 +226,17 @@ def need_flint():
 def _proved(omega, kappa, radius, start, n, until, about):
     size, before = n or _grid_size(start), None
     while True:
+        seconds = _SECONDS * size * kappa.size
+        if not n and (size > _LARGEST or seconds > until - time.thread_time()):
+            why = f"not proved: {size} points are beyond the budget: some {seconds:.1g} seconds"
+            return BarrierProof(False, why, **about, n=size)
         with ctx.workprec(128 if size < 2**18 else 160):
             found = _refined(_Grid(omega, kappa.tolist(), radius, size), start)
         least = found.pop("least")
         proof = BarrierProof(**about, n=size, **found)
-        in_vain = before is not None and not least < 0.5 * before
-        size, before = 2 * next_fast_len(2 * size // 3), least
-        if proof.proved or n or in_vain or size > _LARGEST or time.thread_time() > until:
+        if proof.proved or n or (before is not None and not least < 0.5 * before):
             return proof
+        size, before = 2 * next_fast_len(2 * size // 3), least
 
 
 # --- the rotation number --------------------------------------------------------------------------
@@ -416,7 +421,7 @@ def _bound_of_the_inverse(slope, near, rho, odd, kept):
     sizes = [x.abs_upper() for x in slope]
     beyond = _norm([arb(0)] * kept + sizes[kept:], rho) if kept < len(slope) else 0
     both = [_both_sides(half, odd) for half in (slope[:kept], d)]
-    product, middle = both[0] * both[1], kept + len(d) - 2
+    product, middle = both[0] * both[1], len(slope[:kept]) + len(d) - 2
     defect = [product[middle + k] for k in range(middle + 1)]
     defect[0] -= 1
     size = _norm([x.abs_upper() for x in d], rho)
@@ -469,7 +474,7 @@ def _verified(grid, modes, E):
     near = np.fft.rfft(1 / _slopes_on_grid(_doubles(modes, grid.odd), grid.n)) / grid.n
     choice = _choice(grid, np.array(u, dtype=float), np.array(e, dtype=float), np.abs(near))
     if not choice["least"] < 1:
-        why = f"the residual is too large: it makes the ratio {choice['least']:.1e}, not 1/32"
+        why = f"not proved: the residual makes the ratio {choice['least']:.1e}, not 1/32"
         return {"proved": False, "why": why, "least": choice["least"]}
     rho, rho_hat = arb(choice["rho"]), arb(choice["rho_hat"])
     errors = _bounds_of_the_residual(grid, u, e, rho, rho_hat, choice["cuts"])
@@ -489,7 +494,7 @@ def _verified(grid, modes, E):
         "k": _largest(k),
     }
     constants = {name: _above(x) for name, x in constants.items()}
-    why = f"inequalities of the theorem fail: {', '.join(failed)}" if failed else ""
+    why = f"not proved: inequalities of the theorem fail: {', '.join(failed)}" if failed else ""
     found = {"proved": not failed, "why": why, "least": choice["least"]}
     return found | {"rho": choice["rho"], "constants": constants}
 
@@ -576,7 +581,7 @@ def _refined(grid, start):
     modes[:, : given.shape[1]] = given * turn[: given.shape[1]].conj() ** _column(grid.sites)
     modes = _polished(grid, turn, modes)
     if not np.isfinite(modes).all():
-        why = "Newton's method diverges from the start"
+        why = "not proved: Newton's method diverges from the start"
         return {"proved": False, "why": why, "least": inf}
     exact = _exact(modes, grid.odd)
     last = inf
@@ -612,21 +617,25 @@ def _turns(omega, n_sites, n_modes):
 
 
 def _polished(grid, turn, modes):
-    """Newton's steps in long double, on the modes above its rounding, while they help."""
-    n, last, best = grid.n, inf, modes
-    strength = np.array(grid.kappa, dtype=float)[:, None] / (2 * np.arccos(np.longdouble(-1)))
-    theta, rotation = np.arange(n) / np.longdouble(n), turn[: modes.shape[1]]
+    """Newton's steps in long double while they help, on the modes above its rounding: beyond them
+    small divisors would make rounding larger than u itself."""
+    n, K, last, best = grid.n, modes.shape[1], inf, modes
+    kept = np.arange(K) < _ROUNDED / (
+        2 * pi * _decay(np.abs(modes).max(axis=0).astype(float), 1e-6)
+    )
+    two_pi, rotation = 2 * np.arccos(np.longdouble(-1)), turn[:K]
+    strength, theta = np.array(grid.kappa, float)[:, None] / two_pi, np.arange(n) / np.longdouble(n)
     for _ in range(_STEPS):
         x = theta + np.fft.irfft(modes, n) * n
-        E = -np.fft.rfft(strength * np.sin(2 * np.arccos(np.longdouble(-1)) * x)) / n
-        E[:, : modes.shape[1]] += np.roll(modes, -1, axis=0) * rotation - 2 * modes
-        E[:, : modes.shape[1]] += np.roll(modes, 1, axis=0) * rotation.conj()
-        size = np.abs(E[:, : modes.shape[1]]).max()
+        E = -np.fft.rfft(strength * np.sin(two_pi * x)) / n
+        E[:, :K] += np.roll(modes, -1, axis=0) * rotation - 2 * modes
+        E[:, :K] += np.roll(modes, 1, axis=0) * rotation.conj()
+        size = np.abs(E[:, :K]).max()
         if not size < 0.5 * last:
             break
         best, last = modes, size
         step = _correction(turn, modes.astype(complex), (E / size).astype(complex))
-        modes = modes + size * step[:, : modes.shape[1]]
+        modes = modes + size * step[:, :K] * kept
     return best
 
 
@@ -675,6 +684,6 @@ def _doubles(rows, odd, scale=1):
 
 
 def _grid_size(start):
-    """Points for the circle's rate of decay: enough on 19 in 20 of the rays that were tried."""
+    """Points for the circle's rate of decay: enough on nearly all of the rays that were tried."""
     rate = _decay(np.abs(np.fft.rfft(start)).max(axis=0), 1e-6)
-    return max(64, 2 * next_fast_len(ceil(max(5.5, -1.85 * log(rate)) / rate)))
+    return max(64, 2 * next_fast_len(ceil(min(max(5.5, -2.05 * log(rate)), 15.8) / rate)))

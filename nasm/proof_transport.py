@@ -121,6 +121,10 @@ class TransportProof:
     def proved(self):
         return self.outcome is Outcome.PROVED
 
+    @property
+    def why(self):
+        return self.outcome.value
+
     def certificate(self):
         """What another program needs to check the proof: a dict for JSON, floats as exact hex.
 

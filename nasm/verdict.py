@@ -10,17 +10,20 @@ from math import inf
 
 import numpy as np
 
-from nasm import circles, cones, continuation
+from nasm import circles, cones, continuation, proof_barrier, proof_transport
 from nasm.barriers import candidates, critical_scale, per_period
 from nasm.critical import CriticalScale, Status, no_answer
 from nasm.maps import forcing
 from nasm.numbers import rational
+from nasm.proof_barrier import BarrierProof
+from nasm.proof_transport import TransportProof
 from nasm.symmetries import lengthen, shorten
 
 _TOLERANCES = (1e-3, 1e-4, 2e-5)  # of the boundary next to a point: 0.1 s, 0.4 s and 2 to 3 s
 _STEPS = 1000  # of converse KAM that every point is asked to survive
 _MOST_STEPS = 400_000  # of converse KAM at a point, a second or two: to 4e-6 above the boundary
 _MOST_POINTS = 2**15  # of a circle that is further than the first tolerance from its breakup
+_BUDGET = 20.0  # CPU seconds of a proof
 _NEAREST = 1.5e-5  # below the boundary: nearer, certificates fail, and take 5 s to do so
 
 
@@ -48,6 +51,15 @@ class Evidence(Enum):
         "converse KAM eliminates all starts for this very forcing; near to a proof, but the starts "
         "are a sample and the arithmetic is floating point"
     )
+    CIRCLE_PROVED = (
+        "proved for exactly this forcing: an invariant circle exists, by the a-posteriori KAM "
+        "theorem of nasm/PROOFS.md (A barrier exists), checked in ball arithmetic; this says "
+        "nothing of weaker kicks"
+    )
+    TRANSPORT_PROVED = (
+        "proved for exactly this forcing: no invariant circle exists, by the converse KAM theorem "
+        "of nasm/PROOFS.md (Transport is global), checked with rigorous rounding"
+    )
     NONE = "no circle is certified at this forcing, and not all starts are eliminated"
 
 
@@ -59,8 +71,9 @@ class Verdict:
     boundary : CriticalScale of the last barrier on the ray s·kappa, s = 1 being the forcing itself.
         Its omega is the circle's, if there is one; else that of the last circle that broke.
     circle : x, y of it at the start of a period, ndarrays, x on the lift, y up to an integer; None
-        unless evidence is CIRCLE.
-    steps : float, within which converse KAM eliminated all starts; inf unless evidence is CONES.
+        unless evidence is CIRCLE or CIRCLE_PROVED.
+    steps : float, within which converse KAM eliminated all starts; inf if it did not.
+    proof : BarrierProof or TransportProof that was tried, proved or not; None if none was.
     """
 
     answer: Answer
@@ -68,32 +81,38 @@ class Verdict:
     boundary: CriticalScale
     circle: tuple[np.ndarray, np.ndarray] | None = None
     steps: float = inf
+    proof: BarrierProof | TransportProof | None = None
 
 
-def verdict(kappa):
+def verdict(kappa, prove=False):
     """Does a barrier exist under the forcing kappa, or is transport global?
 
     1. The boundary on the ray through kappa, the finer the nearer it turns out to be.
     2. Below it, the circle under kappa itself, certified, while converse KAM leaves a survivor.
     3. Above it, converse KAM under kappa itself, with as many steps as the distance asks for.
+    4. If asked to, prove the circle, or where there is none that transport is global; this takes
+       up to some 20 seconds.
 
     Parameters
     ----------
     kappa : sequence of P floats with a dominant symmetry line; see `nasm.cones`.
+    prove : bool; evidence is CIRCLE_PROVED or TRANSPORT_PROVED where a proof succeeds.
 
     Returns
     -------
     Verdict. UNDECIDED closer to the boundary than some 1.5·10⁻⁵ below and 4·10⁻⁶ above, in parts of
     kappa, or where the methods fail or contradict each other; its boundary then holds the bracket.
 
-    ValueError if kappa is not finite, too large, or has no dominant symmetry line.
+    ValueError if kappa is not finite, too large, or has no dominant symmetry line. ImportError if a
+    circle is to be proved and python-flint is not installed.
     """
     kappa = forcing(kappa)
     size = float(np.abs(kappa).max())
     if size == 0:
         return Verdict(Answer.BARRIER, Evidence.INTEGRABLE, no_answer(None, Status.NO_BREAKUP))
     (short,), zero = shorten([kappa], rational(0))
-    answer, evidence, circle, steps = Answer.UNDECIDED, Evidence.NONE, None, inf
+    answer, evidence = Answer.UNDECIDED, Evidence.NONE
+    found, circle, steps, proof = None, None, inf, None
     for tol in _TOLERANCES:
         boundary = _in_units_of(size, critical_scale(short / size, tol))
         if abs(boundary.value - 1) < tol / 5 and tol > _TOLERANCES[-1]:
@@ -118,7 +137,14 @@ def verdict(kappa):
         boundary = no_answer(boundary.omega, Status.NO_BREAKUP)
     if boundary.omega is not None:
         boundary = replace(boundary, omega=per_period(boundary.omega, kappa, short, zero))
-    return Verdict(answer, evidence, boundary, circle, steps)
+    if prove and found is not None:
+        proof = proof_barrier.prove(found.omega, short, start=found.u, budget=_BUDGET)
+        evidence = Evidence.CIRCLE_PROVED if proof.proved else evidence
+    elif prove and answer is not Answer.BARRIER:
+        proof = proof_transport.prove(kappa, _BUDGET)
+        if proof.proved:
+            answer, evidence = Answer.TRANSPORT, Evidence.TRANSPORT_PROVED
+    return Verdict(answer, evidence, boundary, circle, steps, proof)
 
 
 def _in_units_of(size, scale):

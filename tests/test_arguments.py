@@ -177,7 +177,7 @@ BAD = [
     ((transversals.critical_scale,), "n_max", [29], WHOLE + " 30"),
     ((proof_barrier.prove,), "kappa", [(0.3, nan)], "is not finite"),
     ((proof_barrier.prove,), "radius", [-1e-9, 2.0, nan], "radius={value} must be from 0 to 1"),
-    ((proof_barrier.prove,), "n", [63, 2**22, 100.0], WHOLE + " 64 to 2097152"),
+    ((proof_barrier.prove,), "n", [63, 2**23, 100.0], WHOLE + " 64 to 4194304"),
     ((proof_barrier.prove,), "n", [65], "n=65 must be even"),
     ((proof_barrier.prove,), "start", [np.zeros((1, 64)), np.zeros(64)],
      "are 2 functions on a grid"),

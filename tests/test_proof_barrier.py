@@ -410,8 +410,7 @@ def test_above_the_breakup_nothing_is_proved_on_any_ray_and_grid(case, n):
     profile, omega, breakup = LAST[case]
     for sign in (1, -1):
         for beyond in (1e-6, 1e-5, 1e-4, 1e-3, 3e-3, 0.01, 0.03, 0.1):
-            profile = tuple(sign * np.array(profile))
-            assert not any(proofs_above(profile, omega, breakup, n, beyond))
+            assert not any(proofs_above(sign * np.array(profile), omega, breakup, n, beyond))
 
 
 @pytest.mark.parametrize("angle", [np.random.default_rng(17).uniform(0, 360)])
@@ -467,8 +466,14 @@ def test_what_is_not_proved_says_why(omega, kappa, told):
     proof = prove(omega, kappa)
     assert not proof.proved
     assert told in proof.why
-    with pytest.raises(ValueError, match=r"nothing was proved: .*needs proved=True"):
+    with pytest.raises(ValueError, match=r"not proved: .*needs proved=True"):
         proof.certificate()
+
+
+def test_a_grid_beyond_the_budget_is_not_tried():
+    proof = prove(GAMMA, (0.96,), budget=0.01)
+    assert not proof.proved
+    assert "beyond the budget" in proof.why
 
 
 def test_too_few_points_say_which_inequality_fails():

@@ -149,6 +149,35 @@ def test_without_residues_only_the_point_itself_decides(monkeypatch):
     assert verdict((1.2, 0.9)).answer is Answer.TRANSPORT
 
 
+@pytest.mark.parametrize(
+    ("kappa", "evidence"),
+    [((0.3, 0.45), Evidence.CIRCLE_PROVED), ((-0.75, 0.6), Evidence.TRANSPORT_PROVED)],
+)
+def test_a_proof_is_evidence_of_its_own(kappa, evidence):
+    pytest.importorskip("flint")
+    found, sampled = verdict(kappa, prove=True), verdict(kappa)
+    assert found.evidence is evidence
+    assert found.proof.proved
+    assert found.answer is sampled.answer
+    assert sampled.evidence in (Evidence.CIRCLE, Evidence.CONES)
+    told = " ".join(ask.sentences(kappa, found, None))
+    assert "proved for exactly this forcing" in told
+    assert "proved" not in " ".join(ask.sentences(kappa, sampled, None))
+
+
+@pytest.mark.usefixtures("briefly")
+@pytest.mark.parametrize(
+    ("kappa", "evidence"), [((0.3, 0.45), Evidence.CIRCLE), ((-0.75, 0.6), Evidence.CONES)]
+)
+def test_a_proof_that_fails_changes_nothing_and_says_why(monkeypatch, kappa, evidence):
+    pytest.importorskip("flint")
+    monkeypatch.setattr("nasm.verdict._BUDGET", 1e-9)
+    found = verdict(kappa, prove=True)
+    assert found.evidence is evidence
+    assert not found.proof.proved
+    assert "A proof was tried: not proved: " in " ".join(ask.sentences(kappa, found, None))
+
+
 def run(*arguments):
     return CliRunner().invoke(ask.main, [str(argument) for argument in arguments])
 
@@ -160,6 +189,7 @@ def run(*arguments):
         (("0.526", "0.69"), ["BARRIER", "omega = [0;1,3,(1)]", "certified"]),
         (("1.5", "-1.5"), ["TRANSPORT", "Direct iteration: the orbit from"]),
         (("0", "0"), ["BARRIER", "without kicks"]),
+        (("0.7", "0.7", "--prove"), ["BARRIER", "proved for exactly", "A barrier exists"]),
         (("1e-320", "0"), ["BARRIER", "is not known: no breakup found"]),
     ],
 )
@@ -168,7 +198,7 @@ def test_the_answer_in_words_and_as_a_figure(tmp_path, point, told):
     assert result.exit_code == 0, result.output + repr(result.exception)
     for words in told:
         assert words in result.output
-    name = "ask_{}_{}".format(*map(float, point))
+    name = "ask_{}_{}".format(*map(float, point[:2]))
     for kind in ("png", "pdf"):
         assert (tmp_path / f"out/{name}.{kind}").stat().st_size > 10_000
     assert (tmp_path / f"out/{name}.txt").read_text(encoding="utf-8") in result.output

@@ -88,7 +88,9 @@ def sentences(kappa, verdict, escaping):
         number = f"omega = {omega} = {float(omega):.12g} per step"
         lines.append(f"{circle} of {number} (likewise all ±omega + 2n).")
     lines.append(f"Evidence: {verdict.evidence.value}.")
-    if verdict.evidence is Evidence.CONES:
+    if verdict.proof is not None and not verdict.proof.proved:
+        lines.append(f"A proof was tried: {verdict.proof.why}.")
+    if verdict.steps < float("inf"):
         lines.append(f"The longest-lived start is eliminated after {verdict.steps:g} steps.")
     if verdict.evidence is not Evidence.INTEGRABLE:
         lines += _distance(boundary)
@@ -132,8 +134,9 @@ def _distance(boundary):
 @command(ignore_unknown_options=True)
 @click.argument("kappa1", type=float)
 @click.argument("kappa2", type=float)
+@click.option("--prove", is_flag=True, help="Prove the answer, if 20 s are enough.")
 @out_option
-def main(kappa1, kappa2, out):
+def main(kappa1, kappa2, prove, out):
     """Transport or barrier under kicks of strengths KAPPA1, KAPPA2 in turn? With a portrait in OUT.
 
     Strengths are dimensionless, -1e6 to 1e6, and may be negative: -0.69 0.525. The answer may be
@@ -152,7 +155,7 @@ def main(kappa1, kappa2, out):
     except OSError as error:
         raise click.UsageError(f"--out={out}: {error.strerror}; choose another directory") from None
     announce_kernels()
-    found = verdict(kappa)
+    found = verdict(kappa, prove)
     transport = found.answer is Answer.TRANSPORT
     far = not found.boundary.value > _NEAR  # NaN: not known to be near
     escaping = escaping_orbit(kappa) if transport and far else None
