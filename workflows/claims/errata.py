@@ -41,10 +41,7 @@ def _hat(corrected):
 
 def _kap(even, odd):
     def difference(kappa, x, y):
-        start = x, y
-        for n in range(2):
-            x, y = kick(kappa[odd if n % 2 else even], x, y)
-        return np.subtract((x, y), step(kappa, *start))
+        return np.subtract(kick(kappa[odd], *kick(kappa[even], x, y)), step(kappa, x, y))
 
     return largest(difference)
 
