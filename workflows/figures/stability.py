@@ -18,8 +18,8 @@ def draw_stability(studies):
         for axes, part in zip(panels, parts, strict=True):
             _PANELS[part](axes, studies[part])
             axes.grid(lw=0.3)
-            if axes.get_legend_handles_labels()[0]:
-                axes.legend(fontsize="small")
+            if entries := axes.get_legend_handles_labels()[0]:
+                axes.legend(fontsize="small", ncols=1 + (len(entries) > 6))
         drawn[name] = parts, figure
     return drawn
 
