@@ -27,22 +27,21 @@ _MIRRORED = (10.0, 20.0, 30.0, 40.0)
 
 def boundary_claims(bias, n_max, n_orbits):
     """Judge Sec. V; `bias` is that of direct iteration at 45°, from `direct.direct_bias`."""
-    found = {"standard_map": _standard_map(), **_reductions()}
+    gamma, mirrored = (periodic.critical_scale(parse(n), (1.0,)) for n in ("gamma", "1-gamma"))
+    error = gamma.error + mirrored.error + abs(gamma.value - mirrored.value)
+    found = {"standard_map": agrees(gamma.value, error, *KAPPA_G), **_reductions()}
     for name, known in _KNOWN.items():
         found[f"breakup_{name}"], found[f"circles_{name}"] = _critical_circles(*known)
+    sizes = amplitudes(quick=True)
+    most = float(max(sizes["last"].max(), sizes.largest.max()))
+    amplitude = f"largest amplitude {most:.3f}, of circles on rays up to CB_gt"
     return {
         **found,
-        "amplitudes": _amplitudes(),
+        "amplitudes": graded(amplitude, most < 1),
         **_square(n_max, n_orbits),
         **_exponents(bias),
         **_insets(n_orbits),
     }
-
-
-def _standard_map():
-    gamma, mirrored = (periodic.critical_scale(parse(n), (1.0,)) for n in ("gamma", "1-gamma"))
-    error = gamma.error + mirrored.error + abs(gamma.value - mirrored.value)
-    return agrees(gamma.value, error, *KAPPA_G)
 
 
 def _reductions():
@@ -87,12 +86,6 @@ def _standard(omega):
     """Return the one in [0, 1] of ω, -ω and ω + 2, which stand for one another."""
     omega = moebius(omega, 1, -2 * round(float(omega) / 2))
     return omega if float(omega) > 0 else moebius(omega, -1, 0)
-
-
-def _amplitudes():
-    found = amplitudes(quick=True)
-    most = float(max(found["last"].max(), found.largest.max()))
-    return graded(f"largest amplitude {most:.3f}, of circles on rays up to CB_gt", most < 1)
 
 
 def _square(n_max, n_orbits):

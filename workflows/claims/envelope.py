@@ -24,7 +24,7 @@ def ranges(circles, barrier):
 
     from, to : angles of the first and the last ray of the run, degrees.
     circle : exact text of ω; "" where the methods left it open.
-    bracket : the widest (upper - lower)/value.
+    bracket : the widest (upper - lower)/value; NaN if one is unknown.
     short : {name: by how much that circle of the paper's six breaks before CB_gt at least, in parts
         of CB_gt; NaN without a value}.
     """
@@ -41,7 +41,7 @@ def ranges(circles, barrier):
                 "from": float(angles[start]),
                 "to": float(angles[end - 1]),
                 "circle": str(names[start]),
-                "bracket": float(_largest(bracket[run])),
+                "bracket": float(bracket[run].max()),
                 "short": dict(zip(NAMES, short, strict=True)),
             }
         )
@@ -53,10 +53,6 @@ def _shortfall(circles, barrier, name):
     short = 1 - scale.sel(angle=barrier.angle.values, method="nearest") / barrier.critical_scale
     short = short.values[np.isfinite(short.values)]
     return float(short.min()) if short.size else np.nan
-
-
-def _largest(values):
-    return values.max() if np.isfinite(values).all() else np.nan
 
 
 def cells(row):

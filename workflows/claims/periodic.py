@@ -12,8 +12,9 @@ from workflows.parts.period_one import secondary_dataset
 def periodic_claims():
     """Judge Sec. IV."""
     kappas = np.random.default_rng(2).uniform(-4, 4, (2, 500))
-    residue, printed = fixed_points.primary_residue(*kappas), _printed_stability(*kappas)
-    points = fixed_points.PRIMARY
+    half, total, apart = kappas.prod(0) / 2, kappas.sum(0), kappas[0] - kappas[1]
+    printed = np.stack([-total - half, total - half, half - apart, apart + half])
+    residue, points = fixed_points.primary_residue(*kappas), fixed_points.PRIMARY
     tangents = np.array([[step_tangent(kappa, x, y) for kappa in kappas.T] for x, y in points])
     of_tangents = (2 - np.trace(tangents, axis1=-2, axis2=-1)) / 4
     off = max(np.abs(residues - printed / 2).max() for residues in (residue, of_tangents))
@@ -35,11 +36,6 @@ def periodic_claims():
         "primary_symmetric": identity(asymmetry, 1e-13),
         **_secondary_orbits(),
     }
-
-
-def _printed_stability(kappa1, kappa2):
-    product, total, difference = kappa1 * kappa2 / 2, kappa1 + kappa2, kappa1 - kappa2
-    return np.stack([-total - product, total - product, product - difference, difference + product])
 
 
 def _carried_orbits():

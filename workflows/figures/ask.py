@@ -36,7 +36,7 @@ def draw_verdict(portrait):
         _draw_heights(time, portrait)
     else:
         x, y = portrait["escaping"]
-        size = 1.5 + 12 / np.sqrt(x.size)  # a few points are lost among the portrait's
+        size = 1 + 12 / np.sqrt(x.size)  # a few points are lost among the portrait's
         axes.plot(x % 1, cell(y), **dots(_ESCAPING, size))
         axes.plot([], [], label="orbit that escapes", **dots(_ESCAPING, 9))
         time.plot(y, color=_ESCAPING, lw=0.3, marker=".", ms=size, rasterized=True)

@@ -39,16 +39,12 @@ def draw_convergence(bias, others, fits):
     ):
         axes.plot([], [], mark, color="0.4", mfc="none" if mark in "s^" else None, label=words)
     bias_of = f"Bias in parts of that with {count[-1]} orbits"
+    residues, periods = "Greene's residue, and certified circles", "period $q$, or grid points $n$"
     for axes, title, x, y in (
         (direct, f"Direct iteration, {count[-1]} orbits", "steps $N$", r"$\kappa_N/\kappa_c - 1$"),
         (orbits, bias_of, "orbits $M$", "mean over $N$"),
         (cones, "Converse KAM", "steps $N$", "relative error"),
-        (
-            sharp,
-            "Greene's residue, and certified circles",
-            "period $q$, or grid points $n$",
-            "relative error",
-        ),
+        (sharp, residues, periods, "relative error"),
     ):
         axes.set(title=title, xlabel=x, ylabel=y, xscale="log")
         axes.set_yscale("linear" if axes is orbits else "log")

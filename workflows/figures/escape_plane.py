@@ -3,6 +3,7 @@
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.colors import LogNorm
+from matplotlib.patheffects import withStroke
 
 from workflows.figures.style import CIRCLE_COLOURS, power, smoothed
 
@@ -18,10 +19,12 @@ def draw_escape_plane(plane, steps):
         rf"Global transport: {int(plane.ensemble[-1])} orbits, up to "
         rf"${power(plane.attrs['n_max'])}$ steps of $\mathcal{{T}}_{{\kappa_1\kappa_2}}$"
     )
-    field, style = smoothed(draw_field(axes, plane)), {"levels": [0.5], "linewidths": 1.4}
-    for n, colour in zip(steps[::-1], _BOUNDARY_COLOURS, strict=False):
-        axes.contour(plane.kappa1, plane.kappa2, field <= n, colors=colour, **style)
-        axes.plot([], [], color=colour, label=f"$N = {power(n)}$, running median")
+    field = smoothed(draw_field(axes, plane))
+    for n, colour, dash in zip(steps[::-1], _BOUNDARY_COLOURS, ("-", "--", ":"), strict=False):
+        style = {"levels": [0.5], "linewidths": 1.6, "linestyles": dash, "colors": colour}
+        curve = axes.contour(plane.kappa1, plane.kappa2, field <= n, **style)
+        curve.set_path_effects([withStroke(linewidth=3, foreground="white")])
+        axes.plot([], [], dash, color=colour, label=f"$N = {power(n)}$, running median")
     figure.legend(loc="outside lower center", ncols=len(steps), frameon=False)
     return figure
 

@@ -4,7 +4,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.ticker import NullFormatter
 
-from workflows.figures.style import CIRCLE_COLOURS, letters
+from workflows.figures.style import CIRCLE_COLOURS, letters, line_of
+
+_MARKERS = "osD^v"
 
 
 def draw_stability(studies):
@@ -16,8 +18,8 @@ def draw_stability(studies):
         for axes, part in zip(panels, parts, strict=True):
             _PANELS[part](axes, studies[part])
             axes.grid(lw=0.3)
-            if axes.get_legend_handles_labels()[0]:
-                axes.legend(fontsize="small")
+            if entries := axes.get_legend_handles_labels()[0]:
+                axes.legend(fontsize="small", ncols=1 + (len(entries) > 6))
         drawn[name] = parts, figure
     return drawn
 
@@ -27,7 +29,7 @@ def _draw_near_cusp(axes, study):
     for i, name in enumerate(study.approach.attrs["names"]):
         here, colour = study.isel(approach=i), CIRCLE_COLOURS[i]
         off = np.maximum(here.off, 1e-14)
-        axes.plot(study.delta, off, "o-", color=colour, ms=4, label=name)
+        axes.plot(study.delta, off, f"{_MARKERS[i]}-", color=colour, ms=4, label=name)
         axes.plot(study.delta, here.error, "--", color=colour, lw=1)
         silent = study.delta[(here.status != 1).values]
         axes.plot(silent, np.full(silent.size, 0.3 / 2**i), "x", color=colour)
@@ -76,7 +78,10 @@ def _draw_fractions(axes, study):
         axes.errorbar(place, norms.value, norms.error, fmt="s", **style)
         axes.plot(place, residues.value, "o", color=colour, ms=5, label=f"$a = {quotient}$")
         axes.plot(place, here.lower, "_", color=colour)
-    for mark, words in (("o", "residues"), ("s", "continuation"), ("_", "certified")):
+        silent = place[(residues.value.isnull() & norms.value.isnull()).values]
+        axes.plot(silent, np.full(silent.size, 0.1 + 0.12 * i), "x", color=colour, ms=4)
+    marks = {"o": "residues", "s": "continuation", "_": "certified", "x": "no value"}
+    for mark, words in marks.items():
         axes.plot([], [], mark, color="0.4", mfc="none" if mark == "s" else None, label=words)
     axes.axhline(study.attrs["golden"], color="0.5", lw=0.8, label="golden circle")
     axes.set(xscale="log", ylim=(0, 3), xlabel="$q$ of the fraction")
@@ -90,8 +95,9 @@ def _draw_twist(axes, study):
     """Draw lives on the dominant line, and where the twist ends."""
     for i, angle in enumerate(study.angle.values):
         here, colour = study.isel(angle=i), CIRCLE_COLOURS[i]
-        finite, label = here.where(np.isfinite(here)), rf"$\varphi = {angle:g}°$"
-        axes.plot(study.scale, finite.elimination_time, "o-", color=colour, ms=3, label=label)
+        finite, line = here.where(np.isfinite(here)), line_of(i)
+        line["label"] = rf"$\varphi = {angle:g}°$"
+        axes.plot(study.scale, finite.elimination_time, "o", ms=3, **line)
         axes.plot(study.scale, finite.escape_time, "^:", color=colour, ms=3, lw=0.8)
         end = here.scale.where(here.twist < 1e-9).min()
         axes.axvline(float(end), color=colour, lw=0.8, ls="--")
@@ -108,7 +114,8 @@ def _draw_amplitudes(axes, study):
     for i, part in enumerate(study.part.values[:4]):
         label = rf"seven others at ${part:g}\,s_c$"
         here = study.largest.sel(part=part)
-        axes.plot(study.angle, here, ".--", color=CIRCLE_COLOURS[1 + i], label=label)
+        style = {"color": CIRCLE_COLOURS[1 + i], "ms": 4, "label": label}
+        axes.plot(study.angle, here, f"{_MARKERS[1 + i]}--", **style)
     axes.set(xlabel=r"angle $\varphi$ (degrees)", ylabel="amplitude in $y$", ylim=(0, 0.25))
     axes.set_title("Proposition 1 assumes amplitudes below 1")
 
@@ -145,7 +152,7 @@ def _draw_disorder(axes, study):
 def _draw_rounding(axes, study):
     for i, name in enumerate(study.arithmetic.attrs["names"]):
         here, colour = study.isel(arithmetic=i), CIRCLE_COLOURS[i]
-        axes.plot(study.steps, here.drift, "o-", color=colour, ms=4, label=name)
+        axes.plot(study.steps, here.drift, f"{_MARKERS[i]}-", color=colour, ms=4, label=name)
         reversal = here.reversal.where(here.reversal > 0)
         axes.plot(study.steps, reversal, "--", color=colour, lw=1)
     n = study.steps.values

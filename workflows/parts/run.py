@@ -102,7 +102,8 @@ class Run:
             self.line.name = f"sweep {number} of {self.sweeps}, {name}"
             self.line.begin(*(-foreseen for foreseen in self.expected.pop(name, (0, 0))))
         with self.line if self.line and not line_stays else nullcontext():
-            _go_on(sweep(self.client, self.place, job, wanted, self.line))
+            outcome = sweep(self.client, self.place, job, wanted, self.line)
+        _go_on(outcome)
         self._note("cubes", self.place.cube(name))
         return store.read(self.place, name)
 
