@@ -21,7 +21,8 @@ def draw_verdict(portrait):
     of an orbit or None; bracket, (lower, value, upper) of the breakup in parts of the forcing.
     """
     figure = Figure(figsize=(11, 6.2))  # places are given: a layout engine takes half a second
-    places, gaps = [["plane", "time"], ["plane", "where"]], {"hspace": 0.5, "wspace": 0.2}
+    places, gaps = [["plane", "time"], ["plane", "where"]], {"hspace": 0.45, "wspace": 0.12}
+    gaps |= {"left": 0.06, "right": 0.98, "bottom": 0.08, "top": 0.88}
     panels = figure.subplot_mosaic(places, width_ratios=[1.7, 1], gridspec_kw=gaps)
     axes, time, where = panels.values()
     _draw_orbits(axes, portrait)

@@ -28,7 +28,7 @@ def save(figure, out, name, caption=""):
     """
     paths = [f"{out}/{name}.{kind}" for kind in ("png", "pdf")]
     for path, key in zip(paths, ("Description", "Subject"), strict=True):
-        figure.savefig(path, dpi=200, bbox_inches="tight", metadata={key: caption})
+        figure.savefig(path, dpi=200, metadata={key: caption})
     if "matplotlib.pyplot" in sys.modules:  # which keeps its figures; importing it takes a while
         sys.modules["matplotlib.pyplot"].close(figure)
     if caption:
