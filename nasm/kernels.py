@@ -59,9 +59,9 @@ def directory():
     return None
 
 
-def are_compiled():
-    """Whether kernels of these sources are on disk; without a directory for them they never are."""
-    return directory() is not None and any(directory().glob("*.nbc"))
+def are_missing():
+    """Whether kernels of these sources are still to be compiled and kept, once on this machine."""
+    return directory() is not None and not any(directory().glob("*.nbc"))
 
 
 class _Locator(_CacheLocator):

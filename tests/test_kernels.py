@@ -75,6 +75,15 @@ def test_a_home_that_cannot_be_written_is_no_obstacle(run, tmp_path):
     assert run("float", cache=tmp_path / "file" / "cache") == "2.5 0 True"
 
 
+def test_kernels_are_missing_until_one_is_kept_but_not_where_none_can_be(run, tmp_path):
+    (tmp_path / "file").touch()
+    asked = "-c", "from nasm import kernels; print(kernels.are_missing())"
+    assert run(*asked) == "True"
+    run("float")
+    assert run(*asked) == "False"
+    assert run(*asked, cache=tmp_path / "file" / "cache") == "False"
+
+
 def test_kernels_of_other_versions_are_deleted_when_they_are_a_month_old(run, tmp_path):
     names = {"old": "kernels-0000000000000000", "young": "kernels-1111111111111111"}
     for name in (*names.values(), "of_others"):

@@ -179,9 +179,9 @@ cluster_options = together(
 
 def announce_kernels():
     """Say so if the kernels have to be compiled first."""
-    from nasm.kernels import are_compiled
+    from nasm.kernels import are_missing
 
-    if not are_compiled():
+    if are_missing():
         click.echo("compiling kernels, once per machine: about 20 s", err=True)
 
 
