@@ -22,7 +22,8 @@ def test_the_last_barrier_breaks_between_two_proofs(angle):
     residues = barriers.critical_scale(ray(angle))
     assert 0.9 * residues.value < bracket.lower < residues.value < bracket.upper
     assert bracket.upper < 1.02 * residues.value
-    assert bracket.barrier.proved and bracket.transport.proved
+    assert bracket.barrier.proved
+    assert bracket.transport.proved
 
 
 def test_where_no_barrier_is_found_nothing_is_proved():
