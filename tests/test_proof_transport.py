@@ -446,6 +446,11 @@ def test_an_independent_program_checks_the_certificate(angle, excess):
         checker.check(json.loads(json.dumps(proof.certificate())))
 
 
+@pytest.mark.slow
+def test_an_independent_program_checks_a_certificate_of_a_thousandth():
+    checker.check(prove(beyond(45, 1e-3)).certificate())
+
+
 def changed(certificate, key, index, value):
     rows = list(certificate[key])
     rows[index] = value
