@@ -18,7 +18,6 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from nasm.checks import real
 from nasm.kernels import kernel
 from nasm.lanes import FEW, copysign, fabs, fma, load_few, maximum, minimum, own_frame, rint, store
 from nasm.maps import forcing
@@ -45,6 +44,7 @@ from nasm.proof_transport import (
     UP,
     Outcome,
     _check_arithmetic,
+    checked_budget,
 )
 from nasm.sine import SINE
 
@@ -121,7 +121,7 @@ def prove_cell(kappa, half_width, budget=1.0):
     arithmetic is not the one that the proof needs.
     """
     kappa = forcing(kappa)
-    half_width, budget = forcing(np.broadcast_to(half_width, 2)), real("budget", budget)
+    half_width, budget = forcing(np.broadcast_to(half_width, 2)), checked_budget(budget)
     if kappa.size != 2:
         raise ValueError(f"kappa={kappa.tolist()}: the centre of a cell has two strengths")
     if not (half_width > 0).all():
@@ -132,8 +132,6 @@ def prove_cell(kappa, half_width, budget=1.0):
             f"kappa={kappa.tolist()} and half_width={half_width.tolist()} must be multiples of "
             "2**-30, so that the corners of the cell are exact"
         )
-    if not budget > 0:
-        raise ValueError(f"budget={budget!r} must be positive: seconds of computing time")
     _check_arithmetic()
     cell = tuple(kappa.tolist()), tuple(half_width.tolist())
     if (np.abs(kappa) + half_width >= 2).any():

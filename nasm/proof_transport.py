@@ -165,9 +165,7 @@ def prove(kappa, budget=10.0):
     arithmetic is not the one that the proof needs.
     """
     (short,), _ = shorten([forcing(kappa)], rational(0))
-    budget = real("budget", budget)
-    if not budget > 0:
-        raise ValueError(f"budget={budget!r} must be positive: seconds of computing time")
+    budget = checked_budget(budget)
     _check_arithmetic()
     strengths = tuple(short.tolist())
     if len(strengths) > 2 or (len(strengths) == 2 and min(map(abs, strengths)) >= 2):
@@ -197,7 +195,7 @@ def proved_upper(profile, value, budget):
     ValueError as for `prove`, or if value is not positive.
     """
     profile = direction(profile)
-    value, budget = real("value", value), real("budget", budget)
+    value, budget = real("value", value), checked_budget(budget)
     if not 0 < value < math.inf:
         raise ValueError(f"value={value!r} must be positive: the scale at which the circle breaks")
     end = time.thread_time() + budget
@@ -217,6 +215,14 @@ def proved_upper(profile, value, budget):
             failed = excess
         excess = max(reached / 3, math.sqrt(reached * failed), affordable)
     return scale, best or proof
+
+
+def checked_budget(budget):
+    """`budget` as a float; ValueError unless it is a positive number."""
+    budget = real("budget", budget)
+    if not budget > 0:
+        raise ValueError(f"budget={budget!r} must be positive: seconds of computing time")
+    return budget
 
 
 def _covered(k0, k1, a, budget):

@@ -543,6 +543,8 @@ def test_what_is_no_forcing_raises(kappa):
 def test_a_budget_is_positive(budget):
     with pytest.raises(ValueError, match="budget"):
         prove((1.0,), budget)
+    with pytest.raises(ValueError, match="budget"):
+        proved_upper((1.0,), 1.0, budget)
 
 
 def tries_below(count, budget, seed):
