@@ -155,6 +155,11 @@ _overload_operator(operator.mul, "fmul")
 _overload_operator(operator.truediv, "fdiv")
 
 
+@overload(operator.neg)
+def _negate(a):
+    return (lambda a: a * -1.0) if isinstance(a, _LanesType) else None
+
+
 def _lane_pointer(context, builder, array_type, lanes, array, index):
     data = context.make_array(array_type)(context, builder, array).data
     return builder.bitcast(builder.gep(data, [index]), lanes.vector.as_pointer())

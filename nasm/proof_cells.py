@@ -18,12 +18,19 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from nasm.checks import real
 from nasm.kernels import kernel
-from nasm.lanes import FEW, fabs, fma, load_few, maximum, minimum, own_frame, rint, store
+from nasm.lanes import FEW, copysign, fabs, fma, load_few, maximum, minimum, own_frame, rint, store
 from nasm.maps import forcing
 from nasm.periodic import dominant_centre
 from nasm.proof_transport import (
+    _D0,
+    _D1,
+    _D2,
+    _D3,
+    _D4,
+    _D5,
+    _D6,
+    _D7,
     COS,
     COS_CUBIC,
     CUBIC,
@@ -37,8 +44,11 @@ from nasm.proof_transport import (
     UP,
     Outcome,
     _check_arithmetic,
-    _trigonometry,
+    checked_budget,
 )
+from nasm.sine import SINE
+
+_C0, _C1, _C2, _C3, _C4, _C5, _C6, _C7 = SINE
 
 _LARGEST, _KNOWN, _WRONSKIAN, _HUGE = 0.1, 0.8, 1e-3, 1e100  # as in `proof_transport`
 
@@ -111,7 +121,7 @@ def prove_cell(kappa, half_width, budget=1.0):
     arithmetic is not the one that the proof needs.
     """
     kappa = forcing(kappa)
-    half_width, budget = forcing(np.broadcast_to(half_width, 2)), real("budget", budget)
+    half_width, budget = forcing(np.broadcast_to(half_width, 2)), checked_budget(budget)
     if kappa.size != 2:
         raise ValueError(f"kappa={kappa.tolist()}: the centre of a cell has two strengths")
     if not (half_width > 0).all():
@@ -122,8 +132,6 @@ def prove_cell(kappa, half_width, budget=1.0):
             f"kappa={kappa.tolist()} and half_width={half_width.tolist()} must be multiples of "
             "2**-30, so that the corners of the cell are exact"
         )
-    if not budget > 0:
-        raise ValueError(f"budget={budget!r} must be positive: seconds of computing time")
     _check_arithmetic()
     cell = tuple(kappa.tolist()), tuple(half_width.tolist())
     if (np.abs(kappa) + half_width >= 2).any():
@@ -392,6 +400,29 @@ def _replay(lanes, lane):
             return n + 1, _FAILED if not bad <= 0 else _ELIMINATED, split
         k0, h0, k1, h1 = k1, h1, k0, h0
     return _BLOCK, _FAILED, 0
+
+
+@njit(forceinline=True)
+def _trigonometry(x):
+    """rint X - X, h = sin 2πx/2π and cos 2πx of x = X + 1/4, on lanes or floats."""
+    back = rint(x) - x
+    u = 0.25 - fabs(back)
+    u2 = u * u
+    s = fma(u2, _C7, _C6)
+    s = fma(s, u2, _C5)
+    s = fma(s, u2, _C4)
+    s = fma(s, u2, _C3)
+    s = fma(s, u2, _C2)
+    s = fma(s, u2, _C1)
+    s = fma(s, u2, _C0)
+    d = fma(u2, _D7, _D6)
+    d = fma(d, u2, _D5)
+    d = fma(d, u2, _D4)
+    d = fma(d, u2, _D3)
+    d = fma(d, u2, _D2)
+    d = fma(d, u2, _D1)
+    d = fma(d, u2, _D0)
+    return back, s * u, copysign(d, back)
 
 
 @njit(forceinline=True, error_model="numpy")

@@ -13,9 +13,10 @@ proves its hypothesis in floating point, are in `PROOFS.md`, "Transport is globa
 
     x_n(σ) = x̂_n + σ t_n + σ² q_n + ρ_n,   |ρ_n| ≤ A_n|v_n| + B_n|t_n|,   |σ| ≤ 1,
 
-v and t being the even and the odd solution of the linearised chain, t_1 = δ, and q that of second
-order, all in floats. A and B gather the remainder of third order and all rounding, in the frame of
-v and t, where nothing is multiplied from kick to kick. One η serves a box: v with payments. To
+x̂ in sums of two floats, v and t, in floats, the even and the odd solution of the linearised chain,
+t_1 = δ, and q that of second order. A and B gather the remainder of third order and all rounding,
+in the frame of v and t, where nothing is multiplied from kick to kick. One η serves a box: v with
+payments. To
 
     V_{n+1} = (2 + κ_n cos 2πx̂_n + μ_n) V_n - V_{n-1}
 
@@ -31,11 +32,13 @@ import math
 import time
 from dataclasses import dataclass
 from enum import Enum
+from math import factorial
 
 import numpy as np
 from numba import njit
 
 from nasm.checks import real
+from nasm.double_double import _PI, _pair, _renormalised, two_sum
 from nasm.kernels import kernel
 from nasm.lanes import (
     FEW,
@@ -55,13 +58,19 @@ from nasm.periodic import dominant_centre
 from nasm.sine import SINE
 from nasm.symmetries import shorten
 
-_C0, _C1, _C2, _C3, _C4, _C5, _C6, _C7 = SINE
 _D0, _D1, _D2, _D3, _D4, _D5, _D6, _D7 = ((2 * k + 1) * c for k, c in enumerate(SINE))
 
+# Taylor coefficients of sin 2πu / 2πu in u²: four sums of two floats, eight floats.
+_SERIES = [(-1) ** k * (2 * _PI) ** (2 * k) / factorial(2 * k + 1) for k in range(12)]
+_S0, _S1, _S2, _S3 = map(_pair, _SERIES[:4])
+_S4, _S5, _S6, _S7, _S8, _S9, _S10, _S11 = map(float, _SERIES[4:])
+
 ULP = 2.0**-53  # of rounding, relative; and a bound of the error of h = sin 2πx/2π
+ORBIT = 2.0**-66  # a bound of the error of h as a sum of two floats, and of rounding x and y
 COS = 2.1e-14  # a bound of the error of cos 2πx; the tests prove both in ball arithmetic
 UP = 1 + 1e-14  # makes up for 90 roundings of sums and products of positive numbers
 DOWN = 1 - 1e-14
+MORE = 1.0001  # makes up for 10¹¹ roundings of a sum of positive numbers
 PI, TWO_PI, TWO_PI2 = 3.141592653589793, 6.283185307179586, 19.739208802178716
 CUBIC, QUARTIC = 6.58, 10.34  # (2π)²/6 and (2π)³/24, rounded up: remainders of h
 COS_CUBIC = 41.35  # (2π)³/6, rounded up: the remainder of cos
@@ -76,7 +85,7 @@ _HUGE = 1e100  # V beyond which products may overflow
 _FIRST = 16  # boxes to begin with
 _SMALLEST = 2.0**-50  # δ; centres are exact down to there
 _BLOCK = 8  # kicks between two looks for events; even
-_ROWS = 17
+_ROWS, _V = 19, 6  # numbers of a box, and which of them is V
 _MOST_WAITING = 2048  # boxes: each of 16 lanes leaves one behind at each of 46 halvings
 _FIRST_EXCESS = 0.1  # s/value - 1 where `proved_upper` begins
 _KICKS = 2_000_000  # in one call of the kernel
@@ -160,9 +169,7 @@ def prove(kappa, budget=10.0):
     arithmetic is not the one that the proof needs.
     """
     (short,), _ = shorten([forcing(kappa)], rational(0))
-    budget = real("budget", budget)
-    if not budget > 0:
-        raise ValueError(f"budget={budget!r} must be positive: seconds of computing time")
+    budget = checked_budget(budget)
     _check_arithmetic()
     strengths = tuple(short.tolist())
     if len(strengths) > 2 or (len(strengths) == 2 and min(map(abs, strengths)) >= 2):
@@ -192,7 +199,7 @@ def proved_upper(profile, value, budget):
     ValueError as for `prove`, or if value is not positive.
     """
     profile = direction(profile)
-    value, budget = real("value", value), real("budget", budget)
+    value, budget = real("value", value), checked_budget(budget)
     if not 0 < value < math.inf:
         raise ValueError(f"value={value!r} must be positive: the scale at which the circle breaks")
     end = time.thread_time() + budget
@@ -212,6 +219,14 @@ def proved_upper(profile, value, budget):
             failed = excess
         excess = max(reached / 3, math.sqrt(reached * failed), affordable)
     return scale, best or proof
+
+
+def checked_budget(budget):
+    """`budget` as a float; ValueError unless it is a positive number."""
+    budget = real("budget", budget)
+    if not budget > 0:
+        raise ValueError(f"budget={budget!r} must be positive: seconds of computing time")
+    return budget
 
 
 def _covered(k0, k1, a, budget):
@@ -328,53 +343,61 @@ def _start(lanes, lane, k0, x, y, delta):
     """The state of a box before the kick of its line."""
     for row in range(_ROWS):
         lanes[row, lane] = 0.0
-    lanes[0, lane], lanes[1, lane] = x, y
-    lanes[2, lane] = lanes[4, lane] = 1.0  # v, V
-    lanes[3, lane] = lanes[5, lane] = abs(k0) / 2  # their last differences
-    lanes[7, lane] = delta  # the difference of t
-    lanes[16, lane] = 1 / delta
+    lanes[0, lane], lanes[2, lane] = x, y
+    lanes[4, lane] = lanes[6, lane] = 1.0  # v, V
+    lanes[5, lane] = lanes[7, lane] = abs(k0) / 2  # their last differences
+    lanes[9, lane] = delta  # the difference of t
+    lanes[18, lane] = 1 / delta
 
 
 @njit(nogil=True, error_model="numpy")
 def _advance(k0, k1, lanes, events):
     """A block of kicks of all lanes, in place; the smallest V into events[0], `bad` into [1]."""
     own_frame()
-    x, y = load_few(lanes, 0), load_few(lanes, FEW)
-    v, w, V, W = (
+    state = (
+        load_few(lanes, 0 * FEW),
+        load_few(lanes, 1 * FEW),
         load_few(lanes, 2 * FEW),
         load_few(lanes, 3 * FEW),
         load_few(lanes, 4 * FEW),
         load_few(lanes, 5 * FEW),
+        load_few(lanes, 6 * FEW),
+        load_few(lanes, 7 * FEW),
+        load_few(lanes, 8 * FEW),
+        load_few(lanes, 9 * FEW),
+        load_few(lanes, 10 * FEW),
+        load_few(lanes, 11 * FEW),
+        load_few(lanes, 12 * FEW),
+        load_few(lanes, 13 * FEW),
+        load_few(lanes, 14 * FEW),
+        load_few(lanes, 15 * FEW),
+        load_few(lanes, 16 * FEW),
+        load_few(lanes, 17 * FEW),
     )
-    t, z = load_few(lanes, 6 * FEW), load_few(lanes, 7 * FEW)
-    q, p = load_few(lanes, 8 * FEW), load_few(lanes, 9 * FEW)
-    A, B = load_few(lanes, 10 * FEW), load_few(lanes, 11 * FEW)
-    linear, quadratic = load_few(lanes, 12 * FEW), load_few(lanes, 13 * FEW)
-    rest, paid = load_few(lanes, 14 * FEW), load_few(lanes, 15 * FEW)
-    scale = load_few(lanes, 16 * FEW)
-    smallest, worst = V, A - A  # zeros
+    scale = load_few(lanes, 18 * FEW)
+    smallest, worst = state[_V], scale - scale  # zeros
     for _ in range(_BLOCK):
-        x, y, v, w, V, W, t, z, q, p, A, B, linear, quadratic, rest, paid, bad = _kick(
-            k0, scale, x, y, v, w, V, W, t, z, q, p, A, B, linear, quadratic, rest, paid
-        )
-        smallest, worst = minimum(smallest, V), worst + bad
+        state, bad = _kick(k0, scale, state)
+        smallest, worst = minimum(smallest, state[_V]), worst + bad
         k0, k1 = k1, k0
-    store(lanes, 0, x)
-    store(lanes, FEW, y)
-    store(lanes, 2 * FEW, v)
-    store(lanes, 3 * FEW, w)
-    store(lanes, 4 * FEW, V)
-    store(lanes, 5 * FEW, W)
-    store(lanes, 6 * FEW, t)
-    store(lanes, 7 * FEW, z)
-    store(lanes, 8 * FEW, q)
-    store(lanes, 9 * FEW, p)
-    store(lanes, 10 * FEW, A)
-    store(lanes, 11 * FEW, B)
-    store(lanes, 12 * FEW, linear)
-    store(lanes, 13 * FEW, quadratic)
-    store(lanes, 14 * FEW, rest)
-    store(lanes, 15 * FEW, paid)
+    store(lanes, 0 * FEW, state[0])
+    store(lanes, 1 * FEW, state[1])
+    store(lanes, 2 * FEW, state[2])
+    store(lanes, 3 * FEW, state[3])
+    store(lanes, 4 * FEW, state[4])
+    store(lanes, 5 * FEW, state[5])
+    store(lanes, 6 * FEW, state[6])
+    store(lanes, 7 * FEW, state[7])
+    store(lanes, 8 * FEW, state[8])
+    store(lanes, 9 * FEW, state[9])
+    store(lanes, 10 * FEW, state[10])
+    store(lanes, 11 * FEW, state[11])
+    store(lanes, 12 * FEW, state[12])
+    store(lanes, 13 * FEW, state[13])
+    store(lanes, 14 * FEW, state[14])
+    store(lanes, 15 * FEW, state[15])
+    store(lanes, 16 * FEW, state[16])
+    store(lanes, 17 * FEW, state[17])
     store(events, 0, smallest)
     store(events, FEW, worst)
 
@@ -382,101 +405,142 @@ def _advance(k0, k1, lanes, events):
 @njit(nogil=True, error_model="numpy")
 def _replay(k0, k1, lanes, lane):
     """(kicks, outcome) of the lane within a block, kick by kick: the definition."""
-    x, y, v, w = lanes[0, lane], lanes[1, lane], lanes[2, lane], lanes[3, lane]
-    V, W, t, z = lanes[4, lane], lanes[5, lane], lanes[6, lane], lanes[7, lane]
-    q, p, A, B = lanes[8, lane], lanes[9, lane], lanes[10, lane], lanes[11, lane]
-    linear, quadratic = lanes[12, lane], lanes[13, lane]
-    rest, paid, scale = lanes[14, lane], lanes[15, lane], lanes[16, lane]
+    state = (
+        lanes[0, lane],
+        lanes[1, lane],
+        lanes[2, lane],
+        lanes[3, lane],
+        lanes[4, lane],
+        lanes[5, lane],
+        lanes[6, lane],
+        lanes[7, lane],
+        lanes[8, lane],
+        lanes[9, lane],
+        lanes[10, lane],
+        lanes[11, lane],
+        lanes[12, lane],
+        lanes[13, lane],
+        lanes[14, lane],
+        lanes[15, lane],
+        lanes[16, lane],
+        lanes[17, lane],
+    )
     for n in range(_BLOCK):
-        x, y, v, w, V, W, t, z, q, p, A, B, linear, quadratic, rest, paid, bad = _kick(
-            k0, scale, x, y, v, w, V, W, t, z, q, p, A, B, linear, quadratic, rest, paid
-        )
+        state, bad = _kick(k0, lanes[18, lane], state)
         if not bad <= 0:
             return n + 1, _FAILED
-        if V <= 0:
+        if state[_V] <= 0:
             return n + 1, _ELIMINATED
         k0, k1 = k1, k0
     return _BLOCK, _FAILED
 
 
 @njit(forceinline=True)
-def _trigonometry(x):
-    """rint X - X, h = sin 2πx/2π and cos 2πx of x = X + 1/4, on lanes or floats."""
+def _accurate(x, x_low):
+    """rint X - X of the leading part, h = sin 2πx/2π as a sum of two, and cos 2πx; x - 1/4 = X is
+    x + x_low. On lanes or floats."""
     back = rint(x) - x
-    u = 0.25 - fabs(back)
-    u2 = u * u
-    s = fma(u2, _C7, _C6)
-    s = fma(s, u2, _C5)
-    s = fma(s, u2, _C4)
-    s = fma(s, u2, _C3)
-    s = fma(s, u2, _C2)
-    s = fma(s, u2, _C1)
-    s = fma(s, u2, _C0)
-    d = fma(u2, _D7, _D6)
-    d = fma(d, u2, _D5)
-    d = fma(d, u2, _D4)
-    d = fma(d, u2, _D3)
-    d = fma(d, u2, _D2)
-    d = fma(d, u2, _D1)
-    d = fma(d, u2, _D0)
-    return back, s * u, copysign(d, back)
+    r = fabs(back)
+    u = 0.25 - r
+    u_low = (0.25 - u) - r
+    v = u * u
+    v_low = fma(2.0 * u, u_low, fma(u, u, -v))
+    s = fma(v, _S11, _S10)
+    s = fma(s, v, _S9)
+    s = fma(s, v, _S8)
+    s = fma(s, v, _S7)
+    s = fma(s, v, _S6)
+    s = fma(s, v, _S5)
+    s = fma(s, v, _S4)
+    s, s_low = _next(s, 0.0, v, v_low, _S3)
+    s, s_low = _next(s, s_low, v, v_low, _S2)
+    s, s_low = _next(s, s_low, v, v_low, _S1)
+    s, s_low = _next(s, s_low, v, v_low, _S0)
+    d = fma(v, _D7, _D6)
+    d = fma(d, v, _D5)
+    d = fma(d, v, _D4)
+    d = fma(d, v, _D3)
+    d = fma(d, v, _D2)
+    d = fma(d, v, _D1)
+    d = fma(d, v, _D0)
+    c = copysign(d, back)
+    h = u * s
+    h_low = fma(u_low, s, fma(u, s_low, fma(u, s, -h)))
+    return back, h, fma(c, x_low, h_low), c
+
+
+@njit(forceinline=True)
+def _next(s, s_low, v, v_low, coefficient):
+    """(s + s_low)(v + v_low) + coefficient, whose leading part is the largest number."""
+    product = s * v
+    error = fma(s_low, v, fma(s, v_low, fma(s, v, -product)))
+    total = coefficient[0] + product
+    return total, (product - (total - coefficient[0])) + (error + coefficient[1])
 
 
 @njit(forceinline=True, error_model="numpy")
-def _kick(k, scale, x, y, v, w, V, W, t, z, q, p, A, B, linear, quadratic, rest, paid):
-    """One kick of a box, on lanes or floats; x is the shifted angle X = x̂ - 1/4, scale 1/δ.
+def _kick(k, scale, state):
+    """One kick of a box, on lanes or floats; x + x_low is the shifted angle x̂ - 1/4, scale 1/δ.
 
-    w, W, z, p are the last differences of v, V, t, q. The last result, `bad`, is 0 while the
-    bounds hold, and NaN or positive if not.
+    w, W, z, p are the last differences of v, V, t, q. Returns the state and `bad`, which is 0 while
+    the bounds hold, and NaN or positive if not.
     """
+    x, x_low, y, y_low, v, w, V, W, t, z, q, p, A, B, linear, quadratic, rest, paid = state
     size = fabs(k)
-    back, h, c = _trigonometry(x)
+    back, h, h_low, c = _accurate(x, x_low)
     kc = k * c
     f2 = -TWO_PI2 * k * h  # κh''/2
 
     # |x - x̂|: all of it, what is not σt, and what is known by its bound alone.
     straight = fabs(t)
-    unknown = A * fabs(v) + B * straight
-    curved = (fabs(q) + unknown) * UP
-    E = (straight + curved) * UP
+    unknown = fma(A, fabs(v), B * straight)
+    curved = fabs(q) + unknown
+    E = straight + curved
     E2 = E * E
     E3 = E2 * E
-    sine = TWO_PI * (fabs(h) + ULP) * UP
+    cosine = fabs(c)
+    sine = fma(fabs(h), TWO_PI, 7e-16)
     both = curved * (E + straight)  # |(x - x̂)² - (σt)²|
 
     # Payment: for what Q may be larger by than in the middle, and for rounding.
     V2 = V * V
-    linear = linear + 2.0 * f2 * t * V2
-    quadratic = quadratic + (2.0 * f2 * q - TWO_PI2 * kc * t * t) * V2
-    change = TWO_PI * sine * unknown + TWO_PI2 * fabs(c) * both + COS_CUBIC * E3
-    rounding = 3e-14 + 1e-12 * E
+    f4 = 2.0 * f2
+    linear = fma(f4 * t, V2, linear)
+    quadratic = fma(fma(f4, q, -(TWO_PI2 * kc) * t * t), V2, quadratic)
+    change = fma(TWO_PI * sine, unknown, fma(TWO_PI2 * cosine, both, COS_CUBIC * E3))
+    rounding = fma(E, 1e-12, 3e-14)
     signed = fabs(linear) + fabs(quadratic)
-    rest = UP * (rest + V2 * (size * change + (1.0 + size) * rounding) + 1e-15 * signed)
-    due = maximum(0.0, UP * (fabs(linear) + maximum(0.0, quadratic) + rest) - paid)
-    paid = (paid + due) * DOWN
-    W = fma(kc, V, W) + due / V * UP
+    rest = fma(V2, fma(change, size, rounding * (1.0 + size)), rest) * UP + 1e-15 * signed
+    due = maximum(0.0, (fabs(linear) + maximum(0.0, quadratic) + rest) * UP - paid)
+    paid = paid + due
+    W = fma(kc, V, W) + due / V * MORE
     V = V + W
 
     # One kick on.
     w = fma(kc, v, w)
     z = fma(kc, t, z)
-    p = fma(kc, q, p) + f2 * t * t
+    p = fma(f2 * t, t, fma(kc, q, p))
     v1, t1, q1 = v + w, t + z, q + p
     # Defects: of the orbit, of its expansion, of the three solutions, of the cosine.
-    E1 = A * fabs(v1) + (1.0 + B) * fabs(t1) + fabs(q1)
-    expansion = PI * sine * both + CUBIC * fabs(c) * E3 + QUARTIC * E2 * E2
-    solutions = 3.1 * ULP * (E1 + E) + size * (COS + 4 * ULP) * (E + 41.0 * E2)
-    defect = 1.002 * ((size + 1.5) * ULP + size * expansion + solutions) * scale
-    vt, tv = v * t1 * scale, t * v1 * scale
-    wronskian = fabs(vt - tv - 1.0) + 4 * ULP * (fabs(vt) + fabs(tv))
-    A = (A + defect * straight) * UP
-    B = (B + defect * fabs(v)) * UP
+    E1 = fma(A, fabs(v1), fma(B, fabs(t1), fabs(t1) + fabs(q1)))
+    expansion = fma(PI * sine, both, fma(CUBIC * cosine, E3, QUARTIC * E2 * E2))
+    solutions = fma(E1 + E, 3.1 * ULP, fma(E2, 41.0, E) * (size * (COS + 4 * ULP)))
+    defect = fma(expansion, size, solutions + (size + 1.0) * ORBIT) * (1.002 * scale)
+    tv = t * v1
+    wronskian = fabs(fma(v, t1, -tv) * scale - 1.0) + fabs(tv) * (4 * ULP * scale)
+    A = fma(defect, straight, A)
+    B = fma(defect, fabs(v), B)
     bad = (
         maximum(0.0, E - _LARGEST)
-        + maximum(0.0, curved - _KNOWN * E)
+        + maximum(0.0, fma(E, -_KNOWN, curved))
         + maximum(0.0, wronskian - _WRONSKIAN)
         + maximum(0.0, V - _HUGE)
     )
-    y = fma(k, h, y)
+    product = k * h
+    y, error = two_sum(y, product)
+    y, y_low = _renormalised(y, error + (y_low + fma(k, h_low, fma(k, h, -product))))
     y = y - rint(y)
-    return y - back, y, v1, w, V, W, t1, z, q1, p, A, B, linear, quadratic, rest, paid, bad
+    x, error = two_sum(y, -back)
+    x, x_low = _renormalised(x, error + (x_low + y_low))
+    state = (x, x_low, y, y_low, v1, w, V, W, t1, z, q1, p, A, B, linear, quadratic, rest, paid)
+    return state, bad
