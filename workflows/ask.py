@@ -156,7 +156,10 @@ def main(kappa1, kappa2, prove, out):
         raise click.UsageError(f"--out={out}: {error.strerror}; choose another directory") from None
     if not kernels.are_compiled():
         click.echo("compiling kernels, once per machine: about 20 s", err=True)
-    found = verdict(kappa, prove)
+    try:
+        found = verdict(kappa, prove)
+    except ImportError as error:  # --prove without the extra
+        raise click.ClickException(str(error)) from None
     transport = found.answer is Answer.TRANSPORT
     far = not found.boundary.value > _NEAR  # NaN: not known to be near
     escaping = escaping_orbit(kappa) if transport and far else None
