@@ -686,4 +686,5 @@ def _doubles(rows, odd, scale=1):
 def _grid_size(start):
     """Points for the circle's rate of decay: enough on nearly all of the rays that were tried."""
     rate = _decay(np.abs(np.fft.rfft(start)).max(axis=0), 1e-6)
-    return max(64, 2 * next_fast_len(ceil(min(max(5.5, -2.05 * log(rate)), 15.8) / rate)))
+    half = max(5.5, min(-2.05 * log(rate), 10 - 0.7 * log(rate))) / rate
+    return max(64, 2 * next_fast_len(ceil(half)))

@@ -204,6 +204,13 @@ def test_the_answer_in_words_and_as_a_figure(tmp_path, point, told):
     assert (tmp_path / f"out/{name}.txt").read_text(encoding="utf-8") in result.output
 
 
+def test_without_python_flint_asking_for_a_proof_says_what_to_install(monkeypatch, tmp_path):
+    monkeypatch.setattr("nasm.proof_barrier.arb", None)
+    result = run("0.3", "0.4", "--prove", "--out", tmp_path)
+    assert result.exit_code == 1
+    assert "pip install 'nasm-transport[proof]'" in result.output
+
+
 def test_the_circle_is_drawn_over_the_whole_period():
     kappa = (0.3, 0.4)
     figure = draw_verdict(ask.portrait_of(kappa, verdict(kappa), None))
