@@ -4,7 +4,6 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.colors import ListedColormap
 
-from nasm.symmetries import ray
 from pipeline.cubes.proved_map import REACH, TRANSPORT
 
 _TRANSPORT, _OPEN = "#E69F00", "0.92"
@@ -25,9 +24,8 @@ def draw_proved_map(cube, barrier):
     box = (-REACH, REACH, -REACH, REACH)
     style = {"origin": "lower", "extent": box, "interpolation": "nearest"}
     axes.imshow(whole, cmap=ListedColormap([_OPEN, _TRANSPORT]), vmin=0, vmax=1, **style)
-    angles = np.append(barrier.angle.values, 90 - barrier.angle.values[::-1])
-    scales = np.append(barrier.critical_scale.values, barrier.critical_scale.values[::-1])
-    x, y = (scales[:, None] * ray(angles)).T
+    x = np.append(barrier.kappa1, barrier.kappa2[::-1])
+    y = np.append(barrier.kappa2, barrier.kappa1[::-1])
     for sign1, sign2 in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
         axes.plot(sign1 * x, sign2 * y, color="black", lw=0.8)
     axes.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$", aspect="equal")
