@@ -4,8 +4,6 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.colors import ListedColormap
 
-from pipeline.cubes.proved_map import REACH, TRANSPORT
-
 _TRANSPORT, _OPEN = "#E69F00", "0.92"
 
 
@@ -14,14 +12,14 @@ def draw_proved_map(cube, barrier):
 
     cube : `proved_map`; its half κ2 > κ1 is filled by reflection. barrier : CB_gt from 0° to 45°.
     """
-    proved = np.where(
-        np.tri(cube.proved.shape[0], dtype=bool), cube.proved.values.T, cube.proved.values
-    )
-    transport = np.triu(proved == TRANSPORT)
+    flags = cube.proved.attrs
+    proved = dict(zip(flags["flag_meanings"].split(), flags["flag_values"], strict=True))
+    transport = np.triu(cube.proved.values == proved["transport_is_global"])
     transport |= transport.T
     whole = np.block([[transport[::-1, ::-1], transport[::-1]], [transport[:, ::-1], transport]])
     figure, axes = plt.subplots(figsize=(7.5, 7), layout="constrained")
-    box = (-REACH, REACH, -REACH, REACH)
+    reach = _reach(cube)
+    box = (-reach, reach, -reach, reach)
     style = {"origin": "lower", "extent": box, "interpolation": "nearest"}
     axes.imshow(whole, cmap=ListedColormap([_OPEN, _TRANSPORT]), vmin=0, vmax=1, **style)
     x = np.append(barrier.kappa1, barrier.kappa2[::-1])
@@ -33,6 +31,10 @@ def draw_proved_map(cube, barrier):
     return figure, _caption(cube, transport, barrier)
 
 
+def _reach(cube):
+    return float(cube.kappa1[-1] + cube.kappa1[0])
+
+
 def _caption(cube, transport, barrier):
     kappa1, kappa2 = np.meshgrid(cube.kappa1, cube.kappa2)
     angle = np.rad2deg(np.arctan2(kappa2, kappa1))
@@ -41,7 +43,7 @@ def _caption(cube, transport, barrier):
     open_ = excess[wedge & ~transport]
     return (
         f"Transport is proved to be global for every forcing of {100 * transport[wedge].mean():.1f}"
-        f"% of the plane up to {REACH:g} beyond CB_gt (line: by residues, no proof), in cells down "
+        f"% of the plane up to {_reach(cube):g} beyond CB_gt (line: by residues, no proof), in cells down "
         f"to 1/{cube.attrs['cells']}. Half of the open area there is within "
         f"{100 * np.median(open_):.1g}% of the boundary, 95% within "
         f"{100 * np.quantile(open_, 0.95):.2g}%, all within {100 * open_.max():.2g}%. Inside CB_gt "
