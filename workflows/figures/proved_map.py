@@ -43,8 +43,8 @@ def _caption(cube, transport, barrier):
     open_ = excess[wedge & ~transport]
     return (
         f"Transport is proved to be global for every forcing of {100 * transport[wedge].mean():.1f}"
-        f"% of the plane up to {_reach(cube):g} beyond CB_gt (line: by residues, no proof), in cells down "
-        f"to 1/{cube.attrs['cells']}. Half of the open area there is within "
+        f"% of the plane up to {_reach(cube):g} beyond CB_gt (line: by residues, no proof), in "
+        f"cells down to 1/{cube.attrs['cells']}. Half of the open area there is within "
         f"{100 * np.median(open_):.1g}% of the boundary, 95% within "
         f"{100 * np.quantile(open_, 0.95):.2g}%, all within {100 * open_.max():.2g}%. Inside CB_gt "
         "all is open here: proofs that a barrier exists are of single forcings."
