@@ -58,11 +58,6 @@ def test_the_last_circle_of_the_standard_map_in_all_its_disguises(profile, exact
     assert found.omega in [parse(name) for name in omegas]
 
 
-def test_the_last_omegas_as_continued_fractions():
-    assert str(critical_scale((1, 1), 1e-2).omega) == "[0;1,3,(4)]"
-    assert str(critical_scale((1, -1), 1e-2).omega) == "[0;(4)]"
-
-
 def test_on_the_axes_gamma_stands_for_itself_and_for_one_minus_gamma():
     for profile in ((1, 0), (0, 1), (-1, 0)):
         assert critical_scale(profile, 1e-2).omega == GAMMA

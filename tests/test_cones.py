@@ -112,12 +112,6 @@ def test_times_count_periods():
         assert_array_equal(elimination_time((1.1,) * period, Y, 600 // period) * period, kicks)
 
 
-def test_the_shape_is_that_of_the_starts():
-    assert elimination_time((1.1, 0.2), 0.1, 10).shape == ()
-    assert elimination_time((1.1, 0.2), Y.reshape(3, 100), 10).shape == (3, 100)
-    assert elimination_time((1.1, 0.2), [], 10).shape == (0,)
-
-
 coordinate = st.floats(0, 0.5)
 strength = st.floats(0.2, 1.9)
 
@@ -274,12 +268,6 @@ def test_a_dense_scan_finds_no_longer_life(degrees):
     _, time = longest_lived(kappa, 10**6)
     dense = elimination_time(kappa, (np.arange(2**21) + 0.3) / 2**22, 10**6).max()
     assert 0.98 * time <= dense <= 1.005 * time
-
-
-def test_the_grids_have_no_start_in_common():
-    (n, offset), (m, other) = cones._GRIDS
-    first, second = (np.arange(n) + offset) / n, (np.arange(m) + other) / m
-    assert np.abs(first[:, None] - second).min() > 1e-9
 
 
 @pytest.mark.parametrize("n_max", [400, 1600])

@@ -21,7 +21,7 @@ import toy
 from pipeline import store
 from pipeline.sweep.cluster import ClusterError, connect
 from pipeline.sweep.progress import Progress, duration
-from pipeline.sweep.sweep import _ended, sweep
+from pipeline.sweep.sweep import _Run, sweep
 
 
 @pytest.fixture(scope="module")
@@ -301,13 +301,16 @@ def test_the_batches_in_flight_follow_the_workers_that_there_are(monkeypatch):
             promise.end(promise)
         return range(workers[len(seen) - 1])
 
-    def submit(batch):
+    def submit(*task, pure):
         in_flight.append(Promise())
         return in_flight[-1]
 
-    client = SimpleNamespace(nthreads=nthreads)
-    next_batch = partial(next, iter(range(90)), None)
-    assert [batch for batch, _ in _ended(client, submit, next_batch)] == list(range(90))
+    monkeypatch.setattr(_Run, "predicted", lambda run: None)
+    client = SimpleNamespace(nthreads=nthreads, submit=submit)
+    run = _Run(client, None, toy.line(90), np.arange(90)[:, None])
+    batches = [np.array([i]) for i in range(90)]
+    ended = run.ended(None, partial(next, iter(batches), None))
+    assert [batch.item() for batch, _ in ended] == list(range(90))
     # Two per worker, and one as long as there is none; one of them has ended a moment before.
     assert [seen[i] for i in (9, 29, 39, 59)] == [1, 7, 1, 3]
 

@@ -103,12 +103,6 @@ def test_alternation_of_kicks_with_idle_ones_between(spacing, first, kicks, data
     assert_orbits_agree(kicked_orbit(alternated, x, y, 7), (moved, ys + 1 / (2 * spacing)))
 
 
-@pytest.mark.parametrize(("kappa", "spacing"), [((0.3, 0, 0.2), 1), ((0.3, 0.1, -0.3, 0), 2)])
-def test_alternation_of_spaced_kicks_needs_an_even_number_and_no_others(kappa, spacing):
-    with pytest.raises(ValueError, match=rf"does not kick every {spacing}th site alone"):
-        symmetries.alternate_spaced(kappa, 0.0, 0.0, spacing)
-
-
 @settings(deadline=None)
 @given(case=cases())
 def test_shift(case):

@@ -10,24 +10,17 @@ Arrays are (…, rows, columns), with as many cells per tile side at every level
 
 import numpy as np
 
-FACTOR = 2
-"""Cells of the next level per cell and dimension."""
+FACTOR = 2  # cells of the next level per cell and dimension
 
 
 def refine(compute, ask, levels, tile):
-    """Compute a field level by level, finer only along the boundaries; see `compose`.
+    """Compute a field level by level, finer only along the boundaries; returns as `compose`.
 
-    Parameters
-    ----------
     compute : (level, set of tiles or None for all) → field of that level, NaN where not computed;
         called again for a level with more tiles, it returns all of them.
     ask : field → bool array (questions, rows, columns).
     levels : int ≥ 1.
     tile : int, cells along each side of a tile.
-
-    Returns
-    -------
-    field, level : as by `compose`.
     """
     fields = [compute(0, None)]
     for number in range(1, levels):
