@@ -39,8 +39,7 @@ def plane(name, kappa1, kappa2, sizes, n_max, tile):
         coords[ends] = coordinate((dim, "bound"), axis.bounds, "ends of the cells")
     title = "First escape times of the nonautonomous standard map"
     tiles, settings = {"kappa2": tile, "kappa1": tile}, {"cells_per_tile": tile}
-    plan = name, sizes, n_max, coords, tiles, settings, title
-    return _job(*plan, _on_plane, _predict_plane)
+    return _job(name, sizes, n_max, coords, tiles, settings, title, _on_plane, _predict_plane)
 
 
 def composed(cube, levels, follow, field=None, level=None):
@@ -72,8 +71,7 @@ def beyond(name, scales, excesses, sizes, n_max):
     """
     axes, title = beyond_breakup(scales, excesses), "First escape times beyond the last barrier"
     tiles, settings = {"angle": 1, "excess": 1}, {"critical_scales": by_angle(scales)}
-    plan = name, sizes, n_max, axes, tiles, settings, title
-    return _job(*plan, _beyond, _predict_beyond)
+    return _job(name, sizes, n_max, axes, tiles, settings, title, _beyond, _predict_beyond)
 
 
 def beyond_breakup(scales, excesses):

@@ -25,7 +25,7 @@ MAX_TILES = 2**24
 
 
 def names(place):
-    """Names of the zarr groups in the place; Refused if it does not exist."""
+    """Names of the cubes in the place; Refused if it does not exist."""
     with explained(place):
         try:
             folders = place.objects().list_with_delimiter()["common_prefixes"]

@@ -115,10 +115,7 @@ def commit(place, name, index, arrays, seconds):
 
 
 def record_failure(place, name, index, reason):
-    """Write why a tile that is not committed has failed; to zarr it is no chunk.
-
-    Returns the reason as it is kept: one line of bounded length that a terminal obeys in nothing.
-    """
+    """Write why a tile failed, in one short line that a terminal obeys in nothing; return that."""
     line = reason.strip()[:_LONGEST_REASON]
     line = "".join(character if character.isprintable() else " " for character in line)
     place.write(failure_key(name, index), line.encode(errors="replace"))

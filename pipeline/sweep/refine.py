@@ -50,10 +50,7 @@ def compose(levels):
 
 
 def boundary_cells(answers):
-    """Mark the cells with a neighbour (of eight) that answers differently.
-
-    answers : bool array (questions, rows, columns). Returns a bool array (rows, columns).
-    """
+    """Mark the cells (rows, columns) with a neighbour, of eight, that answers differently."""
     padded = np.pad(answers, [(0, 0), (1, 1), (1, 1)], mode="edge")
     around = np.lib.stride_tricks.sliding_window_view(padded, (3, 3), axis=(1, 2))
     return (around != answers[..., None, None]).any(axis=(0, 3, 4))

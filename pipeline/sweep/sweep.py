@@ -210,8 +210,7 @@ class _Run:
             try:
                 result = future.result(timeout=_REPORT)
             except TimeoutError:
-                # Its worker died between the end of the batch and its report: dask runs it again,
-                # which may end in any of these ways.
+                # Its worker died between the end of the batch and its report: dask runs it again.
                 future.add_done_callback(done.put)
                 continue
             except (CancelledError, CommClosedError):
@@ -237,8 +236,7 @@ def _parcel(cube, indices):
 def _compute_batch(place, name, config_hash, settings, computed_by, warm_up, compute, parcel):
     """On a worker: compute and commit each tile.
 
-    Returns {index: what went wrong}, or (address, complaint) of a worker that is not fit. A store
-    that fails is no fault of the tile, and raises.
+    Returns {index: what went wrong}, or (address, complaint) of a worker that is not fit.
     """
     if complaint := _complaint(place, name, config_hash, computed_by):
         return get_worker().address, complaint
@@ -252,7 +250,7 @@ def _compute_batch(place, name, config_hash, settings, computed_by, warm_up, com
                 arrays = compute(coords, settings)
                 store.commit(place, name, index, arrays, time.thread_time() - start)
         except (store.StoreFailed, store.Refused, KeyboardInterrupt, SystemExit):
-            raise
+            raise  # no fault of the tile
         except BaseException as exception:  # dask hangs on those that are no Exception
             words = "".join(format_exception_only(exception))
             errors[index] = store.record_failure(place, name, index, words)
@@ -294,10 +292,7 @@ def _pack(costs):
 
 @contextmanager
 def _draining_on_interrupt():
-    """Yield an Event that the first Ctrl-C sets; the second interrupts at once.
-
-    A program that was started with Ctrl-C ignored, in the background of a script, ignores it.
-    """
+    """Yield an Event that the first Ctrl-C sets; the second interrupts at once."""
     interrupt, previous = threading.Event(), signal.getsignal(signal.SIGINT)
 
     def drain(signum, frame):
@@ -307,6 +302,7 @@ def _draining_on_interrupt():
         words = "waiting for the tiles in flight (Ctrl-C again to abandon them)"
         print(f"\nstopping: {words}", file=sys.stderr)
 
+    # A program that was started with Ctrl-C ignored, in the background of a script, ignores it.
     signal.signal(signal.SIGINT, signal.SIG_IGN if previous is signal.SIG_IGN else drain)
     try:
         yield interrupt
