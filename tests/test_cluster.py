@@ -95,7 +95,8 @@ def cluster(tmp_path_factory):
 def test_workers_come_and_go_and_nothing_is_committed_twice(cluster, tmp_path):
     file, start_worker = cluster
     out, log = tmp_path / "out", tmp_path / "log"
-    plan = toy.cube(tile=1, seconds=0.03, log=str(log))
+    pids = tmp_path / "pids"
+    plan = toy.cube(tile=1, seconds=0.03, log=str(log), pids=str(pids))
     seen, changed, finished = {}, [], threading.Event()
 
     def watch():
@@ -125,6 +126,7 @@ def test_workers_come_and_go_and_nothing_is_committed_twice(cluster, tmp_path):
     toy.assert_complete(out, plan)
     assert len(seen) > 50
     assert not changed
+    assert len(set(pids.read_text().split())) == 3  # those that came late had their share
     # The tiles that a worker was computing when it left are computed again, and no others.
     again = [tile for tile, n in Counter(log.read_text().splitlines()).items() if n > 1]
     assert len(again) <= 2
