@@ -175,12 +175,6 @@ def test_whole_turns_of_x_do_not_matter():
     )
 
 
-def test_a_barrier_at_small_strengths_holds_and_at_large_ones_does_not():
-    x, y = ensemble(300)
-    assert first_escape([(0.3, 0.3)], x, y, [300], 50_000) == np.inf
-    assert first_escape([(1.5, 1.5)], x, y, [300], 5000) < 1000
-
-
 @pytest.mark.parametrize("kappa", [(5.0, 0.0), (-6.0, 0.0)])
 def test_one_kick_alone_escapes_like_the_standard_map_at_twice_the_strength(kappa):
     x, y = ensemble(1000)

@@ -344,13 +344,6 @@ def test_crossings_converge_like_the_square_of_the_period(angle):
     assert order == pytest.approx(-2.04, abs=0.03)
 
 
-def test_aitken_gains_on_the_crossings():
-    best = periodic.critical_scale(GAMMA, ray(27), 4000).value
-    _, scales = periodic.crossings(GAMMA, ray(27), 400)
-    extrapolated = periodic.critical_scale(GAMMA, ray(27), 400).value
-    assert abs(extrapolated - best) < 0.02 * abs(scales[-1] - best)
-
-
 def test_a_hardly_irrational_omega_is_not_answered_by_a_number():
     found = periodic.critical_scale(RotationNumber((0, 2, 10**9), (1,)), (1, 0))
     assert found.status is not Status.OK

@@ -283,13 +283,6 @@ def test_unfold_gives_the_eight_rays_of_the_square():
     assert symmetries.fold(angles)[1].tolist() == (np.sin(2 * np.deg2rad(angles)) < 0).tolist()
 
 
-def test_fold_and_unfold_take_arrays():
-    assert symmetries.unfold([0.0, 10.0, 45.0]).shape == (8, 3)
-    wedge_angle, omega_shift = symmetries.fold(np.arange(0.0, 360.0, 15.0))
-    assert wedge_angle.tolist() == [0, 15, 30, 45, 30, 15] * 4
-    assert omega_shift.tolist() == ([0] * 7 + [1] * 5) * 2
-
-
 def test_escape_times_follow_the_symmetries():
     # Kicks so strong that escapes come before chaos has made rounding visible: with starts that
     # differ by 1e-10 no time differs.

@@ -33,7 +33,8 @@ def by_continuation(omegas, angles, tol):
     """
     settings = {"method": "continuation of circles", "tol": tol}
     warm_up = partial(continuation.critical_scale, parse("gamma"), (1.0, 0.0), 0.1)
-    return _job(_by_continuation, warm_up, "breakdown", omegas, angles, 0.01, settings)
+    method = partial(_breakup, continuation.critical_scale, "tol")
+    return _job(method, warm_up, "breakdown", omegas, angles, 0.01, settings)
 
 
 def by_residue(omegas, angles, q_max):
@@ -42,7 +43,8 @@ def by_residue(omegas, angles, q_max):
     omegas : list of RotationNumber. angles : degrees. q_max : int, the longest period.
     """
     settings = {"method": "Greene's residue", "q_max": q_max}
-    return _job(_by_residue, warm_up_residues, "breakdown_residue", omegas, angles, 0.03, settings)
+    method = partial(_breakup, periodic.critical_scale, "q_max")
+    return _job(method, warm_up_residues, "breakdown_residue", omegas, angles, 0.03, settings)
 
 
 warm_up_residues = partial(periodic.residue, (0.1, 0.1), 1, 3)
@@ -58,19 +60,15 @@ def _job(critical_scale, warm_up, name, omegas, angles, seconds, settings):
     return job_on_rays(critical_scale, warm_up, *plan, title=title, source=f"{PAPER}, Sec. VI")
 
 
-def _by_continuation(circle, profile, settings):
-    return continuation.critical_scale(parse(circle), profile, settings["tol"])
-
-
-def _by_residue(circle, profile, settings):
-    return periodic.critical_scale(parse(circle), profile, settings["q_max"])
+def _breakup(method, effort, circle, profile, settings):
+    return method(parse(circle), profile, settings[effort])
 
 
 def cube_on_rays(name, rows, angles, plane, seconds, settings, **attrs):
     """Return the cube of critical scales.
 
     rows : {name: coordinate}, that of the rows first; {} for a cube with dim (angle).
-    plane : KICKS or ROTATING; the coordinates of the breakup are variables.
+    plane : {name: words} of the plane's coordinates; those of the breakup are variables.
     seconds : CPU time of a ray. A tile is some rays of one row.
     attrs : title and source.
     """

@@ -1,10 +1,10 @@
 """One line that tells how far a sweep is: tiles done, rate, time left by predicted cost."""
 
 import time
-from contextlib import suppress
+from contextlib import AbstractContextManager, suppress
 
 
-class Progress:
+class Progress(AbstractContextManager):
     """The line of a sweep, or of a series of sweeps that go on where the last one ended.
 
     On a terminal it is rewritten; in a log a new one is written every ten seconds. The tiles and
@@ -17,9 +17,6 @@ class Progress:
         self.seconds = self.seconds_done = 0.0
         self.start = self.shown = time.monotonic()
         self.interval, self.end = (0.2, "\r") if stream.isatty() else (10.0, "\n")
-
-    def __enter__(self):
-        return self
 
     def __exit__(self, *error):
         if self.tiles:

@@ -97,7 +97,7 @@ def sweep(client, place, job, wanted=None, progress=None, label=None):
         progress.begin(len(tiles), run.costs.sum())
         for tile in run.compute(_pack(run.costs), interrupt, progress):
             alone = [np.array([tile])]
-            if all(run.compute(alone, interrupt, progress, 1) for _ in range(_ATTEMPTS_ALONE)):
+            if all(run.compute(alone, interrupt, progress) for _ in range(_ATTEMPTS_ALONE)):
                 index = tuple(tiles[tile].tolist())
                 words = "its worker died each time, also when it ran alone"
                 run.failed[index] = store.record_failure(place, job.cube.name, index, words)
@@ -130,8 +130,8 @@ class _Run:
             progress.advance(len(batch), len(batch))
         return costs
 
-    def compute(self, batches, interrupt, progress, most=inf):
-        """Run the batches, at most `most` at a time; return the tiles whose worker died."""
+    def compute(self, batches, interrupt, progress):
+        """Run the batches; return the tiles whose worker died."""
         batches, suspects, cube = iter(batches), [], self.job.cube
         of_cube = self.place, cube.name, cube.config_hash, cube.settings
         functions = cloudpickle.dumps(self.job.warm_up), self.job.compute
@@ -140,7 +140,7 @@ class _Run:
         def next_batch():
             return None if interrupt.is_set() else next(batches, None)
 
-        for batch, result in self.ended(work, next_batch, most):
+        for batch, result in self.ended(work, next_batch):
             if isinstance(result, KilledWorker):
                 suspects += batch.tolist()
             elif isinstance(result, Exception):
@@ -169,8 +169,8 @@ class _Run:
             )
         self.client.retire_workers([address])
 
-    def ended(self, work, next_batch, most=inf):
-        """Have workers do `work` with batches until next_batch() is None, at most `most` at a time.
+    def ended(self, work, next_batch):
+        """Have workers do `work` with batches until next_batch() is None, a few at a time for each.
 
         Yields (batch, result or exception) of each when it has ended.
         """
@@ -195,7 +195,7 @@ class _Run:
                     alive = now
                 elif now - alive > _PATIENCE:
                     raise ConnectionError("no workers are left; run again to resume")
-            window = min(most, _IN_FLIGHT * max(1, workers))
+            window = _IN_FLIGHT * max(1, workers)
             while len(in_flight) < window and (batch := next_batch()) is not None:
                 parcel = _parcel(self.job.cube, self.tiles[batch])
                 future = self.client.submit(run, work, parcel, pure=False)
