@@ -111,7 +111,7 @@ BAD = [
     ((barriers.critical_scale,), "tol", [9e-6, 0.2, -1e-3, nan],
      "tol={value} must be from 1e-5 to 0.1"),
     ((barriers.critical_scale,), "tol", ["1e-3", None], "tol={value} must be a number"),
-    ((continuation.critical_scale,), "tol", [0, -1e-4, inf, nan],
+    ((continuation.critical_scale,), "tol", [0.0, -1e-4, inf, nan],
      "tol={value} must be positive and finite"),
     ((continuation.critical_scale,), "tol", ["a", None, True, 1e-4j], "must be a number"),
     ((continuation.certified_scale,), "distance", [0, 1e-7, 0.6, -1e-3, nan],
