@@ -1,8 +1,8 @@
 """Faults by schedule: a seed decides what befalls the drivers and workers of a sweep, and when.
 
 A schedule is a few runs of one sweep with faults, and then one without, which completes the cube.
-Drivers are processes that run a command on two workers that are there, a dask Client of which is
-the `pool`. After each run `observe` compares the store with what it held
+Drivers are processes that run a command on two workers of their own, or on two that are there, a
+dask Client of which is the `pool`. After each run `observe` compares the store with what it held
 before and with a serial computation; it looks at bytes, not through zarr.
 """
 
@@ -20,6 +20,7 @@ from pathlib import Path
 
 import click
 import numpy as np
+import psutil
 import pytest
 import toy
 
@@ -114,15 +115,21 @@ _forked.set_forkserver_preload(["campaign"])
 
 
 @contextmanager
-def pool():
-    """A Client of two workers, which are started again when they die."""
+def own():
+    """Make ready to start drivers; None, the pool of those that have workers of their own."""
     with pytest.MonkeyPatch.context() as patch:
         here = Path(__file__).parent
         patch.setenv("PYTHONPATH", os.pathsep.join(map(str, [here.parent, here])))
         patch.setenv("OPENBLAS_NUM_THREADS", "1")  # a process with threads is not to be forked
         forkserver.ensure_running()
-        with connect(n_workers=2) as client:
-            yield client()
+        yield None
+
+
+@contextmanager
+def pool():
+    """A Client of two workers, which are started again when they die."""
+    with own(), connect(n_workers=2) as client:
+        yield client()
 
 
 def _replenish(pool):
@@ -132,6 +139,15 @@ def _replenish(pool):
         workers.pop(name)
     pool.cluster.scale(2)  # starts those that are not in the list
     pool.wait_for_workers(2, timeout=ENDS_WITHIN)
+
+
+def _in_session(leader):
+    """The pids of the processes of a driver's session: its own workers, also after its death."""
+    found = set()
+    for pid in psutil.pids():
+        with suppress(OSError):
+            found |= {pid} if os.getsid(pid) == leader else set()
+    return found
 
 
 def drive(output, arguments, environment):
@@ -145,12 +161,14 @@ def drive(output, arguments, environment):
 
 
 class Driver:
-    """A driver in a process of its own, on the pool's workers."""
+    """A driver in a process of its own, on the pool's workers, or on two of its own."""
 
     def __init__(self, stage):
         self.pool, self.output = stage.pool, stage.folder / f"output {time.monotonic()}"
-        _replenish(self.pool)
-        workers = ["--scheduler", self.pool.scheduler.address]
+        workers = ["--workers", "2"]
+        if self.pool:
+            _replenish(self.pool)
+            workers = ["--scheduler", self.pool.scheduler.address]
         arguments = [json.dumps(stage.settings), *stage.options, *workers]
         aws = {name: value for name, value in os.environ.items() if name.startswith("AWS_")}
         self.process = _forked.Process(target=drive, args=(str(self.output), arguments, aws))
@@ -163,14 +181,20 @@ class Driver:
 
     def workers(self):
         """The pids of its workers."""
-        return [nanny.pid for nanny in self.pool.cluster.workers.values() if nanny.pid]
+        if self.pool:
+            return [nanny.pid for nanny in self.pool.cluster.workers.values() if nanny.pid]
+        with suppress(psutil.Error):
+            children = psutil.Process(self.pid).children()
+            return [child.pid for child in children if "spawn_main" in str(child.cmdline())]
+        return []
 
     def finish(self):
-        """(exit code, what it printed)."""
+        """(exit code, what it printed), once its own workers are gone too."""
         self.process.join(ENDS_WITHIN)
         hung = self.alive
         self.process.kill()
         self.process.join()
+        toy.wait_until(lambda: self.pool or not _in_session(self.pid))
         text = self.output.read_text() if self.output.exists() else ""
         assert not hung, f"the driver hung:\n{text}"
         return self.process.exitcode, text

@@ -8,6 +8,7 @@ from pathlib import Path
 import mpmath
 import numpy as np
 from numba import njit
+from scipy.linalg import eigvalsh_tridiagonal
 
 LITERATURE = tomllib.loads(Path(__file__).with_name("literature.toml").read_text())
 KAPPA_G = LITERATURE["kappa_G"]["value"]
@@ -46,6 +47,19 @@ def escape_time(kappa, x, y, n_max, window=(-2.0, 2.3)):
     kappa = np.asarray(kappa, dtype=float)
     starts = zip(x, y, strict=True)
     return np.array([_escape_time(kappa, x0, y0, n_max, *window) for x0, y0 in starts])
+
+
+def second_variation(kappa, site, x, y, n):
+    """The smallest eigenvalue of the action's, over the sites |k| < n about the start (x, y)."""
+    at = [(site, x)]
+    ahead, p, behind, q = x, y, x, y
+    for k in range(1, n):
+        ahead, p = kick(kappa[(site + k - 1) % len(kappa)], ahead, p)
+        behind -= q
+        q -= kappa[(site - k) % len(kappa)] / (2 * math.pi) * math.sin(2 * math.pi * behind)
+        at = [(site - k, behind), *at, (site + k, ahead)]
+    diagonal = [2 + kappa[k % len(kappa)] * math.cos(2 * math.pi * x) for k, x in at]
+    return eigvalsh_tridiagonal(np.array(diagonal), np.full(2 * n - 2, -1.0))[0]
 
 
 def exact_step(kappa, x, y):

@@ -16,6 +16,7 @@ from nasm import (
     circle_symmetries,
     circles,
     cones,
+    continuation,
     critical,
     escape,
     fixed_points,
@@ -53,6 +54,10 @@ GOOD = {
     fourier.grid: {"omega": GAMMA, "n_modes": 1000},
     circles.invariant_circle: {"omega": GAMMA, "kappa": KAPPA},
     circles.newton_step: {"omega": GAMMA, "kappa": KAPPA, "u": REST},
+    continuation.critical_scale: {"omega": GAMMA, "profile": (1, 0)},
+    continuation.certified_scale: {
+        "omega": GAMMA, "profile": (1, 0), "breakup": 0.4, "distance": 0.01
+    },
     circle_symmetries.alternate: {"circle": circles.invariant_circle(GAMMA, (0.0, 0.0))},
     periodic.residue: {"kappa": KAPPA, "p": 1, "q": 3},
     periodic.minimizing_centre: {"kappa": KAPPA, "p": 1, "q": 2},
@@ -81,7 +86,7 @@ GOOD = {
 ORBITS = orbits.orbit, orbits.kicked_orbit, orbits.rotation_number
 ESCAPES = escape.escape_time, escape.first_escape
 RAYS = periodic.critical_scale, escape.critical_scale, cones.critical_scale
-RAYS += transversals.critical_scale, barriers.critical_scale
+RAYS += transversals.critical_scale, barriers.critical_scale, continuation.critical_scale
 WHOLE = "{name}={value} must be a whole number from"
 # Functions, the argument, bad values of it, and what the message says, where … is anything.
 BAD = [
@@ -109,6 +114,13 @@ BAD = [
     ((barriers.critical_scale,), "tol", [9e-6, 0.2, -1e-3, nan],
      "tol={value} must be from 1e-5 to 0.1"),
     ((barriers.critical_scale,), "tol", ["1e-3", None], "tol={value} must be a number"),
+    ((continuation.critical_scale,), "tol", [0.0, -1e-4, inf, nan],
+     "tol={value} must be positive and finite"),
+    ((continuation.critical_scale,), "tol", ["a", None, True, 1e-4j], "must be a number"),
+    ((continuation.certified_scale,), "distance", [0, 1e-7, 0.6, -1e-3, nan],
+     "distance={value} must be from 1e-6 to 0.5"),
+    ((continuation.certified_scale, fourier.grid), "omega", [parse("3/5")],
+     "omega=[0;1,1,2] is rational; a circle needs"),
     (ORBITS, "n", [2.5, -1], WHOLE),
     ((orbits.rotation_number,), "n", [3], WHOLE + " 4 to 1000000000"),
     ((orbits.portrait,), "n_orbits", [0], WHOLE + " 1"),
@@ -124,11 +136,11 @@ BAD = [
      "wedge_angle={value}…from 0 to 45 degrees"),
     ((fixed_points.secondary,), "kappa1", [nan], "must be finite"),
     ((numbers.moebius,), "b", [0.5], "(1ω + 0.5)/(0ω + 1) is not exact; use whole"),
+    ((numbers.moebius,), "a", [0], "does not depend on ω; use ad ≠ bc"),
     ((numbers.nobles_near,), "value", [nan, inf], "value={value} must be finite"),
     ((numbers.nobles_near,), "value", ["0.6"], "value='0.6' must be a number"),
     ((numbers.nobles_near,), "width", [0.0, -1.0, nan], "width={value} positive"),
     ((numbers.nobles_near,), "n", [1.5], WHOLE + " 0"),
-    ((fourier.grid,), "omega", [parse("3/5")], "omega=[0;1,1,2] is rational; a circle needs"),
     ((circles.invariant_circle,), "start", [np.zeros((1, 64))],
      "deviations of shape (1, 64); they are P=2 functions"),
     ((circles.invariant_circle,), "start", [np.full((2, 64), nan)], "deviations must be finite"),

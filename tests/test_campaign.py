@@ -24,6 +24,12 @@ def pool():
         yield pool
 
 
+@pytest.fixture(scope="module")
+def own():
+    with campaign.own() as pool:
+        yield pool
+
+
 SLOW = pytest.mark.slow
 QUICK = campaign.kill_worker, campaign.kill_driver, campaign.flip_bit
 EACH = [
@@ -52,6 +58,7 @@ def remote(tmp_path_factory):
 
 
 SCHEDULES = [("pool", 0), *(pytest.param("pool", n, marks=SLOW) for n in range(100, 300))]
+SCHEDULES += [pytest.param("own", n, marks=SLOW) for n in range(300, 306)]
 SCHEDULES += [pytest.param("remote", n, marks=SLOW) for n in range(400, 420)]
 
 

@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 from numba import njit
 from numpy.testing import assert_array_equal
 from oracles import KAPPA_G
-from scipy.linalg import eigvalsh_tridiagonal
 
 from nasm import cones, periodic
 from nasm.cones import critical_scale, eliminates, elimination_time, longest_lived
@@ -55,19 +54,13 @@ def test_times_are_right_where_v_is_negative_for_a_single_kick():
 def test_a_start_is_eliminated_when_its_orbit_no_longer_minimizes_the_action(kappa):
     # The definition with no tangent vector: the second variation of the piece |k| < n.
     strengths, a = from_the_centre(kappa)
-    period = len(kappa)
     for y in Y[::23]:
-        kicks = elimination_time(kappa, y, 30) * period
+        kicks = elimination_time(kappa, y, 30) * len(kappa)
         n = int(min(kicks, 30))
-        x, sites = a, []
-        for k in range(n):
-            sites.append(2 + strengths[k % period] * np.cos(2 * np.pi * x))
-            x, y = oracles.kick(strengths[k % period], x, y)
-        diagonal = np.array(sites[:0:-1] + sites)
         if kicks == n:
-            assert eigvalsh_tridiagonal(diagonal, np.full(2 * n - 2, -1.0))[0] <= 0
+            assert oracles.second_variation(strengths, 0, a, y, n) <= 0
         if n > 1:
-            assert eigvalsh_tridiagonal(diagonal[1:-1], np.full(2 * n - 4, -1.0))[0] > 0
+            assert oracles.second_variation(strengths, 0, a, y, n - 1) > 0
 
 
 @njit
@@ -112,12 +105,6 @@ def test_times_count_periods():
         assert_array_equal(elimination_time((1.1,) * period, Y, 600 // period) * period, kicks)
 
 
-def test_the_shape_is_that_of_the_starts():
-    assert elimination_time((1.1, 0.2), 0.1, 10).shape == ()
-    assert elimination_time((1.1, 0.2), Y.reshape(3, 100), 10).shape == (3, 100)
-    assert elimination_time((1.1, 0.2), [], 10).shape == (0,)
-
-
 coordinate = st.floats(0, 0.5)
 strength = st.floats(0.2, 1.9)
 
@@ -143,11 +130,6 @@ def test_the_boundary_keeps_the_symmetries_of_the_square(degrees):
     for angle in (90 - degrees, 90 + degrees, 180 - degrees, 180 + degrees, -degrees):
         found = critical_scale(ray(angle), 200)
         assert abs(found.value - expected.value) <= found.error
-
-
-def test_no_kicks_leave_all_circles():
-    assert np.isinf(elimination_time((0, 0), Y, 10_000)).all()
-    assert not eliminates((0, 0), 1000)
 
 
 @pytest.mark.parametrize("kappa", [(2.1,), (-5, 1), (0.3, 1e6), (2.001, 0, 0)])
@@ -178,8 +160,12 @@ LAST = [
 ]
 
 
-@pytest.mark.parametrize(("degrees", "omega"), LAST)
-@pytest.mark.parametrize("n_max", [100, 500, 3000])
+CASES = [(*last, n_max) for last in LAST for n_max in (100, 500, 3000)]
+
+
+@pytest.mark.parametrize(
+    ("degrees", "omega", "n_max"), [*CASES, (0, "gamma", 10_000), (45, "2gamma", 10_000)]
+)
 def test_the_last_circle_breaks_where_its_residue_says(degrees, omega, n_max):
     profile = ray(degrees)
     exact = periodic.critical_scale(parse(omega), profile).value
@@ -188,15 +174,9 @@ def test_the_last_circle_breaks_where_its_residue_says(degrees, omega, n_max):
     assert abs(found.value - exact) <= found.error
     assert found.value + found.error <= found.upper
     assert exact < found.upper < exact * (1 + 1.1 / n_max)
+    assert found.error < 5e-5 * exact or n_max < 10_000
     assert np.isnan(found.lower)
     assert found.omega is None
-
-
-@pytest.mark.parametrize(("profile", "exact"), [((1, 0), KAPPA_G / 2), ((1, 1), KAPPA_G)])
-def test_greene_1979_from_above(profile, exact):
-    found = critical_scale(profile, 10_000)
-    assert abs(found.value - exact) <= found.error < 5e-5 * exact
-    assert exact < found.upper < exact * (1 + 1e-4)
 
 
 @pytest.mark.parametrize(("profile", "exact"), [((1, 0), KAPPA_G / 2), ((1, 1), KAPPA_G)])
@@ -274,12 +254,6 @@ def test_a_dense_scan_finds_no_longer_life(degrees):
     _, time = longest_lived(kappa, 10**6)
     dense = elimination_time(kappa, (np.arange(2**21) + 0.3) / 2**22, 10**6).max()
     assert 0.98 * time <= dense <= 1.005 * time
-
-
-def test_the_grids_have_no_start_in_common():
-    (n, offset), (m, other) = cones._GRIDS
-    first, second = (np.arange(n) + offset) / n, (np.arange(m) + other) / m
-    assert np.abs(first[:, None] - second).min() > 1e-9
 
 
 @pytest.mark.parametrize("n_max", [400, 1600])

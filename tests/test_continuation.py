@@ -1,22 +1,17 @@
 """Breakdown by continuation against κ_G, against residues, and where it has to refuse."""
 
-import tomllib
 from itertools import takewhile
-from pathlib import Path
 
 import numpy as np
 import pytest
+from oracles import KAPPA_G
 
 from nasm import circles, continuation, fourier, periodic
 from nasm.critical import Status
 from nasm.numbers import NAMES, RotationNumber, convergents, moebius, parse
+from nasm.symmetries import ray
 
-KAPPA_G = tomllib.loads(Path(__file__).with_name("literature.toml").read_text())["kappa_G"]["value"]
 GAMMA = parse("gamma")
-
-
-def ray(degrees):
-    return np.cos(np.deg2rad(degrees)), np.sin(np.deg2rad(degrees))
 
 
 @pytest.mark.parametrize("tol", [1e-4, 1e-5, 1e-6])
@@ -173,12 +168,6 @@ def test_a_forcing_without_symmetry_centre_breaks_where_its_shift_does():
     assert first.error < 1e-4
 
 
-def test_a_rational_omega_has_no_circle():
-    found = continuation.critical_scale(parse("3/5"), (1, 0))
-    assert found.status is Status.RATIONAL
-    assert np.isnan([found.value, found.error, found.lower, found.upper]).all()
-
-
 @pytest.mark.parametrize("prefix", [(0, 2, 10**9), (0, 2, 10**15)])
 def test_a_hardly_irrational_omega_is_not_answered_by_a_number(prefix):
     found = continuation.critical_scale(RotationNumber(prefix, (1,)), (1, 0))
@@ -253,17 +242,6 @@ def test_a_circle_that_breaks_at_once_gives_a_status_or_a_bound():
         assert np.isnan(found.lower) or found.lower < 0.3
 
 
-def test_bad_arguments_are_named():
-    with pytest.raises(ValueError, match="profile is zero"):
-        continuation.critical_scale(GAMMA, (0, 0))
-    for tol in (0, -1e-4, np.inf, np.nan):
-        with pytest.raises(ValueError, match=r"tol=.* must be positive and finite"):
-            continuation.critical_scale(GAMMA, (1, 0), tol)
-    for tol in ("a", None, True, 1e-4j):
-        with pytest.raises(ValueError, match=r"tol=.* must be a number"):
-            continuation.critical_scale(GAMMA, (1, 0), tol)
-
-
 # Certified near a breakup that is known
 
 KNOWN = [
@@ -317,14 +295,3 @@ def test_fakes_just_beyond_the_breakup_are_met_and_rejected(name, profile, monke
 def test_without_a_breakup_nothing_is_certified():
     assert np.isnan(continuation.certified_scale(GAMMA, (1, 0), np.nan, 1e-2))
     assert np.isnan(continuation.certified_scale(GAMMA, (1, 0), 3.0, 1e-2))
-
-
-@pytest.mark.parametrize("distance", [0, 1e-7, 0.6, -1e-3, np.nan])
-def test_distances_out_of_range_are_named(distance):
-    with pytest.raises(ValueError, match=f"distance={distance!r} must be from 1e-6 to 0.5"):
-        continuation.certified_scale(GAMMA, (1, 0), KAPPA_G / 2, distance)
-
-
-def test_a_rational_omega_is_not_certified():
-    with pytest.raises(ValueError, match=r"omega=\[0;1,1,2\] is rational; a circle needs"):
-        continuation.certified_scale(parse("3/5"), (1, 0), KAPPA_G / 2, 1e-2)

@@ -11,7 +11,7 @@ from oracles import LITERATURE
 from nasm import maps, periodic, symmetries
 from nasm.critical import Status
 from nasm.flux import action_difference, flux
-from nasm.numbers import moebius, parse, rational
+from nasm.numbers import moebius, parse
 
 GOLDEN = parse("gamma")
 GOLDEN_AXIS = periodic.critical_scale(GOLDEN, (1.0, 0.0)).value
@@ -171,8 +171,3 @@ def test_omega_counts_modulo_the_period():
         found = flux(moebius(GOLDEN, 1, 2 * turns), (0.6, 0.1))
         assert found.status is Status.OK
         assert (found.value, found.error) == (expected.value, expected.error)
-
-
-def test_what_has_no_answer_says_so():
-    assert flux(rational("1/2"), (0.6, 0.1)).status is Status.RATIONAL
-    assert flux(GOLDEN, (0.6, 0.1), q_max=5).status is Status.NOT_CONVERGED

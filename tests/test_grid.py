@@ -1,5 +1,4 @@
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -14,16 +13,11 @@ def test_tiles_cover_every_cell_exactly_once(rows, columns, height, width):
     visits = np.zeros((rows, columns), dtype=int)
     for index in np.ndindex(-(-rows // height), -(-columns // width)):
         slices = tile_slices(index, sizes, tile)
-        visits[slices["row"], slices["column"]] += 1
+        here = visits[slices["row"], slices["column"]]
+        assert 1 <= here.shape[0] <= height
+        assert 1 <= here.shape[1] <= width
+        here += 1
     assert (visits == 1).all()
-
-
-@given(rows=lengths, height=lengths)
-def test_no_tile_is_empty_or_too_long(rows, height):
-    sizes, tile = {"row": rows}, {"row": height}
-    for i in range(-(-rows // height)):
-        cells = range(rows)[tile_slices((i,), sizes, tile)["row"]]
-        assert 1 <= len(cells) <= height
 
 
 def test_centres_lie_inside_the_edges():
@@ -35,11 +29,6 @@ def test_a_coarser_axis_has_the_means_of_the_finer_ones_centres():
     np.testing.assert_allclose(
         axis.coarsened(4).centres, axis.centres.reshape(3, 4).mean(axis=1), atol=1e-15
     )
-
-
-def test_an_axis_that_cannot_be_coarsened_says_so():
-    with pytest.raises(ValueError, match="12 cells cannot be joined 5 to one"):
-        Axis(0, 1, 12).coarsened(5)
 
 
 @given(st.floats(-9, 0), st.floats(1, 9), lengths)

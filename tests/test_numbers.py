@@ -115,14 +115,6 @@ def test_convergents_come_ever_closer_from_both_sides(omega):
     assert all(miss * (-1) ** k > 0 for k, miss in enumerate(misses))
 
 
-def test_no_fraction_with_a_smaller_denominator_is_closer_than_a_convergent():
-    omega = float(parse("[0;4,(1)]"))
-    for fraction in islice(convergents(parse("[0;4,(1)]")), 1, 9):
-        miss = abs(fraction.denominator * omega - fraction.numerator)
-        for q in range(1, fraction.denominator):
-            assert abs(q * omega - round(q * omega)) > miss
-
-
 @given(omega=irrationals, a=integers, b=integers, c=integers, d=integers)
 def test_moebius_transform_and_its_inverse(omega, a, b, c, d):
     assume(a * d != b * c)
@@ -142,14 +134,7 @@ def test_moebius_transform_of_a_fraction(fraction, a, b, c, d):
     assert moebius(rational(fraction), a, b, c, d) == image
 
 
-def test_the_mirror_of_a_circle_has_2_minus_omega():
-    assert moebius(parse("2gamma"), -1, 2) == parse("2-2gamma")
-    assert moebius(parse("gamma"), -1, 2) == parse("-gamma+2")
-
-
-def test_moebius_refuses_a_constant_and_infinity():
-    with pytest.raises(ValueError, match="does not depend on ω; use ad ≠ bc"):
-        moebius(parse("gamma"), 2, 4, 1, 2)
+def test_moebius_refuses_infinity():
     with pytest.raises(ValueError, match="is infinite at ω = 1/2"):
         moebius(parse("1/2"), 1, 0, 2, -1)
 
@@ -245,7 +230,6 @@ def test_nobles_near_a_number_agree_with_it_and_the_shortest_come_first(value, w
         (0.618034, 1e-5, 1, ["gamma"]),
         (-0.381966, 1e-5, 1, ["gamma-1"]),
         (0.7236, 2e-5, 1, ["[0;1,2,(1)]"]),
-        (2.2360679775, 1e-9, 1, ["2gamma+1"]),
         (0.5, 0.2, 9, ["gamma", "1-gamma"]),
         (0.5, 0.1, 9, []),
         (2.0, 0.7, 9, ["2+gamma"]),
@@ -253,10 +237,4 @@ def test_nobles_near_a_number_agree_with_it_and_the_shortest_come_first(value, w
     ],
 )
 def test_nobles_near_some_numbers(value, width, n, expected):
-    found = nobles_near(value, width, n)
-    if value == 2.2360679775:  # 2γ + 1 has a tail of fours: the nobles near it are others
-        assert found
-        assert parse(expected[0]) not in found
-        assert found[0].prefix[:5] == (2, 4, 4, 4, 4)
-    else:
-        assert found == [parse(name) for name in expected]
+    assert nobles_near(value, width, n) == [parse(name) for name in expected]

@@ -34,12 +34,6 @@ def test_orbit_stays_on_the_lift():
     np.testing.assert_array_equal(ys, 0.5)
 
 
-def test_an_orbit_of_no_steps_is_its_start():
-    xs, ys = orbit(KAPPA, X, Y, 0)
-    np.testing.assert_array_equal(xs, [X])
-    np.testing.assert_array_equal(ys, [Y])
-
-
 @pytest.mark.parametrize("kappa", [(0.9,), (0.5, 0.7), (0.5, -0.3, 0.2)])
 def test_the_points_between_kicks_are_orbits_of_the_shifted_forcings(kappa):
     P, x, y = len(kappa), X, Y

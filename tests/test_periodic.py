@@ -108,13 +108,6 @@ def test_residue_is_equal_under_the_symmetries(kappa1, kappa2, fraction):
         assert periodic.residue(kappa, shifted, q) == pytest.approx(expected, rel=1e-7, abs=1e-13)
 
 
-def test_minimax_is_positive_and_minimizing_negative():
-    for kappa in ((0.4, 0.3), (-0.4, 0.3), (0.1, -0.3), (0.5,)):
-        site, a = periodic.dominant_centre(kappa)
-        assert periodic.residue(kappa, 8, 13) > 0
-        assert periodic.residue(kappa, 8, 13, (site, 0.5 - a)) < 0
-
-
 def test_greene_1979():
     # At κ_G the residues of the golden convergents tend to 0.2500888 (minimax) from both sides, and
     # to -0.25543 (minimizing).
@@ -151,6 +144,7 @@ def test_error_covers_truncation_and_rounding(q_max):
     for name, profile, exact in (("gamma", (1, 0), KAPPA_G / 2), ("2gamma", (1, 1), KAPPA_G)):
         found = periodic.critical_scale(parse(name), profile, q_max)
         assert abs(found.value - exact) <= found.error
+        assert abs(found.value - exact) < 1e-12 or q_max < 8000
 
 
 @pytest.mark.parametrize(
@@ -201,22 +195,18 @@ def test_the_paper_s_circles_have_a_value_at_each_other_s_cusps(name, angle):
 
 
 @pytest.mark.parametrize(
-    ("name", "profile"),
-    [("[1;(1)]", ray(315.025)), ("[0;4,4,4,4,(1)]", ray(134.9996)), ("gamma", ray(45.0005))],
+    ("name", "angle"),
+    [
+        ("[1;(1)]", 315.025),
+        ("[0;4,4,4,4,(1)]", 134.9996),
+        ("gamma", 45.0005),
+        ("2gamma", 44.999999),
+    ],
 )
-def test_where_orbits_are_lost_before_they_see_the_cusp_that_is_the_reason(name, profile):
-    found = periodic.critical_scale(parse(name), profile)
+def test_where_orbits_are_lost_before_they_see_the_cusp_that_is_the_reason(name, angle):
+    found = periodic.critical_scale(parse(name), ray(angle))
     assert found.status is Status.NEAR_CUSP
     assert np.isnan(found.value)
-
-
-@pytest.mark.parametrize(
-    ("name", "profile", "exact"),
-    [("gamma", (1, 0), KAPPA_G / 2), ("gamma", (0, 1), KAPPA_G / 2), ("2gamma", (1, 1), KAPPA_G)],
-)
-def test_kappa_g_to_twelve_digits(name, profile, exact):
-    found = periodic.critical_scale(parse(name), profile, q_max=12_000)
-    assert abs(found.value - exact) < 1e-12
 
 
 @pytest.mark.parametrize("angle", [10, 30, 112])
@@ -297,11 +287,6 @@ def test_near_a_cusp_the_error_is_honest_or_there_is_no_answer(angle):
             assert np.isfinite(found.value) == (found.status is Status.OK)
 
 
-def test_too_near_a_cusp_there_is_no_answer_and_on_it_there_is():
-    assert periodic.critical_scale(parse("2gamma"), ray(45 - 1e-6)).status is Status.NEAR_CUSP
-    assert periodic.critical_scale(parse("2gamma"), (1.0, 1.0)).status is Status.OK
-
-
 @pytest.mark.parametrize(("name", "profile"), [("gamma", (1, 0)), ("gamma", (1, 0.2, 0.2))])
 def test_omega_counts_modulo_the_period(name, profile):
     # y → y + 1 takes ω to ω + P, however far.
@@ -359,25 +344,6 @@ def test_crossings_converge_like_the_square_of_the_period(angle):
     assert order == pytest.approx(-2.04, abs=0.03)
 
 
-def test_aitken_gains_on_the_crossings():
-    best = periodic.critical_scale(GAMMA, ray(27), 4000).value
-    _, scales = periodic.crossings(GAMMA, ray(27), 400)
-    extrapolated = periodic.critical_scale(GAMMA, ray(27), 400).value
-    assert abs(extrapolated - best) < 0.02 * abs(scales[-1] - best)
-
-
-def test_a_rational_omega_has_no_circle():
-    found = periodic.critical_scale(parse("3/5"), (1, 0))
-    assert found.status is Status.RATIONAL
-    assert np.isnan([found.value, found.error, found.lower, found.upper]).all()
-
-
-def test_too_short_periods_are_admitted():
-    found = periodic.critical_scale(GAMMA, (1, 0), q_max=13)
-    assert found.status is Status.NOT_CONVERGED
-    assert np.isnan(found.value)
-
-
 def test_a_hardly_irrational_omega_is_not_answered_by_a_number():
     found = periodic.critical_scale(RotationNumber((0, 2, 10**9), (1,)), (1, 0))
     assert found.status is not Status.OK
@@ -419,13 +385,6 @@ def test_a_bad_start_is_not_taken_for_the_orbit():
     assert not chain.ordered(rejected, 21, orbit.stride, np.empty(42))
 
 
-def test_centres_are_where_the_forcing_is_a_palindrome():
-    assert periodic.symmetry_centres((0.3,)) == [0]
-    assert periodic.symmetry_centres((0.3, 0.1)) == [0, 1]
-    assert periodic.symmetry_centres((0.3, 0.1, 0.1)) == [0]
-    assert periodic.symmetry_centres((0.1, 0.2, 0.3)) == []
-
-
 def test_the_minimizing_orbit_is_another_orbit():
     for kappa in ((0.4, 0.3), (-0.2, 0.3), (0.3, 0.1, 0.1)):
         for p, q in ((1, 3), (2, 5), (5, 13), *([(1, 2), (3, 4)] if len(kappa) == 2 else [])):
@@ -433,7 +392,7 @@ def test_the_minimizing_orbit_is_another_orbit():
             minimax = periodic.symmetric_orbit(kappa, p, q)
             here = np.roll(minimax, periodic.dominant_centre(kappa)[0])[site :: len(kappa)]
             assert np.abs((here - a + 0.5) % 1.0 - 0.5).min() > 1e-3
-            assert periodic.residue(kappa, p, q, (site, a)) < 0
+            assert periodic.residue(kappa, p, q, (site, a)) < 0 < periodic.residue(kappa, p, q)
 
 
 def test_a_torus_without_rotation_is_a_circle_of_the_standard_map():

@@ -40,6 +40,16 @@ def median_times(*timed, repeats=9):
     return np.median(times, axis=0)
 
 
+def per_unit(unit, timed, counts):
+    """Nanoseconds of each function of {name: function} per unit of its work, printed."""
+    for function in timed.values():
+        function()
+    times = median_times(*timed.values()) * 1e9 / np.array(counts)
+    for name, ns in zip(timed, times, strict=True):
+        print(f"\n{name:13} {ns:6.3f} ns a {unit}, {times[0] / ns:5.1f} x plain", end="")
+    return times
+
+
 @pytest.fixture(scope="module")
 def c_kernel(tmp_path_factory):
     """escape_reference.c, compiled for this machine."""
@@ -76,12 +86,8 @@ def test_the_kernel_against_plain_numba_and_c(c_kernel):
     def c():
         assert c_kernel(coefficients, 2, x - 0.25, y.copy(), n_orbits, n, -2.0, 2.3) == 0
 
-    for function in (plain, lanes, ensemble, c):
-        function()
-    per_step = median_times(plain, lanes, ensemble, c) * 1e9
-    per_step /= np.array([64 * short, *[n_orbits * n] * 3])
-    for name, ns in zip(("plain Numba", "escape_time", "first_escape", "C"), per_step, strict=True):
-        print(f"\n{name:13} {ns:6.3f} ns a step, {per_step[0] / ns:5.1f} x plain", end="")
+    timed = {"plain Numba": plain, "escape_time": lanes, "first_escape": ensemble, "C": c}
+    per_step = per_unit("step", timed, [64 * short, *[n_orbits * n] * 3])
     plain_ns, lanes_ns, ensemble_ns, c_ns = per_step
     print(f"\nof the speed of C: {c_ns / lanes_ns:.2f}, {c_ns / ensemble_ns:.2f}")
     assert plain_ns / lanes_ns > 25
@@ -102,12 +108,8 @@ def test_the_cone_kernel_against_plain_numba_and_the_escape_kernel():
     def escapes():
         assert np.isinf(escape.escape_time(kappa, 0.5, y, n)).all()
 
-    for function in (plain, lanes, escapes):
-        function()
-    per_kick = median_times(plain, lanes, escapes) * 1e9
-    per_kick /= 2 * np.array([few.size * short, *[y.size * n] * 2])
-    for name, ns in zip(("plain Numba", "cones", "escape"), per_kick, strict=True):
-        print(f"\n{name:13} {ns:6.3f} ns a kick, {per_kick[0] / ns:5.1f} x plain", end="")
+    timed = {"plain Numba": plain, "cones": lanes, "escape": escapes}
+    per_kick = per_unit("kick", timed, [2 * few.size * short, *[2 * y.size * n] * 2])
     print(f"\ncones / escape: {per_kick[1] / per_kick[2]:.2f}")
     assert per_kick[0] / per_kick[1] > 20
     assert per_kick[1] / per_kick[2] < 3

@@ -8,7 +8,7 @@ import pytest
 
 from nasm import barriers, circles, cones, continuation, flux, periodic, verdict
 from nasm.critical import Status
-from nasm.numbers import RotationNumber
+from nasm.numbers import RotationNumber, parse
 
 
 def answers(omega, profile, part):
@@ -24,6 +24,22 @@ def answers(omega, profile, part):
     circle = circles.invariant_circle(omega, part * profile)
     if circle.status is not Status.NOT_CERTIFIED:  # its error says by how much it is none
         yield circle.error, circle.status
+
+
+def test_a_rational_omega_has_no_circle():
+    for method in (continuation.critical_scale, periodic.critical_scale, flux.flux):
+        found = method(parse("3/5"), (0.6, 0.1))
+        assert found.status is Status.RATIONAL
+        assert np.isnan([found.value, found.error]).all()
+    circle = circles.invariant_circle(parse("3/5"), (0.2, 0.1))
+    assert (circle.status, circle.certified) == (Status.RATIONAL, False)
+
+
+def test_too_short_periods_are_admitted():
+    omega = parse("gamma")
+    for found in (periodic.critical_scale(omega, (1, 0), 13), flux.flux(omega, (0.6, 0.1), 5)):
+        assert found.status is Status.NOT_CONVERGED
+        assert np.isnan(found.value)
 
 
 @pytest.mark.parametrize("n_kicks", [1, 2, 3, 4, 5, 6])

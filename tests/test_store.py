@@ -15,6 +15,7 @@ import uuid
 import warnings
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from threading import Barrier
@@ -132,7 +133,8 @@ def test_a_plain_xarray_opens_a_cube_without_a_warning(on_disk):
         assert records.cpu_seconds.shape == (4, 5)
     assert cube.attrs["title"] == "toy"
     assert cube.attrs["depth"] == 3
-    assert {"config_hash", "computed_by", "git_commit", "created"} <= set(cube.attrs)
+    assert {"config_hash", "computed_by", "package_version"} <= cube.attrs.keys()
+    assert {"git_commit", "library_versions", "python_version", "created"} <= cube.attrs.keys()
     assert cube.wave.attrs["units"] == "1"
 
 
@@ -168,7 +170,7 @@ def killed_at_put(monkeypatch, n):
 
     with monkeypatch.context() as patch:
         patch.setattr(ObjectStore, "set", cut(ObjectStore.set))
-        patch.setattr("pipeline.store.metadata._put", cut(store.metadata._put))
+        patch.setattr(store.Place, "write", cut(store.Place.write))
         with pytest.raises(Cut):
             yield
 
@@ -185,7 +187,7 @@ def test_a_tile_that_was_cut_off_before_any_chunk_is_missing(on_disk, monkeypatc
     toy.assert_complete(on_disk, plan)
 
 
-@pytest.mark.parametrize("n", range(9))
+@pytest.mark.parametrize("n", [0, 1, 2, 5, 8])
 def test_a_cube_that_was_cut_off_while_it_was_made_is_made_by_the_next_run(on_disk, monkeypatch, n):
     with killed_at_put(monkeypatch, n):
         store.create(on_disk, toy.cube(depth=1), US)
@@ -323,8 +325,8 @@ def test_a_zarr_group_of_somebody_else_is_refused_and_left_alone(on_disk, zarr_f
     for refuse in (store.check, store.create, store.replace):
         with pytest.raises(store.Refused, match="not a cube of this program"):
             refuse(on_disk, toy.cube(), US)
-    with pytest.raises(store.Refused, match=r"toy\.zarr is not a cube of this program"):
-        store.names(on_disk)
+    assert [state.damage for state in store.status(on_disk)] != [""]
+    assert [index for index, _ in store.verify(on_disk, "toy", repair=True)] == [()]
     assert contents(on_disk) == before
 
 
@@ -376,11 +378,12 @@ def test_a_plain_xarray_refuses_a_damaged_chunk(on_disk, cut):
 
 
 LOST = [None, b"", b"{", b"[]", b'{"zarr_format": 3}']
-METADATA = ["zarr.json", "wave/zarr.json", f"{COMMIT}/zarr.json", "row/zarr.json", "row/c/0"]
+METADATA = "wave/zarr.json", "row/zarr.json", "row/c/0"  # those below decide more
+CASES = [(key, lost) for key in ("zarr.json", f"{COMMIT}/zarr.json") for lost in LOST]
+CASES += zip(METADATA, LOST, strict=False)
 
 
-@pytest.mark.parametrize("lost", LOST, ids=range(len(LOST)))
-@pytest.mark.parametrize("key", METADATA)
+@pytest.mark.parametrize(("key", "lost"), CASES, ids=range(len(CASES)))
 def test_lost_metadata_are_found_cost_no_tile_and_let_no_other_settings_in(on_disk, key, lost):
     plan, key = toy.cube(depth=3), f"toy.zarr/{key}"
     fill(on_disk, plan)
@@ -424,40 +427,37 @@ class Trap:
         return os.mkdir, (self.sprung,)
 
 
-def strangers_group(cube, sprung):
-    """A group of zarr version 2, whose array says that its chunks are pickles."""
-    (cube / "wave").mkdir(parents=True)
+def pickles_of_version_2(place, sprung):
+    """A group whose array says that its chunks are pickles."""
     pickled = {"id": "pickle", "protocol": 5}
     array = {"zarr_format": 2, "shape": [1], "chunks": [1], "dtype": "|O", "compressor": None}
     array |= {"fill_value": None, "order": "C", "filters": [pickled]}
-    (cube / ".zgroup").write_text('{"zarr_format": 2}')
-    (cube / "wave" / ".zattrs").write_text('{"_ARRAY_DIMENSIONS": ["x"]}')
-    (cube / "wave" / ".zarray").write_text(json.dumps(array))
     data = numcodecs.get_codec(pickled).encode(np.array([Trap(sprung)], dtype=object))
-    (cube / "wave" / "0").write_bytes(data)
+    put(place, "toy.zarr/.zgroup", b'{"zarr_format": 2}')
+    put(place, "toy.zarr/wave/.zattrs", b'{"_ARRAY_DIMENSIONS": ["x"]}')
+    put(place, "toy.zarr/wave/.zarray", json.dumps(array).encode())
+    put(place, "toy.zarr/wave/0", data)
 
 
-def strangers_array(cube, sprung):
-    """A group of version 3, an array of which names a codec for pickles."""
-    group = zarr.create_group(cube, zarr_format=3)
+def pickles_of_version_3(place, sprung):
+    """A group, an array of which names a codec for pickles."""
+    group = zarr.create_group(place.cube("toy"), zarr_format=3)
     group.create_array("wave", shape=(1,), chunks=(1,), dtype="f8", dimension_names=["x"])
-    metadata = json.loads((cube / "wave" / "zarr.json").read_text())
+    metadata = json.loads(get(place, "toy.zarr/wave/zarr.json"))
     metadata["codecs"] = [{"name": "numcodecs.pickle", "configuration": {"id": "pickle"}}]
-    (cube / "wave" / "zarr.json").write_text(json.dumps(metadata))
-    (cube / "wave" / "c").mkdir()
-    (cube / "wave" / "c" / "0").write_bytes(pickle.dumps(Trap(sprung)))
+    put(place, "toy.zarr/wave/zarr.json", json.dumps(metadata).encode())
+    put(place, "toy.zarr/wave/c/0", pickle.dumps(Trap(sprung)))
 
 
 @pytest.mark.filterwarnings("ignore:Failed to open Zarr store with consolidated metadata")
-@pytest.mark.parametrize("strangers", [strangers_group, strangers_array])
+@pytest.mark.parametrize("strangers", [pickles_of_version_2, pickles_of_version_3])
 def test_pickles_in_a_store_are_not_executed(on_disk, tmp_path, strangers):
     sprung = tmp_path / "sprung"
-    strangers(tmp_path / "out" / "toy.zarr", sprung)
+    strangers(on_disk, sprung)
     with suppress(store.StoreFailed, KeyError, UnknownCodecError):
         store.read(on_disk, "toy").load()
     assert [index for index, _ in store.verify(on_disk, "toy")] == [()]
-    with pytest.raises(store.Refused, match=r"toy\.zarr is not a cube of this program"):
-        list(store.status(on_disk))
+    assert "another program's" in next(store.status(on_disk)).damage
     assert not sprung.exists()
     pickle.loads(pickle.dumps(Trap(sprung)))
     assert sprung.exists()  # it would have
@@ -503,8 +503,11 @@ def test_a_cube_whose_replacement_was_cut_off_is_not_there_until_the_next_run(
     assert list(store.verify(on_disk, "squares")) == []
 
 
-@pytest.mark.parametrize("lost", [None, b"", b"1234567890123456"])
-@pytest.mark.parametrize("key", ["zarr.json", "square/zarr.json", "square/c/0", "x/c/0"])
+WHOLE = [("zarr.json", None), ("zarr.json", b""), ("zarr.json", b"1234567890123456")]
+WHOLE += [("square/zarr.json", b"{"), ("square/c/0", b"1234567890123456"), ("x/c/0", None)]
+
+
+@pytest.mark.parametrize(("key", "lost"), WHOLE, ids=range(len(WHOLE)))
 def test_a_damaged_cube_that_was_written_whole_is_found_and_written_anew(on_disk, key, lost):
     store.replace(on_disk, squares(1), US)
     put(on_disk, f"squares.zarr/{key}", lost)
@@ -520,20 +523,16 @@ def test_a_damaged_cube_that_was_written_whole_is_found_and_written_anew(on_disk
 
 
 @contextmanager
-def full_disk_later():
-    """Yield what fills the disk: the system writes ten bytes of a file, and refuses the rest."""
+def full_disk(at_once=True):
+    """Let the system write ten bytes of a file, and refuse the rest; yields what fills the disk."""
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    fill_it = partial(resource.setrlimit, resource.RLIMIT_FSIZE, (10, before[1]))
     try:
-        yield lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (10, before[1]))
+        if at_once:
+            fill_it()
+        yield fill_it
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
-
-
-@contextmanager
-def full_disk():
-    with full_disk_later() as fill_it:
-        fill_it()
-        yield
 
 
 @contextmanager
@@ -569,7 +568,7 @@ def test_a_full_disk_ends_a_sweep_at_once_and_the_next_run_completes_it(on_disk)
     plan = toy.cube(tile=1, rows=12, columns=12)
     failed = pytest.raises(store.StoreFailed, match="File too large")
     with toy.workers_here() as client:
-        with full_disk_later() as fill_it, failed:
+        with full_disk(at_once=False) as fill_it, failed:
             toy.watched_sweep(client, on_disk, plan, {50: fill_it})
         assert len(toy.COMPUTED) < 60  # it did not let 144 tiles fail in turn
         assert toy.watched_sweep(client, on_disk, plan).remaining == 0
@@ -632,7 +631,7 @@ def test_an_endpoint_that_is_no_url_is_one_message():
         store.names(store.place_of("s3://cubes/run"))
 
 
-ODD = ["a b", "ünïcödé λ", "#1", "100%25", "new\nline", "~", "-x", "[a]*?", "quote'\"", "a:b::c"]
+ODD = "ünï λ #1", "100%25", "new\nline", "~", "-x[a]*?", "quote'\"a:b::c"
 
 
 @pytest.mark.parametrize("name", ODD)
@@ -642,8 +641,6 @@ def test_a_directory_may_have_any_name(tmp_path, monkeypatch, name):
     with store.driving(place):
         assert fill(place, plan) == 2
     toy.assert_complete(place, plan)
-    cube = xr.open_zarr(zarr.storage.LocalStore(f"{name}/toy.zarr"))
-    assert np.array_equal(cube.wave, toy.serial(plan)["wave"])
 
 
 # Status.
@@ -681,18 +678,15 @@ def test_rate_and_time_left_are_those_of_the_last_minutes(on_disk):
 
 
 def test_a_place_that_does_not_exist_is_refused_and_not_made(tmp_path):
-    place = store.place_of(tmp_path / "none")
-    for ask in (store.names, lambda place: list(store.status(place))):
-        with pytest.raises(store.Refused, match="does not exist"):
-            ask(place)
+    with pytest.raises(store.Refused, match="does not exist"):
+        store.names(store.place_of(tmp_path / "none"))
     assert not (tmp_path / "none").exists()
 
 
-@pytest.mark.parametrize("lost", LOST[:4], ids=range(4))
-def test_damaged_metadata_of_a_cube_hide_no_other(on_disk, lost):
+def test_damaged_metadata_of_a_cube_hide_no_other(on_disk):
     fill(on_disk, toy.cube())
     fill(on_disk, dataclasses.replace(toy.cube(), name="other"))
-    put(on_disk, "other.zarr/zarr.json", lost)
+    put(on_disk, "other.zarr/zarr.json", b"{")
     other, state = store.status(on_disk)
     assert "run the workflow" in other.damage
     assert (state.done, state.damage) == (20, "")
@@ -736,15 +730,8 @@ def test_a_tile_costs_what_zarr_costs(on_disk, capsys):
 # Who computed it.
 
 
-def test_provenance_names_versions_and_commit(on_disk):
-    store.create(on_disk, toy.cube(), store.computed_by())
-    found = store.read(on_disk, "toy").attrs
-    assert {"package_version", "git_commit", "library_versions", "created"} <= set(found)
-    assert f"numba {version('numba')}, " in found["computed_by"]
-    assert found["computed_by"].startswith("mathematics ")
-
-
 def test_the_mathematics_are_the_files_of_nasm_and_of_the_cubes():
+    assert f"numba {version('numba')}, " in store.computed_by()
     files = {str(path.relative_to(ROOT)) for path in store.provenance._MATHEMATICS}
     assert {"nasm/maps.py", "pipeline/cubes/escape.py"} <= files
     assert not any(path.startswith(("pipeline/s", "workflows")) for path in files)

@@ -103,12 +103,6 @@ def test_alternation_of_kicks_with_idle_ones_between(spacing, first, kicks, data
     assert_orbits_agree(kicked_orbit(alternated, x, y, 7), (moved, ys + 1 / (2 * spacing)))
 
 
-@pytest.mark.parametrize(("kappa", "spacing"), [((0.3, 0, 0.2), 1), ((0.3, 0.1, -0.3, 0), 2)])
-def test_alternation_of_spaced_kicks_needs_an_even_number_and_no_others(kappa, spacing):
-    with pytest.raises(ValueError, match=rf"does not kick every {spacing}th site alone"):
-        symmetries.alternate_spaced(kappa, 0.0, 0.0, spacing)
-
-
 @settings(deadline=None)
 @given(case=cases())
 def test_shift(case):
@@ -287,13 +281,6 @@ def test_unfold_gives_the_eight_rays_of_the_square():
     assert ((angles >= 0) & (angles < 360)).all()
     # Half of them, where κ1 and κ2 have opposite signs, carry the circle of ω + 1.
     assert symmetries.fold(angles)[1].tolist() == (np.sin(2 * np.deg2rad(angles)) < 0).tolist()
-
-
-def test_fold_and_unfold_take_arrays():
-    assert symmetries.unfold([0.0, 10.0, 45.0]).shape == (8, 3)
-    wedge_angle, omega_shift = symmetries.fold(np.arange(0.0, 360.0, 15.0))
-    assert wedge_angle.tolist() == [0, 15, 30, 45, 30, 15] * 4
-    assert omega_shift.tolist() == ([0] * 7 + [1] * 5) * 2
 
 
 def test_escape_times_follow_the_symmetries():

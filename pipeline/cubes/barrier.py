@@ -4,7 +4,7 @@
 square (Sec. III), so the rays computed are images of those asked for, in the wedge 0 ≤ κ2 ≤ κ1.
 """
 
-import dataclasses
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -12,8 +12,8 @@ import numpy as np
 from nasm import barriers, proofs
 from nasm.numbers import RotationNumber, moebius, parse
 from nasm.symmetries import fold, ray
-from pipeline.cubes.cube import PAPER, Job, blank, coordinate, text
-from pipeline.cubes.rays import KICKS, angles_of_rays, cube_on_rays, per_ray, scales
+from pipeline.cubes.breakdown import cube_on_rays, per_ray, scales
+from pipeline.cubes.cube import KICKS, PAPER, Job, angles_of_rays, blank, coordinate, text
 
 _N_QUOTIENTS = 32  # places for the partial quotients of a rotation number
 
@@ -24,30 +24,20 @@ def last_barrier(angles, tol):
     angles : degrees, any; the cube holds their images. tol : float, the bracket's relative width.
     """
     wedge, _ = fold(angles)
+    wedge = sorted(set(wedge.round(9).tolist()))
+    on_ray = {"angle": angles_of_rays(wedge)}
+    place = {"quotient": coordinate("quotient", range(_N_QUOTIENTS), "place of a partial quotient")}
+    zero, comment = np.int32(0), "0 behind the last one"
+    last_circle = {
+        "omega": blank(on_ray, "rotation number of the last circle, per step, in [0, 1]"),
+        "quotients": blank(place | on_ray, "partial quotients of omega", zero, comment=comment),
+        "tail_length": blank(on_ray, "partial quotients at the end that repeat", np.int8(0)),
+    }
     seconds, warm_up = 0.1 + 4e-5 / tol, partial(barriers.critical_scale, (1.0, 0.0), 0.1)
-    cube = cube_on_rays(
-        "barrier",
-        {},
-        sorted(set(wedge.round(9).tolist())),
-        KICKS,
-        seconds,
-        {"tol": tol},
-        title="The last barrier to transport of the nonautonomous standard map",
-        source=f"{PAPER}, Sec. V and VI",
-    )
-    place = coordinate("quotient", range(_N_QUOTIENTS), "place of a partial quotient")
-    on_ray = {"angle": cube.template.angle}
-    template = cube.template.assign_coords(quotient=place).assign(
-        omega=blank(on_ray, "rotation number of the last circle, per step, in [0, 1]"),
-        quotients=blank(
-            {"quotient": place, **on_ray},
-            "partial quotients of omega",
-            np.int32(0),
-            comment="0 behind the last one",
-        ),
-        tail_length=blank(on_ray, "partial quotients at the end that repeat", np.int8(0)),
-    )
-    cube = dataclasses.replace(cube, template=template)
+    title = "The last barrier to transport of the nonautonomous standard map"
+    labels = {"title": title, "source": f"{PAPER}, Sec. V and VI"}
+    cube = cube_on_rays("barrier", {}, wedge, KICKS, seconds, {"tol": tol}, **labels)
+    cube = replace(cube, template=cube.template.assign_coords(place).assign(last_circle))
     return Job(cube, _compute, partial(per_ray, seconds), warm_up)
 
 
@@ -118,8 +108,7 @@ def unfolded(barrier, angles):
 
 def _circle(quotients, tail_length, mirrored):
     """Return the text of a rotation number from its entries in the cube, "" if it has none."""
-    while quotients and quotients[-1] == 0:
-        quotients.pop()
+    quotients = np.trim_zeros(quotients, "b")
     if not quotients:
         return ""
     omega = RotationNumber(tuple(quotients[:-tail_length]), tuple(quotients[-tail_length:]))
@@ -151,8 +140,8 @@ def _arrays(found, profiles):
     arrays["omega"] = np.array([np.nan if s.omega is None else float(s.omega) for s in found])
     arrays["quotients"] = np.zeros((_N_QUOTIENTS, len(found)), np.int32)
     arrays["tail_length"] = np.zeros(len(found), np.int8)
-    for i, omega in enumerate(scale.omega for scale in found):
-        if omega is not None:
+    for i, scale in enumerate(found):
+        if (omega := scale.omega) is not None:
             quotients = [*omega.prefix, *omega.tail]
             arrays["quotients"][: len(quotients), i] = quotients
             arrays["tail_length"][i] = len(omega.tail)

@@ -19,6 +19,7 @@ import xarray as xr
 from nasm.critical import Status
 
 PAPER = "arXiv:1606.04824"
+KICKS = {"kappa1": "strength of the first kick", "kappa2": "strength of the second kick"}
 _OF_ALL = {
     "Conventions": "CF-1.11",
     "references": f"{PAPER}, https://arxiv.org/abs/1606.04824",
@@ -28,19 +29,12 @@ _OF_ALL = {
 
 @dataclass(frozen=True)
 class Cube:
-    """The plan of one cube.
+    """The plan of one cube. Every variable has all dims of a tile, in their order."""
 
-    name : its name in the store.
-    template : Dataset of the right dims, dtypes, coordinates and attributes, values not computed.
-    tile : {dim: cells}, the unit of work and of storage; every variable has all of these dims, in
-        this order.
-    settings : JSON-able, everything besides the coordinates that decides the values.
-    """
-
-    name: str
-    template: xr.Dataset
-    tile: dict[str, int]
-    settings: dict
+    name: str  # in the store
+    template: xr.Dataset  # its dims, dtypes, coordinates and attributes; values not computed
+    tile: dict[str, int]  # {dim: cells}, the unit of work and of storage
+    settings: dict  # JSON-able: what decides the values, besides the coordinates
 
     def __post_init__(self):
         template = self.template.assign_attrs(_OF_ALL | self.template.attrs)
@@ -56,9 +50,8 @@ class Cube:
         digest = hashlib.sha256()
         for name, coordinate in sorted(self.template.coords.items()):
             digest.update(name.encode() + np.ascontiguousarray(coordinate.values).tobytes())
-        variables = {
-            k: [list(v.dims), str(v.dtype)] for k, v in sorted(self.template.data_vars.items())
-        }
+        variables = sorted(self.template.data_vars.items())
+        variables = {name: [list(array.dims), str(array.dtype)] for name, array in variables}
         plan = {"variables": variables, "tile": self.tile, "settings": self.settings}
         digest.update(json.dumps(plan, sort_keys=True).encode())
         return digest.hexdigest()
@@ -66,18 +59,12 @@ class Cube:
 
 @dataclass(frozen=True)
 class Job:
-    """A cube, and what computes it; workers must be able to import the functions.
-
-    cube : Cube.
-    compute : (coords of a tile, settings) → {variable: array}; coords are {dim: ndarray}.
-    predict : (coords of a tile, settings) → CPU seconds that `compute` will take.
-    warm_up : () → anything; compiles the kernels of `compute`, once in each worker.
-    """
+    """A cube, and what computes it; workers must be able to import the functions."""
 
     cube: Cube
-    compute: Callable
-    predict: Callable
-    warm_up: Callable
+    compute: Callable  # (coords {dim: ndarray} of a tile, settings) → {variable: array}
+    predict: Callable  # (coords of a tile, settings) → CPU seconds that `compute` will take
+    warm_up: Callable  # () → anything; compiles the kernels of `compute`, once in each worker
 
 
 def coordinate(dim, values, long_name, units="1", **attrs):
@@ -90,10 +77,16 @@ def text(dim, words, long_name):
     return xr.Variable(dim, np.array(list(words), dtype=str), {"long_name": long_name})
 
 
+def angles_of_rays(angles):
+    """Return the coordinate `angle`, in degrees."""
+    return coordinate("angle", angles, "direction of the ray in the plane", "degree")
+
+
 def blank(coords, long_name, fill=np.nan, **attrs):
-    """Return a variable over `coords` that no tile has written; it has the dtype of `fill`."""
-    values = dask.array.full(tuple(c.size for c in coords.values()), fill, chunks=-1)
-    return tuple(coords), values, {"long_name": long_name, "units": "1", **attrs}
+    """Return a variable over the dimensions among `coords`, not computed, of `fill`'s dtype."""
+    sizes = {name: c.size for name, c in coords.items() if c.dims == (name,)}
+    values = dask.array.full(tuple(sizes.values()), fill, chunks=-1)
+    return tuple(sizes), values, {"long_name": long_name, "units": "1", **attrs}
 
 
 _STATUSES = list(Status)
@@ -118,9 +111,6 @@ def fields(answers, names):
     answers : nested lists of what a method answers, e.g. of CriticalScale.
     """
     answers = np.array(answers, dtype=object)
-
-    def array_of(field):
-        return np.vectorize(attrgetter(field), otypes=[float])(answers)
-
-    codes = np.vectorize(lambda answer: status_code(answer.status), otypes=["int8"])(answers)
-    return {name: array_of(field) for name, field in names.items()} | {"status": codes}
+    found = {name: np.vectorize(attrgetter(f), "d")(answers) for name, f in names.items()}
+    codes = np.vectorize(lambda answer: status_code(answer.status), "b")(answers)
+    return found | {"status": codes}

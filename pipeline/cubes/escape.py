@@ -5,7 +5,8 @@ a breakup that is known. {n* ≤ N} is global transport within N steps, for ever
 arXiv:1606.04824, Eq. (mapaut), Proposition 1 and Sec. V.B.
 """
 
-import dataclasses
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import xarray as xr
@@ -13,14 +14,10 @@ import xarray as xr
 from nasm import escape
 from nasm.escape import PAPER_WINDOW
 from nasm.symmetries import ray
-from pipeline.cubes.cube import PAPER, Cube, Job, blank, coordinate
-from pipeline.cubes.rays import KICKS, angles_of_rays
+from pipeline.cubes.cube import KICKS, PAPER, Cube, Job, angles_of_rays, blank, coordinate
 
-SECONDS_PER_STEP = 0.8e-9
-"""CPU time of one orbit and one step of two kicks."""
-
+SECONDS_PER_STEP = 0.8e-9  # CPU time of one orbit and one step of two kicks
 _PROBE_STEPS = 2000
-_WORDS = "first step at which an orbit of the ensemble is outside the window"
 _COMMENT = (
     "steps of two kicks; NaN: not computed; inf: no escape up to n_max. "
     "escape_time <= N is global transport within N steps, for every N <= n_max."
@@ -35,20 +32,14 @@ def plane(name, kappa1, kappa2, sizes, n_max, tile):
     n_max : int, steps (periods of the forcing) after which an orbit counts as not escaping.
     tile : int, cells along each side of a tile.
     """
-    cells = {"kappa2": kappa2, "kappa1": kappa1}
-    axes = {
-        dim: coordinate(dim, axis.centres, KICKS[dim], bounds=f"{dim}_bounds")
-        for dim, axis in cells.items()
-    }
+    coords = {}
+    for dim, axis in (("kappa2", kappa2), ("kappa1", kappa1)):
+        ends = f"{dim}_bounds"
+        coords[dim] = coordinate(dim, axis.centres, KICKS[dim], bounds=ends)
+        coords[ends] = coordinate((dim, "bound"), axis.bounds, "ends of the cells")
     title = "First escape times of the nonautonomous standard map"
     tiles, settings = {"kappa2": tile, "kappa1": tile}, {"cells_per_tile": tile}
-    cube = _cube(name, sizes, n_max, axes, tiles, settings, title)
-    bounds = {
-        f"{dim}_bounds": coordinate((dim, "bound"), axis.bounds, "ends of the cells")
-        for dim, axis in cells.items()
-    }
-    cube = dataclasses.replace(cube, template=cube.template.assign_coords(bounds))
-    return Job(cube, _compute_plane, _predict_plane, warm_up_escape)
+    return _job(name, sizes, n_max, coords, tiles, settings, title, _on_plane, _predict_plane)
 
 
 def composed(cube, levels, follow, field=None, level=None):
@@ -60,17 +51,15 @@ def composed(cube, levels, follow, field=None, level=None):
     field : array (ensemble, kappa2, kappa1), the values.
     level : int8 array (kappa2, kappa1), which level each value is from.
     """
-    dims, values, attrs = blank(
-        {dim: cube.template[dim] for dim in ("kappa2", "kappa1")},
-        "level of refinement of the cell's value",
-        np.int8(-1),
-        comment="0 is the coarsest; each level halves the cells",
-    )
+    axes = {dim: cube.template[dim] for dim in ("kappa2", "kappa1")}
+    words = "level of refinement of the cell's value"
+    comment = "0 is the coarsest; each level halves the cells"
+    dims, values, attrs = blank(axes, words, np.int8(-1), comment=comment)
     template = cube.template.assign(level=(dims, values if level is None else level, attrs))
     if field is not None:
         template["escape_time"] = template.escape_time.copy(data=field)
     settings = {"levels": levels, "follow": follow, **cube.settings}
-    return dataclasses.replace(cube, template=template, settings=settings)
+    return replace(cube, template=template, settings=settings)
 
 
 def beyond(name, scales, excesses, sizes, n_max):
@@ -82,16 +71,13 @@ def beyond(name, scales, excesses, sizes, n_max):
     """
     axes, title = beyond_breakup(scales, excesses), "First escape times beyond the last barrier"
     tiles, settings = {"angle": 1, "excess": 1}, {"critical_scales": by_angle(scales)}
-    cube = _cube(name, sizes, n_max, axes, tiles, settings, title)
-    return Job(cube, _compute_beyond, _predict_beyond, warm_up_escape)
+    return _job(name, sizes, n_max, axes, tiles, settings, title, _beyond, _predict_beyond)
 
 
 def beyond_breakup(scales, excesses):
     """Return the coordinates of forcings s_c·(1 + excess)·(cos, sin) on the rays of `scales`."""
-    return {
-        "angle": angles_of_rays(list(scales)),
-        "excess": coordinate("excess", excesses, "scale in parts of the breakup's, less 1"),
-    }
+    excess = coordinate("excess", excesses, "scale in parts of the breakup's, less 1")
+    return {"angle": angles_of_rays(list(scales)), "excess": excess}
 
 
 def by_angle(quantities):
@@ -99,17 +85,34 @@ def by_angle(quantities):
     return {str(float(angle)): quantity for angle, quantity in quantities.items()}
 
 
-def _cube(name, sizes, n_max, axes, tiles, settings, title):
+def _job(name, sizes, n_max, axes, tiles, settings, title, forcings, predict):
     ensemble = coordinate("ensemble", sizes, "number of orbits in the ensemble")
     coords = {"ensemble": ensemble, **axes}
     source = f"{PAPER}, Eq. (mapaut), Proposition 1 and Sec. V.B"
-    times = blank(coords, _WORDS, comment=_COMMENT, source=source)
+    words = "first step at which an orbit of the ensemble is outside the window"
+    times = blank(coords, words, comment=_COMMENT, source=source)
     template = xr.Dataset({"escape_time": times}, coords, {"title": title, "source": source})
-    return Cube(name, template, tiles, {"n_max": n_max, "window": list(PAPER_WINDOW), **settings})
+    settings = {"n_max": n_max, "window": list(PAPER_WINDOW), **settings}
+    cube = Cube(name, template, tiles, settings)
+    return Job(cube, partial(_compute, forcings), predict, warm_up_escape)
 
 
-def _compute_plane(coords, settings):
-    return _times(_strengths(coords), coords["ensemble"], settings)
+def _compute(forcings, coords, settings):
+    sizes, limits = coords["ensemble"], (settings["n_max"], settings["window"])
+    starts = escape.ensemble(int(sizes[-1]))
+    return {"escape_time": escape.first_escape(forcings(coords, settings), *starts, sizes, *limits)}
+
+
+def _on_plane(coords, settings):
+    """Return the forcings of a tile, shape (kappa2, kappa1, 2)."""
+    return np.stack(np.meshgrid(coords["kappa1"], coords["kappa2"]), axis=-1)
+
+
+def _beyond(coords, settings):
+    """Return the forcings of a tile, shape (angle, excess, 2)."""
+    scales = np.array([settings["critical_scales"][str(a)] for a in coords["angle"].tolist()])
+    profiles = scales[:, None] * ray(coords["angle"])
+    return profiles[:, None, :] * (1 + coords["excess"][:, None])
 
 
 def _predict_plane(coords, settings):
@@ -118,19 +121,12 @@ def _predict_plane(coords, settings):
     A cell that the probe sees escape costs its escape time, any other one n_max; times all orbits.
     """
     probed = {dim: coords[dim][:: max(1, coords[dim].size // 3)] for dim in ("kappa2", "kappa1")}
-    n_max, window = settings["n_max"], settings["window"]
-    x, y = escape.ensemble(64)
-    times = escape.first_escape(_strengths(probed), x, y, [64], min(n_max, _PROBE_STEPS), window)
+    kappas, n_max = _on_plane(probed, settings), settings["n_max"]
+    limits = min(n_max, _PROBE_STEPS), settings["window"]
+    times = escape.first_escape(kappas, *escape.ensemble(64), [64], *limits)
     steps = np.where(np.isinf(times), n_max, times).mean()
     cells = coords["kappa2"].size * coords["kappa1"].size
     return SECONDS_PER_STEP * int(coords["ensemble"][-1]) * steps * cells
-
-
-def _compute_beyond(coords, settings):
-    scales = np.array([settings["critical_scales"][str(a)] for a in coords["angle"].tolist()])
-    profiles = scales[:, None] * ray(coords["angle"])
-    kappas = profiles[:, None, :] * (1 + coords["excess"][:, None])
-    return _times(kappas, coords["ensemble"], settings)
 
 
 def _predict_beyond(coords, settings):
@@ -142,14 +138,3 @@ def _predict_beyond(coords, settings):
 def warm_up_escape():
     """Compile the kernels of first escape times."""
     escape.first_escape([[0.0, 0.0]], *escape.ensemble(1), [1], 1)
-
-
-def _times(kappas, sizes, settings):
-    x, y = escape.ensemble(int(sizes[-1]))
-    window = settings["window"]
-    return {"escape_time": escape.first_escape(kappas, x, y, sizes, settings["n_max"], window)}
-
-
-def _strengths(coords):
-    """Return the forcings of a tile, shape (kappa2, kappa1, 2)."""
-    return np.stack(np.meshgrid(coords["kappa1"], coords["kappa2"]), axis=-1)

@@ -9,7 +9,8 @@ from functools import partial
 import numpy as np
 import xarray as xr
 
-from nasm import flux, numbers
+from nasm import flux
+from nasm.numbers import parse
 from nasm.symmetries import ray
 from pipeline.cubes.cube import FLAGS, PAPER, STATUS_SETTING, Cube, Job, blank, fields
 from pipeline.cubes.escape import beyond_breakup, by_angle
@@ -38,17 +39,11 @@ def through_last_circle(scales, circles, excesses, q_max):
 
 
 def _compute(coords, settings):
-    found = [
-        [
-            flux.flux(
-                numbers.parse(settings["circles"][angle]),
-                settings["critical_scales"][angle] * (1 + excess) * ray(float(angle)),
-                settings["q_max"],
-            )
-            for excess in coords["excess"]
-        ]
-        for angle in map(str, coords["angle"].tolist())
-    ]
+    def flux_at(angle, excess):
+        kappa = settings["critical_scales"][str(angle)] * (1 + excess) * ray(angle)
+        return flux.flux(parse(settings["circles"][str(angle)]), kappa, settings["q_max"])
+
+    found = [[flux_at(a, excess) for excess in coords["excess"]] for a in coords["angle"].tolist()]
     return fields(found, {"flux": "value", "error": "error", "period": "period"})
 
 

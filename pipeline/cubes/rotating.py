@@ -8,10 +8,11 @@ from functools import partial
 
 from nasm import escape, periodic, transversals
 from nasm.maps import rotating_forcing
-from pipeline.cubes.breakdown import warm_up_residues
-from pipeline.cubes.cube import PAPER, Job
+from pipeline.cubes.breakdown import job_on_rays, warm_up_residues
+from pipeline.cubes.cube import PAPER, coordinate
 from pipeline.cubes.escape import SECONDS_PER_STEP, warm_up_escape
-from pipeline.cubes.rays import ROTATING, cube_on_rays, per_ray, rows_of, tile_on_rays
+
+_MEANS = {"kappa_mean": "mean strength κ̄", "kappa_amplitude": "amplitude Δκ of the strengths"}
 
 
 def tori(vectors, angles):
@@ -19,11 +20,10 @@ def tori(vectors, angles):
 
     vectors : list of "p/q,Ω", an orbit's turns per kick and the frequency. angles : degrees.
     """
-    frequencies = [vector.split(",")[1] for vector in vectors]
-    settings = {"frequencies": frequencies, "vectors": list(vectors)}
-    settings["method"] = "Greene's residue of one orbit"
-    cube = _cube("rotating_tori", _FREQUENCY, frequencies, angles, 0.04, settings)
-    return Job(cube, _tori, partial(per_ray, 0.04), warm_up_residues)
+    settings = {"frequencies": [vector.split(",")[1] for vector in vectors]}
+    settings |= {"vectors": list(vectors), "method": "Greene's residue of one orbit"}
+    rows = _rows("frequency", settings["frequencies"], "frequency Ω")
+    return _job(_torus, warm_up_residues, "rotating_tori", rows, angles, 0.04, settings)
 
 
 def transport(angles, n_max, n_orbits):
@@ -34,8 +34,8 @@ def transport(angles, n_max, n_orbits):
     settings = {"frequencies": ["1/2"], "phase": 0.0, "n_max": n_max, "n_orbits": n_orbits}
     settings["method"] = "direct iteration"
     seconds = 10 * SECONDS_PER_STEP * n_orbits * n_max  # ten runs of the whole ensemble
-    cube = _cube("rotating_transport", _FREQUENCY, ["1/2"], angles, seconds, settings)
-    return Job(cube, _transport, partial(per_ray, seconds), warm_up_escape)
+    rows = _rows("frequency", ["1/2"], "frequency Ω")
+    return _job(_transport, warm_up_escape, "rotating_transport", rows, angles, seconds, settings)
 
 
 def three_kicks(phases, angles, n_max):
@@ -44,53 +44,34 @@ def three_kicks(phases, angles, n_max):
     phases : list of texts of φ0, in turns. angles : degrees. n_max : int, steps (of three kicks).
     """
     settings = {"method": "converse KAM on transversals", "frequency": "1/3", "n_max": n_max}
-    seconds, warm_up = 0.4 + 2.5e-3 * n_max, partial(transversals.critical_scale, (1.0,), 30)
-    cube = _cube("three_kicks", _PHASE, phases, angles, seconds, settings)
-    return Job(cube, _phases, partial(per_ray, seconds), warm_up)
+    rows = _rows("phase", phases, "phase φ0 of the first kick, in turns")
+    warm_up = partial(transversals.critical_scale, (1.0,), 30)
+    return _job(_phase, warm_up, "three_kicks", rows, angles, 0.4 + 2.5e-3 * n_max, settings)
 
 
-_FREQUENCY = "frequency", "frequency Ω"
-_PHASE = "phase", "phase φ0 of the first kick, in turns"
+def _rows(dim, texts, long_name):
+    exact = list(dict.fromkeys(texts))
+    return coordinate(dim, list(map(float, map(Fraction, exact))), long_name, exact=exact)
 
 
-def _cube(name, row, texts, angles, seconds, settings):
-    dim, words = row
-    return cube_on_rays(
-        name,
-        rows_of(dim, {text: float(Fraction(text)) for text in texts}, words),
-        angles,
-        ROTATING,
-        seconds,
-        settings,
-        title="Breakup of the last barriers of rotating standard maps",
-        source=f"{PAPER}, Sec. VII, Eq. (rotmap)",
-    )
+def _job(critical_scale, warm_up, name, rows, angles, seconds, settings):
+    title = "Breakup of the last barriers of rotating standard maps"
+    labels = {"title": title, "source": f"{PAPER}, Sec. VII, Eq. (rotmap)"}
+    plan = name, {rows.dims[0]: rows}, angles, _MEANS, seconds, settings
+    return job_on_rays(critical_scale, warm_up, *plan, **labels)
 
 
-def _tori(coords, settings):
-    vectors = [vector.split(",") for vector in settings["vectors"]]
-    omegas = {float(Fraction(frequency)): (omega, frequency) for omega, frequency in vectors}
-    return tile_on_rays(
-        coords,
-        "frequency",
-        ROTATING,
-        lambda frequency, profile: periodic.torus_scale(*omegas[frequency], *profile),
-    )
+def _torus(frequency, profile, settings):
+    vectors = (vector.split(",") for vector in settings["vectors"])
+    exact = {float(Fraction(text)): (omega, text) for omega, text in vectors}
+    return periodic.torus_scale(*exact[frequency], *profile)
 
 
-def _transport(coords, settings):
-    exact = {float(Fraction(text)): text for text in settings["frequencies"]}
-
-    def critical_scale(frequency, profile):
-        kappa = rotating_forcing(*profile, exact[frequency], settings["phase"])
-        return escape.critical_scale(kappa, settings["n_max"], settings["n_orbits"])
-
-    return tile_on_rays(coords, "frequency", ROTATING, critical_scale)
+def _transport(frequency, profile, settings):
+    kappa = rotating_forcing(*profile, settings["frequencies"][0], settings["phase"])
+    return escape.critical_scale(kappa, settings["n_max"], settings["n_orbits"])
 
 
-def _phases(coords, settings):
-    def critical_scale(phase, profile):
-        kappa = rotating_forcing(*profile, settings["frequency"], phase)
-        return transversals.critical_scale(kappa, settings["n_max"])
-
-    return tile_on_rays(coords, "phase", ROTATING, critical_scale)
+def _phase(phase, profile, settings):
+    kappa = rotating_forcing(*profile, settings["frequency"], phase)
+    return transversals.critical_scale(kappa, settings["n_max"])

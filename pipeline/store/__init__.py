@@ -6,10 +6,8 @@ what is done. If a tile fails, the reason is kept, and means something while the
 
 Zarr writes and reads all chunks, each with its CRC-32C; obstore puts them into a directory or an
 object store, each whole or not at all, so that a killed process leaves nothing half-written. What
-several workers or drivers write more than once is the same each time: they need no order.
-
-The store knows neither mathematics nor dask. A cube is anything with the attributes `name`,
-`template`, `tile`, `sizes`, `settings` and `config_hash`, see `pipeline.cubes.cube.Cube`.
+several workers or drivers write more than once is the same each time: they need no order. The
+store knows neither mathematics nor dask, and of cubes what `pipeline.cubes.cube.Cube` tells.
 """
 
 from pipeline.store.metadata import check, create, names, replace, sees, tile_counts

@@ -7,18 +7,16 @@ nowhere from there.
 
 import os
 import re
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from datetime import timedelta
 from functools import lru_cache
 
 from filelock import FileLock, Timeout
-from obstore.exceptions import BaseError
+from obstore.exceptions import AlreadyExistsError, BaseError
 from obstore.store import LocalStore, from_url
 
-PATIENCE = 30
-"""Seconds for which a request is repeated while an object store does not answer."""
-
+PATIENCE = 30  # seconds for which a request is repeated while an object store does not answer
 _URL = re.compile(r"(s3|gs|az)://[a-z0-9][a-z0-9._-]+(/[\w.=+-]+)+", re.ASCII)
 
 
@@ -32,7 +30,7 @@ class StoreFailed(OSError):
 
 @dataclass(frozen=True)
 class Place:
-    """Where cubes are kept; see `place_of`.
+    """Where cubes are kept; see `place_of`. Keys are paths of files below it.
 
     root : absolute path of a directory, or URL of a prefix in an object store.
     """
@@ -56,6 +54,28 @@ class Place:
         if self.is_directory and not os.path.isdir(path):
             raise FileNotFoundError(f"{path} does not exist")
         return _opened(path)
+
+    def read(self, key):
+        """The bytes of a file; empty if it is missing."""
+        with explained(self), suppress(FileNotFoundError):
+            return bytes(self.objects().get(key).bytes())
+        return b""
+
+    def write(self, key, data, mode="overwrite"):
+        """Write a file, whole or not at all; with the mode "create" only if it is not there."""
+        with explained(self), suppress(AlreadyExistsError):
+            self.objects().put(key, data, mode=mode)
+
+    def delete(self, key):
+        """Delete a file, if it is there."""
+        with explained(self), suppress(FileNotFoundError):
+            self.objects().delete(key)
+
+    def files(self, prefix):
+        """Yield what the store tells of each file below the prefix: path, size, last_modified."""
+        with explained(self), suppress(FileNotFoundError):
+            for page in self.objects().list(prefix, chunk_size=10_000):
+                yield from page
 
 
 def place_of(out):
@@ -84,27 +104,20 @@ def _opened(path):
 def driving(place):
     """Keep a second driver off a directory, which is made if need be.
 
-    In an object store nothing keeps two drivers apart. They write the same bytes, so that all they
-    lose is time.
+    In an object store nothing does: two drivers write the same bytes, so that they lose time only.
     """
-    if not place.is_directory:
+    with ExitStack() as held:
+        if place.is_directory:
+            try:
+                os.makedirs(place.root, exist_ok=True)
+                held.enter_context(FileLock(f"{place}/.lock", timeout=0))
+            except Timeout:
+                words = "is being written by another run; wait for it, stop it, or choose another"
+                raise Refused(f"{place} {words} --out") from None
+            except OSError as error:
+                words = f"cannot write to {place}: {error.strerror}; choose another --out"
+                raise Refused(words) from None
         yield
-        return
-    lock = FileLock(f"{place}/.lock", timeout=0)
-    try:
-        os.makedirs(place.root, exist_ok=True)
-        lock.acquire()
-    except Timeout:
-        raise Refused(
-            f"{place} is being written by another run; wait for it, stop it, or choose another "
-            "--out"
-        ) from None
-    except OSError as error:
-        raise Refused(f"cannot write to {place}: {error.strerror}; choose another --out") from None
-    try:
-        yield
-    finally:
-        lock.release()
 
 
 @contextmanager

@@ -3,6 +3,7 @@
 import hashlib
 import platform
 import subprocess
+from contextlib import suppress
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -12,25 +13,20 @@ _MATHEMATICS = sorted([*_PACKAGE.glob("nasm/*.py"), *_PACKAGE.glob("pipeline/cub
 _DECIDING = "llvmlite", "numba", "numpy", "rocket-fft", "scipy"
 
 
-def _digest(paths):
-    """Digest of the files: the version of the package alone would miss an edit."""
-    files = b"".join(path.name.encode() + path.read_bytes() for path in paths)
-    return hashlib.sha256(files).hexdigest()[:12]
-
-
-def _versions(packages):
-    return ", ".join(f"{package} {_version(package)}" for package in packages)
-
-
-def _version(package):
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return "missing"
+def _versions(*packages):
+    found = []
+    for package in packages:
+        try:
+            found.append(f"{package} {version(package)}")
+        except PackageNotFoundError:
+            found.append(f"{package} missing")
+    return ", ".join(found)
 
 
 # Of the files as they are imported: a process that runs on while they are edited has the old ones.
-_COMPUTED_BY = f"mathematics {_digest(_MATHEMATICS)}, {_versions(_DECIDING)}"
+# The version of the package alone would miss an edit.
+_FILES = b"".join(path.name.encode() + path.read_bytes() for path in _MATHEMATICS)
+_COMPUTED_BY = f"mathematics {hashlib.sha256(_FILES).hexdigest()[:12]}, {_versions(*_DECIDING)}"
 
 
 def computed_by():
@@ -42,10 +38,10 @@ def provenance(computed_by):
     """Attributes of a new cube: who computes it, versions, git commit, time of creation."""
     return {
         "computed_by": computed_by,
-        "package_version": _version("nasm-transport"),
+        "package_version": _versions("nasm-transport").rpartition(" ")[2],
         "git_commit": _git_commit(),
         "python_version": platform.python_version(),
-        "library_versions": _versions(("xarray", "zarr", "dask")),
+        "library_versions": _versions("xarray", "zarr", "dask"),
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
     }
 
@@ -55,7 +51,6 @@ def _git_commit():
     if not (_PACKAGE / ".git").exists():  # we may be installed inside another project's checkout
         return "unknown"
     command = ["git", "-C", str(_PACKAGE), "describe", "--always", "--dirty", "--abbrev=40"]
-    try:
-        return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
-    except (OSError, subprocess.CalledProcessError):
-        return "unknown"
+    with suppress(OSError):
+        return subprocess.run(command, capture_output=True, text=True).stdout.strip() or "unknown"
+    return "unknown"

@@ -11,35 +11,24 @@ from math import nan
 import numpy as np
 
 from pipeline.store.metadata import names
-from pipeline.store.place import Refused, explained
+from pipeline.store.place import Refused
 from pipeline.store.tiles import COMMIT, arrays_of, failure_key, forget, survey
 
-RECENT = 300
-"""Seconds before the last commit over which the rate is taken."""
-
+RECENT = 300  # seconds before the last commit over which the rate is taken
 _TOLD = 10  # failures whose reasons are read
 
 
 @dataclass(frozen=True)
 class State:
-    """How far one cube is.
-
-    name : of the cube.
-    tiles : their number; 0 for a cube that was written whole, or whose metadata are damaged.
-    done : tiles that are committed.
-    failed : tiles that failed when they were last tried.
-    reasons : {index: why it failed}, of the first few.
-    rate : tiles per second in the last minutes before the last commit; NaN if unknown.
-    damage : what hides the cube's state, "" if nothing does.
-    """
+    """How far one cube is."""
 
     name: str
-    tiles: int = 0
-    done: int = 0
-    failed: int = 0
-    reasons: dict[tuple[int, ...], str] = field(default_factory=dict)
-    rate: float = nan
-    damage: str = ""
+    tiles: int = 0  # 0 for a cube that was written whole, or whose metadata are damaged
+    done: int = 0  # tiles that are committed
+    failed: int = 0  # tiles that failed when they were last tried
+    reasons: dict[tuple[int, ...], str] = field(default_factory=dict)  # of the first few failures
+    rate: float = nan  # tiles per second in the last minutes before the last commit
+    damage: str = ""  # what hides the cube's state
 
     @property
     def seconds_left(self):
@@ -61,25 +50,15 @@ def _state(place, name):
     if COMMIT not in arrays_of(place, name):
         return State(name)
     done, written = survey(place, name)
-    with explained(place):
-        failed = sorted(_failed(place, name, done))
-        files = [(index, place.objects().get(failure_key(name, index))) for index in failed[:_TOLD]]
-        reasons = {index: bytes(file.bytes()).decode(errors="replace") for index, file in files}
-    return State(name, done.size, int(done.sum()), len(failed), reasons, _rate(written[done]))
-
-
-def _failed(place, name, done):
-    """Yield the indices of the missing tiles of which the store has a reason."""
-    for page in place.objects().list(f"{name}.zarr/.failed"):
-        for file in page:
-            with suppress(ValueError, IndexError):  # somebody else's file
-                index = tuple(map(int, file["path"].rpartition("/")[2].split(".")))
-                if not done[index]:
-                    yield index
-
-
-def _rate(times):
-    """Commits per second in the last minutes before the last one."""
+    failed = []
+    for file in place.files(f"{name}.zarr/.failed"):
+        with suppress(ValueError, IndexError):  # somebody else's file
+            index = tuple(map(int, file["path"].rpartition("/")[2].split(".")))
+            failed += [] if done[index] else [index]
+    told = sorted(failed)[:_TOLD]
+    reasons = {i: place.read(failure_key(name, i)).decode(errors="replace") for i in told}
+    times = written[done]
     recent = times[times >= times.max(initial=0) - RECENT]
     span = np.ptp(recent) if recent.size else 0
-    return float((recent.size - 1) / span) if span > 0 else nan
+    rate = float((recent.size - 1) / span) if span > 0 else nan
+    return State(name, done.size, int(done.sum()), len(failed), reasons, rate)

@@ -4,6 +4,7 @@ Every tiled variable has one chunk for each tile, raw numbers with their CRC-32C
 commit record, in a group of its own inside the cube, where readers of the cube do not meet it.
 """
 
+from contextlib import suppress
 from functools import lru_cache
 
 import numpy as np
@@ -17,51 +18,46 @@ RECORDS = "tiles"
 COMMIT = f"{RECORDS}/cpu_seconds"
 _RECORD_BYTES = 12  # a float64 and its checksum
 _LONGEST_REASON = 500  # characters of the reason of a failure that are kept
-_DAMAGED = AttributeError, FileNotFoundError, KeyError, RecursionError, TypeError, ValueError
+# What reading metadata raises that are lost, cut or changed.
+DAMAGED = AttributeError, FileNotFoundError, KeyError, RecursionError, TypeError, ValueError
 
 
 @lru_cache
 def arrays_of(place, name):
-    """{name: zarr array} of the cube, kept open; Refused if its metadata are lost or damaged."""
+    """{name: zarr array} of the cube, kept open; Refused if its metadata are lost or not ours."""
     # A tile of fill values must be stored like any other.
     with explained(place), zarr.config.set({"array.write_empty_chunks": True}):
         store = ObjectStore(place.objects())
-        try:
+        with suppress(*DAMAGED):
             group = zarr.open_group(store, path=f"{name}.zarr", mode="r+", zarr_format=3)
             members = group.members(max_depth=None)
             arrays = {key: member for key, member in members if isinstance(member, zarr.Array)}
-            if all(array.metadata.dimension_names for array in arrays.values()):
+            named = all(array.metadata.dimension_names for array in arrays.values())
+            if named and "config_hash" in group.attrs:
                 return arrays
-        except _DAMAGED:
-            pass
     raise Refused(
-        f"the metadata of {place.cube(name)} are damaged; run the workflow that computed it again, "
-        "to have them written anew"
+        f"the metadata of {place.cube(name)} are damaged, or another program's; run the workflow "
+        "that computed it again, to have them written anew"
     )
 
 
-def forget():
-    """Open the arrays anew when they are needed next."""
-    arrays_of.cache_clear()
+forget = arrays_of.cache_clear  # open the arrays anew when they are needed next
+
+
+def dims_of(array):
+    """Names of the array's dimensions; those of the commit record count tiles along them."""
+    return [dim.removeprefix("tile_") for dim in array.metadata.dimension_names]
 
 
 def tiled_arrays(arrays):
-    """{name: (zarr array, its axes that count tiles)} of the arrays whose chunks are tiles."""
-    tiled = [dim.removeprefix("tile_") for dim in arrays[COMMIT].metadata.dimension_names]
-    found = {}
-    for key, array in arrays.items():
-        dims = [dim.removeprefix("tile_") for dim in array.metadata.dimension_names]
-        if set(tiled) <= set(dims) and array.metadata.dimension_names != (key,):
-            found[key] = array, [dims.index(dim) for dim in tiled]
-    return found
+    """{name: zarr array} of the arrays whose chunks are tiles."""
+    tiled, dims = {*dims_of(arrays[COMMIT])}, {key: dims_of(arrays[key]) for key in arrays}
+    return {key: arrays[key] for key in arrays if tiled <= {*dims[key]} and dims[key] != [key]}
 
 
-def chunk_of(array, axes, index):
-    """Where the tile's chunk is in the array's grid of chunks."""
-    chunk = [0] * array.ndim
-    for axis, i in zip(axes, index, strict=True):
-        chunk[axis] = i
-    return tuple(chunk)
+def chunk_of(array, index):
+    """Where the chunk of the tile {dim: i} is in the array's grid of chunks."""
+    return tuple(index.get(dim, 0) for dim in dims_of(array))
 
 
 def survey(place, name):
@@ -72,15 +68,11 @@ def survey(place, name):
     """
     written = np.full(arrays_of(place, name)[COMMIT].shape, np.nan)
     done = np.zeros(written.shape, dtype=bool)
-    with explained(place):
-        for page in place.objects().list(f"{name}.zarr/{COMMIT}/c", chunk_size=10_000):
-            for file in page:
-                try:
-                    tile = tuple(map(int, file["path"].split("/")[4:]))
-                    written[tile] = file["last_modified"].timestamp()
-                    done[tile] = file["size"] == _RECORD_BYTES
-                except (ValueError, IndexError):  # somebody else's file
-                    continue
+    for file in place.files(f"{name}.zarr/{COMMIT}/c"):
+        with suppress(ValueError, IndexError):  # somebody else's file
+            tile = tuple(map(int, file["path"].split("/")[4:]))
+            written[tile] = file["last_modified"].timestamp()
+            done[tile] = file["size"] == _RECORD_BYTES
     return done, written
 
 
@@ -93,12 +85,8 @@ def missing(place, cube):
 
 def is_committed(place, name, index):
     """Whether the tile has a commit record."""
-    with explained(place):
-        try:
-            head = place.objects().head(f"{name}.zarr/{COMMIT}/c/{'/'.join(map(str, index))}")
-        except FileNotFoundError:
-            return False
-    return head["size"] == _RECORD_BYTES
+    record = place.read(f"{name}.zarr/{COMMIT}/c/{'/'.join(map(str, index))}")
+    return len(record) == _RECORD_BYTES
 
 
 def commit(place, name, index, arrays, seconds):
@@ -106,41 +94,31 @@ def commit(place, name, index, arrays, seconds):
 
     ValueError if an array does not have the shape and kind of numbers that the cube has.
     """
-    opened = arrays_of(place, name)
-    tiled = tiled_arrays(opened)
-    parts = {key: _part(*tiled[key], index, key, values) for key, values in arrays.items()}
+    opened, chunks = arrays_of(place, name), {}
+    tile = dict(zip(dims_of(opened[COMMIT]), index, strict=True))
+    for key, values in arrays.items():  # zarr would cast and broadcast
+        array, values = opened[key], np.asarray(values)
+        chunk = chunk_of(array, tile)
+        grid = zip(chunk, array.chunks, array.shape, strict=True)
+        shape = tuple(min(n, whole - i * n) for i, n, whole in grid)
+        if values.shape != shape:
+            raise ValueError(f"{key} has the shape {values.shape} instead of {shape}")
+        with np.errstate(invalid="ignore"):
+            cast = values.astype(array.dtype) if values.dtype.kind in "biuf" else None
+        if cast is None or (array.dtype.kind != "f" and not np.array_equal(cast, values)):
+            raise ValueError(f"{key} is of {values.dtype}, and does not fit into {array.dtype}")
+        chunks[key] = chunk, cast
     with explained(place):
-        for key, (region, values) in parts.items():
-            opened[key][region] = values
+        for key, (chunk, values) in chunks.items():
+            opened[key].set_block_selection(chunk, values)
         opened[COMMIT][tuple(index)] = seconds
 
 
-def _part(array, axes, index, key, values):
-    """(region of the array that the tile fills, its values); zarr would cast and broadcast."""
-    grid = zip(chunk_of(array, axes, index), array.chunks, array.shape, strict=True)
-    region = tuple(slice(i * n, min((i + 1) * n, whole)) for i, n, whole in grid)
-    shape = tuple(part.stop - part.start for part in region)
-    values = np.asarray(values)
-    if values.shape != shape:
-        raise ValueError(f"{key} has the shape {values.shape} instead of {shape}")
-    fits = values.dtype.kind in "biuf"
-    if fits and array.dtype.kind != "f":
-        with np.errstate(invalid="ignore"):
-            fits = np.array_equal(values.astype(array.dtype), values)
-    if not fits:
-        raise ValueError(f"{key} is of {values.dtype}, and does not fit into {array.dtype}")
-    return region, values
-
-
 def record_failure(place, name, index, reason):
-    """Write why a tile that is not committed has failed; to zarr it is no chunk.
-
-    Returns the reason as it is kept: one line of bounded length that a terminal obeys in nothing.
-    """
+    """Write why a tile failed, in one short line that a terminal obeys in nothing; return that."""
     line = reason.strip()[:_LONGEST_REASON]
     line = "".join(character if character.isprintable() else " " for character in line)
-    with explained(place):
-        place.objects().put(failure_key(name, index), line.encode(errors="replace"))
+    place.write(failure_key(name, index), line.encode(errors="replace"))
     return line
 
 

@@ -5,7 +5,6 @@ A scheduler elsewhere is named by its address, or by the file in which it has wr
 
 import json
 import logging
-import os
 import re
 from contextlib import ExitStack, contextmanager, suppress
 from functools import cache
@@ -46,8 +45,6 @@ class ClusterError(Exception):
 def connect(scheduler=None, n_workers=None, tls=None):
     """Yield a function that returns the dask Client; it connects when it is first called.
 
-    Parameters
-    ----------
     scheduler : address of a running scheduler, "tcp://…" or "tls://…", or the path of its scheduler
         file, whose workers see this machine's files and have this package; by default workers are
         started on this machine, which listen on loopback only.
@@ -60,29 +57,41 @@ def connect(scheduler=None, n_workers=None, tls=None):
     if scheduler is not None and n_workers is not None:
         raise ClusterError(f"the scheduler at {scheduler} has its own workers; leave --workers out")
     address = None if scheduler is None else _address(scheduler)
-    security = _security(address, tls)
+    if (tls is not None) != (address or "").startswith("tls://"):
+        raise ClusterError("a tls:// address needs TLS files: CA, CERT and KEY; others take none")
     # What they would log of processes that are gone are tracebacks; the sweep says it in words.
     for name in ("asyncio", "distributed.batched", "distributed.client"):
         logging.getLogger(name).setLevel(logging.CRITICAL)
     settings = _QUIET | (_LOCAL if address is None else {})
     with dask.config.set(settings), ExitStack() as stack:
-        connection = _local(n_workers) if address is None else _remote(address, security)
+        connection = _local(n_workers) if address is None else _remote(address, tls)
         yield cache(lambda: stack.enter_context(connection))
 
 
 @contextmanager
 def _local(n_workers):
-    with (
-        LocalCluster(
-            n_workers=n_workers or CPU_COUNT,
-            threads_per_worker=1,
-            host="127.0.0.1",
-            dashboard_address="127.0.0.1:0",
-            memory_limit=0,  # tiles are small; to watch the memory costs more than they use
-            silence_logs="CRITICAL",
-        ) as cluster,
-        Client(cluster, set_as_default=False) as client,
-    ):
+    how = {"host": "127.0.0.1", "dashboard_address": "127.0.0.1:0", "silence_logs": "CRITICAL"}
+    # Tiles are small: to watch the memory costs more than they use.
+    how |= {"n_workers": n_workers or CPU_COUNT, "threads_per_worker": 1, "memory_limit": 0}
+    with LocalCluster(**how) as cluster, Client(cluster, set_as_default=False) as client:
+        yield client
+
+
+@contextmanager
+def _remote(address, tls):
+    names = "tls_ca_file", "tls_client_cert", "tls_client_key"
+    security = tls and Security(require_encryption=True, **dict(zip(names, tls, strict=True)))
+    try:
+        client = Client(address, security=security, timeout=5, set_as_default=False)
+    except (OSError, ValueError, TypeError) as error:
+        raise ClusterError(
+            f"no dask scheduler answers at {address} ({error}); start one with `dask scheduler`, "
+            "or leave the address out to compute on this machine. One with TLS needs a tls:// "
+            "address and PEM files: its CA, a certificate, and the key of that"
+        ) from None
+    with client:
+        if not client.nthreads():
+            raise ClusterError(f"the scheduler at {address} has no workers; start `dask worker`s")
         yield client
 
 
@@ -98,38 +107,3 @@ def _address(scheduler):
             "`dask scheduler --scheduler-file` has written"
         )
     return address
-
-
-@contextmanager
-def _remote(address, security):
-    try:
-        client = Client(address, security=security, timeout=5, set_as_default=False)
-    except (OSError, ValueError, TypeError) as error:
-        raise ClusterError(
-            f"no dask scheduler answers at {address} ({error}); start one with `dask scheduler`, "
-            "or leave the address out to compute on this machine. One with TLS needs a tls:// "
-            "address and certificates of the CA that it knows; one without, a tcp:// address"
-        ) from None
-    with client:
-        if not client.nthreads():
-            raise ClusterError(f"the scheduler at {address} has no workers; start `dask worker`s")
-        yield client
-
-
-def _security(address, tls):
-    if (tls is not None) != (address or "").startswith("tls://"):
-        raise ClusterError("a tls:// address needs TLS files: CA, CERT and KEY; others take none")
-    if tls is None:
-        return None
-    ca, cert, key = map(os.fspath, tls)
-    security = Security(
-        tls_ca_file=ca, tls_client_cert=cert, tls_client_key=key, require_encryption=True
-    )
-    try:
-        security.get_connection_args("client")
-    except OSError as error:
-        raise ClusterError(
-            f"the TLS files {ca}, {cert} and {key} cannot be used ({error}); they must be the CA's "
-            "certificate, a certificate, and the key of that, in PEM format"
-        ) from None
-    return security

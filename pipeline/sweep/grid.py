@@ -22,9 +22,8 @@ class Axis:
 
     def __post_init__(self):
         if not (isfinite(self.lo) and isfinite(self.hi) and self.lo < self.hi):
-            raise ValueError(
-                f"axis {self}: the ends must be finite and the lower one first, e.g. 0:1:128"
-            )
+            words = "the ends must be finite and the lower one first, e.g. 0:1:128"
+            raise ValueError(f"axis {self}: {words}")
         if not 1 <= self.n <= MAX_CELLS:
             raise ValueError(f"axis {self}: the number of cells must be from 1 to {MAX_CELLS}")
 
@@ -55,10 +54,8 @@ def parse_axis(text):
         lo, hi, n = text.split(":")
         lo, hi, n = float(lo), float(hi), int(n)
     except ValueError:
-        raise ValueError(
-            f"{text!r} is not an axis; write LO:HI:N, two numbers and a number of cells, "
-            "e.g. -1:1:256"
-        ) from None
+        words = "write LO:HI:N, two numbers and a number of cells, e.g. -1:1:256"
+        raise ValueError(f"{text!r} is not an axis; {words}") from None
     return Axis(lo, hi, n)
 
 
@@ -67,7 +64,5 @@ def tile_slices(index, sizes, tile):
 
     The cells of all tiles together are every cell exactly once.
     """
-    return {
-        dim: slice(i * length, min((i + 1) * length, sizes[dim]))
-        for i, (dim, length) in zip(index, tile.items(), strict=True)
-    }
+    parts = zip(index, tile.items(), strict=True)
+    return {dim: slice(i * n, min((i + 1) * n, sizes[dim])) for i, (dim, n) in parts}

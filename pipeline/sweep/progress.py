@@ -1,10 +1,10 @@
 """One line that tells how far a sweep is: tiles done, rate, time left by predicted cost."""
 
 import time
-from contextlib import suppress
+from contextlib import AbstractContextManager, suppress
 
 
-class Progress:
+class Progress(AbstractContextManager):
     """The line of a sweep, or of a series of sweeps that go on where the last one ended.
 
     On a terminal it is rewritten; in a log a new one is written every ten seconds. The tiles and
@@ -13,13 +13,10 @@ class Progress:
 
     def __init__(self, name, stream):
         self.name, self.stream = name, stream
-        self.tiles, self.seconds = 0, 0.0
-        self.tiles_done, self.seconds_done = 0, 0.0
+        self.tiles = self.tiles_done = 0
+        self.seconds = self.seconds_done = 0.0
         self.start = self.shown = time.monotonic()
-        self.interval = 0.2 if stream.isatty() else 10.0
-
-    def __enter__(self):
-        return self
+        self.interval, self.end = (0.2, "\r") if stream.isatty() else (10.0, "\n")
 
     def __exit__(self, *error):
         if self.tiles:
@@ -37,18 +34,15 @@ class Progress:
         self.tiles_done += tiles
         self.seconds_done += seconds
         if time.monotonic() - self.shown > self.interval:
-            self._show("\r" if self.stream.isatty() else "\n")
+            self._show(self.end)
 
     def _show(self, end):
         self.shown = time.monotonic()
-        elapsed = self.shown - self.start
-        left = "?"
+        gone, left = self.shown - self.start, "?"
         if self.seconds_done > 0:
-            left = duration(elapsed * max(0.0, self.seconds / self.seconds_done - 1))
-        line = (
-            f"{self.name}: {self.tiles_done}/{self.tiles} tiles, "
-            f"{self.tiles_done / max(elapsed, 1e-9):.1f}/s, {duration(elapsed)} gone, {left} left"
-        )
+            left = duration(gone * max(0.0, self.seconds / self.seconds_done - 1))
+        line = f"{self.name}: {self.tiles_done}/{self.tiles} tiles, "
+        line += f"{self.tiles_done / max(gone, 1e-9):.1f}/s, {duration(gone)} gone, {left} left"
         with suppress(OSError):  # a log that is full, or closed, does not end the sweep
             print(line.ljust(78), end=end, file=self.stream, flush=True)
 

@@ -10,24 +10,17 @@ Arrays are (…, rows, columns), with as many cells per tile side at every level
 
 import numpy as np
 
-FACTOR = 2
-"""Cells of the next level per cell and dimension."""
+FACTOR = 2  # cells of the next level per cell and dimension
 
 
 def refine(compute, ask, levels, tile):
-    """Compute a field level by level, finer only along the boundaries; see `compose`.
+    """Compute a field level by level, finer only along the boundaries; returns as `compose`.
 
-    Parameters
-    ----------
     compute : (level, set of tiles or None for all) → field of that level, NaN where not computed;
         called again for a level with more tiles, it returns all of them.
     ask : field → bool array (questions, rows, columns).
     levels : int ≥ 1.
     tile : int, cells along each side of a tile.
-
-    Returns
-    -------
-    field, level : as by `compose`.
     """
     fields = [compute(0, None)]
     for number in range(1, levels):
@@ -57,10 +50,7 @@ def compose(levels):
 
 
 def boundary_cells(answers):
-    """Mark the cells with a neighbour (of eight) that answers differently.
-
-    answers : bool array (questions, rows, columns). Returns a bool array (rows, columns).
-    """
+    """Mark the cells (rows, columns) with a neighbour, of eight, that answers differently."""
     padded = np.pad(answers, [(0, 0), (1, 1), (1, 1)], mode="edge")
     around = np.lib.stride_tricks.sliding_window_view(padded, (3, 3), axis=(1, 2))
     return (around != answers[..., None, None]).any(axis=(0, 3, 4))

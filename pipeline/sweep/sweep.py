@@ -53,25 +53,17 @@ _ATTEMPTS_ALONE = 2  # worker deaths that condemn a tile: one may be somebody el
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a sweep did.
+    """What a sweep did."""
 
-    committed : tiles computed and committed.
-    failed : {tile index: reason}.
-    interrupted : whether Ctrl-C stopped it.
-    remaining : tiles that are still missing.
-    """
-
-    committed: int
-    failed: dict[tuple[int, ...], str]
-    interrupted: bool
-    remaining: int
+    committed: int  # tiles computed and committed
+    failed: dict[tuple[int, ...], str]  # {tile index: reason}
+    interrupted: bool  # by Ctrl-C
+    remaining: int  # tiles that are still missing
 
 
 def sweep(client, place, job, wanted=None, progress=None, label=None):
-    """Compute the missing tiles of the job's cube into the store.
+    """Compute the missing tiles of the job's cube into the store; returns an Outcome.
 
-    Parameters
-    ----------
     client : () → distributed.Client; called only if tiles are missing. See `cluster.connect`.
     place : Place of the store, held by `store.driving`.
     job : Job; its cube is created in the store if it is not there.
@@ -79,21 +71,14 @@ def sweep(client, place, job, wanted=None, progress=None, label=None):
     progress : the Progress of a series of sweeps, instead of a line for this one.
     label : text that names this sweep on its lines, default the name of the cube.
 
-    Returns
-    -------
-    Outcome.
-
-    Raises
-    ------
-    store.Refused if the store holds another cube of that name, or one that other code has begun;
-    no tile is then computed. store.StoreFailed if the disk or the object store fails. ClusterError
-    if no worker is fit. ConnectionError if the scheduler or all workers are gone. What is committed
-    stays.
+    Raises store.Refused if the store holds another cube of that name, or one that other code has
+    begun; no tile is then computed. store.StoreFailed if the disk or the object store fails,
+    ClusterError if no worker is fit, ConnectionError if the scheduler or all workers are gone; what
+    is committed stays.
     """
-    cube, computed_by = job.cube, store.computed_by()
-    label = label or cube.name
-    store.create(place, cube, computed_by)
-    tiles = store.missing(place, cube)
+    label = label or job.cube.name
+    store.create(place, job.cube, store.computed_by())
+    tiles = store.missing(place, job.cube)
     if wanted is not None:
         wanted = set(wanted)
         tiles = tiles[[tuple(index) in wanted for index in tiles.tolist()]]
@@ -102,76 +87,78 @@ def sweep(client, place, job, wanted=None, progress=None, label=None):
             print(f"{label}: nothing to compute", file=sys.stderr)
         return Outcome(0, {}, False, 0)
     client = client()
-    costs = _predict_all(client, job, tiles)
-    if progress is None:
-        _announce(label, cube, costs, sum(client.nthreads().values()))
+    run, n_workers = _Run(client, place, job, tiles), sum(client.nthreads().values())
+    if progress is None and (seconds := run.costs.sum() / max(1, n_workers)) > _LONG:
+        size = len(tiles) / prod(store.tile_counts(job.cube)) * job.cube.template.nbytes / 1e6
+        words = f"about {duration(seconds)} on {n_workers} workers, {size:.3g} MB"
+        print(f"{label}: {len(tiles)} tiles, {words}", file=sys.stderr)
     line = Progress(label, sys.stderr) if progress is None else nullcontext(progress)
     with _draining_on_interrupt() as interrupt, line as progress:
-        progress.begin(len(tiles), costs.sum())
-        run = _Run(client, place, job, computed_by, tiles, costs, interrupt, progress)
-        for tile in run.all(_pack(costs)):
+        progress.begin(len(tiles), run.costs.sum())
+        for tile in run.compute(_pack(run.costs), interrupt, progress):
             alone = [np.array([tile])]
-            if all(run.all(alone, most=1) for _ in range(_ATTEMPTS_ALONE)):
+            if all(run.compute(alone, interrupt, progress) for _ in range(_ATTEMPTS_ALONE)):
                 index = tuple(tiles[tile].tolist())
                 words = "its worker died each time, also when it ran alone"
-                run.failed[index] = store.record_failure(place, cube.name, index, words)
+                run.failed[index] = store.record_failure(place, job.cube.name, index, words)
     return Outcome(run.committed, run.failed, interrupt.is_set(), len(tiles) - run.committed)
 
 
-def _announce(label, cube, costs, n_threads):
-    """Say how long a sweep will take, and how much it will write, unless that is little."""
-    seconds = costs.sum() / max(1, n_threads)
-    if seconds > _LONG:
-        share = costs.size / prod(store.tile_counts(cube))
-        print(
-            f"{label}: {costs.size} tiles, about {duration(seconds)} on {n_threads} workers, "
-            f"{share * cube.template.nbytes / 1e6:.3g} MB",
-            file=sys.stderr,
-        )
-
-
-# Below, a tile is a place in `tiles`, the array of the indices of all tiles of the sweep, and a
-# batch is an array of places. With a million tiles little else may be kept of each.
-
-
 class _Run:
-    """The submission of batches, and what has been counted of those that have ended."""
+    """The tiles of a sweep, their costs, and what has been counted of those that have ended.
 
-    def __init__(self, client, place, job, computed_by, tiles, costs, interrupt, progress):
-        self.client, self.place, self.cube = client, place, job.cube
-        self.costs, self.interrupt, self.progress = costs, interrupt, progress
-        warm_up = cloudpickle.dumps(job.warm_up)
-        of_cube = self.cube.name, self.cube.config_hash, self.cube.settings
-        work = partial(_compute_batch, place, *of_cube, computed_by, warm_up, job.compute)
-        self.submit = _submitter(client, work, self.cube, tiles)
+    A tile is a place in `tiles`, the array of their indices, and a batch is an array of places.
+    With a million tiles little else may be kept of each.
+    """
+
+    def __init__(self, client, place, job, tiles):
+        self.client, self.place, self.job, self.tiles = client, place, job, tiles
         self.committed, self.failed, self.unfit = 0, {}, set()
+        self.costs = self.predicted()
 
-    def all(self, batches, most=inf):
-        """Run the batches, at most `most` at a time; return the tiles whose worker died."""
-        batches, suspects = iter(batches), []
+    def predicted(self):
+        """Return the predicted CPU seconds of each tile, probed on the workers."""
+        n, cube = len(self.tiles), self.job.cube
+        costs, many = np.full(n, _UNKNOWN_COST), max(BATCH_TILES, n // _PROBES)
+        batches = iter(np.split(np.arange(n), range(many, n, many)))
+        progress = Progress(f"{cube.name}: costs", sys.stderr)
+        progress.begin(n, n)  # the line is shown only if this takes long
+        work = partial(_predict_batch, self.job.predict, cube.settings)
+        for batch, seconds in self.ended(work, partial(next, batches, None)):
+            if isinstance(seconds, list):
+                costs[batch] = seconds
+            progress.advance(len(batch), len(batch))
+        return costs
+
+    def compute(self, batches, interrupt, progress):
+        """Run the batches; return the tiles whose worker died."""
+        batches, suspects, cube = iter(batches), [], self.job.cube
+        of_cube = self.place, cube.name, cube.config_hash, cube.settings
+        functions = cloudpickle.dumps(self.job.warm_up), self.job.compute
+        work = partial(_compute_batch, *of_cube, store.computed_by(), *functions)
 
         def next_batch():
-            return None if self.interrupt.is_set() else next(batches, None)
+            return None if interrupt.is_set() else next(batches, None)
 
-        for batch, result in _ended(self.client, self.submit, next_batch, most):
+        for batch, result in self.ended(work, next_batch):
             if isinstance(result, KilledWorker):
                 suspects += batch.tolist()
             elif isinstance(result, Exception):
                 raise result
             elif isinstance(result, tuple):
-                self._retire(*result)
+                self.retire(*result)
                 batches = chain([batch], batches)
             else:
                 self.committed += len(batch) - len(result)
                 self.failed |= result
-                self.progress.advance(len(batch), self.costs[batch].sum())
+                progress.advance(len(batch), self.costs[batch].sum())
         return suspects
 
-    def _retire(self, address, complaint):
+    def retire(self, address, complaint):
         """Send an unfit worker away; ClusterError if there is no other."""
-        if not store.sees(self.place, self.cube.name, self.cube.config_hash):
+        cube, words = self.job.cube, f"the worker {address} {complaint}"
+        if not store.sees(self.place, cube.name, cube.config_hash):
             raise store.StoreFailed(f"{self.place} was moved, or deleted, under way")
-        words = f"the worker {address} {complaint}"
         if address not in self.unfit:
             self.unfit.add(address)
             print(f"retired: {words}", file=sys.stderr)
@@ -182,63 +169,56 @@ class _Run:
             )
         self.client.retire_workers([address])
 
+    def ended(self, work, next_batch):
+        """Have workers do `work` with batches until next_batch() is None, a few at a time for each.
 
-def _ended(client, submit, next_batch, most=inf):
-    """Submit batches until next_batch() is None, a few per worker and at most `most` at a time.
+        Yields (batch, result or exception) of each when it has ended.
+        """
 
-    Yields (batch, result or exception) of each when it has ended.
-    """
-    in_flight, done = {}, SimpleQueue()
-    workers, counted, alive = 0, -inf, time.monotonic()
-    while True:
-        now = time.monotonic()
-        if now - counted >= _ROLL_CALL:
+        def run(work, parcel):  # a nested function is sent whole: the package may be missing there
             try:
-                workers, counted = len(client.nthreads()), now
-            except OSError:
+                work = pickle.loads(work)
+            except Exception as error:
+                return get_worker().address, f"cannot run this package ({error})"
+            return work(parcel)
+
+        work, in_flight, done = cloudpickle.dumps(work), {}, SimpleQueue()
+        workers, counted, alive = 0, -inf, time.monotonic()
+        while True:
+            now = time.monotonic()
+            if now - counted >= _ROLL_CALL:
+                try:
+                    workers, counted = len(self.client.nthreads()), now
+                except OSError:
+                    raise ConnectionError(NO_SCHEDULER) from None
+                if workers:
+                    alive = now
+                elif now - alive > _PATIENCE:
+                    raise ConnectionError("no workers are left; run again to resume")
+            window = _IN_FLIGHT * max(1, workers)
+            while len(in_flight) < window and (batch := next_batch()) is not None:
+                parcel = _parcel(self.job.cube, self.tiles[batch])
+                future = self.client.submit(run, work, parcel, pure=False)
+                in_flight[future] = batch
+                future.add_done_callback(done.put)
+            if not in_flight:
+                return
+            try:
+                future = done.get(timeout=_ROLL_CALL)
+            except Empty:
+                continue
+            try:
+                result = future.result(timeout=_REPORT)
+            except TimeoutError:
+                # Its worker died between the end of the batch and its report: dask runs it again.
+                future.add_done_callback(done.put)
+                continue
+            except (CancelledError, CommClosedError):
                 raise ConnectionError(NO_SCHEDULER) from None
-            if workers:
-                alive = now
-            elif now - alive > _PATIENCE:
-                raise ConnectionError("no workers are left; run again to resume")
-        window = min(most, _IN_FLIGHT * max(1, workers))
-        while len(in_flight) < window and (batch := next_batch()) is not None:
-            future = submit(batch)
-            in_flight[future] = batch
-            future.add_done_callback(done.put)
-        if not in_flight:
-            return
-        try:
-            future = done.get(timeout=_ROLL_CALL)
-        except Empty:
-            continue
-        try:
-            result = future.result(timeout=_REPORT)
-        except TimeoutError:
-            # Its worker died between the end of the batch and its report: dask runs it again, which
-            # may end in any of these ways.
-            future.add_done_callback(done.put)
-            continue
-        except (CancelledError, CommClosedError):
-            raise ConnectionError(NO_SCHEDULER) from None
-        except Exception as exception:
-            result = exception
-        future.release()
-        yield in_flight.pop(future), result
-
-
-def _submitter(client, work, cube, tiles):
-    """Return a function that submits a batch: a worker does `work` with its parcel of tiles."""
-    work = cloudpickle.dumps(work)
-
-    def run(work, parcel):  # a nested function is sent whole: the package may be missing there
-        try:
-            work = pickle.loads(work)
-        except Exception as error:
-            return get_worker().address, f"cannot run this package ({error})"
-        return work(parcel)
-
-    return lambda batch: client.submit(run, work, _parcel(cube, tiles[batch]), pure=False)
+            except Exception as exception:
+                result = exception
+            future.release()
+            yield in_flight.pop(future), result
 
 
 def _parcel(cube, indices):
@@ -248,7 +228,7 @@ def _parcel(cube, indices):
     tiles = []
     for index in map(tuple, indices.tolist()):
         slices = tile_slices(index, sizes, cube.tile)
-        coords = {dim: axis[slices[dim]] if dim in slices else axis for dim, axis in axes.items()}
+        coords = {dim: axis[slices.get(dim, ...)] for dim, axis in axes.items()}
         tiles.append((index, coords))
     return pickle.dumps(tiles, protocol=5)
 
@@ -256,12 +236,11 @@ def _parcel(cube, indices):
 def _compute_batch(place, name, config_hash, settings, computed_by, warm_up, compute, parcel):
     """On a worker: compute and commit each tile.
 
-    Returns {index: what went wrong}, or (address, complaint) of a worker that is not fit. A store
-    that fails is no fault of the tile, and raises.
+    Returns {index: what went wrong}, or (address, complaint) of a worker that is not fit.
     """
     if complaint := _complaint(place, name, config_hash, computed_by):
         return get_worker().address, complaint
-    _warmed_up(warm_up)
+    _called_once(warm_up)
     errors = {}
     for index, coords in pickle.loads(parcel):
         try:
@@ -271,11 +250,15 @@ def _compute_batch(place, name, config_hash, settings, computed_by, warm_up, com
                 arrays = compute(coords, settings)
                 store.commit(place, name, index, arrays, time.thread_time() - start)
         except (store.StoreFailed, store.Refused, KeyboardInterrupt, SystemExit):
-            raise
+            raise  # no fault of the tile
         except BaseException as exception:  # dask hangs on those that are no Exception
             words = "".join(format_exception_only(exception))
             errors[index] = store.record_failure(place, name, index, words)
     return errors
+
+
+# Kernels are compiled once in each process; no tile is to be charged for it.
+_called_once = cache(lambda warm_up: pickle.loads(warm_up)())
 
 
 def _complaint(place, name, config_hash, computed_by):
@@ -292,29 +275,6 @@ def _complaint(place, name, config_hash, computed_by):
     return ""
 
 
-@cache
-def _warmed_up(warm_up):
-    """Compile a job's kernels, once in each process; no tile is to be charged for it."""
-    pickle.loads(warm_up)()
-
-
-def _predict_all(client, job, tiles):
-    """Return predicted CPU seconds of each tile, probed on the workers."""
-    costs = np.full(len(tiles), _UNKNOWN_COST)
-    many = max(BATCH_TILES, len(tiles) // _PROBES)
-    batches = iter(np.split(np.arange(len(tiles)), range(many, len(tiles), many)))
-    submit = _submitter(
-        client, partial(_predict_batch, job.predict, job.cube.settings), job.cube, tiles
-    )
-    progress = Progress(f"{job.cube.name}: costs", sys.stderr)
-    progress.begin(len(tiles), len(tiles))  # the line is shown only if this takes long
-    for batch, seconds in _ended(client, submit, partial(next, batches, None)):
-        if isinstance(seconds, list):
-            costs[batch] = seconds
-        progress.advance(len(batch), len(batch))
-    return costs
-
-
 def _predict_batch(predict, settings, parcel):
     costs = [float(predict(coords, settings)) for _, coords in pickle.loads(parcel)]
     return [cost if 0 <= cost < inf else _UNKNOWN_COST for cost in costs]
@@ -323,21 +283,16 @@ def _predict_batch(predict, settings, parcel):
 def _pack(costs):
     """Yield batches of tiles, the most expensive first; cheap ones up to half a second together."""
     order = np.argsort(-costs, kind="stable")
-    start = 0
-    while start < len(order):
-        batch = order[start : start + BATCH_TILES]
-        fit = np.searchsorted(np.cumsum(costs[batch]), BATCH_SECONDS, side="right")
-        batch = batch[: max(1, fit)]
-        yield batch
-        start += len(batch)
+    while len(order):
+        together = np.cumsum(costs[order[:BATCH_TILES]])
+        n = max(1, np.searchsorted(together, BATCH_SECONDS, side="right"))
+        yield order[:n]
+        order = order[n:]
 
 
 @contextmanager
 def _draining_on_interrupt():
-    """Yield an Event that the first Ctrl-C sets; the second interrupts at once.
-
-    A program that was started with Ctrl-C ignored, in the background of a script, ignores it.
-    """
+    """Yield an Event that the first Ctrl-C sets; the second interrupts at once."""
     interrupt, previous = threading.Event(), signal.getsignal(signal.SIGINT)
 
     def drain(signum, frame):
@@ -347,6 +302,7 @@ def _draining_on_interrupt():
         words = "waiting for the tiles in flight (Ctrl-C again to abandon them)"
         print(f"\nstopping: {words}", file=sys.stderr)
 
+    # A program that was started with Ctrl-C ignored, in the background of a script, ignores it.
     signal.signal(signal.SIGINT, signal.SIG_IGN if previous is signal.SIG_IGN else drain)
     try:
         yield interrupt
