@@ -48,24 +48,13 @@ def proved_barrier(angles, seconds):
     proved bounds depend on the machine's speed; each of them holds.
     """
     job = last_barrier(angles, 1e-4)
-    cube, on_ray, source = job.cube, {"angle": job.cube.template.angle}, "nasm/PROOFS.md"
-    template = cube.template.assign(
-        proved_lower=blank(
-            on_ray,
-            "scale at which a barrier is proved to exist",
-            source=f"{source}, A barrier exists",
-            comment="at exactly this forcing; nothing is proved of smaller scales",
-        ),
-        proved_upper=blank(
-            on_ray,
-            "scale at which transport is proved to be global",
-            source=f"{source}, Transport is global",
-        ),
-    )
-    settings = cube.settings | {"seconds": seconds}
-    cube = dataclasses.replace(
-        cube, name="proved_barrier", template=template, tile={"angle": 1}, settings=settings
-    )
+    cube, on_ray = job.cube, {"angle": job.cube.template.angle}
+    comment = "at exactly this forcing; nothing is proved of smaller scales"
+    lower = blank(on_ray, "scale at which a barrier is proved to exist", comment=comment)
+    upper = blank(on_ray, "scale at which transport is proved to be global")
+    template = cube.template.assign(proved_lower=lower, proved_upper=upper)
+    plan = {"name": "proved_barrier", "template": template, "tile": {"angle": 1}}
+    cube = replace(cube, **plan, settings=cube.settings | {"seconds": seconds})
     warm_up = partial(proofs.critical_scale, (1.0, 0.0), 0.1)
     return Job(cube, _compute_proved, partial(per_ray, 1 + 2 * seconds), warm_up)
 

@@ -10,9 +10,8 @@ import numpy as np
 import xarray as xr
 
 from nasm import proof_cells
-from pipeline.cubes.cube import Cube, Job, blank, coordinate
+from pipeline.cubes.cube import KICKS, Cube, Job, blank, coordinate
 from pipeline.cubes.escape import by_angle
-from pipeline.cubes.rays import KICKS
 
 REACH = 1.125  # of both strengths; CB_gt ends before
 _BLOCKS = 18  # along an axis; each is a tile
