@@ -153,7 +153,7 @@ def barrier_proof(ray, distance):
     near = norms.certified_circle(ray.omega, ray.profile, ray.value, distance)
     scale = (1 - distance) * ray.value
     kappa = scale * np.array(ray.profile)
-    proved = proof_barrier.prove(ray.omega, kappa, start=near[1], seconds=1000.0).proved
+    proved = proof_barrier.prove(ray.omega, kappa, start=near[1], budget=1000.0).proved
     return ((scale if proved else nan, distance * ray.value),)
 
 
