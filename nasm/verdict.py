@@ -10,13 +10,11 @@ from math import inf
 
 import numpy as np
 
-from nasm import circles, cones, continuation, proof_barrier, proof_transport
+from nasm import circles, cones, continuation
 from nasm.barriers import candidates, critical_scale, per_period
 from nasm.critical import CriticalScale, Status, no_answer
 from nasm.maps import forcing
 from nasm.numbers import rational
-from nasm.proof_barrier import BarrierProof
-from nasm.proof_transport import TransportProof
 from nasm.symmetries import lengthen, shorten
 
 _TOLERANCES = (1e-3, 1e-4, 2e-5)  # of the boundary next to a point: 0.1 s, 0.4 s and 2 to 3 s
@@ -81,7 +79,7 @@ class Verdict:
     boundary: CriticalScale
     circle: tuple[np.ndarray, np.ndarray] | None = None
     steps: float = inf
-    proof: BarrierProof | TransportProof | None = None
+    proof: object = None
 
 
 def verdict(kappa, prove=False):
@@ -137,14 +135,24 @@ def verdict(kappa, prove=False):
         boundary = no_answer(boundary.omega, Status.NO_BREAKUP)
     if boundary.omega is not None:
         boundary = replace(boundary, omega=per_period(boundary.omega, kappa, short, zero))
-    if prove and found is not None:
-        proof = proof_barrier.prove(found.omega, short, start=found.u, budget=_BUDGET)
-        evidence = Evidence.CIRCLE_PROVED if proof.proved else evidence
-    elif prove and answer is not Answer.BARRIER:
-        proof = proof_transport.prove(kappa, _BUDGET)
-        if proof.proved:
-            answer, evidence = Answer.TRANSPORT, Evidence.TRANSPORT_PROVED
+    if prove:
+        answer, evidence, proof = _proved(kappa, short, found, answer, evidence)
     return Verdict(answer, evidence, boundary, circle, steps, proof)
+
+
+def _proved(kappa, short, found, answer, evidence):
+    """The answer and its evidence, after a proof was tried where there is something to prove."""
+    from nasm import proof_barrier, proof_transport  # 0.2 s to import, and mostly not needed
+
+    if found is not None:
+        proof = proof_barrier.prove(found.omega, short, start=found.u, budget=_BUDGET)
+        return answer, Evidence.CIRCLE_PROVED if proof.proved else evidence, proof
+    if answer is Answer.BARRIER:
+        return answer, evidence, None
+    proof = proof_transport.prove(kappa, _BUDGET)
+    if proof.proved:
+        return Answer.TRANSPORT, Evidence.TRANSPORT_PROVED, proof
+    return answer, evidence, proof
 
 
 def _in_units_of(size, scale):

@@ -9,7 +9,7 @@ from functools import partial
 
 import numpy as np
 
-from nasm import barriers, proofs
+from nasm import barriers
 from nasm.numbers import RotationNumber, moebius, parse
 from nasm.symmetries import fold, ray
 from pipeline.cubes.breakdown import cube_on_rays, per_ray, scales
@@ -55,7 +55,7 @@ def proved_barrier(angles, seconds):
     template = cube.template.assign(proved_lower=lower, proved_upper=upper)
     plan = {"name": "proved_barrier", "template": template, "tile": {"angle": 1}}
     cube = replace(cube, **plan, settings=cube.settings | {"seconds": seconds})
-    warm_up = partial(proofs.critical_scale, (1.0, 0.0), 0.1)
+    warm_up = partial(_compute_proved, {"angle": np.zeros(1)}, {"seconds": 0.1})
     return Job(cube, _compute_proved, partial(per_ray, 1 + 2 * seconds), warm_up)
 
 
@@ -116,6 +116,8 @@ def _compute(coords, settings):
 
 
 def _compute_proved(coords, settings):
+    from nasm import proofs  # python-flint takes a while to import, and is an extra
+
     profiles = ray(coords["angle"])
     brackets = [proofs.critical_scale(profile, settings["seconds"]) for profile in profiles]
     arrays = _arrays([bracket.found for bracket in brackets], profiles)
