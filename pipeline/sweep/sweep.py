@@ -228,7 +228,8 @@ def _parcel(cube, indices):
     tiles = []
     for index in map(tuple, indices.tolist()):
         slices = tile_slices(index, sizes, cube.tile)
-        coords = {dim: axis[slices.get(dim, ...)] for dim, axis in axes.items()}
+        # One object for all tiles where it is whole: pickle then writes it once.
+        coords = {dim: axis[slices[dim]] if dim in slices else axis for dim, axis in axes.items()}
         tiles.append((index, coords))
     return pickle.dumps(tiles, protocol=5)
 
