@@ -98,7 +98,7 @@ class Outcome(Enum):
 
     PROVED = "no rotational invariant circle exists: transport is global, by nasm/PROOFS.md"
     BUDGET = "not proved: the budget is spent"
-    PRECISION = "not proved: boxes became too small for floating point; a circle may be left"
+    PRECISION = "not proved: boxes became too small or too many; a circle may be left"
     SCOPE = (
         "not proved: the theorem needs one kick a period, or two of which one is weaker than 2, "
         "after shortening"
