@@ -506,6 +506,12 @@ def test_boxes_tile_the_half_line():
         assert not proof_transport._tiles(np.delete(proof.boxes, i, axis=0))
 
 
+def test_boxes_of_lives_beyond_the_allowance_for_rounding_prove_nothing(monkeypatch):
+    monkeypatch.setattr(proof_transport, "_LONGEST", 5)
+    with pytest.raises(RuntimeError, match="lives for 5 kicks"):
+        prove(beyond(20, 0.1))
+
+
 def test_what_is_not_proved_has_no_certificate():
     with pytest.raises(ValueError, match="nothing to certify"):
         prove((0.5,), 0.01).certificate()
