@@ -1,5 +1,10 @@
-"""Arguments that several modules take, checked at the edge: the kernels behind it trust them."""
+"""Arguments that several modules take, checked at the edge: the kernels behind it trust them.
 
+And the seal of what leaves the package to be checked elsewhere, a certificate.
+"""
+
+import hashlib
+import json
 from fractions import Fraction
 from numbers import Integral, Real
 
@@ -49,3 +54,9 @@ def points(x, y):
         if not np.isfinite(values).all():
             raise ValueError(f"{name} is not finite; initial conditions must be finite numbers")
     return x, y
+
+
+def sealed(certificate):
+    """`certificate`, a dict for JSON, with the SHA-256 of its text: no digit changes unnoticed."""
+    text = json.dumps(certificate, sort_keys=True).encode()
+    return certificate | {"sha256": hashlib.sha256(text).hexdigest()}

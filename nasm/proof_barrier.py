@@ -18,8 +18,6 @@ For P ≤ 2 the u_j are odd, as h_j(θ) → -h_{-j}(-θ) maps circles to circles
 sine transform of n/2 points stands for two functions; else a complex transform of n points does.
 """
 
-import hashlib
-import json
 import time
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -30,7 +28,7 @@ import numpy as np
 from scipy.fft import next_fast_len
 
 from nasm import circles, continuation, fourier
-from nasm.checks import count, real
+from nasm.checks import count, real, sealed
 from nasm.maps import direction, forcing
 from nasm.numbers import RotationNumber, checked, convergents
 from nasm.symmetries import shorten
@@ -77,11 +75,11 @@ class BarrierProof:
         """All that is needed to check the proof again, a dict fit for JSON.
 
         Floats as hex, ω as text, mode k of u_j as [re, im], each [mantissa, exponent] for
-        mantissa·2^exponent. ValueError if nothing was proved.
+        mantissa·2^exponent; and `checks.sealed`. ValueError if nothing was proved.
         """
         if not self.proved:
             raise ValueError(f"{self.why}; a certificate needs proved=True")
-        data = {
+        certificate = {
             "claim": "a rotational invariant circle of omega exists under kappa",
             "omega": str(self.short_omega),
             "kappa": [k.hex() for k in self.short_kappa],
@@ -90,8 +88,7 @@ class BarrierProof:
             "constants": {name: value.hex() for name, value in self.constants.items()},
             "modes": [[_dyadics(x) for x in row] for row in self.modes],
         }
-        text = json.dumps(data, sort_keys=True).encode()
-        return data | {"sha256": hashlib.sha256(text).hexdigest()}
+        return sealed(certificate)
 
 
 def _dyadics(x):

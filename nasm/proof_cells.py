@@ -18,6 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
+from nasm.checks import sealed
+from nasm.double_double import two_sum
 from nasm.kernels import kernel
 from nasm.lanes import FEW, copysign, fabs, fma, load_few, maximum, minimum, own_frame, rint, store
 from nasm.maps import forcing
@@ -91,7 +93,7 @@ class CellProof:
         """As of a `TransportProof`; each box has nine numbers, as in `boxes`."""
         if not self.proved:
             raise ValueError(f"nothing to certify: {self.outcome.value}")
-        return {
+        certificate = {
             "theorem": THEOREM,
             "kappa": [strength.hex() for strength in self.kappa],
             "half_width": [width.hex() for width in self.half_width],
@@ -100,6 +102,7 @@ class CellProof:
             "boxes": [[number.hex() for number in box] for box in self.boxes.tolist()],
             "lives": self.lives.tolist(),
         }
+        return sealed(certificate)
 
 
 def prove_cell(kappa, half_width, budget=1.0):
@@ -108,8 +111,8 @@ def prove_cell(kappa, half_width, budget=1.0):
     Parameters
     ----------
     kappa : two floats, the centre of the cell.
-    half_width : float or two floats ≥ 0. The cell is |κ_i - kappa_i| ≤ half_width_i; all of these
-        numbers must be multiples of 2⁻³⁰, so that the halves of the cell are exact. Cells in which
+    half_width : float or two floats > 0. The cell is |κ_i - kappa_i| ≤ half_width_i; all of these
+        numbers must be multiples of 2⁻³⁰, so that the corners of the cell are exact. Cells in which
         some |κ_i| ≥ 2 have the outcome SCOPE.
     budget : float, CPU seconds to spend.
 
@@ -219,7 +222,7 @@ def _cover(x, waiting, n_waiting, lanes, boxes, ages, found, lives, most_kicks):
                     boxes[column, lane] = waiting[n_waiting, column]
                 ages[lane] = 0
                 _start(lanes, lane, x, boxes)
-            if boxes[1, lane] > 0:
+            if boxes[1, lane] != 0:
                 busy += 1
         if busy == 0:
             return _DONE, n_waiting, n_found, kicks
@@ -251,7 +254,7 @@ def _cover(x, waiting, n_waiting, lanes, boxes, ages, found, lives, most_kicks):
 
 @njit(nogil=True)
 def _halve(waiting, n_waiting, boxes, lane, split):
-    """Put both halves of a box on the stack; False if they would be too small.
+    """Put both halves of a box on the stack; False if they would be too small, or rounded.
 
     split : the parameter, 0 for the start, 1 and 2 for the strengths. The start of the middle moves
     with a strength as the shear says.
@@ -264,10 +267,13 @@ def _halve(waiting, n_waiting, boxes, lane, split):
         step = width if i == 0 else -width
         for column in range(_COLUMNS):
             waiting[n_waiting + i, column] = boxes[column, lane]
-        waiting[n_waiting + i, 2 * split] += step
-        waiting[n_waiting + i, 1 + 2 * split] = width
-        if split > 0:
-            waiting[n_waiting + i, 0] += boxes[5 + split, lane] * step
+        half = waiting[n_waiting + i]
+        half[1 + 2 * split] = width
+        half[2 * split], error = two_sum(half[2 * split], step)
+        if split > 0 and error == 0:
+            half[0], error = two_sum(half[0], boxes[5 + split, lane] * step)
+        if error != 0:  # as with NaN
+            return False
     return True
 
 

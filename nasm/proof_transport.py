@@ -37,7 +37,7 @@ from math import factorial
 import numpy as np
 from numba import njit
 
-from nasm.checks import real
+from nasm.checks import real, sealed
 from nasm.double_double import _PI, _pair, _renormalised, two_sum
 from nasm.kernels import kernel
 from nasm.lanes import (
@@ -70,7 +70,7 @@ ORBIT = 2.0**-66  # a bound of the error of h as a sum of two floats, and of rou
 COS = 2.1e-14  # a bound of the error of cos 2πx; the tests prove both in ball arithmetic
 UP = 1 + 1e-14  # makes up for 90 roundings of sums and products of positive numbers
 DOWN = 1 - 1e-14
-MORE = 1.0001  # makes up for 10¹¹ roundings of a sum of positive numbers
+MORE = 1.0001  # makes up for `_LONGEST` roundings of a sum of positive numbers
 PI, TWO_PI, TWO_PI2 = 3.141592653589793, 6.283185307179586, 19.739208802178716
 CUBIC, QUARTIC = 6.58, 10.34  # (2π)²/6 and (2π)³/24, rounded up: remainders of h
 COS_CUBIC = 41.35  # (2π)³/6, rounded up: the remainder of cos
@@ -81,6 +81,7 @@ _LARGEST = 0.1  # |x - x̂| up to which the bounds hold
 _KNOWN = 0.8  # share of |x - x̂| that may be known by its bound alone; else the box is halved
 _WRONSKIAN = 1e-3  # by which v_n t_{n+1} - v_{n+1} t_n may differ from δ
 _HUGE = 1e100  # V beyond which products may overflow
+_LONGEST = 1e11  # kicks of a box in a proof; they would take hours
 
 _FIRST = 16  # boxes to begin with
 _SMALLEST = 2.0**-50  # δ; centres are exact down to there
@@ -97,7 +98,7 @@ class Outcome(Enum):
 
     PROVED = "no rotational invariant circle exists: transport is global, by nasm/PROOFS.md"
     BUDGET = "not proved: the budget is spent"
-    PRECISION = "not proved: boxes became too small for floating point; a circle may be left"
+    PRECISION = "not proved: boxes became too small or too many; a circle may be left"
     SCOPE = (
         "not proved: the theorem needs one kick a period, or two of which one is weaker than 2, "
         "after shortening"
@@ -135,13 +136,14 @@ class TransportProof:
         return self.outcome.value
 
     def certificate(self):
-        """What another program needs to check the proof: a dict for JSON, floats as exact hex.
+        """What another program needs to check the proof: a dict for JSON, floats as exact hex,
+        and `checks.sealed`.
 
         ValueError if nothing was proved.
         """
         if not self.proved:
             raise ValueError(f"nothing to certify: {self.outcome.value}")
-        return {
+        certificate = {
             "theorem": THEOREM,
             "kappa": [strength.hex() for strength in self.kappa],
             "site": self.site,
@@ -149,6 +151,7 @@ class TransportProof:
             "boxes": [[float(y).hex(), float(delta).hex()] for y, delta in self.boxes],
             "lives": self.lives.tolist(),
         }
+        return sealed(certificate)
 
 
 def prove(kappa, budget=10.0):
@@ -250,14 +253,14 @@ def _covered(k0, k1, a, budget):
         if done != _UNFINISHED:
             outcome = Outcome.PROVED if done == _DONE else Outcome.PRECISION
             break
-    boxes, lives = (
-        np.concatenate(all_found or [found[:0]]),
-        np.concatenate(all_lives or [lives[:0]]),
-    )
+    boxes, lives = np.concatenate(all_found), np.concatenate(all_lives)
     order = np.argsort(boxes[:, 0])
     boxes, lives = boxes[order], lives[order]
-    if outcome is Outcome.PROVED and not _tiles(boxes):
-        raise RuntimeError("the boxes of a proof do not tile [0, 1/2]; please report this")
+    if outcome is Outcome.PROVED and not (_tiles(boxes) and lives.max() < _LONGEST):
+        raise RuntimeError(
+            f"the boxes of a proof do not tile [0, 1/2], or one lives for {_LONGEST:g} kicks; "
+            "please report this"
+        )
     return outcome, boxes, lives, kicks
 
 

@@ -72,7 +72,46 @@ def test_a_changed_certificate_of_a_cell_is_refused():
         wrong.append(changed(certificate, longest, box=[number.hex() for number in other]))
     for other in wrong:
         with pytest.raises((checker.Refuted, ValueError)):
-            checker.check(other)
+            checker.hypothesis(other)
+
+
+@pytest.mark.parametrize("proved", [lambda: prove((1.2, 0.3)), lambda: prove_cell(*CELLS[0])])
+def test_a_certificate_with_one_digit_changed_is_refused(proved):
+    certificate = proved().certificate()
+    text = json.dumps(certificate)
+    digits = [i for i, character in enumerate(text) if character.isdigit()]
+    for i in np.random.default_rng(3).choice(digits, 100):
+        changed = text[:i] + str(int(text[i]) % 9 + 1) + text[i + 1 :]
+        with pytest.raises(checker.Refuted, match="seal"):
+            checker.check(json.loads(changed))
+
+
+def test_a_shear_that_is_no_number_proves_nothing(monkeypatch):
+    monkeypatch.setattr(proof_cells, "_shears", lambda *_: (math.nan, math.nan))
+    assert prove_cell(*CELLS[0]).outcome is Outcome.PRECISION
+
+
+TINY = 2.0**-16
+BOX = {"y": 0.5, "δ": 2.0**-44, "k0": 1.0, "h0": 2.0**-38, "k1": 1.0, "h1": 2.0**-38}
+
+
+@pytest.mark.parametrize(
+    ("split", "changes", "exact"),
+    [
+        (0, {}, True),
+        (1, {}, True),
+        (2, {}, True),
+        (0, {"δ": 2.0**-44 * (1 + TINY)}, False),
+        (1, {"h0": 2.0**-38 * (1 + TINY)}, False),
+        (2, {"h1": 2.0**-38 * (1 + TINY)}, False),
+        (1, {"k0": 0.0, "h0": 2.0**-38 * (1 + TINY)}, False),  # the start cannot move so little
+        (0, {"δ": math.nan}, False),
+    ],
+)
+def test_a_box_is_halved_exactly_or_not_at_all(split, changes, exact):
+    box = [*(BOX | changes).values(), 127 / 256, 127 / 256, 0.0]
+    boxes, waiting = np.array(box)[:, None], np.zeros((4, 9))
+    assert proof_cells._halve(waiting, 0, boxes, 0, split) == exact
 
 
 def test_cells_with_a_circle_are_not_proved():

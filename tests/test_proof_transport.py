@@ -479,7 +479,7 @@ def test_a_changed_certificate_is_refused():
     ]
     for other in wrong:
         with pytest.raises(checker.Refuted):
-            checker.check(other)
+            checker.hypothesis(other)
 
 
 def test_every_shorter_life_that_is_false_is_refused():
@@ -504,6 +504,12 @@ def test_boxes_tile_the_half_line():
     assert proof_transport._tiles(proof.boxes)
     for i in range(len(proof.boxes)):
         assert not proof_transport._tiles(np.delete(proof.boxes, i, axis=0))
+
+
+def test_boxes_of_lives_beyond_the_allowance_for_rounding_prove_nothing(monkeypatch):
+    monkeypatch.setattr(proof_transport, "_LONGEST", 5)
+    with pytest.raises(RuntimeError, match="lives for 5 kicks"):
+        prove(beyond(20, 0.1))
 
 
 def test_what_is_not_proved_has_no_certificate():

@@ -12,6 +12,8 @@ of so many digits that rounding does not matter; p belongs to the strengths κ_i
 is 0 for a single forcing. Nothing here is shared with the package. η is any sequence of floats.
 """
 
+import hashlib
+import json
 from fractions import Fraction
 
 from flint import arb, ctx, fmpq
@@ -22,7 +24,15 @@ class Refuted(Exception):
 
 
 def check(certificate):
-    """Refuted unless the certificate is right."""
+    """Refuted unless the certificate is genuine and right."""
+    data = {key: value for key, value in certificate.items() if key != "sha256"}
+    text = json.dumps(data, sort_keys=True).encode()
+    demand(hashlib.sha256(text).hexdigest() == certificate.get("sha256"), "the seal is broken")
+    hypothesis(data)
+
+
+def hypothesis(certificate):
+    """Refuted unless the theorem's hypothesis holds; the seal is not looked at."""
     kappa = [exact(strength) for strength in certificate["kappa"]]
     widths = [exact(width) for width in certificate.get("half_width", ["0x0p0"] * len(kappa))]
     site, a, lives = certificate["site"], Fraction(certificate["a"]), certificate["lives"]
