@@ -36,9 +36,9 @@ def main(run, cells, seconds):
     with run.sweeping(barriers, sweeps=2):
         barrier = rays.unfolded(run.sweep(barriers), angles)
         scales = barrier.critical_scale.to_series().dropna().to_dict()
-        job, wedge = transport_proved(scales, int(cells), seconds)
+        job = transport_proved(scales, int(cells), seconds)
         run.check(job.cube)
-        run.figure("proved_map", *draw_proved_map(run.sweep(job, wedge).load(), barrier))
+        run.figure("proved_map", *draw_proved_map(run.sweep(job).load(), barrier))
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """For which forcings is transport proved to be global? Cells of the (κ1, κ2) plane, by a quadtree.
 
 A cell is proved for all forcings in it, by `nasm.proof_cells`; one that is not proved within its
-time is cut into four, down to the finest. Only 0 ≤ κ2 ≤ κ1 is computed: the rest are images
+time is cut into four, down to the finest. Tiles of κ2 > κ1 stay 0: they are images
 (arXiv:1606.04824, Sec. III). That a barrier exists is not proved for cells: one set of deviations
 u serves strengths that differ by 10⁻⁶ at most, and by 10⁻¹¹ at 0.9 of the breakup.
 """
@@ -19,7 +19,7 @@ OPEN, TRANSPORT = 1, 2
 
 
 def transport_proved(scales, cells, seconds):
-    """Return the Job of the cube `proved_map`, and which of its tiles are needed.
+    """Return the Job of the cube `proved_map`.
 
     scales : {angle in degrees, from 0 to 45: scale of the last breakup}. It tells where to try.
     cells : finest cells per unit of κ, 16 times a power of two. seconds : CPU time for a cell.
@@ -45,9 +45,8 @@ def transport_proved(scales, cells, seconds):
     )
     settings = {"critical_scales": by_angle(scales), "cells": cells, "seconds": seconds}
     tile = dict.fromkeys(axes, n // _BLOCKS)
-    wedge = [(i, j) for i in range(_BLOCKS) for j in range(i, _BLOCKS)]
     cube = Cube("proved_map", template, tile, settings)
-    return Job(cube, _compute, _predict, _warm_up), wedge
+    return Job(cube, _compute, _predict, _warm_up)
 
 
 def _compute(coords, settings):
@@ -55,6 +54,8 @@ def _compute(coords, settings):
     proved = np.full(tuple(place.size for place in places), OPEN, np.int8)
     half = 0.5 / settings["cells"]
     lows = [round(place[0] - half, 9) for place in places]  # of multiples of 1/16
+    if lows[0] > lows[1]:
+        return {"proved": 0 * proved}
     _prove(proved, *lows, settings)
     if lows[0] == lows[1]:  # the other side of the diagonal is its image
         proved = np.where(np.tri(*proved.shape, dtype=bool), proved.T, proved)

@@ -14,11 +14,11 @@ def draw_proved_boundary(barrier):
     The caption has the widths of the brackets.
     """
     figure, (plane, near) = plt.subplots(1, 2, figsize=(12, 5.4), layout="constrained")
-    direction = {name: barrier[name] / barrier.critical_scale for name in ("kappa1", "kappa2")}
+    direction = [barrier[name] / barrier.critical_scale for name in ("kappa1", "kappa2")]
     plane.plot(barrier.kappa1, barrier.kappa2, color="0.6", lw=0.8, label="not proved: residues")
     for side, (label, colour) in _SIDES.items():
         scale = barrier[f"proved_{side}"]
-        plane.plot(*(scale * part for part in direction.values()), ".", color=colour, ms=3)
+        plane.plot(*(scale * part for part in direction), ".", color=colour, ms=3)
         distance = abs(scale / barrier.critical_scale - 1)
         style = {"color": colour, "marker": "^" if side == "upper" else "v", "ms": 3, "lw": 0.8}
         near.plot(barrier.angle, distance, label=label, **style)

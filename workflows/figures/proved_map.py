@@ -18,7 +18,7 @@ def draw_proved_map(cube, barrier):
     transport |= transport.T
     whole = np.block([[transport[::-1, ::-1], transport[::-1]], [transport[:, ::-1], transport]])
     figure, axes = plt.subplots(figsize=(7.5, 7), layout="constrained")
-    reach = _reach(cube)
+    reach = float(cube.kappa1[-1] + cube.kappa1[0])
     box = (-reach, reach, -reach, reach)
     style = {"origin": "lower", "extent": box, "interpolation": "nearest"}
     axes.imshow(whole, cmap=ListedColormap([_OPEN, _TRANSPORT]), vmin=0, vmax=1, **style)
@@ -31,10 +31,6 @@ def draw_proved_map(cube, barrier):
     return figure, _caption(cube, transport, barrier)
 
 
-def _reach(cube):
-    return float(cube.kappa1[-1] + cube.kappa1[0])
-
-
 def _caption(cube, transport, barrier):
     kappa1, kappa2 = np.meshgrid(cube.kappa1, cube.kappa2)
     angle = np.rad2deg(np.arctan2(kappa2, kappa1))
@@ -43,8 +39,8 @@ def _caption(cube, transport, barrier):
     open_ = excess[wedge & ~transport]
     return (
         f"Transport is proved to be global for every forcing of {100 * transport[wedge].mean():.1f}"
-        f"% of the plane up to {_reach(cube):g} beyond CB_gt (line: by residues, no proof), in "
-        f"cells down to 1/{cube.attrs['cells']}. Half of the open area there is within "
+        f"% of the square beyond CB_gt (line: by residues, no proof), in cells down to "
+        f"1/{cube.attrs['cells']}. Half of the open area there is within "
         f"{100 * np.median(open_):.1g}% of the boundary, 95% within "
         f"{100 * np.quantile(open_, 0.95):.2g}%, all within {100 * open_.max():.2g}%. Inside CB_gt "
         "all is open here: proofs that a barrier exists are of single forcings."
