@@ -9,13 +9,10 @@ _SIDES = {"upper": ("transport proved", "#D55E00"), "lower": ("barrier proved", 
 
 
 def draw_proved_boundary(barrier):
-    """Draw the forcings that are proved, and how near they are to the boundary.
-
-    The caption has the widths of the brackets.
-    """
+    """Draw the forcings that are proved, and how near they are; the caption has the widths."""
     figure, (plane, near) = plt.subplots(1, 2, figsize=(12, 5.4), layout="constrained")
     direction = [barrier[name] / barrier.critical_scale for name in ("kappa1", "kappa2")]
-    plane.plot(barrier.kappa1, barrier.kappa2, color="0.6", lw=0.8, label="not proved: residues")
+    plane.plot(barrier.kappa1, barrier.kappa2, color="0.6", lw=0.8)
     for side, (label, colour) in _SIDES.items():
         scale = barrier[f"proved_{side}"]
         plane.plot(*(scale * part for part in direction), ".", color=colour, ms=3)

@@ -4,8 +4,6 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.colors import ListedColormap
 
-_TRANSPORT, _OPEN = "#E69F00", "0.92"
-
 
 def draw_proved_map(cube, barrier):
     """Draw the four quadrants of the plane, and CB_gt by residues as a line; and the caption.
@@ -19,9 +17,8 @@ def draw_proved_map(cube, barrier):
     whole = np.block([[transport[::-1, ::-1], transport[::-1]], [transport[:, ::-1], transport]])
     figure, axes = plt.subplots(figsize=(7.5, 7), layout="constrained")
     reach = float(cube.kappa1[-1] + cube.kappa1[0])
-    box = (-reach, reach, -reach, reach)
-    style = {"origin": "lower", "extent": box, "interpolation": "nearest"}
-    axes.imshow(whole, cmap=ListedColormap([_OPEN, _TRANSPORT]), vmin=0, vmax=1, **style)
+    style = {"origin": "lower", "extent": 2 * (-reach, reach), "interpolation": "nearest"}
+    axes.imshow(whole, cmap=ListedColormap(["0.92", "#E69F00"]), vmin=0, vmax=1, **style)
     x = np.append(barrier.kappa1, barrier.kappa2[::-1])
     y = np.append(barrier.kappa2, barrier.kappa1[::-1])
     for sign1, sign2 in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
