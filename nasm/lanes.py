@@ -196,6 +196,49 @@ def store(typing_context, array, index, lanes):
     return types.void(array, types.intp, lanes), generate
 
 
+def _kind(width):
+    return _LanesType(width) if width > 1 else types.float64
+
+
+@intrinsic(prefer_literal=True)
+def load_state(typing_context, array, column, n_rows, width):
+    """A tuple of the first n_rows rows of an array (rows, FEW), in `width` columns from `column`.
+
+    n_rows and width : constants; each entry is `width` lanes, or a float if that is 1.
+    """
+    kind, n = _kind(width.literal_value), n_rows.literal_value
+
+    def generate(context, builder, signature, arguments):
+        data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
+        values = []
+        for row in range(n):
+            place = builder.add(arguments[1], ir.Constant(arguments[1].type, row * FEW))
+            pointer = builder.gep(data, [place])
+            if kind != types.float64:
+                pointer = builder.bitcast(pointer, kind.vector.as_pointer())
+            values.append(builder.load(pointer, align=8))
+        return context.make_tuple(builder, signature.return_type, values)
+
+    return types.UniTuple(kind, n)(array, types.intp, n_rows, width), generate
+
+
+@intrinsic
+def store_state(typing_context, array, state):
+    """The first rows of an array (rows, FEW) = a tuple of FEW lanes each."""
+
+    def generate(context, builder, signature, arguments):
+        array_type, state_type = signature.args
+        for row in range(state_type.count):
+            index = ir.Constant(ir.IntType(64), row * FEW)
+            pointer = _lane_pointer(
+                context, builder, array_type, state_type.dtype, arguments[0], index
+            )
+            builder.store(builder.extract_value(arguments[1], row), pointer, align=8)
+        return context.get_dummy_value()
+
+    return types.void(array, state), generate
+
+
 @intrinsic
 def own_frame(typing_context):
     """Give the calling function a stack frame of its own, aligned to a cache line.

@@ -21,7 +21,20 @@ from numba import njit
 from nasm.checks import sealed
 from nasm.double_double import two_sum
 from nasm.kernels import kernel
-from nasm.lanes import FEW, copysign, fabs, fma, load_few, maximum, minimum, own_frame, rint, store
+from nasm.lanes import (
+    FEW,
+    copysign,
+    fabs,
+    fma,
+    load_few,
+    load_state,
+    maximum,
+    minimum,
+    own_frame,
+    rint,
+    store,
+    store_state,
+)
 from nasm.maps import forcing
 from nasm.periodic import dominant_centre
 from nasm.proof_transport import (
@@ -59,7 +72,7 @@ _PIECES = 16  # of [0, 1/2]
 _GRID = 2.0**-20  # of the ends of pieces
 _SHEARS = 2.0**-8  # of which g is a multiple
 _SMALLEST_START, _SMALLEST_STRENGTH = 2.0**-45, 2.0**-40
-_BLOCK, _ROWS, _COLUMNS = 8, 27, 9
+_BLOCK, _STATE, _ROWS, _COLUMNS = 8, 22, 27, 9  # numbers of a box: those that change, and all
 _MOST_WAITING = 4096
 _KICKS, _FOUND = 1_000_000, 16_384  # in one call of the kernel
 
@@ -309,30 +322,7 @@ def _start(lanes, lane, x, boxes):
 def _advance(lanes, events):
     """A block of kicks of all lanes, in place; the smallest V into events[0], `bad` into [1]."""
     own_frame()
-    state = (
-        load_few(lanes, 0 * FEW),
-        load_few(lanes, 1 * FEW),
-        load_few(lanes, 2 * FEW),
-        load_few(lanes, 3 * FEW),
-        load_few(lanes, 4 * FEW),
-        load_few(lanes, 5 * FEW),
-        load_few(lanes, 6 * FEW),
-        load_few(lanes, 7 * FEW),
-        load_few(lanes, 8 * FEW),
-        load_few(lanes, 9 * FEW),
-        load_few(lanes, 10 * FEW),
-        load_few(lanes, 11 * FEW),
-        load_few(lanes, 12 * FEW),
-        load_few(lanes, 13 * FEW),
-        load_few(lanes, 14 * FEW),
-        load_few(lanes, 15 * FEW),
-        load_few(lanes, 16 * FEW),
-        load_few(lanes, 17 * FEW),
-        load_few(lanes, 18 * FEW),
-        load_few(lanes, 19 * FEW),
-        load_few(lanes, 20 * FEW),
-        load_few(lanes, 21 * FEW),
-    )
+    state = load_state(lanes, 0, _STATE, FEW)
     scale = load_few(lanes, 22 * FEW)
     k0, h0 = load_few(lanes, 23 * FEW), load_few(lanes, 24 * FEW)
     k1, h1 = load_few(lanes, 25 * FEW), load_few(lanes, 26 * FEW)
@@ -341,28 +331,7 @@ def _advance(lanes, events):
         state, bad = _kick(k0, h0, k1, h1, scale, state)
         smallest, worst = minimum(smallest, state[4]), worst + bad
         k0, h0, k1, h1 = k1, h1, k0, h0
-    store(lanes, 0 * FEW, state[0])
-    store(lanes, 1 * FEW, state[1])
-    store(lanes, 2 * FEW, state[2])
-    store(lanes, 3 * FEW, state[3])
-    store(lanes, 4 * FEW, state[4])
-    store(lanes, 5 * FEW, state[5])
-    store(lanes, 6 * FEW, state[6])
-    store(lanes, 7 * FEW, state[7])
-    store(lanes, 8 * FEW, state[8])
-    store(lanes, 9 * FEW, state[9])
-    store(lanes, 10 * FEW, state[10])
-    store(lanes, 11 * FEW, state[11])
-    store(lanes, 12 * FEW, state[12])
-    store(lanes, 13 * FEW, state[13])
-    store(lanes, 14 * FEW, state[14])
-    store(lanes, 15 * FEW, state[15])
-    store(lanes, 16 * FEW, state[16])
-    store(lanes, 17 * FEW, state[17])
-    store(lanes, 18 * FEW, state[18])
-    store(lanes, 19 * FEW, state[19])
-    store(lanes, 20 * FEW, state[20])
-    store(lanes, 21 * FEW, state[21])
+    store_state(lanes, state)
     store(events, 0, smallest)
     store(events, FEW, worst)
 
@@ -370,30 +339,7 @@ def _advance(lanes, events):
 @njit(nogil=True, error_model="numpy")
 def _replay(lanes, lane):
     """(kicks, outcome, parameter to halve) of the lane within a block: the definition."""
-    state = (
-        lanes[0, lane],
-        lanes[1, lane],
-        lanes[2, lane],
-        lanes[3, lane],
-        lanes[4, lane],
-        lanes[5, lane],
-        lanes[6, lane],
-        lanes[7, lane],
-        lanes[8, lane],
-        lanes[9, lane],
-        lanes[10, lane],
-        lanes[11, lane],
-        lanes[12, lane],
-        lanes[13, lane],
-        lanes[14, lane],
-        lanes[15, lane],
-        lanes[16, lane],
-        lanes[17, lane],
-        lanes[18, lane],
-        lanes[19, lane],
-        lanes[20, lane],
-        lanes[21, lane],
-    )
+    state = load_state(lanes, lane, _STATE, 1)
     scale, k0, h0 = lanes[22, lane], lanes[23, lane], lanes[24, lane]
     k1, h1 = lanes[25, lane], lanes[26, lane]
     for n in range(_BLOCK):

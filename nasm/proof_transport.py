@@ -46,11 +46,13 @@ from nasm.lanes import (
     fabs,
     fma,
     load_few,
+    load_state,
     maximum,
     minimum,
     own_frame,
     rint,
     store,
+    store_state,
 )
 from nasm.maps import direction, forcing
 from nasm.numbers import rational
@@ -86,7 +88,7 @@ _LONGEST = 1e11  # kicks of a box in a proof; they would take hours
 _FIRST = 16  # boxes to begin with
 _SMALLEST = 2.0**-50  # δ; centres are exact down to there
 _BLOCK = 8  # kicks between two looks for events; even
-_ROWS, _V = 19, 6  # numbers of a box, and which of them is V
+_STATE, _ROWS, _V = 18, 19, 6  # numbers of a box: those that change, all, and which is V
 _MOST_WAITING = 2048  # boxes: each of 16 lanes leaves one behind at each of 46 halvings
 _FIRST_EXCESS = 0.1  # s/value - 1 where `proved_upper` begins
 _KICKS = 2_000_000  # in one call of the kernel
@@ -357,50 +359,14 @@ def _start(lanes, lane, k0, x, y, delta):
 def _advance(k0, k1, lanes, events):
     """A block of kicks of all lanes, in place; the smallest V into events[0], `bad` into [1]."""
     own_frame()
-    state = (
-        load_few(lanes, 0 * FEW),
-        load_few(lanes, 1 * FEW),
-        load_few(lanes, 2 * FEW),
-        load_few(lanes, 3 * FEW),
-        load_few(lanes, 4 * FEW),
-        load_few(lanes, 5 * FEW),
-        load_few(lanes, 6 * FEW),
-        load_few(lanes, 7 * FEW),
-        load_few(lanes, 8 * FEW),
-        load_few(lanes, 9 * FEW),
-        load_few(lanes, 10 * FEW),
-        load_few(lanes, 11 * FEW),
-        load_few(lanes, 12 * FEW),
-        load_few(lanes, 13 * FEW),
-        load_few(lanes, 14 * FEW),
-        load_few(lanes, 15 * FEW),
-        load_few(lanes, 16 * FEW),
-        load_few(lanes, 17 * FEW),
-    )
+    state = load_state(lanes, 0, _STATE, FEW)
     scale = load_few(lanes, 18 * FEW)
     smallest, worst = state[_V], scale - scale  # zeros
     for _ in range(_BLOCK):
         state, bad = _kick(k0, scale, state)
         smallest, worst = minimum(smallest, state[_V]), worst + bad
         k0, k1 = k1, k0
-    store(lanes, 0 * FEW, state[0])
-    store(lanes, 1 * FEW, state[1])
-    store(lanes, 2 * FEW, state[2])
-    store(lanes, 3 * FEW, state[3])
-    store(lanes, 4 * FEW, state[4])
-    store(lanes, 5 * FEW, state[5])
-    store(lanes, 6 * FEW, state[6])
-    store(lanes, 7 * FEW, state[7])
-    store(lanes, 8 * FEW, state[8])
-    store(lanes, 9 * FEW, state[9])
-    store(lanes, 10 * FEW, state[10])
-    store(lanes, 11 * FEW, state[11])
-    store(lanes, 12 * FEW, state[12])
-    store(lanes, 13 * FEW, state[13])
-    store(lanes, 14 * FEW, state[14])
-    store(lanes, 15 * FEW, state[15])
-    store(lanes, 16 * FEW, state[16])
-    store(lanes, 17 * FEW, state[17])
+    store_state(lanes, state)
     store(events, 0, smallest)
     store(events, FEW, worst)
 
@@ -408,26 +374,7 @@ def _advance(k0, k1, lanes, events):
 @njit(nogil=True, error_model="numpy")
 def _replay(k0, k1, lanes, lane):
     """(kicks, outcome) of the lane within a block, kick by kick: the definition."""
-    state = (
-        lanes[0, lane],
-        lanes[1, lane],
-        lanes[2, lane],
-        lanes[3, lane],
-        lanes[4, lane],
-        lanes[5, lane],
-        lanes[6, lane],
-        lanes[7, lane],
-        lanes[8, lane],
-        lanes[9, lane],
-        lanes[10, lane],
-        lanes[11, lane],
-        lanes[12, lane],
-        lanes[13, lane],
-        lanes[14, lane],
-        lanes[15, lane],
-        lanes[16, lane],
-        lanes[17, lane],
-    )
+    state = load_state(lanes, lane, _STATE, 1)
     for n in range(_BLOCK):
         state, bad = _kick(k0, lanes[18, lane], state)
         if not bad <= 0:
