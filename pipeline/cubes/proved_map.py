@@ -50,26 +50,26 @@ def transport_proved(scales, cells, seconds):
 
 
 def _compute(coords, settings):
+    boundary = _boundary(settings)
     places = coords["kappa2"], coords["kappa1"]
     proved = np.full(tuple(place.size for place in places), OPEN, np.int8)
     half = 0.5 / settings["cells"]
     lows = [round(place[0] - half, 9) for place in places]  # of multiples of 1/16
     if lows[0] > lows[1]:
         return {"proved": 0 * proved}
-    _prove(proved, *lows, settings)
+    _prove(proved, *lows, boundary, settings)
     if lows[0] == lows[1]:  # the other side of the diagonal is its image
         proved = np.where(np.tri(*proved.shape, dtype=bool), proved.T, proved)
     return {"proved": proved}
 
 
-def _prove(proved, low2, low1, settings):
+def _prove(proved, low2, low1, boundary, settings):
     """Fill the square of cells from (low1, low2) on, which is proved at once or by quarters."""
     size = proved.shape[0] / settings["cells"]
     if low2 >= low1 + size:
         return
-    outside = _beyond(
-        low1 + np.array([0, size, 0, size]), low2 + np.array([0, 0, size, size]), settings
-    )
+    corners = low1 + np.array([0, size, 0, size]), low2 + np.array([0, 0, size, size])
+    outside = _beyond(*corners, boundary)
     if not outside.any():
         return
     if outside.all():
@@ -80,23 +80,27 @@ def _prove(proved, low2, low1, settings):
     half = proved.shape[0] // 2
     if half:
         for i, low in ((slice(half), low2), (slice(half, None), low2 + size / 2)):
-            _prove(proved[i, :half], low, low1, settings)
-            _prove(proved[i, half:], low, low1 + size / 2, settings)
+            _prove(proved[i, :half], low, low1, boundary, settings)
+            _prove(proved[i, half:], low, low1 + size / 2, boundary, settings)
 
 
-def _beyond(kappa1, kappa2, settings):
+def _boundary(settings):
+    """Angles and scales of the given rays."""
+    return np.array([[float(a), s] for a, s in settings["critical_scales"].items()]).T
+
+
+def _beyond(kappa1, kappa2, boundary):
     """Whether forcings are beyond the breakup, as far as the given rays tell."""
-    angles, scales = np.array([[float(a), s] for a, s in settings["critical_scales"].items()]).T
     angle = np.rad2deg(np.arctan2(np.minimum(kappa1, kappa2), np.maximum(kappa1, kappa2)))
-    return np.hypot(kappa1, kappa2) > np.interp(angle, angles, scales)
+    return np.hypot(kappa1, kappa2) > np.interp(angle, *boundary)
 
 
 def _predict(coords, settings):
     """Predict that of the cells that CB_gt crosses, and their neighbours, none is proved."""
     kappa1, kappa2 = np.meshgrid(coords["kappa1"], coords["kappa2"])
-    ratio = 1 + 3 / settings["cells"]
-    here = _beyond(kappa1 * ratio, kappa2 * ratio, settings)
-    near = here & ~_beyond(kappa1 / 1.03, kappa2 / 1.03, settings)
+    ratio, boundary = 1 + 3 / settings["cells"], _boundary(settings)
+    here = _beyond(kappa1 * ratio, kappa2 * ratio, boundary)
+    near = here & ~_beyond(kappa1 / 1.03, kappa2 / 1.03, boundary)
     return 0.01 + 0.5 * settings["seconds"] * float((near & (kappa2 <= kappa1)).sum())
 
 
