@@ -31,15 +31,19 @@ def own():
 
 
 SLOW = pytest.mark.slow
+OWN = campaign.kill_driver, campaign.interrupt  # they reach the driver's own workers
 QUICK = campaign.kill_worker, campaign.kill_driver, campaign.flip_bit
 EACH = [
-    pytest.param(fault, marks=() if fault in QUICK else SLOW, id=fault.__name__)
+    pytest.param("own" if fault in OWN else "pool", fault, marks=() if fault in QUICK else SLOW)
     for fault in campaign.ENDS
 ]
 
 
-@pytest.mark.parametrize("fault", EACH)
-def test_a_fault_ends_a_run_as_it_should_and_the_next_completes_the_cube(tmp_path, pool, fault):
+@pytest.mark.parametrize(("workers", "fault"), EACH)
+def test_a_fault_ends_a_run_as_it_should_and_the_next_completes_the_cube(
+    tmp_path, request, workers, fault
+):
+    pool = request.getfixturevalue(workers)
     codes = campaign.carry_out(0, tmp_path, pool, Counter(), faults=[[(0.2, fault)]])
     # The pool has another worker, and of two drivers the first goes on.
     survived = fault in (campaign.kill_worker, campaign.second_driver)

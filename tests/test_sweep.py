@@ -4,12 +4,10 @@ import errno
 import io
 import os
 import signal
-import subprocess
-import sys
 import threading
 import time
 from asyncio import CancelledError
-from pathlib import Path
+from functools import partial
 
 import numpy as np
 import psutil
@@ -100,7 +98,7 @@ def test_a_tile_of_another_shape_or_an_odd_exception_fails_alone(here, tmp_path,
 
 @pytest.mark.parametrize("cost", ["a second", np.ones(2), None, np.nan, -1.0, np.inf])
 def test_an_invalid_cost_falls_back_to_a_default(here, tmp_path, cost, capsys):
-    place, job = store.place_of(tmp_path), toy.job(predict=lambda *_: cost)
+    place, job = store.place_of(tmp_path), toy.job(tile=10, predict=lambda *_: cost)
     with store.driving(place):
         sweep(here, place, job)
     toy.assert_complete(tmp_path, job.cube)
@@ -136,72 +134,41 @@ def reasons(out):
     return state.reasons
 
 
-def start_driver(out, seconds=0.05, commits=0, interrupt=signal.default_int_handler):
-    """Start a sweep of 130 tiles with workers of its own, and wait for so many commits."""
-    command = [sys.executable, str(Path(__file__).with_name("toy.py")), str(out), str(seconds)]
-    driver = subprocess.Popen(
-        command,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-        cwd=out.parent,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, interrupt),
-    )
-    toy.wait_until(lambda: len(toy.commit_times(out)) >= commits or driver.poll() is not None)
-    return driver
+ctrl_c = partial(os.kill, os.getpid(), signal.SIGINT)
 
 
-def finish(driver, code=0):
-    """Wait until the driver ends with this exit code; returns what it says."""
-    _, error = driver.communicate(timeout=60)
-    assert driver.returncode == code, error
-    return error
+def test_ctrl_c_drains_and_the_next_run_resumes(here, tmp_path, capsys):
+    plan = toy.cube(tile=1)
+    outcome = toy.watched_sweep(here, tmp_path, plan, {20: ctrl_c})
+    assert outcome.interrupted
+    assert 20 <= outcome.committed == len(toy.COMPUTED) == 130 - outcome.remaining < 40
+    assert "waiting for the tiles in flight" in capsys.readouterr().err
+    assert toy.watched_sweep(here, tmp_path, plan).committed == outcome.remaining
+    toy.assert_complete(tmp_path, plan)
 
 
-def assert_the_next_run_resumes(client, out):
-    committed, plan = toy.commit_times(out), toy.cube(tile=1, seconds=0.05)
-    assert toy.run(client, out, plan).committed == 130 - len(committed) > 0
-    assert committed.items() <= toy.commit_times(out).items()
-    toy.assert_complete(out, plan)
-
-
-def test_a_driver_killed_with_its_workers_loses_nothing_and_repeats_nothing(client, tmp_path):
-    driver = start_driver(tmp_path / "out", commits=60)
-    workers = psutil.Process(driver.pid).children()
-    driver.kill()
-    driver.communicate()
-    psutil.wait_procs(workers, timeout=60)
-    assert_the_next_run_resumes(client, tmp_path / "out")
-
-
-def test_ctrl_c_drains_and_the_next_run_resumes(client, tmp_path):
-    driver = start_driver(tmp_path / "out", commits=10)
-    os.killpg(driver.pid, signal.SIGINT)  # as a terminal does: to the driver and its workers
-    assert "waiting for the tiles in flight" in finish(driver, 130)
-    assert len(toy.commit_times(tmp_path / "out")) >= 10
-    assert_the_next_run_resumes(client, tmp_path / "out")
-
-
-def test_a_program_started_with_ctrl_c_ignored_ignores_it(tmp_path):
-    driver = start_driver(tmp_path / "out", 0.02, commits=10, interrupt=signal.SIG_IGN)
-    os.killpg(driver.pid, signal.SIGINT)
-    finish(driver)
-    toy.assert_complete(tmp_path / "out", toy.cube(tile=1, seconds=0.02))
+def test_a_program_started_with_ctrl_c_ignored_ignores_it(here, tmp_path):
+    previous = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        outcome = toy.watched_sweep(here, tmp_path, toy.cube(tile=1), {20: ctrl_c})
+    finally:
+        signal.signal(signal.SIGINT, previous)
+    assert (outcome.interrupted, outcome.remaining) == (False, 0)
 
 
 def test_a_second_ctrl_c_abandons_the_tiles_in_flight(tmp_path):
-    driver = start_driver(tmp_path / "out", seconds=30)
-    for line in driver.stderr:
-        if "connected" in line:
-            break
-    time.sleep(2)
-    os.kill(driver.pid, signal.SIGINT)
-    time.sleep(0.5)
-    start = time.monotonic()
-    os.kill(driver.pid, signal.SIGINT)
-    driver.communicate(timeout=60)
-    assert driver.returncode != 0
-    assert time.monotonic() - start < 20
+    begun = tmp_path / "begun"
+
+    def interrupt():
+        toy.wait_until(begun.exists)
+        ctrl_c()
+        time.sleep(0.5)
+        ctrl_c()
+
+    threading.Thread(target=interrupt).start()
+    with pytest.raises(KeyboardInterrupt), connect(n_workers=1) as client:
+        toy.run(client, tmp_path / "out", toy.cube(seconds=30, log=str(begun)))
+    assert time.time() - begun.stat().st_mtime < 20
     assert toy.commit_times(tmp_path / "out") == {}
 
 
@@ -241,19 +208,13 @@ def test_a_series_of_sweeps_shares_one_line_of_progress(client, tmp_path):
     assert len(store.missing(place, toy.cube())) == 16
 
 
-def test_a_store_that_is_deleted_under_way_ends_the_sweep_with_one_message(client, tmp_path):
-    def delete():
-        toy.wait_until(lambda: len(toy.commit_times(tmp_path / "out")) > 5)
-        (tmp_path / "out").rename(tmp_path / "away")
-
-    thread = threading.Thread(target=delete)
-    thread.start()
+def test_a_store_that_is_deleted_under_way_ends_the_sweep_with_one_message(here, tmp_path):
+    plan, out, away = toy.cube(tile=1), tmp_path / "out", tmp_path / "away"
     with pytest.raises(store.StoreFailed, match=r"out: .* does not exist|was moved, or deleted"):
-        toy.run(client, tmp_path / "out", toy.cube(tile=1, seconds=0.05))
-    thread.join()
-    assert len(toy.commit_times(tmp_path / "out")) <= 2  # what the workers were writing
-    toy.run(client, tmp_path / "away", toy.cube(tile=1, seconds=0.05))
-    toy.assert_complete(tmp_path / "away", toy.cube(tile=1))
+        toy.watched_sweep(here, out, plan, {20: partial(out.rename, away)})
+    assert len(toy.commit_times(out)) <= 2  # what the workers were writing
+    assert toy.watched_sweep(here, away, plan).committed > 100
+    toy.assert_complete(away, plan)
 
 
 def test_workers_listen_on_loopback_only(client):

@@ -1,16 +1,11 @@
-"""A cube that is quick to compute and easy to check, with tiles that misbehave on request.
-
-`python toy.py OUT [SECONDS]` sweeps it in a process of its own, for tests that kill the process.
-"""
+"""A cube that is quick to compute and easy to check, with tiles that misbehave on request."""
 
 import io
 import os
 import signal
-import sys
 import time
 from contextlib import contextmanager
 from dataclasses import replace
-from pathlib import Path
 
 import dask
 import dask.array
@@ -21,7 +16,6 @@ from zarr.storage import ObjectStore
 
 from pipeline import store
 from pipeline.cubes.cube import Cube, Job, blank
-from pipeline.sweep.cluster import connect
 from pipeline.sweep.progress import Progress
 from pipeline.sweep.sweep import sweep
 
@@ -181,18 +175,3 @@ def ones(index):
 
 def no_warm_up():
     pass
-
-
-def main(out, seconds):
-    place = store.place_of(out)
-    with store.driving(place), connect(n_workers=2) as client:
-        client()
-        print("connected", file=sys.stderr, flush=True)
-        outcome = sweep(client, place, job(tile=1, seconds=seconds))
-    if outcome.interrupted:
-        sys.exit(130)
-    sys.exit(1 if outcome.failed else 0)
-
-
-if __name__ == "__main__":
-    main(Path(sys.argv[1]), float(sys.argv[2]))
