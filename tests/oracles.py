@@ -21,17 +21,6 @@ def kick(kappa, x, y):
     return x + y, y
 
 
-def orbit(kappa, x, y, n):
-    """x_0, …, x_n and y_0, …, y_n of one orbit, as lists."""
-    xs, ys = [x], [y]
-    for _ in range(n):
-        for strength in kappa:
-            x, y = kick(strength, x, y)
-        xs.append(x)
-        ys.append(y)
-    return xs, ys
-
-
 @njit
 def _escape_time(kappa, x, y, n_max, lo, hi):
     for n in range(n_max + 1):
@@ -95,9 +84,8 @@ def sine_polynomial(n):
     quarter = mpmath.mpf(1) / 4
 
     def error(u):
-        return turn * u * (1 + sum(c[k] * u ** (2 * k + 2) for k in range(n))) - mpmath.sin(
-            turn * u
-        )
+        series = 1 + sum(c[k] * u ** (2 * k + 2) for k in range(n))
+        return turn * u * series - mpmath.sin(turn * u)
 
     def slope(u):
         series = sum((2 * k + 3) * c[k] * u ** (2 * k + 2) for k in range(n))

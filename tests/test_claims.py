@@ -145,11 +145,6 @@ def test_the_page_and_the_tables_hold_every_claim(exact, tmp_path):
     assert len(table(tmp_path / "envelope.csv")) == len(ranges)
 
 
-def test_the_commands_named_exist(exact):
-    for row in (*exact[0], *exact[1]):
-        assert_exists(row.command)
-
-
 def assert_holds(page, *texts):
     for text in texts:
         assert f">{formula(text)}<" in page or text in page

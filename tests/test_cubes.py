@@ -72,16 +72,10 @@ def test_a_code_of_status_is_read_by_the_words_beside_it():
 
 
 def test_the_hash_is_that_of_what_decides_the_numbers():
-    hashes = {plan().config_hash}
-    for change in (
-        {"kappa1": Axis(-1, 1.1, 6)},
-        {"kappa2": Axis(0, 1.2, 6)},
-        {"sizes": [8, 41]},
-        {"n_max": 301},
-        {"tile": 5},
-    ):
-        hashes.add(plan(**change).config_hash)
-    assert len(hashes) == 6
+    changes = {"kappa1": Axis(-1, 1.1, 6), "kappa2": Axis(0, 1.2, 6)}
+    changes |= {"sizes": [8, 41], "n_max": 301, "tile": 5}
+    hashes = {plan(**{name: value}).config_hash for name, value in changes.items()}
+    assert len({plan().config_hash, *hashes}) == 6
     assert plan(name="other").config_hash == plan().config_hash
     # 2⁴⁰ cells and more, of which none is in memory.
     values = plan(kappa1=Axis(-1, 1, 2**20), kappa2=Axis(-1, 1, 2**20)).template.escape_time
@@ -97,8 +91,7 @@ def test_the_tiles_of_a_plane_hold_the_escape_times_of_its_cells():
     strengths = np.stack(np.meshgrid(PLANE["kappa1"].centres, PLANE["kappa2"].centres), axis=-1)
     whole = method.first_escape(strengths, x, y, PLANE["sizes"], PLANE["n_max"])
     indices = list(np.ndindex(*tile_counts(cube)))
-    parcel = _parcel(cube, np.array(indices))
-    for (row, column), coords in pickle.loads(parcel):
+    for (row, column), coords in pickle.loads(_parcel(cube, np.array(indices))):
         tile = job.compute(coords, cube.settings)
         cells = np.s_[:, 4 * row : 4 * row + 4, 4 * column : 4 * column + 4]
         assert np.array_equal(tile["escape_time"], whole[cells])

@@ -69,10 +69,9 @@ DIRECT = ["--angles", "5", "--tips", "0", "--n-orbits", "64", "--steps", "400,40
 def direct(tmp_path_factory, workers):
     """The boundary by direct iteration on five rays: its directory."""
     out = tmp_path_factory.mktemp("direct") / "out"
-    output = succeed("direct_boundary", out, *DIRECT, *workers)
+    succeed("direct_boundary", out, *DIRECT, *workers)
     for name in ("direct_boundary.png", "direct_quadrant.pdf", "direct_boundary_rays.csv"):
         assert (out / name).exists()
-        assert f"{out}/{name}" in output
     return out
 
 

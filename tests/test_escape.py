@@ -117,10 +117,9 @@ def test_windows_of_any_kind(window):
 
 
 def test_a_start_outside_has_escaped_at_time_0():
-    outside, inside = [-2.1, 2.31, 40.0, -1e300], [-2.0, 0.1, 2.3]
-    times = escape_time((0.1, 0.1), 0.0, outside + inside, 10)
-    assert (times[:4] == 0).all()
-    assert (times[4:] > 0).all()
+    starts = [-2.1, 2.31, 40.0, -1e300, -2.0, 0.1, 2.3]
+    times = escape_time((0.1, 0.1), 0.0, starts, 10)
+    assert (times == 0).tolist() == [True] * 4 + [False] * 3
 
 
 def test_a_start_outside_counts_whenever_it_joins_the_ensemble():
@@ -131,14 +130,10 @@ def test_a_start_outside_counts_whenever_it_joins_the_ensemble():
 
 def test_an_escape_at_n_max_counts():
     x, y = ensemble(300)
-    times = escape_time((1.9, 1.9), x, y, 1000)
-    for i in np.argsort(times)[[0, 1, 20, 60]]:
-        n = int(times[i])
-        assert escape_time((1.9, 1.9), x[i], y[i], n) == n
-        assert escape_time((1.9, 1.9), x[i], y[i], n - 1) == np.inf
-    first = int(times.min())
-    assert first_escape([(1.9, 1.9)], x, y, [300], first) == first
-    assert first_escape([(1.9, 1.9)], x, y, [300], first - 1) == np.inf
+    first = int(escape_time((1.9, 1.9), x, y, 1000).min())
+    for n, expected in ((first, first), (first - 1, np.inf)):
+        assert escape_time((1.9, 1.9), x, y, n).min() == expected
+        assert first_escape([(1.9, 1.9)], x, y, [300], n) == expected
 
 
 @pytest.mark.parametrize("kappa", FORCINGS)
@@ -157,22 +152,15 @@ def test_first_escape_is_the_smallest_time_of_each_nested_ensemble(kappa):
 
 @pytest.mark.parametrize("shift", [-3, 1, 20])
 def test_a_window_and_starts_shifted_by_whole_turns_give_the_same_times(shift):
-    x, y = ensemble(200)
-    y = np.round(y * 2**30) / 2**30  # so that y + shift is exact
+    # Rounded so that y + shift and x + 1000 are exact.
+    x, y = np.round(np.array(ensemble(200)) * 2**30) / 2**30
     window = np.array([-2.0, 2.25])
     times = escape_time((1.9, 1.9), x, y, 500, window)
-    assert_array_equal(escape_time((1.9, 1.9), x, y + shift, 500, window + shift), times)
+    moved = escape_time((1.9, 1.9), x + 1000, y + shift, 500, window + shift)
+    assert_array_equal(moved, times)
     firsts = first_escape([(1.9, 1.9)], x, y, [10, 200], 500, window)
     shifted = first_escape([(1.9, 1.9)], x, y + shift, [10, 200], 500, window + shift)
     assert_array_equal(shifted, firsts)
-
-
-def test_whole_turns_of_x_do_not_matter():
-    x, y = ensemble(200)
-    x = np.round(x * 2**30) / 2**30
-    assert_array_equal(
-        escape_time((1.9, 1.9), x + 1000, y, 500), escape_time((1.9, 1.9), x, y, 500)
-    )
 
 
 @pytest.mark.parametrize("kappa", [(5.0, 0.0), (-6.0, 0.0)])
@@ -192,13 +180,10 @@ def test_starts_broadcast():
     assert first_escape((6.0, 5.0), *ensemble(10), [1, 10], 100).shape == (2,)
 
 
-def test_ensembles_are_nested():
-    assert_array_equal(ensemble(100), np.array(ensemble(1000))[:, :100])
-
-
 @pytest.mark.parametrize("n_orbits", [1000, 10_000])
-def test_ensembles_fill_the_paper_s_rectangle_evenly(n_orbits):
+def test_ensembles_are_nested_and_fill_the_paper_s_rectangle_evenly(n_orbits):
     x, y = ensemble(n_orbits)
+    assert_array_equal(ensemble(100), (x[:100], y[:100]))
     assert ((x >= 0) & (x < 1) & (y >= 0) & (y < 0.3)).all()
     # Of 5 × 5 boxes, a random sample of 1000 would miss the mean of the fullest by about 15.
     counts, _, _ = np.histogram2d(x, y, bins=5, range=[(0, 1), (0, 0.3)])
@@ -264,8 +249,7 @@ def test_boundary_is_not_known_next_to_cells_that_are_not():
 
 @pytest.mark.parametrize(("profile", "barrier"), [((1, 0), KAPPA_G / 2), ((1, 1), KAPPA_G)])
 def test_direct_critical_scale_is_shown_from_above(profile, barrier):
-    raw = []
-    for n_max in (1000, 30_000):
+    for n_max in (1000, 30_000):  # how the bias falls is in test_work_precision
         found = escape.critical_scale(profile, n_max, 256)
         assert found.status is Status.OK
         x, y = ensemble(256)
@@ -274,9 +258,6 @@ def test_direct_critical_scale_is_shown_from_above(profile, barrier):
         assert found.upper > barrier
         assert abs(found.value - barrier) <= found.error
         assert abs(found.value - barrier) < found.upper - barrier
-        raw.append(found.upper)
-    # The bias falls like N^(-1/3): thirty times the steps, a third of it.
-    assert 0.2 < (raw[1] - barrier) / (raw[0] - barrier) < 0.5
 
 
 @pytest.mark.parametrize("angle", [138.23624, 227.90566])
@@ -286,12 +267,8 @@ def test_the_error_of_the_direct_scale_allows_for_a_lucky_draw(angle):
     assert abs(found.value - barrier.value) <= found.error
 
 
-def test_a_window_that_holds_all_starts_has_a_critical_scale():
-    moved = escape.critical_scale((1, 1), 640, 64, window=(-0.7, 1.0))
-    assert moved.status is Status.OK
-
-
-def test_a_ray_without_escape_has_no_critical_scale():
+def test_a_critical_scale_needs_a_window_that_orbits_leave():
+    assert escape.critical_scale((1, 1), 640, 64, window=(-0.7, 1.0)).status is Status.OK
     found = escape.critical_scale((1, 0), 64, 64, window=(-1e6, 1e6))
     assert found.status is Status.NO_BREAKUP
     assert np.isnan([found.value, found.error, found.upper]).all()

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from nasm import fixed_points, periodic
+from nasm import fixed_points
 from nasm.maps import step
 
 strengths = st.floats(-4, 4)
@@ -18,13 +18,6 @@ def test_primary_points_are_fixed_and_have_the_residues_of_the_tangent_map(kappa
         assert (x_end - 2 * y, y_end) == pytest.approx((x, y), abs=1e-14)
         assert fixed_points.residue((kappa1, kappa2), x, y) == pytest.approx(expected, abs=1e-13)
         assert fixed_points.residue((kappa1, kappa2), x, -y) == pytest.approx(expected, abs=1e-13)
-
-
-@pytest.mark.parametrize("kappa", [(0.3, 0.2), (0.5, 0.1)])
-def test_the_elliptic_point_is_the_minimax_orbit_of_period_one(kappa):
-    residues = fixed_points.primary_residue(*kappa)
-    assert periodic.residue(kappa, 0, 1, (0, 0.5)) == pytest.approx(residues[1], abs=1e-14)
-    assert periodic.residue(kappa, 0, 1, (0, 0.0)) == pytest.approx(residues[0], abs=1e-14)
 
 
 @settings(deadline=None, max_examples=50)

@@ -1,6 +1,5 @@
 """The gallery: its commands are valid, and its page shows what the workflows have written."""
 
-import csv
 import json
 import re
 import shlex
@@ -31,12 +30,10 @@ def page(tmp_path_factory):
     """The page of one small exhibit, of which the second run finds everything done."""
     out = tmp_path_factory.mktemp("gallery") / "out put"
     small = gallery.Exhibit("period_one", "Figures 3 & 4", "--primary -4:4:40 --secondary 0:8:20")
-    claim = {"place": "Sec. I", "statement": "T_κ1κ2 is a map", "value": "x" * 300}
     (out / "claims").mkdir(parents=True)
-    with (out / "claims" / "claims.csv").open("w", encoding="utf-8", newline="") as file:
-        table = csv.DictWriter(file, [*claim, "verdict"])
-        table.writeheader()
-        table.writerows([{**claim, "verdict": verdict.value} for verdict in Verdict])
+    rows = [f"Sec. I,T_κ1κ2 is a map,{'x' * 300},{verdict.value}" for verdict in Verdict]
+    claims = "\n".join(["place,statement,value,verdict", *rows])
+    (out / "claims" / "claims.csv").write_text(claims, encoding="utf-8")
     (out / "claims" / "claims.txt").write_text("Of 4 claims 1 hold.\n")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(gallery, "EXHIBITS", (small,))
@@ -46,7 +43,7 @@ def page(tmp_path_factory):
     return out / "index.html"
 
 
-def test_the_page_shows_every_figure_with_its_caption_and_command(page):
+def test_the_page_shows_every_figure_with_its_command_and_the_claims_of_which_version(page):
     text, here = page.read_text(encoding="utf-8"), page.parent / "period_one"
     targets = set(map(unquote, re.findall(r'(?:href|src)="([^"#:]+)"', text)))
     assert all((page.parent / target).exists() for target in targets - {"claims/claims.html"})
@@ -58,10 +55,7 @@ def test_the_page_shows_every_figure_with_its_caption_and_command(page):
     command = shlex.split(re.search("<code>(python -m .*period_one.*)</code>", words)[1])
     assert command[2] == "workflows.period_one"
     assert command[-2:] == ["--out", "period_one"]
-
-
-def test_the_page_says_that_it_is_a_preview_of_which_version_and_counts_the_claims(page):
-    text = " ".join(page.read_text(encoding="utf-8").split())
+    text = " ".join(text.split())
     assert "A preview" in text
     assert f"nasm {nasm.__version__}" in text
     assert "Of 4 claims 1 hold." in text

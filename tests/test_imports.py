@@ -17,16 +17,13 @@ MODULES = {
 
 def imports(module):
     """All that the module imports, inside functions too; both a and a.b for `from a import b`."""
-    path = MODULES[module]
-    package = module.split(".") if path.stem == "__init__" else module.split(".")[:-1]
     names = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in ast.walk(ast.parse(MODULES[module].read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
-            above = package[: len(package) + 1 - node.level] if node.level else []
-            source = ".".join([*above, *([node.module] if node.module else [])])
-            names |= {source, *(f"{source}.{alias.name}" for alias in node.names)}
+            assert node.level == 0  # the whole path is written
+            names |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
     return names
 
 

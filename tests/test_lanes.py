@@ -77,9 +77,8 @@ def test_lanes_numpy_and_floats_agree_to_the_last_bit(name):
 
 @pytest.mark.parametrize("name", list(OPERATIONS)[:6])
 def test_a_float_fills_all_lanes(name):
-    numpy, filled = OPERATIONS[name][1], np.full(LANES, F)
-    assert_same_bits(on_lanes(name, A, F, C), numpy(A, filled))
-    assert_same_bits(on_lanes(name, F, B, C), numpy(filled, B))
+    assert_same_bits(on_lanes(name, A, F, C), OPERATIONS[name][1](A, F))
+    assert_same_bits(on_lanes(name, F, B, C), OPERATIONS[name][1](F, B))
 
 
 def test_fma_takes_a_float_in_any_place():
@@ -97,12 +96,6 @@ def test_few_lanes_are_the_first_of_many():
     compute(out)
     expected = np.maximum(exact_fma(A, B, C) / C, np.rint(A) - F * B)
     assert_same_bits(out, expected[:FEW])
-
-
-def test_fma_rounds_once():
-    a, b, c = 1 + 2.0**-30, 1 - 2.0**-30, -1.0
-    assert a * b + c == 0  # rounded twice
-    assert COMPILED["fma"](a, b, c) == -(2.0**-60)
 
 
 @pytest.mark.parametrize("name", ["maximum", "minimum"])

@@ -8,14 +8,14 @@ import sys
 import time
 from pathlib import Path
 
+import dask.array
 import numpy as np
 import pytest
 import toy
 
 from pipeline import store
 from pipeline.cubes import escape
-from pipeline.store import tile_counts
-from pipeline.sweep.grid import Axis, tile_slices
+from pipeline.sweep.grid import Axis
 
 HERE = Path(__file__).parent
 LARGE_FIELD = HERE.parent / "workflows" / "recipes" / "large_field.py"
@@ -55,25 +55,22 @@ def test_many_tiles_need_little_of_the_driver_also_when_interrupted(tmp_path, n_
 
 
 def written_field(out, cells):
-    """Commit a field of made-up escape times, cells × cells and four ensembles, tile by tile.
+    """Write a field of made-up escape times, cells × cells and four ensembles, block by block.
 
     Returns how many cells of the last ensemble have each escape time.
     """
     axis = Axis(0, 1, cells)
     cube = escape.plane("escape", axis, axis, [10, 100, 1000, 10_000], 1000, 64).cube
-    times = np.zeros(1002, dtype=int)
-    place = store.place_of(out)
-    with store.driving(place):
-        store.create(place, cube, store.computed_by())
-        for index in np.ndindex(*tile_counts(cube)):
-            slices = tile_slices(index, cube.sizes, cube.tile)
-            row, column = axis.centres[slices["kappa2"]], axis.centres[slices["kappa1"]]
-            last = np.ceil(5 / (1e-3 + np.add.outer(row, column) ** 3))
-            times += np.bincount(np.minimum(last, 1001).astype(int).ravel(), minlength=1002)
-            last[last > 1000] = np.inf
-            times_of = {"escape_time": np.stack([8 * last] * 3 + [last])}
-            store.commit(place, cube.name, index, times_of, 0.0)
-    return times
+    centres = dask.array.from_array(axis.centres, chunks=64)
+    last = dask.array.ceil(5 / (1e-3 + (centres[:, None] + centres) ** 3))
+    times = dask.array.where(last > 1000, np.inf, last)
+    times = dask.array.stack([8 * times] * 3 + [times]).rechunk((4, 64, 64))
+    template = cube.template
+    template["escape_time"] = template.escape_time.dims, times
+    template.assign_attrs(cube.settings).to_zarr(f"{out}/escape.zarr", consolidated=False)
+    return dask.array.bincount(
+        dask.array.minimum(last, 1001).astype(int).ravel(), minlength=1002
+    ).compute()
 
 
 _LIMITED = """

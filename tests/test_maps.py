@@ -144,13 +144,10 @@ def test_equal_kicks_are_the_standard_map_twice(kappa, x, y):
     assert step((kappa, kappa), x, y) == step([kappa], *step([kappa], x, y))
 
 
-def test_a_forcing_may_be_made_of_any_real_numbers():
+def test_strengths_may_be_any_real_numbers_and_a_frequency_anything_exact():
     for kappa in ([1, 2], (Fraction(1), 2.0), np.array([1, 2], np.uint8), np.float32([1, 2])):
         assert forcing(kappa).dtype == float
         assert_array_equal(forcing(kappa), [1.0, 2.0])
-
-
-def test_a_frequency_may_be_anything_exact():
     for frequency in ("3/8", Fraction(3, 8), 0.375):
         assert_array_equal(rotating_forcing(1.0, 0.5, frequency), rotating_forcing(1, 0.5, "0.375"))
 

@@ -13,19 +13,13 @@ X, Y = np.array([0.1, 0.0]), np.array([0.31, 0.38])
 
 
 @pytest.mark.parametrize("kappa", [(0.9,), (0.5, 0.7), (0.5, -0.3, 0.2)])
-def test_orbit_is_that_of_a_plain_loop(kappa):
-    xs, ys = orbit(kappa, 0.1, 0.3, 10)
-    # 10 steps magnify the rounding of a kick, 1e-15, by less than 1e3 on these orbits.
-    assert_allclose((xs, ys), oracles.orbit(kappa, 0.1, 0.3, 10), rtol=0, atol=1e-12)
-
-
-def test_orbit_is_right_to_rounding():
-    xs, ys = orbit((0.5, 0.7), 0.1, 0.3, 5)
+def test_orbit_is_right_to_rounding(kappa):
+    xs, ys = orbit(kappa, 0.1, 0.3, 5)
     with mpmath.workdps(30):
         x, y = mpmath.mpf(0.1), mpmath.mpf(0.3)
         for n in range(6):
             assert (xs[n], ys[n]) == pytest.approx((float(x), float(y)), abs=1e-13)
-            x, y = oracles.exact_step((0.5, 0.7), x, y)
+            x, y = oracles.exact_step(kappa, x, y)
 
 
 def test_orbit_stays_on_the_lift():
@@ -137,12 +131,6 @@ def test_rotation_numbers_of_the_reductions_are_the_standard_map_s():
     assert_allclose(ours((0.3, 0)), standard(0.6, X, 2 * Y), rtol=0, atol=1e-11)
     assert_allclose(ours((0, 0.3)), standard(0.6, X + Y, 2 * Y), rtol=0, atol=1e-11)
     assert_allclose(ours((0.3, 0.3)), 2 * standard(0.3, X, Y), rtol=0, atol=1e-11)
-
-
-def test_mirrored_circles_have_omega_and_2_minus_omega():
-    omega, _ = rotation_number(KAPPA, X, Y, 10_000)
-    mirrored, _ = rotation_number(KAPPA, 1 - X, 1 - Y, 10_000)
-    assert_allclose(omega + mirrored, 2, rtol=0, atol=1e-11)
 
 
 def test_a_chaotic_orbit_has_no_rotation_number():

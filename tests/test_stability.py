@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import xarray as xr
-from commands import invoke, snapshot, succeed
+from commands import succeed
 
 from nasm.critical import Status
 from workflows.stability.studies import STUDIES
@@ -30,16 +30,7 @@ def test_each_study_keeps_a_labelled_dataset(out, study):
             assert variable.attrs["units"] in ("1", "degree")
     assert study("cusp").status.attrs["flag_meanings"].split()[OK] == Status.OK.name.lower()
     for name in ("boundary", "searches", "orbits"):
-        for kind in ("png", "pdf"):
-            assert (out / f"stability_{name}.{kind}").exists()
-
-
-def test_other_settings_are_refused_before_the_work(out):
-    before = snapshot(out)
-    result = invoke("stability", out)
-    assert result.exit_code == 2
-    assert "quick is True, not False" in result.output
-    assert snapshot(out) == before
+        assert (out / f"stability_{name}.pdf").exists()
 
 
 def test_near_the_cusp_errors_are_honest_or_there_is_no_answer(study):
@@ -90,26 +81,15 @@ def test_amplitudes_are_far_below_one(study):
     assert amplitude.attrs["justified_exit"] < 1.25
 
 
-def test_the_beam_that_is_used_misses_nothing(study):
-    missed = study("beam").missed
+def test_what_a_search_or_a_certificate_must_reject_is_there_and_rejected(study):
+    missed, fakes, disorder = study("beam").missed, study("fakes"), study("disorder")
     assert float(missed.sel(kept=1)) > 0.3
     assert float(missed.sel(kept=32)) == 0
-
-
-def test_all_fakes_are_rejected(study):
-    fakes = study("fakes")
     assert (fakes.fakes > 0).all()
-    assert (fakes.passed == 0).all()
-    assert (fakes.polished == 0).all()
     assert (fakes.past.sel(n=16) > 0.2).all()
-
-
-def test_orbits_of_another_order_are_all_refused(study):
-    disorder = study("disorder")
+    assert not (fakes.passed + fakes.polished).any()
     assert float(disorder.refused.sel(scale=1.2, method="nearest").max()) > 0.1
-    assert (disorder.accepted == 0).all()
-    total = disorder.lost + disorder.right + disorder.refused + disorder.accepted
-    np.testing.assert_allclose(total, 1)
+    assert not disorder.accepted.any()
 
 
 def test_float32_drifts_and_a_lattice_is_reversible(study):

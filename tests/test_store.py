@@ -42,11 +42,8 @@ SLOW = pytest.mark.slow
 
 @pytest.fixture(scope="module")
 def server(tmp_path_factory):
-    with (
-        seaweed.serving(tmp_path_factory.mktemp("weed")) as (address, _),
-        seaweed.environment(address),
-    ):
-        yield address
+    with seaweed.serving(tmp_path_factory.mktemp("weed")):
+        yield
 
 
 @pytest.fixture
@@ -213,7 +210,7 @@ def test_a_chunk_of_fill_values_is_stored_like_any_other(on_disk):
 def test_a_tile_of_other_shape_or_kind_is_refused_not_cast(on_disk, values):
     store.create(on_disk, toy.cube(), US)
     with pytest.raises(ValueError, match="sign "):
-        store.commit(on_disk, "toy", (0, 0), {**toy.ones((0, 0)), "sign": values}, 1.0)
+        store.commit(on_disk, "toy", (0, 0), {**arrays(toy.cube(), (0, 0)), "sign": values}, 1.0)
     assert not store.is_committed(on_disk, "toy", (0, 0))
 
 
@@ -539,10 +536,11 @@ def test_a_disk_that_fails_is_one_message_and_the_next_run_completes_the_cube(
 
 def test_a_full_disk_ends_a_sweep_at_once_and_the_next_run_completes_it(on_disk):
     plan = toy.cube(tile=1, rows=12, columns=12)
-    with toy.workers_here() as client:
-        with ExitStack() as disk, pytest.raises(store.StoreFailed, match="File too large"):
-            fills = partial(disk.enter_context, full_disk())
+    with toy.workers_here() as client, ExitStack() as disk:
+        fills = partial(disk.enter_context, full_disk())
+        with pytest.raises(store.StoreFailed, match="File too large"):
             toy.watched_sweep(client, on_disk, plan, {50: fills})
+        disk.close()
         assert len(toy.COMPUTED) < 60  # it did not let 144 tiles fail in turn
         assert toy.watched_sweep(client, on_disk, plan).remaining == 0
     assert 84 < len(toy.COMPUTED) < 104
@@ -567,7 +565,7 @@ def test_an_error_of_ours_is_not_the_stores(on_disk, tmp_path):
 def test_a_server_that_is_gone_and_wrong_credentials_are_one_message(tmp_path, monkeypatch):
     monkeypatch.setattr(places, "PATIENCE", 1)
     plan = toy.cube()
-    with seaweed.serving(tmp_path) as (address, server), seaweed.environment(address):
+    with seaweed.serving(tmp_path) as server:
         place = store.place_of("s3://cubes/run")
         fill(place, plan, [(0, 0)])
         with monkeypatch.context() as patch:
@@ -688,14 +686,9 @@ def test_a_tile_costs_what_zarr_costs(on_disk, capsys):
         (ours, bare)[i // 50 % 2](i)
         seconds[i // 100, i // 50 % 2] += (time.process_time() - start) / 50
     each, zarrs = np.median(seconds, axis=0)
-    start = time.process_time()
-    store.missing(on_disk, plan)
-    listed = (time.process_time() - start) / 600
     with capsys.disabled():
-        print(f"\n{1e3 * each:.2f} ms of CPU a tile, of which zarr {1e3 * zarrs:.2f}; ", end="")
-        print(f"{1e3 * listed:.3f} to list it")
+        print(f"\n{1e3 * each:.2f} ms of CPU a tile, of which zarr {1e3 * zarrs:.2f}")
     assert each < 1.5 * zarrs
-    assert listed < 2e-4
 
 
 # Who computed it.

@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 
 from nasm import symmetries
 from nasm.escape import ensemble, escape_time
-from nasm.maps import kick, step, unkick
+from nasm.maps import kick, unkick
 from nasm.numbers import convergents, parse, rational
 from nasm.orbits import kicked_orbit, orbit, rotation_number
 
@@ -111,14 +111,6 @@ def test_shift(case):
     shifted, x, y = symmetries.shift(kappa, x, y)
     np.testing.assert_array_equal(shifted, kappa[1:] + kappa[:1])
     assert_orbits_agree(orbit(shifted, x, y, n), kick(kappa[0], xs, ys))
-
-
-@settings(deadline=None)
-@given(kappa=planes, x=coordinates, y=coordinates)
-def test_swapping_kicks_conjugates_the_map(kappa, x, y):
-    kappa1, kappa2 = kappa
-    swapped = step((kappa2, kappa1), *kick(kappa1, x, y))
-    assert_orbits_agree(kick(kappa1, *step(kappa, x, y)), swapped)
 
 
 @settings(deadline=None)

@@ -8,10 +8,9 @@ from contextlib import contextmanager
 from dataclasses import replace
 
 import dask
-import dask.array
 import numpy as np
 import xarray as xr
-from distributed import Client, LocalCluster
+from distributed import Client
 from zarr.storage import ObjectStore
 
 from pipeline import store
@@ -27,16 +26,9 @@ def cube(rows=10, columns=13, tile=3, **settings):
         "row": np.linspace(0, 1, rows),
         "column": np.linspace(-1, 1, columns),
     }
-    shape = {"wave": ("part", "row", "column"), "sign": ("row", "column")}
-    dtype = {"wave": "float64", "sign": "int8"}
-    variables = {
-        name: (
-            dims,
-            dask.array.zeros([len(coords[d]) for d in dims], dtype=dtype[name], chunks=-1),
-            {"long_name": name, "units": "1"},
-        )
-        for name, dims in shape.items()
-    }
+    flat = {dim: xr.Variable(dim, coords[dim]) for dim in ("row", "column")}
+    deep = {"part": xr.Variable("part", coords["part"]), **flat}
+    variables = {"wave": blank(deep, "wave", 0.0), "sign": blank(flat, "sign", np.int8(0))}
     template = xr.Dataset(variables, coords, {"title": "toy"})
     return Cube("toy", template, {"row": tile, "column": tile}, settings)
 
@@ -90,18 +82,10 @@ def silent():
 @contextmanager
 def workers_here():
     """What `connect` yields, of a Client whose two workers are threads of this process."""
-    with (
-        dask.config.set({"distributed.worker.preload": []}),  # those of `connect` are processes
-        LocalCluster(
-            processes=False,
-            protocol="tcp",
-            host="127.0.0.1",
-            n_workers=1,
-            threads_per_worker=2,
-            dashboard_address="127.0.0.1:0",
-        ) as cluster,
-        Client(cluster) as client,
-    ):
+    how = {"host": "127.0.0.1", "dashboard_address": "127.0.0.1:0", "protocol": "tcp"}
+    how |= {"processes": False, "n_workers": 1, "threads_per_worker": 2}
+    # The preload of `connect` is for processes.
+    with dask.config.set({"distributed.worker.preload": []}), Client(**how) as client:
         yield lambda: client
 
 
@@ -165,12 +149,6 @@ def level(coords, settings):
 
 def nothing(coords, settings):
     return 0.0
-
-
-def ones(index):
-    """Arrays for a tile of `cube()`, all ones."""
-    shape = min(3, 10 - 3 * index[0]), min(3, 13 - 3 * index[1])
-    return {"wave": np.ones((2, *shape)), "sign": np.ones(shape)}
 
 
 def no_warm_up():
