@@ -32,8 +32,11 @@ from workflows.parts.cli import command, sweeps
 SIDE = 8  # tiles, of one cell each, along rows and columns
 TILES = set(np.ndindex(SIDE, SIDE))
 ENDS_WITHIN = 60  # seconds for one run; a driver that takes longer hangs
-# Of each variable: the beginning of its chunks' keys, and their bytes with the checksum.
-_CHUNKS = {"wave": ("0/", 20), "sign": ("", 5), "tiles/cpu_seconds": ("", 12)}
+_CHUNKS = {
+    "wave": ("0/", 20),
+    "sign": ("", 5),
+    "tiles/cpu_seconds": ("", 12),
+}  # bytes with checksum
 
 
 # The sweep: what drivers and workers run.
@@ -66,8 +69,9 @@ def main(run, settings):
 
 
 def _tell(path, line):
-    with open(path, "a") as log:
-        log.write(line)
+    end = os.open(path, os.O_WRONLY | os.O_APPEND)
+    os.write(end, line.encode())
+    os.close(end)
 
 
 def _index(name):
@@ -204,6 +208,14 @@ def kill_worker(stage, driver, choose):
         _signal(choose.choice(workers), signal.SIGKILL)
 
 
+def stop_worker(stage, driver, choose):
+    if workers := driver.workers():
+        worker = choose.choice(workers)
+        _signal(worker, signal.SIGSTOP)
+        driver.process.join(choose.uniform(0.2, 1.0))
+        _signal(worker, signal.SIGCONT)
+
+
 def kill_driver(stage, driver, choose):
     _signal(driver.pid, signal.SIGKILL)
 
@@ -262,6 +274,7 @@ def _signal(pid, number):
 
 ENDS = {
     kill_worker: 1,
+    stop_worker: 0,
     kill_driver: -signal.SIGKILL,
     interrupt: 130,
     cut_chunk: 0,
@@ -272,7 +285,8 @@ ENDS = {
 }
 """The exit code with which a driver may end on account of a fault, if not with 0."""
 
-WEIGHTS = [4, 4, 2, 2, 2, 1, 2, 2]
+WEIGHTS = [4, 2, 4, 2, 2, 2, 1, 2, 2]
+NEEDS_TILES = stop_worker, cut_chunk, flip_bit
 
 
 # The campaign.
@@ -381,8 +395,9 @@ def schedule(choose):
     """[[(after what part of the tiles that are missing, fault)] for each run with faults]."""
     return [
         [
-            (choose.choice([0, *[choose.uniform(0.05, 0.7)] * 2]), fault)
+            (0 if early and fault not in NEEDS_TILES else choose.uniform(0.05, 0.7), fault)
             for fault in choose.choices(list(ENDS), WEIGHTS, k=choose.randint(1, 3))
+            for early in [choose.random() < 0.3]
         ]
         for _ in range(choose.randint(1, 2))
     ]
