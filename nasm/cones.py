@@ -199,7 +199,11 @@ def critical_scale(profile, n_max):
         lines = _lines(scale * profile)
         return longest_found(lambda y: _kicks(lines, y, n_kicks), grids)[1]
 
-    upper, time, slope = _walk(lifetime, 2 / np.abs(profile).max(), n_kicks)
+    top = 2 / np.abs(profile).max()
+    first = top, 1.0, top / 2  # a guess of the slope; a bad one costs time, no more
+    if len(_lines(top * profile)) > 1:
+        first = _first_elimination(lifetime, top, 16 * profile.size)
+    upper, time, slope = _walk(lifetime, *first, n_kicks)
     gap = _gap(lifetime, upper, time, slope, _SLOPES[1] * profile.size)
     beyond_first_order = profile.size > 2
     if np.isnan(gap) or (beyond_first_order and _dies_below(lifetime, upper, gap, n_kicks)):
@@ -209,11 +213,19 @@ def critical_scale(profile, n_max):
     return CriticalScale(upper - gap, error, np.nan, upper, None, Status.OK)
 
 
-def _walk(lifetime, scale, n_kicks):
+def _first_elimination(lifetime, top, n_kicks):
+    """`_walk`'s beginning on a broken line. Beyond the breakup the orbit where it breaks may become
+    a minimizing one: so the scale comes from below."""
+    for scale in top * np.geomspace(0.1, 1.0, 25):
+        time = lifetime(scale, n_kicks)
+        if time < np.inf:
+            return scale, time, _SLOPES[0] * n_kicks / 16 * scale
+    return top, np.inf, np.nan
+
+
+def _walk(lifetime, scale, time, slope, n_kicks):
     """The lowest scale at which no start was found to survive, the longest life there, and the
     slope of the law; NaN if `_MOST_SCALES` do not lead near n_kicks."""
-    time = 1.0
-    slope = scale / 2  # a guess; a bad one costs time, no more
     survived = 0.0  # the largest scale known at which a start survives
     for _ in range(_MOST_SCALES):
         if time >= 0.8 * n_kicks or scale - survived < 0.05 * slope / time:
