@@ -56,6 +56,7 @@ alarm is the block replayed kick by kick, so times are exact.
 """
 
 from dataclasses import dataclass
+from itertools import chain, pairwise
 
 import numpy as np
 from numba import njit
@@ -309,17 +310,17 @@ def _lines(strengths):
     y = NaN, and survive."""
     strengths = primitive(strengths)
     found = dominant_lines(strengths)
-    for t, (site, a), dominant in found:
-        if not dominant:
-            raise ValueError(
-                f"kappa={strengths.tolist()} has no dominant symmetry line: the minimizing orbit "
-                f"of ω={t * strengths.size:.0f} or of the next resonance is on each, and is never "
-                "eliminated; see nasm.transversals"
-            )
+    none = next((t for t, _, dominant in found if not dominant), None)
+    if none is not None:
+        raise ValueError(
+            f"kappa={strengths.tolist()} has no dominant symmetry line: the minimizing orbit of "
+            f"ω={none * strengths.size:.0f} or of the next resonance is on each, and is never "
+            "eliminated; see nasm.transversals"
+        )
     centres = [centre for _, centre, _ in found]
     places = [*(t for t, _, _ in found), 0.5]
-    breaks = [_break(strengths, *ends) for ends in zip(places[1:], centres, centres[1:])]
-    y = [0.0, *(y for pair in breaks for y in pair), 0.5]
+    pairs = zip(places[1:-1], pairwise(centres), strict=True)
+    y = [0.0, *chain.from_iterable(_break(strengths, *pair) for pair in pairs), 0.5]
     return [
         _line(strengths, centre, places[i : i + 2], y[2 * i : 2 * i + 2])
         for i, centre in enumerate(centres)
@@ -336,16 +337,16 @@ def _line(strengths, centre, places=(0.0, 0.5), y=(0.0, 0.5)):
     return _Line(table, strengths.size, site, a - 0.25, between, w, *map(tuple, (places, y)))
 
 
-def _break(strengths, place, before, after):
-    """y of the orbit of ω = p, place = p/P, on both lines; NaN if it is not found."""
+def _break(strengths, place, centres):
+    """y of the orbit of ω = p, place = p/P, on two lines; NaN if it is not found."""
     p = round(place * strengths.size)
-    first, other = (before, after) if before[0] % 1 == 0 else (after, before)
+    first = next(centre for centre in centres if centre[0] % 1 == 0)
     orbit = HalfOrbit(0 * strengths, strengths, p, 1, first)
     if not orbit.move(1.0):
         return np.nan, np.nan
     x, half = orbit.sites(), strengths.size // 2
     y = x[1] - x[0], x[half + 1] - x[half]  # the other centre is half a period later
-    return y if first == before else y[::-1]
+    return y if first == centres[0] else y[::-1]
 
 
 def _starts(lines, places):

@@ -179,9 +179,9 @@ def symmetric_orbit(kappa, p, q, centre=None):
 
     Returns
     -------
-    x : ndarray of shape (P·q,), the sites from the centre on (c + 1/2 first if it is between two), on the lift; None if the orbit is not
-        found: Newton's method, continued from κ = 0, met only orbits that are not ordered like a
-        rotation. (Ordered is what orbits of one rotation number p/q are at different times; with
+    x : ndarray of shape (P·q,), the sites from the centre on, or from the next one if it is between
+        two, on the lift; None if the orbit is not found: Newton's method, continued from κ = 0, met
+        only orbits that are not ordered like a rotation. (Ordered is what orbits of one rotation number p/q are at different times; with
         q = 1 there is nothing to compare, and only the small steps of the continuation protect.)
     """
     orbit = _orbit(kappa, p, q, centre)
