@@ -107,12 +107,13 @@ def dominant_lines(kappa):
     strengths = primitive(kappa)
     size = strengths.size
     site, a = dominant_centre(strengths)
+    if size <= 2 or not strengths.any():
+        return [(0.0, (site, a), True)]
     p = np.arange(size // 2 + 1)
     # Re(e^{iφ} FFT) is F_p, also where c is between two sites.
     resonances = (np.exp(2j * np.pi * site * p / size) * np.fft.fft(strengths)[p]).real
-    known = np.flatnonzero(np.abs(resonances) > _NO_RESONANCE * np.abs(resonances).max()).tolist()
-    if size <= 2 or not known:
-        return [(0.0, (site, a), True)]
+    sizes = np.abs(resonances)
+    known = np.flatnonzero(sizes > _NO_RESONANCE * sizes.max()).tolist()
     on = [0.5 if resonances[p] > 0 else 0.0 for p in known]
     # F_{-p} = F_p, and F_{P-p} = ±F_p, minus if c is between two sites.
     anchors = [(-known[0], on[0]), *zip(known, on, strict=True)]
@@ -181,8 +182,9 @@ def symmetric_orbit(kappa, p, q, centre=None):
     -------
     x : ndarray of shape (P·q,), the sites from the centre on, or from the next one if it is between
         two, on the lift; None if the orbit is not found: Newton's method, continued from κ = 0, met
-        only orbits that are not ordered like a rotation. (Ordered is what orbits of one rotation number p/q are at different times; with
-        q = 1 there is nothing to compare, and only the small steps of the continuation protect.)
+        only orbits that are not ordered like a rotation. (Ordered is what orbits of one rotation
+        number p/q are at different times; with q = 1 there is nothing to compare, and only the
+        small steps of the continuation protect.)
     """
     orbit = _orbit(kappa, p, q, centre)
     return orbit.sites() if orbit.move(1.0) else None
