@@ -119,11 +119,11 @@ def elimination_time(kappa, y, n_max):
 
 
 def start(kappa, y):
-    """The start at a place on the dominant line: the forcing from its first kick on, x and y."""
+    """The start at place y of the dominant line: the forcing from its first kick on, x and y."""
     strengths = forcing(kappa)
-    for line, _, found in _starts(_lines(strengths), np.array([y])):
-        for y in found:
-            return np.roll(strengths, -line.site), line.x + 0.25 + line.lean * y, y
+    pieces = _starts(_lines(strengths), np.array([y]))
+    line, (y,) = next((line, found) for line, _, found in pieces if found.size)
+    return np.roll(strengths, -line.site), line.x + 0.25 + line.lean * y, y
 
 
 def longest_lived(kappa, n_max, kept=_KEPT):

@@ -373,16 +373,17 @@ class _Orbits:
 
     def __init__(self, start, profile, family):
         self.start, self.profile, self.family = start, profile, family
-        self._made = {}
+        self._made, self._centres = {}, {}
 
     def at(self, fraction, scale):
         """The orbit of that rotation number, moved to that scale. _LostError if it is not found."""
         p, q = fraction.numerator, fraction.denominator
-        # The dominant centre changes where the segment crosses |κ1| = |κ2|.
-        centre = self.family(self.start + scale * self.profile, p, q)
-        key = fraction, centre
+        # The centre may change along a segment that is no ray, as on |κ1| = |κ2|.
+        if self.start.any() or fraction not in self._centres:
+            self._centres[fraction] = self.family(self.start + scale * self.profile, p, q)
+        key = fraction, self._centres[fraction]
         if key not in self._made:
-            self._made[key] = HalfOrbit(self.start, self.profile, p, q, centre)
+            self._made[key] = HalfOrbit(self.start, self.profile, p, q, key[1])
         if not self._made[key].move(scale):
             raise _LostError
         return self._made[key]

@@ -97,7 +97,7 @@ def test_of_weak_kicks_the_two_residues_differ_in_sign_alone(p, q):
 )
 def test_a_long_orbit_against_fifty_digits(kappa, p, q, family):
     centre = getattr(periodic, f"{family}_centre")(kappa, p, q)
-    strengths, x, y = orbit_in_phase_space(kappa, p, q, centre)
+    strengths, _, y = orbit_in_phase_space(kappa, p, q, centre)
     lean = centre[0] % 1  # between two sites x = a + y/2
     with mpmath.workdps(50):
         # Polish the one unknown, y at the centre, on the condition that half the orbit is half.
