@@ -165,7 +165,8 @@ def eliminates(kappa, n_max):
 def critical_scale(profile, n_max):
     """The scale at which the last circle breaks on the ray κ = s·profile, and one without circles.
 
-    1. Start where the largest strength is 2; on x = a the first kick eliminates all starts.
+    1. Start where the largest strength is 2, and the first kick eliminates all starts; if the line
+       is broken, at the weakest kicks of a coarse ladder with which all die within 16 steps.
     2. Lower the scale, by the law s - s_c = slope/T through the last two scales, so that the
        longest lifetime T grows by a factor of 4.2 each time, until it is near n_max: `upper`.
     3. `value` is where the law leads to for T → ∞.
@@ -189,7 +190,9 @@ def critical_scale(profile, n_max):
     status NOT_CONVERGED if lifetimes contradict each other, or the law, as they do when a search
     misses a survivor, and for three kicks next to one, e.g. (1, 0.999, 0.999), where the resonances
     that decide are no longer those of first order; with three kicks or more also if below the value
-    all starts are found to die within 16 n_max steps, as next to a resonance of second order.
+    all starts are found to die within 16 n_max steps, as next to a resonance of second order. (Of
+    226 random palindromes of 3 to 7 kicks with broken lines 129 had a value at n_max = 100; of 126
+    values at 400 none was further away than 14% of the error.)
 
     ValueError if profile is zero or tiny, or has no symmetry centre or no dominant line.
     """
@@ -215,8 +218,8 @@ def critical_scale(profile, n_max):
 
 
 def _first_elimination(lifetime, top, n_kicks):
-    """`_walk`'s beginning on a broken line. Beyond the breakup the orbit where it breaks may become
-    a minimizing one: so the scale comes from below."""
+    """Scale, longest life and a guess of the slope for `_walk` on a broken line. Far beyond the
+    breakup the orbit where the line breaks may live on: so they come from below."""
     for scale in top * np.geomspace(0.1, 1.0, 25):
         time = lifetime(scale, n_kicks)
         if time < np.inf:

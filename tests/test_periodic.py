@@ -421,15 +421,6 @@ def test_a_bad_start_is_not_taken_for_the_orbit():
     assert not chain.ordered(rejected, 21, orbit.stride, np.empty(42))
 
 
-def test_the_minimizing_orbit_is_another_orbit():
-    for kappa in ((0.4, 0.3), (-0.2, 0.3), (0.3, 0.1, 0.1)):
-        for p, q in ((1, 3), (2, 5), (5, 13), *([(1, 2), (3, 4)] if len(kappa) == 2 else [])):
-            site, a = periodic.minimizing_centre(kappa, p, q)
-            minimax = periodic.symmetric_orbit(kappa, p, q)
-            here = np.roll(minimax, periodic.dominant_centre(kappa)[0])[site :: len(kappa)]
-            assert np.abs((here - a + 0.5) % 1.0 - 0.5).min() > 1e-3
-
-
 def test_a_torus_without_rotation_is_a_circle_of_the_standard_map():
     # Δκ = 0: whatever Ω, the orbit is that of the standard map.
     found = periodic.torus_scale("89/144", "5/12", 1.0, 0.0)
