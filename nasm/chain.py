@@ -6,7 +6,12 @@ An orbit is a sequence of sites, one per kick,
 
 and an orbit of T with rotation number p/q has N = Pq sites and x_{n+N} = x_n + p. A site c is a
 *symmetry centre* of the forcing if κ_{c+j} = κ_{c-j}; an orbit with x_c = a, a = 0 or 1/2, then
-equals its mirror image x_{c-j} = 2a - x_{c+j}, and half of it is enough.
+equals its mirror image x_{c-j} = 2a - x_{c+j}, and half of it is enough. (The sine allows no other
+a: the mirror image must turn its sign.)
+
+A centre may be between two sites, c = 3/2 say, where x_c is their mean. An idle kick there changes
+no orbit: the chain of (κ_0/2, 0, κ_1/2, 0, …) has the same sites, and their means between them.
+Its centres are sites, so it stands for the forcing wherever a centre is between sites.
 
 What is computed and stored is the deviation u from the rotation,
 
@@ -28,7 +33,7 @@ Rounding still costs R about q² ulp: the linearised chain of a long orbit near 
 residuals are computed in double-double arithmetic, and follows v and w in the same.
 """
 
-from numbers import Integral
+from numbers import Real
 
 import numpy as np
 from numba import njit
@@ -44,22 +49,28 @@ _ROUNDING = 1e-12  # of the distance of two sites, 1e-14 as a rule
 
 
 def is_symmetry_centre(kappa, site):
-    """Whether κ_{site+j} = κ_{site-j} for all j."""
-    around = np.roll(kappa, -site)
-    return np.array_equal(around[1:], around[:0:-1])
+    """Whether κ_{site+j} = κ_{site-j} for all j; site is a multiple of 1/2."""
+    mirror = int(2 * site) - np.arange(kappa.size)
+    return np.array_equal(kappa, kappa[mirror % kappa.size])
 
 
 def _is_centre(kappa, centre):
     match centre:
-        case (Integral() as site, 0 | 0.5):
+        case (Real() as site, 0 | 0.5) if site % 0.5 == 0:
             return is_symmetry_centre(kappa, site)
     return False
+
+
+def with_idle_kicks(kappa):
+    """(κ_0/2, 0, κ_1/2, 0, …), whose odd sites are between those of κ; y is half as large."""
+    return np.column_stack([kappa / 2, 0 * kappa]).ravel()
 
 
 class HalfOrbit:
     """A symmetric orbit of p/q on the segment κ = start + s·profile, at the s last moved to.
 
-    start, profile : sequences of P floats. p, q : ints without common factor. centre : (site, a).
+    start, profile : sequences of P floats. p, q : ints without common factor. centre : (site, a),
+    site a multiple of 1/2; if it is between two sites the chain is that of `with_idle_kicks`.
     ValueError if the segment's forcings have no such centre or p/q is not in lowest terms.
     """
 
@@ -72,9 +83,13 @@ class HalfOrbit:
         if not all(_is_centre(strengths, centre) for strengths in (self.start, self.profile)):
             raise ValueError(
                 f"centre={centre!r} is no symmetry centre (site, a); κ must read the same forwards "
-                "and backwards from the site, a whole number, and a is 0 or 0.5"
+                "and backwards from the site, a multiple of 1/2, and a is 0 or 0.5"
             )
         self.site, self.a = centre
+        self.sites_apart = 2 if self.site % 1 else 1
+        self.site = int(self.sites_apart * self.site)
+        if self.sites_apart == 2:
+            self.start, self.profile = map(with_idle_kicks, (self.start, self.profile))
         n_sites = self.profile.size * q
         # The rotation's angles in units of 1/N, reduced mod N: exact for any length.
         self.numerators = np.arange(n_sites // 2 + 2) * (p % n_sites) % n_sites
@@ -113,14 +128,15 @@ class HalfOrbit:
         )
 
     def deviations(self):
-        """u of all N sites from the centre on."""
+        """u of all N sites from the centre on, idle ones too."""
         u = np.empty(self.n_sites)
         _unfold(self.u, u)
         return u
 
     def sites(self):
-        """x of all N sites from the centre on, on the lift."""
-        return self.a + self.p * np.arange(self.n_sites) / self.n_sites + self.deviations()
+        """x of all sites from the centre on, on the lift, without idle ones."""
+        x = self.a + self.p * np.arange(self.n_sites) / self.n_sites + self.deviations()
+        return x[self.sites_apart - 1 :: self.sites_apart]
 
     @property
     def n_sites(self):

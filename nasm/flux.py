@@ -30,12 +30,12 @@ from itertools import islice
 
 import numpy as np
 
-from nasm.chain import MAX_PERIOD, HalfOrbit
+from nasm.chain import MAX_PERIOD, HalfOrbit, with_idle_kicks
 from nasm.checks import count, real
 from nasm.critical import Status
 from nasm.maps import TWO_PI, forcing
 from nasm.numbers import RotationNumber, convergents
-from nasm.periodic import dominant_centre, minimizing_centre
+from nasm.periodic import dominant_centre, minimax_centre, minimizing_centre
 from nasm.sine import cos2pi, sin2pi
 from nasm.symmetries import shorten
 
@@ -85,9 +85,6 @@ def flux(omega, kappa, q_max=30_000, rtol=1e-6):
     if omega.is_rational:
         return Flux(np.nan, np.nan, 0, omega, Status.RATIONAL)
     steps = kappa.size // short.size
-    if short.size % 2:
-        # With idle kicks between, all minimizing orbits have their centres on sites; Y is 2y then.
-        short, steps = np.column_stack([short / 2, 0 * short]).ravel(), 2 * steps
     # Up to the end of the prefix these are convergents of other numbers too.
     enough = list(islice(convergents(short_omega), len(short_omega.prefix) + 1))[-1].denominator
     value, error, period, status = np.nan, np.inf, 0, Status.NOT_CONVERGED
@@ -121,7 +118,7 @@ def action_difference(kappa, p, q):
     Returns
     -------
     float; NaN if one of the two orbits is not found. ValueError if the forcing has no symmetry
-    centre, or the minimizing orbit none on a site (odd P and even q).
+    centre.
     """
     value, _ = _action_difference(forcing(kappa), p, q)
     return value
@@ -129,7 +126,11 @@ def action_difference(kappa, p, q):
 
 def _action_difference(kappa, p, q):
     """ΔW_{p/q}, and how far rounding may have moved it."""
-    centres = dominant_centre(kappa), minimizing_centre(kappa, p, q)
+    centres = minimax_centre(kappa, p, q), minimizing_centre(kappa, p, q)
+    scale = 1
+    if any(site % 1 for site, _ in centres):  # between two sites: with an idle kick there, Y is 2y
+        kappa, scale = with_idle_kicks(kappa), 2
+        centres = [(int(2 * site), a) for site, a in centres]
     minimax, minimizing = (HalfOrbit(0 * kappa, kappa, p, q, centre) for centre in centres)
     if not (minimax.move(1.0) and minimizing.move(1.0)):
         return np.nan, np.nan
@@ -147,7 +148,7 @@ def _action_difference(kappa, p, q):
     )
     # The sum's own, and an ulp by which each site of the minimizing orbit misses being stationary.
     rounding = np.finfo(float).eps * (np.abs(terms).sum() + np.linalg.norm(d))
-    return float(terms.sum()), float(rounding)
+    return scale * float(terms.sum()), scale * float(rounding)
 
 
 def _nearest(minimax, minimizing):

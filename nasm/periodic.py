@@ -10,11 +10,12 @@ geometrically from one period of the tail to the next, so that Aitken's rule gai
 The orbits and their residues are those of `nasm.chain`.
 
 Of every p/q there are two families: the *minimax* orbit, R > 0, through the symmetry centre of the
-largest |κ|, and the *minimizing* one (of the action), R < 0, through a centre that the other does
-not meet. Both break up with the circle.
+largest |κ| or another of the `dominant_lines`, and the *minimizing* one (of the action), R < 0,
+through a centre that the other does not meet. Both break up with the circle.
 """
 
-from itertools import islice, pairwise
+from fractions import Fraction
+from itertools import chain, islice, pairwise
 
 import numpy as np
 from scipy.optimize import brentq
@@ -27,36 +28,112 @@ from nasm.numbers import convergents, rational
 from nasm.symmetries import CUSP_EXPONENT, distances_to_shorter, shorten
 
 _ROUNDING = 1e-12  # residues below are rounding errors of the slopes v' and w', which are near 1
+_NO_RESONANCE = 1e-9  # of the largest: below, F_p is 0 up to rounding
 _ORDER = 2.04  # crossings converge like q^-2.04
 _STRONG = 0.05  # ratio of crossings a period of the tail apart, from which it is trusted unseen
 
 
 def symmetry_centres(kappa):
-    """Sites c in 0, …, P - 1 with κ_{c+j} = κ_{c-j} for all j, as a list of ints.
+    """Centres c with κ_{c+j} = κ_{c-j} for all j: sites from 0 to P - 1, ints; then those between
+    two sites, c = 1/2 to P - 1/2.
 
-    All sites for P ≤ 2. For larger P only palindromes have one: e.g. the rotating forcing with
-    phase 0 or 1/2, whose centre is site 0; a forcing with P ≥ 3 different strengths in no such
-    order has none, and its periodic orbits are not found by this module.
+    All sites for P ≤ 2, and c = 1/2 for P = 1. For larger P only palindromes have any: e.g. the
+    rotating forcing with phase 0 or 1/2, whose centres are 0 and P/2.
     """
     strengths = forcing(kappa)
-    return [c for c in range(strengths.size) if is_symmetry_centre(strengths, c)]
+    return [c for c in _places(range(strengths.size)) if is_symmetry_centre(strengths, c)]
+
+
+def _places(sites):
+    """Where a centre may be: on one of these sites, or between two."""
+    return chain(sites, (site + 0.5 for site in sorted(sites)))
 
 
 def dominant_centre(kappa):
-    """The centre (site, a) whose orbits are the minimax ones, R > 0.
+    """The centre (site, a) whose orbits are the minimax ones, R > 0, for all ω if there is such.
 
-    The symmetry centre with the largest |κ|, on x = 1/2 if κ > 0 there and on x = 0 if κ < 0.
-    ValueError if the forcing has no centre.
+    The symmetry centre on a site with the largest |κ|, on x = 1/2 if κ > 0 there and on x = 0 if
+    κ < 0. Without one, a centre between two sites, and the sign is that of the sum of all κ. For
+    P ≥ 3 minimax orbits of other ω may have other centres: see `dominant_lines`. ValueError if the
+    forcing has no centre.
     """
     strengths = forcing(kappa)
     # Strengths in descending order: with long forcings, only the first sites need to be tried.
-    for site in np.argsort(-np.abs(strengths), kind="stable").tolist():
+    for site in _places(np.argsort(-np.abs(strengths), kind="stable").tolist()):
         if is_symmetry_centre(strengths, site):
-            return site, 0.5 if strengths[site] > 0 else 0.0
+            sign = strengths.sum() if site % 1 else strengths[site]
+            return site, 0.5 if sign > 0 else 0.0
     raise ValueError(
-        f"kappa={kappa!r} has no symmetry centre; symmetric orbits need a forcing that reads "
-        "the same forwards and backwards from some site"
+        f"kappa={kappa!r} has no symmetry centre; symmetric orbits need a forcing that reads the "
+        "same forwards and backwards from some site, or from between two"
     )
+
+
+def primitive(kappa):
+    """One period of the forcing, the shortest."""
+    strengths = forcing(kappa)
+    for size in range(1, strengths.size // 2 + 1):
+        if strengths.size % size == 0 and (strengths[size:] == strengths[:-size]).all():
+            return strengths[:size]
+    return strengths
+
+
+def dominant_lines(kappa):
+    """The symmetry lines that the minimax orbits are on, to first order in κ, for each ω.
+
+    A forcing of shortest period P has two centres, c and c + P/2, and the two symmetric orbits of
+    p/q meet two lines each:
+
+        (c, a)  and  (c + P/2, a + p/2)  if q is odd,      (c, 0)  and  (c, 1/2)  if q is even.
+
+    To first order the action depends on where the orbit is only for q = 1, by
+
+        F_p cos 2πa,      F_p = Σ_n κ_n cos(2πp(n - c)/P),
+
+    and the minimax orbit is where that is negative. So from p to p + 1 both minimax orbits are on
+    one line: that of c if F_p and F_{p+1} have the same sign, and else that of c + P/2. Where F_p
+    is 0 the next p counts; if they are an even number apart and of different signs, no line has
+    both. For P ≤ 2 all F_p have the sign of κ_c, which is then the larger |κ|.
+
+    Returns
+    -------
+    List of (t, centre, dominant): the line of the minimax orbits with |ω|/P from t up to the next
+    t, the last up to 1/2. dominant : bool; False where no line has both, and centre is one of p.
+    (x, y) → (-x, -y) takes ω to -ω and keeps the lines, y → y + 1 takes ω to ω + P, and between
+    sites a to a + 1/2.
+
+    ValueError if the forcing has no centre.
+    """
+    strengths = primitive(kappa)
+    size = strengths.size
+    site, a = dominant_centre(strengths)
+    if size <= 2 or not strengths.any():
+        return [(0.0, (site, a), True)]
+    p = np.arange(size // 2 + 1)
+    # Re(e^{iφ} FFT) is F_p, also where c is between two sites.
+    resonances = (np.exp(2j * np.pi * site * p / size) * np.fft.fft(strengths)[p]).real
+    sizes = np.abs(resonances)
+    known = np.flatnonzero(sizes > _NO_RESONANCE * sizes.max()).tolist()
+    on = [0.5 if resonances[p] > 0 else 0.0 for p in known]
+    # F_{-p} = F_p, and F_{P-p} = ±F_p, minus if c is between two sites.
+    anchors = [(-known[0], on[0]), *zip(known, on, strict=True)]
+    anchors.append((size - known[-1], 0.5 - on[-1] if site % 1 else on[-1]))
+    lines = []
+    for (p, a), (next_p, next_a) in pairwise(anchors):
+        odd, same = (next_p - p) % 2, a == next_a
+        centre = (site, a) if same or not odd else (_half_on(site, size), (a + p / 2) % 1.0)
+        if p == next_p or (same and not odd and lines and lines[-1][2]):
+            continue  # where both lines have both, it stays
+        line = centre, bool(same or odd)
+        if not lines or lines[-1][1:] != line:
+            lines.append((max(p, 0) / size, *line))
+    return lines
+
+
+def _half_on(site, size):
+    """The other centre of a forcing of that shortest period: int, or between two sites."""
+    other = (site + size / 2) % size
+    return other if other % 1 else int(other)
 
 
 def from_dominant_centre(kappa):
@@ -66,30 +143,30 @@ def from_dominant_centre(kappa):
 
 
 def minimax_centre(kappa, p, q):
-    """`dominant_centre`: the same for every p/q."""
-    return dominant_centre(kappa)
+    """A centre (site, a) of the minimax orbit of p/q, R > 0, by `dominant_lines`."""
+    strengths = forcing(kappa)
+    if strengths.size <= 2:
+        return dominant_centre(strengths)
+    omega = Fraction(p, q * strengths.size)
+    turns = round(omega)
+    lines = dominant_lines(strengths)
+    *_, (site, a) = (line for t, line, _ in lines if t < abs(omega - turns) or t == 0)
+    return site, (a + turns / 2) % 1.0 if site % 1 else a
 
 
 def minimizing_centre(kappa, p, q):
-    """A centre (site, a) of the minimizing orbit of p/q, R < 0.
+    """A centre (site, a) of the minimizing orbit of p/q, R < 0: one that the minimax orbit does not
+    meet.
 
-    An orbit with x = a at site s has x = a + p/2 (mod 1) half a period later, at site s + Pq/2; the
-    minimizing orbit goes through a centre that the minimax orbit does not meet. ValueError if it
-    meets all, as with P = 1 and even q: the minimizing orbit then has its centres between sites.
+    That one has x = a at site s and x = a + p/2 (mod 1) half a period later, at s + Pq/2. The
+    other centre of the forcing is P/2 from s, P its shortest period: with P = 1 between two sites.
     """
     strengths = forcing(kappa)
-    site, a = dominant_centre(strengths)
-    met = [(site, a)]
-    if strengths.size * q % 2 == 0:
-        met.append(((site + strengths.size * q // 2) % strengths.size, (a + p / 2) % 1.0))
-    for other in (site, *symmetry_centres(strengths)):
-        for line in (0.5 - a, a):
-            if (other, line) not in met:
-                return other, line
-    raise ValueError(
-        f"the minimizing orbit of {p}/{q} has no centre on a site of the forcing; repeat the "
-        "forcing, or take another p/q"
-    )
+    site, a = minimax_centre(strengths, p, q)
+    short = primitive(strengths).size
+    if Fraction(p * short, q * strengths.size).denominator % 2:
+        return site, 0.5 - a
+    return _half_on(site, short), 0.5 - a
 
 
 def symmetric_orbit(kappa, p, q, centre=None):
@@ -99,15 +176,15 @@ def symmetric_orbit(kappa, p, q, centre=None):
     ----------
     kappa : sequence of P floats, the forcing, first kick first.
     p, q : ints without common factor, 1 ≤ q ≤ 10⁶.
-    centre : (site, a), a in {0, 1/2}; default `dominant_centre`, the minimax orbit; see also
-        `minimizing_centre`.
+    centre : (site, a), a in {0, 1/2}; default `minimax_centre`; see also `minimizing_centre`.
 
     Returns
     -------
-    x : ndarray of shape (P·q,), the sites from the centre on, on the lift; None if the orbit is not
-        found: Newton's method, continued from κ = 0, met only orbits that are not ordered like a
-        rotation. (Ordered is what orbits of one rotation number p/q are at different times; with
-        q = 1 there is nothing to compare, and only the small steps of the continuation protect.)
+    x : ndarray of shape (P·q,), the sites from the centre on, or from the next one if it is between
+        two, on the lift; None if the orbit is not found: Newton's method, continued from κ = 0, met
+        only orbits that are not ordered like a rotation. (Ordered is what orbits of one rotation
+        number p/q are at different times; with q = 1 there is nothing to compare, and only the
+        small steps of the continuation protect.)
     """
     orbit = _orbit(kappa, p, q, centre)
     return orbit.sites() if orbit.move(1.0) else None
@@ -124,7 +201,7 @@ def residue(kappa, p, q, centre=None):
 
 def _orbit(kappa, p, q, centre):
     profile = forcing(kappa)
-    centre = dominant_centre(profile) if centre is None else centre
+    centre = minimax_centre(profile, p, q) if centre is None else centre
     return HalfOrbit(0 * profile, profile, p, q, centre)
 
 
@@ -296,16 +373,17 @@ class _Orbits:
 
     def __init__(self, start, profile, family):
         self.start, self.profile, self.family = start, profile, family
-        self._made = {}
+        self._made, self._centres = {}, {}
 
     def at(self, fraction, scale):
         """The orbit of that rotation number, moved to that scale. _LostError if it is not found."""
         p, q = fraction.numerator, fraction.denominator
-        # The dominant centre changes where the segment crosses |κ1| = |κ2|.
-        centre = self.family(self.start + scale * self.profile, p, q)
-        key = fraction, centre
+        # The centre may change along a segment that is no ray, as on |κ1| = |κ2|.
+        if self.start.any() or fraction not in self._centres:
+            self._centres[fraction] = self.family(self.start + scale * self.profile, p, q)
+        key = fraction, self._centres[fraction]
         if key not in self._made:
-            self._made[key] = HalfOrbit(self.start, self.profile, p, q, centre)
+            self._made[key] = HalfOrbit(self.start, self.profile, p, q, key[1])
         if not self._made[key].move(scale):
             raise _LostError
         return self._made[key]

@@ -38,17 +38,20 @@ def escape_time(kappa, x, y, n_max, window=(-2.0, 2.3)):
     return np.array([_escape_time(kappa, x0, y0, n_max, *window) for x0, y0 in starts])
 
 
-def second_variation(kappa, site, x, y, n):
-    """The smallest eigenvalue of the action's, over the sites |k| < n about the start (x, y)."""
+def second_variation(kappa, site, x, y, n, n_before=None):
+    """The smallest eigenvalue of the action's, over the sites |k| < n about the start (x, y), or
+    with others before it, -n_before < k < n."""
     at = [(site, x)]
     ahead, p, behind, q = x, y, x, y
     for k in range(1, n):
         ahead, p = kick(kappa[(site + k - 1) % len(kappa)], ahead, p)
+        at.append((site + k, ahead))
+    for k in range(1, n_before or n):
         behind -= q
         q -= kappa[(site - k) % len(kappa)] / (2 * math.pi) * math.sin(2 * math.pi * behind)
-        at = [(site - k, behind), *at, (site + k, ahead)]
+        at.insert(0, (site - k, behind))
     diagonal = [2 + kappa[k % len(kappa)] * math.cos(2 * math.pi * x) for k, x in at]
-    return eigvalsh_tridiagonal(np.array(diagonal), np.full(2 * n - 2, -1.0))[0]
+    return eigvalsh_tridiagonal(np.array(diagonal), np.full(len(at) - 1, -1.0))[0]
 
 
 def exact_step(kappa, x, y):

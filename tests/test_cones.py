@@ -9,7 +9,7 @@ from numba import njit
 from numpy.testing import assert_array_equal
 from oracles import KAPPA_G
 
-from nasm import cones, periodic
+from nasm import cones, continuation, escape, periodic
 from nasm.cones import critical_scale, eliminates, elimination_time, longest_lived
 from nasm.critical import Status
 from nasm.maps import rotating_forcing
@@ -19,6 +19,12 @@ from nasm.symmetries import ray
 # Each some per cent beyond the breakup of its last circle: lifetimes of all lengths.
 PAIRS = [(0.71, 0.46), (-0.43, 0.72), (0.15, -0.57)]
 FORCINGS = [(1.03,), *PAIRS, (0.1, 0.4, 0.1), (0.2, 0.1, 0.4, 0.1)]
+# Forcings whose dominant line is broken: the breakup, the profile, and the last circle.
+BROKEN = [
+    (0.30127448, np.array([0, 1, 1]), "[1;2,(1)]"),
+    (0.27599045, rotating_forcing(*ray(120), "2/3"), "gamma"),
+    (0.19520031, np.array([0.633, -0.241, 0.957, 0.957, -0.241]), "[1;2,(1)]"),
+]
 Y = (np.arange(300) + 0.5) / 600
 
 
@@ -44,23 +50,25 @@ def test_times_are_those_of_the_definition(kappa):
 
 def test_times_are_right_where_v_is_negative_for_a_single_kick():
     # Strengths beyond 2 off the line turn v around within a kick.
-    kappa = (0.3, 0.0, 5.0, 5.0, 5.0, 5.0, 0.0)
+    kappa = np.array([0.3, 0.0, 5.0, 5.0, 5.0, 5.0, 0.0])
     plain = oracles.elimination_time(kappa, 0.5, Y, 14)
     assert {3, 4, 5} <= set(plain)
-    np.testing.assert_allclose(elimination_time(kappa, Y, 2) * 7, plain)
+    assert_array_equal(cones._kicks([cones._line(kappa, (0, 0.5))], Y, 14), plain)
 
 
-@pytest.mark.parametrize("kappa", FORCINGS)
+@pytest.mark.parametrize("kappa", [*FORCINGS, *(1.03 * s * k for s, k, _ in BROKEN)])
 def test_a_start_is_eliminated_when_its_orbit_no_longer_minimizes_the_action(kappa):
-    # The definition with no tangent vector: the second variation of the piece |k| < n.
-    strengths, a = from_the_centre(kappa)
-    for y in Y[::23]:
-        kicks = elimination_time(kappa, y, 30) * len(kappa)
+    # The definition with no tangent vector: the second variation of the piece |k| < n, which has
+    # one site more before the start if the centre is between two.
+    for place in Y[::23]:
+        strengths, x, y = cones.start(kappa, place)
+        more = x not in (0.0, 0.5)
+        kicks = elimination_time(kappa, place, 30) * len(kappa)
         n = int(min(kicks, 30))
         if kicks == n:
-            assert oracles.second_variation(strengths, 0, a, y, n) <= 0
+            assert oracles.second_variation(strengths, 0, x, y, n, n + more) <= 0
         if n > 1:
-            assert oracles.second_variation(strengths, 0, a, y, n - 1) > 0
+            assert oracles.second_variation(strengths, 0, x, y, n - 1, n - 1 + more) > 0
 
 
 @njit
@@ -80,9 +88,9 @@ def _one_by_one(c, period, x0, y0, w0, n_max):
 @pytest.mark.parametrize("n_starts", [1, 63, 300])
 def test_lockstep_blocks_and_packing_do_not_change_a_time(kappa, n_starts):
     # The same kick on floats, one start at a time; 20 001 kicks: a last block that is not full.
-    line = cones._line(0.9 * critical_scale(kappa, 100).value * np.array(kappa))
+    (line,) = cones._lines(0.9 * critical_scale(kappa, 100).value * np.array(kappa))
     y, n = Y[:n_starts], 20_001
-    times = cones._kicks(line, y, n)
+    times = cones._kicks([line], y, n)
     plain = _one_by_one(line.table, line.period, line.x, y, line.w, n)
     assert_array_equal(times, plain)
     if n_starts == 300:
@@ -177,6 +185,30 @@ def test_the_last_circle_breaks_where_its_residue_says(degrees, omega, n_max):
     assert found.error < 5e-5 * exact or n_max < 10_000
     assert np.isnan(found.lower)
     assert found.omega is None
+
+
+@pytest.mark.parametrize(("_", "profile", "omega"), BROKEN)
+def test_the_last_circle_of_a_broken_line_breaks_where_residues_and_other_methods_say(
+    _, profile, omega
+):
+    found, omega = critical_scale(profile, 200), parse(omega)
+    for family in (periodic.minimax_centre, periodic.minimizing_centre):
+        by_residues = periodic.critical_scale(omega, profile, 1500, family=family)
+        assert abs(by_residues.value - found.value) <= found.error < 0.005 * found.value
+        assert by_residues.value + by_residues.error < found.upper
+    for image in (-profile, np.roll(profile, 1), profile[::-1]):
+        assert abs(critical_scale(image, 200).value - found.value) <= 0.1 * found.error
+    # With no symmetry: a circle in front of the breakup, and orbits that escape beyond.
+    assert continuation.certified_scale(omega, profile, found.value, 0.1) > 0.8 * found.value
+    beyond = 1.2 * found.upper * profile
+    assert np.isfinite(escape.first_escape([beyond], *escape.ensemble(1000), [1000], 10**6)).all()
+
+
+def test_where_no_line_is_dominant_all_symmetric_orbits_of_a_resonance_minimize():
+    kappa = rotating_forcing(-0.15, 0.2, "3/5")
+    assert max(periodic.residue(kappa, 1, 1, (0, a)) for a in (0.0, 0.5)) < 0
+    with pytest.raises(ValueError, match="no dominant symmetry line"):
+        elimination_time(kappa, Y, 10)
 
 
 @pytest.mark.parametrize(("profile", "exact"), [((1, 0), KAPPA_G / 2), ((1, 1), KAPPA_G)])

@@ -23,10 +23,10 @@ FIBONACCI = [(5, 8), (8, 13), (13, 21), (21, 34), (34, 55), (55, 89), (89, 144)]
 
 def orbit_in_phase_space(kappa, p, q, centre=None):
     """x_0, y_0 of T at the centre's period, and the forcing rotated so that it starts there."""
-    centre = centre or periodic.dominant_centre(kappa)
+    centre = centre or periodic.minimax_centre(kappa, p, q)
     x = periodic.symmetric_orbit(kappa, p, q, centre)
-    strengths = np.roll(kappa, -centre[0])
-    # x[0] is the centre's site; y of that site is the step that led to it.
+    strengths = np.roll(kappa, -int(centre[0] + 0.5))
+    # x[0] is the centre's site, or the next; y of that site is the step that led to it.
     return strengths, x, x[0] - (x[-1] - p)
 
 
@@ -46,38 +46,71 @@ def test_orbits_are_periodic_symmetric_and_ordered(kappa, p, q):
     assert np.array_equal(np.argsort((x[0] + np.arange(q) * p / q + 1e-9) % 1.0), order) or q <= 2
 
 
-@pytest.mark.parametrize("kappa", [(0.6,), (0.4, 0.3), (-0.4, 0.3), (0.3, 0.1, 0.1)])
-@pytest.mark.parametrize("a", [0.0, 0.5])
+@pytest.mark.parametrize(
+    "kappa",
+    [(0.6,), (0.4, 0.3), (-0.4, 0.3), (0.3, 0.1, 0.1), (0, 0.3, 0.3), (0.15, 0.1, 0.1, 0.15)],
+)
 @pytest.mark.parametrize(("p", "q"), [(0, 1), (1, 2), (2, 5), (3, 4), (5, 13)])
-def test_residue_is_that_of_the_monodromy_matrix(kappa, a, p, q):
-    # Even and odd numbers of sites, both kinds of centre, against the product of the tangents.
-    strengths, x, y = orbit_in_phase_space(kappa, p, q, (0, a))
-    monodromy = np.eye(2)
-    x = x[0]
-    for _ in range(q):
-        monodromy = step_tangent(strengths, x, y) @ monodromy
-        x, y = step(strengths, x, y)
-    expected = (2 - np.trace(monodromy)) / 4
-    assert periodic.residue(kappa, p, q, (0, a)) == pytest.approx(expected, abs=1e-10, rel=1e-10)
+def test_residue_is_that_of_the_monodromy_matrix(kappa, p, q):
+    # Even and odd numbers of sites, centres on sites and between, against the product of tangents.
+    found = []
+    for centre in product(periodic.symmetry_centres(kappa), (0.0, 0.5)):
+        strengths, x, y = orbit_in_phase_space(kappa, p, q, centre)
+        monodromy = np.eye(2)
+        x = x[0]
+        for _ in range(q):
+            monodromy = step_tangent(strengths, x, y) @ monodromy
+            x, y = step(strengths, x, y)
+        expected = (2 - np.trace(monodromy)) / 4
+        found.append(periodic.residue(kappa, p, q, centre))
+        assert found[-1] == pytest.approx(expected, abs=1e-10, rel=1e-10)
+    # There are two orbits, and each has two of the four centres.
+    found.sort()
+    assert found[::2] == pytest.approx(found[1::2], rel=1e-10)
+    minimizing, minimax = found[0], found[-1]
+    assert minimizing < 0 < minimax
+    for family, expected in (
+        (periodic.minimizing_centre, minimizing),
+        (periodic.minimax_centre, minimax),
+    ):
+        centre = family(kappa, p, q)
+        assert periodic.residue(kappa, p, q, centre) == pytest.approx(expected, rel=1e-10)
+        # The forcing three times: DT^q is the third power.
+        thrice = periodic.residue(kappa * 3, p * 3, q, family(kappa * 3, p * 3, q))
+        assert thrice == pytest.approx(expected * (3 - 4 * expected) ** 2, rel=1e-9)
 
 
-def test_a_long_orbit_against_fifty_digits():
-    kappa, p, q = (0.45, 0.35), 144, 233
-    centre = periodic.dominant_centre(kappa)
-    x = periodic.symmetric_orbit(kappa, p, q)
-    strengths = np.roll(kappa, -centre[0])
+@pytest.mark.parametrize(("p", "q"), [(1, 2), (1, 4), (3, 4), (5, 8)])
+def test_of_weak_kicks_the_two_residues_differ_in_sign_alone(p, q):
+    minimax, minimizing = (
+        periodic.residue((0.1,), p, q, family((0.1,), p, q))
+        for family in (periodic.minimax_centre, periodic.minimizing_centre)
+    )
+    assert minimax > 0
+    assert minimizing == pytest.approx(-minimax, rel=0.01, abs=1e-16)
+    assert q > 2 or minimax == pytest.approx(0.1**2 / 4)
+
+
+@pytest.mark.parametrize(
+    ("kappa", "p", "q", "family"),
+    [((0.45, 0.35), 144, 233, "minimax"), ((0.95,), 89, 144, "minimizing")],
+)
+def test_a_long_orbit_against_fifty_digits(kappa, p, q, family):
+    centre = getattr(periodic, f"{family}_centre")(kappa, p, q)
+    strengths, _, y = orbit_in_phase_space(kappa, p, q, centre)
+    lean = centre[0] % 1  # between two sites x = a + y/2
     with mpmath.workdps(50):
         # Polish the one unknown, y at the centre, on the condition that half the orbit is half.
         def miss(y):
-            end = mpmath.mpf(x[0])
+            end = begin = mpmath.mpf(centre[1]) + lean * y
             for _ in range(q):
                 end, y = oracles.exact_step(strengths, end, y)
-            return end - x[0] - p
+            return end - begin - p
 
-        start = mpmath.mpf(x[0] - (x[-1] - p))
+        start = mpmath.mpf(y)
         y = mpmath.findroot(miss, (start, start + mpmath.mpf(10) ** -15), tol=1e-60)
         assert abs(y - start) < 1e-13
-        exact = mpmath.mpf(x[0])
+        exact = mpmath.mpf(centre[1]) + lean * y
         matrix = mpmath.eye(2)
         for _ in range(q):
             for strength in strengths:
@@ -85,11 +118,11 @@ def test_a_long_orbit_against_fifty_digits():
                 matrix = mpmath.matrix([[1 + c, 1], [c, 1]]) * matrix
                 exact, y = oracles.exact_step([strength], exact, y)
         expected = (2 - matrix[0, 0] - matrix[1, 1]) / 4
-    assert periodic.residue(kappa, p, q) == pytest.approx(float(expected), rel=1e-14)
+    assert periodic.residue(kappa, p, q, centre) == pytest.approx(float(expected), rel=1e-14)
     # Floats alone lose q² ulp, and refining gives them back.
-    orbit = chain.HalfOrbit((0, 0), kappa, p, q, centre)
+    orbit = chain.HalfOrbit(np.zeros(len(kappa)), kappa, p, q, centre)
     assert orbit.move(1.0)
-    assert orbit.refined_residue() == periodic.residue(kappa, p, q)
+    assert orbit.refined_residue() == periodic.residue(kappa, p, q, centre)
     assert orbit.residue() == pytest.approx(float(expected), rel=q**2 * 2**-52)
 
 
@@ -117,8 +150,10 @@ def test_greene_1979():
     errors = np.array(residues) - published["minimax"]
     assert (errors[:-2] * errors[1:-1] < 0).all()
     assert abs(errors[-1]) < 3e-5
-    minimizing = periodic.residue((KAPPA_G,), 1597, 2584 + 1597, (0, 0.0))
-    assert minimizing == pytest.approx(published["minimizing"], abs=5e-5)
+    for p, q in ((987, 1597), (1597, 2584)):  # of even q it has its centres between sites
+        centre = periodic.minimizing_centre((KAPPA_G,), p, q)
+        minimizing = periodic.residue((KAPPA_G,), p, q, centre)
+        assert minimizing == pytest.approx(published["minimizing"], abs=5e-5)
 
 
 @pytest.mark.parametrize(
@@ -371,16 +406,6 @@ def test_a_bad_start_is_not_taken_for_the_orbit():
     if orbit.move(1.0):
         assert chain.ordered(orbit.u, 21, orbit.stride, np.empty(42))
     assert not chain.ordered(rejected, 21, orbit.stride, np.empty(42))
-
-
-def test_the_minimizing_orbit_is_another_orbit():
-    for kappa in ((0.4, 0.3), (-0.2, 0.3), (0.3, 0.1, 0.1)):
-        for p, q in ((1, 3), (2, 5), (5, 13), *([(1, 2), (3, 4)] if len(kappa) == 2 else [])):
-            site, a = periodic.minimizing_centre(kappa, p, q)
-            minimax = periodic.symmetric_orbit(kappa, p, q)
-            here = np.roll(minimax, periodic.dominant_centre(kappa)[0])[site :: len(kappa)]
-            assert np.abs((here - a + 0.5) % 1.0 - 0.5).min() > 1e-3
-            assert periodic.residue(kappa, p, q, (site, a)) < 0 < periodic.residue(kappa, p, q)
 
 
 @pytest.mark.parametrize(
