@@ -12,25 +12,27 @@ of the square, those that carry every forcing of a plane to such a relative of i
 trying; these, and no others, `fold` its rays.
 """
 
-from dataclasses import dataclass
+import re
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from itertools import product
 
 import numpy as np
 
-from nasm.checks import fraction, real
+from nasm.checks import fraction, real, sealed
 from nasm.maps import forcing, rotating_forcing
 from nasm.symmetries import ray
 
 MAX_PERIOD = 64
 
+_AXIS = re.compile(r"kappa\w*(?<!_bounds)", re.ASCII)  # no other name in a cube is such a one
 _SAME = 1e-14  # of the largest strength: rounding of cosines
 
 TWO_KICKS_AXES = {
     "kappa1": "strength of the first kick",
     "kappa2": "strength of the second kick",
 }
-_ROTATING_AXES = {
+ROTATING_AXES = {
     "kappa_mean": "mean strength κ̄",
     "kappa_amplitude": "amplitude Δκ of the strengths",
 }
@@ -40,9 +42,11 @@ _ROTATING_AXES = {
 class Plane:
     """A plane of forcings of one period.
 
-    name : str. axes : {name of a coordinate: what it is}, two of them, those of a and b.
-    origin, first, second : tuples of P floats, P ≤ 64; first and second are independent.
-    ValueError if they are not, or no such vectors.
+    name : str.
+    axes : {name: words}, what the coordinates a and b are; their names begin with "kappa".
+    origin, first, second : P floats each, P from 2 to 64; first and second are independent.
+
+    ValueError, which names the field, for anything else.
     """
 
     name: str
@@ -58,36 +62,46 @@ class Plane:
             except ValueError as error:
                 raise ValueError(f"{field}: {error}") from None
             object.__setattr__(self, field, tuple(vector.tolist()))
-        lengths = [len(vector) for vector in self._vectors]
-        if len(set(lengths)) > 1 or lengths[0] > MAX_PERIOD:
+        lengths = [len(vector) for vector in (self.origin, self.first, self.second)]
+        if len(set(lengths)) > 1 or not 2 <= lengths[0] <= MAX_PERIOD:
             raise ValueError(
-                f"origin, first and second have {lengths} strengths; they "
-                f"must have one length, from 2 to {MAX_PERIOD}"
+                f"origin, first and second have {lengths} strengths; they must have one length, "
+                f"from 2 to {MAX_PERIOD}"
             )
         if np.linalg.matrix_rank([self.first, self.second]) < 2:
             raise ValueError(
-                f"first={self.first} and second={self.second} are dependent; "
-                "a plane needs two directions"
+                f"first={self.first} and second={self.second} are dependent; a plane needs two "
+                "directions"
             )
-        if len(self.axes) != 2 or not all(name.isidentifier() for name in self.axes):
-            raise ValueError(f"axes={self.axes!r} must be two names like kappa1 and kappa2")
+        if not isinstance(self.name, str) or not self.name:
+            raise ValueError(f"name={self.name!r} must be a text, like 'two-kicks'")
+        axes = self.axes.items() if isinstance(self.axes, dict) else ()
+        if sum(bool(_AXIS.fullmatch(name)) for name, words in axes if isinstance(words, str)) != 2:
+            raise ValueError(
+                f"axes={self.axes!r} must be two names that begin with kappa, and what they are, "
+                f"like {TWO_KICKS_AXES}"
+            )
 
     @property
-    def _vectors(self):
-        return self.origin, self.first, self.second
+    def record(self):
+        """What results keep: all fields as `plane`, and digits of their SHA-256 as `plane_hash`."""
+        fields = {k: list(v) if isinstance(v, tuple) else v for k, v in asdict(self).items()}
+        return {"plane": fields, "plane_hash": sealed(fields)["sha256"][:12]}
 
     def forcing(self, a, b):
         """κ(a, b), shape (*shape, P) for arrays a and b that broadcast to one shape."""
-        a, b = np.asarray(a, dtype=float)[..., None], np.asarray(b, dtype=float)[..., None]
-        return np.array(self.origin) + a * np.array(self.first) + b * np.array(self.second)
+        return np.array(self.origin) + self._along(a, b)
 
     def ray(self, angle):
         """The ray κ = start + s·profile in a direction: start (P,), profile (*angle.shape, P).
 
         angle : array_like, degrees from the axis of a to that of b.
         """
-        start = np.array(self.origin)
-        return start, self.forcing(*np.moveaxis(ray(angle), -1, 0)) - start
+        return np.array(self.origin), self._along(*np.moveaxis(ray(angle), -1, 0))
+
+    def _along(self, a, b):
+        a, b = np.asarray(a, dtype=float)[..., None], np.asarray(b, dtype=float)[..., None]
+        return a * np.array(self.first) + b * np.array(self.second)
 
     @cached_property
     def symmetries(self):
@@ -97,7 +111,7 @@ class Plane:
         degrees, turn - angle if mirrored, and its circle of ω as that of ω + omega_shift there, up
         to the sign of ω and to multiples of P.
         """
-        here = np.array(self._vectors)
+        here = np.array([self.origin, self.first, self.second])
         found = []
         for mirrored, quarters in product((False, True), range(4)):
             cos, sin = ((1, 0), (0, 1), (-1, 0), (0, -1))[quarters]
@@ -117,9 +131,7 @@ class Plane:
         each of the n `symmetries`, rounded to 10⁻⁹.
         """
         angle = np.asarray(angle, dtype=float)
-        images = [
-            turn - angle if mirrored else turn + angle for mirrored, turn, _ in self.symmetries
-        ]
+        images = [turn - angle if mirror else turn + angle for mirror, turn, _ in self.symmetries]
         return np.round(images, 9) % 360
 
     def fold(self, angle):
@@ -158,6 +170,11 @@ def _relatives(vectors):
             yield omega_shift, sign * np.roll(form[:, ::order], places, axis=1)
 
 
+def plane_of(record):
+    """The plane of a `record`, or of anything that contains it, as the attributes of a cube."""
+    return Plane(**record["plane"])
+
+
 def two_kicks():
     """The (κ1, κ2) plane of the paper's T_{κ1κ2}."""
     return Plane("two-kicks", TWO_KICKS_AXES, (0, 0), (1, 0), (0, 1))
@@ -169,9 +186,9 @@ def rotating(frequency, phase=0):
     frequency : Fraction or str, Ω = p/q with 2 ≤ q ≤ 64. phase : Fraction, str or float, φ0.
     """
     frequency, phase = fraction("frequency", frequency), fraction("phase", phase)
-    second = rotating_forcing(0, 1, frequency, float(phase))
+    second = rotating_forcing(0, 1, frequency, phase)
     name = f"rotating:{frequency}" + (f",{phase}" if phase else "")
-    return Plane(name, _ROTATING_AXES, 0 * second, 0 * second + 1, second)
+    return Plane(name, ROTATING_AXES, 0 * second, 0 * second + 1, second)
 
 
 def three_kicks(third):
