@@ -210,7 +210,7 @@ def parse(text):
             case ["rotating", frequency, *phase] if len(phase) <= 1:
                 return rotating(frequency, *phase)
             case ["three-kicks", third]:
-                return three_kicks(float(third))
+                return three_kicks(float(fraction("third", third)))
     except ValueError as error:
         raise ValueError(f"{text!r}: {error}") from None
     raise ValueError(

@@ -116,7 +116,7 @@ GOOD = {"name": "mine", "axes": AXES, "origin": (0, 0), "first": (1, 0), "second
         ({"axes": ["kappa1", "kappa2"]}, "axes=['kappa1', 'kappa2'] must be"),
         ("two kicks", "'two kicks' is no plane; write two-kicks, rotating:FREQUENCY"),
         ("three-kicks:", "'three-kicks:' is no plane"),
-        ("three-kicks:nan", "'three-kicks:nan': origin: kappa="),
+        ("three-kicks:a", "third='a' is no fraction"),
         ("rotating:1/3,1/4,1", "is no plane"),
         ("rotating:1/0", "frequency='1/0' is no fraction"),
         ("rotating:1/65", "have [65, 65, 65] strengths"),

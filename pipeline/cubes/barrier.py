@@ -13,8 +13,8 @@ from nasm import barriers
 from nasm.numbers import RotationNumber, moebius, parse
 from nasm.planes import plane_of, two_kicks
 from nasm.symmetries import ray
-from pipeline.cubes.breakdown import cube_on_rays, per_ray, scales, starts_at_zero
-from pipeline.cubes.cube import PAPER, Job, angles_of_rays, blank, coordinate, text
+from pipeline.cubes.breakdown import cube_on_rays, need_centres, per_ray, scales, starts_at_zero
+from pipeline.cubes.cube import Job, angles_of_rays, blank, coordinate, text
 
 _N_QUOTIENTS = 32  # places for the partial quotients of a rotation number
 
@@ -28,6 +28,7 @@ def last_barrier(plane, angles, tol):
     starts_at_zero(plane, "the last barrier")
     folded, _ = plane.fold(angles)
     wedge = sorted(set(folded.tolist()))
+    need_centres(plane, wedge)
     on_ray = {"angle": angles_of_rays(wedge)}
     place = {"quotient": coordinate("quotient", range(_N_QUOTIENTS), "place of a partial quotient")}
     zero, comment = np.int32(0), "0 behind the last one"
@@ -37,10 +38,8 @@ def last_barrier(plane, angles, tol):
         "tail_length": blank(on_ray, "partial quotients at the end that repeat", np.int8(0)),
     }
     seconds, warm_up = 0.1 + 4e-5 / tol, partial(barriers.critical_scale, (1.0, 0.0), 0.1)
-    title = "The last barrier to transport of the nonautonomous standard map"
-    labels = {"title": title, "source": f"{PAPER}, Sec. V and VI"}
-    settings = plane.record | {"tol": tol}
-    cube = cube_on_rays("barrier", plane.axes, {}, wedge, seconds, settings, **labels)
+    plan = plane.axes, {}, wedge, seconds, plane.record | {"tol": tol}
+    cube = cube_on_rays("barrier", *plan, "The last barrier to transport")
     cube = replace(cube, template=cube.template.assign_coords(place).assign(last_circle))
     return Job(cube, _compute, partial(per_ray, seconds), warm_up)
 
@@ -113,7 +112,7 @@ def _circle(quotients, tail_length, shift):
 
 def tie(plane, circle, angle):
     """Return the text of the ω that breaks together with that of `circle` on the ray; else ""."""
-    return str(barriers.tied(parse(circle), plane.ray(angle)[1]) or "") if circle else ""
+    return str(barriers.tied(parse(circle), sum(plane.ray(angle))) or "") if circle else ""
 
 
 def _compute(coords, settings):

@@ -27,59 +27,56 @@ _SCALES = {
     "upper": ("upper", "scale at which no circle was shown to be left"),
 }
 _SECONDS = 3  # of CPU time in a tile, which is a file for every variable
+_WARM_UP_RESIDUES = partial(periodic.residue, (0.1, 0.1), 1, 3)
+_METHODS = {  # the function, the settings that say how hard it tries, and its warm-up
+    "continuation of circles": (
+        continuation.critical_scale,
+        ["tol"],
+        partial(continuation.critical_scale, parse("gamma"), (1.0, 0.0), 0.1),
+    ),
+    "Greene's residue": (periodic.critical_scale, ["q_max"], _WARM_UP_RESIDUES),
+    "direct iteration": (escape.critical_scale, ["n_max", "n_orbits"], warm_up_escape),
+    "converse KAM on transversals": (
+        transversals.critical_scale,
+        ["n_max"],
+        partial(transversals.critical_scale, (1.0,), 30),
+    ),
+}
 
 
 def by_continuation(plane, omegas, angles, tol):
-    """Return the Job of the cube `breakdown`: circles continued to their breakdown.
+    """Return the Job of the cube `breakdown`: circles of `omegas` continued to their breakdown.
 
     omegas : list of RotationNumber. angles : degrees. tol : float, the error to aim at.
     """
-    starts_at_zero(plane, "the continuation of circles")
     settings = {"method": "continuation of circles", "tol": tol}
-    warm_up = partial(continuation.critical_scale, parse("gamma"), (1.0, 0.0), 0.1)
-    plan = "breakdown", plane, _circles(omegas), angles, 0.01, settings, ["tol"]
-    return _on_plane(continuation.critical_scale, warm_up, *plan)
+    return _job("breakdown", plane, _circles(omegas), angles, 0.01, settings)
 
 
 def by_residue(plane, omegas, angles, q_max):
-    """Return the Job of the cube `breakdown_residue`: Greene's residue.
-
-    omegas : list of RotationNumber. angles : degrees. q_max : int, the longest period.
-    """
-    for start, profile in map(plane.ray, angles):
-        periodic.dominant_centre(start + profile)
+    """Return the Job of the cube `breakdown_residue`: Greene's residue of periods up to q_max."""
+    need_centres(plane, angles)
     settings = {"method": "Greene's residue", "q_max": q_max}
-    plan = "breakdown_residue", plane, _circles(omegas), angles, 0.03, settings, ["q_max"]
-    return _on_plane(periodic.critical_scale, _warm_up_residues, *plan)
+    return _job("breakdown_residue", plane, _circles(omegas), angles, 0.03, settings)
 
 
 def by_escape(plane, angles, n_max, n_orbits):
-    """Return the Job of the cube `transport`: its onset by direct iteration.
-
-    angles : degrees. n_max : int, steps (periods of the forcing). n_orbits : int.
-    """
-    starts_at_zero(plane, "direct iteration on rays")
+    """Return the Job of the cube `transport`: its onset by direct iteration of n_max steps."""
     settings = {"method": "direct iteration", "n_max": n_max, "n_orbits": n_orbits}
     # Ten runs of the whole ensemble.
     seconds = 10 * SECONDS_PER_KICK * len(plane.origin) * n_orbits * n_max
-    plan = "transport", plane, {}, angles, seconds, settings, ["n_max", "n_orbits"]
-    return _on_plane(escape.critical_scale, warm_up_escape, *plan)
+    return _job("transport", plane, {}, angles, seconds, settings)
 
 
 def by_transversals(plane, angles, n_max):
-    """Return the Job of last barriers by converse KAM, which needs no symmetry centre.
+    """Return the Job of last barriers by converse KAM of n_max steps; it needs no symmetry centre.
 
     Its cube has the plane's name, like transversals_rotating_1_3_1_48, so that one store can hold
     those of several planes.
-
-    angles : degrees. n_max : int, steps (periods of the forcing).
     """
-    starts_at_zero(plane, "converse KAM on transversals")
     settings = {"method": "converse KAM on transversals", "n_max": n_max}
-    warm_up = partial(transversals.critical_scale, (1.0,), 30)
     name = re.sub(r"\W+", "_", f"transversals_{plane.name}", flags=re.ASCII)
-    plan = name, plane, {}, angles, 0.4 + 2.5e-3 * n_max, settings, ["n_max"]
-    return _on_plane(transversals.critical_scale, warm_up, *plan)
+    return _job(name, plane, {}, angles, 0.4 + 2.5e-3 * n_max, settings)
 
 
 def tori(vectors, angles):
@@ -94,11 +91,8 @@ def tori(vectors, angles):
     settings |= {"method": "Greene's residue of one orbit"}
     numbers = list(map(float, map(Fraction, exact)))
     rows = {"frequency": coordinate("frequency", numbers, "frequency Ω", exact=exact)}
-    plan = "rotating_tori", ROTATING_AXES, rows, angles, 0.04, settings
-    return _job(_torus, _warm_up_residues, *plan)
-
-
-_warm_up_residues = partial(periodic.residue, (0.1, 0.1), 1, 3)
+    plan = cube_on_rays("rotating_tori", ROTATING_AXES, rows, angles, 0.04, settings)
+    return Job(plan, _compute_tori, partial(per_ray, 0.04), _WARM_UP_RESIDUES)
 
 
 def starts_at_zero(plane, method):
@@ -110,39 +104,21 @@ def starts_at_zero(plane, method):
         )
 
 
-def _circles(omegas):
-    return {
-        "circle": cube.text("circle", map(str, omegas), "exact rotation number per step"),
-        "omega": coordinate("circle", list(map(float, omegas)), "rotation number per step"),
-    }
+def need_centres(plane, angles):
+    """Refuse rays whose forcings have no symmetry centre; ValueError."""
+    for angle in angles:
+        try:
+            periodic.dominant_centre(sum(plane.ray(angle)))
+        except ValueError as error:
+            raise ValueError(f"plane={plane.name}, ray at {angle:g} degrees: {error}") from None
 
 
-def _on_plane(method, warm_up, name, plane, rows, angles, seconds, settings, efforts):
-    plan = name, plane.axes, rows, angles, seconds, plane.record | settings
-    return _job(partial(_on_ray, method, efforts), warm_up, *plan)
-
-
-def _on_ray(method, efforts, settings, angle, *circle):
-    start, profile = plane_of(settings).ray(angle)
-    segment = {"start": start} if start.any() else {}
-    return method(*map(parse, circle), profile, *map(settings.get, efforts), **segment)
-
-
-def _job(critical_scale, warm_up, name, axes, rows, angles, seconds, settings):
-    """critical_scale : (settings, angle, row, if there are rows) → CriticalScale."""
-    title = "Breakup of invariant circles of the nonautonomous standard map"
-    plan = cube_on_rays(name, axes, rows, angles, seconds, settings, title=title, source=PAPER)
-    compute = partial(_compute, critical_scale, next(iter(rows), None), list(axes))
-    return Job(plan, compute, partial(per_ray, seconds), warm_up)
-
-
-def cube_on_rays(name, axes, rows, angles, seconds, settings, **attrs):
+def cube_on_rays(name, axes, rows, angles, seconds, settings, title="Breakup of circles"):
     """Return the cube of critical scales.
 
     axes : {name: words} of the plane's coordinates; those of the breakup are variables.
     rows : {name: coordinate}, that of the rows first; {} for a cube with dim (angle).
     seconds : CPU time of a ray. A tile is some rays of one row.
-    attrs : title and source.
     """
     coords = {**rows, "angle": cube.angles_of_rays(angles)}
     variables = {key: blank(coords, words) for key, (_, words) in _SCALES.items()}
@@ -151,14 +127,8 @@ def cube_on_rays(name, axes, rows, angles, seconds, settings, **attrs):
     n_rays = coords["angle"].size
     tile = dict.fromkeys(variables["status"][0], 1)
     tile["angle"] = ceil(n_rays / ceil(n_rays * seconds / _SECONDS))
-    return cube.Cube(name, xr.Dataset(variables, coords, attrs), tile, settings | STATUS_SETTING)
-
-
-def _compute(critical_scale, dim, axes, coords, settings):
-    angles, rows = coords["angle"], coords[dim].tolist() if dim else []
-    found = [[critical_scale(settings, angle, row) for angle in angles] for row in rows]
-    found = found or [critical_scale(settings, angle) for angle in angles]
-    return scales(found, axes, angles)
+    labels = {"title": f"{title} of the nonautonomous standard map", "source": PAPER}
+    return cube.Cube(name, xr.Dataset(variables, coords, labels), tile, settings | STATUS_SETTING)
 
 
 def scales(found, axes, angles):
@@ -174,7 +144,38 @@ def per_ray(seconds, coords, settings):
     return seconds * coords["angle"].size
 
 
-def _torus(settings, angle, frequency):
-    vectors = (vector.split(",") for vector in settings["vectors"])
-    exact = {float(Fraction(text)): (omega, text) for omega, text in vectors}
-    return periodic.torus_scale(*exact[frequency], *ray(angle))
+def _circles(omegas):
+    return {
+        "circle": cube.text("circle", map(str, omegas), "exact rotation number per step"),
+        "omega": coordinate("circle", list(map(float, omegas)), "rotation number per step"),
+    }
+
+
+def _job(name, plane, rows, angles, seconds, settings):
+    if settings["method"] != "Greene's residue":
+        starts_at_zero(plane, settings["method"])
+    plan = cube_on_rays(name, plane.axes, rows, angles, seconds, plane.record | settings)
+    return Job(plan, _compute, partial(per_ray, seconds), _METHODS[settings["method"]][-1])
+
+
+def _compute(coords, settings):
+    (method, efforts, _), plane = _METHODS[settings["method"]], plane_of(settings)
+    start, profiles = plane.ray(coords["angle"])
+    efforts = [settings[name] for name in efforts] + ([start] if start.any() else [])
+
+    def on_rays(*circle):
+        return [method(*circle, profile, *efforts) for profile in profiles]
+
+    circles = coords.get("circle")
+    found = on_rays() if circles is None else [on_rays(parse(text)) for text in circles]
+    return scales(found, plane.axes, coords["angle"])
+
+
+def _compute_tori(coords, settings):
+    pairs = [vector.split(",") for vector in settings["vectors"]]
+    exact = {float(Fraction(frequency)): (omega, frequency) for omega, frequency in pairs}
+    found = [
+        [periodic.torus_scale(*exact[frequency], *profile) for profile in ray(coords["angle"])]
+        for frequency in coords["frequency"].tolist()
+    ]
+    return scales(found, ROTATING_AXES, coords["angle"])

@@ -32,15 +32,14 @@ def over_plane(name, plane, axes, sizes, n_max, tile):
     n_max : int, steps (periods of the forcing) after which an orbit counts as not escaping.
     tile : int, cells along each side of a tile.
     """
-    coords, tiles = {}, {}
-    for (dim, words), axis in reversed(list(zip(plane.axes.items(), axes, strict=True))):
-        tiles[dim], ends = tile, f"{dim}_bounds"
-        coords[dim] = coordinate(dim, axis.centres, words, bounds=ends)
+    coords, names = {}, list(plane.axes)[::-1]
+    for dim, axis in zip(names, axes[::-1], strict=True):
+        ends = f"{dim}_bounds"
+        coords[dim] = coordinate(dim, axis.centres, plane.axes[dim], bounds=ends)
         coords[ends] = coordinate((dim, "bound"), axis.bounds, "ends of the cells")
-    title, settings = "First escape times of the nonautonomous standard map", {}
-    settings["cells_per_tile"] = tile
-    plan = plane, sizes, n_max, coords, tiles, settings, title
-    return _job(name, *plan, _on_plane, _predict_plane)
+    settings, tiles = {"n_max": n_max, "cells_per_tile": tile}, dict.fromkeys(names, tile)
+    title, functions = "First escape times", (_on_plane, _predict_plane)
+    return _job(name, plane, sizes, coords, tiles, settings, title, *functions)
 
 
 def composed(cube, levels, follow, field=None, level=None):
@@ -53,8 +52,8 @@ def composed(cube, levels, follow, field=None, level=None):
     level : int8 array (second axis, first axis), which level each value is from.
     """
     axes = {dim: cube.template[dim] for dim in cube.tile}
-    words = "level of refinement of the cell's value"
     comment = "0 is the coarsest; each level halves the cells"
+    words = "level of refinement of the cell's value"
     dims, values, attrs = blank(axes, words, np.int8(-1), comment=comment)
     template = cube.template.assign(level=(dims, values if level is None else level, attrs))
     if field is not None:
@@ -66,14 +65,13 @@ def composed(cube, levels, follow, field=None, level=None):
 def beyond(name, plane, scales, excesses, sizes, n_max):
     """Return the Job of escape times at κ = origin + s_c·(1 + excess)·profile on rays.
 
-    scales : {angle in degrees: scale s_c of the breakup on the ray}.
-    excesses : increasing floats.
+    scales : {angle in degrees: scale s_c of the breakup on the ray}. excesses : increasing floats.
     name, plane, sizes, n_max : as for `over_plane`. A tile is one forcing.
     """
-    axes, title = beyond_breakup(scales, excesses), "First escape times beyond the last barrier"
-    tiles, settings = {"angle": 1, "excess": 1}, {"critical_scales": by_angle(scales)}
-    plan = plane, sizes, n_max, axes, tiles, settings, title
-    return _job(name, *plan, _beyond, _predict_beyond)
+    coords, tiles = beyond_breakup(scales, excesses), {"angle": 1, "excess": 1}
+    settings = {"n_max": n_max, "critical_scales": by_angle(scales)}
+    title, functions = "First escape times beyond the last barrier", (_beyond, _predict_beyond)
+    return _job(name, plane, sizes, coords, tiles, settings, title, *functions)
 
 
 def beyond_breakup(scales, excesses):
@@ -82,28 +80,20 @@ def beyond_breakup(scales, excesses):
     return {"angle": angles_of_rays(list(scales)), "excess": excess}
 
 
-def _beyond(coords, settings):
-    """Return the forcings of a tile, shape (angle, excess, P)."""
-    start, profiles = plane_of(settings).ray(coords["angle"])
-    scales = np.array([settings["critical_scales"][str(a)] for a in coords["angle"].tolist()])
-    profiles = scales[:, None] * profiles
-    return start + profiles[:, None, :] * (1 + coords["excess"][:, None])
-
-
 def by_angle(quantities):
     """Return {angle: …} with keys that JSON keeps."""
     return {str(float(angle)): quantity for angle, quantity in quantities.items()}
 
 
-def _job(name, plane, sizes, n_max, axes, tiles, settings, title, forcings, predict):
+def _job(name, plane, sizes, coords, tiles, settings, title, forcings, predict):
     ensemble = coordinate("ensemble", sizes, "number of orbits in the ensemble")
-    coords = {"ensemble": ensemble, **axes}
+    coords, n_kicks = {"ensemble": ensemble, **coords}, len(plane.origin)
     source = f"{PAPER}, Eq. (mapaut), Proposition 1 and Sec. V.B"
     words = "first step at which an orbit of the ensemble is outside the window"
-    n_kicks = {2: "two"}.get(len(plane.origin), len(plane.origin))
     times = blank(coords, words, comment=_COMMENT.format(n_kicks), source=source)
-    template = xr.Dataset({"escape_time": times}, coords, {"title": title, "source": source})
-    settings = plane.record | {"n_max": n_max, "window": list(PAPER_WINDOW), **settings}
+    labels = {"title": f"{title} of the nonautonomous standard map", "source": source}
+    template = xr.Dataset({"escape_time": times}, coords, labels)
+    settings = plane.record | {"window": list(PAPER_WINDOW)} | settings
     cube = Cube(name, template, tiles, settings)
     return Job(cube, partial(_compute, forcings), predict, warm_up_escape)
 
@@ -120,16 +110,24 @@ def _on_plane(coords, settings):
     return plane.forcing(*np.meshgrid(*map(coords.get, plane.axes)))
 
 
+def _beyond(coords, settings):
+    """Return the forcings of a tile, shape (angle, excess, P)."""
+    start, profiles = plane_of(settings).ray(coords["angle"])
+    scales = np.array([settings["critical_scales"][str(a)] for a in coords["angle"].tolist()])
+    profiles = scales[:, None] * profiles
+    return start + profiles[:, None, :] * (1 + coords["excess"][:, None])
+
+
 def _predict_plane(coords, settings):
     """Predict from a few cells, 64 orbits, up to 2000 steps.
 
     A cell that the probe sees escape costs its escape time, any other one n_max; times all orbits.
     """
-    axes = {dim: coords[dim] for dim in plane_of(settings).axes}
+    axes, n_max = {dim: coords[dim] for dim in settings["plane"]["axes"]}, settings["n_max"]
     probed = {dim: axis[:: max(1, axis.size // 3)] for dim, axis in axes.items()}
-    kappas, n_max = _on_plane(probed, settings), settings["n_max"]
-    limits = min(n_max, _PROBE_STEPS), settings["window"]
-    times = escape.first_escape(kappas, *escape.ensemble(64), [64], *limits)
+    probed |= {"ensemble": np.array([64])}
+    short = settings | {"n_max": min(n_max, _PROBE_STEPS)}
+    times = _compute(_on_plane, probed, short)["escape_time"]
     steps = np.where(np.isinf(times), n_max, times).mean()
     return _seconds(coords, settings, steps * np.prod([axis.size for axis in axes.values()]))
 
@@ -142,8 +140,8 @@ def _predict_beyond(coords, settings):
 
 def _seconds(coords, settings, steps):
     """Return the CPU time of so many steps of all orbits."""
-    kicks = steps * len(settings["plane"]["origin"])
-    return SECONDS_PER_KICK * kicks * int(coords["ensemble"][-1])
+    n_kicks = steps * len(settings["plane"]["origin"])
+    return SECONDS_PER_KICK * n_kicks * int(coords["ensemble"][-1])
 
 
 def warm_up_escape():
