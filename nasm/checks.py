@@ -27,15 +27,15 @@ def real(name, value):
     return float(value)
 
 
-def fraction(name, value, largest=MAX_DENOMINATOR):
-    """`value` as an exact Fraction; ValueError unless its denominator is at most the largest."""
+def fraction(name, value):
+    """`value` as an exact Fraction; ValueError unless it is one with a denominator up to 10⁶."""
     try:
         exact = Fraction(value)
     except (TypeError, ValueError, OverflowError, ZeroDivisionError):
         raise ValueError(f"{name}={value!r} is no fraction; write one like '1/3'") from None
-    if exact.denominator > largest:
+    if exact.denominator > MAX_DENOMINATOR:
         raise ValueError(
-            f"{name}={value!r} is {exact}, whose denominator is more than {largest}; write "
+            f"{name}={value!r} is {exact}, whose denominator is more than {MAX_DENOMINATOR}; write "
             f"a shorter fraction, like '{exact.limit_denominator(1000)}'"
         )
     return exact

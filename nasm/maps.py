@@ -16,9 +16,6 @@ Conventions
   also be called inside Numba kernels.
 """
 
-from fractions import Fraction
-from math import cos, sin
-
 import numpy as np
 from numba.extending import register_jitable
 
@@ -92,30 +89,22 @@ def rotating_forcing(mean, amplitude, frequency, phase=0.0):
         κ̄ and Δκ.
     frequency : Fraction or str
         Ω = p/q, an exact fraction, q ≤ 10⁶; the forcing has period P = q.
-    phase : Fraction, float or str
+    phase : float
         φ0 in turns.
 
     Returns
     -------
-    ndarray of shape (q,), first kick first. Cosines that are equal, opposite, 0 or 1 are so to the
-    last bit, so that what is symmetric or of a shorter period is seen to be so.
+    ndarray of shape (q,), first kick first.
 
     With Ω = 1/2 and φ0 = 0 this is (κ̄ + Δκ, κ̄ - Δκ), so that Δκ = (κ1 - κ2)/2 for T_{κ1κ2}, whose
     first kick is κ1. The paper writes (κ2 - κ1)/2, which goes with its Eq. (kap), where the even
     n = 0 kicks with κ2; the two forcings differ by a shift of half a period.
     """
     frequency = fraction("frequency", frequency)
-    phase = fraction("phase", phase, np.inf)
-    turns = [(phase + frequency * n) % 1 for n in range(frequency.denominator)]
-    return forcing(mean + amplitude * np.array([_cosine(min(t, 1 - t)) for t in turns]))
-
-
-def _cosine(turn):
-    """cos 2πt of a Fraction from 0 to 1/2, exactly opposite at 1/2 - t."""
-    if turn > Fraction(1, 4):
-        return -_cosine(Fraction(1, 2) - turn)
-    rest = Fraction(1, 4) - turn
-    return cos(TWO_PI * turn) if turn < rest else sin(TWO_PI * rest)
+    turns = [frequency * n % 1 for n in range(frequency.denominator)]
+    # In (-1/2, 1/2], so that times n and -n get the same strength to the last bit.
+    turns = [float(turn - 1 if 2 * turn > 1 else turn) for turn in turns]
+    return forcing(mean + amplitude * cos2pi(np.asarray(turns) + phase))
 
 
 def direction(profile):

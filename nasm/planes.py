@@ -12,15 +12,18 @@ of the square, those that carry every forcing of a plane to such a relative of i
 trying; these, and no others, `fold` its rays.
 """
 
+import json
 import re
 from dataclasses import asdict, dataclass
+from fractions import Fraction
 from functools import cached_property
 from itertools import product
+from math import cos, pi, sin
 
 import numpy as np
 
 from nasm.checks import fraction, real, sealed
-from nasm.maps import forcing, rotating_forcing
+from nasm.maps import forcing
 from nasm.symmetries import ray
 
 MAX_PERIOD = 64
@@ -183,12 +186,24 @@ def two_kicks():
 def rotating(frequency, phase=0):
     """The (κ̄, Δκ) plane of κ_n = κ̄ + Δκ cos 2π(φ0 + nΩ), Eq. (rotmap).
 
-    frequency : Fraction or str, Ω = p/q with 2 ≤ q ≤ 64. phase : Fraction, str or float, φ0.
+    frequency : Fraction or str, Ω = p/q with 2 ≤ q ≤ 64. phase : Fraction or str, φ0 in turns.
+
+    Cosines that are equal, opposite, 0 or 1 are so to the last bit, so that a forcing that is
+    symmetric, or of a shorter period, is seen to be so.
     """
     frequency, phase = fraction("frequency", frequency), fraction("phase", phase)
-    second = rotating_forcing(0, 1, frequency, phase)
+    turns = [(phase + frequency * n) % 1 for n in range(frequency.denominator)]
+    second = [_cosine(min(turn, 1 - turn)) for turn in turns]
     name = f"rotating:{frequency}" + (f",{phase}" if phase else "")
-    return Plane(name, ROTATING_AXES, 0 * second, 0 * second + 1, second)
+    return Plane(name, ROTATING_AXES, [0] * len(turns), [1] * len(turns), second)
+
+
+def _cosine(turn):
+    """cos 2πt of a Fraction from 0 to 1/2, exactly opposite at 1/2 - t."""
+    if turn > Fraction(1, 4):
+        return -_cosine(Fraction(1, 2) - turn)
+    rest = Fraction(1, 4) - turn
+    return cos(2 * pi * turn) if turn < rest else sin(2 * pi * rest)
 
 
 def three_kicks(third):
@@ -197,22 +212,28 @@ def three_kicks(third):
     return Plane(f"three-kicks:{third}", TWO_KICKS_AXES, (0, 0, third), (1, 0, 0), (0, 1, 0))
 
 
+def from_json(text):
+    """The plane of a JSON object with the keys name, axes, origin, first and second; ValueError."""
+    try:
+        return Plane(**json.loads(text))
+    except TypeError:
+        words = "must be a JSON object with the keys name, axes, origin, first and second"
+        raise ValueError(f"a plane {words}") from None
+
+
 def parse(text):
     """The plane of a text: "two-kicks", "rotating:1/3", "rotating:1/3,1/48" or "three-kicks:0.2".
 
     ValueError for any other text.
     """
     name, _, numbers = text.partition(":")
-    try:
-        match name, *filter(None, numbers.split(",")):
-            case ["two-kicks"]:
-                return two_kicks()
-            case ["rotating", frequency, *phase] if len(phase) <= 1:
-                return rotating(frequency, *phase)
-            case ["three-kicks", third]:
-                return three_kicks(float(fraction("third", third)))
-    except ValueError as error:
-        raise ValueError(f"{text!r}: {error}") from None
+    match name, *filter(None, numbers.split(",")):
+        case ["two-kicks"]:
+            return two_kicks()
+        case ["rotating", frequency, *phase] if len(phase) <= 1:
+            return rotating(frequency, *phase)
+        case ["three-kicks", third]:
+            return three_kicks(float(fraction("third", third)))
     raise ValueError(
         f"{text!r} is no plane; write two-kicks, rotating:FREQUENCY[,PHASE] like "
         "rotating:1/3,1/48, or three-kicks:THIRD like three-kicks:0.2"

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from nasm import continuation, planes, symmetries
+from nasm.maps import rotating_forcing
 from nasm.numbers import moebius, parse
 from nasm.orbits import rotation_number
 from nasm.planes import Plane
@@ -87,8 +88,8 @@ def test_two_kicks_unfold_to_the_eight_rays_of_the_square():
 def test_a_rotating_plane_has_the_forcings_of_the_rotating_map():
     plane = planes.parse("rotating:2/5,1/48")
     kappas = plane.forcing([0.3, -0.1], 0.7)
-    turns = 1 / 48 + np.arange(5) * 2 / 5
-    assert_allclose(kappas[1], -0.1 + 0.7 * np.cos(2 * np.pi * turns), rtol=0, atol=1e-15)
+    assert_allclose(kappas[1], rotating_forcing(-0.1, 0.7, "2/5", 1 / 48), rtol=0, atol=1e-15)
+    assert planes.rotating("1/8", "1/8").second[1::2] == (0, -1, 0, 1)
     assert planes.plane_of(json.loads(json.dumps(plane.record))) == plane
     hashes = {planes.parse(text).record["plane_hash"] for text in ("two-kicks", plane.name)}
     assert len(hashes) == 2

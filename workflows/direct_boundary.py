@@ -33,7 +33,7 @@ def main(run, steps, n_orbits, plane, angles, tips):
 
     from nasm.planes import two_kicks
     from pipeline.cubes.barrier import last_barrier, unfolded
-    from workflows.figures.direct_boundary import draw_half_plane, draw_plane, draw_quadrant
+    from workflows.figures.direct_boundary import draw_half_plane, draw_rays
     from workflows.parts import direct, rays
 
     all_rays = rays.ray_angles(plane, angles, tips)
@@ -52,10 +52,10 @@ def main(run, steps, n_orbits, plane, angles, tips):
         run.table("direct_boundary_rays", boundary.drop_dims("excess"))
         if plane == two_kicks():
             insets = run.keep("direct_insets", direct.insets_dataset())
-            run.figure("direct_quadrant", *draw_quadrant(boundary, barrier))
+            run.figure("direct_quadrant", *draw_rays(boundary, barrier))
             run.figure("direct_boundary", *draw_half_plane(boundary, barrier, insets))
         else:
-            run.figure("direct_boundary", *draw_plane(boundary, barrier))
+            run.figure("direct_boundary", *draw_rays(boundary, barrier, 360))
 
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@ from nasm.planes import ROTATING_AXES, plane_of
 from nasm.symmetries import ray
 from pipeline.cubes import cube
 from pipeline.cubes.cube import FLAGS, PAPER, STATUS_SETTING, Job, blank, coordinate
-from pipeline.cubes.escape import SECONDS_PER_KICK, warm_up_escape
+from pipeline.cubes.escape import SECONDS_PER_KICK
 
 _SCALES = {
     "critical_scale": ("value", "scale of the breakup, best estimate"),
@@ -27,20 +27,11 @@ _SCALES = {
     "upper": ("upper", "scale at which no circle was shown to be left"),
 }
 _SECONDS = 3  # of CPU time in a tile, which is a file for every variable
-_WARM_UP_RESIDUES = partial(periodic.residue, (0.1, 0.1), 1, 3)
-_METHODS = {  # the function, the settings that say how hard it tries, and its warm-up
-    "continuation of circles": (
-        continuation.critical_scale,
-        ["tol"],
-        partial(continuation.critical_scale, parse("gamma"), (1.0, 0.0), 0.1),
-    ),
-    "Greene's residue": (periodic.critical_scale, ["q_max"], _WARM_UP_RESIDUES),
-    "direct iteration": (escape.critical_scale, ["n_max", "n_orbits"], warm_up_escape),
-    "converse KAM on transversals": (
-        transversals.critical_scale,
-        ["n_max"],
-        partial(transversals.critical_scale, (1.0,), 30),
-    ),
+_METHODS = {  # and how hard it tries, at the least
+    "continuation of circles": (continuation.critical_scale, {"tol": 0.1}),
+    "Greene's residue": (periodic.critical_scale, {"q_max": 10}),
+    "direct iteration": (escape.critical_scale, {"n_max": 64, "n_orbits": 1}),
+    "converse KAM on transversals": (transversals.critical_scale, {"n_max": 30}),
 }
 
 
@@ -87,12 +78,12 @@ def tori(vectors, angles):
     vectors : list of "p/q,Ω", an orbit's turns per kick and the frequency. angles : degrees.
     """
     exact = [vector.split(",")[1] for vector in vectors]
-    settings = {"frequencies": exact, "vectors": list(vectors)}
-    settings |= {"method": "Greene's residue of one orbit"}
     numbers = list(map(float, map(Fraction, exact)))
     rows = {"frequency": coordinate("frequency", numbers, "frequency Ω", exact=exact)}
+    settings = {"vectors": list(vectors), "method": "Greene's residue of one orbit"}
     plan = cube_on_rays("rotating_tori", ROTATING_AXES, rows, angles, 0.04, settings)
-    return Job(plan, _compute_tori, partial(per_ray, 0.04), _WARM_UP_RESIDUES)
+    warm_up = partial(periodic.residue, (0.1, 0.1), 1, 3)
+    return Job(plan, _compute_tori, partial(per_ray, 0.04), warm_up)
 
 
 def starts_at_zero(plane, method):
@@ -155,16 +146,19 @@ def _job(name, plane, rows, angles, seconds, settings):
     if settings["method"] != "Greene's residue":
         starts_at_zero(plane, settings["method"])
     plan = cube_on_rays(name, plane.axes, rows, angles, seconds, plane.record | settings)
-    return Job(plan, _compute, partial(per_ray, seconds), _METHODS[settings["method"]][-1])
+    one = {key: coord.values[:1] for key, coord in plan.template.coords.items()}
+    _, least = _METHODS[settings["method"]]
+    warm_up = partial(_compute, one, plan.settings | least)
+    return Job(plan, _compute, partial(per_ray, seconds), warm_up)
 
 
 def _compute(coords, settings):
-    (method, efforts, _), plane = _METHODS[settings["method"]], plane_of(settings)
+    (method, least), plane = _METHODS[settings["method"]], plane_of(settings)
     start, profiles = plane.ray(coords["angle"])
-    efforts = [settings[name] for name in efforts] + ([start] if start.any() else [])
+    more = [settings[name] for name in least] + ([start] if start.any() else [])
 
     def on_rays(*circle):
-        return [method(*circle, profile, *efforts) for profile in profiles]
+        return [method(*circle, profile, *more) for profile in profiles]
 
     circles = coords.get("circle")
     found = on_rays() if circles is None else [on_rays(parse(text)) for text in circles]

@@ -95,7 +95,7 @@ def _job(name, plane, sizes, coords, tiles, settings, title, forcings, predict):
     template = xr.Dataset({"escape_time": times}, coords, labels)
     settings = plane.record | {"window": list(PAPER_WINDOW)} | settings
     cube = Cube(name, template, tiles, settings)
-    return Job(cube, partial(_compute, forcings), predict, warm_up_escape)
+    return Job(cube, partial(_compute, forcings), predict, _warm_up)
 
 
 def _compute(forcings, coords, settings):
@@ -144,6 +144,6 @@ def _seconds(coords, settings, steps):
     return SECONDS_PER_KICK * n_kicks * int(coords["ensemble"][-1])
 
 
-def warm_up_escape():
+def _warm_up():
     """Compile the kernels of first escape times."""
     escape.first_escape([[0.0, 0.0]], *escape.ensemble(1), [1], 1)

@@ -12,20 +12,13 @@ from workflows.figures.style import CIRCLE_COLOURS, power
 _MARKS = list(zip("^osDvP", [CIRCLE_COLOURS[i] for i in (2, 1, 0, 3, 4, 5)], strict=True))
 
 
-def draw_quadrant(boundary, barrier):
-    """Draw the positive quadrant, Fig. 5."""
+def draw_rays(boundary, barrier, last=90):
+    """Draw the rays up to the last angle, by default the positive quadrant, Fig. 5."""
     figure, axes = plt.subplots(figsize=(7.5, 7.5), layout="constrained")
-    _draw_boundaries(axes, _up_to(boundary, 90), _up_to(barrier, 90))
-    axes.set(xlim=(0, None), ylim=(0, None))
+    _draw_boundaries(axes, _up_to(boundary, last), _up_to(barrier, last))
+    if last == 90:
+        axes.set(xlim=(0, None))
     axes.legend(loc="lower left")
-    return figure, describe(boundary)
-
-
-def draw_plane(boundary, barrier):
-    """Draw all rays of another plane than that of two kicks."""
-    figure, axes = plt.subplots(figsize=(9, 6.5), layout="constrained")
-    _draw_boundaries(axes, boundary, barrier)
-    figure.legend(loc="outside lower center", ncols=4, frameon=False)
     return figure, describe(boundary)
 
 

@@ -4,7 +4,6 @@ Heavy imports wait until the options are parsed, so that --help comes at once.
 """
 
 import functools
-import json
 import sys
 from importlib import import_module
 from pathlib import Path
@@ -105,18 +104,11 @@ def increasing(name, default, largest, help):
 
 
 def _plane(text):
-    from nasm.planes import Plane, parse
+    from nasm.planes import from_json, parse
 
-    if not text.endswith(".json"):
-        return parse(text)
     try:
-        return Plane(**json.loads(Path(text).read_bytes()))
-    except OSError as error:
-        raise ValueError(f"{text}: {error.strerror}") from None
-    except TypeError:
-        words = "must be an object with the keys name, axes, origin, first and second"
-        raise ValueError(f"{text} {words}") from None
-    except ValueError as error:
+        return from_json(Path(text).read_bytes()) if text.endswith(".json") else parse(text)
+    except (OSError, ValueError) as error:
         raise ValueError(f"{text}: {error}") from None
 
 

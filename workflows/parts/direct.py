@@ -94,8 +94,7 @@ def boundary_dataset(found, barrier, steps):
     dims = "n", "angle"
     words = described("scale from which on some orbit escapes")
     relative = described("critical_scale in parts of the breakup, less 1")
-    along = zip(plane.axes.items(), ray(angle).T, strict=True)
-    at = {name: (dims, scale * part, described(words)) for (name, words), part in along}
+    at = strengths(dims, *np.moveaxis(scale[..., None] * ray(angle), -1, 0), plane.axes)
     if plane == two_kicks():
         at |= asymmetry(angle, scale, found.escape_time.isel(ensemble=0).values)
     return xr.Dataset(

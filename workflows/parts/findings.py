@@ -10,32 +10,28 @@ _NAMED = 6  # circles that are named with their share
 
 
 def boundary_found(barrier):
-    """Say where CB_gt is on some rays, which circles share it, and how sure it is.
+    """Say which circles share CB_gt, how sure it is, and where it is on two kicks' axes, diagonals.
 
-    barrier : table of `rays.unfolded`, of rays from 0 to 180 or 360 degrees.
+    barrier : table of `barrier.unfolded`, of rays from 0 to 180 or 360 degrees.
     """
-    if plane_of(barrier.attrs) == two_kicks():
-        rays, start = {0.0: "axes", 45.0: "diagonals |κ1| = |κ2|"}, "κ = "
-        part, where = barrier.angle <= 45, "from 0° to 45° (all else are mirror images)"
-    else:
-        rays, start = {0.0: "ray at 0°", 90.0: "ray at 90°"}, "scales s = "
-        part, where = barrier.angle >= 0, f"from 0° to {float(barrier.angle[-1]):g}°"
-    places = []
-    for angle, name in rays.items():
-        if (barrier.angle == angle).any():
+    two = plane_of(barrier.attrs) == two_kicks()
+    places, last, where = [], 360, f"up to {float(barrier.angle[-1]):g}°"
+    if two:
+        last, where = 45, "from 0° to 45° (all else are mirror images)"
+    for name, angle in (("axes", 0.0), ("diagonals |κ1| = |κ2|", 45.0)):
+        if two and (barrier.angle == angle).any():
             here = barrier.sel(angle=angle)
-            kappa, error = (
-                float(here[key]) * ray(angle).max() for key in ("critical_scale", "error")
-            )
+            kappa, error = (float(here[key]) * ray(angle)[0] for key in ("critical_scale", "error"))
             circle = named(here.circle.item(), here.tied.item())
             places.append(f"{kappa:.10g} ± {error:.0e} on the {name} (last circle: {circle})")
-    shares = _shares(barrier.isel(angle=np.flatnonzero(part)))
+    shares = _shares(barrier.isel(angle=np.flatnonzero(barrier.angle <= last)))
     large = [entry for entry in shares if entry[1] >= 0.01][:_NAMED]
     share = ", ".join(f"{circle} {100 * share:.0f}%" for circle, share in large)
     others = len(shares) - len(large)
     width = (barrier.upper - barrier.lower) / barrier.critical_scale
+    begins = f"Global transport begins at κ = {'; '.join(places)}. " if two else ""
     return (
-        f"Global transport begins at {start}{'; '.join(places)}. The last circle to "
+        f"{begins}The last circle to "
         f"break is, by share of the angle {where}: {share}"
         f"{f', and {others} others' if others > 0 else ''}. On {barrier.angle.size} rays the "
         "boundary lies between a certified circle and converse KAM, in the median "
