@@ -6,7 +6,7 @@ the paper's map P = 2.
 
 The symmetries of the forcing generate the symmetry group of the square on the (κ1, κ2) plane. The
 boundary of global transport, CB_gt, has all of it. That of one circle, CB_ω, has it up to
-ω → ω + 1: `fold` takes a ray to the wedge 0 ≤ κ2 ≤ κ1, and says which ω it is there.
+ω → ω + 1. `nasm.planes` finds which of them another plane of forcings has.
 """
 
 from functools import lru_cache
@@ -91,28 +91,6 @@ def ray(angle):
     profile[on_axis] = np.rint(profile[on_axis])
     profile[on_diagonal] = np.sign(profile[on_diagonal]) * np.sqrt(0.5)
     return profile
-
-
-def fold(angle):
-    """Fold rays of the (κ1, κ2) plane into the wedge 0 ≤ κ2 ≤ κ1.
-
-    Parameters
-    ----------
-    angle : array_like, degrees; the ray (cos, sin).
-
-    Returns
-    -------
-    wedge_angle : ndarray in [0, 45] degrees.
-    omega_shift : ndarray of 0 or 1: the circle of ω on the ray at `angle` breaks at the same scale
-        as the circle of ω + omega_shift (mod 2) on the ray at `wedge_angle`.
-
-    (κ1, κ2) → -(κ1, κ2) and the swap leave ω alone; the mirrors κ1 → -κ1 and κ2 → -κ2 add 1,
-    Eqs. (ome1)-(ome5). Modulo 2, because y → y + 1 adds 2 to ω.
-    """
-    turned = np.asarray(angle, dtype=float) % 180.0
-    mirrored = turned > 90.0
-    quarter = np.where(mirrored, 180.0 - turned, turned)
-    return np.minimum(quarter, 90.0 - quarter), mirrored.astype(int)
 
 
 def shorten(forcings, omega):
@@ -204,17 +182,3 @@ def _change(kappas, form, length):
 @lru_cache
 def _divisors(n):
     return [divisor for divisor in range(1, n + 1) if n % divisor == 0]
-
-
-def unfold(wedge_angle):
-    """The rays that share CB_gt with the one at `wedge_angle`: eight angles in [0, 360) degrees.
-
-    The inverse of `fold`; shape (8, *wedge_angle.shape). On the wedge's two sides they coincide in
-    pairs.
-    """
-    wedge_angle = np.asarray(wedge_angle, dtype=float)
-    if not ((wedge_angle >= 0) & (wedge_angle <= 45)).all():
-        raise ValueError(f"wedge_angle={wedge_angle} must be from 0 to 45 degrees; see fold")
-    quarter = np.stack([wedge_angle, 90.0 - wedge_angle])
-    half = np.concatenate([quarter, 180.0 - quarter])
-    return np.concatenate([half, half + 180.0]) % 360.0

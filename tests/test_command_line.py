@@ -53,6 +53,12 @@ def test_help_needs_no_numpy_and_so_comes_at_once():
         ("circle_boundaries", "--omega golden", "is not a rotation number"),
         ("circle_boundaries", "--omega gamma --omega [0;(1)]", "two rotation numbers are equal"),
         ("circle_boundaries", "--omega 3/5", "like [0;1,1,2,(1)]"),
+        ("escape_plane", "--plane rotating", "is no plane; write two-kicks"),
+        ("escape_plane", "--plane nowhere.json", "nowhere.json: [Errno 2] No such file"),
+        ("escape_plane", "--plane {}/a.json", "a.json: Expecting value"),
+        ("escape_plane", "--plane {}/b.json", "must be a JSON object with the keys name, axes"),
+        ("direct_boundary", "--plane three-kicks:0.2", "has the origin (0.0, 0.0, 0.2)"),
+        ("circle_boundaries", "--plane rotating:1/3,1/48", "has no symmetry centre"),
         ("rotating", "--vector 1/0,1/3", "must be two fractions"),
         ("rotating", "--vector 1/3,2/5 --vector 1/5,4/10", "two frequencies are equal"),
         ("three_kicks", "--phase 1/0", "must be a fraction from 0 to below 1"),
@@ -62,7 +68,9 @@ def test_help_needs_no_numpy_and_so_comes_at_once():
     ],
 )
 def test_bad_input_is_one_message_and_nothing_is_computed(tmp_path, name, options, message):
-    result = invoke(name, tmp_path / "out", *options.split())
+    (tmp_path / "a.json").write_text("plane")
+    (tmp_path / "b.json").write_text('{"name": "plane"}')
+    result = invoke(name, tmp_path / "out", *options.format(tmp_path).split())
     assert result.exit_code == 2
     assert message in result.output.replace("\n", " ")
     assert not (tmp_path / "out").exists()

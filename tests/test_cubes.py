@@ -10,17 +10,19 @@ from nasm import barriers, numbers
 from nasm import escape as method
 from nasm.critical import Status
 from nasm.numbers import moebius
-from nasm.symmetries import fold, ray
-from pipeline.cubes import barrier, breakdown, escape, flux, rotating
+from nasm.planes import Plane, rotating, three_kicks, two_kicks
+from nasm.symmetries import ray
+from pipeline.cubes import barrier, breakdown, escape, flux
 from pipeline.cubes.cube import status_code
 from pipeline.store import tile_counts
 from pipeline.sweep.grid import Axis
 from pipeline.sweep.sweep import _parcel
 
+TWO, AXES = two_kicks(), (Axis(-1, 1, 6), Axis(0, 1.2, 5))
 PLANE = {
     "name": "escape",
-    "kappa1": Axis(-1, 1, 6),
-    "kappa2": Axis(0, 1.2, 5),
+    "plane": TWO,
+    "axes": AXES,
     "sizes": [8, 40],
     "n_max": 300,
     "tile": 4,
@@ -28,20 +30,20 @@ PLANE = {
 GAMMA = numbers.parse("gamma")
 RAYS = [0.0, 30.0, 45.0]
 JOBS = {
-    "plane": escape.plane(**PLANE),
-    "beyond": escape.beyond("rays", {20.0: 1.0}, [0.1, 0.5], [4, 8], 100),
-    "continuation": breakdown.by_continuation([GAMMA], RAYS, 1e-2),
-    "residue": breakdown.by_residue([GAMMA], RAYS, 100),
-    "barrier": barrier.last_barrier(RAYS, 1e-1),
-    "tori": rotating.tori(["5/8,1/3"], [30.0]),
-    "transport": rotating.transport(RAYS, 100, 8),
-    "three kicks": rotating.three_kicks(["0", "1/24"], [30.0], 30),
-    "flux": flux.through_last_circle({20.0: 1.0}, {20.0: str(GAMMA)}, [0.5], 50),
+    "plane": escape.over_plane(**PLANE),
+    "beyond": escape.beyond("rays", three_kicks(0.2), {20.0: 1.0}, [0.1, 0.5], [4, 8], 100),
+    "continuation": breakdown.by_continuation(rotating("1/3", "1/48"), [GAMMA], RAYS, 1e-2),
+    "residue": breakdown.by_residue(three_kicks(0.2), [GAMMA], [45.0], 100),
+    "barrier": barrier.last_barrier(rotating("1/2"), RAYS, 1e-1),
+    "tori": breakdown.tori(["5/8,1/3"], [30.0]),
+    "transport": breakdown.by_escape(rotating("1/3"), RAYS, 100, 8),
+    "transversals": breakdown.by_transversals(rotating("1/3", "1/24"), [30.0], 30),
+    "flux": flux.through_last_circle(TWO, {20.0: 1.0}, {20.0: str(GAMMA)}, [0.5], 50),
 }
 
 
 def plan(**changes):
-    return escape.plane(**{**PLANE, **changes}).cube
+    return escape.over_plane(**{**PLANE, **changes}).cube
 
 
 @pytest.mark.parametrize("name", JOBS)
@@ -72,23 +74,25 @@ def test_a_code_of_status_is_read_by_the_words_beside_it():
 
 
 def test_the_hash_is_that_of_what_decides_the_numbers():
-    changes = {"kappa1": Axis(-1, 1.1, 6), "kappa2": Axis(0, 1.2, 6)}
-    changes |= {"sizes": [8, 41], "n_max": 301, "tile": 5}
+    changes = {"plane": Plane("other", TWO.axes, (0, 0.1), TWO.first, TWO.second)}
+    changes |= {"axes": (Axis(-1, 1.1, 6), AXES[1]), "sizes": [8, 41], "n_max": 301, "tile": 5}
     hashes = {plan(**{name: value}).config_hash for name, value in changes.items()}
     assert len({plan().config_hash, *hashes}) == 6
     assert plan(name="other").config_hash == plan().config_hash
     # 2⁴⁰ cells and more, of which none is in memory.
-    values = plan(kappa1=Axis(-1, 1, 2**20), kappa2=Axis(-1, 1, 2**20)).template.escape_time
+    values = plan(axes=[Axis(-1, 1, 2**20)] * 2).template.escape_time
     assert values.chunks is not None
     retitled = plan().template.assign_attrs(title="another")
     assert dataclasses.replace(plan(), template=retitled).config_hash == plan().config_hash
 
 
-def test_the_tiles_of_a_plane_hold_the_escape_times_of_its_cells():
-    job = JOBS["plane"]
+@pytest.mark.parametrize("plane", [TWO, Plane("mine", TWO.axes, (0, 1), (1, 1), (1, -1))])
+def test_the_tiles_of_a_plane_hold_the_escape_times_of_its_cells(plane):
+    job = escape.over_plane(**PLANE | {"plane": plane})
     cube = job.cube
     x, y = method.ensemble(40)
-    strengths = np.stack(np.meshgrid(PLANE["kappa1"].centres, PLANE["kappa2"].centres), axis=-1)
+    a, b = np.meshgrid(*(axis.centres for axis in AXES))
+    strengths = np.stack([a, b] if plane is TWO else [a + b, 1 + a - b], axis=-1)
     whole = method.first_escape(strengths, x, y, PLANE["sizes"], PLANE["n_max"])
     indices = list(np.ndindex(*tile_counts(cube)))
     for (row, column), coords in pickle.loads(_parcel(cube, np.array(indices))):
@@ -99,7 +103,7 @@ def test_the_tiles_of_a_plane_hold_the_escape_times_of_its_cells():
 
 def test_the_bounds_of_cells_are_halfway_between_their_centres():
     template = plan().template
-    for name, axis in (("kappa1", PLANE["kappa1"]), ("kappa2", PLANE["kappa2"])):
+    for name, axis in zip(TWO.axes, AXES, strict=True):
         centres, bounds = template[name], template[template[name].attrs["bounds"]]
         assert bounds.dims == (name, "bound")
         assert bounds.values[[0, -1], [0, 1]].tolist() == [axis.lo, axis.hi]
@@ -110,9 +114,9 @@ def test_the_bounds_of_cells_are_halfway_between_their_centres():
 @pytest.mark.parametrize(
     "job",
     [
-        breakdown.by_continuation([GAMMA], np.arange(361), 1e-4),
-        breakdown.by_residue([GAMMA], np.arange(361), 6000),
-        barrier.last_barrier(np.arange(361) / 8, 1e-4),
+        breakdown.by_continuation(TWO, [GAMMA], np.arange(361), 1e-4),
+        breakdown.by_residue(TWO, [GAMMA], np.arange(361), 6000),
+        barrier.last_barrier(TWO, np.arange(361) / 8, 1e-4),
     ],
 )
 def test_tiles_of_rays_are_seconds_of_work_in_few_files(job):
@@ -124,7 +128,7 @@ def test_the_boundary_at_any_angles_is_what_the_method_answers_on_their_images()
     angles = [200.0, 45.0, 10.0, 95.0]
     found = barrier.boundary(angles, 1e-2)
     assert found.angle.values.tolist() == angles
-    for angle, wedge, mirrored in zip(angles, *fold(angles), strict=True):
+    for angle, wedge, mirrored in zip(angles, *TWO.fold(angles), strict=True):
         here, expected = found.sel(angle=angle), barriers.critical_scale(ray(wedge), 1e-2)
         omega = moebius(expected.omega, -1, 1) if mirrored else expected.omega
         assert here.circle == str(omega)
@@ -142,7 +146,7 @@ def test_the_cost_of_a_tile_is_predicted_within_its_order_of_magnitude():
     costs = []
     for lo, hi in ((-0.1, 0.1), (2, 2.2)):
         axis = Axis(lo, hi, 8)
-        job = escape.plane("escape", axis, axis, [64], 20_000, 8)
+        job = escape.over_plane("escape", TWO, [axis] * 2, [64], 20_000, 8)
         coords = {key: value.values for key, value in job.cube.template.coords.items()}
         costs.append(job.predict(coords, job.cube.settings))
     assert costs[0] == pytest.approx(8 * 8 * 64 * 20_000 * 0.8e-9)

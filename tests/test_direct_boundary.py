@@ -6,6 +6,7 @@ import xarray as xr
 from commands import succeed, table
 
 from nasm import escape
+from nasm.planes import two_kicks
 from nasm.symmetries import ray
 from nasm.verdict import Answer, verdict
 from workflows.figures.direct_boundary import describe
@@ -21,6 +22,7 @@ def dataset(angles, beyond):
     found = xr.Dataset(
         {"escape_time": (("ensemble", "angle", "excess"), times[None])},
         {"ensemble": [10], "angle": np.array(angles, dtype=float), "excess": EXCESS},
+        two_kicks().record,
     )
     barrier = found[["angle"]].assign(critical_scale=("angle", np.full(len(angles), 0.5)))
     return boundary_dataset(found, barrier, [20, 100])

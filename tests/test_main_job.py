@@ -115,6 +115,7 @@ def test_a_second_run_computes_nothing(dense, workers):
         (["--levels", "2"], "levels is 3, not 2"),
         (["--follow", "300"], "follow is [4000], not [300]"),
         (["--tol", "0.02"], "tol is 0.01, not 0.02"),
+        (["--plane", "rotating:1/2"], "plane is two-kicks, not rotating:1/2; plane_hash is"),
     ],
 )
 def test_other_settings_are_refused_and_nothing_is_touched(finished, other, difference):

@@ -232,49 +232,6 @@ def test_omega_is_that_of_the_circle_between_y_0_and_1(kappa):
     assert 0 <= float(far[1]) <= len(far[0][0])
 
 
-def to_the_wedge(kappa, x, y):
-    """Alternate, negate and shift until 0 ≤ κ2 ≤ κ1."""
-    z = kappa, x, y
-    if kappa[0] * kappa[1] < 0:
-        z = symmetries.alternate(*z)
-    if z[0][0] + z[0][1] < 0:
-        z = symmetries.negate(*z)
-    if z[0][1] > z[0][0]:
-        z = symmetries.shift(*z)
-    return z
-
-
-@settings(deadline=None, max_examples=40)
-@given(angle=st.floats(-360, 720))
-def test_fold_says_where_the_symmetries_take_a_ray_and_its_circles(angle):
-    assume(min(angle % 45, -angle % 45) > 1e-6)  # on an axis or diagonal two answers are right
-    wedge_angle, omega_shift = symmetries.fold(angle)
-    kappa = 0.05 * np.array([np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))])
-    folded, x, y = to_the_wedge(kappa, X, Y)
-    assert 0 <= wedge_angle <= 45
-    assert np.rad2deg(np.arctan2(folded[1], folded[0])) == pytest.approx(wedge_angle, abs=1e-9)
-    moved = rotation_number(folded, x, y, N)[0] - rotation_number(kappa, X, Y, N)[0]
-    # Near a resonance ω has few digits, but more than it takes to tell whole numbers apart.
-    assert np.remainder(moved - omega_shift + 1, 2) == pytest.approx(1, abs=1e-4)
-
-
-@given(wedge_angle=st.floats(0, 45))
-def test_fold_undoes_unfold(wedge_angle):
-    folded, _ = symmetries.fold(symmetries.unfold(wedge_angle))
-    assert_allclose(folded, wedge_angle, rtol=0, atol=1e-12)
-
-
-def test_unfold_gives_the_eight_rays_of_the_square():
-    a, b = np.cos(np.deg2rad(30)), np.sin(np.deg2rad(30))
-    angles = symmetries.unfold(30)
-    rays = {(round(np.cos(t), 9), round(np.sin(t), 9)) for t in np.deg2rad(angles)}
-    square = {(i * p, j * q) for i in (1, -1) for j in (1, -1) for p, q in [(a, b), (b, a)]}
-    assert rays == {(round(p, 9), round(q, 9)) for p, q in square}
-    assert ((angles >= 0) & (angles < 360)).all()
-    # Half of them, where κ1 and κ2 have opposite signs, carry the circle of ω + 1.
-    assert symmetries.fold(angles)[1].tolist() == (np.sin(2 * np.deg2rad(angles)) < 0).tolist()
-
-
 def test_escape_times_follow_the_symmetries():
     # Kicks so strong that escapes come before chaos has made rounding visible: with starts that
     # differ by 1e-10 no time differs.

@@ -1,11 +1,11 @@
 """At which forcings does the circle of rotation number ω break? The boundaries CB_ω.
 
-Along rays of the (κ1, κ2) plane, for the paper's six rotation numbers (arXiv:1606.04824, Sec. VI,
+Along rays of a plane of forcings, for the paper's six rotation numbers (arXiv:1606.04824, Sec. VI,
 Figs. 8 and 9) or any others, by two methods: the paper's, circles continued to their breakdown,
 and Greene's residue, which is sharper and knows nothing of circles.
 """
 
-from workflows.parts.cli import command, parsed, ray_options, real, sweeps, whole
+from workflows.parts.cli import command, parsed, plane_option, ray_options, real, sweeps, whole
 
 
 def parse_omegas(texts):
@@ -35,33 +35,36 @@ def parse_omegas(texts):
     "[default: the paper's six]",
     multiple=True,
 )
+@plane_option
 @ray_options(361)
 @real("--tol", 1e-4, 1e-7, 0.1, "Error of the continuation to aim at.")
 @whole("--q-max", 6000, 10, 10**6, "Longest period of the orbits of the residue method.")
 @sweeps
-def main(run, omega, angles, tips, tol, q_max):
+def main(run, omega, plane, angles, tips, tol, q_max):
     """The boundaries CB_ω of circles: two cubes, a table of each and two figures in OUT.
 
     The defaults take a minute and a half on two cores.
     """
+    from nasm.planes import two_kicks
     from pipeline.cubes import breakdown
-    from pipeline.cubes.barrier import last_barrier
+    from pipeline.cubes.barrier import last_barrier, unfolded
     from workflows.figures.circle_boundaries import draw_circle_boundaries, draw_tips
     from workflows.parts import rays
 
-    angles = rays.ray_angles(angles, tips)
+    angles = rays.ray_angles(plane, angles, tips)
     wanted = (
-        breakdown.by_continuation(omega, angles, tol),
-        breakdown.by_residue(omega, angles, q_max),
-        last_barrier(angles, 1e-3),
+        breakdown.by_continuation(plane, omega, angles, tol),
+        breakdown.by_residue(plane, omega, angles, q_max),
+        last_barrier(plane, angles, 1e-3),
     )
     with run.sweeping(*wanted):
         circles, residues, barrier = map(run.sweep, wanted)
-        barrier = rays.unfolded(barrier, angles)
+        barrier = unfolded(barrier, angles)
         run.table("circle_boundaries", circles)
         run.table("circle_boundaries_residue", residues)
         run.figure("circle_boundaries", *draw_circle_boundaries(circles, residues, barrier))
-        run.figure("tips", *draw_tips(residues, circles, barrier))
+        if plane == two_kicks():
+            run.figure("tips", *draw_tips(residues, circles, barrier))
 
 
 if __name__ == "__main__":

@@ -8,34 +8,36 @@ between a certified circle and converse KAM, with the circle that is the last to
 
 import click
 
-from workflows.parts.cli import command, plane_options, ray_options, real, sweeps
+from workflows.parts.cli import command, plane_option, plane_options, ray_options, real, sweeps
 
 
 @command()
+@plane_option
 @plane_options("-1.1:1.1:512", "0:1.1:256", n_max=100_000, n_orbits=64, tile=8, levels=4)
 @ray_options(181)
 @real("--tol", 1e-4, 1e-5, 0.1, "Width of the bracket of CB_gt, and error of the CB_ω, to aim at.")
 @sweeps
-def main(run, angles, tips, tol, **options):
+def main(run, plane, angles, tips, tol, **options):
     """The critical boundary of global transport: three cubes, three tables and a figure in OUT.
 
     The defaults take about two minutes on two cores. The paper's size of direct iteration is
     --n-max 1000000 --n-orbits 10000.
     """
     from pipeline.cubes import breakdown
-    from pipeline.cubes.barrier import last_barrier
+    from pipeline.cubes.barrier import last_barrier, unfolded
     from workflows.figures.critical_boundary import draw_critical_boundary
     from workflows.parts import findings, rays
-    from workflows.parts.plane import boundary_table, escape_plane, plane_of, planned
+    from workflows.parts.plane import boundary_table, escape_plane, grid_of, planned
 
-    plane, angles = plane_of(**options), rays.ray_angles(angles, tips)
-    circle_job = breakdown.by_continuation(rays.PAPER_CIRCLES, angles, tol)
-    last_job = last_barrier(angles, tol)
-    with run.sweeping(planned(plane), circle_job, last_job, sweeps=2 + plane.levels):
-        barrier = run.keep("boundary", rays.unfolded(run.sweep(last_job), angles), tol=tol)
+    grid, angles = grid_of(plane, **options), rays.ray_angles(plane, angles, tips)
+    circle_job = breakdown.by_continuation(plane, rays.PAPER_CIRCLES, angles, tol)
+    last_job = last_barrier(plane, angles, tol)
+    with run.sweeping(planned(grid), circle_job, last_job, sweeps=2 + grid.levels):
+        barrier = unfolded(run.sweep(last_job), angles)
+        barrier = run.keep("boundary", barrier, tol=tol, **plane.record)
         circles = run.sweep(circle_job)
-        field = escape_plane(run, plane)
-        direct = boundary_table(field, angles, plane.drawn)
+        field = escape_plane(run, grid)
+        direct = boundary_table(field, angles, grid.drawn)
         for n in direct.n.values[direct.critical_scale.isnull().all("angle")]:
             click.echo(f"no ray passes into transport within {n} steps in this plane", err=True)
         run.table("critical_boundary", barrier)
@@ -43,7 +45,7 @@ def main(run, angles, tips, tol, **options):
         run.table("direct_boundary", direct)
         caption = findings.boundary_found(barrier)
         scale, resolution = direct.critical_scale, direct.resolution
-        caption += "\n" + findings.direct_found(scale, resolution, barrier, plane.n_orbits[-1])
+        caption += "\n" + findings.direct_found(scale, resolution, barrier, grid.n_orbits[-1])
         run.figure("critical_boundary", draw_critical_boundary(field, circles, barrier), caption)
 
 

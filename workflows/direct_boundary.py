@@ -14,15 +14,16 @@ The insets of Fig. 6 show how often one long orbit visits each part of the cell,
 
 import click
 
-from workflows.parts.cli import command, increasing, ray_options, sweeps, whole
+from workflows.parts.cli import command, increasing, plane_option, ray_options, sweeps, whole
 
 
 @command()
 @increasing("--steps", "100000,500000,1000000", 10**9, "Steps N, increasing.")
 @whole("--n-orbits", 10_000, 1, 10**8, "Orbits of the ensemble.")
+@plane_option
 @ray_options(181)
 @sweeps
-def main(run, steps, n_orbits, angles, tips):
+def main(run, steps, n_orbits, plane, angles, tips):
     """The boundary by direct iteration: three cubes, a table and two figures in OUT.
 
     The defaults are the paper's size: 40 CPU seconds a ray, two hours in all. A tenth of the steps
@@ -30,25 +31,31 @@ def main(run, steps, n_orbits, angles, tips):
     """
     from numpy import linspace
 
-    from pipeline.cubes.barrier import last_barrier
-    from workflows.figures.direct_boundary import draw_half_plane, draw_quadrant
+    from nasm.planes import two_kicks
+    from pipeline.cubes.barrier import last_barrier, unfolded
+    from workflows.figures.direct_boundary import draw_half_plane, draw_rays
     from workflows.parts import direct, rays
 
-    all_rays = rays.ray_angles(angles, tips)
-    last = last_barrier(all_rays, 1e-4)
+    all_rays = rays.ray_angles(plane, angles, tips)
+    last = last_barrier(plane, all_rays, 1e-4)
     with run.sweeping(last, sweeps=2):
-        barrier = rays.unfolded(run.sweep(last), all_rays)
-        spread = linspace(0, 180, angles).round(9)  # direct iteration is too coarse for the tips
+        barrier = unfolded(run.sweep(last), all_rays)
+        spread = linspace(0, all_rays[-1], angles).round(
+            9
+        )  # direct iteration is too coarse for the tips
         known = barrier.sel(angle=spread).dropna("angle", subset=["critical_scale"])
         found = direct.inwards(run, direct.boundary_job(known, steps[-1], n_orbits))
         boundary = direct.boundary_dataset(found, known, steps)
-        insets = run.keep("direct_insets", direct.insets_dataset())
         for n, lost in zip(steps, boundary.bias.isnull().sum("angle").values, strict=True):
             if lost:
                 click.echo(f"N = {n}: no boundary on {lost} rays from 1% to 100% outside", err=True)
         run.table("direct_boundary_rays", boundary.drop_dims("excess"))
-        run.figure("direct_quadrant", *draw_quadrant(boundary, barrier))
-        run.figure("direct_boundary", *draw_half_plane(boundary, barrier, insets))
+        if plane == two_kicks():
+            insets = run.keep("direct_insets", direct.insets_dataset())
+            run.figure("direct_quadrant", *draw_rays(boundary, barrier))
+            run.figure("direct_boundary", *draw_half_plane(boundary, barrier, insets))
+        else:
+            run.figure("direct_boundary", *draw_rays(boundary, barrier, 360))
 
 
 if __name__ == "__main__":

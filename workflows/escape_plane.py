@@ -1,30 +1,31 @@
-"""At which forcings does an ensemble escape, and when? First escape times over the (κ1, κ2) plane.
+"""At which forcings does an ensemble escape, and when? First escape times over a plane of forcings.
 
-Direct iteration of T_{κ1κ2} (arXiv:1606.04824, Sec. V.B, Figs. 5 and 6). One field of first escape
+Direct iteration (arXiv:1606.04824, Sec. V.B, Figs. 5 and 6). One field of first escape
 times n* holds the boundary {n* ≤ N} of every N ≤ n_max. The plane is computed in full, or, with
 --levels above 1, coarsely at first and then finer only where a boundary runs.
 """
 
-from workflows.parts.cli import command, plane_options, sweeps
+from workflows.parts.cli import command, plane_option, plane_options, sweeps
 
 
 @command()
+@plane_option
 @plane_options("-1.1:1.1:256", "0:1.1:128", n_max=10_000, n_orbits=64, tile=16, levels=1)
 @sweeps
 def main(run, **options):
-    """First escape times over the (κ1, κ2) plane: the cube `escape` and a figure in OUT.
+    """First escape times over a plane, (κ1, κ2) by default: the cube `escape` and a figure in OUT.
 
     The paper's Fig. 5 is --kappa1 0:1:512 --kappa2 0:1:512 --levels 5 --n-max 1000000
     --n-orbits 10000, and Fig. 6 the same with --kappa1 -1:1:1024.
     """
     from workflows.figures.escape_plane import draw_escape_plane
     from workflows.parts.findings import field_found
-    from workflows.parts.plane import escape_plane, plane_of, planned
+    from workflows.parts.plane import escape_plane, grid_of, planned
 
-    plane = plane_of(**options)
-    with run.sweeping(planned(plane), sweeps=plane.levels):
-        field = escape_plane(run, plane)
-        run.figure("escape_plane", draw_escape_plane(field, plane.drawn), field_found(field))
+    grid = grid_of(**options)
+    with run.sweeping(planned(grid), sweeps=grid.levels):
+        field = escape_plane(run, grid)
+        run.figure("escape_plane", draw_escape_plane(field, grid.drawn), field_found(field))
 
 
 if __name__ == "__main__":

@@ -26,14 +26,15 @@ def main(run, angle, nearest, q_max):
 
     Distances beyond the breakup go up to 0.5. The defaults take a minute on two cores.
     """
-    from pipeline.cubes.barrier import last_barrier
+    from nasm.planes import two_kicks
+    from pipeline.cubes.barrier import last_barrier, unfolded
     from workflows.figures.flux import draw_flux
-    from workflows.parts import flux, rays
+    from workflows.parts import flux
 
     angles, excesses = flux.grid(angle, nearest)
-    last = last_barrier(angles, 1e-3)
+    last = last_barrier(two_kicks(), angles, 1e-3)
     with run.sweeping(last, sweeps=2):
-        job = flux.job(rays.unfolded(run.sweep(last), angles), excesses, q_max)
+        job = flux.job(unfolded(run.sweep(last), angles), excesses, q_max)
         fluxes = run.sweep(job).load()
         laws = flux.laws(fluxes)
         run.table("flux", fluxes)

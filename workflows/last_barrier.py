@@ -3,26 +3,28 @@
 Each ray has its value by Greene's residue, a certified circle below it and converse KAM above it.
 """
 
-from workflows.parts.cli import command, ray_options, real, sweeps
+from workflows.parts.cli import command, plane_option, ray_options, real, sweeps
 
 
 @command()
+@plane_option
 @ray_options(181)
 @real("--tol", 2e-5, 1e-5, 0.1, "Width of the bracket to aim at, in parts of the scale.")
 @sweeps
-def main(run, angles, tips, tol):
+def main(run, plane, angles, tips, tol):
     """The last barrier on rays: a cube, a table and a figure in OUT.
 
     The defaults take about a minute and a half on two cores.
     """
-    from pipeline.cubes.barrier import last_barrier
+    from pipeline.cubes.barrier import last_barrier, unfolded
     from workflows.figures.last_barrier import draw_last_barrier
     from workflows.parts import findings, rays
 
-    angles = rays.ray_angles(angles, tips)
-    job = last_barrier(angles, tol)
+    angles = rays.ray_angles(plane, angles, tips)
+    job = last_barrier(plane, angles, tol)
     with run.sweeping(job):
-        barrier = run.keep("boundary", rays.unfolded(run.sweep(job), angles), tol=tol)
+        barrier = unfolded(run.sweep(job), angles)
+        barrier = run.keep("boundary", barrier, tol=tol, **plane.record)
         run.table("last_barrier", barrier)
         run.figure("last_barrier", draw_last_barrier(barrier), findings.boundary_found(barrier))
 

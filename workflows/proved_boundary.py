@@ -23,10 +23,10 @@ def main(run, angles, seconds, quick):
     """
     import numpy as np
 
+    from nasm.planes import two_kicks
     from nasm.proof_barrier import need_flint
-    from pipeline.cubes.barrier import proved_barrier
+    from pipeline.cubes.barrier import proved_barrier, unfolded
     from workflows.figures.proved_boundary import draw_proved_boundary
-    from workflows.parts import rays
 
     try:
         need_flint()
@@ -34,9 +34,9 @@ def main(run, angles, seconds, quick):
         raise click.UsageError(str(error)) from None
     angles, seconds = (41, 0.5) if quick else (angles, seconds)
     angles = np.linspace(0, 360, angles)
-    job = proved_barrier(angles, seconds)
+    job = proved_barrier(two_kicks(), angles, seconds)
     with run.sweeping(job):
-        barrier = run.keep("proved_boundary", rays.unfolded(run.sweep(job), angles))
+        barrier = run.keep("proved_boundary", unfolded(run.sweep(job), angles))
         run.table("proved_boundary", barrier)
         run.figure("proved_boundary", *draw_proved_boundary(barrier))
 

@@ -26,15 +26,15 @@ def main(run, cells, seconds):
     """
     import numpy as np
 
-    from pipeline.cubes.barrier import last_barrier
+    from nasm.planes import two_kicks
+    from pipeline.cubes.barrier import last_barrier, unfolded
     from pipeline.cubes.proved_map import transport_proved
     from workflows.figures.proved_map import draw_proved_map
-    from workflows.parts import rays
 
     angles = np.linspace(0, 45, 91)
-    barriers = last_barrier(angles, 1e-3)
+    barriers = last_barrier(two_kicks(), angles, 1e-3)
     with run.sweeping(barriers, sweeps=2):
-        barrier = rays.unfolded(run.sweep(barriers), angles)
+        barrier = unfolded(run.sweep(barriers), angles)
         scales = barrier.critical_scale.to_series().dropna().to_dict()
         job = transport_proved(scales, int(cells), seconds)
         run.check(job.cube)

@@ -54,24 +54,24 @@ def main(run, vector, angles, tips, n_max, n_orbits):
 
     The defaults take 140 CPU seconds, about a minute and a half on two cores.
     """
-    from pipeline.cubes import breakdown, rotating
-    from pipeline.cubes.barrier import last_barrier
+    from nasm.planes import rotating
+    from pipeline.cubes import breakdown
+    from pipeline.cubes.barrier import last_barrier, unfolded
     from workflows.figures.rotating import draw_rotating_circles, draw_rotating_tori
     from workflows.parts import rays
 
-    around = rays.rotated_rays(angles, tips)
+    around, plane = rays.rotated_rays(angles, tips), rotating("1/2")
     wanted = (
-        breakdown.by_residue(rays.PAPER_CIRCLES, rays.ray_angles(angles, tips), q_max=6000),
-        last_barrier(45 - around, 2e-4),
-        rotating.transport(around, n_max, n_orbits),
-        rotating.tori(vector, around),
+        breakdown.by_residue(plane, rays.PAPER_CIRCLES, around, q_max=6000),
+        last_barrier(plane, around, 2e-4),
+        breakdown.by_escape(plane, around, n_max, n_orbits),
+        breakdown.tori(vector, around),
     )
     with run.sweeping(*wanted):
         circles, barrier, direct, tori = (run.sweep(job).load() for job in wanted)
-        two = rays.two_kicks(barrier, around)
-        onset = direct.upper.isel(frequency=0, drop=True)
+        two = unfolded(barrier, around)
         tori = rays.with_ratio(tori, two.critical_scale, "CB_gt of T")
-        tori = rays.with_ratio(tori, onset, "the onset of transport of T", "ratio_direct")
+        tori = rays.with_ratio(tori, direct.upper, "the onset of transport of T", "ratio_direct")
         run.table("tori", tori)
         run.figure("diamond", *draw_rotating_circles(circles, two, direct))
         run.figure("tori", *draw_rotating_tori(tori, two, direct))

@@ -45,20 +45,22 @@ def parse_phases(texts):
 @whole("--n-max", 300, 30, 10**5, "Steps N of converse KAM; its bound is 0.7/N above the value.")
 @sweeps
 def main(run, phase, angles, tips, n_max):
-    """Rotating standard maps with Ω = 1/3: two cubes, a table and a figure in OUT.
+    """Rotating standard maps with Ω = 1/3: cubes, a table and a figure in OUT.
 
     The defaults take some nine CPU minutes, about five minutes on two cores.
     """
-    from pipeline.cubes import rotating
-    from pipeline.cubes.barrier import last_barrier
+    from nasm.planes import rotating
+    from pipeline.cubes.barrier import last_barrier, unfolded
+    from pipeline.cubes.breakdown import by_transversals
     from workflows.figures.three_kicks import draw_three_kicks
     from workflows.parts import rays
 
     around = rays.rotated_rays(angles, tips)
-    wanted = rotating.three_kicks(phase, around, n_max), last_barrier(45 - around, 1e-3)
-    with run.sweeping(*wanted):
-        three, barrier = (run.sweep(job).load() for job in wanted)
-        two = rays.two_kicks(barrier, around)
+    last = last_barrier(rotating("1/2"), around, 1e-3)
+    jobs = {text: by_transversals(rotating("1/3", text), around, n_max) for text in phase}
+    with run.sweeping(last, *jobs.values()):
+        two = unfolded(run.sweep(last).load(), around)
+        three = rays.by_phase({text: run.sweep(job).load() for text, job in jobs.items()})
         three = rays.with_ratio(three, two.critical_scale, "two kicks")
         run.table("three_kicks", three)
         run.figure("three_kicks", *draw_three_kicks(three, two))

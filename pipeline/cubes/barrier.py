@@ -1,7 +1,7 @@
 """The last barrier on rays: CB_gt from both sides, and which circle is the last.
 
-κ = s·(cos angle, sin angle), arXiv:1606.04824, Sec. V and VI. CB_gt has the symmetries of the
-square (Sec. III), so the rays computed are images of those asked for, in the wedge 0 ≤ κ2 ≤ κ1.
+On rays of a plane of forcings, arXiv:1606.04824, Sec. V and VI. CB_gt has the symmetries of its
+plane (Sec. III and `nasm.planes`), so that the rays computed stand for their images too.
 """
 
 from dataclasses import replace
@@ -11,43 +11,46 @@ import numpy as np
 
 from nasm import barriers
 from nasm.numbers import RotationNumber, moebius, parse
-from nasm.symmetries import fold, ray
-from pipeline.cubes.breakdown import cube_on_rays, per_ray, scales
-from pipeline.cubes.cube import KICKS, PAPER, Job, angles_of_rays, blank, coordinate, text
+from nasm.planes import plane_of, two_kicks
+from nasm.symmetries import ray
+from pipeline.cubes.breakdown import cube_on_rays, need_centres, per_ray, scales, starts_at_zero
+from pipeline.cubes.cube import Job, angles_of_rays, blank, coordinate, text
 
 _N_QUOTIENTS = 32  # places for the partial quotients of a rotation number
 
 
-def last_barrier(angles, tol):
+def last_barrier(plane, angles, tol):
     """Return the Job of the cube `barrier`; ω is a result, exactly by its partial quotients.
 
-    angles : degrees, any; the cube holds their images. tol : float, the bracket's relative width.
+    angles : degrees, any; the cube holds those that they fold to, in the plane's symmetries.
+    tol : float, the bracket's relative width.
     """
-    wedge, _ = fold(angles)
-    wedge = sorted(set(wedge.round(9).tolist()))
+    starts_at_zero(plane, "the last barrier")
+    folded, _ = plane.fold(angles)
+    wedge = sorted(set(folded.tolist()))
+    need_centres(plane, wedge)
     on_ray = {"angle": angles_of_rays(wedge)}
     place = {"quotient": coordinate("quotient", range(_N_QUOTIENTS), "place of a partial quotient")}
     zero, comment = np.int32(0), "0 behind the last one"
     last_circle = {
-        "omega": blank(on_ray, "rotation number of the last circle, per step, in [0, 1]"),
+        "omega": blank(on_ray, "rotation number of the last circle, per step"),
         "quotients": blank(place | on_ray, "partial quotients of omega", zero, comment=comment),
         "tail_length": blank(on_ray, "partial quotients at the end that repeat", np.int8(0)),
     }
     seconds, warm_up = 0.1 + 4e-5 / tol, partial(barriers.critical_scale, (1.0, 0.0), 0.1)
-    title = "The last barrier to transport of the nonautonomous standard map"
-    labels = {"title": title, "source": f"{PAPER}, Sec. V and VI"}
-    cube = cube_on_rays("barrier", {}, wedge, KICKS, seconds, {"tol": tol}, **labels)
+    plan = plane.axes, {}, wedge, seconds, plane.record | {"tol": tol}
+    cube = cube_on_rays("barrier", *plan, "The last barrier to transport")
     cube = replace(cube, template=cube.template.assign_coords(place).assign(last_circle))
     return Job(cube, _compute, partial(per_ray, seconds), warm_up)
 
 
-def proved_barrier(angles, seconds):
+def proved_barrier(plane, angles, seconds):
     """Return the Job of the cube `proved_barrier`: `last_barrier`, and what is proved of each ray.
 
     angles : degrees. seconds : float, CPU time for each side of each ray; see `nasm.proofs`. The
     proved bounds depend on the machine's speed; each of them holds.
     """
-    job = last_barrier(angles, 1e-4)
+    job = last_barrier(plane, angles, 1e-4)
     cube, on_ray = job.cube, {"angle": job.cube.template.angle}
     comment = "at exactly this forcing; nothing is proved of smaller scales"
     lower = blank(on_ray, "scale at which a barrier is proved to exist", comment=comment)
@@ -55,17 +58,18 @@ def proved_barrier(angles, seconds):
     template = cube.template.assign(proved_lower=lower, proved_upper=upper)
     plan = {"name": "proved_barrier", "template": template, "tile": {"angle": 1}}
     cube = replace(cube, **plan, settings=cube.settings | {"seconds": seconds})
-    warm_up = partial(_compute_proved, {"angle": np.zeros(1)}, {"seconds": 0.1})
+    warm_up = partial(_compute_proved, {"angle": np.zeros(1)}, cube.settings | {"seconds": 0.1})
     return Job(cube, _compute_proved, partial(per_ray, 1 + 2 * seconds), warm_up)
 
 
-def boundary(angles, tol=1e-4):
+def boundary(angles, tol=1e-4, plane=None):
     """Compute CB_gt on rays at any angles: the Dataset of `unfolded`, without workers or a store.
 
-    angles : degrees. tol : float, 1e-5 to 0.1, the bracket's relative width. Half a second of CPU
-    time at 1e-4, and 2 s at 2e-5, for each ray that is no mirror image of another one.
+    angles : degrees. tol : float, 1e-5 to 0.1, the bracket's relative width. plane : of forcings,
+    `nasm.planes.two_kicks()` by default. Half a second of CPU time at 1e-4, and 2 s at 2e-5, for
+    each ray that is no image of another one.
     """
-    cube = last_barrier(angles, tol).cube
+    cube = last_barrier(plane or two_kicks(), angles, tol).cube
     coords = {dim: cube.template[dim].values for dim in cube.sizes}
     barrier = cube.template.copy(data=_compute(coords, cube.settings))
     return unfolded(barrier.assign_attrs(cube.settings), angles)
@@ -74,60 +78,62 @@ def boundary(angles, tol=1e-4):
 def unfolded(barrier, angles):
     """Return the cube `barrier` on rays whose images it holds: a Dataset with dim (angle).
 
-    Its coordinate `circle` is the exact text of the last circle's ω in [0, 1], "" where none is
-    named; that of 2 - ω is its mirror image. `tied` is that of a circle that breaks together with
-    it, as on the axes; "" elsewhere.
+    Its coordinate `circle` is the exact text of the last circle's ω in [0, P/2], "" where none is
+    named; that of P - ω is its mirror image. `tied` is that of a circle that breaks together with
+    it, as on the axes of two kicks; "" elsewhere.
     """
-    angles = np.asarray(angles, dtype=float)
-    wedge, mirrored = fold(angles)
-    there = barrier.load().sel(angle=wedge, method="nearest", tolerance=1e-8)
+    angles, plane = np.asarray(angles, dtype=float), plane_of(barrier.attrs)
+    folded, shifts = plane.fold(angles)
+    there = barrier.load().sel(angle=folded, method="nearest", tolerance=1e-8)
     quotients, tails = there.quotients.values.T.tolist(), there.tail_length.values.tolist()
-    circles = list(map(_circle, quotients, tails, mirrored))
+    circles = list(map(_circle, quotients, tails, shifts.tolist()))
+    ties = map(partial(tie, plane), circles, angles)
     table = there.drop_vars(["quotients", "tail_length", "quotient"]).assign_coords(
         angle=angles_of_rays(angles),
         circle=text("angle", circles, "exact rotation number of the last circle, per step"),
-        tied=text("angle", map(tie, circles, angles), "that of a circle that breaks with it"),
+        tied=text("angle", ties, "that of a circle that breaks with it"),
     )
-    for name, direction in zip(KICKS, ray(angles).T, strict=True):
+    for name, direction in zip(plane.axes, ray(angles).T, strict=True):
         table[name] = table.critical_scale.copy(data=table.critical_scale * direction)
         table[name].attrs = barrier[name].attrs
-    table["omega"] = table.omega.copy(data=np.where(mirrored, 1 - table.omega, table.omega))
+    omega = np.where(shifts, shifts - table.omega, table.omega)
+    table["omega"] = table.omega.copy(data=omega)
     return table
 
 
-def _circle(quotients, tail_length, mirrored):
+def _circle(quotients, tail_length, shift):
     """Return the text of a rotation number from its entries in the cube, "" if it has none."""
     quotients = np.trim_zeros(quotients, "b")
     if not quotients:
         return ""
     omega = RotationNumber(tuple(quotients[:-tail_length]), tuple(quotients[-tail_length:]))
-    return str(moebius(omega, -1, 1) if mirrored else omega)
+    return str(moebius(omega, -1, shift) if shift else omega)
 
 
-def tie(circle, angle):
-    """Return the text of the ω that breaks together with that of `circle` on an axis; else ""."""
-    return str(barriers.tied(parse(circle), ray(angle)) or "") if circle else ""
+def tie(plane, circle, angle):
+    """Return the text of the ω that breaks together with that of `circle` on the ray; else ""."""
+    return str(barriers.tied(parse(circle), sum(plane.ray(angle))) or "") if circle else ""
 
 
 def _compute(coords, settings):
-    profiles = ray(coords["angle"])
+    profiles = plane_of(settings).ray(coords["angle"])[1]
     found = [barriers.critical_scale(profile, settings["tol"]) for profile in profiles]
-    return _arrays(found, profiles)
+    return _arrays(found, coords, settings)
 
 
 def _compute_proved(coords, settings):
     from nasm import proofs  # python-flint takes a while to import, and is an extra
 
-    profiles = ray(coords["angle"])
+    profiles = plane_of(settings).ray(coords["angle"])[1]
     brackets = [proofs.critical_scale(profile, settings["seconds"]) for profile in profiles]
-    arrays = _arrays([bracket.found for bracket in brackets], profiles)
+    arrays = _arrays([bracket.found for bracket in brackets], coords, settings)
     for side in ("lower", "upper"):
         arrays[f"proved_{side}"] = np.array([getattr(bracket, side) for bracket in brackets])
     return arrays
 
 
-def _arrays(found, profiles):
-    arrays = scales(found, profiles, KICKS)
+def _arrays(found, coords, settings):
+    arrays = scales(found, settings["plane"]["axes"], coords["angle"])
     arrays["omega"] = np.array([np.nan if s.omega is None else float(s.omega) for s in found])
     arrays["quotients"] = np.zeros((_N_QUOTIENTS, len(found)), np.int32)
     arrays["tail_length"] = np.zeros(len(found), np.int8)

@@ -1,21 +1,24 @@
 """Breakup on rays: the scale at which a circle, or the last barrier, breaks on each ray of a plane.
 
-Of several circles, CB_ω, by one of two methods: κ = s·(cos angle, sin angle), arXiv:1606.04824,
-Sec. VI. The cubes of `barrier` and `rotating` are made in the same way. Dims are (row, angle): a
-row is a circle, a frequency or a phase; `angle` the direction of the ray in a plane of forcings.
+κ = origin + s·(cos angle · first + sin angle · second), see `nasm.planes`. Dims are (row, angle): a
+row is a circle or a frequency, and a cube without rows has dim (angle). arXiv:1606.04824, Sec. VI.
 """
 
+import re
+from fractions import Fraction
 from functools import partial
 from math import ceil
 
 import numpy as np
 import xarray as xr
 
-from nasm import continuation, periodic
+from nasm import continuation, escape, periodic, transversals
 from nasm.numbers import parse
+from nasm.planes import ROTATING_AXES, plane_of
 from nasm.symmetries import ray
 from pipeline.cubes import cube
-from pipeline.cubes.cube import FLAGS, KICKS, PAPER, STATUS_SETTING, Job, blank, coordinate
+from pipeline.cubes.cube import FLAGS, PAPER, STATUS_SETTING, Job, blank, coordinate
+from pipeline.cubes.escape import SECONDS_PER_KICK
 
 _SCALES = {
     "critical_scale": ("value", "scale of the breakup, best estimate"),
@@ -24,84 +27,105 @@ _SCALES = {
     "upper": ("upper", "scale at which no circle was shown to be left"),
 }
 _SECONDS = 3  # of CPU time in a tile, which is a file for every variable
+_METHODS = {  # and how hard it tries, at the least
+    "continuation of circles": (continuation.critical_scale, {"tol": 0.1}),
+    "Greene's residue": (periodic.critical_scale, {"q_max": 10}),
+    "direct iteration": (escape.critical_scale, {"n_max": 64, "n_orbits": 1}),
+    "converse KAM on transversals": (transversals.critical_scale, {"n_max": 30}),
+}
 
 
-def by_continuation(omegas, angles, tol):
-    """Return the Job of the cube `breakdown`: circles continued to their breakdown.
+def by_continuation(plane, omegas, angles, tol):
+    """Return the Job of the cube `breakdown`: circles of `omegas` continued to their breakdown.
 
     omegas : list of RotationNumber. angles : degrees. tol : float, the error to aim at.
     """
     settings = {"method": "continuation of circles", "tol": tol}
-    warm_up = partial(continuation.critical_scale, parse("gamma"), (1.0, 0.0), 0.1)
-    method = partial(_breakup, continuation.critical_scale, "tol")
-    return _job(method, warm_up, "breakdown", omegas, angles, 0.01, settings)
+    return _job("breakdown", plane, _circles(omegas), angles, 0.01, settings)
 
 
-def by_residue(omegas, angles, q_max):
-    """Return the Job of the cube `breakdown_residue`: Greene's residue.
-
-    omegas : list of RotationNumber. angles : degrees. q_max : int, the longest period.
-    """
+def by_residue(plane, omegas, angles, q_max):
+    """Return the Job of the cube `breakdown_residue`: Greene's residue of periods up to q_max."""
+    need_centres(plane, angles)
     settings = {"method": "Greene's residue", "q_max": q_max}
-    method = partial(_breakup, periodic.critical_scale, "q_max")
-    return _job(method, warm_up_residues, "breakdown_residue", omegas, angles, 0.03, settings)
+    return _job("breakdown_residue", plane, _circles(omegas), angles, 0.03, settings)
 
 
-warm_up_residues = partial(periodic.residue, (0.1, 0.1), 1, 3)
+def by_escape(plane, angles, n_max, n_orbits):
+    """Return the Job of the cube `transport`: its onset by direct iteration of n_max steps."""
+    settings = {"method": "direct iteration", "n_max": n_max, "n_orbits": n_orbits}
+    # Ten runs of the whole ensemble.
+    seconds = 10 * SECONDS_PER_KICK * len(plane.origin) * n_orbits * n_max
+    return _job("transport", plane, {}, angles, seconds, settings)
 
 
-def _job(critical_scale, warm_up, name, omegas, angles, seconds, settings):
-    circles = {
-        "circle": cube.text("circle", map(str, omegas), "exact rotation number per step"),
-        "omega": coordinate("circle", list(map(float, omegas)), "rotation number per step"),
-    }
-    plan = name, circles, angles, KICKS, seconds, settings
-    title = "Breakup of invariant circles of the nonautonomous standard map"
-    return job_on_rays(critical_scale, warm_up, *plan, title=title, source=f"{PAPER}, Sec. VI")
+def by_transversals(plane, angles, n_max):
+    """Return the Job of last barriers by converse KAM of n_max steps; it needs no symmetry centre.
+
+    Its cube has the plane's name, like transversals_rotating_1_3_1_48, so that one store can hold
+    those of several planes.
+    """
+    settings = {"method": "converse KAM on transversals", "n_max": n_max}
+    name = re.sub(r"\W+", "_", f"transversals_{plane.name}", flags=re.ASCII)
+    return _job(name, plane, {}, angles, 0.4 + 2.5e-3 * n_max, settings)
 
 
-def _breakup(method, effort, circle, profile, settings):
-    return method(parse(circle), profile, settings[effort])
+def tori(vectors, angles):
+    """Return the Job of the cube `rotating_tori`: breakup of tori by the residue of a long orbit.
+
+    κ_n = s·(cos angle + sin angle · cos 2πnΩ), of any frequency: no plane of periodic forcings.
+
+    vectors : list of "p/q,Ω", an orbit's turns per kick and the frequency. angles : degrees.
+    """
+    exact = [vector.split(",")[1] for vector in vectors]
+    numbers = list(map(float, map(Fraction, exact)))
+    rows = {"frequency": coordinate("frequency", numbers, "frequency Ω", exact=exact)}
+    settings = {"vectors": list(vectors), "method": "Greene's residue of one orbit"}
+    plan = cube_on_rays("rotating_tori", ROTATING_AXES, rows, angles, 0.04, settings)
+    warm_up = partial(periodic.residue, (0.1, 0.1), 1, 3)
+    return Job(plan, _compute_tori, partial(per_ray, 0.04), warm_up)
 
 
-def cube_on_rays(name, rows, angles, plane, seconds, settings, **attrs):
+def starts_at_zero(plane, method):
+    """Refuse a plane whose rays do not begin without kicks; ValueError."""
+    if any(plane.origin):
+        raise ValueError(
+            f"plane={plane.name} has the origin {plane.origin}; {method} needs rays from zero: "
+            "take a plane whose origin is zero"
+        )
+
+
+def need_centres(plane, angles):
+    """Refuse rays whose forcings have no symmetry centre; ValueError."""
+    for angle in angles:
+        try:
+            periodic.dominant_centre(sum(plane.ray(angle)))
+        except ValueError as error:
+            raise ValueError(f"plane={plane.name}, ray at {angle:g} degrees: {error}") from None
+
+
+def cube_on_rays(name, axes, rows, angles, seconds, settings, title="Breakup of circles"):
     """Return the cube of critical scales.
 
+    axes : {name: words} of the plane's coordinates; those of the breakup are variables.
     rows : {name: coordinate}, that of the rows first; {} for a cube with dim (angle).
-    plane : {name: words} of the plane's coordinates; those of the breakup are variables.
     seconds : CPU time of a ray. A tile is some rays of one row.
-    attrs : title and source.
     """
     coords = {**rows, "angle": cube.angles_of_rays(angles)}
     variables = {key: blank(coords, words) for key, (_, words) in _SCALES.items()}
-    variables |= {key: blank(coords, f"{words} at the breakup") for key, words in plane.items()}
+    variables |= {key: blank(coords, f"{words} at the breakup") for key, words in axes.items()}
     variables["status"] = blank(coords, "outcome", np.int8(0), **FLAGS)
     n_rays = coords["angle"].size
     tile = dict.fromkeys(variables["status"][0], 1)
     tile["angle"] = ceil(n_rays / ceil(n_rays * seconds / _SECONDS))
-    return cube.Cube(name, xr.Dataset(variables, coords, attrs), tile, settings | STATUS_SETTING)
+    labels = {"title": f"{title} of the nonautonomous standard map", "source": PAPER}
+    return cube.Cube(name, xr.Dataset(variables, coords, labels), tile, settings | STATUS_SETTING)
 
 
-def job_on_rays(critical_scale, warm_up, name, rows, angles, plane, seconds, settings, **attrs):
-    """Return the Job of a cube on rays, see `cube_on_rays`, with dims (row, angle).
-
-    critical_scale : (row, profile of the ray, settings) → CriticalScale.
-    """
-    plan = cube_on_rays(name, rows, angles, plane, seconds, settings, **attrs)
-    compute = partial(_compute, critical_scale, next(iter(rows)), plane)
-    return Job(plan, compute, partial(per_ray, seconds), warm_up)
-
-
-def _compute(critical_scale, dim, plane, coords, settings):
-    rows, profiles = coords[dim].tolist(), ray(coords["angle"])
-    found = [[critical_scale(row, profile, settings) for profile in profiles] for row in rows]
-    return scales(found, profiles, plane)
-
-
-def scales(found, profiles, plane):
-    """Return the arrays of critical scales `found`, nested lists, on the rays of `profiles`."""
+def scales(found, axes, angles):
+    """Return the arrays of critical scales `found`, nested lists, on the rays at those angles."""
     arrays = cube.fields(found, {key: field for key, (field, _) in _SCALES.items()})
-    for name, direction in zip(plane, profiles.T, strict=True):
+    for name, direction in zip(axes, ray(angles).T, strict=True):
         arrays[name] = arrays["critical_scale"] * direction
     return arrays
 
@@ -109,3 +133,43 @@ def scales(found, profiles, plane):
 def per_ray(seconds, coords, settings):
     """Predict that each ray of a tile takes as long."""
     return seconds * coords["angle"].size
+
+
+def _circles(omegas):
+    return {
+        "circle": cube.text("circle", map(str, omegas), "exact rotation number per step"),
+        "omega": coordinate("circle", list(map(float, omegas)), "rotation number per step"),
+    }
+
+
+def _job(name, plane, rows, angles, seconds, settings):
+    if settings["method"] != "Greene's residue":
+        starts_at_zero(plane, settings["method"])
+    plan = cube_on_rays(name, plane.axes, rows, angles, seconds, plane.record | settings)
+    one = {key: coord.values[:1] for key, coord in plan.template.coords.items()}
+    _, least = _METHODS[settings["method"]]
+    warm_up = partial(_compute, one, plan.settings | least)
+    return Job(plan, _compute, partial(per_ray, seconds), warm_up)
+
+
+def _compute(coords, settings):
+    (method, least), plane = _METHODS[settings["method"]], plane_of(settings)
+    start, profiles = plane.ray(coords["angle"])
+    more = [settings[name] for name in least] + ([start] if start.any() else [])
+
+    def on_rays(*circle):
+        return [method(*circle, profile, *more) for profile in profiles]
+
+    circles = coords.get("circle")
+    found = on_rays() if circles is None else [on_rays(parse(text)) for text in circles]
+    return scales(found, plane.axes, coords["angle"])
+
+
+def _compute_tori(coords, settings):
+    pairs = [vector.split(",") for vector in settings["vectors"]]
+    exact = {float(Fraction(frequency)): (omega, frequency) for omega, frequency in pairs}
+    found = [
+        [periodic.torus_scale(*exact[frequency], *profile) for profile in ray(coords["angle"])]
+        for frequency in coords["frequency"].tolist()
+    ]
+    return scales(found, ROTATING_AXES, coords["angle"])

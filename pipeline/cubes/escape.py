@@ -1,7 +1,7 @@
-"""First escape times n* of nested ensembles, by direct iteration of T_{κ1κ2}.
+"""First escape times n* of nested ensembles, by direct iteration.
 
-Over the (κ1, κ2) plane, in full or composed of levels of refinement; or along rays, near and beyond
-a breakup that is known. {n* ≤ N} is global transport within N steps, for every N ≤ n_max.
+Over a plane of forcings, in full or composed of levels of refinement; or along rays, near and
+beyond a breakup that is known. {n* ≤ N} is global transport within N steps, for every N ≤ n_max.
 arXiv:1606.04824, Eq. (mapaut), Proposition 1 and Sec. V.B.
 """
 
@@ -13,33 +13,33 @@ import xarray as xr
 
 from nasm import escape
 from nasm.escape import PAPER_WINDOW
-from nasm.symmetries import ray
-from pipeline.cubes.cube import KICKS, PAPER, Cube, Job, angles_of_rays, blank, coordinate
+from nasm.planes import plane_of
+from pipeline.cubes.cube import PAPER, Cube, Job, angles_of_rays, blank, coordinate
 
-SECONDS_PER_STEP = 0.8e-9  # CPU time of one orbit and one step of two kicks
+SECONDS_PER_KICK = 0.4e-9  # CPU time of one orbit
 _PROBE_STEPS = 2000
 _COMMENT = (
-    "steps of two kicks; NaN: not computed; inf: no escape up to n_max. "
+    "steps of {} kicks; NaN: not computed; inf: no escape up to n_max. "
     "escape_time <= N is global transport within N steps, for every N <= n_max."
 )
 
 
-def plane(name, kappa1, kappa2, sizes, n_max, tile):
-    """Return the Job of escape times over the (κ1, κ2) plane.
+def over_plane(name, plane, axes, sizes, n_max, tile):
+    """Return the Job of escape times over a plane; dims (ensemble, second axis, first axis).
 
-    kappa1, kappa2 : grid.Axis.
+    plane : nasm.planes.Plane. axes : two grid.Axis, in its order.
     sizes : increasing ints, the nested ensembles.
     n_max : int, steps (periods of the forcing) after which an orbit counts as not escaping.
     tile : int, cells along each side of a tile.
     """
-    coords = {}
-    for dim, axis in (("kappa2", kappa2), ("kappa1", kappa1)):
+    coords, names = {}, list(plane.axes)[::-1]
+    for dim, axis in zip(names, axes[::-1], strict=True):
         ends = f"{dim}_bounds"
-        coords[dim] = coordinate(dim, axis.centres, KICKS[dim], bounds=ends)
+        coords[dim] = coordinate(dim, axis.centres, plane.axes[dim], bounds=ends)
         coords[ends] = coordinate((dim, "bound"), axis.bounds, "ends of the cells")
-    title = "First escape times of the nonautonomous standard map"
-    tiles, settings = {"kappa2": tile, "kappa1": tile}, {"cells_per_tile": tile}
-    return _job(name, sizes, n_max, coords, tiles, settings, title, _on_plane, _predict_plane)
+    settings, tiles = {"n_max": n_max, "cells_per_tile": tile}, dict.fromkeys(names, tile)
+    title, functions = "First escape times", (_on_plane, _predict_plane)
+    return _job(name, plane, sizes, coords, tiles, settings, title, *functions)
 
 
 def composed(cube, levels, follow, field=None, level=None):
@@ -48,12 +48,12 @@ def composed(cube, levels, follow, field=None, level=None):
     cube : the plane in full at the finest level.
     levels : int, number of levels.
     follow : list of N, whose boundaries {n* ≤ N} the levels follow.
-    field : array (ensemble, kappa2, kappa1), the values.
-    level : int8 array (kappa2, kappa1), which level each value is from.
+    field : array (ensemble, second axis, first axis), the values.
+    level : int8 array (second axis, first axis), which level each value is from.
     """
-    axes = {dim: cube.template[dim] for dim in ("kappa2", "kappa1")}
-    words = "level of refinement of the cell's value"
+    axes = {dim: cube.template[dim] for dim in cube.tile}
     comment = "0 is the coarsest; each level halves the cells"
+    words = "level of refinement of the cell's value"
     dims, values, attrs = blank(axes, words, np.int8(-1), comment=comment)
     template = cube.template.assign(level=(dims, values if level is None else level, attrs))
     if field is not None:
@@ -62,20 +62,20 @@ def composed(cube, levels, follow, field=None, level=None):
     return replace(cube, template=template, settings=settings)
 
 
-def beyond(name, scales, excesses, sizes, n_max):
-    """Return the Job of escape times at κ = s_c·(1 + excess)·(cos, sin) on rays.
+def beyond(name, plane, scales, excesses, sizes, n_max):
+    """Return the Job of escape times at κ = origin + s_c·(1 + excess)·profile on rays.
 
-    scales : {angle in degrees: scale s_c of the breakup on the ray}.
-    excesses : increasing floats.
-    name, sizes, n_max : as for `plane`. A tile is one forcing.
+    scales : {angle in degrees: scale s_c of the breakup on the ray}. excesses : increasing floats.
+    name, plane, sizes, n_max : as for `over_plane`. A tile is one forcing.
     """
-    axes, title = beyond_breakup(scales, excesses), "First escape times beyond the last barrier"
-    tiles, settings = {"angle": 1, "excess": 1}, {"critical_scales": by_angle(scales)}
-    return _job(name, sizes, n_max, axes, tiles, settings, title, _beyond, _predict_beyond)
+    coords, tiles = beyond_breakup(scales, excesses), {"angle": 1, "excess": 1}
+    settings = {"n_max": n_max, "critical_scales": by_angle(scales)}
+    title, functions = "First escape times beyond the last barrier", (_beyond, _predict_beyond)
+    return _job(name, plane, sizes, coords, tiles, settings, title, *functions)
 
 
 def beyond_breakup(scales, excesses):
-    """Return the coordinates of forcings s_c·(1 + excess)·(cos, sin) on the rays of `scales`."""
+    """Return the coordinates of forcings beyond the breakup on the rays of `scales`."""
     excess = coordinate("excess", excesses, "scale in parts of the breakup's, less 1")
     return {"angle": angles_of_rays(list(scales)), "excess": excess}
 
@@ -85,16 +85,17 @@ def by_angle(quantities):
     return {str(float(angle)): quantity for angle, quantity in quantities.items()}
 
 
-def _job(name, sizes, n_max, axes, tiles, settings, title, forcings, predict):
+def _job(name, plane, sizes, coords, tiles, settings, title, forcings, predict):
     ensemble = coordinate("ensemble", sizes, "number of orbits in the ensemble")
-    coords = {"ensemble": ensemble, **axes}
+    coords, n_kicks = {"ensemble": ensemble, **coords}, len(plane.origin)
     source = f"{PAPER}, Eq. (mapaut), Proposition 1 and Sec. V.B"
     words = "first step at which an orbit of the ensemble is outside the window"
-    times = blank(coords, words, comment=_COMMENT, source=source)
-    template = xr.Dataset({"escape_time": times}, coords, {"title": title, "source": source})
-    settings = {"n_max": n_max, "window": list(PAPER_WINDOW), **settings}
+    times = blank(coords, words, comment=_COMMENT.format(n_kicks), source=source)
+    labels = {"title": f"{title} of the nonautonomous standard map", "source": source}
+    template = xr.Dataset({"escape_time": times}, coords, labels)
+    settings = plane.record | {"window": list(PAPER_WINDOW)} | settings
     cube = Cube(name, template, tiles, settings)
-    return Job(cube, partial(_compute, forcings), predict, warm_up_escape)
+    return Job(cube, partial(_compute, forcings), predict, _warm_up)
 
 
 def _compute(forcings, coords, settings):
@@ -104,15 +105,17 @@ def _compute(forcings, coords, settings):
 
 
 def _on_plane(coords, settings):
-    """Return the forcings of a tile, shape (kappa2, kappa1, 2)."""
-    return np.stack(np.meshgrid(coords["kappa1"], coords["kappa2"]), axis=-1)
+    """Return the forcings of a tile, shape (second axis, first axis, P)."""
+    plane = plane_of(settings)
+    return plane.forcing(*np.meshgrid(*map(coords.get, plane.axes)))
 
 
 def _beyond(coords, settings):
-    """Return the forcings of a tile, shape (angle, excess, 2)."""
+    """Return the forcings of a tile, shape (angle, excess, P)."""
+    start, profiles = plane_of(settings).ray(coords["angle"])
     scales = np.array([settings["critical_scales"][str(a)] for a in coords["angle"].tolist()])
-    profiles = scales[:, None] * ray(coords["angle"])
-    return profiles[:, None, :] * (1 + coords["excess"][:, None])
+    profiles = scales[:, None] * profiles
+    return start + profiles[:, None, :] * (1 + coords["excess"][:, None])
 
 
 def _predict_plane(coords, settings):
@@ -120,21 +123,27 @@ def _predict_plane(coords, settings):
 
     A cell that the probe sees escape costs its escape time, any other one n_max; times all orbits.
     """
-    probed = {dim: coords[dim][:: max(1, coords[dim].size // 3)] for dim in ("kappa2", "kappa1")}
-    kappas, n_max = _on_plane(probed, settings), settings["n_max"]
-    limits = min(n_max, _PROBE_STEPS), settings["window"]
-    times = escape.first_escape(kappas, *escape.ensemble(64), [64], *limits)
+    axes, n_max = {dim: coords[dim] for dim in settings["plane"]["axes"]}, settings["n_max"]
+    probed = {dim: axis[:: max(1, axis.size // 3)] for dim, axis in axes.items()}
+    probed |= {"ensemble": np.array([64])}
+    short = settings | {"n_max": min(n_max, _PROBE_STEPS)}
+    times = _compute(_on_plane, probed, short)["escape_time"]
     steps = np.where(np.isinf(times), n_max, times).mean()
-    cells = coords["kappa2"].size * coords["kappa1"].size
-    return SECONDS_PER_STEP * int(coords["ensemble"][-1]) * steps * cells
+    return _seconds(coords, settings, steps * np.prod([axis.size for axis in axes.values()]))
 
 
 def _predict_beyond(coords, settings):
     """Predict by the law that the bias of direct iteration falls like N^(-1/3)."""
     steps = np.minimum(settings["n_max"], 100 * (0.3 / coords["excess"]) ** 3)
-    return SECONDS_PER_STEP * int(coords["ensemble"][-1]) * steps.sum() * coords["angle"].size
+    return _seconds(coords, settings, steps.sum() * coords["angle"].size)
 
 
-def warm_up_escape():
+def _seconds(coords, settings, steps):
+    """Return the CPU time of so many steps of all orbits."""
+    n_kicks = steps * len(settings["plane"]["origin"])
+    return SECONDS_PER_KICK * n_kicks * int(coords["ensemble"][-1])
+
+
+def _warm_up():
     """Compile the kernels of first escape times."""
     escape.first_escape([[0.0, 0.0]], *escape.ensemble(1), [1], 1)

@@ -1,7 +1,7 @@
 """The flux through the last circle once it is broken: area per step, ΔW, beyond the breakup.
 
-κ = s_c·(1 + excess)·(cos angle, sin angle). An outlook of arXiv:1606.04824, Sec. VII; the method is
-that of MacKay, Meiss & Percival, Physica D 13 (1984) 55.
+κ = origin + s_c·(1 + excess)·profile. An outlook of arXiv:1606.04824, Sec. VII; the method is that
+of MacKay, Meiss & Percival, Physica D 13 (1984) 55.
 """
 
 from functools import partial
@@ -11,12 +11,12 @@ import xarray as xr
 
 from nasm import flux
 from nasm.numbers import parse
-from nasm.symmetries import ray
+from nasm.planes import plane_of
 from pipeline.cubes.cube import FLAGS, PAPER, STATUS_SETTING, Cube, Job, blank, fields
 from pipeline.cubes.escape import beyond_breakup, by_angle
 
 
-def through_last_circle(scales, circles, excesses, q_max):
+def through_last_circle(plane, scales, circles, excesses, q_max):
     """Return the Job of the cube `flux`. A tile is one forcing.
 
     scales : {angle in degrees: scale s_c of the breakup on the ray}.
@@ -33,14 +33,18 @@ def through_last_circle(scales, circles, excesses, q_max):
     }
     attrs = {"title": "Flux through the remains of the last circle", "source": PAPER}
     settings = {"critical_scales": by_angle(scales), "circles": by_angle(circles), "q_max": q_max}
+    settings |= plane.record | STATUS_SETTING
     template, tile = xr.Dataset(variables, coords, attrs), {"angle": 1, "excess": 1}
-    cube = Cube("flux", template, tile, settings | STATUS_SETTING)
+    cube = Cube("flux", template, tile, settings)
     return Job(cube, _compute, _predict, partial(flux.action_difference, (0.1, 0.1), 1, 3))
 
 
 def _compute(coords, settings):
+    plane = plane_of(settings)
+
     def flux_at(angle, excess):
-        kappa = settings["critical_scales"][str(angle)] * (1 + excess) * ray(angle)
+        start, profile = plane.ray(angle)
+        kappa = start + settings["critical_scales"][str(angle)] * (1 + excess) * profile
         return flux.flux(parse(settings["circles"][str(angle)]), kappa, settings["q_max"])
 
     found = [[flux_at(a, excess) for excess in coords["excess"]] for a in coords["angle"].tolist()]

@@ -111,13 +111,17 @@ def _check_settings(place, cube):
         words = "is not a cube of this program, or its metadata are lost; delete it, or choose"
         raise Refused(f"{place.cube(cube.name)} {words} another --out or --store")
     theirs = found[0] or found[1]
-    ours = cube.settings.items()
-    differences = [f"{k} is {theirs.get(k)}, not {v}" for k, v in ours if theirs.get(k) != v]
+    both = {k: (theirs.get(k), ours) for k, ours in cube.settings.items() if theirs.get(k) != ours}
+    differences = [f"{k} is {_brief(old)}, not {_brief(new)}" for k, (old, new) in both.items()]
     raise Refused(
         f"{place.cube(cube.name)} was computed with other settings: "
         f"{'; '.join(differences) or 'its coordinates, tiles or variables differ'}. "
         "Repeat the old settings to resume it, or choose another --out or --store"
     )
+
+
+def _brief(setting):
+    return setting.get("name", setting) if isinstance(setting, dict) else setting
 
 
 def _attributes(place, key):

@@ -30,11 +30,6 @@ class State:
     rate: float = nan  # tiles per second in the last minutes before the last commit
     damage: str = ""  # what hides the cube's state
 
-    @property
-    def seconds_left(self):
-        """Time to the end at that rate; NaN if the rate is unknown."""
-        return (self.tiles - self.done) / self.rate if self.rate > 0 else nan
-
 
 def status(place):
     """Yield the State of each cube in the place; Refused if the place does not exist."""

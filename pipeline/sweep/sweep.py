@@ -67,7 +67,7 @@ def sweep(client, place, job, wanted=None, progress=None):
     client : () → distributed.Client; called only if tiles are missing. See `cluster.connect`.
     place : Place of the store, held by `store.driving`.
     job : Job; its cube is created in the store if it is not there.
-    wanted : iterable of tile indices, default all.
+    wanted : set of tile indices, default all.
     progress : the Progress of a series of sweeps, instead of a line for this one.
 
     Raises store.Refused if the store holds another cube of that name, or one that other code has
@@ -75,30 +75,29 @@ def sweep(client, place, job, wanted=None, progress=None):
     ClusterError if no worker is fit, ConnectionError if the scheduler or all workers are gone; what
     is committed stays.
     """
+    name = job.cube.name
     store.create(place, job.cube, store.computed_by())
     tiles = store.missing(place, job.cube)
     if wanted is not None:
-        wanted = set(wanted)
         tiles = tiles[[tuple(index) in wanted for index in tiles.tolist()]]
     if not len(tiles):
         if progress is None:
-            print(f"{job.cube.name}: nothing to compute", file=sys.stderr)
+            print(f"{name}: nothing to compute", file=sys.stderr)
         return Outcome(0, {}, False, 0)
     client = client()
     run, n_workers = _Run(client, place, job, tiles), sum(client.nthreads().values())
     if progress is None and (seconds := run.costs.sum() / max(1, n_workers)) > _LONG:
         size = len(tiles) / prod(store.tile_counts(job.cube)) * job.cube.template.nbytes / 1e6
         words = f"about {duration(seconds)} on {n_workers} workers, {size:.3g} MB"
-        print(f"{job.cube.name}: {len(tiles)} tiles, {words}", file=sys.stderr)
-    line = Progress(job.cube.name, sys.stderr) if progress is None else nullcontext(progress)
+        print(f"{name}: {len(tiles)} tiles, {words}", file=sys.stderr)
+    line = Progress(name, sys.stderr) if progress is None else nullcontext(progress)
     with _draining_on_interrupt() as interrupt, line as progress:
         progress.begin(len(tiles), run.costs.sum())
         for tile in run.compute(_pack(run.costs), interrupt, progress):
             alone = [np.array([tile])]
             if all(run.compute(alone, interrupt, progress) for _ in range(_ATTEMPTS_ALONE)):
-                index = tuple(tiles[tile].tolist())
-                words = "its worker died each time, also when it ran alone"
-                run.failed[index] = store.record_failure(place, job.cube.name, index, words)
+                index, words = tuple(tiles[tile].tolist()), "its worker died each time, also alone"
+                run.failed[index] = store.record_failure(place, name, index, words)
     return Outcome(run.committed, run.failed, interrupt.is_set(), len(tiles) - run.committed)
 
 

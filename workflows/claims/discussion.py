@@ -1,13 +1,14 @@
 """Claims of the discussion (Sec. VII): CB_gt and all CB_ω, and rotating standard maps.
 
-circles, barrier : as in `results`. tori : the cube `rotating_tori`.
-three : the cube `three_kicks` with its `ratio` to that of two.
+circles, barrier : as in `results`. tori : the cube `rotating_tori`, and three : the cubes of three
+kicks by phase, with their `ratio` to two kicks.
 """
 
 import numpy as np
 
 from nasm.maps import forcing, rotating_forcing, step
-from nasm.symmetries import ray, unfold
+from nasm.planes import two_kicks
+from nasm.symmetries import ray
 from workflows.claims.map import largest
 from workflows.claims.rules import graded, identity, rounding
 
@@ -18,7 +19,7 @@ def discussion_claims(circles, barrier, tori, three):
         **hull_claims(circles, barrier),
         **_rotating_map(),
         "third": _third(three),
-        "torus": _torus(tori, barrier),
+        "torus": _torus(tori),
     }
 
 
@@ -26,7 +27,7 @@ def hull_claims(circles, barrier):
     from scipy.spatial import ConvexHull
 
     wedge = barrier.sel(angle=slice(0, 45))
-    angles = np.deg2rad(unfold(wedge.angle.values))
+    angles = np.deg2rad(two_kicks().unfold(wedge.angle.values))
     known = np.isfinite(wedge.critical_scale.values)
     points = wedge.critical_scale.values * np.stack([np.cos(angles), np.sin(angles)])
     hull = ConvexHull(points[:, :, known].reshape(2, -1).T)
@@ -98,11 +99,8 @@ def _third(three):
     return graded(text, 0 < share < 0.25, beyond.any(), known.any())
 
 
-def _torus(tori, barrier):
-    """κ1, κ2 = κ̄ ± Δκ turn a ray at ψ into one at 45° - ψ, √2 times as long."""
-    angles = tori.angle.values
-    ours = barrier.sel(angle=(45 - angles) % 180, method="nearest", tolerance=1e-6)
-    part = np.sqrt(2) * tori.critical_scale.values[0] / ours.critical_scale.values
+def _torus(tori):
+    part = tori.ratio.values[0]
     known = np.isfinite(part)
     outside = part[known] > 1
     share = outside.sum() / max(outside.size, 1)

@@ -3,9 +3,10 @@
 import numpy as np
 
 from nasm import barriers
+from nasm.planes import rotating, two_kicks
 from nasm.symmetries import ray
-from pipeline.cubes import breakdown, rotating
-from pipeline.cubes.barrier import last_barrier
+from pipeline.cubes import breakdown
+from pipeline.cubes.barrier import last_barrier, unfolded
 from workflows.claims.boundary import boundary_claims
 from workflows.claims.circles import circle_claims
 from workflows.claims.discussion import discussion_claims
@@ -17,10 +18,11 @@ from workflows.claims.results import result_claims
 from workflows.claims.rules import judged
 from workflows.claims.symmetries import symmetry_claims
 from workflows.parts import direct
-from workflows.parts.rays import PAPER_CIRCLES, two_kicks, unfolded, with_ratio
+from workflows.parts.rays import PAPER_CIRCLES, by_phase, with_ratio
 
 _STEP = 7.5  # degrees, of rays around the half plane, so that mirror images and tori have theirs
 _TORUS = "1705/3136,2631/3136"
+_PHASES = "0", "1/24", "1/12"
 
 
 def planned(angles, tips, tol, n_max, n_orbits):
@@ -29,19 +31,21 @@ def planned(angles, tips, tol, n_max, n_orbits):
     rays = np.unique(np.concatenate([wedge_angles(angles, tips), around]).round(9))
     cusp = {45.0: float(barriers.critical_scale(ray(45.0), 1e-3).value)}
     return {
-        "barrier": last_barrier(rays, tol),
-        "circles": breakdown.by_residue(PAPER_CIRCLES, rays, q_max=6000),
+        "barrier": last_barrier(two_kicks(), rays, tol),
+        "circles": breakdown.by_residue(two_kicks(), PAPER_CIRCLES, rays, q_max=6000),
         "escapes": direct.bias_job(cusp, [n_orbits], n_max),
-        "tori": rotating.tori([_TORUS], around),
-        "three": rotating.three_kicks(["0", "1/24", "1/12"], around, 100),
+        "tori": breakdown.tori([_TORUS], around),
+        **{text: breakdown.by_transversals(rotating("1/3", text), around, 100) for text in _PHASES},
     }, rays
 
 
 def examine(cubes, rays, n_max, n_orbits):
     """Return all claims, all errata, and the ranges of the envelope with their summary."""
     barrier, circles = unfolded(cubes["barrier"], rays), cubes["circles"]
-    two = two_kicks(cubes["barrier"], cubes["three"].angle.values)
-    three = with_ratio(cubes["three"], two.critical_scale, "two kicks")
+    tori, three = cubes["tori"], by_phase({text: cubes[text] for text in _PHASES})
+    # κ1, κ2 = κ̄ ± Δκ turn a ray at ψ into one at 45° - ψ, √2 times as long.
+    two = unfolded(cubes["barrier"], 45 - tori.angle.values).critical_scale.values / np.sqrt(2)
+    tori, three = (with_ratio(cube, two, "two kicks") for cube in (tori, three))
     bias = direct.direct_bias(cubes["escapes"], direct.steps_up_to(n_max))
     found = {
         **map_claims(),
@@ -50,7 +54,7 @@ def examine(cubes, rays, n_max, n_orbits):
         **boundary_claims(bias.isel(ensemble=-1, angle=0), n_max, n_orbits),
         **circle_claims(),
         **result_claims(circles, barrier),
-        **discussion_claims(circles, barrier, cubes["tori"], three),
+        **discussion_claims(circles, barrier, tori, three),
     }
     rows = ranges(circles, barrier)
     return judged(found), errata(), rows, summary(circles, barrier, rows)

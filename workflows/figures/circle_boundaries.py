@@ -2,6 +2,7 @@
 
 import matplotlib.pyplot as plt
 
+from workflows.figures.planes import fill_inside, in_plane, label_plane, of_two_kicks
 from workflows.figures.style import colour_of, known, line_of, omega_label
 
 
@@ -11,15 +12,17 @@ def draw_circle_boundaries(breakdown, residues, barrier):
     The caption says where each circle comes nearest to CB_gt, and whether all lie within it.
     """
     figure, axes = plt.subplots(figsize=(10, 5.8))
-    tip = axes.inset_axes([0.44, 0.055, 0.12, 0.2])
     sharp = known(breakdown)
-    for part, label in ((axes, r"$\mathit{CB}_{gt}$"), (tip, None)):
-        part.fill_between(barrier.kappa1, barrier.kappa2, color="0.92", label=label)
-        draw_circles(part, sharp, sharp.kappa1, sharp.kappa2)
-    axes.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$", aspect="equal", ylim=(0, None))
-    tip.set(xlim=(0.8, 0.98), ylim=(0.8, 0.98), aspect="equal")
-    tip.set_title("the tip at 45°", fontsize=8, pad=3)
-    tip.tick_params(labelsize=7)
+    fill_inside(axes, barrier, "0.92", label=r"$\mathit{CB}_{gt}$")
+    draw_circles(axes, sharp)
+    label_plane(axes, barrier)
+    if of_two_kicks(barrier):
+        tip = axes.inset_axes([0.44, 0.055, 0.12, 0.2])
+        fill_inside(tip, barrier, "0.92")
+        draw_circles(tip, sharp)
+        tip.set(xlim=(0.8, 0.98), ylim=(0.8, 0.98), aspect="equal")
+        tip.set_title("the tip at 45°", fontsize=8, pad=3)
+        tip.tick_params(labelsize=7)
     axes.set_title(r"Breakup of circles: $\mathit{CB}_\omega$, and of the last one")
     axes.legend(loc="upper center", ncols=2, fontsize="small")
     ratio = 100 * (residues.critical_scale / barrier.critical_scale).load()
@@ -46,7 +49,7 @@ def draw_tips(residues, circles, barrier):
     lines, points = known(residues), known(circles)
     for axes, sign in zip(panels, (-1, 1), strict=True):
         axes.fill_between(barrier.kappa1, barrier.kappa2, color="0.92")
-        draw_circles(axes, lines, lines.kappa1, lines.kappa2)
+        draw_circles(axes, lines)
         for i in range(points.circle.size):
             axes.plot(points.kappa1[i], points.kappa2[i], ".", color=colour_of(i), ms=3)
         ends = sorted((sign * 0.7, sign * 1.0))
@@ -64,8 +67,9 @@ def draw_tips(residues, circles, barrier):
     )
 
 
-def draw_circles(axes, breakdown, x, y):
+def draw_circles(axes, breakdown):
     """Draw the curves (x, y) of each ω, and (-x, -y), which by symmetry are boundaries too."""
+    x, y = in_plane(breakdown)
     for i, text in enumerate(breakdown.circle.values):
         axes.plot(x[i], y[i], lw=1.3, label=omega_label(text), **line_of(i))
         axes.plot(-x[i], -y[i], lw=1.3, **line_of(i))

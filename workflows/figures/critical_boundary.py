@@ -5,6 +5,7 @@ import numpy as np
 
 from workflows.figures.escape_plane import draw_field
 from workflows.figures.last_barrier import draw_panels
+from workflows.figures.planes import in_plane
 from workflows.figures.style import known, power
 
 
@@ -19,14 +20,13 @@ def draw_critical_boundary(plane, circles, barrier):
     circles = known(circles)
     for i in range(circles.omega.size):
         label = r"$\mathit{CB}_\omega$ of the paper's six circles" if i == 0 else None
-        axes.plot(circles.kappa1[i], circles.kappa2[i], label=label, color="0.5", lw=0.6)
-    ends = [(float(c.min()), float(c.max())) for c in (plane.kappa1, plane.kappa2)]
+        axes.plot(*(part[i] for part in in_plane(circles)), label=label, color="0.5", lw=0.6)
+    ends = [(float(c.min()), float(c.max())) for c in in_plane(plane)]
     axes.set(xlim=ends[0], ylim=ends[1])
     steps = power(plane.attrs["n_max"])
     behind = f"behind it, escape of {int(plane.ensemble[-1])} orbits within ${steps}$ steps"
     axes.set_title(f"Where the last barrier breaks; {behind}")
-    curve = barrier.kappa1, barrier.kappa2
-    x, y = (1.07 * np.interp((120, 130), barrier.angle, values) for values in curve)
+    x, y = (1.07 * np.interp((120, 130), barrier.angle, part) for part in in_plane(barrier))
     style = {"ha": "center", "va": "center", "size": 8, "clip_on": True}
     style["rotation"] = np.rad2deg(np.arctan(np.ptp(y) / -np.ptp(x)))
     axes.text(x.mean(), y.mean(), f"no barrier left, but no escape in ${steps}$ steps", **style)

@@ -5,17 +5,19 @@ import numpy as np
 from matplotlib.colors import LogNorm
 from matplotlib.patches import ConnectionPatch
 
+from workflows.figures.planes import in_plane, label_plane
 from workflows.figures.style import CIRCLE_COLOURS, power
 
 # The paper's green triangles, red circles and blue squares, in colours that all can tell apart.
 _MARKS = list(zip("^osDvP", [CIRCLE_COLOURS[i] for i in (2, 1, 0, 3, 4, 5)], strict=True))
 
 
-def draw_quadrant(boundary, barrier):
-    """Draw the positive quadrant, Fig. 5."""
+def draw_rays(boundary, barrier, last=90):
+    """Draw the rays up to the last angle, by default the positive quadrant, Fig. 5."""
     figure, axes = plt.subplots(figsize=(7.5, 7.5), layout="constrained")
-    _draw_boundaries(axes, _up_to(boundary, 90), _up_to(barrier, 90))
-    axes.set(xlim=(0, None), ylim=(0, None))
+    _draw_boundaries(axes, _up_to(boundary, last), _up_to(barrier, last))
+    if last == 90:
+        axes.set(xlim=(0, None))
     axes.legend(loc="lower left")
     return figure, describe(boundary)
 
@@ -59,6 +61,8 @@ def describe(boundary):
     longest = boundary.isel(n=-1)
     parts = []
     for words, name in (("κ1 ↔ κ2", "swap"), ("κ1 → -κ1", "mirror")):
+        if name not in longest:
+            continue
         moved, factor = 100 * abs(longest[name]), np.exp(abs(longest[f"{name}_times"]))
         if moved.notnull().any():
             parts.append(
@@ -80,15 +84,15 @@ def _up_to(dataset, angle):
 
 
 def _draw_boundaries(axes, boundary, barrier):
-    axes.plot(barrier.kappa1, barrier.kappa2, color="black", lw=1.2, label=r"$\mathit{CB}_{gt}$")
+    axes.plot(*in_plane(barrier), color="black", lw=1.2, label=r"$\mathit{CB}_{gt}$")
     for i, n in enumerate(boundary.n.values.tolist()):
         marker, colour = _MARKS[i % len(_MARKS)]
         style = {"color": colour, "ms": 4, "mfc": "none", "clip_on": False}
         here, label = boundary.isel(n=i), f"$N = {power(n)}$"
         if silent := int(here.bias.isnull().sum()):
             label += f", no answer on {silent} of {here.angle.size} rays"
-        axes.plot(here.kappa1, here.kappa2, marker, label=label, **style)
-    axes.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$", aspect="equal")
+        axes.plot(*in_plane(here), marker, label=label, **style)
+    label_plane(axes, barrier)
     axes.set_title(f"Global transport of ${power(boundary.n_orbits)}$ orbits")
 
 

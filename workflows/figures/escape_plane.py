@@ -5,6 +5,7 @@ import numpy as np
 from matplotlib.colors import LogNorm
 from matplotlib.patheffects import withStroke
 
+from workflows.figures.planes import in_plane, label_plane, of_two_kicks
 from workflows.figures.style import CIRCLE_COLOURS, power, smoothed
 
 _BOUNDARY_COLOURS = ["black", CIRCLE_COLOURS[2], CIRCLE_COLOURS[5]]  # far from those of the field
@@ -12,17 +13,19 @@ _BOUNDARY_COLOURS = ["black", CIRCLE_COLOURS[2], CIRCLE_COLOURS[5]]  # far from 
 
 def draw_escape_plane(plane, steps):
     """Draw first escape times of the largest ensemble, and the boundary of each number of steps."""
-    height = np.ptp(plane.kappa2.values) / np.ptp(plane.kappa1.values)
+    x, y = in_plane(plane)
+    height = np.ptp(y.values) / np.ptp(x.values)
     figure, axes = plt.subplots(figsize=(10, 1.2 + 8 * min(1.2, height)), layout="constrained")
-    axes.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$", aspect="equal")
-    axes.set_title(
-        rf"Global transport: {int(plane.ensemble[-1])} orbits, up to "
-        rf"${power(plane.attrs['n_max'])}$ steps of $\mathcal{{T}}_{{\kappa_1\kappa_2}}$"
+    label_plane(axes, plane)
+    of = (
+        r"$\mathcal{T}_{\kappa_1\kappa_2}$" if of_two_kicks(plane) else plane.attrs["plane"]["name"]
     )
+    steps_of = f"up to ${power(plane.attrs['n_max'])}$ steps of {of}"
+    axes.set_title(f"Global transport: {int(plane.ensemble[-1])} orbits, {steps_of}")
     field = smoothed(draw_field(axes, plane))
     for n, colour, dash in zip(steps[::-1], _BOUNDARY_COLOURS, ("-", "--", ":"), strict=False):
         style = {"levels": [0.5], "linewidths": 1.6, "linestyles": dash, "colors": colour}
-        curve = axes.contour(plane.kappa1, plane.kappa2, field <= n, **style)
+        curve = axes.contour(x, y, field <= n, **style)
         curve.set_path_effects([withStroke(linewidth=3, foreground="white")])
         axes.plot([], [], dash, color=colour, label=f"$N = {power(n)}$, running median")
     figure.legend(loc="outside lower center", ncols=len(steps), frameon=False)
@@ -33,7 +36,7 @@ def draw_field(axes, plane):
     """Draw the field on a log scale, cells without escape light grey; return the field."""
     field = plane.escape_time.isel(ensemble=-1).values
     extent = []
-    for axis in (plane.kappa1.values, plane.kappa2.values):
+    for axis in (x.values for x in in_plane(plane)):
         half = (axis[1] - axis[0]) / 2
         extent += [axis[0] - half, axis[-1] + half]
     finite = np.where(np.isfinite(field), field, np.nan)

@@ -3,15 +3,18 @@
 import matplotlib.pyplot as plt
 import numpy as np
 
+from nasm.planes import plane_of
+from workflows.figures.planes import fill_inside, in_plane, label_plane, of_two_kicks
 from workflows.figures.style import class_colours, letters, mark_gaps
 
 _TIP = 0.90, 0.98  # of both strengths, in the inset
 
 
 def draw_last_barrier(barrier):
-    """Draw CB_gt in the upper half plane, coloured by the last circle.
+    """Draw CB_gt on the rays, coloured by the last circle.
 
-    Below: which circle that is, by angle; and how CB_gt falls from the tip at 45°.
+    Below: which circle that is, by angle; and how CB_gt falls from the tip at 45°, of two kicks, or
+    the bracket.
     """
     figure = plt.figure(figsize=(11, 9.4), layout="constrained")
     draw_panels(figure, barrier).set_title("Where the last barrier breaks")
@@ -26,32 +29,41 @@ def draw_panels(figure, barrier, region="0.92"):
     places, ratios = [["plane", "plane"], ["strip", "cusp"]], ([1.55, 1], [2, 1])
     panels = figure.subplot_mosaic(places, height_ratios=ratios[0], width_ratios=ratios[1])
     plane, strip, cusp = panels.values()
-    classes, colours = class_colours(barrier.angle.values, barrier.circle.values)
-    plane.fill_between(barrier.kappa1, barrier.kappa2, color=region, lw=0, zorder=0.5)
+    whole = max(shift for *_, shift in plane_of(barrier.attrs).symmetries)
+    classes, colours = class_colours(barrier.angle.values, barrier.circle.values, whole)
+    fill_inside(plane, barrier, region, lw=0, zorder=0.5)
     _draw_arcs(plane, barrier, classes, colours, 3)
-    _write_circles(plane, barrier, classes, colours)
-    plane.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$", aspect="equal", ylim=(0, None))
-    tip = plane.inset_axes([0.345, 0.09, 0.135, 0.27])
-    tip.fill_between(barrier.kappa1, barrier.kappa2, color=region, lw=0)
-    _draw_arcs(tip, barrier, classes, colours, 2)
-    tip.set(xlim=_TIP, ylim=_TIP, aspect="equal")
-    tip.set_title("the tip, framed", fontsize=8, pad=3)
-    plane.add_patch(plt.Rectangle((_TIP[0],) * 2, *(_TIP[1] - _TIP[0],) * 2, fill=False, lw=0.6))
-    bracket = plane.inset_axes([0.535, 0.09, 0.135, 0.27])
-    _draw_bracket(bracket, barrier)
-    for axes in (tip, bracket):
-        axes.tick_params(labelsize=7)
-    _draw_circle_strip(strip, barrier, classes, colours)
-    _draw_cusp(cusp, barrier, classes, colours)
+    label_plane(plane, barrier)
+    places = {}
+    if of_two_kicks(barrier):
+        places = dict(zip(colours, [90, 90, 90, 90, 15, 165], strict=False))  # the last are close
+        _write_circles(plane, barrier, classes, colours)
+        _draw_tip(plane, barrier, classes, colours, region)
+        bracket = plane.inset_axes([0.535, 0.09, 0.135, 0.27])
+        bracket.tick_params(labelsize=7)
+        _draw_cusp(cusp, barrier, classes, colours)
+    _draw_bracket(bracket if places else cusp, barrier)
+    _draw_circle_strip(strip, barrier, classes, colours, whole, places)
     letters(panels.values())
     return plane
 
 
+def _draw_tip(plane, barrier, classes, colours, region):
+    """Draw the tip of two kicks at 45° in an inset, and frame it in the plane."""
+    tip = plane.inset_axes([0.345, 0.09, 0.135, 0.27])
+    fill_inside(tip, barrier, region, lw=0)
+    _draw_arcs(tip, barrier, classes, colours, 2)
+    tip.set(xlim=_TIP, ylim=_TIP, aspect="equal")
+    tip.set_title("the tip, framed", fontsize=8, pad=3)
+    tip.tick_params(labelsize=7)
+    plane.add_patch(plt.Rectangle((_TIP[0],) * 2, *(_TIP[1] - _TIP[0],) * 2, fill=False, lw=0.6))
+
+
 def _draw_arcs(axes, barrier, classes, colours, size):
     """Draw CB_gt as a line and points, each in the colour of the last circle's class."""
-    axes.plot(barrier.kappa1, barrier.kappa2, color="0.4", lw=0.8, zorder=2)
+    axes.plot(*in_plane(barrier), color="0.4", lw=0.8, zorder=2)
     shades = [colours[name] for name in classes]
-    axes.scatter(barrier.kappa1, barrier.kappa2, c=shades, s=size**2, zorder=3)
+    axes.scatter(*in_plane(barrier), c=shades, s=size**2, zorder=3)
 
 
 def _write_circles(axes, barrier, classes, colours):
@@ -75,7 +87,8 @@ def _draw_bracket(axes, barrier):
     axes.plot(barrier.angle, upper, color="#D55E00", lw=0.8)
     axes.plot(barrier.angle, lower, color="#0072B2", lw=0.8)
     axes.axhline(0, color="black", lw=0.6)
-    axes.set(xlim=(0, 90), xticks=[0, 45, 90])
+    last = 90 if of_two_kicks(barrier) else int(barrier.angle[-1])
+    axes.set(xlim=(0, last), xticks=[0, last // 2, last])
     axes.margins(y=0.25)
     for place, side, words in ((0.98, "top", "no circle"), (0.02, "bottom", "certified circle")):
         axes.text(0.5, place, words, transform=axes.transAxes, ha="center", va=side, size=7)
@@ -103,21 +116,24 @@ def _draw_cusp(axes, barrier, classes, colours):
     axes.grid(lw=0.3)
 
 
-def _draw_circle_strip(axes, barrier, classes, colours):
-    """Draw which circle is the last, by angle: of ω and 1 - ω the larger."""
-    angle = barrier.angle.values
-    omega = np.maximum(barrier.omega.values, 1 - barrier.omega.values)
-    places = dict(zip(colours, [90, 90, 90, 90, 15, 165], strict=False))  # the last are close
+def _draw_circle_strip(axes, barrier, classes, colours, whole, places):
+    """Draw which circle is the last, by angle: of ω and its image `whole` - ω the larger."""
+    angle, omega = barrier.angle.values, barrier.omega.values
+    omega = np.maximum(omega, whole - omega) if whole else omega
     for name, colour in colours.items():
         here = classes == name
         axes.plot(angle[here], omega[here], ".", color=colour, ms=5)
         if colour.startswith("#") and here.any():
             style = {"ha": "center", "va": "center", "size": 9, "weight": "bold"}
             box = {"fc": "white", "ec": "none", "pad": 1}
-            axes.text(places[name], omega[here][0], name, color=colour, bbox=box, **style)
+            at = places.get(name, np.median(angle[here]))
+            axes.text(at, omega[here][0], name, color=colour, bbox=box, **style)
     mark_gaps(axes, angle, barrier.status.values != 1)
-    axes.set(xlabel=r"angle $\varphi$ of the ray (degrees)", xticks=range(0, 181, 45))
-    axes.set(ylabel=r"$\omega$ of the last circle, or $1 - \omega$")
-    words = r"$\omega$ from 0° to 90°, $1 - \omega$ beyond; on the axes the two tie"
-    axes.set_title(f"The last circle: {words}")
+    axes.set(xlabel=r"angle $\varphi$ of the ray (degrees)", xticks=np.arange(0, angle[-1] + 1, 45))
+    label, title = r"$\omega$ of the last circle", "The last circle"
+    if whole:
+        label += rf", or ${whole} - \omega$"
+    if places:
+        title += r": $\omega$ from 0° to 90°, $1 - \omega$ beyond; on the axes the two tie"
+    axes.set(ylabel=label, title=title)
     axes.grid(lw=0.3)

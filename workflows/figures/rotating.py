@@ -15,12 +15,11 @@ def draw_rotating_circles(circles, two, direct):
     """
     figure, axes = plt.subplots(figsize=(7, 7))
     fill_diamond(axes, two, r"$\mathit{CB}_{gt}$")
-    mean, amplitude = (circles.kappa1 + circles.kappa2) / 2, (circles.kappa1 - circles.kappa2) / 2
-    draw_circles(axes, circles, mean, amplitude)
+    draw_circles(axes, circles)
     for tip in _tips(axes, 0.7):
         fill_diamond(tip, two, None)
-        draw_circles(tip, circles, mean, amplitude)
-    _mark_gaps(axes, two, (45 - circles.angle) % 180, circles.critical_scale, "circle")
+        draw_circles(tip, circles)
+    _mark_gaps(axes, two, circles.critical_scale)
     _draw_onset(axes, two, direct)
     axes.set_title(r"Rotating standard map with $\Omega = 1/2$: $T_{\kappa_1\kappa_2}$")
     return _finished(figure, axes), (
@@ -46,7 +45,7 @@ def draw_rotating_tori(tori, two, direct):
         for i, vector in enumerate(tori.attrs["vectors"]):
             style = {"color": colour_of(i), "ls": ("-", "--", "-.")[i % 3], "lw": 1.1}
             draw_diamond(part, tori.isel(frequency=i), label=f"torus ({vector})", **style)
-    _mark_gaps(axes, two, tori.angle, tori.critical_scale, "frequency")
+    _mark_gaps(axes, two, tori.critical_scale)
     _draw_onset(axes, two, direct)
     axes.set_title(r"Tori of rotating standard maps, and the last circle of $T$")
     parts = [
@@ -72,7 +71,7 @@ def _effort(direct):
 
 def _outside(two, direct):
     """Say by how much direct iteration is biased, "3% to 5%"."""
-    excess = 100 * (direct.upper.isel(frequency=0).values / two.critical_scale.values - 1)
+    excess = 100 * (direct.upper.values / two.critical_scale.values - 1)
     return f"{excess.min():.0f}% to {excess.max():.0f}%"
 
 
@@ -97,20 +96,20 @@ def _tips(axes, inner):
     return right, top
 
 
-def _mark_gaps(axes, two, angle, scale, dim):
+def _mark_gaps(axes, two, scale):
     """Mark by × on CB_gt the rays on which some method has no answer."""
-    silent = two.sel(angle=angle[scale.isnull().any(dim).values], method="nearest")
+    unknown = scale.isnull().any([dim for dim in scale.dims if dim != "angle"])
+    silent = two.sel(angle=scale.angle[unknown.values], method="nearest")
     if silent.angle.size:
         points = _closed(silent.kappa_mean, silent.kappa_amplitude)
         axes.plot(*points, "x", color="0.3", ms=5, zorder=4, label="no answer on this ray")
 
 
 def _draw_onset(axes, two, direct):
-    _mark_gaps(axes, two, direct.angle, direct.upper, "frequency")
-    onset = direct.isel(frequency=0)
+    _mark_gaps(axes, two, direct.upper)
     # Next to the axes the rays are as close as the onset is uncertain: a fence of spikes.
-    away = np.abs((onset.angle.values + 45) % 90 - 45)
-    onset = onset.isel(angle=np.flatnonzero((away == 0) | (away > 2)))
+    away = np.abs((direct.angle.values + 45) % 90 - 45)
+    onset = direct.isel(angle=np.flatnonzero((away == 0) | (away > 2)))
     scale = onset.upper / onset.critical_scale
     label = rf"transport of $T$ within ${power(direct.attrs['n_max'])}$ steps"
     outline = _closed(scale * onset.kappa_mean, scale * onset.kappa_amplitude)

@@ -54,20 +54,23 @@ def known(breakdown):
     return breakdown.where(breakdown.error < 0.02 * breakdown.critical_scale)
 
 
-def circle_class(text):
-    """Return the text of ω in [1/2, 1] for that of ω in [0, 1]: by symmetry 1 - ω is as ω."""
+def circle_class(text, whole=1):
+    """Return the text of ω in [1/2, 1] for that of ω in [0, 1]: by symmetry 1 - ω is as ω.
+
+    whole : of ω and its image in the plane, P/2 if circles have one there, and else 0.
+    """
     from nasm.numbers import moebius, parse
 
     omega = parse(text) if text else None
-    return text if omega is None or float(omega) >= 0.5 else str(moebius(omega, -1, 1))
+    return text if omega is None or float(omega) >= whole / 2 else str(moebius(omega, -1, whole))
 
 
-def class_colours(angle, circles):
+def class_colours(angle, circles, whole=1):
     """Return the class of each ray's circle, and {class: colour}, the longest arc first.
 
     The six classes that are last on 1% of the angle or more have colours, the others greys.
     """
-    classes = np.array(list(map(circle_class, circles)))
+    classes = np.array([circle_class(text, whole) for text in circles])
     width = np.gradient(angle) / np.ptp(angle)
     shares = {name: width[classes == name].sum() for name in dict.fromkeys(classes.tolist())}
     ordered = sorted(filter(None, shares), key=lambda name: -shares[name])

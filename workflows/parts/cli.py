@@ -62,7 +62,10 @@ real = functools.partial(_number, click.FloatRange)
 
 
 def parsed(name, default, parse, metavar, help, multiple=False):
-    """Make an option whose text, or tuple of texts, `parse` reads or refuses by ValueError."""
+    """Make an option whose text, or tuple of texts, `parse` reads or refuses by ValueError.
+
+    name : of the option, or several with spaces between.
+    """
 
     def callback(context, parameter, text):
         try:
@@ -71,7 +74,7 @@ def parsed(name, default, parse, metavar, help, multiple=False):
             raise click.BadParameter(str(error)) from None
 
     told = {"show_default": True, "metavar": metavar, "help": help, "multiple": multiple}
-    return click.option(name, default=default, callback=callback, **told)
+    return click.option(*name.split(), default=default, callback=callback, **told)
 
 
 def axis(name, default, help):
@@ -100,20 +103,45 @@ def increasing(name, default, largest, help):
     return parsed(name, default, parse, "N[,N...]", help)
 
 
+def _plane(text):
+    from nasm.planes import from_json, parse
+
+    try:
+        return from_json(Path(text).read_bytes()) if text.endswith(".json") else parse(text)
+    except (OSError, ValueError) as error:
+        raise ValueError(f"{text}: {error}") from None
+
+
+plane_option = parsed(
+    "--plane",
+    "two-kicks",
+    _plane,
+    "PLANE",
+    "Plane of forcings: two-kicks, rotating:1/3,1/48 (frequency, phase), three-kicks:0.2 or "
+    "FILE.json.",
+)
+
+
 def ray_options(default):
-    """Make --angles and --tips, the rays of the upper half plane."""
+    """Make --angles and --tips, the rays that `rays.ray_angles` returns."""
     return together(
         whole("--angles", default, 2, 10**6, "Rays, from 0 to 180 degrees."),
-        whole("--tips", 8, 0, 1000, "More rays on each side of the cusps at 45 and 135 degrees."),
+        whole("--tips", 8, 0, 1000, "More rays on each side of two kicks' cusps, at 45, 135 deg."),
     )
 
 
 def plane_options(kappa1, kappa2, n_max, n_orbits, tile, levels):
-    """Make the options of a plane of escape times, as `plane.plane_of` takes them."""
+    """Make the options of a plane of escape times, as `plane.grid_of` takes them."""
     return together(
-        axis("--kappa1", kappa1, "First kick's strength: lower end, upper end, cells."),
-        axis("--kappa2", kappa2, "Second kick's strength, likewise."),
-        whole("--n-max", n_max, 1, 10**12, "Steps of two kicks up to which orbits are followed."),
+        axis("--kappa1 --first", kappa1, "First coordinate: lower end, upper end, cells."),
+        axis("--kappa2 --second", kappa2, "Second coordinate, likewise."),
+        whole(
+            "--n-max",
+            n_max,
+            1,
+            10**12,
+            "Steps (periods of the forcing) up to which orbits are followed.",
+        ),
         increasing("--n-orbits", str(n_orbits), 10**8, "Orbits; several: nested ensembles."),
         whole("--tile", tile, 1, 4096, "Cells along each side of a tile, the unit of work."),
         whole("--levels", levels, 1, 12, "Levels of refinement; 1 computes every cell."),
@@ -209,7 +237,13 @@ def writes(function):
         from workflows.parts.run import Run, place_of
 
         cluster = {"n_workers": workers, "scheduler": scheduler, "tls": tls}
-        return function(run=Run(out, place_of(out, store), cluster), **options)
+        run = Run(out, place_of(out, store), cluster)
+        try:
+            return function(run=run, **options)
+        except ValueError as error:
+            if run.started:
+                raise
+            raise click.UsageError(str(error)) from None
 
     return wrapped
 

@@ -7,6 +7,7 @@ import numpy as np
 import xarray as xr
 
 from nasm import orbits
+from nasm.planes import plane_of, two_kicks
 from nasm.symmetries import ray
 from nasm.verdict import Answer, verdict
 from pipeline import store
@@ -26,13 +27,14 @@ def steps_up_to(n_max):
 
 def bias_job(scales, sizes, n_max):
     """Return the job of the cube `escape_rays`: excesses from 1% to 100%, sixty a decade."""
-    return beyond("escape_rays", scales, np.geomspace(0.01, 1, 121), sizes, n_max)
+    return beyond("escape_rays", two_kicks(), scales, np.geomspace(0.01, 1, 121), sizes, n_max)
 
 
 def boundary_job(barrier, n_max, n_orbits):
     """Return the job of `direct_boundary`: one ensemble, thirty excesses a decade from 1%."""
     scales = dict(zip(barrier.angle.values.tolist(), barrier.critical_scale.values, strict=True))
-    return beyond("direct_boundary", scales, np.geomspace(0.01, 1, 61), [n_orbits], n_max)
+    plane, excesses = plane_of(barrier.attrs), np.geomspace(0.01, 1, 61)
+    return beyond("direct_boundary", plane, scales, excesses, [n_orbits], n_max)
 
 
 def inwards(run, job):
@@ -79,11 +81,12 @@ def exponent(n, bias):
 
 
 def boundary_dataset(found, barrier, steps):
-    """Find the boundary {n* ≤ N} on rays, dims (n, angle), and its asymmetry; see `asymmetry`.
+    """Find the boundary {n* ≤ N} on rays, dims (n, angle).
 
     critical_scale is s_N, bias s_N/s_c - 1; resolution is how much less s_N might be on the cube's
-    grid.
+    grid. For two kicks, its `asymmetry` too.
     """
+    plane = plane_of(found.attrs)
     breakup, angle = barrier.critical_scale.values, found.angle.values
     bias = direct_bias(found, steps).isel(ensemble=0).transpose("n", "angle").values
     scale = breakup * (1 + bias)
@@ -91,13 +94,15 @@ def boundary_dataset(found, barrier, steps):
     dims = "n", "angle"
     words = described("scale from which on some orbit escapes")
     relative = described("critical_scale in parts of the breakup, less 1")
+    at = strengths(dims, *np.moveaxis(scale[..., None] * ray(angle), -1, 0), plane.axes)
+    if plane == two_kicks():
+        at |= asymmetry(angle, scale, found.escape_time.isel(ensemble=0).values)
     return xr.Dataset(
         {
             "critical_scale": (dims, scale, words),
             "bias": (dims, bias, relative),
             "resolution": (dims, spacing * bias * breakup, described("spacing of the scales")),
-            **strengths(dims, *np.moveaxis(scale[..., None] * ray(angle), -1, 0)),
-            **asymmetry(angle, scale, found.escape_time.isel(ensemble=0).values),
+            **at,
         },
         {
             "n": ("n", steps, described("steps N")),
@@ -105,6 +110,7 @@ def boundary_dataset(found, barrier, steps):
             "excess": found.excess,
         },
         {
+            **plane.record,
             "title": "Boundary of global transport by direct iteration",
             "n_orbits": int(found.ensemble[0]),
             "spacing": spacing,

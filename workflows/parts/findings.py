@@ -2,32 +2,37 @@
 
 import numpy as np
 
+from nasm.planes import plane_of, two_kicks
 from nasm.symmetries import ray
-from workflows.parts.rays import with_tie
+from workflows.parts.rays import named
 
 _NAMED = 6  # circles that are named with their share
 
 
 def boundary_found(barrier):
-    """Say where CB_gt is on the axes and the diagonals, which circles share it, and how sure it is.
+    """Say which circles share CB_gt, how sure it is, and where it is on two kicks' axes, diagonals.
 
-    barrier : table of `rays.unfolded`, of rays from 0 to 180 degrees.
+    barrier : table of `barrier.unfolded`, of rays from 0 to 180 or 360 degrees.
     """
-    places = []
+    two = plane_of(barrier.attrs) == two_kicks()
+    places, last, where = [], 360, f"up to {float(barrier.angle[-1]):g}°"
+    if two:
+        last, where = 45, "from 0° to 45° (all else are mirror images)"
     for name, angle in (("axes", 0.0), ("diagonals |κ1| = |κ2|", 45.0)):
-        if (barrier.angle == angle).any():
+        if two and (barrier.angle == angle).any():
             here = barrier.sel(angle=angle)
             kappa, error = (float(here[key]) * ray(angle)[0] for key in ("critical_scale", "error"))
-            circle = with_tie(here.circle.item(), angle)
+            circle = named(here.circle.item(), here.tied.item())
             places.append(f"{kappa:.10g} ± {error:.0e} on the {name} (last circle: {circle})")
-    shares = _shares(barrier)
+    shares = _shares(barrier.isel(angle=np.flatnonzero(barrier.angle <= last)))
     large = [entry for entry in shares if entry[1] >= 0.01][:_NAMED]
-    named = ", ".join(f"{circle} {100 * share:.0f}%" for circle, share in large)
+    share = ", ".join(f"{circle} {100 * share:.0f}%" for circle, share in large)
     others = len(shares) - len(large)
     width = (barrier.upper - barrier.lower) / barrier.critical_scale
+    begins = f"Global transport begins at κ = {'; '.join(places)}. " if two else ""
     return (
-        f"Global transport begins at κ = {'; '.join(places)}. The last circle to "
-        f"break is, by share of the angle from 0° to 45° (all else are mirror images): {named}"
+        f"{begins}The last circle to "
+        f"break is, by share of the angle {where}: {share}"
         f"{f', and {others} others' if others > 0 else ''}. On {barrier.angle.size} rays the "
         "boundary lies between a certified circle and converse KAM, in the median "
         f"{float(width.median()):.1e} of the scale apart, at most {float(width.max()):.1e}; "
@@ -36,12 +41,11 @@ def boundary_found(barrier):
 
 
 def _shares(barrier):
-    """List (circle, its part of the wedge from 0° to 45°), the largest first."""
-    wedge = barrier.isel(angle=np.flatnonzero((barrier.angle <= 45).values))
-    angle = wedge.angle.values
+    """List (circle, its part of the angle), the largest first."""
+    angle = barrier.angle.values
     borders = np.r_[angle[0], (angle[1:] + angle[:-1]) / 2, angle[-1]]
     share = {}
-    for circle, width in zip(wedge.circle.values.tolist(), np.diff(borders), strict=True):
+    for circle, width in zip(barrier.circle.values.tolist(), np.diff(borders), strict=True):
         key = circle or "undecided"
         share[key] = share.get(key, 0.0) + width / (borders[-1] - borders[0])
     return sorted(share.items(), key=lambda item: -item[1])
@@ -81,10 +85,14 @@ def field_found(field):
         here = times.sel(ensemble=size)
         shares = [f"{100 * float((here <= n).mean()):.1f}% within {n}" for n in steps]
         parts.append(f"of {size} orbits in {' and '.join(shares)}")
-    first = float(times.min())
+    names, first = field.attrs["plane"]["axes"], float(times.min())
+    names = ("κ1", "κ2") if plane_of(field.attrs) == two_kicks() else names
+    ranges = ", ".join(
+        f"{n} = {_ends(times[dim])}" for n, dim in zip(names, times.dims[:0:-1], strict=True)
+    )
     return (
-        "Some orbit escapes, which is global transport, in these parts of the plane κ1 = "
-        f"{_ends(field.kappa1)}, κ2 = {_ends(field.kappa2)}: {'; '.join(parts)} steps. The "
+        f"Some orbit escapes, which is global transport, in these parts of the plane {ranges}: "
+        f"{'; '.join(parts)} steps. The "
         f"earliest escape takes {first:g} steps. Where none escapes nothing is shown: with more "
         "steps the boundary moves inwards like N^(-1/3)."
     )

@@ -3,6 +3,7 @@
 import numpy as np
 import xarray as xr
 
+from nasm.planes import plane_of
 from pipeline.cubes.flux import through_last_circle
 
 
@@ -15,7 +16,7 @@ def job(barrier, excesses, q_max):
     """Return the job of the cube `flux` on the rays of a table of last barriers."""
     rays = barrier.to_dataframe()
     scales, circles = rays.critical_scale.to_dict(), rays.circle.to_dict()
-    return through_last_circle(scales, circles, excesses, q_max)
+    return through_last_circle(plane_of(barrier.attrs), scales, circles, excesses, q_max)
 
 
 def law(excess, flux):

@@ -4,6 +4,7 @@ import numpy as np
 import xarray as xr
 
 from nasm import fixed_points
+from nasm.planes import TWO_KICKS_AXES
 from workflows.parts.tables import described
 
 _SOURCE = "arXiv:1606.04824, Sec. IV.A"
@@ -50,5 +51,4 @@ def secondary_dataset(axis):
 
 
 def _plane(axis):
-    kicks = {"kappa1": "strength of the first kick", "kappa2": "strength of the second kick"}
-    return {name: (name, axis.centres, described(words)) for name, words in kicks.items()}
+    return {name: (name, axis.centres, described(words)) for name, words in TWO_KICKS_AXES.items()}

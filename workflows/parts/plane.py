@@ -1,4 +1,4 @@
-"""The field of first escape times over the (κ1, κ2) plane, refined where its boundaries run."""
+"""The field of first escape times over a plane, refined where its boundaries run."""
 
 from dataclasses import dataclass, replace
 
@@ -7,6 +7,7 @@ import numpy as np
 import xarray as xr
 
 from nasm.escape import boundary
+from nasm.planes import Plane
 from nasm.symmetries import ray
 from pipeline import store
 from pipeline.cubes import escape
@@ -15,10 +16,11 @@ from pipeline.sweep.grid import Axis
 
 
 @dataclass(frozen=True)
-class Plane:
+class Grid:
     """What to compute.
 
-    kappa1, kappa2 : axes of the finest grid.
+    plane : of forcings.
+    axes : of the finest grid, along the plane's two.
     n_max : steps up to which orbits are followed.
     n_orbits : increasing sizes of the nested ensembles.
     tile : cells along each side of a tile.
@@ -26,8 +28,8 @@ class Plane:
     follow : increasing N of the boundaries {n* ≤ N} that the levels follow.
     """
 
-    kappa1: Axis
-    kappa2: Axis
+    plane: Plane
+    axes: tuple[Axis, Axis]
     n_max: int
     n_orbits: list[int]
     tile: int
@@ -45,8 +47,8 @@ class Plane:
         return sorted({max(1, self.n_max // 10), max(1, self.n_max // 2), self.n_max})
 
 
-def plane_of(kappa1, kappa2, n_max, n_orbits, tile, levels, follow):
-    """Return the Plane of `cli.plane_options`; a usage error if they do not fit together."""
+def grid_of(plane, kappa1, kappa2, n_max, n_orbits, tile, levels, follow):
+    """Return the Grid of `cli.plane_options`; a usage error if they do not fit together."""
     follow, coarsest = follow or [n_max], 2 ** (levels - 1)
     for name, axis in (("--kappa1", kappa1), ("--kappa2", kappa2)):
         if axis.n % coarsest:
@@ -58,43 +60,41 @@ def plane_of(kappa1, kappa2, n_max, n_orbits, tile, levels, follow):
     if follow[-1] > n_max:
         words = f"N={follow[-1]} must be at most n-max={n_max}"
         raise click.BadParameter(words, param_hint="--follow")
-    return Plane(kappa1, kappa2, n_max, n_orbits, tile, levels, follow)
+    return Grid(plane, (kappa1, kappa2), n_max, n_orbits, tile, levels, follow)
 
 
-def planned(plane):
+def planned(grid):
     """Return the job of the cube `escape`: all cells, or the plan of its composed levels."""
-    finest = _level_job(plane, "escape", plane.levels - 1)
-    if plane.levels == 1:
+    finest = _level_job(grid, "escape", grid.levels - 1)
+    if grid.levels == 1:
         return finest
-    return replace(finest, cube=escape.composed(finest.cube, plane.levels, plane.follow))
+    return replace(finest, cube=escape.composed(finest.cube, grid.levels, grid.follow))
 
 
-def _level_job(plane, name, level):
-    factor = refine.FACTOR ** (plane.levels - 1 - level)
-    axes = [axis.coarsened(factor) for axis in (plane.kappa1, plane.kappa2)]
-    return escape.plane(name, *axes, plane.n_orbits, plane.n_max, plane.tile)
+def _level_job(grid, name, level):
+    factor = refine.FACTOR ** (grid.levels - 1 - level)
+    axes = [axis.coarsened(factor) for axis in grid.axes]
+    return escape.over_plane(name, grid.plane, axes, grid.n_orbits, grid.n_max, grid.tile)
 
 
-def escape_plane(run, plane):
+def escape_plane(run, grid):
     """Compute the field of first escape times, and return the cube `escape` as a Dataset.
 
     With one level the cube holds every cell. With more every level is a cube of its own,
     `escape_level0` and so on, and `escape` is composed of them, with the `level` of each cell.
     """
-    if plane.levels == 1:
-        return run.sweep(planned(plane))
+    if grid.levels == 1:
+        return run.sweep(planned(grid))
 
     def compute(level, wanted):
-        return run.sweep(
-            _level_job(plane, f"escape_level{level}", level), wanted
-        ).escape_time.values
+        return run.sweep(_level_job(grid, f"escape_level{level}", level), wanted).escape_time.values
 
     def is_within(field):
-        return np.concatenate([field <= n for n in plane.follow])
+        return np.concatenate([field <= n for n in grid.follow])
 
-    composed = refine.refine(compute, is_within, plane.levels, plane.tile)
-    finest = _level_job(plane, "escape", plane.levels - 1).cube
-    cube = escape.composed(finest, plane.levels, plane.follow, *composed)
+    composed = refine.refine(compute, is_within, grid.levels, grid.tile)
+    finest = _level_job(grid, "escape", grid.levels - 1).cube
+    cube = escape.composed(finest, grid.levels, grid.follow, *composed)
     return run.keep(cube.name, cube.template, cube.tile, **cube.settings)
 
 
@@ -104,7 +104,7 @@ def tiles_wanted(place, number):
         return None
     field = store.read(place, "escape")
     cells = field.attrs["cells_per_tile"] * refine.FACTOR ** (field.attrs["levels"] - 1 - number)
-    width = {"kappa1": cells, "kappa2": cells}
+    width = dict.fromkeys(field.level.dims, cells)
     return int((field.level.coarsen(width, boundary="pad").max() >= number).sum())
 
 
@@ -113,20 +113,21 @@ def boundary_table(dataset, angles, steps):
 
     critical_scale is the distance from the origin, resolution the cell's width there.
     """
-    field = dataset.escape_time.isel(ensemble=-1)
-    axes = dataset.kappa1.values, dataset.kappa2.values
+    field = dataset.escape_time.isel(ensemble=-1).load()
+    names = field.dims[::-1]
+    axes = [field[name].values for name in names]
     scale = xr.DataArray(
         [boundary(field.values, *axes, angles, n) for n in steps],
         {"n": steps, "angle": angles},
         ("n", "angle"),
     )
-    kappa1, kappa2 = (scale * xr.DataArray(part, dims="angle") for part in ray(angles).T)
-    table = xr.Dataset({"kappa1": kappa1, "kappa2": kappa2, "critical_scale": scale})
+    parts = [scale * xr.DataArray(part, dims="angle") for part in ray(angles).T]
+    table = xr.Dataset(dict(zip(names, parts, strict=True))).assign(critical_scale=scale)
     cell = max(np.ptp(axis[:2]) for axis in axes)
     if "level" in dataset:
         level = dataset.level
-        there = table[["kappa1", "kappa2"]].fillna(0)  # NaN has no nearest cell
-        here = level.sel(kappa1=there.kappa1, kappa2=there.kappa2, method="nearest")
-        cell = cell * 2.0 ** (level.max() - here.drop_vars(["kappa1", "kappa2"]))
+        there = {name: table[name].fillna(0) for name in names}  # NaN has no nearest cell
+        here = level.sel(there, method="nearest").drop_vars(names)
+        cell = cell * 2.0 ** (level.max() - here)
     table["resolution"] = cell + 0 * scale
     return table

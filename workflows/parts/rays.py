@@ -1,47 +1,53 @@
-"""Rays of the planes (κ1, κ2) and (κ̄, Δκ), and what cubes say about them.
+"""Rays of planes of forcings, and what cubes say about them."""
 
-κ = s·(cos φ, sin φ). CB_gt has the symmetries of the square (arXiv:1606.04824, Sec. III), so that
-the cube `barrier` holds the images of rays in the wedge 0 ≤ κ2 ≤ κ1, and is unfolded when read.
-"""
+from fractions import Fraction
 
 import numpy as np
+import xarray as xr
 
 from nasm.numbers import NAMES, parse
-from pipeline.cubes.barrier import tie, unfolded
-from workflows.parts.tables import ANGLE, described
+from nasm.planes import two_kicks
+from pipeline.cubes.barrier import tie
+from workflows.parts.tables import described
 
 PAPER_CIRCLES = sorted(map(parse, NAMES), key=float)
 
 
-def ray_angles(n, tips):
-    """Return n angles from 0 to 180 degrees, 45° and 135°, and `tips` more on each side of those.
+def ray_angles(plane, n, tips):
+    """Return n angles from 0 to 180 degrees, or to 360 in a plane where κ and -κ differ.
 
-    Those are spaced logarithmically, from 2 to 0.02 degrees away; the boundary has cusps there.
+    For two kicks 45° and 135°, too, where the boundary has cusps, and `tips` more on each side of
+    those, spaced logarithmically, from 2 to 0.02 degrees away.
     """
+    half = any(turn == 180 and not mirrored for mirrored, turn, _ in plane.symmetries)
+    spread = np.linspace(0, 180 if half else 360, n)
+    if plane != two_kicks():
+        return np.unique(spread.round(9))
     away = np.append(np.geomspace(2.0, 0.02, tips), 0.0)
     near = np.concatenate([[45 - away, 45 + away], [135 - away, 135 + away]]).ravel()
-    return np.unique(np.concatenate([np.linspace(0, 180, n), near]).round(9))
+    return np.unique(np.concatenate([spread, near]).round(9))
 
 
 def rotated_rays(n, tips):
-    """Return the rays of `ray_angles` as angles θ = 45° - φ of the (κ̄, Δκ) plane."""
-    return np.unique(np.append((45 - ray_angles(n, tips)) % 180, 180.0).round(9))
+    """Return the rays of two kicks as angles θ = 45° - φ of the (κ̄, Δκ) plane."""
+    return np.unique(np.append((45 - ray_angles(two_kicks(), n, tips)) % 180, 180.0).round(9))
 
 
 def with_tie(circle, angle):
-    """Return the text of ω, and of the one that is tied with it."""
-    other = tie(circle, angle)
-    return f"{circle}, tied with {other}" if other else circle or "undecided"
+    """Return the text of ω, and of the one that is tied with it on that ray of two kicks."""
+    return named(circle, tie(two_kicks(), circle, angle))
 
 
-def two_kicks(barrier, angles):
-    """Return CB_gt on rays (κ̄, Δκ) = s·(cos θ, sin θ), from the cube `barrier` of 45° - θ."""
-    two = unfolded(barrier, 45 - angles)
-    two["kappa_mean"] = (two.kappa1 + two.kappa2) / 2
-    two["kappa_amplitude"] = (two.kappa1 - two.kappa2) / 2
-    for name in ("critical_scale", "error", "lower", "upper"):
-        two[name] = two[name].copy(data=two[name] / np.sqrt(2))
-    return two.assign_coords(angle=("angle", angles, ANGLE))
+def named(circle, tied):
+    """Return the text of ω, and of the one that is tied with it, if there is one."""
+    return f"{circle}, tied with {tied}" if tied else circle or "undecided"
+
+
+def by_phase(cubes):
+    """Join cubes on rays of several phases of a rotating map, {text of the phase: Dataset}."""
+    words = described("phase φ0 of the first kick, in turns", exact=list(cubes))
+    phase = xr.Variable("phase", [float(Fraction(text)) for text in cubes], words)
+    return xr.concat(cubes.values(), phase, combine_attrs="override")
 
 
 def with_ratio(cube, scale, of, name="ratio"):

@@ -44,7 +44,7 @@ class Run:
 
     def __init__(self, out, place, cluster=None):
         self.out, self.place, self.cluster = out, place, cluster
-        self.client = None
+        self.client, self.started = None, False
         self.sweeps, self.begun = 1, {}
         self.line, self.expected = None, {}
         self.words, self.written = [], {}
@@ -53,6 +53,7 @@ class Run:
     def driving(self):
         """Hold the place as its one driver; at the end print what was found, and where it is."""
         with explained(self.place), store.driving(self.place):
+            self.started = True
             os.makedirs(self.out, exist_ok=True)
             announce_kernels()
             yield self

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from nasm.planes import TWO_KICKS_AXES
 from pipeline.cubes.cube import FLAGS
 
 
@@ -13,12 +14,10 @@ def described(long_name, units="1", **more):
 ANGLE = described("direction of the ray in the plane", "degree")
 
 
-def strengths(dims, kappa1, kappa2):
-    """Return the variables kappa1 and kappa2, labelled."""
-    return {
-        "kappa1": (dims, kappa1, described("strength of the first kick")),
-        "kappa2": (dims, kappa2, described("strength of the second kick")),
-    }
+def strengths(dims, a, b, axes=TWO_KICKS_AXES):
+    """Return the variables of a plane's axes, kappa1 and kappa2 by default, labelled."""
+    named = zip(axes.items(), (a, b), strict=True)
+    return {name: (dims, values, described(words)) for (name, words), values in named}
 
 
 def listed(dim, *names):

@@ -1,0 +1,130 @@
+"""Planes of forcings: their symmetries are those of breakups, and bad ones are refused."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+from nasm import continuation, planes, symmetries
+from nasm.maps import rotating_forcing
+from nasm.numbers import moebius, parse
+from nasm.orbits import rotation_number
+from nasm.planes import Plane
+
+AXES = {"kappa_a": "one", "kappa_b": "another"}
+FIRST, SECOND = (0.6, -0.2, 0.3, 0.9), (0.1, 0.7, -0.5, 0.4)
+GENERIC = Plane("generic", AXES, (0, 0, 0, 0), FIRST, SECOND)
+TWO = planes.two_kicks()
+
+
+def breakup(plane, angle, omega):
+    start, profile = plane.ray(angle)
+    assert not start.any()
+    return continuation.critical_scale(omega, profile, 3e-3).value
+
+
+@pytest.mark.parametrize(
+    ("plane", "n_images"),
+    [
+        (TWO, 8),
+        (planes.rotating("1/2"), 8),
+        (planes.rotating("1/3"), 2),
+        (planes.rotating("1/3", "1/12"), 4),
+        (planes.rotating("1/3", "1/48"), 2),
+        (GENERIC, 2),
+    ],
+)
+def test_circles_break_together_on_the_rays_that_symmetry_makes_images(plane, n_images):
+    assert len(plane.symmetries) == n_images
+    angle, omega = 25.0, parse("[0;2,3,(1)]")
+    scale, images = breakup(plane, angle, omega), plane.unfold(angle)
+    for image, (*_, shift) in zip(images, plane.symmetries, strict=True):
+        assert breakup(plane, image, moebius(omega, 1, shift)) == pytest.approx(scale, rel=5e-3)
+    assert (plane.fold(images)[0] == plane.fold(angle)[0]).all()
+    for other in {*TWO.unfold(angle).tolist()} - {*images.tolist()}:
+        on_ray = [breakup(plane, other, moebius(omega, 1, n)) for n in {0, len(plane.origin) // 2}]
+        assert not np.isclose(on_ray, scale, rtol=1e-2).any()
+
+
+def test_a_plane_with_an_origin_has_no_symmetry_but_what_leaves_that_alone():
+    assert Plane("off", AXES, (0.1, 0.2, 0, 0), FIRST, SECOND).symmetries == ((False, 0, 0),)
+    # (κ1, κ2, 0.2) backwards is (0.2, κ2, κ1), a shift of (κ2, κ1, 0.2).
+    assert planes.three_kicks(0.2).unfold(30).tolist() == [30, 60]
+
+
+@settings(deadline=None, max_examples=20)
+@given(angle=st.floats(-360, 720))
+def test_fold_says_where_the_symmetries_take_a_ray_and_its_circles(angle):
+    assume(min(angle % 45, -angle % 45) > 1e-6)  # on an axis or diagonal two answers are right
+    (x, y), (folded, omega_shift) = (0.1, 0.31), TWO.fold(angle)
+    kappa = z = 0.05 * TWO.ray(angle)[1], x, y
+    if kappa[0].prod() < 0:
+        z = symmetries.alternate(*z)
+    if z[0].sum() < 0:
+        z = symmetries.negate(*z)
+    if z[0][1] > z[0][0]:
+        z = symmetries.shift(*z)
+    assert 0 <= folded <= 45
+    assert np.rad2deg(np.arctan2(z[0][1], z[0][0])) == pytest.approx(folded, abs=2e-9)
+    moved = rotation_number(*z, 10_000)[0] - rotation_number(*kappa, 10_000)[0]
+    # Near a resonance ω has few digits, but more than it takes to tell whole numbers apart.
+    assert np.remainder(moved - omega_shift + 1, 2) == pytest.approx(1, abs=1e-4)
+
+
+def test_two_kicks_unfold_to_the_eight_rays_of_the_square():
+    a, b = TWO.ray(30)[1].tolist()
+    angles = TWO.unfold(30)
+    square = {(i * p, j * q) for i in (1, -1) for j in (1, -1) for p, q in [(a, b), (b, a)]}
+    found = TWO.ray(angles)[1]
+    assert {*map(tuple, found.round(9).tolist())} == {(round(p, 9), round(q, 9)) for p, q in square}
+    # Half of them, where κ1 and κ2 have opposite signs, carry the circle of ω + 1.
+    assert TWO.fold(angles)[1].tolist() == (found.prod(axis=-1) < 0).tolist()
+
+
+def test_a_rotating_plane_has_the_forcings_of_the_rotating_map():
+    plane = planes.parse("rotating:2/5,1/48")
+    kappas = plane.forcing([0.3, -0.1], 0.7)
+    assert_allclose(kappas[1], rotating_forcing(-0.1, 0.7, "2/5", 1 / 48), rtol=0, atol=1e-15)
+    assert planes.rotating("1/8", "1/8").second[1::2] == (0, -1, 0, 1)
+    assert planes.plane_of(json.loads(json.dumps(plane.record))) == plane
+    hashes = {planes.parse(text).record["plane_hash"] for text in ("two-kicks", plane.name)}
+    assert len(hashes) == 2
+
+
+GOOD = {"name": "mine", "axes": AXES, "origin": (0, 0), "first": (1, 0), "second": (1, 1)}
+
+
+@pytest.mark.parametrize(
+    ("bad", "message"),
+    [
+        ({"second": (2, 0)}, "first=(1.0, 0.0) and second=(2.0, 0.0) are dependent"),
+        ({"second": (0, 0)}, "are dependent; a plane needs two directions"),
+        (
+            {"origin": (0, 0, 0)},
+            "have [3, 2, 2] strengths; they must have one",
+        ),
+        (dict.fromkeys(("origin", "first", "second"), (1,) * 65), "have [65, 65, 65] strengths"),
+        (dict.fromkeys(("origin", "first", "second"), (1,)), "have [1, 1, 1] strengths"),
+        ({"first": (1, np.nan)}, "first: kappa=(1, nan) is not finite"),
+        ({"origin": "00"}, "origin: kappa='00' is not made of real numbers"),
+        ({"name": ""}, "name='' must be a text"),
+        ({"axes": {"kappa1": "one"}}, "must be two names that begin with kappa"),
+        ({"axes": {"angle": "one", "kappa2": "two"}}, "must be two names that begin with kappa"),
+        ({"axes": ["kappa1", "kappa2"]}, "axes=['kappa1', 'kappa2'] must be"),
+        ("two kicks", "'two kicks' is no plane; write two-kicks, rotating:FREQUENCY"),
+        ("three-kicks:", "'three-kicks:' is no plane"),
+        ("three-kicks:a", "third='a' is no fraction"),
+        ("rotating:1/3,1/4,1", "is no plane"),
+        ("rotating:1/0", "frequency='1/0' is no fraction"),
+        ("rotating:1/65", "have [65, 65, 65] strengths"),
+        ("rotating:2", "have [1, 1, 1] strengths"),
+        ("rotating:1/2,1/4", "are dependent"),
+    ],
+)
+def test_what_is_no_plane_is_refused_by_name(bad, message):
+    with pytest.raises(ValueError, match=re.escape(message)):
+        planes.parse(bad) if isinstance(bad, str) else Plane(**GOOD | bad)

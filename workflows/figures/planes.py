@@ -1,0 +1,36 @@
+"""What figures of planes of forcings share, whatever the plane is."""
+
+from nasm.planes import plane_of, two_kicks
+
+# Symbols for what the planes of the paper call their axes.
+_SYMBOLS = {
+    "strength of the first kick": r"$\kappa_1$",
+    "strength of the second kick": r"$\kappa_2$",
+    "mean strength κ̄": r"$\bar\kappa$",
+    "amplitude Δκ of the strengths": r"$\Delta\kappa$",
+}
+
+
+def of_two_kicks(dataset):
+    """Whether the plane is that of two kicks, which alone has some parts of figures."""
+    return plane_of(dataset.attrs) == two_kicks()
+
+
+def in_plane(dataset):
+    """Return the two coordinates, or variables, that say where in its plane a dataset is."""
+    return [dataset[name] for name in dataset.attrs["plane"]["axes"]]
+
+
+def label_plane(axes, dataset):
+    """Label the axes of the plane, which have one scale; rays up to 180° have its upper half."""
+    words = dataset.attrs["plane"]["axes"].values()
+    labels = zip(("xlabel", "ylabel"), [_SYMBOLS.get(text, text) for text in words], strict=True)
+    axes.set(**dict(labels), aspect="equal")
+    if "angle" in dataset and dataset.angle[-1] <= 180:
+        axes.set_ylim(0, None)
+
+
+def fill_inside(axes, barrier, colour, **style):
+    """Fill the region where barriers are left."""
+    fill = axes.fill if barrier.angle[-1] > 180 else axes.fill_between
+    fill(*in_plane(barrier), color=colour, **style)
