@@ -8,6 +8,19 @@ import numpy as np
 
 matplotlib.use("agg")
 
+_SYMBOLS = {
+    "kappa1": r"$\kappa_1$",
+    "kappa2": r"$\kappa_2$",
+    "kappa_mean": r"$\bar\kappa$",
+    "kappa_amplitude": r"$\Delta\kappa$",
+}
+
+
+def symbol(axis):
+    """Return the name of an axis of a plane in TeX, if it has one."""
+    return _SYMBOLS.get(axis, axis)
+
+
 # Okabe & Ito, safe for colour-blind readers.
 CIRCLE_COLOURS = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"]
 

@@ -100,6 +100,17 @@ def increasing(name, default, largest, help):
     return parsed(name, default, parse, "N[,N...]", help)
 
 
+def plane_option(default, help):
+    """Make --plane, which gives a `nasm.planes.Plane`, or None."""
+
+    def parse(text):
+        from nasm.planes import parse
+
+        return text and parse(text)
+
+    return parsed("--plane", default, parse, "PLANE", help)
+
+
 def ray_options(default):
     """Make --angles and --tips, the rays of the upper half plane."""
     return together(
