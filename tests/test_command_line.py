@@ -64,6 +64,10 @@ def test_help_needs_no_numpy_and_so_comes_at_once():
         ("three_kicks", "--phase 1/0", "must be a fraction from 0 to below 1"),
         ("three_kicks", "--phase 1/2 --phase 2/4", "two phases are equal"),
         ("ask", "1e7 0", "not finite or too large"),
+        ("ask", "--plane rotating:1/3 0.3", "has two, kappa_mean and kappa_amplitude"),
+        ("ask", "--plane rotating:1/100 0.3 0.2", "from 2 to 64"),
+        ("ask", "0.3 --sequence pyproject.toml", "leave KAPPA"),
+        ("ask", "--sequence pyproject.toml", "could not convert"),
         ("last_barrier", "--scheduler tcp://127.0.0.1:9 --workers 1", "leave --workers out"),
     ],
 )

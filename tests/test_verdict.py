@@ -145,9 +145,9 @@ def test_a_proof_is_evidence_of_its_own(kappa, evidence):
     assert found.proof.proved
     assert found.answer is sampled.answer
     assert sampled.evidence in (Evidence.CIRCLE, Evidence.CONES)
-    told = " ".join(ask.sentences(kappa, found, None))
+    told = " ".join(ask.sentences(np.array(kappa), None, found, None))
     assert "proved for exactly this forcing" in told
-    assert "proved" not in " ".join(ask.sentences(kappa, sampled, None))
+    assert "proved" not in " ".join(ask.sentences(np.array(kappa), None, sampled, None))
 
 
 @pytest.mark.usefixtures("briefly")
@@ -160,7 +160,9 @@ def test_a_proof_that_fails_changes_nothing_and_says_why(monkeypatch, kappa, evi
     found = verdict(kappa, prove=True)
     assert found.evidence is evidence
     assert not found.proof.proved
-    assert "A proof was tried: not proved: " in " ".join(ask.sentences(kappa, found, None))
+    assert "A proof was tried: not proved: " in " ".join(
+        ask.sentences(np.array(kappa), None, found, None)
+    )
 
 
 def run(*arguments):
@@ -189,6 +191,17 @@ def test_the_answer_in_words_and_as_a_figure(tmp_path, point, told):
     assert (tmp_path / f"out/{name}.txt").read_text(encoding="utf-8") in result.output
 
 
+def test_strengths_a_point_of_a_plane_and_a_file_ask_the_same(tmp_path):
+    (tmp_path / "period.txt").write_text("0.3, 0.2\n0.25\n")
+    asked = ["0.3", "0.2", "0.25"], ["--sequence", tmp_path / "period.txt"]
+    asked += (["0.3", "--plane", "three-kicks:0.25", "0.2"],)
+    results = [run(*words, "--out", tmp_path) for words in asked]
+    told = [result.output.partition(": ")[2].partition("figures")[0] for result in results]
+    assert "a rotational invariant circle is left" in told[0]
+    assert told[0] == told[1] == told[2]
+    assert len(list(tmp_path.glob("ask_*.png"))) == 3
+
+
 def test_without_python_flint_asking_for_a_proof_says_what_to_install(monkeypatch, tmp_path):
     monkeypatch.setattr("nasm.proof_barrier.arb", None)
     result = run("0.3", "0.4", "--prove", "--out", tmp_path)
@@ -197,8 +210,8 @@ def test_without_python_flint_asking_for_a_proof_says_what_to_install(monkeypatc
 
 
 def test_the_circle_is_drawn_over_the_whole_period():
-    kappa = (0.3, 0.4)
-    figure = draw_verdict(ask.portrait_of(kappa, verdict(kappa), None))
+    kappa = np.array([0.3, 0.4])
+    figure = draw_verdict(ask.portrait_of(kappa, None, verdict(kappa), None))
     (circle,) = [line for line in figure.axes[0].lines if line.get_label().startswith("$")]
     x, y = circle.get_data()
     assert x[0] <= 0 < 1 <= x[-1]

@@ -5,21 +5,24 @@ circle, or an orbit that escapes. One forcing, no sweep.
 """
 
 import os
+from pathlib import Path
 
 import click
 
-from workflows.parts.cli import announce_kernels, command, out_option
+from workflows.parts.cli import announce_kernels, command, out_option, point_option
 
 _STARTS, _STEPS = 64, 10**6  # of direct iteration; it only illustrates
+_POINTS = 2**20  # of orbits among which one is looked for that escapes
 _NEAR = 0.96  # where the boundary is nearer, no orbit escapes: none did on 12 rays, 4% beyond
 _INSIDE = 0.95  # of the breakup, where the last circle is drawn that broke
+_SHOWN = 8  # kicks that are named one by one
 
 
 def escaping_orbit(kappa):
     """Return x, y of an orbit up to its escape from the paper's window, or None.
 
     The starts that escape first in one arithmetic are followed in another: chaos lets few of them
-    do so at the same step, but most do.
+    do so at the same step, but of many some do soon.
     """
     import numpy as np
 
@@ -28,19 +31,49 @@ def escaping_orbit(kappa):
     x, y = escape.ensemble(_STARTS)
     times = escape.escape_time(kappa, x, y, _STEPS)
     lo, hi = escape.PAPER_WINDOW
-    for start in np.argsort(times, kind="stable")[:4]:
-        if np.isfinite(times[start]):
-            orbit = orbits.orbit(kappa, x[start], y[start], min(4 * int(times[start]), _STEPS))
-            outside = (orbit[1] < lo) | (orbit[1] > hi)
-            if outside.any():
-                return tuple(values[: outside.argmax() + 1] for values in orbit)
-    return None
+    n = 4 * times.min()
+    if not np.isfinite(n):
+        return None
+    starts = np.argsort(times, kind="stable")[: max(4, int(_POINTS / n))]
+    orbit = orbits.orbit(kappa, x[starts], y[starts], int(min(n, _STEPS)))
+    outside = (orbit[1] < lo) | (orbit[1] > hi)
+    steps = np.where(outside.any(axis=0), outside.argmax(axis=0), n)
+    first = steps.argmin()
+    return (
+        tuple(values[: int(steps[first]) + 1, first] for values in orbit)
+        if steps[first] < n
+        else None
+    )
 
 
-def portrait_of(kappa, verdict, escaping):
+def forcing_asked(strengths, plane, sequence):
+    """Return one period of kicks, and where it is, (Plane, its two coordinates), or None.
+
+    strengths : numbers of the command line, with `plane` the coordinates of a point in it; none
+    with `sequence`, a file of numbers. ValueError says which of these do not fit together.
+    """
+    from nasm import planes
+    from nasm.maps import forcing
+
+    if sequence is not None:
+        if strengths or plane:
+            raise ValueError("--sequence FILE is the whole forcing; leave KAPPA and --plane out")
+        text = Path(sequence).read_text(encoding="utf-8").replace(",", " ")
+        try:
+            return forcing(list(map(float, text.split()))), None
+        except ValueError as error:
+            raise ValueError(f"--sequence {sequence}: {error}") from None
+    if plane is None:
+        kappa = forcing(strengths)
+        return kappa, (planes.two_kicks(), strengths) if kappa.size == 2 else None
+    if len(strengths) != 2:
+        axes = " and ".join(plane.axes)
+        raise ValueError(f"{len(strengths)} numbers; a point of {plane.name} has two, {axes}")
+    return forcing(plane.forcing(*strengths)), (plane, strengths)
+
+
+def portrait_of(kappa, place, verdict, escaping):
     """Return what `draw_verdict` takes: orbits, and the circle, or where the last one was."""
-    import numpy as np
-
     from nasm import circles, orbits
     from nasm.verdict import Answer
 
@@ -48,10 +81,12 @@ def portrait_of(kappa, verdict, escaping):
     boundary, lost = verdict.boundary, None
     if verdict.answer is Answer.TRANSPORT and boundary.omega is not None and boundary.value > 0:
         scale = _INSIDE * boundary.value
-        found = circles.invariant_circle(boundary.omega, scale * np.array(kappa), n_max=2048)
+        found = circles.invariant_circle(boundary.omega, scale * kappa, n_max=2048)
         lost = (scale, *circles.graph(found)) if found.certified else None
     return {
         "kappa": kappa,
+        "place": place,
+        "name": name_of(kappa, place),
         "answer": verdict.answer.value,
         "x": x,
         "y": y,
@@ -64,7 +99,17 @@ def portrait_of(kappa, verdict, escaping):
     }
 
 
-def sentences(kappa, verdict, escaping):
+def name_of(kappa, place):
+    """Return the forcing in words, e.g. "(kappa1, kappa2) = (0.3, 0.5)"."""
+    if place is not None:
+        plane, point = place
+        return f"({', '.join(plane.axes)}) = ({point[0]}, {point[1]})"
+    if kappa.size <= _SHOWN:
+        return f"kappa = ({', '.join(map(str, kappa.tolist()))})"
+    return f"kappa of {kappa.size} kicks, from {kappa.min():.6g} to {kappa.max():.6g}"
+
+
+def sentences(kappa, place, verdict, escaping):
     """Put the verdict into words, a list of lines."""
     from nasm.verdict import Answer, Evidence
 
@@ -83,10 +128,10 @@ def sentences(kappa, verdict, escaping):
             "The last circle to break on the ray is that",
         ),
     }[verdict.answer]
-    lines = [f"{verdict.answer.name} at (kappa1, kappa2) = ({kappa[0]}, {kappa[1]}): {meaning}."]
+    lines = [f"{verdict.answer.name} at {name_of(kappa, place)}: {meaning}."]
     if omega is not None:
         number = f"omega = {omega} = {float(omega):.12g} per step"
-        lines.append(f"{circle} of {number} (likewise all ±omega + 2n).")
+        lines.append(f"{circle} of {number} (likewise all ±omega + {kappa.size}n).")
     lines.append(f"Evidence: {verdict.evidence.value}.")
     if verdict.proof is not None and not verdict.proof.proved:
         lines.append(f"A proof was tried: {verdict.proof.why}.")
@@ -104,8 +149,7 @@ def sentences(kappa, verdict, escaping):
         lines.append(
             "Direct iteration shows nothing: it is too slow this near the boundary."
             if boundary.value > _NEAR
-            else f"Direct iteration: no escape seen of {_STARTS} orbits in {_STEPS} steps; that "
-            "shows nothing."
+            else "Direct iteration: no orbit was found that escapes; that shows nothing."
         )
     return lines
 
@@ -132,23 +176,28 @@ def _distance(boundary):
 
 
 @command(ignore_unknown_options=True)
-@click.argument("kappa1", type=float)
-@click.argument("kappa2", type=float)
+@click.argument("kappa", type=float, nargs=-1)
+@point_option
+@click.option(
+    "--sequence",
+    type=click.Path(exists=True, dir_okay=False),
+    metavar="FILE",
+    help="A text file with one period of strengths, in place of KAPPA.",
+)
 @click.option("--prove", is_flag=True, help="Prove the answer, if 20 s are enough.")
 @out_option
-def main(kappa1, kappa2, prove, out):
-    """Transport or barrier under kicks of strengths KAPPA1, KAPPA2 in turn? With a portrait in OUT.
+def main(kappa, plane, sequence, prove, out):
+    """Transport or barrier under kicks of strengths KAPPA ... in turn? With a portrait in OUT.
 
-    Strengths are dimensionless, -1e6 to 1e6, and may be negative: -0.69 0.525. The answer may be
-    UNDECIDED, within a few parts in 10^5 of the boundary; the exit code is 0 for all three. It
-    takes about two seconds, and the first time on a machine twenty more to compile the kernels.
+    They are one period of the forcing, up to 64 kicks: 0.3 0.2 0.25. Strengths are dimensionless,
+    -1e6 to 1e6, and may be negative: -0.69 0.525. The answer may be UNDECIDED, within a few parts
+    in 10^5 of the boundary; the exit code is 0 for all three. It takes about two seconds with one
+    or two kicks, and the first time on a machine twenty more to compile the kernels.
     """
-    from nasm.maps import forcing
     from nasm.verdict import Answer, verdict
 
-    kappa = (kappa1, kappa2)
     try:
-        forcing(kappa)
+        strengths, place = forcing_asked(kappa, plane, sequence)
         os.makedirs(out, exist_ok=True)
     except ValueError as error:
         raise click.UsageError(str(error)) from None
@@ -156,20 +205,23 @@ def main(kappa1, kappa2, prove, out):
         raise click.UsageError(f"--out={out}: {error.strerror}; choose another directory") from None
     announce_kernels()
     try:
-        found = verdict(kappa, prove)
+        found = verdict(strengths, prove)
     except ImportError as error:  # --prove without the extra
         raise click.ClickException(str(error)) from None
     transport = found.answer is Answer.TRANSPORT
     far = not found.boundary.value > _NEAR  # NaN: not known to be near
-    escaping = escaping_orbit(kappa) if transport and far else None
-    told = "\n".join(sentences(kappa, found, escaping))
+    escaping = escaping_orbit(strengths) if transport and far else None
+    told = "\n".join(sentences(strengths, place, found, escaping))
     click.echo(told)
 
     from workflows.figures.ask import draw_verdict
     from workflows.figures.style import save
 
-    figure = draw_verdict(portrait_of(kappa, found, escaping))
-    click.echo(f"figures: {', '.join(save(figure, out, f'ask_{kappa1}_{kappa2}', told))}")
+    figure = draw_verdict(portrait_of(strengths, place, found, escaping))
+    asked = [plane.name] if plane else []
+    asked += [Path(sequence).stem] if sequence else map(str, kappa[:_SHOWN])
+    name = "_".join(["ask", *asked]).replace(":", "-").replace("/", "-").replace(",", "-")
+    click.echo(f"figures: {', '.join(save(figure, out, name, told))}")
 
 
 if __name__ == "__main__":

@@ -6,19 +6,21 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
+from workflows.figures.planes import symbols
 from workflows.figures.style import cell, dots
 
-_CIRCLE, _ESCAPING = "black", "#D55E00"
+_CIRCLE, _ESCAPING, _BREAKUP = "black", "#D55E00", "#0072B2"
 
 
 def draw_verdict(portrait):
     """Draw a phase portrait with the circle that is a barrier, or the one that broke, an orbit that
     crosses its place, and the forcing in the plane.
 
-    portrait : mapping of kappa, the two strengths; answer, a word; x, y, arrays (step, orbit), and
-    rotation, the ω of each orbit, NaN if chaotic; omega, text, "" if unknown; circle, (x, y) or
-    None; lost, (scale, x, y) of that circle at the forcing times scale, or None; escaping, (x, y)
-    of an orbit or None; bracket, (lower, value, upper) of the breakup in parts of the forcing.
+    portrait : mapping of kappa, the strengths; place, (Plane, its two coordinates) or None; name,
+    the forcing in words; answer, a word; x, y, arrays (step, orbit), and rotation, the ω of each
+    orbit, NaN if chaotic; omega, text, "" if unknown; circle, (x, y) or None; lost, (scale, x, y)
+    of that circle at the forcing times scale, or None; escaping, (x, y) of an orbit or None;
+    bracket, (lower, value, upper) of the breakup in parts of the forcing.
     """
     figure = Figure(figsize=(11, 6.2))  # places are given: a layout engine takes half a second
     places, gaps = [["plane", "time"], ["plane", "where"]], {"hspace": 0.45, "wspace": 0.12}
@@ -47,22 +49,29 @@ def draw_verdict(portrait):
     axes.set_aspect("equal")
     if axes.get_legend_handles_labels()[0]:
         axes.legend(loc="lower right", bbox_to_anchor=(1, 1), frameon=False, fontsize="small")
-    _locate(where, portrait)
-    kappa1, kappa2 = portrait["kappa"]
-    figure.suptitle(rf"$(\kappa_1, \kappa_2)$ = ({kappa1}, {kappa2}): {portrait['answer']}")
+    name, plane = portrait["name"], portrait["place"] and portrait["place"][0]
+    if plane and not any(plane.origin):
+        _locate(where, portrait)
+    else:
+        _draw_kicks(where, portrait)
+    if plane:
+        for axis, sign in zip(plane.axes, symbols(plane.axes), strict=True):
+            name = name.replace(axis, sign)
+    figure.suptitle(f"{name}: {portrait['answer']}")
     return figure
 
 
 def _draw_orbits(axes, portrait):
     """Draw each orbit in the colour of its rotation number, the chaotic ones grey."""
-    colours, norm = colormaps["viridis"], Normalize(0, 1)
-    near = abs((portrait["rotation"] + 1) % 2 - 1)  # ω stands for ±ω and all ω + 2n
+    half = portrait["kappa"].size / 2
+    colours, norm = colormaps["viridis"], Normalize(0, half)
+    near = abs((portrait["rotation"] + half) % (2 * half) - half)  # ±ω and all ω + Pn are alike
     chaotic, x, y = np.isnan(near), portrait["x"], cell(portrait["y"])
     axes.plot(x[:, chaotic].ravel(), y[:, chaotic].ravel(), **dots("0.7", 1.2))
     for place in np.unique(np.round(near[~chaotic], 2)):  # few artists are quick to draw
         here = np.round(near, 2) == place
         axes.plot(x[:, here].ravel(), y[:, here].ravel(), **dots(colours(norm(place)), 1.2))
-    label = r"$\omega$ of the orbit, in $[0, 1]$; grey: chaotic"
+    label = rf"$\omega$ of the orbit, in $[0, {half:g}]$; grey: chaotic"
     axes.figure.colorbar(ScalarMappable(norm, colours), ax=axes, label=label, shrink=0.8)
 
 
@@ -87,18 +96,34 @@ def _draw_heights(axes, portrait):
 
 def _locate(axes, portrait):
     """Draw the forcing in the plane, the ray through it, and the breakup with its bracket."""
-    kappa = np.array(portrait["kappa"], float)
+    plane, point = portrait["place"][0], np.array(portrait["place"][1], float)
     ends = [end if np.isfinite(end) else np.nan for end in portrait["bracket"]]
-    reach = 1.15 * max(np.abs(kappa).max() * np.nanmax([1.0, *ends]), 1e-300)
-    far = reach * kappa / max(np.abs(kappa).max(), 1e-300)
+    reach = 1.15 * max(np.abs(point).max() * np.nanmax([1.0, *ends]), 1e-300)
+    far = reach * point / max(np.abs(point).max(), 1e-300)
     axes.plot(*np.transpose([-far, far]), ":", color="0.5", lw=0.8)
     lower, value, upper = ends
-    axes.plot(*np.outer(kappa, [lower, upper]), color="#0072B2", lw=3, solid_capstyle="butt")
-    style = {"color": "#0072B2", "mfc": "none", "label": "breakup of the last circle"}
-    axes.plot(*(value * kappa), "o", **style)
-    axes.plot(*kappa, "*", color="black", ms=9, label="the forcing")
+    axes.plot(*np.outer(point, [lower, upper]), color=_BREAKUP, lw=3, solid_capstyle="butt")
+    style = {"color": _BREAKUP, "mfc": "none", "label": "breakup of the last circle"}
+    axes.plot(*(value * point), "o", **style)
+    axes.plot(*point, "*", color="black", ms=9, label="the forcing")
     axes.axhline(0, color="0.8", lw=0.6, zorder=0)
     axes.axvline(0, color="0.8", lw=0.6, zorder=0)
-    axes.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$", aspect="equal")
+    xlabel, ylabel = symbols(plane.axes)
+    axes.set(xlabel=xlabel, ylabel=ylabel, aspect="equal")
     axes.set(xlim=(-reach, reach), ylim=(-reach, reach))
+    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1), fontsize="x-small", frameon=False)
+
+
+def _draw_kicks(axes, portrait):
+    """Draw the strengths of the kicks, and those at which the last circle breaks."""
+    kappa, value = portrait["kappa"], portrait["bracket"][1]
+    n = np.arange(kappa.size)
+    axes.vlines(n, 0, kappa, color="black", lw=1)
+    axes.plot(n, kappa, "*", color="black", ms=9, label="the forcing")
+    if np.isfinite(value):
+        style = {"color": _BREAKUP, "mfc": "none", "label": "breakup of the last circle"}
+        axes.plot(n, value * kappa, "o", **style)
+    axes.axhline(0, color="0.8", lw=0.6, zorder=0)
+    axes.set(xlabel="kick $n$", ylabel=r"$\kappa_n$")
+    axes.xaxis.get_major_locator().set_params(integer=True)
     axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1), fontsize="x-small", frameon=False)

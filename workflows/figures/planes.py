@@ -11,6 +11,11 @@ _SYMBOLS = {
 }
 
 
+def symbols(axes):
+    """Return the symbols of the axes of a plane, {name: words}; the words where there is none."""
+    return [_SYMBOLS.get(words, words) for words in axes.values()]
+
+
 def of_two_kicks(dataset):
     """Whether the plane is that of two kicks, which alone has some parts of figures."""
     return plane_of(dataset.attrs) == two_kicks()
@@ -23,9 +28,8 @@ def in_plane(dataset):
 
 def label_plane(axes, dataset):
     """Label the axes of the plane, which have one scale; rays up to 180° have its upper half."""
-    words = dataset.attrs["plane"]["axes"].values()
-    labels = zip(("xlabel", "ylabel"), [_SYMBOLS.get(text, text) for text in words], strict=True)
-    axes.set(**dict(labels), aspect="equal")
+    xlabel, ylabel = symbols(dataset.attrs["plane"]["axes"])
+    axes.set(xlabel=xlabel, ylabel=ylabel, aspect="equal")
     if "angle" in dataset and dataset.angle[-1] <= 180:
         axes.set_ylim(0, None)
 

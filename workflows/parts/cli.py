@@ -107,19 +107,16 @@ def _plane(text):
     from nasm.planes import from_json, parse
 
     try:
-        return from_json(Path(text).read_bytes()) if text.endswith(".json") else parse(text)
+        if text is None or not text.endswith(".json"):
+            return text and parse(text)
+        return from_json(Path(text).read_bytes())
     except (OSError, ValueError) as error:
         raise ValueError(f"{text}: {error}") from None
 
 
-plane_option = parsed(
-    "--plane",
-    "two-kicks",
-    _plane,
-    "PLANE",
-    "Plane of forcings: two-kicks, rotating:1/3,1/48 (frequency, phase), three-kicks:0.2 or "
-    "FILE.json.",
-)
+_PLANES = "two-kicks, rotating:1/3,1/48 (frequency, phase), three-kicks:0.2 or FILE.json."
+plane_option = parsed("--plane", "two-kicks", _plane, "PLANE", f"Plane of forcings: {_PLANES}")
+point_option = parsed("--plane", None, _plane, "PLANE", f"KAPPA is a point of it: {_PLANES}")
 
 
 def ray_options(default):
