@@ -1,19 +1,20 @@
 """Where do the barriers of three kicks outlast those of two? The rotating map with Ω = 1/3.
 
-The boundary of global transport of κ_n = κ̄ + Δκ cos 2π(φ0 + n/3) in the (κ̄, Δκ) plane, for several
-phases φ0, against that of T_{κ1κ2}, which is Ω = 1/2 (arXiv:1606.04824, Sec. VII).
+The boundary of global transport of κ_n = κ̄ + Δκ cos 2π(φ0 + nΩ) in the (κ̄, Δκ) plane, for several
+phases φ0, against that of T_{κ1κ2}, which is Ω = 1/2 (arXiv:1606.04824, Sec. VII): from both sides,
+with the last circles.
 
-The boundary is the same for φ0 + 1/3, where the kicks start one later; for -φ0, where they come in
-reverse; for φ0 + 1/2 and -Δκ; and for -κ̄ and -Δκ. So all phases are those from 0 to 1/12, with both
-signs of Δκ; at 1/12 these are alike. Except at φ0 = 0 the kicks have no symmetry centre, and the
-barrier is found by converse KAM on transversals, `nasm.transversals`.
+For Ω = 1/3 it is the same for φ0 + 1/3, where the kicks start one later; for -φ0, where they come
+in reverse; for φ0 + 1/2 and -Δκ; and for -κ̄ and -Δκ. So all phases are those from 0 to 1/12, with
+both signs of Δκ; at 1/12 these are alike. In between the kicks have no symmetry centre.
 """
 
+import re
 from fractions import Fraction
 
-from workflows.parts.cli import command, parsed, ray_options, sweeps, whole
+from workflows.parts.cli import command, parsed, ray_options, real, sweeps
 
-PHASES = ("0", "1/48", "1/24", "1/16", "1/12")
+PHASES = ("0", "1/60", "1/30", "1/20", "1/15", "1/12")
 
 
 def parse_phases(texts):
@@ -32,7 +33,20 @@ def parse_phases(texts):
     return [phases[phase] for phase in sorted(phases)]
 
 
+def parse_frequency(text):
+    """Return the fraction Ω as text; ValueError if no plane rotates with it."""
+    from nasm.planes import rotating
+
+    return rotating(text).name.partition(":")[2]
+
+
+def named(plane):
+    """Return the name of its cube, like barrier_rotating_1_3_1_60."""
+    return re.sub(r"\W+", "_", f"barrier_{plane.name}")
+
+
 @command()
+@parsed("--frequency", "1/3", parse_frequency, "FRACTION", "Frequency Ω, p/q with q up to 64.")
 @parsed(
     "--phase",
     PHASES,
@@ -42,26 +56,30 @@ def parse_phases(texts):
     multiple=True,
 )
 @ray_options(61)
-@whole("--n-max", 300, 30, 10**5, "Steps N of converse KAM; its bound is 0.7/N above the value.")
+@real("--tol", 1e-3, 1e-5, 0.1, "Width of the bracket to aim at, in parts of the scale.")
 @sweeps
-def main(run, phase, angles, tips, n_max):
-    """Rotating standard maps with Ω = 1/3: cubes, a table and a figure in OUT.
+def main(run, frequency, phase, angles, tips, tol):
+    """Rotating standard maps with Ω = 1/3: a cube for each phase, a table and a figure in OUT.
 
-    The defaults take some nine CPU minutes, about five minutes on two cores.
+    The defaults take some MINUTES.
     """
     from nasm.planes import rotating
     from pipeline.cubes.barrier import last_barrier, unfolded
-    from pipeline.cubes.breakdown import by_transversals
     from workflows.figures.three_kicks import draw_three_kicks
     from workflows.parts import rays
+    from workflows.parts.tables import described
 
     around = rays.rotated_rays(angles, tips)
-    last = last_barrier(rotating("1/2"), around, 1e-3)
-    jobs = {text: by_transversals(rotating("1/3", text), around, n_max) for text in phase}
+    planes = {text: rotating(frequency, text) for text in phase}
+    last = last_barrier(rotating("1/2"), around, tol)
+    jobs = {text: last_barrier(plane, around, tol, named(plane)) for text, plane in planes.items()}
     with run.sweeping(last, *jobs.values()):
         two = unfolded(run.sweep(last).load(), around)
-        three = rays.by_phase({text: run.sweep(job).load() for text, job in jobs.items()})
-        three = rays.with_ratio(three, two.critical_scale, "two kicks")
+        kicks = {text: unfolded(run.sweep(job).load(), around) for text, job in jobs.items()}
+        three = rays.with_ratio(rays.by_phase(kicks), two.critical_scale, "two kicks")
+        for side, other in (("lower", "upper"), ("upper", "lower")):
+            ratio = (three[side] / two[other]).assign_attrs(described(f"{side} over two's {other}"))
+            three[f"ratio_{side}"] = ratio
         run.table("three_kicks", three)
         run.figure("three_kicks", *draw_three_kicks(three, two))
 

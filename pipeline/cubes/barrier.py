@@ -19,11 +19,12 @@ from pipeline.cubes.cube import Job, angles_of_rays, blank, coordinate, text
 _N_QUOTIENTS = 32  # places for the partial quotients of a rotation number
 
 
-def last_barrier(plane, angles, tol):
+def last_barrier(plane, angles, tol, name="barrier"):
     """Return the Job of the cube `barrier`; ω is a result, exactly by its partial quotients.
 
     angles : degrees, any; the cube holds those that they fold to, in the plane's symmetries.
     tol : float, the bracket's relative width.
+    name : of the cube; another one where a store holds those of several planes.
     """
     starts_at_zero(plane, "the last barrier")
     folded, _ = plane.fold(angles)
@@ -39,7 +40,7 @@ def last_barrier(plane, angles, tol):
     }
     seconds, warm_up = 0.1 + 4e-5 / tol, partial(barriers.critical_scale, (1.0, 0.0), 0.1)
     plan = plane.axes, {}, wedge, seconds, plane.record | {"tol": tol}
-    cube = cube_on_rays("barrier", *plan, "The last barrier to transport")
+    cube = cube_on_rays(name, *plan, "The last barrier to transport")
     cube = replace(cube, template=cube.template.assign_coords(place).assign(last_circle))
     return Job(cube, _compute, partial(per_ray, seconds), warm_up)
 

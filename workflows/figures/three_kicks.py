@@ -1,48 +1,72 @@
-"""Boundaries of the rotating standard map with Ω = 1/3 against that of T."""
+"""Boundaries of rotating standard maps for several phases against that of T, from both sides."""
 
 import matplotlib.pyplot as plt
 import numpy as np
 
 from workflows.figures.rotating import draw_diamond, fill_diamond
 from workflows.figures.stretches import where_above
-from workflows.figures.style import line_of, mark_gaps
+from workflows.figures.style import class_colours, mark_gaps
 
 
 def draw_three_kicks(three, two):
-    """Draw the boundaries in the (κ̄, Δκ) plane, and by angle in parts of that of T.
+    """Draw the boundaries in the (κ̄, Δκ) plane, and by angle the brackets in parts of that of T.
 
-    The caption says where three kicks outlast two.
+    Colours are those of the last circles. The caption says where three kicks outlast two.
     """
-    layout = {"layout": "constrained", "width_ratios": [1.25, 1]}
-    figure, (plane, strip) = plt.subplots(1, 2, figsize=(13, 5.6), **layout)
+    exact = three.phase.attrs["exact"]
+    figure = plt.figure(figsize=(13, 1.6 + 1.3 * max(4, len(exact))), layout="constrained")
+    left, right = figure.subfigures(1, 2, width_ratios=[1.05, 1])
+    plane, strips = left.subplots(), right.subplots(len(exact), sharex=True, squeeze=False)[:, 0]
+    # All rays of all phases count alike in the choice of colours; κ and -κ are alike, ω is not.
+    circles = three.circle.transpose("phase", "angle").values
+    classes, colours = class_colours(np.arange(circles.size), circles.ravel(), 0)
+    classes = classes.reshape(circles.shape)
     fill_diamond(plane, two, r"$\mathit{CB}_{gt}$ of $T$ ($\Omega = 1/2$)")
-    strip.axhline(1, color="black", lw=1)
-    for i, text in enumerate(three.phase.attrs["exact"]):
+    for i, strip in enumerate(strips):
         curve = three.isel(phase=i)
-        line = {"lw": 1.1, "label": rf"$\varphi_0 = {text}$", **line_of(i)}
-        draw_diamond(plane, curve, **line)
-        strip.plot(three.angle, curve.ratio, **line)
-        half = curve.error / curve.critical_scale * curve.ratio
-        band, style = (curve.ratio - half, curve.ratio + half), {"alpha": 0.25, "lw": 0}
-        strip.fill_between(three.angle, *band, color=line["color"], **style)
-    mark_gaps(strip, three.angle.values, np.isnan(three.ratio.values).any(axis=0))
+        draw_diamond(plane, curve, color="0.6", lw=0.6)
+        for sign in (1, -1):
+            points = sign * curve.kappa_mean, sign * curve.kappa_amplitude
+            plane.scatter(*points, c=[colours[name] for name in classes[i]], s=9, zorder=3)
+        strip.axhline(1, color="black", lw=1)
+        _draw_brackets(strip, curve, classes[i], colours)
+        strip.text(0.01, 0.85, rf"$\varphi_0 = {exact[i]}$", transform=strip.transAxes)
+    for name, colour in colours.items():
+        if colour.startswith("#"):
+            plane.scatter([], [], color=colour, s=20, label=rf"$\omega = {name}$")
     plane.set(xlabel=r"$\bar\kappa$", ylabel=r"$\Delta\kappa$", aspect="equal")
-    plane.set_title(r"Onset of global transport for $\Omega = 1/3$ and $1/2$")
-    plane.legend(loc="upper right", fontsize="small")
-    strip.set(xlabel=r"angle $\theta$ of the ray in the plane (degrees)", xlim=(0, 180))
-    strip.set_ylabel(r"scale of the breakup over that of $T$")
-    strip.set_xticks(range(0, 181, 30))
-    strip.set_title("Above 1: three kicks outlast two")
+    plane.set_title("Onset of global transport, coloured by the last circle")
+    left.legend(loc="outside lower center", ncols=4, fontsize="small")
+    strips[-1].set(xlabel=r"angle $\theta$ of the ray in the plane (degrees)", xlim=(0, 180))
+    strips[-1].set_xticks(range(0, 181, 30))
+    strips[0].set_title("Bracket over that of $T$; above 1 three kicks outlast two")
+    return figure, " ".join(_told(three))
+
+
+def _draw_brackets(strip, curve, classes, colours):
+    """Draw the brackets by angle, from the certified circle to converse KAM."""
+    angle, ends = curve.angle.values, (curve.ratio_lower.values, curve.ratio_upper.values)
+    shades = [colours[name] for name in classes]
+    strip.vlines(angle, *ends, colors=shades, lw=2)
+    strip.scatter(angle, curve.ratio, c=shades, s=9)
+    open_side = np.isnan(curve.ratio.values)
+    strip.plot(angle[open_side], ends[1][open_side], "v", color="0.3", ms=4, mfc="none")
+    mark_gaps(strip, angle, open_side & np.isnan(ends[1]))
     strip.grid(lw=0.3)
-    relative = three.error / three.critical_scale
-    parts = [
-        "Boundary of global transport of the rotating standard map with Ω = 1/3 for several phases "
-        "φ0, by converse KAM on transversals, against that of T (Ω = 1/2, black and grey): in the "
-        "plane of the mean strength κ̄ and the amplitude Δκ, and as the ratio of the scales along "
-        "rays (κ̄, Δκ) = s·(cos θ, sin θ).",
-        f"Bands: estimated errors, {float(relative.median()):.1e} of the scale in the median and "
-        f"{float(relative.max()):.1e} at most. Three kicks outlast two:",
-    ]
+
+
+def _told(three):
+    known = three.ratio.notnull()
+    width = (three.upper - three.lower) / three.critical_scale
+    yield (
+        "Boundary of global transport of rotating standard maps for several phases φ0, against "
+        "that of T (Ω = 1/2, black): in the plane of the mean strength κ̄ and the amplitude Δκ, and "
+        "as the ratio of the scales along rays (κ̄, Δκ) = s·(cos θ, sin θ), from the certified "
+        "circle to converse KAM; in colours the last circle, triangles where converse KAM alone "
+        f"has an answer. Of {known.size} rays {int(known.sum())} have a value; the bracket's width "
+        f"is {float(width.median()):.1e} of the scale in the median, at most "
+        f"{float(width.max()):.1e}. Three kicks outlast two, a certified circle of three beyond "
+        "converse KAM of two:"
+    )
     for i, phase in enumerate(three.phase.attrs["exact"]):
-        parts.append(f"φ0 = {phase}: {where_above(three.angle.values, three.ratio.values[i])}.")
-    return figure, " ".join(parts)
+        yield f"φ0 = {phase}: {where_above(three.angle.values, three.ratio_lower.values[i])}."
