@@ -16,19 +16,23 @@ Each step is another method, and checks the one before. If they do not agree in 
 value, but the bracket of those that do.
 """
 
+from dataclasses import replace
 from math import floor
 
 import numpy as np
 
-from nasm import circles, cones, continuation, periodic
+from nasm import circles, cones, continuation, escape, periodic, transversals
 from nasm.checks import real
 from nasm.critical import CriticalScale, Status
 from nasm.maps import direction
-from nasm.numbers import checked, convergents, moebius, nobles_near, rational
+from nasm.numbers import checked, convergents, moebius, nobles_near, parse, rational
 from nasm.orbits import rotation_number
 from nasm.symmetries import shorten
 
 _LOCATE = (1000, 4000, 16_000, 64_000)  # steps of converse KAM in step 1, round by round
+_LOCATE_ANYWHERE = (250, 1000, 4000)  # of converse KAM on transversals
+_IN_DOUBT = (Status.NOT_CONVERGED, Status.UNDECIDED)
+_ORBITS, _ESCAPE_STEPS = 64, 10**5
 _BEYOND = 0.5  # over the steps: where, past the breakup, the longest-lived start is asked for its ω
 _NEAR = 2e-5  # of the measured rotation number; neighbours that robust are further apart
 _AVERAGED = 1000  # steps
@@ -42,7 +46,7 @@ def critical_scale(profile, tol=1e-4):
 
     Parameters
     ----------
-    profile : sequence of P floats with a dominant symmetry line; see `nasm.cones`.
+    profile : sequence of P floats, not all 0.
     tol : float, 10⁻⁵ to 10⁻¹: the width of the bracket to aim at, (upper - lower)/value.
 
     Returns
@@ -64,6 +68,16 @@ def critical_scale(profile, tol=1e-4):
         raise ValueError(f"tol={tol!r} must be from 1e-5 to 0.1")
     # On κ1 = κ2 the barriers are noble for the standard map, not for two steps of it.
     (short,), zero = shorten([profile], rational(0))
+    found = _by_symmetry(profile, short, tol) if has_dominant_line(short) else None
+    if found is None or (found.status in _IN_DOUBT and short.size > 2):
+        found = _by_continuation(short, tol)
+    if found.omega is None:
+        return found
+    return replace(found, omega=per_period(found.omega, profile, short, zero))
+
+
+def _by_symmetry(profile, short, tol):
+    """The CriticalScale on a ray with a dominant symmetry line, omega per period of `short`."""
     above = tol / 5  # and the rest below, where it costs more
     n_certify = int(1.6 / above)
     best, told = None, set()
@@ -72,8 +86,8 @@ def critical_scale(profile, tol=1e-4):
         if located.status is not Status.OK:
             return located
         beyond = located.value * (1 + _BEYOND / steps) * short
-        longest_lived, _ = cones.longest_lived(beyond, 2 * steps)
-        scales = [_breakup(omega, short, above) for omega in candidates(beyond, longest_lived)]
+        near = candidates(*longest_lived(beyond, 2 * steps)[0])
+        scales = [_breakup(omega, short, above) for omega in near]
         told.update(scale.status for scale in scales)
         best = _most_robust(scales, best)
         if best is None:
@@ -81,17 +95,76 @@ def critical_scale(profile, tol=1e-4):
         upper = best.value * (1 + above)
         if cones.eliminates(upper * short, n_certify):
             lower = continuation.certified_scale(best.omega, short, best.value, tol - above)
-            omega = per_period(best.omega, profile, short, zero)
             error = best.error
             if periodic.cusp_period(short) > _BLURRED:
                 # Circles follow each other so closely there that a later one may have been missed;
                 # but not above the bracket, which may know better than the residues do.
                 error = np.fmax(error, upper - best.value)
             error = np.fmin(error, max(best.value - lower, upper - best.value))  # NaN: no bracket
-            return CriticalScale(best.value, error, lower, upper, omega, Status.OK)
+            return CriticalScale(best.value, error, lower, upper, best.omega, Status.OK)
     # Of a circle that residues say nothing of, they contradict nothing.
     status = Status.NEAR_CUSP if Status.NEAR_CUSP in told else Status.UNDECIDED
     return CriticalScale(np.nan, np.nan, np.nan, located.upper, None, status)
+
+
+def _by_continuation(short, tol):
+    """The CriticalScale on a ray without a dominant symmetry line, omega per period of `short`."""
+    above = tol / 5
+    best, highest = None, np.inf
+    for steps in _LOCATE_ANYWHERE:
+        highest, start, _ = transversals.located(short, steps)
+        beyond = np.roll(highest * short, -start.site)
+        near = candidates(beyond, start.x, start.y) or [noble_between(*start.between)]
+        scales = [continuation.critical_scale(omega, short, above * highest / 4) for omega in near]
+        best = _most_robust(scales, best)
+        if best is None:
+            continue
+        upper = best.value + max(above * best.value, 2 * best.error)
+        if np.isinf(transversals.longest_lived(upper * short, int(1.6 / above))[1]):
+            continue
+        lower = continuation.certified_scale(best.omega, short, best.value, tol - above)
+        if lower >= highest or _escapes(np.fmin(lower, best.value * (1 - tol)) * short):
+            break
+        return CriticalScale(best.value, best.error, lower, upper, best.omega, Status.OK)
+    return CriticalScale(np.nan, np.nan, np.nan, highest, None, Status.UNDECIDED)
+
+
+def _escapes(kappa):
+    """Whether one of a few orbits escapes, which no orbit does as long as there is a circle."""
+    x, y = escape.ensemble(_ORBITS)
+    return bool(np.isfinite(escape.first_escape([kappa], x, y, [_ORBITS], _ESCAPE_STEPS)).any())
+
+
+def longest_lived(kappa, n_max):
+    """The start that converse KAM is longest to eliminate: (kappa from its site on, x, y); and its
+    life in steps, inf if on no line or transversal all starts are eliminated within n_max steps.
+    """
+    if has_dominant_line(kappa):
+        from_centre, a = periodic.from_dominant_centre(kappa)
+        y, steps = cones.longest_lived(kappa, n_max)
+        if steps < np.inf or kappa.size <= 2:
+            return (from_centre, a, y), steps
+    start, steps = transversals.longest_lived(kappa, n_max)
+    return (np.roll(kappa, -start.site), start.x, start.y), steps
+
+
+def eliminates(kappa, n_max):
+    """Whether converse KAM eliminates all starts within n_max steps, on the dominant line, or if
+    there is none on a transversal: bool."""
+    if has_dominant_line(kappa):
+        return cones.eliminates(kappa, n_max)
+    return bool(np.isfinite(transversals.longest_lived(kappa, n_max)[1]))
+
+
+def has_dominant_line(kappa):
+    """Whether the forcing has a centre, and there a line that all minimax orbits are on, to first
+    order: bool; see `nasm.cones`."""
+    try:
+        site, a = periodic.dominant_centre(kappa)
+    except ValueError:
+        return False
+    resonances = np.fft.fft(np.roll(kappa, -site)).real * (1 if a == 0.5 else -1)
+    return bool(resonances.min() >= -1e-9 * resonances.max())
 
 
 def last_circle(found, profile):
@@ -128,11 +201,16 @@ def last_circle(found, profile):
     return circles.InvariantCircle(omega, scale * profile, u, error, Status.OK)
 
 
-def candidates(kappa, y):
-    """Nobles near the rotation number of the orbit that starts in y on the dominant line."""
-    from_centre, a = periodic.from_dominant_centre(kappa)
-    omega, _ = rotation_number(from_centre, a, y, _AVERAGED)
+def candidates(kappa, x, y):
+    """Nobles near the rotation number of the orbit that starts in (x, y), as far as it has one."""
+    omega, _ = rotation_number(kappa, x, y, _AVERAGED)
     return nobles_near(float(omega), _NEAR, _CANDIDATES) if np.isfinite(omega) else []
+
+
+def noble_between(one, other):
+    """The noble next to two Farey neighbours, with golden steps from the first place on."""
+    low, high = sorted((one, other), key=lambda omega: omega.denominator)
+    return moebius(parse("gamma"), low.numerator, high.numerator, low.denominator, high.denominator)
 
 
 def _breakup(omega, profile, precision):

@@ -16,63 +16,67 @@ each site to the next: ξ_1 > ξ_0 Σ 1/(v_n v_{n+1}). The same holds backwards,
 `nasm.cones`.
 
 Every rotational circle crosses a curve that leads from y = -∞ to y = ∞. If all starts on one are
-eliminated, no circle is left. Taken here is the *transversal*
+eliminated, no circle is left. Orbits that minimize the action are never eliminated. The curve must
+pass through the gaps that they leave, for every ω, and a *minimax* orbit of p/q is in the middle of
+one: among the orbits of p/q that minimize the action for a given x_0, it has the largest. So the
+*transversal* is a chain of straight pieces through the places of minimax orbits before the kick of
+one site, in the order of their ω. Where the forcing has a centre and a dominant line, it is that
+line.
 
-    x = a + c_1 sin 2πy + c_2 sin 4πy + … + c_8 sin 16πy   before the kick of one site,
+1. Start with the orbits of ω = 0, 1, … and P/2 per period. The symmetries y → y + 1 and
+   (x, y) → (-x, -y) continue this curve to all ω.
+2. The start that lives longest is on a piece between two orbits, p/q and p'/q'. Bend the piece by
+   the orbit of (p + p')/(q + q'), whose sites are those of both, one after the other, up to a few
+   of Newton's steps.
+3. Repeat this as long as the start survives and its life can tell the difference. It leads down the
+   Farey tree, to minimizing orbits that were in the way, and to the circle that breaks last.
 
-which the symmetries y → y + 1 and (x, y) → (-x, -y) keep for a = 0 and 1/2: starts with y from 0 to
-1/2 suffice. Orbits that minimize the action are never eliminated. The transversal must pass through
-the gaps that they leave, around the minimax orbits, for every ω; where the forcing has a centre and
-a dominant line that is the straight line x = a, and for others it bends. To first order the minimax
-orbit of ω = p is at the maximum of -Σ_n κ_n cos 2π(x + np/P), whose place depends on p.
-
-Beyond the last circle's breakup, at the scale s_c of a ray, the longest life on a transversal that
-passes through the widest gap of the last circle's remains is T, s/s_c - 1 ≈ C/T, as on a symmetry
-line. C is 0.65 to 0.75 in steps for P = 3, 0.4 to 0.7 for P = 2 and 0.9 for P = 1. On transversals
-beside that gap lives are longer. Near to a proof, and none, as all is sampled in floating point.
+Beyond the last circle's breakup, at the scale s_c of a ray, the longest life there is T, and
+s/s_c - 1 ≈ C/T as on a symmetry line. Near to a proof, and none, as all is sampled in floating
+point.
 """
 
 from dataclasses import dataclass
-from itertools import product
+from fractions import Fraction
 
 import numpy as np
 from numba import njit
 
 from nasm import escape
 from nasm.checks import count, points
-from nasm.cones import beam_search, longest_found
+from nasm.cones import longest_found
 from nasm.critical import CriticalScale, Status, no_answer
 from nasm.kernels import kernel
-from nasm.maps import direction, forcing, kick
-from nasm.sine import cos2pi
+from nasm.maps import TWO_PI, direction, forcing, kick
+from nasm.sine import cos2pi, sin2pi
 
 MAX_STEPS = 10**6
 
 _GRIDS = ((1024, 0.5), (797, 0.382))  # starts, and the place of the start in its cell
-_HARMONICS = 8  # with 3, bounds on some rays of three kicks were up to six times as far off
-_BENDS = np.arange(-8, 9) / 40  # c_1 of the first transversals tried
-_SHORTEST = 12  # kicks of the first round; each round has three times those of the one before
-_LOCAL = 100  # kicks from which on only neighbours of the best transversal are tried
-_STEP = 0.2  # over the kicks: by how much the scale is lowered at a time, in parts
-_NEIGHBOUR = 6.0  # over the kicks: how far off the neighbours are in c_k
+_COMPARED, _PLACES = 8, 24  # largest q with which the actions at x_0 = 0, 1/(24q), … are compared
+_HIGH = 0.1  # of their range
+_STEPS = 40  # of Newton's method, and to the minimax
+_LONGEST = 4  # times √n_max: period of the minimax orbits up to which pieces are bent
+_SHORT = 100  # kicks: of shorter lives the shortest is sought, on the transversals of all sites
+_NARROW = 0.2  # over the steps: bracket, in parts of the scale, to which it is narrowed
+_FOUND = 1e-9  # turns: nearer, a minimax orbit is not asked to be
 _EXCESS = 0.7  # steps: C of the law
+_UNCERTAIN = 1.0  # errors in parts of upper - value
 _ORBITS, _ESCAPE_STEPS = 256, 10**6
-_UNCERTAIN = 3.0  # errors in parts of upper - value: on a transversal beside the widest gap
 
 
 @dataclass(frozen=True)
-class Transversal:
-    """The curve x = a + Σ_k c_k sin 2πky before the kick of `site`."""
+class Start:
+    """A start before the kick of a site.
+
+    site : int, 0 to P - 1. x, y : floats.
+    between : two Fractions, ω per period of the minimax orbits next to it on its transversal.
+    """
 
     site: int
-    a: float
-    bends: tuple[float, ...]
-    """c_1, c_2, …"""
-
-    def x(self, y):
-        """x at each y of a vector."""
-        k = np.arange(1, len(self.bends) + 1)
-        return self.a + np.sin(2 * np.pi * np.outer(y, k)) @ np.array(self.bends)
+    x: float
+    y: float
+    between: tuple[Fraction, Fraction]
 
 
 def elimination_time(kappa, site, x, y, n_kicks):
@@ -98,56 +102,35 @@ def elimination_time(kappa, site, x, y, n_kicks):
     return times.reshape(x.shape)
 
 
-def longest_lived(kappa, transversal, n_kicks):
-    """The start on a transversal that takes longest to be eliminated.
+def longest_lived(kappa, n_max):
+    """The start that takes longest to be eliminated, on the transversals of the module.
 
     Parameters
     ----------
-    kappa, n_kicks : as for `elimination_time`.
-    transversal : Transversal of one of the sites.
+    kappa : sequence of P floats, the forcing, first kick first.
+    n_max : int, 1 to 10⁶, steps in either direction.
 
     Returns
     -------
-    y : float, in [0, 1/2]. kicks : float, in either direction; inf for a start that survives
-    n_kicks, which need not be the last one then.
+    start : Start, on the transversal before the kick of the largest |κ|; where a start survives
+        there, on that of the next largest, and so on.
+    steps : float, in either direction; inf if on each transversal a start survives n_max steps.
 
     The beam search of `cones.longest_lived`, on two unrelated grids: it may miss a survivor.
     """
     strengths = forcing(kappa)
-    n_kicks = count("n_kicks", n_kicks, 1, MAX_STEPS)
-    count("site", transversal.site, 0, strengths.size - 1)
-    if not np.isfinite([transversal.a, *transversal.bends]).all():
-        raise ValueError(f"{transversal} is not finite; a and the bends must be finite numbers")
-    return _longest_lived(strengths, transversal, n_kicks)
-
-
-def _longest_lived(kappa, transversal, n_kicks):
-    return longest_found(_lifetimes(kappa, transversal, n_kicks), _GRIDS)
-
-
-def _lifetimes(kappa, transversal, n_kicks):
-    """y → kicks of the starts on a transversal, up to the first survivor; 0 of those behind it."""
-    strengths = np.roll(kappa, -transversal.site)
-
-    def lifetimes(y):
-        times = np.zeros(y.size)
-        _elimination_times(strengths, transversal.x(y), y, n_kicks, True, times)
-        return times
-
-    return lifetimes
+    n_kicks = strengths.size * count("n_max", n_max, 1, MAX_STEPS)
+    start, kicks = _longest_lived(strengths, n_kicks, _by_strength(strengths))
+    return start, kicks / strengths.size
 
 
 def critical_scale(profile, n_max):
     """The scale at which the last circle breaks on the ray κ = s·profile, for any forcing.
 
-    1. Start where the largest |κ| is 2. Of transversals of all sites, both a and many bends take
-       the one on which all starts are eliminated within a few kicks at the lowest scale.
-    2. Allow three times the kicks, and lower the scale again on that transversal, its neighbours in
-       c_k, the best one's neighbours, and so on until none is better.
-    3. Repeat that until the kicks are those of n_max steps. After a search on another grid that is
-       `upper`.
-    4. `value` is lower by 0.7/T, T the longest life there in steps.
-    5. No orbit must escape there within 10⁶ steps: none does just beyond the breakup.
+    1. Lower the scale as in `cones.critical_scale`, until the longest life on a transversal is near
+       n_max: `upper`.
+    2. `value` is lower by 0.7/T, T being that life in steps.
+    3. No orbit must escape there within 10⁶ steps: none does just beyond the breakup.
 
     Parameters
     ----------
@@ -157,39 +140,49 @@ def critical_scale(profile, n_max):
     Returns
     -------
     CriticalScale. upper : no start on a transversal was found to survive n_max steps there. error :
-    three times upper - value, or how much the last round lowered the scale, if that is more: the
-    search may get stuck on a transversal beside the widest gap, and is further out then than the
-    law says. lower is NaN and omega None: the method shows no circle, and names none. Status
-    NO_BREAKUP if no transversal is eliminated where the largest |κ| is 2; UNDECIDED, and no value,
-    if an orbit escapes below what the search found: `upper` is where it did.
+    upper - value. lower is NaN and omega None: the method shows no circle, and names none. Status
+    NOT_CONVERGED if lifetimes contradict each other; UNDECIDED, and no value, if an orbit escapes
+    below what the search found: `upper` is where it did.
 
     ValueError if profile is zero or tiny or n_max out of range.
     """
     profile = direction(profile)
-    n_max = profile.size * count("n_max", n_max, 30, MAX_STEPS)
-    straight = (0.0,) * (_HARMONICS - 1)
-    tried = [
-        Transversal(site, a, (bend, *straight))
-        for site, a, bend in product(range(profile.size), (0.5, 0.0), _BENDS.tolist())
-    ]
-    best, scale = None, 2 / np.abs(profile).max()
-    rounds = int(np.log(n_max / _SHORTEST) / np.log(3))
-    for n_kicks in (n_max // 3**left for left in range(rounds, -1, -1)):
-        scale_before = scale
-        if best is None or n_kicks <= _LOCAL:
-            best, scale = _lowest(profile, tried, best, scale, n_kicks)
-        else:
-            best, scale = _descended(profile, best, scale, n_kicks)
-        if best is None:
-            return no_answer(None, Status.NO_BREAKUP)
-    # Of many transversals the best may be one on which the search missed a survivor.
-    while np.isinf(time := _longest_lived(scale * profile, best, n_max)[1]):
-        scale *= 1 + _STEP / n_max
-    gap = scale * _EXCESS * profile.size / time
-    value, error = scale - gap, max(_UNCERTAIN * gap, scale_before - scale)
+    upper, _, time = located(profile, n_max)
+    if np.isnan(upper):
+        return no_answer(None, Status.NOT_CONVERGED)
+    value = upper / (1 + _EXCESS / time)
     if _escapes(value * profile):
         return CriticalScale(np.nan, np.nan, np.nan, value, None, Status.UNDECIDED)
-    return CriticalScale(value, error, np.nan, scale, None, Status.OK)
+    return CriticalScale(value, _UNCERTAIN * (upper - value), np.nan, upper, None, Status.OK)
+
+
+def located(profile, n_max):
+    """The lowest scale found at which no start survives n_max steps; the Start that lives longest
+    there, and its life in steps.
+
+    profile, n_max : as for `critical_scale`.
+    """
+    profile = direction(profile)
+    n_max = count("n_max", n_max, 30, MAX_STEPS)
+    sites = _by_strength(profile)
+    # No circle crosses x = 0 or x = 1/2 before a kick of |κ| = 2.
+    upper, found, share = 2 / np.abs(profile).max(), None, 0.15
+    for left in range(int(np.log(n_max / 30) / np.log(4)), -1, -1):
+        n_steps, survived = n_max // 4**left, None
+        while survived is None or upper - survived > _NARROW / n_steps * upper:
+            scale = upper * (1 - share) if survived is None else (upper + survived) / 2
+            start, kicks = _longest_lived(scale * profile, n_steps * profile.size, sites)
+            if np.isinf(kicks):
+                survived = scale
+            else:
+                upper, found = scale, (start, kicks / profile.size)
+        share = _EXCESS / found[1]  # by the law, the breakup is that far below
+    return upper, *found
+
+
+def _by_strength(kappa):
+    """The sites, the largest |κ| first."""
+    return np.argsort(-np.abs(kappa), kind="stable").tolist()
 
 
 def _escapes(kappa):
@@ -198,38 +191,180 @@ def _escapes(kappa):
     return bool(np.isfinite(escape.first_escape([kappa], x, y, [_ORBITS], _ESCAPE_STEPS)).any())
 
 
-def _descended(profile, best, scale, n_kicks):
-    """`_lowest` from one transversal on, by neighbours of neighbours until none is better."""
-    _, scale = _lowest(profile, [best], best, scale, n_kicks)
-    while True:
-        better, scale = _lowest(profile, _neighbours(best, n_kicks), best, scale, n_kicks)
-        if better is best:
-            return best, scale
-        best = better
+def _longest_lived(kappa, n_kicks, sites):
+    """The Start that lives longest where that life is shortest, and its life in kicks.
 
-
-def _neighbours(transversal, n_kicks):
-    """Transversals with one of the bends changed."""
-    distance = _NEIGHBOUR / n_kicks
-    for k, change in product(range(_HARMONICS), (distance, -distance)):
-        bends = list(transversal.bends)
-        bends[k] += change
-        yield Transversal(transversal.site, transversal.a, tuple(bends))
-
-
-def _lowest(profile, transversals, best, scale, n_kicks):
-    """The transversal that is eliminated within n_kicks at the lowest scale, and that scale.
-
-    `best` is known to be so at `scale`, and stays if no other is lower.
+    Of transversals on which no start survives and one lives long, the first is as good as any.
+    The last site that was better is put first among `sites`.
     """
-    for transversal in transversals:
-        while True:
-            lower = scale * (1 - _STEP / n_kicks)
-            lifetimes = _lifetimes(lower * profile, transversal, n_kicks)
-            if np.isinf(beam_search(lifetimes, *_GRIDS[0])[1]):
+    best, least = None, np.inf
+    for site in list(sites):
+        at, between, kicks = _longest_on_transversal(np.roll(kappa, -site), n_kicks)
+        if best is None or kicks < least:
+            best, least = Start(site, *(float(part) for part in at), between), kicks
+            sites.remove(site)
+            sites.insert(0, site)
+        if _SHORT < least < np.inf:
+            break
+    return best, least
+
+
+def _longest_on_transversal(kappa, n_kicks):
+    """(x, y) of the start that lives longest on the transversal before site 0, the ω next to it,
+    and its life in kicks."""
+    orbits = _first_orbits(kappa)
+    longest = _LONGEST * (n_kicks / kappa.size) ** 0.5
+    while True:
+        at = np.array([float(omega) for omega, _ in orbits])
+        at *= 0.5 / at[-1]
+        x, y = np.array([(sites[0], sites[0] - sites[-1] + ω.numerator) for ω, sites in orbits]).T
+
+        def points_at(place, at=at, x=x, y=y):
+            return np.interp(place, at, x), np.interp(place, at, y)
+
+        def lifetimes(place, points_at=points_at):
+            times = np.zeros(place.size)
+            _elimination_times(kappa, *points_at(place), n_kicks, True, times)
+            return times
+
+        place, kicks = longest_found(lifetimes, _GRIDS)
+        i = int(np.clip(np.searchsorted(at, place), 1, at.size - 1))
+        (before, _), (after, _) = orbits[i - 1 : i + 1]
+        between = None
+        if np.isinf(kicks) and before.denominator + after.denominator <= longest:
+            between = _between(kappa, *orbits[i - 1 : i + 1])
+        if between is None:
+            return points_at(place), (before, after), kicks
+        orbits.insert(i, between)
+
+
+def _first_orbits(kappa):
+    """(ω, sites) of the minimax orbits of ω = 0, 1, … and P/2; and if one end is not its own image
+    under (x, y) → (-x, -y), those up to ω = P."""
+    period = kappa.size
+    omegas = [Fraction(p) for p in range(period // 2 + 1)]
+    if period % 2:
+        omegas.append(Fraction(period, 2))
+    orbits, before = [], 0.0
+    for omega in omegas:
+        orbits.append((omega, _minimax(kappa, omega, before)))
+        before = orbits[-1][1][0]
+    ends = 2 * np.array([orbits[0][1][0], orbits[-1][1][0]])
+    if np.abs(ends - np.rint(ends)).max() > 1e-6:
+        for omega, sites in orbits[-1 - (2 * omegas[-1] == period) :: -1]:
+            image = np.arange(sites.size) + (-sites if omega else sites)
+            image += np.rint(orbits[-1][1][0] - image[0])
+            orbits.append((period - omega, image))
+    return orbits
+
+
+def _minimax(kappa, omega, near):
+    """Sites of the minimax orbit of a small p/q, from one in a gap of the largest width on."""
+    n_sites, p, q = kappa.size * omega.denominator, omega.numerator, omega.denominator
+    rotation = np.arange(n_sites) * (p / n_sites)
+    sites, found = rotation, []
+    for x in np.arange(_PLACES * q) / (_PLACES * q):
+        for guess in (sites + (x - sites[0]), rotation + x):
+            action = _minimize(kappa, guess, p)[0]
+            if np.isfinite(action):
+                sites = guess
+                found.append((action, guess))
                 break
-            best, scale = transversal, lower
-    return best, scale
+    if not found:
+        return rotation + near
+    actions = np.array([action for action, _ in found])
+    high = actions > actions.max() - _HIGH * np.ptp(actions)
+    high &= (actions >= np.roll(actions, 1)) & (actions >= np.roll(actions, -1))
+    tops = [found[i][1] for i in np.flatnonzero(high)]
+    for sites in tops:
+        sites += np.rint(near - sites[0])
+        _climb(kappa, sites, p, 1 / q)
+    # The gap of an image is the wider the flatter the action is there.
+    curvatures = np.array([_minimize(kappa, sites, p)[2] for sites in tops])
+    curvatures[~(curvatures < 0)] = -np.inf
+    wide = [tops[i] for i in np.flatnonzero(curvatures >= 2 * curvatures.max())]
+    return min(wide, key=lambda sites: abs(sites[0] - near))
+
+
+def _between(kappa, before, after):
+    """(ω, sites) of the minimax orbit between two neighbours; None if Newton's method is lost."""
+    (ω, sites), (ω_after, sites_after) = before, after
+    middle = Fraction(ω.numerator + ω_after.numerator, ω.denominator + ω_after.denominator)
+    share = ω.denominator / middle.denominator
+    near = share * sites[0] + (1 - share) * sites_after[0]
+    if middle.denominator <= _COMPARED:
+        return middle, _minimax(kappa, middle, near)
+    both = np.concatenate([sites, sites_after + ω.numerator])
+    both[0] = near
+    found = _climb(kappa, both, middle.numerator, 0.6 / middle.denominator)
+    return (middle, both) if found else None
+
+
+@kernel
+def _climb(kappa, x, p, furthest):
+    """Move x_0 uphill to where the action of the other sites' minimum has a maximum, or as far as
+    `furthest`; whether that minimum was found."""
+    start = x[0]
+    for _ in range(_STEPS):
+        _, slope, curvature = _minimize(kappa, x, p)
+        if np.isnan(slope):
+            return False
+        step = np.copysign(furthest / 4, slope)
+        if curvature < 0 and abs(slope / curvature) < furthest / 4:
+            step = -slope / curvature
+        if abs(step) < _FOUND or abs(x[0] + step - start) > furthest:
+            break
+        x[0] += step
+    return True
+
+
+@kernel
+def _minimize(kappa, x, p):
+    """Minimize the action over the sites x_1, …, x_{N-1}, by Newton's method in place.
+
+        A = Σ_j (x_{j+1} - x_j)²/2 - (κ_j/4π²) cos 2πx_j,        x_N = x_0 + p.
+
+    Returns A, dA/dx_0 and d²A/dx_0² of that minimum; NaN if none was found.
+    """
+    n, period = x.size, kappa.size
+    pivot, force, pull = np.ones((3, n + 1))
+    for _ in range(_STEPS):
+        least = 1.0
+        force[0] = pull[0] = 0.0
+        for j in range(1, n):
+            ahead = x[j + 1] if j < n - 1 else x[0] + p
+            strength = kappa[j % period]
+            error = ahead - 2 * x[j] + x[j - 1] - strength / TWO_PI * sin2pi(x[j])
+            slope = 2 + strength * cos2pi(x[j])
+            pull[j] = (1.0 if j == 1 else 0.0) + (1.0 if j == n - 1 else 0.0)
+            force[j] = error
+            if j > 1:
+                slope -= 1 / pivot[j - 1]
+                force[j] += force[j - 1] / pivot[j - 1]
+                pull[j] += pull[j - 1] / pivot[j - 1]
+            least = min(least, slope)
+            pivot[j] = slope if slope > 0 else 1.0
+        largest = step = along = 0.0
+        last = pull[n - 1] / pivot[n - 1] if n > 1 else 1.0
+        for j in range(n - 1, 0, -1):
+            step = (force[j] + step) / pivot[j]
+            along = (pull[j] + along) / pivot[j]
+            step = min(max(step, -0.1), 0.1)
+            x[j] += step
+            largest = max(largest, abs(step))
+        if largest < 1e-11:
+            break
+    if not (largest < 1e-11 and least > 0):
+        return np.nan, np.nan, np.nan
+    action = 0.0
+    for j in range(n):
+        ahead = x[j + 1] if j < n - 1 else x[0] + p
+        action += (ahead - x[j]) ** 2 / 2 - kappa[j % period] / TWO_PI**2 * cos2pi(x[j])
+    ahead = x[1] if n > 1 else x[0] + p
+    if n == 1:
+        along = last = 1.0
+    slope = 2 * x[0] - ahead - (x[n - 1] - p) + kappa[0] / TWO_PI * sin2pi(x[0])
+    return action, slope, 2 + kappa[0] * cos2pi(x[0]) - along - last
 
 
 @kernel

@@ -10,8 +10,8 @@ from math import inf
 
 import numpy as np
 
-from nasm import circles, cones, continuation
-from nasm.barriers import candidates, critical_scale, per_period
+from nasm import barriers, circles, continuation
+from nasm.barriers import critical_scale, per_period
 from nasm.critical import CriticalScale, Status, no_answer
 from nasm.maps import forcing
 from nasm.numbers import rational
@@ -93,7 +93,7 @@ def verdict(kappa, prove=False):
 
     Parameters
     ----------
-    kappa : sequence of P floats with a dominant symmetry line; see `nasm.cones`.
+    kappa : sequence of P floats.
     prove : bool; evidence is CIRCLE_PROVED or TRANSPORT_PROVED where a proof succeeds.
 
     Returns
@@ -101,7 +101,7 @@ def verdict(kappa, prove=False):
     Verdict. UNDECIDED closer to the boundary than some 1.5·10⁻⁵ below and 4·10⁻⁶ above, in parts of
     kappa, or where the methods fail or contradict each other; its boundary then holds the bracket.
 
-    ValueError if kappa is not finite, too large, or has no dominant symmetry line. ImportError if a
+    ValueError if kappa is not finite or too large. ImportError if a
     circle is to be proved and python-flint is not installed.
     """
     kappa = forcing(kappa)
@@ -111,9 +111,10 @@ def verdict(kappa, prove=False):
     (short,), zero = shorten([kappa], rational(0))
     answer, evidence = Answer.UNDECIDED, Evidence.NONE
     found, circle, steps, proof = None, None, inf, None
-    for tol in _TOLERANCES:
+    tolerances = _TOLERANCES if barriers.has_dominant_line(short) else _TOLERANCES[:2]
+    for tol in tolerances:
         boundary = _in_units_of(size, critical_scale(short / size, tol))
-        if abs(boundary.value - 1) < tol / 5 and tol > _TOLERANCES[-1]:
+        if abs(boundary.value - 1) < tol / 5 and tol > tolerances[-1]:
             continue  # look closer before deciding
         end = boundary.value if np.isfinite(boundary.value) else boundary.upper
         if end < 1:
@@ -129,7 +130,7 @@ def verdict(kappa, prove=False):
                 circle = lengthen(kappa, *circles.graph(found))
                 break
     else:
-        if boundary.lower >= 1 and not cones.eliminates(short, _STEPS):
+        if boundary.lower >= 1 and not barriers.eliminates(short, _STEPS):
             answer, evidence = Answer.BARRIER, Evidence.CIRCLE_BEYOND
     if boundary.upper == inf:  # kicks so weak that floats do not reach from them to the boundary
         boundary = no_answer(boundary.omega, Status.NO_BREAKUP)
@@ -164,7 +165,7 @@ def _in_units_of(size, scale):
 def _elimination(kappa, distance):
     """Steps until no start survives, that far above the boundary; inf if some do."""
     n_max = min(max(1.6 / distance, _STEPS), _MOST_STEPS)
-    return cones.longest_lived(kappa, int(n_max))[1]
+    return barriers.longest_lived(kappa, int(n_max))[1]
 
 
 def _circle_under(kappa, boundary):
@@ -172,7 +173,7 @@ def _circle_under(kappa, boundary):
 
     None too if converse KAM contradicts it.
     """
-    if cones.eliminates(kappa, _STEPS):
+    if barriers.eliminates(kappa, _STEPS):
         return None
     omega, distance = boundary.omega, 1 - 1 / boundary.value
     if _NEAREST <= distance < _TOLERANCES[0]:
@@ -184,6 +185,6 @@ def _circle_under(kappa, boundary):
     omegas = [omega]
     if omega is None:  # as next to a cusp, where residues give no value
         beyond = boundary.upper * kappa
-        omegas = candidates(beyond, cones.longest_lived(beyond, 2 * _STEPS)[0])
+        omegas = barriers.candidates(*barriers.longest_lived(beyond, 2 * _STEPS)[0])
     found = (circles.invariant_circle(omega, kappa, _MOST_POINTS) for omega in omegas)
     return next((circle for circle in found if circle.certified), None)

@@ -214,11 +214,11 @@ def misled(monkeypatch, candidates):
     the list of the rounds' forcings."""
     rounds, real = [], barriers.candidates
 
-    def other(kappa, y):
+    def other(kappa, x, y):
         rounds.append(kappa)
         if len(rounds) <= len(candidates):
             return [parse(name) for name in candidates[len(rounds) - 1]]
-        return real(kappa, y)
+        return real(kappa, x, y)
 
     monkeypatch.setattr(barriers, "candidates", other)
     return rounds
