@@ -140,10 +140,9 @@ def longest_lived(kappa, n_max):
     life in steps, inf if on no line or transversal all starts are eliminated within n_max steps.
     """
     if has_dominant_line(kappa):
-        from_centre, a = periodic.from_dominant_centre(kappa)
-        y, steps = cones.longest_lived(kappa, n_max)
+        place, steps = cones.longest_lived(kappa, n_max)
         if steps < np.inf or kappa.size <= 2:
-            return (from_centre, a, y), steps
+            return cones.start(kappa, place), steps
     start, steps = transversals.longest_lived(kappa, n_max)
     return (np.roll(kappa, -start.site), start.x, start.y), steps
 
@@ -157,14 +156,11 @@ def eliminates(kappa, n_max):
 
 
 def has_dominant_line(kappa):
-    """Whether the forcing has a centre, and there a line that all minimax orbits are on, to first
-    order: bool; see `nasm.cones`."""
+    """Whether the forcing has a centre, and lines that the minimax orbits of all ω are on: bool."""
     try:
-        site, a = periodic.dominant_centre(kappa)
+        return all(dominant for *_, dominant in periodic.dominant_lines(kappa))
     except ValueError:
         return False
-    resonances = np.fft.fft(np.roll(kappa, -site)).real * (1 if a == 0.5 else -1)
-    return bool(resonances.min() >= -1e-9 * resonances.max())
 
 
 def last_circle(found, profile):

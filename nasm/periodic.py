@@ -136,12 +136,6 @@ def _half_on(site, size):
     return other if other % 1 else int(other)
 
 
-def from_dominant_centre(kappa):
-    """The forcing from the site of its `dominant_centre` on, and the a of that centre."""
-    site, a = dominant_centre(kappa)
-    return np.roll(forcing(kappa), -site), a
-
-
 def minimax_centre(kappa, p, q):
     """A centre (site, a) of the minimax orbit of p/q, R > 0, by `dominant_lines`."""
     strengths = forcing(kappa)
