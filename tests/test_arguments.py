@@ -105,6 +105,7 @@ BAD = [
     ((cones.critical_scale,), "profile", [(0.1, 0.2, 0.3)], "no symmetry centre"),
     ((cones.critical_scale,), "profile", [(0.1, 0.9, 0.9), (0, 1, 1), (0, -1, -1), (1.3, -0.8,
      -0.8)], "profile=…has no dominant symmetry line…is on it"),
+    ((barriers.critical_scale,), "profile", [[1.0] + [0.5] * 63 + [0.2]], "P=65 kicks"),
     ((barriers.critical_scale,), "profile", [()], "kappa=() has shape (0,)"),
     ((barriers.critical_scale,), "profile", [(1, nan)], "is not finite"),
     ((barriers.critical_scale,), "tol", [9e-6, 0.2, -1e-3, nan],
