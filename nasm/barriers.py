@@ -27,7 +27,7 @@ import numpy as np
 
 from nasm import circles, cones, continuation, periodic, transversals
 from nasm.checks import real
-from nasm.critical import CriticalScale, Status
+from nasm.critical import CriticalScale, Status, no_answer
 from nasm.maps import direction
 from nasm.numbers import checked, convergents, moebius, nobles_near, parse, rational
 from nasm.orbits import rotation_number
@@ -57,14 +57,14 @@ def critical_scale(profile, tol=1e-4):
     -------
     CriticalScale. value, error : by Greene's residue, error no larger than the bracket; next to a
     cusp, where a later circle may have been missed, no smaller than upper - value. Without a
-    dominant line both are by continuation, and upper - value is at least twice the error, be the
-    bracket wider than asked for. lower : a circle of ω is certified there; upper : no start on the
-    dominant line, or on a transversal, survives there. omega : that of
-    the last barrier, per period, in [0, P/2], which stands for ±ω and all ω + P·n: their circles
-    break together. Of two that are `tied` it is the one with the shorter text.
+    dominant line both are by continuation, and the bracket is wider than asked for where that is
+    not precise enough. lower : a circle of ω is certified there; upper : no start on the dominant
+    line, or on a transversal, survives there. omega : that of the last barrier, per period, in
+    [0, P/2], which stands for ±ω and all ω + P·n: their circles break together. Of two that are
+    `tied` it is the one with the shorter text.
     Status UNDECIDED, and no value, where the methods contradict each other, and NEAR_CUSP where the
-    residues of a candidate cannot tell the forcing from a shorter one; upper is then what was
-    shown. lower is NaN where no circle could be certified.
+    residues of a candidate cannot tell the forcing from a shorter one; lower and upper are then
+    what was shown. lower is NaN where no circle could be certified.
 
     ValueError if profile is zero or tiny, or has more than 64 kicks and no dominant symmetry line,
     or tol is out of range.
@@ -117,23 +117,32 @@ def _by_symmetry(profile, short, tol):
 def _by_continuation(short, tol):
     """The CriticalScale on a ray without a dominant symmetry line, omega per period of `short`."""
     above = tol / 5
-    best, highest = None, np.inf
+    best, certified, highest = None, np.nan, np.inf
+
+    def eliminated(scale):
+        return np.isfinite(transversals.longest_lived(scale * short, int(1.6 / above))[1])
+
     for steps in _LOCATE_ANYWHERE:
         highest, start, _ = transversals.located(short, steps)
         beyond = np.roll(highest * short, -start.site)
         near = candidates(beyond, start.x, start.y) or [noble_between(*start.between)]
         scales = [continuation.critical_scale(omega, short, _PRECISE * highest) for omega in near]
+        certified = np.fmax(certified, np.fmax.reduce([scale.lower for scale in scales]))
         best = _most_robust(scales, best)
         if best is None:
             continue
-        upper = best.value + max(above * best.value, 2 * best.error)
-        if np.isinf(transversals.longest_lived(upper * short, int(1.6 / above))[1]):
-            continue
+        upper = best.value * (1 + above)
+        if not eliminated(upper):
+            upper = best.value + 2 * best.error
+            if upper <= best.value * (1 + above) or not eliminated(upper):
+                continue
         lower = continuation.certified_scale(best.omega, short, best.value, tol - above)
         if lower >= highest or transversals.escapes(np.fmin(lower, best.value * (1 - tol)) * short):
-            break
-        return CriticalScale(best.value, best.error, lower, upper, best.omega, Status.OK)
-    return CriticalScale(np.nan, np.nan, np.nan, highest, None, Status.UNDECIDED)
+            return no_answer(None, Status.UNDECIDED)
+        error = np.fmin(best.error, max(best.value - lower, upper - best.value))  # NaN: no bracket
+        return CriticalScale(best.value, error, lower, upper, best.omega, Status.OK)
+    lower = certified if certified < highest else np.nan
+    return CriticalScale(np.nan, np.nan, lower, highest, None, Status.UNDECIDED)
 
 
 def longest_lived(kappa, n_max):

@@ -175,6 +175,7 @@ def located(profile, n_max):
                 survived = scale
             else:
                 upper, found = scale, (start, kicks / profile.size)
+                share = min(1.5 * share, 0.3)
         share = _EXCESS / found[1]  # by the law, the breakup is that far below
     return upper, *found
 
@@ -221,7 +222,7 @@ def _longest_on_transversal(kappa, n_kicks):
     while True:
         at = np.array([float(omega) for omega, _ in orbits])
         at *= 0.5 / at[-1]
-        x, y = np.array([(sites[0], sites[0] - sites[-1] + ω.numerator) for ω, sites in orbits]).T
+        x, y = np.array([_place(*orbit) for orbit in orbits]).T
 
         def points_at(place, at=at, x=x, y=y):
             return np.interp(place, at, x), np.interp(place, at, y)
@@ -253,13 +254,21 @@ def _first_orbits(kappa):
     for omega in omegas:
         orbits.append((omega, _minimax(kappa, omega, before)))
         before = orbits[-1][1][0]
-    ends = 2 * np.array([orbits[0][1][0], orbits[-1][1][0]])
-    if np.abs(ends - np.rint(ends)).max() > 1e-6:
+    ends = (orbits[0], 0.0), (orbits[-1], 1.0)
+    if any(
+        max(abs(2 * x - np.rint(2 * x)), abs(2 * y - twice)) > 1e-6
+        for (x, y), twice in ((_place(*orbit), twice) for orbit, twice in ends)
+    ):
         for omega, sites in orbits[-1 - (2 * omegas[-1] == period) :: -1]:
             image = np.arange(sites.size) + (-sites if omega else sites)
             image += np.rint(orbits[-1][1][0] - image[0])
             orbits.append((period - omega, image))
     return orbits
+
+
+def _place(omega, sites):
+    """(x, y) of an orbit before site 0."""
+    return sites[0], sites[0] - sites[-1] + omega.numerator
 
 
 def _minimax(kappa, omega, near):

@@ -289,6 +289,30 @@ def test_three_kicks_have_a_bracket_that_orbits_respect():
     assert barriers.last_circle(found, GENERIC).certified
 
 
+@pytest.mark.slow
+def test_none_of_300_random_forcings_is_told_a_lie():
+    rng, decided, escaped = np.random.default_rng(300), 0, 0
+    for _ in range(300):
+        profile = rng.normal(size=int(rng.integers(3, 7)))
+        found = critical_scale(profile, 1e-3)
+        if found.status is not Status.OK:
+            continue
+        decided += is_shown(found)
+        # No circle of another ω is certified beyond, and orbits escape beyond only.
+        for omega in (
+            moebius(noble, 1, n) for noble in nobles(3) for n in range(profile.size // 2)
+        ):
+            other = continuation.critical_scale(omega, profile, 1e-2)
+            assert not other.lower >= found.upper
+            assert not other.value - 2 * other.error > found.upper
+        kappas = np.outer([np.fmin(found.lower, found.value), 1.2 * found.upper], profile)
+        inside, outside = escape.first_escape(kappas, *escape.ensemble(64), [64], 300_000)[0]
+        assert inside == np.inf
+        escaped += outside < np.inf
+    assert decided > 285
+    assert escaped > 270  # and some orbits take longer
+
+
 @pytest.mark.parametrize("factor", [0.98, 1.02])
 def test_a_false_value_by_continuation_is_not_believed(factor, monkeypatch):
     exact = critical_scale(GENERIC, 1e-2).value
