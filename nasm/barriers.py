@@ -3,8 +3,8 @@
 The boundary of global transport CB_gt is the envelope of the boundaries CB_ω over all ω: at each
 angle another circle may be the last one. It is found and bracketed in four steps.
 
-1. Locate. Converse KAM gives the breakup to 10⁻⁴, and beyond it the start that lives longest: it
-   is next to what is left of the last circle.
+1. Locate. Converse KAM gives the breakup to 10⁻³ or 10⁻⁴, and beyond it the start that lives
+   longest: it is next to what is left of the last circle.
 2. Identify. The weighted Birkhoff average of its orbit is a rotation number to six digits or so,
    and the nobles that agree with it, the shortest first, are the candidates.
 3. Value. Greene's residue says where each candidate breaks; the last one is the barrier.
@@ -14,6 +14,10 @@ angle another circle may be the last one. It is found and bracketed in four step
 
 Each step is another method, and checks the one before. If they do not agree in the end there is no
 value, but the bracket of those that do.
+
+Where the forcing has a dominant symmetry line, converse KAM takes its starts from it (`cones`). A
+forcing without one has no symmetric orbits either. Converse KAM then goes by `transversals`, the
+value is that of `continuation`, which needs no symmetry, and no orbit may escape at `lower`.
 """
 
 from dataclasses import replace
@@ -21,9 +25,9 @@ from math import floor
 
 import numpy as np
 
-from nasm import circles, cones, continuation, escape, periodic, transversals
+from nasm import circles, cones, continuation, periodic, transversals
 from nasm.checks import real
-from nasm.critical import CriticalScale, Status
+from nasm.critical import CriticalScale, Status, no_answer
 from nasm.maps import direction
 from nasm.numbers import checked, convergents, moebius, nobles_near, parse, rational
 from nasm.orbits import rotation_number
@@ -31,8 +35,8 @@ from nasm.symmetries import shorten
 
 _LOCATE = (1000, 4000, 16_000, 64_000)  # steps of converse KAM in step 1, round by round
 _LOCATE_ANYWHERE = (250, 1000, 4000)  # of converse KAM on transversals
+_PRECISE = 1e-6  # of the scale: what continuation is asked for, in 0.1 s a circle
 _IN_DOUBT = (Status.NOT_CONVERGED, Status.UNDECIDED)
-_ORBITS, _ESCAPE_STEPS = 64, 10**5
 _BEYOND = 0.5  # over the steps: where, past the breakup, the longest-lived start is asked for its ω
 _NEAR = 2e-5  # of the measured rotation number; neighbours that robust are further apart
 _AVERAGED = 1000  # steps
@@ -52,15 +56,18 @@ def critical_scale(profile, tol=1e-4):
     Returns
     -------
     CriticalScale. value, error : by Greene's residue, error no larger than the bracket; next to a
-    cusp, where a later circle may have been missed, no smaller than upper - value. lower : a circle
-    of ω is certified there; upper : no start on the dominant line survives there. omega : that of
-    the last barrier, per period, in [0, P/2], which stands for ±ω and all ω + P·n: their circles
-    break together. Of two that are `tied` it is the one with the shorter text.
+    cusp, where a later circle may have been missed, no smaller than upper - value. Without a
+    dominant line both are by continuation, and the bracket is wider than asked for where that is
+    not precise enough. lower : a circle of ω is certified there; upper : no start on the dominant
+    line, or on a transversal, survives there. omega : that of the last barrier, per period, in
+    [0, P/2], which stands for ±ω and all ω + P·n: their circles break together. Of two that are
+    `tied` it is the one with the shorter text.
     Status UNDECIDED, and no value, where the methods contradict each other, and NEAR_CUSP where the
-    residues of a candidate cannot tell the forcing from a shorter one; upper is then what was
-    shown. lower is NaN where no circle could be certified.
+    residues of a candidate cannot tell the forcing from a shorter one; lower and upper are then
+    what was shown. lower is NaN where no circle could be certified.
 
-    ValueError if profile is zero or tiny, has no dominant symmetry line, or tol is out of range.
+    ValueError if profile is zero or tiny, or has more than 64 kicks and no dominant symmetry line,
+    or tol is out of range.
     """
     profile = direction(profile)
     tol = real("tol", tol)
@@ -69,7 +76,7 @@ def critical_scale(profile, tol=1e-4):
     # On κ1 = κ2 the barriers are noble for the standard map, not for two steps of it.
     (short,), zero = shorten([profile], rational(0))
     found = _by_symmetry(profile, short, tol) if has_dominant_line(short) else None
-    if found is None or (found.status in _IN_DOUBT and short.size > 2):
+    if found is None or (found.status in _IN_DOUBT and 2 < short.size <= transversals.MAX_PERIOD):
         found = _by_continuation(short, tol)
     if found.omega is None:
         return found
@@ -110,29 +117,32 @@ def _by_symmetry(profile, short, tol):
 def _by_continuation(short, tol):
     """The CriticalScale on a ray without a dominant symmetry line, omega per period of `short`."""
     above = tol / 5
-    best, highest = None, np.inf
+    best, certified, highest = None, np.nan, np.inf
+
+    def eliminated(scale):
+        return np.isfinite(transversals.longest_lived(scale * short, int(1.6 / above))[1])
+
     for steps in _LOCATE_ANYWHERE:
         highest, start, _ = transversals.located(short, steps)
         beyond = np.roll(highest * short, -start.site)
         near = candidates(beyond, start.x, start.y) or [noble_between(*start.between)]
-        scales = [continuation.critical_scale(omega, short, above * highest / 4) for omega in near]
+        scales = [continuation.critical_scale(omega, short, _PRECISE * highest) for omega in near]
+        certified = np.fmax(certified, np.fmax.reduce([scale.lower for scale in scales]))
         best = _most_robust(scales, best)
         if best is None:
             continue
-        upper = best.value + max(above * best.value, 2 * best.error)
-        if np.isinf(transversals.longest_lived(upper * short, int(1.6 / above))[1]):
-            continue
+        upper = best.value * (1 + above)
+        if not eliminated(upper):
+            upper = best.value + 2 * best.error
+            if upper <= best.value * (1 + above) or not eliminated(upper):
+                continue
         lower = continuation.certified_scale(best.omega, short, best.value, tol - above)
-        if lower >= highest or _escapes(np.fmin(lower, best.value * (1 - tol)) * short):
-            break
-        return CriticalScale(best.value, best.error, lower, upper, best.omega, Status.OK)
-    return CriticalScale(np.nan, np.nan, np.nan, highest, None, Status.UNDECIDED)
-
-
-def _escapes(kappa):
-    """Whether one of a few orbits escapes, which no orbit does as long as there is a circle."""
-    x, y = escape.ensemble(_ORBITS)
-    return bool(np.isfinite(escape.first_escape([kappa], x, y, [_ORBITS], _ESCAPE_STEPS)).any())
+        if lower >= highest or transversals.escapes(np.fmin(lower, best.value * (1 - tol)) * short):
+            return no_answer(None, Status.UNDECIDED)
+        error = np.fmin(best.error, max(best.value - lower, upper - best.value))  # NaN: no bracket
+        return CriticalScale(best.value, error, lower, upper, best.omega, Status.OK)
+    lower = certified if certified < highest else np.nan
+    return CriticalScale(np.nan, np.nan, lower, highest, None, Status.UNDECIDED)
 
 
 def longest_lived(kappa, n_max):

@@ -45,24 +45,25 @@ from numba import njit
 from nasm import escape
 from nasm.checks import count, points
 from nasm.cones import longest_found
-from nasm.critical import CriticalScale, Status, no_answer
+from nasm.critical import CriticalScale, Status
 from nasm.kernels import kernel
 from nasm.maps import TWO_PI, direction, forcing, kick
 from nasm.sine import cos2pi, sin2pi
 
 MAX_STEPS = 10**6
+MAX_PERIOD = 64  # kicks, on which time depends more than quadratically
 
 _GRIDS = ((1024, 0.5), (797, 0.382))  # starts, and the place of the start in its cell
 _COMPARED, _PLACES = 8, 24  # largest q with which the actions at x_0 = 0, 1/(24q), … are compared
 _HIGH = 0.1  # of their range
 _STEPS = 40  # of Newton's method, and to the minimax
+_SITES = 8  # at most, whose transversals are tried
 _LONGEST = 4  # times √n_max: period of the minimax orbits up to which pieces are bent
 _SHORT = 100  # kicks: of shorter lives the shortest is sought, on the transversals of all sites
 _NARROW = 0.2  # over the steps: bracket, in parts of the scale, to which it is narrowed
 _FOUND = 1e-9  # turns: nearer, a minimax orbit is not asked to be
 _EXCESS = 0.7  # steps: C of the law
-_UNCERTAIN = 1.0  # errors in parts of upper - value
-_ORBITS, _ESCAPE_STEPS = 256, 10**6
+_ORBITS, _ESCAPE_STEPS = 64, 10**5
 
 
 @dataclass(frozen=True)
@@ -127,10 +128,10 @@ def longest_lived(kappa, n_max):
 def critical_scale(profile, n_max):
     """The scale at which the last circle breaks on the ray κ = s·profile, for any forcing.
 
-    1. Lower the scale as in `cones.critical_scale`, until the longest life on a transversal is near
-       n_max: `upper`.
+    1. Lower the scale until a start survives 30 steps or so, halve the bracket until it is narrow,
+       go on with four times the steps, and so on to n_max: `upper`.
     2. `value` is lower by 0.7/T, T being that life in steps.
-    3. No orbit must escape there within 10⁶ steps: none does just beyond the breakup.
+    3. No orbit must escape there within 10⁵ steps: none does just beyond the breakup.
 
     Parameters
     ----------
@@ -141,19 +142,17 @@ def critical_scale(profile, n_max):
     -------
     CriticalScale. upper : no start on a transversal was found to survive n_max steps there. error :
     upper - value. lower is NaN and omega None: the method shows no circle, and names none. Status
-    NOT_CONVERGED if lifetimes contradict each other; UNDECIDED, and no value, if an orbit escapes
-    below what the search found: `upper` is where it did.
+    UNDECIDED, and no value, if an orbit escapes below what the search found: `upper` is where it
+    did.
 
-    ValueError if profile is zero or tiny or n_max out of range.
+    ValueError if profile is zero or tiny, or longer than 64 kicks, or n_max out of range.
     """
     profile = direction(profile)
     upper, _, time = located(profile, n_max)
-    if np.isnan(upper):
-        return no_answer(None, Status.NOT_CONVERGED)
     value = upper / (1 + _EXCESS / time)
-    if _escapes(value * profile):
+    if escapes(value * profile):
         return CriticalScale(np.nan, np.nan, np.nan, value, None, Status.UNDECIDED)
-    return CriticalScale(value, _UNCERTAIN * (upper - value), np.nan, upper, None, Status.OK)
+    return CriticalScale(value, upper - value, np.nan, upper, None, Status.OK)
 
 
 def located(profile, n_max):
@@ -176,19 +175,25 @@ def located(profile, n_max):
                 survived = scale
             else:
                 upper, found = scale, (start, kicks / profile.size)
+                share = min(1.5 * share, 0.3)
         share = _EXCESS / found[1]  # by the law, the breakup is that far below
     return upper, *found
 
 
-def _by_strength(kappa):
-    """The sites, the largest |κ| first."""
-    return np.argsort(-np.abs(kappa), kind="stable").tolist()
-
-
-def _escapes(kappa):
-    """Whether some orbit is seen to get past where all circles would be."""
+def escapes(kappa):
+    """Whether one of 64 orbits gets past where all circles would be, within 10⁵ steps: bool."""
     x, y = escape.ensemble(_ORBITS)
     return bool(np.isfinite(escape.first_escape([kappa], x, y, [_ORBITS], _ESCAPE_STEPS)).any())
+
+
+def _by_strength(kappa):
+    """The sites of the largest |κ|, in descending order."""
+    if kappa.size > MAX_PERIOD:
+        raise ValueError(
+            f"a forcing with P={kappa.size} kicks and no dominant symmetry line is too long; "
+            f"without such a line P is at most {MAX_PERIOD}"
+        )
+    return np.argsort(-np.abs(kappa), kind="stable").tolist()[:_SITES]
 
 
 def _longest_lived(kappa, n_kicks, sites):
@@ -217,7 +222,7 @@ def _longest_on_transversal(kappa, n_kicks):
     while True:
         at = np.array([float(omega) for omega, _ in orbits])
         at *= 0.5 / at[-1]
-        x, y = np.array([(sites[0], sites[0] - sites[-1] + ω.numerator) for ω, sites in orbits]).T
+        x, y = np.array([_place(*orbit) for orbit in orbits]).T
 
         def points_at(place, at=at, x=x, y=y):
             return np.interp(place, at, x), np.interp(place, at, y)
@@ -249,13 +254,21 @@ def _first_orbits(kappa):
     for omega in omegas:
         orbits.append((omega, _minimax(kappa, omega, before)))
         before = orbits[-1][1][0]
-    ends = 2 * np.array([orbits[0][1][0], orbits[-1][1][0]])
-    if np.abs(ends - np.rint(ends)).max() > 1e-6:
+    ends = (orbits[0], 0.0), (orbits[-1], 1.0)
+    if any(
+        max(abs(2 * x - np.rint(2 * x)), abs(2 * y - twice)) > 1e-6
+        for (x, y), twice in ((_place(*orbit), twice) for orbit, twice in ends)
+    ):
         for omega, sites in orbits[-1 - (2 * omegas[-1] == period) :: -1]:
             image = np.arange(sites.size) + (-sites if omega else sites)
             image += np.rint(orbits[-1][1][0] - image[0])
             orbits.append((period - omega, image))
     return orbits
+
+
+def _place(omega, sites):
+    """(x, y) of an orbit before site 0."""
+    return sites[0], sites[0] - sites[-1] + omega.numerator
 
 
 def _minimax(kappa, omega, near):

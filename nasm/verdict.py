@@ -18,6 +18,7 @@ from nasm.numbers import rational
 from nasm.symmetries import lengthen, shorten
 
 _TOLERANCES = (1e-3, 1e-4, 2e-5)  # of the boundary next to a point: 0.1 s, 0.4 s and 2 to 3 s
+_WITHOUT_LINE = _TOLERANCES[:2]  # 1 s and 5 s for three kicks
 _STEPS = 1000  # of converse KAM that every point is asked to survive
 _MOST_STEPS = 400_000  # of converse KAM at a point, a second or two: to 4e-6 above the boundary
 _MOST_POINTS = 2**15  # of a circle that is further than the first tolerance from its breakup
@@ -93,7 +94,7 @@ def verdict(kappa, prove=False):
 
     Parameters
     ----------
-    kappa : sequence of P floats.
+    kappa : sequence of P floats; P at most 64 if it has no dominant line, see `nasm.cones`.
     prove : bool; evidence is CIRCLE_PROVED or TRANSPORT_PROVED where a proof succeeds.
 
     Returns
@@ -111,7 +112,7 @@ def verdict(kappa, prove=False):
     (short,), zero = shorten([kappa], rational(0))
     answer, evidence = Answer.UNDECIDED, Evidence.NONE
     found, circle, steps, proof = None, None, inf, None
-    tolerances = _TOLERANCES if barriers.has_dominant_line(short) else _TOLERANCES[:2]
+    tolerances = _TOLERANCES if barriers.has_dominant_line(short) else _WITHOUT_LINE
     for tol in tolerances:
         boundary = _in_units_of(size, critical_scale(short / size, tol))
         if abs(boundary.value - 1) < tol / 5 and tol > tolerances[-1]:

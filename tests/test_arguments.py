@@ -104,6 +104,7 @@ BAD = [
     ((cones.critical_scale,), "profile", [(0.1, 0.2, 0.3)], "no symmetry centre"),
     ((cones.critical_scale,), "profile", [(0.3, 0.2, 0.2, 0.3),
      maps.rotating_forcing(-0.6, 0.8, "3/5")], "has no dominant symmetry line"),
+    ((barriers.critical_scale,), "profile", [[1.0] + [0.5] * 63 + [0.2]], "P=65 kicks"),
     ((barriers.critical_scale,), "profile", [()], "kappa=() has shape (0,)"),
     ((barriers.critical_scale,), "profile", [(1, nan)], "is not finite"),
     ((barriers.critical_scale,), "tol", [9e-6, 0.2, nan], "tol={value} must be from 1e-5"),

@@ -206,6 +206,123 @@ def test_a_forcing_repeated_has_its_barrier_at_twice_the_omega(angle):
     assert float(twice.omega) <= 2
 
 
+# Without a dominant symmetry line
+
+GENERIC = (0.3, 0.2, 0.25)
+
+
+@pytest.fixture
+def hidden(monkeypatch):
+    """Let no symmetry be seen, and searches be short."""
+    monkeypatch.setattr(barriers, "has_dominant_line", lambda kappa: False)
+    monkeypatch.setattr(barriers, "_LOCATE_ANYWHERE", (100, 400))
+
+
+def disguised(profile, rng):
+    """A forcing whose barriers break at the same scale."""
+    profile = rng.choice([-1, 1]) * np.roll(profile, rng.integers(profile.size))
+    profile = profile[:: rng.choice([-1, 1])]
+    alternates = profile.size % 2 == 0 and rng.random() < 0.5
+    return profile * (-1.0) ** np.arange(profile.size) if alternates else profile
+
+
+def assert_both_ways_agree(profile, rng, tol, monkeypatch):
+    expected = critical_scale(profile, tol)
+    with monkeypatch.context() as patch:
+        patch.setattr(barriers, "has_dominant_line", lambda kappa: False)
+        found = critical_scale(disguised(np.array(profile), rng), tol)
+    for scale in (expected, found):
+        assert scale.status is not Status.OK or is_shown(scale)
+    assert np.nanmax([expected.lower, found.lower]) < min(expected.upper, found.upper)
+    if expected.status is found.status is Status.OK:
+        assert abs(found.value - expected.value) <= found.error + expected.error
+    return expected.status is found.status is Status.OK
+
+
+@pytest.mark.parametrize("profile", [(0.6, 0.8), (1.8, -0.1, -0.1)])
+def test_a_hidden_symmetry_changes_nothing(profile, monkeypatch):
+    assert assert_both_ways_agree(profile, np.random.default_rng(18), 1e-2, monkeypatch)
+
+
+@pytest.mark.slow
+def test_hidden_symmetries_of_random_forcings_change_nothing(monkeypatch):
+    rng, decided = np.random.default_rng(18), 0
+    profiles = []
+    while len(profiles) < 40:
+        half, period = rng.normal(size=4), int(rng.integers(2, 7))
+        profile = np.array([half[min(n, period - n)] for n in range(period)])
+        if barriers.has_dominant_line(profile):
+            profiles.append(profile)
+    for profile in profiles:
+        decided += assert_both_ways_agree(profile, rng, 1e-3, monkeypatch)
+    assert decided > 35
+
+
+@pytest.mark.usefixtures("hidden")
+def test_an_idle_kick_after_each_kick_halves_the_scale():
+    # x moves by 2y between two kicks: the map of κ, y is that of 2κ, 2y.
+    once, idle = (critical_scale(kappa, 1e-2) for kappa in (GENERIC, (0.3, 0, 0.2, 0, 0.25, 0)))
+    assert is_shown(once)
+    assert abs(once.value - 2 * idle.value) <= once.error + 2 * idle.error
+    images = {
+        moebius(image, 1, shift) for image in mirror_images(once.omega, 3) for shift in (0, 3)
+    }
+    assert idle.omega in images
+
+
+def test_three_kicks_have_a_bracket_that_orbits_respect():
+    found = critical_scale(GENERIC, 1e-3)
+    assert is_shown(found)
+    assert found.upper - found.lower <= 1e-3 * found.value * (1 + 1e-9)
+    assert found.omega == parse("[1;4,(1)]")
+    kappas = np.outer([found.lower, 1.2 * found.upper], GENERIC)
+    inside, outside = escape.first_escape(kappas, *escape.ensemble(64), [64], 300_000)[0]
+    assert inside == np.inf
+    assert outside < 300_000
+    assert barriers.last_circle(found, GENERIC).certified
+
+
+@pytest.mark.slow
+def test_none_of_300_random_forcings_is_told_a_lie():
+    rng, decided, escaped = np.random.default_rng(300), 0, 0
+    for _ in range(300):
+        profile = rng.normal(size=int(rng.integers(3, 7)))
+        found = critical_scale(profile, 1e-3)
+        if found.status is not Status.OK:
+            continue
+        decided += is_shown(found)
+        # No circle of another ω is certified beyond, and orbits escape beyond only.
+        for omega in (
+            moebius(noble, 1, n) for noble in nobles(3) for n in range(profile.size // 2)
+        ):
+            other = continuation.critical_scale(omega, profile, 1e-2)
+            assert not other.lower >= found.upper
+            assert not other.value - 2 * other.error > found.upper
+        kappas = np.outer([np.fmin(found.lower, found.value), 1.2 * found.upper], profile)
+        inside, outside = escape.first_escape(kappas, *escape.ensemble(64), [64], 300_000)[0]
+        assert inside == np.inf
+        escaped += outside < np.inf
+    assert decided > 285
+    assert escaped > 270  # and some orbits take longer
+
+
+@pytest.mark.parametrize("factor", [0.98, 1.02])
+def test_a_false_value_by_continuation_is_not_believed(factor, monkeypatch):
+    exact = critical_scale(GENERIC, 1e-2).value
+    real = continuation.critical_scale
+
+    def wrong(omega, profile, tol):
+        found = real(omega, profile, tol)
+        return type(found)(factor * found.value, found.error, np.nan, np.nan, omega, found.status)
+
+    monkeypatch.setattr(barriers, "_LOCATE_ANYWHERE", (100,))
+    monkeypatch.setattr(continuation, "critical_scale", wrong)
+    found = critical_scale(GENERIC, 1e-2)
+    assert exact < found.upper
+    assert not found.lower > exact
+    assert found.status is Status.UNDECIDED or factor > 1
+
+
 # Led astray
 
 

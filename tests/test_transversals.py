@@ -1,14 +1,18 @@
 """Converse KAM on transversals against the action's second variation, symmetry lines, phases."""
 
+from fractions import Fraction
+
 import numpy as np
 import oracles
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from nasm import cones, escape
+from nasm import cones, continuation, escape, periodic
 from nasm.critical import Status
 from nasm.maps import rotating_forcing
-from nasm.transversals import critical_scale, elimination_time, longest_lived
+from nasm.numbers import parse
+from nasm.symmetries import ray
+from nasm.transversals import _minimax, critical_scale, elimination_time, longest_lived
 
 FORCINGS = [(1.03,), (0.71, 0.46), (0.2, 0.5, 0.36), (0.1, 0.7, -0.3, 0.2)]
 
@@ -58,24 +62,34 @@ def test_the_breakup_is_that_of_the_symmetry_line(profile):
         assert known.value < found.upper < known.value * (1 + 1.5 / n_max)
 
 
-@pytest.mark.parametrize("angle", [pytest.param(25.0, marks=pytest.mark.slow), 118.0])
-def test_phases_with_one_boundary(angle):
-    phase = 0.03
-    mean, amplitude = np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))
-    forcings = [
-        rotating_forcing(mean, amplitude, "1/3", phase),
-        rotating_forcing(mean, amplitude, "1/3", phase + 1 / 3),  # starts a kick later
-        rotating_forcing(mean, amplitude, "1/3", -phase),  # reversed in time
-        rotating_forcing(mean, -amplitude, "1/3", phase + 1 / 2),  # the same forcing
-        rotating_forcing(mean, -amplitude, "1/3", 1 / 6 - phase),  # all three together
-        rotating_forcing(-mean, -amplitude, "1/3", phase),  # x + 1/2
-    ]
-    found = [critical_scale(kappa, 50) for kappa in forcings]
-    values, errors = (np.array([getattr(s, name) for s in found]) for name in ("value", "error"))
-    assert (abs(values - values[0]) < errors / 2).all()
-    assert_allclose(values, values[0], rtol=6e-3)
-    other = critical_scale(rotating_forcing(mean, amplitude, "1/3", phase + 1 / 24), 50)
-    assert abs(other.value - values[0]) > 0.01 * values[0]  # not all phases are alike
+@pytest.mark.parametrize("shape", ["later", "reversed", "negated"])
+def test_images_of_a_forcing_have_one_breakup(shape):
+    profile = rotating_forcing(*ray(118.0), "1/3", 0.03)
+    image = {"later": np.roll(profile, 1), "reversed": profile[::-1], "negated": -profile}[shape]
+    one, other = (critical_scale(kappa, 30) for kappa in (profile, image))
+    assert abs(one.value - other.value) < (one.error + other.error) / 2
+    unlike = critical_scale(rotating_forcing(*ray(118.0), "1/3", 0.03 + 1 / 24), 30)
+    assert abs(one.value - unlike.value) > one.error + unlike.error
+
+
+@pytest.mark.parametrize(("angle", "phase"), [(93.0, 0.0), (160.0, 0.02)])
+def test_where_lines_fail_transversals_lead_to_the_circle_that_breaks_last(angle, phase):
+    # Both lines of the centre meet minimizing orbits here, of first order at 93°.
+    profile = rotating_forcing(*ray(angle), "1/3", phase)
+    found = critical_scale(profile, 300)
+    judge = continuation.critical_scale(
+        parse("[0;2,2,3,(1)]" if angle == 93 else "[0;1,2,1,2,(1)]"), profile, 1e-5
+    )
+    assert abs(found.value - judge.value) < found.error + judge.error
+    assert judge.value < found.upper < 1.005 * judge.value
+
+
+@pytest.mark.parametrize(("p", "q"), [(0, 1), (1, 1), (3, 2), (2, 5), (4, 7)])
+def test_minimax_orbits_are_those_of_the_symmetry_line(p, q):
+    kappa = np.array([0.35, 0.1, 0.1])
+    sites = _minimax(kappa, Fraction(p, q), 0.4)
+    known = periodic.symmetric_orbit(kappa, p, q)
+    assert_allclose(np.sort(sites % 1), np.sort(known % 1), atol=1e-8)
 
 
 def test_orbits_escape_only_beyond_the_breakup():

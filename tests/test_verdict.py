@@ -62,6 +62,14 @@ def test_the_circle_has_the_rotation_number_of_the_verdict(kappa):
     assert min(omega, len(kappa) - omega) == pytest.approx(float(found.boundary.omega), abs=1e-7)
 
 
+@pytest.mark.parametrize(("distance", "answer"), [(-1e-2, "BARRIER"), (1e-2, "TRANSPORT")])
+def test_a_forcing_without_symmetry_gets_a_verdict(distance, answer):
+    found = verdict(np.array([0.3, 0.2, 0.25]) * 1.79656 * (1 + distance))
+    assert found.answer is Answer[answer]
+    assert str(found.boundary.omega) == "[1;4,(1)]"
+    assert (found.circle is not None) == (found.evidence is Evidence.CIRCLE)
+
+
 @pytest.mark.parametrize("size", [1e-300, 1e-310, 5e-324])
 def test_the_weakest_kicks_leave_a_circle_and_no_infinite_boundary(size):
     found = verdict((size, 0.0))
