@@ -13,7 +13,7 @@ from nasm import barriers
 from nasm.numbers import RotationNumber, moebius, parse
 from nasm.planes import plane_of, two_kicks
 from nasm.symmetries import ray
-from pipeline.cubes.breakdown import cube_on_rays, need_centres, per_ray, scales, starts_at_zero
+from pipeline.cubes.breakdown import cube_on_rays, per_ray, scales, starts_at_zero
 from pipeline.cubes.cube import Job, angles_of_rays, blank, coordinate, text
 
 _N_QUOTIENTS = 32  # places for the partial quotients of a rotation number
@@ -28,7 +28,6 @@ def last_barrier(plane, angles, tol):
     starts_at_zero(plane, "the last barrier")
     folded, _ = plane.fold(angles)
     wedge = sorted(set(folded.tolist()))
-    need_centres(plane, wedge)
     on_ray = {"angle": angles_of_rays(wedge)}
     place = {"quotient": coordinate("quotient", range(_N_QUOTIENTS), "place of a partial quotient")}
     zero, comment = np.int32(0), "0 behind the last one"

@@ -46,7 +46,11 @@ def by_continuation(plane, omegas, angles, tol):
 
 def by_residue(plane, omegas, angles, q_max):
     """Return the Job of the cube `breakdown_residue`: Greene's residue of periods up to q_max."""
-    need_centres(plane, angles)
+    for angle in angles:
+        try:
+            periodic.dominant_centre(sum(plane.ray(angle)))
+        except ValueError as error:
+            raise ValueError(f"plane={plane.name}, ray at {angle:g} degrees: {error}") from None
     settings = {"method": "Greene's residue", "q_max": q_max}
     return _job("breakdown_residue", plane, _circles(omegas), angles, 0.03, settings)
 
@@ -93,15 +97,6 @@ def starts_at_zero(plane, method):
             f"plane={plane.name} has the origin {plane.origin}; {method} needs rays from zero: "
             "take a plane whose origin is zero"
         )
-
-
-def need_centres(plane, angles):
-    """Refuse rays whose forcings have no symmetry centre; ValueError."""
-    for angle in angles:
-        try:
-            periodic.dominant_centre(sum(plane.ray(angle)))
-        except ValueError as error:
-            raise ValueError(f"plane={plane.name}, ray at {angle:g} degrees: {error}") from None
 
 
 def cube_on_rays(name, axes, rows, angles, seconds, settings, title="Breakup of circles"):
