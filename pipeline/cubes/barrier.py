@@ -13,7 +13,7 @@ from nasm import barriers
 from nasm.numbers import RotationNumber, moebius, parse
 from nasm.planes import plane_of, two_kicks
 from nasm.symmetries import ray
-from pipeline.cubes.breakdown import cube_on_rays, per_ray, scales, starts_at_zero
+from pipeline.cubes.breakdown import cube_on_rays, per_ray, scales
 from pipeline.cubes.cube import Job, angles_of_rays, blank, coordinate, text
 
 _N_QUOTIENTS = 32  # places for the partial quotients of a rotation number
@@ -25,7 +25,7 @@ def last_barrier(plane, angles, tol):
     angles : degrees, any; the cube holds those that they fold to, in the plane's symmetries.
     tol : float, the bracket's relative width.
     """
-    starts_at_zero(plane, "the last barrier")
+    plane.rays_start_at_zero("the last barrier")
     folded, _ = plane.fold(angles)
     wedge = sorted(set(folded.tolist()))
     on_ray = {"angle": angles_of_rays(wedge)}
