@@ -102,6 +102,14 @@ class Plane:
         """
         return np.array(self.origin), self._along(*np.moveaxis(ray(angle), -1, 0))
 
+    def rays_start_at_zero(self, method):
+        """Refuse a plane with an origin, from which the method cannot follow rays; ValueError."""
+        if any(self.origin):
+            raise ValueError(
+                f"plane={self.name} has the origin {self.origin}; {method} needs rays from zero: "
+                "take a plane whose origin is zero"
+            )
+
     def _along(self, a, b):
         a, b = np.asarray(a, dtype=float)[..., None], np.asarray(b, dtype=float)[..., None]
         return a * np.array(self.first) + b * np.array(self.second)

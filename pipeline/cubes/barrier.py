@@ -13,7 +13,7 @@ from nasm import barriers
 from nasm.numbers import RotationNumber, moebius, parse
 from nasm.planes import plane_of, two_kicks
 from nasm.symmetries import ray
-from pipeline.cubes.breakdown import cube_on_rays, per_ray, scales, starts_at_zero
+from pipeline.cubes.breakdown import cube_on_rays, per_ray, scales
 from pipeline.cubes.cube import Job, angles_of_rays, blank, coordinate, text
 
 _N_QUOTIENTS = 32  # places for the partial quotients of a rotation number
@@ -26,7 +26,7 @@ def last_barrier(plane, angles, tol, name="barrier"):
     tol : float, the bracket's relative width.
     name : of the cube; another one where a store holds those of several planes.
     """
-    starts_at_zero(plane, "the last barrier")
+    plane.rays_start_at_zero("the last barrier")
     folded, _ = plane.fold(angles)
     wedge = sorted(set(folded.tolist()))
     on_ray = {"angle": angles_of_rays(wedge)}
@@ -37,7 +37,9 @@ def last_barrier(plane, angles, tol, name="barrier"):
         "quotients": blank(place | on_ray, "partial quotients of omega", zero, comment=comment),
         "tail_length": blank(on_ray, "partial quotients at the end that repeat", np.int8(0)),
     }
-    seconds, warm_up = 0.1 + 4e-5 / tol, partial(barriers.critical_scale, (1.0, 0.0), 0.1)
+    # Where there is no symmetry, circles are continued instead of periodic orbits.
+    seconds = 0.1 + 4e-5 / tol if len(plane.origin) <= 2 else 1 + 5e-4 / tol
+    warm_up = partial(barriers.critical_scale, sum(plane.ray(30.0)), 0.1)
     plan = plane.axes, {}, wedge, seconds, plane.record | {"tol": tol}
     cube = cube_on_rays(name, *plan, "The last barrier to transport")
     cube = replace(cube, template=cube.template.assign_coords(place).assign(last_circle))

@@ -46,7 +46,8 @@ def by_continuation(plane, omegas, angles, tol):
 
 def by_residue(plane, omegas, angles, q_max):
     """Return the Job of the cube `breakdown_residue`: Greene's residue of periods up to q_max."""
-    need_centres(plane, angles)
+    for angle in angles:
+        periodic.dominant_centre(sum(plane.ray(angle)))
     settings = {"method": "Greene's residue", "q_max": q_max}
     return _job("breakdown_residue", plane, _circles(omegas), angles, 0.03, settings)
 
@@ -84,24 +85,6 @@ def tori(vectors, angles):
     plan = cube_on_rays("rotating_tori", ROTATING_AXES, rows, angles, 0.04, settings)
     warm_up = partial(periodic.residue, (0.1, 0.1), 1, 3)
     return Job(plan, _compute_tori, partial(per_ray, 0.04), warm_up)
-
-
-def starts_at_zero(plane, method):
-    """Refuse a plane whose rays do not begin without kicks; ValueError."""
-    if any(plane.origin):
-        raise ValueError(
-            f"plane={plane.name} has the origin {plane.origin}; {method} needs rays from zero: "
-            "take a plane whose origin is zero"
-        )
-
-
-def need_centres(plane, angles):
-    """Refuse rays whose forcings have no symmetry centre; ValueError."""
-    for angle in angles:
-        try:
-            periodic.dominant_centre(sum(plane.ray(angle)))
-        except ValueError as error:
-            raise ValueError(f"plane={plane.name}, ray at {angle:g} degrees: {error}") from None
 
 
 def cube_on_rays(name, axes, rows, angles, seconds, settings, title="Breakup of circles"):
@@ -144,7 +127,7 @@ def _circles(omegas):
 
 def _job(name, plane, rows, angles, seconds, settings):
     if settings["method"] != "Greene's residue":
-        starts_at_zero(plane, settings["method"])
+        plane.rays_start_at_zero(settings["method"])
     plan = cube_on_rays(name, plane.axes, rows, angles, seconds, plane.record | settings)
     one = {key: coord.values[:1] for key, coord in plan.template.coords.items()}
     _, least = _METHODS[settings["method"]]
