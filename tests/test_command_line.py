@@ -61,6 +61,7 @@ def test_help_needs_no_numpy_and_so_comes_at_once():
         ("circle_boundaries", "--plane rotating:1/3,1/48", "has no symmetry centre"),
         ("rotating", "--vector 1/0,1/3", "must be two fractions"),
         ("rotating", "--vector 1/3,2/5 --vector 1/5,4/10", "two frequencies are equal"),
+        ("three_kicks", "--frequency 1", "are dependent; a plane needs two directions"),
         ("three_kicks", "--phase 1/0", "must be a fraction from 0 to below 1"),
         ("three_kicks", "--phase 1/2 --phase 2/4", "two phases are equal"),
         ("ask", "1e7 0", "not finite or too large"),

@@ -37,7 +37,6 @@ JOBS = {
     "barrier": barrier.last_barrier(rotating("1/2"), RAYS, 1e-1),
     "tori": breakdown.tori(["5/8,1/3"], [30.0]),
     "transport": breakdown.by_escape(rotating("1/3"), RAYS, 100, 8),
-    "transversals": breakdown.by_transversals(rotating("1/3", "1/24"), [30.0], 30),
     "flux": flux.through_last_circle(TWO, {20.0: 1.0}, {20.0: str(GAMMA)}, [0.5], 50),
 }
 

@@ -9,7 +9,6 @@ in reverse; for φ0 + 1/2 and -Δκ; and for -κ̄ and -Δκ. So all phases are 
 both signs of Δκ; at 1/12 these are alike. In between the kicks have no symmetry centre.
 """
 
-import re
 from fractions import Fraction
 
 from workflows.parts.cli import command, parsed, ray_options, real, sweeps
@@ -40,11 +39,6 @@ def parse_frequency(text):
     return rotating(text).name.partition(":")[2]
 
 
-def named(plane):
-    """Return the name of its cube, like barrier_rotating_1_3_1_60."""
-    return re.sub(r"\W+", "_", f"barrier_{plane.name}")
-
-
 @command()
 @parsed("--frequency", "1/3", parse_frequency, "FRACTION", "Frequency Ω, p/q with q up to 64.")
 @parsed(
@@ -59,12 +53,12 @@ def named(plane):
 @real("--tol", 1e-3, 1e-5, 0.1, "Width of the bracket to aim at, in parts of the scale.")
 @sweeps
 def main(run, frequency, phase, angles, tips, tol):
-    """Rotating standard maps with Ω = 1/3: a cube for each phase, a table and a figure in OUT.
+    """Rotating standard maps: a cube for each phase, a table and a figure in OUT.
 
-    The defaults take some MINUTES.
+    The defaults take a quarter of an hour of CPU time.
     """
     from nasm.planes import rotating
-    from pipeline.cubes.barrier import last_barrier, unfolded
+    from pipeline.cubes.barrier import last_barrier, named, unfolded
     from workflows.figures.three_kicks import draw_three_kicks
     from workflows.parts import rays
     from workflows.parts.tables import described

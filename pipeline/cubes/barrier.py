@@ -4,6 +4,7 @@ On rays of a plane of forcings, arXiv:1606.04824, Sec. V and VI. CB_gt has the s
 plane (Sec. III and `nasm.planes`), so that the rays computed stand for their images too.
 """
 
+import re
 from dataclasses import replace
 from functools import partial
 
@@ -44,6 +45,11 @@ def last_barrier(plane, angles, tol, name="barrier"):
     cube = cube_on_rays(name, *plan, "The last barrier to transport")
     cube = replace(cube, template=cube.template.assign_coords(place).assign(last_circle))
     return Job(cube, _compute, partial(per_ray, seconds), warm_up)
+
+
+def named(plane):
+    """Return the name of the cube in a store of several planes, like barrier_rotating_1_3_1_60."""
+    return re.sub(r"\W+", "_", f"barrier_{plane.name}", flags=re.ASCII)
 
 
 def proved_barrier(plane, angles, seconds):

@@ -4,7 +4,6 @@
 row is a circle or a frequency, and a cube without rows has dim (angle). arXiv:1606.04824, Sec. VI.
 """
 
-import re
 from fractions import Fraction
 from functools import partial
 from math import ceil
@@ -12,7 +11,7 @@ from math import ceil
 import numpy as np
 import xarray as xr
 
-from nasm import continuation, escape, periodic, transversals
+from nasm import continuation, escape, periodic
 from nasm.numbers import parse
 from nasm.planes import ROTATING_AXES, plane_of
 from nasm.symmetries import ray
@@ -31,7 +30,6 @@ _METHODS = {  # and how hard it tries, at the least
     "continuation of circles": (continuation.critical_scale, {"tol": 0.1}),
     "Greene's residue": (periodic.critical_scale, {"q_max": 10}),
     "direct iteration": (escape.critical_scale, {"n_max": 64, "n_orbits": 1}),
-    "converse KAM on transversals": (transversals.critical_scale, {"n_max": 30}),
 }
 
 
@@ -58,17 +56,6 @@ def by_escape(plane, angles, n_max, n_orbits):
     # Ten runs of the whole ensemble.
     seconds = 10 * SECONDS_PER_KICK * len(plane.origin) * n_orbits * n_max
     return _job("transport", plane, {}, angles, seconds, settings)
-
-
-def by_transversals(plane, angles, n_max):
-    """Return the Job of last barriers by converse KAM of n_max steps; it needs no symmetry centre.
-
-    Its cube has the plane's name, like transversals_rotating_1_3_1_48, so that one store can hold
-    those of several planes.
-    """
-    settings = {"method": "converse KAM on transversals", "n_max": n_max}
-    name = re.sub(r"\W+", "_", f"transversals_{plane.name}", flags=re.ASCII)
-    return _job(name, plane, {}, angles, 0.4 + 2.5e-3 * n_max, settings)
 
 
 def tori(vectors, angles):

@@ -6,7 +6,7 @@ from nasm import barriers
 from nasm.planes import rotating, two_kicks
 from nasm.symmetries import ray
 from pipeline.cubes import breakdown
-from pipeline.cubes.barrier import last_barrier, unfolded
+from pipeline.cubes.barrier import last_barrier, named, unfolded
 from workflows.claims.boundary import boundary_claims
 from workflows.claims.circles import circle_claims
 from workflows.claims.discussion import discussion_claims
@@ -22,7 +22,7 @@ from workflows.parts.rays import PAPER_CIRCLES, by_phase, with_ratio
 
 _STEP = 7.5  # degrees, of rays around the half plane, so that mirror images and tori have theirs
 _TORUS = "1705/3136,2631/3136"
-_PHASES = "0", "1/24", "1/12"
+_THREE = {text: rotating("1/3", text) for text in ("0", "1/24", "1/12")}
 
 
 def planned(angles, tips, tol, n_max, n_orbits):
@@ -35,17 +35,20 @@ def planned(angles, tips, tol, n_max, n_orbits):
         "circles": breakdown.by_residue(two_kicks(), PAPER_CIRCLES, rays, q_max=6000),
         "escapes": direct.bias_job(cusp, [n_orbits], n_max),
         "tori": breakdown.tori([_TORUS], around),
-        **{text: breakdown.by_transversals(rotating("1/3", text), around, 100) for text in _PHASES},
+        **{text: last_barrier(plane, around, 1e-2, named(plane)) for text, plane in _THREE.items()},
     }, rays
 
 
 def examine(cubes, rays, n_max, n_orbits):
     """Return all claims, all errata, and the ranges of the envelope with their summary."""
     barrier, circles = unfolded(cubes["barrier"], rays), cubes["circles"]
-    tori, three = cubes["tori"], by_phase({text: cubes[text] for text in _PHASES})
+    tori, angles = cubes["tori"], cubes["tori"].angle.values
+    three = by_phase({text: unfolded(cubes[text], angles) for text in _THREE})
     # κ1, κ2 = κ̄ ± Δκ turn a ray at ψ into one at 45° - ψ, √2 times as long.
-    two = unfolded(cubes["barrier"], 45 - tori.angle.values).critical_scale.values / np.sqrt(2)
-    tori, three = (with_ratio(cube, two, "two kicks") for cube in (tori, three))
+    two = unfolded(cubes["barrier"], 45 - angles)
+    scale, upper = two.critical_scale.values / np.sqrt(2), two.upper.values / np.sqrt(2)
+    tori, three = (with_ratio(cube, scale, "two kicks") for cube in (tori, three))
+    three["ratio_lower"] = three.lower / upper
     bias = direct.direct_bias(cubes["escapes"], direct.steps_up_to(n_max))
     found = {
         **map_claims(),

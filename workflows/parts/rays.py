@@ -47,7 +47,7 @@ def by_phase(cubes):
     """Join cubes on rays of several phases of a rotating map, {text of the phase: Dataset}."""
     words = described("phase φ0 of the first kick, in turns", exact=list(cubes))
     phase = xr.Variable("phase", [float(Fraction(text)) for text in cubes], words)
-    return xr.concat(cubes.values(), phase, combine_attrs="override")
+    return xr.concat(cubes.values(), phase, coords="all", combine_attrs="override")
 
 
 def with_ratio(cube, scale, of, name="ratio"):
