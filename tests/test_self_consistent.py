@@ -9,6 +9,8 @@ import pytest
 from nasm import escape, fourier, sequences, transversals
 from nasm.maps import TWO_PI, kick, phased_kick
 from nasm.self_consistent import evolve, momentum
+from workflows.figures.self_consistent import draw_self_consistent
+from workflows.parts import self_consistent as study
 
 RNG = np.random.default_rng(21)
 X, Y = RNG.uniform(-0.5, 0.5, (2, 700))
@@ -137,6 +139,19 @@ def test_results_are_the_same_bits_on_any_number_of_threads_and_in_two_runs():
         others = list(threads.map(lambda _: evolve(X, Y, gamma, 0.3, 200, 0.1), range(6)))
     others.append(evolve(half.x, half.y, gamma, half.kappa[-1], 100, half.phase))
     assert all(np.array_equal([other.x, other.y], [whole.x, whole.y]) for other in others)
+
+
+def test_weak_fields_leave_graphs_and_strong_ones_do_not():
+    size = {"particles": 512, "kicks": 4096}
+    fields = study.fields([0.1, 1.3], **size).assign_attrs(size)
+    verdicts, settling = study.verdicts(fields), study.settling()
+    assert fields.momentum_change.max() < 1e-12
+    for kicks in (verdicts.kicks, verdicts.kicks_fitted):
+        assert (kicks[0], kicks[1] < 20) == (np.inf, True)
+    np.testing.assert_allclose(settling.area, settling.area[2], rtol=1e-12)
+    assert 0.05 < settling.denied.mean() < 0.2
+    caption = draw_self_consistent(fields, verdicts, settling)[1]
+    assert "no family of graphs is found from Γ = 1.3 on" in caption
 
 
 def test_bad_input_is_named():
