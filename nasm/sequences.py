@@ -10,8 +10,8 @@ kicks is a shift of x, and θ_n = nΩ is the standard map in x - nΩ, y - Ω. In
 only changes of the phase's speed matter.
 
 Nothing recurs, so there are no invariant circles. A barrier is a rotational curve and its images,
-one before each kick. If they are graphs over x, all N + 1 of them, the distances of neighbours on
-an orbit give a solution ξ_n > 0 of the linearised chain (see `nasm.cones`), n = 0, …, N. The
+one before each kick. If all N + 1 of them are graphs of Lipschitz functions of x, the distances of
+neighbours on an orbit give a solution ξ_n > 0 of the linearised chain (see `nasm.cones`). The
 criterion of `nasm.transversals`, read along a start before the kick of a site, then shows that no
 such family of graphs passes through the start,
 

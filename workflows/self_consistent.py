@@ -29,7 +29,7 @@ from workflows.parts.cli import command, real, whole, writes
 def main(run, coupling, particles, kicks, quick):
     """The self-consistent map and its barriers: three cubes, a table and a figure in OUT.
 
-    The defaults take five minutes of CPU time, with --quick half a minute.
+    The defaults take five minutes of CPU time, with --quick less than one.
     """
     from workflows.figures.self_consistent import draw_self_consistent
     from workflows.parts import self_consistent as study

@@ -44,18 +44,15 @@ def draw_self_consistent(fields, verdicts, settling):
         ("kicks_fitted", "periodic forcing fitted to it", GREEN, "s"),
         ("kicks", "recorded field", BLUE, "o"),
     ):
-        kicks = verdicts[name]
-        barriers.plot(verdicts.coupling, kicks.fillna(asked).clip(max=asked), "-", color=colour)
-        for held in (False, True):
-            where = np.isinf(kicks.values) == held
-            style = {"color": colour, "marker": marker, "mfc": colour if held else "white"}
-            label = words if held else None
-            values = kicks.values.clip(max=asked)[where]
-            barriers.plot(verdicts.coupling[where], values, ls="", label=label, **style)
+        kicks, held = verdicts[name].clip(max=asked), np.isinf(verdicts[name])
+        style = {"color": colour, "marker": marker}
+        barriers.plot(verdicts.coupling, kicks, mfc="white", label=words, **style)
+        barriers.plot(verdicts.coupling[held], kicks[held], ls="", **style)
+    barriers.plot(verdicts.coupling, verdicts.escape, "k^", label="first particle to escape")
     barriers.axhline(asked, color="0.6", lw=0.6, ls=":")
-    barriers.set(xlabel=r"coupling $\Gamma$", ylabel="kicks until all starts are eliminated")
-    barriers.set(yscale="log", title="Converse KAM")
-    barriers.legend(title="full symbols: some start survives", fontsize="small")
+    barriers.set(xlabel=r"coupling $\Gamma$", ylabel="kicks until no start is left", yscale="log")
+    barriers.set_title("Converse KAM (full: a start is left)")
+    barriers.legend(fontsize="small")
 
     first, later, circle = (settling.isel(curve=i) for i in range(3))
     denied = settling.denied.values == 1
@@ -92,9 +89,8 @@ def _caption(fields, verdicts, settling):
             return f"from Γ = {couplings[first]:g} on"
         return f"for Γ = {', '.join(f'{coupling:g}' for coupling in couplings[holds])}"
 
-    recorded, fitted = (
-        where(np.isfinite(verdicts[name].values)) for name in ("kicks", "kicks_fitted")
-    )
+    names = "kicks", "kicks_fitted", "escape"
+    recorded, fitted, escaped = (where(np.isfinite(verdicts[name].values)) for name in names)
     shown = verdicts.isel(coupling=_shown(verdicts))
     first, *_, circle = settling.area.values
     return (
@@ -106,10 +102,12 @@ def _caption(fields, verdicts, settling):
         f"{float(shown.omega):.3f} turns per kick. (e): converse KAM, asked {asked} kicks in "
         "either direction from the middle of the second half. In the field as recorded no family "
         f"of graphs is found {recorded}; under κ_n = κ̄ + Δκ cos 2π(φ0 + nΩ) fitted to it, of the "
-        f"same mean and variance and Ω = p/q, none is {fitted}. Particles have passed |y| = 2 "
-        f"{where(verdicts.reach.values > 2)}. (f): under κ_n = {settling.limit} + "
-        f"{settling.excess} e^(-n/{settling.time}) the curve drawn in colours comes to the golden "
-        f"circle of κ = {settling.limit} and bounds the same area, to {abs(first - circle):.0e}: "
+        f"same mean and variance and Ω = p/q, none is {fitted}. Longest lives are those "
+        "found by a search, which missed up to 1.3 times longer ones where more effort was spent. "
+        f"Of {fields.particle.size} particles some go 2 further in y {escaped}. (f): under κ_n = "
+        f"{settling.limit} + {settling.excess} e^(-n/{settling.time}) the curve drawn in colours "
+        f"comes to the golden circle of κ = {settling.limit} and bounds the same area, to "
+        f"{abs(first - circle):.0e}: "
         "it is a barrier. It folds before the first kicks, and converse KAM denies "
         f"{float(settling.denied.mean()):.0%} of it; asked before kick {settling.attrs['asked']}, "
         f"it denies all graphs after {float(settling.kicks):.0f} kicks. So where it finds no "

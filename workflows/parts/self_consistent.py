@@ -30,7 +30,8 @@ def fields(couplings, particles, kicks):
     """Follow the self-consistent map for each coupling: kappa, theta with dims (coupling, kick).
 
     Also spectrum (coupling, frequency) of the second half of kappa; x, y (coupling, particle) after
-    the last kick, x from the wave's phase; and of each coupling reach, the largest |y|.
+    the last kick, x from the wave's phase; and of each coupling escape, the kick after which the
+    first of these particles has gone 2 further than it started; inf if none has.
     """
     couplings = np.unique(couplings)
     x, y = escape.ensemble(particles)
@@ -38,6 +39,10 @@ def fields(couplings, particles, kicks):
 
     def followed(coupling):
         return evolve(x, y, coupling / particles, AMPLITUDE, kicks)
+
+    def escapes(run):
+        window = -2 - BAND, 2 + BAND
+        return sequences.escape_time(run.kappa, run.theta, x[:_SHOWN], y[:_SHOWN], window)
 
     with ThreadPoolExecutor(os.cpu_count()) as threads:
         runs = list(threads.map(followed, couplings))
@@ -61,7 +66,11 @@ def fields(couplings, particles, kicks):
             ),
             "x": (per_particle, from_phase, described("x - θ mod 1 after the last kick")),
             "y": (per_particle, [run.y[:_SHOWN] for run in runs], described("y after it")),
-            "reach": ("coupling", [np.abs(run.y).max() for run in runs], described("largest |y|")),
+            "escape": (
+                "coupling",
+                [escapes(run).min() for run in runs],
+                described("kick after which the first particle has |y_n - y_0| > 2 or so"),
+            ),
             "momentum_change": (
                 "coupling",
                 np.abs(np.subtract(after, before)),
@@ -118,7 +127,7 @@ def verdicts(fields):
                 "kicks": (asked[site][2], "kicks that eliminate all starts in the recorded field"),
                 "kicks_fitted": (fitted, "kicks that eliminate all starts in the fitted forcing"),
                 "omega": (orbit[1].mean() % 1, "turns per kick of the longest-lived start"),
-                "reach": (float(here.reach), "largest |y| of all particles after the last kick"),
+                "escape": (float(here.escape), "kicks until the first particle has escaped"),
             }
         )
     variables = {
