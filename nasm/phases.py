@@ -1,4 +1,4 @@
-"""Finite sequences of kicks with phases: orbits that leave, and curves that cannot be barriers.
+"""A finite sequence of kicks with phases: orbits that leave, curves that cannot stay graphs.
 
     y_{n+1} = y_n + (κ_n/2π) sin 2π(x_n - θ_n),     x_{n+1} = x_n + y_{n+1},     n = 0, …, N - 1
 
