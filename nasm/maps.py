@@ -45,6 +45,20 @@ def unkick(kappa, x, y):
     return x, y - kappa / TWO_PI * sin2pi(x)
 
 
+@register_jitable
+def phased_kick(kappa, theta, x, y):
+    """One kick of strength kappa and phase theta: y' = y + (κ/2π) sin 2π(x - θ), x' = x + y'."""
+    y = y + kappa / TWO_PI * sin2pi(x - theta)
+    return x + y, y
+
+
+@register_jitable
+def phased_unkick(kappa, theta, x, y):
+    """The inverse of `phased_kick`. Returns x, y."""
+    x = x - y
+    return x, y - kappa / TWO_PI * sin2pi(x - theta)
+
+
 def step(kappa, x, y):
     """T, Eq. (mapaut): one period of the forcing `kappa`, first kick first. Returns x', y'."""
     for strength in forcing(kappa):

@@ -26,7 +26,9 @@ from nasm import (
     numbers,
     orbits,
     periodic,
+    phases,
     proof_barrier,
+    self_consistent,
     symmetries,
     transversals,
 )
@@ -74,6 +76,13 @@ GOOD = {
     transversals.elimination_time: {"kappa": KAPPA, "site": 0, "x": 0.5, "y": 0.1, "n_kicks": 10},
     transversals.longest_lived: {"kappa": (1.2, 1.0), "n_max": 10},
     transversals.critical_scale: {"profile": (1, 0, 0), "n_max": 30},
+    phases.escape_time: {
+        "kappa": KAPPA, "theta": 0.1, "x": 0.0, "y": 0.1, "window": (-2, 2)
+    },
+    phases.longest_lived: {"kappa": KAPPA, "theta": (0.1, 0.2), "site": 1},
+    self_consistent.evolve: {
+        "x": np.zeros(3), "y": 0.1, "gamma": 0.1, "amplitude": 0.2, "n": 5
+    },
     barriers.critical_scale: {"profile": (1, 0)},
     proof_barrier.prove: {"omega": GAMMA, "kappa": KAPPA},
     proof_barrier.proved_lower: {"omega": GAMMA, "profile": (1, 0), "value": 0.48, "budget": 0.1},
@@ -166,6 +175,16 @@ BAD = [
     ((transversals.elimination_time,), "n_kicks", [0, 1.5], WHOLE + " 1"),
     ((transversals.longest_lived,), "n_max", [0, 1.5], WHOLE + " 1"),
     ((transversals.critical_scale,), "n_max", [29], WHOLE + " 30"),
+    ((phases.escape_time, phases.longest_lived), "theta", [(0.1,), nan, [0.1, inf]],
+     "must be one phase, or one for each of the 2 kicks"),
+    ((phases.escape_time,), "window", [(2.0, -2.0), (nan, 2.0)], "window={value} must be (lo, hi)"),
+    ((phases.longest_lived,), "site", [2], WHOLE + " 0 to 1"),
+    ((phases.longest_lived,), "effort", [0], WHOLE + " 1 to 100"),
+    ((self_consistent.evolve,), "gamma", [[0.1, 0.2], nan, 1e7],
+     "must be one weight, or one for each of the 3 particles"),
+    ((self_consistent.evolve,), "amplitude", [0.0, -1.0, nan], "={value} must be from 1e-100"),
+    ((self_consistent.evolve,), "n", [0, 1.5], WHOLE + " 1 to 1000000000"),
+    ((self_consistent.evolve,), "phase", [inf], "phase=inf and detuning=0.0 must be finite"),
     ((proof_barrier.prove,), "kappa", [(0.3, nan)], "is not finite"),
     ((proof_barrier.prove,), "radius", [-1e-9, 2.0, nan], "radius={value} must be from 0 to 1"),
     ((proof_barrier.prove,), "n", [63, 2**23, 100.0], WHOLE + " 64 to 4194304"),

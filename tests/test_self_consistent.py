@@ -1,0 +1,155 @@
+"""The self-consistent map against its form in the literature; sequences of kicks with phases."""
+
+from concurrent.futures import ThreadPoolExecutor
+from math import cos, fsum, hypot, pi, sin
+
+import numpy as np
+import pytest
+
+from nasm import escape, fourier, phases, transversals
+from nasm.maps import TWO_PI, kick, phased_kick
+from nasm.self_consistent import evolve, momentum
+from workflows.figures.self_consistent import draw_self_consistent
+from workflows.parts import self_consistent as study
+
+RNG = np.random.default_rng(21)
+X, Y = RNG.uniform(-0.5, 0.5, (2, 700))
+
+
+def test_phases_that_advance_by_omega_are_the_standard_map_in_a_moving_frame():
+    omega, (u, v), (x, y) = 0.1234, (X, Y), (X, Y + 0.1234)
+    for n in range(20):
+        x, y = phased_kick(0.6, n * omega, x, y)
+        u, v = kick(0.6, u, v)
+    np.testing.assert_allclose([x - 20 * omega, y - omega], [u, v], atol=1e-12)
+    assert np.array_equal(phased_kick(0.6, 0.0, X, Y), kick(0.6, X, Y))
+
+
+def test_escapes_are_counted_in_kicks():
+    kappa, theta, x, orbit = 3 + RNG.normal(size=60), RNG.normal(size=60), X, [Y]
+    for strength, phase in zip(kappa, theta, strict=True):
+        x, y = phased_kick(strength, phase, x, orbit[-1])
+        orbit.append(y)
+    outside = np.abs(orbit) > 1.2
+    expected = np.where(outside.any(axis=0), outside.argmax(axis=0), np.inf)
+    found = phases.escape_time(kappa, theta, X, Y, (-1.2, 1.2))
+    assert len(set(found)) > 20
+    assert np.array_equal(found, expected)
+
+
+def test_a_sequence_that_repeats_eliminates_as_its_period_does():
+    kappa, site, omega = (0.3, 0.2, 0.25), 301, 0.271
+    expected = transversals.elimination_time(kappa, site % 3, X, Y, 300)
+    assert 10 < np.isinf(expected).sum() < 650
+    repeated = np.tile(kappa, 201)[:602]
+    assert np.array_equal(phases.elimination_time(repeated, 0.0, site, X, Y), expected)
+    theta = (np.arange(602) - site) * omega + 0.2
+    moved = phases.elimination_time(repeated, theta, site, X + 0.2, Y + omega)
+    assert np.mean(moved == expected) > 0.99  # some are marginal
+    assert phases.longest_lived(0.9 * np.ones(602), theta, site)[2] == np.inf
+    x, y, time = phases.longest_lived(1.1 * np.ones(602), theta, site)
+    assert time == phases.elimination_time(1.1 * np.ones(602), theta, site, x, y) < 100
+
+
+def asymptotic_circle(kappa, omega=0.618, n=4096):
+    """The curve that comes to y = omega as the kicks fade, and dx on it."""
+    angle = np.arange(n) / n
+    x, y = phases.asymptotic(kappa, 0.0, 0.0, angle, np.full(n, omega))
+    return x, y, 1 + fourier.derivative(x - angle)
+
+
+def test_asymptotic_circles_converge_as_the_kicks_fade_and_keep_their_area():
+    kappa = 0.5 * np.exp(-np.arange(200) / 5)
+    _, y, dx = asymptotic_circle(kappa)
+    assert np.mean(y * dx) == pytest.approx(0.618, abs=1e-12)
+    n = np.arange(10, 101, 10)  # what is left out grows n times on the way back
+    errors = [np.abs(asymptotic_circle(kappa[:k])[1] - y).max() for k in n]
+    assert np.polyfit(n, np.log(errors / n), 1)[0] == pytest.approx(-1 / 5, rel=0.05)
+
+
+def test_an_asymptotic_circle_that_folds_is_denied_until_it_has_unfolded():
+    kappa = 2 * np.exp(-np.arange(400) / 5)
+    x, y, dx = asymptotic_circle(kappa)
+    assert np.mean(dx < -0.05) > 0.1
+    assert np.isfinite(phases.elimination_time(kappa, 0.0, 0, x, y))[dx < -0.05].all()
+    assert phases.longest_lived(kappa, 0.0, 3)[2] < 100
+    x, y, dx = asymptotic_circle(kappa[5:])
+    assert dx.min() > 0
+    assert np.isinf(phases.elimination_time(kappa[5:], 0.0, 0, x, y)).all()
+
+
+def test_five_particles_move_as_in_the_literature():
+    gamma, kappa, theta = np.array([0.3, 0.1, -0.2, 0.0, 0.4]), 0.4, (0.2 - 0.5) * TWO_PI
+    found = evolve(X[:5], 0.1 * Y[:5], gamma, kappa, 15, 0.2, 0.03)
+    x, y = X[:5] * TWO_PI, 0.1 * Y[:5] * TWO_PI  # radians, and kicks that pull towards θ
+    for n in range(15):
+        eta = fsum(g * sin(a - theta) for g, a in zip(gamma, x, strict=True))
+        slope = -fsum(g * cos(a - theta) for g, a in zip(gamma, x, strict=True))
+        kappa = hypot(kappa, eta) + eta
+        assert found.kappa[n] == pytest.approx(kappa, rel=1e-10)
+        assert (found.theta[n] - theta / TWO_PI) % 1 == pytest.approx(0.5, abs=1e-10)
+        y = y - kappa * np.sin(x - theta)
+        x, theta = x + y, theta - 0.03 * TWO_PI + slope / kappa
+    np.testing.assert_allclose(found.y * TWO_PI, y, atol=1e-10)
+    np.testing.assert_allclose(np.exp(2j * pi * found.x), np.exp(1j * x), atol=1e-10)
+
+
+def test_the_map_is_symplectic():
+    gamma = np.array([0.3, -0.2])
+    start = np.array([0.1, -0.3, 0.04, 0.02, 0.07, 0.1])  # x, γy, θ and J = κ²/4π
+
+    def kicked(z):
+        end = evolve(z[:2], z[2:4] / gamma, gamma, (4 * pi * z[5]) ** 0.5, 1, z[4])
+        return np.hstack([end.x, gamma * end.y, end.phase, end.kappa[-1] ** 2 / (4 * pi)])
+
+    tangent = np.array([kicked(start + d) - kicked(start - d) for d in 1e-5 * np.eye(6)]).T / 2e-5
+    form = np.zeros((6, 6))
+    form[[0, 1, 4], [2, 3, 5]], form[[2, 3, 5], [0, 1, 4]] = 1, -1
+    np.testing.assert_allclose(tangent.T @ form @ tangent, form, atol=1e-8)
+
+
+def test_momentum_is_conserved():
+    x, y = escape.ensemble(300)
+    after = evolve(x, y, 0.8 / 300, 1e-4, 10_000)
+    assert np.ptp(after.kappa) > 0.3
+    change = momentum(after.y, 0.8 / 300, after.kappa[-1]) - momentum(y, 0.8 / 300, 1e-4)
+    assert abs(change) < 1e-12
+
+
+def test_a_small_amplitude_after_a_negative_field_does_not_cancel():
+    amplitude = evolve([0.25], [0.0], 1.0, 1e-9, 1).kappa[0]  # η = -1
+    assert amplitude == pytest.approx(5e-19, rel=1e-12)
+    with pytest.raises(ArithmeticError, match="became 0 at kick 1"):
+        evolve([0.25], [0.0], 1e6, 1e-100, 5)
+
+
+def test_without_weights_the_particles_are_standard_maps_to_the_last_bit():
+    after, x, y = evolve(X, Y, 0.0, 0.9, 200, 0.1, 0.01), X, Y
+    assert (after.kappa == 0.9).all()
+    for phase in after.theta:
+        x, y = phased_kick(0.9, phase, x, y)
+        x = x - np.rint(x)
+    assert np.array_equal([after.x, after.y], [x, y])
+
+
+def test_results_are_the_same_bits_on_any_number_of_threads_and_in_two_runs():
+    gamma = RNG.normal(size=700) / 700
+    whole, half = (evolve(X, Y, gamma, 0.3, n, 0.1) for n in (200, 100))
+    with ThreadPoolExecutor(3) as threads:
+        others = list(threads.map(lambda _: evolve(X, Y, gamma, 0.3, 200, 0.1), range(6)))
+    others.append(evolve(half.x, half.y, gamma, half.kappa[-1], 100, half.phase))
+    assert all(np.array_equal([other.x, other.y], [whole.x, whole.y]) for other in others)
+
+
+def test_weak_fields_leave_graphs_and_strong_ones_do_not():
+    size = {"particles": 512, "kicks": 4096}
+    fields = study.fields([0.1, 1.3], **size).assign_attrs(size)
+    verdicts, settling = study.verdicts(fields), study.settling()
+    assert fields.momentum_change.max() < 1e-12
+    assert (fields.escape[0], fields.escape[1] < 4096) == (np.inf, True)
+    for kicks in (verdicts.kicks, verdicts.kicks_fitted):
+        assert (kicks[0], kicks[1] < 20) == (np.inf, True)
+    np.testing.assert_allclose(settling.area, settling.area[2], rtol=1e-12)
+    assert 0.05 < settling.denied.mean() < 0.2
+    caption = draw_self_consistent(fields, verdicts, settling)[1]
+    assert "no family of graphs is found from Γ = 1.3 on" in caption
