@@ -216,8 +216,10 @@ def proved_lower(omega, profile, value, budget):
 
 
 def need_flint():
+    """ImportError, with the name "flint", unless python-flint is installed."""
     if arb is None:
-        raise ImportError("a proof needs python-flint: pip install 'nasm-transport[proof]'")
+        message = "a proof needs python-flint: pip install 'nasm-transport[proof]'"
+        raise ImportError(message, name="flint")
 
 
 def _proved(omega, kappa, radius, start, n, until, about):
@@ -570,9 +572,12 @@ def decay(sizes, least=1e-12):
 
 
 @np.errstate(all="ignore")
-def refined(grid, start):
-    """Newton's steps from `start` until the theorem is verified, or nothing is won by another."""
-    half, K = grid.n // 2, int(_KEPT * grid.n)
+def refined(grid, start, most=_LARGEST):
+    """Newton's steps from `start` until the theorem is verified, or nothing is won by another.
+
+    A dict: proved, why, modes, residual and more. most : modes of u.
+    """
+    half, K = grid.n // 2, min(most, int(_KEPT * grid.n))
     turn = turns(grid.omega, grid.sites, half + 1)
     modes = np.zeros((grid.sites, K + 1), np.clongdouble)
     given = np.fft.rfft(start)[:, : K + 1] / start.shape[1]
@@ -618,9 +623,7 @@ def _polished(grid, turn, modes):
     """Newton's steps in long double while they help, on the modes above its rounding: beyond them
     small divisors would make rounding larger than u itself."""
     n, K, last, best = grid.n, modes.shape[1], inf, modes
-    kept = np.arange(K) < _ROUNDED / (
-        2 * pi * decay(np.abs(modes).max(axis=0).astype(float), 1e-6)
-    )
+    kept = np.arange(K) < _ROUNDED / (2 * pi * decay(np.abs(modes).max(axis=0).astype(float), 1e-6))
     two_pi, rotation = 2 * np.arccos(np.longdouble(-1)), turn[:K]
     strength, theta = np.array(grid.kappa, float)[:, None] / two_pi, np.arange(n) / np.longdouble(n)
     for _ in range(_STEPS):
