@@ -81,6 +81,7 @@ class BarrierProof:
             raise ValueError(f"{self.why}; a certificate needs proved=True")
         certificate = {
             "claim": "a rotational invariant circle of omega exists under kappa",
+            "shortened_from": [str(self.omega), [k.hex() for k in self.kappa]],
             "omega": str(self.short_omega),
             "kappa": [k.hex() for k in self.short_kappa],
             "radius": self.radius.hex(),
@@ -120,7 +121,8 @@ def prove(omega, kappa, radius=0.0, n=None, start=None, budget=20.0):
 
     Returns
     -------
-    BarrierProof. proved=False means nothing: not that no circle exists.
+    BarrierProof. proved=False means nothing: not that no circle exists. Not for several threads at
+    once: FLINT's precision belongs to the process.
 
     ImportError without python-flint. ValueError if omega is no RotationNumber, kappa is no forcing,
     or another argument is out of range.
@@ -154,7 +156,7 @@ def prove(omega, kappa, radius=0.0, n=None, start=None, budget=20.0):
         start = circle.u
     else:
         start = np.asarray(start, dtype=float)
-        if start.ndim != 2 or start.shape[0] != short.size:
+        if start.ndim != 2 or start.shape[0] != short.size or not start.size:
             raise ValueError(
                 f"start has shape {start.shape}; deviations of the shortened forcing "
                 f"{short.tolist()} are {short.size} functions on a grid"
@@ -276,11 +278,11 @@ def _divisors(omega):
 def _russmann(omega, delta):
     """C_R = sup δ'σ(δ') over 0 < δ' ≤ δ, σ(δ) = sup_k e^{-2πkδ}/|e^{2πikω} - 1|: see PROOFS.md.
 
-    The peaks of the last period bound those of all later ones but for 10⁻⁶.
+    The peaks of the last period, whatever delta is, bound those of all later ones but for 10⁻⁶.
     """
     worst, two_pi = arb(0), 2 * arb.pi()
     for q, divisor, ends in _divisors(omega):
-        if 1 / (two_pi * q) > delta:
+        if not ends and 1 / (two_pi * q) > delta:
             term = delta * (-two_pi * q * delta).exp() / divisor
         else:
             term = 1 / (two_pi * arb(1).exp() * q * divisor)
@@ -400,7 +402,7 @@ def _bounds_of_the_residual(grid, u, E, rho, rho_hat, cuts):
     r, r_hat = (two_pi * rho).exp(), (two_pi * rho_hat).exp()
     q, less = r / r_hat, 1 - (-two_pi * rho_hat * n).exp()
     for a, e, kappa, cut in zip(u, E, grid.kappa, cuts, strict=True):
-        if not (len(a) <= cut <= n // 2 and rho < rho_hat):
+        if not (len(a) <= cut <= n // 2 and 0 < rho < rho_hat):
             raise ValueError(f"cut={cut}, rho={rho}, rho_hat={rho_hat} are out of range")
         polynomial = arb_poly(a)
         M = (two_pi * (rho_hat + polynomial(r_hat) - polynomial(1 / r_hat))).cosh()
@@ -467,7 +469,8 @@ def _verified(grid, modes, E):
     """
     for row in modes:
         zero = row[0] if grid.odd else acb(row[0]).imag
-        if not (zero == 0 and 2 * len(row) <= grid.n and all(x.rad() == 0 for x in row)):
+        fits = 2 * len(row) <= grid.n and len(row) == len(modes[0])
+        if not (zero == 0 and fits and all(x.rad() == 0 for x in row)):
             raise ValueError("the modes of a real function are wanted, exact, fewer than n/2")
     u, e = ([[x.abs_upper() for x in row] for row in rows] for rows in (modes, E))
     near = np.fft.rfft(1 / slopes_on_grid(_doubles(modes, grid.odd), grid.n)) / grid.n

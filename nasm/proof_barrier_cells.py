@@ -292,12 +292,12 @@ class _Sizes:
     """
 
     def __init__(self, centre, C):
-        Q = C.shape[1]
+        self.Q = Q = C.shape[1]
         degrees, b = np.add.outer(range(Q), range(Q)), _at(C, Q)
         self.centre, self.C = centre, C
         self.kappa = [arb(abs(k)) + arb(centre.half_width) for k in centre.kappa]
         self.u = _abs_upper(centre.modes)
-        self.moves = np.array([np.abs(C)[:, degrees == t].sum(axis=1) for t in range(Q)])
+        self.moves = np.array([np.abs(C)[:, degrees == t].sum(axis=1) for t in range(2 * Q - 1)])
         self.E = np.abs(centre.residuals(b, _nodes(Q), _LONG)).max(axis=1)
         self.E += _abs_upper(centre.residual)
         self.spread = _above(np.sqrt(2 * (b**2).sum(axis=(0, 2)).max()))
@@ -309,16 +309,22 @@ def _abs_upper(rows):
     return np.array([[float(x.abs_upper()) for x in row] for row in rows])
 
 
+def _rounding(sizes):
+    """(Σ_j Σ_k |error of mode k of E_j|²)^½ at a point, from the transforms and the sine."""
+    half_width, strength = sizes.centre.half_width, sizes.kappa[0].max(sizes.kappa[1])
+    size = arb(half_width) / arb.pi() + strength * sizes.spread
+    return (11 * (sizes.centre.n.bit_length() - 1) + 16) * arb(_UNIT) * size
+
+
 def _constants(sizes, rho, hat):
     """Lists of n_j, k_j, ‖E_j‖ and ‖Δ_j'‖: bounds for all of the cell with this ρ; ρ̂ = hat."""
     centre, n, two_pi, unit = sizes.centre, sizes.centre.n, 2 * arb.pi(), arb(_UNIT)
-    (Q, _, K), (_, L) = sizes.moves.shape, sizes.u.shape
+    (T, _, K), (_, L), Q = sizes.moves.shape, sizes.u.shape, sizes.Q
     k, w, w_hat = np.arange(L), _weights(rho, n // 2), _weights(hat, L)
-    degrees, radii = np.arange(Q, dtype=_LONG), np.geomspace(2, 64, 40)
+    degrees, radii = np.arange(T, dtype=_LONG), np.geomspace(2, 64, 40)
     moves = 2 * (sizes.moves * w[:K]).sum(axis=2)
     both, Lambda = _above(moves.sum()), 1 + 2 / arb.pi() * arb(Q).log()
-    size = 2 * arb(centre.half_width) + two_pi * sizes.kappa[0].max(sizes.kappa[1]) * sizes.spread
-    rounding = (11 * (n.bit_length() - 1) + 16) * unit * size / two_pi
+    rounding = _rounding(sizes)
     found = {"n": [], "k": [], "error": [], "moved": []}
     for j, strength in enumerate(sizes.kappa):
         u, move = rho + _above(2 * (sizes.u[j] * w[:L]).sum()), _above(moves[:, j].sum())
@@ -373,6 +379,7 @@ def _bound_of_the_inverse(sizes, j, rho):
         return size / (1 - small) if small < 1 else arb.pos_inf()
 
 
+@np.errstate(all="ignore")  # NaN and inf fail the comparisons at the end
 def _verified(centre, C):
     """Try to verify the theorem for all of the cell; a dict of what came out.
 

@@ -305,6 +305,26 @@ def test_a_certificate_with_one_digit_changed_fails():
         assert changed == text or not barrier_checker.check(json.loads(changed))[0]
 
 
+def test_a_forged_certificate_is_refused():
+    # Of ρ < 0; of κ = 5 and a row of modes without an equation; of denominators that are left out.
+    data, _ = certificate(proof_barrier, "gamma", (0.3, 0.2))
+    forged = data | {"kappa": [(5.0).hex()], "modes": data["modes"][:1] * 2}
+    with ctx.workprec(barrier_checker.BITS):
+        assert not barrier_checker.theorem(data | {"rho": (-0.07).hex()})[0]
+        assert not barrier_checker.theorem(forged)[0]
+        with pytest.raises(ValueError, match="-3"):
+            barrier_checker.theorem(data | {"omega": "[0;2,-3,(1)]"})
+
+
+def test_the_bound_of_small_divisors_holds_in_the_narrowest_strips():
+    for delta in (1e-9, 1e-12, 1e-15):
+        least = 5**0.5 / (4 * np.pi**2 * np.e)
+        assert least <= float(proof_barrier._russmann(GAMMA, arb(delta))) <= 1.1 * least
+        with ctx.workprec(barrier_checker.BITS):
+            _, divisors, period = barrier_checker.rotation("[0;(1)]")
+            assert least <= float(barrier_checker.russmann(divisors, period, arb(delta)))
+
+
 @pytest.mark.parametrize("site", [0, 1])
 def test_without_the_digest_a_changed_digit_that_matters_still_fails(site):
     data, _ = certificate(proof_barrier, "gamma", (0.3, 0.2))
