@@ -138,9 +138,9 @@ def prove_cell(omega, kappa, half_width):
 
 def check_long_doubles():
     """RuntimeError unless long doubles are rounded to nearest, to 64 bits or more."""
-    one = _LONG(1)
-    unit = one / 2**63
-    if not (one + unit > one and one + unit / 2 in (one, one + unit / 2) and unit - unit / 3 > 0):
+    one, unit = _LONG(1), _LONG(2) ** -63
+    parts = [unit / 4, unit * 3 / 4]
+    if not (one + unit > one and all(abs(one + part - one - part) <= unit / 4 for part in parts)):
         raise RuntimeError(
             "a proof for cells needs long doubles of 64 bits or more, as x86 processors have them"
         )
@@ -318,6 +318,8 @@ def _rounding(sizes):
 
 def _constants(sizes, rho, hat):
     """Lists of n_j, k_j, ‖E_j‖ and ‖Δ_j'‖: bounds for all of the cell with this ρ; ρ̂ = hat."""
+    if not 0 < rho < hat:
+        raise ValueError(f"rho={rho}, rho_hat={hat} are out of range")
     centre, n, two_pi, unit = sizes.centre, sizes.centre.n, 2 * arb.pi(), arb(_UNIT)
     (T, _, K), (_, L), Q = sizes.moves.shape, sizes.u.shape, sizes.Q
     k, w, w_hat = np.arange(L), _weights(rho, n // 2), _weights(hat, L)

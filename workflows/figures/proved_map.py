@@ -56,7 +56,7 @@ def _caption(cube, states, codes, barrier):
     outside, left = side("transport_is_global", excess > 0)
     inside, left_inside = side("barrier_exists", excess < 0)
     return (
-        f"Transport is proved to be global {outside} of what is beyond CB_gt (line: by residues, no "
-        f"proof), in cells down to 1/{cube.attrs['cells']}. {left} A barrier is proved to "
+        f"Transport is proved to be global {outside} of what is beyond CB_gt (line: by residues, "
+        f"no proof), in cells down to 1/{cube.attrs['cells']}. {left} A barrier is proved to "
         f"exist {inside} inside CB_gt. {left_inside}"
     )
