@@ -55,7 +55,7 @@ def test_without_python_flint_the_command_says_what_to_install(tmp_path, monkeyp
     ("low", "size", "depth", "states"),
     [
         ((0.5, 0.125), 1 / 8, 3, {1, 2, 3}),  # CB_gt runs through it
-        ((0.6875, 0.6875), 1 / 16, 1, {1, 3}),  # on the diagonal
+        ((0.25, 0.25), 1 / 32, 0, {3}),  # far below it, on the diagonal
     ],
 )
 def test_a_barrier_is_proved_below_the_boundary_and_transport_beyond_it(low, size, depth, states):

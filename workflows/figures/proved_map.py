@@ -47,7 +47,7 @@ def _caption(cube, states, codes, barrier):
         there = there & (kappa2 <= kappa1)
         open_ = np.abs(excess[there & (states != codes[name])])
         return (
-            f"for every forcing of {100 * (states[there] == codes[name]).mean():.1f}% of the part",
+            f"for every forcing of {100 * (states[there] == codes[name]).mean():.1f}%",
             f"Half of what is open there is within {100 * np.median(open_):.1g}% of the boundary, "
             f"95% within {100 * np.quantile(open_, 0.95):.2g}%, all within "
             f"{100 * open_.max():.2g}%.",
@@ -56,7 +56,7 @@ def _caption(cube, states, codes, barrier):
     outside, left = side("transport_is_global", excess > 0)
     inside, left_inside = side("barrier_exists", excess < 0)
     return (
-        f"Transport is proved to be global {outside} of what is beyond CB_gt (line: by residues, "
-        f"no proof), in cells down to 1/{cube.attrs['cells']}. {left} A barrier is proved to "
-        f"exist {inside} inside CB_gt. {left_inside}"
+        f"Transport is proved to be global {outside} of the square beyond CB_gt (line: by residues, "
+        f"no proof), in cells down to 1/{cube.attrs['cells']}. {left} A barrier is proved to exist "
+        f"{inside} of what is inside. {left_inside}"
     )
