@@ -43,9 +43,10 @@ def test_the_proved_boundary_is_a_cube_with_both_proofs(tmp_path, workers):
     assert (cube.critical_scale < cube.proved_upper).all()
 
 
-def test_without_python_flint_the_command_says_what_to_install(tmp_path, monkeypatch):
+@pytest.mark.parametrize("command", ["proved_boundary", "proved_map"])
+def test_without_python_flint_the_command_says_what_to_install(command, tmp_path, monkeypatch):
     monkeypatch.setattr(proof_barrier, "arb", None)
-    result = invoke("proved_boundary", tmp_path / "out")
+    result = invoke(command, tmp_path / "out")
     assert result.exit_code == 1
     assert "pip install 'nasm-transport[proof]'" in result.output
     assert not (tmp_path / "out").exists()

@@ -56,7 +56,7 @@ def _caption(cube, states, codes, barrier):
     outside, left = side("transport_is_global", excess > 0)
     inside, left_inside = side("barrier_exists", excess < 0)
     return (
-        f"Transport is proved to be global {outside} of the square beyond CB_gt (line: by residues, "
-        f"no proof), in cells down to 1/{cube.attrs['cells']}. {left} A barrier is proved to exist "
+        f"Transport is proved to be global {outside} of what is outside CB_gt (by residues, "
+        f"the line), in cells down to 1/{cube.attrs['cells']}. {left} A barrier is proved to exist "
         f"{inside} of what is inside. {left_inside}"
     )
