@@ -52,7 +52,7 @@ except ImportError:  # the extra `proof`
 _LONG, _UNIT = np.longdouble, 2.0**-64  # its rounding, or more
 _POINTS = 20  # of the grid, times the rate of decay of u; a power of 2 is taken
 _NEAREST = 0.0065  # rate of decay of u, at 3% of the breakup: rounding is too large nearer to it
-_KEPT = 62  # modes of C_jm are kept to e^-58
+_KEPT = 54  # modes of C_jm are kept to e^-54
 _FEW, _MOST = 6, 30  # Chebyshev points for each strength, at first and at most
 _LARGEST = 0.45  # decay of C from |m| to |m| + 1: where it is slower, the cell is left
 _SMALL = 2e-11  # times the fifth power of the rate: where C_jm ends
