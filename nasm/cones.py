@@ -68,7 +68,7 @@ from nasm.kernels import kernel
 from nasm.lanes import LANES, copysign, fabs, fma, load, minimum, own_frame, rint, store
 from nasm.maps import direction, forcing
 from nasm.periodic import dominant_lines, primitive
-from nasm.sine import SINE
+from nasm.sine import COSINE, SINE
 from nasm.symmetries import CUSP_EXPONENT, distances_to_shorter
 
 MAX_STEPS = 10**9
@@ -411,7 +411,7 @@ def beam_search(lifetimes, starts, offset, kept=_KEPT):
 
 
 # Slopes of the sine: the coefficients of cos 2πu = d(sin 2πu)/d(2πu).
-_D0, _D1, _D2, _D3, _D4, _D5, _D6, _D7 = ((2 * k + 1) * c for k, c in enumerate(SINE))
+_D0, _D1, _D2, _D3, _D4, _D5, _D6, _D7 = COSINE
 
 
 @njit(forceinline=True)

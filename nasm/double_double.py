@@ -23,21 +23,23 @@ def _arctan_inverse(n):
 
 
 # Machin: π = 16 arctan(1/5) - 4 arctan(1/239), far beyond the digits that a pair holds.
-_PI = 16 * _arctan_inverse(5) - 4 * _arctan_inverse(239)
+EXACT_PI = 16 * _arctan_inverse(5) - 4 * _arctan_inverse(239)
 
 
-def _pair(exact):
+def pair(exact):
     return float(exact), float(exact - Fraction(float(exact)))
 
 
 def _taylor(first):
     """Taylor coefficients of sin 2πr (first = 1) or cos 2πr (0) in r², to 1e-23 for |r| ≤ 1/8."""
     powers = range(first, first + 22, 2)
-    return tuple(_pair((-1) ** ((n - first) // 2) * (2 * _PI) ** n / factorial(n)) for n in powers)
+    return tuple(
+        pair((-1) ** ((n - first) // 2) * (2 * EXACT_PI) ** n / factorial(n)) for n in powers
+    )
 
 
 _SIN, _COS = _taylor(1), _taylor(0)
-INVERSE_TWO_PI = _pair(1 / (2 * _PI))
+INVERSE_TWO_PI = pair(1 / (2 * EXACT_PI))
 
 
 @njit(inline="always")
@@ -49,7 +51,7 @@ def two_sum(a, b):
 
 
 @njit(inline="always")
-def _renormalised(hi, lo):
+def renormalised(hi, lo):
     s = hi + lo
     return s, lo - (s - hi)
 
@@ -57,14 +59,14 @@ def _renormalised(hi, lo):
 @njit(inline="always")
 def add(a, b):
     s, error = two_sum(a[0], b[0])
-    return _renormalised(s, error + (a[1] + b[1]))
+    return renormalised(s, error + (a[1] + b[1]))
 
 
 @njit(inline="always")
 def multiply(a, b):
     p = a[0] * b[0]
     error = fma(a[0], b[0], -p)
-    return _renormalised(p, error + fma(a[0], b[1], a[1] * b[0]))
+    return renormalised(p, error + fma(a[0], b[1], a[1] * b[0]))
 
 
 @njit(inline="always")
@@ -85,7 +87,7 @@ def _polynomial(coefficients, square):
 @njit
 def sincos_2pi(x):
     """sin 2πx and cos 2πx, to 1e-23."""
-    x = _renormalised(x[0] - rint(x[0]), x[1])
+    x = renormalised(x[0] - rint(x[0]), x[1])
     quarter = rint(4 * x[0])
     r = two_sum(x[0] - 0.25 * quarter, x[1])
     square = multiply(r, r)

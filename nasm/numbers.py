@@ -123,8 +123,8 @@ def rational(fraction):
 
 
 def checked(omega):
-    """omega itself; ValueError, with the remedy, unless it is a RotationNumber."""
-    if not isinstance(omega, RotationNumber):
+    """omega itself; ValueError, with the remedy, unless it is one that `parse` could make."""
+    if not isinstance(omega, RotationNumber) or min((1, *omega.prefix[1:], *omega.tail)) < 1:
         raise ValueError(
             f"omega={omega!r} is not a RotationNumber, which is exact; make one of its name or its "
             "continued fraction, e.g. nasm.numbers.parse('gamma') or nasm.numbers.parse('[1;(4)]')"

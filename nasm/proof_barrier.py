@@ -12,7 +12,7 @@ hypotheses are upper bounds of
 What a proof rests on: FLINT's balls (python-flint, the extra `proof`), and the functions from
 `_omega_ball` to `_verified`. There every number that enters a bound is a ball or an exact dyadic;
 floats only choose (ρ, ρ̂, where sums are cut, the polynomial near 1/g_j'), and any choice is sound.
-How u was found does not matter: `_refined` and what follows it may do as they like.
+How u was found does not matter: `refined` and what follows it may do as they like.
 
 For P ≤ 2 the u_j are odd, as h_j(θ) → -h_{-j}(-θ) maps circles to circles. Then all is real, and a
 sine transform of n/2 points stands for two functions; else a complex transform of n points does.
@@ -81,6 +81,7 @@ class BarrierProof:
             raise ValueError(f"{self.why}; a certificate needs proved=True")
         certificate = {
             "claim": "a rotational invariant circle of omega exists under kappa",
+            "shortened_from": [str(self.omega), [k.hex() for k in self.kappa]],
             "omega": str(self.short_omega),
             "kappa": [k.hex() for k in self.short_kappa],
             "radius": self.radius.hex(),
@@ -120,7 +121,8 @@ def prove(omega, kappa, radius=0.0, n=None, start=None, budget=20.0):
 
     Returns
     -------
-    BarrierProof. proved=False means nothing: not that no circle exists.
+    BarrierProof. proved=False means nothing: not that no circle exists. Not for several threads at
+    once: FLINT's precision belongs to the process.
 
     ImportError without python-flint. ValueError if omega is no RotationNumber, kappa is no forcing,
     or another argument is out of range.
@@ -154,7 +156,7 @@ def prove(omega, kappa, radius=0.0, n=None, start=None, budget=20.0):
         start = circle.u
     else:
         start = np.asarray(start, dtype=float)
-        if start.ndim != 2 or start.shape[0] != short.size:
+        if start.ndim != 2 or start.shape[0] != short.size or not start.size:
             raise ValueError(
                 f"start has shape {start.shape}; deviations of the shortened forcing "
                 f"{short.tolist()} are {short.size} functions on a grid"
@@ -216,8 +218,10 @@ def proved_lower(omega, profile, value, budget):
 
 
 def need_flint():
+    """ImportError, with the name "flint", unless python-flint is installed."""
     if arb is None:
-        raise ImportError("a proof needs python-flint: pip install 'nasm-transport[proof]'")
+        message = "a proof needs python-flint: pip install 'nasm-transport[proof]'"
+        raise ImportError(message, name="flint")
 
 
 def _proved(omega, kappa, radius, start, n, until, about):
@@ -228,8 +232,8 @@ def _proved(omega, kappa, radius, start, n, until, about):
             why = f"not proved: {size} points are beyond the budget: some {seconds:.1g} seconds"
             return BarrierProof(False, why, **about, n=size)
         with ctx.workprec(128 if size < 2**18 else 160):
-            found = _refined(_Grid(omega, kappa.tolist(), radius, size), start)
-        least = found.pop("least")
+            found = refined(Grid(omega, kappa.tolist(), radius, size), start)
+        least, _ = found.pop("least"), found.pop("residual", None)
         proof = BarrierProof(**about, n=size, **found)
         if proof.proved or n or (before is not None and not least < 0.5 * before):
             return proof
@@ -274,11 +278,11 @@ def _divisors(omega):
 def _russmann(omega, delta):
     """C_R = sup δ'σ(δ') over 0 < δ' ≤ δ, σ(δ) = sup_k e^{-2πkδ}/|e^{2πikω} - 1|: see PROOFS.md.
 
-    The peaks of the last period bound those of all later ones but for 10⁻⁶.
+    The peaks of the last period, whatever delta is, bound those of all later ones but for 10⁻⁶.
     """
     worst, two_pi = arb(0), 2 * arb.pi()
     for q, divisor, ends in _divisors(omega):
-        if 1 / (two_pi * q) > delta:
+        if not ends and 1 / (two_pi * q) > delta:
             term = delta * (-two_pi * q * delta).exp() / divisor
         else:
             term = 1 / (two_pi * arb(1).exp() * q * divisor)
@@ -289,7 +293,7 @@ def _russmann(omega, delta):
 # --- the residual ---------------------------------------------------------------------------------
 
 
-class _Grid:
+class Grid:
     """The chain of P sites on n points: what `_residual` needs again and again, in balls."""
 
     def __init__(self, omega, kappa, radius, n):
@@ -377,12 +381,12 @@ def _residual(grid, u):
 # --- the theorem ----------------------------------------------------------------------------------
 
 
-def _norm(a, rho):
+def norm(a, rho):
     """‖f‖_ρ = Σ|f_k| e^{2π|k|ρ} of a real f with |f_k| ≤ a_k, k ≥ 0."""
     return 2 * arb_poly(a)((2 * arb.pi() * rho).exp()) - a[0]
 
 
-def _slope(row, odd):
+def slope_modes(row, odd):
     """Modes of g_j' = 1 + u_j'."""
     factor = 2 * arb.pi() if odd else 2 * arb.pi() * acb(0, 1)
     return [arb(1), *(factor * k * x for k, x in enumerate(row[1:], 1))]
@@ -398,14 +402,14 @@ def _bounds_of_the_residual(grid, u, E, rho, rho_hat, cuts):
     r, r_hat = (two_pi * rho).exp(), (two_pi * rho_hat).exp()
     q, less = r / r_hat, 1 - (-two_pi * rho_hat * n).exp()
     for a, e, kappa, cut in zip(u, E, grid.kappa, cuts, strict=True):
-        if not (len(a) <= cut <= n // 2 and rho < rho_hat):
+        if not (len(a) <= cut <= n // 2 and 0 < rho < rho_hat):
             raise ValueError(f"cut={cut}, rho={rho}, rho_hat={rho_hat} are out of range")
         polynomial = arb_poly(a)
         M = (two_pi * (rho_hat + polynomial(r_hat) - polynomial(1 / r_hat))).cosh()
         aliases = 1 / (1 - q) + (two_pi * cut * (rho + rho_hat)).exp() / (r * r_hat - 1)
         aliases *= 2 * (-two_pi * n * rho_hat).exp() / less
         rest = 2 * (two_pi * cut * (rho - rho_hat)).exp() / (1 - q)
-        bounds.append(_norm(e[:cut], rho) + abs(kappa) / two_pi * M * (aliases + rest))
+        bounds.append(norm(e[:cut], rho) + abs(kappa) / two_pi * M * (aliases + rest))
     return bounds
 
 
@@ -416,36 +420,36 @@ def _bound_of_the_inverse(slope, near, rho, odd, kept):
     """
     d = [arb(x.real) if odd else acb(x.real, x.imag) for x in near]
     sizes = [x.abs_upper() for x in slope]
-    beyond = _norm([arb(0)] * kept + sizes[kept:], rho) if kept < len(slope) else 0
-    both = [_both_sides(half, odd) for half in (slope[:kept], d)]
+    beyond = norm([arb(0)] * kept + sizes[kept:], rho) if kept < len(slope) else 0
+    both = [both_sides(half, odd) for half in (slope[:kept], d)]
     product, middle = both[0] * both[1], len(slope[:kept]) + len(d) - 2
     defect = [product[middle + k] for k in range(middle + 1)]
     defect[0] -= 1
-    size = _norm([x.abs_upper() for x in d], rho)
-    small = _norm([x.abs_upper() for x in defect], rho) + beyond * size
+    size = norm([x.abs_upper() for x in d], rho)
+    small = norm([x.abs_upper() for x in defect], rho) + beyond * size
     return size / (1 - small) if small < 1 else arb.pos_inf()
 
 
-def _both_sides(half, odd):
+def both_sides(half, odd):
     if odd:
         return arb_poly(half[:0:-1] + half)
     return acb_poly([acb(x).conjugate() for x in half[:0:-1]] + half)
 
 
-def _inequalities(grid, rho, eps, n, p, k):
+def inequalities(omega, kappa, rho, eps, n, p, k):
     """The names of those of the theorem's inequalities that fail, and the left sides of all."""
     two_pi, e = 2 * arb.pi(), arb(1).exp()
     eps = eps.max(arb(2) ** -1000)  # any upper bound will do; and 0 would give 0/0
     tau, eta, given = arb(1) / 10, arb(1) / 100, arb(99) / 100
     delta = given * rho / (4 + 2 * tau)
-    C = _russmann(grid.omega, delta) + delta
+    C = _russmann(omega, delta) + delta
     q = [a * b for a, b in zip(p, p[1:] + p[:1], strict=True)]
     w = 2 * C**2 * sum(q) * (1 + eta) ** 2  # ‖w_j‖ ≤ w ε/δ²
     x = [two_pi * (1 + eta) * a * w * eps / delta**2 for a in n]  # 2π‖v_j‖
     ratio = w * eps / (2 * e * delta**3)
-    for a, b, kappa, y in zip(n, k, grid.kappa, x, strict=True):
+    for a, b, strength, y in zip(n, k, kappa, x, strict=True):
         taylor = b * (arb(0.5) + y / 6) * y.exp() * y**2
-        ratio += a * abs(kappa) / two_pi * (1 + eta) * taylor / eps
+        ratio += a * abs(strength) / two_pi * (1 + eta) * taylor / eps
     chi = arb(4) / 3 * (1 + eta) * w * eps / (e * tau * delta**3)
     room, moved = arb(0), arb(0)
     for a, b, c, y in zip(q, n, n[1:] + n[:1], x, strict=True):
@@ -465,25 +469,26 @@ def _verified(grid, modes, E):
     """
     for row in modes:
         zero = row[0] if grid.odd else acb(row[0]).imag
-        if not (zero == 0 and 2 * len(row) <= grid.n and all(x.rad() == 0 for x in row)):
+        fits = 2 * len(row) <= grid.n and len(row) == len(modes[0])
+        if not (zero == 0 and fits and all(x.rad() == 0 for x in row)):
             raise ValueError("the modes of a real function are wanted, exact, fewer than n/2")
     u, e = ([[x.abs_upper() for x in row] for row in rows] for rows in (modes, E))
-    near = np.fft.rfft(1 / _slopes_on_grid(_doubles(modes, grid.odd), grid.n)) / grid.n
+    near = np.fft.rfft(1 / slopes_on_grid(_doubles(modes, grid.odd), grid.n)) / grid.n
     choice = _choice(grid, np.array(u, dtype=float), np.array(e, dtype=float), np.abs(near))
     if not choice["least"] < 1:
         why = f"not proved: the residual makes the ratio {choice['least']:.1e}, not 1/32"
         return {"proved": False, "why": why, "least": choice["least"]}
     rho, rho_hat = arb(choice["rho"]), arb(choice["rho_hat"])
     errors = _bounds_of_the_residual(grid, u, e, rho, rho_hat, choice["cuts"])
-    slopes, n, p, k = [_slope(row, grid.odd) for row in modes], [], [], []
+    slopes, n, p, k = [slope_modes(row, grid.odd) for row in modes], [], [], []
     for j, slope in enumerate(slopes):
-        n.append(_norm([x.abs_upper() for x in slope], rho))
-        k.append((2 * arb.pi() * (rho + _norm(u[j], rho))).exp())
+        n.append(norm([x.abs_upper() for x in slope], rho))
+        k.append((2 * arb.pi() * (rho + norm(u[j], rho))).exp())
         with ctx.workprec(64):
             d = near[j, : choice["modes"]]
             p.append(_bound_of_the_inverse(slope, d, rho, grid.odd, choice["kept"]))
     eps = sum(a * b for a, b in zip(n, errors, strict=True))
-    failed, left = _inequalities(grid, rho, eps, n, p, k)
+    failed, left = inequalities(grid.omega, grid.kappa, rho, eps, n, p, k)
     constants = left | {
         "error": _largest(errors),
         "n": _largest(n),
@@ -516,7 +521,7 @@ def _choice(grid, u, e, near):
     """ρ, ρ̂ and the cuts that look best in floats; `least`: the left side of (1) with them."""
     n, K = grid.n, u.shape[1] - 1
     k, strength = np.arange(n // 2), np.abs(np.array(grid.kappa, dtype=float))[:, None] / (2 * pi)
-    hats = _decay(u.max(axis=0)) * np.geomspace(0.005, 1.25, 60)
+    hats = decay(u.max(axis=0)) * np.geomspace(0.005, 1.25, 60)
     imaginary = [2 * (u * np.sinh(2 * pi * hat * k[: K + 1])).sum(axis=1) for hat in hats]
     sizes = np.cosh(2 * pi * (hats[:, None] + imaginary)) * np.exp(-pi * n * hats)[:, None]
     best = np.argmin(np.nan_to_num(sizes.max(axis=1), nan=inf))
@@ -538,7 +543,8 @@ def _choice(grid, u, e, near):
         p = inverse.sum(axis=1)
         size = np.exp(2 * pi * (rho + (u * weights[: K + 1]).sum(axis=1)))
         numbers = [[arb(x) for x in row] for row in (n_j, p, size)]
-        _, left = _inequalities(grid, arb(rho), arb((n_j * errors).sum()), *numbers)
+        eps = arb((n_j * errors).sum())
+        _, left = inequalities(grid.omega, grid.kappa, arb(rho), eps, *numbers)
         trials.append(
             {
                 "least": np.nan_to_num(float(left["ratio"].mid()), nan=inf),
@@ -558,7 +564,7 @@ def _part(weighted, small):
     return int(left.all(axis=0).argmax()) or weighted.shape[1]
 
 
-def _decay(sizes, least=1e-12):
+def decay(sizes, least=1e-12):
     """ρ with sizes_k ~ e^{-2πρk}, from the modes above `least` of the largest."""
     k = np.arange(len(sizes))
     good = (k > 0) & (sizes > least * sizes[1:].max(initial=0))
@@ -569,10 +575,13 @@ def _decay(sizes, least=1e-12):
 
 
 @np.errstate(all="ignore")
-def _refined(grid, start):
-    """Newton's steps from `start` until the theorem is verified, or nothing is won by another."""
-    half, K = grid.n // 2, int(_KEPT * grid.n)
-    turn = _turns(grid.omega, grid.sites, half + 1)
+def refined(grid, start, most=_LARGEST):
+    """Newton's steps from `start` until the theorem is verified, or nothing is won by another.
+
+    A dict: proved, why, modes, residual and more. most : modes of u.
+    """
+    half, K = grid.n // 2, min(most, int(_KEPT * grid.n))
+    turn = turns(grid.omega, grid.sites, half + 1)
     modes = np.zeros((grid.sites, K + 1), np.clongdouble)
     given = np.fft.rfft(start)[:, : K + 1] / start.shape[1]
     modes[:, : given.shape[1]] = given * turn[: given.shape[1]].conj() ** _column(grid.sites)
@@ -589,21 +598,21 @@ def _refined(grid, start):
         if found["proved"] or not size < 0.5 * last:
             break
         last, scale = size, arb(size)
-        step = _correction(turn, _doubles(exact, grid.odd), _doubles(E, grid.odd, 1 / scale))
+        step = correction(turn, _doubles(exact, grid.odd), _doubles(E, grid.odd, 1 / scale))
         if not np.isfinite(step).all():
             break
         exact = [
             [(a + scale * b).mid() for a, b in zip(row, add, strict=True)]
             for row, add in zip(exact, _exact(step[:, : K + 1], grid.odd), strict=True)
         ]
-    return found | {"modes": exact}
+    return found | {"modes": exact, "residual": E}
 
 
 def _column(n):
     return np.arange(n)[:, None]
 
 
-def _turns(omega, n_sites, n_modes):
+def turns(omega, n_sites, n_modes):
     """e^{2πikα}, α = ω/P, in long double, by a convergent of ω; see `fourier.turns`."""
     for f in convergents(omega):
         if f.denominator * n_sites > 10**12:
@@ -617,9 +626,7 @@ def _polished(grid, turn, modes):
     """Newton's steps in long double while they help, on the modes above its rounding: beyond them
     small divisors would make rounding larger than u itself."""
     n, K, last, best = grid.n, modes.shape[1], inf, modes
-    kept = np.arange(K) < _ROUNDED / (
-        2 * pi * _decay(np.abs(modes).max(axis=0).astype(float), 1e-6)
-    )
+    kept = np.arange(K) < _ROUNDED / (2 * pi * decay(np.abs(modes).max(axis=0).astype(float), 1e-6))
     two_pi, rotation = 2 * np.arccos(np.longdouble(-1)), turn[:K]
     strength, theta = np.array(grid.kappa, float)[:, None] / two_pi, np.arange(n) / np.longdouble(n)
     for _ in range(_STEPS):
@@ -631,32 +638,36 @@ def _polished(grid, turn, modes):
         if not size < 0.5 * last:
             break
         best, last = modes, size
-        step = _correction(turn, modes.astype(complex), (E / size).astype(complex))
+        step = correction(turn, modes.astype(complex), (E / size).astype(complex))
         modes = modes + size * step[:, :K] * kept
     return best
 
 
-def _correction(turn, modes, E):
-    """Modes of Levi and Moser's step, in doubles, for the modes E of the residual: see circles."""
-    n, sites = 2 * (turn.size - 1), _column(len(modes))
+def correction(turn, modes, E):
+    """Modes of Levi and Moser's step, in doubles, for the modes E of the residual: see circles.
+
+    modes, E : arrays (P, ..., modes); what is between is done at once.
+    """
+    n, sites = 2 * (turn.size - 1), np.arange(len(modes)).reshape(-1, *[1] * (modes.ndim - 1))
     turn = turn.astype(complex)
     shift = turn**sites  # the step is made in h_j, where θ is the same for all j
-    slopes = _slopes_on_grid(modes * shift[:, : modes.shape[1]], n)
-    residual = np.fft.irfft(np.pad(E, ((0, 0), (0, turn.size - E.shape[1]))) * shift, n) * n
+    slopes = slopes_on_grid(modes * shift[..., : modes.shape[-1]], n)
+    residual = np.fft.irfft(E * shift[..., : E.shape[-1]], n) * n
     whole = turn ** len(modes)
-    inverse = 1 / (slopes * np.vstack([slopes[1:], fourier.rotate(slopes[:1], whole)]))
+    inverse = 1 / (slopes * np.concatenate([slopes[1:], fourier.rotate(slopes[:1], whole)]))
     flux = -np.cumsum(slopes * residual, axis=0)
     flux = fourier.solve_cohomology(flux[-1], whole, n // 2) + flux
-    flux = (flux - (flux * inverse).sum() / inverse.sum()) * inverse
+    mean = (flux * inverse).sum((0, -1)) / inverse.sum((0, -1))
+    flux = (flux - mean[..., None]) * inverse
     w = fourier.solve_cohomology(flux.sum(axis=0), whole, n // 2)
     w = w + np.cumsum(flux, axis=0) - flux
-    w -= (slopes[0] * w[0]).mean()
+    w -= (slopes[0] * w[0]).mean(-1)[..., None]
     return np.fft.rfft(slopes * w) / n * shift.conj()
 
 
-def _slopes_on_grid(modes, n):
+def slopes_on_grid(modes, n):
     """g_j' at φ = i/n."""
-    k = np.arange(modes.shape[1])
+    k = np.arange(modes.shape[-1])
     return 1 + np.fft.irfft(2j * pi * k * modes, n) * n
 
 
@@ -682,6 +693,6 @@ def _doubles(rows, odd, scale=1):
 
 def _grid_size(start):
     """Points for the circle's rate of decay: enough on nearly all of the rays that were tried."""
-    rate = _decay(np.abs(np.fft.rfft(start)).max(axis=0), 1e-6)
+    rate = decay(np.abs(np.fft.rfft(start)).max(axis=0), 1e-6)
     half = max(5.5, min(-2.05 * log(rate), 10 - 0.7 * log(rate))) / rate
     return max(64, 2 * next_fast_len(ceil(half)))

@@ -38,14 +38,6 @@ from nasm.lanes import (
 from nasm.maps import forcing
 from nasm.periodic import dominant_centre
 from nasm.proof_transport import (
-    _D0,
-    _D1,
-    _D2,
-    _D3,
-    _D4,
-    _D5,
-    _D6,
-    _D7,
     COS,
     COS_CUBIC,
     CUBIC,
@@ -58,12 +50,13 @@ from nasm.proof_transport import (
     ULP,
     UP,
     Outcome,
-    _check_arithmetic,
+    check_arithmetic,
     checked_budget,
 )
-from nasm.sine import SINE
+from nasm.sine import COSINE, SINE
 
 _C0, _C1, _C2, _C3, _C4, _C5, _C6, _C7 = SINE
+_D0, _D1, _D2, _D3, _D4, _D5, _D6, _D7 = COSINE
 
 _LARGEST, _KNOWN, _WRONSKIAN, _HUGE = 0.1, 0.8, 1e-3, 1e100  # as in `proof_transport`
 
@@ -148,7 +141,7 @@ def prove_cell(kappa, half_width, budget=1.0):
             f"kappa={kappa.tolist()} and half_width={half_width.tolist()} must be multiples of "
             "2**-30, so that the corners of the cell are exact"
         )
-    _check_arithmetic()
+    check_arithmetic()
     cell = tuple(kappa.tolist()), tuple(half_width.tolist())
     if (np.abs(kappa) + half_width >= 2).any():
         nothing = np.empty((0, _COLUMNS)), np.empty(0, np.int64)

@@ -25,7 +25,7 @@ V_N ≤ 0 shows Q ≤ 0 in the whole box. N is the life of the box. A box that f
 
 Sixteen boxes run in lockstep on `nasm.lanes`; an event among them is found again by the same
 kick on floats, which is the definition. Everything rests on IEEE arithmetic with rounding to
-nearest, gradual underflow and a true fma, which `_check_arithmetic` tries at run time.
+nearest, gradual underflow and a true fma, which `check_arithmetic` tries at run time.
 """
 
 import math
@@ -38,7 +38,7 @@ import numpy as np
 from numba import njit
 
 from nasm.checks import real, sealed
-from nasm.double_double import _PI, _pair, _renormalised, two_sum
+from nasm.double_double import EXACT_PI, pair, renormalised, two_sum
 from nasm.kernels import kernel
 from nasm.lanes import (
     FEW,
@@ -57,14 +57,14 @@ from nasm.lanes import (
 from nasm.maps import direction, forcing
 from nasm.numbers import rational
 from nasm.periodic import dominant_centre
-from nasm.sine import SINE
+from nasm.sine import COSINE
 from nasm.symmetries import shorten
 
-_D0, _D1, _D2, _D3, _D4, _D5, _D6, _D7 = ((2 * k + 1) * c for k, c in enumerate(SINE))
+_D0, _D1, _D2, _D3, _D4, _D5, _D6, _D7 = COSINE
 
 # Taylor coefficients of sin 2πu / 2πu in u²: four sums of two floats, eight floats.
-_SERIES = [(-1) ** k * (2 * _PI) ** (2 * k) / factorial(2 * k + 1) for k in range(12)]
-_S0, _S1, _S2, _S3 = map(_pair, _SERIES[:4])
+_SERIES = [(-1) ** k * (2 * EXACT_PI) ** (2 * k) / factorial(2 * k + 1) for k in range(12)]
+_S0, _S1, _S2, _S3 = map(pair, _SERIES[:4])
 _S4, _S5, _S6, _S7, _S8, _S9, _S10, _S11 = map(float, _SERIES[4:])
 
 ULP = 2.0**-53  # of rounding, relative; and a bound of the error of h = sin 2πx/2π
@@ -175,7 +175,7 @@ def prove(kappa, budget=10.0):
     """
     (short,), _ = shorten([forcing(kappa)], rational(0))
     budget = checked_budget(budget)
-    _check_arithmetic()
+    check_arithmetic()
     strengths = tuple(short.tolist())
     if len(strengths) > 2 or (len(strengths) == 2 and min(map(abs, strengths)) >= 2):
         nothing = np.empty((0, 2)), np.empty(0, np.int64)
@@ -272,7 +272,7 @@ def _tiles(boxes):
     return left[0] == 0 and right[-1] == 0.5 and bool((left[1:] == right[:-1]).all())
 
 
-def _check_arithmetic():
+def check_arithmetic():
     """RuntimeError unless floats round to nearest, underflow gradually, and fma is fused."""
     if not _arithmetic_is_ieee(1.0, 2.0**-53, 2.0**-52, 2.0**-1022):
         raise RuntimeError(
@@ -488,9 +488,9 @@ def _kick(k, scale, state):
     )
     product = k * h
     y, error = two_sum(y, product)
-    y, y_low = _renormalised(y, error + (y_low + fma(k, h_low, fma(k, h, -product))))
+    y, y_low = renormalised(y, error + (y_low + fma(k, h_low, fma(k, h, -product))))
     y = y - rint(y)
     x, error = two_sum(y, -back)
-    x, x_low = _renormalised(x, error + (x_low + y_low))
+    x, x_low = renormalised(x, error + (x_low + y_low))
     state = (x, x_low, y, y_low, v1, w, V, W, t1, z, q1, p, A, B, linear, quadratic, rest, paid)
     return state, bad

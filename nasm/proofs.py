@@ -1,20 +1,31 @@
-"""Both sides of the boundary on a ray κ = s·profile, proved.
+"""Both sides of the boundary, proved: on a ray κ = s·profile, and in cells of the (κ1, κ2) plane.
 
-A barrier exists at lower·profile, by the a-posteriori theorem of `nasm.proof_barrier`; transport is
-global at upper·profile, by the one of `nasm.proof_transport`. What `nasm.barriers` finds tells only
-where to look. Between the two scales nothing is proved, nor is anything of smaller scales than
-`lower`: no theorem says that a circle does not break and come back on the way.
+On a ray a barrier exists at lower·profile, by the a-posteriori theorem of `nasm.proof_barrier`;
+transport is global at upper·profile, by the one of `nasm.proof_transport`. Between the two scales
+nothing is proved, nor is anything of smaller scales than `lower`: no theorem says that a circle
+does not break and come back on the way.
+
+In a cell either is proved for all forcings, by `nasm.proof_barrier_cells` or `nasm.proof_cells`; a
+cell for which neither is proved is cut into four. What `nasm.barriers` finds tells only where to
+look.
 """
 
 from dataclasses import dataclass
 from math import nan
 
-from nasm import barriers
+import numpy as np
+
+from nasm import barriers, proof_barrier_cells, proof_cells
 from nasm.checks import real
 from nasm.critical import CriticalScale, Status
 from nasm.maps import direction
+from nasm.numbers import RotationNumber, parse
 from nasm.proof_barrier import BarrierProof, proved_lower
 from nasm.proof_transport import TransportProof, proved_upper
+
+OPEN, TRANSPORT, BARRIER = 1, 2, 3  # states of a cell
+_WIDEST, _NARROWER = 0.2, 1.5  # half widths, in distances, for which one polynomial is enough
+_NEAREST = 0.03  # of the way to the breakup is too near for `proof_barrier_cells`
 
 
 @dataclass(frozen=True)
@@ -59,3 +70,75 @@ def critical_scale(profile, seconds=8.0):
     upper, transport = proved_upper(profile, found.value, seconds)
     lower, barrier = proved_lower(found.omega, profile, found.value, seconds)
     return ProvedBracket(found, lower, upper, barrier, transport)
+
+
+@dataclass(frozen=True)
+class Boundary:
+    """Where the last barriers break, as far as rays tell: it says only what to try.
+
+    angles : ndarray (n,), degrees, rising from 0 to 45. scales : ndarray (n,). circles : list of n
+    RotationNumbers of the last circles, for a period of two kicks; None where none is known.
+    """
+
+    angles: np.ndarray
+    scales: np.ndarray
+    circles: list[RotationNumber | None]
+
+    def distance(self, kappa1, kappa2):
+        """1 - s/s_c of forcings of the first quadrant, negative beyond the breakup, and s_c."""
+        angle = np.rad2deg(np.arctan2(np.minimum(kappa1, kappa2), np.maximum(kappa1, kappa2)))
+        critical = np.interp(angle, self.angles, self.scales)
+        return 1 - np.hypot(kappa1, kappa2) / critical, critical
+
+    def circle(self, kappa1, kappa2):
+        """The last circle of the nearest ray."""
+        angle = np.rad2deg(np.arctan2(min(kappa1, kappa2), max(kappa1, kappa2)))
+        return self.circles[np.abs(self.angles - angle).argmin()]
+
+
+def warm_up_cells():
+    """Compile what `proved_cells` needs: its proofs are given CPU time, and that would count."""
+    proof_cells.prove_cell((1.0, 0.5), 2.0**-8)
+    proof_barrier_cells.prove_cell(parse("gamma"), (0.1, 0.05), 2.0**-8)
+
+
+def barrier_size(distance, critical):
+    """Half the width of the largest cell for which a barrier may be proved, 0 where none can be."""
+    size = distance * critical * np.minimum(_WIDEST, _NARROWER * distance)
+    return np.where(distance > _NEAREST, size, 0)
+
+
+def proved_cells(low, size, depth, boundary, seconds):
+    """What is proved in the 4**depth cells of a square: OPEN, TRANSPORT or BARRIER.
+
+    low : κ1 and κ2 of its lower left corner, not negative. size : its width; all corners of cells
+    must be multiples of 2⁻³⁰. boundary : a Boundary. seconds : CPU time for a proof of transport.
+
+    Returns an int8 array (2**depth, 2**depth), index κ2, κ1. A square is proved whole if it can be,
+    else by quarters. What lies in κ2 > κ1 is left OPEN: it is an image. ImportError without
+    python-flint.
+    """
+    n, (low1, low2) = 2**depth, low
+    states = np.full((n, n), OPEN, np.int8)
+    if low2 >= low1 + size:
+        return states
+    centre = low1 + size / 2, low2 + size / 2
+    corners = low1 + np.array([0, size, 0, size]), low2 + np.array([0, 0, size, size])
+    distance, critical = boundary.distance(*corners)
+    if (distance < 0).all():
+        if proof_cells.prove_cell(centre, size / 2, seconds).proved:
+            return np.full_like(states, TRANSPORT)
+    elif (distance > 0).all():
+        circle = boundary.circle(*centre)
+        if circle is None or not distance.max() > _NEAREST:
+            return states
+        small = size / 2 <= barrier_size(distance, critical).min()
+        if small and proof_barrier_cells.prove_cell(circle, centre, size / 2).proved:
+            return np.full_like(states, BARRIER)
+    if depth:
+        for i in (0, 1):
+            for j in (0, 1):
+                quarter = low1 + j * size / 2, low2 + i * size / 2
+                found = proved_cells(quarter, size / 2, depth - 1, boundary, seconds)
+                states[i * n // 2 : (i + 1) * n // 2, j * n // 2 : (j + 1) * n // 2] = found
+    return states

@@ -29,6 +29,9 @@ SINE = (
 )
 """1, c₁, …, c₇ of sin 2πu / 2πu as a polynomial in u²; see the module."""
 
+COSINE = tuple((2 * k + 1) * c for k, c in enumerate(SINE))
+"""Of cos 2πu, the derivative of that: less accurate, and of the same u."""
+
 _C0, _C1, _C2, _C3, _C4, _C5, _C6, _C7 = SINE
 _TWO_PI = 2 * np.pi
 

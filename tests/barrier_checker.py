@@ -96,6 +96,8 @@ def quotients(text, length):
     head, tail = re.fullmatch(r"\[(.*?)\(([\d,]+)\)\]", text).groups()
     head = [int(a) for a in re.split("[;,]", head) if a]
     tail = [int(a) for a in tail.split(",")]
+    if min(head[1:] + tail) < 1:
+        raise ValueError(text)
     return head + [tail[i % len(tail)] for i in range(length - len(head))], len(head), len(tail)
 
 
@@ -119,7 +121,7 @@ def russmann(divisors, period, delta):
     worst = arb(0)
     for n, (q, divisor) in enumerate(divisors):
         peak = 1 / (2 * arb.pi() * q)
-        at = delta if peak > delta else peak
+        at = delta if peak > delta and n < len(divisors) - period else peak
         term = at * (-2 * arb.pi() * q * at).exp() / divisor
         if n >= len(divisors) - period:  # these repeat for ever, but for 10^-12
             term = term * (1 + arb(10) ** -9)
@@ -148,6 +150,8 @@ def theorem(data):
     kappa = [arb(float.fromhex(k), radius) for k in data["kappa"]]
     omega, divisors, period = rotation(data["omega"])
     P = len(kappa)
+    if len(data["modes"]) != P or not rho > 0:
+        return False, {}
     alpha = omega / P
     Function.growth = (two_pi * rho).exp()
     Function.most = 2 * max(len(row) for row in data["modes"])
@@ -169,7 +173,7 @@ def theorem(data):
         after, before = u[(j + 1) % P].rotated(alpha), u[j - 1].rotated(-alpha)
         error = after + before - u[j] * acb(2) - sine * acb(kappa[j] / two_pi)
         errors.append(error.norm())
-    eps = sum(a * b for a, b in zip(n, errors, strict=True))
+    eps = sum(a * b for a, b in zip(n, errors, strict=True)).max(arb(2) ** -1000)
     delta = arb("0.99") * rho / arb("4.2")
     C = russmann(divisors, period, delta) + delta
     holds, left = inequalities(kappa, delta, C, eps, n, p, k)

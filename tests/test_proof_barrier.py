@@ -133,7 +133,7 @@ def test_the_bound_of_small_divisors_holds_and_is_sharp(omega, delta):
 
 def test_closed_sums_are_those_of_all_aliases_and_all_modes_left_out(module):
     rho, hat, n, cut = 0.01, 0.05, 64, 29
-    grid = module._Grid(GAMMA, [0.7], 0.0, n)
+    grid = module.Grid(GAMMA, [0.7], 0.0, n)
     u = [[arb(0), arb(0.01), arb(0.002)]]
     (bound,) = module._bounds_of_the_residual(grid, u, [[arb(0)] * 32], arb(rho), arb(hat), [cut])
     imaginary = 2 * sum(float(a) * np.sinh(2 * np.pi * k * hat) for k, a in enumerate(u[0]))
@@ -217,9 +217,9 @@ def audit(module):
     """Everything that a wrong proof would show up in; an exception if it does."""
     for name, (kappa, rho, n, p) in FIRST_TO_FAIL.items():
         numbers = [[arb(n), arb(1.3)], [arb(p), arb(1.9)], [arb(1.5), arb(1.4)]]
-        grid, seen = module._Grid(GAMMA, [kappa, -0.7 * kappa], 0.0, 64), []
+        grid, seen = module.Grid(GAMMA, [kappa, -0.7 * kappa], 0.0, 64), []
         for eps in np.geomspace(1e-22, 10, 100):
-            failed, left = module._inequalities(grid, arb(rho), arb(eps), *numbers)
+            failed, left = module.inequalities(GAMMA, grid.kappa, arb(rho), arb(eps), *numbers)
             delta, C = left["delta"], left["C"]
             holds, exact = barrier_checker.inequalities(grid.kappa, delta, C, arb(eps), *numbers)
             assert holds == (not failed)
@@ -263,11 +263,11 @@ MUTANTS = [
     ("rho).exp()) - a[0]", "rho).exp()) - 2 * a[0]"),
     ("factor * k * x for k", "factor * x for k"),
     ("factor = 2 * arb.pi() if odd", "factor = 2 * arb(3) if odd"),
-    ("k.append((2 * arb.pi() * (rho + _norm(u[j], rho)))", "k.append((2 * arb.pi() * (rho))"),
+    ("k.append((2 * arb.pi() * (rho + norm(u[j], rho)))", "k.append((2 * arb.pi() * (rho))"),
     ("a * b for a, b in zip(n, errors", "b for a, b in zip(n, errors"),
     ("x.append(quotient + 1 / x[-1])", "x.append(1 / x[-1] + 1)"),
     ("2 * (1 / (q * x[n] + before)).sin_pi()", "2 * (1 / (q * x[n])).sin_pi()"),
-    ("C = _russmann(grid.omega, delta) + delta", "C = _russmann(grid.omega, delta)"),
+    ("C = _russmann(omega, delta) + delta", "C = _russmann(omega, delta)"),
     ("w = 2 * C**2 * sum(q)", "w = C**2 * sum(q)"),
     ("sum(q) * (1 + eta) ** 2", "sum(q) * (1 + eta)"),
     ("zip(p, p[1:] + p[:1]", "zip(p, p"),
@@ -303,6 +303,26 @@ def test_a_certificate_with_one_digit_changed_fails():
     for i in np.random.default_rng(3).choice(digits, 200):
         changed = text[:i] + str(int(text[i]) % 9 + 1) + text[i + 1 :]
         assert changed == text or not barrier_checker.check(json.loads(changed))[0]
+
+
+def test_a_forged_certificate_is_refused():
+    # Of ρ < 0; of κ = 5 and a row of modes without an equation; of denominators that are left out.
+    data, _ = certificate(proof_barrier, "gamma", (0.3, 0.2))
+    forged = data | {"kappa": [(5.0).hex()], "modes": data["modes"][:1] * 2}
+    with ctx.workprec(barrier_checker.BITS):
+        assert not barrier_checker.theorem(data | {"rho": (-0.07).hex()})[0]
+        assert not barrier_checker.theorem(forged)[0]
+        with pytest.raises(ValueError, match="-3"):
+            barrier_checker.theorem(data | {"omega": "[0;2,-3,(1)]"})
+
+
+def test_the_bound_of_small_divisors_holds_in_the_narrowest_strips():
+    for delta in (1e-9, 1e-12, 1e-15):
+        least = 5**0.5 / (4 * np.pi**2 * np.e)
+        assert least <= float(proof_barrier._russmann(GAMMA, arb(delta))) <= 1.1 * least
+        with ctx.workprec(barrier_checker.BITS):
+            _, divisors, period = barrier_checker.rotation("[0;(1)]")
+            assert least <= float(barrier_checker.russmann(divisors, period, arb(delta)))
 
 
 @pytest.mark.parametrize("site", [0, 1])
@@ -495,7 +515,7 @@ def test_too_few_points_say_which_inequality_fails():
 
 def test_a_bound_outside_its_strip_is_refused():
     # With ρ ≥ ρ̂ the sums of the tails would be negative.
-    grid = proof_barrier._Grid(GAMMA, [0.3], 0.0, 64)
+    grid = proof_barrier.Grid(GAMMA, [0.3], 0.0, 64)
     zero = [[arb(0)] * 8]
     for rho, cut in ((0.05, 8), (0.06, 8), (0.01, 7), (0.01, 33)):
         with pytest.raises(ValueError, match="out of range"):
@@ -504,7 +524,7 @@ def test_a_bound_outside_its_strip_is_refused():
 
 @pytest.mark.parametrize("mode", [arb(1e-3, 1e-9), acb(0, 1e-3)])
 def test_modes_that_are_not_exact_or_not_real_are_refused(mode):
-    grid = proof_barrier._Grid(GAMMA, [0.1, 0.1, 0.2], 0.0, 64)
+    grid = proof_barrier.Grid(GAMMA, [0.1, 0.1, 0.2], 0.0, 64)
     rows = [[mode, acb(0)]] * 3
     with pytest.raises(ValueError, match="exact"):
         proof_barrier._verified(grid, rows, rows)

@@ -166,7 +166,7 @@ def kick_in_python(changes=(), fma=fast_fma):
         "fabs": abs,
         "copysign": math.copysign,
         "two_sum": double_double.two_sum.py_func,
-        "_renormalised": double_double._renormalised.py_func,
+        "renormalised": double_double.renormalised.py_func,
         "maximum": lambda a, b: a if a > b else b,
     }
     namespace = vars(proof_transport) | in_python

@@ -8,7 +8,7 @@ from commands import invoke, succeed
 from nasm import barriers, proof_barrier, proofs
 from nasm.critical import Status
 from nasm.symmetries import ray
-from pipeline.cubes.proved_map import transport_proved
+from pipeline.cubes.proved_map import proved_map
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -43,26 +43,45 @@ def test_the_proved_boundary_is_a_cube_with_both_proofs(tmp_path, workers):
     assert (cube.critical_scale < cube.proved_upper).all()
 
 
-def test_without_python_flint_the_command_says_what_to_install(tmp_path, monkeypatch):
+@pytest.mark.parametrize("command", ["proved_boundary", "proved_map"])
+def test_without_python_flint_the_command_says_what_to_install(command, tmp_path, monkeypatch):
     monkeypatch.setattr(proof_barrier, "arb", None)
-    result = invoke("proved_boundary", tmp_path / "out")
-    assert result.exit_code == 2
+    result = invoke(command, tmp_path / "out")
+    assert result.exit_code == 1
     assert "pip install 'nasm-transport[proof]'" in result.output
     assert not (tmp_path / "out").exists()
 
 
-def test_proved_cells_lie_beyond_the_boundary_and_open_ones_near_it():
+@pytest.mark.parametrize(
+    ("low", "size", "depth", "states"),
+    [
+        ((0.5, 0.125), 1 / 8, 3, {1, 2, 3}),  # CB_gt runs through it
+        ((0.25, 0.25), 1 / 32, 0, {3}),  # far below it, on the diagonal
+    ],
+)
+def test_a_barrier_is_proved_below_the_boundary_and_transport_beyond_it(low, size, depth, states):
+    pytest.importorskip("flint")
     angles = np.linspace(0, 45, 7)
-    scales = {angle: barriers.critical_scale(ray(angle), 1e-2).value for angle in angles}
-    job = transport_proved(scales, 128, 0.2)
-    for block2, block1 in ((2, 8), (4, 9), (12, 13)):  # through which CB_gt runs
-        coords = {
-            name: job.cube.template[name].values[8 * block : 8 * block + 8]
-            for name, block in (("kappa2", block2), ("kappa1", block1))
-        }
-        proved = job.compute(coords, job.cube.settings)["proved"]
-        assert set(proved.ravel().tolist()) == {1, 2}
-        cells = np.argwhere(proved == 2)
-        i, j = min(cells, key=lambda cell: coords["kappa1"][cell[1]] + coords["kappa2"][cell[0]])
-        corner = coords["kappa1"][j] - 1 / 256, coords["kappa2"][i] - 1 / 256
-        assert barriers.critical_scale(corner, 1e-2).value < 1
+    found = [barriers.critical_scale(ray(angle), 1e-2) for angle in angles]
+    scales = np.array([scale.value for scale in found])
+    boundary = proofs.Boundary(angles, scales, [scale.omega for scale in found])
+    proved = proofs.proved_cells(low, size, depth, boundary, 0.05)
+    assert set(proved.ravel().tolist()) == states
+    width = size / 2**depth
+    for state, corner, beyond in ((2, 0, 1), (3, 1, -1)):
+        cells = np.argwhere(proved == state)
+        if cells.size:  # the one nearest to the boundary, by its nearest corner
+            kappa = (cells[:, ::-1] + corner) * width + low
+            near = kappa[(beyond * kappa.sum(axis=1)).argmin()]
+            assert beyond * barriers.critical_scale(near, 1e-2).value < beyond
+
+
+def test_the_proved_map_is_its_own_image_on_the_diagonal():
+    rays = [(angle, 0.4858 / np.cos(np.deg2rad(angle)), "") for angle in (0.0, 45.0)]
+    job = proved_map(rays, 32, 1e-3)
+    coords = {name: job.cube.template[name].values[30:32] for name in ("kappa2", "kappa1")}
+    proved = job.compute(coords, job.cube.settings)["proved"]
+    assert (proved == proved.T).all()
+    assert (proved > 0).all()
+    coords["kappa1"] = coords["kappa1"] - 0.5
+    assert (job.compute(coords, job.cube.settings)["proved"] == 0).all()

@@ -204,10 +204,7 @@ def main(kappa, plane, sequence, prove, out):
     except OSError as error:
         raise click.UsageError(f"--out={out}: {error.strerror}; choose another directory") from None
     announce_kernels()
-    try:
-        found = verdict(strengths, prove)
-    except ImportError as error:  # --prove without the extra
-        raise click.ClickException(str(error)) from None
+    found = verdict(strengths, prove)
     transport = found.answer is Answer.TRANSPORT
     far = not found.boundary.value > _NEAR  # NaN: not known to be near
     escaping = escaping_orbit(strengths) if transport and far else None

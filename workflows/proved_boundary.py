@@ -18,8 +18,8 @@ from workflows.parts.cli import command, real, sweeps, whole
 def main(run, angles, seconds, quick):
     """Proved brackets of the last barrier: a cube, a table and a figure in OUT.
 
-    Needs python-flint: pip install 'nasm-transport[proof]'. The defaults take about two minutes
-    on two cores, for brackets 0.33% wide; with --seconds 18, in eleven, they are 0.085% wide.
+    Needs the extra `proof`. The defaults take about two minutes on two cores, for brackets 0.33%
+    wide; with --seconds 18, in eleven, they are 0.085% wide.
     """
     import numpy as np
 
@@ -28,10 +28,7 @@ def main(run, angles, seconds, quick):
     from pipeline.cubes.barrier import proved_barrier, unfolded
     from workflows.figures.proved_boundary import draw_proved_boundary
 
-    try:
-        need_flint()
-    except ImportError as error:
-        raise click.UsageError(str(error)) from None
+    need_flint()
     angles, seconds = (41, 0.5) if quick else (angles, seconds)
     angles = np.linspace(0, 360, angles)
     job = proved_barrier(two_kicks(), angles, seconds)

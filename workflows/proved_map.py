@@ -1,7 +1,8 @@
-"""For which forcings is transport proved to be global? The proved map of the (κ1, κ2) plane.
+"""For which forcings is transport proved to be global, and for which a barrier to exist?
 
-Cells are proved whole, by a quadtree that is fine where the boundary runs; `nasm/PROOFS.md` has the
-theorem. An open cell is one for which nothing is proved, which says nothing.
+Cells of the (κ1, κ2) plane are proved whole, by a quadtree that is fine where the boundary runs;
+`nasm/PROOFS.md` has the theorems. An open cell is one for which nothing is proved, which says
+nothing.
 """
 
 import click
@@ -17,26 +18,29 @@ from workflows.parts.cli import command, real, sweeps
     show_default=True,
     help="Finest cells for each unit of the strengths.",
 )
-@real("--seconds", 0.5, 1e-3, 1e4, "CPU time after which a cell is cut, or left open.")
+@real("--seconds", 0.5, 1e-3, 1e4, "CPU time for transport, after which a cell is cut or left.")
 @sweeps
 def main(run, cells, seconds):
     """The proved map: a cube and a figure in OUT, of 0 <= kappa2 <= kappa1 <= 1.125 and its images.
 
-    The defaults take some 20 minutes on two cores, --cells 128 two.
+    Needs the extra `proof`. CPU time: three minutes with --cells 64, some 40 with the defaults.
     """
     import numpy as np
 
     from nasm.planes import two_kicks
+    from nasm.proof_barrier import need_flint
     from pipeline.cubes.barrier import last_barrier, unfolded
-    from pipeline.cubes.proved_map import transport_proved
+    from pipeline.cubes.proved_map import proved_map
     from workflows.figures.proved_map import draw_proved_map
 
+    need_flint()
     angles = np.linspace(0, 45, 91)
     barriers = last_barrier(two_kicks(), angles, 1e-3)
     with run.sweeping(barriers, sweeps=2):
         barrier = unfolded(run.sweep(barriers), angles)
-        scales = barrier.critical_scale.to_series().dropna().to_dict()
-        job = transport_proved(scales, int(cells), seconds)
+        known = barrier.dropna("angle", subset=["critical_scale"])
+        columns = (known[name].values.tolist() for name in ("angle", "critical_scale", "circle"))
+        job = proved_map(list(zip(*columns, strict=True)), int(cells), seconds)
         run.check(job.cube)
         run.figure("proved_map", *draw_proved_map(run.sweep(job).load(), barrier))
 

@@ -1,8 +1,15 @@
-"""The map of forcings for which transport is proved to be global."""
+"""The map of forcings for which transport is proved to be global, or a barrier to exist."""
 
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.colors import ListedColormap
+from matplotlib.patches import Patch
+
+_STATES = {  # Okabe and Ito's colours
+    "open": ("0.93", "open"),
+    "transport_is_global": ("#E69F00", "transport is proved to be global"),
+    "barrier_exists": ("#0072B2", "a barrier is proved to exist"),
+}
 
 
 def draw_proved_map(cube, barrier):
@@ -11,34 +18,45 @@ def draw_proved_map(cube, barrier):
     cube : `proved_map`; its half κ2 > κ1 is filled by reflection. barrier : CB_gt from 0° to 45°.
     """
     flags = cube.proved.attrs
-    proved = dict(zip(flags["flag_meanings"].split(), flags["flag_values"], strict=True))
-    transport = np.triu(cube.proved.values == proved["transport_is_global"])
-    transport |= transport.T
-    whole = np.block([[transport[::-1, ::-1], transport[::-1]], [transport[:, ::-1], transport]])
-    figure, axes = plt.subplots(figsize=(7.5, 7), layout="constrained")
+    codes = dict(zip(flags["flag_meanings"].split(), flags["flag_values"], strict=True))
+    states = np.triu(cube.proved.values)
+    states = np.maximum(states, states.T)
+    whole = np.block([[states[::-1, ::-1], states[::-1]], [states[:, ::-1], states]])
+    figure, axes = plt.subplots(figsize=(7.5, 7.4), layout="constrained")
     reach = float(cube.kappa1[-1] + cube.kappa1[0])
     style = {"origin": "lower", "extent": 2 * (-reach, reach), "interpolation": "nearest"}
-    axes.imshow(whole, cmap=ListedColormap(["0.92", "#E69F00"]), vmin=0, vmax=1, **style)
+    colours = ListedColormap([colour for colour, _ in _STATES.values()])
+    index = np.select([whole == codes[name] for name in _STATES], range(len(_STATES)))
+    axes.imshow(index, cmap=colours, vmin=0, vmax=len(_STATES) - 1, **style)
     x = np.append(barrier.kappa1, barrier.kappa2[::-1])
     y = np.append(barrier.kappa2, barrier.kappa1[::-1])
     for sign1, sign2 in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
         axes.plot(sign1 * x, sign2 * y, color="black", lw=0.8)
     axes.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$", aspect="equal")
-    axes.set_title("Transport is proved to be global (orange)")
-    return figure, _caption(cube, transport, barrier)
+    patches = [Patch(color=colour, label=told) for colour, told in _STATES.values()]
+    figure.legend(handles=patches, loc="outside upper center", ncols=3, frameon=False)
+    return figure, _caption(cube, states, codes, barrier)
 
 
-def _caption(cube, transport, barrier):
+def _caption(cube, states, codes, barrier):
     kappa1, kappa2 = np.meshgrid(cube.kappa1, cube.kappa2)
     angle = np.rad2deg(np.arctan2(kappa2, kappa1))
     excess = np.hypot(kappa1, kappa2) / np.interp(angle, barrier.angle, barrier.critical_scale) - 1
-    wedge = (kappa2 <= kappa1) & (excess > 0)
-    open_ = excess[wedge & ~transport]
+
+    def side(name, there):
+        there = there & (kappa2 <= kappa1)
+        open_ = np.abs(excess[there & (states != codes[name])])
+        return (
+            f"for every forcing of {100 * (states[there] == codes[name]).mean():.1f}%",
+            f"Half of what is open there is within {100 * np.median(open_):.1g}% of the boundary, "
+            f"95% within {100 * np.quantile(open_, 0.95):.2g}%, all within "
+            f"{100 * open_.max():.2g}%.",
+        )
+
+    outside, left = side("transport_is_global", excess > 0)
+    inside, left_inside = side("barrier_exists", excess < 0)
     return (
-        f"Transport is proved to be global for every forcing of {100 * transport[wedge].mean():.1f}"
-        f"% of the square beyond CB_gt (line: by residues, no proof), in cells down to "
-        f"1/{cube.attrs['cells']}. Half of the open area there is within "
-        f"{100 * np.median(open_):.1g}% of the boundary, 95% within "
-        f"{100 * np.quantile(open_, 0.95):.2g}%, all within {100 * open_.max():.2g}%. Inside CB_gt "
-        "all is open here: proofs that a barrier exists are of single forcings."
+        f"Transport is proved to be global {outside} of what is outside CB_gt (by residues, "
+        f"the line), in cells down to 1/{cube.attrs['cells']}. {left} A barrier is proved to exist "
+        f"{inside} of what is inside. {left_inside}"
     )

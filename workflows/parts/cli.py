@@ -14,7 +14,10 @@ from nasm import __version__
 
 
 def command(**settings):
-    """Make a function a click command; Ctrl-C before or after its sweeps ends it with code 130."""
+    """Make a function a click command.
+
+    Ctrl-C before or after its sweeps ends it with code 130; a proof without python-flint, with 1.
+    """
 
     def decorate(function):
         @click.command(context_settings={"help_option_names": ["-h", "--help"], **settings})
@@ -26,6 +29,10 @@ def command(**settings):
             except KeyboardInterrupt:
                 click.echo("abandoned; run the same command again to resume", err=True)
                 sys.exit(130)
+            except ImportError as error:
+                if error.name != "flint":
+                    raise
+                raise click.ClickException(str(error)) from None
 
         return wrapped
 
