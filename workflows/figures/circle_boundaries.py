@@ -24,7 +24,8 @@ def draw_circle_boundaries(breakdown, residues, barrier):
         tip.set_title("the tip at 45°", fontsize=8, pad=3)
         tip.tick_params(labelsize=7)
     axes.set_title(r"Breakup of circles: $\mathit{CB}_\omega$, and of the last one")
-    axes.legend(loc="upper center", ncols=2, fontsize="small")
+    where = "upper center" if of_two_kicks(barrier) else "best"
+    axes.legend(loc=where, ncols=2, fontsize="small")
     ratio = 100 * (residues.critical_scale / barrier.critical_scale).load()
     beyond = residues.critical_scale - residues.error > barrier.critical_scale + barrier.error
     shares = ", ".join(

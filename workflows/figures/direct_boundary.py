@@ -18,7 +18,7 @@ def draw_rays(boundary, barrier, last=90):
     _draw_boundaries(axes, _up_to(boundary, last), _up_to(barrier, last))
     if last == 90:
         axes.set(xlim=(0, None))
-    axes.legend(loc="lower left")
+    axes.legend(loc="lower left" if last == 90 else "best")
     return figure, describe(boundary)
 
 
