@@ -32,8 +32,9 @@ line.
    Farey tree, to minimizing orbits that were in the way, and to the circle that breaks last.
 
 Beyond the last circle's breakup, at the scale s_c of a ray, the longest life there is T, and
-s/s_c - 1 ≈ C/T as on a symmetry line. Near to a proof, and none, as all is sampled in floating
-point.
+s/s_c - 1 ≈ C/T as on a symmetry line, with C from 0.6 to 0.95 steps. Near to a proof, and none, as
+all is sampled in floating point. The choice matters: 0.5% beyond the breakup of the standard map
+lives last 130 steps there, and on 15 of 20 other lines x = a starts survive 3000.
 """
 
 from dataclasses import dataclass
@@ -51,7 +52,7 @@ from nasm.maps import TWO_PI, direction, forcing, kick
 from nasm.sine import cos2pi, sin2pi
 
 MAX_STEPS = 10**6
-MAX_PERIOD = 64  # kicks, on which time depends more than quadratically
+MAX_PERIOD = 64  # kicks; `barriers` then takes 25 s for 1%
 
 _GRIDS = ((1024, 0.5), (797, 0.382))  # starts, and the place of the start in its cell
 _COMPARED, _PLACES = 8, 24  # largest q with which the actions at x_0 = 0, 1/(24q), … are compared
