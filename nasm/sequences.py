@@ -75,20 +75,19 @@ def elimination_times(kappa, n_kicks, sites=None):
 
 
 def longest_life(times):
-    """For how many kicks a curve may stay a graph, and from which kick on, at most.
+    """For how many kicks, and from which one on, a curve may stay a graph at most.
 
     times : ndarray (N,), K_c by `elimination_times`. A curve that is a graph before kick b is none
-    before all kicks up to min {c + K_c : c - K_c ≥ b}; maximised over b.
+    before all kicks up to min {c + K_c : c - K_c ≥ b}; what it is after kick N is not known.
 
     Returns
     -------
-    kicks : float, inf if that may be so up to the end of the sequence, from some kick of its first
-        half on. begin : int, that kick.
+    kicks : float, maximised over b; N if nothing was eliminated. begin : int, that b.
     """
-    ends = np.full(times.size, inf)
+    ends = np.full(times.size, float(times.size))
     for site in np.flatnonzero(np.isfinite(times)):
         first = int(site - times[site])
         ends[first] = min(ends[first], site + times[site])
     lives = np.minimum.accumulate(ends[::-1])[::-1] - np.arange(times.size)
-    begin = int(lives[: (times.size + 1) // 2].argmax())
+    begin = int(lives.argmax())
     return float(lives[begin]), begin

@@ -44,7 +44,7 @@ from nasm.maps import TWO_PI, direction, forcing
 from nasm.numbers import RotationNumber
 from nasm.sine import cos2pi, sin2pi
 
-FIRST = 32, 64  # points of the first grid, along φ and θ
+FIRST = 64, 128  # points of the first grid, along φ and θ
 N_LARGEST = 2**22
 
 N_MAX = 2**20  # points of a grid, on the way to a breakup and of the torus that is certified
@@ -60,7 +60,6 @@ _UPDATE = 1e-9  # converged: the last update of u was smaller
 _HALVINGS = 12  # of a step, before Newton's failures are final
 _REFUSALS = 3  # halvings, before too few modes are final
 _MOST_TORI = 60  # on a ray: 10 to 25 are met
-_LOOKED_AT = 1, 2, 4, 8  # of the last tori, to certify one
 _PART = 0.35  # of the way to the breakup, as it is estimated: the next step
 
 
@@ -101,7 +100,7 @@ def invariant_torus(omega, frequency, mean, amplitude, n_max=2**18):
     ----------
     omega, frequency : floats, turns of θ and φ per kick; or RotationNumbers.
     mean, amplitude : floats, κ̄ and Δκ.
-    n_max : int, the most grid points m·n to use, 2048 to 2²²; the certificate uses 4 times as many.
+    n_max : int, the most grid points m·n to use, 8192 to 2²²; the certificate uses 4 times as many.
 
     Returns
     -------
@@ -132,7 +131,7 @@ def critical_scale(omega, frequency, mean, amplitude, tol=1e-3):
        estimated: (h⁻¹)' blows up there, min h_θ falls like (s_c - s)^p, and three tori give s_c and
        p.
     2. Stop when `error` is below tol, or the modes are used up.
-    3. Certify the last torus, or the second, fourth or eighth from the end.
+    3. Certify the last torus that can be, of ten.
 
     Parameters
     ----------
@@ -158,7 +157,7 @@ def critical_scale(omega, frequency, mean, amplitude, tol=1e-3):
         )
     path, value, error, status = _walk(vector, profile, tol)
     lower = nan
-    for scale, u in [path[-back] for back in _LOOKED_AT if back < len(path)]:
+    for scale, u in reversed(path[1:]):
         if certify(*vector, *(scale * profile), u)[1] is Status.OK:
             lower = scale
             break

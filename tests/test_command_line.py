@@ -60,6 +60,7 @@ def test_help_needs_no_numpy_and_so_comes_at_once():
         ("rotating", "--vector 1/3,2/5 --vector 1/5,4/10", "two frequencies are equal"),
         ("three_kicks", "--phase 1/0", "must be a fraction from 0 to below 1"),
         ("three_kicks", "--phase 1/2 --phase 2/4", "two phases are equal"),
+        ("tori", "--vector 0.6,x", "must be two numbers"),
         ("ask", "1e7 0", "not finite or too large"),
         ("ask", "1 -inf", "not finite or too large"),
         ("last_barrier", "--scheduler tcp://127.0.0.1:9 --workers 1", "leave --workers out"),

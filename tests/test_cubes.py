@@ -11,7 +11,7 @@ from nasm import escape as method
 from nasm.critical import Status
 from nasm.numbers import moebius
 from nasm.symmetries import fold, ray
-from pipeline.cubes import barrier, breakdown, escape, flux, rotating
+from pipeline.cubes import barrier, breakdown, escape, flux, rotating, tori
 from pipeline.cubes.cube import status_code
 from pipeline.store import tile_counts
 from pipeline.sweep.grid import Axis
@@ -34,6 +34,7 @@ JOBS = {
     "residue": breakdown.by_residue([GAMMA], RAYS, 100),
     "barrier": barrier.last_barrier(RAYS, 1e-1),
     "tori": rotating.tori(["5/8,1/3"], [30.0]),
+    "irrational tori": tori.breakups([(0.22, 0.618)], [30.0], 0.1),
     "transport": rotating.transport(RAYS, 100, 8),
     "three kicks": rotating.three_kicks(["0", "1/24"], [30.0], 30),
     "flux": flux.through_last_circle({20.0: 1.0}, {20.0: str(GAMMA)}, [0.5], 50),

@@ -1,6 +1,7 @@
 """Tori against circles, orbits and residues, and where they have to be refused."""
 
 import time
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -33,17 +34,18 @@ def test_without_an_amplitude_the_torus_is_the_circle_of_the_standard_map():
 
 def test_circles_of_all_phases_are_the_torus_of_a_rational_frequency():
     # u(θ + jω, φ0 + j/3) is site j of the circle of T³ with phase φ0.
-    mean, amplitude, n = 0.3, 0.2, 512
-    u, omega = np.empty((24, n)), float(GAMMA)
+    mean, amplitude, n = 0.1, 0.1, 512
+    u, omega, worst = np.empty((24, n)), float(GAMMA), 0.0
     for row in range(8):
         kappa = maps.rotating_forcing(mean, amplitude, "1/3", row / 24)
         circle = circles.invariant_circle(parse("3gamma"), kappa)
         assert circle.certified
+        worst = max(worst, circle.error)
         sites = np.array([np.fft.rfft(site) for site in circle.u])[:, : n // 2 + 1]
         back = np.exp(-2j * np.pi * np.outer(np.arange(3) * omega, np.arange(n // 2 + 1)))
         sites = np.pad(sites, ((0, 0), (0, n // 2 + 1 - sites.shape[1])))
         u[row::8] = np.fft.irfft(sites * back * (n / circle.u.shape[1]), n)
-    assert np.abs(tori.residual(omega, 1 / 3, mean, amplitude, u)).max() < 1e-10
+    assert np.abs(tori.residual(omega, 1 / 3, mean, amplitude, u)).max() < 2 * worst < 1e-8
 
 
 def test_half_a_turn_more_of_both_is_the_same_torus_where_the_mean_is_zero():
@@ -77,30 +79,30 @@ def test_orbits_stay_on_the_torus_and_measure_its_rotation_vector(torus):
     assert measured == pytest.approx(torus.omega, abs=1e-8)
 
 
-def test_newton_error_squares_once_it_is_small():
+def test_newton_error_squares():
     u, errors = np.zeros((64, 256)), []
-    for _ in range(5):
-        u, error = tori.newton_step(*TRIBONACCI, 0.05, 0.05, u)
+    for _ in range(6):
+        u, error = tori.newton_step(*TRIBONACCI, 0.1, 0.1, u)
         errors.append(error)
-    assert errors[-1] < 1e-15 < errors[-2]
-    assert np.log(errors[3] / errors[2]) < 1.7 * np.log(errors[2] / errors[1])
+    assert all(after < 1e3 * before**2 for before, after in pairwise(errors[1:5]))
+    assert errors[5] < 1e-15
 
 
-@pytest.mark.parametrize("past", [1e-3, 1e-2, 0.1])
-def test_what_converges_on_1024_points_past_the_breakup_is_refused(past):
-    vector, kappa = (float(GAMMA), np.e), KAPPA_G * (1 + past)
-    assert not tori.invariant_torus(*vector, kappa, 0.0, 2**15).certified
-    if past == 1e-3:  # 0.9726: without a look at the outer modes, Newton's method is content
-        u = tori.resample(tori.invariant_torus(*vector, 0.96, 0.0).u, 32, 1024)
-        for mean in [*np.linspace(0.962, kappa, 6), kappa, kappa]:
-            u, error = tori.newton_step(*vector, mean, 0.0, u)
-        assert error < 1e-10
-        assert tori.certify(*vector, kappa, 0.0, u)[1] is Status.NOT_CERTIFIED
+@pytest.mark.parametrize("n_max", [2**14, 2**16])  # n = 256 and 1024
+def test_circles_past_kappa_g_are_refused_as_tori(n_max):
+    # On 1024 points a Newton's method that looks at no modes but its own converges at 0.97251.
+    vector = float(GAMMA), np.e
+    for mean in (0.97251, 1.1):
+        torus = tori.invariant_torus(*vector, mean, 0.0, n_max)
+        assert torus.status in (Status.TOO_FEW_MODES, Status.NO_CIRCLE, Status.NOT_CERTIFIED)
+        assert np.isnan(torus.error) or torus.status is Status.NOT_CERTIFIED
+    left = tori.invariant_torus(*vector, 0.97251, 0.0, n_max).u
+    assert tori.certify(*vector, 0.97251, 0.0, left)[1] is Status.NOT_CERTIFIED
 
 
-@pytest.mark.parametrize("n_max", [2**11, 2**13, 2**15, 2**17])
+@pytest.mark.parametrize("n_max", [2**13, 2**15, 2**17])
 def test_past_the_breakup_there_is_no_torus_on_any_grid(n_max):
-    for scale in (0.33, 0.35, 0.45):
+    for scale in (0.33, 0.4):
         torus = tori.invariant_torus(*TRIBONACCI, *(scale * ray(45)), n_max)
         assert not torus.certified
         assert torus.status is not Status.OK
@@ -125,7 +127,7 @@ def test_where_the_circle_breaks_the_torus_without_an_amplitude_breaks():
 
 
 def test_residues_of_a_long_orbit_and_the_blow_up_agree():
-    residue = periodic.torus_scale("927/1705", "1431/1705", *ray(45))
+    residue = periodic.torus_scale("504/927", "778/927", *ray(45))
     found = tori.critical_scale(*TRIBONACCI, *ray(45), 0.01)
     assert abs(found.value - residue.value) < found.error + residue.error
     assert 0.95 * found.value < found.lower < found.value
@@ -152,7 +154,7 @@ def quasi_periodic(scale, kicks):
 
 def test_sequences_leave_what_is_certified_and_eliminate_what_is_far_beyond():
     life, _ = sequences.longest_life(sequences.elimination_times(quasi_periodic(0.3, 100), 90))
-    assert life == np.inf
+    assert life == 201
     times = sequences.elimination_times(quasi_periodic(0.6, 40), 30)
     life, begin = sequences.longest_life(times)
     assert 4 < life < 60
@@ -168,6 +170,6 @@ def test_a_constant_sequence_is_eliminated_where_the_standard_map_has_no_circle(
 def test_a_life_lasts_from_its_first_kick_to_the_end_of_a_piece_behind_it():
     times = np.full(12, np.inf)
     times[[3, 6]] = 2, 1  # pieces 1 to 5 and 5 to 7
+    assert sequences.longest_life(times) == (6.0, 6)
+    times[9] = 1  # 8 to 10
     assert sequences.longest_life(times) == (5.0, 0)
-    times[6] = 3  # 3 to 9
-    assert sequences.longest_life(times) == (7.0, 2)
