@@ -91,16 +91,13 @@ def test_newton_error_squares():
 @pytest.mark.parametrize("n_max", [2**14, 2**16])  # n = 256 and 1024
 def test_circles_past_kappa_g_are_refused_as_tori(n_max):
     # On 1024 points a Newton's method that looks at no modes but its own converges at 0.97251.
-    vector = float(GAMMA), np.e
-    for mean in (0.97251, 1.1):
-        torus = tori.invariant_torus(*vector, mean, 0.0, n_max)
-        assert torus.status in (Status.TOO_FEW_MODES, Status.NO_CIRCLE, Status.NOT_CERTIFIED)
-        assert np.isnan(torus.error) or torus.status is Status.NOT_CERTIFIED
-    left = tori.invariant_torus(*vector, 0.97251, 0.0, n_max).u
-    assert tori.certify(*vector, 0.97251, 0.0, left)[1] is Status.NOT_CERTIFIED
+    vector, mean = (float(GAMMA), np.e), 0.97251
+    torus = tori.invariant_torus(*vector, mean, 0.0, n_max)
+    assert torus.status in (Status.TOO_FEW_MODES, Status.NO_CIRCLE, Status.NOT_CERTIFIED)
+    assert tori.certify(*vector, mean, 0.0, torus.u)[1] is Status.NOT_CERTIFIED
 
 
-@pytest.mark.parametrize("n_max", [2**13, 2**15, 2**17])
+@pytest.mark.parametrize("n_max", [2**13, 2**15])
 def test_past_the_breakup_there_is_no_torus_on_any_grid(n_max):
     for scale in (0.33, 0.4):
         torus = tori.invariant_torus(*TRIBONACCI, *(scale * ray(45)), n_max)
