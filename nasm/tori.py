@@ -60,6 +60,7 @@ _UPDATE = 1e-9  # converged: the last update of u was smaller
 _HALVINGS = 12  # of a step, before Newton's failures are final
 _REFUSALS = 3  # halvings, before too few modes are final
 _MOST_TORI = 60  # on a ray: 10 to 25 are met
+_WAYS = 2  # the error, in parts of the way from the last torus: 1.8 was met
 _PART = 0.35  # of the way to the breakup, as it is estimated: the next step
 
 
@@ -142,7 +143,7 @@ def critical_scale(omega, frequency, mean, amplitude, tol=1e-3):
     Returns
     -------
     CriticalScale. lower : the scale of the certified torus, NaN if there is none. upper : NaN.
-    error : the whole way from the last torus, or the change of the last estimate, if that is more:
+    error : twice the way from the last torus, or the change of the last estimate, if that is more:
     with p unknown no less is known. omega : None, a pair of numbers has no RotationNumber. Without
     an estimate value and error are NaN, and the status says why; lower is what was certified all
     the same.
@@ -304,7 +305,7 @@ def _walk(vector, profile, tol):
         path = [*path[-9:], (at, u)]
         slopes.append((at, least_slope(u)))
         last, value = value, _breakup(*zip(*slopes[-3:], strict=True)) if len(slopes) > 3 else nan
-        error = max(value - at, abs(value - last)) if isfinite(value - last) else inf
+        error = max(_WAYS * (value - at), abs(value - last)) if isfinite(value - last) else inf
         step = min(step, _PART * (value - at)) if isfinite(value) else step
     return path, value, error, status
 

@@ -3,7 +3,7 @@
 import matplotlib.pyplot as plt
 import numpy as np
 
-from workflows.figures.style import line_of
+from workflows.figures.style import colour_of, line_of
 
 
 def draw_breakups(breakups):
@@ -15,7 +15,8 @@ def draw_breakups(breakups):
         label = rf"$(\omega, \Omega) = ({omega:.6g}, {frequency:.6g})$"
         axes.plot(here.kappa_mean, here.kappa_amplitude, label=label, **line_of(i))
         radians = np.deg2rad(here.angle)
-        axes.plot(here.lower * np.cos(radians), here.lower * np.sin(radians), ".", **line_of(i))
+        dots = here.lower * np.cos(radians), here.lower * np.sin(radians)
+        axes.plot(*dots, ".", color=colour_of(i))
     axes.set(xlabel=r"$\bar\kappa$", ylabel=r"$\Delta\kappa$", aspect="equal")
     axes.set(xlim=(0, None), ylim=(0, None), title="Breakup of two-dimensional tori")
     axes.legend()
