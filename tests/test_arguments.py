@@ -30,6 +30,7 @@ from nasm import (
     proof_barrier,
     self_consistent,
     symmetries,
+    tori,
     transversals,
 )
 from nasm.numbers import parse
@@ -84,12 +85,15 @@ GOOD = {
         "x": np.zeros(3), "y": 0.1, "gamma": 0.1, "amplitude": 0.2, "n": 5
     },
     barriers.critical_scale: {"profile": (1, 0)},
+    tori.invariant_torus: {"omega": 0.618, "frequency": 0.54, "mean": 0.1, "amplitude": 0.1},
+    tori.critical_scale: {"omega": 0.618, "frequency": 0.54, "mean": 0.1, "amplitude": 0.1},
     proof_barrier.prove: {"omega": GAMMA, "kappa": KAPPA},
     proof_barrier.proved_lower: {"omega": GAMMA, "profile": (1, 0), "value": 0.48, "budget": 0.1},
     Axis: {"lo": 0, "hi": 1, "n": 12},
     parse_axis: {"text": "0:1:4"},
 }  # fmt: skip
 ORBITS = orbits.orbit, orbits.kicked_orbit, orbits.rotation_number
+TORI = tori.invariant_torus, tori.critical_scale
 ESCAPES = escape.escape_time, escape.first_escape
 RAYS = periodic.critical_scale, escape.critical_scale, cones.critical_scale
 RAYS += transversals.critical_scale, barriers.critical_scale, continuation.critical_scale
@@ -153,6 +157,11 @@ BAD = [
     ((periodic.critical_scale,), "start", [(0, 0, 0)], "differ in length"),
     ((periodic.torus_scale,), "omega", ["1/0"], "omega='1/0' is no fraction"),
     ((periodic.torus_scale,), "mean", [0], "mean and amplitude are zero"),
+    (TORI, "omega", [nan, inf], "omega={value} must be finite"),
+    (TORI, "frequency", ["1/2", None], "frequency={value} must be a number"),
+    ((tori.invariant_torus,), "mean", [nan], "is not finite"),
+    ((tori.invariant_torus,), "n_max", [100, 2**23], WHOLE + " 8192 to 4194304"),
+    ((tori.critical_scale,), "tol", [0.0, nan], "tol={value} must be positive and finite"),
     ((flux.flux,), "rtol", [inf, nan, -1.0], "rtol={value} must be from 0 to 0.01"),
     ((flux.flux,), "rtol", ["a"], "rtol='a' must be a number"),
     ((flux.flux,), "q_max", [0, 500.5, nan], WHOLE + " 1 to 1000000"),
@@ -222,8 +231,9 @@ def functions_of(argument):
     return {f for f in ours if [*inspect.signature(f).parameters][:1] == [argument]}
 
 
-# The rotation vector of a torus is a pair of fractions; no_answer passes on what it gets.
+# A torus has a pair of numbers; no_answer passes on what it gets.
 WITH_OMEGA = functions_of("omega") - {periodic.torus_scale, critical.no_answer}
+WITH_OMEGA -= {f for f in vars(tori).values() if getattr(f, "__module__", "") == "nasm.tori"}
 OTHERS = dict.fromkeys(("kappa", "profile", "short"), np.array(KAPPA))
 OTHERS |= {"u": REST, "zero": numbers.rational(0), "breakup": 1.7, "distance": 0.1}
 OTHERS |= {"value": 0.5, "budget": 1.0, "a": 1, "b": 1, "n": 64, "n_max": 64, "n_modes": 8}

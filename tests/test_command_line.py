@@ -64,6 +64,7 @@ def test_help_needs_no_numpy_and_so_comes_at_once():
         ("three_kicks", "--frequency 1", "are dependent; a plane needs two directions"),
         ("three_kicks", "--phase 1/0", "must be a fraction from 0 to below 1"),
         ("three_kicks", "--phase 1/2 --phase 2/4", "two phases are equal"),
+        ("tori", "--vector 0.6,x", "must be two numbers"),
         ("ask", "1e7 0", "not finite or too large"),
         ("ask", "--plane rotating:1/3 0.3", "has two, kappa_mean and kappa_amplitude"),
         ("ask", "--plane rotating:1/100 0.3 0.2", "from 2 to 64"),

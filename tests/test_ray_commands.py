@@ -191,3 +191,18 @@ def test_circles_of_one_class_have_one_colour():
     one, other, third = "[0;(1)]", "[0;1,3,(1)]", "[0;1,2,(1)]"  # [0;4,(1)] is 1 - [0;1,3,(1)]
     assert classes.tolist() == [one, one, other, other, third, ""]
     assert len(set(colours.values())) == len(colours) == 4
+
+
+def test_tori_of_irrational_frequency_are_kept_as_labelled_cubes(tmp_path, workers):
+    out = tmp_path / "out"
+    effort = ["--vector", "0.6180339887498949,2.7182818", "--angles", "2", "--tol", "0.1"]
+    succeed("tori", out, *effort, "--picture", "0", *workers)
+    cube = xr.open_zarr(out / "tori.zarr")
+    golden = cube.sel(angle=0).isel(vector=0)  # Δκ = 0: the standard map
+    assert abs(float(golden.critical_scale) - KAPPA_G) < float(golden.error)
+    picture = xr.open_zarr(out / "torus.zarr")
+    assert picture.deviation.dims == ("scale", "phi", "theta")
+    assert float(abs(picture.deviation.std("phi")).max()) < 1e-9
+    assert (np.diff(picture.least_slope) < 0).all()
+    assert len(table(out / "tori.csv")) == 2
+    assert (out / "torus.txt").exists()

@@ -1,0 +1,533 @@
+"""Invariant tori of the rotating standard map, for an Ω that is irrational.
+
+The forcing κ_n = κ̄ + Δκ cos 2πφ_n, φ_n = φ0 + nΩ, never repeats itself. What circles are for
+periodic ones are tori here, two-dimensional graphs over (θ, φ):
+
+    x_n = h(θ_n, φ_n) = θ_n + u(θ_n, φ_n),     θ_{n+1} = θ_n + ω,   φ_{n+1} = φ_n + Ω,
+    E = u(θ + ω, φ + Ω) - 2u + u(θ - ω, φ - Ω) - (κ(φ)/2π) sin 2πh = 0.
+
+The unknown is u on a grid of m × n points, an array of shape (m, n), φ first. It is unique up to
+θ → θ + constant, which ⟨u⟩ = 0 fixes. A torus serves all phases φ0.
+
+Newton's step is that of `nasm.circles` with one site, (θ, φ) in place of θ. Write the correction as
+h_θ w, and f⁺ for f(θ + ω, φ + Ω); up to terms of the size of E²
+
+    c (w⁺ - w) - [c (w⁺ - w)]⁻ = -h_θ E,     c = h_θ h_θ⁺.
+
+That is solved twice in Fourier space by the divisors e^{2πi(k₁ω + k₂Ω)} - 1, in the modes of an
+ellipse that takes 36% of each axis. A divisor of 10⁻⁶ turns rounding into 10⁻⁸ of u: a vector with
+a smaller one among the modes in use is refused as resonant. Near the rim of the ellipse the modes
+that a resonant one drives are missing, and Newton's method pushes it away instead of correcting it:
+there such modes are left out, the more the nearer, and what they would be counts as unresolved.
+Spectra reach further in θ than in φ as a rule, so the axes are refined apart.
+
+With too few modes Newton's method converges on "tori" beyond the breakup. What is called a torus
+here has therefore converged again, with h_θ > 0, on a grid twice as fine along both axes.
+
+At the breakup of a torus no renormalisation gives exponents, as it does for circles, and norms grow
+by leaps as one resonance after the other awakes. More regular is max (h⁻¹)' = 1/min h_θ; from it
+`critical_scale` takes the breakup, and fits the exponent.
+"""
+
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import lru_cache
+from math import inf, isfinite, nan
+
+import numpy as np
+import rocket_fft  # noqa: F401  (np.fft inside kernels)
+from numba import njit
+from scipy.optimize import brentq
+
+from nasm import circles  # noqa: F401  (memory is kept; see there)
+from nasm.checks import count, real
+from nasm.critical import CriticalScale, Status
+from nasm.kernels import kernel
+from nasm.maps import TWO_PI, direction, forcing
+from nasm.numbers import RotationNumber
+from nasm.sine import cos2pi, sin2pi
+
+FIRST = 64, 128  # points of the first grid, along φ and θ
+N_LARGEST = 2**22
+
+N_MAX = 2**20  # points of a grid, on the way to a breakup and of the torus that is certified
+
+_KEPT = 0.36  # of the points of an axis: the half axis of the ellipse of modes
+_INNER = 0.5  # up to here, in parts of the ellipse's equation, all modes are used,
+_HOLE = 0.2  # and further out those with a divisor above this, times how far out, squared
+_OUTER = 0.72  # from here on, modes are outer ones
+_TAIL = 3e-3  # resolved: the outer modes hold less than this part of the second derivatives
+_DIVISOR = 1e-6
+_STEPS = 12  # of Newton's method
+_UPDATE = 1e-9  # converged: the last update of u was smaller
+_HALVINGS = 12  # of a step, before Newton's failures are final
+_REFUSALS = 3  # halvings, before too few modes are final
+_MOST_TORI = 60  # on a ray: 10 to 25 are met
+_WAYS = 2  # the error, in parts of the way from the last torus: 172 of 177 had enough of that
+_PART = 0.35  # of the way to the breakup, as it is estimated: the next step
+
+
+@dataclass(frozen=True)
+class InvariantTorus:
+    """A torus of rotation vector (omega, frequency), or what Newton's method was left with.
+
+    omega, frequency : floats, turns of θ and φ per kick. mean, amplitude : floats, κ̄ and Δκ.
+    u : ndarray (m, n), the deviations at φ = j/m and θ = i/n; see the module.
+    error : largest |E| of u on a finer grid; NaN if u never converged.
+    status : OK if certified; otherwise why not.
+    """
+
+    omega: float
+    frequency: float
+    mean: float
+    amplitude: float
+    u: np.ndarray
+    error: float
+    status: Status
+
+    @property
+    def certified(self):
+        return self.status is Status.OK
+
+
+def invariant_torus(omega, frequency, mean, amplitude, n_max=2**18):
+    """The torus of rotation vector (omega, frequency) under κ(φ) = mean + amplitude·cos 2πφ.
+
+    1. Newton's method, continued from κ = 0: steps double after a success and are halved after a
+       failure.
+    2. The grid doubles along the axis whose outer modes carry more than 0.3% of the second
+       derivatives along that axis.
+    3. The certificate: Newton's method converges again on a grid twice as fine along both axes,
+       with h_θ > 0.
+
+    Parameters
+    ----------
+    omega, frequency : floats, turns of θ and φ per kick; or RotationNumbers.
+    mean, amplitude : floats, κ̄ and Δκ.
+    n_max : int, the most grid points m·n to use, 8192 to 2²²; the certificate uses 4 times as many.
+
+    Returns
+    -------
+    InvariantTorus, with a status that says why if it is not certified. A torus that exists may be
+    missed, by too few modes. One that is certified exists as far as floating point and 4 m·n points
+    can tell; resonances beyond those modes are not seen, so that for an Ω that is a fraction of
+    large denominator what is certified are the circles of all phases.
+
+    ValueError if an argument is no finite number, or n_max is out of range.
+    """
+    vector, kappa = _vector(omega, frequency), forcing((mean, amplitude))
+    n_max = count("n_max", n_max, FIRST[0] * FIRST[1], N_LARGEST)
+    step, path, status = 1.0, [(0.0, np.zeros(FIRST))], Status.OK
+    while path[-1][0] < 1.0 and status is Status.OK:
+        at, u, status = _next_torus(vector, kappa, path, min(step, 1 - path[-1][0]), n_max)
+        step = 2 * (at - path[-1][0])
+        path.append((at, u))
+    if status is not Status.OK:
+        return InvariantTorus(*vector, *map(float, kappa), u, nan, status)
+    error, status = certify(*vector, *kappa, u)
+    return InvariantTorus(*vector, *map(float, kappa), u, error, status)
+
+
+def critical_scale(omega, frequency, mean, amplitude, tol=1e-3):
+    """The scale at which the torus breaks on the ray (κ̄, Δκ) = s·(mean, amplitude).
+
+    1. Continue the torus from s = 0, each time a fixed part of the way to the breakup as it is then
+       estimated: min h_θ falls like (s_c - s)^p, and three tori give s_c and p.
+    2. Stop when `error` is below tol, or the modes are used up.
+    3. Certify the last torus that can be, of ten.
+
+    Parameters
+    ----------
+    omega, frequency : floats, turns of θ and φ per kick; or RotationNumbers.
+    mean, amplitude : floats, the direction (κ̄, Δκ), not both 0.
+    tol : float, the error to aim at.
+
+    Returns
+    -------
+    CriticalScale. lower : the scale of the certified torus, NaN if there is none. upper : NaN.
+    error : twice the way from the last torus, or the change of the last estimate, if that is more:
+    with p unknown no less is known. omega : None, a pair of numbers has no RotationNumber. Without
+    an estimate value and error are NaN, and the status says why; lower is what was certified all
+    the same.
+
+    ValueError if the direction is zero or tiny, an argument is not finite or tol not positive.
+    """
+    vector, profile = _vector(omega, frequency), direction((mean, amplitude))
+    tol = real("tol", tol)
+    if not 0 < tol < inf:
+        raise ValueError(
+            f"tol={tol} must be positive and finite; it is the error to aim at, e.g. tol=1e-3"
+        )
+    path, value, error, status = _walk(vector, profile, tol)
+    lower = nan
+    for scale, u in reversed(path[1:]):
+        if certify(*vector, *(scale * profile), u)[1] is Status.OK:
+            lower = scale
+            break
+    if not error < value:  # which would say nothing
+        status = Status.NOT_CONVERGED if status is Status.OK else status
+        return CriticalScale(nan, nan, lower, nan, None, status)
+    return CriticalScale(value, error, lower, nan, None, Status.OK)
+
+
+def settle(omega, frequency, mean, amplitude, u, n_max):
+    """Newton's method from u, ndarray (m, n), on as fine a grid of at most n_max points as it asks.
+
+    Returns u on the grid where it converged, and OK; or what was left, and the reason. Nothing is
+    certified yet.
+    """
+    while True:
+        u, outcome, _ = _newton(omega, frequency, mean, amplitude, u)
+        m, n = u.shape
+        if outcome not in _FINER or 2 * m * n > n_max:
+            return u, _OUTCOMES[outcome]
+        by_phi, by_theta = _FINER[outcome]
+        u = resample(u, by_phi * m, by_theta * n)
+
+
+def certify(omega, frequency, mean, amplitude, u):
+    """Whether u is a torus also for the modes that it does not have.
+
+    Returns the largest |E| of u on a grid twice as fine along both axes, and OK if Newton's method
+    converges from it on that grid with h_θ > 0, without asking for more modes still.
+    """
+    m, n = u.shape
+    _, outcome, error = _newton(omega, frequency, mean, amplitude, resample(u, 2 * m, 2 * n))
+    status = _OUTCOMES[outcome]
+    return error, status if status in (Status.OK, Status.NEARLY_RATIONAL) else Status.NOT_CERTIFIED
+
+
+def newton_step(omega, frequency, mean, amplitude, u):
+    """One Newton step. Returns the new u, shape (m, n), and the largest |E| before it."""
+    u, _, error = _newton(omega, frequency, mean, amplitude, u, 1)
+    return u, error
+
+
+def residual(omega, frequency, mean, amplitude, u):
+    """E on the grid of u, shape (m, n): zero on a torus."""
+    m, n = u.shape
+    kappa = mean + amplitude * cos2pi(np.arange(m) / m)[:, None]
+    ahead, behind = shifted(u, omega, frequency), shifted(u, -omega, -frequency)
+    return ahead - 2 * u + behind - kappa / TWO_PI * sin2pi(np.arange(n) / n + u)
+
+
+def shifted(u, theta, phi):
+    """u(θ + theta, φ + phi) on the grid of u."""
+    m, n = u.shape
+    turn = _turns(phi, _wave_numbers(m))[:, None] * _turns(theta, np.arange(n // 2 + 1))
+    return np.fft.irfft2(np.fft.rfft2(u) * turn, u.shape)
+
+
+def graph(torus):
+    """x, y of the torus just before a kick of phase φ = j/m, at θ = i/n: two ndarrays (m, n), x on
+    the lift."""
+    behind = shifted(torus.u, -torus.omega, -torus.frequency)
+    theta = np.arange(torus.u.shape[1]) / torus.u.shape[1]
+    return theta + torus.u, torus.omega + torus.u - behind
+
+
+def height(torus):
+    """max y - min y over all phases."""
+    return np.ptp(graph(torus)[1])
+
+
+def least_slope(u):
+    """min h_θ on the grid: positive on a torus, 0 at its breakup."""
+    modes = np.fft.rfft(u)
+    return 1 + np.fft.irfft(modes * 2j * np.pi * np.arange(modes.shape[1]), u.shape[1]).min()
+
+
+def norm(u, order):
+    """The Sobolev norm (Σ |k|^{2 order} |û_k|²)^{1/2} of deviations, k = (k₁, k₂)."""
+    m, n = u.shape
+    squares = np.arange(n // 2 + 1) ** 2 + _wave_numbers(m)[:, None] ** 2.0
+    power = np.abs(np.fft.rfft2(u) / u.size) ** 2
+    power[:, 1:] *= 2  # k and -k; the modes n/2 are not used
+    return np.sqrt((power * squares**order).sum())
+
+
+def resample(u, m, n):
+    """The same function on a grid of m × n points."""
+    modes, (old_m, old_n) = np.fft.rfft2(u), u.shape
+    finer = np.zeros((m, n // 2 + 1), complex)
+    rows, columns = min(m, old_m) // 2, min(n, old_n) // 2
+    finer[:rows, :columns] = modes[:rows, :columns]
+    finer[1 - rows :, :columns] = modes[1 - rows :, :columns]
+    return np.fft.irfft2(finer * (m * n / u.size), (m, n))
+
+
+def extrapolate(path, target):
+    """Deviations at the scale `target`, by Lagrange's formula through the last three of a path.
+
+    path : list of at least one (scale, u), with grids that do not shrink.
+    """
+    path = path[-3:]
+    total = np.zeros(path[-1][1].shape)
+    for scale, u in path:
+        others = [other for other, _ in path if other != scale]
+        weight = np.prod([(target - other) / (scale - other) for other in others])
+        total += weight * resample(u, *total.shape)
+    return total
+
+
+def _next_torus(vector, profile, path, step, n_max):
+    """Scale, deviations and Status of a torus `step` beyond the last of the path, or nearer.
+
+    The step is halved while Newton's method is lost or asks for too many modes. At every second
+    failure the grid is doubled along one axis too: a resonance just beyond the modes of the last
+    torus looks like the end.
+    """
+    for failures in range(_HALVINGS):
+        target, doublings = path[-1][0] + step, failures // 2
+        u = extrapolate(path, target)
+        while u.size * 2**doublings > n_max and doublings > 0:
+            doublings -= 1
+        u = resample(u, u.shape[0] << doublings // 2, u.shape[1] << (doublings + 1) // 2)
+        u, status = settle(*vector, *(target * profile), u, n_max)
+        if status in (Status.OK, Status.NEARLY_RATIONAL):
+            break
+        if status is Status.TOO_FEW_MODES and failures >= _REFUSALS:
+            break
+        step /= 2
+    return target, u, status
+
+
+def _walk(vector, profile, tol):
+    """The last tori on the way to the breakup, the estimate of it, its error, and a Status.
+
+    Without an estimate the error is inf. The Status is OK, or why there is no further torus.
+    """
+    path, slopes = [(0.0, np.zeros(FIRST))], [(0.0, 1.0)]
+    value, error, step, status = nan, inf, 0.1 / np.abs(profile).max(), Status.OK
+    while error > tol and len(slopes) < _MOST_TORI and step > 1e-6 * path[-1][0]:
+        at, u, status = _next_torus(vector, profile, path, step, N_MAX)
+        if status is not Status.OK:
+            break
+        step = 2 * (at - path[-1][0])
+        path = [*path[-9:], (at, u)]
+        slopes.append((at, least_slope(u)))
+        last, value = value, _breakup(*zip(*slopes[-3:], strict=True)) if len(slopes) > 3 else nan
+        error = max(_WAYS * (value - at), abs(value - last)) if isfinite(value - last) else inf
+        step = min(step, _PART * (value - at)) if isfinite(value) else step
+    return path, value, error, status
+
+
+def _breakup(scales, slopes):
+    """s_c by three tori, from min h_θ = a·(s_c - s)^p; NaN if there is none that it tends to."""
+    (first, second, third), steps = scales, -np.diff(np.log(slopes))
+
+    def excess(value):
+        gaps = np.log(value - np.array([first, second, third]))
+        return steps[0] * (gaps[1] - gaps[2]) - steps[1] * (gaps[0] - gaps[1])
+
+    near, far = third + 1e-9 * (third - second), third + 100 * (third - first)
+    if not (steps > 0).all() or not excess(near) > 0 > excess(far):
+        return nan
+    return brentq(excess, near, far)
+
+
+def _vector(omega, frequency):
+    """Both as floats; ValueError if one is no finite number."""
+    numbers = []
+    for name, value in (("omega", omega), ("frequency", frequency)):
+        number = float(value) if isinstance(value, RotationNumber) else real(name, value)
+        if not isfinite(number):
+            raise ValueError(f"{name}={value!r} must be finite; it counts turns per kick")
+        numbers.append(number)
+    return tuple(numbers)
+
+
+def _wave_numbers(m):
+    k = np.arange(m)
+    return np.where(2 * k < m, k, k - m)
+
+
+def _turns(number, k):
+    """e^{2πik·number} for whole numbers k; the phases are exact, as integers modulo 2⁶⁴."""
+    unit = np.uint64(int(Fraction(number) % 1 * 2**64))
+    return np.exp(1j * TWO_PI * ((k.astype(np.uint64) * unit).astype(np.int64) / 2.0**64))
+
+
+@lru_cache(maxsize=64)
+def _constants(omega, frequency, m, n):
+    """e^{2πik₂Ω}, e^{2πik₁ω}, and the smallest divisor among the modes in use."""
+    by_phi = _turns(frequency, _wave_numbers(m))
+    by_theta = _turns(omega, np.arange(n // 2 + 1))
+    return by_phi, by_theta, _smallest_divisor(by_phi, by_theta)
+
+
+_OUTCOMES = (Status.OK, Status.TOO_FEW_MODES, Status.TOO_FEW_MODES, Status.NO_CIRCLE)
+_OUTCOMES += (Status.NEARLY_RATIONAL,)
+_FINER = {1: (1, 2), 2: (2, 1)}  # more modes along θ, or along φ
+
+
+def _newton(omega, frequency, mean, amplitude, u, steps=_STEPS):
+    """Newton's method on the grid of u: the new u, an index into _OUTCOMES, and the error before
+    the first step."""
+    by_phi, by_theta, divisor = _constants(omega, frequency, *u.shape)
+    if divisor < _DIVISOR:
+        return u, 4, nan
+    modes = np.fft.rfft2(u)
+    outcome, error = _iterate(float(mean), float(amplitude), by_phi, by_theta, modes, steps)
+    return np.fft.irfft2(modes, u.shape), outcome, error
+
+
+@njit(nogil=True, error_model="numpy")
+def _row(j, m, n):
+    """The wave number k₂ of row j, its part of the ellipse's equation, and the modes k₁ kept."""
+    k = j if 2 * j < m else j - m
+    across = (k / (_KEPT * m)) ** 2
+    return k, across, int(_KEPT * n * np.sqrt(1 - across)) if across < 1 else 0
+
+
+@njit(nogil=True, error_model="numpy")
+def _is_hole(place, divisor):
+    """Whether a mode is left out: a resonant one so near the rim that Newton's method, without the
+    modes beyond that it drives, would push it away."""
+    return place > _INNER and divisor < _HOLE * ((place - _INNER) / (1 - _INNER)) ** 2
+
+
+@kernel(error_model="numpy")
+def _smallest_divisor(by_phi, by_theta):
+    m, n = by_phi.size, 2 * (by_theta.size - 1)
+    least = np.inf
+    for j in range(m):
+        _, across, kept = _row(j, m, n)
+        for k in range(0 if j > 0 else 1, kept):
+            divisor = abs(by_phi[j] * by_theta[k] - 1)
+            if not _is_hole(across + (k / (_KEPT * n)) ** 2, divisor):
+                least = min(least, divisor)
+    return least
+
+
+@kernel(error_model="numpy")
+def _iterate(mean, amplitude, by_phi, by_theta, modes, steps):
+    """Newton steps until they tell: an index into _OUTCOMES, and the error before the first step.
+
+    As in `circles`, save that there are two axes along which modes may be missing.
+    """
+    first = last_error = last = 1.0
+    for step in range(steps):
+        error, change, slope, twist, tails = _step(mean, amplitude, by_phi, by_theta, modes)
+        if step == 0:
+            first = error
+        if not (error < 1 and slope > 0 and twist > 0.5 and change < 1):  # so is it if one is NaN
+            return 3, first
+        if error > max(2 * last_error, 1e-9):
+            return 3, first
+        if tails.max() > _TAIL and change < 1e-3:
+            return 1 if tails[0] > tails[1] else 2, first
+        next_change = change * (change / last) ** 2
+        if change < _UPDATE or (change < 1e-6 and next_change < 1e-2 * _UPDATE):
+            return 0, first
+        if step > 3 and change > 0.5 * last:  # by rounding, or pushed away by modes that lack
+            return 3, first
+        last_error, last = error, change
+    return 3, first
+
+
+@njit(nogil=True, error_model="numpy")
+def _step(mean, amplitude, by_phi, by_theta, modes):
+    """One Newton step for the modes of u, in place: see the module.
+
+    Returns max |E|, the largest update, min h_θ, the twist, and the tails along θ and φ: all but
+    the update of u as it was before the step.
+    """
+    m, n = modes.shape[0], 2 * (modes.shape[1] - 1)
+    mass, edge = np.zeros(2), np.zeros(2)
+    fields = np.fft.irfft2(_fields(by_phi, by_theta, modes, mass, edge), (m, n))
+    u, bend, slopes, inverse = fields  # u, u⁺ - 2u + u⁻, h_θ and h_θ⁺, which becomes 1/c
+    flux = np.empty((m, n))
+    error, slope, sum_inverse = 0.0, np.inf, 0.0
+    for j in range(m):
+        strength = (mean + amplitude * cos2pi(j / m)) / TWO_PI
+        for i in range(n):
+            bend[j, i] -= strength * sin2pi(i / n + u[j, i])
+            flux[j, i] = -bend[j, i] * slopes[j, i]
+            inverse[j, i] = 1 / (slopes[j, i] * inverse[j, i])
+        for i in range(n):  # apart from the loop above, which is then one of vectors
+            error = max(error, abs(bend[j, i]))
+            slope = min(slope, slopes[j, i])
+            sum_inverse += inverse[j, i]
+    flux = _solve_cohomology(flux, by_phi, by_theta, True, edge)
+    sum_flux = 0.0
+    for j in range(m):
+        for i in range(n):
+            flux[j, i] *= inverse[j, i]
+            sum_flux += flux[j, i]
+    constant = sum_flux / sum_inverse
+    for j in range(m):
+        for i in range(n):
+            flux[j, i] -= constant * inverse[j, i]  # now w⁺ - w
+    w = _solve_cohomology(flux, by_phi, by_theta, False, np.zeros(2))
+    shift = change = 0.0
+    for j in range(m):
+        for i in range(n):
+            shift += slopes[j, i] * w[j, i] / (m * n)
+    for j in range(m):
+        for i in range(n):
+            w[j, i] = slopes[j, i] * (w[j, i] - shift)
+        for i in range(n):
+            change = max(change, abs(w[j, i]))
+    modes += np.fft.rfft2(w)
+    modes[0, 0] = 0.0
+    least = max(1e-16 * mass.max(), 1e-300)  # rounding is no tail
+    return error, change, slope, sum_inverse / (m * n), np.sqrt(edge / np.maximum(mass, least))
+
+
+@njit(nogil=True, error_model="numpy")
+def _fields(by_phi, by_theta, modes, mass, edge):
+    """The modes of u, u⁺ - 2u + u⁻, h_θ and h_θ⁺, of those in use.
+
+    Adds the squared second derivatives along θ and φ to mass, and those of the outer modes on the
+    side of that axis to edge.
+    """
+    m, n = modes.shape[0], 2 * (modes.shape[1] - 1)
+    fields = np.zeros((4, m, n // 2 + 1), np.complex128)
+    for j in range(m):
+        k2, across, kept = _row(j, m, n)
+        for k in range(kept):
+            a, turn = modes[j, k], by_phi[j] * by_theta[k]
+            along = (k / (_KEPT * n)) ** 2
+            if _is_hole(across + along, abs(turn - 1)):
+                continue
+            derivative = complex(-TWO_PI * k * a.imag, TWO_PI * k * a.real)
+            fields[0, j, k] = a
+            fields[1, j, k] = a * (2 * turn.real - 2)
+            fields[2, j, k] = derivative
+            fields[3, j, k] = derivative * turn
+            power = a.real**2 + a.imag**2
+            mass[0] += power * float(k) ** 4
+            mass[1] += power * float(k2) ** 4
+            if across + along > _OUTER:
+                side = 0 if along > across else 1
+                edge[side] += power * float(k2 if side else k) ** 4
+    fields[:, 0, 0] = 0.0
+    fields[2:, 0, 0] = m * n  # h_θ = 1 + u_θ
+    return fields
+
+
+@njit(nogil=True, error_model="numpy")
+def _solve_cohomology(f, by_phi, by_theta, behind, edge):
+    """g with g - g⁻ = f if `behind`, else g⁺ - g = f; of the modes in use, and ⟨g⟩ = 0.
+
+    The first of the two adds to edge what the modes left out would be, f̂/d²: they are not in u.
+    """
+    m, n = f.shape
+    modes = np.fft.rfft2(f)
+    modes[0, 0] = 0.0
+    for j in range(m):
+        k2, across, kept = _row(j, m, n)
+        for k in range(0 if j > 0 else 1, kept):
+            turn = by_phi[j] * by_theta[k]
+            along, divisor = (k / (_KEPT * n)) ** 2, abs(turn - 1)
+            if not _is_hole(across + along, divisor):
+                modes[j, k] *= (turn if behind else 1.0) / (turn - 1)
+                continue
+            if behind:
+                side = 0 if along > across else 1
+                power = (abs(modes[j, k]) / divisor**2) ** 2
+                edge[side] += power * float(k2 if side else k) ** 4
+            modes[j, k] = 0.0
+        modes[j, kept:] = 0.0
+    return np.fft.irfft2(modes, (m, n))

@@ -1,0 +1,149 @@
+"""Tori against circles, orbits and residues, and where they have to be refused."""
+
+import time
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from oracles import KAPPA_G
+
+from nasm import circles, maps, orbits, periodic, phases, tori
+from nasm.critical import Status
+from nasm.numbers import parse
+from nasm.symmetries import ray
+
+GAMMA = parse("gamma")
+TAU = 1.8392867552141612  # the tribonacci constant
+TRIBONACCI = 1 / TAU, 1 / TAU + 1 / TAU**2
+HALF = 0.18, 0.18  # κ̄ and Δκ some 20% below the breakup of that torus on 45°
+
+
+@pytest.fixture(scope="module")
+def torus():
+    return tori.invariant_torus(*TRIBONACCI, *HALF)
+
+
+def test_without_an_amplitude_the_torus_is_the_circle_of_the_standard_map():
+    torus = tori.invariant_torus(GAMMA, np.e, 0.9, 0.0)
+    circle = circles.invariant_circle(GAMMA, (0.9,))
+    assert torus.certified
+    assert circle.certified
+    rows = torus.u[:, :: torus.u.shape[1] // 64]
+    assert np.abs(rows - circle.u[0, :: circle.u.shape[1] // 64]).max() < 1e-11
+
+
+def test_circles_of_all_phases_are_the_torus_of_a_rational_frequency():
+    # u(θ + jω, φ0 + j/3) is site j of the circle of T³ with phase φ0.
+    mean, amplitude, n = 0.1, 0.1, 512
+    u, omega, worst = np.empty((24, n)), float(GAMMA), 0.0
+    for row in range(8):
+        kappa = maps.rotating_forcing(mean, amplitude, "1/3", row / 24)
+        circle = circles.invariant_circle(parse("3gamma"), kappa)
+        assert circle.certified
+        worst = max(worst, circle.error)
+        sites = np.array([np.fft.rfft(site) for site in circle.u])[:, : n // 2 + 1]
+        back = np.exp(-2j * np.pi * np.outer(np.arange(3) * omega, np.arange(n // 2 + 1)))
+        sites = np.pad(sites, ((0, 0), (0, n // 2 + 1 - sites.shape[1])))
+        u[row::8] = np.fft.irfft(sites * back * (n / circle.u.shape[1]), n)
+    assert np.abs(tori.residual(omega, 1 / 3, mean, amplitude, u)).max() < 2 * worst < 1e-8
+
+
+def test_half_a_turn_more_of_both_is_the_same_torus_where_the_mean_is_zero():
+    omega, frequency = TRIBONACCI
+    one = tori.invariant_torus(omega, frequency, 0.0, 0.3)
+    two = tori.invariant_torus(omega + 0.5, frequency + 0.5, 0.0, 0.3)
+    assert one.certified
+    assert two.certified
+    assert np.abs(one.u - two.u).max() < 1e-8
+
+
+def test_the_torus_is_odd_and_the_other_sign_of_the_amplitude_is_half_a_turn_of_phase(torus):
+    mirrored = np.roll(torus.u[::-1, ::-1], (1, 1), axis=(0, 1))
+    assert np.abs(torus.u + mirrored).max() < 1e-9
+    other = tori.invariant_torus(*TRIBONACCI, HALF[0], -HALF[1]).u
+    assert np.abs(np.roll(torus.u, len(torus.u) // 2, axis=0) - other).max() < 1e-9
+
+
+def test_orbits_stay_on_the_torus_and_measure_its_rotation_vector(torus):
+    n, phase = 5000, 3  # kicks, and the row of the start
+    turns = phase / len(torus.u) + np.arange(n) * torus.frequency
+    kappa = torus.mean + torus.amplitude * np.cos(2 * np.pi * turns)
+    x, y = (values[phase, 0] for values in tori.graph(torus))
+    found = orbits.kicked_orbit(kappa, x, y, n)[0]
+    for kicks in (1, 100, n):
+        there = tori.shifted(torus.u, kicks * torus.omega, kicks * torus.frequency)[phase, 0]
+        assert found[kicks] == pytest.approx(kicks * torus.omega + there, abs=1e-6)
+    at = np.arange(1, n) / n
+    weights = np.exp(-1 / (at * (1 - at)))
+    measured = np.diff(found)[1:] @ weights / weights.sum()
+    assert measured == pytest.approx(torus.omega, abs=1e-8)
+
+
+def test_newton_error_squares():
+    u, errors = np.zeros((64, 256)), []
+    for _ in range(6):
+        u, error = tori.newton_step(*TRIBONACCI, 0.1, 0.1, u)
+        errors.append(error)
+    assert all(after < 1e3 * before**2 for before, after in pairwise(errors[1:5]))
+    assert errors[5] < 1e-15
+
+
+@pytest.mark.parametrize("n_max", [2**14, 2**16])  # n = 256 and 1024
+def test_circles_past_kappa_g_are_refused_as_tori(n_max):
+    # On 1024 points a Newton's method that looks at no modes but its own converges at 0.97251.
+    vector, mean = (float(GAMMA), np.e), 0.97251
+    torus = tori.invariant_torus(*vector, mean, 0.0, n_max)
+    assert torus.status in (Status.TOO_FEW_MODES, Status.NO_CIRCLE, Status.NOT_CERTIFIED)
+    assert tori.certify(*vector, mean, 0.0, torus.u)[1] is Status.NOT_CERTIFIED
+
+
+@pytest.mark.parametrize("n_max", [2**13, 2**15])
+def test_past_the_breakup_there_is_no_torus_on_any_grid(n_max):
+    for scale in (0.33, 0.4):
+        torus = tori.invariant_torus(*TRIBONACCI, *(scale * ray(45)), n_max)
+        assert not torus.certified
+        assert torus.status is not Status.OK
+
+
+@pytest.mark.parametrize(
+    ("omega", "frequency"),
+    [(0.618, 0.5), (float(GAMMA), 1 / 3 + 1e-9), (0.4, 2**0.5), (2**0.5 - 1, 1 - 2**0.5 / 2)],
+)
+def test_a_resonant_vector_has_no_torus(omega, frequency):
+    torus = tori.invariant_torus(omega, frequency, 0.1, 0.1)
+    assert torus.status is Status.NEARLY_RATIONAL
+    found = tori.critical_scale(omega, frequency, 1.0, 1.0)
+    assert found.status is Status.NEARLY_RATIONAL
+    assert np.isnan([found.value, found.error, found.lower]).all()
+
+
+def test_where_the_circle_breaks_the_torus_without_an_amplitude_breaks():
+    found = tori.critical_scale(GAMMA, np.e, 1.0, 0.0, 0.02)
+    assert abs(found.value - KAPPA_G) < found.error < 0.02
+    assert 0.9 < found.lower < KAPPA_G
+
+
+def test_residues_of_a_long_orbit_and_the_blow_up_agree():
+    residue = periodic.torus_scale("504/927", "778/927", *ray(45))
+    found = tori.critical_scale(*TRIBONACCI, *ray(45), 0.01)
+    assert abs(found.value - residue.value) < found.error + residue.error
+    assert 0.95 * found.value < found.lower < found.value
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("angle", "known"), [(20, 0.3605), (45, 0.3235), (70, 0.366)])
+def test_tori_are_certified_close_to_their_breakup(angle, known):
+    start = time.process_time()
+    found = tori.critical_scale(*TRIBONACCI, *ray(angle))
+    print(f"\n{angle}°: {found}, {time.process_time() - start:.1f} s")
+    residue = periodic.torus_scale("3136/5768", "4841/5768", *ray(angle))
+    assert known < found.lower < found.value
+    assert abs(found.value - residue.value) < found.error + residue.error
+
+
+def test_no_graph_is_left_far_beyond_the_torus_and_some_are_where_it_is_certified():
+    n = np.arange(-100, 101)
+    kappa = ray(45)[0] + ray(45)[1] * np.cos(2 * np.pi * n * TRIBONACCI[1])
+    lives = [phases.longest_lived(scale * kappa, 0.0, 100)[2] for scale in (0.3, 0.6)]
+    assert lives[0] == np.inf
+    assert lives[1] < 60

@@ -1,0 +1,76 @@
+"""Where do tori of the rotating standard map with irrational Ω break, and what do they look like?
+
+κ_n = κ̄ + Δκ cos 2π(φ0 + nΩ) never repeats itself (arXiv:1606.04824, Sec. VII). Its barriers are
+tori over (θ, φ), continued here to their breakup by Newton's method and certified on finer grids:
+`lower` is where a torus exists, for all phases φ0. The default vectors are those of the tribonacci
+constant, as in the paper's Fig. 11, and of √2 and the golden mean.
+"""
+
+import click
+
+from workflows.parts.cli import command, parsed, real, sweeps, whole
+
+VECTORS = (
+    "0.5436890126920764,0.8392867552141612",
+    "0.222084,0.6180339887498949",
+    "0.6180339887498949,0.2700907567377265",
+)
+
+
+def parse_vectors(texts):
+    """Return pairs of floats of texts like 0.5437,0.8393; no two equal."""
+    vectors = []
+    for text in texts:
+        try:
+            omega, frequency = map(float, text.split(","))
+            assert abs(omega) < 1e6 > abs(frequency)
+        except (ValueError, AssertionError):
+            raise ValueError(
+                f"{text!r} must be two numbers, turns of θ and φ per kick, like {VECTORS[0]}"
+            ) from None
+        if (omega, frequency) in vectors:
+            raise ValueError(f"two vectors are equal: {text}")
+        vectors.append((omega, frequency))
+    return vectors
+
+
+@command()
+@parsed(
+    "--vector",
+    VECTORS,
+    parse_vectors,
+    "OMEGA,FREQUENCY",
+    "Rotation vector: turns of θ and φ per kick. May be repeated.",
+    multiple=True,
+)
+@whole("--angles", 13, 2, 10**5, "Rays, from 0 to 90 degrees: the other sign of Δκ is another φ0.")
+@real("--tol", 1e-3, 1e-5, 0.2, "Error of the scales to aim at.")
+@real("--picture", 45.0, 0, 90, "Ray, in degrees, on which tori of the first vector are drawn.")
+@click.option("--quick", is_flag=True, help="Three rays at most, and errors of 5%.")
+@sweeps
+def main(run, vector, angles, tol, picture, quick):
+    """Tori of irrational frequency: two cubes, a table and two figures in OUT.
+
+    The defaults take some six CPU minutes.
+    """
+    import numpy as np
+
+    from nasm import tori as method
+    from nasm.symmetries import ray
+    from pipeline.cubes import tori
+    from workflows.figures.tori import draw_breakups, draw_pictures
+
+    angles, tol = (min(angles, 3), max(tol, 0.05)) if quick else (angles, tol)
+    job = tori.breakups(vector, np.linspace(0, 90, angles), tol)
+    with run.sweeping(job):
+        breakups = run.sweep(job).load()
+        known = method.critical_scale(*vector[0], *ray(picture), tol).lower
+        drawn = tori.pictures(vector[0], picture, known * np.array([0.7, 0.95, 0.999]))
+        run.keep("torus", drawn)
+        run.table("tori", breakups)
+        run.figure("tori", *draw_breakups(breakups))
+        run.figure("torus", *draw_pictures(drawn))
+
+
+if __name__ == "__main__":
+    main()
