@@ -233,10 +233,20 @@ def functions_of(argument):
 
 # A torus has a pair of numbers; no_answer passes on what it gets.
 WITH_OMEGA = functions_of("omega") - {periodic.torus_scale, critical.no_answer}
+WITH_OMEGA -= {proof_barrier.inequalities, proof_barrier.turns}  # what is checked before
 WITH_OMEGA -= {f for f in vars(tori).values() if getattr(f, "__module__", "") == "nasm.tori"}
 OTHERS = dict.fromkeys(("kappa", "profile", "short"), np.array(KAPPA))
 OTHERS |= {"u": REST, "zero": numbers.rational(0), "breakup": 1.7, "distance": 0.1}
-OTHERS |= {"value": 0.5, "budget": 1.0, "a": 1, "b": 1, "n": 64, "n_max": 64, "n_modes": 8}
+OTHERS |= {
+    "value": 0.5,
+    "budget": 1.0,
+    "a": 1,
+    "b": 1,
+    "n": 64,
+    "n_max": 64,
+    "n_modes": 8,
+    "half_width": 0.01,
+}
 
 
 @pytest.mark.parametrize("omega", [0.618, "gamma", Fraction(3, 5), None])

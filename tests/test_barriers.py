@@ -11,7 +11,8 @@ from nasm import barriers, circles, cones, continuation, escape, periodic
 from nasm.barriers import critical_scale
 from nasm.critical import CriticalScale, Status
 from nasm.numbers import NAMES, moebius, parse
-from nasm.symmetries import fold, ray, unfold
+from nasm.planes import two_kicks
+from nasm.symmetries import ray
 
 GAMMA = parse("gamma")
 
@@ -187,14 +188,14 @@ def test_longer_periods_agree_with_cones_and_norms(profile):
 def test_the_eight_rays_of_the_square_have_one_barrier(wedge_angle):
     expected = critical_scale(ray(wedge_angle), 1e-3)
     last = mirror_images(expected.omega, 2)
-    for angle in unfold(wedge_angle):
+    for angle in two_kicks().unfold(wedge_angle):
         found = critical_scale(ray(angle), 1e-3)
         assert is_shown(found)
         assert abs(found.value - expected.value) <= found.error + expected.error
         for side in ("lower", "upper"):
             assert getattr(found, side) == pytest.approx(getattr(expected, side), rel=1e-8)
         assert 0 <= float(found.omega) <= 1
-        omega_shift = int(fold(angle)[1])
+        omega_shift = int(two_kicks().fold(angle)[1])
         assert mirror_images(moebius(found.omega, 1, omega_shift), 2) == last
 
 

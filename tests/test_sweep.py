@@ -213,7 +213,9 @@ def test_a_series_of_sweeps_shares_one_line_of_progress(client, tmp_path):
 
 def test_a_store_that_is_deleted_under_way_ends_the_sweep_with_one_message(here, tmp_path):
     plan, out, away = toy.cube(tile=1), tmp_path / "out", tmp_path / "away"
-    with pytest.raises(store.StoreFailed, match=r"out: .* does not exist|was moved, or deleted"):
+    # A worker that finds what another one has just written anew misses the metadata there.
+    said = "out: .* does not exist|was moved, or deleted|out/toy.zarr are damaged"
+    with pytest.raises((store.StoreFailed, store.Refused), match=said):
         toy.watched_sweep(here, out, plan, {20: partial(out.rename, away)})
     assert len(toy.commit_times(out)) <= 2  # what the workers were writing
     assert toy.watched_sweep(here, away, plan).committed > 100

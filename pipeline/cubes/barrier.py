@@ -10,7 +10,7 @@ from functools import partial
 
 import numpy as np
 
-from nasm import barriers
+from nasm import barriers, first_breakup
 from nasm.numbers import RotationNumber, moebius, parse
 from nasm.planes import plane_of, two_kicks
 from nasm.symmetries import ray
@@ -27,7 +27,6 @@ def last_barrier(plane, angles, tol, name="barrier"):
     tol : float, the bracket's relative width.
     name : of the cube; another one where a store holds those of several planes.
     """
-    plane.rays_start_at_zero("the last barrier")
     folded, _ = plane.fold(angles)
     wedge = sorted(set(folded.tolist()))
     on_ray = {"angle": angles_of_rays(wedge)}
@@ -40,6 +39,7 @@ def last_barrier(plane, angles, tol, name="barrier"):
     }
     # Where there is no symmetry, circles are continued instead of periodic orbits.
     seconds = 0.1 + 4e-5 / tol if len(plane.origin) <= 2 else 1 + 5e-4 / tol
+    seconds *= 10 if any(plane.origin) else 1
     warm_up = partial(barriers.critical_scale, sum(plane.ray(30.0)), 0.1)
     plan = plane.axes, {}, wedge, seconds, plane.record | {"tol": tol}
     cube = cube_on_rays(name, *plan, "The last barrier to transport")
@@ -58,6 +58,7 @@ def proved_barrier(plane, angles, seconds):
     angles : degrees. seconds : float, CPU time for each side of each ray; see `nasm.proofs`. The
     proved bounds depend on the machine's speed; each of them holds.
     """
+    plane.rays_start_at_zero("a proof")
     job = last_barrier(plane, angles, 1e-4)
     cube, on_ray = job.cube, {"angle": job.cube.template.angle}
     comment = "at exactly this forcing; nothing is proved of smaller scales"
@@ -124,9 +125,11 @@ def tie(plane, circle, angle):
 
 
 def _compute(coords, settings):
-    profiles = plane_of(settings).ray(coords["angle"])[1]
-    found = [barriers.critical_scale(profile, settings["tol"]) for profile in profiles]
-    return _arrays(found, coords, settings)
+    (start, profiles), tol = plane_of(settings).ray(coords["angle"]), settings["tol"]
+    method = (
+        partial(first_breakup.critical_scale, start) if start.any() else barriers.critical_scale
+    )
+    return _arrays([method(profile, tol) for profile in profiles], coords, settings)
 
 
 def _compute_proved(coords, settings):

@@ -17,10 +17,8 @@ import numpy as np
 import xarray as xr
 
 from nasm.critical import Status
-from nasm.planes import TWO_KICKS_AXES
 
 PAPER = "arXiv:1606.04824"
-KICKS = TWO_KICKS_AXES
 _OF_ALL = {
     "Conventions": "CF-1.11",
     "references": f"{PAPER}, https://arxiv.org/abs/1606.04824",

@@ -8,7 +8,8 @@ import xarray as xr
 
 from nasm import proofs
 from nasm.numbers import parse
-from pipeline.cubes.cube import KICKS, Cube, Job, blank, coordinate
+from nasm.planes import TWO_KICKS_AXES
+from pipeline.cubes.cube import Cube, Job, blank, coordinate
 
 REACH = 1.125  # of both strengths; CB_gt ends before
 _BLOCKS = 18  # along an axis; each is a tile
@@ -29,7 +30,7 @@ def proved_map(rays, cells, seconds):
     """
     n = round(REACH * cells)
     axes = {
-        name: coordinate(name, (np.arange(n) + 0.5) / cells, KICKS[name])
+        name: coordinate(name, (np.arange(n) + 0.5) / cells, TWO_KICKS_AXES[name])
         for name in ("kappa2", "kappa1")
     }
     proved = blank(
