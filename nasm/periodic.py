@@ -33,17 +33,6 @@ _ORDER = 2.04  # crossings converge like q^-2.04
 _STRONG = 0.05  # ratio of crossings a period of the tail apart, from which it is trusted unseen
 
 
-def symmetry_centres(kappa):
-    """Centres c with κ_{c+j} = κ_{c-j} for all j: sites from 0 to P - 1, ints; then those between
-    two sites, c = 1/2 to P - 1/2.
-
-    All sites for P ≤ 2, and c = 1/2 for P = 1. For larger P only palindromes have any: e.g. the
-    rotating forcing with phase 0 or 1/2, whose centres are 0 and P/2.
-    """
-    strengths = forcing(kappa)
-    return [c for c in _places(range(strengths.size)) if is_symmetry_centre(strengths, c)]
-
-
 def _places(sites):
     """Where a centre may be: on one of these sites, or between two."""
     return chain(sites, (site + 0.5 for site in sorted(sites)))

@@ -100,10 +100,11 @@ def verdict(kappa, prove=False):
     Returns
     -------
     Verdict. UNDECIDED closer to the boundary than some 1.5·10⁻⁵ below and 4·10⁻⁶ above, in parts of
-    kappa, or where the methods fail or contradict each other; its boundary then holds the bracket.
+    kappa, without a dominant line 2·10⁻⁵, or where the methods fail or contradict each other; its
+    boundary then holds the bracket.
 
-    ValueError if kappa is not finite or too large. ImportError if a
-    circle is to be proved and python-flint is not installed.
+    ValueError if kappa is not finite or too large. ImportError if a circle is to be proved and
+    python-flint is not installed.
     """
     kappa = forcing(kappa)
     size = float(np.abs(kappa).max())

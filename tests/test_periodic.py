@@ -54,7 +54,9 @@ def test_orbits_are_periodic_symmetric_and_ordered(kappa, p, q):
 def test_residue_is_that_of_the_monodromy_matrix(kappa, p, q):
     # Even and odd numbers of sites, centres on sites and between, against the product of tangents.
     found = []
-    for centre in product(periodic.symmetry_centres(kappa), (0.0, 0.5)):
+    places = [n / 2 if n % 2 else n // 2 for n in range(2 * len(kappa))]
+    centres = [c for c in places if chain.is_symmetry_centre(kappa, c)]
+    for centre in product(centres, (0.0, 0.5)):
         strengths, x, y = orbit_in_phase_space(kappa, p, q, centre)
         monodromy = np.eye(2)
         x = x[0]
