@@ -55,7 +55,7 @@ def test_residue_is_that_of_the_monodromy_matrix(kappa, p, q):
     # Even and odd numbers of sites, centres on sites and between, against the product of tangents.
     found = []
     places = [n / 2 if n % 2 else n // 2 for n in range(2 * len(kappa))]
-    centres = [c for c in places if chain.is_symmetry_centre(kappa, c)]
+    centres = [c for c in places if chain.is_symmetry_centre(np.array(kappa), c)]
     for centre in product(centres, (0.0, 0.5)):
         strengths, x, y = orbit_in_phase_space(kappa, p, q, centre)
         monodromy = np.eye(2)
