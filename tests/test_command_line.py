@@ -58,7 +58,6 @@ def test_help_needs_no_numpy_and_so_comes_at_once():
         ("escape_plane", "--plane {}/a.json", "a.json: Expecting value"),
         ("escape_plane", "--plane {}/b.json", "must be a JSON object with the keys name, axes"),
         ("critical_boundary", "--plane three-kicks:0.2", "has the origin (0.0, 0.0, 0.2)"),
-        ("circle_boundaries", "--plane rotating:1/3,1/48", "has no symmetry centre"),
         ("rotating", "--vector 1/0,1/3", "must be two fractions"),
         ("rotating", "--vector 1/3,2/5 --vector 1/5,4/10", "two frequencies are equal"),
         ("three_kicks", "--frequency 1", "must have one length, from 2 to 64"),

@@ -12,6 +12,7 @@ import numpy as np
 import xarray as xr
 
 from nasm import continuation, escape, periodic
+from nasm.critical import Status, no_answer
 from nasm.numbers import parse
 from nasm.planes import ROTATING_AXES, plane_of
 from nasm.symmetries import ray
@@ -25,10 +26,20 @@ _SCALES = {
     "lower": ("lower", "scale at which a circle was shown to exist"),
     "upper": ("upper", "scale at which no circle was shown to be left"),
 }
+
+
+def _residue(omega, profile, q_max, *start):
+    try:
+        periodic.dominant_centre(sum(start, profile))
+    except ValueError:
+        return no_answer(omega, Status.NO_CENTRE)
+    return periodic.critical_scale(omega, profile, q_max, *start)
+
+
 _SECONDS = 3  # of CPU time in a tile, which is a file for every variable
 _METHODS = {  # and how hard it tries, at the least
     "continuation of circles": (continuation.critical_scale, {"tol": 0.1}),
-    "Greene's residue": (periodic.critical_scale, {"q_max": 10}),
+    "Greene's residue": (_residue, {"q_max": 10}),
     "direct iteration": (escape.critical_scale, {"n_max": 64, "n_orbits": 1}),
 }
 
@@ -43,9 +54,10 @@ def by_continuation(plane, omegas, angles, tol):
 
 
 def by_residue(plane, omegas, angles, q_max):
-    """Return the Job of the cube `breakdown_residue`: Greene's residue of periods up to q_max."""
-    for angle in angles:
-        periodic.dominant_centre(sum(plane.ray(angle)))
+    """Return the Job of the cube `breakdown_residue`: Greene's residue of periods up to q_max.
+
+    Rays whose forcings have no symmetry centre get no value.
+    """
     settings = {"method": "Greene's residue", "q_max": q_max}
     return _job("breakdown_residue", plane, _circles(omegas), angles, 0.03, settings)
 

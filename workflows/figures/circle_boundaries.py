@@ -26,8 +26,10 @@ def draw_circle_boundaries(breakdown, residues, barrier):
     axes.set_title(r"Breakup of circles: $\mathit{CB}_\omega$, and of the last one")
     where = "upper center" if of_two_kicks(barrier) else "best"
     axes.legend(loc=where, ncols=2, fontsize="small")
-    ratio = 100 * (residues.critical_scale / barrier.critical_scale).load()
-    beyond = residues.critical_scale - residues.error > barrier.critical_scale + barrier.error
+    scales = ["critical_scale", "error"]  # by residues, where there are any
+    best = residues[scales].load().fillna(sharp[scales].load())
+    ratio = 100 * best.critical_scale / barrier.critical_scale
+    beyond = best.critical_scale - best.error > barrier.critical_scale + barrier.error
     shares = ", ".join(
         f"{text}: {float(of.min()):.1f} to {float(of.max()):.1f}%"
         for text, of in zip(residues.circle.values, ratio, strict=True)
