@@ -57,11 +57,11 @@ def critical_scale(profile, tol=1e-4):
     -------
     CriticalScale. value, error : by Greene's residue, error no larger than the bracket; next to a
     cusp, where a later circle may have been missed, no smaller than upper - value. Without a
-    dominant line both are by continuation, and the bracket is wider than asked for where that is
-    not precise enough. lower : a circle of ω is certified there; upper : no start on the dominant
-    line, or on a transversal, survives there. omega : that of the last barrier, per period, in
-    [0, P/2], which stands for ±ω and all ω + P·n: their circles break together. Of two that are
-    `tied` it is the one with the shorter text.
+    dominant line both are by continuation, error is no smaller than that either, and the bracket
+    is wider than asked for where continuation is not precise enough. lower : a circle of ω is
+    certified there; upper : no start on the dominant line, or on a transversal, survives there.
+    omega : that of the last barrier, per period, in [0, P/2], which stands for ±ω and all ω + P·n:
+    their circles break together. Of two that are `tied` it is the one with the shorter text.
     Status UNDECIDED, and no value, where the methods contradict each other, and NEAR_CUSP where the
     residues of a candidate cannot tell the forcing from a shorter one; lower and upper are then
     what was shown. lower is NaN where no circle could be certified.
@@ -139,7 +139,9 @@ def _by_continuation(short, tol):
         lower = continuation.certified_scale(best.omega, short, best.value, tol - above)
         if lower >= highest or transversals.escapes(np.fmin(lower, best.value * (1 - tol)) * short):
             return no_answer(None, Status.UNDECIDED)
-        error = np.fmin(best.error, max(best.value - lower, upper - best.value))  # NaN: no bracket
+        # A later circle may have been missed, but not above the bracket.
+        error = np.fmax(best.error, upper - best.value)
+        error = np.fmin(error, max(best.value - lower, upper - best.value))  # NaN: no bracket
         return CriticalScale(best.value, error, lower, upper, best.omega, Status.OK)
     lower = certified if certified < highest else np.nan
     return CriticalScale(np.nan, np.nan, lower, highest, None, Status.UNDECIDED)

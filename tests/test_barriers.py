@@ -284,9 +284,9 @@ def test_three_kicks_have_a_bracket_that_orbits_respect():
 
 
 @pytest.mark.slow
-def test_none_of_300_random_forcings_is_told_a_lie():
+def test_none_of_60_random_forcings_is_told_a_lie():
     rng, decided, escaped = np.random.default_rng(300), 0, 0
-    for _ in range(300):
+    for _ in range(60):
         profile = rng.normal(size=int(rng.integers(3, 7)))
         found = critical_scale(profile, 1e-3)
         if found.status is not Status.OK:
@@ -303,8 +303,8 @@ def test_none_of_300_random_forcings_is_told_a_lie():
         inside, outside = escape.first_escape(kappas, *escape.ensemble(64), [64], 300_000)[0]
         assert inside == np.inf
         escaped += outside < np.inf
-    assert decided > 285
-    assert escaped > 270  # and some orbits take longer
+    assert decided > 57
+    assert escaped > 50  # and some orbits take longer
 
 
 @pytest.mark.parametrize("factor", [0.98, 1.02])

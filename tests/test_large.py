@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import toy
 
+from nasm.planes import two_kicks
 from pipeline import store
 from pipeline.cubes import escape
 from pipeline.sweep.grid import Axis
@@ -60,7 +61,9 @@ def written_field(out, cells):
     Returns how many cells of the last ensemble have each escape time.
     """
     axis = Axis(0, 1, cells)
-    cube = escape.plane("escape", axis, axis, [10, 100, 1000, 10_000], 1000, 64).cube
+    cube = escape.over_plane(
+        "escape", two_kicks(), (axis, axis), [10, 100, 1000, 10_000], 1000, 64
+    ).cube
     centres = dask.array.from_array(axis.centres, chunks=64)
     last = dask.array.ceil(5 / (1e-3 + (centres[:, None] + centres) ** 3))
     times = dask.array.where(last > 1000, np.inf, last)
