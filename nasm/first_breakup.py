@@ -35,7 +35,8 @@ def critical_scale(start, profile, tol=1e-3):
     survives converse KAM under start + upper·profile; NaN where `verdict` does not show it. omega :
     of the last circle to break, per period. Status OUTSIDE if there is no barrier at the start,
     NO_BREAKUP if one is left where some strength has changed by 4, and that of `barriers` where it
-    has no value; UNDECIDED if `verdict` contradicts. Some 5 to 20 s of CPU time.
+    has no value; UNDECIDED if `verdict` contradicts it, or the error is not known.
+    Some 5 to 20 s of CPU time.
 
     ValueError if start and profile differ in length, or as for `barriers.critical_scale`.
     """
@@ -59,6 +60,8 @@ def critical_scale(start, profile, tol=1e-3):
         value = brentq(lambda s: _excess(start + s * profile, fine), inside, beyond, xtol=precision)
     except _NoValueError as missing:
         return no_answer(None, missing.args[0])
+    except ValueError:  # by brentq: f contradicts the verdicts at both ends
+        return no_answer(None, Status.UNDECIDED)
     last = barriers.critical_scale(start + value * profile, fine)
     ends = value * (1 - 0.7 * tol), value * (1 + 0.3 * tol)
     below, above = (verdict(start + s * profile) for s in ends)
@@ -69,6 +72,8 @@ def critical_scale(start, profile, tol=1e-3):
     # f changes by so much from one end to the other, as 1/value does on a ray from zero.
     slope = np.log(below.boundary.value / above.boundary.value) / (ends[1] - ends[0])
     error = precision + abs(last.error / slope)
+    if not np.isfinite(error):
+        return no_answer(last.omega, Status.UNDECIDED)
     return CriticalScale(value, error, lower, upper, last.omega, Status.OK)
 
 

@@ -27,3 +27,8 @@ def test_from_zero_on_it_is_the_breakup_on_the_ray():
     found, ray = first_breakup.critical_scale((0,), (1,)), barriers.critical_scale((1,))
     assert abs(found.value - ray.value) < found.error
     assert found.omega == ray.omega
+
+
+def test_values_that_contradict_the_verdicts_are_no_answer(monkeypatch):
+    monkeypatch.setattr(first_breakup, "_excess", lambda kappa, tol: 1.0)
+    assert first_breakup.critical_scale((0.4,), (1.0,)).status is Status.UNDECIDED

@@ -26,9 +26,11 @@ _SCALES = {
     "lower": ("lower", "scale at which a circle was shown to exist"),
     "upper": ("upper", "scale at which no circle was shown to be left"),
 }
+_SECONDS = 3  # of CPU time in a tile, which is a file for every variable
 
 
 def _residue(omega, profile, q_max, *start):
+    """Return the breakup by residues; NO_CENTRE where they need a symmetry that is not there."""
     try:
         periodic.dominant_centre(sum(start, profile))
     except ValueError:
@@ -36,7 +38,6 @@ def _residue(omega, profile, q_max, *start):
     return periodic.critical_scale(omega, profile, q_max, *start)
 
 
-_SECONDS = 3  # of CPU time in a tile, which is a file for every variable
 _METHODS = {  # and how hard it tries, at the least
     "continuation of circles": (continuation.critical_scale, {"tol": 0.1}),
     "Greene's residue": (_residue, {"q_max": 10}),
