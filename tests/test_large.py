@@ -71,7 +71,9 @@ def written_field(out, cells):
     times = dask.array.stack([8 * last] * 3 + [last]).rechunk((4, 64, 64))
     template = cube.template
     template["escape_time"] = template.escape_time.dims, times
-    template.assign_attrs(cube.settings).to_zarr(f"{out}/escape.zarr", consolidated=False)
+    # Not by way of a cluster that another file's tests have left as the default.
+    with dask.config.set(scheduler="threads"):
+        template.assign_attrs(cube.settings).to_zarr(f"{out}/escape.zarr", consolidated=False)
     return counts
 
 
