@@ -316,6 +316,14 @@ def _rounding(sizes):
     return (11 * (sizes.centre.n.bit_length() - 1) + 16) * arb(_UNIT) * size
 
 
+def _beyond(rho, hat, cut, n):
+    """Bound of what a sum to |k| < cut misses with n points: all from cut on, and aliases, of a
+    function whose ‖.‖_ρ̂ is 1; ρ̂ = hat.
+    """
+    two_pi = 2 * arb.pi()
+    return (two_pi * (rho - hat) * cut).exp() + (two_pi * (rho * cut - hat * (n - cut))).exp()
+
+
 def _constants(sizes, rho, hat):
     """Lists of n_j, k_j, ‖E_j‖ and ‖Δ_j'‖: bounds for all of the cell with this ρ; ρ̂ = hat."""
     if not 0 < rho < hat:
@@ -340,8 +348,7 @@ def _constants(sizes, rho, hat):
         force = strength / two_pi * (two_pi * u_hat).exp()  # of the sine, for ρ̂
         cut = float((force / rounding).log().mid()) / (2 * pi * hat)
         cut = int(min(max(cut, L), n // 2)) if cut < inf else n // 2
-        beyond = (two_pi * (rho - hat) * cut).exp()
-        beyond = force * (beyond + (two_pi * (arb(rho) * cut - arb(hat) * (n - cut))).exp())
+        beyond = force * _beyond(arb(rho), arb(hat), cut, n)
         noise = _above(2 * np.sqrt((w[:cut] ** 2).sum())) * rounding
         noise += unit * (32 + (4 + 2 * strength * found["k"][j]) * (2 * Q + 8)) * both
         at_points = _above(2 * (sizes.E[j, :cut] * w[:cut]).sum()) + noise + beyond

@@ -152,6 +152,30 @@ def test_bounds_hold_between_the_points_and_are_not_vacuous(parts):
     audit(proof_barrier_cells, parts)
 
 
+def missed(rho, hat, cut, n, m):
+    """What a sum to |k| < cut misses, with n points, of the mode m whose size is 1 at hat."""
+    size = np.exp(-2 * np.pi * hat * m)
+    seen = np.zeros(2 * m + n, complex)
+    found = np.fft.fft(size * np.exp(2j * np.pi * m * np.arange(n) / n)) / n
+    k = np.arange(-cut + 1, cut)
+    seen[k] = found[k]
+    seen[m] -= size
+    k = np.fft.fftfreq(seen.size, 1 / seen.size)
+    return np.sum(np.abs(seen) * np.exp(2 * np.pi * rho * np.abs(k)))
+
+
+@pytest.mark.parametrize(("rho", "hat"), [(0.01, 0.02), (0.001, 0.05)])
+@pytest.mark.parametrize("cut", [10, 16])
+def test_what_a_cut_sum_misses_is_bounded_and_aliases_count(rho, hat, cut):
+    n = 32
+    bound = float(proof_barrier_cells._beyond(arb(rho), arb(hat), cut, n).mid())
+    without = np.exp(2 * np.pi * (rho - hat) * cut)  # aliases
+    most = max(missed(rho, hat, cut, n, m) for m in range(1, 4 * n))
+    assert most <= bound < 1.5 * most
+    if cut == n // 2:
+        assert without < most
+
+
 MUTANTS = [
     ("moved[j, part] * s + k *", "k *"),
     (" - s * _versine(y))", ")"),
