@@ -385,6 +385,8 @@ def _crossing(orbits, lower, higher, crossings):
 
     def excess(scale):
         residues = np.abs([orbits.at(f, scale).residue() for f in pair])
+        if not residues.min() < np.inf:  # far outside, both overflow
+            raise _LostError
         # Deep inside, both are lost in rounding, and not even their signs mean anything.
         return np.log(residues[1] / residues[0]) if residues.min() > _ROUNDING else -100.0
 

@@ -25,8 +25,7 @@ import numpy as np
 from nasm.checks import fraction, real, sealed
 from nasm.maps import forcing
 from nasm.symmetries import ray
-
-MAX_PERIOD = 64
+from nasm.transversals import MAX_PERIOD
 
 _AXIS = re.compile(r"kappa\w*(?<!_bounds)", re.ASCII)  # no other name in a cube is such a one
 _SAME = 1e-14  # of the largest strength: rounding of cosines

@@ -46,7 +46,6 @@ from numba import njit
 from nasm import escape
 from nasm.checks import count, points
 from nasm.cones import longest_found
-from nasm.critical import CriticalScale, Status
 from nasm.kernels import kernel
 from nasm.maps import TWO_PI, direction, forcing, kick
 from nasm.sine import cos2pi, sin2pi
@@ -126,41 +125,19 @@ def longest_lived(kappa, n_max):
     return start, kicks / strengths.size
 
 
-def critical_scale(profile, n_max):
-    """The scale at which the last circle breaks on the ray κ = s·profile, for any forcing.
+def located(profile, n_max):
+    """A scale on the ray κ = s·profile at which no start was found to survive n_max steps, just
+    above the last breakup; the Start that lives longest there, and its life T in steps.
 
-    1. Lower the scale until a start survives 30 steps or so, halve the bracket until it is narrow,
-       go on with four times the steps, and so on to n_max: `upper`.
-    2. `value` is lower by 0.7/T, T being that life in steps.
-    3. No orbit must escape there within 10⁵ steps: none does just beyond the breakup.
+    Lower the scale until a start survives 30 steps or so, halve the bracket until it is narrow, go
+    on with four times the steps, and so on to n_max. The breakup is lower by some 0.7/T.
 
     Parameters
     ----------
     profile : sequence of P floats, not all 0.
     n_max : int, 30 to 10⁶, steps.
 
-    Returns
-    -------
-    CriticalScale. upper : no start on a transversal was found to survive n_max steps there. error :
-    upper - value. lower is NaN and omega None: the method shows no circle, and names none. Status
-    UNDECIDED, and no value, if an orbit escapes below what the search found: `upper` is where it
-    did.
-
     ValueError if profile is zero or tiny, or longer than 64 kicks, or n_max out of range.
-    """
-    profile = direction(profile)
-    upper, _, time = located(profile, n_max)
-    value = upper / (1 + _EXCESS / time)
-    if escapes(value * profile):
-        return CriticalScale(np.nan, np.nan, np.nan, value, None, Status.UNDECIDED)
-    return CriticalScale(value, upper - value, np.nan, upper, None, Status.OK)
-
-
-def located(profile, n_max):
-    """The lowest scale found at which no start survives n_max steps; the Start that lives longest
-    there, and its life in steps.
-
-    profile, n_max : as for `critical_scale`.
     """
     profile = direction(profile)
     n_max = count("n_max", n_max, 30, MAX_STEPS)

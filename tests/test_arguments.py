@@ -76,7 +76,7 @@ GOOD = {
     cones.critical_scale: {"profile": (1, 0), "n_max": 100},
     transversals.elimination_time: {"kappa": KAPPA, "site": 0, "x": 0.5, "y": 0.1, "n_kicks": 10},
     transversals.longest_lived: {"kappa": (1.2, 1.0), "n_max": 10},
-    transversals.critical_scale: {"profile": (1, 0, 0), "n_max": 30},
+    transversals.located: {"profile": (1, 0, 0), "n_max": 30},
     phases.escape_time: {
         "kappa": KAPPA, "theta": 0.1, "x": 0.0, "y": 0.1, "window": (-2, 2)
     },
@@ -96,7 +96,7 @@ ORBITS = orbits.orbit, orbits.kicked_orbit, orbits.rotation_number
 TORI = tori.invariant_torus, tori.critical_scale
 ESCAPES = escape.escape_time, escape.first_escape
 RAYS = periodic.critical_scale, escape.critical_scale, cones.critical_scale
-RAYS += transversals.critical_scale, barriers.critical_scale, continuation.critical_scale
+RAYS += transversals.located, barriers.critical_scale, continuation.critical_scale
 WHOLE = "{name}={value} must be a whole number from"
 ODD_CIRCLE = circles.invariant_circle(GAMMA, (0.0,))  # of one kick
 # Functions, the argument, bad values of it, and what the message says, where … is anything.
@@ -183,7 +183,7 @@ BAD = [
     ((transversals.elimination_time,), "site", [2], WHOLE + " 0 to 1"),
     ((transversals.elimination_time,), "n_kicks", [0, 1.5], WHOLE + " 1"),
     ((transversals.longest_lived,), "n_max", [0, 1.5], WHOLE + " 1"),
-    ((transversals.critical_scale,), "n_max", [29], WHOLE + " 30"),
+    ((transversals.located,), "n_max", [29], WHOLE + " 30"),
     ((phases.escape_time, phases.longest_lived), "theta", [(0.1,), nan, [0.1, inf]],
      "must be one phase, or one for each of the 2 kicks"),
     ((phases.escape_time,), "window", [(2.0, -2.0), (nan, 2.0)], "window={value} must be (lo, hi)"),
@@ -235,7 +235,7 @@ def functions_of(argument):
 WITH_OMEGA = functions_of("omega") - {periodic.torus_scale, critical.no_answer}
 WITH_OMEGA -= {proof_barrier.inequalities, proof_barrier.turns}  # what is checked before
 WITH_OMEGA -= {f for f in vars(tori).values() if getattr(f, "__module__", "") == "nasm.tori"}
-OTHERS = dict.fromkeys(("kappa", "profile", "short"), np.array(KAPPA))
+OTHERS = dict.fromkeys(("kappa", "profile", "short", "start"), np.array(KAPPA))
 OTHERS |= {"u": REST, "zero": numbers.rational(0), "breakup": 1.7, "distance": 0.1}
 OTHERS |= {
     "value": 0.5,

@@ -1,10 +1,13 @@
 """Segments that do not begin at zero, against residues along them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from nasm import barriers, first_breakup, periodic
 from nasm.critical import Status
+from nasm.numbers import parse
 
 
 @pytest.mark.parametrize(
@@ -29,6 +32,33 @@ def test_from_zero_on_it_is_the_breakup_on_the_ray():
     assert found.omega == ray.omega
 
 
+@pytest.mark.parametrize(
+    ("omega", "start", "profile"),
+    [
+        ("gamma", (0.1, 0.5), (1.0, -0.3)),
+        ("2gamma", (-0.2, 0.3), (0.7, 0.6)),
+        ("[1;4,(1)]", (0.0, 0.0, 0.2), (1.0, 1.0, 0.0)),
+    ],
+)
+def test_a_circle_breaks_on_a_segment_where_residues_say(omega, start, profile):
+    found = first_breakup.circle_scale(parse(omega), start, profile, 1e-3)
+    residue = periodic.critical_scale(parse(omega), profile, 1500, start)
+    assert abs(found.value - residue.value) < found.error + residue.error < 2e-3
+    assert 0.9 * residue.value < found.lower < residue.value
+
+
+def test_a_circle_that_is_broken_at_the_start_is_refused():
+    found = first_breakup.circle_scale(parse("gamma"), (0.7, 0.5), (1.0, 0.0))
+    assert found.status is Status.OUTSIDE
+    assert np.isnan([found.value, found.lower]).all()
+
+
 def test_values_that_contradict_the_verdicts_are_no_answer(monkeypatch):
-    monkeypatch.setattr(first_breakup, "_excess", lambda kappa, tol: 1.0)
+    real = barriers.critical_scale
+
+    def wrong(profile, tol):
+        found = real(profile, tol)
+        return replace(found, value=1.3 * found.value)
+
+    monkeypatch.setattr(barriers, "critical_scale", wrong)
     assert first_breakup.critical_scale((0.4,), (1.0,)).status is Status.UNDECIDED

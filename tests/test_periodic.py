@@ -277,6 +277,8 @@ def test_a_segment_that_starts_outside_says_so():
         found = periodic.critical_scale(GAMMA, profile, start=start)
         assert found.status is Status.OUTSIDE
         assert np.isnan(found.value)
+    far = periodic.critical_scale(parse("[1;(4)]"), (-0.28, 0.96), start=(0.558, -0.118))
+    assert far.status is Status.OUTSIDE  # so far that residues overflow
     end = periodic.critical_scale(GAMMA, (1, 0)).value
     just = periodic.critical_scale(GAMMA, (1, 0), start=(end * (1 + 1e-4), 0))
     assert just.status is Status.OUTSIDE

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from nasm import barriers, cones, continuation, escape, maps, periodic, transversals
+from nasm import barriers, cones, continuation, escape, maps, periodic
 from nasm.critical import Status
 from nasm.numbers import parse
 
@@ -14,7 +14,6 @@ METHODS = {
     "continuation": lambda profile, size: continuation.critical_scale(GAMMA, profile, 1e-4 / size),
     "escape": lambda profile, size: escape.critical_scale(profile, 1000, 100),
     "periodic": lambda profile, size: periodic.critical_scale(GAMMA, profile, 300),
-    "transversals": lambda profile, size: transversals.critical_scale(profile, 30),
 }
 
 

@@ -8,11 +8,10 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from nasm import cones, continuation, escape, periodic
-from nasm.critical import Status
 from nasm.maps import rotating_forcing
 from nasm.numbers import parse
 from nasm.symmetries import ray
-from nasm.transversals import _minimax, critical_scale, elimination_time, longest_lived
+from nasm.transversals import _minimax, elimination_time, located, longest_lived
 
 FORCINGS = [(1.03,), (0.71, 0.46), (0.2, 0.5, 0.36), (0.1, 0.7, -0.3, 0.2)]
 
@@ -56,32 +55,31 @@ def test_nothing_is_eliminated_where_circles_are():
 def test_the_breakup_is_that_of_the_symmetry_line(profile):
     known = cones.critical_scale(profile, 5000)
     for n_max in (30, 100):
-        found = critical_scale(profile, n_max)
-        assert found.status is Status.OK
-        assert abs(found.value - known.value) < found.error / 2
-        assert known.value < found.upper < known.value * (1 + 1.5 / n_max)
+        upper, _, time = located(profile, n_max)
+        assert abs(upper / (1 + 0.7 / time) / known.value - 1) < 0.35 / time
+        assert known.value < upper < known.value * (1 + 1.5 / n_max)
 
 
 @pytest.mark.parametrize("shape", ["later", "reversed", "negated"])
 def test_images_of_a_forcing_have_one_breakup(shape):
     profile = rotating_forcing(*ray(118.0), "1/3", 0.03)
     image = {"later": np.roll(profile, 1), "reversed": profile[::-1], "negated": -profile}[shape]
-    one, other = (critical_scale(kappa, 30) for kappa in (profile, image))
-    assert abs(one.value - other.value) < (one.error + other.error) / 2
-    unlike = critical_scale(rotating_forcing(*ray(118.0), "1/3", 0.03 + 1 / 24), 30)
-    assert abs(one.value - unlike.value) > one.error + unlike.error
+    unlike = rotating_forcing(*ray(118.0), "1/3", 0.03 + 1 / 24)
+    one, other, unlike = (located(kappa, 30)[0] for kappa in (profile, image, unlike))
+    assert abs(other / one - 1) < 0.7 / 30
+    assert abs(unlike / one - 1) > 1.4 / 30
 
 
 @pytest.mark.parametrize(("angle", "phase"), [(93.0, 0.0), (160.0, 0.02)])
 def test_where_lines_fail_transversals_lead_to_the_circle_that_breaks_last(angle, phase):
     # Both lines of the centre meet minimizing orbits here, of first order at 93°.
     profile = rotating_forcing(*ray(angle), "1/3", phase)
-    found = critical_scale(profile, 300)
+    upper, _, time = located(profile, 300)
     judge = continuation.critical_scale(
         parse("[0;2,2,3,(1)]" if angle == 93 else "[0;1,2,1,2,(1)]"), profile, 1e-5
     )
-    assert abs(found.value - judge.value) < found.error + judge.error
-    assert judge.value < found.upper < 1.005 * judge.value
+    assert abs(upper / (1 + 0.7 / time) - judge.value) < 0.7 / time * upper + judge.error
+    assert judge.value < upper < 1.005 * judge.value
 
 
 @pytest.mark.parametrize(("p", "q"), [(0, 1), (1, 1), (3, 2), (2, 5), (4, 7)])
@@ -94,7 +92,7 @@ def test_minimax_orbits_are_those_of_the_symmetry_line(p, q):
 
 def test_orbits_escape_only_beyond_the_breakup():
     profile = rotating_forcing(-0.8, 0.5, "1/3", 1 / 24)
-    found = critical_scale(profile, 100)
+    upper, *_ = located(profile, 100)
     direct = escape.critical_scale(profile, 2000, 64)
-    assert found.upper < direct.upper
-    assert abs(direct.value - found.value) < direct.error
+    assert upper < direct.upper
+    assert abs(direct.value - upper) < direct.error

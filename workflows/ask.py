@@ -162,7 +162,8 @@ def _distance(boundary):
     if isfinite(boundary.value):
         lines.append(
             f"It breaks at {boundary.value:.12g} times these strengths, ±{boundary.error:.1g}, by "
-            "Greene's residue (a criterion, not a proof)."
+            "Greene's residue, or where there is no symmetry by the blow-up of the circle's norms "
+            "(criteria, not proofs)."
         )
     else:
         lines.append(f"Where the last one breaks on the ray is not known: {boundary.status.value}.")

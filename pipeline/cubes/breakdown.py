@@ -11,7 +11,7 @@ from math import ceil
 import numpy as np
 import xarray as xr
 
-from nasm import continuation, escape, periodic
+from nasm import continuation, escape, first_breakup, periodic
 from nasm.critical import Status, no_answer
 from nasm.numbers import parse
 from nasm.planes import ROTATING_AXES, plane_of
@@ -38,8 +38,14 @@ def _residue(omega, profile, q_max, *start):
     return periodic.critical_scale(omega, profile, q_max, *start)
 
 
+def _continued(omega, profile, tol, start=None):
+    if start is None:
+        return continuation.critical_scale(omega, profile, tol)
+    return first_breakup.circle_scale(omega, start, profile, tol)
+
+
 _METHODS = {  # and how hard it tries, at the least
-    "continuation of circles": (continuation.critical_scale, {"tol": 0.1}),
+    "continuation of circles": (_continued, {"tol": 0.1}),
     "Greene's residue": (_residue, {"q_max": 10}),
     "direct iteration": (escape.critical_scale, {"n_max": 64, "n_orbits": 1}),
 }
@@ -51,7 +57,8 @@ def by_continuation(plane, omegas, angles, tol):
     omegas : list of RotationNumber. angles : degrees. tol : float, the error to aim at.
     """
     settings = {"method": "continuation of circles", "tol": tol}
-    return _job("breakdown", plane, _circles(omegas), angles, 0.01, settings)
+    seconds = 0.3 if any(plane.origin) else 0.01
+    return _job("breakdown", plane, _circles(omegas), angles, seconds, settings)
 
 
 def by_residue(plane, omegas, angles, q_max):
@@ -66,6 +73,7 @@ def by_residue(plane, omegas, angles, q_max):
 def by_escape(plane, angles, n_max, n_orbits):
     """Return the Job of the cube `transport`: its onset by direct iteration of n_max steps."""
     settings = {"method": "direct iteration", "n_max": n_max, "n_orbits": n_orbits}
+    plane.rays_start_at_zero(settings["method"])
     # Ten runs of the whole ensemble.
     seconds = 10 * SECONDS_PER_KICK * len(plane.origin) * n_orbits * n_max
     return _job("transport", plane, {}, angles, seconds, settings)
@@ -126,8 +134,6 @@ def _circles(omegas):
 
 
 def _job(name, plane, rows, angles, seconds, settings):
-    if settings["method"] != "Greene's residue":
-        plane.rays_start_at_zero(settings["method"])
     plan = cube_on_rays(name, plane.axes, rows, angles, seconds, plane.record | settings)
     one = {key: coord.values[:1] for key, coord in plan.template.coords.items()}
     _, least = _METHODS[settings["method"]]

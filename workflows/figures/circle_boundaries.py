@@ -71,8 +71,9 @@ def draw_tips(residues, circles, barrier):
 
 
 def draw_circles(axes, breakdown):
-    """Draw the curves (x, y) of each ω, and (-x, -y), which by symmetry are boundaries too."""
+    """Draw the curves (x, y) of each ω; and (-x, -y), where that half is left to symmetry."""
     x, y = in_plane(breakdown)
     for i, text in enumerate(breakdown.circle.values):
         axes.plot(x[i], y[i], lw=1.3, label=omega_label(text), **line_of(i))
-        axes.plot(-x[i], -y[i], lw=1.3, **line_of(i))
+        if breakdown.angle[-1] <= 180:
+            axes.plot(-x[i], -y[i], lw=1.3, **line_of(i))

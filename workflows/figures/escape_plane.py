@@ -15,7 +15,7 @@ def draw_escape_plane(plane, steps):
     """Draw first escape times of the largest ensemble, and the boundary of each number of steps."""
     x, y = in_plane(plane)
     height = np.ptp(y.values) / np.ptp(x.values)
-    figure, axes = plt.subplots(figsize=(10, 1.2 + 8 * min(1.2, height)), layout="constrained")
+    figure, axes = plt.subplots(figsize=(10, 1.2 + 7.6 * min(1.2, height)), layout="constrained")
     label_plane(axes, plane)
     of = (
         r"$\mathcal{T}_{\kappa_1\kappa_2}$" if of_two_kicks(plane) else plane.attrs["plane"]["name"]
