@@ -36,6 +36,7 @@ from nasm.symmetries import shorten
 _LOCATE = (1000, 4000, 16_000, 64_000)  # steps of converse KAM in step 1, round by round
 _LOCATE_ANYWHERE = (250, 1000, 4000)  # of converse KAM on transversals
 _PRECISE = 1e-6  # of the scale: what continuation is asked for, in 0.1 s a circle
+_ROUGH = 0.05  # of the value: a larger error of continuation is no answer
 _IN_DOUBT = (Status.NOT_CONVERGED, Status.UNDECIDED)
 _BEYOND = 0.5  # over the steps: where, past the breakup, the longest-lived start is asked for its ω
 _NEAR = 2e-5  # of the measured rotation number; neighbours that robust are further apart
@@ -128,14 +129,17 @@ def _by_continuation(short, tol):
         near = candidates(beyond, start.x, start.y) or [noble_between(*start.between)]
         scales = [continuation.critical_scale(omega, short, _PRECISE * highest) for omega in near]
         certified = np.fmax(certified, np.fmax.reduce([scale.lower for scale in scales]))
-        best = _most_robust(scales, best)
+        # Next to a forcing of a shorter period continuation is lost: it misses by half its value.
+        known = [scale for scale in [best, *scales] if scale is not None]
+        known = [scale for scale in known if scale.error < _ROUGH * scale.value <= _ROUGH * highest]
+        best = _most_robust(known, None)
         if best is None:
             continue
-        upper = best.value * (1 + above)
-        if not eliminated(upper):
-            upper = best.value + 2 * best.error
-            if upper <= best.value * (1 + above) or not eliminated(upper):
-                continue
+        nearest = min(best.value * (1 + above), highest)
+        furthest = min(max(nearest, best.value + 2 * best.error), highest)
+        upper = next((s for s in (nearest, furthest) if s == highest or eliminated(s)), None)
+        if upper is None:
+            continue
         lower = continuation.certified_scale(best.omega, short, best.value, tol - above)
         if lower >= highest or transversals.escapes(np.fmin(lower, best.value * (1 - tol)) * short):
             return no_answer(None, Status.UNDECIDED)

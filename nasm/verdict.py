@@ -19,6 +19,7 @@ from nasm.symmetries import lengthen, shorten
 
 _TOLERANCES = (1e-3, 1e-4, 2e-5)  # of the boundary next to a point: 0.1 s, 0.4 s and 2 to 3 s
 _WITHOUT_LINE = _TOLERANCES[:2]  # 1 s and 5 s for three kicks
+_FAR = 1.1  # times a point: a circle so far out that the point is no matter of tolerances
 _STEPS = 1000  # of converse KAM that every point is asked to survive
 _MOST_STEPS = 400_000  # of converse KAM at a point, a second or two: to 4e-6 above the boundary
 _MOST_POINTS = 2**15  # of a circle that is further than the first tolerance from its breakup
@@ -131,9 +132,14 @@ def verdict(kappa, prove=False):
                 boundary = replace(boundary, omega=found.omega)
                 circle = lengthen(kappa, *circles.graph(found))
                 break
-    else:
-        if boundary.lower >= 1 and not barriers.eliminates(short, _STEPS):
-            answer, evidence = Answer.BARRIER, Evidence.CIRCLE_BEYOND
+        if boundary.lower > _FAR and np.isnan(boundary.value):  # a closer look tells no more
+            break
+    if (
+        answer is Answer.UNDECIDED
+        and boundary.lower >= 1
+        and not barriers.eliminates(short, _STEPS)
+    ):
+        answer, evidence = Answer.BARRIER, Evidence.CIRCLE_BEYOND
     if boundary.upper == inf:  # kicks so weak that floats do not reach from them to the boundary
         boundary = no_answer(boundary.omega, Status.NO_BREAKUP)
     if boundary.omega is not None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from oracles import KAPPA_G
 
-from nasm import barriers, circles, cones, continuation, escape, periodic
+from nasm import barriers, circles, cones, continuation, escape, periodic, transversals
 from nasm.barriers import critical_scale
 from nasm.critical import CriticalScale, Status
 from nasm.numbers import NAMES, moebius, parse
@@ -243,6 +243,14 @@ def assert_both_ways_agree(profile, rng, tol, monkeypatch):
 @pytest.mark.parametrize("profile", [(0.6, 0.8), (1.8, -0.1, -0.1)])
 def test_a_hidden_symmetry_changes_nothing(profile, monkeypatch):
     assert assert_both_ways_agree(profile, np.random.default_rng(18), 1e-2, monkeypatch)
+
+
+@pytest.mark.slow
+def test_next_to_a_shorter_forcing_without_a_line_the_value_is_no_wild_guess():
+    found = barriers.critical_scale((1, 1, 1.0001), 0.05)
+    # The standard map breaks at 0.9716; so near to it the boundary falls like a cusp.
+    assert 0.94 < found.lower < found.value < found.upper < 0.9717
+    assert found.upper <= transversals.located((1, 1, 1.0001), 250)[0]
 
 
 @pytest.mark.slow
