@@ -8,6 +8,8 @@ import pytest
 from nasm import barriers, first_breakup, periodic
 from nasm.critical import Status
 from nasm.numbers import parse
+from nasm.planes import three_kicks
+from pipeline.cubes import breakdown
 
 
 @pytest.mark.parametrize(
@@ -45,6 +47,14 @@ def test_a_circle_breaks_on_a_segment_where_residues_say(omega, start, profile):
     residue = periodic.critical_scale(parse(omega), profile, 1500, start)
     assert abs(found.value - residue.value) < found.error + residue.error < 2e-3
     assert 0.9 * residue.value < found.lower < residue.value
+
+
+def test_circles_are_continued_on_the_rays_of_a_plane_with_an_origin():
+    plane, omega = three_kicks(0.2), parse("[1;4,(1)]")
+    job = breakdown.by_continuation(plane, [omega], [20.0], 1e-2)
+    found = job.compute({"circle": [str(omega)], "angle": np.array([20.0])}, job.cube.settings)
+    start, profile = plane.ray(20.0)
+    assert found["critical_scale"] == first_breakup.circle_scale(omega, start, profile, 1e-2).value
 
 
 def test_a_circle_that_is_broken_at_the_start_is_refused():

@@ -25,7 +25,8 @@ def draw_critical_boundary(plane, circles, barrier):
     axes.set(xlim=ends[0], ylim=ends[1])
     steps = power(plane.attrs["n_max"])
     behind = f"behind it, escape of {int(plane.ensemble[-1])} orbits within ${steps}$ steps"
-    axes.set_title(f"Where the last barrier breaks; {behind}")
+    join = " " if barrier.angle[-1] <= 180 else "\n"  # of the upper half plane, which is wide
+    axes.set_title(f"Where the last barrier breaks;{join}{behind}")
     x, y = (1.07 * np.interp((120, 130), barrier.angle, part) for part in in_plane(barrier))
     style = {"ha": "center", "va": "center", "size": 8, "clip_on": True}
     style["rotation"] = np.rad2deg(np.arctan(np.ptp(y) / -np.ptp(x)))
