@@ -143,7 +143,7 @@ def forcing(kappa):
         if strengths.dtype.kind not in "iufO":  # floats can be made of strings and bools too
             raise TypeError
         strengths = np.asarray(strengths, dtype=float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise ValueError(
             f"kappa={kappa!r} is not made of real numbers; a forcing is a vector of P ≥ 1 "
             "strengths, first kick first, e.g. kappa=(0.3, 0.5)"

@@ -22,12 +22,13 @@ from math import cos, pi, sin
 
 import numpy as np
 
-from nasm.checks import fraction, real, sealed
-from nasm.maps import forcing
+from nasm.checks import fraction, sealed
+from nasm.maps import direction, forcing
 from nasm.symmetries import ray
 from nasm.transversals import MAX_PERIOD
 
 _AXIS = re.compile(r"kappa\w*(?<!_bounds)", re.ASCII)  # no other name in a cube is such a one
+_LONGEST_NAME = 60  # it stands in the names of files
 _SAME = 1e-14  # of the largest strength: rounding of cosines
 
 TWO_KICKS_AXES = {
@@ -75,10 +76,19 @@ class Plane:
                 f"first={self.first} and second={self.second} are dependent; a plane needs two "
                 "directions"
             )
-        if not isinstance(self.name, str) or not self.name:
-            raise ValueError(f"name={self.name!r} must be a text, like 'two-kicks'")
-        axes = self.axes.items() if isinstance(self.axes, dict) else ()
-        if sum(bool(_AXIS.fullmatch(name)) for name, words in axes if isinstance(words, str)) != 2:
+        for field in ("first", "second"):
+            try:
+                direction(getattr(self, field))
+            except ValueError as error:
+                raise ValueError(f"{field}: {error}") from None
+        if not isinstance(self.name, str) or not 0 < len(self.name) <= _LONGEST_NAME:
+            raise ValueError(
+                f"name={self.name!r} must be a text of at most {_LONGEST_NAME} letters, like "
+                "'two-kicks'"
+            )
+        axes = self.axes if isinstance(self.axes, dict) else {}
+        named = [_AXIS.fullmatch(name) and isinstance(words, str) for name, words in axes.items()]
+        if len(named) != 2 or not all(named):
             raise ValueError(
                 f"axes={self.axes!r} must be two names that begin with kappa, and what they are, "
                 f"like {TWO_KICKS_AXES}"
@@ -199,6 +209,8 @@ def rotating(frequency, phase=0):
     symmetric, or of a shorter period, is seen to be so.
     """
     frequency, phase = fraction("frequency", frequency), fraction("phase", phase)
+    if not 2 <= frequency.denominator <= MAX_PERIOD:
+        raise ValueError(f"frequency={frequency} must have a denominator from 2 to {MAX_PERIOD}")
     turns = [(phase + frequency * n) % 1 for n in range(frequency.denominator)]
     second = [_cosine(min(turn, 1 - turn)) for turn in turns]
     name = f"rotating:{frequency}" + (f",{phase}" if phase else "")
@@ -215,7 +227,7 @@ def _cosine(turn):
 
 def three_kicks(third):
     """The plane of (κ1, κ2, third), three kicks of which the last one is fixed."""
-    third = real("third", third)
+    third = float(forcing([third])[0])
     return Plane(f"three-kicks:{third}", TWO_KICKS_AXES, (0, 0, third), (1, 0, 0), (0, 1, 0))
 
 
@@ -223,7 +235,7 @@ def from_json(text):
     """The plane of a JSON object with the keys name, axes, origin, first and second; ValueError."""
     try:
         return Plane(**json.loads(text))
-    except TypeError:
+    except (TypeError, RecursionError):
         words = "must be a JSON object with the keys name, axes, origin, first and second"
         raise ValueError(f"a plane {words}") from None
 
@@ -234,13 +246,13 @@ def parse(text):
     ValueError for any other text.
     """
     name, _, numbers = text.partition(":")
-    match name, *filter(None, numbers.split(",")):
+    match name, *(numbers.split(",") if numbers else ()):
         case ["two-kicks"]:
             return two_kicks()
         case ["rotating", frequency, *phase] if len(phase) <= 1:
             return rotating(frequency, *phase)
         case ["three-kicks", third]:
-            return three_kicks(float(fraction("third", third)))
+            return three_kicks(fraction("third", third))
     raise ValueError(
         f"{text!r} is no plane; write two-kicks, rotating:FREQUENCY[,PHASE] like "
         "rotating:1/3,1/48, or three-kicks:THIRD like three-kicks:0.2"

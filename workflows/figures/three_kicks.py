@@ -11,7 +11,7 @@ from workflows.figures.style import class_colours, mark_gaps
 def draw_three_kicks(three, two):
     """Draw the boundaries in the (κ̄, Δκ) plane, and by angle the brackets in parts of that of T.
 
-    Colours are those of the last circles. The caption says where three kicks outlast two.
+    Colours are those of the last circles. The caption says where the map outlasts T.
     """
     exact = three.phase.attrs["exact"]
     figure = plt.figure(figsize=(13, 1.6 + 1.3 * max(4, len(exact))), layout="constrained")
@@ -39,7 +39,7 @@ def draw_three_kicks(three, two):
     left.legend(loc="outside lower center", ncols=4, fontsize="small")
     strips[-1].set(xlabel=r"angle $\theta$ of the ray in the plane (degrees)", xlim=(0, 180))
     strips[-1].set_xticks(range(0, 181, 30))
-    strips[0].set_title("Bracket over that of $T$; above 1 three kicks outlast two")
+    strips[0].set_title("Bracket over that of $T$; above 1 the map outlasts $T$")
     return figure, " ".join(_told(three))
 
 
@@ -65,8 +65,8 @@ def _told(three):
         "circle to converse KAM; in colours the last circle, triangles where converse KAM alone "
         f"has an answer. Of {known.size} rays {int(known.sum())} have a value; the bracket's width "
         f"is {float(width.median()):.1e} of the scale in the median, at most "
-        f"{float(width.max()):.1e}. Three kicks outlast two, a certified circle of three beyond "
-        "converse KAM of two:"
+        f"{float(width.max()):.1e}. The map outlasts T, a certified circle of it beyond converse KAM "
+        "of T:"
     )
     for i, phase in enumerate(three.phase.attrs["exact"]):
         yield f"φ0 = {phase}: {where_above(three.angle.values, three.ratio_lower.values[i])}."

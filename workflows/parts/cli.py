@@ -63,9 +63,17 @@ def _number(kind, name, default, low, high, help, multiple=False):
     )
 
 
+class _RealRange(click.FloatRange):
+    def convert(self, value, param, ctx):
+        number = super().convert(value, param, ctx)
+        if number != number:  # click lets NaN through
+            self.fail(f"{value} is not in the range {self._describe_range()}.", param, ctx)
+        return number
+
+
 # Options that take a number from low to high; `multiple` lets them be repeated.
 whole = functools.partial(_number, click.IntRange)
-real = functools.partial(_number, click.FloatRange)
+real = functools.partial(_number, _RealRange)
 
 
 def parsed(name, default, parse, metavar, help, multiple=False):

@@ -1,12 +1,14 @@
 """The field of first escape times over a plane, refined where its boundaries run."""
 
 from dataclasses import dataclass, replace
+from itertools import product
 
 import click
 import numpy as np
 import xarray as xr
 
 from nasm.escape import boundary
+from nasm.maps import forcing
 from nasm.planes import Plane
 from nasm.symmetries import ray
 from pipeline import store
@@ -57,6 +59,11 @@ def grid_of(plane, kappa1, kappa2, n_max, n_orbits, tile, levels, follow):
         if axis.n < 2 * coarsest:
             words = f"are too few; use at least {2 * coarsest}, two at the coarsest level"
             raise click.BadParameter(f"{axis.n} cells {words}", param_hint=name)
+    try:
+        for a, b in product((kappa1.lo, kappa1.hi), (kappa2.lo, kappa2.hi)):
+            forcing(plane.forcing(a, b))
+    except ValueError as error:
+        raise click.BadParameter(str(error), param_hint="--kappa1, --kappa2") from None
     if follow[-1] > n_max:
         words = f"N={follow[-1]} must be at most n-max={n_max}"
         raise click.BadParameter(words, param_hint="--follow")

@@ -100,7 +100,7 @@ def verdicts(fields):
     rows, orbits = [], []
     for coupling in fields.coupling.values:
         here = fields.sel(coupling=coupling)
-        kappa, theta = here.kappa.values[half:], here.theta.values[half:]
+        kappa, theta = here.kappa.values[-half:], here.theta.values[-half:]
         frequency = frequencies[np.where(slow, 0, here.spectrum.values).argmax()]
         drift = np.polyfit(np.arange(half), theta, 1)[0]
         modulation = np.sqrt(2) * kappa.std()
