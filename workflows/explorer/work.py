@@ -5,7 +5,14 @@ threads, so that neither a closed tab nor Ctrl-C waits for them; kernels release
 """
 
 from inspect import isgenerator
+from itertools import islice
+from queue import Empty, Queue
 from threading import Thread
+
+from distributed.scheduler import KilledWorker
+
+_LOOK = 0.1  # seconds after which a generator yields, to be closed if it is void
+_GONE = "the dask scheduler is gone; start the explorer again"
 
 
 class Work:
@@ -111,3 +118,46 @@ class Latest:
         self._running -= 1
         self.work.mark(self.name, False)
         self._start()
+
+
+def spread(client, calls, most=None, priority=0):
+    """Yield (key, result) of calls on the workers as they end, and None while nothing ends.
+
+    client : dask Client. calls : iterable of (key, function, *args). most : how many are sent at
+    once; default two for each worker. priority : higher ones go first.
+
+    To close this generator cancels what it has sent. A call whose worker is lost is sent again,
+    twice at the most. OSError if the scheduler is gone.
+    """
+    calls, ended, sent, again = iter(calls), Queue(), {}, {}
+    most = most or 2 * max(1, len(client.nthreads()))
+
+    def send(call):
+        _, function, *args = call
+        future = client.submit(function, *args, pure=False, priority=priority)
+        sent[future] = call
+        future.add_done_callback(ended.put)
+
+    try:
+        for call in islice(calls, most):
+            send(call)
+        while sent:
+            try:
+                future = ended.get(timeout=_LOOK)
+            except Empty:
+                if client.status != "running":
+                    raise OSError(_GONE) from None
+                yield None
+                continue
+            call = sent.pop(future)
+            if future.status == "finished":
+                for following in islice(calls, 1):
+                    send(following)
+                yield call[0], future.result()
+            elif isinstance(future.exception(), KilledWorker) and again.get(call[0], 0) < 2:
+                again[call[0]] = again.get(call[0], 0) + 1
+                send(call)
+            else:
+                raise OSError(_GONE) if future.cancelled() else future.exception()
+    finally:
+        client.cancel(list(sent))
