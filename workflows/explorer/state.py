@@ -9,13 +9,15 @@ class Forcing:
     plane : nasm.planes.Plane.
     point : (a, b), its coordinates.
     steps : int, N of the boundary {n* ≤ N}.
+    verdict : nasm.verdict.Verdict of the point, None until it is known.
     seen : {name: function → xarray.Dataset}, what each panel shows now; panels put theirs in.
     """
 
     def __init__(self, plane, point, steps):
         self.plane, self.point, self.steps = plane, tuple(map(float, point)), steps
         self.seen = {}
-        self._moved, self._counted = [], []
+        self.verdict = None
+        self._moved, self._counted, self._judged = [], [], []
 
     @property
     def kappa(self):
@@ -29,6 +31,15 @@ class Forcing:
     def on_steps(self, callback):
         """Call back, without arguments, whenever N changes."""
         self._counted.append(callback)
+
+    def on_verdict(self, callback):
+        """Call back, without arguments, when the verdict of the point is known."""
+        self._judged.append(callback)
+
+    def judge(self, verdict):
+        """Take the verdict of the point, or None where it is no longer known."""
+        self.verdict = verdict
+        _tell(self._judged)
 
     def move(self, a, b):
         """Go to another point; ValueError if its strengths are not finite or too large."""

@@ -12,6 +12,9 @@ COLOURS = [to_hex(colour) for colour in colormaps["viridis"](np.linspace(0, 1, 2
 """Of ω from the lowest to the highest; perceptually even, and safe for colour-blind readers."""
 
 
+STRONG = "#D55E00"  # what decides, among all of these
+
+
 def ends(orbits):
     """Return the ω of the first and the last colour: 0 and P/2, in a part of the cell what is seen.
 

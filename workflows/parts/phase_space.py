@@ -62,7 +62,7 @@ def portraits(kappa, box=CELL, added=(), every=None, first=1000):
 
 def _starts(box):
     """Return starts, shape (n, 2): on x = 0 and 1/2 in the whole cell, else all over the box."""
-    if box == CELL:
+    if tuple(box[2:]) == CELL[2:]:
         x, y = orbits.portrait([0.0], _ORBITS, 0)
         return np.stack([x[0], y[0]], axis=1)
     left, bottom, width, height = box
@@ -96,15 +96,17 @@ def in_box(box, x, y):
     x, y : arrays, on the lift, in order along the curve.
     """
     left, bottom, width, height = box
-    u, v = (x - left) % 1, (y - bottom) % 1
+    middle = left + width / 2, bottom + height / 2
+    u, v = ((w - centre + 0.5) % 1 - 0.5 for w, centre in zip((x, y), middle, strict=True))
     jumps = np.flatnonzero((abs(np.diff(u)) > 0.5) | (abs(np.diff(v)) > 0.5)) + 1
     u, v = np.insert(u, jumps, np.nan), np.insert(v, jumps, np.nan)
-    inside = (u <= width) & (v <= height)
+    inside = (abs(u) <= width / 2) & (abs(v) <= height / 2)
     # One point beyond the edge on either side, so that the line reaches the edge.
     kept = inside | np.r_[False, inside[:-1]] | np.r_[inside[1:], False]
-    u, v = np.where(kept, left + u, np.nan), np.where(kept, bottom + v, np.nan)
-    gaps = np.isnan(u) & np.r_[False, np.isnan(u[:-1])]
-    return u[~gaps], v[~gaps]
+    kept |= np.isnan(u) & np.r_[False, kept[:-1]]  # and one gap
+    u, v = np.where(kept, u, np.nan), np.where(kept, v, np.nan)
+    kept |= np.r_[False, kept[:-1]]
+    return middle[0] + u[kept], middle[1] + v[kept]
 
 
 def periodic_orbits(kappa, omega, most=55):
