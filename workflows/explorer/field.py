@@ -20,7 +20,6 @@ ORBITS = 64
 _FIRST_STEPS = 1000  # of the first look, if N is more
 _BATCH = 0.06  # CPU seconds of a task
 _PATIENCE = 0.3  # seconds between two pictures of one size of blocks
-_COARSE = 3  # pixels of a cell that is too coarse to stay
 
 
 @dataclass(frozen=True)
@@ -50,13 +49,16 @@ class Field:
     """First escape times that are known somewhere.
 
     a, b : centres of cells, equally spaced. times : array or xarray.DataArray (b, a), inf for none
-    within `steps`, NaN for not known.
+    within `steps`, NaN for not known. cells : of these that one value fills, along each side.
+    stays : pixels of a view that a value may fill without being computed again.
     """
 
     a: np.ndarray
     b: np.ndarray
     times: object
     steps: int
+    cells: int = 1
+    stays: float = 1.1
 
     def on(self, view, steps):
         """Return what it knows of {n* ≤ steps} in the view's pixels, NaN elsewhere; and how many
@@ -77,17 +79,26 @@ class Field:
             np.ix_(row[row >= 0] - box[0].start, column[column >= 0] - box[1].start)
         ]
         found[np.isinf(found) & (self.steps < steps)] = np.nan
-        return found, cell
+        return found, cell * self.cells
+
+    def at(self, a, b):
+        """Return the time at a point, NaN outside."""
+        cells = [
+            round((value - axis[0]) / (axis[1] - axis[0]))
+            for value, axis in ((b, self.b), (a, self.a))
+        ]
+        inside = all(0 <= i < n for i, n in zip(cells, self.times.shape, strict=True))
+        return self.times[tuple(cells)] if inside else np.nan
 
 
 def computed(client, plane, view, steps, fields):
-    """Yield (times, words): the view's picture, better each time, and how far that is.
+    """Yield (times, block, words): the view's picture, better each time, and how far that is.
 
     client : function → dask Client. plane : of forcings. view : View. steps : int, N.
     fields : Fields that are known, best first.
 
-    Times have the view's shape; inf for no escape within N, NaN for not known yet. It also yields
-    None, at least ten times a second.
+    Times have the view's shape; inf for no escape within N, NaN for not known yet; one value may
+    fill `block` pixels along each side. It also yields None, at least ten times a second.
     """
     final, backdrop, cell = _known(view, steps, fields)
     times = np.full([n // BLOCKS[0] for n in view.shape], np.nan)
@@ -95,10 +106,10 @@ def computed(client, plane, view, steps, fields):
     def picture(words, block):
         pixels = times.repeat(block, axis=0).repeat(block, axis=1)
         pixels = np.where(np.isnan(pixels) | (cell < block), backdrop, pixels)
-        return np.where(np.isnan(final), pixels, final), words
+        return np.where(np.isnan(final), pixels, final), block, words
 
     if not np.isnan(final).any():
-        yield final, ""
+        yield final, 1, ""
         return
     if not np.isnan(backdrop).all():
         yield picture("what is known", BLOCKS[0])
@@ -155,7 +166,7 @@ def _known(view, steps, fields):
     final, backdrop, coarse = np.full(view.shape, np.nan), np.full(view.shape, np.nan), np.inf
     for field in fields:
         times, cell = field.on(view, steps)
-        if cell <= _COARSE:
+        if cell <= field.stays:
             final = np.where(np.isnan(final), times, final)
         elif coarse == np.inf and not np.isnan(times).all():
             coarse = cell

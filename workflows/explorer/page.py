@@ -10,6 +10,7 @@ from jinja2 import Template
 from nasm.planes import two_kicks
 from workflows.explorer import plane
 from workflows.explorer.state import Forcing
+from workflows.explorer.words import alert, escaped
 from workflows.explorer.work import Work
 
 _STEPS = [m * 10**e for e in range(2, 6) for m in (1, 2, 5)] + [10**6]
@@ -43,7 +44,7 @@ def fill(document, shared):
 def _panel(name, state, work):
     try:
         return import_module(f"workflows.explorer.{name}").panel(state, work)
-    except ImportError:  # while it is written
+    except Exception:  # while it is written
         return Div(text=name)
 
 
@@ -83,7 +84,7 @@ def _controls(state, wrong):
     """Fields to type the point exactly, the slider of N, and the permalink."""
     names = plane.symbols(state.plane)
     fields = [TextInput(title=name, width=150) for name in names]
-    message = Div(text=_alert(wrong), width=260)
+    message = Div(text=alert(wrong), width=260)
     shown = {str(n): n for n in sorted({*_STEPS, state.steps})}
     title = "N, steps within which an escape counts"
     slider = CategoricalSlider(
@@ -107,7 +108,7 @@ def _controls(state, wrong):
         try:
             state.move(*(number(field.value) for field in fields))
         except ValueError as error:
-            message.text = _alert(str(error))
+            message.text = alert(str(error))
         else:
             message.text = ""
 
@@ -124,25 +125,16 @@ def _controls(state, wrong):
 _ADDRESS = "history.replaceState(null, '', cb_obj.text.match(/href=\"([^\"]*)/)[1])"
 
 
-def _alert(words):
-    """Return a message in HTML that screen readers speak; the words may be of the visitor's."""
-    return f'<span role="alert" style="color: #a33">{_escaped(words)}</span>' if words else ""
-
-
-def _escaped(text):
-    return text.replace("&", "&amp;").replace("<", "&lt;")
-
-
 def _status(document, work, shared):
     """Say what is prepared or computed, and what failed."""
     line = Div(sizing_mode="stretch_width")
     failed = []
 
     def show():
-        doing = sorted(set(work.busy))
+        doing = [f"{name} ({how})" if how else name for name, how in sorted(work.busy.items())]
         words = f"{shared.preparing} …" if shared.preparing else ""
         words = words or (f"computing: {', '.join(doing)} …" if doing else "ready")
-        line.text = f'<span role="status">{_escaped(words)}</span> {_alert("".join(failed))}'
+        line.text = f'<span role="status">{escaped(words)}</span> {alert("".join(failed))}'
         if not shared.preparing and waiting:
             document.remove_periodic_callback(waiting.pop())
 

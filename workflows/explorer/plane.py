@@ -1,8 +1,13 @@
 """The plane of forcings: first escape times, where the last circle breaks, and the point."""
 
+from itertools import product
+
 import numpy as np
+import xarray as xr
 from bokeh.events import MouseLeave, MouseMove, Pan, PanEnd, PanStart, Tap
 from bokeh.models import (
+    AutocompleteInput,
+    CheckboxGroup,
     ColorBar,
     Column,
     ColumnDataSource,
@@ -11,6 +16,7 @@ from bokeh.models import (
     PanTool,
     Range1d,
     ResetTool,
+    Row,
     SaveTool,
     WheelZoomTool,
     ZoomInTool,
@@ -18,16 +24,34 @@ from bokeh.models import (
 )
 from bokeh.palettes import Magma256
 from bokeh.plotting import figure
+from contourpy import contour_generator
 
+from nasm.numbers import NAMES
 from nasm.planes import plane_of
 from pipeline import store
 from workflows.explorer import field, rays
 from workflows.explorer.field import BLOCKS, Field, View
+from workflows.explorer.rays import NO_LINES
+from workflows.explorer.words import alert
 from workflows.figures import planes
+from workflows.figures.style import smoothed
+from workflows.parts.tables import described
 
 _PIXELS = 640  # along each side, until the browser tells
 _MOST_PIXELS = 1024
 _HALF = 1.15  # of the largest strength, of the first view
+_KEPT = 8  # fields that are kept, to go back to
+_STAYS = 3  # pixels that a cell of OUT may fill
+_COLOURS = Magma256[:232]  # the palest are too like the grey of no escape
+_LINES = ["where the last circle breaks", "where n* ≤ N begins"]
+_CIRCLE = {
+    "title": "where the circle of this ω breaks (dashed)",
+    "completions": list(NAMES),
+    "placeholder": "gamma or [0;2,(1)]",
+    "restrict": False,
+    "min_characters": 1,
+    "width": 260,
+}
 _SYMBOLS = {r"$\kappa_1$": "κ₁", r"$\kappa_2$": "κ₂", r"$\bar\kappa$": "κ̄", r"$\Delta\kappa$": "Δκ"}
 
 
@@ -38,66 +62,92 @@ def symbols(plane):
 
 def panel(state, work, shared):
     """Return the left panel: the plane, what is under the pointer, the colours of the circles."""
-    view = _first_view(state.plane)
-    figure_, image, boundary, point = _drawn(state, view)
+    plot, image, lines, point = _drawn(state)
     told, legend = Div(sizing_mode="stretch_width"), Div(sizing_mode="stretch_width")
-    mapper = image.glyph.color_mapper
-    lane, ray_lane = work.latest("plane"), work.latest("boundary")
-    seen = {"field": None, "cubes": [], "pending": False, "words": {}}
+    circle, message = AutocompleteInput(**_CIRCLE), Div(width=250)
+    wanted = CheckboxGroup(labels=_LINES, active=[0], width=220)
+    fields, cubes, soon = [], [], []  # the last one is what the plane shows
+    lanes = {name: work.latest(name) for name in ("plane", "boundary", "circle")}
     x, y = symbols(state.plane)
-    sides = figure_.x_range, figure_.y_range
+    sides = plot.x_range, plot.y_range
 
     def refresh():
         """Compute what the view and N ask for."""
-        seen["pending"] = False
-        mapper.high = max(state.steps, 2)
-        here = _view(figure_)
-        known = [seen["field"], *seen["cubes"]] if seen["field"] else seen["cubes"]
-        args = shared.client, state.plane, here, state.steps, known
-        lane.submit(field.computed, *args, done=lambda found: show(here, *found))
-        ray_lane.submit(rays.computed, shared.client, shared.rays, here, done=show_ray)
+        soon.clear()
+        image.glyph.color_mapper.high = state.steps
+        view = _view(plot)
+        where = shared.client, state.plane
+        args = *where, view, state.steps, [*fields[::-1], *cubes]
+        lanes["plane"].submit(field.computed, *args, done=lambda found: show(view, *found))
+        args = *where, shared.rays.missing(view), view
+        lanes["boundary"].submit(rays.computed, *args, done=show_rays)
+        lines["circle"].data = {"a": [], "b": []}
+        if circle.value:
+            args = *where, circle.value, view
+            lanes["circle"].submit(rays.circle, *args, done=show_circle)
 
-    def soon():
-        if not seen["pending"]:
-            seen["pending"] = True
-            work.tick(refresh)
+    def refresh_soon():
+        if not soon:  # the ends of both ranges change one after another
+            soon.append(work.tick(refresh))
 
-    def show(here, times, words):
-        seen["field"] = Field(*here.centres(), times, state.steps)
-        _place(image, here, times)
-        seen["words"]["plane"] = words
-        tell_progress()
+    def show(view, times, block, words):
+        if fields and fields[-1].cells > 1:  # it was no more than a preview
+            fields.pop()
+        fields.append(Field(*view.centres(), times, state.steps, block))
+        del fields[:-_KEPT]
+        size = {"da": [np.ptp(view.a)], "db": [np.ptp(view.b)]}
+        start = {"a": [view.a[0]], "b": [view.b[0]]}
+        image.data_source.data = {"times": [times.astype(np.float32)], **start, **size}
+        work.progress("plane", words)
+        if block == 1 or not words:
+            draw_contour()
 
-    def show_ray(found):
+    def show_rays(found):
         table, words = found
         shared.rays.add(table)
-        seen["words"]["boundary"] = words
+        work.progress("boundary", words)
         draw_rays()
 
+    def show_circle(found):
+        lines["circle"].data = found
+
     def draw_rays():
-        a, b, colours = shared.rays.lines()
-        boundary.data = {"a": a, "b": b, "colour": colours}
+        lines["boundary"].data = shared.rays.lines() if 0 in wanted.active else NO_LINES
         legend.text = _legend(shared.rays)
+        mark()
 
-    def tell_progress():
-        pass
+    def draw_contour():
+        shown = 1 in wanted.active and fields
+        lines["contour"].data = _contour(fields[-1], state.steps) if shown else {"a": [], "b": []}
 
-    def opened(cubes):
+    def choose(attr, old, new):
+        draw_rays()
+        draw_contour()
+
+    def name_circle(attr, old, new):
+        try:
+            rays.checked(state.plane, new)
+            message.text = ""
+        except ValueError as error:
+            message.text = alert(str(error))
+            circle.update(value="")
+        refresh()
+
+    def opened(found):
         """Show what OUT holds, and compute the rest."""
-        seen["cubes"], barrier = cubes
+        cubes[:], barrier = found
         if barrier is not None:
             shared.rays.add_cube(barrier)
         draw_rays()
         refresh()
 
-    def tell(event):
-        told.text = words_at(event.x, event.y)
-
     def words_at(a, b):
         words = f"{x} = {a:.6g}, {y} = {b:.6g}"
-        if (n := _at(seen["field"], a, b)) is not None and not np.isnan(n):
-            words += f" · n* {f'= {n:.0f}' if np.isfinite(n) else f'> {state.steps}'}"
-        if (found := shared.rays.at(a, b)) is not None:
+        n = fields[-1].at(a, b) if fields else np.nan
+        if not np.isnan(n):
+            words += f" · n* = {n:.0f}" if n <= state.steps else f" · n* > {state.steps}"
+        found = shared.rays.at(a, b)
+        if found is not None:
             excess, ray = found
             side = "beyond" if excess > 0 else "inside"
             words += f" · {100 * abs(excess):.3g}% {side} the boundary"
@@ -112,22 +162,23 @@ def panel(state, work, shared):
     drag = {"view": None, "before": None}
 
     def begin(event):
-        drag.update(view=_view(figure_), before=None)
+        drag.update(view=_view(plot), before=None)
 
     def dragged(event):
         view = drag["view"]
         if event.modifiers and event.modifiers["shift"]:
             steps = view.pixel * (-event.delta_x, event.delta_y)
-            for range_, ends, step in zip(sides, (view.a, view.b), steps, strict=True):
-                range_.update(start=ends[0] + step, end=ends[1] + step)
-        # While the toolbar's tool pans, the view moves along; it is known one event later.
-        elif drag["before"] and view == _view(figure_):
+            for side, ends, step in zip(sides, (view.a, view.b), steps, strict=True):
+                side.update(start=ends[0] + step, end=ends[1] + step)
+        # If a tool of the toolbar pans, the view moves along, which is known one event later.
+        elif drag["before"] and view == _view(plot):
             move(*drag["before"])
         drag["before"] = event.x, event.y
 
     def end(event):
         dragged(event)
-        drag["before"] = None
+        if drag["view"] == _view(plot):
+            move(event.x, event.y)
 
     def move(a, b):
         try:
@@ -135,56 +186,68 @@ def panel(state, work, shared):
         except ValueError as error:
             work.fail("plane", error)
 
-    figure_.on_event(Tap, lambda event: move(event.x, event.y))
-    figure_.on_event(PanStart, begin)
-    figure_.on_event(Pan, dragged)
-    figure_.on_event(PanEnd, end)
-    figure_.on_event(MouseMove, tell)
-    figure_.on_event(MouseLeave, lambda event: mark())
-    for range_ in sides:
-        for name in ("start", "end"):
-            range_.on_change(name, lambda attr, old, new: soon())
+    def escapes():
+        """What the plane shows, as a Dataset."""
+        return _dataset(state.plane, fields[-1]) if fields else None
+
+    def pointed(event):
+        told.text = words_at(event.x, event.y)
+
+    plot.on_event(Tap, lambda event: move(event.x, event.y))
+    plot.on_event(PanStart, begin)
+    plot.on_event(Pan, dragged)
+    plot.on_event(PanEnd, end)
+    plot.on_event(MouseMove, pointed)
+    plot.on_event(MouseLeave, lambda event: mark())
+    for model, name in product(sides, ("start", "end")):
+        model.on_change(name, lambda attr, old, new: refresh_soon())
     for name in ("inner_width", "inner_height"):
-        figure_.on_change(name, lambda attr, old, new: soon())
+        plot.on_change(name, lambda attr, old, new: refresh_soon())
+    circle.on_change("value", name_circle)
+    wanted.on_change("active", choose)
     state.on_change(mark)
-    state.on_steps(soon)
+    state.on_steps(refresh_soon)
+    state.seen |= {"escape": escapes, "boundary": shared.rays.table}
     mark()
     work.latest("cubes").submit(_cubes, shared.place, state.plane, done=opened)
-    return Column(figure_, told, legend, sizing_mode="stretch_width")
+    controls = Row(wanted, circle, message, styles={"flex-wrap": "wrap"})
+    return Column(plot, told, legend, controls, sizing_mode="stretch_width")
 
 
-def _drawn(state, view):
-    """Return the figure, and the renderer of the field, the sources of the boundary and point."""
-    x, y = symbols(state.plane)
-    pan, wheel = PanTool(), WheelZoomTool()
-    tools = [pan, wheel, ZoomInTool(), ZoomOutTool(), ResetTool(), SaveTool()]
-    axes = {"x_range": Range1d(*view.a), "y_range": Range1d(*view.b)}
-    labels = {"x_axis_label": f"{x} (dimensionless)", "y_axis_label": f"{y} (dimensionless)"}
+def _drawn(state):
+    """Return the figure, the renderer of the field, {name: source of lines}, and the point's."""
+    view = _first_view(state.plane)
+    labels = dict(zip(("x_axis_label", "y_axis_label"), symbols(state.plane), strict=True))
+    wheel = WheelZoomTool()
+    tools = [PanTool(), wheel, ZoomInTool(), ZoomOutTool(), ResetTool(), SaveTool()]
     plot = figure(
-        **axes,
         **labels,
+        x_range=Range1d(*view.a),
+        y_range=Range1d(*view.b),
         tools=tools,
         active_scroll=wheel,
         active_drag=None,
-        active_tap=None,
         sizing_mode="stretch_width",
-        aspect_ratio=1.0,
+        aspect_ratio=1.06,  # with the colours beside it
         toolbar_location="above",
     )
     plot.toolbar.logo = None
     plot.grid.visible = False
-    mapper = LogColorMapper(Magma256, low=1, high=state.steps, high_color="#f0f0f0")
+    plot.axis.axis_label_text_font_style = "normal"
+    mapper = LogColorMapper(_COLOURS, low=10, high=state.steps, high_color="#f0f0f0")
     mapper.nan_color = "rgba(0, 0, 0, 0)"
     blank = {"times": [np.full((1, 1), np.nan, np.float32)], "a": [view.a[0]], "b": [view.b[0]]}
-    blank |= {"da": [np.ptp(view.a)], "db": [np.ptp(view.b)]}
-    image = plot.image(
-        "times", "a", "b", "da", "db", source=ColumnDataSource(blank), color_mapper=mapper
-    )
-    bar = ColorBar(color_mapper=mapper, title="n*", width=10, padding=4, label_standoff=4)
-    plot.add_layout(bar, "right")
-    lines = ColumnDataSource({"a": [], "b": [], "colour": []})
-    plot.multi_line("a", "b", source=lines, line_color="white", line_width=5)
-    plot.multi_line("a", "b", source=lines, line_color="colour", line_width=2.5)
+    source = ColumnDataSource(blank | {"da": [np.ptp(view.a)], "db": [np.ptp(view.b)]})
+    image = plot.image("times", "a", "b", "da", "db", source=source, color_mapper=mapper)
+    title = "n*, first escape (steps); grey: none within N"
+    plot.add_layout(ColorBar(color_mapper=mapper, title=title, width=10, padding=4), "right")
+    lines = {name: ColumnDataSource({"a": [], "b": []}) for name in ("contour", "circle")}
+    lines["boundary"] = ColumnDataSource(NO_LINES)
+    plot.multi_line("a", "b", source=lines["contour"], line_color="black", line_width=1.2)
+    plot.multi_line("a", "b", source=lines["boundary"], line_color="white", line_width=5)
+    plot.multi_line("a", "b", source=lines["boundary"], line_color="colour", line_width=2.5)
+    dashed = {"line_color": "black", "line_width": 2, "line_dash": "dashed"}
+    plot.multi_line("a", "b", source=lines["circle"], **dashed)
     point = ColumnDataSource({"a": [], "b": []})
     cross = {"source": point, "size": 16, "marker": "circle_cross", "fill_alpha": 0}
     plot.scatter("a", "b", line_color="white", line_width=5, **cross)
@@ -199,33 +262,29 @@ def _first_view(plane):
 
 def _view(plot):
     """Return what the figure shows, with about as many pixels as the browser has."""
-    sides = [
-        (float(min(r.start, r.end)), float(max(r.start, r.end)))
-        for r in (plot.x_range, plot.y_range)
-    ]
+    ends = [sorted((r.start, r.end)) for r in (plot.x_range, plot.y_range)]
     told = plot.inner_height or _PIXELS, plot.inner_width or _PIXELS
-    block = BLOCKS[0]
-    shape = tuple(block * max(2, round(min(n, _MOST_PIXELS) / block)) for n in told)
-    return View(*sides, shape)
+    shape = (BLOCKS[0] * max(2, round(min(n, _MOST_PIXELS) / BLOCKS[0])) for n in told)
+    return View(*(tuple(map(float, end)) for end in ends), tuple(shape))
 
 
-def _place(image, view, times):
-    """Draw the times over the view."""
-    data = {"times": [times.astype(np.float32)], "a": [view.a[0]], "b": [view.b[0]]}
-    data |= {"da": [np.ptp(view.a)], "db": [np.ptp(view.b)]}
-    image.data_source.data = data
+def _contour(field, steps):
+    """Return the boundary of {n* ≤ steps} of a running median, as lines."""
+    inside = smoothed(field.times) <= steps
+    found = contour_generator(field.a, field.b, inside.astype(float)).lines(0.5)
+    return {"a": [line[:, 0] for line in found], "b": [line[:, 1] for line in found]}
 
 
-def _at(field, a, b):
-    """Return the time at a point of the field that is shown, or None outside."""
-    if field is None:
-        return None
-    places = [
-        round((value - axis[0]) / (axis[1] - axis[0]))
-        for value, axis in ((b, field.b), (a, field.a))
-    ]
-    inside = all(0 <= i < n for i, n in zip(places, field.times.shape, strict=True))
-    return field.times[tuple(places)] if inside else None
+def _dataset(plane, field):
+    first, second = plane.axes
+    axes = {
+        name: (name, values, described(plane.axes[name]))
+        for name, values in zip(plane.axes, (field.a, field.b), strict=True)
+    }
+    words = "first step at which an orbit of the ensemble is outside the window"
+    times = (second, first), field.times, described(words)
+    attrs = {"title": "First escape times, as shown", "n_max": field.steps, **plane.record}
+    return xr.Dataset({"escape_time": times}, axes, attrs)
 
 
 def _cubes(place, plane):
@@ -240,9 +299,8 @@ def _cubes(place, plane):
     if "escape" in cubes:
         times = cubes["escape"].escape_time.isel(ensemble=-1)
         axes = [times[name].values for name in plane.axes]
-        fields.append(Field(*axes, times, int(cubes["escape"].attrs["n_max"])))
-    barrier = cubes.get("barrier")
-    return fields, None if barrier is None else barrier.load()
+        fields.append(Field(*axes, times, int(cubes["escape"].attrs["n_max"]), stays=_STAYS))
+    return fields, cubes["barrier"].load() if "barrier" in cubes else None
 
 
 def _legend(known):

@@ -7,16 +7,21 @@ of the plane come with it.
 from dataclasses import dataclass
 
 import numpy as np
+import xarray as xr
 
 from nasm.numbers import parse
 from pipeline.cubes.barrier import boundary, unfolded
+from pipeline.cubes.breakdown import by_continuation
 from workflows.explorer.work import spread
 from workflows.figures.style import CIRCLE_COLOURS, circle_class
+from workflows.parts.tables import described
 
+NO_LINES = {"a": [], "b": [], "colour": []}
 _GREY = "#555555"
 _SPACING = 2.0  # degrees, of a view around the origin
 _N_RAYS = 64  # of any other view
 _TIPS = np.geomspace(2.0, 0.02, 6)  # degrees beside the diagonals, where boundaries have cusps
+_PARTS = 8  # in which a circle's rays are computed
 _WIDE = 0.2  # of a view, around whose boundary a wide bracket will do
 _GAP = 25.0  # degrees without a ray, over which no line is drawn
 
@@ -65,10 +70,10 @@ class Rays:
         return circle_class(found.circle, self._whole)
 
     def lines(self):
-        """Return the boundary as pieces, one circle each: lists of a, of b, and of colours."""
+        """Return the boundary as pieces of one circle each, columns a, b and colour."""
         angles = sorted(angle for angle, ray in self.known.items() if np.isfinite(ray.scale))
         if len(angles) < 2:
-            return [], [], []
+            return NO_LINES
         rays = [self.known[angle] for angle in angles]
         points = [
             ray.scale * np.exp(1j * np.deg2rad(a)) for a, ray in zip(angles, rays, strict=True)
@@ -89,7 +94,8 @@ class Rays:
                 else:
                     pieces.append([point, end])
                     colours.append(colour)
-        return [np.real(p) for p in pieces], [np.imag(p) for p in pieces], colours
+        a, b = [np.real(piece) for piece in pieces], [np.imag(piece) for piece in pieces]
+        return {"a": a, "b": b, "colour": colours}
 
     def at(self, a, b):
         """Return (excess, Breakup) at a point: how far it is beyond the boundary, in parts of the
@@ -109,22 +115,28 @@ class Rays:
         chord = np.sin(np.deg2rad(gap)) / (one / high.scale + other / low.scale)
         return radius / chord - 1, low if part < gap / 2 else high
 
+    def table(self):
+        """Return all that is known as a Dataset, dim (angle); None if nothing is."""
+        if not self.known:
+            return None
+        angles = sorted(self.known)
+        rays = [self.known[angle] for angle in angles]
+        words = {"scale": "scale at which the last circle breaks", "error": "error of scale"}
+        words["omega"] = "rotation number of the last circle, per step"
+        words["circle"] = "the same, exact"
+        columns = {
+            name: ("angle", [getattr(ray, name) for ray in rays], described(text))
+            for name, text in words.items()
+        }
+        place = described("direction of the ray in the plane", "degree")
+        return xr.Dataset(columns, {"angle": ("angle", angles, place)}, self.plane.record)
+
     def missing(self, view):
         """Return the rays to compute for a view: degrees, each for all its images, coarse first."""
-        corners = np.array([complex(a, b) for a in view.a for b in view.b])
-        if min(view.a) <= 0 <= max(view.a) and min(view.b) <= 0 <= max(view.b):
-            angles = np.arange(0, 360, _SPACING)
-            tips = np.add.outer(np.arange(0, 360, 45), np.concatenate([-_TIPS, [0], _TIPS]))
-            angles = np.concatenate([angles, tips.ravel()])
-            spacing = 0.0
-        else:
-            middle = corners.mean()
-            turns = np.rad2deg(np.angle(corners / middle))
-            towards = np.rad2deg(np.angle(middle))
-            low, high = towards + turns.min(), towards + turns.max()
-            angles, spacing = np.linspace(low, high, _N_RAYS, retstep=True)
-            diagonals = np.arange(np.ceil(low / 45), np.floor(high / 45) + 1) * 45
-            angles = np.concatenate([diagonals, angles])
+        angles, spacing = _across(view, _SPACING)
+        if spacing == _SPACING:
+            tips = np.add.outer(np.arange(0, 360, 45), [*-_TIPS, 0, *_TIPS]).ravel()
+            angles, spacing = np.concatenate([angles, tips]), 0.0
         folded = np.unique(self.plane.fold(angles)[0].round(9))
         known = np.array(sorted(self.known))
         if known.size:
@@ -134,25 +146,65 @@ class Rays:
         return folded[spread_evenly].tolist()
 
 
-def computed(client, rays, view):
+def computed(client, plane, angles, view):
     """Yield (table, words) for `Rays.add`, ray by ray, and how far that is; or None.
 
-    client : function → dask Client. One worker at least is left to others.
+    client : function → dask Client; one worker is left to others. angles : of `Rays.missing`.
     """
-    angles = rays.missing(view)
     if not angles:
         return
-    tol = 1e-3 if max(np.ptp(view.a), np.ptp(view.b)) > _WIDE else 1e-4
     workers = client()
     most = max(1, len(workers.nthreads()) - 1)
-    calls = ((angle, _on_ray, rays.plane, angle, tol) for angle in angles)
+    calls = ((angle, _on_ray, plane, angle, _tolerance(view)) for angle in angles)
     count = 0
     for ended in spread(workers, calls, most, priority=-1):
-        if ended is not None:
-            count += 1
-            yield ended[1], f"{count} of {len(angles)} rays"
-        else:
+        count += ended is not None
+        yield ended and (ended[1], f"{count} of {len(angles)} rays")
+
+
+def circle(client, plane, omega, view):
+    """Yield the line where the circle of ω, a text, breaks, better each time; or None."""
+    angles, _ = _across(view, 1.0)
+    found = {}
+    parts = [angles[i::_PARTS] for i in range(_PARTS)]
+    calls = (
+        (part.tobytes(), _circle_on_rays, plane, omega, part, _tolerance(view) / 10)
+        for part in parts
+    )
+    for ended in spread(client(), calls):
+        if ended is None:
             yield None
+            continue
+        found |= ended[1]
+        points = [scale * np.exp(1j * np.deg2rad(angle)) for angle, scale in sorted(found.items())]
+        pieces = np.split(points, np.flatnonzero(np.isnan(points)))
+        yield {"a": [np.real(p) for p in pieces], "b": [np.imag(p) for p in pieces]}
+
+
+def checked(plane, omega):
+    """Refuse a text that is no irrational number, and a plane whose rays it cannot follow."""
+    if omega:
+        if parse(omega).is_rational:
+            raise ValueError(f"{omega} is rational, and has no circle; write one like [0;2,(1)]")
+        plane.rays_start_at_zero("continuation of circles")
+
+
+def _tolerance(view):
+    return 1e-3 if max(np.ptp(view.a), np.ptp(view.b)) > _WIDE else 1e-4
+
+
+def _across(view, spacing):
+    """Return angles of rays all across a view, and their spacing: the one given if the origin is in
+    it, or else such that they are 64."""
+    corners = np.array([complex(a, b) for a in view.a for b in view.b])
+    if view.a[0] <= 0 <= view.a[1] and view.b[0] <= 0 <= view.b[1]:
+        return np.arange(0, 360 + spacing, spacing), spacing
+    middle = corners.mean()
+    towards, turns = np.rad2deg(np.angle(middle)), np.rad2deg(np.angle(corners / middle))
+    low, high = towards + turns.min(), towards + turns.max()
+    angles, spacing = np.linspace(low, high, _N_RAYS, retstep=True)
+    diagonals = np.arange(np.ceil(low / 45), np.floor(high / 45) + 1) * 45  # cusps are there
+    return np.union1d(angles, diagonals), spacing
 
 
 def _on_ray(plane, angle, tol):
@@ -160,6 +212,13 @@ def _on_ray(plane, angle, tol):
     return boundary(np.unique(plane.unfold(angle)), tol, plane)
 
 
+def _circle_on_rays(plane, omega, angles, tol):
+    """On a worker: {angle: scale at which the circle breaks}."""
+    job = by_continuation(plane, [parse(omega)], angles, tol)
+    found = job.compute({"circle": [omega], "angle": angles}, job.cube.settings)
+    return dict(zip(angles.tolist(), found["critical_scale"][0].tolist(), strict=True))
+
+
 def named(found):
     """Return the rotation number in words, "[0;2,(1)] = 0.381966"; "not known" without one."""
-    return f"{found.circle} = {float(parse(found.circle)):.6g}" if found.circle else "not known"
+    return f"{found.circle} = {found.omega:.6g}" if found.circle else "not known"

@@ -4,6 +4,7 @@ Everything here is called on the event loop, but for the functions that compute.
 threads, so that neither a closed tab nor Ctrl-C waits for them; kernels release the GIL.
 """
 
+from collections import Counter
 from inspect import isgenerator
 from itertools import islice
 from queue import Empty, Queue
@@ -25,8 +26,8 @@ class Work:
     def __init__(self, document, client):
         self.document, self.client = document, client
         self.closed = False
-        self.busy = []  # names of what is being computed for the page
-        self._watchers, self._hearers = [], []
+        self.busy = {}  # {name of what is being computed for the page: how far that is, in words}
+        self._count, self._watchers, self._hearers = Counter(), [], []
 
     def latest(self, name, most=1):
         """Return a Latest; `name` says in the page what is being computed, "portrait"."""
@@ -57,7 +58,20 @@ class Work:
 
     def mark(self, name, begins):
         """Note that something begins or ends being computed."""
-        self.busy.append(name) if begins else self.busy.remove(name)
+        self._count[name] += 1 if begins else -1
+        if self._count[name]:
+            self.busy.setdefault(name, "")
+        else:
+            self.busy.pop(name, None)
+        self._show()
+
+    def progress(self, name, words):
+        """Note how far the computation is."""
+        if name in self.busy:
+            self.busy[name] = words
+            self._show()
+
+    def _show(self):
         for watch in self._watchers:
             watch()
 
