@@ -189,8 +189,9 @@ def _box(plot):
 
 def _shape(plot):
     """Return rows and columns of pixels."""
-    told = plot.inner_height or _PIXELS, plot.inner_width or _PIXELS
-    return tuple(min(int(n), _MOST_PIXELS) for n in told)
+    known = plot.properties_with_values(include_defaults=False)
+    told = known.get("inner_height", _PIXELS), known.get("inner_width", _PIXELS)
+    return tuple(min(max(int(n), 1), _MOST_PIXELS) for n in told)
 
 
 def _computed(kappa, box, added, every, with_lines, shape):
