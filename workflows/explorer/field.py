@@ -1,8 +1,8 @@
 """First escape times at the resolution of a view: what is known, and coarse to fine what is not.
 
-A view is cut into pixels, computed in blocks of 16, 8, 4, 2 and 1. Escape is quick and a matter of
-chance in each pixel; no escape costs all N steps. So blocks without an escape, all of whose
-neighbours are without one, are not cut further.
+A view is computed in blocks of 27, 9, 3 pixels and 1. Escape is quick, and a matter of chance in
+each; no escape costs all N steps. So blocks without an escape, all of whose neighbours are without
+one, are not cut further.
 """
 
 from dataclasses import dataclass
@@ -12,13 +12,15 @@ import numpy as np
 
 from nasm import escape
 from pipeline.cubes.escape import SECONDS_PER_KICK
-from pipeline.sweep.refine import boundary_cells, halved
+from pipeline.sweep.refine import boundary_cells
 from workflows.explorer.work import spread
 
-BLOCKS = (16, 8, 4, 2, 1)  # pixels along each side
+BLOCKS = (27, 9, 3, 1)  # pixels along each side
+_CUT = 3
 ORBITS = 64
 _FIRST_STEPS = 1000  # of the first look, if N is more
 _BATCH = 0.06  # CPU seconds of a task
+_EDGE = 1e-9  # of a block: rounding
 _PATIENCE = 0.3  # seconds between two pictures of one size of blocks
 
 
@@ -26,7 +28,7 @@ _PATIENCE = 0.3  # seconds between two pictures of one size of blocks
 class View:
     """A rectangle of a plane in pixels.
 
-    a, b : (lo, hi) of the two coordinates. shape : (rows, columns), multiples of 16.
+    a, b : (lo, hi) of the two coordinates. shape : (rows, columns), multiples of 27.
     """
 
     a: tuple[float, float]
@@ -104,7 +106,7 @@ def computed(client, plane, view, steps, fields):
     times = np.full([n // BLOCKS[0] for n in view.shape], np.nan)
 
     def picture(words, block):
-        pixels = times.repeat(block, axis=0).repeat(block, axis=1)
+        pixels = _cut(times, block)
         pixels = np.where(np.isnan(pixels) | (cell < block), backdrop, pixels)
         return np.where(np.isnan(final), pixels, final), block, words
 
@@ -113,52 +115,77 @@ def computed(client, plane, view, steps, fields):
         return
     if not np.isnan(backdrop).all():
         yield picture("what is known", BLOCKS[0])
+    workers = client()
 
-    def fill(wanted, steps):
+    def fill(wanted, block, steps):
         """Compute the blocks that are wanted, and yield pictures."""
-        rows, columns = np.nonzero(wanted)
-        likely = np.where(np.isfinite(times[wanted]), times[wanted], steps)
-        seconds = np.cumsum(likely) * SECONDS_PER_KICK * ORBITS * len(plane.origin)
-        if not rows.size:
+        images = _images(plane, view, block)[wanted]
+        asked, index = np.unique(images, return_inverse=True)
+        if not asked.size:
             return
+        rows, columns = np.divmod(asked, wanted.shape[1])
+        likely = times.ravel()[asked]
+        likely = np.where(likely <= steps, likely, steps)  # also if not known
+        seconds = np.cumsum(likely) * SECONDS_PER_KICK * ORBITS * len(plane.origin)
         batch = np.floor(seconds / min(_BATCH, seconds[-1] / 4)).astype(int)
-        parts = np.split(np.arange(rows.size), np.flatnonzero(np.diff(batch)) + 1)
+        parts = np.split(np.arange(asked.size), np.flatnonzero(np.diff(batch)) + 1)
         a, b = view.centres(block)
         kappas = plane.forcing(a[columns], b[rows])
-        calls = ((part.tobytes(), _escapes, kappas[part], steps) for part in parts)
-        count, told = 0, monotonic()
+        calls = ((i, _escapes, kappas[part], steps) for i, part in enumerate(parts))
+        found, before, told = np.full(asked.size, np.nan), times[wanted], monotonic()
         for ended in spread(workers, calls):
             if ended is not None:
-                part = np.frombuffer(ended[0], np.int64)
-                times[rows[part], columns[part]] = ended[1]
-                count += part.size
-            if monotonic() - told < _PATIENCE or ended is None:
+                found[parts[ended[0]]] = ended[1]
+            if monotonic() - told < _PATIENCE:
                 yield None
-            else:
-                yield picture(f"{block} px, {count / rows.size:.0%}", block)
-                told = monotonic()
+                continue
+            told, now = monotonic(), found[index]
+            times[wanted] = np.where(np.isnan(now), before, now)
+            yield picture(f"{block} px, {1 - np.isnan(found).mean():.0%}", block)
+        times[wanted] = found[index]
         yield picture(f"{block} px", block)
 
-    workers = client()
     for block in BLOCKS:
-        n = view.shape[0] // block, block, view.shape[1] // block, block
-        known = (~np.isnan(final)).reshape(n).all(axis=(1, 3))
+        rows, columns = (n // block for n in view.shape)
+        known = (~np.isnan(final)).reshape(rows, block, columns, block).all(axis=(1, 3))
         if block == BLOCKS[0]:
             wanted = ~known
             if steps > _FIRST_STEPS:  # a first look, before what may take long
-                yield from fill(wanted, _FIRST_STEPS)
-                wanted = ~(times <= steps) & ~known
+                yield from fill(wanted, block, _FIRST_STEPS)
+                wanted = wanted & ~(times <= steps)
         else:
-            times = halved(times)
+            times = _cut(times, _CUT)
             wanted = ((times <= steps) | _at_boundary(times, steps)) & ~known
+            wanted[_CUT // 2 :: _CUT, _CUT // 2 :: _CUT] = False  # its centre was the whole block's
         times[known] = final[block // 2 :: block, block // 2 :: block][known]
         done = known | wanted
-        yield from fill(wanted, steps)
+        yield from fill(wanted, block, steps)
     # The finest blocks may show that the boundary runs on: follow it.
     while (wanted := _at_boundary(times, steps) & ~done).any():
         done |= wanted
-        yield from fill(wanted, steps)
-    yield picture("", 1)
+        yield from fill(wanted, block, steps)
+    yield picture("", block)
+
+
+def _cut(times, n):
+    """Return the field with every cell cut into n × n of its value."""
+    return times.repeat(n, axis=0).repeat(n, axis=1)
+
+
+def _images(plane, view, block):
+    """Return for each block the index of the one that is computed for it.
+
+    Forcings that the symmetries of the plane carry to each other are as transparent: what is
+    computed is the image with the least angle, if the view has it.
+    """
+    a, b = np.meshgrid(*view.centres(block))
+    itself = np.arange(a.size).reshape(a.shape)
+    turned = np.deg2rad(plane.fold(np.rad2deg(np.arctan2(b, a)))[0])
+    radius, (width, height) = np.hypot(a, b), view.pixel * block
+    columns = np.floor((radius * np.cos(turned) - view.a[0]) / width + _EDGE).astype(int)
+    rows = np.floor((radius * np.sin(turned) - view.b[0]) / height + _EDGE).astype(int)
+    inside = (columns >= 0) & (columns < a.shape[1]) & (rows >= 0) & (rows < a.shape[0])
+    return np.where(inside, rows * a.shape[1] + columns, itself)
 
 
 def _known(view, steps, fields):
