@@ -20,12 +20,14 @@ from nasm import barriers, orbits, periodic
 from nasm.verdict import Answer
 from workflows.figures.phase_space import CHAOTIC, COLOURS, STRONG, ends, places
 from workflows.parts.phase_space import CELL, in_box, periodic_orbits, portraits
+from workflows.parts.verdict_words import name_of
 
 _PIXELS = 560  # along each side, until the browser tells
 _MOST_PIXELS = 1200
 _MOST_STEPS = 5000  # that are drawn of the longest-lived start's orbit
 _MOST_POINTS = 5000  # of a circle
 _TOGGLES = ["kick by kick", "symmetry lines", "periodic orbits"]
+_BAR = "ω, rotation number per step; grey: chaotic"
 _EMPTY = {"x": [], "y": []}
 
 
@@ -38,7 +40,19 @@ def panel(state, work):
     lane, trace_lane = work.latest("portrait"), work.latest("last circle")
     cycle_lane = work.latest("periodic orbits")
     now = {"portrait": None, "added": [], "strong": None, "cycles": _NO_CYCLES, "pending": False}
-    state.seen["phase space"] = lambda: now["portrait"]
+
+    def seen():
+        """Return the portrait with what is left of the last circle."""
+        if now["portrait"] is None:
+            return None
+        found = now["portrait"]
+        for name in now["strong"] or ():
+            x, y = (lines[name].data[axis] for axis in "xy")
+            found = found.assign({f"{name}_x": (name, x), f"{name}_y": (name, y)})
+        title = name_of(state.kappa, (state.plane, state.point))
+        return found.assign_attrs(title=" ".join(filter(None, [title, plot.title.text.strip()])))
+
+    state.seen["phase space"] = seen
 
     def refresh():
         """Compute what the view asks for."""
@@ -98,7 +112,7 @@ def panel(state, work):
         """Draw what is known of the last circle in the box: curves, and points one by one."""
         box, strong = _box(plot), now["strong"] or {}
         lines["circle"].data = _line(box, *strong.get("circle", ([], [])))
-        lines["orbit"].data = _dots(box, *strong.get("orbit", ([], [])))
+        lines["longest_lived"].data = _dots(box, *strong.get("longest_lived", ([], [])))
         cycles.data = _dots(box, **now["cycles"])
 
     def add(x, y):
@@ -161,14 +175,14 @@ def _drawn():
     mapper = LinearColorMapper(palette, low=-0.5, high=255.5)
     plot.image("pixels", "x", "y", "w", "h", source=image, color_mapper=mapper)
     shades = LinearColorMapper(COLOURS, low=0, high=1)
-    bar = ColorBar(color_mapper=shades, title="ω", width=10, padding=4, label_standoff=4)
+    bar = ColorBar(color_mapper=shades, title=_BAR, width=10, padding=4)
     plot.add_layout(bar, "right")
-    lines = {"circle": ColumnDataSource(_EMPTY), "orbit": ColumnDataSource(_EMPTY)}
+    lines = {"circle": ColumnDataSource(_EMPTY), "longest_lived": ColumnDataSource(_EMPTY)}
     lines["symmetry"] = [ColumnDataSource(_EMPTY) for _ in range(2)]
     for source, dash in zip(lines["symmetry"], ("solid", "dashed"), strict=True):
         plot.line("x", "y", source=source, color="#444444", line_width=1, line_dash=dash)
     plot.line("x", "y", source=lines["circle"], color=STRONG, line_width=3)
-    plot.scatter("x", "y", source=lines["orbit"], color=STRONG, size=3)
+    plot.scatter("x", "y", source=lines["longest_lived"], color=STRONG, size=3)
     cycles = ColumnDataSource(_NO_CYCLES)
     style = {"size": 9, "line_color": "black", "line_width": 1.5, "fill_color": "white"}
     markers = plot.scatter("x", "y", source=cycles, marker="marker", **style)
@@ -246,7 +260,7 @@ def _symmetry_lines(kappa, box):
 
 
 def _decisive(kappa, found):
-    """Return what is left of the last circle, {"circle" or "orbit": (x, y)}, and its name.
+    """Return what is left of the last circle, {"circle" or "longest_lived": (x, y)}, and its name.
 
     None where there is nothing to show.
     """
@@ -255,7 +269,7 @@ def _decisive(kappa, found):
     if found.answer is Answer.TRANSPORT:
         x, y, steps = barriers.remnant(kappa, max(1000, int(2 * found.steps)))
         traced = orbits.orbit(kappa, x, y, int(min(steps, _MOST_STEPS)))
-        return {"orbit": traced}, f"the start that lives longest: {steps:g} steps"
+        return {"longest_lived": traced}, f"the start that lives longest: {steps:g} steps"
     return None
 
 
@@ -272,9 +286,9 @@ def _cycles(kappa, omega):
 
 def _line(box, x, y):
     """Return a curve as far as it is in the box, with gaps where it leaves."""
-    x, y = in_box(box, np.asarray(x, float), np.asarray(y, float))
-    stride = 1 + x.size // _MOST_POINTS
-    return {"x": x[::stride], "y": y[::stride]}
+    x, y = np.asarray(x, float), np.asarray(y, float)
+    stride = 1 + in_box(box, x, y)[0].size // _MOST_POINTS
+    return dict(zip("xy", in_box(box, x[::stride], y[::stride]), strict=True))
 
 
 def _dots(box, x, y, **more):

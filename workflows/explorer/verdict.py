@@ -6,6 +6,7 @@ from html import escape
 from bokeh.models import Button, Column, CustomJS, Div, Row
 
 from nasm.verdict import verdict
+from workflows.explorer import files
 from workflows.parts.verdict_words import sentences
 
 _REST = 0.05  # seconds that the point has to rest, while it is dragged
@@ -34,7 +35,8 @@ def panel(state, work):
     copy.js_on_event("button_click", CustomJS(args={"code": code, "copy": copy}, code=_COPY))
     state.on_change(ask)
     ask()
-    buttons = Row(copy, code, styles={"flex-wrap": "wrap", "gap": "4px 8px"})
+    style = {"flex-wrap": "wrap", "gap": "4px 24px", "align-items": "end"}
+    buttons = Row(copy, code, files.panel(state, work), styles=style)
     return Column(told, buttons, sizing_mode="stretch_width")
 
 
