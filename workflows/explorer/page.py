@@ -1,6 +1,5 @@
 """The page: one document for each tab, with its own state and its own work."""
 
-from importlib import import_module
 from pathlib import Path
 from urllib.parse import urlencode
 
@@ -8,7 +7,7 @@ from bokeh.models import CategoricalSlider, CustomJS, Div, Row, TextInput
 from jinja2 import Template
 
 from nasm.planes import two_kicks
-from workflows.explorer import plane
+from workflows.explorer import plane, portrait, verdict
 from workflows.explorer.state import Forcing
 from workflows.explorer.words import alert, escaped
 from workflows.explorer.work import Work
@@ -33,19 +32,12 @@ def fill(document, shared):
         "controls": _controls(state, wrong),
         "status": _status(document, work, shared),
         "plane": plane.panel(state, work, shared),
-        "portrait": _panel("portrait", state, work),
-        "verdict": _panel("verdict", state, work),
+        "portrait": portrait.panel(state, work),
+        "verdict": verdict.panel(state, work),
     }
     for name, root in roots.items():
         root.name = name
         document.add_root(root)
-
-
-def _panel(name, state, work):
-    try:
-        return import_module(f"workflows.explorer.{name}").panel(state, work)
-    except Exception:  # while it is written
-        return Div(text=name)
 
 
 def asked_for(plane, asked):

@@ -63,7 +63,8 @@ def symbols(plane):
 def panel(state, work, shared):
     """Return the left panel: the plane, what is under the pointer, the colours of the circles."""
     plot, image, lines, point = _drawn(state)
-    told, legend = Div(sizing_mode="stretch_width"), Div(sizing_mode="stretch_width")
+    told = Div(sizing_mode="stretch_width", css_classes=["told"], min_height=40)
+    legend = Div(sizing_mode="stretch_width")
     circle, message = AutocompleteInput(**_CIRCLE), Div(width=250)
     wanted = CheckboxGroup(labels=_LINES, active=[0], width=220)
     fields, cubes, soon = [], [], []  # the last one is what the plane shows
@@ -159,14 +160,15 @@ def panel(state, work, shared):
         point.data = {"a": [a], "b": [b]}
         told.text = words_at(a, b)
 
-    drag = {"view": None, "before": None}
+    drag = {"view": None, "before": None, "pans": False}
 
     def begin(event):
-        drag.update(view=_view(plot), before=None)
+        pans = bool(event.modifiers and event.modifiers["shift"])
+        drag.update(view=_view(plot), before=None, pans=pans)
 
     def dragged(event):
         view = drag["view"]
-        if event.modifiers and event.modifiers["shift"]:
+        if drag["pans"]:
             steps = view.pixel * (-event.delta_x, event.delta_y)
             for side, ends, step in zip(sides, (view.a, view.b), steps, strict=True):
                 side.update(start=ends[0] + step, end=ends[1] + step)
@@ -176,8 +178,7 @@ def panel(state, work, shared):
         drag["before"] = event.x, event.y
 
     def end(event):
-        dragged(event)
-        if drag["view"] == _view(plot):
+        if drag["view"] == _view(plot) and not drag["pans"]:
             move(event.x, event.y)
 
     def move(a, b):
@@ -237,12 +238,13 @@ def _drawn(state):
     mapper = LogColorMapper(_COLOURS, low=10, high=state.steps, high_color="#f0f0f0")
     mapper.nan_color = "rgba(0, 0, 0, 0)"
     blank = {"times": [np.full((1, 1), np.nan, np.float32)], "a": [view.a[0]], "b": [view.b[0]]}
-    source = ColumnDataSource(blank | {"da": [np.ptp(view.a)], "db": [np.ptp(view.b)]})
+    blank |= {"da": [np.ptp(view.a)], "db": [np.ptp(view.b)]}
+    source = ColumnDataSource(blank, name="times")
     image = plot.image("times", "a", "b", "da", "db", source=source, color_mapper=mapper)
     title = "n*, first escape (steps); grey: none within N"
     plot.add_layout(ColorBar(color_mapper=mapper, title=title, width=10, padding=4), "right")
     lines = {name: ColumnDataSource({"a": [], "b": []}) for name in ("contour", "circle")}
-    lines["boundary"] = ColumnDataSource(NO_LINES)
+    lines["boundary"] = ColumnDataSource(NO_LINES, name="boundary")
     plot.multi_line("a", "b", source=lines["contour"], line_color="black", line_width=1.2)
     plot.multi_line("a", "b", source=lines["boundary"], line_color="white", line_width=5)
     plot.multi_line("a", "b", source=lines["boundary"], line_color="colour", line_width=2.5)
