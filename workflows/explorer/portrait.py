@@ -39,7 +39,8 @@ def panel(state, work):
     told = Div(sizing_mode="stretch_width", min_height=22)
     lane, trace_lane = work.latest("portrait"), work.latest("last circle")
     cycle_lane = work.latest("periodic orbits")
-    now = {"portrait": None, "added": [], "strong": None, "cycles": _NO_CYCLES, "pending": False}
+    now = {"portrait": None, "words": "", "added": [], "pending": False}
+    now |= {"strong": None, "name": "", "cycles": _NO_CYCLES}
 
     def seen():
         """Return the portrait with what is left of the last circle."""
@@ -50,7 +51,7 @@ def panel(state, work):
             x, y = (lines[name].data[axis] for axis in "xy")
             found = found.assign({f"{name}_x": (name, x), f"{name}_y": (name, y)})
         title = name_of(state.kappa, (state.plane, state.point))
-        return found.assign_attrs(title=" ".join(filter(None, [title, plot.title.text.strip()])))
+        return found.assign_attrs(title=", ".join(filter(None, [title, now["name"]])))
 
     state.seen["phase space"] = seen
 
@@ -70,7 +71,7 @@ def panel(state, work):
             work.tick(refresh)
 
     def show(found):
-        portrait, pixels, curves, words = found
+        portrait, pixels, curves, now["words"] = found
         now["portrait"] = portrait
         left, bottom, width, height = portrait.attrs["box"]
         image.data = {"pixels": [pixels], "x": [left], "y": [bottom], "w": [width], "h": [height]}
@@ -78,11 +79,14 @@ def panel(state, work):
             source.data = curve
         low, high = ends(portrait)
         bar.color_mapper.update(low=low, high=high)
-        told.text = words
+        tell()
+
+    def tell():
+        name = f'<b style="color: {STRONG}">{now["name"]}</b>. ' if now["name"] else ""
+        told.text = name + now["words"]
 
     def moved():
-        now.update(strong=None, cycles=_NO_CYCLES)
-        plot.title.text = " "
+        now.update(strong=None, name="", cycles=_NO_CYCLES)
         trace_lane.cancel()
         cycle_lane.cancel()
         soon()
@@ -93,7 +97,8 @@ def panel(state, work):
             find_cycles()
 
     def hold(found):
-        now["strong"], plot.title.text = found
+        now["strong"], now["name"] = found
+        tell()
         draw_decisive()
 
     def find_cycles():
@@ -161,14 +166,12 @@ def _drawn():
         tools="box_zoom,pan,wheel_zoom,zoom_in,zoom_out,reset,save",
         active_drag="box_zoom",
         active_scroll="wheel_zoom",
-        sizing_mode="stretch_width",
+        sizing_mode="scale_width",
         aspect_ratio=1.0,
         toolbar_location="above",
-        title=" ",
     )
     plot.toolbar.logo = None
     plot.grid.visible = False
-    plot.title.update(text_color=STRONG, text_font_size="13px", align="left")
     blank = {"pixels": [np.zeros((1, 1), np.uint8)], "x": [left], "y": [bottom]}
     image = ColumnDataSource(blank | {"w": [width], "h": [height]})
     palette = ["#00000000", CHAOTIC, *COLOURS]  # of the bytes
@@ -182,16 +185,17 @@ def _drawn():
     for source, dash in zip(lines["symmetry"], ("solid", "dashed"), strict=True):
         plot.line("x", "y", source=source, color="#444444", line_width=1, line_dash=dash)
     plot.line("x", "y", source=lines["circle"], color=STRONG, line_width=3)
-    plot.scatter("x", "y", source=lines["longest_lived"], color=STRONG, size=3)
+    plot.scatter("x", "y", source=lines["longest_lived"], color=STRONG, size=5)
     cycles = ColumnDataSource(_NO_CYCLES)
-    style = {"size": 9, "line_color": "black", "line_width": 1.5, "fill_color": "white"}
-    markers = plot.scatter("x", "y", source=cycles, marker="marker", **style)
+    style = {"marker": "marker", "size": 6, "line_color": "black", "fill_color": "fill"}
+    markers = plot.scatter("x", "y", source=cycles, **style)
     tips = [("orbit", "@orbit"), ("x, y", "@x{0.0000000}, @y{0.0000000}")]
     plot.add_tools(HoverTool(renderers=[markers], tooltips=tips))
     return plot, image, bar, lines, cycles
 
 
-_NO_CYCLES = {"x": [], "y": [], "marker": [], "orbit": []}
+_NO_CYCLES = {"x": [], "y": [], "marker": [], "fill": [], "orbit": []}
+_MARKERS = {"minimax": ("circle", "white"), "minimizing": ("square", "black")}
 
 
 def _box(plot):
@@ -256,7 +260,8 @@ def _symmetry_lines(kappa, box):
         return None
     gap = np.full((4, 1), np.nan)  # between one line and the next
     x, y = np.hstack([x, gap]), np.hstack([y, gap])
-    return _line(box, x[:2].ravel(), y[:2].ravel()), _line(box, x[2:].ravel(), y[2:].ravel())
+    pairs = (in_box(box, x[i : i + 2].ravel(), y[i : i + 2].ravel()) for i in (0, 2))
+    return [dict(zip("xy", pair, strict=True)) for pair in pairs]
 
 
 def _decisive(kappa, found):
@@ -265,23 +270,23 @@ def _decisive(kappa, found):
     None where there is nothing to show.
     """
     if found.circle is not None:
-        return {"circle": found.circle}, f"certified circle, ω = {found.boundary.omega}"
+        return {"circle": found.circle}, f"Certified circle, ω = {found.boundary.omega}"
     if found.answer is Answer.TRANSPORT:
         x, y, steps = barriers.remnant(kappa, max(1000, int(2 * found.steps)))
         traced = orbits.orbit(kappa, x, y, int(min(steps, _MOST_STEPS)))
-        return {"longest_lived": traced}, f"the start that lives longest: {steps:g} steps"
+        return {"longest_lived": traced}, f"The start that lives longest, {steps:g} steps"
     return None
 
 
 def _cycles(kappa, omega):
     """Return the points of the periodic orbits of the convergents of ω, and what they are."""
-    columns = {"x": [], "y": [], "marker": [], "orbit": []}
+    found = [_NO_CYCLES]
     for fraction, family, x, y in periodic_orbits(kappa, omega):
-        columns["x"].append(x)
-        columns["y"].append(y)
-        columns["marker"].append(np.repeat("circle" if family == "minimax" else "square", x.size))
-        columns["orbit"].append(np.repeat(f"{fraction} ({family})", x.size))
-    return {name: np.concatenate(parts or [[]]) for name, parts in columns.items()}
+        words = *_MARKERS[family], f"{fraction} ({family})"
+        found.append(
+            dict(zip(_NO_CYCLES, (x, y, *np.repeat(words, x.size).reshape(3, -1)), strict=True))
+        )
+    return {name: np.concatenate([part[name] for part in found]) for name in _NO_CYCLES}
 
 
 def _line(box, x, y):

@@ -15,14 +15,15 @@ CELL = (0.0, -0.25, 1.0, 1.0)
 """Left, bottom, width, height: it does not cut the circles of 0 ≤ ω/P ≤ 1/2."""
 
 _ORBITS, _STEPS = 80, 600
-_AVERAGED = 2000  # steps
+_AVERAGED = 2000, 10**5  # steps, the least and the most
+_TOGETHER = 10  # orbits that are averaged at once
 _KICKS = 5 * 10**5  # a chunk, of some 10 ms
-_MOST_KICKS, _MOST_POINTS = 10**8, 4 * 10**5  # a second or two; one for each pixel
+_MOST_KICKS, _MOST_POINTS = 10**8, 2 * 10**5  # a second or two; enough for a screen
 
 
 def portrait(kappa):
     """Return the portrait of the whole cell, as the figure of `ask` has it; see `portraits`."""
-    return next(portraits(kappa, first=_STEPS))
+    return next(filter(None.__ne__, portraits(kappa, first=_STEPS)))
 
 
 def portraits(kappa, box=CELL, added=(), every=None, first=1000):
@@ -33,12 +34,12 @@ def portraits(kappa, box=CELL, added=(), every=None, first=1000):
     box or not, until it is yielded for the first time.
 
     A Dataset of x and y (point), which, the number of its orbit (point); start_x, start_y, omega,
-    NaN if chaotic, and near (orbit): ω in [0, P/2], as ±ω and all ω + P·n are alike. None now and
-    then in between, so that it may be closed.
+    NaN if chaotic, and near (orbit): ω in [0, P/2], as ±ω and all ω + P·n are alike. ω is averaged
+    over as many steps as are drawn, 2000 to 10⁵. None now and then in between, so that it may be
+    closed.
     """
     kappa = forcing(kappa)
     starts = np.concatenate([_starts(box), np.reshape(added, (-1, 2))]).T
-    omega, _ = orbits.rotation_number(kappa, *starts, _AVERAGED)
     found, state, done, shown = [], starts, 0, first
     while True:
         chunk = max(1, _KICKS // (starts[0].size * (every or kappa.size)))
@@ -50,6 +51,7 @@ def portraits(kappa, box=CELL, added=(), every=None, first=1000):
         kicks = done * starts[0].size * (every or kappa.size)
         over = kicks > _MOST_KICKS or total > _MOST_POINTS
         if done == shown or over:
+            omega = yield from _averages(kappa, starts, int(np.clip(done, *_AVERAGED)))
             yield _dataset(
                 kappa, box, starts, omega, *map(np.concatenate, zip(*found, strict=True))
             )
@@ -58,6 +60,15 @@ def portraits(kappa, box=CELL, added=(), every=None, first=1000):
                 return
         else:
             yield None
+
+
+def _averages(kappa, starts, n):
+    """Return the rotation numbers, by way of None now and then."""
+    found = []
+    for i in range(0, starts[0].size, _TOGETHER):
+        found.append(orbits.rotation_number(kappa, *starts[:, i : i + _TOGETHER], n)[0])
+        yield None
+    return np.concatenate(found)
 
 
 def _starts(box):
@@ -109,7 +120,7 @@ def in_box(box, x, y):
     return middle[0] + u[kept], middle[1] + v[kept]
 
 
-def periodic_orbits(kappa, omega, most=55):
+def periodic_orbits(kappa, omega, most=34):
     """Return the orbits of the convergents of ω with 2 ≤ q ≤ most: a list of (p/q, family, x, y).
 
     family : "minimax" or "minimizing". ValueError if the forcing has no symmetry centre.
