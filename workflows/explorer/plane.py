@@ -31,8 +31,8 @@ from nasm.planes import plane_of
 from pipeline import store
 from workflows.explorer import field, rays
 from workflows.explorer.field import BLOCKS, Field, View
-from workflows.explorer.rays import NO_LINES
-from workflows.explorer.words import alert
+from workflows.explorer.rays import GREY, NO_LINES
+from workflows.explorer.words import alert, escaped
 from workflows.figures import planes
 from workflows.figures.style import smoothed
 from workflows.parts.tables import described
@@ -75,6 +75,7 @@ def panel(state, work, shared):
     def refresh():
         """Compute what the view and N ask for."""
         soon.clear()
+        draw_rays()
         image.glyph.color_mapper.high = state.steps
         view = _view(plot)
         where = shared.client, state.plane
@@ -113,8 +114,9 @@ def panel(state, work, shared):
         lines["circle"].data = found
 
     def draw_rays():
-        lines["boundary"].data = shared.rays.lines() if 0 in wanted.active else NO_LINES
-        legend.text = _legend(shared.rays)
+        drawn, colours = shared.rays.lines(_view(plot))
+        lines["boundary"].data = drawn if 0 in wanted.active else NO_LINES
+        legend.text = _legend(colours) if 0 in wanted.active else ""
         mark()
 
     def draw_contour():
@@ -139,7 +141,6 @@ def panel(state, work, shared):
         cubes[:], barrier = found
         if barrier is not None:
             shared.rays.add_cube(barrier)
-        draw_rays()
         refresh()
 
     def words_at(a, b):
@@ -305,11 +306,11 @@ def _cubes(place, plane):
     return fields, cubes["barrier"].load() if "barrier" in cubes else None
 
 
-def _legend(known):
+def _legend(colours):
     """Return the colours of the circles, as HTML."""
     bar = "display: inline-block; width: 1.4em; height: 0.35em; vertical-align: middle"
     return "".join(
         f'<span style="white-space: nowrap; margin-right: 1.2em">'
-        f'<span style="{bar}; background: {colour}"></span> ω = {text}</span>'
-        for text, colour in known.colours.items()
+        f'<span style="{bar}; background: {colour}"></span> {escaped(text)}</span>'
+        for text, colour in {**{f"ω = {ω}": c for ω, c in colours.items()}, "others": GREY}.items()
     )

@@ -13,16 +13,17 @@ from nasm.numbers import parse
 from pipeline.cubes.barrier import boundary, unfolded
 from pipeline.cubes.breakdown import by_continuation
 from workflows.explorer.work import spread
-from workflows.figures.style import CIRCLE_COLOURS, circle_class
+from workflows.figures.style import circle_class, class_colours
 from workflows.parts.tables import described
 
 NO_LINES = {"a": [], "b": [], "colour": []}
-_GREY = "#555555"
+GREY = "#555555"
 _SPACING = 2.0  # degrees, of a view around the origin
 _N_RAYS = 64  # of any other view
 _TIPS = np.geomspace(2.0, 0.02, 6)  # degrees beside the diagonals, where boundaries have cusps
 _PARTS = 8  # in which a circle's rays are computed
 _WIDE = 0.2  # of a view, around whose boundary a wide bracket will do
+_ENOUGH = 8  # rays of a view, to give colours to its circles alone
 _GAP = 25.0  # degrees without a ray, over which no line is drawn
 
 
@@ -40,14 +41,11 @@ class Breakup:
 
 
 class Rays:
-    """The breakups that are known in a plane, {angle in degrees from 0 to 360: Breakup}.
-
-    colours : {class of circles: colour}, in the order in which the classes were met.
-    """
+    """What is `known` of a plane, {angle in degrees from 0 to 360: Breakup}."""
 
     def __init__(self, plane):
-        self.plane, self.known, self.colours = plane, {}, {}
-        # Of ω and its image whole - ω the boundaries are alike.
+        self.plane, self.known = plane, {}
+        # Of ω and its image whole - ω the boundaries are alike, and have one colour.
         self._whole = max(shift for *_, shift in plane.symmetries)
 
     def add(self, table):
@@ -56,9 +54,6 @@ class Rays:
         for angle, scale, error, omega, circle in zip(*columns, table.circle.values, strict=True):
             found = Breakup(float(scale), float(error), str(circle), float(omega))
             self.known[float(angle) % 360] = found
-            if circle:
-                shades = CIRCLE_COLOURS[len(self.colours) :]
-                self.colours.setdefault(self.class_of(found), shades[0] if shades else _GREY)
 
     def add_cube(self, barrier):
         """Take in the cube `barrier` with all its images."""
@@ -69,33 +64,42 @@ class Rays:
         """Return the text of ω, or of its image, under which circles have one colour."""
         return circle_class(found.circle, self._whole)
 
-    def lines(self):
-        """Return the boundary as pieces of one circle each, columns a, b and colour."""
+    def lines(self, view):
+        """Return the boundary as pieces of one circle each, columns a, b and colour; and the
+        colours {text of ω: colour} of those circles that are last on 1% of the view or more."""
         angles = sorted(angle for angle, ray in self.known.items() if np.isfinite(ray.scale))
         if len(angles) < 2:
-            return NO_LINES
+            return NO_LINES, {}
         rays = [self.known[angle] for angle in angles]
         points = [
             ray.scale * np.exp(1j * np.deg2rad(a)) for a, ray in zip(angles, rays, strict=True)
         ]
-        pieces, colours = [], []
-        for i in range(len(angles)):
-            after = (i + 1) % len(angles)
+        seen = [
+            i
+            for i, point in enumerate(points)
+            if view.a[0] <= point.real <= view.a[1] and view.b[0] <= point.imag <= view.b[1]
+        ]
+        seen = seen if len(seen) > _ENOUGH else range(len(angles))
+        circles = [rays[i].circle for i in seen]
+        _, colours = class_colours(np.take(angles, seen), circles, self._whole)
+        colours = {text: shade for text, shade in colours.items() if shade.startswith("#")}
+        shades = [colours.get(circle_class(ray.circle, self._whole), GREY) for ray in rays]
+        pieces, drawn = [], []
+        for i, after in zip(range(len(angles)), [*range(1, len(angles)), 0], strict=True):
             if not 0 < (angles[after] - angles[i]) % 360 <= _GAP:
                 continue
             middle = (points[i] + points[after]) / 2
-            for point, end, ray in (
-                (points[i], middle, rays[i]),
-                (middle, points[after], rays[after]),
+            for start, end, shade in (
+                (points[i], middle, shades[i]),
+                (middle, points[after], shades[after]),
             ):
-                colour = self.colours.get(self.class_of(ray), _GREY)
-                if pieces and colours[-1] == colour and pieces[-1][-1] == point:
+                if pieces and drawn[-1] == shade and pieces[-1][-1] == start:
                     pieces[-1].append(end)
                 else:
-                    pieces.append([point, end])
-                    colours.append(colour)
+                    pieces.append([start, end])
+                    drawn.append(shade)
         a, b = [np.real(piece) for piece in pieces], [np.imag(piece) for piece in pieces]
-        return {"a": a, "b": b, "colour": colours}
+        return {"a": a, "b": b, "colour": drawn}, colours
 
     def at(self, a, b):
         """Return (excess, Breakup) at a point: how far it is beyond the boundary, in parts of the

@@ -44,6 +44,7 @@ class Forcing:
     def move(self, a, b):
         """Go to another point; ValueError if its strengths are not finite or too large."""
         point = float(a), float(b)
+        forcing(point)  # before it is multiplied
         forcing(self.plane.forcing(*point))
         if point != self.point:
             self.point = point
