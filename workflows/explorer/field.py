@@ -156,10 +156,12 @@ def computed(client, plane, view, steps, fields):
         else:
             times = _cut(times, _CUT)
             wanted = ((times <= steps) | _at_boundary(times, steps)) & ~known
-            wanted[_CUT // 2 :: _CUT, _CUT // 2 :: _CUT] = False  # its centre was the whole block's
+            wanted[_CUT // 2 :: _CUT, _CUT // 2 :: _CUT] = False  # a centre was the whole block's
         times[known] = final[block // 2 :: block, block // 2 :: block][known]
         done = known | wanted
         yield from fill(wanted, block, steps)
+        if block == BLOCKS[1]:  # a short look everywhere, for what is thinner than the first blocks
+            yield from fill(~done, block, min(steps, _FIRST_STEPS))
     # The finest blocks may show that the boundary runs on: follow it.
     while (wanted := _at_boundary(times, steps) & ~done).any():
         done |= wanted
