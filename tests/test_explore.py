@@ -166,7 +166,7 @@ class Document:
 def test_of_computations_the_latest_counts():
     document, found, failed, gate = Document(), [], [], threading.Event()
     work = Work(document, None)
-    work.on_failure(failed.append)
+    work.on_failure(lambda *what: failed.append(what))
     lane = work.latest("number")
 
     def computed(number):
@@ -182,7 +182,7 @@ def test_of_computations_the_latest_counts():
     lane.submit(lambda: 1 // 0, done=found.append)
     document.run(lambda: not work.busy)
     assert found == [4]
-    assert failed == ["number: ZeroDivisionError('integer division or modulo by zero')"]
+    assert failed == [("number", "ZeroDivisionError('integer division or modulo by zero')")]
 
 
 def test_a_closed_tab_ends_its_generators():
@@ -222,7 +222,6 @@ def test_an_address_that_asks_for_what_is_not_there_says_so(query, words):
 @needed
 def test_a_click_moves_the_forcing_and_its_address_brings_it_back(page):
     tab = page("?k1=0.25&k2=-0.125&n=200")
-    ready(tab)
     fields = tab.get_by_role("textbox")
     assert [fields.nth(i).input_value() for i in (0, 1)] == ["0.25", "-0.125"]
     left, top, width, height = picture(tab, PLANE)
@@ -260,12 +259,11 @@ def test_bad_input_is_a_message_beside_the_field(page):
 @needed
 def test_a_zoom_to_1e_4_shows_the_escape_times_of_its_pixels(page, store):
     tab = page("?n=100")
-    ready(tab)
     left, top, width, height = picture(tab, PLANE)
     tab.mouse.move(left + 0.9 * width, top + 0.45 * height)
     for _ in range(40):
         tab.mouse.wheel(0, -600)
-    ready(tab)
+    ready(tab, but="boundary")
     shown = columns(tab, "times")
     width, height = shown["da"][0], shown["db"][0]
     assert width < 1e-4
@@ -306,7 +304,7 @@ def test_no_other_site_and_no_other_machine_gets_in(explorer):
 def test_a_lost_worker_is_replaced_and_ctrl_c_leaves_nothing_running(page, store):
     with server(store) as (url, process):
         tab = page("?n=100", url=url)
-        ready(tab)
+        ready(tab, but="boundary")
         family = psutil.Process(process.pid).children(recursive=True)
         listening = [c for p in (psutil.Process(process.pid), *family) for c in p.net_connections()]
         assert {c.laddr.ip for c in listening if c.status == "LISTEN"} == {"127.0.0.1"}
@@ -314,7 +312,7 @@ def test_a_lost_worker_is_replaced_and_ctrl_c_leaves_nothing_running(page, store
         worker.kill()
         tab.get_by_role("slider").press("ArrowRight")
         until(tab, "n", "200")
-        ready(tab)
+        ready(tab, but="boundary")
         tab.close()
         family += psutil.Process(process.pid).children(recursive=True)
     _, alive = psutil.wait_procs(family, 10)

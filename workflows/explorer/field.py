@@ -20,6 +20,7 @@ _CUT = 3
 ORBITS = 64
 _FIRST_STEPS = 1000  # of the first look, if N is more
 _BATCH = 0.06  # CPU seconds of a task
+_LAST = 2e-4  # of the view
 _EDGE = 1e-9  # of a block: rounding
 _PATIENCE = 0.3  # seconds between two pictures of one size of blocks
 
@@ -162,8 +163,8 @@ def computed(client, plane, view, steps, fields):
         yield from fill(wanted, block, steps)
         if block == BLOCKS[1]:  # a short look everywhere, for what is thinner than the first blocks
             yield from fill(~done, block, min(steps, _FIRST_STEPS))
-    # The finest blocks may show that the boundary runs on: follow it.
-    while (wanted := _at_boundary(times, steps) & ~done).any():
+    # The finest blocks may show that the boundary runs on: follow it, but for single pixels.
+    while (wanted := _at_boundary(times, steps) & ~done).mean() > _LAST:
         done |= wanted
         yield from fill(wanted, block, steps)
     yield picture("", block)

@@ -76,7 +76,7 @@ def _controls(state, wrong):
     """Fields to type the point exactly, the slider of N, and the permalink."""
     names = plane.symbols(state.plane)
     fields = [TextInput(title=name, width=150) for name in names]
-    message = Div(text=alert(wrong), width=260)
+    message = Div(width=260)
     shown = {str(n): n for n in sorted({*_STEPS, state.steps})}
     title = "N, steps within which an escape counts"
     slider = CategoricalSlider(
@@ -85,9 +85,14 @@ def _controls(state, wrong):
     link = Div(width=120)
     link.js_on_change("text", CustomJS(code=_ADDRESS))
 
+    shows = []  # while the fields are filled in, nobody types
+
     def show():
+        shows.append(True)
         for field, value in zip(fields, state.point, strict=True):
             field.value = repr(value)
+        shows.clear()
+        message.text = ""
         tell()
 
     def tell():
@@ -97,14 +102,15 @@ def _controls(state, wrong):
         link.text = f'<a href="?{urlencode(values)}">link to this view</a>'
 
     def typed(attr, old, new):
+        if shows:
+            return
         try:
             state.move(*(number(field.value) for field in fields))
         except ValueError as error:
             message.text = alert(str(error))
-        else:
-            message.text = ""
 
     show()
+    message.text = alert(wrong)
     for field in fields:
         field.on_change("value", typed)
     slider.on_change("value", lambda attr, old, new: state.count(shown[new]))
@@ -120,18 +126,22 @@ _ADDRESS = "history.replaceState(null, '', cb_obj.text.match(/href=\"([^\"]*)/)[
 def _status(document, work, shared):
     """Say what is prepared or computed, and what failed."""
     line = Div(sizing_mode="stretch_width")
-    failed = []
+    failed = {}
 
     def show():
+        for name in work.busy:
+            failed.pop(name, None)  # it is tried again
         doing = [f"{name} ({how})" if how else name for name, how in sorted(work.busy.items())]
         words = f"{shared.preparing} …" if shared.preparing else ""
         words = words or (f"computing: {', '.join(doing)} …" if doing else "ready")
-        line.text = f'<span role="status">{escaped(words)}</span> {alert("".join(failed))}'
+        line.text = (
+            f'<span role="status">{escaped(words)}</span> {alert("; ".join(failed.values()))}'
+        )
         if not shared.preparing and waiting:
             document.remove_periodic_callback(waiting.pop())
 
-    def fail(message):
-        failed[:] = [message]
+    def fail(name, words):
+        failed[name] = f"{name}: {words}"
         show()
 
     waiting = []

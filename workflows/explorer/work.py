@@ -38,14 +38,14 @@ class Work:
         self._watchers.append(callback)
 
     def on_failure(self, callback):
-        """Call back with a message in words when a computation fails."""
+        """Call back with the name of a computation that has failed, and why, in words."""
         self._hearers.append(callback)
 
     def fail(self, name, error):
         """Tell the page that something could not be computed."""
         words = str(error) if isinstance(error, ValueError | OSError) else repr(error)
         for hear in self._hearers:
-            hear(f"{name}: {words}")
+            hear(name, words)
 
     def close(self):
         """Drop all that is still to come: the tab is closed."""
