@@ -1,6 +1,9 @@
 """The phase portrait: orbits of the forcing, what is left of the last circle, orbits added."""
 
+from contextlib import suppress
+
 import numpy as np
+from bokeh.core.property.descriptors import UnsetValueError
 from bokeh.events import Tap
 from bokeh.models import (
     CheckboxGroup,
@@ -16,7 +19,7 @@ from bokeh.models import (
 )
 from bokeh.plotting import figure
 
-from nasm import barriers, orbits, periodic
+from nasm import barriers, fourier, orbits, periodic
 from nasm.verdict import Answer
 from workflows.figures.phase_space import CHAOTIC, COLOURS, STRONG, ends, places
 from workflows.parts.phase_space import CELL, in_box, periodic_orbits, portraits
@@ -25,7 +28,8 @@ from workflows.parts.verdict_words import name_of
 _PIXELS = 560  # along each side, until the browser tells
 _MOST_PIXELS = 1200
 _MOST_STEPS = 5000  # that are drawn of the longest-lived start's orbit
-_MOST_POINTS = 5000  # of a circle
+_MOST_POINTS = 5000  # of a circle in the box
+_FINE = 2**15  # points of a circle, of which a box shows a part
 _TOGGLES = ["kick by kick", "symmetry lines", "periodic orbits"]
 _BAR = "ω, rotation number per step; grey: chaotic"
 _EMPTY = {"x": [], "y": []}
@@ -83,7 +87,7 @@ def panel(state, work):
 
     def tell():
         name = f'<b style="color: {STRONG}">{now["name"]}</b>. ' if now["name"] else ""
-        told.text = name + now["words"]
+        told.text = f'<span role="status">{name}{now["words"]}</span>'
 
     def moved():
         now.update(strong=None, name="", cycles=_NO_CYCLES)
@@ -173,20 +177,21 @@ def _drawn():
     plot.toolbar.logo = None
     plot.grid.visible = False
     blank = {"pixels": [np.zeros((1, 1), np.uint8)], "x": [left], "y": [bottom]}
-    image = ColumnDataSource(blank | {"w": [width], "h": [height]})
+    image = ColumnDataSource(blank | {"w": [width], "h": [height]}, name="orbits")
     palette = ["#00000000", CHAOTIC, *COLOURS]  # of the bytes
     mapper = LinearColorMapper(palette, low=-0.5, high=255.5)
     plot.image("pixels", "x", "y", "w", "h", source=image, color_mapper=mapper)
     shades = LinearColorMapper(COLOURS, low=0, high=1)
     bar = ColorBar(color_mapper=shades, title=_BAR, width=10, padding=4)
     plot.add_layout(bar, "right")
-    lines = {"circle": ColumnDataSource(_EMPTY), "longest_lived": ColumnDataSource(_EMPTY)}
-    lines["symmetry"] = [ColumnDataSource(_EMPTY) for _ in range(2)]
-    for source, dash in zip(lines["symmetry"], ("solid", "dashed"), strict=True):
+    names = "circle", "longest_lived", "symmetry", "second symmetry"
+    circle, longest_lived, *symmetry = (ColumnDataSource(_EMPTY, name=name) for name in names)
+    lines = {"circle": circle, "longest_lived": longest_lived, "symmetry": symmetry}
+    for source, dash in zip(symmetry, ("solid", "dashed"), strict=True):
         plot.line("x", "y", source=source, color="#444444", line_width=1, line_dash=dash)
-    plot.line("x", "y", source=lines["circle"], color=STRONG, line_width=3)
-    plot.scatter("x", "y", source=lines["longest_lived"], color=STRONG, size=5)
-    cycles = ColumnDataSource(_NO_CYCLES)
+    plot.line("x", "y", source=circle, color=STRONG, line_width=3)
+    plot.scatter("x", "y", source=longest_lived, color=STRONG, size=5)
+    cycles = ColumnDataSource(_NO_CYCLES, name="cycles")
     style = {"marker": "marker", "size": 6, "line_color": "black", "fill_color": "fill"}
     markers = plot.scatter("x", "y", source=cycles, **style)
     tips = [("orbit", "@orbit"), ("x, y", "@x{0.0000000}, @y{0.0000000}")]
@@ -207,9 +212,10 @@ def _box(plot):
 
 def _shape(plot):
     """Return rows and columns of pixels."""
-    known = plot.properties_with_values(include_defaults=False)
-    told = known.get("inner_height", _PIXELS), known.get("inner_width", _PIXELS)
-    return tuple(min(max(int(n), 1), _MOST_PIXELS) for n in told)
+    shape = [_PIXELS, _PIXELS]
+    with suppress(UnsetValueError):
+        shape = plot.inner_height, plot.inner_width
+    return tuple(min(max(int(n), 1), _MOST_PIXELS) for n in shape)
 
 
 def _computed(kappa, box, added, every, with_lines, shape):
@@ -270,7 +276,12 @@ def _decisive(kappa, found):
     None where there is nothing to show.
     """
     if found.circle is not None:
-        return {"circle": found.circle}, f"Certified circle, ω = {found.boundary.omega}"
+        x, y = found.circle
+        n, more = x.size, max(x.size, _FINE)
+        x = fourier.resample(x - np.arange(n) / n, more) + np.arange(more) / more
+        return {
+            "circle": (x, fourier.resample(y, more))
+        }, f"Certified circle, ω = {found.boundary.omega}"
     if found.answer is Answer.TRANSPORT:
         x, y, steps = barriers.remnant(kappa, max(1000, int(2 * found.steps)))
         traced = orbits.orbit(kappa, x, y, int(min(steps, _MOST_STEPS)))
