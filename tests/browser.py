@@ -7,6 +7,7 @@ import subprocess
 import sys
 from contextlib import contextmanager
 
+import psutil
 import pytest
 from commands import succeed
 
@@ -24,13 +25,14 @@ def server(out, *options):
     command += ["--out", str(out), "--workers", "1", *options]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
         try:
-            told = iter(process.stderr.readline, "")
-            found = (re.search(r"http://localhost:\d+/", line) for line in told)
-            yield next(filter(None, found)).group(), process
-            if process.poll() is None:
-                process.send_signal(signal.SIGINT)
-            assert process.wait(60) == 0
-            assert process.stderr.read() == "Ctrl-C ends it\n"
+            told = "".join(iter(process.stderr.readline, "Ctrl-C ends it\n"))
+            yield re.search(r"http://localhost:\d+/", told).group(), process
+            family = psutil.Process(process.pid).children(recursive=True)
+            process.send_signal(signal.SIGINT)
+            _, said = process.communicate(timeout=60)
+            ended = process.returncode, said, psutil.wait_procs(family, 10)[1]
+            if ended != (0, "", []):
+                raise AssertionError(f"Ctrl-C left exit code, words and processes {ended}")
         finally:
             process.kill()
 
@@ -45,10 +47,16 @@ def store(tmp_path_factory, workers):
 
 
 @pytest.fixture(scope="session")
-def explorer(store):
-    """The address of an explorer of `store`, for all tests of the session."""
-    with server(store) as (url, _):
-        yield url
+def served(store):
+    """The address of an explorer of `store`, and its process, for all tests of the session."""
+    with server(store) as running:
+        yield running
+
+
+@pytest.fixture(scope="session")
+def explorer(served):
+    """The address alone."""
+    return served[0]
 
 
 @pytest.fixture(scope="session")

@@ -224,8 +224,8 @@ def _drawn(state):
     tools = [PanTool(), wheel, ZoomInTool(), ZoomOutTool(), ResetTool(), SaveTool()]
     plot = figure(
         **labels,
-        x_range=Range1d(*view.a),
-        y_range=Range1d(*view.b),
+        x_range=Range1d(*view.a, **_limits(view.a)),
+        y_range=Range1d(*view.b, **_limits(view.b)),
         tools=tools,
         active_scroll=wheel,
         active_drag=None,
@@ -261,6 +261,12 @@ def _drawn(state):
 def _first_view(plane):
     half = [_HALF / max(map(abs, vector)) for vector in (plane.first, plane.second)]
     return View((-half[0], half[0]), (-half[1], half[1]), (_PIXELS, _PIXELS))
+
+
+def _limits(ends):
+    """Return how far one can zoom: beyond it, pixels are no longer apart as floats."""
+    size = float(np.ptp(ends))
+    return {"min_interval": 1e-9 * size, "max_interval": 30 * size}
 
 
 def _view(plot):
