@@ -15,7 +15,7 @@ CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
 needed = pytest.mark.skipif(
     CHROMIUM is None, reason="Chromium is not installed: apt-get install chromium"
 )
-PATIENCE = 60_000  # milliseconds, in which kernels may have to be compiled
+PATIENCE = 100_000  # milliseconds, in which kernels may have to be compiled
 
 
 @contextmanager

@@ -261,7 +261,7 @@ def test_a_zoom_to_1e_4_shows_the_escape_times_of_its_pixels(page):
     tab = page("?n=500")
     left, top, width, height = picture(tab, PLANE)
     tab.mouse.move(left + 0.95 * width, top + 0.45 * height)
-    for _ in range(20):
+    for _ in range(11):
         tab.mouse.wheel(0, -600)
     tab.wait_for_function("""() => {
         const shown = Bokeh.documents[0].get_model_by_name("times").data
