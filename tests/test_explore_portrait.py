@@ -26,7 +26,7 @@ def told(tab, words):
 
 def opened(page):
     """The page at KAPPA, when its verdict and its portrait are there; and the verdict in words."""
-    tab = page("?k1={}&k2={}&n=100".format(*KAPPA))
+    tab = page("?k1={}&k2={}&n=100".format(*KAPPA), 900)
     words = told(tab, "BARRIER at")
     settled(tab)
     return tab, words
@@ -155,7 +155,7 @@ def convergents_up_to(omega, most):
 
 def test_next_to_the_boundary_the_page_says_computing_and_then_undecided(page):
     value = barriers.critical_scale((1.0, 1.0), 1e-3).value
-    tab = page(f"?k1={value}&k2={value}&n=100")
+    tab = page(f"?k1={value}&k2={value}&n=100", 900)
     assert told(tab, re.compile("computing the verdict|UNDECIDED"))
     words = told(tab, "UNDECIDED at")
     assert "neither a barrier nor transport could be shown" in words
