@@ -258,9 +258,9 @@ def test_bad_input_is_a_message_beside_the_field(page):
 
 @needed
 def test_a_zoom_to_1e_4_shows_the_escape_times_of_its_pixels(page):
-    tab = page("?n=500")
+    tab = page("?n=1000", width=390)
     left, top, width, height = picture(tab, PLANE)
-    tab.mouse.move(left + 0.95 * width, top + 0.45 * height)
+    tab.mouse.move(left + 0.98 * width, top + 0.47 * height)
     for _ in range(11):
         tab.mouse.wheel(0, -600)
     tab.wait_for_function("""() => {
@@ -269,17 +269,18 @@ def test_a_zoom_to_1e_4_shows_the_escape_times_of_its_pixels(page):
     }""")
     ready(tab, but="boundary")
     shown = columns(tab, "times")
-    width, height = shown["da"][0], shown["db"][0]
-    assert width < 1e-4
-    view = View(
-        *((low, low + size) for low, size in ((shown["a"][0], width), (shown["b"][0], height))),
-        tuple(tab.evaluate("Bokeh.documents[0].get_model_by_name('times').data.times[0].shape")),
+    shape = tab.evaluate("Bokeh.documents[0].get_model_by_name('times').data.times[0].shape")
+    corner = (
+        (shown[low][0], shown[low][0] + shown[size][0]) for low, size in (("a", "da"), ("b", "db"))
     )
-    times = np.reshape(shown["times"][0], view.shape)
-    assert np.isfinite(times).any()
-    # A picture of chaos: neighbours differ, and rounding of the pixel's place may too.
-    same = [times[i, i] == escapes(view, i, i, 500) for i in range(0, 400, 20)]
-    assert np.mean(same) > 0.8
+    view = View(*corner, tuple(shape))
+    assert 1e-9 < np.ptp(view.a) < 1e-4
+    times = np.reshape(shown["times"][0], shape)
+    assert np.isfinite(times).mean() > 0.9
+    # The last bit of a forcing decides over n*, and the corner is known but for that; two pixels
+    # side by side have the same n* in one case of a hundred.
+    same = [times[i, i] == escapes(view, i, i, 1000) for i in range(0, 200, 5)]
+    assert np.mean(same) > 0.15
 
 
 @needed
