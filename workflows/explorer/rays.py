@@ -60,10 +60,6 @@ class Rays:
         images = self.plane.unfold(barrier.angle.values)
         self.add(unfolded(barrier, np.unique(images)))
 
-    def class_of(self, found):
-        """Return the text of ω, or of its image, under which circles have one colour."""
-        return circle_class(found.circle, self._whole)
-
     def lines(self, view):
         """Return the boundary as pieces of one circle each, columns a, b and colour; and the
         colours {text of ω: colour} of those circles that are last on 1% of the view or more."""
