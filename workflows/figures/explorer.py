@@ -1,5 +1,6 @@
 """What a panel of the explorer shows, as a figure of its own."""
 
+import numpy as np
 from matplotlib.figure import Figure
 
 from workflows.figures.escape_plane import draw_field
@@ -9,13 +10,17 @@ from workflows.figures.style import dots
 
 
 def draw_seen(seen):
-    """Draw a Dataset of escape times, or one of orbits with what decides in one strong colour."""
+    """Draw a Dataset of escape times, of the boundary, or of orbits with what decides in one strong colour."""
     figure = Figure(figsize=(8, 6.6), layout="constrained")
     axes = figure.subplots()
-    axes.set_title(seen.attrs["title"], fontsize="medium")
-    if "escape_time" in seen:
+    axes.set_title(seen.attrs.get("title", "Where the last circle breaks"), fontsize="medium")
+    if "which" not in seen:
         label_plane(axes, seen)
-        draw_field(axes, seen)
+        if "escape_time" in seen:
+            draw_field(axes, seen.expand_dims("ensemble"))
+        else:
+            angle = np.deg2rad(seen.angle)
+            axes.plot(seen.scale * np.cos(angle), seen.scale * np.sin(angle), ".", color=STRONG)
         return figure
     draw_orbits(axes, seen)
     for name, style in (("circle", {"lw": 1.8}), ("longest_lived", dots(STRONG, 3))):
