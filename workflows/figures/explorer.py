@@ -10,7 +10,7 @@ from workflows.figures.style import dots
 
 
 def draw_seen(seen):
-    """Draw escape times, the boundary, or orbits with what decides in a strong colour: a Dataset."""
+    """Draw escape times, the boundary, or orbits with what decides in a strong colour."""
     figure = Figure(figsize=(8, 6.6), layout="constrained")
     axes = figure.subplots()
     axes.set_title(seen.attrs.get("title", "Where the last circle breaks"), fontsize="medium")
