@@ -28,7 +28,7 @@ import numpy as np
 from nasm import circles, cones, continuation, periodic, transversals
 from nasm.checks import real
 from nasm.critical import CriticalScale, Status, no_answer
-from nasm.maps import direction
+from nasm.maps import direction, forcing, unkick
 from nasm.numbers import checked, convergents, moebius, nobles_near, parse, rational
 from nasm.orbits import rotation_number
 from nasm.symmetries import shorten
@@ -161,6 +161,20 @@ def longest_lived(kappa, n_max):
             return cones.start(kappa, place), steps
     start, steps = transversals.longest_lived(kappa, n_max)
     return (np.roll(kappa, -start.site), start.x, start.y), steps
+
+
+def remnant(kappa, n_max):
+    """Where the last circle was: the start by `longest_lived`, moved to the start of its period.
+
+    Returns x, y, steps: floats, steps inf if a start survives n_max steps, and it is one of those.
+    """
+    strengths = forcing(kappa)
+    (rolled, x, y), steps = longest_lived(strengths, n_max)
+    sites = range(strengths.size)  # the first of some, if the forcing repeats itself
+    site = next(site for site in sites if (np.roll(strengths, -site) == rolled).all())
+    for strength in strengths[:site][::-1]:
+        x, y = unkick(strength, x, y)
+    return float(x), float(y), float(steps)
 
 
 def eliminates(kappa, n_max):

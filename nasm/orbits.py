@@ -72,6 +72,35 @@ def portrait(kappa, n_orbits=40, n=400):
     return x % 1.0, y % 1.0
 
 
+def passages(kappa, x, y, n, box, every=None):
+    """The points of the first n steps of orbits that are in a box of the cell.
+
+    Parameters
+    ----------
+    kappa : sequence of P floats, the forcing, first kick first.
+    x, y : float arrays of shape (m,), the starts; they count as points too.
+    n : int, 1 to 10⁹, points of each orbit.
+    box : (left, bottom, width, height), x and y of its lower left corner and its size, up to 1.
+    every : int, kicks from one point to the next; default P, a step, 1 for `kicked_orbit`.
+
+    Returns
+    -------
+    which : ndarray of int, the orbit of each point, in the order in which they come.
+    x, y : ndarrays of its shape, in [left, left + width] and [bottom, bottom + height].
+    state : (x, y), the points after these, mod 1, to go on from.
+    """
+    strengths = forcing(kappa)
+    x, y = points(x, y)
+    n = count("n", n, 1, MAX_STEPS)
+    every = strengths.size if every is None else count("every", every, 1, MAX_STEPS)
+    left, bottom, width, height = map(float, box)
+    if not (0 < width <= 1 and 0 < height <= 1):
+        raise ValueError(f"box={box!r} must be left, bottom, width and height, sizes up to 1")
+    state = x.copy(), y.copy()
+    which, xs, ys = _passages(strengths, *state, n, every, left, bottom, width, height)
+    return which, xs, ys, state
+
+
 def rotation_number(kappa, x, y, n):
     """Rotation number per step of each orbit, Eq. (ome_r), by weighted Birkhoff average.
 
@@ -121,6 +150,36 @@ def _orbit(kappa, x, y, n, every):
                 xt, yt = kick(kappa[k % kappa.size], xt, yt)
             xs[t + 1, i], ys[t + 1, i] = xt, yt
     return xs, ys
+
+
+@kernel
+def _passages(kappa, x, y, n, every, left, bottom, width, height):
+    """Points in the box; x and y go on to the end of the orbits."""
+    found, size = 0, 1024
+    which, xs, ys = np.empty(size, np.int64), np.empty(size), np.empty(size)
+    for t in range(n):
+        for i in range(x.size):
+            u, v = x[i] - left, y[i] - bottom
+            u, v = u - np.floor(u), v - np.floor(v)
+            if u <= width and v <= height:
+                if found == size:
+                    which, xs, ys = _doubled(which), _doubled(xs), _doubled(ys)
+                    size *= 2
+                which[found], xs[found], ys[found] = i, left + u, bottom + v
+                found += 1
+        for k in range(t * every, (t + 1) * every):
+            strength = kappa[k % kappa.size]
+            for i in range(x.size):
+                xi, yi = kick(strength, x[i], y[i])
+                x[i], y[i] = xi - np.floor(xi), yi - np.floor(yi)
+    return which[:found], xs[:found], ys[:found]
+
+
+@njit(nogil=True)
+def _doubled(values):
+    longer = np.empty(2 * values.size, values.dtype)
+    longer[: values.size] = values
+    return longer
 
 
 @njit(nogil=True)

@@ -15,7 +15,7 @@ through a centre that the other does not meet. Both break up with the circle.
 """
 
 from fractions import Fraction
-from itertools import chain, islice, pairwise
+from itertools import chain, islice, pairwise, product
 
 import numpy as np
 from scipy.optimize import brentq
@@ -23,7 +23,7 @@ from scipy.optimize import brentq
 from nasm.chain import MAX_PERIOD, HalfOrbit, is_symmetry_centre
 from nasm.checks import count, fraction
 from nasm.critical import CriticalScale, Status, no_answer
-from nasm.maps import direction, forcing, rotating_forcing
+from nasm.maps import direction, forcing, rotating_forcing, unkick
 from nasm.numbers import convergents, rational
 from nasm.symmetries import CUSP_EXPONENT, distances_to_shorter, shorten
 
@@ -171,6 +171,47 @@ def symmetric_orbit(kappa, p, q, centre=None):
     """
     orbit = _orbit(kappa, p, q, centre)
     return orbit.sites() if orbit.move(1.0) else None
+
+
+def cycle(kappa, p, q, centre=None):
+    """The points of `symmetric_orbit` at the start of each period.
+
+    Returns x, y: ndarrays of shape (q,), in time, x on the lift; None if the orbit is not found.
+    Arguments as for `symmetric_orbit`.
+    """
+    strengths = forcing(kappa)
+    centre = minimax_centre(strengths, p, q) if centre is None else centre
+    x = symmetric_orbit(strengths, p, q, centre)
+    if x is None:
+        return None
+    starts = slice(int(-np.ceil(centre[0])) % strengths.size, None, strengths.size)
+    return x[starts], np.diff(x, prepend=x[-1] - p)[starts]
+
+
+def symmetry_lines(kappa, y):
+    """The lines on which orbits are their own mirror images, at the start of a period.
+
+    Parameters
+    ----------
+    kappa : sequence of P floats with a symmetry centre c, the forcing, first kick first.
+    y : array; it runs along each line, whose image under y → y + 1 is a line too.
+
+    Returns
+    -------
+    x, y : ndarrays of shape (4, *y.shape), on the lift: x_c = 0 and x_c = 1/2, followed back from
+    site c to site 0, and so at the other centre, c + P/2; see `dominant_lines`.
+
+    ValueError if the forcing has no centre.
+    """
+    strengths = primitive(kappa)
+    site, _ = dominant_centre(strengths)
+    y, lines = np.asarray(y, dtype=float), []
+    for centre, a in product((site, _half_on(site, strengths.size)), (0.0, 0.5)):
+        point = a + y * (centre % 1), y  # between two sites x_c is their mean
+        for strength in strengths[: int(np.ceil(centre))][::-1]:
+            point = unkick(strength, *point)
+        lines.append(np.broadcast_arrays(*point))
+    return tuple(np.stack(lines, axis=1))
 
 
 def residue(kappa, p, q, centre=None):

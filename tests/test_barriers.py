@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from oracles import KAPPA_G
 
-from nasm import barriers, circles, cones, continuation, escape, periodic, transversals
+from nasm import barriers, circles, cones, continuation, escape, orbits, periodic, transversals
 from nasm.barriers import critical_scale
 from nasm.critical import CriticalScale, Status
 from nasm.numbers import NAMES, moebius, parse
@@ -485,3 +485,15 @@ def test_without_a_certified_circle_there_is_no_last_one():
         barriers.last_circle(nothing, (1, 0))
     wrong = CriticalScale(2.0, 0.1, 1.98, 2.0, GAMMA, Status.OK)  # the circle breaks at 0.97
     assert barriers.last_circle(wrong, (1, 0)).status is Status.NOT_CERTIFIED
+
+
+@pytest.mark.parametrize("kappa", [(1.2,), (0.3, 0.9), (0.9, 0.3), (0.2, 0.2, 0.9)])
+def test_the_remnant_of_the_last_circle_has_its_rotation_number_for_a_while(kappa):
+    """At the start of the period, whichever site the search began at."""
+    scale = barriers.critical_scale(kappa, 1e-3)
+    beyond = scale.value * 1.0005 * np.array(kappa)
+    x, y, steps = barriers.remnant(beyond, 10_000)
+    assert 600 < steps < 6000
+    omega, _ = orbits.rotation_number(beyond, x, y, 1000)
+    images = [abs(omega - sign * float(scale.omega)) % len(kappa) for sign in (1, -1)]
+    assert min(min(image, len(kappa) - image) for image in images) < 1e-3

@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from nasm.maps import kick
-from nasm.orbits import REGULAR_DIGITS, kicked_orbit, orbit, portrait, rotation_number
+from nasm.orbits import REGULAR_DIGITS, kicked_orbit, orbit, passages, portrait, rotation_number
 
 # Robust circles: ω about 0.62 and 0.76 of the paper's map, far below their breakup.
 KAPPA = (0.3, 0.2)
@@ -152,3 +152,19 @@ def test_portrait_shows_one_cell():
         assert ((values >= 0) & (values < 1)).all()
     assert set(x[0]) == {0.0, 0.5}
     assert_allclose(np.sort(y[0]), np.arange(10) / 10)
+
+
+@pytest.mark.parametrize("every", [None, 1])
+def test_passages_are_the_points_of_the_orbits_in_the_box(every):
+    y = np.arange(30) / 31
+    record = orbit if every is None else kicked_orbit
+    left, bottom, width, height = box = (0.8, -0.3, 0.45, 0.4)  # over the edges of the cell
+    which, xs, ys, (x_next, y_next) = passages(KAPPA, np.full(30, 0.1), y, 40, box, every)
+    x, y = record(KAPPA, 0.1, y, 40)
+    u, v = (x - left) % 1, (y - bottom) % 1
+    inside = (u[:-1] <= width) & (v[:-1] <= height)
+    assert 100 < inside.sum() < inside.size / 2
+    np.testing.assert_array_equal(which, np.nonzero(inside)[1])
+    assert_allclose(xs, left + u[:-1][inside], rtol=0, atol=1e-9)
+    assert_allclose(ys, bottom + v[:-1][inside], rtol=0, atol=1e-9)
+    assert_allclose((x_next, y_next), (x[-1] % 1, y[-1] % 1), rtol=0, atol=1e-9)

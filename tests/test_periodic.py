@@ -11,9 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from oracles import KAPPA_G, LITERATURE
 
-from nasm import chain, cones, continuation, periodic
+from nasm import chain, cones, continuation, orbits, periodic
 from nasm.critical import Status
-from nasm.maps import step, step_tangent
+from nasm.maps import step, step_tangent, unstep
 from nasm.numbers import NAMES, RotationNumber, moebius, parse
 from nasm.symmetries import ray
 
@@ -436,3 +436,27 @@ def test_tori_break_where_longer_convergents_say(angle):
     assert all(torus.status is Status.OK for torus in found)
     for torus in shorter:
         assert abs(torus.value - longest.value) < torus.error < 0.1 * torus.value
+
+
+@pytest.mark.parametrize("kappa", [(0.6,), (0.4, 0.3), (0.2, -0.5), (0.1, 0.2, 0.2, 0.1)])
+@pytest.mark.parametrize("family", [periodic.minimax_centre, periodic.minimizing_centre])
+def test_the_points_of_a_cycle_are_steps_apart(kappa, family):
+    x, y = periodic.cycle(kappa, 5, 8, family(kappa, 5, 8))
+    following = np.append(x[1:], x[0] + 5), np.append(y[1:], y[0])
+    np.testing.assert_allclose(step(kappa, x, y), following, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("kappa", [(0.6,), (0.4, 0.3), (0.3, 0.1, 0.1), (0.1, 0.2, 0.2, 0.1)])
+def test_orbits_from_symmetry_lines_are_their_own_mirror_images(kappa):
+    period, y = len(kappa), np.linspace(0, 1, 6)
+    x, y = periodic.symmetry_lines(kappa, y)
+    before = unstep(kappa, *unstep(kappa, x, y))
+    sites, _ = orbits.kicked_orbit(kappa, *before, 6 * period)
+    here = np.arange(period) + 2 * period
+    centres = set()
+    for line in range(4):
+        # The site or the middle of two, c/2, about which x_{c-n} + x_n is a whole number.
+        sums = {c: sites[c - here, line] + sites[here, line] for c in range(4 * period, 6 * period)}
+        (centre,) = (c for c, sum in sums.items() if np.abs(sum - np.rint(sum)).max() < 1e-9)
+        centres.add(centre)
+    assert max(centres) - min(centres) == period

@@ -12,6 +12,7 @@ from nasm.symmetries import ray
 from nasm.verdict import Answer, Evidence, verdict
 from workflows import ask
 from workflows.figures.ask import draw_verdict
+from workflows.parts.verdict_words import sentences
 
 _RANDOM = np.random.default_rng(5)
 ANGLES = [-45.0, *_RANDOM.uniform(0, 360, 2)]
@@ -153,9 +154,9 @@ def test_a_proof_is_evidence_of_its_own(kappa, evidence):
     assert found.proof.proved
     assert found.answer is sampled.answer
     assert sampled.evidence in (Evidence.CIRCLE, Evidence.CONES)
-    told = " ".join(ask.sentences(np.array(kappa), None, found, None))
+    told = " ".join(sentences(np.array(kappa), None, found))
     assert "proved for exactly this forcing" in told
-    assert "proved" not in " ".join(ask.sentences(np.array(kappa), None, sampled, None))
+    assert "proved" not in " ".join(sentences(np.array(kappa), None, sampled))
 
 
 @pytest.mark.usefixtures("briefly")
@@ -168,9 +169,7 @@ def test_a_proof_that_fails_changes_nothing_and_says_why(monkeypatch, kappa, evi
     found = verdict(kappa, prove=True)
     assert found.evidence is evidence
     assert not found.proof.proved
-    assert "A proof was tried: not proved: " in " ".join(
-        ask.sentences(np.array(kappa), None, found, None)
-    )
+    assert "A proof was tried: not proved: " in " ".join(sentences(np.array(kappa), None, found))
 
 
 def run(*arguments):

@@ -10,12 +10,12 @@ from pathlib import Path
 import click
 
 from workflows.parts.cli import announce_kernels, command, out_option, point_option
+from workflows.parts.verdict_words import SHOWN, name_of, sentences
 
 _STARTS, _STEPS = 64, 10**6  # of direct iteration; it only illustrates
 _POINTS = 2**20  # of orbits among which one is looked for that escapes
 _NEAR = 0.96  # where the boundary is nearer, no orbit escapes: none did on 12 rays, 4% beyond
 _INSIDE = 0.95  # of the breakup, where the last circle is drawn that broke
-_SHOWN = 8  # kicks that are named one by one
 
 
 def escaping_orbit(kappa):
@@ -74,10 +74,10 @@ def forcing_asked(strengths, plane, sequence):
 
 def portrait_of(kappa, place, verdict, escaping):
     """Return what `draw_verdict` takes: orbits, and the circle, or where the last one was."""
-    from nasm import circles, orbits
+    from nasm import circles
     from nasm.verdict import Answer
+    from workflows.parts.phase_space import portrait
 
-    x, y = orbits.portrait(kappa, 80, 600)
     boundary, lost = verdict.boundary, None
     if verdict.answer is Answer.TRANSPORT and boundary.omega is not None and boundary.value > 0:
         scale = _INSIDE * boundary.value
@@ -88,9 +88,7 @@ def portrait_of(kappa, place, verdict, escaping):
         "place": place,
         "name": name_of(kappa, place),
         "answer": verdict.answer.value,
-        "x": x,
-        "y": y,
-        "rotation": orbits.rotation_number(kappa, x[0], y[0], 2000)[0],
+        "orbits": portrait(kappa),
         "omega": str(boundary.omega or ""),
         "circle": verdict.circle,
         "lost": lost,
@@ -99,81 +97,21 @@ def portrait_of(kappa, place, verdict, escaping):
     }
 
 
-def name_of(kappa, place):
-    """Return the forcing in words, e.g. "(kappa1, kappa2) = (0.3, 0.5)"."""
-    if place is not None:
-        plane, point = place
-        return f"({', '.join(plane.axes)}) = ({point[0]}, {point[1]})"
-    if kappa.size <= _SHOWN:
-        return f"kappa = ({', '.join(map(str, kappa.tolist()))})"
-    return f"kappa of {kappa.size} kicks, from {kappa.min():.6g} to {kappa.max():.6g}"
+def direct_iteration(verdict, escaping):
+    """Say what direct iteration shows: a list of lines, empty where it was not asked."""
+    from nasm.verdict import Answer
 
-
-def sentences(kappa, place, verdict, escaping):
-    """Put the verdict into words, a list of lines."""
-    from nasm.verdict import Answer, Evidence
-
-    boundary, omega = verdict.boundary, verdict.boundary.omega
-    meaning, circle = {
-        Answer.BARRIER: (
-            "a rotational invariant circle is left; no orbit gets past it",
-            "The circle",
-        ),
-        Answer.TRANSPORT: (
-            "no rotational invariant circle is left; transport in y is global",
-            "The last circle to break on the ray was that",
-        ),
-        Answer.UNDECIDED: (
-            "neither a barrier nor transport could be shown",
-            "The last circle to break on the ray is that",
-        ),
-    }[verdict.answer]
-    lines = [f"{verdict.answer.name} at {name_of(kappa, place)}: {meaning}."]
-    if omega is not None:
-        number = f"omega = {omega} = {float(omega):.12g} per step"
-        lines.append(f"{circle} of {number} (likewise all ±omega + {kappa.size}n).")
-    lines.append(f"Evidence: {verdict.evidence.value}.")
-    if verdict.proof is not None and not verdict.proof.proved:
-        lines.append(f"A proof was tried: {verdict.proof.why}.")
-    if verdict.steps < float("inf"):
-        lines.append(f"The longest-lived start is eliminated after {verdict.steps:g} steps.")
-    if verdict.evidence is not Evidence.INTEGRABLE:
-        lines += _distance(boundary)
     if escaping is not None:
         x, y = escaping[0][0], escaping[1][0]
-        lines.append(
+        return [
             f"Direct iteration: the orbit from (x, y) = ({x:.6g}, {y:.6g}) arrives at "
             f"y = {escaping[1][-1]:.3g} after {escaping[0].size - 1} steps."
-        )
-    elif verdict.answer is Answer.TRANSPORT:
-        lines.append(
-            "Direct iteration shows nothing: it is too slow this near the boundary."
-            if boundary.value > _NEAR
-            else "Direct iteration: no orbit was found that escapes; that shows nothing."
-        )
-    return lines
-
-
-def _distance(boundary):
-    """Say where the last circle breaks on the ray, in multiples of the strengths asked about."""
-    from math import isfinite
-
-    lines = []
-    if isfinite(boundary.value):
-        lines.append(
-            f"It breaks at {boundary.value:.12g} times these strengths, ±{boundary.error:.1g}, by "
-            "Greene's residue, or where there is no symmetry by the blow-up of the circle's norms "
-            "(criteria, not proofs)."
-        )
-    else:
-        lines.append(f"Where the last one breaks on the ray is not known: {boundary.status.value}.")
-    if isfinite(boundary.lower):
-        lines.append(f"A circle is certified at {boundary.lower:.9g} times these strengths.")
-    if isfinite(boundary.upper):
-        lines.append(
-            f"At {boundary.upper:.9g} times these strengths converse KAM finds no circle at all."
-        )
-    return lines
+        ]
+    if verdict.answer is not Answer.TRANSPORT:
+        return []
+    if verdict.boundary.value > _NEAR:
+        return ["Direct iteration shows nothing: it is too slow this near the boundary."]
+    return ["Direct iteration: no orbit was found that escapes; that shows nothing."]
 
 
 @command(ignore_unknown_options=True)
@@ -209,7 +147,8 @@ def main(kappa, plane, sequence, prove, out):
     transport = found.answer is Answer.TRANSPORT
     far = not found.boundary.value > _NEAR  # NaN: not known to be near
     escaping = escaping_orbit(strengths) if transport and far else None
-    told = "\n".join(sentences(strengths, place, found, escaping))
+    told = sentences(strengths, place, found) + direct_iteration(found, escaping)
+    told = "\n".join(told)
     click.echo(told)
 
     from workflows.figures.ask import draw_verdict
@@ -217,7 +156,7 @@ def main(kappa, plane, sequence, prove, out):
 
     figure = draw_verdict(portrait_of(strengths, place, found, escaping))
     asked = [plane.name] if plane else []
-    asked += [Path(sequence).stem] if sequence else map(str, kappa[:_SHOWN])
+    asked += [Path(sequence).stem] if sequence else map(str, kappa[:SHOWN])
     name = "_".join(["ask", *asked]).replace(":", "-").replace("/", "-").replace(",", "-")
     click.echo(f"figures: {', '.join(save(figure, out, name, told))}")
 

@@ -1,11 +1,9 @@
 """The portrait of one forcing, with what decides the verdict, and where it is in the plane."""
 
 import numpy as np
-from matplotlib import colormaps
-from matplotlib.cm import ScalarMappable
-from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
+from workflows.figures.phase_space import draw_orbits
 from workflows.figures.planes import symbols
 from workflows.figures.style import cell, dots
 
@@ -27,7 +25,7 @@ def draw_verdict(portrait):
     gaps |= {"left": 0.06, "right": 0.98, "bottom": 0.08, "top": 0.88}
     panels = figure.subplot_mosaic(places, width_ratios=[1.7, 1], gridspec_kw=gaps)
     axes, time, where = panels.values()
-    _draw_orbits(axes, portrait)
+    draw_orbits(axes, portrait["orbits"])
     omega = rf"$\omega = {portrait['omega']}$"
     if portrait["circle"] is not None:
         _draw_circle(axes, *portrait["circle"], color=_CIRCLE, lw=1.8, label=omega)
@@ -61,20 +59,6 @@ def draw_verdict(portrait):
     return figure
 
 
-def _draw_orbits(axes, portrait):
-    """Draw each orbit in the colour of its rotation number, the chaotic ones grey."""
-    half = portrait["kappa"].size / 2
-    colours, norm = colormaps["viridis"], Normalize(0, half)
-    near = abs((portrait["rotation"] + half) % (2 * half) - half)  # ±ω and all ω + Pn are alike
-    chaotic, x, y = np.isnan(near), portrait["x"], cell(portrait["y"])
-    axes.plot(x[:, chaotic].ravel(), y[:, chaotic].ravel(), **dots("0.7", 1.2))
-    for place in np.unique(np.round(near[~chaotic], 2)):  # few artists are quick to draw
-        here = np.round(near, 2) == place
-        axes.plot(x[:, here].ravel(), y[:, here].ravel(), **dots(colours(norm(place)), 1.2))
-    label = rf"$\omega$ of the orbit, in $[0, {half:g}]$; grey: chaotic"
-    axes.figure.colorbar(ScalarMappable(norm, colours), ax=axes, label=label, shrink=0.8)
-
-
 def _draw_circle(axes, x, y, **style):
     stride = max(1, x.size // 4096)
     x, y = x[::stride] % 1, cell(y[::stride])
@@ -87,7 +71,7 @@ def _draw_circle(axes, x, y, **style):
 
 def _draw_heights(axes, portrait):
     """Draw ω of the portrait's orbits by the height that they start at."""
-    y, omega = portrait["y"][0], portrait["rotation"]
+    y, omega = portrait["orbits"].start_y, portrait["orbits"].omega
     for line, colour, words in ((0, "#0072B2", "0"), (1, "#D55E00", "1/2")):
         axes.plot(y[line::2], omega[line::2], ".", color=colour, label=f"from $x = {words}$")
     axes.set(xlabel="$y$ of the start", ylabel=r"$\omega$; chaotic: none", xlim=(0, 1))

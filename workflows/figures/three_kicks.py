@@ -65,8 +65,8 @@ def _told(three):
         "circle to converse KAM; in colours the last circle, triangles where converse KAM alone "
         f"has an answer. Of {known.size} rays {int(known.sum())} have a value; the bracket's width "
         f"is {float(width.median()):.1e} of the scale in the median, at most "
-        f"{float(width.max()):.1e}. The map outlasts T, a certified circle of it beyond converse KAM "
-        "of T:"
+        f"{float(width.max()):.1e}. The map outlasts T, a certified circle of it beyond "
+        "converse KAM of T:"
     )
     for i, phase in enumerate(three.phase.attrs["exact"]):
         yield f"φ0 = {phase}: {where_above(three.angle.values, three.ratio_lower.values[i])}."

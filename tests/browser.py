@@ -1,0 +1,125 @@
+"""The explorer in a headless Chromium: a server as a user starts it, and pages of it."""
+
+import re
+import shutil
+import signal
+import subprocess
+import sys
+from contextlib import contextmanager
+
+import psutil
+import pytest
+from commands import succeed
+
+CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
+needed = pytest.mark.skipif(
+    CHROMIUM is None, reason="Chromium is not installed: apt-get install chromium"
+)
+PATIENCE = 100_000  # milliseconds, in which kernels may have to be compiled
+
+
+@contextmanager
+def server(out, *options):
+    """Run the explorer on a free port; yield its address, and the process. Ctrl-C ends it."""
+    command = [sys.executable, "-m", "workflows.explore", "--port", "0", "--no-browser"]
+    command += ["--out", str(out), "--workers", "1", *options]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
+        try:
+            told = "".join(iter(process.stderr.readline, "Ctrl-C ends it\n"))
+            yield re.search(r"http://localhost:\d+/", told).group(), process
+            family = psutil.Process(process.pid).children(recursive=True)
+            process.send_signal(signal.SIGINT)
+            _, said = process.communicate(timeout=60)
+            ended = process.returncode, said, psutil.wait_procs(family, 10)[1]
+            if ended != (0, "", []):
+                raise AssertionError(f"Ctrl-C left exit code, words and processes {ended}")
+        finally:
+            process.kill()
+
+
+@pytest.fixture(scope="session")
+def store(tmp_path_factory, workers):
+    """A directory with a small plane of escape times, as a command leaves it."""
+    out = tmp_path_factory.mktemp("explored")
+    small = "--kappa1 -1.1:1.1:32 --kappa2 -1.1:1.1:32 --n-max 300 --n-orbits 16 --tile 32"
+    succeed("escape_plane", out, *small.split(), *workers)
+    return out
+
+
+@pytest.fixture(scope="session")
+def served(store):
+    """The address of an explorer of `store`, and its process, for all tests of the session."""
+    with server(store) as running:
+        yield running
+
+
+@pytest.fixture(scope="session")
+def explorer(served):
+    """The address alone."""
+    return served[0]
+
+
+@pytest.fixture(scope="session")
+def chromium():
+    """Headless Chromium, for all tests of the session."""
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def page(chromium, explorer):
+    """A function that opens the explorer, with a query, in a tab of a width; no script may fail."""
+    failures, contexts = [], []
+
+    def opened(query="", width=1400, url=explorer):
+        context = chromium.new_context(viewport={"width": width, "height": 900})
+        contexts.append(context)
+        tab = context.new_page()
+        tab.set_default_timeout(PATIENCE)
+        tab.on("pageerror", lambda error: failures.append(error))
+        tab.on("console", lambda said: said.type == "error" and failures.append(said.text))
+        tab.goto(url + query)
+        tab.wait_for_function("window.Bokeh?.documents[0]?.is_idle")
+        return tab
+
+    yield opened
+    for context in contexts:
+        context.close()
+    assert not failures
+
+
+def ready(tab, but="nothing"):
+    """Wait until nothing is computed, `but` for what may go on."""
+    tab.wait_for_function("""(but) => {
+        const line = Bokeh.documents[0].get_model_by_name("status").text
+        const words = line.replace(/<[^>]*>/g, "").replace("computing: ", "").split(", ")
+        return words.every((word) => word.startsWith(but) || word.trim() == "ready")
+    }""", arg=but)  # fmt: skip
+
+
+def columns(tab, name):
+    """The columns of a data source of the page, as lists of flat lists."""
+    return tab.evaluate("""(name) => {
+        const data = Bokeh.documents[0].get_model_by_name(name).data
+        const entries = data instanceof Map ? [...data] : Object.entries(data)
+        return Object.fromEntries(entries.map(
+            ([key, column]) => [key, Array.from(column, (x) => x.length ? Array.from(x) : x)]))
+    }""", name)  # fmt: skip
+
+
+def picture(tab, label):
+    """The rectangle of the first figure in a section, inside its axes: x, y, width, height."""
+    return tab.evaluate("""(label) => {
+        const section = document.querySelector(`section[aria-label="${label}"]`)
+        const find = (view) => view.model.type == "Figure" ? view
+            : [...(view.child_views ?? [])].map(find).find((found) => found)
+        const views = [...Bokeh.index.roots].map(find).filter((view) => view)
+        const view = views.find((view) => section.contains(view.root.el.parentElement
+            ?? view.root.el) || section.contains(view.root.el))
+        const box = view.canvas_view.el.getBoundingClientRect(), frame = view.frame.bbox
+        return [box.x + frame.x0, box.y + frame.y0, frame.width, frame.height]
+    }""", label)  # fmt: skip

@@ -1,0 +1,322 @@
+"""The explorer: its page in a real browser, what it computes for a view, how it ends."""
+
+import http.client
+import threading
+import time
+from urllib.parse import parse_qs, urlparse
+
+import numpy as np
+import psutil
+import pytest
+from browser import columns, needed, picture, ready
+
+from nasm import barriers, escape
+from nasm.planes import rotating, three_kicks, two_kicks
+from workflows.explorer import field, rays
+from workflows.explorer.field import Field, View
+from workflows.explorer.page import asked_for
+from workflows.explorer.rays import Rays
+from workflows.explorer.work import Work
+
+PLANE = "Plane of forcings"
+
+
+def asked(tab):
+    """The permalink of a page, {name: text}."""
+    return {name: texts[0] for name, texts in parse_qs(urlparse(tab.url).query).items()}
+
+
+def until(tab, name, value):
+    """Wait for a parameter of the permalink."""
+    tab.wait_for_function(f"new URLSearchParams(location.search).get('{name}') == '{value}'")
+
+
+def escapes(view, row, column, steps):
+    """n* of one pixel of a view in the plane of two kicks."""
+    kappa = [
+        low + (i + 0.5) * (high - low) / n
+        for i, n, (low, high) in ((column, view.shape[1], view.a), (row, view.shape[0], view.b))
+    ]
+    x, y = escape.ensemble(field.ORBITS)
+    return escape.escape_time(kappa, x, y, steps).min()
+
+
+class Here:
+    """A dask client that computes at once, and counts forcings."""
+
+    status, asked = "running", 0
+
+    def nthreads(self):
+        return {"here": 1}
+
+    def submit(self, function, *args, **options):
+        self.asked += len(args[0]) if isinstance(args[0], np.ndarray) else 0
+        return Done(function(*args))
+
+    def cancel(self, futures):
+        pass
+
+
+class Done:
+    status = "finished"
+
+    def __init__(self, value):
+        self.value = value
+
+    def add_done_callback(self, callback):
+        callback(self)
+
+    def result(self):
+        return self.value
+
+
+def pictures(view, steps, fields=(), plane=None):
+    client = Here()
+    work = field.computed(lambda: client, plane or two_kicks(), view, steps, list(fields))
+    return [found for found in work if found is not None], client
+
+
+VIEW = View((0.8, 1.1), (0.0, 0.3), (54, 54))  # the boundary of N = 300 crosses it
+
+
+def test_every_pixel_with_an_escape_and_all_along_the_boundary_has_its_own_time():
+    found, client = pictures(VIEW, 300)
+    times, block, words = found[-1]
+    assert (block, words) == (1, "")
+    assert client.asked < times.size
+    assert 0.1 < np.isinf(times).mean() < 0.9
+    random = np.random.default_rng(1)
+    near = field._at_boundary(times, 300) | (times <= 300)
+    for row, column in random.permutation(np.argwhere(near))[:40]:
+        assert times[row, column] == escapes(VIEW, row, column, 300) or (
+            np.isinf(times[row, column]) and np.isinf(escapes(VIEW, row, column, 300))
+        )
+    assert [blocks for _, blocks, _ in found] == sorted((b for _, b, _ in found), reverse=True)
+
+
+def test_mirror_images_in_the_plane_are_computed_once():
+    view = View((-1.1, 1.1), (-1.1, 1.1), (108, 108))
+    found, client = pictures(view, 400)
+    times = found[-1][0]
+    assert (times == times.T).all()
+    assert (times == times[::-1]).all()
+    assert client.asked < 0.2 * times.size
+    row, column = np.argwhere(times <= 400)[7]
+    image = sorted((abs(row - 53.5), abs(column - 53.5)))  # in 0 to 45 degrees
+    assert times[row, column] == escapes(view, *(np.array(image) + 53.5).astype(int), 400)
+
+
+def test_what_is_known_is_not_computed_again():
+    times, *_ = pictures(VIEW, 300)[0][-1]
+    known = Field(*VIEW.centres(), times, 300)
+    _, client = pictures(VIEW, 300, [known])
+    assert client.asked == 0
+    _, client = pictures(VIEW, 100, [known])  # fewer steps are known too
+    assert client.asked == 0
+    moved = View((0.85, 1.15), (0.0, 0.3), (54, 54))
+    (first, *_), client = pictures(moved, 300, [known])
+    assert (first[0][:, :45] == times[:, 9:]).mean() > 0.97 or np.isinf(times).mean() > 0.9
+    assert 0 < client.asked < 0.35 * times.size
+    nearer = View((0.95, 0.96), (0.1, 0.11), (54, 54))  # a preview, and then all of it
+    found, client = pictures(nearer, 300, [known])
+    assert not np.isnan(found[0][0]).any()
+    assert client.asked > 1000
+
+
+def test_the_distance_to_the_boundary_is_that_of_the_ray():
+    known = Rays(two_kicks())
+    known.add(rays._on_ray(two_kicks(), 20.0, 1e-2))
+    known.add(rays._on_ray(two_kicks(), 22.0, 1e-2))
+    for angle in (21.0, 159.0, 249.0):
+        direction = np.array([np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))])
+        scale = barriers.critical_scale(direction, 1e-2).value
+        excess, _ = known.at(*(1.07 * scale * direction))
+        assert excess == pytest.approx(0.07, abs=2e-4)
+    assert known.at(-0.1, 0.5) is None  # far from all rays
+
+
+@pytest.mark.parametrize("plane", [two_kicks(), rotating("1/3"), three_kicks(0.2)])
+def test_the_rays_of_a_view_cross_it_and_a_second_look_needs_none(plane):
+    known = Rays(plane)
+    for view in (View((-1, 1), (-1, 1), (54, 54)), View((0.97, 0.9701), (0.96, 0.9601), (54, 54))):
+        angles = known.missing(view)
+        assert 0 < len(angles) < 400
+        known.known |= {angle: None for ray in angles for angle in plane.unfold(ray).tolist()}
+        assert known.missing(view) == []
+
+
+class Document:
+    """Of callbacks that are called by hand."""
+
+    def __init__(self):
+        self.callbacks = []
+
+    def add_next_tick_callback(self, callback):
+        self.callbacks.append(callback)
+
+    def run(self, until):
+        end = time.monotonic() + 10
+        while not until():
+            assert time.monotonic() < end
+            while self.callbacks:
+                self.callbacks.pop(0)()
+            time.sleep(1e-3)
+
+
+def test_of_computations_the_latest_counts():
+    document, found, failed, gate = Document(), [], [], threading.Event()
+    work = Work(document, None)
+    work.on_failure(lambda *what: failed.append(what))
+    lane = work.latest("number")
+
+    def computed(number):
+        gate.wait(10)
+        return number
+
+    for number in range(5):
+        lane.submit(computed, number, done=found.append)
+    assert list(work.busy) == ["number"]
+    gate.set()
+    document.run(lambda: not work.busy)
+    assert found == [4]
+    lane.submit(lambda: 1 // 0, done=found.append)
+    document.run(lambda: not work.busy)
+    assert found == [4]
+    assert failed == [("number", "ZeroDivisionError('integer division or modulo by zero')")]
+
+
+def test_a_closed_tab_ends_its_generators():
+    document, found, closed = Document(), [], threading.Event()
+    work = Work(document, None)
+
+    def endless():
+        try:
+            while True:
+                yield 1
+                time.sleep(1e-3)
+        finally:
+            closed.set()
+
+    work.latest("endless").submit(endless, done=found.append)
+    document.run(lambda: found)
+    work.close()
+    assert closed.wait(10)
+
+
+@pytest.mark.parametrize(
+    ("query", "words"),
+    [
+        ({"k1": "x"}, "'x' is no number"),
+        ({"k1": "inf"}, "not finite"),
+        ({"k2": "1e9"}, "too large"),
+        ({"n": "7"}, "n='7' must be a whole number from 100"),
+        ({"k1": "0.1", "plane": "rotating:1/3"}, "start one with --plane rotating:1/3"),
+    ],
+)
+def test_an_address_that_asks_for_what_is_not_there_says_so(query, words):
+    state, wrong = asked_for(two_kicks(), query)
+    assert words in wrong
+    assert (state.point, state.steps) == ((0.5, 0.4), 10_000)
+
+
+@needed
+def test_a_click_moves_the_forcing_and_its_address_brings_it_back(page):
+    tab = page("?k1=0.25&k2=-0.125&n=200")
+    fields = tab.get_by_role("textbox")
+    assert [fields.nth(i).input_value() for i in (0, 1)] == ["0.25", "-0.125"]
+    left, top, width, height = picture(tab, PLANE)
+    tab.mouse.click(left + 0.75 * width, top + 0.25 * height)
+    tab.wait_for_function("!location.search.includes('k1=0.25&')")
+    there = asked(tab)
+    assert float(there["k1"]) == pytest.approx(0.575, abs=0.01)
+    assert float(there["k2"]) == pytest.approx(0.575, abs=0.01)
+    assert there["n"] == "200"
+    tab.mouse.move(left + 0.75 * width, top + 0.25 * height)
+    tab.mouse.down()
+    tab.mouse.move(left + 0.5 * width, top + 0.3 * height, steps=4)
+    tab.mouse.up()
+    tab.wait_for_function("new URLSearchParams(location.search).get('k1') < 0.1")
+    assert float(asked(tab)["k2"]) == pytest.approx(0.46, abs=0.02)
+    again = page("?" + urlparse(tab.url).query)  # two tabs at once
+    assert asked(again) == asked(tab)
+
+
+@needed
+def test_bad_input_is_a_message_beside_the_field(page):
+    tab = page("?k1=0.25&k2=0.5&n=100")
+    first = tab.get_by_role("textbox").first
+    for text, words in (("one", "'one' is no number"), ("1e7", "too large")):
+        first.fill(text)
+        first.press("Enter")
+        tab.get_by_role("alert").get_by_text(words).wait_for()
+        assert asked(tab)["k1"] == "0.25"
+    first.fill("-0.3")
+    first.press("Enter")
+    until(tab, "k1", "-0.3")
+    assert tab.get_by_role("alert").count() == 0
+
+
+@needed
+def test_a_zoom_to_1e_4_shows_the_escape_times_of_its_pixels(page):
+    tab = page("?n=1000", width=390)
+    left, top, width, height = picture(tab, PLANE)
+    tab.mouse.move(left + 0.98 * width, top + 0.47 * height)
+    for _ in range(11):
+        tab.mouse.wheel(0, -600)
+    tab.wait_for_function("""() => {
+        const shown = Bokeh.documents[0].get_model_by_name("times").data
+        return shown.da[0] < 1e-4 && shown.times[0].some(Number.isFinite)
+    }""")
+    ready(tab, but="boundary")
+    shown = columns(tab, "times")
+    shape = tab.evaluate("Bokeh.documents[0].get_model_by_name('times').data.times[0].shape")
+    corner = (
+        (shown[low][0], shown[low][0] + shown[size][0]) for low, size in (("a", "da"), ("b", "db"))
+    )
+    view = View(*corner, tuple(shape))
+    assert 1e-9 < np.ptp(view.a) < 1e-4
+    times = np.reshape(shown["times"][0], shape)
+    assert np.isfinite(times).mean() > 0.9
+    # The last bit of a forcing decides over n*, and the corner is known but for that; two pixels
+    # side by side have the same n* in one case of a hundred.
+    same = [times[i, i] == escapes(view, i, i, 1000) for i in range(0, 200, 5)]
+    assert np.mean(same) > 0.15
+
+
+@needed
+def test_the_page_stacks_its_panels_on_a_phone_and_the_slider_takes_keys(page):
+    tab = page("?n=200", width=390)
+    assert tab.evaluate("document.documentElement.scrollWidth") <= 390
+    plane, portrait = picture(tab, PLANE), picture(tab, "Phase portrait")
+    assert portrait[1] > plane[1] + plane[3]
+    assert plane[2] > 250
+    tab.get_by_role("slider").press("ArrowLeft")
+    until(tab, "n", "100")
+
+
+@needed
+def test_no_other_site_and_no_other_machine_gets_in(served):
+    url, process = served
+    asks = {"Connection": "Upgrade", "Upgrade": "websocket", "Sec-WebSocket-Version": "13"}
+    asks |= {"Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ==", "Sec-WebSocket-Protocol": "bokeh"}
+    connection = http.client.HTTPConnection(urlparse(url).netloc)
+    connection.request("GET", "/ws", headers=asks | {"Origin": "http://elsewhere.example"})
+    assert connection.getresponse().status == 403
+    connection.close()
+    server = psutil.Process(process.pid)
+    family = [server, *server.children(recursive=True)]
+    open_to = [port.laddr.ip for one in family for port in one.net_connections() if not port.raddr]
+    assert set(open_to) == {"127.0.0.1"}
+
+
+@needed
+def test_a_lost_worker_is_replaced(page, served):
+    tab = page("?n=100")
+    family = psutil.Process(served[1].pid).children(recursive=True)
+    (worker,) = (one for one in family if "spawn_main" in " ".join(one.cmdline()))
+    ready(tab, but="boundary")
+    worker.kill()
+    tab.get_by_role("slider").press("ArrowRight")
+    until(tab, "n", "200")
+    ready(tab, but="boundary")
+    assert not worker.is_running()

@@ -1,0 +1,213 @@
+"""First escape times at the resolution of a view: what is known, and coarse to fine what is not.
+
+A view is computed in blocks of 27, 9, 3 pixels and 1. Escape is quick, and a matter of chance in
+each; no escape costs all N steps. So blocks without an escape, all of whose neighbours are without
+one, are not cut further.
+"""
+
+from dataclasses import dataclass
+from time import monotonic
+
+import numpy as np
+
+from nasm import escape
+from pipeline.cubes.escape import SECONDS_PER_KICK
+from pipeline.sweep.refine import boundary_cells
+from workflows.explorer.work import spread
+
+BLOCKS = (27, 9, 3, 1)  # pixels along each side
+_CUT = 3
+ORBITS = 64
+_FIRST_STEPS = 1000  # of the first look, if N is more
+_BATCH = 0.06  # CPU seconds of a task
+_LAST = 2e-4  # of the view
+_EDGE = 1e-9  # of a block: rounding
+_PATIENCE = 0.3  # seconds between two pictures of one size of blocks
+
+
+@dataclass(frozen=True)
+class View:
+    """A rectangle of a plane in pixels.
+
+    a, b : (lo, hi) of the two coordinates. shape : (rows, columns), multiples of 27.
+    """
+
+    a: tuple[float, float]
+    b: tuple[float, float]
+    shape: tuple[int, int]
+
+    def centres(self, block=1):
+        """Return the coordinates a and b of the centres of blocks, two vectors."""
+        sides = zip((self.a, self.b), self.shape[::-1], strict=True)
+        return [lo + (np.arange(n // block) + 0.5) * block * (hi - lo) / n for (lo, hi), n in sides]
+
+    @property
+    def pixel(self):
+        """Width and height of a pixel."""
+        return np.array([np.ptp(self.a), np.ptp(self.b)]) / self.shape[::-1]
+
+
+@dataclass(frozen=True)
+class Field:
+    """First escape times that are known somewhere.
+
+    a, b : centres of cells, equally spaced. times : array or xarray.DataArray (b, a), inf for none
+    within `steps`, NaN for not known. cells : of these that one value fills, along each side.
+    stays : pixels of a view that a value may fill without being computed again.
+    """
+
+    a: np.ndarray
+    b: np.ndarray
+    times: object
+    steps: int
+    cells: int = 1
+    stays: float = 1.1
+
+    def on(self, view, steps):
+        """Return what it knows of {n* ≤ steps} in the view's pixels, NaN elsewhere; and how many
+        pixels wide its cells are."""
+        found = np.full(view.shape, np.nan)
+        cells, cell = [], 0.0
+        for axis, centres, width in zip((self.a, self.b), view.centres(), view.pixel, strict=True):
+            step = (axis[-1] - axis[0]) / (axis.size - 1)
+            index = np.rint((centres - axis[0]) / step)
+            cells.append(np.where((index >= 0) & (index < axis.size), index, -1).astype(int))
+            cell = max(cell, step / width)
+        column, row = cells
+        # The slices are read from disk only here.
+        box = [slice(i[i >= 0].min(initial=0), i.max() + 1) for i in (row, column)]
+        part = np.asarray(self.times[tuple(box)])
+        inside = np.ix_(row >= 0, column >= 0)
+        found[inside] = part[
+            np.ix_(row[row >= 0] - box[0].start, column[column >= 0] - box[1].start)
+        ]
+        found[np.isinf(found) & (self.steps < steps)] = np.nan
+        return found, cell * self.cells
+
+    def at(self, a, b):
+        """Return the time at a point, NaN outside."""
+        cells = [
+            round((value - axis[0]) / (axis[1] - axis[0]))
+            for value, axis in ((b, self.b), (a, self.a))
+        ]
+        inside = all(0 <= i < n for i, n in zip(cells, self.times.shape, strict=True))
+        return self.times[tuple(cells)] if inside else np.nan
+
+
+def computed(client, plane, view, steps, fields):
+    """Yield (times, block, words): the view's picture, better each time, and how far that is.
+
+    client : function → dask Client. plane : of forcings. view : View. steps : int, N.
+    fields : Fields that are known, best first.
+
+    Times have the view's shape; inf for no escape within N, NaN for not known yet; one value may
+    fill `block` pixels along each side. It also yields None, at least ten times a second.
+    """
+    final, backdrop, cell = _known(view, steps, fields)
+    times = np.full([n // BLOCKS[0] for n in view.shape], np.nan)
+
+    def picture(words, block):
+        pixels = _cut(times, block)
+        pixels = np.where(np.isnan(pixels) | (cell < block), backdrop, pixels)
+        return np.where(np.isnan(final), pixels, final), block, words
+
+    if not np.isnan(final).any():
+        yield final, 1, ""
+        return
+    if not np.isnan(backdrop).all():
+        yield picture("what is known", BLOCKS[0])
+    workers = client()
+
+    def fill(wanted, block, steps):
+        """Compute the blocks that are wanted, and yield pictures."""
+        images = _images(plane, view, block)[wanted]
+        asked, index = np.unique(images, return_inverse=True)
+        if not asked.size:
+            return
+        rows, columns = np.divmod(asked, wanted.shape[1])
+        likely = times.ravel()[asked]
+        likely = np.where(likely <= steps, likely, steps)  # also if not known
+        seconds = np.cumsum(likely) * SECONDS_PER_KICK * ORBITS * len(plane.origin)
+        batch = np.floor(seconds / min(_BATCH, seconds[-1] / 4)).astype(int)
+        parts = np.split(np.arange(asked.size), np.flatnonzero(np.diff(batch)) + 1)
+        a, b = view.centres(block)
+        kappas = plane.forcing(a[columns], b[rows])
+        calls = ((i, _escapes, kappas[part], steps) for i, part in enumerate(parts))
+        found, before, told = np.full(asked.size, np.nan), times[wanted], monotonic()
+        for ended in spread(workers, calls):
+            if ended is not None:
+                found[parts[ended[0]]] = ended[1]
+            if monotonic() - told < _PATIENCE:
+                yield None
+                continue
+            told, now = monotonic(), found[index]
+            times[wanted] = np.where(np.isnan(now), before, now)
+            yield picture(f"{block} px, {1 - np.isnan(found).mean():.0%}", block)
+        times[wanted] = found[index]
+        yield picture(f"{block} px", block)
+
+    for block in BLOCKS:
+        rows, columns = (n // block for n in view.shape)
+        known = (~np.isnan(final)).reshape(rows, block, columns, block).all(axis=(1, 3))
+        if block == BLOCKS[0]:
+            wanted = ~known
+            if steps > _FIRST_STEPS:  # a first look, before what may take long
+                yield from fill(wanted, block, _FIRST_STEPS)
+                wanted = wanted & ~(times <= steps)
+        else:
+            times = _cut(times, _CUT)
+            wanted = ((times <= steps) | _at_boundary(times, steps)) & ~known
+            wanted[_CUT // 2 :: _CUT, _CUT // 2 :: _CUT] = False  # a centre was the whole block's
+        times[known] = final[block // 2 :: block, block // 2 :: block][known]
+        done = known | wanted
+        yield from fill(wanted, block, steps)
+        if block == BLOCKS[1]:  # a short look everywhere, for what is thinner than the first blocks
+            yield from fill(~done, block, min(steps, _FIRST_STEPS))
+    # The finest blocks may show that the boundary runs on: follow it, but for single pixels.
+    while (wanted := _at_boundary(times, steps) & ~done).mean() > _LAST:
+        done |= wanted
+        yield from fill(wanted, block, steps)
+    yield picture("", block)
+
+
+def _cut(times, n):
+    """Return the field with every cell cut into n × n of its value."""
+    return times.repeat(n, axis=0).repeat(n, axis=1)
+
+
+def _images(plane, view, block):
+    """Return for each block the index of the one that is computed for it.
+
+    Forcings that the symmetries of the plane carry to each other are as transparent: what is
+    computed is the image with the least angle, if the view has it.
+    """
+    a, b = np.meshgrid(*view.centres(block))
+    itself = np.arange(a.size).reshape(a.shape)
+    turned = np.deg2rad(plane.fold(np.rad2deg(np.arctan2(b, a)))[0])
+    radius, (width, height) = np.hypot(a, b), view.pixel * block
+    columns = np.floor((radius * np.cos(turned) - view.a[0]) / width + _EDGE).astype(int)
+    rows = np.floor((radius * np.sin(turned) - view.b[0]) / height + _EDGE).astype(int)
+    inside = (columns >= 0) & (columns < a.shape[1]) & (rows >= 0) & (rows < a.shape[0])
+    return np.where(inside, rows * a.shape[1] + columns, itself)
+
+
+def _known(view, steps, fields):
+    """Return the times that can stay, those that are too coarse to, and how coarse these are."""
+    final, backdrop, coarse = np.full(view.shape, np.nan), np.full(view.shape, np.nan), np.inf
+    for field in fields:
+        times, cell = field.on(view, steps)
+        if cell <= field.stays:
+            final = np.where(np.isnan(final), times, final)
+        elif coarse == np.inf and not np.isnan(times).all():
+            coarse = cell
+        backdrop = np.where(np.isnan(backdrop), times, backdrop)
+    return final, backdrop, coarse
+
+
+def _at_boundary(times, steps):
+    return boundary_cells((times <= steps)[None])
+
+
+def _escapes(kappas, steps):
+    """On a worker: the first escape times of many forcings."""
+    return escape.first_escape(kappas, *escape.ensemble(ORBITS), [ORBITS], steps)[0]

@@ -1,0 +1,74 @@
+"""Files of what is seen: pictures and tables, which the browser saves; the server writes none."""
+
+import base64
+import io
+import json
+
+from bokeh.models import Button, CustomJS, Div, Row, Select
+
+from workflows.figures.explorer import draw_seen
+
+_KINDS = ("PNG", "SVG", "CSV", "netCDF")
+_ENDINGS = {"netCDF": "nc"}
+
+
+def panel(state, work):
+    """Return the buttons that save what a panel shows."""
+    which = Select(title="Save the", options=list(state.seen), width=140)
+    which.value = which.options[-1]
+    file = Div(visible=False)
+    file.js_on_change("text", CustomJS(code=_SAVE))
+    lane = work.latest("file")
+
+    def save(kind):
+        seen = state.seen[which.value]()
+        if seen is not None:
+            lane.submit(_file, kind, which.value, seen, state, done=give)
+
+    def give(content):
+        file.text, file.text = content, ""  # so that the same file can be saved again
+
+    buttons = [Button(label=kind) for kind in _KINDS]
+    for button in buttons:
+        button.on_click(lambda kind=button.label: save(kind))
+    return Row(which, *buttons, file, styles={"flex-wrap": "wrap", "gap": "4px 8px"})
+
+
+_SAVE = """
+if (!cb_obj.text) return
+const {name, content} = JSON.parse(cb_obj.text)
+const bytes = Uint8Array.from(atob(content), (c) => c.charCodeAt(0))
+const link = document.createElement("a")
+link.href = URL.createObjectURL(new Blob([bytes]))
+link.download = name
+link.click()
+URL.revokeObjectURL(link.href)
+"""
+
+
+def _file(kind, name, seen, state):
+    """Return a file as JSON: its name and its bytes in base64."""
+    point = "_".join(f"{value:g}" for value in state.point)
+    name = f"{name.replace(' ', '_')}_{point}.{_ENDINGS.get(kind, kind.lower())}"
+    content = base64.b64encode(content_of(kind, seen)).decode()
+    return json.dumps({"name": name, "content": content})
+
+
+def content_of(kind, seen):
+    """Return the bytes of a file of that kind: "PNG", "SVG", "CSV" or "netCDF" (version 3).
+
+    seen : Dataset of a panel. A table of orbits has a row for each point.
+    """
+    if kind == "CSV":
+        table = seen[["x", "y", "which", "omega"]] if "which" in seen else seen
+        if "which" in seen:
+            table = table.drop_vars("omega").assign(omega=seen.omega[seen.which])
+        return table.to_dataframe().to_csv(float_format="%.12g").encode()
+    if kind == "netCDF":
+        plain = seen.copy()
+        for key, value in seen.attrs.items():  # netCDF has numbers, texts and lists of numbers
+            plain.attrs[key] = json.dumps(value) if isinstance(value, dict) else value
+        return bytes(plain.to_netcdf(engine="scipy"))
+    file = io.BytesIO()
+    draw_seen(seen).savefig(file, format=kind.lower(), dpi=200)
+    return file.getvalue()

@@ -1,0 +1,322 @@
+"""The plane of forcings: first escape times, where the last circle breaks, and the point."""
+
+from itertools import product
+
+import numpy as np
+import xarray as xr
+from bokeh.events import MouseLeave, MouseMove, Pan, PanEnd, PanStart, Tap
+from bokeh.models import (
+    AutocompleteInput,
+    CheckboxGroup,
+    ColorBar,
+    Column,
+    ColumnDataSource,
+    Div,
+    LogColorMapper,
+    PanTool,
+    Range1d,
+    ResetTool,
+    Row,
+    SaveTool,
+    WheelZoomTool,
+    ZoomInTool,
+    ZoomOutTool,
+)
+from bokeh.palettes import Magma256
+from bokeh.plotting import figure
+from contourpy import contour_generator
+
+from nasm.numbers import NAMES
+from nasm.planes import plane_of
+from pipeline import store
+from workflows.explorer import field, rays
+from workflows.explorer.field import BLOCKS, Field, View
+from workflows.explorer.rays import GREY, NO_LINES
+from workflows.explorer.words import alert, escaped
+from workflows.figures import planes
+from workflows.figures.style import smoothed
+from workflows.parts.tables import described
+
+_PIXELS = 640  # along each side, until the browser tells
+_MOST_PIXELS = 1024
+_HALF = 1.15  # of the largest strength, of the first view
+_KEPT = 8  # fields that are kept, to go back to
+_STAYS = 3  # pixels that a cell of OUT may fill
+_COLOURS = Magma256[:232]  # the palest are too like the grey of no escape
+_LINES = ["where the last circle breaks", "where n* ≤ N begins"]
+_CIRCLE = {
+    "title": "where the circle of this ω breaks (dashed)",
+    "completions": list(NAMES),
+    "placeholder": "gamma or [0;2,(1)]",
+    "restrict": False,
+    "min_characters": 1,
+    "width": 260,
+}
+_SYMBOLS = {r"$\kappa_1$": "κ₁", r"$\kappa_2$": "κ₂", r"$\bar\kappa$": "κ̄", r"$\Delta\kappa$": "Δκ"}
+
+
+def symbols(plane):
+    """Return the symbols of the axes of a plane in plain text, or what they are in words."""
+    return [_SYMBOLS.get(symbol, symbol) for symbol in planes.symbols(plane.axes)]
+
+
+def panel(state, work, shared):
+    """Return the left panel: the plane, what is under the pointer, the colours of the circles."""
+    plot, image, lines, point = _drawn(state)
+    told = Div(sizing_mode="stretch_width", css_classes=["told"], min_height=40)
+    legend = Div(sizing_mode="stretch_width")
+    circle, message = AutocompleteInput(**_CIRCLE), Div(width=250)
+    wanted = CheckboxGroup(labels=_LINES, active=[0], width=220)
+    fields, cubes, soon = [], [], []  # the last one is what the plane shows
+    lanes = {name: work.latest(name) for name in ("plane", "boundary", "circle")}
+    x, y = symbols(state.plane)
+    sides = plot.x_range, plot.y_range
+
+    def refresh():
+        """Compute what the view and N ask for."""
+        soon.clear()
+        draw_rays()
+        image.glyph.color_mapper.high = state.steps
+        view = _view(plot)
+        where = shared.client, state.plane
+        args = *where, view, state.steps, [*fields[::-1], *cubes]
+        lanes["plane"].submit(field.computed, *args, done=lambda found: show(view, *found))
+        args = *where, shared.rays.missing(view), view
+        lanes["boundary"].submit(rays.computed, *args, done=show_rays)
+        lines["circle"].data = {"a": [], "b": []}
+        if circle.value:
+            args = *where, circle.value, view
+            lanes["circle"].submit(rays.circle, *args, done=show_circle)
+
+    def refresh_soon():
+        if not soon:  # the ends of both ranges change one after another
+            soon.append(work.tick(refresh))
+
+    def show(view, times, block, words):
+        if fields and fields[-1].cells > 1:  # it was no more than a preview
+            fields.pop()
+        fields.append(Field(*view.centres(), times, state.steps, block))
+        del fields[:-_KEPT]
+        size = {"da": [np.ptp(view.a)], "db": [np.ptp(view.b)]}
+        start = {"a": [view.a[0]], "b": [view.b[0]]}
+        image.data_source.data = {"times": [times.astype(np.float32)], **start, **size}
+        work.progress("plane", words)
+        if block == 1 or not words:
+            draw_contour()
+
+    def show_rays(found):
+        table, words = found
+        shared.rays.add(table)
+        work.progress("boundary", words)
+        draw_rays()
+
+    def show_circle(found):
+        lines["circle"].data = found
+
+    def draw_rays():
+        drawn, colours = shared.rays.lines(_view(plot))
+        lines["boundary"].data = drawn if 0 in wanted.active else NO_LINES
+        legend.text = _legend(colours) if 0 in wanted.active else ""
+        mark()
+
+    def draw_contour():
+        shown = 1 in wanted.active and fields
+        lines["contour"].data = _contour(fields[-1], state.steps) if shown else {"a": [], "b": []}
+
+    def choose(attr, old, new):
+        draw_rays()
+        draw_contour()
+
+    def name_circle(attr, old, new):
+        try:
+            rays.checked(state.plane, new)
+            message.text = ""
+        except ValueError as error:
+            message.text = alert(str(error))
+            circle.update(value="")
+        refresh()
+
+    def opened(found):
+        """Show what OUT holds, and compute the rest."""
+        cubes[:], barrier = found
+        if barrier is not None:
+            shared.rays.add_cube(barrier)
+        refresh()
+
+    def words_at(a, b):
+        words = f"{x} = {a:.6g}, {y} = {b:.6g}"
+        n = fields[-1].at(a, b) if fields else np.nan
+        if not np.isnan(n):
+            words += f" · n* = {n:.0f}" if n <= state.steps else f" · n* > {state.steps}"
+        found = shared.rays.at(a, b)
+        if found is not None:
+            excess, ray = found
+            side = "beyond" if excess > 0 else "inside"
+            words += f" · {100 * abs(excess):.3g}% {side} the boundary"
+            words += f" · last circle ω = {rays.named(ray)}"
+        return words
+
+    def mark():
+        a, b = state.point
+        point.data = {"a": [a], "b": [b]}
+        told.text = words_at(a, b)
+
+    drag = {"view": None, "before": None, "pans": False}
+
+    def begin(event):
+        pans = bool(event.modifiers and event.modifiers["shift"])
+        drag.update(view=_view(plot), before=None, pans=pans)
+
+    def dragged(event):
+        view = drag["view"]
+        if drag["pans"]:
+            steps = view.pixel * (-event.delta_x, event.delta_y)
+            for side, ends, step in zip(sides, (view.a, view.b), steps, strict=True):
+                side.update(start=ends[0] + step, end=ends[1] + step)
+        # If a tool of the toolbar pans, the view moves along, which is known one event later.
+        elif drag["before"] and view == _view(plot):
+            move(*drag["before"])
+        drag["before"] = event.x, event.y
+
+    def end(event):
+        if drag["view"] == _view(plot) and not drag["pans"]:
+            move(event.x, event.y)
+
+    def move(a, b):
+        try:
+            state.move(a, b)
+        except ValueError as error:
+            work.fail("plane", error)
+
+    def escapes():
+        """What the plane shows, as a Dataset."""
+        return _dataset(state.plane, fields[-1]) if fields else None
+
+    def pointed(event):
+        told.text = words_at(event.x, event.y)
+
+    plot.on_event(Tap, lambda event: move(event.x, event.y))
+    plot.on_event(PanStart, begin)
+    plot.on_event(Pan, dragged)
+    plot.on_event(PanEnd, end)
+    plot.on_event(MouseMove, pointed)
+    plot.on_event(MouseLeave, lambda event: mark())
+    for model, name in product(sides, ("start", "end")):
+        model.on_change(name, lambda attr, old, new: refresh_soon())
+    for name in ("inner_width", "inner_height"):
+        plot.on_change(name, lambda attr, old, new: refresh_soon())
+    circle.on_change("value", name_circle)
+    wanted.on_change("active", choose)
+    state.on_change(mark)
+    state.on_steps(refresh_soon)
+    state.seen |= {"escape": escapes, "boundary": shared.rays.table}
+    mark()
+    work.latest("cubes").submit(_cubes, shared.place, state.plane, done=opened)
+    controls = Row(wanted, circle, message, styles={"flex-wrap": "wrap"})
+    return Column(plot, told, legend, controls, sizing_mode="stretch_width")
+
+
+def _drawn(state):
+    """Return the figure, the renderer of the field, {name: source of lines}, and the point's."""
+    view = _first_view(state.plane)
+    labels = dict(zip(("x_axis_label", "y_axis_label"), symbols(state.plane), strict=True))
+    wheel = WheelZoomTool()
+    tools = [PanTool(), wheel, ZoomInTool(), ZoomOutTool(), ResetTool(), SaveTool()]
+    plot = figure(
+        **labels,
+        x_range=Range1d(*view.a, **_limits(view.a)),
+        y_range=Range1d(*view.b, **_limits(view.b)),
+        tools=tools,
+        active_scroll=wheel,
+        active_drag=None,
+        sizing_mode="stretch_width",
+        aspect_ratio=1.06,  # with the colours beside it
+        toolbar_location="above",
+    )
+    plot.toolbar.logo = None
+    plot.grid.visible = False
+    plot.axis.axis_label_text_font_style = "normal"
+    mapper = LogColorMapper(_COLOURS, low=10, high=state.steps, high_color="#f0f0f0")
+    mapper.nan_color = "rgba(0, 0, 0, 0)"
+    blank = {"times": [np.full((1, 1), np.nan, np.float32)], "a": [view.a[0]], "b": [view.b[0]]}
+    blank |= {"da": [np.ptp(view.a)], "db": [np.ptp(view.b)]}
+    source = ColumnDataSource(blank, name="times")
+    image = plot.image("times", "a", "b", "da", "db", source=source, color_mapper=mapper)
+    title = "n*, first escape (steps); grey: none within N"
+    plot.add_layout(ColorBar(color_mapper=mapper, title=title, width=10, padding=4), "right")
+    lines = {name: ColumnDataSource({"a": [], "b": []}) for name in ("contour", "circle")}
+    lines["boundary"] = ColumnDataSource(NO_LINES, name="boundary")
+    plot.multi_line("a", "b", source=lines["contour"], line_color="black", line_width=1.2)
+    plot.multi_line("a", "b", source=lines["boundary"], line_color="white", line_width=5)
+    plot.multi_line("a", "b", source=lines["boundary"], line_color="colour", line_width=2.5)
+    dashed = {"line_color": "black", "line_width": 2, "line_dash": "dashed"}
+    plot.multi_line("a", "b", source=lines["circle"], **dashed)
+    point = ColumnDataSource({"a": [], "b": []})
+    cross = {"source": point, "size": 16, "marker": "circle_cross", "fill_alpha": 0}
+    plot.scatter("a", "b", line_color="white", line_width=5, **cross)
+    plot.scatter("a", "b", line_color="black", line_width=2, **cross)
+    return plot, image, lines, point
+
+
+def _first_view(plane):
+    half = [_HALF / max(map(abs, vector)) for vector in (plane.first, plane.second)]
+    return View((-half[0], half[0]), (-half[1], half[1]), (_PIXELS, _PIXELS))
+
+
+def _limits(ends):
+    """Return how far one can zoom: beyond it, pixels are no longer apart as floats."""
+    size = float(np.ptp(ends))
+    return {"min_interval": 1e-9 * size, "max_interval": 30 * size}
+
+
+def _view(plot):
+    """Return what the figure shows, with about as many pixels as the browser has."""
+    ends = [sorted((r.start, r.end)) for r in (plot.x_range, plot.y_range)]
+    told = plot.inner_height or _PIXELS, plot.inner_width or _PIXELS
+    shape = (BLOCKS[0] * max(2, round(min(n, _MOST_PIXELS) / BLOCKS[0])) for n in told)
+    return View(*(tuple(map(float, end)) for end in ends), tuple(shape))
+
+
+def _contour(field, steps):
+    """Return the boundary of {n* ≤ steps} of a running median, as lines."""
+    inside = smoothed(field.times) <= steps
+    found = contour_generator(field.a, field.b, inside.astype(float)).lines(0.5)
+    return {"a": [line[:, 0] for line in found], "b": [line[:, 1] for line in found]}
+
+
+def _dataset(plane, field):
+    first, second = plane.axes
+    axes = {
+        name: (name, values, described(plane.axes[name]))
+        for name, values in zip(plane.axes, (field.a, field.b), strict=True)
+    }
+    words = "first step at which an orbit of the ensemble is outside the window"
+    times = (second, first), field.times, described(words)
+    attrs = {"title": "First escape times, as shown", "n_max": field.steps, **plane.record}
+    return xr.Dataset({"escape_time": times}, axes, attrs)
+
+
+def _cubes(place, plane):
+    """Open the cubes of OUT that are of this plane: a list of Fields, and the barrier or None."""
+    try:
+        names = store.names(place)
+    except store.Refused:  # there is no such directory
+        return [], None
+    cubes = {name: store.read(place, name) for name in ("escape", "barrier") if name in names}
+    cubes = {name: cube for name, cube in cubes.items() if plane_of(cube.attrs) == plane}
+    fields = []
+    if "escape" in cubes:
+        times = cubes["escape"].escape_time.isel(ensemble=-1)
+        axes = [times[name].values for name in plane.axes]
+        fields.append(Field(*axes, times, int(cubes["escape"].attrs["n_max"]), stays=_STAYS))
+    return fields, cubes["barrier"].load() if "barrier" in cubes else None
+
+
+def _legend(colours):
+    """Return the colours of the circles, as HTML."""
+    bar = "display: inline-block; width: 1.4em; height: 0.35em; vertical-align: middle"
+    return "".join(
+        f'<span style="white-space: nowrap; margin-right: 1.2em">'
+        f'<span style="{bar}; background: {colour}"></span> {escaped(text)}</span>'
+        for text, colour in {**{f"ω = {ω}": c for ω, c in colours.items()}, "others": GREY}.items()
+    )

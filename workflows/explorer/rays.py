@@ -1,0 +1,224 @@
+"""Where the last circle breaks, on rays: what is known so far, and the rays that a view needs.
+
+As arXiv:1606.04824, Sec. VI, by `pipeline.cubes.barrier`; all images of a ray under the symmetries
+of the plane come with it.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+
+from nasm.numbers import parse
+from pipeline.cubes.barrier import boundary, unfolded
+from pipeline.cubes.breakdown import by_continuation
+from workflows.explorer.work import spread
+from workflows.figures.style import circle_class, class_colours
+from workflows.parts.tables import described
+
+NO_LINES = {"a": [], "b": [], "colour": []}
+GREY = "#555555"
+_SPACING = 2.0  # degrees, of a view around the origin
+_N_RAYS = 64  # of any other view
+_TIPS = np.geomspace(2.0, 0.02, 6)  # degrees beside the diagonals, where boundaries have cusps
+_PARTS = 8  # in which a circle's rays are computed
+_WIDE = 0.2  # of a view, around whose boundary a wide bracket will do
+_ENOUGH = 8  # rays of a view, to give colours to its circles alone
+_GAP = 25.0  # degrees without a ray, over which no line is drawn
+
+
+@dataclass(frozen=True)
+class Breakup:
+    """scale : where the last circle breaks on the ray, NaN if not known. error : of it.
+
+    circle : text of ω, "" if not known; omega : the float.
+    """
+
+    scale: float
+    error: float
+    circle: str
+    omega: float
+
+
+class Rays:
+    """What is `known` of a plane, {angle in degrees from 0 to 360: Breakup}."""
+
+    def __init__(self, plane):
+        self.plane, self.known = plane, {}
+        # Of ω and its image whole - ω the boundaries are alike, and have one colour.
+        self._whole = max(shift for *_, shift in plane.symmetries)
+
+    def add(self, table):
+        """Take in what `barrier.boundary` or `barrier.unfolded` return."""
+        columns = (table[name].values for name in ("angle", "critical_scale", "error", "omega"))
+        for angle, scale, error, omega, circle in zip(*columns, table.circle.values, strict=True):
+            found = Breakup(float(scale), float(error), str(circle), float(omega))
+            self.known[float(angle) % 360] = found
+
+    def add_cube(self, barrier):
+        """Take in the cube `barrier` with all its images."""
+        images = self.plane.unfold(barrier.angle.values)
+        self.add(unfolded(barrier, np.unique(images)))
+
+    def lines(self, view):
+        """Return the boundary as pieces of one circle each, columns a, b and colour; and the
+        colours {text of ω: colour} of those circles that are last on 1% of the view or more."""
+        angles = sorted(angle for angle, ray in self.known.items() if np.isfinite(ray.scale))
+        if len(angles) < 2:
+            return NO_LINES, {}
+        rays = [self.known[angle] for angle in angles]
+        points = [
+            ray.scale * np.exp(1j * np.deg2rad(a)) for a, ray in zip(angles, rays, strict=True)
+        ]
+        seen = [
+            i
+            for i, point in enumerate(points)
+            if view.a[0] <= point.real <= view.a[1] and view.b[0] <= point.imag <= view.b[1]
+        ]
+        seen = seen if len(seen) > _ENOUGH else range(len(angles))
+        circles = [rays[i].circle for i in seen]
+        _, colours = class_colours(np.take(angles, seen), circles, self._whole)
+        colours = {text: shade for text, shade in colours.items() if shade.startswith("#")}
+        shades = [colours.get(circle_class(ray.circle, self._whole), GREY) for ray in rays]
+        pieces, drawn = [], []
+        for i, after in zip(range(len(angles)), [*range(1, len(angles)), 0], strict=True):
+            if not 0 < (angles[after] - angles[i]) % 360 <= _GAP:
+                continue
+            middle = (points[i] + points[after]) / 2
+            for start, end, shade in (
+                (points[i], middle, shades[i]),
+                (middle, points[after], shades[after]),
+            ):
+                if pieces and drawn[-1] == shade and pieces[-1][-1] == start:
+                    pieces[-1].append(end)
+                else:
+                    pieces.append([start, end])
+                    drawn.append(shade)
+        a, b = [np.real(piece) for piece in pieces], [np.imag(piece) for piece in pieces]
+        return {"a": a, "b": b, "colour": drawn}, colours
+
+    def at(self, a, b):
+        """Return (excess, Breakup) at a point: how far it is beyond the boundary, in parts of the
+        boundary's scale, and the nearer ray; None where no rays are known on both sides."""
+        angle, radius = np.rad2deg(np.arctan2(b, a)) % 360, np.hypot(a, b)
+        angles = np.array(sorted(k for k, ray in self.known.items() if np.isfinite(ray.scale)))
+        if not angles.size:
+            return None
+        i = np.searchsorted(angles, angle)
+        before, after = angles[i - 1], angles[i % angles.size]
+        gap, part = (after - before) % 360, (angle - before) % 360
+        low, high = self.known[before], self.known[after]
+        if part == 0 or gap == 0 or gap > _GAP:
+            return (radius / low.scale - 1, low) if part == 0 else None
+        # The chord from one point of the boundary to the next, where the ray passes it.
+        one, other = np.sin(np.deg2rad([part, gap - part]))
+        chord = np.sin(np.deg2rad(gap)) / (one / high.scale + other / low.scale)
+        return radius / chord - 1, low if part < gap / 2 else high
+
+    def table(self):
+        """Return all that is known as a Dataset, dim (angle); None if nothing is."""
+        if not self.known:
+            return None
+        angles = sorted(self.known)
+        rays = [self.known[angle] for angle in angles]
+        words = {"scale": "scale at which the last circle breaks", "error": "error of scale"}
+        words["omega"] = "rotation number of the last circle, per step"
+        words["circle"] = "the same, exact"
+        columns = {
+            name: ("angle", [getattr(ray, name) for ray in rays], described(text))
+            for name, text in words.items()
+        }
+        place = described("direction of the ray in the plane", "degree")
+        return xr.Dataset(columns, {"angle": ("angle", angles, place)}, self.plane.record)
+
+    def missing(self, view):
+        """Return the rays to compute for a view: degrees, each for all its images, coarse first."""
+        angles, spacing = _across(view, _SPACING)
+        if spacing == _SPACING:
+            tips = np.add.outer(np.arange(0, 360, 45), [*-_TIPS, 0, *_TIPS]).ravel()
+            angles, spacing = np.concatenate([angles, tips]), 0.0
+        folded = np.unique(self.plane.fold(angles)[0].round(9))
+        known = np.array(sorted(self.known))
+        if known.size:
+            gaps = np.abs((folded[:, None] - known + 180) % 360 - 180).min(axis=1)
+            folded = folded[gaps > spacing / 2]
+        spread_evenly = np.argsort(np.arange(folded.size) * 0.6180339887 % 1)
+        return folded[spread_evenly].tolist()
+
+
+def computed(client, plane, angles, view):
+    """Yield (table, words) for `Rays.add`, ray by ray, and how far that is; or None.
+
+    client : function → dask Client; one worker is left to others. angles : of `Rays.missing`.
+    """
+    if not angles:
+        return
+    workers = client()
+    most = max(1, len(workers.nthreads()) - 1)
+    calls = ((angle, _on_ray, plane, angle, _tolerance(view)) for angle in angles)
+    count = 0
+    for ended in spread(workers, calls, most, priority=-1):
+        count += ended is not None
+        yield ended and (ended[1], f"{count} of {len(angles)} rays")
+
+
+def circle(client, plane, omega, view):
+    """Yield the line where the circle of ω, a text, breaks, better each time; or None."""
+    angles, _ = _across(view, 1.0)
+    found = {}
+    parts = [angles[i::_PARTS] for i in range(_PARTS)]
+    calls = (
+        (part.tobytes(), _circle_on_rays, plane, omega, part, _tolerance(view) / 10)
+        for part in parts
+    )
+    for ended in spread(client(), calls):
+        if ended is None:
+            yield None
+            continue
+        found |= ended[1]
+        points = [scale * np.exp(1j * np.deg2rad(angle)) for angle, scale in sorted(found.items())]
+        pieces = np.split(points, np.flatnonzero(np.isnan(points)))
+        yield {"a": [np.real(p) for p in pieces], "b": [np.imag(p) for p in pieces]}
+
+
+def checked(plane, omega):
+    """Refuse a text that is no irrational number, and a plane whose rays it cannot follow."""
+    if omega:
+        if parse(omega).is_rational:
+            raise ValueError(f"{omega} is rational, and has no circle; write one like [0;2,(1)]")
+        plane.rays_start_at_zero("continuation of circles")
+
+
+def _tolerance(view):
+    return 1e-3 if max(np.ptp(view.a), np.ptp(view.b)) > _WIDE else 1e-4
+
+
+def _across(view, spacing):
+    """Return angles of rays all across a view, and their spacing: the one given if the origin is in
+    it, or else such that they are 64."""
+    corners = np.array([complex(a, b) for a in view.a for b in view.b])
+    if view.a[0] <= 0 <= view.a[1] and view.b[0] <= 0 <= view.b[1]:
+        return np.arange(0, 360 + spacing, spacing), spacing
+    middle = corners.mean()
+    towards, turns = np.rad2deg(np.angle(middle)), np.rad2deg(np.angle(corners / middle))
+    low, high = towards + turns.min(), towards + turns.max()
+    angles, spacing = np.linspace(low, high, _N_RAYS, retstep=True)
+    diagonals = np.arange(np.ceil(low / 45), np.floor(high / 45) + 1) * 45  # cusps are there
+    return np.union1d(angles, diagonals), spacing
+
+
+def _on_ray(plane, angle, tol):
+    """On a worker: the breakup on a ray and all its images."""
+    return boundary(np.unique(plane.unfold(angle)), tol, plane)
+
+
+def _circle_on_rays(plane, omega, angles, tol):
+    """On a worker: {angle: scale at which the circle breaks}."""
+    job = by_continuation(plane, [parse(omega)], angles, tol)
+    found = job.compute({"circle": [omega], "angle": angles}, job.cube.settings)
+    return dict(zip(angles.tolist(), found["critical_scale"][0].tolist(), strict=True))
+
+
+def named(found):
+    """Return the rotation number in words, "[0;2,(1)] = 0.381966"; "not known" without one."""
+    return f"{found.circle} = {found.omega:.6g}" if found.circle else "not known"

@@ -1,0 +1,90 @@
+"""The verdict in words, the view as Python, and files of what is seen."""
+
+import time
+from html import escape
+
+from bokeh.models import Button, Column, CustomJS, Div, Row
+
+from nasm.verdict import verdict
+from workflows.explorer import files
+from workflows.parts.verdict_words import sentences
+
+_REST = 0.05  # seconds that the point has to rest, while it is dragged
+_POLL = 0.01
+
+
+def panel(state, work):
+    """Return what is below the two pictures."""
+    told = Div(sizing_mode="stretch_width", min_height=110)
+    code = Div(visible=False)
+    lane = work.latest("verdict")
+
+    def ask():
+        place = state.plane, state.point
+        told.text = _html(["computing the verdict …"])
+        code.text = _python(state)
+        state.judge(None)
+        lane.submit(_judged, work.client, state.kappa, done=lambda found: show(place, *found))
+
+    def show(place, found, seconds):
+        words = sentences(state.kappa, place, found)
+        told.text = _html([*words, f"This took {seconds:.2f} s."])
+        state.judge(found)
+
+    copy = Button(label="copy as Python")
+    copy.js_on_event("button_click", CustomJS(args={"code": code, "copy": copy}, code=_COPY))
+    state.on_change(ask)
+    ask()
+    style = {"flex-wrap": "wrap", "gap": "4px 24px", "align-items": "end"}
+    buttons = Row(copy, code, files.panel(state, work), styles=style)
+    return Column(told, buttons, sizing_mode="stretch_width")
+
+
+_COPY = """
+navigator.clipboard.writeText(code.text).then(
+    () => { copy.label = "copied"; setTimeout(() => { copy.label = "copy as Python" }, 1500) },
+    (error) => { copy.label = `not copied: ${error.message}` },
+)
+"""
+
+
+def _judged(client, kappa):
+    """Yield None until the verdict is there, then it and the seconds that it took, by a worker."""
+    time.sleep(_REST)
+    yield None
+    future = client().submit(_timed, kappa, pure=False, priority=1)
+    try:
+        while not future.done():
+            time.sleep(_POLL)
+            yield None
+        yield future.result()
+    finally:
+        future.cancel()
+
+
+def _timed(kappa):
+    begin = time.perf_counter()
+    found = verdict(kappa)
+    return found, time.perf_counter() - begin
+
+
+def _html(lines):
+    """Return the lines as HTML that screen readers speak, the first one stronger."""
+    first, *rest = map(escape, lines)
+    rest = "".join(f"<br>{line}" for line in rest)
+    return f'<div role="status" aria-live="polite"><b>{first}</b>{rest}</div>'
+
+
+def _python(state):
+    """Return the forcing, its verdict and its portrait as a program."""
+    return f"""\
+from nasm import escape, orbits
+from nasm.verdict import verdict
+
+kappa = {state.kappa.tolist()}  # one period of kicks, the first one first
+print(verdict(kappa))
+times = escape.escape_time(kappa, *escape.ensemble(64), n_max={state.steps})
+print(f"the first of {{times.size}} orbits escapes after {{times.min()}} steps")
+x, y = orbits.portrait(kappa)
+omega, digits = orbits.rotation_number(kappa, x[0], y[0], 2000)
+"""

@@ -1,0 +1,177 @@
+"""Work off the event loop: threads compute, the document of a tab gets the results.
+
+Everything here is called on the event loop, but for the functions that compute. They run in daemon
+threads, so that neither a closed tab nor Ctrl-C waits for them; kernels release the GIL.
+"""
+
+from collections import Counter
+from inspect import isgenerator
+from itertools import islice
+from queue import Empty, Queue
+from threading import Thread
+
+from distributed.scheduler import KilledWorker
+
+_LOOK = 0.1  # seconds after which a generator yields, to be closed if it is void
+_GONE = "the dask scheduler is gone; start the explorer again"
+
+
+class Work:
+    """The work of one tab.
+
+    document : of Bokeh.
+    client : function → dask Client; called in threads only, as it may wait for the workers.
+    """
+
+    def __init__(self, document, client):
+        self.document, self.client = document, client
+        self.closed = False
+        self.busy = {}  # {name of what is being computed for the page: how far that is, in words}
+        self._count, self._watchers, self._hearers = Counter(), [], []
+
+    def latest(self, name, most=1):
+        """Return a Latest; `name` says in the page what is being computed, "portrait"."""
+        return Latest(self, name, most)
+
+    def on_busy(self, callback):
+        """Call back, without arguments, whenever `busy` changes."""
+        self._watchers.append(callback)
+
+    def on_failure(self, callback):
+        """Call back with the name of a computation that has failed, and why, in words."""
+        self._hearers.append(callback)
+
+    def fail(self, name, error):
+        """Tell the page that something could not be computed."""
+        words = str(error) if isinstance(error, ValueError | OSError) else repr(error)
+        for hear in self._hearers:
+            hear(name, words)
+
+    def close(self):
+        """Drop all that is still to come: the tab is closed."""
+        self.closed = True
+
+    def tick(self, callback):
+        """Call back on the event loop, from any thread, unless the tab is closed."""
+        if not self.closed:
+            self.document.add_next_tick_callback(callback)
+
+    def mark(self, name, begins):
+        """Note that something begins or ends being computed."""
+        self._count[name] += 1 if begins else -1
+        if self._count[name]:
+            self.busy.setdefault(name, "")
+        else:
+            self.busy.pop(name, None)
+        self._show()
+
+    def progress(self, name, words):
+        """Note how far the computation is."""
+        if name in self.busy:
+            self.busy[name] = words
+            self._show()
+
+    def _show(self):
+        for watch in self._watchers:
+            watch()
+
+
+class Latest:
+    """Computations of one kind, of which only the last one that was asked for counts."""
+
+    def __init__(self, work, name, most):
+        self.work, self.name, self.most = work, name, most
+        self._number, self._running, self._waiting = 0, 0, None
+
+    def submit(self, function, *args, done):
+        """Compute function(*args) in a thread, and call done(result) on the event loop.
+
+        A newer call makes an older one void: its result is dropped. At most `most` run at once; of
+        those that wait the newest is kept. A function that is a generator has done(value) called
+        for each value that it yields, and is closed at the next `yield` once it is void, so it
+        should yield often; what is not worth showing it yields as None.
+        """
+        self.cancel()
+        self._waiting = (self._number, function, args, done)
+        self._start()
+
+    def cancel(self):
+        """Make what runs or waits void."""
+        self._number += 1
+        self._waiting = None
+
+    def is_void(self, number):
+        return self.work.closed or number != self._number
+
+    def _start(self):
+        if self._waiting and self._running < self.most and not self.work.closed:
+            job, self._waiting = self._waiting, None
+            self._running += 1
+            self.work.mark(self.name, True)
+            Thread(target=self._compute, args=job, daemon=True).start()
+
+    def _compute(self, number, function, args, done):
+        try:
+            result = function(*args)
+            for value in result if isgenerator(result) else [result]:
+                if self.is_void(number):
+                    break
+                if value is not None:
+                    self._deliver(number, done, value)
+            if isgenerator(result):
+                result.close()
+        except Exception as error:
+            self._deliver(number, lambda error: self.work.fail(self.name, error), error)
+        finally:
+            self.work.tick(self._end)
+
+    def _deliver(self, number, done, value):
+        self.work.tick(lambda: None if self.is_void(number) else done(value))
+
+    def _end(self):
+        self._running -= 1
+        self.work.mark(self.name, False)
+        self._start()
+
+
+def spread(client, calls, most=None, priority=0):
+    """Yield (key, result) of calls on the workers as they end, and None while nothing ends.
+
+    client : dask Client. calls : iterable of (key, function, *args). most : how many are sent at
+    once; default two for each worker. priority : higher ones go first.
+
+    To close this generator cancels what it has sent. A call whose worker is lost is sent again,
+    twice at the most. OSError if the scheduler is gone.
+    """
+    calls, ended, sent, again = iter(calls), Queue(), {}, {}
+    most = most or 2 * max(1, len(client.nthreads()))
+
+    def send(call):
+        _, function, *args = call
+        future = client.submit(function, *args, pure=False, priority=priority)
+        sent[future] = call
+        future.add_done_callback(ended.put)
+
+    try:
+        for call in islice(calls, most):
+            send(call)
+        while sent:
+            try:
+                future = ended.get(timeout=_LOOK)
+            except Empty:
+                if client.status != "running":
+                    raise OSError(_GONE) from None
+                yield None
+                continue
+            call = sent.pop(future)
+            if future.status == "finished":
+                for following in islice(calls, 1):
+                    send(following)
+                yield call[0], future.result()
+            elif isinstance(future.exception(), KilledWorker) and again.get(call[0], 0) < 2:
+                again[call[0]] = again.get(call[0], 0) + 1
+                send(call)
+            else:
+                raise OSError(_GONE) if future.cancelled() else future.exception()
+    finally:
+        client.cancel(list(sent))

@@ -1,0 +1,48 @@
+"""Orbits in phase space, each in the colour of its rotation number: for `ask` and the explorer."""
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize, to_hex
+
+from workflows.figures.style import dots
+
+CHAOTIC = "#b3b3b3"
+COLOURS = [to_hex(colour) for colour in colormaps["viridis"](np.linspace(0, 1, 254))]
+"""Of ω from the lowest to the highest; perceptually even, and safe for colour-blind readers."""
+
+
+STRONG = "#D55E00"  # what decides, among all of these
+
+
+def ends(orbits):
+    """Return the ω of the first and the last colour: 0 and P/2, in a part of the cell what is seen.
+
+    orbits : Dataset by `workflows.parts.phase_space.portraits`.
+    """
+    near = orbits.near.values[np.isfinite(orbits.near.values)]
+    if orbits.attrs["box"][2:] == [1.0, 1.0] or near.size == 0:
+        return 0.0, len(orbits.attrs["kappa"]) / 2
+    low, high = float(near.min()), float(near.max())
+    return low, max(high, low + 1e-9)  # in an island all are alike
+
+
+def places(orbits):
+    """Return the colour of each orbit, an integer: its place in COLOURS, -1 if it is chaotic."""
+    low, high = ends(orbits)
+    share = (orbits.near.values - low) / (high - low) * (len(COLOURS) - 1)
+    return np.where(np.isfinite(share), np.rint(np.nan_to_num(share)), -1).astype(int)
+
+
+def draw_orbits(axes, orbits):
+    """Draw the points of the orbits, the chaotic ones grey and behind, and a bar of the colours."""
+    x, y = orbits.x.values, orbits.y.values
+    colour = places(orbits)[orbits.which.values]
+    for place in np.unique(colour // 4):  # few artists are quick to draw
+        here = colour // 4 == place
+        colour_here = CHAOTIC if place < 0 else COLOURS[4 * place]
+        axes.plot(x[here], y[here], **dots(colour_here, 1.2))
+    low, high = ends(orbits)
+    scale = ScalarMappable(Normalize(low, high), colormaps["viridis"])
+    label = rf"$\omega$ of the orbit, in $[0, {len(orbits.attrs['kappa']) / 2:g}]$; grey: chaotic"
+    axes.figure.colorbar(scale, ax=axes, label=label, shrink=0.8)

@@ -1,0 +1,78 @@
+"""A verdict in plain sentences."""
+
+SHOWN = 8  # kicks that are named one by one
+
+
+def name_of(kappa, place):
+    """Return the forcing in words, e.g. "(kappa1, kappa2) = (0.3, 0.5)".
+
+    place : (Plane, its two coordinates), or None for a forcing that is in none.
+    """
+    kicks = f"kappa of {kappa.size} kicks, from {kappa.min():.6g} to {kappa.max():.6g}"
+    if kappa.size <= SHOWN:
+        kicks = f"kappa = ({', '.join(map(str, kappa.tolist()))})"
+    if place is None:
+        return kicks
+    plane, point = place
+    words = f"({', '.join(plane.axes)}) = ({point[0]}, {point[1]})"
+    return f"{words}, {kicks}" if any(plane.origin) else words
+
+
+def sentences(kappa, place, verdict):
+    """Put the verdict into words, a list of lines."""
+    from nasm.verdict import Answer, Evidence
+
+    boundary, omega = verdict.boundary, verdict.boundary.omega
+    meaning, circle = {
+        Answer.BARRIER: (
+            "a rotational invariant circle is left; no orbit gets past it",
+            "The circle",
+        ),
+        Answer.TRANSPORT: (
+            "no rotational invariant circle is left; transport in y is global",
+            "The last circle to break on the ray was that",
+        ),
+        Answer.UNDECIDED: (
+            "neither a barrier nor transport could be shown",
+            "The last circle to break on the ray is that",
+        ),
+    }[verdict.answer]
+    lines = [f"{verdict.answer.name} at {name_of(kappa, place)}: {meaning}."]
+    if omega is not None:
+        number = f"omega = {omega} = {float(omega):.12g} per step"
+        lines.append(f"{circle} of {number} (likewise all ±omega + {kappa.size}n).")
+    lines.append(f"Evidence: {verdict.evidence.value}.")
+    if verdict.proof is not None and not verdict.proof.proved:
+        lines.append(f"A proof was tried: {verdict.proof.why}.")
+    if verdict.steps < float("inf"):
+        lines.append(f"The longest-lived start is eliminated after {verdict.steps:g} steps.")
+    if verdict.evidence is not Evidence.INTEGRABLE:
+        lines += _distance(kappa, boundary)
+    return lines
+
+
+def _distance(kappa, boundary):
+    """Say where the last circle breaks on the ray, in multiples of the strengths asked about."""
+    from math import isfinite, log10
+
+    from nasm.barriers import has_dominant_line
+    from nasm.symmetries import shorten
+
+    lines = []
+    if isfinite(boundary.value):
+        (short,), _ = shorten([kappa], 0)
+        method = "Greene's residue" if has_dominant_line(short) else "continuation"
+        digits = min(12, 2 + max(0, int(log10(boundary.value / boundary.error))))
+        lines.append(
+            f"It breaks at {boundary.value:.{digits}g} times these strengths, "
+            f"±{boundary.error:.1g}, by {method} (a criterion, not a proof)."
+        )
+    else:
+        lines.append(f"Where the last one breaks on the ray is not known: {boundary.status.value}.")
+    if isfinite(boundary.lower):
+        lines.append(f"A circle is certified at {boundary.lower:.9g} times these strengths.")
+    if isfinite(boundary.upper):
+        lines.append(
+            f"At {boundary.upper:.9g} times these strengths converse KAM finds no circle at all."
+        )
+    return lines
