@@ -121,7 +121,7 @@ def _bracket(profile, certified):
 
 
 def _regular(kappa):
-    """Turns per kick of the regular ones of starts that survive the kicks, the most regular first."""
+    """Turns per kick of regular starts that survive the kicks, the most regular first."""
     survivor = phases.last_survivor(kappa, 0.0, 1)
     if survivor.kicks < np.inf:
         return []

@@ -1,4 +1,4 @@
-"""Sequences of kicks that need not repeat, and the last barrier of rotating maps of any frequency."""
+"""Kicks that need not repeat, and the last barrier of rotating maps of any frequency."""
 
 import numpy as np
 import pytest

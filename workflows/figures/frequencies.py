@@ -36,14 +36,14 @@ def draw_frequencies(cube):
     wide.set(xlim=(0, 0.52), ylim=(0.2, highest))
     wide.legend(fontsize="small", loc="upper center", bbox_to_anchor=(0.5, -0.1))
     told = _draw_convergents(near, limits, fractions)
-    widths = [(upper - lower) / upper for lower, upper in [*fractions.values(), *limits.values()]]
+    widths = ((cube.upper - cube.lower) / cube.upper).values
     return figure, (
-        f"Where the last barrier breaks on the ray (κ̄, Δκ) = s·(cos, sin) of {float(cube.angle):g}° "
-        f"of rotating maps: for {len(fractions)} fractions Ω, {_phases(cube)} phases each, the last "
-        f"circle; for {len(limits)} irrational Ω the last torus. Each is bracketed from below by what "
-        "is certified, and from above by converse KAM, to "
-        f"{100 * np.nanmedian(np.concatenate(list(map(np.atleast_1d, widths)))):.1g}% in the median. "
-        f"{told}"
+        "Where the last barrier of rotating maps breaks on the ray (κ̄, Δκ) = s·(cos, sin) of "
+        f"{float(cube.angle):g}°: for {len(fractions)} fractions Ω, {_phases(cube)} phases each, "
+        f"the last circle; for {len(limits)} irrational Ω the last torus. What is certified is below "
+        "it, and converse KAM above; the bracket has "
+        f"{100 * np.nanmedian(widths):.1g}% in the median, and is missing for "
+        f"{np.isnan(widths).sum()} of {widths.size}. {told}"
     )
 
 

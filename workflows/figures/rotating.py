@@ -63,12 +63,12 @@ def draw_rotating_tori(tori, two, direct, certified):
         )
         parts.append(f"Torus ({vector}) outside CB_gt: {sharp}; outside the onset: {biased}.")
     wide = 100 * float((tori.error / tori.critical_scale).median())
-    ends = certified.isel(vector=0).sel(angle=[45], method="nearest")
+    ends = certified.isel(vector=0).sel(angle=45.0, method="nearest")
     omega, frequency = map(float, certified.vector.values[0].split(","))
     parts.append(
-        f"Triangles: on {certified.angle.size} rays, and their images, the last certified torus of "
-        f"({omega:.6g}, {frequency:.6g}), and where converse KAM leaves no torus of that frequency, "
-        f"of any ω; at {float(ends.angle):g}° {float(ends.lower):.4f} and {float(ends.upper):.4f}."
+        f"Triangles: on {certified.angle.size} rays and their images the last certified torus of "
+        f"({omega:.6g}, {frequency:.6g}), and where converse KAM leaves no torus of that Ω, of any "
+        f"ω; at {float(ends.angle):g}° {float(ends.lower):.4f} and {float(ends.upper):.4f}."
     )
     parts.append(f"|R| = 1 is further out by {wide:.1g}% in the median.")
     return _finished(figure, axes), " ".join(parts)

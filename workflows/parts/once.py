@@ -45,8 +45,8 @@ def _told(kappa, survivor, first):
         )
     lo, hi = escape.PAPER_WINDOW
     yield (
-        f"Direct iteration: of {_ORBITS} orbits from 0 < y < 1 the first leaves {lo:g} < y < {hi:g} "
+        f"Direct iteration: the first of {_ORBITS} orbits leaves {lo:g} < y < {hi:g} "
         f"by kick {first:g}."
         if first < np.inf
-        else f"Direct iteration: none of {_ORBITS} orbits leaves {lo:g} < y < {hi:g}; that shows nothing."
+        else f"Direct iteration: none of {_ORBITS} orbits leaves {lo:g} < y < {hi:g}."
     )
