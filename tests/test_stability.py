@@ -97,7 +97,7 @@ def test_next_to_a_resonance_or_past_the_end_no_torus_is_claimed(study):
     nearest = tori.sel(delta=1e-10, method="nearest")
     assert (nearest.status != OK).all()
     assert nearest.lower.isnull().all()
-    assert int((tori.status == OK).sum()) >= 3
+    assert int((tori.status == OK).sum()) >= 2
     assert not (tori.lower >= tori.upper).any()
     assert not (tori.value + tori.error < tori.lower).any()
     assert (tori.past != OK).all()

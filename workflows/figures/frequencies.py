@@ -40,8 +40,8 @@ def draw_frequencies(cube):
     return figure, (
         "Where the last barrier of rotating maps breaks on the ray (κ̄, Δκ) = s·(cos, sin) of "
         f"{float(cube.angle):g}°: for {len(fractions)} fractions Ω, {_phases(cube)} phases each, "
-        f"the last circle; for {len(limits)} irrational Ω the last torus. What is certified is below "
-        "it, and converse KAM above; the bracket has "
+        f"the last circle; for {len(limits)} irrational Ω the last torus. What is certified is "
+        "below it, and converse KAM above; the bracket has "
         f"{100 * np.nanmedian(widths):.1g}% in the median, and is missing for "
         f"{np.isnan(widths).sum()} of {widths.size}. {told}"
     )
