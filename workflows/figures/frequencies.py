@@ -33,7 +33,8 @@ def draw_frequencies(cube):
         wide.plot([], [], color=colour, lw=width, label=words)
     highest = _BEYOND * max([upper for _, upper in limits.values()], default=0.45)
     wide.set(xlabel=r"frequency $\Omega$", ylabel="scale $s$ of the last breakup")
-    wide.set(xlim=(0, 0.52), ylim=(0.2, highest))
+    lowest = np.nanmin(cube.lower)
+    wide.set(xlim=(0, 0.52), ylim=(0.9 * lowest, highest))
     wide.legend(fontsize="small", loc="upper center", bbox_to_anchor=(0.5, -0.1))
     told = _draw_convergents(near, limits, fractions)
     widths = ((cube.upper - cube.lower) / cube.upper).values
@@ -77,11 +78,11 @@ def _draw_convergents(axes, limits, fractions):
         axes.axhspan(lower, upper, color=colour, alpha=0.2, lw=0, label=rf"$\Omega = {Ω:.6g}$")
         for fraction in near:
             (least, first), q = (ends.min() for ends in fractions[fraction]), fraction.denominator
-            axes.vlines(q * 1.02 ** (i % 5), least, first, color=colour, lw=3)
+            axes.vlines(q + 0.1 * (i % 5), least, first, color=colour, lw=3)
             overlap += least < upper and lower < first
             inside += first <= lower
             outside += least >= upper
-    axes.set(xscale="log", xlabel=r"$q$ of the convergent $p/q$ of $\Omega$")
+    axes.set(xlabel=r"$q$ of the convergent $p/q$ of $\Omega$")
     axes.set(title=r"Bands: irrational $\Omega$; bars: the least one of its convergents")
     axes.set_ylabel("scale $s$ of the last breakup")
     if shown:
