@@ -79,7 +79,7 @@ def parse_fractions(texts):
 def main(run, q_max, also, irrational, phases, angle, quick):
     """Last barriers against the frequency: a cube, a table and a figure in OUT.
 
-    The defaults take some twenty CPU minutes; --quick less than one.
+    The defaults take some twelve CPU minutes; --quick less than one.
     """
     from pipeline.cubes import frequencies
     from workflows.figures.frequencies import draw_frequencies

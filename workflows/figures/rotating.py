@@ -13,7 +13,7 @@ def draw_rotating_circles(circles, two, direct):
 
     The caption says how wide the bracket is, and how far outside direct iteration lies.
     """
-    figure, axes = plt.subplots(figsize=(7, 7))
+    figure, axes = plt.subplots(figsize=(7, 8.5), layout="constrained")
     fill_diamond(axes, two, r"$\mathit{CB}_{gt}$")
     draw_circles(axes, circles)
     for tip in _tips(axes, 0.7):
@@ -38,7 +38,7 @@ def draw_rotating_tori(tori, two, direct, certified):
     certified : the cube `tori` of one vector. The caption says where a torus outlasts the last
     circle of T.
     """
-    figure, axes = plt.subplots(figsize=(7, 7))
+    figure, axes = plt.subplots(figsize=(7, 8.5), layout="constrained")
     fill_diamond(axes, two, r"$\mathit{CB}_{gt}$ of $T$")
     for part in (axes, *_tips(axes, 0.4)):
         if part is not axes:
