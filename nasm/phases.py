@@ -25,19 +25,47 @@ a rotational invariant circle is a graph; for sequences there is no such theorem
 curves that are as good as circles for all times from some kick on, and that fold before. Converse
 KAM denies those. So ask it about kicks among which the forcing has settled, and look for orbits
 that escape: they alone show transport. And N kicks say nothing of the next ones.
+
+So of κ_n = κ̄ + Δκ cos 2π(φ0 + nΩ), θ_n = 0, one line without survivors shows, as far as samples do:
+
+- Ω = p/q: no rotational circle under this φ0. By the theorem for products of twist maps each is a
+  graph before every kick. Other φ0 are other forcings, and may have circles.
+- Ω irrational: no invariant torus y = g(x, φ) that is Lipschitz in x. It would be a family of
+  graphs for every φ0, so one φ0 is enough, and the line on which lives are shortest. Tori that fold
+  are not denied: that none are left is only measured, by their continuation and by escapes.
 """
+
+from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
 
 from nasm.checks import count, points, real
 from nasm.cones import longest_found
+from nasm.critical import CriticalScale, Status, no_answer
 from nasm.kernels import kernel
-from nasm.maps import MAX_STRENGTH, forcing, kick, phased_kick, phased_unkick
+from nasm.maps import MAX_STRENGTH, direction, forcing, kick, phased_kick, phased_unkick
 from nasm.sine import cos2pi
 
 _GRIDS = ((2048, 0.5), (1597, 0.382))  # starts, and the place of the start in its cell
 _KEPT = 32  # starts from which the search goes on at each level
+_LINES = 8  # at most, on which `last_survivor` looks
+_MIDDLE = 32  # kicks on either side of the middle
+_BELOW = np.array([0.85, 0.88, 0.91, 0.94, 0.96, 0.98])
+
+
+@dataclass(frozen=True)
+class Survivor:
+    """A start that takes longest to be eliminated.
+
+    site : int, the kick that it is before, 0 to N - 1. x, y : floats.
+    kicks : float, in either direction until it is eliminated; inf if it survives all N.
+    """
+
+    site: int
+    x: float
+    y: float
+    kicks: float
 
 
 def escape_time(kappa, theta, x, y, window):
@@ -81,7 +109,7 @@ def elimination_time(kappa, theta, site, x, y):
     x, y = points(x, y)
     site = count("site", site, 0, kappa.size - 1)
     times = np.empty(x.size)
-    _elimination_times(kappa, theta, site, x.ravel(), y.ravel(), times)
+    _elimination_times(kappa, theta, site, x.ravel(), y.ravel(), False, times)
     return times.reshape(x.shape)
 
 
@@ -111,13 +139,98 @@ def longest_lived(kappa, theta, site, effort=1):
     x = theta[site] + (0.5 if kappa[site] > 0 else 0.0)
 
     def lifetimes(half):  # the search knows y from 0 to 1/2
-        times = np.empty(half.size)
-        _elimination_times(kappa, theta, site, np.full(half.size, x), 2 * half, times)
+        times = np.zeros(half.size)
+        _elimination_times(kappa, theta, site, np.full(half.size, x), 2 * half, True, times)
         return times
 
     grids = [(effort * starts, offset) for starts, offset in _GRIDS]
     half, time = longest_found(lifetimes, grids, effort * _KEPT)
     return float(x), 2 * half, time
+
+
+def last_survivor(kappa, theta=0.0, effort=8):
+    """The Survivor of the first line that has none for all N kicks, of eight lines that are tried.
+
+    They are before the strongest kick, and before the strongest of the 64 in the middle. If a start
+    survives on each of them, it is the first of these: a family of graphs may be left, or not.
+
+    Parameters
+    ----------
+    kappa, theta : as for `escape_time`; effort : as for `longest_lived`.
+    """
+    kappa, theta = sequence(kappa, theta)
+    from_middle, first = np.abs(np.arange(kappa.size) - kappa.size // 2), None
+    for site in _lines(np.abs(kappa), from_middle):
+        for parts in sorted({1, effort}):  # a survivor is mostly found with little effort
+            found = Survivor(site, *longest_lived(kappa, theta, site, parts))
+            if found.kicks == np.inf:
+                break
+        else:
+            return found
+        first = first or found
+    return first
+
+
+def _lines(size, from_middle):
+    """The site of the largest |κ|, and in the middle those of the largest |κ| that differ."""
+    order = np.lexsort((from_middle, -size))
+    inner = order[from_middle[order] < _MIDDLE]
+    _, distinct = np.unique(size[inner].round(12), return_index=True)
+    return list(dict.fromkeys([order[0].item(), *inner[np.sort(distinct)].tolist()]))[:_LINES]
+
+
+def critical_scale(profile, tol=1e-3):
+    """The lowest scale found at which no family of graphs survives the N kicks κ = s·profile.
+
+    1. Halve the bracket between a scale with survivors of the middle quarter of the kicks and one
+       without: what a search misses may live longer than what it finds, but seldom four times.
+    2. Starts next to orbits that minimize the action outlive others, so that scales with survivors
+       are no interval: look up to 15% further down, and begin again from the lowest without.
+    3. At the end look for survivors of all kicks, with an effort of 8.
+
+    Parameters
+    ----------
+    profile : array (N,), N ≥ 64, not all 0.
+    tol : float, 10⁻⁶ to 10⁻¹, the bracket's relative width.
+
+    Returns
+    -------
+    CriticalScale. upper : no start survives there on one of the lines of `last_survivor`. value is
+    the middle of the bracket, and error half of its width. lower is NaN and omega None: survivors
+    show no barrier. More kicks have a smaller scale. Status NO_BREAKUP if a start survives kicks of
+    strength 2, and UNDECIDED if the search at the end finds one.
+
+    ValueError if profile is shorter, zero or tiny, or tol is out of range.
+    """
+    profile, tol = direction(profile), real("tol", tol)
+    if not 1e-6 <= tol <= 0.1:
+        raise ValueError(f"tol={tol!r} must be from 1e-6 to 0.1")
+    if profile.size < 2 * _MIDDLE:
+        raise ValueError(f"profile has {profile.size} kicks; it must have {2 * _MIDDLE} or more")
+    reach = profile.size // 8
+    inner = profile[profile.size // 2 - reach : profile.size // 2 + reach + 1]
+
+    def eliminated(scale):
+        return last_survivor(scale * inner, 0.0, 1).kicks < np.inf
+
+    survived, upper = 0.0, 2 / np.abs(inner).max()
+    if not eliminated(upper):
+        return no_answer(None, Status.NO_BREAKUP)
+    while True:
+        while upper - survived > tol * upper:
+            scale = (survived + upper) / 2
+            survived, upper = (survived, scale) if eliminated(scale) else (scale, upper)
+        value, error, survived = (survived + upper) / 2, (upper - survived) / 2, 0.0
+        for below in upper * _BELOW:
+            if eliminated(below):
+                upper = below
+                break
+            survived = below
+        else:
+            break
+    if last_survivor(upper * profile).kicks == np.inf:
+        return no_answer(None, Status.UNDECIDED)
+    return CriticalScale(value, error, np.nan, upper, None, Status.OK)
 
 
 def asymptotic(kappa, theta, limit, x, y):
@@ -171,9 +284,11 @@ def _escape_times(kappa, theta, x, y, lo, hi, times):
 
 
 @kernel
-def _elimination_times(kappa, theta, site, x, y, times):
+def _elimination_times(kappa, theta, site, x, y, one_is_enough, times):
     for i in range(x.size):
         times[i] = _elimination_time(kappa, theta, site, x[i], y[i])
+        if one_is_enough and np.isinf(times[i]):
+            return
 
 
 @njit(nogil=True)

@@ -22,6 +22,7 @@ from nasm import (
     fixed_points,
     flux,
     fourier,
+    last_torus,
     maps,
     numbers,
     orbits,
@@ -82,6 +83,9 @@ GOOD = {
         "kappa": KAPPA, "theta": 0.1, "x": 0.0, "y": 0.1, "window": (-2, 2)
     },
     phases.longest_lived: {"kappa": KAPPA, "theta": (0.1, 0.2), "site": 1},
+    phases.critical_scale: {"profile": np.ones(64)},
+    last_torus.of_fraction: {"frequency": "1/2", "phase": 0.0, "mean": 1.0, "amplitude": 1.0},
+    last_torus.upper_scale: {"frequency": 0.38, "mean": 1.0, "amplitude": 1.0},
     self_consistent.evolve: {
         "x": np.zeros(3), "y": 0.1, "gamma": 0.1, "amplitude": 0.2, "n": 5
     },
@@ -190,6 +194,10 @@ BAD = [
      "must be one phase, or one for each of the 2 kicks"),
     ((phases.escape_time,), "window", [(2.0, -2.0), (nan, 2.0)], "window={value} must be (lo, hi)"),
     ((phases.longest_lived,), "site", [2], WHOLE + " 0 to 1"),
+    ((phases.critical_scale,), "profile", [np.ones(63)], "profile has 63 kicks; it must have 64"),
+    ((phases.critical_scale,), "tol", [1e-7, 0.2], "tol={value} must be from 1e-6"),
+    ((last_torus.of_fraction, last_torus.upper_scale), "n_kicks", [99], WHOLE + " 100 to 1000000"),
+    ((last_torus.upper_scale,), "frequency", [None, "1/3"], "frequency={value} must be a number"),
     ((phases.longest_lived,), "effort", [0], WHOLE + " 1 to 100"),
     ((self_consistent.evolve,), "gamma", [[0.1, 0.2], nan, 1e7],
      "must be one weight, or one for each of the 3 particles"),

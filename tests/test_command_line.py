@@ -65,16 +65,21 @@ def test_help_needs_no_numpy_and_so_comes_at_once():
         ("three_kicks", "--phase 1/0", "must be a fraction from 0 to below 1"),
         ("three_kicks", "--phase 1/2 --phase 2/4", "two phases are equal"),
         ("tori", "--vector 0.6,x", "must be two numbers"),
+        ("frequencies", "--also 3/5", "must be a fraction from 1/64 to 1/2"),
+        ("frequencies", "--irrational 0.4", "and not next to a fraction like 2/5"),
         ("ask", "1e7 0", "not finite or too large"),
         ("ask", "--plane rotating:1/3 0.3", "has two, kappa_mean and kappa_amplitude"),
         ("ask", "--plane rotating:1/100 0.3 0.2", "from 2 to 64"),
         ("ask", "0.3 --sequence pyproject.toml", "leave KAPPA"),
         ("ask", "--sequence pyproject.toml", "could not convert"),
+        ("ask", "--once pyproject.toml --sequence pyproject.toml", "leave KAPPA"),
+        ("ask", "--once {}/kicks.txt --prove", "needs kicks that repeat"),
         ("last_barrier", "--scheduler tcp://127.0.0.1:9 --workers 1", "leave --workers out"),
     ],
 )
 def test_bad_input_is_one_message_and_nothing_is_computed(tmp_path, name, options, message):
     (tmp_path / "a.json").write_text("plane")
+    (tmp_path / "kicks.txt").write_text("0.3 0.2")
     (tmp_path / "b.json").write_text('{"name": "plane"}')
     result = invoke(name, tmp_path / "out", *options.format(tmp_path).split())
     assert result.exit_code == 2

@@ -2,6 +2,7 @@
 
 import dataclasses
 import pickle
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from nasm.critical import Status
 from nasm.numbers import moebius
 from nasm.planes import Plane, rotating, three_kicks, two_kicks
 from nasm.symmetries import ray
-from pipeline.cubes import barrier, breakdown, escape, flux, tori
+from pipeline.cubes import barrier, breakdown, escape, flux, frequencies, tori
 from pipeline.cubes.cube import status_code
 from pipeline.store import tile_counts
 from pipeline.sweep.grid import Axis
@@ -37,6 +38,7 @@ JOBS = {
     "barrier": barrier.last_barrier(rotating("1/2"), RAYS, 1e-1),
     "tori": breakdown.tori(["5/8,1/3"], [30.0]),
     "irrational tori": tori.breakups([(0.22, 0.618)], [30.0], 0.1),
+    "frequencies": frequencies.last_barriers([Fraction(1, 2)], 2, [0.382], [45.0]),
     "transport": breakdown.by_escape(rotating("1/3"), RAYS, 100, 8),
     "flux": flux.through_last_circle(TWO, {20.0: 1.0}, {20.0: str(GAMMA)}, [0.5], 50),
 }

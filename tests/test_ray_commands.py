@@ -52,7 +52,9 @@ def test_rotating_maps_are_kept_as_labelled_cubes(tmp_path, workers):
     out = tmp_path / "out"
     effort = ["--angles", "3", "--tips", "0", "--n-max", "1000", "--n-orbits", "64"]
     vectors = ["--vector", "81/149,125/149", "--vector", "44/81,68/81"]
-    succeed("rotating", out, *effort, *vectors, *workers)
+    succeed("rotating", out, *effort, *vectors, "--tori", "2", *workers)
+    certified = xr.open_zarr(out / "tori.zarr").load()
+    assert (certified.lower < certified.upper).all()
     tori = xr.open_zarr(out / "rotating_tori.zarr")
     assert tori.critical_scale.dims == ("frequency", "angle")
     assert tori.frequency.attrs["exact"] == ["125/149", "68/81"]
@@ -200,6 +202,7 @@ def test_tori_of_irrational_frequency_are_kept_as_labelled_cubes(tmp_path, worke
     cube = xr.open_zarr(out / "tori.zarr")
     golden = cube.sel(angle=0).isel(vector=0)  # Δκ = 0: the standard map
     assert abs(float(golden.critical_scale) - KAPPA_G) < float(golden.error)
+    assert float(golden.lower) < KAPPA_G < float(golden.upper) < 1.02 * KAPPA_G
     picture = xr.open_zarr(out / "torus.zarr")
     assert picture.deviation.dims == ("scale", "phi", "theta")
     assert float(abs(picture.deviation.std("phi")).max()) < 1e-9

@@ -29,7 +29,7 @@ def test_each_study_keeps_a_labelled_dataset(out, study):
             assert variable.attrs["long_name"]
             assert variable.attrs["units"] in ("1", "degree")
     assert study("cusp").status.attrs["flag_meanings"].split()[OK] == Status.OK.name.lower()
-    for name in ("boundary", "searches", "orbits"):
+    for name in ("boundary", "searches", "orbits", "tori"):
         assert (out / f"stability_{name}.pdf").exists()
 
 
@@ -90,6 +90,17 @@ def test_what_a_search_or_a_certificate_must_reject_is_there_and_rejected(study)
     assert not (fakes.passed + fakes.polished).any()
     assert float(disorder.refused.sel(scale=1.2, method="nearest").max()) > 0.1
     assert not disorder.accepted.any()
+
+
+def test_next_to_a_resonance_or_past_the_end_no_torus_is_claimed(study):
+    tori = study("tori")
+    nearest = tori.sel(delta=1e-10, method="nearest")
+    assert (nearest.status != OK).all()
+    assert nearest.lower.isnull().all()
+    assert int((tori.status == OK).sum()) >= 2
+    assert not (tori.lower >= tori.upper).any()
+    assert not (tori.value + tori.error < tori.lower).any()
+    assert (tori.past != OK).all()
 
 
 def test_float32_drifts_and_a_lattice_is_reversible(study):

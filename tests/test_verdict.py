@@ -209,6 +209,19 @@ def test_strengths_a_point_of_a_plane_and_a_file_ask_the_same(tmp_path):
     assert len(list(tmp_path.glob("ask_*.png"))) == 3
 
 
+def test_kicks_that_come_once_get_an_answer_of_their_own(tmp_path):
+    np.savetxt(tmp_path / "kicks.txt", np.random.default_rng(1).uniform(1, 1.5, 70))
+    said = run("--once", tmp_path / "kicks.txt", "--out", tmp_path).output
+    assert "NO BARRIER survives these 70 kicks" in said
+    assert (tmp_path / "ask_kicks.png").exists()
+    refused = run("--sequence", tmp_path / "kicks.txt", "--out", tmp_path)
+    assert refused.exit_code == 2
+    assert "--once FILE" in refused.output
+    np.savetxt(tmp_path / "kicks.txt", np.full(70, 0.9))
+    said = run("--once", tmp_path / "kicks.txt", "--out", tmp_path).output
+    assert "UNDECIDED for these 70 kicks" in said
+
+
 def test_without_python_flint_asking_for_a_proof_says_what_to_install(monkeypatch, tmp_path):
     monkeypatch.setattr("nasm.proof_barrier.arb", None)
     result = run("0.3", "0.4", "--prove", "--out", tmp_path)

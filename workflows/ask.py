@@ -1,10 +1,12 @@
 """Is transport global under this one forcing, or does a barrier stop it?
 
 The verdict of `nasm.verdict` in plain sentences, and a phase portrait with what decides: the
-circle, or an orbit that escapes. One forcing, no sweep.
+circle, or an orbit that escapes. One forcing, no sweep. Kicks that come only once have no circles;
+of these `nasm.phases` tells whether a family of graphs may survive them.
 """
 
 import os
+from functools import partial
 from pathlib import Path
 
 import click
@@ -46,23 +48,25 @@ def escaping_orbit(kappa):
     )
 
 
-def forcing_asked(strengths, plane, sequence):
-    """Return one period of kicks, and where it is, (Plane, its two coordinates), or None.
+def forcing_asked(strengths, plane, files):
+    """Return the strengths of the kicks, and where they are, (Plane, its two coordinates), or None.
 
     strengths : numbers of the command line, with `plane` the coordinates of a point in it; none
-    with `sequence`, a file of numbers. ValueError says which of these do not fit together.
+    with `files`, {option: path of a file of numbers}. ValueError says what does not fit together.
     """
     from nasm import planes
     from nasm.maps import forcing
 
-    if sequence is not None:
-        if strengths or plane:
-            raise ValueError("--sequence FILE is the whole forcing; leave KAPPA and --plane out")
-        text = Path(sequence).read_text(encoding="utf-8").replace(",", " ")
+    for option, path in files.items():
+        if strengths or plane or len(files) > 1:
+            raise ValueError(
+                f"{option} FILE is the whole forcing; leave KAPPA, --plane and other files out"
+            )
+        text = Path(path).read_text(encoding="utf-8").replace(",", " ")
         try:
             return forcing(list(map(float, text.split()))), None
         except ValueError as error:
-            raise ValueError(f"--sequence {sequence}: {error}") from None
+            raise ValueError(f"{option} {path}: {error}") from None
     if plane is None:
         kappa = forcing(strengths)
         return kappa, (planes.two_kicks(), strengths) if kappa.size == 2 else None
@@ -114,6 +118,23 @@ def direct_iteration(verdict, escaping):
     return ["Direct iteration: no orbit was found that escapes; that shows nothing."]
 
 
+def asked_of_period(place, prove, strengths):
+    """Return the verdict on one period of kicks in words, and its figure; ValueError if it is long.
+
+    place : (Plane, its two coordinates), or None. prove : bool.
+    """
+    from nasm.verdict import Answer, verdict
+    from workflows.figures.ask import draw_verdict
+
+    found = verdict(strengths, prove)
+    transport = found.answer is Answer.TRANSPORT
+    far = not found.boundary.value > _NEAR  # NaN: not known to be near
+    escaping = escaping_orbit(strengths) if transport and far else None
+    told = sentences(strengths, place, found) + direct_iteration(found, escaping)
+    told = "\n".join(told)
+    return told, draw_verdict(portrait_of(strengths, place, found, escaping))
+
+
 @command(ignore_unknown_options=True)
 @click.argument("kappa", type=float, nargs=-1)
 @point_option
@@ -123,9 +144,15 @@ def direct_iteration(verdict, escaping):
     metavar="FILE",
     help="A text file with one period of strengths, in place of KAPPA.",
 )
+@click.option(
+    "--once",
+    type=click.Path(exists=True, dir_okay=False),
+    metavar="FILE",
+    help="A text file with kicks that come once and do not repeat, any number, likewise.",
+)
 @click.option("--prove", is_flag=True, help="Prove the answer, if 20 s are enough.")
 @out_option
-def main(kappa, plane, sequence, prove, out):
+def main(kappa, plane, sequence, once, prove, out):
     """Transport or barrier under kicks of strengths KAPPA ... in turn? With a portrait in OUT.
 
     They are one period of the forcing, up to 64 kicks: 0.3 0.2 0.25. Strengths are dimensionless,
@@ -133,30 +160,31 @@ def main(kappa, plane, sequence, prove, out):
     in 10^5 of the boundary; the exit code is 0 for all three. It takes about two seconds with one
     or two kicks, and the first time on a machine twenty more to compile the kernels.
     """
-    from nasm.verdict import Answer, verdict
-
+    files = {name: path for name, path in (("--sequence", sequence), ("--once", once)) if path}
     try:
-        strengths, place = forcing_asked(kappa, plane, sequence)
+        strengths, place = forcing_asked(kappa, plane, files)
+        if once and prove:
+            raise ValueError("--prove needs kicks that repeat; nothing is proved with --once")
         os.makedirs(out, exist_ok=True)
     except ValueError as error:
         raise click.UsageError(str(error)) from None
     except OSError as error:
         raise click.UsageError(f"--out={out}: {error.strerror}; choose another directory") from None
     announce_kernels()
-    found = verdict(strengths, prove)
-    transport = found.answer is Answer.TRANSPORT
-    far = not found.boundary.value > _NEAR  # NaN: not known to be near
-    escaping = escaping_orbit(strengths) if transport and far else None
-    told = sentences(strengths, place, found) + direct_iteration(found, escaping)
-    told = "\n".join(told)
+    if once:
+        from workflows.parts.once import asked_once as asked_one
+    else:
+        asked_one = partial(asked_of_period, place, prove)
+    try:
+        told, figure = asked_one(strengths)
+    except ValueError as error:
+        raise click.UsageError(f"{error}. Kicks that come once go to --once FILE") from None
     click.echo(told)
 
-    from workflows.figures.ask import draw_verdict
     from workflows.figures.style import save
 
-    figure = draw_verdict(portrait_of(strengths, place, found, escaping))
     asked = [plane.name] if plane else []
-    asked += [Path(sequence).stem] if sequence else map(str, kappa[:SHOWN])
+    asked += [Path(path).stem for path in files.values()] or map(str, kappa[:SHOWN])
     name = "_".join(["ask", *asked]).replace(":", "-").replace("/", "-").replace(",", "-")
     click.echo(f"figures: {', '.join(save(figure, out, name, told))}")
 

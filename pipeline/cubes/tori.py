@@ -3,12 +3,13 @@
 (κ̄, Δκ) = s·(cos angle, sin angle), arXiv:1606.04824, Sec. VII, Eq. (rotmap); `nasm.tori`.
 """
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 import xarray as xr
 
-from nasm import tori
+from nasm import last_torus, tori
 from nasm.planes import ROTATING_AXES
 from nasm.symmetries import ray
 from pipeline.cubes import cube
@@ -21,6 +22,8 @@ _PICTURE = 128, 256  # points along φ and θ
 def breakups(vectors, angles, tol):
     """Return the Job of the cube `tori`: tori continued to their breakup.
 
+    `upper` is where no torus of that Ω is left, whatever its ω.
+
     vectors : list of pairs of floats, ω and Ω. angles : degrees. tol : float, the error to aim at.
     """
     omegas, frequencies = zip(*vectors, strict=True)
@@ -30,7 +33,7 @@ def breakups(vectors, angles, tol):
         "frequency": coordinate("vector", frequencies, "turns of φ per kick, Ω"),
     }
     settings = {"method": "continuation of tori", "tol": tol}
-    seconds = 10 if tol < 5e-3 else 1
+    seconds = 12 if tol < 5e-3 else 3
     warm_up = partial(tori.invariant_torus, *vectors[0], 0.05, 0.05)
     plan = cube_on_rays("tori", ROTATING_AXES, rows, angles, seconds, settings, "Breakup of tori")
     return Job(plan, _compute, partial(per_ray, seconds), warm_up)
@@ -49,8 +52,13 @@ def vector_of(text):
 def _compute(coords, settings):
     vectors, profiles = map(vector_of, coords["vector"]), ray(coords["angle"])
     tol = settings["tol"]
-    found = [[tori.critical_scale(*vector, *on, tol) for on in profiles] for vector in vectors]
+    found = [[_bracket(vector, on, tol) for on in profiles] for vector in vectors]
     return scales(found, ROTATING_AXES, coords["angle"])
+
+
+def _bracket(vector, profile, tol):
+    found = tori.critical_scale(*vector, *profile, tol)
+    return replace(found, upper=last_torus.upper_scale(vector[1], *profile))
 
 
 def pictures(vector, angle, sizes):

@@ -1,4 +1,7 @@
-"""The portrait of one forcing, with what decides the verdict, and where it is in the plane."""
+"""The portrait of one forcing, with what decides the verdict, and where it is in the plane.
+
+For kicks that come once, the kicks and the lives of starts.
+"""
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -111,3 +114,31 @@ def _draw_kicks(axes, portrait):
     axes.set(xlabel="kick $n$", ylabel=r"$\kappa_n$")
     axes.xaxis.get_major_locator().set_params(integer=True)
     axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1), fontsize="x-small", frameon=False)
+
+
+def draw_once(kappa, survivor, y, lives):
+    """Draw a sequence of kicks, those that eliminate the last survivor, and lives on its line.
+
+    survivor : `phases.Survivor`. y, lives : of starts on its line; inf for those that survive.
+    """
+    figure = Figure(figsize=(11, 4), layout="constrained")
+    kicks, line = figure.subplots(1, 2)
+    kicks.plot(np.arange(1, kappa.size + 1), kappa, ".-", color="0.6", ms=3, lw=0.5)
+    here, reach = survivor.site + 1, min(survivor.kicks, kappa.size)
+    kicks.axvspan(max(1, here - reach), min(kappa.size, here + reach), color=_CIRCLE, alpha=0.12)
+    kicks.axvline(here, color=_ESCAPING, label=f"the line is before kick {here}")
+    kicks.set(xlabel="kick", ylabel=r"$\kappa_n$", title="shaded: kicks that eliminate all starts")
+    kicks.legend(fontsize="small")
+    alive = np.isinf(lives)
+    line.plot(y[~alive], lives[~alive], ".", color=_BREAKUP, ms=3)
+    top = np.full(alive.sum(), 1.5 * kappa.size)
+    line.plot(y[alive], top, "^", color=_ESCAPING, ms=4, label="survives all kicks")
+    if survivor.kicks < np.inf:
+        line.plot(survivor.y, survivor.kicks, "*", color="black", ms=10, label="last survivor")
+    else:
+        kicks.set_title("no line was found on which all starts go")
+    line.set(yscale="log", xlabel=f"$y$ of the start at $x = {survivor.x:g}$", xlim=(0, 1))
+    line.set(ylabel="kicks until it is eliminated")
+    if line.get_legend_handles_labels()[0]:
+        line.legend(fontsize="small")
+    return figure

@@ -13,7 +13,7 @@ def draw_rotating_circles(circles, two, direct):
 
     The caption says how wide the bracket is, and how far outside direct iteration lies.
     """
-    figure, axes = plt.subplots(figsize=(7, 7))
+    figure, axes = plt.subplots(figsize=(7, 8.5), layout="constrained")
     fill_diamond(axes, two, r"$\mathit{CB}_{gt}$")
     draw_circles(axes, circles)
     for tip in _tips(axes, 0.7):
@@ -32,12 +32,13 @@ def draw_rotating_circles(circles, two, direct):
     )
 
 
-def draw_rotating_tori(tori, two, direct):
+def draw_rotating_tori(tori, two, direct, certified):
     """Draw the breakup of tori by the residue of long orbits, against CB_gt of T, Fig. 11.
 
-    The caption says where a torus outlasts the last circle of T.
+    certified : the cube `tori` of one vector. The caption says where a torus outlasts the last
+    circle of T.
     """
-    figure, axes = plt.subplots(figsize=(7, 7))
+    figure, axes = plt.subplots(figsize=(7, 8.5), layout="constrained")
     fill_diamond(axes, two, r"$\mathit{CB}_{gt}$ of $T$")
     for part in (axes, *_tips(axes, 0.4)):
         if part is not axes:
@@ -45,6 +46,7 @@ def draw_rotating_tori(tori, two, direct):
         for i, vector in enumerate(tori.attrs["vectors"]):
             style = {"color": colour_of(i), "ls": ("-", "--", "-.")[i % 3], "lw": 1.1}
             draw_diamond(part, tori.isel(frequency=i), label=f"torus ({vector})", **style)
+        _draw_certified(part, certified.isel(vector=0))
     _mark_gaps(axes, two, tori.critical_scale)
     _draw_onset(axes, two, direct)
     axes.set_title(r"Tori of rotating standard maps, and the last circle of $T$")
@@ -61,8 +63,26 @@ def draw_rotating_tori(tori, two, direct):
         )
         parts.append(f"Torus ({vector}) outside CB_gt: {sharp}; outside the onset: {biased}.")
     wide = 100 * float((tori.error / tori.critical_scale).median())
+    ends = certified.isel(vector=0).sel(angle=45.0, method="nearest")
+    omega, frequency = map(float, certified.vector.values[0].split(","))
+    parts.append(
+        f"Triangles: on {certified.angle.size} rays and their images the last certified torus of "
+        f"({omega:.6g}, {frequency:.6g}), and where converse KAM leaves no torus of that Ω, of any "
+        f"ω; at {float(ends.angle):g}° {float(ends.lower):.4f} and {float(ends.upper):.4f}."
+    )
     parts.append(f"|R| = 1 is further out by {wide:.1g}% in the median.")
     return _finished(figure, axes), " ".join(parts)
+
+
+def _draw_certified(axes, certified):
+    """Mark on all images of the rays where a torus is certified, and where none is left."""
+    radians = np.deg2rad(certified.angle.values)
+    radians = np.concatenate([radians, np.pi - radians, np.pi + radians, -radians])
+    for side, mark in (("lower", "^"), ("upper", "v")):
+        scale = np.tile(certified[side].values, 4)
+        words = {"lower": "certified torus", "upper": r"no torus of that $\Omega$"}[side]
+        points = scale * np.cos(radians), scale * np.sin(radians)
+        axes.plot(*points, mark, color="black", ms=4, mfc="none", mew=0.8, label=words)
 
 
 def _effort(direct):

@@ -1,4 +1,4 @@
-"""Three figures of three panels on where each method stops being right."""
+"""Figures of up to three panels on where each method stops being right."""
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -13,9 +13,10 @@ def draw_stability(studies):
     """Draw a panel for each study: {name of the figure: (names of its studies, figure)}."""
     drawn = {}
     for name, parts in _FIGURES.items():
-        figure, panels = plt.subplots(1, 3, figsize=(15, 5), layout="constrained")
-        letters(panels)
-        for axes, part in zip(panels, parts, strict=True):
+        size = {"figsize": (5 * max(len(parts), 1.5), 5), "layout": "constrained"}
+        figure, panels = plt.subplots(1, len(parts), squeeze=False, **size)
+        letters(panels[0])
+        for axes, part in zip(panels[0], parts, strict=True):
             _PANELS[part](axes, studies[part])
             axes.grid(lw=0.3)
             if entries := axes.get_legend_handles_labels()[0]:
@@ -161,10 +162,32 @@ def _draw_rounding(axes, study):
     axes.set_title("Drift off a circle; dashed: $n$ steps and back")
 
 
+def _draw_tori(axes, study):
+    """Draw brackets by the distance from a resonance, and crosses where nothing is certified."""
+    for i, name in enumerate(study.pair.attrs["names"]):
+        here, colour, place = study.isel(pair=i), CIRCLE_COLOURS[i], study.delta * 1.15**i
+        style = {"color": colour, "ms": 5}
+        axes.errorbar(place, here.value, here.error, fmt="s", mfc="none", lw=1, **style)
+        axes.plot(place, here.lower, "^", label=name, **style)
+        axes.plot(place, here.upper, "v", mfc="none", **style)
+        silent = place[here.lower.isnull().values]
+        axes.plot(silent, np.full(silent.size, 0.02 * (1 + i)), "x", **style)
+    for mark, words in {
+        "^": "certified",
+        "v": "none left",
+        "s": "breakup",
+        "x": "no torus",
+    }.items():
+        axes.plot([], [], mark, color="0.4", mfc="none" if mark in "vs" else None, label=words)
+    axes.set(xscale="log", xlabel=r"distance $\delta$ from the resonance", ylabel="scale $s$")
+    axes.set(ylim=(0, None), title="Tori next to a resonance, on 45°")
+
+
 _FIGURES = {
     "stability_boundary": ("cusp", "boundary", "fractions"),
     "stability_searches": ("beam", "fakes", "disorder"),
     "stability_orbits": ("twist", "amplitude", "rounding"),
+    "stability_tori": ("tori",),
 }
 _PANELS = {
     "cusp": _draw_near_cusp,
@@ -176,4 +199,5 @@ _PANELS = {
     "twist": _draw_twist,
     "amplitude": _draw_amplitudes,
     "rounding": _draw_rounding,
+    "tori": _draw_tori,
 }

@@ -17,6 +17,8 @@ def draw_breakups(breakups):
         radians = np.deg2rad(here.angle)
         dots = here.lower * np.cos(radians), here.lower * np.sin(radians)
         axes.plot(*dots, ".", color=colour_of(i))
+        ends = here.upper * np.cos(radians), here.upper * np.sin(radians)
+        axes.plot(*ends, ":", color=colour_of(i), lw=1)
     axes.set(xlabel=r"$\bar\kappa$", ylabel=r"$\Delta\kappa$", aspect="equal")
     axes.set(xlim=(0, None), ylim=(0, None), title="Breakup of two-dimensional tori")
     axes.legend()
@@ -25,6 +27,7 @@ def draw_breakups(breakups):
         "Breakup of invariant tori of κ_n = κ̄ + Δκ cos 2π(φ0 + nΩ) by continuation (lines; the "
         f"estimated error is {wide:.2g}% in the median), and the last torus that is certified on "
         f"each ray (dots; {int(np.isfinite(breakups.lower).sum())} of {breakups.lower.size} rays). "
+        "Beyond the dotted lines converse KAM leaves no torus of that Ω that is a graph, of any ω. "
         "Angles of rays (κ̄, Δκ) = s·(cos θ, sin θ)."
     )
 

@@ -56,13 +56,14 @@ def _distance(kappa, boundary):
     from math import isfinite, log10
 
     from nasm.barriers import has_dominant_line
+    from nasm.numbers import rational
     from nasm.symmetries import shorten
 
     lines = []
     if isfinite(boundary.value):
-        (short,), _ = shorten([kappa], 0)
+        (short,), _ = shorten([kappa], rational(0))
         method = "Greene's residue" if has_dominant_line(short) else "continuation"
-        digits = min(12, 2 + max(0, int(log10(boundary.value / boundary.error))))
+        digits = 2 + int(min(10, max(0, log10(boundary.value / max(boundary.error, 1e-300)))))
         lines.append(
             f"It breaks at {boundary.value:.{digits}g} times these strengths, "
             f"±{boundary.error:.1g}, by {method} (a criterion, not a proof)."

@@ -1,4 +1,4 @@
-"""What the nine studies of stability found, each in a sentence with the numbers just measured."""
+"""What the ten studies of stability found, each in a sentence with the numbers just measured."""
 
 import numpy as np
 
@@ -18,6 +18,7 @@ def findings(studies):
         "fakes": _fakes,
         "disorder": _disorder,
         "rounding": _rounding,
+        "tori": _tori,
     }
     return {name: f"{i}. {say[name](studies[name])}" for i, name in enumerate(say, 1)}
 
@@ -118,6 +119,21 @@ def _rounding(study):
     return (
         f"Rounding: after {int(study.steps[-1])} steps orbits have drifted off a circle by {off}; "
         f"iterated back, {' and '.join(exact) or 'none'} returns exactly to the start."
+    )
+
+
+def _tori(study):
+    parts = []
+    for i, name in enumerate(study.pair.attrs["names"]):
+        here = study.isel(pair=i)
+        shown = here.delta.values[here.lower.notnull().values].min(initial=np.inf)
+        known = here.delta.values[(here.status == OK).values].min(initial=np.inf)
+        parts.append(f"{name} down to {shown:.0e} (with a value, {known:.0e})")
+    return (
+        f"Next to a resonance tori are certified for {'; '.join(parts)}; nearer, the status says "
+        f"why not. Of those {int((study.lower >= study.upper).sum())} are beyond what converse KAM "
+        f"leaves of their Ω; past that {int((study.past == OK).sum())} of {study.past.size} are "
+        "certified, on any grid."
     )
 
 

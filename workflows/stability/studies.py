@@ -1,7 +1,7 @@
 """All studies of stability, {name: study(quick) → Dataset}; one that takes a moment comes first."""
 
 from workflows.parts.amplitudes import amplitudes
-from workflows.stability import limits, rounding, searches
+from workflows.stability import limits, rounding, searches, tori
 
 STUDIES = {
     "disorder": searches.disordered_orbits,
@@ -13,4 +13,5 @@ STUDIES = {
     "beam": searches.missed_survivors,
     "fakes": searches.fake_circles,
     "rounding": rounding.rounding,
+    "tori": tori.nearly_resonant,
 }

@@ -1,0 +1,93 @@
+"""The last barrier of rotating maps against the frequency, fractions and irrational numbers."""
+
+from fractions import Fraction
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+from workflows.figures.style import colour_of
+
+_BEYOND = 1.15  # times the largest scale of an irrational Ω: what is drawn
+
+
+def draw_frequencies(cube):
+    """Draw the scale of the last breakup against Ω, and the least one of convergents by their q.
+
+    The caption says how the brackets of convergents lie to those of their limits.
+    """
+    limits, fractions = _parts(cube)
+    figure, (wide, near) = plt.subplots(
+        1, 2, figsize=(14, 6), layout="constrained", width_ratios=[1.5, 1]
+    )
+    for Ω, (lower, upper) in fractions.items():
+        wide.vlines(float(Ω), lower.min(), upper.max(), color="0.8", lw=6)
+        wide.vlines(float(Ω), lower.min(), upper.min(), color=colour_of(0), lw=2)
+    for Ω, ends in limits.items():
+        wide.vlines(Ω, *ends, color=colour_of(1), lw=2)
+        wide.plot(Ω, ends[0], "^", color=colour_of(1), ms=5)
+    for words, colour, width in (
+        (r"$\Omega = p/q$, all phases $\varphi_0$", "0.8", 6),
+        (r"$\Omega = p/q$, bracket of the least one", colour_of(0), 2),
+        (r"$\Omega$ irrational: from a certified torus (▲) to converse KAM", colour_of(1), 2),
+    ):
+        wide.plot([], [], color=colour, lw=width, label=words)
+    highest = _BEYOND * max([upper for _, upper in limits.values()], default=0.45)
+    wide.set(xlabel=r"frequency $\Omega$", ylabel="scale $s$ of the last breakup")
+    lowest = np.nanmin(cube.lower)
+    wide.set(xlim=(0, 0.52), ylim=(0.9 * lowest, highest))
+    wide.legend(fontsize="small", loc="upper center", bbox_to_anchor=(0.5, -0.1))
+    told = _draw_convergents(near, limits, fractions)
+    widths = ((cube.upper - cube.lower) / cube.upper).values
+    return figure, (
+        "Where the last barrier of rotating maps breaks on the ray (κ̄, Δκ) = s·(cos, sin) of "
+        f"{float(cube.angle):g}°: for {len(fractions)} fractions Ω, {_phases(cube)} phases each, "
+        f"the last circle; for {len(limits)} irrational Ω the last torus. What is certified is "
+        "below it, and converse KAM above; the bracket has "
+        f"{100 * np.nanmedian(widths):.1g}% in the median, and is missing for "
+        f"{np.isnan(widths).sum()} of {widths.size}. {told}"
+    )
+
+
+def _parts(cube):
+    """Return {Ω: (lower, upper)} of irrational Ω, and of Fractions, with arrays over the phases."""
+    limits, fractions = {}, {}
+    for name, lower, upper in zip(
+        cube.forcing.values, cube.lower.values, cube.upper.values, strict=True
+    ):
+        frequency, _, phase = str(name).partition(",")
+        if phase:
+            fractions.setdefault(Fraction(frequency), []).append((lower, upper))
+        else:
+            limits[float(frequency)] = lower, upper
+    return limits, {Ω: np.transpose(ends) for Ω, ends in fractions.items()}
+
+
+def _phases(cube):
+    return len(np.unique(cube.phase.values[cube.phase.notnull().values]))
+
+
+def _draw_convergents(axes, limits, fractions):
+    """Draw the least scale of each convergent beside the bracket of its limit; say who is where."""
+    shown = overlap = inside = outside = 0
+    for i, (Ω, (lower, upper)) in enumerate(limits.items()):
+        near = sorted({Fraction(Ω).limit_denominator(q) for q in range(2, 65)} & fractions.keys())
+        if not near:
+            continue
+        colour = colour_of(shown)
+        shown += 1
+        axes.axhspan(lower, upper, color=colour, alpha=0.2, lw=0, label=rf"$\Omega = {Ω:.6g}$")
+        for fraction in near:
+            (least, first), q = (ends.min() for ends in fractions[fraction]), fraction.denominator
+            axes.vlines(q + 0.1 * (i % 5), least, first, color=colour, lw=3)
+            overlap += least < upper and lower < first
+            inside += first <= lower
+            outside += least >= upper
+    axes.set(xlabel=r"$q$ of the convergent $p/q$ of $\Omega$")
+    axes.set(title=r"Bands: irrational $\Omega$; bars: the least one of its convergents")
+    axes.set_ylabel("scale $s$ of the last breakup")
+    if shown:
+        axes.legend(fontsize="small")
+    return (
+        f"Of {overlap + inside + outside} convergents the bracket of the phase that breaks first "
+        f"overlaps that of the limit in {overlap}, is below it in {inside}, and above in {outside}."
+    )

@@ -1,0 +1,98 @@
+"""How does the last barrier of a rotating map depend on its frequency Ω?
+
+On a ray of κ_n = κ̄ + Δκ cos 2π(φ0 + nΩ) (arXiv:1606.04824, Sec. VII) the scale at which the last
+circle breaks, for fractions Ω = p/q and several phases φ0, and the last torus, for irrational Ω:
+both from below, by what is certified, and from above, by converse KAM. It is the same for -Ω, so
+that Ω from 0 to 1/2 are all. Is the scale of an irrational Ω the limit of the least one, over the
+phases, of its convergents?
+
+The default irrational numbers are [0;8,(1)], [0;5,(1)], … [0;2,(1)], [0;2,3,(1)], √5 - 2, √2 - 1,
+1 - 1/√2, π - 3, 1/e and 1 - 1/τ - 1/τ², τ the tribonacci constant.
+"""
+
+from fractions import Fraction
+
+import click
+
+from workflows.parts.cli import command, parsed, real, sweeps, whole
+
+IRRATIONAL = (
+    "0.11603574565909282",
+    "0.14159265358979312",
+    "0.16071324478583876",
+    "0.1779982111184266",
+    "0.21654236465910046",
+    "0.2360679774997898",
+    "0.276393202250021",
+    "0.2928932188134524",
+    "0.36787944117144233",
+    "0.38196601125010515",
+    "0.41421356237309515",
+    "0.43929141899193214",
+)
+ALSO = "4/25", "12/29", "8/21", "13/34"
+
+
+def parse_irrational(texts):
+    """Return floats from 0 to 1/2 in increasing order, none near a fraction p/q with q ≤ 64."""
+    numbers = sorted(map(float, texts))
+    for number in numbers:
+        near = Fraction(number).limit_denominator(64) if 0 < number < 0.5 else Fraction(number)
+        if abs(near - number) < 1e-8:
+            raise ValueError(
+                f"{number} must be between 0 and 1/2, and not next to a fraction like {near}; "
+                "fractions go to --also"
+            )
+    if len(set(numbers)) < len(numbers):
+        raise ValueError("two irrational frequencies are equal")
+    return numbers
+
+
+def parse_fractions(texts):
+    """Return Fractions from 0 to 1/2 with denominators from 2 to 64."""
+    fractions = set()
+    for text in texts:
+        try:
+            fractions.add(Fraction(text))
+        except (ValueError, ZeroDivisionError):
+            fractions.add(Fraction())
+        if not all(0 < Ω <= Fraction(1, 2) and Ω.denominator <= 64 for Ω in fractions):
+            raise ValueError(f"{text!r} must be a fraction from 1/64 to 1/2, like 8/21")
+    return fractions
+
+
+@command()
+@whole("--q-max", 10, 2, 64, "Fractions p/q with q up to this one; 34 takes two CPU hours.")
+@parsed("--also", ALSO, parse_fractions, "P/Q", "Further fractions. May be repeated.", True)
+@parsed(
+    "--irrational",
+    IRRATIONAL,
+    parse_irrational,
+    "OMEGA",
+    "Irrational frequencies, from 0 to 1/2. May be repeated.",
+    True,
+)
+@whole("--phases", 8, 2, 1000, "Phases from 0 to 1/2q of each fraction.")
+@real("--angle", 45.0, 0, 180, "Ray (κ̄, Δκ) = s·(cos, sin), in degrees.")
+@click.option("--quick", is_flag=True, help="A few fractions, three phases, and one torus.")
+@sweeps
+def main(run, q_max, also, irrational, phases, angle, quick):
+    """Last barriers against the frequency: a cube, a table and a figure in OUT.
+
+    The defaults take some twelve CPU minutes; --quick less than one.
+    """
+    from pipeline.cubes import frequencies
+    from workflows.figures.frequencies import draw_frequencies
+
+    if quick:
+        q_max, also, phases, irrational = min(q_max, 5), set(), min(phases, 3), irrational[-2:-1]
+    inner = {Fraction(p, q) for q in range(2, q_max + 1) for p in range(1, q // 2 + 1)}
+    job = frequencies.last_barriers(sorted(inner | also), phases, irrational, [angle])
+    with run.sweeping(job):
+        cube = run.sweep(job).load()
+        run.table("frequencies", cube)
+        run.figure("frequencies", *draw_frequencies(cube.isel(angle=0)))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,52 @@
+"""A finite sequence of kicks that come once: may a barrier survive them? For `workflows.ask`."""
+
+import numpy as np
+
+from nasm import escape, phases
+from workflows.figures.ask import draw_once
+
+_ORBITS, _STARTS = 256, 2000
+
+
+def asked_once(kappa):
+    """Return what converse KAM and orbits tell of the kicks, in words, and its figure."""
+    survivor = phases.last_survivor(kappa)
+    lo, hi = escape.PAPER_WINDOW
+    first = phases.escape_time(kappa, 0.0, *escape.ensemble(_ORBITS), (lo, hi)).min()
+    y = (np.arange(_STARTS) + 0.5) / _STARTS
+    x = np.full(_STARTS, survivor.x)
+    lives = phases.elimination_time(kappa, 0.0, survivor.site, x, y)
+    told = "\n".join(_told(kappa, survivor, first))
+    return told, draw_once(kappa, survivor, y, lives)
+
+
+def _told(kappa, survivor, first):
+    size, kick = kappa.size, survivor.site + 1
+    kicks = f"these {size} kicks, of strengths from {kappa.min():.6g} to {kappa.max():.6g}"
+    place = f"(x, y) = ({survivor.x:.6g}, {survivor.y:.9g}) before kick {kick}"
+    if survivor.kicks < np.inf:
+        ends = max(1, kick - int(survivor.kicks)), min(size, survivor.site + int(survivor.kicks))
+        yield (
+            f"NO BARRIER survives {kicks}: no curve around the cylinder is the graph of a "
+            "Lipschitz function before each of them and after the last."
+        )
+        yield (
+            f"The last start to go was {place}: eliminated by {survivor.kicks:g} kicks in either "
+            f"direction, kicks {ends[0]} to {ends[1]}."
+        )
+        yield (
+            "Evidence: converse KAM on the line before that kick; near to a proof, but the starts "
+            "are a sample and the arithmetic is floating point. Curves that fold are not denied."
+        )
+    else:
+        yield (
+            f"UNDECIDED for {kicks}: a barrier may survive them; nothing is shown. The start "
+            f"{place} survives all in either direction, and on other lines others do."
+        )
+    lo, hi = escape.PAPER_WINDOW
+    yield (
+        f"Direct iteration: the first of {_ORBITS} orbits leaves {lo:g} < y < {hi:g} "
+        f"by kick {first:g}."
+        if first < np.inf
+        else f"Direct iteration: none of {_ORBITS} orbits leaves {lo:g} < y < {hi:g}."
+    )

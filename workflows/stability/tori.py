@@ -1,0 +1,62 @@
+"""A study of stability: tori of rotation vectors that are next to a resonance, and past the end."""
+
+import numpy as np
+import xarray as xr
+
+from nasm import last_torus, tori
+from nasm.symmetries import ray
+from pipeline.cubes.cube import fields, status_code
+from workflows.parts.tables import described, listed, outcomes
+
+_GOLDEN = (5**0.5 - 1) / 2
+_PAIRS = {  # at a distance from a resonance
+    "Ω = 1/3 + δ": lambda delta: (_GOLDEN, 1 / 3 + delta),
+    "2ω = Ω + δ": lambda delta: ((2**0.5 - 1 + delta) / 2, 2**0.5 - 1),
+    "13ω = 8 + δ": lambda delta: ((8 + delta) / 13, 2**0.5 - 1),
+}
+
+
+def nearly_resonant(quick):
+    """10. Break tori of pairs (ω, Ω) at a distance δ from a resonance, and look past the breakup.
+
+    Judged by converse KAM for tori of that Ω, whatever their ω. Past its bound, tori of the first
+    pair are asked for on grids of up to n points.
+    """
+    deltas = np.e * 10.0 ** -np.array([2, 5, 10] if quick else range(2, 13))
+    profile, tol, kicks = ray(45), *((0.1, 1000) if quick else (0.03, 8000))
+    pairs = list(_PAIRS)[: 2 if quick else None]
+    vectors = [[_PAIRS[name](delta) for delta in deltas] for name in pairs]
+    found = [[tori.critical_scale(*vector, *profile, tol) for vector in row] for row in vectors]
+    frequencies = {Ω for row in vectors for _, Ω in row}
+    known = {Ω: last_torus.upper_scale(Ω, *profile, kicks) for Ω in frequencies}
+    upper = np.array([[known[frequency] for _, frequency in row] for row in vectors])
+    sizes, excess = 2 ** np.arange(13, 16 if quick else 19, 2), np.array([0.01, 0.1, 0.5])
+    past = [
+        [
+            tori.invariant_torus(*vectors[0][0], *((1 + x) * upper[0, 0] * profile), int(n)).status
+            for x in excess
+        ]
+        for n in sizes
+    ]
+    dims = "pair", "delta"
+    numbers = fields(found, {"value": "value", "error": "error", "lower": "lower"})
+    words = {
+        "value": "breakup on the ray of 45°",
+        "error": "error that the method claims for value",
+        "lower": "scale of the last certified torus",
+    }
+    return xr.Dataset(
+        {
+            **{key: (dims, numbers[key], described(text)) for key, text in words.items()},
+            "upper": (dims, upper, described("scale at which no torus of that Ω is left")),
+            "status": outcomes(dims, numbers["status"]),
+            "past": outcomes(("n", "excess"), [[status_code(s) for s in row] for row in past]),
+        },
+        {
+            "pair": listed("pair", *pairs),
+            "delta": ("delta", deltas, described("distance δ from the resonance")),
+            "n": ("n", sizes, described("most grid points")),
+            "excess": ("excess", excess, described("scale over upper, less 1")),
+        },
+        {"title": "Tori next to a resonance, and past their breakup"},
+    )
