@@ -111,8 +111,8 @@ GOOD = {"name": "mine", "axes": AXES, "origin": (0, 0), "first": (1, 0), "second
         ("three-kicks:a", "third='a' is no fraction"),
         ("rotating:1/3,1/4,1", "is no plane"),
         ("rotating:1/0", "frequency='1/0' is no fraction"),
-        ("rotating:1/65", "have [65, 65, 65] strengths"),
-        ("rotating:2", "have [1, 1, 1] strengths"),
+        ("rotating:1/65", "a denominator from 2 to 64"),
+        ("rotating:2", "a denominator from 2 to 64"),
         ("rotating:1/2,1/4", "are dependent"),
     ],
 )

@@ -1,9 +1,12 @@
 """The plane of forcings: first escape times, where the last circle breaks, and the point."""
 
+from contextlib import suppress
 from itertools import product
+from math import ceil, log10
 
 import numpy as np
 import xarray as xr
+from bokeh.core.property.descriptors import UnsetValueError
 from bokeh.events import MouseLeave, MouseMove, Pan, PanEnd, PanStart, Tap
 from bokeh.models import (
     AutocompleteInput,
@@ -105,8 +108,9 @@ def panel(state, work, shared):
             draw_contour()
 
     def show_rays(found):
-        table, words = found
-        shared.rays.add(table)
+        tables, words = found
+        for table in tables:
+            shared.rays.add(table)
         work.progress("boundary", words)
         draw_rays()
 
@@ -182,9 +186,11 @@ def panel(state, work, shared):
         if drag["view"] == _view(plot) and not drag["pans"]:
             move(event.x, event.y)
 
-    def move(a, b):
+    def move(*point):
+        """Move the forcing, with no more digits than pixels have."""
+        pixel = _view(plot).pixel
         try:
-            state.move(a, b)
+            state.move(*(round(x, ceil(-log10(w))) for x, w in zip(point, pixel, strict=True)))
         except ValueError as error:
             work.fail("plane", error)
 
@@ -272,7 +278,9 @@ def _limits(ends):
 def _view(plot):
     """Return what the figure shows, with about as many pixels as the browser has."""
     ends = [sorted((r.start, r.end)) for r in (plot.x_range, plot.y_range)]
-    told = plot.inner_height or _PIXELS, plot.inner_width or _PIXELS
+    told = _PIXELS, _PIXELS
+    with suppress(UnsetValueError):
+        told = plot.inner_height, plot.inner_width
     shape = (BLOCKS[0] * max(2, round(min(n, _MOST_PIXELS) / BLOCKS[0])) for n in told)
     return View(*(tuple(map(float, end)) for end in ends), tuple(shape))
 

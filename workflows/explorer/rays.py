@@ -5,6 +5,7 @@ of the plane come with it.
 """
 
 from dataclasses import dataclass
+from time import monotonic
 
 import numpy as np
 import xarray as xr
@@ -24,6 +25,7 @@ _TIPS = np.geomspace(2.0, 0.02, 6)  # degrees beside the diagonals, where bounda
 _PARTS = 8  # in which a circle's rays are computed
 _WIDE = 0.2  # of a view, around whose boundary a wide bracket will do
 _ENOUGH = 8  # rays of a view, to give colours to its circles alone
+_PATIENCE = 0.5  # seconds between two pictures
 _GAP = 25.0  # degrees without a ray, over which no line is drawn
 
 
@@ -147,7 +149,7 @@ class Rays:
 
 
 def computed(client, plane, angles, view):
-    """Yield (table, words) for `Rays.add`, ray by ray, and how far that is; or None.
+    """Yield (tables, words) for `Rays.add`, and how far that is, or None, each half second.
 
     client : function → dask Client; one worker is left to others. angles : of `Rays.missing`.
     """
@@ -156,10 +158,16 @@ def computed(client, plane, angles, view):
     workers = client()
     most = max(1, len(workers.nthreads()) - 1)
     calls = ((angle, _on_ray, plane, angle, _tolerance(view)) for angle in angles)
-    count = 0
+    count, found, told = 0, [], monotonic()  # to draw the lines costs more than a ray
     for ended in spread(workers, calls, most, priority=-1):
-        count += ended is not None
-        yield ended and (ended[1], f"{count} of {len(angles)} rays")
+        if ended is not None:
+            count += 1
+            found.append(ended[1])
+        if found and (monotonic() - told > _PATIENCE or count == len(angles)):
+            yield found, f"{count} of {len(angles)} rays"
+            found, told = [], monotonic()
+        else:
+            yield None
 
 
 def circle(client, plane, omega, view):

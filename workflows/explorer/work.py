@@ -5,6 +5,7 @@ threads, so that neither a closed tab nor Ctrl-C waits for them; kernels release
 """
 
 from collections import Counter
+from contextlib import suppress
 from inspect import isgenerator
 from itertools import islice
 from queue import Empty, Queue
@@ -54,7 +55,8 @@ class Work:
     def tick(self, callback):
         """Call back on the event loop, from any thread, unless the tab is closed."""
         if not self.closed:
-            self.document.add_next_tick_callback(callback)
+            with suppress(AttributeError):  # Bokeh takes the document of a closed tab apart
+                self.document.add_next_tick_callback(callback)
 
     def mark(self, name, begins):
         """Note that something begins or ends being computed."""

@@ -23,7 +23,7 @@ _MOST_KICKS, _MOST_POINTS = 10**8, 2 * 10**5  # a second or two; enough for a sc
 
 def portrait(kappa):
     """Return the portrait of the whole cell, as the figure of `ask` has it; see `portraits`."""
-    return next(filter(None.__ne__, portraits(kappa, first=_STEPS)))
+    return next(found for found in portraits(kappa, first=_STEPS) if found is not None)
 
 
 def portraits(kappa, box=CELL, added=(), every=None, first=1000):
