@@ -157,7 +157,7 @@ def panel(state, work, shared):
             excess, ray = found
             side = "beyond" if excess > 0 else "inside"
             words += f" · {100 * abs(excess):.3g}% {side} the boundary"
-            words += f" · last circle ω = {rays.named(ray)}"
+            words += f" · last circle of the nearest ray: ω = {rays.named(ray)}"
         return words
 
     def mark():
@@ -235,7 +235,7 @@ def _drawn(state):
         tools=tools,
         active_scroll=wheel,
         active_drag=None,
-        sizing_mode="stretch_width",
+        sizing_mode="scale_width",
         aspect_ratio=1.06,  # with the colours beside it
         toolbar_location="above",
     )
