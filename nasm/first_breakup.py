@@ -42,7 +42,7 @@ def critical_scale(start, profile, tol=1e-3):
     of the last circle to break, per period. Status OUTSIDE if there is no barrier at the start,
     NO_BREAKUP if one is left where some strength has changed by 4, and that of `barriers` where it
     has no value; UNDECIDED if `verdict` contradicts it, or the error is not known.
-    Some 5 to 20 s of CPU time, and 100 s where `verdict` is often undecided.
+    Some 5 to 60 s of CPU time, and 100 s where `verdict` is often undecided.
 
     ValueError if start and profile differ in length, or as for `barriers.critical_scale`.
     """

@@ -60,6 +60,7 @@ def test_help_needs_no_numpy_and_so_comes_at_once():
         ("escape_plane", "--kappa1 -1e7:1e7:4", "not finite or too large"),
         ("last_barrier", "--tol nan", "is not in the range"),
         ("rotating", "--vector 1/0,1/3", "must be two fractions"),
+        ("rotating", "--vector 1/99991,1/997", "repeats itself within"),
         ("rotating", "--vector 1/3,2/5 --vector 1/5,4/10", "two frequencies are equal"),
         ("three_kicks", "--frequency 1", "must have a denominator from 2 to 64"),
         ("three_kicks", "--phase 1/0", "must be a fraction from 0 to below 1"),

@@ -186,7 +186,10 @@ def main(kappa, plane, sequence, once, prove, out):
     asked = [plane.name] if plane else []
     asked += [Path(path).stem for path in files.values()] or map(str, kappa[:SHOWN])
     name = "_".join(["ask", *asked]).replace(":", "-").replace("/", "-").replace(",", "-")
-    click.echo(f"figures: {', '.join(save(figure, out, name, told))}")
+    try:
+        click.echo(f"figures: {', '.join(save(figure, out, name, told))}")
+    except OSError as error:
+        raise click.ClickException(f"--out={out}: {error.strerror}; no figure is kept") from None
 
 
 if __name__ == "__main__":

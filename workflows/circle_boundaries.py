@@ -41,7 +41,7 @@ def parse_omegas(texts):
 @whole("--q-max", 6000, 10, 10**6, "Longest period of the orbits of the residue method.")
 @sweeps
 def main(run, omega, plane, angles, tips, tol, q_max):
-    """The boundaries CB_ω of circles: two cubes, a table of each and two figures in OUT.
+    """The boundaries CB_ω of circles: three cubes, two tables and two figures in OUT.
 
     The defaults take a minute and a half on two cores.
     """

@@ -18,7 +18,7 @@ from workflows.parts.cli import command, plane_option, plane_options, ray_option
 @real("--tol", 1e-4, 1e-5, 0.1, "Width of the bracket of CB_gt, and error of the CB_ω, to aim at.")
 @sweeps
 def main(run, plane, angles, tips, tol, **options):
-    """The critical boundary of global transport: three cubes, three tables and a figure in OUT.
+    """The critical boundary of global transport: its cubes, three tables and a figure in OUT.
 
     The defaults take about two minutes on two cores. The paper's size of direct iteration is
     --n-max 1000000 --n-orbits 10000.

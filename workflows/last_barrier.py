@@ -12,7 +12,7 @@ from workflows.parts.cli import command, plane_option, ray_options, real, sweeps
 @real("--tol", 2e-5, 1e-5, 0.1, "Width of the bracket to aim at, in parts of the scale.")
 @sweeps
 def main(run, plane, angles, tips, tol):
-    """The last barrier on rays: a cube, a table and a figure in OUT.
+    """The last barrier on rays: two cubes, a table and a figure in OUT.
 
     The defaults take about a minute and a half on two cores.
     """

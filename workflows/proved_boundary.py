@@ -16,7 +16,7 @@ from workflows.parts.cli import command, real, sweeps, whole
 @click.option("--quick", is_flag=True, help="A preview: 41 rays, half a second for each proof.")
 @sweeps
 def main(run, angles, seconds, quick):
-    """Proved brackets of the last barrier: a cube, a table and a figure in OUT.
+    """Proved brackets of the last barrier: two cubes, a table and a figure in OUT.
 
     Needs the extra `proof`. The defaults take about two minutes on two cores, for brackets 0.33%
     wide; with --seconds 18, in eleven, they are 0.085% wide.

@@ -21,7 +21,7 @@ from workflows.parts.cli import command, real, sweeps
 @real("--seconds", 0.5, 1e-3, 1e4, "CPU time for transport, after which a cell is cut or left.")
 @sweeps
 def main(run, cells, seconds):
-    """The proved map: a cube and a figure in OUT, of 0 <= kappa2 <= kappa1 <= 1.125 and its images.
+    """The proved map of 0 <= kappa2 <= kappa1 <= 1.125 and its images: two cubes, a figure in OUT.
 
     Needs the extra `proof`. CPU time: three minutes with --cells 64, some 40 with the defaults.
     """

@@ -12,11 +12,13 @@ of 2632.
 """
 
 from fractions import Fraction
+from math import lcm
 
 from workflows.parts.cli import command, parsed, ray_options, sweeps, whole
 
 TRIBONACCI = 0.5436890126920764, 0.8392867552141612
 VECTORS = ("1705/3136,2631/3136", "1705/3136,2632/3136", "927/1705,1431/1705")
+_LONGEST = 100_000  # period of an orbit, in kicks
 
 
 def parse_vectors(texts):
@@ -24,13 +26,14 @@ def parse_vectors(texts):
     frequencies = {}
     for text in texts:
         try:
-            _, frequency = map(Fraction, text.split(","))
+            omega, frequency = map(Fraction, text.split(","))
         except (ValueError, ZeroDivisionError):
-            frequency = Fraction()
-        if not 1 < frequency.denominator <= 10**5:
+            omega, frequency = Fraction(), Fraction()
+        period = lcm(omega.denominator, frequency.denominator)
+        if frequency.denominator == 1 or abs(omega) > 100 or period > _LONGEST:
             raise ValueError(
-                f"{text!r} must be two fractions like 1/3,2/5, the last one in lowest terms "
-                "between 1/2 and some n/100000"
+                f"{text!r} must be two fractions like 1/3,2/5, the last one no whole number, whose "
+                f"orbit repeats itself within {_LONGEST} kicks"
             )
         if frequency in frequencies:
             raise ValueError(f"two frequencies are equal: {text} and {frequencies[frequency]}")

@@ -53,7 +53,7 @@ def parse_frequency(text):
 @real("--tol", 1e-3, 1e-5, 0.1, "Width of the bracket to aim at, in parts of the scale.")
 @sweeps
 def main(run, frequency, phase, angles, tips, tol):
-    """Rotating standard maps: a cube for each phase, a table and a figure in OUT.
+    """Rotating standard maps: a cube for each phase and one of T, a table and a figure in OUT.
 
     The defaults take a quarter of an hour of CPU time.
     """

@@ -23,8 +23,9 @@ def parse_vectors(texts):
     for text in texts:
         try:
             omega, frequency = map(float, text.split(","))
-            assert abs(omega) < 1e6 > abs(frequency)
-        except (ValueError, AssertionError):
+            if not abs(omega) < 1e6 > abs(frequency):
+                raise ValueError
+        except ValueError:
             raise ValueError(
                 f"{text!r} must be two numbers, turns of θ and φ per kick, like {VECTORS[0]}"
             ) from None
@@ -46,7 +47,7 @@ def parse_vectors(texts):
 @whole("--angles", 13, 2, 10**5, "Rays, from 0 to 90 degrees: the other sign of Δκ is another φ0.")
 @real("--tol", 1e-3, 1e-5, 0.2, "Error of the scales to aim at.")
 @real("--picture", 45.0, 0, 90, "Ray, in degrees, on which tori of the first vector are drawn.")
-@click.option("--quick", is_flag=True, help="Three rays at most, and errors of 5%.")
+@click.option("--quick", is_flag=True, help="Three rays at most, and errors of 0.05 in the scale.")
 @sweeps
 def main(run, vector, angles, tol, picture, quick):
     """Tori of irrational frequency: two cubes, a table and two figures in OUT.

@@ -96,7 +96,7 @@ def unfolded(barrier, angles):
     there = barrier.load().sel(angle=folded, method="nearest", tolerance=1e-8)
     quotients, tails = there.quotients.values.T.tolist(), there.tail_length.values.tolist()
     circles = list(map(_circle, quotients, tails, shifts.tolist()))
-    ties = map(partial(tie, plane), circles, angles)
+    ties = map(partial(tie, plane), circles, angles, there.critical_scale.values)
     table = there.drop_vars(["quotients", "tail_length", "quotient"]).assign_coords(
         angle=angles_of_rays(angles),
         circle=text("angle", circles, "exact rotation number of the last circle, per step"),
@@ -119,9 +119,10 @@ def _circle(quotients, tail_length, shift):
     return str(moebius(omega, -1, shift) if shift else omega)
 
 
-def tie(plane, circle, angle):
-    """Return the text of the ω that breaks together with that of `circle` on the ray; else ""."""
-    return str(barriers.tied(parse(circle), sum(plane.ray(angle))) or "") if circle else ""
+def tie(plane, circle, angle, scale):
+    """Return the text of the ω that breaks together with that of `circle`, at scale; else ""."""
+    start, profile = plane.ray(angle)
+    return str(barriers.tied(parse(circle), start + scale * profile) or "") if circle else ""
 
 
 def _compute(coords, settings):

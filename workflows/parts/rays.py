@@ -35,7 +35,7 @@ def rotated_rays(n, tips):
 
 def with_tie(circle, angle):
     """Return the text of ω, and of the one that is tied with it on that ray of two kicks."""
-    return named(circle, tie(two_kicks(), circle, angle))
+    return named(circle, tie(two_kicks(), circle, angle, 1.0))
 
 
 def named(circle, tied):
