@@ -89,7 +89,7 @@ def page(chromium, explorer):
     yield opened
     for context in contexts:
         context.close()
-    assert not failures
+    assert [str(failure) for failure in failures] == []
 
 
 def ready(tab, but="nothing"):

@@ -126,11 +126,13 @@ _ADDRESS = "history.replaceState(null, '', cb_obj.text.match(/href=\"([^\"]*)/)[
 def _status(document, work, shared):
     """Say what is prepared or computed, and what failed."""
     line = Div(sizing_mode="stretch_width")
-    failed = {}
+    failed, before = {}, set()
 
     def show():
-        for name in work.busy:
+        for name in work.busy.keys() - before:
             failed.pop(name, None)  # it is tried again
+        before.clear()
+        before.update(work.busy)
         doing = [f"{name} ({how})" if how else name for name, how in sorted(work.busy.items())]
         words = f"{shared.preparing} …" if shared.preparing else ""
         words = words or (f"computing: {', '.join(doing)} …" if doing else "ready")

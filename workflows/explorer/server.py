@@ -19,6 +19,7 @@ from pipeline.sweep.cluster import ClusterError, connect
 from workflows.explorer.page import fill
 from workflows.explorer.rays import Rays
 from workflows.explorer.warm import warm_up
+from workflows.explorer.work import GONE
 
 _HOST = "127.0.0.1"
 
@@ -37,7 +38,10 @@ class Shared:
 
     def client(self):
         with self._lock:
-            return self._client()
+            client = self._client()
+        if client.status != "running":
+            raise OSError(GONE)
+        return client
 
     def prepare(self):
         """Start the workers and load the kernels; in a thread."""

@@ -14,7 +14,7 @@ from threading import Thread
 from distributed.scheduler import KilledWorker
 
 _LOOK = 0.1  # seconds after which a generator yields, to be closed if it is void
-_GONE = "the dask scheduler is gone; start the explorer again"
+GONE = "the dask scheduler is gone; start the explorer again"
 
 
 class Work:
@@ -162,7 +162,7 @@ def spread(client, calls, most=None, priority=0):
                 future = ended.get(timeout=_LOOK)
             except Empty:
                 if client.status != "running":
-                    raise OSError(_GONE) from None
+                    raise OSError(GONE) from None
                 yield None
                 continue
             call = sent.pop(future)
@@ -174,6 +174,6 @@ def spread(client, calls, most=None, priority=0):
                 again[call[0]] = again.get(call[0], 0) + 1
                 send(call)
             else:
-                raise OSError(_GONE) if future.cancelled() else future.exception()
+                raise OSError(GONE) if future.cancelled() else future.exception()
     finally:
         client.cancel(list(sent))
