@@ -130,8 +130,7 @@ def _by_continuation(short, tol):
         scales = [continuation.critical_scale(omega, short, _PRECISE * highest) for omega in near]
         certified = np.fmax(certified, np.fmax.reduce([scale.lower for scale in scales]))
         # Next to a forcing of a shorter period continuation is lost: it misses by half its value.
-        known = [scale for scale in [best, *scales] if scale is not None]
-        known = [scale for scale in known if scale.error < _ROUGH * scale.value <= _ROUGH * highest]
+        known = [s for s in (best, *scales) if s and s.error < _ROUGH * s.value <= _ROUGH * highest]
         best = _most_robust(known, None)
         if best is None:
             continue

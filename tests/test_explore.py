@@ -323,5 +323,4 @@ def test_a_lost_worker_is_replaced(page, served):
     tab.get_by_role("slider").press("ArrowRight")
     until(tab, "n", "200")
     ready(tab, but="boundary")
-    family = psutil.Process(served[1].pid).children(recursive=True)
-    assert worker.pid not in {one.pid for one in family if one.status() != psutil.STATUS_ZOMBIE}
+    worker.wait(60)  # it is gone, and not only on its way

@@ -1,5 +1,6 @@
 """The page: one document for each tab, with its own state and its own work."""
 
+from html import escape
 from pathlib import Path
 from urllib.parse import urlencode
 
@@ -9,7 +10,7 @@ from jinja2 import Template
 from nasm.planes import two_kicks
 from workflows.explorer import plane, portrait, verdict
 from workflows.explorer.state import Forcing
-from workflows.explorer.words import alert, escaped
+from workflows.explorer.words import alert
 from workflows.explorer.work import Work
 
 _STEPS = [m * 10**e for e in range(2, 6) for m in (1, 2, 5)] + [10**6]
@@ -137,7 +138,7 @@ def _status(document, work, shared):
         words = f"{shared.preparing} …" if shared.preparing else ""
         words = words or (f"computing: {', '.join(doing)} …" if doing else "ready")
         line.text = (
-            f'<span role="status">{escaped(words)}</span> {alert("; ".join(failed.values()))}'
+            f'<span role="status">{escape(words)}</span> {alert("; ".join(failed.values()))}'
         )
         if not shared.preparing and waiting:
             document.remove_periodic_callback(waiting.pop())

@@ -1,12 +1,11 @@
 """The plane of forcings: first escape times, where the last circle breaks, and the point."""
 
-from contextlib import suppress
+from html import escape
 from itertools import product
 from math import ceil, log10
 
 import numpy as np
 import xarray as xr
-from bokeh.core.property.descriptors import UnsetValueError
 from bokeh.events import MouseLeave, MouseMove, Pan, PanEnd, PanStart, Tap
 from bokeh.models import (
     AutocompleteInput,
@@ -34,8 +33,9 @@ from nasm.planes import plane_of
 from pipeline import store
 from workflows.explorer import field, rays
 from workflows.explorer.field import BLOCKS, Field, View
+from workflows.explorer.pixels import pixels_of
 from workflows.explorer.rays import GREY, NO_LINES
-from workflows.explorer.words import alert, escaped
+from workflows.explorer.words import alert
 from workflows.figures import planes
 from workflows.figures.style import smoothed
 from workflows.parts.tables import described
@@ -278,10 +278,8 @@ def _limits(ends):
 def _view(plot):
     """Return what the figure shows, with about as many pixels as the browser has."""
     ends = [sorted((r.start, r.end)) for r in (plot.x_range, plot.y_range)]
-    told = _PIXELS, _PIXELS
-    with suppress(UnsetValueError):
-        told = plot.inner_height, plot.inner_width
-    shape = (BLOCKS[0] * max(2, round(min(n, _MOST_PIXELS) / BLOCKS[0])) for n in told)
+    told = pixels_of(plot, _PIXELS, _MOST_PIXELS)
+    shape = (BLOCKS[0] * max(2, round(n / BLOCKS[0])) for n in told)
     return View(*(tuple(map(float, end)) for end in ends), tuple(shape))
 
 
@@ -325,6 +323,6 @@ def _legend(colours):
     bar = "display: inline-block; width: 1.4em; height: 0.35em; vertical-align: middle"
     return "".join(
         f'<span style="white-space: nowrap; margin-right: 1.2em">'
-        f'<span style="{bar}; background: {colour}"></span> {escaped(text)}</span>'
+        f'<span style="{bar}; background: {colour}"></span> {escape(text)}</span>'
         for text, colour in {**{f"ω = {ω}": c for ω, c in colours.items()}, "others": GREY}.items()
     )

@@ -1,9 +1,6 @@
 """The phase portrait: orbits of the forcing, what is left of the last circle, orbits added."""
 
-from contextlib import suppress
-
 import numpy as np
-from bokeh.core.property.descriptors import UnsetValueError
 from bokeh.events import Tap
 from bokeh.models import (
     CheckboxGroup,
@@ -21,6 +18,8 @@ from bokeh.plotting import figure
 
 from nasm import barriers, fourier, orbits, periodic
 from nasm.verdict import Answer
+from workflows.explorer.pixels import pixels_of
+from workflows.explorer.words import alert
 from workflows.figures.phase_space import CHAOTIC, COLOURS, STRONG, ends, places
 from workflows.parts.phase_space import CELL, in_box, periodic_orbits, portraits
 from workflows.parts.verdict_words import name_of
@@ -62,7 +61,7 @@ def panel(state, work):
     def refresh():
         """Compute what the view asks for."""
         now["pending"] = False
-        box, shape = _box(plot), _shape(plot)
+        box, shape = _box(plot), pixels_of(plot, _PIXELS, _MOST_PIXELS)
         every = 1 if 0 in toggles.active else None
         with_lines = 1 in toggles.active
         args = state.kappa, box, list(now["added"]), every, with_lines, shape
@@ -136,7 +135,7 @@ def panel(state, work):
             if not np.isfinite([x, y]).all():
                 raise ValueError
         except ValueError:
-            told.text = '<span role="alert" style="color: #a33">two numbers, like 0.5, 0.3</span>'
+            told.text = alert("two numbers, like 0.5, 0.3")
         else:
             add(x, y)
 
@@ -208,14 +207,6 @@ def _box(plot):
     ranges = [(min(r.start, r.end), max(r.start, r.end)) for r in (plot.x_range, plot.y_range)]
     (left, right), (bottom, top) = ranges
     return float(left), float(bottom), min(right - left, 1.0), min(top - bottom, 1.0)
-
-
-def _shape(plot):
-    """Return rows and columns of pixels."""
-    shape = [_PIXELS, _PIXELS]
-    with suppress(UnsetValueError):
-        shape = plot.inner_height, plot.inner_width
-    return tuple(min(max(int(n), 1), _MOST_PIXELS) for n in shape)
 
 
 def _computed(kappa, box, added, every, with_lines, shape):

@@ -7,10 +7,10 @@ from bokeh.models import Button, Column, CustomJS, Div, Row
 
 from nasm.verdict import verdict
 from workflows.explorer import files
+from workflows.explorer.work import spread
 from workflows.parts.verdict_words import sentences
 
 _REST = 0.05  # seconds that the point has to rest, while it is dragged
-_POLL = 0.01
 
 
 def panel(state, work):
@@ -52,14 +52,8 @@ def _judged(client, kappa):
     """Yield None until the verdict is there, then it and the seconds that it took, by a worker."""
     time.sleep(_REST)
     yield None
-    future = client().submit(_timed, kappa, pure=False, priority=1)
-    try:
-        while not future.done():
-            time.sleep(_POLL)
-            yield None
-        yield future.result()
-    finally:
-        future.cancel()
+    for ended in spread(client(), [(None, _timed, kappa)], priority=1):
+        yield ended and ended[1]
 
 
 def _timed(kappa):

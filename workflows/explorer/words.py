@@ -1,11 +1,8 @@
 """Words for the page, in HTML."""
 
-
-def escaped(text):
-    """Return a text in which nothing is HTML: it may be of the visitor's."""
-    return text.replace("&", "&amp;").replace("<", "&lt;")
+from html import escape
 
 
 def alert(text):
     """Return a message that screen readers speak; "" for none."""
-    return f'<span role="alert" style="color: #a33">{escaped(text)}</span>' if text else ""
+    return f'<span role="alert" style="color: #a33">{escape(text)}</span>' if text else ""
