@@ -12,7 +12,7 @@ from nasm.planes import TWO_KICKS_AXES
 from pipeline.cubes.cube import Cube, Job, blank, coordinate
 
 REACH = 1.125  # of both strengths; CB_gt ends before
-_BLOCKS = 18  # along an axis; each is a tile
+_BLOCKS = 36  # along an axis; each is a tile
 _STATES = {
     0: "not_computed",
     proofs.OPEN: "open",
