@@ -36,7 +36,7 @@ import numpy as np
 import rocket_fft  # noqa: F401  (np.fft inside kernels)
 from numba import njit
 
-from nasm import fourier, orbits
+from nasm import fourier
 from nasm.checks import count
 from nasm.critical import Status
 from nasm.kernels import kernel
@@ -217,12 +217,6 @@ def graph(circle):
 def amplitude(circle):
     """max y - min y on the grid."""
     return np.ptp(graph(circle)[1])
-
-
-def measured_rotation_number(circle, n=10_000):
-    """Rotation number of the orbit that starts on the circle at θ = 0, from n steps of the map."""
-    x, y = graph(circle)
-    return float(orbits.rotation_number(circle.kappa, x[0], y[0], n)[0])
 
 
 def _continue_from_rotation(omega, kappa, n_max):

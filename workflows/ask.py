@@ -8,6 +8,7 @@ of these `nasm.phases` tells whether a family of graphs may survive them.
 import os
 from functools import partial
 from pathlib import Path
+from zlib import crc32
 
 import click
 
@@ -185,6 +186,7 @@ def main(kappa, plane, sequence, once, prove, out):
 
     asked = [plane.name] if plane else []
     asked += [Path(path).stem for path in files.values()] or map(str, kappa[:SHOWN])
+    asked += [f"{crc32(strengths):08x}"] if len(kappa) > SHOWN else []  # of all of them
     name = "_".join(["ask", *asked]).replace(":", "-").replace("/", "-").replace(",", "-")
     try:
         click.echo(f"figures: {', '.join(save(figure, out, name, told))}")

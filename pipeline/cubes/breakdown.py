@@ -23,8 +23,8 @@ from pipeline.cubes.escape import SECONDS_PER_KICK
 _SCALES = {
     "critical_scale": ("value", "scale of the breakup, best estimate"),
     "error": ("error", "estimated absolute error of critical_scale"),
-    "lower": ("lower", "scale at which a circle was shown to exist"),
-    "upper": ("upper", "scale at which no circle was shown to be left"),
+    "lower": ("lower", "scale at which the barrier was shown to exist"),
+    "upper": ("upper", "scale at which the barrier was shown to be gone"),
 }
 _SECONDS = 3  # of CPU time in a tile, which is a file for every variable
 
