@@ -54,6 +54,7 @@ MAX_STEPS = 10**6
 MAX_PERIOD = 64  # kicks; `barriers` then takes 25 s for 1%
 
 _GRIDS = ((1024, 0.5), (797, 0.382))  # starts, and the place of the start in its cell
+_KEPT = 16  # starts for each kick of a period, of which the search goes on
 _COMPARED, _PLACES = 8, 24  # largest q with which the actions at x_0 = 0, 1/(24q), … are compared
 _HIGH = 0.1  # of their range
 _STEPS = 40  # of Newton's method, and to the minimax
@@ -197,6 +198,7 @@ def _longest_on_transversal(kappa, n_kicks):
     and its life in kicks."""
     orbits = _first_orbits(kappa)
     longest = _LONGEST * (n_kicks / kappa.size) ** 0.5
+    kept = _KEPT * max(2, kappa.size)  # all ω up to P/2 are there
     while True:
         at = np.array([float(omega) for omega, _ in orbits])
         at *= 0.5 / at[-1]
@@ -210,7 +212,7 @@ def _longest_on_transversal(kappa, n_kicks):
             _elimination_times(kappa, *points_at(place), n_kicks, True, times)
             return times
 
-        place, kicks = longest_found(lifetimes, _GRIDS)
+        place, kicks = longest_found(lifetimes, _GRIDS, kept)
         i = int(np.clip(np.searchsorted(at, place), 1, at.size - 1))
         (before, _), (after, _) = orbits[i - 1 : i + 1]
         between = None

@@ -7,8 +7,8 @@ import oracles
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from nasm import cones, continuation, escape, periodic
-from nasm.maps import rotating_forcing
+from nasm import circles, cones, continuation, escape, periodic
+from nasm.maps import direction, rotating_forcing
 from nasm.numbers import parse
 from nasm.symmetries import ray
 from nasm.transversals import _minimax, elimination_time, located, longest_lived
@@ -49,6 +49,13 @@ def test_nothing_is_eliminated_where_circles_are():
     assert np.isinf(elimination_time((0.0, 0.0, 0.0), 1, 0.3, y, 1000)).all()
     below = rotating_forcing(0.1, 0.1, "1/3", 0.05)
     assert np.isinf(longest_lived(below, 300)[1])
+
+
+def test_a_certified_circle_survives_on_every_transversal_also_of_long_forcings():
+    # The more kicks, the more ω there are whose starts live long, among which it must be found.
+    kappa = 0.255 * direction(rotating_forcing(1, 1, "2/7", 0.02))
+    assert circles.invariant_circle(parse("[3;9,4,(1)]"), kappa).certified
+    assert np.isinf(longest_lived(kappa, 1000)[1])
 
 
 @pytest.mark.parametrize("profile", [(1.0,), (0.6, 0.8), (-0.5, 0.8), (1.8, -0.1, -0.1)])

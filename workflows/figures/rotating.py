@@ -70,7 +70,7 @@ def draw_rotating_tori(tori, two, direct, certified):
         f"({omega:.6g}, {frequency:.6g}), and where converse KAM leaves no torus of that Ω, of any "
         f"ω; at {float(ends.angle):g}° {float(ends.lower):.4f} and {float(ends.upper):.4f}."
     )
-    parts.append(f"|R| = 1 is further out by {wide:.1g}% in the median.")
+    parts.append(f"|R| = 1 is further out by {wide:.2g}% in the median.")
     return _finished(figure, axes), " ".join(parts)
 
 
@@ -91,8 +91,8 @@ def _effort(direct):
 
 def _outside(two, direct):
     """Say by how much direct iteration is biased, "3% to 5%"."""
-    excess = 100 * (direct.upper.values / two.critical_scale.values - 1)
-    return f"{excess.min():.0f}% to {excess.max():.0f}%"
+    excess = 100 * (direct.upper.values / two.critical_scale - 1)
+    return f"{float(excess.min()):.0f}% to {float(excess.max()):.0f}%"
 
 
 def draw_diamond(axes, curve, **style):
