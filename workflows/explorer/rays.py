@@ -4,6 +4,7 @@ As arXiv:1606.04824, Sec. VI, by `pipeline.cubes.barrier`; all images of a ray u
 of the plane come with it.
 """
 
+from collections import deque
 from dataclasses import dataclass
 from time import monotonic
 
@@ -25,7 +26,7 @@ _TIPS = np.geomspace(2.0, 0.02, 6)  # degrees beside the diagonals, where bounda
 _PARTS = 8  # in which a circle's rays are computed
 _WIDE = 0.2  # of a view, around whose boundary a wide bracket will do
 _ENOUGH = 8  # rays of a view, to give colours to its circles alone
-_PATIENCE = 0.5  # seconds between two pictures
+_PATIENCE = 1.0  # seconds between two pictures
 _GAP = 25.0  # degrees without a ray, over which no line is drawn
 
 
@@ -149,7 +150,7 @@ class Rays:
 
 
 def computed(client, plane, angles, view):
-    """Yield (tables, words) for `Rays.add`, and how far that is, or None, each half second.
+    """Yield (tables, words) for `Rays.add`, and how far that is, or None, each second.
 
     client : function → dask Client; one worker is left to others. angles : of `Rays.missing`.
     """
@@ -157,7 +158,7 @@ def computed(client, plane, angles, view):
         return
     workers = client()
     most = max(1, len(workers.nthreads()) - 1)
-    calls = ((angle, _on_ray, plane, angle, _tolerance(view)) for angle in angles)
+    calls = deque((angle, _on_ray, plane, angle, _tolerance(view)) for angle in angles)
     count, found, told = 0, [], monotonic()  # to draw the lines costs more than a ray
     for ended in spread(workers, calls, most, priority=-1):
         if ended is not None:
@@ -175,9 +176,8 @@ def circle(client, plane, omega, view):
     angles, _ = _across(view, 1.0)
     found = {}
     parts = [angles[i::_PARTS] for i in range(_PARTS)]
-    calls = (
-        (part.tobytes(), _circle_on_rays, plane, omega, part, _tolerance(view) / 10)
-        for part in parts
+    calls = deque(
+        (None, _circle_on_rays, plane, omega, part, _tolerance(view) / 10) for part in parts
     )
     for ended in spread(client(), calls):
         if ended is None:

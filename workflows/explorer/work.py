@@ -7,7 +7,6 @@ threads, so that neither a closed tab nor Ctrl-C waits for them; kernels release
 from collections import Counter
 from contextlib import suppress
 from inspect import isgenerator
-from itertools import islice
 from queue import Empty, Queue
 from threading import Thread
 
@@ -139,25 +138,22 @@ class Latest:
 def spread(client, calls, most=None, priority=0):
     """Yield (key, result) of calls on the workers as they end, and None while nothing ends.
 
-    client : dask Client. calls : iterable of (key, function, *args). most : how many are sent at
-    once; default two for each worker. priority : higher ones go first.
+    client : dask Client. calls : deque of (key, function, *args), which may grow meanwhile.
+    most : how many are sent at once; default four for each worker, so that the scheduler always
+    has one that it prefers to those of a lower priority. priority : higher ones go first.
 
     To close this generator cancels what it has sent. A call whose worker is lost is sent again,
     twice at the most. OSError if the scheduler is gone.
     """
-    calls, ended, sent, again = iter(calls), Queue(), {}, {}
-    most = most or 2 * max(1, len(client.nthreads()))
-
-    def send(call):
-        _, function, *args = call
-        future = client.submit(function, *args, pure=False, priority=priority)
-        sent[future] = call
-        future.add_done_callback(ended.put)
-
+    ended, sent, again = Queue(), {}, Counter()
+    most = most or 4 * max(1, len(client.nthreads()))
     try:
-        for call in islice(calls, most):
-            send(call)
-        while sent:
+        while calls or sent:
+            while calls and len(sent) < most:
+                _, function, *args = call = calls.popleft()
+                future = client.submit(function, *args, pure=False, priority=priority)
+                sent[future] = call
+                future.add_done_callback(ended.put)
             try:
                 future = ended.get(timeout=_LOOK)
             except Empty:
@@ -167,12 +163,10 @@ def spread(client, calls, most=None, priority=0):
                 continue
             call = sent.pop(future)
             if future.status == "finished":
-                for following in islice(calls, 1):
-                    send(following)
                 yield call[0], future.result()
-            elif isinstance(future.exception(), KilledWorker) and again.get(call[0], 0) < 2:
-                again[call[0]] = again.get(call[0], 0) + 1
-                send(call)
+            elif isinstance(future.exception(), KilledWorker) and again[id(call)] < 2:
+                again[id(call)] += 1
+                calls.append(call)
             else:
                 raise OSError(GONE) if future.cancelled() else future.exception()
     finally:
