@@ -165,9 +165,8 @@ class Document:
 
 
 def test_of_computations_the_latest_counts():
-    document, found, failed, gate = Document(), [], [], threading.Event()
+    document, found, gate = Document(), [], threading.Event()
     work = Work(document, None)
-    work.on_failure(lambda *what: failed.append(what))
     lane = work.latest("number")
 
     def computed(number):
@@ -183,7 +182,7 @@ def test_of_computations_the_latest_counts():
     lane.submit(lambda: 1 // 0, done=found.append)
     document.run(lambda: not work.busy)
     assert found == [4]
-    assert failed == [("number", "ZeroDivisionError('integer division or modulo by zero')")]
+    assert work.failed == {"number": "ZeroDivisionError('integer division or modulo by zero')"}
 
 
 def test_a_closed_tab_ends_its_generators():

@@ -34,7 +34,7 @@ def panel(state, work):
 
     copy = Button(label="copy as Python")
     copy.js_on_event("button_click", CustomJS(args={"code": code, "copy": copy}, code=_COPY))
-    state.on_change(ask)
+    state.on("point", ask)
     ask()
     style = {"flex-wrap": "wrap", "gap": "4px 24px", "align-items": "end"}
     buttons = Row(copy, code, files.panel(state, work), styles=style)
