@@ -198,7 +198,10 @@ _WATCH = """() => {
     begin()
     watch("portrait", model("orbits"), "data", () => true)
     watch("plane", model("times"), "data", () => true)
-    watch("pixels", model("status"), "text", ({text}) => seen.plane && !text.includes("plane"))
+    watch("pixels", model("status"), "text", ({text}) => {
+        seen.fine ||= text.includes("(1 px")
+        return text.includes(">ready<") || seen.fine && !text.includes("plane")
+    })
     watch("verdict", model("verdict").children[0], "text", ({text}) => text.includes("took"))
 }"""
 _LIMITS = {"page": 1.5, "portrait": 0.2, "verdict": 1.0, "plane": 0.3, "pixels": 6.0}

@@ -47,7 +47,7 @@ class View:
         return np.array([np.ptp(self.a), np.ptp(self.b)]) / self.shape[::-1]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Field:
     """First escape times that are known somewhere.
 

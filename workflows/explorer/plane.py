@@ -71,7 +71,7 @@ def panel(state, work, shared):
     legend = Div(sizing_mode="stretch_width")
     circle, message = AutocompleteInput(**_CIRCLE), Div(width=250)
     wanted = CheckboxGroup(labels=_LINES, active=[0], width=220)
-    cubes, shown = [], []  # Fields of OUT; the one that the plane shows
+    cubes, shown, asked = [], [], []  # Fields of OUT; the one shown; what is computed last
     lanes = {name: work.latest(name) for name in ("cubes", "plane", "boundary", "circle")}
     x, y = symbols(state.plane)
     sides = plot.x_range, plot.y_range
@@ -79,13 +79,15 @@ def panel(state, work, shared):
     def refresh():
         """Compute what the view and N ask for."""
         draw_rays()
-        if not pixels_of(plot, _MOST_PIXELS):
+        view = _view(plot)
+        what = [view, state.steps, circle.value, *cubes]
+        if asked == what or not pixels_of(plot, _MOST_PIXELS):
             return
+        asked[:] = what
         work.end("view")
         image.glyph.color_mapper.high = state.steps
-        view = _view(plot)
         where = shared.client, state.plane
-        args = *where, view, state.steps, [*shown, *shared.fields[::-1], *cubes]
+        args = *where, view, state.steps, [*shown, *reversed(shared.fields.values()), *cubes]
         lanes["plane"].submit(field.computed, *args, done=lambda found: show(view, *found))
         args = *where, shared.rays.missing(view), view
         lanes["boundary"].submit(rays.computed, *args, done=show_rays)
@@ -98,7 +100,10 @@ def panel(state, work, shared):
         cells = max(block, BLOCKS[-2]) if words else 1  # some pixels are still their neighbours'
         shown[:] = [Field(*view.centres(), times, state.steps, cells)]
         if not words:
-            shared.fields[:] = [*shared.fields[1 - _KEPT :], *shown]
+            shared.fields.pop((view, state.steps), None)  # the newest last
+            shared.fields[view, state.steps] = shown[0]
+            if len(shared.fields) > _KEPT:
+                del shared.fields[next(iter(shared.fields))]
         size = {"da": [np.ptp(view.a)], "db": [np.ptp(view.b)]}
         start = {"a": [view.a[0]], "b": [view.b[0]]}
         image.data_source.data = {"times": [times.astype(np.float32)], **start, **size}
