@@ -200,7 +200,7 @@ _WATCH = """() => {
     watch("plane", model("times"), "data", () => true)
     watch("pixels", model("status"), "text", ({text}) => {
         seen.fine ||= text.includes("(1 px")
-        return text.includes(">ready<") || seen.fine && !text.includes("plane")
+        return seen.fine && !text.includes("plane")
     })
     watch("verdict", model("verdict").children[0], "text", ({text}) => text.includes("took"))
 }"""
