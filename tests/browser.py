@@ -54,12 +54,6 @@ def served(store):
 
 
 @pytest.fixture(scope="session")
-def explorer(served):
-    """The address alone."""
-    return served[0]
-
-
-@pytest.fixture(scope="session")
 def chromium():
     """Headless Chromium, for all tests of the session."""
     from playwright.sync_api import sync_playwright
@@ -70,12 +64,13 @@ def chromium():
         browser.close()
 
 
-@pytest.fixture
-def page(chromium, explorer):
-    """A function that opens the explorer, with a query, in a tab of a width; no script may fail."""
+@contextmanager
+def pages(chromium, url):
+    """Yield a function that opens the explorer, with a query, in a tab of a width; in the end
+    close the tabs. No script may have failed."""
     failures, contexts = [], []
 
-    def opened(query="", width=1400, url=explorer):
+    def opened(query="", width=1400):
         context = chromium.new_context(viewport={"width": width, "height": 900})
         contexts.append(context)
         tab = context.new_page()
@@ -90,6 +85,13 @@ def page(chromium, explorer):
     for context in contexts:
         context.close()
     assert [str(failure) for failure in failures] == []
+
+
+@pytest.fixture
+def page(chromium, served):
+    """The function of `pages`, for one test."""
+    with pages(chromium, served[0]) as opened:
+        yield opened
 
 
 def ready(tab, but="nothing"):

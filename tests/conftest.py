@@ -4,7 +4,7 @@ import signal
 
 import pytest
 import toy
-from browser import chromium, explorer, page, served, store  # noqa: F401
+from browser import chromium, page, served, store  # noqa: F401
 
 # Ctrl-C works in the tests, and in the programs that they start, however pytest was started.
 signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -51,9 +51,13 @@ def compose(levels):
 
 def boundary_cells(answers):
     """Mark the cells (rows, columns) with a neighbour, of eight, that answers differently."""
-    padded = np.pad(answers, [(0, 0), (1, 1), (1, 1)], mode="edge")
-    around = np.lib.stride_tricks.sliding_window_view(padded, (3, 3), axis=(1, 2))
-    return (around != answers[..., None, None]).any(axis=(0, 3, 4))
+    rows = np.pad(answers, [(0, 0), (1, 1), (0, 0)], mode="edge")
+    some = rows[:, :-2] | rows[:, 1:-1] | rows[:, 2:]
+    every = rows[:, :-2] & rows[:, 1:-1] & rows[:, 2:]
+    some, every = (np.pad(x, [(0, 0), (0, 0), (1, 1)], mode="edge") for x in (some, every))
+    some = some[..., :-2] | some[..., 1:-1] | some[..., 2:]
+    every = every[..., :-2] & every[..., 1:-1] & every[..., 2:]
+    return (some & ~every).any(axis=0)
 
 
 def tiles_at(cells, tile):

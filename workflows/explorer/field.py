@@ -5,6 +5,7 @@ each; no escape costs all N steps. So blocks without an escape, all of whose nei
 one, are not cut further.
 """
 
+from collections import deque
 from dataclasses import dataclass
 from time import monotonic
 
@@ -20,9 +21,8 @@ _CUT = 3
 ORBITS = 64
 _FIRST_STEPS = 1000  # of the first look, if N is more
 _BATCH = 0.06  # CPU seconds of a task
-_LAST = 2e-4  # of the view
 _EDGE = 1e-9  # of a block: rounding
-_PATIENCE = 0.3  # seconds between two pictures of one size of blocks
+_PATIENCE, _LONGEST = 0.3, 1.5  # seconds between two pictures, more and more
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class View:
         return np.array([np.ptp(self.a), np.ptp(self.b)]) / self.shape[::-1]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Field:
     """First escape times that are known somewhere.
 
@@ -116,35 +116,54 @@ def computed(client, plane, view, steps, fields):
         return
     if not np.isnan(backdrop).all():
         yield picture("what is known", BLOCKS[0])
-    workers = client()
+    workers, told, pause = client(), monotonic(), _PATIENCE
 
     def fill(wanted, block, steps):
-        """Compute the blocks that are wanted, and yield pictures."""
-        images = _images(plane, view, block)[wanted]
-        asked, index = np.unique(images, return_inverse=True)
-        if not asked.size:
-            return
-        rows, columns = np.divmod(asked, wanted.shape[1])
-        likely = times.ravel()[asked]
-        likely = np.where(likely <= steps, likely, steps)  # also if not known
-        seconds = np.cumsum(likely) * SECONDS_PER_KICK * ORBITS * len(plane.origin)
-        batch = np.floor(seconds / min(_BATCH, seconds[-1] / 4)).astype(int)
-        parts = np.split(np.arange(asked.size), np.flatnonzero(np.diff(batch)) + 1)
-        a, b = view.centres(block)
-        kappas = plane.forcing(a[columns], b[rows])
-        calls = ((i, _escapes, kappas[part], steps) for i, part in enumerate(parts))
-        found, before, told = np.full(asked.size, np.nan), times[wanted], monotonic()
+        """Compute the blocks that are wanted, of pixels also those along the boundary that these
+        show; and yield pictures."""
+        images = _images(plane, view, block)
+        found, asked, calls = np.full(images.size, np.nan), np.zeros(images.size, bool), deque()
+
+        def ask(wanted):
+            cells = np.unique(images[wanted])
+            cells = cells[~asked[cells]]
+            if not cells.size:
+                return
+            asked[cells] = True
+            likely = times.ravel()[cells]
+            likely = np.where(likely <= steps, likely, steps)  # also if not known
+            seconds = np.cumsum(likely) * SECONDS_PER_KICK * ORBITS * len(plane.origin)
+            batch = np.floor(seconds / min(_BATCH, seconds[-1] / 4)).astype(int)
+            a, b = view.centres(block)
+            for part in np.split(cells, np.flatnonzero(np.diff(batch)) + 1):
+                rows, columns = np.divmod(part, images.shape[1])
+                calls.append((part, _escapes, plane.forcing(a[columns], b[rows]), steps))
+
+        def take():
+            now = found[images[wanted]]
+            times[wanted] = np.where(np.isnan(now), times[wanted], now)
+
+        nonlocal told, pause
+        ask(wanted)
         for ended in spread(workers, calls):
             if ended is not None:
-                found[parts[ended[0]]] = ended[1]
-            if monotonic() - told < _PATIENCE:
+                found[ended[0]] = ended[1]
+            while block == 1 and not calls:
+                take()
+                more = _at_boundary(times, steps) & ~known & ~wanted
+                if not more.any():
+                    break
+                wanted |= more
+                ask(more)
+            if monotonic() - told < pause:
                 yield None
                 continue
-            told, now = monotonic(), found[index]
-            times[wanted] = np.where(np.isnan(now), before, now)
-            yield picture(f"{block} px, {1 - np.isnan(found).mean():.0%}", block)
-        times[wanted] = found[index]
-        yield picture(f"{block} px", block)
+            take()
+            yield picture(f"{block} px, {1 - np.isnan(found[asked]).mean():.0%}", block)
+            told, pause = monotonic(), min(1.5 * pause, _LONGEST)
+        take()
+        if block > 1:
+            yield picture(f"{block} px", block)
 
     for block in BLOCKS:
         rows, columns = (n // block for n in view.shape)
@@ -159,14 +178,9 @@ def computed(client, plane, view, steps, fields):
             wanted = ((times <= steps) | _at_boundary(times, steps)) & ~known
             wanted[_CUT // 2 :: _CUT, _CUT // 2 :: _CUT] = False  # a centre was the whole block's
         times[known] = final[block // 2 :: block, block // 2 :: block][known]
-        done = known | wanted
         yield from fill(wanted, block, steps)
         if block == BLOCKS[1]:  # a short look everywhere, for what is thinner than the first blocks
-            yield from fill(~done, block, min(steps, _FIRST_STEPS))
-    # The finest blocks may show that the boundary runs on: follow it, but for single pixels.
-    while (wanted := _at_boundary(times, steps) & ~done).mean() > _LAST:
-        done |= wanted
-        yield from fill(wanted, block, steps)
+            yield from fill(~known & ~wanted, block, min(steps, _FIRST_STEPS))
     yield picture("", block)
 
 

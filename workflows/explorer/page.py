@@ -15,13 +15,14 @@ from workflows.explorer.work import Work
 
 _STEPS = [m * 10**e for e in range(2, 6) for m in (1, 2, 5)] + [10**6]
 _DEFAULT = 10_000
+_TEMPLATE = Template((Path(__file__).parent / "page.html").read_text("utf-8"))
 _QUERY = ("k1", "k2", "n", "plane")  # of the permalink
 
 
 def fill(document, shared):
     """Fill the document of a new tab."""
     document.title = f"{shared.plane.name}: the explorer of the nonautonomous standard map"
-    document.template = Template((Path(__file__).parent / "page.html").read_text("utf-8"))
+    document.template = _TEMPLATE
     work = Work(document, shared.client)
     document.on_session_destroyed(lambda _: work.close())
     request = document.session_context.request
@@ -36,9 +37,10 @@ def fill(document, shared):
         "portrait": portrait.panel(state, work),
         "verdict": verdict.panel(state, work),
     }
-    for name, root in roots.items():
-        root.name = name
-        document.add_root(root)
+    with document.models.freeze():  # which would count all models again after each root
+        for name, root in roots.items():
+            root.name = name
+            document.add_root(root)
 
 
 def asked_for(plane, asked):
@@ -115,8 +117,8 @@ def _controls(state, wrong):
     for field in fields:
         field.on_change("value", typed)
     slider.on_change("value", lambda attr, old, new: state.count(shown[new]))
-    state.on_change(show)
-    state.on_steps(tell)
+    state.on("point", show)
+    state.on("steps", tell)
     return Row(*fields, slider, link, message, styles={"flex-wrap": "wrap", "gap": "4px 16px"})
 
 
@@ -126,31 +128,20 @@ _ADDRESS = "history.replaceState(null, '', cb_obj.text.match(/href=\"([^\"]*)/)[
 
 def _status(document, work, shared):
     """Say what is prepared or computed, and what failed."""
-    line = Div(sizing_mode="stretch_width")
-    failed, before = {}, set()
+    line, waiting = Div(sizing_mode="stretch_width"), []
 
     def show():
-        for name in work.busy.keys() - before:
-            failed.pop(name, None)  # it is tried again
-        before.clear()
-        before.update(work.busy)
         doing = [f"{name} ({how})" if how else name for name, how in sorted(work.busy.items())]
-        words = f"{shared.preparing} …" if shared.preparing else ""
-        words = words or (f"computing: {', '.join(doing)} …" if doing else "ready")
-        line.text = (
-            f'<span role="status">{escape(words)}</span> {alert("; ".join(failed.values()))}'
-        )
-        if not shared.preparing and waiting:
+        words = f"computing: {', '.join(doing)} …" if doing else "ready"
+        if shared.preparing:
+            words = f"{shared.preparing} …"
+        elif waiting:
             document.remove_periodic_callback(waiting.pop())
+        failed = "; ".join(f"{name}: {why}" for name, why in work.failed.items())
+        line.text = f'<span role="status">{escape(words)}</span> {alert(failed)}'
 
-    def fail(name, words):
-        failed[name] = f"{name}: {words}"
-        show()
-
-    waiting = []
     if shared.preparing:
         waiting.append(document.add_periodic_callback(show, 300))
-    work.on_busy(show)
-    work.on_failure(fail)
+    work.show = show
     show()
     return line

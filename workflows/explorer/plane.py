@@ -1,7 +1,6 @@
 """The plane of forcings: first escape times, where the last circle breaks, and the point."""
 
 from html import escape
-from itertools import product
 from math import ceil, log10
 
 import numpy as np
@@ -15,11 +14,13 @@ from bokeh.models import (
     ColumnDataSource,
     Div,
     LogColorMapper,
+    MultiLine,
     PanTool,
     Range1d,
     ResetTool,
     Row,
     SaveTool,
+    Scatter,
     WheelZoomTool,
     ZoomInTool,
     ZoomOutTool,
@@ -33,7 +34,7 @@ from nasm.planes import plane_of
 from pipeline import store
 from workflows.explorer import field, rays
 from workflows.explorer.field import BLOCKS, Field, View
-from workflows.explorer.pixels import pixels_of
+from workflows.explorer.pixels import on_view, pixels_of, sides_of
 from workflows.explorer.rays import GREY, NO_LINES
 from workflows.explorer.words import alert
 from workflows.figures import planes
@@ -43,7 +44,7 @@ from workflows.parts.tables import described
 _PIXELS = 640  # along each side, until the browser tells
 _MOST_PIXELS = 1024
 _HALF = 1.15  # of the largest strength, of the first view
-_KEPT = 8  # fields that are kept, to go back to
+_KEPT = 8  # fields that are kept for all tabs, to go back to
 _STAYS = 3  # pixels that a cell of OUT may fill
 _COLOURS = Magma256[:232]  # the palest are too like the grey of no escape
 _LINES = ["where the last circle breaks", "where n* ≤ N begins"]
@@ -70,19 +71,23 @@ def panel(state, work, shared):
     legend = Div(sizing_mode="stretch_width")
     circle, message = AutocompleteInput(**_CIRCLE), Div(width=250)
     wanted = CheckboxGroup(labels=_LINES, active=[0], width=220)
-    fields, cubes, soon = [], [], []  # the last one is what the plane shows
-    lanes = {name: work.latest(name) for name in ("plane", "boundary", "circle")}
+    cubes, shown, asked = [], [], []  # Fields of OUT; the one shown; what is computed last
+    lanes = {name: work.latest(name) for name in ("cubes", "plane", "boundary", "circle")}
     x, y = symbols(state.plane)
     sides = plot.x_range, plot.y_range
 
     def refresh():
         """Compute what the view and N ask for."""
-        soon.clear()
         draw_rays()
-        image.glyph.color_mapper.high = state.steps
         view = _view(plot)
+        what = [view, state.steps, circle.value, *cubes]
+        if asked == what or not pixels_of(plot, _MOST_PIXELS):
+            return
+        asked[:] = what
+        work.end("view")
+        image.glyph.color_mapper.high = state.steps
         where = shared.client, state.plane
-        args = *where, view, state.steps, [*fields[::-1], *cubes]
+        args = *where, view, state.steps, [*shown, *reversed(shared.fields.values()), *cubes]
         lanes["plane"].submit(field.computed, *args, done=lambda found: show(view, *found))
         args = *where, shared.rays.missing(view), view
         lanes["boundary"].submit(rays.computed, *args, done=show_rays)
@@ -91,20 +96,19 @@ def panel(state, work, shared):
             args = *where, circle.value, view
             lanes["circle"].submit(rays.circle, *args, done=show_circle)
 
-    def refresh_soon():
-        if not soon:  # the ends of both ranges change one after another
-            soon.append(work.tick(refresh))
-
     def show(view, times, block, words):
-        if fields and fields[-1].cells > 1:  # it was no more than a preview
-            fields.pop()
-        fields.append(Field(*view.centres(), times, state.steps, block))
-        del fields[:-_KEPT]
+        cells = max(block, BLOCKS[-2]) if words else 1  # some pixels are still their neighbours'
+        shown[:] = [Field(*view.centres(), times, state.steps, cells)]
+        if not words:
+            shared.fields.pop((view, state.steps), None)  # the newest last
+            shared.fields[view, state.steps] = shown[0]
+            if len(shared.fields) > _KEPT:
+                del shared.fields[next(iter(shared.fields))]
         size = {"da": [np.ptp(view.a)], "db": [np.ptp(view.b)]}
         start = {"a": [view.a[0]], "b": [view.b[0]]}
         image.data_source.data = {"times": [times.astype(np.float32)], **start, **size}
         work.progress("plane", words)
-        if block == 1 or not words:
+        if block == 1:
             draw_contour()
 
     def show_rays(found):
@@ -124,8 +128,8 @@ def panel(state, work, shared):
         mark()
 
     def draw_contour():
-        shown = 1 in wanted.active and fields
-        lines["contour"].data = _contour(fields[-1], state.steps) if shown else {"a": [], "b": []}
+        field = shown[0] if 1 in wanted.active and shown else None
+        lines["contour"].data = _contour(field, state.steps) if field else {"a": [], "b": []}
 
     def choose(attr, old, new):
         draw_rays()
@@ -149,7 +153,7 @@ def panel(state, work, shared):
 
     def words_at(a, b):
         words = f"{x} = {a:.6g}, {y} = {b:.6g}"
-        n = fields[-1].at(a, b) if fields else np.nan
+        n = shown[0].at(a, b) if shown else np.nan
         if not np.isnan(n):
             words += f" · n* = {n:.0f}" if n <= state.steps else f" · n* > {state.steps}"
         found = shared.rays.at(a, b)
@@ -196,7 +200,7 @@ def panel(state, work, shared):
 
     def escapes():
         """What the plane shows, as a Dataset."""
-        return _dataset(state.plane, fields[-1]) if fields else None
+        return _dataset(state.plane, shown[0]) if shown else None
 
     def pointed(event):
         told.text = words_at(event.x, event.y)
@@ -207,17 +211,14 @@ def panel(state, work, shared):
     plot.on_event(PanEnd, end)
     plot.on_event(MouseMove, pointed)
     plot.on_event(MouseLeave, lambda event: mark())
-    for model, name in product(sides, ("start", "end")):
-        model.on_change(name, lambda attr, old, new: refresh_soon())
-    for name in ("inner_width", "inner_height"):
-        plot.on_change(name, lambda attr, old, new: refresh_soon())
     circle.on_change("value", name_circle)
     wanted.on_change("active", choose)
-    state.on_change(mark)
-    state.on_steps(refresh_soon)
+    state.on("point", mark)
+    state.on("steps", on_view(plot, work, refresh))
     state.seen |= {"escape": escapes, "boundary": shared.rays.table}
     mark()
-    work.latest("cubes").submit(_cubes, shared.place, state.plane, done=opened)
+    work.begin("view")
+    lanes["cubes"].submit(_cubes, shared.place, state.plane, done=opened)
     controls = Row(wanted, circle, message, styles={"flex-wrap": "wrap"})
     return Column(plot, told, legend, controls, sizing_mode="stretch_width")
 
@@ -252,15 +253,17 @@ def _drawn(state):
     plot.add_layout(ColorBar(color_mapper=mapper, title=title, width=10, padding=4), "right")
     lines = {name: ColumnDataSource({"a": [], "b": []}) for name in ("contour", "circle")}
     lines["boundary"] = ColumnDataSource(NO_LINES, name="boundary")
-    plot.multi_line("a", "b", source=lines["contour"], line_color="black", line_width=1.2)
-    plot.multi_line("a", "b", source=lines["boundary"], line_color="white", line_width=5)
-    plot.multi_line("a", "b", source=lines["boundary"], line_color="colour", line_width=2.5)
-    dashed = {"line_color": "black", "line_width": 2, "line_dash": "dashed"}
-    plot.multi_line("a", "b", source=lines["circle"], **dashed)
+    for name, style in (
+        ("contour", {"line_width": 1.2}),
+        ("boundary", {"line_color": "white", "line_width": 5}),
+        ("boundary", {"line_color": "colour", "line_width": 2.5}),
+        ("circle", {"line_width": 2, "line_dash": "dashed"}),
+    ):
+        plot.add_glyph(lines[name], MultiLine(xs="a", ys="b", **style))
     point = ColumnDataSource({"a": [], "b": []})
-    cross = {"source": point, "size": 16, "marker": "circle_cross", "fill_alpha": 0}
-    plot.scatter("a", "b", line_color="white", line_width=5, **cross)
-    plot.scatter("a", "b", line_color="black", line_width=2, **cross)
+    for style in ({"line_color": "white", "line_width": 5}, {"line_width": 2}):
+        cross = Scatter(x="a", y="b", size=16, marker="circle_cross", fill_alpha=0, **style)
+        plot.add_glyph(point, cross)
     return plot, image, lines, point
 
 
@@ -277,10 +280,8 @@ def _limits(ends):
 
 def _view(plot):
     """Return what the figure shows, with about as many pixels as the browser has."""
-    ends = [sorted((r.start, r.end)) for r in (plot.x_range, plot.y_range)]
-    told = pixels_of(plot, _PIXELS, _MOST_PIXELS)
-    shape = (BLOCKS[0] * max(2, round(n / BLOCKS[0])) for n in told)
-    return View(*(tuple(map(float, end)) for end in ends), tuple(shape))
+    pixels = pixels_of(plot, _MOST_PIXELS) or (_PIXELS, _PIXELS)
+    return View(*sides_of(plot), tuple(BLOCKS[0] * max(2, round(n / BLOCKS[0])) for n in pixels))
 
 
 def _contour(field, steps):

@@ -9,16 +9,18 @@ from bokeh.models import (
     ColumnDataSource,
     Div,
     HoverTool,
+    Line,
     LinearColorMapper,
     Range1d,
     Row,
+    Scatter,
     TextInput,
 )
 from bokeh.plotting import figure
 
 from nasm import barriers, fourier, orbits, periodic
 from nasm.verdict import Answer
-from workflows.explorer.pixels import pixels_of
+from workflows.explorer.pixels import on_view, pixels_of, sides_of
 from workflows.explorer.words import alert
 from workflows.figures.phase_space import CHAOTIC, COLOURS, STRONG, ends, places
 from workflows.parts.phase_space import CELL, in_box, periodic_orbits, portraits
@@ -42,7 +44,7 @@ def panel(state, work):
     told = Div(sizing_mode="stretch_width", min_height=22)
     lane, trace_lane = work.latest("portrait"), work.latest("last circle")
     cycle_lane = work.latest("periodic orbits")
-    now = {"portrait": None, "words": "", "added": [], "pending": False}
+    now = {"portrait": None, "words": "", "added": []}
     now |= {"strong": None, "name": "", "cycles": _NO_CYCLES}
 
     def seen():
@@ -60,18 +62,12 @@ def panel(state, work):
 
     def refresh():
         """Compute what the view asks for."""
-        now["pending"] = False
-        box, shape = _box(plot), pixels_of(plot, _PIXELS, _MOST_PIXELS)
+        box, shape = _box(plot), pixels_of(plot, _MOST_PIXELS) or (_PIXELS, _PIXELS)
         every = 1 if 0 in toggles.active else None
         with_lines = 1 in toggles.active
         args = state.kappa, box, list(now["added"]), every, with_lines, shape
         lane.submit(_computed, *args, done=show)
         draw_decisive()
-
-    def soon():
-        if not now["pending"]:
-            now["pending"] = True
-            work.tick(refresh)
 
     def show(found):
         portrait, pixels, curves, now["words"] = found
@@ -146,13 +142,9 @@ def panel(state, work):
     plot.on_event(Tap, lambda event: add(event.x, event.y))
     field.on_change("value", typed)
     toggles.on_change("active", toggled)
-    for range_ in (plot.x_range, plot.y_range):
-        for name in ("start", "end"):
-            range_.on_change(name, lambda attr, old, new: soon())
-    for name in ("inner_width", "inner_height"):
-        plot.on_change(name, lambda attr, old, new: soon())
-    state.on_change(moved)
-    state.on_verdict(judged)
+    soon = on_view(plot, work, refresh)
+    state.on("point", moved)
+    state.on("verdict", judged)
     soon()
     below = Row(toggles, field, styles={"flex-wrap": "wrap", "gap": "4px 16px"})
     return Column(plot, told, below, sizing_mode="stretch_width")
@@ -187,12 +179,13 @@ def _drawn():
     circle, longest_lived, *symmetry = (ColumnDataSource(_EMPTY, name=name) for name in names)
     lines = {"circle": circle, "longest_lived": longest_lived, "symmetry": symmetry}
     for source, dash in zip(symmetry, ("solid", "dashed"), strict=True):
-        plot.line("x", "y", source=source, color="#444444", line_width=1, line_dash=dash)
-    plot.line("x", "y", source=circle, color=STRONG, line_width=3)
-    plot.scatter("x", "y", source=longest_lived, color=STRONG, size=5)
+        plot.add_glyph(source, Line(x="x", y="y", line_color="#444444", line_dash=dash))
+    plot.add_glyph(circle, Line(x="x", y="y", line_color=STRONG, line_width=3))
+    dots = {"size": 5, "line_color": STRONG, "fill_color": STRONG}
+    plot.add_glyph(longest_lived, Scatter(x="x", y="y", **dots))
     cycles = ColumnDataSource(_NO_CYCLES, name="cycles")
-    style = {"marker": "marker", "size": 6, "line_color": "black", "fill_color": "fill"}
-    markers = plot.scatter("x", "y", source=cycles, **style)
+    markers = Scatter(x="x", y="y", marker="marker", size=6, fill_color="fill")
+    markers = plot.add_glyph(cycles, markers)
     tips = [("orbit", "@orbit"), ("x, y", "@x{0.0000000}, @y{0.0000000}")]
     plot.add_tools(HoverTool(renderers=[markers], tooltips=tips))
     return plot, image, bar, lines, cycles
@@ -204,9 +197,8 @@ _MARKERS = {"minimax": ("circle", "white"), "minimizing": ("square", "black")}
 
 def _box(plot):
     """Return left, bottom, width and height of what the figure shows, one cell at most."""
-    ranges = [(min(r.start, r.end), max(r.start, r.end)) for r in (plot.x_range, plot.y_range)]
-    (left, right), (bottom, top) = ranges
-    return float(left), float(bottom), min(right - left, 1.0), min(top - bottom, 1.0)
+    (left, right), (bottom, top) = sides_of(plot)
+    return left, bottom, min(right - left, 1.0), min(top - bottom, 1.0)
 
 
 def _computed(kappa, box, added, every, with_lines, shape):

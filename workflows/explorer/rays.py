@@ -4,6 +4,7 @@ As arXiv:1606.04824, Sec. VI, by `pipeline.cubes.barrier`; all images of a ray u
 of the plane come with it.
 """
 
+from collections import deque
 from dataclasses import dataclass
 from time import monotonic
 
@@ -25,7 +26,7 @@ _TIPS = np.geomspace(2.0, 0.02, 6)  # degrees beside the diagonals, where bounda
 _PARTS = 8  # in which a circle's rays are computed
 _WIDE = 0.2  # of a view, around whose boundary a wide bracket will do
 _ENOUGH = 8  # rays of a view, to give colours to its circles alone
-_PATIENCE = 0.5  # seconds between two pictures
+_PATIENCE = 1.0  # seconds between two pictures
 _GAP = 25.0  # degrees without a ray, over which no line is drawn
 
 
@@ -63,47 +64,36 @@ class Rays:
         self.add(unfolded(barrier, np.unique(images)))
 
     def lines(self, view):
-        """Return the boundary as pieces of one circle each, columns a, b and colour; and the
-        colours {text of ω: colour} of those circles that are last on 1% of the view or more."""
-        angles = sorted(angle for angle, ray in self.known.items() if np.isfinite(ray.scale))
-        if len(angles) < 2:
+        """Return the boundary, a piece around each ray, columns a, b and colour; and the colours
+        {text of ω: colour} of those circles that are last on 1% of the view or more."""
+        angles, points, circles = self._found()
+        if angles.size < 2:
             return NO_LINES, {}
-        rays = [self.known[angle] for angle in angles]
-        points = [
-            ray.scale * np.exp(1j * np.deg2rad(a)) for a, ray in zip(angles, rays, strict=True)
-        ]
-        seen = [
-            i
-            for i, point in enumerate(points)
-            if view.a[0] <= point.real <= view.a[1] and view.b[0] <= point.imag <= view.b[1]
-        ]
-        seen = seen if len(seen) > _ENOUGH else range(len(angles))
-        circles = [rays[i].circle for i in seen]
-        _, colours = class_colours(np.take(angles, seen), circles, self._whole)
+        inside = (view.a[0] <= points.real) & (points.real <= view.a[1])
+        inside &= (view.b[0] <= points.imag) & (points.imag <= view.b[1])
+        seen = inside if inside.sum() > _ENOUGH else np.ones_like(inside)
+        _, colours = class_colours(angles[seen], circles[seen].tolist(), self._whole)
         colours = {text: shade for text, shade in colours.items() if shade.startswith("#")}
-        shades = [colours.get(circle_class(ray.circle, self._whole), GREY) for ray in rays]
-        pieces, drawn = [], []
-        for i, after in zip(range(len(angles)), [*range(1, len(angles)), 0], strict=True):
-            if not 0 < (angles[after] - angles[i]) % 360 <= _GAP:
-                continue
-            middle = (points[i] + points[after]) / 2
-            for start, end, shade in (
-                (points[i], middle, shades[i]),
-                (middle, points[after], shades[after]),
-            ):
-                if pieces and drawn[-1] == shade and pieces[-1][-1] == start:
-                    pieces[-1].append(end)
-                else:
-                    pieces.append([start, end])
-                    drawn.append(shade)
-        a, b = [np.real(piece) for piece in pieces], [np.imag(piece) for piece in pieces]
-        return {"a": a, "b": b, "colour": drawn}, colours
+        shades = [colours.get(circle_class(circle, self._whole), GREY) for circle in circles]
+        joined = (np.roll(angles, -1) - angles) % 360 <= _GAP  # to the next
+        after = np.where(joined, (points + np.roll(points, -1)) / 2, points)
+        before = np.where(np.roll(joined, 1), np.roll(after, 1), points)
+        pieces = np.stack([before, points, after], axis=1)
+        return {"a": list(pieces.real), "b": list(pieces.imag), "colour": shades}, colours
+
+    def _found(self):
+        """Return angles, points as complex numbers, and circles, of the rays with a boundary."""
+        rays = [(k, ray) for k, ray in sorted(self.known.items()) if np.isfinite(ray.scale)]
+        angles = np.array([angle for angle, _ in rays])
+        scales = np.array([ray.scale for _, ray in rays])
+        circles = np.array([ray.circle for _, ray in rays], dtype=object)
+        return angles, scales * np.exp(1j * np.deg2rad(angles)), circles
 
     def at(self, a, b):
         """Return (excess, Breakup) at a point: how far it is beyond the boundary, in parts of the
         boundary's scale, and the nearer ray; None where no rays are known on both sides."""
         angle, radius = np.rad2deg(np.arctan2(b, a)) % 360, np.hypot(a, b)
-        angles = np.array(sorted(k for k, ray in self.known.items() if np.isfinite(ray.scale)))
+        angles, *_ = self._found()
         if not angles.size:
             return None
         i = np.searchsorted(angles, angle)
@@ -149,7 +139,7 @@ class Rays:
 
 
 def computed(client, plane, angles, view):
-    """Yield (tables, words) for `Rays.add`, and how far that is, or None, each half second.
+    """Yield (tables, words) for `Rays.add`, and how far that is, or None, each second.
 
     client : function → dask Client; one worker is left to others. angles : of `Rays.missing`.
     """
@@ -157,7 +147,7 @@ def computed(client, plane, angles, view):
         return
     workers = client()
     most = max(1, len(workers.nthreads()) - 1)
-    calls = ((angle, _on_ray, plane, angle, _tolerance(view)) for angle in angles)
+    calls = deque((angle, _on_ray, plane, angle, _tolerance(view)) for angle in angles)
     count, found, told = 0, [], monotonic()  # to draw the lines costs more than a ray
     for ended in spread(workers, calls, most, priority=-1):
         if ended is not None:
@@ -175,9 +165,8 @@ def circle(client, plane, omega, view):
     angles, _ = _across(view, 1.0)
     found = {}
     parts = [angles[i::_PARTS] for i in range(_PARTS)]
-    calls = (
-        (part.tobytes(), _circle_on_rays, plane, omega, part, _tolerance(view) / 10)
-        for part in parts
+    calls = deque(
+        (None, _circle_on_rays, plane, omega, part, _tolerance(view) / 10) for part in parts
     )
     for ended in spread(client(), calls):
         if ended is None:

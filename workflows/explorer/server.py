@@ -28,13 +28,15 @@ class Shared:
     """What all tabs share.
 
     plane : of forcings. place : of cubes to show, only read. rays : Rays, the boundary so far.
+    fields : {(View, N): Field} that were computed to the end, the newest last.
     client : function → dask Client, which waits until it is connected.
     preparing : what the page must wait for, in words; "" when all is ready.
     """
 
     def __init__(self, plane, place, client):
         self.plane, self.place, self._client = plane, place, client
-        self.rays, self.preparing, self._lock = Rays(plane), "starting the workers", Lock()
+        self.rays, self.fields = Rays(plane), {}
+        self.preparing, self._lock = "starting the workers", Lock()
 
     def client(self):
         with self._lock:

@@ -1,5 +1,7 @@
 """What one tab is looking at: a point in a plane of forcings, and a number of steps N."""
 
+from collections import defaultdict
+
 from nasm.maps import forcing
 
 
@@ -17,29 +19,25 @@ class Forcing:
         self.plane, self.point, self.steps = plane, tuple(map(float, point)), steps
         self.seen = {}
         self.verdict = None
-        self._moved, self._counted, self._judged = [], [], []
+        self._hear = defaultdict(list)
 
     @property
     def kappa(self):
         """One period of kicks, an array of P floats."""
         return self.plane.forcing(*self.point)
 
-    def on_change(self, callback):
-        """Call back, without arguments, whenever the point moves."""
-        self._moved.append(callback)
+    def on(self, what, callback):
+        """Call back, without arguments, whenever "point", "steps" or "verdict" changes."""
+        self._hear[what].append(callback)
 
-    def on_steps(self, callback):
-        """Call back, without arguments, whenever N changes."""
-        self._counted.append(callback)
-
-    def on_verdict(self, callback):
-        """Call back, without arguments, when the verdict of the point is known."""
-        self._judged.append(callback)
+    def _tell(self, what):
+        for callback in self._hear[what]:
+            callback()
 
     def judge(self, verdict):
         """Take the verdict of the point, or None where it is no longer known."""
         self.verdict = verdict
-        _tell(self._judged)
+        self._tell("verdict")
 
     def move(self, a, b):
         """Go to another point; ValueError if its strengths are not finite or too large."""
@@ -48,15 +46,10 @@ class Forcing:
         forcing(self.plane.forcing(*point))
         if point != self.point:
             self.point = point
-            _tell(self._moved)
+            self._tell("point")
 
     def count(self, steps):
         """Take another N."""
         if steps != self.steps:
             self.steps = steps
-            _tell(self._counted)
-
-
-def _tell(callbacks):
-    for callback in callbacks:
-        callback()
+            self._tell("steps")

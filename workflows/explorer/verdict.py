@@ -1,6 +1,7 @@
 """The verdict in words, the view as Python, and files of what is seen."""
 
 import time
+from collections import deque
 from html import escape
 
 from bokeh.models import Button, Column, CustomJS, Div, Row
@@ -33,7 +34,7 @@ def panel(state, work):
 
     copy = Button(label="copy as Python")
     copy.js_on_event("button_click", CustomJS(args={"code": code, "copy": copy}, code=_COPY))
-    state.on_change(ask)
+    state.on("point", ask)
     ask()
     style = {"flex-wrap": "wrap", "gap": "4px 24px", "align-items": "end"}
     buttons = Row(copy, code, files.panel(state, work), styles=style)
@@ -49,11 +50,13 @@ navigator.clipboard.writeText(code.text).then(
 
 
 def _judged(client, kappa):
-    """Yield None until the verdict is there, then it and the seconds that it took, by a worker."""
+    """Return the verdict and the seconds that it took, by a worker.
+
+    This is no generator: a worker does not stop, and one that is at a void verdict is enough.
+    """
     time.sleep(_REST)
-    yield None
-    for ended in spread(client(), [(None, _timed, kappa)], priority=1):
-        yield ended and ended[1]
+    calls = deque([(None, _timed, kappa)])
+    return next(ended[1] for ended in spread(client(), calls, priority=1) if ended)
 
 
 def _timed(kappa):

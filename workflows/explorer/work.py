@@ -7,7 +7,6 @@ threads, so that neither a closed tab nor Ctrl-C waits for them; kernels release
 from collections import Counter
 from contextlib import suppress
 from inspect import isgenerator
-from itertools import islice
 from queue import Empty, Queue
 from threading import Thread
 
@@ -22,31 +21,19 @@ class Work:
 
     document : of Bokeh.
     client : function → dask Client; called in threads only, as it may wait for the workers.
+    busy : {name of what is being computed for the page: how far that is, in words}.
+    failed : {name: why, in words}, until it is tried again.
+    show : function without arguments, called whenever `busy` or `failed` changes.
     """
 
     def __init__(self, document, client):
         self.document, self.client = document, client
+        self.busy, self.failed, self.show = {}, {}, lambda: None
         self.closed = False
-        self.busy = {}  # {name of what is being computed for the page: how far that is, in words}
-        self._count, self._watchers, self._hearers = Counter(), [], []
 
-    def latest(self, name, most=1):
+    def latest(self, name):
         """Return a Latest; `name` says in the page what is being computed, "portrait"."""
-        return Latest(self, name, most)
-
-    def on_busy(self, callback):
-        """Call back, without arguments, whenever `busy` changes."""
-        self._watchers.append(callback)
-
-    def on_failure(self, callback):
-        """Call back with the name of a computation that has failed, and why, in words."""
-        self._hearers.append(callback)
-
-    def fail(self, name, error):
-        """Tell the page that something could not be computed."""
-        words = str(error) if isinstance(error, ValueError | OSError) else repr(error)
-        for hear in self._hearers:
-            hear(name, words)
+        return Latest(self, name)
 
     def close(self):
         """Drop all that is still to come: the tab is closed."""
@@ -58,38 +45,39 @@ class Work:
             with suppress(AttributeError):  # Bokeh takes the document of a closed tab apart
                 self.document.add_next_tick_callback(callback)
 
-    def mark(self, name, begins):
-        """Note that something begins or ends being computed."""
-        self._count[name] += 1 if begins else -1
-        if self._count[name]:
-            self.busy.setdefault(name, "")
-        else:
-            self.busy.pop(name, None)
-        self._show()
+    def begin(self, name):
+        """Note that something begins being computed."""
+        self.failed.pop(name, None)
+        self.progress(name, "")
 
     def progress(self, name, words):
         """Note how far the computation is."""
-        if name in self.busy:
-            self.busy[name] = words
-            self._show()
+        self.busy[name] = words
+        self.show()
 
-    def _show(self):
-        for watch in self._watchers:
-            watch()
+    def end(self, name):
+        """Note that it ends."""
+        self.busy.pop(name, None)
+        self.show()
+
+    def fail(self, name, error):
+        """Note that something could not be computed."""
+        self.failed[name] = str(error) if isinstance(error, ValueError | OSError) else repr(error)
+        self.show()
 
 
 class Latest:
     """Computations of one kind, of which only the last one that was asked for counts."""
 
-    def __init__(self, work, name, most):
-        self.work, self.name, self.most = work, name, most
-        self._number, self._running, self._waiting = 0, 0, None
+    def __init__(self, work, name):
+        self.work, self.name = work, name
+        self._number, self._runs, self._waiting = 0, False, None
 
     def submit(self, function, *args, done):
         """Compute function(*args) in a thread, and call done(result) on the event loop.
 
-        A newer call makes an older one void: its result is dropped. At most `most` run at once; of
-        those that wait the newest is kept. A function that is a generator has done(value) called
+        A newer call makes an older one void: its result is dropped. One runs at a time; of those
+        that wait the newest is kept. A function that is a generator has done(value) called
         for each value that it yields, and is closed at the next `yield` once it is void, so it
         should yield often; what is not worth showing it yields as None.
         """
@@ -106,10 +94,10 @@ class Latest:
         return self.work.closed or number != self._number
 
     def _start(self):
-        if self._waiting and self._running < self.most and not self.work.closed:
+        if self._waiting and not self._runs and not self.work.closed:
             job, self._waiting = self._waiting, None
-            self._running += 1
-            self.work.mark(self.name, True)
+            self._runs = True
+            self.work.begin(self.name)
             Thread(target=self._compute, args=job, daemon=True).start()
 
     def _compute(self, number, function, args, done):
@@ -131,33 +119,30 @@ class Latest:
         self.work.tick(lambda: None if self.is_void(number) else done(value))
 
     def _end(self):
-        self._running -= 1
-        self.work.mark(self.name, False)
+        self._runs = False
+        self.work.end(self.name)
         self._start()
 
 
 def spread(client, calls, most=None, priority=0):
     """Yield (key, result) of calls on the workers as they end, and None while nothing ends.
 
-    client : dask Client. calls : iterable of (key, function, *args). most : how many are sent at
-    once; default two for each worker. priority : higher ones go first.
+    client : dask Client. calls : deque of (key, function, *args), which may grow meanwhile.
+    most : how many are sent at once; default four for each worker, so that the scheduler always
+    has one that it prefers to those of a lower priority. priority : higher ones go first.
 
     To close this generator cancels what it has sent. A call whose worker is lost is sent again,
     twice at the most. OSError if the scheduler is gone.
     """
-    calls, ended, sent, again = iter(calls), Queue(), {}, {}
-    most = most or 2 * max(1, len(client.nthreads()))
-
-    def send(call):
-        _, function, *args = call
-        future = client.submit(function, *args, pure=False, priority=priority)
-        sent[future] = call
-        future.add_done_callback(ended.put)
-
+    ended, sent, again = Queue(), {}, Counter()
+    most = most or 4 * max(1, len(client.nthreads()))
     try:
-        for call in islice(calls, most):
-            send(call)
-        while sent:
+        while calls or sent:
+            while calls and len(sent) < most:
+                _, function, *args = call = calls.popleft()
+                future = client.submit(function, *args, pure=False, priority=priority)
+                sent[future] = call
+                future.add_done_callback(ended.put)
             try:
                 future = ended.get(timeout=_LOOK)
             except Empty:
@@ -167,12 +152,10 @@ def spread(client, calls, most=None, priority=0):
                 continue
             call = sent.pop(future)
             if future.status == "finished":
-                for following in islice(calls, 1):
-                    send(following)
                 yield call[0], future.result()
-            elif isinstance(future.exception(), KilledWorker) and again.get(call[0], 0) < 2:
-                again[call[0]] = again.get(call[0], 0) + 1
-                send(call)
+            elif isinstance(future.exception(), KilledWorker) and again[id(call)] < 2:
+                again[id(call)] += 1
+                calls.append(call)
             else:
                 raise OSError(GONE) if future.cancelled() else future.exception()
     finally:
