@@ -13,11 +13,12 @@ from browser import columns, needed, picture, ready
 
 from nasm import barriers, escape
 from nasm.planes import rotating, three_kicks, two_kicks
-from workflows.explorer import field, rays
+from workflows.explorer import field, plane, rays
 from workflows.explorer.field import Field, View
 from workflows.explorer.page import asked_for
 from workflows.explorer.rays import Rays
 from workflows.explorer.work import Work
+from workflows.parts.run import place_of
 
 PLANE = "Plane of forcings"
 
@@ -122,6 +123,22 @@ def test_what_is_known_is_not_computed_again():
     found, client = pictures(nearer, 300, [known])
     assert not np.isnan(found[0][0]).any()
     assert client.asked > 1000
+
+
+def test_of_a_refined_cube_escapes_of_coarse_cells_are_a_preview(store):
+    (own, preview), _ = plane._cubes(place_of(str(store)), two_kicks())
+    view = View((-2, 2), (-2, 2), (64, 64))
+    times, width = own.on(view, 300)
+    assert width <= own.stays
+    a, b = view.centres()
+    x, y = escape.ensemble(16)
+    for row, column in np.argwhere(np.isfinite(times))[::20]:
+        alone = escape.escape_time((a[column], b[row]), x, y, 300).min()
+        assert times[row, column] == alone
+    everywhere, width = preview.on(view, 300)
+    assert width > preview.stays
+    assert not np.isnan(everywhere).any()
+    assert 0.1 < np.isnan(times).mean() < 0.9
 
 
 def test_the_distance_to_the_boundary_is_that_of_the_ray():

@@ -23,7 +23,8 @@ from workflows.parts.cli import command, real, sweeps
 def main(run, cells, seconds):
     """The proved map of 0 <= kappa2 <= kappa1 <= 1.125 and its images: two cubes, a figure in OUT.
 
-    Needs the extra `proof`. CPU time: three minutes with --cells 64, more than an hour with the defaults.
+    Needs the extra `proof`. CPU time: three minutes with --cells 64, more than an hour with the
+    defaults.
     """
     import numpy as np
 

@@ -315,7 +315,12 @@ def _cubes(place, plane):
     if "escape" in cubes:
         times = cubes["escape"].escape_time.isel(ensemble=-1)
         axes = [times[name].values for name in plane.axes]
-        fields.append(Field(*axes, times, int(cubes["escape"].attrs["n_max"]), stays=_STAYS))
+        steps = int(cubes["escape"].attrs["n_max"])
+        level = cubes["escape"].get("level", xr.zeros_like(times))
+        # Escape is a matter of chance in each cell: coarse ones are a preview.
+        own = times.where((level == level.max()) | np.isinf(times))
+        fields.append(Field(*axes, own, steps, stays=_STAYS))
+        fields.append(Field(*axes, times, steps, 2 ** int(level.max())))
     return fields, cubes["barrier"].load() if "barrier" in cubes else None
 
 
