@@ -257,14 +257,15 @@ def test_next_to_a_shorter_forcing_without_a_line_the_value_is_no_wild_guess():
 def test_hidden_symmetries_of_random_forcings_change_nothing(monkeypatch):
     rng, decided = np.random.default_rng(18), 0
     profiles = []
-    while len(profiles) < 8:
+    while len(profiles) < 24:
         half, period = rng.normal(size=4), int(rng.integers(2, 7))
         profile = np.array([half[min(n, period - n)] for n in range(period)])
-        if barriers.has_dominant_line(profile):
+        # Near resonances of second order the line has no answer, and the other way mostly none.
+        if barriers.has_dominant_line(profile) and cones.critical_scale(profile, 1000).value > 0:
             profiles.append(profile)
     for profile in profiles:
-        decided += assert_both_ways_agree(profile, rng, 1e-3, monkeypatch)
-    assert decided >= 4  # of 40 it was 29; where one way has no answer there is nothing to compare
+        decided += assert_both_ways_agree(profile, rng, 1e-2, monkeypatch)
+    assert decided >= 22  # of 158 it was all
 
 
 @pytest.mark.usefixtures("hidden")
