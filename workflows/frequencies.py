@@ -62,7 +62,7 @@ def parse_fractions(texts):
 
 
 @command()
-@whole("--q-max", 10, 2, 64, "Fractions p/q with q up to this one; 34 takes two CPU hours.")
+@whole("--q-max", 10, 2, 64, "Fractions p/q with q up to this one; 34 takes one to two CPU hours.")
 @parsed("--also", ALSO, parse_fractions, "P/Q", "Further fractions. May be repeated.", True)
 @parsed(
     "--irrational",
