@@ -55,7 +55,7 @@ def parse_frequency(text):
 def main(run, frequency, phase, angles, tips, tol):
     """Rotating standard maps: a cube for each phase and one of T, a table and a figure in OUT.
 
-    The defaults take a quarter of an hour of CPU time.
+    The defaults take most of an hour of CPU time.
     """
     from nasm.planes import rotating
     from pipeline.cubes.barrier import last_barrier, named, unfolded
