@@ -51,7 +51,7 @@ from nasm.maps import TWO_PI, direction, forcing, kick
 from nasm.sine import cos2pi, sin2pi
 
 MAX_STEPS = 10**6
-MAX_PERIOD = 64  # kicks; `barriers` then takes 25 s for 1%
+MAX_PERIOD = 64  # kicks; `barriers` then takes minutes, also for 1%
 
 _GRIDS = ((1024, 0.5), (797, 0.382))  # starts, and the place of the start in its cell
 _KEPT = 16  # starts for each kick of a period, of which the search goes on
