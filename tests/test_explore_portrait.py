@@ -43,6 +43,13 @@ def settled(tab):
     }""")
 
 
+def zoomed(tab, side):
+    """Wait until both sides of the portrait, which change one after the other, are below `side`."""
+    orbits_of = "Bokeh.documents[0].get_model_by_name('orbits').data"
+    tab.wait_for_function(f"Math.max({orbits_of}.w[0], {orbits_of}.h[0]) < {side}")
+    settled(tab)
+
+
 def box_of(tab):
     """Left, bottom, width and height of the portrait."""
     found = columns(tab, "orbits")
@@ -147,8 +154,7 @@ def test_a_click_adds_an_orbit_and_a_zoom_iterates_what_is_in_the_box(opened):
     settled(tab)
     tab.mouse.move(left + 0.5 * width, top + 0.45 * height)
     tab.mouse.wheel(0, -480)
-    tab.wait_for_function("Bokeh.documents[0].get_model_by_name('orbits').data.w[0] < 0.5")
-    settled(tab)
+    zoomed(tab, 0.3)
     box, image = box_of(tab), pixels(tab)
     assert box == pytest.approx((0.4, 0.19, 0.2, 0.2), abs=0.01)
     added = seen_at(image, box, *orbits.orbit(KAPPA, x, y, 5000))
@@ -159,7 +165,7 @@ def test_a_click_adds_an_orbit_and_a_zoom_iterates_what_is_in_the_box(opened):
     tab.mouse.down()
     tab.mouse.move(left + 0.75 * width, top + 0.75 * height, steps=3)
     tab.mouse.up()
-    tab.wait_for_function("Bokeh.documents[0].get_model_by_name('orbits').data.w[0] < 0.15")
+    zoomed(tab, 0.15)
     assert box_of(tab) == pytest.approx((0.45, 0.24, 0.1, 0.1), abs=0.01)
 
 
