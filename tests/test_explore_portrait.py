@@ -205,7 +205,7 @@ _WATCH = """() => {
     watch("portrait", model("orbits"), "data", () => true)
     watch("plane", model("times"), "data", () => true)
     watch("pixels", model("status"), "text", ({text}) => {
-        seen.fine ||= text.includes("(1 px")
+        seen.fine ||= text.includes("(3 px")
         return seen.fine && !text.includes("plane")
     })
     watch("verdict", model("verdict").children[0], "text", ({text}) => text.includes("took"))

@@ -20,9 +20,9 @@ BLOCKS = (27, 9, 3, 1)  # pixels along each side
 _CUT = 3
 ORBITS = 64
 _FIRST_STEPS = 1000  # of the first look, if N is more
-_BATCH = 0.06  # CPU seconds of a task
+_LEAST, _BATCH = 0.01, 0.06  # CPU seconds of a task
 _EDGE = 1e-9  # of a block: rounding
-_PATIENCE, _LONGEST = 0.3, 1.5  # seconds between two pictures, more and more
+_PATIENCE, _LONGEST = 0.3, 2.0  # seconds between two pictures, more and more
 
 
 @dataclass(frozen=True)
@@ -119,13 +119,14 @@ def computed(client, plane, view, steps, fields):
     workers, told, pause = client(), monotonic(), _PATIENCE
 
     def fill(wanted, block, steps):
-        """Compute the blocks that are wanted, of pixels also those along the boundary that these
-        show; and yield pictures."""
+        """Compute the blocks that are wanted, of pixels also those beside one that escapes; and
+        yield pictures."""
         images = _images(plane, view, block)
-        found, asked, calls = np.full(images.size, np.nan), np.zeros(images.size, bool), deque()
+        found, calls = np.full(images.size, np.nan), deque()
+        asked, escaped = np.zeros((2, images.size), bool)
 
-        def ask(wanted):
-            cells = np.unique(images[wanted])
+        def ask(pixels):
+            cells = np.unique(images[pixels])
             cells = cells[~asked[cells]]
             if not cells.size:
                 return
@@ -133,55 +134,62 @@ def computed(client, plane, view, steps, fields):
             likely = times.ravel()[cells]
             likely = np.where(likely <= steps, likely, steps)  # also if not known
             seconds = np.cumsum(likely) * SECONDS_PER_KICK * ORBITS * len(plane.origin)
-            batch = np.floor(seconds / min(_BATCH, seconds[-1] / 4)).astype(int)
+            batch = np.floor(seconds / np.clip(seconds[-1] / 4, _LEAST, _BATCH)).astype(int)
             a, b = view.centres(block)
             for part in np.split(cells, np.flatnonzero(np.diff(batch)) + 1):
                 rows, columns = np.divmod(part, images.shape[1])
                 calls.append((part, _escapes, plane.forcing(a[columns], b[rows]), steps))
 
         def take():
-            now = found[images[wanted]]
-            times[wanted] = np.where(np.isnan(now), times[wanted], now)
+            now = found[images]
+            times[:] = np.where(np.isnan(now) | known, times, now)
 
         nonlocal told, pause
         ask(wanted)
         for ended in spread(workers, calls):
             if ended is not None:
-                found[ended[0]] = ended[1]
-            while block == 1 and not calls:
-                take()
-                more = _at_boundary(times, steps) & ~known & ~wanted
-                if not more.any():
-                    break
-                wanted |= more
-                ask(more)
+                cells, found[ended[0]] = ended
+                escaped[cells] = found[cells] <= steps
+            if block == 1 and not calls:
+                rows, columns = _beside(*np.nonzero(escaped[images]), images.shape)
+                unknown = ~known[rows, columns]
+                ask((rows[unknown], columns[unknown]))
+                escaped[:] = False
             if monotonic() - told < pause:
                 yield None
                 continue
             take()
             yield picture(f"{block} px, {1 - np.isnan(found[asked]).mean():.0%}", block)
-            told, pause = monotonic(), min(1.5 * pause, _LONGEST)
+            told, pause = monotonic(), min(2 * pause, _LONGEST)
         take()
-        if block > 1:
+        if block in (BLOCKS[0], BLOCKS[-2]):
             yield picture(f"{block} px", block)
 
     for block in BLOCKS:
         rows, columns = (n // block for n in view.shape)
         known = (~np.isnan(final)).reshape(rows, block, columns, block).all(axis=(1, 3))
+        if block < BLOCKS[0]:
+            times = _cut(times, _CUT)
+        times[known] = final[block // 2 :: block, block // 2 :: block][known]
         if block == BLOCKS[0]:
             wanted = ~known
             if steps > _FIRST_STEPS:  # a first look, before what may take long
                 yield from fill(wanted, block, _FIRST_STEPS)
                 wanted = wanted & ~(times <= steps)
         else:
-            times = _cut(times, _CUT)
             wanted = ((times <= steps) | _at_boundary(times, steps)) & ~known
             wanted[_CUT // 2 :: _CUT, _CUT // 2 :: _CUT] = False  # a centre was the whole block's
-        times[known] = final[block // 2 :: block, block // 2 :: block][known]
         yield from fill(wanted, block, steps)
         if block == BLOCKS[1]:  # a short look everywhere, for what is thinner than the first blocks
             yield from fill(~known & ~wanted, block, min(steps, _FIRST_STEPS))
     yield picture("", block)
+
+
+def _beside(rows, columns, shape):
+    """Return rows and columns of cells of a field and of their neighbours, of eight."""
+    side = np.array([-1, 0, 1])
+    near = np.broadcast_arrays(rows + side[:, None, None], columns + side[:, None])
+    return [np.clip(i.ravel(), 0, n - 1) for i, n in zip(near, shape, strict=True)]
 
 
 def _cut(times, n):

@@ -89,8 +89,7 @@ def panel(state, work, shared):
         where = shared.client, state.plane
         args = *where, view, state.steps, [*shown, *reversed(shared.fields.values()), *cubes]
         lanes["plane"].submit(field.computed, *args, done=lambda found: show(view, *found))
-        args = *where, shared.rays.missing(view), view
-        lanes["boundary"].submit(rays.computed, *args, done=show_rays)
+        lanes["boundary"].cancel()  # its rays would hold a worker for seconds
         lines["circle"].data = {"a": [], "b": []}
         if circle.value:
             args = *where, circle.value, view
@@ -104,6 +103,8 @@ def panel(state, work, shared):
             shared.fields[view, state.steps] = shown[0]
             if len(shared.fields) > _KEPT:
                 del shared.fields[next(iter(shared.fields))]
+            args = shared.client, state.plane, shared.rays.missing(view), view
+            lanes["boundary"].submit(rays.computed, *args, done=show_rays)
         size = {"da": [np.ptp(view.a)], "db": [np.ptp(view.b)]}
         start = {"a": [view.a[0]], "b": [view.b[0]]}
         image.data_source.data = {"times": [times.astype(np.float32)], **start, **size}

@@ -5,7 +5,7 @@ import numpy as np
 
 from workflows.figures.escape_plane import draw_field
 from workflows.figures.last_barrier import draw_panels
-from workflows.figures.planes import in_plane
+from workflows.figures.planes import in_plane, of_two_kicks
 from workflows.figures.style import known, power
 
 
@@ -27,9 +27,10 @@ def draw_critical_boundary(plane, circles, barrier):
     behind = f"behind it, escape of {int(plane.ensemble[-1])} orbits within ${steps}$ steps"
     join = " " if barrier.angle[-1] <= 180 else "\n"  # of the upper half plane, which is wide
     axes.set_title(f"Where the last barrier breaks;{join}{behind}")
-    x, y = (1.07 * np.interp((120, 130), barrier.angle, part) for part in in_plane(barrier))
-    style = {"ha": "center", "va": "center", "size": 8, "clip_on": True}
-    style["rotation"] = np.rad2deg(np.arctan(np.ptp(y) / -np.ptp(x)))
-    axes.text(x.mean(), y.mean(), f"no barrier left, but no escape in ${steps}$ steps", **style)
+    if of_two_kicks(barrier):  # whose boundary is straight there
+        x, y = (1.07 * np.interp((120, 130), barrier.angle, part) for part in in_plane(barrier))
+        style = {"ha": "center", "va": "center", "size": 8, "clip_on": True}
+        style["rotation"] = np.rad2deg(np.arctan(np.ptp(y) / -np.ptp(x)))
+        axes.text(x.mean(), y.mean(), f"no barrier left, but no escape in ${steps}$ steps", **style)
     axes.legend(loc="upper center", fontsize="small")
     return figure

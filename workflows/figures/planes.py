@@ -1,5 +1,7 @@
 """What figures of planes of forcings share, whatever the plane is."""
 
+import numpy as np
+
 from nasm.planes import plane_of, two_kicks
 
 # Symbols for what the planes of the paper call their axes.
@@ -35,6 +37,5 @@ def label_plane(axes, dataset):
 
 
 def fill_inside(axes, barrier, colour, **style):
-    """Fill the region where barriers are left."""
-    fill = axes.fill if barrier.angle[-1] > 180 else axes.fill_between
-    fill(*in_plane(barrier), color=colour, **style)
+    """Fill the region where barriers are left, but around rays without an answer."""
+    axes.fill(*np.nan_to_num(in_plane(barrier)), color=colour, **style)
