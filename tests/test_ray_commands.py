@@ -209,3 +209,20 @@ def test_tori_of_irrational_frequency_are_kept_as_labelled_cubes(tmp_path, worke
     assert (np.diff(picture.least_slope) < 0).all()
     assert len(table(out / "tori.csv")) == 2
     assert (out / "torus.txt").exists()
+
+
+def test_the_last_barriers_of_frequencies_are_kept_with_their_least_ones(tmp_path, workers):
+    """At 0° there is no amplitude, and the golden circle is the last one of every frequency."""
+    out = tmp_path / "out"
+    few = ["--q-max", "2", "--also", "1/3", "--phases", "2", "--irrational", "0.4142135623730951"]
+    said = succeed("frequencies", out, *few, "--angle", "0", *workers)
+    cube = xr.open_zarr(out / "frequencies.zarr").load()
+    names = ["1/3,0", "1/3,1/6", "1/2,0", "1/2,1/4", "0.4142135623730951"]
+    assert cube.forcing.values.tolist() == names
+    assert ((cube.lower < KAPPA_G) & (KAPPA_G < cube.upper)).all()
+    assert (cube.upper < 1.1 * cube.lower).all()
+    np.testing.assert_allclose(cube.phase, [0, 1, 0, 1, np.nan])
+    rows = table(out / "frequencies.csv")
+    assert [row["forcing"] for row in rows] == names
+    assert "2 convergents" in " ".join(said.split())
+    assert (out / "frequencies.png").exists()
