@@ -30,7 +30,7 @@ def draw_three_kicks(three, two):
             plane.scatter(*points, c=[colours[name] for name in classes[i]], s=9, zorder=3)
         strip.axhline(1, color="black", lw=1)
         _draw_brackets(strip, curve, classes[i], colours)
-        strip.text(0.01, 0.85, rf"$\varphi_0 = {exact[i]}$", transform=strip.transAxes)
+        strip.text(0.01, 0.08, rf"$\varphi_0 = {exact[i]}$", transform=strip.transAxes)
     for name, colour in colours.items():
         if colour.startswith("#"):
             plane.scatter([], [], color=colour, s=20, label=rf"$\omega = {name}$")
