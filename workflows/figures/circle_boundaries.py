@@ -24,8 +24,10 @@ def draw_circle_boundaries(breakdown, residues, barrier):
         tip.set_title("the tip at 45°", fontsize=8, pad=3)
         tip.tick_params(labelsize=7)
     axes.set_title(r"Breakup of circles: $\mathit{CB}_\omega$, and of the last one")
-    where = "upper center" if of_two_kicks(barrier) else "best"
-    axes.legend(loc=where, ncols=2, fontsize="small")
+    if of_two_kicks(barrier):
+        axes.legend(loc="upper center", ncols=2, fontsize="small")
+    else:
+        axes.legend(loc="center left", bbox_to_anchor=(1, 0.5), fontsize="small")
     scales = ["critical_scale", "error"]  # by residues, where there are any
     best = residues[scales].load().fillna(sharp[scales].load())
     ratio = 100 * best.critical_scale / barrier.critical_scale

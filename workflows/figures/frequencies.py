@@ -68,7 +68,7 @@ def _phases(cube):
 
 def _draw_convergents(axes, limits, fractions):
     """Draw the least scale of each convergent beside the bracket of its limit; say who is where."""
-    shown = overlap = inside = outside = 0
+    shown, overlap, inside, outside = 0, [], [], []  # q of convergents
     for i, (Ω, (lower, upper)) in enumerate(limits.items()):
         near = sorted({Fraction(Ω).limit_denominator(q) for q in range(2, 65)} & fractions.keys())
         if not near:
@@ -79,15 +79,18 @@ def _draw_convergents(axes, limits, fractions):
         for fraction in near:
             (least, first), q = (ends.min() for ends in fractions[fraction]), fraction.denominator
             axes.vlines(q + 0.1 * (i % 5), least, first, color=colour, lw=3)
-            overlap += least < upper and lower < first
-            inside += first <= lower
-            outside += least >= upper
+            overlap += [q] if least < upper and lower < first else []
+            inside += [q] if first <= lower else []
+            outside += [q] if least >= upper else []
     axes.set(xlabel=r"$q$ of the convergent $p/q$ of $\Omega$")
     axes.set(title=r"Bands: irrational $\Omega$; bars: the least one of its convergents")
     axes.set_ylabel("scale $s$ of the last breakup")
     if shown:
-        axes.legend(fontsize="small")
+        axes.legend(fontsize="small", loc="center left", bbox_to_anchor=(1, 0.5))
+    apart = inside + outside
+    longest = f", up to q = {max(apart)}" if apart else ""
     return (
-        f"Of {overlap + inside + outside} convergents the bracket of the phase that breaks first "
-        f"overlaps that of the limit in {overlap}, is below it in {inside}, and above in {outside}."
+        f"Of {len(overlap + apart)} convergents the bracket of the phase that breaks first "
+        f"overlaps that of the limit in {len(overlap)}, is below it in {len(inside)}, and above in "
+        f"{len(outside)}{longest}."
     )
