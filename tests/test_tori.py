@@ -130,6 +130,10 @@ def test_residues_of_a_long_orbit_and_the_blow_up_agree():
     assert 0.95 * found.value < found.lower < found.value
 
 
+def test_a_torus_one_per_cent_below_its_breakup_is_certified_from_nothing():
+    assert tori.invariant_torus(*TRIBONACCI, *(0.322 * ray(45)), tori.N_MAX).certified
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("angle", "known"), [(20, 0.3605), (45, 0.3235), (70, 0.366)])
 def test_tori_are_certified_close_to_their_breakup(angle, known):

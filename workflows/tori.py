@@ -69,7 +69,7 @@ def main(run, vector, angles, tol, picture, quick):
         if np.isnan(known):
             run.say(f"On the ray of {picture:g}° no torus of the first vector was certified.")
             return
-        drawn = tori.pictures(vector[0], picture, known * np.array([0.7, 0.95, 0.999]))
+        drawn = tori.pictures(vector[0], picture, known * np.array([0.7, 0.95, 0.99]))
         run.keep("torus", drawn)
         run.figure("torus", *draw_pictures(drawn))
 

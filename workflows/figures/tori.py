@@ -46,7 +46,7 @@ def draw_pictures(torus):
     slopes = ", ".join(f"{float(slope):.3f}" for slope in torus.least_slope)
     return figure, (
         f"The torus of rotation vector ({torus.attrs['vector']}) on the ray of "
-        f"{torus.attrs['angle']:g}°: h(θ, φ) - θ at 0.7, 0.95 and 0.999 times the last "
+        f"{torus.attrs['angle']:g}°: h(θ, φ) - θ at 0.7, 0.95 and 0.99 times the last "
         f"scale at which it is certified. The least slope of h along θ is {slopes}; it is 0 at "
         "the breakup."
     )
