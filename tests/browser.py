@@ -103,6 +103,26 @@ def ready(tab, but="nothing"):
     }""", arg=but)  # fmt: skip
 
 
+def drag(tab, start, end, happened):
+    """Drag the mouse until `happened`, JavaScript, is true.
+
+    On a busy machine the first move may come later than 0.3 s, and what Bokeh then sees is no drag
+    but a long press: so again.
+    """
+    from playwright.sync_api import TimeoutError
+
+    for attempt in range(3):
+        tab.mouse.move(*start)
+        tab.mouse.down()
+        tab.mouse.move(*end, steps=4)
+        tab.mouse.up()
+        try:
+            return tab.wait_for_function(happened, timeout=PATIENCE / 3)
+        except TimeoutError:
+            if attempt == 2:
+                raise
+
+
 def columns(tab, name):
     """The columns of a data source of the page, as lists of flat lists."""
     return tab.evaluate("""(name) => {

@@ -9,7 +9,7 @@ from urllib.parse import parse_qs, urlparse
 import numpy as np
 import psutil
 import pytest
-from browser import columns, needed, picture, ready
+from browser import columns, drag, needed, picture, ready
 
 from nasm import barriers, escape
 from nasm.planes import rotating, three_kicks, two_kicks
@@ -248,11 +248,8 @@ def test_a_click_moves_the_forcing_and_its_address_brings_it_back(page):
     assert float(there["k1"]) == pytest.approx(0.575, abs=0.01)
     assert float(there["k2"]) == pytest.approx(0.575, abs=0.01)
     assert there["n"] == "200"
-    tab.mouse.move(left + 0.75 * width, top + 0.25 * height)
-    tab.mouse.down()
-    tab.mouse.move(left + 0.5 * width, top + 0.3 * height, steps=4)
-    tab.mouse.up()
-    tab.wait_for_function("new URLSearchParams(location.search).get('k1') < 0.1")
+    start, end = [(left + a * width, top + b * height) for a, b in ((0.75, 0.25), (0.5, 0.3))]
+    drag(tab, start, end, "new URLSearchParams(location.search).get('k1') < 0.1")
     assert float(asked(tab)["k2"]) == pytest.approx(0.46, abs=0.02)
     again = page("?" + urlparse(tab.url).query)  # two tabs at once
     assert asked(again) == asked(tab)

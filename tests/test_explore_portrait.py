@@ -7,7 +7,7 @@ from itertools import takewhile
 import numpy as np
 import pytest
 import xarray as xr
-from browser import columns, needed, pages, picture, ready, server
+from browser import columns, drag, needed, pages, picture, ready, server
 
 from nasm import barriers, maps, orbits
 from nasm.numbers import convergents, parse
@@ -43,11 +43,10 @@ def settled(tab):
     }""")
 
 
-def zoomed(tab, side):
-    """Wait until both sides of the portrait, which change one after the other, are below `side`."""
-    orbits_of = "Bokeh.documents[0].get_model_by_name('orbits').data"
-    tab.wait_for_function(f"Math.max({orbits_of}.w[0], {orbits_of}.h[0]) < {side}")
-    settled(tab)
+def is_smaller(side):
+    """JavaScript: both sides of the portrait, which change one by one, are below `side`."""
+    data = "Bokeh.documents[0].get_model_by_name('orbits').data"
+    return f"Math.max({data}.w[0], {data}.h[0]) < {side}"
 
 
 def box_of(tab):
@@ -154,18 +153,17 @@ def test_a_click_adds_an_orbit_and_a_zoom_iterates_what_is_in_the_box(opened):
     settled(tab)
     tab.mouse.move(left + 0.5 * width, top + 0.45 * height)
     tab.mouse.wheel(0, -480)
-    zoomed(tab, 0.3)
+    tab.wait_for_function(is_smaller(0.3))
+    settled(tab)
     box, image = box_of(tab), pixels(tab)
     assert box == pytest.approx((0.4, 0.19, 0.2, 0.2), abs=0.01)
     added = seen_at(image, box, *orbits.orbit(KAPPA, x, y, 5000))
     assert added.size > 5000 * box[2] / 4  # the circle is as wide as the cell
     assert (added > 1).all()
     assert (image > 0).sum() > 20_000  # though the box is small
-    tab.mouse.move(left + 0.25 * width, top + 0.25 * height)
-    tab.mouse.down()
-    tab.mouse.move(left + 0.75 * width, top + 0.75 * height, steps=3)
-    tab.mouse.up()
-    zoomed(tab, 0.15)
+    start, end = [(left + part * width, top + part * height) for part in (0.25, 0.75)]
+    drag(tab, start, end, is_smaller(0.15))
+    settled(tab)
     assert box_of(tab) == pytest.approx((0.45, 0.24, 0.1, 0.1), abs=0.01)
 
 
