@@ -124,6 +124,7 @@ def computed(client, plane, view, steps, fields):
         images = _images(plane, view, block)
         found, calls = np.full(images.size, np.nan), deque()
         asked, escaped = np.zeros((2, images.size), bool)
+        settled = known | wanted | (times <= steps)  # the last: also centres of larger blocks
 
         def ask(pixels):
             cells = np.unique(images[pixels])
@@ -141,8 +142,8 @@ def computed(client, plane, view, steps, fields):
                 calls.append((part, _escapes, plane.forcing(a[columns], b[rows]), steps))
 
         def take():
-            now = found[images]
-            times[:] = np.where(np.isnan(now) | known, times, now)
+            now = found[images[wanted]]
+            times[wanted] = np.where(np.isnan(now), times[wanted], now)
 
         nonlocal told, pause
         ask(wanted)
@@ -152,8 +153,12 @@ def computed(client, plane, view, steps, fields):
                 escaped[cells] = found[cells] <= steps
             if block == 1 and not calls:
                 rows, columns = _beside(*np.nonzero(escaped[images]), images.shape)
-                unknown = ~known[rows, columns]
-                ask((rows[unknown], columns[unknown]))
+                more = np.zeros_like(wanted)
+                more[rows, columns] = True
+                more &= ~settled
+                settled |= more
+                wanted |= more
+                ask(more)
                 escaped[:] = False
             if monotonic() - told < pause:
                 yield None
