@@ -96,6 +96,25 @@ def test_every_pixel_with_an_escape_and_all_along_the_boundary_has_its_own_time(
     assert [blocks for _, blocks, _ in found] == sorted((b for _, b, _ in found), reverse=True)
 
 
+def test_where_single_pixels_cost_too_much_they_are_computed_along_the_boundary_only(monkeypatch):
+    every, client = pictures(VIEW, 300)
+    own = every[-1][0]
+    monkeypatch.setattr(field, "_SPARE", 0.0)
+    found, spared = pictures(VIEW, 300)
+    times = found[-1][0]
+    assert spared.asked < 0.8 * client.asked
+    near = field._at_boundary(times, 300)
+    assert 100 < near.sum() < 0.5 * near.size
+    assert (times == own)[near].all()
+    blocks, apart = (x.reshape(18, 3, 18, 3) for x in (times, ~near))
+    alike = (blocks == blocks[:, 1:2, :, 1:2]).all(axis=(1, 3))
+    assert alike[apart.all(axis=(1, 3))].mean() > 0.9  # it runs elsewhere between whole blocks
+    # Of fewer steps the boundary is elsewhere, and has pixels of its own.
+    known = Field(*VIEW.centres(), times, 300, apart=3)
+    fewer = pictures(VIEW, 200, [known])[0][-1][0]
+    np.testing.assert_array_equal(fewer, pictures(VIEW, 200)[0][-1][0])
+
+
 def test_mirror_images_in_the_plane_are_computed_once():
     view = View((-1.1, 1.1), (-1.1, 1.1), (108, 108))
     found, client = pictures(view, 400)

@@ -1,8 +1,9 @@
 """First escape times at the resolution of a view: what is known, and coarse to fine what is not.
 
-A view is computed in blocks of 27, 9, 3 pixels and 1. Escape is quick, and a matter of chance in
-each; no escape costs all N steps. So blocks without an escape, all of whose neighbours are without
-one, are not cut further.
+A view is computed in blocks of 27, 9, 3 pixels and 1. Escape is a matter of chance in each, and
+soon where it is far from the boundary; no escape costs all N steps. So blocks without an escape,
+all of whose neighbours are without one, are not cut further; and single pixels are computed along
+the boundary, and else only where escape is soon: as many as cost two seconds.
 """
 
 from collections import deque
@@ -20,7 +21,8 @@ BLOCKS = (27, 9, 3, 1)  # pixels along each side
 _CUT = 3
 ORBITS = 64
 _FIRST_STEPS = 1000  # of the first look, if N is more
-_LEAST, _BATCH = 0.01, 0.06  # CPU seconds of a task
+_LEAST, _BATCH = 0.02, 0.1  # CPU seconds of a task
+_SPARE = 2.0  # CPU seconds for single pixels that are not at the boundary
 _EDGE = 1e-9  # of a block: rounding
 _PATIENCE, _LONGEST = 0.3, 2.0  # seconds between two pictures, more and more
 
@@ -53,7 +55,8 @@ class Field:
 
     a, b : centres of cells, equally spaced. times : array or xarray.DataArray (b, a), inf for none
     within `steps`, NaN for not known. cells : of these that one value fills, along each side.
-    stays : pixels of a view that a value may fill without being computed again.
+    stays : pixels of a view that a value may fill without being computed again. apart : as `cells`,
+    away from the boundary of {n* ≤ steps}.
     """
 
     a: np.ndarray
@@ -62,6 +65,7 @@ class Field:
     steps: int
     cells: int = 1
     stays: float = 1.1
+    apart: int = 1
 
     def on(self, view, steps):
         """Return what it knows of {n* ≤ steps} in the view's pixels, NaN elsewhere; and how many
@@ -82,7 +86,8 @@ class Field:
             np.ix_(row[row >= 0] - box[0].start, column[column >= 0] - box[1].start)
         ]
         found[np.isinf(found) & (self.steps < steps)] = np.nan
-        return found, cell * self.cells
+        # Fewer steps have another boundary.
+        return found, cell * max(self.cells, self.apart if steps < self.steps else 1)
 
     def at(self, a, b):
         """Return the time at a point, NaN outside."""
@@ -119,12 +124,13 @@ def computed(client, plane, view, steps, fields):
     workers, told, pause = client(), monotonic(), _PATIENCE
 
     def fill(wanted, block, steps):
-        """Compute the blocks that are wanted, of pixels also those beside one that escapes; and
-        yield pictures."""
+        """Compute the blocks that are wanted, of pixels also those beside one with another answer;
+        and yield pictures."""
         images = _images(plane, view, block)
         found, calls = np.full(images.size, np.nan), deque()
-        asked, escaped = np.zeros((2, images.size), bool)
-        settled = known | wanted | (times <= steps)  # the last: also centres of larger blocks
+        asked, fresh = np.zeros((2, images.size), bool)
+        settled = known | wanted
+        settled[_CUT // 2 :: _CUT, _CUT // 2 :: _CUT] = True  # a centre was the whole block's
 
         def ask(pixels):
             cells = np.unique(images[pixels])
@@ -134,7 +140,7 @@ def computed(client, plane, view, steps, fields):
             asked[cells] = True
             likely = times.ravel()[cells]
             likely = np.where(likely <= steps, likely, steps)  # also if not known
-            seconds = np.cumsum(likely) * SECONDS_PER_KICK * ORBITS * len(plane.origin)
+            seconds = np.cumsum(_seconds(likely, plane))
             batch = np.floor(seconds / np.clip(seconds[-1] / 4, _LEAST, _BATCH)).astype(int)
             a, b = view.centres(block)
             for part in np.split(cells, np.flatnonzero(np.diff(batch)) + 1):
@@ -150,16 +156,18 @@ def computed(client, plane, view, steps, fields):
         for ended in spread(workers, calls):
             if ended is not None:
                 cells, found[ended[0]] = ended
-                escaped[cells] = found[cells] <= steps
+                fresh[cells] = True
             if block == 1 and not calls:
-                rows, columns = _beside(*np.nonzero(escaped[images]), images.shape)
+                rows, columns = np.nonzero(fresh[images])
+                fresh[:] = False
+                near = _beside(rows, columns, images.shape)
+                differ = (times[near] <= steps) != (found[images[rows, columns]] <= steps)
                 more = np.zeros_like(wanted)
-                more[rows, columns] = True
+                more[near[0][differ], near[1][differ]] = True
                 more &= ~settled
                 settled |= more
                 wanted |= more
                 ask(more)
-                escaped[:] = False
             if monotonic() - told < pause:
                 yield None
                 continue
@@ -167,7 +175,7 @@ def computed(client, plane, view, steps, fields):
             yield picture(f"{block} px, {1 - np.isnan(found[asked]).mean():.0%}", block)
             told, pause = monotonic(), min(2 * pause, _LONGEST)
         take()
-        if block in (BLOCKS[0], BLOCKS[-2]):
+        if block == BLOCKS[0]:
             yield picture(f"{block} px", block)
 
     for block in BLOCKS:
@@ -182,7 +190,10 @@ def computed(client, plane, view, steps, fields):
                 yield from fill(wanted, block, _FIRST_STEPS)
                 wanted = wanted & ~(times <= steps)
         else:
-            wanted = ((times <= steps) | _at_boundary(times, steps)) & ~known
+            wanted = _at_boundary(times, steps)
+            escapes = times <= steps
+            wanted |= escapes if block > 1 else _soonest(escapes, _seconds(times, plane))
+            wanted &= ~known
             wanted[_CUT // 2 :: _CUT, _CUT // 2 :: _CUT] = False  # a centre was the whole block's
         yield from fill(wanted, block, steps)
         if block == BLOCKS[1]:  # a short look everywhere, for what is thinner than the first blocks
@@ -190,11 +201,23 @@ def computed(client, plane, view, steps, fields):
     yield picture("", block)
 
 
+def _seconds(times, plane):
+    """Return the CPU seconds in which the ensemble takes so many steps."""
+    return times * (SECONDS_PER_KICK * ORBITS * len(plane.origin))
+
+
+def _soonest(escapes, seconds):
+    """Mark of the cells that escape the soonest ones, as many as cost `_SPARE` together."""
+    ordered = np.sort(seconds[escapes])
+    most = np.searchsorted(np.cumsum(ordered), _SPARE)
+    return escapes & (seconds < ordered[most]) if most < ordered.size else escapes
+
+
 def _beside(rows, columns, shape):
-    """Return rows and columns of cells of a field and of their neighbours, of eight."""
+    """Return rows and columns of n cells of a field and of their neighbours, arrays (3, 3, n)."""
     side = np.array([-1, 0, 1])
     near = np.broadcast_arrays(rows + side[:, None, None], columns + side[:, None])
-    return [np.clip(i.ravel(), 0, n - 1) for i, n in zip(near, shape, strict=True)]
+    return tuple(np.clip(i, 0, n - 1) for i, n in zip(near, shape, strict=True))
 
 
 def _cut(times, n):

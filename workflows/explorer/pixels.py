@@ -19,7 +19,7 @@ def pixels_of(plot, most):
 
 
 def on_view(plot, work, refresh):
-    """Call refresh(), once for many changes, after what the figure shows or its size has changed.
+    """Call refresh(), once for many changes, soon after what the figure shows or its size changes.
 
     Returns a function that asks for that too.
     """
@@ -31,7 +31,7 @@ def on_view(plot, work, refresh):
 
     def soon():
         if not waits:
-            waits.append(work.tick(run))
+            waits.append(work.soon(run))
 
     ends = product((plot.x_range, plot.y_range), ("start", "end"))
     for model, name in (*ends, (plot, "inner_width"), (plot, "inner_height")):

@@ -97,7 +97,7 @@ def panel(state, work, shared):
 
     def show(view, times, block, words):
         cells = max(block, BLOCKS[-2]) if words else 1  # some pixels are still their neighbours'
-        shown[:] = [Field(*view.centres(), times, state.steps, cells)]
+        shown[:] = [Field(*view.centres(), times, state.steps, cells, apart=BLOCKS[-2])]
         if not words:
             shared.fields.pop((view, state.steps), None)  # the newest last
             shared.fields[view, state.steps] = shown[0]
@@ -289,7 +289,8 @@ def _contour(field, steps):
     """Return the boundary of {n* ≤ steps} of a running median, as lines."""
     inside = smoothed(field.times) <= steps
     found = contour_generator(field.a, field.b, inside.astype(float)).lines(0.5)
-    return {"a": [line[:, 0] for line in found], "b": [line[:, 1] for line in found]}
+    a, b = ([line[:, i].tolist() for line in found] for i in (0, 1))
+    return {"a": a, "b": b}
 
 
 def _dataset(plane, field):

@@ -79,7 +79,8 @@ class Rays:
         after = np.where(joined, (points + np.roll(points, -1)) / 2, points)
         before = np.where(np.roll(joined, 1), np.roll(after, 1), points)
         pieces = np.stack([before, points, after], axis=1)
-        return {"a": list(pieces.real), "b": list(pieces.imag), "colour": shades}, colours
+        # No arrays: each would be a message of its own to the browser.
+        return {"a": pieces.real.tolist(), "b": pieces.imag.tolist(), "colour": shades}, colours
 
     def _found(self):
         """Return angles, points as complex numbers, and circles, of the rays with a boundary."""
@@ -175,7 +176,7 @@ def circle(client, plane, omega, view):
         found |= ended[1]
         points = [scale * np.exp(1j * np.deg2rad(angle)) for angle, scale in sorted(found.items())]
         pieces = np.split(points, np.flatnonzero(np.isnan(points)))
-        yield {"a": [np.real(p) for p in pieces], "b": [np.imag(p) for p in pieces]}
+        yield {"a": [p.real.tolist() for p in pieces], "b": [p.imag.tolist() for p in pieces]}
 
 
 def checked(plane, omega):

@@ -13,6 +13,7 @@ from threading import Thread
 from distributed.scheduler import KilledWorker
 
 _LOOK = 0.1  # seconds after which a generator yields, to be closed if it is void
+_SOON = 20  # milliseconds, in which the browser tells all that has changed at once
 GONE = "the dask scheduler is gone; start the explorer again"
 
 
@@ -44,6 +45,10 @@ class Work:
         if not self.closed:
             with suppress(AttributeError):  # Bokeh takes the document of a closed tab apart
                 self.document.add_next_tick_callback(callback)
+
+    def soon(self, callback):
+        """Call back on the event loop a little later; called on it."""
+        self.document.add_timeout_callback(callback, _SOON)
 
     def begin(self, name):
         """Note that something begins being computed."""

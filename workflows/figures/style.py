@@ -1,6 +1,7 @@
 """What all figures share: colours, numbers in TeX, and how a figure is saved."""
 
 import sys
+from functools import cache
 from pathlib import Path
 
 import matplotlib
@@ -54,6 +55,7 @@ def known(breakdown):
     return breakdown.where(breakdown.error < 0.02 * breakdown.critical_scale)
 
 
+@cache
 def circle_class(text, whole=1):
     """Return the text of ω in [1/2, 1] for that of ω in [0, 1]: by symmetry 1 - ω is as ω.
 
