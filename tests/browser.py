@@ -78,7 +78,7 @@ def pages(chromium, url):
         tab.on("pageerror", lambda error: failures.append(error))
         tab.on("console", lambda said: said.type == "error" and failures.append(said.text))
         tab.goto(url + query)
-        tab.wait_for_function("window.Bokeh?.documents[0]?.is_idle")
+        wait(tab, "window.Bokeh?.documents[0]?.is_idle")
         return tab
 
     yield opened
@@ -94,13 +94,21 @@ def page(chromium, served):
         yield opened
 
 
+def wait(tab, condition, argument=None, timeout=PATIENCE):
+    """Wait until a condition in JavaScript is true.
+
+    Playwright's own way is to ask before each frame, for which frames are drawn all the time.
+    """
+    return tab.wait_for_function(condition, arg=argument, timeout=timeout, polling=50)
+
+
 def ready(tab, but="nothing"):
     """Wait until nothing is computed, `but` for what may go on."""
-    tab.wait_for_function("""(but) => {
+    wait(tab, """(but) => {
         const line = Bokeh.documents[0].get_model_by_name("status").text
         const words = line.replace(/<[^>]*>/g, "").replace("computing: ", "").split(", ")
         return words.every((word) => word.startsWith(but) || word.trim() == "ready")
-    }""", arg=but)  # fmt: skip
+    }""", but)  # fmt: skip
 
 
 def drag(tab, start, end, happened):
@@ -111,15 +119,16 @@ def drag(tab, start, end, happened):
     """
     from playwright.sync_api import TimeoutError
 
-    for attempt in range(3):
+    attempts = 20
+    for attempt in range(attempts):
         tab.mouse.move(*start)
         tab.mouse.down()
         tab.mouse.move(*end, steps=4)
         tab.mouse.up()
         try:
-            return tab.wait_for_function(happened, timeout=PATIENCE / 3)
+            return wait(tab, happened, timeout=PATIENCE / attempts)
         except TimeoutError:
-            if attempt == 2:
+            if attempt == attempts - 1:
                 raise
 
 

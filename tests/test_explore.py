@@ -9,7 +9,7 @@ from urllib.parse import parse_qs, urlparse
 import numpy as np
 import psutil
 import pytest
-from browser import columns, drag, needed, picture, ready
+from browser import columns, drag, needed, picture, ready, wait
 
 from nasm import barriers, escape
 from nasm.planes import rotating, three_kicks, two_kicks
@@ -30,7 +30,7 @@ def asked(tab):
 
 def until(tab, name, value):
     """Wait for a parameter of the permalink."""
-    tab.wait_for_function(f"new URLSearchParams(location.search).get('{name}') == '{value}'")
+    wait(tab, f"new URLSearchParams(location.search).get('{name}') == '{value}'")
 
 
 def escapes(view, row, column, steps):
@@ -262,7 +262,7 @@ def test_a_click_moves_the_forcing_and_its_address_brings_it_back(page):
     assert [fields.nth(i).input_value() for i in (0, 1)] == ["0.25", "-0.125"]
     left, top, width, height = picture(tab, PLANE)
     tab.mouse.click(left + 0.75 * width, top + 0.25 * height)
-    tab.wait_for_function("!location.search.includes('k1=0.25&')")
+    wait(tab, "!location.search.includes('k1=0.25&')")
     there = asked(tab)
     assert float(there["k1"]) == pytest.approx(0.575, abs=0.01)
     assert float(there["k2"]) == pytest.approx(0.575, abs=0.01)
@@ -296,10 +296,13 @@ def test_a_zoom_to_1e_4_shows_the_escape_times_of_its_pixels(page):
     tab.mouse.move(left + 0.98 * width, top + 0.47 * height)
     for _ in range(5):  # ten times as near each
         tab.mouse.wheel(0, -600)
-    tab.wait_for_function("""() => {
+    wait(
+        tab,
+        """() => {
         const shown = Bokeh.documents[0].get_model_by_name("times").data
         return shown.da[0] < 1e-4 && shown.times[0].some(Number.isFinite)
-    }""")
+    }""",
+    )
     ready(tab, but="boundary")
     shown = columns(tab, "times")
     shape = tab.evaluate("Bokeh.documents[0].get_model_by_name('times').data.times[0].shape")

@@ -7,7 +7,7 @@ from itertools import takewhile
 import numpy as np
 import pytest
 import xarray as xr
-from browser import columns, drag, needed, pages, picture, ready, server
+from browser import columns, drag, needed, pages, picture, ready, server, wait
 
 from nasm import barriers, maps, orbits
 from nasm.numbers import convergents, parse
@@ -37,10 +37,13 @@ def opened(chromium, served):
 
 def settled(tab):
     """Wait until nothing is computed but the plane."""
-    tab.wait_for_function("""() => {
+    wait(
+        tab,
+        """() => {
         const line = Bokeh.documents[0].get_model_by_name("status").text
         return !/starting|loading|portrait|verdict|last circle|periodic|file/.test(line)
-    }""")
+    }""",
+    )
 
 
 def is_smaller(side):
@@ -122,7 +125,7 @@ def test_toggles_show_symmetry_lines_and_the_orbits_of_the_convergents(opened):
     names = "kick by kick", "symmetry lines", "periodic orbits"
     for name in names:
         tab.get_by_label(name).check()
-    tab.wait_for_function("Bokeh.documents[0].get_model_by_name('cycles').data.x.length")
+    wait(tab, "Bokeh.documents[0].get_model_by_name('cycles').data.x.length")
     settled(tab)
     found = columns(tab, "cycles")
     x, y = np.array(found["x"]), np.array(found["y"])
@@ -153,7 +156,7 @@ def test_a_click_adds_an_orbit_and_a_zoom_iterates_what_is_in_the_box(opened):
     settled(tab)
     tab.mouse.move(left + 0.5 * width, top + 0.45 * height)
     tab.mouse.wheel(0, -480)
-    tab.wait_for_function(is_smaller(0.3))
+    wait(tab, is_smaller(0.3))
     settled(tab)
     box, image = box_of(tab), pixels(tab)
     assert box == pytest.approx((0.4, 0.19, 0.2, 0.2), abs=0.01)
@@ -217,17 +220,19 @@ def test_the_page_answers_as_quickly_as_it_promises(store, chromium):
     times = {name: [] for name in _LIMITS}
 
     def timed(tab, name):
-        # Seldom: Playwright's own way is to ask before each frame, so that frames are drawn always.
-        tab.wait_for_function("(name) => window.seen[name]", arg=name, polling=100)
+        wait(tab, "(name) => window.seen[name]", name)
         times[name].append(tab.evaluate("(name) => window.seen[name]", name) / 1000)
 
     with server(store, "--workers", "2") as (url, _), pages(chromium, url) as page:
         for _ in range(4):
             tab = page("?k1=0.5&k2=0.4&n=10000")
-            tab.wait_for_function("""() => {
+            wait(
+                tab,
+                """() => {
                 const orbits = Bokeh.documents[0].get_model_by_name("orbits")
                 return orbits.data.pixels[0].length > 1
-            }""")
+            }""",
+            )
             tab.evaluate("new Promise((then) => requestAnimationFrame(() => setTimeout(then)))")
             times["page"].append(tab.evaluate("performance.now()") / 1000)
             ready(tab)

@@ -79,7 +79,8 @@ from nasm import escape, orbits
 from nasm.verdict import verdict
 
 kappa = {state.kappa.tolist()}  # one period of kicks, the first one first
-print(verdict(kappa))
+found = verdict(kappa)
+print(found.answer, found.evidence.value, found.boundary, sep="\\n")
 times = escape.escape_time(kappa, *escape.ensemble(64), n_max={state.steps})
 print(f"the first of {{times.size}} orbits escapes after {{times.min()}} steps")
 x, y = orbits.portrait(kappa)
