@@ -299,7 +299,8 @@ def _dataset(plane, field):
         name: (name, values, described(plane.axes[name]))
         for name, values in zip(plane.axes, (field.a, field.b), strict=True)
     }
-    words = "first step at which an orbit of the ensemble is outside the window"
+    words = "first step at which an orbit of the ensemble is outside the window; "
+    words += "away from the boundary of n* <= n_max cells may share that of one"
     times = (second, first), field.times, described(words)
     attrs = {"title": "First escape times, as shown", "n_max": field.steps, **plane.record}
     return xr.Dataset({"escape_time": times}, axes, attrs)
