@@ -5,7 +5,7 @@ import shutil
 import signal
 import subprocess
 import sys
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 import psutil
 import pytest
@@ -111,25 +111,27 @@ def ready(tab, but="nothing"):
     }""", but)  # fmt: skip
 
 
-def drag(tab, start, end, happened):
-    """Drag the mouse until `happened`, JavaScript, is true.
+def drag(tab, start, end):
+    """Drag the mouse from one point to another."""
+    tab.mouse.move(*start)
+    tab.mouse.down()
+    tab.mouse.move(*end, steps=4)
+    tab.mouse.up()
 
-    On a busy machine the first move may come later than 0.3 s, and what Bokeh then sees is no drag
-    but a long press: so again.
+
+def insist(gesture, happened):
+    """Repeat a gesture until happened(timeout), which waits for something, returns.
+
+    On a busy machine the mouse may rest for 0.3 s in it, which Bokeh takes for a long press.
     """
     from playwright.sync_api import TimeoutError
 
-    attempts = 20
-    for attempt in range(attempts):
-        tab.mouse.move(*start)
-        tab.mouse.down()
-        tab.mouse.move(*end, steps=4)
-        tab.mouse.up()
-        try:
-            return wait(tab, happened, timeout=PATIENCE / attempts)
-        except TimeoutError:
-            if attempt == attempts - 1:
-                raise
+    for _ in range(19):
+        gesture()
+        with suppress(TimeoutError):
+            return happened(PATIENCE / 20)
+    gesture()
+    return happened(PATIENCE / 20)
 
 
 def columns(tab, name):

@@ -9,7 +9,7 @@ from urllib.parse import parse_qs, urlparse
 import numpy as np
 import psutil
 import pytest
-from browser import columns, drag, needed, picture, ready, wait
+from browser import columns, drag, insist, needed, picture, ready, wait
 
 from nasm import barriers, escape
 from nasm.planes import rotating, three_kicks, two_kicks
@@ -261,14 +261,17 @@ def test_a_click_moves_the_forcing_and_its_address_brings_it_back(page):
     fields = tab.get_by_role("textbox")
     assert [fields.nth(i).input_value() for i in (0, 1)] == ["0.25", "-0.125"]
     left, top, width, height = picture(tab, PLANE)
-    tab.mouse.click(left + 0.75 * width, top + 0.25 * height)
-    wait(tab, "!location.search.includes('k1=0.25&')")
+    insist(
+        lambda: tab.mouse.click(left + 0.75 * width, top + 0.25 * height),
+        lambda timeout: wait(tab, "!location.search.includes('k1=0.25&')", timeout=timeout),
+    )
     there = asked(tab)
     assert float(there["k1"]) == pytest.approx(0.575, abs=0.01)
     assert float(there["k2"]) == pytest.approx(0.575, abs=0.01)
     assert there["n"] == "200"
     start, end = [(left + a * width, top + b * height) for a, b in ((0.75, 0.25), (0.5, 0.3))]
-    drag(tab, start, end, "new URLSearchParams(location.search).get('k1') < 0.1")
+    moved = "new URLSearchParams(location.search).get('k1') < 0.1"
+    insist(lambda: drag(tab, start, end), lambda timeout: wait(tab, moved, timeout=timeout))
     assert float(asked(tab)["k2"]) == pytest.approx(0.46, abs=0.02)
     again = page("?" + urlparse(tab.url).query)  # two tabs at once
     assert asked(again) == asked(tab)

@@ -7,7 +7,18 @@ from itertools import takewhile
 import numpy as np
 import pytest
 import xarray as xr
-from browser import columns, drag, needed, pages, picture, ready, server, wait
+from browser import (
+    PATIENCE,
+    columns,
+    drag,
+    insist,
+    needed,
+    pages,
+    picture,
+    ready,
+    server,
+    wait,
+)
 
 from nasm import barriers, maps, orbits
 from nasm.numbers import convergents, parse
@@ -18,10 +29,10 @@ KAPPA = (0.5, 0.4)
 BOX = (0.0, -0.25, 1.0, 1.0)
 
 
-def told(tab, words):
+def told(tab, words, timeout=PATIENCE):
     """What the page says of a forcing, or of orbits, when it says these words."""
     line = tab.get_by_role("status").filter(has_text=words)
-    line.wait_for()
+    line.wait_for(timeout=timeout)
     return line.inner_text()
 
 
@@ -148,8 +159,10 @@ def test_toggles_show_symmetry_lines_and_the_orbits_of_the_convergents(opened):
 def test_a_click_adds_an_orbit_and_a_zoom_iterates_what_is_in_the_box(opened):
     tab, _ = opened
     left, top, width, height = picture(tab, "Phase portrait")
-    tab.mouse.click(left + 0.5 * width, top + 0.45 * height)
-    words = told(tab, "The one added at")
+    words = insist(
+        lambda: tab.mouse.click(left + 0.5 * width, top + 0.45 * height),
+        lambda timeout: told(tab, "The one added at", timeout),
+    )
     x, y, omega = map(float, re.search(r"added at \((.*), (.*)\): ω = (\S+)", words).groups())
     assert (x, y) == pytest.approx((0.5, 0.3), abs=0.005)
     assert omega == pytest.approx(float(orbits.rotation_number(KAPPA, x, y, 5000)[0]), abs=1e-6)
@@ -165,7 +178,10 @@ def test_a_click_adds_an_orbit_and_a_zoom_iterates_what_is_in_the_box(opened):
     assert (added > 1).all()
     assert (image > 0).sum() > 20_000  # though the box is small
     start, end = [(left + part * width, top + part * height) for part in (0.25, 0.75)]
-    drag(tab, start, end, is_smaller(0.15))
+    insist(
+        lambda: drag(tab, start, end),
+        lambda timeout: wait(tab, is_smaller(0.15), timeout=timeout),
+    )
     settled(tab)
     assert box_of(tab) == pytest.approx((0.45, 0.24, 0.1, 0.1), abs=0.01)
 
@@ -177,8 +193,10 @@ def test_beyond_the_boundary_a_click_shows_the_start_that_lives_longest_next_to_
     words = told(tab, "UNDECIDED at")
     assert "neither a barrier nor transport could be shown" in words
     left, top, width, height = picture(tab, "Plane of forcings")
-    tab.mouse.click(left + 0.93 * width, top + 0.3 * height)
-    words = told(tab, "TRANSPORT at")
+    words = insist(
+        lambda: tab.mouse.click(left + 0.93 * width, top + 0.3 * height),
+        lambda timeout: told(tab, "TRANSPORT at", timeout),
+    )
     point = re.search(r"\(kappa1, kappa2\) = \(([^,]*), ([^)]*)\)", words).groups()
     kappa = np.array(point, float)
     assert kappa == pytest.approx([0.86 * 1.15, 0.4 * 1.15], abs=0.02)
