@@ -3,7 +3,7 @@
 A view is computed in blocks of 27, 9, 3 pixels and 1. Escape is a matter of chance in each, and
 soon where it is far from the boundary; no escape costs all N steps. So blocks without an escape,
 all of whose neighbours are without one, are not cut further; and single pixels are computed along
-the boundary, and else only where escape is soon: as many as cost two seconds.
+the boundary, and else only where escape is soon: as many as cost a second.
 """
 
 from collections import deque
@@ -22,7 +22,7 @@ _CUT = 3
 ORBITS = 64
 _FIRST_STEPS = 1000  # of the first look, if N is more
 _LEAST, _BATCH = 0.02, 0.1  # CPU seconds of a task
-_SPARE = 2.0  # CPU seconds for single pixels that are not at the boundary
+_SPARE = 1.0  # CPU seconds for single pixels that are not at the boundary
 _EDGE = 1e-9  # of a block: rounding
 _PATIENCE, _LONGEST = 0.3, 2.0  # seconds between two pictures, more and more
 

@@ -6,7 +6,7 @@ of the plane come with it.
 
 from collections import deque
 from dataclasses import dataclass
-from time import monotonic
+from time import monotonic, sleep
 
 import numpy as np
 import xarray as xr
@@ -27,6 +27,7 @@ _PARTS = 8  # in which a circle's rays are computed
 _WIDE = 0.2  # of a view, around whose boundary a wide bracket will do
 _ENOUGH = 8  # rays of a view, to give colours to its circles alone
 _PATIENCE = 1.0  # seconds between two pictures
+_REST = 0.5  # seconds that a view has to rest: a ray takes up to some, and cannot be stopped
 _GAP = 25.0  # degrees without a ray, over which no line is drawn
 
 
@@ -146,6 +147,10 @@ def computed(client, plane, angles, view):
     """
     if not angles:
         return
+    begun = monotonic()
+    while monotonic() - begun < _REST:
+        sleep(_REST / 10)
+        yield None
     workers = client()
     most = max(1, len(workers.nthreads()) - 1)
     calls = deque((angle, _on_ray, plane, angle, _tolerance(view)) for angle in angles)
