@@ -115,6 +115,14 @@ def test_where_single_pixels_cost_too_much_they_are_computed_along_the_boundary_
     np.testing.assert_array_equal(fewer, pictures(VIEW, 200)[0][-1][0])
 
 
+def test_a_late_escape_at_the_centre_of_a_block_stays():
+    view = View((0.72, 0.78), (0.02, 0.08), (81, 81))
+    (times, *_), middle = pictures(view, 4000)[0][-1], range(13, 81, 27)
+    own = np.array([[escapes(view, row, column, 4000) for column in middle] for row in middle])
+    assert ((own > 1000) & (own <= 4000)).sum() > 2
+    np.testing.assert_array_equal(times[np.ix_(middle, middle)], own)
+
+
 def test_mirror_images_in_the_plane_are_computed_once():
     view = View((-1.1, 1.1), (-1.1, 1.1), (108, 108))
     found, client = pictures(view, 400)

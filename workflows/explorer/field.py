@@ -129,8 +129,6 @@ def computed(client, plane, view, steps, fields):
         images = _images(plane, view, block)
         found, calls = np.full(images.size, np.nan), deque()
         asked, fresh = np.zeros((2, images.size), bool)
-        settled = known | wanted
-        settled[_CUT // 2 :: _CUT, _CUT // 2 :: _CUT] = True  # a centre was the whole block's
 
         def ask(pixels):
             cells = np.unique(images[pixels])
@@ -164,8 +162,7 @@ def computed(client, plane, view, steps, fields):
                 differ = (times[near] <= steps) != (found[images[rows, columns]] <= steps)
                 more = np.zeros_like(wanted)
                 more[near[0][differ], near[1][differ]] = True
-                more &= ~settled
-                settled |= more
+                more &= ~(known | wanted)
                 wanted |= more
                 ask(more)
             if monotonic() - told < pause:
@@ -193,8 +190,8 @@ def computed(client, plane, view, steps, fields):
             wanted = _at_boundary(times, steps)
             escapes = times <= steps
             wanted |= escapes if block > 1 else _soonest(escapes, _seconds(times, plane))
+            known[_CUT // 2 :: _CUT, _CUT // 2 :: _CUT] = True  # a centre was the whole block's
             wanted &= ~known
-            wanted[_CUT // 2 :: _CUT, _CUT // 2 :: _CUT] = False  # a centre was the whole block's
         yield from fill(wanted, block, steps)
         if block == BLOCKS[1]:  # a short look everywhere, for what is thinner than the first blocks
             yield from fill(~known & ~wanted, block, min(steps, _FIRST_STEPS))

@@ -147,10 +147,8 @@ def computed(client, plane, angles, view):
     """
     if not angles:
         return
-    begun = monotonic()
-    while monotonic() - begun < _REST:
-        sleep(_REST / 10)
-        yield None
+    sleep(_REST)
+    yield None
     workers = client()
     most = max(1, len(workers.nthreads()) - 1)
     calls = deque((angle, _on_ray, plane, angle, _tolerance(view)) for angle in angles)
