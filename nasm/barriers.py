@@ -76,7 +76,7 @@ def critical_scale(profile, tol=1e-4):
         raise ValueError(f"tol={tol!r} must be from 1e-5 to 0.1")
     # On κ1 = κ2 the barriers are noble for the standard map, not for two steps of it.
     (short,), zero = shorten([profile], rational(0))
-    found = _by_symmetry(profile, short, tol) if has_dominant_line(short) else None
+    found = _by_symmetry(short, tol) if has_dominant_line(short) else None
     if found is None or (found.status in _IN_DOUBT and 2 < short.size <= transversals.MAX_PERIOD):
         found = _by_continuation(short, tol)
     if found.omega is None:
@@ -84,13 +84,13 @@ def critical_scale(profile, tol=1e-4):
     return replace(found, omega=per_period(found.omega, profile, short, zero))
 
 
-def _by_symmetry(profile, short, tol):
+def _by_symmetry(short, tol):
     """The CriticalScale on a ray with a dominant symmetry line, omega per period of `short`."""
     above = tol / 5  # and the rest below, where it costs more
     n_certify = int(1.6 / above)
     best, told = None, set()
     for steps in _LOCATE:
-        located = cones.critical_scale(profile, steps)
+        located = cones.critical_scale(short, steps)
         if located.status is not Status.OK:
             return located
         beyond = located.value * (1 + _BEYOND / steps) * short

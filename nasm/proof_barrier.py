@@ -116,7 +116,8 @@ def prove(omega, kappa, radius=0.0, n=None, start=None, budget=20.0):
     radius : float ≥ 0, of an interval about each κ_j; then every forcing in the box is proved to
         have the circle. The largest that can be proved is of the size of E, 10⁻¹² and less.
     n : int, even, 64 to 4194304, points of the grid; default by the decay of the circle's modes.
-    start : ndarray (P, m), deviations near the circle of the shortened forcing.
+    start : ndarray (P, m), deviations near the circle of the forcing, or of a shortened one, whose
+        rows are its first.
     budget : float, CPU seconds; a grid that would take longer is not tried.
 
     Returns
@@ -156,11 +157,13 @@ def prove(omega, kappa, radius=0.0, n=None, start=None, budget=20.0):
         start = circle.u
     else:
         start = np.asarray(start, dtype=float)
-        if start.ndim != 2 or start.shape[0] != short.size or not start.size:
+        rows = range(short.size, kappa.size + 1, short.size)  # strengths may round to equal ones
+        if start.ndim != 2 or start.shape[0] not in rows or not start.size:
             raise ValueError(
                 f"start has shape {start.shape}; deviations of the shortened forcing "
                 f"{short.tolist()} are {short.size} functions on a grid"
             )
+        start = start[: short.size]
     if not np.isfinite(start).all():
         return BarrierProof(False, "not proved: the start is not finite", **about)
     return _proved(short_omega, short, radius, start, n, until, about)

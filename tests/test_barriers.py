@@ -62,6 +62,14 @@ def test_the_last_circle_of_the_standard_map_in_all_its_disguises(profile, exact
     assert found.omega in [parse(name) for name in omegas]
 
 
+def test_kicks_that_come_back_with_the_other_sign_have_the_barrier_of_half_the_period():
+    # y -> y + 1/2 between the kicks of (1, -1, 1) alternates signs, which need two periods to close.
+    long, short = critical_scale((1, 1, 1, -1, -1, -1), 1e-2), critical_scale((1, -1, 1), 1e-2)
+    assert is_shown(long)
+    assert replace(long, omega=None) == replace(short, omega=None)
+    assert long.omega in mirror_images(moebius(short.omega, 2, 3), 6)
+
+
 def test_on_the_axes_gamma_stands_for_itself_and_for_one_minus_gamma():
     for profile in ((1, 0), (0, 1), (-1, 0)):
         assert critical_scale(profile, 1e-2).omega == GAMMA

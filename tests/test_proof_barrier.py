@@ -465,6 +465,19 @@ def test_more_time_proves_a_circle_nearer_to_the_breakup():
     assert scales[0] < scales[1] < breakup
 
 
+def test_strengths_that_round_to_equal_ones_are_proved_from_the_start_that_told_them_apart():
+    profile, omega = np.array([0.7, np.nextafter(0.7, 1)]), parse("2gamma")
+    scale = next(s for s in np.linspace(0.75, 0.95, 20) if len(set(s * profile)) == 1)
+    start = circles.invariant_circle(omega, scale * profile).u
+    assert start.shape[0] == 2
+    proof = prove(omega, scale * profile, start=start)
+    assert proof.proved
+    assert len(proof.short_kappa) == 1
+    value = scale / (1 - 0.05)  # `proved_lower` begins with circles that far inside
+    value = next(v for v in value * (1 + 2.0**-52 * np.arange(-4, 5)) if v * (1 - 0.05) == scale)
+    assert proved_lower(omega, profile, value, 0.05)[1].proved
+
+
 def test_without_a_circle_there_is_no_lower_scale():
     scale, proof = proved_lower(GAMMA, (1.0,), 3.0, 0.2)  # it breaks at 0.97
     assert np.isnan(scale)
