@@ -15,6 +15,7 @@ CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
 needed = pytest.mark.skipif(
     CHROMIUM is None, reason="Chromium is not installed: apt-get install chromium"
 )
+ELSEWHERE = "elsewhere.example"
 PATIENCE = 100_000  # milliseconds, in which kernels may have to be compiled
 
 
@@ -59,7 +60,9 @@ def chromium():
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        names = f"--host-resolver-rules=MAP {ELSEWHERE} 127.0.0.1"  # as whoever owns a name can
+        arguments = ["--no-sandbox", names]
+        browser = driver.chromium.launch(executable_path=CHROMIUM, args=arguments)
         yield browser
         browser.close()
 

@@ -1,19 +1,22 @@
 """The explorer: its page in a real browser, what it computes for a view, how it ends."""
 
-import http.client
+import asyncio
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from itertools import product
 from urllib.parse import parse_qs, urlparse
 
 import numpy as np
 import psutil
 import pytest
-from browser import columns, drag, insist, needed, picture, ready, wait
+from bokeh.server.util import bind_sockets
+from browser import ELSEWHERE, columns, drag, insist, needed, picture, ready, wait
+from tornado.httpclient import AsyncHTTPClient
 
 from nasm import barriers, escape
 from nasm.planes import rotating, three_kicks, two_kicks
-from workflows.explorer import field, plane, rays
+from workflows.explorer import field, plane, rays, server
 from workflows.explorer.field import Field, View
 from workflows.explorer.page import asked_for
 from workflows.explorer.rays import Rays
@@ -211,6 +214,7 @@ class Document:
 def test_of_computations_the_latest_counts():
     document, found, gate = Document(), [], threading.Event()
     work = Work(document, None)
+    work.start()
     lane = work.latest("number")
 
     def computed(number):
@@ -242,6 +246,8 @@ def test_a_closed_tab_ends_its_generators():
             closed.set()
 
     work.latest("endless").submit(endless, done=found.append)
+    assert not work.busy  # the browser is not connected
+    work.start()
     document.run(lambda: found)
     work.close()
     assert closed.wait(10)
@@ -344,17 +350,90 @@ def test_the_page_stacks_its_panels_on_a_phone_and_the_slider_takes_keys(page):
     until(tab, "n", "100")
 
 
+def answers(requests):
+    """What a server without workers answers to (path, headers), one after the other; what it
+    computes, and its own address."""
+
+    async def asked():
+        sockets, port = bind_sockets("127.0.0.1", 0)
+        shared = server.Shared(two_kicks(), None, lambda: computed.append("something"))
+        page, client = server.server_of(shared, sockets, port), AsyncHTTPClient()
+        found = []
+        for path, headers in requests:
+            named = {name: text.format(port=port) for name, text in headers.items()}
+            url = f"http://127.0.0.1:{port}{path}"
+            found.append(await client.fetch(url, headers=named, raise_error=False))
+        page.stop()
+        return found
+
+    computed = []
+    with ThreadPoolExecutor() as thread:  # in this one Playwright may have an event loop
+        return thread.submit(asyncio.run, asked()).result(), computed
+
+
+WEBSOCKET = {"Connection": "Upgrade", "Upgrade": "websocket", "Sec-WebSocket-Version": "13"}
+WEBSOCKET |= {"Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ==", "Sec-WebSocket-Protocol": "bokeh"}
+
+
+def test_only_requests_by_the_names_of_this_machine_are_answered():
+    names = "localhost:{port}", "127.0.0.1:{port}", "[::1]:{port}", "LOCALHOST:{port}"
+    others = "elsewhere.example", "elsewhere.example:{port}", "localhost", "localhost:1", "10.1.2.3"
+    script = "/static/js/bokeh.min.js"
+    found, _ = answers([(script, {"Host": name}) for name in (*names, *others)])
+    assert [answer.code for answer in found] == [200] * len(names) + [403] * len(others)
+    assert b"the explorer is at http://localhost:" in found[-1].body
+    page, *rest = "/", "/ws", "/metadata", "/autoload.js", "/favicon.ico", "/none"
+    found, _ = answers([(path, {"Host": "elsewhere.example:{port}"}) for path in (page, *rest)])
+    assert {answer.code for answer in found} == {403}
+    rebound = {"Host": "elsewhere.example:{port}", "Origin": "http://elsewhere.example:{port}"}
+    foreign = [{"Origin": origin} for origin in ("http://elsewhere.example", "null")]
+    found, _ = answers([("/ws", WEBSOCKET | headers) for headers in (rebound, *foreign)])
+    assert {answer.code for answer in found} == {403}
+
+
+def test_another_site_may_link_to_the_page_and_no_more():
+    link = {"Sec-Fetch-Site": "cross-site", "Sec-Fetch-Dest": "document"}
+    inside = [link | {"Sec-Fetch-Dest": kind} for kind in ("iframe", "script", "image", "empty")]
+    found, _ = answers([("/", headers) for headers in (link, *inside)])
+    assert [answer.code for answer in found] == [200, 403, 403, 403, 403]
+    for answer in found:
+        assert "default-src 'self'" in answer.headers["Content-Security-Policy"]
+        assert "frame-ancestors 'none'" in answer.headers["Content-Security-Policy"]
+        assert answer.headers["X-Frame-Options"] == "DENY"
+        assert answer.headers["X-Content-Type-Options"] == "nosniff"
+
+
+def test_an_address_without_sense_is_no_failure_of_the_server():
+    for path, code in (
+        ("/?k1=%ff", 200),  # a page with words
+        ("/?plane=%c3%28&n=%00", 200),
+        ("/?bokeh-token=abc", 400),
+        ("/?bokeh-session-id=abc", 400),
+    ):
+        assert answers([(path, {})])[0][0].code == code
+
+
+def test_pages_that_are_asked_for_and_not_shown_compute_nothing_and_are_few(monkeypatch):
+    assert server._UNCONNECTED <= 10
+    monkeypatch.setattr(server, "_UNCONNECTED", 2)
+    found, computed = answers([("/", {})] * 3)
+    assert [answer.code for answer in found] == [200, 200, 503]
+    assert b"try again" in found[-1].body
+    assert computed == []
+
+
 @needed
-def test_no_other_site_and_no_other_machine_gets_in(served):
+def test_no_other_site_and_no_other_machine_gets_in(served, chromium):
     url, process = served
-    asks = {"Connection": "Upgrade", "Upgrade": "websocket", "Sec-WebSocket-Version": "13"}
-    asks |= {"Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ==", "Sec-WebSocket-Protocol": "bokeh"}
-    connection = http.client.HTTPConnection(urlparse(url).netloc)
-    connection.request("GET", "/ws", headers=asks | {"Origin": "http://elsewhere.example"})
-    assert connection.getresponse().status == 403
-    connection.close()
-    server = psutil.Process(process.pid)
-    family = [server, *server.children(recursive=True)]
+    tab = chromium.new_page()
+    with tab.expect_response(url) as answer:
+        tab.set_content(f'<iframe src="{url}"></iframe>')
+    assert answer.value.status == 403
+    assert tab.goto(url.replace("localhost", ELSEWHERE)).status == 403
+    assert tab.evaluate("typeof Bokeh") == "undefined"
+    tab.close()
+    main = psutil.Process(process.pid)
+    family = [main, *main.children(recursive=True)]
     open_to = [port.laddr.ip for one in family for port in one.net_connections() if not port.raddr]
     assert set(open_to) == {"127.0.0.1"}
 

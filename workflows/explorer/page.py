@@ -24,11 +24,16 @@ def fill(document, shared):
     document.title = f"{shared.plane.name}: the explorer of the nonautonomous standard map"
     document.template = _TEMPLATE
     work = Work(document, shared.client)
-    document.on_session_destroyed(lambda _: work.close())
-    request = document.session_context.request
-    asked = {
-        name: request.arguments[name][0].decode() for name in _QUERY if name in request.arguments
-    }
+    context = document.session_context
+    shared.waiting[context.id] = lambda: work.tick(work.start)
+
+    def close(_):
+        shared.waiting.pop(context.id, None)
+        work.close()
+
+    document.on_session_destroyed(close)
+    query = context.request.arguments  # bytes, which may spell no text
+    asked = {name: query[name][0].decode(errors="replace") for name in _QUERY if name in query}
     state, wrong = asked_for(shared.plane, asked)
     roots = {
         "controls": _controls(state, wrong),

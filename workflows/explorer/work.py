@@ -25,16 +25,26 @@ class Work:
     busy : {name of what is being computed for the page: how far that is, in words}.
     failed : {name: why, in words}, until it is tried again.
     show : function without arguments, called whenever `busy` or `failed` changes.
+
+    Nothing is computed before `start` is called, nor after `close`.
     """
 
     def __init__(self, document, client):
         self.document, self.client = document, client
         self.busy, self.failed, self.show = {}, {}, lambda: None
-        self.closed = False
+        self.started = self.closed = False
+        self._lanes = []
 
     def latest(self, name):
         """Return a Latest; `name` says in the page what is being computed, "portrait"."""
-        return Latest(self, name)
+        self._lanes.append(Latest(self, name))
+        return self._lanes[-1]
+
+    def start(self):
+        """Begin with what was submitted so far; called on the event loop."""
+        self.started = True
+        for lane in self._lanes:
+            lane.start()
 
     def close(self):
         """Drop all that is still to come: the tab is closed."""
@@ -88,7 +98,7 @@ class Latest:
         """
         self.cancel()
         self._waiting = (self._number, function, args, done)
-        self._start()
+        self.start()
 
     def cancel(self):
         """Make what runs or waits void."""
@@ -98,8 +108,9 @@ class Latest:
     def is_void(self, number):
         return self.work.closed or number != self._number
 
-    def _start(self):
-        if self._waiting and not self._runs and not self.work.closed:
+    def start(self):
+        """Compute what waits, if nothing runs."""
+        if self._waiting and not self._runs and self.work.started and not self.work.closed:
             job, self._waiting = self._waiting, None
             self._runs = True
             self.work.begin(self.name)
@@ -126,7 +137,7 @@ class Latest:
     def _end(self):
         self._runs = False
         self.work.end(self.name)
-        self._start()
+        self.start()
 
 
 def spread(client, calls, most=None, priority=0):
