@@ -13,7 +13,6 @@ from nasm import flux as nasm_flux
 from nasm.numbers import parse
 from nasm.planes import Plane, plane_of, rotating
 from workflows.figures.stretches import stretches, where_above
-from workflows.figures.style import class_colours
 
 
 def test_circle_boundaries_are_those_of_each_ray(tmp_path, workers):
@@ -185,14 +184,6 @@ def test_the_flux_beyond_the_breakup_is_kept_with_its_law(tmp_path, workers):
     assert float(law["exponent"]) == pytest.approx(3.0117, abs=1e-3)
     assert "3.0117" in (out / "flux.txt").read_text()
     assert (out / "flux.png").exists()
-
-
-def test_circles_of_one_class_have_one_colour():
-    circles = ["[0;2,(1)]", "[0;(1)]", "[0;4,(1)]", "[0;1,3,(1)]", "[0;1,2,(1)]", ""]
-    classes, colours = class_colours(np.arange(6.0), circles)
-    one, other, third = "[0;(1)]", "[0;1,3,(1)]", "[0;1,2,(1)]"  # [0;4,(1)] is 1 - [0;1,3,(1)]
-    assert classes.tolist() == [one, one, other, other, third, ""]
-    assert len(set(colours.values())) == len(colours) == 4
 
 
 def test_tori_of_irrational_frequency_are_kept_as_labelled_cubes(tmp_path, workers):

@@ -35,7 +35,7 @@ from pipeline import store
 from workflows.explorer import field, rays
 from workflows.explorer.field import BLOCKS, Field, View
 from workflows.explorer.pixels import on_view, pixels_of, sides_of
-from workflows.explorer.rays import GREY, NO_LINES
+from workflows.explorer.rays import NO_LINES
 from workflows.explorer.words import alert
 from workflows.figures import planes
 from workflows.figures.style import smoothed
@@ -332,6 +332,6 @@ def _legend(colours):
     bar = "display: inline-block; width: 1.4em; height: 0.35em; vertical-align: middle"
     return "".join(
         f'<span style="white-space: nowrap; margin-right: 1.2em">'
-        f'<span style="{bar}; background: {colour}"></span> {escape(text)}</span>'
-        for text, colour in {**{f"ω = {ω}": c for ω, c in colours.items()}, "others": GREY}.items()
+        f'<span style="{bar}; background: {colour}"></span> ω = {escape(text)}</span>'
+        for text, colour in colours.items()
     )

@@ -15,17 +15,16 @@ from nasm.numbers import parse
 from pipeline.cubes.barrier import boundary, unfolded
 from pipeline.cubes.breakdown import by_continuation
 from workflows.explorer.work import spread
-from workflows.figures.style import circle_class, class_colours
+from workflows.figures.style import circle_class, circle_style, longest_arcs
 from workflows.parts.tables import described
 
 NO_LINES = {"a": [], "b": [], "colour": []}
-GREY = "#555555"
 _SPACING = 2.0  # degrees, of a view around the origin
 _N_RAYS = 64  # of any other view
 _TIPS = np.geomspace(2.0, 0.02, 6)  # degrees beside the diagonals, where boundaries have cusps
 _PARTS = 8  # in which a circle's rays are computed
 _WIDE = 0.2  # of a view, around whose boundary a wide bracket will do
-_ENOUGH = 8  # rays of a view, to give colours to its circles alone
+_ENOUGH = 8  # rays of a view, to name its circles alone
 _PATIENCE = 1.0  # seconds between two pictures
 _REST = 0.5  # seconds that a view has to rest: a ray takes up to some, and cannot be stopped
 _GAP = 25.0  # degrees without a ray, over which no line is drawn
@@ -73,9 +72,10 @@ class Rays:
         inside = (view.a[0] <= points.real) & (points.real <= view.a[1])
         inside &= (view.b[0] <= points.imag) & (points.imag <= view.b[1])
         seen = inside if inside.sum() > _ENOUGH else np.ones_like(inside)
-        _, colours = class_colours(angles[seen], circles[seen].tolist(), self._whole)
-        colours = {text: shade for text, shade in colours.items() if shade.startswith("#")}
-        shades = [colours.get(circle_class(circle, self._whole), GREY) for circle in circles]
+        classes = np.array([circle_class(circle, self._whole) for circle in circles])
+        shades = [circle_style(text)["color"] for text in classes]
+        named = longest_arcs(angles[seen], classes[seen])
+        colours = {text: circle_style(text)["color"] for text in named}
         joined = (np.roll(angles, -1) - angles) % 360 <= _GAP  # to the next
         after = np.where(joined, (points + np.roll(points, -1)) / 2, points)
         before = np.where(np.roll(joined, 1), np.roll(after, 1), points)

@@ -2,8 +2,8 @@
 
 import matplotlib.pyplot as plt
 
-from workflows.figures.planes import fill_inside, in_plane, label_plane, of_two_kicks
-from workflows.figures.style import colour_of, known, line_of, omega_label
+from workflows.figures.planes import fill_inside, in_plane, label_plane, of_two_kicks, whole_of
+from workflows.figures.style import INSIDE, circle_style, known, omega_label
 
 
 def draw_circle_boundaries(breakdown, residues, barrier):
@@ -13,12 +13,12 @@ def draw_circle_boundaries(breakdown, residues, barrier):
     """
     figure, axes = plt.subplots(figsize=(10, 5.8))
     sharp = known(breakdown)
-    fill_inside(axes, barrier, "0.92", label=r"$\mathit{CB}_{gt}$")
+    fill_inside(axes, barrier, INSIDE, label=r"$\mathit{CB}_{gt}$")
     draw_circles(axes, sharp)
     label_plane(axes, barrier)
     if of_two_kicks(barrier):
         tip = axes.inset_axes([0.44, 0.055, 0.12, 0.2])
-        fill_inside(tip, barrier, "0.92")
+        fill_inside(tip, barrier, INSIDE)
         draw_circles(tip, sharp)
         tip.set(xlim=(0.8, 0.98), ylim=(0.8, 0.98), aspect="equal")
         tip.set_title("the tip at 45°", fontsize=8, pad=3)
@@ -53,10 +53,11 @@ def draw_tips(residues, circles, barrier):
     figure, panels = plt.subplots(1, 2, figsize=(11, 5.5), layout="constrained")
     lines, points = known(residues), known(circles)
     for axes, sign in zip(panels, (-1, 1), strict=True):
-        axes.fill_between(barrier.kappa1, barrier.kappa2, color="0.92")
+        axes.fill_between(barrier.kappa1, barrier.kappa2, color=INSIDE)
         draw_circles(axes, lines)
-        for i in range(points.circle.size):
-            axes.plot(points.kappa1[i], points.kappa2[i], ".", color=colour_of(i), ms=3)
+        for i, text in enumerate(points.circle.values):
+            style = circle_style(text, 1) | {"ls": "", "ms": 3}
+            axes.plot(points.kappa1[i], points.kappa2[i], **style)
         ends = sorted((sign * 0.7, sign * 1.0))
         axes.set(xlim=ends, ylim=(0.7, 1.0), aspect="equal", xlabel=r"$\kappa_1$")
     panels[0].set_ylabel(r"$\kappa_2$")
@@ -74,8 +75,9 @@ def draw_tips(residues, circles, barrier):
 
 def draw_circles(axes, breakdown):
     """Draw the curves (x, y) of each ω; and (-x, -y), where that half is left to symmetry."""
-    x, y = in_plane(breakdown)
+    (x, y), whole = in_plane(breakdown), whole_of(breakdown)
     for i, text in enumerate(breakdown.circle.values):
-        axes.plot(x[i], y[i], lw=1.3, label=omega_label(text), **line_of(i))
+        style = circle_style(text, whole) | {"marker": "", "lw": 1.3}
+        axes.plot(x[i], y[i], label=omega_label(text), **style)
         if breakdown.angle[-1] <= 180:
-            axes.plot(-x[i], -y[i], lw=1.3, **line_of(i))
+            axes.plot(-x[i], -y[i], **style)

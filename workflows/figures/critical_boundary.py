@@ -5,8 +5,8 @@ import numpy as np
 
 from workflows.figures.escape_plane import draw_field
 from workflows.figures.last_barrier import draw_panels
-from workflows.figures.planes import in_plane, of_two_kicks
-from workflows.figures.style import known, power
+from workflows.figures.planes import in_plane, of_two_kicks, whole_of
+from workflows.figures.style import circle_style, known, omega_label, power
 
 
 def draw_critical_boundary(plane, circles, barrier):
@@ -15,12 +15,12 @@ def draw_critical_boundary(plane, circles, barrier):
     Below: which circle that is, by angle; and how CB_gt falls from the tip at 45°.
     """
     figure = plt.figure(figsize=(12, 10.2), layout="constrained")
-    axes = draw_panels(figure, barrier, region="0.84")
+    axes = draw_panels(figure, barrier)
     draw_field(axes, plane)
     circles = known(circles)
-    for i in range(circles.omega.size):
-        label = r"$\mathit{CB}_\omega$ of the paper's six circles" if i == 0 else None
-        axes.plot(*(part[i] for part in in_plane(circles)), label=label, color="0.5", lw=0.6)
+    for i, text in enumerate(circles.circle.values):
+        style = circle_style(text, whole_of(barrier)) | {"marker": "", "lw": 0.7}
+        axes.plot(*(part[i] for part in in_plane(circles)), label=omega_label(text), **style)
     ends = [(float(c.min()), float(c.max())) for c in in_plane(plane)]
     axes.set(xlim=ends[0], ylim=ends[1])
     steps = power(plane.attrs["n_max"])

@@ -6,10 +6,10 @@ from matplotlib.colors import LogNorm
 from matplotlib.patches import ConnectionPatch
 
 from workflows.figures.planes import in_plane, label_plane
-from workflows.figures.style import CIRCLE_COLOURS, power
+from workflows.figures.style import COLOURS, VERMILION, power
 
 # The paper's green triangles, red circles and blue squares, in colours that all can tell apart.
-_MARKS = list(zip("^osDvP", [CIRCLE_COLOURS[i] for i in (2, 1, 0, 3, 4, 5)], strict=True))
+_MARKS = list(zip("^osDv", [COLOURS[2], VERMILION, COLOURS[0], *COLOURS[4:6]], strict=True))
 
 
 def draw_rays(boundary, barrier, last=90):

@@ -6,9 +6,9 @@ from matplotlib.colors import LogNorm
 from matplotlib.patheffects import withStroke
 
 from workflows.figures.planes import in_plane, label_plane, of_two_kicks
-from workflows.figures.style import CIRCLE_COLOURS, power, smoothed
+from workflows.figures.style import COLOURS, NO_ESCAPE, power, smoothed
 
-_BOUNDARY_COLOURS = ["black", CIRCLE_COLOURS[2], CIRCLE_COLOURS[5]]  # far from those of the field
+_BOUNDARY_COLOURS = ["black", COLOURS[2], COLOURS[3]]  # far from those of the field
 
 
 def draw_escape_plane(plane, steps):
@@ -41,7 +41,7 @@ def draw_field(axes, plane):
         extent += [axis[0] - half, axis[-1] + half]
     finite = np.where(np.isfinite(field), field, np.nan)
     earliest = max(1.0, np.nanmin(finite)) if np.isfinite(finite).any() else 1.0
-    colours = plt.get_cmap("magma").with_extremes(bad="0.95")
+    colours = plt.get_cmap("magma").with_extremes(bad=NO_ESCAPE)
     style = {"extent": extent, "origin": "lower", "interpolation": "nearest", "zorder": 0}
     norm = LogNorm(vmin=earliest, vmax=max(plane.attrs["n_max"], 1.1 * earliest))
     image = axes.imshow(finite, norm=norm, cmap=colours, **style)

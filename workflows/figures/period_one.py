@@ -3,9 +3,9 @@
 import matplotlib.pyplot as plt
 from matplotlib.colors import LogNorm
 
-from workflows.figures.style import CIRCLE_COLOURS
+from workflows.figures.style import VERMILION
 
-_STABLE = CIRCLE_COLOURS[1]
+_STABLE = VERMILION
 
 
 def draw_primary_points(primary):

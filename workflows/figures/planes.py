@@ -23,6 +23,11 @@ def of_two_kicks(dataset):
     return plane_of(dataset.attrs) == two_kicks()
 
 
+def whole_of(dataset):
+    """Return what ω and its image under the plane's symmetries sum to, 0 if it has none there."""
+    return max(shift for *_, shift in plane_of(dataset.attrs).symmetries)
+
+
 def in_plane(dataset):
     """Return the two coordinates, or variables, that say where in its plane a dataset is."""
     return [dataset[name] for name in dataset.attrs["plane"]["axes"]]

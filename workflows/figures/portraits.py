@@ -2,9 +2,9 @@
 
 import matplotlib.pyplot as plt
 
-from workflows.figures.style import CIRCLE_COLOURS, colour_of, dots
+from workflows.figures.style import COLOURS, VERMILION, colour_of, dots
 
-BLUE, VERMILION = CIRCLE_COLOURS[:2]
+BLUE = COLOURS[0]
 _KICKS_SHOWN = 80
 
 

@@ -5,7 +5,7 @@ import numpy as np
 
 from workflows.figures.circle_boundaries import draw_circles
 from workflows.figures.stretches import where_above
-from workflows.figures.style import colour_of, power
+from workflows.figures.style import INSIDE, colour_of, power
 
 
 def draw_rotating_circles(circles, two, direct):
@@ -103,7 +103,7 @@ def draw_diamond(axes, curve, **style):
 def fill_diamond(axes, two, label):
     """Draw CB_gt of T, and grey inside."""
     outline = _closed(two.kappa_mean, two.kappa_amplitude)
-    axes.fill(*outline, facecolor="0.92", edgecolor="black", lw=2, label=label)
+    axes.fill(*outline, facecolor=INSIDE, edgecolor="black", lw=2, label=label)
 
 
 def _tips(axes, inner):

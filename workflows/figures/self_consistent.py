@@ -3,9 +3,9 @@
 import matplotlib.pyplot as plt
 import numpy as np
 
-from workflows.figures.style import CIRCLE_COLOURS, dots, letters, line_of
+from workflows.figures.style import COLOURS, VERMILION, dots, letters, line_of
 
-BLUE, VERMILION, GREEN = CIRCLE_COLOURS[:3]
+BLUE, _, GREEN = COLOURS[:3]
 _BEGINNING = 250  # kicks of the transient that are drawn
 
 

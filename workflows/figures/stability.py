@@ -4,7 +4,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.ticker import NullFormatter
 
-from workflows.figures.style import CIRCLE_COLOURS, letters, line_of
+from workflows.figures.style import COLOURS, letters, line_of
 
 _MARKERS = "osD^v"
 
@@ -28,7 +28,7 @@ def draw_stability(studies):
 def _draw_near_cusp(axes, study):
     """Draw the errors, the claimed ones dashed, and crosses where there is no answer."""
     for i, name in enumerate(study.approach.attrs["names"]):
-        here, colour = study.isel(approach=i), CIRCLE_COLOURS[i]
+        here, colour = study.isel(approach=i), COLOURS[i]
         off = np.maximum(here.off, 1e-14)
         axes.plot(study.delta, off, f"{_MARKERS[i]}-", color=colour, ms=4, label=name)
         axes.plot(study.delta, here.error, "--", color=colour, lw=1)
@@ -54,13 +54,13 @@ def _draw_past_boundary(axes, study):
         for i, angle in enumerate(study.angle.values):
             here = said.sel(angle=angle).values
             y = np.full(here.sum(), row + 0.15 * i)
-            axes.plot(place[here], y, mark, color=CIRCLE_COLOURS[i], ms=4)
+            axes.plot(place[here], y, mark, color=COLOURS[i], ms=4)
     axes.set_yticks(range(len(claims)), [label for label, *_ in claims])
     axes.axvline(0, color="black", lw=0.8)
     chosen = [i for i, x in enumerate(excess) if x == 0 or abs(np.log10(abs(x)) % 1) < 1e-6]
     axes.set_xticks(place[chosen], [_signed_power(excess[i]) for i in chosen], rotation=45)
     for i, angle in enumerate(study.angle.values):
-        axes.plot([], [], "o", color=CIRCLE_COLOURS[i], label=rf"$\varphi = {angle:g}°$")
+        axes.plot([], [], "o", color=COLOURS[i], label=rf"$\varphi = {angle:g}°$")
     axes.set(xlabel="$s/s_c - 1$", ylim=(-0.5, len(claims) + 0.3))
     axes.set_title("Who says what on either side of the breakup")
 
@@ -72,7 +72,7 @@ def _signed_power(x):
 def _draw_fractions(axes, study):
     """Draw breakups by continuation and residues, with errors, and the certified circles below."""
     for i, quotient in enumerate(study.quotient.values):
-        here, colour = study.isel(quotient=i), CIRCLE_COLOURS[i]
+        here, colour = study.isel(quotient=i), COLOURS[i]
         place = study.q * 1.08**i
         residues, norms = (here.isel(approach=m) for m in (0, 1))
         style = {"color": colour, "ms": 4, "mfc": "none", "lw": 1}
@@ -95,7 +95,7 @@ def _draw_fractions(axes, study):
 def _draw_twist(axes, study):
     """Draw lives on the dominant line, and where the twist ends."""
     for i, angle in enumerate(study.angle.values):
-        here, colour = study.isel(angle=i), CIRCLE_COLOURS[i]
+        here, colour = study.isel(angle=i), COLOURS[i]
         finite, line = here.where(np.isfinite(here)), line_of(i)
         line["label"] = rf"$\varphi = {angle:g}°$"
         axes.plot(study.scale, finite.elimination_time, "o", ms=3, **line)
@@ -115,7 +115,7 @@ def _draw_amplitudes(axes, study):
     for i, part in enumerate(study.part.values[:4]):
         label = rf"seven others at ${part:g}\,s_c$"
         here = study.largest.sel(part=part)
-        style = {"color": CIRCLE_COLOURS[1 + i], "ms": 4, "label": label}
+        style = {"color": COLOURS[1 + i], "ms": 4, "label": label}
         axes.plot(study.angle, here, f"{_MARKERS[1 + i]}--", **style)
     axes.set(xlabel=r"angle $\varphi$ (degrees)", ylabel="amplitude in $y$", ylim=(0, 0.25))
     axes.set_title("Proposition 1 assumes amplitudes below 1")
@@ -132,7 +132,7 @@ def _draw_missed(axes, study):
 def _draw_fakes(axes, study):
     for ray, label in enumerate(("standard map", "on $(1, 0.5)$")):
         past = study.past.sel(ray=ray)
-        axes.plot(study.n, past.where(past > 0), "o-", color=CIRCLE_COLOURS[ray], label=label)
+        axes.plot(study.n, past.where(past > 0), "o-", color=COLOURS[ray], label=label)
     passed, fakes = int(study.passed.sum() + study.polished.sum()), int(study.fakes.sum())
     axes.set_xscale("log", base=2)
     axes.set(yscale="log", xlabel="grid points $n$", ylabel="past the breakup")
@@ -144,7 +144,7 @@ def _draw_disorder(axes, study):
         for j, style in enumerate(("o-", "s--")):
             label = name if j == 0 else None
             y = study[name].isel(noise=j)
-            axes.plot(study.scale, y, style, color=CIRCLE_COLOURS[i], ms=4, label=label)
+            axes.plot(study.scale, y, style, color=COLOURS[i], ms=4, label=label)
     noises = " and ".join(f"{noise:g}" for noise in study.noise.values)
     axes.set(xlabel="scale $s$ of $s(1, 0.5)$", ylabel="part of starts")
     axes.set_title(f"Newton for 13/21, starts off by {noises}")
@@ -152,7 +152,7 @@ def _draw_disorder(axes, study):
 
 def _draw_rounding(axes, study):
     for i, name in enumerate(study.arithmetic.attrs["names"]):
-        here, colour = study.isel(arithmetic=i), CIRCLE_COLOURS[i]
+        here, colour = study.isel(arithmetic=i), COLOURS[i]
         axes.plot(study.steps, here.drift, f"{_MARKERS[i]}-", color=colour, ms=4, label=name)
         reversal = here.reversal.where(here.reversal > 0)
         axes.plot(study.steps, reversal, "--", color=colour, lw=1)
@@ -165,7 +165,7 @@ def _draw_rounding(axes, study):
 def _draw_tori(axes, study):
     """Draw brackets by the distance from a resonance, and crosses where nothing is certified."""
     for i, name in enumerate(study.pair.attrs["names"]):
-        here, colour, place = study.isel(pair=i), CIRCLE_COLOURS[i], study.delta * 1.15**i
+        here, colour, place = study.isel(pair=i), COLOURS[i], study.delta * 1.15**i
         style = {"color": colour, "ms": 5}
         axes.errorbar(place, here.value, here.error, fmt="s", mfc="none", lw=1, **style)
         axes.plot(place, here.lower, "^", label=name, **style)

@@ -9,17 +9,47 @@ import numpy as np
 
 matplotlib.use("agg")
 
-# Okabe & Ito, safe for colour-blind readers.
-CIRCLE_COLOURS = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"]
+# Blue, orange, green, sky, red, violet, indigo: 17 or more apart in CIE Lab as a deuteranope and a
+# protanope see them, and as far from black, white and the greys below.
+COLOURS = ["#0072B2", "#E69F00", "#358600", "#56B4E9", "#8B0000", "#8A2BE2", "#332288"]
+VERMILION = "#D55E00"  # what stands out; the colour of no circle
+
+INSIDE, NO_ESCAPE, FAINT = "0.84", "0.95", "0.5"
+"""Greys: where a barrier is left, where none is left but nothing escapes, and of other lines."""
+
+MARKERS = "o^sDv"
+_DASHES = ["-", (0, (5, 1.2)), (0, (6, 1.2, 1.2, 1.2)), (0, (2, 1)), (0, (6, 1, 1, 1, 1, 1))]
 
 
 def colour_of(i):
-    return CIRCLE_COLOURS[i % len(CIRCLE_COLOURS)]
+    return COLOURS[i % len(COLOURS)]
 
 
 def line_of(i):
-    """Return the style of the i-th line: dashed from the fourth on, as some colours are alike."""
+    """Return the style of the i-th line: dashed from the fourth on."""
     return {"color": colour_of(i), "ls": (0, (5, 1.2)) if i // 3 % 2 else "-"}
+
+
+@cache
+def circle_style(text, whole=0):
+    """Return {"color", "marker", "ls"} of the circle of ω, which its partial quotients fix.
+
+    text : of ω; "" where it is not known. whole : as `circle_class` has it, whose classes count.
+
+    The colour is the sum of a - 1 over the quotients of [·; a, …], less that over those that
+    repeat: 0, blue, for the golden circle, and one more for each step away from it among the
+    noble ones. ω + 1 has the colour of ω; the marker and the dash tell them apart, as they do where
+    the seven colours come again.
+    """
+    from nasm.numbers import parse
+
+    if not text:
+        return {"color": "black", "marker": "x", "ls": "-"}
+    omega = parse(circle_class(text, whole))
+    first, *quotients = omega.prefix
+    steps = sum(a - 1 for a in quotients) - sum(b - 1 for b in omega.tail)
+    kind = (first + len(quotients) + (omega.tail != (1,))) % len(MARKERS)
+    return {"color": colour_of(steps), "marker": MARKERS[kind], "ls": _DASHES[kind]}
 
 
 def save(figure, out, name, caption=""):
@@ -46,10 +76,6 @@ def omega_label(text):
     return rf"$\omega = {name}{text}$"
 
 
-# As classes, of which neighbours along the boundary must differ: blue, orange, green, sky, ….
-_CLASS_COLOURS = [CIRCLE_COLOURS[i] for i in (0, 4, 2, 5, 1, 3)]
-
-
 def known(breakdown):
     """Drop the points whose claimed error is beyond 2% of the scale: gaps in the curves drawn."""
     return breakdown.where(breakdown.error < 0.02 * breakdown.critical_scale)
@@ -67,20 +93,20 @@ def circle_class(text, whole=1):
     return text if omega is None or float(omega) >= whole / 2 else str(moebius(omega, -1, whole))
 
 
-def class_colours(angle, circles, whole=1):
-    """Return the class of each ray's circle, and {class: colour}, the longest arc first.
+def longest_arcs(angle, classes):
+    """Return the classes that are last on 1% of the angle or more, the longest arc first."""
+    classes, width = np.asarray(classes), np.gradient(angle) / np.ptp(angle)
+    shares = {name: width[classes == name].sum() for name in filter(None, dict.fromkeys(classes))}
+    return sorted((str(name) for name in shares if shares[name] > 0.01), key=lambda x: -shares[x])
 
-    The six classes that are last on 1% of the angle or more have colours, the others greys.
-    """
-    classes = np.array([circle_class(text, whole) for text in circles])
-    width = np.gradient(angle) / np.ptp(angle)
-    shares = {name: width[classes == name].sum() for name in dict.fromkeys(classes.tolist())}
-    ordered = sorted(filter(None, shares), key=lambda name: -shares[name])
-    seen = [name for name in ordered if shares[name] > 0.01][: len(_CLASS_COLOURS)]
-    rest = [name for name in ordered if name not in seen]
-    shades = _CLASS_COLOURS[: len(seen)]
-    shades += [f"{grey:.2f}" for grey in np.linspace(0.15, 0.65, len(rest))]
-    return classes, {**dict(zip(seen + rest, shades, strict=True)), "": "black"}
+
+def draw_points(axes, x, y, circles, whole=0, size=3, **style):
+    """Draw points (x, y), each as `circle_style` has its circle."""
+    looks = [circle_style(text, whole) for text in circles]
+    for color, marker in dict.fromkeys((look["color"], look["marker"]) for look in looks):
+        here = [(look["color"], look["marker"]) == (color, marker) for look in looks]
+        dots = {"color": color, "marker": marker, "ls": "", "ms": size, "mew": 0.5, **style}
+        axes.plot(np.asarray(x)[here], np.asarray(y)[here], **dots)
 
 
 def mark_gaps(axes, x, silent):

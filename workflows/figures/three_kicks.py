@@ -5,7 +5,7 @@ import numpy as np
 
 from workflows.figures.rotating import draw_diamond, fill_diamond
 from workflows.figures.stretches import where_above
-from workflows.figures.style import class_colours, mark_gaps
+from workflows.figures.style import circle_style, draw_points, longest_arcs, mark_gaps
 
 
 def draw_three_kicks(three, two):
@@ -17,23 +17,19 @@ def draw_three_kicks(three, two):
     figure = plt.figure(figsize=(13, 1.6 + 1.3 * max(4, len(exact))), layout="constrained")
     left, right = figure.subfigures(1, 2, width_ratios=[1.05, 1])
     plane, strips = left.subplots(), right.subplots(len(exact), sharex=True, squeeze=False)[:, 0]
-    # All rays of all phases count alike in the choice of colours; κ and -κ are alike, ω is not.
-    circles = three.circle.transpose("phase", "angle").values
-    classes, colours = class_colours(np.arange(circles.size), circles.ravel(), 0)
-    classes = classes.reshape(circles.shape)
+    circles = three.circle.transpose("phase", "angle").values  # κ and -κ are alike, ω is not
     fill_diamond(plane, two, r"$\mathit{CB}_{gt}$ of $T$ ($\Omega = 1/2$)")
     for i, strip in enumerate(strips):
         curve = three.isel(phase=i)
         draw_diamond(plane, curve, color="0.6", lw=0.6)
         for sign in (1, -1):
             points = sign * curve.kappa_mean, sign * curve.kappa_amplitude
-            plane.scatter(*points, c=[colours[name] for name in classes[i]], s=9, zorder=3)
+            draw_points(plane, *points, circles[i], zorder=3)
         strip.axhline(1, color="black", lw=1)
-        _draw_brackets(strip, curve, classes[i], colours)
+        _draw_brackets(strip, curve)
         strip.text(0.01, 0.08, rf"$\varphi_0 = {exact[i]}$", transform=strip.transAxes)
-    for name, colour in colours.items():
-        if colour.startswith("#"):
-            plane.scatter([], [], color=colour, s=20, label=rf"$\omega = {name}$")
+    for text in longest_arcs(np.arange(circles.size), circles.ravel()):  # of all rays and phases
+        plane.plot([], [], label=rf"$\omega = {text}$", **circle_style(text) | {"ls": ""})
     plane.set(xlabel=r"$\bar\kappa$", ylabel=r"$\Delta\kappa$", aspect="equal")
     plane.set_title("Onset of global transport, coloured by the last circle")
     left.legend(loc="outside lower center", ncols=4, fontsize="small")
@@ -43,12 +39,12 @@ def draw_three_kicks(three, two):
     return figure, " ".join(_told(three))
 
 
-def _draw_brackets(strip, curve, classes, colours):
+def _draw_brackets(strip, curve):
     """Draw the brackets by angle, from the certified circle to converse KAM."""
     angle, ends = curve.angle.values, (curve.ratio_lower.values, curve.ratio_upper.values)
-    shades = [colours[name] for name in classes]
+    shades = [circle_style(text)["color"] for text in curve.circle.values]
     strip.vlines(angle, *ends, colors=shades, lw=2)
-    strip.scatter(angle, curve.ratio, c=shades, s=9)
+    draw_points(strip, angle, curve.ratio, curve.circle.values)
     open_side = np.isnan(curve.ratio.values)
     strip.plot(angle[open_side], ends[1][open_side], "v", color="0.3", ms=4, mfc="none")
     mark_gaps(strip, angle, open_side & np.isnan(ends[1]))

@@ -1,0 +1,84 @@
+"""Figures: the look of circles, which ω alone decides."""
+
+from itertools import combinations, pairwise, product
+
+import numpy as np
+import pytest
+from matplotlib.colors import to_rgb
+
+from nasm.numbers import NAMES, parse
+from workflows.figures import style
+from workflows.figures.style import circle_class, circle_style
+
+# Linear RGB as a dichromat sees it (Machado, Oliveira & Fernandes 2009, severity 1).
+DICHROMATS = {
+    "deuteranope": [
+        [0.367322, 0.860646, -0.227968],
+        [0.280085, 0.672501, 0.047413],
+        [-0.011820, 0.042940, 0.968881],
+    ],
+    "protanope": [
+        [0.152286, 1.052583, -0.204868],
+        [0.114503, 0.786281, 0.099216],
+        [-0.003882, -0.048116, 1.051998],
+    ],
+}
+XYZ = [
+    [0.4124564, 0.3575761, 0.1804375],
+    [0.2126729, 0.7151522, 0.0721750],
+    [0.0193339, 0.1191920, 0.9503041],
+]
+ON_THE_BOUNDARY = [
+    "[0;(1)]",
+    "[0;1,2,(1)]",
+    "[0;1,3,(1)]",
+    "[0;1,3,2,(1)]",
+    "[0;1,3,3,(1)]",
+    "[0;1,3,4,2,(1)]",
+]
+IN_THE_TIP = ["[0;1,3,4,3,(1)]", "[0;1,3,4,4,(1)]", "[0;1,3,4,4,2,(1)]", "[0;1,3,(4)]"]
+
+
+def lab(colour, seen_by):
+    """CIE L*a*b* of a colour of sRGB, white at D65, as the dichromat sees it."""
+    rgb = np.array(to_rgb(colour))
+    linear = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
+    seen = np.clip(np.array(DICHROMATS[seen_by]) @ linear, 0, 1)
+    t = np.array(XYZ) @ seen / np.sum(XYZ, axis=1)
+    f = np.where(t > (6 / 29) ** 3, np.cbrt(t), t / (3 * (6 / 29) ** 2) + 4 / 29)
+    return np.array([116 * f[1] - 16, 500 * (f[0] - f[1]), 200 * (f[1] - f[2])])
+
+
+@pytest.mark.parametrize("seen_by", DICHROMATS)
+def test_the_colour_blind_tell_the_colours_of_circles_from_each_other_and_from_the_greys(seen_by):
+    greys = ["black", "white", style.INSIDE, style.NO_ESCAPE, style.FAINT]
+    pairs = [*combinations(style.COLOURS, 2), *product(style.COLOURS, greys)]
+    apart = {(a, b): np.linalg.norm(lab(a, seen_by) - lab(b, seen_by)) for a, b in pairs}
+    assert min(apart.values()) >= 15, min(apart, key=apart.get)
+
+
+def test_circles_that_meet_on_the_boundary_differ_in_colour_and_all_others_in_colour_or_marker():
+    looks = [circle_style(text, 1) for text in ON_THE_BOUNDARY + IN_THE_TIP]
+    assert len({look["color"] for look in looks[: len(ON_THE_BOUNDARY)]}) == len(ON_THE_BOUNDARY)
+    assert all(a["color"] != b["color"] for a, b in pairwise(looks))
+    assert len({(look["color"], look["marker"]) for look in looks}) == len(looks)
+
+
+def test_the_six_circles_of_the_paper_differ_in_colour_or_dash_and_the_golden_one_is_a_solid_blue():
+    looks = [circle_style(str(parse(name)), 1) for name in NAMES]
+    assert len({(look["color"], look["ls"]) for look in looks}) == len(NAMES)
+    assert looks[0] == {"color": style.COLOURS[0], "marker": "o", "ls": "-"}
+
+
+def test_a_circle_and_its_image_look_alike_where_they_are_images_and_differ_elsewhere():
+    one, image = "[0;1,3,(1)]", "[0;4,(1)]"
+    assert circle_class(image) == one
+    assert circle_style(one, 1) == circle_style(image, 1) == circle_style(one)
+    assert circle_style(one)["color"] != circle_style(image)["color"]
+
+
+def test_the_longest_arcs_come_first_and_arcs_of_less_than_a_hundredth_are_left_out():
+    angles = np.linspace(0, 90, 361)
+    classes = np.full(361, "[0;(1)]", dtype=object)
+    classes[:250], classes[300], classes[310:] = "[0;1,2,(1)]", "[0;1,3,(1)]", ""
+    assert style.longest_arcs(angles, classes) == ["[0;1,2,(1)]", "[0;(1)]"]
