@@ -28,7 +28,8 @@ import numpy as np
 from scipy.fft import next_fast_len
 
 from nasm import circles, continuation, fourier
-from nasm.checks import count, real, sealed
+from nasm.certificates import certificate, in_hex
+from nasm.checks import count, real
 from nasm.maps import direction, forcing
 from nasm.numbers import RotationNumber, checked, convergents
 from nasm.symmetries import shorten
@@ -72,24 +73,20 @@ class BarrierProof:
     modes: list = field(default_factory=list, repr=False)
 
     def certificate(self):
-        """All that is needed to check the proof again, a dict fit for JSON.
+        """What another program needs to check the proof: see PROOFS.md, "Certificates".
 
-        Floats as hex, ω as text, mode k of u_j as [re, im], each [mantissa, exponent] for
-        mantissa·2^exponent; and `checks.sealed`. ValueError if nothing was proved.
+        ValueError if nothing was proved.
         """
-        if not self.proved:
-            raise ValueError(f"{self.why}; a certificate needs proved=True")
-        certificate = {
-            "claim": "a rotational invariant circle of omega exists under kappa",
-            "shortened_from": [str(self.omega), [k.hex() for k in self.kappa]],
+        fields = {
+            "shortened_from": {"omega": str(self.omega), "kappa": in_hex(self.kappa)},
             "omega": str(self.short_omega),
-            "kappa": [k.hex() for k in self.short_kappa],
+            "kappa": in_hex(self.short_kappa),
             "radius": self.radius.hex(),
             "rho": self.rho.hex(),
-            "constants": {name: value.hex() for name, value in self.constants.items()},
             "modes": [[_dyadics(x) for x in row] for row in self.modes],
         }
-        return sealed(certificate)
+        within = (self.radius,) * len(self.kappa)
+        return certificate(self, "A barrier exists", fields, self.kappa, within, self.omega)
 
 
 def _dyadics(x):

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from nasm.checks import sealed
+from nasm.certificates import certificate, in_hex
 from nasm.double_double import two_sum
 from nasm.kernels import kernel
 from nasm.lanes import (
@@ -44,7 +44,6 @@ from nasm.proof_transport import (
     DOWN,
     PI,
     QUARTIC,
-    THEOREM,
     TWO_PI,
     TWO_PI2,
     ULP,
@@ -95,20 +94,25 @@ class CellProof:
     def proved(self):
         return self.outcome is Outcome.PROVED
 
+    @property
+    def why(self):
+        return self.outcome.value
+
     def certificate(self):
-        """As of a `TransportProof`; each box has nine numbers, as in `boxes`."""
-        if not self.proved:
-            raise ValueError(f"nothing to certify: {self.outcome.value}")
-        certificate = {
-            "theorem": THEOREM,
-            "kappa": [strength.hex() for strength in self.kappa],
-            "half_width": [width.hex() for width in self.half_width],
+        """What another program needs to check the proof: see PROOFS.md, "Certificates".
+
+        ValueError if nothing was proved.
+        """
+        fields = {
+            "kappa": in_hex(self.kappa),
+            "half_width": in_hex(self.half_width),
             "site": self.site,
             "a": self.a,
-            "boxes": [[number.hex() for number in box] for box in self.boxes.tolist()],
+            "boxes": list(map(in_hex, self.boxes.tolist())),
             "lives": self.lives.tolist(),
         }
-        return sealed(certificate)
+        cell = self.kappa, self.half_width
+        return certificate(self, "Transport is global in a cell", fields, *cell)
 
 
 def prove_cell(kappa, half_width, budget=1.0):

@@ -37,7 +37,8 @@ from math import factorial
 import numpy as np
 from numba import njit
 
-from nasm.checks import real, sealed
+from nasm.certificates import certificate, in_hex
+from nasm.checks import real
 from nasm.double_double import EXACT_PI, pair, renormalised, two_sum
 from nasm.kernels import kernel
 from nasm.lanes import (
@@ -77,8 +78,6 @@ PI, TWO_PI, TWO_PI2 = 3.141592653589793, 6.283185307179586, 19.739208802178716
 CUBIC, QUARTIC = 6.58, 10.34  # (2π)²/6 and (2π)³/24, rounded up: remainders of h
 COS_CUBIC = 41.35  # (2π)³/6, rounded up: the remainder of cos
 
-THEOREM = "nasm/PROOFS.md: Transport is global"
-
 _LARGEST = 0.1  # |x - x̂| up to which the bounds hold
 _KNOWN = 0.8  # share of |x - x̂| that may be known by its bound alone; else the box is halved
 _WRONSKIAN = 1e-3  # by which v_n t_{n+1} - v_{n+1} t_n may differ from δ
@@ -112,8 +111,8 @@ class TransportProof:
     """A proof that no rotational invariant circle exists under a forcing, or why there is none.
 
     outcome : Outcome; PROVED, or what was in the way, which says nothing about circles.
-    kappa : tuple of floats, the forcing that the boxes are about: the given one, shortened. The
-        proof holds for these very floats.
+    given : tuple of floats, the forcing as it was given. kappa : that, shortened, which the boxes
+        are about. The proof holds for these very floats.
     site, a : int and float, the symmetry line: boxes start at x = a before this kick.
     boxes : ndarray of shape (n, 2), rows ŷ, δ: starts |y - ŷ| ≤ δ that no circle meets. A proof's
         boxes tile [0, 1/2], from left to right.
@@ -122,6 +121,7 @@ class TransportProof:
     """
 
     outcome: Outcome
+    given: tuple[float, ...]
     kappa: tuple[float, ...]
     site: int
     a: float
@@ -138,22 +138,19 @@ class TransportProof:
         return self.outcome.value
 
     def certificate(self):
-        """What another program needs to check the proof: a dict for JSON, floats as exact hex,
-        and `checks.sealed`.
+        """What another program needs to check the proof: see PROOFS.md, "Certificates".
 
         ValueError if nothing was proved.
         """
-        if not self.proved:
-            raise ValueError(f"nothing to certify: {self.outcome.value}")
-        certificate = {
-            "theorem": THEOREM,
-            "kappa": [strength.hex() for strength in self.kappa],
+        fields = {
+            "shortened_from": {"kappa": in_hex(self.given)},
+            "kappa": in_hex(self.kappa),
             "site": self.site,
             "a": self.a,
-            "boxes": [[float(y).hex(), float(delta).hex()] for y, delta in self.boxes],
+            "boxes": list(map(in_hex, self.boxes.tolist())),
             "lives": self.lives.tolist(),
         }
-        return sealed(certificate)
+        return certificate(self, "Transport is global", fields, self.given)
 
 
 def prove(kappa, budget=10.0):
@@ -173,17 +170,18 @@ def prove(kappa, budget=10.0):
     ValueError if kappa is no forcing, or budget is not positive. RuntimeError if the machine's
     arithmetic is not the one that the proof needs.
     """
-    (short,), _ = shorten([forcing(kappa)], rational(0))
+    kappa = forcing(kappa)
+    (short,), _ = shorten([kappa], rational(0))
     budget = checked_budget(budget)
     check_arithmetic()
-    strengths = tuple(short.tolist())
+    given, strengths = tuple(kappa.tolist()), tuple(short.tolist())
     if len(strengths) > 2 or (len(strengths) == 2 and min(map(abs, strengths)) >= 2):
         nothing = np.empty((0, 2)), np.empty(0, np.int64)
-        return TransportProof(Outcome.SCOPE, strengths, 0, 0.0, *nothing, 0)
+        return TransportProof(Outcome.SCOPE, given, strengths, 0, 0.0, *nothing, 0)
     site, a = dominant_centre(short)
     k0, k1 = np.resize(np.roll(short, -site), 2).tolist()
     outcome, boxes, lives, kicks = _covered(k0, k1, a, budget)
-    return TransportProof(outcome, strengths, site, a, boxes, lives, kicks)
+    return TransportProof(outcome, given, strengths, site, a, boxes, lives, kicks)
 
 
 def proved_upper(profile, value, budget):

@@ -31,6 +31,7 @@ def packages(module):
     return {name.split(".")[0] for name in imports(module)}
 
 
+CHECKER = "nasm.certificate_checker"
 NASM, PIPELINE, FIGURES, WORKFLOWS = (
     [module for module in MODULES if module.startswith(package)]
     for package in ("nasm", "pipeline", "workflows.figures", "workflows.")
@@ -42,9 +43,13 @@ def test_nasm_knows_no_file_cluster_or_plot(module):
     allowed = {"nasm", "llvmlite", "numba", "numpy", "rocket_fft", "scipy"}
     if module == "nasm.kernels":  # the compiled kernels on disk have more than one writer
         allowed.add("filelock")
-    if module.startswith("nasm.proof_barrier"):  # the extra `proof`
+    if module.startswith("nasm.proof_barrier") or module == CHECKER:  # the extra `proof`
         allowed.add("flint")
     assert packages(module) <= allowed | sys.stdlib_module_names
+
+
+def test_the_checker_of_certificates_shares_no_code_with_the_proofs():
+    assert packages(CHECKER) <= {"flint"} | sys.stdlib_module_names
 
 
 @pytest.mark.parametrize("module", PIPELINE)

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 pytest.importorskip("flint")
-import barrier_checker
 from flint import arb, ctx
 
+from nasm import certificate_checker as checker
 from nasm import circles, proof_barrier, proof_barrier_cells
 from nasm.numbers import parse
 from nasm.proof_barrier_cells import prove_cell
@@ -59,8 +59,8 @@ def theorem(kappa, half_width, rho, modes, sigma):
     rows = [[proof_barrier._dyadics(x) for x in row] for row in modes]
     data = {"omega": "[0;(1)]", "kappa": [k.hex() for k in strengths], "radius": (0.0).hex()}
     data |= {"rho": float(rho).hex(), "modes": rows}
-    with ctx.workprec(barrier_checker.BITS):
-        return barrier_checker.theorem(data)
+    with ctx.workprec(checker.BITS):
+        return checker.theorem(data)
 
 
 def points(n, seed):

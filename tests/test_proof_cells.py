@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 pytest.importorskip("flint")
-import transport_checker as checker
 from flint import arb, ctx, fmpq
 from test_proof_transport import BREAKUPS, beyond, fast_fma, used
 
+from nasm import certificate_checker as checker
 from nasm import proof_cells, proof_transport
 from nasm.proof_cells import prove_cell
 from nasm.proof_transport import Outcome, prove

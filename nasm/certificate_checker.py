@@ -1,0 +1,541 @@
+"""Check certificates of proofs, slowly and obviously, in ball arithmetic: a second program.
+
+    check(json.loads(text))   # the claim that is thereby proved, or Refuted
+
+It needs python-flint alone, and shares no line with the programs that made the certificates. What
+the fields mean, and the statements of the four theorems, is in nasm/PROOFS.md, "Certificates".
+
+*Transport.* From a forcing, or a cell of forcings, boxes and their lives N it verifies that the
+boxes cover the starts y of [0, 1/2], and that for each box there is one η, even, with support
+|k| < N, whose second variation along every orbit of the box is
+
+    Q = Σ_k η_k ((2 + κ_k cos 2πx_k) η_k - η_{k+1} - η_{k-1}) ≤ 0.
+
+Orbits of a box are x_k = x̂_k + σ t_k + σ_0 p_k + σ_1 p'_k + σ² q_k + ρ_k, |σ|, |σ_i| ≤ 1, as balls
+of so many digits that rounding does not matter; p belongs to the strengths κ_i = k_i + σ_i h_i, and
+is 0 for a single forcing. η is any sequence of floats.
+
+*A barrier.* A function is a Laurent polynomial in z = e^{2πiφ}, |k| ≤ D, with balls for
+coefficients, and a bound of the norm Σ_k |f_k| e^{2π|k|ρ} of all that was left out. Sums, products,
+rotations and exponentials are those of the algebra: no grid, no aliases.
+"""
+
+import hashlib
+import json
+import re
+from fractions import Fraction
+
+from flint import acb, acb_poly, arb, ctx, fmpq
+
+BITS = 192
+
+_TRANSPORT = {"kappa", "site", "a", "boxes", "lives"}
+_BARRIER = {"kappa", "omega", "rho"}
+# Of each theorem: the digest of its statement; the fields besides `claim`, `theorem` and the seal.
+THEOREMS = {
+    "Transport is global": (
+        "262141d95693b0b62f3f795cda61e9e083a5385af394d67e85edbe1571432456",
+        _TRANSPORT | {"shortened_from"},
+    ),
+    "Transport is global in a cell": (
+        "252fcfc01d65f0889b4a0b174de5a6003b903e8f7f0525d1c64b8a26d954ebb8",
+        _TRANSPORT | {"half_width"},
+    ),
+    "A barrier exists": (
+        "39e7a1e397c5a92e49d751f8f00d1d304498a8c6402f591b2eea56ea3c2a93c2",
+        _BARRIER | {"shortened_from", "radius", "modes"},
+    ),
+    "A barrier exists in a cell": (
+        "a0aa84628575649050c3d106c4094f2a75abc91ebce9235f3e3ff994a9226571",
+        _BARRIER | {"half_width", "centre", "moves"},
+    ),
+}
+
+
+class Refuted(Exception):
+    """The certificate does not prove what it says."""
+
+
+def check(certificate):
+    """The claim, which is proved, of a certificate that is genuine and right; Refuted otherwise."""
+    try:
+        return _checked(certificate)
+    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+        raise Refuted(f"malformed: {type(error).__name__}: {error}") from None
+
+
+def _checked(certificate):
+    data = {key: value for key, value in certificate.items() if key != "sha256"}
+    text = json.dumps(data, sort_keys=True).encode()
+    demand(hashlib.sha256(text).hexdigest() == certificate.get("sha256"), "the seal is broken")
+    name = data["theorem"]["name"]
+    digest, fields = THEOREMS[name]
+    demand(data["theorem"] == {"name": name, "version": 1, "sha256": digest}, "another statement")
+    demand(data.keys() == {"claim", "theorem", *fields}, "fields are missing, or unknown")
+    demand(data["claim"] == claim(data), f"what is claimed is not {claim(data)!r}")
+    if "shortened_from" in data:
+        shortened(data)
+    if "boxes" in data:
+        hypothesis(data)
+    else:
+        with ctx.workprec(BITS):
+            holds, found = theorem(data)
+        demand(holds, f"an inequality of the theorem fails: {found}")
+    return data["claim"]
+
+
+def claim(data):
+    """What the certificate may claim, in the words of PROOFS.md, of the forcing as it was given."""
+    given = data.get("shortened_from", data)
+    under = f"the forcing {spelled(given['kappa'])}"
+    if "half_width" in data:
+        under = f"every forcing within {spelled(data['half_width'])} of {spelled(given['kappa'])}"
+    elif exact(data.get("radius", "0x0p0")) != 0:
+        radius = spelled([data["radius"]] * len(given["kappa"]))
+        under = f"every forcing within {radius} of {spelled(given['kappa'])}"
+    if "omega" in given:
+        return f"a rotational invariant circle of {given['omega']} exists under {under}"
+    return f"transport is global under {under}"
+
+
+def spelled(numbers):
+    return f"({', '.join(repr(float.fromhex(number)) for number in numbers)})"
+
+
+def shortened(data):
+    """Refuted unless the forcing, and ω, are those given, or the same map's with fewer kicks.
+
+    Either κ repeats itself; or only every m-th site is kicked, and it does with every second of
+    these signs turned, as x moves on by 1/2 more from one of these sites to the next.
+    """
+    given = data["shortened_from"]
+    long, short = ([exact(k) for k in strengths] for strengths in (given["kappa"], data["kappa"]))
+    n_long, n_short = len(long), len(short)
+    demand(n_short > 0 and n_long % n_short == 0, "a forcing that is not shortened to a part")
+    demand(given.keys() == {"kappa", "omega"} & data.keys(), "fields of shortened_from")
+    repeated = short * (n_long // n_short)
+    turns = [Fraction(0)] if long == repeated else []  # of a period, beyond ω
+    for spacing in (m for m in range(1, n_long // 2 + 1) if n_long % (2 * m) == 0):
+        for first in range(spacing):
+            signs = [0] * n_long
+            signs[first :: 2 * spacing] = [1] * (n_long // (2 * spacing))
+            signs[first + spacing :: 2 * spacing] = [-1] * (n_long // (2 * spacing))
+            pairs = zip(signs, long, repeated, strict=True)
+            if all(k == sign * kept and (sign or not kept) for sign, k, kept in pairs):
+                turns.append(Fraction(n_long, 2 * spacing))
+    demand(turns, "the forcing is not the given one, shortened")
+    if "omega" in data:
+        demand(exact(data["radius"]) == 0 or long == short, "a box of forcings is not shortened")
+        (a, b), (a_short, b_short) = surd(given["omega"]), surd(data["omega"])
+        times = Fraction(n_long, n_short)
+        same = [((a_short * times - a - turn) / n_long).denominator == 1 for turn in turns]
+        demand(b_short * times**2 == b and any(same), "omega is not the given one, shortened")
+
+
+def surd(text):
+    """(a, ±b²) of ω = a ± b, b the root of a fraction."""
+    head, tail = quotients(text)
+    (p, p_last), (q, q_last) = product(tail)  # x = (p x + p')/(q x + q') = (r + √d)/t
+    r, t, d = p - q_last, 2 * q, (q_last - p) ** 2 + 4 * q * p_last
+    (p, p_last), (q, q_last) = product(head)
+    a, b, above, below = p * r + p_last * t, p, q * r + q_last * t, q
+    norm = above**2 - d * below**2
+    root = Fraction(b * above - a * below, norm)
+    return Fraction(a * above - d * b * below, norm), root * abs(root) * d
+
+
+def product(quotients):
+    p, q = (1, 0), (0, 1)
+    for a in quotients:
+        p, q = (a * p[0] + p[1], p[0]), (a * q[0] + q[1], q[0])
+    return p, q
+
+
+def exact(text):
+    try:
+        return Fraction(*float.fromhex(text).as_integer_ratio())
+    except (TypeError, ValueError, OverflowError):
+        raise Refuted(f"{text!r} is no number") from None
+
+
+def demand(truth, complaint):
+    if not truth:
+        raise Refuted(complaint)
+
+
+# --- transport is global --------------------------------------------------------------------------
+
+
+def hypothesis(certificate):
+    """Refuted unless the hypothesis of transport's theorem holds, for a forcing or a cell."""
+    kappa = [exact(strength) for strength in certificate["kappa"]]
+    widths = [exact(width) for width in certificate.get("half_width", ["0x0p0"] * len(kappa))]
+    site, a, lives = certificate["site"], Fraction(certificate["a"]), certificate["lives"]
+    largest = [abs(strength) + width for strength, width in zip(kappa, widths, strict=True)]
+    demand(len(kappa) == 1 or (len(kappa) == 2 and min(largest) < 2), "scope")
+    demand(site in range(len(kappa)) and a in (0, Fraction(1, 2)), "no symmetry line")
+    boxes = [tuple(exact(number) for number in box) for box in certificate["boxes"]]
+    demand(len(boxes) == len(lives), "not a life for each box")
+    kappa, widths = kappa[site:] + kappa[:site], widths[site:] + widths[:site]
+    if "half_width" in certificate:
+        covered = [cover_of_piece(group, kappa, widths) for group in pieces(boxes)]
+    else:
+        covered = [(y - delta, y + delta) for y, delta in boxes]
+        strengths = [number for k in kappa for number in (k, Fraction(0))]
+        boxes = [(*box, *strengths) for box in boxes]
+    reached = Fraction(0)
+    for left, right in sorted(covered):
+        demand(left < right and left <= reached, f"a gap beyond {float(reached)}")
+        reached = max(reached, right)
+    demand(reached >= Fraction(1, 2), f"a gap beyond {float(reached)}")
+    for box, life in zip(boxes, lives, strict=True):
+        demand(isinstance(life, int) and life > 0, f"a life of {life!r} kicks")
+        bound = second_variation(a, box, life)
+        demand(bound <= 0, f"Q/2 may be {bound} in the box {[float(number) for number in box]}")
+
+
+def pieces(boxes):
+    """The boxes of a cell in groups, by their last number."""
+    groups = {}
+    for box in boxes:
+        groups.setdefault(box[-1], []).append(box)
+    return groups.values()
+
+
+def cover_of_piece(boxes, kappa, widths):
+    """The interval of y that boxes with one shear cover for every κ of the cell.
+
+    In u = y - g_0 κ_0 - g_1 κ_1 they are cuboids, which must tile one.
+    """
+    (shears,) = {box[6:8] for box in boxes}
+    cuboids = []
+    for y, delta, k0, h0, k1, h1, *_ in boxes:
+        demand(min(delta, h0, h1) > 0, "a box without a width")
+        u = y - shears[0] * k0 - shears[1] * k1
+        cuboids.append(((u - delta, u + delta), (k0 - h0, k0 + h0), (k1 - h1, k1 + h1)))
+    left = min(cuboid[0][0] for cuboid in cuboids)
+    right = max(cuboid[0][1] for cuboid in cuboids)
+    cell = [(k - h, k + h) for k, h in zip(kappa, widths, strict=True)]
+    demand(tile(((left, right), *cell), cuboids), "boxes that do not tile their piece of the cell")
+    moves = [[shear * end for end in ends] for shear, ends in zip(shears, cell, strict=True)]
+    return left + sum(map(max, moves)), right + sum(map(min, moves))
+
+
+def tile(whole, cuboids):
+    """Whether cuboids that were made by halving tile the whole: halve it where none is cut."""
+    if len(cuboids) == 1:
+        return cuboids[0] == whole
+    for axis, (low, high) in enumerate(whole):
+        middle = (low + high) / 2
+        below = [cuboid for cuboid in cuboids if cuboid[axis][1] <= middle]
+        above = [cuboid for cuboid in cuboids if cuboid[axis][0] >= middle]
+        if below and above and len(below) + len(above) == len(cuboids):
+            halves = ((low, middle), below), ((middle, high), above)
+            return all(
+                tile((*whole[:axis], ends, *whole[axis + 1 :]), half) for ends, half in halves
+            )
+    return False
+
+
+def ball(fraction):
+    return arb(fmpq(fraction.numerator, fraction.denominator))
+
+
+def second_variation(a, box, life):
+    """An upper bound of Q/2 on the box, a ball, for an η of our choice.
+
+    box : ŷ, δ, then k and h of each strength, the first one that of the kick at x = a, then, if
+    there are any, the shears.
+    """
+    with ctx.workprec(128 + 3 * life):  # a kick multiplies the radius of a ball by less than 8
+        return summed(list(orbits(a, box, life)))
+
+
+def summed(sites):
+    """`second_variation` from what `orbits` yields."""
+    eta = some_sequence(sites)
+    middle = rest = quadratic = arb(0)
+    linear = [arb(0)] * len(sites[0][1])
+    for n, (terms, value) in enumerate(zip(sites, eta, strict=True)):
+        half = fmpq(1, 2) if n == 0 else 1  # the other half of site 0 is on the other side
+        square = arb(value) ** 2 * half
+        after = arb(eta[n + 1]) if n + 1 < len(eta) else arb(0)
+        before = after if n == 0 else arb(eta[n - 1])
+        middle += square * (2 + terms[0]) - arb(value) * (after + before) * half
+        linear = [total + square * term for total, term in zip(linear, terms[1], strict=True)]
+        quadratic += square * terms[2]
+        rest += square * terms[3]
+    return middle + sum(map(upper, linear)) + positive(quadratic) + rest
+
+
+def orbits(a, box, life):
+    """For each site balls of κ cos 2πx = [0] + Σ_j σ_j [1]_j + σ² [2] ± [3], on the box."""
+    pi = arb.pi()
+    y, delta, *strengths = (ball(number) for number in box[:6])
+    strengths, widths = strengths[::2], strengths[1::2]
+    shears = [ball(number) for number in box[6:8]] or [arb(0)] * len(widths)
+    x, x_next = ball(a), ball(a) + y
+    v, v_next = arb(1), 1 + strengths[0] / 2 * (1 if a == 0 else -1)
+    # By σ, σ_0 and σ_1: by the start, and by the strengths; q is by σ twice.
+    moves, moves_next = [arb(0)] * (1 + len(widths)), [delta]
+    moves_next += [shear * width for shear, width in zip(shears, widths, strict=True)]
+    q, q_next = arb(0), arb(0)
+    on_v = on_t = arb(0)  # |ρ| ≤ on_v |v| + on_t |t|
+    for n in range(life):
+        i = n % len(strengths)
+        k, width = strengths[i], widths[i]
+        sine, cosine = (2 * x).sin_cos_pi()
+        # ξ = x - x̂ = σt + Σ σ_i p_i + σ²q + ρ
+        t = moves[0]
+        rho = on_v * upper(v) + on_t * upper(t)
+        others = sum(map(upper, moves[1:])) + upper(q) + rho  # ≥ |ξ - σt|
+        largest = upper(t) + others
+        squares = others * (largest + upper(t))  # ≥ |ξ² - σ²t²|
+        linear = [-2 * pi * k * sine * move for move in moves]
+        linear[1 + i] += width * cosine
+        yield (
+            k * cosine,
+            linear,
+            -2 * pi * k * (sine * q + pi * cosine * t**2),
+            upper(k) * (2 * pi * upper(sine) * rho + 2 * pi**2 * upper(cosine) * squares)
+            + upper(k) * 4 * pi**3 / 3 * largest**3
+            + width * 2 * pi * largest * (upper(sine) + pi * largest),  # σ_i h_i (cos - cos)
+        )
+        # What the next site of the expansion misses, spread over solutions of the linear chain,
+        # whose Wronskian v_n t_{n+1} - v_{n+1} t_n is δ.
+        defect = upper(k) * (
+            pi * upper(sine) * squares
+            + 2 * pi**2 / 3 * upper(cosine) * largest**3
+            + pi**3 / 3 * largest**4
+        )
+        defect += width * (upper(cosine) * largest + pi * largest**2)
+        on_v += defect * upper(t) / delta
+        on_t += defect * upper(v) / delta
+        if n == 0:  # the next sites are known: x_1 = a + y, and v is even
+            x, x_last, v, v_last, q, q_last = x_next, x, v_next, v, q_next, q
+            moves, moves_last = moves_next, moves
+            continue
+        slope = 2 + k * cosine
+        x, x_last = 2 * x - x_last + k * sine / (2 * pi), x
+        q, q_last = slope * q - q_last - pi * k * sine * t**2, q
+        v, v_last = slope * v - v_last, v
+        after = [slope * move - last for move, last in zip(moves, moves_last, strict=True)]
+        after[1 + i] += width * sine / (2 * pi)
+        moves, moves_last = after, moves
+
+
+def some_sequence(sites):
+    """Floats η_0 = 1, η_1, …: the even solution of the linear chain in the middle of the box, with
+    payments for what Q may be larger by elsewhere; 0 from where it is not positive."""
+    eta, paid = [1.0], 0.0
+    linear, quadratic, rest = [0.0] * len(sites[0][1]), 0.0, 0.0
+    for n, terms in enumerate(sites[:-1]):
+        cosine, second, bound = (float(terms[i].mid()) for i in (0, 2, 3))
+        weight = eta[n] ** 2 * (0.5 if n == 0 else 1)
+        linear = [
+            total + weight * float(term.mid()) for total, term in zip(linear, terms[1], strict=True)
+        ]
+        quadratic += weight * second
+        rest += weight * bound
+        due = max(0.0, sum(map(abs, linear)) + max(0.0, quadratic) + rest - paid)
+        paid += due
+        bend = cosine * eta[n] + due / (weight / eta[n])
+        after = eta[0] + bend / 2 if n == 0 else 2 * eta[n] - eta[n - 1] + bend
+        if not after > 0:
+            break
+        eta.append(after)
+    return eta + [0.0] * (len(sites) - len(eta))
+
+
+def upper(number):
+    """|number|, from above."""
+    return arb(number.abs_upper())
+
+
+def positive(number):
+    """max(0, number), from above."""
+    return arb(number.max(arb(0)).upper())
+
+
+# --- a barrier exists -----------------------------------------------------------------------------
+
+
+class Function:
+    growth, most = None, None  # e^{2πρ}; D
+
+    def __init__(self, coefficients, rest=0):
+        """coefficients : list of 2D' + 1 balls; those beyond D go into the rest."""
+        middle = len(coefficients) // 2
+        beyond = range(self.most + 1, middle + 1)
+        for k in beyond:
+            rest += (abs(coefficients[middle - k]) + abs(coefficients[middle + k])) * self.growth**k
+        cut = len(beyond)
+        self.coefficients = coefficients[cut : len(coefficients) - cut]
+        self.middle, self.rest = middle - cut, arb(rest)
+
+    def norm(self):
+        return self.rest + sum(
+            abs(c) * self.growth ** abs(k - self.middle) for k, c in enumerate(self.coefficients)
+        )
+
+    def __add__(self, other):
+        if self.middle < other.middle:
+            self, other = other, self
+        total, shift = list(self.coefficients), self.middle - other.middle
+        for k, c in enumerate(other.coefficients):
+            total[k + shift] += c
+        return Function(total, self.rest + other.rest)
+
+    def __mul__(self, other):
+        if not isinstance(other, Function):
+            return Function([other * c for c in self.coefficients], abs(other) * self.rest)
+        product = acb_poly(self.coefficients) * acb_poly(other.coefficients)
+        length = len(self.coefficients) + len(other.coefficients) - 1
+        rest = self.rest * other.norm() + self.norm() * other.rest
+        return Function([product[k] for k in range(length)], rest)
+
+    def __sub__(self, other):
+        return self + other * acb(-1)
+
+    def rotated(self, angle):
+        """f(φ + angle)."""
+        return Function(
+            [
+                c * acb(2 * angle * (k - self.middle)).exp_pi_i()
+                for k, c in enumerate(self.coefficients)
+            ],
+            self.rest,
+        )
+
+    def exp(self, halvings=8, order=20):
+        """e^f by Taylor's polynomial of f/2^halvings, squared again and again."""
+        small = self * acb(arb(1) / 2**halvings)
+        size, power, total, factorial = small.norm(), constant(1), constant(1), 1
+        for i in range(1, order + 1):
+            factorial *= i
+            power = power * small
+            total = total + power * acb(arb(1) / factorial)
+        total.rest += size ** (order + 1) / (factorial * (order + 1)) * size.exp()
+        for _ in range(halvings):
+            total = total * total
+        return total
+
+    def inverse(self):
+        """A bound of ‖1/f‖, f > 0 on the reals: d → d(2 - fd), and then Neumann's series."""
+        d = constant(1 / self.norm())
+        for _ in range(40):
+            defect = constant(1) - self * d
+            if defect.norm() < arb(1) / 10**6:
+                return d.norm() / (1 - defect.norm())
+            d = d * (constant(1) + defect)
+            d = Function([c.mid() for c in d.coefficients])
+        return arb.pos_inf()
+
+
+def constant(value):
+    return Function([acb(value)])
+
+
+def quotients(text):
+    """The partial quotients of a text like "[0;2,(1)]": those before the period, and one period."""
+    match = re.fullmatch(r"\[((?:-?\d+;)?(?:\d+,)*)\(((?:\d+,)*\d+)\)\]", text, re.ASCII)
+    demand(match, f"{text!r} is no quadratic irrational")
+    head, tail = ([int(a) for a in re.findall(r"-?\d+", part)] for part in match.groups())
+    demand(min(head[1:] + tail) >= 1, f"{text!r} has a partial quotient below 1")
+    return head, tail
+
+
+def rotation(text):
+    """ω as a ball, and (q_n, 2|sin πq_nω|) for n = 0, 1, … up to far into the period."""
+    head, tail = quotients(text)
+    period = len(tail)
+    n = len(head) + period * (60 // period + 2)
+    p, q, denominators = (1, 0), (0, 1), []
+    for quotient in head + [tail[i % period] for i in range(2 * n + 100 - len(head))]:
+        p, q = (quotient * p[0] + p[1], p[0]), (quotient * q[0] + q[1], q[0])
+        denominators.append(q[0])
+    with ctx.workprec(2 * q[0].bit_length() + 64):
+        omega = arb(p[0]) / q[0] + arb(0, arb(1) / (q[0] * q[1]))
+        divisors = [2 * abs((omega * k).sin_pi()) for k in denominators[:n]]
+    return omega, list(zip(denominators, divisors, strict=False)), period
+
+
+def russmann(divisors, period, delta):
+    """sup of δ'e^{-2πqδ'}/divisor over δ' ≤ δ and all denominators q."""
+    worst = arb(0)
+    for n, (q, divisor) in enumerate(divisors):
+        peak = 1 / (2 * arb.pi() * q)
+        at = delta if peak > delta and n < len(divisors) - period else peak
+        term = at * (-2 * arb.pi() * q * at).exp() / divisor
+        if n >= len(divisors) - period:  # these repeat for ever, but for 10^-12
+            term = term * (1 + arb(10) ** -9)
+        worst = worst.max(term)
+    return worst
+
+
+def dyadic(pair):
+    return arb(pair[0]) * arb(2) ** pair[1]
+
+
+def theorem(data):
+    """Whether the theorem of nasm/PROOFS.md applies, and its constants."""
+    two_pi = 2 * arb.pi()
+    radius, rho = float.fromhex(data["radius"]), arb(float.fromhex(data["rho"]))
+    kappa = [arb(float.fromhex(k), radius) for k in data["kappa"]]
+    omega, divisors, period = rotation(data["omega"])
+    P = len(kappa)
+    if len(data["modes"]) != P or not rho > 0:
+        return False, {}
+    alpha = omega / P
+    Function.growth = (two_pi * rho).exp()
+    Function.most = 2 * max(len(row) for row in data["modes"])
+    u = []
+    for row in data["modes"]:
+        half = [acb(dyadic(re), dyadic(im)) for re, im in row]
+        half[0] = acb(half[0].real)
+        u.append(Function([c.conjugate() for c in half[:0:-1]] + half))
+    n, p, k, errors = [], [], [], []
+    for j in range(P):
+        derivative = [two_pi * acb(0, i - u[j].middle) * c for i, c in enumerate(u[j].coefficients)]
+        slope = constant(1) + Function(derivative)
+        n.append(slope.norm())
+        p.append(slope.inverse())
+        k.append((two_pi * (rho + u[j].norm())).exp())
+        wave = (u[j] * (two_pi * acb(0, 1))).exp() * Function([acb(0), acb(0), acb(1)])
+        back = Function([c.conjugate() for c in wave.coefficients[::-1]], wave.rest)
+        sine = (wave - back) * acb(0, -0.5)
+        after, before = u[(j + 1) % P].rotated(alpha), u[j - 1].rotated(-alpha)
+        error = after + before - u[j] * acb(2) - sine * acb(kappa[j] / two_pi)
+        errors.append(error.norm())
+    eps = sum(a * b for a, b in zip(n, errors, strict=True)).max(arb(2) ** -1000)
+    delta = arb("0.99") * rho / arb("4.2")
+    C = russmann(divisors, period, delta) + delta
+    holds, left = inequalities(kappa, delta, C, eps, n, p, k)
+    found = left | {"delta": delta, "C": C, "epsilon": eps, "error": max_of(errors)}
+    found |= {"n": max_of(n), "p": max_of(p), "k": max_of(k)}
+    return holds, {name: float(x.upper()) for name, x in found.items()}
+
+
+def inequalities(kappa, delta, C, eps, n, p, k):
+    """Whether (1), (2), (3) hold, and their left sides."""
+    P, e, two_pi, eta = len(kappa), arb(1).exp(), 2 * arb.pi(), arb("0.01")
+    grown = 1 + eta
+    q = [p[j] * p[(j + 1) % P] for j in range(P)]
+    w = 2 * C**2 * grown**2 * sum(q)
+    x = [two_pi * grown * a * w * eps / delta**2 for a in n]
+    ratio = w * eps / (2 * e * delta**3)
+    for j in range(P):
+        second = k[j] * (arb("0.5") + x[j] / 6) * x[j].exp() * x[j] ** 2
+        ratio += n[j] * abs(kappa[j]) / two_pi * grown * second / eps
+    chi = 4 * grown * w * eps / (3 * e * arb("0.1") * delta**3)
+    room = max_of(q[j] * n[j] * n[(j + 1) % P] * (2 * chi + chi**2) for j in range(P))
+    moved = max_of((4 * y / 3).exp() - 1 for y in x)
+    holds = eps > 0 and ratio < arb(1) / 32 and chi < eta and room < eta / grown and moved < eta
+    return bool(holds), {"ratio": ratio, "chi": chi, "room": room, "moved": moved}
+
+
+def max_of(balls):
+    worst = arb(0)
+    for ball in balls:
+        worst = worst.max(ball)
+    return worst

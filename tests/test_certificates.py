@@ -1,0 +1,155 @@
+"""Certificates say what they prove, of the forcing as it was given, and no more."""
+
+import hashlib
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("flint")
+import nasm
+from nasm import certificate_checker, certificates, proof_barrier, proof_cells, proof_transport
+from nasm.certificate_checker import Refuted, check
+from nasm.checks import sealed
+from nasm.numbers import parse
+
+PROOFS = {
+    "transport": lambda: proof_transport.prove((1.2, 0.3)),
+    "shortened": lambda: proof_transport.prove((1.1, -1.1)),
+    "cell": lambda: proof_cells.prove_cell((0.75, 0.25), 2.0**-6),
+    "barrier": lambda: proof_barrier.prove(parse("gamma"), (0.4, -0.4)),
+    "box": lambda: proof_barrier.prove(parse("gamma"), (0.3, 0.3), radius=1e-9),
+}
+
+
+@pytest.fixture(scope="module")
+def made():
+    return {name: json.loads(json.dumps(proof().certificate())) for name, proof in PROOFS.items()}
+
+
+def resealed(certificate):
+    return sealed({key: value for key, value in certificate.items() if key != "sha256"})
+
+
+def test_a_claim_is_of_the_forcing_as_it_was_given(made):
+    assert {name: check(certificate) for name, certificate in made.items()} == {
+        "transport": "transport is global under the forcing (1.2, 0.3)",
+        "shortened": "transport is global under the forcing (1.1, -1.1)",
+        "cell": "transport is global under every forcing within (0.015625, 0.015625) of "
+        "(0.75, 0.25)",
+        "barrier": "a rotational invariant circle of [0;(1)] exists under the forcing (0.4, -0.4)",
+        "box": "a rotational invariant circle of [0;(1)] exists under every forcing within "
+        "(1e-09, 1e-09) of (0.3, 0.3)",
+    }
+
+
+def test_certificates_name_the_statements_of_the_document_by_their_digests():
+    text = (Path(nasm.__file__).parent / "PROOFS.md").read_text(encoding="utf-8")
+    statements = re.findall(r"```text\n(.*?)\n```", text, re.DOTALL)
+    digests = {s.split(".")[0]: hashlib.sha256(s.encode()).hexdigest() for s in statements}
+    assert all(f"Version {certificates._VERSION}." in s for s in statements)
+    assert digests == certificates._STATEMENTS
+    assert digests == {name: digest for name, (digest, _) in certificate_checker.THEOREMS.items()}
+
+
+def in_hex(*numbers):
+    return [float(number).hex() for number in numbers]
+
+
+OTHER = "transport is global under the forcing (9.9, 9.9)"
+FALSE = [  # a certificate, what is changed in it, and why it is refused
+    ("transport", {"shortened_from": {"kappa": in_hex(9.9, 9.9)}}, "claimed"),
+    ("transport", {"shortened_from": {"kappa": in_hex(9.9, 9.9)}, "claim": OTHER}, "shortened"),
+    ("transport", {"claim": OTHER}, "claimed"),
+    ("transport", {"theorem": "anything"}, "malformed"),
+    ("transport", {"theorem": {"name": "Anything", "version": 1, "sha256": ""}}, "malformed"),
+    ("transport", {"constants": {}}, "unknown"),
+    ("transport", {"half_width": in_hex(0, 0)}, "unknown"),
+    ("shortened", {"shortened_from": {"kappa": in_hex(1.1, 1.1)}}, "claimed"),
+    ("shortened", {"shortened_from": {"kappa": in_hex(1.1, -1.0)}}, "claimed"),
+    ("shortened", {"kappa": in_hex(-1.1)}, "shortened"),
+    ("cell", {"shortened_from": {"kappa": in_hex(9.9, 9.9)}}, "unknown"),
+    ("cell", {"half_width": in_hex(2.0**-5, 2.0**-5)}, "claimed"),
+    ("barrier", {"claim": "a circle exists under kappa = (9.9, 9.9)"}, "claimed"),
+    ("barrier", {"constants": {}}, "unknown"),
+    ("barrier", {"omega": "[0;(2)]"}, "omega"),
+    ("barrier", {"radius": (1e-9).hex()}, "claimed"),
+    ("barrier", {"radius": (-1e-9).hex()}, "claimed"),
+    ("box", {"radius": (0.0).hex()}, "claimed"),
+    ("box", {"kappa": in_hex(0.3)}, "box"),
+]
+
+
+@pytest.mark.parametrize(("name", "changes", "reason"), FALSE)
+def test_what_a_certificate_says_is_bound_to_what_it_proves(name, changes, reason, made):
+    with pytest.raises(Refuted, match=reason):
+        check(resealed(made[name] | changes))
+
+
+@pytest.mark.parametrize("name", PROOFS)
+@pytest.mark.parametrize("key", ["version", "sha256", "name"])
+def test_another_statement_is_refused(name, key, made):
+    other = {"version": 2, "sha256": "0" * 64, "name": "A barrier exists in a cell"}[key]
+    theorem = made[name]["theorem"] | {key: other}
+    with pytest.raises(Refuted, match=r"statement|unknown"):
+        check(resealed(made[name] | {"theorem": theorem}))
+
+
+@pytest.mark.parametrize(
+    ("omega", "kappa"),
+    [("[0;(2)]", (0.4, -0.4)), ("[0;(1)]", (9.9, 9.9)), ("[0;(1)]", (0.4, 0.4))],
+)
+def test_a_barrier_of_another_forcing_or_circle_is_refused(omega, kappa, made):
+    given = {"omega": omega, "kappa": in_hex(*kappa)}
+    changed = made["barrier"] | {"shortened_from": given}
+    changed["claim"] = certificate_checker.claim(changed)
+    with pytest.raises(Refuted, match="shortened"):
+        check(resealed(changed))
+
+
+@pytest.mark.parametrize(
+    "kappa", [(1.1, 1.1), (1.1, -1.1), (1.1, 0, -1.1, 0), (0, 1.1, 0, -1.1), (0.5, 1.2) * 3]
+)
+def test_forcings_are_followed_to_their_shorter_forms(kappa):
+    check(proof_transport.prove(kappa).certificate())
+    check(proof_barrier.prove(parse("gamma"), np.array(kappa) / 10).certificate())
+
+
+MALFORMED = [
+    {key: value}
+    for key in ("kappa", "boxes", "lives", "site", "a", "claim", "theorem", "shortened_from")
+    for value in (None, [], {}, "a", 1.5, [[]], [None], {"kappa": [1]}, {"name": []})
+]
+
+
+@pytest.mark.parametrize("name", ["transport", "cell", "barrier"])
+def test_what_is_malformed_is_refused_and_raises_nothing_else(name, made):
+    for certificate in (None, [], {}, {"sha256": 1}, {"theorem": {}}):
+        with pytest.raises(Refuted):
+            check(certificate)
+    for changes in MALFORMED:
+        (key,) = changes
+        if key in made[name]:
+            with pytest.raises(Refuted):
+                check(resealed(made[name] | changes))
+    for key in made[name].keys() - {"sha256"}:
+        with pytest.raises(Refuted):
+            check(resealed({other: value for other, value in made[name].items() if other != key}))
+
+
+@pytest.mark.parametrize(
+    ("name", "changes"),
+    [
+        ("cell", {"half_width": in_hex(2.0**-6)}),
+        ("barrier", {"modes": [[]]}),
+        ("barrier", {"modes": [[[[0, 0]]]]}),
+        ("barrier", {"rho": "nan"}),
+        ("barrier", {"radius": "nan"}),
+        ("barrier", {"omega": "[0;2,-3,(1)]"}),
+    ],
+)
+def test_rows_and_numbers_that_do_not_fit_are_refused(name, changes, made):
+    with pytest.raises(Refuted):
+        check(resealed(made[name] | changes))
