@@ -13,8 +13,9 @@ from nasm.critical import Status
 from nasm.numbers import moebius
 from nasm.planes import Plane, rotating, three_kicks, two_kicks
 from nasm.symmetries import ray
+from pipeline import store
 from pipeline.cubes import barrier, breakdown, escape, flux, frequencies, tori
-from pipeline.cubes.cube import status_code
+from pipeline.cubes.cube import NOT_COMPUTED, status_code
 from pipeline.store import tile_counts
 from pipeline.sweep.grid import Axis
 from pipeline.sweep.sweep import _parcel
@@ -71,8 +72,22 @@ def test_a_code_of_status_is_read_by_the_words_beside_it():
     words = JOBS["barrier"].cube.template.status.attrs
     assert words == words | JOBS["flux"].cube.template.status.attrs
     meaning = dict(zip(words["flag_values"], words["flag_meanings"].split(), strict=True))
-    assert meaning[0] == "not_computed"
+    assert meaning[NOT_COMPUTED] == "not_computed"
     assert all(meaning[status_code(status)] == status.name.lower() for status in Status)
+
+
+@pytest.mark.parametrize("name", ["barrier", "flux", "plane"])
+def test_a_tile_that_is_missing_reads_as_no_answer(tmp_path, name):
+    cube = JOBS[name].cube
+    place = store.place_of(tmp_path)
+    store.create(place, cube, "us")
+    for key, array in store.read(place, cube.name).data_vars.items():
+        assert array.dtype == cube.template[key].dtype
+        least = np.nan if array.dtype.kind == "f" else np.iinfo(array.dtype).min
+        assert np.array_equal(array, np.full(array.shape, least), equal_nan=True)
+        if "flag_values" in array.attrs:
+            meaning = dict(zip(array.flag_values, array.flag_meanings.split(), strict=True))
+            assert meaning[least] == "not_computed"
 
 
 def test_the_hash_is_that_of_what_decides_the_numbers():

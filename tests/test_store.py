@@ -125,7 +125,7 @@ def test_a_plain_xarray_opens_a_cube_without_a_warning(on_disk):
         assert np.array_equal(cube.wave, toy.serial(plan)["wave"])
         assert len(cube.to_dataframe()) == cube.wave.size  # no record of the sweep among the data
         records = xr.open_zarr(on_disk.cube("toy"), group="tiles")
-        assert records.cpu_seconds.shape == (4, 5)
+        assert records.commit.shape == (4, 5, 2)
     assert cube.attrs["title"] == "toy"
     assert cube.attrs["depth"] == 3
     assert {"config_hash", "computed_by", "package_version"} <= cube.attrs.keys()
@@ -216,9 +216,9 @@ def test_a_tile_of_other_shape_or_kind_is_refused_not_cast(on_disk, values):
 
 def test_files_of_somebody_else_are_no_tiles(on_disk):
     fill(on_disk, toy.cube())
-    for name in (".DS_Store", "1/x", "x/y/z", "9/9"):
-        put(on_disk, f"toy.zarr/{COMMIT}/c/{name}", bytes(12))
-    put(on_disk, f"toy.zarr/{COMMIT}/c/1/1", None)
+    for name in (".DS_Store", "1/7", "1/x", "x/y/z", "9/9/0", "1/2/3"):
+        put(on_disk, f"toy.zarr/{COMMIT}/c/{name}", bytes(20))
+    put(on_disk, f"toy.zarr/{COMMIT}/c/1/1/0", None)
     assert missing(on_disk, toy.cube()) == {(1, 1)}
 
 
@@ -342,12 +342,12 @@ def test_damaged_tiles_are_found_and_after_repair_they_alone_are_missing(place):
     plan = toy.cube()
     fill(place, plan)
     chunk = get(place, "toy.zarr/wave/c/0/1/2")
-    record = get(place, f"toy.zarr/{COMMIT}/c/2/2")
+    record = get(place, f"toy.zarr/{COMMIT}/c/2/2/0")
     put(place, "toy.zarr/wave/c/0/1/2", flipped(chunk, 17))
     put(place, "toy.zarr/wave/c/0/0/0", chunk[:-9])
     put(place, "toy.zarr/sign/c/3/4", None)
-    put(place, f"toy.zarr/{COMMIT}/c/2/2", flipped(record, 0))
-    put(place, f"toy.zarr/{COMMIT}/c/1/1", b"")
+    put(place, f"toy.zarr/{COMMIT}/c/2/2/0", flipped(record, 0))
+    put(place, f"toy.zarr/{COMMIT}/c/1/1/0", b"")
     damaged = {(1, 2), (0, 0), (3, 4), (2, 2), (1, 1)}
     found = dict(store.verify(place, "toy"))
     assert found.keys() == damaged
@@ -390,14 +390,83 @@ def test_lost_metadata_are_found_cost_no_tile_and_let_no_other_settings_in(on_di
     toy.assert_complete(on_disk, plan)
 
 
-def test_tiles_without_any_metadata_are_refused_and_kept(on_disk):
-    fill(on_disk, toy.cube())
-    put(on_disk, "toy.zarr/zarr.json", None)
-    put(on_disk, f"toy.zarr/{COMMIT}/zarr.json", None)
+def test_tiles_without_metadata_are_known_by_their_records_and_those_of_others_are_kept(place):
+    plan = toy.cube()
+    fill(place, plan)
+    for key in contents(place):
+        if key.endswith("zarr.json") or "/row/" in key:
+            put(place, key, None)
+    before = contents(place)
+    for other, by in ((toy.cube(depth=2), US), (plan, "mathematics 2")):
+        for refuse in (store.check, store.create):
+            with pytest.raises(store.Refused, match="metadata are lost"):
+                refuse(place, other, by)
+    assert contents(place) == before
+    put(place, "toy.zarr/wave/c/0/1/2", None)  # deleted when its record was still to be written
+    assert fill(place, plan) == 1
+    toy.assert_complete(place, plan)
+
+
+def test_a_cube_that_is_away_is_not_made_anew_by_a_worker(on_disk, tmp_path):
+    plan = toy.cube()
+    fill(on_disk, plan, [(0, 0)])
+    os.rename(on_disk.cube("toy"), tmp_path / "away")
+    with pytest.raises(store.StoreFailed, match="its disk is gone"):
+        store.commit(on_disk, "toy", (1, 1), arrays(plan, (1, 1)), 0.25)
+    with pytest.raises(store.StoreFailed, match="its disk is gone"):
+        store.record_failure(on_disk, "toy", (1, 1), "no answer")
+    assert os.listdir(on_disk.root) == []
+
+
+def test_a_chunk_of_another_tile_or_cube_is_found_though_it_is_sound(place, tmp_path):
+    plan, other = toy.cube(), directory(tmp_path / "other")
+    fill(place, plan)
+    store.create(other, toy.cube(depth=2), US)
+    store.commit(other, "toy", (3, 0), arrays(plan, (3, 0)), 0.25)
+    moved = {"wave/c/0/0/1": "wave/c/0/1/0", "wave/c/0/1/0": "wave/c/0/0/1"}  # one variable of two
+    whole = {"wave/c/0/2/1": "wave/c/0/2/2", "sign/c/2/1": "sign/c/2/2"}
+    moved |= {**whole, f"{COMMIT}/c/2/1/0": f"{COMMIT}/c/2/2/0"}  # a tile and its record
+    data = {to: get(place, f"toy.zarr/{key}") for key, to in moved.items()}
+    data[f"{COMMIT}/c/3/0/0"] = get(other, f"toy.zarr/{COMMIT}/c/3/0/0")
+    for key, chunk in data.items():
+        put(place, f"toy.zarr/{key}", chunk)
+    assert not np.array_equal(store.read(place, "toy").wave, toy.serial(plan)["wave"])
+    found = dict(store.verify(place, "toy", repair=True))
+    words = "its data are not those that were committed"
+    assert found == dict.fromkeys([(0, 1), (1, 0), (2, 2), (3, 0)], words)
+    assert fill(place, plan) == 4
+    toy.assert_complete(place, plan)
+
+
+def test_a_lost_chunk_reads_as_no_answer_whatever_the_version_of_xarray(on_disk):
+    plan = toy.cube()
+    fill(on_disk, plan)
+    for key in ("wave/c/0/1/2", "sign/c/1/2"):
+        put(on_disk, f"toy.zarr/{key}", None)
+    cube, cells = xr.open_zarr(on_disk.cube("toy")), tile_slices((1, 2), plan.sizes, plan.tile)
+    assert np.isnan(cube.wave.isel(cells)).all()
+    assert cube.sign.dtype == np.int8
+    assert (cube.sign.isel(cells) == -128).all()
+    written = [json.loads(get(on_disk, key)) for key in contents(on_disk) if "zarr.json" in key]
+    fills = {array["data_type"]: array["fill_value"] for array in written if "shape" in array}
+    assert fills == {"float64": "NaN", "int8": -128, "int64": -(2**63)}
+
+
+def test_a_cube_of_an_earlier_format_is_read_and_otherwise_refused(on_disk):
+    plan = toy.cube()
+    fill(on_disk, plan)
+    for key in ("zarr.json", f"{COMMIT}/zarr.json"):
+        earlier = get(on_disk, f"toy.zarr/{key}").replace(b"store_format", b"other_format")
+        put(on_disk, f"toy.zarr/{key}", earlier)
     before = contents(on_disk)
-    with pytest.raises(store.Refused, match="metadata are lost"):
-        store.create(on_disk, toy.cube(), US)
+    for refuse in (store.check, store.create, store.replace):
+        with pytest.raises(store.Refused, match="by an earlier version"):
+            refuse(on_disk, plan, US)
+    assert "earlier version" in next(store.status(on_disk)).damage
+    ((index, what),) = store.verify(on_disk, "toy", repair=True)
+    assert (index, "earlier version" in what) == ((), True)
     assert contents(on_disk) == before
+    assert np.array_equal(store.read(on_disk, "toy").wave, toy.serial(plan)["wave"])
 
 
 class Trap:
@@ -527,7 +596,7 @@ def test_a_disk_that_fails_is_one_message_and_the_next_run_completes_the_cube(
     fill(on_disk, plan, [(0, 0), (1, 1)])
     with failing(), pytest.raises(store.StoreFailed) as failed:
         store.commit(on_disk, "toy", (2, 2), arrays(plan, (2, 2)), 0.25)
-    assert str(failed.value).startswith(f"{on_disk}: ")
+    assert str(failed.value).startswith(str(on_disk))
     assert told in str(failed.value)
     assert "\n" not in str(failed.value)
     assert fill(on_disk, plan) == 18
@@ -642,7 +711,7 @@ def test_rate_and_time_left_are_those_of_the_last_minutes(on_disk):
     now = time.time()
     for i, (row, column) in enumerate(tiles):
         written = now - 5000 + i if i < 6 else now - 10 * (12 - i)
-        os.utime(f"{on_disk}/toy.zarr/{COMMIT}/c/{row}/{column}", (written, written))
+        os.utime(f"{on_disk}/toy.zarr/{COMMIT}/c/{row}/{column}/0", (written, written))
     (state,) = store.status(on_disk)
     assert state.rate == pytest.approx(0.1)
 

@@ -88,12 +88,13 @@ def blank(coords, long_name, fill=np.nan, **attrs):
     return tuple(sizes), values, {"long_name": long_name, "units": "1", **attrs}
 
 
+NOT_COMPUTED = -128  # the least int8; a lost or missing chunk of the store reads as that, too
 _STATUSES = list(Status)
 FLAGS = {
-    "flag_values": list(range(1 + len(_STATUSES))),
+    "flag_values": [NOT_COMPUTED, *range(1, 1 + len(_STATUSES))],
     "flag_meanings": " ".join(["not_computed", *(status.name.lower() for status in _STATUSES)]),
 }
-"""CF attributes of every variable of status, in sweeps and studies; 0 is what no tile wrote."""
+"""CF attributes of every variable of status, in sweeps and studies."""
 
 STATUS_SETTING = {"statuses": FLAGS["flag_meanings"].split()[1:]}
 """What a code means is part of what decides the numbers."""

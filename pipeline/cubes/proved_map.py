@@ -1,6 +1,6 @@
 """What is proved of forcings? Cells of the (κ1, κ2) plane, by the quadtree of `nasm.proofs`.
 
-Tiles of κ2 > κ1 stay 0: they are images (arXiv:1606.04824, Sec. III).
+Tiles of κ2 > κ1 are not computed: they are images (arXiv:1606.04824, Sec. III).
 """
 
 import numpy as np
@@ -9,12 +9,12 @@ import xarray as xr
 from nasm import proofs
 from nasm.numbers import parse
 from nasm.planes import TWO_KICKS_AXES
-from pipeline.cubes.cube import Cube, Job, blank, coordinate
+from pipeline.cubes.cube import NOT_COMPUTED, Cube, Job, blank, coordinate
 
 REACH = 1.125  # of both strengths; CB_gt ends before
 _BLOCKS = 36  # along an axis; each is a tile
 _STATES = {
-    0: "not_computed",
+    NOT_COMPUTED: "not_computed",
     proofs.OPEN: "open",
     proofs.TRANSPORT: "transport_is_global",
     proofs.BARRIER: "barrier_exists",
@@ -52,7 +52,7 @@ def _compute(coords, settings):
     n, size = coords["kappa1"].size, 1 / settings["cells"]
     low1, low2 = (round(coords[name][0] - size / 2, 9) for name in ("kappa1", "kappa2"))
     if low2 > low1:
-        return {"proved": np.zeros((n, n), np.int8)}
+        return {"proved": np.full((n, n), NOT_COMPUTED, np.int8)}
     depth, boundary = n.bit_length() - 1, _boundary(settings)
     proved = proofs.proved_cells((low1, low2), n * size, depth, boundary, settings["seconds"])
     if low1 == low2:  # the other side of the diagonal is its image

@@ -1,8 +1,9 @@
 """The store: each cube is a zarr group of its own, PLACE/NAME.zarr, a chunk per tile.
 
 The life of a tile: missing → data chunks written → commit record written last. The record is the
-tile's chunk of `tiles/cpu_seconds`; *a tile is done if its record is there*. Nothing else lists
-what is done. If a tile fails, the reason is kept, and means something while the tile is missing.
+tile's chunk of `tiles/commit`, its CPU seconds and the checksum of its data; *a tile is done if its
+record is there*. Nothing else lists what is done. If a tile fails, the reason is kept, and means
+something while the tile is missing.
 
 Zarr writes and reads all chunks, each with its CRC-32C; obstore puts them into a directory or an
 object store, each whole or not at all, so that a killed process leaves nothing half-written. What

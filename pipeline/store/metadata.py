@@ -14,12 +14,15 @@ from math import prod
 import dask.array
 import numpy as np
 import xarray as xr
+from zarr import Array, AsyncArray
 from zarr.codecs import Crc32cCodec, ZstdCodec
-from zarr.storage import MemoryStore
+from zarr.core.metadata import ArrayV3Metadata
+from zarr.storage import MemoryStore, ObjectStore, StorePath
 
+from pipeline.store import tiles
 from pipeline.store.place import Refused, explained
 from pipeline.store.provenance import provenance
-from pipeline.store.tiles import COMMIT, DAMAGED, RECORDS, forget, missing
+from pipeline.store.tiles import COMMIT, DAMAGED, ENTRIES, ENTRY, FORMAT, RECORDS, forget, missing
 
 MAX_TILES = 2**24
 
@@ -43,6 +46,8 @@ def check(place, cube, computed_by):
         most = f"{n} tiles, more than {MAX_TILES}"
         raise Refused(f"{cube.name} would have {most}; choose larger tiles, or fewer cells")
     found = _check_settings(place, cube)
+    if not found:
+        _left_over(place, cube, computed_by)
     theirs = found.get("computed_by")
     if found and theirs != computed_by and len(missing(place, cube)):
         words = f"was computed by {theirs}; this is {computed_by}. Resume it with those versions"
@@ -59,6 +64,8 @@ def create(place, cube, computed_by):
     found, root = check(place, cube, computed_by), _key(cube.name)
     if not found:
         ours = provenance(computed_by)
+        for key in _left_over(place, cube, computed_by):
+            place.delete(key)
         place.write(root, _empty_files(cube, ours)[root], "create")
         found = check(place, cube, computed_by) or ours  # another driver may have been first
     for key, data in _differing(place, _empty_files(cube, found)).items():
@@ -103,14 +110,15 @@ def _check_settings(place, cube):
     both = _key(cube.name, COMMIT), _key(cube.name)  # one of the two may be damaged
     found = [_attributes(place, key) for key in both]
     for attributes in found:
-        if attributes.get("config_hash") == cube.config_hash:
+        ours = attributes.get("config_hash"), attributes.get("store_format")
+        if ours == (cube.config_hash, FORMAT):
             return attributes
     if not any(found):
-        if not _is_taken(place, cube.name):
-            return {}
-        words = "is not a cube of this program, or its metadata are lost; delete it, or choose"
-        raise Refused(f"{place.cube(cube.name)} {words} another --out or --store")
+        if _is_anothers(place, cube.name):
+            raise _not_ours(place, cube.name)
+        return {}
     theirs = found[0] or found[1]
+    tiles.refuse_earlier(place, cube.name, theirs)
     both = {k: (theirs.get(k), ours) for k, ours in cube.settings.items() if theirs.get(k) != ours}
     differences = [f"{k} is {_brief(old)}, not {_brief(new)}" for k, (old, new) in both.items()]
     raise Refused(
@@ -134,10 +142,40 @@ def _attributes(place, key):
     return {}
 
 
-def _is_taken(place, name):
-    """Whether there are tiles, or what another program has made with zarr, version 2 or 3."""
-    if any(place.files(f"{name}.zarr/{COMMIT}/c")):
-        return True
+def _left_over(place, cube, computed_by):
+    """Look at tiles without metadata, which workers write after the cube was deleted under way.
+
+    Returns the keys of the commit records whose data are gone. Refused unless all the others are
+    of this cube and computed by the same code, by the checksums in them.
+    """
+    keys, counts, files = [], tile_counts(cube), None
+    for index in np.argwhere(np.isfinite(tiles.survey(place, cube.name, counts)[1])).tolist():
+        files = files or _empty_files(cube, {"computed_by": computed_by})
+        arrays = _tiled_arrays(place, cube, files)
+        tile = dict(zip(cube.tile, index, strict=True))
+        what = tiles.damage(place, arrays, tile)
+        if what and not what.endswith("is gone"):
+            raise _not_ours(place, cube.name)
+        keys += [tiles.chunk_key(arrays[COMMIT], tile)] if what else []
+    return keys
+
+
+def _tiled_arrays(place, cube, files):
+    """{name: zarr array} of the tiles of a cube whose metadata are in `files`, not in the place."""
+    arrays, store = {}, ObjectStore(place.objects())
+    for key in [*cube.template.data_vars, COMMIT]:
+        metadata = ArrayV3Metadata.from_dict(json.loads(files[_key(cube.name, key)]))
+        arrays[key] = Array(AsyncArray(metadata, StorePath(store, f"{cube.name}.zarr/{key}")))
+    return arrays
+
+
+def _not_ours(place, name):
+    words = "is not a cube of this program, or its metadata are lost; delete it, or choose"
+    return Refused(f"{place.cube(name)} {words} another --out or --store")
+
+
+def _is_anothers(place, name):
+    """Whether there is what another program has made with zarr, version 2 or 3."""
     with suppress(ValueError, RecursionError):
         if json.loads(place.read(_key(name))):
             return True
@@ -161,15 +199,17 @@ def tile_counts(cube):
 def _empty_files(cube, computed):
     """{key: bytes} of the cube before any tile is there; `computed` tells by whom."""
     counts, commit = tile_counts(cube), COMMIT.removeprefix(f"{RECORDS}/")
-    words = {"long_name": "CPU time of the tile", "units": "s", "cube": _identity(cube, computed)}
+    words = {"long_name": "CPU seconds of the tile, and the CRC-32 of its data", "units": "1"}
+    words |= {"entries": list(ENTRIES), "cube": _identity(cube, computed)}
     words["comment"] = "written last: the tile is complete if this is not NaN"
-    dims = tuple(f"tile_{dim}" for dim in cube.tile)
-    blank = xr.Variable(dims, dask.array.full(counts, np.nan, chunks=-1), words)
+    dims, shape = (*(f"tile_{dim}" for dim in cube.tile), ENTRY), (*counts, len(ENTRIES))
+    blank = xr.Variable(dims, dask.array.full(shape, np.nan, chunks=-1), words)
     checked, encoding = {"compressors": (Crc32cCodec(),), "filters": None}, {}
     for key, array in cube.template.variables.items():
         tile = {} if key in cube.template.coords else cube.tile
-        encoding[key] = {"chunks": tuple(tile.get(d, n) for d, n in array.sizes.items()), **checked}
-    chunks = {"chunks": (1,) * len(counts), **checked}
+        chunks = {"chunks": tuple(tile.get(dim, n) for dim, n in array.sizes.items())}
+        encoding[key] = chunks | checked | _lost(array.dtype)
+    chunks = {"chunks": (1,) * len(counts) + (len(ENTRIES),), **checked, **_lost(blank.dtype)}
     records = {f"/{RECORDS}": xr.Dataset({commit: blank})}
     return _files(cube, computed, encoding, records, {f"/{RECORDS}": {commit: chunks}})
 
@@ -177,11 +217,21 @@ def _empty_files(cube, computed):
 def _whole_files(cube, computed):
     """{key: bytes} of a cube that is computed in full."""
     compressed = {"compressors": (ZstdCodec(), Crc32cCodec())}
-    return _files(cube, computed, dict.fromkeys(cube.template.variables, compressed))
+    encoding = {k: compressed | _lost(v.dtype) for k, v in cube.template.variables.items()}
+    return _files(cube, computed, encoding)
+
+
+def _lost(dtype):
+    """The encoding of what a lost chunk reads as: no number that is ever computed."""
+    if dtype.kind in "iu":
+        limits = np.iinfo(dtype)
+        return {"fill_value": int(limits.min or limits.max)}
+    return {"fill_value": np.nan} if dtype.kind == "f" else {}
 
 
 def _identity(cube, computed):
-    return {**computed, **cube.settings, "config_hash": cube.config_hash}
+    ours = {"config_hash": cube.config_hash, "store_format": FORMAT}
+    return {**computed, **cube.settings, **ours}
 
 
 def _files(cube, computed, encoding, more=None, of_more=None):

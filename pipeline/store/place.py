@@ -97,7 +97,9 @@ def place_of(out):
 def _opened(path):
     if "://" not in path:
         return LocalStore(path)
-    return from_url(path, retry_config={"retry_timeout": timedelta(seconds=PATIENCE)})
+    # The time alone decides: ten retries, obstore's default, are over after two to eight seconds.
+    retries = {"max_retries": 10**6, "retry_timeout": timedelta(seconds=PATIENCE)}
+    return from_url(path, retry_config=retries)
 
 
 @contextmanager

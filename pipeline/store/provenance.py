@@ -10,7 +10,7 @@ from pathlib import Path
 
 _PACKAGE = Path(__file__).parents[2]
 _MATHEMATICS = sorted([*_PACKAGE.glob("nasm/*.py"), *_PACKAGE.glob("pipeline/cubes/*.py")])
-_DECIDING = "llvmlite", "numba", "numpy", "rocket-fft", "scipy"
+_DECIDING = "llvmlite", "numba", "numpy", "rocket-fft", "scipy", "xarray", "zarr"
 
 
 def _versions(*packages):
@@ -41,7 +41,7 @@ def provenance(computed_by):
         "package_version": _versions("nasm-transport").rpartition(" ")[2],
         "git_commit": _git_commit(),
         "python_version": platform.python_version(),
-        "library_versions": _versions("xarray", "zarr", "dask"),
+        "library_versions": _versions("dask", "obstore"),
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
     }
 

@@ -1,22 +1,30 @@
 """Tiles: list the missing ones, commit one, read them all.
 
 Every tiled variable has one chunk for each tile, raw numbers with their CRC-32C behind. So has the
-commit record, in a group of its own inside the cube, where readers of the cube do not meet it.
+commit record, in a group of its own inside the cube, where readers of the cube do not meet it. It
+holds the CPU seconds of the tile, and a CRC-32 of its data, of where it belongs and of who computed
+it: a chunk that is sound, but of another tile or cube, does not match it.
 """
 
+import json
+import os
 from contextlib import suppress
 from functools import lru_cache
+from zlib import crc32
 
 import numpy as np
 import xarray as xr
 import zarr
 from zarr.storage import ObjectStore
 
-from pipeline.store.place import Refused, explained
+from pipeline.store.place import Refused, StoreFailed, explained
 
 RECORDS = "tiles"
-COMMIT = f"{RECORDS}/cpu_seconds"
-_RECORD_BYTES = 12  # a float64 and its checksum
+COMMIT = f"{RECORDS}/commit"
+ENTRIES = "cpu_seconds", "crc32"  # of a commit record
+ENTRY = "commit_entry"  # their dimension
+FORMAT = 2  # of cubes; 1 had no checksum of a tile's data
+_RECORD_BYTES = 20  # two float64 and their checksum
 _LONGEST_REASON = 500  # characters of the reason of a failure that are kept
 # What reading metadata raises that are lost, cut or changed.
 DAMAGED = AttributeError, FileNotFoundError, KeyError, RecursionError, TypeError, ValueError
@@ -34,6 +42,7 @@ def arrays_of(place, name):
             arrays = {key: member for key, member in members if isinstance(member, zarr.Array)}
             named = all(array.metadata.dimension_names for array in arrays.values())
             if named and "config_hash" in group.attrs:
+                refuse_earlier(place, name, group.attrs)
                 return arrays
     raise Refused(
         f"the metadata of {place.cube(name)} are damaged, or another program's; run the workflow "
@@ -44,9 +53,17 @@ def arrays_of(place, name):
 forget = arrays_of.cache_clear  # open the arrays anew when they are needed next
 
 
+def refuse_earlier(place, name, attributes):
+    """Refuse a cube, of these attributes, that an earlier version has written in its own format."""
+    if attributes.get("store_format") != FORMAT:
+        words = "was written by an earlier version of this program, in another format. xarray reads"
+        raise Refused(f"{place.cube(name)} {words} it as before; choose another --out or --store")
+
+
 def dims_of(array):
     """Names of the array's dimensions; those of the commit record count tiles along them."""
-    return [dim.removeprefix("tile_") for dim in array.metadata.dimension_names]
+    dims = array.metadata.dimension_names
+    return [dim.removeprefix("tile_") for dim in dims if dim != ENTRY]
 
 
 def tiled_arrays(arrays):
@@ -57,22 +74,30 @@ def tiled_arrays(arrays):
 
 def chunk_of(array, index):
     """Where the chunk of the tile {dim: i} is in the array's grid of chunks."""
-    return tuple(index.get(dim, 0) for dim in dims_of(array))
+    dims = array.metadata.dimension_names
+    return tuple(index.get(dim.removeprefix("tile_"), 0) for dim in dims)
 
 
-def survey(place, name):
+def chunk_key(array, tile):
+    """Key of the array's chunk of the tile {dim: i}."""
+    return f"{array.path}/{array.metadata.encode_chunk_key(chunk_of(array, tile))}"
+
+
+def survey(place, name, counts=None):
     """List the commit records: returns (done, written), arrays over the tiles.
 
     done : whether the tile has one, in full length.
     written : its time in seconds, NaN if there is none.
+    counts : of tiles along each dimension, if the cube's metadata do not tell.
     """
-    written = np.full(arrays_of(place, name)[COMMIT].shape, np.nan)
+    written = np.full(counts or arrays_of(place, name)[COMMIT].shape[:-1], np.nan)
     done = np.zeros(written.shape, dtype=bool)
     for file in place.files(f"{name}.zarr/{COMMIT}/c"):
         with suppress(ValueError, IndexError):  # somebody else's file
-            tile = tuple(map(int, file["path"].split("/")[4:]))
-            written[tile] = file["last_modified"].timestamp()
-            done[tile] = file["size"] == _RECORD_BYTES
+            *tile, entry = map(int, file["path"].split("/")[4:])
+            if len(tile) == written.ndim and not entry:
+                written[*tile] = file["last_modified"].timestamp()
+                done[*tile] = file["size"] == _RECORD_BYTES
     return done, written
 
 
@@ -85,7 +110,7 @@ def missing(place, cube):
 
 def is_committed(place, name, index):
     """Whether the tile has a commit record."""
-    record = place.read(f"{name}.zarr/{COMMIT}/c/{'/'.join(map(str, index))}")
+    record = place.read(f"{name}.zarr/{COMMIT}/c/{'/'.join(map(str, index))}/0")
     return len(record) == _RECORD_BYTES
 
 
@@ -108,16 +133,56 @@ def commit(place, name, index, arrays, seconds):
         if cast is None or (array.dtype.kind != "f" and not np.array_equal(cast, values)):
             raise ValueError(f"{key} is of {values.dtype}, and does not fit into {array.dtype}")
         chunks[key] = chunk, cast
+    checksum = _checksum(opened, tile, {key: values for key, (_, values) in chunks.items()})
     with explained(place):
         for key, (chunk, values) in chunks.items():
+            _stands(place, name)
             opened[key].set_block_selection(chunk, values)
-        opened[COMMIT][tuple(index)] = seconds
+        _stands(place, name)
+        opened[COMMIT][tuple(index)] = seconds, checksum
+
+
+def _checksum(arrays, tile, values):
+    """CRC-32 of the cube's settings, who computed it, the tile's place and {variable: values}."""
+    cube = arrays[COMMIT].metadata.attributes["cube"]
+    found = crc32(json.dumps([cube["config_hash"], cube["computed_by"], tile]).encode())
+    for key in sorted(values):
+        found = crc32(np.ascontiguousarray(values[key]), found)
+    return found
+
+
+def _stands(place, name):
+    """StoreFailed if the directory of the cube is not there: obstore would make another one."""
+    if place.is_directory:
+        try:
+            os.stat(f"{place.cube(name)}/zarr.json")
+        except OSError as error:
+            words = f"was moved, or deleted, or its disk is gone ({error.strerror})"
+            raise StoreFailed(f"{place.cube(name)} {words}") from None
+
+
+def damage(place, arrays, tile):
+    """Read the chunks of the tile {dim: i}; return what is wrong with them, "" if nothing is."""
+    values = {}
+    with explained(place):
+        for key, array in arrays.items():
+            try:
+                place.objects().head(chunk_key(array, tile))  # else zarr reads fill values
+                values[key] = array.get_block_selection(chunk_of(array, tile))
+            except FileNotFoundError:
+                return f"a chunk of {key} is gone"
+            except ValueError:
+                return f"{key} does not match its checksum"
+    if COMMIT in values and values.pop(COMMIT).flat[1] != _checksum(arrays, tile, values):
+        return "its data are not those that were committed"
+    return ""
 
 
 def record_failure(place, name, index, reason):
     """Write why a tile failed, in one short line that a terminal obeys in nothing; return that."""
     line = reason.strip()[:_LONGEST_REASON]
     line = "".join(character if character.isprintable() else " " for character in line)
+    _stands(place, name)
     place.write(failure_key(name, index), line.encode(errors="replace"))
     return line
 

@@ -1,7 +1,7 @@
 """Look at every chunk of a cube, and free damaged tiles for a new computation.
 
 A tile is damaged if it has a commit record, and one of its chunks is gone, or does not match its
-checksum. All that is needed is in the store.
+own checksum, or that of the record. All that is needed is in the store.
 """
 
 from concurrent.futures import ThreadPoolExecutor
@@ -11,8 +11,8 @@ import numpy as np
 
 from pipeline.store import tiles
 from pipeline.store.metadata import copies_agree
-from pipeline.store.place import Refused, explained
-from pipeline.store.tiles import COMMIT, chunk_of
+from pipeline.store.place import Refused
+from pipeline.store.tiles import COMMIT, chunk_key
 
 _AT_ONCE = 1024  # tiles that are looked at together
 
@@ -26,8 +26,8 @@ def verify(place, name, repair=False):
     tiles.forget()
     try:
         arrays = tiles.arrays_of(place, name)
-    except Refused:
-        yield (), "its metadata are lost or damaged, or it is another program's"
+    except Refused as refused:
+        yield (), str(refused)
         return
     if not copies_agree(place, name):
         yield (), "copies of its metadata differ"
@@ -36,7 +36,7 @@ def verify(place, name, repair=False):
     for key in sorted(arrays.keys() - tiled.keys()):
         array, dims = arrays[key], tiles.dims_of(arrays[key])
         blocks = (dict(zip(dims, block, strict=True)) for block in np.ndindex(array.cdata_shape))
-        wrong = {_wrong(place, {key: array}, block) for block in blocks}
+        wrong = {tiles.damage(place, {key: array}, block) for block in blocks}
         yield from (((), what) for what in sorted(wrong - {""}))
     if not tiled:
         return
@@ -46,32 +46,13 @@ def verify(place, name, repair=False):
         for start in range(0, len(written), _AT_ONCE):
             indices = written[start : start + _AT_ONCE].tolist()
             some = [dict(zip(dims, index, strict=True)) for index in indices]
-            found = pool.map(partial(_wrong, place, tiled), some)
+            found = pool.map(partial(tiles.damage, place, tiled), some)
             for tile, what in zip(some, found, strict=True):
                 index = tuple(tile.values())
                 if what and repair:  # its commit record first
                     of_tile = [arrays[COMMIT], *tiled.values()]
-                    keys = [_key(array, chunk_of(array, tile)) for array in of_tile]
+                    keys = [chunk_key(array, tile) for array in of_tile]
                     for key in [*keys, tiles.failure_key(name, index)]:
                         place.delete(key)
                 if what:
                     yield index, what
-
-
-def _wrong(place, arrays, tile):
-    """Read the chunks of the tile; return what is wrong with them, "" if nothing is."""
-    with explained(place):
-        for key, array in arrays.items():
-            chunk = chunk_of(array, tile)
-            try:
-                place.objects().head(_key(array, chunk))  # else zarr reads fill values
-                array.get_block_selection(chunk)
-            except FileNotFoundError:
-                return f"a chunk of {key} is gone"
-            except ValueError:
-                return f"{key} does not match its checksum"
-    return ""
-
-
-def _key(array, chunk):
-    return f"{array.path}/{array.metadata.encode_chunk_key(chunk)}"

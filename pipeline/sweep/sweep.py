@@ -8,7 +8,8 @@
 4. Tiles that were with a worker that died are suspects: they are rerun alone at the end. A tile
    that fails alone, or raises an error, has failed: it stays missing, the store keeps the reason,
    and the sweep goes on with the others.
-5. On Ctrl-C submit no more, wait for the tiles in flight, and say what is left. If the store fails,
+5. At the end list the missing tiles once more: what was written to a disk that was away is gone.
+6. On Ctrl-C submit no more, wait for the tiles in flight, and say what is left. If the store fails,
    end at once: a full disk would fail all tiles in turn.
 
 Results do not depend on the number of workers, on batches, or on interruptions.
@@ -98,7 +99,19 @@ def sweep(client, place, job, wanted=None, progress=None):
             if all(run.compute(alone, interrupt, progress) for _ in range(_ATTEMPTS_ALONE)):
                 index, words = tuple(tiles[tile].tolist()), "its worker died each time, also alone"
                 run.failed[index] = store.record_failure(place, name, index, words)
+    if not interrupt.is_set():
+        _look_again(place, job.cube, tiles, run.failed)
     return Outcome(run.committed, run.failed, interrupt.is_set(), len(tiles) - run.committed)
+
+
+def _look_again(place, cube, tiles, failed):
+    """StoreFailed if tiles that were written are missing: a disk was away, or somebody deletes."""
+    absent = np.zeros(store.tile_counts(cube), dtype=bool)
+    absent[*store.missing(place, cube).T] = True
+    for index in failed:
+        absent[index] = False
+    if gone := absent[*tiles.T].sum():
+        raise store.StoreFailed(f"{place.cube(cube.name)}: {gone} tiles that were written are gone")
 
 
 class _Run:
