@@ -36,6 +36,7 @@ from nasm.symmetries import shorten
 _LOCATE = (1000, 4000, 16_000, 64_000)  # steps of converse KAM in step 1, round by round
 _LOCATE_ANYWHERE = (250, 1000, 4000)  # of converse KAM on transversals
 _PRECISE = 1e-6  # of the scale: what continuation is asked for, in 0.1 s a circle
+_WIDE = 2  # times tol: a bracket that a caller must be told of
 _ROUGH = 0.05  # of the value: a larger error of continuation is no answer
 _IN_DOUBT = (Status.NOT_CONVERGED, Status.UNDECIDED)
 _BEYOND = 0.5  # over the steps: where, past the breakup, the longest-lived start is asked for its ω
@@ -58,14 +59,16 @@ def critical_scale(profile, tol=1e-4):
     -------
     CriticalScale. value, error : by Greene's residue, error no larger than the bracket; next to a
     cusp, where a later circle may have been missed, no smaller than upper - value. Without a
-    dominant line both are by continuation, error is no smaller than that either, and the bracket
-    is wider than asked for where continuation is not precise enough. lower : a circle of ω is
-    certified there; upper : no start on the dominant line, or on a transversal, survives there.
-    omega : that of the last barrier, per period, in [0, P/2], which stands for ±ω and all ω + P·n:
-    their circles break together. Of two that are `tied` it is the one with the shorter text.
-    Status UNDECIDED, and no value, where the methods contradict each other, and NEAR_CUSP where the
-    residues of a candidate cannot tell the forcing from a shorter one; lower and upper are then
-    what was shown. lower is NaN where no circle could be certified.
+    dominant line both are by continuation, and error is no smaller than that either. lower : a
+    circle of ω is certified there; upper : no start on the dominant line, or on a transversal,
+    survives there. omega : that of the last barrier, per period, in [0, P/2], which stands for ±ω
+    and all ω + P·n: their circles break together. Of two that are `tied` it is the one with the
+    shorter text.
+    Status WIDE, with a value, where the bracket is more than twice as wide as asked for, as where
+    continuation is not precise enough or no circle is certified so near to the breakup. Status
+    UNDECIDED, and no value, where the methods contradict each other, and NEAR_CUSP instead where a
+    shorter forcing is so near that periods up to 300 cannot tell them apart; lower and upper are
+    then what was shown. lower is NaN where no circle could be certified.
 
     ValueError if profile is zero or tiny, or has more than 64 kicks and no dominant symmetry line,
     or tol is out of range.
@@ -81,6 +84,8 @@ def critical_scale(profile, tol=1e-4):
         found = _by_continuation(short, tol)
     if found.omega is None:
         return found
+    if found.upper - found.lower > _WIDE * tol * found.value:
+        found = replace(found, status=Status.WIDE)
     return replace(found, omega=per_period(found.omega, profile, short, zero))
 
 
@@ -109,10 +114,10 @@ def _by_symmetry(short, tol):
                 # but not above the bracket, which may know better than the residues do.
                 error = np.fmax(error, upper - best.value)
             error = np.fmin(error, max(best.value - lower, upper - best.value))  # NaN: no bracket
-            return CriticalScale(best.value, error, lower, upper, best.omega, Status.OK)
+            return replace(best, error=error, lower=lower, upper=upper)
     # Of a circle that residues say nothing of, they contradict nothing.
     status = Status.NEAR_CUSP if Status.NEAR_CUSP in told else Status.UNDECIDED
-    return CriticalScale(np.nan, np.nan, np.nan, located.upper, None, status)
+    return CriticalScale(np.nan, np.nan, np.nan, located.upper, None, status, located.method)
 
 
 def _by_continuation(short, tol):
@@ -141,13 +146,15 @@ def _by_continuation(short, tol):
             continue
         lower = continuation.certified_scale(best.omega, short, best.value, tol - above)
         if lower >= highest or transversals.escapes(np.fmin(lower, best.value * (1 - tol)) * short):
-            return no_answer(None, Status.UNDECIDED)
+            return no_answer(None, Status.UNDECIDED, best.method)
         # A later circle may have been missed, but not above the bracket.
         error = np.fmax(best.error, upper - best.value)
         error = np.fmin(error, max(best.value - lower, upper - best.value))  # NaN: no bracket
-        return CriticalScale(best.value, error, lower, upper, best.omega, Status.OK)
+        return replace(best, error=error, lower=lower, upper=upper)
     lower = certified if certified < highest else np.nan
-    return CriticalScale(np.nan, np.nan, lower, highest, None, Status.UNDECIDED)
+    blurred = periodic.cusp_period(short) > _BLURRED
+    status = Status.NEAR_CUSP if blurred else Status.UNDECIDED
+    return CriticalScale(np.nan, np.nan, lower, highest, None, status, "converse KAM")
 
 
 def longest_lived(kappa, n_max):

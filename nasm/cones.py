@@ -71,6 +71,7 @@ from nasm.periodic import dominant_lines, primitive
 from nasm.sine import COSINE, SINE
 from nasm.symmetries import CUSP_EXPONENT, distances_to_shorter
 
+_METHOD = "converse KAM"
 MAX_STEPS = 10**9
 
 _BLOCK = 32  # kicks between two tests for v ≤ 0; even
@@ -90,7 +91,7 @@ _BELOW = 1 - np.array([0.01, 0.02, 0.04, 0.07, 0.1])
 
 _STRIDE = 2 + 5**0.5  # (1/γ)³
 _MOST_SCALES = 100  # 10 are usual
-_NOT_CONVERGED = no_answer(None, Status.NOT_CONVERGED)
+_NOT_CONVERGED = no_answer(None, Status.NOT_CONVERGED, _METHOD)
 
 
 def elimination_time(kappa, y, n_max):
@@ -214,7 +215,7 @@ def critical_scale(profile, n_max):
         return _NOT_CONVERGED
     near_cusp = time < profile.size * _cusp_steps(profile)
     error = gap if near_cusp or beyond_first_order else gap / 3
-    return CriticalScale(upper - gap, error, np.nan, upper, None, Status.OK)
+    return CriticalScale(upper - gap, error, np.nan, upper, None, Status.OK, _METHOD)
 
 
 def _first_elimination(lifetime, top, n_kicks):

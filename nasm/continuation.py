@@ -30,6 +30,7 @@ from nasm.maps import TWO_PI, direction, forcing
 from nasm.numbers import checked, convergents
 from nasm.symmetries import CUSP_EXPONENT, distances_to_shorter, shorten
 
+METHOD = "continuation of circles"
 UNSTABLE = {(1,): 1.6279500, (2,): 2.4416, (3,): 3.344, (4,): 4.265}
 """δ by the tail of ω. Golden: MacKay, Physica D 7 (1983) 283. Twos, threes and fours: measured with
 `nasm.periodic`, as the growth of dR/ds at s_c from one convergent to the next."""
@@ -83,14 +84,14 @@ def critical_scale(omega, profile, tol=1e-6):
             f"tol={tol} must be positive and finite; it is the error to aim at, e.g. tol=1e-6"
         )
     if checked(omega).is_rational:
-        return no_answer(omega, Status.RATIONAL)
+        return no_answer(omega, Status.RATIONAL, METHOD)
     (short,), short_omega = shorten([profile], omega)
     path, value, error, status = _walk(short_omega, short, tol)
     lower = _last_certified(short_omega, short, path)
     if not error < value:  # which would say nothing
         status = Status.NOT_CONVERGED if status is Status.OK else status
-        return CriticalScale(nan, nan, lower, nan, omega, status)
-    return CriticalScale(value, error, lower, nan, omega, Status.OK)
+        return CriticalScale(nan, nan, lower, nan, omega, status, METHOD)
+    return CriticalScale(value, error, lower, nan, omega, Status.OK, METHOD)
 
 
 def certified_scale(omega, profile, breakup, distance):

@@ -13,7 +13,10 @@ from nasm.numbers import RotationNumber
 
 
 class Status(Enum):
-    """Why a CriticalScale has the value it has; anything but OK comes with value NaN."""
+    """Why a CriticalScale has the value it has; anything but OK and WIDE comes with value NaN.
+
+    Cubes store a member by its place, so a new one comes last.
+    """
 
     OK = "ok"
     RATIONAL = "omega is rational: no circle, its convergents end"
@@ -28,15 +31,21 @@ class Status(Enum):
     UNDECIDED = "the methods contradict each other"
     NOT_CONVERGED = "the estimates did not settle within the effort allowed"
     NO_CENTRE = "the forcing has no symmetry centre, so there are no symmetric orbits"
+    WIDE = "value and error stand, but the bracket is more than twice as wide as asked for"
 
 
 @dataclass(frozen=True)
 class CriticalScale:
     """What a method found out about a breakup on the ray κ = s·profile.
 
-    value : best estimate of the critical s. error : estimated absolute error of it.
+    value : best estimate of the critical s.
+    error : estimated absolute error of it.
     lower, upper : what the method *shows*: a circle exists at lower, none at upper; NaN where it
-    shows nothing. omega : the circle's rotation number, None if the method names none.
+        shows nothing.
+    omega : the circle's rotation number, None if the method names none.
+    status : OK, or why not.
+    method : what the value rests on, in words, like "Greene's residue"; without a value, what the
+        status or the bounds rest on.
     """
 
     value: float
@@ -45,12 +54,13 @@ class CriticalScale:
     upper: float
     omega: RotationNumber | None
     status: Status
+    method: str = ""
 
     def __post_init__(self):
         for name in ("value", "error", "lower", "upper"):  # NumPy's scalars print as np.float64(…)
             object.__setattr__(self, name, float(getattr(self, name)))
 
 
-def no_answer(omega, status):
+def no_answer(omega, status, method=""):
     """The CriticalScale of a method that failed, and why."""
-    return CriticalScale(math.nan, math.nan, math.nan, math.nan, omega, status)
+    return CriticalScale(math.nan, math.nan, math.nan, math.nan, omega, status, method)

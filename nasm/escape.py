@@ -30,6 +30,7 @@ from nasm.lanes import LANES, fabs, fma, load, maximum, own_frame, rint, store
 from nasm.maps import direction, forcing
 from nasm.sine import SINE
 
+_METHOD = "direct iteration"
 PAPER_WINDOW = (-2.0, 2.3)
 """Sec. V.B: the starts fill 0 ≤ y ≤ 0.3, and |y_n - y_0| > 2 shows transport."""
 
@@ -165,14 +166,14 @@ def critical_scale(profile, n_max, n_orbits=1000, window=PAPER_WINDOW):
 
     furthest = 2 / np.abs(profile).max()
     if np.isinf(first_escape(furthest * profile, x, y, [x.size], n_max // 8, window)[0]):
-        return no_answer(None, Status.NO_BREAKUP)
+        return no_answer(None, Status.NO_BREAKUP, _METHOD)
     inside, upper = least_escaping(n_max, 0.0, furthest)
     _, before = least_escaping(n_max // 8, inside, furthest)
     _, earlier = least_escaping(n_max // 64, inside, furthest)
     ratio = 8 ** (1 / _ETA)
     bias, foretold = (before - upper) / (ratio - 1), (earlier - before) / (ratio - 1) / ratio
     error = bias + abs(bias - foretold)
-    return CriticalScale(upper - bias, error, np.nan, upper, None, Status.OK)
+    return CriticalScale(upper - bias, error, np.nan, upper, None, Status.OK, _METHOD)
 
 
 def boundary(escape_time, kappa1, kappa2, angles, n):

@@ -24,6 +24,7 @@ from nasm.verdict import Answer, Evidence, verdict
 _STEP = 0.1  # of the largest strength: a region without circles that is narrower is stepped over
 _FARTHEST = 4.0  # change of the largest strength
 _SCALES = np.arange(1, round(_FARTHEST / _STEP) + 1)  # of circles, in steps
+_METHOD = "verdicts along the segment"
 _BELOW = 0.01  # a circle is certified there, in parts of f
 
 
@@ -38,10 +39,11 @@ def critical_scale(start, profile, tol=1e-3):
     Returns
     -------
     CriticalScale. lower : a circle is certified under start + lower·profile; upper : no start
-    survives converse KAM under start + upper·profile; NaN where `verdict` does not show it. omega :
-    of the last circle to break, per period. Status OUTSIDE if there is no barrier at the start,
-    NO_BREAKUP if one is left where some strength has changed by 4, and that of `barriers` where it
-    has no value; UNDECIDED if `verdict` contradicts it, or the error is not known.
+    survives converse KAM under start + upper·profile; as near as asked for, but NaN where `verdict`
+    does not show it. omega : of the last circle to break, per period. Status OUTSIDE if there is no
+    barrier at the start, NO_BREAKUP if one is left where some strength has changed by 4, and that
+    of `barriers` where it has no value; UNDECIDED if `verdict` contradicts it, or the error is not
+    known.
     Some 5 to 60 s of CPU time, and 100 s where `verdict` is often undecided.
 
     ValueError if start and profile differ in length, or as for `barriers.critical_scale`.
@@ -59,32 +61,32 @@ def critical_scale(start, profile, tol=1e-3):
         return said
 
     if asked(0.0).answer is Answer.TRANSPORT:
-        return no_answer(None, Status.OUTSIDE)
+        return no_answer(None, Status.OUTSIDE, _METHOD)
     inside, beyond = 0.0, step
     while (answer := asked(beyond).answer) is not Answer.TRANSPORT:
         inside = beyond if answer is Answer.BARRIER else inside
         beyond += step
         if beyond > _FARTHEST / _STEP * step:
-            return no_answer(None, Status.NO_BREAKUP)
+            return no_answer(None, Status.NO_BREAKUP, _METHOD)
     precision = fine * beyond / 100
     try:
         value = brentq(excess, inside, beyond, xtol=precision)
     except _NoValueError as missing:
-        return no_answer(None, missing.args[0])
+        return no_answer(None, *missing.args)
     except ValueError:  # by brentq: f contradicts the verdicts at both ends
-        return no_answer(None, Status.UNDECIDED)
+        return no_answer(None, Status.UNDECIDED, _METHOD)
     last, ends = found(value), (value * (1 - 0.7 * tol), value * (1 + 0.3 * tol))
     below, above = map(asked, ends)
     if below.answer is Answer.TRANSPORT or above.answer is Answer.BARRIER:
-        return no_answer(last.omega, Status.UNDECIDED)
+        return no_answer(last.omega, Status.UNDECIDED, last.method)
     lower = ends[0] if below.evidence is Evidence.CIRCLE else nan
     upper = ends[1] if above.answer is Answer.TRANSPORT else nan
     # f changes by so much from one end to the other, as 1/value does on a ray from zero.
     slope = log(below.boundary.value / above.boundary.value) / (ends[1] - ends[0])
     error = precision + abs(last.error / slope)
     if not isfinite(error):
-        return no_answer(last.omega, Status.UNDECIDED)
-    return CriticalScale(value, error, lower, upper, last.omega, Status.OK)
+        return no_answer(last.omega, Status.UNDECIDED, last.method)
+    return CriticalScale(value, error, lower, upper, last.omega, Status.OK, last.method)
 
 
 def circle_scale(omega, start, profile, tol=1e-4):
@@ -110,14 +112,14 @@ def circle_scale(omega, start, profile, tol=1e-4):
     found, excess, _ = _on_rays(method, start, profile)
     try:
         if excess(0.0) <= 0:
-            return no_answer(omega, Status.OUTSIDE)
+            return no_answer(omega, Status.OUTSIDE, continuation.METHOD)
         beyond = next(s for s in step * _SCALES if excess(s) < 0)
         value = brentq(excess, beyond - step, beyond, xtol=1e-3 * tol * step)
         slope = (excess(value - 0.1 * step) - excess(value)) / (0.1 * step)
     except StopIteration:
-        return no_answer(omega, Status.NO_BREAKUP)
+        return no_answer(omega, Status.NO_BREAKUP, continuation.METHOD)
     except _NoValueError as missing:
-        return no_answer(omega, missing.args[0])
+        return no_answer(omega, *missing.args)
     error = found(value).error / abs(slope)
     lower = nan
     for s in (value - max(_BELOW / abs(slope), 2 * error), 0.0):
@@ -125,8 +127,8 @@ def circle_scale(omega, start, profile, tol=1e-4):
             lower = s
             break
     if not error < value:
-        return CriticalScale(nan, nan, lower, nan, omega, Status.NOT_CONVERGED)
-    return CriticalScale(value, error, lower, nan, omega, Status.OK)
+        return CriticalScale(nan, nan, lower, nan, omega, Status.NOT_CONVERGED, continuation.METHOD)
+    return CriticalScale(value, error, lower, nan, omega, Status.OK, continuation.METHOD)
 
 
 def _segment(start, profile):
@@ -138,7 +140,7 @@ def _segment(start, profile):
 
 
 class _NoValueError(Exception):
-    """There is no value on a ray from zero; of its status."""
+    """There is no value on a ray from zero; of its status and method."""
 
 
 def _on_rays(method, start, profile):
@@ -154,7 +156,7 @@ def _on_rays(method, start, profile):
         if not (start + s * profile).any():
             return inf
         if not found(s).value > 0:
-            raise _NoValueError(found(s).status)
+            raise _NoValueError(found(s).status, found(s).method)
         return log(found(s).value)
 
     return found, excess, known

@@ -27,6 +27,7 @@ from nasm.orbits import kicked_orbit
 from nasm.sine import cos2pi
 
 _BELOW = 1 - np.array([0.01, 0.02, 0.03, 0.05, 0.07, 0.09, 0.12, 0.15, 0.2, 0.25, 0.3])
+_METHOD = "converse KAM, and continuation of what survives"
 _TOL = 4e-3  # of upper
 _STARTS = 1024
 _AVERAGED = 4096  # kicks
@@ -115,9 +116,9 @@ def _bracket(profile, certified):
                 if not here <= lower and np.isfinite(here):
                     lower, omega = here, candidate
     if np.isnan(lower):
-        return CriticalScale(np.nan, np.nan, np.nan, upper, None, Status.UNDECIDED), np.nan
+        return CriticalScale(np.nan, np.nan, np.nan, upper, None, Status.UNDECIDED, _METHOD), np.nan
     value, error = (lower + upper) / 2, (upper - lower) / 2
-    return CriticalScale(value, error, lower, upper, None, Status.OK), omega
+    return CriticalScale(value, error, lower, upper, None, Status.OK, _METHOD), omega
 
 
 def _regular(kappa):

@@ -27,6 +27,7 @@ from nasm.maps import direction, forcing, rotating_forcing, unkick
 from nasm.numbers import convergents, rational
 from nasm.symmetries import CUSP_EXPONENT, distances_to_shorter, shorten
 
+_METHOD = "Greene's residue"
 _ROUNDING = 1e-12  # residues below are rounding errors of the slopes v' and w', which are near 1
 _NO_RESONANCE = 1e-9  # of the largest: below, F_p is 0 up to rounding
 _ORDER = 2.04  # crossings converge like q^-2.04
@@ -257,13 +258,15 @@ def critical_scale(omega, profile, q_max=6000, start=None, family=minimax_centre
     """
     (periods, scales), status, tail, cusp = _crossings(omega, profile, q_max, start, family)
     if status is not Status.OK:
-        return no_answer(omega, status)
+        return no_answer(omega, status, _METHOD)
     value, error = _limit(scales, *tail)
     if periods[-1] < 4 * cusp:
         error *= 2
     if error * np.abs(profile).max() > 0.01:
-        return no_answer(omega, Status.NEAR_CUSP if periods[-1] < cusp else Status.NOT_CONVERGED)
-    return CriticalScale(value, error, np.nan, np.nan, omega, Status.OK)
+        return no_answer(
+            omega, Status.NEAR_CUSP if periods[-1] < cusp else Status.NOT_CONVERGED, _METHOD
+        )
+    return CriticalScale(value, error, np.nan, np.nan, omega, Status.OK, _METHOD)
 
 
 def crossings(omega, profile, q_max=6000, start=None, family=minimax_centre):
@@ -371,15 +374,15 @@ def torus_scale(omega, frequency, mean, amplitude):
             while excess(reached + step, level) < 0:
                 reached += step
                 if reached > 100 * step:
-                    return no_answer(exact, Status.NO_BREAKUP)
+                    return no_answer(exact, Status.NO_BREAKUP, _METHOD)
             scales.append(brentq(excess, reached, reached + step, args=(level,), xtol=1e-12))
     except (_LostError, ValueError):
         if not scales:
-            return no_answer(exact, Status.DISORDERED)
+            return no_answer(exact, Status.DISORDERED, _METHOD)
         scales.append(reached + step)
     value, one = scales
     error = max(one - value, 2 * value / orbits[0].n_sites ** 0.5)
-    return CriticalScale(value, error, np.nan, np.nan, exact, Status.OK)
+    return CriticalScale(value, error, np.nan, np.nan, exact, Status.OK, _METHOD)
 
 
 def cusp_period(kappa):

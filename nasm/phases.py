@@ -47,6 +47,7 @@ from nasm.kernels import kernel
 from nasm.maps import MAX_STRENGTH, direction, forcing, kick, phased_kick, phased_unkick
 from nasm.sine import cos2pi
 
+_METHOD = "converse KAM"
 _GRIDS = ((2048, 0.5), (1597, 0.382))  # starts, and the place of the start in its cell
 _KEPT = 32  # starts from which the search goes on at each level
 _LINES = 8  # at most, on which `last_survivor` looks
@@ -215,7 +216,7 @@ def critical_scale(profile, tol=1e-3):
 
     survived, upper = 0.0, 2 / np.abs(inner).max()
     if not eliminated(upper):
-        return no_answer(None, Status.NO_BREAKUP)
+        return no_answer(None, Status.NO_BREAKUP, _METHOD)
     while True:
         while upper - survived > tol * upper:
             scale = (survived + upper) / 2
@@ -229,8 +230,8 @@ def critical_scale(profile, tol=1e-3):
         else:
             break
     if last_survivor(upper * profile).kicks == np.inf:
-        return no_answer(None, Status.UNDECIDED)
-    return CriticalScale(value, error, np.nan, upper, None, Status.OK)
+        return no_answer(None, Status.UNDECIDED, _METHOD)
+    return CriticalScale(value, error, np.nan, upper, None, Status.OK, _METHOD)
 
 
 def asymptotic(kappa, theta, limit, x, y):

@@ -17,7 +17,7 @@ import numpy as np
 
 from nasm import barriers, proof_barrier_cells, proof_cells
 from nasm.checks import real
-from nasm.critical import CriticalScale, Status
+from nasm.critical import CriticalScale
 from nasm.maps import direction
 from nasm.numbers import RotationNumber, parse
 from nasm.proof_barrier import BarrierProof, proved_lower
@@ -65,7 +65,7 @@ def critical_scale(profile, seconds=8.0):
     if not seconds > 0:
         raise ValueError(f"seconds={seconds!r} must be positive: CPU time for each side")
     found = barriers.critical_scale(profile)
-    if found.status is not Status.OK:
+    if not found.value > 0:
         return ProvedBracket(found)
     upper, transport = proved_upper(profile, found.value, seconds)
     lower, barrier = proved_lower(found.omega, profile, found.value, seconds)

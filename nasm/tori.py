@@ -47,6 +47,7 @@ from nasm.maps import TWO_PI, direction, forcing
 from nasm.numbers import RotationNumber
 from nasm.sine import cos2pi, sin2pi
 
+_METHOD = "continuation of tori"
 FIRST = 64, 128  # points of the first grid, along φ and θ
 N_LARGEST = 2**22
 
@@ -166,8 +167,8 @@ def critical_scale(omega, frequency, mean, amplitude, tol=1e-3):
             break
     if not error < value:  # which would say nothing
         status = Status.NOT_CONVERGED if status is Status.OK else status
-        return CriticalScale(nan, nan, lower, nan, None, status)
-    return CriticalScale(value, error, lower, nan, None, Status.OK)
+        return CriticalScale(nan, nan, lower, nan, None, status, _METHOD)
+    return CriticalScale(value, error, lower, nan, None, Status.OK, _METHOD)
 
 
 def settle(omega, frequency, mean, amplitude, u, n_max):

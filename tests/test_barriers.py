@@ -63,7 +63,7 @@ def test_the_last_circle_of_the_standard_map_in_all_its_disguises(profile, exact
 
 
 def test_kicks_that_come_back_with_the_other_sign_have_the_barrier_of_half_the_period():
-    # y -> y + 1/2 between the kicks of (1, -1, 1) alternates signs, which need two periods to close.
+    # Between the kicks of (1, -1, 1), y -> y + 1/2 alternates signs: it takes two periods to close.
     long, short = critical_scale((1, 1, 1, -1, -1, -1), 1e-2), critical_scale((1, -1, 1), 1e-2)
     assert is_shown(long)
     assert replace(long, omega=None) == replace(short, omega=None)
@@ -391,6 +391,22 @@ def test_a_value_too_low_is_contradicted_by_the_cones(monkeypatch):
     assert found.status is Status.UNDECIDED
     assert np.isnan([found.value, found.error, found.lower]).all()
     assert exact < found.upper < exact * (1 + 1e-3)
+
+
+def test_a_bracket_much_wider_than_asked_for_is_told(monkeypatch):
+    asked = critical_scale((1.0, 0.3), 1e-2)
+    monkeypatch.setattr(continuation, "certified_scale", lambda *given: 0.97 * given[2])
+    found = critical_scale((1.0, 0.3), 1e-2)
+    assert (asked.status, found.status) == (Status.OK, Status.WIDE)
+    assert found.upper - found.lower > 2 * 1e-2 * found.value
+    assert (found.value, found.omega) == (asked.value, asked.omega)
+
+
+def test_next_to_one_kick_three_are_near_a_cusp(monkeypatch):
+    monkeypatch.setattr(barriers, "_LOCATE_ANYWHERE", (250,))  # later rounds cost 15 s
+    found = critical_scale((1, 1, 1 - 1.1e-6), 1e-2)
+    assert found.status is Status.NEAR_CUSP
+    assert found.lower < KAPPA_G < found.upper < 1.01 * KAPPA_G
 
 
 @pytest.mark.parametrize("factor", [1.002, 1.01])

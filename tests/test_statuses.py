@@ -6,9 +6,22 @@ NumPy's warnings are errors in this suite, so that nothing overflows unseen eith
 import numpy as np
 import pytest
 
-from nasm import barriers, circles, cones, continuation, flux, periodic, verdict
+from nasm import (
+    barriers,
+    circles,
+    cones,
+    continuation,
+    escape,
+    flux,
+    periodic,
+    phases,
+    tori,
+    verdict,
+)
 from nasm.critical import Status
 from nasm.numbers import RotationNumber, parse
+
+GAMMA = parse("gamma")
 
 
 def answers(omega, profile, part):
@@ -33,6 +46,25 @@ def test_a_rational_omega_has_no_circle():
         assert np.isnan([found.value, found.error]).all()
     circle = circles.invariant_circle(parse("3/5"), (0.2, 0.1))
     assert (circle.status, circle.certified) == (Status.RATIONAL, False)
+
+
+ANSWERS = {
+    "direct iteration": lambda: escape.critical_scale((1.0, 0.3), 64, 1),
+    "converse KAM": lambda: cones.critical_scale((1.0, 0.3), 100),
+    "converse KAM of kicks that come once": lambda: phases.critical_scale([1.0, 0.3] * 64, 0.1),
+    "Greene's residue": lambda: periodic.critical_scale(GAMMA, (1.0, 0.3), 400),
+    "Greene's residue of the last circle": lambda: barriers.critical_scale((1.0, 0.3), 1e-2),
+    "Greene's residue of one orbit": lambda: periodic.torus_scale("3/5", "1/2", 1, 0.3),
+    "continuation of circles": lambda: continuation.critical_scale(GAMMA, (1.0, 0.3), 1e-3),
+    "continuation of tori": lambda: tori.critical_scale(GAMMA, 2**0.5, 1.0, 0.3, 0.1),
+}
+
+
+@pytest.mark.parametrize("words", ANSWERS)
+def test_an_answer_names_its_method_in_the_words_of_the_field(words):
+    found = ANSWERS[words]()
+    assert found.method
+    assert words.startswith(found.method)
 
 
 def test_too_short_periods_are_admitted():
@@ -60,7 +92,7 @@ def test_the_methods_for_the_last_barrier_give_a_number_or_a_reason_and_no_warni
     profile = rng.uniform(0, 0.4) ** np.arange(n_kicks)  # its first kick has the dominant line
     profile = np.maximum(profile, np.roll(profile[::-1], 1)) * 10 ** rng.uniform(-3, 1)
     for found in (cones.critical_scale(profile, 100), barriers.critical_scale(profile, 1e-2)):
-        assert np.isnan(found.value) == (found.status is not Status.OK)
+        assert np.isnan(found.value) == (found.status not in (Status.OK, Status.WIDE))
     said = verdict.verdict(profile)
     undecided = said.answer is verdict.Answer.UNDECIDED
     assert undecided == (said.evidence is verdict.Evidence.NONE)

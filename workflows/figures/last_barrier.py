@@ -135,7 +135,7 @@ def _draw_circle_strip(axes, barrier, classes, whole):
             style |= {"va": "bottom", "ha": "left"}
         at = (-6, 0) if style["ha"] == "right" else (0, 4)
         axes.annotate(name, (angle[here[0]], omega[here[0]]), at, **style)
-    mark_gaps(axes, angle, barrier.status.values != 1)
+    mark_gaps(axes, angle, barrier.critical_scale.isnull().values)
     axes.set(xlabel=r"angle $\varphi$ of the ray (degrees)", xticks=np.arange(0, angle[-1] + 1, 45))
     label, title = r"$\omega$ of the last circle", "The last circle"
     if whole:

@@ -36,7 +36,7 @@ def boundary_found(barrier):
         f"{f', and {others} others' if others > 0 else ''}. On {barrier.angle.size} rays the "
         "boundary lies between a certified circle and converse KAM, in the median "
         f"{float(width.median()):.1e} of the scale apart, at most {float(width.max()):.1e}; "
-        f"{int((barrier.status != 1).sum())} rays are undecided."
+        f"{int(barrier.critical_scale.isnull().sum())} rays are undecided."
     )
 
 

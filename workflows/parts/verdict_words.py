@@ -47,26 +47,20 @@ def sentences(kappa, place, verdict):
     if verdict.steps < float("inf"):
         lines.append(f"The longest-lived start is eliminated after {verdict.steps:g} steps.")
     if verdict.evidence is not Evidence.INTEGRABLE:
-        lines += _distance(kappa, boundary)
+        lines += _distance(boundary)
     return lines
 
 
-def _distance(kappa, boundary):
+def _distance(boundary):
     """Say where the last circle breaks on the ray, in multiples of the strengths asked about."""
     from math import isfinite, log10
 
-    from nasm.barriers import has_dominant_line
-    from nasm.numbers import rational
-    from nasm.symmetries import shorten
-
     lines = []
     if isfinite(boundary.value):
-        (short,), _ = shorten([kappa], rational(0))
-        method = "Greene's residue" if has_dominant_line(short) else "continuation"
         digits = 2 + int(min(10, max(0, log10(boundary.value / max(boundary.error, 1e-300)))))
         lines.append(
             f"It breaks at {boundary.value:.{digits}g} times these strengths, "
-            f"±{boundary.error:.1g}, by {method} (a criterion, not a proof)."
+            f"±{boundary.error:.1g}, by {boundary.method} (a criterion, not a proof)."
         )
     else:
         lines.append(f"Where the last one breaks on the ray is not known: {boundary.status.value}.")
