@@ -22,12 +22,9 @@ constant is found as long as the twist ⟨Σ_j 1/c_j⟩ is not 0; where h' > 0 i
 With too few modes Newton's method converges on "circles" far beyond the breakup. What is called a
 circle here has therefore converged again, with h' > 0, on a grid four times finer.
 
-Grids have up to 10⁶ points. The C library would take memory for each array from the system and give
-it back, and a third of the time would go into page faults: it is told to keep what was freed.
+Grids have up to 10⁶ points; see `nasm.memory` for programs that compute many circles.
 """
 
-import ctypes
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from math import prod
@@ -53,13 +50,6 @@ _UPDATE = 1e-9  # converged: the last update of u was smaller
 _TAIL = 3e-3  # resolved: the last 15% of the modes hold less than this part of the H³ norm
 _ROUNDED = 1e-13  # of max |E_j|: less is rounding, and no step makes less of it
 _DIVISOR = 1e-5  # with smaller divisors, rounding errors of 1e-17 are larger than _UPDATE in u
-
-_GIGABYTE = 2**30
-with suppress(OSError, AttributeError):  # other C libraries than GNU's have their own ways
-    _tell = ctypes.CDLL(None).mallopt
-    _tell(-3, _GIGABYTE)  # M_MMAP_THRESHOLD: smaller blocks come from the heap,
-    _tell(-1, _GIGABYTE)  # M_TRIM_THRESHOLD: which keeps them,
-    _tell(-8, 1)  # M_ARENA_MAX: and serves all threads that start after this
 
 
 @dataclass(frozen=True)

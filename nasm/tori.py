@@ -39,7 +39,6 @@ import rocket_fft  # noqa: F401  (np.fft inside kernels)
 from numba import njit
 from scipy.optimize import brentq
 
-from nasm import circles  # noqa: F401  (memory is kept; see there)
 from nasm.checks import count, real
 from nasm.critical import CriticalScale, Status
 from nasm.kernels import kernel

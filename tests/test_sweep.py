@@ -13,6 +13,7 @@ import numpy as np
 import psutil
 import pytest
 import toy
+from test_memory import glibc, kept
 
 from pipeline import store
 from pipeline.sweep.cluster import ClusterError, connect
@@ -233,6 +234,11 @@ def test_a_tile_that_is_gone_at_the_end_is_no_success(here, tmp_path):
         toy.watched_sweep(here, tmp_path, plan, {20: lose_one})
     assert toy.watched_sweep(here, tmp_path, plan).committed == 1
     toy.assert_complete(tmp_path, plan)
+
+
+@glibc
+def test_workers_keep_freed_memory(client):
+    assert client().submit(kept).result() > 120
 
 
 def test_workers_listen_on_loopback_only(client):

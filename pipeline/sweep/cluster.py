@@ -30,8 +30,8 @@ _LOCAL = {
     "distributed.worker.preload": [
         # A Ctrl-C in the terminal reaches all its processes, and is for the driver.
         "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)",
-        # It sets how memory is kept, and that counts only for threads that start after it.
-        "import nasm.circles",
+        # Before the worker starts the threads that it counts for.
+        "from nasm.memory import keep_freed_memory; keep_freed_memory()",
     ],
 }
 _ADDRESS = re.compile(r"(tcp|tls)://[^/\s]+:\d+")

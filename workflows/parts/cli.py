@@ -11,6 +11,7 @@ from pathlib import Path
 import click
 
 from nasm import __version__
+from nasm.memory import keep_freed_memory
 
 
 def command(**settings):
@@ -24,6 +25,7 @@ def command(**settings):
         @click.version_option(__version__, message="nasm %(version)s")
         @functools.wraps(function)
         def wrapped(**options):
+            keep_freed_memory()
             try:
                 return function(**options)
             except KeyboardInterrupt:
