@@ -25,7 +25,7 @@ import json
 import re
 from fractions import Fraction
 
-from flint import acb, acb_poly, arb, ctx, fmpq
+from flint import acb, acb_poly, arb, arb_poly, ctx, fmpq
 
 BITS = 192
 
@@ -79,7 +79,7 @@ def _checked(certificate):
         hypothesis(data)
     else:
         with ctx.workprec(BITS):
-            holds, found = theorem(data)
+            holds, found = (theorem_of_cell if "moves" in data else theorem)(data)
         demand(holds, f"an inequality of the theorem fails: {found}")
     return data["claim"]
 
@@ -421,15 +421,20 @@ class Function:
         return total
 
     def inverse(self):
-        """A bound of ‖1/f‖, f > 0 on the reals: d → d(2 - fd), and then Neumann's series."""
+        """d near 1/f, f > 0 on the reals, by d → d(2 - fd), and a bound of ‖1 - fd‖."""
         d = constant(1 / self.norm())
         for _ in range(40):
             defect = constant(1) - self * d
             if defect.norm() < arb(1) / 10**6:
-                return d.norm() / (1 - defect.norm())
+                break
             d = d * (constant(1) + defect)
             d = Function([c.mid() for c in d.coefficients])
-        return arb.pos_inf()
+        return d, defect.norm()
+
+
+def neumann(d, defect):
+    """A bound of ‖1/f‖ from d and ‖1 - fd‖."""
+    return d.norm() / (1 - defect) if defect < 1 else arb.pos_inf()
 
 
 def constant(value):
@@ -499,7 +504,7 @@ def theorem(data):
         derivative = [two_pi * acb(0, i - u[j].middle) * c for i, c in enumerate(u[j].coefficients)]
         slope = constant(1) + Function(derivative)
         n.append(slope.norm())
-        p.append(slope.inverse())
+        p.append(neumann(*slope.inverse()))
         k.append((two_pi * (rho + u[j].norm())).exp())
         wave = (u[j] * (two_pi * acb(0, 1))).exp() * Function([acb(0), acb(0), acb(1)])
         back = Function([c.conjugate() for c in wave.coefficients[::-1]], wave.rest)
@@ -507,6 +512,11 @@ def theorem(data):
         after, before = u[(j + 1) % P].rotated(alpha), u[j - 1].rotated(-alpha)
         error = after + before - u[j] * acb(2) - sine * acb(kappa[j] / two_pi)
         errors.append(error.norm())
+    return conclusion(kappa, rho, divisors, period, errors, n, p, k)
+
+
+def conclusion(kappa, rho, divisors, period, errors, n, p, k):
+    """Whether the inequalities of the theorem hold, and all of its constants."""
     eps = sum(a * b for a, b in zip(n, errors, strict=True)).max(arb(2) ** -1000)
     delta = arb("0.99") * rho / arb("4.2")
     C = russmann(divisors, period, delta) + delta
@@ -539,3 +549,139 @@ def max_of(balls):
     for ball in balls:
         worst = worst.max(ball)
     return worst
+
+
+# --- a barrier exists, in a cell ------------------------------------------------------------------
+
+
+def theorem_of_cell(data):
+    """Whether the theorem applies to every forcing of the cell, and its constants.
+
+    u_j(σ) = centre + Σ_m C_jm T_m0(σ_0) T_m1(σ_1). All functions of φ are odd, Σ_k 2 b_k sin 2πkφ,
+    and a polynomial stands for one: its coefficients are b_0 = 0, b_1, ….
+    """
+    rho, (omega, divisors, period) = arb(float.fromhex(data["rho"])), rotation(data["omega"])
+    middle, widths = ([ball(exact(x)) for x in data[name]] for name in ("kappa", "half_width"))
+    kappa = [arb(k, h) for k, h in zip(middle, widths, strict=True)]
+    demand(len(kappa) == 2 and all(h > 0 for h in widths) and rho > 0, "no cell of two kicks")
+    unit, numbers = arb(2) ** data["moves"]["unit"], data["moves"]["numbers"]
+    centre = [arb_poly([0, *map(dyadic, row[1:])]) for row in data["centre"]]
+    moves = [
+        {
+            (a, b): arb_poly([x * unit for x in row])
+            for a, rows in enumerate(table)
+            for b, row in enumerate(rows)
+        }
+        for table in numbers
+    ]
+    demand(len(centre) == len(moves) == 2, "not two sites")
+    demand(
+        all(not row[:1] or row[0] == 0 for table in numbers for rows in table for row in rows),
+        "a mean",
+    )
+    size = max(len(f) for f in [*centre, *moves[0].values(), *moves[1].values()])
+    r, two_pi = (2 * arb.pi() * rho).exp(), 2 * arb.pi()
+    Function.growth, Function.most = r, 2 * size
+    n, p, k = [], [], []
+    for f, of_site in zip(centre, moves, strict=True):
+        total = sum(map(sizes, of_site.values()), sizes(f))
+        n.append(1 + 2 * two_pi * r * total.derivative()(r))
+        k.append((two_pi * (rho + 2 * total(r))).exp())
+        slope = constant(1) + derivative(f)
+        d, defect = slope.inverse()
+        p.append(neumann(d, defect + sum((derivative(g) * d).norm() for g in of_site.values())))
+    errors = residuals_in_cell(middle, widths, omega / 2, rho, centre, moves)
+    return conclusion(kappa, rho, divisors, period, errors, n, p, k)
+
+
+def sizes(f):
+    return arb_poly([abs(x) for x in f.coeffs()])
+
+
+def derivative(f):
+    half = [2 * arb.pi() * i * x for i, x in enumerate(f.coeffs())]
+    return Function([acb(x) for x in half[:0:-1] + half])
+
+
+def residuals_in_cell(kappa, widths, alpha, rho, centre, moves):
+    """Bounds of ‖E_j‖ for all σ: by N² Chebyshev points, and by what interpolation there misses.
+
+    E_j + (κ_j/2π) sin 2πg_j is of degree < N in each σ, as u is.
+    """
+    two_pi, points = 2 * arb.pi(), 4 + 1 + max(max(m) for of_site in moves for m in of_site)
+    angles = [arb(2 * i + 1) / (2 * points) for i in range(points)]
+    lebesgue = sum((angle / 2).cot_pi() for angle in angles) / points
+    at_points, grid = [arb(0), arb(0)], Grid(rho, centre, moves)
+    for first in angles:
+        rows = [{}, {}]  # Σ_m0 C_jm T_m0(σ_0), by m_1
+        for row, of_site in zip(rows, moves, strict=True):
+            for (a, b), f in of_site.items():
+                row[b] = row.get(b, arb_poly()) + f * (a * first).cos_pi()
+        for second in angles:
+            u = [
+                sum((f * (b * second).cos_pi() for b, f in row.items()), f0)
+                for row, f0 in zip(rows, centre, strict=True)
+            ]
+            sigma = first.cos_pi(), second.cos_pi()
+            there = [k + s * h for k, s, h in zip(kappa, sigma, widths, strict=True)]
+            found = grid.residuals(there, u, alpha)
+            at_points = [old.max(new) for old, new in zip(at_points, found, strict=True)]
+    errors = []
+    for k, h, worst, f, of_site in zip(kappa, widths, at_points, centre, moves, strict=True):
+        r, between = (two_pi * rho).exp(), arb.pos_inf()
+        norms = [(m, 2 * sizes(g)(r)) for m, g in of_site.items()]
+        for i in range(1, 40):
+            far = arb(i) / 10  # log r of the ellipse in σ
+            grown = sum(((a * far).cosh() * (b * far).cosh() * x for (a, b), x in norms), arb(0))
+            grown = (two_pi * (rho + 2 * sizes(f)(r) + grown)).exp()
+            B = (abs(k) + h * far.cosh()) / two_pi * grown
+            tail = 4 * (1 + lebesgue) * B * (-points * far).exp() / (1 - (-far).exp())
+            between = tail if tail < between else between
+        errors.append(lebesgue**2 * worst + between)
+    return errors
+
+
+class Grid:
+    """n points of φ, n > 2K, on which sin 2πg_j is taken at a point of the cell.
+
+    A mode and its aliases k + n, k + 2n, … are one sum. Each of the modes |k| ≥ n/2 is left out
+    once, and is an alias once, of a mode that weighs less. With ‖sin 2πg_j‖ ≤ M for ρ̂ > ρ both
+    together are at most 2M e^{-2π(ρ̂-ρ)n/2}.
+    """
+
+    def __init__(self, rho, centre, moves):
+        two_pi, total = 2 * arb.pi(), []
+        for f, of_site in zip(centre, moves, strict=True):
+            total.append(sum(map(sizes, of_site.values()), sizes(f)))
+        self.half = 1 << (3 * max(map(len, total)) // 2).bit_length()
+        self.r, self.missed = (two_pi * rho).exp(), []
+        for f in total:
+            tries = [rho * (1 + arb(i) / 4) for i in range(1, 60)]
+            logs = [
+                two_pi * (hat + 2 * f((two_pi * hat).exp()) + (rho - hat) * self.half)
+                for hat in tries
+            ]
+            self.missed.append(2 * min(logs, key=lambda x: float(x.upper())).exp())
+        self.angles = [arb(i) / self.half for i in range(self.half + 1)]
+
+    def residuals(self, kappa, u, alpha):
+        """Bounds of ‖E_j‖."""
+        half, two_pi = self.half, 2 * arb.pi()
+        a, b = ([*f.coeffs(), *[arb(0)] * (half - len(f))] for f in u)
+        both = [acb(-y, x) for x, y in zip(a, b, strict=True)]
+        values = acb.dft([*both, acb(0), *(-x for x in both[:0:-1])])
+        sines = []
+        for f in ([x.real for x in values], [x.imag for x in values]):
+            of_half = [(angle + 2 * x).sin_pi() for angle, x in zip(self.angles, f, strict=False)]
+            sines.append(of_half[:-1] + [arb(0)] + [-x for x in of_half[-2:0:-1]])
+        modes = acb.dft([acb(x, y) for x, y in zip(*sines, strict=True)])[:half]
+        errors = []
+        of_sines = [-x.imag / (2 * half) for x in modes], [x.real / (2 * half) for x in modes]
+        for j, (own, other) in enumerate(((a, b), (b, a))):
+            E = [
+                2 * (2 * i * alpha).cos_pi() * y - 2 * x - kappa[j] / two_pi * sine
+                for i, (x, y, sine) in enumerate(zip(own, other, of_sines[j], strict=True))
+            ]
+            missed = abs(kappa[j]) / two_pi * self.missed[j]
+            errors.append(2 * arb_poly([abs(x) for x in E])(self.r) + missed)
+        return errors

@@ -27,6 +27,7 @@ from math import ceil, inf, log, log2, nan, pi
 import numpy as np
 
 from nasm import circles
+from nasm.certificates import certificate, in_hex
 from nasm.checks import real
 from nasm.maps import forcing
 from nasm.numbers import RotationNumber, checked
@@ -57,6 +58,7 @@ _FEW, _MOST = 6, 30  # Chebyshev points for each strength, at first and at most
 _LARGEST = 0.45  # decay of C from |m| to |m| + 1: where it is slower, the cell is left
 _SMALL = 2e-11  # times the fifth power of the rate: where C_jm ends
 _STEPS = 8
+_GRAIN = 2.0**-76  # of which C_jm are multiples, so that certificates are short
 
 
 @dataclass(frozen=True)
@@ -79,6 +81,30 @@ class BarrierCellProof:
     constants: dict = field(default_factory=dict)
     centre: list = field(default_factory=list, repr=False)
     moves: np.ndarray | None = field(default=None, repr=False)
+
+    def certificate(self):
+        """What another program needs to check the proof: see PROOFS.md, "Certificates".
+
+        ValueError if nothing was proved.
+        """
+        half_width = (self.half_width,) * 2
+        numbers = [] if self.moves is None else np.rint(self.moves / _GRAIN)
+        fields = {
+            "kappa": in_hex(self.kappa),
+            "half_width": in_hex(half_width),
+            "omega": str(self.omega),
+            "rho": self.rho.hex(),
+            "centre": [[[int(part) for part in x.man_exp()] for x in row] for row in self.centre],
+            "moves": {
+                "unit": round(log2(_GRAIN)),
+                "numbers": [
+                    [[list(map(int, np.trim_zeros(row, "b"))) for row in rows] for rows in table]
+                    for table in numbers
+                ],
+            },
+        }
+        cell = self.kappa, half_width, self.omega
+        return certificate(self, "A barrier exists in a cell", fields, *cell)
 
 
 def prove_cell(omega, kappa, half_width):
@@ -452,7 +478,8 @@ def _moves(centre):
     b = _circles(centre, _at(_coefficients(b), Q), 1e-15) if Q <= _MOST else None
     if b is None:
         return None
-    return _coefficients(b + _step(centre, b, centre.residuals(b, _nodes(Q), _LONG)))
+    C = _coefficients(b + _step(centre, b, centre.residuals(b, _nodes(Q), _LONG)))
+    return np.rint(C / _GRAIN) * _GRAIN
 
 
 def _circles(centre, b, small):

@@ -9,8 +9,17 @@ import numpy as np
 import pytest
 
 pytest.importorskip("flint")
+from flint import arb, arb_poly, ctx
+
 import nasm
-from nasm import certificate_checker, certificates, proof_barrier, proof_cells, proof_transport
+from nasm import (
+    certificate_checker,
+    certificates,
+    proof_barrier,
+    proof_barrier_cells,
+    proof_cells,
+    proof_transport,
+)
 from nasm.certificate_checker import Refuted, check
 from nasm.checks import sealed
 from nasm.numbers import parse
@@ -21,7 +30,9 @@ PROOFS = {
     "cell": lambda: proof_cells.prove_cell((0.75, 0.25), 2.0**-6),
     "barrier": lambda: proof_barrier.prove(parse("gamma"), (0.4, -0.4)),
     "box": lambda: proof_barrier.prove(parse("gamma"), (0.3, 0.3), radius=1e-9),
+    "barrier cell": lambda: proof_barrier_cells.prove_cell(parse("gamma"), *BLUE),
 }
+BLUE = (0.0625, 0.03125), 2.0**-8
 
 
 @pytest.fixture(scope="module")
@@ -42,6 +53,8 @@ def test_a_claim_is_of_the_forcing_as_it_was_given(made):
         "barrier": "a rotational invariant circle of [0;(1)] exists under the forcing (0.4, -0.4)",
         "box": "a rotational invariant circle of [0;(1)] exists under every forcing within "
         "(1e-09, 1e-09) of (0.3, 0.3)",
+        "barrier cell": "a rotational invariant circle of [0;(1)] exists under every forcing "
+        "within (0.00390625, 0.00390625) of (0.0625, 0.03125)",
     }
 
 
@@ -78,6 +91,9 @@ FALSE = [  # a certificate, what is changed in it, and why it is refused
     ("barrier", {"radius": (1e-9).hex()}, "claimed"),
     ("barrier", {"radius": (-1e-9).hex()}, "claimed"),
     ("box", {"radius": (0.0).hex()}, "claimed"),
+    ("barrier cell", {"half_width": in_hex(2.0**-6, 2.0**-7)}, "claimed"),
+    ("barrier cell", {"kappa": in_hex(9.9, 9.9)}, "claimed"),
+    ("barrier cell", {"constants": {}}, "unknown"),
     ("box", {"kappa": in_hex(0.3)}, "box"),
 ]
 
@@ -91,7 +107,9 @@ def test_what_a_certificate_says_is_bound_to_what_it_proves(name, changes, reaso
 @pytest.mark.parametrize("name", PROOFS)
 @pytest.mark.parametrize("key", ["version", "sha256", "name"])
 def test_another_statement_is_refused(name, key, made):
-    other = {"version": 2, "sha256": "0" * 64, "name": "A barrier exists in a cell"}[key]
+    names = list(certificate_checker.THEOREMS)
+    following = names[names.index(made[name]["theorem"]["name"]) - 1]
+    other = {"version": 2, "sha256": "0" * 64, "name": following}[key]
     theorem = made[name]["theorem"] | {key: other}
     with pytest.raises(Refuted, match=r"statement|unknown"):
         check(resealed(made[name] | {"theorem": theorem}))
@@ -117,14 +135,15 @@ def test_forcings_are_followed_to_their_shorter_forms(kappa):
     check(proof_barrier.prove(parse("gamma"), np.array(kappa) / 10).certificate())
 
 
+FIELDS = "kappa half_width shortened_from site a boxes lives omega rho radius modes centre moves"
 MALFORMED = [
     {key: value}
-    for key in ("kappa", "boxes", "lives", "site", "a", "claim", "theorem", "shortened_from")
+    for key in f"claim theorem {FIELDS}".split()
     for value in (None, [], {}, "a", 1.5, [[]], [None], {"kappa": [1]}, {"name": []})
 ]
 
 
-@pytest.mark.parametrize("name", ["transport", "cell", "barrier"])
+@pytest.mark.parametrize("name", ["transport", "cell", "barrier", "barrier cell"])
 def test_what_is_malformed_is_refused_and_raises_nothing_else(name, made):
     for certificate in (None, [], {}, {"sha256": 1}, {"theorem": {}}):
         with pytest.raises(Refuted):
@@ -144,6 +163,14 @@ def test_what_is_malformed_is_refused_and_raises_nothing_else(name, made):
     [
         ("cell", {"half_width": in_hex(2.0**-6)}),
         ("barrier", {"modes": [[]]}),
+        ("barrier cell", {"half_width": in_hex(2.0**-6)}),
+        ("barrier cell", {"half_width": in_hex(0, 0)}),
+        ("barrier cell", {"half_width": in_hex(-(2.0**-6), -(2.0**-6))}),
+        ("barrier cell", {"centre": [[], []]}),
+        ("barrier cell", {"rho": (-0.01).hex()}),
+        ("barrier cell", {"moves": {"unit": -76, "numbers": [[], []]}}),
+        ("barrier cell", {"moves": {"unit": -76, "numbers": [[[[1]]], [[[1]]]]}}),
+        ("barrier cell", {"moves": {"unit": "nan", "numbers": [[[[0, 1]]], [[[0, 1]]]]}}),
         ("barrier", {"modes": [[[[0, 0]]]]}),
         ("barrier", {"rho": "nan"}),
         ("barrier", {"radius": "nan"}),
@@ -153,3 +180,65 @@ def test_what_is_malformed_is_refused_and_raises_nothing_else(name, made):
 def test_rows_and_numbers_that_do_not_fit_are_refused(name, changes, made):
     with pytest.raises(Refuted):
         check(resealed(made[name] | changes))
+
+
+def changed_cell(certificate):
+    """Certificates of a barrier cell in which something else is false."""
+    wider = certificate | {"half_width": in_hex(*(3 * BLUE[1],) * 2)}
+    other = certificate | {"omega": "[0;1,1,1,1,1,1,2,(1)]"}
+    mode, table, fewer = (json.loads(json.dumps(certificate)) for _ in range(3))
+    mode["centre"][0][2][0] += 1 << (-16 - mode["centre"][0][2][1])  # 2⁻¹⁶ of the whole
+    table["moves"]["numbers"][1][1][1][1] += 1 << 60  # likewise
+    fewer["moves"]["numbers"][0][1:] = []
+    return [wider, other, mode, table, fewer]
+
+
+@pytest.mark.parametrize("i", range(5))
+def test_a_changed_barrier_cell_is_refused(i, made):
+    changed = changed_cell(made["barrier cell"])[i]
+    changed["claim"] = certificate_checker.claim(changed)
+    with pytest.raises(Refuted, match="inequality"):
+        check(resealed(changed))
+
+
+def dyadic(x):
+    numerator, denominator = float(x).as_integer_ratio()
+    return [numerator, 1 - denominator.bit_length()]
+
+
+def test_residuals_are_bounded_in_all_of_a_barrier_cell(made):
+    """Against the algebra without a grid at corners and another point, for a wider cell."""
+    data, rho, width, shares = made["barrier cell"], 0.01, 0.5, []
+    middle, unit = [float.fromhex(k) for k in data["kappa"]], 2.0 ** data["moves"]["unit"]
+    u = [np.array([float(m) * 2.0**e for m, e in row]) for row in data["centre"]]
+    # Far more moved than in the certificate, and by modes that no circle has.
+    moves = [
+        {
+            (a, b): 2e3 * width * unit * np.resize(np.array(row, float), u[0].size)
+            for a, rows in enumerate(table)
+            for b, row in enumerate(rows)
+            if row
+        }
+        for table in data["moves"]["numbers"]
+    ]
+    for f in (*moves[0].values(), *moves[1].values()):
+        f[0] = 0
+    with ctx.workprec(certificate_checker.BITS):
+        omega, *_ = certificate_checker.rotation(data["omega"])
+        cell = list(map(arb, middle)), [arb(width)] * 2, omega / 2, arb(rho)
+        polynomials = [{m: arb_poly(f.tolist()) for m, f in of_site.items()} for of_site in moves]
+        bounds = certificate_checker.residuals_in_cell(
+            *cell, [arb_poly(row.tolist()) for row in u], polynomials
+        )
+        largest = max(float(bound.upper()) for bound in bounds)
+        for sigma in ((1, 1), (-1, 1), (0.3, -0.6)):
+            T = [np.cos(np.arange(30) * np.arccos(s)) for s in sigma]
+            there = [
+                row + sum(T[0][a] * T[1][b] * f for (a, b), f in of_site.items())
+                for row, of_site in zip(u, moves, strict=True)
+            ]
+            single = {"omega": data["omega"], "radius": (0.0).hex(), "rho": rho.hex()}
+            single["kappa"] = in_hex(*(k + s * width for k, s in zip(middle, sigma, strict=True)))
+            single["modes"] = [[[[0, 0], dyadic(-x)] for x in row] for row in there]
+            shares.append(certificate_checker.theorem(single)[1]["error"] / largest)
+    assert 0.1 < max(shares) < 1
