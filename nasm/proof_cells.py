@@ -184,7 +184,55 @@ def _covered(kappa, half_width, a, budget):
         if done != _UNFINISHED:
             outcome = Outcome.PROVED if done == _DONE else Outcome.PRECISION
             break
-    return outcome, np.concatenate(all_found), np.concatenate(all_lives), kicks
+    boxes, lives = np.concatenate(all_found), np.concatenate(all_lives)
+    if outcome is Outcome.PROVED and not _tile(boxes, kappa, half_width):
+        raise RuntimeError(
+            "the boxes of a proof do not tile [0, 1/2] times the cell; please report this"
+        )
+    return outcome, boxes, lives, kicks
+
+
+def _tile(boxes, kappa, half_width):
+    """Whether boxes tile, for each piece of [0, 1/2], a cuboid in u = y - g_0 κ_0 - g_1 κ_1 and the
+    cell that covers the piece whatever κ is; all is exact, in whole numbers.
+
+    Cuboids tile one if of all their corners, with signs that alternate along each edge, those of
+    the one are left: the signs are the mixed derivative of how often a point is covered.
+    """
+    scaled = np.ldexp(boxes[:, :8], [60, 60, 52, 52, 52, 52, 8, 8])
+    cell = np.ldexp([kappa, half_width], 52)
+    if not ((scaled == np.rint(scaled)).all() and (np.abs(scaled) < 2.0**60).all()):
+        return False
+    (k, h), covered = cell.astype(np.int64), []
+    for piece in np.unique(boxes[:, 8]):
+        y, delta, k0, h0, k1, h1, g0, g1 = scaled[boxes[:, 8] == piece].astype(np.int64).T
+        if np.ptp(g0) or np.ptp(g1):
+            return False
+        middles, halves = np.array([y - g0 * k0 - g1 * k1, k0, k1]), np.array([delta, h0, h1])
+        ends = [middles - halves, middles + halves]
+        low, high = ends[0].min(axis=1), ends[1].max(axis=1)
+        keys, signs = np.zeros((2, 2, 2, len(y)), np.int64), np.ones((2, 2, 2, 1))
+        corners = np.zeros((2, 2, 2, 1), np.int64)
+        for axis in range(3):
+            found, ranks = np.unique([end[axis] for end in ends], return_inverse=True)
+            shape = np.where(np.arange(4) == axis, 2, 1)
+            keys = keys * found.size + ranks.reshape(*shape[:3], -1)
+            corners = corners * found.size + np.array([0, found.size - 1]).reshape(shape)
+            signs = signs * np.array([-1, 1]).reshape(shape)
+        found, places = np.unique(keys, return_inverse=True)
+        total = np.bincount(places.ravel(), np.broadcast_to(signs, keys.shape).ravel())
+        left = dict(zip(found[total != 0].tolist(), total[total != 0].tolist(), strict=True))
+        one = dict(zip(corners.ravel().tolist(), signs.ravel().tolist(), strict=True))
+        if left != one or (low[1:] != k - h).any() or (high[1:] != k + h).any():
+            return False
+        moves = np.array([g0[0], g1[0]]) * np.array([k - h, k + h])
+        covered.append((low[0] + moves.max(axis=0).sum(), high[0] + moves.min(axis=0).sum()))
+    reached = 0
+    for left, right in sorted(covered):
+        if left > reached:
+            return False
+        reached = max(reached, right)
+    return reached >= 2**59
 
 
 @kernel(error_model="numpy")

@@ -86,6 +86,27 @@ def test_a_certificate_with_one_digit_changed_is_refused(proved):
             checker.check(json.loads(changed))
 
 
+def test_boxes_of_a_cell_tile_it_and_are_asked_whether_they_do(monkeypatch):
+    (kappa, half_width), n = CELLS[1], 0
+    proof = prove_cell(kappa, half_width)
+    cell = np.roll(kappa, -proof.site), np.full(2, half_width)
+    assert proof_cells._tile(proof.boxes, *cell)
+    for i, box in list(enumerate(proof.boxes))[::8]:
+        others = np.delete(proof.boxes, i, axis=0)
+        twice = np.delete(others, i // 2, axis=0)
+        changed = [others, [*proof.boxes, box], [*twice, box, box]]
+        if (others[:, 8] == box[8]).any():  # a piece of one box may be wider than it need be
+            for column in range(8):
+                changed.append([*others, box + 2.0**-20 * (np.arange(9) == column)])
+        assert not any(proof_cells._tile(np.array(boxes), *cell) for boxes in changed)
+        n += len(changed)
+    assert n > 50
+    assert not proof_cells._tile(proof.boxes, cell[0], 2 * cell[1])
+    monkeypatch.setattr(proof_cells, "_tile", lambda *_: False)
+    with pytest.raises(RuntimeError, match="do not tile"):
+        prove_cell(*CELLS[0])
+
+
 def test_a_shear_that_is_no_number_proves_nothing(monkeypatch):
     monkeypatch.setattr(proof_cells, "_shears", lambda *_: (math.nan, math.nan))
     assert prove_cell(*CELLS[0]).outcome is Outcome.PRECISION
