@@ -17,6 +17,7 @@ from collections import Counter
 from contextlib import contextmanager, suppress
 from multiprocessing import forkserver
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import click
 import numpy as np
@@ -26,7 +27,7 @@ import toy
 
 from pipeline import store
 from pipeline.cubes.cube import Job
-from pipeline.sweep.cluster import connect
+from pipeline.sweep.cluster import connect, credentials
 from workflows.parts.cli import command, sweeps
 
 SIDE = 8  # tiles, of one cell each, along rows and columns
@@ -129,7 +130,8 @@ def own():
 @contextmanager
 def pool():
     """A Client of two workers, which are started again when they die."""
-    with own(), connect(n_workers=2) as client:
+    with own(), connect(n_workers=2) as client, TemporaryDirectory() as folder:
+        client().tls = credentials(client(), folder)
         yield client()
 
 
@@ -169,7 +171,7 @@ class Driver:
         workers = ["--workers", "2"]
         if self.pool:
             _replenish(self.pool)
-            workers = ["--scheduler", self.pool.scheduler.address]
+            workers = ["--scheduler", self.pool.scheduler.address, "--tls", *self.pool.tls]
         arguments = [json.dumps(stage.settings), *stage.options, *workers]
         aws = {name: value for name, value in os.environ.items() if name.startswith("AWS_")}
         self.process = _forked.Process(target=drive, args=(str(self.output), arguments, aws))

@@ -6,13 +6,16 @@ A scheduler elsewhere is named by its address, or by the file in which it has wr
 import json
 import logging
 import re
+import signal
+import sys
+import threading
 from contextlib import ExitStack, contextmanager, suppress
 from functools import cache
 from pathlib import Path
 
 import dask
 from dask.system import CPU_COUNT
-from distributed import Client, LocalCluster
+from distributed import Client, LocalCluster, Status
 from distributed.security import Security
 
 NO_SCHEDULER = "the dask scheduler is gone; run again to resume"
@@ -26,7 +29,9 @@ _QUIET = {
     "distributed.admin.system-monitor.interval": "10s",
 }
 _LOCAL = {
-    "distributed.comm.require-encryption": False,  # what a site demands is for its network
+    # Nothing is served to browsers, which any page or user of this machine could ask.
+    "distributed.scheduler.http.routes": [],
+    "distributed.worker.http.routes": [],
     "distributed.worker.preload": [
         # A Ctrl-C in the terminal reaches all its processes, and is for the driver.
         "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)",
@@ -47,7 +52,7 @@ def connect(scheduler=None, n_workers=None, tls=None):
 
     scheduler : address of a running scheduler, "tcp://…" or "tls://…", or the path of its scheduler
         file, whose workers see this machine's files and have this package; by default workers are
-        started on this machine, which listen on loopback only.
+        started on this machine, which listen on loopback only, and to nobody but this process.
     n_workers : int ≥ 1, worker processes to start here; default one per core.
     tls : (ca, cert, key) files, for a "tls://" address.
 
@@ -63,18 +68,58 @@ def connect(scheduler=None, n_workers=None, tls=None):
     for name in ("asyncio", "distributed.batched", "distributed.client"):
         logging.getLogger(name).setLevel(logging.CRITICAL)
     settings = _QUIET | (_LOCAL if address is None else {})
-    with dask.config.set(settings), ExitStack() as stack:
+    with dask.config.set(settings), _ended_by_sigterm(), ExitStack() as stack:
         connection = _local(n_workers) if address is None else _remote(address, tls)
         yield cache(lambda: stack.enter_context(connection))
 
 
 @contextmanager
+def _ended_by_sigterm():
+    """Have SIGTERM end the program as an error would, and its workers with it; code 143."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    previous = signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, previous)
+
+
+@contextmanager
 def _local(n_workers):
+    n_workers = n_workers or CPU_COUNT
     how = {"host": "127.0.0.1", "dashboard_address": "127.0.0.1:0", "silence_logs": "CRITICAL"}
     # Tiles are small: to watch the memory costs more than they use.
-    how |= {"n_workers": n_workers or CPU_COUNT, "threads_per_worker": 1, "memory_limit": 0}
-    with LocalCluster(**how) as cluster, Client(cluster, set_as_default=False) as client:
+    how |= {"n_workers": n_workers, "threads_per_worker": 1, "memory_limit": 0}
+    # Dask executes what it is sent, and any user of this machine can send to loopback: a
+    # certificate that lasts as long as the cluster lets only its own processes speak to it.
+    how |= {"security": Security.temporary(), "scheduler_kwargs": {"dashboard": False}}
+    with ExitStack() as stack:
+        try:
+            cluster = stack.enter_context(LocalCluster(**how))
+            client = stack.enter_context(Client(cluster, set_as_default=False))
+        except (OSError, RuntimeError) as error:
+            words = f"{n_workers} workers did not start on this machine ({error.__cause__ or error})"
+            cure = "start fewer by --workers, or allow more open files (`ulimit -n`) and processes"
+            raise ClusterError(f"{words}; {cure}") from None
         yield client
+
+
+def credentials(client, folder):
+    """Write what other processes need to use the client's workers: paths of CA, CERT and KEY."""
+    paths = []
+    for name in ("tls_ca_file", "tls_client_cert", "tls_client_key"):
+        paths.append(str(Path(folder) / f"{name}.pem"))
+        Path(paths[-1]).write_text(getattr(client.security, name))
+    return paths
+
+
+def are_starting(client):
+    """Whether workers of ours are being started, which on a busy machine takes its time."""
+    nannies = client.cluster.workers.values() if client.cluster else ()
+    processes = [getattr(n, "process", None) for n in nannies if n.status == Status.running]
+    return any(process and process.status != Status.running for process in processes)
 
 
 @contextmanager

@@ -35,7 +35,7 @@ from distributed import KilledWorker, get_worker
 from distributed.comm import CommClosedError
 
 from pipeline import store
-from pipeline.sweep.cluster import NO_SCHEDULER, ClusterError
+from pipeline.sweep.cluster import NO_SCHEDULER, ClusterError, are_starting
 from pipeline.sweep.grid import tile_slices
 from pipeline.sweep.progress import Progress, duration
 
@@ -46,6 +46,7 @@ _IN_FLIGHT = 2  # batches per worker: one computing, one waiting
 _ROLL_CALL = 1  # seconds after which the workers are counted again: they join and leave
 _UNKNOWN_COST = 1.0  # CPU seconds, where the probe failed
 _PATIENCE = 30  # seconds without any worker, after which the sweep gives up
+_STARTING = 300  # seconds instead, while workers are being started: at load 20 that takes a minute
 _SIGHT = 2  # seconds that a file system of several machines may take to show a file
 _LONG = 5  # seconds of work that are announced
 _REPORT = 5  # seconds to fetch the report of a batch that has ended
@@ -203,7 +204,7 @@ class _Run:
                     raise ConnectionError(NO_SCHEDULER) from None
                 if workers:
                     alive = now
-                elif now - alive > _PATIENCE:
+                elif now - alive > (_STARTING if are_starting(self.client) else _PATIENCE):
                     raise ConnectionError("no workers are left; run again to resume")
             window = _IN_FLIGHT * max(1, workers)
             while len(in_flight) < window and (batch := next_batch()) is not None:

@@ -8,13 +8,14 @@ import os
 import sys
 from contextlib import contextmanager, nullcontext
 from functools import cache, partial
+from tempfile import TemporaryDirectory
 
 import click
 import numpy as np
 
 from pipeline import store
 from pipeline.cubes.cube import Cube
-from pipeline.sweep.cluster import ClusterError, connect
+from pipeline.sweep.cluster import ClusterError, connect, credentials
 from pipeline.sweep.grid import tile_slices
 from pipeline.sweep.progress import Progress, duration
 from pipeline.sweep.sweep import sweep
@@ -173,8 +174,9 @@ def shared_workers(scheduler, n_workers, tls):
     if scheduler is not None:
         yield ["--scheduler", scheduler, *(["--tls", *tls] if tls else [])]
         return
-    with connect(n_workers=n_workers) as client:
-        yield ["--scheduler", client().scheduler.address]
+    with connect(n_workers=n_workers) as client, TemporaryDirectory() as folder:
+        tls = credentials(client(), folder)
+        yield ["--scheduler", client().scheduler.address, "--tls", *tls]
 
 
 def _expected(place, job):
