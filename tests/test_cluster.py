@@ -11,7 +11,7 @@ from collections import Counter
 from contextlib import contextmanager
 from pathlib import Path
 
-import dask
+import psutil
 import pytest
 import toy
 from click.testing import CliRunner
@@ -173,12 +173,31 @@ def pids(client):
     return list(client.run(os.getpid, on_error="ignore").values())
 
 
-def test_a_sites_demand_for_encryption_is_not_for_loopback():
-    with (
-        dask.config.set({"distributed.comm.require-encryption": True}),
-        connect(n_workers=1) as client,
-    ):
-        assert client().submit(sum, [1, 2]).result() == 3
+def test_more_workers_than_files_may_be_open_are_one_clear_error():
+    refused = pytest.raises(ClusterError, match=r"need 10{7}40 open files, .* `ulimit -n`")
+    with refused, connect(n_workers=10**8) as client:
+        client()
+
+
+ENDED = """
+import os, signal, sys, threading
+from pipeline.sweep.cluster import connect
+
+if __name__ == "__main__":
+    with connect(n_workers=1) as client:
+        print(client().submit(os.getpid).result(), flush=True)
+        os.kill(os.getpid(), signal.SIGTERM)
+        threading.Event().wait()
+"""
+
+
+def test_sigterm_ends_a_program_and_its_workers_without_a_word(tmp_path):
+    (tmp_path / "ended.py").write_text(ENDED)
+    environment = os.environ | {"PYTHONPATH": SOURCES}
+    command = [sys.executable, tmp_path / "ended.py"]
+    ended = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=60)
+    assert (ended.returncode, ended.stderr) == (128 + signal.SIGTERM, "")
+    toy.wait_until(lambda: not psutil.pid_exists(int(ended.stdout)))
 
 
 def certificate(path):

@@ -4,9 +4,12 @@ import errno
 import io
 import os
 import signal
+import socket
+import ssl
 import threading
 import time
 from asyncio import CancelledError
+from contextlib import suppress
 from functools import partial
 
 import numpy as np
@@ -125,6 +128,22 @@ def test_a_sweep_without_workers_gives_up_and_says_so(tmp_path, monkeypatch):
     assert 0 < len(toy.commit_times(tmp_path)) < 130
 
 
+def test_workers_that_are_started_again_are_waited_for(client, tmp_path, monkeypatch):
+    monkeypatch.setattr("pipeline.sweep.sweep._PATIENCE", 1)
+    monkeypatch.setattr("pipeline.sweep.sweep._ROLL_CALL", 0.1)
+
+    def kill():
+        toy.wait_until(lambda: toy.commit_times(tmp_path))
+        for nanny in client().cluster.workers.values():
+            os.kill(nanny.pid, signal.SIGKILL)
+
+    killer = threading.Thread(target=kill)
+    killer.start()
+    outcome = toy.run(client, tmp_path, toy.cube(tile=1, seconds=0.05))
+    killer.join()
+    assert (outcome.failed, outcome.remaining) == ({}, 0)
+
+
 def test_without_a_fit_worker_the_sweep_ends_with_one_message(here, tmp_path, monkeypatch):
     monkeypatch.setattr("pipeline.sweep.sweep._complaint", lambda *_: "is unfit")
     with pytest.raises(ClusterError, match=r"no worker is fit to compute: .* unfit") as refusal:
@@ -241,17 +260,34 @@ def test_workers_keep_freed_memory(client):
     assert client().submit(kept).result() > 120
 
 
-def test_workers_listen_on_loopback_only(client):
+def test_workers_listen_on_loopback_only_and_to_their_own_driver_alone(client):
     client()
     here = psutil.Process()
     listening = [
-        connection.laddr.ip
+        connection.laddr
         for process in [here, *here.children(recursive=True)]
         for connection in process.net_connections()
         if connection.status == psutil.CONN_LISTEN
     ]
     assert len(listening) >= 3  # the scheduler and two workers
-    assert set(listening) == {"127.0.0.1"}
+    assert {address.ip for address in listening} == {"127.0.0.1"}
+    # Nobody without the certificate of this cluster is answered, neither dask's way nor a browser.
+    anyone = ssl.create_default_context()
+    anyone.check_hostname, anyone.verify_mode = False, ssl.CERT_NONE
+    spoke = 0
+    for address in listening:
+        with socket.create_connection(address, timeout=10) as plain:
+            plain.sendall(b"GET /info/main/workers.html HTTP/1.0\r\n\r\n")
+            with suppress(ConnectionError):
+                assert plain.recv(99)[:12] in (b"", b"HTTP/1.1 404")
+        with (
+            suppress(OSError),
+            socket.create_connection(address, timeout=10) as other,
+            anyone.wrap_socket(other) as secret,
+        ):
+            spoke += 1
+            assert secret.recv(99) == b""
+    assert spoke >= 3
 
 
 def test_a_scheduler_that_does_not_answer_is_one_clear_error():

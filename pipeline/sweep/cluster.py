@@ -6,6 +6,7 @@ A scheduler elsewhere is named by its address, or by the file in which it has wr
 import json
 import logging
 import re
+import resource
 import signal
 import sys
 import threading
@@ -95,15 +96,20 @@ def _local(n_workers):
     # Dask executes what it is sent, and any user of this machine can send to loopback: a
     # certificate that lasts as long as the cluster lets only its own processes speak to it.
     how |= {"security": Security.temporary(), "scheduler_kwargs": {"dashboard": False}}
-    with ExitStack() as stack:
-        try:
-            cluster = stack.enter_context(LocalCluster(**how))
-            client = stack.enter_context(Client(cluster, set_as_default=False))
-        except (OSError, RuntimeError) as error:
-            words = f"{n_workers} workers did not start on this machine ({error.__cause__ or error})"
-            cure = "start fewer by --workers, or allow more open files (`ulimit -n`) and processes"
-            raise ClusterError(f"{words}; {cure}") from None
+    _allow_open_files(40 + 10 * n_workers)
+    with LocalCluster(**how) as cluster, Client(cluster, set_as_default=False) as client:
         yield client
+
+
+def _allow_open_files(n):
+    """Let this process open so many files; ClusterError if it may not."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if soft < n and soft != resource.RLIM_INFINITY:
+        try:
+            resource.setrlimit(resource.RLIMIT_NOFILE, (n, hard))
+        except (OSError, ValueError):
+            words = f"these workers need {n} open files, and {hard} are allowed"
+            raise ClusterError(f"{words}; start fewer by --workers, or raise `ulimit -n`") from None
 
 
 def credentials(client, folder):
