@@ -1,12 +1,22 @@
-"""Programs with a changed line, for audits that must notice it."""
+"""Audits of proofs: programs with a changed line, and what must notice it."""
 
 import inspect
+import math
 import re
 import sys
 import types
+from dataclasses import dataclass
+from functools import cache
+from itertools import pairwise
 from unittest.mock import patch
 
+import numpy as np
 import pytest
+from flint import arb, ctx, fmpq
+from numba import njit
+
+from nasm.double_double import renormalised, two_sum
+from nasm.lanes import fma
 
 
 def thirds(table):
@@ -40,3 +50,255 @@ def mutant(module, *changes):
     with patch.dict(sys.modules, mutant=other):  # where dataclasses look for it
         exec(changed(inspect.getsource(module), changes), vars(other))
     return other
+
+
+# --- kernels of proofs that transport is global ---------------------------------------------------
+
+ULP, COS_ERROR = 2.0**-53, 2.03e-14  # of rounding; and of cos 2πx, as tests prove over its range
+LONGEST = 1e11  # kicks of a box
+
+
+@njit
+def fused(a, b, c):
+    """A true fma, for floats."""
+    return fma(a, b, c)
+
+
+def in_python(functions, *changes, fma=fused):
+    """The last of some kernels as a Python function on floats, after changes of its source. It
+    returns all of its variables besides, by name."""
+    source = "".join(inspect.getsource(function.py_func) for function in functions)
+    source = re.sub("(?m)^@.*\n", "", changed(source, changes))
+    source = source.replace("return state, bad", "return state, bad, locals()")
+    namespace = {}
+    for function in functions:
+        namespace |= vars(sys.modules[function.py_func.__module__])
+    namespace |= {"fma": fma, "rint": lambda a: float(round(a)), "fabs": abs}
+    namespace |= {"copysign": math.copysign, "maximum": lambda a, b: a if a > b else b}
+    namespace |= {"two_sum": two_sum.py_func, "renormalised": renormalised.py_func}
+    exec(source, namespace)
+    return namespace[functions[-1].py_func.__name__]
+
+
+@dataclass(frozen=True)
+class Kernel:
+    """What audits have to know of a kernel.
+
+    functions : the last of them is one kick; the others are what it calls. names : of the numbers
+    of a state. known : of what is known of an orbit, Σ factor·displacement, for each part the names
+    of the displacement, its last difference, and its sum in Q; the factors are σ, σ² or, in cells,
+    σ, σ_0, σ_1. places : (σ,) or (σ, σ_0, σ_1) of orbits in a box. rounding : of x̂ in one kick,
+    (for |κ|, for 1).
+    """
+
+    functions: tuple
+    names: tuple[str, ...]
+    known: tuple[tuple[str, str, str], ...]
+    places: tuple[tuple[float, ...], ...]
+    rounding: tuple[float, float]
+
+    @property
+    def cells(self):
+        return len(self.known) == 3
+
+    def state(self, numbers):
+        """The numbers by name, as balls."""
+        named = dict(zip(self.names, map(arb, numbers), strict=True))
+        return {"x_low": arb(0), "y_low": arb(0)} | named
+
+    def factors(self, place):
+        return [arb(x) for x in place] if self.cells else [arb(place[0]), arb(place[0]) ** 2]
+
+    def swapped(self, parts):
+        """Of a cell after a kick: the strengths have changed places."""
+        return (parts[0], parts[2], parts[1]) if self.cells else parts
+
+    def strength(self, strengths, place):
+        """κ, or κ + σ_0h in cells."""
+        return strengths[0] + (strengths[1] * arb(place[1]) if self.cells else arb(0))
+
+    def largest(self, sums):
+        """The largest of Σ factor·sum in a box."""
+        return sum(map(abs, sums)) if self.cells else abs(sums[0]) + sums[1].max(arb(0))
+
+
+def combined(factors, state, names):
+    return sum((f * state[name] for f, name in zip(factors, names, strict=True)), arb(0))
+
+
+def used(value, bound):
+    """The share of the bound that a value uses, > 1 if it is larger by a single bit."""
+    if not bound > 0:
+        return math.inf if value > 1e-30 else 0.0
+    share = float((value / bound).mid())
+    return share if value <= bound else max(share, math.nextafter(1, 2))
+
+
+def audit_of_a_kick(kernel, kick, strengths, scale, numbers):
+    """What one kick makes of a state, against what it has to, in arithmetic of many digits.
+
+    strengths : k, and for cells h and those of the next kick. Returns the shares of the bounds that
+    are used, by name, > 1 where a bound is too small; of a box that is bad none.
+
+    1. Along any orbit of the box the chain holds but for a defect; A and B grow by its parts.
+    2. `rest` grows by what Q may be larger by and is not in the sums; and all of it is paid.
+    3. A box that is too large, or has lost its Wronskian, is bad.
+    """
+    ctx.prec = 256
+    state, bad, inner = kick(*strengths, scale, tuple(numbers))
+    a, b, k, pi = kernel.state(numbers), kernel.state(state), strengths[0], arb.pi()
+    spread = strengths[1] if kernel.cells else 0.0
+    moves, steps, sums = zip(*kernel.known, strict=True)
+    moves1, steps1, sums1 = zip(*kernel.swapped(kernel.known), strict=True)
+    wronskian = abs(a["v"] * b["t"] - b["v"] * a["t"])
+    E = a["A"] * abs(a["v"]) + a["B"] * abs(a["t"]) + sum(abs(a[name]) for name in moves)
+    if E > 0.1 or abs(wronskian * scale - 1) > 1.01e-3 or b["V"] > 1e100:
+        return {"bad": math.inf if bad <= 0 else 1.0}
+    if not bad <= 0:
+        return {}
+    X, Y = a["x"] + a["x_low"] + fmpq(1, 4), a["y"] + a["y_low"]
+    sine, cosine = (2 * X).sin_cos_pi()
+    h, V2 = sine / (2 * pi), a["V"] ** 2
+    defect = curved = unseen = more = arb(0)
+    for place in kernel.places:
+        factors, strength = kernel.factors(place), kernel.strength(strengths, place)
+        square = 0 if kernel.cells else (factors[0] * a["t"]) ** 2
+        known, added = combined(factors, a, moves), combined(factors, b, sums1)
+        added -= combined(factors, a, sums)
+        for sign in (1, -1):
+            alpha, beta = sign * a["A"] * a["v"].sgn(), sign * a["B"] * a["t"].sgn()
+            moved = known + alpha * a["v"] + beta * a["t"]
+            sine_there, cosine_there = (2 * (X + moved)).sin_cos_pi()
+            kicked = strength * sine_there / (2 * pi)
+            off = X + moved + Y + combined(factors, a, steps) + alpha * a["w"] + beta * a["z"]
+            off += kicked - b["x"] - b["x_low"] - fmpq(1, 4) - combined(factors, b, moves1)
+            off -= alpha * b["v"] + beta * b["t"]
+            defect = defect.max(abs(off - round(float(off.mid()))))
+            line = strength * h + k * (cosine * moved - pi * sine * square)
+            curved = curved.max(abs(kicked - line))
+            change = strength * cosine_there - k * cosine
+            unseen = unseen.max(abs(V2 * change - added))
+            line = (strength - k) * cosine - 2 * pi * k * (sine * known + pi * cosine * square)
+            more = more.max(abs(change - line))
+
+    # Rounding, at worst: of x̂, of the solutions here and at the next site, of cos, and of V.
+    source = spread * h if kernel.cells else -2 * pi**2 * k * h * a["t"] ** 2
+    rounded = a["A"] * (abs(b["w"]) + abs(b["v"]) + abs(a["v"]))
+    rounded += a["B"] * (abs(b["z"]) + abs(b["t"]) + abs(a["t"]))
+    rounded += sum(abs(a[name]) for name in moves) + sum(abs(b[name]) for name in moves1 + steps1)
+    rounded += abs(b[steps1[1]] - source) + abs(source)
+    solutions = ULP * rounded + COS_ERROR * abs(k) * E
+    orbit = kernel.rounding[0] * abs(k) + kernel.rounding[1]
+    worst = (curved + solutions + orbit).max(defect) * (1 + LONGEST * ULP) / wronskian
+    of_V = V2 * ((7 + 4 * abs(k)) * ULP + COS_ERROR * (abs(k) + spread))
+    of_sums = ULP * sum(abs(b[name]) for name in sums1)
+    needed = kernel.largest([b[name] for name in sums1]) + b["rest"]
+    payment = a["V"] * (b["W"] - a["W"] - k * cosine * a["V"])
+    paid = a["paid"] + payment + of_V
+    shares = {
+        "sine": used(abs(sine), arb(inner["sine"])),
+        "solutions": used(solutions, arb(inner["solutions"])),
+        "A": used(worst * abs(a["t"]), b["A"] - a["A"] + ULP * b["A"]),
+        "B": used(worst * abs(a["v"]), b["B"] - a["B"] + ULP * b["B"]),
+        "rest": used((V2 * more + of_V + of_sums).max(unseen), b["rest"] - a["rest"]),
+        "paid": used(needed, paid),
+    }
+    record = b["paid"] - a["paid"]
+    if kernel.cells:
+        shares["records"] = used(b["paid"], paid)
+    elif record > 1e-9 * a["paid"]:  # later, records are as good as their sum is rounded
+        shares["records"] = used(record * (1 + LONGEST * ULP), payment + of_V)
+    return shares
+
+
+def audit_of_kicks(kernel, *changes):
+    """The largest shares by name; it ends where a bound is too small."""
+    kick, largest = in_python(kernel.functions, *changes), {}
+    for row in rows(kernel):
+        for name, share in audit_of_a_kick(kernel, kick, *row).items():
+            largest[name] = max(largest.get(name, 0.0), share)
+            if not share <= 1:
+                return largest
+    return largest
+
+
+def audit_of_a_box(kernel, cycle, scale, numbers, life):
+    """The shares of the bounds of ρ_n, and of what is paid, along orbits of a box from its line on.
+
+    cycle : the strengths of the kicks of a period, as the kernel takes them. After each kick the V
+    up to there are an η with Σ_k η_k(Hη)_k ≤ 0 but for its last neighbour and what is paid.
+    """
+    kick, states = in_python(kernel.functions), [kernel.state(numbers)]
+    ctx.prec = 150 + 3 * life
+    for n in range(life):
+        numbers, bad, _ = kick(*cycle[n % len(cycle)], scale, tuple(numbers))
+        states.append(kernel.state(numbers))
+        if not (bad <= 0 and states[-1]["V"] > 0):
+            break
+    shares = {"rho": 0.0, "paid": 0.0}
+    moves, steps, _ = zip(*kernel.known, strict=True)
+    for place in kernel.places:
+        start, factors, variation, half = states[0], kernel.factors(place), arb(0), arb(0.5)
+        x = start["x"] + start["x_low"] + fmpq(1, 4)
+        step = start["y"] + start["y_low"] + combined(factors, start, steps)
+        V_before = states[1]["V"]
+        for n, (state, later) in enumerate(pairwise(states)):
+            rho = x - state["x"] - state["x_low"] - fmpq(1, 4)
+            rho -= combined(kernel.factors(place), state, moves)
+            bound = state["A"] * abs(state["v"]) + state["B"] * abs(state["t"])
+            shares["rho"] = max(shares["rho"], used(abs(rho - round(float(rho.mid()))), bound))
+            strength = kernel.strength(cycle[n % len(cycle)], place)
+            sine, cosine = (2 * x).sin_cos_pi()
+            V = state["V"]
+            variation += half * V * ((2 + strength * cosine) * V - V_before - later["V"])
+            shares["paid"] = max(shares["paid"], used(variation + later["paid"], later["paid"]))
+            step += strength * sine / (2 * arb.pi()) if n > 0 else 0
+            x, V_before, half = x + step, V, arb(1)
+            place = kernel.swapped(place)
+    return shares
+
+
+@cache
+def rows(kernel, count=200):
+    """(strengths, scale, numbers) of a kick, in which each part of the bounds is the largest now
+    and then, and nearly all that is due has been paid before.
+    """
+    rng, kick, found = np.random.default_rng(1), in_python(kernel.functions), []
+
+    def size(low, high):
+        return float(10 ** rng.uniform(low, high) * rng.choice([-1, 1]))
+
+    for _ in range(count):
+        spread = rng.choice([abs(size(-10, 0)), rng.uniform(0, 2)]) if kernel.cells else 0.0
+        k = float(rng.choice([0.0, 1.0, rng.uniform()]) * (2 - spread) * rng.choice([-1, 1]))
+        strengths = (k, float(spread), 1.0, 0.0) if kernel.cells else (k,)
+        row = dict.fromkeys(kernel.names, 0.0)
+        turn = rng.choice([rng.uniform(-0.5, 0.5), rng.integers(-2, 3) / 4 + size(-17, -3)])
+        row |= {"x": float(turn - np.rint(turn)), "y": rng.uniform(-0.5, 0.5)}
+        row |= {"v": size(-1, 3), "V": abs(size(-1, 2))}
+        parts = 10 ** np.append(0, rng.uniform(-9, 0, len(kernel.known) + 1))
+        parts = rng.permutation(parts)
+        parts[0] = max(parts[0], 0.3)  # else a box is bad
+        parts *= rng.choice([abs(size(-18, -1)), 0.12], p=[0.95, 0.05]) / parts.sum()
+        for (move, step, _), part in zip(kernel.known, parts, strict=False):
+            row[move] = float(part * rng.choice([-1, 1]))
+            row[step] = row[move] * rng.uniform(-3, 1)
+        if spread and rng.uniform() < 0.2:  # the kick takes p where it was
+            row["zp"] = -spread * math.cos(2 * math.pi * row["x"]) / (2 * math.pi)
+            row["p"] = 0.0
+        row |= {"A": parts[-1] / abs(row["v"]), "B": parts[-2] / abs(row["t"])}
+        row |= {"w": row["v"] * rng.uniform(-2, 2), "W": row["V"] * rng.uniform(-1, 1)}
+        wronskian = row["v"] * row["z"] - row["w"] * row["t"]
+        if wronskian < 0:
+            row |= {name: -row[name] for name in ("v", "w")}
+        scale = float(1 / abs(wronskian) * rng.choice([1.0, 1.0, 1.0, 1.002]))
+        for *_, name in kernel.known:
+            row[name] = row["V"] ** 2 * size(-8, 8) * float(rng.choice([0, 1]))
+        row["rest"] = row["V"] ** 2 * abs(size(-12, 0)) * float(rng.choice([0, 1]))
+        numbers = [float(row[name]) for name in kernel.names]
+        paid = kernel.names.index("paid")
+        due = kick(*strengths, scale, tuple(numbers))[0][paid]
+        nearly = 1 - abs(size(-17, rng.choice([-13, 0])))
+        numbers[paid] = float(due / (1 + 1e-14) * nearly * rng.choice([0, 1]))
+        found.append((strengths, scale, numbers))
+    return found

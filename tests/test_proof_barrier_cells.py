@@ -6,10 +6,10 @@ from itertools import product
 
 import numpy as np
 import pytest
-from audit import mutant, thirds
 from numpy.polynomial.chebyshev import chebval2d
 
 pytest.importorskip("flint")
+from audit import mutant, thirds
 from flint import arb, ctx
 
 from nasm import certificate_checker as checker
