@@ -31,7 +31,18 @@ from nasm.critical import CriticalScale, Status, no_answer
 from nasm.maps import direction, forcing, unkick
 from nasm.numbers import checked, convergents, moebius, nobles_near, parse, rational
 from nasm.orbits import rotation_number
-from nasm.symmetries import shorten
+from nasm.symmetries import ray, shorten
+
+__all__ = [
+    "boundary",
+    "critical_scale",
+    "eliminates",
+    "last_circle",
+    "longest_lived",
+    "remnant",
+    "tied",
+]
+__dir__ = __all__.copy
 
 _LOCATE = (1000, 4000, 16_000, 64_000)  # steps of converse KAM in step 1, round by round
 _LOCATE_ANYWHERE = (250, 1000, 4000)  # of converse KAM on transversals
@@ -292,3 +303,17 @@ def tied(omega, profile):
     if profile.size % 2 or (profile[::2].any() and profile[1::2].any()):
         return None
     return moebius(omega, -1, profile.size // 2)
+
+
+def boundary(angles, tol=1e-4):
+    """The boundary of global transport of two kicks, ray by ray: a list of CriticalScale.
+
+    Parameters
+    ----------
+    angles : sequence of floats, degrees; (κ1, κ2) = s·(cos angle, sin angle).
+    tol : float, as for `critical_scale`: half a second of CPU time a ray at 10⁻⁴, 2 s at 2·10⁻⁵.
+    """
+    angles = np.ravel(np.asarray(angles, dtype=float))
+    if not np.isfinite(angles).all():
+        raise ValueError(f"angles={angles.tolist()} must be finite numbers, in degrees")
+    return [critical_scale(profile, tol) for profile in ray(angles)]

@@ -27,6 +27,9 @@ from fractions import Fraction
 
 from flint import acb, acb_poly, arb, arb_poly, ctx, fmpq
 
+__all__ = ["Refuted", "check"]
+__dir__ = __all__.copy
+
 BITS = 192
 
 _TRANSPORT = {"kappa", "site", "a", "boxes", "lives"}

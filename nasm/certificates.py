@@ -2,6 +2,9 @@
 
 from nasm.checks import sealed
 
+__all__ = ["certificate"]
+__dir__ = __all__.copy
+
 _VERSION = 1
 # SHA-256 of each statement in PROOFS.md.
 _STATEMENTS = {

@@ -44,6 +44,9 @@ from nasm.kernels import kernel
 from nasm.maps import TWO_PI, forcing
 from nasm.sine import cos2pi, sin2pi
 
+__all__ = ["HalfOrbit", "newton", "ordered"]
+__dir__ = __all__.copy
+
 MAX_PERIOD = 10**6
 _ROUNDING = 1e-12  # of the distance of two sites, 1e-14 as a rule
 

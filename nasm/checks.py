@@ -10,6 +10,9 @@ from numbers import Integral, Real
 
 import numpy as np
 
+__all__ = ["count", "fraction", "points", "real", "sealed"]
+__dir__ = __all__.copy
+
 MAX_DENOMINATOR = 10**6
 
 

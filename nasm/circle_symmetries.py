@@ -19,6 +19,9 @@ from nasm import circles, fourier, symmetries
 from nasm.maps import TWO_PI
 from nasm.numbers import moebius
 
+__all__ = ["alternate", "interleave", "negate", "repeat", "shift"]
+__dir__ = __all__.copy
+
 
 def repeat(circle, times):
     """The circle of the same map with its forcing written out `times` times; ω → times·ω."""

@@ -25,7 +25,7 @@ circle here has therefore converged again, with h' > 0, on a grid four times fin
 Grids have up to 10⁶ points; see `nasm.memory` for programs that compute many circles.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from math import prod
 
@@ -40,6 +40,9 @@ from nasm.kernels import kernel
 from nasm.maps import TWO_PI, forcing
 from nasm.numbers import RotationNumber, checked
 from nasm.sine import sin2pi
+
+__all__ = ["InvariantCircle", "amplitude", "graph", "invariant_circle", "newton_step", "residual"]
+__dir__ = __all__.copy
 
 N_FIRST = 64  # points of the first grid
 N_LARGEST = 2**16
@@ -64,7 +67,7 @@ class InvariantCircle:
 
     omega: RotationNumber
     kappa: np.ndarray
-    u: np.ndarray
+    u: np.ndarray = field(repr=False)
     error: float
     status: Status
 

@@ -71,6 +71,9 @@ from nasm.periodic import dominant_lines, primitive
 from nasm.sine import COSINE, SINE
 from nasm.symmetries import CUSP_EXPONENT, distances_to_shorter
 
+__all__ = ["critical_scale", "eliminates", "elimination_time", "longest_lived", "start"]
+__dir__ = __all__.copy
+
 _METHOD = "converse KAM"
 MAX_STEPS = 10**9
 

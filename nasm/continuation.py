@@ -30,6 +30,9 @@ from nasm.maps import TWO_PI, direction, forcing
 from nasm.numbers import checked, convergents
 from nasm.symmetries import CUSP_EXPONENT, distances_to_shorter, shorten
 
+__all__ = ["certified_circle", "certified_scale", "critical_scale", "fineness"]
+__dir__ = __all__.copy
+
 METHOD = "continuation of circles"
 UNSTABLE = {(1,): 1.6279500, (2,): 2.4416, (3,): 3.344, (4,): 4.265}
 """δ by the tail of ω. Golden: MacKay, Physica D 7 (1983) 283. Twos, threes and fours: measured with

@@ -11,6 +11,9 @@ from enum import Enum
 
 from nasm.numbers import RotationNumber
 
+__all__ = ["CriticalScale", "Status", "no_answer"]
+__dir__ = __all__.copy
+
 
 class Status(Enum):
     """Why a CriticalScale has the value it has; anything but OK and WIDE comes with value NaN.
@@ -32,6 +35,8 @@ class Status(Enum):
     NOT_CONVERGED = "the estimates did not settle within the effort allowed"
     NO_CENTRE = "the forcing has no symmetry centre, so there are no symmetric orbits"
     WIDE = "value and error stand, but the bracket is more than twice as wide as asked for"
+
+    __repr__ = Enum.__str__  # short
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,9 @@ from numba import njit
 
 from nasm.lanes import fma, rint
 
+__all__ = ["add", "divided", "multiply", "pair", "sincos_2pi"]
+__dir__ = __all__.copy
+
 
 def _arctan_inverse(n):
     return sum(Fraction((-1) ** k, (2 * k + 1) * n ** (2 * k + 1)) for k in range(40))

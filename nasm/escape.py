@@ -30,6 +30,9 @@ from nasm.lanes import LANES, fabs, fma, load, maximum, own_frame, rint, store
 from nasm.maps import direction, forcing
 from nasm.sine import SINE
 
+__all__ = ["PAPER_WINDOW", "boundary", "critical_scale", "ensemble", "escape_time"]
+__dir__ = __all__.copy
+
 _METHOD = "direct iteration"
 PAPER_WINDOW = (-2.0, 2.3)
 """Sec. V.B: the starts fill 0 ≤ y ≤ 0.3, and |y_n - y_0| > 2 shows transport."""

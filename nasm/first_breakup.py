@@ -21,6 +21,9 @@ from nasm.critical import CriticalScale, Status, no_answer
 from nasm.maps import direction, forcing
 from nasm.verdict import Answer, Evidence, verdict
 
+__all__ = ["circle_scale", "critical_scale"]
+__dir__ = __all__.copy
+
 _STEP = 0.1  # of the largest strength: a region without circles that is narrower is stepped over
 _FARTHEST = 4.0  # change of the largest strength
 _SCALES = np.arange(1, round(_FARTHEST / _STEP) + 1)  # of circles, in steps

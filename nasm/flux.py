@@ -39,6 +39,9 @@ from nasm.periodic import dominant_centre, minimax_centre, minimizing_centre
 from nasm.sine import cos2pi, sin2pi
 from nasm.symmetries import shorten
 
+__all__ = ["Flux", "action_difference", "flux"]
+__dir__ = __all__.copy
+
 _SETTLED = 0.01  # relative change from one convergent to the next above which there is no answer
 
 

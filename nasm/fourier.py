@@ -16,6 +16,9 @@ from scipy.fft import next_fast_len
 from nasm.maps import TWO_PI
 from nasm.numbers import convergents
 
+__all__ = ["derivative", "resample", "rotate", "smallest_divisor", "solve_cohomology"]
+__dir__ = __all__.copy
+
 _LARGEST_DENOMINATOR = 10**12  # k·p stays below 2⁶³ up to k = 9·10⁶
 
 

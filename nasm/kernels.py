@@ -27,6 +27,9 @@ from numba import config, njit
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
 from numba.misc.appdirs import AppDirs
 
+__all__ = ["are_missing", "directory", "kernel"]
+__dir__ = __all__.copy
+
 _UNUSED = 30 * 24 * 3600  # seconds after which the kernels of another version are deleted
 _PATIENCE = 10  # seconds to wait for another writer
 

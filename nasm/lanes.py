@@ -22,6 +22,9 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic, models, overload, register_model
 
+__all__ = ["LANES", "load", "own_frame", "store"]
+__dir__ = __all__.copy
+
 LANES = 64
 FEW = 16
 

@@ -26,6 +26,9 @@ from nasm.numbers import nobles_near
 from nasm.orbits import kicked_orbit
 from nasm.sine import cos2pi
 
+__all__ = ["of_fraction", "of_irrational", "upper_scale"]
+__dir__ = __all__.copy
+
 _BELOW = 1 - np.array([0.01, 0.02, 0.03, 0.05, 0.07, 0.09, 0.12, 0.15, 0.2, 0.25, 0.3])
 _METHOD = "converse KAM, and continuation of what survives"
 _TOL = 4e-3  # of upper

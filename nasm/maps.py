@@ -22,6 +22,18 @@ from numba.extending import register_jitable
 from nasm.checks import fraction
 from nasm.sine import cos2pi, sin2pi
 
+__all__ = [
+    "forcing",
+    "kick",
+    "rotating_forcing",
+    "step",
+    "step_tangent",
+    "twist",
+    "unkick",
+    "unstep",
+]
+__dir__ = __all__.copy
+
 TWO_PI = 2 * np.pi
 
 MAX_STRENGTH = 1e6

@@ -20,6 +20,9 @@ from numbers import Integral
 
 from nasm.checks import count, real
 
+__all__ = ["NAMES", "RotationNumber", "convergents", "moebius", "nobles_near", "parse", "rational"]
+__dir__ = __all__.copy
+
 NAMES = (
     "gamma",
     "gamma+1",
@@ -40,7 +43,7 @@ _SUM = rf"[+-]?{_TERM}(?:[+-]{_TERM})*"
 _RATIO = rf"(-?{_TERM}|\({_SUM}\))/({_TERM}|\({_SUM}\))"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class RotationNumber:
     """[prefix; (tail)]: partial quotients, and those that repeat for ever (none if rational).
 
@@ -56,6 +59,9 @@ class RotationNumber:
         periodic = f"({','.join(map(str, self.tail))})" if self.tail else ""
         parts = [*map(str, self.prefix), *([periodic] if periodic else [])]
         return f"[{';'.join([parts[0], ','.join(parts[1:])]) if parts[1:] else parts[0]}]"
+
+    def __repr__(self):
+        return f'parse("{self}")'
 
     def __float__(self):
         """The nearest float: that of two consecutive convergents that round alike, as ω between

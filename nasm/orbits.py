@@ -16,6 +16,9 @@ from nasm.checks import count, points
 from nasm.kernels import kernel
 from nasm.maps import forcing, kick
 
+__all__ = ["kicked_orbit", "orbit", "passages", "portrait", "rotation_number"]
+__dir__ = __all__.copy
+
 MAX_STEPS = 10**9
 
 REGULAR_DIGITS = 5

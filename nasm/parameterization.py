@@ -14,6 +14,9 @@ import numpy as np
 from nasm import fourier
 from nasm.maps import forcing, kick, step, step_tangent
 
+__all__ = ["newton_step", "symplectic_frame", "twist"]
+__dir__ = __all__.copy
+
 J_INVERSE = np.array([[0.0, -1.0], [1.0, 0.0]])
 
 

@@ -27,6 +27,9 @@ from nasm.maps import direction, forcing, rotating_forcing, unkick
 from nasm.numbers import convergents, rational
 from nasm.symmetries import CUSP_EXPONENT, distances_to_shorter, shorten
 
+__all__ = ["critical_scale", "crossings", "residue", "symmetric_orbit", "torus_scale"]
+__dir__ = __all__.copy
+
 _METHOD = "Greene's residue"
 _ROUNDING = 1e-12  # residues below are rounding errors of the slopes v' and w', which are near 1
 _NO_RESONANCE = 1e-9  # of the largest: below, F_p is 0 up to rounding

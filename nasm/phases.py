@@ -47,6 +47,9 @@ from nasm.kernels import kernel
 from nasm.maps import MAX_STRENGTH, direction, forcing, kick, phased_kick, phased_unkick
 from nasm.sine import cos2pi
 
+__all__ = ["asymptotic", "critical_scale", "elimination_time", "escape_time", "last_survivor"]
+__dir__ = __all__.copy
+
 _METHOD = "converse KAM"
 _GRIDS = ((2048, 0.5), (1597, 0.382))  # starts, and the place of the start in its cell
 _KEPT = 32  # starts from which the search goes on at each level

@@ -27,6 +27,9 @@ from nasm.maps import direction, forcing
 from nasm.symmetries import ray
 from nasm.transversals import MAX_PERIOD
 
+__all__ = ["Plane", "from_json", "parse", "rotating", "three_kicks", "two_kicks"]
+__dir__ = __all__.copy
+
 _AXIS = re.compile(r"kappa\w*(?<!_bounds)", re.ASCII)  # no other name in a cube is such a one
 _LONGEST_NAME = 60  # it stands in the names of files
 _SAME = 1e-14  # of the largest strength: rounding of cosines

@@ -34,6 +34,9 @@ from nasm.maps import direction, forcing
 from nasm.numbers import RotationNumber, checked, convergents
 from nasm.symmetries import shorten
 
+__all__ = ["BarrierProof", "need_flint", "prove", "proved_lower"]
+__dir__ = __all__.copy
+
 try:
     from flint import acb, acb_poly, arb, arb_poly, ctx
 except ImportError:  # the extra `proof`
@@ -69,7 +72,7 @@ class BarrierProof:
     short_kappa: tuple[float, ...]
     n: int = 0
     rho: float = nan
-    constants: dict = field(default_factory=dict)
+    constants: dict = field(default_factory=dict, repr=False)
     modes: list = field(default_factory=list, repr=False)
 
     def certificate(self):

@@ -45,6 +45,9 @@ from nasm.proof_barrier import (
     turns,
 )
 
+__all__ = ["BarrierCellProof", "prove_cell"]
+__dir__ = __all__.copy
+
 try:
     from flint import acb, arb, ctx
 except ImportError:  # the extra `proof`
@@ -78,7 +81,7 @@ class BarrierCellProof:
     half_width: float
     n: int = 0
     rho: float = nan
-    constants: dict = field(default_factory=dict)
+    constants: dict = field(default_factory=dict, repr=False)
     centre: list = field(default_factory=list, repr=False)
     moves: np.ndarray | None = field(default=None, repr=False)
 

@@ -13,7 +13,7 @@ signed; what is quadratic in them is in the remainder. See `PROOFS.md`, "Transpo
 """
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numba import njit
@@ -54,6 +54,9 @@ from nasm.proof_transport import (
 )
 from nasm.sine import COSINE, SINE
 
+__all__ = ["CellProof", "prove_cell"]
+__dir__ = __all__.copy
+
 _C0, _C1, _C2, _C3, _C4, _C5, _C6, _C7 = SINE
 _D0, _D1, _D2, _D3, _D4, _D5, _D6, _D7 = COSINE
 
@@ -86,8 +89,8 @@ class CellProof:
     half_width: tuple[float, float]
     site: int
     a: float
-    boxes: np.ndarray
-    lives: np.ndarray
+    boxes: np.ndarray = field(repr=False)
+    lives: np.ndarray = field(repr=False)
     kicks: int
 
     @property

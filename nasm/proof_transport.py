@@ -30,7 +30,7 @@ nearest, gradual underflow and a true fma, which `check_arithmetic` tries at run
 
 import math
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 from math import factorial
 
@@ -60,6 +60,9 @@ from nasm.numbers import rational
 from nasm.periodic import dominant_centre
 from nasm.sine import COSINE
 from nasm.symmetries import shorten
+
+__all__ = ["Outcome", "TransportProof", "prove", "proved_upper"]
+__dir__ = __all__.copy
 
 _D0, _D1, _D2, _D3, _D4, _D5, _D6, _D7 = COSINE
 
@@ -125,8 +128,8 @@ class TransportProof:
     kappa: tuple[float, ...]
     site: int
     a: float
-    boxes: np.ndarray
-    lives: np.ndarray
+    boxes: np.ndarray = field(repr=False)
+    lives: np.ndarray = field(repr=False)
     kicks: int
 
     @property

@@ -10,7 +10,7 @@ cell for which neither is proved is cut into four. What `nasm.barriers` finds te
 look.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import nan
 
 import numpy as np
@@ -22,6 +22,9 @@ from nasm.maps import direction
 from nasm.numbers import RotationNumber, parse
 from nasm.proof_barrier import BarrierProof, proved_lower
 from nasm.proof_transport import TransportProof, proved_upper
+
+__all__ = ["Boundary", "ProvedBracket", "critical_scale", "proved_cells"]
+__dir__ = __all__.copy
 
 OPEN, TRANSPORT, BARRIER = 1, 2, 3  # states of a cell
 _WIDEST, _NARROWER = 0.2, 1.5  # half widths, in distances, for which one polynomial is enough
@@ -80,9 +83,9 @@ class Boundary:
     RotationNumbers of the last circles, for a period of two kicks; None where none is known.
     """
 
-    angles: np.ndarray
-    scales: np.ndarray
-    circles: list[RotationNumber | None]
+    angles: np.ndarray = field(repr=False)
+    scales: np.ndarray = field(repr=False)
+    circles: list[RotationNumber | None] = field(repr=False)
 
     def distance(self, kappa1, kappa2):
         """1 - s/s_c of forcings of the first quadrant, negative beyond the breakup, and s_c."""

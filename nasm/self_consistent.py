@@ -27,7 +27,7 @@ divides, takes roots and rounds to integers only, which IEEE 754 fixes to the la
 not depend on the machine or on what else it does.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numba import njit
@@ -36,6 +36,9 @@ from nasm.checks import count, points, real
 from nasm.kernels import kernel
 from nasm.maps import MAX_STRENGTH, TWO_PI
 from nasm.sine import cos2pi, sin2pi
+
+__all__ = ["Record", "evolve", "momentum"]
+__dir__ = __all__.copy
 
 MAX_KICKS = 10**9
 
@@ -54,10 +57,10 @@ class Record:
     phase : float, θ after the last kick; the amplitude is kappa[-1].
     """
 
-    kappa: np.ndarray
-    theta: np.ndarray
-    x: np.ndarray
-    y: np.ndarray
+    kappa: np.ndarray = field(repr=False)
+    theta: np.ndarray = field(repr=False)
+    x: np.ndarray = field(repr=False)
+    y: np.ndarray = field(repr=False)
     phase: float
 
 

@@ -17,6 +17,9 @@ cos2pi even to the last bit, so that the map's reflection symmetry is not broken
 import numpy as np
 from numba.extending import register_jitable
 
+__all__ = ["COSINE", "SINE", "cos2pi", "sin2pi"]
+__dir__ = __all__.copy
+
 SINE = (
     1.0,
     -6.579736267392568,

@@ -16,6 +16,9 @@ import numpy as np
 from nasm.maps import forcing, kick
 from nasm.numbers import RotationNumber, moebius
 
+__all__ = ["alternate", "lengthen", "negate", "ray", "reflect", "shift", "shorten", "translate"]
+__dir__ = __all__.copy
+
 CUSP_EXPONENT = 0.6
 """At a relative distance d from a forcing of a shorter period the boundary is below what it is
 there by about d^0.6: it has cusps, as that of CB_gt on |κ1| = |κ2|."""

@@ -29,7 +29,7 @@ by leaps as one resonance after the other awakes. More regular is max (h⁻¹)' 
 `critical_scale` takes the breakup, and fits the exponent.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import lru_cache
 from math import inf, isfinite, nan
@@ -45,6 +45,9 @@ from nasm.kernels import kernel
 from nasm.maps import TWO_PI, direction, forcing
 from nasm.numbers import RotationNumber
 from nasm.sine import cos2pi, sin2pi
+
+__all__ = ["InvariantTorus", "critical_scale", "graph", "height", "invariant_torus", "residual"]
+__dir__ = __all__.copy
 
 _METHOD = "continuation of tori"
 FIRST = 64, 128  # points of the first grid, along φ and θ
@@ -81,7 +84,7 @@ class InvariantTorus:
     frequency: float
     mean: float
     amplitude: float
-    u: np.ndarray
+    u: np.ndarray = field(repr=False)
     error: float
     status: Status
 

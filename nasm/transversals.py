@@ -50,6 +50,9 @@ from nasm.kernels import kernel
 from nasm.maps import TWO_PI, direction, forcing, kick
 from nasm.sine import cos2pi, sin2pi
 
+__all__ = ["elimination_time", "located", "longest_lived"]
+__dir__ = __all__.copy
+
 MAX_STEPS = 10**6
 MAX_PERIOD = 64  # kicks; `barriers` then takes minutes, also for 1%
 

@@ -2,11 +2,16 @@
 
 The boundary on the ray through the forcing tells only where to look and how hard. The answer comes
 from the forcing itself: a circle that is certified there, or no start that survives converse KAM.
+
+The module can be called as the function of its name, so that nasm.verdict(kappa) answers whatever
+was imported before.
 """
 
-from dataclasses import dataclass, replace
+import sys
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from math import inf
+from types import ModuleType
 
 import numpy as np
 
@@ -16,6 +21,9 @@ from nasm.critical import CriticalScale, Status, no_answer
 from nasm.maps import forcing
 from nasm.numbers import rational
 from nasm.symmetries import lengthen, shorten
+
+__all__ = ["Answer", "Evidence", "Verdict", "verdict"]
+__dir__ = __all__.copy
 
 _TOLERANCES = (1e-3, 1e-4, 2e-5)  # of the boundary next to a point: 0.1 s, 0.4 s and 2 to 3 s
 _WITHOUT_LINE = _TOLERANCES[:2]  # 1 s and 5 s for three kicks
@@ -33,6 +41,8 @@ class Answer(Enum):
     BARRIER = "barrier"
     TRANSPORT = "transport"
     UNDECIDED = "undecided"
+
+    __repr__ = Enum.__str__
 
 
 class Evidence(Enum):
@@ -62,6 +72,8 @@ class Evidence(Enum):
     )
     NONE = "no circle is certified at this forcing, and not all starts are eliminated"
 
+    __repr__ = Enum.__str__
+
 
 @dataclass(frozen=True)
 class Verdict:
@@ -79,7 +91,7 @@ class Verdict:
     answer: Answer
     evidence: Evidence
     boundary: CriticalScale
-    circle: tuple[np.ndarray, np.ndarray] | None = None
+    circle: tuple[np.ndarray, np.ndarray] | None = field(default=None, repr=False)
     steps: float = inf
     proof: object = None
 
@@ -196,3 +208,10 @@ def _circle_under(kappa, boundary):
         omegas = barriers.candidates(*barriers.longest_lived(beyond, 2 * _STEPS)[0])
     found = (circles.invariant_circle(omega, kappa, _MOST_POINTS) for omega in omegas)
     return next((circle for circle in found if circle.certified), None)
+
+
+class _Callable(ModuleType):
+    __call__ = staticmethod(verdict)
+
+
+sys.modules[__name__].__class__ = _Callable

@@ -1,0 +1,83 @@
+"""What a user types and sees: names that complete, answers that print on a line or two."""
+
+import ast
+import subprocess
+import sys
+from importlib import import_module
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import nasm
+from nasm.critical import Status
+from nasm.numbers import NAMES, parse
+
+MODULES = sorted(Path(nasm.__file__).parent.glob("[!_]*.py"))
+
+
+def defined_in(path):
+    """Names that a module defines, and does not import."""
+    for node in ast.parse(path.read_text(encoding="utf-8")).body:
+        if isinstance(node, ast.FunctionDef | ast.ClassDef):
+            yield node.name
+        elif isinstance(node, ast.Assign | ast.AnnAssign):
+            yield from (part.id for part in ast.walk(node) if isinstance(part, ast.Name))
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda path: path.stem)
+def test_completion_shows_the_public_names_that_a_module_defines_itself(path):
+    if path.stem == "certificate_checker":
+        pytest.importorskip("flint")
+    module = import_module(f"nasm.{path.stem}")
+    assert set(dir(module)) == set(module.__all__) <= set(defined_in(path))
+    assert not [
+        name for name in module.__all__ if name.startswith("_") or not hasattr(module, name)
+    ]
+
+
+def test_all_names_at_the_top_are_there_and_no_other():
+    assert all(getattr(nasm, name) is not None for name in dir(nasm))
+    assert (nasm.parse, nasm.boundary) == (parse, nasm.barriers.boundary)
+    with pytest.raises(AttributeError, match="no attribute 'nosuch'"):
+        nasm.nosuch  # noqa: B018
+
+
+@pytest.mark.parametrize(
+    "imports",
+    [
+        "import nasm; assert 'numba' not in sys.modules",
+        "from nasm.verdict import verdict; import nasm; assert nasm.verdict.verdict is verdict",
+        "import nasm.barriers; from nasm import verdict; assert verdict is nasm.verdict",
+    ],
+)
+def test_the_verdict_is_asked_for_at_the_top_whatever_was_imported_before(imports):
+    asks = "assert nasm.verdict((0, 0)).answer is nasm.verdict.Answer.BARRIER"
+    # nasm.barriers as an attribute, without an import of its own
+    asks += "; nasm.barriers.critical_scale"
+    subprocess.run([sys.executable, "-c", f"import sys; {imports}; {asks}"], check=True)
+
+
+def test_the_boundary_at_some_angles_is_the_breakup_on_their_rays():
+    found = nasm.boundary([0, 30], tol=1e-2)
+    assert found == [nasm.barriers.critical_scale(p, 1e-2) for p in nasm.symmetries.ray([0, 30])]
+
+
+@pytest.mark.parametrize("name", [*NAMES, "3/5", "[-2;1,4,(2,3)]", "7"])
+def test_a_rotation_number_prints_what_makes_it_again(name):
+    omega = parse(name)
+    assert eval(repr(omega), {"parse": parse}) == omega
+
+
+def test_answers_print_without_their_arrays():
+    circle = nasm.circles.invariant_circle(parse("gamma"), (0.3, 0.2))
+    assert circle.status is Status.OK
+    tau = nasm.tori.InvariantTorus(0.6, 0.4, 0.1, 0.2, np.zeros((64, 64)), 0.0, Status.OK)
+    said = nasm.verdict((0.3, 0.2))
+    proof = nasm.proofs.TransportProof(None, (1.0,), (1.0,), 0, 0.0, np.ones((9, 2)), np.ones(9), 1)
+    for answer in (circle, tau, proof, said):
+        assert len(repr(answer)) < 400
+    assert repr(circle).startswith(
+        'InvariantCircle(omega=parse("[0;(1)]"), kappa=array([0.3, 0.2])'
+    )
+    assert "Answer.BARRIER, evidence=Evidence.CIRCLE, boundary=CriticalScale(" in repr(said)
