@@ -8,7 +8,8 @@
   version has a directory of its own.
 - *Many processes.* Two that write at once would give two entries one number, so writers take turns.
 - *No harm.* Where nothing can be written or read, on a full disk, or from a damaged file, a kernel
-  is compiled as if there were no cache.
+  is compiled as if there were no cache. Each file ends with a digest of its content: machine code
+  with one bit changed would crash every process that loads it.
 
 The directory is in NUMBA_CACHE_DIR if that is set, else in the user's folder of caches. Only
 functions that Python calls are kernels; what they call is compiled into them (`njit` alone).
@@ -16,6 +17,7 @@ functions that Python calls are kernels; what they call is compiled into them (`
 
 import hashlib
 import os
+import pickle
 import shutil
 import time
 from contextlib import suppress
@@ -24,7 +26,12 @@ from importlib.metadata import version
 from pathlib import Path
 
 from numba import config, njit
-from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
+from numba.core.caching import (
+    CompileResultCacheImpl,
+    FunctionCache,
+    IndexDataCacheFile,
+    _CacheLocator,
+)
 from numba.misc.appdirs import AppDirs
 
 __all__ = ["are_missing", "directory", "kernel"]
@@ -91,10 +98,39 @@ class _Kept(CompileResultCacheImpl):
     _locator_classes = (_Locator,)
 
 
+class _Files(IndexDataCacheFile):
+    """Numba's files of a function: an index, and one for each of its types; OSError if damaged."""
+
+    def _dump(self, obj):
+        data = super()._dump(obj)
+        return data + hashlib.sha256(data).digest()
+
+    def _load_index(self):
+        if os.path.exists(self._index_path):
+            _check(self._index_path, len(pickle.dumps(self._version, protocol=-1)))
+        return super()._load_index()
+
+    def _load_data(self, name):
+        _check(self._data_path(name))
+        return super()._load_data(name)
+
+
+def _check(path, start=0):
+    """OSError unless the file from `start` on ends with the digest of what is before it."""
+    content = Path(path).read_bytes()[start:]
+    if hashlib.sha256(content[:-32]).digest() != content[-32:]:
+        raise OSError(f"{path} is damaged")
+
+
 class _Cache(FunctionCache):
     """Numba's cache of a function, which fails without a word."""
 
     _impl_class = _Kept
+
+    def __init__(self, function):
+        super().__init__(function)
+        stamp = self._impl.locator.get_source_stamp()
+        self._cache_file = _Files(self._cache_path, self._impl.filename_base, stamp)
 
     def load_overload(self, sig, target_context):
         try:

