@@ -229,10 +229,18 @@ def test_without_python_flint_asking_for_a_proof_says_what_to_install(monkeypatc
     assert "pip install 'nasm-transport[proof]'" in result.output
 
 
+def test_where_transport_is_the_verdict_dots_that_are_said_to_be_no_barrier_are_drawn_and_no_line():
+    kappa = np.array([1.0, 1.0])
+    figure = draw_verdict(ask.portrait_of(kappa, None, verdict(kappa), None))
+    told = [line for line in figure.axes[0].lines if "not a barrier" in line.get_label()]
+    assert [(line.get_ls(), line.get_color()) for line in told] == [("None", "black")]
+    assert all(line.get_ls() == "None" for line in figure.axes[0].lines)
+
+
 def test_the_circle_is_drawn_over_the_whole_period():
     kappa = np.array([0.3, 0.4])
     figure = draw_verdict(ask.portrait_of(kappa, None, verdict(kappa), None))
-    (circle,) = [line for line in figure.axes[0].lines if line.get_label().startswith("$")]
+    (circle,) = [line for line in figure.axes[0].lines if "certified" in line.get_label()]
     x, y = circle.get_data()
     assert x[0] <= 0 < 1 <= x[-1]
     assert (np.diff(x) > 0).all()

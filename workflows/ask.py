@@ -12,13 +12,13 @@ from zlib import crc32
 
 import click
 
-from workflows.parts.cli import announce_kernels, command, out_option, point_option
+from workflows.parts.cli import announce_kernels, command, draws, out_option, point_option
 from workflows.parts.verdict_words import SHOWN, name_of, sentences
 
 _STARTS, _STEPS = 64, 10**6  # of direct iteration; it only illustrates
 _POINTS = 2**20  # of orbits among which one is looked for that escapes
 _NEAR = 0.96  # where the boundary is nearer, no orbit escapes: none did on 12 rays, 4% beyond
-_INSIDE = 0.95  # of the breakup, where the last circle is drawn that broke
+_TRACED = 5000  # steps of the longest-lived start that are drawn, at most
 
 
 def escaping_orbit(kappa):
@@ -78,16 +78,15 @@ def forcing_asked(strengths, plane, files):
 
 
 def portrait_of(kappa, place, verdict, escaping):
-    """Return what `draw_verdict` takes: orbits, and the circle, or where the last one was."""
-    from nasm import circles
+    """Return what `draw_verdict` takes: orbits, and the circle, or the start that lives longest."""
+    from nasm import barriers, orbits
     from nasm.verdict import Answer
     from workflows.parts.phase_space import portrait
 
-    boundary, lost = verdict.boundary, None
-    if verdict.answer is Answer.TRANSPORT and boundary.omega is not None and boundary.value > 0:
-        scale = _INSIDE * boundary.value
-        found = circles.invariant_circle(boundary.omega, scale * kappa, n_max=2048)
-        lost = (scale, *circles.graph(found)) if found.certified else None
+    boundary, longest = verdict.boundary, None
+    if verdict.answer is Answer.TRANSPORT:
+        x, y, steps = barriers.remnant(kappa, int(min(max(1000, 2 * verdict.steps), _STEPS)))
+        longest = (steps, *orbits.orbit(kappa, x, y, int(min(steps, _TRACED))))
     return {
         "kappa": kappa,
         "place": place,
@@ -96,7 +95,7 @@ def portrait_of(kappa, place, verdict, escaping):
         "orbits": portrait(kappa),
         "omega": str(boundary.omega or ""),
         "circle": verdict.circle,
-        "lost": lost,
+        "longest": longest,
         "escaping": escaping,
         "bracket": (boundary.lower, boundary.value, boundary.upper),
     }
@@ -152,6 +151,7 @@ def asked_of_period(place, prove, strengths):
     help="A text file with kicks that come once and do not repeat, any number, likewise.",
 )
 @click.option("--prove", is_flag=True, help="Prove the answer, if 20 s are enough.")
+@draws
 @out_option
 def main(kappa, plane, sequence, once, prove, out):
     """Transport or barrier under kicks of strengths KAPPA ... in turn? With a portrait in OUT.

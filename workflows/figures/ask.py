@@ -8,34 +8,40 @@ from matplotlib.figure import Figure
 
 from workflows.figures.phase_space import draw_orbits
 from workflows.figures.planes import symbols
-from workflows.figures.style import cell, dots
+from workflows.figures.style import COLOURS, COLUMN, VERMILION, cell, circle_style, dots, in_column
 
-_CIRCLE, _ESCAPING, _BREAKUP = "black", "#D55E00", "#0072B2"
+_ESCAPING, _BREAKUP = VERMILION, COLOURS[0]
 
 
 def draw_verdict(portrait):
-    """Draw a phase portrait with the circle that is a barrier, or the one that broke, an orbit that
-    crosses its place, and the forcing in the plane.
+    """Draw a phase portrait with the circle that is a barrier, or the start that lives longest and
+    is none, an orbit that escapes, and the forcing in the plane.
 
     portrait : mapping of kappa, the strengths; place, (Plane, its two coordinates) or None; name,
     the forcing in words; answer, a word; x, y, arrays (step, orbit), and rotation, the ω of each
-    orbit, NaN if chaotic; omega, text, "" if unknown; circle, (x, y) or None; lost, (scale, x, y)
-    of that circle at the forcing times scale, or None; escaping, (x, y) of an orbit or None;
+    orbit, NaN if chaotic; omega, text, "" if unknown; circle, (x, y) or None; longest, (steps, x,
+    y) of the orbit of the start that lives longest, or None; escaping, (x, y) of an orbit or None;
     bracket, (lower, value, upper) of the breakup in parts of the forcing.
     """
-    figure = Figure(figsize=(11, 6.2))  # places are given: a layout engine takes half a second
-    places, gaps = [["plane", "time"], ["plane", "where"]], {"hspace": 0.45, "wspace": 0.12}
-    gaps |= {"left": 0.06, "right": 0.98, "bottom": 0.08, "top": 0.88}
-    panels = figure.subplot_mosaic(places, width_ratios=[1.7, 1], gridspec_kw=gaps)
-    axes, time, where = panels.values()
+    if in_column():
+        figure = Figure(figsize=(COLUMN, 2.2 * COLUMN), layout="constrained")
+        axes, time, where = figure.subplots(3, height_ratios=[1.8, 0.8, 1.2])
+    else:
+        figure = Figure(figsize=(11, 6.2))  # places are given: a layout engine takes half a second
+        places, gaps = [["plane", "time"], ["plane", "where"]], {"hspace": 0.45, "wspace": 0.12}
+        gaps |= {"left": 0.06, "right": 0.98, "bottom": 0.08, "top": 0.88}
+        panels = figure.subplot_mosaic(places, width_ratios=[1.7, 1], gridspec_kw=gaps)
+        axes, time, where = panels.values()
     draw_orbits(axes, portrait["orbits"])
     omega = rf"$\omega = {portrait['omega']}$"
     if portrait["circle"] is not None:
-        _draw_circle(axes, *portrait["circle"], color=_CIRCLE, lw=1.8, label=omega)
-    if portrait["lost"] is not None:
-        scale, x, y = portrait["lost"]
-        words = f"{omega} before it broke, at {scale:.3g} times the strengths"
-        _draw_circle(axes, x, y, color=_CIRCLE, lw=1.4, ls="--", label=words)
+        style = circle_style(portrait["omega"]) | {"marker": "", "ls": "-", "lw": 1.8}
+        _draw_circle(axes, *portrait["circle"], label=f"certified circle, {omega}", **style)
+    if portrait["longest"] is not None:
+        steps, x, y = portrait["longest"]
+        axes.plot(x % 1, cell(y), **dots("black", 3))
+        words = f"the start that lives longest, {steps:g} steps: not a barrier"
+        axes.plot([], [], label=words, **dots("black", 9))
     if portrait["escaping"] is None:
         _draw_heights(time, portrait)
     else:
@@ -58,7 +64,7 @@ def draw_verdict(portrait):
     if plane:
         for axis, sign in zip(plane.axes, symbols(plane.axes), strict=True):
             name = name.replace(axis, sign)
-    figure.suptitle(f"{name}: {portrait['answer']}")
+    figure.suptitle(f"{name}: {portrait['answer']}".replace("(-", "(−").replace(" -", " −"))
     return figure
 
 
@@ -74,10 +80,10 @@ def _draw_circle(axes, x, y, **style):
 
 def _draw_heights(axes, portrait):
     """Draw ω of the portrait's orbits by the height that they start at."""
-    y, omega = portrait["orbits"].start_y, portrait["orbits"].omega
+    y, omega = portrait["orbits"].start_y, portrait["orbits"].near
     for line, colour, words in ((0, "#0072B2", "0"), (1, "#D55E00", "1/2")):
         axes.plot(y[line::2], omega[line::2], ".", color=colour, label=f"from $x = {words}$")
-    axes.set(xlabel="$y$ of the start", ylabel=r"$\omega$; chaotic: none", xlim=(0, 1))
+    axes.set(xlabel="$y$ of the start", ylabel=r"$\omega$, none if chaotic", xlim=(0, 1))
     axes.legend(fontsize="x-small")
 
 
@@ -91,7 +97,7 @@ def _locate(axes, portrait):
     lower, value, upper = ends
     axes.plot(*np.outer(point, [lower, upper]), color=_BREAKUP, lw=3, solid_capstyle="butt")
     style = {"color": _BREAKUP, "mfc": "none", "label": "breakup of the last circle"}
-    axes.plot(*(value * point), "o", **style)
+    axes.plot(*(value * point), "o", ms=11, **style)
     axes.plot(*point, "*", color="black", ms=9, label="the forcing")
     axes.axhline(0, color="0.8", lw=0.6, zorder=0)
     axes.axvline(0, color="0.8", lw=0.6, zorder=0)
@@ -121,11 +127,11 @@ def draw_once(kappa, survivor, y, lives):
 
     survivor : `phases.Survivor`. y, lives : of starts on its line; inf for those that survive.
     """
-    figure = Figure(figsize=(11, 4), layout="constrained")
-    kicks, line = figure.subplots(1, 2)
+    figure = Figure(figsize=(COLUMN, 6) if in_column() else (11, 4), layout="constrained")
+    kicks, line = figure.subplots(*((2, 1) if in_column() else (1, 2)))
     kicks.plot(np.arange(1, kappa.size + 1), kappa, ".-", color="0.6", ms=3, lw=0.5)
     here, reach = survivor.site + 1, min(survivor.kicks, kappa.size)
-    kicks.axvspan(max(1, here - reach), min(kappa.size, here + reach), color=_CIRCLE, alpha=0.12)
+    kicks.axvspan(max(1, here - reach), min(kappa.size, here + reach), color="black", alpha=0.12)
     kicks.axvline(here, color=_ESCAPING, label=f"the line is before kick {here}")
     kicks.set(xlabel="kick", ylabel=r"$\kappa_n$", title="shaded: kicks that eliminate all starts")
     kicks.legend(fontsize="small")

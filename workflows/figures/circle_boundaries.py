@@ -1,9 +1,9 @@
 """CB_ω of each circle, and their tips, Figs. 8 and 9."""
 
-import matplotlib.pyplot as plt
+import numpy as np
 
 from workflows.figures.planes import fill_inside, in_plane, label_plane, of_two_kicks, whole_of
-from workflows.figures.style import INSIDE, circle_style, known, omega_label
+from workflows.figures.style import INSIDE, circle_style, in_column, known, omega_label, panels
 
 
 def draw_circle_boundaries(breakdown, residues, barrier):
@@ -11,23 +11,22 @@ def draw_circle_boundaries(breakdown, residues, barrier):
 
     The caption says where each circle comes nearest to CB_gt, and whether all lie within it.
     """
-    figure, axes = plt.subplots(figsize=(10, 5.8))
+    figure, (axes,) = panels(1, 1, 10, 5.8)
     sharp = known(breakdown)
     fill_inside(axes, barrier, INSIDE, label=r"$\mathit{CB}_{gt}$")
     draw_circles(axes, sharp)
     label_plane(axes, barrier)
     if of_two_kicks(barrier):
-        tip = axes.inset_axes([0.44, 0.055, 0.12, 0.2])
+        tip = axes.inset_axes([0.405, 0.06, 0.19, 0.3])
         fill_inside(tip, barrier, INSIDE)
         draw_circles(tip, sharp)
-        tip.set(xlim=(0.8, 0.98), ylim=(0.8, 0.98), aspect="equal")
-        tip.set_title("the tip at 45°", fontsize=8, pad=3)
-        tip.tick_params(labelsize=7)
+        ends = 0.8, 0.98
+        tip.set(xlim=ends, ylim=ends, xticks=ends, yticks=ends, aspect="equal")
+        tip.set_title("the tip at 45°", fontsize="small", pad=3)
+        tip.tick_params(labelsize="x-small")
     axes.set_title(r"Breakup of circles: $\mathit{CB}_\omega$, and of the last one")
-    if of_two_kicks(barrier):
-        axes.legend(loc="upper center", ncols=2, fontsize="small")
-    else:
-        axes.legend(loc="center left", bbox_to_anchor=(1, 0.5), fontsize="small")
+    columns = 2 if in_column() else 3
+    figure.legend(loc="outside lower center", ncols=columns, fontsize="small")
     scales = ["critical_scale", "error"]  # by residues, where there are any
     best = residues[scales].load().fillna(sharp[scales].load())
     ratio = 100 * best.critical_scale / barrier.critical_scale
@@ -46,30 +45,38 @@ def draw_circle_boundaries(breakdown, residues, barrier):
 
 
 def draw_tips(residues, circles, barrier):
-    """Draw the tips at 45° and 135° in detail, Fig. 9: residues as lines, circles as points.
+    """Draw the tips at 45° and 135° in detail, Fig. 9: residues as lines, circles as points; × on
+    CB_gt where one of them has no answer.
 
     The caption says how far the two methods are apart.
     """
-    figure, panels = plt.subplots(1, 2, figsize=(11, 5.5), layout="constrained")
+    figure, tips = panels(1, 2, 11, 6)
+    silent = (circles.status != 1) | (residues.status != 1)
+    gaps = barrier.sel(angle=circles.angle[silent.any("omega").values], method="nearest")
     lines, points = known(residues), known(circles)
-    for axes, sign in zip(panels, (-1, 1), strict=True):
+    for axes, sign in zip(tips, (-1, 1), strict=True):
         axes.fill_between(barrier.kappa1, barrier.kappa2, color=INSIDE)
         draw_circles(axes, lines)
         for i, text in enumerate(points.circle.values):
             style = circle_style(text, 1) | {"ls": "", "ms": 3}
             axes.plot(points.kappa1[i], points.kappa2[i], **style)
+        axes.plot(gaps.kappa1, gaps.kappa2, "x", color="black", ms=5, label="no answer on this ray")
         ends = sorted((sign * 0.7, sign * 1.0))
         axes.set(xlim=ends, ylim=(0.7, 1.0), aspect="equal", xlabel=r"$\kappa_1$")
-    panels[0].set_ylabel(r"$\kappa_2$")
-    panels[1].legend(loc="lower right", fontsize="x-small")
+        axes.set_xticks(sign * np.array([0.75, 0.8, 0.85, 0.9, 0.95]))
+        axes.set_ylabel(r"$\kappa_2$")
+    entries = tips[1].get_legend_handles_labels()
+    figure.legend(
+        *entries, loc="outside lower center", ncols=2 if in_column() else 4, fontsize="small"
+    )
     figure.suptitle("The tips: lines by Greene's residue, points by continuation of circles")
     off = abs(circles.critical_scale / residues.critical_scale - 1)
-    silent = int((circles.status != 1).sum() + (residues.status != 1).sum())
+    unanswered = int((circles.status != 1).sum() + (residues.status != 1).sum())
     return figure, (
         "The tips of the horns: lines by Greene's residue of periods up to "
         f"{residues.attrs['q_max']}, points by continuation to {circles.attrs['tol']:g}. Relative "
         f"difference of the two: median {float(off.median()):.1g}, largest {float(off.max()):.1g}; "
-        f"{silent} of {2 * circles.status.size} have no answer."
+        f"{unanswered} of {2 * circles.status.size} have no answer."
     )
 
 

@@ -1,29 +1,29 @@
 """Error against effort, Fig. 7 and its likes, with their captions."""
 
-import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.ticker import LogLocator
 
-from workflows.figures.style import colour_of, letters, mark_gaps, power
+from workflows.figures.style import colour_of, mark_gaps, panels, power
 
 
 def draw_convergence(bias, others, fits):
     """Draw error against effort of four methods, Fig. 7 and its likes, on logarithmic axes."""
-    figure, panels = plt.subplots(2, 2, figsize=(11, 9), layout="constrained")
-    direct, orbits, cones, sharp = panels.flat
+    figure, (direct, orbits, cones, sharp) = panels(2, 2, 11, 9)
     count, n = [int(size) for size in bias.ensemble], bias.n.values
     for i, angle in enumerate(bias.angle.values):
-        style = {"ls": (2 * i, (4, 4)) if i else "-"}  # where curves coincide, all are seen
+        # Where curves coincide, all are seen: dashes, and smaller marks, in front of the first.
+        style = {"ls": (2 * i, (4, 4)) if i else "-", "ms": 10 / (1 + i)}
         style |= {"color": colour_of(i), "label": rf"$\varphi = {angle:g}°$"}
         eta, error = fits[angle]
         here, label = bias.sel(angle=angle), rf": $\eta = {eta:.2f} \pm {error:.2f}$"
         direct.plot(n, here[-1], ".", color=style["color"], label=style["label"] + label)
         orbits.plot(bias.ensemble, (here / here.isel(ensemble=-1)).mean("n"), ".", **style)
         here, hollow = others.sel(angle=angle), style | {"mfc": "none", "label": None}
-        cones.plot(here.steps, here.cones_raw, "o", **style)
-        cones.plot(here.steps, here.cones_corrected, "s", **hollow)
+        cones.plot(here.steps, here.cones_raw, ".", **style)
+        cones.plot(here.steps, here.cones_corrected, "s", **hollow | {"ms": 5})
         q = here.residue.dropna("q")
         sharp.plot(q.q, q, ".", **style)
-        sharp.plot(here.modes, here.circles_raw, "^", **hollow)
+        sharp.plot(here.modes, here.circles_raw, "^", **hollow | {"ms": 9 - 4 * i})
     middle = float(bias[-1].median())
     for slope, style in ((2.681, ":"), (3.012, "-"), (3.322, "--")):
         guide = middle * (n / np.sqrt(n[0] * n[-1])) ** (-1 / slope)
@@ -32,17 +32,17 @@ def draw_convergence(bias, others, fits):
     mark_gaps(cones, others.steps.values, others.cones_raw.isnull().any("angle").values)
     mark_gaps(sharp, others.modes.values, others.circles_raw.isnull().any("angle").values)
     for axes, mark, words in (
-        (cones, "o", "upper bound"),
+        (cones, ".", "upper bound"),
         (cones, "s", "corrected for $N$"),
         (sharp, ".", "residue crossing, by $q$"),
         (sharp, "^", "last certified circle, by $n$"),
     ):
         axes.plot([], [], mark, color="0.4", mfc="none" if mark in "s^" else None, label=words)
-    bias_of = f"Bias in parts of that with {count[-1]} orbits"
+    bias_of = f"Bias of $M$ orbits over that of {count[-1]}"
     residues, periods = "Greene's residue, and certified circles", "period $q$, or grid points $n$"
     for axes, title, x, y in (
         (direct, f"Direct iteration, {count[-1]} orbits", "steps $N$", r"$\kappa_N/\kappa_c - 1$"),
-        (orbits, bias_of, "orbits $M$", "mean over $N$"),
+        (orbits, bias_of, "orbits $M$", f"bias over that of {count[-1]} orbits"),
         (cones, "Converse KAM", "steps $N$", "relative error"),
         (sharp, residues, periods, "relative error"),
     ):
@@ -50,7 +50,6 @@ def draw_convergence(bias, others, fits):
         axes.set_yscale("linear" if axes is orbits else "log")
         axes.grid(lw=0.3)
         axes.legend(fontsize="x-small")
-    letters(panels.flat)
     etas = ", ".join(f"{eta:.2f} ± {err:.2f} at {angle:g}°" for angle, (eta, err) in fits.items())
     return figure, (
         f"Error against effort on rays at {', '.join(f'{angle:g}°' for angle in fits)}, in parts "
@@ -63,17 +62,21 @@ def draw_convergence(bias, others, fits):
 
 def draw_diagonal(diagonal):
     """Draw direct iteration on the diagonal in the paper's axes, with a line for each half of N."""
-    figure, axes = plt.subplots(figsize=(7, 5), layout="constrained")
+    figure, (axes,) = panels(1, 1, 7, 5)
     axes.plot(diagonal.n, diagonal.distance, "ko", ms=4, mfc="none")
     etas = []
     for half, words in enumerate(diagonal.half.attrs["names"]):
         here = diagonal.isel(n=np.flatnonzero(diagonal.upper_half.values == half))
         eta, error = (f"{float(fitted[half]):.2f}" for fitted in (diagonal.eta, diagonal.eta_error))
         style = {"ls": "-" if half else "--", "color": colour_of(half)}
+        words = words.replace("N", "$N$")
         axes.plot(here.n, here.fit, label=rf"{words}: $\eta = {eta} \pm {error}$", **style)
         etas.append(f"{eta} ± {error}")
     mark_gaps(axes, diagonal.n.values, diagonal.distance.isnull().values)
     axes.set(xscale="log", yscale="log", xlabel="steps $N$", ylabel=r"$\kappa_N - \kappa_G$")
+    axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.yaxis.set_minor_formatter("")
     orbits = rf"${power(diagonal.n_orbits)}$ orbits"
     axes.set_title(rf"{orbits} on $(\kappa_1, \kappa_2) = (\kappa, \kappa)$")
     axes.grid(lw=0.3)

@@ -1,12 +1,11 @@
 """The main job's figure: three methods in one plane."""
 
-import matplotlib.pyplot as plt
 import numpy as np
 
 from workflows.figures.escape_plane import draw_field
 from workflows.figures.last_barrier import draw_panels
 from workflows.figures.planes import in_plane, of_two_kicks, whole_of
-from workflows.figures.style import circle_style, known, omega_label, power
+from workflows.figures.style import circle_style, in_column, known, omega_label, power
 
 
 def draw_critical_boundary(plane, circles, barrier):
@@ -14,8 +13,7 @@ def draw_critical_boundary(plane, circles, barrier):
 
     Below: which circle that is, by angle; and how CB_gt falls from the tip at 45°.
     """
-    figure = plt.figure(figsize=(12, 10.2), layout="constrained")
-    axes = draw_panels(figure, barrier)
+    figure, axes = draw_panels(barrier, 9.4)
     draw_field(axes, plane)
     circles = known(circles)
     for i, text in enumerate(circles.circle.values):
@@ -27,10 +25,14 @@ def draw_critical_boundary(plane, circles, barrier):
     behind = f"behind it, escape of {int(plane.ensemble[-1])} orbits within ${steps}$ steps"
     join = " " if barrier.angle[-1] <= 180 else "\n"  # of the upper half plane, which is wide
     axes.set_title(f"Where the last barrier breaks;{join}{behind}")
-    if of_two_kicks(barrier):  # whose boundary is straight there
+    if of_two_kicks(barrier) and not in_column():  # whose boundary is straight there
         x, y = (1.07 * np.interp((120, 130), barrier.angle, part) for part in in_plane(barrier))
         style = {"ha": "center", "va": "center", "size": 8, "clip_on": True}
         style["rotation"] = np.rad2deg(np.arctan(np.ptp(y) / -np.ptp(x)))
         axes.text(x.mean(), y.mean(), f"no barrier left, but no escape in ${steps}$ steps", **style)
-    axes.legend(loc="upper center", fontsize="small")
+    if in_column():
+        below = {"bbox_to_anchor": (0.45, -0.35), "fontsize": "small", "columnspacing": 1}
+        axes.legend(loc="upper center", ncols=3, **below)
+    else:
+        axes.legend(loc="upper center", ncols=3, fontsize="small", framealpha=0.9)
     return figure

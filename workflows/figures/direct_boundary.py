@@ -3,10 +3,9 @@
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.colors import LogNorm
-from matplotlib.patches import ConnectionPatch
 
 from workflows.figures.planes import in_plane, label_plane
-from workflows.figures.style import COLOURS, VERMILION, power
+from workflows.figures.style import COLOURS, COLUMN, VERMILION, in_column, panels, power
 
 # The paper's green triangles, red circles and blue squares, in colours that all can tell apart.
 _MARKS = list(zip("^osDv", [COLOURS[2], VERMILION, COLOURS[0], *COLOURS[4:6]], strict=True))
@@ -14,7 +13,7 @@ _MARKS = list(zip("^osDv", [COLOURS[2], VERMILION, COLOURS[0], *COLOURS[4:6]], s
 
 def draw_rays(boundary, barrier, last=90):
     """Draw the rays up to the last angle, by default the positive quadrant, Fig. 5."""
-    figure, axes = plt.subplots(figsize=(7.5, 7.5), layout="constrained")
+    figure, (axes,) = panels(1, 1, 7.5, 7.5)
     _draw_boundaries(axes, _up_to(boundary, last), _up_to(barrier, last))
     if last == 90:
         axes.set(xlim=(0, None))
@@ -23,24 +22,33 @@ def draw_rays(boundary, barrier, last=90):
 
 
 def draw_half_plane(boundary, barrier, insets):
-    """Draw the upper half plane, Fig. 6, with the cell at four forcings beside it."""
-    figure = plt.figure(figsize=(14, 6.2), layout="constrained")
-    # The insets are beside the side of the plane that their forcings are on, the outer ones above.
-    places = [["3", "plane", "1"], ["2", "plane", "0"]]
-    panels = figure.subplot_mosaic(places, width_ratios=[1, 3.1, 1])
-    plane = panels.pop("plane")
+    """Draw the upper half plane, Fig. 6, and below it the cell at four forcings."""
+    tall = 2.0 * COLUMN if in_column() else 10.5
+    figure = plt.figure(figsize=(COLUMN if in_column() else 11, tall), layout="constrained")
+    above, below = figure.subfigures(2, height_ratios=[1, 1.5] if in_column() else [1.6, 1])
+    plane = above.subplots()
     _draw_boundaries(plane, boundary, barrier)
     plane.set_ylim(0, None)
     plane.legend(loc="lower center")
-    for i, axes in panels.items():
-        _draw_inset(axes, plane, insets.isel(forcing=int(i)))
+    rows, columns = (2, 2) if in_column() else (1, 4)
+    cells = below.subplots(rows, columns, sharex=True, sharey=True).ravel()
+    norm = LogNorm(1, max(2.0, float(insets.visits.max())))
+    order = np.argsort(insets.kappa1.values, kind="stable")
+    for axes, i, letter in zip(cells, order, "bcde", strict=True):
+        shown = _draw_cell(axes, insets.isel(forcing=i), norm)
+        forcing = [float(insets[name][i]) for name in ("kappa1", "kappa2")]
+        plane.plot(*forcing, "*", color="black", ms=7, zorder=5)
+        side = {"textcoords": "offset points", "ha": "right" if forcing[0] < 0 else "left"}
+        at = (-6 if forcing[0] < 0 else 6, -3)
+        plane.annotate(f"({letter})", forcing, at, fontsize="small", zorder=5, **side)
+    below.colorbar(shown, ax=cells, label="visits", shrink=0.8)
     columns = ("kappa1", "kappa2", "lowest", "highest")
     ranges = "; ".join(
         f"({kappa1:g}, {kappa2:g}): {lowest:.3g} to {highest:.3g}"
         for kappa1, kappa2, lowest, highest in insets[[*columns]].to_array().values.T
     )
     return figure, (
-        "The same in the upper half plane. Insets: how often the orbit of "
+        "The same in the upper half plane, and at the forcings marked there how often the orbit of "
         f"({insets.start[0]:g}, {insets.start[1]:g}) visits the parts of the "
         f"cell in {insets.steps} steps (white: never); its range of y, not reduced, at {ranges}."
     )
@@ -93,23 +101,19 @@ def _draw_boundaries(axes, boundary, barrier):
             label += f", no answer on {silent} of {here.angle.size} rays"
         axes.plot(*in_plane(here), marker, label=label, **style)
     label_plane(axes, barrier)
-    axes.set_title(f"Global transport of ${power(boundary.n_orbits)}$ orbits")
+    axes.set_title(f"Where transport of ${power(boundary.n_orbits)}$ orbits is global")
 
 
-def _draw_inset(axes, plane, inset):
-    """Draw the cell, and a line from it to its forcing in the plane."""
+def _draw_cell(axes, inset, norm):
+    """Draw how often an orbit visits the parts of the cell; return the image."""
     visits = inset.visits.where(inset.visits > 0)
-    axes.imshow(visits, extent=(0, 1, 0, 1), origin="lower", cmap="Blues", norm=LogNorm(vmin=0.1))
-    forcing = float(inset.kappa1), float(inset.kappa2)
+    image = axes.imshow(visits, extent=(0, 1, 0, 1), origin="lower", cmap="Blues", norm=norm)
     axes.set(xlabel="$x$", ylabel="$y$", xticks=[0, 0.5, 1], yticks=[0, 0.5, 1])
+    axes.label_outer()
     low, high, transport = (float(inset[name]) for name in ("lowest", "highest", "transport"))
     verdict = {0: "barrier", 1: "transport"}.get(transport, "undecided")
     if transport == 1 and high - low < 1:
         verdict += f",\nbut this orbit stays in {low:.2f} < y < {high:.2f}"
-    title = f"$({forcing[0]:g}, {forcing[1]:g})$: {verdict}"
-    axes.set_title(title, fontsize="medium", color="#D55E00" if "but" in verdict else "black")
-    plane.plot(*forcing, "*", color="black", ms=7, zorder=5)
-    edge = (0, 0.25) if forcing[0] > 0 else (1, 0.25)  # off the labels
-    axes.figure.add_artist(
-        ConnectionPatch(edge, forcing, "data", "data", axesA=axes, axesB=plane, color="0.5", lw=0.8)
-    )
+    title = f"$({float(inset.kappa1):g}, {float(inset.kappa2):g})$: {verdict}"
+    axes.set_title(title, fontsize="medium", color=VERMILION if "but" in verdict else "black")
+    return image

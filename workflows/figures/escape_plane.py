@@ -6,7 +6,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.patheffects import withStroke
 
 from workflows.figures.planes import in_plane, label_plane, of_two_kicks
-from workflows.figures.style import COLOURS, NO_ESCAPE, power, smoothed
+from workflows.figures.style import COLOURS, NO_ESCAPE, in_column, power, smoothed
 
 _BOUNDARY_COLOURS = ["black", COLOURS[2], COLOURS[3]]  # far from those of the field
 
@@ -46,8 +46,9 @@ def draw_field(axes, plane):
     norm = LogNorm(vmin=earliest, vmax=max(plane.attrs["n_max"], 1.1 * earliest))
     image = axes.imshow(finite, norm=norm, cmap=colours, **style)
     label = "first escape $n^*$ (steps); light grey: none"
-    if "level" in plane:
+    if "level" in plane and not in_column():
         times = 2 ** (plane.attrs["levels"] - 1)
         label += f"\ncells up to {times} times wider far from the boundary"
-    axes.figure.colorbar(image, ax=axes, label=label, fraction=0.024, pad=0.02)
+    where = {"location": "top", "aspect": 40} if in_column() else {"fraction": 0.024, "pad": 0.02}
+    axes.figure.colorbar(image, ax=axes, label=label, **where)
     return field

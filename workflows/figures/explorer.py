@@ -8,6 +8,8 @@ from workflows.figures.phase_space import STRONG, draw_orbits
 from workflows.figures.planes import label_plane
 from workflows.figures.style import dots
 
+_SURVIVOR = dots("black", 3)  # unlike a circle: it is no barrier
+
 
 def draw_seen(seen):
     """Draw escape times, the boundary, or orbits with what decides in a strong colour."""
@@ -23,9 +25,9 @@ def draw_seen(seen):
             axes.plot(seen.scale * np.cos(angle), seen.scale * np.sin(angle), ".", color=STRONG)
         return figure
     draw_orbits(axes, seen)
-    for name, style in (("circle", {"lw": 1.8}), ("longest_lived", dots(STRONG, 3))):
+    for name, style in (("circle", {"lw": 1.8, "color": STRONG}), ("longest_lived", _SURVIVOR)):
         if f"{name}_x" in seen:
-            axes.plot(seen[f"{name}_x"], seen[f"{name}_y"], **{"color": STRONG, **style})
+            axes.plot(seen[f"{name}_x"], seen[f"{name}_y"], **style)
     left, bottom, width, height = seen.attrs["box"]
     axes.set(xlim=(left, left + width), ylim=(bottom, bottom + height))
     axes.set(xlabel="$x$ (turns)", ylabel="$y$ (mod 1)", box_aspect=1)

@@ -1,9 +1,8 @@
 """The flux through the last circle beyond its breakup, and how it deviates from its law."""
 
-import matplotlib.pyplot as plt
 import numpy as np
 
-from workflows.figures.style import circle_class, letters, line_of, mark_gaps
+from workflows.figures.style import circle_class, circle_style, mark_gaps, panels
 from workflows.parts.rays import with_tie
 
 _ETA = 3.0117  # ln(αβ)/ln δ of MacKay's scaling constants, a guide for the eye
@@ -14,14 +13,13 @@ def draw_flux(fluxes, fits):
 
     The caption has the fitted laws.
     """
-    figure, panels = plt.subplots(1, 2, figsize=(12, 5), layout="constrained")
-    whole, divided = panels
+    figure, (whole, divided) = panels(1, 2, 12, 5)
     x = fluxes.excess.values
     for i, angle in enumerate(fluxes.angle.values):
         flux, fit = fluxes.flux.sel(angle=angle).values, fits.sel(angle=angle)
         tie = r" (tied with $1 - \omega$)" if angle % 90 == 0 else ""
         label = rf"$\varphi = {angle:g}°$, $\omega = {circle_class(fit.circle.item())}${tie}"
-        style = {"marker": "osD^v"[i % 5], "ms": 3.5, "lw": 1, **line_of(i)}
+        style = circle_style(fit.circle.item(), 1) | {"ms": 3.5, "lw": 1, "marker": "osD^v"[i % 5]}
         whole.plot(x, flux, label=label, **style)
         divided.plot(x, flux / x**_ETA, **style)
     mark_gaps(divided, x, fluxes.flux.isnull().any("angle").values)
@@ -38,10 +36,9 @@ def draw_flux(fluxes, fits):
             f"45° is {ratio:.3f} times 0°, as both are\nstandard maps: at 45° a step is two\n"
             "of its steps (twice the area), at 0° one,\nwith $2y$ for its $y$ (half the area)"
         )
-        divided.text(0.03, 0.6, words, transform=divided.transAxes, va="center", fontsize="small")
+        divided.text(0.03, 0.55, words, transform=divided.transAxes, va="center", fontsize="small")
     divided.set_ylabel(rf"$\Delta W / x^{{{_ETA}}}$")
-    letters(panels)
-    for axes in panels:
+    for axes in (whole, divided):
         axes.set(xscale="log", xlabel=r"distance beyond the breakup, $x = s/s_c - 1$")
         axes.grid(lw=0.3)
     laws = ", ".join(

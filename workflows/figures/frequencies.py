@@ -2,12 +2,9 @@
 
 from fractions import Fraction
 
-import matplotlib.pyplot as plt
 import numpy as np
 
-from workflows.figures.style import colour_of
-
-_BEYOND = 1.15  # times the largest scale of an irrational Ω: what is drawn
+from workflows.figures.style import colour_of, panels
 
 
 def draw_frequencies(cube):
@@ -16,9 +13,7 @@ def draw_frequencies(cube):
     The caption says how the brackets of convergents lie to those of their limits.
     """
     limits, fractions = _parts(cube)
-    figure, (wide, near) = plt.subplots(
-        1, 2, figsize=(14, 6), layout="constrained", width_ratios=[1.5, 1]
-    )
+    figure, (wide, near) = panels(1, 2, 12, 5.4, sharey=True)
     for Ω, (lower, upper) in fractions.items():
         wide.vlines(float(Ω), lower.min(), upper.max(), color="0.8", lw=6)
         wide.vlines(float(Ω), lower.min(), upper.min(), color=colour_of(0), lw=2)
@@ -31,11 +26,8 @@ def draw_frequencies(cube):
         (r"$\Omega$ irrational: from a certified torus (▲) to converse KAM", colour_of(1), 2),
     ):
         wide.plot([], [], color=colour, lw=width, label=words)
-    highest = _BEYOND * max([upper for _, upper in limits.values()], default=0.45)
     wide.set(xlabel=r"frequency $\Omega$", ylabel="scale $s$ of the last breakup")
-    lowest = np.nanmin(cube.lower)
-    wide.set(xlim=(0, 0.52), ylim=(0.9 * lowest, highest))
-    wide.legend(fontsize="small", loc="upper center", bbox_to_anchor=(0.5, -0.1))
+    wide.legend(fontsize="small", loc="best")
     told = _draw_convergents(near, limits, fractions)
     widths = ((cube.upper - cube.lower) / cube.upper).values
     return figure, (
@@ -84,9 +76,9 @@ def _draw_convergents(axes, limits, fractions):
             outside += [q] if least >= upper else []
     axes.set(xlabel=r"$q$ of the convergent $p/q$ of $\Omega$")
     axes.set(title=r"Bands: irrational $\Omega$; bars: the least one of its convergents")
-    axes.set_ylabel("scale $s$ of the last breakup")
+    axes.xaxis.get_major_locator().set_params(integer=True)
     if shown:
-        axes.legend(fontsize="small", loc="center left", bbox_to_anchor=(1, 0.5))
+        axes.legend(fontsize="small", loc="best")
     apart = inside + outside
     longest = f", up to q = {max(apart)}" if apart else ""
     return (

@@ -5,11 +5,12 @@ import numpy as np
 
 from workflows.figures.planes import fill_inside, in_plane, label_plane, of_two_kicks, whole_of
 from workflows.figures.style import (
+    COLUMN,
     INSIDE,
     circle_class,
     circle_style,
     draw_points,
-    letters,
+    in_column,
     longest_arcs,
     mark_gaps,
 )
@@ -23,38 +24,43 @@ def draw_last_barrier(barrier):
     Below: which circle that is, by angle; and how CB_gt falls from the tip at 45°, of two kicks, or
     the bracket.
     """
-    figure = plt.figure(figsize=(11, 9.4), layout="constrained")
-    draw_panels(figure, barrier).set_title("Where the last barrier breaks")
+    figure, plane = draw_panels(barrier, 9.4)
+    plane.set_title("Where the last barrier breaks")
     return figure
 
 
-def draw_panels(figure, barrier):
+def draw_panels(barrier, height):
     """Draw CB_gt with its tip, the last circles by angle, and the cusp, or else the bracket.
 
-    Returns the axes of the plane.
+    height : of the figure, inches. Returns it and the axes of the plane.
     """
-    places, ratios = [["plane", "plane"], ["strip", "cusp"]], ([1.55, 1], [2, 1])
-    panels = figure.subplot_mosaic(places, height_ratios=ratios[0], width_ratios=ratios[1])
-    plane, strip, cusp = panels.values()
+    if in_column():
+        figure = plt.figure(figsize=(COLUMN, 2 * COLUMN), layout="constrained")
+        plane, strip, cusp = figure.subplots(3, height_ratios=[1.5, 1, 1])
+    else:
+        figure = plt.figure(figsize=(11, height), layout="constrained")
+        places, ratios = [["plane", "plane"], ["strip", "cusp"]], ([1.55, 1], [2, 1])
+        panels = figure.subplot_mosaic(places, height_ratios=ratios[0], width_ratios=ratios[1])
+        plane, strip, cusp = panels.values()
     whole = whole_of(barrier)
     classes = np.array([circle_class(text, whole) for text in barrier.circle.values])
     fill_inside(plane, barrier, INSIDE, lw=0, zorder=0.5)
     _draw_arcs(plane, barrier, classes, 3.5)
     label_plane(plane, barrier)
     if of_two_kicks(barrier):
-        _write_circles(plane, barrier, classes)
-        _draw_tip(plane, barrier, classes)
+        if not in_column():
+            _write_circles(plane, barrier, classes)
+            _draw_tip(plane, barrier, classes)
         _draw_cusp(cusp, barrier, classes)
     else:
         _draw_bracket(cusp, barrier)
     _draw_circle_strip(strip, barrier, classes, whole)
-    letters(panels.values())
-    return plane
+    return figure, plane
 
 
 def _draw_tip(plane, barrier, classes):
     """Draw the tip of two kicks at 45° in an inset, and frame it in the plane."""
-    tip = plane.inset_axes([0.4, 0.07, 0.2, 0.34])
+    tip = plane.inset_axes([0.4, 0.07, 0.2, 0.29])
     fill_inside(tip, barrier, INSIDE, lw=0)
     _draw_arcs(tip, barrier, classes, 3.5)
     tip.set(xlim=_TIP, ylim=_TIP, aspect="equal", xticks=_TIP, yticks=_TIP)
@@ -126,21 +132,20 @@ def _draw_circle_strip(axes, barrier, classes, whole):
     angle, omega = barrier.angle.values, barrier.omega.values
     omega = np.maximum(omega, whole - omega) if whole else omega
     draw_points(axes, angle, omega, classes, size=4)
-    for name in longest_arcs(angle, classes):
-        (here,) = np.nonzero(classes == name)
-        # Beside its first point, where that is not near the edge.
-        style = {"color": circle_style(name)["color"], "size": "small", "weight": "bold"}
-        style |= {"textcoords": "offset points", "va": "center", "ha": "right"}
-        if angle[here[0]] < 0.1 * angle[-1]:
-            style |= {"va": "bottom", "ha": "left"}
-        at = (-6, 0) if style["ha"] == "right" else (0, 4)
-        axes.annotate(name, (angle[here[0]], omega[here[0]]), at, **style)
+    named = {name: omega[classes == name][0] for name in longest_arcs(angle, classes)}
+    style = {"size": "small", "weight": "bold", "ha": "center", "va": "bottom"}
+    apart = (0.1 if in_column() else 0.06) * np.ptp(omega)
+    y = -np.inf
+    for name in sorted(named, key=named.get):  # each above the one before
+        y = max(named[name] + apart / 4, y + apart)
+        axes.text(angle[-1] / 2, y, name, color=circle_style(name)["color"], **style)
+    axes.set_ylim(axes.get_ylim()[0], y + 1.5 * apart)
     mark_gaps(axes, angle, barrier.critical_scale.isnull().values)
     axes.set(xlabel=r"angle $\varphi$ of the ray (degrees)", xticks=np.arange(0, angle[-1] + 1, 45))
     label, title = r"$\omega$ of the last circle", "The last circle"
     if whole:
         label += rf", or ${whole} - \omega$"
     if of_two_kicks(barrier):
-        title += r": $\omega$ from 0° to 90°, $1 - \omega$ beyond; on the axes the two tie"
+        title += r"; on the axes $\omega$ and $1 - \omega$ tie"
     axes.set(ylabel=label, title=title)
     axes.grid(lw=0.3)

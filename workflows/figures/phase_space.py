@@ -3,13 +3,14 @@
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.cm import ScalarMappable
-from matplotlib.colors import Normalize, to_hex
+from matplotlib.colors import ListedColormap, Normalize, to_hex
 
 from workflows.figures.style import dots
 
 CHAOTIC = "#b3b3b3"
-COLOURS = [to_hex(colour) for colour in colormaps["viridis"](np.linspace(0, 1, 254))]
-"""Of ω from the lowest to the highest; perceptually even, and safe for colour-blind readers."""
+COLOURS = [to_hex(colour) for colour in colormaps["viridis"](np.linspace(0, 0.93, 254))]
+"""Of ω from the lowest to the highest; perceptually even, safe for colour-blind readers, and none
+as pale as the page."""
 
 
 STRONG = "#D55E00"  # what decides, among all of these
@@ -43,6 +44,6 @@ def draw_orbits(axes, orbits):
         colour_here = CHAOTIC if place < 0 else COLOURS[4 * place]
         axes.plot(x[here], y[here], **dots(colour_here, 1.2))
     low, high = ends(orbits)
-    scale = ScalarMappable(Normalize(low, high), colormaps["viridis"])
+    scale = ScalarMappable(Normalize(low, high), ListedColormap(COLOURS))
     label = rf"$\omega$ of the orbit, in $[0, {len(orbits.attrs['kappa']) / 2:g}]$; grey: chaotic"
     axes.figure.colorbar(scale, ax=axes, label=label, shrink=0.8)

@@ -2,7 +2,7 @@
 
 import matplotlib.pyplot as plt
 
-from workflows.figures.style import COLOURS, VERMILION, colour_of, dots
+from workflows.figures.style import COLOURS, VERMILION, colour_of, dots, size
 
 BLUE = COLOURS[0]
 _KICKS_SHOWN = 80
@@ -10,14 +10,14 @@ _KICKS_SHOWN = 80
 
 def draw_kicks(portraits):
     """Draw T_{κ1κ2}, T_{κ2κ1}, the nonautonomous map, and one orbit: in the plane, in time."""
-    figure = plt.figure(figsize=(9, 11), layout="constrained")
+    figure = plt.figure(figsize=size(9, 11), layout="constrained")
     places = [["first", "second"], ["raw", "island"], ["time", "time"]]
     panels = figure.subplot_mosaic(places, height_ratios=[1, 1, 0.4])
     first, second = (portraits.isel(forcing=i) for i in (0, 1))
     map_of = r"$\mathcal{T}_{\kappa_1\kappa_2}$, $(\kappa_1, \kappa_2) ="
-    _draw_cell(panels["first"], first.x, first.y, f"(a) {map_of} {_forcing(first)}$")
-    _draw_cell(panels["second"], second.x, second.y, f"(b) {map_of} {_forcing(second)}$")
-    title = rf"(c) nonautonomous map, $(\kappa_1, \kappa_2) = {_forcing(first)}$"
+    _draw_cell(panels["first"], first.x, first.y, f"{map_of} {_forcing(first)}$")
+    _draw_cell(panels["second"], second.x, second.y, f"{map_of} {_forcing(second)}$")
+    title = rf"nonautonomous map, $(\kappa_1, \kappa_2) = {_forcing(first)}$"
     _draw_cell(panels["raw"], portraits.kick_x, portraits.kick_y, title)
     island, time = panels["island"], panels["time"]
     x, y, kick = (portraits[name].values for name in ("island_x", "island_y", "kick"))
@@ -30,7 +30,7 @@ def draw_kicks(portraits):
     time.set(xlabel="kick $n$", ylabel=r"$\hat x_n$", ylim=(-0.25, 0.75))
     time.set_title("The orbit of (d) in time")
     island.legend(title="kicks", markerscale=3, loc="upper center", ncols=2)
-    island.set_title(rf"(d) its orbit of $({x[0]:g}, {y[0]:g})$, zoomed in $y$")
+    island.set_title(rf"its orbit of $({x[0]:g}, {y[0]:g})$, zoomed in $y$")
     island.set(xlabel=r"$\hat x$", ylabel="$y$", xlim=(-0.25, 0.75), box_aspect=1)
     island.margins(y=0.3)
     even, odd = abs(around[::2]).max(), abs(around[1::2] - 0.5).max()
@@ -48,11 +48,11 @@ def draw_kicks(portraits):
 def draw_symmetry(portraits):
     """Draw four forcings related by symmetries, with the images of three orbits in colours."""
     layout = {"layout": "constrained", "sharex": True, "sharey": True}
-    figure, panels = plt.subplots(2, 2, figsize=(9, 9.3), **layout)
+    figure, panels = plt.subplots(2, 2, figsize=size(9, 9.3), **layout)
     forcings = [portraits.isel(forcing=i) for i in range(4)]
-    for axes, here, letter in zip(panels.flat, forcings, "abcd", strict=True):
+    for axes, here in zip(panels.flat, forcings, strict=True):
         axes.plot(here.x.values.ravel(), here.y.values.ravel(), **dots("0.5", 1.0))
-        title = rf"({letter}) $(\kappa_1, \kappa_2) = {_forcing(here)}$"
+        title = rf"$(\kappa_1, \kappa_2) = {_forcing(here)}$"
         _draw_cell(axes, here.marked_x, here.marked_y, title, 3.5)
         axes.label_outer()
     marked = zip(portraits.marked_x[0, 0].values, portraits.marked_y[0, 0].values, strict=True)
@@ -66,12 +66,13 @@ def draw_symmetry(portraits):
     )
 
 
-def _draw_cell(axes, x, y, title, size=1.2):
+def _draw_cell(axes, x, y, title, points=1.2):
     """Draw orbits, dims (step, orbit), each in a colour."""
     for i in range(x.shape[1]):
-        axes.plot(x[:, i], y[:, i], **dots(colour_of(i), size))
+        axes.plot(x[:, i], y[:, i], **dots(colour_of(i), points))
     axes.set(xlabel="$x$", ylabel="$y$", xlim=(0, 1), ylim=(0, 1), aspect="equal", title=title)
 
 
 def _forcing(portrait):
+    """Return (κ1, κ2), for TeX and for captions."""
     return f"({float(portrait.kappa1):g}, {float(portrait.kappa2):g})"

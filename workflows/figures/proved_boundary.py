@@ -1,18 +1,19 @@
 """The bracket of the last barrier that is proved, around the plane and by angle."""
 
-import matplotlib.pyplot as plt
 import numpy as np
 
-from workflows.figures.style import letters
+from workflows.figures.style import COLOURS, VERMILION, panels
 
-_SIDES = {"upper": ("transport proved", "#D55E00"), "lower": ("barrier proved", "#0072B2")}
+_CURVE = 90  # rays around the plane, from which on they are joined
+_SIDES = {"upper": ("transport proved", VERMILION), "lower": ("barrier proved", COLOURS[0])}
 
 
 def draw_proved_boundary(barrier):
     """Draw the forcings that are proved, and how near they are; the caption has the widths."""
-    figure, (plane, near) = plt.subplots(1, 2, figsize=(12, 5.4), layout="constrained")
+    figure, (plane, near) = panels(1, 2, 12, 5.4)
     direction = [barrier[name] / barrier.critical_scale for name in ("kappa1", "kappa2")]
-    plane.plot(barrier.kappa1, barrier.kappa2, color="0.6", lw=0.8)
+    curve = "-" if barrier.angle.size >= _CURVE else "+"
+    plane.plot(barrier.kappa1, barrier.kappa2, curve, color="0.6", lw=0.8)
     for side, (label, colour) in _SIDES.items():
         scale = barrier[f"proved_{side}"]
         plane.plot(*(scale * part for part in direction), ".", color=colour, ms=3)
@@ -25,7 +26,6 @@ def draw_proved_boundary(barrier):
     near.set(xlabel=r"angle $\varphi$ of the ray (degrees)", ylabel=r"$|s/s_c - 1|$")
     near.set_title("How far from the breakup; other angles are images")
     near.legend()
-    letters([plane, near])
     return figure, _caption(barrier)
 
 
@@ -37,7 +37,8 @@ def _caption(barrier):
     return (
         f"On {proved.sum()} of {width.size} rays around the plane a barrier is proved to exist at "
         "one forcing and transport to be global at another one, in the median "
-        f"{np.nanmedian(width):.1e} of the scale apart, at most {np.nanmax(width):.1e}. Below the "
-        "lower one nothing is proved by that, as a circle might break and come back; between the "
-        "two nothing at all. The proofs assume IEEE arithmetic, and FLINT's balls."
+        f"{100 * np.nanmedian(width):.2g}% of the scale apart, at most "
+        f"{100 * np.nanmax(width):.2g}%. Below the lower one nothing is proved by that, as a "
+        "circle might break and come back; between the two nothing at all. The proofs assume IEEE "
+        "arithmetic, and FLINT's balls."
     )

@@ -1,14 +1,15 @@
 """The map of forcings for which transport is proved to be global, or a barrier to exist."""
 
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.colors import ListedColormap
 from matplotlib.patches import Patch
 
-_STATES = {  # Okabe and Ito's colours
-    "open": ("0.93", "open"),
-    "transport_is_global": ("#E69F00", "transport is proved to be global"),
-    "barrier_exists": ("#0072B2", "a barrier is proved to exist"),
+from workflows.figures.style import COLOURS, NO_ESCAPE, in_column, panels
+
+_STATES = {
+    "open": (NO_ESCAPE, "open"),
+    "transport_is_global": (COLOURS[1], "transport is proved to be global"),
+    "barrier_exists": (COLOURS[0], "a barrier is proved to exist"),
 }
 
 
@@ -22,7 +23,7 @@ def draw_proved_map(cube, barrier):
     states = np.triu(cube.proved.values)
     states = np.maximum(states, states.T)
     whole = np.block([[states[::-1, ::-1], states[::-1]], [states[:, ::-1], states]])
-    figure, axes = plt.subplots(figsize=(7.5, 7.4), layout="constrained")
+    figure, (axes,) = panels(1, 1, 7.5, 7.4)
     reach = float(cube.kappa1[-1] + cube.kappa1[0])
     style = {"origin": "lower", "extent": 2 * (-reach, reach), "interpolation": "nearest"}
     colours = ListedColormap([colour for colour, _ in _STATES.values()])
@@ -34,7 +35,8 @@ def draw_proved_map(cube, barrier):
         axes.plot(sign1 * x, sign2 * y, color="black", lw=0.8)
     axes.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$", aspect="equal")
     patches = [Patch(color=colour, label=told) for colour, told in _STATES.values()]
-    figure.legend(handles=patches, loc="outside upper center", ncols=3, frameon=False)
+    columns = 2 if in_column() else 3
+    figure.legend(handles=patches, loc="outside upper center", ncols=columns, frameon=False)
     return figure, _caption(cube, states, codes, barrier)
 
 

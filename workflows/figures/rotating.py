@@ -1,11 +1,10 @@
 """Rotating standard maps in the plane of κ̄ and Δκ, Figs. 10 and 11."""
 
-import matplotlib.pyplot as plt
 import numpy as np
 
 from workflows.figures.circle_boundaries import draw_circles
 from workflows.figures.stretches import where_above
-from workflows.figures.style import INSIDE, colour_of, power
+from workflows.figures.style import INSIDE, colour_of, in_column, panels, power
 
 
 def draw_rotating_circles(circles, two, direct):
@@ -13,14 +12,14 @@ def draw_rotating_circles(circles, two, direct):
 
     The caption says how wide the bracket is, and how far outside direct iteration lies.
     """
-    figure, axes = plt.subplots(figsize=(7, 8.5), layout="constrained")
+    figure, (axes,) = panels(1, 1, 7, 8)
     fill_diamond(axes, two, r"$\mathit{CB}_{gt}$")
     draw_circles(axes, circles)
     for tip in _tips(axes, 0.7):
         fill_diamond(tip, two, None)
         draw_circles(tip, circles)
-    _mark_gaps(axes, two, circles.critical_scale)
     _draw_onset(axes, two, direct)
+    _mark_gaps(axes, two, circles.critical_scale, direct.upper)
     axes.set_title(r"Rotating standard map with $\Omega = 1/2$: $T_{\kappa_1\kappa_2}$")
     return _finished(figure, axes), (
         f"The boundaries CB_ω of the circles {', '.join(circles.circle.values)} by Greene's "
@@ -38,7 +37,7 @@ def draw_rotating_tori(tori, two, direct, certified):
     certified : the cube `tori` of one vector. The caption says where a torus outlasts the last
     circle of T.
     """
-    figure, axes = plt.subplots(figsize=(7, 8.5), layout="constrained")
+    figure, (axes,) = panels(1, 1, 7, 8)
     fill_diamond(axes, two, r"$\mathit{CB}_{gt}$ of $T$")
     for part in (axes, *_tips(axes, 0.4)):
         if part is not axes:
@@ -47,8 +46,8 @@ def draw_rotating_tori(tori, two, direct, certified):
             style = {"color": colour_of(i), "ls": ("-", "--", "-.")[i % 3], "lw": 1.1}
             draw_diamond(part, tori.isel(frequency=i), label=f"torus ({vector})", **style)
         _draw_certified(part, certified.isel(vector=0))
-    _mark_gaps(axes, two, tori.critical_scale)
     _draw_onset(axes, two, direct)
+    _mark_gaps(axes, two, tori.critical_scale, direct.upper)
     axes.set_title(r"Tori of rotating standard maps, and the last circle of $T$")
     parts = [
         "Breakup of two-dimensional tori of the rotating standard map, |R| = 1/4 of one orbit of "
@@ -103,7 +102,7 @@ def draw_diamond(axes, curve, **style):
 def fill_diamond(axes, two, label):
     """Draw CB_gt of T, and grey inside."""
     outline = _closed(two.kappa_mean, two.kappa_amplitude)
-    axes.fill(*outline, facecolor=INSIDE, edgecolor="black", lw=2, label=label)
+    axes.fill(*outline, facecolor=INSIDE, edgecolor="black", lw=1, zorder=0.5, label=label)
 
 
 def _tips(axes, inner):
@@ -111,22 +110,25 @@ def _tips(axes, inner):
     right, top = axes.inset_axes([0.7, 0.7, 0.28, 0.28]), axes.inset_axes([0.02, 0.7, 0.28, 0.28])
     along, across = (inner, 1), ((inner - 1) / 2, (1 - inner) / 2)
     for tip, x, y in ((right, along, across), (top, across, along)):
-        tip.set(xlim=x, ylim=y, xticks=[], yticks=[])
+        tip.set(xlim=x, ylim=y, xticks=x, yticks=y)
+        tip.tick_params(labelsize="x-small", direction="in", pad=2)
         axes.indicate_inset_zoom(tip, edgecolor="0.4", lw=0.6)
     return right, top
 
 
-def _mark_gaps(axes, two, scale):
-    """Mark by × on CB_gt the rays on which some method has no answer."""
-    unknown = scale.isnull().any([dim for dim in scale.dims if dim != "angle"])
-    silent = two.sel(angle=scale.angle[unknown.values], method="nearest")
+def _mark_gaps(axes, two, *scales):
+    """Mark by × on CB_gt, once, the rays on which some method has no answer."""
+    angles = [np.empty(0)]
+    for scale in scales:
+        unknown = scale.isnull().any([dim for dim in scale.dims if dim != "angle"])
+        angles.append(scale.angle.values[unknown.values])
+    silent = two.sel(angle=np.unique(np.concatenate(angles)), method="nearest")
     if silent.angle.size:
         points = _closed(silent.kappa_mean, silent.kappa_amplitude)
         axes.plot(*points, "x", color="0.3", ms=5, zorder=4, label="no answer on this ray")
 
 
 def _draw_onset(axes, two, direct):
-    _mark_gaps(axes, two, direct.upper)
     # Next to the axes the rays are as close as the onset is uncertain: a fence of spikes.
     away = np.abs((direct.angle.values + 45) % 90 - 45)
     onset = direct.isel(angle=np.flatnonzero((away == 0) | (away > 2)))
@@ -142,5 +144,6 @@ def _closed(x, y):
 
 def _finished(figure, axes):
     axes.set(xlabel=r"$\bar\kappa$", ylabel=r"$\Delta\kappa$", aspect="equal")
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=2, fontsize="small")
+    columns = 1 if in_column() else 2
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=columns, fontsize="small")
     return figure

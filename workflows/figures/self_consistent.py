@@ -1,9 +1,8 @@
 """The self-consistent field, its particles, its barriers; and an asymptotic circle that folds."""
 
-import matplotlib.pyplot as plt
 import numpy as np
 
-from workflows.figures.style import COLOURS, VERMILION, dots, letters, line_of
+from workflows.figures.style import COLOURS, VERMILION, dots, line_of, panels
 
 BLUE, _, GREEN = COLOURS[:3]
 _BEGINNING = 250  # kicks of the transient that are drawn
@@ -11,8 +10,7 @@ _BEGINNING = 250  # kicks of the transient that are drawn
 
 def draw_self_consistent(fields, verdicts, settling):
     """Draw strength and phase, spectra, particles, the verdicts, and the curve that folds."""
-    figure, panels = plt.subplots(2, 3, figsize=(13, 8), layout="constrained")
-    (field, phase, spectrum), (particles, barriers, folded) = panels
+    figure, (field, phase, spectrum, particles, barriers, folded) = panels(2, 3, 13, 8)
     count = fields.coupling.size
     chosen = sorted({count // 4, count // 2, count - 1})
     for i, coupling in enumerate(fields.coupling.values[chosen]):
@@ -65,7 +63,6 @@ def draw_self_consistent(fields, verdicts, settling):
         folded.plot(first.x.values[where], first.y.values[where], label=words, **dots(colour, 2))
     folded.set(xlabel="$x$", ylabel="$y$", title=r"An asymptotic circle of $\kappa_n \to 0.9$")
     folded.legend(fontsize="x-small", markerscale=3)
-    letters(panels.flat)
     return figure, _caption(fields, verdicts, settling)
 
 

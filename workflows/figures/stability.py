@@ -1,26 +1,37 @@
 """Figures of up to three panels on where each method stops being right."""
 
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.ticker import NullFormatter
 
-from workflows.figures.style import COLOURS, letters, line_of
+from workflows.figures.style import COLOURS, line_of, panels
 
 _MARKERS = "osD^v"
+_METHODS = {
+    "periodic": "Greene's residue",
+    "continuation": "continuation of circles",
+    "cones": "converse KAM",
+    "barriers": "all together, last barrier",
+}
+_ARITHMETICS = {
+    "lift": "x on the lift",
+    "turns": "x reduced",
+    "libm": "sine of the system",
+    "lattice": "y rounded to a lattice",
+    "float32": "single precision",
+}
 
 
 def draw_stability(studies):
     """Draw a panel for each study: {name of the figure: (names of its studies, figure)}."""
     drawn = {}
     for name, parts in _FIGURES.items():
-        size = {"figsize": (5 * max(len(parts), 1.5), 5), "layout": "constrained"}
-        figure, panels = plt.subplots(1, len(parts), squeeze=False, **size)
-        letters(panels[0])
-        for axes, part in zip(panels[0], parts, strict=True):
+        figure, drawn_on = panels(1, len(parts), 5 * max(len(parts), 1.5), 5.4)
+        for axes, part in zip(drawn_on, parts, strict=True):
             _PANELS[part](axes, studies[part])
             axes.grid(lw=0.3)
             if entries := axes.get_legend_handles_labels()[0]:
-                axes.legend(fontsize="small", ncols=1 + (len(entries) > 6))
+                below = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.16)}
+                axes.legend(fontsize="small", ncols=1 + (len(entries) > 3), **below)
         drawn[name] = parts, figure
     return drawn
 
@@ -30,16 +41,21 @@ def _draw_near_cusp(axes, study):
     for i, name in enumerate(study.approach.attrs["names"]):
         here, colour = study.isel(approach=i), COLOURS[i]
         off = np.maximum(here.off, 1e-14)
-        axes.plot(study.delta, off, f"{_MARKERS[i]}-", color=colour, ms=4, label=name)
+        axes.plot(study.delta, off, f"{_MARKERS[i]}-", color=colour, ms=4, label=_METHODS[name])
         axes.plot(study.delta, here.error, "--", color=colour, lw=1)
-        silent = study.delta[(here.status != 1).values]
-        axes.plot(silent, np.full(silent.size, 0.3 / 2**i), "x", color=colour)
+        _mark_silent(axes, study.delta[(here.status != 1).values] * 1.2**i, colour)
     axes.set(xscale="log", yscale="log", xlabel=r"$45° - \varphi$ (degrees)")
     axes.set(ylabel="relative error", title="Near the cusp; dashed: claimed; ×: no answer")
 
 
+def _mark_silent(axes, x, colour):
+    """Mark by × on the axis below where a method has no answer."""
+    below = {"transform": axes.get_xaxis_transform(), "clip_on": False, "zorder": 4}
+    axes.plot(x, np.zeros(len(x)), "x", color=colour, ms=5, **below)
+
+
 def _draw_past_boundary(axes, study):
-    """Draw what each method claims on each side of the breakup, a mark for each claim."""
+    """Draw what each method claims on each side of the breakup: a mark if it does, else a dot."""
     excess = study.excess.values
     inside = np.abs(excess[excess != 0]).min()
     place = np.sign(excess) * np.log10(np.maximum(np.abs(excess), inside / 10) / inside * 10)
@@ -53,14 +69,15 @@ def _draw_past_boundary(axes, study):
     for row, (_, said, mark) in enumerate(claims):
         for i, angle in enumerate(study.angle.values):
             here = said.sel(angle=angle).values
-            y = np.full(here.sum(), row + 0.15 * i)
-            axes.plot(place[here], y, mark, color=COLOURS[i], ms=4)
+            for shown, marker, size in ((here, mark, 5), (~here, ".", 2)):
+                y, style = np.full(shown.sum(), row + 0.2 * i), {"ls": "", "marker": marker}
+                axes.plot(place[shown], y, color=COLOURS[i], ms=size, **style)
     axes.set_yticks(range(len(claims)), [label for label, *_ in claims])
     axes.axvline(0, color="black", lw=0.8)
     chosen = [i for i, x in enumerate(excess) if x == 0 or abs(np.log10(abs(x)) % 1) < 1e-6]
     axes.set_xticks(place[chosen], [_signed_power(excess[i]) for i in chosen], rotation=45)
     for i, angle in enumerate(study.angle.values):
-        axes.plot([], [], "o", color=COLOURS[i], label=rf"$\varphi = {angle:g}°$")
+        axes.plot([], [], "o", color=COLOURS[i], label=rf"$\varphi = {angle:g}°$; dot: does not")
     axes.set(xlabel="$s/s_c - 1$", ylim=(-0.5, len(claims) + 0.3))
     axes.set_title("Who says what on either side of the breakup")
 
@@ -80,8 +97,8 @@ def _draw_fractions(axes, study):
         axes.plot(place, residues.value, "o", color=colour, ms=5, label=f"$a = {quotient}$")
         axes.plot(place, here.lower, "_", color=colour)
         silent = place[(residues.value.isnull() & norms.value.isnull()).values]
-        axes.plot(silent, np.full(silent.size, 0.1 + 0.12 * i), "x", color=colour, ms=4)
-    marks = {"o": "residues", "s": "continuation", "_": "certified", "x": "no value"}
+        _mark_silent(axes, silent, colour)
+    marks = {"o": "residues", "s": "continuation", "_": "certified", "x": "no value (on the axis)"}
     for mark, words in marks.items():
         axes.plot([], [], mark, color="0.4", mfc="none" if mark == "s" else None, label=words)
     axes.axhline(study.attrs["golden"], color="0.5", lw=0.8, label="golden circle")
@@ -97,13 +114,15 @@ def _draw_twist(axes, study):
     for i, angle in enumerate(study.angle.values):
         here, colour = study.isel(angle=i), COLOURS[i]
         finite, line = here.where(np.isfinite(here)), line_of(i)
-        line["label"] = rf"$\varphi = {angle:g}°$"
-        axes.plot(study.scale, finite.elimination_time, "o", ms=3, **line)
+        line |= {"label": rf"$\varphi = {angle:g}°$", "ms": 6 - 2 * i}  # all are seen
+        axes.plot(study.scale, finite.elimination_time, "o", **line)
         axes.plot(study.scale, finite.escape_time, "^:", color=colour, ms=3, lw=0.8)
         end = here.scale.where(here.twist < 1e-9).min()
         axes.axvline(float(end), color=colour, lw=0.8, ls="--")
     axes.set(yscale="log", xlabel="scale $s$", ylabel="steps")
-    axes.set_title("● converse KAM, ▲ escape; dashed: twist ends")
+    for style, words in (("o", "converse KAM"), ("^", "escape"), ("--", "the twist ends")):
+        axes.plot([], [], style, color="0.4", ms=4, lw=0.8, label=words)
+    axes.set_title("Lives on the dominant line")
 
 
 def _draw_amplitudes(axes, study):
@@ -111,7 +130,7 @@ def _draw_amplitudes(axes, study):
     for kick in (0, 1):
         style = ("o-", "x")[kick]
         label = f"last circle, kick {kick + 1}"
-        axes.plot(study.angle, study["last"].sel(kick=kick), style, color="#0072B2", label=label)
+        axes.plot(study.angle, study["last"].sel(kick=kick), style, color=COLOURS[0], label=label)
     for i, part in enumerate(study.part.values[:4]):
         label = rf"seven others at ${part:g}\,s_c$"
         here = study.largest.sel(part=part)
@@ -153,7 +172,8 @@ def _draw_disorder(axes, study):
 def _draw_rounding(axes, study):
     for i, name in enumerate(study.arithmetic.attrs["names"]):
         here, colour = study.isel(arithmetic=i), COLOURS[i]
-        axes.plot(study.steps, here.drift, f"{_MARKERS[i]}-", color=colour, ms=4, label=name)
+        style = {"color": colour, "ms": 4, "label": _ARITHMETICS[name]}
+        axes.plot(study.steps, here.drift, f"{_MARKERS[i]}-", **style)
         reversal = here.reversal.where(here.reversal > 0)
         axes.plot(study.steps, reversal, "--", color=colour, lw=1)
     n = study.steps.values
@@ -171,12 +191,12 @@ def _draw_tori(axes, study):
         axes.plot(place, here.lower, "^", label=name, **style)
         axes.plot(place, here.upper, "v", mfc="none", **style)
         silent = place[here.lower.isnull().values]
-        axes.plot(silent, np.full(silent.size, 0.02 * (1 + i)), "x", **style)
+        _mark_silent(axes, silent, colour)
     for mark, words in {
         "^": "certified",
         "v": "none left",
         "s": "breakup",
-        "x": "no torus",
+        "x": "no torus (on the axis)",
     }.items():
         axes.plot([], [], mark, color="0.4", mfc="none" if mark in "vs" else None, label=words)
     axes.set(xscale="log", xlabel=r"distance $\delta$ from the resonance", ylabel="scale $s$")

@@ -1,6 +1,7 @@
 """What all figures share: colours, numbers in TeX, and how a figure is saved."""
 
 import sys
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 
@@ -52,14 +53,52 @@ def circle_style(text, whole=0):
     return {"color": colour_of(steps), "marker": MARKERS[kind], "ls": _DASHES[kind]}
 
 
+COLUMN = 3.4  # inches, the width of a column of a journal
+_SMALLEST = 6.5  # points, of a text in a column
+_TALLEST = 0.65  # of the width, each of several panels in a column
+
+
+@contextmanager
+def column():
+    """Draw, and save, all figures within for a column of a journal: 8 pt and no titles."""
+    text = {"font.size": 8, "axes.titlesize": 8, "legend.handlelength": 1.5}
+    with matplotlib.rc_context({**text, "figure.figsize": (COLUMN, 0.75 * COLUMN)}):
+        yield
+
+
+def in_column():
+    return matplotlib.rcParams["figure.figsize"][0] == COLUMN
+
+
+def size(width, height):
+    """Return the size of a figure in inches, in a column the same shape there."""
+    return (COLUMN, COLUMN * height / width) if in_column() else (width, height)
+
+
+def panels(rows, columns, width, height, **settings):
+    """Return a figure of that size and its rows · columns axes, all below each other in a column."""
+    import matplotlib.pyplot as plt
+
+    count, shape = rows * columns, height / rows / (width / columns)
+    if in_column() and count > 1:
+        rows, columns, width, height = count, 1, COLUMN, COLUMN * count * min(shape, _TALLEST)
+    figsize = size(width, height)
+    settings |= {"figsize": figsize, "layout": "constrained", "squeeze": False}
+    figure, axes = plt.subplots(rows, columns, **settings)
+    return figure, list(axes.flat)
+
+
 def save(figure, out, name, caption=""):
     """Write the figure as NAME.png and NAME.pdf, and its caption, if it has one, as NAME.txt.
 
-    Returns the paths of the two pictures, which carry the caption too.
+    Several panels are lettered. Returns the paths of the pictures, which carry the caption too.
     """
+    _letter(figure)
+    if in_column():
+        _without_titles(figure)
     paths = [f"{out}/{name}.{kind}" for kind in ("png", "pdf")]
     for path, key in zip(paths, ("Description", "Subject"), strict=True):
-        figure.savefig(path, dpi=200, metadata={key: caption})
+        figure.savefig(path, dpi=300 if in_column() else 200, metadata={key: caption})
     if "matplotlib.pyplot" in sys.modules:  # which keeps its figures; importing it takes a while
         sys.modules["matplotlib.pyplot"].close(figure)
     if caption:
@@ -67,13 +106,34 @@ def save(figure, out, name, caption=""):
     return paths
 
 
+def _letter(figure):
+    """Write (a), (b), … above the panels, if there are several; bars of colours are none."""
+    shown = [axes for axes in figure.axes if axes.axison and axes.get_label() != "<colorbar>"]
+    style = {"weight": "bold", "textcoords": "offset points", "annotation_clip": False}
+    for axes, name in zip(shown, "abcdefgh" if len(shown) > 1 else "", strict=False):
+        axes.annotate(f"({name})", (0, 1), (-4, 6), xycoords="axes fraction", ha="right", **style)
+
+
+def _without_titles(figure):
+    """Leave the titles to the caption, and let no text be too small to read."""
+    from matplotlib.text import Text
+
+    figure.suptitle("")
+    for axes in figure.axes:
+        axes.set_title("")
+    for text in figure.findobj(Text):
+        text.set_fontsize(max(text.get_fontsize(), _SMALLEST))
+
+
 def omega_label(text):
-    """Return the continued fraction in TeX, with the paper's name if it has one."""
+    """Return the continued fraction in TeX, with the paper's name if it has one, its name alone in
+    a column."""
     from nasm.numbers import NAMES, parse
 
     names = {str(parse(name)): name.replace("gamma", r"\gamma") for name in NAMES}
-    name = rf"{names[text]} = " if text in names else ""
-    return rf"$\omega = {name}{text}$"
+    if text in names:
+        text = names[text] if in_column() else f"{names[text]} = {text}"
+    return rf"$\omega = {text}$"
 
 
 def known(breakdown):
@@ -105,7 +165,8 @@ def draw_points(axes, x, y, circles, whole=0, size=3, **style):
     looks = [circle_style(text, whole) for text in circles]
     for color, marker in dict.fromkeys((look["color"], look["marker"]) for look in looks):
         here = [(look["color"], look["marker"]) == (color, marker) for look in looks]
-        dots = {"color": color, "marker": marker, "ls": "", "ms": size, "mew": 0.5, **style}
+        dots = {"color": color, "marker": marker, "ls": "", "mew": 0.5, **style}
+        dots["ms"] = size / 2 if in_column() else size
         axes.plot(np.asarray(x)[here], np.asarray(y)[here], **dots)
 
 
@@ -115,13 +176,6 @@ def mark_gaps(axes, x, silent):
         where = {"transform": axes.get_xaxis_transform(), "ls": "", "marker": "x", "ms": 5}
         axes.plot(x[silent], np.full(np.sum(silent), 0.02), color="0.3", **where)
         axes.text(0.01, 0.04, "×: no answer", transform=axes.transAxes, size="x-small")
-
-
-def letters(panels):
-    """Write (a), (b), … above the panels."""
-    for axes, name in zip(panels, "abcdefgh", strict=False):
-        where = {"transform": axes.transAxes, "ha": "right", "va": "bottom"}
-        axes.text(0, 1.02, f"({name})", weight="bold", **where)
 
 
 def smoothed(field):

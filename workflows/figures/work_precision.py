@@ -1,7 +1,8 @@
 """Error against CPU time of every method."""
 
-import matplotlib.pyplot as plt
 import numpy as np
+
+from workflows.figures.style import in_column, panels
 
 # Colour of a method, by how its name begins; its better answer is drawn filled, the other hollow.
 _METHOD_COLOURS = {
@@ -21,15 +22,16 @@ _BETTER = ("extrapolated", "value", "blow-up", "Aitken", "proved")
 
 
 def draw_work_precision(data):
-    """Draw error against CPU time, a panel for each ray, and the time of a Newton step.
+    """Draw error against CPU time, a panel for each ray, and the time of a Newton step; in a column
+    the first two rays.
 
     Grey: below the error of what all are judged by.
     """
-    n_panels = data.angle.size + 1
-    figure, panels = plt.subplots(
-        -(-n_panels // 3), min(3, n_panels), figsize=(13, 9), layout="constrained", squeeze=False
-    )
-    for axes, i in zip(panels.flat, range(data.angle.size), strict=False):
+    data = data.isel(angle=slice(2)) if in_column() else data
+    n_panels = data.angle.size + (not in_column())
+    columns = min(3, n_panels)
+    figure, drawn = panels(-(-n_panels // columns), columns, 13, 9)
+    for axes, i in zip(drawn, range(data.angle.size), strict=False):
         here = data.isel(angle=i)
         for method, name in enumerate(data.method.attrs["names"]):
             colour = next(c for start, c in _METHOD_COLOURS.items() if name.startswith(start))
@@ -39,16 +41,24 @@ def draw_work_precision(data):
             axes.plot(here.cpu_seconds[method], np.maximum(here.error[method], 1e-16), **style)
         axes.axhspan(1e-16, float(here.judge_error), color="0.9")
         axes.set(xscale="log", yscale="log", ylim=(1e-14, 2), xlabel="CPU time (s)")
-        axes.set(title=rf"$\varphi = {int(here.angle)}°$", ylabel="relative error")
+        axes.set(ylabel="relative error")
+        words = {"transform": axes.transAxes, "ha": "right"}
+        axes.text(0.97, 0.93, rf"$\varphi = {int(here.angle)}°$", va="top", **words)
+        axes.text(0.97, 0.02, "grey: the judge's own error", fontsize="small", **words)
         axes.grid(lw=0.3)
-    steps = panels.flat[data.angle.size]
+    entries = drawn[0].get_legend_handles_labels()
+    figure.legend(
+        *entries, loc="outside lower center", ncols=2 if in_column() else 4, fontsize="small"
+    )
+    if in_column():
+        return figure
+    steps = drawn[data.angle.size]
     for i, name in enumerate(data.form.attrs["names"]):
         steps.plot(data.points, 1e6 * data.step_seconds[i], "os"[i] + "-", color="k", label=name)
     steps.set(xscale="log", yscale="log", xlabel="points of the circle $n$", ylabel="CPU time (µs)")
     steps.set_title("A Newton step")
     steps.legend()
     steps.grid(lw=0.3)
-    for axes in panels.flat[n_panels:]:
+    for axes in drawn[n_panels:]:
         axes.set_axis_off()
-    figure.legend(*panels.flat[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
     return figure

@@ -5,6 +5,7 @@ Heavy imports wait until the options are parsed, so that --help comes at once.
 
 import functools
 import sys
+from contextlib import nullcontext
 from importlib import import_module
 from pathlib import Path
 
@@ -241,9 +242,28 @@ def place_options(function):
     return wrapped
 
 
-def writes(function):
-    """Add --out, and pass a Run without workers on as `run`."""
+def draws(function):
+    """Add --column, within which the function draws and saves its figures."""
 
+    @click.option(
+        "--column",
+        is_flag=True,
+        help="Figures for a column of a journal: 3.4 in wide, 8 pt, without titles.",
+    )
+    @functools.wraps(function)
+    def wrapped(column, **options):
+        from workflows.figures import style
+
+        with style.column() if column else nullcontext():
+            return function(**options)
+
+    return wrapped
+
+
+def writes(function):
+    """Add --out and --column, and pass a Run without workers on as `run`."""
+
+    @draws
     @out_option
     @functools.wraps(function)
     def wrapped(out, store=None, workers=None, scheduler=None, tls=None, **options):
