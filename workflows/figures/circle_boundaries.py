@@ -11,12 +11,12 @@ def draw_circle_boundaries(breakdown, residues, barrier):
 
     The caption says where each circle comes nearest to CB_gt, and whether all lie within it.
     """
-    figure, (axes,) = panels(1, 1, 10, 5.8)
+    figure, (axes,) = panels(1, 1, 10, 6.9)
     sharp = known(breakdown)
     fill_inside(axes, barrier, INSIDE, label=r"$\mathit{CB}_{gt}$")
     draw_circles(axes, sharp)
     label_plane(axes, barrier)
-    if of_two_kicks(barrier):
+    if of_two_kicks(barrier) and not in_column():
         tip = axes.inset_axes([0.405, 0.06, 0.19, 0.3])
         fill_inside(tip, barrier, INSIDE)
         draw_circles(tip, sharp)
@@ -50,9 +50,9 @@ def draw_tips(residues, circles, barrier):
 
     The caption says how far the two methods are apart.
     """
-    figure, tips = panels(1, 2, 11, 6)
+    figure, tips = panels(1, 2, 11, 7.2)
     silent = (circles.status != 1) | (residues.status != 1)
-    gaps = barrier.sel(angle=circles.angle[silent.any("omega").values], method="nearest")
+    gaps = barrier.sel(angle=circles.angle[silent.any("circle").values], method="nearest")
     lines, points = known(residues), known(circles)
     for axes, sign in zip(tips, (-1, 1), strict=True):
         axes.fill_between(barrier.kappa1, barrier.kappa2, color=INSIDE)
@@ -63,7 +63,7 @@ def draw_tips(residues, circles, barrier):
         axes.plot(gaps.kappa1, gaps.kappa2, "x", color="black", ms=5, label="no answer on this ray")
         ends = sorted((sign * 0.7, sign * 1.0))
         axes.set(xlim=ends, ylim=(0.7, 1.0), aspect="equal", xlabel=r"$\kappa_1$")
-        axes.set_xticks(sign * np.array([0.75, 0.8, 0.85, 0.9, 0.95]))
+        axes.set_xticks(sign * np.array([0.75, 0.8, 0.85, 0.9, 0.95][:: 2 if in_column() else 1]))
         axes.set_ylabel(r"$\kappa_2$")
     entries = tips[1].get_legend_handles_labels()
     figure.legend(

@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.ticker import LogLocator
 
-from workflows.figures.style import colour_of, mark_gaps, panels, power
+from workflows.figures.style import colour_of, in_column, mark_gaps, panels, power
 
 
 def draw_convergence(bias, others, fits):
@@ -17,8 +17,9 @@ def draw_convergence(bias, others, fits):
         eta, error = fits[angle]
         here, label = bias.sel(angle=angle), rf": $\eta = {eta:.2f} \pm {error:.2f}$"
         direct.plot(n, here[-1], ".", color=style["color"], label=style["label"] + label)
+        style["label"] = None  # once is enough
         orbits.plot(bias.ensemble, (here / here.isel(ensemble=-1)).mean("n"), ".", **style)
-        here, hollow = others.sel(angle=angle), style | {"mfc": "none", "label": None}
+        here, hollow = others.sel(angle=angle), style | {"mfc": "none"}
         cones.plot(here.steps, here.cones_raw, ".", **style)
         cones.plot(here.steps, here.cones_corrected, "s", **hollow | {"ms": 5})
         q = here.residue.dropna("q")
@@ -49,7 +50,13 @@ def draw_convergence(bias, others, fits):
         axes.set(title=title, xlabel=x, ylabel=y, xscale="log")
         axes.set_yscale("linear" if axes is orbits else "log")
         axes.grid(lw=0.3)
-        axes.legend(fontsize="x-small")
+        if axes in (cones, sharp):
+            axes.legend(fontsize="small", loc="lower left")
+    _plain(direct.yaxis)
+    if in_column():
+        figure.legend(*direct.get_legend_handles_labels(), loc="outside upper center", ncols=2)
+    else:
+        direct.legend(fontsize="x-small", loc="upper right")
     etas = ", ".join(f"{eta:.2f} ± {err:.2f} at {angle:g}°" for angle, (eta, err) in fits.items())
     return figure, (
         f"Error against effort on rays at {', '.join(f'{angle:g}°' for angle in fits)}, in parts "
@@ -58,6 +65,13 @@ def draw_convergence(bias, others, fits):
         f"N^(-1/η), with η = {etas}; grey: the paper's η and renormalisation's, 3.012. Below: "
         "converse KAM, Greene's residue and certified circles."
     )
+
+
+def _plain(axis):
+    """Let a logarithmic axis have labels 0.1, 0.2, 0.5, 1, …"""
+    axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    axis.set_major_formatter("{x:g}")
+    axis.set_minor_formatter("")
 
 
 def draw_diagonal(diagonal):
@@ -74,9 +88,7 @@ def draw_diagonal(diagonal):
         etas.append(f"{eta} ± {error}")
     mark_gaps(axes, diagonal.n.values, diagonal.distance.isnull().values)
     axes.set(xscale="log", yscale="log", xlabel="steps $N$", ylabel=r"$\kappa_N - \kappa_G$")
-    axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-    axes.yaxis.set_major_formatter("{x:g}")
-    axes.yaxis.set_minor_formatter("")
+    _plain(axes.yaxis)
     orbits = rf"${power(diagonal.n_orbits)}$ orbits"
     axes.set_title(rf"{orbits} on $(\kappa_1, \kappa_2) = (\kappa, \kappa)$")
     axes.grid(lw=0.3)

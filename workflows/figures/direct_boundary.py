@@ -23,13 +23,13 @@ def draw_rays(boundary, barrier, last=90):
 
 def draw_half_plane(boundary, barrier, insets):
     """Draw the upper half plane, Fig. 6, and below it the cell at four forcings."""
-    tall = 2.0 * COLUMN if in_column() else 10.5
+    tall = 2.1 * COLUMN if in_column() else 9
     figure = plt.figure(figsize=(COLUMN if in_column() else 11, tall), layout="constrained")
-    above, below = figure.subfigures(2, height_ratios=[1, 1.5] if in_column() else [1.6, 1])
+    above, below = figure.subfigures(2, height_ratios=[1, 1.5] if in_column() else [1.7, 1])
     plane = above.subplots()
     _draw_boundaries(plane, boundary, barrier)
     plane.set_ylim(0, None)
-    plane.legend(loc="lower center")
+    above.legend(loc="outside lower center", ncols=2 if in_column() else 4)
     rows, columns = (2, 2) if in_column() else (1, 4)
     cells = below.subplots(rows, columns, sharex=True, sharey=True).ravel()
     norm = LogNorm(1, max(2.0, float(insets.visits.max())))
@@ -38,10 +38,11 @@ def draw_half_plane(boundary, barrier, insets):
         shown = _draw_cell(axes, insets.isel(forcing=i), norm)
         forcing = [float(insets[name][i]) for name in ("kappa1", "kappa2")]
         plane.plot(*forcing, "*", color="black", ms=7, zorder=5)
-        side = {"textcoords": "offset points", "ha": "right" if forcing[0] < 0 else "left"}
-        at = (-6 if forcing[0] < 0 else 6, -3)
+        side = {"textcoords": "offset points", "ha": "right" if letter in "bd" else "left"}
+        at = (-5 if letter in "bd" else 5, -3)  # pairs are close
         plane.annotate(f"({letter})", forcing, at, fontsize="small", zorder=5, **side)
-    below.colorbar(shown, ax=cells, label="visits", shrink=0.8)
+    where = {"location": "bottom", "aspect": 40} if in_column() else {"aspect": 15}
+    below.colorbar(shown, ax=cells, label="visits", **where)
     columns = ("kappa1", "kappa2", "lowest", "highest")
     ranges = "; ".join(
         f"({kappa1:g}, {kappa2:g}): {lowest:.3g} to {highest:.3g}"
@@ -113,7 +114,7 @@ def _draw_cell(axes, inset, norm):
     low, high, transport = (float(inset[name]) for name in ("lowest", "highest", "transport"))
     verdict = {0: "barrier", 1: "transport"}.get(transport, "undecided")
     if transport == 1 and high - low < 1:
-        verdict += f",\nbut this orbit stays in {low:.2f} < y < {high:.2f}"
+        verdict += f",\nbut this orbit stays\nin {low:.2f} < y < {high:.2f}"
     title = f"$({float(inset.kappa1):g}, {float(inset.kappa2):g})$: {verdict}"
-    axes.set_title(title, fontsize="medium", color=VERMILION if "but" in verdict else "black")
+    axes.set_title(title, fontsize="small", color=VERMILION if "but" in verdict else "black")
     return image

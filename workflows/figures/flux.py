@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from workflows.figures.style import circle_class, circle_style, mark_gaps, panels
+from workflows.figures.style import circle_class, circle_style, in_column, mark_gaps, panels
 from workflows.parts.rays import with_tie
 
 _ETA = 3.0117  # ln(αβ)/ln δ of MacKay's scaling constants, a guide for the eye
@@ -28,7 +28,10 @@ def draw_flux(fluxes, fits):
     whole.plot(x, 3 * middle * x**_ETA, "--", color="0.5", label=law)
     whole.set(title="Flux through the last circle, broken", yscale="log")
     whole.set_ylabel(r"$\Delta W$ per step (turns $\times$ $y$)")
-    whole.legend(fontsize="x-small")
+    if in_column():
+        figure.legend(loc="outside upper center", fontsize="small")
+    else:
+        whole.legend(fontsize="x-small")
     divided.set(title=rf"The same, divided by $x^{{{_ETA}}}$", ylim=(0, None))
     if {0.0, 45.0} <= set(fluxes.angle.values.tolist()):
         ratio = float(fits.amplitude.sel(angle=45) / fits.amplitude.sel(angle=0))

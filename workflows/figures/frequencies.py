@@ -6,6 +6,8 @@ import numpy as np
 
 from workflows.figures.style import colour_of, panels
 
+_BEYOND = 1.1  # times the largest end of a bracket: what is drawn
+
 
 def draw_frequencies(cube):
     """Draw the scale of the last breakup against Ω, and the least one of convergents by their q.
@@ -29,6 +31,7 @@ def draw_frequencies(cube):
     wide.set(xlabel=r"frequency $\Omega$", ylabel="scale $s$ of the last breakup")
     wide.legend(fontsize="small", loc="best")
     told = _draw_convergents(near, limits, fractions)
+    _cut(wide, [*(upper for _, upper in limits.values())], fractions)
     widths = ((cube.upper - cube.lower) / cube.upper).values
     return figure, (
         "Where the last barrier of rotating maps breaks on the ray (κ̄, Δκ) = s·(cos, sin) of "
@@ -38,6 +41,21 @@ def draw_frequencies(cube):
         f"{100 * np.nanmedian(widths):.1g}% in the median, and is missing for "
         f"{np.isnan(widths).sum()} of {widths.size}. {told}"
     )
+
+
+def _cut(axes, limits, fractions):
+    """End the axis above all brackets, and say how far the phases go that are above it."""
+    top = _BEYOND * np.nanmax([*limits, *(upper.min() for _, upper in fractions.values())])
+    for Ω, (_, upper) in fractions.items():
+        if upper.max() > top:
+            style = {
+                "textcoords": "offset points",
+                "ha": "center",
+                "va": "top",
+                "fontsize": "small",
+            }
+            axes.annotate(f"↑ {upper.max():.2f}", (float(Ω), top), (0, -3), **style)
+    axes.set_ylim(None, top)
 
 
 def _parts(cube):

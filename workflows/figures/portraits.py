@@ -2,7 +2,7 @@
 
 import matplotlib.pyplot as plt
 
-from workflows.figures.style import COLOURS, VERMILION, colour_of, dots, size
+from workflows.figures.style import COLOURS, VERMILION, colour_of, dots, in_column, size
 
 BLUE = COLOURS[0]
 _KICKS_SHOWN = 80
@@ -25,11 +25,12 @@ def draw_kicks(portraits):
     for parity, colour, words in ((0, BLUE, "even"), (1, VERMILION, "odd")):
         island.plot(around[parity::2], y[parity::2], label=words, **dots(colour, 4))
         shown = slice(parity, _KICKS_SHOWN, 2)
-        time.plot(kick[shown], around[shown], "o", color=colour, ms=4)
+        time.plot(kick[shown], around[shown], "o", color=colour, ms=2 if in_column() else 4)
     time.plot(kick[:_KICKS_SHOWN], around[:_KICKS_SHOWN], color="0.75", lw=0.6, zorder=0)
     time.set(xlabel="kick $n$", ylabel=r"$\hat x_n$", ylim=(-0.25, 0.75))
     time.set_title("The orbit of (d) in time")
-    island.legend(title="kicks", markerscale=3, loc="upper center", ncols=2)
+    if not in_column():
+        island.legend(title="kicks", markerscale=3, loc="upper center", ncols=2)
     island.set_title(rf"its orbit of $({x[0]:g}, {y[0]:g})$, zoomed in $y$")
     island.set(xlabel=r"$\hat x$", ylabel="$y$", xlim=(-0.25, 0.75), box_aspect=1)
     island.margins(y=0.3)

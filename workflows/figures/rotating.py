@@ -12,7 +12,7 @@ def draw_rotating_circles(circles, two, direct):
 
     The caption says how wide the bracket is, and how far outside direct iteration lies.
     """
-    figure, (axes,) = panels(1, 1, 7, 8)
+    figure, (axes,) = panels(1, 1, 7, 8.6)
     fill_diamond(axes, two, r"$\mathit{CB}_{gt}$")
     draw_circles(axes, circles)
     for tip in _tips(axes, 0.7):
@@ -37,7 +37,7 @@ def draw_rotating_tori(tori, two, direct, certified):
     certified : the cube `tori` of one vector. The caption says where a torus outlasts the last
     circle of T.
     """
-    figure, (axes,) = panels(1, 1, 7, 8)
+    figure, (axes,) = panels(1, 1, 7, 8.6)
     fill_diamond(axes, two, r"$\mathit{CB}_{gt}$ of $T$")
     for part in (axes, *_tips(axes, 0.4)):
         if part is not axes:
@@ -106,8 +106,12 @@ def fill_diamond(axes, two, label):
 
 
 def _tips(axes, inner):
-    """Return insets of the tips on the axes of κ̄ and of Δκ, from `inner` to 1, in the corners."""
-    right, top = axes.inset_axes([0.7, 0.7, 0.28, 0.28]), axes.inset_axes([0.02, 0.7, 0.28, 0.28])
+    """Return insets of the tips on the axes of κ̄ and of Δκ, from `inner` to 1, in the corners.
+
+    In a column none."""
+    if in_column():
+        return ()
+    right, top = axes.inset_axes([0.7, 0.7, 0.27, 0.27]), axes.inset_axes([0.06, 0.7, 0.27, 0.27])
     along, across = (inner, 1), ((inner - 1) / 2, (1 - inner) / 2)
     for tip, x, y in ((right, along, across), (top, across, along)):
         tip.set(xlim=x, ylim=y, xticks=x, yticks=y)
@@ -145,5 +149,5 @@ def _closed(x, y):
 def _finished(figure, axes):
     axes.set(xlabel=r"$\bar\kappa$", ylabel=r"$\Delta\kappa$", aspect="equal")
     columns = 1 if in_column() else 2
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=columns, fontsize="small")
+    figure.legend(loc="outside lower center", ncols=columns, fontsize="small")
     return figure

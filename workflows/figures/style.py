@@ -76,7 +76,7 @@ def size(width, height):
 
 
 def panels(rows, columns, width, height, **settings):
-    """Return a figure of that size and its rows · columns axes, all below each other in a column."""
+    """Return a figure of that size and its axes, in a column one below the other."""
     import matplotlib.pyplot as plt
 
     count, shape = rows * columns, height / rows / (width / columns)
@@ -93,7 +93,7 @@ def save(figure, out, name, caption=""):
 
     Several panels are lettered. Returns the paths of the pictures, which carry the caption too.
     """
-    _letter(figure)
+    letter(figure)
     if in_column():
         _without_titles(figure)
     paths = [f"{out}/{name}.{kind}" for kind in ("png", "pdf")]
@@ -106,7 +106,7 @@ def save(figure, out, name, caption=""):
     return paths
 
 
-def _letter(figure):
+def letter(figure):
     """Write (a), (b), … above the panels, if there are several; bars of colours are none."""
     shown = [axes for axes in figure.axes if axes.axison and axes.get_label() != "<colorbar>"]
     style = {"weight": "bold", "textcoords": "offset points", "annotation_clip": False}
@@ -195,6 +195,7 @@ def power(n):
 
 
 def dots(colour, size):
+    size = size / 2 if in_column() else size
     return {"ls": "", "marker": ".", "ms": size, "mew": 0, "color": colour, "rasterized": True}
 
 

@@ -5,7 +5,14 @@ import numpy as np
 
 from workflows.figures.rotating import draw_diamond, fill_diamond
 from workflows.figures.stretches import where_above
-from workflows.figures.style import circle_style, draw_points, longest_arcs, mark_gaps
+from workflows.figures.style import (
+    COLUMN,
+    circle_style,
+    draw_points,
+    in_column,
+    longest_arcs,
+    mark_gaps,
+)
 
 
 def draw_three_kicks(three, two):
@@ -14,8 +21,15 @@ def draw_three_kicks(three, two):
     Colours are those of the last circles. The caption says where the map outlasts T.
     """
     exact = three.phase.attrs["exact"]
-    figure = plt.figure(figsize=(13, 1.6 + 1.3 * max(4, len(exact))), layout="constrained")
-    left, right = figure.subfigures(1, 2, width_ratios=[1.05, 1])
+    if in_column():
+        plane_height, strips_height = 1.4 * COLUMN, 1 + 0.4 * COLUMN * len(exact)
+        size = COLUMN, plane_height + strips_height
+        figure = plt.figure(figsize=size, layout="constrained")
+        left, right = figure.subfigures(2, height_ratios=[plane_height, strips_height])
+    else:
+        size = 13, 1.6 + 1.3 * max(4, len(exact))
+        figure = plt.figure(figsize=size, layout="constrained")
+        left, right = figure.subfigures(1, 2, width_ratios=[1.05, 1])
     plane, strips = left.subplots(), right.subplots(len(exact), sharex=True, squeeze=False)[:, 0]
     circles = three.circle.transpose("phase", "angle").values  # κ and -κ are alike, ω is not
     fill_diamond(plane, two, r"$\mathit{CB}_{gt}$ of $T$ ($\Omega = 1/2$)")
@@ -32,7 +46,8 @@ def draw_three_kicks(three, two):
         plane.plot([], [], label=rf"$\omega = {text}$", **circle_style(text) | {"ls": ""})
     plane.set(xlabel=r"$\bar\kappa$", ylabel=r"$\Delta\kappa$", aspect="equal")
     plane.set_title("Onset of global transport, coloured by the last circle")
-    left.legend(loc="outside lower center", ncols=4, fontsize="small")
+    columns = 3 if in_column() else 4
+    left.legend(loc="outside lower center", ncols=columns, fontsize="small")
     strips[-1].set(xlabel=r"angle $\theta$ of the ray in the plane (degrees)", xlim=(0, 180))
     strips[-1].set_xticks(range(0, 181, 30))
     strips[0].set_title("Bracket over that of $T$; above 1 the map outlasts $T$")

@@ -1,0 +1,90 @@
+"""The pictures of the README, drawn anew: python .readme/draw.py OUT
+
+OUT is a directory as `python -m workflows.gallery --out OUT` fills it, with the cubes of the
+commands in OUT/critical_boundary, OUT/proved_map and OUT/work_precision. A picture whose cubes are
+missing stays as it is, and the command that computes them is named. The explorer's is a photograph
+by Chromium and Playwright of its page, with what OUT/critical_boundary holds.
+"""
+
+import re
+import shutil
+import signal
+import subprocess
+import sys
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+from PIL import Image
+
+from pipeline.cubes.barrier import unfolded
+from workflows.figures import style
+from workflows.figures.critical_boundary import draw_critical_boundary
+from workflows.figures.proved_map import draw_proved_map
+from workflows.figures.work_precision import draw_work_precision
+
+HERE = Path(__file__).parent
+PATIENCE = 100_000  # milliseconds
+
+
+def keep(figure, name, dpi):
+    """Write the figure as NAME.png in true colour: no palette, which would mix colours."""
+    drawn = BytesIO()
+    style.letter(figure)
+    figure.savefig(drawn, dpi=dpi)
+    Image.open(drawn).convert("RGB").save(HERE / f"{name}.png", optimize=True)
+
+
+def boundary(cube):
+    drawn = draw_critical_boundary(*map(cube, ("escape", "breakdown", "boundary")))
+    keep(drawn, "boundary", 100)
+
+
+def proved_map(cube):
+    barrier = unfolded(cube("barrier"), np.linspace(0, 45, 91))
+    keep(draw_proved_map(cube("proved_map"), barrier)[0], "proved_map", 150)
+
+
+def work_precision(cube):
+    keep(draw_work_precision(cube("work_precision")), "work_precision", 80)
+
+
+def explorer(out):
+    """Photograph the page of the explorer, one forcing clicked."""
+    from playwright.sync_api import sync_playwright
+
+    command = [sys.executable, "-m", "workflows.explore", "--port", "0", "--no-browser"]
+    command += ["--out", str(out)]
+    with (
+        subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process,
+        sync_playwright() as driver,
+    ):
+        told = "".join(iter(process.stderr.readline, "Ctrl-C ends it\n"))
+        browser = driver.chromium.launch(executable_path=shutil.which("chromium"))
+        tab = browser.new_page(viewport={"width": 1400, "height": 1090})
+        tab.set_default_timeout(PATIENCE)
+        tab.goto(re.search(r"http://localhost:\d+/", told).group() + "?k1=0.3&k2=0.5")
+        tab.get_by_text("ready", exact=True).wait_for()
+        tab.screenshot(path=HERE / "explorer.jpg", quality=80)
+        browser.close()
+        process.send_signal(signal.SIGINT)
+
+
+def main(out):
+    for draw, name in (
+        (boundary, "critical_boundary"),
+        (proved_map, "proved_map"),
+        (work_precision, "work_precision"),
+    ):
+        place = out / name
+        try:
+            draw(lambda cube, place=place: xr.open_zarr(place / f"{cube}.zarr").load())
+        except FileNotFoundError:
+            told = f"python -m workflows.{name} --out {place}"
+            print(f"{place} has no cubes; {draw.__name__}.png stays as it is. They come by {told}")
+    explorer(out / "critical_boundary")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))
