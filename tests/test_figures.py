@@ -1,14 +1,26 @@
-"""Figures: the look of circles, which ω alone decides."""
+"""Figures: the look of circles, which ω alone decides, and what all figures share."""
 
 from itertools import combinations, pairwise, product
+from pathlib import Path
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+import xarray as xr
 from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+from matplotlib.text import Text
+from PIL import Image
 
 from nasm.numbers import NAMES, parse
 from workflows.figures import style
+from workflows.figures.stability import draw_near_cusp
 from workflows.figures.style import circle_class, circle_style
+from workflows.figures.work_precision import draw_work_precision
+from workflows.work_precision.measure import plan
+from workflows.work_precision.methods import METHODS
+
+ROOT = Path(__file__).parents[1]
 
 # Linear RGB as a dichromat sees it (Machado, Oliveira & Fernandes 2009, severity 1).
 DICHROMATS = {
@@ -82,3 +94,58 @@ def test_the_longest_arcs_come_first_and_arcs_of_less_than_a_hundredth_are_left_
     classes = np.full(361, "[0;(1)]", dtype=object)
     classes[:250], classes[300], classes[310:] = "[0;1,2,(1)]", "[0;1,3,(1)]", ""
     assert style.longest_arcs(angles, classes) == ["[0;1,2,(1)]", "[0;(1)]"]
+
+
+def test_the_picture_of_the_boundary_has_the_colours_of_its_circles():
+    with Image.open(ROOT / ".readme/boundary.png") as picture:
+        assert picture.mode == "RGB"  # a palette mixes colours
+        shown = np.asarray(picture).reshape(-1, 3)
+    for text in ON_THE_BOUNDARY[:4]:
+        colour = np.rint(255 * np.array(to_rgb(circle_style(text)["color"])))
+        assert (shown == colour).all(axis=1).sum() > 100, text
+
+
+def test_a_figure_for_a_column_is_as_wide_as_one_and_has_letters_but_no_titles(tmp_path):
+    with style.column():
+        figure, drawn = style.panels(1, 2, 12, 5)
+        for axes in drawn:
+            axes.set_title("a title")
+        figure.suptitle("another title")
+        (path, _) = style.save(figure, tmp_path, "narrow")
+    with Image.open(path) as picture:
+        assert picture.width / picture.info["dpi"][0] == pytest.approx(style.COLUMN, abs=0.01)
+    words = [text.get_text() for text in figure.findobj(Text)]
+    assert {"(a)", "(b)"} <= set(words)
+    assert not any("title" in word for word in words)
+    assert all(text.get_fontsize() >= 6.5 for text in figure.findobj(Text))
+    assert not style.in_column()
+
+
+def named_after_modules(axes):
+    modules = {module.stem for module in (ROOT / "nasm").rglob("[!_]*.py")}
+    return [
+        label
+        for label in axes.get_legend_handles_labels()[1]
+        if label.partition(",")[0].partition(" =")[0] in modules
+    ]
+
+
+def test_the_studies_of_failure_name_methods_and_no_modules():
+    dims = "approach", "delta"
+    study = xr.Dataset(
+        {name: (dims, np.full((4, 2), 1e-3)) for name in ("off", "error", "status")},
+        {"delta": [0.1, 1.0], "approach": range(4)},
+    )
+    study.approach.attrs["names"] = ["periodic", "continuation", "cones", "barriers"]
+    axes = Figure().subplots()
+    draw_near_cusp(axes, study)
+    assert len(axes.get_legend_handles_labels()[1]) == 4
+    assert named_after_modules(axes) == []
+
+
+def test_work_and_precision_are_of_methods_and_no_modules():
+    data = plan([45], tuple(METHODS), quick=True).template.fillna(1e-3)
+    figure = draw_work_precision(data)
+    assert len(figure.axes[0].get_legend_handles_labels()[1]) == data.method.size
+    assert named_after_modules(figure.axes[0]) == []
+    plt.close(figure)

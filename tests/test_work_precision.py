@@ -44,7 +44,7 @@ def test_every_effort_is_measured(measured):
         ("converse KAM, upper bound", -1, 0.1),
         ("residue, last crossing", -2, 0.25),
         ("last certified circle", -1, 0.25),
-        ("barriers, bracket", 1, 0.05),
+        ("last barrier, bracket", 1, 0.05),
     ],
 )
 def test_errors_fall_with_effort(measured, name, order, margin):

@@ -36,7 +36,7 @@ def draw_stability(studies):
     return drawn
 
 
-def _draw_near_cusp(axes, study):
+def draw_near_cusp(axes, study):
     """Draw the errors, the claimed ones dashed, and crosses where there is no answer."""
     for i, name in enumerate(study.approach.attrs["names"]):
         here, colour = study.isel(approach=i), COLOURS[i]
@@ -210,7 +210,7 @@ _FIGURES = {
     "stability_tori": ("tori",),
 }
 _PANELS = {
-    "cusp": _draw_near_cusp,
+    "cusp": draw_near_cusp,
     "boundary": _draw_past_boundary,
     "fractions": _draw_fractions,
     "beam": _draw_missed,

@@ -14,7 +14,7 @@ _METHOD_COLOURS = {
     "last certified": "#56B4E9",
     "blow-up": "#56B4E9",
     "residue": "#009E73",
-    "barriers": "black",
+    "last barrier": "black",
     "transport proved": "#E34234",
     "barrier proved": "#4B0082",
 }

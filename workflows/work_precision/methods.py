@@ -164,7 +164,7 @@ TOLERANCES = [1e-1, 1e-2, 1e-3, 1e-4]
 DIRECT = ["direct", "direct, 100 orbits", "direct, 100 orbits, near exit"]
 ALL, HUNDRED, NEAR = ((name, f"{name}, extrapolated") for name in DIRECT)
 CONES = "converse KAM, upper bound", "converse KAM, value"
-BARRIERS = "barriers, bracket", "barriers, value"
+BARRIERS = "last barrier, bracket", "last barrier, value"
 METHODS = {
     "direct": Method(ALL, "N", STEPS, direct(10_000, 2.0)),
     "direct-100": Method(HUNDRED, "N", STEPS, direct(100, 2.0)),
