@@ -51,7 +51,7 @@ def draw_tips(residues, circles, barrier):
     The caption says how far the two methods are apart.
     """
     figure, tips = panels(1, 2, 11, 7.2)
-    silent = (circles.status != 1) | (residues.status != 1)
+    silent = circles.critical_scale.isnull() | residues.critical_scale.isnull()
     gaps = barrier.sel(angle=circles.angle[silent.any("circle").values], method="nearest")
     lines, points = known(residues), known(circles)
     for axes, sign in zip(tips, (-1, 1), strict=True):
@@ -71,7 +71,7 @@ def draw_tips(residues, circles, barrier):
     )
     figure.suptitle("The tips: lines by Greene's residue, points by continuation of circles")
     off = abs(circles.critical_scale / residues.critical_scale - 1)
-    unanswered = int((circles.status != 1).sum() + (residues.status != 1).sum())
+    unanswered = sum(int(of.critical_scale.isnull().sum()) for of in (circles, residues))
     return figure, (
         "The tips of the horns: lines by Greene's residue of periods up to "
         f"{residues.attrs['q_max']}, points by continuation to {circles.attrs['tol']:g}. Relative "
