@@ -36,7 +36,7 @@ ENDS_WITHIN = 60  # seconds for one run; a driver that takes longer hangs
 _CHUNKS = {
     "wave": ("0/", 20),
     "sign": ("", 5),
-    "tiles/commit": ("", 20),
+    "tiles/commit": ("0/", 20),
 }  # bytes with checksum
 
 
@@ -88,8 +88,7 @@ def _name(index):
 
 
 def key(variable, index):
-    entry = "/0" if variable == "tiles/commit" else ""
-    return f"toy.zarr/{variable}/c/{_CHUNKS[variable][0]}{index[0]}/{index[1]}{entry}"
+    return f"toy.zarr/{variable}/c/{_CHUNKS[variable][0]}{index[0]}/{index[1]}"
 
 
 def read(place, key):

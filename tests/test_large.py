@@ -40,7 +40,7 @@ def report_of(driver):
 def test_many_tiles_need_little_of_the_driver_also_when_interrupted(tmp_path, n_tiles, megabytes):
     cube, place = toy.line(n_tiles).cube, store.place_of(tmp_path / "out")
     driver = start_driver(tmp_path / "out", n_tiles)
-    while not (tmp_path / f"out/line.zarr/tiles/commit/c/{n_tiles // 3}").exists():
+    while not (tmp_path / f"out/line.zarr/tiles/commit/c/0/{n_tiles // 3}").exists():
         assert driver.poll() is None, driver.communicate()
         time.sleep(0.1)
     driver.send_signal(signal.SIGINT)

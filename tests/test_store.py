@@ -125,7 +125,7 @@ def test_a_plain_xarray_opens_a_cube_without_a_warning(on_disk):
         assert np.array_equal(cube.wave, toy.serial(plan)["wave"])
         assert len(cube.to_dataframe()) == cube.wave.size  # no record of the sweep among the data
         records = xr.open_zarr(on_disk.cube("toy"), group="tiles")
-        assert records.commit.shape == (4, 5, 2)
+        assert records.commit.shape == (2, 4, 5)
     assert cube.attrs["title"] == "toy"
     assert cube.attrs["depth"] == 3
     assert {"config_hash", "computed_by", "package_version"} <= cube.attrs.keys()
@@ -216,9 +216,9 @@ def test_a_tile_of_other_shape_or_kind_is_refused_not_cast(on_disk, values):
 
 def test_files_of_somebody_else_are_no_tiles(on_disk):
     fill(on_disk, toy.cube())
-    for name in (".DS_Store", "1/7", "1/x", "x/y/z", "9/9/0", "1/2/3"):
+    for name in (".DS_Store", "0/7", "0/1/x", "x/y/z", "0/9/9", "1/2/3"):
         put(on_disk, f"toy.zarr/{COMMIT}/c/{name}", bytes(20))
-    put(on_disk, f"toy.zarr/{COMMIT}/c/1/1/0", None)
+    put(on_disk, f"toy.zarr/{COMMIT}/c/0/1/1", None)
     assert missing(on_disk, toy.cube()) == {(1, 1)}
 
 
@@ -342,12 +342,12 @@ def test_damaged_tiles_are_found_and_after_repair_they_alone_are_missing(place):
     plan = toy.cube()
     fill(place, plan)
     chunk = get(place, "toy.zarr/wave/c/0/1/2")
-    record = get(place, f"toy.zarr/{COMMIT}/c/2/2/0")
+    record = get(place, f"toy.zarr/{COMMIT}/c/0/2/2")
     put(place, "toy.zarr/wave/c/0/1/2", flipped(chunk, 17))
     put(place, "toy.zarr/wave/c/0/0/0", chunk[:-9])
     put(place, "toy.zarr/sign/c/3/4", None)
-    put(place, f"toy.zarr/{COMMIT}/c/2/2/0", flipped(record, 0))
-    put(place, f"toy.zarr/{COMMIT}/c/1/1/0", b"")
+    put(place, f"toy.zarr/{COMMIT}/c/0/2/2", flipped(record, 0))
+    put(place, f"toy.zarr/{COMMIT}/c/0/1/1", b"")
     damaged = {(1, 2), (0, 0), (3, 4), (2, 2), (1, 1)}
     found = dict(store.verify(place, "toy"))
     assert found.keys() == damaged
@@ -425,9 +425,9 @@ def test_a_chunk_of_another_tile_or_cube_is_found_though_it_is_sound(place, tmp_
     store.commit(other, "toy", (3, 0), arrays(plan, (3, 0)), 0.25)
     moved = {"wave/c/0/0/1": "wave/c/0/1/0", "wave/c/0/1/0": "wave/c/0/0/1"}  # one variable of two
     whole = {"wave/c/0/2/1": "wave/c/0/2/2", "sign/c/2/1": "sign/c/2/2"}
-    moved |= {**whole, f"{COMMIT}/c/2/1/0": f"{COMMIT}/c/2/2/0"}  # a tile and its record
+    moved |= {**whole, f"{COMMIT}/c/0/2/1": f"{COMMIT}/c/0/2/2"}  # a tile and its record
     data = {to: get(place, f"toy.zarr/{key}") for key, to in moved.items()}
-    data[f"{COMMIT}/c/3/0/0"] = get(other, f"toy.zarr/{COMMIT}/c/3/0/0")
+    data[f"{COMMIT}/c/0/3/0"] = get(other, f"toy.zarr/{COMMIT}/c/0/3/0")
     for key, chunk in data.items():
         put(place, f"toy.zarr/{key}", chunk)
     assert not np.array_equal(store.read(place, "toy").wave, toy.serial(plan)["wave"])
@@ -724,7 +724,7 @@ def test_rate_and_time_left_are_those_of_the_last_minutes(on_disk):
     now = time.time()
     for i, (row, column) in enumerate(tiles):
         written = now - 5000 + i if i < 6 else now - 10 * (12 - i)
-        os.utime(f"{on_disk}/toy.zarr/{COMMIT}/c/{row}/{column}/0", (written, written))
+        os.utime(f"{on_disk}/toy.zarr/{COMMIT}/c/0/{row}/{column}", (written, written))
     (state,) = store.status(on_disk)
     assert state.rate == pytest.approx(0.1)
 
@@ -759,7 +759,7 @@ def test_a_tile_costs_what_zarr_costs(on_disk, capsys):
 
     def bare(i):
         arrays["level"][i : i + 1] = one
-        arrays[COMMIT][i] = 0.0
+        arrays[COMMIT][:, i] = 0.0
 
     seconds = np.zeros((6, 2))
     for i in range(600):  # in turn, 50 of each

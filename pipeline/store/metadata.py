@@ -202,14 +202,14 @@ def _empty_files(cube, computed):
     words = {"long_name": "CPU seconds of the tile, and the CRC-32 of its data", "units": "1"}
     words |= {"entries": list(ENTRIES), "cube": _identity(cube, computed)}
     words["comment"] = "written last: the tile is complete if this is not NaN"
-    dims, shape = (*(f"tile_{dim}" for dim in cube.tile), ENTRY), (*counts, len(ENTRIES))
+    dims, shape = (ENTRY, *(f"tile_{dim}" for dim in cube.tile)), (len(ENTRIES), *counts)
     blank = xr.Variable(dims, dask.array.full(shape, np.nan, chunks=-1), words)
     checked, encoding = {"compressors": (Crc32cCodec(),), "filters": None}, {}
     for key, array in cube.template.variables.items():
         tile = {} if key in cube.template.coords else cube.tile
         chunks = {"chunks": tuple(tile.get(dim, n) for dim, n in array.sizes.items())}
         encoding[key] = chunks | checked | _lost(array.dtype)
-    chunks = {"chunks": (1,) * len(counts) + (len(ENTRIES),), **checked, **_lost(blank.dtype)}
+    chunks = {"chunks": (len(ENTRIES),) + (1,) * len(counts), **checked, **_lost(blank.dtype)}
     records = {f"/{RECORDS}": xr.Dataset({commit: blank})}
     return _files(cube, computed, encoding, records, {f"/{RECORDS}": {commit: chunks}})
 

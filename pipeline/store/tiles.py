@@ -90,11 +90,11 @@ def survey(place, name, counts=None):
     written : its time in seconds, NaN if there is none.
     counts : of tiles along each dimension, if the cube's metadata do not tell.
     """
-    written = np.full(counts or arrays_of(place, name)[COMMIT].shape[:-1], np.nan)
+    written = np.full(counts or arrays_of(place, name)[COMMIT].shape[1:], np.nan)
     done = np.zeros(written.shape, dtype=bool)
     for file in place.files(f"{name}.zarr/{COMMIT}/c"):
         with suppress(ValueError, IndexError):  # somebody else's file
-            *tile, entry = map(int, file["path"].split("/")[4:])
+            entry, *tile = map(int, file["path"].split("/")[4:])
             if len(tile) == written.ndim and not entry:
                 written[*tile] = file["last_modified"].timestamp()
                 done[*tile] = file["size"] == _RECORD_BYTES
@@ -110,7 +110,7 @@ def missing(place, cube):
 
 def is_committed(place, name, index):
     """Whether the tile has a commit record."""
-    record = place.read(f"{name}.zarr/{COMMIT}/c/{'/'.join(map(str, index))}/0")
+    record = place.read(f"{name}.zarr/{COMMIT}/c/0/{'/'.join(map(str, index))}")
     return len(record) == _RECORD_BYTES
 
 
@@ -133,13 +133,14 @@ def commit(place, name, index, arrays, seconds):
         if cast is None or (array.dtype.kind != "f" and not np.array_equal(cast, values)):
             raise ValueError(f"{key} is of {values.dtype}, and does not fit into {array.dtype}")
         chunks[key] = chunk, cast
+    one = (len(ENTRIES), *(1 for _ in index))
     checksum = _checksum(opened, tile, {key: values for key, (_, values) in chunks.items()})
     with explained(place):
         for key, (chunk, values) in chunks.items():
             _stands(place, name)
             opened[key].set_block_selection(chunk, values)
         _stands(place, name)
-        opened[COMMIT][tuple(index)] = seconds, checksum
+        opened[COMMIT].set_block_selection((0, *index), np.reshape([seconds, checksum], one))
 
 
 def _checksum(arrays, tile, values):
