@@ -117,31 +117,34 @@ def proved_cells(low, size, depth, boundary, seconds):
     low : κ1 and κ2 of its lower left corner, not negative. size : its width; all corners of cells
     must be multiples of 2⁻³⁰. boundary : a Boundary. seconds : CPU time for a proof of transport.
 
-    Returns an int8 array (2**depth, 2**depth), index κ2, κ1. A square is proved whole if it can be,
-    else by quarters. What lies in κ2 > κ1 is left OPEN: it is an image. ImportError without
-    python-flint.
+    Returns an int8 array (2**depth, 2**depth), index κ2, κ1, and the list of the proofs. A square
+    is proved whole if it can be, else by quarters. What lies in κ2 > κ1 is left OPEN: it is an
+    image. ImportError without python-flint.
     """
     n, (low1, low2) = 2**depth, low
-    states = np.full((n, n), OPEN, np.int8)
+    states, proofs = np.full((n, n), OPEN, np.int8), []
     if low2 >= low1 + size:
-        return states
+        return states, proofs
     centre = low1 + size / 2, low2 + size / 2
     corners = low1 + np.array([0, size, 0, size]), low2 + np.array([0, 0, size, size])
     distance, critical = boundary.distance(*corners)
     if (distance < 0).all():
-        if proof_cells.prove_cell(centre, size / 2, seconds).proved:
-            return np.full_like(states, TRANSPORT)
+        proof = proof_cells.prove_cell(centre, size / 2, seconds)
+        if proof.proved:
+            return np.full_like(states, TRANSPORT), [proof]
     elif (distance > 0).all():
         circle = boundary.circle(*centre)
         if circle is None or not distance.max() > _NEAREST:
-            return states
-        small = size / 2 <= barrier_size(distance, critical).min()
-        if small and proof_barrier_cells.prove_cell(circle, centre, size / 2).proved:
-            return np.full_like(states, BARRIER)
+            return states, proofs
+        if size / 2 <= barrier_size(distance, critical).min():
+            proof = proof_barrier_cells.prove_cell(circle, centre, size / 2)
+            if proof.proved:
+                return np.full_like(states, BARRIER), [proof]
     if depth:
         for i in (0, 1):
             for j in (0, 1):
                 quarter = low1 + j * size / 2, low2 + i * size / 2
-                found = proved_cells(quarter, size / 2, depth - 1, boundary, seconds)
+                found, more = proved_cells(quarter, size / 2, depth - 1, boundary, seconds)
                 states[i * n // 2 : (i + 1) * n // 2, j * n // 2 : (j + 1) * n // 2] = found
-    return states
+                proofs += more
+    return states, proofs

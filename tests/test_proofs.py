@@ -1,13 +1,23 @@
 """The boundary between two proofs: brackets on rays, and the map of cells."""
 
+import json
+import lzma
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import xarray as xr
 from commands import invoke, succeed
 
-from nasm import barriers, proof_barrier, proofs
+from nasm import barriers, proof_barrier, proof_transport, proofs
 from nasm.critical import Status
+from nasm.numbers import parse
+from nasm.planes import two_kicks
 from nasm.symmetries import ray
+from pipeline import store
+from pipeline.cubes.barrier import proved_barrier
+from pipeline.cubes.certificates import unpacked
+from pipeline.cubes.cube import NOT_COMPUTED
 from pipeline.cubes.proved_map import proved_map
 
 
@@ -41,6 +51,71 @@ def test_the_proved_boundary_is_a_cube_with_both_proofs(tmp_path, workers):
     cube = xr.open_zarr(tmp_path / "out/proved_barrier.zarr").load()
     assert (cube.proved_lower < cube.critical_scale).all()
     assert (cube.critical_scale < cube.proved_upper).all()
+    assert len(list((tmp_path / "out/certificates/proved_barrier").iterdir())) == cube.angle.size
+
+
+def map_of_two_tiles():
+    """A job of the map, and the indices and coordinates of a tile of each proof."""
+    rays = [(angle, 0.4858 / np.cos(np.deg2rad(angle)), "[0;(1)]") for angle in (0.0, 45.0)]
+    job = proved_map(rays, 32, 0.1)
+    axes = {name: job.cube.template[name].values for name in ("kappa2", "kappa1")}
+    tiles = {}
+    for index in ((4, 12), (0, 1)):  # κ1 = 0.75 and 0.0625
+        places = zip(axes, index, strict=True)
+        tiles[index] = {name: axes[name][i : i + 1] for name, i in places}
+    return job, tiles
+
+
+def rays_of_one_tile():
+    """A job of proved rays, and the indices and coordinates of a ray."""
+    job = proved_barrier(two_kicks(), [20.0], 0.1)
+    return job, {(0,): {"angle": np.array([20.0])}}
+
+
+def easy_bracket(profile, seconds):
+    """Proofs that are far from the breakup, so that they are checked at once."""
+    circle, found = parse("gamma"), barriers.critical_scale(profile, 1e-2)
+    lower, upper = 0.3 * found.value, 1.2 * found.value
+    proved = proof_barrier.prove(circle, lower * profile), proof_transport.prove(upper * profile)
+    found = replace(found, omega=circle)
+    return proofs.ProvedBracket(found, lower, upper, *proved)
+
+
+@pytest.mark.parametrize(("job", "n"), [(map_of_two_tiles, 2), (rays_of_one_tile, 2)])
+def test_certificates_of_a_store_are_kept_compared_and_checked(job, n, tmp_path, monkeypatch):
+    monkeypatch.setattr(proofs, "critical_scale", easy_bracket)
+    (job, tiles), place = job(), store.place_of(tmp_path)
+    with store.driving(place):
+        store.create(place, job.cube, store.computed_by())
+        for index, coords in tiles.items():
+            store.commit(place, job.cube.name, index, job.compute(coords, job.cube.settings), 1.0)
+    told = succeed("verify", tmp_path, "--proofs")
+    assert f"{n} of {n} certificates checked; 0 tiles are wrong" in told
+    told = succeed("verify", tmp_path, "--proofs", "--longest", "0")
+    assert f"0 of {n} certificates checked; the others take" in told
+    path = max((tmp_path / "certificates" / job.cube.name).iterdir())
+    certificates = unpacked(genuine := path.read_bytes())
+    changed = json.loads(json.dumps(certificates))
+    changed[0]["lives" if "lives" in changed[0] else "rho"] = 0
+    wrong = {
+        lzma.compress(json.dumps(changed).encode()): "the seal is broken",
+        lzma.compress(json.dumps(certificates[1:]).encode()): "certificate",
+        lzma.compress(b'[{"kappa": 1}]'): "damaged",
+        genuine[:-9]: "damaged",
+        b"": "certificate",
+    }
+    for data, reason in wrong.items():
+        path.write_bytes(data)
+        longest = "60" if "seal" in reason else "0"  # the others are seen without a check
+        result = invoke("verify", tmp_path, "--proofs", "--longest", longest)
+        assert result.exit_code == 1, reason
+        assert reason in result.output.split("1 tiles are wrong\n")[1]
+    result = invoke("verify", tmp_path, "--proofs", "--longest", "0", "--repair")
+    assert "repaired" in result.output
+    assert not path.exists()
+    assert len(store.missing(place, job.cube)) == np.prod(store.tile_counts(job.cube)) + 1 - len(
+        tiles
+    )
 
 
 @pytest.mark.parametrize("command", ["proved_boundary", "proved_map"])
@@ -65,7 +140,8 @@ def test_a_barrier_is_proved_below_the_boundary_and_transport_beyond_it(low, siz
     found = [barriers.critical_scale(ray(angle), 1e-2) for angle in angles]
     scales = np.array([scale.value for scale in found])
     boundary = proofs.Boundary(angles, scales, [scale.omega for scale in found])
-    proved = proofs.proved_cells(low, size, depth, boundary, 0.05)
+    proved, found = proofs.proved_cells(low, size, depth, boundary, 0.05)
+    assert len(found) <= np.isin(proved, (2, 3)).sum()
     assert set(proved.ravel().tolist()) == states
     width = size / 2**depth
     for state, corner, beyond in ((2, 0, 1), (3, 1, -1)):
@@ -84,4 +160,4 @@ def test_the_proved_map_is_its_own_image_on_the_diagonal():
     assert (proved == proved.T).all()
     assert (proved > 0).all()
     coords["kappa1"] = coords["kappa1"] - 0.5
-    assert (job.compute(coords, job.cube.settings)["proved"] == 0).all()
+    assert (job.compute(coords, job.cube.settings)["proved"] == NOT_COMPUTED).all()

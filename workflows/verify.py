@@ -1,7 +1,8 @@
 """Is every number in the store still what was written?
 
 All chunks are read and compared with their checksums. With --repair damaged tiles become missing:
-the next run of the command that computed them computes them again, and no others.
+the next run of the command that computed them computes them again, and no others. With --proofs
+what is called proved is compared with the certificates, and these are checked by a second program.
 """
 
 import sys
@@ -9,13 +10,15 @@ from contextlib import nullcontext
 
 import click
 
-from workflows.parts.cli import command, place_options
+from workflows.parts.cli import command, place_options, real
 
 
 @command()
 @click.option("--repair", is_flag=True, help="Free what is damaged, to be computed again.")
+@click.option("--proofs", is_flag=True, help="Check certificates too, with the extra `proof`.")
+@real("--longest", 60, 0, 1e9, "CPU seconds: certificates that take longer are not checked.")
 @place_options
-def main(place, repair):
+def main(place, repair, proofs, longest):
     """Verify all cubes of a store; exit code 1 if damage is found and not repaired."""
     from pipeline import store
     from workflows.parts.run import explained
@@ -28,6 +31,13 @@ def main(place, repair):
             click.echo(f"{name}: {len(damaged)} tiles damaged" if damaged else f"{name}: sound")
             for index, what in damaged:
                 click.echo(f"  {f'tile {index}: {what}' if index else what}")
+        if proofs:
+            from nasm.proof_barrier import need_flint
+
+            need_flint()
+            from workflows.parts.certified import verify_proofs
+
+            n_damaged += verify_proofs(place, longest, repair)
     if n_damaged:
         again = "run again the commands that computed these cubes"
         click.echo(f"repaired: now {again}" if repair else f"add --repair, then {again}", err=True)

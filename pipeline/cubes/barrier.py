@@ -15,6 +15,7 @@ from nasm.numbers import RotationNumber, moebius, parse
 from nasm.planes import plane_of, two_kicks
 from nasm.symmetries import ray
 from pipeline.cubes.breakdown import cube_on_rays, per_ray, scales
+from pipeline.cubes.certificates import of_certificate, packed
 from pipeline.cubes.cube import Job, angles_of_rays, blank, coordinate, text
 
 _N_QUOTIENTS = 32  # places for the partial quotients of a rotation number
@@ -141,7 +142,26 @@ def _compute_proved(coords, settings):
     arrays = _arrays([bracket.found for bracket in brackets], coords, settings)
     for side in ("lower", "upper"):
         arrays[f"proved_{side}"] = np.array([getattr(bracket, side) for bracket in brackets])
-    return arrays
+    found = [proof for bracket in brackets for proof in (bracket.barrier, bracket.transport)]
+    return arrays | packed(found)
+
+
+def uncertified(tile, certificates):
+    """Say what a tile of `proved_barrier` calls proved without a certificate of it; else ""."""
+    claimed = set()
+    for certificate in certificates:
+        kappa = of_certificate(certificate["shortened_from"], "kappa")
+        claimed.add((certificate["shortened_from"].get("omega"), kappa))
+    tile = tile.load()
+    for i, profile in enumerate(plane_of(tile.attrs).ray(tile.angle.values)[1]):
+        here = tile.isel(angle=i)
+        circle = _circle(here.quotients.values.tolist(), int(here.tail_length), 0)
+        sides = ("proved_lower", circle), ("proved_upper", None)
+        for side, omega in sides:
+            scale = float(here[side])
+            if scale > 0 and (omega, tuple((scale * profile).tolist())) not in claimed:
+                return f"{side} at {float(here.angle):g} degrees has no certificate"
+    return ""
 
 
 def _arrays(found, coords, settings):

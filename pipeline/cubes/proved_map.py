@@ -9,6 +9,7 @@ import xarray as xr
 from nasm import proofs
 from nasm.numbers import parse
 from nasm.planes import TWO_KICKS_AXES
+from pipeline.cubes.certificates import of_certificate, packed
 from pipeline.cubes.cube import NOT_COMPUTED, Cube, Job, blank, coordinate
 
 REACH = 1.125  # of both strengths; CB_gt ends before
@@ -54,10 +55,25 @@ def _compute(coords, settings):
     if low2 > low1:
         return {"proved": np.full((n, n), NOT_COMPUTED, np.int8)}
     depth, boundary = n.bit_length() - 1, _boundary(settings)
-    proved = proofs.proved_cells((low1, low2), n * size, depth, boundary, settings["seconds"])
+    proved, found = proofs.proved_cells(
+        (low1, low2), n * size, depth, boundary, settings["seconds"]
+    )
     if low1 == low2:  # the other side of the diagonal is its image
         proved = np.where(np.tri(n, dtype=bool), proved.T, proved)
-    return {"proved": proved}
+    return {"proved": proved} | packed(found)
+
+
+def uncertified(tile, certificates):
+    """Say what a tile of the cube calls proved without a certificate that claims it; else ""."""
+    kappa1, kappa2 = np.meshgrid(tile.kappa1, tile.kappa2)
+    found, half = np.zeros(kappa1.shape, np.int8), 0.5 / tile.attrs["cells"]
+    for certificate in certificates:
+        (k1, k2), (h1, h2) = (of_certificate(certificate, f) for f in ("kappa", "half_width"))
+        inside = (np.abs(kappa1 - k1) + half <= h1) & (np.abs(kappa2 - k2) + half <= h2)
+        found[inside] = proofs.BARRIER if "omega" in certificate else proofs.TRANSPORT
+    proved = tile.proved.isin([proofs.TRANSPORT, proofs.BARRIER]).values & (kappa2 <= kappa1)
+    n = np.count_nonzero(proved & (found != tile.proved.values))
+    return f"{n} cells are called proved, and no certificate claims it" if n else ""
 
 
 def _boundary(settings):

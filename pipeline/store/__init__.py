@@ -15,5 +15,13 @@ from pipeline.store.metadata import check, create, names, replace, sees, tile_co
 from pipeline.store.place import Place, Refused, StoreFailed, driving, explained, place_of
 from pipeline.store.provenance import computed_by
 from pipeline.store.status import State, status
-from pipeline.store.tiles import commit, is_committed, missing, read, record_failure
-from pipeline.store.verify import verify
+from pipeline.store.tiles import (
+    certificates_of,
+    commit,
+    is_committed,
+    missing,
+    read,
+    record_failure,
+    tiles_of,
+)
+from pipeline.store.verify import free, verify

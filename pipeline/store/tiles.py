@@ -20,6 +20,7 @@ from zarr.storage import ObjectStore
 from pipeline.store.place import Refused, StoreFailed, explained
 
 RECORDS = "tiles"
+CERTIFICATES = "certificates"
 COMMIT = f"{RECORDS}/commit"
 ENTRIES = "cpu_seconds", "crc32"  # of a commit record
 ENTRY = "commit_entry"  # their dimension
@@ -117,9 +118,12 @@ def is_committed(place, name, index):
 def commit(place, name, index, arrays, seconds):
     """Write the tile's data, then its commit record: the CPU seconds that it took.
 
+    arrays : of its variables; and `certificates`, bytes that are kept in a file, if there are any.
     ValueError if an array does not have the shape and kind of numbers that the cube has.
     """
     opened, chunks = arrays_of(place, name), {}
+    arrays = dict(arrays)
+    certificates = arrays.pop(CERTIFICATES, b"")
     tile = dict(zip(dims_of(opened[COMMIT]), index, strict=True))
     for key, values in arrays.items():  # zarr would cast and broadcast
         array, values = opened[key], np.asarray(values)
@@ -135,12 +139,24 @@ def commit(place, name, index, arrays, seconds):
         chunks[key] = chunk, cast
     one = (len(ENTRIES), *(1 for _ in index))
     checksum = _checksum(opened, tile, {key: values for key, (_, values) in chunks.items()})
+    if certificates:
+        _stands(place, name)
+        place.write(certificates_key(name, index), certificates)
     with explained(place):
         for key, (chunk, values) in chunks.items():
             _stands(place, name)
             opened[key].set_block_selection(chunk, values)
         _stands(place, name)
         opened[COMMIT].set_block_selection((0, *index), np.reshape([seconds, checksum], one))
+
+
+def certificates_of(place, name, index):
+    """The bytes that were committed with a tile as its certificates; empty if there are none."""
+    return place.read(certificates_key(name, index))
+
+
+def certificates_key(name, index):
+    return f"{CERTIFICATES}/{name}/{'.'.join(map(str, index))}.json.xz"
 
 
 def _checksum(arrays, tile, values):
@@ -177,6 +193,18 @@ def damage(place, arrays, tile):
     if COMMIT in values and values.pop(COMMIT).flat[1] != _checksum(arrays, tile, values):
         return "its data are not those that were committed"
     return ""
+
+
+def tiles_of(place, name):
+    """Yield the index of each committed tile of a cube, and the tile as a Dataset, not yet read."""
+    cube, record = read(place, name), arrays_of(place, name).get(COMMIT)
+    if record is None:  # written whole
+        return
+    first = next(iter(tiled_arrays(arrays_of(place, name)).values()))
+    sizes = dict(zip(dims_of(first), first.chunks, strict=True))
+    for index in map(tuple, np.argwhere(survey(place, name)[0]).tolist()):
+        places = zip(dims_of(record), index, strict=False)
+        yield index, cube.isel({d: slice(i * sizes[d], (i + 1) * sizes[d]) for d, i in places})
 
 
 def record_failure(place, name, index, reason):

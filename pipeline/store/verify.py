@@ -49,10 +49,17 @@ def verify(place, name, repair=False):
             found = pool.map(partial(tiles.damage, place, tiled), some)
             for tile, what in zip(some, found, strict=True):
                 index = tuple(tile.values())
-                if what and repair:  # its commit record first
-                    of_tile = [arrays[COMMIT], *tiled.values()]
-                    keys = [chunk_key(array, tile) for array in of_tile]
-                    for key in [*keys, tiles.failure_key(name, index)]:
-                        place.delete(key)
+                if what and repair:
+                    free(place, name, index)
                 if what:
                     yield index, what
+
+
+def free(place, name, index):
+    """Make a tile missing: delete its commit record first, then its data."""
+    arrays = tiles.arrays_of(place, name)
+    tile = dict(zip(tiles.dims_of(arrays[COMMIT]), index, strict=False))
+    of_tile = [arrays[COMMIT], *tiles.tiled_arrays(arrays).values()]
+    keys = [chunk_key(array, tile) for array in of_tile]
+    for key in [*keys, tiles.failure_key(name, index), tiles.certificates_key(name, index)]:
+        place.delete(key)

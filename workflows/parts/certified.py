@@ -1,0 +1,58 @@
+"""Certificates of a store: whether they are there, and whether they prove what the cubes say."""
+
+import sys
+
+import click
+
+from nasm.certificate_checker import Refuted, check
+from pipeline import store
+from pipeline.cubes import barrier, proved_map
+from pipeline.cubes.certificates import seconds_to_check, unpacked
+from pipeline.sweep.progress import Progress, duration
+
+_CUBES = {"proved_map": proved_map.uncertified, "proved_barrier": barrier.uncertified}
+
+
+def verify_proofs(place, longest, repair):
+    """Compare the cubes with their certificates, and check these; return how many tiles are wrong.
+
+    longest : seconds; certificates that would take longer are left out, which is told. With
+    `repair`, wrong tiles become missing.
+    """
+    n_bad = 0
+    for name in sorted(_CUBES.keys() & set(store.names(place))):
+        tiles, bad = {}, {}
+        for index, tile in store.tiles_of(place, name):
+            try:
+                certificates = unpacked(store.certificates_of(place, name, index))
+                if what := _CUBES[name](tile, certificates):
+                    bad[index] = what
+                elif certificates:
+                    tiles[index] = list(map(seconds_to_check, certificates))
+            except (AttributeError, LookupError, TypeError, ValueError) as error:
+                bad[index] = f"its certificates are damaged: {error}"
+        costs = [seconds for of_tile in tiles.values() for seconds in of_tile]
+        short = [seconds for seconds in costs if seconds <= longest]
+        words = f"{len(short)} certificates to check, about {duration(sum(short))} of CPU time"
+        click.echo(f"{name}: {words}", err=True)
+        with Progress(f"{name}: certificates", sys.stderr) as progress:
+            progress.begin(len(tiles), sum(short))
+            for index, of_tile in tiles.items():
+                certificates = unpacked(store.certificates_of(place, name, index))
+                for certificate, seconds in zip(certificates, of_tile, strict=True):
+                    if seconds <= longest:
+                        try:
+                            check(certificate)
+                        except Refuted as reason:
+                            bad[index] = f"a certificate is refuted: {reason}"
+                progress.advance(1, sum(seconds for seconds in of_tile if seconds <= longest))
+        words = f"{len(short)} of {len(costs)} certificates checked"
+        if len(short) < len(costs):
+            words += f"; the others take {duration(sum(costs) - sum(short))}, see --longest"
+        click.echo(f"{name}: {words}; {len(bad)} tiles are wrong")
+        for index, what in bad.items():
+            click.echo(f"  tile {index}: {what}")
+            if repair:
+                store.free(place, name, index)
+        n_bad += len(bad)
+    return n_bad
