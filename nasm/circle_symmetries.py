@@ -3,8 +3,8 @@
 If T∘K(θ) = K(θ + ω), and a change of variables C turns T into T', then C∘K is a circle of T'. Here
 K is given by the deviations u_j of its sites (see `circles`), in which the paper's compositions are
 
-    S∘S:               (κ) → (κ, κ),          ω → 2ω:       u_j(θ) = u(θ + jω)           (mapsquare)
-    R_{1/2} ∘ K:       κ → -κ:                              u_j(θ) → u_j(θ - 1/2)      (stdsymmetry)
+    S∘S:               (κ) → (κ, κ),          ω → 2ω:       u_j(θ) = u(θ + jω)           (49)
+    R_{1/2} ∘ K:       κ → -κ:                              u_j(θ) → u_j(θ - 1/2)      (50)
     y → y + 1/2:       κ_j → (-1)^j κ_j,      ω → ω + P/2:  u_j unchanged
     P_{1/2} ∘ K:       (2κ) → (κ, 0):                       u_1(θ) = (u_0(θ) + u_0(θ + ω))/2
     S_κ0 ∘ K:          (κ_0, …) → (…, κ_0):                 u_j(θ) → u_{j+1}(θ - ω/P)

@@ -86,7 +86,7 @@ def invariant_circle(omega, kappa, n_max=4096, start=None):
 
     Parameters
     ----------
-    omega : RotationNumber, irrational; e.g. `numbers.parse("gamma")`.
+    omega : RotationNumber or its text, irrational; e.g. "gamma".
     kappa : sequence of P floats, first kick first.
     n_max : int, the most grid points to use, 64 to 65536; the certificate uses 4 times as many.
     start : ndarray (P, n), deviations near the circle, n a power of 2 from 16; default as above.
@@ -99,7 +99,7 @@ def invariant_circle(omega, kappa, n_max=4096, start=None):
     arithmetic and 4n points can tell: this is no proof, and resonances of ω beyond those modes, as
     of a rational ω of large denominator, are not seen.
     """
-    kappa = forcing(kappa)
+    omega, kappa = checked(omega), forcing(kappa)
     n_max = count("n_max", n_max, N_FIRST, N_LARGEST)
     if start is not None:
         u, status = settle(omega, kappa, _deviations(start, kappa.size).copy(), n_max)

@@ -62,7 +62,7 @@ def critical_scale(omega, profile, tol=1e-6):
 
     Parameters
     ----------
-    omega : RotationNumber, irrational; e.g. `numbers.parse("gamma")`.
+    omega : RotationNumber or its text, irrational; e.g. "gamma".
     profile : sequence of P floats, not all zero; no symmetry is needed.
     tol : float, the error to aim at.
 
@@ -86,7 +86,8 @@ def critical_scale(omega, profile, tol=1e-6):
         raise ValueError(
             f"tol={tol} must be positive and finite; it is the error to aim at, e.g. tol=1e-6"
         )
-    if checked(omega).is_rational:
+    omega = checked(omega)
+    if omega.is_rational:
         return no_answer(omega, Status.RATIONAL, METHOD)
     (short,), short_omega = shorten([profile], omega)
     path, value, error, status = _walk(short_omega, short, tol)
@@ -120,7 +121,7 @@ def certified_circle(omega, profile, breakup, distance):
 
     Parameters
     ----------
-    omega : RotationNumber, irrational; e.g. `numbers.parse("gamma")`.
+    omega : RotationNumber or its text, irrational; e.g. "gamma".
     profile : sequence of P floats.
     breakup : float, the scale of the breakup, e.g. by `periodic.critical_scale`.
     distance : float, 10⁻⁶ to 1/2.

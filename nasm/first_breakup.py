@@ -19,6 +19,7 @@ from nasm import barriers, circles, continuation
 from nasm.checks import real
 from nasm.critical import CriticalScale, Status, no_answer
 from nasm.maps import direction, forcing
+from nasm.numbers import checked
 from nasm.verdict import Answer, Evidence, verdict
 
 __all__ = ["circle_scale", "critical_scale"]
@@ -110,7 +111,7 @@ def circle_scale(omega, start, profile, tol=1e-4):
 
     ValueError if start and profile differ in length, or as for `continuation.critical_scale`.
     """
-    start, profile, step = _segment(start, profile)
+    omega, (start, profile, step) = checked(omega), _segment(start, profile)
     method = partial(continuation.critical_scale, omega, tol=tol)
     found, excess, _ = _on_rays(method, start, profile)
     try:

@@ -11,7 +11,7 @@ a point is stable iff 0 < R < 1. At R = 0 the point (1/2, 0) undergoes a pitchfo
     κ1 sin z + κ2 sin(z - (κ1/2) sin z) = 0,     2y = (κ1/2π) sin z,          (second1, second2)
 
 The cubic expansion in z gives z² = (6κ1 + 6κ2 - 3κ1κ2) / (κ1 - κ1κ2/2 + κ2(1 - κ1/2)³). The paper's
-Eq. (z_aprox) has +3κ1κ2, with which z would not vanish at the pitchfork.
+Eq. (39) has +3κ1κ2, with which z would not vanish at the pitchfork.
 """
 
 from itertools import pairwise
@@ -46,7 +46,7 @@ def primary_residue(kappa1, kappa2):
 
 
 def residue(kappa, x, y):
-    """R = (2 - Tr DT(x, y))/4 of fixed points of T, Eq. (greene_res)."""
+    """R = (2 - Tr DT(x, y))/4 of fixed points of T, Eq. (33)."""
     tangent = step_tangent(kappa, x, y)
     return (2 - tangent[0, 0] - tangent[1, 1]) / 4
 
@@ -60,7 +60,7 @@ def secondary(kappa1, kappa2):
 
     Returns
     -------
-    z : ndarray, the smallest solution of (second2) in (0, π), with z = 2πx - π; NaN where there is
+    z : ndarray, the smallest solution of Eq. (38b) in (0, π), with z = 2πx - π; NaN where there is
         none among 1024 equally spaced samples' sign changes.
     x, y : ndarrays, the point.
     """
@@ -81,12 +81,12 @@ def secondary(kappa1, kappa2):
 
 
 def second2(kappa1, kappa2, z):
-    """The left-hand side of (second2), written in z = 2πx - π."""
+    """The left-hand side of Eq. (38b), written in z = 2πx - π."""
     return kappa1 * np.sin(z) + kappa2 * np.sin(z - kappa1 / 2 * np.sin(z))
 
 
 def cubic_estimate(kappa1, kappa2):
-    """z of the secondary point to third order, Eq. (z_aprox) corrected; NaN where there is none."""
+    """z of the secondary point to third order, Eq. (39) corrected; NaN where there is none."""
     kappa1, kappa2 = np.asarray(kappa1, dtype=float), np.asarray(kappa2, dtype=float)
     numerator = 6 * kappa1 + 6 * kappa2 - 3 * kappa1 * kappa2
     denominator = kappa1 - kappa1 * kappa2 / 2 + kappa2 * (1 - kappa1 / 2) ** 3

@@ -34,7 +34,7 @@ from nasm.chain import MAX_PERIOD, HalfOrbit, with_idle_kicks
 from nasm.checks import count, real
 from nasm.critical import Status
 from nasm.maps import TWO_PI, forcing
-from nasm.numbers import RotationNumber, convergents
+from nasm.numbers import RotationNumber, checked, convergents
 from nasm.periodic import dominant_centre, minimax_centre, minimizing_centre
 from nasm.sine import cos2pi, sin2pi
 from nasm.symmetries import shorten
@@ -65,7 +65,7 @@ def flux(omega, kappa, q_max=30_000, rtol=1e-6):
 
     Parameters
     ----------
-    omega : RotationNumber, irrational; e.g. `numbers.parse("gamma")`.
+    omega : RotationNumber or its text, irrational; e.g. "gamma".
     kappa : sequence of P floats, the forcing, first kick first.
     q_max : int up to 10⁶, the longest period used. 30 000 do from 10⁻³ beyond the breakup on,
         200 000 from 10⁻⁴.
@@ -83,6 +83,7 @@ def flux(omega, kappa, q_max=30_000, rtol=1e-6):
     rtol = real("rtol", rtol)
     if not 0 <= rtol <= _SETTLED:
         raise ValueError(f"rtol={rtol} must be from 0 to {_SETTLED}, a part of the flux")
+    omega = checked(omega)
     (short,), short_omega = shorten([kappa], omega)
     dominant_centre(short)
     if omega.is_rational:

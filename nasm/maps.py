@@ -1,10 +1,10 @@
 """The nonautonomous standard map, its inverse and its tangent.
 
-    S_κ :  y' = y + (κ/2π) sin 2πx,   x' = x + y'                              (stdmap)
-    T   =  S_{κ_{P-1}} ∘ … ∘ S_{κ_1} ∘ S_{κ_0}                                 (mapaut)
+    S_κ :  y' = y + (κ/2π) sin 2πx,   x' = x + y'                              (6)
+    T   =  S_{κ_{P-1}} ∘ … ∘ S_{κ_1} ∘ S_{κ_0}                                 (4)
 
 Calleja, del-Castillo-Negrete, Martínez-del-Río, Olvera, "Global transport in a nonautonomous
-standard map", arXiv:1606.04824, Sec. II; names in parentheses are that paper's equation labels.
+standard map", arXiv:1606.04824, Sec. II. Equations have the numbers of that paper.
 
 Conventions
 -----------
@@ -45,14 +45,14 @@ MIN_SIZE = 1e-300
 
 @register_jitable
 def kick(kappa, x, y):
-    """S_κ, Eq. (stdmap): one kick of strength kappa. Returns x', y'."""
+    """S_κ, Eq. (6): one kick of strength kappa. Returns x', y'."""
     y = y + kappa / TWO_PI * sin2pi(x)
     return x + y, y
 
 
 @register_jitable
 def unkick(kappa, x, y):
-    """S_κ⁻¹, Eq. (stdmap_inv). Returns the x, y that `kick` takes to the given ones."""
+    """S_κ⁻¹, Eq. (8). Returns the x, y that `kick` takes to the given ones."""
     x = x - y
     return x, y - kappa / TWO_PI * sin2pi(x)
 
@@ -72,7 +72,7 @@ def phased_unkick(kappa, theta, x, y):
 
 
 def step(kappa, x, y):
-    """T, Eq. (mapaut): one period of the forcing `kappa`, first kick first. Returns x', y'."""
+    """T, Eq. (4): one period of the forcing `kappa`, first kick first. Returns x', y'."""
     for strength in forcing(kappa):
         x, y = kick(strength, x, y)
     return x, y
@@ -102,12 +102,12 @@ def step_tangent(kappa, x, y):
 
 
 def twist(kappa, x, y):
-    """∂x'/∂y of one step, Eq. (twist_cond); for P = 2 it is positive everywhere iff |κ2| < 2."""
+    """∂x'/∂y of one step, Eq. (9); for P = 2 it is positive everywhere iff |κ2| < 2."""
     return step_tangent(kappa, x, y)[0, 1]
 
 
 def rotating_forcing(mean, amplitude, frequency, phase=0.0):
-    """One period of κ_n = κ̄ + Δκ cos 2π(φ0 + nΩ), the rotating standard map, Eq. (rotmap).
+    """One period of κ_n = κ̄ + Δκ cos 2π(φ0 + nΩ), the rotating standard map, Eq. (53).
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ def rotating_forcing(mean, amplitude, frequency, phase=0.0):
     ndarray of shape (q,), first kick first.
 
     With Ω = 1/2 and φ0 = 0 this is (κ̄ + Δκ, κ̄ - Δκ), so that Δκ = (κ1 - κ2)/2 for T_{κ1κ2}, whose
-    first kick is κ1. The paper writes (κ2 - κ1)/2, which goes with its Eq. (kap), where the even
+    first kick is κ1. The paper writes (κ2 - κ1)/2, which goes with its Eq. (2), where the even
     n = 0 kicks with κ2; the two forcings differ by a shift of half a period.
     """
     frequency = fraction("frequency", frequency)
@@ -149,9 +149,10 @@ def direction(profile):
 
 
 def forcing(kappa):
-    """`kappa` as a float array of shape (P,); ValueError if it is no such vector or too large."""
+    """`kappa` as a float array of shape (P,), a number as (1,); ValueError if it is something else,
+    or too large."""
     try:
-        strengths = np.asarray(kappa)
+        strengths = np.atleast_1d(kappa)
         if strengths.dtype.kind not in "iufO":  # floats can be made of strings and bools too
             raise TypeError
         strengths = np.asarray(strengths, dtype=float)

@@ -13,6 +13,7 @@ Arithmetic goes by γ = [0;(1)], the golden mean (√5 - 1)/2, as in the paper: 
 
 import re
 from dataclasses import dataclass
+from decimal import Decimal
 from fractions import Fraction
 from itertools import chain, cycle
 from math import floor, isfinite, isqrt
@@ -129,18 +130,28 @@ def rational(fraction):
 
 
 def checked(omega):
-    """omega itself; ValueError, with the remedy, unless it is one that `parse` could make."""
+    """The RotationNumber that omega is or spells; ValueError, with the remedy, for anything else.
+
+    A decimal is refused, for what decides is in the digits that it has not.
+    """
+    if isinstance(omega, str):
+        try:
+            return parse(omega)
+        except ValueError as error:
+            raise ValueError(f"omega={error}") from None
     if not isinstance(omega, RotationNumber) or min((1, *omega.prefix[1:], *omega.tail)) < 1:
-        raise ValueError(
-            f"omega={omega!r} is not a RotationNumber, which is exact; make one of its name or its "
-            "continued fraction, e.g. nasm.numbers.parse('gamma') or nasm.numbers.parse('[1;(4)]')"
-        )
+        cure = "make one of its name or its continued fraction, e.g. 'gamma' or '[1;(4)]'"
+        if isinstance(omega, float) and isfinite(omega):
+            places = -Decimal(repr(float(omega))).as_tuple().exponent
+            for noble in nobles_near(omega, 0.5 * 10.0**-places, 1):
+                cure = f"the simplest noble number with these digits is '{noble}'"
+        raise ValueError(f"omega={omega!r} is not a RotationNumber, which is exact; {cure}")
     return omega
 
 
 def convergents(omega):
     """Iterator over the convergents p_k/q_k of omega as Fractions; endless if irrational."""
-    checked(omega)
+    omega = checked(omega)
     p, p_last, q, q_last = 1, 0, 0, 1
     for a in chain(omega.prefix, cycle(omega.tail)):
         p, p_last, q, q_last = a * p + p_last, p, a * q + q_last, q
@@ -154,7 +165,7 @@ def moebius(omega, a, b, c=0, d=1):
     a, b, c, d = int(a), int(b), int(c), int(d)  # of any length, as products need
     if a * d == b * c:
         raise ValueError(f"({a}ω + {b})/({c}ω + {d}) does not depend on ω; use ad ≠ bc")
-    if checked(omega).is_rational:
+    if (omega := checked(omega)).is_rational:
         value = list(convergents(omega))[-1]
         if c * value + d == 0:
             raise ValueError(f"({a}ω + {b})/({c}ω + {d}) is infinite at ω = {value}")

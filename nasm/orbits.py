@@ -43,7 +43,7 @@ def orbit(kappa, x, y, n):
 
 
 def kicked_orbit(kappa, x, y, n):
-    """The first n kicks of the orbits that start in (x, y), Eq. (nas_map), on the lift.
+    """The first n kicks of the orbits that start in (x, y), Eq. (1), on the lift.
 
     Kick t = 0, 1, … has the strength κ_{t mod P}. Every P-th point is one of `orbit`; the points
     after each first kick are an orbit of the forcing that begins with the second (`shift` in
@@ -105,7 +105,7 @@ def passages(kappa, x, y, n, box, every=None):
 
 
 def rotation_number(kappa, x, y, n):
-    """Rotation number per step of each orbit, Eq. (ome_r), by weighted Birkhoff average.
+    """Rotation number per step of each orbit, Eq. (23), by weighted Birkhoff average.
 
     Parameters
     ----------

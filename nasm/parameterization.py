@@ -1,9 +1,9 @@
 """The paper's Algorithm 1: Newton's method for invariant circles in a symplectic frame.
 
-    T ∘ K(θ) = K(θ + ω),     K(θ) = (θ + u_0(θ), ω/P + …),                        (invariance)
+    T ∘ K(θ) = K(θ + ω),     K(θ) = (θ + u_0(θ), ω/P + …),                        (42)
 
-arXiv:1606.04824, Sec. VI; names in parentheses are that paper's equation labels. Written to be read
-beside it; `circles.newton_step` is the same step in chain form, and faster.
+arXiv:1606.04824, Sec. VI; equations have that paper's numbers. Written to be read beside it;
+`circles.newton_step` is the same step in chain form, and faster.
 
 Functions of θ are arrays whose last axis is the grid θ = i/n; vectors have shape (2, n), matrices
 (2, 2, n). J = [[0, 1], [-1, 0]].
@@ -13,6 +13,7 @@ import numpy as np
 
 from nasm import fourier
 from nasm.maps import forcing, kick, step, step_tangent
+from nasm.numbers import checked
 
 __all__ = ["newton_step", "symplectic_frame", "twist"]
 __dir__ = __all__.copy
@@ -38,7 +39,7 @@ def newton_step(omega, kappa, u):
     kappa = forcing(kappa)
     n = u.shape[-1]
     turn, kept = fourier.turns(omega, n // 2 + 1), fourier.cut(omega, n)
-    rotation, theta = float(omega), np.arange(n) / n
+    rotation, theta = float(checked(omega)), np.arange(n) / n
 
     # 1) K_0 and its error; x - θ is the periodic part of x.
     periodic = np.stack([u[0], rotation / kappa.size + u[0] - fourier.rotate(u[-1], turn.conj())])
@@ -55,7 +56,7 @@ def newton_step(omega, kappa, u):
     e_1 = frame_after[1, 1] * e[0] - frame_after[0, 1] * e[1]
     e_2 = frame_after[0, 0] * e[1] - frame_after[1, 0] * e[0]
 
-    # 4), 5), 6) W_2 up to its average, its average, W_1: (W2), (W1).
+    # 4), 5), 6) W_2 up to its average, its average, W_1: Eqs. (47), (48).
     w_2 = fourier.solve_cohomology(e_2, turn, kept)
     w_2 -= np.mean(e_1 + s * w_2) / np.mean(s)
     w_1 = fourier.solve_cohomology(e_1 + s * w_2, turn, kept)
@@ -71,13 +72,13 @@ def newton_step(omega, kappa, u):
 
 
 def symplectic_frame(tangent):
-    """M = [DK | J⁻¹ DK N], N = 1/|DK|², from DK of shape (2, n): (2, 2, n), det M = 1. (Mmatrix)"""
+    """M = [DK | J⁻¹ DK N], N = 1/|DK|², from DK of shape (2, n): (2, 2, n), det M = 1. Eq. (44)"""
     normal = J_INVERSE @ tangent / np.sum(tangent**2, axis=0)
     return np.stack([tangent, normal], axis=1)
 
 
 def twist(map_tangent, frame, frame_after):
-    """S(θ) in DT(K) M(θ) = M(θ + ω) [[1, S], [0, 1]], (reduction): shape (n,).
+    """S(θ) in DT(K) M(θ) = M(θ + ω) [[1, S], [0, 1]], Eq. (45): shape (n,).
 
     S = N(θ+ω) DK(θ+ω)ᵀ DT(K) J⁻¹ DK N. The paper's formula for it has no J⁻¹.
     """

@@ -24,7 +24,7 @@ from nasm.chain import MAX_PERIOD, HalfOrbit, is_symmetry_centre
 from nasm.checks import count, fraction
 from nasm.critical import CriticalScale, Status, no_answer
 from nasm.maps import direction, forcing, rotating_forcing, unkick
-from nasm.numbers import convergents, rational
+from nasm.numbers import checked, convergents, rational
 from nasm.symmetries import CUSP_EXPONENT, distances_to_shorter, shorten
 
 __all__ = ["critical_scale", "crossings", "residue", "symmetric_orbit", "torus_scale"]
@@ -240,7 +240,7 @@ def critical_scale(omega, profile, q_max=6000, start=None, family=minimax_centre
 
     Parameters
     ----------
-    omega : RotationNumber, irrational; e.g. `numbers.parse("gamma")`.
+    omega : RotationNumber or its text, irrational; e.g. "gamma".
     profile : sequence of P floats.
     q_max : int up to 10⁶, the largest period used. 1500 gives nine digits for noble ω, 6000 twelve.
     start : sequence of P floats; default 0, a ray from the origin; planes of forcings that do not
@@ -259,6 +259,7 @@ def critical_scale(omega, profile, q_max=6000, start=None, family=minimax_centre
     ValueError if profile is zero or tiny, start is of another length, or the forcings have no
     common symmetry centre.
     """
+    omega = checked(omega)
     (periods, scales), status, tail, cusp = _crossings(omega, profile, q_max, start, family)
     if status is not Status.OK:
         return no_answer(omega, status, _METHOD)
@@ -298,7 +299,7 @@ def _crossings(omega, profile, q_max, start, family):
     (start, profile), short_omega = shorten([start, profile], omega)
     dominant_centre(start + profile)
     none = np.empty((2, 0))
-    if omega.is_rational:
+    if short_omega.is_rational:
         return none, Status.RATIONAL, (0, 0.0), 0.0
     period = len(short_omega.tail)
     known = list(islice(convergents(short_omega), len(short_omega.prefix) + 200))

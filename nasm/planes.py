@@ -4,7 +4,7 @@
 
 The (κ1, κ2) plane of the paper is origin (0, 0), first (1, 0), second (0, 1); that of a rotating
 map, κ_n = κ̄ + Δκ cos 2π(φ0 + nΩ), has first (1, …, 1) and second (cos 2π(φ0 + nΩ))_n
-(arXiv:1606.04824, Eqs. (mapaut) and (rotmap)).
+(arXiv:1606.04824, Eqs. (4) and (53)).
 
 Forcings that are a shift, the reversal, the negative or the alternation of one another share their
 circles up to symmetry (Sec. III and `nasm.symmetries`). Of the eight elements of the symmetry group
@@ -169,7 +169,7 @@ class Plane:
         folded : ndarray, the least angle of `unfold`; for two kicks in [0, 45].
         omega_shift : ndarray of int: the circle of ω on the ray at `angle` breaks at the same scale
             as that of ω + omega_shift on the folded ray. For two kicks the mirrors κ1 → -κ1 and
-            κ2 → -κ2 add 1, Eqs. (ome1)-(ome5); the swap and -κ add nothing.
+            κ2 → -κ2 add 1, Eqs. (24) to (28); the swap and -κ add nothing.
         """
         images = self.unfold(angle)
         shifts = np.array([shift for *_, shift in self.symmetries])
@@ -204,7 +204,7 @@ def two_kicks():
 
 
 def rotating(frequency, phase=0):
-    """The (κ̄, Δκ) plane of κ_n = κ̄ + Δκ cos 2π(φ0 + nΩ), Eq. (rotmap).
+    """The (κ̄, Δκ) plane of κ_n = κ̄ + Δκ cos 2π(φ0 + nΩ), Eq. (53).
 
     frequency : Fraction or str, Ω = p/q with 2 ≤ q ≤ 64. phase : Fraction or str, φ0 in turns.
 

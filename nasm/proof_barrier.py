@@ -111,7 +111,7 @@ def prove(omega, kappa, radius=0.0, n=None, start=None, budget=20.0):
 
     Parameters
     ----------
-    omega : RotationNumber, irrational; e.g. `numbers.parse("gamma")`.
+    omega : RotationNumber or its text, irrational; e.g. "gamma".
     kappa : sequence of P floats, taken as the exact binary fractions that they are.
     radius : float ≥ 0, of an interval about each κ_j; then every forcing in the box is proved to
         have the circle. The largest that can be proved is of the size of E, 10⁻¹² and less.
@@ -128,7 +128,7 @@ def prove(omega, kappa, radius=0.0, n=None, start=None, budget=20.0):
     ImportError without python-flint. ValueError if omega is no RotationNumber, kappa is no forcing,
     or another argument is out of range.
     """
-    checked(omega)
+    omega = checked(omega)
     kappa = forcing(kappa)
     radius, budget = real("radius", radius), real("budget", budget)
     if not 0 <= radius <= 1:
@@ -193,7 +193,7 @@ def proved_lower(omega, profile, value, budget):
 
     ImportError without python-flint; ValueError for a bad argument.
     """
-    checked(omega)
+    omega = checked(omega)
     profile, value, budget = direction(profile), real("value", value), real("budget", budget)
     if not 0 < value < inf:
         raise ValueError(f"value={value!r} must be positive: the scale at which the circle breaks")

@@ -136,7 +136,8 @@ def prove_cell(omega, kappa, half_width):
         raise ValueError(f"kappa={kappa.tolist()}: the centre of a cell has two strengths")
     if not 0 < half_width < inf:
         raise ValueError(f"half_width={half_width!r} must be positive")
-    if checked(omega).is_rational:
+    omega = checked(omega)
+    if omega.is_rational:
         raise ValueError(f"omega={omega} is rational, so its circles are no barriers")
     need_flint()
     check_long_doubles()

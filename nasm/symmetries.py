@@ -25,24 +25,24 @@ there by about d^0.6: it has cusps, as that of CB_gt on |κ1| = |κ2|."""
 
 
 def reflect(kappa, x, y):
-    """(x, y) → (-x, -y), Eq. (refl); ω → -ω."""
+    """(x, y) → (-x, -y), Eq. (17); ω → -ω."""
     return forcing(kappa), -np.asarray(x), -np.asarray(y)
 
 
 def translate(kappa, x, y, r, s):
-    """(x, y) → (x + r, y + s) with integers r, s, Eq. (trans); ω → ω + P·s."""
+    """(x, y) → (x + r, y + s) with integers r, s, Eq. (18); ω → ω + P·s."""
     return forcing(kappa), np.asarray(x) + r, np.asarray(y) + s
 
 
 def negate(kappa, x, y):
-    """κ → -κ and x → x + 1/2, Eq. (shift3); ω unchanged."""
+    """κ → -κ and x → x + 1/2, Eq. (20); ω unchanged."""
     return -forcing(kappa), np.asarray(x) + 0.5, np.asarray(y)
 
 
 def alternate(kappa, x, y):
     """κ_n → (-1)ⁿ κ_n and y → y + 1/2, for even P; ω → ω + P/2.
 
-    For P = 2 this is Eq. (shift2), (κ1, κ2) → (κ1, -κ2): each kick finds x further by one half
+    For P = 2 this is Eq. (21), (κ1, κ2) → (κ1, -κ2): each kick finds x further by one half
     than the kick before it did. With an odd P the sign pattern does not close in one period.
     """
     strengths = forcing(kappa)
@@ -72,10 +72,10 @@ def alternate_spaced(kappa, x, y, spacing):
 
 
 def shift(kappa, x, y):
-    """(κ_0, …, κ_{P-1}) → (κ_1, …, κ_{P-1}, κ_0) and z → S_κ0(z), Eq. (sim_M); ω unchanged.
+    """(κ_0, …, κ_{P-1}) → (κ_1, …, κ_{P-1}, κ_0) and z → S_κ0(z), Eq. (7); ω unchanged.
 
     For P = 2 this swaps κ1 and κ2: S_κ1 ∘ T_{κ1κ2} = T_{κ2κ1} ∘ S_κ1. (The paper's form with
-    S_κ2⁻¹ is the same: S_κ1(z) = S_κ2⁻¹(T z), one step later. Its Eq. (ome5) has S_κ2 for S_κ2⁻¹.)
+    S_κ2⁻¹ is the same: S_κ1(z) = S_κ2⁻¹(T z), one step later. Its Eq. (28) has S_κ2 for S_κ2⁻¹.)
     """
     strengths = forcing(kappa)
     return np.roll(strengths, -1), *kick(strengths[0], x, y)

@@ -16,7 +16,7 @@ KAPPA_G = LITERATURE["kappa_G"]["value"]
 
 @njit
 def kick(kappa, x, y):
-    """S_κ, Eq. (stdmap), by the library's sine of radians."""
+    """S_κ, Eq. (6), by the library's sine of radians."""
     y = y + kappa / (2 * math.pi) * math.sin(2 * math.pi * x)
     return x + y, y
 

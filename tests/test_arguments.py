@@ -106,7 +106,7 @@ WHOLE = "{name}={value} must be a whole number from"
 ODD_CIRCLE = circles.invariant_circle(GAMMA, (0.0,))  # of one kick
 # Functions, the argument, bad values of it, and what the message says, where … is anything.
 BAD = [
-    ((maps.forcing, maps.step, *ORBITS, escape.escape_time), "kappa", [0.3], "=0.3 has shape ()"),
+    ((maps.forcing, maps.step, *ORBITS, escape.escape_time), "kappa", [[[0.3]]], "shape (1, 1)"),
     ((maps.forcing, escape.escape_time, cones.elimination_time, transversals.elimination_time),
      "kappa", [[], ()], "{value} has shape (0,)"),
     ((maps.forcing, maps.step), "kappa", [[[0.3, 0.5]]], "has shape (1, 2)"),
@@ -259,11 +259,12 @@ OTHERS |= {
 }
 
 
-@pytest.mark.parametrize("omega", [0.618, "gamma", Fraction(3, 5), None])
+@pytest.mark.parametrize("omega", [0.618, "golden", Fraction(3, 5), None])
 @pytest.mark.parametrize("function", sorted(WITH_OMEGA, key=lambda f: (f.__module__, f.__name__)))
 def test_what_is_no_rotation_number_is_refused_with_the_remedy(function, omega):
     parameters = list(inspect.signature(function).parameters.values())[1:]
     others = [OTHERS[p.name] for p in parameters if p.default is p.empty]
-    named = re.escape(f"omega={omega!r} is not a RotationNumber") + r".*numbers\.parse\('gamma'\)"
+    cure = {0.618: "'[0;(1)]'", "golden": "[1;4,(1)]"}.get(omega, "'gamma'")
+    named = re.escape(f"omega={omega!r} is not a ") + "(?i:rotation ?number).*" + re.escape(cure)
     with pytest.raises(ValueError, match=named):
         list(function(omega, *others))

@@ -54,7 +54,7 @@ def test_the_two_newton_methods_find_the_same_circle(name, kappa):
 
 
 def test_the_frame_reduces_the_tangent_to_a_shear():
-    # Eq. (reduction); S with the J⁻¹ that the paper's formula lacks, and without.
+    # Eq. (45); S with the J⁻¹ that the paper's formula lacks, and without.
     kappa, turn = (0.4, 0.2), fourier.turns(GAMMA, 257)
     u, _ = newton_errors(circles.newton_step, GAMMA, kappa, np.zeros((2, 512)), 10)
     circle = circles.InvariantCircle(GAMMA, np.array(kappa), u, 0.0, Status.OK)

@@ -187,6 +187,13 @@ def test_the_last_circle_breaks_where_its_residue_says(degrees, omega, n_max):
     assert found.omega is None
 
 
+def test_where_the_line_is_broken_the_size_of_the_profile_is_only_a_unit():
+    _, profile, _ = BROKEN[2]
+    found, small = critical_scale(profile, 100), critical_scale(2.0**-20 * profile, 100)
+    assert found.value > 0
+    assert (2.0**-20 * small.value, 2.0**-20 * small.upper) == (found.value, found.upper)
+
+
 @pytest.mark.parametrize(("_", "profile", "omega"), BROKEN)
 def test_the_last_circle_of_a_broken_line_breaks_where_residues_and_other_methods_say(
     _, profile, omega

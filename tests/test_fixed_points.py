@@ -64,7 +64,7 @@ def test_the_corrected_cubic_estimate_vanishes_at_the_pitchfork_and_errs_like_it
 
 def test_the_estimate_as_printed_does_not_vanish_at_the_pitchfork():
     kappa1 = kappa2 = 4.0
-    printed = 6 * kappa1 + 6 * kappa2 + 3 * kappa1 * kappa2  # Eq. (z_aprox), numerator
+    printed = 6 * kappa1 + 6 * kappa2 + 3 * kappa1 * kappa2  # Eq. (39), numerator
     assert fixed_points.primary_residue(kappa1, kappa2)[1] == 0
     assert fixed_points.cubic_estimate(kappa1, kappa2) == 0
     assert abs(printed) > 90

@@ -25,7 +25,7 @@ def rounding(kappa):
 
 
 def closed_form(kappa, x, y):
-    """Eqs. (mapaut) and (EfeGe), as printed."""
+    """Eqs. (4) and (5), as printed."""
     kappa1, kappa2 = kappa
     first = kappa1 / (2 * pi) * sin(2 * pi * x)
     F2 = first + kappa2 / (2 * pi) * sin(2 * pi * (x + y + first))

@@ -1,6 +1,7 @@
 """What a user types and sees: names that complete, answers that print on a line or two."""
 
 import ast
+import re
 import subprocess
 import sys
 from importlib import import_module
@@ -8,8 +9,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from oracles import KAPPA_G
 
 import nasm
+from nasm import circles, continuation, first_breakup, flux, periodic
 from nasm.critical import Status
 from nasm.numbers import NAMES, parse
 
@@ -67,6 +70,52 @@ def test_the_boundary_at_some_angles_is_the_breakup_on_their_rays():
 def test_a_rotation_number_prints_what_makes_it_again(name):
     omega = parse(name)
     assert eval(repr(omega), {"parse": parse}) == omega
+
+
+def test_methods_take_a_rotation_number_as_its_text():
+    gamma, kappa = parse("gamma"), (0.3, 0.2)
+    assert periodic.critical_scale("gamma", kappa, 400) == periodic.critical_scale(
+        gamma, kappa, 400
+    )
+    found = continuation.critical_scale("[0;(1)]", kappa, 0.1)
+    assert found == continuation.critical_scale(gamma, kappa, 0.1)
+    assert circles.invariant_circle("(gamma)/1", kappa).omega == gamma
+    assert flux.flux("gamma", (0.9, 0.9), 100).omega == gamma
+    assert first_breakup.circle_scale("gamma", (0, 0), kappa, 0.1).omega == gamma
+
+
+@pytest.mark.parametrize(
+    ("decimal", "noble"),
+    [
+        (0.618, "[0;(1)]"),
+        (0.6180339887498949, "[0;(1)]"),
+        (0.7236, "[0;1,2,(1)]"),
+        (-0.38, "[-1;(1)]"),
+    ],
+)
+def test_a_decimal_is_refused_with_the_simplest_noble_number_of_its_digits(decimal, noble):
+    with pytest.raises(
+        ValueError, match=r"simplest noble number with these digits is '(.*)'"
+    ) as told:
+        periodic.critical_scale(decimal, (0.3, 0.2))
+    named = parse(str(told.value).split("'")[-2])
+    assert named.is_noble
+    assert str(named) == noble
+    assert abs(float(named) - decimal) <= 0.5 * 10.0 ** -len(str(abs(decimal))[2:])
+
+
+def test_a_number_is_a_forcing_of_one_kick():
+    assert nasm.maps.forcing(0.3).tolist() == [0.3]
+    assert nasm.verdict(0).answer is nasm.verdict.Answer.BARRIER
+    assert periodic.critical_scale("gamma", 2.0, 400).value == pytest.approx(KAPPA_G / 2, rel=1e-6)
+
+
+@pytest.mark.parametrize("folder", ["nasm", "pipeline", "workflows"])
+def test_equations_are_named_by_the_paper_s_numbers(folder):
+    texts = (Path(nasm.__file__).parents[1] / folder).rglob("*.*")
+    for path in (path for path in texts if path.suffix in {".py", ".md", ".html", ".toml"}):
+        labels = re.findall(r"Eqs?\. \([A-Za-z]\w*\)", path.read_text(encoding="utf-8"))
+        assert not labels, path
 
 
 def test_answers_print_without_their_arrays():

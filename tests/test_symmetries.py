@@ -132,7 +132,7 @@ def test_rotation_numbers_follow_the_symmetries():
         (symmetries.negate(KAPPA, X, Y), w),
         (symmetries.alternate(KAPPA, X, Y), w + 1),
         (symmetries.shift(KAPPA, X, Y), w),
-        ((KAPPA, 1 - X, 1 - Y), 2 - w),  # Eq. (ome4)
+        ((KAPPA, 1 - X, 1 - Y), 2 - w),  # Eq. (27)
     ]
     for image, w_image in expected:
         assert omega(*image) == pytest.approx(w_image, abs=CIRCLE)

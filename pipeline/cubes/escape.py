@@ -2,7 +2,7 @@
 
 Over a plane of forcings, in full or composed of levels of refinement; or along rays, near and
 beyond a breakup that is known. {n* ≤ N} is global transport within N steps, for every N ≤ n_max.
-arXiv:1606.04824, Eq. (mapaut), Proposition 1 and Sec. V.B.
+arXiv:1606.04824, Eq. (4), Proposition 1 and Sec. V.B.
 """
 
 from dataclasses import replace
@@ -88,7 +88,7 @@ def by_angle(quantities):
 def _job(name, plane, sizes, coords, tiles, settings, title, forcings, predict):
     ensemble = coordinate("ensemble", sizes, "number of orbits in the ensemble")
     coords, n_kicks = {"ensemble": ensemble, **coords}, len(plane.origin)
-    source = f"{PAPER}, Eq. (mapaut), Proposition 1 and Sec. V.B"
+    source = f"{PAPER}, Eq. (4), Proposition 1 and Sec. V.B"
     words = "first step at which an orbit of the ensemble is outside the window"
     times = blank(coords, words, comment=_COMMENT.format(n_kicks), source=source)
     labels = {"title": f"{title} of the nonautonomous standard map", "source": source}

@@ -1,6 +1,6 @@
 """Invariant tori of rotating standard maps with irrational Ω: their breakup on rays, and pictures.
 
-(κ̄, Δκ) = s·(cos angle, sin angle), arXiv:1606.04824, Sec. VII, Eq. (rotmap); `nasm.tori`.
+(κ̄, Δκ) = s·(cos angle, sin angle), arXiv:1606.04824, Sec. VII, Eq. (53); `nasm.tori`.
 """
 
 from dataclasses import replace

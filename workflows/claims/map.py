@@ -23,7 +23,7 @@ def largest(difference, n_forcings=50, n_points=100):
 
 
 def closed_form(kappa, x, y):
-    """Compute F_1 and F_2, Eqs. (Efe) and (Ge)."""
+    """Compute F_1 and F_2, Eqs. (5a) and (5b)."""
     first = kappa[0] / TWO_PI * np.sin(TWO_PI * x)
     second = first + kappa[1] / TWO_PI * np.sin(TWO_PI * (x + y + first))
     return np.stack([first + second, second])

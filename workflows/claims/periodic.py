@@ -122,7 +122,7 @@ def _secondary_orbits():
 
 
 def cubic_estimates(epsilon):
-    """Return z² of (second2), and as estimated in print and corrected, at κ1 = κ2 = 4 + epsilon."""
+    """Return z² of (38b), and as estimated in print and corrected, at κ1 = κ2 = 4 + epsilon."""
     kappa = 4 + epsilon
     exact = float(fixed_points.secondary(kappa, kappa)[0][0]) ** 2
     denominator = kappa - kappa**2 / 2 + kappa * (1 - kappa / 2) ** 3

@@ -97,7 +97,7 @@ def _dataset(kappa, box, starts, omega, which, x, y):
             "omega": ("orbit", omega, described(words)),
             "near": ("orbit", near, described("the same in [0, P/2], up to its sign and to P")),
         },
-        attrs={**attrs, "source": "arXiv:1606.04824, Eqs. (nas_map) and (ome_r)"},
+        attrs={**attrs, "source": "arXiv:1606.04824, Eqs. (1) and (23)"},
     )
 
 
