@@ -10,7 +10,7 @@ from numbers import Integral, Real
 
 import numpy as np
 
-__all__ = ["count", "fraction", "points", "real", "sealed"]
+__all__ = ["count", "floats", "fraction", "points", "real", "sealed"]
 __dir__ = __all__.copy
 
 MAX_DENOMINATOR = 10**6
