@@ -23,7 +23,7 @@ from math import ceil, exp, inf, log, nan, prod, sqrt
 
 import numpy as np
 
-from nasm import circles, fourier
+from nasm import circles, fourier, periodic
 from nasm.checks import real
 from nasm.critical import CriticalScale, Status, no_answer
 from nasm.maps import TWO_PI, direction, forcing
@@ -48,6 +48,7 @@ _SPREAD = 0.8  # the error's part of the spread of estimates: 0.5 fell short on 
 _PARTS = np.array([0.85, 1.0])  # of the modes that a circle has
 _TWO_SCALES = 3  # the error of two scales, in parts of the way from the last circle: 2.3 was met
 _DELTA_UNKNOWN = 0.2  # the least error without δ, in parts of that way
+_SHORTEST, _LONGEST = 100, 2000  # periods of the orbits that look beyond the breakup
 _DROPS = 4  # times the way from the second of three circles: up to it, a cusp's depth is unseen
 
 
@@ -76,7 +77,7 @@ def critical_scale(omega, profile, tol=1e-6):
     M has not run over Λ² yet, and a fifth of that way or more where δ is not known for the tail of
     ω. Without an estimate, or with an error as large as the value, both are NaN, as where a large
     quotient hides the tail from all circles that have modes enough; lower is what was certified all
-    the same.
+    the same. Status UNDECIDED where residues say that the circle is still there beyond the value.
 
     ValueError if profile is zero or tiny or tol not positive and finite.
     """
@@ -95,7 +96,21 @@ def critical_scale(omega, profile, tol=1e-6):
     if not error < value:  # which would say nothing
         status = Status.NOT_CONVERGED if status is Status.OK else status
         return CriticalScale(nan, nan, lower, nan, omega, status, METHOD)
+    if short.size > 2 and _remains(short_omega, short, value, error):
+        return CriticalScale(nan, nan, lower, nan, omega, Status.UNDECIDED, METHOD)
     return CriticalScale(value, error, lower, nan, omega, Status.OK, METHOD)
+
+
+def _remains(omega, profile, value, error):
+    """Whether long periodic orbits say that the circle is still there beyond its breakup.
+
+    Where the ray misses another sheet of the circle's boundary closely, circles below it look as if
+    they were to break there. For one kick or two the dominant line is one on all of a ray, and the
+    boundary has one sheet.
+    """
+    n = round(min(max(10 * value / error, _SHORTEST), _LONGEST))
+    beyond = max(2 * error, 10 * value / n)
+    return periodic.circle_remains(omega, (value + beyond) * profile, n)
 
 
 def certified_scale(omega, profile, breakup, distance):

@@ -7,19 +7,22 @@ where they grow (Greene, J. Math. Phys. 20 (1979) 1183). At the breakup
 
 which needs no knowledge of the value that they share. Those crossings converge like q^-2.04, and
 geometrically from one period of the tail to the next, so that Aitken's rule gains several digits.
-The orbits and their residues are those of `nasm.chain`.
 
-Of every p/q there are two families: the *minimax* orbit, R > 0, through the symmetry centre of the
-largest |κ| or another of the `dominant_lines`, and the *minimizing* one (of the action), R < 0,
-through a centre that the other does not meet. Both break up with the circle.
+Where the forcing has a symmetry centre the orbits are those of `nasm.chain`, half as long, and
+without one those of `nasm.action`. Of every p/q there are two families: the *minimax* orbit, R > 0,
+and the *minimizing* one (of the action), R < 0. Symmetric minimax orbits meet the symmetry centre
+of the largest |κ| or another of the `dominant_lines`, the minimizing ones a centre that the other
+does not meet. Both families break up with the circle.
 """
 
+from dataclasses import replace
 from fractions import Fraction
 from itertools import chain, islice, pairwise, product
 
 import numpy as np
 from scipy.optimize import brentq
 
+from nasm.action import Ladder, LostError, ordered_orbits
 from nasm.chain import MAX_PERIOD, HalfOrbit, is_symmetry_centre
 from nasm.checks import count, fraction
 from nasm.critical import CriticalScale, Status, no_answer
@@ -34,6 +37,10 @@ _METHOD = "Greene's residue"
 _ROUNDING = 1e-12  # residues below are rounding errors of the slopes v' and w', which are near 1
 _NO_RESONANCE = 1e-9  # of the largest: below, F_p is 0 up to rounding
 _ORDER = 2.04  # crossings converge like q^-2.04
+_LONG = 100, 300, 1000  # periods of orbits that tell sheets of a boundary apart, in turn
+_BROKEN = 0.05  # least residue that shows one; where the dominant line changes they pass through 0
+_PRECISE = 1e-6  # of the value: longer orbits at the start are not tried then
+_LEFT = 0.1  # of the logarithm of a ratio of residues: more is no crossing
 _STRONG = 0.05  # ratio of crossings a period of the tail apart, from which it is trusted unseen
 
 
@@ -221,8 +228,17 @@ def symmetry_lines(kappa, y):
 def residue(kappa, p, q, centre=None):
     """Greene's residue of `symmetric_orbit`: float; NaN if that orbit is not found.
 
-    0 < R < 1 is elliptic, R < 0 hyperbolic, R > 1 hyperbolic with reflection.
+    0 < R < 1 is elliptic, R < 0 hyperbolic, R > 1 hyperbolic with reflection. Without a centre it
+    is that of the minimax orbit, also of a forcing that has no symmetry centre; 0 where it cannot
+    be told from 0 then.
     """
+    strengths = forcing(kappa)
+    if centre is None and not _is_symmetric(strengths, strengths):
+        try:
+            _, minimax = ordered_orbits(strengths, p, q)
+        except LostError:
+            return np.nan
+        return minimax.refined_residue() if minimax.residue() else 0.0
     orbit = _orbit(kappa, p, q, centre)
     return orbit.refined_residue() if orbit.move(1.0) else np.nan
 
@@ -236,7 +252,10 @@ def _orbit(kappa, p, q, centre):
 def critical_scale(omega, profile, q_max=6000, start=None, family=minimax_centre):
     """The scale at which the circle of ω breaks on the segment κ = start + s·profile, s ≥ 0.
 
-    The `crossings` of the residues of its convergents, extrapolated by Aitken's rule.
+    The `crossings` of the residues of its convergents, extrapolated by Aitken's rule. Where all
+    forcings of the segment have a symmetry centre the orbits are those of `nasm.chain`. Without
+    one, or where symmetric orbits of three kicks or more give no answer, they are those of
+    `nasm.action`, of both families.
 
     Parameters
     ----------
@@ -246,76 +265,215 @@ def critical_scale(omega, profile, q_max=6000, start=None, family=minimax_centre
     start : sequence of P floats; default 0, a ray from the origin; planes of forcings that do not
         contain 0 have rays from another. The circle should exist there:
         what is found is the first breakup in steps of a fiftieth of the twist region, |κ| < 2.
-    family : `minimax_centre` or `minimizing_centre`, whose orbits are used: two routes to one
-        value. Within a few degrees of the diagonals the symmetric orbits of some p/q are no longer
-        minimizing, and the second route is barred.
+    family : `minimax_centre` or `minimizing_centre`, whose symmetric orbits are used: two routes to
+        one value. Within a few degrees of the diagonals the symmetric orbits of some p/q are no
+        longer minimizing, and the second route is barred.
 
     Returns
     -------
     CriticalScale. error : see `_limit`; next to a cusp it is doubled, up to four times the period
-    from which orbits see the cusp. lower and upper are NaN: Greene's criterion is not a proof of
-    either. Status NEAR_CUSP where the longest orbits that were found do not see the cusp.
+    from which orbits see the cusp. Of two families it is no smaller than their difference, and long
+    orbits have residues that fall with q just below the value, and grow just above. lower and upper
+    are NaN: Greene's criterion is not a proof of either. Status NEAR_CUSP where the longest orbits
+    that were found do not see the cusp.
 
-    ValueError if profile is zero or tiny, start is of another length, or the forcings have no
-    common symmetry centre.
+    ValueError if profile is zero or tiny, or start is of another length.
     """
     omega = checked(omega)
-    (periods, scales), status, tail, cusp = _crossings(omega, profile, q_max, start, family)
-    if status is not Status.OK:
-        return no_answer(omega, status, _METHOD)
-    value, error = _limit(scales, *tail)
-    if periods[-1] < 4 * cusp:
-        error *= 2
-    if error * np.abs(profile).max() > 0.01:
-        return no_answer(
-            omega, Status.NEAR_CUSP if periods[-1] < cusp else Status.NOT_CONVERGED, _METHOD
-        )
-    return CriticalScale(value, error, np.nan, np.nan, omega, Status.OK, _METHOD)
+    start, profile, short_omega, q_max = _shortened(omega, profile, q_max, start)
+    if omega.is_rational:
+        return no_answer(omega, Status.RATIONAL, _METHOD)
+    if _is_symmetric(start, profile):
+        orbits = _SymmetricOrbits(start, profile, family)
+        found = _estimate(_crossings(short_omega, q_max, orbits), profile)
+        if found.status is Status.OK or profile.size <= 2 or family is not minimax_centre:
+            return replace(found, omega=omega, method=_METHOD)
+    found = _of_both_families(short_omega, start, profile, q_max)
+    return replace(found, omega=omega, method=_METHOD)
 
 
 def crossings(omega, profile, q_max=6000, start=None, family=minimax_centre):
     """The scales at which consecutive convergents have the same residue, R_n(s) = R_{n+m}(s).
 
-    Arguments as for `critical_scale`. Where the forcing repeats itself, up to the symmetry
-    `alternate`, the shorter map is taken: on κ1 = κ2 the standard map itself, at ω/2. The
-    boundaries have cusps there.
+    Arguments as for `critical_scale`; of symmetric orbits. Where the forcing repeats itself, up to
+    the symmetry `alternate`, the shorter map is taken: on κ1 = κ2 the standard map itself, at ω/2.
+    The boundaries have cusps there.
 
     Returns
     -------
     q, scales : ndarrays of shape (n,): the longer of the two periods, and the crossing. Empty where
     there is no answer; `critical_scale` says why.
+
+    ValueError as for `critical_scale`, or if the forcings have no common symmetry centre.
     """
-    return _crossings(omega, profile, q_max, start, family)[0]
+    start, profile, short_omega, q_max = _shortened(omega, profile, q_max, start)
+    dominant_centre(start + profile)
+    if omega.is_rational:
+        return np.empty((2, 0))
+    return _crossings(short_omega, q_max, _SymmetricOrbits(start, profile, family))[0]
 
 
-def _crossings(omega, profile, q_max, start, family):
-    """(periods, scales) and the status; of the shortest map, the number of partial quotients in the
-    tail of ω and the ratio of crossings that far apart; and the period that sees a cusp nearby.
+def circle_remains(omega, kappa, q):
+    """Whether the residues of long minimax orbits fall with q under a forcing: its circle exists.
+
+    omega : RotationNumber or its text, irrational. kappa : P floats. q : int, 10 to 10⁵; two
+    convergents of about that period, or the next longer ones, are compared: the residue of the
+    longer is less than half as large. False where an orbit is not found.
+
+    ValueError if omega is rational.
     """
+    omega, q = checked(omega), count("q", q, 10, 10**5)
+    if omega.is_rational:
+        raise ValueError(f"omega={omega} is rational; a circle needs an irrational rotation number")
+    (kappa,), omega = shorten([kappa], omega)
+    period = len(omega.tail)
+    known = _fractions(omega)
+    n = next(n for n, f in enumerate(known) if f.denominator >= q)
+    ladder = Ladder(kappa, 0 * kappa, known[: n + period + 1])
+    try:
+        shorter, longer = (ladder.scan(i, 0.0)[-1].residue() for i in (n, n + period))
+    except LostError:
+        return False
+    return longer <= 0.5 * shorter < 0.5
+
+
+def _shortened(omega, profile, q_max, start):
+    """start, profile and ω of the shortest map, and q_max, checked."""
     profile, q_max = direction(profile), count("q_max", q_max, 1, MAX_PERIOD)
     start = np.zeros_like(profile) if start is None else forcing(start)
     if start.shape != profile.shape:
         raise ValueError(f"start={start} and profile={profile} differ in length")
     (start, profile), short_omega = shorten([start, profile], omega)
-    dominant_centre(start + profile)
-    none = np.empty((2, 0))
-    if short_omega.is_rational:
-        return none, Status.RATIONAL, (0, 0.0), 0.0
-    period = len(short_omega.tail)
-    known = list(islice(convergents(short_omega), len(short_omega.prefix) + 200))
+    return start, profile, short_omega, q_max
+
+
+def _is_symmetric(start, profile):
+    """Whether the forcings of a segment have a common symmetry centre."""
+    return any(
+        is_symmetry_centre(start, site) and is_symmetry_centre(profile, site)
+        for site in _places(range(profile.size))
+    )
+
+
+def _fractions(omega):
+    """Convergents of ω far beyond its prefix, in order, the last of those of one period."""
+    known = islice(convergents(omega), len(omega.prefix) + 200)
+    return list({fraction.denominator: fraction for fraction in known}.values())
+
+
+def _of_both_families(omega, start, profile, q_max):
+    """The CriticalScale by minimax and by minimizing orbits, by the action.
+
+    Next to exchanges of the dominant line short orbits mislead: the search begins with longer ones
+    again, unless the value is precise.
+    """
+    q_max = min(q_max, 10 * q_max // profile.size)
+    fractions = [f for f in _fractions(omega) if f.denominator <= q_max]
+    ladder, period = Ladder(start, profile, fractions), len(omega.tail)
+    best, status, tried = None, Status.NOT_CONVERGED, set()
+    for least in _LONG:
+        long = [n for n, f in enumerate(fractions[:-period]) if f.denominator >= least]
+        n = long[0] if long else len(fractions) - 1 - period
+        if n < 1 or n in tried:
+            break
+        near = _located(ladder, n, n + period)
+        if isinstance(near, Status):
+            return best or no_answer(None, near)
+        q_min = fractions[n].denominator if tried else 3
+        tried.add(n)
+        found = []
+        for kind in (-1, 1):
+            orbits = _AllOrbits(ladder, kind, near)
+            found.append(_estimate(_crossings(omega, q_max, orbits, q_min), profile))
+            if found[-1].status is not Status.OK:
+                status = found[-1].status
+                break
+        else:
+            value, other = sorted(found, key=lambda scale: scale.error)
+            apart = abs(value.value - other.value)
+            found = replace(value, error=max(value.error, apart))
+            # Between two sheets of the boundary residues may cross where no circle breaks.
+            step = max(4 * found.error, 2 * found.value / fractions[n].denominator)
+            falls, still_falls = (
+                _falls(ladder, n, n + period, found.value + sign * step) for sign in (-1, 1)
+            )
+            if falls and not still_falls and not (best and best.error < found.error):
+                best = found
+            if best and best.error < _PRECISE * best.value:
+                break
+    return best or no_answer(None, status)
+
+
+def _falls(ladder, shorter, longer, scale):
+    """Whether the longer of two minimax orbits has the smaller residue: neither is lost, then."""
+    try:
+        residues = [ladder.scan(n, scale)[-1].residue() for n in (shorter, longer)]
+    except LostError:
+        return False
+    return residues[1] < residues[0] or residues[1] == 0
+
+
+def _located(ladder, shorter, longer):
+    """The first scale at which orbits of two fractions see a breakup, or a Status."""
+    unit = 1 / np.abs(ladder.profile).max()
+    step, largest = 0.04 * unit, (2 + np.abs(ladder.start).max()) * unit
+
+    def broken(scale):
+        try:
+            residues = [ladder.scan(n, scale)[-1].residue() for n in (shorter, longer)]
+        except LostError:
+            return True
+        seen.append((scale, residues[1]))
+        return residues[1] > residues[0] > _BROKEN
+
+    seen = []
+    if ladder.start.any() and broken(0.0):
+        return Status.OUTSIDE
+    inside, outside = 0.0, step
+    while not broken(outside):
+        if outside > largest:
+            return Status.NO_BREAKUP
+        inside, outside = outside, outside + step
+    while outside - inside > 0.1 * unit / ladder.chains[longer].q:
+        middle = (inside + outside) / 2
+        inside, outside = (inside, middle) if broken(middle) else (middle, outside)
+    return inside
+
+
+def _estimate(crossed, profile):
+    """The CriticalScale of `_crossings`, without ω."""
+    (periods, scales), status, tail, cusp = crossed
+    if status is not Status.OK:
+        return no_answer(None, status)
+    value, error = _limit(scales, *tail)
+    if periods[-1] < 4 * cusp:
+        error *= 2
+    if error * np.abs(profile).max() > 0.01:
+        return no_answer(None, Status.NEAR_CUSP if periods[-1] < cusp else Status.NOT_CONVERGED)
+    return CriticalScale(value, error, np.nan, np.nan, None, Status.OK)
+
+
+def _crossings(omega, q_max, orbits, q_min=3):
+    """(periods, scales) and the status; the number of partial quotients in the tail of ω and the
+    ratio of crossings that far apart; and the period that sees a cusp nearby.
+    """
+    start, profile, none = orbits.start, orbits.profile, np.empty((2, 0))
+    period = len(omega.tail)
+    known = list(islice(convergents(omega), len(omega.prefix) + 200))
     growth = known[-1].denominator / known[-1 - period].denominator
     ratio = (-1) ** period * growth**-_ORDER
     enough = max(2 * period, 3) if abs(ratio) < _STRONG else 2 * period + 2
-    fractions = [f for f in known if 3 <= f.denominator <= q_max]
-    orbits = _Orbits(start, profile, family)
+    fractions = [f for f in known if q_min <= f.denominator <= q_max]
     found, status, longest, cusp = [], Status.NOT_CONVERGED, 0, 0.0
-    for lower, higher in zip(fractions, fractions[period:], strict=False):
+    for n, (lower, higher) in enumerate(zip(fractions, fractions[period:], strict=False)):
         scale = _crossing(orbits, lower, higher, [scale for _, scale in found])
         if isinstance(scale, Status):
             if len(found) >= enough:
                 break  # longer orbits are out of reach; there are enough without them
             # Near a cusp the shortest orbits are not yet on the way to the limit: start afresh.
             found, status = [], status if status is Status.OUTSIDE else scale
+            if orbits.near is not None and len(fractions) - period - n <= enough:
+                break
         else:
             longest, cusp = higher.denominator, cusp_period(start + scale * profile)
             found.append((longest, scale))
@@ -325,7 +483,7 @@ def _crossings(omega, profile, q_max, start, family):
         status = Status.NEAR_CUSP
     elif len(found) >= enough:
         # Without all of the prefix and a tail, these are convergents of another number.
-        whole = found[-1][0] >= known[len(short_omega.prefix) - 1 + period].denominator
+        whole = found[-1][0] >= known[len(omega.prefix) - 1 + period].denominator
         status = Status.OK if whole else Status.NOT_CONVERGED
     found = np.array(found).T if status is Status.OK else none
     return found, status, (period, ratio), cusp
@@ -368,7 +526,7 @@ def torus_scale(omega, frequency, mean, amplitude):
 
     def excess(scale, level):
         if not all(orbit.move(scale) for orbit in orbits):
-            raise _LostError
+            raise LostError
         return np.log(max(1e-300, *(abs(orbit.residue()) for orbit in orbits)) / level)
 
     scales = []
@@ -380,7 +538,7 @@ def torus_scale(omega, frequency, mean, amplitude):
                 if reached > 100 * step:
                     return no_answer(exact, Status.NO_BREAKUP, _METHOD)
             scales.append(brentq(excess, reached, reached + step, args=(level,), xtol=1e-12))
-    except (_LostError, ValueError):
+    except (LostError, ValueError):
         if not scales:
             return no_answer(exact, Status.DISORDERED, _METHOD)
         scales.append(reached + step)
@@ -399,15 +557,31 @@ def cusp_period(kappa):
     return 5 * nearest**-CUSP_EXPONENT if nearest > 0 else np.inf
 
 
-class _Orbits:
+class _AllOrbits:
+    """The orbits of one family on a segment, by the action; `near` is where it breaks up, about."""
+
+    def __init__(self, ladder, kind, near):
+        self.start, self.profile, self.near = ladder.start, ladder.profile, near
+        self._ladder, self._kind = ladder, kind
+        self._steps = {(chain.p, chain.q): n for n, chain in enumerate(ladder.chains)}
+
+    def at(self, fraction, scale):
+        return self._ladder.at(
+            self._steps[fraction.numerator, fraction.denominator], scale, self._kind
+        )
+
+
+class _SymmetricOrbits:
     """The orbits of one family on a segment, each made when it is first asked for."""
+
+    near = None
 
     def __init__(self, start, profile, family):
         self.start, self.profile, self.family = start, profile, family
         self._made, self._centres = {}, {}
 
     def at(self, fraction, scale):
-        """The orbit of that rotation number, moved to that scale. _LostError if it is not found."""
+        """The orbit of that rotation number, moved to that scale. LostError if it is not found."""
         p, q = fraction.numerator, fraction.denominator
         # The centre may change along a segment that is no ray, as on |κ1| = |κ2|.
         if self.start.any() or fraction not in self._centres:
@@ -416,12 +590,8 @@ class _Orbits:
         if key not in self._made:
             self._made[key] = HalfOrbit(self.start, self.profile, p, q, key[1])
         if not self._made[key].move(scale):
-            raise _LostError
+            raise LostError
         return self._made[key]
-
-
-class _LostError(Exception):
-    """An orbit could not be followed."""
 
 
 def _crossing(orbits, lower, higher, crossings):
@@ -434,13 +604,13 @@ def _crossing(orbits, lower, higher, crossings):
     def excess(scale):
         residues = np.abs([orbits.at(f, scale).residue() for f in pair])
         if not residues.min() < np.inf:  # far outside, both overflow
-            raise _LostError
+            raise LostError
         # Deep inside, both are lost in rounding, and not even their signs mean anything.
         return np.log(residues[1] / residues[0]) if residues.min() > _ROUNDING else -100.0
 
     precision = 1e-8 / np.abs(orbits.profile).max() / higher.denominator
     try:
-        bracket = _bracket(excess, orbits, crossings)
+        bracket = _bracket(excess, orbits, crossings, lower.denominator)
         if isinstance(bracket, Status):
             return bracket
         scale = brentq(excess, *bracket, xtol=precision)
@@ -453,33 +623,48 @@ def _crossing(orbits, lower, higher, crossings):
         if residues[0] * residues[1] < 0:  # one is not of the family, as happens near a cusp
             return Status.DISORDERED
         left = np.log(residues[1] / residues[0])
+        if abs(left) > _LEFT:
+            return Status.DISORDERED
         step = -left / slope
         if abs(step) > 1e-3 * near:  # of the longest orbits rounding moves the slope too
             residues = [orbits.at(f, scale + step).refined_residue() for f in pair]
             step *= left / (left - np.log(residues[1] / residues[0]))
         return scale + step
-    except (_LostError, ValueError):  # brentq's: on its way back it met another orbit
+    except (LostError, ValueError):  # brentq's: on its way back it met another orbit
         return Status.DISORDERED
 
 
-def _bracket(excess, orbits, crossings):
+def _bracket(excess, orbits, crossings, period):
     """Scales between which the excess changes its sign, or a Status.
 
     The search starts around where the crossings so far tend to, or from the start of the segment.
     """
     unit = 1 / np.abs(orbits.profile).max()
     largest = (2 + np.abs(orbits.start).max()) * unit  # beyond the twist region, |κ| < 2
-    if len(crossings) < 2:
+    if len(crossings) < 2 and orbits.near is None:
         if orbits.start.any() and not _inside(excess):
             return Status.OUTSIDE
         left, width = 0.0, 0.04 * unit
         right = crossings[-1] if crossings else width
     else:
-        width = 2 * abs(crossings[-1] - crossings[-2])
-        left, right = max(crossings[-1] - width, 0.0), crossings[-1] + width
+        near, width = orbits.near, min(0.02, 0.5 / period) * unit
+        if len(crossings) >= 2:
+            near, width = crossings[-1], 2 * abs(crossings[-1] - crossings[-2])
+        left, right = max(near - width, 0.0), near + width
         while excess(left) > 0:
+            if left == 0.0:
+                return Status.OUTSIDE
             left, width = max(left - width, 0.0), 2 * width
-    while excess(right) < 0:
+    while True:
+        try:
+            if excess(right) >= 0:
+                break
+        except LostError:  # too far beyond
+            if orbits.near is None or width < 1e-12 * unit:
+                raise
+            width /= 2
+            right = left + width
+            continue
         if right > largest:
             return Status.NO_BREAKUP
         left, right, width = right, right + width, 1.2 * width
@@ -494,7 +679,7 @@ def _inside(excess):
     """Whether the segment starts where the longer orbit has the smaller residue."""
     try:
         return excess(0.0) < 0
-    except _LostError:
+    except LostError:
         return False
 
 

@@ -1,0 +1,115 @@
+"""Ordered orbits by the action: high precision, symmetric shooting, copies, and continuation."""
+
+import mpmath
+import numpy as np
+import oracles
+import pytest
+from oracles import KAPPA_G
+
+from nasm import action, continuation, periodic
+from nasm.critical import Status
+from nasm.maps import rotating_forcing
+from nasm.numbers import moebius, parse
+from nasm.symmetries import ray
+
+ASYMMETRIC = np.array((1, 0.7, 0.3))
+OMEGA = parse("[1;3,(1)]")  # of its last circle, or near it
+
+
+@pytest.mark.parametrize("family", ["minimizing", "minimax"])
+def test_residues_without_a_symmetry_against_fifty_digits(family):
+    kappa, p, q = 0.4 * ASYMMETRIC, 37, 29
+    orbit = dict(zip(("minimizing", "minimax"), action.ordered_orbits(kappa, p, q), strict=True))
+    orbit = orbit[family]
+    strengths, x = np.roll(kappa, -orbit.site), orbit.sites()
+    assert np.argsort((x[::3] - x[0]) % 1).tolist() == np.argsort(np.arange(q) * p % q).tolist()
+    with mpmath.workdps(50):
+        at = mpmath.matrix([mpmath.mpf(x[0]), mpmath.mpf(x[0] - (x[-1] - p))])
+        for _ in range(3):  # Newton's method for T^q(x, y) = (x + p, y)
+            here, y, matrix = at[0], at[1], mpmath.eye(2)
+            for strength in np.tile(strengths, q):
+                c = mpmath.mpf(strength) * mpmath.cospi(2 * here)
+                matrix = mpmath.matrix([[1 + c, 1], [c, 1]]) * matrix
+                here, y = oracles.exact_step([strength], here, y)
+            at -= mpmath.lu_solve(matrix - mpmath.eye(2), mpmath.matrix([here - p, y]) - at)
+        assert abs(at[0] - x[0]) < 1e-12
+        expected = float((2 - matrix[0, 0] - matrix[1, 1]) / 4)
+    assert (expected > 0) == (family == "minimax")
+    assert orbit.residue() == pytest.approx(expected, rel=(3 * q) ** 2 * 2**-52)
+    assert orbit.refined_residue() == pytest.approx(expected, rel=1e-14)
+
+
+@pytest.mark.parametrize("kappa", [(0.9,), (0.4, 0.3), (-0.4, 0.3), (0.3, 0.2, 0.2), (0, 0.3, 0.3)])
+@pytest.mark.parametrize(("p", "q"), [(0, 1), (1, 1), (1, 2), (2, 5), (13, 21), (89, 144)])
+def test_symmetric_orbits_are_found_without_their_symmetry(kappa, p, q):
+    families = periodic.minimizing_centre, periodic.minimax_centre
+    for orbit, family in zip(action.ordered_orbits(kappa, p, q), families, strict=True):
+        expected = periodic.residue(kappa, p, q, family(kappa, p, q))
+        if abs(expected) > 1e-6:
+            assert orbit.refined_residue() == pytest.approx(expected, rel=1e-9)
+        else:
+            assert abs(orbit.residue()) < 1e-5
+
+
+@pytest.fixture
+def no_symmetry(monkeypatch):
+    monkeypatch.setattr(periodic, "_is_symmetric", lambda start, profile: False)
+    monkeypatch.delattr(periodic, "_SymmetricOrbits")
+
+
+@pytest.mark.parametrize(
+    ("name", "profile"),
+    [("gamma", (1,)), ("[1;4,(1)]", ray(30)), ("[0;3,(1)]", (1, 0.2, 0.2)), ("[1;(4)]", (1, 0.5))],
+)
+def test_breakups_are_found_without_their_symmetry(name, profile, request):
+    expected = periodic.critical_scale(parse(name), profile, 1500)
+    request.getfixturevalue("no_symmetry")
+    found = periodic.critical_scale(parse(name), profile, 1500)
+    assert abs(found.value - expected.value) <= found.error < 1e-6
+    if name == "gamma":
+        assert abs(found.value - KAPPA_G) <= found.error < 1e-8
+
+
+def test_copies_of_a_forcing_without_a_symmetry_agree():
+    here = periodic.critical_scale(OMEGA, ASYMMETRIC, 300)
+    assert here.status is Status.OK
+    for profile, omega, unit in (
+        (np.roll(ASYMMETRIC, 1), OMEGA, 1),
+        (-ASYMMETRIC[::-1], OMEGA, 1),
+        (ASYMMETRIC * (1, 1, -1), moebius(OMEGA, 1, 3), 0),  # no copy
+        (10 * ASYMMETRIC, moebius(OMEGA, -1, 3), 10),
+    ):
+        found = periodic.critical_scale(omega, profile, 300)
+        same = abs(unit * found.value - here.value) <= here.error + unit * found.error
+        assert same == (unit > 0)
+
+
+def test_segments_without_a_symmetry_end_on_the_same_boundary():
+    along_ray = periodic.critical_scale(OMEGA, ASYMMETRIC, 300)
+    end, start = along_ray.value * ASYMMETRIC, np.array((0.1, -0.1, 0.2))
+    along = periodic.critical_scale(OMEGA, end - start, 300, start=start)
+    assert abs(along.value - 1) <= along.error + 5 * along_ray.error < 1e-5
+    outside = periodic.critical_scale(OMEGA, (0, 0, 1), 300, start=1.01 * end)
+    assert outside.status is Status.OUTSIDE
+
+
+def test_a_breakup_beyond_a_near_miss_is_found_and_is_no_breakup_by_norms():
+    # The ray passes 4e-4 below another sheet of the boundary, at 0.5195. Circles below it look as
+    # if they were to break there; the residues of long orbits fall beyond it and rise at the end.
+    omega, profile = parse("[0;1,2,1,3,1,2,(1)]"), rotating_forcing(*ray(160), "1/3", 0)
+    by_norms = continuation.critical_scale(omega, profile, 1e-3)
+    assert by_norms.status is Status.UNDECIDED
+    assert by_norms.lower < 0.5195
+    found = periodic.critical_scale(omega, profile)
+    assert found.status is Status.OK
+    assert found.error < 1e-6
+    assert by_norms.lower < found.value
+    for scale in (0.523, found.value - 0.002):
+        assert periodic.circle_remains(omega, scale * profile, 800)
+    assert not periodic.circle_remains(omega, (found.value + 0.002) * profile, 800)
+
+
+def test_q_may_have_to_be_whole_and_coprime():
+    for p, q, message in ((2, 4, "common factor"), (1, 0, "q=0"), (1.5, 2, "p=1.5")):
+        with pytest.raises(ValueError, match=message):
+            action.ordered_orbits((0.1, 0.2, 0.4), p, q)
