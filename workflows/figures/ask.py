@@ -6,7 +6,7 @@ For kicks that come once, the kicks and the lives of starts.
 import numpy as np
 from matplotlib.figure import Figure
 
-from workflows.figures.phase_space import draw_orbits
+from workflows.figures.phase_space import draw_orbits, draw_survivor
 from workflows.figures.planes import symbols
 from workflows.figures.style import COLOURS, COLUMN, VERMILION, cell, circle_style, dots, in_column
 
@@ -39,9 +39,8 @@ def draw_verdict(portrait):
         _draw_circle(axes, *portrait["circle"], label=f"certified circle, {omega}", **style)
     if portrait["longest"] is not None:
         steps, x, y = portrait["longest"]
-        axes.plot(x % 1, cell(y), **dots("black", 3))
-        words = f"the start that lives longest, {steps:g} steps: not a barrier"
-        axes.plot([], [], label=words, **dots("black", 9))
+        words = f"longest-lived start, {steps:g} steps: not a barrier"
+        draw_survivor(axes, x % 1, cell(y), label=words)
     if portrait["escaping"] is None:
         _draw_heights(time, portrait)
     else:
@@ -55,7 +54,8 @@ def draw_verdict(portrait):
     axes.set(xlim=(0, 1), ylim=(-0.25, 0.75), xlabel="$x$ (turns)", ylabel="$y$ (mod 1)")
     axes.set_aspect("equal")
     if axes.get_legend_handles_labels()[0]:
-        axes.legend(loc="lower right", bbox_to_anchor=(1, 1), frameon=False, fontsize="small")
+        small = {"frameon": False, "fontsize": "small", "handletextpad": 0.2, "borderpad": 0.1}
+        axes.legend(loc="lower right", bbox_to_anchor=(1.02, 1), **small)
     name, plane = portrait["name"], portrait["place"] and portrait["place"][0]
     if plane and not any(plane.origin):
         _locate(where, portrait)

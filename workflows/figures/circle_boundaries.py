@@ -11,7 +11,7 @@ def draw_circle_boundaries(breakdown, residues, barrier):
 
     The caption says where each circle comes nearest to CB_gt, and whether all lie within it.
     """
-    figure, (axes,) = panels(1, 1, 10, 6.9)
+    figure, (axes,) = panels(1, 1, 10, 6.6)
     sharp = known(breakdown)
     fill_inside(axes, barrier, INSIDE, label=r"$\mathit{CB}_{gt}$")
     draw_circles(axes, sharp)
@@ -50,7 +50,7 @@ def draw_tips(residues, circles, barrier):
 
     The caption says how far the two methods are apart.
     """
-    figure, tips = panels(1, 2, 11, 7.2)
+    figure, tips = panels(1, 2, 11, 6.8)
     silent = circles.critical_scale.isnull() | residues.critical_scale.isnull()
     gaps = barrier.sel(angle=circles.angle[silent.any("circle").values], method="nearest")
     lines, points = known(residues), known(circles)

@@ -30,9 +30,10 @@ def draw_critical_boundary(plane, circles, barrier):
         style = {"ha": "center", "va": "center", "size": 8, "clip_on": True}
         style["rotation"] = np.rad2deg(np.arctan(np.ptp(y) / -np.ptp(x)))
         axes.text(x.mean(), y.mean(), f"no barrier left, but no escape in ${steps}$ steps", **style)
+    title = r"Lines: $\mathit{CB}_\omega$ of single circles"
     if in_column():
         below = {"bbox_to_anchor": (0.45, -0.35), "fontsize": "small", "columnspacing": 1}
-        axes.legend(loc="upper center", ncols=3, **below)
+        axes.legend(loc="upper center", ncols=3, title=title, **below)
     else:
-        axes.legend(loc="upper center", ncols=3, fontsize="small", framealpha=0.9)
+        axes.legend(loc="upper center", ncols=3, fontsize="small", framealpha=0.9, title=title)
     return figure

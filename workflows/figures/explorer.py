@@ -4,11 +4,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from workflows.figures.escape_plane import draw_field
-from workflows.figures.phase_space import STRONG, draw_orbits
+from workflows.figures.phase_space import STRONG, draw_orbits, draw_survivor
 from workflows.figures.planes import label_plane
-from workflows.figures.style import dots
-
-_SURVIVOR = dots("black", 3)  # unlike a circle: it is no barrier
 
 
 def draw_seen(seen):
@@ -25,9 +22,10 @@ def draw_seen(seen):
             axes.plot(seen.scale * np.cos(angle), seen.scale * np.sin(angle), ".", color=STRONG)
         return figure
     draw_orbits(axes, seen)
-    for name, style in (("circle", {"lw": 1.8, "color": STRONG}), ("longest_lived", _SURVIVOR)):
-        if f"{name}_x" in seen:
-            axes.plot(seen[f"{name}_x"], seen[f"{name}_y"], **style)
+    if "circle_x" in seen:
+        axes.plot(seen.circle_x, seen.circle_y, color=STRONG, lw=1.8)
+    if "longest_lived_x" in seen:
+        draw_survivor(axes, seen.longest_lived_x.values, seen.longest_lived_y.values)
     left, bottom, width, height = seen.attrs["box"]
     axes.set(xlim=(left, left + width), ylim=(bottom, bottom + height))
     axes.set(xlabel="$x$ (turns)", ylabel="$y$ (mod 1)", box_aspect=1)

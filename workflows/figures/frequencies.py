@@ -6,7 +6,7 @@ import numpy as np
 
 from workflows.figures.style import colour_of, panels
 
-_BEYOND = 1.1  # times the largest end of a bracket: what is drawn
+_BEYOND = 1.15  # times the largest end of a bracket: what is drawn
 
 
 def draw_frequencies(cube):
@@ -48,13 +48,10 @@ def _cut(axes, limits, fractions):
     top = _BEYOND * np.nanmax([*limits, *(upper.min() for _, upper in fractions.values())])
     for Ω, (_, upper) in fractions.items():
         if upper.max() > top:
-            style = {
-                "textcoords": "offset points",
-                "ha": "center",
-                "va": "top",
-                "fontsize": "small",
-            }
-            axes.annotate(f"↑ {upper.max():.2f}", (float(Ω), top), (0, -3), **style)
+            left = float(Ω) < np.mean(axes.get_xlim())
+            style = {"textcoords": "offset points", "va": "top", "fontsize": "small"}
+            at, style["ha"] = ((5, -3), "left") if left else ((-5, -3), "right")
+            axes.annotate(f"↑ {upper.max():.2f}", (float(Ω), top), at, **style)
     axes.set_ylim(None, top)
 
 

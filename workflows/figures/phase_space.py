@@ -5,13 +5,14 @@ from matplotlib import colormaps
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import ListedColormap, Normalize, to_hex
 
-from workflows.figures.style import dots
+from workflows.figures.style import dots, in_column
 
 CHAOTIC = "#b3b3b3"
 COLOURS = [to_hex(colour) for colour in colormaps["viridis"](np.linspace(0, 0.93, 254))]
 """Of ω from the lowest to the highest; perceptually even, safe for colour-blind readers, and none
 as pale as the page."""
 
+_SURVIVORS = 48  # points of the longest-lived start, at most
 
 STRONG = "#D55E00"  # what decides, among all of these
 
@@ -46,4 +47,16 @@ def draw_orbits(axes, orbits):
     low, high = ends(orbits)
     scale = ScalarMappable(Normalize(low, high), ListedColormap(COLOURS))
     label = rf"$\omega$ of the orbit, in $[0, {len(orbits.attrs['kappa']) / 2:g}]$; grey: chaotic"
-    axes.figure.colorbar(scale, ax=axes, label=label, shrink=0.8)
+    location = "bottom" if in_column() else "right"
+    axes.figure.colorbar(scale, ax=axes, label=label, shrink=0.8, location=location)
+
+
+def draw_survivor(axes, x, y, **style):
+    """Draw the longest-lived start's orbit as black dots with gaps between them: it is no circle.
+
+    x, y : of its points, in any order.
+    """
+    spread = np.argsort(x % 1)[:: 1 + x.size // _SURVIVORS]
+    size = 2.5 if in_column() else 4
+    dots = {"ls": "", "marker": "o", "ms": size, "mfc": "black", "mec": "white", "mew": 0.5}
+    axes.plot(np.asarray(x)[spread], np.asarray(y)[spread], zorder=3, **dots, **style)
