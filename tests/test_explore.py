@@ -1,11 +1,12 @@
 """The explorer: its page in a real browser, what it computes for a view, how it ends."""
 
 import asyncio
+import re
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
 from itertools import product
-from urllib.parse import parse_qs, urlparse
+from urllib.parse import parse_qs, parse_qsl, urlparse
 
 import numpy as np
 import psutil
@@ -15,11 +16,12 @@ from browser import ELSEWHERE, columns, drag, insist, needed, picture, ready, wa
 from tornado.httpclient import AsyncHTTPClient
 
 from nasm import barriers, escape
+from nasm.numbers import parse
 from nasm.planes import rotating, three_kicks, two_kicks
 from workflows.explorer import field, plane, rays, server
 from workflows.explorer.field import Field, View
-from workflows.explorer.page import asked_for
-from workflows.explorer.rays import Rays
+from workflows.explorer.rays import Breakup, Rays
+from workflows.explorer.state import State
 from workflows.explorer.work import Work
 from workflows.parts.run import place_of
 
@@ -29,6 +31,12 @@ PLANE = "Plane of forcings"
 def asked(tab):
     """The permalink of a page, {name: text}."""
     return {name: texts[0] for name, texts in parse_qs(urlparse(tab.url).query).items()}
+
+
+def type_in(tab, label, text):
+    """Fill in a field, and leave it by Enter."""
+    tab.get_by_label(label).fill(text)
+    tab.get_by_label(label).press("Enter")
 
 
 def until(tab, name, value):
@@ -178,9 +186,12 @@ def test_the_distance_to_the_boundary_is_that_of_the_ray():
     for angle in (21.0, 159.0, 249.0):
         direction = np.array([np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))])
         scale = barriers.critical_scale(direction, 1e-2).value
-        excess, _ = known.at(*(1.07 * scale * direction))
+        excess = known.excess(*(1.07 * scale * direction))
         assert excess == pytest.approx(0.07, abs=2e-4)
-    assert known.at(-0.1, 0.5) is None  # far from all rays
+        a, b = np.multiply.outer(direction, [[0.0, 0.99 * scale], [1.01 * scale, 2.0]])
+        assert (known.excess(a, b) > 0).tolist() == [[False, False], [True, True]]
+    assert np.isnan(known.excess(-0.1, 0.5))  # far from all rays
+    assert known.nearest(np.cos(0.36), np.sin(0.36)) == known.known[20.0]
 
 
 @pytest.mark.parametrize("plane", [two_kicks(), rotating("1/3"), three_kicks(0.2)])
@@ -256,21 +267,64 @@ def test_a_closed_tab_ends_its_generators():
 @pytest.mark.parametrize(
     ("query", "words"),
     [
-        ({"k1": "x"}, "'x' is no number"),
-        ({"k1": "inf"}, "not finite"),
-        ({"k2": "1e9"}, "too large"),
-        ({"n": "7"}, "n='7' must be a whole number from 100"),
-        ({"k1": "0.1", "plane": "rotating:1/3"}, "start one with --plane rotating:1/3"),
+        ("k1=x", "'x' is no number"),
+        ("k1=inf", "not finite"),
+        ("k2=1e9", "too large"),
+        ("n=7", "n='7' must be a whole number from 100"),
+        ("k1=0.1&plane=rotating:1/3", "start one with --plane rotating:1/3"),
+        ("a=0.1", "'0.1' must be a range, like"),
+        ("a=0.3:0.1", "the range 0.3:0.1 must be 2.3e-09 to 69 wide"),
+        ("b=nan:1", "the range nan:1.0 must be"),
+        ("y=-1:1", "the range -1.0:1.0 must be 1e-09 to 1 wide"),
+        ("omega=3/5", "3/5 is rational, and has no circle"),
+        ("orbits=0.5", "'0.5' must be two numbers, like"),
+        ("orbits=0,inf", "'0,inf' must be two numbers, like"),
+        ("orbits=" + "0.5,0.3;" * 51, "51 orbits are too many; take 50 or fewer"),
+        ("show=boundary,all", "must be some of boundary,contour,kicks,symmetry,cycles"),
     ],
 )
-def test_an_address_that_asks_for_what_is_not_there_says_so(query, words):
-    state, wrong = asked_for(two_kicks(), query)
-    assert words in wrong
-    assert (state.point, state.steps) == ((0.5, 0.4), 10_000)
+def test_an_address_that_asks_for_what_is_not_there_says_so_and_changes_nothing(query, words):
+    state = State(two_kicks())
+    first = state.address()
+    with pytest.raises(ValueError, match=re.escape(words)):
+        state.go({"k1": "0.25"} | dict(parse_qsl(query)))
+    assert state.address() == first
+
+
+def test_a_link_holds_all_that_a_tab_looks_at():
+    state = State(rotating("1/3"))
+    state.move(0.1, -0.2)
+    state.follow("[0;2,(1)]")
+    state.take(steps=200, a=(0.1, 1 / 3), b=(-0.3, -0.1), x=(0.25, 0.5), y=(1 / 7, 0.2))
+    state.take(orbits=((0.5, 0.3), (1 / 3, -0.1)), show=frozenset({"contour", "cycles"}))
+    again = State(state.plane)
+    again.go(dict(parse_qsl(state.address())))
+    parts = {name for name in vars(state) if not name.startswith("_")} - {"verdict", "seen"}
+    assert parts > {"point", "a", "y", "orbits", "show"}
+    for name in parts:
+        assert getattr(again, name) == getattr(state, name)
+        assert name == "plane" or getattr(again, name) != getattr(State(state.plane), name)
+
+
+def test_a_zoom_leaves_every_circle_its_colour():
+    rays = Rays(two_kicks())
+    golden, others = parse("gamma"), [parse(f"[0;{i},(1)]") for i in range(2, 9)]
+    for angle in range(360):
+        omega = golden if angle % 9 == 4 else others[angle // 7 % 7]
+        rays.known[float(angle)] = Breakup(1.0, 0.0, str(omega), float(omega))
+    colours = []
+    for half in (1.2, 0.4, 0.13, 0.04):  # three steps towards a ray of the golden circle
+        centre = np.exp(1j * np.deg2rad(40))
+        view = View(*((c - half, c + half) for c in (centre.real, centre.imag)), (27, 27))
+        lines, legend = rays.lines(view)
+        colours.append(lines["colour"][40])
+        assert legend.get(str(golden), colours[-1]) == colours[-1]
+    assert len(set(colours)) == 1
+    assert str(golden) in legend
 
 
 @needed
-def test_a_click_moves_the_forcing_and_its_address_brings_it_back(page):
+def test_a_link_in_another_tab_shows_the_same(page):
     tab = page("?k1=0.25&k2=-0.125&n=200")
     fields = tab.get_by_role("textbox")
     assert [fields.nth(i).input_value() for i in (0, 1)] == ["0.25", "-0.125"]
@@ -287,23 +341,54 @@ def test_a_click_moves_the_forcing_and_its_address_brings_it_back(page):
     moved = "new URLSearchParams(location.search).get('k1') < 0.1"
     insist(lambda: drag(tab, start, end), lambda timeout: wait(tab, moved, timeout=timeout))
     assert float(asked(tab)["k2"]) == pytest.approx(0.46, abs=0.02)
+    for label, part in ((PLANE, "a"), ("Phase portrait", "x")):
+        left, top, width, height = picture(tab, label)
+        tab.mouse.move(left + width / 2, top + height / 2)
+        tab.mouse.wheel(0, -300)
+        wait(tab, f"new URLSearchParams(location.search).has('{part}')")
+    type_in(tab, "Orbits added", "0.5, 0.3; 0.25, 0.1")
+    tab.get_by_label("where n* ≤ N begins").check()
+    tab.get_by_label("symmetry lines").check()
+    wait(tab, "location.search.endsWith('show=boundary,contour,symmetry')")
+    done = "!/plane|portrait|view|cubes/.test(Bokeh.documents[0].get_model_by_name('status').text)"
+    wait(tab, done)
+    type_in(tab, "where the circle", "[0;2,(1)]")  # its rays take long
+    until(tab, "omega", "[0;2,(1)]")
     again = page("?" + urlparse(tab.url).query)  # two tabs at once
+    wait(again, done)
     assert asked(again) == asked(tab)
+    assert asked(tab).keys() == {*"abxy", "k1", "k2", "n", "omega", "orbits", "show"}
+    for name in ("times", "orbits", "symmetry", "contour", "point"):
+        assert columns(again, name) == columns(tab, name), name
+    for label in ("where the circle", "Orbits added"):
+        texts = [one.get_by_label(label).input_value() for one in (tab, again)]
+        assert texts[0] == texts[1] != ""
 
 
 @needed
-def test_bad_input_is_a_message_beside_the_field(page):
+def test_bad_input_stays_in_its_field_with_words_below_it(page):
     tab = page("?k1=0.25&k2=0.5&n=100")
-    first = tab.get_by_role("textbox").first
-    for text, words in (("one", "'one' is no number"), ("1e7", "too large")):
-        first.fill(text)
-        first.press("Enter")
-        tab.get_by_role("alert").get_by_text(words).wait_for()
-        assert asked(tab)["k1"] == "0.25"
-    first.fill("-0.3")
-    first.press("Enter")
-    until(tab, "k1", "-0.3")
+    good = {"κ₁": "-0.3", "κ₂": "0.125", "where the circle": "gamma", "Orbits added": "0.5 0.3"}
+    for label, text, words in (
+        ("κ₁", "one", "'one' is no number"),
+        ("κ₂", "1e7", "too large"),
+        ("where the circle", "3/5", "3/5 is rational"),
+        ("Orbits added", "0.5", "'0.5' must be two numbers"),
+    ):
+        type_in(tab, label, text)
+        message = tab.get_by_role("alert").get_by_text(words)
+        message.wait_for()
+        field, told = tab.get_by_label(label).bounding_box(), message.bounding_box()
+        assert abs(told["x"] - field["x"]) < 10
+        assert 0 < told["y"] - field["y"] < 60
+    assert tab.get_by_role("alert").count() == 4  # none has taken another's place
+    assert tab.get_by_label("κ₁").input_value() == "one"
+    assert tab.get_by_label("where the circle").input_value() == "3/5"
+    for label, text in good.items():
+        type_in(tab, label, text)
+    until(tab, "orbits", "0.5,0.3")
     assert tab.get_by_role("alert").count() == 0
+    assert (asked(tab)["k1"], asked(tab)["k2"]) == ("-0.3", "0.125")
 
 
 @needed
@@ -317,13 +402,13 @@ def test_a_zoom_to_1e_4_shows_the_escape_times_of_its_pixels(page):
         tab,
         """() => {
         const shown = Bokeh.documents[0].get_model_by_name("times").data
-        return shown.da[0] < 1e-4 && shown.times[0].some(Number.isFinite)
+        return shown.da[0] < 1e-4 && shown.values[0].some(Number.isFinite)
     }""",
     )
     ready(tab, but="boundary")
     shown = columns(tab, "times")
-    shape = tab.evaluate("Bokeh.documents[0].get_model_by_name('times').data.times[0].shape")
-    times = np.reshape(shown["times"][0], shape)
+    shape = tab.evaluate("Bokeh.documents[0].get_model_by_name('times').data.values[0].shape")
+    times = np.reshape(shown["values"][0], shape)
     assert np.isfinite(times).mean() > 0.9
     # The last bit of a forcing decides over n*. The page tells a side's start and its width, which
     # leave its end open by one bit.
@@ -346,6 +431,8 @@ def test_the_page_stacks_its_panels_on_a_phone_and_the_slider_takes_keys(page):
     plane, portrait = picture(tab, PLANE), picture(tab, "Phase portrait")
     assert portrait[1] > plane[1] + plane[3]
     assert plane[2] > 250
+    told, lines = (tab.get_by_label(name).bounding_box() for name in ("Verdict", "Lines in the"))
+    assert plane[1] + plane[3] < told["y"] < min(plane[1] + plane[3] + 150, lines["y"])
     tab.get_by_role("slider").press("ArrowLeft")
     until(tab, "n", "100")
 

@@ -204,8 +204,18 @@ def test_beyond_the_boundary_a_click_shows_the_start_that_lives_longest_next_to_
     x, y, steps = barriers.remnant(kappa, 1000)
     found = columns(tab, "longest_lived")
     traced = orbits.orbit(kappa, x, y, int(steps))
-    np.testing.assert_allclose(found["x"], traced[0] % 1, rtol=0, atol=1e-12)
+    dots = np.size(found["x"])
+    np.testing.assert_allclose(found["x"], traced[0][:dots] % 1, rtol=0, atol=1e-12)
+    assert min(traced[0].size, 20) <= dots < picture(tab, "Phase portrait")[2] / 5
+    drawn = tab.evaluate("""[...Bokeh.documents[0]._all_models.values()]
+        .filter(({data_source}) => data_source?.name == "longest_lived")
+        .map(({glyph}) => [glyph.type, glyph.fill_color.value])""")
+    assert drawn == [["Scatter", "black"]]
+    assert "Not a barrier: the start that lives longest" in told(tab, "of them chaotic")
     assert f"eliminated after {steps:g} steps" in words
+    (scale,) = re.findall(r"It breaks at (\S+) times these strengths", words)
+    told_below = f"beyond the boundary, which is at {scale} times these strengths"
+    tab.get_by_text(told_below).wait_for()
     assert columns(tab, "circle")["x"] == []
     assert np.mean(pixels(tab) == 1) > 0.2  # chaos
 
@@ -227,7 +237,7 @@ _WATCH = """() => {
         seen.fine ||= text.includes("plane (")
         return seen.fine && !text.includes("plane")
     })
-    watch("verdict", model("verdict").children[0], "text", ({text}) => text.includes("took"))
+    watch("verdict", model("verdict"), "text", ({text}) => text.includes("took"))
 }"""
 _LIMITS = {"page": 1.5, "portrait": 0.2, "verdict": 1.0, "plane": 0.3, "pixels": 6.0}
 

@@ -31,7 +31,9 @@ def panel(state, work):
     buttons = [Button(label=kind) for kind in _KINDS]
     for button in buttons:
         button.on_click(lambda kind=button.label: save(kind))
-    return Row(which, *buttons, file, styles={"flex-wrap": "wrap", "gap": "4px 8px"})
+    return Row(
+        which, *buttons, file, styles={"flex-wrap": "wrap", "gap": "4px 8px", "align-items": "end"}
+    )
 
 
 _SAVE = """

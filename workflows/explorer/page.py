@@ -2,21 +2,18 @@
 
 from html import escape
 from pathlib import Path
-from urllib.parse import urlencode
 
 from bokeh.models import CategoricalSlider, CustomJS, Div, Row, TextInput
 from jinja2 import Template
 
-from nasm.planes import two_kicks
-from workflows.explorer import plane, portrait, verdict
-from workflows.explorer.state import Forcing
-from workflows.explorer.words import alert
+from workflows.explorer import files, verdict
+from workflows.explorer.plane import PlanePanel, symbols
+from workflows.explorer.portrait import PortraitPanel
+from workflows.explorer.state import QUERY, STEPS, State, number
+from workflows.explorer.widgets import alert, field
 from workflows.explorer.work import Work
 
-_STEPS = [m * 10**e for e in range(2, 6) for m in (1, 2, 5)] + [10**6]
-_DEFAULT = 10_000
 _TEMPLATE = Template((Path(__file__).parent / "page.html").read_text("utf-8"))
-_QUERY = ("k1", "k2", "n", "plane")  # of the permalink
 
 
 def fill(document, shared):
@@ -33,14 +30,20 @@ def fill(document, shared):
 
     document.on_session_destroyed(close)
     query = context.request.arguments  # bytes, which may spell no text
-    asked = {name: query[name][0].decode(errors="replace") for name in _QUERY if name in query}
-    state, wrong = asked_for(shared.plane, asked)
+    state, wrong = State(shared.plane), ""
+    try:
+        state.go({name: query[name][0].decode(errors="replace") for name in QUERY if name in query})
+    except ValueError as error:
+        wrong = f"the address asks for what is not there: {error}"
+    plane, portrait = PlanePanel(state, work, shared), PortraitPanel(state, work)
     roots = {
         "controls": _controls(state, wrong),
         "status": _status(document, work, shared),
-        "plane": plane.panel(state, work, shared),
-        "portrait": portrait.panel(state, work),
+        "plane": plane.picture,
         "verdict": verdict.panel(state, work),
+        "lines": plane.lines,
+        "portrait": portrait.root,
+        "save": Row(verdict.copied(state), files.panel(state, work), styles=_WRAPPED),
     }
     with document.models.freeze():  # which would count all models again after each root
         for name, root in roots.items():
@@ -48,87 +51,54 @@ def fill(document, shared):
             document.add_root(root)
 
 
-def asked_for(plane, asked):
-    """Return the Forcing of a permalink {name: text}, and what is wrong with it in words, or ""."""
-    sizes = [max(map(abs, vector)) for vector in (plane.first, plane.second)]
-    point, steps = (0.5 / sizes[0], 0.4 / sizes[1]), _DEFAULT
-    state, defaults = Forcing(plane, point, steps), list(zip(_QUERY, point, strict=False))
-    try:
-        if asked.get("plane", two_kicks().name if asked else plane.name) != plane.name:
-            asked_plane = asked.get("plane", two_kicks().name)
-            raise ValueError(f"this page shows {plane.name}; start one with --plane {asked_plane}")
-        if "n" in asked:
-            state.steps = _whole(asked["n"])
-        given = [number(asked[name]) if name in asked else value for name, value in defaults]
-        state.move(*given)
-    except ValueError as error:
-        return Forcing(plane, point, steps), f"the address asks for what is not there: {error}"
-    return state, ""
-
-
-def number(text):
-    """Return the float that a text spells; ValueError in words."""
-    try:
-        return float(text)
-    except ValueError:
-        raise ValueError(f"{text!r} is no number, like 0.525") from None
-
-
-def _whole(text):
-    if not (text.isdecimal() and _STEPS[0] <= int(text) <= _STEPS[-1]):
-        raise ValueError(f"n={text!r} must be a whole number from {_STEPS[0]} to {_STEPS[-1]}")
-    return int(text)
+_WRAPPED = {"flex-wrap": "wrap", "gap": "4px 16px", "align-items": "end"}
 
 
 def _controls(state, wrong):
-    """Fields to type the point exactly, the slider of N, and the permalink."""
-    names = plane.symbols(state.plane)
-    fields = [TextInput(title=name, width=150) for name in names]
-    message = Div(width=260)
-    shown = {str(n): n for n in sorted({*_STEPS, state.steps})}
-    title = "N, steps within which an escape counts"
+    """Fields to type the point exactly, the slider of N, and the link to what is seen."""
+    fields, shown = [], list(state.point)
+
+    def typed(i, text):
+        state.move(*(number(text) if i == j else value for j, value in enumerate(state.point)))
+
+    def moved():
+        for i, model in enumerate(fields):
+            if shown[i] != state.point[i]:  # else what is typed there stays
+                shown[i] = state.point[i]
+                model.value = repr(shown[i])
+
+    for i, name in enumerate(symbols(state.plane)):
+        fields.append(TextInput(title=name, value=repr(state.point[i]), width=150))
+    counts = {str(n): n for n in sorted({*STEPS, state.steps})}
     slider = CategoricalSlider(
-        title=title, categories=list(shown), value=str(state.steps), width=240
+        title="N, steps within which an escape counts",
+        categories=list(counts),
+        value=str(state.steps),
+        width=240,
     )
-    link = Div(width=120)
+    slider.on_change("value", lambda attr, old, new: state.take(steps=counts[new]))
+    link, message = Div(width=120), Div()
     link.js_on_change("text", CustomJS(code=_ADDRESS))
 
-    shows = []  # while the fields are filled in, nobody types
-
-    def show():
-        shows.append(True)
-        for field, value in zip(fields, state.point, strict=True):
-            field.value = repr(value)
-        shows.clear()
-        message.text = ""
-        tell()
-
     def tell():
-        values = dict(zip(_QUERY, (*map(repr, state.point), state.steps), strict=False))
-        if state.plane != two_kicks():
-            values["plane"] = state.plane.name
-        link.text = f'<a href="?{urlencode(values)}">link to this view</a>'
+        link.text = f'<a href="?{state.address()}">link to this view</a>'
+        message.text = ""
 
-    def typed(attr, old, new):
-        if shows:
-            return
-        try:
-            state.move(*(number(field.value) for field in fields))
-        except ValueError as error:
-            message.text = alert(str(error))
-
-    show()
+    tell()
     message.text = alert(wrong)
-    for field in fields:
-        field.on_change("value", typed)
-    slider.on_change("value", lambda attr, old, new: state.count(shown[new]))
-    state.on("point", show)
-    state.on("steps", tell)
-    return Row(*fields, slider, link, message, styles={"flex-wrap": "wrap", "gap": "4px 16px"})
+    state.on("point", moved)
+    for name in ("point", "steps", "a", "b", "x", "y", "omega", "orbits", "show"):
+        state.on(name, tell)
+    columns = [field(model, lambda text, i=i: typed(i, text)) for i, model in enumerate(fields)]
+    return Row(*columns, slider, link, message, styles=_WRAPPED | {"align-items": "start"})
 
 
-# The address of the page becomes the permalink.
-_ADDRESS = "history.replaceState(null, '', cb_obj.text.match(/href=\"([^\"]*)/)[1])"
+# The address of the page becomes the link; browsers allow no more than some changes a second.
+_ADDRESS = """
+clearTimeout(window.addressed)
+const link = cb_obj.text.match(/href="([^"]*)/)[1]
+window.addressed = setTimeout(() => history.replaceState(null, "", link), 200)
+"""
 
 
 def _status(document, work, shared):

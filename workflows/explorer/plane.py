@@ -1,22 +1,21 @@
 """The plane of forcings: first escape times, where the last circle breaks, and the point."""
 
 from html import escape
-from math import ceil, log10
+from math import ceil, inf, isfinite, log10
 
 import numpy as np
 import xarray as xr
 from bokeh.events import MouseLeave, MouseMove, Pan, PanEnd, PanStart, Tap
 from bokeh.models import (
     AutocompleteInput,
-    CheckboxGroup,
     ColorBar,
     Column,
     ColumnDataSource,
     Div,
+    LinearColorMapper,
     LogColorMapper,
     MultiLine,
     PanTool,
-    Range1d,
     ResetTool,
     Row,
     SaveTool,
@@ -28,26 +27,30 @@ from bokeh.models import (
 from bokeh.palettes import Magma256
 from bokeh.plotting import figure
 from contourpy import contour_generator
+from matplotlib.colors import to_hex
 
 from nasm.numbers import NAMES
 from nasm.planes import plane_of
 from pipeline import store
-from workflows.explorer import field, rays
-from workflows.explorer.field import BLOCKS, Field, View
-from workflows.explorer.pixels import on_view, pixels_of, sides_of
+from workflows.explorer import rays
+from workflows.explorer.field import BLOCKS, Field, View, computed
 from workflows.explorer.rays import NO_LINES
-from workflows.explorer.words import alert
+from workflows.explorer.state import LINES, State, limits
+from workflows.explorer.widgets import boxes, ends, field, on_view, pixels_of, sides_of
 from workflows.figures import planes
-from workflows.figures.style import smoothed
+from workflows.figures.style import INSIDE, NO_ESCAPE, smoothed
 from workflows.parts.tables import described
+from workflows.parts.verdict_words import scale_of
 
 _PIXELS = 640  # along each side, until the browser tells
 _MOST_PIXELS = 1024
-_HALF = 1.15  # of the largest strength, of the first view
+_GROUND = 256  # along each side, of the greys under the escape times: a line hides their edge
 _KEPT = 8  # fields that are kept for all tabs, to go back to
 _STAYS = 3  # pixels that a cell of OUT may fill
-_COLOURS = Magma256[:232]  # the palest are too like the grey of no escape
-_LINES = ["where the last circle breaks", "where n* ≤ N begins"]
+_NEAR = 1e-3  # of the boundary's scale: between rays it is not known better
+_COLOURS = Magma256[:232]  # the palest are too like the greys of no escape
+_GREYS = ["white", to_hex(INSIDE), to_hex(NO_ESCAPE)]  # not known, inside the boundary, outside
+_GREY_WORDS = ["a circle is left", "none is left, but no escape within N"]
 _CIRCLE = {
     "title": "where the circle of this ω breaks (dashed)",
     "completions": list(NAMES),
@@ -64,176 +67,204 @@ def symbols(plane):
     return [_SYMBOLS.get(symbol, symbol) for symbol in planes.symbols(plane.axes)]
 
 
-def panel(state, work, shared):
-    """Return the left panel: the plane, what is under the pointer, the colours of the circles."""
-    plot, image, lines, point = _drawn(state)
-    told = Div(sizing_mode="stretch_width", css_classes=["told"], min_height=40)
-    legend = Div(sizing_mode="stretch_width")
-    circle, message = AutocompleteInput(**_CIRCLE), Div(width=250)
-    wanted = CheckboxGroup(labels=_LINES, active=[0], width=220)
-    cubes, shown, asked = [], [], []  # Fields of OUT; the one shown; what is computed last
-    lanes = {name: work.latest(name) for name in ("cubes", "plane", "boundary", "circle")}
-    x, y = symbols(state.plane)
-    sides = plot.x_range, plot.y_range
+class PlanePanel:
+    """The left picture, and what belongs to it.
 
-    def refresh():
-        """Compute what the view and N ask for."""
-        draw_rays()
-        view = _view(plot)
-        what = [view, state.steps, circle.value, *cubes]
-        if asked == what or not pixels_of(plot, _MOST_PIXELS):
+    picture : the plane, and what is under the pointer. lines : the colours of the circles, and
+    which lines are drawn.
+    """
+
+    def __init__(self, state, work, shared):
+        self.state, self.work, self.shared = state, work, shared
+        self.plot, self.mapper, self.sources = _drawn(state)
+        self.told = Div(sizing_mode="stretch_width", css_classes=["told"], min_height=40)
+        self.legend = Div(sizing_mode="stretch_width")
+        self.cubes, self.shown, self.asked = [], None, None  # of OUT; on the screen; computed last
+        self.lanes = {name: work.latest(name) for name in ("cubes", "plane", "boundary", "circle")}
+        self.picture = Column(self.plot, self.told, sizing_mode="stretch_width")
+        circle = field(AutocompleteInput(**_CIRCLE, value=state.omega), state.follow)
+        ticks = Row(boxes(state, LINES, width=220), circle, styles={"flex-wrap": "wrap"})
+        self.lines = Column(self.legend, ticks, sizing_mode="stretch_width")
+        _Gestures(self.plot, self._move)
+        self.plot.on_event(MouseMove, lambda event: self._tell(event.x, event.y))
+        self.plot.on_event(MouseLeave, lambda event: self._mark())
+        for what in ("point", "verdict"):
+            state.on(what, self._mark)
+        state.on("show", self._show_lines)
+        soon = on_view(self.plot, work, self._refresh)
+        state.on("steps", soon)
+        state.on("omega", soon)
+        state.seen |= {"escape": self._escapes, "boundary": shared.rays.table}
+        self._mark()
+        work.begin("view")
+        self.lanes["cubes"].submit(_cubes, shared.place, state.plane, done=self._opened)
+
+    def _opened(self, found):
+        """Show what OUT holds, and compute the rest."""
+        self.cubes, barrier = found
+        if barrier is not None:
+            self.shared.rays.add_cube(barrier)
+        self._refresh()
+
+    def _refresh(self):
+        """Compute what the view, N and ω ask for."""
+        state, shared, view = self.state, self.shared, _view(self.plot)
+        state.take(a=view.a, b=view.b)
+        self._show_lines()
+        asked = view, state.steps, state.omega, len(self.cubes)
+        if asked == self.asked or not pixels_of(self.plot, _MOST_PIXELS):
             return
-        asked[:] = what
-        work.end("view")
-        image.glyph.color_mapper.high = state.steps
+        self.asked = asked
+        self.work.end("view")
+        self.mapper.high = state.steps
         where = shared.client, state.plane
-        args = *where, view, state.steps, [*shown, *reversed(shared.fields.values()), *cubes]
-        lanes["plane"].submit(field.computed, *args, done=lambda found: show(view, *found))
-        lanes["boundary"].cancel()  # its rays would hold a worker for seconds
-        lines["circle"].data = {"a": [], "b": []}
-        if circle.value:
-            args = *where, circle.value, view
-            lanes["circle"].submit(rays.circle, *args, done=show_circle)
+        known = [*filter(None, [self.shown]), *reversed(shared.fields.values()), *self.cubes]
+        args = *where, view, state.steps, known
+        self.lanes["plane"].submit(computed, *args, done=lambda found: self._show(view, *found))
+        self.lanes["boundary"].cancel()  # its rays would hold a worker for seconds
+        self.sources["followed"].data = {"a": [], "b": []}
+        self.lanes["circle"].cancel()
+        if state.omega:
+            args = *where, state.omega, view
+            self.lanes["circle"].submit(rays.circle, *args, done=self._show_circle)
 
-    def show(view, times, block, words):
+    def _show(self, view, found, block, words):
+        state, shared = self.state, self.shared
         cells = max(block, BLOCKS[-2]) if words else 1  # some pixels are still their neighbours'
-        shown[:] = [Field(*view.centres(), times, state.steps, cells, apart=BLOCKS[-2])]
+        self.shown = Field(*view.centres(), found, state.steps, cells, apart=BLOCKS[-2])
         if not words:
             shared.fields.pop((view, state.steps), None)  # the newest last
-            shared.fields[view, state.steps] = shown[0]
+            shared.fields[view, state.steps] = self.shown
             if len(shared.fields) > _KEPT:
                 del shared.fields[next(iter(shared.fields))]
             args = shared.client, state.plane, shared.rays.missing(view), view
-            lanes["boundary"].submit(rays.computed, *args, done=show_rays)
-        size = {"da": [np.ptp(view.a)], "db": [np.ptp(view.b)]}
-        start = {"a": [view.a[0]], "b": [view.b[0]]}
-        image.data_source.data = {"times": [times.astype(np.float32)], **start, **size}
-        work.progress("plane", words)
+            self.lanes["boundary"].submit(rays.computed, *args, done=self._show_rays)
+        self.sources["times"].data = _image(view, found.astype(np.float32))
+        self.work.progress("plane", words)
         if block == 1:
-            draw_contour()
+            self._show_contour()
+            self._mark()
 
-    def show_rays(found):
+    def _show_rays(self, found):
         tables, words = found
         for table in tables:
-            shared.rays.add(table)
-        work.progress("boundary", words)
-        draw_rays()
+            self.shared.rays.add(table)
+        self.work.progress("boundary", words)
+        self._show_boundary()
 
-    def show_circle(found):
-        lines["circle"].data = found
+    def _show_circle(self, found):
+        self.sources["followed"].data = found
 
-    def draw_rays():
-        drawn, colours = shared.rays.lines(_view(plot))
-        lines["boundary"].data = drawn if 0 in wanted.active else NO_LINES
-        legend.text = _legend(colours) if 0 in wanted.active else ""
-        mark()
+    def _show_lines(self):
+        self._show_boundary()
+        self._show_contour()
 
-    def draw_contour():
-        field = shown[0] if 1 in wanted.active and shown else None
-        lines["contour"].data = _contour(field, state.steps) if field else {"a": [], "b": []}
+    def _show_boundary(self):
+        view = _view(self.plot)
+        drawn, colours = self.shared.rays.lines(view)
+        wanted = "boundary" in self.state.show
+        self.sources["boundary"].data = drawn if wanted else NO_LINES
+        self.legend.text = _legend(colours if wanted else {})
+        a, b = np.meshgrid(*View(view.a, view.b, (_GROUND, _GROUND)).centres())
+        excess = self.shared.rays.excess(a, b)
+        sides = np.where(np.isnan(excess), 0, np.where(excess <= 0, 1, 2)).astype(np.uint8)
+        self.sources["ground"].data = _image(view, sides)
+        self._mark()
 
-    def choose(attr, old, new):
-        draw_rays()
-        draw_contour()
+    def _show_contour(self):
+        wanted = "contour" in self.state.show and self.shown
+        found = _contour(self.shown, self.state.steps) if wanted else {"a": [], "b": []}
+        self.sources["contour"].data = found
 
-    def name_circle(attr, old, new):
-        try:
-            rays.checked(state.plane, new)
-            message.text = ""
-        except ValueError as error:
-            message.text = alert(str(error))
-            circle.update(value="")
-        refresh()
+    def _mark(self):
+        a, b = self.state.point
+        self.sources["point"].data = {"a": [a], "b": [b]}
+        self._tell(a, b)
 
-    def opened(found):
-        """Show what OUT holds, and compute the rest."""
-        cubes[:], barrier = found
-        if barrier is not None:
-            shared.rays.add_cube(barrier)
-        refresh()
-
-    def words_at(a, b):
-        words = f"{x} = {a:.6g}, {y} = {b:.6g}"
-        n = shown[0].at(a, b) if shown else np.nan
+    def _tell(self, a, b):
+        """Say what is known of a point."""
+        x, y = symbols(self.state.plane)
+        words, steps = [f"{x} = {a:.6g}, {y} = {b:.6g}"], self.state.steps
+        n = self.shown.at(a, b) if self.shown else np.nan
         if not np.isnan(n):
-            words += f" · n* = {n:.0f}" if n <= state.steps else f" · n* > {state.steps}"
-        found = shared.rays.at(a, b)
-        if found is not None:
-            excess, ray = found
-            side = "beyond" if excess > 0 else "inside"
-            words += f" · {100 * abs(excess):.3g}% {side} the boundary"
-            words += f" · last circle of the nearest ray: ω = {rays.named(ray)}"
-        return words
+            words.append(f"n* = {n:.0f}" if n <= steps else f"n* > {steps}")
+        words.append(self._distance(a, b))
+        ray = self.shared.rays.nearest(a, b)
+        if ray is not None:
+            words.append(f"last circle of the nearest ray: ω = {rays.named(ray)}")
+        self.told.text = " · ".join(filter(None, words))
 
-    def mark():
-        a, b = state.point
-        point.data = {"a": [a], "b": [b]}
-        told.text = words_at(a, b)
+    def _distance(self, a, b):
+        """Say where the boundary is: as the verdict says it, or about there from the rays."""
+        state, plane = self.state, self.state.plane
+        if state.verdict is not None and (a, b) == state.point and not any(plane.origin):
+            scale = state.verdict.boundary.value
+            found = scale_of(state.verdict.boundary) if isfinite(scale) else ""
+        else:
+            excess = float(self.shared.rays.excess(a, b))
+            if abs(excess) < _NEAR:
+                return "on the boundary, or next to it"
+            scale = 1 / (1 + excess) if excess > -1 else inf
+            found = f"about {scale:.3g}" if isfinite(scale) else ""
+        side = "inside" if scale > 1 else "beyond"
+        what = "these numbers" if any(plane.origin) else "these strengths"
+        return f"{side} the boundary, which is at {found} times {what}" if found else ""
 
-    drag = {"view": None, "before": None, "pans": False}
+    def _move(self, *point):
+        """Move the forcing, with no more digits than pixels have."""
+        pixel = _view(self.plot).pixel
+        try:
+            self.state.move(*(round(x, ceil(-log10(w))) for x, w in zip(point, pixel, strict=True)))
+        except ValueError as error:
+            self.work.fail("plane", error)
 
-    def begin(event):
-        pans = bool(event.modifiers and event.modifiers["shift"])
-        drag.update(view=_view(plot), before=None, pans=pans)
+    def _escapes(self):
+        """Return what the plane shows, as a Dataset, or None."""
+        return _dataset(self.state.plane, self.shown) if self.shown else None
 
-    def dragged(event):
-        view = drag["view"]
-        if drag["pans"]:
+
+class _Gestures:
+    """Clicks and drags on a figure call move(x, y); drags with Shift move the view."""
+
+    def __init__(self, plot, move):
+        self.plot, self.move = plot, move
+        self.view, self.before, self.pans = None, None, False
+        plot.on_event(Tap, lambda event: move(event.x, event.y))
+        plot.on_event(PanStart, self._begin)
+        plot.on_event(Pan, self._drag)
+        plot.on_event(PanEnd, self._end)
+
+    def _begin(self, event):
+        self.view, self.before = _view(self.plot), None
+        self.pans = bool(event.modifiers and event.modifiers["shift"])
+
+    def _drag(self, event):
+        view = self.view
+        if self.pans:
             steps = view.pixel * (-event.delta_x, event.delta_y)
+            sides = self.plot.x_range, self.plot.y_range
             for side, ends, step in zip(sides, (view.a, view.b), steps, strict=True):
                 side.update(start=ends[0] + step, end=ends[1] + step)
         # If a tool of the toolbar pans, the view moves along, which is known one event later.
-        elif drag["before"] and view == _view(plot):
-            move(*drag["before"])
-        drag["before"] = event.x, event.y
+        elif self.before and view == _view(self.plot):
+            self.move(*self.before)
+        self.before = event.x, event.y
 
-    def end(event):
-        if drag["view"] == _view(plot) and not drag["pans"]:
-            move(event.x, event.y)
-
-    def move(*point):
-        """Move the forcing, with no more digits than pixels have."""
-        pixel = _view(plot).pixel
-        try:
-            state.move(*(round(x, ceil(-log10(w))) for x, w in zip(point, pixel, strict=True)))
-        except ValueError as error:
-            work.fail("plane", error)
-
-    def escapes():
-        """What the plane shows, as a Dataset."""
-        return _dataset(state.plane, shown[0]) if shown else None
-
-    def pointed(event):
-        told.text = words_at(event.x, event.y)
-
-    plot.on_event(Tap, lambda event: move(event.x, event.y))
-    plot.on_event(PanStart, begin)
-    plot.on_event(Pan, dragged)
-    plot.on_event(PanEnd, end)
-    plot.on_event(MouseMove, pointed)
-    plot.on_event(MouseLeave, lambda event: mark())
-    circle.on_change("value", name_circle)
-    wanted.on_change("active", choose)
-    state.on("point", mark)
-    state.on("steps", on_view(plot, work, refresh))
-    state.seen |= {"escape": escapes, "boundary": shared.rays.table}
-    mark()
-    work.begin("view")
-    lanes["cubes"].submit(_cubes, shared.place, state.plane, done=opened)
-    controls = Row(wanted, circle, message, styles={"flex-wrap": "wrap"})
-    return Column(plot, told, legend, controls, sizing_mode="stretch_width")
+    def _end(self, event):
+        if self.view == _view(self.plot) and not self.pans:
+            self.move(event.x, event.y)
 
 
 def _drawn(state):
-    """Return the figure, the renderer of the field, {name: source of lines}, and the point's."""
-    view = _first_view(state.plane)
+    """Return the figure, the colours of escape times, and {name: source} of all that is drawn."""
+    first = State(state.plane)
     labels = dict(zip(("x_axis_label", "y_axis_label"), symbols(state.plane), strict=True))
     wheel = WheelZoomTool()
     tools = [PanTool(), wheel, ZoomInTool(), ZoomOutTool(), ResetTool(), SaveTool()]
     plot = figure(
         **labels,
-        x_range=Range1d(*view.a, **_limits(view.a)),
-        y_range=Range1d(*view.b, **_limits(view.b)),
+        x_range=ends(state.a, first.a, **limits(first.a)),
+        y_range=ends(state.b, first.b, **limits(first.b)),
         tools=tools,
         active_scroll=wheel,
         active_drag=None,
@@ -244,39 +275,39 @@ def _drawn(state):
     plot.toolbar.logo = None
     plot.grid.visible = False
     plot.axis.axis_label_text_font_style = "normal"
-    mapper = LogColorMapper(_COLOURS, low=10, high=state.steps, high_color="#f0f0f0")
-    mapper.nan_color = "rgba(0, 0, 0, 0)"
-    blank = {"times": [np.full((1, 1), np.nan, np.float32)], "a": [view.a[0]], "b": [view.b[0]]}
-    blank |= {"da": [np.ptp(view.a)], "db": [np.ptp(view.b)]}
-    source = ColumnDataSource(blank, name="times")
-    image = plot.image("times", "a", "b", "da", "db", source=source, color_mapper=mapper)
-    title = "n*, first escape (steps); grey: none within N"
+    clear = "rgba(0, 0, 0, 0)"
+    mapper = LogColorMapper(_COLOURS, low=10, high=state.steps, high_color=clear, nan_color=clear)
+    view = _view(plot)
+    empty = {"a": [], "b": []}
+    blanks = {
+        "ground": _image(view, np.zeros((1, 1), np.uint8)),
+        "times": _image(view, np.full((1, 1), np.nan, np.float32)),
+        "boundary": NO_LINES,
+        **dict.fromkeys(("contour", "followed", "point"), empty),
+    }
+    sources = {name: ColumnDataSource(blank, name=name) for name, blank in blanks.items()}
+    greys = LinearColorMapper(_GREYS, low=-0.5, high=2.5)
+    for name, colours in (("ground", greys), ("times", mapper)):
+        plot.image("values", "a", "b", "da", "db", source=sources[name], color_mapper=colours)
+    title = "n*, first escape (steps)"
     plot.add_layout(ColorBar(color_mapper=mapper, title=title, width=10, padding=4), "right")
-    lines = {name: ColumnDataSource({"a": [], "b": []}) for name in ("contour", "circle")}
-    lines["boundary"] = ColumnDataSource(NO_LINES, name="boundary")
     for name, style in (
         ("contour", {"line_width": 1.2}),
         ("boundary", {"line_color": "white", "line_width": 5}),
         ("boundary", {"line_color": "colour", "line_width": 2.5}),
-        ("circle", {"line_width": 2, "line_dash": "dashed"}),
+        ("followed", {"line_width": 2, "line_dash": "dashed"}),
     ):
-        plot.add_glyph(lines[name], MultiLine(xs="a", ys="b", **style))
-    point = ColumnDataSource({"a": [], "b": []})
+        plot.add_glyph(sources[name], MultiLine(xs="a", ys="b", **style))
     for style in ({"line_color": "white", "line_width": 5}, {"line_width": 2}):
         cross = Scatter(x="a", y="b", size=16, marker="circle_cross", fill_alpha=0, **style)
-        plot.add_glyph(point, cross)
-    return plot, image, lines, point
+        plot.add_glyph(sources["point"], cross)
+    return plot, mapper, sources
 
 
-def _first_view(plane):
-    half = [_HALF / max(map(abs, vector)) for vector in (plane.first, plane.second)]
-    return View((-half[0], half[0]), (-half[1], half[1]), (_PIXELS, _PIXELS))
-
-
-def _limits(ends):
-    """Return how far one can zoom: beyond it, pixels are no longer apart as floats."""
-    size = float(np.ptp(ends))
-    return {"min_interval": 1e-9 * size, "max_interval": 30 * size}
+def _image(view, values):
+    """Return the columns of an image that fills a view."""
+    place = {"a": [view.a[0]], "b": [view.b[0]], "da": [np.ptp(view.a)], "db": [np.ptp(view.b)]}
+    return {"values": [values], **place}
 
 
 def _view(plot):
@@ -328,10 +359,13 @@ def _cubes(place, plane):
 
 
 def _legend(colours):
-    """Return the colours of the circles, as HTML."""
-    bar = "display: inline-block; width: 1.4em; height: 0.35em; vertical-align: middle"
+    """Return the colours of the circles, and the greys, as HTML."""
+    bar = "display: inline-block; width: 1.4em; height: {}em; vertical-align: middle"
+    entries = [(0.35, colour, f"ω = {omega}") for omega, colour in colours.items()]
+    entries += [(0.9, grey, words) for grey, words in zip(_GREYS[1:], _GREY_WORDS, strict=True)]
     return "".join(
         f'<span style="white-space: nowrap; margin-right: 1.2em">'
-        f'<span style="{bar}; background: {colour}"></span> ω = {escape(text)}</span>'
-        for text, colour in colours.items()
+        f'<span style="{bar.format(height)}; background: {colour}; outline: 1px solid #999">'
+        f"</span> {escape(text)}</span>"
+        for height, colour, text in entries
     )

@@ -1,9 +1,10 @@
 """The phase portrait: orbits of the forcing, what is left of the last circle, orbits added."""
 
+from math import ceil, log10
+
 import numpy as np
 from bokeh.events import Tap
 from bokeh.models import (
-    CheckboxGroup,
     ColorBar,
     Column,
     ColumnDataSource,
@@ -11,7 +12,6 @@ from bokeh.models import (
     HoverTool,
     Line,
     LinearColorMapper,
-    Range1d,
     Row,
     Scatter,
     TextInput,
@@ -20,142 +20,147 @@ from bokeh.plotting import figure
 
 from nasm import barriers, fourier, orbits, periodic
 from nasm.verdict import Answer
-from workflows.explorer.pixels import on_view, pixels_of, sides_of
-from workflows.explorer.words import alert
-from workflows.figures.phase_space import CHAOTIC, COLOURS, STRONG, ends, places
-from workflows.parts.phase_space import CELL, in_box, periodic_orbits, portraits
+from workflows.explorer.state import ORBITS, State, limits, orbits_of, orbits_text
+from workflows.explorer.widgets import boxes, ends, field, on_view, pixels_of, sides_of
+from workflows.figures.phase_space import CHAOTIC, COLOURS, STRONG, places
+from workflows.figures.phase_space import ends as ends_of
+from workflows.parts.phase_space import in_box, periodic_orbits, portraits
 from workflows.parts.verdict_words import name_of
 
 _PIXELS = 560  # along each side, until the browser tells
 _MOST_PIXELS = 1200
-_MOST_STEPS = 5000  # that are drawn of the longest-lived start's orbit
+_MOST_STEPS = 5000  # that are looked at of the longest-lived start's orbit
+_APART = 8  # pixels from one of its dots to the next, or so: nearer they would make a line
 _MOST_POINTS = 5000  # of a circle in the box
 _FINE = 2**15  # points of a circle, of which a box shows a part
-_TOGGLES = ["kick by kick", "symmetry lines", "periodic orbits"]
 _BAR = "ω, rotation number per step; grey: chaotic"
 _EMPTY = {"x": [], "y": []}
 
 
-def panel(state, work):
-    """Return the right panel: the portrait, its toggles, and the orbits that were added."""
-    plot, image, bar, lines, cycles = _drawn()
-    toggles = CheckboxGroup(labels=_TOGGLES, inline=True)
-    field = TextInput(title="Add an orbit from x, y", placeholder="0.5, 0.3", width=180)
-    told = Div(sizing_mode="stretch_width", min_height=22)
-    lane, trace_lane = work.latest("portrait"), work.latest("last circle")
-    cycle_lane = work.latest("periodic orbits")
-    now = {"portrait": None, "words": "", "added": []}
-    now |= {"strong": None, "name": "", "cycles": _NO_CYCLES}
+class PortraitPanel:
+    """The right picture, what is told of it, and its boxes. root : what Bokeh lays out."""
 
-    def seen():
+    def __init__(self, state, work):
+        self.state, self.work = state, work
+        self.plot, self.image, self.bar, self.lines = _drawn(state)
+        self.told = Div(sizing_mode="stretch_width", min_height=22)
+        names = "portrait", "last circle", "periodic orbits"
+        self.portraits, self.traces, self.cycles = map(work.latest, names)
+        self.portrait, self.words = None, ""
+        self._forget()
+        self.added = TextInput(title="Orbits added, x, y; …", placeholder="0.5, 0.3", width=260)
+        self.added.value = orbits_text(state.orbits)
+        self.plot.on_event(Tap, lambda event: self._add(event.x, event.y))
+        soon = on_view(self.plot, work, self._refresh)
+        for what, callback in (
+            ("point", self._move),
+            ("point", soon),
+            ("orbits", soon),
+            ("show", soon),
+            ("show", self._find_cycles),
+            ("verdict", self._judge),
+        ):
+            state.on(what, callback)
+        state.seen["phase space"] = self._seen
+        soon()
+        ticks = boxes(state, ORBITS, inline=True, stylesheets=["label { margin-right: 1em }"])
+        added = field(self.added, lambda text: state.take(orbits=orbits_of(text)))
+        below = Row(ticks, added, styles={"flex-wrap": "wrap", "gap": "4px 16px"})
+        self.root = Column(self.plot, self.told, below, sizing_mode="stretch_width")
+
+    def _seen(self):
         """Return the portrait with what is left of the last circle."""
-        if now["portrait"] is None:
+        found = self.portrait
+        if found is None:
             return None
-        found = now["portrait"]
-        for name in now["strong"] or ():
-            x, y = (lines[name].data[axis] for axis in "xy")
+        for name in self.decisive:
+            x, y = (self.lines[name].data[axis] for axis in "xy")
             found = found.assign({f"{name}_x": (name, x), f"{name}_y": (name, y)})
-        title = name_of(state.kappa, (state.plane, state.point))
-        return found.assign_attrs(title=", ".join(filter(None, [title, now["name"]])))
+        title = name_of(self.state.kappa, (self.state.plane, self.state.point))
+        return found.assign_attrs(title=", ".join(filter(None, [title, self.name])))
 
-    state.seen["phase space"] = seen
-
-    def refresh():
+    def _refresh(self):
         """Compute what the view asks for."""
-        box, shape = _box(plot), pixels_of(plot, _MOST_PIXELS) or (_PIXELS, _PIXELS)
-        every = 1 if 0 in toggles.active else None
-        with_lines = 1 in toggles.active
-        args = state.kappa, box, list(now["added"]), every, with_lines, shape
-        lane.submit(_computed, *args, done=show)
-        draw_decisive()
+        state, box = self.state, _box(self.plot)
+        x, y = sides_of(self.plot)
+        state.take(x=x, y=y)
+        shape = pixels_of(self.plot, _MOST_PIXELS) or (_PIXELS, _PIXELS)
+        every = 1 if "kicks" in state.show else None
+        args = state.kappa, box, list(state.orbits), every, "symmetry" in state.show, shape
+        self.portraits.submit(_computed, *args, done=self._show)
+        self._show_decisive()
 
-    def show(found):
-        portrait, pixels, curves, now["words"] = found
-        now["portrait"] = portrait
-        left, bottom, width, height = portrait.attrs["box"]
-        image.data = {"pixels": [pixels], "x": [left], "y": [bottom], "w": [width], "h": [height]}
-        for source, curve in zip(lines["symmetry"], curves, strict=True):
-            source.data = curve
-        low, high = ends(portrait)
-        bar.color_mapper.update(low=low, high=high)
-        tell()
+    def _show(self, found):
+        self.portrait, pixels, curves, self.words = found
+        left, bottom, width, height = self.portrait.attrs["box"]
+        place = {"x": [left], "y": [bottom], "w": [width], "h": [height]}
+        self.image.data = {"pixels": [pixels], **place}
+        for name, curve in zip(_SYMMETRY, curves, strict=True):
+            self.lines[name].data = curve
+        low, high = ends_of(self.portrait)
+        self.bar.color_mapper.update(low=low, high=high)
+        self._tell()
 
-    def tell():
-        name = f'<b style="color: {STRONG}">{now["name"]}</b>. ' if now["name"] else ""
-        told.text = f'<span role="status">{name}{now["words"]}</span>'
+    def _tell(self):
+        colour = STRONG if "circle" in self.decisive else "black"
+        name = f'<b style="color: {colour}">{self.name}</b>. ' if self.name else ""
+        self.told.text = f'<span role="status">{name}{self.words}</span>'
 
-    def moved():
-        now.update(strong=None, name="", cycles=_NO_CYCLES)
-        trace_lane.cancel()
-        cycle_lane.cancel()
-        soon()
+    def _forget(self):
+        self.decisive, self.name, self.orbits = {}, "", _NO_CYCLES
 
-    def judged():
-        if state.verdict is not None:
-            trace_lane.submit(_decisive, state.kappa, state.verdict, done=hold)
-            find_cycles()
+    def _move(self):
+        self._forget()
+        self.traces.cancel()
+        self.cycles.cancel()
 
-    def hold(found):
-        now["strong"], now["name"] = found
-        tell()
-        draw_decisive()
+    def _judge(self):
+        verdict = self.state.verdict
+        if verdict is not None:
+            self.traces.submit(_decisive, self.state.kappa, verdict, done=self._hold)
+            self._find_cycles()
 
-    def find_cycles():
-        cycle_lane.cancel()
-        now["cycles"] = _NO_CYCLES
-        omega = state.verdict and state.verdict.boundary.omega
-        if 2 in toggles.active and omega:
-            cycle_lane.submit(_cycles, state.kappa, omega, done=keep_cycles)
-        draw_decisive()
+    def _hold(self, found):
+        self.decisive, self.name = found
+        self._tell()
+        self._show_decisive()
 
-    def keep_cycles(found):
-        now["cycles"] = found
-        draw_decisive()
+    def _find_cycles(self):
+        self.cycles.cancel()
+        self.orbits = _NO_CYCLES
+        omega = self.state.verdict and self.state.verdict.boundary.omega
+        if "cycles" in self.state.show and omega:
+            self.cycles.submit(_cycles, self.state.kappa, omega, done=self._keep_cycles)
+        self._show_decisive()
 
-    def draw_decisive():
+    def _keep_cycles(self, found):
+        self.orbits = found
+        self._show_decisive()
+
+    def _show_decisive(self):
         """Draw what is known of the last circle in the box: curves, and points one by one."""
-        box, strong = _box(plot), now["strong"] or {}
-        lines["circle"].data = _line(box, *strong.get("circle", ([], [])))
-        lines["longest_lived"].data = _dots(box, *strong.get("longest_lived", ([], [])))
-        cycles.data = _dots(box, **now["cycles"])
+        box, nothing = _box(self.plot), ([], [])
+        self.lines["circle"].data = _line(box, *self.decisive.get("circle", nothing))
+        _, width = pixels_of(self.plot, _MOST_PIXELS) or (_PIXELS, _PIXELS)
+        dots = _dots(box, *self.decisive.get("longest_lived", nothing))
+        self.lines["longest_lived"].data = {axis: dots[axis][: width // _APART] for axis in "xy"}
+        self.lines["cycles"].data = _dots(box, **self.orbits)
 
-    def add(x, y):
-        now["added"].append((x % 1, y))
-        soon()
-
-    def typed(attr, old, new):
-        if not new:
-            return
-        try:
-            x, y = map(float, new.replace(",", " ").split())
-            if not np.isfinite([x, y]).all():
-                raise ValueError
-        except ValueError:
-            told.text = alert("two numbers, like 0.5, 0.3")
-        else:
-            add(x, y)
-
-    def toggled(attr, old, new):
-        soon()
-        find_cycles()
-
-    plot.on_event(Tap, lambda event: add(event.x, event.y))
-    field.on_change("value", typed)
-    toggles.on_change("active", toggled)
-    soon = on_view(plot, work, refresh)
-    state.on("point", moved)
-    state.on("verdict", judged)
-    soon()
-    below = Row(toggles, field, styles={"flex-wrap": "wrap", "gap": "4px 16px"})
-    return Column(plot, told, below, sizing_mode="stretch_width")
+    def _add(self, x, y):
+        """Add an orbit to those in the field, with no more digits than pixels have."""
+        _, _, *sizes = _box(self.plot)
+        x, y = (
+            round(v, ceil(-log10(size / _PIXELS))) for v, size in zip((x, y), sizes, strict=True)
+        )
+        self.added.value = orbits_text((*self.state.orbits, (x % 1, y)))
 
 
-def _drawn():
+def _drawn(state):
     """Return the figure, and the sources and the bar that change with what it shows."""
-    left, bottom, width, height = CELL
+    first = State(state.plane)
     plot = figure(
-        x_range=Range1d(left, left + width, max_interval=1.0),
-        y_range=Range1d(bottom, bottom + height, max_interval=1.0),
+        x_range=ends(state.x, first.x, **limits(first.x, most=1.0)),
+        y_range=ends(state.y, first.y, **limits(first.y, most=1.0)),
         x_axis_label="x (turns)",
         y_axis_label="y (mod 1)",
         tools="box_zoom,pan,wheel_zoom,zoom_in,zoom_out,reset,save",
@@ -167,6 +172,7 @@ def _drawn():
     )
     plot.toolbar.logo = None
     plot.grid.visible = False
+    left, bottom, width, height = _box(plot)
     blank = {"pixels": [np.zeros((1, 1), np.uint8)], "x": [left], "y": [bottom]}
     image = ColumnDataSource(blank | {"w": [width], "h": [height]}, name="orbits")
     palette = ["#00000000", CHAOTIC, *COLOURS]  # of the bytes
@@ -175,22 +181,22 @@ def _drawn():
     shades = LinearColorMapper(COLOURS, low=0, high=1)
     bar = ColorBar(color_mapper=shades, title=_BAR, width=10, padding=4)
     plot.add_layout(bar, "right")
-    names = "circle", "longest_lived", "symmetry", "second symmetry"
-    circle, longest_lived, *symmetry = (ColumnDataSource(_EMPTY, name=name) for name in names)
-    lines = {"circle": circle, "longest_lived": longest_lived, "symmetry": symmetry}
-    for source, dash in zip(symmetry, ("solid", "dashed"), strict=True):
-        plot.add_glyph(source, Line(x="x", y="y", line_color="#444444", line_dash=dash))
-    plot.add_glyph(circle, Line(x="x", y="y", line_color=STRONG, line_width=3))
-    dots = {"size": 5, "line_color": STRONG, "fill_color": STRONG}
-    plot.add_glyph(longest_lived, Scatter(x="x", y="y", **dots))
-    cycles = ColumnDataSource(_NO_CYCLES, name="cycles")
+    blanks = dict.fromkeys(("circle", "longest_lived", *_SYMMETRY), _EMPTY)
+    blanks["cycles"] = _NO_CYCLES
+    lines = {name: ColumnDataSource(columns, name=name) for name, columns in blanks.items()}
+    for name, dash in zip(_SYMMETRY, ("solid", "dashed"), strict=True):
+        plot.add_glyph(lines[name], Line(x="x", y="y", line_color="#444444", line_dash=dash))
+    plot.add_glyph(lines["circle"], Line(x="x", y="y", line_color=STRONG, line_width=3))
+    dots = Scatter(x="x", y="y", size=4, line_color="white", line_width=0.5, fill_color="black")
+    plot.add_glyph(lines["longest_lived"], dots)
     markers = Scatter(x="x", y="y", marker="marker", size=6, fill_color="fill")
-    markers = plot.add_glyph(cycles, markers)
+    markers = plot.add_glyph(lines["cycles"], markers)
     tips = [("orbit", "@orbit"), ("x, y", "@x{0.0000000}, @y{0.0000000}")]
     plot.add_tools(HoverTool(renderers=[markers], tooltips=tips))
-    return plot, image, bar, lines, cycles
+    return plot, image, bar, lines
 
 
+_SYMMETRY = "symmetry", "second symmetry"
 _NO_CYCLES = {"x": [], "y": [], "marker": [], "fill": [], "orbit": []}
 _MARKERS = {"minimax": ("circle", "white"), "minimizing": ("square", "black")}
 
@@ -256,20 +262,20 @@ def _symmetry_lines(kappa, box):
 def _decisive(kappa, found):
     """Return what is left of the last circle, {"circle" or "longest_lived": (x, y)}, and its name.
 
-    None where there is nothing to show.
+    Empty where there is nothing to show.
     """
     if found.circle is not None:
         x, y = found.circle
         n, more = x.size, max(x.size, _FINE)
         x = fourier.resample(x - np.arange(n) / n, more) + np.arange(more) / more
-        return {
-            "circle": (x, fourier.resample(y, more))
-        }, f"Certified circle, ω = {found.boundary.omega}"
+        name = f"Certified circle, ω = {found.boundary.omega}"
+        return {"circle": (x, fourier.resample(y, more))}, name
     if found.answer is Answer.TRANSPORT:
         x, y, steps = barriers.remnant(kappa, max(1000, int(2 * found.steps)))
         traced = orbits.orbit(kappa, x, y, int(min(steps, _MOST_STEPS)))
-        return {"longest_lived": traced}, f"The start that lives longest, {steps:g} steps"
-    return None
+        name = f"Not a barrier: the start that lives longest, {steps:g} steps (dots)"
+        return {"longest_lived": traced}, name
+    return {}, ""
 
 
 def _cycles(kappa, omega):

@@ -91,23 +91,28 @@ class Rays:
         circles = np.array([ray.circle for _, ray in rays], dtype=object)
         return angles, scales * np.exp(1j * np.deg2rad(angles)), circles
 
-    def at(self, a, b):
-        """Return (excess, Breakup) at a point: how far it is beyond the boundary, in parts of the
-        boundary's scale, and the nearer ray; None where no rays are known on both sides."""
-        angle, radius = np.rad2deg(np.arctan2(b, a)) % 360, np.hypot(a, b)
+    def excess(self, a, b):
+        """Return how far points are beyond the boundary, in parts of the boundary's scale, an array
+        of the shape of a and b; NaN where no rays are known on both sides."""
+        angles, points, _ = self._found()
+        if not angles.size:
+            return np.full(np.shape(a), np.nan)
+        angle, scales = np.rad2deg(np.arctan2(b, a)) % 360, np.abs(points)
+        after = np.searchsorted(angles, angle) % angles.size
+        gap, part = (angles[after] - angles[after - 1]) % 360, (angle - angles[after - 1]) % 360
+        # The chord from one point of the boundary to the next, where the ray passes it.
+        one, other = np.sin(np.deg2rad([part, gap - part]))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            chord = np.sin(np.deg2rad(gap)) / (one / scales[after] + other / scales[after - 1])
+        return np.hypot(a, b) / np.where((part <= gap) & (gap <= _GAP), chord, np.nan) - 1
+
+    def nearest(self, a, b):
+        """Return the Breakup on the ray that is nearest to a point; None if no ray is known."""
         angles, *_ = self._found()
         if not angles.size:
             return None
-        i = np.searchsorted(angles, angle)
-        before, after = angles[i - 1], angles[i % angles.size]
-        gap, part = (after - before) % 360, (angle - before) % 360
-        low, high = self.known[before], self.known[after]
-        if part == 0 or gap == 0 or gap > _GAP:
-            return (radius / low.scale - 1, low) if part == 0 else None
-        # The chord from one point of the boundary to the next, where the ray passes it.
-        one, other = np.sin(np.deg2rad([part, gap - part]))
-        chord = np.sin(np.deg2rad(gap)) / (one / high.scale + other / low.scale)
-        return radius / chord - 1, low if part < gap / 2 else high
+        away = (angles - np.rad2deg(np.arctan2(b, a)) + 180) % 360 - 180
+        return self.known[angles[np.argmin(abs(away))]]
 
     def table(self):
         """Return all that is known as a Dataset, dim (angle); None if nothing is."""
@@ -172,7 +177,7 @@ def circle(client, plane, omega, view):
     calls = deque(
         (None, _circle_on_rays, plane, omega, part, _tolerance(view) / 10) for part in parts
     )
-    for ended in spread(client(), calls):
+    for ended in spread(client(), calls, priority=-1):
         if ended is None:
             yield None
             continue

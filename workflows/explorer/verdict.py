@@ -1,13 +1,12 @@
-"""The verdict in words, the view as Python, and files of what is seen."""
+"""The verdict in words, and the view as Python."""
 
 import time
 from collections import deque
 from html import escape
 
-from bokeh.models import Button, Column, CustomJS, Div, Row
+from bokeh.models import Button, CustomJS, Div, Row
 
 from nasm.verdict import verdict
-from workflows.explorer import files
 from workflows.explorer.work import spread
 from workflows.parts.verdict_words import sentences
 
@@ -15,15 +14,13 @@ _REST = 0.05  # seconds that the point has to rest, while it is dragged
 
 
 def panel(state, work):
-    """Return what is below the two pictures."""
-    told = Div(sizing_mode="stretch_width", min_height=110)
-    code = Div(visible=False)
+    """Return the verdict in words."""
+    told = Div(sizing_mode="stretch_width", min_height=92)
     lane = work.latest("verdict")
 
     def ask():
         place = state.plane, state.point
         told.text = _html(["computing the verdict …"])
-        code.text = _python(state)
         state.judge(None)
         lane.submit(_judged, work.client, state.kappa, done=lambda found: show(place, *found))
 
@@ -32,13 +29,23 @@ def panel(state, work):
         told.text = _html([*words, f"This took {seconds:.2f} s."])
         state.judge(found)
 
-    copy = Button(label="copy as Python")
-    copy.js_on_event("button_click", CustomJS(args={"code": code, "copy": copy}, code=_COPY))
     state.on("point", ask)
     ask()
-    style = {"flex-wrap": "wrap", "gap": "4px 24px", "align-items": "end"}
-    buttons = Row(copy, code, files.panel(state, work), styles=style)
-    return Column(told, buttons, sizing_mode="stretch_width")
+    return told
+
+
+def copied(state):
+    """Return the button that copies the view as Python."""
+    code, copy = Div(visible=False), Button(label="copy as Python")
+    copy.js_on_event("button_click", CustomJS(args={"code": code, "copy": copy}, code=_COPY))
+
+    def write():
+        code.text = _python(state)
+
+    for name in ("point", "steps"):
+        state.on(name, write)
+    write()
+    return Row(copy, code)
 
 
 _COPY = """
@@ -68,7 +75,7 @@ def _timed(kappa):
 def _html(lines):
     """Return the lines as HTML that screen readers speak, the first one stronger."""
     first, *rest = map(escape, lines)
-    rest = "".join(f"<br>{line}" for line in rest)
+    rest = f'<div style="columns: 2 27em">{"<br>".join(rest)}</div>'
     return f'<div role="status" aria-live="polite"><b>{first}</b>{rest}</div>'
 
 

@@ -51,15 +51,22 @@ def sentences(kappa, place, verdict):
     return lines
 
 
+def scale_of(boundary):
+    """Return the scale at which the last circle breaks, with the digits that its error leaves."""
+    from math import log10
+
+    digits = 2 + int(min(10, max(0, log10(boundary.value / max(boundary.error, 1e-300)))))
+    return f"{boundary.value:.{digits}g}"
+
+
 def _distance(boundary):
     """Say where the last circle breaks on the ray, in multiples of the strengths asked about."""
-    from math import isfinite, log10
+    from math import isfinite
 
     lines = []
     if isfinite(boundary.value):
-        digits = 2 + int(min(10, max(0, log10(boundary.value / max(boundary.error, 1e-300)))))
         lines.append(
-            f"It breaks at {boundary.value:.{digits}g} times these strengths, "
+            f"It breaks at {scale_of(boundary)} times these strengths, "
             f"±{boundary.error:.1g}, by {boundary.method} (a criterion, not a proof)."
         )
     else:

@@ -1,0 +1,83 @@
+"""What the panels are made of: figures and what they show, fields and what is wrong in them."""
+
+from contextlib import suppress
+from html import escape
+from itertools import product
+
+from bokeh.core.property.descriptors import UnsetValueError
+from bokeh.models import CheckboxGroup, Column, Div, Range1d
+
+
+def alert(text):
+    """Return a message that screen readers speak, as HTML; "" for none."""
+    return f'<span role="alert" style="color: #a33">{escape(text)}</span>' if text else ""
+
+
+def field(model, take):
+    """Return a text field with what is wrong with its text below it.
+
+    take : function of the text, called when it changes; its ValueError is the message. The text
+    stays as it was typed.
+    """
+    message = Div(width=model.width, margin=(0, 5))
+
+    def typed(attr, old, new):
+        message.text = ""
+        try:
+            take(new.strip())
+        except ValueError as error:
+            message.text = alert(str(error))
+
+    model.on_change("value", typed)
+    return Column(model, message)
+
+
+def boxes(state, labels, **options):
+    """Return boxes to tick, which choose among the names in `labels` what is shown."""
+    names = list(labels)
+    active = [names.index(name) for name in names if name in state.show]
+
+    def chosen(attr, old, new):
+        state.take(show=(state.show - {*names}) | {names[i] for i in new})
+
+    group = CheckboxGroup(labels=[*labels.values()], active=active, **options)
+    group.on_change("active", chosen)
+    return group
+
+
+def ends(sides, first, **limits):
+    """Return the range of an axis that shows `sides`, (lo, hi), and goes back to `first`."""
+    return Range1d(*sides, reset_start=first[0], reset_end=first[1], **limits)
+
+
+def sides_of(plot):
+    """Return (lowest, highest) of both axes."""
+    return [tuple(sorted(map(float, (r.start, r.end)))) for r in (plot.x_range, plot.y_range)]
+
+
+def pixels_of(plot, most):
+    """Return rows and columns inside the axes, 1 to `most`; None until the browser tells."""
+    with suppress(UnsetValueError):
+        return tuple(min(max(int(n), 1), most) for n in (plot.inner_height, plot.inner_width))
+    return None
+
+
+def on_view(plot, work, refresh):
+    """Call refresh(), once for many changes, soon after what the figure shows or its size changes.
+
+    Returns a function that asks for that too.
+    """
+    waits = []
+
+    def run():
+        waits.clear()
+        refresh()
+
+    def soon():
+        if not waits:
+            waits.append(work.soon(run))
+
+    ends = product((plot.x_range, plot.y_range), ("start", "end"))
+    for model, name in (*ends, (plot, "inner_width"), (plot, "inner_height")):
+        model.on_change(name, lambda attr, old, new: soon())
+    return soon
