@@ -16,7 +16,7 @@ import json
 import re
 from dataclasses import asdict, dataclass
 from fractions import Fraction
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import product
 from math import cos, pi, sin
 
@@ -99,9 +99,9 @@ class Plane:
 
     @property
     def record(self):
-        """What results keep: all fields as `plane`, and digits of their SHA-256 as `plane_hash`."""
-        fields = {k: list(v) if isinstance(v, tuple) else v for k, v in asdict(self).items()}
-        return {"plane": fields, "plane_hash": sealed(fields)["sha256"][:12]}
+        """What results keep: `plane`, all fields as JSON text, and digits of its SHA-256."""
+        fields = asdict(self)
+        return {"plane": json.dumps(fields), "plane_hash": sealed(fields)["sha256"][:12]}
 
     def forcing(self, a, b):
         """κ(a, b), shape (*shape, P) for arrays a and b that broadcast to one shape."""
@@ -195,7 +195,7 @@ def _relatives(vectors):
 
 def plane_of(record):
     """The plane of a `record`, or of anything that contains it, as the attributes of a cube."""
-    return Plane(**record["plane"])
+    return from_json(record["plane"])
 
 
 def two_kicks():
@@ -234,6 +234,7 @@ def three_kicks(third):
     return Plane(f"three-kicks:{third}", TWO_KICKS_AXES, (0, 0, third), (1, 0, 0), (0, 1, 0))
 
 
+@lru_cache
 def from_json(text):
     """The plane of a JSON object with the keys name, axes, origin, first and second; ValueError."""
     try:

@@ -1,7 +1,11 @@
 """The command line: help comes at once; what does not fit is one message, and nothing is made."""
 
+import os
 import subprocess
 import sys
+import tomllib
+from importlib.metadata import EntryPoint
+from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
@@ -11,7 +15,7 @@ import nasm
 from workflows.__main__ import main as overview
 from workflows.parts.cli import commands, main_of
 
-COMMANDS = commands()
+COMMANDS, ROOT = commands(), Path(__file__).parents[1]
 
 
 @pytest.mark.parametrize("name", COMMANDS)
@@ -21,10 +25,42 @@ def test_every_file_at_the_top_is_a_command_that_says_what_it_does(name):
 
 
 def test_the_overview_has_a_line_for_each_command():
-    _, *lines = CliRunner().invoke(overview).output.strip().splitlines()
-    told = dict(line.split(maxsplit=1) for line in lines if line)
+    listed = CliRunner().invoke(overview).output.partition("--help:")[2]
+    told = dict(line.split(maxsplit=1) for line in listed.splitlines() if line[:3].count(" ") == 2)
     assert list(told) == COMMANDS
     assert all(len(words) > 20 for words in told.values())
+
+
+def test_the_overview_runs_a_command_and_lists_them_all_for_an_unknown_one():
+    told = CliRunner().invoke(overview, ["status", "--version"])
+    assert (told.exit_code, told.output) == (0, f"nasm {nasm.__version__}\n")
+    unknown = CliRunner().invoke(overview, ["nosuch"])
+    assert unknown.exit_code == 2
+    assert f"there is no command nosuch; choose one of {', '.join(COMMANDS)}" in unknown.output
+
+
+def test_the_console_script_is_the_overview():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert EntryPoint("", project["scripts"]["nasm-transport"], "").load() is overview
+
+
+def test_a_foreign_package_of_our_name_is_one_sentence(tmp_path):
+    (tmp_path / "pipeline").mkdir()
+    (tmp_path / "pipeline/__init__.py").touch()
+    paths = {**os.environ, "PYTHONPATH": f"{tmp_path}:{ROOT}"}
+    command = [sys.executable, "-m", "workflows.status"]
+    told = subprocess.run(command, capture_output=True, text=True, env=paths, cwd=tmp_path)
+    assert told.returncode == 1
+    (line,) = told.stderr.splitlines()
+    assert f"hidden by another one of that name, {tmp_path}/pipeline/__init__.py; install" in line
+
+
+def test_full_changes_defaults_and_what_is_given_stays():
+    options = ["--full", "--n-orbits", "7"]
+    long = main_of("direct_boundary").make_context("it", options).params
+    assert (long["steps"], long["n_orbits"]) == ([100_000, 500_000, 1_000_000], 7)
+    phases = [main_of("three_kicks").make_context("it", each).params for each in ([], ["--full"])]
+    assert [len(short_or_long["phase"]) for short_or_long in phases] == [3, 6]
 
 
 def test_every_command_tells_its_version():
@@ -66,6 +102,9 @@ def test_help_needs_no_numpy_and_so_comes_at_once():
         ("three_kicks", "--phase 1/0", "must be a fraction from 0 to below 1"),
         ("three_kicks", "--phase 1/2 --phase 2/4", "two phases are equal"),
         ("tori", "--vector 0.6,x", "must be two numbers"),
+        ("tori", "--vector 0.5,0.5", "0·OMEGA -2·FREQUENCY = -1"),
+        ("tori", "--vector 0.25,0.618", "4·OMEGA +0·FREQUENCY = 1"),
+        ("flux", "--nearest 1e-5 --q-max 100", "too short for --nearest 1e-05; use 1000000"),
         ("frequencies", "--also 3/5", "must be a fraction from 1/64 to 1/2"),
         ("frequencies", "--irrational 0.4", "and not next to a fraction like 2/5"),
         ("ask", "1e7 0", "not finite or too large"),

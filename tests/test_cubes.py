@@ -6,12 +6,13 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from nasm import barriers, numbers
 from nasm import escape as method
 from nasm.critical import Status
 from nasm.numbers import moebius
-from nasm.planes import Plane, rotating, three_kicks, two_kicks
+from nasm.planes import Plane, plane_of, rotating, three_kicks, two_kicks
 from nasm.symmetries import ray
 from pipeline import store
 from pipeline.cubes import barrier, breakdown, escape, flux, frequencies, tori
@@ -29,12 +30,12 @@ PLANE = {
     "n_max": 300,
     "tile": 4,
 }
-GAMMA = numbers.parse("gamma")
+GAMMA, TWICE = map(numbers.parse, ("gamma", "2gamma"))
 RAYS = [0.0, 30.0, 45.0]
 JOBS = {
     "plane": escape.over_plane(**PLANE),
     "beyond": escape.beyond("rays", three_kicks(0.2), {20.0: 1.0}, [0.1, 0.5], [4, 8], 100),
-    "continuation": breakdown.by_continuation(rotating("1/3", "1/48"), [GAMMA], RAYS, 1e-2),
+    "continuation": breakdown.by_continuation(rotating("1/3", "1/48"), [GAMMA, TWICE], RAYS, 1e-2),
     "residue": breakdown.by_residue(three_kicks(0.2), [GAMMA], [45.0], 100),
     "barrier": barrier.last_barrier(rotating("1/2"), RAYS, 1e-1),
     "tori": breakdown.tori(["5/8,1/3"], [30.0]),
@@ -60,12 +61,34 @@ def test_a_tile_has_the_variables_of_its_cube_and_each_has_a_name_and_a_unit(nam
     job.warm_up()
     ((_, coords),) = pickle.loads(_parcel(cube, np.zeros((1, len(cube.tile)), dtype=int)))
     arrays = job.compute(coords, cube.settings)
-    assert arrays.keys() == set(cube.template.data_vars)
+    assert arrays.keys() == {*cube.computed} == {*cube.template.variables} - {*coords}
     for key, array in arrays.items():
         dims = cube.template[key].dims
         assert array.shape == tuple(coords[dim].size for dim in dims)
         assert np.can_cast(array.dtype, cube.template[key].dtype, "same_kind") or key == "period"
     assert 0 < job.predict(coords, cube.settings) < 60
+
+
+@pytest.mark.parametrize("name", JOBS)
+def test_every_cube_goes_to_netcdf_has_one_length_of_chunks_and_says_where_its_rays_are(
+    name, tmp_path
+):
+    cube, place = JOBS[name].cube, store.place_of(tmp_path)
+    store.create(place, cube, "us")
+    there = xr.open_zarr(tmp_path / f"{cube.name}.zarr")
+    assert {dim: there.chunks[dim][0] for dim in cube.tile} == cube.tile
+    assert {*there.data_vars} == {*cube.template.data_vars}
+    axes = [key for key in there.coords if key.startswith("kappa") and "bounds" not in key]
+    assert len(axes) == 2
+    there.to_netcdf(tmp_path / "it.nc")
+    with xr.open_dataset(tmp_path / "it.nc") as back:
+        xr.testing.assert_equal(back, there)
+        assert "plane" not in back.attrs or {*plane_of(back.attrs).axes} == {*axes}
+    if name != "plane":
+        store.create(place, JOBS["plane"].cube, "us")
+        field = xr.open_zarr(tmp_path / "escape.zarr")
+        both = xr.merge([there, field.rename(escape_time="field")], join="outer")
+        assert {*both.data_vars} == {"field", *there.data_vars}
 
 
 def test_a_code_of_status_is_read_by_the_words_beside_it():

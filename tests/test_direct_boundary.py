@@ -10,7 +10,7 @@ from nasm.planes import two_kicks
 from nasm.symmetries import ray
 from nasm.verdict import Answer, verdict
 from workflows.figures.direct_boundary import describe
-from workflows.parts.direct import INSETS, asymmetry, boundary_dataset
+from workflows.parts.direct import INSETS, asymmetry, boundary_dataset, foreseen
 
 EXCESS = np.geomspace(0.1, 0.8, 4)
 
@@ -90,9 +90,11 @@ def test_direct_iteration_closes_in_on_the_boundary_from_outside(direct):
     cube = xr.open_zarr(direct / "direct_boundary.zarr").load()
     for r in rows:
         n, angle = int(r["n"]), float(r["angle"])
-        breakup = cube.attrs["critical_scales"][str(angle)] * ray(angle)
         i = np.abs(cube.excess.values - float(r["bias"])).argmin()
-        kappas = breakup * (1 + cube.excess.values[i - 1 : i + 1, None])
+        here = cube.sel(angle=angle).isel(excess=slice(i - 1, i + 1))
+        kappas = np.stack([here.kappa1, here.kappa2], axis=-1)
+        on_ray = float(here.breakup) * np.outer(1 + here.excess, ray(angle))
+        np.testing.assert_allclose(kappas, on_ray, atol=1e-12)
         assert (float(r["kappa1"]), float(r["kappa2"])) == pytest.approx(kappas[1], rel=1e-5)
         inside, outside = escape.first_escape(kappas, *escape.ensemble(64), [64], 4000)[0]
         assert outside <= n < inside
@@ -102,6 +104,13 @@ def test_status_counts_the_tiles_that_are_wanted(direct):
     cube = xr.open_zarr(direct / "direct_boundary.zarr")
     n = int(cube.escape_time.notnull().sum())
     assert f"direct_boundary: {n} of {n} tiles\n" in succeed("status", direct)
+
+
+def test_the_tiles_that_will_be_wanted_are_foreseen(direct):
+    n = int(xr.open_zarr(direct / "direct_boundary.zarr").escape_time.notnull().sum())
+    job, wanted = foreseen(two_kicks(), [0.0, 45.0, 90.0, 135.0, 180.0], 4000, 64)
+    assert job.cube.sizes["angle"] == 5
+    assert 0.8 * n < len(wanted) < 1.2 * n
 
 
 def test_no_more_is_iterated_than_the_boundary_needs(direct):

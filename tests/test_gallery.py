@@ -38,7 +38,7 @@ def page(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(gallery, "EXHIBITS", (small,))
         for _ in range(2):
-            told = succeed("gallery", out, "--quick", "--workers", "1")
+            told = succeed("gallery", out, "--workers", "1")
     assert "2 figures of 1 commands on one page. Of 4 claims 1 hold." in told
     return out / "index.html"
 

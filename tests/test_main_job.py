@@ -28,7 +28,6 @@ def finished(tmp_path_factory, workers):
     """The main job, small: its directory."""
     out = tmp_path_factory.mktemp("main") / "out"
     output = succeed("critical_boundary", out, *MAIN, *workers)
-    assert re.search(r"2 of 5 sweeps are planned: \d+ tiles, about \d+ s of CPU time\n", output)
     assert re.search(r"sweep 5 of 5, escape_level2: (\d+)/\1 tiles", output)
     for name in ("escape.zarr", "barrier.zarr", "boundary.zarr", *FILES):
         assert f"{out}/{name}" in output
@@ -43,6 +42,27 @@ def dense(tmp_path_factory, workers):
     succeed("escape_plane", out, *QUICK, *PLANE, *workers)
     assert (out / "escape_plane.png").exists()
     return out
+
+
+def test_a_dry_run_says_what_the_run_then_does_and_makes_nothing(finished, tmp_path):
+    told = succeed("critical_boundary", tmp_path / "out", *MAIN, "--dry-run")
+    assert not (tmp_path / "out").exists()
+    said = {line.split()[0]: line.split()[1::2] for line in told.splitlines()}
+    *sweeps, _ = said
+    assert sweeps == ["barrier", "breakdown", *(f"escape_level{i}" for i in range(3))]
+    for name in sweeps:
+        tiles = int((xr.open_zarr(finished / f"{name}.zarr", group="tiles").commit[0] > 0).sum())
+        if name.startswith("escape_level") and name[-1] != "0":  # it depends on the first ones
+            assert tiles / 2 < int(said[name][0]) < 2 * tiles
+        else:
+            assert int(said[name][0]) == tiles
+    chunks = [
+        *(finished / "breakdown.zarr").glob("*/c/*/*"),
+        *(finished / "breakdown.zarr").glob("tiles/commit/c/*/*/*"),
+    ]
+    assert int(said["breakdown"][1]) == len(chunks)
+    again = succeed("critical_boundary", finished, *MAIN, "--dry-run")
+    assert again.splitlines()[0].split()[:2] == ["barrier", "0"]
 
 
 def field(out):
@@ -141,7 +161,10 @@ def test_status_and_verify_find_all_in_order_and_damage_where_it_is(tmp_path, de
     assert "escape: 3 of 4 tiles" in succeed("status", out)
     succeed(*plane)
     assert np.array_equal(field(out), whole)
-    assert invoke("status", tmp_path / "nowhere").exit_code == 2
+    for name in ("status", "verify"):
+        assert invoke(name, tmp_path / "nowhere").exit_code == 2
+        empty = invoke(name, tmp_path)
+        assert (empty.exit_code, "holds no cubes" in empty.output) == (2, True)
 
 
 def test_status_counts_the_tiles_that_refinement_wants(finished):

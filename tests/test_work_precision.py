@@ -101,8 +101,8 @@ def test_a_single_orbit_looks_quasiperiodic_beyond_the_breakup():
 
 def test_the_command_writes_a_cube_tables_and_a_figure(tmp_path):
     out = tmp_path / "out"
-    quick = ["--quick", "--only", "residue", "--only", "crossing", "--angle", "0"]
-    output = succeed("work_precision", out, *quick)
+    few = ["--only", "residue", "--only", "crossing", "--angle", "0"]
+    output = succeed("work_precision", out, *few)
     cube = xr.open_zarr(out / "work_precision.zarr")
     assert cube.error.shape == (1, 2, 5)
     assert float(cube.warm_up_seconds[0]) >= 0
@@ -111,7 +111,7 @@ def test_the_command_writes_a_cube_tables_and_a_figure(tmp_path):
     assert float(rows[-1]["effort"]) == 3000
     assert (out / "work_precision.png").exists()
     assert (out / "work_precision.md").read_text() in output
-    assert invoke("work_precision", out, "--quick", "--only", "cones").exit_code == 2
+    assert invoke("work_precision", out, "--only", "cones").exit_code == 2
 
 
 def test_the_options_name_all_methods_and_rays():

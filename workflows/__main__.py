@@ -1,19 +1,39 @@
-"""All commands, a line each."""
+"""All commands: `python -m workflows` lists them, `python -m workflows NAME` runs one of them."""
 
 from importlib import import_module
 
 import click
 
-from workflows.parts.cli import command, commands
+from workflows.parts.cli import COMMON, commands, main_of, version
 
 
-@command()
-def main():
-    """List the commands. Each is run as python -m workflows.NAME; --help gives its options."""
-    lines = click.HelpFormatter(width=130)
-    lines.write_dl([(name, _question(name)) for name in commands()], col_max=20)
-    click.echo("python -m workflows.NAME --help, where NAME is one of\n")
-    click.echo(lines.getvalue())
+class _Commands(click.Group):
+    """The commands by their names; each is imported when it is asked for."""
+
+    def list_commands(self, context):
+        return commands()
+
+    def get_command(self, context, name):
+        if name not in commands():
+            context.fail(f"there is no command {name}; choose one of {', '.join(commands())}")
+        return main_of(name)
+
+    def format_commands(self, context, formatter):
+        with formatter.section("Commands, each with --help"):
+            formatter.write_dl([(name, _question(name)) for name in commands()], col_max=20)
+
+
+@click.group(cls=_Commands, invoke_without_command=True, context_settings=COMMON)
+@version
+@click.pass_context
+def main(context):
+    """Where does the last barrier to transport break? Answers for the nonautonomous standard map.
+
+    COMMAND is run as `python -m workflows COMMAND`, `python -m workflows.COMMAND`, or
+    `nasm-transport COMMAND`.
+    """
+    if context.invoked_subcommand is None:
+        click.echo(context.get_help())
 
 
 def _question(name):
@@ -24,4 +44,4 @@ def _question(name):
 
 
 if __name__ == "__main__":
-    main()
+    main(prog_name="python -m workflows")

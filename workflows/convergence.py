@@ -28,7 +28,7 @@ def main(run, n_max, n_orbits, quick):
     best = convergence.breakups()
     scales = {angle: float(scale.value) for angle, scale in best.items()}
     job = direct.bias_job(scales, n_orbits, n_max)
-    with run.sweeping(job):
+    with run.sweeping(job, seconds=15 if quick else 100):  # of the other methods
         bias = direct.direct_bias(run.sweep(job).load(), direct.steps_up_to(n_max))
         others = convergence.other_methods(best, quick)
         run.keep("convergence", others, quick=quick)

@@ -27,12 +27,13 @@ def main(run, plane, angles, tips, tol, **options):
     from pipeline.cubes.barrier import last_barrier, unfolded
     from workflows.figures.critical_boundary import draw_critical_boundary
     from workflows.parts import findings, rays
-    from workflows.parts.plane import boundary_table, escape_plane, grid_of, planned
+    from workflows.parts.plane import boundary_table, escape_plane, foreseen, grid_of, planned
 
     grid, angles = grid_of(plane, **options), rays.ray_angles(plane, angles, tips)
     circle_job = breakdown.by_continuation(plane, rays.PAPER_CIRCLES, angles, tol)
     last_job = last_barrier(plane, angles, tol)
-    with run.sweeping(planned(grid), circle_job, last_job, sweeps=2 + grid.levels):
+    run.check(planned(grid))
+    with run.sweeping(last_job, circle_job, later=foreseen(grid)):
         barrier = unfolded(run.sweep(last_job), angles)
         barrier = run.keep("boundary", barrier, tol=tol, **plane.record)
         circles = run.sweep(circle_job)

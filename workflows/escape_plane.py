@@ -20,10 +20,11 @@ def main(run, **options):
     """
     from workflows.figures.escape_plane import draw_escape_plane
     from workflows.parts.findings import field_found
-    from workflows.parts.plane import escape_plane, grid_of, planned
+    from workflows.parts.plane import escape_plane, foreseen, grid_of, planned
 
     grid = grid_of(**options)
-    with run.sweeping(planned(grid), sweeps=grid.levels):
+    run.check(planned(grid))
+    with run.sweeping(later=foreseen(grid)):
         field = escape_plane(run, grid)
         run.figure("escape_plane", draw_escape_plane(field, grid.drawn), field_found(field))
 

@@ -6,6 +6,10 @@ from 0 like (s/s_c - 1)^η, η = 3.01. An outlook of arXiv:1606.04824, Sec. VII;
 MacKay, Meiss & Percival, Physica D 13 (1984) 55.
 """
 
+from math import ceil
+
+import click
+
 from workflows.parts.cli import command, real, sweeps, whole
 
 
@@ -31,9 +35,12 @@ def main(run, angle, nearest, q_max):
     from workflows.figures.flux import draw_flux
     from workflows.parts import flux
 
+    if q_max * nearest < 10:
+        words = f"{q_max} is too short for --nearest {nearest:g}; use {ceil(10 / nearest)} or more"
+        raise click.BadParameter(words, param_hint="--q-max")
     angles, excesses = flux.grid(angle, nearest)
     last = last_barrier(two_kicks(), angles, 1e-3)
-    with run.sweeping(last, sweeps=2):
+    with run.sweeping(last, later=[(flux.foreseen(angles, excesses, q_max), None)]):
         job = flux.job(unfolded(run.sweep(last), angles), excesses, q_max)
         fluxes = run.sweep(job).load()
         laws = flux.laws(fluxes)

@@ -70,7 +70,11 @@ def judged(out):
 
 
 @command(default_map={"out": "gallery"})
-@click.option("--quick", is_flag=True, help="A preview of everything, in a few minutes.")
+@click.option(
+    "--full",
+    is_flag=True,
+    help="The size of the paper, some six CPU hours, nearly all of direct iteration and proofs.",
+)
 @click.option(
     "--only",
     multiple=True,
@@ -79,16 +83,17 @@ def judged(out):
 )
 @out_option
 @cluster_options
-def main(out, quick, only, workers, scheduler, tls):
+def main(out, full, only, workers, scheduler, tls):
     """The paper, regenerated: all figures and claims, and the page OUT/index.html that shows them.
 
-    The full size, as in the paper, takes hours on two cores, nearly all of them direct iteration.
+    By default a preview of everything, some ten minutes of CPU time.
     """
     from nasm import __version__
     from workflows.parts.page import render
     from workflows.parts.run import shared_workers
 
     Path(out).mkdir(parents=True, exist_ok=True)
+    quick = not full
     wanted = [exhibit for exhibit in EXHIBITS if not only or exhibit.name in only]
     with shared_workers(scheduler, workers, tls) as workers:
         for number, exhibit in enumerate(wanted, 1):

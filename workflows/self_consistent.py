@@ -37,7 +37,9 @@ def main(run, coupling, particles, kicks, quick):
     size = {"particles": particles, "kicks": kicks}
     if quick:
         size = {"particles": min(particles, 4096), "kicks": min(kicks, 8192)}
-    with run.driving():
+    # Of the field, and of converse KAM.
+    each = 1.2e-8 * size["particles"] * size["kicks"] + 3e-4 * size["kicks"]
+    with run.driving(len(coupling) * each):
         fields = run.keep("self_consistent", study.fields(coupling, **size), **size)
         verdicts = run.keep("self_consistent_barriers", study.verdicts(fields), **size)
         settling = run.keep("asymptotic_circle", study.settling())

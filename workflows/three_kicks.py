@@ -11,9 +11,10 @@ both signs of Δκ; at 1/12 these are alike. In between the kicks have no symmet
 
 from fractions import Fraction
 
-from workflows.parts.cli import command, parsed, ray_options, real, sweeps
+from workflows.parts.cli import command, full_option, parsed, ray_options, real, sweeps
 
-PHASES = ("0", "1/60", "1/30", "1/20", "1/15", "1/12")
+PHASES = ("0", "1/24", "1/12")
+MANY = ("0", "1/60", "1/30", "1/20", "1/15", "1/12")
 
 
 def parse_phases(texts):
@@ -49,13 +50,14 @@ def parse_frequency(text):
     "Phase φ0 of the forcing, in turns. May be repeated.",
     multiple=True,
 )
-@ray_options(61)
+@ray_options(31)
+@full_option("most of an hour of CPU time", angles=61, phase=MANY)
 @real("--tol", 1e-3, 1e-5, 0.1, "Width of the bracket to aim at, in parts of the scale.")
 @sweeps
 def main(run, frequency, phase, angles, tips, tol):
     """Rotating standard maps: a cube for each phase and one of T, a table and a figure in OUT.
 
-    The defaults take most of an hour of CPU time.
+    The defaults take some five minutes of CPU time.
     """
     from nasm.planes import rotating
     from pipeline.cubes.barrier import last_barrier, named, unfolded

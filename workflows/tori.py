@@ -6,6 +6,8 @@ tori over (θ, φ), continued here to their breakup by Newton's method and certi
 constant, as in the paper's Fig. 11, and of √2 and the golden mean.
 """
 
+from itertools import product
+
 import click
 
 from workflows.parts.cli import command, parsed, real, sweeps, whole
@@ -17,8 +19,11 @@ VECTORS = (
 )
 
 
+_ORDER = 16  # of a resonance, up to which it is refused
+
+
 def parse_vectors(texts):
-    """Return pairs of floats of texts like 0.5437,0.8393; no two equal."""
+    """Return pairs of floats of texts like 0.5437,0.8393; no two equal, none resonant."""
     vectors = []
     for text in texts:
         try:
@@ -29,6 +34,13 @@ def parse_vectors(texts):
             raise ValueError(
                 f"{text!r} must be two numbers, turns of θ and φ per kick, like {VECTORS[0]}"
             ) from None
+        for k, m in product(range(_ORDER + 1), sorted(range(-_ORDER, _ORDER + 1), key=abs)):
+            turns = k * omega + m * frequency
+            if (k or m) and abs(turns - round(turns)) < 1e-8:
+                raise ValueError(
+                    f"{text!r} is resonant, {k}·OMEGA {m:+}·FREQUENCY = {round(turns)}: its orbits "
+                    f"fill no torus; take a pair without such a relation, like {VECTORS[0]}"
+                )
         if (omega, frequency) in vectors:
             raise ValueError(f"two vectors are equal: {text}")
         vectors.append((omega, frequency))

@@ -21,11 +21,11 @@ from workflows.parts.cli import command, place_options, real
 def main(place, repair, proofs, longest):
     """Verify all cubes of a store; exit code 1 if damage is found and not repaired."""
     from pipeline import store
-    from workflows.parts.run import explained
+    from workflows.parts.run import cubes_of, explained
 
     n_damaged = 0
     with explained(place), store.driving(place) if repair else nullcontext():
-        for name in store.names(place):
+        for name in cubes_of(place):
             damaged = list(store.verify(place, name, repair))
             n_damaged += len(damaged)
             click.echo(f"{name}: {len(damaged)} tiles damaged" if damaged else f"{name}: sound")

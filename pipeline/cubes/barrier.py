@@ -39,7 +39,7 @@ def last_barrier(plane, angles, tol, name="barrier"):
         "tail_length": blank(on_ray, "partial quotients at the end that repeat", np.int8(0)),
     }
     # Where there is no symmetry, circles are continued instead of periodic orbits.
-    seconds = 0.1 + 4e-5 / tol if len(plane.origin) <= 2 else 1 + 5e-4 / tol
+    seconds = 0.2 + 3.5e-5 / tol if len(plane.origin) <= 2 else 1 + 5e-4 / tol
     seconds *= 10 if any(plane.origin) else 1
     warm_up = partial(barriers.critical_scale, sum(plane.ray(30.0)), 0.1)
     plan = plane.axes, {}, wedge, seconds, plane.record | {"tol": tol}
@@ -81,8 +81,9 @@ def boundary(angles, tol=1e-4, plane=None):
     """
     cube = last_barrier(plane or two_kicks(), angles, tol).cube
     coords = {dim: cube.template[dim].values for dim in cube.sizes}
-    barrier = cube.template.copy(data=_compute(coords, cube.settings))
-    return unfolded(barrier.assign_attrs(cube.settings), angles)
+    arrays = _compute(coords, cube.settings)
+    filled = {key: cube.template[key].copy(data=values) for key, values in arrays.items()}
+    return unfolded(cube.template.assign(filled).assign_attrs(cube.attributes), angles)
 
 
 def unfolded(barrier, angles):
@@ -104,8 +105,8 @@ def unfolded(barrier, angles):
         tied=text("angle", ties, "that of a circle that breaks with it"),
     )
     for name, direction in zip(plane.axes, ray(angles).T, strict=True):
-        table[name] = table.critical_scale.copy(data=table.critical_scale * direction)
-        table[name].attrs = barrier[name].attrs
+        values = table.critical_scale.values * direction
+        table = table.assign_coords({name: ("angle", values, barrier[name].attrs)})
     omega = np.where(shifts, shifts - table.omega, table.omega)
     table["omega"] = table.omega.copy(data=omega)
     return table
@@ -165,7 +166,7 @@ def uncertified(tile, certificates):
 
 
 def _arrays(found, coords, settings):
-    arrays = scales(found, settings["plane"]["axes"], coords["angle"])
+    arrays = scales(found, plane_of(settings).axes, coords["angle"])
     arrays["omega"] = np.array([np.nan if s.omega is None else float(s.omega) for s in found])
     arrays["quotients"] = np.zeros((_N_QUOTIENTS, len(found)), np.int32)
     arrays["tail_length"] = np.zeros(len(found), np.int8)

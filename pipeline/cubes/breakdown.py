@@ -57,7 +57,7 @@ def by_continuation(plane, omegas, angles, tol):
     omegas : list of RotationNumber. angles : degrees. tol : float, the error to aim at.
     """
     settings = {"method": "continuation of circles", "tol": tol}
-    seconds = 0.3 if any(plane.origin) else 0.01
+    seconds = 0.3 if any(plane.origin) else 0.02
     return _job("breakdown", plane, _circles(omegas), angles, seconds, settings)
 
 
@@ -67,15 +67,15 @@ def by_residue(plane, omegas, angles, q_max):
     Rays whose forcings have no symmetry centre get no value.
     """
     settings = {"method": "Greene's residue", "q_max": q_max}
-    return _job("breakdown_residue", plane, _circles(omegas), angles, 0.03, settings)
+    return _job("breakdown_residue", plane, _circles(omegas), angles, 0.045, settings)
 
 
 def by_escape(plane, angles, n_max, n_orbits):
     """Return the Job of the cube `transport`: its onset by direct iteration of n_max steps."""
     settings = {"method": "direct iteration", "n_max": n_max, "n_orbits": n_orbits}
     plane.rays_start_at_zero(settings["method"])
-    # Ten runs of the whole ensemble.
-    seconds = 10 * SECONDS_PER_KICK * len(plane.origin) * n_orbits * n_max
+    # Some runs of the whole ensemble.
+    seconds = 20 * SECONDS_PER_KICK * len(plane.origin) * n_orbits * n_max
     return _job("transport", plane, {}, angles, seconds, settings)
 
 
@@ -86,28 +86,30 @@ def tori(vectors, angles):
 
     vectors : list of "p/q,Ω", an orbit's turns per kick and the frequency. angles : degrees.
     """
-    exact = [vector.split(",")[1] for vector in vectors]
-    numbers = list(map(float, map(Fraction, exact)))
-    rows = {"frequency": coordinate("frequency", numbers, "frequency Ω", exact=exact)}
-    settings = {"vectors": list(vectors), "method": "Greene's residue of one orbit"}
-    plan = cube_on_rays("rotating_tori", ROTATING_AXES, rows, angles, 0.04, settings)
+    numbers = [float(Fraction(vector.split(",")[1])) for vector in vectors]
+    rows = {
+        "frequency": coordinate("frequency", numbers, "frequency Ω"),
+        "vector": cube.text("frequency", vectors, "turns per kick of the orbit, and Ω, exactly"),
+    }
+    settings = {"method": "Greene's residue of one orbit"}
+    plan = cube_on_rays("rotating_tori", ROTATING_AXES, rows, angles, 0.06, settings)
     warm_up = partial(periodic.residue, (0.1, 0.1), 1, 3)
-    return Job(plan, _compute_tori, partial(per_ray, 0.04), warm_up)
+    return Job(plan, _compute_tori, partial(per_ray, 0.06), warm_up)
 
 
 def cube_on_rays(name, axes, rows, angles, seconds, settings, title="Breakup of circles"):
     """Return the cube of critical scales.
 
-    axes : {name: words} of the plane's coordinates; those of the breakup are variables.
+    axes : {name: words} of the plane's coordinates; those of the breakup are coordinates here.
     rows : {name: coordinate}, that of the rows first; {} for a cube with dim (angle).
     seconds : CPU time of a ray. A tile is some rays of one row.
     """
-    coords = {**rows, "angle": cube.angles_of_rays(angles)}
-    variables = {key: blank(coords, words) for key, (_, words) in _SCALES.items()}
-    variables |= {key: blank(coords, f"{words} at the breakup") for key, words in axes.items()}
-    variables["status"] = blank(coords, "outcome", np.int8(0), **FLAGS)
-    n_rays = coords["angle"].size
-    tile = dict.fromkeys(variables["status"][0], 1)
+    known = {**rows, "angle": cube.angles_of_rays(angles)}
+    variables = {key: blank(known, words) for key, (_, words) in _SCALES.items()}
+    variables["status"] = blank(known, "outcome", np.int8(0), **FLAGS)
+    coords = known | {key: blank(known, f"{words} at the breakup") for key, words in axes.items()}
+    n_rays = known["angle"].size
+    tile = dict.fromkeys(variables["status"].dims, 1)
     tile["angle"] = ceil(n_rays / ceil(n_rays * seconds / _SECONDS))
     labels = {"title": f"{title} of the nonautonomous standard map", "source": PAPER}
     return cube.Cube(name, xr.Dataset(variables, coords, labels), tile, settings | STATUS_SETTING)
@@ -155,10 +157,8 @@ def _compute(coords, settings):
 
 
 def _compute_tori(coords, settings):
-    pairs = [vector.split(",") for vector in settings["vectors"]]
-    exact = {float(Fraction(frequency)): (omega, frequency) for omega, frequency in pairs}
     found = [
-        [periodic.torus_scale(*exact[frequency], *profile) for profile in ray(coords["angle"])]
-        for frequency in coords["frequency"].tolist()
+        [periodic.torus_scale(*vector.split(","), *profile) for profile in ray(coords["angle"])]
+        for vector in coords["vector"]
     ]
     return scales(found, ROTATING_AXES, coords["angle"])

@@ -10,6 +10,7 @@ import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from numbers import Integral, Real
 from operator import attrgetter
 
 import dask.array
@@ -36,21 +37,35 @@ class Cube:
     settings: dict  # JSON-able: what decides the values, besides the coordinates
 
     def __post_init__(self):
-        template = self.template.assign_attrs(_OF_ALL | self.template.attrs)
+        template = self.template.assign_attrs(plain(_OF_ALL | self.template.attrs))
+        for variable in template.variables.values():
+            variable.attrs = plain(variable.attrs)
         object.__setattr__(self, "template", template)
 
     @property
     def sizes(self):
         return dict(self.template.sizes)
 
+    @property
+    def computed(self):
+        """Names of the variables that tiles fill, data or coordinates: those without values yet."""
+        return [name for name, array in self.template.variables.items() if array.chunks]
+
+    @property
+    def attributes(self):
+        """The settings as attributes of the cube in a store."""
+        return plain(self.settings)
+
     @cached_property
     def config_hash(self):
         """SHA-256 of coordinates, variables, tiling and settings."""
         digest = hashlib.sha256()
-        for name, coordinate in sorted(self.template.coords.items()):
-            digest.update(name.encode() + np.ascontiguousarray(coordinate.values).tobytes())
-        variables = sorted(self.template.data_vars.items())
-        variables = {name: [list(array.dims), str(array.dtype)] for name, array in variables}
+        known, variables = self.template.coords.keys() - {*self.computed}, {}
+        for name, array in sorted(self.template.variables.items()):
+            if name in known:
+                digest.update(name.encode() + np.ascontiguousarray(array.values).tobytes())
+            else:
+                variables[name] = [list(array.dims), str(array.dtype)]
         plan = {"variables": variables, "tile": self.tile, "settings": self.settings}
         digest.update(json.dumps(plan, sort_keys=True).encode())
         return digest.hexdigest()
@@ -64,6 +79,19 @@ class Job:
     compute: Callable  # (coords {dim: ndarray} of a tile, settings) → {variable: array}
     predict: Callable  # (coords of a tile, settings) → CPU seconds that `compute` will take
     warm_up: Callable  # () → anything; compiles the kernels of `compute`, once in each worker
+
+
+def plain(attrs):
+    """Return attributes as every format keeps them: text, numbers, lists of numbers, else JSON."""
+    return {name: _plain(value) for name, value in attrs.items()}
+
+
+def _plain(value):
+    if isinstance(value, list | tuple) and all(isinstance(each, Real) for each in value):
+        return [_plain(each) for each in value]
+    if isinstance(value, Integral) and abs(value) >= 2**31:  # netCDF 3 has no such integers
+        return float(value)
+    return value if isinstance(value, str | Real) else json.dumps(value, ensure_ascii=False)
 
 
 def coordinate(dim, values, long_name, units="1", **attrs):
@@ -85,7 +113,7 @@ def blank(coords, long_name, fill=np.nan, **attrs):
     """Return a variable over the dimensions among `coords`, not computed, of `fill`'s dtype."""
     sizes = {name: c.size for name, c in coords.items() if c.dims == (name,)}
     values = dask.array.full(tuple(sizes.values()), fill, chunks=-1)
-    return tuple(sizes), values, {"long_name": long_name, "units": "1", **attrs}
+    return xr.Variable(tuple(sizes), values, {"long_name": long_name, "units": "1", **attrs})
 
 
 NOT_COMPUTED = -128  # the least int8; a lost or missing chunk of the store reads as that, too

@@ -6,7 +6,6 @@ arXiv:1606.04824, Eq. (4), Proposition 1 and Sec. V.B.
 """
 
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import xarray as xr
@@ -14,6 +13,7 @@ import xarray as xr
 from nasm import escape
 from nasm.escape import PAPER_WINDOW
 from nasm.planes import plane_of
+from nasm.symmetries import ray
 from pipeline.cubes.cube import PAPER, Cube, Job, angles_of_rays, blank, coordinate
 
 SECONDS_PER_KICK = 0.4e-9  # CPU time of one orbit
@@ -54,10 +54,10 @@ def composed(cube, levels, follow, field=None, level=None):
     axes = {dim: cube.template[dim] for dim in cube.tile}
     comment = "0 is the coarsest; each level halves the cells"
     words = "level of refinement of the cell's value"
-    dims, values, attrs = blank(axes, words, np.int8(-1), comment=comment)
-    template = cube.template.assign(level=(dims, values if level is None else level, attrs))
+    template = cube.template.assign(level=blank(axes, words, np.int8(-1), comment=comment))
     if field is not None:
-        template["escape_time"] = template.escape_time.copy(data=field)
+        values = {"escape_time": field, "level": level}
+        template = template.assign({k: template[k].copy(data=v) for k, v in values.items()})
     settings = {"levels": levels, "follow": follow, **cube.settings}
     return replace(cube, template=template, settings=settings)
 
@@ -68,24 +68,33 @@ def beyond(name, plane, scales, excesses, sizes, n_max):
     scales : {angle in degrees: scale s_c of the breakup on the ray}. excesses : increasing floats.
     name, plane, sizes, n_max : as for `over_plane`. A tile is one forcing.
     """
-    coords, tiles = beyond_breakup(scales, excesses), {"angle": 1, "excess": 1}
-    settings = {"n_max": n_max, "critical_scales": by_angle(scales)}
+    coords, tiles = beyond_breakup(plane, scales, excesses), {"angle": 1, "excess": 1}
+    settings = {"n_max": n_max}
     title, functions = "First escape times beyond the last barrier", (_beyond, _predict_beyond)
     return _job(name, plane, sizes, coords, tiles, settings, title, *functions)
 
 
-def beyond_breakup(scales, excesses):
-    """Return the coordinates of forcings beyond the breakup on the rays of `scales`."""
-    excess = coordinate("excess", excesses, "scale in parts of the breakup's, less 1")
-    return {"angle": angles_of_rays(list(scales)), "excess": excess}
+def beyond_breakup(plane, scales, excesses):
+    """Return the coordinates of forcings beyond the breakup on the rays of `scales`.
+
+    Those in the plane are computed with each tile, see `strengths_beyond`.
+    """
+    coords = {
+        "angle": angles_of_rays(list(scales)),
+        "excess": coordinate("excess", excesses, "scale in parts of the breakup's, less 1"),
+        "breakup": coordinate("angle", list(scales.values()), "scale of the breakup"),
+    }
+    return coords | {name: blank(coords, words) for name, words in plane.axes.items()}
 
 
-def by_angle(quantities):
-    """Return {angle: …} with keys that JSON keeps."""
-    return {str(float(angle)): quantity for angle, quantity in quantities.items()}
+def strengths_beyond(coords, plane):
+    """Return {name of an axis of the plane: array (angle, excess)} of a tile."""
+    scales = np.outer(coords["breakup"], 1 + coords["excess"])
+    parts = zip(plane.axes, ray(coords["angle"]).T, strict=True)
+    return {name: scales * along[:, None] for name, along in parts}
 
 
-def _job(name, plane, sizes, coords, tiles, settings, title, forcings, predict):
+def _job(name, plane, sizes, coords, tiles, settings, title, compute, predict):
     ensemble = coordinate("ensemble", sizes, "number of orbits in the ensemble")
     coords, n_kicks = {"ensemble": ensemble, **coords}, len(plane.origin)
     source = f"{PAPER}, Eq. (4), Proposition 1 and Sec. V.B"
@@ -95,27 +104,26 @@ def _job(name, plane, sizes, coords, tiles, settings, title, forcings, predict):
     template = xr.Dataset({"escape_time": times}, coords, labels)
     settings = plane.record | {"window": list(PAPER_WINDOW)} | settings
     cube = Cube(name, template, tiles, settings)
-    return Job(cube, partial(_compute, forcings), predict, _warm_up)
+    return Job(cube, compute, predict, _warm_up)
 
 
-def _compute(forcings, coords, settings):
+def _escape_times(forcings, coords, settings):
     sizes, limits = coords["ensemble"], (settings["n_max"], settings["window"])
     starts = escape.ensemble(int(sizes[-1]))
-    return {"escape_time": escape.first_escape(forcings(coords, settings), *starts, sizes, *limits)}
+    return {"escape_time": escape.first_escape(forcings, *starts, sizes, *limits)}
 
 
 def _on_plane(coords, settings):
-    """Return the forcings of a tile, shape (second axis, first axis, P)."""
     plane = plane_of(settings)
-    return plane.forcing(*np.meshgrid(*map(coords.get, plane.axes)))
+    forcings = plane.forcing(*np.meshgrid(*map(coords.get, plane.axes)))
+    return _escape_times(forcings, coords, settings)
 
 
 def _beyond(coords, settings):
-    """Return the forcings of a tile, shape (angle, excess, P)."""
-    start, profiles = plane_of(settings).ray(coords["angle"])
-    scales = np.array([settings["critical_scales"][str(a)] for a in coords["angle"].tolist()])
-    profiles = scales[:, None] * profiles
-    return start + profiles[:, None, :] * (1 + coords["excess"][:, None])
+    plane = plane_of(settings)
+    strengths = strengths_beyond(coords, plane)
+    forcings = plane.forcing(*strengths.values())
+    return strengths | _escape_times(forcings, coords, settings)
 
 
 def _predict_plane(coords, settings):
@@ -123,24 +131,31 @@ def _predict_plane(coords, settings):
 
     A cell that the probe sees escape costs its escape time, any other one n_max; times all orbits.
     """
-    axes, n_max = {dim: coords[dim] for dim in settings["plane"]["axes"]}, settings["n_max"]
+    axes, n_max = {dim: coords[dim] for dim in plane_of(settings).axes}, settings["n_max"]
     probed = {dim: axis[:: max(1, axis.size // 3)] for dim, axis in axes.items()}
     probed |= {"ensemble": np.array([64])}
     short = settings | {"n_max": min(n_max, _PROBE_STEPS)}
-    times = _compute(_on_plane, probed, short)["escape_time"]
+    times = _on_plane(probed, short)["escape_time"]
     steps = np.where(np.isinf(times), n_max, times).mean()
     return _seconds(coords, settings, steps * np.prod([axis.size for axis in axes.values()]))
 
 
 def _predict_beyond(coords, settings):
-    """Predict by the law that the bias of direct iteration falls like N^(-1/3)."""
-    steps = np.minimum(settings["n_max"], 100 * (0.3 / coords["excess"]) ** 3)
+    steps = np.minimum(settings["n_max"], steps_beyond(coords["excess"]))
     return _seconds(coords, settings, steps.sum() * coords["angle"].size)
+
+
+def steps_beyond(excess):
+    """Return about how many steps the first escape of hundreds of orbits takes, by measurement.
+
+    The bias of direct iteration falls like N^(-1/3).
+    """
+    return 200 / excess**3
 
 
 def _seconds(coords, settings, steps):
     """Return the CPU time of so many steps of all orbits."""
-    n_kicks = steps * len(settings["plane"]["origin"])
+    n_kicks = steps * len(plane_of(settings).origin)
     return SECONDS_PER_KICK * n_kicks * int(coords["ensemble"][-1])
 
 

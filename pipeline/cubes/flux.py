@@ -12,8 +12,8 @@ import xarray as xr
 from nasm import flux
 from nasm.numbers import parse
 from nasm.planes import plane_of
-from pipeline.cubes.cube import FLAGS, PAPER, STATUS_SETTING, Cube, Job, blank, fields
-from pipeline.cubes.escape import beyond_breakup, by_angle
+from pipeline.cubes.cube import FLAGS, PAPER, STATUS_SETTING, Cube, Job, blank, fields, text
+from pipeline.cubes.escape import beyond_breakup, strengths_beyond
 
 
 def through_last_circle(plane, scales, circles, excesses, q_max):
@@ -24,7 +24,8 @@ def through_last_circle(plane, scales, circles, excesses, q_max):
     excesses : increasing floats.
     q_max : int, the longest period.
     """
-    coords = beyond_breakup(scales, excesses)
+    coords = beyond_breakup(plane, scales, excesses)
+    coords["circle"] = text("angle", circles.values(), "exact rotation number of the last circle")
     variables = {
         "flux": blank(coords, "area through the broken circle, per step: turns times y"),
         "error": blank(coords, "estimated absolute error of flux"),
@@ -32,23 +33,20 @@ def through_last_circle(plane, scales, circles, excesses, q_max):
         "status": blank(coords, "outcome", np.int8(0), **FLAGS),
     }
     attrs = {"title": "Flux through the remains of the last circle", "source": PAPER}
-    settings = {"critical_scales": by_angle(scales), "circles": by_angle(circles), "q_max": q_max}
-    settings |= plane.record | STATUS_SETTING
+    settings = plane.record | {"q_max": q_max} | STATUS_SETTING
     template, tile = xr.Dataset(variables, coords, attrs), {"angle": 1, "excess": 1}
     cube = Cube("flux", template, tile, settings)
     return Job(cube, _compute, _predict, partial(flux.action_difference, (0.1, 0.1), 1, 3))
 
 
 def _compute(coords, settings):
-    plane = plane_of(settings)
-
-    def flux_at(angle, excess):
-        start, profile = plane.ray(angle)
-        kappa = start + settings["critical_scales"][str(angle)] * (1 + excess) * profile
-        return flux.flux(parse(settings["circles"][str(angle)]), kappa, settings["q_max"])
-
-    found = [[flux_at(a, excess) for excess in coords["excess"]] for a in coords["angle"].tolist()]
-    return fields(found, {"flux": "value", "error": "error", "period": "period"})
+    plane, q_max = plane_of(settings), settings["q_max"]
+    strengths = strengths_beyond(coords, plane)
+    found = [
+        [flux.flux(parse(circle), kappa, q_max) for kappa in on_ray]
+        for circle, on_ray in zip(coords["circle"], plane.forcing(*strengths.values()), strict=True)
+    ]
+    return strengths | fields(found, {"flux": "value", "error": "error", "period": "period"})
 
 
 def _predict(coords, settings):

@@ -22,6 +22,7 @@ from pipeline.store.tiles import (
     missing,
     read,
     record_failure,
+    record_wanted,
     tiles_of,
 )
 from pipeline.store.verify import free, verify

@@ -25,6 +25,7 @@ from pipeline.store.provenance import provenance
 from pipeline.store.tiles import COMMIT, DAMAGED, ENTRIES, ENTRY, FORMAT, RECORDS, forget, missing
 
 MAX_TILES = 2**24
+_CHUNK = 1024  # along each dim, of cubes that are written whole
 
 
 def names(place):
@@ -119,7 +120,8 @@ def _check_settings(place, cube):
         return {}
     theirs = found[0] or found[1]
     tiles.refuse_earlier(place, cube.name, theirs)
-    both = {k: (theirs.get(k), ours) for k, ours in cube.settings.items() if theirs.get(k) != ours}
+    settings = cube.attributes.items()
+    both = {k: (theirs.get(k), ours) for k, ours in settings if theirs.get(k) != ours}
     differences = [f"{k} is {_brief(old)}, not {_brief(new)}" for k, (old, new) in both.items()]
     raise Refused(
         f"{place.cube(cube.name)} was computed with other settings: "
@@ -129,7 +131,9 @@ def _check_settings(place, cube):
 
 
 def _brief(setting):
-    return setting.get("name", setting) if isinstance(setting, dict) else setting
+    with suppress(KeyError, TypeError, ValueError):
+        return json.loads(setting)["name"]  # of a plane
+    return setting
 
 
 def _attributes(place, key):
@@ -206,7 +210,7 @@ def _empty_files(cube, computed):
     blank = xr.Variable(dims, dask.array.full(shape, np.nan, chunks=-1), words)
     checked, encoding = {"compressors": (Crc32cCodec(),), "filters": None}, {}
     for key, array in cube.template.variables.items():
-        tile = {} if key in cube.template.coords else cube.tile
+        tile = {} if array.dims == (key,) else cube.tile  # indices are read whole
         chunks = {"chunks": tuple(tile.get(dim, n) for dim, n in array.sizes.items())}
         encoding[key] = chunks | checked | _lost(array.dtype)
     chunks = {"chunks": (len(ENTRIES),) + (1,) * len(counts), **checked, **_lost(blank.dtype)}
@@ -216,8 +220,10 @@ def _empty_files(cube, computed):
 
 def _whole_files(cube, computed):
     """{key: bytes} of a cube that is computed in full."""
-    compressed = {"compressors": (ZstdCodec(), Crc32cCodec())}
-    encoding = {k: compressed | _lost(v.dtype) for k, v in cube.template.variables.items()}
+    compressed, encoding = {"compressors": (ZstdCodec(), Crc32cCodec())}, {}
+    for key, array in cube.template.variables.items():  # one length for each dim, in all of them
+        chunks = {"chunks": tuple(min(n, _CHUNK) for n in array.shape)}
+        encoding[key] = chunks | compressed | _lost(array.dtype)
     return _files(cube, computed, encoding)
 
 
@@ -231,7 +237,7 @@ def _lost(dtype):
 
 def _identity(cube, computed):
     ours = {"config_hash": cube.config_hash, "store_format": FORMAT}
-    return {**computed, **cube.settings, **ours}
+    return {**computed, **cube.attributes, **ours}
 
 
 def _files(cube, computed, encoding, more=None, of_more=None):

@@ -12,7 +12,7 @@ import numpy as np
 
 from pipeline.store.metadata import names
 from pipeline.store.place import Refused
-from pipeline.store.tiles import COMMIT, arrays_of, failure_key, forget, survey
+from pipeline.store.tiles import COMMIT, arrays_of, failure_key, forget, survey, wanted_key
 
 RECENT = 300  # seconds before the last commit over which the rate is taken
 _TOLD = 10  # failures whose reasons are read
@@ -23,7 +23,7 @@ class State:
     """How far one cube is."""
 
     name: str
-    tiles: int = 0  # 0 for a cube that was written whole, or whose metadata are damaged
+    tiles: int = 0  # wanted so far; 0 for a cube that was written whole, or is damaged
     done: int = 0  # tiles that are committed
     failed: int = 0  # tiles that failed when they were last tried
     reasons: dict[tuple[int, ...], str] = field(default_factory=dict)  # of the first few failures
@@ -56,4 +56,6 @@ def _state(place, name):
     recent = times[times >= times.max(initial=0) - RECENT]
     span = np.ptp(recent) if recent.size else 0
     rate = float((recent.size - 1) / span) if span > 0 else nan
-    return State(name, done.size, int(done.sum()), len(failed), reasons, rate)
+    wanted = place.read(wanted_key(name))
+    tiles = int(wanted) if wanted.isdigit() else done.size
+    return State(name, tiles, int(done.sum()), len(failed), reasons, rate)

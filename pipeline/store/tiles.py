@@ -216,6 +216,16 @@ def record_failure(place, name, index, reason):
     return line
 
 
+def record_wanted(place, name, number):
+    """Write how many tiles of the cube, done or not, are wanted so far, for `status`."""
+    place.write(wanted_key(name), str(number).encode())
+
+
+def wanted_key(name):
+    """Key of the number of tiles that are wanted, where these are not all."""
+    return f"{name}.zarr/.wanted"
+
+
 def failure_key(name, index):
     """Key of the reason why the tile has failed."""
     return f"{name}.zarr/.failed/{'.'.join(map(str, index))}"

@@ -66,3 +66,24 @@ def tile_slices(index, sizes, tile):
     """
     parts = zip(index, tile.items(), strict=True)
     return {dim: slice(i * n, min((i + 1) * n, sizes[dim])) for i, (dim, n) in parts}
+
+
+def tile_coords(cube, indices):
+    """Yield (index, {name: values}) of tiles: what the cube's coordinates are in each of them.
+
+    indices : int array (tiles, tiled dims).
+    """
+    known = {k: v for k, v in cube.template.coords.items() if k not in cube.computed}
+    known = {name: (array.values, array.dims) for name, array in known.items()}
+    for index in map(tuple, indices.tolist()):
+        cells = tile_slices(index, cube.sizes, cube.tile)
+        # One object for all tiles where it is whole: pickle then writes it once.
+        yield (
+            index,
+            {
+                name: values[tuple(cells.get(dim, slice(None)) for dim in dims)]
+                if cells.keys() & {*dims}
+                else values
+                for name, (values, dims) in known.items()
+            },
+        )

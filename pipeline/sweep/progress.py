@@ -1,29 +1,59 @@
-"""One line that tells how far a sweep is: tiles done, rate, time left by predicted cost."""
+"""One line that tells how far sweeps are: tiles done, rate, time left by predicted cost."""
 
+import threading
 import time
 from contextlib import AbstractContextManager, suppress
+
+_SILENCE = 5  # seconds after which the line is shown again, whatever happens
+_PRIOR = 5  # seconds for which the workers are taken to be as fast as predicted
 
 
 class Progress(AbstractContextManager):
     """The line of a sweep, or of a series of sweeps that go on where the last one ended.
 
-    On a terminal it is rewritten; in a log a new one is written every ten seconds. The tiles and
-    the time left are those of the sweeps that have begun.
+    On a terminal it is rewritten; in a log a new one is written every ten seconds, and after five
+    in which no tile has ended. The tiles and the time left are those of the sweeps that have begun,
+    and of those that are foreseen.
+
+    name : what is under way, at first. stream : where to write.
+    foreseen : {name of a sweep: (tiles, predicted CPU seconds)}.
     """
 
-    def __init__(self, name, stream):
-        self.name, self.stream = name, stream
+    def __init__(self, name, stream, foreseen=()):
+        self.name, self.stream, self.foreseen = name, stream, dict(foreseen)
+        self.sweep, self.swept, self.workers = None, name, 1
         self.tiles = self.tiles_done = 0
         self.seconds = self.seconds_done = 0.0
         self.start = self.shown = time.monotonic()
+        self.first = None  # when the first tiles were begun
         self.interval, self.end = (0.2, "\r") if stream.isatty() else (10.0, "\n")
+        self.over = threading.Event()
+
+    def __enter__(self):
+        threading.Thread(target=self._break_silence, daemon=True).start()
+        return self
 
     def __exit__(self, *error):
+        self.over.set()
+        self.foreseen.clear()
+        self.name = self.swept
         if self.tiles:
             self._show("\n")
 
-    def begin(self, tiles, seconds):
-        """Add tiles to be done, and the seconds predicted for them."""
+    def go_on(self, name, sweep):
+        """Count the tiles that begin next as those of the sweep; `name` is written for it."""
+        if sweep != self.sweep:
+            self.foreseen.pop(self.sweep, None)  # it has ended
+            self.name = self.swept
+            if self.tiles_done:
+                self._show("\n")
+        self.name, self.swept, self.sweep = name, name, sweep
+
+    def begin(self, tiles, seconds, workers=1):
+        """Add tiles to be done, and the seconds predicted for them, by so many workers."""
+        foreseen = self.foreseen.get(self.sweep, (0, 0))
+        self.foreseen[self.sweep] = max(0, foreseen[0] - tiles), max(0, foreseen[1] - seconds)
+        self.first, self.workers = self.first or time.monotonic(), workers
         self.tiles += tiles
         self.seconds += seconds
         if self.stream.isatty():
@@ -36,14 +66,25 @@ class Progress(AbstractContextManager):
         if time.monotonic() - self.shown > self.interval:
             self._show(self.end)
 
+    def _break_silence(self):
+        while not self.over.wait(_SILENCE / 5):
+            if time.monotonic() - self.shown > _SILENCE:
+                self._show(self.end)
+
     def _show(self, end):
         self.shown = time.monotonic()
-        gone, left = self.shown - self.start, "?"
-        if self.seconds_done > 0:
-            left = duration(gone * max(0.0, self.seconds / self.seconds_done - 1))
-        line = f"{self.name}: {self.tiles_done}/{self.tiles} tiles, "
-        line += f"{self.tiles_done / max(gone, 1e-9):.1f}/s, {duration(gone)} gone, {left} left"
-        with suppress(OSError):  # a log that is full, or closed, does not end the sweep
+        line = f"{self.name}: "
+        more_tiles, more_seconds = map(sum, zip((0, 0), *self.foreseen.values(), strict=True))
+        if tiles := self.tiles + more_tiles:
+            line += f"{self.tiles_done}/{tiles} tiles, "
+            line += f"{self.tiles_done / max(1e-9, self.shown - self.start):.1f}/s, "
+        line += f"{duration(self.shown - self.start)} gone"
+        if self.tiles_done < tiles and self.first:
+            gone = self.shown - self.first
+            speed = (self.seconds_done + _PRIOR * self.workers) / (gone + _PRIOR)
+            left = (self.seconds + more_seconds - self.seconds_done) / speed
+            line += f", about {duration(max(1, left))} left"
+        with suppress(OSError, ValueError):  # a log that is full, or closed, does not end the sweep
             print(line.ljust(78), end=end, file=self.stream, flush=True)
 
 

@@ -36,8 +36,8 @@ from distributed.comm import CommClosedError
 
 from pipeline import store
 from pipeline.sweep.cluster import NO_SCHEDULER, ClusterError, are_starting
-from pipeline.sweep.grid import tile_slices
-from pipeline.sweep.progress import Progress, duration
+from pipeline.sweep.grid import tile_coords
+from pipeline.sweep.progress import Progress
 
 BATCH_SECONDS = 0.5  # of predicted CPU time in a batch: long against 2 ms of scheduling
 BATCH_TILES = 256
@@ -48,7 +48,6 @@ _UNKNOWN_COST = 1.0  # CPU seconds, where the probe failed
 _PATIENCE = 30  # seconds without any worker, after which the sweep gives up
 _STARTING = 300  # seconds instead, while workers are being started: at load 20 that takes a minute
 _SIGHT = 2  # seconds that a file system of several machines may take to show a file
-_LONG = 5  # seconds of work that are announced
 _REPORT = 5  # seconds to fetch the report of a batch that has ended
 _ATTEMPTS_ALONE = 2  # worker deaths that condemn a tile: one may be somebody else's doing
 
@@ -81,20 +80,18 @@ def sweep(client, place, job, wanted=None, progress=None):
     store.create(place, job.cube, store.computed_by())
     tiles = store.missing(place, job.cube)
     if wanted is not None:
+        done = prod(store.tile_counts(job.cube)) - len(tiles)
         tiles = tiles[[tuple(index) in wanted for index in tiles.tolist()]]
+        store.record_wanted(place, name, done + len(tiles))
     if not len(tiles):
         if progress is None:
             print(f"{name}: nothing to compute", file=sys.stderr)
         return Outcome(0, {}, False, 0)
     client = client()
     run, n_workers = _Run(client, place, job, tiles), sum(client.nthreads().values())
-    if progress is None and (seconds := run.costs.sum() / max(1, n_workers)) > _LONG:
-        size = len(tiles) / prod(store.tile_counts(job.cube)) * job.cube.template.nbytes / 1e6
-        words = f"about {duration(seconds)} on {n_workers} workers, {size:.3g} MB"
-        print(f"{name}: {len(tiles)} tiles, {words}", file=sys.stderr)
     line = Progress(name, sys.stderr) if progress is None else nullcontext(progress)
     with _draining_on_interrupt() as interrupt, line as progress:
-        progress.begin(len(tiles), run.costs.sum())
+        progress.begin(len(tiles), run.costs.sum(), n_workers)
         for tile in run.compute(_pack(run.costs), interrupt, progress):
             alone = [np.array([tile])]
             if all(run.compute(alone, interrupt, progress) for _ in range(_ATTEMPTS_ALONE)):
@@ -234,15 +231,7 @@ class _Run:
 
 def _parcel(cube, indices):
     """Return the tiles [(index, coords)] of a batch as bytes; dask would send each array alone."""
-    sizes = cube.sizes
-    axes = {dim: cube.template[dim].values for dim in sizes if dim in cube.template.coords}
-    tiles = []
-    for index in map(tuple, indices.tolist()):
-        slices = tile_slices(index, sizes, cube.tile)
-        # One object for all tiles where it is whole: pickle then writes it once.
-        coords = {dim: axis[slices[dim]] if dim in slices else axis for dim, axis in axes.items()}
-        tiles.append((index, coords))
-    return pickle.dumps(tiles, protocol=5)
+    return pickle.dumps(list(tile_coords(cube, indices)), protocol=5)
 
 
 def _compute_batch(place, name, config_hash, settings, computed_by, warm_up, compute, parcel):

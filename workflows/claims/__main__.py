@@ -7,6 +7,8 @@ paper's conjecture on the envelope of all CB_ω, examined with the two-sided bra
 
 from workflows.parts.cli import command, real, sweeps, whole
 
+_EXAMINED = 60  # CPU seconds of the claims that need no sweep
+
 
 @command()
 @whole("--angles", 91, 3, 10**5, "Rays, from 0 to 45 degrees.")
@@ -25,7 +27,7 @@ def main(run, **size):
     from workflows.claims.study import examine, planned
 
     jobs, rays = planned(**size)
-    with run.sweeping(*jobs.values()):
+    with run.sweeping(*jobs.values(), seconds=_EXAMINED):
         cubes = {name: run.sweep(job).load() for name, job in jobs.items()}
         found = examine(cubes, rays, size["n_max"], size["n_orbits"])
         options = " ".join(f"--{name.replace('_', '-')} {n}" for name, n in size.items())

@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.ticker import LogLocator
 
-from workflows.figures.style import colour_of, in_column, mark_gaps, panels, power
+from workflows.figures.style import colour_of, in_column, mark_gaps, names_of, panels, power
 
 
 def draw_convergence(bias, others, fits):
@@ -79,7 +79,7 @@ def draw_diagonal(diagonal):
     figure, (axes,) = panels(1, 1, 7, 5)
     axes.plot(diagonal.n, diagonal.distance, "ko", ms=4, mfc="none")
     etas = []
-    for half, words in enumerate(diagonal.half.attrs["names"]):
+    for half, words in enumerate(names_of(diagonal.half)):
         here = diagonal.isel(n=np.flatnonzero(diagonal.upper_half.values == half))
         eta, error = (f"{float(fitted[half]):.2f}" for fitted in (diagonal.eta, diagonal.eta_error))
         style = {"ls": "-" if half else "--", "color": colour_of(half)}

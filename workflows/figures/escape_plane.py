@@ -5,6 +5,7 @@ import numpy as np
 from matplotlib.colors import LogNorm
 from matplotlib.patheffects import withStroke
 
+from nasm.planes import plane_of
 from workflows.figures.planes import in_plane, label_plane, of_two_kicks
 from workflows.figures.style import COLOURS, NO_ESCAPE, in_column, power, smoothed
 
@@ -17,9 +18,7 @@ def draw_escape_plane(plane, steps):
     height = np.ptp(y.values) / np.ptp(x.values)
     figure, axes = plt.subplots(figsize=(10, 1.2 + 7.6 * min(1.2, height)), layout="constrained")
     label_plane(axes, plane)
-    of = (
-        r"$\mathcal{T}_{\kappa_1\kappa_2}$" if of_two_kicks(plane) else plane.attrs["plane"]["name"]
-    )
+    of = r"$\mathcal{T}_{\kappa_1\kappa_2}$" if of_two_kicks(plane) else plane_of(plane.attrs).name
     steps_of = f"up to ${power(plane.attrs['n_max'])}$ steps of {of}"
     axes.set_title(f"Global transport: {int(plane.ensemble[-1])} orbits, {steps_of}")
     field = smoothed(draw_field(axes, plane))

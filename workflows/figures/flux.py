@@ -24,7 +24,10 @@ def draw_flux(fluxes, fits):
         divided.plot(x, flux / x**_ETA, **style)
     mark_gaps(divided, x, fluxes.flux.isnull().any("angle").values)
     middle = np.nanmedian(fluxes.flux / fluxes.excess**_ETA)
-    law = rf"$\propto x^\eta$; fitted: $\eta = {float(fits.exponent.median()):.4f}$ in all"
+    fitted = fits.exponent.dropna("angle")
+    law = r"$\propto x^\eta$"
+    if fitted.size:
+        law += rf"; fitted: $\eta = {float(fitted.median()):.4f}$ in all"
     whole.plot(x, 3 * middle * x**_ETA, "--", color="0.5", label=law)
     whole.set(title="Flux through the last circle, broken", yscale="log")
     whole.set_ylabel(r"$\Delta W$ per step (turns $\times$ $y$)")
@@ -47,6 +50,8 @@ def draw_flux(fluxes, fits):
     laws = ", ".join(
         f"η = {row.exponent:.6f} ± {row.exponent_error:.0e} at {angle:g}° "
         f"({with_tie(row.circle, angle)})"
+        if np.isfinite(row.exponent)
+        else f"none at {angle:g}°, of too few distances"
         for angle, row in fits.to_dataframe().iterrows()
     )
     return figure, (

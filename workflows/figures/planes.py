@@ -30,12 +30,12 @@ def whole_of(dataset):
 
 def in_plane(dataset):
     """Return the two coordinates, or variables, that say where in its plane a dataset is."""
-    return [dataset[name] for name in dataset.attrs["plane"]["axes"]]
+    return [dataset[name] for name in plane_of(dataset.attrs).axes]
 
 
 def label_plane(axes, dataset):
     """Label the axes of the plane, which have one scale; rays up to 180° have its upper half."""
-    xlabel, ylabel = symbols(dataset.attrs["plane"]["axes"])
+    xlabel, ylabel = symbols(plane_of(dataset.attrs).axes)
     axes.set(xlabel=xlabel, ylabel=ylabel, aspect="equal")
     if "angle" in dataset and dataset.angle[-1] <= 180:
         axes.set_ylim(0, None)

@@ -47,13 +47,15 @@ def _caption(cube, states, codes, barrier):
 
     def side(name, there):
         there = there & (kappa2 <= kappa1)
-        open_ = np.abs(excess[there & (states != codes[name])])
-        return (
-            f"for every forcing of {100 * (states[there] == codes[name]).mean():.1f}%",
-            f"Half of what is open there is within {100 * np.median(open_):.1g}% of the boundary, "
-            f"95% within {100 * np.quantile(open_, 0.95):.2g}%, all within "
-            f"{100 * open_.max():.2g}%.",
-        )
+        open_ = 100 * np.abs(excess[there & (states != codes[name])])
+        within = "Nothing is open there."
+        if open_.size:
+            half, most, last = np.quantile(open_, [0.5, 0.95, 1])
+            within = (
+                f"Half of what is open there is within {half:.3g}% of the boundary, 95% within "
+                f"{most:.3g}%, all within {last:.3g}%."
+            )
+        return f"for every forcing of {100 * (states[there] == codes[name]).mean():.1f}%", within
 
     outside, left = side("transport_is_global", excess > 0)
     inside, left_inside = side("barrier_exists", excess < 0)

@@ -42,7 +42,7 @@ def draw_rotating_tori(tori, two, direct, certified):
     for part in (axes, *_tips(axes, 0.4)):
         if part is not axes:
             fill_diamond(part, two, None)
-        for i, vector in enumerate(tori.attrs["vectors"]):
+        for i, vector in enumerate(tori.vector.values):
             style = {"color": colour_of(i), "ls": ("-", "--", "-.")[i % 3], "lw": 1.1}
             draw_diamond(part, tori.isel(frequency=i), label=f"torus ({vector})", **style)
         _draw_certified(part, certified.isel(vector=0))
@@ -55,7 +55,7 @@ def draw_rotating_tori(tori, two, direct, certified):
         f"iteration ({_effort(direct)}, {_outside(two, direct)} outside CB_gt). "
         "Angles θ of rays (κ̄, Δκ) = s·(cos θ, sin θ)."
     ]
-    for i, vector in enumerate(tori.attrs["vectors"]):
+    for i, vector in enumerate(tori.vector.values):
         sharp, biased = (
             where_above(tori.angle.values, ratio.values[i])
             for ratio in (tori.ratio, tori.ratio_direct)

@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.ticker import NullFormatter
 
-from workflows.figures.style import COLOURS, line_of, panels
+from workflows.figures.style import COLOURS, line_of, names_of, panels
 
 _MARKERS = "osD^v"
 _METHODS = {
@@ -38,7 +38,7 @@ def draw_stability(studies):
 
 def draw_near_cusp(axes, study):
     """Draw the errors, the claimed ones dashed, and crosses where there is no answer."""
-    for i, name in enumerate(study.approach.attrs["names"]):
+    for i, name in enumerate(names_of(study.approach)):
         here, colour = study.isel(approach=i), COLOURS[i]
         off = np.maximum(here.off, 1e-14)
         axes.plot(study.delta, off, f"{_MARKERS[i]}-", color=colour, ms=4, label=_METHODS[name])
@@ -170,7 +170,7 @@ def _draw_disorder(axes, study):
 
 
 def _draw_rounding(axes, study):
-    for i, name in enumerate(study.arithmetic.attrs["names"]):
+    for i, name in enumerate(names_of(study.arithmetic)):
         here, colour = study.isel(arithmetic=i), COLOURS[i]
         style = {"color": colour, "ms": 4, "label": _ARITHMETICS[name]}
         axes.plot(study.steps, here.drift, f"{_MARKERS[i]}-", **style)
@@ -184,7 +184,7 @@ def _draw_rounding(axes, study):
 
 def _draw_tori(axes, study):
     """Draw brackets by the distance from a resonance, and crosses where nothing is certified."""
-    for i, name in enumerate(study.pair.attrs["names"]):
+    for i, name in enumerate(names_of(study.pair)):
         here, colour, place = study.isel(pair=i), COLOURS[i], study.delta * 1.15**i
         style = {"color": colour, "ms": 5}
         axes.errorbar(place, here.value, here.error, fmt="s", mfc="none", lw=1, **style)

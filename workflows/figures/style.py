@@ -1,5 +1,6 @@
 """What all figures share: colours, numbers in TeX, and how a figure is saved."""
 
+import json
 import sys
 from contextlib import contextmanager
 from functools import cache
@@ -202,3 +203,9 @@ def dots(colour, size):
 def cell(y):
     """Return y mod 1 in [-1/4, 3/4), which does not cut the circles of 0 ≤ ω/P ≤ 1/2."""
     return (y + 0.25) % 1 - 0.25
+
+
+def names_of(coordinate):
+    """Return the names that the numbers of a coordinate stand for; stores keep them as JSON."""
+    names = coordinate.attrs["names"]
+    return json.loads(names) if isinstance(names, str) else names

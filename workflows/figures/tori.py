@@ -27,9 +27,12 @@ def draw_breakups(breakups):
     axes.set(xlim=(0, None), ylim=(0, None), title="Breakup of two-dimensional tori")
     axes.legend()
     wide = 100 * float((breakups.error / breakups.critical_scale).median())
+    error = (
+        f"the estimated error is {wide:.2g}% in the median" if np.isfinite(wide) else "none found"
+    )
     return figure, (
         "Breakup of invariant tori of κ_n = κ̄ + Δκ cos 2π(φ0 + nΩ) by continuation (lines, or "
-        f"squares of few rays; the estimated error is {wide:.2g}% in the median), and the last "
+        f"squares of few rays; {error}), and the last "
         "torus that is certified on each ray (dots; "
         f"{int(np.isfinite(breakups.lower).sum())} of {breakups.lower.size} rays). "
         "Beyond the dotted lines, or triangles, converse KAM leaves no torus of that Ω that is a "

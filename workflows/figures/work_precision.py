@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from workflows.figures.style import in_column, panels
+from workflows.figures.style import in_column, names_of, panels
 
 # Colour of a method, by how its name begins; its better answer is drawn filled, the other hollow.
 _METHOD_COLOURS = {
@@ -33,7 +33,7 @@ def draw_work_precision(data):
     figure, drawn = panels(-(-n_panels // columns), columns, 13, 9)
     for axes, i in zip(drawn, range(data.angle.size), strict=False):
         here = data.isel(angle=i)
-        for method, name in enumerate(data.method.attrs["names"]):
+        for method, name in enumerate(names_of(data.method)):
             colour = next(c for start, c in _METHOD_COLOURS.items() if name.startswith(start))
             better = any(word in name for word in _BETTER)
             style = {"color": colour, "ls": "-" if better else "--", "lw": 1.2, "label": name}
@@ -53,7 +53,7 @@ def draw_work_precision(data):
     if in_column():
         return figure
     steps = drawn[data.angle.size]
-    for i, name in enumerate(data.form.attrs["names"]):
+    for i, name in enumerate(names_of(data.form)):
         steps.plot(data.points, 1e6 * data.step_seconds[i], "os"[i] + "-", color="k", label=name)
     steps.set(xscale="log", yscale="log", xlabel="points of the circle $n$", ylabel="CPU time (µs)")
     steps.set_title("A Newton step")

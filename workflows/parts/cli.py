@@ -7,12 +7,24 @@ import functools
 import sys
 from contextlib import nullcontext
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 
 import click
 
-from nasm import __version__
-from nasm.memory import keep_freed_memory
+for name in ("nasm", "pipeline"):
+    ours, found = Path(__file__).parents[2] / name, getattr(find_spec(name), "origin", None)
+    if found is None or not ours.samefile(Path(found).parent):
+        sys.exit(
+            f"the package {name} in {ours} is hidden by another one of that name, {found}; install "
+            "this program into an environment of its own"
+        )
+
+from nasm import __version__  # noqa: E402
+from nasm.memory import keep_freed_memory  # noqa: E402
+
+COMMON = {"help_option_names": ["-h", "--help"]}
+version = click.version_option(__version__, message="nasm %(version)s")
 
 
 def command(**settings):
@@ -22,8 +34,8 @@ def command(**settings):
     """
 
     def decorate(function):
-        @click.command(context_settings={"help_option_names": ["-h", "--help"], **settings})
-        @click.version_option(__version__, message="nasm %(version)s")
+        @click.command(context_settings=COMMON | settings)
+        @version
         @functools.wraps(function)
         def wrapped(**options):
             keep_freed_memory()
@@ -135,6 +147,27 @@ def _plane(text):
 _PLANES = "two-kicks, rotating:1/3,1/48 (frequency, phase), three-kicks:0.2 or FILE.json."
 plane_option = parsed("--plane", "two-kicks", _plane, "PLANE", f"Plane of forcings: {_PLANES}")
 point_option = parsed("--plane", None, _plane, "PLANE", f"KAPPA is a point of it: {_PLANES}")
+
+
+def full_option(effort, **settings):
+    """Make --full: the long form of a command, by other defaults of its options.
+
+    effort : what it takes, in words.
+    """
+
+    def callback(context, parameter, value):
+        if value:
+            context.default_map = settings | (context.default_map or {})
+
+    values = {
+        name: [value] if isinstance(value, str | int) else value for name, value in settings.items()
+    }
+    words = " ".join(
+        f"--{name.replace('_', '-')} {each}" for name, value in values.items() for each in value
+    )
+    help = f"The long form, {effort}: {words} are then the defaults."
+    eager = {"is_eager": True, "expose_value": False, "callback": callback}
+    return click.option("--full", is_flag=True, help=help, **eager)
 
 
 def ray_options(default):
@@ -265,13 +298,20 @@ def writes(function):
 
     @draws
     @out_option
+    @click.option(
+        "--dry-run",
+        is_flag=True,
+        help="Print the tiles, files, MB and CPU hours of the sweeps, and do nothing.",
+    )
     @functools.wraps(function)
-    def wrapped(out, store=None, workers=None, scheduler=None, tls=None, **options):
-        click.echo(f"loading; results go to {out}", err=True)  # the imports take seconds
+    def wrapped(out, dry_run, store=None, workers=None, scheduler=None, tls=None, **options):
+        if not dry_run:
+            click.echo(f"loading; results go to {out}", err=True)  # the imports take seconds
         from workflows.parts.run import Run, place_of
 
+        announce_kernels()
         cluster = {"n_workers": workers, "scheduler": scheduler, "tls": tls}
-        run = Run(out, place_of(out, store), cluster)
+        run = Run(out, place_of(out, store), cluster, dry_run)
         try:
             return function(run=run, **options)
         except ValueError as error:

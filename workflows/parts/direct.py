@@ -3,6 +3,8 @@
 The bias s_N/s_c - 1 of the boundary {n* ≤ N} falls like N^(-1/η).
 """
 
+from itertools import product
+
 import numpy as np
 import xarray as xr
 
@@ -10,8 +12,7 @@ from nasm import orbits
 from nasm.planes import plane_of, two_kicks
 from nasm.symmetries import ray
 from nasm.verdict import Answer, verdict
-from pipeline import store
-from pipeline.cubes.escape import beyond
+from pipeline.cubes.escape import beyond, steps_beyond
 from workflows.parts.tables import ANGLE, described, strengths
 
 INSETS = ((0.526, 0.69), (0.526, 0.73), (-0.69, 0.525), (-0.73, 0.525))
@@ -33,29 +34,36 @@ def bias_job(scales, sizes, n_max):
 def boundary_job(barrier, n_max, n_orbits):
     """Return the job of `direct_boundary`: one ensemble, thirty excesses a decade from 1%."""
     scales = dict(zip(barrier.angle.values.tolist(), barrier.critical_scale.values, strict=True))
-    plane, excesses = plane_of(barrier.attrs), np.geomspace(0.01, 1, 61)
+    return _boundary_job(plane_of(barrier.attrs), scales, n_max, n_orbits)
+
+
+def _boundary_job(plane, scales, n_max, n_orbits):
+    excesses = np.geomspace(0.01, 1, 61)
     return beyond("direct_boundary", plane, scales, excesses, [n_orbits], n_max)
 
 
 def inwards(run, job):
     """Sweep the job's cube from the largest excess inwards, on each ray to the first no-escape."""
     rays = range(job.cube.sizes["angle"])
-    with run.line:
-        for excess in reversed(range(job.cube.sizes["excess"])):
-            found = run.sweep(job, {(ray, excess) for ray in rays}, line_stays=True)
-            times = found.escape_time[-1, :, excess].values
-            rays = [ray for ray in rays if times[ray] <= job.cube.settings["n_max"]]
-            if not rays:
-                break
+    for excess in reversed(range(job.cube.sizes["excess"])):
+        found = run.sweep(job, {(ray, excess) for ray in rays})
+        times = found.escape_time[-1, :, excess].values
+        rays = [ray for ray in rays if times[ray] <= job.cube.settings["n_max"]]
+        if not rays:
+            break
     return found.load()
 
 
-def tiles_wanted(place, name):
-    """Return how many tiles `inwards` wants; None while there is a ray that it has not left."""
-    cube = store.read(place, name)
-    times = cube.escape_time.isel(ensemble=-1).load()
-    left = (times > cube.attrs["n_max"]).any("excess") | times.notnull().all("excess")
-    return int(times.notnull().sum()) if left.all() else None
+def foreseen(plane, angles, n_max, n_orbits):
+    """Return a job like that of `boundary_job`, and the tiles that `inwards` will want of it.
+
+    By the law that the bias of direct iteration falls like N^(-1/3).
+    """
+    cube = (job := _boundary_job(plane, dict.fromkeys(angles, 1.0), n_max, n_orbits)).cube
+    steps = steps_beyond(cube.template.excess.values)
+    first = np.flatnonzero(steps >= n_max)[-1:].sum()  # of the excesses at which none escapes
+    sizes = cube.sizes["angle"], range(int(first), cube.sizes["excess"])
+    return job, set(product(range(sizes[0]), sizes[1]))
 
 
 def direct_bias(cube, steps):

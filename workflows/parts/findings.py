@@ -28,14 +28,18 @@ def boundary_found(barrier):
     large = [entry for entry in shares if entry[1] >= 0.01][:_NAMED]
     share = ", ".join(f"{circle} {100 * share:.0f}%" for circle, share in large)
     others = len(shares) - len(large)
-    width = (barrier.upper - barrier.lower) / barrier.critical_scale
+    width = ((barrier.upper - barrier.lower) / barrier.critical_scale).dropna("angle")
+    apart = "no bracket was found"
+    if width.size:
+        apart = (
+            "the boundary lies between a certified circle and converse KAM, in the median "
+            f"{float(width.median()):.1e} of the scale apart, at most {float(width.max()):.1e}"
+        )
     begins = f"Global transport begins at κ = {'; '.join(places)}. " if two else ""
     return (
         f"{begins}The last circle to "
         f"break is, by share of the angle {where}: {share}"
-        f"{f', and {others} others' if others > 0 else ''}. On {barrier.angle.size} rays the "
-        "boundary lies between a certified circle and converse KAM, in the median "
-        f"{float(width.median()):.1e} of the scale apart, at most {float(width.max()):.1e}; "
+        f"{f', and {others} others' if others > 0 else ''}. On {barrier.angle.size} rays {apart}; "
         f"{int(barrier.critical_scale.isnull().sum())} rays are undecided."
     )
 
@@ -68,7 +72,7 @@ def direct_found(scale, resolution, barrier, n_orbits):
             )
     return (
         f"Direct iteration of {n_orbits} orbits sees transport only further out: "
-        f"{'; '.join(parts) or 'nowhere in this plane'} (median; its cells are {cell:.1g}% wide). "
+        f"{'; '.join(parts) or 'nowhere in this plane'} (median; its cells are {cell:.2g}% wide). "
         "No escape shows no barrier."
     )
 
@@ -85,7 +89,7 @@ def field_found(field):
         here = times.sel(ensemble=size)
         shares = [f"{100 * float((here <= n).mean()):.1f}% within {n}" for n in steps]
         parts.append(f"of {size} orbits in {' and '.join(shares)}")
-    names, first = field.attrs["plane"]["axes"], float(times.min())
+    names, first = plane_of(field.attrs).axes, float(times.min())
     names = ("κ1", "κ2") if plane_of(field.attrs) == two_kicks() else names
     ranges = ", ".join(
         f"{n} = {_ends(times[dim])}" for n, dim in zip(names, times.dims[:0:-1], strict=True)

@@ -1,7 +1,9 @@
 """The field of first escape times over a plane, refined where its boundaries run."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import partial
 from itertools import product
+from math import ceil, prod
 
 import click
 import numpy as np
@@ -11,10 +13,11 @@ from nasm.escape import boundary
 from nasm.maps import forcing
 from nasm.planes import Plane
 from nasm.symmetries import ray
-from pipeline import store
 from pipeline.cubes import escape
 from pipeline.sweep import refine
 from pipeline.sweep.grid import Axis
+
+_GLANCE = 4000  # cells, and steps, of the coarse look by which refinement is foreseen
 
 
 @dataclass(frozen=True)
@@ -70,12 +73,43 @@ def grid_of(plane, kappa1, kappa2, n_max, n_orbits, tile, levels, follow):
     return Grid(plane, (kappa1, kappa2), n_max, n_orbits, tile, levels, follow)
 
 
-def planned(grid):
-    """Return the job of the cube `escape`: all cells, or the plan of its composed levels."""
-    finest = _level_job(grid, "escape", grid.levels - 1)
+def planned(grid, *values):
+    """Return the cube `escape`: all cells, or composed of levels, or that with its values."""
+    cube = _level_job(grid, "escape", grid.levels - 1).cube
+    return escape.composed(cube, grid.levels, grid.follow, *values) if grid.levels > 1 else cube
+
+
+def foreseen(grid):
+    """Yield (job, tiles that it wants, or None for all) of each sweep that `escape_plane` does.
+
+    Where the levels will be refined is taken from a coarse look at the plane.
+    """
     if grid.levels == 1:
-        return finest
-    return replace(finest, cube=escape.composed(finest.cube, grid.levels, grid.follow))
+        yield _level_job(grid, "escape", 0), None
+        return
+    first, asked = _level_job(grid, "escape_level0", 0), {}
+    coords = {dim: first.cube.template[dim].values for dim in first.cube.tile}
+    stride = ceil(max(1, prod(map(len, coords.values())) / _GLANCE) ** 0.5)
+    look = {dim: axis[::stride] for dim, axis in coords.items()} | {"ensemble": np.array([16])}
+    short = first.cube.settings | {"n_max": min(grid.n_max, _GLANCE)}
+    field = first.compute(look, short)["escape_time"].repeat(stride, -2).repeat(stride, -1)
+    rows, columns = map(len, coords.values())
+    field = field[:, :rows, :columns]
+
+    def compute(level, wanted):
+        asked[level] = wanted
+        finer = field
+        for _ in range(level):
+            finer = refine.halved(finer)
+        return finer
+
+    refine.refine(compute, partial(_is_within, grid), grid.levels, grid.tile)
+    for level, wanted in asked.items():
+        yield _level_job(grid, f"escape_level{level}", level), wanted
+
+
+def _is_within(grid, field):
+    return np.concatenate([field <= n for n in grid.follow])
 
 
 def _level_job(grid, name, level):
@@ -91,28 +125,13 @@ def escape_plane(run, grid):
     `escape_level0` and so on, and `escape` is composed of them, with the `level` of each cell.
     """
     if grid.levels == 1:
-        return run.sweep(planned(grid))
+        return run.sweep(_level_job(grid, "escape", 0))
 
     def compute(level, wanted):
         return run.sweep(_level_job(grid, f"escape_level{level}", level), wanted).escape_time.values
 
-    def is_within(field):
-        return np.concatenate([field <= n for n in grid.follow])
-
-    composed = refine.refine(compute, is_within, grid.levels, grid.tile)
-    finest = _level_job(grid, "escape", grid.levels - 1).cube
-    cube = escape.composed(finest, grid.levels, grid.follow, *composed)
+    cube = planned(grid, *refine.refine(compute, partial(_is_within, grid), grid.levels, grid.tile))
     return run.keep(cube.name, cube.template, cube.tile, **cube.settings)
-
-
-def tiles_wanted(place, number):
-    """Return how many tiles of a level of refinement are wanted; None before all are composed."""
-    if "escape" not in store.names(place):
-        return None
-    field = store.read(place, "escape")
-    cells = field.attrs["cells_per_tile"] * refine.FACTOR ** (field.attrs["levels"] - 1 - number)
-    width = dict.fromkeys(field.level.dims, cells)
-    return int((field.level.coarsen(width, boundary="pad").max() >= number).sum())
 
 
 def boundary_table(dataset, angles, steps):

@@ -6,8 +6,10 @@ Exit codes: 0 done; 1 tiles failed, or the workers are gone, or the disk or the 
 
 import os
 import sys
-from contextlib import contextmanager, nullcontext
+import time
+from contextlib import contextmanager, suppress
 from functools import cache, partial
+from math import prod
 from tempfile import TemporaryDirectory
 
 import click
@@ -16,15 +18,15 @@ import numpy as np
 from pipeline import store
 from pipeline.cubes.cube import Cube
 from pipeline.sweep.cluster import ClusterError, connect, credentials
-from pipeline.sweep.grid import tile_slices
+from pipeline.sweep.grid import tile_coords
 from pipeline.sweep.progress import Progress, duration
 from pipeline.sweep.sweep import sweep
 from workflows.figures.style import save
-from workflows.parts.cli import announce_kernels
 from workflows.parts.tables import write
 
 MAX_REASONS = 10  # failed tiles whose reasons are printed
-_PROBES = 10  # tiles that a first estimate of a sweep's time looks at
+_PROBING = 0.3  # CPU seconds for which an estimate of a sweep's time looks at its tiles
+_LONG = 5  # CPU seconds of work that are announced
 
 
 def place_of(out, url=None):
@@ -35,76 +37,92 @@ def place_of(out, url=None):
         raise click.UsageError(str(error)) from None
 
 
+def cubes_of(place):
+    """Return the names of the cubes in a place; a usage error if it holds none."""
+    if names := store.names(place):
+        return names
+    raise store.Refused(f"{place} holds no cubes; give the --out or --store of a run")
+
+
 class Run:
     """The run of one command: it writes cubes into its place, tables and figures into OUT.
 
     out : directory of tables and figures.
     place : Place of the cubes.
     cluster : arguments of `cluster.connect`.
+    dry : only say what would be computed, and end.
     """
 
-    def __init__(self, out, place, cluster=None):
-        self.out, self.place, self.cluster = out, place, cluster
+    def __init__(self, out, place, cluster=None, dry=False):
+        self.out, self.place, self.cluster, self.dry = out, place, cluster, dry
         self.client, self.started = None, False
-        self.sweeps, self.begun = 1, {}
-        self.line, self.expected = None, {}
+        self.plan, self.begun = {}, {}
         self.words, self.written = [], {}
 
     @contextmanager
-    def driving(self):
-        """Hold the place as its one driver; at the end print what was found, and where it is."""
-        with explained(self.place), store.driving(self.place):
-            self.started = True
-            os.makedirs(self.out, exist_ok=True)
-            announce_kernels()
-            yield self
+    def driving(self, seconds=0):
+        """Hold the place as its one driver; at the end print what was found, and where it is.
+
+        seconds : CPU time, about, of what is computed without sweeps.
+        """
+        with explained(self.place):
+            self._announce(seconds)
+            with store.driving(self.place):
+                self.started = True
+                os.makedirs(self.out, exist_ok=True)
+                foreseen = {name: (n, cpu) for name, (n, _, _, cpu) in self.plan.items()}
+                with Progress("computing", sys.stderr, foreseen) as self.line:
+                    yield self
         self._finish()
 
     @contextmanager
-    def sweeping(self, *jobs, sweeps=None):
+    def sweeping(self, *jobs, later=(), seconds=0):
         """As `driving`, with workers for the sweeps; refuse a place with other settings first.
 
-        sweeps : how many there will be, if that is not one for each job.
+        jobs : the Jobs of sweeps.
+        later : of further sweeps, which depend on the results of these: (Job that costs about as
+            much, the set of tiles that it will want, or None for all).
         """
-        self.sweeps = sweeps or len(jobs)
         with explained(self.place):
             for job in jobs:
                 self.check(job.cube)
-            with connect(**self.cluster) as client, self.driving():
+            for job, wanted in [*((job, None) for job in jobs), *later]:
+                self.plan[job.cube.name] = _expected(self.place, job, wanted)
+            with connect(**self.cluster) as client, self.driving(seconds):
                 self.client = partial(_told, client, self.cluster.get("scheduler"))
-                if self.sweeps > 1:
-                    self._foresee(jobs)
                 yield self
 
-    def _foresee(self, jobs):
-        """Say how long the sweeps will take that are planned, and count them on the line."""
-        self.line = Progress("all sweeps", sys.stderr)
-        # A composed cube has the levels of refinement as sweeps, which depend on one another.
-        known = [job for job in jobs if "levels" not in job.cube.settings]
-        self.expected = {job.cube.name: _expected(self.place, job) for job in known}
-        tiles, seconds = np.sum([(0, 0), *self.expected.values()], axis=0)
-        self.line.begin(int(tiles), seconds)
-        if seconds > 0:
-            words = f"{len(known)} of {self.sweeps} sweeps are planned: {tiles:.0f} tiles"
-            click.echo(f"{words}, about {duration(seconds)} of CPU time", err=True)
+    def _announce(self, besides):
+        """Say how long it will take; end the program here if this is all that was asked for.
+
+        besides : CPU seconds of what is not swept.
+        """
+        tiles, files, size, seconds = np.sum([(0,) * 4, *self.plan.values()], axis=0)
+        seconds += besides
+        if self.dry:
+            for name, (n, *parts, cpu) in self.plan.items():
+                click.echo(_planned(name, n, *parts, cpu))
+            click.echo(_planned("in all", tiles, files, size, seconds))
+            sys.exit()
+        if seconds > _LONG:
+            swept = f"{len(self.plan)} sweeps, {tiles:.0f} tiles, " if self.plan else ""
+            click.echo(f"{swept}about {duration(seconds)} of CPU time", err=True)
 
     def check(self, cube):
         """Refuse to go on if the place holds this cube with other settings."""
-        store.check(self.place, cube, store.computed_by())
+        with explained(self.place):
+            store.check(self.place, cube, store.computed_by())
 
-    def sweep(self, job, wanted=None, line_stays=False):
+    def sweep(self, job, wanted=None):
         """Compute the missing tiles of the job's cube, or those `wanted`; return it as a Dataset.
 
-        `line_stays`: the next sweep goes on with its line. The program ends if tiles fail, and on
-        Ctrl-C.
+        The program ends if tiles fail, and on Ctrl-C.
         """
         name = job.cube.name
         number = self.begun.setdefault(name, len(self.begun) + 1)
-        if self.line:
-            self.line.name = f"sweep {number} of {self.sweeps}, {name}"
-            self.line.begin(*(-foreseen for foreseen in self.expected.pop(name, (0, 0))))
-        with self.line if self.line and not line_stays else nullcontext():
-            outcome = sweep(self.client, self.place, job, wanted, self.line)
+        self.line.go_on(f"sweep {number} of {len(self.plan)}, {name}", name)
+        outcome = sweep(self.client, self.place, job, wanted, self.line)
+        self.line.name = "computing"
         _go_on(outcome)
         self._note("cubes", self.place.cube(name))
         return store.read(self.place, name)
@@ -179,21 +197,31 @@ def shared_workers(scheduler, n_workers, tls):
         yield ["--scheduler", client().scheduler.address, "--tls", *tls]
 
 
-def _expected(place, job):
-    """Return how many tiles of the job's cube are missing, and the CPU seconds predicted for them.
+def _expected(place, job, wanted):
+    """Return what is to be computed of the job's cube: tiles, files, MB, CPU seconds.
 
-    By some of these tiles.
+    The seconds are predicted from some of the tiles. wanted : set of tiles, or None for all.
     """
-    cube = job.cube
-    begun = cube.name in store.names(place)
+    cube, begun = job.cube, False
+    with suppress(store.Refused):  # the place does not exist
+        begun = cube.name in store.names(place)
     tiles = store.missing(place, cube) if begun else np.argwhere(np.ones(store.tile_counts(cube)))
-    axes = {dim: cube.template[dim].values for dim in cube.sizes if dim in cube.template.coords}
-    costs = [0.0]
-    for index in tiles[:: -(-len(tiles) // _PROBES) or 1].tolist():
-        cells = tile_slices(index, cube.sizes, cube.tile)
-        coords = {dim: axis[cells.get(dim, slice(None))] for dim, axis in axes.items()}
+    if wanted is not None:
+        tiles = tiles[[tuple(index) in wanted for index in tiles.tolist()]]
+    costs, end = [], time.thread_time() + _PROBING
+    for _, coords in tile_coords(cube, np.random.default_rng(0).permutation(tiles)):
         costs.append(float(job.predict(coords, cube.settings)))
-    return len(tiles), len(tiles) * sum(costs) / max(1, len(costs) - 1)
+        if time.thread_time() > end:
+            break
+    files = len(tiles) * (len(cube.computed) + 1)
+    size = cube.template.nbytes / 1e6 * len(tiles) / prod(store.tile_counts(cube))
+    return len(tiles), files, size, len(tiles) * sum(costs) / max(1, len(costs))
+
+
+def _planned(name, tiles, files, size, seconds):
+    """Return a line of --dry-run. The commit record of a tile is a file, too."""
+    hours = f"{seconds / 3600:.2g} CPU hours"
+    return f"{name:24} {tiles:8.0f} tiles {files:9.0f} files {size:9.3g} MB {hours:>18}"
 
 
 def _go_on(outcome):

@@ -7,7 +7,6 @@ Writes OUT/CUBE.nc (netCDF 3, read by everything) and OUT/CUBE.csv.
 """
 
 # %% Open.
-import json
 import sys
 from pathlib import Path
 
@@ -20,19 +19,14 @@ if len(sys.argv) < 2 or not Path(sys.argv[1], f"{name}.zarr").is_dir():
     print(__doc__, *missing, sep="\n", file=sys.stderr)
     sys.exit(2)
 out = Path(sys.argv[1])
-cube = xr.open_zarr(out / f"{name}.zarr", chunks=None)
+cube = xr.open_zarr(out / f"{name}.zarr", chunks=None).load()
 
-# %% netCDF attributes are numbers, texts and lists of numbers: write all others as JSON.
-cube = cube.load()
+# %% netCDF.
 outcomes = {
     key: dict(zip(codes.flag_values, codes.flag_meanings.split(), strict=True))
     for key, codes in cube.data_vars.items()
     if "flag_meanings" in codes.attrs
 }
-for attrs in (cube.attrs, *(variable.attrs for variable in cube.variables.values())):
-    for key, value in attrs.items():
-        if not isinstance(value, (str, int, float)):
-            attrs[key] = json.dumps(value)
 cube.to_netcdf(out / f"{name}.nc", engine="scipy")
 
 # %% One row for each cell; partial quotients of ω and bounds of cells are left to netCDF.

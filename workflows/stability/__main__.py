@@ -30,7 +30,7 @@ def main(run, quick):
     from workflows.stability.studies import STUDIES
 
     found = {}
-    with run.driving():
+    with run.driving(40 if quick else 250):
         for number, (name, study) in enumerate(STUDIES.items(), 1):
             click.echo(f"study {number} of {len(STUDIES)}: {name}", err=True)
             found[name] = run.keep(f"stability_{name}", study(quick), quick=quick)

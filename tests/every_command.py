@@ -1,0 +1,74 @@
+"""Run every command once, at its smallest setting: `python every_command.py OUT [HIDDEN ...]`.
+
+HIDDEN are packages that then cannot be imported, as where an extra is not installed. Prints a JSON
+object {command: [exit code, what it printed]}. All sweeps share two workers, threads of this
+process. Only the explorer is left out, which runs until it is stopped.
+"""
+
+import json
+import shlex
+import sys
+from pathlib import Path
+
+PLANE = "--kappa1 0:1.1:8 --kappa2 0:1.1:8 --n-max 100 --n-orbits 4"
+SMALLEST = {
+    "ask": "0.3 0.2 --prove",
+    "circle_boundaries": "--angles 2 --tips 0 --tol 0.1 --q-max 100 --omega gamma --omega 2gamma",
+    "claims": "--angles 3 --tips 0 --tol 0.01 --n-max 10000 --n-orbits 10",
+    "convergence": "--quick --n-max 1000 --n-orbits 10",
+    "critical_boundary": f"{PLANE} --levels 2 --tile 2 --angles 3 --tips 0 --tol 0.1",
+    "direct_boundary": "--steps 100 --n-orbits 4 --angles 3 --tips 0",
+    "escape_plane": PLANE,
+    "flux": "--angle 0 --nearest 0.1 --q-max 100",
+    "frequencies": "--q-max 2 --also 1/3 --irrational 0.41421356237309515 --phases 2",
+    "gallery": "--only period_one",
+    "last_barrier": "--angles 2 --tips 0 --tol 0.1",
+    "period_one": "--primary -4:4:20 --secondary 0:8:10",
+    "portraits": "--n-orbits 2 --steps 10",
+    "proved_boundary": "--angles 2 --seconds 0.1",
+    "proved_map": "--cells 32 --seconds 0.001",
+    "rotating": "--angles 2 --tips 0 --n-max 64 --n-orbits 4 --tori 2 --vector 44/81,68/81",
+    "self_consistent": "--coupling 0.5 --particles 256 --kicks 4096",
+    "stability": "--quick",
+    "three_kicks": "--angles 2 --tips 0 --tol 0.1 --phase 0",
+    "tori": "--quick --vector 0.6180339887498949,0.2700907567377265 --angles 2",
+    "work_precision": "--only barriers --only barrier-proof --angle 45",
+    "status": "",
+    "verify": "",
+}
+WITHOUT_WORKERS = (
+    *("ask", "period_one", "portraits", "self_consistent", "stability", "work_precision"),
+    *("status", "verify"),
+)
+
+
+class Hidden:
+    """A finder of modules that finds none of some packages."""
+
+    def __init__(self, packages):
+        self.packages = packages
+
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in self.packages:
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+
+
+def main(out, *hidden):
+    sys.meta_path.insert(0, Hidden(hidden))
+    from commands import invoke
+    from toy import workers_here
+
+    told = {}
+    with workers_here() as client:
+        workers = ["--scheduler", client().scheduler.address]
+        for name, options in SMALLEST.items():
+            there = Path(out, {"status": "last_barrier", "verify": "last_barrier"}.get(name, name))
+            sweeps = [] if name in WITHOUT_WORKERS else workers
+            result = invoke(name, there, *shlex.split(options), *sweeps)
+            told[name] = result.exit_code, f"{result.output}{result.exception or ''}"
+            print(name, result.exit_code, file=sys.stderr, flush=True)
+    print(json.dumps(told))
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

@@ -1,0 +1,62 @@
+"""What captions say where there is little to say: no nan, and percents in plain digits."""
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+import xarray as xr
+
+from nasm.planes import two_kicks
+from nasm.symmetries import ray
+from pipeline.cubes.barrier import boundary
+from pipeline.cubes.proved_map import proved_map
+from pipeline.cubes.tori import breakups
+from workflows.figures.flux import draw_flux
+from workflows.figures.proved_map import draw_proved_map
+from workflows.figures.tori import draw_breakups
+from workflows.parts import flux
+from workflows.parts.findings import boundary_found
+
+
+@pytest.fixture(autouse=True)
+def _closed():
+    yield
+    plt.close("all")
+
+
+@pytest.mark.parametrize(
+    ("away", "said"), [(0.02, "within 1."), (0.1, "within 10"), (9, "Nothing")]
+)
+def test_the_proved_map_says_how_near_open_cells_are_in_plain_percents(away, said):
+    angles = np.array([0.0, 45.0])
+    kappa1, kappa2 = 0.5 * ray(angles).T
+    known = {"angle": angles, "critical_scale": ("angle", [0.5, 0.5])}
+    known |= {"kappa1": ("angle", kappa1), "kappa2": ("angle", kappa2)}
+    cube = proved_map([(0.0, 0.5, ""), (45.0, 0.5, "")], 64, 1.0).cube
+    scale = np.hypot(*np.meshgrid(cube.template.kappa1, cube.template.kappa2)) / 0.5
+    proved = np.where(scale > 1, 2, 3)
+    if away < 1:
+        proved[np.abs(np.abs(scale - 1) - away) < 0.01] = 1
+    filled = cube.template.assign(proved=cube.template.proved.copy(data=proved))
+    _, caption = draw_proved_map(filled.assign_attrs(cells=64), xr.Dataset(known))
+    assert said in caption
+    assert "e+0" not in caption
+
+
+def test_a_law_of_the_flux_that_cannot_be_fitted_is_none():
+    excesses = np.geomspace(0.1, 0.5, 5)
+    cube = flux.foreseen([0.0, 30.0], excesses, 100).cube
+    values = np.tile(1e-3 * excesses**3, (2, 1))
+    filled = cube.template.assign(flux=cube.template.flux.copy(data=values), q_max=100)
+    _, caption = draw_flux(filled.assign_attrs(q_max=100), flux.laws(filled))
+    assert "none at 30°, of too few distances" in caption
+    assert "nan" not in caption
+
+
+def test_tori_and_boundaries_without_an_answer_have_no_error_in_percent():
+    tori = breakups([(0.22, 0.618)], [30.0], 0.1).cube.template.load()
+    _, caption = draw_breakups(tori)
+    assert "rays; none found" in caption
+    found = boundary([0.0, 45.0], 0.1, two_kicks())
+    nothing = found.assign({name: found[name] * np.nan for name in ("lower", "upper")})
+    assert "no bracket was found" in boundary_found(nothing)
+    assert "nan" not in caption + boundary_found(nothing)

@@ -1,0 +1,64 @@
+"""Every command runs once to its end, with all extras installed and without."""
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import xarray as xr
+from every_command import SMALLEST
+
+from workflows.parts.cli import commands
+
+HERE = Path(__file__).parent
+NEED_FLINT = {"ask", "proved_boundary", "proved_map"}
+pytestmark = pytest.mark.slow
+
+
+def test_all_commands_but_the_explorer_are_run():
+    assert sorted(["explore", *SMALLEST]) == commands()
+
+
+@pytest.mark.parametrize("hidden", [[], ["flint", "bokeh"]], ids=["with extras", "without"])
+def test_every_command_ends_well_and_what_it_keeps_goes_to_netcdf(tmp_path, hidden):
+    script = [sys.executable, str(HERE / "every_command.py"), str(tmp_path / "out"), *hidden]
+    ended = subprocess.run(script, stdout=subprocess.PIPE, text=True, check=True)
+    for name, (code, told) in json.loads(ended.stdout).items():
+        assert code == (name in NEED_FLINT and "flint" in hidden), f"{name}: {told}"
+        assert not re.search(r"\bnan\b|Traceback", told), f"{name}: {told}"
+        assert code == 0 or "pip install 'nasm-transport[proof]'" in told
+    cubes = [path for path in tmp_path.glob("out/*/*.zarr") if path.is_dir()]
+    assert len(cubes) > 30
+    for path in cubes:
+        cube = xr.open_zarr(path)
+        assert cube.chunks is not None  # one length along each dimension, or ValueError
+        cube.to_netcdf(path.with_suffix(".nc"))
+
+
+@pytest.mark.parametrize("hidden", [[], ["bokeh"]], ids=["with Bokeh", "without"])
+def test_the_explorer_starts_and_ends_with_ctrl_c_or_says_what_it_needs(tmp_path, hidden):
+    code = f"import sys; sys.path.insert(0, {str(HERE)!r}); from every_command import Hidden\n"
+    code += f"sys.meta_path.insert(0, Hidden({hidden}))\n"
+    code += "if __name__ == '__main__': from workflows.explore import main; main()\n"
+    script = tmp_path / "explore.py"
+    script.write_text(code)
+    options = ["--no-browser", "--port", "0", "--workers", "1", "--out", str(tmp_path / "out")]
+    paths = {**os.environ, "PYTHONPATH": str(HERE.parent)}
+    how = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True, "env": paths}
+    with subprocess.Popen([sys.executable, script, *options], **how) as explorer:
+        told = ""
+        for line in explorer.stdout:
+            told += line
+            if "http://" in line:
+                explorer.send_signal(signal.SIGINT)
+    assert "Traceback" not in told
+    if hidden:
+        assert explorer.returncode == 1
+        assert "pip install '.[explore]'" in told
+    else:
+        assert explorer.returncode in (0, 130)
+        assert "http://" in told
