@@ -1,7 +1,5 @@
 """Commands on rays and over planes keep labelled cubes whose numbers are those of `nasm`."""
 
-import json
-
 import numpy as np
 import pytest
 import xarray as xr
@@ -102,7 +100,7 @@ def test_three_kicks_are_kept_as_labelled_cubes(tmp_path, workers):
 
 def test_any_plane_is_swept_with_the_names_of_its_axes(tmp_path, workers):
     plane = Plane("mine", {"kappa_b": "b", "kappa_a": "a"}, (0, 0.1, 0), (1, 0, 0), (0, 1, 2))
-    (tmp_path / "mine.json").write_text(json.dumps(plane.record["plane"]))
+    (tmp_path / "mine.json").write_text(plane.record["plane"])
     axes = ["--first", "0:2:8", "--second", "-1:1:8", "--n-max", "100"]
     options = ["--plane", str(tmp_path / "mine.json"), *axes, *workers]
     told = succeed("escape_plane", tmp_path / "out", *options)
