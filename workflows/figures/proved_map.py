@@ -4,10 +4,10 @@ import numpy as np
 from matplotlib.colors import ListedColormap
 from matplotlib.patches import Patch
 
-from workflows.figures.style import COLOURS, NO_ESCAPE, in_column, panels
+from workflows.figures.style import COLOURS, in_column, panels
 
 _STATES = {
-    "open": (NO_ESCAPE, "open"),
+    "open": ("0.9", "open"),
     "transport_is_global": (COLOURS[1], "transport is proved to be global"),
     "barrier_exists": (COLOURS[0], "a barrier is proved to exist"),
 }
@@ -35,7 +35,7 @@ def draw_proved_map(cube, barrier):
         axes.plot(sign1 * x, sign2 * y, color="black", lw=0.8)
     axes.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$", aspect="equal")
     patches = [Patch(color=colour, label=told) for colour, told in _STATES.values()]
-    columns = 2 if in_column() else 3
+    columns = 1 if in_column() else 3
     figure.legend(handles=patches, loc="outside upper center", ncols=columns, frameon=False)
     return figure, _caption(cube, states, codes, barrier)
 

@@ -31,7 +31,8 @@ def draw_stability(studies):
             axes.grid(lw=0.3)
             if entries := axes.get_legend_handles_labels()[0]:
                 below = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.16)}
-                axes.legend(fontsize="small", ncols=1 + (len(entries) > 3), **below)
+                where = {} if part == "boundary" else below  # whose labels are long, and top free
+                axes.legend(fontsize="small", ncols=1 + (len(entries) > 3), **where)
         drawn[name] = parts, figure
     return drawn
 
@@ -45,7 +46,9 @@ def draw_near_cusp(axes, study):
         axes.plot(study.delta, here.error, "--", color=colour, lw=1)
         _mark_silent(axes, study.delta[(here.status != 1).values] * 1.2**i, colour)
     axes.set(xscale="log", yscale="log", xlabel=r"$45° - \varphi$ (degrees)")
-    axes.set(ylabel="relative error", title="Near the cusp; dashed: claimed; ×: no answer")
+    axes.set(ylabel="relative error", title="Near the cusp")
+    for style, words in (("--", "claimed"), ("x", "no answer (on the axis)")):
+        axes.plot([], [], style, color="0.4", lw=1, label=words)
 
 
 def _mark_silent(axes, x, colour):

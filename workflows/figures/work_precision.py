@@ -23,7 +23,7 @@ _BETTER = ("extrapolated", "value", "blow-up", "Aitken", "proved")
 
 def draw_work_precision(data):
     """Draw error against CPU time, a panel for each ray, and the time of a Newton step; in a column
-    the first two rays.
+    the better answers on the first two rays.
 
     Grey: below the error of what all are judged by.
     """
@@ -36,8 +36,14 @@ def draw_work_precision(data):
         for method, name in enumerate(names_of(data.method)):
             colour = next(c for start, c in _METHOD_COLOURS.items() if name.startswith(start))
             better = any(word in name for word in _BETTER)
+            if in_column() and not better:
+                continue
             style = {"color": colour, "ls": "-" if better else "--", "lw": 1.2, "label": name}
-            style |= {"marker": "o", "ms": 5, "mfc": colour if better else "white"}
+            style |= {
+                "marker": "o",
+                "ms": 3 if in_column() else 5,
+                "mfc": colour if better else "white",
+            }
             axes.plot(here.cpu_seconds[method], np.maximum(here.error[method], 1e-16), **style)
         axes.axhspan(1e-16, float(here.judge_error), color="0.9")
         axes.set(xscale="log", yscale="log", ylim=(1e-14, 2), xlabel="CPU time (s)")
@@ -48,9 +54,10 @@ def draw_work_precision(data):
         axes.grid(lw=0.3)
     entries = drawn[0].get_legend_handles_labels()
     figure.legend(
-        *entries, loc="outside lower center", ncols=2 if in_column() else 4, fontsize="small"
+        *entries, loc="outside lower center", ncols=1 if in_column() else 4, fontsize="small"
     )
     if in_column():
+        figure.set_figheight(figure.get_figheight() + 1.2)  # for the legend
         return figure
     steps = drawn[data.angle.size]
     for i, name in enumerate(names_of(data.form)):
