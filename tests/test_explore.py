@@ -5,6 +5,8 @@ import re
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from http.client import HTTPConnection, HTTPException
 from itertools import product
 from urllib.parse import parse_qs, parse_qsl, urlparse
 
@@ -521,8 +523,13 @@ def test_no_other_site_and_no_other_machine_gets_in(served, chromium):
     tab.close()
     main = psutil.Process(process.pid)
     family = [main, *main.children(recursive=True)]
-    open_to = [port.laddr.ip for one in family for port in one.net_connections() if not port.raddr]
-    assert set(open_to) == {"127.0.0.1"}
+    ports = [port.laddr for one in family for port in one.net_connections() if not port.raddr]
+    assert {port.ip for port in ports} == {"127.0.0.1"}
+    for port, path in product(ports, ("/status", "/info/main/workers.html", "/metrics")):
+        with suppress(OSError, HTTPException):  # it speaks no HTTP
+            dask = HTTPConnection(port.ip, port.port, timeout=5)
+            dask.request("GET", path, headers={"Host": ELSEWHERE})
+            assert dask.getresponse().status in (403, 404)  # no dashboard
 
 
 @needed
