@@ -81,7 +81,8 @@ def main(out):
         try:
             draw(lambda cube, place=place: xr.open_zarr(place / f"{cube}.zarr").load())
         except FileNotFoundError:
-            told = f"python -m workflows.{name} --out {place}"
+            full = "" if name == "critical_boundary" else " --full"
+            told = f"python -m workflows.{name}{full} --out {place}"
             print(f"{place} has no cubes; {draw.__name__}.png stays as it is. They come by {told}")
     explorer(out / "critical_boundary")
 
