@@ -308,7 +308,7 @@ def crossings(omega, profile, q_max=6000, start=None, family=minimax_centre):
     """
     start, profile, short_omega, q_max = _shortened(omega, profile, q_max, start)
     dominant_centre(start + profile)
-    if omega.is_rational:
+    if short_omega.is_rational:
         return np.empty((2, 0))
     return _crossings(short_omega, q_max, _SymmetricOrbits(start, profile, family))[0]
 
