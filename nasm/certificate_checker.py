@@ -11,9 +11,9 @@ boxes cover the starts y of [0, 1/2], and that for each box there is one η, eve
 
     Q = Σ_k η_k ((2 + κ_k cos 2πx_k) η_k - η_{k+1} - η_{k-1}) ≤ 0.
 
-Orbits of a box are x_k = x̂_k + σ t_k + σ_0 p_k + σ_1 p'_k + σ² q_k + ρ_k, |σ|, |σ_i| ≤ 1, as balls
-of so many digits that rounding does not matter; p belongs to the strengths κ_i = k_i + σ_i h_i, and
-is 0 for a single forcing. η is any sequence of floats.
+Orbits of a box are x_k = x̂_k + σ t_k + σ_0 p_k + σ_1 p'_k + σ² q_k + ρ_k, |σ|, |σ_i| ≤ 1, where
+x̂_k, t_k, … are exact numbers of 128 bits, and ρ_k is bounded with all that they miss; p belongs to
+the strengths κ_i = k_i + σ_i h_i, and is 0 for a single forcing. η is any sequence of floats.
 
 *A barrier.* A function is a Laurent polynomial in z = e^{2πiφ}, |k| ≤ D, with balls for
 coefficients, and a bound of the norm Σ_k |f_k| e^{2π|k|ρ} of all that was left out. Sums, products,
@@ -250,7 +250,7 @@ def second_variation(a, box, life):
     box : ŷ, δ, then k and h of each strength, the first one that of the kick at x = a, then, if
     there are any, the shears.
     """
-    with ctx.workprec(128 + 3 * life):  # a kick multiplies the radius of a ball by less than 8
+    with ctx.workprec(128):
         return summed(list(orbits(a, box, life)))
 
 
@@ -283,6 +283,7 @@ def orbits(a, box, life):
     moves, moves_next = [arb(0)] * (1 + len(widths)), [delta]
     moves_next += [shear * width for shear, width in zip(shears, widths, strict=True)]
     q, q_next = arb(0), arb(0)
+    x_last, v_last, q_last, moves_last = x, v, q, moves
     on_v = on_t = arb(0)  # |ρ| ≤ on_v |v| + on_t |t|
     for n in range(life):
         i = n % len(strengths)
@@ -304,27 +305,32 @@ def orbits(a, box, life):
             + upper(k) * 4 * pi**3 / 3 * largest**3
             + width * 2 * pi * largest * (upper(sine) + pi * largest),  # σ_i h_i (cos - cos)
         )
-        # What the next site of the expansion misses, spread over solutions of the linear chain,
-        # whose Wronskian v_n t_{n+1} - v_{n+1} t_n is δ.
+        # What the next site of the expansion misses is spread over v and t, which also miss a
+        # little; by Cramer's rule, with their Wronskian v_n t_{n+1} - v_{n+1} t_n.
         defect = upper(k) * (
             pi * upper(sine) * squares
             + 2 * pi**2 / 3 * upper(cosine) * largest**3
             + pi**3 / 3 * largest**4
         )
         defect += width * (upper(cosine) * largest + pi * largest**2)
-        on_v += defect * upper(t) / delta
-        on_t += defect * upper(v) / delta
-        if n == 0:  # the next sites are known: x_1 = a + y, and v is even
-            x, x_last, v, v_last, q, q_last = x_next, x, v_next, v, q_next, q
-            moves, moves_last = moves_next, moves
-            continue
-        slope = 2 + k * cosine
-        x, x_last = 2 * x - x_last + k * sine / (2 * pi), x
-        q, q_last = slope * q - q_last - pi * k * sine * t**2, q
-        v, v_last = slope * v - v_last, v
-        after = [slope * move - last for move, last in zip(moves, moves_last, strict=True)]
-        after[1 + i] += width * sine / (2 * pi)
-        moves, moves_last = after, moves
+        if n > 0:  # else the next sites are known: x_1 = a + y, and v is even
+            slope = 2 + k * cosine
+            x_next = 2 * x - x_last + k * sine / (2 * pi)
+            q_next = slope * q - q_last - pi * k * sine * t**2
+            v_next = slope * v - v_last
+            moves_next = [slope * move - last for move, last in zip(moves, moves_last, strict=True)]
+            moves_next[1 + i] += width * sine / (2 * pi)
+        # Exact numbers take their place, so that balls do not grow: that is one more miss.
+        x_next, missed = x_next.mid(), upper(x_next - x_next.mid())
+        defect += missed + upper(q_next - q_next.mid()) + on_v * upper(v_next - v_next.mid())
+        defect += sum(upper(move - move.mid()) for move in moves_next)
+        defect += on_t * upper(moves_next[0] - moves_next[0].mid())
+        q_next, v_next, moves_next = q_next.mid(), v_next.mid(), [m.mid() for m in moves_next]
+        wronskian = arb((v * moves_next[0] - v_next * t).abs_lower())
+        on_v += defect * upper(t) / wronskian
+        on_t += defect * upper(v) / wronskian
+        x, x_last, v, v_last, q, q_last = x_next, x, v_next, v, q_next, q
+        moves, moves_last = moves_next, moves
 
 
 def some_sequence(sites):

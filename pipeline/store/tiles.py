@@ -200,7 +200,8 @@ def tiles_of(place, name):
     cube, record = read(place, name), arrays_of(place, name).get(COMMIT)
     if record is None:  # written whole
         return
-    first = next(iter(tiled_arrays(arrays_of(place, name)).values()))
+    tiled = tiled_arrays(arrays_of(place, name))
+    first = next(tiled[key] for key in tiled if key != COMMIT)
     sizes = dict(zip(dims_of(first), first.chunks, strict=True))
     for index in map(tuple, np.argwhere(survey(place, name)[0]).tolist()):
         places = zip(dims_of(record), index, strict=False)
