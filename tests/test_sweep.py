@@ -262,6 +262,7 @@ def test_workers_keep_freed_memory(client):
 
 
 def test_workers_listen_on_loopback_only_and_to_their_own_driver_alone(client):
+    client().wait_for_workers(2)
     cluster, workers = client().cluster, psutil.Process().children(recursive=True)
     ours = {cluster.scheduler.port, cluster.scheduler.http_server.port}
     ours |= {nanny.port for nanny in cluster.workers.values()}
