@@ -379,22 +379,22 @@ def _kicks(lines, places, n_kicks):
     return times
 
 
-def longest_found(lifetimes, grids, kept=_KEPT):
+def longest_found(lifetimes, grids, kept=_KEPT, apart=0.01):
     """`beam_search` on each of the grids (starts, offset), until one finds a survivor."""
     found = []
     for grid in grids:
-        found.append(beam_search(lifetimes, *grid, kept))
+        found.append(beam_search(lifetimes, *grid, kept, apart))
         if np.isinf(found[-1][1]):
             break
     return max(found, key=lambda start: start[1])
 
 
-def beam_search(lifetimes, starts, offset, kept=_KEPT):
+def beam_search(lifetimes, starts, offset, kept=_KEPT, apart=0.01):
     """y in [0, 1/2] and lifetime of the start that lives longest; one survivor is enough.
 
     lifetimes : function, vector of y → their lifetimes in kicks, inf for a survivor. starts, offset
     : a grid, the number of its starts and the place of each in its cell. kept : as for
-    `longest_lived`.
+    `longest_lived`. apart : the search ends when cells are smaller than this over T².
     """
     cell = 0.5 / starts
     y = (np.arange(starts) + offset) * cell
@@ -407,7 +407,7 @@ def beam_search(lifetimes, starts, offset, kept=_KEPT):
             best_y, best_time = float(y[longest]), float(times[longest])
         # The map shears: starts a cell apart are T cells apart after T kicks. They live equally
         # long if that is less than 1/T, the distance of neighbours on an orbit of T kicks.
-        if np.isinf(best_time) or cell * best_time**2 < 0.01 or cell < np.spacing(0.5):
+        if np.isinf(best_time) or cell * best_time**2 < apart or cell < np.spacing(0.5):
             return best_y, best_time
         parents = y[np.argsort(-times, kind="stable")[:kept]]
         cell *= _SHRINK

@@ -5,11 +5,13 @@ from math import cos, fsum, hypot, pi, sin
 
 import numpy as np
 import pytest
+from oracles import KAPPA_G
 
-from nasm import escape, fourier, phases, transversals
+from nasm import continuation, escape, fourier, phases, transversals
 from nasm.maps import TWO_PI, kick, phased_kick
 from nasm.self_consistent import evolve, momentum
 from workflows.figures.self_consistent import draw_self_consistent
+from workflows.parts import once
 from workflows.parts import self_consistent as study
 
 RNG = np.random.default_rng(21)
@@ -56,6 +58,35 @@ def asymptotic_circle(kappa, omega=0.618, n=4096):
     angle = np.arange(n) / n
     x, y = phases.asymptotic(kappa, 0.0, 0.0, angle, np.full(n, omega))
     return x, y, 1 + fourier.derivative(x - angle)
+
+
+def ramp(rate, n_kicks):
+    """κ_G + rate·n, n counted from the middle."""
+    return KAPPA_G + rate * np.arange(-n_kicks, n_kicks + 1)
+
+
+def test_the_search_finds_lives_as_long_as_a_dense_scan_does_where_the_kicks_change():
+    kappa, low, high, longest = ramp(1e-3, 600), 0.4, 0.41, 0.0
+    while high - low > 1e-12:
+        y = np.linspace(low, high, 20_001)
+        times = phases.elimination_time(kappa, 0.0, 600, np.full(y.size, 0.5), y)
+        longest, best, near = max(longest, times.max()), y[times.argmax()], (high - low) / 100
+        low, high = best - near, best + near
+    assert 300 < longest < np.inf
+    assert phases.longest_lived(kappa, 0.0, 600, 8)[2] > 0.9 * longest
+
+
+def test_lives_in_a_ramp_grow_like_the_root_of_its_slowness_up_to_the_horizon_and_no_further():
+    rates = np.array([1e-2, 3e-3, 1e-3, 1e-5])
+    lives = [phases.longest_lived(ramp(rate, 2000), 0.0, 2000, 8)[2] for rate in rates]
+    # In time by 1/γ, in κ by δ: the exponent of renormalisation.
+    growth, delta = np.log((1 + 5**0.5) / 2), np.log(continuation.UNSTABLE[(1,)])
+    expected = -growth / (growth + delta)
+    found = np.polyfit(np.log(rates[:3]), np.log(lives[:3]), 1)[0]
+    assert found == pytest.approx(expected, abs=0.05)
+    assert lives[2] < phases.HORIZON < lives[3] < 0.5 * lives[2] * 100**-expected
+    survivor = phases.Survivor(2000, 0.5, 0.4, lives[3])
+    assert next(once._told(ramp(1e-5, 2000), survivor, np.inf)).startswith("UNDECIDED")
 
 
 def test_asymptotic_circles_converge_as_the_kicks_fade_and_keep_their_area():

@@ -86,8 +86,9 @@ def _caption(fields, verdicts, settling):
             return f"from Γ = {couplings[first]:g} on"
         return f"for Γ = {', '.join(f'{coupling:g}' for coupling in couplings[holds])}"
 
-    names = "kicks", "kicks_fitted", "escape"
-    recorded, fitted, escaped = (where(np.isfinite(verdicts[name].values)) for name in names)
+    horizon = verdicts.attrs["horizon"]
+    recorded = where((verdicts.kicks <= horizon).values)
+    fitted, escaped = (where(np.isfinite(verdicts[n].values)) for n in ("kicks_fitted", "escape"))
     shown = verdicts.isel(coupling=_shown(verdicts))
     first, *_, circle = settling.area.values
     return (
@@ -100,7 +101,8 @@ def _caption(fields, verdicts, settling):
         "either direction from the middle of the second half. In the field as recorded no family "
         f"of graphs is found {recorded}; under κ_n = κ̄ + Δκ cos 2π(φ0 + nΩ) fitted to it, of the "
         f"same mean and variance and Ω = p/q, none is {fitted}. Longest lives are those "
-        "found by a search, which missed up to 1.3 times longer ones where more effort was spent. "
+        f"found by a search; of lives beyond {horizon} kicks in the field it may miss longer ones, "
+        "and such a field counts as undecided. "
         f"Of {fields.particle.size} particles some go 2 further in y {escaped}. (f): under κ_n = "
         f"{settling.limit} + {settling.excess} e^(-n/{settling.time}) the curve drawn in colours "
         f"comes to the golden circle of κ = {settling.limit} and bounds the same area, to "

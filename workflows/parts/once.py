@@ -24,7 +24,7 @@ def _told(kappa, survivor, first):
     size, kick = kappa.size, survivor.site + 1
     kicks = f"these {size} kicks, of strengths from {kappa.min():.6g} to {kappa.max():.6g}"
     place = f"(x, y) = ({survivor.x:.6g}, {survivor.y:.9g}) before kick {kick}"
-    if survivor.kicks < np.inf:
+    if survivor.kicks <= phases.HORIZON:
         ends = max(1, kick - int(survivor.kicks)), min(size, survivor.site + int(survivor.kicks))
         yield (
             f"NO BARRIER survives {kicks}: no curve around the cylinder is the graph of a "
@@ -37,6 +37,12 @@ def _told(kappa, survivor, first):
         yield (
             "Evidence: converse KAM on the line before that kick; near to a proof, but the starts "
             "are a sample and the arithmetic is floating point. Curves that fold are not denied."
+        )
+    elif survivor.kicks < np.inf:
+        yield (
+            f"UNDECIDED for {kicks}: all starts that were found are eliminated, the last, {place}, "
+            f"by {survivor.kicks:g} kicks in either direction. Beyond {phases.HORIZON} kicks a "
+            "search may miss starts that live longer."
         )
     else:
         yield (

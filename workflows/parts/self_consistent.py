@@ -138,7 +138,11 @@ def verdicts(fields):
         words = described(f"{name} of the longest-lived start's orbit, from the wave's")
         variables[name] = ("coupling", "step"), values % 1, words
     title = {"title": "Barriers in the recorded field", "source": "nasm/phases.py"}
-    return xr.Dataset(variables, {"coupling": fields.coupling}, {**title, "asked": half // 2})
+    return xr.Dataset(
+        variables,
+        {"coupling": fields.coupling},
+        {**title, "asked": half // 2, "horizon": phases.HORIZON},
+    )
 
 
 def _orbit(kappa, theta, site, x, y, life, drift):
