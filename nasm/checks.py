@@ -10,7 +10,7 @@ from numbers import Integral, Real
 
 import numpy as np
 
-__all__ = ["count", "fraction", "points", "real", "sealed"]
+__all__ = ["count", "floats", "fraction", "points", "real", "sealed"]
 __dir__ = __all__.copy
 
 MAX_DENOMINATOR = 10**6
@@ -24,10 +24,32 @@ def count(name, value, low, high):
 
 
 def real(name, value):
-    """`value` as a float; ValueError unless it is a number. Its range is up to the caller."""
-    if not isinstance(value, Real) or isinstance(value, bool):
-        raise ValueError(f"{name}={value!r} must be a number")
+    """`value` as a float; ValueError unless it is a number, and no long double, which a float might
+    round. Its range is up to the caller."""
+    if not isinstance(value, Real) or isinstance(value, bool | np.longdouble):
+        raise ValueError(f"{name}={value!r} must be a number that a float holds")
     return float(value)
+
+
+def floats(name, values):
+    """`values` as a float array; ValueError unless they are real numbers that floats hold.
+
+    Masked arrays are refused, and long doubles and Decimals whatever their digits; so are Fractions
+    that floats would round.
+    """
+    try:
+        given = np.asarray(values)
+        exact = given.dtype.kind in "iuf" and given.dtype.itemsize <= 8
+        if given.dtype.kind == "O":
+            exact = all(isinstance(x, Real) and float(x) == x for x in given.ravel())
+    except (TypeError, ValueError, OverflowError):
+        exact = False
+    if not exact or np.ma.isMaskedArray(values):
+        raise ValueError(
+            f"{name}={values!r} is not made of real numbers that floats hold, without a mask; "
+            f"convert them before, e.g. {name}=(0.3, 0.5)"
+        )
+    return given.astype(float)
 
 
 def fraction(name, value):
@@ -46,7 +68,7 @@ def fraction(name, value):
 
 def points(x, y):
     """x and y as finite float arrays of one shape; ValueError otherwise."""
-    x, y = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
+    x, y = floats("x", x), floats("y", y)
     try:
         x, y = np.broadcast_arrays(x, y)
     except ValueError:

@@ -62,7 +62,7 @@ import numpy as np
 from numba import njit
 
 from nasm.chain import HalfOrbit
-from nasm.checks import count
+from nasm.checks import count, floats
 from nasm.critical import CriticalScale, Status, no_answer
 from nasm.kernels import kernel
 from nasm.lanes import LANES, copysign, fabs, fma, load, minimum, own_frame, rint, store
@@ -113,7 +113,7 @@ def elimination_time(kappa, y, n_max):
 
     ValueError if the forcing has no dominant line, or an argument is out of range.
     """
-    y = np.asarray(y, dtype=float)
+    y = floats("y", y)
     if not np.isfinite(y).all():
         raise ValueError("y is not finite; starts must be finite numbers")
     n_max = count("n_max", n_max, 1, MAX_STEPS)

@@ -23,7 +23,7 @@ block's start replayed step by step, so times are exact.
 import numpy as np
 from numba import njit
 
-from nasm.checks import count, points
+from nasm.checks import count, floats, points
 from nasm.critical import CriticalScale, Status, no_answer
 from nasm.kernels import kernel
 from nasm.lanes import LANES, fabs, fma, load, maximum, own_frame, rint, store
@@ -101,7 +101,7 @@ def first_escape(kappas, x, y, sizes, n_max, window=PAPER_WINDOW):
     Each ensemble stops at its first escaper, and a larger one looks only at earlier times than a
     smaller one has found, so that the larger ones cost little where transport is quick.
     """
-    kappas = np.asarray(kappas, dtype=float)
+    kappas = floats("kappas", kappas)
     if kappas.ndim < 1:
         raise ValueError(f"kappas={kappas!r} is a number; give an array of shape (..., P)")
     plane = kappas.shape[:-1]

@@ -19,7 +19,7 @@ Conventions
 import numpy as np
 from numba.extending import register_jitable
 
-from nasm.checks import fraction
+from nasm.checks import floats, fraction
 from nasm.sine import cos2pi, sin2pi
 
 __all__ = [
@@ -150,17 +150,8 @@ def direction(profile):
 
 def forcing(kappa):
     """`kappa` as a float array of shape (P,), a number as (1,); ValueError if it is something else,
-    or too large."""
-    try:
-        strengths = np.atleast_1d(kappa)
-        if strengths.dtype.kind not in "iufO":  # floats can be made of strings and bools too
-            raise TypeError
-        strengths = np.asarray(strengths, dtype=float)
-    except (TypeError, ValueError, OverflowError):
-        raise ValueError(
-            f"kappa={kappa!r} is not made of real numbers; a forcing is a vector of P ≥ 1 "
-            "strengths, first kick first, e.g. kappa=(0.3, 0.5)"
-        ) from None
+    too large, or made of numbers that floats would round."""
+    strengths = np.atleast_1d(floats("kappa", kappa))
     if strengths.ndim != 1 or strengths.size == 0:
         raise ValueError(
             f"kappa={kappa!r} has shape {strengths.shape}; a forcing is a vector of P ≥ 1 "

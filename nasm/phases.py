@@ -40,7 +40,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from nasm.checks import count, points, real
+from nasm.checks import count, floats, points, real
 from nasm.cones import longest_found
 from nasm.critical import CriticalScale, Status, no_answer
 from nasm.kernels import kernel
@@ -275,7 +275,7 @@ def asymptotic(kappa, theta, limit, x, y):
 def sequence(kappa, theta):
     """Strengths and phases as float arrays (N,); ValueError if they are no such vectors."""
     kappa = forcing(kappa)
-    theta = np.asarray(theta, dtype=float)
+    theta = floats("theta", theta)
     if theta.shape not in ((), kappa.shape) or not (np.abs(theta) <= MAX_STRENGTH).all():
         raise ValueError(
             f"theta={theta!r} must be one phase, or one for each of the {kappa.size} kicks, from "

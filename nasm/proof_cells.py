@@ -19,6 +19,7 @@ import numpy as np
 from numba import njit
 
 from nasm.certificates import certificate, in_hex
+from nasm.checks import floats
 from nasm.double_double import two_sum
 from nasm.kernels import kernel
 from nasm.lanes import (
@@ -137,7 +138,8 @@ def prove_cell(kappa, half_width, budget=1.0):
     arithmetic is not the one that the proof needs.
     """
     kappa = forcing(kappa)
-    half_width, budget = forcing(np.broadcast_to(half_width, 2)), checked_budget(budget)
+    half_width = forcing(np.broadcast_to(floats("half_width", half_width), 2))
+    budget = checked_budget(budget)
     if kappa.size != 2:
         raise ValueError(f"kappa={kappa.tolist()}: the centre of a cell has two strengths")
     if not (half_width > 0).all():

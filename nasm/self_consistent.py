@@ -32,7 +32,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numba import njit
 
-from nasm.checks import count, points, real
+from nasm.checks import count, floats, points, real
 from nasm.kernels import kernel
 from nasm.maps import MAX_STRENGTH, TWO_PI
 from nasm.sine import cos2pi, sin2pi
@@ -85,7 +85,7 @@ def evolve(x, y, gamma, amplitude, n, phase=0.0, detuning=0.0):
     phase is not defined.
     """
     x, y = (values.ravel() for values in points(x, y))
-    gamma = np.asarray(gamma, dtype=float)
+    gamma = floats("gamma", gamma)
     if gamma.shape not in ((), x.shape) or not (np.abs(gamma) <= MAX_STRENGTH).all():
         raise ValueError(
             f"gamma={gamma!r} must be one weight, or one for each of the {x.size} particles, from "

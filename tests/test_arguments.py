@@ -2,6 +2,7 @@
 
 import inspect
 import re
+from decimal import Decimal
 from fractions import Fraction
 from importlib import import_module
 from pkgutil import iter_modules
@@ -29,6 +30,9 @@ from nasm import (
     periodic,
     phases,
     proof_barrier,
+    proof_barrier_cells,
+    proof_cells,
+    proof_transport,
     self_consistent,
     symmetries,
     tori,
@@ -93,6 +97,10 @@ GOOD = {
     tori.invariant_torus: {"omega": 0.618, "frequency": 0.54, "mean": 0.1, "amplitude": 0.1},
     tori.critical_scale: {"omega": 0.618, "frequency": 0.54, "mean": 0.1, "amplitude": 0.1},
     proof_barrier.prove: {"omega": GAMMA, "kappa": KAPPA},
+    proof_barrier_cells.prove_cell: {"omega": GAMMA, "kappa": KAPPA, "half_width": 2.0**-7},
+    proof_cells.prove_cell: {"kappa": KAPPA, "half_width": 2.0**-7},
+    proof_transport.prove: {"kappa": KAPPA},
+    proof_transport.proved_upper: {"profile": (1, 0), "value": 0.48, "budget": 0.1},
     proof_barrier.proved_lower: {"omega": GAMMA, "profile": (1, 0), "value": 0.48, "budget": 0.1},
     Axis: {"lo": 0, "hi": 1, "n": 12},
     parse_axis: {"text": "0:1:4"},
@@ -102,6 +110,16 @@ TORI = tori.invariant_torus, tori.critical_scale
 ESCAPES = escape.escape_time, escape.first_escape
 RAYS = periodic.critical_scale, escape.critical_scale, cones.critical_scale
 RAYS += transversals.located, barriers.critical_scale, continuation.critical_scale
+PROOFS = proof_barrier.prove, proof_barrier_cells.prove_cell
+PROOFS += proof_cells.prove_cell, proof_transport.prove
+INEXACT = [
+    np.ma.array([0.25, 0.5], mask=[False, True]),
+    np.longdouble([0.25, 0.5]),
+    [Decimal("0.25"), 0.5],
+    [Fraction(1, 3), 0.5],
+    (0.25, np.longdouble(1) / 3),
+]
+NO_FLOATS = "{name}={value} is not made of real numbers that floats hold, without a mask"
 WHOLE = "{name}={value} must be a whole number from"
 ODD_CIRCLE = circles.invariant_circle(GAMMA, (0.0,))  # of one kick
 # Functions, the argument, bad values of it, and what the message says, where … is anything.
@@ -114,6 +132,16 @@ BAD = [
      transversals.longest_lived), "kappa", [(0.3, nan), [inf]], "is not finite"),
     ((maps.forcing, maps.step), "kappa", [[0.3, 1j], [[0.1], [0.1, 0.2]], ["0.3"], "0.3",
      [True, False]], "kappa={value} is not made of real numbers"),
+    ((maps.forcing, cones.eliminates, *PROOFS), "kappa", INEXACT, NO_FLOATS),
+    ((escape.escape_time,), "x", INEXACT, NO_FLOATS),
+    ((escape.first_escape,), "kappas", [[pair] for pair in INEXACT[1:]], NO_FLOATS),
+    ((phases.longest_lived,), "theta", INEXACT, NO_FLOATS),
+    ((self_consistent.evolve,), "gamma", INEXACT, NO_FLOATS),
+    ((proof_cells.prove_cell,), "half_width", [*INEXACT, Decimal("0.25")], NO_FLOATS),
+    ((proof_barrier_cells.prove_cell,), "half_width", [np.longdouble(0.25), Decimal("0.25")],
+     "={value} must be a number"),
+    ((proof_barrier.proved_lower, proof_transport.proved_upper), "value",
+     [np.longdouble(0.48), Decimal("0.48"), np.ma.masked], "value={value} must be a number"),
     ((maps.rotating_forcing,), "frequency", [0.1], "frequency=0.1 is 3602…like '1/10'"),
     ((maps.rotating_forcing,), "frequency", ["1/1000001"], "whose denominator is more than"),
     ((maps.rotating_forcing, periodic.torus_scale), "frequency", ["1/0", "x", None, nan, inf],

@@ -222,7 +222,7 @@ def audit(module):
     for name, (kappa, rho, n, p) in FIRST_TO_FAIL.items():
         numbers = [[arb(n), arb(1.3)], [arb(p), arb(1.9)], [arb(1.5), arb(1.4)]]
         grid, seen = module.Grid(GAMMA, [kappa, -0.7 * kappa], 0.0, 64), []
-        for eps in np.geomspace(1e-22, 10, 100):
+        for eps in np.geomspace(1e-22, 10, 150):
             failed, left = module.inequalities(GAMMA, grid.kappa, arb(rho), arb(eps), *numbers)
             delta, C = left["delta"], left["C"]
             holds, exact = checker.inequalities(grid.kappa, delta, C, arb(eps), *numbers)
@@ -285,6 +285,10 @@ CHANGES = [
     ("(4 * y / 3).expm1()", "y.expm1()"),
     ('"ratio": arb(1) / 32', '"ratio": arb(1)'),
     ('"moved": eta}', '"moved": 2 * eta}'),
+    ('"room": eta / (1 + eta)', '"room": 1.6 * eta / (1 + eta)'),
+    ('"chi": eta, ', '"chi": 1.6 * eta, '),
+    ("aliases *= 2 * (-two_pi", "aliases *= (-two_pi"),
+    ("rest = 2 * (two_pi * cut", "rest = (two_pi * cut"),
 ]
 
 
@@ -475,6 +479,18 @@ def test_strengths_that_round_to_equal_ones_are_proved_from_the_start_that_told_
     value = scale / (1 - 0.05)  # `proved_lower` begins with circles that far inside
     value = next(v for v in value * (1 + 2.0**-52 * np.arange(-4, 5)) if v * (1 - 0.05) == scale)
     assert proved_lower(omega, profile, value, 0.05)[1].proved
+
+
+def test_a_profile_that_rounds_to_equal_strengths_at_some_scales_has_lower_scales():
+    profile, values = np.array([0.7, np.nextafter(0.7, 1)]), (0.9, 0.92)
+    assert {len(set((1 - 0.05) * value * profile)) for value in values} == {
+        1,
+        2,
+    }  # the first scales
+    for value in values:
+        scale, proof = proved_lower(GAMMA, profile, value, 0.05)
+        assert proof.proved
+        assert proof.kappa == tuple(scale * profile)
 
 
 def test_without_a_circle_there_is_no_lower_scale():
