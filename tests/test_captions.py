@@ -10,11 +10,14 @@ from nasm.symmetries import ray
 from pipeline.cubes.barrier import boundary
 from pipeline.cubes.proved_map import proved_map
 from pipeline.cubes.tori import breakups
+from workflows.figures.convergence import draw_diagonal
 from workflows.figures.flux import draw_flux
 from workflows.figures.proved_map import draw_proved_map
 from workflows.figures.tori import draw_breakups
 from workflows.parts import flux
-from workflows.parts.findings import boundary_found
+from workflows.parts.convergence import on_the_diagonal
+from workflows.parts.direct import exponent
+from workflows.parts.findings import boundary_found, direct_found
 
 
 @pytest.fixture(autouse=True)
@@ -60,3 +63,26 @@ def test_tori_and_boundaries_without_an_answer_have_no_error_in_percent():
     nothing = found.assign({name: found[name] * np.nan for name in ("lower", "upper")})
     assert "no bracket was found" in boundary_found(nothing)
     assert "nan" not in caption + boundary_found(nothing)
+
+
+def test_biases_that_are_too_few_or_do_not_fall_have_no_power_law():
+    n = np.array([100.0, 200.0, 400.0, 800.0, 1600.0, 3200.0, 6400.0, 12800.0])
+    law = 0.3 * n ** (-1 / 3)
+    assert exponent(n, law)[0] == pytest.approx(3)
+    few = np.where(n < 600, law, np.nan)
+    for biases in (few, law[::-1]):
+        assert np.isnan(exponent(n, biases)).all()
+    coords = {"ensemble": [10], "angle": [45.0], "n": n}
+    bias = xr.DataArray(few[None, None], coords, ("ensemble", "angle", "n"))
+    _, caption = draw_diagonal(on_the_diagonal(bias, 1.374))
+    assert "η = not found for N up to" in caption
+    assert "nan" not in caption
+
+
+def test_direct_iteration_that_sees_no_transport_in_the_plane_has_no_cells_to_speak_of():
+    dims = {"n": [100], "angle": [0.0, 45.0]}
+    scale = xr.DataArray(np.full((1, 2), np.nan), dims, ("n", "angle"))
+    barrier = xr.Dataset({"critical_scale": ("angle", [0.486, 1.374])}, {"angle": dims["angle"]})
+    said = direct_found(scale, scale, barrier, 10)
+    assert "nowhere in this plane" in said
+    assert "nan" not in said

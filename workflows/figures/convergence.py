@@ -15,7 +15,8 @@ def draw_convergence(bias, others, fits):
         style = {"ls": (2 * i, (4, 4)) if i else "-", "ms": 10 / (1 + i)}
         style |= {"color": colour_of(i), "label": rf"$\varphi = {angle:g}°$"}
         eta, error = fits[angle]
-        here, label = bias.sel(angle=angle), rf": $\eta = {eta:.2f} \pm {error:.2f}$"
+        here = bias.sel(angle=angle)
+        label = rf": $\eta = {eta:.2f} \pm {error:.2f}$" if np.isfinite(eta) else ""
         direct.plot(n, here[-1], ".", color=style["color"], label=style["label"] + label)
         style["label"] = None  # once is enough
         orbits.plot(bias.ensemble, (here / here.isel(ensemble=-1)).mean("n"), ".", **style)
@@ -57,7 +58,7 @@ def draw_convergence(bias, others, fits):
         figure.legend(*direct.get_legend_handles_labels(), loc="outside upper center", ncols=2)
     else:
         direct.legend(fontsize="x-small", loc="upper right")
-    etas = ", ".join(f"{eta:.2f} ± {err:.2f} at {angle:g}°" for angle, (eta, err) in fits.items())
+    etas = ", ".join(f"{_told(*fitted)} at {angle:g}°" for angle, fitted in fits.items())
     return figure, (
         f"Error against effort on rays at {', '.join(f'{angle:g}°' for angle in fits)}, in parts "
         "of the breakup by residues. Direct iteration (above): the excess over the breakup from "
@@ -65,6 +66,10 @@ def draw_convergence(bias, others, fits):
         f"N^(-1/η), with η = {etas}; grey: the paper's η and renormalisation's, 3.012. Below: "
         "converse KAM, Greene's residue and certified circles."
     )
+
+
+def _told(eta, error):
+    return f"{eta:.2f} ± {error:.2f}" if np.isfinite(eta) else "not found"
 
 
 def _plain(axis):
@@ -81,11 +86,11 @@ def draw_diagonal(diagonal):
     etas = []
     for half, words in enumerate(names_of(diagonal.half)):
         here = diagonal.isel(n=np.flatnonzero(diagonal.upper_half.values == half))
-        eta, error = (f"{float(fitted[half]):.2f}" for fitted in (diagonal.eta, diagonal.eta_error))
+        eta = _told(*(float(fitted[half]) for fitted in (diagonal.eta, diagonal.eta_error)))
         style = {"ls": "-" if half else "--", "color": colour_of(half)}
         words = words.replace("N", "$N$")
-        axes.plot(here.n, here.fit, label=rf"{words}: $\eta = {eta} \pm {error}$", **style)
-        etas.append(f"{eta} ± {error}")
+        axes.plot(here.n, here.fit, label=rf"{words}: $\eta$ = {eta}", **style)
+        etas.append(eta)
     mark_gaps(axes, diagonal.n.values, diagonal.distance.isnull().values)
     axes.set(xscale="log", yscale="log", xlabel="steps $N$", ylabel=r"$\kappa_N - \kappa_G$")
     _plain(axes.yaxis)

@@ -58,7 +58,8 @@ def draw_half_plane(boundary, barrier, insets):
 def describe(boundary):
     """Describe both figures: settings, bias and asymmetry."""
     n = ", ".join(map(str, boundary.n.values))
-    biases = ", ".join(f"{100 * b:.2g}%" for b in boundary.bias.median("angle").values)
+    medians = boundary.bias.median("angle").values
+    biases = ", ".join(f"{100 * b:.2g}%" if np.isfinite(b) else "more" for b in medians)
     caption = (
         "The boundary of global transport by direct iteration: the forcings on "
         f"{boundary.sizes['angle']} rays from which outwards some of {boundary.n_orbits} orbits "

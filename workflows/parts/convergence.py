@@ -34,8 +34,9 @@ def on_the_diagonal(bias, critical):
     fits = [exponent(n[half], distance[half]) for half in (~upper, upper)]
     power_law = n ** (-1 / np.where(upper, fits[1][0], fits[0][0]))
     offset = np.log(distance / power_law)
-    for half in (~upper, upper):
-        power_law[half] *= np.exp(np.nanmean(offset[half]))
+    for half, (eta, _) in zip((~upper, upper), fits, strict=True):
+        if np.isfinite(eta):
+            power_law[half] *= np.exp(np.nanmean(offset[half]))
     eta, error = np.transpose(fits)
     return xr.Dataset(
         {

@@ -82,9 +82,16 @@ def direct_bias(cube, steps):
 
 
 def exponent(n, bias):
-    """Fit bias ~ n^(-1/η) by a straight line through the logarithms: η and its standard error."""
+    """Fit bias ~ n^(-1/η) by a straight line through the logarithms: η and its standard error.
+
+    NaN, twice, where fewer than four biases are known, or they do not fall.
+    """
     known = np.isfinite(bias)
+    if known.sum() < 4:
+        return np.nan, np.nan
     (slope, _), covariance = np.polyfit(np.log(n[known]), np.log(bias[known]), 1, cov=True)
+    if slope >= 0:
+        return np.nan, np.nan
     return -1 / slope, np.sqrt(covariance[0, 0]) / slope**2
 
 

@@ -61,7 +61,6 @@ def direct_found(scale, resolution, barrier, n_orbits):
     scale, resolution : DataArrays with dims (n, angle): its boundary, and the cell's width there.
     """
     excess = 100 * (scale / barrier.critical_scale - 1)
-    cell = 100 * float((resolution / scale).median())
     parts = []
     for n in scale.n.values.tolist():
         here = excess.sel(n=n).dropna("angle").values
@@ -70,9 +69,12 @@ def direct_found(scale, resolution, barrier, n_orbits):
                 f"within {n} steps {np.median(here):.1f}% ({here.min():.1f} to {here.max():.1f}%) "
                 f"on {here.size} rays"
             )
+    where = "nowhere in this plane"
+    if parts:
+        cell = 100 * float((resolution / scale).median())
+        where = f"{'; '.join(parts)} (median; its cells are {cell:.2g}% wide)"
     return (
-        f"Direct iteration of {n_orbits} orbits sees transport only further out: "
-        f"{'; '.join(parts) or 'nowhere in this plane'} (median; its cells are {cell:.2g}% wide). "
+        f"Direct iteration of {n_orbits} orbits sees transport only further out: {where}. "
         "No escape shows no barrier."
     )
 
