@@ -110,6 +110,7 @@ def _by_symmetry(short, tol):
         if located.status is not Status.OK:
             return located
         beyond = located.value * (1 + _BEYOND / steps) * short
+        # Lives end there at 1.2 to 1.5 steps: any larger number than 2 finds the same start.
         near = candidates(*longest_lived(beyond, 2 * steps)[0])
         scales = [_breakup(omega, short, above) for omega in near]
         told.update(scale.status for scale in scales)

@@ -17,7 +17,8 @@ the strengths κ_i = k_i + σ_i h_i, and is 0 for a single forcing. η is any se
 
 *A barrier.* A function is a Laurent polynomial in z = e^{2πiφ}, |k| ≤ D, with balls for
 coefficients, and a bound of the norm Σ_k |f_k| e^{2π|k|ρ} of all that was left out. Sums, products,
-rotations and exponentials are those of the algebra: no grid, no aliases.
+rotations and exponentials are those of the algebra: no grid, no aliases. In a cell of forcings the
+sine is taken on a grid at each of many points of the cell, with a bound of the aliases (`Grid`).
 """
 
 import hashlib
