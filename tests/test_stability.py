@@ -6,6 +6,7 @@ import xarray as xr
 from commands import succeed
 
 from nasm.critical import Status
+from workflows.figures.style import names_of
 from workflows.stability.studies import STUDIES
 
 OK = 1
@@ -105,7 +106,7 @@ def test_next_to_a_resonance_or_past_the_end_no_torus_is_claimed(study):
 
 def test_float32_drifts_and_a_lattice_is_reversible(study):
     rounding = study("rounding")
-    names = rounding.arithmetic.attrs["names"]
+    names = names_of(rounding.arithmetic)
     last = rounding.isel(steps=-1)
     drift = dict(zip(names, last.drift.values.tolist(), strict=True))
     assert drift["float32"] > 1e6 * drift["turns"]

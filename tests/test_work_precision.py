@@ -7,6 +7,7 @@ from commands import invoke, succeed, table
 
 from nasm import periodic
 from nasm.numbers import parse
+from workflows.figures.style import names_of
 from workflows.work_precision import __main__ as command
 from workflows.work_precision import measure
 from workflows.work_precision.methods import METHODS, PROFILES, judged
@@ -27,7 +28,7 @@ def measured():
 
 
 def answer(data, name):
-    return data.method.attrs["names"].index(name)
+    return names_of(data.method).index(name)
 
 
 def test_every_effort_is_measured(measured):

@@ -110,7 +110,8 @@ def cube_on_rays(name, axes, rows, angles, seconds, settings, title="Breakup of 
     coords = known | {key: blank(known, f"{words} at the breakup") for key, words in axes.items()}
     n_rays = known["angle"].size
     tile = dict.fromkeys(variables["status"].dims, 1)
-    tile["angle"] = ceil(n_rays / ceil(n_rays * seconds / _SECONDS))
+    most = max(1, int(_SECONDS / seconds))
+    tile["angle"] = ceil(n_rays / ceil(n_rays / most))
     labels = {"title": f"{title} of the nonautonomous standard map", "source": PAPER}
     return cube.Cube(name, xr.Dataset(variables, coords, labels), tile, settings | STATUS_SETTING)
 

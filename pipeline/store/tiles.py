@@ -91,7 +91,9 @@ def survey(place, name, counts=None):
     written : its time in seconds, NaN if there is none.
     counts : of tiles along each dimension, if the cube's metadata do not tell.
     """
-    written = np.full(counts or arrays_of(place, name)[COMMIT].shape[1:], np.nan)
+    if counts is None:
+        counts = arrays_of(place, name)[COMMIT].shape[1:]
+    written = np.full(counts, np.nan)
     done = np.zeros(written.shape, dtype=bool)
     for file in place.files(f"{name}.zarr/{COMMIT}/c"):
         with suppress(ValueError, IndexError):  # somebody else's file

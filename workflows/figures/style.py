@@ -205,7 +205,7 @@ def cell(y):
     return (y + 0.25) % 1 - 0.25
 
 
-def names_of(coordinate):
+def names_of(coordinate, key="names"):
     """Return the names that the numbers of a coordinate stand for; stores keep them as JSON."""
-    names = coordinate.attrs["names"]
+    names = coordinate.attrs[key]
     return json.loads(names) if isinstance(names, str) else names

@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from workflows.figures.style import names_of
+
 OK = 1  # of `status`, see `pipeline.cubes.cube`
 _SAID = {"periodic": "residues", "cones": "converse KAM", "barriers": "all together"}
 
@@ -25,7 +27,7 @@ def findings(studies):
 
 def _cusp(study):
     parts = []
-    for i, name in enumerate(study.approach.attrs["names"]):
+    for i, name in enumerate(names_of(study.approach)):
         here = study.isel(approach=i)
         nearest = here.delta.values[(here.status == OK).values].min(initial=np.inf)
         over = float((here.off / (here.error + here.judge_error)).max())
@@ -113,7 +115,7 @@ def _disorder(study):
 
 def _rounding(study):
     drift, back = study.drift.isel(steps=-1).values, study.reversal.max("steps").values
-    names = study.arithmetic.attrs["names"]
+    names = names_of(study.arithmetic)
     off = ", ".join(f"{name} {x:.0e}" for name, x in zip(names, drift, strict=True))
     exact = [name for name, x in zip(names, back, strict=True) if x == 0]
     return (
@@ -124,7 +126,7 @@ def _rounding(study):
 
 def _tori(study):
     parts = []
-    for i, name in enumerate(study.pair.attrs["names"]):
+    for i, name in enumerate(names_of(study.pair)):
         here = study.isel(pair=i)
         shown = here.delta.values[here.lower.notnull().values].min(initial=np.inf)
         known = here.delta.values[(here.status == OK).values].min(initial=np.inf)

@@ -11,6 +11,7 @@ import xarray as xr
 from nasm import circles, fourier, parameterization
 from nasm.numbers import parse
 from pipeline.cubes.cube import Cube
+from workflows.figures.style import names_of
 from workflows.parts.tables import described, listed
 from workflows.work_precision.methods import JUDGE, METHODS, PROFILES, Ray, judged
 
@@ -142,7 +143,7 @@ def fastest(data):
         seconds = seconds_for(data, accuracy)
         if np.isfinite(seconds).any():
             best = int(np.nanargmin(seconds))
-            cheapest[data.method.attrs["names"][best], f"{seconds[best]:.2g} s"] = accuracy
+            cheapest[names_of(data.method)[best], f"{seconds[best]:.2g} s"] = accuracy
     parts = [f"{accuracy:.0e} by {name} in {s}" for (name, s), accuracy in cheapest.items()]
     return (
         f"CPU time until the relative error of the last breakup is small on each of the rays at "
@@ -159,10 +160,10 @@ def table(data):
     heads = [f"{accuracy:.0e}".replace("e-0", "e-") for accuracy in ACCURACIES]
     lines = [f"| seconds for an error of | {' | '.join(heads)} | first run | error ∝ |"]
     lines.append("|---" * (len(columns) + 2) + "|")
-    for i, label in enumerate(data.method.attrs["names"]):
+    for i, label in enumerate(names_of(data.method)):
         cells = [f"{column[i]:.2g}" if column[i] == column[i] else "–" for column in columns]
         slope = order(data, i)
-        law = f"{data.method.attrs['efforts'][i]}^{slope:.2f}" if abs(slope) > 0.1 else "–"
+        law = f"{names_of(data.method, 'efforts')[i]}^{slope:.2f}" if abs(slope) > 0.1 else "–"
         lines.append(f"| {label} | {' | '.join(cells)} | {law} |")
     return "\n".join(lines)
 
@@ -172,5 +173,5 @@ def cells(data):
     table = data[["effort", "cpu_seconds", "error", "estimated_error"]].to_dataframe()
     table = table.dropna(subset=["cpu_seconds"]).reset_index()
     for key in ("names", "efforts"):
-        table[key] = [data.method.attrs[key][i] for i in table.method]
+        table[key] = [names_of(data.method, key)[i] for i in table.method]
     return table
