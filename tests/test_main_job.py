@@ -1,17 +1,16 @@
 """The main job, small: three methods that bracket one boundary; what is kept, and the recipes."""
 
 import json
+import os
 import re
 import runpy
 import sys
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import xarray as xr
 from commands import invoke, snapshot, succeed, table
-from distributed import LocalCluster
 from oracles import KAPPA_G
 
 from nasm.numbers import parse
@@ -199,12 +198,12 @@ RECIPES = Path(__file__).parents[1] / "workflows" / "recipes"
 def follow(tmp_path, monkeypatch, capsys):
     """Run a recipe as a script in an empty directory; return its exit code and what it prints."""
 
-    def run(name, *arguments):
+    def run(name, *arguments, at=RECIPES):
         monkeypatch.chdir(tmp_path)
         monkeypatch.setattr(sys, "argv", [name, *map(str, arguments)])
         code = 0
         try:
-            runpy.run_path(str(RECIPES / f"{name}.py"))
+            runpy.run_path(str(at / f"{name}.py"))
         except SystemExit as ended:
             code = ended.code
         assert not [path for path in tmp_path.iterdir() if path.is_file()]  # all goes to OUT
@@ -217,7 +216,6 @@ def follow(tmp_path, monkeypatch, capsys):
 @pytest.mark.parametrize("recipe", sorted(path.stem for path in RECIPES.glob("*.py")))
 def test_a_recipe_without_a_store_tells_its_usage(recipe, follow, finished, monkeypatch):
     assert f'follow("{recipe}"' in Path(__file__).read_text()
-    monkeypatch.setitem(sys.modules, "dask_jobqueue", SimpleNamespace(SLURMCluster=None))
     mistakes = {"job_queue": [], "compare_stores": [finished], "join_planes": [finished]}
     code, usage = follow(recipe, *mistakes.get(recipe, ["nowhere"]))
     assert code == 2
@@ -309,24 +307,41 @@ def test_recipe_large_field(finished, follow):
     assert f"{(field(finished) <= 4000).mean():.6f}" in said
 
 
+QUEUE = {
+    # Two jobs at a time, and the next when one ends, until the file is deleted.
+    "sbatch": """cat > job; touch queued
+        for i in 1 2; do
+            (sleep $((5 * i)); while [ -e queued ]; do echo >> begun; bash job; done) > log$i 2>&1 &
+        done
+        echo 7""",
+    "scancel": "[ $1 = 7 ] && rm queued",
+}
+
+
 @pytest.mark.slow
-def test_recipe_job_queue(tmp_path, follow, monkeypatch):
-    asked = {}
-
-    class Queue(LocalCluster):
-        """Stands in for the queue: its jobs are processes here."""
-
-        def __init__(self, **job):
-            asked.update(job)
-            super().__init__(0, host="127.0.0.1", dashboard_address="127.0.0.1:0")
-
-        def adapt(self, minimum_jobs, maximum_jobs):
-            assert minimum_jobs == maximum_jobs
-            super().adapt(minimum=1, maximum=1)
-
-    monkeypatch.setitem(sys.modules, "dask_jobqueue", SimpleNamespace(SLURMCluster=Queue))
+def test_recipe_job_queue_outlives_its_workers(tmp_path, follow, monkeypatch):
+    """Workers that live ten seconds, in a sweep of half a minute."""
+    here = tmp_path / "queue"
+    here.mkdir()
+    for name, program in QUEUE.items():
+        (here / name).write_text(f"#!/bin/bash\ncd {here}\n{program}\n")
+        (here / name).chmod(0o700)
+    monkeypatch.setenv("PATH", f"{here}:{os.environ['PATH']}")
     monkeypatch.setenv("PYTHONPATH", str(RECIPES.parents[1]))
-    plane = [*QUICK, "--kappa1", "0:1:8", "--kappa2", "0:1:8"]
-    follow("job_queue", "escape_plane", "--out", tmp_path / "out", *plane)
+    edited = (RECIPES / "job_queue.py").read_text()
+    for ours, theirs in {
+        "110m": "10s",
+        "5m": "1s",
+        "nworkers 16": "nworkers 1",
+        "ib0": "lo",
+        "Path.home()": f"Path({str(here)!r})",
+        "export NUMBA_CACHE_DIR": "unused",  # ten seconds are too short to compile
+    }.items():
+        assert ours in edited
+        edited = edited.replace(ours, theirs)
+    (here / "job_queue.py").write_text(edited)
+    plane = ["--kappa1", "0:0.9:24", "--kappa2", "0:0.9:24", "--tile", "2", "--n-max", "1000000"]
+    follow("job_queue", "escape_plane", "--out", tmp_path / "out", *plane, at=here)
     assert np.isfinite(xr.open_zarr(tmp_path / "out/escape.zarr", group="tiles").commit).all()
-    assert asked["cores"] == asked["processes"]
+    assert len((here / "begun").read_text()) >= 5
+    assert not list(here.glob(".queue*"))  # no key stays behind
