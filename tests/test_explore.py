@@ -357,6 +357,7 @@ def test_a_link_in_another_tab_shows_the_same(page):
     type_in(tab, "where the circle", "[0;2,(1)]")  # its rays take long
     until(tab, "omega", "[0;2,(1)]")
     again = page("?" + urlparse(tab.url).query)  # two tabs at once
+    wait(again, "Bokeh.documents[0].get_model_by_name('times').data.values[0].length > 1")
     wait(again, done)
     assert asked(again) == asked(tab)
     assert asked(tab).keys() == {*"abxy", "k1", "k2", "n", "omega", "orbits", "show"}

@@ -262,7 +262,9 @@ def test_workers_keep_freed_memory(client):
 
 
 def test_workers_listen_on_loopback_only_and_to_their_own_driver_alone(client):
-    cluster, workers = client().cluster, psutil.Process().children(recursive=True)
+    cluster = client().cluster
+    nannied = [psutil.Process(nanny.pid) for nanny in cluster.workers.values() if nanny.pid]
+    workers = [one for process in nannied for one in (process, *process.children(recursive=True))]
     ours = {cluster.scheduler.port, cluster.scheduler.http_server.port}
     ours |= {nanny.port for nanny in cluster.workers.values()}
     listening = [

@@ -10,6 +10,7 @@ import json
 import os
 from contextlib import suppress
 from functools import lru_cache
+from threading import Lock
 from zlib import crc32
 
 import numpy as np
@@ -30,12 +31,14 @@ _LONGEST_REASON = 500  # characters of the reason of a failure that are kept
 # What reading metadata raises that are lost, cut or changed.
 DAMAGED = AttributeError, FileNotFoundError, KeyError, RecursionError, TypeError, ValueError
 
+_OPENING = Lock()
+
 
 @lru_cache
 def arrays_of(place, name):
     """{name: zarr array} of the cube, kept open; Refused if its metadata are lost or not ours."""
-    # A tile of fill values must be stored like any other.
-    with explained(place), zarr.config.set({"array.write_empty_chunks": True}):
+    # A tile of fill values must be stored like any other. The setting is of all threads at once.
+    with explained(place), _OPENING, zarr.config.set({"array.write_empty_chunks": True}):
         store = ObjectStore(place.objects())
         with suppress(*DAMAGED):
             group = zarr.open_group(store, path=f"{name}.zarr", mode="r+", zarr_format=3)

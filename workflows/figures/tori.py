@@ -53,7 +53,8 @@ def draw_pictures(torus):
     drawn[0].set_ylabel(r"$\varphi$ (turns)")
     figure.colorbar(picture, ax=drawn, label=r"$h - \theta$ (turns)")
     figure.suptitle("A torus on the way to its breakup")
-    slopes = ", ".join(f"{float(slope):.3f}" for slope in torus.least_slope)
+    known = torus.least_slope.fillna(0).values
+    slopes = ", ".join(f"{slope:.3f}" if slope else "not known (no torus)" for slope in known)
     return figure, (
         f"The torus of rotation vector ({torus.attrs['vector']}) on the ray of "
         f"{torus.attrs['angle']:g}°: h(θ, φ) - θ at 0.7, 0.95 and 0.99 times the last "
