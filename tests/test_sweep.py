@@ -128,19 +128,19 @@ def test_a_sweep_without_workers_gives_up_and_says_so(tmp_path, monkeypatch):
     assert 0 < len(toy.commit_times(tmp_path)) < 130
 
 
-def test_workers_that_are_started_again_are_waited_for(client, tmp_path, monkeypatch):
+def test_a_worker_that_is_started_again_is_waited_for(tmp_path, monkeypatch):
     monkeypatch.setattr("pipeline.sweep.sweep._PATIENCE", 1)
     monkeypatch.setattr("pipeline.sweep.sweep._ROLL_CALL", 0.1)
+    with connect(n_workers=1) as client:
 
-    def kill():
-        toy.wait_until(lambda: toy.commit_times(tmp_path))
-        for nanny in client().cluster.workers.values():
-            os.kill(nanny.pid, signal.SIGKILL)
+        def kill():
+            toy.wait_until(lambda: toy.commit_times(tmp_path))
+            os.kill(client().cluster.workers[0].pid, signal.SIGKILL)
 
-    killer = threading.Thread(target=kill)
-    killer.start()
-    outcome = toy.run(client, tmp_path, toy.cube(tile=1, seconds=0.05))
-    killer.join()
+        killer = threading.Thread(target=kill)
+        killer.start()
+        outcome = toy.run(client, tmp_path, toy.cube(tile=1, seconds=0.05))
+        killer.join()
     assert (outcome.failed, outcome.remaining) == ({}, 0)
 
 
