@@ -4,20 +4,13 @@
     nasm.boundary([0, 30, 45])                  where does the last barrier break at these angles?
     nasm.barriers.critical_scale((1, 0.5))      … and on this ray of forcings?
 
-Below them are the methods: `cones` (converse KAM), `periodic` (Greene's residue), `circles` and
-`continuation` (invariant circles), `escape` (direct iteration). `maps` defines the map, `numbers`
-exact rotation numbers: `nasm.parse("gamma")`. All are imported when they are first named.
+Below them are the methods: `converse_kam`, `periodic` (Greene's residue), `circles` and
+`circles.continuation` (invariant circles), `escape` (direct iteration). `maps` defines the map,
+`numbers` exact rotation numbers: `nasm.parse("gamma")`. All are imported when they are first named.
 """
 
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
-
-__all__ = ["barriers", "boundary", "circles", "cones", "continuation", "critical", "escape"]
-__all__ += ["first_breakup", "fixed_points", "flux", "last_torus", "maps", "memory", "numbers"]
-__all__ += ["orbits", "parse", "periodic", "phases", "planes", "proofs", "self_consistent"]
-__all__ += ["symmetries", "tori", "transversals", "verdict"]
-
-_HOMES = {"boundary": "nasm.barriers", "parse": "nasm.numbers"}
 
 try:
     __version__ = version("nasm-transport")
@@ -25,13 +18,30 @@ except PackageNotFoundError:  # a copy of the sources that is not installed
     __version__ = "0+source"
 
 
-def __getattr__(name):
-    if name in _HOMES:
-        return getattr(import_module(_HOMES[name]), name)
-    if name in __all__:
-        return import_module(f"nasm.{name}")
-    raise AttributeError(f"module 'nasm' has no attribute {name!r}")
+def face(package, **modules):
+    """`__getattr__` and `__dir__` of a package that imports its modules when they are first named.
+
+    modules : of each module, the names that the package shows of it, in one text.
+    """
+    homes = {name: module for module, names in modules.items() for name in names.split()}
+
+    def get(name):
+        if name in homes:
+            return getattr(import_module(f"{package}.{homes[name]}"), name)
+        if name in modules:
+            return import_module(f"{package}.{name}")
+        raise AttributeError(f"module {package!r} has no attribute {name!r}")
+
+    return get, lambda: sorted({*modules, *homes})
 
 
-def __dir__():
-    return [*__all__, "__version__"]
+_ROOMS = "arithmetic circles converse_kam proofs tori"
+_MODULES = "action chain checks critical escape first_breakup fixed_points flux maps orbits "
+_MODULES += "periodic planes self_consistent symmetries verdict"
+
+__getattr__, __dir__ = face(
+    __name__,
+    barriers="boundary",
+    numbers="parse",
+    **dict.fromkeys(f"{_ROOMS} {_MODULES}".split(), ""),
+)

@@ -36,13 +36,13 @@ from math import copysign, exp, log
 import numpy as np
 from numba import njit
 
+from nasm.arithmetic.double_double import INVERSE_TWO_PI, add, divided, multiply, sincos_2pi
+from nasm.arithmetic.kernels import kernel
+from nasm.arithmetic.sine import cos2pi, sin2pi
 from nasm.checks import MAX_DENOMINATOR as MAX_PERIOD
 from nasm.checks import count
-from nasm.double_double import INVERSE_TWO_PI, add, divided, multiply, sincos_2pi
-from nasm.kernels import kernel
 from nasm.maps import TWO_PI, forcing
 from nasm.numbers import convergents, rational
-from nasm.sine import cos2pi, sin2pi
 
 __all__ = ["LostError", "Orbit", "ordered_orbits"]
 __dir__ = __all__.copy

@@ -15,9 +15,10 @@ angle another circle may be the last one. It is found and bracketed in four step
 Each step is another method, and checks the one before. If they do not agree in the end there is no
 value, but the bracket of those that do.
 
-Where the forcing has a dominant symmetry line, converse KAM takes its starts from it (`cones`). A
-forcing without one has no symmetric orbits either. Converse KAM then goes by `transversals`, the
-value is that of `continuation`, which needs no symmetry, and no orbit may escape at `lower`.
+Where the forcing has a dominant symmetry line, converse KAM takes its starts from it
+(`converse_kam.symmetry_line`). A forcing without one has no symmetric orbits either. Converse KAM
+then goes by `converse_kam.transversal`, the value is that of `circles.continuation`, which needs no
+symmetry, and no orbit may escape at `lower`.
 """
 
 from dataclasses import replace
@@ -25,10 +26,12 @@ from math import floor
 
 import numpy as np
 
-from nasm import circles, cones, continuation, periodic, transversals
+from nasm import circles, escape, periodic
 from nasm.checks import real
+from nasm.circles import continuation
+from nasm.converse_kam import symmetry_line, transversal
 from nasm.critical import CriticalScale, Status, no_answer
-from nasm.maps import direction, forcing, unkick
+from nasm.maps import MAX_PERIOD, direction, forcing, unkick
 from nasm.numbers import checked, convergents, moebius, nobles_near, parse, rational
 from nasm.orbits import rotation_number
 from nasm.symmetries import ray, shorten
@@ -55,6 +58,7 @@ _NEAR = 2e-5  # of the measured rotation number; neighbours that robust are furt
 _AVERAGED = 1000  # steps
 _CANDIDATES = 3
 _BLURRED = 300  # period that sees a cusp, from which orbits up to 6000 may leave large errors
+_ORBITS, _ESCAPE_STEPS = 64, 10**5
 _LONG = 30_000  # period of the orbits then
 
 
@@ -91,7 +95,7 @@ def critical_scale(profile, tol=1e-4):
     # On κ1 = κ2 the barriers are noble for the standard map, not for two steps of it.
     (short,), zero = shorten([profile], rational(0))
     found = _by_symmetry(short, tol) if has_dominant_line(short) else None
-    if found is None or (found.status in _IN_DOUBT and 2 < short.size <= transversals.MAX_PERIOD):
+    if found is None or (found.status in _IN_DOUBT and 2 < short.size <= MAX_PERIOD):
         found = _by_continuation(short, tol)
     if found.omega is None:
         return found
@@ -106,7 +110,7 @@ def _by_symmetry(short, tol):
     n_certify = int(1.6 / above)
     best, told = None, set()
     for steps in _LOCATE:
-        located = cones.critical_scale(short, steps)
+        located = symmetry_line.critical_scale(short, steps)
         if located.status is not Status.OK:
             return located
         beyond = located.value * (1 + _BEYOND / steps) * short
@@ -118,7 +122,7 @@ def _by_symmetry(short, tol):
         if best is None:
             continue
         upper = best.value * (1 + above)
-        if cones.eliminates(upper * short, n_certify):
+        if symmetry_line.eliminates(upper * short, n_certify):
             lower = continuation.certified_scale(best.omega, short, best.value, tol - above)
             error = best.error
             if periodic.cusp_period(short) > _BLURRED:
@@ -138,10 +142,10 @@ def _by_continuation(short, tol):
     best, certified, highest = None, np.nan, np.inf
 
     def eliminated(scale):
-        return np.isfinite(transversals.longest_lived(scale * short, int(1.6 / above))[1])
+        return np.isfinite(transversal.longest_lived(scale * short, int(1.6 / above))[1])
 
     for steps in _LOCATE_ANYWHERE:
-        highest, start, _ = transversals.located(short, steps)
+        highest, start, _ = transversal.located(short, steps)
         beyond = np.roll(highest * short, -start.site)
         near = candidates(beyond, start.x, start.y) or [noble_between(*start.between)]
         scales = [continuation.critical_scale(omega, short, _PRECISE * highest) for omega in near]
@@ -157,7 +161,7 @@ def _by_continuation(short, tol):
         if upper is None:
             continue
         lower = continuation.certified_scale(best.omega, short, best.value, tol - above)
-        if lower >= highest or transversals.escapes(np.fmin(lower, best.value * (1 - tol)) * short):
+        if lower >= highest or _escapes(np.fmin(lower, best.value * (1 - tol)) * short):
             return no_answer(None, Status.UNDECIDED, best.method)
         # A later circle may have been missed, but not above the bracket.
         error = np.fmax(best.error, upper - best.value)
@@ -169,15 +173,21 @@ def _by_continuation(short, tol):
     return CriticalScale(np.nan, np.nan, lower, highest, None, status, "converse KAM")
 
 
+def _escapes(kappa):
+    """Whether one of 64 orbits gets past where all circles would be, within 10⁵ steps: bool."""
+    x, y = escape.ensemble(_ORBITS)
+    return bool(np.isfinite(escape.first_escape([kappa], x, y, [_ORBITS], _ESCAPE_STEPS)).any())
+
+
 def longest_lived(kappa, n_max):
     """The start that converse KAM is longest to eliminate: (kappa from its site on, x, y); and its
     life in steps, inf if on no line or transversal all starts are eliminated within n_max steps.
     """
     if has_dominant_line(kappa):
-        place, steps = cones.longest_lived(kappa, n_max)
+        place, steps = symmetry_line.longest_lived(kappa, n_max)
         if steps < np.inf or kappa.size <= 2:
-            return cones.start(kappa, place), steps
-    start, steps = transversals.longest_lived(kappa, n_max)
+            return symmetry_line.start(kappa, place), steps
+    start, steps = transversal.longest_lived(kappa, n_max)
     return (np.roll(kappa, -start.site), start.x, start.y), steps
 
 
@@ -199,8 +209,8 @@ def eliminates(kappa, n_max):
     """Whether converse KAM eliminates all starts within n_max steps, on the dominant line, or if
     there is none on a transversal: bool."""
     if has_dominant_line(kappa):
-        return cones.eliminates(kappa, n_max)
-    return bool(np.isfinite(transversals.longest_lived(kappa, n_max)[1]))
+        return symmetry_line.eliminates(kappa, n_max)
+    return bool(np.isfinite(transversal.longest_lived(kappa, n_max)[1]))
 
 
 def has_dominant_line(kappa):
@@ -216,7 +226,7 @@ def last_circle(found, profile):
 
     `circles.graph` of it is its graph. It has 10⁵ points or so where `found` is precise to 10⁻⁴: so
     near to the breakup `circles.invariant_circle` is left with too few modes. This one comes by
-    `continuation.certified_circle`, from circles that were met further in.
+    `circles.continuation.certified_circle`, from circles that were met further in.
 
     Parameters
     ----------

@@ -38,11 +38,18 @@ from numbers import Real
 import numpy as np
 from numba import njit
 
+from nasm.arithmetic.double_double import (
+    INVERSE_TWO_PI,
+    add,
+    divided,
+    multiply,
+    sincos_2pi,
+    two_sum,
+)
+from nasm.arithmetic.kernels import kernel
+from nasm.arithmetic.sine import cos2pi, sin2pi
 from nasm.checks import count
-from nasm.double_double import INVERSE_TWO_PI, add, divided, multiply, sincos_2pi, two_sum
-from nasm.kernels import kernel
 from nasm.maps import TWO_PI, forcing
-from nasm.sine import cos2pi, sin2pi
 
 __all__ = ["HalfOrbit", "newton", "ordered"]
 __dir__ = __all__.copy

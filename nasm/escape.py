@@ -10,25 +10,26 @@ criterion is one-sided: n* = inf says only that nothing escaped up to n_max. The
 n* of one ensemble is a draw, not a constant of nature: where chaos decides, an arithmetic with
 other roundings finds another n* of the same order.
 
-The kernel advances 64 orbits in lockstep (`nasm.lanes`), on the angle shifted by a quarter turn,
+The kernel advances 64 orbits in lockstep (`nasm.arithmetic.lanes`), on the angle shifted by a
+quarter turn,
 
     X = x - 1/4,   r = X - rint X,   u = |r| - 1/4:
     y' = y - κ u·p(u²),   X' = r + y',       since sin 2πx = -sin 2πu = -2πu·p(u²)
 
-with p from `nasm.sine`: no sign to handle, no branch, and -κ is folded into p's coefficients. It
-tests for escapes once a block of steps, by the block's largest |y|; only after an alarm is the
-block's start replayed step by step, so times are exact.
+with p from `nasm.arithmetic.sine`: no sign to handle, no branch, and -κ is folded into p's
+coefficients. It tests for escapes once a block of steps, by the block's largest |y|; only after an
+alarm is the block's start replayed step by step, so times are exact.
 """
 
 import numpy as np
 from numba import njit
 
+from nasm.arithmetic.kernels import kernel
+from nasm.arithmetic.lanes import LANES, fabs, fma, load, maximum, own_frame, rint, store
+from nasm.arithmetic.sine import SINE
 from nasm.checks import count, floats, points
 from nasm.critical import CriticalScale, Status, no_answer
-from nasm.kernels import kernel
-from nasm.lanes import LANES, fabs, fma, load, maximum, own_frame, rint, store
 from nasm.maps import direction, forcing
-from nasm.sine import SINE
 
 __all__ = ["PAPER_WINDOW", "boundary", "critical_scale", "ensemble", "escape_time"]
 __dir__ = __all__.copy

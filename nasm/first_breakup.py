@@ -4,8 +4,8 @@
 
 A circle is left under κ(s) while f(s) > 1; the first s with f(s) = 1 is where it breaks. For the
 last barrier `barriers` finds f, and `verdict` shows a barrier on the way, in steps, and at both
-ends of the bracket what it can under the very forcing. For one circle it is `continuation` that
-finds f, and a circle is certified under the very forcing below the breakup. That f > 1 means a
+ends of the bracket what it can under the very forcing. For one circle it is `circles.continuation`
+that finds f, and a circle is certified under the very forcing below the breakup. That f > 1 means a
 circle, and not only one further out on the ray from zero, is not taken for granted there.
 """
 
@@ -15,8 +15,9 @@ from math import inf, isfinite, log, nan
 import numpy as np
 from scipy.optimize import brentq
 
-from nasm import barriers, circles, continuation
+from nasm import barriers, circles
 from nasm.checks import real
+from nasm.circles import continuation
 from nasm.critical import CriticalScale, Status, no_answer
 from nasm.maps import direction, forcing
 from nasm.numbers import checked
@@ -101,15 +102,14 @@ def circle_scale(omega, start, profile, tol=1e-4):
     omega : RotationNumber, irrational. start, profile : as for `critical_scale`.
     tol : float, the error of f to aim at.
 
-    Returns
-    -------
-    CriticalScale. error : what that of f comes to, by the slope of f. lower : the circle is
-    certified under start + lower·profile, there or at the start; NaN if it is not. upper : NaN.
-    Status OUTSIDE if f < 1 at the start, NO_BREAKUP as for `critical_scale`, NOT_CONVERGED if the
-    error is as large as the value, and that of `continuation` where it has no value. Some 0.2 s of
-    CPU time.
+    Returns ------- CriticalScale. error : what that of f comes to, by the slope of f. lower : the
+    circle is certified under start + lower·profile, there or at the start; NaN if it is not. upper
+    : NaN. Status OUTSIDE if f < 1 at the start, NO_BREAKUP as for `critical_scale`, NOT_CONVERGED
+    if the error is as large as the value, and that of `circles.continuation` where it has no value.
+    Some 0.2 s of CPU time.
 
-    ValueError if start and profile differ in length, or as for `continuation.critical_scale`.
+    ValueError if start and profile differ in length, or as for
+    `circles.continuation.critical_scale`.
     """
     omega, (start, profile, step) = checked(omega), _segment(start, profile)
     method = partial(continuation.critical_scale, omega, tol=tol)

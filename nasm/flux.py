@@ -30,13 +30,13 @@ from itertools import islice
 
 import numpy as np
 
+from nasm.arithmetic.sine import cos2pi, sin2pi
 from nasm.chain import MAX_PERIOD, HalfOrbit, with_idle_kicks
 from nasm.checks import count, real
 from nasm.critical import Status
 from nasm.maps import TWO_PI, forcing
 from nasm.numbers import RotationNumber, checked, convergents
 from nasm.periodic import dominant_centre, minimax_centre, minimizing_centre
-from nasm.sine import cos2pi, sin2pi
 from nasm.symmetries import shorten
 
 __all__ = ["Flux", "action_difference", "flux"]

@@ -19,8 +19,8 @@ Conventions
 import numpy as np
 from numba.extending import register_jitable
 
+from nasm.arithmetic.sine import cos2pi, sin2pi
 from nasm.checks import floats, fraction
-from nasm.sine import cos2pi, sin2pi
 
 __all__ = [
     "forcing",
@@ -38,6 +38,10 @@ TWO_PI = 2 * np.pi
 
 MAX_STRENGTH = 1e6
 """Largest |κ|: far beyond any barrier, and far from where products of strengths overflow."""
+
+MAX_PERIOD = 64
+"""Most kicks of a plane, and of a forcing without a dominant symmetry line: `barriers` then takes
+minutes, also for 1%."""
 
 MIN_SIZE = 1e-300
 """Least size of a ray's profile, its largest |κ|: scales are 1/size or so, and still floats."""

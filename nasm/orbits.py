@@ -12,8 +12,8 @@ breakup a cantorus may look regular for longer than the average lasts.
 import numpy as np
 from numba import njit
 
+from nasm.arithmetic.kernels import kernel
 from nasm.checks import count, points
-from nasm.kernels import kernel
 from nasm.maps import forcing, kick
 
 __all__ = ["kicked_orbit", "orbit", "passages", "portrait", "rotation_number"]

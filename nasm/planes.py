@@ -23,9 +23,8 @@ from math import cos, pi, sin
 import numpy as np
 
 from nasm.checks import fraction, sealed
-from nasm.maps import direction, forcing
+from nasm.maps import MAX_PERIOD, direction, forcing
 from nasm.symmetries import ray
-from nasm.transversals import MAX_PERIOD
 
 __all__ = ["Plane", "from_json", "parse", "rotating", "three_kicks", "two_kicks"]
 __dir__ = __all__.copy

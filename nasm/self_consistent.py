@@ -32,10 +32,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numba import njit
 
+from nasm.arithmetic.kernels import kernel
+from nasm.arithmetic.sine import cos2pi, sin2pi
 from nasm.checks import count, floats, points, real
-from nasm.kernels import kernel
 from nasm.maps import MAX_STRENGTH, TWO_PI
-from nasm.sine import cos2pi, sin2pi
 
 __all__ = ["Record", "evolve", "momentum"]
 __dir__ = __all__.copy

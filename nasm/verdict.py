@@ -15,8 +15,9 @@ from types import ModuleType
 
 import numpy as np
 
-from nasm import barriers, circles, continuation
+from nasm import barriers, circles
 from nasm.barriers import critical_scale, per_period
+from nasm.circles import continuation
 from nasm.critical import CriticalScale, Status, no_answer
 from nasm.maps import forcing
 from nasm.numbers import rational
@@ -63,12 +64,12 @@ class Evidence(Enum):
     )
     CIRCLE_PROVED = (
         "proved for exactly this forcing: an invariant circle exists, by the a-posteriori KAM "
-        "theorem of nasm/PROOFS.md (A barrier exists), checked in ball arithmetic; this says "
+        "theorem of nasm/proofs/README.md (A barrier exists), in ball arithmetic; this says "
         "nothing of weaker kicks"
     )
     TRANSPORT_PROVED = (
         "proved for exactly this forcing: no invariant circle exists, by the converse KAM theorem "
-        "of nasm/PROOFS.md (Transport is global), checked with rigorous rounding"
+        "of nasm/proofs/README.md (Transport is global), checked with rigorous rounding"
     )
     NONE = "no circle is certified at this forcing, and not all starts are eliminated"
 
@@ -107,7 +108,8 @@ def verdict(kappa, prove=False):
 
     Parameters
     ----------
-    kappa : sequence of P floats; P at most 64 if it has no dominant line, see `nasm.cones`.
+    kappa : sequence of P floats; P at most 64 if it has no dominant line, see
+    `nasm.converse_kam.symmetry_line`.
     prove : bool; evidence is CIRCLE_PROVED or TRANSPORT_PROVED where a proof succeeds.
 
     Returns
@@ -163,14 +165,14 @@ def verdict(kappa, prove=False):
 
 def _proved(kappa, short, found, answer, evidence):
     """The answer and its evidence, after a proof was tried where there is something to prove."""
-    from nasm import proof_barrier, proof_transport  # 0.2 s to import, and mostly not needed
+    from nasm.proofs import barrier, transport  # 0.2 s to import, and mostly not needed
 
     if found is not None:
-        proof = proof_barrier.prove(found.omega, short, start=found.u, budget=_BUDGET)
+        proof = barrier.prove(found.omega, short, start=found.u, budget=_BUDGET)
         return answer, Evidence.CIRCLE_PROVED if proof.proved else evidence, proof
     if answer is Answer.BARRIER:
         return answer, evidence, None
-    proof = proof_transport.prove(kappa, _BUDGET)
+    proof = transport.prove(kappa, _BUDGET)
     if proof.proved:
         return Answer.TRANSPORT, Evidence.TRANSPORT_PROVED, proof
     return answer, evidence, proof

@@ -15,8 +15,8 @@ import pytest
 from flint import arb, ctx, fmpq
 from numba import njit
 
-from nasm.double_double import renormalised, two_sum
-from nasm.lanes import fma
+from nasm.arithmetic.double_double import renormalised, two_sum
+from nasm.arithmetic.lanes import fma
 
 
 def thirds(table):

@@ -6,7 +6,8 @@ import oracles
 import pytest
 from oracles import KAPPA_G
 
-from nasm import action, continuation, periodic
+from nasm import action, periodic
+from nasm.circles import continuation
 from nasm.critical import Status
 from nasm.maps import rotating_forcing
 from nasm.numbers import moebius, parse

@@ -5,7 +5,7 @@ import re
 from decimal import Decimal
 from fractions import Fraction
 from importlib import import_module
-from pkgutil import iter_modules
+from pkgutil import walk_packages
 
 import numpy as np
 import pytest
@@ -14,31 +14,24 @@ from numpy import inf, nan
 import nasm
 from nasm import (
     barriers,
-    circle_symmetries,
     circles,
-    cones,
-    continuation,
     critical,
     escape,
     fixed_points,
     flux,
-    fourier,
-    last_torus,
     maps,
     numbers,
     orbits,
     periodic,
-    phases,
-    proof_barrier,
-    proof_barrier_cells,
-    proof_cells,
-    proof_transport,
+    proofs,
     self_consistent,
     symmetries,
     tori,
-    transversals,
 )
+from nasm.circles import continuation, fourier
+from nasm.converse_kam import sequence, symmetry_line, transversal
 from nasm.numbers import parse
+from nasm.tori import last_torus
 from pipeline.sweep.grid import Axis, parse_axis
 
 GAMMA, KAPPA, REST = parse("gamma"), (0.3, 0.4), np.zeros((2, 64))  # deviations of the rotation
@@ -66,7 +59,7 @@ GOOD = {
     continuation.certified_scale: {
         "omega": GAMMA, "profile": (1, 0), "breakup": 0.4, "distance": 0.01
     },
-    circle_symmetries.alternate: {"circle": circles.invariant_circle(GAMMA, (0.0, 0.0))},
+    circles.symmetries.alternate: {"circle": circles.invariant_circle(GAMMA, (0.0, 0.0))},
     periodic.residue: {"kappa": KAPPA, "p": 1, "q": 3},
     periodic.minimizing_centre: {"kappa": KAPPA, "p": 1, "q": 2},
     periodic.critical_scale: {"omega": GAMMA, "profile": (1.0, 0.0)},
@@ -77,17 +70,17 @@ GOOD = {
     escape.escape_time: {"kappa": KAPPA, "x": 0.0, "y": 0.1, "n_max": 10},
     escape.first_escape: {"kappas": [KAPPA], "x": np.zeros(5), "y": 0.1, "sizes": [1], "n_max": 10},
     escape.critical_scale: {"profile": (1, 0), "n_max": 64},
-    cones.elimination_time: {"kappa": KAPPA, "y": 0.1, "n_max": 10},
-    cones.eliminates: {"kappa": KAPPA, "n_max": 10},
-    cones.critical_scale: {"profile": (1, 0), "n_max": 100},
-    transversals.elimination_time: {"kappa": KAPPA, "site": 0, "x": 0.5, "y": 0.1, "n_kicks": 10},
-    transversals.longest_lived: {"kappa": (1.2, 1.0), "n_max": 10},
-    transversals.located: {"profile": (1, 0, 0), "n_max": 30},
-    phases.escape_time: {
+    symmetry_line.elimination_time: {"kappa": KAPPA, "y": 0.1, "n_max": 10},
+    symmetry_line.eliminates: {"kappa": KAPPA, "n_max": 10},
+    symmetry_line.critical_scale: {"profile": (1, 0), "n_max": 100},
+    transversal.elimination_time: {"kappa": KAPPA, "site": 0, "x": 0.5, "y": 0.1, "n_kicks": 10},
+    transversal.longest_lived: {"kappa": (1.2, 1.0), "n_max": 10},
+    transversal.located: {"profile": (1, 0, 0), "n_max": 30},
+    sequence.escape_time: {
         "kappa": KAPPA, "theta": 0.1, "x": 0.0, "y": 0.1, "window": (-2, 2)
     },
-    phases.longest_lived: {"kappa": KAPPA, "theta": (0.1, 0.2), "site": 1},
-    phases.critical_scale: {"profile": np.ones(64)},
+    sequence.longest_lived: {"kappa": KAPPA, "theta": (0.1, 0.2), "site": 1},
+    sequence.critical_scale: {"profile": np.ones(64)},
     last_torus.of_fraction: {"frequency": "1/2", "phase": 0.0, "mean": 1.0, "amplitude": 1.0},
     last_torus.upper_scale: {"frequency": 0.38, "mean": 1.0, "amplitude": 1.0},
     self_consistent.evolve: {
@@ -96,22 +89,24 @@ GOOD = {
     barriers.critical_scale: {"profile": (1, 0)},
     tori.invariant_torus: {"omega": 0.618, "frequency": 0.54, "mean": 0.1, "amplitude": 0.1},
     tori.critical_scale: {"omega": 0.618, "frequency": 0.54, "mean": 0.1, "amplitude": 0.1},
-    proof_barrier.prove: {"omega": GAMMA, "kappa": KAPPA},
-    proof_barrier_cells.prove_cell: {"omega": GAMMA, "kappa": KAPPA, "half_width": 2.0**-7},
-    proof_cells.prove_cell: {"kappa": KAPPA, "half_width": 2.0**-7},
-    proof_transport.prove: {"kappa": KAPPA},
-    proof_transport.proved_upper: {"profile": (1, 0), "value": 0.48, "budget": 0.1},
-    proof_barrier.proved_lower: {"omega": GAMMA, "profile": (1, 0), "value": 0.48, "budget": 0.1},
+    proofs.barrier.prove: {"omega": GAMMA, "kappa": KAPPA},
+    proofs.barrier_cells.prove_cell: {"omega": GAMMA, "kappa": KAPPA, "half_width": 2.0**-7},
+    proofs.transport_cells.prove_cell: {"kappa": KAPPA, "half_width": 2.0**-7},
+    proofs.transport.prove: {"kappa": KAPPA},
+    proofs.transport.proved_upper: {"profile": (1, 0), "value": 0.48, "budget": 0.1},
+    proofs.barrier.proved_lower: {"omega": GAMMA, "profile": (1, 0), "value": 0.48, "budget": 0.1},
     Axis: {"lo": 0, "hi": 1, "n": 12},
     parse_axis: {"text": "0:1:4"},
 }  # fmt: skip
 ORBITS = orbits.orbit, orbits.kicked_orbit, orbits.rotation_number
 TORI = tori.invariant_torus, tori.critical_scale
 ESCAPES = escape.escape_time, escape.first_escape
-RAYS = periodic.critical_scale, escape.critical_scale, cones.critical_scale
-RAYS += transversals.located, barriers.critical_scale, continuation.critical_scale
-PROOFS = proof_barrier.prove, proof_barrier_cells.prove_cell
-PROOFS += proof_cells.prove_cell, proof_transport.prove
+RAYS = periodic.critical_scale, escape.critical_scale, symmetry_line.critical_scale
+RAYS += transversal.located, barriers.critical_scale, continuation.critical_scale
+ELIMINATIONS = symmetry_line.elimination_time, transversal.elimination_time
+LINES = symmetry_line.elimination_time, symmetry_line.eliminates
+PROOFS = proofs.barrier.prove, proofs.barrier_cells.prove_cell
+PROOFS += proofs.transport_cells.prove_cell, proofs.transport.prove
 INEXACT = [
     np.ma.array([0.25, 0.5], mask=[False, True]),
     np.longdouble([0.25, 0.5]),
@@ -125,30 +120,30 @@ ODD_CIRCLE = circles.invariant_circle(GAMMA, (0.0,))  # of one kick
 # Functions, the argument, bad values of it, and what the message says, where … is anything.
 BAD = [
     ((maps.forcing, maps.step, *ORBITS, escape.escape_time), "kappa", [[[0.3]]], "shape (1, 1)"),
-    ((maps.forcing, escape.escape_time, cones.elimination_time, transversals.elimination_time),
+    ((maps.forcing, escape.escape_time, *ELIMINATIONS),
      "kappa", [[], ()], "{value} has shape (0,)"),
     ((maps.forcing, maps.step), "kappa", [[[0.3, 0.5]]], "has shape (1, 2)"),
-    ((maps.forcing, escape.escape_time, cones.elimination_time, cones.eliminates,
-     transversals.longest_lived), "kappa", [(0.3, nan), [inf]], "is not finite"),
+    ((maps.forcing, escape.escape_time, symmetry_line.elimination_time, symmetry_line.eliminates,
+     transversal.longest_lived), "kappa", [(0.3, nan), [inf]], "is not finite"),
     ((maps.forcing, maps.step), "kappa", [[0.3, 1j], [[0.1], [0.1, 0.2]], ["0.3"], "0.3",
      [True, False]], "kappa={value} is not made of real numbers"),
-    ((maps.forcing, cones.eliminates, *PROOFS), "kappa", INEXACT, NO_FLOATS),
+    ((maps.forcing, symmetry_line.eliminates, *PROOFS), "kappa", INEXACT, NO_FLOATS),
     ((escape.escape_time,), "x", INEXACT, NO_FLOATS),
     ((escape.first_escape,), "kappas", [[pair] for pair in INEXACT[1:]], NO_FLOATS),
-    ((phases.longest_lived,), "theta", INEXACT, NO_FLOATS),
+    ((sequence.longest_lived,), "theta", INEXACT, NO_FLOATS),
     ((self_consistent.evolve,), "gamma", INEXACT, NO_FLOATS),
-    ((proof_cells.prove_cell,), "half_width", [*INEXACT, Decimal("0.25")], NO_FLOATS),
-    ((proof_barrier_cells.prove_cell,), "half_width", [np.longdouble(0.25), Decimal("0.25")],
+    ((proofs.transport_cells.prove_cell,), "half_width", [*INEXACT, Decimal("0.25")], NO_FLOATS),
+    ((proofs.barrier_cells.prove_cell,), "half_width", [np.longdouble(0.25), Decimal("0.25")],
      "={value} must be a number"),
-    ((proof_barrier.proved_lower, proof_transport.proved_upper), "value",
+    ((proofs.barrier.proved_lower, proofs.transport.proved_upper), "value",
      [np.longdouble(0.48), Decimal("0.48"), np.ma.masked], "value={value} must be a number"),
     ((maps.rotating_forcing,), "frequency", [0.1], "frequency=0.1 is 3602…like '1/10'"),
     ((maps.rotating_forcing,), "frequency", ["1/1000001"], "whose denominator is more than"),
     ((maps.rotating_forcing, periodic.torus_scale), "frequency", ["1/0", "x", None, nan, inf],
      "frequency={value} is no fraction; write one like"),
     (RAYS, "profile", [(0, 0)], "profile is zero"),
-    ((cones.critical_scale,), "profile", [(0.1, 0.2, 0.3)], "no symmetry centre"),
-    ((cones.critical_scale,), "profile", [(0.3, 0.2, 0.2, 0.3),
+    ((symmetry_line.critical_scale,), "profile", [(0.1, 0.2, 0.3)], "no symmetry centre"),
+    ((symmetry_line.critical_scale,), "profile", [(0.3, 0.2, 0.2, 0.3),
      maps.rotating_forcing(-0.6, 0.8, "3/5")], "has no dominant symmetry line"),
     ((barriers.critical_scale,), "profile", [[1.0] + [0.5] * 63 + [0.2]], "P=65 kicks"),
     ((barriers.critical_scale,), "profile", [()], "kappa=() has shape (0,)"),
@@ -165,8 +160,8 @@ BAD = [
     ((orbits.rotation_number,), "n", [3], WHOLE + " 4 to 1000000000"),
     ((orbits.portrait,), "n_orbits", [0], WHOLE + " 1"),
     ((orbits.orbit,), "y", [np.zeros(3)], "do not broadcast"),
-    ((*ORBITS, *ESCAPES, transversals.elimination_time), "x", [nan], "x is not finite"),
-    ((*ORBITS, escape.escape_time, cones.elimination_time), "y", [[0.0, inf]], "y is not finite"),
+    ((*ORBITS, *ESCAPES, transversal.elimination_time), "x", [nan], "x is not finite"),
+    ((*ORBITS, escape.escape_time, ELIMINATIONS[0]), "y", [[0.0, inf]], "y is not finite"),
     ((symmetries.alternate,), "kappa", [[0.3], [0.3, 0.4, 0.5]], "need an even period"),
     ((symmetries.alternate_spaced,), "kappa", [(0.3, 0, 0.2)], "every 1th site alone"),
     ((symmetries.alternate_spaced,), "spacing", [2], "does not kick every 2th site alone"),
@@ -182,7 +177,7 @@ BAD = [
     ((circles.invariant_circle,), "start", [np.full((2, 64), nan)], "deviations must be finite"),
     ((circles.invariant_circle,), "n_max", [32], WHOLE + " 64 to 65536"),
     ((circles.newton_step,), "u", [np.zeros((2, 100))], "n a power of 2 from 16"),
-    ((circle_symmetries.alternate,), "circle", [ODD_CIRCLE], "need an even period"),
+    ((circles.symmetries.alternate,), "circle", [ODD_CIRCLE], "need an even period"),
     ((flux.flux,), "kappa", [(0.1, 0.2, 0.3)], "no symmetry centre"),
     ((periodic.residue,), "p", [3], "p/q = 3/3 has a common factor"),
     ((periodic.residue,), "q", [0], WHOLE + " 1 to 1000000"),
@@ -211,35 +206,36 @@ BAD = [
     ((escape.ensemble,), "n_orbits", [0, -3, 2.0, 10**9], WHOLE + " 1 to 100000000"),
     ((escape.critical_scale,), "n_max", [10], WHOLE + " 64"),
     ((escape.critical_scale,), "window", [(0.1, 2.3), (-2.0, 0.29)], "leaves out starts"),
-    ((cones.elimination_time, cones.eliminates), "kappa", [(0.1, 0.2, 0.3)], "no symmetry centre"),
-    ((cones.elimination_time, cones.eliminates), "n_max", [0, 2.5], WHOLE + " 1 to 1000000000"),
-    ((cones.critical_scale,), "n_max", [99], WHOLE + " 100 to 1000000000"),
-    ((transversals.elimination_time,), "site", [2], WHOLE + " 0 to 1"),
-    ((transversals.elimination_time,), "n_kicks", [0, 1.5], WHOLE + " 1"),
-    ((transversals.longest_lived,), "n_max", [0, 1.5], WHOLE + " 1"),
-    ((transversals.located,), "n_max", [29], WHOLE + " 30"),
-    ((phases.escape_time, phases.longest_lived), "theta", [(0.1,), nan, [0.1, inf]],
+    (LINES, "kappa", [(0.1, 0.2, 0.3)], "no symmetry centre"),
+    (LINES, "n_max", [0, 2.5], WHOLE + " 1 to 1000000000"),
+    ((symmetry_line.critical_scale,), "n_max", [99], WHOLE + " 100 to 1000000000"),
+    ((transversal.elimination_time,), "site", [2], WHOLE + " 0 to 1"),
+    ((transversal.elimination_time,), "n_kicks", [0, 1.5], WHOLE + " 1"),
+    ((transversal.longest_lived,), "n_max", [0, 1.5], WHOLE + " 1"),
+    ((transversal.located,), "n_max", [29], WHOLE + " 30"),
+    ((sequence.escape_time, sequence.longest_lived), "theta", [(0.1,), nan, [0.1, inf]],
      "must be one phase, or one for each of the 2 kicks"),
-    ((phases.escape_time,), "window", [(2.0, -2.0), (nan, 2.0)], "window={value} must be (lo, hi)"),
-    ((phases.longest_lived,), "site", [2], WHOLE + " 0 to 1"),
-    ((phases.critical_scale,), "profile", [np.ones(63)], "profile has 63 kicks; it must have 64"),
-    ((phases.critical_scale,), "tol", [1e-7, 0.2], "tol={value} must be from 1e-6"),
+    ((sequence.escape_time,), "window", [(2.0, -2.0), (nan, 2.0)],
+     "window={value} must be (lo, hi)"),
+    ((sequence.longest_lived,), "site", [2], WHOLE + " 0 to 1"),
+    ((sequence.critical_scale,), "profile", [np.ones(63)], "profile has 63 kicks; it must have 64"),
+    ((sequence.critical_scale,), "tol", [1e-7, 0.2], "tol={value} must be from 1e-6"),
     ((last_torus.of_fraction, last_torus.upper_scale), "n_kicks", [99], WHOLE + " 100 to 1000000"),
     ((last_torus.upper_scale,), "frequency", [None, "1/3"], "frequency={value} must be a number"),
-    ((phases.longest_lived,), "effort", [0], WHOLE + " 1 to 100"),
+    ((sequence.longest_lived,), "effort", [0], WHOLE + " 1 to 100"),
     ((self_consistent.evolve,), "gamma", [[0.1, 0.2], nan, 1e7],
      "must be one weight, or one for each of the 3 particles"),
     ((self_consistent.evolve,), "amplitude", [0.0, -1.0, nan], "={value} must be from 1e-100"),
     ((self_consistent.evolve,), "n", [0, 1.5], WHOLE + " 1 to 1000000000"),
     ((self_consistent.evolve,), "phase", [inf], "phase=inf and detuning=0.0 must be finite"),
-    ((proof_barrier.prove,), "kappa", [(0.3, nan)], "is not finite"),
-    ((proof_barrier.prove,), "radius", [-1e-9, 2.0, nan], "radius={value} must be from 0 to 1"),
-    ((proof_barrier.prove,), "n", [63, 2**23, 100.0], WHOLE + " 64 to 4194304"),
-    ((proof_barrier.prove,), "n", [65], "n=65 must be even"),
-    ((proof_barrier.prove,), "start", [np.zeros((1, 64)), np.zeros(64)], "are 2 functions on"),
-    ((proof_barrier.prove, proof_barrier.proved_lower), "budget", [0, nan], "positive: seconds"),
-    ((proof_barrier.proved_lower,), "value", [0, inf, nan], "must be positive: the scale"),
-    ((proof_barrier.proved_lower,), "profile", [(0, 0)], "profile is zero"),
+    ((proofs.barrier.prove,), "kappa", [(0.3, nan)], "is not finite"),
+    ((proofs.barrier.prove,), "radius", [-1e-9, 2.0, nan], "radius={value} must be from 0 to 1"),
+    ((proofs.barrier.prove,), "n", [63, 2**23, 100.0], WHOLE + " 64 to 4194304"),
+    ((proofs.barrier.prove,), "n", [65], "n=65 must be even"),
+    ((proofs.barrier.prove,), "start", [np.zeros((1, 64)), np.zeros(64)], "are 2 functions on"),
+    ((proofs.barrier.prove, proofs.barrier.proved_lower), "budget", [0, nan], "positive: seconds"),
+    ((proofs.barrier.proved_lower,), "value", [0, inf, nan], "must be positive: the scale"),
+    ((proofs.barrier.proved_lower,), "profile", [(0, 0)], "profile is zero"),
     ((Axis,), "n", [0, -3, 10**7], "from 1 to 1048576"),
     ((parse_axis,), "text", ["", "0:1", "0:1:x", "a:1:3", "0:1:2:3", "0:1:2.5"], "LO:HI:N"),
     ((parse_axis,), "text", ["1:0:4", "1:1:4", "nan:1:4", "0:inf:4"], "the lower one first"),
@@ -263,7 +259,7 @@ def test_a_bad_argument_is_refused_by_its_value_and_the_remedy(function, name, v
 
 def functions_of(argument):
     """Public functions of nasm whose first argument has this name."""
-    modules = [import_module(f"nasm.{module.name}") for module in iter_modules(nasm.__path__)]
+    modules = [import_module(module.name) for module in walk_packages(nasm.__path__, "nasm.")]
     functions = [f for module in modules for f in vars(module).values() if inspect.isfunction(f)]
     ours = {f for f in functions if f.__module__.startswith("nasm.") and f.__name__[0] != "_"}
     return {f for f in ours if [*inspect.signature(f).parameters][:1] == [argument]}
@@ -271,8 +267,8 @@ def functions_of(argument):
 
 # A torus has a pair of numbers; no_answer passes on what it gets.
 WITH_OMEGA = functions_of("omega") - {periodic.torus_scale, critical.no_answer}
-WITH_OMEGA -= {proof_barrier.inequalities, proof_barrier.turns}  # what is checked before
-WITH_OMEGA -= {f for f in vars(tori).values() if getattr(f, "__module__", "") == "nasm.tori"}
+WITH_OMEGA -= {proofs.barrier.inequalities, proofs.barrier.turns}  # what is checked before
+WITH_OMEGA = {f for f in WITH_OMEGA if f.__module__ != "nasm.tori.newton"}
 OTHERS = dict.fromkeys(("kappa", "profile", "short", "start"), np.array(KAPPA))
 OTHERS |= {"u": REST, "zero": numbers.rational(0), "breakup": 1.7, "distance": 0.1}
 OTHERS |= {

@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 from oracles import KAPPA_G
 
-from nasm import barriers, circles, cones, continuation, escape, orbits, periodic, transversals
+from nasm import barriers, circles, escape, orbits, periodic
 from nasm.barriers import critical_scale
+from nasm.circles import continuation
+from nasm.converse_kam import symmetry_line, transversal
 from nasm.critical import CriticalScale, Status
 from nasm.numbers import NAMES, moebius, parse
 from nasm.planes import two_kicks
@@ -164,8 +166,8 @@ def test_at_lower_is_a_circle_and_at_upper_no_start_survives():
     circle = circles.invariant_circle(found.omega, found.lower * ray(30), n_max=8192)
     assert circle.certified
     y = (np.arange(50_000) + 0.5) / 100_000
-    assert np.isfinite(cones.elimination_time(found.upper * ray(30), y, 10_000)).all()
-    assert np.isinf(cones.elimination_time(found.lower * ray(30), y, 10_000)).any()
+    assert np.isfinite(symmetry_line.elimination_time(found.upper * ray(30), y, 10_000)).all()
+    assert np.isinf(symmetry_line.elimination_time(found.lower * ray(30), y, 10_000)).any()
 
 
 @pytest.mark.parametrize("angle", [0, 43])
@@ -183,7 +185,7 @@ def test_longer_periods_agree_with_cones_and_norms(profile):
     assert is_shown(found)
     assert found.upper - found.lower <= 1e-3 * found.value * (1 + 1e-9)
     assert 0 <= float(found.omega) <= len(profile) / 2
-    by_cones = cones.critical_scale(profile, 3000)
+    by_cones = symmetry_line.critical_scale(profile, 3000)
     assert abs(by_cones.value - found.value) <= by_cones.error + found.error
     by_norms = continuation.critical_scale(found.omega, profile, 1e-4)
     assert abs(by_norms.value - found.value) <= by_norms.error + found.error
@@ -258,7 +260,7 @@ def test_next_to_a_shorter_forcing_without_a_line_the_value_is_no_wild_guess():
     found = barriers.critical_scale((1, 1, 1.0001), 0.05)
     # The standard map breaks at 0.9716; so near to it the boundary falls like a cusp.
     assert 0.94 < found.value < found.upper < 0.9717
-    assert found.upper <= transversals.located((1, 1, 1.0001), 250)[0]
+    assert found.upper <= transversal.located((1, 1, 1.0001), 250)[0]
 
 
 @pytest.mark.slow
@@ -269,7 +271,10 @@ def test_hidden_symmetries_of_random_forcings_change_nothing(monkeypatch):
         half, period = rng.normal(size=4), int(rng.integers(2, 7))
         profile = np.array([half[min(n, period - n)] for n in range(period)])
         # Near resonances of second order the line has no answer, and the other way mostly none.
-        if barriers.has_dominant_line(profile) and cones.critical_scale(profile, 1000).value > 0:
+        if (
+            barriers.has_dominant_line(profile)
+            and symmetry_line.critical_scale(profile, 1000).value > 0
+        ):
             profiles.append(profile)
     for profile in profiles:
         decided += assert_both_ways_agree(profile, rng, 1e-2, monkeypatch)

@@ -12,25 +12,19 @@ pytest.importorskip("flint")
 from flint import arb, arb_poly, ctx
 
 import nasm
-from nasm import (
-    certificate_checker,
-    certificates,
-    proof_barrier,
-    proof_barrier_cells,
-    proof_cells,
-    proof_transport,
-)
-from nasm.certificate_checker import Refuted, check
+from nasm import proofs
 from nasm.checks import sealed
 from nasm.numbers import parse
+from nasm.proofs import certificate_checker, certificates
+from nasm.proofs.certificate_checker import Refuted, check
 
 PROOFS = {
-    "transport": lambda: proof_transport.prove((1.2, 0.3)),
-    "shortened": lambda: proof_transport.prove((1.1, -1.1)),
-    "cell": lambda: proof_cells.prove_cell((0.75, 0.25), 2.0**-6),
-    "barrier": lambda: proof_barrier.prove(parse("gamma"), (0.4, -0.4)),
-    "box": lambda: proof_barrier.prove(parse("gamma"), (0.3, 0.3), radius=1e-9),
-    "barrier cell": lambda: proof_barrier_cells.prove_cell(parse("gamma"), *BLUE),
+    "transport": lambda: proofs.transport.prove((1.2, 0.3)),
+    "shortened": lambda: proofs.transport.prove((1.1, -1.1)),
+    "cell": lambda: proofs.transport_cells.prove_cell((0.75, 0.25), 2.0**-6),
+    "barrier": lambda: proofs.barrier.prove(parse("gamma"), (0.4, -0.4)),
+    "box": lambda: proofs.barrier.prove(parse("gamma"), (0.3, 0.3), radius=1e-9),
+    "barrier cell": lambda: proofs.barrier_cells.prove_cell(parse("gamma"), *BLUE),
 }
 BLUE = (0.0625, 0.03125), 2.0**-8
 
@@ -59,7 +53,7 @@ def test_a_claim_is_of_the_forcing_as_it_was_given(made):
 
 
 def test_certificates_name_the_statements_of_the_document_by_their_digests():
-    text = (Path(nasm.__file__).parent / "PROOFS.md").read_text(encoding="utf-8")
+    text = (Path(nasm.__file__).parent / "proofs" / "README.md").read_text(encoding="utf-8")
     statements = re.findall(r"```text\n(.*?)\n```", text, re.DOTALL)
     digests = {s.split(".")[0]: hashlib.sha256(s.encode()).hexdigest() for s in statements}
     assert all(f"Version {certificates._VERSION}." in s for s in statements)
@@ -131,8 +125,8 @@ def test_a_barrier_of_another_forcing_or_circle_is_refused(omega, kappa, made):
     "kappa", [(1.1, 1.1), (1.1, -1.1), (1.1, 0, -1.1, 0), (0, 1.1, 0, -1.1), (0.5, 1.2) * 3]
 )
 def test_forcings_are_followed_to_their_shorter_forms(kappa):
-    check(proof_transport.prove(kappa).certificate())
-    check(proof_barrier.prove(parse("gamma"), np.array(kappa) / 10).certificate())
+    check(proofs.transport.prove(kappa).certificate())
+    check(proofs.barrier.prove(parse("gamma"), np.array(kappa) / 10).certificate())
 
 
 FIELDS = "kappa half_width shortened_from site a boxes lives omega rho radius modes centre moves"

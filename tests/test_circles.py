@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from oracles import KAPPA_G
 
-from nasm import circle_symmetries, circles, fourier, orbits, parameterization
+from nasm import circles, orbits
+from nasm.circles import fourier, parameterization
 from nasm.critical import Status
 from nasm.maps import step, step_tangent
 from nasm.numbers import NAMES, RotationNumber, moebius, parse
@@ -175,9 +176,9 @@ def assert_same_circle(carried, kappa, omega):
 def test_circles_are_carried_along_the_symmetries_of_two_kicks(kappa1, kappa2, name):
     circle, omega = circles.invariant_circle(parse(name), (kappa1, kappa2)), parse(name)
     assert circle.certified
-    assert_same_circle(circle_symmetries.shift(circle), (kappa2, kappa1), omega)
-    assert_same_circle(circle_symmetries.negate(circle), (-kappa1, -kappa2), omega)
-    alternate = circle_symmetries.alternate(circle)
+    assert_same_circle(circles.symmetries.shift(circle), (kappa2, kappa1), omega)
+    assert_same_circle(circles.symmetries.negate(circle), (-kappa1, -kappa2), omega)
+    alternate = circles.symmetries.alternate(circle)
     assert_same_circle(alternate, (kappa1, -kappa2), moebius(omega, 1, 1))
 
 
@@ -185,17 +186,17 @@ def test_circles_are_carried_along_the_symmetries_of_two_kicks(kappa1, kappa2, n
 @given(st.floats(-0.7, 0.7))
 def test_circles_of_the_standard_map_give_those_of_the_known_limits(kappa):
     circle = circles.invariant_circle(GAMMA, (kappa,))
-    square = circle_symmetries.repeat(circle, 2)
+    square = circles.symmetries.repeat(circle, 2)
     assert_same_circle(square, (kappa, kappa), parse("2gamma"))
-    assert_same_circle(circle_symmetries.interleave(circle), (kappa / 2, 0), GAMMA)
-    antidiagonal = circle_symmetries.alternate(square)
+    assert_same_circle(circles.symmetries.interleave(circle), (kappa / 2, 0), GAMMA)
+    antidiagonal = circles.symmetries.alternate(square)
     assert_same_circle(antidiagonal, (kappa, -kappa), parse("2gamma+1"))
 
 
 def test_a_forcing_without_symmetry_centre_is_shifted_all_the_way_round():
     circle = shifted = circles.invariant_circle(GAMMA, (0.1, 0.2, -0.25))
     for kappa in ((0.2, -0.25, 0.1), (-0.25, 0.1, 0.2), (0.1, 0.2, -0.25)):
-        shifted = circle_symmetries.shift(shifted)
+        shifted = circles.symmetries.shift(shifted)
         assert_same_circle(shifted, kappa, GAMMA)
         assert abs(shifted.u[0].mean()) < 1e-15
     np.testing.assert_allclose(shifted.u, circle.u, atol=1e-8)
@@ -223,16 +224,16 @@ def test_too_few_modes_and_small_updates_make_fake_circles_that_are_rejected(n, 
     kappa, fake = naive_circle(n, KAPPA_G + past, 0.01)
     assert kappa > KAPPA_G + past - 0.01
     assert kappa > KAPPA_G
-    error, status = circles.certify(GAMMA, np.array([kappa]), fake)
+    error, status = circles.newton.certify(GAMMA, np.array([kappa]), fake)
     assert status is Status.NOT_CERTIFIED
     assert error > 1e-6
-    n_max = max(n, circles.N_FIRST)
+    n_max = max(n, circles.newton.N_FIRST)
     circle = circles.invariant_circle(GAMMA, (kappa,), n_max=n_max, start=fake)
     assert not circle.certified
     # Nor are they circles once they are polished.
-    assert not circles.polished_is_circle(GAMMA, np.array([kappa]), fake)
-    assert not circles.polish(GAMMA, np.array([kappa]), fake)
-    assert not circles.polished_is_circle(GAMMA, np.array([kappa]), fake)
+    assert not circles.newton.polished_is_circle(GAMMA, np.array([kappa]), fake)
+    assert not circles.newton.polish(GAMMA, np.array([kappa]), fake)
+    assert not circles.newton.polished_is_circle(GAMMA, np.array([kappa]), fake)
 
 
 @pytest.mark.parametrize("name", ["gamma", "2gamma", "(gamma+1)/(4gamma+5)"])
@@ -241,8 +242,8 @@ def test_both_certificates_agree_on_circles_with_enough_modes(name):
     u = circles.invariant_circle(omega, kappa).u
     for n_modes in (100, 1000):
         polished = fourier.resample(u, fourier.grid(omega, n_modes))
-        assert circles.polish(omega, kappa, polished)
-        assert circles.polished_is_circle(omega, kappa, polished)
+        assert circles.newton.polish(omega, kappa, polished)
+        assert circles.newton.polished_is_circle(omega, kappa, polished)
         assert np.abs(circles.residual(omega, kappa, polished)).max() < 1e-10
 
 
@@ -250,13 +251,13 @@ def test_what_is_off_a_circle_is_polished_or_rejected():
     kappa = np.array([0.3, 0.2])
     wanted = fourier.resample(circles.invariant_circle(GAMMA, kappa).u, 512)
     off = wanted + 1e-3 * np.sin(2 * np.pi * np.arange(512) / 512)
-    assert not circles.polished_is_circle(GAMMA, kappa, off)
-    assert circles.polish(GAMMA, kappa, off)
+    assert not circles.newton.polished_is_circle(GAMMA, kappa, off)
+    assert circles.newton.polish(GAMMA, kappa, off)
     np.testing.assert_allclose(off, wanted, atol=1e-8)
-    assert circles.polished_is_circle(GAMMA, kappa, off)
+    assert circles.newton.polished_is_circle(GAMMA, kappa, off)
     nothing = np.full((2, 512), np.nan)
-    assert not circles.polished_is_circle(GAMMA, kappa, nothing)
-    assert not circles.polish(GAMMA, kappa, nothing)
+    assert not circles.newton.polished_is_circle(GAMMA, kappa, nothing)
+    assert not circles.newton.polish(GAMMA, kappa, nothing)
 
 
 @pytest.mark.parametrize("past", [2e-4, 1e-3, 1e-2, 0.27, 1.0])
@@ -305,8 +306,8 @@ def test_too_many_modes_drown_in_rounding_and_say_so():
 def test_not_a_number_is_not_a_circle():
     # max and min pass over NaN: without the twist every check would.
     kappa = np.array([0.3, 0.2])
-    assert circles.settle(GAMMA, kappa, np.full((2, 64), np.nan), 64)[1] is Status.NO_CIRCLE
-    assert circles.certify(GAMMA, kappa, np.full((2, 64), np.nan))[1] is Status.NOT_CERTIFIED
+    assert circles.newton.settle(GAMMA, kappa, np.full((2, 64), np.nan), 64)[1] is Status.NO_CIRCLE
+    assert circles.newton.certify(GAMMA, kappa, np.full((2, 64), np.nan))[1] is Status.NOT_CERTIFIED
 
 
 def test_twist_is_at_least_the_number_of_kicks_where_the_circle_is_a_graph():

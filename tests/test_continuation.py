@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from oracles import KAPPA_G
 
-from nasm import circles, continuation, fourier, periodic
+from nasm import circles, periodic
+from nasm.circles import continuation, fourier
 from nasm.critical import Status
 from nasm.numbers import NAMES, RotationNumber, convergents, moebius, parse
 from nasm.symmetries import ray
@@ -262,13 +263,13 @@ def test_fakes_just_beyond_the_breakup_are_met_and_rejected(name, profile, monke
     # So near to it, Newton's method does converge.
     omega = parse(name)
     breakup = periodic.critical_scale(omega, profile).value
-    met, certificate = [], circles.polished_is_circle
+    met, certificate = [], circles.newton.polished_is_circle
 
     def recording(omega, kappa, u):
         met.append((np.abs(kappa).max() / np.abs(profile).max(), certificate(omega, kappa, u)))
         return met[-1][1]
 
-    monkeypatch.setattr(circles, "polished_is_circle", recording)
+    monkeypatch.setattr(circles.newton, "polished_is_circle", recording)
     scale = continuation.certified_scale(omega, profile, breakup * (1 + 1e-4), 5e-5)
     assert [answer for at, answer in met if at > breakup * (1 + 1e-6)] == [False] * 3
     assert breakup * (1 - 1e-3) < scale < breakup

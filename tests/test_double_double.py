@@ -7,7 +7,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from nasm import double_double
+from nasm.arithmetic import double_double
 
 NUMBERS = st.floats(-1e6, 1e6).filter(lambda a: a == 0 or abs(a) > 1e-6)
 

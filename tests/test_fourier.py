@@ -1,4 +1,4 @@
-"""Grids and cuts between the resonances of ω. More of `nasm.fourier` is in test_circles.py."""
+"""Grids and cuts between the resonances of ω. More of `fourier` is in test_circles.py."""
 
 from itertools import islice
 
@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from nasm import fourier
+from nasm.circles import fourier
 from nasm.numbers import NAMES, RotationNumber, convergents, parse
 
 quotients = st.integers(1, 30)

@@ -90,9 +90,9 @@ def test_kernels_of_other_versions_are_deleted_when_they_are_a_month_old(run, tm
     assert {names["young"], "of_others"} < left
 
 
-def test_an_edit_of_an_inlined_file_changes_what_a_kernel_computes(run, tmp_path):
+def test_an_edit_in_a_room_changes_what_a_kernel_computes(run, tmp_path):
     shutil.copytree(ROOT / "nasm", tmp_path / "copy" / "nasm")
-    sine = tmp_path / "copy" / "nasm" / "sine.py"
+    sine = tmp_path / "copy" / "nasm" / "arithmetic" / "sine.py"
     original = sine.read_text()
     edited = original.replace("-6.579736267392568", "-6.5")
     assert edited != original

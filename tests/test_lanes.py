@@ -5,7 +5,7 @@ import pytest
 from numba import njit
 from numba.core.errors import TypingError
 
-from nasm.lanes import (
+from nasm.arithmetic.lanes import (
     FEW,
     LANES,
     copysign,

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from oracles import KAPPA_G
 
-from nasm import last_torus, phases
+from nasm.converse_kam import sequence
 from nasm.critical import Status
 from nasm.symmetries import ray
+from nasm.tori import last_torus
 
 # Periods, where their last circles break by residues or continuation, and how far above that no
 # graph is left: without a symmetry minimizing orbits cross the lines.
@@ -16,31 +17,31 @@ KNOWN = ((1.0,), KAPPA_G, 0.01), ((0.3, 0.2, 0.25), 1.79656, 0.05)
 @pytest.mark.parametrize(("period", "breakup", "above"), KNOWN)
 def test_a_sequence_that_repeats_loses_its_graphs_past_the_breakup(period, breakup, above):
     kappa = np.tile(period, 601)
-    upper = phases.critical_scale(kappa).upper
+    upper = sequence.critical_scale(kappa).upper
     assert breakup < upper < (1 + above) * breakup
-    assert phases.last_survivor(0.99 * breakup * kappa).kicks == np.inf
+    assert sequence.last_survivor(0.99 * breakup * kappa).kicks == np.inf
 
 
 def test_strong_random_kicks_leave_no_graph_and_the_last_start_to_go_is_told():
     kappa = np.random.default_rng(20).uniform(0.8, 1.8, 300)
-    last = phases.last_survivor(kappa)
+    last = sequence.last_survivor(kappa)
     site, reach = last.site, int(last.kicks)
     assert reach < 20
     for less, life in ((0, reach), (1, np.inf)):  # the kicks told do it alone, fewer do not
         first, end = max(site - reach + less, 0), site + reach - less
-        alone = phases.elimination_time(kappa[first:end], 0.0, site - first, [last.x], [last.y])
+        alone = sequence.elimination_time(kappa[first:end], 0.0, site - first, [last.x], [last.y])
         assert alone == life
 
 
 def test_searches_that_disagree_give_no_bound(monkeypatch):
-    search = phases.last_survivor
-    assert phases.critical_scale(np.ones(64), 0.1).status is Status.OK
+    search = sequence.last_survivor
+    assert sequence.critical_scale(np.ones(64), 0.1).status is Status.OK
 
     def careless(kappa, theta=0.0, effort=8):
         return search(1.3 * kappa if effort == 1 else kappa, theta, effort)
 
-    monkeypatch.setattr(phases, "last_survivor", careless)
-    found = phases.critical_scale(np.ones(64), 0.1)
+    monkeypatch.setattr(sequence, "last_survivor", careless)
+    found = sequence.critical_scale(np.ones(64), 0.1)
     assert found.status is Status.UNDECIDED
     assert np.isnan(found.upper)
 

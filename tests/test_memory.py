@@ -14,9 +14,9 @@ glibc = pytest.mark.skipif(
 )
 PROGRAM = """
 from test_memory import kept
-import nasm.barriers, nasm.tori, nasm.memory
+import nasm.barriers, nasm.tori, nasm.arithmetic.memory
 print(kept())
-nasm.memory.keep_freed_memory()
+nasm.arithmetic.memory.keep_freed_memory()
 print(kept())
 """
 

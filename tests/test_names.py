@@ -12,11 +12,13 @@ import pytest
 from oracles import KAPPA_G
 
 import nasm
-from nasm import circles, continuation, first_breakup, flux, periodic
+from nasm import circles, first_breakup, flux, periodic
+from nasm.circles import continuation
 from nasm.critical import Status
 from nasm.numbers import NAMES, parse
 
-MODULES = sorted(Path(nasm.__file__).parent.glob("[!_]*.py"))
+MODULES = sorted(Path(nasm.__file__).parent.rglob("[!_]*.py"))
+ROOMS = sorted(path.parent.name for path in Path(nasm.__file__).parent.glob("*/__init__.py"))
 
 
 def defined_in(path):
@@ -32,15 +34,19 @@ def defined_in(path):
 def test_completion_shows_the_public_names_that_a_module_defines_itself(path):
     if path.stem == "certificate_checker":
         pytest.importorskip("flint")
-    module = import_module(f"nasm.{path.stem}")
+    path_within = path.relative_to(Path(nasm.__file__).parents[1]).with_suffix("")
+    module = import_module(".".join(path_within.parts))
     assert set(dir(module)) == set(module.__all__) <= set(defined_in(path))
     assert not [
         name for name in module.__all__ if name.startswith("_") or not hasattr(module, name)
     ]
 
 
-def test_all_names_at_the_top_are_there_and_no_other():
-    assert all(getattr(nasm, name) is not None for name in dir(nasm))
+def test_all_names_at_the_top_and_in_the_rooms_are_there_and_no_other():
+    for room in (nasm, *(getattr(nasm, name) for name in ROOMS)):
+        assert all(getattr(room, name) is not None for name in dir(room))
+        modules = {path.stem for path in Path(room.__file__).parent.glob("[!_]*.py")}
+        assert modules - {"checks"} <= set(dir(room))
     assert (nasm.parse, nasm.boundary) == (parse, nasm.barriers.boundary)
     with pytest.raises(AttributeError, match="no attribute 'nosuch'"):
         nasm.nosuch  # noqa: B018
@@ -49,7 +55,7 @@ def test_all_names_at_the_top_are_there_and_no_other():
 @pytest.mark.parametrize(
     "imports",
     [
-        "import nasm; assert 'numba' not in sys.modules",
+        "import nasm, nasm.circles; assert 'numba' not in sys.modules",
         "from nasm.verdict import verdict; import nasm; assert nasm.verdict.verdict is verdict",
         "import nasm.barriers; from nasm import verdict; assert verdict is nasm.verdict",
     ],

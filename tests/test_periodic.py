@@ -11,7 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from oracles import KAPPA_G, LITERATURE
 
-from nasm import chain, cones, continuation, orbits, periodic
+from nasm import chain, orbits, periodic
+from nasm.circles import continuation
+from nasm.converse_kam import symmetry_line
 from nasm.critical import Status
 from nasm.maps import step, step_tangent, unstep
 from nasm.numbers import NAMES, RotationNumber, moebius, parse
@@ -355,7 +357,7 @@ def test_next_to_a_shorter_forcing_starts_do_not_all_die_where_a_circle_is_claim
             if found.status is Status.OK:
                 answered += 1
                 below = (found.value - found.error) * np.array(profile)
-                assert not cones.eliminates(below, 20_000)
+                assert not symmetry_line.eliminates(below, 20_000)
     assert answered >= 6
 
 

@@ -9,7 +9,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from nasm import continuation, planes, symmetries
+from nasm import planes, symmetries
+from nasm.circles import continuation
 from nasm.maps import rotating_forcing
 from nasm.numbers import moebius, parse
 from nasm.orbits import rotation_number

@@ -10,11 +10,12 @@ pytest.importorskip("flint", reason="proofs need the extra `proof`")
 from audit import mutant, thirds
 from flint import acb, arb, ctx
 
-from nasm import certificate_checker as checker
-from nasm import circles, continuation, fourier, proof_barrier
+from nasm import circles, proofs
 from nasm.barriers import critical_scale
+from nasm.circles import continuation, fourier
 from nasm.numbers import RotationNumber, parse
-from nasm.proof_barrier import prove, proved_lower
+from nasm.proofs import certificate_checker as checker
+from nasm.proofs.barrier import prove, proved_lower
 from nasm.symmetries import ray
 
 GAMMA = parse("gamma")
@@ -43,7 +44,7 @@ def near(profile, omega, breakup, distance):
 @pytest.fixture
 def module():
     """The program; mutants take its place."""
-    return proof_barrier
+    return proofs.barrier
 
 
 @pytest.fixture
@@ -120,7 +121,7 @@ def test_the_fluxes_close_for_any_chain(n_sites, digits):
 @pytest.mark.parametrize("omega", ["gamma", "[0;(2)]", "[0;(8)]", "[0;(30)]", "[0;3,50,(1,2,7)]"])
 @pytest.mark.parametrize("delta", [1e-1, 3e-3, 1e-4])
 def test_the_bound_of_small_divisors_holds_and_is_sharp(omega, delta):
-    bound = float(proof_barrier._russmann(parse(omega), arb(delta)))
+    bound = float(proofs.barrier._russmann(parse(omega), arb(delta)))
     k = np.arange(1, 10**5)
     at = np.minimum(delta, 1 / (2 * np.pi * k))
     divisors = np.abs(fourier.turns(parse(omega), 10**5)[1:] - 1)
@@ -242,7 +243,7 @@ def audit(module):
 
 
 def test_a_second_program_finds_the_same_constants():
-    audit(proof_barrier)
+    audit(proofs.barrier)
 
 
 CHANGES = [
@@ -294,13 +295,13 @@ CHANGES = [
 
 @pytest.mark.parametrize("change", thirds(dict(enumerate(CHANGES))))
 def test_a_changed_line_is_noticed(change):
-    changed = mutant(proof_barrier, change)
+    changed = mutant(proofs.barrier, change)
     with pytest.raises((AssertionError, ValueError)):
         audit(changed)
 
 
 def test_a_certificate_with_one_digit_changed_fails():
-    data, _ = certificate(proof_barrier, "gamma", (0.3, 0.2))
+    data, _ = certificate(proofs.barrier, "gamma", (0.3, 0.2))
     checker.check(data)
     text = json.dumps(data)
     digits = [i for i, c in enumerate(text) if c.isdigit()]
@@ -313,7 +314,7 @@ def test_a_certificate_with_one_digit_changed_fails():
 
 def test_a_forged_certificate_is_refused():
     # Of ρ < 0; of κ = 5 and a row of modes without an equation; of denominators that are left out.
-    data, _ = certificate(proof_barrier, "gamma", (0.3, 0.2))
+    data, _ = certificate(proofs.barrier, "gamma", (0.3, 0.2))
     forged = data | {"kappa": [(5.0).hex()], "modes": data["modes"][:1] * 2}
     assert not theorem(data | {"rho": (-0.07).hex()})[0]
     assert not theorem(forged)[0]
@@ -324,7 +325,7 @@ def test_a_forged_certificate_is_refused():
 def test_the_bound_of_small_divisors_holds_in_the_narrowest_strips():
     for delta in (1e-9, 1e-12, 1e-15):
         least = 5**0.5 / (4 * np.pi**2 * np.e)
-        assert least <= float(proof_barrier._russmann(GAMMA, arb(delta))) <= 1.1 * least
+        assert least <= float(proofs.barrier._russmann(GAMMA, arb(delta))) <= 1.1 * least
         with ctx.workprec(checker.BITS):
             _, divisors, period = checker.rotation("[0;(1)]")
             assert least <= float(checker.russmann(divisors, period, arb(delta)))
@@ -332,7 +333,7 @@ def test_the_bound_of_small_divisors_holds_in_the_narrowest_strips():
 
 @pytest.mark.parametrize("site", [0, 1])
 def test_without_the_digest_a_changed_digit_that_matters_still_fails(site):
-    data, _ = certificate(proof_barrier, "gamma", (0.3, 0.2))
+    data, _ = certificate(proofs.barrier, "gamma", (0.3, 0.2))
     del data["sha256"]
     assert theorem(data)[0]
     for k in (1, 2, 5):
@@ -415,7 +416,7 @@ def proofs_above(profile, omega, breakup, n, beyond):
     path = [continuation.certified_circle(omega, profile, breakup, d) for d in (0.04, 0.02)]
     kappa = breakup * (1 + beyond) * profile
     u = settled(
-        omega, kappa, fourier.resample(circles.extrapolate(path, breakup * (1 + beyond)), n)
+        omega, kappa, fourier.resample(circles.newton.extrapolate(path, breakup * (1 + beyond)), n)
     )
     return [prove(omega, kappa, start=start, n=n).proved for start in (u, path[-1][1])]
 
@@ -543,23 +544,23 @@ def test_too_few_points_say_which_inequality_fails():
 
 def test_a_bound_outside_its_strip_is_refused():
     # With ρ ≥ ρ̂ the sums of the tails would be negative.
-    grid = proof_barrier.Grid(GAMMA, [0.3], 0.0, 64)
+    grid = proofs.barrier.Grid(GAMMA, [0.3], 0.0, 64)
     zero = [[arb(0)] * 8]
     for rho, cut in ((0.05, 8), (0.06, 8), (0.01, 7), (0.01, 33)):
         with pytest.raises(ValueError, match="out of range"):
-            proof_barrier._bounds_of_the_residual(grid, zero, zero, arb(rho), arb(0.05), [cut])
+            proofs.barrier._bounds_of_the_residual(grid, zero, zero, arb(rho), arb(0.05), [cut])
 
 
 @pytest.mark.parametrize("mode", [arb(1e-3, 1e-9), acb(0, 1e-3)])
 def test_modes_that_are_not_exact_or_not_real_are_refused(mode):
-    grid = proof_barrier.Grid(GAMMA, [0.1, 0.1, 0.2], 0.0, 64)
+    grid = proofs.barrier.Grid(GAMMA, [0.1, 0.1, 0.2], 0.0, 64)
     rows = [[mode, acb(0)]] * 3
     with pytest.raises(ValueError, match="exact"):
-        proof_barrier._verified(grid, rows, rows)
+        proofs.barrier._verified(grid, rows, rows)
 
 
 def test_without_python_flint_a_proof_says_what_to_install(monkeypatch):
-    monkeypatch.setattr(proof_barrier, "arb", None)
+    monkeypatch.setattr(proofs.barrier, "arb", None)
     for ask in (lambda: prove(GAMMA, (0.3,)), lambda: proved_lower(GAMMA, (1.0,), 0.97, 1.0)):
         with pytest.raises(ImportError, match=r"pip install 'nasm-transport\[proof\]'"):
             ask()

@@ -12,10 +12,10 @@ pytest.importorskip("flint")
 from audit import mutant, thirds
 from flint import arb, ctx
 
-from nasm import certificate_checker as checker
-from nasm import proof_barrier, proof_barrier_cells
+from nasm import proofs
 from nasm.numbers import RotationNumber, parse
-from nasm.proof_barrier_cells import prove_cell
+from nasm.proofs import certificate_checker as checker
+from nasm.proofs.barrier_cells import prove_cell
 
 GAMMA = parse("gamma")
 BREAKUPS = {  # scales at which γ breaks on rays, of `barriers.critical_scale`
@@ -69,7 +69,7 @@ def at(centre, C, sigma):
 def theorem(kappa, half_width, rho, modes, sigma):
     """What the second program finds for the forcing at σ, with these modes."""
     strengths = [k + half_width * s for k, s in zip(kappa, sigma, strict=True)]
-    rows = [[proof_barrier._dyadics(x) for x in row] for row in modes]
+    rows = [[proofs.barrier._dyadics(x) for x in row] for row in modes]
     data = {"omega": "[0;(1)]", "kappa": [k.hex() for k in strengths], "radius": (0.0).hex()}
     data |= {"rho": float(rho).hex(), "modes": rows}
     with ctx.workprec(checker.BITS):
@@ -119,9 +119,9 @@ class Case:
     def centre(self):
         """What the program is given of the centre."""
         with ctx.workprec(128):
-            grid = proof_barrier.Grid(self.omega, list(self.kappa), 0.0, self.n)
+            grid = proofs.barrier.Grid(self.omega, list(self.kappa), 0.0, self.n)
             modes = [[arb(float(x)) for x in row] for row in self.u]
-            return grid, self.half_width, 0.15, modes, proof_barrier._residual(grid, modes)
+            return grid, self.half_width, 0.15, modes, proofs.barrier._residual(grid, modes)
 
     @cached_property
     def moves(self):
@@ -133,7 +133,7 @@ class Case:
     @cached_property
     def sizes(self):
         with ctx.workprec(128):
-            return proof_barrier_cells._Sizes(proof_barrier_cells._Centre(*self.centre), self.C)
+            return proofs.barrier_cells._Sizes(proofs.barrier_cells._Centre(*self.centre), self.C)
 
     @cached_property
     def E(self):
@@ -147,8 +147,8 @@ class Case:
                 strengths = [
                     k + self.half_width * s for k, s in zip(self.kappa, sigma, strict=True)
                 ]
-                grid = proof_barrier.Grid(self.omega, strengths, 0.0, self.n)
-                residual = proof_barrier._residual(grid, at(centre, self.C, sigma))
+                grid = proofs.barrier.Grid(self.omega, strengths, 0.0, self.n)
+                residual = proofs.barrier._residual(grid, at(centre, self.C, sigma))
                 rows = zip(residual, of_centre, strict=True)
                 added.append([[nearest(x - y) for x, y in zip(*row, strict=True)] for row in rows])
         return np.abs(added).max(axis=0)
@@ -174,7 +174,7 @@ def solved_case(omega, half_width, Q, rho, hat):
     """Circles near the one at rest, as good as they come: what is left is rounding."""
     rest = np.zeros((2, 12)), np.zeros((2, Q, Q, 12))
     zero = Case((0.0, 0.0), half_width, *rest, rho, hat, omega)
-    module = proof_barrier_cells
+    module = proofs.barrier_cells
     with ctx.workprec(128):
         centre = module._Centre(*zero.centre)
         b = module._circles(centre, np.zeros((2, Q**2, 12), np.longdouble), 1e-15)
@@ -204,7 +204,7 @@ def cases():
 
 
 def least(case):
-    """Lists of n_j, k_j, p_j, ‖Δ_j'‖ and ‖E_j‖: what PROOFS.md asks the bounds to be, in floats.
+    """Lists of n_j, k_j, p_j, ‖Δ_j'‖ and ‖E_j‖: what the theorem asks the bounds to be, in floats.
 
     n_j, k_j and Δ_j' at the corner. p_j of the functions there, on a grid. E_j by the formulas,
     with the cut and the r for which they are least.
@@ -268,7 +268,7 @@ def audit(module):
                         bound / value,
                     )
             if name == "at the points":
-                of_centre = proof_barrier_cells._abs_upper(case.centre[4])
+                of_centre = proofs.barrier_cells._abs_upper(case.centre[4])
                 off = np.sqrt(((sizes.E - of_centre - case.E) ** 2).sum())
                 assert 0.01 * rounding < off < rounding
     too_far = np.full((2, 1, 2), [0, 0.021])
@@ -277,13 +277,13 @@ def audit(module):
 
 
 def test_each_bound_is_what_the_theorem_asks_for():
-    audit(proof_barrier_cells)
+    audit(proofs.barrier_cells)
 
 
 def test_bounds_hold_between_the_points():
     case = cases()["between the points"]
     with ctx.workprec(128):
-        bounds = proof_barrier_cells._constants(case.sizes, arb(case.rho), case.hat)
+        bounds = proofs.barrier_cells._constants(case.sizes, arb(case.rho), case.hat)
     for sigma in points(1, 2):
         modes = at(case.centre[3], case.C, sigma)
         _, constants = theorem(case.kappa, case.half_width, case.rho, modes, sigma)
@@ -346,7 +346,7 @@ CHANGES = {
 
 @pytest.mark.parametrize("change", thirds(CHANGES))
 def test_a_changed_line_is_noticed(change):
-    changed = mutant(proof_barrier_cells, change)
+    changed = mutant(proofs.barrier_cells, change)
     with pytest.raises(AssertionError):
         audit(changed)
 
@@ -367,7 +367,7 @@ def missed(rho, hat, cut, n, m):
 @pytest.mark.parametrize("cut", [10, 16])
 def test_what_a_cut_sum_misses_is_bounded_and_aliases_count(rho, hat, cut):
     n = 32
-    bound = float(proof_barrier_cells._beyond(arb(rho), arb(hat), cut, n).mid())
+    bound = float(proofs.barrier_cells._beyond(arb(rho), arb(hat), cut, n).mid())
     without = np.exp(2 * np.pi * (rho - hat) * cut)  # aliases
     most = max(missed(rho, hat, cut, n, m) for m in range(1, 4 * n))
     assert most <= bound < 1.5 * most
@@ -378,10 +378,10 @@ def test_what_a_cut_sum_misses_is_bounded_and_aliases_count(rho, hat, cut):
 def test_the_constant_of_interpolation_is_above_lebesgues():
     # Σ ±ℓ_i(cos θ) is an even trigonometric polynomial of degree < n, whose slope is less than n
     # times its maximum (Bernstein): what a grid misses of the maximum is known.
-    for n in range(proof_barrier_cells._FEW, proof_barrier_cells._MOST + 1):
+    for n in range(proofs.barrier_cells._FEW, proofs.barrier_cells._MOST + 1):
         theta = np.linspace(0, np.pi / 2, 150 * n + 1)  # and the same beyond
         T = np.cos(np.arange(n)[:, None] * theta)
-        weights = proof_barrier_cells._chebyshev(n, n).astype(float) * 2 / n
+        weights = proofs.barrier_cells._chebyshev(n, n).astype(float) * 2 / n
         weights[:, 0] /= 2
         on_the_grid = np.abs(weights @ T).sum(axis=0).max()
         largest = on_the_grid / (1 - n * theta[1] / 2)
@@ -391,7 +391,7 @@ def test_the_constant_of_interpolation_is_above_lebesgues():
 @pytest.mark.parametrize("most", [0.45, 2.0])  # by how much C may decay: the second is no hurdle
 @pytest.mark.parametrize(("angle", "distance"), [(0, 0.04), (20, 0.02), (20, 0.1), (0, 0.3)])
 def test_a_cell_across_the_boundary_is_not_proved(angle, distance, most, monkeypatch):
-    monkeypatch.setattr(proof_barrier_cells, "_LARGEST", most)
+    monkeypatch.setattr(proofs.barrier_cells, "_LARGEST", most)
     half_width = 1.01 * distance * BREAKUPS[angle]  # its corner is beyond by 1% of its half width
     assert not prove_cell(GAMMA, on_ray(angle, distance), half_width).proved
 
@@ -404,16 +404,16 @@ def test_beyond_the_boundary_no_cell_is_proved(beyond):
 def test_what_is_no_number_proves_nothing():
     case = cases()["rounding"]
     with ctx.workprec(128):
-        centre = proof_barrier_cells._Centre(*case.centre)
-        assert proof_barrier_cells._verified(centre, case.C)["proved"]
+        centre = proofs.barrier_cells._Centre(*case.centre)
+        assert proofs.barrier_cells._verified(centre, case.C)["proved"]
         for wrong in (np.nan, np.inf):
             changed = case.C.copy()
             changed[0, 0, 0, 1] = wrong
-            assert not proof_barrier_cells._verified(centre, changed)["proved"]
+            assert not proofs.barrier_cells._verified(centre, changed)["proved"]
 
 
 def test_long_doubles_that_are_doubles_are_refused(monkeypatch):
-    monkeypatch.setattr(proof_barrier_cells, "_LONG", np.float64)
+    monkeypatch.setattr(proofs.barrier_cells, "_LONG", np.float64)
     with pytest.raises(RuntimeError, match="64 bits"):
         prove_cell(GAMMA, *CELLS[0])
 

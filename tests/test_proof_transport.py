@@ -13,10 +13,10 @@ flint = pytest.importorskip("flint")
 import audit  # noqa: E402
 from flint import arb, ctx, fmpq  # noqa: E402
 
-from nasm import barriers, proof_transport  # noqa: E402
-from nasm import certificate_checker as checker  # noqa: E402
-from nasm.proof_transport import Outcome, prove, proved_upper  # noqa: E402
-from nasm.sine import SINE  # noqa: E402
+from nasm import barriers, proofs  # noqa: E402
+from nasm.arithmetic.sine import SINE  # noqa: E402
+from nasm.proofs import certificate_checker as checker  # noqa: E402
+from nasm.proofs.transport import Outcome, prove, proved_upper  # noqa: E402
 from nasm.symmetries import ray  # noqa: E402
 
 # Where the last circle breaks, by `barriers.critical_scale`; it judges, and enters no proof.
@@ -77,11 +77,11 @@ def test_bounds_of_sine_and_cosine_hold_over_the_whole_range():
     h = [power / math.factorial(2 * k + 1) for k, power in enumerate(powers)]
     cosine = [power / math.factorial(2 * k) for k, power in enumerate(powers)]
     of_h = [arb(fmpq(*c.as_integer_ratio())) for c in SINE]
-    slopes = [getattr(proof_transport, f"_D{k}") for k in range(len(SINE))]
+    slopes = [getattr(proofs.transport, f"_D{k}") for k in range(len(SINE))]
     of_cosine = [arb(fmpq(*c.as_integer_ratio())) for c in slopes]
     # 0.864·2⁻⁵³ and 2.02e-14
-    assert 0.8 * 2**-53 < worst_error(of_h, h, True) < 0.87 * 2**-53 < proof_transport.ULP
-    assert 1.9e-14 < worst_error(of_cosine, cosine, False) < 2.03e-14 < proof_transport.COS
+    assert 0.8 * 2**-53 < worst_error(of_h, h, True) < 0.87 * 2**-53 < proofs.transport.ULP
+    assert 1.9e-14 < worst_error(of_cosine, cosine, False) < 2.03e-14 < proofs.transport.COS
 
 
 def error_of_accurate_sine(middle, radius, series):
@@ -95,7 +95,7 @@ def error_of_accurate_sine(middle, radius, series):
     v, v_low = u * u, ulp * u * u + 2 * u * u_low
     v_error = ulp * v_low + u_low**2
     floats = [
-        arb(fmpq(*getattr(proof_transport, f"_S{k}").as_integer_ratio())) for k in range(4, 12)
+        arb(fmpq(*getattr(proofs.transport, f"_S{k}").as_integer_ratio())) for k in range(4, 12)
     ]
     s, error = floats[-1], abs(floats[-1] - series[11])
     for k in range(10, 3, -1):
@@ -104,7 +104,7 @@ def error_of_accurate_sine(middle, radius, series):
         error += ulp * (abs(s) + error)
     s_low = arb(0)
     for k in (3, 2, 1, 0):
-        high, low = (arb(fmpq(*c.as_integer_ratio())) for c in getattr(proof_transport, f"_S{k}"))
+        high, low = (arb(fmpq(*c.as_integer_ratio())) for c in getattr(proofs.transport, f"_S{k}"))
         product = abs(s) * v * (1 + ulp)
         assert abs(high) > product  # so that the sum of both is split exactly
         first = abs(s) * v_low + ulp * product
@@ -119,7 +119,7 @@ def error_of_accurate_sine(middle, radius, series):
     error = error * (u + u_low) + ulp * low + u_low * s_low + ulp * (low + u_low * abs(s))
     # The next term of the series; cos and the square of x_low, 2⁻⁵⁴ at most.
     error += (2 * arb.pi() * u) ** 24 / math.factorial(25) * u
-    return error + ulp * (low + 2 * ulp) + arb(proof_transport.COS) * ulp + 4 * ulp**2
+    return error + ulp * (low + 2 * ulp) + arb(proofs.transport.COS) * ulp + 4 * ulp**2
 
 
 def test_bound_of_the_accurate_sine_holds_over_the_whole_range():
@@ -130,14 +130,14 @@ def test_bound_of_the_accurate_sine_holds_over_the_whole_range():
         for middle in (fmpq(2 * i + 1, 8 * pieces) for i in range(pieces))
     )
     # Products and sums of low parts, in the kick, add a few 2⁻¹⁰⁴.
-    assert 2.0**-69 < worst < proof_transport.ORBIT - 2.0**-90
+    assert 2.0**-69 < worst < proofs.transport.ORBIT - 2.0**-90
 
 
 # Audits of the kernel against arithmetic of many digits.
 
 STATE = ("x", "x_low", "y", "y_low", *"vwVWtzqpAB", "linear", "quadratic", "rest", "paid")
 KERNEL = audit.Kernel(
-    functions=(proof_transport._accurate, proof_transport._next, proof_transport._kick),
+    functions=(proofs.transport._accurate, proofs.transport._next, proofs.transport._kick),
     names=STATE,
     known=(("t", "z", "linear"), ("q", "p", "quadratic")),
     places=((-1.0,), (1.0,), (0.5,)),
@@ -151,8 +151,8 @@ def exact_fma(a, b, c):
 
 def start(kappa, a, y, delta):
     """The state of a box as the kernel starts it, and 1/δ."""
-    lanes = np.zeros((proof_transport._ROWS, 1))
-    proof_transport._start(lanes, 0, kappa[0], a - 0.25, y, delta)
+    lanes = np.zeros((proofs.transport._ROWS, 1))
+    proofs.transport._start(lanes, 0, kappa[0], a - 0.25, y, delta)
     *state, scale = lanes[:, 0].tolist()
     return state, scale
 
@@ -240,22 +240,22 @@ def test_lanes_and_floats_compute_what_the_source_says():
     kick = audit.in_python(KERNEL.functions, fma=exact_fma)
     boxes = whole_cover(20, 0.1)[:16]
     kappa = boxes[0][0]
-    lanes, events = np.zeros((proof_transport._ROWS, 16)), np.empty((2, 16))
+    lanes, events = np.zeros((proofs.transport._ROWS, 16)), np.empty((2, 16))
     for lane, (_, a, y, delta, _) in enumerate(boxes):
-        proof_transport._start(lanes, lane, kappa[0], a - 0.25, y, delta)
-    replayed = [proof_transport._replay(*kappa, lanes, lane) for lane in range(16)]
-    proof_transport._advance(*kappa, lanes, events)
+        proofs.transport._start(lanes, lane, kappa[0], a - 0.25, y, delta)
+    replayed = [proofs.transport._replay(*kappa, lanes, lane) for lane in range(16)]
+    proofs.transport._advance(*kappa, lanes, events)
     for lane, (_, a, y, delta, _) in enumerate(boxes):
         state, scale = start(kappa, a, y, delta)
         smallest, worst, life = 1.0, 0.0, None
-        for n in range(proof_transport._BLOCK):
+        for n in range(proofs.transport._BLOCK):
             state, bad, _ = kick(kappa[n % 2], scale, state)
             smallest, worst = min(smallest, state[STATE.index("V")]), worst + bad
             if life is None and (bad > 0 or state[STATE.index("V")] <= 0):
                 life = n + 1, int(bad > 0)
         assert lanes[:, lane].tolist() == [*state, scale]
         assert events[:, lane].tolist() == [smallest, worst]
-        assert replayed[lane] == (life or (proof_transport._BLOCK, proof_transport._FAILED))
+        assert replayed[lane] == (life or (proofs.transport._BLOCK, proofs.transport._FAILED))
 
 
 # Floating point, as compiled.
@@ -263,13 +263,13 @@ def test_lanes_and_floats_compute_what_the_source_says():
 
 def test_every_fma_is_one_and_nothing_else_is():
     after_a_block(STATE.index("x"), 0.25)  # compiled, not loaded from the cache
-    of_next = inspect.getsource(proof_transport._next.py_func).count("fma(")
+    of_next = inspect.getsource(proofs.transport._next.py_func).count("fma(")
     source = "".join(inspect.getsource(function.py_func) for function in KERNEL.functions)
     calls_of_next = source.count("= _next(")
     written = source.count("fma(") + (calls_of_next - 1) * of_next
     functions = (
-        (proof_transport._replay, "double", 1),
-        (proof_transport._advance, "<16 x double>", 16),
+        (proofs.transport._replay, "double", 1),
+        (proofs.transport._advance, "<16 x double>", 16),
     )
     for function, kind, width in functions:
         (code,), (assembly,) = function.inspect_llvm().values(), function.inspect_asm().values()
@@ -286,11 +286,11 @@ def test_every_fma_is_one_and_nothing_else_is():
 
 
 def test_arithmetic_that_is_not_ieee_proves_nothing(monkeypatch):
-    assert proof_transport._arithmetic_is_ieee(1.0, 2.0**-53, 2.0**-52, 2.0**-1022)
+    assert proofs.transport._arithmetic_is_ieee(1.0, 2.0**-53, 2.0**-52, 2.0**-1022)
     # As on a machine that truncates, or one without gradual underflow.
-    assert not proof_transport._arithmetic_is_ieee(1.0, 2.0**-52, 2.0**-52, 2.0**-1022)
-    assert not proof_transport._arithmetic_is_ieee(1.0, 2.0**-53, 2.0**-52, 2.0**-1074)
-    monkeypatch.setattr(proof_transport, "_arithmetic_is_ieee", lambda *_: False)
+    assert not proofs.transport._arithmetic_is_ieee(1.0, 2.0**-52, 2.0**-52, 2.0**-1022)
+    assert not proofs.transport._arithmetic_is_ieee(1.0, 2.0**-53, 2.0**-52, 2.0**-1074)
+    monkeypatch.setattr(proofs.transport, "_arithmetic_is_ieee", lambda *_: False)
     with pytest.raises(RuntimeError, match="IEEE 754"):
         prove((2.5,))
 
@@ -298,25 +298,25 @@ def test_arithmetic_that_is_not_ieee_proves_nothing(monkeypatch):
 def after_a_block(row, value, kappa=(1.5, 1.2)):
     """Outcome of a box that dies within the block, if a number of its state is changed before; and
     whether the lanes see that something happened."""
-    lanes, events = np.zeros((proof_transport._ROWS, 16)), np.empty((2, 16))
+    lanes, events = np.zeros((proofs.transport._ROWS, 16)), np.empty((2, 16))
     for lane in range(16):
-        proof_transport._start(lanes, lane, kappa[0], 0.25, 0.3, 1e-3)
+        proofs.transport._start(lanes, lane, kappa[0], 0.25, 0.3, 1e-3)
     lanes[row, 0] = value
-    _, outcome = proof_transport._replay(*kappa, lanes, 0)
-    proof_transport._advance(*kappa, lanes, events)
+    _, outcome = proofs.transport._replay(*kappa, lanes, 0)
+    proofs.transport._advance(*kappa, lanes, events)
     return outcome, not (events[0, 0] > 0 and events[1, 0] <= 0)
 
 
-@pytest.mark.parametrize("row", range(proof_transport._ROWS))
+@pytest.mark.parametrize("row", range(proofs.transport._ROWS))
 def test_overflow_and_nan_eliminate_nothing(row):
-    assert after_a_block(STATE.index("x"), 0.25) == (proof_transport._ELIMINATED, True)
+    assert after_a_block(STATE.index("x"), 0.25) == (proofs.transport._ELIMINATED, True)
     values = [math.nan]
     if STATE[row : row + 1] != ("paid",):
         values.append(math.inf)  # which paid is only after V
     if STATE[row : row + 1] == ("V",):
         values.append(1e160)  # whose square is infinite
     for value in values:
-        assert after_a_block(row, value) == (proof_transport._FAILED, True)
+        assert after_a_block(row, value) == (proofs.transport._FAILED, True)
 
 
 # Proofs and certificates.
@@ -398,13 +398,13 @@ def test_every_shorter_life_that_is_false_is_refused():
 
 def test_boxes_tile_the_half_line():
     proof = prove(beyond(45, 0.03))
-    assert proof_transport._tiles(proof.boxes)
+    assert proofs.transport._tiles(proof.boxes)
     for i in range(len(proof.boxes)):
-        assert not proof_transport._tiles(np.delete(proof.boxes, i, axis=0))
+        assert not proofs.transport._tiles(np.delete(proof.boxes, i, axis=0))
 
 
 def test_boxes_of_lives_beyond_the_allowance_for_rounding_prove_nothing(monkeypatch):
-    monkeypatch.setattr(proof_transport, "_LONGEST", 5)
+    monkeypatch.setattr(proofs.transport, "_LONGEST", 5)
     with pytest.raises(RuntimeError, match="lives for 5 kicks"):
         prove(beyond(20, 0.1))
 

@@ -9,7 +9,7 @@ import pytest
 import xarray as xr
 from commands import invoke, succeed
 
-from nasm import barriers, proof_barrier, proof_transport, proofs
+from nasm import barriers, proofs
 from nasm.critical import Status
 from nasm.numbers import parse
 from nasm.planes import two_kicks
@@ -76,14 +76,14 @@ def easy_bracket(profile, seconds):
     """Proofs that are far from the breakup, so that they are checked at once."""
     circle, found = parse("gamma"), barriers.critical_scale(profile, 1e-2)
     lower, upper = 0.3 * found.value, 1.2 * found.value
-    proved = proof_barrier.prove(circle, lower * profile), proof_transport.prove(upper * profile)
+    proved = proofs.barrier.prove(circle, lower * profile), proofs.transport.prove(upper * profile)
     found = replace(found, omega=circle)
     return proofs.ProvedBracket(found, lower, upper, *proved)
 
 
 @pytest.mark.parametrize(("job", "n"), [(map_of_two_tiles, 2), (rays_of_one_tile, 2)])
 def test_certificates_of_a_store_are_kept_compared_and_checked(job, n, tmp_path, monkeypatch):
-    monkeypatch.setattr(proofs, "critical_scale", easy_bracket)
+    monkeypatch.setattr(proofs.bracket, "critical_scale", easy_bracket)
     (job, tiles), place = job(), store.place_of(tmp_path)
     with store.driving(place):
         store.create(place, job.cube, store.computed_by())
@@ -120,7 +120,7 @@ def test_certificates_of_a_store_are_kept_compared_and_checked(job, n, tmp_path,
 
 @pytest.mark.parametrize("command", ["proved_boundary", "proved_map"])
 def test_without_python_flint_the_command_says_what_to_install(command, tmp_path, monkeypatch):
-    monkeypatch.setattr(proof_barrier, "arb", None)
+    monkeypatch.setattr(proofs.barrier, "arb", None)
     result = invoke(command, tmp_path / "out")
     assert result.exit_code == 1
     assert "pip install 'nasm-transport[proof]'" in result.output

@@ -3,14 +3,16 @@
 import numpy as np
 import pytest
 
-from nasm import barriers, cones, continuation, escape, maps, periodic
+from nasm import barriers, escape, maps, periodic
+from nasm.circles import continuation
+from nasm.converse_kam import symmetry_line
 from nasm.critical import Status
 from nasm.numbers import parse
 
 GAMMA, PROFILE = parse("gamma"), np.array([1.0, 0.4])
 METHODS = {
     "barriers": lambda profile, size: barriers.critical_scale(profile, 1e-1),
-    "cones": lambda profile, size: cones.critical_scale(profile, 300),
+    "cones": lambda profile, size: symmetry_line.critical_scale(profile, 300),
     "continuation": lambda profile, size: continuation.critical_scale(GAMMA, profile, 1e-4 / size),
     "escape": lambda profile, size: escape.critical_scale(profile, 1000, 100),
     "periodic": lambda profile, size: periodic.critical_scale(GAMMA, profile, 300),

@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 from oracles import KAPPA_G
 
-from nasm import continuation, escape, fourier, phases, transversals
+from nasm import escape
+from nasm.circles import continuation, fourier
+from nasm.converse_kam import sequence, transversal
 from nasm.maps import TWO_PI, kick, phased_kick
 from nasm.self_consistent import evolve, momentum
 from workflows.figures.self_consistent import draw_self_consistent
@@ -34,29 +36,29 @@ def test_escapes_are_counted_in_kicks():
         orbit.append(y)
     outside = np.abs(orbit) > 1.2
     expected = np.where(outside.any(axis=0), outside.argmax(axis=0), np.inf)
-    found = phases.escape_time(kappa, theta, X, Y, (-1.2, 1.2))
+    found = sequence.escape_time(kappa, theta, X, Y, (-1.2, 1.2))
     assert len(set(found)) > 20
     assert np.array_equal(found, expected)
 
 
 def test_a_sequence_that_repeats_eliminates_as_its_period_does():
     kappa, site, omega = (0.3, 0.2, 0.25), 301, 0.271
-    expected = transversals.elimination_time(kappa, site % 3, X, Y, 300)
+    expected = transversal.elimination_time(kappa, site % 3, X, Y, 300)
     assert 10 < np.isinf(expected).sum() < 650
     repeated = np.tile(kappa, 201)[:602]
-    assert np.array_equal(phases.elimination_time(repeated, 0.0, site, X, Y), expected)
+    assert np.array_equal(sequence.elimination_time(repeated, 0.0, site, X, Y), expected)
     theta = (np.arange(602) - site) * omega + 0.2
-    moved = phases.elimination_time(repeated, theta, site, X + 0.2, Y + omega)
+    moved = sequence.elimination_time(repeated, theta, site, X + 0.2, Y + omega)
     assert np.mean(moved == expected) > 0.99  # some are marginal
-    assert phases.longest_lived(0.9 * np.ones(602), theta, site)[2] == np.inf
-    x, y, time = phases.longest_lived(1.1 * np.ones(602), theta, site)
-    assert time == phases.elimination_time(1.1 * np.ones(602), theta, site, x, y) < 100
+    assert sequence.longest_lived(0.9 * np.ones(602), theta, site)[2] == np.inf
+    x, y, time = sequence.longest_lived(1.1 * np.ones(602), theta, site)
+    assert time == sequence.elimination_time(1.1 * np.ones(602), theta, site, x, y) < 100
 
 
 def asymptotic_circle(kappa, omega=0.618, n=4096):
     """The curve that comes to y = omega as the kicks fade, and dx on it."""
     angle = np.arange(n) / n
-    x, y = phases.asymptotic(kappa, 0.0, 0.0, angle, np.full(n, omega))
+    x, y = sequence.asymptotic(kappa, 0.0, 0.0, angle, np.full(n, omega))
     return x, y, 1 + fourier.derivative(x - angle)
 
 
@@ -69,23 +71,23 @@ def test_the_search_finds_lives_as_long_as_a_dense_scan_does_where_the_kicks_cha
     kappa, low, high, longest = ramp(1e-3, 600), 0.4, 0.41, 0.0
     while high - low > 1e-12:
         y = np.linspace(low, high, 20_001)
-        times = phases.elimination_time(kappa, 0.0, 600, np.full(y.size, 0.5), y)
+        times = sequence.elimination_time(kappa, 0.0, 600, np.full(y.size, 0.5), y)
         longest, best, near = max(longest, times.max()), y[times.argmax()], (high - low) / 100
         low, high = best - near, best + near
     assert 300 < longest < np.inf
-    assert phases.longest_lived(kappa, 0.0, 600, 8)[2] > 0.9 * longest
+    assert sequence.longest_lived(kappa, 0.0, 600, 8)[2] > 0.9 * longest
 
 
 def test_lives_in_a_ramp_grow_like_the_root_of_its_slowness_up_to_the_horizon_and_no_further():
     rates = np.array([1e-2, 3e-3, 1e-3, 1e-5])
-    lives = [phases.longest_lived(ramp(rate, 2000), 0.0, 2000, 8)[2] for rate in rates]
+    lives = [sequence.longest_lived(ramp(rate, 2000), 0.0, 2000, 8)[2] for rate in rates]
     # In time by 1/γ, in κ by δ: the exponent of renormalisation.
     growth, delta = np.log((1 + 5**0.5) / 2), np.log(continuation.UNSTABLE[(1,)])
     expected = -growth / (growth + delta)
     found = np.polyfit(np.log(rates[:3]), np.log(lives[:3]), 1)[0]
     assert found == pytest.approx(expected, abs=0.05)
-    assert lives[2] < phases.HORIZON < lives[3] < 0.5 * lives[2] * 100**-expected
-    survivor = phases.Survivor(2000, 0.5, 0.4, lives[3])
+    assert lives[2] < sequence.HORIZON < lives[3] < 0.5 * lives[2] * 100**-expected
+    survivor = sequence.Survivor(2000, 0.5, 0.4, lives[3])
     assert next(once._told(ramp(1e-5, 2000), survivor, np.inf)).startswith("UNDECIDED")
 
 
@@ -102,11 +104,11 @@ def test_an_asymptotic_circle_that_folds_is_denied_until_it_has_unfolded():
     kappa = 2 * np.exp(-np.arange(400) / 5)
     x, y, dx = asymptotic_circle(kappa)
     assert np.mean(dx < -0.05) > 0.1
-    assert np.isfinite(phases.elimination_time(kappa, 0.0, 0, x, y))[dx < -0.05].all()
-    assert phases.longest_lived(kappa, 0.0, 3)[2] < 100
+    assert np.isfinite(sequence.elimination_time(kappa, 0.0, 0, x, y))[dx < -0.05].all()
+    assert sequence.longest_lived(kappa, 0.0, 3)[2] < 100
     x, y, dx = asymptotic_circle(kappa[5:])
     assert dx.min() > 0
-    assert np.isinf(phases.elimination_time(kappa[5:], 0.0, 0, x, y)).all()
+    assert np.isinf(sequence.elimination_time(kappa[5:], 0.0, 0, x, y)).all()
 
 
 def test_five_particles_move_as_in_the_literature():

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numba import njit
 
-from nasm.sine import SINE, cos2pi, sin2pi
+from nasm.arithmetic.sine import SINE, cos2pi, sin2pi
 
 RNG = np.random.default_rng(1)
 ANGLES = np.concatenate(

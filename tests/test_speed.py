@@ -16,9 +16,11 @@ import numpy as np
 import oracles
 import pytest
 
-from nasm import circles, cones, escape, fourier, parameterization
+from nasm import circles, escape
+from nasm.arithmetic.sine import SINE
+from nasm.circles import fourier, parameterization
+from nasm.converse_kam import symmetry_line
 from nasm.numbers import parse
-from nasm.sine import SINE
 
 pytestmark = pytest.mark.benchmark
 
@@ -103,7 +105,7 @@ def test_the_cone_kernel_against_plain_numba_and_the_escape_kernel():
         assert np.isinf(oracles.elimination_time(kappa, 0.5, few, 2 * short)).all()
 
     def lanes():
-        assert np.isinf(cones.elimination_time(kappa, y, n)).all()
+        assert np.isinf(symmetry_line.elimination_time(kappa, y, n)).all()
 
     def escapes():
         assert np.isinf(escape.escape_time(kappa, 0.5, y, n)).all()
@@ -119,10 +121,10 @@ STEPS = 50
 
 
 def repeat_chain_step(kappa, omega, u):
-    kappa, constants = np.array(kappa), circles._constants(omega, *u.shape)
-    workspace = circles._workspace(*u.shape)
+    kappa, constants = np.array(kappa), circles.newton._constants(omega, *u.shape)
+    workspace = circles.newton._workspace(*u.shape)
     for _ in range(STEPS):  # transforms of one length in a row, as in use: their tables are cached
-        circles._chain_step(kappa, *constants, u, workspace)
+        circles.newton._chain_step(kappa, *constants, u, workspace)
 
 
 def test_a_newton_step_of_a_circle_costs_n_log_n():

@@ -6,18 +6,9 @@ NumPy's warnings are errors in this suite, so that nothing overflows unseen eith
 import numpy as np
 import pytest
 
-from nasm import (
-    barriers,
-    circles,
-    cones,
-    continuation,
-    escape,
-    flux,
-    periodic,
-    phases,
-    tori,
-    verdict,
-)
+from nasm import barriers, circles, escape, flux, periodic, tori, verdict
+from nasm.circles import continuation
+from nasm.converse_kam import sequence, symmetry_line
 from nasm.critical import Status
 from nasm.numbers import RotationNumber, parse
 
@@ -50,8 +41,8 @@ def test_a_rational_omega_has_no_circle():
 
 ANSWERS = {
     "direct iteration": lambda: escape.critical_scale((1.0, 0.3), 64, 1),
-    "converse KAM": lambda: cones.critical_scale((1.0, 0.3), 100),
-    "converse KAM of kicks that come once": lambda: phases.critical_scale([1.0, 0.3] * 64, 0.1),
+    "converse KAM": lambda: symmetry_line.critical_scale((1.0, 0.3), 100),
+    "converse KAM of kicks that come once": lambda: sequence.critical_scale([1.0, 0.3] * 64, 0.1),
     "Greene's residue": lambda: periodic.critical_scale(GAMMA, (1.0, 0.3), 400),
     "Greene's residue of the last circle": lambda: barriers.critical_scale((1.0, 0.3), 1e-2),
     "Greene's residue of one orbit": lambda: periodic.torus_scale("3/5", "1/2", 1, 0.3),
@@ -91,7 +82,10 @@ def test_the_methods_for_the_last_barrier_give_a_number_or_a_reason_and_no_warni
     rng = np.random.default_rng(n_kicks)
     profile = rng.uniform(0, 0.4) ** np.arange(n_kicks)  # its first kick has the dominant line
     profile = np.maximum(profile, np.roll(profile[::-1], 1)) * 10 ** rng.uniform(-3, 1)
-    for found in (cones.critical_scale(profile, 100), barriers.critical_scale(profile, 1e-2)):
+    for found in (
+        symmetry_line.critical_scale(profile, 100),
+        barriers.critical_scale(profile, 1e-2),
+    ):
         assert np.isnan(found.value) == (found.status not in (Status.OK, Status.WIDE))
     said = verdict.verdict(profile)
     undecided = said.answer is verdict.Answer.UNDECIDED

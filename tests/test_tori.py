@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from oracles import KAPPA_G
 
-from nasm import circles, maps, orbits, periodic, phases, tori
+from nasm import circles, maps, orbits, periodic, tori
+from nasm.converse_kam import sequence
 from nasm.critical import Status
 from nasm.numbers import parse
 from nasm.symmetries import ray
@@ -71,7 +72,7 @@ def test_orbits_stay_on_the_torus_and_measure_its_rotation_vector(torus):
     x, y = (values[phase, 0] for values in tori.graph(torus))
     found = orbits.kicked_orbit(kappa, x, y, n)[0]
     for kicks in (1, 100, n):
-        there = tori.shifted(torus.u, kicks * torus.omega, kicks * torus.frequency)[phase, 0]
+        there = tori.newton.shifted(torus.u, kicks * torus.omega, kicks * torus.frequency)[phase, 0]
         assert found[kicks] == pytest.approx(kicks * torus.omega + there, abs=1e-6)
     at = np.arange(1, n) / n
     weights = np.exp(-1 / (at * (1 - at)))
@@ -82,7 +83,7 @@ def test_orbits_stay_on_the_torus_and_measure_its_rotation_vector(torus):
 def test_newton_error_squares():
     u, errors = np.zeros((64, 256)), []
     for _ in range(6):
-        u, error = tori.newton_step(*TRIBONACCI, 0.1, 0.1, u)
+        u, error = tori.newton.newton_step(*TRIBONACCI, 0.1, 0.1, u)
         errors.append(error)
     assert all(after < 1e3 * before**2 for before, after in pairwise(errors[1:5]))
     assert errors[5] < 1e-15
@@ -94,7 +95,7 @@ def test_circles_past_kappa_g_are_refused_as_tori(n_max):
     vector, mean = (float(GAMMA), np.e), 0.97251
     torus = tori.invariant_torus(*vector, mean, 0.0, n_max)
     assert torus.status in (Status.TOO_FEW_MODES, Status.NO_CIRCLE, Status.NOT_CERTIFIED)
-    assert tori.certify(*vector, mean, 0.0, torus.u)[1] is Status.NOT_CERTIFIED
+    assert tori.newton.certify(*vector, mean, 0.0, torus.u)[1] is Status.NOT_CERTIFIED
 
 
 @pytest.mark.parametrize("n_max", [2**13, 2**15])
@@ -131,7 +132,7 @@ def test_residues_of_a_long_orbit_and_the_blow_up_agree():
 
 
 def test_a_torus_one_per_cent_below_its_breakup_is_certified_from_nothing():
-    assert tori.invariant_torus(*TRIBONACCI, *(0.322 * ray(45)), tori.N_MAX).certified
+    assert tori.invariant_torus(*TRIBONACCI, *(0.322 * ray(45)), tori.newton.N_MAX).certified
 
 
 @pytest.mark.slow
@@ -148,6 +149,6 @@ def test_tori_are_certified_close_to_their_breakup(angle, known):
 def test_no_graph_is_left_far_beyond_the_torus_and_some_are_where_it_is_certified():
     n = np.arange(-100, 101)
     kappa = ray(45)[0] + ray(45)[1] * np.cos(2 * np.pi * n * TRIBONACCI[1])
-    lives = [phases.longest_lived(scale * kappa, 0.0, 100)[2] for scale in (0.3, 0.6)]
+    lives = [sequence.longest_lived(scale * kappa, 0.0, 100)[2] for scale in (0.3, 0.6)]
     assert lives[0] == np.inf
     assert lives[1] < 60

@@ -5,7 +5,9 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from nasm import barriers, circles, cones, continuation, orbits, periodic
+from nasm import barriers, circles, orbits, periodic
+from nasm.circles import continuation
+from nasm.converse_kam import symmetry_line
 from nasm.critical import Status, no_answer
 from nasm.maps import MAX_STRENGTH
 from nasm.symmetries import ray
@@ -108,7 +110,7 @@ def test_without_a_certified_circle_there_is_no_barrier(monkeypatch, kappa):
         u = np.zeros((2, 64))
         return circles.InvariantCircle(omega, np.array(kappa), u, np.nan, Status.NOT_CERTIFIED)
 
-    monkeypatch.setattr(circles, "invariant_circle", failing)
+    monkeypatch.setattr(circles.newton, "invariant_circle", failing)
     monkeypatch.setattr(continuation, "certified_circle", lambda *_: (np.nan, None))
     monkeypatch.setattr(continuation, "certified_scale", lambda *_: np.nan)
     found = verdict(kappa)
@@ -124,13 +126,13 @@ def test_a_circle_further_out_is_a_barrier_on_an_assumption(monkeypatch):
 
 @pytest.mark.usefixtures("briefly")
 def test_starts_that_never_go_leave_no_verdict(monkeypatch):
-    monkeypatch.setattr(cones, "longest_lived", lambda kappa, n_max: (0.2, np.inf))
+    monkeypatch.setattr(symmetry_line, "longest_lived", lambda kappa, n_max: (0.2, np.inf))
     assert verdict((1.2, 0.9)).answer is Answer.UNDECIDED
 
 
 @pytest.mark.usefixtures("briefly")
 def test_converse_kam_against_a_certified_circle_is_no_verdict(monkeypatch):
-    monkeypatch.setattr(cones, "eliminates", lambda kappa, n_max: True)
+    monkeypatch.setattr(symmetry_line, "eliminates", lambda kappa, n_max: True)
     assert verdict((0.3, 0.4)).boundary.lower > 1
     assert verdict((0.3, 0.4)).answer is Answer.UNDECIDED
 
@@ -223,7 +225,7 @@ def test_kicks_that_come_once_get_an_answer_of_their_own(tmp_path):
 
 
 def test_without_python_flint_asking_for_a_proof_says_what_to_install(monkeypatch, tmp_path):
-    monkeypatch.setattr("nasm.proof_barrier.arb", None)
+    monkeypatch.setattr("nasm.proofs.barrier.arb", None)
     result = run("0.3", "0.4", "--prove", "--out", tmp_path)
     assert result.exit_code == 1
     assert "pip install 'nasm-transport[proof]'" in result.output

@@ -2,7 +2,7 @@
 
 The verdict of `nasm.verdict` in plain sentences, and a phase portrait with what decides: the
 circle, or an orbit that escapes. One forcing, no sweep. Kicks that come only once have no circles;
-of these `nasm.phases` tells whether a family of graphs may survive them.
+of these `nasm.converse_kam.sequence` tells whether a family of graphs may survive them.
 """
 
 import os

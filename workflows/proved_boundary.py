@@ -1,8 +1,8 @@
 """Between which forcings does the last barrier break, proved on both sides?
 
 On each ray a circle is proved to exist at one forcing, and transport to be global at another one
-beyond it; `nasm/PROOFS.md` has both theorems. Between the two nothing is proved, and of forcings
-further in nothing but what is computed there.
+beyond it; `nasm/proofs/README.md` has both theorems. Between the two nothing is proved, and of
+forcings further in nothing but what is computed there.
 """
 
 import click
@@ -24,7 +24,7 @@ def main(run, angles, seconds, quick):
     import numpy as np
 
     from nasm.planes import two_kicks
-    from nasm.proof_barrier import need_flint
+    from nasm.proofs.barrier import need_flint
     from pipeline.cubes.barrier import proved_barrier, unfolded
     from workflows.figures.proved_boundary import draw_proved_boundary
 

@@ -1,8 +1,8 @@
 """For which forcings is transport proved to be global, and for which a barrier to exist?
 
 Cells of the (κ1, κ2) plane are proved whole, by a quadtree that is fine where the boundary runs;
-`nasm/PROOFS.md` has the theorems. An open cell is one for which nothing is proved, which says
-nothing.
+`nasm/proofs/README.md` has the theorems. An open cell is one for which nothing is proved, which
+says nothing.
 """
 
 import click
@@ -30,7 +30,7 @@ def main(run, cells, seconds):
 
     from nasm.barriers import critical_scale
     from nasm.planes import two_kicks
-    from nasm.proof_barrier import need_flint
+    from nasm.proofs.barrier import need_flint
     from nasm.symmetries import ray
     from pipeline.cubes.barrier import last_barrier, unfolded
     from pipeline.cubes.proved_map import proved_map

@@ -32,7 +32,7 @@ def main(place, repair, proofs, longest):
             for index, what in damaged:
                 click.echo(f"  {f'tile {index}: {what}' if index else what}")
         if proofs:
-            from nasm.proof_barrier import need_flint
+            from nasm.proofs.barrier import need_flint
 
             need_flint()
             from workflows.parts.certified import verify_proofs

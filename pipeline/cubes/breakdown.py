@@ -11,7 +11,8 @@ from math import ceil
 import numpy as np
 import xarray as xr
 
-from nasm import continuation, escape, first_breakup, periodic
+from nasm import escape, first_breakup, periodic
+from nasm.circles import continuation
 from nasm.critical import Status, no_answer
 from nasm.numbers import parse
 from nasm.planes import ROTATING_AXES, plane_of

@@ -1,4 +1,4 @@
-"""Certificates of what a cube calls proved, a file for each tile; see nasm/PROOFS.md."""
+"""Certificates of what a cube calls proved, a file for each tile; see nasm/proofs/README.md."""
 
 import json
 import lzma

@@ -1,6 +1,7 @@
 """The last barrier of rotating standard maps against the frequency Ω, rational or not.
 
-κ_n = s·(cos angle + sin angle · cos 2π(φ0 + nΩ)), arXiv:1606.04824, Sec. VII; `nasm.last_torus`.
+κ_n = s·(cos angle + sin angle · cos 2π(φ0 + nΩ)), arXiv:1606.04824, Sec. VII;
+`nasm.tori.last_torus`.
 """
 
 from dataclasses import replace
@@ -10,9 +11,9 @@ from itertools import product
 
 import numpy as np
 
-from nasm import last_torus
 from nasm.planes import ROTATING_AXES
 from nasm.symmetries import ray
+from nasm.tori import last_torus
 from pipeline.cubes import cube
 from pipeline.cubes.breakdown import cube_on_rays, scales
 from pipeline.cubes.cube import Job, blank, coordinate

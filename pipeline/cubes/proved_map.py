@@ -16,9 +16,9 @@ REACH = 1.125  # of both strengths; CB_gt ends before
 _BLOCKS = 36  # along an axis; each is a tile
 _STATES = {
     NOT_COMPUTED: "not_computed",
-    proofs.OPEN: "open",
-    proofs.TRANSPORT: "transport_is_global",
-    proofs.BARRIER: "barrier_exists",
+    proofs.cells.OPEN: "open",
+    proofs.cells.TRANSPORT: "transport_is_global",
+    proofs.cells.BARRIER: "barrier_exists",
 }
 
 
@@ -40,13 +40,13 @@ def proved_map(rays, cells, seconds):
         np.int8(0),
         flag_values=list(_STATES),
         flag_meanings=" ".join(_STATES.values()),
-        source="nasm/PROOFS.md",
+        source="nasm/proofs/README.md",
     )
     title = "Forcings for which transport is proved to be global, or a barrier to exist"
     template = xr.Dataset({"proved": proved}, axes, {"title": title})
     settings = {"rays": rays, "cells": cells, "seconds": seconds}
     cube = Cube("proved_map", template, dict.fromkeys(axes, n // _BLOCKS), settings)
-    return Job(cube, _compute, _predict, proofs.warm_up_cells)
+    return Job(cube, _compute, _predict, proofs.cells.warm_up_cells)
 
 
 def _compute(coords, settings):
@@ -70,8 +70,10 @@ def uncertified(tile, certificates):
     for certificate in certificates:
         (k1, k2), (h1, h2) = (of_certificate(certificate, f) for f in ("kappa", "half_width"))
         inside = (np.abs(kappa1 - k1) + half <= h1) & (np.abs(kappa2 - k2) + half <= h2)
-        found[inside] = proofs.BARRIER if "omega" in certificate else proofs.TRANSPORT
-    proved = tile.proved.isin([proofs.TRANSPORT, proofs.BARRIER]).values & (kappa2 <= kappa1)
+        found[inside] = proofs.cells.BARRIER if "omega" in certificate else proofs.cells.TRANSPORT
+    proved = tile.proved.isin([proofs.cells.TRANSPORT, proofs.cells.BARRIER]).values & (
+        kappa2 <= kappa1
+    )
     n = np.count_nonzero(proved & (found != tile.proved.values))
     return f"{n} cells are called proved, and no certificate claims it" if n else ""
 
@@ -88,6 +90,6 @@ def _predict(coords, settings):
     size = 1 / settings["cells"]
     distance, critical = _boundary(settings).distance(kappa1, kappa2)
     near = (distance < 3 * size) & (distance > -0.03)
-    largest = 2 * proofs.barrier_size(np.maximum(distance, 0), critical).clip(0, 1 / 32)
+    largest = 2 * proofs.cells.barrier_size(np.maximum(distance, 0), critical).clip(0, 1 / 32)
     barriers = np.where(largest < size, 0, (size / np.maximum(largest, size)) ** 2)
     return 0.01 + float((0.5 * settings["seconds"] * near + barriers)[kappa2 <= kappa1].sum())

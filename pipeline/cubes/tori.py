@@ -9,9 +9,10 @@ from functools import partial
 import numpy as np
 import xarray as xr
 
-from nasm import last_torus, tori
+from nasm import tori
 from nasm.planes import ROTATING_AXES
 from nasm.symmetries import ray
+from nasm.tori import last_torus
 from pipeline.cubes import cube
 from pipeline.cubes.breakdown import cube_on_rays, per_ray, scales
 from pipeline.cubes.cube import PAPER, Job, coordinate
@@ -63,12 +64,12 @@ def _bracket(vector, profile, tol):
 
 def pictures(vector, angle, sizes):
     """Return h - θ of certified tori on a ray, a Dataset with dims (scale, phi, theta)."""
-    found = [tori.invariant_torus(*vector, *(s * ray(angle)), tori.N_MAX) for s in sizes]
+    found = [tori.invariant_torus(*vector, *(s * ray(angle)), tori.newton.N_MAX) for s in sizes]
     m, n = _PICTURE
     deviations = [
         _on_grid(torus.u) if torus.certified else np.full((m, n), np.nan) for torus in found
     ]
-    slopes = [tori.least_slope(torus.u) if torus.certified else np.nan for torus in found]
+    slopes = [tori.newton.least_slope(torus.u) if torus.certified else np.nan for torus in found]
     label = {"long_name": "h - θ: where the orbit is, less the rotation", "units": "1"}
     slope = {"long_name": "least slope of h along θ", "units": "1"}
     return xr.Dataset(
@@ -88,5 +89,5 @@ def pictures(vector, angle, sizes):
 def _on_grid(u):
     """Return every so many-th point of u: `_PICTURE`."""
     m, n = (max(size, least) for size, least in zip(u.shape, _PICTURE, strict=True))
-    u = tori.resample(u, m, n)
+    u = tori.newton.resample(u, m, n)
     return u[:: m // _PICTURE[0], :: n // _PICTURE[1]]

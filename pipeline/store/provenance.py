@@ -9,7 +9,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 _PACKAGE = Path(__file__).parents[2]
-_MATHEMATICS = sorted([*_PACKAGE.glob("nasm/*.py"), *_PACKAGE.glob("pipeline/cubes/*.py")])
+_MATHEMATICS = sorted([*_PACKAGE.glob("nasm/**/*.py"), *_PACKAGE.glob("pipeline/cubes/**/*.py")])
 _DECIDING = "llvmlite", "numba", "numpy", "rocket-fft", "scipy", "xarray", "zarr"
 
 
@@ -25,7 +25,9 @@ def _versions(*packages):
 
 # Of the files as they are imported: a process that runs on while they are edited has the old ones.
 # The version of the package alone would miss an edit.
-_FILES = b"".join(path.name.encode() + path.read_bytes() for path in _MATHEMATICS)
+_FILES = b"".join(
+    path.relative_to(_PACKAGE).as_posix().encode() + path.read_bytes() for path in _MATHEMATICS
+)
 _COMPUTED_BY = f"mathematics {hashlib.sha256(_FILES).hexdigest()[:12]}, {_versions(*_DECIDING)}"
 
 

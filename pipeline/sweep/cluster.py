@@ -37,7 +37,7 @@ _LOCAL = {
         # A Ctrl-C in the terminal reaches all its processes, and is for the driver.
         "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)",
         # Before the worker starts the threads that it counts for.
-        "from nasm.memory import keep_freed_memory; keep_freed_memory()",
+        "from nasm.arithmetic.memory import keep_freed_memory; keep_freed_memory()",
     ],
 }
 _ADDRESS = re.compile(r"(tcp|tls)://[^/\s]+:\d+")

@@ -4,7 +4,8 @@ import time
 
 import numpy as np
 
-from nasm import circle_symmetries, circles, fourier, parameterization
+from nasm import circles
+from nasm.circles import fourier, parameterization
 from nasm.maps import kick, step, step_tangent
 from nasm.numbers import moebius, parse
 from workflows.claims.map import largest
@@ -24,7 +25,9 @@ def golden_circle(kappa):
     gamma, u = parse("gamma"), np.zeros((len(kappa), _POINTS))
     for _ in range(10):
         u, _ = parameterization.newton_step(gamma, kappa, u)
-    return circles.InvariantCircle(gamma, np.array(kappa), u, *circles.certify(gamma, kappa, u))
+    return circles.InvariantCircle(
+        gamma, np.array(kappa), u, *circles.newton.certify(gamma, kappa, u)
+    )
 
 
 def _algorithm():
@@ -100,14 +103,14 @@ def _step_seconds(omega, n):
 def _symmetries():
     gamma, two_gamma = parse("gamma"), parse("2gamma")
     standard, other = golden_circle((0.5,)), golden_circle(_KAPPA)
-    double = circle_symmetries.repeat(standard, 2)
+    double = circles.symmetries.repeat(standard, 2)
     # K of S_κ∘R_{-1/2} is one of (-κ, -κ) up to y → y + 1/2, from which it gets 2ω + 1.
-    opposite = circle_symmetries.alternate(circle_symmetries.negate(double))
-    single = circle_symmetries.interleave(standard)
+    opposite = circles.symmetries.alternate(circles.symmetries.negate(double))
+    single = circles.symmetries.interleave(standard)
     one_less = moebius(gamma, 1, 1)
-    negated = circle_symmetries.negate(other)
-    alternated = circle_symmetries.alternate(other)
-    both = circle_symmetries.alternate(negated)
+    negated = circles.symmetries.negate(other)
+    alternated = circles.symmetries.alternate(other)
+    both = circles.symmetries.alternate(negated)
 
     def half_turn(kappa, x, y):
         x_after, y_after = kick(-kappa[0], x, y)
@@ -128,9 +131,9 @@ def _symmetries():
         "circ_symmetry": _carried((opposite, moebius(two_gamma, 1, 1), (-0.5, 0.5))),
         "rescaled": identity(largest(rescaled), rounding(2)),
         "single_kick": _carried(
-            (single, gamma, (0.25, 0)), (circle_symmetries.shift(single), gamma, (0, 0.25))
+            (single, gamma, (0.25, 0)), (circles.symmetries.shift(single), gamma, (0, 0.25))
         ),
-        "swapped": _carried((circle_symmetries.shift(other), gamma, (0.2, 0.4))),
+        "swapped": _carried((circles.symmetries.shift(other), gamma, (0.2, 0.4))),
     }
 
 

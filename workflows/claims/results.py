@@ -5,7 +5,9 @@ circles : the cube `breakdown_residue` of the paper's six ω. barrier : CB_gt on
 
 import numpy as np
 
-from nasm import cones, continuation, escape, periodic
+from nasm import escape, periodic
+from nasm.circles import continuation
+from nasm.converse_kam import symmetry_line
 from nasm.numbers import NAMES, parse
 from nasm.symmetries import ray
 from workflows.claims.boundary import KAPPA_G
@@ -83,7 +85,7 @@ def _bounds():
         for name in ("[0;1,3,(1)]", "gamma"):
             exact = periodic.critical_scale(parse(name), ray(angle)).value
             deficit.append(1 - continuation.critical_scale(parse(name), ray(angle)).lower / exact)
-        shown = cones.critical_scale(ray(angle), 4000).upper
+        shown = symmetry_line.critical_scale(ray(angle), 4000).upper
         excess.append(escape.critical_scale(ray(angle), 10_000, 100).upper / shown - 1)
     text = (
         f"direct iteration at least {min(excess):.2g} beyond a scale without circles, circles "

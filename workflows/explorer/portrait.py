@@ -18,7 +18,8 @@ from bokeh.models import (
 )
 from bokeh.plotting import figure
 
-from nasm import barriers, fourier, orbits, periodic
+from nasm import barriers, orbits, periodic
+from nasm.circles import fourier
 from nasm.verdict import Answer
 from workflows.explorer.state import ORBITS, State, limits, orbits_of, orbits_text
 from workflows.explorer.widgets import boxes, ends, field, on_view, pixels_of, sides_of

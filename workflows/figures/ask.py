@@ -125,7 +125,8 @@ def _draw_kicks(axes, portrait):
 def draw_once(kappa, survivor, y, lives):
     """Draw a sequence of kicks, those that eliminate the last survivor, and lives on its line.
 
-    survivor : `phases.Survivor`. y, lives : of starts on its line; inf for those that survive.
+    survivor : `converse_kam.sequence.Survivor`. y, lives : of starts on its line; inf for those
+    that survive.
     """
     figure = Figure(figsize=(COLUMN, 6) if in_column() else (11, 4), layout="constrained")
     kicks, line = figure.subplots(*((2, 1) if in_column() else (1, 2)))

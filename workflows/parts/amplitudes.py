@@ -3,7 +3,8 @@
 import numpy as np
 import xarray as xr
 
-from nasm import barriers, circles, continuation, fourier
+from nasm import barriers, circles
+from nasm.circles import continuation, fourier
 from nasm.numbers import parse
 from nasm.symmetries import ray
 from workflows.parts.tables import ANGLE, described

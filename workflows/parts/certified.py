@@ -4,7 +4,7 @@ import sys
 
 import click
 
-from nasm.certificate_checker import Refuted, check
+from nasm.proofs.certificate_checker import Refuted, check
 from pipeline import store
 from pipeline.cubes import barrier, proved_map
 from pipeline.cubes.certificates import seconds_to_check, unpacked

@@ -21,7 +21,7 @@ for name in ("nasm", "pipeline"):
         )
 
 from nasm import __version__  # noqa: E402
-from nasm.memory import keep_freed_memory  # noqa: E402
+from nasm.arithmetic.memory import keep_freed_memory  # noqa: E402
 
 COMMON = {"help_option_names": ["-h", "--help"]}
 version = click.version_option(__version__, message="nasm %(version)s")
@@ -255,7 +255,7 @@ cluster_options = together(
 
 def announce_kernels():
     """Say so if the kernels have to be compiled first."""
-    from nasm.kernels import are_missing
+    from nasm.arithmetic.kernels import are_missing
 
     if are_missing():
         click.echo("compiling kernels, once per machine: about 20 s", err=True)

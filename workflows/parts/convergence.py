@@ -3,7 +3,8 @@
 import numpy as np
 import xarray as xr
 
-from nasm import barriers, circles, cones, periodic
+from nasm import barriers, circles, periodic
+from nasm.converse_kam import symmetry_line
 from nasm.symmetries import ray
 from workflows.parts.direct import exponent
 from workflows.parts.tables import ANGLE, described, listed
@@ -67,7 +68,7 @@ def other_methods(breakups, quick):
         "modes": ("modes", modes, described("grid points n")),
     }
     for angle, best in breakups.items():
-        found = [cones.critical_scale(ray(angle), int(n)) for n in steps]
+        found = [symmetry_line.critical_scale(ray(angle), int(n)) for n in steps]
         raw = [scale.upper / best.value - 1 for scale in found]
         corrected = [abs(scale.value / best.value - 1) for scale in found]
         q, scales = periodic.crossings(best.omega, ray(angle), 2000 if quick else 20_000)

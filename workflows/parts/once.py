@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from nasm import escape, phases
+from nasm import escape
+from nasm.converse_kam import sequence
 from workflows.figures.ask import draw_once
 
 _ORBITS, _STARTS = 256, 2000
@@ -10,12 +11,12 @@ _ORBITS, _STARTS = 256, 2000
 
 def asked_once(kappa):
     """Return what converse KAM and orbits tell of the kicks, in words, and its figure."""
-    survivor = phases.last_survivor(kappa)
+    survivor = sequence.last_survivor(kappa)
     lo, hi = escape.PAPER_WINDOW
-    first = phases.escape_time(kappa, 0.0, *escape.ensemble(_ORBITS), (lo, hi)).min()
+    first = sequence.escape_time(kappa, 0.0, *escape.ensemble(_ORBITS), (lo, hi)).min()
     y = (np.arange(_STARTS) + 0.5) / _STARTS
     x = np.full(_STARTS, survivor.x)
-    lives = phases.elimination_time(kappa, 0.0, survivor.site, x, y)
+    lives = sequence.elimination_time(kappa, 0.0, survivor.site, x, y)
     told = "\n".join(_told(kappa, survivor, first))
     return told, draw_once(kappa, survivor, y, lives)
 
@@ -24,7 +25,7 @@ def _told(kappa, survivor, first):
     size, kick = kappa.size, survivor.site + 1
     kicks = f"these {size} kicks, of strengths from {kappa.min():.6g} to {kappa.max():.6g}"
     place = f"(x, y) = ({survivor.x:.6g}, {survivor.y:.9g}) before kick {kick}"
-    if survivor.kicks <= phases.HORIZON:
+    if survivor.kicks <= sequence.HORIZON:
         ends = max(1, kick - int(survivor.kicks)), min(size, survivor.site + int(survivor.kicks))
         yield (
             f"NO BARRIER survives {kicks}: no curve around the cylinder is the graph of a "
@@ -41,7 +42,7 @@ def _told(kappa, survivor, first):
     elif survivor.kicks < np.inf:
         yield (
             f"UNDECIDED for {kicks}: all starts that were found are eliminated, the last, {place}, "
-            f"by {survivor.kicks:g} kicks in either direction. Beyond {phases.HORIZON} kicks a "
+            f"by {survivor.kicks:g} kicks in either direction. Beyond {sequence.HORIZON} kicks a "
             "search may miss starts that live longer."
         )
     else:

@@ -8,7 +8,9 @@ import numpy as np
 import xarray as xr
 from scipy.signal import welch
 
-from nasm import circles, escape, fourier, phases
+from nasm import circles, escape
+from nasm.circles import fourier
+from nasm.converse_kam import sequence
 from nasm.maps import TWO_PI, phased_kick, rotating_forcing
 from nasm.numbers import parse
 from nasm.self_consistent import evolve, momentum
@@ -42,7 +44,7 @@ def fields(couplings, particles, kicks):
 
     def escapes(run):
         window = -2 - BAND, 2 + BAND
-        return phases.escape_time(run.kappa, run.theta, x[:_SHOWN], y[:_SHOWN], window)
+        return sequence.escape_time(run.kappa, run.theta, x[:_SHOWN], y[:_SHOWN], window)
 
     with ThreadPoolExecutor(os.cpu_count()) as threads:
         runs = list(threads.map(followed, couplings))
@@ -108,15 +110,15 @@ def verdicts(fields):
         periodic = rotating_forcing(kappa.mean(), modulation, rotation)
         # A line on which minimizing orbits are shows nothing: try one for each kick of a period.
         sites = half // 2 + np.arange(periodic.size)
-        lives = [phases.longest_lived(kappa, theta, int(site))[2] for site in sites]
+        lives = [sequence.longest_lived(kappa, theta, int(site))[2] for site in sites]
         best = sites[np.argsort(lives, kind="stable")[:_BEST]].tolist()
-        asked = {site: phases.longest_lived(kappa, theta, site, _EFFORT) for site in best}
+        asked = {site: sequence.longest_lived(kappa, theta, site, _EFFORT) for site in best}
         site = min(asked, key=lambda site: asked[site][2])
         orbit = _orbit(kappa, theta, site, *asked[site], drift)
         orbits.append(np.full((2, _ORBIT), np.nan))
         orbits[-1][:, : orbit.shape[1]] = orbit[:, :_ORBIT]
         repeated = periodic[(np.arange(half) - half // 2) % periodic.size]
-        fitted = phases.longest_lived(repeated, 0.0, half // 2, _EFFORT)[2]
+        fitted = sequence.longest_lived(repeated, 0.0, half // 2, _EFFORT)[2]
         rows.append(
             {
                 "mean": (kappa.mean(), "mean of κ_n"),
@@ -137,11 +139,11 @@ def verdicts(fields):
     for name, values in zip("xy", np.stack(orbits, axis=1), strict=True):
         words = described(f"{name} of the longest-lived start's orbit, from the wave's")
         variables[name] = ("coupling", "step"), values % 1, words
-    title = {"title": "Barriers in the recorded field", "source": "nasm/phases.py"}
+    title = {"title": "Barriers in the recorded field", "source": "nasm/converse_kam/sequence.py"}
     return xr.Dataset(
         variables,
         {"coupling": fields.coupling},
-        {**title, "asked": half // 2, "horizon": phases.HORIZON},
+        {**title, "asked": half // 2, "horizon": sequence.HORIZON},
     )
 
 
@@ -166,8 +168,8 @@ def settling():
     x, y = circles.graph(circles.invariant_circle(parse("gamma"), (LIMIT,)))
     x = angle + fourier.resample(x - np.arange(x.size) / x.size, POINTS)
     y = fourier.resample(y, POINTS)
-    curves = [phases.asymptotic(kappa[n:], 0.0, LIMIT, x, y) for n in (0, ASKED)]
-    denied = np.isfinite(phases.elimination_time(kappa, 0.0, 0, *curves[0]))
+    curves = [sequence.asymptotic(kappa[n:], 0.0, LIMIT, x, y) for n in (0, ASKED)]
+    denied = np.isfinite(sequence.elimination_time(kappa, 0.0, 0, *curves[0]))
     xs, ys = np.stack([*curves, (x, y)], axis=1)
     slopes = 1 + fourier.derivative(xs - angle)
     dims = ("curve", "point")
@@ -180,7 +182,7 @@ def settling():
             "area": ("curve", np.mean(ys * slopes, axis=1), described("area below the curve")),
             "kicks": (
                 (),
-                phases.longest_lived(kappa, 0.0, ASKED)[2],
+                sequence.longest_lived(kappa, 0.0, ASKED)[2],
                 described(f"kicks that eliminate all starts on a line before kick {ASKED}"),
             ),
         },

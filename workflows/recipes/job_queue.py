@@ -31,7 +31,7 @@ here=$(mktemp -d)  # on the node's disk: its kernels, compiled once in each job,
 trap 'rm -rf "$here"' EXIT
 export NUMBA_CACHE_DIR=$here
 {python} -m dask worker {security} {worker} --local-directory "$here" \\
-    --preload "from nasm.memory import keep_freed_memory; keep_freed_memory()"
+    --preload "from nasm.arithmetic.memory import keep_freed_memory; keep_freed_memory()"
 """
 
 # %% A scheduler that speaks TLS, as whoever reaches it can have anything executed; then the jobs.

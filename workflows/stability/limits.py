@@ -6,7 +6,9 @@ Their findings are in `workflows.stability.__main__`.
 import numpy as np
 import xarray as xr
 
-from nasm import barriers, circles, cones, continuation, escape, orbits, periodic
+from nasm import barriers, circles, escape, orbits, periodic
+from nasm.circles import continuation
+from nasm.converse_kam import symmetry_line
 from nasm.critical import Status
 from nasm.maps import twist
 from nasm.numbers import RotationNumber, convergents, parse
@@ -22,8 +24,9 @@ _ESCAPE = described("first escape of 100 orbits, steps; inf: none")
 def near_cusp(quick):
     """1. Compare values and errors next to the cusp at 45° with longer runs.
 
-    `periodic` and `continuation` on the circle of γ, `cones` and `barriers` on the last circle: by
-    residues of ten times longer orbits, and where these fail, by lives a hundred times longer.
+    `periodic` and `circles.continuation` on the circle of γ, `converse_kam.symmetry_line` and
+    `barriers` on the last circle: by residues of ten times longer orbits, and where these fail, by
+    lives a hundred times longer.
     """
     gamma, deltas = parse("gamma"), np.geomspace(10, 1e-5, 5 if quick else 13)
     q_max = 15_000 if quick else 60_000
@@ -35,11 +38,11 @@ def near_cusp(quick):
         if last.status is Status.OK:
             last = periodic.critical_scale(last.omega, profile, q_max)
         if last.status is not Status.OK:
-            last = cones.critical_scale(profile, 30_000 if quick else 100_000)
+            last = symmetry_line.critical_scale(profile, 30_000 if quick else 100_000)
         found = [
             (periodic.critical_scale(gamma, profile), circle),
             (continuation.critical_scale(gamma, profile), circle),
-            (cones.critical_scale(profile, 1000), last),
+            (symmetry_line.critical_scale(profile, 1000), last),
             (barriers.critical_scale(profile, 1e-3), last),
         ]
         rows.append([_judged(scale, judge) for scale, judge in found])
@@ -82,7 +85,7 @@ def past_boundary(quick):
             kappa = best.value * (1 + x) * ray(angle)
             circle = circles.invariant_circle(best.omega, kappa, n_max=n_modes)
             certified[i, j] = circle.certified
-            y, lived[i, j] = cones.longest_lived(kappa, n_cones)
+            y, lived[i, j] = symmetry_line.longest_lived(kappa, n_cones)
             site, a = periodic.dominant_centre(kappa)
             digits[i, j] = orbits.rotation_number(np.roll(kappa, -site), a, y, 5000)[1]
             escaped[i, j] = escape.first_escape(kappa, *starts, [100], n_escape)[0]
@@ -158,7 +161,7 @@ def beyond_the_twist(quick):
         for j, scale in enumerate(scales):
             kappa = scale * ray(angle)
             least[i, j] = twist(kappa, *np.meshgrid(x, x)).min()
-            y, lived[i, j] = cones.longest_lived(kappa, 2000)
+            y, lived[i, j] = symmetry_line.longest_lived(kappa, 2000)
             residue[i, j] = periodic.residue(kappa, 89, 144)
             site, a = periodic.dominant_centre(kappa)
             digits[i, j] = orbits.rotation_number(np.roll(kappa, -site), a, y, 2000)[1]

@@ -10,8 +10,8 @@ import xarray as xr
 from numba import njit
 
 from nasm import circles
+from nasm.arithmetic.sine import SINE, sin2pi
 from nasm.numbers import parse
-from nasm.sine import SINE, sin2pi
 from workflows.parts.tables import described, listed
 
 

@@ -6,7 +6,8 @@ Their findings are in `workflows.stability.__main__`.
 import numpy as np
 import xarray as xr
 
-from nasm import chain, circles, cones, periodic
+from nasm import chain, circles, periodic
+from nasm.converse_kam import symmetry_line
 from nasm.critical import Status
 from nasm.numbers import parse
 from nasm.symmetries import ray
@@ -14,7 +15,7 @@ from workflows.parts.tables import described
 
 
 def missed_survivors(quick):
-    """6. Count how often the beam search of `cones` misses the longest life, by what it keeps.
+    """6. Count how often the beam search of converse KAM misses the longest life, by what it keeps.
 
     Judged by the best that any of them found.
     """
@@ -25,9 +26,9 @@ def missed_survivors(quick):
     angles = np.where(angles == 45, 45 * random.random(n_rays), angles)
     lives = np.empty((kept.size, n_rays))
     for j, (angle, x) in enumerate(zip(angles, 10 ** random.uniform(-4, -2, n_rays), strict=True)):
-        kappa = cones.critical_scale(ray(angle), 3000).value * (1 + x) * ray(angle)
+        kappa = symmetry_line.critical_scale(ray(angle), 3000).value * (1 + x) * ray(angle)
         for i, number in enumerate(kept):
-            lives[i, j] = cones.longest_lived(kappa, n_max, int(number))[1]
+            lives[i, j] = symmetry_line.longest_lived(kappa, n_max, int(number))[1]
     best = lives.max(axis=0)
     known = np.isfinite(best)
     lost = 1 - lives[:, known] / best[known]
@@ -59,8 +60,8 @@ def fake_circles(quick):
             fakes[i, j] = len(believed)
             for scale, u in believed:
                 kappa = scale * np.array(profile)
-                passed[i, j] += circles.certify(gamma, kappa, u)[1] is Status.OK
-                polished[i, j] += circles.polished_is_circle(gamma, kappa, u)
+                passed[i, j] += circles.newton.certify(gamma, kappa, u)[1] is Status.OK
+                polished[i, j] += circles.newton.polished_is_circle(gamma, kappa, u)
     dims = "ray", "n"
     last = described("last naive convergence over the breakup, less 1")
     believed = described("circles believed in beyond the breakup")

@@ -3,8 +3,9 @@
 import numpy as np
 import xarray as xr
 
-from nasm import last_torus, tori
+from nasm import tori
 from nasm.symmetries import ray
+from nasm.tori import last_torus
 from pipeline.cubes.cube import fields, status_code
 from workflows.parts.tables import described, listed, outcomes
 

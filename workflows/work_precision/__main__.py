@@ -37,7 +37,7 @@ def main(run, full, only, angle):
 
     The defaults take about a minute and a half, on one core.
     """
-    from nasm.proof_barrier import need_flint
+    from nasm.proofs.barrier import need_flint
     from workflows.figures.work_precision import draw_work_precision
     from workflows.work_precision.measure import cells, fastest, measure, plan, table
 

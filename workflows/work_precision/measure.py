@@ -8,7 +8,8 @@ import click
 import numpy as np
 import xarray as xr
 
-from nasm import circles, fourier, parameterization
+from nasm import circles
+from nasm.circles import fourier, parameterization
 from nasm.numbers import parse
 from pipeline.cubes.cube import Cube
 from workflows.figures.style import names_of

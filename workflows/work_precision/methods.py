@@ -10,8 +10,9 @@ from math import cos, nan, radians
 
 import numpy as np
 
-from nasm import barriers, circles, cones, escape, orbits, periodic, proof_barrier, proof_transport
-from nasm import continuation as norms
+from nasm import barriers, circles, escape, orbits, periodic, proofs
+from nasm.circles import continuation as norms
+from nasm.converse_kam import symmetry_line
 from nasm.numbers import RotationNumber
 
 JUDGE = 30_000
@@ -66,7 +67,7 @@ def direct(n_orbits, reach):
 
 def converse_kam(ray, n_max):
     """Answer by converse KAM where no start survives n_max steps, and extrapolated."""
-    return _bound_and_value(cones.critical_scale(ray.profile, n_max))
+    return _bound_and_value(symmetry_line.critical_scale(ray.profile, n_max))
 
 
 def _bound_and_value(found):
@@ -117,13 +118,13 @@ def birkhoff(ray, n):
     site, a = periodic.dominant_centre(profile)
 
     def quasiperiodic(scale):
-        y, _ = cones.longest_lived(scale * profile, n)
+        y, _ = symmetry_line.longest_lived(scale * profile, n)
         omega, digits = map(float, orbits.rotation_number(scale * np.roll(profile, -site), a, y, n))
         if omega != omega:
             return False
         return abs(omega - Fraction(omega).limit_denominator(200)) > 10 * 10**-digits
 
-    near = cones.critical_scale(profile, 100).value
+    near = symmetry_line.critical_scale(profile, 100).value
     return ((_last(quasiperiodic, 0.9 * near, 1.1 * near, 0.1 / n), nan),)
 
 
@@ -144,7 +145,7 @@ def barrier(ray, tol):
 def transport_proof(ray, excess):
     """Prove that transport is global that far beyond the breakup, in parts of it."""
     scale = (1 + excess) * ray.value
-    proved = proof_transport.prove(scale * np.array(ray.profile), 1000.0).proved
+    proved = proofs.transport.prove(scale * np.array(ray.profile), 1000.0).proved
     return ((scale if proved else nan, excess * ray.value),)
 
 
@@ -153,7 +154,7 @@ def barrier_proof(ray, distance):
     near = norms.certified_circle(ray.omega, ray.profile, ray.value, distance)
     scale = (1 - distance) * ray.value
     kappa = scale * np.array(ray.profile)
-    proved = proof_barrier.prove(ray.omega, kappa, start=near[1], budget=1000.0).proved
+    proved = proofs.barrier.prove(ray.omega, kappa, start=near[1], budget=1000.0).proved
     return ((scale if proved else nan, distance * ray.value),)
 
 

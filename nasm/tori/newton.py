@@ -39,12 +39,12 @@ import rocket_fft  # noqa: F401  (np.fft inside kernels)
 from numba import njit
 from scipy.optimize import brentq
 
+from nasm.arithmetic.kernels import kernel
+from nasm.arithmetic.sine import cos2pi, sin2pi
 from nasm.checks import count, real
 from nasm.critical import CriticalScale, Status
-from nasm.kernels import kernel
 from nasm.maps import TWO_PI, direction, forcing
 from nasm.numbers import RotationNumber
-from nasm.sine import cos2pi, sin2pi
 
 __all__ = ["InvariantTorus", "critical_scale", "graph", "height", "invariant_torus", "residual"]
 __dir__ = __all__.copy

@@ -22,7 +22,7 @@ constant is found as long as the twist ⟨Σ_j 1/c_j⟩ is not 0; where h' > 0 i
 With too few modes Newton's method converges on "circles" far beyond the breakup. What is called a
 circle here has therefore converged again, with h' > 0, on a grid four times finer.
 
-Grids have up to 10⁶ points; see `nasm.memory` for programs that compute many circles.
+Grids have up to 10⁶ points; see `nasm.arithmetic.memory` for programs that compute many circles.
 """
 
 from dataclasses import dataclass, field
@@ -33,13 +33,13 @@ import numpy as np
 import rocket_fft  # noqa: F401  (np.fft inside kernels)
 from numba import njit
 
-from nasm import fourier
+from nasm.arithmetic.kernels import kernel
+from nasm.arithmetic.sine import sin2pi
 from nasm.checks import count
+from nasm.circles import fourier
 from nasm.critical import Status
-from nasm.kernels import kernel
 from nasm.maps import TWO_PI, forcing
 from nasm.numbers import RotationNumber, checked
-from nasm.sine import sin2pi
 
 __all__ = ["InvariantCircle", "amplitude", "graph", "invariant_circle", "newton_step", "residual"]
 __dir__ = __all__.copy

@@ -23,8 +23,9 @@ from math import ceil, exp, inf, log, nan, prod, sqrt
 
 import numpy as np
 
-from nasm import circles, fourier, periodic
+from nasm import periodic
 from nasm.checks import real
+from nasm.circles import fourier, newton
 from nasm.critical import CriticalScale, Status, no_answer
 from nasm.maps import TWO_PI, direction, forcing
 from nasm.numbers import checked, convergents
@@ -152,7 +153,7 @@ def certified_circle(omega, profile, breakup, distance):
     if not 1e-6 <= distance <= 0.5:
         raise ValueError(f"distance={distance!r} must be from 1e-6 to 0.5, a part of the breakup")
     distances = np.geomspace(0.5, distance, 1 + max(1, ceil(log(2 * distance) / log(0.3))))
-    path = [(0.0, np.zeros((profile.size, circles.N_FIRST)))]
+    path = [(0.0, np.zeros((profile.size, newton.N_FIRST)))]
     for d in distances[:-1]:
         u = _circle_near(omega, profile, path, breakup * (1 - d), _MODES / d)
         if u is None:
@@ -161,18 +162,18 @@ def certified_circle(omega, profile, breakup, distance):
     # Fewer modes at first: nothing goes on from this circle, and they let less rounding in.
     for d, modes in ((distance, 0.7), (distance, 1.0), (min(1.4 * distance, 0.5), 0.7)):
         u = _circle_near(omega, profile, path, breakup * (1 - d), modes * _MODES / d)
-        if u is not None and circles.polished_is_circle(omega, breakup * (1 - d) * profile, u):
+        if u is not None and newton.polished_is_circle(omega, breakup * (1 - d) * profile, u):
             return breakup * (1 - d), u
     for scale, u in reversed(path[1:]):
-        if circles.polished_is_circle(omega, scale * profile, u):
+        if newton.polished_is_circle(omega, scale * profile, u):
             return scale, u
     return nan, None
 
 
 def _circle_near(omega, profile, path, scale, n_modes):
     """Newton's method from the circles of a path, with that many modes; None if it fails."""
-    u = circles.extrapolate(path, scale, fourier.grid(omega, n_modes))
-    return u if circles.polish(omega, scale * profile, u) else None
+    u = newton.extrapolate(path, scale, fourier.grid(omega, n_modes))
+    return u if newton.polish(omega, scale * profile, u) else None
 
 
 def fineness(u, last=-1):
@@ -200,7 +201,7 @@ def _walk(omega, profile, tol):
     # As many circles as s_c - s takes to shrink by δ, and M to run through its oscillation.
     window = max(3, 1 + round(log(delta) / -log(1 - part)))
     cusps = distances_to_shorter(profile) ** CUSP_EXPONENT
-    path, finest, values = [(0.0, np.zeros((profile.size, circles.N_FIRST)))], [], []
+    path, finest, values = [(0.0, np.zeros((profile.size, newton.N_FIRST)))], [], []
     value, error, step, status = nan, inf, 0.1 / np.abs(profile).max(), Status.OK
     # A step of 1e-14 of the scale: as good as there, as far as the norms can tell.
     while error > tol and len(path) < _MOST_CIRCLES and step > 1e-14 * path[-1][0]:
@@ -237,8 +238,8 @@ def _next_circle(omega, profile, path, step):
     at = path[-1][0]
     for _ in range(_HALVINGS):
         target = at + step
-        u = circles.extrapolate(path, target)
-        u, status = circles.settle(omega, target * profile, u, N_MAX)
+        u = newton.extrapolate(path, target)
+        u, status = newton.settle(omega, target * profile, u, N_MAX)
         if status is not Status.NO_CIRCLE:
             break
         step /= 2
@@ -248,7 +249,7 @@ def _next_circle(omega, profile, path, step):
 def _last_certified(omega, profile, path):
     """The scale of the last circle that is certified, of those of at most N_CERTIFIED points."""
     for scale, u in reversed([point for point in path if point[1].shape[-1] <= N_CERTIFIED]):
-        if circles.certify(omega, scale * profile, u)[1] is Status.OK:
+        if newton.certify(omega, scale * profile, u)[1] is Status.OK:
             return scale
     return nan
 

@@ -7,11 +7,13 @@ import oracles
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from nasm import circles, cones, continuation, escape, periodic
+from nasm import circles, escape, periodic
+from nasm.circles import continuation
+from nasm.converse_kam import symmetry_line
+from nasm.converse_kam.transversal import _minimax, elimination_time, located, longest_lived
 from nasm.maps import direction, rotating_forcing
 from nasm.numbers import parse
 from nasm.symmetries import ray
-from nasm.transversals import _minimax, elimination_time, located, longest_lived
 
 FORCINGS = [(1.03,), (0.71, 0.46), (0.2, 0.5, 0.36), (0.1, 0.7, -0.3, 0.2)]
 
@@ -40,7 +42,7 @@ def test_a_start_is_eliminated_when_its_orbit_no_longer_minimizes_the_action(kap
 def test_on_a_symmetry_line_times_are_those_of_cones(kappa, site, a):
     y = (np.arange(300) + 0.5) / 600
     kicks = elimination_time(kappa, site, a, y, 30 * len(kappa))
-    assert_array_equal(kicks, np.rint(cones.elimination_time(kappa, y, 30) * len(kappa)))
+    assert_array_equal(kicks, np.rint(symmetry_line.elimination_time(kappa, y, 30) * len(kappa)))
     assert len(np.unique(kicks)) > 5
 
 
@@ -60,7 +62,7 @@ def test_a_certified_circle_survives_on_every_transversal_also_of_long_forcings(
 
 @pytest.mark.parametrize("profile", [(1.0,), (0.6, 0.8), (-0.5, 0.8), (1.8, -0.1, -0.1)])
 def test_the_breakup_is_that_of_the_symmetry_line(profile):
-    known = cones.critical_scale(profile, 5000)
+    known = symmetry_line.critical_scale(profile, 5000)
     for n_max in (30, 100):
         upper, _, time = located(profile, n_max)
         assert abs(upper / (1 + 0.7 / time) / known.value - 1) < 0.35 / time

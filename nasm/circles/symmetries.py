@@ -15,7 +15,8 @@ S_κ2⁻¹∘K for P = 2, one step of T earlier. Each result is certified anew.
 
 import numpy as np
 
-from nasm import circles, fourier, symmetries
+from nasm import symmetries
+from nasm.circles import fourier, newton
 from nasm.maps import TWO_PI
 from nasm.numbers import moebius
 
@@ -67,5 +68,5 @@ def shift(circle):
 
 
 def _certified(omega, kappa, u):
-    error, status = circles.certify(omega, kappa, u)
-    return circles.InvariantCircle(omega, kappa, u, error, status)
+    error, status = newton.certify(omega, kappa, u)
+    return newton.InvariantCircle(omega, kappa, u, error, status)

@@ -55,8 +55,9 @@ def kernel(function=None, **options):
 def directory():
     """The directory of the kernels of these sources, made if need be; None if it cannot be."""
     digest = hashlib.sha256(version("rocket-fft").encode())
-    for source in sorted(Path(__file__).parent.glob("*.py")):
-        digest.update(source.name.encode() + b"\0" + source.read_bytes())
+    nasm = Path(__file__).parents[1]
+    for source in sorted(nasm.rglob("*.py")):
+        digest.update(source.relative_to(nasm).as_posix().encode() + b"\0" + source.read_bytes())
     root = Path(config.CACHE_DIR or AppDirs("nasm", appauthor=False).user_cache_dir)
     path = root / f"kernels-{digest.hexdigest()[:16]}"
     with suppress(OSError):
@@ -79,6 +80,7 @@ class _Locator(_CacheLocator):
 
     def __init__(self, function, source):
         self._py_file, self._line = source, function.__code__.co_firstlineno
+        self._module = function.__module__
 
     @classmethod
     def from_function(cls, function, source):
@@ -91,7 +93,8 @@ class _Locator(_CacheLocator):
         return directory().name
 
     def get_disambiguator(self):
-        return str(self._line)
+        # Numba looks at the last part alone of circles.newton and tori.newton.
+        return f"{self._module}-{self._line}"
 
 
 class _Kept(CompileResultCacheImpl):

@@ -9,8 +9,15 @@ from numba import njit
 from numpy.testing import assert_array_equal
 from oracles import KAPPA_G
 
-from nasm import cones, continuation, escape, periodic
-from nasm.cones import critical_scale, eliminates, elimination_time, longest_lived
+from nasm import escape, periodic
+from nasm.circles import continuation
+from nasm.converse_kam import symmetry_line
+from nasm.converse_kam.symmetry_line import (
+    critical_scale,
+    eliminates,
+    elimination_time,
+    longest_lived,
+)
 from nasm.critical import Status
 from nasm.maps import rotating_forcing
 from nasm.numbers import parse
@@ -53,7 +60,7 @@ def test_times_are_right_where_v_is_negative_for_a_single_kick():
     kappa = np.array([0.3, 0.0, 5.0, 5.0, 5.0, 5.0, 0.0])
     plain = oracles.elimination_time(kappa, 0.5, Y, 14)
     assert {3, 4, 5} <= set(plain)
-    assert_array_equal(cones._kicks([cones._line(kappa, (0, 0.5))], Y, 14), plain)
+    assert_array_equal(symmetry_line._kicks([symmetry_line._line(kappa, (0, 0.5))], Y, 14), plain)
 
 
 @pytest.mark.parametrize("kappa", [*FORCINGS, *(1.03 * s * k for s, k, _ in BROKEN)])
@@ -61,7 +68,7 @@ def test_a_start_is_eliminated_when_its_orbit_no_longer_minimizes_the_action(kap
     # The definition with no tangent vector: the second variation of the piece |k| < n, which has
     # one site more before the start if the centre is between two.
     for place in Y[::23]:
-        strengths, x, y = cones.start(kappa, place)
+        strengths, x, y = symmetry_line.start(kappa, place)
         more = x not in (0.0, 0.5)
         kicks = elimination_time(kappa, place, 30) * len(kappa)
         n = int(min(kicks, 30))
@@ -77,7 +84,7 @@ def _one_by_one(c, period, x0, y0, w0, n_max):
     for i in range(y0.size):
         x, y, v, w = x0, y0[i], 1.0, w0
         for n in range(n_max):
-            x, y, v, w = cones._kick(c, n % period, x, y, v, w)
+            x, y, v, w = symmetry_line._kick(c, n % period, x, y, v, w)
             if v <= 0:
                 times[i] = n + 1
                 break
@@ -88,9 +95,9 @@ def _one_by_one(c, period, x0, y0, w0, n_max):
 @pytest.mark.parametrize("n_starts", [1, 63, 300])
 def test_lockstep_blocks_and_packing_do_not_change_a_time(kappa, n_starts):
     # The same kick on floats, one start at a time; 20 001 kicks: a last block that is not full.
-    (line,) = cones._lines(0.9 * critical_scale(kappa, 100).value * np.array(kappa))
+    (line,) = symmetry_line._lines(0.9 * critical_scale(kappa, 100).value * np.array(kappa))
     y, n = Y[:n_starts], 20_001
-    times = cones._kicks([line], y, n)
+    times = symmetry_line._kicks([line], y, n)
     plain = _one_by_one(line.table, line.period, line.x, y, line.w, n)
     assert_array_equal(times, plain)
     if n_starts == 300:

@@ -1,6 +1,6 @@
 """A proof that transport is global for every forcing of a cell of the (κ1, κ2) plane.
 
-As `nasm.proof_transport`, to first order, in three parameters: the start and the two strengths,
+As `nasm.proofs.transport`, to first order, in three parameters: the start and the two strengths,
 
     y = ŷ + σδ + g_0 σ_0 h_0 + g_1 σ_1 h_1,   κ_i = k_i + σ_i h_i,   |σ|, |σ_0|, |σ_1| ≤ 1,
     x_n = x̂_n + σ t_n + σ_0 p_n + σ_1 q_n + ρ_n,   |ρ_n| ≤ A_n|v_n| + B_n|t_n|.
@@ -9,7 +9,8 @@ The shear g lets the starts follow an orbit of much the same rotation number as 
 and q grow less. [0, 1/2] is cut into pieces, each with a shear of its own; a piece is covered for
 all κ of the cell by starts that reach Σ_i |g_i| h_i beyond its ends. A box that fails is halved
 across the parameter that has moved its orbit most. The linear sums of the three parameters are
-signed; what is quadratic in them is in the remainder. See `PROOFS.md`, "Transport is global".
+signed; what is quadratic in them is in the remainder. See `proofs/README.md`, "Transport is
+global".
 """
 
 import time
@@ -18,11 +19,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numba import njit
 
-from nasm.certificates import certificate, in_hex
-from nasm.checks import floats
-from nasm.double_double import two_sum
-from nasm.kernels import kernel
-from nasm.lanes import (
+from nasm.arithmetic.double_double import two_sum
+from nasm.arithmetic.kernels import kernel
+from nasm.arithmetic.lanes import (
     FEW,
     copysign,
     fabs,
@@ -36,9 +35,12 @@ from nasm.lanes import (
     store,
     store_state,
 )
+from nasm.arithmetic.sine import COSINE, SINE
+from nasm.checks import floats
 from nasm.maps import forcing
 from nasm.periodic import dominant_centre
-from nasm.proof_transport import (
+from nasm.proofs.certificates import certificate, in_hex
+from nasm.proofs.transport import (
     COS,
     COS_CUBIC,
     CUBIC,
@@ -53,7 +55,6 @@ from nasm.proof_transport import (
     check_arithmetic,
     checked_budget,
 )
-from nasm.sine import COSINE, SINE
 
 __all__ = ["CellProof", "prove_cell"]
 __dir__ = __all__.copy
@@ -61,7 +62,7 @@ __dir__ = __all__.copy
 _C0, _C1, _C2, _C3, _C4, _C5, _C6, _C7 = SINE
 _D0, _D1, _D2, _D3, _D4, _D5, _D6, _D7 = COSINE
 
-_LARGEST, _KNOWN, _WRONSKIAN, _HUGE = 0.1, 0.8, 1e-3, 1e100  # as in `proof_transport`
+_LARGEST, _KNOWN, _WRONSKIAN, _HUGE = 0.1, 0.8, 1e-3, 1e100  # as in `transport`
 
 _EXACT = 2.0**30  # times which strengths must be whole numbers, so that halving a cell is exact
 _PIECES = 16  # of [0, 1/2]
@@ -103,7 +104,7 @@ class CellProof:
         return self.outcome.value
 
     def certificate(self):
-        """What another program needs to check the proof: see PROOFS.md, "Certificates".
+        """What another program needs to check the proof: see proofs/README.md, "Certificates".
 
         ValueError if nothing was proved.
         """
@@ -429,7 +430,7 @@ def _trigonometry(x):
 
 @njit(forceinline=True, error_model="numpy")
 def _kick(k, spread, k_next, spread_next, scale, state):
-    """One kick, of strength k ± spread, of a box, on lanes or floats; as in `proof_transport`.
+    """One kick, of strength k ± spread, of a box, on lanes or floats; as in `transport`.
 
     p is moved by this kick, q by the next; in what is returned they have changed places. zp, zq are
     their last differences, lt, lp, lq the linear sums, mt, mp, mq the largest moves so far.

@@ -1,4 +1,4 @@
-"""Certificates: what a proof leaves for another program to check; see PROOFS.md, "Certificates"."""
+"""What a proof leaves for another program to check; see proofs/README.md, "Certificates"."""
 
 from nasm.checks import sealed
 
@@ -6,7 +6,7 @@ __all__ = ["certificate"]
 __dir__ = __all__.copy
 
 _VERSION = 1
-# SHA-256 of each statement in PROOFS.md.
+# SHA-256 of each statement in proofs/README.md.
 _STATEMENTS = {
     "Transport is global": "262141d95693b0b62f3f795cda61e9e083a5385af394d67e85edbe1571432456",
     "Transport is global in a cell": (

@@ -3,7 +3,8 @@
     check(json.loads(text))   # the claim that is thereby proved, or Refuted
 
 It needs python-flint alone, and shares no line with the programs that made the certificates. What
-the fields mean, and the statements of the four theorems, is in nasm/PROOFS.md, "Certificates".
+the fields mean, and the statements of the four theorems, is in nasm/proofs/README.md,
+"Certificates".
 
 *Transport.* From a forcing, or a cell of forcings, boxes and their lives N it verifies that the
 boxes cover the starts y of [0, 1/2], and that for each box there is one η, even, with support
@@ -89,7 +90,7 @@ def _checked(certificate):
 
 
 def claim(data):
-    """What the certificate may claim, in the words of PROOFS.md, of the forcing as it was given."""
+    """What the certificate may claim, in the words of README.md, of the forcing as it was given."""
     given = data.get("shortened_from", data)
     under = f"the forcing {spelled(given['kappa'])}"
     if "half_width" in data:
@@ -493,7 +494,7 @@ def dyadic(pair):
 
 
 def theorem(data):
-    """Whether the theorem of nasm/PROOFS.md applies, and its constants."""
+    """Whether the theorem of nasm/proofs/README.md applies, and its constants."""
     two_pi = 2 * arb.pi()
     radius, rho = float.fromhex(data["radius"]), arb(float.fromhex(data["rho"]))
     kappa = [arb(float.fromhex(k), radius) for k in data["kappa"]]

@@ -11,10 +11,10 @@ Through the start x_c = a on a symmetry centre (site c, a = 0 or 1/2) take the e
 If v_n ≤ 0 for some n, no rotational invariant circle passes through that start:
 
 1. A rotational circle and its images under the kicks are graphs of Lipschitz functions (Birkhoff's
-   theorem; `PROOFS.md` derives it for P ≤ 2 from that for one twist map, and for P > 2 it is taken
-   from the theorem for products of twist maps). On a graph the kicks keep the order of neighbours.
-   Their distances, normalised, tend to a solution ξ_n > 0 of the linearised chain, for all n from
-   -∞ to ∞.
+   theorem; `proofs/README.md` derives it for P ≤ 2 from that for one twist map, and for P > 2 it is
+   taken from the theorem for products of twist maps). On a graph the kicks keep the order of
+   neighbours. Their distances, normalised, tend to a solution ξ_n > 0 of the linearised chain, for
+   all n from -∞ to ∞.
 2. With one ξ > 0 the second variation of the action of every finite piece of the orbit is
    positive: Σ_k η_k (Hη)_k = Σ_k ξ_k ξ_{k+1} (η_{k+1}/ξ_{k+1} - η_k/ξ_k)² > 0 for every η ≠ 0
    that vanishes outside the piece.
@@ -44,8 +44,8 @@ Beyond the last circle's breakup, at the scale s_c of a ray, the longest life on
 up to a log-periodic ripple of some per cent; on the paper's plane C is 0.6 to 0.7 in steps, on
 |κ1| = |κ2| half of that. Ten times the work is ten times the accuracy.
 
-What is shown here is shown for sampled starts in floating point: near to a proof, and none. A
-search may miss a survivor; see `longest_lived`. `nasm.proof_transport` proves it, for P ≤ 2.
+These results rest on sampled starts and floating point: strong evidence, not a proof. A search may
+miss a survivor; see `longest_lived`. For P ≤ 2 `nasm.proofs.transport` proves it.
 
 The kernel advances 64 starts in lockstep, on the kick of `nasm.escape` with its derivative:
 
@@ -61,14 +61,14 @@ from itertools import chain, pairwise
 import numpy as np
 from numba import njit
 
+from nasm.arithmetic.kernels import kernel
+from nasm.arithmetic.lanes import LANES, copysign, fabs, fma, load, minimum, own_frame, rint, store
+from nasm.arithmetic.sine import COSINE, SINE
 from nasm.chain import HalfOrbit
 from nasm.checks import count, floats
 from nasm.critical import CriticalScale, Status, no_answer
-from nasm.kernels import kernel
-from nasm.lanes import LANES, copysign, fabs, fma, load, minimum, own_frame, rint, store
 from nasm.maps import direction, forcing
 from nasm.periodic import dominant_lines, primitive
-from nasm.sine import COSINE, SINE
 from nasm.symmetries import CUSP_EXPONENT, distances_to_shorter
 
 __all__ = ["critical_scale", "eliminates", "elimination_time", "longest_lived", "start"]
@@ -161,7 +161,7 @@ def longest_lived(kappa, n_max, kept=_KEPT):
 def eliminates(kappa, n_max):
     """Whether no start is found to survive n_max steps: bool, on both grids of `longest_lived`.
 
-    True is near to a proof that no rotational invariant circle exists, and none.
+    True is strong evidence, not a proof, that no rotational invariant circle exists.
     """
     return bool(np.isfinite(longest_lived(kappa, n_max)[1]))
 
@@ -322,7 +322,7 @@ def _lines(strengths):
         raise ValueError(
             f"kappa={strengths.tolist()} has no dominant symmetry line: the minimizing orbit of "
             f"ω={none * strengths.size:.0f} or of the next resonance is on each, and is never "
-            "eliminated; see nasm.transversals"
+            "eliminated; see nasm.converse_kam.transversal"
         )
     centres = [centre for _, centre, _ in found]
     places = [*(t for t, _, _ in found), 0.5]

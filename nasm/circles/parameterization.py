@@ -11,7 +11,7 @@ Functions of θ are arrays whose last axis is the grid θ = i/n; vectors have sh
 
 import numpy as np
 
-from nasm import fourier
+from nasm.circles import fourier
 from nasm.maps import forcing, kick, step, step_tangent
 from nasm.numbers import checked
 

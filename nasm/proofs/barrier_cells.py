@@ -2,22 +2,23 @@
 
     κ_j = k_j + σ_j h,    u_j(φ; σ) = u_j(φ) + Δ_j,    Δ_j = Σ_m C_jm(φ) T_m0(σ_0) T_m1(σ_1),
 
-|σ_j| ≤ 1. u_j is the circle of the cell's centre, the T_m are Chebyshev's polynomials, and
-m_0 + m_1 < Q. For every σ the theorem of `nasm.proof_barrier` applies if its constants hold for all
-σ at once: n_j, p_j, k_j by sums over m, as |T_m| ≤ 1, and the residual by its values at Chebyshev's
-Q² points σ_i,
+|σ_j| ≤ 1. u_j is the circle of the cell's centre, the T_m are Chebyshev's polynomials, and m_0 +
+m_1 < Q. For every σ the theorem of `nasm.proofs.barrier` applies if its constants hold for all σ at
+once: n_j, p_j, k_j by sums over m, as |T_m| ≤ 1, and the residual by its values at Chebyshev's Q²
+points σ_i,
 
     ‖E_j(σ)‖ ≤ Λ² max_i ‖E_j(σ_i)‖ + (1 + Λ) 4B_j r^-Q/(1 - 1/r),        Λ = 1 + (2/π) log Q,
 
 as all of E_j is of degree < Q in each σ but (κ_j/2π) sin 2πg_j. B_j is a bound of that where both σ
-are in the ellipse with foci ±1 whose half axes have the sum r. See PROOFS.md, "A barrier exists".
+are in the ellipse with foci ±1 whose half axes have the sum r. See proofs/README.md, "A barrier
+exists".
 
 The residual of the centre is in balls. What a point of the cell adds to it is small, so that long
 doubles are enough for it, with an error bound made beforehand: with s, c = sin, cos 2πg_j,
 
     κ_j sin 2π(g_j + Δ_j) - k_j s = (κ_j - k_j) s + κ_j (c sin 2πΔ_j - s (1 - cos 2πΔ_j)).
 
-What a proof rests on: the functions from `_transform` to `_verified`, as in `nasm.proof_barrier`.
+What a proof rests on: the functions from `_transform` to `_verified`, as in `nasm.proofs.barrier`.
 """
 
 from dataclasses import dataclass, field
@@ -27,11 +28,10 @@ from math import ceil, inf, log, log2, nan, pi
 import numpy as np
 
 from nasm import circles
-from nasm.certificates import certificate, in_hex
 from nasm.checks import real
 from nasm.maps import forcing
 from nasm.numbers import RotationNumber, checked
-from nasm.proof_barrier import (
+from nasm.proofs.barrier import (
     Grid,
     both_sides,
     correction,
@@ -44,6 +44,7 @@ from nasm.proof_barrier import (
     slopes_on_grid,
     turns,
 )
+from nasm.proofs.certificates import certificate, in_hex
 
 __all__ = ["BarrierCellProof", "prove_cell"]
 __dir__ = __all__.copy
@@ -86,7 +87,7 @@ class BarrierCellProof:
     moves: np.ndarray | None = field(default=None, repr=False)
 
     def certificate(self):
-        """What another program needs to check the proof: see PROOFS.md, "Certificates".
+        """What another program needs to check the proof: see proofs/README.md, "Certificates".
 
         ValueError if nothing was proved.
         """
@@ -113,7 +114,7 @@ class BarrierCellProof:
 def prove_cell(omega, kappa, half_width):
     """Prove that the circle of omega exists under every forcing of a cell.
 
-    1. The circle of the centre, refined and verified in balls, as `proof_barrier.prove` does.
+    1. The circle of the centre, refined and verified in balls, as `barrier.prove` does.
     2. Circles at a few Chebyshev points. From the decay of their coefficients in m, Q; a cell in
        which they decay too slowly is left.
     3. Circles at the Q² points, from the polynomial through those; their coefficients are C.

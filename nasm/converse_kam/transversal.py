@@ -9,11 +9,11 @@ No rotational invariant circle passes through the start if some v_n ≤ 0 or u_{
 
     Σ_{n≥1} 1/(v_n v_{n+1}) + Σ_{n≥1} 1/(u_{-n} u_{-n-1})  ≥  2 + κ_0 cos 2πx_0
 
-in a partial sum. For a circle gives a solution ξ_n > 0 of the linearised chain (see `nasm.cones`).
-ξ_n v_{n+1} - ξ_{n+1} v_n = ξ_0 is constant, so v_n > 0, and ξ_n/v_n falls by ξ_0/(v_n v_{n+1}) from
-each site to the next: ξ_1 > ξ_0 Σ 1/(v_n v_{n+1}). The same holds backwards, and ξ_1 + ξ_{-1} is
-ξ_0 times the right side. On a symmetry line both sums are equal, and the criterion is that of
-`nasm.cones`.
+in a partial sum. For a circle gives a solution ξ_n > 0 of the linearised chain (see
+`nasm.converse_kam.symmetry_line`). ξ_n v_{n+1} - ξ_{n+1} v_n = ξ_0 is constant, so v_n > 0, and
+ξ_n/v_n falls by ξ_0/(v_n v_{n+1}) from each site to the next: ξ_1 > ξ_0 Σ 1/(v_n v_{n+1}). The same
+holds backwards, and ξ_1 + ξ_{-1} is ξ_0 times the right side. On a symmetry line both sums are
+equal, and the criterion is that of `nasm.converse_kam.symmetry_line`.
 
 Every rotational circle crosses a curve that leads from y = -∞ to y = ∞. If all starts on one are
 eliminated, no circle is left. Orbits that minimize the action are never eliminated. The curve must
@@ -31,10 +31,10 @@ line.
 3. Repeat this as long as the start survives and its life can tell the difference. It leads down the
    Farey tree, to minimizing orbits that were in the way, and to the circle that breaks last.
 
-Beyond the last circle's breakup, at the scale s_c of a ray, the longest life there is T, and
-s/s_c - 1 ≈ C/T as on a symmetry line, with C from 0.6 to 0.95 steps. Near to a proof, and none, as
-all is sampled in floating point. The choice matters: 0.5% beyond the breakup of the standard map
-lives last 130 steps there, and on 15 of 20 other lines x = a starts survive 3000.
+Beyond the last circle's breakup, at the scale s_c of a ray, the longest life there is T, and s/s_c
+- 1 ≈ C/T as on a symmetry line, with C from 0.6 to 0.95 steps. This is sampled, in floating point:
+strong evidence, not a proof. The choice matters: 0.5% beyond the breakup of the standard map lives
+last 130 steps there, and on 15 of 20 other lines x = a starts survive 3000.
 """
 
 from dataclasses import dataclass
@@ -43,18 +43,16 @@ from fractions import Fraction
 import numpy as np
 from numba import njit
 
-from nasm import escape
+from nasm.arithmetic.kernels import kernel
+from nasm.arithmetic.sine import cos2pi, sin2pi
 from nasm.checks import count, points
-from nasm.cones import longest_found
-from nasm.kernels import kernel
-from nasm.maps import TWO_PI, direction, forcing, kick
-from nasm.sine import cos2pi, sin2pi
+from nasm.converse_kam.symmetry_line import longest_found
+from nasm.maps import MAX_PERIOD, TWO_PI, direction, forcing, kick
 
 __all__ = ["elimination_time", "located", "longest_lived"]
 __dir__ = __all__.copy
 
 MAX_STEPS = 10**6
-MAX_PERIOD = 64  # kicks; `barriers` then takes minutes, also for 1%
 
 _GRIDS = ((1024, 0.5), (797, 0.382))  # starts, and the place of the start in its cell
 _KEPT = 16  # starts for each kick of a period, of which the search goes on
@@ -67,7 +65,6 @@ _SHORT = 100  # kicks: of shorter lives the shortest is sought, on the transvers
 _NARROW = 0.2  # over the steps: bracket, in parts of the scale, to which it is narrowed
 _FOUND = 1e-9  # turns: nearer, a minimax orbit is not asked to be
 _EXCESS = 0.7  # steps: C of the law
-_ORBITS, _ESCAPE_STEPS = 64, 10**5
 
 
 @dataclass(frozen=True)
@@ -121,7 +118,8 @@ def longest_lived(kappa, n_max):
         there, on that of the next largest, and so on.
     steps : float, in either direction; inf if on each transversal a start survives n_max steps.
 
-    The beam search of `cones.longest_lived`, on two unrelated grids: it may miss a survivor.
+    The beam search of `symmetry_line.longest_lived`, on two unrelated grids: it may miss a
+    survivor.
     """
     strengths = forcing(kappa)
     n_kicks = strengths.size * count("n_max", n_max, 1, MAX_STEPS)
@@ -160,12 +158,6 @@ def located(profile, n_max):
                 share = min(1.5 * share, 0.3)
         share = _EXCESS / found[1]  # by the law, the breakup is that far below
     return upper, *found
-
-
-def escapes(kappa):
-    """Whether one of 64 orbits gets past where all circles would be, within 10⁵ steps: bool."""
-    x, y = escape.ensemble(_ORBITS)
-    return bool(np.isfinite(escape.first_escape([kappa], x, y, [_ORBITS], _ESCAPE_STEPS)).any())
 
 
 def _by_strength(kappa):

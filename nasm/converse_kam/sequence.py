@@ -11,9 +11,9 @@ only changes of the phase's speed matter.
 
 Nothing recurs, so there are no invariant circles. A barrier is a rotational curve and its images,
 one before each kick. If all N + 1 of them are graphs of Lipschitz functions of x, the distances of
-neighbours on an orbit give a solution ξ_n > 0 of the linearised chain (see `nasm.cones`). The
-criterion of `nasm.transversals`, read along a start before the kick of a site, then shows that no
-such family of graphs passes through the start,
+neighbours on an orbit give a solution ξ_n > 0 of the linearised chain (see
+`nasm.converse_kam.symmetry_line`). The criterion of `nasm.converse_kam.transversal`, read along a
+start before the kick of a site, then shows that no such family of graphs passes through the start,
 
     v_{n+1} = (2 + κ_n cos 2π(x_n - θ_n)) v_n - v_{n-1} ≤ 0,   v_site = 0,  v_{site+1} = 1,
 
@@ -40,12 +40,12 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
+from nasm.arithmetic.kernels import kernel
+from nasm.arithmetic.sine import cos2pi
 from nasm.checks import count, floats, points, real
-from nasm.cones import longest_found
+from nasm.converse_kam.symmetry_line import longest_found
 from nasm.critical import CriticalScale, Status, no_answer
-from nasm.kernels import kernel
 from nasm.maps import MAX_STRENGTH, direction, forcing, kick, phased_kick, phased_unkick
-from nasm.sine import cos2pi
 
 __all__ = ["asymptotic", "critical_scale", "elimination_time", "escape_time", "last_survivor"]
 __dir__ = __all__.copy
@@ -137,11 +137,11 @@ def longest_lived(kappa, theta, site, effort=1):
     x, y : floats, y in [0, 1]. time : float, kicks in either direction; inf for a start that
     survives all N, which need not be the last one.
 
-    The beam search of `cones.longest_lived`, on two unrelated grids. Lives are more irregular here
-    than under forcings that repeat, and it may miss the longest. On 18 lines in fields of 4096
-    particles, longest lives 50 to 1750, an effort of 64 found lives up to 1.7 times those of
-    effort 1, and up to 1.3 times those of effort 8, and one survivor of 2048 kicks where an effort
-    of 1 had found 1963.
+    The beam search of `symmetry_line.longest_lived`, on two unrelated grids. Lives are more
+    irregular here than under forcings that repeat, and it may miss the longest. On 18 lines in
+    fields of 4096 particles, longest lives 50 to 1750, an effort of 64 found lives up to 1.7 times
+    those of effort 1, and up to 1.3 times those of effort 8, and one survivor of 2048 kicks where
+    an effort of 1 had found 1963.
     """
     kappa, theta = sequence(kappa, theta)
     site = count("site", site, 0, kappa.size - 1)

@@ -7,7 +7,7 @@ variation of the action is positive if a circle passes through the start. So if 
     Q = Σ_k η_k ((2 + κ_k cos 2πx_k) η_k - η_{k+1} - η_{k-1}) ≤ 0,   η ≠ 0,
 
 no circle is left, and there are orbits from any y to any other. The theorem, and why what follows
-proves its hypothesis in floating point, are in `PROOFS.md`, "Transport is global".
+proves its hypothesis in floating point, are in `proofs/README.md`, "Transport is global".
 
 [0, 1/2] is covered by boxes |y - ŷ| ≤ δ. With y = ŷ + σδ the orbits of a box are
 
@@ -23,8 +23,8 @@ payments. To
 μ_nV_n² adds what Q may be larger by, somewhere in the box, than what was paid before, so that
 V_N ≤ 0 shows Q ≤ 0 in the whole box. N is the life of the box. A box that fails is halved.
 
-Sixteen boxes run in lockstep on `nasm.lanes`; an event among them is found again by the same
-kick on floats, which is the definition. Everything rests on IEEE arithmetic with rounding to
+Sixteen boxes run in lockstep on `nasm.arithmetic.lanes`; an event among them is found again by the
+same kick on floats, which is the definition. Everything rests on IEEE arithmetic with rounding to
 nearest, gradual underflow and a true fma, which `check_arithmetic` tries at run time.
 """
 
@@ -37,11 +37,9 @@ from math import factorial
 import numpy as np
 from numba import njit
 
-from nasm.certificates import certificate, in_hex
-from nasm.checks import real
-from nasm.double_double import EXACT_PI, pair, renormalised, two_sum
-from nasm.kernels import kernel
-from nasm.lanes import (
+from nasm.arithmetic.double_double import EXACT_PI, pair, renormalised, two_sum
+from nasm.arithmetic.kernels import kernel
+from nasm.arithmetic.lanes import (
     FEW,
     copysign,
     fabs,
@@ -55,10 +53,12 @@ from nasm.lanes import (
     store,
     store_state,
 )
+from nasm.arithmetic.sine import COSINE
+from nasm.checks import real
 from nasm.maps import direction, forcing
 from nasm.numbers import rational
 from nasm.periodic import dominant_centre
-from nasm.sine import COSINE
+from nasm.proofs.certificates import certificate, in_hex
 from nasm.symmetries import shorten
 
 __all__ = ["Outcome", "TransportProof", "prove", "proved_upper"]
@@ -100,7 +100,7 @@ _FOUND = 8192  # boxes in one call
 class Outcome(Enum):
     """What became of a proof."""
 
-    PROVED = "no rotational invariant circle exists: transport is global, by nasm/PROOFS.md"
+    PROVED = "no rotational invariant circle exists: transport is global, by nasm/proofs/README.md"
     BUDGET = "not proved: the budget is spent"
     PRECISION = "not proved: boxes became too small or too many; a circle may be left"
     SCOPE = (
@@ -141,7 +141,7 @@ class TransportProof:
         return self.outcome.value
 
     def certificate(self):
-        """What another program needs to check the proof: see PROOFS.md, "Certificates".
+        """What another program needs to check the proof: see proofs/README.md, "Certificates".
 
         ValueError if nothing was proved.
         """

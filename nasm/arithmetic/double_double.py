@@ -15,7 +15,7 @@ from math import factorial
 
 from numba import njit
 
-from nasm.lanes import fma, rint
+from nasm.arithmetic.lanes import fma, rint
 
 __all__ = ["add", "divided", "multiply", "pair", "sincos_2pi"]
 __dir__ = __all__.copy

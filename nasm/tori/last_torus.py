@@ -7,7 +7,8 @@ once. `barriers` answers for the first, but takes minutes where q is large. Here
 in the same way:
 
 1. `upper`: the lowest scale found at which converse KAM eliminates all starts, by the kicks from -N
-   to N (`nasm.phases`). No circle is left, or if Ω is irrational no torus that is a graph.
+   to N (`nasm.converse_kam.sequence`). No circle is left, or if Ω is irrational no torus that is a
+   graph.
 2. Below it some starts survive. They are on circles or tori, or next to orbits that minimize the
    action. Weighted Birkhoff averages tell the first from the others, and their ω.
 3. `lower`: the largest scale at which a circle or torus of one of these ω is certified, on its
@@ -18,13 +19,15 @@ The last barrier breaks inside the bracket. Its ω need not be that of `lower`.
 
 import numpy as np
 
-from nasm import continuation, phases, tori
+from nasm.arithmetic.sine import cos2pi
 from nasm.checks import count, fraction, real
+from nasm.circles import continuation
+from nasm.converse_kam import sequence
 from nasm.critical import CriticalScale, Status
 from nasm.maps import direction, rotating_forcing
 from nasm.numbers import nobles_near
 from nasm.orbits import kicked_orbit
-from nasm.sine import cos2pi
+from nasm.tori import newton
 
 __all__ = ["of_fraction", "of_irrational", "upper_scale"]
 __dir__ = __all__.copy
@@ -80,7 +83,7 @@ def of_irrational(frequency, mean, amplitude, n_kicks=32_000, tol=0.01):
     profile, tol = _kicks(frequency, mean, amplitude, n_kicks), real("tol", tol)
 
     def certified(omega, upper):
-        return tori.critical_scale(omega, frequency, mean, amplitude, tol * upper).lower
+        return newton.critical_scale(omega, frequency, mean, amplitude, tol * upper).lower
 
     return _bracket(profile, certified)
 
@@ -88,10 +91,10 @@ def of_irrational(frequency, mean, amplitude, n_kicks=32_000, tol=0.01):
 def upper_scale(frequency, mean, amplitude, n_kicks=8_000):
     """The scale at which no torus of an irrational Ω is left that is a graph, whatever its ω.
 
-    Parameters as for `of_irrational`. Returns a float, `upper` of `phases.critical_scale`, NaN if
-    it has none. It takes a second or two.
+    Parameters as for `of_irrational`. Returns a float, `upper` of
+    `converse_kam.sequence.critical_scale`, NaN if it has none. It takes a second or two.
     """
-    return phases.critical_scale(_kicks(frequency, mean, amplitude, n_kicks), _TOL).upper
+    return sequence.critical_scale(_kicks(frequency, mean, amplitude, n_kicks), _TOL).upper
 
 
 def _kicks(frequency, mean, amplitude, n_kicks):
@@ -105,7 +108,7 @@ def _bracket(profile, certified):
 
     certified : function, ω per kick and upper → the scale at which it is certified, or NaN.
     """
-    found = phases.critical_scale(profile, _TOL)
+    found = sequence.critical_scale(profile, _TOL)
     if found.status is not Status.OK:
         return found, np.nan
     upper, lower, omega, tried = found.upper, np.nan, np.nan, []
@@ -126,12 +129,12 @@ def _bracket(profile, certified):
 
 def _regular(kappa):
     """Turns per kick of regular starts that survive the kicks, the most regular first."""
-    survivor = phases.last_survivor(kappa, 0.0, 1)
+    survivor = sequence.last_survivor(kappa, 0.0, 1)
     if survivor.kicks < np.inf:
         return []
     y = np.append((np.arange(_STARTS) + 0.5) / _STARTS, survivor.y)
     x = np.full(y.size, survivor.x)
-    times = phases.elimination_time(kappa, 0.0, survivor.site, x, y)
+    times = sequence.elimination_time(kappa, 0.0, survivor.site, x, y)
     ahead, left = kappa[survivor.site :][:_AVERAGED], np.isinf(times)
     steps = np.diff(kicked_orbit(ahead, x[left], y[left], ahead.size)[0], axis=0)
     whole, half = _average(steps), _average(steps[: len(steps) // 2])

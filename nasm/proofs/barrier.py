@@ -4,7 +4,7 @@
 
 where g_j(φ) = φ + u_j(φ), u_{j+P} = u_j: the chain of `nasm.circles` with g_j(θ + jα) = h_j(θ).
 Trigonometric polynomials u_j for which E is small enough have a true circle near them; "small
-enough" is the theorem of PROOFS.md, "A barrier exists". With ‖f‖ = Σ_k |f_k| e^{2π|k|ρ} its
+enough" is the theorem of proofs/README.md, "A barrier exists". With ‖f‖ = Σ_k |f_k| e^{2π|k|ρ} its
 hypotheses are upper bounds of
 
     n_j ≥ ‖g_j'‖,    p_j ≥ ‖1/g_j'‖,    k_j ≥ ‖e^{2πig_j}‖,    ε ≥ Σ_j n_j ‖E_j‖,    C ≥ C_R + δ.
@@ -27,11 +27,12 @@ from math import ceil, inf, log, nan, pi
 import numpy as np
 from scipy.fft import next_fast_len
 
-from nasm import circles, continuation, fourier
-from nasm.certificates import certificate, in_hex
+from nasm import circles
 from nasm.checks import count, real
+from nasm.circles import continuation, fourier
 from nasm.maps import direction, forcing
 from nasm.numbers import RotationNumber, checked, convergents
+from nasm.proofs.certificates import certificate, in_hex
 from nasm.symmetries import shorten
 
 __all__ = ["BarrierProof", "need_flint", "prove", "proved_lower"]
@@ -58,7 +59,7 @@ class BarrierProof:
     is proved for every forcing κ' with |κ'_j - κ_j| ≤ radius.
     short_omega, short_kappa : of the shorter map (`symmetries.shorten`) in which it was proved.
     n : int, points of the grid. rho : float, width of the strip where E was bounded; NaN if none
-    was. constants : dict of floats, rounded upper bounds: see PROOFS.md.
+    was. constants : dict of floats, rounded upper bounds: see proofs/README.md.
     modes : list of P lists of `flint.acb` or `arb`, exact: û_k = -i·modes[j][k] if all are real,
     else modes[j][k]; û_{-k} is its conjugate.
     """
@@ -76,7 +77,7 @@ class BarrierProof:
     modes: list = field(default_factory=list, repr=False)
 
     def certificate(self):
-        """What another program needs to check the proof: see PROOFS.md, "Certificates".
+        """What another program needs to check the proof: see proofs/README.md, "Certificates".
 
         ValueError if nothing was proved.
         """
@@ -279,7 +280,7 @@ def _divisors(omega):
 
 
 def _russmann(omega, delta):
-    """C_R = sup δ'σ(δ') over 0 < δ' ≤ δ, σ(δ) = sup_k e^{-2πkδ}/|e^{2πikω} - 1|: see PROOFS.md.
+    """C_R = sup δ'σ(δ') over 0 < δ' ≤ δ, σ(δ) = sup_k e^{-2πkδ}/|e^{2πikω} - 1|: see the README.
 
     The peaks of the last period, whatever delta is, bound those of all later ones but for 10⁻⁶.
     """
@@ -616,7 +617,7 @@ def _column(n):
 
 
 def turns(omega, n_sites, n_modes):
-    """e^{2πikα}, α = ω/P, in long double, by a convergent of ω; see `fourier.turns`."""
+    """e^{2πikα}, α = ω/P, in long double, by a convergent of ω; see `circles.fourier.turns`."""
     for f in convergents(omega):
         if f.denominator * n_sites > 10**12:
             break

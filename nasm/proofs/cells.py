@@ -1,78 +1,22 @@
-"""Both sides of the boundary, proved: on a ray κ = s·profile, and in cells of the (κ1, κ2) plane.
+"""Both sides of the boundary, proved in cells of the (κ1, κ2) plane.
 
-On a ray a barrier exists at lower·profile, by the a-posteriori theorem of `nasm.proof_barrier`;
-transport is global at upper·profile, by the one of `nasm.proof_transport`. Between the two scales
-nothing is proved, nor is anything of smaller scales than `lower`: no theorem says that a circle
-does not break and come back on the way.
-
-In a cell either is proved for all forcings, by `nasm.proof_barrier_cells` or `nasm.proof_cells`; a
-cell for which neither is proved is cut into four. What `nasm.barriers` finds tells only where to
-look.
+In a cell a barrier, or transport, is proved for all forcings, by `nasm.proofs.barrier_cells` or
+`nasm.proofs.transport_cells`; a cell for which neither is proved is cut into four.
 """
 
 from dataclasses import dataclass, field
-from math import nan
 
 import numpy as np
 
-from nasm import barriers, proof_barrier_cells, proof_cells
-from nasm.checks import real
-from nasm.critical import CriticalScale
-from nasm.maps import direction
 from nasm.numbers import RotationNumber, parse
-from nasm.proof_barrier import BarrierProof, proved_lower
-from nasm.proof_transport import TransportProof, proved_upper
+from nasm.proofs import barrier_cells, transport_cells
 
-__all__ = ["Boundary", "ProvedBracket", "critical_scale", "proved_cells"]
+__all__ = ["Boundary", "proved_cells"]
 __dir__ = __all__.copy
 
 OPEN, TRANSPORT, BARRIER = 1, 2, 3  # states of a cell
 _WIDEST, _NARROWER = 0.2, 1.5  # half widths, in distances, for which one polynomial is enough
-_NEAREST = 0.03  # of the way to the breakup is too near for `proof_barrier_cells`
-
-
-@dataclass(frozen=True)
-class ProvedBracket:
-    """What is proved of a ray, and where it was looked for.
-
-    found : CriticalScale by `barriers.critical_scale`, which is no proof.
-    lower, upper : a barrier is proved to exist at lower·profile, transport to be global at
-        upper·profile, as these are rounded to floats; NaN where nothing was proved.
-    barrier, transport : BarrierProof and TransportProof of that, with their certificates, or the
-        last that failed; None where nothing was tried.
-    """
-
-    found: CriticalScale
-    lower: float = nan
-    upper: float = nan
-    barrier: BarrierProof | None = None
-    transport: TransportProof | None = None
-
-
-def critical_scale(profile, seconds=8.0):
-    """The scale at which the last barrier breaks, between two scales that are proved.
-
-    Parameters
-    ----------
-    profile : sequence of P floats with a dominant symmetry line, P ≤ 2 after shortening; for longer
-        ones nothing is proved of transport.
-    seconds : float > 0, CPU time for each of the two sides. How near they come to each other
-        depends on it and on the machine; what they say does not.
-
-    Returns
-    -------
-    ProvedBracket. ImportError without python-flint; ValueError as `barriers.critical_scale` raises,
-    or if seconds is not positive.
-    """
-    profile, seconds = direction(profile), real("seconds", seconds)
-    if not seconds > 0:
-        raise ValueError(f"seconds={seconds!r} must be positive: CPU time for each side")
-    found = barriers.critical_scale(profile)
-    if not found.value > 0:
-        return ProvedBracket(found)
-    upper, transport = proved_upper(profile, found.value, seconds)
-    lower, barrier = proved_lower(found.omega, profile, found.value, seconds)
-    return ProvedBracket(found, lower, upper, barrier, transport)
+_NEAREST = 0.03  # of the way to the breakup is too near for `barrier_cells`
 
 
 @dataclass(frozen=True)
@@ -101,8 +45,8 @@ class Boundary:
 
 def warm_up_cells():
     """Compile what `proved_cells` needs: its proofs are given CPU time, and that would count."""
-    proof_cells.prove_cell((1.0, 0.5), 2.0**-8)
-    proof_barrier_cells.prove_cell(parse("gamma"), (0.1, 0.05), 2.0**-8)
+    transport_cells.prove_cell((1.0, 0.5), 2.0**-8)
+    barrier_cells.prove_cell(parse("gamma"), (0.1, 0.05), 2.0**-8)
 
 
 def barrier_size(distance, critical):
@@ -129,7 +73,7 @@ def proved_cells(low, size, depth, boundary, seconds):
     corners = low1 + np.array([0, size, 0, size]), low2 + np.array([0, 0, size, size])
     distance, critical = boundary.distance(*corners)
     if (distance < 0).all():
-        proof = proof_cells.prove_cell(centre, size / 2, seconds)
+        proof = transport_cells.prove_cell(centre, size / 2, seconds)
         if proof.proved:
             return np.full_like(states, TRANSPORT), [proof]
     elif (distance > 0).all():
@@ -137,7 +81,7 @@ def proved_cells(low, size, depth, boundary, seconds):
         if circle is None or not distance.max() > _NEAREST:
             return states, proofs
         if size / 2 <= barrier_size(distance, critical).min():
-            proof = proof_barrier_cells.prove_cell(circle, centre, size / 2)
+            proof = barrier_cells.prove_cell(circle, centre, size / 2)
             if proof.proved:
                 return np.full_like(states, BARRIER), [proof]
     if depth:

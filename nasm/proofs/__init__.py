@@ -1,0 +1,18 @@
+"""Proofs that a barrier exists or that transport is global; README.md has their theorems.
+
+Only this package proves. What the rest of `nasm` says rests on samples or on floating point.
+"""
+
+from nasm import face
+
+__getattr__, __dir__ = face(
+    __name__,
+    bracket="ProvedBracket critical_scale",
+    cells="Boundary proved_cells",
+    barrier="BarrierProof need_flint proved_lower",
+    transport="TransportProof proved_upper",
+    barrier_cells="BarrierCellProof",
+    transport_cells="CellProof",
+    certificates="certificate",
+    certificate_checker="",
+)

@@ -1,0 +1,64 @@
+"""Both sides of the boundary on a ray κ = s·profile, proved.
+
+A barrier exists at lower·profile, by the a-posteriori theorem of `nasm.proofs.barrier`; transport
+is global at upper·profile, by the one of `nasm.proofs.transport`. Between the two scales nothing is
+proved, nor is anything of smaller scales than `lower`: no theorem says that a circle does not break
+and come back on the way. What `nasm.barriers` finds tells only where to look.
+"""
+
+from dataclasses import dataclass
+from math import nan
+
+from nasm import barriers
+from nasm.checks import real
+from nasm.critical import CriticalScale
+from nasm.maps import direction
+from nasm.proofs.barrier import BarrierProof, proved_lower
+from nasm.proofs.transport import TransportProof, proved_upper
+
+__all__ = ["ProvedBracket", "critical_scale"]
+__dir__ = __all__.copy
+
+
+@dataclass(frozen=True)
+class ProvedBracket:
+    """What is proved of a ray, and where it was looked for.
+
+    found : CriticalScale by `barriers.critical_scale`, which is no proof.
+    lower, upper : a barrier is proved to exist at lower·profile, transport to be global at
+        upper·profile, as these are rounded to floats; NaN where nothing was proved.
+    barrier, transport : BarrierProof and TransportProof of that, with their certificates, or the
+        last that failed; None where nothing was tried.
+    """
+
+    found: CriticalScale
+    lower: float = nan
+    upper: float = nan
+    barrier: BarrierProof | None = None
+    transport: TransportProof | None = None
+
+
+def critical_scale(profile, seconds=8.0):
+    """The scale at which the last barrier breaks, between two scales that are proved.
+
+    Parameters
+    ----------
+    profile : sequence of P floats with a dominant symmetry line, P ≤ 2 after shortening; for longer
+        ones nothing is proved of transport.
+    seconds : float > 0, CPU time for each of the two sides. How near they come to each other
+        depends on it and on the machine; what they say does not.
+
+    Returns
+    -------
+    ProvedBracket. ImportError without python-flint; ValueError as `barriers.critical_scale` raises,
+    or if seconds is not positive.
+    """
+    profile, seconds = direction(profile), real("seconds", seconds)
+    if not seconds > 0:
+        raise ValueError(f"seconds={seconds!r} must be positive: CPU time for each side")
+    found = barriers.critical_scale(profile)
+    if not found.value > 0:
+        return ProvedBracket(found)
+    upper, transport = proved_upper(profile, found.value, seconds)
+    lower, barrier = proved_lower(found.omega, profile, found.value, seconds)
+    return ProvedBracket(found, lower, upper, barrier, transport)
