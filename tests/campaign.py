@@ -28,7 +28,7 @@ import toy
 from pipeline import store
 from pipeline.cubes.cube import Job
 from pipeline.sweep.cluster import connect, credentials
-from workflows.parts.cli import command, sweeps
+from workflows.shared.cli import command, sweeps
 
 SIDE = 8  # tiles, of one cell each, along rows and columns
 TILES = set(np.ndindex(SIDE, SIDE))

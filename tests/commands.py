@@ -4,7 +4,7 @@ import csv
 
 from click.testing import CliRunner
 
-from workflows.parts.cli import main_of
+from workflows.shared.cli import main_of
 
 
 def invoke(name, out, *options):

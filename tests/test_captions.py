@@ -10,14 +10,14 @@ from nasm.symmetries import ray
 from pipeline.cubes.barrier import boundary
 from pipeline.cubes.proved_map import proved_map
 from pipeline.cubes.tori import breakups
+from workflows.convergence.study import on_the_diagonal
 from workflows.figures.convergence import draw_diagonal
 from workflows.figures.flux import draw_flux
 from workflows.figures.proved_map import draw_proved_map
 from workflows.figures.tori import draw_breakups
-from workflows.parts import flux
-from workflows.parts.convergence import on_the_diagonal
-from workflows.parts.direct import exponent
-from workflows.parts.findings import boundary_found, direct_found
+from workflows.flux import study as flux
+from workflows.shared.direct import exponent
+from workflows.shared.findings import boundary_found, direct_found
 
 
 @pytest.fixture(autouse=True)

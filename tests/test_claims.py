@@ -12,9 +12,9 @@ from nasm.numbers import NAMES, parse
 from workflows.claims import envelope, rules
 from workflows.claims.page import write_page, write_tables
 from workflows.claims.rules import Erratum, Verdict
-from workflows.parts.cli import main_of
-from workflows.parts.page import formula
-from workflows.parts.run import Run
+from workflows.shared.cli import main_of
+from workflows.shared.page import formula
+from workflows.shared.run import Run
 
 TESTS = Path(__file__).parent
 

@@ -13,7 +13,7 @@ from commands import invoke
 
 import nasm
 from workflows.__main__ import main as overview
-from workflows.parts.cli import commands, main_of
+from workflows.shared.cli import commands, main_of
 
 COMMANDS, ROOT = commands(), Path(__file__).parents[1]
 
@@ -70,7 +70,7 @@ def test_every_command_tells_its_version():
 
 
 def test_help_needs_no_numpy_and_so_comes_at_once():
-    code = "import sys; from workflows.parts.cli import main_of\n"
+    code = "import sys; from workflows.shared.cli import main_of\n"
     code += f"for name in {COMMANDS}: main_of(name).main(['--help'], standalone_mode=False)\n"
     code += "assert not {'numpy', 'jinja2', 'obstore', 'dask'} & sys.modules.keys()"
     help = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

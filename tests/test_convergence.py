@@ -7,7 +7,8 @@ from commands import succeed
 
 from nasm import escape
 from nasm.symmetries import ray
-from workflows.parts import convergence, direct
+from workflows.convergence import study as convergence
+from workflows.shared import direct
 
 
 def test_the_exponent_of_a_power_law_is_found_with_its_error():

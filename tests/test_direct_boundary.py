@@ -10,7 +10,7 @@ from nasm.planes import two_kicks
 from nasm.symmetries import ray
 from nasm.verdict import Answer, verdict
 from workflows.figures.direct_boundary import describe
-from workflows.parts.direct import INSETS, asymmetry, boundary_dataset, foreseen
+from workflows.shared.direct import INSETS, asymmetry, boundary_dataset, foreseen
 
 EXCESS = np.geomspace(0.1, 0.8, 4)
 

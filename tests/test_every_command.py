@@ -13,7 +13,7 @@ import pytest
 import xarray as xr
 from every_command import SMALLEST
 
-from workflows.parts.cli import commands
+from workflows.shared.cli import commands
 
 HERE = Path(__file__).parent
 NEED_FLINT = {"ask", "proved_boundary", "proved_map"}

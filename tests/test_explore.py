@@ -20,12 +20,12 @@ from tornado.httpclient import AsyncHTTPClient
 from nasm import barriers, escape
 from nasm.numbers import parse
 from nasm.planes import rotating, three_kicks, two_kicks
-from workflows.explorer import field, plane, rays, server
-from workflows.explorer.field import Field, View
-from workflows.explorer.rays import Breakup, Rays
-from workflows.explorer.state import State
-from workflows.explorer.work import Work
-from workflows.parts.run import place_of
+from workflows.explore import field, plane, rays, server
+from workflows.explore.field import Field, View
+from workflows.explore.rays import Breakup, Rays
+from workflows.explore.state import State
+from workflows.explore.work import Work
+from workflows.shared.run import place_of
 
 PLANE = "Plane of forcings"
 

@@ -12,9 +12,9 @@ import pytest
 from commands import succeed
 
 import nasm
-from workflows import gallery
 from workflows.claims.rules import Verdict
-from workflows.parts.cli import main_of
+from workflows.gallery import __main__ as gallery
+from workflows.shared.cli import main_of
 
 
 @pytest.mark.parametrize("exhibit", gallery.EXHIBITS, ids=lambda exhibit: exhibit.name)

@@ -64,18 +64,26 @@ def test_pipeline_knows_no_workflow(module):
 
 
 @pytest.mark.parametrize("module", WORKFLOWS)
-def test_commands_and_their_parts_import_no_other_command(module):
+def test_commands_import_no_other_command_and_shared_rooms_none(module):
     inside = {name.split(".")[1] for name in imports(module) if name.startswith("workflows.")}
     own = module.split(".")[1]
-    assert inside <= {"parts", "figures", own, "explorer" if own == "explore" else own}
+    assert inside <= {"shared", "figures", own}
+
+
+DEFINITIONS = {f"nasm.{name}" for name in ("checks", "maps", "numbers", "planes", "symmetries")}
 
 
 @pytest.mark.parametrize("module", FIGURES)
-def test_figures_compute_no_physics(module):
-    assert "pipeline" not in packages(module)
+def test_figures_compute_no_physics_themselves_or_by_what_they_import(module):
     labels = {f"nasm.numbers{name}" for name in ("", ".NAMES", ".moebius", ".parse")}
     labels |= {f"nasm.planes{name}" for name in ("", ".plane_of", ".two_kicks")}
     assert {name for name in imports(module) if name.startswith("nasm.")} <= labels
+    seen, left = set(), {module}
+    while left:
+        seen |= left
+        left = {name for each in left for name in imports(each) if name in MODULES} - seen
+    rooms = ("workflows.figures.", "nasm.arithmetic.")
+    assert {name for name in seen if not name.startswith(rooms)} <= DEFINITIONS
 
 
 def home(name):

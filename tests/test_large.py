@@ -19,7 +19,7 @@ from pipeline.cubes import escape
 from pipeline.sweep.grid import Axis
 
 HERE = Path(__file__).parent
-LARGE_FIELD = HERE.parent / "workflows" / "recipes" / "large_field.py"
+LARGE_FIELD = HERE.parent / "workflows" / "examples" / "large_field.py"
 
 
 def start_driver(out, n_tiles):

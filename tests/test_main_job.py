@@ -191,7 +191,7 @@ def test_unusual_planes_end_with_a_figure(tmp_path, workers, plane):
     assert ("no ray passes into transport" in output) == (plane[1] != "-1.1:1.1:16")
 
 
-RECIPES = Path(__file__).parents[1] / "workflows" / "recipes"
+RECIPES = Path(__file__).parents[1] / "workflows" / "examples"
 
 
 @pytest.fixture
@@ -219,7 +219,7 @@ def test_a_recipe_without_a_store_tells_its_usage(recipe, follow, finished, monk
     mistakes = {"job_queue": [], "compare_stores": [finished], "join_planes": [finished]}
     code, usage = follow(recipe, *mistakes.get(recipe, ["nowhere"]))
     assert code == 2
-    assert f"python workflows/recipes/{recipe}.py " in usage
+    assert f"python workflows/examples/{recipe}.py " in usage
     cubes = {"job_queue": "", "export": "barrier.zarr", "join_levels": "escape_level0.zarr"}
     cubes |= {"boundary": "has no cube boundary.zarr", "join_planes": "python"}
     assert recipe == "compare_stores" or cubes.get(recipe, "escape.zarr") in usage

@@ -7,7 +7,7 @@ from commands import succeed
 
 from nasm.maps import kick, step
 from nasm.orbits import rotation_number
-from workflows.parts import portraits
+from workflows.portraits import study as portraits
 
 
 @pytest.fixture(scope="module")

@@ -12,9 +12,9 @@ from nasm.circles import continuation, fourier
 from nasm.converse_kam import sequence, transversal
 from nasm.maps import TWO_PI, kick, phased_kick
 from nasm.self_consistent import evolve, momentum
+from workflows.ask import once
 from workflows.figures.self_consistent import draw_self_consistent
-from workflows.parts import once
-from workflows.parts import self_consistent as study
+from workflows.self_consistent import study
 
 RNG = np.random.default_rng(21)
 X, Y = RNG.uniform(-0.5, 0.5, (2, 700))

@@ -12,9 +12,9 @@ from nasm.critical import Status, no_answer
 from nasm.maps import MAX_STRENGTH
 from nasm.symmetries import ray
 from nasm.verdict import Answer, Evidence, verdict
-from workflows import ask
+from workflows.ask import __main__ as ask
 from workflows.figures.ask import draw_verdict
-from workflows.parts.verdict_words import sentences
+from workflows.shared.verdict_words import sentences
 
 _RANDOM = np.random.default_rng(5)
 ANGLES = [-45.0, *_RANDOM.uniform(0, 360, 2)]

@@ -4,7 +4,7 @@ from importlib import import_module
 
 import click
 
-from workflows.parts.cli import COMMON, commands, main_of, version
+from workflows.shared.cli import COMMON, commands, main_of, version
 
 
 class _Commands(click.Group):

@@ -5,7 +5,7 @@ Figs. 8 and 9) or any others, by two methods: the paper's, circles continued to 
 and Greene's residue, which is sharper and knows nothing of circles.
 """
 
-from workflows.parts.cli import command, parsed, plane_option, ray_options, real, sweeps, whole
+from workflows.shared.cli import command, parsed, plane_option, ray_options, real, sweeps, whole
 
 
 def parse_omegas(texts):
@@ -49,7 +49,7 @@ def main(run, omega, plane, angles, tips, tol, q_max):
     from pipeline.cubes import breakdown
     from pipeline.cubes.barrier import last_barrier, unfolded
     from workflows.figures.circle_boundaries import draw_circle_boundaries, draw_tips
-    from workflows.parts import rays
+    from workflows.shared import rays
 
     angles = rays.ray_angles(plane, angles, tips)
     wanted = (

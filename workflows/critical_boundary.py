@@ -8,7 +8,7 @@ between a certified circle and converse KAM, with the circle that is the last to
 
 import click
 
-from workflows.parts.cli import command, plane_option, plane_options, ray_options, real, sweeps
+from workflows.shared.cli import command, plane_option, plane_options, ray_options, real, sweeps
 
 
 @command()
@@ -26,8 +26,8 @@ def main(run, plane, angles, tips, tol, **options):
     from pipeline.cubes import breakdown
     from pipeline.cubes.barrier import last_barrier, unfolded
     from workflows.figures.critical_boundary import draw_critical_boundary
-    from workflows.parts import findings, rays
-    from workflows.parts.plane import boundary_table, escape_plane, foreseen, grid_of, planned
+    from workflows.shared import findings, rays
+    from workflows.shared.plane import boundary_table, escape_plane, foreseen, grid_of, planned
 
     grid, angles = grid_of(plane, **options), rays.ray_angles(plane, angles, tips)
     circle_job = breakdown.by_continuation(plane, rays.PAPER_CIRCLES, angles, tol)

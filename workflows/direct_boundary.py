@@ -14,7 +14,7 @@ The insets of Fig. 6 show how often one long orbit visits each part of the cell,
 
 import click
 
-from workflows.parts.cli import (
+from workflows.shared.cli import (
     command,
     full_option,
     increasing,
@@ -44,7 +44,7 @@ def main(run, steps, n_orbits, plane, angles, tips):
     from nasm.planes import two_kicks
     from pipeline.cubes.barrier import last_barrier, unfolded
     from workflows.figures.direct_boundary import draw_half_plane, draw_rays
-    from workflows.parts import direct, rays
+    from workflows.shared import direct, rays
 
     all_rays = rays.ray_angles(plane, angles, tips)
     spread = linspace(0, all_rays[-1], angles).round(9)  # it is too coarse for the tips

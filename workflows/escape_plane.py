@@ -5,7 +5,7 @@ times n* holds the boundary {n* ≤ N} of every N ≤ n_max. The plane is comput
 --levels above 1, coarsely at first and then finer only where a boundary runs.
 """
 
-from workflows.parts.cli import command, plane_option, plane_options, sweeps
+from workflows.shared.cli import command, plane_option, plane_options, sweeps
 
 
 @command()
@@ -19,8 +19,8 @@ def main(run, **options):
     --n-orbits 10000, and Fig. 6 the same with --kappa1 -1:1:1024.
     """
     from workflows.figures.escape_plane import draw_escape_plane
-    from workflows.parts.findings import field_found
-    from workflows.parts.plane import escape_plane, foreseen, grid_of, planned
+    from workflows.shared.findings import field_found
+    from workflows.shared.plane import escape_plane, foreseen, grid_of, planned
 
     grid = grid_of(**options)
     run.check(planned(grid))

@@ -14,7 +14,7 @@ from fractions import Fraction
 
 import click
 
-from workflows.parts.cli import command, parsed, real, sweeps, whole
+from workflows.shared.cli import command, parsed, real, sweeps, whole
 
 IRRATIONAL = (
     "0.11603574565909282",

@@ -3,7 +3,7 @@
 Each ray has its value by Greene's residue, a certified circle below it and converse KAM above it.
 """
 
-from workflows.parts.cli import command, plane_option, ray_options, real, sweeps
+from workflows.shared.cli import command, plane_option, ray_options, real, sweeps
 
 
 @command()
@@ -18,7 +18,7 @@ def main(run, plane, angles, tips, tol):
     """
     from pipeline.cubes.barrier import last_barrier, unfolded
     from workflows.figures.last_barrier import draw_last_barrier
-    from workflows.parts import findings, rays
+    from workflows.shared import findings, rays
 
     angles = rays.ray_angles(plane, angles, tips)
     job = last_barrier(plane, angles, tol)

@@ -5,7 +5,7 @@ paper's cubic estimate (arXiv:1606.04824, Sec. IV). Exact formulas and one equat
 sweep, a few seconds.
 """
 
-from workflows.parts.cli import axis, command, writes
+from workflows.shared.cli import axis, command, writes
 
 
 @command()
@@ -15,7 +15,7 @@ from workflows.parts.cli import axis, command, writes
 def main(run, primary, secondary):
     """Period-one orbits: two cubes and two figures in OUT."""
     from workflows.figures.period_one import draw_primary_points, draw_secondary_points
-    from workflows.parts.period_one import primary_dataset, secondary_dataset
+    from workflows.shared.period_one import primary_dataset, secondary_dataset
 
     with run.driving():
         first = run.keep("period_one_primary", primary_dataset(primary))

@@ -7,7 +7,7 @@ forcings further in nothing but what is computed there.
 
 import click
 
-from workflows.parts.cli import command, real, sweeps, whole
+from workflows.shared.cli import command, real, sweeps, whole
 
 
 @command()

@@ -7,7 +7,7 @@ says nothing.
 
 import click
 
-from workflows.parts.cli import command, full_option, real, sweeps
+from workflows.shared.cli import command, full_option, real, sweeps
 
 
 @command()

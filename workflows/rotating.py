@@ -14,7 +14,7 @@ of 2632.
 from fractions import Fraction
 from math import lcm
 
-from workflows.parts.cli import command, parsed, ray_options, sweeps, whole
+from workflows.shared.cli import command, parsed, ray_options, sweeps, whole
 
 TRIBONACCI = 0.5436890126920764, 0.8392867552141612
 VECTORS = ("1705/3136,2631/3136", "1705/3136,2632/3136", "927/1705,1431/1705")
@@ -67,7 +67,7 @@ def main(run, vector, angles, tips, n_max, n_orbits, tori):
     from pipeline.cubes.barrier import last_barrier, unfolded
     from pipeline.cubes.tori import breakups
     from workflows.figures.rotating import draw_rotating_circles, draw_rotating_tori
-    from workflows.parts import rays
+    from workflows.shared import rays
 
     around, plane = rays.rotated_rays(angles, tips), rotating("1/2")
     wanted = (

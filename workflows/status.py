@@ -4,7 +4,7 @@ import sys
 
 import click
 
-from workflows.parts.cli import command, place_options
+from workflows.shared.cli import command, place_options
 
 
 @command()
@@ -12,7 +12,7 @@ from workflows.parts.cli import command, place_options
 def main(place):
     """The state of all cubes of a store: tiles done, failures with reasons, rate, time left."""
     from pipeline.store import status
-    from workflows.parts.run import cubes_of, explained
+    from workflows.shared.run import cubes_of, explained
 
     damaged = False
     with explained(place):

@@ -11,7 +11,7 @@ both signs of Δκ; at 1/12 these are alike. In between the kicks have no symmet
 
 from fractions import Fraction
 
-from workflows.parts.cli import command, full_option, parsed, ray_options, real, sweeps
+from workflows.shared.cli import command, full_option, parsed, ray_options, real, sweeps
 
 PHASES = ("0", "1/24", "1/12")
 MANY = ("0", "1/60", "1/30", "1/20", "1/15", "1/12")
@@ -62,8 +62,8 @@ def main(run, frequency, phase, angles, tips, tol):
     from nasm.planes import rotating
     from pipeline.cubes.barrier import last_barrier, named, unfolded
     from workflows.figures.three_kicks import draw_three_kicks
-    from workflows.parts import rays
-    from workflows.parts.tables import described
+    from workflows.shared import rays
+    from workflows.shared.tables import described
 
     around = rays.rotated_rays(angles, tips)
     planes = {text: rotating(frequency, text) for text in phase}

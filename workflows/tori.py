@@ -10,7 +10,7 @@ from itertools import product
 
 import click
 
-from workflows.parts.cli import command, parsed, real, sweeps, whole
+from workflows.shared.cli import command, parsed, real, sweeps, whole
 
 VECTORS = (
     "0.5436890126920764,0.8392867552141612",

@@ -5,7 +5,7 @@ it (`workflows.claims.rules`), and the command that shows it. Then the errata, m
 paper's conjecture on the envelope of all CB_ω, examined with the two-sided bracket.
 """
 
-from workflows.parts.cli import command, real, sweeps, whole
+from workflows.shared.cli import command, real, sweeps, whole
 
 _EXAMINED = 60  # CPU seconds of the claims that need no sweep
 

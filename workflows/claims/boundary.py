@@ -9,9 +9,9 @@ from nasm.symmetries import ray
 from nasm.verdict import verdict
 from workflows.claims.map import largest
 from workflows.claims.rules import agrees, graded, identity, printed, rounding
-from workflows.parts.amplitudes import amplitudes
-from workflows.parts.direct import INSETS, exponent
-from workflows.parts.rays import with_tie
+from workflows.shared.amplitudes import amplitudes
+from workflows.shared.direct import INSETS, exponent
+from workflows.shared.rays import with_tie
 
 KAPPA_G = printed("0.971635406")
 _AXIS = "gamma", "1-gamma", "2-gamma", "gamma+1"

@@ -8,7 +8,7 @@ logarithmically. ω is in [0, 1] and stands for ±ω and all ω + 2n.
 import numpy as np
 
 from nasm.numbers import NAMES, parse
-from workflows.parts.rays import with_tie
+from workflows.shared.rays import with_tie
 
 HEADER = ("φ, degrees", "last circle, ω", "bracket, in parts", *NAMES)
 

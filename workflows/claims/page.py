@@ -7,7 +7,7 @@ from pandas import DataFrame
 
 from workflows.claims.envelope import HEADER, cells
 from workflows.claims.rules import Verdict
-from workflows.parts.page import render
+from workflows.shared.page import render
 
 _PLURAL = {
     Verdict.HOLDS: "hold",

@@ -6,7 +6,7 @@ from nasm import fixed_points, periodic
 from nasm.maps import TWO_PI, step, step_tangent, unkick
 from pipeline.sweep.grid import parse_axis
 from workflows.claims.rules import graded, identity
-from workflows.parts.period_one import secondary_dataset
+from workflows.shared.period_one import secondary_dataset
 
 
 def periodic_claims():

@@ -17,8 +17,8 @@ from workflows.claims.periodic import periodic_claims
 from workflows.claims.results import result_claims
 from workflows.claims.rules import judged
 from workflows.claims.symmetries import symmetry_claims
-from workflows.parts import direct
-from workflows.parts.rays import PAPER_CIRCLES, by_phase, with_ratio
+from workflows.shared import direct
+from workflows.shared.rays import PAPER_CIRCLES, by_phase, with_ratio
 
 _STEP = 7.5  # degrees, of rays around the half plane, so that mirror images and tori have theirs
 _TORUS = "1705/3136,2631/3136"

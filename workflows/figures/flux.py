@@ -3,7 +3,6 @@
 import numpy as np
 
 from workflows.figures.style import circle_class, circle_style, in_column, mark_gaps, panels
-from workflows.parts.rays import with_tie
 
 _ETA = 3.0117  # ln(αβ)/ln δ of MacKay's scaling constants, a guide for the eye
 
@@ -48,8 +47,7 @@ def draw_flux(fluxes, fits):
         axes.set(xscale="log", xlabel=r"distance beyond the breakup, $x = s/s_c - 1$")
         axes.grid(lw=0.3)
     laws = ", ".join(
-        f"η = {row.exponent:.6f} ± {row.exponent_error:.0e} at {angle:g}° "
-        f"({with_tie(row.circle, angle)})"
+        f"η = {row.exponent:.6f} ± {row.exponent_error:.0e} at {angle:g}° ({row.circle_and_tie})"
         if np.isfinite(row.exponent)
         else f"none at {angle:g}°, of too few distances"
         for angle, row in fits.to_dataframe().iterrows()

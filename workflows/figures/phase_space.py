@@ -20,7 +20,7 @@ STRONG = "#D55E00"  # what decides, among all of these
 def ends(orbits):
     """Return the ω of the first and the last colour: 0 and P/2, in a part of the cell what is seen.
 
-    orbits : Dataset by `workflows.parts.phase_space.portraits`.
+    orbits : Dataset by `workflows.shared.phase_space.portraits`.
     """
     near = orbits.near.values[np.isfinite(orbits.near.values)]
     if orbits.attrs["box"][2:] == [1.0, 1.0] or near.size == 0:

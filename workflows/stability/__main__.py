@@ -14,7 +14,7 @@ The sentences that the command prints, with the numbers of the run, are kept as 
 
 import click
 
-from workflows.parts.cli import command, writes
+from workflows.shared.cli import command, writes
 
 
 @command()

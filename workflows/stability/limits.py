@@ -14,7 +14,7 @@ from nasm.maps import twist
 from nasm.numbers import RotationNumber, convergents, parse
 from nasm.symmetries import ray
 from pipeline.cubes.cube import status_code
-from workflows.parts.tables import ANGLE, described, listed, outcomes
+from workflows.shared.tables import ANGLE, described, listed, outcomes
 
 _LIFE = described("steps in which converse KAM eliminates all; inf: not so")
 _DIGITS = described("digits of the weighted Birkhoff average of the longest-lived")

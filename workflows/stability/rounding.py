@@ -12,7 +12,7 @@ from numba import njit
 from nasm import circles
 from nasm.arithmetic.sine import SINE, sin2pi
 from nasm.numbers import parse
-from workflows.parts.tables import described, listed
+from workflows.shared.tables import described, listed
 
 
 def rounding(quick):

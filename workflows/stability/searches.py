@@ -11,7 +11,7 @@ from nasm.converse_kam import symmetry_line
 from nasm.critical import Status
 from nasm.numbers import parse
 from nasm.symmetries import ray
-from workflows.parts.tables import described
+from workflows.shared.tables import described
 
 
 def missed_survivors(quick):

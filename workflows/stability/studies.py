@@ -1,6 +1,6 @@
 """All studies of stability, {name: study(quick) → Dataset}; one that takes a moment comes first."""
 
-from workflows.parts.amplitudes import amplitudes
+from workflows.shared.amplitudes import amplitudes
 from workflows.stability import limits, rounding, searches, tori
 
 STUDIES = {

@@ -7,7 +7,7 @@ from nasm import tori
 from nasm.symmetries import ray
 from nasm.tori import last_torus
 from pipeline.cubes.cube import fields, status_code
-from workflows.parts.tables import described, listed, outcomes
+from workflows.shared.tables import described, listed, outcomes
 
 _GOLDEN = (5**0.5 - 1) / 2
 _PAIRS = {  # at a distance from a resonance

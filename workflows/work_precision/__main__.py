@@ -15,7 +15,7 @@ from pathlib import Path
 
 import click
 
-from workflows.parts.cli import command, writes
+from workflows.shared.cli import command, writes
 
 NAMES = ("direct", "direct-100", "direct-window", "cones", "birkhoff", "circle", "continuation")
 NAMES += ("crossing", "residue", "barriers", "transport-proof", "barrier-proof")

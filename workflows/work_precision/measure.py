@@ -13,7 +13,7 @@ from nasm.circles import fourier, parameterization
 from nasm.numbers import parse
 from pipeline.cubes.cube import Cube
 from workflows.figures.style import names_of
-from workflows.parts.tables import described, listed
+from workflows.shared.tables import described, listed
 from workflows.work_precision.methods import JUDGE, METHODS, PROFILES, Ray, judged
 
 ACCURACIES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-8, 1e-10)

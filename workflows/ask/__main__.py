@@ -1,0 +1,198 @@
+"""Is transport global under this one forcing, or does a barrier stop it?
+
+The verdict of `nasm.verdict` in plain sentences, and a phase portrait with what decides: the
+circle, or an orbit that escapes. One forcing, no sweep. Kicks that come only once have no circles;
+of these `nasm.converse_kam.sequence` tells whether a family of graphs may survive them.
+"""
+
+import os
+from functools import partial
+from pathlib import Path
+from zlib import crc32
+
+import click
+
+from workflows.shared.cli import announce_kernels, command, draws, out_option, point_option
+from workflows.shared.verdict_words import SHOWN, name_of, sentences
+
+_STARTS, _STEPS = 64, 10**6  # of direct iteration; it only illustrates
+_POINTS = 2**20  # of orbits among which one is looked for that escapes
+_NEAR = 0.96  # where the boundary is nearer, no orbit escapes: none did on 12 rays, 4% beyond
+_TRACED = 5000  # steps of the longest-lived start that are drawn, at most
+
+
+def escaping_orbit(kappa):
+    """Return x, y of an orbit up to its escape from the paper's window, or None.
+
+    The starts that escape first in one arithmetic are followed in another: chaos lets few of them
+    do so at the same step, but of many some do soon.
+    """
+    import numpy as np
+
+    from nasm import escape, orbits
+
+    x, y = escape.ensemble(_STARTS)
+    times = escape.escape_time(kappa, x, y, _STEPS)
+    lo, hi = escape.PAPER_WINDOW
+    n = 4 * times.min()
+    if not np.isfinite(n):
+        return None
+    starts = np.argsort(times, kind="stable")[: max(4, int(_POINTS / n))]
+    orbit = orbits.orbit(kappa, x[starts], y[starts], int(min(n, _STEPS)))
+    outside = (orbit[1] < lo) | (orbit[1] > hi)
+    steps = np.where(outside.any(axis=0), outside.argmax(axis=0), n)
+    first = steps.argmin()
+    return (
+        tuple(values[: int(steps[first]) + 1, first] for values in orbit)
+        if steps[first] < n
+        else None
+    )
+
+
+def forcing_asked(strengths, plane, files):
+    """Return the strengths of the kicks, and where they are, (Plane, its two coordinates), or None.
+
+    strengths : numbers of the command line, with `plane` the coordinates of a point in it; none
+    with `files`, {option: path of a file of numbers}. ValueError says what does not fit together.
+    """
+    from nasm import planes
+    from nasm.maps import forcing
+
+    for option, path in files.items():
+        if strengths or plane or len(files) > 1:
+            raise ValueError(
+                f"{option} FILE is the whole forcing; leave KAPPA, --plane and other files out"
+            )
+        text = Path(path).read_text(encoding="utf-8").replace(",", " ")
+        try:
+            return forcing(list(map(float, text.split()))), None
+        except ValueError as error:
+            raise ValueError(f"{option} {path}: {error}") from None
+    if plane is None:
+        kappa = forcing(strengths)
+        return kappa, (planes.two_kicks(), strengths) if kappa.size == 2 else None
+    if len(strengths) != 2:
+        axes = " and ".join(plane.axes)
+        raise ValueError(f"{len(strengths)} numbers; a point of {plane.name} has two, {axes}")
+    return forcing(plane.forcing(*strengths)), (plane, strengths)
+
+
+def portrait_of(kappa, place, verdict, escaping):
+    """Return what `draw_verdict` takes: orbits, and the circle, or the start that lives longest."""
+    from nasm import barriers, orbits
+    from nasm.verdict import Answer
+    from workflows.shared.phase_space import portrait
+
+    boundary, longest = verdict.boundary, None
+    if verdict.answer is Answer.TRANSPORT:
+        x, y, steps = barriers.remnant(kappa, int(min(max(1000, 2 * verdict.steps), _STEPS)))
+        longest = (steps, *orbits.orbit(kappa, x, y, int(min(steps, _TRACED))))
+    return {
+        "kappa": kappa,
+        "place": place,
+        "name": name_of(kappa, place),
+        "answer": verdict.answer.value,
+        "orbits": portrait(kappa),
+        "omega": str(boundary.omega or ""),
+        "circle": verdict.circle,
+        "longest": longest,
+        "escaping": escaping,
+        "bracket": (boundary.lower, boundary.value, boundary.upper),
+    }
+
+
+def direct_iteration(verdict, escaping):
+    """Say what direct iteration shows: a list of lines, empty where it was not asked."""
+    from nasm.verdict import Answer
+
+    if escaping is not None:
+        x, y = escaping[0][0], escaping[1][0]
+        return [
+            f"Direct iteration: the orbit from (x, y) = ({x:.6g}, {y:.6g}) arrives at "
+            f"y = {escaping[1][-1]:.3g} after {escaping[0].size - 1} steps."
+        ]
+    if verdict.answer is not Answer.TRANSPORT:
+        return []
+    if verdict.boundary.value > _NEAR:
+        return ["Direct iteration shows nothing: it is too slow this near the boundary."]
+    return ["Direct iteration: no orbit was found that escapes; that shows nothing."]
+
+
+def asked_of_period(place, prove, strengths):
+    """Return the verdict on one period of kicks in words, and its figure; ValueError if it is long.
+
+    place : (Plane, its two coordinates), or None. prove : bool.
+    """
+    from nasm.verdict import Answer, verdict
+    from workflows.figures.ask import draw_verdict
+
+    found = verdict(strengths, prove)
+    transport = found.answer is Answer.TRANSPORT
+    far = not found.boundary.value > _NEAR  # NaN: not known to be near
+    escaping = escaping_orbit(strengths) if transport and far else None
+    told = sentences(strengths, place, found) + direct_iteration(found, escaping)
+    told = "\n".join(told)
+    return told, draw_verdict(portrait_of(strengths, place, found, escaping))
+
+
+@command(ignore_unknown_options=True)
+@click.argument("kappa", type=float, nargs=-1)
+@point_option
+@click.option(
+    "--sequence",
+    type=click.Path(exists=True, dir_okay=False),
+    metavar="FILE",
+    help="A text file with one period of strengths, in place of KAPPA.",
+)
+@click.option(
+    "--once",
+    type=click.Path(exists=True, dir_okay=False),
+    metavar="FILE",
+    help="A text file with kicks that come once and do not repeat, any number, likewise.",
+)
+@click.option("--prove", is_flag=True, help="Prove the answer, if 20 s are enough.")
+@draws
+@out_option
+def main(kappa, plane, sequence, once, prove, out):
+    """Transport or barrier under kicks of strengths KAPPA ... in turn? With a portrait in OUT.
+
+    They are one period of the forcing, up to 64 kicks: 0.3 0.2 0.25. Strengths are dimensionless,
+    -1e6 to 1e6, and may be negative: -0.69 0.525. The answer may be UNDECIDED, within a few parts
+    in 10^5 of the boundary; the exit code is 0 for all three. It takes about two seconds with one
+    or two kicks, and the first time on a machine twenty more to compile the kernels.
+    """
+    files = {name: path for name, path in (("--sequence", sequence), ("--once", once)) if path}
+    try:
+        strengths, place = forcing_asked(kappa, plane, files)
+        if once and prove:
+            raise ValueError("--prove needs kicks that repeat; nothing is proved with --once")
+        os.makedirs(out, exist_ok=True)
+    except ValueError as error:
+        raise click.UsageError(str(error)) from None
+    except OSError as error:
+        raise click.UsageError(f"--out={out}: {error.strerror}; choose another directory") from None
+    announce_kernels()
+    if once:
+        from workflows.ask.once import asked_once as asked_one
+    else:
+        asked_one = partial(asked_of_period, place, prove)
+    try:
+        told, figure = asked_one(strengths)
+    except ValueError as error:
+        raise click.UsageError(f"{error}. Kicks that come once go to --once FILE") from None
+    click.echo(told)
+
+    from workflows.figures.style import save
+
+    asked = [plane.name] if plane else []
+    asked += [Path(path).stem for path in files.values()] or map(str, kappa[:SHOWN])
+    asked += [f"{crc32(strengths):08x}"] if len(kappa) > SHOWN else []  # of all of them
+    name = "_".join(["ask", *asked]).replace(":", "-").replace("/", "-").replace(",", "-")
+    try:
+        click.echo(f"figures: {', '.join(save(figure, out, name, told))}")
+    except OSError as error:
+        raise click.ClickException(f"--out={out}: {error.strerror}; no figure is kept") from None
+
+
+if __name__ == "__main__":
+    main()

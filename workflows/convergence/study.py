@@ -1,0 +1,96 @@
+"""Errors of each method against its effort, on rays whose breakup is known."""
+
+import numpy as np
+import xarray as xr
+
+from nasm import barriers, circles, periodic
+from nasm.converse_kam import symmetry_line
+from nasm.symmetries import ray
+from workflows.shared.direct import exponent
+from workflows.shared.tables import ANGLE, described, listed
+
+ANGLES = (0.0, 20.0, 40.0, 45.0)
+
+
+def breakups():
+    """Find the CriticalScale of the last barrier on each ray, {angle: scale}, to judge by."""
+    return {angle: barriers.critical_scale(ray(angle), 1e-3) for angle in ANGLES}
+
+
+def exponents(bias):
+    """Fit η and its error on each ray, {angle: (η, error)}, for the largest ensemble."""
+    largest = bias.isel(ensemble=-1)
+    return {angle: exponent(bias.n.values, largest.sel(angle=angle).values) for angle in ANGLES}
+
+
+def on_the_diagonal(bias, critical):
+    """Fit η to κ_N - κ_c on (κ, κ), Fig. 7, for the lower and for the upper half of N.
+
+    bias : of `direct_bias`, with the angle 45. critical : scale of the breakup there.
+    """
+    kappa_c = critical * np.sqrt(0.5)
+    distance = kappa_c * bias.sel(angle=45.0).isel(ensemble=-1).transpose("n").values
+    n = bias.n.values
+    upper = n > np.sqrt(float(n[0]) * float(n[-1]))
+    fits = [exponent(n[half], distance[half]) for half in (~upper, upper)]
+    power_law = n ** (-1 / np.where(upper, fits[1][0], fits[0][0]))
+    offset = np.log(distance / power_law)
+    for half, (eta, _) in zip((~upper, upper), fits, strict=True):
+        if np.isfinite(eta):
+            power_law[half] *= np.exp(np.nanmean(offset[half]))
+    eta, error = np.transpose(fits)
+    return xr.Dataset(
+        {
+            "distance": ("n", distance, described("κ_N - κ_c on the diagonal (κ, κ)")),
+            "fit": ("n", power_law, described("C N^(-1/η), of its half")),
+            "upper_half": ("n", upper.astype("int8"), described("whether N is in the upper half")),
+            "eta": ("half", eta, described("η of κ_N - κ_c ~ N^(-1/η)")),
+            "eta_error": ("half", error, described("standard error of η")),
+        },
+        {"n": ("n", n, described("steps N")), "half": listed("half", "small N", "large N")},
+        {
+            "title": "Convergence of direct iteration at the cusp of the horn",
+            "critical": float(kappa_c),
+            "n_orbits": int(bias.ensemble[-1]),
+            "source": "arXiv:1606.04824, Fig. 7",
+        },
+    )
+
+
+def other_methods(breakups, quick):
+    """Measure the errors of the other methods: a Dataset with dims angle and steps, q or modes."""
+    steps = 10 ** np.arange(2, 5 if quick else 6)
+    modes = 2 ** np.arange(7, 11 if quick else 14)
+    error = described("error in parts of the breakup")
+    rows = []
+    coords = {
+        "steps": ("steps", steps, described("steps N")),
+        "modes": ("modes", modes, described("grid points n")),
+    }
+    for angle, best in breakups.items():
+        found = [symmetry_line.critical_scale(ray(angle), int(n)) for n in steps]
+        raw = [scale.upper / best.value - 1 for scale in found]
+        corrected = [abs(scale.value / best.value - 1) for scale in found]
+        q, scales = periodic.crossings(best.omega, ray(angle), 2000 if quick else 20_000)
+        last = [_last_certified(best, ray(angle), int(n)) / best.value for n in modes]
+        row = {
+            "cones_raw": ("steps", raw, error),
+            "cones_corrected": ("steps", corrected, error),
+            "residue": ("q", np.abs(scales / best.value - 1), error),
+            "circles_raw": ("modes", 1 - np.array(last), error),
+        }
+        periods = "q", q.astype(int), described("period")
+        rows.append(xr.Dataset(row, coords | {"q": periods}))
+    angles = xr.DataArray(list(breakups), dims="angle", name="angle", attrs=ANGLE)
+    title = "Convergence of converse KAM, residues and circles"
+    return xr.concat(rows, angles, join="outer").assign_attrs(title=title)
+
+
+def _last_certified(best, profile, n):
+    """Find the largest scale below the breakup, to 1% of its distance, with a certified circle."""
+    inside, outside = 0.5, 1.0
+    while outside - inside > 0.01 * (1 - inside):
+        middle = (inside + outside) / 2
+        circle = circles.invariant_circle(best.omega, middle * best.value * profile, n_max=n)
+        inside, outside = (middle, outside) if circle.certified else (inside, middle)
+    return inside * best.value

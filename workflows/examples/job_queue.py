@@ -1,0 +1,67 @@
+"""A sweep on a cluster with a queue, its workers as an array of jobs: Slurm here, others alike.
+
+    python workflows/examples/job_queue.py WORKFLOW OPTIONS...
+
+e.g. `job_queue.py last_barrier --out /shared/out`. Edit the first cell for your machine. The driver
+is one process that lasts as long as the sweep, so make it a job too: `sbatch --cpus-per-task 2
+--time 3-0 --wrap "python workflows/examples/..."`. If its time ends before the sweep does, submit
+it again: it resumes.
+"""
+
+# %% Eight jobs at a time, of a node's cores each; when one ends, the queue starts the next of the
+# array. For PBS: qsub -J 1-1000%8 and qdel.
+import subprocess
+import sys
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from distributed import Client
+from distributed.security import Security
+from distributed.utils import get_ip_interface
+
+SUBMIT = "sbatch --parsable --array=1-1000%8 --cpus-per-task=16 --time=02:00:00 --partition=normal"
+CANCEL = "scancel"
+INTERFACE = "ib0"  # the network that all nodes share; the scheduler listens there
+SHARED = Path.home()  # a directory that all nodes see
+# Workers end before the queue kills them, and not all at once. The tile that each computes then is
+# computed again elsewhere, so tiles should be much shorter than this.
+WORKER = "--nworkers 16 --nthreads 1 --memory-limit 0 --lifetime 110m --lifetime-stagger 5m"
+JOB = """#!/bin/bash
+here=$(mktemp -d)  # on the node's disk: its kernels, compiled once in each job, and dask's files
+trap 'rm -rf "$here"' EXIT
+export NUMBA_CACHE_DIR=$here
+{python} -m dask worker {security} {worker} --local-directory "$here" \\
+    --preload "from nasm.arithmetic.memory import keep_freed_memory; keep_freed_memory()"
+"""
+
+# %% A scheduler that speaks TLS, as whoever reaches it can have anything executed; then the jobs.
+if len(sys.argv) < 2:
+    print(__doc__, file=sys.stderr)
+    sys.exit(2)
+workflow, *options = sys.argv[1:]
+with TemporaryDirectory(dir=SHARED, prefix=".queue-") as folder:
+    file, pem = Path(folder) / "scheduler.json", Path(folder) / "cluster.pem"
+    made = Security.temporary()
+    pem.touch(0o600)
+    pem.write_text(made.tls_client_key + made.tls_ca_file)
+    names = "tls_ca_file", "tls_client_cert", "tls_client_key"
+    trusted = Security(require_encryption=True, **dict.fromkeys(names, str(pem)))
+    security = f"--scheduler-file {file} --tls-ca-file {pem} --tls-cert {pem} --tls-key {pem}"
+    command = [sys.executable, "-m", "dask", "scheduler", "--protocol", "tls", "--port", "0"]
+    host = get_ip_interface(INTERFACE)
+    scheduler = subprocess.Popen([*command, "--host", host, "--no-dashboard", *security.split()])
+    script = JOB.format(python=sys.executable, security=security, worker=WORKER)
+    array = subprocess.run(SUBMIT.split(), input=script, stdout=-1, text=True, check=True).stdout
+    try:
+        with Client(scheduler_file=file, security=trusted) as client:
+            print("waiting in the queue for the first job", file=sys.stderr)
+            client.wait_for_workers(1)
+        # The other jobs join when they start.
+        command = [sys.executable, "-m", f"workflows.{workflow}", *options, "--scheduler", file]
+        ended = subprocess.run([*command, "--tls", pem, pem, pem])
+    finally:
+        subprocess.run([*CANCEL.split(), array.strip()])
+        scheduler.terminate()
+        scheduler.wait()
+if ended.returncode:
+    sys.exit(ended.returncode)

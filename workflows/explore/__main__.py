@@ -1,0 +1,40 @@
+"""Click on the plane, see the orbits, get the verdict: the explorer, a page in the browser.
+
+Left the plane of forcings, with first escape times and the last circle's boundary; right the phase
+portrait of the forcing that was clicked; below the verdict. Nobody but this machine can open it.
+"""
+
+import click
+
+from workflows.shared.cli import cluster_options, command, out_option, plane_option, whole
+
+
+@command()
+@plane_option
+@whole("--port", 5006, 0, 65535, "Port of the page on this machine; 0: any that is free.")
+@click.option("--no-browser", is_flag=True, help="Print the address of the page, and open nothing.")
+@cluster_options
+@out_option
+def main(plane, port, no_browser, out, **cluster):
+    """Explore a plane of forcings in the browser; Ctrl-C ends it.
+
+    What an earlier run has left in OUT, escape times and the boundary, is shown at once; OUT is
+    only read, and need not exist. All else is computed where you look.
+    """
+    try:
+        import bokeh  # noqa: F401
+    except ImportError:
+        words = "the explorer needs Bokeh, an extra: pip install '.[explore]'"
+        raise click.ClickException(words) from None
+    click.echo("loading", err=True)
+    from workflows.explore.server import serve
+    from workflows.shared.run import explained, place_of
+
+    cluster["n_workers"] = cluster.pop("workers")
+    place = place_of(out)
+    with explained(place):
+        serve(plane, place, port, not no_browser, cluster)
+
+
+if __name__ == "__main__":
+    main()

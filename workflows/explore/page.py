@@ -1,0 +1,122 @@
+"""The page: one document for each tab, with its own state and its own work."""
+
+from html import escape
+from pathlib import Path
+
+from bokeh.models import CategoricalSlider, CustomJS, Div, Row, TextInput
+from jinja2 import Template
+
+from workflows.explore import files, verdict
+from workflows.explore.plane import PlanePanel, symbols
+from workflows.explore.portrait import PortraitPanel
+from workflows.explore.state import QUERY, STEPS, State, number
+from workflows.explore.widgets import alert, field
+from workflows.explore.work import Work
+
+_TEMPLATE = Template((Path(__file__).parent / "page.html").read_text("utf-8"))
+
+
+def fill(document, shared):
+    """Fill the document of a new tab."""
+    document.title = f"{shared.plane.name}: the explorer of the nonautonomous standard map"
+    document.template = _TEMPLATE
+    work = Work(document, shared.client)
+    context = document.session_context
+    shared.waiting[context.id] = lambda: work.tick(work.start)
+
+    def close(_):
+        shared.waiting.pop(context.id, None)
+        work.close()
+
+    document.on_session_destroyed(close)
+    query = context.request.arguments  # bytes, which may spell no text
+    state, wrong = State(shared.plane), ""
+    try:
+        state.go({name: query[name][0].decode(errors="replace") for name in QUERY if name in query})
+    except ValueError as error:
+        wrong = f"the address asks for what is not there: {error}"
+    plane, portrait = PlanePanel(state, work, shared), PortraitPanel(state, work)
+    roots = {
+        "controls": _controls(state, wrong),
+        "status": _status(document, work, shared),
+        "plane": plane.picture,
+        "verdict": verdict.panel(state, work),
+        "lines": plane.lines,
+        "portrait": portrait.root,
+        "save": Row(verdict.copied(state), files.panel(state, work), styles=_WRAPPED),
+    }
+    with document.models.freeze():  # which would count all models again after each root
+        for name, root in roots.items():
+            root.name = name
+            document.add_root(root)
+
+
+_WRAPPED = {"flex-wrap": "wrap", "gap": "4px 16px", "align-items": "end"}
+
+
+def _controls(state, wrong):
+    """Fields to type the point exactly, the slider of N, and the link to what is seen."""
+    fields, shown = [], list(state.point)
+
+    def typed(i, text):
+        state.move(*(number(text) if i == j else value for j, value in enumerate(state.point)))
+
+    def moved():
+        for i, model in enumerate(fields):
+            if shown[i] != state.point[i]:  # else what is typed there stays
+                shown[i] = state.point[i]
+                model.value = repr(shown[i])
+
+    for i, name in enumerate(symbols(state.plane)):
+        fields.append(TextInput(title=name, value=repr(state.point[i]), width=150))
+    counts = {str(n): n for n in sorted({*STEPS, state.steps})}
+    slider = CategoricalSlider(
+        title="N, steps within which an escape counts",
+        categories=list(counts),
+        value=str(state.steps),
+        width=240,
+    )
+    slider.on_change("value", lambda attr, old, new: state.take(steps=counts[new]))
+    link, message = Div(width=120), Div()
+    link.js_on_change("text", CustomJS(code=_ADDRESS))
+
+    def tell():
+        link.text = f'<a href="?{state.address()}">link to this view</a>'
+        message.text = ""
+
+    tell()
+    message.text = alert(wrong)
+    state.on("point", moved)
+    for name in ("point", "steps", "a", "b", "x", "y", "omega", "orbits", "show"):
+        state.on(name, tell)
+    columns = [field(model, lambda text, i=i: typed(i, text)) for i, model in enumerate(fields)]
+    return Row(*columns, slider, link, message, styles=_WRAPPED | {"align-items": "start"})
+
+
+# The address of the page becomes the link; browsers allow no more than some changes a second.
+_ADDRESS = """
+clearTimeout(window.addressed)
+const link = cb_obj.text.match(/href="([^"]*)/)[1]
+window.addressed = setTimeout(() => history.replaceState(null, "", link), 200)
+"""
+
+
+def _status(document, work, shared):
+    """Say what is prepared or computed, and what failed."""
+    line, waiting = Div(sizing_mode="stretch_width"), []
+
+    def show():
+        doing = [f"{name} ({how})" if how else name for name, how in sorted(work.busy.items())]
+        words = f"computing: {', '.join(doing)} …" if doing else "ready"
+        if shared.preparing:
+            words = f"{shared.preparing} …"
+        elif waiting:
+            document.remove_periodic_callback(waiting.pop())
+        failed = "; ".join(f"{name}: {why}" for name, why in work.failed.items())
+        line.text = f'<span role="status">{escape(words)}</span> {alert(failed)}'
+
+    if shared.preparing:
+        waiting.append(document.add_periodic_callback(show, 300))
+    work.show = show
+    show()
+    return line

@@ -1,0 +1,371 @@
+"""The plane of forcings: first escape times, where the last circle breaks, and the point."""
+
+from html import escape
+from math import ceil, inf, isfinite, log10
+
+import numpy as np
+import xarray as xr
+from bokeh.events import MouseLeave, MouseMove, Pan, PanEnd, PanStart, Tap
+from bokeh.models import (
+    AutocompleteInput,
+    ColorBar,
+    Column,
+    ColumnDataSource,
+    Div,
+    LinearColorMapper,
+    LogColorMapper,
+    MultiLine,
+    PanTool,
+    ResetTool,
+    Row,
+    SaveTool,
+    Scatter,
+    WheelZoomTool,
+    ZoomInTool,
+    ZoomOutTool,
+)
+from bokeh.palettes import Magma256
+from bokeh.plotting import figure
+from contourpy import contour_generator
+from matplotlib.colors import to_hex
+
+from nasm.numbers import NAMES
+from nasm.planes import plane_of
+from pipeline import store
+from workflows.explore import rays
+from workflows.explore.field import BLOCKS, Field, View, computed
+from workflows.explore.rays import NO_LINES
+from workflows.explore.state import LINES, State, limits
+from workflows.explore.widgets import boxes, ends, field, on_view, pixels_of, sides_of
+from workflows.figures import planes
+from workflows.figures.style import INSIDE, NO_ESCAPE, smoothed
+from workflows.shared.tables import described
+from workflows.shared.verdict_words import scale_of
+
+_PIXELS = 640  # along each side, until the browser tells
+_MOST_PIXELS = 1024
+_GROUND = 256  # along each side, of the greys under the escape times: a line hides their edge
+_KEPT = 8  # fields that are kept for all tabs, to go back to
+_STAYS = 3  # pixels that a cell of OUT may fill
+_NEAR = 1e-3  # of the boundary's scale: between rays it is not known better
+_COLOURS = Magma256[:232]  # the palest are too like the greys of no escape
+_GREYS = ["white", to_hex(INSIDE), to_hex(NO_ESCAPE)]  # not known, inside the boundary, outside
+_GREY_WORDS = ["a circle is left", "none is left, but no escape within N"]
+_CIRCLE = {
+    "title": "where the circle of this ω breaks (dashed)",
+    "completions": list(NAMES),
+    "placeholder": "gamma or [0;2,(1)]",
+    "restrict": False,
+    "min_characters": 1,
+    "width": 260,
+}
+_SYMBOLS = {r"$\kappa_1$": "κ₁", r"$\kappa_2$": "κ₂", r"$\bar\kappa$": "κ̄", r"$\Delta\kappa$": "Δκ"}
+
+
+def symbols(plane):
+    """Return the symbols of the axes of a plane in plain text, or what they are in words."""
+    return [_SYMBOLS.get(symbol, symbol) for symbol in planes.symbols(plane.axes)]
+
+
+class PlanePanel:
+    """The left picture, and what belongs to it.
+
+    picture : the plane, and what is under the pointer. lines : the colours of the circles, and
+    which lines are drawn.
+    """
+
+    def __init__(self, state, work, shared):
+        self.state, self.work, self.shared = state, work, shared
+        self.plot, self.mapper, self.sources = _drawn(state)
+        self.told = Div(sizing_mode="stretch_width", css_classes=["told"], min_height=40)
+        self.legend = Div(sizing_mode="stretch_width")
+        self.cubes, self.shown, self.asked = [], None, None  # of OUT; on the screen; computed last
+        self.lanes = {name: work.latest(name) for name in ("cubes", "plane", "boundary", "circle")}
+        self.picture = Column(self.plot, self.told, sizing_mode="stretch_width")
+        circle = field(AutocompleteInput(**_CIRCLE, value=state.omega), state.follow)
+        ticks = Row(boxes(state, LINES, width=220), circle, styles={"flex-wrap": "wrap"})
+        self.lines = Column(self.legend, ticks, sizing_mode="stretch_width")
+        _Gestures(self.plot, self._move)
+        self.plot.on_event(MouseMove, lambda event: self._tell(event.x, event.y))
+        self.plot.on_event(MouseLeave, lambda event: self._mark())
+        for what in ("point", "verdict"):
+            state.on(what, self._mark)
+        state.on("show", self._show_lines)
+        soon = on_view(self.plot, work, self._refresh)
+        state.on("steps", soon)
+        state.on("omega", soon)
+        state.seen |= {"escape": self._escapes, "boundary": shared.rays.table}
+        self._mark()
+        work.begin("view")
+        self.lanes["cubes"].submit(_cubes, shared.place, state.plane, done=self._opened)
+
+    def _opened(self, found):
+        """Show what OUT holds, and compute the rest."""
+        self.cubes, barrier = found
+        if barrier is not None:
+            self.shared.rays.add_cube(barrier)
+        self._refresh()
+
+    def _refresh(self):
+        """Compute what the view, N and ω ask for."""
+        state, shared, view = self.state, self.shared, _view(self.plot)
+        state.take(a=view.a, b=view.b)
+        self._show_lines()
+        asked = view, state.steps, state.omega, len(self.cubes)
+        if asked == self.asked or not pixels_of(self.plot, _MOST_PIXELS):
+            return
+        self.asked = asked
+        self.work.end("view")
+        self.mapper.high = state.steps
+        where = shared.client, state.plane
+        known = [*filter(None, [self.shown]), *reversed(shared.fields.values()), *self.cubes]
+        args = *where, view, state.steps, known
+        self.lanes["plane"].submit(computed, *args, done=lambda found: self._show(view, *found))
+        self.lanes["boundary"].cancel()  # its rays would hold a worker for seconds
+        self.sources["followed"].data = {"a": [], "b": []}
+        self.lanes["circle"].cancel()
+        if state.omega:
+            args = *where, state.omega, view
+            self.lanes["circle"].submit(rays.circle, *args, done=self._show_circle)
+
+    def _show(self, view, found, block, words):
+        state, shared = self.state, self.shared
+        cells = max(block, BLOCKS[-2]) if words else 1  # some pixels are still their neighbours'
+        self.shown = Field(*view.centres(), found, state.steps, cells, apart=BLOCKS[-2])
+        if not words:
+            shared.fields.pop((view, state.steps), None)  # the newest last
+            shared.fields[view, state.steps] = self.shown
+            if len(shared.fields) > _KEPT:
+                del shared.fields[next(iter(shared.fields))]
+            args = shared.client, state.plane, shared.rays.missing(view), view
+            self.lanes["boundary"].submit(rays.computed, *args, done=self._show_rays)
+        self.sources["times"].data = _image(view, found.astype(np.float32))
+        self.work.progress("plane", words)
+        if block == 1:
+            self._show_contour()
+            self._mark()
+
+    def _show_rays(self, found):
+        tables, words = found
+        for table in tables:
+            self.shared.rays.add(table)
+        self.work.progress("boundary", words)
+        self._show_boundary()
+
+    def _show_circle(self, found):
+        self.sources["followed"].data = found
+
+    def _show_lines(self):
+        self._show_boundary()
+        self._show_contour()
+
+    def _show_boundary(self):
+        view = _view(self.plot)
+        drawn, colours = self.shared.rays.lines(view)
+        wanted = "boundary" in self.state.show
+        self.sources["boundary"].data = drawn if wanted else NO_LINES
+        self.legend.text = _legend(colours if wanted else {})
+        a, b = np.meshgrid(*View(view.a, view.b, (_GROUND, _GROUND)).centres())
+        excess = self.shared.rays.excess(a, b)
+        sides = np.where(np.isnan(excess), 0, np.where(excess <= 0, 1, 2)).astype(np.uint8)
+        self.sources["ground"].data = _image(view, sides)
+        self._mark()
+
+    def _show_contour(self):
+        wanted = "contour" in self.state.show and self.shown
+        found = _contour(self.shown, self.state.steps) if wanted else {"a": [], "b": []}
+        self.sources["contour"].data = found
+
+    def _mark(self):
+        a, b = self.state.point
+        self.sources["point"].data = {"a": [a], "b": [b]}
+        self._tell(a, b)
+
+    def _tell(self, a, b):
+        """Say what is known of a point."""
+        x, y = symbols(self.state.plane)
+        words, steps = [f"{x} = {a:.6g}, {y} = {b:.6g}"], self.state.steps
+        n = self.shown.at(a, b) if self.shown else np.nan
+        if not np.isnan(n):
+            words.append(f"n* = {n:.0f}" if n <= steps else f"n* > {steps}")
+        words.append(self._distance(a, b))
+        ray = self.shared.rays.nearest(a, b)
+        if ray is not None:
+            words.append(f"last circle of the nearest ray: ω = {rays.named(ray)}")
+        self.told.text = " · ".join(filter(None, words))
+
+    def _distance(self, a, b):
+        """Say where the boundary is: as the verdict says it, or about there from the rays."""
+        state, plane = self.state, self.state.plane
+        if state.verdict is not None and (a, b) == state.point and not any(plane.origin):
+            scale = state.verdict.boundary.value
+            found = scale_of(state.verdict.boundary) if isfinite(scale) else ""
+        else:
+            excess = float(self.shared.rays.excess(a, b))
+            if abs(excess) < _NEAR:
+                return "on the boundary, or next to it"
+            scale = 1 / (1 + excess) if excess > -1 else inf
+            found = f"about {scale:.3g}" if isfinite(scale) else ""
+        side = "inside" if scale > 1 else "beyond"
+        what = "these numbers" if any(plane.origin) else "these strengths"
+        return f"{side} the boundary, which is at {found} times {what}" if found else ""
+
+    def _move(self, *point):
+        """Move the forcing, with no more digits than pixels have."""
+        pixel = _view(self.plot).pixel
+        try:
+            self.state.move(*(round(x, ceil(-log10(w))) for x, w in zip(point, pixel, strict=True)))
+        except ValueError as error:
+            self.work.fail("plane", error)
+
+    def _escapes(self):
+        """Return what the plane shows, as a Dataset, or None."""
+        return _dataset(self.state.plane, self.shown) if self.shown else None
+
+
+class _Gestures:
+    """Clicks and drags on a figure call move(x, y); drags with Shift move the view."""
+
+    def __init__(self, plot, move):
+        self.plot, self.move = plot, move
+        self.view, self.before, self.pans = None, None, False
+        plot.on_event(Tap, lambda event: move(event.x, event.y))
+        plot.on_event(PanStart, self._begin)
+        plot.on_event(Pan, self._drag)
+        plot.on_event(PanEnd, self._end)
+
+    def _begin(self, event):
+        self.view, self.before = _view(self.plot), None
+        self.pans = bool(event.modifiers and event.modifiers["shift"])
+
+    def _drag(self, event):
+        view = self.view
+        if self.pans:
+            steps = view.pixel * (-event.delta_x, event.delta_y)
+            sides = self.plot.x_range, self.plot.y_range
+            for side, ends, step in zip(sides, (view.a, view.b), steps, strict=True):
+                side.update(start=ends[0] + step, end=ends[1] + step)
+        # If a tool of the toolbar pans, the view moves along, which is known one event later.
+        elif self.before and view == _view(self.plot):
+            self.move(*self.before)
+        self.before = event.x, event.y
+
+    def _end(self, event):
+        if self.view == _view(self.plot) and not self.pans:
+            self.move(event.x, event.y)
+
+
+def _drawn(state):
+    """Return the figure, the colours of escape times, and {name: source} of all that is drawn."""
+    first = State(state.plane)
+    labels = dict(zip(("x_axis_label", "y_axis_label"), symbols(state.plane), strict=True))
+    wheel = WheelZoomTool()
+    tools = [PanTool(), wheel, ZoomInTool(), ZoomOutTool(), ResetTool(), SaveTool()]
+    plot = figure(
+        **labels,
+        x_range=ends(state.a, first.a, **limits(first.a)),
+        y_range=ends(state.b, first.b, **limits(first.b)),
+        tools=tools,
+        active_scroll=wheel,
+        active_drag=None,
+        sizing_mode="scale_width",
+        aspect_ratio=1.06,  # with the colours beside it
+        toolbar_location="above",
+    )
+    plot.toolbar.logo = None
+    plot.grid.visible = False
+    plot.axis.axis_label_text_font_style = "normal"
+    clear = "rgba(0, 0, 0, 0)"
+    mapper = LogColorMapper(_COLOURS, low=10, high=state.steps, high_color=clear, nan_color=clear)
+    view = _view(plot)
+    empty = {"a": [], "b": []}
+    blanks = {
+        "ground": _image(view, np.zeros((1, 1), np.uint8)),
+        "times": _image(view, np.full((1, 1), np.nan, np.float32)),
+        "boundary": NO_LINES,
+        **dict.fromkeys(("contour", "followed", "point"), empty),
+    }
+    sources = {name: ColumnDataSource(blank, name=name) for name, blank in blanks.items()}
+    greys = LinearColorMapper(_GREYS, low=-0.5, high=2.5)
+    for name, colours in (("ground", greys), ("times", mapper)):
+        plot.image("values", "a", "b", "da", "db", source=sources[name], color_mapper=colours)
+    title = "n*, first escape (steps)"
+    plot.add_layout(ColorBar(color_mapper=mapper, title=title, width=10, padding=4), "right")
+    for name, style in (
+        ("contour", {"line_width": 1.2}),
+        ("boundary", {"line_color": "white", "line_width": 5}),
+        ("boundary", {"line_color": "colour", "line_width": 2.5}),
+        ("followed", {"line_width": 2, "line_dash": "dashed"}),
+    ):
+        plot.add_glyph(sources[name], MultiLine(xs="a", ys="b", **style))
+    for style in ({"line_color": "white", "line_width": 5}, {"line_width": 2}):
+        cross = Scatter(x="a", y="b", size=16, marker="circle_cross", fill_alpha=0, **style)
+        plot.add_glyph(sources["point"], cross)
+    return plot, mapper, sources
+
+
+def _image(view, values):
+    """Return the columns of an image that fills a view."""
+    place = {"a": [view.a[0]], "b": [view.b[0]], "da": [np.ptp(view.a)], "db": [np.ptp(view.b)]}
+    return {"values": [values], **place}
+
+
+def _view(plot):
+    """Return what the figure shows, with about as many pixels as the browser has."""
+    pixels = pixels_of(plot, _MOST_PIXELS) or (_PIXELS, _PIXELS)
+    return View(*sides_of(plot), tuple(BLOCKS[0] * max(2, round(n / BLOCKS[0])) for n in pixels))
+
+
+def _contour(field, steps):
+    """Return the boundary of {n* ≤ steps} of a running median, as lines."""
+    inside = smoothed(field.times) <= steps
+    found = contour_generator(field.a, field.b, inside.astype(float)).lines(0.5)
+    a, b = ([line[:, i].tolist() for line in found] for i in (0, 1))
+    return {"a": a, "b": b}
+
+
+def _dataset(plane, field):
+    first, second = plane.axes
+    axes = {
+        name: (name, values, described(plane.axes[name]))
+        for name, values in zip(plane.axes, (field.a, field.b), strict=True)
+    }
+    words = "first step at which an orbit of the ensemble is outside the window; "
+    words += "away from the boundary of n* <= n_max cells may share that of one"
+    times = (second, first), field.times, described(words)
+    attrs = {"title": "First escape times, as shown", "n_max": field.steps, **plane.record}
+    return xr.Dataset({"escape_time": times}, axes, attrs)
+
+
+def _cubes(place, plane):
+    """Open the cubes of OUT that are of this plane: a list of Fields, and the barrier or None."""
+    try:
+        names = store.names(place)
+    except store.Refused:  # there is no such directory
+        return [], None
+    cubes = {name: store.read(place, name) for name in ("escape", "barrier") if name in names}
+    cubes = {name: cube for name, cube in cubes.items() if plane_of(cube.attrs) == plane}
+    fields = []
+    if "escape" in cubes:
+        times = cubes["escape"].escape_time.isel(ensemble=-1)
+        axes = [times[name].values for name in plane.axes]
+        steps = int(cubes["escape"].attrs["n_max"])
+        level = cubes["escape"].get("level", xr.zeros_like(times))
+        # Escape is a matter of chance in each cell: coarse ones are a preview.
+        own = times.where((level == level.max()) | np.isinf(times))
+        fields.append(Field(*axes, own, steps, stays=_STAYS))
+        fields.append(Field(*axes, times, steps, 2 ** int(level.max())))
+    return fields, cubes["barrier"].load() if "barrier" in cubes else None
+
+
+def _legend(colours):
+    """Return the colours of the circles, and the greys, as HTML."""
+    bar = "display: inline-block; width: 1.4em; height: {}em; vertical-align: middle"
+    entries = [(0.35, colour, f"ω = {omega}") for omega, colour in colours.items()]
+    entries += [(0.9, grey, words) for grey, words in zip(_GREYS[1:], _GREY_WORDS, strict=True)]
+    return "".join(
+        f'<span style="white-space: nowrap; margin-right: 1.2em">'
+        f'<span style="{bar.format(height)}; background: {colour}; outline: 1px solid #999">'
+        f"</span> {escape(text)}</span>"
+        for height, colour, text in entries
+    )

@@ -1,0 +1,306 @@
+"""The phase portrait: orbits of the forcing, what is left of the last circle, orbits added."""
+
+from math import ceil, log10
+
+import numpy as np
+from bokeh.events import Tap
+from bokeh.models import (
+    ColorBar,
+    Column,
+    ColumnDataSource,
+    Div,
+    HoverTool,
+    Line,
+    LinearColorMapper,
+    Row,
+    Scatter,
+    TextInput,
+)
+from bokeh.plotting import figure
+
+from nasm import barriers, orbits, periodic
+from nasm.circles import fourier
+from nasm.verdict import Answer
+from workflows.explore.state import ORBITS, State, limits, orbits_of, orbits_text
+from workflows.explore.widgets import boxes, ends, field, on_view, pixels_of, sides_of
+from workflows.figures.phase_space import CHAOTIC, COLOURS, STRONG, places
+from workflows.figures.phase_space import ends as ends_of
+from workflows.shared.phase_space import in_box, periodic_orbits, portraits
+from workflows.shared.verdict_words import name_of
+
+_PIXELS = 560  # along each side, until the browser tells
+_MOST_PIXELS = 1200
+_MOST_STEPS = 5000  # that are looked at of the longest-lived start's orbit
+_APART = 8  # pixels from one of its dots to the next, or so: nearer they would make a line
+_MOST_POINTS = 5000  # of a circle in the box
+_FINE = 2**15  # points of a circle, of which a box shows a part
+_BAR = "ω, rotation number per step; grey: chaotic"
+_EMPTY = {"x": [], "y": []}
+
+
+class PortraitPanel:
+    """The right picture, what is told of it, and its boxes. root : what Bokeh lays out."""
+
+    def __init__(self, state, work):
+        self.state, self.work = state, work
+        self.plot, self.image, self.bar, self.lines = _drawn(state)
+        self.told = Div(sizing_mode="stretch_width", min_height=22)
+        names = "portrait", "last circle", "periodic orbits"
+        self.portraits, self.traces, self.cycles = map(work.latest, names)
+        self.portrait, self.words = None, ""
+        self._forget()
+        self.added = TextInput(title="Orbits added, x, y; …", placeholder="0.5, 0.3", width=260)
+        self.added.value = orbits_text(state.orbits)
+        self.plot.on_event(Tap, lambda event: self._add(event.x, event.y))
+        soon = on_view(self.plot, work, self._refresh)
+        for what, callback in (
+            ("point", self._move),
+            ("point", soon),
+            ("orbits", soon),
+            ("show", soon),
+            ("show", self._find_cycles),
+            ("verdict", self._judge),
+        ):
+            state.on(what, callback)
+        state.seen["phase space"] = self._seen
+        soon()
+        ticks = boxes(state, ORBITS, inline=True, stylesheets=["label { margin-right: 1em }"])
+        added = field(self.added, lambda text: state.take(orbits=orbits_of(text)))
+        below = Row(ticks, added, styles={"flex-wrap": "wrap", "gap": "4px 16px"})
+        self.root = Column(self.plot, self.told, below, sizing_mode="stretch_width")
+
+    def _seen(self):
+        """Return the portrait with what is left of the last circle."""
+        found = self.portrait
+        if found is None:
+            return None
+        for name in self.decisive:
+            x, y = (self.lines[name].data[axis] for axis in "xy")
+            found = found.assign({f"{name}_x": (name, x), f"{name}_y": (name, y)})
+        title = name_of(self.state.kappa, (self.state.plane, self.state.point))
+        return found.assign_attrs(title=", ".join(filter(None, [title, self.name])))
+
+    def _refresh(self):
+        """Compute what the view asks for."""
+        state, box = self.state, _box(self.plot)
+        x, y = sides_of(self.plot)
+        state.take(x=x, y=y)
+        shape = pixels_of(self.plot, _MOST_PIXELS) or (_PIXELS, _PIXELS)
+        every = 1 if "kicks" in state.show else None
+        args = state.kappa, box, list(state.orbits), every, "symmetry" in state.show, shape
+        self.portraits.submit(_computed, *args, done=self._show)
+        self._show_decisive()
+
+    def _show(self, found):
+        self.portrait, pixels, curves, self.words = found
+        left, bottom, width, height = self.portrait.attrs["box"]
+        place = {"x": [left], "y": [bottom], "w": [width], "h": [height]}
+        self.image.data = {"pixels": [pixels], **place}
+        for name, curve in zip(_SYMMETRY, curves, strict=True):
+            self.lines[name].data = curve
+        low, high = ends_of(self.portrait)
+        self.bar.color_mapper.update(low=low, high=high)
+        self._tell()
+
+    def _tell(self):
+        colour = STRONG if "circle" in self.decisive else "black"
+        name = f'<b style="color: {colour}">{self.name}</b>. ' if self.name else ""
+        self.told.text = f'<span role="status">{name}{self.words}</span>'
+
+    def _forget(self):
+        self.decisive, self.name, self.orbits = {}, "", _NO_CYCLES
+
+    def _move(self):
+        self._forget()
+        self.traces.cancel()
+        self.cycles.cancel()
+
+    def _judge(self):
+        verdict = self.state.verdict
+        if verdict is not None:
+            self.traces.submit(_decisive, self.state.kappa, verdict, done=self._hold)
+            self._find_cycles()
+
+    def _hold(self, found):
+        self.decisive, self.name = found
+        self._tell()
+        self._show_decisive()
+
+    def _find_cycles(self):
+        self.cycles.cancel()
+        self.orbits = _NO_CYCLES
+        omega = self.state.verdict and self.state.verdict.boundary.omega
+        if "cycles" in self.state.show and omega:
+            self.cycles.submit(_cycles, self.state.kappa, omega, done=self._keep_cycles)
+        self._show_decisive()
+
+    def _keep_cycles(self, found):
+        self.orbits = found
+        self._show_decisive()
+
+    def _show_decisive(self):
+        """Draw what is known of the last circle in the box: curves, and points one by one."""
+        box, nothing = _box(self.plot), ([], [])
+        self.lines["circle"].data = _line(box, *self.decisive.get("circle", nothing))
+        _, width = pixels_of(self.plot, _MOST_PIXELS) or (_PIXELS, _PIXELS)
+        dots = _dots(box, *self.decisive.get("longest_lived", nothing))
+        self.lines["longest_lived"].data = {axis: dots[axis][: width // _APART] for axis in "xy"}
+        self.lines["cycles"].data = _dots(box, **self.orbits)
+
+    def _add(self, x, y):
+        """Add an orbit to those in the field, with no more digits than pixels have."""
+        _, _, *sizes = _box(self.plot)
+        x, y = (
+            round(v, ceil(-log10(size / _PIXELS))) for v, size in zip((x, y), sizes, strict=True)
+        )
+        self.added.value = orbits_text((*self.state.orbits, (x % 1, y)))
+
+
+def _drawn(state):
+    """Return the figure, and the sources and the bar that change with what it shows."""
+    first = State(state.plane)
+    plot = figure(
+        x_range=ends(state.x, first.x, **limits(first.x, most=1.0)),
+        y_range=ends(state.y, first.y, **limits(first.y, most=1.0)),
+        x_axis_label="x (turns)",
+        y_axis_label="y (mod 1)",
+        tools="box_zoom,pan,wheel_zoom,zoom_in,zoom_out,reset,save",
+        active_drag="box_zoom",
+        active_scroll="wheel_zoom",
+        sizing_mode="scale_width",
+        aspect_ratio=1.0,
+        toolbar_location="above",
+    )
+    plot.toolbar.logo = None
+    plot.grid.visible = False
+    left, bottom, width, height = _box(plot)
+    blank = {"pixels": [np.zeros((1, 1), np.uint8)], "x": [left], "y": [bottom]}
+    image = ColumnDataSource(blank | {"w": [width], "h": [height]}, name="orbits")
+    palette = ["#00000000", CHAOTIC, *COLOURS]  # of the bytes
+    mapper = LinearColorMapper(palette, low=-0.5, high=255.5)
+    plot.image("pixels", "x", "y", "w", "h", source=image, color_mapper=mapper)
+    shades = LinearColorMapper(COLOURS, low=0, high=1)
+    bar = ColorBar(color_mapper=shades, title=_BAR, width=10, padding=4)
+    plot.add_layout(bar, "right")
+    blanks = dict.fromkeys(("circle", "longest_lived", *_SYMMETRY), _EMPTY)
+    blanks["cycles"] = _NO_CYCLES
+    lines = {name: ColumnDataSource(columns, name=name) for name, columns in blanks.items()}
+    for name, dash in zip(_SYMMETRY, ("solid", "dashed"), strict=True):
+        plot.add_glyph(lines[name], Line(x="x", y="y", line_color="#444444", line_dash=dash))
+    plot.add_glyph(lines["circle"], Line(x="x", y="y", line_color=STRONG, line_width=3))
+    dots = Scatter(x="x", y="y", size=4, line_color="white", line_width=0.5, fill_color="black")
+    plot.add_glyph(lines["longest_lived"], dots)
+    markers = Scatter(x="x", y="y", marker="marker", size=6, fill_color="fill")
+    markers = plot.add_glyph(lines["cycles"], markers)
+    tips = [("orbit", "@orbit"), ("x, y", "@x{0.0000000}, @y{0.0000000}")]
+    plot.add_tools(HoverTool(renderers=[markers], tooltips=tips))
+    return plot, image, bar, lines
+
+
+_SYMMETRY = "symmetry", "second symmetry"
+_NO_CYCLES = {"x": [], "y": [], "marker": [], "fill": [], "orbit": []}
+_MARKERS = {"minimax": ("circle", "white"), "minimizing": ("square", "black")}
+
+
+def _box(plot):
+    """Return left, bottom, width and height of what the figure shows, one cell at most."""
+    (left, right), (bottom, top) = sides_of(plot)
+    return left, bottom, min(right - left, 1.0), min(top - bottom, 1.0)
+
+
+def _computed(kappa, box, added, every, with_lines, shape):
+    """Yield the portrait, its picture, symmetry lines, and the orbits added in words."""
+    curves = _symmetry_lines(kappa, box) if with_lines else (_EMPTY, _EMPTY)
+    none = "" if curves else "The forcing has no symmetry centre, so there are no symmetry lines."
+    for portrait in portraits(kappa, box, added, every):
+        if portrait is None:
+            yield None
+        else:
+            words = " ".join(filter(None, [_told(portrait, len(added)), none]))
+            yield portrait, _pixels(portrait, shape, len(added)), curves or (_EMPTY, _EMPTY), words
+
+
+def _pixels(portrait, shape, n_added):
+    """Return the picture of a portrait: 0 for nothing, 1 for chaos, else a colour's place and 2."""
+    left, bottom, width, height = portrait.attrs["box"]
+    which = portrait.which.values
+    value = (places(portrait) + 2).astype(np.uint8)[which]
+    column = np.minimum((portrait.x.values - left) / width * shape[1], shape[1] - 1).astype(int)
+    row = np.minimum((portrait.y.values - bottom) / height * shape[0], shape[0] - 1).astype(int)
+    pixels = np.zeros(shape, np.uint8)
+    for here in (value == 1, value > 1):
+        pixels[row[here], column[here]] = value[here]
+    here = which >= portrait.sizes["orbit"] - n_added  # what was asked for is larger
+    for down, right in np.ndindex(3, 3) if n_added else ():
+        rows = np.clip(row[here] + down - 1, 0, shape[0] - 1)
+        pixels[rows, np.clip(column[here] + right - 1, 0, shape[1] - 1)] = value[here]
+    return pixels
+
+
+def _told(portrait, n_added):
+    """Return the number of orbits, and what was found of the last one that was added."""
+    chaotic = int(np.isnan(portrait.omega).sum())
+    words = f"{portrait.sizes['orbit']} orbits, {chaotic} of them chaotic (grey)."
+    if n_added:
+        x, y, omega = (float(portrait[name][-1]) for name in ("start_x", "start_y", "omega"))
+        kind = f"ω = {omega:.9g} per step" if np.isfinite(omega) else "chaotic"
+        words += f" The one added at ({x:.6g}, {y:.6g}): {kind}."
+    return words
+
+
+def _symmetry_lines(kappa, box):
+    """Return the lines of each of the two centres; None where the forcing has no centre."""
+    try:
+        x, y = periodic.symmetry_lines(kappa, np.linspace(0, 1, 4001))
+    except ValueError:
+        return None
+    gap = np.full((4, 1), np.nan)  # between one line and the next
+    x, y = np.hstack([x, gap]), np.hstack([y, gap])
+    pairs = (in_box(box, x[i : i + 2].ravel(), y[i : i + 2].ravel()) for i in (0, 2))
+    return [dict(zip("xy", pair, strict=True)) for pair in pairs]
+
+
+def _decisive(kappa, found):
+    """Return what is left of the last circle, {"circle" or "longest_lived": (x, y)}, and its name.
+
+    Empty where there is nothing to show.
+    """
+    if found.circle is not None:
+        x, y = found.circle
+        n, more = x.size, max(x.size, _FINE)
+        x = fourier.resample(x - np.arange(n) / n, more) + np.arange(more) / more
+        name = f"Certified circle, ω = {found.boundary.omega}"
+        return {"circle": (x, fourier.resample(y, more))}, name
+    if found.answer is Answer.TRANSPORT:
+        x, y, steps = barriers.remnant(kappa, max(1000, int(2 * found.steps)))
+        traced = orbits.orbit(kappa, x, y, int(min(steps, _MOST_STEPS)))
+        name = f"Not a barrier: the start that lives longest, {steps:g} steps (dots)"
+        return {"longest_lived": traced}, name
+    return {}, ""
+
+
+def _cycles(kappa, omega):
+    """Return the points of the periodic orbits of the convergents of ω, and what they are."""
+    found = [_NO_CYCLES]
+    for fraction, family, x, y in periodic_orbits(kappa, omega):
+        words = *_MARKERS[family], f"{fraction} ({family})"
+        found.append(
+            dict(zip(_NO_CYCLES, (x, y, *np.repeat(words, x.size).reshape(3, -1)), strict=True))
+        )
+    return {name: np.concatenate([part[name] for part in found]) for name in _NO_CYCLES}
+
+
+def _line(box, x, y):
+    """Return a curve as far as it is in the box, with gaps where it leaves."""
+    x, y = np.asarray(x, float), np.asarray(y, float)
+    stride = 1 + in_box(box, x, y)[0].size // _MOST_POINTS
+    return dict(zip("xy", in_box(box, x[::stride], y[::stride]), strict=True))
+
+
+def _dots(box, x, y, **more):
+    """Return the points in the box, with what belongs to them."""
+    left, bottom, width, height = box
+    u, v = (np.asarray(x, float) - left) % 1, (np.asarray(y, float) - bottom) % 1
+    here = (u <= width) & (v <= height)
+    rest = {name: np.asarray(values)[here].tolist() for name, values in more.items()}
+    return {"x": left + u[here], "y": bottom + v[here], **rest}

@@ -1,0 +1,230 @@
+"""Where the last circle breaks, on rays: what is known so far, and the rays that a view needs.
+
+As arXiv:1606.04824, Sec. VI, by `pipeline.cubes.barrier`; all images of a ray under the symmetries
+of the plane come with it.
+"""
+
+from collections import deque
+from dataclasses import dataclass
+from time import monotonic, sleep
+
+import numpy as np
+import xarray as xr
+
+from nasm.numbers import parse
+from pipeline.cubes.barrier import boundary, unfolded
+from pipeline.cubes.breakdown import by_continuation
+from workflows.explore.work import spread
+from workflows.figures.style import circle_class, circle_style, longest_arcs
+from workflows.shared.tables import described
+
+NO_LINES = {"a": [], "b": [], "colour": []}
+_SPACING = 2.0  # degrees, of a view around the origin
+_N_RAYS = 64  # of any other view
+_TIPS = np.geomspace(2.0, 0.02, 6)  # degrees beside the diagonals, where boundaries have cusps
+_PARTS = 8  # in which a circle's rays are computed
+_WIDE = 0.2  # of a view, around whose boundary a wide bracket will do
+_ENOUGH = 8  # rays of a view, to name its circles alone
+_PATIENCE = 1.0  # seconds between two pictures
+_REST = 0.5  # seconds that a view has to rest: a ray takes up to some, and cannot be stopped
+_GAP = 25.0  # degrees without a ray, over which no line is drawn
+
+
+@dataclass(frozen=True)
+class Breakup:
+    """scale : where the last circle breaks on the ray, NaN if not known. error : of it.
+
+    circle : text of ω, "" if not known; omega : the float.
+    """
+
+    scale: float
+    error: float
+    circle: str
+    omega: float
+
+
+class Rays:
+    """What is `known` of a plane, {angle in degrees from 0 to 360: Breakup}."""
+
+    def __init__(self, plane):
+        self.plane, self.known = plane, {}
+        # Of ω and its image whole - ω the boundaries are alike, and have one colour.
+        self._whole = max(shift for *_, shift in plane.symmetries)
+
+    def add(self, table):
+        """Take in what `barrier.boundary` or `barrier.unfolded` return."""
+        columns = (table[name].values for name in ("angle", "critical_scale", "error", "omega"))
+        for angle, scale, error, omega, circle in zip(*columns, table.circle.values, strict=True):
+            found = Breakup(float(scale), float(error), str(circle), float(omega))
+            self.known[float(angle) % 360] = found
+
+    def add_cube(self, barrier):
+        """Take in the cube `barrier` with all its images."""
+        images = self.plane.unfold(barrier.angle.values)
+        self.add(unfolded(barrier, np.unique(images)))
+
+    def lines(self, view):
+        """Return the boundary, a piece around each ray, columns a, b and colour; and the colours
+        {text of ω: colour} of those circles that are last on 1% of the view or more."""
+        angles, points, circles = self._found()
+        if angles.size < 2:
+            return NO_LINES, {}
+        inside = (view.a[0] <= points.real) & (points.real <= view.a[1])
+        inside &= (view.b[0] <= points.imag) & (points.imag <= view.b[1])
+        seen = inside if inside.sum() > _ENOUGH else np.ones_like(inside)
+        classes = np.array([circle_class(circle, self._whole) for circle in circles])
+        shades = [circle_style(text)["color"] for text in classes]
+        named = longest_arcs(angles[seen], classes[seen])
+        colours = {text: circle_style(text)["color"] for text in named}
+        joined = (np.roll(angles, -1) - angles) % 360 <= _GAP  # to the next
+        after = np.where(joined, (points + np.roll(points, -1)) / 2, points)
+        before = np.where(np.roll(joined, 1), np.roll(after, 1), points)
+        pieces = np.stack([before, points, after], axis=1)
+        # No arrays: each would be a message of its own to the browser.
+        return {"a": pieces.real.tolist(), "b": pieces.imag.tolist(), "colour": shades}, colours
+
+    def _found(self):
+        """Return angles, points as complex numbers, and circles, of the rays with a boundary."""
+        rays = [(k, ray) for k, ray in sorted(self.known.items()) if np.isfinite(ray.scale)]
+        angles = np.array([angle for angle, _ in rays])
+        scales = np.array([ray.scale for _, ray in rays])
+        circles = np.array([ray.circle for _, ray in rays], dtype=object)
+        return angles, scales * np.exp(1j * np.deg2rad(angles)), circles
+
+    def excess(self, a, b):
+        """Return how far points are beyond the boundary, in parts of the boundary's scale, an array
+        of the shape of a and b; NaN where no rays are known on both sides."""
+        angles, points, _ = self._found()
+        if not angles.size:
+            return np.full(np.shape(a), np.nan)
+        angle, scales = np.rad2deg(np.arctan2(b, a)) % 360, np.abs(points)
+        after = np.searchsorted(angles, angle) % angles.size
+        gap, part = (angles[after] - angles[after - 1]) % 360, (angle - angles[after - 1]) % 360
+        # The chord from one point of the boundary to the next, where the ray passes it.
+        one, other = np.sin(np.deg2rad([part, gap - part]))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            chord = np.sin(np.deg2rad(gap)) / (one / scales[after] + other / scales[after - 1])
+        return np.hypot(a, b) / np.where((part <= gap) & (gap <= _GAP), chord, np.nan) - 1
+
+    def nearest(self, a, b):
+        """Return the Breakup on the ray that is nearest to a point; None if no ray is known."""
+        angles, *_ = self._found()
+        if not angles.size:
+            return None
+        away = (angles - np.rad2deg(np.arctan2(b, a)) + 180) % 360 - 180
+        return self.known[angles[np.argmin(abs(away))]]
+
+    def table(self):
+        """Return all that is known as a Dataset, dim (angle); None if nothing is."""
+        if not self.known:
+            return None
+        angles = sorted(self.known)
+        rays = [self.known[angle] for angle in angles]
+        words = {"scale": "scale at which the last circle breaks", "error": "error of scale"}
+        words["omega"] = "rotation number of the last circle, per step"
+        words["circle"] = "the same, exact"
+        columns = {
+            name: ("angle", [getattr(ray, name) for ray in rays], described(text))
+            for name, text in words.items()
+        }
+        place = described("direction of the ray in the plane", "degree")
+        return xr.Dataset(columns, {"angle": ("angle", angles, place)}, self.plane.record)
+
+    def missing(self, view):
+        """Return the rays to compute for a view: degrees, each for all its images, coarse first."""
+        angles, spacing = _across(view, _SPACING)
+        if spacing == _SPACING:
+            tips = np.add.outer(np.arange(0, 360, 45), [*-_TIPS, 0, *_TIPS]).ravel()
+            angles, spacing = np.concatenate([angles, tips]), 0.0
+        folded = np.unique(self.plane.fold(angles)[0].round(9))
+        known = np.array(sorted(self.known))
+        if known.size:
+            gaps = np.abs((folded[:, None] - known + 180) % 360 - 180).min(axis=1)
+            folded = folded[gaps > spacing / 2]
+        spread_evenly = np.argsort(np.arange(folded.size) * 0.6180339887 % 1)
+        return folded[spread_evenly].tolist()
+
+
+def computed(client, plane, angles, view):
+    """Yield (tables, words) for `Rays.add`, and how far that is, or None, each second.
+
+    client : function → dask Client; one worker is left to others. angles : of `Rays.missing`.
+    """
+    if not angles:
+        return
+    sleep(_REST)
+    yield None
+    workers = client()
+    most = max(1, len(workers.nthreads()) - 1)
+    calls = deque((angle, _on_ray, plane, angle, _tolerance(view)) for angle in angles)
+    count, found, told = 0, [], monotonic()  # to draw the lines costs more than a ray
+    for ended in spread(workers, calls, most, priority=-1):
+        if ended is not None:
+            count += 1
+            found.append(ended[1])
+        if found and (monotonic() - told > _PATIENCE or count == len(angles)):
+            yield found, f"{count} of {len(angles)} rays"
+            found, told = [], monotonic()
+        else:
+            yield None
+
+
+def circle(client, plane, omega, view):
+    """Yield the line where the circle of ω, a text, breaks, better each time; or None."""
+    angles, _ = _across(view, 1.0)
+    found = {}
+    parts = [angles[i::_PARTS] for i in range(_PARTS)]
+    calls = deque(
+        (None, _circle_on_rays, plane, omega, part, _tolerance(view) / 10) for part in parts
+    )
+    for ended in spread(client(), calls, priority=-1):
+        if ended is None:
+            yield None
+            continue
+        found |= ended[1]
+        points = [scale * np.exp(1j * np.deg2rad(angle)) for angle, scale in sorted(found.items())]
+        pieces = np.split(points, np.flatnonzero(np.isnan(points)))
+        yield {"a": [p.real.tolist() for p in pieces], "b": [p.imag.tolist() for p in pieces]}
+
+
+def checked(plane, omega):
+    """Refuse a text that is no irrational number, and a plane whose rays it cannot follow."""
+    if omega:
+        if parse(omega).is_rational:
+            raise ValueError(f"{omega} is rational, and has no circle; write one like [0;2,(1)]")
+        plane.rays_start_at_zero("continuation of circles")
+
+
+def _tolerance(view):
+    return 1e-3 if max(np.ptp(view.a), np.ptp(view.b)) > _WIDE else 1e-4
+
+
+def _across(view, spacing):
+    """Return angles of rays all across a view, and their spacing: the one given if the origin is in
+    it, or else such that they are 64."""
+    corners = np.array([complex(a, b) for a in view.a for b in view.b])
+    if view.a[0] <= 0 <= view.a[1] and view.b[0] <= 0 <= view.b[1]:
+        return np.arange(0, 360 + spacing, spacing), spacing
+    middle = corners.mean()
+    towards, turns = np.rad2deg(np.angle(middle)), np.rad2deg(np.angle(corners / middle))
+    low, high = towards + turns.min(), towards + turns.max()
+    angles, spacing = np.linspace(low, high, _N_RAYS, retstep=True)
+    diagonals = np.arange(np.ceil(low / 45), np.floor(high / 45) + 1) * 45  # cusps are there
+    return np.union1d(angles, diagonals), spacing
+
+
+def _on_ray(plane, angle, tol):
+    """On a worker: the breakup on a ray and all its images."""
+    return boundary(np.unique(plane.unfold(angle)), tol, plane)
+
+
+def _circle_on_rays(plane, omega, angles, tol):
+    """On a worker: {angle: scale at which the circle breaks}."""
+    job = by_continuation(plane, [parse(omega)], angles, tol)
+    found = job.compute({"circle": [omega], "angle": angles}, job.cube.settings)
+    return dict(zip(angles.tolist(), found["critical_scale"][0].tolist(), strict=True))
+
+
+def named(found):
+    """Return the rotation number in words, "[0;2,(1)] = 0.381966"; "not known" without one."""
+    return f"{found.circle} = {found.omega:.6g}" if found.circle else "not known"

@@ -1,0 +1,185 @@
+"""The server of the page: Bokeh's, on loopback, for the browsers of this machine alone.
+
+One process serves all tabs and does the small work in threads; dask workers do the large work. A
+page of another site may run in the same browser. It is refused, also if its name is made to point
+at this machine; and the address of a page computes nothing until the page is connected.
+"""
+
+import logging
+import signal
+import webbrowser
+from functools import partial
+from threading import Lock, Thread
+
+import click
+from bokeh.application import Application
+from bokeh.application.handlers import FunctionHandler
+from bokeh.server.server import BaseServer
+from bokeh.server.tornado import BokehTornado
+from bokeh.server.util import bind_sockets
+from tornado.httpserver import HTTPServer
+from tornado.ioloop import IOLoop
+from tornado.web import OutputTransform, RequestHandler
+
+from pipeline.sweep.cluster import ClusterError, connect
+from workflows.explore.page import fill
+from workflows.explore.rays import Rays
+from workflows.explore.warm import warm_up
+from workflows.explore.work import GONE
+
+_HOST = "127.0.0.1"
+_NAMES = "localhost", _HOST, "[::1]"
+_UNCONNECTED = 10  # pages that may wait for their browser to connect; each costs 0.15 s
+_LIFETIME = 10_000  # milliseconds of these pages
+_HEADERS = {
+    # Bokeh's pages have their scripts and styles inside, and make functions of texts.
+    "Content-Security-Policy": "default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval'"
+    "; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; object-src 'none'"
+    "; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
+    "X-Frame-Options": "DENY",
+    "X-Content-Type-Options": "nosniff",
+}
+
+
+class Shared:
+    """What all tabs share.
+
+    plane : of forcings. place : of cubes to show, only read. rays : Rays, the boundary so far.
+    fields : {(View, N): Field} that were computed to the end, the newest last.
+    client : function → dask Client, which waits until it is connected.
+    preparing : what the page must wait for, in words; "" when all is ready.
+    waiting : {id of a session: what to call when its browser is connected}.
+    """
+
+    def __init__(self, plane, place, client):
+        self.plane, self.place, self._client = plane, place, client
+        self.rays, self.fields, self.waiting = Rays(plane), {}, {}
+        self.preparing, self._lock = "starting the workers", Lock()
+
+    def client(self):
+        with self._lock:
+            client = self._client()
+        if client.status != "running":
+            raise OSError(GONE)
+        return client
+
+    def prepare(self):
+        """Start the workers and load the kernels; in a thread."""
+        try:
+            client = self.client()
+            self.preparing = "loading the kernels"  # or compiling, where the page does not suffer
+            client.submit(warm_up, pure=False).result()
+            warm_up()
+            self.preparing = ""
+        except ClusterError as error:
+            self.preparing = str(error)
+        except Exception as error:  # at Ctrl-C anything
+            self.preparing = f"the workers did not start: {error!r}"
+
+
+def serve(plane, place, port, opens, cluster):
+    """Serve the page until Ctrl-C or SIGTERM.
+
+    plane, place : as for `Shared`. port : of the page, 0 for any. opens : whether to open it in the
+    browser. cluster : arguments of `cluster.connect`.
+
+    click.UsageError if the port is taken; ClusterError if the arguments of the cluster do not fit.
+    """
+    for name in ("bokeh", "tornado"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)  # a closed tab is no news
+    sockets, port = _bound(port)
+    with connect(**cluster) as client:
+        shared = Shared(plane, place, client)
+        server = server_of(shared, sockets, port)
+        for number in (signal.SIGINT, signal.SIGTERM):
+            stop = partial(server.io_loop.add_callback_from_signal, server.io_loop.stop)
+            signal.signal(number, lambda *_, stop=stop: stop())
+        preparing = Thread(target=shared.prepare, daemon=True)
+        preparing.start()
+        server.start()
+        url = f"http://localhost:{port}/"
+        click.echo(f"the explorer is at {url}\nCtrl-C ends it", err=True)
+        if opens:
+            server.io_loop.add_callback(webbrowser.open, url)
+        server.io_loop.start()
+        server.stop()
+        preparing.join(20)  # workers that are about to start would stay behind
+
+
+def server_of(shared, sockets, port):
+    """Return the server of the page, for the event loop of this thread."""
+    web = _Web(shared, port)
+    http = HTTPServer(web)
+    http.add_sockets(sockets)
+    return BaseServer(IOLoop.current(), web, http)
+
+
+class _Web(BokehTornado):
+    """Bokeh's web application, which refuses what no tab of the explorer asks for."""
+
+    def __init__(self, shared, port):
+        self._waiting = shared.waiting
+        self._hosts = [f"{name}:{port}" for name in _NAMES] + [*_NAMES] * (port == 80)
+        super().__init__(
+            Application(FunctionHandler(partial(fill, shared=shared))),
+            extra_websocket_origins=self._hosts,
+            unused_session_lifetime_milliseconds=_LIFETIME,
+            check_unused_sessions_milliseconds=_LIFETIME // 10,
+            transforms=[_Headers],
+        )
+
+    def find_handler(self, request, **_):
+        refused = self._refused(request)
+        if refused:
+            return self.get_handler_delegate(request, _Refused, {"because": refused})
+        return super().find_handler(request)
+
+    def _refused(self, request):
+        """Return the status and the words with which a request is refused, or None."""
+        if request.host.lower() not in self._hosts:
+            return 403, f"the explorer is at http://{self._hosts[0]}/ and has no other name"
+        site, to = (request.headers.get(f"Sec-Fetch-{name}") for name in ("Site", "Dest"))
+        if site not in (None, "none", "same-origin") and to != "document":
+            return 403, "pages of other sites may link to the explorer, and no more"
+        if any(name.startswith("bokeh-") for name in request.arguments):
+            return 400, "this address is for programs; leave out what begins with bokeh-"
+        if request.path == "/":
+            pages = self.get_sessions("/")
+            if sum(page.connection_count == 0 for page in pages) >= _UNCONNECTED:
+                return 503, f"too many pages were asked for; try again in {_LIFETIME / 1000:g} s"
+        return None
+
+    def new_connection(self, protocol, socket, application_context, session):
+        begin = self._waiting.pop(session.id, None)
+        if begin:
+            begin()
+        return super().new_connection(protocol, socket, application_context, session)
+
+
+class _Refused(RequestHandler):
+    def initialize(self, because):
+        self._because = because
+
+    def prepare(self):
+        status, words = self._because
+        self.set_status(status)
+        self.set_header("Content-Type", "text/plain; charset=utf-8")
+        self.finish(f"{status}: {words}\n")
+
+
+class _Headers(OutputTransform):
+    """Tells browsers to keep the page to itself."""
+
+    def transform_first_chunk(self, status_code, headers, chunk, finishing):
+        headers.update(_HEADERS)
+        return status_code, headers, chunk
+
+
+def _bound(port):
+    """Return sockets at the port, or at any free one for 0, and the port; a usage error if it is
+    taken."""
+    try:
+        return bind_sockets(_HOST, port)
+    except OSError as error:
+        words = f"port {port}: {error.strerror}; another explorer? Take another, or 0 for any"
+        raise click.BadParameter(words, param_hint="--port") from None

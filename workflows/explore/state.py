@@ -1,0 +1,184 @@
+"""What one tab is looking at: a point in a plane of forcings, N, two views; and all as an address.
+
+Every part of the state that a link brings back is a text in the address, left out where it is as at
+first: `a=0.1:0.3&b=0:0.2&omega=gamma&orbits=0.5,0.3;0.5,0.4&show=boundary,cycles`.
+"""
+
+from collections import defaultdict
+from urllib.parse import urlencode
+
+import numpy as np
+
+from nasm.maps import forcing
+from nasm.planes import two_kicks
+from workflows.explore.rays import checked
+
+STEPS = [m * 10**e for e in range(2, 6) for m in (1, 2, 5)] + [10**6]
+LINES = {"boundary": "where the last circle breaks", "contour": "where n* ≤ N begins"}
+ORBITS = {"kicks": "kick by kick", "symmetry": "symmetry lines", "cycles": "periodic orbits"}
+_HALF = 1.15  # of the largest strength, of the first view
+_ZOOM = 1e-9, 30.0  # times the first view: beyond that pixels are no longer apart as floats
+_FAR = 1e7  # from 0 is no view
+_MOST_ORBITS = 50
+
+
+class State:
+    """What one tab looks at.
+
+    plane : nasm.planes.Plane. point : (a, b), its coordinates. steps : int, N of {n* ≤ N}.
+    a, b : (lo, hi) of the plane that is shown. x, y : (lo, hi) of phase space.
+    omega : text of the ω whose circle is followed, or "". orbits : ((x, y), …) that were added.
+    show : frozenset of the names in LINES and ORBITS that are shown.
+    verdict : nasm.verdict.Verdict of the point, None until it is known.
+    seen : {name: function → xarray.Dataset}, what each panel shows now; panels put theirs in.
+    """
+
+    def __init__(self, plane):
+        sizes = [max(map(abs, vector)) for vector in (plane.first, plane.second)]
+        self.plane, self.point, self.steps = plane, (0.5 / sizes[0], 0.4 / sizes[1]), 10_000
+        self.a, self.b = ((-_HALF / size, _HALF / size) for size in sizes)
+        self.x, self.y = (0.0, 1.0), (-0.25, 0.75)
+        self.omega, self.orbits, self.show = "", (), frozenset({"boundary"})
+        self.verdict, self.seen, self._hear = None, {}, defaultdict(list)
+
+    @property
+    def kappa(self):
+        """One period of kicks, an array of P floats."""
+        return self.plane.forcing(*self.point)
+
+    def on(self, what, callback):
+        """Call back, without arguments, whenever an attribute changes, "point" or "verdict"."""
+        self._hear[what].append(callback)
+
+    def take(self, **changes):
+        """Set attributes, and tell those who asked for what has changed."""
+        changed = [name for name, value in changes.items() if getattr(self, name) != value]
+        vars(self).update(changes)
+        self._tell(changed)
+
+    def judge(self, verdict):
+        """Take the verdict of the point, or None where it is no longer known."""
+        self.verdict = verdict
+        self._tell(["verdict"])
+
+    def _tell(self, changed):
+        for callback in [callback for name in changed for callback in self._hear[name]]:
+            callback()
+
+    def move(self, a, b):
+        """Go to another point; ValueError if its strengths are not finite or too large."""
+        point = float(a), float(b)
+        forcing(point)  # before it is multiplied
+        forcing(self.plane.forcing(*point))
+        self.take(point=point)
+
+    def follow(self, omega):
+        """Follow the circle of another ω, or none for ""; ValueError if it has no circle."""
+        try:
+            checked(self.plane, omega)
+        except ValueError:
+            self.take(omega="")
+            raise
+        self.take(omega=omega)
+
+    def address(self):
+        """Return the query of a link to all of this."""
+        found = {"k1": repr(self.point[0]), "k2": repr(self.point[1])}
+        if self.plane != two_kicks():
+            found["plane"] = self.plane.name
+        first = State(self.plane)
+        for name, (part, _, written) in _PARTS.items():
+            if getattr(self, part) != getattr(first, part):
+                found[name] = written(getattr(self, part))
+        return urlencode(found, safe=":,;()[]")
+
+    def go(self, query):
+        """Take what a query {name: text} asks for; ValueError in words, with nothing changed."""
+        name = query.get("plane", two_kicks().name)
+        if query and name != self.plane.name:
+            raise ValueError(f"this page shows {self.plane.name}; start one with --plane {name}")
+        asked = State(self.plane)
+        for name, (part, read, _) in _PARTS.items():
+            if name in query:
+                setattr(asked, part, read(query[name]))
+        for ends, first in ((asked.a, self.a), (asked.b, self.b)):
+            _allow(ends, np.ptp(first) * np.array(_ZOOM))
+        for ends in (asked.x, asked.y):
+            _allow(ends, (_ZOOM[0], 1.0))
+        asked.follow(asked.omega)
+        point = zip(("k1", "k2"), self.point, strict=True)
+        asked.move(*(number(query[name]) if name in query else value for name, value in point))
+        self.take(point=asked.point, **{part: getattr(asked, part) for part, *_ in _PARTS.values()})
+
+
+def number(text):
+    """Return the float that a text spells; ValueError in words."""
+    try:
+        return float(text)
+    except ValueError:
+        raise ValueError(f"{text!r} is no number, like 0.525") from None
+
+
+def orbits_of(text):
+    """Return the starts ((x, y), …) that a text names; ValueError in words."""
+    found = []
+    for pair in filter(None, map(str.strip, text.split(";"))):
+        start = [number(word) for word in pair.replace(",", " ").split()]
+        if len(start) != 2 or not np.isfinite(start).all():
+            raise ValueError(f"{pair!r} must be two numbers, like 0.5, 0.3")
+        found.append((start[0] % 1, start[1]))
+    if len(found) > _MOST_ORBITS:
+        raise ValueError(f"{len(found)} orbits are too many; take {_MOST_ORBITS} or fewer")
+    return tuple(found)
+
+
+def orbits_text(orbits):
+    """Return the text of starts ((x, y), …)."""
+    return "; ".join(f"{x!r}, {y!r}" for x, y in orbits)
+
+
+def limits(ends, most=_ZOOM[1]):
+    """Return how far one can zoom in and out of a first view, for Bokeh."""
+    size = float(np.ptp(ends))
+    return {"min_interval": _ZOOM[0] * size, "max_interval": most * size}
+
+
+def _steps(text):
+    if not (text.isdecimal() and STEPS[0] <= int(text) <= STEPS[-1]):
+        raise ValueError(f"n={text!r} must be a whole number from {STEPS[0]} to {STEPS[-1]}")
+    return int(text)
+
+
+def _ends(text):
+    low, colon, high = text.partition(":")
+    if not colon:
+        raise ValueError(f"{text!r} must be a range, like 0.1:0.3")
+    return number(low), number(high)
+
+
+def _allow(ends, sizes):
+    low, high = ends
+    if not (abs(low) + abs(high) < _FAR and 0.99 * sizes[0] <= high - low <= 1.01 * sizes[1]):
+        words = f"the range {low}:{high} must be {sizes[0]:g} to {sizes[1]:g} wide"
+        raise ValueError(words)
+
+
+def _names(text):
+    names = frozenset(filter(None, text.split(",")))
+    if not names <= {*LINES, *ORBITS}:
+        raise ValueError(f"show={text!r} must be some of {','.join([*LINES, *ORBITS])}")
+    return names
+
+
+def _written(ends):
+    return "{!r}:{!r}".format(*ends)
+
+
+_PARTS = {  # of the address: what it is here, how to read and how to write it
+    "n": ("steps", _steps, str),
+    **{name: (name, _ends, _written) for name in "abxy"},
+    "omega": ("omega", str, str),
+    "orbits": ("orbits", orbits_of, lambda orbits: orbits_text(orbits).replace(" ", "")),
+    "show": ("show", _names, lambda names: ",".join(sorted(names))),
+}
+QUERY = ("k1", "k2", "plane", *_PARTS)

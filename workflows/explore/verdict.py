@@ -1,0 +1,95 @@
+"""The verdict in words, and the view as Python."""
+
+import time
+from collections import deque
+from html import escape
+
+from bokeh.models import Button, CustomJS, Div, Row
+
+from nasm.verdict import verdict
+from workflows.explore.work import spread
+from workflows.shared.verdict_words import sentences
+
+_REST = 0.05  # seconds that the point has to rest, while it is dragged
+
+
+def panel(state, work):
+    """Return the verdict in words."""
+    told = Div(sizing_mode="stretch_width", min_height=92)
+    lane = work.latest("verdict")
+
+    def ask():
+        place = state.plane, state.point
+        told.text = _html(["computing the verdict …"])
+        state.judge(None)
+        lane.submit(_judged, work.client, state.kappa, done=lambda found: show(place, *found))
+
+    def show(place, found, seconds):
+        words = sentences(state.kappa, place, found)
+        told.text = _html([*words, f"This took {seconds:.2f} s."])
+        state.judge(found)
+
+    state.on("point", ask)
+    ask()
+    return told
+
+
+def copied(state):
+    """Return the button that copies the view as Python."""
+    code, copy = Div(visible=False), Button(label="copy as Python")
+    copy.js_on_event("button_click", CustomJS(args={"code": code, "copy": copy}, code=_COPY))
+
+    def write():
+        code.text = _python(state)
+
+    for name in ("point", "steps"):
+        state.on(name, write)
+    write()
+    return Row(copy, code)
+
+
+_COPY = """
+navigator.clipboard.writeText(code.text).then(
+    () => { copy.label = "copied"; setTimeout(() => { copy.label = "copy as Python" }, 1500) },
+    (error) => { copy.label = `not copied: ${error.message}` },
+)
+"""
+
+
+def _judged(client, kappa):
+    """Return the verdict and the seconds that it took, by a worker.
+
+    This is no generator: a worker does not stop, and one that is at a void verdict is enough.
+    """
+    time.sleep(_REST)
+    calls = deque([(None, _timed, kappa)])
+    return next(ended[1] for ended in spread(client(), calls, priority=1) if ended)
+
+
+def _timed(kappa):
+    begin = time.perf_counter()
+    found = verdict(kappa)
+    return found, time.perf_counter() - begin
+
+
+def _html(lines):
+    """Return the lines as HTML that screen readers speak, the first one stronger."""
+    first, *rest = map(escape, lines)
+    rest = f'<div style="columns: 2 27em">{"<br>".join(rest)}</div>'
+    return f'<div role="status" aria-live="polite"><b>{first}</b>{rest}</div>'
+
+
+def _python(state):
+    """Return the forcing, its verdict and its portrait as a program."""
+    return f"""\
+from nasm import escape, orbits
+from nasm.verdict import verdict
+
+kappa = {state.kappa.tolist()}  # one period of kicks, the first one first
+found = verdict(kappa)
+print(found.answer, found.evidence.value, found.boundary, sep="\\n")
+times = escape.escape_time(kappa, *escape.ensemble(64), n_max={state.steps})
+print(f"the first of {{times.size}} orbits escapes after {{times.min()}} steps")
+x, y = orbits.portrait(kappa)
+omega, digits = orbits.rotation_number(kappa, x[0], y[0], 2000)
+"""

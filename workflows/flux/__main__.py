@@ -1,0 +1,53 @@
+"""How much passes through the last circle once it is broken? The flux ΔW and its law.
+
+Just beyond CB_gt what is left of the last circle, a cantorus, still holds back transport: the area
+that passes in one step is the difference in action of minimax and minimizing orbits, which grows
+from 0 like (s/s_c - 1)^η, η = 3.01. An outlook of arXiv:1606.04824, Sec. VII; the method is that of
+MacKay, Meiss & Percival, Physica D 13 (1984) 55.
+"""
+
+from math import ceil
+
+import click
+
+from workflows.shared.cli import command, real, sweeps, whole
+
+
+@command()
+@real(
+    "--angle",
+    (0.0, 20.0, 30.0, 40.0, 45.0),
+    0,
+    180,
+    "A ray, in degrees; may be repeated.",
+    multiple=True,
+)
+@real("--nearest", 1e-4, 1e-5, 0.1, "Smallest distance beyond the breakup, in parts of it.")
+@whole("--q-max", 200_000, 100, 10**6, "Longest period of the orbits; 10/NEAREST or more.")
+@sweeps
+def main(run, angle, nearest, q_max):
+    """The flux through broken circles: two cubes, two tables and a figure in OUT.
+
+    Distances beyond the breakup go up to 0.5. The defaults take a minute on two cores.
+    """
+    from nasm.planes import two_kicks
+    from pipeline.cubes.barrier import last_barrier, unfolded
+    from workflows.figures.flux import draw_flux
+    from workflows.flux import study as flux
+
+    if q_max * nearest < 10:
+        words = f"{q_max} is too short for --nearest {nearest:g}; use {ceil(10 / nearest)} or more"
+        raise click.BadParameter(words, param_hint="--q-max")
+    angles, excesses = flux.grid(angle, nearest)
+    last = last_barrier(two_kicks(), angles, 1e-3)
+    with run.sweeping(last, later=[(flux.foreseen(angles, excesses, q_max), None)]):
+        job = flux.job(unfolded(run.sweep(last), angles), excesses, q_max)
+        fluxes = run.sweep(job).load()
+        laws = flux.laws(fluxes)
+        run.table("flux", fluxes)
+        run.table("flux_law", laws)
+        run.figure("flux", *draw_flux(fluxes, laws))
+
+
+if __name__ == "__main__":
+    main()

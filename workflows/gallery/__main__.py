@@ -1,0 +1,120 @@
+"""The paper, regenerated: every figure with its caption, its command and its numbers, on one page.
+
+Runs one command after the other (arXiv:1606.04824, Figs. 1 to 11, and what goes beyond them), each
+into a directory of its own in OUT, all on the same workers, and writes OUT/index.html. Each of them
+resumes by itself.
+"""
+
+import csv
+import shlex
+import tomllib
+from dataclasses import dataclass
+from datetime import date
+from pathlib import Path
+
+import click
+
+from workflows.shared.cli import cluster_options, command, main_of, out_option
+
+
+@dataclass(frozen=True)
+class Exhibit:
+    """A command, what it shows, and its options for a preview and for the paper's size."""
+
+    name: str
+    title: str
+    quick: str = ""
+    full: str = ""
+
+    def options(self, quick):
+        return shlex.split(self.quick if quick else self.full)
+
+
+_LIST = Path(__file__).parent / "exhibits.toml"
+_TEXTS = tomllib.loads(_LIST.read_text(encoding="utf-8"))
+EXHIBITS = [Exhibit(name, **texts) for name, texts in _TEXTS.items()]
+
+
+def run(exhibit, out, workers, quick):
+    """Run the command with its cubes, tables and figures in a directory of OUT."""
+    main = main_of(exhibit.name)
+    swept = any(option.name == "scheduler" for option in main.params)
+    options = [*exhibit.options(quick), "--out", f"{out}/{exhibit.name}"]
+    click.echo(f": {exhibit.title}", err=True)
+    main.main([*options, *(workers if swept else [])], standalone_mode=False)
+
+
+def shown(exhibit, out, quick):
+    """Return what the page shows of the results of a command."""
+    here, name = Path(out, exhibit.name), exhibit.name
+    texts = {path.stem: path.read_text(encoding="utf-8").strip() for path in here.glob("*.txt")}
+    files = sorted(path for kind in ("pdf", "csv", "html") for path in here.glob(f"*.{kind}"))
+    pictures, start = sorted(here.glob("*.png")), ["python", "-m", f"workflows.{name}"]
+    return {
+        "title": exhibit.title,
+        "name": name,
+        "command": shlex.join([*start, *exhibit.options(quick), "--out", name]),
+        "pictures": [(f"{name}/{path.name}", texts.get(path.stem, "")) for path in pictures],
+        "files": [f"{name}/{path.name}" for path in files],
+        "cubes": [f"{name}/{path.name}" for path in sorted(here.glob("*.zarr"))],
+    }
+
+
+def judged(out):
+    """Return the claims, as rows of their table, and how many hold, in words."""
+    table, counted = (Path(out, "claims", f"claims.{kind}") for kind in ("csv", "txt"))
+    if not table.exists():
+        return [], ""
+    with table.open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file)), counted.read_text(encoding="utf-8").strip()
+
+
+@command(default_map={"out": "gallery"})
+@click.option(
+    "--full",
+    is_flag=True,
+    help="The size of the paper, some six CPU hours, nearly all of direct iteration and proofs.",
+)
+@click.option(
+    "--only",
+    multiple=True,
+    type=click.Choice([exhibit.name for exhibit in EXHIBITS]),
+    help="A command to run; may be repeated.  [default: all]",
+)
+@out_option
+@cluster_options
+def main(out, full, only, workers, scheduler, tls):
+    """The paper, regenerated: all figures and claims, and the page OUT/index.html that shows them.
+
+    By default a preview of everything, some ten minutes of CPU time.
+    """
+    from nasm import __version__
+    from workflows.shared.page import render
+    from workflows.shared.run import shared_workers
+
+    Path(out).mkdir(parents=True, exist_ok=True)
+    quick = not full
+    wanted = [exhibit for exhibit in EXHIBITS if not only or exhibit.name in only]
+    with shared_workers(scheduler, workers, tls) as workers:
+        for number, exhibit in enumerate(wanted, 1):
+            click.echo(f"\nexhibit {number} of {len(wanted)}", err=True, nl=False)
+            run(exhibit, out, workers, quick)
+            # After each of them, so that there is something to see.
+            there = [exhibit for exhibit in EXHIBITS if Path(out, exhibit.name).exists()]
+            claims, counted = judged(out)
+            render(
+                "gallery/page.html",
+                f"{out}/index.html",
+                sections=[shown(exhibit, out, quick) for exhibit in there],
+                claims=claims,
+                counted=counted,
+                quick=quick,
+                made=f"{date.today():%d %B %Y}, nasm {__version__}",
+            )
+    n_figures = sum(1 for _ in Path(out).glob("*/*.png"))
+    click.echo(f"\n{n_figures} figures of {len(there)} commands on one page. {counted}".rstrip())
+    click.echo(f"page: {out}/index.html")
+
+
+if __name__ == "__main__":
+    main()

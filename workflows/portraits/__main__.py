@@ -1,0 +1,31 @@
+"""What do the orbits look like? Phase portraits of T_{κ1κ2}, Figs. 1 and 2.
+
+Fig. 1: T_{κ1κ2} and T_{κ2κ1} beside the nonautonomous map itself (arXiv:1606.04824, Eq. (1)),
+every kick of which is seen. After an even number of kicks its orbits are those of T_{κ1κ2}, after
+an odd one those of T_{κ2κ1}, so that in one plane they cross. Fig. 2: four forcings that the
+symmetries of Sec. III take to each other, each iterated on its own from the images of the same
+starts.
+"""
+
+from workflows.shared.cli import command, whole, writes
+
+
+@command()
+@whole("--n-orbits", 48, 2, 1000, "Orbits of each portrait, from the lines x = 0 and x = 1/2.")
+@whole("--steps", 1000, 1, 100_000, "Steps of each orbit, and kicks of the nonautonomous map's.")
+@writes
+def main(run, n_orbits, steps):
+    """Phase portraits: two cubes and two figures in OUT. A few seconds."""
+    from workflows.figures.portraits import draw_kicks, draw_symmetry
+    from workflows.portraits.study import nonautonomous_dataset, symmetric_dataset
+
+    size = {"n_orbits": n_orbits, "steps": steps}
+    with run.driving():
+        kicks = run.keep("portraits", nonautonomous_dataset(**size), **size)
+        symmetric = run.keep("portraits_symmetry", symmetric_dataset(**size), **size)
+        run.figure("portraits", *draw_kicks(kicks))
+        run.figure("portraits_symmetry", *draw_symmetry(symmetric))
+
+
+if __name__ == "__main__":
+    main()

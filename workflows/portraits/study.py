@@ -1,0 +1,92 @@
+"""Orbits of T_{κ1κ2} and of the nonautonomous map, x and y mod 1, as labelled Datasets."""
+
+import numpy as np
+import xarray as xr
+
+from nasm import orbits
+from nasm.symmetries import alternate, negate
+from workflows.shared.tables import described, strengths
+
+_SOURCE = "arXiv:1606.04824, Sec."
+FORCING = (0.35, 0.5)
+ISLAND = (0.0, 0.55)  # Fig. 1(d): a start in the island of (0, 1/2)
+SYMMETRIC_FORCING = (0.5, 0.7)
+# Fig. 2: in the island of (1/2, 0), in the chain of ω = 2/3, and in the island of (0, 1/2).
+MARKED = ((0.5, 0.12), (0.5, 0.36), (0.0, 0.44))
+
+
+def nonautonomous_dataset(n_orbits, steps):
+    """Iterate T_{κ1κ2}, T_{κ2κ1} and the nonautonomous map from the same starts.
+
+    x, y with dims (forcing, step, orbit); kick_x, kick_y (kick, orbit); and of one orbit in an
+    island island_x, island_y (kick).
+    """
+    forcings = np.array([FORCING, FORCING[::-1]])
+    x, y = np.stack([orbits.portrait(kappa, n_orbits, steps) for kappa in forcings], axis=1)
+    kicked = orbits.kicked_orbit(FORCING, x[0, 0], y[0, 0], steps)
+    island = orbits.kicked_orbit(FORCING, *ISLAND, steps)
+    return xr.Dataset(
+        {
+            **strengths("forcing", *forcings.T),
+            **_points("", ("forcing", "step", "orbit"), x, y),
+            **_points("kick_", ("kick", "orbit"), *kicked),
+            **_points("island_", ("kick",), *island),
+        },
+        {
+            "forcing": _numbered("forcing", 2),
+            "step": _numbered("step", steps + 1, "steps of two kicks"),
+            "kick": _numbered("kick", steps + 1, "kicks of the first forcing"),
+            "orbit": _numbered("orbit", n_orbits),
+        },
+        {"title": "Orbits of T and of the nonautonomous map", "source": f"{_SOURCE} II and Fig. 1"},
+    )
+
+
+def images(kappa, x, y):
+    """Return (κ, x, y), its images by `negate`, by both and by `alternate`, in Fig. 2's order."""
+    alternated = alternate(kappa, x, y)
+    return [(kappa, x, y), negate(kappa, x, y), negate(*alternated), alternated]
+
+
+def symmetric_dataset(n_orbits, steps):
+    """Iterate four symmetric forcings: x, y with dims (forcing, step, orbit), marked_x, marked_y.
+
+    `difference` is how far the marked orbits are from the images of the first forcing's.
+    """
+
+    def iterated(x, y):
+        starts = images(SYMMETRIC_FORCING, x, y)
+        return np.stack([orbits.orbit(*start, steps) for start in starts], axis=1)
+
+    starts = orbits.portrait(SYMMETRIC_FORCING, n_orbits, 0)
+    marked = iterated(*np.transpose(MARKED))
+    ideal = images(SYMMETRIC_FORCING, *marked[:, 0])
+    apart = marked - np.stack([points for _, *points in ideal], axis=1)
+    apart = np.abs(apart - np.rint(apart)).max(axis=(0, 2, 3))
+    words = "largest distance, mod 1, of marked orbits from the images of the first forcing's"
+    return xr.Dataset(
+        {
+            **strengths("forcing", *np.transpose([kappa for kappa, *_ in ideal])),
+            **_points("", ("forcing", "step", "orbit"), *iterated(*(at[0] for at in starts))),
+            **_points("marked_", ("forcing", "step", "marked"), *marked),
+            "difference": ("forcing", apart, described(words)),
+        },
+        {
+            "forcing": _numbered("forcing", 4),
+            "step": _numbered("step", steps + 1, "steps of two kicks"),
+            "orbit": _numbered("orbit", n_orbits),
+            "marked": _numbered("marked", len(MARKED), "marked orbit"),
+        },
+        {"title": "Symmetric orbits of T", "source": f"{_SOURCE} III.A and Fig. 2"},
+    )
+
+
+def _numbered(dim, n, words=None):
+    return dim, np.arange(n), described(words or dim)
+
+
+def _points(prefix, dims, x, y):
+    return {
+        f"{prefix}x": (dims, x % 1.0, described("x mod 1")),
+        f"{prefix}y": (dims, y % 1.0, described("y mod 1")),
+    }

@@ -1,0 +1,51 @@
+"""Do barriers survive in a field that the particles make themselves? The paper's motivation.
+
+In the self-consistent map (arXiv:1606.04824, Secs. I and II; arXiv:1601.00942) strength and phase
+of the kicks are a mean field of the particles, and settle to something nearly periodic: that is
+where the nonautonomous map with its periodic strengths comes from. Here the field is computed, and
+converse KAM asks the kicks as they were recorded for barriers, and the periodic forcing that is
+fitted to them. Beside it a barrier that converse KAM cannot see, as it folds: the circle that a
+forcing which settles has in the end, pulled back to its beginning.
+"""
+
+import click
+
+from workflows.shared.cli import command, real, whole, writes
+
+
+@command()
+@real(
+    "--coupling",
+    (0.2, 0.3, 0.4, 0.45, 0.5, 0.55, 0.6, 0.65, 0.7, 0.75, 0.8, 0.85, 0.9, 1.0, 1.1, 1.2),
+    0.01,
+    10,
+    "Sum of the particles' weights; may be repeated.",
+    multiple=True,
+)
+@whole("--particles", 65_536, 256, 10**7, "Particles, in a thin band around y = 0 at first.")
+@whole("--kicks", 16_384, 4096, 10**6, "Kicks; barriers are sought in the second half of them.")
+@click.option("--quick", is_flag=True, help="At most 4096 particles and 8192 kicks.")
+@writes
+def main(run, coupling, particles, kicks, quick):
+    """The self-consistent map and its barriers: three cubes, a table and a figure in OUT.
+
+    The defaults take five minutes of CPU time, with --quick less than one.
+    """
+    from workflows.figures.self_consistent import draw_self_consistent
+    from workflows.self_consistent import study
+
+    size = {"particles": particles, "kicks": kicks}
+    if quick:
+        size = {"particles": min(particles, 4096), "kicks": min(kicks, 8192)}
+    # Of the field, and of converse KAM.
+    each = 1.2e-8 * size["particles"] * size["kicks"] + 3e-4 * size["kicks"]
+    with run.driving(len(coupling) * each):
+        fields = run.keep("self_consistent", study.fields(coupling, **size), **size)
+        verdicts = run.keep("self_consistent_barriers", study.verdicts(fields), **size)
+        settling = run.keep("asymptotic_circle", study.settling())
+        run.table("self_consistent", verdicts.drop_dims("step"))
+        run.figure("self_consistent", *draw_self_consistent(fields, verdicts, settling))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,191 @@
+"""Fields of the self-consistent map, the barriers in them, and a circle that is asymptotic."""
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+from fractions import Fraction
+
+import numpy as np
+import xarray as xr
+from scipy.signal import welch
+
+from nasm import circles, escape
+from nasm.circles import fourier
+from nasm.converse_kam import sequence
+from nasm.maps import TWO_PI, phased_kick, rotating_forcing
+from nasm.numbers import parse
+from nasm.self_consistent import evolve, momentum
+from workflows.shared.tables import described
+
+AMPLITUDE, BAND = 1e-4, 0.3 / TWO_PI  # of the wave and of y at the beginning
+_SEGMENT = 1024  # kicks whose spectra are averaged
+_SLOWEST = 1 / 64  # turns per kick: below it the field wanders
+_LONGEST_PERIOD = 34  # of the fitted forcing
+_SHOWN = 4096  # particles that are kept
+_ORBIT = 2000  # points of an orbit that are kept
+_BEST, _EFFORT = 3, 8  # the lines that eliminate soonest are searched again, with this effort
+
+# The asymptotic circle: κ_n = limit + excess·e^(-n/time), and the circle of the limit.
+LIMIT, EXCESS, TIME, POINTS, ASKED = 0.9, 0.5, 5, 8192, 5
+
+
+def fields(couplings, particles, kicks):
+    """Follow the self-consistent map for each coupling: kappa, theta with dims (coupling, kick).
+
+    Also spectrum (coupling, frequency) of the second half of kappa; x, y (coupling, particle) after
+    the last kick, x from the wave's phase; and of each coupling escape, the kick after which the
+    first of these particles has gone 2 further than it started; inf if none has.
+    """
+    couplings = np.unique(couplings)
+    x, y = escape.ensemble(particles)
+    y = BAND * (2 * y / 0.3 - 1)
+
+    def followed(coupling):
+        return evolve(x, y, coupling / particles, AMPLITUDE, kicks)
+
+    def escapes(run):
+        window = -2 - BAND, 2 + BAND
+        return sequence.escape_time(run.kappa, run.theta, x[:_SHOWN], y[:_SHOWN], window)
+
+    with ThreadPoolExecutor(os.cpu_count()) as threads:
+        runs = list(threads.map(followed, couplings))
+    spectra = [welch(run.kappa[kicks // 2 :], nperseg=_SEGMENT, scaling="spectrum") for run in runs]
+    before = [momentum(y, coupling / particles, AMPLITUDE) for coupling in couplings]
+    after = [
+        momentum(run.y, coupling / particles, run.kappa[-1])
+        for run, coupling in zip(runs, couplings, strict=True)
+    ]
+    per_kick, per_particle = ("coupling", "kick"), ("coupling", "particle")
+    theta = np.unwrap([run.theta for run in runs], period=1)
+    from_phase = np.array([(run.x[:_SHOWN] - run.phase) % 1 for run in runs])
+    return xr.Dataset(
+        {
+            "kappa": (per_kick, np.array([run.kappa for run in runs]), described("strength κ_n")),
+            "theta": (per_kick, theta, described("phase θ_n on the lift, in turns")),
+            "spectrum": (
+                ("coupling", "frequency"),
+                np.array([power for _, power in spectra]),
+                described("power of κ_n in the second half of the kicks"),
+            ),
+            "x": (per_particle, from_phase, described("x - θ mod 1 after the last kick")),
+            "y": (per_particle, [run.y[:_SHOWN] for run in runs], described("y after it")),
+            "escape": (
+                "coupling",
+                [escapes(run).min() for run in runs],
+                described("kick after which the first particle is 2 further in y"),
+            ),
+            "momentum_change": (
+                "coupling",
+                np.abs(np.subtract(after, before)),
+                described("change of 2π Σγy + κ²/2, which is conserved"),
+            ),
+        },
+        {
+            "coupling": ("coupling", couplings, described("Γ = Σγ, sum of the weights")),
+            "kick": ("kick", np.arange(kicks), described("kick n")),
+            "frequency": ("frequency", spectra[0][0], described("frequency in turns per kick")),
+            "particle": ("particle", np.arange(min(particles, _SHOWN)), described("particle")),
+        },
+        {"title": "The self-consistent map", "source": "arXiv:1601.00942; nasm/self_consistent.py"},
+    )
+
+
+def verdicts(fields):
+    """Ask converse KAM for barriers in the recorded field, and in a periodic one fitted to it.
+
+    Starts are on lines before kicks in the middle of the second half: `kicks` are the kicks in
+    either direction that it takes until all on one of them are eliminated, inf if it never happens.
+    x, y, dims (coupling, step), is the orbit of the longest-lived start, seen from the wave.
+    """
+    half = fields.kick.size // 2
+    frequencies = fields.frequency.values
+    slow = frequencies < _SLOWEST
+    rows, orbits = [], []
+    for coupling in fields.coupling.values:
+        here = fields.sel(coupling=coupling)
+        kappa, theta = here.kappa.values[-half:], here.theta.values[-half:]
+        frequency = frequencies[np.where(slow, 0, here.spectrum.values).argmax()]
+        drift = np.polyfit(np.arange(half), theta, 1)[0]
+        modulation = np.sqrt(2) * kappa.std()
+        rotation = Fraction(frequency).limit_denominator(_LONGEST_PERIOD)
+        periodic = rotating_forcing(kappa.mean(), modulation, rotation)
+        # A line on which minimizing orbits are shows nothing: try one for each kick of a period.
+        sites = half // 2 + np.arange(periodic.size)
+        lives = [sequence.longest_lived(kappa, theta, int(site))[2] for site in sites]
+        best = sites[np.argsort(lives, kind="stable")[:_BEST]].tolist()
+        asked = {site: sequence.longest_lived(kappa, theta, site, _EFFORT) for site in best}
+        site = min(asked, key=lambda site: asked[site][2])
+        orbit = _orbit(kappa, theta, site, *asked[site], drift)
+        orbits.append(np.full((2, _ORBIT), np.nan))
+        orbits[-1][:, : orbit.shape[1]] = orbit[:, :_ORBIT]
+        repeated = periodic[(np.arange(half) - half // 2) % periodic.size]
+        fitted = sequence.longest_lived(repeated, 0.0, half // 2, _EFFORT)[2]
+        rows.append(
+            {
+                "mean": (kappa.mean(), "mean of κ_n"),
+                "deviation": (kappa.std(), "standard deviation of κ_n"),
+                "drift": (drift, "mean advance of θ_n per kick"),
+                "frequency": (float(rotation), "Ω of the fitted κ̄ + Δκ cos 2π(φ0 + nΩ)"),
+                "modulation": (modulation, "Δκ of the fitted forcing"),
+                "kicks": (asked[site][2], "kicks that eliminate all starts in the recorded field"),
+                "kicks_fitted": (fitted, "kicks that eliminate all starts in the fitted forcing"),
+                "omega": (orbit[1].mean() % 1, "turns per kick of the longest-lived start"),
+                "escape": (float(here.escape), "kicks until the first particle has escaped"),
+            }
+        )
+    variables = {
+        name: ("coupling", [row[name][0] for row in rows], described(words))
+        for name, (_, words) in rows[0].items()
+    }
+    for name, values in zip("xy", np.stack(orbits, axis=1), strict=True):
+        words = described(f"{name} of the longest-lived start's orbit, from the wave's")
+        variables[name] = ("coupling", "step"), values % 1, words
+    title = {"title": "Barriers in the recorded field", "source": "nasm/converse_kam/sequence.py"}
+    return xr.Dataset(
+        variables,
+        {"coupling": fields.coupling},
+        {**title, "asked": half // 2, "horizon": sequence.HORIZON},
+    )
+
+
+def _orbit(kappa, theta, site, x, y, life, drift):
+    """Return x - θ_n and y - drift of a start before the kick of `site`, up to its elimination."""
+    end = int(min(site + life, kappa.size))
+    points = [(x, y)]
+    for strength, phase in zip(kappa[site:end], theta[site:end], strict=True):
+        points.append(phased_kick(strength, phase, *points[-1]))
+    x, y = np.transpose(points[:-1])
+    return np.array([x - theta[site:end], y - drift])
+
+
+def settling():
+    """The golden circle of κ = 0.9 and the curve that comes to it under κ_n = 0.9 + 0.5 e^(-n/5).
+
+    x, y with dims (curve, point): before the first kick, before kick `asked`, and the circle;
+    denied: whether converse KAM, asked at the first kick, denies the point.
+    """
+    kappa = LIMIT + EXCESS * np.exp(-np.arange(40 * TIME) / TIME)
+    angle = np.arange(POINTS) / POINTS
+    x, y = circles.graph(circles.invariant_circle(parse("gamma"), (LIMIT,)))
+    x = angle + fourier.resample(x - np.arange(x.size) / x.size, POINTS)
+    y = fourier.resample(y, POINTS)
+    curves = [sequence.asymptotic(kappa[n:], 0.0, LIMIT, x, y) for n in (0, ASKED)]
+    denied = np.isfinite(sequence.elimination_time(kappa, 0.0, 0, *curves[0]))
+    xs, ys = np.stack([*curves, (x, y)], axis=1)
+    slopes = 1 + fourier.derivative(xs - angle)
+    dims = ("curve", "point")
+    constants = {"limit": LIMIT, "excess": EXCESS, "time": TIME, "asked": ASKED}
+    return xr.Dataset(
+        {
+            "x": (dims, xs, described("x on the lift")),
+            "y": (dims, ys, described("y")),
+            "denied": ("point", denied.astype("int8"), described("denied by converse KAM")),
+            "area": ("curve", np.mean(ys * slopes, axis=1), described("area below the curve")),
+            "kicks": (
+                (),
+                sequence.longest_lived(kappa, 0.0, ASKED)[2],
+                described(f"kicks that eliminate all starts on a line before kick {ASKED}"),
+            ),
+        },
+        {"point": ("point", angle, described("angle θ of the circle, in turns"))},
+        {"title": "An asymptotic circle", **constants},
+    )

@@ -1,0 +1,327 @@
+"""The command line that all commands share: options, and how a command is made.
+
+Heavy imports wait until the options are parsed, so that --help comes at once.
+"""
+
+import functools
+import sys
+from contextlib import nullcontext
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+
+import click
+
+for name in ("nasm", "pipeline"):
+    ours, found = Path(__file__).parents[2] / name, getattr(find_spec(name), "origin", None)
+    if found is None or not ours.samefile(Path(found).parent):
+        sys.exit(
+            f"the package {name} in {ours} is hidden by another one of that name, {found}; install "
+            "this program into an environment of its own"
+        )
+
+from nasm import __version__  # noqa: E402
+from nasm.arithmetic.memory import keep_freed_memory  # noqa: E402
+
+COMMON = {"help_option_names": ["-h", "--help"]}
+version = click.version_option(__version__, message="nasm %(version)s")
+
+
+def command(**settings):
+    """Make a function a click command.
+
+    Ctrl-C before or after its sweeps ends it with code 130; a proof without python-flint, with 1.
+    """
+
+    def decorate(function):
+        @click.command(context_settings=COMMON | settings)
+        @version
+        @functools.wraps(function)
+        def wrapped(**options):
+            keep_freed_memory()
+            try:
+                return function(**options)
+            except KeyboardInterrupt:
+                click.echo("abandoned; run the same command again to resume", err=True)
+                sys.exit(130)
+            except ImportError as error:
+                if error.name != "flint":
+                    raise
+                raise click.ClickException(str(error)) from None
+
+        return wrapped
+
+    return decorate
+
+
+def commands():
+    """Return the names of all commands: each .py of `workflows`, and each package that runs."""
+    here = Path(__file__).parents[1]
+    names = [path.stem for path in here.glob("[!_]*.py")]
+    return sorted(names + [path.parent.name for path in here.glob("*/__main__.py")])
+
+
+def main_of(name):
+    """Return the click command of `workflows.NAME`, a module or a package."""
+    module = import_module(f"workflows.{name}")
+    return getattr(module, "main", None) or import_module(f"{module.__name__}.__main__").main
+
+
+def together(*options):
+    """Make one decorator of several options; --help shows them in this order."""
+    return lambda function: functools.reduce(lambda f, option: option(f), options[::-1], function)
+
+
+def _number(kind, name, default, low, high, help, multiple=False):
+    return click.option(
+        name, default=default, show_default=True, type=kind(low, high), help=help, multiple=multiple
+    )
+
+
+class _RealRange(click.FloatRange):
+    def convert(self, value, param, ctx):
+        number = super().convert(value, param, ctx)
+        if number != number:  # click lets NaN through
+            self.fail(f"{value} is not in the range {self._describe_range()}.", param, ctx)
+        return number
+
+
+# Options that take a number from low to high; `multiple` lets them be repeated.
+whole = functools.partial(_number, click.IntRange)
+real = functools.partial(_number, _RealRange)
+
+
+def parsed(name, default, parse, metavar, help, multiple=False):
+    """Make an option whose text, or tuple of texts, `parse` reads or refuses by ValueError.
+
+    name : of the option, or several with spaces between.
+    """
+
+    def callback(context, parameter, text):
+        try:
+            return parse(text)
+        except ValueError as error:
+            raise click.BadParameter(str(error)) from None
+
+    told = {"show_default": True, "metavar": metavar, "help": help, "multiple": multiple}
+    return click.option(*name.split(), default=default, callback=callback, **told)
+
+
+def axis(name, default, help):
+    """Make an option LO:HI:N that gives a grid.Axis."""
+
+    def parse(text):
+        from pipeline.sweep.grid import parse_axis
+
+        return parse_axis(text)
+
+    return parsed(name, default, parse, "LO:HI:N", help)
+
+
+def increasing(name, default, largest, help):
+    """Make an option N[,N...] that gives a list of increasing whole numbers from 1, or None."""
+
+    def parse(text):
+        if text is None:
+            return None
+        numbers = [int(number) if number.isdecimal() else 0 for number in text.split(",")]
+        if sorted(set(numbers)) != numbers or numbers[0] < 1 or numbers[-1] > largest:
+            words = f"must be increasing whole numbers from 1 to {largest}, e.g. 100,1000"
+            raise ValueError(f"{text!r} {words}")
+        return numbers
+
+    return parsed(name, default, parse, "N[,N...]", help)
+
+
+def _plane(text):
+    from nasm.planes import from_json, parse
+
+    try:
+        if text is None or not text.endswith(".json"):
+            return text and parse(text)
+        return from_json(Path(text).read_bytes())
+    except (OSError, ValueError) as error:
+        raise ValueError(f"{text}: {error}") from None
+
+
+_PLANES = "two-kicks, rotating:1/3,1/48 (frequency, phase), three-kicks:0.2 or FILE.json."
+plane_option = parsed("--plane", "two-kicks", _plane, "PLANE", f"Plane of forcings: {_PLANES}")
+point_option = parsed("--plane", None, _plane, "PLANE", f"KAPPA is a point of it: {_PLANES}")
+
+
+def full_option(effort, **settings):
+    """Make --full: the long form of a command, by other defaults of its options.
+
+    effort : what it takes, in words.
+    """
+
+    def callback(context, parameter, value):
+        if value:
+            context.default_map = settings | (context.default_map or {})
+
+    values = {
+        name: [value] if isinstance(value, str | int) else value for name, value in settings.items()
+    }
+    words = " ".join(
+        f"--{name.replace('_', '-')} {each}" for name, value in values.items() for each in value
+    )
+    help = f"The long form, {effort}: {words} are then the defaults."
+    eager = {"is_eager": True, "expose_value": False, "callback": callback}
+    return click.option("--full", is_flag=True, help=help, **eager)
+
+
+def ray_options(default):
+    """Make --angles and --tips, the rays that `rays.ray_angles` returns."""
+    return together(
+        whole("--angles", default, 2, 10**6, "Rays, from 0 to 180 degrees."),
+        whole("--tips", 8, 0, 1000, "More rays on each side of two kicks' cusps, at 45, 135 deg."),
+    )
+
+
+def plane_options(kappa1, kappa2, n_max, n_orbits, tile, levels):
+    """Make the options of a plane of escape times, as `plane.grid_of` takes them."""
+    return together(
+        axis("--kappa1 --first", kappa1, "First coordinate: lower end, upper end, cells."),
+        axis("--kappa2 --second", kappa2, "Second coordinate, likewise."),
+        whole(
+            "--n-max",
+            n_max,
+            1,
+            10**12,
+            "Steps (periods of the forcing) up to which orbits are followed.",
+        ),
+        increasing("--n-orbits", str(n_orbits), 10**8, "Orbits; several: nested ensembles."),
+        whole("--tile", tile, 1, 4096, "Cells along each side of a tile, the unit of work."),
+        whole("--levels", levels, 1, 12, "Levels of refinement; 1 computes every cell."),
+        increasing(
+            "--follow",
+            None,
+            10**12,
+            "Refine along, and draw, the boundaries {n* <= N} of these N.  [default: n-max]",
+        ),
+    )
+
+
+def _directory(context, parameter, out):
+    if "://" in out:  # the message does not repeat a URL, which may hold a password
+        raise click.UsageError(
+            "--out is a directory, for tables and figures too; only the cubes of a sweep can be "
+            "elsewhere, by --store URL"
+        )
+    return out
+
+
+def _url(context, parameter, store):
+    if store is not None and "://" not in store:
+        raise click.BadParameter("--store is a URL, s3://BUCKET/PREFIX; a directory goes to --out")
+    return store
+
+
+out_option = click.option(
+    "--out",
+    default="out",
+    show_default=True,
+    callback=_directory,
+    help="Directory of the results; an earlier run in it is resumed.",
+)
+store_option = click.option(
+    "--store",
+    metavar="URL",
+    callback=_url,
+    help="Keep the cubes in an object store, s3://BUCKET/PREFIX (or gs://, az://), not in OUT. "
+    "Credentials come from the environment.",
+)
+cluster_options = together(
+    click.option(
+        "--workers",
+        type=click.IntRange(1, 4096),
+        help="Worker processes on this machine.  [default: one per core]",
+    ),
+    click.option(
+        "--scheduler",
+        metavar="ADDRESS|FILE",
+        help="Compute on a running dask scheduler, tcp://HOST:PORT, tls://HOST:PORT or the path of "
+        "its scheduler file, whose workers see the same files, instead of on this machine.",
+    ),
+    click.option(
+        "--tls",
+        nargs=3,
+        type=click.Path(exists=True, dir_okay=False),
+        metavar="CA CERT KEY",
+        help="Certificate files for a tls:// scheduler.",
+    ),
+)
+
+
+def announce_kernels():
+    """Say so if the kernels have to be compiled first."""
+    from nasm.arithmetic.kernels import are_missing
+
+    if are_missing():
+        click.echo("compiling kernels, once per machine: about 20 s", err=True)
+
+
+def place_options(function):
+    """Add --out and --store, and pass the Place of the cubes on as `place`."""
+
+    @out_option
+    @store_option
+    @functools.wraps(function)
+    def wrapped(out, store, **options):
+        from workflows.shared.run import place_of
+
+        return function(place=place_of(out, store), **options)
+
+    return wrapped
+
+
+def draws(function):
+    """Add --column, within which the function draws and saves its figures."""
+
+    @click.option(
+        "--column",
+        is_flag=True,
+        help="Figures for a column of a journal: 3.4 in wide, 8 pt, without titles.",
+    )
+    @functools.wraps(function)
+    def wrapped(column, **options):
+        from workflows.figures import style
+
+        with style.column() if column else nullcontext():
+            return function(**options)
+
+    return wrapped
+
+
+def writes(function):
+    """Add --out and --column, and pass a Run without workers on as `run`."""
+
+    @draws
+    @out_option
+    @click.option(
+        "--dry-run",
+        is_flag=True,
+        help="Print the tiles, files, MB and CPU hours of the sweeps, and do nothing.",
+    )
+    @functools.wraps(function)
+    def wrapped(out, dry_run, store=None, workers=None, scheduler=None, tls=None, **options):
+        if not dry_run:
+            click.echo(f"loading; results go to {out}", err=True)  # the imports take seconds
+        from workflows.shared.run import Run, place_of
+
+        announce_kernels()
+        cluster = {"n_workers": workers, "scheduler": scheduler, "tls": tls}
+        run = Run(out, place_of(out, store), cluster, dry_run)
+        try:
+            return function(run=run, **options)
+        except ValueError as error:
+            if run.started:
+                raise
+            raise click.UsageError(str(error)) from None
+
+    return wrapped
+
+
+def sweeps(function):
+    """Add --out, --store and the options of the cluster, and pass a Run on as `run`."""
+    return writes(together(store_option, cluster_options)(function))

@@ -1,0 +1,198 @@
+"""Direct iteration on rays: beyond which excess x, s = s_c·(1 + x), do orbits escape?
+
+The bias s_N/s_c - 1 of the boundary {n* ≤ N} falls like N^(-1/η).
+"""
+
+from itertools import product
+
+import numpy as np
+import xarray as xr
+
+from nasm import orbits
+from nasm.planes import plane_of, two_kicks
+from nasm.symmetries import ray
+from nasm.verdict import Answer, verdict
+from pipeline.cubes.escape import beyond, steps_beyond
+from workflows.shared.tables import ANGLE, described, strengths
+
+INSETS = ((0.526, 0.69), (0.526, 0.73), (-0.69, 0.525), (-0.73, 0.525))
+INSET_START = (0.5, 0.44)
+INSET_STEPS = 3_000_000
+_PIXELS = 400
+
+
+def steps_up_to(n_max):
+    """Return 33 numbers of steps from 100 to n_max, equally spaced in the logarithm."""
+    return np.unique(np.rint(np.geomspace(100, n_max, 33)).astype(int))
+
+
+def bias_job(scales, sizes, n_max):
+    """Return the job of the cube `escape_rays`: excesses from 1% to 100%, sixty a decade."""
+    return beyond("escape_rays", two_kicks(), scales, np.geomspace(0.01, 1, 121), sizes, n_max)
+
+
+def boundary_job(barrier, n_max, n_orbits):
+    """Return the job of `direct_boundary`: one ensemble, thirty excesses a decade from 1%."""
+    scales = dict(zip(barrier.angle.values.tolist(), barrier.critical_scale.values, strict=True))
+    return _boundary_job(plane_of(barrier.attrs), scales, n_max, n_orbits)
+
+
+def _boundary_job(plane, scales, n_max, n_orbits):
+    excesses = np.geomspace(0.01, 1, 61)
+    return beyond("direct_boundary", plane, scales, excesses, [n_orbits], n_max)
+
+
+def inwards(run, job):
+    """Sweep the job's cube from the largest excess inwards, on each ray to the first no-escape."""
+    rays = range(job.cube.sizes["angle"])
+    for excess in reversed(range(job.cube.sizes["excess"])):
+        found = run.sweep(job, {(ray, excess) for ray in rays})
+        times = found.escape_time[-1, :, excess].values
+        rays = [ray for ray in rays if times[ray] <= job.cube.settings["n_max"]]
+        if not rays:
+            break
+    return found.load()
+
+
+def foreseen(plane, angles, n_max, n_orbits):
+    """Return a job like that of `boundary_job`, and the tiles that `inwards` will want of it.
+
+    By the law that the bias of direct iteration falls like N^(-1/3).
+    """
+    cube = (job := _boundary_job(plane, dict.fromkeys(angles, 1.0), n_max, n_orbits)).cube
+    steps = steps_beyond(cube.template.excess.values)
+    first = np.flatnonzero(steps >= n_max)[-1:].sum()  # of the excesses at which none escapes
+    sizes = cube.sizes["angle"], range(int(first), cube.sizes["excess"])
+    return job, set(product(range(sizes[0]), sizes[1]))
+
+
+def direct_bias(cube, steps):
+    """Find κ_N/κ_c - 1 for each N of `steps`: the least excess from which on all escape within N.
+
+    NaN where it is not between two excesses of the cube. What is not computed counts as no escape.
+    """
+    n = xr.DataArray(steps, {"n": ("n", steps, described("steps"))}, "n")
+    escaped = (cube.escape_time <= n).isel(excess=slice(None, None, -1))
+    beyond = escaped.cumprod("excess").astype(bool)
+    bias = cube.excess.where(beyond).min("excess")
+    # Where even the least excess escapes, or the largest does not, the boundary is not on the grid.
+    known = beyond.any("excess") & ~beyond.all("excess")
+    words = "boundary of n* <= N, in parts of the breakup, less 1"
+    return bias.where(known).rename("bias").assign_attrs(described(words))
+
+
+def exponent(n, bias):
+    """Fit bias ~ n^(-1/η) by a straight line through the logarithms: η and its standard error.
+
+    NaN, twice, where fewer than four biases are known, or they do not fall.
+    """
+    known = np.isfinite(bias)
+    if known.sum() < 4:
+        return np.nan, np.nan
+    (slope, _), covariance = np.polyfit(np.log(n[known]), np.log(bias[known]), 1, cov=True)
+    if slope >= 0:
+        return np.nan, np.nan
+    return -1 / slope, np.sqrt(covariance[0, 0]) / slope**2
+
+
+def boundary_dataset(found, barrier, steps):
+    """Find the boundary {n* ≤ N} on rays, dims (n, angle).
+
+    critical_scale is s_N, bias s_N/s_c - 1; resolution is how much less s_N might be on the cube's
+    grid. For two kicks, its `asymmetry` too.
+    """
+    plane = plane_of(found.attrs)
+    breakup, angle = barrier.critical_scale.values, found.angle.values
+    bias = direct_bias(found, steps).isel(ensemble=0).transpose("n", "angle").values
+    scale = breakup * (1 + bias)
+    spacing = 1 - float(found.excess[0] / found.excess[1])
+    dims = "n", "angle"
+    words = described("scale from which on some orbit escapes")
+    relative = described("critical_scale in parts of the breakup, less 1")
+    at = strengths(dims, *np.moveaxis(scale[..., None] * ray(angle), -1, 0), plane.axes)
+    if plane == two_kicks():
+        at |= asymmetry(angle, scale, found.escape_time.isel(ensemble=0).values)
+    return xr.Dataset(
+        {
+            "critical_scale": (dims, scale, words),
+            "bias": (dims, bias, relative),
+            "resolution": (dims, spacing * bias * breakup, described("spacing of the scales")),
+            **at,
+        },
+        {
+            "n": ("n", steps, described("steps N")),
+            "angle": ("angle", angle, ANGLE),
+            "excess": found.excess,
+        },
+        {
+            **plane.record,
+            "title": "Boundary of global transport by direct iteration",
+            "n_orbits": int(found.ensemble[0]),
+            "spacing": spacing,
+            "source": "arXiv:1606.04824, Sec. V.B, Figs. 5 and 6",
+        },
+    )
+
+
+def asymmetry(angle, scale, times):
+    """Measure by how much a boundary lacks the symmetry of the square, as variables of a Dataset.
+
+    swap and mirror compare s_N, dims (n, angle), with that of the ray's image in κ1 ↔ κ2 and
+    κ1 → -κ1; swap_times and mirror_times compare n* itself, dims (angle, excess), which no grid
+    rounds. NaN where the image is the ray itself, or not one of the rays.
+    """
+    times = np.where(np.isfinite(times) & (times > 0), times, np.nan)
+    variables = {}
+    for name, image, words in (
+        ("swap", (90 - angle) % 180, "that of the image in κ1 ↔ κ2"),
+        ("mirror", 180 - angle, "that of the image in κ1 → -κ1"),
+    ):
+        other = _of_images(scale, angle, image)
+        apart = 2 * (scale - other) / (scale + other)
+        ratio = np.log(times / _of_images(times.T, angle, image).T)
+        attrs = described(f"critical_scale less {words}, in parts of their mean")
+        variables[name] = ("n", "angle"), apart, attrs
+        variables[f"{name}_times"] = ("angle", "excess"), ratio, described(f"ln of n* over {words}")
+    return variables
+
+
+def _of_images(values, angle, image):
+    """Pick the values, with angles along the last axis, of the rays at the angles `image`."""
+    place = {degrees: i for i, degrees in enumerate(angle.tolist())}
+    there = np.array([place.get(degrees, -1) for degrees in image.round(9).tolist()])
+    return np.where((there < 0) | (there == np.arange(angle.size)), np.nan, values[..., there])
+
+
+def insets_dataset():
+    """Count the visits of one orbit to the parts of the cell; dims (forcing, y, x)."""
+    codes = {Answer.BARRIER: 0, Answer.TRANSPORT: 1, Answer.UNDECIDED: -1}
+    answers = [codes[verdict(kappa).answer] for kappa in INSETS]
+    visits, lowest, highest = [], [], []
+    for kappa in INSETS:
+        x, y = orbits.orbit(kappa, *INSET_START, INSET_STEPS)
+        cells = np.histogram2d(y % 1.0, x % 1.0, _PIXELS, [[0, 1], [0, 1]])[0]
+        visits.append(cells.astype("uint32"))
+        lowest.append(y.min())
+        highest.append(y.max())
+    centres = (np.arange(_PIXELS) + 0.5) / _PIXELS
+    range_of_y = "y of the orbit, not reduced"
+    return xr.Dataset(
+        {
+            "visits": (("forcing", "y", "x"), np.stack(visits), described("points of the orbit")),
+            **strengths("forcing", *np.transpose(INSETS)),
+            "transport": ("forcing", answers, described("1: global; 0: a barrier; -1: undecided")),
+            "lowest": ("forcing", lowest, described(f"least {range_of_y}")),
+            "highest": ("forcing", highest, described(f"largest {range_of_y}")),
+        },
+        {
+            "forcing": ("forcing", range(len(INSETS)), described("forcing")),
+            "y": ("y", centres, described("y mod 1")),
+            "x": ("x", centres, described("x mod 1")),
+        },
+        {
+            "title": "Visits of one orbit to the parts of the cell",
+            "start": list(INSET_START),
+            "steps": INSET_STEPS,
+            "source": "arXiv:1606.04824, Fig. 6",
+        },
+    )

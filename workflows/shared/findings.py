@@ -1,0 +1,109 @@
+"""What a boundary tells, in words: where it is, which circles share it, how sure that is."""
+
+import numpy as np
+
+from nasm.planes import plane_of, two_kicks
+from nasm.symmetries import ray
+from workflows.shared.rays import named
+
+_NAMED = 6  # circles that are named with their share
+
+
+def boundary_found(barrier):
+    """Say which circles share CB_gt, how sure it is, and where it is on two kicks' axes, diagonals.
+
+    barrier : table of `barrier.unfolded`, of rays from 0 to 180 or 360 degrees.
+    """
+    two = plane_of(barrier.attrs) == two_kicks()
+    places, last, where = [], 360, f"up to {float(barrier.angle[-1]):g}°"
+    if two:
+        last, where = 45, "from 0° to 45° (all else are mirror images)"
+    for name, angle in (("axes", 0.0), ("diagonals |κ1| = |κ2|", 45.0)):
+        if two and (barrier.angle == angle).any():
+            here = barrier.sel(angle=angle)
+            kappa, error = (float(here[key]) * ray(angle)[0] for key in ("critical_scale", "error"))
+            circle = named(here.circle.item(), here.tied.item())
+            places.append(f"{kappa:.10g} ± {error:.0e} on the {name} (last circle: {circle})")
+    shares = _shares(barrier.isel(angle=np.flatnonzero(barrier.angle <= last)))
+    large = [entry for entry in shares if entry[1] >= 0.01][:_NAMED]
+    share = ", ".join(f"{circle} {100 * share:.0f}%" for circle, share in large)
+    others = len(shares) - len(large)
+    width = ((barrier.upper - barrier.lower) / barrier.critical_scale).dropna("angle")
+    apart = "no bracket was found"
+    if width.size:
+        apart = (
+            "the boundary lies between a certified circle and converse KAM, in the median "
+            f"{float(width.median()):.1e} of the scale apart, at most {float(width.max()):.1e}"
+        )
+    begins = f"Global transport begins at κ = {'; '.join(places)}. " if two else ""
+    return (
+        f"{begins}The last circle to "
+        f"break is, by share of the angle {where}: {share}"
+        f"{f', and {others} others' if others > 0 else ''}. On {barrier.angle.size} rays {apart}; "
+        f"{int(barrier.critical_scale.isnull().sum())} rays are undecided."
+    )
+
+
+def _shares(barrier):
+    """List (circle, its part of the angle), the largest first."""
+    angle = barrier.angle.values
+    borders = np.r_[angle[0], (angle[1:] + angle[:-1]) / 2, angle[-1]]
+    share = {}
+    for circle, width in zip(barrier.circle.values.tolist(), np.diff(borders), strict=True):
+        key = circle or "undecided"
+        share[key] = share.get(key, 0.0) + width / (borders[-1] - borders[0])
+    return sorted(share.items(), key=lambda item: -item[1])
+
+
+def direct_found(scale, resolution, barrier, n_orbits):
+    """Say how far outside CB_gt direct iteration lies, for each N.
+
+    scale, resolution : DataArrays with dims (n, angle): its boundary, and the cell's width there.
+    """
+    excess = 100 * (scale / barrier.critical_scale - 1)
+    parts = []
+    for n in scale.n.values.tolist():
+        here = excess.sel(n=n).dropna("angle").values
+        if here.size:
+            parts.append(
+                f"within {n} steps {np.median(here):.1f}% ({here.min():.1f} to {here.max():.1f}%) "
+                f"on {here.size} rays"
+            )
+    where = "nowhere in this plane"
+    if parts:
+        cell = 100 * float((resolution / scale).median())
+        where = f"{'; '.join(parts)} (median; its cells are {cell:.2g}% wide)"
+    return (
+        f"Direct iteration of {n_orbits} orbits sees transport only further out: {where}. "
+        "No escape shows no barrier."
+    )
+
+
+def field_found(field):
+    """Say in how much of the plane each ensemble escapes within how many steps.
+
+    field : the cube `escape`.
+    """
+    times, n_max = field.escape_time.load(), field.attrs["n_max"]
+    steps = sorted({max(1, n_max // 10), n_max})
+    parts = []
+    for size in times.ensemble.values.tolist():
+        here = times.sel(ensemble=size)
+        shares = [f"{100 * float((here <= n).mean()):.1f}% within {n}" for n in steps]
+        parts.append(f"of {size} orbits in {' and '.join(shares)}")
+    names, first = plane_of(field.attrs).axes, float(times.min())
+    names = ("κ1", "κ2") if plane_of(field.attrs) == two_kicks() else names
+    ranges = ", ".join(
+        f"{n} = {_ends(times[dim])}" for n, dim in zip(names, times.dims[:0:-1], strict=True)
+    )
+    return (
+        f"Some orbit escapes, which is global transport, in these parts of the plane {ranges}: "
+        f"{'; '.join(parts)} steps. The "
+        f"earliest escape takes {first:g} steps. Where none escapes nothing is shown: with more "
+        "steps the boundary moves inwards like N^(-1/3)."
+    )
+
+
+def _ends(axis):
+    half = float(axis[1] - axis[0]) / 2
+    return f"{float(axis[0]) - half:.3g} to {float(axis[-1]) + half:.3g}"

@@ -1,0 +1,141 @@
+"""What there is to see in a piece of phase space: orbits with their rotation numbers, as Datasets.
+
+The starts are those of `orbits.portrait` in the whole cell. In a box they are spread over the box,
+and only points in it are kept, so that as many are seen however small it is.
+"""
+
+import numpy as np
+import xarray as xr
+
+from nasm import orbits
+from nasm.maps import forcing
+from workflows.shared.tables import described
+
+CELL = (0.0, -0.25, 1.0, 1.0)
+"""Left, bottom, width, height: it does not cut the circles of 0 ≤ ω/P ≤ 1/2."""
+
+_ORBITS, _STEPS = 80, 600
+_AVERAGED = 2000, 10**5  # steps, the least and the most
+_TOGETHER = 10  # orbits that are averaged at once
+_KICKS = 5 * 10**5  # a chunk, of some 10 ms
+_MOST_KICKS, _MOST_POINTS = 10**8, 2 * 10**5  # a second or two; enough for a screen
+
+
+def portrait(kappa):
+    """Return the portrait of the whole cell, as the figure of `ask` has it; see `portraits`."""
+    return next(found for found in portraits(kappa, first=_STEPS) if found is not None)
+
+
+def portraits(kappa, box=CELL, added=(), every=None, first=1000):
+    """Yield the portrait of a box with more and more points, at once and each time it has doubled.
+
+    kappa : one period of kicks. box : as for `orbits.passages`. added : (x, y) of more starts.
+    every : kicks from one point to the next, default one step. first : points of each orbit, in the
+    box or not, until it is yielded for the first time.
+
+    A Dataset of x and y (point), which, the number of its orbit (point); start_x, start_y, omega,
+    NaN if chaotic, and near (orbit): ω in [0, P/2], as ±ω and all ω + P·n are alike. ω is averaged
+    over as many steps as are drawn, 2000 to 10⁵. None now and then in between, so that it may be
+    closed.
+    """
+    kappa = forcing(kappa)
+    starts = np.concatenate([_starts(box), np.reshape(added, (-1, 2))]).T
+    found, state, done, shown = [], starts, 0, first
+    while True:
+        chunk = max(1, _KICKS // (starts[0].size * (every or kappa.size)))
+        steps = min(chunk, shown - done)
+        *points, state = orbits.passages(kappa, *state, steps, box, every)
+        found.append(points)
+        done += steps
+        total = sum(which.size for which, *_ in found)
+        kicks = done * starts[0].size * (every or kappa.size)
+        over = kicks > _MOST_KICKS or total > _MOST_POINTS
+        if done == shown or over:
+            omega = yield from _averages(kappa, starts, int(np.clip(done, *_AVERAGED)))
+            yield _dataset(
+                kappa, box, starts, omega, *map(np.concatenate, zip(*found, strict=True))
+            )
+            shown *= 2
+            if over:
+                return
+        else:
+            yield None
+
+
+def _averages(kappa, starts, n):
+    """Return the rotation numbers, by way of None now and then."""
+    found = []
+    for i in range(0, starts[0].size, _TOGETHER):
+        found.append(orbits.rotation_number(kappa, *starts[:, i : i + _TOGETHER], n)[0])
+        yield None
+    return np.concatenate(found)
+
+
+def _starts(box):
+    """Return starts, shape (n, 2): on x = 0 and 1/2 in the whole cell, else all over the box."""
+    if tuple(box[2:]) == CELL[2:]:
+        x, y = orbits.portrait([0.0], _ORBITS, 0)
+        return np.stack([x[0], y[0]], axis=1)
+    left, bottom, width, height = box
+    # Multiples of powers of the plastic number, mod 1, fill a square as evenly as γ's do a line.
+    places = np.arange(1, _ORBITS + 1)[:, None] * np.array([0.7548776662466927, 0.5698402909980532])
+    return np.array([left, bottom]) + places % 1 * np.array([width, height])
+
+
+def _dataset(kappa, box, starts, omega, which, x, y):
+    half = kappa.size / 2
+    near = abs((omega + half) % (2 * half) - half)
+    words = "rotation number per step, by weighted Birkhoff average; NaN: chaotic"
+    attrs = {"title": "Orbits in a box of phase space", "kappa": kappa.tolist(), "box": list(box)}
+    return xr.Dataset(
+        {
+            "x": ("point", x, described("x", "turn")),
+            "y": ("point", y, described("y, mod 1")),
+            "which": ("point", which.astype("int32"), described("orbit of the point")),
+            "start_x": ("orbit", starts[0], described("x of the orbit's start", "turn")),
+            "start_y": ("orbit", starts[1], described("y of the orbit's start")),
+            "omega": ("orbit", omega, described(words)),
+            "near": ("orbit", near, described("the same in [0, P/2], up to its sign and to P")),
+        },
+        attrs={**attrs, "source": "arXiv:1606.04824, Eqs. (1) and (23)"},
+    )
+
+
+def in_box(box, x, y):
+    """Return a curve as a line in the box: x and y of its points, with NaN where it leaves.
+
+    x, y : arrays, on the lift, in order along the curve.
+    """
+    left, bottom, width, height = box
+    middle = left + width / 2, bottom + height / 2
+    u, v = ((w - centre + 0.5) % 1 - 0.5 for w, centre in zip((x, y), middle, strict=True))
+    jumps = np.flatnonzero((abs(np.diff(u)) > 0.5) | (abs(np.diff(v)) > 0.5)) + 1
+    u, v = np.insert(u, jumps, np.nan), np.insert(v, jumps, np.nan)
+    inside = (abs(u) <= width / 2) & (abs(v) <= height / 2)
+    # One point beyond the edge on either side, so that the line reaches the edge.
+    kept = inside | np.r_[False, inside[:-1]] | np.r_[inside[1:], False]
+    kept |= np.isnan(u) & np.r_[False, kept[:-1]]  # and one gap
+    u, v = np.where(kept, u, np.nan), np.where(kept, v, np.nan)
+    kept |= np.r_[False, kept[:-1]]
+    return middle[0] + u[kept], middle[1] + v[kept]
+
+
+def periodic_orbits(kappa, omega, most=34):
+    """Return the orbits of the convergents of ω with 2 ≤ q ≤ most: a list of (p/q, family, x, y).
+
+    family : "minimax" or "minimizing". ValueError if the forcing has no symmetry centre.
+    """
+    from nasm import periodic
+    from nasm.numbers import convergents
+
+    found = []
+    for fraction in convergents(omega):
+        if fraction.denominator > most:
+            return found
+        for family in ("minimax", "minimizing") if fraction.denominator > 1 else ():
+            p, q = fraction.numerator, fraction.denominator
+            centre = getattr(periodic, f"{family}_centre")(kappa, p, q)
+            points = periodic.cycle(kappa, p, q, centre)
+            if points is not None:
+                found.append((fraction, family, *points))
+    return found

@@ -1,0 +1,241 @@
+"""The run of a command: it holds the store, sweeps, writes, and says what it found and where it is.
+
+Exit codes: 0 done; 1 tiles failed, or the workers are gone, or the disk or the object store failed;
+2 bad input, nothing touched; 130 stopped by Ctrl-C.
+"""
+
+import os
+import sys
+import time
+from contextlib import contextmanager, suppress
+from functools import cache, partial
+from math import prod
+from tempfile import TemporaryDirectory
+
+import click
+import numpy as np
+
+from pipeline import store
+from pipeline.cubes.cube import Cube
+from pipeline.sweep.cluster import ClusterError, connect, credentials
+from pipeline.sweep.grid import tile_coords
+from pipeline.sweep.progress import Progress, duration
+from pipeline.sweep.sweep import sweep
+from workflows.figures.style import save
+from workflows.shared.tables import write
+
+MAX_REASONS = 10  # failed tiles whose reasons are printed
+_PROBING = 0.3  # CPU seconds for which an estimate of a sweep's time looks at its tiles
+_LONG = 5  # CPU seconds of work that are announced
+
+
+def place_of(out, url=None):
+    """Return the Place of the cubes: the URL if there is one, or else the directory `out`."""
+    try:
+        return store.place_of(url or out)
+    except store.Refused as error:
+        raise click.UsageError(str(error)) from None
+
+
+def cubes_of(place):
+    """Return the names of the cubes in a place; a usage error if it holds none."""
+    if names := store.names(place):
+        return names
+    raise store.Refused(f"{place} holds no cubes; give the --out or --store of a run")
+
+
+class Run:
+    """The run of one command: it writes cubes into its place, tables and figures into OUT.
+
+    out : directory of tables and figures.
+    place : Place of the cubes.
+    cluster : arguments of `cluster.connect`.
+    dry : only say what would be computed, and end.
+    """
+
+    def __init__(self, out, place, cluster=None, dry=False):
+        self.out, self.place, self.cluster, self.dry = out, place, cluster, dry
+        self.client, self.started = None, False
+        self.plan, self.begun = {}, {}
+        self.words, self.written = [], {}
+
+    @contextmanager
+    def driving(self, seconds=0):
+        """Hold the place as its one driver; at the end print what was found, and where it is.
+
+        seconds : CPU time, about, of what is computed without sweeps.
+        """
+        with explained(self.place):
+            self._announce(seconds)
+            with store.driving(self.place):
+                self.started = True
+                os.makedirs(self.out, exist_ok=True)
+                foreseen = {name: (n, cpu) for name, (n, _, _, cpu) in self.plan.items()}
+                with Progress("computing", sys.stderr, foreseen) as self.line:
+                    yield self
+        self._finish()
+
+    @contextmanager
+    def sweeping(self, *jobs, later=(), seconds=0):
+        """As `driving`, with workers for the sweeps; refuse a place with other settings first.
+
+        jobs : the Jobs of sweeps.
+        later : of further sweeps, which depend on the results of these: (Job that costs about as
+            much, the set of tiles that it will want, or None for all).
+        """
+        with explained(self.place):
+            for job in jobs:
+                self.check(job.cube)
+            for job, wanted in [*((job, None) for job in jobs), *later]:
+                self.plan[job.cube.name] = _expected(self.place, job, wanted)
+            with connect(**self.cluster) as client, self.driving(seconds):
+                self.client = partial(_told, client, self.cluster.get("scheduler"))
+                yield self
+
+    def _announce(self, besides):
+        """Say how long it will take; end the program here if this is all that was asked for.
+
+        besides : CPU seconds of what is not swept.
+        """
+        tiles, files, size, seconds = np.sum([(0,) * 4, *self.plan.values()], axis=0)
+        seconds += besides
+        if self.dry:
+            for name, (n, *parts, cpu) in self.plan.items():
+                click.echo(_planned(name, n, *parts, cpu))
+            click.echo(_planned("in all", tiles, files, size, seconds))
+            sys.exit()
+        if seconds > _LONG:
+            swept = f"{len(self.plan)} sweeps, {tiles:.0f} tiles, " if self.plan else ""
+            click.echo(f"{swept}about {duration(seconds)} of CPU time", err=True)
+
+    def check(self, cube):
+        """Refuse to go on if the place holds this cube with other settings."""
+        with explained(self.place):
+            store.check(self.place, cube, store.computed_by())
+
+    def sweep(self, job, wanted=None):
+        """Compute the missing tiles of the job's cube, or those `wanted`; return it as a Dataset.
+
+        The program ends if tiles fail, and on Ctrl-C.
+        """
+        name = job.cube.name
+        number = self.begun.setdefault(name, len(self.begun) + 1)
+        self.line.go_on(f"sweep {number} of {len(self.plan)}, {name}", name)
+        outcome = sweep(self.client, self.place, job, wanted, self.line)
+        self.line.name = "computing"
+        _go_on(outcome)
+        self._note("cubes", self.place.cube(name))
+        return store.read(self.place, name)
+
+    def keep(self, name, dataset, tile=None, **settings):
+        """Write a cube that no sweep computes, whole; return it as a Dataset."""
+        cube = Cube(name, dataset, tile or {}, settings)
+        store.replace(self.place, cube, store.computed_by())
+        self._note("cubes", self.place.cube(name))
+        return dataset.assign_attrs(settings)
+
+    def table(self, name, dataset):
+        """Write a Dataset as OUT/NAME.csv."""
+        write(dataset, self.path("tables", f"{name}.csv"))
+
+    def figure(self, name, figure, caption=""):
+        """Write OUT/NAME.png and .pdf, and the caption beside them; the caption is printed too."""
+        for path in save(figure, self.out, name, caption):
+            self._note("figures", path)
+        self.say(caption)
+
+    def path(self, kind, name):
+        """Return the path OUT/NAME of a file, named at the end among those of its kind."""
+        return self._note(kind, f"{self.out}/{name}")
+
+    def say(self, words):
+        """Print a finding at the end, before the paths."""
+        self.words.append(words)
+
+    def _note(self, kind, path):
+        self.written.setdefault(kind, {})[path] = None  # once, in order
+        return path
+
+    def _finish(self):
+        for line in "\n".join(self.words).splitlines():
+            click.echo(click.wrap_text(line, 100))
+        for kind, paths in self.written.items():
+            click.echo(f"{kind + ':':9}{', '.join(paths)}")
+
+
+@contextmanager
+def explained(place):
+    """End the program with one line and exit code 2 or 1 for what the user can mend."""
+    try:
+        with store.explained(place):
+            yield
+    except (store.Refused, ClusterError) as error:
+        raise click.UsageError(str(error)) from None
+    except store.StoreFailed as fault:
+        again = "What is committed stays; run the same command again to resume"
+        raise click.ClickException(f"{fault}. {again}") from None
+    except OSError as error:  # no workers, or no room for a table
+        raise click.ClickException(str(error)) from None
+
+
+@cache
+def _told(connect, scheduler):
+    """Connect to the workers, and say that they are waited for."""
+    words = "starting workers on this machine" if scheduler is None else "connecting to the workers"
+    click.echo(words, err=True)
+    return connect()
+
+
+@contextmanager
+def shared_workers(scheduler, n_workers, tls):
+    """Yield the options by which several commands, run in turn, compute on the same workers."""
+    if scheduler is not None:
+        yield ["--scheduler", scheduler, *(["--tls", *tls] if tls else [])]
+        return
+    with connect(n_workers=n_workers) as client, TemporaryDirectory() as folder:
+        tls = credentials(client(), folder)
+        yield ["--scheduler", client().scheduler.address, "--tls", *tls]
+
+
+def _expected(place, job, wanted):
+    """Return what is to be computed of the job's cube: tiles, files, MB, CPU seconds.
+
+    The seconds are predicted from some of the tiles. wanted : set of tiles, or None for all.
+    """
+    cube, begun = job.cube, False
+    with suppress(store.Refused):  # the place does not exist
+        begun = cube.name in store.names(place)
+    tiles = store.missing(place, cube) if begun else np.argwhere(np.ones(store.tile_counts(cube)))
+    if wanted is not None:
+        tiles = tiles[[tuple(index) in wanted for index in tiles.tolist()]]
+    costs, end = [], time.thread_time() + _PROBING
+    for _, coords in tile_coords(cube, np.random.default_rng(0).permutation(tiles)):
+        costs.append(float(job.predict(coords, cube.settings)))
+        if time.thread_time() > end:
+            break
+    files = len(tiles) * (len(cube.computed) + 1)
+    size = cube.template.nbytes / 1e6 * len(tiles) / prod(store.tile_counts(cube))
+    return len(tiles), files, size, len(tiles) * sum(costs) / max(1, len(costs))
+
+
+def _planned(name, tiles, files, size, seconds):
+    """Return a line of --dry-run. The commit record of a tile is a file, too."""
+    hours = f"{seconds / 3600:.2g} CPU hours"
+    return f"{name:24} {tiles:8.0f} tiles {files:9.0f} files {size:9.3g} MB {hours:>18}"
+
+
+def _go_on(outcome):
+    """Go on after a complete sweep; after any other end the program and say how to resume."""
+    failed = sorted(outcome.failed.items())
+    for index, reason in failed[:MAX_REASONS]:
+        click.echo(f"tile {index} failed: {reason}", err=True)
+    if len(failed) > MAX_REASONS:
+        click.echo(f"... and {len(failed) - MAX_REASONS} more", err=True)
+    if outcome.interrupted:
+        missing = f"stopped with {outcome.remaining} tiles of this sweep missing"
+        click.echo(f"{missing}; run the same command again to resume", err=True)
+        sys.exit(130)
+    if failed:
+        missing = f"{len(failed)} tiles failed and stay missing"
+        click.echo(f"{missing}; run the same command again to retry them", err=True)
+        sys.exit(1)

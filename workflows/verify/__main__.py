@@ -1,0 +1,48 @@
+"""Is every number in the store still what was written?
+
+All chunks are read and compared with their checksums. With --repair damaged tiles become missing:
+the next run of the command that computed them computes them again, and no others. With --proofs
+what is called proved is compared with the certificates, and these are checked by a second program.
+"""
+
+import sys
+from contextlib import nullcontext
+
+import click
+
+from workflows.shared.cli import command, place_options, real
+
+
+@command()
+@click.option("--repair", is_flag=True, help="Free what is damaged, to be computed again.")
+@click.option("--proofs", is_flag=True, help="Check certificates too, with the extra `proof`.")
+@real("--longest", 60, 0, 1e9, "CPU seconds: certificates that take longer are not checked.")
+@place_options
+def main(place, repair, proofs, longest):
+    """Verify all cubes of a store; exit code 1 if damage is found and not repaired."""
+    from pipeline import store
+    from workflows.shared.run import cubes_of, explained
+
+    n_damaged = 0
+    with explained(place), store.driving(place) if repair else nullcontext():
+        for name in cubes_of(place):
+            damaged = list(store.verify(place, name, repair))
+            n_damaged += len(damaged)
+            click.echo(f"{name}: {len(damaged)} tiles damaged" if damaged else f"{name}: sound")
+            for index, what in damaged:
+                click.echo(f"  {f'tile {index}: {what}' if index else what}")
+        if proofs:
+            from nasm.proofs.barrier import need_flint
+
+            need_flint()
+            from workflows.verify.certified import verify_proofs
+
+            n_damaged += verify_proofs(place, longest, repair)
+    if n_damaged:
+        again = "run again the commands that computed these cubes"
+        click.echo(f"repaired: now {again}" if repair else f"add --repair, then {again}", err=True)
+    sys.exit(bool(n_damaged) and not repair)
+
+
+if __name__ == "__main__":
+    main()
