@@ -55,6 +55,12 @@ def test_two_processes_that_write_at_once_keep_both_their_kernels(run):
     assert run("int,float") == "2.5 2.5 2 False"
 
 
+def test_of_processes_that_miss_a_kernel_one_compiles_it_and_the_others_load_it(run):
+    writers = [run.start("float", "slowly") for _ in range(3)]
+    answers = sorted(writer.communicate(timeout=120)[0] for writer in writers)
+    assert answers == ["2.5 0 False\n", "2.5 1 False\n", "2.5 1 False\n"]
+
+
 def test_a_kernel_is_compiled_once_and_again_if_a_bit_of_its_files_has_changed(run, tmp_path):
     assert [run("float") for _ in range(2)] == ["2.5 0 False", "2.5 1 False"]
     for suffix in ("nbc", "nbi"):

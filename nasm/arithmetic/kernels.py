@@ -6,7 +6,8 @@
   compiled into it. Here the directory's name is a digest of all sources of this package and of the
   version of rocket-fft; Numba keys by its own version, the processor and the types. So another
   version has a directory of its own.
-- *Many processes.* Two that write at once would give two entries one number, so writers take turns.
+- *Many processes.* Of those that miss a kernel one compiles it, and the others wait and load it:
+  a lock is held from the miss until the kernel is kept.
 - *No harm.* Where nothing can be written or read, on a full disk, or from a damaged file, a kernel
   is compiled as if there were no cache. Each file ends with a digest of its content: machine code
   with one bit changed would crash every process that loads it.
@@ -38,7 +39,7 @@ __all__ = ["are_missing", "directory", "kernel"]
 __dir__ = __all__.copy
 
 _UNUSED = 30 * 24 * 3600  # seconds after which the kernels of another version are deleted
-_PATIENCE = 10  # seconds to wait for another writer
+_PATIENCE = 60  # seconds to wait for another process that compiles the same kernel
 
 
 def kernel(function=None, **options):
@@ -135,17 +136,28 @@ class _Cache(FunctionCache):
         stamp = self._impl.locator.get_source_stamp()
         self._cache_file = _Files(self._cache_path, self._impl.filename_base, stamp)
 
+        self._lock = None
+
     def load_overload(self, sig, target_context):
-        try:
-            return super().load_overload(sig, target_context)
-        except Exception:  # a damaged file may raise anything when it is unpickled
-            self._alone(self.flush)
-
-    def save_overload(self, sig, data):
-        self._alone(super().save_overload, sig, data)
-
-    def _alone(self, write, *args):
+        with suppress(Exception):  # a damaged file may raise anything when it is unpickled
+            if (found := super().load_overload(sig, target_context)) is not None:
+                return found
         from filelock import FileLock  # 0.1 s to import, and mostly not needed
 
-        with suppress(OSError), FileLock(directory() / ".lock", timeout=_PATIENCE):
-            write(*args)
+        self._lock = self._lock or FileLock(f"{self._cache_file._index_path}.lock")
+        found = None
+        with suppress(OSError):
+            self._lock.acquire(timeout=_PATIENCE)
+            try:
+                found = super().load_overload(sig, target_context)
+            except Exception:
+                self.flush()
+            if found is not None:
+                self._lock.release()
+        return found
+
+    def save_overload(self, sig, data):
+        if self._lock.is_locked:
+            with suppress(OSError):
+                super().save_overload(sig, data)
+            self._lock.release()

@@ -119,20 +119,24 @@ def direct_iteration(verdict, escaping):
 
 
 def asked_of_period(place, prove, strengths):
-    """Return the verdict on one period of kicks in words, and its figure; ValueError if it is long.
+    """Return the verdict on one period of kicks in words, and a function that draws its figure.
 
-    place : (Plane, its two coordinates), or None. prove : bool.
+    place : (Plane, its two coordinates), or None. prove : bool. ValueError if the period is long.
     """
     from nasm.verdict import Answer, verdict
-    from workflows.figures.ask import draw_verdict
 
     found = verdict(strengths, prove)
     transport = found.answer is Answer.TRANSPORT
     far = not found.boundary.value > _NEAR  # NaN: not known to be near
     escaping = escaping_orbit(strengths) if transport and far else None
     told = sentences(strengths, place, found) + direct_iteration(found, escaping)
-    told = "\n".join(told)
-    return told, draw_verdict(portrait_of(strengths, place, found, escaping))
+    return "\n".join(told), partial(_drawn, strengths, place, found, escaping)
+
+
+def _drawn(*asked):
+    from workflows.figures.ask import draw_verdict  # loading it takes as long as the verdict
+
+    return draw_verdict(portrait_of(*asked))
 
 
 @command(ignore_unknown_options=True)
@@ -151,9 +155,10 @@ def asked_of_period(place, prove, strengths):
     help="A text file with kicks that come once and do not repeat, any number, likewise.",
 )
 @click.option("--prove", is_flag=True, help="Prove the answer, if 20 s are enough.")
+@click.option("--pdf", is_flag=True, help="The figure as PDF too.")
 @draws
 @out_option
-def main(kappa, plane, sequence, once, prove, out):
+def main(kappa, plane, sequence, once, prove, pdf, out):
     """Transport or barrier under kicks of strengths KAPPA ... in turn? With a portrait in OUT.
 
     They are one period of the forcing, up to 64 kicks: 0.3 0.2 0.25. Strengths are dimensionless,
@@ -177,7 +182,7 @@ def main(kappa, plane, sequence, once, prove, out):
     else:
         asked_one = partial(asked_of_period, place, prove)
     try:
-        told, figure = asked_one(strengths)
+        told, draw = asked_one(strengths)
     except ValueError as error:
         raise click.UsageError(f"{error}. Kicks that come once go to --once FILE") from None
     click.echo(told)
@@ -188,8 +193,9 @@ def main(kappa, plane, sequence, once, prove, out):
     asked += [Path(path).stem for path in files.values()] or map(str, kappa[:SHOWN])
     asked += [f"{crc32(strengths):08x}"] if len(kappa) > SHOWN else []  # of all of them
     name = "_".join(["ask", *asked]).replace(":", "-").replace("/", "-").replace(",", "-")
+    kinds = ("png", "pdf") if pdf else ("png",)
     try:
-        click.echo(f"figures: {', '.join(save(figure, out, name, told))}")
+        click.echo(f"figures: {', '.join(save(draw(), out, name, told, kinds))}")
     except OSError as error:
         raise click.ClickException(f"--out={out}: {error.strerror}; no figure is kept") from None
 

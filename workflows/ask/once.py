@@ -1,16 +1,17 @@
 """A finite sequence of kicks that come once: may a barrier survive them? For `workflows.ask`."""
 
+from functools import partial
+
 import numpy as np
 
 from nasm import escape
 from nasm.converse_kam import sequence
-from workflows.figures.ask import draw_once
 
 _ORBITS, _STARTS = 256, 2000
 
 
 def asked_once(kappa):
-    """Return what converse KAM and orbits tell of the kicks, in words, and its figure."""
+    """Return what converse KAM and orbits tell of the kicks, in words, and what draws it."""
     survivor = sequence.last_survivor(kappa)
     lo, hi = escape.PAPER_WINDOW
     first = sequence.escape_time(kappa, 0.0, *escape.ensemble(_ORBITS), (lo, hi)).min()
@@ -18,7 +19,13 @@ def asked_once(kappa):
     x = np.full(_STARTS, survivor.x)
     lives = sequence.elimination_time(kappa, 0.0, survivor.site, x, y)
     told = "\n".join(_told(kappa, survivor, first))
-    return told, draw_once(kappa, survivor, y, lives)
+    return told, partial(_drawn, kappa, survivor, y, lives)
+
+
+def _drawn(*found):
+    from workflows.figures.ask import draw_once  # loading it takes longer than the answer
+
+    return draw_once(*found)
 
 
 def _told(kappa, survivor, first):

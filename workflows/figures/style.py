@@ -89,7 +89,7 @@ def panels(rows, columns, width, height, **settings):
     return figure, list(axes.flat)
 
 
-def save(figure, out, name, caption=""):
+def save(figure, out, name, caption="", kinds=("png", "pdf")):
     """Write the figure as NAME.png and NAME.pdf, and its caption, if it has one, as NAME.txt.
 
     Several panels are lettered. Returns the paths of the pictures, which carry the caption too.
@@ -97,8 +97,9 @@ def save(figure, out, name, caption=""):
     letter(figure)
     if in_column():
         _without_titles(figure)
-    paths = [f"{out}/{name}.{kind}" for kind in ("png", "pdf")]
-    for path, key in zip(paths, ("Description", "Subject"), strict=True):
+    paths = [f"{out}/{name}.{kind}" for kind in kinds]
+    for path in paths:
+        key = "Subject" if path.endswith("pdf") else "Description"
         figure.savefig(path, dpi=300 if in_column() else 200, metadata={key: caption})
     if "matplotlib.pyplot" in sys.modules:  # which keeps its figures; importing it takes a while
         sys.modules["matplotlib.pyplot"].close(figure)

@@ -5,7 +5,6 @@ Heavy imports wait until the options are parsed, so that --help comes at once.
 
 import functools
 import sys
-from contextlib import nullcontext
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
@@ -285,9 +284,11 @@ def draws(function):
     )
     @functools.wraps(function)
     def wrapped(column, **options):
+        if not column:
+            return function(**options)
         from workflows.figures import style
 
-        with style.column() if column else nullcontext():
+        with style.column():
             return function(**options)
 
     return wrapped
