@@ -15,7 +15,7 @@ ROOT = Path(__file__).parent.parent
 SCRIPT = """
 import sys, time
 from numba.core.caching import IndexDataCacheFile
-from nasm import kernels
+from nasm.arithmetic import kernels
 
 if "slowly" in sys.argv:  # other writers have time to come between
     save = IndexDataCacheFile._save_index
@@ -75,7 +75,7 @@ def test_a_kernel_is_compiled_once_and_again_if_a_bit_of_its_files_has_changed(r
 def test_kernels_are_missing_until_one_is_kept_but_not_where_none_can_be(run, tmp_path):
     (tmp_path / "file").touch()
     nowhere = {"cache": tmp_path / "file" / "cache"}
-    asked = "-c", "from nasm import kernels; print(kernels.are_missing())"
+    asked = "-c", "from nasm.arithmetic import kernels; print(kernels.are_missing())"
     assert run(*asked) == "True"
     run("float")
     assert run(*asked) == "False"
