@@ -73,17 +73,16 @@ def tile_coords(cube, indices):
 
     indices : int array (tiles, tiled dims).
     """
-    known = {k: v for k, v in cube.template.coords.items() if k not in cube.computed}
-    known = {name: (array.values, array.dims) for name, array in known.items()}
+    sizes, whole, cut = cube.sizes, {}, {}
+    for name, array in cube.template.coords.items():
+        if name not in cube.computed:
+            # What is whole is one object for all tiles: pickle then writes it once.
+            (cut if cube.tile.keys() & {*array.dims} else whole)[name] = array.values, array.dims
+    whole = {name: values for name, (values, _) in whole.items()}
     for index in map(tuple, indices.tolist()):
-        cells = tile_slices(index, cube.sizes, cube.tile)
-        # One object for all tiles where it is whole: pickle then writes it once.
-        yield (
-            index,
-            {
-                name: values[tuple(cells.get(dim, slice(None)) for dim in dims)]
-                if cells.keys() & {*dims}
-                else values
-                for name, (values, dims) in known.items()
-            },
-        )
+        cells = tile_slices(index, sizes, cube.tile)
+        parts = {
+            name: values[tuple(cells.get(dim, slice(None)) for dim in dims)]
+            for name, (values, dims) in cut.items()
+        }
+        yield index, whole | parts

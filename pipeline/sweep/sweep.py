@@ -41,7 +41,8 @@ from pipeline.sweep.progress import Progress
 
 BATCH_SECONDS = 0.5  # of predicted CPU time in a batch: long against 2 ms of scheduling
 BATCH_TILES = 256
-_PROBES = 1000  # about, at most: each costs the driver some milliseconds, whatever is in it
+_PROBE_TILES = 4096  # whose costs are predicted together, at most
+_PROBES = 8  # for each worker: each costs the driver a hundredth of a second, whatever is in it
 _IN_FLIGHT = 2  # batches per worker: one computing, one waiting
 _ROLL_CALL = 1  # seconds after which the workers are counted again: they join and leave
 _UNKNOWN_COST = 1.0  # CPU seconds, where the probe failed
@@ -127,7 +128,8 @@ class _Run:
     def predicted(self):
         """Return the predicted CPU seconds of each tile, probed on the workers."""
         n, cube = len(self.tiles), self.job.cube
-        costs, many = np.full(n, _UNKNOWN_COST), max(BATCH_TILES, n // _PROBES)
+        probes = _PROBES * max(1, len(self.client.nthreads()))
+        costs, many = np.full(n, _UNKNOWN_COST), min(max(BATCH_TILES, n // probes), _PROBE_TILES)
         batches = iter(np.split(np.arange(n), range(many, n, many)))
         progress = Progress(f"{cube.name}: costs", sys.stderr)
         progress.begin(n, n)  # the line is shown only if this takes long
