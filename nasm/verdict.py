@@ -191,9 +191,8 @@ def _elimination(kappa, distance):
 
 
 def _circle_under(kappa, boundary):
-    """A certified circle under kappa, below the boundary; None if there is none to show.
-
-    None too if converse KAM contradicts it.
+    """Return a certified circle under kappa; None if none can be certified, or if converse KAM
+    contradicts it.
     """
     if barriers.eliminates(kappa, _STEPS):
         return None

@@ -71,14 +71,15 @@ def critical_scale(omega, profile, tol=1e-6):
     Returns
     -------
     CriticalScale. lower : the scale of the certified circle. upper : NaN.
-    error : of four fifths of the spread of the last estimates, or of what their third scale
-    changes, and of all that the highest modes change. It may exceed tol. Near a forcing of a
-    shorter period, as on |κ1| = |κ2|, it contains the depth to which the boundary falls there, as
-    long as the circles met so far cannot tell. It is three times the way from the last circle where
-    M has not run over Λ² yet, and a fifth of that way or more where δ is not known for the tail of
-    ω. Without an estimate, or with an error as large as the value, both are NaN, as where a large
-    quotient hides the tail from all circles that have modes enough; lower is what was certified all
-    the same. Status UNDECIDED where residues say that the circle is still there beyond the value.
+    error : 0.8 times the spread of the last estimates, or times the change made by the third scale
+    if that is larger, plus the change made by the highest modes. It may exceed tol. Near a forcing
+    of a shorter period, as on |κ1| = |κ2|, it contains the depth to which the boundary falls there,
+    as long as the circles met so far cannot tell. It is three times the way from the last circle
+    where M has not run over Λ² yet, and a fifth of that way or more where δ is not known for the
+    tail of ω. Without an estimate, or with an error as large as the value, both are NaN, as where a
+    large quotient hides the tail from all circles that have modes enough; lower is what was
+    certified all the same. Status UNDECIDED where residues say that the circle is still there
+    beyond the value.
 
     ValueError if profile is zero or tiny or tol not positive and finite.
     """
@@ -203,7 +204,7 @@ def _walk(omega, profile, tol):
     cusps = distances_to_shorter(profile) ** CUSP_EXPONENT
     path, finest, values = [(0.0, np.zeros((profile.size, newton.N_FIRST)))], [], []
     value, error, step, status = nan, inf, 0.1 / np.abs(profile).max(), Status.OK
-    # A step of 1e-14 of the scale: as good as there, as far as the norms can tell.
+    # Below a relative step of 1e-14 the norms cannot tell the circle from the breakup.
     while error > tol and len(path) < _MOST_CIRCLES and step > 1e-14 * path[-1][0]:
         (at, u), status = _next_circle(omega, profile, path, step)
         if status is not Status.OK:

@@ -293,7 +293,7 @@ def _iterate(kappa, angles, turn, kept, u):
         error, change, slope, twist, tail = _chain_step(kappa, angles, turn, kept, u, workspace)
         if step == 0:
             first = error
-        if not (error < 1 and slope > 0 and twist > 0.5 and change < 1):  # so is it if one is NaN
+        if not (error < 1 and slope > 0 and twist > 0.5 and change < 1):  # NaN ends it too
             return 2, first
         if error > max(2 * last_error, 1e-9):
             return 2, first

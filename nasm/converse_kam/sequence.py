@@ -160,7 +160,8 @@ def longest_lived(kappa, theta, site, effort=1):
 
 
 def last_survivor(kappa, theta=0.0, effort=8):
-    """The Survivor of the first line that has none for all N kicks, of eight lines that are tried.
+    """Try up to eight lines; return the longest-lived start of the first line on which every start
+    is eliminated within N kicks.
 
     They are before the strongest kick, and before the strongest of the 64 in the middle. If a start
     survives on each of them, it is the first of these: a family of graphs may be left, or not.
@@ -245,7 +246,8 @@ def critical_scale(profile, tol=1e-3):
 
 
 def asymptotic(kappa, theta, limit, x, y):
-    """Starts whose orbits come to those that points (x, y) have under kicks of strength `limit`.
+    """Pull points (x, y) of the limit map back through the sequence: orbits of the returned starts
+    converge to their orbits.
 
         K_0 = S_{κ_0}⁻¹ ∘ … ∘ S_{κ_{N-1}}⁻¹ ∘ S_limit^N (x, y)
 

@@ -223,7 +223,7 @@ def critical_scale(profile, n_max):
 
 def _first_elimination(lifetime, top, n_kicks):
     """Scale, longest life and a guess of the slope for `_walk` on a broken line. Far beyond the
-    breakup the orbit where the line breaks may live on: so they come from below."""
+    breakup the orbit at the break may survive, so the ladder is climbed from below."""
     for scale in top * np.geomspace(0.1, 1.0, 25):
         time = lifetime(scale, n_kicks)
         if time < np.inf:

@@ -123,8 +123,8 @@ def prove(omega, kappa, radius=0.0, n=None, start=None, budget=20.0):
 
     Returns
     -------
-    BarrierProof. proved=False means nothing: not that no circle exists. Not for several threads at
-    once: FLINT's precision belongs to the process.
+    BarrierProof. proved=False says nothing about whether the circle exists. Not for several threads
+    at once: FLINT's precision belongs to the process.
 
     ImportError without python-flint. ValueError if omega is no RotationNumber, kappa is no forcing,
     or another argument is out of range.

@@ -21,7 +21,7 @@ _NEAREST = 0.03  # of the way to the breakup is too near for `barrier_cells`
 
 @dataclass(frozen=True)
 class Boundary:
-    """Where the last barriers break, as far as rays tell: it says only what to try.
+    """Approximate boundary from a few rays. It only chooses which proof to try in a cell.
 
     angles : ndarray (n,), degrees, rising from 0 to 45. scales : ndarray (n,). circles : list of n
     RotationNumbers of the last circles, for a period of two kicks; None where none is known.

@@ -111,7 +111,7 @@ class Outcome(Enum):
 
 @dataclass(frozen=True)
 class TransportProof:
-    """A proof that no rotational invariant circle exists under a forcing, or why there is none.
+    """The result of trying to prove that a forcing has no rotational invariant circle.
 
     outcome : Outcome; PROVED, or what was in the way, which says nothing about circles.
     given : tuple of floats, the forcing as it was given. kappa : that, shortened, which the boxes

@@ -316,7 +316,7 @@ def _walk(vector, profile, tol):
 
 
 def _breakup(scales, slopes):
-    """s_c by three tori, from min h_θ = a·(s_c - s)^p; NaN if there is none that it tends to."""
+    """Fit min h_θ = a·(s_c - s)^p through three tori; return s_c, NaN if there is no such fit."""
     (first, second, third), steps = scales, -np.diff(np.log(slopes))
 
     def excess(value):
@@ -385,8 +385,8 @@ def _row(j, m, n):
 
 @njit(nogil=True, error_model="numpy")
 def _is_hole(place, divisor):
-    """Whether a mode is left out: a resonant one so near the rim that Newton's method, without the
-    modes beyond that it drives, would push it away."""
+    """Whether a mode is left out, a resonant one near the rim: Newton's method lacks the modes
+    beyond the rim that it drives, and would move it the wrong way."""
     return place > _INNER and divisor < _HOLE * ((place - _INNER) / (1 - _INNER)) ** 2
 
 
@@ -414,7 +414,7 @@ def _iterate(mean, amplitude, by_phi, by_theta, modes, steps):
         error, change, slope, twist, tails = _step(mean, amplitude, by_phi, by_theta, modes)
         if step == 0:
             first = error
-        if not (error < 1 and slope > 0 and twist > 0.5 and change < 1):  # so is it if one is NaN
+        if not (error < 1 and slope > 0 and twist > 0.5 and change < 1):  # NaN ends it too
             return 3, first
         if error > max(2 * last_error, 1e-9):
             return 3, first

@@ -131,7 +131,7 @@ def explained(place):
         if isinstance(error, ValueError) and "computed checksum" in str(error):
             words = "some chunks are damaged; run `python -m workflows.verify --repair` on it"
         elif _is_obstores(error):
-            # What follows, and what queries a URL, may hold a signature.
+            # The rest of the message and a URL's query string may contain a signature.
             words = re.sub(r"\?\S+", "", re.split(r"[\n<]|Debug source", str(error))[0]).strip(" :")
         else:
             raise

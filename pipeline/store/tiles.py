@@ -214,7 +214,7 @@ def tiles_of(place, name):
 
 
 def record_failure(place, name, index, reason):
-    """Write why a tile failed, in one short line that a terminal obeys in nothing; return that."""
+    """Record why a tile failed, as one short line without control characters; return the line."""
     line = reason.strip()[:_LONGEST_REASON]
     line = "".join(character if character.isprintable() else " " for character in line)
     _stands(place, name)

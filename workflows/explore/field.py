@@ -1,9 +1,9 @@
 """First escape times at the resolution of a view: what is known, and coarse to fine what is not.
 
-A view is computed in blocks of 27, 9, 3 pixels and 1. Escape is a matter of chance in each, and
-soon where it is far from the boundary; no escape costs all N steps. So blocks without an escape,
-all of whose neighbours are without one, are not cut further; and single pixels are computed along
-the boundary, and else only where escape is soon: as many as cost a second.
+A view is computed in blocks of 27, 9, 3 pixels and 1. Whether a block escapes is partly chance. Far
+outside the boundary orbits escape quickly; a block that never escapes costs all N steps. So a block
+without an escape is not cut further if none of its neighbours has one either. Single pixels are
+computed along the boundary; elsewhere only the soonest escapes, as many as cost a second.
 """
 
 from collections import deque
@@ -225,8 +225,8 @@ def _cut(times, n):
 def _images(plane, view, block):
     """Return for each block the index of the one that is computed for it.
 
-    Forcings that the symmetries of the plane carry to each other are as transparent: what is
-    computed is the image with the least angle, if the view has it.
+    Forcings related by a symmetry have the same transport, so only the image with the smallest
+    angle is computed, if it lies in the view.
     """
     a, b = np.meshgrid(*view.centres(block))
     itself = np.arange(a.size).reshape(a.shape)
