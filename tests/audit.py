@@ -11,21 +11,11 @@ from itertools import pairwise
 from unittest.mock import patch
 
 import numpy as np
-import pytest
 from flint import arb, ctx, fmpq
 from numba import njit
 
 from nasm.arithmetic.double_double import renormalised, two_sum
 from nasm.arithmetic.lanes import fma
-
-
-def thirds(table):
-    """The rows of a table, a dict, as parameters: each third row for the fast suite, the others for
-    the slow one."""
-    return [
-        pytest.param(row, id=str(name), marks=[pytest.mark.slow] if i % 3 else [])
-        for i, (name, row) in enumerate(table.items())
-    ]
 
 
 def changed(source, changes):

@@ -1,13 +1,36 @@
 """What tests of commands share."""
 
 import signal
+from pathlib import Path
 
 import pytest
 import toy
 from browser import chromium, page, served, store  # noqa: F401
+from matplotlib.figure import Figure
 
 # Ctrl-C works in the tests, and in the programs that they start, however pytest was started.
 signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+SAVE = Figure.savefig
+
+
+@pytest.fixture(scope="session", autouse=True)
+def sketches():
+    """Draw figures with few dots and once: PDFs, which take as long again, are left empty.
+
+    Commands draw theirs in full in `test_every_command`, and `test_figures` looks at them.
+    """
+
+    def save(figure, path, **how):
+        if str(path).endswith(".pdf"):
+            Path(path).touch()
+        else:
+            SAVE(figure, path, **how | {"dpi": 40})
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Figure, "savefig", save)
+        yield
 
 
 @pytest.fixture(scope="session")

@@ -1,8 +1,8 @@
-"""Run every command once, at its smallest setting: `python every_command.py OUT [HIDDEN ...]`.
+"""Run commands once, at their smallest: `every_command.py OUT COMMAND,COMMAND,… [HIDDEN ...]`.
 
 HIDDEN are packages that then cannot be imported, as where an extra is not installed. Prints a JSON
-object {command: [exit code, what it printed]}. All sweeps share two workers, threads of this
-process. Only the explorer is left out, which runs until it is stopped.
+object {command: [exit code, what it printed, whether it looked for python-flint]}. All sweeps share
+two workers, threads of this process. Only the explorer is left out, which runs until it is stopped.
 """
 
 import json
@@ -12,7 +12,6 @@ from pathlib import Path
 
 PLANE = "--kappa1 0:1.1:8 --kappa2 0:1.1:8 --n-max 100 --n-orbits 4"
 SMALLEST = {
-    "ask": "0.3 0.2 --prove",
     "circle_boundaries": "--angles 2 --tips 0 --tol 0.1 --q-max 100 --omega gamma --omega 2gamma",
     "claims": "--angles 3 --tips 0 --tol 0.01 --n-max 10000 --n-orbits 10",
     "convergence": "--quick --n-max 1000 --n-orbits 10",
@@ -25,17 +24,20 @@ SMALLEST = {
     "last_barrier": "--angles 2 --tips 0 --tol 0.1",
     "period_one": "--primary -4:4:20 --secondary 0:8:10",
     "portraits": "--n-orbits 2 --steps 10",
-    "proved_boundary": "--angles 2 --seconds 0.1",
-    "proved_map": "--cells 32 --seconds 0.001",
     "rotating": "--angles 2 --tips 0 --n-max 64 --n-orbits 4 --tori 2 --vector 44/81,68/81",
     "self_consistent": "--coupling 0.5 --particles 256 --kicks 4096",
     "stability": "--quick",
     "three_kicks": "--angles 2 --tips 0 --tol 0.1 --phase 0",
     "tori": "--quick --vector 0.6180339887498949,0.2700907567377265 --angles 2",
-    "work_precision": "--only barriers --only barrier-proof --angle 45",
     "status": "",
     "verify": "",
+    # Those that can make proofs come last: the others are to end well before python-flint is there.
+    "ask": "0.3 0.2 --prove",
+    "proved_boundary": "--angles 2 --seconds 0.1",
+    "proved_map": "--cells 32 --seconds 0.001",
+    "work_precision": "--only barriers --only barrier-proof --angle 45",
 }
+PROVING = ("ask", "proved_boundary", "proved_map", "work_precision")
 WITHOUT_WORKERS = (
     *("ask", "period_one", "portraits", "self_consistent", "stability", "work_precision"),
     *("status", "verify"),
@@ -43,29 +45,31 @@ WITHOUT_WORKERS = (
 
 
 class Hidden:
-    """A finder of modules that finds none of some packages."""
+    """A finder of modules that finds none of some packages, and notes what was looked for."""
 
     def __init__(self, packages):
-        self.packages = packages
+        self.packages, self.asked = packages, set()
 
     def find_spec(self, name, path=None, target=None):
+        self.asked.add(name.partition(".")[0])
         if name.partition(".")[0] in self.packages:
             raise ModuleNotFoundError(f"No module named {name!r}", name=name)
 
 
-def main(out, *hidden):
-    sys.meta_path.insert(0, Hidden(hidden))
+def main(out, commands, *hidden):
+    sys.meta_path.insert(0, finder := Hidden(hidden))
     from commands import invoke
     from toy import workers_here
 
     told = {}
     with workers_here() as client:
         workers = ["--scheduler", client().scheduler.address]
-        for name, options in SMALLEST.items():
+        for name in commands.split(","):
             there = Path(out, {"status": "last_barrier", "verify": "last_barrier"}.get(name, name))
             sweeps = [] if name in WITHOUT_WORKERS else workers
-            result = invoke(name, there, *shlex.split(options), *sweeps)
-            told[name] = result.exit_code, f"{result.output}{result.exception or ''}"
+            result = invoke(name, there, *shlex.split(SMALLEST[name]), *sweeps)
+            said = f"{result.output}{result.exception or ''}"
+            told[name] = result.exit_code, said, "flint" in finder.asked
             print(name, result.exit_code, file=sys.stderr, flush=True)
     print(json.dumps(told))
 

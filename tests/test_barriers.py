@@ -5,6 +5,7 @@ from itertools import product
 
 import numpy as np
 import pytest
+from cases import thirds
 from oracles import KAPPA_G
 
 from nasm import barriers, circles, escape, orbits, periodic
@@ -137,8 +138,9 @@ def test_the_paper_s_six_circles_break_no_later():
 ANGLES = [0, 36.1, 43.9, 62.5, 104, 127.7]
 
 
-@pytest.mark.parametrize(("angle", "tol"), [*product(ANGLES, [1e-3, 1e-4]), (24.3, 2e-5)])
-def test_the_bracket_is_as_narrow_as_asked_for_and_contains_the_breakup(angle, tol):
+@pytest.mark.parametrize("ray_and_tol", thirds([*product([1e-4, 1e-3], ANGLES), (2e-5, 24.3)]))
+def test_the_bracket_is_as_narrow_as_asked_for_and_contains_the_breakup(ray_and_tol):
+    tol, angle = ray_and_tol
     found = critical_scale(ray(angle), tol)
     assert is_shown(found)
     assert found.upper - found.lower <= tol * found.value * (1 + 1e-9)
@@ -152,7 +154,7 @@ def test_the_bracket_is_as_narrow_as_asked_for_and_contains_the_breakup(angle, t
         assert 43 < angle < 47
 
 
-@pytest.mark.parametrize("angle", [20, 37, 115])
+@pytest.mark.parametrize("angle", thirds([37, 20, 115]))
 def test_the_norms_of_the_last_circle_blow_up_at_the_value(angle):
     found = critical_scale(ray(angle), 1e-2)
     judge = continuation.critical_scale(found.omega, ray(angle), 1e-5)
@@ -179,7 +181,7 @@ def test_a_million_steps_cross_no_barrier_at_lower_and_escape_beyond_upper(angle
     assert outside < 10**6
 
 
-@pytest.mark.parametrize("profile", [(1, 0.2, 0.2), (1.8, -0.1, -0.1), (0.2, 0.1, 1, 0.1)])
+@pytest.mark.parametrize("profile", thirds([(1, 0.2, 0.2), (1.8, -0.1, -0.1), (0.2, 0.1, 1, 0.1)]))
 def test_longer_periods_agree_with_cones_and_norms(profile):
     found = critical_scale(profile, 1e-3)
     assert is_shown(found)
@@ -365,7 +367,9 @@ def misled(monkeypatch, candidates):
 
 
 @pytest.mark.parametrize("angle", [30, 36.1])
-@pytest.mark.parametrize("wrong", [["gamma"], ["[0;2,3,(1)]", "gamma+1"], ["[0;1,5,(1)]"], []])
+@pytest.mark.parametrize(
+    "wrong", thirds([["gamma"], ["[0;2,3,(1)]", "gamma+1"], ["[0;1,5,(1)]"], []])
+)
 def test_a_wrong_candidate_is_caught_and_the_right_one_found(angle, wrong, monkeypatch):
     expected = critical_scale(ray(angle), 1e-3)
     assert not {parse(name) for name in wrong} & mirror_images(expected.omega, 2)
@@ -490,7 +494,9 @@ def image(kappa, x, y):
 
 @pytest.mark.parametrize(
     "profile",
-    [*map(ray, np.random.default_rng(16).uniform(0, 45, 5)), (1, 1), (1, -1), (1, 0, -1, 0)],
+    thirds(
+        [(1, 1), *map(ray, np.random.default_rng(16).uniform(0, 45, 5)), (1, -1), (1, 0, -1, 0)]
+    ),
 )
 def test_the_last_circle_is_the_graph_of_an_invariant_circle_at_the_lower_scale(profile):
     found = critical_scale(profile, 1e-3)
@@ -518,7 +524,7 @@ def test_without_a_certified_circle_there_is_no_last_one():
     assert barriers.last_circle(wrong, (1, 0)).status is Status.NOT_CERTIFIED
 
 
-@pytest.mark.parametrize("kappa", [(1.2,), (0.3, 0.9), (0.9, 0.3), (0.2, 0.2, 0.9)])
+@pytest.mark.parametrize("kappa", thirds([(0.9, 0.3), (1.2,), (0.3, 0.9), (0.2, 0.2, 0.9)]))
 def test_the_remnant_of_the_last_circle_has_its_rotation_number_for_a_while(kappa):
     """At the start of the period, whichever site the search began at."""
     scale = barriers.critical_scale(kappa, 1e-3)

@@ -53,14 +53,14 @@ def test_the_diagonal_has_an_exponent_for_each_half_of_n():
 
 def test_a_small_run_keeps_its_cubes(tmp_path, workers):
     out = tmp_path / "out"
-    options = ["--quick", "--n-max", "2000", "--n-orbits", "100,1000"]
+    options = ["--quick", "--n-max", "2000", "--n-orbits", "30,300"]
     succeed("convergence", out, *options, *workers)
     cube = xr.open_zarr(out / "escape_rays.zarr")
     assert cube.escape_time.dims == ("ensemble", "angle", "excess")
     here = cube.sel(angle=20).isel(excess=100)
     kappa = np.array([here.kappa1, here.kappa2])
     np.testing.assert_allclose(kappa, float(here.breakup * (1 + here.excess)) * ray(20.0))
-    expected = escape.first_escape(kappa, *escape.ensemble(1000), [100, 1000], 2000)
+    expected = escape.first_escape(kappa, *escape.ensemble(300), [30, 300], 2000)
     assert cube.escape_time.sel(angle=20)[:, 100].values.tolist() == expected.tolist()
     others = xr.open_zarr(out / "convergence.zarr").load()
     here = others.sel(angle=20).residue.dropna("q")[5:]

@@ -7,6 +7,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 import xarray as xr
+from conftest import SAVE
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.text import Text
@@ -105,14 +106,20 @@ def test_the_picture_of_the_boundary_has_the_colours_of_its_circles():
         assert (shown == colour).all(axis=1).sum() > 100, text
 
 
-def test_a_figure_for_a_column_is_as_wide_as_one_and_has_letters_but_no_titles(tmp_path):
+def test_a_figure_for_a_column_is_as_wide_as_one_and_has_letters_but_no_titles(
+    tmp_path, monkeypatch
+):
+    monkeypatch.setattr(Figure, "savefig", SAVE)
     with style.column():
         figure, drawn = style.panels(1, 2, 12, 5)
         for axes in drawn:
             axes.set_title("a title")
         figure.suptitle("another title")
-        (path, _) = style.save(figure, tmp_path, "narrow")
+        path, pdf = style.save(figure, tmp_path, "narrow", "what it shows")
+    assert Path(pdf).read_bytes().startswith(b"%PDF")
+    assert (tmp_path / "narrow.txt").read_text() == "what it shows\n"
     with Image.open(path) as picture:
+        assert picture.info["Description"] == "what it shows"
         assert picture.width / picture.info["dpi"][0] == pytest.approx(style.COLUMN, abs=0.01)
     words = [text.get_text() for text in figure.findobj(Text)]
     assert {"(a)", "(b)"} <= set(words)

@@ -26,7 +26,7 @@ def test_the_options_of_the_preview_are_valid(exhibit):
 
 
 @pytest.fixture(scope="module")
-def page(tmp_path_factory):
+def page(tmp_path_factory, workers):
     """The page of one small exhibit, of which the second run finds everything done."""
     out = tmp_path_factory.mktemp("gallery") / "out put"
     small = gallery.Exhibit("period_one", "Figures 3 & 4", "--primary -4:4:40 --secondary 0:8:20")
@@ -38,7 +38,7 @@ def page(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(gallery, "EXHIBITS", (small,))
         for _ in range(2):
-            told = succeed("gallery", out, "--workers", "1")
+            told = succeed("gallery", out, *workers)
     assert "2 figures of 1 commands on one page. Of 4 claims 1 hold." in told
     return out / "index.html"
 
@@ -67,17 +67,18 @@ CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed: apt-get install chromium")
-@pytest.mark.parametrize("width", [390, 1400])
-def test_in_a_browser_the_page_fills_the_width_and_does_not_overflow_it(page, tmp_path, width):
-    # The page in a frame of that width, which says how wide its body, its rows and its content are.
-    frame = page.with_name(f"frame{width}.html")
+def test_in_a_browser_the_page_fills_the_width_and_does_not_overflow_it(page, tmp_path):
+    # The page in frames, which say how wide its body, its rows and its content are.
+    frame, widths = page.with_name("frames.html"), (390, 1400)
+    one = '<iframe src="index.html" style="width:{}px; height:900px"></iframe>'
     frame.write_text(
-        f"""<iframe id=f src="index.html" style="width:{width}px; height:900px; border:0"></iframe>
-        <p id=p></p><script>onload = () => {{ const d = f.contentDocument;
-        const row = d.querySelector("tbody tr"), cells = [...row.cells].map(c => c.offsetLeft);
-        p.textContent = JSON.stringify({{width: d.documentElement.clientWidth,
-            content: d.documentElement.scrollWidth, body: d.body.offsetWidth,
-            stacked: new Set(cells).size == 1}}) }}</script>"""
+        """<style>iframe { border: 0 }</style><p id=p></p><script>onload = () => {
+        p.textContent = JSON.stringify([...document.querySelectorAll("iframe")].map((f) => {
+            const d = f.contentDocument, row = d.querySelector("tbody tr");
+            return {width: d.documentElement.clientWidth,
+                content: d.documentElement.scrollWidth, body: d.body.offsetWidth,
+                stacked: new Set([...row.cells].map(c => c.offsetLeft)).size == 1} })) }</script>"""
+        + "".join(map(one.format, widths))
     )
     flags = (
         "--headless --no-sandbox --disable-gpu --disable-quic --no-first-run "
@@ -87,7 +88,8 @@ def test_in_a_browser_the_page_fills_the_width_and_does_not_overflow_it(page, tm
     )
     command = [CHROMIUM, *flags.split(), "--dump-dom", frame.as_uri()]
     dom = subprocess.run(command, capture_output=True, text=True, timeout=100, check=True).stdout
-    seen = json.loads(re.search('<p id="p">(.*?)</p>', dom)[1])
-    assert seen["content"] <= seen["width"]
-    assert seen["body"] > 0.9 * width
-    assert seen["stacked"] == (width == 390)
+    found = json.loads(re.search('<p id="p">(.*?)</p>', dom)[1])
+    for seen, width in zip(found, widths, strict=True):
+        assert seen["content"] <= seen["width"]
+        assert seen["body"] > 0.9 * width
+        assert seen["stacked"] == (width == 390)

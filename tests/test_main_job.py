@@ -4,6 +4,7 @@ import json
 import os
 import re
 import runpy
+import shutil
 import sys
 from pathlib import Path
 
@@ -16,10 +17,10 @@ from oracles import KAPPA_G
 from nasm.numbers import parse
 
 QUICK = ["--n-max", "4000", "--n-orbits", "16,64", "--tile", "4"]
-PLANE = ["--kappa1", "-1.4:1.4:128", "--kappa2", "0:1.4:64"]
+PLANE = ["--kappa1", "-1.4:1.4:64", "--kappa2", "0:1.4:32"]
 RAYS = ["--tips", "0", "--tol", "0.01"]
 FILES = "critical_boundary.csv", "critical_boundary.png"
-MAIN = [*QUICK, *PLANE, *RAYS, "--levels", "3", "--angles", "37"]
+MAIN = [*QUICK, *PLANE, *RAYS, "--levels", "3", "--angles", "13"]
 
 
 @pytest.fixture(scope="module")
@@ -80,9 +81,9 @@ def test_refinement_finds_the_boundary_of_the_full_grid(finished, dense):
 
 def test_the_direct_table_holds_the_boundary_along_rays(finished):
     rows = table(finished / "direct_boundary.csv")
-    assert len(rows) == 37
+    assert len(rows) == 13
     assert {r["n"] for r in rows} == {"4000"}
-    assert {float(r["resolution"]) for r in rows if r["resolution"]} == {2.8 / 128}
+    assert {float(r["resolution"]) for r in rows if r["resolution"]} == {2.8 / 64}
     ends = {r["angle"]: (r["kappa1"], r["kappa2"]) for r in rows}
     scale = {r["angle"]: r["critical_scale"] for r in rows}
     assert ends["0"] == (scale["0"], "0")
@@ -93,7 +94,7 @@ def test_the_direct_table_holds_the_boundary_along_rays(finished):
 
 def test_the_boundary_is_bracketed_on_every_ray_and_the_last_circle_named(finished):
     rows = table(finished / "critical_boundary.csv")
-    assert [float(r["angle"]) for r in rows] == list(range(0, 181, 5))
+    assert [float(r["angle"]) for r in rows] == list(range(0, 181, 15))
     for r in rows:
         assert r["status"] == "ok"
         value, lower, upper = (float(r[key]) for key in ("critical_scale", "lower", "upper"))
@@ -104,7 +105,7 @@ def test_the_boundary_is_bracketed_on_every_ray_and_the_last_circle_named(finish
     scale = {int(float(r["angle"])): float(r["critical_scale"]) for r in rows}
     for angle, exact in ((0, KAPPA_G / 2), (45, KAPPA_G * 2**0.5), (90, KAPPA_G / 2)):
         assert scale[angle] == pytest.approx(exact, abs=1e-10)
-    for angle in range(0, 45, 5):
+    for angle in range(0, 45, 15):
         assert len({scale[a] for a in (angle, 90 - angle, 90 + angle, 180 - angle)}) == 1
     circles = {int(float(r["angle"])): r["circle"] for r in rows}
     assert (circles[45], circles[135]) == ("[0;1,3,(4)]", "[0;(4)]")
@@ -184,9 +185,11 @@ def test_status_counts_the_tiles_that_refinement_wants(finished):
         ["--kappa1", "0:1.1:8", "--kappa2", "0:1.1:8", "--n-max", "1"],
     ],
 )
-def test_unusual_planes_end_with_a_figure(tmp_path, workers, plane):
-    options = [*QUICK, *RAYS, "--angles", "3", "--levels", "2"]
-    output = succeed("critical_boundary", tmp_path / "out", *options, *plane, *workers)
+def test_unusual_planes_end_with_a_figure(tmp_path, finished, workers, plane):
+    for name in ("barrier.zarr", "breakdown.zarr"):  # of the same rays
+        shutil.copytree(finished / name, tmp_path / "out" / name)
+    options = [*MAIN, *plane, "--levels", "2"]
+    output = succeed("critical_boundary", tmp_path / "out", *options, *workers)
     assert (tmp_path / "out/critical_boundary.png").exists()
     assert ("no ray passes into transport" in output) == (plane[1] != "-1.1:1.1:16")
 
@@ -251,7 +254,7 @@ def test_recipe_contour_boundary(finished, follow):
 def test_recipe_compare_stores(finished, dense, follow):
     said = follow("compare_stores", finished, dense)
     differ = ((field(finished) <= 4000) != (field(dense) <= 4000)).sum()
-    assert f"8192 cells in both; {differ} of them answer differently" in said
+    assert f"2048 cells in both; {differ} of them answer differently" in said
     assert "levels: 3 and None" in said
 
 
@@ -286,10 +289,10 @@ def test_recipe_boundary(finished, follow):
 
 def test_recipe_join_planes(finished, tmp_path_factory, workers, follow):
     fine = tmp_path_factory.mktemp("fine") / "out"
-    plane = ["--kappa1", "0:0.7:96", "--kappa2", "0.35:0.7:48"]
+    plane = ["--kappa1", "0:0.7:48", "--kappa2", "0.35:0.7:24"]
     succeed("escape_plane", fine, *QUICK, *plane, *workers)
     said = follow("join_planes", finished, fine, 1000)
-    kappa1, kappa2 = (lo + 0.7 / 96 * (np.arange(n) + 0.5) for lo, n in ((-1.4, 384), (0, 192)))
+    kappa1, kappa2 = (lo + 0.7 / 48 * (np.arange(n) + 0.5) for lo, n in ((-1.4, 192), (0, 96)))
 
     def transport(out):
         cube = xr.open_zarr(out / "escape.zarr").load()
@@ -299,7 +302,7 @@ def test_recipe_join_planes(finished, tmp_path_factory, workers, follow):
 
     inside = np.outer((kappa2 > 0.35) & (kappa2 < 0.7), (kappa1 > 0) & (kappa1 < 0.7))
     share = np.where(inside, transport(fine), transport(finished)).mean()
-    assert f"384 by 192 cells, {share:.6f}" in said
+    assert f"192 by 96 cells, {share:.6f}" in said
 
 
 def test_recipe_large_field(finished, follow):

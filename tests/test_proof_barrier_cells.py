@@ -9,7 +9,8 @@ import pytest
 from numpy.polynomial.chebyshev import chebval2d
 
 pytest.importorskip("flint")
-from audit import mutant, thirds
+from audit import mutant
+from cases import thirds
 from flint import arb, ctx
 
 from nasm import proofs

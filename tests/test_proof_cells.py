@@ -7,6 +7,7 @@ import pytest
 
 pytest.importorskip("flint")
 import audit
+from cases import thirds
 from test_proof_transport import BREAKUPS, beyond
 
 from nasm import proofs
@@ -226,6 +227,6 @@ CHANGES = {
 }
 
 
-@pytest.mark.parametrize("change", audit.thirds(CHANGES))
+@pytest.mark.parametrize("change", thirds(CHANGES))
 def test_a_changed_line_is_noticed(change):
     assert max(audit.audit_of_kicks(KERNEL, change).values()) > 1

@@ -10,6 +10,7 @@ from nasm import barriers, escape, periodic
 from nasm import flux as nasm_flux
 from nasm.numbers import parse
 from nasm.planes import Plane, plane_of, rotating
+from pipeline.cubes import tori as tori_cubes
 from workflows.figures.stretches import stretches, where_above
 
 
@@ -45,8 +46,9 @@ def test_circle_boundaries_are_those_of_each_ray(tmp_path, workers):
     assert (tmp_path / "out/tips.png").exists()
 
 
-def test_rotating_maps_are_kept_as_labelled_cubes(tmp_path, workers):
-    out = tmp_path / "out"
+def test_rotating_maps_are_kept_as_labelled_cubes(tmp_path, workers, monkeypatch):
+    breakups, out = tori_cubes.breakups, tmp_path / "out"
+    monkeypatch.setattr(tori_cubes, "breakups", lambda *given: breakups(*given[:2], 0.1))
     effort = ["--angles", "3", "--tips", "0", "--n-max", "1000", "--n-orbits", "64"]
     vectors = ["--vector", "81/149,125/149", "--vector", "44/81,68/81"]
     succeed("rotating", out, *effort, *vectors, "--tori", "2", *workers)
@@ -77,11 +79,11 @@ def test_rotating_maps_are_kept_as_labelled_cubes(tmp_path, workers):
 
 def test_three_kicks_are_kept_as_labelled_cubes(tmp_path, workers):
     out = tmp_path / "out"
-    rays = ["--angles", "3", "--tips", "0", "--tol", "1e-2"]
+    rays = ["--angles", "2", "--tips", "0", "--tol", "1e-2"]
     succeed("three_kicks", out, *rays, "--phase", "1/24", "--phase", "0", *workers)
     names = ("barrier_rotating_1_3", "barrier_rotating_1_3_1_24")
     zero, cube = (xr.open_zarr(out / f"{name}.zarr") for name in names)
-    assert cube.angle.values.tolist() == [0, 45, 90, 135]
+    assert cube.angle.values.tolist() == [0, 90]
     profile = rotating("1/3", "1/24").second
     expected = barriers.critical_scale(profile, 1e-2)
     there = cube.sel(angle=90)
@@ -90,7 +92,7 @@ def test_three_kicks_are_kept_as_labelled_cubes(tmp_path, workers):
     for still in (zero.sel(angle=0), cube.sel(angle=0)):
         assert abs(still.critical_scale - KAPPA_G) < still.error
     rows = table(out / "three_kicks.csv")
-    assert len(rows) == 2 * 5
+    assert len(rows) == 2 * 3
     for r in rows:
         if r["angle"] == "180":
             assert abs(float(r["ratio"]) - 1) < float(r["error"]) / float(r["critical_scale"])

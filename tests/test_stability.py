@@ -1,4 +1,6 @@
-"""Where methods stop being right: a quick run of the study keeps its promises."""
+"""Where methods stop being right: quick runs of the studies keep their promises."""
+
+from functools import cache
 
 import numpy as np
 import pytest
@@ -12,29 +14,29 @@ from workflows.stability.studies import STUDIES
 OK = 1
 
 
-@pytest.fixture(scope="module")
-def out(tmp_path_factory):
-    out = tmp_path_factory.mktemp("stability") / "out"
+@cache
+def study(name):
+    return STUDIES[name](quick=True).load()
+
+
+@pytest.mark.slow
+def test_each_study_keeps_a_labelled_dataset(tmp_path, monkeypatch):
+    out = tmp_path / "out"
+    for name, found in {name: study(name) for name in STUDIES}.items():
+        monkeypatch.setitem(STUDIES, name, lambda quick, found=found: found)
     succeed("stability", out, "--quick")
-    return out
-
-
-@pytest.fixture
-def study(out):
-    return lambda name: xr.open_zarr(out / f"stability_{name}.zarr").load()
-
-
-def test_each_study_keeps_a_labelled_dataset(out, study):
-    for name in STUDIES:
-        for variable in study(name).variables.values():
+    kept = {name: xr.open_zarr(out / f"stability_{name}.zarr").load() for name in STUDIES}
+    for dataset in kept.values():
+        for variable in dataset.variables.values():
             assert variable.attrs["long_name"]
             assert variable.attrs["units"] in ("1", "degree")
-    assert study("cusp").status.attrs["flag_meanings"].split()[OK] == Status.OK.name.lower()
+    assert kept["cusp"].status.attrs["flag_meanings"].split()[OK] == Status.OK.name.lower()
     for name in ("boundary", "searches", "orbits", "tori"):
         assert (out / f"stability_{name}.pdf").exists()
 
 
-def test_near_the_cusp_errors_are_honest_or_there_is_no_answer(study):
+@pytest.mark.slow
+def test_near_the_cusp_errors_are_honest_or_there_is_no_answer():
     cusp = study("cusp")
     answered = cusp.status == OK
     assert np.isnan(cusp.off.where(~answered)).all()
@@ -43,7 +45,8 @@ def test_near_the_cusp_errors_are_honest_or_there_is_no_answer(study):
     assert answered.sel(delta=slice(None, 0.05)).all()
 
 
-def test_no_method_crosses_the_breakup(study):
+@pytest.mark.slow
+def test_no_method_crosses_the_breakup():
     boundary = study("boundary")
     beyond, inside = boundary.sel(excess=slice(0, None)), boundary.sel(excess=slice(None, -1e-9))
     assert (beyond.certified == 0).all()
@@ -55,7 +58,7 @@ def test_no_method_crosses_the_breakup(study):
     assert (boundary.sel(excess=1e-3, method="nearest").digits > 5).all()
 
 
-def test_disguised_fractions_get_no_wrong_answer(study):
+def test_disguised_fractions_get_no_wrong_answer():
     fractions = study("fractions")
     value, error = fractions.value, fractions.error
     norms, residues = value.sel(approach=1), value.sel(approach=2)
@@ -67,7 +70,7 @@ def test_disguised_fractions_get_no_wrong_answer(study):
     assert not (fractions.lower > fractions.attrs["golden"]).any()
 
 
-def test_beyond_the_twist_nothing_is_certified(study):
+def test_beyond_the_twist_nothing_is_certified():
     twist = study("twist")
     beyond = twist.scale > 1.5
     assert (twist.circle.where(beyond, 0) != OK).all()
@@ -75,14 +78,14 @@ def test_beyond_the_twist_nothing_is_certified(study):
     assert (twist.twist.sel(angle=90, scale=2.25) < 0).all()
 
 
-def test_amplitudes_are_far_below_one(study):
+def test_amplitudes_are_far_below_one():
     amplitude = study("amplitude")
     assert amplitude["last"].notnull().all()
     assert (amplitude["last"] < 0.25).all()
     assert amplitude.attrs["justified_exit"] < 1.25
 
 
-def test_what_a_search_or_a_certificate_must_reject_is_there_and_rejected(study):
+def test_what_a_search_or_a_certificate_must_reject_is_there_and_rejected():
     missed, fakes, disorder = study("beam").missed, study("fakes"), study("disorder")
     assert float(missed.sel(kept=1)) > 0.3
     assert float(missed.sel(kept=32)) == 0
@@ -93,7 +96,8 @@ def test_what_a_search_or_a_certificate_must_reject_is_there_and_rejected(study)
     assert not disorder.accepted.any()
 
 
-def test_next_to_a_resonance_or_past_the_end_no_torus_is_claimed(study):
+@pytest.mark.slow
+def test_next_to_a_resonance_or_past_the_end_no_torus_is_claimed():
     tori = study("tori")
     nearest = tori.sel(delta=1e-10, method="nearest")
     assert (nearest.status != OK).all()
@@ -104,7 +108,8 @@ def test_next_to_a_resonance_or_past_the_end_no_torus_is_claimed(study):
     assert (tori.past != OK).all()
 
 
-def test_float32_drifts_and_a_lattice_is_reversible(study):
+@pytest.mark.slow
+def test_float32_drifts_and_a_lattice_is_reversible():
     rounding = study("rounding")
     names = names_of(rounding.arithmetic)
     last = rounding.isel(steps=-1)

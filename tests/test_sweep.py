@@ -113,35 +113,36 @@ def test_a_tile_that_kills_its_workers_fails_alone(client, tmp_path):
     assert reasons(tmp_path) == outcome.failed
 
 
-def test_a_sweep_without_workers_gives_up_and_says_so(tmp_path, monkeypatch):
-    monkeypatch.setattr("pipeline.sweep.sweep._PATIENCE", 1)
-    with connect(n_workers=1) as client:
+def during(out, act):
+    """Start a thread that acts when the first tile is committed."""
 
-        def retire():
-            while not toy.commit_times(tmp_path):
-                time.sleep(0.05)
-            client().cluster.scale(0)
+    def wait_and_act():
+        toy.wait_until(lambda: toy.commit_times(out))
+        act()
 
-        threading.Thread(target=retire).start()
-        with pytest.raises(ConnectionError, match="no workers are left; run again to resume"):
-            toy.run(client, tmp_path, toy.cube(tile=1, seconds=0.1))
-    assert 0 < len(toy.commit_times(tmp_path)) < 130
+    thread = threading.Thread(target=wait_and_act)
+    thread.start()
+    return thread
 
 
-def test_a_worker_that_is_started_again_is_waited_for(tmp_path, monkeypatch):
+def test_a_worker_started_again_is_waited_for_and_deaf_to_ctrl_c_and_without_any_a_sweep_gives_up(
+    tmp_path, monkeypatch
+):
     monkeypatch.setattr("pipeline.sweep.sweep._PATIENCE", 1)
     monkeypatch.setattr("pipeline.sweep.sweep._ROLL_CALL", 0.1)
+    one, two = tmp_path / "one", tmp_path / "two"
     with connect(n_workers=1) as client:
-
-        def kill():
-            toy.wait_until(lambda: toy.commit_times(tmp_path))
-            os.kill(client().cluster.workers[0].pid, signal.SIGKILL)
-
-        killer = threading.Thread(target=kill)
-        killer.start()
-        outcome = toy.run(client, tmp_path, toy.cube(tile=1, seconds=0.05))
+        killer = during(one, lambda: os.kill(client().cluster.workers[0].pid, signal.SIGKILL))
+        outcome = toy.run(client, one, toy.cube(tile=1, seconds=0.05))
         killer.join()
-    assert (outcome.failed, outcome.remaining) == ({}, 0)
+        assert (outcome.failed, outcome.remaining) == ({}, 0)
+        again = client().submit(os.getpid).result(timeout=30)
+        os.kill(again, signal.SIGINT)
+        assert client().submit(os.getpid, pure=False).result(timeout=30) == again
+        during(two, lambda: client().cluster.scale(0))
+        with pytest.raises(ConnectionError, match="no workers are left; run again to resume"):
+            toy.run(client, two, toy.cube(tile=1, seconds=0.1))
+    assert 0 < len(toy.commit_times(two)) < 130
 
 
 def test_without_a_fit_worker_the_sweep_ends_with_one_message(here, tmp_path, monkeypatch):

@@ -101,6 +101,7 @@ def save(figure, out, name, caption="", kinds=("png", "pdf")):
     for path in paths:
         key = "Subject" if path.endswith("pdf") else "Description"
         figure.savefig(path, dpi=300 if in_column() else 200, metadata={key: caption})
+        figure.set_layout_engine("none")  # the second picture takes the layout of the first
     if "matplotlib.pyplot" in sys.modules:  # which keeps its figures; importing it takes a while
         sys.modules["matplotlib.pyplot"].close(figure)
     if caption:
