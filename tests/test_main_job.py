@@ -1,4 +1,4 @@
-"""The main job, small: three methods that bracket one boundary; what is kept, and the recipes."""
+"""The main job, small: three methods that bracket one boundary; what is kept, and the examples."""
 
 import json
 import os
@@ -194,14 +194,14 @@ def test_unusual_planes_end_with_a_figure(tmp_path, finished, workers, plane):
     assert ("no ray passes into transport" in output) == (plane[1] != "-1.1:1.1:16")
 
 
-RECIPES = Path(__file__).parents[1] / "workflows" / "examples"
+EXAMPLES = Path(__file__).parents[1] / "workflows" / "examples"
 
 
 @pytest.fixture
 def follow(tmp_path, monkeypatch, capsys):
-    """Run a recipe as a script in an empty directory; return its exit code and what it prints."""
+    """Run an example as a script in an empty directory; return its exit code and what it prints."""
 
-    def run(name, *arguments, at=RECIPES):
+    def run(name, *arguments, at=EXAMPLES):
         monkeypatch.chdir(tmp_path)
         monkeypatch.setattr(sys, "argv", [name, *map(str, arguments)])
         code = 0
@@ -216,60 +216,61 @@ def follow(tmp_path, monkeypatch, capsys):
     return run
 
 
-@pytest.mark.parametrize("recipe", sorted(path.stem for path in RECIPES.glob("*.py")))
-def test_a_recipe_without_a_store_tells_its_usage(recipe, follow, finished, monkeypatch):
-    assert f'follow("{recipe}"' in Path(__file__).read_text()
-    mistakes = {"job_queue": [], "compare_stores": [finished], "join_planes": [finished]}
-    code, usage = follow(recipe, *mistakes.get(recipe, ["nowhere"]))
+@pytest.mark.parametrize(
+    ("example", "arguments", "missing"),
+    [("job_queue", [], ""), ("planes", ["nowhere"], "nowhere"), ("export", ["nowhere"], "barrier")],
+)
+def test_an_example_without_a_store_tells_its_usage(example, arguments, missing, follow):
+    code, usage = follow(example, *arguments)
     assert code == 2
-    assert f"python workflows/examples/{recipe}.py " in usage
-    cubes = {"job_queue": "", "export": "barrier.zarr", "join_levels": "escape_level0.zarr"}
-    cubes |= {"boundary": "has no cube boundary.zarr", "join_planes": "python"}
-    assert recipe == "compare_stores" or cubes.get(recipe, "escape.zarr") in usage
+    assert f"python workflows/examples/{example}.py " in usage
+    assert missing in usage
 
 
-def test_recipe_select_steps_is_a_notebook_that_shows_what_it_prints(finished, monkeypatch, capsys):
-    notebook = json.loads((RECIPES / "select_steps.ipynb").read_text(encoding="utf-8"))
-    cells = [cell for cell in notebook["cells"] if cell["cell_type"] == "code"]
-    assert "image/png" in cells[-1]["outputs"][0]["data"]
-    assert "transport within 5000 steps in" in json.dumps(cells[1]["outputs"])
-    monkeypatch.chdir(finished.parent)  # the notebook reads out/escape.zarr
-    names = {}
-    for cell in cells:
-        exec("".join(cell["source"]), names)
+@pytest.fixture
+def notebook(finished, monkeypatch, capsys):
+    """Run a notebook beside OUT as its reader would; return what it prints, and its names."""
+
+    def run(name):
+        written = json.loads((EXAMPLES / f"{name}.ipynb").read_text(encoding="utf-8"))
+        cells = [cell for cell in written["cells"] if cell["cell_type"] == "code"]
+        outputs = [output for cell in cells for output in cell["outputs"]]
+        assert any("image/png" in output.get("data", {}) for output in outputs)
+        monkeypatch.chdir(finished.parent)  # it reads out/escape.zarr
+        names = {}
+        for cell in cells:
+            exec("".join(cell["source"]), names)
+        return capsys.readouterr().out, names
+
+    return run
+
+
+def test_the_notebook_from_one_orbit_to_the_boundary(notebook):
+    said, names = notebook("boundary")
+    assert "Answer.BARRIER" in said
+    assert "Answer.TRANSPORT" in said
+    scales = names["table"].critical_scale
+    assert float(scales.sel(angle=0)) == pytest.approx(KAPPA_G / 2, abs=1e-9)
+    assert names["x"].size == 100_001
+
+
+def test_the_notebook_of_a_field(finished, notebook):
+    said, names = notebook("field")
     share = 100 * (field(finished) <= 4000).mean()
-    assert f"transport within 4000 steps in {share:.1f}% of the cells" in capsys.readouterr().out
-
-
-def test_recipe_contour_boundary(finished, follow):
-    follow("contour_boundary", finished)
-    rows = table(finished / "contour_boundary.csv")
-    radius = np.array([np.hypot(float(r["kappa1"]), float(r["kappa2"])) for r in rows])
+    assert f"transport within 4000 steps in {share:.1f}% of the cells" in said
+    assert f"{(field(finished) <= 4000).mean():.6f}" in said  # by blocks
+    radius = np.hypot(*names["curves"].to_numpy().T)
     # Outside the last barrier, all of it, and within the direct boundary of the table.
     assert radius.min() > KAPPA_G / 2
     direct = [float(r["critical_scale"] or 0) for r in table(finished / "direct_boundary.csv")]
     assert radius.max() < max(direct) + 0.1
 
 
-def test_recipe_compare_stores(finished, dense, follow):
-    said = follow("compare_stores", finished, dense)
-    differ = ((field(finished) <= 4000) != (field(dense) <= 4000)).sum()
-    assert f"2048 cells in both; {differ} of them answer differently" in said
-    assert "levels: 3 and None" in said
-
-
-def test_recipe_join_levels(finished, follow):
-    said = follow("join_levels", finished)
-    assert "equal to the cube escape: True" in said
-    rows = table(finished / "join_levels.csv")
-    assert {r["level"] for r in rows} == {"0", "1", "2"}
-
-
 @pytest.mark.parametrize(
     ("cube", "name"),
     [("barrier", "upper"), ("breakdown", "critical_scale"), ("escape", "escape_time")],
 )
-def test_recipe_export(finished, follow, cube, name):
+def test_example_export(finished, follow, cube, name):
     said = follow("export", finished, cube)
     assert "read back equal: True" in said
     rows = table(finished / f"{cube}.csv")
@@ -279,19 +280,18 @@ def test_recipe_export(finished, follow, cube, name):
     assert {r["status"] for r in rows if "status" in r} == (set() if cube == "escape" else {"ok"})
 
 
-def test_recipe_boundary(finished, follow):
-    follow("boundary", finished)
-    assert (finished / "boundary.png").exists()
-    circles = {row["circle"]: int(row["size"]) for row in table(finished / "last_circles.csv")}
-    last = [row["circle"] for row in table(finished / "critical_boundary.csv")]
-    assert circles == {circle: last.count(circle) for circle in set(last)}
+def test_example_planes_of_other_settings(finished, dense, follow):
+    said = follow("planes", finished, dense)
+    differ = ((field(finished) <= 4000) != (field(dense) <= 4000)).sum()
+    assert f"2048 cells in both; {differ} of them answer differently" in said
+    assert "levels: 3 and None" in said
 
 
-def test_recipe_join_planes(finished, tmp_path_factory, workers, follow):
+def test_example_planes_of_unequal_grids(finished, tmp_path_factory, workers, follow):
     fine = tmp_path_factory.mktemp("fine") / "out"
     plane = ["--kappa1", "0:0.7:48", "--kappa2", "0.35:0.7:24"]
     succeed("escape_plane", fine, *QUICK, *plane, *workers)
-    said = follow("join_planes", finished, fine, 1000)
+    said = follow("planes", finished, fine, 1000)
     kappa1, kappa2 = (lo + 0.7 / 48 * (np.arange(n) + 0.5) for lo, n in ((-1.4, 192), (0, 96)))
 
     def transport(out):
@@ -303,11 +303,6 @@ def test_recipe_join_planes(finished, tmp_path_factory, workers, follow):
     inside = np.outer((kappa2 > 0.35) & (kappa2 < 0.7), (kappa1 > 0) & (kappa1 < 0.7))
     share = np.where(inside, transport(fine), transport(finished)).mean()
     assert f"192 by 96 cells, {share:.6f}" in said
-
-
-def test_recipe_large_field(finished, follow):
-    said = follow("large_field", finished)
-    assert f"{(field(finished) <= 4000).mean():.6f}" in said
 
 
 QUEUE = {
@@ -322,7 +317,7 @@ QUEUE = {
 
 
 @pytest.mark.slow
-def test_recipe_job_queue_outlives_its_workers(tmp_path, follow, monkeypatch):
+def test_example_job_queue_outlives_its_workers(tmp_path, follow, monkeypatch):
     """Workers that live ten seconds, in a sweep of half a minute."""
     here = tmp_path / "queue"
     here.mkdir()
@@ -330,8 +325,8 @@ def test_recipe_job_queue_outlives_its_workers(tmp_path, follow, monkeypatch):
         (here / name).write_text(f"#!/bin/bash\ncd {here}\n{program}\n")
         (here / name).chmod(0o700)
     monkeypatch.setenv("PATH", f"{here}:{os.environ['PATH']}")
-    monkeypatch.setenv("PYTHONPATH", str(RECIPES.parents[1]))
-    edited = (RECIPES / "job_queue.py").read_text()
+    monkeypatch.setenv("PYTHONPATH", str(EXAMPLES.parents[1]))
+    edited = (EXAMPLES / "job_queue.py").read_text()
     for ours, theirs in {
         "110m": "10s",
         "5m": "1s",

@@ -1,12 +1,13 @@
-"""Planes of unequal grids as one: in each place the answer of the finest plane that has one.
+"""Planes of unequal grids or settings: where their answers differ, and all of them as one field.
 
-    python workflows/examples/join_planes.py OUT OTHER... [N]
+    python workflows/examples/planes.py OUT OTHER... [N]
 
-OUT, OTHER, ... are directories of runs with the cube `escape`: a wide and coarse plane, and narrow
-and fine ones. Writes OUT/join_planes.png, the transport within N steps.
+OUT, OTHER, ... are directories of runs with the cube `escape`: the same plane with other settings,
+or a wide and coarse plane, and narrow and fine ones. Writes OUT/planes.png, the transport within N
+steps: in each place the answer of the finest plane that has one.
 """
 
-# %% Open all, the finest first.
+# %% Open all, the finest first, and see which settings differ.
 import sys
 from pathlib import Path
 
@@ -29,6 +30,11 @@ def width(cube, name):
 
 
 cubes = [xr.open_zarr(out / "escape.zarr", chunks=None) for out in directories]
+own = {"created", "config_hash", "git_commit", "library_versions", "python_version"}
+for key in sorted(set().union(*(cube.attrs for cube in cubes)) - own):
+    values = [str(cube.attrs.get(key)) for cube in cubes]
+    if len(set(values)) > 1:
+        print(f"{key}: {' and '.join(values)}")
 cubes.sort(key=lambda cube: width(cube, "kappa1"))
 n = n or min(cube.attrs["n_max"] for cube in cubes)
 
@@ -46,7 +52,13 @@ for cube in cubes:
     for name, centres in grid.items():
         reach = width(cube, name) / 2 * 1.000001
         answer = answer.reindex({name: centres}, method="nearest", tolerance=reach)
-    joined = answer if joined is None else joined.combine_first(answer)
+    if joined is None:
+        joined = answer
+        continue
+    both = joined.notnull() & answer.notnull()
+    differ = int(((joined != answer) & both).sum())
+    print(f"{int(both.sum())} cells in both; {differ} of them answer differently at N={n}")
+    joined = joined.combine_first(answer)
 print(f"{joined.sizes['kappa1']} by {joined.sizes['kappa2']} cells, {float(joined.mean()):.6f}")
 
 # %% Draw each plane by the bounds of its own cells, the finest on top: no grid is needed for that.
@@ -57,5 +69,5 @@ for cube in reversed(cubes):
     axes.pcolormesh(*edges, (field <= n).where(field.notnull()), vmin=0, vmax=1)
 axes.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$", title=f"transport within {n} steps")
 axes.set_aspect("equal")
-figure.savefig(directories[0] / "join_planes.png")
-print(f"wrote {directories[0] / 'join_planes.png'}")
+figure.savefig(directories[0] / "planes.png")
+print(f"wrote {directories[0] / 'planes.png'}")
