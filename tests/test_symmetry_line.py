@@ -84,7 +84,7 @@ def _one_by_one(c, period, x0, y0, w0, n_max):
     for i in range(y0.size):
         x, y, v, w = x0, y0[i], 1.0, w0
         for n in range(n_max):
-            x, y, v, w = symmetry_line._kick(c, n % period, x, y, v, w)
+            x, y, v, w = symmetry_line.tangent_kick(c, n % period, x, y, v, w)
             if v <= 0:
                 times[i] = n + 1
                 break

@@ -419,7 +419,7 @@ _D0, _D1, _D2, _D3, _D4, _D5, _D6, _D7 = COSINE
 
 
 @njit(forceinline=True)
-def _kick(c, n, x, y, v, w):
+def tangent_kick(c, n, x, y, v, w):
     """Kick n, on lanes or floats; x is the shifted angle X."""
     r = x - rint(x)
     u = fabs(r) - 0.25
@@ -461,9 +461,9 @@ def _advance(c, site, state, start, report):
     store(report, 3 * LANES, w)
     smallest = v
     for n in range(site, site + _BLOCK, 2):  # unrolled by two: 1.1 times faster
-        x, y, v, w = _kick(c, n, x, y, v, w)
+        x, y, v, w = tangent_kick(c, n, x, y, v, w)
         smallest = minimum(smallest, v)
-        x, y, v, w = _kick(c, n + 1, x, y, v, w)
+        x, y, v, w = tangent_kick(c, n + 1, x, y, v, w)
         smallest = minimum(smallest, v)
     store(state, start, x)
     store(state, size + start, y)
@@ -478,7 +478,7 @@ def _replay(c, site, report, lane):
     x, y, v, w = report[0, lane], report[1, lane], report[2, lane], report[3, lane]
     n = 0
     while v > 0:
-        x, y, v, w = _kick(c, site + n, x, y, v, w)
+        x, y, v, w = tangent_kick(c, site + n, x, y, v, w)
         n += 1
     return n
 

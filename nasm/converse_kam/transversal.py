@@ -44,9 +44,10 @@ import numpy as np
 from numba import njit
 
 from nasm.arithmetic.kernels import kernel
-from nasm.arithmetic.sine import cos2pi, sin2pi
+from nasm.arithmetic.lanes import FEW, load_state, minimum, own_frame, store_state
+from nasm.arithmetic.sine import SINE, cos2pi, sin2pi
 from nasm.checks import count, points
-from nasm.converse_kam.symmetry_line import longest_found
+from nasm.converse_kam.symmetry_line import longest_found, tangent_kick
 from nasm.maps import MAX_PERIOD, TWO_PI, direction, forcing, kick
 
 __all__ = ["elimination_time", "located", "longest_lived"]
@@ -54,6 +55,7 @@ __dir__ = __all__.copy
 
 MAX_STEPS = 10**6
 
+_BLOCK = 32  # kicks, about, between two looks at the starts
 _GRIDS = ((1024, 0.5), (797, 0.382))  # starts, and the place of the start in its cell
 _KEPT = 16  # starts for each kick of a period, of which the search goes on
 _COMPARED, _PLACES = 8, 24  # largest q with which the actions at x_0 = 0, 1/(24q), … are compared
@@ -355,34 +357,89 @@ def _minimize(kappa, x, p):
     return action, slope, 2 + kappa[0] * cos2pi(x[0]) - along - last
 
 
-@kernel
 def _elimination_times(kappa, x, y, n_kicks, one_is_enough, times):
-    for i in range(x.size):
-        times[i] = _elimination_time(kappa, x[i], y[i], n_kicks)
-        if one_is_enough and np.isinf(times[i]):
-            return
+    """Kicks in either direction until each start before kick 0 is eliminated, inf if more than
+    n_kicks, into `times`; if one is enough, only up to the first survivor, 0 from there on."""
+    length = kappa.size * -(-_BLOCK // kappa.size)
+    ahead = np.resize(np.roll(kappa, -1), length)[:, None] * -np.array(SINE)
+    behind = np.resize(kappa[::-1], length)[:, None] * -np.array(SINE)
+    _eliminate(float(kappa[0]), ahead, behind, x, y, n_kicks, one_is_enough, times)
 
 
 @njit(nogil=True)
-def _elimination_time(kappa, x, y, n_kicks):
-    """Kicks in either direction until the start is eliminated, inf if more than n_kicks."""
-    period = kappa.size
-    bound = 2 + kappa[0] * cos2pi(x)
-    # Backwards the chain is one with the strengths in reverse order.
-    ahead, p = kick(kappa[0], x, y)
-    behind, q = x - y, -y
-    v_before, v, u_before, u, total = 0.0, 1.0, 0.0, 1.0, 0.0
-    if bound <= 0:
-        return 1.0
-    for n in range(1, n_kicks):
-        forwards, backwards = kappa[n % period], kappa[-n % period]
-        v_before, v = v, (2 + forwards * cos2pi(ahead)) * v - v_before
-        u_before, u = u, (2 + backwards * cos2pi(behind)) * u - u_before
-        if v <= 0 or u <= 0:
-            return n + 1.0
-        total += 1 / (v_before * v) + 1 / (u_before * u)
-        if total >= bound:
-            return n + 1.0
-        ahead, p = kick(forwards, ahead, p)
-        behind, q = kick(backwards, behind, q)
-    return np.inf
+def _advance(ahead, behind, state):
+    """A block of kicks in both directions, of 16 starts, in place."""
+    own_frame()
+    x, y, v, w, p, q, u, z, total, _ = load_state(state, 0, 10, FEW)
+    least = minimum(v, u)
+    for n in range(ahead.shape[0]):
+        v_before, u_before = v, u
+        x, y, v, w = tangent_kick(ahead, n, x, y, v, w)
+        p, q, u, z = tangent_kick(behind, n, p, q, u, z)
+        total = total + (1.0 / (v_before * v) + 1.0 / (u_before * u))
+        least = minimum(minimum(v, u), least)
+    store_state(state, (x, y, v, w, p, q, u, z, total, least))
+
+
+@njit(nogil=True)
+def _replay(ahead, behind, state, lane, bound):
+    """The kick of the block, counted from 1, that eliminates the start: the definition."""
+    x, y, v, w, p, q, u, z, total = load_state(state, lane, 9, 1)
+    for n in range(ahead.shape[0]):
+        v_before, u_before = v, u
+        x, y, v, w = tangent_kick(ahead, n, x, y, v, w)
+        p, q, u, z = tangent_kick(behind, n, p, q, u, z)
+        total += 1.0 / (v_before * v) + 1.0 / (u_before * u)
+        if v <= 0 or u <= 0 or total >= bound:
+            return n + 1
+    return ahead.shape[0]
+
+
+@kernel
+def _eliminate(strength, ahead, behind, x, y, n_kicks, one_is_enough, times):
+    """`_elimination_times`; a lane whose start is done takes the next one."""
+    state, before = np.full((10, FEW), np.nan), np.empty((10, FEW))
+    start, age, bound = np.full(FEW, -1), np.zeros(FEW, np.int64), np.zeros(FEW)
+    following, at_work = 0, 0
+    while True:
+        for lane in range(FEW):
+            while start[lane] < 0 and following < x.size:
+                i, following = following, following + 1
+                bound[lane] = 2 + strength * cos2pi(x[i])
+                if bound[lane] <= 0:
+                    times[i] = 1.0
+                    continue
+                x_ahead, y_ahead = kick(strength, x[i], y[i])
+                state[:8, lane] = (
+                    x_ahead - 0.25,
+                    y_ahead,
+                    1.0,
+                    1.0,
+                    x[i] - y[i] - 0.25,
+                    -y[i],
+                    1.0,
+                    1.0,
+                )
+                state[8, lane] = 0.0
+                start[lane], age[lane] = i, 1
+                at_work += 1
+        if at_work == 0:
+            return
+        before[:] = state
+        _advance(ahead, behind, state)
+        for lane in range(FEW):
+            if start[lane] < 0:
+                continue
+            time = np.inf
+            if state[9, lane] <= 0 or state[8, lane] >= bound[lane]:
+                time = age[lane] + _replay(ahead, behind, before, lane, bound[lane])
+            age[lane] += ahead.shape[0]
+            if time > n_kicks:
+                time = np.inf
+            if time < np.inf or age[lane] >= n_kicks:
+                times[start[lane]] = time
+                if one_is_enough and time == np.inf:
+                    return
+                start[lane] = -1
+                state[2, lane] = state[6, lane] = np.nan
+                at_work -= 1
