@@ -3,6 +3,7 @@
 import errno
 import io
 import os
+import re
 import signal
 import socket
 import ssl
@@ -11,6 +12,7 @@ import time
 from asyncio import CancelledError
 from contextlib import suppress
 from functools import partial
+from importlib.metadata import version
 
 import numpy as np
 import psutil
@@ -19,9 +21,10 @@ import toy
 from test_memory import glibc, kept
 
 from pipeline import store
+from pipeline.sweep import cluster
 from pipeline.sweep.cluster import ClusterError, connect
 from pipeline.sweep.progress import Progress
-from pipeline.sweep.sweep import sweep
+from pipeline.sweep.sweep import _complaint, sweep
 
 
 @pytest.fixture(scope="module")
@@ -294,6 +297,30 @@ def test_workers_listen_on_loopback_only_and_to_their_own_driver_alone(client):
             spoke += 1
             assert secret.recv(99) == b""
     assert spoke >= 3
+
+
+def test_workers_that_are_slow_to_end_are_no_failure_of_what_they_did(monkeypatch):
+    class Slow:
+        def __init__(self, *args, **options):
+            pass
+
+        def close(self):
+            raise TimeoutError
+
+    monkeypatch.setattr(cluster, "LocalCluster", Slow)
+    monkeypatch.setattr(cluster, "Client", Slow)
+    with connect(n_workers=1) as client:
+        client()
+    with pytest.raises(TimeoutError, match="of the work"), connect(n_workers=1) as client:
+        client()
+        raise TimeoutError("of the work")
+
+
+@pytest.mark.parametrize("library", ["xarray", "zarr"])
+def test_a_worker_that_reads_and_writes_cubes_by_another_version_is_unfit(library, tmp_path):
+    driver = re.sub(rf"\b{library} [^,]+", f"{library} 0.1", store.computed_by())
+    told = _complaint(store.place_of(tmp_path), "toy", "", driver)
+    assert told == f"has {library} {version(library)} instead of {library} 0.1"
 
 
 def test_a_scheduler_that_does_not_answer_is_one_clear_error():

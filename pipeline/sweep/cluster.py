@@ -97,8 +97,21 @@ def _local(n_workers):
     # certificate that lasts as long as the cluster lets only its own processes speak to it.
     how |= {"security": Security.temporary(), "scheduler_kwargs": {"dashboard": False}}
     _allow_open_files(40 + 10 * n_workers)
-    with LocalCluster(**how) as cluster, Client(cluster, set_as_default=False) as client:
+    with (
+        _closing(LocalCluster(**how)) as cluster,
+        _closing(Client(cluster, set_as_default=False)) as client,
+    ):
         yield client
+
+
+@contextmanager
+def _closing(opened):
+    """Yield it, then close it; what is too slow for that, on a busy machine, ends with us."""
+    try:
+        yield opened
+    finally:
+        with suppress(TimeoutError):
+            opened.close()
 
 
 def _allow_open_files(n):
