@@ -56,49 +56,27 @@ def escapes(view, row, column, steps):
     return escape.escape_time(kappa, x, y, steps).min()
 
 
-class Here:
-    """A dask client that computes at once, and counts forcings."""
-
-    status, asked = "running", 0
-
-    def nthreads(self):
-        return {"here": 1}
-
-    def submit(self, function, *args, **options):
-        self.asked += len(args[0]) if isinstance(args[0], np.ndarray) else 0
-        return Done(function(*args))
-
-    def cancel(self, futures):
-        pass
-
-
-class Done:
-    status = "finished"
-
-    def __init__(self, value):
-        self.value = value
-
-    def add_done_callback(self, callback):
-        callback(self)
-
-    def result(self):
-        return self.value
-
-
 def pictures(view, steps, fields=(), plane=None):
-    client = Here()
-    work = field.computed(lambda: client, plane or two_kicks(), view, steps, list(fields))
-    return [found for found in work if found is not None], client
+    """All pictures of a view with their blocks, and how many forcings were computed for them."""
+    tree, n_forcings = field.Quadtree(plane or two_kicks(), view, steps, list(fields)), 0
+    found = [tree.picture()]
+    for calls in tree.rounds():
+        while calls:
+            cells, function, forcings, n = calls.popleft()
+            n_forcings += len(cells)
+            tree.accept(cells, function(forcings, n))
+        found.append(tree.picture())
+    return found, n_forcings
 
 
 VIEW = View((0.8, 1.1), (0.0, 0.3), (54, 54))  # the boundary of N = 300 crosses it
 
 
 def test_every_pixel_with_an_escape_and_all_along_the_boundary_has_its_own_time():
-    found, client = pictures(VIEW, 300)
-    times, block, words = found[-1]
-    assert (block, words) == (1, "")
-    assert client.asked < times.size
+    found, n_forcings = pictures(VIEW, 300)
+    times, block = found[-1]
+    assert block == 1
+    assert n_forcings < times.size
     assert 0.1 < np.isinf(times).mean() < 0.9
     random = np.random.default_rng(1)
     near = field._at_boundary(times, 300) | (times <= 300)
@@ -106,16 +84,16 @@ def test_every_pixel_with_an_escape_and_all_along_the_boundary_has_its_own_time(
         assert times[row, column] == escapes(VIEW, row, column, 300) or (
             np.isinf(times[row, column]) and np.isinf(escapes(VIEW, row, column, 300))
         )
-    assert [blocks for _, blocks, _ in found] == sorted((b for _, b, _ in found), reverse=True)
+    assert [blocks for _, blocks in found] == sorted((b for _, b in found), reverse=True)
 
 
 def test_where_single_pixels_cost_too_much_they_are_computed_along_the_boundary_only(monkeypatch):
-    every, client = pictures(VIEW, 300)
+    every, n_forcings = pictures(VIEW, 300)
     own = every[-1][0]
     monkeypatch.setattr(field, "_SPARE", 0.0)
     found, spared = pictures(VIEW, 300)
     times = found[-1][0]
-    assert spared.asked < 0.8 * client.asked
+    assert spared < 0.8 * n_forcings
     near = field._at_boundary(times, 300)
     assert 100 < near.sum() < 0.5 * near.size
     assert (times == own)[near].all()
@@ -138,11 +116,11 @@ def test_a_late_escape_at_the_centre_of_a_block_stays():
 
 def test_mirror_images_in_the_plane_are_computed_once():
     view = View((-1.1, 1.1), (-1.1, 1.1), (108, 108))
-    found, client = pictures(view, 400)
+    found, n_forcings = pictures(view, 400)
     times = found[-1][0]
     assert (times == times.T).all()
     assert (times == times[::-1]).all()
-    assert client.asked < 0.2 * times.size
+    assert n_forcings < 0.2 * times.size
     row, column = np.argwhere(times <= 400)[7]
     image = sorted((abs(row - 53.5), abs(column - 53.5)))  # in 0 to 45 degrees
     assert times[row, column] == escapes(view, *(np.array(image) + 53.5).astype(int), 400)
@@ -151,18 +129,18 @@ def test_mirror_images_in_the_plane_are_computed_once():
 def test_what_is_known_is_not_computed_again():
     times, *_ = pictures(VIEW, 300)[0][-1]
     known = Field(*VIEW.centres(), times, 300)
-    _, client = pictures(VIEW, 300, [known])
-    assert client.asked == 0
-    _, client = pictures(VIEW, 100, [known])  # fewer steps are known too
-    assert client.asked == 0
+    _, n_forcings = pictures(VIEW, 300, [known])
+    assert n_forcings == 0
+    _, n_forcings = pictures(VIEW, 100, [known])  # fewer steps are known too
+    assert n_forcings == 0
     moved = View((0.85, 1.15), (0.0, 0.3), (54, 54))
-    (first, *_), client = pictures(moved, 300, [known])
+    (first, *_), n_forcings = pictures(moved, 300, [known])
     assert (first[0][:, :45] == times[:, 9:]).mean() > 0.97 or np.isinf(times).mean() > 0.9
-    assert 0 < client.asked < 0.35 * times.size
+    assert 0 < n_forcings < 0.35 * times.size
     nearer = View((0.95, 0.96), (0.1, 0.11), (54, 54))  # a preview, and then all of it
-    found, client = pictures(nearer, 300, [known])
+    found, n_forcings = pictures(nearer, 300, [known])
     assert not np.isnan(found[0][0]).any()
-    assert client.asked > 1000
+    assert n_forcings > 1000
 
 
 def test_of_a_refined_cube_escapes_of_coarse_cells_are_a_preview(store):

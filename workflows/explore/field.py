@@ -102,105 +102,136 @@ class Field:
 def computed(client, plane, view, steps, fields):
     """Yield (times, block, words): the view's picture, better each time, and how far that is.
 
-    client : function → dask Client. plane : of forcings. view : View. steps : int, N.
-    fields : Fields that are known, best first.
-
-    Times have the view's shape; inf for no escape within N, NaN for not known yet; one value may
-    fill `block` pixels along each side. It also yields None, at least ten times a second.
+    client : function → dask Client. plane, view, steps, fields : as for `Quadtree`; times, block :
+    as of its pictures. It also yields None, at least ten times a second.
     """
-    final, backdrop, cell = _known(view, steps, fields)
-    times = np.full([n // BLOCKS[0] for n in view.shape], np.nan)
-
-    def picture(words, block):
-        pixels = _cut(times, block)
-        pixels = np.where(np.isnan(pixels) | (cell < block), backdrop, pixels)
-        return np.where(np.isnan(final), pixels, final), block, words
-
-    if not np.isnan(final).any():
-        yield final, 1, ""
+    tree = Quadtree(plane, view, steps, fields)
+    if not np.isnan(tree.final).any():
+        yield tree.final, 1, ""
         return
-    if not np.isnan(backdrop).all():
-        yield picture("what is known", BLOCKS[0])
+    if not np.isnan(tree.backdrop).all():
+        yield *tree.picture(), "what is known"
     workers, told, pause = client(), monotonic(), _PATIENCE
-
-    def fill(wanted, block, steps):
-        """Compute the blocks that are wanted, of pixels also those beside one with another answer;
-        and yield pictures."""
-        images = _images(plane, view, block)
-        found, calls = np.full(images.size, np.nan), deque()
-        asked, fresh = np.zeros((2, images.size), bool)
-
-        def ask(pixels):
-            cells = np.unique(images[pixels])
-            cells = cells[~asked[cells]]
-            if not cells.size:
-                return
-            asked[cells] = True
-            likely = times.ravel()[cells]
-            likely = np.where(likely <= steps, likely, steps)  # also if not known
-            seconds = np.cumsum(_seconds(likely, plane))
-            batch = np.floor(seconds / np.clip(seconds[-1] / 4, _LEAST, _BATCH)).astype(int)
-            a, b = view.centres(block)
-            for part in np.split(cells, np.flatnonzero(np.diff(batch)) + 1):
-                rows, columns = np.divmod(part, images.shape[1])
-                calls.append((part, _escapes, plane.forcing(a[columns], b[rows]), steps))
-
-        def take():
-            now = found[images[wanted]]
-            times[wanted] = np.where(np.isnan(now), times[wanted], now)
-
-        nonlocal told, pause
-        ask(wanted)
+    for calls in tree.rounds():
         for ended in spread(workers, calls):
             if ended is not None:
-                cells, found[ended[0]] = ended
-                fresh[cells] = True
-            if block == 1 and not calls:
-                rows, columns = np.nonzero(fresh[images])
-                fresh[:] = False
-                near = _beside(rows, columns, images.shape)
-                differ = (times[near] <= steps) != (found[images[rows, columns]] <= steps)
-                more = np.zeros_like(wanted)
-                more[near[0][differ], near[1][differ]] = True
-                more &= ~(known | wanted)
-                wanted |= more
-                ask(more)
+                tree.accept(*ended)
             if monotonic() - told < pause:
                 yield None
                 continue
-            take()
-            yield picture(f"{block} px, {1 - np.isnan(found[asked]).mean():.0%}", block)
+            yield *tree.picture(), f"{tree.block} px, {tree.progress:.0%}"
             told, pause = monotonic(), min(2 * pause, _LONGEST)
-        take()
-        if block == BLOCKS[0]:
-            yield picture(f"{block} px", block)
-
-    for block in BLOCKS:
-        rows, columns = (n // block for n in view.shape)
-        known = (~np.isnan(final)).reshape(rows, block, columns, block).all(axis=(1, 3))
-        if block < BLOCKS[0]:
-            times = _cut(times, _CUT)
-        times[known] = final[block // 2 :: block, block // 2 :: block][known]
-        if block == BLOCKS[0]:
-            wanted = ~known
-            if steps > _FIRST_STEPS:  # a first look, before what may take long
-                yield from fill(wanted, block, _FIRST_STEPS)
-                wanted = wanted & ~(times <= steps)
-        else:
-            wanted = _at_boundary(times, steps)
-            escapes = times <= steps
-            wanted |= escapes if block > 1 else _soonest(escapes, _seconds(times, plane))
-            known[_CUT // 2 :: _CUT, _CUT // 2 :: _CUT] = True  # a centre was the whole block's
-            wanted &= ~known
-        yield from fill(wanted, block, steps)
-        if block == BLOCKS[1]:  # a short look everywhere, for what is thinner than the first blocks
-            yield from fill(~known & ~wanted, block, min(steps, _FIRST_STEPS))
-    yield picture("", block)
+        if tree.block == BLOCKS[0]:
+            yield *tree.picture(), f"{tree.block} px"
+    yield *tree.picture(), ""
 
 
-def _seconds(times, plane):
-    """Return the CPU seconds in which the ensemble takes so many steps."""
-    return times * (SECONDS_PER_KICK * ORBITS * len(plane.origin))
+class Quadtree:
+    """The escape times of a view, from blocks to pixels: what to compute next, and the picture.
+
+    plane : of forcings. view : View. steps : int, N. fields : Fields that are known, best first.
+    """
+
+    def __init__(self, plane, view, steps, fields):
+        self.plane, self.view, self.steps = plane, view, steps
+        self.final, self.backdrop, self._coarse = _known(view, steps, fields)
+        self.block = BLOCKS[0]
+        self._times = np.full([n // self.block for n in view.shape], np.nan)
+        self._begin(np.zeros(self._times.shape, bool), 0)
+
+    def rounds(self):
+        """Yield the calls of each round: a deque of (cells, function, forcings, steps).
+
+        Whoever takes a call off gives its cells and its result to `accept`, until none is left;
+        which round comes next, if any, depends on the results.
+        """
+        steps = self.steps
+        for self.block in BLOCKS:
+            block, (rows, columns) = self.block, (n // self.block for n in self.view.shape)
+            known = (~np.isnan(self.final)).reshape(rows, block, columns, block).all(axis=(1, 3))
+            if block < BLOCKS[0]:
+                self._times = _cut(self._times, _CUT)
+            middle = slice(block // 2, None, block)
+            self._times[known] = self.final[middle, middle][known]
+            if block == BLOCKS[0]:
+                wanted = ~known
+                if steps > _FIRST_STEPS:  # a first look, before what may take long
+                    yield from self._round(wanted, _FIRST_STEPS)
+                    wanted = wanted & ~(self._times <= steps)
+            else:
+                wanted, escapes = _at_boundary(self._times, steps), self._times <= steps
+                wanted |= escapes if block > 1 else _soonest(escapes, self._seconds(self._times))
+                known[_CUT // 2 :: _CUT, _CUT // 2 :: _CUT] = True  # was the whole block's centre
+                wanted &= ~known
+            self._known = known
+            yield from self._round(wanted, steps)
+            if block == BLOCKS[1]:  # a short look everywhere, for what is thinner than that
+                yield from self._round(~known & ~wanted, min(steps, _FIRST_STEPS))
+
+    def accept(self, cells, times):
+        """Take the escape times of the cells of a call; of pixels this may ask for neighbours."""
+        self._found[cells], self._fresh[cells] = times, True
+        if self.block > 1 or self._calls:
+            return
+        rows, columns = np.nonzero(self._fresh[self._images])
+        self._fresh[:] = False
+        near = _beside(rows, columns, self._images.shape)
+        now = self._found[self._images[rows, columns]] <= self.steps
+        differ = (self._times[near] <= self.steps) != now
+        more = np.zeros_like(self._wanted)
+        more[near[0][differ], near[1][differ]] = True
+        more &= ~(self._known | self._wanted)
+        self._wanted |= more
+        self._ask(more)
+
+    def picture(self):
+        """Return the times of the view, and how many pixels along each side one may fill.
+
+        Times have the view's shape; inf for no escape within N, NaN for not known yet.
+        """
+        now = self._found[self._images[self._wanted]]
+        self._times[self._wanted] = np.where(np.isnan(now), self._times[self._wanted], now)
+        pixels = _cut(self._times, self.block)
+        coarser = np.isnan(pixels) | (self._coarse < self.block)
+        pixels = np.where(coarser, self.backdrop, pixels)
+        return np.where(np.isnan(self.final), pixels, self.final), self.block
+
+    @property
+    def progress(self):
+        """The part of the cells of this round that is known."""
+        return 1 - np.isnan(self._found[self._asked]).mean()
+
+    def _round(self, wanted, steps):
+        self._begin(wanted, steps)
+        self._ask(wanted)
+        yield self._calls
+        self.picture()
+
+    def _begin(self, wanted, steps):
+        self._wanted, self._limit, self._calls = wanted, steps, deque()
+        self._images = _images(self.plane, self.view, self.block)
+        self._found = np.full(self._images.size, np.nan)
+        self._asked, self._fresh = np.zeros((2, self._images.size), bool)
+
+    def _ask(self, pixels):
+        cells = np.unique(self._images[pixels])
+        cells = cells[~self._asked[cells]]
+        if not cells.size:
+            return
+        self._asked[cells] = True
+        likely = self._times.ravel()[cells]
+        likely = np.where(likely <= self._limit, likely, self._limit)  # also if not known
+        seconds = np.cumsum(self._seconds(likely))
+        batch = np.floor(seconds / np.clip(seconds[-1] / 4, _LEAST, _BATCH)).astype(int)
+        a, b = self.view.centres(self.block)
+        for part in np.split(cells, np.flatnonzero(np.diff(batch)) + 1):
+            rows, columns = np.divmod(part, self._images.shape[1])
+            forcings = self.plane.forcing(a[columns], b[rows])
+            self._calls.append((part, _escapes, forcings, self._limit))
+
+    def _seconds(self, times):
+        """Return the CPU seconds in which the ensemble takes so many steps."""
+        return times * (SECONDS_PER_KICK * ORBITS * len(self.plane.origin))
 
 
 def _soonest(escapes, seconds):
