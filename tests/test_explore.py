@@ -305,7 +305,7 @@ def test_a_zoom_leaves_every_circle_its_colour():
 
 @needed
 def test_a_link_in_another_tab_shows_the_same(page):
-    tab = page("?k1=0.25&k2=-0.125&n=200")
+    tab = page("?k1=0.25&k2=-0.125&n=200", 900)
     fields = tab.get_by_role("textbox")
     assert [fields.nth(i).input_value() for i in (0, 1)] == ["0.25", "-0.125"]
     left, top, width, height = picture(tab, PLANE)
@@ -334,7 +334,7 @@ def test_a_link_in_another_tab_shows_the_same(page):
     wait(tab, done)
     type_in(tab, "where the circle", "[0;2,(1)]")  # its rays take long
     until(tab, "omega", "[0;2,(1)]")
-    again = page("?" + urlparse(tab.url).query)  # two tabs at once
+    again = page("?" + urlparse(tab.url).query, 900)  # two tabs at once
     wait(again, "Bokeh.documents[0].get_model_by_name('times').data.values[0].length > 1")
     wait(again, done)
     assert asked(again) == asked(tab)
@@ -347,7 +347,9 @@ def test_a_link_in_another_tab_shows_the_same(page):
 
 
 @needed
-def test_bad_input_stays_in_its_field_with_words_below_it(page):
+def test_bad_input_stays_in_its_field_with_words_below_it_and_a_lost_worker_is_replaced(
+    page, served
+):
     tab = page("?k1=0.25&k2=0.5&n=100")
     good = {"κ₁": "-0.3", "κ₂": "0.125", "where the circle": "gamma", "Orbits added": "0.5 0.3"}
     for label, text, words in (
@@ -370,12 +372,27 @@ def test_bad_input_stays_in_its_field_with_words_below_it(page):
     until(tab, "orbits", "0.5,0.3")
     assert tab.get_by_role("alert").count() == 0
     assert (asked(tab)["k1"], asked(tab)["k2"]) == ("-0.3", "0.125")
+    family = psutil.Process(served[1].pid).children(recursive=True)
+    (worker,) = (one for one in family if "spawn_main" in " ".join(one.cmdline()))
+    ready(tab, but="boundary")
+    worker.kill()
+    tab.get_by_role("slider").press("ArrowRight")
+    until(tab, "n", "200")
+    ready(tab, but="boundary")
+    worker.wait(60)  # it is gone, and not only on its way
 
 
 @needed
-def test_a_zoom_to_1e_4_shows_the_escape_times_of_its_pixels(page):
+def test_on_a_phone_panels_are_stacked_and_a_zoom_to_1e_4_shows_the_escape_times_of_its_pixels(
+    page,
+):
     tab = page("?n=500", width=390)
+    assert tab.evaluate("document.documentElement.scrollWidth") <= 390
     left, top, width, height = picture(tab, PLANE)
+    assert width > 250
+    assert picture(tab, "Phase portrait")[1] > top + height
+    told, lines = (tab.get_by_label(name).bounding_box() for name in ("Verdict", "Lines in the"))
+    assert top + height < told["y"] < min(top + height + 150, lines["y"])
     tab.mouse.move(left + 0.98 * width, top + 0.47 * height)
     for _ in range(5):  # ten times as near each
         tab.mouse.wheel(0, -600)
@@ -403,19 +420,8 @@ def test_a_zoom_to_1e_4_shows_the_escape_times_of_its_pixels(page):
     where = range(0, min(shape), 5)
     same = [[times[i, i] == escapes(view, i, i, 500) for i in where] for view in views]
     assert np.all(same, axis=1).any()
-
-
-@needed
-def test_the_page_stacks_its_panels_on_a_phone_and_the_slider_takes_keys(page):
-    tab = page("?n=200", width=390)
-    assert tab.evaluate("document.documentElement.scrollWidth") <= 390
-    plane, portrait = picture(tab, PLANE), picture(tab, "Phase portrait")
-    assert portrait[1] > plane[1] + plane[3]
-    assert plane[2] > 250
-    told, lines = (tab.get_by_label(name).bounding_box() for name in ("Verdict", "Lines in the"))
-    assert plane[1] + plane[3] < told["y"] < min(plane[1] + plane[3] + 150, lines["y"])
     tab.get_by_role("slider").press("ArrowLeft")
-    until(tab, "n", "100")
+    until(tab, "n", "200")
 
 
 def answers(requests):
@@ -509,16 +515,3 @@ def test_no_other_site_and_no_other_machine_gets_in(served, chromium):
             dask = HTTPConnection(port.ip, port.port, timeout=5)
             dask.request("GET", path, headers={"Host": ELSEWHERE})
             assert dask.getresponse().status in (403, 404)  # no dashboard
-
-
-@needed
-def test_a_lost_worker_is_replaced(page, served):
-    tab = page("?n=100")
-    family = psutil.Process(served[1].pid).children(recursive=True)
-    (worker,) = (one for one in family if "spawn_main" in " ".join(one.cmdline()))
-    ready(tab, but="boundary")
-    worker.kill()
-    tab.get_by_role("slider").press("ArrowRight")
-    until(tab, "n", "200")
-    ready(tab, but="boundary")
-    worker.wait(60)  # it is gone, and not only on its way
