@@ -79,11 +79,11 @@ def test_rotating_maps_are_kept_as_labelled_cubes(tmp_path, workers, monkeypatch
 
 def test_three_kicks_are_kept_as_labelled_cubes(tmp_path, workers):
     out = tmp_path / "out"
-    rays = ["--angles", "2", "--tips", "0", "--tol", "1e-2"]
+    rays = ["--angles", "3", "--tips", "0", "--tol", "1e-2"]
     succeed("three_kicks", out, *rays, "--phase", "1/24", "--phase", "0", *workers)
     names = ("barrier_rotating_1_3", "barrier_rotating_1_3_1_24")
     zero, cube = (xr.open_zarr(out / f"{name}.zarr") for name in names)
-    assert cube.angle.values.tolist() == [0, 90]
+    assert cube.angle.values.tolist() == [0, 45, 90, 135]
     profile = rotating("1/3", "1/24").second
     expected = barriers.critical_scale(profile, 1e-2)
     there = cube.sel(angle=90)
@@ -92,7 +92,7 @@ def test_three_kicks_are_kept_as_labelled_cubes(tmp_path, workers):
     for still in (zero.sel(angle=0), cube.sel(angle=0)):
         assert abs(still.critical_scale - KAPPA_G) < still.error
     rows = table(out / "three_kicks.csv")
-    assert len(rows) == 2 * 3
+    assert len(rows) == 2 * 5
     for r in rows:
         if r["angle"] == "180":
             assert abs(float(r["ratio"]) - 1) < float(r["error"]) / float(r["critical_scale"])
