@@ -13,8 +13,8 @@ from workflows.claims import envelope, rules
 from workflows.claims.page import write_page, write_tables
 from workflows.claims.rules import Erratum, Verdict
 from workflows.shared.cli import main_of
+from workflows.shared.output import Output
 from workflows.shared.page import formula
-from workflows.shared.run import Run
 
 TESTS = Path(__file__).parent
 
@@ -130,7 +130,7 @@ def test_no_equation_fails_and_all_errata_are_shown(exact):
 def test_the_page_and_the_tables_hold_every_claim(exact, tmp_path):
     found, errata = exact
     circles, barrier = three_rays(np.array([0.5, 0.6, 1.4]), ["[0;(1)]"] * 3, 0.99)
-    ranges, run = envelope.ranges(circles, barrier), Run(tmp_path, None)
+    ranges, run = envelope.ranges(circles, barrier), Output(tmp_path)
     write_page(run, found, errata, ranges, ["a summary"], "a command")
     write_tables(run, found, errata, ranges)
     page = (tmp_path / "claims.html").read_text(encoding="utf-8")

@@ -311,9 +311,14 @@ def test_workers_that_are_slow_to_end_are_no_failure_of_what_they_did(monkeypatc
     monkeypatch.setattr(cluster, "Client", Slow)
     with connect(n_workers=1) as client:
         client()
-    with pytest.raises(TimeoutError, match="of the work"), connect(n_workers=1) as client:
-        client()
-        raise TimeoutError("of the work")
+
+    def work():
+        with connect(n_workers=1) as client:
+            client()
+            raise TimeoutError("of the work")
+
+    with pytest.raises(TimeoutError, match="of the work"):
+        work()
 
 
 @pytest.mark.parametrize("library", ["xarray", "zarr"])

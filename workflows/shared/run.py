@@ -1,4 +1,4 @@
-"""The run of a command: it holds the store, sweeps, writes, and says what it found and where it is.
+"""The run of a command: it holds the store, and sweeps; what it writes is of `output`.
 
 Exit codes: 0 done; 1 tiles failed, or the workers are gone, or the disk or the object store failed;
 2 bad input, nothing touched; 130 stopped by Ctrl-C.
@@ -21,8 +21,7 @@ from pipeline.sweep.cluster import ClusterError, connect, credentials
 from pipeline.sweep.grid import tile_coords
 from pipeline.sweep.progress import Progress, duration
 from pipeline.sweep.sweep import sweep
-from workflows.figures.style import save
-from workflows.shared.tables import write
+from workflows.shared.output import Output
 
 MAX_REASONS = 10  # failed tiles whose reasons are printed
 _PROBING = 0.3  # CPU seconds for which an estimate of a sweep's time looks at its tiles
@@ -44,8 +43,8 @@ def cubes_of(place):
     raise store.Refused(f"{place} holds no cubes; give the --out or --store of a run")
 
 
-class Run:
-    """The run of one command: it writes cubes into its place, tables and figures into OUT.
+class Run(Output):
+    """The run of one command: what it writes, and the cubes that it keeps or sweeps in its place.
 
     out : directory of tables and figures.
     place : Place of the cubes.
@@ -53,11 +52,11 @@ class Run:
     dry : only say what would be computed, and end.
     """
 
-    def __init__(self, out, place, cluster=None, dry=False):
-        self.out, self.place, self.cluster, self.dry = out, place, cluster, dry
+    def __init__(self, out, place, cluster, dry):
+        super().__init__(out)
+        self.place, self.cluster, self.dry = place, cluster, dry
         self.client, self.started = None, False
         self.plan, self.begun = {}, {}
-        self.words, self.written = [], {}
 
     @contextmanager
     def driving(self, seconds=0):
@@ -73,7 +72,7 @@ class Run:
                 foreseen = {name: (n, cpu) for name, (n, _, _, cpu) in self.plan.items()}
                 with Progress("computing", sys.stderr, foreseen) as self.line:
                     yield self
-        self._finish()
+        self.finish()
 
     @contextmanager
     def sweeping(self, *jobs, later=(), seconds=0):
@@ -124,43 +123,15 @@ class Run:
         outcome = sweep(self.client, self.place, job, wanted, self.line)
         self.line.name = "computing"
         _go_on(outcome)
-        self._note("cubes", self.place.cube(name))
+        self.note("cubes", self.place.cube(name))
         return store.read(self.place, name)
 
     def keep(self, name, dataset, tile=None, **settings):
         """Write a cube that no sweep computes, whole; return it as a Dataset."""
         cube = Cube(name, dataset, tile or {}, settings)
         store.replace(self.place, cube, store.computed_by())
-        self._note("cubes", self.place.cube(name))
+        self.note("cubes", self.place.cube(name))
         return dataset.assign_attrs(settings)
-
-    def table(self, name, dataset):
-        """Write a Dataset as OUT/NAME.csv."""
-        write(dataset, self.path("tables", f"{name}.csv"))
-
-    def figure(self, name, figure, caption=""):
-        """Write OUT/NAME.png and .pdf, and the caption beside them; the caption is printed too."""
-        for path in save(figure, self.out, name, caption):
-            self._note("figures", path)
-        self.say(caption)
-
-    def path(self, kind, name):
-        """Return the path OUT/NAME of a file, named at the end among those of its kind."""
-        return self._note(kind, f"{self.out}/{name}")
-
-    def say(self, words):
-        """Print a finding at the end, before the paths."""
-        self.words.append(words)
-
-    def _note(self, kind, path):
-        self.written.setdefault(kind, {})[path] = None  # once, in order
-        return path
-
-    def _finish(self):
-        for line in "\n".join(self.words).splitlines():
-            click.echo(click.wrap_text(line, 100))
-        for kind, paths in self.written.items():
-            click.echo(f"{kind + ':':9}{', '.join(paths)}")
 
 
 @contextmanager
