@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from cases import thirds
 
 from nasm import barriers, first_breakup, periodic
 from nasm.critical import Status
@@ -12,10 +13,9 @@ from nasm.planes import three_kicks
 from pipeline.cubes import breakdown
 
 
-@pytest.mark.parametrize(
-    ("start", "profile"), [((0.0, 0.0), (1.0, 0.5)), ((0.1, 0.5), (1.0, -0.3))]
-)
-def test_the_breakup_on_a_segment_is_that_of_its_last_circle(start, profile):
+@pytest.mark.parametrize("segment", thirds([((0.1, 0.5), (1.0, -0.3)), ((0.0, 0.0), (1.0, 0.5))]))
+def test_the_breakup_on_a_segment_is_that_of_its_last_circle(segment):
+    start, profile = segment
     found = first_breakup.critical_scale(start, profile, 1e-2)
     assert found.status is Status.OK
     assert found.lower < found.value < found.upper < found.lower * 1.02
@@ -34,15 +34,16 @@ def test_from_zero_on_it_is_the_breakup_on_the_ray():
     assert found.omega == ray.omega
 
 
-@pytest.mark.parametrize(
-    ("omega", "start", "profile"),
-    [
-        ("gamma", (0.1, 0.5), (1.0, -0.3)),
-        ("2gamma", (-0.2, 0.3), (0.7, 0.6)),
-        ("[1;4,(1)]", (0.0, 0.0, 0.2), (1.0, 1.0, 0.0)),
-    ],
-)
-def test_a_circle_breaks_on_a_segment_where_residues_say(omega, start, profile):
+CIRCLES = [
+    ("2gamma", (-0.2, 0.3), (0.7, 0.6)),
+    ("gamma", (0.1, 0.5), (1.0, -0.3)),
+    ("[1;4,(1)]", (0.0, 0.0, 0.2), (1.0, 1.0, 0.0)),
+]
+
+
+@pytest.mark.parametrize("circle", thirds(CIRCLES))
+def test_a_circle_breaks_on_a_segment_where_residues_say(circle):
+    omega, start, profile = circle
     found = first_breakup.circle_scale(parse(omega), start, profile, 1e-3)
     residue = periodic.critical_scale(parse(omega), profile, 1500, start)
     assert abs(found.value - residue.value) < found.error + residue.error < 2e-3
