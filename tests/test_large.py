@@ -35,7 +35,7 @@ def report_of(driver):
 
 # Each of the two drivers needs half a second to start.
 @pytest.mark.parametrize(
-    ("n_tiles", "megabytes"), [(1000, 180), pytest.param(100_000, 250, marks=pytest.mark.slow)]
+    ("n_tiles", "megabytes"), [(3000, 180), pytest.param(100_000, 250, marks=pytest.mark.slow)]
 )
 def test_many_tiles_need_little_of_the_driver_also_when_interrupted(tmp_path, n_tiles, megabytes):
     cube, place = toy.line(n_tiles).cube, store.place_of(tmp_path / "out")
