@@ -131,8 +131,8 @@ def during(out, act):
 def test_a_worker_started_again_is_waited_for_and_deaf_to_ctrl_c_and_without_any_a_sweep_gives_up(
     tmp_path, monkeypatch
 ):
-    monkeypatch.setattr("pipeline.sweep.sweep._PATIENCE", 1)
-    monkeypatch.setattr("pipeline.sweep.sweep._ROLL_CALL", 0.1)
+    monkeypatch.setattr("pipeline.sweep.submit._PATIENCE", 1)
+    monkeypatch.setattr("pipeline.sweep.submit._ROLL_CALL", 0.1)
     one, two = tmp_path / "one", tmp_path / "two"
     with connect(n_workers=1) as client:
         killer = during(one, lambda: os.kill(client().cluster.workers[0].pid, signal.SIGKILL))

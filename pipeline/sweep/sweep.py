@@ -20,36 +20,29 @@ import signal
 import sys
 import threading
 import time
-from concurrent.futures import CancelledError
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import cache, partial
 from itertools import chain
 from math import inf, prod
-from queue import Empty, SimpleQueue
 from traceback import format_exception_only
 
 import cloudpickle
 import numpy as np
 from distributed import KilledWorker, get_worker
-from distributed.comm import CommClosedError
 
 from pipeline import store
-from pipeline.sweep.cluster import NO_SCHEDULER, ClusterError, are_starting
+from pipeline.sweep.cluster import ClusterError
 from pipeline.sweep.grid import tile_coords
 from pipeline.sweep.progress import Progress
+from pipeline.sweep.submit import ended
 
 BATCH_SECONDS = 0.5  # of predicted CPU time in a batch: long against 2 ms of scheduling
 BATCH_TILES = 256
 _PROBE_TILES = 4096  # whose costs are predicted together, at most
 _PROBES = 8  # for each worker: each costs the driver a hundredth of a second, whatever is in it
-_IN_FLIGHT = 2  # batches per worker: one computing, one waiting
-_ROLL_CALL = 1  # seconds after which the workers are counted again: they join and leave
 _UNKNOWN_COST = 1.0  # CPU seconds, where the probe failed
-_PATIENCE = 30  # seconds without any worker, after which the sweep gives up
-_STARTING = 300  # seconds instead, while workers are being started: at load 20 that takes a minute
 _SIGHT = 2  # seconds that a file system of several machines may take to show a file
-_REPORT = 5  # seconds to fetch the report of a batch that has ended
 _ATTEMPTS_ALONE = 2  # worker deaths that condemn a tile: one may be somebody else's doing
 
 
@@ -180,7 +173,7 @@ class _Run:
         self.client.retire_workers([address])
 
     def ended(self, work, next_batch):
-        """Have workers do `work` with batches until next_batch() is None, a few at a time for each.
+        """Have workers do `work` with batches until next_batch() is None.
 
         Yields (batch, result or exception) of each when it has ended.
         """
@@ -192,43 +185,13 @@ class _Run:
                 return get_worker().address, f"cannot run this package ({error})"
             return work(parcel)
 
-        work, in_flight, done = cloudpickle.dumps(work), {}, SimpleQueue()
-        workers, counted, alive = 0, -inf, time.monotonic()
-        while True:
-            now = time.monotonic()
-            if now - counted >= _ROLL_CALL:
-                try:
-                    workers, counted = len(self.client.nthreads()), now
-                except OSError:
-                    raise ConnectionError(NO_SCHEDULER) from None
-                if workers:
-                    alive = now
-                elif now - alive > (_STARTING if are_starting(self.client) else _PATIENCE):
-                    raise ConnectionError("no workers are left; run again to resume")
-            window = _IN_FLIGHT * max(1, workers)
-            while len(in_flight) < window and (batch := next_batch()) is not None:
-                parcel = _parcel(self.job.cube, self.tiles[batch])
-                future = self.client.submit(run, work, parcel, pure=False)
-                in_flight[future] = batch
-                future.add_done_callback(done.put)
-            if not in_flight:
-                return
-            try:
-                future = done.get(timeout=_ROLL_CALL)
-            except Empty:
-                continue
-            try:
-                result = future.result(timeout=_REPORT)
-            except TimeoutError:
-                # Its worker died between the end of the batch and its report: dask runs it again.
-                future.add_done_callback(done.put)
-                continue
-            except (CancelledError, CommClosedError):
-                raise ConnectionError(NO_SCHEDULER) from None
-            except Exception as exception:
-                result = exception
-            future.release()
-            yield in_flight.pop(future), result
+        def next_call():
+            if (batch := next_batch()) is None:
+                return None
+            return batch, run, work, _parcel(self.job.cube, self.tiles[batch])
+
+        work = cloudpickle.dumps(work)
+        return filter(None, ended(self.client, next_call))
 
 
 def _parcel(cube, indices):

@@ -21,11 +21,10 @@ from tornado.httpserver import HTTPServer
 from tornado.ioloop import IOLoop
 from tornado.web import OutputTransform, RequestHandler
 
-from pipeline.sweep.cluster import ClusterError, connect
+from pipeline.sweep.cluster import NO_SCHEDULER, ClusterError, connect
 from workflows.explore.page import fill
 from workflows.explore.rays import Rays
 from workflows.explore.warm import warm_up
-from workflows.explore.work import GONE
 
 _HOST = "127.0.0.1"
 _NAMES = "localhost", _HOST, "[::1]"
@@ -60,7 +59,7 @@ class Shared:
         with self._lock:
             client = self._client()
         if client.status != "running":
-            raise OSError(GONE)
+            raise ConnectionError(NO_SCHEDULER)
         return client
 
     def prepare(self):

@@ -7,14 +7,15 @@ threads, so that neither a closed tab nor Ctrl-C waits for them; kernels release
 from collections import Counter
 from contextlib import suppress
 from inspect import isgenerator
-from queue import Empty, Queue
+from math import inf
 from threading import Thread
 
 from distributed.scheduler import KilledWorker
 
+from pipeline.sweep.submit import ended
+
 _LOOK = 0.1  # seconds after which a generator yields, to be closed if it is void
 _SOON = 20  # milliseconds, in which the browser tells all that has changed at once
-GONE = "the dask scheduler is gone; start the explorer again"
 
 
 class Work:
@@ -140,39 +141,33 @@ class Latest:
         self.start()
 
 
-def spread(client, calls, most=None, priority=0):
+def spread(client, calls, most=inf, priority=0):
     """Yield (key, result) of calls on the workers as they end, and None while nothing ends.
 
     client : dask Client. calls : deque of (key, function, *args), which may grow meanwhile.
-    most : how many are sent at once; default four for each worker, so that the scheduler always
-    has one that it prefers to those of a lower priority. priority : higher ones go first.
+    most, priority : as for `submit.ended`, which has four in flight for each worker, so that the
+    scheduler always has one that it prefers to those of a lower priority.
 
     To close this generator cancels what it has sent. A call whose worker is lost is sent again,
-    twice at the most. OSError if the scheduler is gone.
+    twice at the most. ConnectionError if the scheduler is gone.
     """
-    ended, sent, again = Queue(), {}, Counter()
-    most = most or 4 * max(1, len(client.nthreads()))
-    try:
-        while calls or sent:
-            while calls and len(sent) < most:
-                _, function, *args = call = calls.popleft()
-                future = client.submit(function, *args, pure=False, priority=priority)
-                sent[future] = call
-                future.add_done_callback(ended.put)
-            try:
-                future = ended.get(timeout=_LOOK)
-            except Empty:
-                if client.status != "running":
-                    raise OSError(GONE) from None
-                yield None
-                continue
-            call = sent.pop(future)
-            if future.status == "finished":
-                yield call[0], future.result()
-            elif isinstance(future.exception(), KilledWorker) and again[id(call)] < 2:
-                again[id(call)] += 1
-                calls.append(call)
-            else:
-                raise OSError(GONE) if future.cancelled() else future.exception()
-    finally:
-        client.cancel(list(sent))
+    again = Counter()
+
+    def next_call():
+        if not calls:
+            return None
+        call = calls.popleft()
+        return call, *call[1:]
+
+    for item in ended(client, next_call, 4, most, _LOOK, priority):
+        if item is None:
+            yield None
+            continue
+        call, result = item
+        if isinstance(result, KilledWorker) and again[id(call)] < 2:
+            again[id(call)] += 1
+            calls.append(call)
+        elif isinstance(result, Exception):
+            raise result
+        else:
+            yield call[0], result
