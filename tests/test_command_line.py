@@ -85,6 +85,7 @@ def test_help_needs_no_numpy_and_so_comes_at_once():
         ("critical_boundary", "--kappa1 0:1:30 --levels 3", "multiple of 4"),
         ("escape_plane", "--kappa1 0:1:4 --levels 3", "use at least 8"),
         ("escape_plane", "--follow 2000000", "must be at most n-max"),
+        ("escape_plane", "--precision single --n-max 2000000", "needs --precision double"),
         ("escape_plane", "--store out", "s3://BUCKET/PREFIX"),
         ("circle_boundaries", "--omega golden", "is not a rotation number"),
         ("circle_boundaries", "--omega gamma --omega [0;(1)]", "two rotation numbers are equal"),

@@ -128,14 +128,16 @@ def test_the_hash_is_that_of_what_decides_the_numbers():
     assert dataclasses.replace(plan(), template=retitled).config_hash == plan().config_hash
 
 
+@pytest.mark.parametrize("precision", ["double", "single"])
 @pytest.mark.parametrize("plane", [TWO, Plane("mine", TWO.axes, (0, 1), (1, 1), (1, -1))])
-def test_the_tiles_of_a_plane_hold_the_escape_times_of_its_cells(plane):
-    job = escape.over_plane(**PLANE | {"plane": plane})
+def test_the_tiles_of_a_plane_hold_the_escape_times_of_its_cells(plane, precision):
+    job = escape.over_plane(**PLANE | {"plane": plane, "precision": precision})
     cube = job.cube
     x, y = method.ensemble(40)
     a, b = np.meshgrid(*(axis.centres for axis in AXES))
     strengths = np.stack([a, b] if plane is TWO else [a + b, 1 + a - b], axis=-1)
-    whole = method.first_escape(strengths, x, y, PLANE["sizes"], PLANE["n_max"])
+    sizes, n_max = PLANE["sizes"], PLANE["n_max"]
+    whole = method.first_escape(strengths, x, y, sizes, n_max, precision=precision)
     indices = list(np.ndindex(*tile_counts(cube)))
     for (row, column), coords in pickle.loads(_parcel(cube, np.array(indices))):
         tile = job.compute(coords, cube.settings)

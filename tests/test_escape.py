@@ -29,7 +29,7 @@ FORCINGS = [(2.5,), (1.5, 1.4), (1.2, -1.3, 1.6)]
 def _scalar_times(c, x, y, n_max, lo, hi):
     times = np.full(x.size, np.inf)
     for i in range(x.size):
-        xi, yi = x[i] - 0.25, y[i]
+        xi, yi = x[i], y[i]
         for n in range(n_max + 1):
             if yi < lo or yi > hi:
                 times[i] = n
@@ -47,9 +47,11 @@ def _kick_each(c, x, y):
     return kicked_x, kicked_y
 
 
-def scalar_times(kappa, x, y, n_max, window):
+def scalar_times(kappa, x, y, n_max, window, precision="double"):
     """One orbit after the other with the kernel's own kick on floats: no lanes, blocks, packing."""
-    return _scalar_times(escape._kicks(np.array(kappa)), x, y, n_max, *window)
+    kind, series = escape._PRECISIONS[precision]
+    arrays = escape._kicks(np.array(kappa), series), x - 0.25, y
+    return _scalar_times(*(array.astype(kind) for array in arrays), n_max, *window)
 
 
 @pytest.mark.parametrize("strength", [0.3, -2.0])
@@ -95,6 +97,32 @@ def test_lockstep_blocks_and_packing_do_not_change_a_time(kappa, n_orbits):
     x, y = ensemble(n_orbits)
     times = escape_time(kappa, x, y, 20_001)
     assert_array_equal(times, scalar_times(kappa, x, y, 20_001, escape.PAPER_WINDOW))
+
+
+def test_single_precision_finds_each_first_time_as_its_scalar_code_does():
+    for kappa in FORCINGS:
+        times = scalar_times(kappa, *ensemble(130), 20_001, escape.PAPER_WINDOW, "single")
+        firsts = first_escape(kappa, *ensemble(130), [1, 63, 130], 20_001, precision="single")
+        assert firsts.tolist() == [times[:size].min() for size in (1, 63, 130)]
+
+
+def test_times_in_single_precision_are_distributed_as_those_in_double():
+    x, y = ensemble(2000)
+    for kappa in ((1.5, 1.5), (0.9, 0.0), (0.7, -0.7, 0.5)):
+        double = escape_time(kappa, x, y, 5000)
+        single = scalar_times(kappa, x, y, 5000, escape.PAPER_WINDOW, "single")
+        assert (single != double).any()
+        assert np.isfinite(double).sum() > 100
+        assert ks_2samp(np.minimum(double, 5001), np.minimum(single, 5001)).pvalue > 1e-3
+
+
+@pytest.mark.parametrize("angle", [0.0, 20.0, 120.0])
+def test_no_orbit_leaks_through_a_certified_circle_in_single_precision(angle):
+    lower = critical_scale(ray(angle), 1e-2).lower
+    inside = first_escape(lower * ray(angle), *ensemble(64), [64], 10**6, precision="single")
+    assert inside == np.inf
+    with pytest.raises(ValueError, match="n_max=1000001 is too large for precision='single'"):
+        first_escape(ray(angle), *ensemble(64), [64], 10**6 + 1, precision="single")
 
 
 @pytest.mark.parametrize("n_max", [1, 127, 128, 129, 640, 700])

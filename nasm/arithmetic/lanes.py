@@ -1,10 +1,11 @@
 """Lanes: 64 orbits in one value, for kernels that advance many orbits in lockstep.
 
-A `Lanes` is LLVM's vector <64 x double>. The compiler splits it over the registers that the machine
-has (8 of AVX-512, 16 of AVX2), and that many independent chains hide the latency of the arithmetic:
-one chain alone waits for most of its time. Written with scalars, the same kernel is at the mercy of
-the auto-vectoriser, which a harmless edit switches off. `load_few` makes narrower lanes, for a
-kernel of so many variables that 64 of each would not stay in registers.
+A `Lanes` is LLVM's vector <64 x double>, or <64 x float> of an array of float32. The compiler
+splits it over the registers that the machine has (8 of AVX-512, 16 of AVX2), and that many
+independent chains hide the latency of the arithmetic: one chain alone waits for most of its time.
+Written with scalars, the same kernel is at the mercy of the auto-vectoriser, which a harmless edit
+switches off. `load_few` makes narrower lanes, for a kernel of so many variables that 64 of each
+would not stay in registers.
 
 `+ - * /` work on lanes, and between lanes and a float, which fills all lanes. `fma`, `rint`,
 `fabs`, `copysign`, `maximum` and `minimum` take lanes or floats, so that one source of a formula
@@ -28,13 +29,13 @@ __dir__ = __all__.copy
 LANES = 64
 FEW = 16
 
-_DOUBLE = ir.DoubleType()
+_ELEMENTS = {types.float64: ir.DoubleType(), types.float32: ir.FloatType()}
 
 
 class _LanesType(types.Type):
-    def __init__(self, width):
-        super().__init__(name=f"Lanes({width})")
-        self.vector = ir.VectorType(_DOUBLE, width)
+    def __init__(self, width, element):
+        super().__init__(name=f"Lanes({width}, {element})")
+        self.vector = ir.VectorType(_ELEMENTS[element], width)
 
 
 @register_model(_LanesType)
@@ -47,6 +48,8 @@ def _filled(builder, value, vector):
     """`value` itself if it is a vector, else a vector with the float in every lane."""
     if value.type == vector:
         return value
+    if value.type != vector.element:  # a constant of a kernel among float32
+        value = builder.fptrunc(value, vector.element)
     undefined = ir.Constant(vector, ir.Undefined)
     single = builder.insert_element(undefined, value, ir.Constant(ir.IntType(32), 0))
     indices = ir.Constant(ir.VectorType(ir.IntType(32), vector.count), [0] * vector.count)
@@ -54,18 +57,18 @@ def _filled(builder, value, vector):
 
 
 def _result(arguments):
-    """Lanes if any argument is lanes, float64 if all are; None (no match) for any other type."""
-    kinds = {a for a in arguments if a != types.float64}
-    if len(kinds) > 1 or not all(isinstance(kind, _LanesType) for kind in kinds):
-        return None
-    return kinds.pop() if kinds else types.float64
+    """Lanes if any argument is lanes, or their float type if all are of one; None (no match) for
+    any other types."""
+    kinds = {a for a in arguments if a not in _ELEMENTS} or set(arguments)
+    kind = kinds.pop()
+    return None if kinds or not (isinstance(kind, _LanesType) or kind in _ELEMENTS) else kind
 
 
 def _elementwise(emit):
     """The code generator of an elementwise operation; `emit` works on operands of one type."""
 
     def generate(context, builder, signature, arguments):
-        if signature.return_type != types.float64:
+        if isinstance(signature.return_type, _LanesType):
             arguments = [_filled(builder, a, signature.return_type.vector) for a in arguments]
         return emit(builder, *arguments)
 
@@ -77,7 +80,8 @@ def _llvm(name):
 
     def emit(builder, *operands):
         kind = operands[0].type
-        suffix = "f64" if kind == _DOUBLE else f"v{kind.count}f64"
+        size = "f32" if getattr(kind, "element", kind) == ir.FloatType() else "f64"
+        suffix = f"v{kind.count}{size}" if isinstance(kind, ir.VectorType) else size
         signature = ir.FunctionType(kind, [kind] * len(operands))
         function = cgutils.get_or_insert_function(
             builder.module, signature, f"llvm.{name}.{suffix}"
@@ -173,12 +177,12 @@ def _load(width):
         pointer = _lane_pointer(
             context, builder, signature.args[0], signature.return_type, *arguments
         )
-        return builder.load(pointer, align=8)
+        return builder.load(pointer, align=4)
 
     def load(typing_context, array, index):
-        return _LanesType(width)(array, types.intp), generate
+        return _LanesType(width, array.dtype)(array, types.intp), generate
 
-    load.__doc__ = f"Lanes from array[index : index + {width}]; contiguous float64, not checked."
+    load.__doc__ = f"Lanes from array[index : index + {width}]; contiguous floats, not checked."
     return intrinsic(load)
 
 
@@ -187,20 +191,20 @@ load, load_few = _load(LANES), _load(FEW)
 
 @intrinsic
 def store(typing_context, array, index, lanes):
-    """array[index : index + width] = lanes; contiguous float64, bounds not checked."""
+    """array[index : index + width] = lanes; contiguous floats of theirs, bounds not checked."""
 
     def generate(context, builder, signature, arguments):
         pointer = _lane_pointer(
             context, builder, signature.args[0], signature.args[2], *arguments[:2]
         )
-        builder.store(arguments[2], pointer, align=8)
+        builder.store(arguments[2], pointer, align=4)
         return context.get_dummy_value()
 
     return types.void(array, types.intp, lanes), generate
 
 
 def _kind(width):
-    return _LanesType(width) if width > 1 else types.float64
+    return _LanesType(width, types.float64) if width > 1 else types.float64
 
 
 @intrinsic(prefer_literal=True)

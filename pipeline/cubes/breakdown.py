@@ -76,7 +76,7 @@ def by_escape(plane, angles, n_max, n_orbits):
     settings = {"method": "direct iteration", "n_max": n_max, "n_orbits": n_orbits}
     plane.rays_start_at_zero(settings["method"])
     # Some runs of the whole ensemble.
-    seconds = 20 * SECONDS_PER_KICK * len(plane.origin) * n_orbits * n_max
+    seconds = 20 * SECONDS_PER_KICK["double"] * len(plane.origin) * n_orbits * n_max
     return _job("transport", plane, {}, angles, seconds, settings)
 
 

@@ -6,6 +6,7 @@ arXiv:1606.04824, Eq. (4), Proposition 1 and Sec. V.B.
 """
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import xarray as xr
@@ -16,7 +17,7 @@ from nasm.planes import plane_of
 from nasm.symmetries import ray
 from pipeline.cubes.cube import PAPER, Cube, Job, angles_of_rays, blank, coordinate
 
-SECONDS_PER_KICK = 0.4e-9  # CPU time of one orbit
+SECONDS_PER_KICK = {"double": 0.4e-9, "single": 0.17e-9}  # CPU time of one orbit
 _PROBE_STEPS = 2000
 _COMMENT = (
     "steps of {} kicks; NaN: not computed; inf: no escape up to n_max. "
@@ -24,20 +25,22 @@ _COMMENT = (
 )
 
 
-def over_plane(name, plane, axes, sizes, n_max, tile):
+def over_plane(name, plane, axes, sizes, n_max, tile, precision="double"):
     """Return the Job of escape times over a plane; dims (ensemble, second axis, first axis).
 
     plane : nasm.planes.Plane. axes : two grid.Axis, in its order.
     sizes : increasing ints, the nested ensembles.
     n_max : int, steps (periods of the forcing) after which an orbit counts as not escaping.
     tile : int, cells along each side of a tile.
+    precision : of the arithmetic, as for `escape.first_escape`.
     """
     coords, names = {}, list(plane.axes)[::-1]
     for dim, axis in zip(names, axes[::-1], strict=True):
         ends = f"{dim}_bounds"
         coords[dim] = coordinate(dim, axis.centres, plane.axes[dim], bounds=ends)
         coords[ends] = coordinate((dim, "bound"), axis.bounds, "ends of the cells")
-    settings, tiles = {"n_max": n_max, "cells_per_tile": tile}, dict.fromkeys(names, tile)
+    settings = {"n_max": n_max, "cells_per_tile": tile, "precision": precision}
+    tiles = dict.fromkeys(names, tile)
     title, functions = "First escape times", (_on_plane, _predict_plane)
     return _job(name, plane, sizes, coords, tiles, settings, title, *functions)
 
@@ -69,7 +72,7 @@ def beyond(name, plane, scales, excesses, sizes, n_max):
     name, plane, sizes, n_max : as for `over_plane`. A tile is one forcing.
     """
     coords, tiles = beyond_breakup(plane, scales, excesses), {"angle": 1, "excess": 1}
-    settings = {"n_max": n_max}
+    settings = {"n_max": n_max, "precision": "double"}
     title, functions = "First escape times beyond the last barrier", (_beyond, _predict_beyond)
     return _job(name, plane, sizes, coords, tiles, settings, title, *functions)
 
@@ -104,11 +107,11 @@ def _job(name, plane, sizes, coords, tiles, settings, title, compute, predict):
     template = xr.Dataset({"escape_time": times}, coords, labels)
     settings = plane.record | {"window": list(PAPER_WINDOW)} | settings
     cube = Cube(name, template, tiles, settings)
-    return Job(cube, compute, predict, _warm_up)
+    return Job(cube, compute, predict, partial(_warm_up, settings["precision"]))
 
 
 def _escape_times(forcings, coords, settings):
-    sizes, limits = coords["ensemble"], (settings["n_max"], settings["window"])
+    sizes, limits = coords["ensemble"], map(settings.get, ("n_max", "window", "precision"))
     starts = escape.ensemble(int(sizes[-1]))
     return {"escape_time": escape.first_escape(forcings, *starts, sizes, *limits)}
 
@@ -156,9 +159,9 @@ def steps_beyond(excess):
 def _seconds(coords, settings, steps):
     """Return the CPU time of so many steps of all orbits."""
     n_kicks = steps * len(plane_of(settings).origin)
-    return SECONDS_PER_KICK * n_kicks * int(coords["ensemble"][-1])
+    return SECONDS_PER_KICK[settings["precision"]] * n_kicks * int(coords["ensemble"][-1])
 
 
-def _warm_up():
-    """Compile the kernels of first escape times."""
-    escape.first_escape([[0.0, 0.0]], *escape.ensemble(1), [1], 1)
+def _warm_up(precision):
+    """Compile the kernel of first escape times."""
+    escape.first_escape([[0.0, 0.0]], *escape.ensemble(1), [1], 1, precision=precision)

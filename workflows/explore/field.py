@@ -231,7 +231,7 @@ class Quadtree:
 
     def _seconds(self, times):
         """Return the CPU seconds in which the ensemble takes so many steps."""
-        return times * (SECONDS_PER_KICK * ORBITS * len(self.plane.origin))
+        return times * (SECONDS_PER_KICK["single"] * ORBITS * len(self.plane.origin))
 
 
 def _soonest(escapes, seconds):
@@ -288,4 +288,10 @@ def _at_boundary(times, steps):
 
 def _escapes(kappas, steps):
     """On a worker: the first escape times of many forcings."""
-    return escape.first_escape(kappas, *escape.ensemble(ORBITS), [ORBITS], steps)[0]
+    starts, how = escape.ensemble(ORBITS), {"precision": precision_of(steps)}
+    return escape.first_escape(kappas, *starts, [ORBITS], steps, **how)[0]
+
+
+def precision_of(steps):
+    """Return the precision of a field's arithmetic: single as far as that may be used."""
+    return "single" if steps <= escape.MAX_SINGLE_STEPS else "double"

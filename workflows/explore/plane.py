@@ -33,7 +33,7 @@ from nasm.numbers import NAMES
 from nasm.planes import plane_of
 from pipeline import store
 from workflows.explore import rays
-from workflows.explore.field import BLOCKS, Field, View, computed
+from workflows.explore.field import BLOCKS, Field, View, computed, precision_of
 from workflows.explore.rays import NO_LINES
 from workflows.explore.state import LINES, State, limits
 from workflows.explore.widgets import boxes, ends, field, on_view, pixels_of, sides_of
@@ -334,6 +334,7 @@ def _dataset(plane, field):
     words += "away from the boundary of n* <= n_max cells may share that of one"
     times = (second, first), field.times, described(words)
     attrs = {"title": "First escape times, as shown", "n_max": field.steps, **plane.record}
+    attrs["precision"] = precision_of(field.steps)
     return xr.Dataset({"escape_time": times}, axes, attrs)
 
 

@@ -7,6 +7,7 @@ from workflows.figures.style import in_column, names_of, panels
 # Colour of a method, by how its name begins; its better answer is drawn filled, the other hollow.
 _METHOD_COLOURS = {
     "direct, 100 orbits, near": "#E69F00",
+    "direct, 100 orbits, single": "#8B0000",
     "direct, 100 orbits": "#CC79A7",
     "direct": "#D55E00",
     "weighted": "0.6",

@@ -9,7 +9,7 @@ import click
 import numpy as np
 import xarray as xr
 
-from nasm.escape import boundary
+from nasm.escape import MAX_SINGLE_STEPS, boundary
 from nasm.maps import forcing
 from nasm.planes import Plane
 from nasm.symmetries import ray
@@ -31,6 +31,7 @@ class Grid:
     tile : cells along each side of a tile.
     levels : number of levels of refinement, each of cells half as wide.
     follow : increasing N of the boundaries {n* ≤ N} that the levels follow.
+    precision : of the arithmetic, as for `escape.first_escape`.
     """
 
     plane: Plane
@@ -40,6 +41,7 @@ class Grid:
     tile: int
     levels: int
     follow: list[int]
+    precision: str
 
     @property
     def drawn(self):
@@ -52,7 +54,7 @@ class Grid:
         return sorted({max(1, self.n_max // 10), max(1, self.n_max // 2), self.n_max})
 
 
-def grid_of(plane, kappa1, kappa2, n_max, n_orbits, tile, levels, follow):
+def grid_of(plane, kappa1, kappa2, n_max, n_orbits, tile, levels, follow, precision):
     """Return the Grid of `cli.plane_options`; a usage error if they do not fit together."""
     follow, coarsest = follow or [n_max], 2 ** (levels - 1)
     for name, axis in (("--kappa1", kappa1), ("--kappa2", kappa2)):
@@ -70,7 +72,11 @@ def grid_of(plane, kappa1, kappa2, n_max, n_orbits, tile, levels, follow):
     if follow[-1] > n_max:
         words = f"N={follow[-1]} must be at most n-max={n_max}"
         raise click.BadParameter(words, param_hint="--follow")
-    return Grid(plane, (kappa1, kappa2), n_max, n_orbits, tile, levels, follow)
+    if precision == "single" and n_max > MAX_SINGLE_STEPS:
+        words = f"n-max={n_max} needs --precision double: above {MAX_SINGLE_STEPS} steps the "
+        words += "rounding of single precision carries orbits across circles"
+        raise click.BadParameter(words, param_hint="--n-max")
+    return Grid(plane, (kappa1, kappa2), n_max, n_orbits, tile, levels, follow, precision)
 
 
 def planned(grid, *values):
@@ -115,7 +121,8 @@ def _is_within(grid, field):
 def _level_job(grid, name, level):
     factor = refine.FACTOR ** (grid.levels - 1 - level)
     axes = [axis.coarsened(factor) for axis in grid.axes]
-    return escape.over_plane(name, grid.plane, axes, grid.n_orbits, grid.n_max, grid.tile)
+    sizes, how = grid.n_orbits, (grid.n_max, grid.tile, grid.precision)
+    return escape.over_plane(name, grid.plane, axes, sizes, *how)
 
 
 def escape_plane(run, grid):

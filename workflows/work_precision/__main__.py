@@ -5,10 +5,9 @@ breaks last, whose ω circles and residues must be told, is the one that `nasm.b
 Seconds are CPU seconds of one thread, the median of several runs; a first run, which compiles, is
 measured apart.
 
-All methods compute in double precision. Single precision could serve direct iteration alone: its
-error, a bias, is far above rounding, and twice the steps in the same time would divide it by
-2^(1/3). All other methods need digits that single precision does not have: starts 10⁻¹⁶ apart,
-residuals of 10⁻¹⁰, residues from 10⁻¹² on.
+Single precision serves direct iteration alone, whose error, a bias, is far above rounding. All
+other methods need digits that single precision does not have: starts 10⁻¹⁶ apart, residuals of
+10⁻¹⁰, residues from 10⁻¹² on.
 """
 
 from pathlib import Path
@@ -17,8 +16,8 @@ import click
 
 from workflows.shared.cli import command, writes
 
-NAMES = ("direct", "direct-100", "direct-window", "cones", "birkhoff", "circle", "continuation")
-NAMES += ("crossing", "residue", "barriers", "transport-proof", "barrier-proof")
+NAMES = ("direct", "direct-100", "direct-window", "direct-single", "cones", "birkhoff", "circle")
+NAMES += ("continuation", "crossing", "residue", "barriers", "transport-proof", "barrier-proof")
 ANGLES = ("45", "0", "30", "40", "120")
 
 

@@ -55,12 +55,13 @@ def judged(angle):
     return Ray(profile, omega, judge.value, judge.error)
 
 
-def direct(n_orbits, reach):
+def direct(n_orbits, reach, precision="double"):
     """Make direct iteration; transport is |y_n - y_0| > reach for all starts 0 ≤ y_0 ≤ 0.3."""
 
     def run(ray, n_max):
         window = (-reach, 0.3 + reach)
-        return _bound_and_value(escape.critical_scale(ray.profile, n_max, n_orbits, window))
+        how = n_orbits, window, precision
+        return _bound_and_value(escape.critical_scale(ray.profile, n_max, *how))
 
     return run
 
@@ -163,13 +164,15 @@ PERIODS = [30, 100, 300, 1000, 3000, 10_000]
 POINTS = [64, 256, 1024, 4096, 16_384]
 TOLERANCES = [1e-1, 1e-2, 1e-3, 1e-4]
 DIRECT = ["direct", "direct, 100 orbits", "direct, 100 orbits, near exit"]
-ALL, HUNDRED, NEAR = ((name, f"{name}, extrapolated") for name in DIRECT)
+DIRECT += ["direct, 100 orbits, single precision"]
+ALL, HUNDRED, NEAR, SINGLE = ((name, f"{name}, extrapolated") for name in DIRECT)
 CONES = "converse KAM, upper bound", "converse KAM, value"
 BARRIERS = "last barrier, bracket", "last barrier, value"
 METHODS = {
     "direct": Method(ALL, "N", STEPS, direct(10_000, 2.0)),
     "direct-100": Method(HUNDRED, "N", STEPS, direct(100, 2.0)),
     "direct-window": Method(NEAR, "N", STEPS, direct(100, 1.2)),
+    "direct-single": Method(SINGLE, "N", STEPS, direct(100, 2.0, "single")),
     "cones": Method(CONES, "N", [100, *STEPS], converse_kam),
     "birkhoff": Method(("weighted Birkhoff average",), "n", STEPS, birkhoff),
     "circle": Method(("last certified circle",), "points", POINTS, last_circle),
