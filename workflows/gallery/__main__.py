@@ -73,7 +73,7 @@ def judged(out):
 @click.option(
     "--full",
     is_flag=True,
-    help="The size of the paper, some six CPU hours, nearly all of direct iteration and proofs.",
+    help="The size of the paper, some four CPU hours, most of them of direct iteration.",
 )
 @click.option(
     "--only",
