@@ -26,6 +26,7 @@ import pytest
 import seaweed
 import toy
 import xarray as xr
+import zarr
 from obstore.store import S3Store
 from zarr.storage import ObjectStore
 
@@ -436,6 +437,18 @@ def test_a_chunk_of_another_tile_or_cube_is_found_though_it_is_sound(place, tmp_
     assert found == dict.fromkeys([(0, 1), (1, 0), (2, 2), (3, 0)], words)
     assert fill(place, plan) == 4
     toy.assert_complete(place, plan)
+
+
+def test_coordinates_that_are_sound_but_not_those_written_are_found_and_written_again(on_disk):
+    plan = toy.cube()
+    fill(on_disk, plan)
+    row = zarr.open_array(f"{on_disk.cube('toy')}/row", mode="r+")
+    row[:] = row[:][::-1]
+    assert not np.array_equal(store.read(on_disk, "toy").row, plan.template.row)
+    (found,) = store.verify(on_disk, "toy")
+    assert found == ((), "its coordinates are not those that were written")
+    store.create(on_disk, plan, US)
+    toy.assert_complete(on_disk, plan)
 
 
 def test_a_lost_chunk_reads_as_no_answer_whatever_the_version_of_xarray(on_disk):

@@ -22,7 +22,17 @@ from zarr.storage import MemoryStore, ObjectStore, StorePath
 from pipeline.store import tiles
 from pipeline.store.place import Refused, explained
 from pipeline.store.provenance import provenance
-from pipeline.store.tiles import COMMIT, DAMAGED, ENTRIES, ENTRY, FORMAT, RECORDS, forget, missing
+from pipeline.store.tiles import (
+    COMMIT,
+    DAMAGED,
+    DIGEST,
+    ENTRIES,
+    ENTRY,
+    FORMAT,
+    RECORDS,
+    forget,
+    missing,
+)
 
 MAX_TILES = 2**24
 _CHUNK = 1024  # along each dim, of cubes that are written whole
@@ -104,6 +114,13 @@ def copies_agree(place, name):
         identity = own[COMMIT]["attributes"]["cube"] if COMMIT in own else {}
         return own == copies and identity.items() <= root["attributes"].items()
     return False
+
+
+def is_as_written(place, name, arrays):
+    """Whether the numbers of {name: zarr array}, all that is in no tile, have the cube's digest."""
+    attributes = json.loads(place.read(_key(name)))["attributes"]
+    written = attributes.get(DIGEST)  # earlier cubes have none
+    return written in (None, tiles.digest({key: array[...] for key, array in arrays.items()}))
 
 
 def _check_settings(place, cube):
@@ -237,6 +254,8 @@ def _lost(dtype):
 
 def _identity(cube, computed):
     ours = {"config_hash": cube.config_hash, "store_format": FORMAT}
+    known = cube.template.variables.items()
+    ours[DIGEST] = tiles.digest({k: v.values for k, v in known if k not in cube.computed})
     return {**computed, **cube.attributes, **ours}
 
 

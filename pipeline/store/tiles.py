@@ -25,6 +25,7 @@ CERTIFICATES = "certificates"
 COMMIT = f"{RECORDS}/commit"
 ENTRIES = "cpu_seconds", "crc32"  # of a commit record
 ENTRY = "commit_entry"  # their dimension
+DIGEST = "crc32"  # attribute of a cube: of all its numbers that are in no tile
 FORMAT = 2  # of cubes; 1 had no checksum of a tile's data
 _RECORD_BYTES = 20  # two float64 and their checksum
 _LONGEST_REASON = 500  # characters of the reason of a failure that are kept
@@ -170,6 +171,17 @@ def _checksum(arrays, tile, values):
     found = crc32(json.dumps([cube["config_hash"], cube["computed_by"], tile]).encode())
     for key in sorted(values):
         found = crc32(np.ascontiguousarray(values[key]), found)
+    return found
+
+
+def digest(values):
+    """CRC-32 of {name: array} of numbers or text, whatever chunks they are in."""
+    found = 0
+    for key in sorted(values):
+        array = np.asarray(values[key])
+        numbers = array.dtype.kind in "biuf"
+        data = np.ascontiguousarray(array) if numbers else "\0".join(array.ravel()).encode()
+        found = crc32(data, crc32(key.encode(), found))
     return found
 
 

@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 
 from pipeline.store import tiles
-from pipeline.store.metadata import copies_agree
+from pipeline.store.metadata import copies_agree, is_as_written
 from pipeline.store.place import Refused
 from pipeline.store.tiles import COMMIT, chunk_key
 
@@ -33,11 +33,16 @@ def verify(place, name, repair=False):
         yield (), "copies of its metadata differ"
         return
     tiled = tiles.tiled_arrays(arrays) if COMMIT in arrays else {}
+    sound = True
     for key in sorted(arrays.keys() - tiled.keys()):
         array, dims = arrays[key], tiles.dims_of(arrays[key])
         blocks = (dict(zip(dims, block, strict=True)) for block in np.ndindex(array.cdata_shape))
         wrong = {tiles.damage(place, {key: array}, block) for block in blocks}
+        sound = sound and wrong <= {""}
         yield from (((), what) for what in sorted(wrong - {""}))
+    untiled = {key: arrays[key] for key in arrays.keys() - tiled.keys()} if sound else {}
+    if untiled and not is_as_written(place, name, untiled):
+        yield (), "its coordinates are not those that were written"
     if not tiled:
         return
     dims = tiles.dims_of(arrays[COMMIT])
