@@ -22,17 +22,19 @@ symmetry, and no orbit may escape at `lower`.
 """
 
 from dataclasses import replace
+from fractions import Fraction
+from itertools import islice
 from math import floor
 
 import numpy as np
 
-from nasm import circles, escape, periodic
+from nasm import action, circles, periodic
 from nasm.checks import real
 from nasm.circles import continuation
 from nasm.converse_kam import symmetry_line, transversal
 from nasm.critical import CriticalScale, Status, no_answer
-from nasm.maps import MAX_PERIOD, direction, forcing, unkick
-from nasm.numbers import checked, convergents, moebius, nobles_near, parse, rational
+from nasm.maps import direction, forcing, unkick
+from nasm.numbers import RotationNumber, checked, convergents, moebius, nobles_near, parse, rational
 from nasm.orbits import rotation_number
 from nasm.symmetries import ray, shorten
 
@@ -47,18 +49,25 @@ __all__ = [
 ]
 __dir__ = __all__.copy
 
-_LOCATE = (1000, 4000, 16_000, 64_000)  # steps of converse KAM in step 1, round by round
-_LOCATE_ANYWHERE = (250, 1000, 4000)  # of converse KAM on transversals
-_PRECISE = 1e-6  # of the scale: what continuation is asked for, in 0.1 s a circle
+_LOCATE = 1000  # steps of converse KAM in step 1 on a line,
+_LOCATE_ANYWHERE = 100  # and on transversals
 _WIDE = 2  # times tol: a bracket that a caller must be told of
-_ROUGH = 0.05  # of the value: a larger error of continuation is no answer
-_IN_DOUBT = (Status.NOT_CONVERGED, Status.UNDECIDED)
 _BEYOND = 0.5  # over the steps: where, past the breakup, the longest-lived start is asked for its ω
+_DEPTH, _DEEPER = 0.004, 1.7  # below what is known to be eliminated, survivors are asked
+_SURVIVED = 2000  # steps, by survivors there
+_ASKED = 16  # starts that are asked in all
+_ROUGH = 0.01  # of the value: a bracket above it that is wider says that the last circle is unknown
 _NEAR = 2e-5  # of the measured rotation number; neighbours that robust are further apart
 _AVERAGED = 1000  # steps
 _CANDIDATES = 3
+_TELLING, _TOO_LONG = 60, 3000  # periods of the convergents whose residues tell if a circle stands
+_BRANCHING = 300  # period up to which all nobles that branch off from a rotation number are asked
+_HALVED = 1e-4  # of the scale: between what is said to stand and what is not
+_HULL, _GRID, _FINEST = 5000, 4096, 32768  # period of orbits, points, of circles from them
+_BELOW = 0.003, 0.01, 0.03  # the leader's breakup, where survivors name circles to certify
+_STOOD = 0.99  # of a scale with survivors
+_OUTSET = 0.93  # of a scale without circles: where the first candidates are to stand
 _BLURRED = 300  # period that sees a cusp, from which orbits up to 6000 may leave large errors
-_ORBITS, _ESCAPE_STEPS = 64, 10**5
 _LONG = 30_000  # period of the orbits then
 
 
@@ -72,13 +81,13 @@ def critical_scale(profile, tol=1e-4):
 
     Returns
     -------
-    CriticalScale. value, error : by Greene's residue, error no larger than the bracket; next to a
-    cusp, where a later circle may have been missed, no smaller than upper - value. Without a
-    dominant line both are by continuation, and error is no smaller than that either. lower : a
-    circle of ω is certified there; upper : no start on the dominant line, or on a transversal,
-    survives there. omega : that of the last barrier, per period, in [0, P/2], which stands for ±ω
-    and all ω + P·n: their circles break together. Of two that are `tied` it is the one with the
-    shorter text.
+    CriticalScale. value, error : by Greene's residue; where a later circle may have been missed,
+    next to a cusp or where starts survive above the value, error is no smaller than upper - value,
+    and where residues have no limit the value is between scales at which they fall and grow.
+    lower : a circle is certified there, that of ω or of another; upper : no start on the dominant
+    line, or on a transversal, survives there. omega : that of the last barrier, per period, in
+    [0, P/2], which stands for ±ω and all ω + P·n: their circles break together. Of two that are
+    `tied` it is the one with the shorter text.
     Status WIDE, with a value, where the bracket is more than twice as wide as asked for, as where
     continuation is not precise enough or no circle is certified so near to the breakup. Status
     UNDECIDED, and no value, where the methods contradict each other, and NEAR_CUSP instead where a
@@ -94,9 +103,7 @@ def critical_scale(profile, tol=1e-4):
         raise ValueError(f"tol={tol!r} must be from 1e-5 to 0.1")
     # On κ1 = κ2 the barriers are noble for the standard map, not for two steps of it.
     (short,), zero = shorten([profile], rational(0))
-    found = _by_symmetry(short, tol) if has_dominant_line(short) else None
-    if found is None or (found.status in _IN_DOUBT and 2 < short.size <= MAX_PERIOD):
-        found = _by_continuation(short, tol)
+    found = _last(short, tol)
     if found.omega is None:
         return found
     if found.upper - found.lower > _WIDE * tol * found.value:
@@ -104,79 +111,222 @@ def critical_scale(profile, tol=1e-4):
     return replace(found, omega=per_period(found.omega, profile, short, zero))
 
 
-def _by_symmetry(short, tol):
-    """The CriticalScale on a ray with a dominant symmetry line, omega per period of `short`."""
+def _last(short, tol):
+    """The CriticalScale of the last circle, omega per period of `short`."""
     above = tol / 5  # and the rest below, where it costs more
     n_certify = int(1.6 / above)
-    best, told = None, set()
-    for steps in _LOCATE:
-        located = symmetry_line.critical_scale(short, steps)
-        if located.status is not Status.OK:
-            return located
-        beyond = located.value * (1 + _BEYOND / steps) * short
-        # Lives end there at 1.2 to 1.5 steps: any larger number than 2 finds the same start.
-        near = candidates(*longest_lived(beyond, 2 * steps)[0])
-        scales = [_breakup(omega, short, above) for omega in near]
-        told.update(scale.status for scale in scales)
-        best = _most_robust(scales, best)
+    upper, start = _located(short)
+    race = _Race(short, above)
+    race.enter(candidates(*start), _OUTSET * upper, upper)
+    survived, nameless, asked, depth = 0.0, np.inf, [], _DEPTH
+    for _ in range(_ASKED):
+        best, n_steps = race.leader, n_certify
+        if best is None and survived > 0 and upper - survived < _DEPTH * upper:
+            break
         if best is None:
-            continue
-        upper = best.value * (1 + above)
-        if symmetry_line.eliminates(upper * short, n_certify):
-            lower = continuation.certified_scale(best.omega, short, best.value, tol - above)
-            error = best.error
-            if periodic.cusp_period(short) > _BLURRED:
-                # Circles follow each other so closely there that a later one may have been missed;
-                # but not above the bracket, which may know better than the residues do.
-                error = np.fmax(error, upper - best.value)
-            error = np.fmin(error, max(best.value - lower, upper - best.value))  # NaN: no bracket
-            return replace(best, error=error, lower=lower, upper=upper)
-    # Of a circle that residues say nothing of, they contradict nothing.
-    status = Status.NEAR_CUSP if Status.NEAR_CUSP in told else Status.UNDECIDED
-    return CriticalScale(np.nan, np.nan, np.nan, located.upper, None, status, located.method)
+            n_steps = _SURVIVED
+            scale = upper * (1 - depth) if survived == 0 else (survived + upper) / 2
+            depth *= _DEEPER
+        elif best not in asked:
+            asked.append(best)
+            scale = best.value * (1 + above)
+            if scale > upper:
+                race.enter(neighbours(best.omega), best.value, upper)
+                continue
+        elif min(upper, nameless) - best.value > tol * upper:
+            scale = (best.value + min(upper, nameless)) / 2
+        elif upper - max(survived, best.value) > 0.5 * tol * upper:
+            scale = (max(survived, best.value) + upper) / 2
+        else:
+            break
+        start, steps = longest_lived(scale * short, n_steps)
+        if steps < np.inf:
+            upper = min(upper, scale)
+        else:
+            survived = max(survived, scale)
+        names, survives = candidates(*start), steps == np.inf
+        if survives and (best or upper - survived < 3 * _DEPTH * upper):
+            names += branches(*start)
+        if best:
+            # With one kick or two the boundary of a circle has one sheet, and the first name is it.
+            names += neighbours(best.omega) if survives or short.size > 2 else []
+            race.enter(names, scale if survives else best.value, upper)
+        elif not survives or upper - survived < 3 * _DEPTH * upper:
+            race.enter(names, _STOOD * survived if survives else _OUTSET * upper, upper)
+        if best is None and race.leader:
+            survived = 0.0  # a start that survived fewer steps may not be on a circle
+        if survives and best and race.leader is best:
+            nameless = min(nameless, scale)
+    race.refine()
+    return _bracketed(race, upper, tol)
 
 
-def _by_continuation(short, tol):
-    """The CriticalScale on a ray without a dominant symmetry line, omega per period of `short`."""
-    above = tol / 5
-    best, certified, highest = None, np.nan, np.inf
+def _bracketed(race, upper, tol):
+    """The CriticalScale of the leader, with what is shown of it, or of those that follow it."""
+    best, lower = race.leader, np.nan
+    for contender in race.known[:2]:
+        given = contender.omega, race.short, contender.value, 0.8 * tol
+        found = continuation.certified_scale(*given)
+        if not found > (1 - _WIDE * tol) * contender.value:
+            # Where circles break and come back further in on the ray, no path leads from there.
+            for distance in 0.8 * tol * np.array([1, 2, 4, 10]):
+                scale = contender.value * (1 - distance)
+                if is_certified(contender.omega, scale * race.short):
+                    found = scale
+                    break
+        lower = np.fmax(lower, found if found < upper else np.nan)
+        if lower > (1 - tol) * upper:
+            break
+    end = best.value if best else upper
+    for scale in end * (1 - np.array(_BELOW)):
+        if lower >= scale:
+            break
+        start, _ = longest_lived(scale * race.short, _LOCATE)
+        for omega in candidates(*start)[:1]:
+            if circles.invariant_circle(omega, scale * race.short).certified:
+                lower = scale
+    if best is None and has_dominant_line(race.short):
+        upper = np.fmin(upper, symmetry_line.critical_scale(race.short, 16 * _LOCATE).upper)
+    if best is None or upper - best.value > _ROUGH * best.value:
+        status = Status.NEAR_CUSP if Status.NEAR_CUSP in race.told else Status.UNDECIDED
+        return CriticalScale(np.nan, np.nan, lower, upper, None, status, "converse KAM")
+    error = best.error
+    halved, far = best.error > _HALVED / 2 * best.value, upper > best.value * (1 + 0.3 * tol)
+    if halved or far or periodic.cusp_period(race.short) > _BLURRED:
+        # Circles follow each other so closely that a later one may have been missed; but not above
+        # the bracket, which may know better than the residues do.
+        error = np.fmax(error, upper - best.value)
+    error = np.fmin(error, max(best.value - lower, upper - best.value))  # NaN: no bracket
+    return replace(best, error=error, lower=lower, upper=upper)
 
-    def eliminated(scale):
-        return np.isfinite(transversal.longest_lived(scale * short, int(1.6 / above))[1])
 
-    for steps in _LOCATE_ANYWHERE:
-        highest, start, _ = transversal.located(short, steps)
-        beyond = np.roll(highest * short, -start.site)
-        near = candidates(beyond, start.x, start.y) or [noble_between(*start.between)]
-        scales = [continuation.critical_scale(omega, short, _PRECISE * highest) for omega in near]
-        certified = np.fmax(certified, np.fmax.reduce([scale.lower for scale in scales]))
-        # Next to a forcing of a shorter period continuation is lost: it misses by half its value.
-        known = [s for s in (best, *scales) if s and s.error < _ROUGH * s.value <= _ROUGH * highest]
-        best = _most_robust(known, None)
-        if best is None:
-            continue
-        nearest = min(best.value * (1 + above), highest)
-        furthest = min(max(nearest, best.value + 2 * best.error), highest)
-        upper = next((s for s in (nearest, furthest) if s == highest or eliminated(s)), None)
-        if upper is None:
-            continue
-        lower = continuation.certified_scale(best.omega, short, best.value, tol - above)
-        if lower >= highest or _escapes(np.fmin(lower, best.value * (1 - tol)) * short):
-            return no_answer(None, Status.UNDECIDED, best.method)
-        # A later circle may have been missed, but not above the bracket.
-        error = np.fmax(best.error, upper - best.value)
-        error = np.fmin(error, max(best.value - lower, upper - best.value))  # NaN: no bracket
-        return replace(best, error=error, lower=lower, upper=upper)
-    lower = certified if certified < highest else np.nan
-    blurred = periodic.cusp_period(short) > _BLURRED
-    status = Status.NEAR_CUSP if blurred else Status.UNDECIDED
-    return CriticalScale(np.nan, np.nan, lower, highest, None, status, "converse KAM")
+def is_certified(omega, kappa):
+    """Whether the circle of ω is certified under a forcing, from the sites of a long periodic orbit
+    there: no circle has to exist under weaker kicks."""
+    fractions = [f for f in islice(convergents(omega), 60) if f.denominator < _HULL]
+    try:
+        orbit = action.Ladder(kappa, 0 * kappa, fractions).scan(len(fractions) - 1, 0.0)[1]
+    except action.LostError:
+        return False
+    # Deviations at each site of a period, by the phase at its start, with a mean of 0 at the first.
+    p, n_sites, site = fractions[-1].numerator, orbit.u.size, np.arange(kappa.size)[:, None]
+    hits = (np.arange(0, n_sites, kappa.size) + (site - orbit.site) % kappa.size) % n_sites
+    u = orbit.u[hits]
+    mean = u[0].mean()
+    phase = (orbit.chain.theta[hits] - site * p / n_sites + mean) % 1
+    order = np.argsort(phase, axis=1)
+    modes = np.fft.rfft(np.take_along_axis(u - mean, order, 1))[:, : _GRID // 3] / u.shape[1]
+    modes = modes * np.exp(-2j * np.pi * phase.min(axis=1)[:, None] * np.arange(modes.shape[1]))
+    start = np.fft.irfft(modes, _GRID) * _GRID
+    return circles.invariant_circle(omega, kappa, _FINEST, start).certified
 
 
-def _escapes(kappa):
-    """Whether one of 64 orbits gets past where all circles would be, within 10⁵ steps: bool."""
-    x, y = escape.ensemble(_ORBITS)
-    return bool(np.isfinite(escape.first_escape([kappa], x, y, [_ORBITS], _ESCAPE_STEPS)).any())
+def _located(short):
+    """A scale without circles, and the start that lives longest there, or just above."""
+    if has_dominant_line(short):
+        located = symmetry_line.critical_scale(short, _LOCATE)
+        if located.status is Status.OK:
+            beyond = located.value * (1 + _BEYOND / _LOCATE) * short
+            # Lives end there at 1.2 to 1.5 steps: any larger number than 2 finds the same start.
+            return located.upper, longest_lived(beyond, 2 * _LOCATE)[0]
+    upper, start, _ = transversal.located(short, _LOCATE_ANYWHERE)
+    return upper, (np.roll(upper * short, -start.site), start.x, start.y)
+
+
+class _Race:
+    """Circles on a ray, by the scales at which residues say that they break."""
+
+    def __init__(self, short, precision):
+        self.short, self.precision = short, precision
+        self.leader, self.known, self.told, self._seen = None, [], set(), set()
+
+    def enter(self, names, reached, upper):
+        """Let circles take the lead that stand at a scale and break later than the leader, but not
+        above a scale without circles."""
+        for omega in names:
+            if self.leader:
+                reached = max(reached, self.leader.value)
+            if omega in self._seen or not stands(omega, reached * self.short):
+                continue
+            self._seen.add(omega)
+            scale = no_answer(omega, Status.UNDECIDED)
+            if self.leader is None or self.short.size <= 2:
+                scale = self.by_residues(omega)
+            plausible = reached - scale.error <= scale.value <= upper + scale.error
+            if scale.status is not Status.NEAR_CUSP and not plausible:
+                scale = _by_halving(omega, self.short, reached, upper)
+            if scale.status is Status.OK:
+                self.known = sorted([*self.known, scale], key=lambda known: -known.value)
+                self.leader = _most_robust([scale], self.leader)
+
+    def by_residues(self, omega):
+        """The CriticalScale of one circle by the crossings of its residues."""
+        scale = _breakup(omega, self.short, self.precision)
+        self.told.add(scale.status)
+        return scale
+
+    def refine(self):
+        """Ask residues for the digits of a leader that is known by halving only."""
+        if self.leader and self.leader.error > _HALVED / 2 * self.leader.value:
+            scale = self.by_residues(self.leader.omega)
+            if abs(scale.value - self.leader.value) < 3 * self.leader.error:
+                self.known[self.known.index(self.leader)] = self.leader = scale
+
+
+def stands(omega, kappa):
+    """Whether residues of the minimax orbits of convergents of ω fall with q, under a forcing: the
+    circle exists. False where the orbits are lost, as they are far beyond its breakup."""
+    fractions = list(islice(convergents(omega), len(omega.prefix) + 30))
+    fractions = [f for f in fractions if f.denominator < _TOO_LONG]
+    first = max(len(omega.prefix) - 1, sum(f.denominator < _TELLING for f in fractions))
+    ladder, residues = action.Ladder(kappa, 0 * kappa, fractions), [np.nan]
+    for n in range(first, len(fractions)):
+        try:
+            residues.append(ladder.scan(n, 0.0)[-1].refined_residue())
+        except action.LostError:
+            return False
+        before, residue = residues[-2:]
+        if residue > before and residue > 1.5:
+            return False
+        if residue < 0.05 and before < 0.1:
+            return True
+    return len(residues) > 2 and residues[-1] < residues[-2]
+
+
+def _by_halving(omega, short, below, above):
+    """The CriticalScale of a circle that stands below one scale, and not above another."""
+    if stands(omega, above * short):
+        return no_answer(omega, Status.UNDECIDED)
+    while above - below > _HALVED * above:
+        middle = (below + above) / 2
+        below, above = (middle, above) if stands(omega, middle * short) else (below, middle)
+    value, method = (below + above) / 2, "Greene's residue"
+    return CriticalScale(value, above - below, np.nan, np.nan, omega, Status.OK, method)
+
+
+def neighbours(omega):
+    """Nobles whose last quotient before the ones is another, or that have one more after it."""
+    *start, last = omega.prefix
+    prefixes = [(*start, last, *more) for more in ((2,), (3,), (1, 2))]
+    if start:
+        prefixes += [(*start, last + 1)] + [(*start, last - 1)] * (last > 1)
+    return [parse(str(RotationNumber(prefix, (1,)))) for prefix in prefixes]
+
+
+def branches(kappa, x, y):
+    """Nobles that branch off from the rotation number of the orbit that starts in (x, y), and their
+    neighbours: those with the shortest prefix last."""
+    omega, _ = rotation_number(kappa, x, y, _AVERAGED)
+    if not np.isfinite(omega):
+        return []
+    found, quotients = {}, rational(Fraction(float(omega))).prefix
+    for n in range(2, len(quotients)):
+        noble = parse(str(RotationNumber(quotients[:n], (1,))))
+        *_, fraction = islice(convergents(noble), n)
+        if fraction.denominator > _BRANCHING:
+            break
+        found = dict.fromkeys([noble, *neighbours(noble)]) | found
+    return list(found)
 
 
 def longest_lived(kappa, n_max):
@@ -259,12 +409,6 @@ def candidates(kappa, x, y):
     """Nobles near the rotation number of the orbit that starts in (x, y), as far as it has one."""
     omega, _ = rotation_number(kappa, x, y, _AVERAGED)
     return nobles_near(float(omega), _NEAR, _CANDIDATES) if np.isfinite(omega) else []
-
-
-def noble_between(one, other):
-    """The noble next to two Farey neighbours, with golden steps from the first place on."""
-    low, high = sorted((one, other), key=lambda omega: omega.denominator)
-    return moebius(parse("gamma"), low.numerator, high.numerator, low.denominator, high.denominator)
 
 
 def _breakup(omega, profile, precision):
