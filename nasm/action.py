@@ -1,6 +1,10 @@
 """The ordered periodic orbits of any forcing, by the action; no symmetry is needed.
 
-The orbits of the chain (`nasm.chain`), x_n = np/N + u_n with N = Pq sites, are where the action
+An orbit is a chain of sites, one per kick,
+
+    x_{n+1} - 2 x_n + x_{n-1} = (κ_n / 2π) sin 2πx_n,     y_n = x_n - x_{n-1},
+
+and one of rotation number p/q has N = Pq sites, x_n = np/N + u_n. Such orbits are where the action
 
     A = Σ_n (x_{n+1} - x_n)²/2 - (κ_n/4π²) cos 2πx_n,        x_{n+N} = x_n + p,
 
@@ -21,7 +25,8 @@ the gap between the minimizing orbit and its neighbour. As x_0 moves by ±G/|S|,
    reached at each forcing by itself, and where residues pass through 0 nothing is lost.
 2. *Scan.* Begin the orbit where its gap is widest, and move x_0 over that gap. The highest maximum
    of a is the minimax orbit, whichever symmetry line it is on, or on none.
-3. *Follow.* Long orbits are then moved along the segment of forcings by Newton's method.
+3. *Follow.* Orbits are then moved along the segment of forcings by Newton's method, and longer ones
+   joined from them.
 
 Deviations u are stored, so that rounding does not grow with x. What is left of it costs R about
 N² ulp; `Orbit.refined_residue` gives the digits back.
@@ -29,9 +34,7 @@ N² ulp; `Orbit.refined_residue` gives the digits back.
 Aubry & Le Daeron, Physica D 8 (1983) 381; Mather, Comment. Math. Helv. 60 (1985) 508.
 """
 
-from contextlib import suppress
 from fractions import Fraction
-from math import copysign, exp, log
 
 import numpy as np
 from numba import njit
@@ -42,9 +45,9 @@ from nasm.arithmetic.sine import cos2pi, sin2pi
 from nasm.checks import MAX_DENOMINATOR as MAX_PERIOD
 from nasm.checks import count
 from nasm.maps import TWO_PI, forcing
-from nasm.numbers import convergents, rational
+from nasm.numbers import distinct_convergents, rational
 
-__all__ = ["LostError", "Orbit", "ordered_orbits"]
+__all__ = ["MAX_PERIOD", "Ladder", "LostError", "Orbit", "ordered_orbits"]
 __dir__ = __all__.copy
 
 FLAT = 1e-12
@@ -55,9 +58,9 @@ _FOUND = 1e-7  # turns: a larger last step of Newton's method has found nothing
 _STEPS = 60
 _PLACES = 12  # of x_0 in a gap
 _AS_WIDE = 0.99  # of the widest gap: gaps that are equal up to rounding begin at the first site
-_SCANNED = 600  # sites: shorter orbits are scanned at every scale, longer ones followed
-_NEAR = 0.3  # over q, of the largest strength: how far a long orbit is followed
-_JOINED = 1500  # period from which rounding blurs the slopes of a scan
+_NEAR = 0.3  # over q, of the largest strength: how far an orbit is followed
+_JOINED = 300  # period from which orbits are joined from shorter ones rather than scanned for
+_HELD = 600  # sites: an orbit this short is found again from none at all
 _KEPT = 30  # scales of which orbits are kept
 
 
@@ -66,41 +69,41 @@ class LostError(Exception):
 
 
 class Ladder:
-    """Ordered orbits of a list of fractions, one step of the ladder each, on a segment of forcings.
+    """Ordered orbits of a list of fractions on the segment of forcings κ = start + s·profile.
 
-    start, profile : arrays of P floats, κ = start + s·profile.
-    fractions : consecutive convergents of a number, as Fractions, q increasing.
+    start, profile : arrays of P floats. fractions : consecutive convergents of a number, as
+    Fractions, q increasing.
     """
 
     def __init__(self, start, profile, fractions):
         self.start, self.profile = start, profile
         self.chains = [_Chain(profile.size, fraction) for fraction in fractions]
-        self._climbed, self._scanned, self._followed = {}, {}, {}
+        self._climbed, self._latest = {}, {}
+        self._near = _NEAR / np.abs(profile).max(initial=1e-300)
+        self._segments = [
+            (np.roll(start, -site), np.roll(profile, -site)) for site in range(profile.size)
+        ]
 
-    def kappa(self, scale, site):
-        """The forcing, from that site on."""
-        return np.roll(self.start + scale * self.profile, -site)
+    def segment(self, site):
+        """start and profile, from that site on."""
+        return self._segments[site]
 
     def at(self, n, scale, kind):
         """The Orbit of fraction n: minimizing (kind = 1) or minimax (-1).
 
         R is 0 where it cannot be told from 0. LostError if the orbit is not found.
         """
-        chain = self.chains[n]
-        if chain.n_sites <= _SCANNED:
-            if (n, scale) not in self._scanned:
-                _forget(self._scanned)
-                self._scanned[n, scale] = self.scan(n, scale)
-            return self._scanned[n, scale][kind]
-        near = _NEAR / np.abs(self.profile).max(initial=1e-300) / chain.q
-        orbit = self._followed.get((n, kind))
-        if orbit is not None and abs(scale - orbit.scale) < near:
-            with suppress(LostError):
-                return orbit.move(scale)
-        found = self._joined(n, scale) if chain.q > _JOINED and n > 1 else {}
-        found = found or self.scan(n, scale)
-        if found[kind].residue() != 0:
-            self._followed.update({(n, key): orbit for key, orbit in found.items()})
+        orbit = self._latest.get((n, kind))
+        if (
+            orbit is not None
+            and abs(scale - orbit.scale) < self._near / self.chains[n].q
+            and orbit.move(scale)
+        ):
+            return orbit
+        found = self._joined(n, scale, kind) if self.chains[n].q > _JOINED and n > 1 else None
+        found = {kind: found} if found else self.scan(n, scale)
+        if found[kind].residue != 0:
+            self._latest.update({(n, key): orbit for key, orbit in found.items()})
         return found[kind]
 
     def scan(self, n, scale):
@@ -109,145 +112,99 @@ class Ladder:
         chain, (site, u) = self.chains[n], self._climb(n, scale)
         first = _widest(chain, np.roll(u, site)) - site
         site, u = (site + first) % chain.period, chain.rolled(u, first)
-        kappa, left, gap = self.kappa(scale, site), u[0], chain.right(u)[0] - u[0]
-        slopes, orbits, guesses = [], [u], {1: [], -1: []}
-        for i in range(2 * _PLACES + 1):
-            u = 2 * orbits[-1] - orbits[-2] if i else u.copy()
-            u[0] = left + gap * (i + 0.43) / _PLACES
-            slopes.append(chain.hold(kappa, u))
-            orbits.append(u)
-            for kind in (1, -1) if i else ():
-                if kind * slopes[-2] < 0 <= kind * slopes[-1]:
-                    nearer = -2 if abs(slopes[-2]) < abs(slopes[-1]) else -1
-                    guesses[kind].append(orbits[nearer])
-            flat = max(map(abs, slopes)) < FLAT
-            if i >= _PLACES and (flat or all(guesses.values())):
-                break
-        found = {}
-        for kind in guesses if not flat else ():
-            for u in guesses[kind]:
-                orbit = Orbit(self, n, site, kind, u.copy(), scale)
-                if orbit.settle(gap / _PLACES / 2) and (
-                    kind not in found or kind * (orbit.action() - found[kind].action()) < 0
-                ):
-                    found[kind] = orbit
-        if len(found) == 2:
-            return found
-        if max(map(abs, slopes)) > 100 * FLAT:
+        start, profile = self.segment(site)
+        found, width = np.empty((2, u.size)), (chain.right(u)[0] - u[0]) / _PLACES
+        residues = _scan(start + scale * profile, *chain.frame, u, width, found)
+        if np.isnan(residues).any():
             raise LostError
-        return {kind: Orbit(self, n, site, kind, u, scale, 0.0) for kind in guesses}
+        return {
+            kind: Orbit(self, n, site, kind, *orbit, scale)
+            for kind, *orbit in zip((1, -1), found, residues, strict=True)
+        }
 
     def _climb(self, n, scale):
         """(site, u) of an orbit of fraction n that minimizes the action with x held at `site`."""
         if scale not in self._climbed:
-            _forget(self._climbed)
-            site = int(np.abs(self.kappa(scale, 0)).argmax())
-            self._climbed[scale] = site, []
-        site, orbits = self._climbed[scale]
-        kappa = self.kappa(scale, site)
+            if len(self._climbed) >= _KEPT:
+                del self._climbed[next(iter(self._climbed))]
+            kappa = self.start + scale * self.profile
+            site = int(np.abs(kappa).argmax())
+            self._climbed[scale] = np.roll(kappa, -site), site, []
+        kappa, site, orbits = self._climbed[scale]
         for chain in self.chains[len(orbits) : n + 1]:
             i = len(orbits)
             held = np.full(chain.n_sites, 0.0 if kappa[0] > 0 else 0.5)
-            try:
-                if i > 1:
-                    u = chain.joined(*zip(self.chains[i - 2 : i], orbits[-2:], strict=True))
-                else:
-                    u = np.resize(orbits[-1], chain.n_sites) if i else held.copy()
-                chain.hold(kappa, u)
-            except LostError:
-                if chain.n_sites > _SCANNED:
-                    raise
+            if i > 1:
+                u = chain.joined(*zip(self.chains[i - 2 : i], orbits[-2:], strict=True))
+            else:
+                u = np.resize(orbits[-1], chain.n_sites) if i else held.copy()
+            if not _hold(kappa, *chain.frame, u):
+                if chain.n_sites > _HELD:
+                    raise LostError
                 u = held
                 for part in np.arange(1, 9) / 8:
-                    chain.hold(part * kappa, u)
+                    if not _hold(part * kappa, *chain.frame, u):
+                        raise LostError
             orbits.append(u)
         return site, orbits[n]
 
-    def _joined(self, n, scale):
-        """Both Orbits of fraction n from those of the two fractions before; {} if that fails."""
-        found = {}
-        for kind in (1, -1):
-            last, one = (self.at(i, scale, kind) for i in (n - 2, n - 1))
-            if last.site != one.site:
-                return {}
-            u = self.chains[n].joined((last.chain, last.u), (one.chain, one.u))
-            found[kind] = Orbit(self, n, one.site, kind, u, scale)
-            found[kind].relax(0, 0.0)
-            if not found[kind].settle(0.1 / one.chain.q):
-                return {}
-        return found
+    def _joined(self, n, scale, kind):
+        """The Orbit of fraction n from those of the two fractions before; None if that fails."""
+        last, one = (self.at(i, scale, kind) for i in (n - 2, n - 1))
+        if last.site != one.site:
+            return None
+        chain = self.chains[n]
+        u = chain.joined((last.chain, last.u), (one.chain, one.u))
+        start, profile = self.segment(one.site)
+        kappa = start + scale * profile
+        _hold(kappa, *chain.frame, u)
+        residue = _settle(kappa, *chain.frame, u, kind, 0.1 / one.chain.q, _STEPS)
+        if np.isnan(residue):
+            return None
+        return Orbit(self, n, one.site, kind, u, residue, scale)
 
 
 class Orbit:
     """An ordered periodic orbit on a segment, at the scale last moved to.
 
+    kind : 1 if it is minimizing, -1 if minimax, 0 if x_0 is held, where a symmetry keeps it.
     site : int, 0 to P - 1, of the first of its sites. u : ndarray (N,), their deviations.
-    kind : 1 if it is minimizing, -1 if minimax.
+    residue : R, good to about N² ulp.
     """
 
-    def __init__(self, ladder, n, site, kind, u, scale, residue=np.nan):
-        self.ladder, self.chain = ladder, ladder.chains[n]
-        self.site, self.kind, self.u, self.scale = site, kind, u, scale
-        self._before, self._residue = None, residue
+    def __init__(self, ladder, n, site, kind, u, residue, scale):
+        self.chain, (self.start, self.profile) = ladder.chains[n], ladder.segment(site)
+        self.site, self.kind, self.u, self.scale, self.residue = site, kind, u, scale, residue
+        self._before, self._step = np.empty_like(u), 0.0
 
-    def residue(self):
-        """R, good to about N² ulp."""
-        return self._residue
+    @property
+    def kappa(self):
+        """The forcing, from `site` on."""
+        return self.start + self.scale * self.profile
 
     def refined_residue(self):
         """R good to the last digits, in double-double arithmetic."""
         chain = self.chain
-        return _refined_residue(self._kappa(), chain.numerators, self.u, chain.work)
+        return _refined_residue(self.kappa, chain.numerators, self.u, chain.work)
 
     def sites(self):
         """x of all N sites from `site` on, on the lift."""
-        return self.chain.theta_on_lift() + self.u
+        return np.arange(self.u.size) * (self.chain.p / self.u.size) + self.u
 
-    def action(self):
-        """A over the N sites, less the constant p²/2N."""
-        angle = TWO_PI * (self.chain.theta + self.u)
-        stretch = np.roll(self.u, -1) - self.u
-        kicks = np.resize(self._kappa(), angle.size)
-        return float(np.sum(stretch**2) / 2 - np.sum(kicks * np.cos(angle)) / TWO_PI**2)
-
-    def settle(self, furthest, n_steps=_STEPS):
-        """Move to the extremum, x_0 at most so far a step; whether it is an ordered orbit there."""
-        largest, curvature, logarithm, bad = self.relax(self.kind, furthest, n_steps)
-        if largest < _FOUND and not bad and self.kind * curvature > 0:
-            size = exp(min(logarithm + log(abs(curvature) / 4), 600.0))
-            self._residue = -copysign(size, curvature)
-            return self.chain.is_ordered(self.u)
-        return False
-
-    def relax(self, kind, furthest, n_steps=_STEPS):
-        largest, curvature, _, logarithm, bad = _relax(
-            self._kappa(), self.chain.theta, self.u, kind, furthest, n_steps, self.chain.work
-        )
-        return largest, curvature, logarithm, bad
+    def points(self):
+        """x, y at the start of each of the q periods, in time, x on the lift."""
+        x = self.sites()
+        starts = slice(-self.site % self.start.size, None, self.start.size)
+        return x[starts], np.diff(x, prepend=x[-1] - self.chain.p)[starts]
 
     def move(self, scale):
-        """Continue the orbit to that scale, itself; LostError if the steps become too small."""
-        step = scale - self.scale
-        while self.scale != scale:
-            target = scale if abs(step) >= abs(scale - self.scale) else self.scale + step
-            at, u, residue = self.scale, self.u, self._residue
-            self.u, self.scale = u.copy(), target
-            if self._before is not None:
-                ratio = (target - at) / (at - self._before[0])
-                if abs(ratio) < 3:
-                    self.u += ratio * (u - self._before[1])
-            if self.settle(0.1 / self.chain.q, 15) and np.abs(self.u - u).max() < 0.25:
-                self._before = at, u
-                step *= 2
-            else:
-                self.u, self.scale, self._residue = u, at, residue
-                step /= 2
-                if abs(step) < 0.1 * abs(scale - at) or at + step == at:
-                    raise LostError
-        return self
-
-    def _kappa(self):
-        return self.ladder.kappa(self.scale, self.site)
+        """Continue the orbit to that scale, itself; whether it got there, and did not have to
+        shrink its steps too much."""
+        self.scale, self._step, self.residue = _follow(
+            self.start, self.profile, *self.chain.frame, self.kind,
+            self.scale, scale, self.residue, self.u, self._before, self._step,
+        )  # fmt: skip
+        return self.scale == scale
 
 
 class _Chain:
@@ -256,34 +213,21 @@ class _Chain:
     def __init__(self, period, fraction):
         self.period, self.p, self.q = period, fraction.numerator, fraction.denominator
         self.n_sites = n_sites = period * self.q
-        # Exact for any length, as in `nasm.chain`.
+        # The rotation's angles in units of 1/N, reduced mod N: exact for any length.
         self.numerators = np.arange(n_sites) * (self.p % n_sites) % n_sites
         self.theta = self.numerators / n_sites
-        self._hop = period * (pow(self.p, -1, self.q) if self.q > 1 else 0)
+        hop = period * (pow(self.p, -1, self.q) if self.q > 1 else 0)
         self.work = np.empty((4, n_sites))
-
-    def theta_on_lift(self):
-        return np.arange(self.n_sites) * (self.p / self.n_sites)
+        self.frame = self.theta, hop, self.work
 
     def right(self, u):
         """The next orbit to the right: the same one, at another time."""
-        return np.roll(u, -self._hop) + 1 / self.q
-
-    def is_ordered(self, u):
-        return _is_ordered(u, self._hop, 1 / self.q)
+        return np.roll(u, -self.frame[1]) + 1 / self.q
 
     def rolled(self, u, first):
         """The orbit from site `first` on; x_0 in [-1/2, 1/2]."""
         u = np.roll(u, -first) + self.theta[first % self.n_sites]
         return u - np.rint(u[0])
-
-    def hold(self, kappa, u):
-        """Minimize the action over all sites but x_0, in place; its slope a'. LostError if that
-        fails."""
-        largest, _, force, _, bad = _relax(kappa, self.theta, u, 0, 0.0, _STEPS, self.work)
-        if not largest < _FOUND or bad or not self.is_ordered(u):
-            raise LostError
-        return -force
 
     def joined(self, last, one):
         """Deviations of the orbits of two fractions, `one` repeated and then `last`, end to end,
@@ -318,15 +262,9 @@ def ordered_orbits(kappa, p, q):
     p = count("p", p, -MAX_PERIOD * kappa.size, MAX_PERIOD * kappa.size)
     if np.gcd(p, q) != 1:
         raise ValueError(f"p/q = {p}/{q} has a common factor; write it in lowest terms")
-    fractions = {f.denominator: f for f in convergents(rational(Fraction(p, q)))}
-    ladder = Ladder(kappa, 0 * kappa, list(fractions.values()))
-    minimizing, minimax = (ladder.at(len(fractions) - 1, 0.0, kind) for kind in (1, -1))
-    return minimizing, minimax
-
-
-def _forget(kept):
-    if len(kept) >= _KEPT:
-        del kept[next(iter(kept))]
+    fractions = distinct_convergents(rational(Fraction(p, q)), q)
+    found = Ladder(kappa, 0 * kappa, fractions).scan(len(fractions) - 1, 0.0)
+    return found[1], found[-1]
 
 
 def _widest(chain, u):
@@ -337,7 +275,7 @@ def _widest(chain, u):
     return site + chain.period * int(gaps[site :: chain.period].argmax())
 
 
-@kernel
+@njit(nogil=True)
 def _is_ordered(u, hop, gap):
     """Whether sites whose angles differ by the least, `gap`, `hop` sites apart, keep their order,
     as far as rounding can tell."""
@@ -347,6 +285,96 @@ def _is_ordered(u, hop, gap):
         if not u[k - n if k >= n else k] - u[j] + gap > -_ROUNDING:
             return False
     return True
+
+
+@njit(nogil=True)
+def _action(kappa, theta, u):
+    """A over the N sites, less the constant p²/2N."""
+    n, action = u.size, 0.0
+    for j in range(n):
+        stretch = u[j + 1 if j < n - 1 else 0] - u[j]
+        action += stretch**2 / 2 - kappa[j % kappa.size] / TWO_PI**2 * cos2pi(theta[j] + u[j])
+    return action
+
+
+@kernel
+def _hold(kappa, theta, hop, work, u):
+    """Minimize the action over all sites but x_0, in place; whether that is an ordered orbit."""
+    largest, _, _, _, bad = _relax(kappa, theta, u, 0, 0.0, _STEPS, work)
+    return largest < _FOUND and bad == 0 and _is_ordered(u, hop, kappa.size / u.size)
+
+
+@kernel
+def _settle(kappa, theta, hop, work, u, kind, furthest, n_steps):
+    """Move to the extremum, in place, x_0 at most so far a step: R, NaN if no orbit is there."""
+    largest, curvature, _, logarithm, bad = _relax(kappa, theta, u, kind, furthest, n_steps, work)
+    if not (largest < _FOUND and bad == 0 and (kind * curvature > 0 or kind == 0)):
+        return np.nan
+    if not _is_ordered(u, hop, kappa.size / u.size):
+        return np.nan
+    size = np.exp(min(logarithm + np.log(abs(curvature) / 4), 600.0)) if curvature != 0 else 0.0
+    return -np.copysign(size, curvature)
+
+
+@kernel
+def _scan(kappa, theta, hop, work, u, width, found):
+    """Residues of the lowest minimum and the highest maximum that x_0 meets in steps of that width;
+    0 if the action is flat, NaN if none is met. Their sites are left in `found`."""
+    left, at, last = u[0], u.copy(), u.copy()
+    residues, actions, steepest, before = np.full(2, np.nan), np.empty(2), 0.0, 0.0
+    for i in range(2 * _PLACES + 1):
+        for j in range(u.size if i else 0):
+            last[j], at[j] = at[j], 2 * at[j] - last[j]
+        at[0] = left + width * (i + 0.43)
+        largest, _, force, _, bad = _relax(kappa, theta, at, 0, 0.0, _STEPS, work)
+        if not largest < _FOUND or bad or not _is_ordered(at, hop, kappa.size / u.size):
+            return np.full(2, np.nan)
+        steepest = max(steepest, abs(force))
+        for row in range(2 if i else 0):
+            kind = 1 - 2 * row
+            for guess in range(2 if kind * before > 0 >= kind * force else 0):
+                trial = at.copy() if guess else last.copy()
+                residue = _settle(kappa, theta, hop, work, trial, kind, width, _STEPS)
+                action = _action(kappa, theta, trial)
+                better = np.isnan(residues[row]) or kind * (action - actions[row]) < 0
+                if better and not np.isnan(residue):
+                    residues[row], actions[row], found[row] = residue, action, trial
+        before = force
+        if i >= _PLACES and (steepest < FLAT or not np.isnan(residues).any()):
+            break
+    if steepest < FLAT or (np.isnan(residues).any() and steepest <= 100 * FLAT):
+        residues[:], found[0], found[1] = 0.0, u, u
+    return residues
+
+
+@kernel
+def _follow(
+    start, profile, theta, hop, work, kind, begin, end, residue, u, before, last_step
+):  # fmt: skip
+    """Continue an orbit, in place, from s = begin to end; `before` is what it was a step before.
+
+    Steps adapt: doubled after each success, halved when Newton fails or finds another orbit.
+    Returns the scale that was reached, short of the end if steps became too small; the last step;
+    and R.
+    """
+    at, step, gap = begin, end - begin, profile.size / u.size
+    while at != end:
+        if abs(step) >= abs(end - at):
+            step = end - at
+        target = end if step == end - at else at + step
+        ratio = step / last_step if abs(step) < 3 * abs(last_step) else 0.0
+        trial = u + ratio * (u - before) if ratio != 0 else u.copy()
+        kappa = start + target * profile
+        found = _settle(kappa, theta, hop, work, trial, kind, 0.1 * gap, 15)
+        if not np.isnan(found) and np.abs(trial - u).max() < 0.25:
+            before[:], u[:], residue = u, trial, found
+            at, last_step = target, step
+            step *= 2
+        else:
+            step /= 2
+            if abs(step) < 0.1 * abs(end - at) or at + step == at:
+                break
+    return at, last_step, residue
 
 
 @njit(nogil=True)
@@ -391,7 +419,7 @@ def _solve(force, diagonal, kind, furthest, inverse, pull):
     return curvature, left, logarithm, bad
 
 
-@kernel
+@njit(nogil=True)
 def _relax(kappa, theta, u, kind, furthest, n_steps, work):
     """Steps of `_solve`, in place, until rounding ends them.
 
@@ -424,15 +452,15 @@ def _relax(kappa, theta, u, kind, furthest, n_steps, work):
         part = 0.1 / largest if largest > 0.1 else 1.0
         for j in range(n):
             u[j] += part * force[j]
-        if relaxed and (largest < 1e-15 or (largest < 1e-8 and largest >= 0.5 * last)):
+        if relaxed and (largest < 1e-15 + 2e-16 * n or (largest < 1e-8 and largest >= 0.5 * last)):
             break
         last = largest
     return largest, curvature, left, logarithm, bad
 
 
 @njit(nogil=True)
-def _angle(numerator, n_sites, u, low):
-    return add(divided(float(numerator), float(n_sites)), (u, low))
+def _angle(numerator, n_sites, u):
+    return add(divided(float(numerator), float(n_sites)), u)
 
 
 @kernel
@@ -441,30 +469,32 @@ def _refined_residue(kappa, numerators, u, work):
     trace of the product of all tangent maps in the same."""
     n, period = u.size, kappa.size
     inverse, pull, force, diagonal = work
-    u, low = u.copy(), np.zeros(n)
+    u, low, slopes, bends = u.copy(), np.zeros(n), np.empty((2, n)), np.empty(n)
     for _ in range(4):
         for j in range(n):
             ahead, behind = j + 1 if j < n - 1 else 0, j - 1 if j else n - 1
             strength = kappa[j % period]
-            sine, cosine = sincos_2pi(_angle(numerators[j], n, u[j], low[j]))
+            sine, cosine = sincos_2pi(_angle(numerators[j], n, (u[j], low[j])))
             kick = multiply(multiply((strength, 0.0), INVERSE_TWO_PI), sine)
             left = add((u[ahead], low[ahead]), (u[behind], low[behind]))
             left = add(left, (-2 * u[j], -2 * low[j]))
             force[j] = add(left, (-kick[0], -kick[1]))[0]
             diagonal[j] = 2 + strength * cosine[0]
+            slopes[0, j], slopes[1, j] = multiply((strength, 0.0), cosine)
+            bends[j] = -TWO_PI * strength * sine[0]
         curvature, left, _, _ = _solve(force, diagonal, 0, 0.0, inverse, pull)
         step = left / curvature if curvature != 0 else 0.0
         largest = abs(step)
         for j in range(n):
             change = step if j == 0 else force[j] + pull[j] * step
             u[j], low[j] = add((u[j], low[j]), (change, 0.0))
+            slopes[0, j], slopes[1, j] = add((slopes[0, j], slopes[1, j]), (bends[j] * change, 0.0))
             largest = max(largest, abs(change))
         if largest < 1e-12:  # quadratic: nothing is left to gain
             break
     x_x, y_x, x_y, y_y = (1.0, 0.0), (0.0, 0.0), (0.0, 0.0), (1.0, 0.0)
     for j in range(n):
-        _, cosine = sincos_2pi(_angle(numerators[j], n, u[j], low[j]))
-        slope = multiply((kappa[j % period], 0.0), cosine)
+        slope = slopes[0, j], slopes[1, j]
         y_x, y_y = add(y_x, multiply(slope, x_x)), add(y_y, multiply(slope, x_y))
         x_x, x_y = add(x_x, y_x), add(x_y, y_y)
     trace = add(x_x, y_y)

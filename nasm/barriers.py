@@ -36,7 +36,7 @@ from nasm.critical import CriticalScale, Status, no_answer
 from nasm.maps import direction, forcing, unkick
 from nasm.numbers import RotationNumber, checked, convergents, moebius, nobles_near, parse, rational
 from nasm.orbits import rotation_number
-from nasm.symmetries import ray, shorten
+from nasm.symmetries import dominant_lines, ray, shorten
 
 __all__ = [
     "boundary",
@@ -366,7 +366,7 @@ def eliminates(kappa, n_max):
 def has_dominant_line(kappa):
     """Whether the forcing has a centre, and lines that the minimax orbits of all ω are on: bool."""
     try:
-        return all(dominant for *_, dominant in periodic.dominant_lines(kappa))
+        return all(dominant for *_, dominant in dominant_lines(kappa))
     except ValueError:
         return False
 

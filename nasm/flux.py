@@ -21,8 +21,8 @@ the minimizing orbit's next to them, and since that one is stationary,
 
 which is of second order in d, and so small against its terms only as a sum.
 
-It is the flux through the gaps that hold the symmetric minimax orbit. Far beyond the breakup, or
-next to a forcing of a shorter period, a cantorus may have other gaps too, which let more pass.
+It is the flux through the widest gap of the minimizing orbit. Far beyond the breakup, or next to a
+forcing of a shorter period, a cantorus may have other gaps too, which let more pass.
 """
 
 from dataclasses import dataclass
@@ -30,13 +30,12 @@ from itertools import islice
 
 import numpy as np
 
+from nasm.action import FLAT, MAX_PERIOD, Ladder, LostError, ordered_orbits
 from nasm.arithmetic.sine import cos2pi, sin2pi
-from nasm.chain import MAX_PERIOD, HalfOrbit, with_idle_kicks
 from nasm.checks import count, real
 from nasm.critical import Status
 from nasm.maps import TWO_PI, forcing
-from nasm.numbers import RotationNumber, checked, convergents
-from nasm.periodic import dominant_centre, minimax_centre, minimizing_centre
+from nasm.numbers import RotationNumber, checked, convergents, distinct_convergents
 from nasm.symmetries import shorten
 
 __all__ = ["Flux", "action_difference", "flux"]
@@ -76,8 +75,7 @@ def flux(omega, kappa, q_max=30_000, rtol=1e-6):
     -------
     Flux. error : the last change and the rounding of the sum; the changes shrink faster than
     geometrically. Status NOT_CONVERGED next to the breakup, where q_max is too short to see on
-    which side one is, DISORDERED where longer orbits were lost before they settled. ValueError if
-    the forcing has no symmetry centre.
+    which side one is, DISORDERED where longer orbits were lost before they settled.
     """
     kappa, q_max = forcing(kappa), count("q_max", q_max, 1, MAX_PERIOD)
     rtol = real("rtol", rtol)
@@ -85,25 +83,23 @@ def flux(omega, kappa, q_max=30_000, rtol=1e-6):
         raise ValueError(f"rtol={rtol} must be from 0 to {_SETTLED}, a part of the flux")
     omega = checked(omega)
     (short,), short_omega = shorten([kappa], omega)
-    dominant_centre(short)
     if omega.is_rational:
         return Flux(np.nan, np.nan, 0, omega, Status.RATIONAL)
     steps = kappa.size // short.size
     # Up to the end of the prefix these are convergents of other numbers too.
     enough = list(islice(convergents(short_omega), len(short_omega.prefix) + 1))[-1].denominator
+    ladder = Ladder(short, 0 * short, distinct_convergents(short_omega, q_max))
     value, error, period, status = np.nan, np.inf, 0, Status.NOT_CONVERGED
-    for fraction in convergents(short_omega):
-        p, q = fraction.numerator, fraction.denominator
-        if q == period:
-            continue  # 1/1 is 0/1 again
-        if q > q_max:
-            break
-        longer, rounding = _action_difference(short, p, q)
+    for n, chain in enumerate(ladder.chains):
+        try:
+            longer, rounding = _difference(*(ladder.at(n, 0.0, kind) for kind in (1, -1)))
+        except LostError:
+            longer = np.nan
         if not longer > -rounding:  # orbits are lost, or nearer to each other than rounding
             status = Status.DISORDERED
             break
-        value, error, period = longer, abs(longer - value) + rounding, q
-        if q >= enough and error <= max(rtol * value, 2 * rounding):
+        value, error, period = longer, abs(longer - value) + rounding, chain.q
+        if chain.q >= enough and error <= max(rtol * value, 2 * rounding):
             status = Status.OK
             break
     if status is Status.OK or (period >= enough and error <= _SETTLED * value):
@@ -121,49 +117,22 @@ def action_difference(kappa, p, q):
 
     Returns
     -------
-    float; NaN if one of the two orbits is not found. ValueError if the forcing has no symmetry
-    centre.
+    float; NaN if one of the two orbits is not found.
     """
-    value, _ = _action_difference(forcing(kappa), p, q)
-    return value
+    try:
+        return _difference(*ordered_orbits(kappa, p, q))[0]
+    except LostError:
+        return np.nan
 
 
-def _action_difference(kappa, p, q):
-    """ΔW_{p/q}, and how far rounding may have moved it."""
-    centres = minimax_centre(kappa, p, q), minimizing_centre(kappa, p, q)
-    scale = 1
-    if any(site % 1 for site, _ in centres):  # between two sites: with an idle kick there, Y is 2y
-        kappa, scale = with_idle_kicks(kappa), 2
-        centres = [(int(2 * site), a) for site, a in centres]
-    minimax, minimizing = (HalfOrbit(0 * kappa, kappa, p, q, centre) for centre in centres)
-    if not (minimax.move(1.0) and minimizing.move(1.0)):
-        return np.nan, np.nan
-    shift, offset = _nearest(minimax, minimizing)
-    n_sites, u = minimizing.n_sites, minimizing.deviations()
-    d = offset + np.roll(minimax.deviations(), -shift) - u
-    site = np.arange(n_sites)
-    x = minimizing.a + site * (p % n_sites) % n_sites / n_sites + u
+def _difference(minimizing, minimax):
+    """ΔW of two orbits, and how far rounding may have moved it."""
+    u, kappa = minimizing.u, np.resize(minimizing.kappa, minimizing.u.size)
+    if minimax.residue == 0:  # and the slope of the reduced action nowhere more than rounding
+        return 0.0, FLAT / minimizing.chain.q
+    x, d = minimizing.chain.theta + u, minimax.u - u
     bend = 2 * cos2pi(x) * sin2pi(d / 2) ** 2 + sin2pi(x) * (sin2pi(d) - TWO_PI * d)
-    terms = np.stack(
-        [
-            (np.roll(d, -1) - d) ** 2 / 2,
-            kappa[(minimizing.site + site) % kappa.size] / TWO_PI**2 * bend,
-        ]
-    )
+    terms = np.stack([(np.roll(d, -1) - d) ** 2 / 2, kappa / TWO_PI**2 * bend])
     # The sum's own, and an ulp by which each site of the minimizing orbit misses being stationary.
     rounding = np.finfo(float).eps * (np.abs(terms).sum() + np.linalg.norm(d))
-    return scale * float(terms.sum()), scale * float(rounding)
-
-
-def _nearest(minimax, minimizing):
-    """Which site of the minimax orbit is next to the first of the minimizing one, and how far ahead
-    its rotation is: half a gap, 1/2q.
-
-    One orbit may start any number of steps after the other.
-    """
-    n_sites, period = minimizing.n_sites, minimizing.profile.size
-    shift = minimizing.site - minimax.site + period * np.arange(minimizing.q)
-    ahead = int(2 * (minimax.a - minimizing.a)) * n_sites + 2 * shift * minimizing.p  # in 1/2N
-    ahead = (ahead + n_sites) % (2 * n_sites) - n_sites
-    nearest = np.abs(ahead).argmin()
-    return int(shift[nearest]), ahead[nearest] / (2 * n_sites)
+    return float(terms.sum()), float(rounding)

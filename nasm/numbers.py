@@ -15,7 +15,7 @@ import re
 from dataclasses import dataclass
 from decimal import Decimal
 from fractions import Fraction
-from itertools import chain, cycle
+from itertools import chain, cycle, takewhile
 from math import floor, isfinite, isqrt
 from numbers import Integral
 
@@ -156,6 +156,12 @@ def convergents(omega):
     for a in chain(omega.prefix, cycle(omega.tail)):
         p, p_last, q, q_last = a * p + p_last, p, a * q + q_last, q
         yield Fraction(p, q)
+
+
+def distinct_convergents(omega, q_max):
+    """The convergents p/q of omega with q ≤ q_max, q increasing: of two with q = 1 the second."""
+    known = takewhile(lambda f: f.denominator <= q_max, convergents(omega))
+    return list({fraction.denominator: fraction for fraction in known}.values())
 
 
 def moebius(omega, a, b, c=0, d=1):

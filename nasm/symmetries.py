@@ -10,14 +10,29 @@ boundary of global transport, CB_gt, has all of it. That of one circle, CB_ω, h
 """
 
 from functools import lru_cache
+from itertools import chain, pairwise, product
 
 import numpy as np
 
-from nasm.maps import forcing, kick
+from nasm.maps import forcing, kick, unkick
 from nasm.numbers import RotationNumber, moebius
 
-__all__ = ["alternate", "lengthen", "negate", "ray", "reflect", "shift", "shorten", "translate"]
+__all__ = [
+    "alternate",
+    "dominant_centre",
+    "dominant_lines",
+    "lengthen",
+    "negate",
+    "ray",
+    "reflect",
+    "shift",
+    "shorten",
+    "symmetry_lines",
+    "translate",
+]
 __dir__ = __all__.copy
+
+_NO_RESONANCE = 1e-9  # of the largest: below, F_p is 0 up to rounding
 
 CUSP_EXPONENT = 0.6
 """At a relative distance d from a forcing of a shorter period the boundary is below what it is
@@ -94,6 +109,130 @@ def ray(angle):
     profile[on_axis] = np.rint(profile[on_axis])
     profile[on_diagonal] = np.sign(profile[on_diagonal]) * np.sqrt(0.5)
     return profile
+
+
+def _places(sites):
+    """Where a centre may be: on one of these sites, or between two."""
+    return chain(sites, (site + 0.5 for site in sorted(sites)))
+
+
+def dominant_centre(kappa):
+    """The centre (site, a) whose orbits are the minimax ones, R > 0, for all ω if there is such.
+
+    The symmetry centre on a site with the largest |κ|, on x = 1/2 if κ > 0 there and on x = 0 if
+    κ < 0. Without one, a centre between two sites, and the sign is that of the sum of all κ. For
+    P ≥ 3 minimax orbits of other ω may have other centres: see `dominant_lines`. ValueError if the
+    forcing has no centre.
+    """
+    strengths = forcing(kappa)
+    # Strengths in descending order: with long forcings, only the first sites need to be tried.
+    for site in _places(np.argsort(-np.abs(strengths), kind="stable").tolist()):
+        if is_symmetry_centre(strengths, site):
+            sign = strengths.sum() if site % 1 else strengths[site]
+            return site, 0.5 if sign > 0 else 0.0
+    raise ValueError(
+        f"kappa={kappa!r} has no symmetry centre; symmetric orbits need a forcing that reads the "
+        "same forwards and backwards from some site, or from between two"
+    )
+
+
+def primitive(kappa):
+    """One period of the forcing, the shortest."""
+    strengths = forcing(kappa)
+    for size in range(1, strengths.size // 2 + 1):
+        if strengths.size % size == 0 and (strengths[size:] == strengths[:-size]).all():
+            return strengths[:size]
+    return strengths
+
+
+def dominant_lines(kappa):
+    """The symmetry lines that the minimax orbits are on, to first order in κ, for each ω.
+
+    A forcing of shortest period P has two centres, c and c + P/2, and the two symmetric orbits of
+    p/q meet two lines each:
+
+        (c, a)  and  (c + P/2, a + p/2)  if q is odd,      (c, 0)  and  (c, 1/2)  if q is even.
+
+    To first order the action depends on where the orbit is only for q = 1, by
+
+        F_p cos 2πa,      F_p = Σ_n κ_n cos(2πp(n - c)/P),
+
+    and the minimax orbit is where that is negative. So from p to p + 1 both minimax orbits are on
+    one line: that of c if F_p and F_{p+1} have the same sign, and else that of c + P/2. Where F_p
+    is 0 the next p counts; if they are an even number apart and of different signs, no line has
+    both. For P ≤ 2 all F_p have the sign of κ_c, which is then the larger |κ|.
+
+    Returns
+    -------
+    List of (t, centre, dominant): the line of the minimax orbits with |ω|/P from t up to the next
+    t, the last up to 1/2. dominant : bool; False where no line has both, and centre is one of p.
+    (x, y) → (-x, -y) takes ω to -ω and keeps the lines, y → y + 1 takes ω to ω + P, and between
+    sites a to a + 1/2.
+
+    ValueError if the forcing has no centre.
+    """
+    strengths = primitive(kappa)
+    size = strengths.size
+    site, a = dominant_centre(strengths)
+    if size <= 2 or not strengths.any():
+        return [(0.0, (site, a), True)]
+    p = np.arange(size // 2 + 1)
+    # Re(e^{iφ} FFT) is F_p, also where c is between two sites.
+    resonances = (np.exp(2j * np.pi * site * p / size) * np.fft.fft(strengths)[p]).real
+    sizes = np.abs(resonances)
+    known = np.flatnonzero(sizes > _NO_RESONANCE * sizes.max()).tolist()
+    on = [0.5 if resonances[p] > 0 else 0.0 for p in known]
+    # F_{-p} = F_p, and F_{P-p} = ±F_p, minus if c is between two sites.
+    anchors = [(-known[0], on[0]), *zip(known, on, strict=True)]
+    anchors.append((size - known[-1], 0.5 - on[-1] if site % 1 else on[-1]))
+    lines = []
+    for (p, a), (next_p, next_a) in pairwise(anchors):
+        odd, same = (next_p - p) % 2, a == next_a
+        centre = (site, a) if same or not odd else (_half_on(site, size), (a + p / 2) % 1.0)
+        if p == next_p or (same and not odd and lines and lines[-1][2]):
+            continue  # where both lines have both, it stays
+        line = centre, bool(same or odd)
+        if not lines or lines[-1][1:] != line:
+            lines.append((max(p, 0) / size, *line))
+    return lines
+
+
+def _half_on(site, size):
+    """The other centre of a forcing of that shortest period: int, or between two sites."""
+    other = (site + size / 2) % size
+    return other if other % 1 else int(other)
+
+
+def symmetry_lines(kappa, y):
+    """The lines on which orbits are their own mirror images, at the start of a period.
+
+    Parameters
+    ----------
+    kappa : sequence of P floats with a symmetry centre c, the forcing, first kick first.
+    y : array; it runs along each line, whose image under y → y + 1 is a line too.
+
+    Returns
+    -------
+    x, y : ndarrays of shape (4, *y.shape), on the lift: x_c = 0 and x_c = 1/2, followed back from
+    site c to site 0, and so at the other centre, c + P/2; see `dominant_lines`.
+
+    ValueError if the forcing has no centre.
+    """
+    strengths = primitive(kappa)
+    site, _ = dominant_centre(strengths)
+    y, lines = np.asarray(y, dtype=float), []
+    for centre, a in product((site, _half_on(site, strengths.size)), (0.0, 0.5)):
+        point = a + y * (centre % 1), y  # between two sites x_c is their mean
+        for strength in strengths[: int(np.ceil(centre))][::-1]:
+            point = unkick(strength, *point)
+        lines.append(np.broadcast_arrays(*point))
+    return tuple(np.stack(lines, axis=1))
+
+
+def is_symmetry_centre(kappa, site):
+    """Whether κ_{site+j} = κ_{site-j} for all j; site is a multiple of 1/2."""
+    mirror = int(2 * site) - np.arange(kappa.size)
+    return np.array_equal(kappa, kappa[mirror % kappa.size])
 
 
 def shorten(forcings, omega):

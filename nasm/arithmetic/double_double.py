@@ -41,6 +41,7 @@ def _taylor(first):
     )
 
 
+_IN_FLOATS = 5  # from that coefficient on
 _SIN, _COS = _taylor(1), _taylor(0)
 INVERSE_TWO_PI = pair(1 / (2 * EXACT_PI))
 
@@ -81,8 +82,12 @@ def divided(a, b):
 
 @njit
 def _polynomial(coefficients, square):
-    value = coefficients[len(coefficients) - 1]
-    for k in range(len(coefficients) - 2, -1, -1):
+    """To 1e-23, for which terms below 1e-7 are floats."""
+    low = coefficients[len(coefficients) - 1][0]
+    for k in range(len(coefficients) - 2, _IN_FLOATS - 1, -1):
+        low = low * square[0] + coefficients[k][0]
+    value = (low, 0.0)
+    for k in range(_IN_FLOATS - 1, -1, -1):
         value = add(multiply(value, square), coefficients[k])
     return value
 

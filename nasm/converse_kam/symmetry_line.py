@@ -1,6 +1,6 @@
 """Converse KAM: starts through which no rotational invariant circle passes.
 
-Along an orbit of the chain (see `nasm.chain`) a tangent vector obeys the linearised chain
+Along an orbit of the chain (see `nasm.action`) a tangent vector obeys the linearised chain
 
     v_{n+1} = (2 + κ_n cos 2πx_n) v_n - v_{n-1}.
 
@@ -31,7 +31,7 @@ Percival's, Commun. Math. Phys. 98 (1985) 469.
 A centre may be between two sites, x_c + x_{c+1} = 2a. The start is x_{c+1} = a + y/2 there, and
 v_c = v_{c+1} = 1; with v_{c+1+n} = v_{c-n} all is as above. But y → y + 1 takes a to a + 1/2.
 
-For P > 2 the minimax orbits of different ω may be on different lines (`periodic.dominant_lines`).
+For P > 2 the minimax orbits of different ω may be on different lines (`symmetries.dominant_lines`).
 The dominant line is then broken: one piece ends, and the next begins, at the orbit of an ω = p that
 meets both. A circle that passes above that orbit on the one line does so on the other, for kicks
 keep both; so it passes through one of the pieces. Places on the line are counted from 0 to 1/2,
@@ -61,15 +61,14 @@ from itertools import chain, pairwise
 import numpy as np
 from numba import njit
 
+from nasm.action import LostError, ordered_orbits
 from nasm.arithmetic.kernels import kernel
 from nasm.arithmetic.lanes import LANES, copysign, fabs, fma, load, minimum, own_frame, rint, store
 from nasm.arithmetic.sine import COSINE, SINE
-from nasm.chain import HalfOrbit
 from nasm.checks import count, floats
 from nasm.critical import CriticalScale, Status, no_answer
 from nasm.maps import direction, forcing
-from nasm.periodic import dominant_lines, primitive
-from nasm.symmetries import CUSP_EXPONENT, distances_to_shorter
+from nasm.symmetries import CUSP_EXPONENT, distances_to_shorter, dominant_lines, primitive
 
 __all__ = ["critical_scale", "eliminates", "elimination_time", "longest_lived", "start"]
 __dir__ = __all__.copy
@@ -348,11 +347,13 @@ def _break(strengths, place, centres):
     """y of the orbit of ω = p, place = p/P, on two lines; NaN if it is not found."""
     p = round(place * strengths.size)
     first = next(centre for centre in centres if centre[0] % 1 == 0)
-    orbit = HalfOrbit(0 * strengths, strengths, p, 1, first)
-    if not orbit.move(1.0):
+    try:
+        _, minimax = ordered_orbits(strengths, p, 1)
+    except LostError:
         return np.nan, np.nan
-    x, half = orbit.sites(), strengths.size // 2
-    y = x[1] - x[0], x[half + 1] - x[half]  # the other centre is half a period later
+    x, half = minimax.sites(), strengths.size // 2
+    y = np.roll(np.diff(x, append=x[0] + p), minimax.site - first[0])
+    y = y[0], y[half]  # the other centre is half a period later
     return y if first == centres[0] else y[::-1]
 
 

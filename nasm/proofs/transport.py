@@ -57,9 +57,8 @@ from nasm.arithmetic.sine import COSINE
 from nasm.checks import real
 from nasm.maps import direction, forcing
 from nasm.numbers import rational
-from nasm.periodic import dominant_centre
 from nasm.proofs.certificates import certificate, in_hex
-from nasm.symmetries import shorten
+from nasm.symmetries import dominant_centre, shorten
 
 __all__ = ["Outcome", "TransportProof", "prove", "proved_upper"]
 __dir__ = __all__.copy

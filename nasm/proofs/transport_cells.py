@@ -38,7 +38,6 @@ from nasm.arithmetic.lanes import (
 from nasm.arithmetic.sine import COSINE, SINE
 from nasm.checks import floats
 from nasm.maps import forcing
-from nasm.periodic import dominant_centre
 from nasm.proofs.certificates import certificate, in_hex
 from nasm.proofs.transport import (
     COS,
@@ -55,6 +54,7 @@ from nasm.proofs.transport import (
     check_arithmetic,
     checked_budget,
 )
+from nasm.symmetries import dominant_centre
 
 __all__ = ["CellProof", "prove_cell"]
 __dir__ = __all__.copy
