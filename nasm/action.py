@@ -47,11 +47,11 @@ from nasm.checks import count
 from nasm.maps import TWO_PI, forcing
 from nasm.numbers import distinct_convergents, rational
 
-__all__ = ["MAX_PERIOD", "Ladder", "LostError", "Orbit", "ordered_orbits"]
+__all__ = ["Ladder", "LostError", "Orbit", "is_ordered", "ordered_orbits", "relax", "total"]
 __dir__ = __all__.copy
 
-FLAT = 1e-12
-"""Slopes of the reduced action below this are rounding: R cannot be told from 0."""
+FLAT = 1e-15
+"""Slopes of the reduced action below this times √N are rounding: R cannot be told from 0."""
 
 _ROUNDING = 1e-12  # of the distance of two sites
 _FOUND = 1e-7  # turns: a larger last step of Newton's method has found nothing
@@ -109,7 +109,7 @@ class Ladder:
     def scan(self, n, scale):
         """{1: the minimizing Orbit, -1: the minimax one} of fraction n, as by `at`, by steps 1 and
         2 at this very scale."""
-        chain, (site, u) = self.chains[n], self._climb(n, scale)
+        chain, (site, u) = self.chains[n], self._begun(n, scale)
         first = _widest(chain, np.roll(u, site)) - site
         site, u = (site + first) % chain.period, chain.rolled(u, first)
         start, profile = self.segment(site)
@@ -121,6 +121,17 @@ class Ladder:
             kind: Orbit(self, n, site, kind, *orbit, scale)
             for kind, *orbit in zip((1, -1), found, residues, strict=True)
         }
+
+    def _begun(self, n, scale):
+        """(site, u) of an orbit of fraction n to scan from: by `_climb`, or where that is lost, far
+        beyond the breakup, the minimizing one of the cantorus, by those before."""
+        try:
+            return self._climb(n, scale)
+        except LostError:
+            found = self._joined(n, scale, 1) if n > 1 else None
+            if found is None:
+                raise
+            return found.site, found.u
 
     def _climb(self, n, scale):
         """(site, u) of an orbit of fraction n that minimizes the action with x held at `site`."""
@@ -275,8 +286,8 @@ def _widest(chain, u):
     return site + chain.period * int(gaps[site :: chain.period].argmax())
 
 
-@njit(nogil=True)
-def _is_ordered(u, hop, gap):
+@kernel
+def is_ordered(u, hop, gap):
     """Whether sites whose angles differ by the least, `gap`, `hop` sites apart, keep their order,
     as far as rounding can tell."""
     n = u.size
@@ -287,8 +298,8 @@ def _is_ordered(u, hop, gap):
     return True
 
 
-@njit(nogil=True)
-def _action(kappa, theta, u):
+@kernel
+def total(kappa, theta, u):
     """A over the N sites, less the constant p²/2N."""
     n, action = u.size, 0.0
     for j in range(n):
@@ -300,17 +311,17 @@ def _action(kappa, theta, u):
 @kernel
 def _hold(kappa, theta, hop, work, u):
     """Minimize the action over all sites but x_0, in place; whether that is an ordered orbit."""
-    largest, _, _, _, bad = _relax(kappa, theta, u, 0, 0.0, _STEPS, work)
-    return largest < _FOUND and bad == 0 and _is_ordered(u, hop, kappa.size / u.size)
+    largest, _, _, _, bad = relax(kappa, theta, u, 0, 0.0, _STEPS, work)
+    return largest < _FOUND and bad == 0 and is_ordered(u, hop, kappa.size / u.size)
 
 
 @kernel
 def _settle(kappa, theta, hop, work, u, kind, furthest, n_steps):
     """Move to the extremum, in place, x_0 at most so far a step: R, NaN if no orbit is there."""
-    largest, curvature, _, logarithm, bad = _relax(kappa, theta, u, kind, furthest, n_steps, work)
+    largest, curvature, _, logarithm, bad = relax(kappa, theta, u, kind, furthest, n_steps, work)
     if not (largest < _FOUND and bad == 0 and (kind * curvature > 0 or kind == 0)):
         return np.nan
-    if not _is_ordered(u, hop, kappa.size / u.size):
+    if not is_ordered(u, hop, kappa.size / u.size):
         return np.nan
     size = np.exp(min(logarithm + np.log(abs(curvature) / 4), 600.0)) if curvature != 0 else 0.0
     return -np.copysign(size, curvature)
@@ -320,29 +331,31 @@ def _settle(kappa, theta, hop, work, u, kind, furthest, n_steps):
 def _scan(kappa, theta, hop, work, u, width, found):
     """Residues of the lowest minimum and the highest maximum that x_0 meets in steps of that width;
     0 if the action is flat, NaN if none is met. Their sites are left in `found`."""
-    left, at, last = u[0], u.copy(), u.copy()
+    left, at, last, flat = u[0], u.copy(), u.copy(), FLAT * np.sqrt(u.size)
     residues, actions, steepest, before = np.full(2, np.nan), np.empty(2), 0.0, 0.0
     for i in range(2 * _PLACES + 1):
         for j in range(u.size if i else 0):
             last[j], at[j] = at[j], 2 * at[j] - last[j]
         at[0] = left + width * (i + 0.43)
-        largest, _, force, _, bad = _relax(kappa, theta, at, 0, 0.0, _STEPS, work)
-        if not largest < _FOUND or bad or not _is_ordered(at, hop, kappa.size / u.size):
-            return np.full(2, np.nan)
+        largest, _, force, _, bad = relax(kappa, theta, at, 0, 0.0, _STEPS, work)
+        if not largest < _FOUND or bad or not is_ordered(at, hop, kappa.size / u.size):
+            break  # on a cantorus the gap ends where the sites meet
         steepest = max(steepest, abs(force))
-        for row in range(2 if i else 0):
+        for row in range(2):
             kind = 1 - 2 * row
-            for guess in range(2 if kind * before > 0 >= kind * force else 0):
+            # The first orbit, on a cantorus, may be the minimum itself.
+            met = kind * before > 0 >= kind * force if i else kind > 0
+            for guess in range(2 if met else 0):
                 trial = at.copy() if guess else last.copy()
                 residue = _settle(kappa, theta, hop, work, trial, kind, width, _STEPS)
-                action = _action(kappa, theta, trial)
+                action = total(kappa, theta, trial)
                 better = np.isnan(residues[row]) or kind * (action - actions[row]) < 0
                 if better and not np.isnan(residue):
                     residues[row], actions[row], found[row] = residue, action, trial
         before = force
-        if i >= _PLACES and (steepest < FLAT or not np.isnan(residues).any()):
+        if i >= _PLACES and (steepest < flat or not np.isnan(residues).any()):
             break
-    if steepest < FLAT or (np.isnan(residues).any() and steepest <= 100 * FLAT):
+    if steepest < flat or (np.isnan(residues).any() and steepest <= 100 * flat):
         residues[:], found[0], found[1] = 0.0, u, u
     return residues
 
@@ -365,7 +378,7 @@ def _follow(
         ratio = step / last_step if abs(step) < 3 * abs(last_step) else 0.0
         trial = u + ratio * (u - before) if ratio != 0 else u.copy()
         kappa = start + target * profile
-        found = _settle(kappa, theta, hop, work, trial, kind, 0.1 * gap, 15)
+        found = _settle(kappa, theta, hop, work, trial, kind, 0.1 * gap, 30)
         if not np.isnan(found) and np.abs(trial - u).max() < 0.25:
             before[:], u[:], residue = u, trial, found
             at, last_step = target, step
@@ -419,8 +432,8 @@ def _solve(force, diagonal, kind, furthest, inverse, pull):
     return curvature, left, logarithm, bad
 
 
-@njit(nogil=True)
-def _relax(kappa, theta, u, kind, furthest, n_steps, work):
+@kernel
+def relax(kappa, theta, u, kind, furthest, n_steps, work):
     """Steps of `_solve`, in place, until rounding ends them.
 
     Returns the largest change of the last step, S, G, and the rest as `_solve`.

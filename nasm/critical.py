@@ -33,7 +33,6 @@ class Status(Enum):
     NEARLY_RATIONAL = "omega is so near a fraction that rounding hides the difference"
     UNDECIDED = "the methods contradict each other"
     NOT_CONVERGED = "the estimates did not settle within the effort allowed"
-    NO_CENTRE = "the forcing has no symmetry centre, so there are no symmetric orbits"
     WIDE = "value and error stand, but the bracket is more than twice as wide as asked for"
 
     __repr__ = Enum.__str__  # short

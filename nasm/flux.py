@@ -129,7 +129,7 @@ def _difference(minimizing, minimax):
     """ΔW of two orbits, and how far rounding may have moved it."""
     u, kappa = minimizing.u, np.resize(minimizing.kappa, minimizing.u.size)
     if minimax.residue == 0:  # and the slope of the reduced action nowhere more than rounding
-        return 0.0, FLAT / minimizing.chain.q
+        return 0.0, FLAT * u.size**0.5 / minimizing.chain.q
     x, d = minimizing.chain.theta + u, minimax.u - u
     bend = 2 * cos2pi(x) * sin2pi(d / 2) ** 2 + sin2pi(x) * (sin2pi(d) - TWO_PI * d)
     terms = np.stack([(np.roll(d, -1) - d) ** 2 / 2, kappa / TWO_PI**2 * bend])

@@ -324,9 +324,13 @@ def _crossing(ladder, shorter, longer, kind, near, crossings):
         scale = brentq(excess, *bracket, xtol=precision)
         # A secant step with refined residues ends what rounding had ended.
         near = 1e6 * precision
-        if not any(0.01 * near < abs(s - scale) < near for s, _ in seen):
-            excess(scale + 0.1 * near)
-        slope = next(f / (s - scale) for s, f in seen if 0.01 * near < abs(s - scale) < near)
+        for beside in (0.1 * near, -0.1 * near):
+            steps = [(s - scale, f) for s, f in seen if 0.01 * near < abs(s - scale) < near]
+            if not steps:
+                excess(scale + beside)
+        if not steps:
+            return Status.DISORDERED
+        slope = steps[0][1] / steps[0][0]
         residues = [ladder.at(n, scale, kind).refined_residue() for n in pair]
         if np.abs(residues).min() < 10 * _LOST:  # the crossing is that of -100 above
             return Status.NOT_CONVERGED

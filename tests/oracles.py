@@ -10,6 +10,10 @@ import numpy as np
 from numba import njit
 from scipy.linalg import eigvalsh_tridiagonal
 
+from nasm import periodic
+from nasm.action import Ladder
+from nasm.numbers import distinct_convergents
+
 LITERATURE = tomllib.loads(Path(__file__).with_name("literature.toml").read_text())
 KAPPA_G = LITERATURE["kappa_G"]["value"]
 
@@ -125,3 +129,11 @@ def elimination_time(kappa, a, y, n_max):
     """The kick after which v ≤ 0, for starts (a, y) before the first kick of kappa."""
     kappa = np.asarray(kappa, dtype=float)
     return np.array([_elimination_time(kappa, a, start, n_max) for start in y])
+
+
+def minimizing_breakup(omega, profile, q_max=6000):
+    """The CriticalScale by minimizing orbits, of which that by minimax orbits knows nothing."""
+    near = periodic.critical_scale(omega, profile, q_max)
+    start, profile, omega, _ = periodic._shortened(near.omega, profile, q_max, None)
+    ladder = Ladder(start, profile, distinct_convergents(omega, q_max))
+    return periodic._estimate(periodic._crossings(ladder, omega, 1, near.value, 0), profile)

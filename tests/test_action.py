@@ -4,7 +4,6 @@ import mpmath
 import numpy as np
 import oracles
 import pytest
-from oracles import KAPPA_G
 
 from nasm import action, periodic
 from nasm.circles import continuation
@@ -36,39 +35,8 @@ def test_residues_without_a_symmetry_against_fifty_digits(family):
         assert abs(at[0] - x[0]) < 1e-12
         expected = float((2 - matrix[0, 0] - matrix[1, 1]) / 4)
     assert (expected > 0) == (family == "minimax")
-    assert orbit.residue() == pytest.approx(expected, rel=(3 * q) ** 2 * 2**-52)
+    assert orbit.residue == pytest.approx(expected, rel=(3 * q) ** 2 * 2**-52)
     assert orbit.refined_residue() == pytest.approx(expected, rel=1e-14)
-
-
-@pytest.mark.parametrize("kappa", [(0.9,), (0.4, 0.3), (-0.4, 0.3), (0.3, 0.2, 0.2), (0, 0.3, 0.3)])
-@pytest.mark.parametrize(("p", "q"), [(0, 1), (1, 1), (1, 2), (2, 5), (13, 21), (89, 144)])
-def test_symmetric_orbits_are_found_without_their_symmetry(kappa, p, q):
-    families = periodic.minimizing_centre, periodic.minimax_centre
-    for orbit, family in zip(action.ordered_orbits(kappa, p, q), families, strict=True):
-        expected = periodic.residue(kappa, p, q, family(kappa, p, q))
-        if abs(expected) > 1e-6:
-            assert orbit.refined_residue() == pytest.approx(expected, rel=1e-9)
-        else:
-            assert abs(orbit.residue()) < 1e-5
-
-
-@pytest.fixture
-def no_symmetry(monkeypatch):
-    monkeypatch.setattr(periodic, "_is_symmetric", lambda start, profile: False)
-    monkeypatch.delattr(periodic, "_SymmetricOrbits")
-
-
-@pytest.mark.parametrize(
-    ("name", "profile"),
-    [("gamma", (1,)), ("[1;4,(1)]", ray(30)), ("[0;3,(1)]", (1, 0.2, 0.2)), ("[1;(4)]", (1, 0.5))],
-)
-def test_breakups_are_found_without_their_symmetry(name, profile, request):
-    expected = periodic.critical_scale(parse(name), profile, 1500)
-    request.getfixturevalue("no_symmetry")
-    found = periodic.critical_scale(parse(name), profile, 1500)
-    assert abs(found.value - expected.value) <= found.error < 1e-6
-    if name == "gamma":
-        assert abs(found.value - KAPPA_G) <= found.error < 1e-8
 
 
 def test_copies_of_a_forcing_without_a_symmetry_agree():

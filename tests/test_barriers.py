@@ -4,6 +4,7 @@ from dataclasses import replace
 from itertools import product
 
 import numpy as np
+import oracles
 import pytest
 from cases import thirds
 from oracles import KAPPA_G
@@ -145,8 +146,7 @@ def test_the_bracket_is_as_narrow_as_asked_for_and_contains_the_breakup(ray_and_
     assert is_shown(found)
     assert found.upper - found.lower <= tol * found.value * (1 + 1e-9)
     # The minimizing orbits, of which the method knows nothing, break up in the bracket too.
-    minimizing = periodic.minimizing_centre
-    judge = periodic.critical_scale(found.omega, ray(angle), 3000, family=minimizing)
+    judge = oracles.minimizing_breakup(found.omega, ray(angle), 3000)
     if judge.status is Status.OK:
         assert found.lower < judge.value < found.upper
         assert abs(judge.value - found.value) <= judge.error + found.error

@@ -4,9 +4,9 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from nasm import symmetries
+from nasm import orbits, symmetries
 from nasm.escape import ensemble, escape_time
-from nasm.maps import kick, unkick
+from nasm.maps import kick, unkick, unstep
 from nasm.numbers import convergents, parse, rational
 from nasm.orbits import kicked_orbit, orbit, rotation_number
 
@@ -259,3 +259,19 @@ def test_rays_are_exact_on_axes_and_diagonals():
     angles = np.array([[-30.0, 20.0, 100.0], [45.0, 90.0, 300.0]])
     assert_allclose(symmetries.ray(angles)[..., 0], np.cos(np.deg2rad(angles)), atol=1e-15)
     assert_allclose(symmetries.ray(angles)[..., 1], np.sin(np.deg2rad(angles)), atol=1e-15)
+
+
+@pytest.mark.parametrize("kappa", [(0.6,), (0.4, 0.3), (0.3, 0.1, 0.1), (0.1, 0.2, 0.2, 0.1)])
+def test_orbits_from_symmetry_lines_are_their_own_mirror_images(kappa):
+    period, y = len(kappa), np.linspace(0, 1, 6)
+    x, y = symmetries.symmetry_lines(kappa, y)
+    before = unstep(kappa, *unstep(kappa, x, y))
+    sites, _ = orbits.kicked_orbit(kappa, *before, 6 * period)
+    here = np.arange(period) + 2 * period
+    centres = set()
+    for line in range(4):
+        # The site or the middle of two, c/2, about which x_{c-n} + x_n is a whole number.
+        sums = {c: sites[c - here, line] + sites[here, line] for c in range(4 * period, 6 * period)}
+        (centre,) = (c for c, sum in sums.items() if np.abs(sum - np.rint(sum)).max() < 1e-9)
+        centres.add(centre)
+    assert max(centres) - min(centres) == period

@@ -7,7 +7,8 @@ import oracles
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from nasm import circles, escape, periodic
+from nasm import circles, escape
+from nasm.action import ordered_orbits
 from nasm.circles import continuation
 from nasm.converse_kam import symmetry_line
 from nasm.converse_kam.transversal import _minimax, elimination_time, located, longest_lived
@@ -95,7 +96,7 @@ def test_where_lines_fail_transversals_lead_to_the_circle_that_breaks_last(angle
 def test_minimax_orbits_are_those_of_the_symmetry_line(p, q):
     kappa = np.array([0.35, 0.1, 0.1])
     sites = _minimax(kappa, Fraction(p, q), 0.4)
-    known = periodic.symmetric_orbit(kappa, p, q)
+    known = ordered_orbits(kappa, p, q)[1].sites()
     assert_allclose(np.sort(sites % 1), np.sort(known % 1), atol=1e-8)
 
 

@@ -13,7 +13,6 @@ import xarray as xr
 
 from nasm import escape, first_breakup, periodic
 from nasm.circles import continuation
-from nasm.critical import Status, no_answer
 from nasm.numbers import parse
 from nasm.planes import ROTATING_AXES, plane_of
 from nasm.symmetries import ray
@@ -30,15 +29,6 @@ _SCALES = {
 _SECONDS = 3  # of CPU time in a tile, which is a file for every variable
 
 
-def _residue(omega, profile, q_max, *start):
-    """Return the breakup by residues; NO_CENTRE where they need a symmetry that is not there."""
-    try:
-        periodic.dominant_centre(sum(start, profile))
-    except ValueError:
-        return no_answer(omega, Status.NO_CENTRE)
-    return periodic.critical_scale(omega, profile, q_max, *start)
-
-
 def _continued(omega, profile, tol, start=None):
     if start is None:
         return continuation.critical_scale(omega, profile, tol)
@@ -47,7 +37,7 @@ def _continued(omega, profile, tol, start=None):
 
 _METHODS = {  # and how hard it tries, at the least
     "continuation of circles": (_continued, {"tol": 0.1}),
-    "Greene's residue": (_residue, {"q_max": 10}),
+    "Greene's residue": (periodic.critical_scale, {"q_max": 10}),
     "direct iteration": (escape.critical_scale, {"n_max": 64, "n_orbits": 1}),
 }
 
@@ -63,10 +53,7 @@ def by_continuation(plane, omegas, angles, tol):
 
 
 def by_residue(plane, omegas, angles, q_max):
-    """Return the Job of the cube `breakdown_residue`: Greene's residue of periods up to q_max.
-
-    Rays whose forcings have no symmetry centre get no value.
-    """
+    """Return the Job of the cube `breakdown_residue`: Greene's residue of periods up to q_max."""
     settings = {"method": "Greene's residue", "q_max": q_max}
     return _job("breakdown_residue", plane, _circles(omegas), angles, 0.045, settings)
 

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from nasm import fixed_points, periodic
+from nasm import fixed_points
+from nasm.action import ordered_orbits
 from nasm.maps import TWO_PI, step, step_tangent, unkick
 from pipeline.sweep.grid import parse_axis
 from workflows.claims.rules import graded, identity
@@ -43,8 +44,8 @@ def _carried_orbits():
     worst, residues = 0.0, 0.0
     for kappa in ((0.5, 0.3), (0.8, 0.1), (0.35, 0.3)):
         for p, q in ((1, 2), (1, 3), (2, 5), (5, 8)):
-            x = periodic.symmetric_orbit(kappa, p, q)
-            z = x[0], x[1] - x[0]  # there is no kick at the symmetry centre
+            _, minimax = ordered_orbits(kappa, p, q)
+            z = [points[0] for points in minimax.points()]
             w = unkick(kappa[1], *z)
             first, second = _period(kappa, *z, p, q), _period(kappa[::-1], *w, p, q)
             worst = max(worst, first[0], second[0])

@@ -18,7 +18,7 @@ from bokeh.models import (
 )
 from bokeh.plotting import figure
 
-from nasm import barriers, orbits, periodic
+from nasm import barriers, orbits, symmetries
 from nasm.circles import fourier
 from nasm.verdict import Answer
 from workflows.explore.state import ORBITS, State, limits, orbits_of, orbits_text
@@ -251,7 +251,7 @@ def _told(portrait, n_added):
 def _symmetry_lines(kappa, box):
     """Return the lines of each of the two centres; None where the forcing has no centre."""
     try:
-        x, y = periodic.symmetry_lines(kappa, np.linspace(0, 1, 4001))
+        x, y = symmetries.symmetry_lines(kappa, np.linspace(0, 1, 4001))
     except ValueError:
         return None
     gap = np.full((4, 1), np.nan)  # between one line and the next

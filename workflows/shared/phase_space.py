@@ -4,6 +4,8 @@ The starts are those of `orbits.portrait` in the whole cell. In a box they are s
 and only points in it are kept, so that as many are seen however small it is.
 """
 
+from contextlib import suppress
+
 import numpy as np
 import xarray as xr
 
@@ -123,19 +125,18 @@ def in_box(box, x, y):
 def periodic_orbits(kappa, omega, most=34):
     """Return the orbits of the convergents of ω with 2 ≤ q ≤ most: a list of (p/q, family, x, y).
 
-    family : "minimax" or "minimizing". ValueError if the forcing has no symmetry centre.
+    family : "minimizing" or "minimax".
     """
-    from nasm import periodic
+    from nasm.action import LostError, ordered_orbits
     from nasm.numbers import convergents
 
     found = []
     for fraction in convergents(omega):
         if fraction.denominator > most:
             return found
-        for family in ("minimax", "minimizing") if fraction.denominator > 1 else ():
-            p, q = fraction.numerator, fraction.denominator
-            centre = getattr(periodic, f"{family}_centre")(kappa, p, q)
-            points = periodic.cycle(kappa, p, q, centre)
-            if points is not None:
-                found.append((fraction, family, *points))
+        if fraction.denominator > 1:
+            with suppress(LostError):
+                orbits = ordered_orbits(kappa, fraction.numerator, fraction.denominator)
+                for family, orbit in zip(("minimizing", "minimax"), orbits, strict=True):
+                    found.append((fraction, family, *orbit.points()))
     return found

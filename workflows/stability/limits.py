@@ -12,7 +12,7 @@ from nasm.converse_kam import symmetry_line
 from nasm.critical import Status
 from nasm.maps import twist
 from nasm.numbers import RotationNumber, convergents, parse
-from nasm.symmetries import ray
+from nasm.symmetries import dominant_centre, ray
 from pipeline.cubes.cube import status_code
 from workflows.shared.tables import ANGLE, described, listed, outcomes
 
@@ -86,7 +86,7 @@ def past_boundary(quick):
             circle = circles.invariant_circle(best.omega, kappa, n_max=n_modes)
             certified[i, j] = circle.certified
             y, lived[i, j] = symmetry_line.longest_lived(kappa, n_cones)
-            site, a = periodic.dominant_centre(kappa)
+            site, a = dominant_centre(kappa)
             digits[i, j] = orbits.rotation_number(np.roll(kappa, -site), a, y, 5000)[1]
             escaped[i, j] = escape.first_escape(kappa, *starts, [100], n_escape)[0]
     dims = "angle", "excess"
@@ -163,7 +163,7 @@ def beyond_the_twist(quick):
             least[i, j] = twist(kappa, *np.meshgrid(x, x)).min()
             y, lived[i, j] = symmetry_line.longest_lived(kappa, 2000)
             residue[i, j] = periodic.residue(kappa, 89, 144)
-            site, a = periodic.dominant_centre(kappa)
+            site, a = dominant_centre(kappa)
             digits[i, j] = orbits.rotation_number(np.roll(kappa, -site), a, y, 2000)[1]
             escaped[i, j] = escape.first_escape(kappa, *escape.ensemble(100), [100], 2000)[0]
             status[i, j] = status_code(circles.invariant_circle(parse("gamma"), kappa, 512).status)

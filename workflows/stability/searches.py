@@ -6,7 +6,7 @@ Their findings are in `workflows.stability.__main__`.
 import numpy as np
 import xarray as xr
 
-from nasm import chain, circles, periodic
+from nasm import action, circles, periodic
 from nasm.converse_kam import symmetry_line
 from nasm.critical import Status
 from nasm.numbers import parse
@@ -110,20 +110,21 @@ def disordered_orbits(quick):
     counts = np.zeros((4, len(noises), scales.size), int)
     for j, scale in enumerate(scales):
         kappa = scale * np.array([1.0, 0.5])
-        orbit = chain.HalfOrbit(0 * kappa, kappa, p, q, periodic.dominant_centre(kappa))
-        orbit.move(1.0)
-        right, full = orbit.u.copy(), np.empty(orbit.n_sites)
-        workspace, end = np.empty((2, right.size)), orbit.n_sites // 2
+        _, orbit = action.ordered_orbits(kappa, p, q)
+        theta, hop, work = orbit.chain.frame
+        least = action.total(orbit.kappa, theta, orbit.u)
         for i, noise in enumerate(noises):
             for _ in range(trials):
-                u = noise * random.standard_normal(right.size)
-                u[0] = u[end:] = 0.0
-                if not chain.newton(kappa, orbit.site, orbit.n_sites, orbit.theta, u, workspace):
+                u = orbit.u[0] + noise * random.standard_normal(theta.size)
+                search = action.relax(orbit.kappa, theta, u, orbit.kind, 0.1 / q, 60, work)
+                change, curvature, *_, bad = search
+                if not change < 1e-7 or bad or curvature >= 0:
                     outcome = 0
-                elif np.abs(u - right)[: end + 1].max() < 1e-9:
-                    outcome = 1
-                else:
-                    outcome = 3 if chain.ordered(u, q, orbit.stride, full) else 2
+                elif not action.is_ordered(u, hop, 1 / q):
+                    outcome = 2
+                else:  # the right one, at any of its times, has its action
+                    same = abs(action.total(orbit.kappa, theta, u) - least) < 1e-12
+                    outcome = 1 if same else 3
                 counts[outcome, i, j] += 1
     dims, part = ("noise", "scale"), counts / trials
     return xr.Dataset(

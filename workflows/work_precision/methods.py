@@ -14,6 +14,7 @@ from nasm import barriers, circles, escape, orbits, periodic, proofs
 from nasm.circles import continuation as norms
 from nasm.converse_kam import symmetry_line
 from nasm.numbers import RotationNumber
+from nasm.symmetries import dominant_centre
 
 JUDGE = 30_000
 PROFILES = {45: (1.0, 1.0), 0: (1.0, 0.0)} | {
@@ -116,7 +117,7 @@ def birkhoff(ray, n):
     search stays within a tenth of what converse KAM says, because regular orbits lie beyond.
     """
     profile = np.array(ray.profile)
-    site, a = periodic.dominant_centre(profile)
+    site, a = dominant_centre(profile)
 
     def quasiperiodic(scale):
         y, _ = symmetry_line.longest_lived(scale * profile, n)
