@@ -177,7 +177,6 @@ BAD = [
     ((circles.invariant_circle,), "n_max", [32], WHOLE + " 64 to 65536"),
     ((circles.newton_step,), "u", [np.zeros((2, 100))], "n a power of 2 from 16"),
     ((circles.symmetries.alternate,), "circle", [ODD_CIRCLE], "need an even period"),
-    ((flux.flux,), "kappa", [(0.1, 0.2, 0.3)], "no symmetry centre"),
     ((periodic.residue,), "p", [3], "p/q = 3/3 has a common factor"),
     ((periodic.residue,), "q", [0], WHOLE + " 1 to 1000000"),
     ((periodic.critical_scale,), "q_max", [0, nan, 500.5, "a", 10**6 + 1], WHOLE + " 1 to 1000000"),
@@ -268,7 +267,7 @@ WITH_OMEGA = functions_of("omega") - {periodic.torus_scale, critical.no_answer}
 WITH_OMEGA -= {proofs.barrier.inequalities, proofs.barrier.turns}  # what is checked before
 WITH_OMEGA = {f for f in WITH_OMEGA if f.__module__ != "nasm.tori.newton"}
 OTHERS = dict.fromkeys(("kappa", "profile", "short", "start"), np.array(KAPPA))
-OTHERS |= {"u": REST, "zero": numbers.rational(0), "breakup": 1.7, "distance": 0.1}
+OTHERS |= {"u": REST, "zero": numbers.rational(0), "breakup": 1.7, "distance": 0.1, "q_max": 100}
 OTHERS |= {
     "value": 0.5,
     "budget": 1.0,
