@@ -43,10 +43,11 @@ def from_the_centre(kappa):
 
 
 def on_the_line(kappa, p, q, a):
-    """y of the minimax orbit of p/q on the line x = a, at the start of a period."""
+    """y of the minimax orbit of p/q where it passes x = a, at the start of a period."""
     x, y = ordered_orbits(kappa, p, q)[1].points()
-    (here,) = np.flatnonzero(np.abs((x - a + 0.5) % 1 - 0.5) < 1e-9)
-    return y[here]
+    ahead = (x - a + 0.5) % 1 - 0.5
+    order = np.argsort(ahead)
+    return np.interp(0, ahead[order], y[order])
 
 
 @pytest.mark.parametrize("kappa", FORCINGS)
