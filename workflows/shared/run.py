@@ -173,10 +173,11 @@ def _expected(place, job, wanted):
 
     The seconds are predicted from some of the tiles. wanted : set of tiles, or None for all.
     """
-    cube, begun = job.cube, False
-    with suppress(store.Refused):  # the place does not exist
-        begun = cube.name in store.names(place)
-    tiles = store.missing(place, cube) if begun else np.argwhere(np.ones(store.tile_counts(cube)))
+    cube = job.cube
+    tiles = np.argwhere(np.ones(store.tile_counts(cube)))
+    with suppress(store.Refused):  # the place does not exist, or the cube was deleted under way
+        if cube.name in store.names(place):
+            tiles = store.missing(place, cube)
     if wanted is not None:
         tiles = tiles[[tuple(index) in wanted for index in tiles.tolist()]]
     costs, end = [], time.thread_time() + _PROBING
