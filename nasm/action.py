@@ -318,7 +318,10 @@ def _hold(kappa, theta, hop, work, u):
 @kernel
 def _settle(kappa, theta, hop, work, u, kind, furthest, n_steps):
     """Move to the extremum, in place, x_0 at most so far a step: R, NaN if no orbit is there."""
-    largest, curvature, _, logarithm, bad = relax(kappa, theta, u, kind, furthest, n_steps, work)
+    largest, curvature, left, logarithm, bad = relax(kappa, theta, u, kind, furthest, n_steps, work)
+    if _FOUND <= largest < furthest and abs(left) < FLAT * np.sqrt(u.size):
+        # Of a small curvature even a slope that is rounding moves x_0: it stays where it is now.
+        largest, curvature, _, logarithm, bad = relax(kappa, theta, u, 0, 0.0, n_steps, work)
     if not (largest < _FOUND and bad == 0 and (kind * curvature > 0 or kind == 0)):
         return np.nan
     if not is_ordered(u, hop, kappa.size / u.size):
@@ -483,7 +486,7 @@ def _refined_residue(kappa, numerators, u, work):
     n, period = u.size, kappa.size
     inverse, pull, force, diagonal = work
     u, low, slopes, bends = u.copy(), np.zeros(n), np.empty((2, n)), np.empty(n)
-    for _ in range(4):
+    for _ in range(8):
         for j in range(n):
             ahead, behind = j + 1 if j < n - 1 else 0, j - 1 if j else n - 1
             strength = kappa[j % period]

@@ -3,22 +3,25 @@
 The boundary of global transport CB_gt is the envelope of the boundaries CB_ω over all ω: at each
 angle another circle may be the last one. It is found and bracketed in four steps.
 
-1. Locate. Converse KAM gives the breakup to 10⁻³ or 10⁻⁴, and beyond it the start that lives
-   longest: it is next to what is left of the last circle.
+1. Locate. Converse KAM finds a scale without circles, and the start that lives longest there: it
+   is next to what is left of the last circle.
 2. Identify. The weighted Birkhoff average of its orbit is a rotation number to six digits or so,
-   and the nobles that agree with it, the shortest first, are the candidates.
-3. Value. Greene's residue says where each candidate breaks; the last one is the barrier.
+   and the nobles that agree with it, the shortest first, are the candidates. With three kicks or
+   more so are nobles that branch off from it, and neighbours of the leader. A candidate counts if
+   the residues of its convergents fall with q under the very forcing at which the start survives.
+3. Value. Greene's residue says where each candidate breaks; the last one is the barrier. Where
+   residues do not cross, the value is halved out between a scale at which they fall and one at
+   which they grow.
 4. Certify. Below the value an invariant circle of that ω, certified by Newton's method on a finer
    grid: `lower`. Above it, converse KAM on two unrelated grids finds no start that survives:
-   `upper`. A survivor is on another barrier: back to step 1, four times as near to the breakup.
+   `upper`. A survivor between them is on another barrier: back to step 2.
 
 Each step is another method, and checks the one before. If they do not agree in the end there is no
 value, but the bracket of those that do.
 
-Where the forcing has a dominant symmetry line, converse KAM takes its starts from it
-(`converse_kam.symmetry_line`). A forcing without one has no symmetric orbits either. Converse KAM
-then goes by `converse_kam.transversal`, the value is that of `circles.continuation`, which needs no
-symmetry, and no orbit may escape at `lower`.
+Converse KAM takes its starts from the dominant symmetry line, where the forcing has one
+(`converse_kam.symmetry_line`), or else from a curve that every circle crosses
+(`converse_kam.transversal`). All else needs no symmetry.
 """
 
 from dataclasses import replace
@@ -89,7 +92,7 @@ def critical_scale(profile, tol=1e-4):
     [0, P/2], which stands for ±ω and all ω + P·n: their circles break together. Of two that are
     `tied` it is the one with the shorter text.
     Status WIDE, with a value, where the bracket is more than twice as wide as asked for, as where
-    continuation is not precise enough or no circle is certified so near to the breakup. Status
+    no circle is certified so near to the breakup. Status
     UNDECIDED, and no value, where the methods contradict each other, and NEAR_CUSP instead where a
     shorter forcing is so near that periods up to 300 cannot tell them apart; lower and upper are
     then what was shown. lower is NaN where no circle could be certified.
@@ -131,7 +134,7 @@ def _last(short, tol):
             asked.append(best)
             scale = best.value * (1 + above)
             if scale > upper:
-                race.enter(neighbours(best.omega), best.value, upper)
+                race.enter(_neighbours(best.omega), best.value, upper)
                 continue
         elif min(upper, nameless) - best.value > tol * upper:
             scale = (best.value + min(upper, nameless)) / 2
@@ -146,10 +149,10 @@ def _last(short, tol):
             survived = max(survived, scale)
         names, survives = candidates(*start), steps == np.inf
         if survives and (best or upper - survived < 3 * _DEPTH * upper):
-            names += branches(*start)
+            names += _branches(*start)
         if best:
             # With one kick or two the boundary of a circle has one sheet, and the first name is it.
-            names += neighbours(best.omega) if survives or short.size > 2 else []
+            names += _neighbours(best.omega) if survives or short.size > 2 else []
             race.enter(names, scale if survives else best.value, upper)
         elif not survives or upper - survived < 3 * _DEPTH * upper:
             race.enter(names, _STOOD * survived if survives else _OUTSET * upper, upper)
@@ -171,7 +174,7 @@ def _bracketed(race, upper, tol):
             # Where circles break and come back further in on the ray, no path leads from there.
             for distance in 0.8 * tol * np.array([1, 2, 4, 10]):
                 scale = contender.value * (1 - distance)
-                if is_certified(contender.omega, scale * race.short):
+                if _is_certified(contender.omega, scale * race.short):
                     found = scale
                     break
         lower = np.fmax(lower, found if found < upper else np.nan)
@@ -200,7 +203,7 @@ def _bracketed(race, upper, tol):
     return replace(best, error=error, lower=lower, upper=upper)
 
 
-def is_certified(omega, kappa):
+def _is_certified(omega, kappa):
     """Whether the circle of ω is certified under a forcing, from the sites of a long periodic orbit
     there: no circle has to exist under weaker kicks."""
     fractions = [f for f in islice(convergents(omega), 60) if f.denominator < _HULL]
@@ -246,7 +249,7 @@ class _Race:
         for omega in names:
             if self.leader:
                 reached = max(reached, self.leader.value)
-            if omega in self._seen or not stands(omega, reached * self.short):
+            if omega in self._seen or not _stands(omega, reached * self.short):
                 continue
             self._seen.add(omega)
             scale = no_answer(omega, Status.UNDECIDED)
@@ -273,7 +276,7 @@ class _Race:
                 self.known[self.known.index(self.leader)] = self.leader = scale
 
 
-def stands(omega, kappa):
+def _stands(omega, kappa):
     """Whether residues of the minimax orbits of convergents of ω fall with q, under a forcing: the
     circle exists. False where the orbits are lost, as they are far beyond its breakup."""
     fractions = list(islice(convergents(omega), len(omega.prefix) + 30))
@@ -295,16 +298,16 @@ def stands(omega, kappa):
 
 def _by_halving(omega, short, below, above):
     """The CriticalScale of a circle that stands below one scale, and not above another."""
-    if stands(omega, above * short):
+    if _stands(omega, above * short):
         return no_answer(omega, Status.UNDECIDED)
     while above - below > _HALVED * above:
         middle = (below + above) / 2
-        below, above = (middle, above) if stands(omega, middle * short) else (below, middle)
+        below, above = (middle, above) if _stands(omega, middle * short) else (below, middle)
     value, method = (below + above) / 2, "Greene's residue"
     return CriticalScale(value, above - below, np.nan, np.nan, omega, Status.OK, method)
 
 
-def neighbours(omega):
+def _neighbours(omega):
     """Nobles whose last quotient before the ones is another, or that have one more after it."""
     *start, last = omega.prefix
     prefixes = [(*start, last, *more) for more in ((2,), (3,), (1, 2))]
@@ -313,7 +316,7 @@ def neighbours(omega):
     return [parse(str(RotationNumber(prefix, (1,)))) for prefix in prefixes]
 
 
-def branches(kappa, x, y):
+def _branches(kappa, x, y):
     """Nobles that branch off from the rotation number of the orbit that starts in (x, y), and their
     neighbours: those with the shortest prefix last."""
     omega, _ = rotation_number(kappa, x, y, _AVERAGED)
@@ -325,7 +328,7 @@ def branches(kappa, x, y):
         *_, fraction = islice(convergents(noble), n)
         if fraction.denominator > _BRANCHING:
             break
-        found = dict.fromkeys([noble, *neighbours(noble)]) | found
+        found = dict.fromkeys([noble, *_neighbours(noble)]) | found
     return list(found)
 
 

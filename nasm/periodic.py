@@ -334,18 +334,23 @@ def _crossing(ladder, shorter, longer, kind, near, crossings):
         residues = [ladder.at(n, scale, kind).refined_residue() for n in pair]
         if np.abs(residues).min() < 10 * _LOST:  # the crossing is that of -100 above
             return Status.NOT_CONVERGED
-        if residues[0] * residues[1] < 0:  # one is not of the family, as happens near a cusp
-            return Status.DISORDERED
-        left = np.log(residues[1] / residues[0])
+        left = _logarithm(*residues)
         if abs(left) > _LEFT:
             return Status.DISORDERED
         step = -left / slope
         if abs(step) > 1e-3 * near:  # of the longest orbits rounding moves the slope too
             residues = [ladder.at(n, scale + step, kind).refined_residue() for n in pair]
-            step *= left / (left - np.log(residues[1] / residues[0]))
+            step *= left / (left - _logarithm(*residues))
         return scale + step
     except (LostError, ValueError):  # brentq's: on its way back it met another orbit
         return Status.DISORDERED
+
+
+def _logarithm(shorter, longer):
+    """ln of the ratio of two residues; LostError if one is not of the family, as near a cusp."""
+    if not shorter * longer > 0:
+        raise LostError
+    return log(longer / shorter)
 
 
 def _bracket(excess, near, width, largest):

@@ -377,7 +377,7 @@ def test_a_wrong_candidate_is_caught_and_the_right_one_found(angle, wrong, monke
 def test_wrong_candidates_alone_give_no_value_but_a_true_bound(wrong, tol, monkeypatch):
     exact = critical_scale(ray(30), 1e-3).value
     rounds = misled(monkeypatch, [wrong] * 100)
-    for others in ("branches", "neighbours"):
+    for others in ("_branches", "_neighbours"):
         monkeypatch.setattr(barriers, others, lambda *_: [])
     found = critical_scale(ray(30), tol)
     assert len(rounds) > 1
@@ -400,7 +400,7 @@ def test_a_value_too_low_is_contradicted_by_the_cones(monkeypatch):
 def test_a_bracket_much_wider_than_asked_for_is_told(monkeypatch):
     asked = critical_scale((1.0, 0.3), 1e-3)
     monkeypatch.setattr(continuation, "certified_scale", lambda *given: 0.99 * given[2])
-    monkeypatch.setattr(barriers, "is_certified", lambda *_: False)
+    monkeypatch.setattr(barriers, "_is_certified", lambda *_: False)
     found = critical_scale((1.0, 0.3), 1e-3)
     assert (asked.status, found.status) == (Status.OK, Status.WIDE)
     assert found.upper - found.lower > 2 * 1e-3 * found.value

@@ -61,7 +61,7 @@ def test_on_the_axis_it_is_half_that_of_the_standard_map(kappa, fraction):
     assert found == pytest.approx(expected, rel=1e-9, abs=1e-17)
 
 
-@pytest.mark.parametrize(("p", "q"), [(1, 3), (2, 5), (3, 8)])
+@pytest.mark.parametrize(("p", "q"), [(1, 3), (2, 5)])
 def test_two_steps_of_the_standard_map_let_twice_as_much_pass(p, q):
     expected = 2 * action_difference((1.1,), p, q)
     assert action_difference((1.1, 1.1), 2 * p, q) == pytest.approx(expected, rel=1e-9)
