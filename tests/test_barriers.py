@@ -99,7 +99,7 @@ def nobles(bound):
 SAMPLES = [(13.7, 20, 400), (40.6, 20, 400)]
 SAMPLES += [
     pytest.param(angle, 60, 800, marks=pytest.mark.slow)  # a thousand nobles
-    for angle in np.random.default_rng(16).uniform(0, 44, 8)
+    for angle in np.random.default_rng(16).uniform(0, 44, 3)
 ]
 
 
