@@ -90,11 +90,15 @@ def flux(omega, kappa, q_max=30_000, rtol=1e-6):
     enough = list(islice(convergents(short_omega), len(short_omega.prefix) + 1))[-1].denominator
     ladder = Ladder(short, 0 * short, distinct_convergents(short_omega, q_max))
     value, error, period, status = np.nan, np.inf, 0, Status.NOT_CONVERGED
+    lost = 0
     for n, chain in enumerate(ladder.chains):
         try:
             longer, rounding = _difference(*(ladder.at(n, 0.0, kind) for kind in (1, -1)))
+            lost = 0
         except LostError:
-            longer = np.nan
+            longer, rounding, lost = np.nan, 0.0, lost + 1
+            if lost == 1:  # longer ones may be found again
+                continue
         if not longer > -rounding:  # orbits are lost, or nearer to each other than rounding
             status = Status.DISORDERED
             break

@@ -175,14 +175,17 @@ def _checksum(arrays, tile, values):
 
 
 def digest(values):
-    """CRC-32 of {name: array} of numbers or text, whatever chunks they are in."""
+    """CRC-32, in text, of {name: array} of numbers or text, whatever chunks they are in.
+
+    A number of 32 bits without a sign is no attribute of netCDF.
+    """
     found = 0
     for key in sorted(values):
         array = np.asarray(values[key])
         numbers = array.dtype.kind in "biuf"
         data = np.ascontiguousarray(array) if numbers else "\0".join(array.ravel()).encode()
         found = crc32(data, crc32(key.encode(), found))
-    return found
+    return f"{found:08x}"
 
 
 def _stands(place, name):
