@@ -39,6 +39,7 @@ _SHORT = 8  # enough with two kicks or one, whose boundaries have one sheet
 _BROKEN = 0.05  # least residue that shows one; where the dominant line changes they pass through 0
 _PRECISE = 1e-6  # of the value: longer orbits at the start are not tried then
 _LEFT = 0.1  # of the logarithm of a ratio of residues: more is no crossing
+_FAR = 60  # ratio of periods: orbits that much longer are not found from those before
 _STRONG = 0.05  # ratio of crossings a period of the tail apart, from which it is trusted unseen
 
 
@@ -159,11 +160,13 @@ def _of_families(omega, start, profile, q_max):
     Next to exchanges of the dominant line, which take three kicks, short orbits mislead: the search
     begins with longer ones again, unless the value is precise.
     """
-    none, simple = np.empty((2, 0)), profile.size <= 2
+    none, simple, status = np.empty((2, 0)), profile.size <= 2, Status.NOT_CONVERGED
     q_max = min(q_max, 10 * q_max // profile.size)
     fractions = distinct_convergents(omega, q_max)
+    if any(b.denominator > _FAR * a.denominator > 2 * _FAR for a, b in pairwise(fractions)):
+        return no_answer(None, status), none
     ladder, period = Ladder(start, profile, fractions), len(omega.tail)
-    best, status, tried = None, Status.NOT_CONVERGED, set()
+    best, tried = None, set()
     for least in (_SHORT,) if simple else _LONG:
         long = [n for n, f in enumerate(fractions[:-period]) if f.denominator >= least]
         n = long[0] if long else len(fractions) - 1 - period
