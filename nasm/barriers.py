@@ -85,7 +85,8 @@ def critical_scale(profile, tol=1e-4):
     Returns
     -------
     CriticalScale. value, error : by Greene's residue; where a later circle may have been missed,
-    next to a cusp or where starts survive above the value, error is no smaller than upper - value,
+    next to a cusp, without a dominant line or where starts survive above the value, error is no
+    smaller than upper - value,
     and where residues have no limit the value is between scales at which they fall and grow.
     lower : a circle is certified there, that of ω or of another; upper : no start on the dominant
     line, or on a transversal, survives there. omega : that of the last barrier, per period, in
@@ -195,7 +196,8 @@ def _bracketed(race, upper, tol):
         return CriticalScale(np.nan, np.nan, lower, upper, None, status, "converse KAM")
     error = best.error
     halved, far = best.error > _HALVED / 2 * best.value, upper > best.value * (1 + 0.3 * tol)
-    if halved or far or periodic.cusp_period(race.short) > _BLURRED:
+    sampled = not has_dominant_line(race.short)  # a neighbour of the last circle may be named
+    if halved or far or sampled or periodic.cusp_period(race.short) > _BLURRED:
         # Circles follow each other so closely that a later one may have been missed; but not above
         # the bracket, which may know better than the residues do.
         error = np.fmax(error, upper - best.value)
