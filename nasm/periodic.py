@@ -17,6 +17,7 @@ from dataclasses import replace
 from functools import lru_cache
 from itertools import islice, pairwise
 from math import inf, log
+from operator import attrgetter
 
 import numpy as np
 from scipy.optimize import brentq
@@ -128,7 +129,7 @@ def circle_remains(omega, kappa, q):
         raise ValueError(f"omega={omega} is rational; a circle needs an irrational rotation number")
     (kappa,), omega = shorten([kappa], omega)
     period = len(omega.tail)
-    known = list({f.denominator: f for f in _known(omega)}.values())
+    known = distinct_convergents(omega, _known(omega)[-1].denominator)
     n = next(n for n, f in enumerate(known) if f.denominator >= q)
     ladder = Ladder(kappa, 0 * kappa, known[: n + period + 1])
     try:
@@ -183,7 +184,8 @@ def _of_families(omega, start, profile, q_max):
             return found, crossed[0]
         if found.status is Status.OK:
             other = _estimate(_crossings(ladder, omega, 1, near, first), profile)
-            apart, found = abs(found.value - other.value), min(found, other, key=_error)
+            apart = abs(found.value - other.value)
+            found = min(found, other, key=attrgetter("error"))
             found = replace(found, error=max(found.error, apart), status=other.status)
         if found.status is not Status.OK:
             status = found.status
@@ -198,10 +200,6 @@ def _of_families(omega, start, profile, q_max):
         if best and best[0].error < _PRECISE * best[0].value:
             break
     return best or (no_answer(None, status), none)
-
-
-def _error(scale):
-    return scale.error
 
 
 def _residue(ladder, n, scale):
@@ -296,9 +294,7 @@ def _crossing(ladder, shorter, longer, kind, near, crossings):
     Below it the longer orbit has the smaller residue. near : float, where that is, about, unless
     `crossings`, of shorter orbits, say it better.
     """
-    unit, pair = 1 / np.abs(ladder.profile).max(), (shorter, longer)
-
-    seen = []
+    unit, pair, seen = 1 / np.abs(ladder.profile).max(), (shorter, longer), []
 
     def excess(scale):
         try:

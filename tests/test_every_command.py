@@ -57,7 +57,7 @@ def test_every_command_ends_well_and_what_it_keeps_goes_to_netcdf(tmp_path):
 def test_the_explorer_starts_and_ends_with_ctrl_c_or_says_what_it_needs(tmp_path, hidden):
     code = f"import sys; sys.path.insert(0, {str(HERE)!r}); from every_command import Hidden\n"
     code += f"sys.meta_path.insert(0, Hidden({hidden}))\n"
-    code += "if __name__ == '__main__': from workflows.explore import main; main()\n"
+    code += "if __name__ == '__main__': from workflows.explore.__main__ import main; main()\n"
     script = tmp_path / "explore.py"
     script.write_text(code)
     options = ["--no-browser", "--port", "0", "--workers", "1", "--out", str(tmp_path / "out")]

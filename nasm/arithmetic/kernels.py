@@ -135,7 +135,6 @@ class _Cache(FunctionCache):
         super().__init__(function)
         stamp = self._impl.locator.get_source_stamp()
         self._cache_file = _Files(self._cache_path, self._impl.filename_base, stamp)
-
         self._lock = None
 
     def load_overload(self, sig, target_context):

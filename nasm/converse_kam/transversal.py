@@ -74,13 +74,11 @@ class Start:
     """A start before the kick of a site.
 
     site : int, 0 to P - 1. x, y : floats.
-    between : two Fractions, ω per period of the minimax orbits next to it on its transversal.
     """
 
     site: int
     x: float
     y: float
-    between: tuple[Fraction, Fraction]
 
 
 def elimination_time(kappa, site, x, y, n_kicks):
@@ -180,9 +178,9 @@ def _longest_lived(kappa, n_kicks, sites):
     """
     best, least = None, np.inf
     for site in list(sites):
-        at, between, kicks = _longest_on_transversal(np.roll(kappa, -site), n_kicks)
+        at, kicks = _longest_on_transversal(np.roll(kappa, -site), n_kicks)
         if best is None or kicks < least:
-            best, least = Start(site, *(float(part) for part in at), between), kicks
+            best, least = Start(site, *(float(part) for part in at)), kicks
             sites.remove(site)
             sites.insert(0, site)
         if _SHORT < least < np.inf:
@@ -191,8 +189,8 @@ def _longest_lived(kappa, n_kicks, sites):
 
 
 def _longest_on_transversal(kappa, n_kicks):
-    """(x, y) of the start that lives longest on the transversal before site 0, the ω next to it,
-    and its life in kicks."""
+    """(x, y) of the start that lives longest on the transversal before site 0, and its life in
+    kicks."""
     orbits = _first_orbits(kappa)
     longest = _LONGEST * (n_kicks / kappa.size) ** 0.5
     kept = _KEPT * max(2, kappa.size)  # all ω up to P/2 are there
@@ -216,7 +214,7 @@ def _longest_on_transversal(kappa, n_kicks):
         if np.isinf(kicks) and before.denominator + after.denominator <= longest:
             between = _between(kappa, *orbits[i - 1 : i + 1])
         if between is None:
-            return points_at(place), (before, after), kicks
+            return points_at(place), kicks
         orbits.insert(i, between)
 
 

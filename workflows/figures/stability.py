@@ -54,7 +54,8 @@ def draw_near_cusp(axes, study):
 def _mark_silent(axes, x, colour):
     """Mark by × on the axis below where a method has no answer."""
     below = {"transform": axes.get_xaxis_transform(), "clip_on": False, "zorder": 4}
-    axes.plot(x, np.zeros(len(x)), "x", color=colour, ms=5, **below)
+    if len(x):  # a line of no points, not clipped, would stand in the figure's corner
+        axes.plot(x, np.zeros(len(x)), "x", color=colour, ms=5, **below)
 
 
 def _draw_past_boundary(axes, study):
