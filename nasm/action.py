@@ -54,7 +54,8 @@ FLAT = 1e-15
 """Slopes of the reduced action below this times √N are rounding: R cannot be told from 0."""
 
 _ROUNDING = 1e-12  # of the distance of two sites
-_FOUND = 1e-7  # turns: a larger last step of Newton's method has found nothing
+_FOUND = 1e-7  # turns: a larger last step of Newton's method has found nothing,
+_STILL = 1e-11  # and a smaller one has left the curvature as it was
 _STEPS = 60
 _PLACES = 12  # of x_0 in a gap
 _AS_WIDE = 0.99  # of the widest gap: gaps that are equal up to rounding begin at the first site
@@ -162,17 +163,16 @@ class Ladder:
     def _joined(self, n, scale, kind):
         """The Orbit of fraction n from those of the two fractions before; None if that fails."""
         last, one = (self.at(i, scale, kind) for i in (n - 2, n - 1))
-        if last.site != one.site:
-            return None
         chain = self.chains[n]
-        u = chain.joined((last.chain, last.u), (one.chain, one.u))
         start, profile = self.segment(one.site)
         kappa = start + scale * profile
-        _hold(kappa, *chain.frame, u)
-        residue = _settle(kappa, *chain.frame, u, kind, 0.1 / one.chain.q, _STEPS)
-        if np.isnan(residue):
-            return None
-        return Orbit(self, n, one.site, kind, u, residue, scale)
+        for u_last in [last.u] * (last.site == one.site) + [last.beginning_like(one)]:
+            u = chain.joined((last.chain, u_last), (one.chain, one.u))
+            _hold(kappa, *chain.frame, u)
+            residue = _settle(kappa, *chain.frame, u, kind, 0.1 / one.chain.q, _STEPS)
+            if not np.isnan(residue):
+                return Orbit(self, n, one.site, kind, u, residue, scale)
+        return None
 
 
 class Orbit:
@@ -201,6 +201,14 @@ class Orbit:
     def sites(self):
         """x of all N sites from `site` on, on the lift."""
         return np.arange(self.u.size) * (self.chain.p / self.u.size) + self.u
+
+    def beginning_like(self, other):
+        """u from the site on that is nearest to the other orbit's first one."""
+        first = (other.site - self.site) % self.start.size
+        sites = slice(first, None, self.start.size)
+        away = self.chain.theta[sites] + self.u[sites] - other.u[0]
+        nearest = np.abs(away - np.rint(away)).argmin()
+        return self.chain.rolled(self.u, first + self.start.size * int(nearest))
 
     def points(self):
         """x, y at the start of each of the q periods, in time, x on the lift."""
@@ -319,8 +327,9 @@ def _hold(kappa, theta, hop, work, u):
 def _settle(kappa, theta, hop, work, u, kind, furthest, n_steps):
     """Move to the extremum, in place, x_0 at most so far a step: R, NaN if no orbit is there."""
     largest, curvature, left, logarithm, bad = relax(kappa, theta, u, kind, furthest, n_steps, work)
-    if _FOUND <= largest < furthest and abs(left) < FLAT * np.sqrt(u.size):
-        # Of a small curvature even a slope that is rounding moves x_0: it stays where it is now.
+    if _STILL <= largest < furthest and abs(left) < FLAT * np.sqrt(u.size):
+        # Of a small curvature even a slope that is rounding moves x_0: it stays where it is now,
+        # and S is that of sites at rest.
         largest, curvature, _, logarithm, bad = relax(kappa, theta, u, 0, 0.0, n_steps, work)
     if not (largest < _FOUND and bad == 0 and (kind * curvature > 0 or kind == 0)):
         return np.nan

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from oracles import LITERATURE
 
@@ -54,6 +54,7 @@ def test_the_pendulum_of_the_fixed_points():
 
 @given(st.floats(0.1, 1.5), st.sampled_from([(1, 3), (2, 5), (3, 7), (8, 13), (21, 55)]))
 @settings(deadline=None, max_examples=30)
+@example(0.140625, (8, 13))
 def test_on_the_axis_it_is_half_that_of_the_standard_map(kappa, fraction):
     # (κ, 0) is S_2κ with Y = 2y.
     expected = action_difference((kappa,), *fraction) / 2
