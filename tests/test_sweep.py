@@ -4,6 +4,7 @@ import errno
 import io
 import os
 import re
+import shutil
 import signal
 import socket
 import ssl
@@ -14,12 +15,14 @@ from contextlib import suppress
 from functools import partial
 from importlib.metadata import version
 
+import click
 import numpy as np
 import psutil
 import pytest
 import toy
 from test_memory import glibc, kept
 
+import workflows.shared.run
 from pipeline import store
 from pipeline.sweep import cluster
 from pipeline.sweep.cluster import ClusterError, connect
@@ -246,6 +249,25 @@ def test_a_store_that_is_deleted_under_way_ends_the_sweep_with_one_message(here,
     for place in (away, out):  # tiles that were in flight may lie in the second without metadata
         assert toy.watched_sweep(here, place, plan).remaining == 0
         toy.assert_complete(place, plan)
+
+
+def test_the_same_command_resumes_after_its_folder_was_deleted_under_way(tmp_path, monkeypatch):
+    monkeypatch.setattr(workflows.shared.run, "connect", toy.workers_here)
+    out, job = tmp_path / "out", toy.job(4, 5, 1, compute=toy.watched)
+
+    def command():
+        run = workflows.shared.run.Run(str(out), store.place_of(out), {}, dry=False)
+        with run.sweeping(job):
+            run.sweep(job)
+
+    toy.EVENTS.update({len(toy.COMPUTED) + 5: partial(shutil.rmtree, out, ignore_errors=True)})
+    with pytest.raises(click.ClickException, match="run the same command again to resume"):
+        command()
+    late = out / "toy.zarr/wave/c/0/3/4"  # a tile that was in flight, written after the deletion
+    late.parent.mkdir(parents=True, exist_ok=True)
+    late.write_bytes(b"late")
+    command()
+    toy.assert_complete(out, job.cube)
 
 
 def test_a_tile_that_is_gone_at_the_end_is_no_success(here, tmp_path):
