@@ -306,13 +306,15 @@ def test_example_planes_of_unequal_grids(finished, tmp_path_factory, workers, fo
 
 
 QUEUE = {
-    # Two jobs at a time, and the next when one ends, until the file is deleted.
-    "sbatch": """cat > job; touch queued
-        for i in 1 2; do
-            (sleep $((5 * i)); while [ -e queued ]; do echo >> begun; bash job; done) > log$i 2>&1 &
+    # Three jobs at a time, and the next when one ends, until all are killed.
+    "sbatch": """cat > job
+        for i in 1 2 3; do
+            job="sleep $((5 * i)); while true; do echo >> begun; bash job; done"
+            setsid bash -c "$job" > log$i 2>&1 &
+            echo -$! >> jobs
         done
         echo 7""",
-    "scancel": "[ $1 = 7 ] && rm queued",
+    "scancel": "[ $1 = 7 ] && kill -- $(cat jobs)",
 }
 # Each tile takes a worker a second, however fast the machine is.
 A_SECOND_A_TILE = """
@@ -326,7 +328,7 @@ escape._predict_plane = lambda *tile: 1.0
 
 @pytest.mark.slow
 def test_example_job_queue_outlives_its_workers(tmp_path, follow, monkeypatch):
-    """Workers that live ten seconds, in a sweep that takes them 49: four cannot end it."""
+    """Workers that live fifteen seconds, in a sweep that takes them 81: four cannot end it."""
     here = tmp_path / "queue"
     here.mkdir()
     (here / "slow.py").write_text(A_SECOND_A_TILE)
@@ -337,18 +339,18 @@ def test_example_job_queue_outlives_its_workers(tmp_path, follow, monkeypatch):
     monkeypatch.setenv("PYTHONPATH", f"{EXAMPLES.parents[1]}:{here}")
     edited = (EXAMPLES / "job_queue.py").read_text()
     for ours, theirs in {
-        "110m": "10s",
+        "110m": "15s",
         "5m": "1s",
         "nworkers 16": "nworkers 1",
         "ib0": "lo",
         "Path.home()": f"Path({str(here)!r})",
-        "export NUMBA_CACHE_DIR": "unused",  # ten seconds are too short to compile
+        "export NUMBA_CACHE_DIR": "unused",  # seconds are too short to compile
         "; keep_freed_memory()": "; import slow",
     }.items():
         assert ours in edited
         edited = edited.replace(ours, theirs)
     (here / "job_queue.py").write_text(edited)
-    plane = ["--kappa1", "0:0.9:14", "--kappa2", "0:0.9:14", "--tile", "2", "--n-max", "1000"]
+    plane = ["--kappa1", "0:0.9:18", "--kappa2", "0:0.9:18", "--tile", "2", "--n-max", "1000"]
     follow("job_queue", "escape_plane", "--out", tmp_path / "out", *plane, at=here)
     assert np.isfinite(xr.open_zarr(tmp_path / "out/escape.zarr", group="tiles").commit).all()
     assert len((here / "begun").read_text()) >= 5

@@ -132,11 +132,11 @@ def during(out, act):
 
 
 def test_a_worker_started_again_is_waited_for_and_deaf_to_ctrl_c_and_without_any_a_sweep_gives_up(
-    tmp_path, monkeypatch
+    tmp_path, monkeypatch, capsys
 ):
     monkeypatch.setattr("pipeline.sweep.submit._PATIENCE", 1)
     monkeypatch.setattr("pipeline.sweep.submit._ROLL_CALL", 0.1)
-    one, two = tmp_path / "one", tmp_path / "two"
+    one, two, three = (tmp_path / name for name in ("one", "two", "three"))
     with connect(n_workers=1) as client:
         killer = during(one, lambda: os.kill(client().cluster.workers[0].pid, signal.SIGKILL))
         outcome = toy.run(client, one, toy.cube(tile=1, seconds=0.05))
@@ -145,6 +145,13 @@ def test_a_worker_started_again_is_waited_for_and_deaf_to_ctrl_c_and_without_any
         again = client().submit(os.getpid).result(timeout=30)
         os.kill(again, signal.SIGINT)
         assert client().submit(os.getpid, pure=False).result(timeout=30) == again
+        # Of a scheduler elsewhere they are waited for, as its queue may start others.
+        leaver = during(three, lambda: [client().cluster.scale(n) or time.sleep(2) for n in (0, 1)])
+        address, tls = client().scheduler.address, cluster.credentials(client(), tmp_path)
+        with connect(address, tls=tls) as elsewhere:
+            assert toy.run(elsewhere, three, toy.cube(tile=1, seconds=0.05)).remaining == 0
+        leaver.join()
+        assert capsys.readouterr().err.count("no workers are left; waiting until some join") == 1
         during(two, lambda: client().cluster.scale(0))
         with pytest.raises(ConnectionError, match="no workers are left; run again to resume"):
             toy.run(client, two, toy.cube(tile=1, seconds=0.1))

@@ -3,6 +3,7 @@
 Whoever computes on workers goes through here: sweeps, and the explorer. Workers may join and leave.
 """
 
+import sys
 from concurrent.futures import CancelledError
 from math import inf
 from queue import Empty, SimpleQueue
@@ -29,7 +30,7 @@ def ended(client, next_call, each=2, most=inf, look=_ROLL_CALL, priority=0):
     priority : of the calls; higher ones go first.
 
     To close this generator cancels what is in flight. ConnectionError if the scheduler is gone, or
-    all workers for half a minute.
+    all workers of this machine for half a minute; others are waited for, as their queue decides.
     """
     in_flight, done = {}, SimpleQueue()
     workers, counted, alive = 0, -inf, monotonic()
@@ -44,7 +45,10 @@ def ended(client, next_call, each=2, most=inf, look=_ROLL_CALL, priority=0):
                 if workers:
                     alive = now
                 elif now - alive > (_STARTING if are_starting(client) else _PATIENCE):
-                    raise ConnectionError("no workers are left; run again to resume")
+                    if client.cluster:
+                        raise ConnectionError("no workers are left; run again to resume")
+                    print("no workers are left; waiting until some join", file=sys.stderr)
+                    alive = inf  # it is said once
             window = min(most, each * max(1, workers))
             while len(in_flight) < window and (call := next_call()) is not None:
                 key, function, *args = call
