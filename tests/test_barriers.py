@@ -397,14 +397,22 @@ def test_a_value_too_low_is_contradicted_by_the_cones(monkeypatch):
     assert exact < found.upper < exact * (1 + 1e-3)
 
 
-def test_a_bracket_much_wider_than_asked_for_is_told(monkeypatch):
-    asked = critical_scale((1.0, 0.3), 1e-3)
-    monkeypatch.setattr(continuation, "certified_scale", lambda *given: 0.99 * given[2])
-    monkeypatch.setattr(barriers, "_is_certified", lambda *_: False)
-    found = critical_scale((1.0, 0.3), 1e-3)
-    assert (asked.status, found.status) == (Status.OK, Status.WIDE)
-    assert found.upper - found.lower > 2 * 1e-3 * found.value
-    assert (found.value, found.omega) == (asked.value, asked.omega)
+FIVE = -0.27579246212470365, -1, -0.39174402601514825, -0.39174402601514825, -1
+
+
+@pytest.mark.parametrize(
+    ("profile", "tol"),
+    [((1, 0.999), 1e-5), pytest.param(FIVE, 1e-4, marks=pytest.mark.slow)],
+)
+def test_a_bracket_much_wider_than_asked_for_is_told(profile, tol):
+    wide, found = critical_scale(profile, tol), critical_scale(profile, 1e-3)
+    assert (wide.status, found.status) == (Status.WIDE, Status.OK)
+    assert wide.upper - wide.lower > 2 * tol * wide.value
+    assert found.upper - found.lower <= 2e-3 * found.value
+    assert found.lower < wide.value < found.upper
+    kappas = np.outer([wide.lower, 1.2 * wide.upper], profile)
+    inside, outside = escape.first_escape(kappas, *escape.ensemble(64), [64], 300_000)[0]
+    assert inside == np.inf > outside
 
 
 def test_next_to_one_kick_three_are_near_a_cusp():
