@@ -373,7 +373,10 @@ def test_a_plain_xarray_refuses_a_damaged_chunk(on_disk, cut):
 
 LOST = [None, b"", b"{", b"[]", b'{"zarr_format": 3}']
 METADATA = "wave/zarr.json", "row/zarr.json", "row/c/0"  # those below decide more
-CASES = [(key, lost) for key in ("zarr.json", f"{COMMIT}/zarr.json") for lost in [*LOST, "depth"]]
+CHANGED = {"depth": (b'depth": 3', b'depth": 4'), "author": (b"mathematics 1", b"mathematics 3")}
+CHANGED["map"] = b"has the period", b"had the period"
+BOTH = "zarr.json", f"{COMMIT}/zarr.json"
+CASES = [(key, lost) for key in BOTH for lost in [*LOST, *CHANGED]]
 CASES += zip(METADATA, LOST, strict=False)
 
 
@@ -382,7 +385,7 @@ def test_lost_metadata_are_found_cost_no_tile_and_let_no_other_settings_in(on_di
     plan, key = toy.cube(tile=5, depth=3), f"toy.zarr/{key}"
     fill(on_disk, plan)
     before = get(on_disk, key)
-    put(on_disk, key, before.replace(b'depth": 3', b'depth": 4') if lost == "depth" else lost)
+    put(on_disk, key, before.replace(*CHANGED[lost]) if lost in CHANGED else lost)
     assert [index for index, _ in store.verify(on_disk, "toy")] == [()]
     with pytest.raises(store.Refused, match=r"depth is \d, not 5"):
         store.create(on_disk, toy.cube(tile=5, depth=5), US)
@@ -559,12 +562,14 @@ def test_a_cube_whose_replacement_was_cut_off_is_not_there_until_the_next_run(
 
 WHOLE = [("zarr.json", None), ("zarr.json", b""), ("zarr.json", b"1234567890123456")]
 WHOLE += [("square/zarr.json", b"{"), ("square/c/0", b"1234567890123456"), ("x/c/0", None)]
+WHOLE += [("zarr.json", "map")]
 
 
 @pytest.mark.parametrize(("key", "lost"), WHOLE, ids=range(len(WHOLE)))
 def test_a_damaged_cube_that_was_written_whole_is_found_and_written_anew(on_disk, key, lost):
     store.replace(on_disk, squares(1), US)
-    put(on_disk, f"squares.zarr/{key}", lost)
+    before = get(on_disk, f"squares.zarr/{key}")
+    put(on_disk, f"squares.zarr/{key}", before.replace(*CHANGED[lost]) if lost == "map" else lost)
     assert {index for index, _ in store.verify(on_disk, "squares")} == {()}
     if (key, lost) == ("zarr.json", b"1234567890123456"):  # it might be somebody else's
         put(on_disk, f"squares.zarr/{key}", None)

@@ -10,6 +10,7 @@ import posixpath
 import warnings
 from contextlib import suppress
 from math import prod
+from zlib import crc32
 
 import dask.array
 import numpy as np
@@ -35,6 +36,7 @@ from pipeline.store.tiles import (
 )
 
 MAX_TILES = 2**24
+_SEAL = "attributes_crc32"  # attribute of a cube: of all the others, in either copy
 _CHUNK = 1024  # along each dim, of cubes that are written whole
 
 
@@ -112,7 +114,8 @@ def copies_agree(place, name):
         copies.get(RECORDS, {}).pop("consolidated_metadata", None)
         own = {key: json.loads(place.read(_key(name, key))) for key in copies}
         identity = own[COMMIT]["attributes"]["cube"] if COMMIT in own else {}
-        return own == copies and identity.items() <= root["attributes"].items()
+        agree = own == copies and identity.items() <= root["attributes"].items()
+        return agree and _is_sealed(_attributes(place, _key(name)))
     return False
 
 
@@ -127,7 +130,7 @@ def _check_settings(place, cube):
     """The attributes of the cube that is there, {} if there is none; Refused if it differs."""
     both = _key(cube.name, COMMIT), _key(cube.name)  # one of the two may be damaged
     found = [_attributes(place, key) for key in both]
-    for attributes in found:
+    for attributes in sorted(found, key=_is_sealed, reverse=True):
         ours = attributes.get("config_hash"), attributes.get("store_format")
         if ours == (cube.config_hash, FORMAT):
             return attributes
@@ -161,6 +164,16 @@ def _attributes(place, key):
         found.pop("coordinates", None)  # xarray's own word
         return found if isinstance(found["config_hash"], str) else {}
     return {}
+
+
+def _is_sealed(attributes):
+    seal = _seal(attributes)
+    return attributes.get(_SEAL, seal) == seal  # earlier cubes have none
+
+
+def _seal(attributes):
+    others = {key: value for key, value in attributes.items() if key != _SEAL}
+    return f"{crc32(json.dumps(others, sort_keys=True).encode()):08x}"
 
 
 def _left_over(place, cube, computed_by):
@@ -256,7 +269,8 @@ def _identity(cube, computed):
     ours = {"config_hash": cube.config_hash, "store_format": FORMAT}
     known = cube.template.variables.items()
     ours[DIGEST] = tiles.digest({k: v.values for k, v in known if k not in cube.computed})
-    return {**computed, **cube.attributes, **ours}
+    told = {**cube.template.attrs, **computed, **cube.attributes, **ours}
+    return told | {_SEAL: _seal(told)}
 
 
 def _files(cube, computed, encoding, more=None, of_more=None):

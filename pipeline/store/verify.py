@@ -30,7 +30,7 @@ def verify(place, name, repair=False):
         yield (), str(refused)
         return
     if not copies_agree(place, name):
-        yield (), "copies of its metadata differ"
+        yield (), "its metadata are not those that were written"
         return
     tiled = tiles.tiled_arrays(arrays) if COMMIT in arrays else {}
     sound = True
