@@ -1,8 +1,13 @@
+from dataclasses import replace
+
 import numpy as np
+import pytest
+import toy
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.sweep.grid import Axis, parse_axis, tile_slices
+from pipeline.store import tile_counts
+from pipeline.sweep.grid import Axis, joined, parse_axis, tile_slices
 
 lengths = st.integers(1, 40)
 
@@ -34,3 +39,34 @@ def test_a_coarser_axis_has_the_means_of_the_finer_ones_centres():
 @given(st.floats(-9, 0), st.floats(1, 9), lengths)
 def test_an_axis_reads_back(lo, hi, n):
     assert parse_axis(f"{lo!r}:{hi!r}:{n}") == Axis(lo, hi, n)
+
+
+def a_millisecond_a_cell(coords, settings):
+    return 1e-3 * coords["row"].size * coords["column"].size
+
+
+def a_second_a_cell(coords, settings):
+    return 1e3 * a_millisecond_a_cell(coords, settings)
+
+
+@pytest.mark.parametrize(
+    ("cells", "predict", "tile"),
+    [
+        (50, a_millisecond_a_cell, 1),  # 2500 tiles are few
+        (130, a_millisecond_a_cell, 2),  # 4 times fewer of 65² would be
+        (2000, a_millisecond_a_cell, 16),  # of 32² a tile takes 1 s, and there are 3969
+        (8000, a_millisecond_a_cell, 32),  # of 64² a tile takes 4 s
+        (8000, a_second_a_cell, 1),
+    ],
+)
+def test_cheap_tiles_are_joined_as_long_as_thousands_are_left(cells, predict, tile):
+    job = joined(toy.job(cells, cells, 1, predict=predict))
+    assert job.cube.tile == {"row": tile, "column": tile}
+    again = joined(toy.job(cells, cells, 1, predict=predict)).cube
+    assert again.config_hash == job.cube.config_hash
+
+
+def test_a_million_tiles_that_cost_nothing_become_some_thousands():
+    cube = joined(toy.line(10**6)).cube
+    assert 4096 <= tile_counts(cube)[0] <= 8192
+    assert joined(replace(toy.line(10**6), cube=cube)).cube == cube

@@ -22,8 +22,8 @@ HERE = Path(__file__).parent
 FIELD = HERE.parent / "workflows" / "examples" / "field.ipynb"
 
 
-def start_driver(out, n_tiles):
-    command = [sys.executable, str(HERE / "many.py"), str(out), str(n_tiles)]
+def start_driver(out, *arguments):
+    command = [sys.executable, str(HERE / "many.py"), str(out), *map(str, arguments)]
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
@@ -53,6 +53,17 @@ def test_many_tiles_need_little_of_the_driver_also_when_interrupted(tmp_path, n_
     assert len(store.missing(place, cube)) == 0
     assert max(first["bytes"], second["bytes"]) < megabytes * 1e6
     assert first["seconds"] + second["seconds"] < 2 * 0.5 + 2e-4 * n_tiles
+
+
+@pytest.mark.slow
+def test_a_million_tiles_are_a_few_thousand_files_and_take_a_minute(tmp_path):
+    done = report_of(start_driver(tmp_path / "out", 10**6, "joined"))
+    files = sum(path.is_file() for path in (tmp_path / "out").rglob("*"))
+    assert done["remaining"] == 0
+    assert files < 0.1 * 10**6
+    assert done["seconds"] < 10
+    assert done["bytes"] < 300e6
+    assert (store.read(store.place_of(tmp_path / "out"), "line").level == 1).all()
 
 
 def written_field(out, cells):

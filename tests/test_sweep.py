@@ -1,6 +1,7 @@
 """The sweep, on a cube that is quick to compute (toy.py), with workers and drivers that die."""
 
 import errno
+import heapq
 import io
 import os
 import re
@@ -27,7 +28,7 @@ from pipeline import store
 from pipeline.sweep import cluster
 from pipeline.sweep.cluster import ClusterError, connect
 from pipeline.sweep.progress import Progress
-from pipeline.sweep.sweep import _complaint, sweep
+from pipeline.sweep.sweep import _complaint, _pack, sweep
 
 
 @pytest.fixture(scope="module")
@@ -231,6 +232,26 @@ class Full(io.StringIO):
 
     def write(self, text):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+@pytest.mark.parametrize("n_workers", [2, 250, 1024, 4096])
+def test_one_driver_keeps_a_thousand_workers_busy(n_workers):
+    """Of tiles of half a second, two minutes for each worker, at 2 ms of scheduling a batch."""
+    tiles = 240 * n_workers
+    batches = list(_pack(np.full(tiles, 0.5), n_workers))
+    assert np.array_equal(np.sort(np.concatenate(batches)), np.arange(tiles))
+    free, now, end = [0.0] * n_workers, 0.0, 0.0
+    for batch in batches:
+        now += 0.002
+        end = max(now, heapq.heappop(free)) + 0.5 * len(batch)
+        heapq.heappush(free, end)
+    assert 120 / max(free) > 0.95
+
+
+def test_the_most_expensive_tiles_come_first_and_cheap_ones_together():
+    batches = list(_pack(np.array([0.0] * 1000 + [9.0, 0.2, 0.2]), 2))
+    assert [batch.tolist() for batch in batches[:2]] == [[1000], [1001, 1002, *range(31)]]
+    assert max(map(len, batches)) < 200  # to commit them takes time, too
 
 
 def test_a_series_of_sweeps_shares_one_line_of_progress(client, tmp_path):

@@ -40,6 +40,7 @@ def turns(omega, n_modes):
 
 
 _KEPT = 0.36  # of the n points: the modes that are kept, so that products do not alias much
+_EVEN = 32  # that divides n: transforms of lengths like 3⁵·5⁵ take a fifth longer
 
 
 def grid(omega, n_modes):
@@ -49,7 +50,7 @@ def grid(omega, n_modes):
     """
     for fraction in convergents(omega):
         if fraction.denominator >= max(n_modes, 100):
-            n = next_fast_len(2 * ceil((fraction.denominator + 1) / _KEPT / 2), real=True)
+            n = _EVEN * next_fast_len(ceil((fraction.denominator + 1) / _KEPT / _EVEN), real=True)
             if cut(omega, n) >= n_modes:  # not so if another resonance is just below
                 return n
     raise ValueError(f"omega={omega} is rational; a circle needs an irrational rotation number")

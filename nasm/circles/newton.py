@@ -51,6 +51,7 @@ _FINER = 4  # the certificate's grid
 _STEPS = 12  # of Newton's method, which needs 3 to 8 where there is a circle
 _UPDATE = 1e-9  # converged: the last update of u was smaller
 _TAIL = 3e-3  # resolved: the last 15% of the modes hold less than this part of the H³ norm
+_POLISHED = 1e-9  # of max |E_j| before a step, which leaves a tenth of it or less
 _ROUNDED = 1e-13  # of max |E_j|: less is rounding, and no step makes less of it
 _DIVISOR = 1e-5  # with smaller divisors, rounding errors of 1e-17 are larger than _UPDATE in u
 
@@ -139,8 +140,8 @@ def certify(omega, kappa, u):
 
 
 def polish(omega, kappa, u):
-    """Newton's method from u (overwritten) until max |E_j| < 10⁻¹⁰, or below 10⁻⁸ shrinks no more;
-    whether it got there, with h' > 0.
+    """Newton's method from u (overwritten) until max |E_j| < 10⁻⁹ before a step, or below 10⁻⁸ it
+    shrinks no more; whether it got there, with h' > 0.
 
     For more modes than `settle` can judge: beyond 10⁵ of them the small divisors let rounding into
     the updates of u, which then stop shrinking, while the residual E does shrink.
@@ -152,7 +153,7 @@ def polish(omega, kappa, u):
         error, change, slope, twist, _ = _chain_step(kappa, *constants, u, workspace)
         if not (error < 1 and slope > 0 and twist > 0.5 and change < 1):
             break
-        if error < 1e-10:
+        if error < _POLISHED:
             return True
         if least < 1e-8 and error > 0.5 * least:
             break

@@ -39,7 +39,7 @@ def over_plane(name, plane, axes, sizes, n_max, tile, precision="double"):
         ends = f"{dim}_bounds"
         coords[dim] = coordinate(dim, axis.centres, plane.axes[dim], bounds=ends)
         coords[ends] = coordinate((dim, "bound"), axis.bounds, "ends of the cells")
-    settings = {"n_max": n_max, "cells_per_tile": tile, "precision": precision}
+    settings = {"n_max": n_max, "precision": precision}
     tiles = dict.fromkeys(names, tile)
     title, functions = "First escape times", (_on_plane, _predict_plane)
     return _job(name, plane, sizes, coords, tiles, settings, title, *functions)

@@ -1,15 +1,21 @@
 """Planes of cells, and tiles that cover them exactly once.
 
+A tile is the unit of work, of storage and of record: one task, a file for every variable, and one
+for its record. `joined` makes tiles larger where they would be many and cheap.
+
 An axis LO:HI:N is N cells of equal width; a cell is represented by its centre. Halving the cells of
 an axis keeps its edges, so that levels of refinement nest.
 """
 
-from dataclasses import dataclass
-from math import isfinite
+from dataclasses import dataclass, replace
+from math import isfinite, prod
 
 import numpy as np
 
 MAX_CELLS = 2**20
+_ENOUGH = 4096  # tiles: with fewer, a thousand workers would not end together
+_LONG = 3  # predicted CPU seconds of a tile
+_SAMPLE = 32  # tiles whose costs are predicted
 
 
 @dataclass(frozen=True)
@@ -86,3 +92,23 @@ def tile_coords(cube, indices):
             for name, (values, dims) in cut.items()
         }
         yield index, whole | parts
+
+
+def joined(job):
+    """Return the job with tiles doubled along all dims, as often as 4096 are left or more.
+
+    None of a sample may be predicted to take more than 3 s. The choice depends on nothing but the
+    job, so that the command that began a cube resumes it.
+    """
+    while True:
+        cube, at_random = job.cube, np.random.default_rng(0)
+        tile = {dim: min(2 * n, cube.sizes[dim]) for dim, n in cube.tile.items()}
+        counts = [-(-cube.sizes[dim] // n) for dim, n in tile.items()]
+        if prod(counts) < _ENOUGH:
+            return job
+        larger = replace(job, cube=replace(cube, tile=tile))
+        sample = at_random.integers(0, counts, (_SAMPLE, len(counts)))
+        coords = (of_tile for _, of_tile in tile_coords(larger.cube, sample))
+        if not max(job.predict(one, cube.settings) for one in coords) <= _LONG:
+            return job
+        job = larger

@@ -39,7 +39,7 @@ def ended(client, next_call, each=2, most=inf, look=_ROLL_CALL, priority=0):
             now = monotonic()
             if now - counted >= _ROLL_CALL:
                 try:
-                    workers, counted = len(client.nthreads()), now
+                    workers, counted = sum(client.nthreads().values()), now
                 except OSError:
                     raise ConnectionError(NO_SCHEDULER) from None
                 if workers:

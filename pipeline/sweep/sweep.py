@@ -1,8 +1,8 @@
 """The sweep: compute what a cube misses, tile by tile, on a dask cluster.
 
 1. List the missing tiles. If there are any, connect to the workers and predict the cost of each.
-2. Pack cheap tiles into batches; submit batches, the most expensive first, never more than a few
-   at a time for each worker.
+2. Pack cheap tiles into batches, the longer the more workers there are; submit batches, the most
+   expensive first, never more than a few at a time for each worker.
 3. A worker whose versions are not the driver's, or who does not see the cube, says so instead of
    computing. It is retired, and its batch goes to another.
 4. Tiles that were with a worker that died are suspects: they are rerun alone at the end. A tile
@@ -37,9 +37,10 @@ from pipeline.sweep.grid import tile_coords
 from pipeline.sweep.progress import Progress
 from pipeline.sweep.submit import ended
 
-BATCH_SECONDS = 0.5  # of predicted CPU time in a batch: long against 2 ms of scheduling
-BATCH_TILES = 256
-_PROBE_TILES = 4096  # whose costs are predicted together, at most
+_BATCH = 0.5  # seconds of predicted CPU time in a batch: long against 2 ms of scheduling,
+_SCHEDULING = 0.005  # and for each worker: the driver then schedules for less than half its time
+_COMMIT = 0.003  # CPU seconds to commit a tile, however cheap
+_PROBE_TILES = 256, 4096  # whose costs are predicted together, at least and at most
 _PROBES = 8  # for each worker: each costs the driver a hundredth of a second, whatever is in it
 _UNKNOWN_COST = 1.0  # CPU seconds, where the probe failed
 _SIGHT = 2  # seconds that a file system of several machines may take to show a file
@@ -86,7 +87,7 @@ def sweep(client, place, job, wanted=None, progress=None):
     line = Progress(name, sys.stderr) if progress is None else nullcontext(progress)
     with _draining_on_interrupt() as interrupt, line as progress:
         progress.begin(len(tiles), run.costs.sum(), n_workers)
-        for tile in run.compute(_pack(run.costs), interrupt, progress):
+        for tile in run.compute(_pack(run.costs, n_workers), interrupt, progress):
             alone = [np.array([tile])]
             if all(run.compute(alone, interrupt, progress) for _ in range(_ATTEMPTS_ALONE)):
                 index, words = tuple(tiles[tile].tolist()), "its worker died each time, also alone"
@@ -122,7 +123,7 @@ class _Run:
         """Return the predicted CPU seconds of each tile, probed on the workers."""
         n, cube = len(self.tiles), self.job.cube
         probes = _PROBES * max(1, len(self.client.nthreads()))
-        costs, many = np.full(n, _UNKNOWN_COST), min(max(BATCH_TILES, n // probes), _PROBE_TILES)
+        costs, many = np.full(n, _UNKNOWN_COST), int(np.clip(n // probes, *_PROBE_TILES))
         batches = iter(np.split(np.arange(n), range(many, n, many)))
         progress = Progress(f"{cube.name}: costs", sys.stderr)
         progress.begin(n, n)  # the line is shown only if this takes long
@@ -246,14 +247,20 @@ def _predict_batch(predict, settings, parcel):
     return [cost if 0 <= cost < inf else _UNKNOWN_COST for cost in costs]
 
 
-def _pack(costs):
-    """Yield batches of tiles, the most expensive first; cheap ones up to half a second together."""
+def _pack(costs, n_workers):
+    """Yield batches of tiles, the most expensive first; cheap ones together.
+
+    One driver keeps all workers busy: the more there are, the longer a batch.
+    """
     order = np.argsort(-costs, kind="stable")
-    while len(order):
-        together = np.cumsum(costs[order[:BATCH_TILES]])
-        n = max(1, np.searchsorted(together, BATCH_SECONDS, side="right"))
-        yield order[:n]
-        order = order[n:]
+    ends = np.cumsum(costs[order] + _COMMIT)
+    first = gone = 0
+    while first < len(order):
+        fair = (ends[-1] - gone) / max(1, n_workers)
+        seconds = max(_BATCH, min(_SCHEDULING * n_workers, fair))
+        last = max(first + 1, np.searchsorted(ends, gone + seconds, side="right"))
+        yield order[first:last]
+        first, gone = last, ends[last - 1]
 
 
 @contextmanager

@@ -197,7 +197,7 @@ def plane_options(kappa1, kappa2, n_max, n_orbits, tile, levels, precision):
             show_default=True,
             help="Of the arithmetic; single takes two fifths of the time, up to 10^6 steps.",
         ),
-        whole("--tile", tile, 1, 4096, "Cells along each side of a tile, the unit of work."),
+        whole("--tile", tile, 1, 4096, "Cells along each side of a tile, at least."),
         whole("--levels", levels, 1, 12, "Levels of refinement; 1 computes every cell."),
         increasing(
             "--follow",

@@ -15,7 +15,7 @@ from nasm.planes import Plane
 from nasm.symmetries import ray
 from pipeline.cubes import escape
 from pipeline.sweep import refine
-from pipeline.sweep.grid import Axis
+from pipeline.sweep.grid import Axis, joined
 
 _GLANCE = 4000  # cells, and steps, of the coarse look by which refinement is foreseen
 
@@ -28,7 +28,7 @@ class Grid:
     axes : of the finest grid, along the plane's two.
     n_max : steps up to which orbits are followed.
     n_orbits : increasing sizes of the nested ensembles.
-    tile : cells along each side of a tile.
+    tile : cells along each side of a tile, at least; see `grid.joined`.
     levels : number of levels of refinement, each of cells half as wide.
     follow : increasing N of the boundaries {n* ≤ N} that the levels follow.
     precision : of the arithmetic, as for `escape.first_escape`.
@@ -122,7 +122,8 @@ def _level_job(grid, name, level):
     factor = refine.FACTOR ** (grid.levels - 1 - level)
     axes = [axis.coarsened(factor) for axis in grid.axes]
     sizes, how = grid.n_orbits, (grid.n_max, grid.tile, grid.precision)
-    return escape.over_plane(name, grid.plane, axes, sizes, *how)
+    job = escape.over_plane(name, grid.plane, axes, sizes, *how)
+    return joined(job) if grid.levels == 1 else job
 
 
 def escape_plane(run, grid):
