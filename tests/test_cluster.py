@@ -18,7 +18,7 @@ from click.testing import CliRunner
 from distributed import Client
 from distributed.security import Security
 
-from pipeline.sweep.cluster import ClusterError, connect
+from pipeline.sweep.cluster import _LOCAL, ClusterError, connect
 from workflows import last_barrier
 
 ROOT = Path(__file__).parents[1]
@@ -158,6 +158,13 @@ def test_unfit_workers_compute_nothing_and_others_do_their_work(cluster, tmp_pat
 def test_more_workers_than_files_may_be_open_are_one_clear_error():
     refused = pytest.raises(ClusterError, match=r"need 10{7}40 open files, .* `ulimit -n`")
     with refused, connect(n_workers=10**8) as client:
+        client()
+
+
+def test_a_worker_that_dies_as_it_starts_is_one_clear_error(monkeypatch):
+    monkeypatch.setitem(_LOCAL, "distributed.worker.preload", ["import os; os._exit(1)"])
+    told = pytest.raises(ConnectionError, match="ended while it was being started; run again")
+    with told, connect(n_workers=1) as client:
         client()
 
 

@@ -58,7 +58,7 @@ def connect(scheduler=None, n_workers=None, tls=None):
     tls : (ca, cert, key) files, for a "tls://" address.
 
     ClusterError if the arguments do not go together, here; if the scheduler does not answer or has
-    no workers, when the function is called.
+    no workers, when the function is called. ConnectionError then if a worker dies as it starts.
     """
     if scheduler is not None and n_workers is not None:
         raise ClusterError(f"the scheduler at {scheduler} has its own workers; leave --workers out")
@@ -97,8 +97,13 @@ def _local(n_workers):
     # certificate that lasts as long as the cluster lets only its own processes speak to it.
     how |= {"security": Security.temporary(), "scheduler_kwargs": {"dashboard": False}}
     _allow_open_files(40 + 10 * n_workers)
+    try:
+        started = LocalCluster(**how)
+    except RuntimeError:
+        words = "a worker process on this machine ended while it was being started; run again"
+        raise ConnectionError(words) from None
     with (
-        _closing(LocalCluster(**how)) as cluster,
+        _closing(started) as cluster,
         _closing(Client(cluster, set_as_default=False)) as client,
     ):
         yield client
