@@ -9,7 +9,9 @@ import sys
 import threading
 from collections import Counter
 from contextlib import contextmanager
+from datetime import datetime, timedelta, timezone
 from pathlib import Path
+from types import SimpleNamespace
 
 import psutil
 import pytest
@@ -166,6 +168,18 @@ def test_a_worker_that_dies_as_it_starts_is_one_clear_error(monkeypatch):
     told = pytest.raises(ConnectionError, match="ended while it was being started; run again")
     with told, connect(n_workers=1) as client:
         client()
+
+
+def test_a_clock_that_is_set_back_parts_no_worker_from_its_driver(monkeypatch):
+    class Tomorrow(datetime):
+        @classmethod
+        def now(cls, tz=None):
+            return datetime.now(tz) + timedelta(1)
+
+    clock = SimpleNamespace(datetime=Tomorrow, timedelta=timedelta, timezone=timezone)
+    monkeypatch.setattr("distributed.security.datetime", clock)
+    with connect(n_workers=1) as client:
+        assert client().submit(abs, -1).result(timeout=60) == 1
 
 
 ENDED = """
