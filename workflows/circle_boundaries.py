@@ -5,36 +5,27 @@ Figs. 8 and 9) or any others, by two methods: the paper's, circles continued to 
 and Greene's residue, which is sharper and knows nothing of circles.
 """
 
-from workflows.shared.cli import command, parsed, plane_option, ray_options, real, sweeps, whole
+from workflows.shared.cli import command, plane_option, ray_options, real, several, sweeps, whole
 
 
-def parse_omegas(texts):
-    """Return the RotationNumbers in increasing order; ValueError for rational or equal ones."""
-    from nasm.numbers import NAMES, RotationNumber, parse
+def parse_omega(text):
+    """Return the RotationNumber of a text; ValueError for a rational one."""
+    from nasm.numbers import RotationNumber, parse
 
-    omegas = {text: parse(text) for text in texts or NAMES}
-    for text, omega in omegas.items():
-        if omega.is_rational:
-            raise ValueError(
-                f"{text} is rational, and has no invariant circle that could break; write an "
-                f"irrational number with a periodic continued fraction, like "
-                f"{RotationNumber(omega.prefix, (1,))}"
-            )
-    if len(set(map(float, omegas.values()))) < len(texts or NAMES):
-        raise ValueError("two rotation numbers are equal, or equal as floats")
-    return sorted(omegas.values(), key=float)
+    omega = parse(text)
+    if omega.is_rational:
+        raise ValueError(
+            f"{text} is rational, so that no invariant circle has it; write an irrational number "
+            f"with a periodic continued fraction, like {RotationNumber(omega.prefix, (1,))}"
+        )
+    return omega
+
+
+_OMEGA = "Irrational rotation number, 2gamma+1 or [1;4,(1)]; by default the paper's six."
 
 
 @command()
-@parsed(
-    "--omega",
-    None,
-    parse_omegas,
-    "OMEGA",
-    "Irrational rotation number, 2gamma+1 or [1;4,(1)]; may be repeated.  "
-    "[default: the paper's six]",
-    multiple=True,
-)
+@several("--omega", None, parse_omega, "rotation numbers", "OMEGA", _OMEGA)
 @plane_option
 @ray_options(361)
 @real("--tol", 1e-4, 1e-7, 0.1, "Error of the continuation to aim at.")
@@ -52,6 +43,7 @@ def main(run, omega, plane, angles, tips, tol, q_max):
     from workflows.shared import rays
 
     angles = rays.ray_angles(plane, angles, tips)
+    omega = list(omega.values()) or rays.PAPER_CIRCLES
     wanted = (
         breakdown.by_continuation(plane, omega, angles, tol),
         breakdown.by_residue(plane, omega, angles, q_max),

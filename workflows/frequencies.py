@@ -14,7 +14,7 @@ from fractions import Fraction
 
 import click
 
-from workflows.shared.cli import command, parsed, real, sweeps, whole
+from workflows.shared.cli import command, fraction, real, several, sweeps, whole
 
 IRRATIONAL = (
     "0.11603574565909282",
@@ -33,44 +33,32 @@ IRRATIONAL = (
 ALSO = "4/25", "12/29", "8/21", "13/34"
 
 
-def parse_irrational(texts):
-    """Return floats from 0 to 1/2 in increasing order, none near a fraction p/q with q ≤ 64."""
-    numbers = sorted(map(float, texts))
-    for number in numbers:
-        near = Fraction(number).limit_denominator(64) if 0 < number < 0.5 else Fraction(number)
-        if abs(near - number) < 1e-8:
-            raise ValueError(
-                f"{number} must be between 0 and 1/2, and not next to a fraction like {near}; "
-                "fractions go to --also"
-            )
-    if len(set(numbers)) < len(numbers):
-        raise ValueError("two irrational frequencies are equal")
-    return numbers
+def parse_irrational(text):
+    """Return a float from 0 to 1/2 that is not near a fraction p/q with q ≤ 64."""
+    number = float(text)
+    near = Fraction(number).limit_denominator(64) if 0 < number < 0.5 else Fraction(number)
+    if abs(near - number) < 1e-8:
+        raise ValueError(
+            f"{number} must be between 0 and 1/2, and not next to a fraction like {near}; "
+            "fractions go to --also"
+        )
+    return number
 
 
-def parse_fractions(texts):
-    """Return Fractions from 0 to 1/2 with denominators from 2 to 64."""
-    fractions = set()
-    for text in texts:
-        try:
-            fractions.add(Fraction(text))
-        except (ValueError, ZeroDivisionError):
-            fractions.add(Fraction())
-        if not all(0 < Ω <= Fraction(1, 2) and Ω.denominator <= 64 for Ω in fractions):
-            raise ValueError(f"{text!r} must be a fraction from 1/64 to 1/2, like 8/21")
-    return fractions
+def parse_fraction(text):
+    """Return a Fraction from 1/64 to 1/2 with a denominator up to 64."""
+    number = fraction(text)
+    if number is None or not 0 < number <= Fraction(1, 2) or number.denominator > 64:
+        raise ValueError(f"{text!r} must be a fraction from 1/64 to 1/2, like 8/21")
+    return number
 
 
 @command()
 @whole("--q-max", 10, 2, 64, "Fractions p/q with q up to this one; 34 takes one to two CPU hours.")
-@parsed("--also", ALSO, parse_fractions, "P/Q", "Further fractions. May be repeated.", True)
-@parsed(
-    "--irrational",
-    IRRATIONAL,
-    parse_irrational,
-    "OMEGA",
-    "Irrational frequencies, from 0 to 1/2. May be repeated.",
-    True,
+@several("--also", ALSO, parse_fraction, "fractions", "P/Q", "Further fractions.")
+@several(
+    *("--irrational", IRRATIONAL, parse_irrational, "irrational frequencies", "OMEGA"),
+    "Irrational frequencies, from 0 to 1/2.",
 )
 @whole("--phases", 8, 2, 1000, "Phases from 0 to 1/2q of each fraction.")
 @real("--angle", 45.0, 0, 180, "Ray (κ̄, Δκ) = s·(cos, sin), in degrees.")
@@ -84,6 +72,7 @@ def main(run, q_max, also, irrational, phases, angle, quick):
     from pipeline.cubes import frequencies
     from workflows.figures.frequencies import draw_frequencies
 
+    also, irrational = set(also.values()), list(irrational.values())
     if quick:
         q_max, also, phases, irrational = min(q_max, 5), set(), min(phases, 3), irrational[-2:-1]
     inner = {Fraction(p, q) for q in range(2, q_max + 1) for p in range(1, q // 2 + 1)}

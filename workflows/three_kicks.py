@@ -9,28 +9,27 @@ in reverse; for φ0 + 1/2 and -Δκ; and for -κ̄ and -Δκ. So all phases are 
 both signs of Δκ; at 1/12 these are alike. In between the kicks have no symmetry centre.
 """
 
-from fractions import Fraction
-
-from workflows.shared.cli import command, full_option, parsed, ray_options, real, sweeps
+from workflows.shared.cli import (
+    command,
+    fraction,
+    full_option,
+    parsed,
+    ray_options,
+    real,
+    several,
+    sweeps,
+)
 
 PHASES = ("0", "1/24", "1/12")
 MANY = ("0", "1/60", "1/30", "1/20", "1/15", "1/12")
 
 
-def parse_phases(texts):
-    """Return the texts of fractions from 0 to below 1 in increasing order, no two equal."""
-    phases = {}
-    for text in texts:
-        try:
-            phase = Fraction(text)
-        except (ValueError, ZeroDivisionError):
-            phase = -1
-        if not 0 <= phase < 1:
-            raise ValueError(f"{text!r} must be a fraction from 0 to below 1, like 1/24")
-        if phase in phases:
-            raise ValueError(f"two phases are equal: {text} and {phases[phase]}")
-        phases[phase] = text
-    return [phases[phase] for phase in sorted(phases)]
+def parse_phase(text):
+    """Return a Fraction from 0 to below 1."""
+    phase = fraction(text)
+    if phase is None or not 0 <= phase < 1:
+        raise ValueError(f"{text!r} must be a fraction from 0 to below 1, like 1/24")
+    return phase
 
 
 def parse_frequency(text):
@@ -42,14 +41,7 @@ def parse_frequency(text):
 
 @command()
 @parsed("--frequency", "1/3", parse_frequency, "FRACTION", "Frequency Ω, p/q with q up to 64.")
-@parsed(
-    "--phase",
-    PHASES,
-    parse_phases,
-    "FRACTION",
-    "Phase φ0 of the forcing, in turns. May be repeated.",
-    multiple=True,
-)
+@several("--phase", PHASES, parse_phase, "phases", "FRACTION", "Phase φ0 of the forcing, in turns.")
 @ray_options(31)
 @full_option("most of an hour of CPU time", angles=61, phase=MANY)
 @real("--tol", 1e-3, 1e-5, 0.1, "Width of the bracket to aim at, in parts of the scale.")

@@ -77,7 +77,7 @@ def forcing_asked(strengths, plane, files):
     return forcing(plane.forcing(*strengths)), (plane, strengths)
 
 
-def portrait_of(kappa, place, verdict, escaping):
+def portrait_of(kappa, point, verdict, escaping):
     """Return what `draw_verdict` takes: orbits, and the circle, or the start that lives longest."""
     from nasm import barriers, orbits
     from nasm.verdict import Answer
@@ -89,8 +89,8 @@ def portrait_of(kappa, place, verdict, escaping):
         longest = (steps, *orbits.orbit(kappa, x, y, int(min(steps, _TRACED))))
     return {
         "kappa": kappa,
-        "place": place,
-        "name": name_of(kappa, place),
+        "point": point,
+        "name": name_of(kappa, point),
         "answer": verdict.answer.value,
         "orbits": portrait(kappa),
         "omega": str(boundary.omega or ""),
@@ -118,10 +118,10 @@ def direct_iteration(verdict, escaping):
     return ["Direct iteration: no orbit was found that escapes; that shows nothing."]
 
 
-def asked_of_period(place, prove, strengths):
+def asked_of_period(point, prove, strengths):
     """Return the verdict on one period of kicks in words, and a function that draws its figure.
 
-    place : (Plane, its two coordinates), or None. prove : bool. ValueError if the period is long.
+    point : (Plane, its two coordinates), or None. prove : bool. ValueError if the period is long.
     """
     from nasm.verdict import Answer, verdict
 
@@ -129,8 +129,8 @@ def asked_of_period(place, prove, strengths):
     transport = found.answer is Answer.TRANSPORT
     far = not found.boundary.value > _NEAR  # NaN: not known to be near
     escaping = escaping_orbit(strengths) if transport and far else None
-    told = sentences(strengths, place, found) + direct_iteration(found, escaping)
-    return "\n".join(told), partial(_drawn, strengths, place, found, escaping)
+    told = sentences(strengths, point, found) + direct_iteration(found, escaping)
+    return "\n".join(told), partial(_drawn, strengths, point, found, escaping)
 
 
 def _drawn(*asked):
@@ -168,7 +168,7 @@ def main(kappa, plane, sequence, once, prove, pdf, out):
     """
     files = {name: path for name, path in (("--sequence", sequence), ("--once", once)) if path}
     try:
-        strengths, place = forcing_asked(kappa, plane, files)
+        strengths, point = forcing_asked(kappa, plane, files)
         if once and prove:
             raise ValueError("--prove needs kicks that repeat; nothing is proved with --once")
         os.makedirs(out, exist_ok=True)
@@ -180,7 +180,7 @@ def main(kappa, plane, sequence, once, prove, pdf, out):
     if once:
         from workflows.ask.once import asked_once as asked_one
     else:
-        asked_one = partial(asked_of_period, place, prove)
+        asked_one = partial(asked_of_period, point, prove)
     try:
         told, draw = asked_one(strengths)
     except ValueError as error:

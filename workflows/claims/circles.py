@@ -8,7 +8,7 @@ from nasm import circles
 from nasm.circles import fourier, parameterization
 from nasm.maps import kick, step, step_tangent
 from nasm.numbers import moebius, parse
-from workflows.claims.map import largest
+from workflows.claims.map import apart
 from workflows.claims.rules import graded, identity, rounding
 
 _KAPPA = (0.4, 0.2)
@@ -113,13 +113,15 @@ def _symmetries():
     both = circles.symmetries.alternate(negated)
 
     def half_turn(kappa, x, y):
-        x_after, y_after = kick(-kappa[0], x, y)
-        return np.subtract(kick(kappa[0], x - 0.5, y), (x_after - 0.5, y_after))
+        x, y = kick(-kappa[0], x, y)
+        return x - 0.5, y
 
     def rescaled(kappa, x, y):
-        x_after, y_after = kick(2 * kappa[0], x, 2 * y)
-        return np.subtract(step((kappa[0], 0), x, y), (x_after, y_after / 2))
+        x, y = kick(2 * kappa[0], x, 2 * y)
+        return x, y / 2
 
+    turned = apart(lambda kappa, x, y: kick(kappa[0], x - 0.5, y), half_turn)
+    single_kick = apart(lambda kappa, x, y: step((kappa[0], 0), x, y), rescaled)
     return {
         "associated": _carried(
             (negated, gamma, (-0.4, -0.2)),
@@ -127,9 +129,9 @@ def _symmetries():
             (both, one_less, (-0.4, 0.2)),
         ),
         "mapsquare": _carried((double, two_gamma, (0.5, 0.5))),
-        "stdsymmetry": identity(largest(half_turn), rounding(1)),
+        "stdsymmetry": identity(turned, rounding(1)),
         "circ_symmetry": _carried((opposite, moebius(two_gamma, 1, 1), (-0.5, 0.5))),
-        "rescaled": identity(largest(rescaled), rounding(2)),
+        "rescaled": identity(single_kick, rounding(2)),
         "single_kick": _carried(
             (single, gamma, (0.25, 0)), (circles.symmetries.shift(single), gamma, (0, 0.25))
         ),

@@ -6,10 +6,10 @@ kicks by phase, with their `ratio` to two kicks, and `ratio_lower`, of lower to 
 
 import numpy as np
 
-from nasm.maps import forcing, rotating_forcing, step
+from nasm.maps import rotating_forcing, step
 from nasm.planes import two_kicks
 from nasm.symmetries import ray
-from workflows.claims.map import largest
+from workflows.claims.map import apart
 from workflows.claims.rules import graded, identity, rounding
 
 
@@ -65,17 +65,15 @@ def hull_claims(circles, barrier):
 def _rotating_map():
     random = np.random.default_rng(4)
 
-    def two_kicks(kappa, x, y):
+    def differences(kappa):
         mean, amplitude = kappa.mean(), (kappa[1] - kappa[0]) / 2
-        rotating = rotating_forcing(mean, amplitude, "1/2")
-        shifted = rotating_forcing(mean, -amplitude, "1/2")
-        return rotating - kappa, rotating - kappa[::-1], shifted - kappa
+        printed, other = (rotating_forcing(mean, a, "1/2") for a in (amplitude, -amplitude))
+        return printed - kappa, printed - kappa[::-1], other - kappa
 
-    off = np.abs([two_kicks(kappa, 0, 0) for kappa in random.uniform(-1, 1, (100, 2))]).max((0, 2))
-    constant = largest(
-        lambda kappa, x, y: np.subtract(
-            step(rotating_forcing(*kappa, "1/2", 0.25), x, y), step(forcing([kappa[0]] * 2), x, y)
-        )
+    off = np.abs([differences(kappa) for kappa in random.uniform(-1, 1, (100, 2))]).max((0, 2))
+    constant = apart(
+        lambda kappa, *z: step(rotating_forcing(*kappa, "1/2", 0.25), *z),
+        lambda kappa, *z: step(kappa[[0, 0]], *z),
     )
     text = (
         f"strengths off by {off[0]:.2g} as printed; they are those of T_κ2κ1 to {off[1]:.0e}, and "

@@ -10,16 +10,21 @@ from nasm.maps import TWO_PI, kick, step, step_tangent, twist, unkick
 from nasm.orbits import orbit
 from workflows.claims.rules import graded, identity, rounding
 
-_STEPS = 3
+STEPS = 3  # after which orbits are compared
 
 
-def largest(difference, n_forcings=50, n_points=100):
-    """Find the largest |difference(kappa, x, y)| over random forcings and points."""
+def largest(difference, n_points=100):
+    """Find the largest |difference(kappa, x, y)| over 50 random forcings and n_points points."""
     random, worst = np.random.default_rng(1), 0.0
-    for kappa in random.uniform(-2, 2, (n_forcings, 2)):
+    for kappa in random.uniform(-2, 2, (50, 2)):
         x, y = random.uniform(-1, 1, (2, n_points))
         worst = np.maximum(worst, np.abs(difference(kappa, x, y)).max())
     return float(worst)
+
+
+def apart(left, right, n_points=100):
+    """Find the largest difference of two functions of (kappa, x, y), as `largest`."""
+    return largest(lambda *z: np.subtract(left(*z), right(*z)), n_points)
 
 
 def closed_form(kappa, x, y):
@@ -29,31 +34,36 @@ def closed_form(kappa, x, y):
     return np.stack([first + second, second])
 
 
+def both_kicks(kappa, x, y):
+    """Compute S_κ2∘S_κ1."""
+    return np.stack(kick(kappa[1], *kick(kappa[0], x, y)))
+
+
+def iterated(kappa, x, y):
+    """Return x and y after STEPS steps."""
+    return np.stack([values[-1] for values in orbit(kappa, x, y, STEPS)])
+
+
 def map_claims():
     """Judge Sec. II: {name of the claim: (value, verdict)}, as all `…_claims` do."""
 
-    def composition(kappa, x, y):
+    def as_printed(kappa, x, y):
         f1, f2 = closed_form(kappa, x, y)
-        return np.subtract((x + 2 * y + f1, y + f2), kick(kappa[1], *kick(kappa[0], x, y)))
+        return x + 2 * y + f1, y + f2
 
-    def conjugation(kappa, x, y):
-        after = [values[-1] for values in orbit(kappa, *kick(kappa[1], x, y), _STEPS)]
-        swapped = [values[-1] for values in orbit(kappa[::-1], x, y, _STEPS)]
-        return np.subtract(unkick(kappa[1], *after), swapped)
+    def conjugated(kappa, x, y):
+        return unkick(kappa[1], *iterated(kappa, *kick(kappa[1], x, y)))
 
-    def inverse(kappa, x, y):
-        return np.subtract(unkick(kappa[0], *kick(kappa[0], x, y)), (x, y))
+    def kicked_back(kappa, x, y):
+        return unkick(kappa[0], *kick(kappa[0], x, y))
 
     def printed_twist(kappa, x, y):
         angle = TWO_PI * (x + y + kappa[0] / TWO_PI * np.sin(TWO_PI * x))
-        return 2 + kappa[1] * np.cos(angle) - twist(kappa, x, y)
+        return 2 + kappa[1] * np.cos(angle)
 
-    def area(kappa, x, y):
-        tangent = step_tangent(kappa, x, y)
-        return tangent[0, 0] * tangent[1, 1] - tangent[0, 1] * tangent[1, 0] - 1
-
-    def generated(kappa, x, y):
-        return path_integral(kappa, x, y) - generating_function(kappa, x, y)
+    def growth_of_area(kappa, x, y):
+        (a, b), (c, d) = step_tangent(kappa, x, y)
+        return a * d - b * c - 1
 
     even = orbit((0.35, 0.5), 0.0, 0.55, 10_000)  # of Fig. 1(d)
     odd, _ = kick(0.35, *even)
@@ -62,22 +72,21 @@ def map_claims():
         f"10 000 even iterates stay within {away[0]:.2f} of x = 0, odd ones within {away[1]:.2f} "
         "of x = ½"
     )
-    theta = np.arange(256) / 256
-    cylinder = np.meshgrid(theta, theta)
+    cylinder = np.meshgrid(np.arange(256) / 256, np.arange(256) / 256)
     inside, outside = (
         min(twist((kappa1, kappa2), *cylinder).min() for kappa1 in (-1.9, 0.3, 1.0))
         for kappa2 in (1.99, 2.01)
     )
+    least_twist = f"least ∂x'/∂y {inside:.3g} at κ2 = 1.99, {outside:.3g} at 2.01"
+    swapped = apart(conjugated, lambda kappa, *z: iterated(kappa[::-1], *z))
     return {
-        "composition": identity(largest(composition), rounding(2)),
-        "conjugation": identity(largest(conjugation), rounding(2 * _STEPS + 2)),
-        "inverse": identity(largest(inverse), rounding(2)),
-        "twist": identity(largest(printed_twist), rounding(3)),
-        "twist_region": graded(
-            f"least ∂x'/∂y {inside:.3g} at κ2 = 1.99, {outside:.3g} at 2.01", inside > 0 > outside
-        ),
-        "area": identity(largest(area), rounding(3)),
-        "exact": identity(largest(generated, n_points=10), 1e-12),
+        "composition": identity(apart(as_printed, both_kicks), rounding(2)),
+        "conjugation": identity(swapped, rounding(2 * STEPS + 2)),
+        "inverse": identity(apart(kicked_back, lambda kappa, *z: z), rounding(2)),
+        "twist": identity(apart(printed_twist, twist), rounding(3)),
+        "twist_region": graded(least_twist, inside > 0 > outside),
+        "area": identity(largest(growth_of_area), rounding(3)),
+        "exact": identity(apart(path_integral, generating_function, 10), 1e-12),
         "alternation": graded(alternation, max(away) < 0.25),
     }
 

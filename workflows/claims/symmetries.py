@@ -7,11 +7,10 @@ period.
 import numpy as np
 
 from nasm.maps import kick, unkick
-from nasm.orbits import orbit, rotation_number
-from workflows.claims.map import closed_form, largest
+from nasm.orbits import rotation_number
+from workflows.claims.map import STEPS, apart, closed_form, iterated
 from workflows.claims.rules import graded, identity, rounding
 
-_STEPS = 3
 _CIRCLE = 1e-10  # of a rotation number after 10 000 steps
 
 # Image (κ', x', y'), and its orbit after n steps.
@@ -55,7 +54,7 @@ def symmetry_claims():
     for name, (sign, image) in _F_SYMMETRIES.items():
         found[name] = identity(_deviation_of_f(sign, image), rounding(2))
     for name, (image, expected) in _SYMMETRIES.items():
-        found[name] = identity(_deviation_of_orbits(image, expected), rounding(2 * _STEPS + 1))
+        found[name] = identity(_deviation_of_orbits(image, expected), rounding(2 * STEPS + 1))
     before = omega(*ROBUST)
     for name, (symmetry, expected) in _ROTATIONS.items():
         off = omega(*_SYMMETRIES[symmetry][0](*ROBUST)) - expected(before)
@@ -69,14 +68,11 @@ def symmetry_claims():
 
 
 def _deviation_of_f(sign, image):
-    return largest(lambda *z: closed_form(*image(*z)) - sign * closed_form(*z))
+    return apart(lambda *z: closed_form(*image(*z)), lambda *z: sign * closed_form(*z))
 
 
 def _deviation_of_orbits(image, expected):
-    def after(kappa, x, y):
-        return np.stack([values[-1] for values in orbit(kappa, x, y, _STEPS)])
-
-    return largest(lambda *z: after(*image(*z)) - expected(_STEPS, *after(*z)))
+    return apart(lambda *z: iterated(*image(*z)), lambda *z: expected(STEPS, *iterated(*z)))
 
 
 def ome5_deviations():

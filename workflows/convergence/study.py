@@ -7,7 +7,7 @@ from nasm import barriers, circles, periodic
 from nasm.converse_kam import symmetry_line
 from nasm.symmetries import ray
 from workflows.shared.direct import exponent
-from workflows.shared.tables import ANGLE, described, listed
+from workflows.shared.tables import ANGLE, dataset, listed
 
 ANGLES = (0.0, 20.0, 40.0, 45.0)
 
@@ -39,21 +39,19 @@ def on_the_diagonal(bias, critical):
         if np.isfinite(eta):
             power_law[half] *= np.exp(np.nanmean(offset[half]))
     eta, error = np.transpose(fits)
-    return xr.Dataset(
+    return dataset(
+        "Convergence of direct iteration at the cusp of the horn",
+        {"n": (n, "steps N"), "half": listed("half", "small N", "large N")},
         {
-            "distance": ("n", distance, described("κ_N - κ_c on the diagonal (κ, κ)")),
-            "fit": ("n", power_law, described("C N^(-1/η), of its half")),
-            "upper_half": ("n", upper.astype("int8"), described("whether N is in the upper half")),
-            "eta": ("half", eta, described("η of κ_N - κ_c ~ N^(-1/η)")),
-            "eta_error": ("half", error, described("standard error of η")),
+            "distance": ("n", distance, "κ_N - κ_c on the diagonal (κ, κ)"),
+            "fit": ("n", power_law, "C N^(-1/η), of its half"),
+            "upper_half": ("n", upper.astype("int8"), "whether N is in the upper half"),
+            "eta": ("half", eta, "η of κ_N - κ_c ~ N^(-1/η)"),
+            "eta_error": ("half", error, "standard error of η"),
         },
-        {"n": ("n", n, described("steps N")), "half": listed("half", "small N", "large N")},
-        {
-            "title": "Convergence of direct iteration at the cusp of the horn",
-            "critical": float(kappa_c),
-            "n_orbits": int(bias.ensemble[-1]),
-            "source": "arXiv:1606.04824, Fig. 7",
-        },
+        critical=float(kappa_c),
+        n_orbits=int(bias.ensemble[-1]),
+        source="arXiv:1606.04824, Fig. 7",
     )
 
 
@@ -61,12 +59,11 @@ def other_methods(breakups, quick):
     """Measure the errors of the other methods: a Dataset with dims angle and steps, q or modes."""
     steps = 10 ** np.arange(2, 5 if quick else 6)
     modes = 2 ** np.arange(7, 11 if quick else 14)
-    error = described("error in parts of the breakup")
-    rows = []
-    coords = {
-        "steps": ("steps", steps, described("steps N")),
-        "modes": ("modes", modes, described("grid points n")),
-    }
+    title, words = (
+        "Convergence of converse KAM, residues and circles",
+        "error in parts of the breakup",
+    )
+    rows, coords = [], {"steps": (steps, "steps N"), "modes": (modes, "grid points n")}
     for angle, best in breakups.items():
         found = [symmetry_line.critical_scale(ray(angle), int(n)) for n in steps]
         raw = [scale.upper / best.value - 1 for scale in found]
@@ -74,16 +71,14 @@ def other_methods(breakups, quick):
         q, scales = periodic.crossings(best.omega, ray(angle), 2000 if quick else 20_000)
         last = [_last_certified(best, ray(angle), int(n)) / best.value for n in modes]
         row = {
-            "cones_raw": ("steps", raw, error),
-            "cones_corrected": ("steps", corrected, error),
-            "residue": ("q", np.abs(scales / best.value - 1), error),
-            "circles_raw": ("modes", 1 - np.array(last), error),
+            "cones_raw": ("steps", raw, words),
+            "cones_corrected": ("steps", corrected, words),
+            "residue": ("q", np.abs(scales / best.value - 1), words),
+            "circles_raw": ("modes", 1 - np.array(last), words),
         }
-        periods = "q", q.astype(int), described("period")
-        rows.append(xr.Dataset(row, coords | {"q": periods}))
+        rows.append(dataset(title, coords | {"q": (q.astype(int), "period")}, row))
     angles = xr.DataArray(list(breakups), dims="angle", name="angle", attrs=ANGLE)
-    title = "Convergence of converse KAM, residues and circles"
-    return xr.concat(rows, angles, join="outer").assign_attrs(title=title)
+    return xr.concat(rows, angles, join="outer")
 
 
 def _last_certified(best, profile, n):

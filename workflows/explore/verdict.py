@@ -19,13 +19,13 @@ def panel(state, work):
     lane = work.latest("verdict")
 
     def ask():
-        place = state.plane, state.point
+        point = state.plane, state.point
         told.text = _html(["computing the verdict …"])
         state.judge(None)
-        lane.submit(_judged, work.client, state.kappa, done=lambda found: show(place, *found))
+        lane.submit(_judged, work.client, state.kappa, done=lambda found: show(point, *found))
 
-    def show(place, found, seconds):
-        words = sentences(state.kappa, place, found)
+    def show(point, found, seconds):
+        words = sentences(state.kappa, point, found)
         told.text = _html([*words, f"This took {seconds:.2f} s."])
         state.judge(found)
 

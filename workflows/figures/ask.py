@@ -11,17 +11,19 @@ from workflows.figures.planes import symbols
 from workflows.figures.style import COLOURS, COLUMN, VERMILION, cell, circle_style, dots, in_column
 
 _ESCAPING, _BREAKUP = VERMILION, COLOURS[0]
+_PLAIN = {"frameon": False, "fontsize": "small"}  # legends
 
 
 def draw_verdict(portrait):
-    """Draw a phase portrait with the circle that is a barrier, or the start that lives longest and
-    is none, an orbit that escapes, and the forcing in the plane.
+    """Draw a phase portrait with what decides the verdict, and the forcing in its plane.
 
-    portrait : mapping of kappa, the strengths; place, (Plane, its two coordinates) or None; name,
-    the forcing in words; answer, a word; x, y, arrays (step, orbit), and rotation, the ω of each
-    orbit, NaN if chaotic; omega, text, "" if unknown; circle, (x, y) or None; longest, (steps, x,
-    y) of the orbit of the start that lives longest, or None; escaping, (x, y) of an orbit or None;
-    bracket, (lower, value, upper) of the breakup in parts of the forcing.
+    That is the circle that is a barrier, or the start that lives longest and an orbit that escapes.
+
+    portrait : mapping of kappa, the strengths; point, (Plane, its two coordinates) or None; name,
+    the forcing in words; answer, a word; orbits, Dataset by `phase_space.portrait`; omega, text, ""
+    if unknown; circle, (x, y) or None; longest, (steps, x, y) of the orbit of the start that lives
+    longest, or None; escaping, (x, y) of an orbit or None; bracket, (lower, value, upper) of the
+    breakup in parts of the forcing.
     """
     if in_column():
         figure = Figure(figsize=(COLUMN, 2.2 * COLUMN), layout="constrained")
@@ -54,9 +56,9 @@ def draw_verdict(portrait):
     axes.set(xlim=(0, 1), ylim=(-0.25, 0.75), xlabel="$x$ (turns)", ylabel="$y$ (mod 1)")
     axes.set_aspect("equal")
     if axes.get_legend_handles_labels()[0]:
-        small = {"frameon": False, "fontsize": "small", "handletextpad": 0.2, "borderpad": 0.1}
-        axes.legend(loc="lower right", bbox_to_anchor=(1.02, 1), **small)
-    name, plane = portrait["name"], portrait["place"] and portrait["place"][0]
+        tight = {"handletextpad": 0.2, "borderpad": 0.1}
+        axes.legend(loc="lower right", bbox_to_anchor=(1.02, 1), **_PLAIN, **tight)
+    name, plane = portrait["name"], portrait["point"] and portrait["point"][0]
     if plane and not any(plane.origin):
         _locate(where, portrait)
     else:
@@ -73,38 +75,33 @@ def _draw_circle(axes, x, y, **style):
     x, y = x[::stride] % 1, cell(y[::stride])
     order = np.argsort(x)
     x, y = x[order], y[order]
-    # One point more at each end, so that the period is covered from 0 to 1.
-    # In front of all orbits.
+    # One point more at each end, so that the period is covered; in front of all orbits.
     axes.plot(np.r_[x[-1] - 1, x, x[0] + 1], np.r_[y[-1], y, y[0]], zorder=3, **style)
 
 
 def _draw_heights(axes, portrait):
     """Draw ω of the portrait's orbits by the height that they start at."""
     y, omega = portrait["orbits"].start_y, portrait["orbits"].near
-    for line, colour, words in ((0, "#0072B2", "0"), (1, "#D55E00", "1/2")):
+    for line, colour, words in ((0, COLOURS[0], "0"), (1, VERMILION, "1/2")):
         axes.plot(y[line::2], omega[line::2], ".", color=colour, label=f"from $x = {words}$")
-    axes.set(xlabel="$y$ of the start", ylabel=r"$\omega$, none if chaotic", xlim=(0, 1))
+    axes.set(xlabel="$y$ of the start", ylabel=r"$\omega$, if regular", xlim=(0, 1))
     axes.legend(fontsize="x-small")
 
 
 def _locate(axes, portrait):
     """Draw the forcing in the plane, the ray through it, and the breakup with its bracket."""
-    plane, point = portrait["place"][0], np.array(portrait["place"][1], float)
-    ends = [end if np.isfinite(end) else np.nan for end in portrait["bracket"]]
-    reach = 1.15 * max(np.abs(point).max() * np.nanmax([1.0, *ends]), 1e-300)
-    far = reach * point / max(np.abs(point).max(), 1e-300)
+    (plane, point), bracket = portrait["point"], np.array(portrait["bracket"], float)
+    lower, value, upper = ends = np.where(np.isfinite(bracket), bracket, np.nan)
+    size = max(np.abs(point).max(), 1e-300)
+    reach = 1.15 * size * np.nanmax([1.0, *ends])
+    far = reach * np.array(point) / size
     axes.plot(*np.transpose([-far, far]), ":", color="0.5", lw=0.8)
-    lower, value, upper = ends
     axes.plot(*np.outer(point, [lower, upper]), color=_BREAKUP, lw=3, solid_capstyle="butt")
-    style = {"color": _BREAKUP, "mfc": "none", "label": "breakup of the last circle"}
-    axes.plot(*(value * point), "o", ms=11, **style)
-    axes.plot(*point, "*", color="black", ms=9, label="the forcing")
-    axes.axhline(0, color="0.8", lw=0.6, zorder=0)
+    _mark(axes, point, value * np.array(point), 11)
     axes.axvline(0, color="0.8", lw=0.6, zorder=0)
     xlabel, ylabel = symbols(plane.axes)
     axes.set(xlabel=xlabel, ylabel=ylabel, aspect="equal")
     axes.set(xlim=(-reach, reach), ylim=(-reach, reach))
-    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1), fontsize="x-small", frameon=False)
 
 
 def _draw_kicks(axes, portrait):
@@ -112,14 +109,19 @@ def _draw_kicks(axes, portrait):
     kappa, value = portrait["kappa"], portrait["bracket"][1]
     n = np.arange(kappa.size)
     axes.vlines(n, 0, kappa, color="black", lw=1)
-    axes.plot(n, kappa, "*", color="black", ms=9, label="the forcing")
-    if np.isfinite(value):
-        style = {"color": _BREAKUP, "mfc": "none", "label": "breakup of the last circle"}
-        axes.plot(n, value * kappa, "o", **style)
-    axes.axhline(0, color="0.8", lw=0.6, zorder=0)
+    _mark(axes, (n, kappa), (n, value * kappa), 6)
     axes.set(xlabel="kick $n$", ylabel=r"$\kappa_n$")
     axes.xaxis.get_major_locator().set_params(integer=True)
-    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1), fontsize="x-small", frameon=False)
+
+
+def _mark(axes, forcing, breakup, size):
+    """Draw the forcing, and where on its ray the last circle breaks if that is known."""
+    known = np.isfinite(breakup).all()
+    words = "breakup of the last circle" if known else None
+    axes.plot(*breakup, "o", color=_BREAKUP, mfc="none", ms=size, label=words)
+    axes.plot(*forcing, "*", color="black", ms=9, label="the forcing")
+    axes.axhline(0, color="0.8", lw=0.6, zorder=0)
+    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1), **_PLAIN | {"fontsize": "x-small"})
 
 
 def draw_once(kappa, survivor, y, lives):

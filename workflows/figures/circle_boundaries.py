@@ -3,7 +3,15 @@
 import numpy as np
 
 from workflows.figures.planes import fill_inside, in_plane, label_plane, of_two_kicks, whole_of
-from workflows.figures.style import INSIDE, circle_style, in_column, known, omega_label, panels
+from workflows.figures.style import (
+    INSIDE,
+    circle_style,
+    in_column,
+    known,
+    legend_outside,
+    omega_label,
+    panels,
+)
 
 
 def draw_circle_boundaries(breakdown, residues, barrier):
@@ -25,8 +33,7 @@ def draw_circle_boundaries(breakdown, residues, barrier):
         tip.set_title("the tip at 45°", fontsize="small", pad=3)
         tip.tick_params(labelsize="x-small")
     axes.set_title(r"Breakup of circles: $\mathit{CB}_\omega$, and of the last one")
-    columns = 2 if in_column() else 3
-    figure.legend(loc="outside lower center", ncols=columns, fontsize="small")
+    legend_outside(figure, 3, 2)
     scales = ["critical_scale", "error"]  # by residues, where there are any
     best = residues[scales].load().fillna(sharp[scales].load())
     ratio = 100 * best.critical_scale / barrier.critical_scale
@@ -62,13 +69,11 @@ def draw_tips(residues, circles, barrier):
             axes.plot(points.kappa1[i], points.kappa2[i], **style)
         axes.plot(gaps.kappa1, gaps.kappa2, "x", color="black", ms=5, label="no answer on this ray")
         ends = sorted((sign * 0.7, sign * 1.0))
-        axes.set(xlim=ends, ylim=(0.7, 1.0), aspect="equal", xlabel=r"$\kappa_1$")
+        axes.set(xlim=ends, ylim=(0.7, 1.0), aspect="equal")
+        axes.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$")
         axes.set_xticks(sign * np.array([0.75, 0.8, 0.85, 0.9, 0.95][:: 2 if in_column() else 1]))
-        axes.set_ylabel(r"$\kappa_2$")
-    entries = tips[1].get_legend_handles_labels()
-    figure.legend(
-        *entries, loc="outside lower center", ncols=2 if in_column() else 4, fontsize="small"
-    )
+    handles, labels = tips[1].get_legend_handles_labels()
+    legend_outside(figure, 4, 2, handles=handles, labels=labels)
     figure.suptitle("The tips: lines by Greene's residue, points by continuation of circles")
     off = abs(circles.critical_scale / residues.critical_scale - 1)
     unanswered = sum(int(of.critical_scale.isnull().sum()) for of in (circles, residues))

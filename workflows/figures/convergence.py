@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.ticker import LogLocator
 
-from workflows.figures.style import colour_of, in_column, mark_gaps, names_of, panels, power
+from workflows.figures.style import colour_of, in_column, key, mark_gaps, names_of, panels, power
 
 
 def draw_convergence(bias, others, fits):
@@ -33,13 +33,8 @@ def draw_convergence(bias, others, fits):
     mark_gaps(direct, n, bias[-1].isnull().any("angle").values)
     mark_gaps(cones, others.steps.values, others.cones_raw.isnull().any("angle").values)
     mark_gaps(sharp, others.modes.values, others.circles_raw.isnull().any("angle").values)
-    for axes, mark, words in (
-        (cones, ".", "upper bound"),
-        (cones, "s", "corrected for $N$"),
-        (sharp, ".", "residue crossing, by $q$"),
-        (sharp, "^", "last certified circle, by $n$"),
-    ):
-        axes.plot([], [], mark, color="0.4", mfc="none" if mark in "s^" else None, label=words)
+    key(cones, {".": "upper bound", "s": "corrected for $N$"}, "s")
+    key(sharp, {".": "residue crossing, by $q$", "^": "last certified circle, by $n$"}, "^")
     bias_of = f"Bias of $M$ orbits over that of {count[-1]}"
     residues, periods = "Greene's residue, and certified circles", "period $q$, or grid points $n$"
     for axes, title, x, y in (

@@ -5,7 +5,15 @@ import numpy as np
 from matplotlib.colors import LogNorm
 
 from workflows.figures.planes import in_plane, label_plane
-from workflows.figures.style import COLOURS, COLUMN, VERMILION, in_column, panels, power
+from workflows.figures.style import (
+    COLOURS,
+    COLUMN,
+    VERMILION,
+    in_column,
+    legend_outside,
+    panels,
+    power,
+)
 
 # The paper's green triangles, red circles and blue squares, in colours that all can tell apart.
 _MARKS = list(zip("^osDv", [COLOURS[2], VERMILION, COLOURS[0], *COLOURS[4:6]], strict=True))
@@ -29,7 +37,7 @@ def draw_half_plane(boundary, barrier, insets):
     plane = above.subplots()
     _draw_boundaries(plane, boundary, barrier)
     plane.set_ylim(0, None)
-    above.legend(loc="outside lower center", ncols=2 if in_column() else 4)
+    legend_outside(above, 4, 2, fontsize=None)
     rows, columns = (2, 2) if in_column() else (1, 4)
     cells = below.subplots(rows, columns, sharex=True, sharey=True).ravel()
     norm = LogNorm(1, max(2.0, float(insets.visits.max())))

@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.colors import ListedColormap
 from matplotlib.patches import Patch
 
-from workflows.figures.style import COLOURS, in_column, panels
+from workflows.figures.style import COLOURS, legend_outside, panels
 
 _STATES = {
     "open": ("0.9", "open"),
@@ -35,8 +35,7 @@ def draw_proved_map(cube, barrier):
         axes.plot(sign1 * x, sign2 * y, color="black", lw=0.8)
     axes.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$", aspect="equal")
     patches = [Patch(color=colour, label=told) for colour, told in _STATES.values()]
-    columns = 1 if in_column() else 3
-    figure.legend(handles=patches, loc="outside upper center", ncols=columns, frameon=False)
+    legend_outside(figure, 3, 1, "upper", handles=patches, frameon=False, fontsize=None)
     return figure, _caption(cube, states, codes, barrier)
 
 

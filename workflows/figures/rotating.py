@@ -4,7 +4,7 @@ import numpy as np
 
 from workflows.figures.circle_boundaries import draw_circles
 from workflows.figures.stretches import where_above
-from workflows.figures.style import INSIDE, colour_of, in_column, panels, power
+from workflows.figures.style import INSIDE, colour_of, in_column, legend_outside, panels, power
 
 
 def draw_rotating_circles(circles, two, direct):
@@ -150,6 +150,5 @@ def _closed(x, y):
 
 def _finished(figure, axes):
     axes.set(xlabel=r"$\bar\kappa$", ylabel=r"$\Delta\kappa$", aspect="equal")
-    columns = 1 if in_column() else 2
-    figure.legend(loc="outside lower center", ncols=columns, fontsize="small")
+    legend_outside(figure, 2)
     return figure

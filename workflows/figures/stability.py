@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.ticker import NullFormatter
 
-from workflows.figures.style import COLOURS, line_of, names_of, panels
+from workflows.figures.style import COLOURS, key, line_of, names_of, panels
 
 _MARKERS = "osD^v"
 _METHODS = {
@@ -47,8 +47,7 @@ def draw_near_cusp(axes, study):
         _mark_silent(axes, study.delta[(here.status != 1).values] * 1.2**i, colour)
     axes.set(xscale="log", yscale="log", xlabel=r"$45° - \varphi$ (degrees)")
     axes.set(ylabel="relative error", title="Near the cusp")
-    for style, words in (("--", "claimed"), ("x", "no answer (on the axis)")):
-        axes.plot([], [], style, color="0.4", lw=1, label=words)
+    key(axes, {"--": "claimed", "x": "no answer (on the axis)"})
 
 
 def _mark_silent(axes, x, colour):
@@ -96,18 +95,17 @@ def _draw_fractions(axes, study):
         here, colour = study.isel(quotient=i), COLOURS[i]
         place = study.q * 1.08**i
         residues, norms = (here.isel(approach=m) for m in (0, 1))
-        style = {"color": colour, "ms": 4, "mfc": "none", "lw": 1}
-        axes.errorbar(place, norms.value, norms.error, fmt="s", **style)
+        style = {"fmt": "s", "ms": 4, "mfc": "none", "lw": 1}
+        axes.errorbar(place, norms.value, norms.error, color=colour, **style)
         axes.plot(place, residues.value, "o", color=colour, ms=5, label=f"$a = {quotient}$")
         axes.plot(place, here.lower, "_", color=colour)
-        silent = place[(residues.value.isnull() & norms.value.isnull()).values]
-        _mark_silent(axes, silent, colour)
+        silent = (residues.value.isnull() & norms.value.isnull()).values
+        _mark_silent(axes, place[silent], colour)
     marks = {"o": "residues", "s": "continuation", "_": "certified", "x": "no value (on the axis)"}
-    for mark, words in marks.items():
-        axes.plot([], [], mark, color="0.4", mfc="none" if mark == "s" else None, label=words)
+    key(axes, marks, "s")
     axes.axhline(study.attrs["golden"], color="0.5", lw=0.8, label="golden circle")
-    axes.set(xscale="log", ylim=(0, 3), xlabel="$q$ of the fraction")
-    axes.set_ylabel("breakup on $s(0.3, 0.2)$")
+    axes.set(xscale="log", ylim=(0, 3))
+    axes.set(xlabel="$q$ of the fraction", ylabel="breakup on $s(0.3, 0.2)$")
     axes.set_xticks(study.q.values, study.q.values)
     axes.xaxis.set_minor_formatter(NullFormatter())
     axes.set_title(r"Fractions in disguise, $[0;1,…,1,a,(1)]$")
@@ -124,8 +122,7 @@ def _draw_twist(axes, study):
         end = here.scale.where(here.twist < 1e-9).min()
         axes.axvline(float(end), color=colour, lw=0.8, ls="--")
     axes.set(yscale="log", xlabel="scale $s$", ylabel="steps")
-    for style, words in (("o", "converse KAM"), ("^", "escape"), ("--", "the twist ends")):
-        axes.plot([], [], style, color="0.4", ms=4, lw=0.8, label=words)
+    key(axes, {"o": "converse KAM", "^": "escape", "--": "the twist ends"})
     axes.set_title("Lives on the dominant line")
 
 
@@ -194,15 +191,9 @@ def _draw_tori(axes, study):
         axes.errorbar(place, here.value, here.error, fmt="s", mfc="none", lw=1, **style)
         axes.plot(place, here.lower, "^", label=name, **style)
         axes.plot(place, here.upper, "v", mfc="none", **style)
-        silent = place[here.lower.isnull().values]
-        _mark_silent(axes, silent, colour)
-    for mark, words in {
-        "^": "certified",
-        "v": "none left",
-        "s": "breakup",
-        "x": "no torus (on the axis)",
-    }.items():
-        axes.plot([], [], mark, color="0.4", mfc="none" if mark in "vs" else None, label=words)
+        _mark_silent(axes, place[here.lower.isnull().values], colour)
+    marks = {"^": "certified", "v": "no torus left", "s": "breakup", "x": "no torus (on the axis)"}
+    key(axes, marks, "vs")
     axes.set(xscale="log", xlabel=r"distance $\delta$ from the resonance", ylabel="scale $s$")
     axes.set(ylim=(0, None), title="Tori next to a resonance, on 45°")
 

@@ -89,6 +89,20 @@ def panels(rows, columns, width, height, **settings):
     return figure, list(axes.flat)
 
 
+def key(axes, marks, hollow=""):
+    """Add marks to the legend, {format of a line: words}; of these the markers `hollow` are so."""
+    for mark, words in marks.items():
+        inside = "none" if mark in hollow else None
+        axes.plot([], [], mark, color="0.4", mfc=inside, lw=1, label=words)
+
+
+def legend_outside(figure, columns, in_column_columns=1, where="lower", **style):
+    """Write the figure's legend below it, or above, in so many columns of entries."""
+    columns = in_column_columns if in_column() else columns
+    style = {"fontsize": "small", **style}
+    figure.legend(loc=f"outside {where} center", ncols=columns, **style)
+
+
 def save(figure, out, name, caption="", kinds=("png", "pdf")):
     """Write the figure as NAME.png and NAME.pdf, and its caption, if it has one, as NAME.txt.
 

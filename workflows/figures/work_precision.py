@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from workflows.figures.style import in_column, names_of, panels
+from workflows.figures.style import in_column, legend_outside, names_of, panels
 
 # Colour of a method, by how its name begins; its better answer is drawn filled, the other hollow.
 _METHOD_COLOURS = {
@@ -39,13 +39,10 @@ def draw_work_precision(data):
             better = any(word in name for word in _BETTER)
             if in_column() and not better:
                 continue
-            style = {"color": colour, "ls": "-" if better else "--", "lw": 1.2, "label": name}
-            style |= {
-                "marker": "o",
-                "ms": 3 if in_column() else 5,
-                "mfc": colour if better else "white",
-            }
-            axes.plot(here.cpu_seconds[method], np.maximum(here.error[method], 1e-16), **style)
+            form, inside = ("o-", colour) if better else ("o--", "white")
+            style = {"color": colour, "mfc": inside, "ms": 3 if in_column() else 5, "lw": 1.2}
+            error = np.maximum(here.error[method], 1e-16)
+            axes.plot(here.cpu_seconds[method], error, form, label=name, **style)
         axes.axhspan(1e-16, float(here.judge_error), color="0.9")
         axes.set(xscale="log", yscale="log", ylim=(1e-14, 2), xlabel="CPU time (s)")
         axes.set(ylabel="relative error")
@@ -53,10 +50,8 @@ def draw_work_precision(data):
         axes.text(0.97, 0.93, rf"$\varphi = {int(here.angle)}°$", va="top", **words)
         axes.text(0.97, 0.02, "grey: the judge's own error", fontsize="small", **words)
         axes.grid(lw=0.3)
-    entries = drawn[0].get_legend_handles_labels()
-    figure.legend(
-        *entries, loc="outside lower center", ncols=1 if in_column() else 4, fontsize="small"
-    )
+    handles, labels = drawn[0].get_legend_handles_labels()
+    legend_outside(figure, 4, handles=handles, labels=labels)
     if in_column():
         figure.set_figheight(figure.get_figheight() + 1.2)  # for the legend
         return figure

@@ -1,11 +1,10 @@
 """Orbits of T_{κ1κ2} and of the nonautonomous map, x and y mod 1, as labelled Datasets."""
 
 import numpy as np
-import xarray as xr
 
 from nasm import orbits
 from nasm.symmetries import alternate, negate
-from workflows.shared.tables import described, strengths
+from workflows.shared.tables import dataset, strengths
 
 _SOURCE = "arXiv:1606.04824, Sec."
 FORCING = (0.35, 0.5)
@@ -25,20 +24,21 @@ def nonautonomous_dataset(n_orbits, steps):
     x, y = np.stack([orbits.portrait(kappa, n_orbits, steps) for kappa in forcings], axis=1)
     kicked = orbits.kicked_orbit(FORCING, x[0, 0], y[0, 0], steps)
     island = orbits.kicked_orbit(FORCING, *ISLAND, steps)
-    return xr.Dataset(
+    return dataset(
+        "Orbits of T and of the nonautonomous map",
+        {
+            "forcing": (range(2), "forcing"),
+            "step": (range(steps + 1), "steps of two kicks"),
+            "kick": (range(steps + 1), "kicks of the first forcing"),
+            "orbit": (range(n_orbits), "orbit"),
+        },
         {
             **strengths("forcing", *forcings.T),
             **_points("", ("forcing", "step", "orbit"), x, y),
             **_points("kick_", ("kick", "orbit"), *kicked),
             **_points("island_", ("kick",), *island),
         },
-        {
-            "forcing": _numbered("forcing", 2),
-            "step": _numbered("step", steps + 1, "steps of two kicks"),
-            "kick": _numbered("kick", steps + 1, "kicks of the first forcing"),
-            "orbit": _numbered("orbit", n_orbits),
-        },
-        {"title": "Orbits of T and of the nonautonomous map", "source": f"{_SOURCE} II and Fig. 1"},
+        source=f"{_SOURCE} II and Fig. 1",
     )
 
 
@@ -64,29 +64,23 @@ def symmetric_dataset(n_orbits, steps):
     apart = marked - np.stack([points for _, *points in ideal], axis=1)
     apart = np.abs(apart - np.rint(apart)).max(axis=(0, 2, 3))
     words = "largest distance, mod 1, of marked orbits from the images of the first forcing's"
-    return xr.Dataset(
+    return dataset(
+        "Symmetric orbits of T",
+        {
+            "forcing": (range(4), "forcing"),
+            "step": (range(steps + 1), "steps of two kicks"),
+            "orbit": (range(n_orbits), "orbit"),
+            "marked": (range(len(MARKED)), "marked orbit"),
+        },
         {
             **strengths("forcing", *np.transpose([kappa for kappa, *_ in ideal])),
             **_points("", ("forcing", "step", "orbit"), *iterated(*(at[0] for at in starts))),
             **_points("marked_", ("forcing", "step", "marked"), *marked),
-            "difference": ("forcing", apart, described(words)),
+            "difference": ("forcing", apart, words),
         },
-        {
-            "forcing": _numbered("forcing", 4),
-            "step": _numbered("step", steps + 1, "steps of two kicks"),
-            "orbit": _numbered("orbit", n_orbits),
-            "marked": _numbered("marked", len(MARKED), "marked orbit"),
-        },
-        {"title": "Symmetric orbits of T", "source": f"{_SOURCE} III.A and Fig. 2"},
+        source=f"{_SOURCE} III.A and Fig. 2",
     )
 
 
-def _numbered(dim, n, words=None):
-    return dim, np.arange(n), described(words or dim)
-
-
 def _points(prefix, dims, x, y):
-    return {
-        f"{prefix}x": (dims, x % 1.0, described("x mod 1")),
-        f"{prefix}y": (dims, y % 1.0, described("y mod 1")),
-    }
+    return {f"{prefix}x": (dims, x % 1.0, "x mod 1"), f"{prefix}y": (dims, y % 1.0, "y mod 1")}

@@ -5,7 +5,6 @@ from concurrent.futures import ThreadPoolExecutor
 from fractions import Fraction
 
 import numpy as np
-import xarray as xr
 from scipy.signal import welch
 
 from nasm import circles, escape
@@ -14,7 +13,7 @@ from nasm.converse_kam import sequence
 from nasm.maps import TWO_PI, phased_kick, rotating_forcing
 from nasm.numbers import parse
 from nasm.self_consistent import evolve, momentum
-from workflows.shared.tables import described
+from workflows.shared.tables import dataset
 
 AMPLITUDE, BAND = 1e-4, 0.3 / TWO_PI  # of the wave and of y at the beginning
 _SEGMENT = 1024  # kicks whose spectra are averaged
@@ -39,53 +38,50 @@ def fields(couplings, particles, kicks):
     x, y = escape.ensemble(particles)
     y = BAND * (2 * y / 0.3 - 1)
 
-    def followed(coupling):
-        return evolve(x, y, coupling / particles, AMPLITUDE, kicks)
+    weights, window = couplings / particles, (-2 - BAND, 2 + BAND)
 
-    def escapes(run):
-        window = -2 - BAND, 2 + BAND
-        return sequence.escape_time(run.kappa, run.theta, x[:_SHOWN], y[:_SHOWN], window)
+    def followed(weight):
+        return evolve(x, y, weight, AMPLITUDE, kicks)
 
     with ThreadPoolExecutor(os.cpu_count()) as threads:
-        runs = list(threads.map(followed, couplings))
-    spectra = [welch(run.kappa[kicks // 2 :], nperseg=_SEGMENT, scaling="spectrum") for run in runs]
-    before = [momentum(y, coupling / particles, AMPLITUDE) for coupling in couplings]
-    after = [
-        momentum(run.y, coupling / particles, run.kappa[-1])
-        for run, coupling in zip(runs, couplings, strict=True)
+        runs = list(threads.map(followed, weights))
+    kappa, theta = [run.kappa for run in runs], np.unwrap([run.theta for run in runs], period=1)
+    frequency, spectra = welch(
+        np.array(kappa)[:, kicks // 2 :], nperseg=_SEGMENT, scaling="spectrum"
+    )
+    escapes = [
+        sequence.escape_time(run.kappa, run.theta, x[:_SHOWN], y[:_SHOWN], window) for run in runs
     ]
+    change = [
+        momentum(run.y, weight, run.kappa[-1]) - momentum(y, weight, AMPLITUDE)
+        for run, weight in zip(runs, weights, strict=True)
+    ]
+    from_phase = [(run.x[:_SHOWN] - run.phase) % 1 for run in runs]
     per_kick, per_particle = ("coupling", "kick"), ("coupling", "particle")
-    theta = np.unwrap([run.theta for run in runs], period=1)
-    from_phase = np.array([(run.x[:_SHOWN] - run.phase) % 1 for run in runs])
-    return xr.Dataset(
+    escaped = "kick after which the first particle is 2 further in y"
+    spectrum = "power of κ_n in the second half of the kicks"
+    return dataset(
+        "The self-consistent map",
         {
-            "kappa": (per_kick, np.array([run.kappa for run in runs]), described("strength κ_n")),
-            "theta": (per_kick, theta, described("phase θ_n on the lift, in turns")),
-            "spectrum": (
-                ("coupling", "frequency"),
-                np.array([power for _, power in spectra]),
-                described("power of κ_n in the second half of the kicks"),
-            ),
-            "x": (per_particle, from_phase, described("x - θ mod 1 after the last kick")),
-            "y": (per_particle, [run.y[:_SHOWN] for run in runs], described("y after it")),
-            "escape": (
-                "coupling",
-                [escapes(run).min() for run in runs],
-                described("kick after which the first particle is 2 further in y"),
-            ),
+            "coupling": (couplings, "Γ = Σγ, sum of the weights"),
+            "kick": (range(kicks), "kick n"),
+            "frequency": (frequency, "frequency in turns per kick"),
+            "particle": (range(min(particles, _SHOWN)), "particle"),
+        },
+        {
+            "kappa": (per_kick, kappa, "strength κ_n"),
+            "theta": (per_kick, theta, "phase θ_n on the lift, in turns"),
+            "spectrum": (("coupling", "frequency"), spectra, spectrum),
+            "x": (per_particle, from_phase, "x - θ mod 1 after the last kick"),
+            "y": (per_particle, [run.y[:_SHOWN] for run in runs], "y after it"),
+            "escape": ("coupling", np.min(escapes, axis=1), escaped),
             "momentum_change": (
                 "coupling",
-                np.abs(np.subtract(after, before)),
-                described("change of 2π Σγy + κ²/2, which is conserved"),
+                np.abs(change),
+                "change of 2π Σγy + κ²/2, which is conserved",
             ),
         },
-        {
-            "coupling": ("coupling", couplings, described("Γ = Σγ, sum of the weights")),
-            "kick": ("kick", np.arange(kicks), described("kick n")),
-            "frequency": ("frequency", spectra[0][0], described("frequency in turns per kick")),
-            "particle": ("particle", np.arange(min(particles, _SHOWN)), described("particle")),
-        },
-        {"title": "The self-consistent map", "source": "arXiv:1601.00942; nasm/self_consistent.py"},
+        source="arXiv:1601.00942; nasm/self_consistent.py",
     )
 
 
@@ -133,17 +129,19 @@ def verdicts(fields):
             }
         )
     variables = {
-        name: ("coupling", [row[name][0] for row in rows], described(words))
+        name: ("coupling", [row[name][0] for row in rows], words)
         for name, (_, words) in rows[0].items()
     }
-    for name, values in zip("xy", np.stack(orbits, axis=1), strict=True):
-        words = described(f"{name} of the longest-lived start's orbit, from the wave's")
-        variables[name] = ("coupling", "step"), values % 1, words
-    title = {"title": "Barriers in the recorded field", "source": "nasm/converse_kam/sequence.py"}
-    return xr.Dataset(
-        variables,
+    for name, values in zip("xy", np.stack(orbits, axis=1) % 1, strict=True):
+        words = f"{name} of the longest-lived start's orbit, from the wave's"
+        variables[name] = ("coupling", "step"), values, words
+    return dataset(
+        "Barriers in the recorded field",
         {"coupling": fields.coupling},
-        {**title, "asked": half // 2, "horizon": sequence.HORIZON},
+        variables,
+        source="nasm/converse_kam/sequence.py",
+        asked=half // 2,
+        horizon=sequence.HORIZON,
     )
 
 
@@ -172,20 +170,19 @@ def settling():
     denied = np.isfinite(sequence.elimination_time(kappa, 0.0, 0, *curves[0]))
     xs, ys = np.stack([*curves, (x, y)], axis=1)
     slopes = 1 + fourier.derivative(xs - angle)
-    dims = ("curve", "point")
-    constants = {"limit": LIMIT, "excess": EXCESS, "time": TIME, "asked": ASKED}
-    return xr.Dataset(
+    dims, life = ("curve", "point"), sequence.longest_lived(kappa, 0.0, ASKED)[2]
+    return dataset(
+        "An asymptotic circle",
+        {"point": (angle, "angle θ of the circle, in turns")},
         {
-            "x": (dims, xs, described("x on the lift")),
-            "y": (dims, ys, described("y")),
-            "denied": ("point", denied.astype("int8"), described("denied by converse KAM")),
-            "area": ("curve", np.mean(ys * slopes, axis=1), described("area below the curve")),
-            "kicks": (
-                (),
-                sequence.longest_lived(kappa, 0.0, ASKED)[2],
-                described(f"kicks that eliminate all starts on a line before kick {ASKED}"),
-            ),
+            "x": (dims, xs, "x on the lift"),
+            "y": (dims, ys, "y"),
+            "denied": ("point", denied.astype("int8"), "denied by converse KAM"),
+            "area": ("curve", np.mean(ys * slopes, axis=1), "area below the curve"),
+            "kicks": ((), life, f"kicks that eliminate all starts on a line before kick {ASKED}"),
         },
-        {"point": ("point", angle, described("angle θ of the circle, in turns"))},
-        {"title": "An asymptotic circle", **constants},
+        limit=LIMIT,
+        excess=EXCESS,
+        time=TIME,
+        asked=ASKED,
     )

@@ -1,13 +1,12 @@
 """Amplitudes of invariant circles, which Proposition 1 assumes to be below 1 (Sec. V.B)."""
 
 import numpy as np
-import xarray as xr
 
 from nasm import barriers, circles
 from nasm.circles import continuation, fourier
 from nasm.numbers import parse
 from nasm.symmetries import ray
-from workflows.shared.tables import ANGLE, described
+from workflows.shared.tables import ANGLE, dataset
 
 
 def amplitudes(quick):
@@ -33,19 +32,18 @@ def amplitudes(quick):
                 if circle.certified:
                     largest[i, j] = np.nanmax([largest[i, j], *_heights(omega, circle.u)])
     most = float(max(np.nanmax(last), np.nanmax(largest)))
-    at_last = described("amplitude of the last circle at 0.999 s_c")
-    at_others = described("largest amplitude of seven other circles")
-    return xr.Dataset(
+    return dataset(
+        "Amplitudes of invariant circles",
         {
-            "last": (("kick", "angle"), last, at_last),
-            "largest": (("angle", "part"), largest, at_others),
+            "kick": ([0, 1], "kick before which y is taken"),
+            "angle": (angles, ANGLE),
+            "part": (fractions, "scale over that of the last breakup"),
         },
         {
-            "kick": ("kick", [0, 1], described("kick before which y is taken")),
-            "angle": ("angle", angles, ANGLE),
-            "part": ("part", fractions, described("scale over that of the last breakup")),
+            "last": (("kick", "angle"), last, "amplitude of the last circle at 0.999 s_c"),
+            "largest": (("angle", "part"), largest, "largest amplitude of seven other circles"),
         },
-        {"title": "Amplitudes of invariant circles", "justified_exit": 1 + most},
+        justified_exit=1 + most,
     )
 
 

@@ -5,8 +5,11 @@ Heavy imports wait until the options are parsed, so that --help comes at once.
 
 import functools
 import sys
+from contextlib import suppress
+from fractions import Fraction
 from importlib import import_module
 from importlib.util import find_spec
+from itertools import pairwise
 from pathlib import Path
 
 import click
@@ -106,6 +109,30 @@ def parsed(name, default, parse, metavar, help, multiple=False):
     return click.option(*name.split(), default=default, callback=callback, **told)
 
 
+def several(name, default, read, what, metavar, help):
+    """Make an option that may be repeated: {text: the number that it spells}, in increasing order.
+
+    read : function of a text, which refuses it by ValueError. what : the numbers, of which no two
+    may be equal, in words.
+    """
+
+    def parse(texts):
+        numbers = sorted(((read(text), text) for text in texts), key=lambda pair: float(pair[0]))
+        for (number, text), (other, again) in pairwise(numbers):
+            if float(number) == float(other):
+                raise ValueError(f"two {what} are equal: {text} and {again}")
+        return {text: number for number, text in numbers}
+
+    return parsed(name, default, parse, metavar, f"{help} May be repeated.", multiple=True)
+
+
+def fraction(text):
+    """Return the Fraction that a text spells, None if it spells none."""
+    with suppress(ValueError, ZeroDivisionError):
+        return Fraction(text)
+    return None
+
+
 def axis(name, default, help):
     """Make an option LO:HI:N that gives a grid.Axis."""
 
@@ -182,13 +209,7 @@ def plane_options(kappa1, kappa2, n_max, n_orbits, tile, levels, precision):
     return together(
         axis("--kappa1 --first", kappa1, "First coordinate: lower end, upper end, cells."),
         axis("--kappa2 --second", kappa2, "Second coordinate, likewise."),
-        whole(
-            "--n-max",
-            n_max,
-            1,
-            10**12,
-            "Steps (periods of the forcing) up to which orbits are followed.",
-        ),
+        whole("--n-max", n_max, 1, 10**12, "Steps (periods of the forcing) of each orbit."),
         increasing("--n-orbits", str(n_orbits), 10**8, "Orbits; several: nested ensembles."),
         click.option(
             "--precision",

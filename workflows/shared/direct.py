@@ -13,7 +13,7 @@ from nasm.planes import plane_of, two_kicks
 from nasm.symmetries import ray
 from nasm.verdict import Answer, verdict
 from pipeline.cubes.escape import beyond, steps_beyond
-from workflows.shared.tables import ANGLE, described, strengths
+from workflows.shared.tables import ANGLE, dataset, described, strengths
 
 INSETS = ((0.526, 0.69), (0.526, 0.73), (-0.69, 0.525), (-0.73, 0.525))
 INSET_START = (0.5, 0.44)
@@ -107,30 +107,22 @@ def boundary_dataset(found, barrier, steps):
     scale = breakup * (1 + bias)
     spacing = 1 - float(found.excess[0] / found.excess[1])
     dims = "n", "angle"
-    words = described("scale from which on some orbit escapes")
-    relative = described("critical_scale in parts of the breakup, less 1")
     at = strengths(dims, *np.moveaxis(scale[..., None] * ray(angle), -1, 0), plane.axes)
     if plane == two_kicks():
         at |= asymmetry(angle, scale, found.escape_time.isel(ensemble=0).values)
-    return xr.Dataset(
+    return dataset(
+        "Boundary of global transport by direct iteration",
+        {"n": (steps, "steps N"), "angle": (angle, ANGLE), "excess": found.excess},
         {
-            "critical_scale": (dims, scale, words),
-            "bias": (dims, bias, relative),
-            "resolution": (dims, spacing * bias * breakup, described("spacing of the scales")),
+            "critical_scale": (dims, scale, "scale from which on some orbit escapes"),
+            "bias": (dims, bias, "critical_scale in parts of the breakup, less 1"),
+            "resolution": (dims, spacing * bias * breakup, "spacing of the scales"),
             **at,
         },
-        {
-            "n": ("n", steps, described("steps N")),
-            "angle": ("angle", angle, ANGLE),
-            "excess": found.excess,
-        },
-        {
-            **plane.record,
-            "title": "Boundary of global transport by direct iteration",
-            "n_orbits": int(found.ensemble[0]),
-            "spacing": spacing,
-            "source": "arXiv:1606.04824, Sec. V.B, Figs. 5 and 6",
-        },
+        **plane.record,
+        n_orbits=int(found.ensemble[0]),
+        spacing=spacing,
+        source="arXiv:1606.04824, Sec. V.B, Figs. 5 and 6",
     )
 
 
@@ -150,9 +142,9 @@ def asymmetry(angle, scale, times):
         other = _of_images(scale, angle, image)
         apart = 2 * (scale - other) / (scale + other)
         ratio = np.log(times / _of_images(times.T, angle, image).T)
-        attrs = described(f"critical_scale less {words}, in parts of their mean")
-        variables[name] = ("n", "angle"), apart, attrs
-        variables[f"{name}_times"] = ("angle", "excess"), ratio, described(f"ln of n* over {words}")
+        label = f"critical_scale less {words}, in parts of their mean"
+        variables[name] = ("n", "angle"), apart, label
+        variables[f"{name}_times"] = ("angle", "excess"), ratio, f"ln of n* over {words}"
     return variables
 
 
@@ -175,24 +167,21 @@ def insets_dataset():
         lowest.append(y.min())
         highest.append(y.max())
     centres = (np.arange(_PIXELS) + 0.5) / _PIXELS
-    range_of_y = "y of the orbit, not reduced"
-    return xr.Dataset(
+    return dataset(
+        "Visits of one orbit to the parts of the cell",
         {
-            "visits": (("forcing", "y", "x"), np.stack(visits), described("points of the orbit")),
+            "forcing": (range(len(INSETS)), "forcing"),
+            "y": (centres, "y mod 1"),
+            "x": (centres, "x mod 1"),
+        },
+        {
+            "visits": (("forcing", "y", "x"), np.stack(visits), "points of the orbit"),
             **strengths("forcing", *np.transpose(INSETS)),
-            "transport": ("forcing", answers, described("1: global; 0: a barrier; -1: undecided")),
-            "lowest": ("forcing", lowest, described(f"least {range_of_y}")),
-            "highest": ("forcing", highest, described(f"largest {range_of_y}")),
+            "transport": ("forcing", answers, "1: global; 0: a barrier; -1: undecided"),
+            "lowest": ("forcing", lowest, "least y of the orbit, not reduced"),
+            "highest": ("forcing", highest, "largest y of the orbit, not reduced"),
         },
-        {
-            "forcing": ("forcing", range(len(INSETS)), described("forcing")),
-            "y": ("y", centres, described("y mod 1")),
-            "x": ("x", centres, described("x mod 1")),
-        },
-        {
-            "title": "Visits of one orbit to the parts of the cell",
-            "start": list(INSET_START),
-            "steps": INSET_STEPS,
-            "source": "arXiv:1606.04824, Fig. 6",
-        },
+        start=list(INSET_START),
+        steps=INSET_STEPS,
+        source="arXiv:1606.04824, Fig. 6",
     )

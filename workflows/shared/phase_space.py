@@ -7,11 +7,10 @@ and only points in it are kept, so that as many are seen however small it is.
 from contextlib import suppress
 
 import numpy as np
-import xarray as xr
 
 from nasm import orbits
 from nasm.maps import forcing
-from workflows.shared.tables import described
+from workflows.shared.tables import dataset, described
 
 CELL = (0.0, -0.25, 1.0, 1.0)
 """Left, bottom, width, height: it does not cut the circles of 0 ≤ ω/P ≤ 1/2."""
@@ -88,18 +87,21 @@ def _dataset(kappa, box, starts, omega, which, x, y):
     half = kappa.size / 2
     near = abs((omega + half) % (2 * half) - half)
     words = "rotation number per step, by weighted Birkhoff average; NaN: chaotic"
-    attrs = {"title": "Orbits in a box of phase space", "kappa": kappa.tolist(), "box": list(box)}
-    return xr.Dataset(
+    return dataset(
+        "Orbits in a box of phase space",
+        {},
         {
             "x": ("point", x, described("x", "turn")),
-            "y": ("point", y, described("y, mod 1")),
-            "which": ("point", which.astype("int32"), described("orbit of the point")),
+            "y": ("point", y, "y, mod 1"),
+            "which": ("point", which.astype("int32"), "orbit of the point"),
             "start_x": ("orbit", starts[0], described("x of the orbit's start", "turn")),
-            "start_y": ("orbit", starts[1], described("y of the orbit's start")),
-            "omega": ("orbit", omega, described(words)),
-            "near": ("orbit", near, described("the same in [0, P/2], up to its sign and to P")),
+            "start_y": ("orbit", starts[1], "y of the orbit's start"),
+            "omega": ("orbit", omega, words),
+            "near": ("orbit", near, "the same in [0, P/2], up to its sign and to P"),
         },
-        attrs={**attrs, "source": "arXiv:1606.04824, Eqs. (1) and (23)"},
+        kappa=kappa.tolist(),
+        box=list(box),
+        source="arXiv:1606.04824, Eqs. (1) and (23)",
     )
 
 

@@ -1,6 +1,7 @@
-"""What Datasets have in common: described variables, outcomes as CF flags, and CSV tables."""
+"""What Datasets have in common: labelled variables, outcomes as CF flags, and CSV tables."""
 
 import numpy as np
+import xarray as xr
 
 from nasm.planes import TWO_KICKS_AXES
 from pipeline.cubes.cube import FLAGS
@@ -14,6 +15,23 @@ def described(long_name, units="1", **more):
 ANGLE = described("direction of the ray in the plane", "degree")
 
 
+def dataset(title, coords, variables, **attrs):
+    """Return a labelled Dataset.
+
+    coords : {dimension: (values, label)}, or the DataArray of another Dataset.
+    variables : {name: (dims, values, label)}.
+
+    A label is the long name of a number without unit, or the attributes by `described`.
+    """
+
+    def labelled(dims, values, label):
+        return dims, values, described(label) if isinstance(label, str) else label
+
+    own = {dim: labelled(dim, *coord) for dim, coord in coords.items() if isinstance(coord, tuple)}
+    variables = {name: labelled(*variable) for name, variable in variables.items()}
+    return xr.Dataset(variables, coords | own, {"title": title, **attrs})
+
+
 def strengths(dims, a, b, axes=TWO_KICKS_AXES):
     """Return the variables of a plane's axes, kappa1 and kappa2 by default, labelled."""
     named = zip(axes.items(), (a, b), strict=True)
@@ -21,8 +39,8 @@ def strengths(dims, a, b, axes=TWO_KICKS_AXES):
 
 
 def listed(dim, *names):
-    """Return a coordinate of numbers that stand for the names."""
-    return dim, np.arange(len(names)), described(dim, names=list(names))
+    """Return the values and the label of a coordinate of numbers that stand for the names."""
+    return np.arange(len(names)), described(dim, names=list(names))
 
 
 def outcomes(dims, codes):

@@ -3,22 +3,22 @@
 SHOWN = 8  # kicks that are named one by one
 
 
-def name_of(kappa, place):
+def name_of(kappa, point):
     """Return the forcing in words, e.g. "(kappa1, kappa2) = (0.3, 0.5)".
 
-    place : (Plane, its two coordinates), or None for a forcing that is in none.
+    point : (Plane, its two coordinates), or None for a forcing that is in none.
     """
     kicks = f"kappa of {kappa.size} kicks, from {kappa.min():.6g} to {kappa.max():.6g}"
     if kappa.size <= SHOWN:
         kicks = f"kappa = ({', '.join(map(str, kappa.tolist()))})"
-    if place is None:
+    if point is None:
         return kicks
-    plane, point = place
-    words = f"({', '.join(plane.axes)}) = ({point[0]}, {point[1]})"
+    plane, (a, b) = point
+    words = f"({', '.join(plane.axes)}) = ({a}, {b})"
     return f"{words}, {kicks}" if any(plane.origin) else words
 
 
-def sentences(kappa, place, verdict):
+def sentences(kappa, point, verdict):
     """Put the verdict into words, a list of lines."""
     from nasm.verdict import Answer, Evidence
 
@@ -37,7 +37,7 @@ def sentences(kappa, place, verdict):
             "The last circle to break on the ray is that",
         ),
     }[verdict.answer]
-    lines = [f"{verdict.answer.name} at {name_of(kappa, place)}: {meaning}."]
+    lines = [f"{verdict.answer.name} at {name_of(kappa, point)}: {meaning}."]
     if omega is not None:
         number = f"omega = {omega} = {float(omega):.12g} per step"
         lines.append(f"{circle} of {number} (likewise all ±omega + {kappa.size}n).")

@@ -1,10 +1,9 @@
-"""Studies of stability: at the cusp, past the breakup, at fractions, without twist, in amplitude.
+"""Studies of stability: at the cusp, past the breakup, at fractions, without twist.
 
-Their findings are in `workflows.stability.__main__`.
+What they find is said in `workflows.stability.findings`.
 """
 
 import numpy as np
-import xarray as xr
 
 from nasm import barriers, circles, escape, orbits, periodic
 from nasm.circles import continuation
@@ -13,12 +12,15 @@ from nasm.critical import Status
 from nasm.maps import twist
 from nasm.numbers import RotationNumber, convergents, parse
 from nasm.symmetries import dominant_centre, ray
-from pipeline.cubes.cube import status_code
-from workflows.shared.tables import ANGLE, described, listed, outcomes
+from pipeline.cubes.cube import fields, status_code
+from workflows.shared.tables import ANGLE, dataset, described, listed, outcomes
 
-_LIFE = described("steps in which converse KAM eliminates all; inf: not so")
-_DIGITS = described("digits of the weighted Birkhoff average of the longest-lived")
-_ESCAPE = described("first escape of 100 orbits, steps; inf: none")
+_NUMBERS = {"value": "value", "error": "error", "lower": "lower"}  # of a CriticalScale
+_LIVES = {
+    "elimination_time": "steps in which converse KAM eliminates all; inf: not so",
+    "digits": "digits of the weighted Birkhoff average of the longest-lived",
+    "escape_time": "first escape of 100 orbits, steps; inf: none",
+}
 
 
 def near_cusp(quick):
@@ -30,43 +32,38 @@ def near_cusp(quick):
     """
     gamma, deltas = parse("gamma"), np.geomspace(10, 1e-5, 5 if quick else 13)
     q_max = 15_000 if quick else 60_000
-    rows = []
-    for delta in deltas:
-        profile = ray(45 - delta)
+
+    def found_and_judges(profile):
         circle = periodic.critical_scale(gamma, profile, q_max)
         last = barriers.critical_scale(profile, 3e-4 if quick else 1e-4)
         if last.status is Status.OK:
             last = periodic.critical_scale(last.omega, profile, q_max)
         if last.status is not Status.OK:
             last = symmetry_line.critical_scale(profile, 30_000 if quick else 100_000)
-        found = [
+        return [
             (periodic.critical_scale(gamma, profile), circle),
             (continuation.critical_scale(gamma, profile), circle),
             (symmetry_line.critical_scale(profile, 1000), last),
             (barriers.critical_scale(profile, 1e-3), last),
         ]
-        rows.append([_judged(scale, judge) for scale, judge in found])
-    off, claimed, uncertain, status = np.array(rows).transpose(2, 1, 0)
-    dims = "approach", "delta"
-    return xr.Dataset(
-        {
-            "off": (dims, off, described("difference to the sharpest value known, in parts of it")),
-            "error": (dims, claimed, described("error that the method claims, relative")),
-            "judge_error": (dims, uncertain, described("error that the sharpest method claims")),
-            "status": outcomes(dims, status),
-        },
+
+    scales = fields([found_and_judges(ray(45 - delta)) for delta in deltas], _NUMBERS)
+    value, error = scales["value"].T, scales["error"].T  # dims (found or judge, approach, delta)
+    (claimed, uncertain), dims = error / value, ("approach", "delta")
+    off = abs(value[0] - value[1]) / value[1]
+    return dataset(
+        "Distance to the cusp at 45 degrees",
         {
             "approach": listed("approach", "periodic", "continuation", "cones", "barriers"),
-            "delta": ("delta", deltas, described("distance 45° - φ from the cusp", "degree")),
+            "delta": (deltas, described("distance 45° - φ from the cusp", "degree")),
         },
-        {"title": "Distance to the cusp at 45 degrees"},
+        {
+            "off": (dims, off, "difference to the sharpest value known, in parts of it"),
+            "error": (dims, claimed, "error that the method claims, relative"),
+            "judge_error": (dims, uncertain, "error that the sharpest method claims"),
+            "status": outcomes(dims, scales["status"].T[0]),
+        },
     )
-
-
-def _judged(scale, judge):
-    off = abs(scale.value - judge.value) / judge.value
-    status = status_code(scale.status)
-    return off, scale.error / scale.value, judge.error / judge.value, status
 
 
 def past_boundary(quick):
@@ -75,34 +72,25 @@ def past_boundary(quick):
     decades = np.geomspace(1e-4, 1e-1, 4 if quick else 10)
     excess = np.concatenate([-decades[::-1], [0.0], decades])
     n_cones, n_escape, n_modes = 5000, *((10_000, 2048) if quick else (100_000, 16_384))
-    efforts = {"n_cones": n_cones, "n_escape": n_escape, "n_modes": n_modes}
-    starts = escape.ensemble(100)
-    shape = len(angles), excess.size
-    certified, digits, lived, escaped = np.zeros((4, *shape))
-    for i, angle in enumerate(angles):
-        best = barriers.critical_scale(ray(angle), 1e-3)
-        for j, x in enumerate(excess):
-            kappa = best.value * (1 + x) * ray(angle)
-            circle = circles.invariant_circle(best.omega, kappa, n_max=n_modes)
-            certified[i, j] = circle.certified
-            y, lived[i, j] = symmetry_line.longest_lived(kappa, n_cones)
-            site, a = dominant_centre(kappa)
-            digits[i, j] = orbits.rotation_number(np.roll(kappa, -site), a, y, 5000)[1]
-            escaped[i, j] = escape.first_escape(kappa, *starts, [100], n_escape)[0]
-    dims = "angle", "excess"
-    said = described("whether a circle of n_modes points is certified")
-    return xr.Dataset(
+    breakups = {angle: barriers.critical_scale(ray(angle), 1e-3) for angle in angles}
+
+    def answers(angle, x):
+        kappa = breakups[angle].value * (1 + x) * ray(angle)
+        circle = circles.invariant_circle(breakups[angle].omega, kappa, n_max=n_modes)
+        return circle.certified, *_lives(kappa, n_cones, 5000, n_escape)
+
+    certified, *lives = _over(angles, excess, answers)
+    words, dims = "whether a circle of n_modes points is certified", ("angle", "excess")
+    return dataset(
+        "Distance past the breakup",
         {
-            "certified": (dims, certified.astype("int8"), said),
-            "elimination_time": (dims, lived, _LIFE),
-            "digits": (dims, digits, _DIGITS),
-            "escape_time": (dims, escaped, _ESCAPE),
+            "angle": (list(angles), ANGLE),
+            "excess": (excess, "scale over that of the breakup, less 1"),
         },
-        {
-            "angle": ("angle", list(angles), ANGLE),
-            "excess": ("excess", excess, described("scale over that of the breakup, less 1")),
-        },
-        {"title": "Distance past the breakup", **efforts},
+        {"certified": (dims, certified.astype("int8"), words), **_labelled_lives(dims, lives)},
+        n_cones=n_cones,
+        n_escape=n_escape,
+        n_modes=n_modes,
     )
 
 
@@ -115,72 +103,75 @@ def disguised_fractions(quick):
     kappa, large = np.array([0.3, 0.2]), (10, 100, 10**6)
     ones = range(3, 10 if quick else 17)
     q = [list(convergents(RotationNumber((0, *[1] * n))))[-1].denominator for n in ones]
-    values, errors = np.full((2, len(large), 3, len(ones)), np.nan)
-    lower, status = np.full((len(large), len(ones)), np.nan), np.zeros((len(large), 3, len(ones)))
-    for i, a in enumerate(large):
-        for j, n in enumerate(ones):
-            omega = RotationNumber((0, *[1] * n, a), (1,))
-            found = (
-                periodic.critical_scale(omega, kappa),
-                continuation.critical_scale(omega, kappa),
-                periodic.critical_scale(omega, kappa, 10_000 if quick else 20_000),
-            )
-            values[i, :, j] = [scale.value for scale in found]
-            errors[i, :, j] = [scale.error for scale in found]
-            lower[i, j] = found[1].lower
-            circle = circles.invariant_circle(omega, kappa)
-            codes = found[0].status, found[1].status, circle.status
-            status[i, :, j] = [status_code(code) for code in codes]
-    dims = "quotient", "approach", "q"
+    omegas = [[RotationNumber((0, *[1] * n, a), (1,)) for n in ones] for a in large]
+
+    def found(omega):
+        residues = periodic.critical_scale(omega, kappa)
+        longer = periodic.critical_scale(omega, kappa, 10_000 if quick else 20_000)
+        return residues, continuation.critical_scale(omega, kappa), longer
+
+    scales = fields([[found(omega) for omega in row] for row in omegas], _NUMBERS)
+    value, error, lower, status = (scales[name].swapaxes(1, 2) for name in (*_NUMBERS, "status"))
+    certified = [[circles.invariant_circle(omega, kappa) for omega in row] for row in omegas]
+    status[:, 2] = fields(certified, {})["status"]
     golden = periodic.critical_scale(RotationNumber((0,), (1,)), kappa).value
-    last = described("last certified circle of continuation")
     approaches = "periodic", "continuation", "longer orbits; of status: circles"
-    return xr.Dataset(
+    dims = "quotient", "approach", "q"
+    return dataset(
+        "Fractions disguised as irrational rotation numbers",
         {
-            "value": (dims, values, described("breakup, in parts of (0.3, 0.2)")),
-            "error": (dims, errors, described("error that the method claims for value")),
-            "lower": (("quotient", "q"), lower, last),
+            "quotient": (list(large), "partial quotient a after the ones"),
+            "approach": listed("approach", *approaches),
+            "q": (q, "denominator of the fraction"),
+        },
+        {
+            "value": (dims, value, "breakup, in parts of (0.3, 0.2)"),
+            "error": (dims, error, "error that the method claims for value"),
+            "lower": (("quotient", "q"), lower[:, 1], "last certified circle of continuation"),
             "status": outcomes(dims, status),
         },
-        {
-            "quotient": ("quotient", list(large), described("partial quotient a after the ones")),
-            "approach": listed("approach", *approaches),
-            "q": ("q", q, described("denominator of the fraction")),
-        },
-        {"title": "Fractions disguised as irrational rotation numbers", "golden": float(golden)},
+        golden=float(golden),
     )
 
 
 def beyond_the_twist(quick):
     """4. Try the methods for scales up to 3; the twist ends at |κ2| = 2."""
     angles, scales = (0.0, 20.0, 45.0, 90.0, 135.0), np.linspace(0.25, 3.0, 12 if quick else 23)
-    shape = len(angles), scales.size
-    least, lived, residue, digits, escaped, status = np.full((6, *shape), np.nan)
     x = np.arange(400) / 400
-    for i, angle in enumerate(angles):
-        for j, scale in enumerate(scales):
-            kappa = scale * ray(angle)
-            least[i, j] = twist(kappa, *np.meshgrid(x, x)).min()
-            y, lived[i, j] = symmetry_line.longest_lived(kappa, 2000)
-            residue[i, j] = periodic.residue(kappa, 89, 144)
-            site, a = dominant_centre(kappa)
-            digits[i, j] = orbits.rotation_number(np.roll(kappa, -site), a, y, 2000)[1]
-            escaped[i, j] = escape.first_escape(kappa, *escape.ensemble(100), [100], 2000)[0]
-            status[i, j] = status_code(circles.invariant_circle(parse("gamma"), kappa, 512).status)
+
+    def answers(angle, scale):
+        kappa = scale * ray(angle)
+        circle = circles.invariant_circle(parse("gamma"), kappa, 512)
+        least, residue = twist(kappa, *np.meshgrid(x, x)).min(), periodic.residue(kappa, 89, 144)
+        return status_code(circle.status), least, residue, *_lives(kappa, 2000, 2000, 2000)
+
+    status, least, residue, *lives = _over(angles, scales, answers)
     dims = "angle", "scale"
-    minimax = described("residue of the minimax orbit of 89/144; NaN: not found")
-    return xr.Dataset(
+    return dataset(
+        "Near the end of the twist and beyond",
+        {"angle": (list(angles), ANGLE), "scale": (scales, "scale s of the forcing")},
         {
-            "twist": (dims, least, described("least ∂x'/∂y of a step")),
-            "elimination_time": (dims, lived, _LIFE),
-            "residue": (dims, residue, minimax),
-            "digits": (dims, digits, _DIGITS),
-            "escape_time": (dims, escaped, _ESCAPE),
+            "twist": (dims, least, "least ∂x'/∂y of a step"),
+            "residue": (dims, residue, "residue of the minimax orbit of 89/144; NaN: not found"),
+            **_labelled_lives(dims, lives),
             "circle": outcomes(dims, status),
         },
-        {
-            "angle": ("angle", list(angles), ANGLE),
-            "scale": ("scale", scales, described("scale s of the forcing")),
-        },
-        {"title": "Near the end of the twist and beyond"},
     )
+
+
+def _over(first, second, answers):
+    """Return an array over first × second of each of the numbers that answers(a, b) returns."""
+    return np.array([[answers(a, b) for b in second] for a in first], float).transpose(2, 0, 1)
+
+
+def _lives(kappa, n_cones, n_average, n_escape):
+    """Return the steps that the longest-lived start lives, and the others of _LIVES."""
+    y, steps = symmetry_line.longest_lived(kappa, n_cones)
+    site, a = dominant_centre(kappa)
+    _, digits = orbits.rotation_number(np.roll(kappa, -site), a, y, n_average)
+    return steps, digits, escape.first_escape(kappa, *escape.ensemble(100), [100], n_escape)[0]
+
+
+def _labelled_lives(dims, lives):
+    named = zip(_LIVES.items(), lives, strict=True)
+    return {name: (dims, values, words) for (name, words), values in named}

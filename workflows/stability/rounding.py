@@ -1,18 +1,17 @@
 """Study of stability: rounding in direct iteration, by the arithmetic it uses.
 
-Its findings are in `workflows.stability.__main__`.
+What it finds is said in `workflows.stability.findings`.
 """
 
 import math
 
 import numpy as np
-import xarray as xr
 from numba import njit
 
 from nasm import circles
 from nasm.arithmetic.sine import SINE, sin2pi
 from nasm.numbers import parse
-from workflows.shared.tables import described, listed
+from workflows.shared.tables import dataset, listed
 
 
 def rounding(quick):
@@ -41,16 +40,13 @@ def rounding(quick):
                 off = [a.astype(float) - b for a, b in zip(there, start, strict=True)]
                 back[i, j] = max(np.abs(off[0] - np.rint(off[0])).max(), np.abs(off[1]).max())
     dims = "arithmetic", "steps"
-    return xr.Dataset(
+    return dataset(
+        "Rounding",
+        {"arithmetic": listed("arithmetic", *kernels), "steps": (steps, "steps of two kicks")},
         {
-            "drift": (dims, drift, described("rms distance in y from the circle, of 8 orbits")),
-            "reversal": (dims, back, described("largest error of x or y after n steps and back")),
+            "drift": (dims, drift, "rms distance in y from the circle, of 8 orbits"),
+            "reversal": (dims, back, "largest error of x or y after n steps and back"),
         },
-        {
-            "arithmetic": listed("arithmetic", *kernels),
-            "steps": ("steps", steps, described("steps of two kicks")),
-        },
-        {"title": "Rounding"},
     )
 
 

@@ -1,17 +1,16 @@
 """Studies of stability: what beam searches miss, and what Newton's method finds in error.
 
-Their findings are in `workflows.stability.__main__`.
+What they find is said in `workflows.stability.findings`.
 """
 
 import numpy as np
-import xarray as xr
 
 from nasm import action, circles, periodic
 from nasm.converse_kam import symmetry_line
 from nasm.critical import Status
 from nasm.numbers import parse
 from nasm.symmetries import ray
-from workflows.shared.tables import described
+from workflows.shared.tables import dataset
 
 
 def missed_survivors(quick):
@@ -33,13 +32,14 @@ def missed_survivors(quick):
     known = np.isfinite(best)
     lost = 1 - lives[:, known] / best[known]
     missed = (lost > 0.01).mean(axis=1)
-    return xr.Dataset(
+    return dataset(
+        "Lives that the beam search misses",
+        {"kept": (kept, "starts kept at each level")},
         {
-            "missed": ("kept", missed, described("part that misses 1% of a life")),
-            "worst": ("kept", lost.max(axis=1), described("largest part of a life missed")),
+            "missed": ("kept", missed, "part that misses 1% of a life"),
+            "worst": ("kept", lost.max(axis=1), "largest part of a life missed"),
         },
-        {"kept": ("kept", kept, described("starts kept at each level"))},
-        {"title": "Lives that the beam search misses", "searches": int(known.sum())},
+        searches=int(known.sum()),
     )
 
 
@@ -63,20 +63,18 @@ def fake_circles(quick):
                 passed[i, j] += circles.newton.certify(gamma, kappa, u)[1] is Status.OK
                 polished[i, j] += circles.newton.polished_is_circle(gamma, kappa, u)
     dims = "ray", "n"
-    last = described("last naive convergence over the breakup, less 1")
-    believed = described("circles believed in beyond the breakup")
-    return xr.Dataset(
+    return dataset(
+        "Fake circles",
         {
-            "past": (dims, past, last),
-            "fakes": (dims, fakes.astype(int), believed),
-            "passed": (dims, passed.astype(int), described("those that pass `certify`")),
-            "polished": (dims, polished.astype(int), described("those polished to circles")),
+            "ray": (range(len(profiles)), "the standard map, and (1, 0.5)"),
+            "n": (points, "grid points"),
         },
         {
-            "ray": ("ray", range(len(profiles)), described("the standard map, and (1, 0.5)")),
-            "n": ("n", points, described("grid points")),
+            "past": (dims, past, "last naive convergence over the breakup, less 1"),
+            "fakes": (dims, fakes.astype(int), "circles believed in beyond the breakup"),
+            "passed": (dims, passed.astype(int), "those that pass `certify`"),
+            "polished": (dims, polished.astype(int), "those polished to circles"),
         },
-        {"title": "Fake circles"},
     )
 
 
@@ -127,16 +125,17 @@ def disordered_orbits(quick):
                     outcome = 1 if same else 3
                 counts[outcome, i, j] += 1
     dims, part = ("noise", "scale"), counts / trials
-    return xr.Dataset(
+    return dataset(
+        "Orbits that Newton's method finds from bad starts",
         {
-            "lost": (dims, part[0], described("part of starts without convergence")),
-            "right": (dims, part[1], described("part that leads to the orbit")),
-            "refused": (dims, part[2], described("part that leads to another orbit, refused")),
-            "accepted": (dims, part[3], described("part that leads to another orbit, accepted")),
+            "noise": (list(noises), "rms deviation from the rotation, turns"),
+            "scale": (scales, "scale s of the forcing s·(1, 0.5)"),
         },
         {
-            "noise": ("noise", list(noises), described("rms deviation from the rotation, turns")),
-            "scale": ("scale", scales, described("scale s of the forcing s·(1, 0.5)")),
+            "lost": (dims, part[0], "part of starts without convergence"),
+            "right": (dims, part[1], "part that leads to the orbit"),
+            "refused": (dims, part[2], "part that leads to another orbit, refused"),
+            "accepted": (dims, part[3], "part that leads to another orbit, accepted"),
         },
-        {"title": "Orbits that Newton's method finds from bad starts", "trials": trials},
+        trials=trials,
     )

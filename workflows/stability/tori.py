@@ -1,13 +1,12 @@
 """A study of stability: tori of rotation vectors that are next to a resonance, and past the end."""
 
 import numpy as np
-import xarray as xr
 
 from nasm import tori
 from nasm.symmetries import ray
 from nasm.tori import last_torus
-from pipeline.cubes.cube import fields, status_code
-from workflows.shared.tables import described, listed, outcomes
+from pipeline.cubes.cube import fields
+from workflows.shared.tables import dataset, listed, outcomes
 
 _GOLDEN = (5**0.5 - 1) / 2
 _PAIRS = {  # at a distance from a resonance
@@ -32,32 +31,24 @@ def nearly_resonant(quick):
     known = {Ω: last_torus.upper_scale(Ω, *profile, kicks) for Ω in frequencies}
     upper = np.array([[known[frequency] for _, frequency in row] for row in vectors])
     sizes, excess = 2 ** np.arange(13, 16 if quick else 19, 2), np.array([0.01, 0.1, 0.5])
-    past = [
-        [
-            tori.invariant_torus(*vectors[0][0], *((1 + x) * upper[0, 0] * profile), int(n)).status
-            for x in excess
-        ]
-        for n in sizes
-    ]
+    beyond = [(1 + x) * upper[0, 0] * profile for x in excess]
+    past = [[tori.invariant_torus(*vectors[0][0], *at, int(n)) for at in beyond] for n in sizes]
     dims = "pair", "delta"
     numbers = fields(found, {"value": "value", "error": "error", "lower": "lower"})
-    words = {
-        "value": "breakup on the ray of 45°",
-        "error": "error that the method claims for value",
-        "lower": "scale of the last certified torus",
-    }
-    return xr.Dataset(
-        {
-            **{key: (dims, numbers[key], described(text)) for key, text in words.items()},
-            "upper": (dims, upper, described("scale at which no torus of that Ω is left")),
-            "status": outcomes(dims, numbers["status"]),
-            "past": outcomes(("n", "excess"), [[status_code(s) for s in row] for row in past]),
-        },
+    return dataset(
+        "Tori next to a resonance, and past their breakup",
         {
             "pair": listed("pair", *pairs),
-            "delta": ("delta", deltas, described("distance δ from the resonance")),
-            "n": ("n", sizes, described("most grid points")),
-            "excess": ("excess", excess, described("scale over upper, less 1")),
+            "delta": (deltas, "distance δ from the resonance"),
+            "n": (sizes, "most grid points"),
+            "excess": (excess, "scale over upper, less 1"),
         },
-        {"title": "Tori next to a resonance, and past their breakup"},
+        {
+            "value": (dims, numbers["value"], "breakup on the ray of 45°"),
+            "error": (dims, numbers["error"], "error that the method claims for value"),
+            "lower": (dims, numbers["lower"], "scale of the last certified torus"),
+            "upper": (dims, upper, "scale at which no torus of that Ω is left"),
+            "status": outcomes(dims, numbers["status"]),
+            "past": outcomes(("n", "excess"), fields(past, {})["status"]),
+        },
     )

@@ -6,14 +6,13 @@ from time import thread_time
 
 import click
 import numpy as np
-import xarray as xr
 
 from nasm import circles
 from nasm.circles import fourier, parameterization
 from nasm.numbers import parse
 from pipeline.cubes.cube import Cube
 from workflows.figures.style import names_of
-from workflows.shared.tables import described, listed
+from workflows.shared.tables import dataset, described, listed
 from workflows.work_precision.methods import JUDGE, METHODS, PROFILES, Ray, judged
 
 ACCURACIES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-8, 1e-10)
@@ -30,36 +29,33 @@ def plan(angles, names, quick):
     """Return the cube, nothing measured yet."""
     efforts = {name: METHODS[name].efforts[: -1 if quick else None] for name in names}
     rows = answers(names)
-    level, n_methods = np.arange(max(map(len, efforts.values()))), len(rows)
     method = listed("method", *(answer for _, answer in rows))
-    method[2]["efforts"] = [METHODS[name].effort for name, _ in rows]
-    by_run = {"angle": len(angles), "method": n_methods, "level": level.size}
-    by_step = {"form": len(FORMS), "points": len(POINTS)}
+    method[1]["efforts"] = [METHODS[name].effort for name, _ in rows]
+    coords = {
+        "angle": (angles, described("angle of the ray", "degree")),
+        "method": method,
+        "level": (range(max(map(len, efforts.values()))), "level of effort"),
+        "form": listed("form", *FORMS),
+        "points": (POINTS, "points of the circle"),
+    }
 
-    def blank(sizes, long_name, units="1"):
-        return tuple(sizes), np.full(tuple(sizes.values()), np.nan), described(long_name, units)
+    def blank(dims, long_name, units="1"):
+        values = np.full([len(coords[dim][0]) for dim in dims], np.nan)
+        return dims, values, described(long_name, units)
 
     effort = "effort: steps N or n, period q, points, tolerance tol, or distance ε"
-    data = xr.Dataset(
-        {
-            "effort": blank({"method": n_methods, "level": level.size}, effort),
-            "cpu_seconds": blank(by_run, "CPU time of one run, median", "s"),
-            "error": blank(by_run, "relative error"),
-            "estimated_error": blank(by_run, "relative error that the method estimates"),
-            "warm_up_seconds": blank({"method": n_methods}, "CPU time of a first run", "s"),
-            "value": blank({"angle": len(angles)}, "scale of the breakup that all are judged by"),
-            "judge_error": blank({"angle": len(angles)}, "estimated relative error of value"),
-            "step_seconds": blank(by_step, "CPU time of one Newton step, median", "s"),
-        },
-        {
-            "angle": ("angle", angles, described("angle of the ray", "degree")),
-            "method": method,
-            "level": ("level", level, described("level of effort")),
-            "form": listed("form", *FORMS),
-            "points": ("points", POINTS, described("points of the circle")),
-        },
-        {"title": "Speed against accuracy of all methods"},
-    )
+    by_run = "angle", "method", "level"
+    variables = {
+        "effort": blank(("method", "level"), effort),
+        "cpu_seconds": blank(by_run, "CPU time of one run, median", "s"),
+        "error": blank(by_run, "relative error"),
+        "estimated_error": blank(by_run, "relative error that the method estimates"),
+        "warm_up_seconds": blank(("method",), "CPU time of a first run", "s"),
+        "value": blank(("angle",), "scale of the breakup that all are judged by"),
+        "judge_error": blank(("angle",), "estimated relative error of value"),
+        "step_seconds": blank(("form", "points"), "CPU time of one Newton step, median", "s"),
+    }
+    data = dataset("Speed against accuracy of all methods", coords, variables)
     for row, (name, _) in enumerate(rows):
         data.effort[row, : len(efforts[name])] = efforts[name]
     return Cube("work_precision", data, {}, {"efforts": efforts, "judge_q_max": JUDGE})
