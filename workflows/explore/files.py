@@ -17,7 +17,7 @@ def panel(state, work):
     which = Select(title="Save the", options=list(state.seen), width=140)
     which.value = which.options[-1]
     file = Div(visible=False)
-    file.js_on_change("text", CustomJS(code=_SAVE))
+    file.js_on_change("text", CustomJS(code="saveFile(cb_obj.text)"))
     lane = work.latest("file")
 
     def save(kind):
@@ -34,18 +34,6 @@ def panel(state, work):
     return Row(
         which, *buttons, file, styles={"flex-wrap": "wrap", "gap": "4px 8px", "align-items": "end"}
     )
-
-
-_SAVE = """
-if (!cb_obj.text) return
-const {name, content} = JSON.parse(cb_obj.text)
-const bytes = Uint8Array.from(atob(content), (c) => c.charCodeAt(0))
-const link = document.createElement("a")
-link.href = URL.createObjectURL(new Blob([bytes]))
-link.download = name
-link.click()
-URL.revokeObjectURL(link.href)
-"""
 
 
 def _file(kind, name, seen, state):

@@ -78,7 +78,7 @@ def _controls(state, wrong):
     )
     slider.on_change("value", lambda attr, old, new: state.take(steps=counts[new]))
     link, message = Div(width=120), Div()
-    link.js_on_change("text", CustomJS(code=_ADDRESS))
+    link.js_on_change("text", CustomJS(code="showAddress(cb_obj.text)"))
 
     def tell():
         link.text = f'<a href="?{state.address()}">link to this view</a>'
@@ -91,14 +91,6 @@ def _controls(state, wrong):
         state.on(name, tell)
     columns = [field(model, lambda text, i=i: typed(i, text)) for i, model in enumerate(fields)]
     return Row(*columns, slider, link, message, styles=_WRAPPED | {"align-items": "start"})
-
-
-# The address of the page becomes the link; browsers allow no more than some changes a second.
-_ADDRESS = """
-clearTimeout(window.addressed)
-const link = cb_obj.text.match(/href="([^"]*)/)[1]
-window.addressed = setTimeout(() => history.replaceState(null, "", link), 200)
-"""
 
 
 def _status(document, work, shared):

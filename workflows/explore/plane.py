@@ -1,31 +1,14 @@
 """The plane of forcings: first escape times, where the last circle breaks, and the point."""
 
+from functools import partial
 from html import escape
 from math import ceil, inf, isfinite, log10
 
 import numpy as np
 import xarray as xr
+from bokeh import models
 from bokeh.events import MouseLeave, MouseMove, Pan, PanEnd, PanStart, Tap
-from bokeh.models import (
-    AutocompleteInput,
-    ColorBar,
-    Column,
-    ColumnDataSource,
-    Div,
-    LinearColorMapper,
-    LogColorMapper,
-    MultiLine,
-    PanTool,
-    ResetTool,
-    Row,
-    SaveTool,
-    Scatter,
-    WheelZoomTool,
-    ZoomInTool,
-    ZoomOutTool,
-)
 from bokeh.palettes import Magma256
-from bokeh.plotting import figure
 from contourpy import contour_generator
 from matplotlib.colors import to_hex
 
@@ -35,11 +18,11 @@ from pipeline import store
 from workflows.explore import rays
 from workflows.explore.field import BLOCKS, Field, View, computed, precision_of
 from workflows.explore.rays import NO_LINES
-from workflows.explore.state import LINES, State, limits
-from workflows.explore.widgets import boxes, ends, field, on_view, pixels_of, sides_of
+from workflows.explore.state import LINES, State
+from workflows.explore.widgets import boxes, field, on_view, picture, pixels_of, sides_of
 from workflows.figures import planes
 from workflows.figures.style import INSIDE, NO_ESCAPE, smoothed
-from workflows.shared.tables import described
+from workflows.shared.tables import dataset
 from workflows.shared.verdict_words import scale_of
 
 _PIXELS = 640  # along each side, until the browser tells
@@ -77,14 +60,14 @@ class PlanePanel:
     def __init__(self, state, work, shared):
         self.state, self.work, self.shared = state, work, shared
         self.plot, self.mapper, self.sources = _drawn(state)
-        self.told = Div(sizing_mode="stretch_width", css_classes=["told"], min_height=40)
-        self.legend = Div(sizing_mode="stretch_width")
+        self.told = models.Div(sizing_mode="stretch_width", css_classes=["told"], min_height=40)
+        self.legend = models.Div(sizing_mode="stretch_width")
         self.cubes, self.shown, self.asked = [], None, None  # of OUT; on the screen; computed last
         self.lanes = {name: work.latest(name) for name in ("cubes", "plane", "boundary", "circle")}
-        self.picture = Column(self.plot, self.told, sizing_mode="stretch_width")
-        circle = field(AutocompleteInput(**_CIRCLE, value=state.omega), state.follow)
-        ticks = Row(boxes(state, LINES, width=220), circle, styles={"flex-wrap": "wrap"})
-        self.lines = Column(self.legend, ticks, sizing_mode="stretch_width")
+        self.picture = models.Column(self.plot, self.told, sizing_mode="stretch_width")
+        circle = field(models.AutocompleteInput(**_CIRCLE, value=state.omega), state.follow)
+        ticks = models.Row(boxes(state, LINES, width=220), circle, styles={"flex-wrap": "wrap"})
+        self.lines = models.Column(self.legend, ticks, sizing_mode="stretch_width")
         _Gestures(self.plot, self._move)
         self.plot.on_event(MouseMove, lambda event: self._tell(event.x, event.y))
         self.plot.on_event(MouseLeave, lambda event: self._mark())
@@ -126,7 +109,8 @@ class PlanePanel:
         self.lanes["circle"].cancel()
         if state.omega:
             args = *where, state.omega, view
-            self.lanes["circle"].submit(rays.circle, *args, done=self._show_circle)
+            show = partial(setattr, self.sources["followed"], "data")
+            self.lanes["circle"].submit(rays.circle, *args, done=show)
 
     def _show(self, view, found, block, words):
         state, shared = self.state, self.shared
@@ -151,9 +135,6 @@ class PlanePanel:
             self.shared.rays.add(table)
         self.work.progress("boundary", words)
         self._show_boundary()
-
-    def _show_circle(self, found):
-        self.sources["followed"].data = found
 
     def _show_lines(self):
         self._show_boundary()
@@ -257,49 +238,34 @@ class _Gestures:
 
 def _drawn(state):
     """Return the figure, the colours of escape times, and {name: source} of all that is drawn."""
-    first = State(state.plane)
-    labels = dict(zip(("x_axis_label", "y_axis_label"), symbols(state.plane), strict=True))
-    wheel = WheelZoomTool()
-    tools = [PanTool(), wheel, ZoomInTool(), ZoomOutTool(), ResetTool(), SaveTool()]
-    plot = figure(
-        **labels,
-        x_range=ends(state.a, first.a, **limits(first.a)),
-        y_range=ends(state.b, first.b, **limits(first.b)),
-        tools=tools,
-        active_scroll=wheel,
-        active_drag=None,
-        sizing_mode="scale_width",
-        aspect_ratio=1.06,  # with the colours beside it
-        toolbar_location="above",
-    )
-    plot.toolbar.logo = None
-    plot.grid.visible = False
-    plot.axis.axis_label_text_font_style = "normal"
-    clear = "rgba(0, 0, 0, 0)"
-    mapper = LogColorMapper(_COLOURS, low=10, high=state.steps, high_color=clear, nan_color=clear)
-    view = _view(plot)
-    empty = {"a": [], "b": []}
+    first, empty = State(state.plane), {"a": [], "b": []}
+    tools = {"tools": "pan,wheel_zoom,zoom_in,zoom_out,reset,save", "active_drag": None}
+    sides, whole = (state.a, state.b), (first.a, first.b)
+    # Its width is that of the picture with the colours beside it.
+    plot = picture(symbols(state.plane), sides, whole, aspect_ratio=1.06, **tools)
+    view, clear = _view(plot), {"high_color": "rgba(0, 0, 0, 0)", "nan_color": "rgba(0, 0, 0, 0)"}
+    mapper = models.LogColorMapper(_COLOURS, low=10, high=state.steps, **clear)
     blanks = {
         "ground": _image(view, np.zeros((1, 1), np.uint8)),
         "times": _image(view, np.full((1, 1), np.nan, np.float32)),
         "boundary": NO_LINES,
         **dict.fromkeys(("contour", "followed", "point"), empty),
     }
-    sources = {name: ColumnDataSource(blank, name=name) for name, blank in blanks.items()}
-    greys = LinearColorMapper(_GREYS, low=-0.5, high=2.5)
+    sources = {name: models.ColumnDataSource(blank, name=name) for name, blank in blanks.items()}
+    greys = models.LinearColorMapper(_GREYS, low=-0.5, high=2.5)
     for name, colours in (("ground", greys), ("times", mapper)):
         plot.image("values", "a", "b", "da", "db", source=sources[name], color_mapper=colours)
     title = "n*, first escape (steps)"
-    plot.add_layout(ColorBar(color_mapper=mapper, title=title, width=10, padding=4), "right")
+    plot.add_layout(models.ColorBar(color_mapper=mapper, title=title, width=10, padding=4), "right")
     for name, style in (
         ("contour", {"line_width": 1.2}),
         ("boundary", {"line_color": "white", "line_width": 5}),
         ("boundary", {"line_color": "colour", "line_width": 2.5}),
         ("followed", {"line_width": 2, "line_dash": "dashed"}),
     ):
-        plot.add_glyph(sources[name], MultiLine(xs="a", ys="b", **style))
+        plot.add_glyph(sources[name], models.MultiLine(xs="a", ys="b", **style))
     for style in ({"line_color": "white", "line_width": 5}, {"line_width": 2}):
-        cross = Scatter(x="a", y="b", size=16, marker="circle_cross", fill_alpha=0, **style)
+        cross = models.Scatter(x="a", y="b", size=16, marker="circle_cross", fill_alpha=0, **style)
         plot.add_glyph(sources["point"], cross)
     return plot, mapper, sources
 
@@ -325,17 +291,19 @@ def _contour(field, steps):
 
 
 def _dataset(plane, field):
-    first, second = plane.axes
-    axes = {
-        name: (name, values, described(plane.axes[name]))
-        for name, values in zip(plane.axes, (field.a, field.b), strict=True)
-    }
-    words = "first step at which an orbit of the ensemble is outside the window; "
-    words += "away from the boundary of n* <= n_max cells may share that of one"
-    times = (second, first), field.times, described(words)
-    attrs = {"title": "First escape times, as shown", "n_max": field.steps, **plane.record}
-    attrs["precision"] = precision_of(field.steps)
-    return xr.Dataset({"escape_time": times}, axes, attrs)
+    words = (
+        "first step at which an orbit of the ensemble is outside the window; away from the "
+        "boundary of n* <= n_max cells may share that of one"
+    )
+    settings = {"n_max": field.steps, "precision": precision_of(field.steps), **plane.record}
+    return dataset(
+        "First escape times, as shown",
+        dict(
+            zip(plane.axes, zip((field.a, field.b), plane.axes.values(), strict=True), strict=True)
+        ),
+        {"escape_time": (list(plane.axes)[::-1], field.times, words)},
+        **settings,
+    )
 
 
 def _cubes(place, plane):

@@ -3,28 +3,15 @@
 from math import ceil, log10
 
 import numpy as np
+from bokeh import models
 from bokeh.events import Tap
-from bokeh.models import (
-    ColorBar,
-    Column,
-    ColumnDataSource,
-    Div,
-    HoverTool,
-    Line,
-    LinearColorMapper,
-    Row,
-    Scatter,
-    TextInput,
-)
-from bokeh.plotting import figure
 
 from nasm import barriers, orbits, symmetries
 from nasm.circles import fourier
 from nasm.verdict import Answer
-from workflows.explore.state import ORBITS, State, limits, orbits_of, orbits_text
-from workflows.explore.widgets import boxes, ends, field, on_view, pixels_of, sides_of
-from workflows.figures.phase_space import CHAOTIC, COLOURS, STRONG, places
-from workflows.figures.phase_space import ends as ends_of
+from workflows.explore.state import ORBITS, State, orbits_of, orbits_text
+from workflows.explore.widgets import boxes, field, on_view, picture, pixels_of, sides_of
+from workflows.figures.phase_space import CHAOTIC, COLOURS, STRONG, ends, places
 from workflows.shared.phase_space import in_box, periodic_orbits, portraits
 from workflows.shared.verdict_words import name_of
 
@@ -44,12 +31,14 @@ class PortraitPanel:
     def __init__(self, state, work):
         self.state, self.work = state, work
         self.plot, self.image, self.bar, self.lines = _drawn(state)
-        self.told = Div(sizing_mode="stretch_width", min_height=22)
+        self.told = models.Div(sizing_mode="stretch_width", min_height=22)
         names = "portrait", "last circle", "periodic orbits"
         self.portraits, self.traces, self.cycles = map(work.latest, names)
         self.portrait, self.words = None, ""
         self._forget()
-        self.added = TextInput(title="Orbits added, x, y; …", placeholder="0.5, 0.3", width=260)
+        self.added = models.TextInput(
+            title="Orbits added, x, y; …", placeholder="0.5, 0.3", width=260
+        )
         self.added.value = orbits_text(state.orbits)
         self.plot.on_event(Tap, lambda event: self._add(event.x, event.y))
         soon = on_view(self.plot, work, self._refresh)
@@ -66,8 +55,8 @@ class PortraitPanel:
         soon()
         ticks = boxes(state, ORBITS, inline=True, stylesheets=["label { margin-right: 1em }"])
         added = field(self.added, lambda text: state.take(orbits=orbits_of(text)))
-        below = Row(ticks, added, styles={"flex-wrap": "wrap", "gap": "4px 16px"})
-        self.root = Column(self.plot, self.told, below, sizing_mode="stretch_width")
+        below = models.Row(ticks, added, styles={"flex-wrap": "wrap", "gap": "4px 16px"})
+        self.root = models.Column(self.plot, self.told, below, sizing_mode="stretch_width")
 
     def _seen(self):
         """Return the portrait with what is left of the last circle."""
@@ -98,7 +87,7 @@ class PortraitPanel:
         self.image.data = {"pixels": [pixels], **place}
         for name, curve in zip(_SYMMETRY, curves, strict=True):
             self.lines[name].data = curve
-        low, high = ends_of(self.portrait)
+        low, high = ends(self.portrait)
         self.bar.color_mapper.update(low=low, high=high)
         self._tell()
 
@@ -159,41 +148,32 @@ class PortraitPanel:
 def _drawn(state):
     """Return the figure, and the sources and the bar that change with what it shows."""
     first = State(state.plane)
-    plot = figure(
-        x_range=ends(state.x, first.x, **limits(first.x, most=1.0)),
-        y_range=ends(state.y, first.y, **limits(first.y, most=1.0)),
-        x_axis_label="x (turns)",
-        y_axis_label="y (mod 1)",
-        tools="box_zoom,pan,wheel_zoom,zoom_in,zoom_out,reset,save",
-        active_drag="box_zoom",
-        active_scroll="wheel_zoom",
-        sizing_mode="scale_width",
-        aspect_ratio=1.0,
-        toolbar_location="above",
-    )
-    plot.toolbar.logo = None
-    plot.grid.visible = False
+    tools = "box_zoom,pan,wheel_zoom,zoom_in,zoom_out,reset,save"
+    how = {"most": 1.0, "tools": tools, "active_drag": "box_zoom", "aspect_ratio": 1.0}
+    plot = picture(("x (turns)", "y (mod 1)"), (state.x, state.y), (first.x, first.y), **how)
     left, bottom, width, height = _box(plot)
     blank = {"pixels": [np.zeros((1, 1), np.uint8)], "x": [left], "y": [bottom]}
-    image = ColumnDataSource(blank | {"w": [width], "h": [height]}, name="orbits")
+    image = models.ColumnDataSource(blank | {"w": [width], "h": [height]}, name="orbits")
     palette = ["#00000000", CHAOTIC, *COLOURS]  # of the bytes
-    mapper = LinearColorMapper(palette, low=-0.5, high=255.5)
+    mapper = models.LinearColorMapper(palette, low=-0.5, high=255.5)
     plot.image("pixels", "x", "y", "w", "h", source=image, color_mapper=mapper)
-    shades = LinearColorMapper(COLOURS, low=0, high=1)
-    bar = ColorBar(color_mapper=shades, title=_BAR, width=10, padding=4)
+    shades = models.LinearColorMapper(COLOURS, low=0, high=1)
+    bar = models.ColorBar(color_mapper=shades, title=_BAR, width=10, padding=4)
     plot.add_layout(bar, "right")
     blanks = dict.fromkeys(("circle", "longest_lived", *_SYMMETRY), _EMPTY)
     blanks["cycles"] = _NO_CYCLES
-    lines = {name: ColumnDataSource(columns, name=name) for name, columns in blanks.items()}
+    lines = {name: models.ColumnDataSource(columns, name=name) for name, columns in blanks.items()}
     for name, dash in zip(_SYMMETRY, ("solid", "dashed"), strict=True):
-        plot.add_glyph(lines[name], Line(x="x", y="y", line_color="#444444", line_dash=dash))
-    plot.add_glyph(lines["circle"], Line(x="x", y="y", line_color=STRONG, line_width=3))
-    dots = Scatter(x="x", y="y", size=4, line_color="white", line_width=0.5, fill_color="black")
+        plot.add_glyph(lines[name], models.Line(x="x", y="y", line_color="#444444", line_dash=dash))
+    plot.add_glyph(lines["circle"], models.Line(x="x", y="y", line_color=STRONG, line_width=3))
+    dots = models.Scatter(
+        x="x", y="y", size=4, line_color="white", line_width=0.5, fill_color="black"
+    )
     plot.add_glyph(lines["longest_lived"], dots)
-    markers = Scatter(x="x", y="y", marker="marker", size=6, fill_color="fill")
+    markers = models.Scatter(x="x", y="y", marker="marker", size=6, fill_color="fill")
     markers = plot.add_glyph(lines["cycles"], markers)
     tips = [("orbit", "@orbit"), ("x, y", "@x{0.0000000}, @y{0.0000000}")]
-    plot.add_tools(HoverTool(renderers=[markers], tooltips=tips))
+    plot.add_tools(models.HoverTool(renderers=[markers], tooltips=tips))
     return plot, image, bar, lines
 
 

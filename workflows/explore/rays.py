@@ -9,14 +9,13 @@ from dataclasses import dataclass
 from time import monotonic, sleep
 
 import numpy as np
-import xarray as xr
 
 from nasm.numbers import parse
 from pipeline.cubes.barrier import boundary, unfolded
 from pipeline.cubes.breakdown import by_continuation
 from workflows.explore.work import spread
 from workflows.figures.style import circle_class, circle_style, longest_arcs
-from workflows.shared.tables import described
+from workflows.shared.tables import ANGLE, dataset
 
 NO_LINES = {"a": [], "b": [], "colour": []}
 _SPACING = 2.0  # degrees, of a view around the origin
@@ -119,16 +118,18 @@ class Rays:
         if not self.known:
             return None
         angles = sorted(self.known)
-        rays = [self.known[angle] for angle in angles]
-        words = {"scale": "scale at which the last circle breaks", "error": "error of scale"}
-        words["omega"] = "rotation number of the last circle, per step"
-        words["circle"] = "the same, exact"
+        words = {
+            "scale": "scale at which the last circle breaks",
+            "error": "error of scale",
+            "circle": "rotation number of the last circle, per step, exact",
+            "omega": "the same, as a float",
+        }
         columns = {
-            name: ("angle", [getattr(ray, name) for ray in rays], described(text))
+            name: ("angle", [getattr(self.known[angle], name) for angle in angles], text)
             for name, text in words.items()
         }
-        place = described("direction of the ray in the plane", "degree")
-        return xr.Dataset(columns, {"angle": ("angle", angles, place)}, self.plane.record)
+        title, coords = "Where the last circle breaks", {"angle": (angles, ANGLE)}
+        return dataset(title, coords, columns, **self.plane.record)
 
     def missing(self, view):
         """Return the rays to compute for a view: degrees, each for all its images, coarse first."""

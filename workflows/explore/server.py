@@ -21,10 +21,12 @@ from tornado.httpserver import HTTPServer
 from tornado.ioloop import IOLoop
 from tornado.web import OutputTransform, RequestHandler
 
+from nasm import escape
+from nasm.verdict import verdict
 from pipeline.sweep.cluster import NO_SCHEDULER, ClusterError, connect
 from workflows.explore.page import fill
 from workflows.explore.rays import Rays
-from workflows.explore.warm import warm_up
+from workflows.shared.phase_space import portrait
 
 _HOST = "127.0.0.1"
 _NAMES = "localhost", _HOST, "[::1]"
@@ -74,6 +76,13 @@ class Shared:
             self.preparing = str(error)
         except Exception as error:  # at Ctrl-C anything
             self.preparing = f"the workers did not start: {error!r}"
+
+
+def warm_up():
+    """Use every kernel once; the first time on a machine this compiles them, for half a minute."""
+    escape.first_escape([[0.0, 0.0]], *escape.ensemble(1), [1], 1, precision="single")
+    portrait((0.3, 0.2))
+    verdict((0.3, 0.2))
 
 
 def serve(plane, place, port, opens, cluster):

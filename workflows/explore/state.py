@@ -17,7 +17,7 @@ STEPS = [m * 10**e for e in range(2, 6) for m in (1, 2, 5)] + [10**6]
 LINES = {"boundary": "where the last circle breaks", "contour": "where n* ≤ N begins"}
 ORBITS = {"kicks": "kick by kick", "symmetry": "symmetry lines", "cycles": "periodic orbits"}
 _HALF = 1.15  # of the largest strength, of the first view
-_ZOOM = 1e-9, 30.0  # times the first view: beyond that pixels are no longer apart as floats
+ZOOM = 1e-9, 30.0  # times the first view: beyond that pixels are no longer apart as floats
 _FAR = 1e7  # from 0 is no view
 _MOST_ORBITS = 50
 
@@ -102,9 +102,9 @@ class State:
             if name in query:
                 setattr(asked, part, read(query[name]))
         for ends, first in ((asked.a, self.a), (asked.b, self.b)):
-            _allow(ends, np.ptp(first) * np.array(_ZOOM))
+            _allow(ends, np.ptp(first) * np.array(ZOOM))
         for ends in (asked.x, asked.y):
-            _allow(ends, (_ZOOM[0], 1.0))
+            _allow(ends, (ZOOM[0], 1.0))
         asked.follow(asked.omega)
         point = zip(("k1", "k2"), self.point, strict=True)
         asked.move(*(number(query[name]) if name in query else value for name, value in point))
@@ -137,12 +137,6 @@ def orbits_text(orbits):
     return "; ".join(f"{x!r}, {y!r}" for x, y in orbits)
 
 
-def limits(ends, most=_ZOOM[1]):
-    """Return how far one can zoom in and out of a first view, for Bokeh."""
-    size = float(np.ptp(ends))
-    return {"min_interval": _ZOOM[0] * size, "max_interval": most * size}
-
-
 def _steps(text):
     if not (text.isdecimal() and STEPS[0] <= int(text) <= STEPS[-1]):
         raise ValueError(f"n={text!r} must be a whole number from {STEPS[0]} to {STEPS[-1]}")
@@ -159,8 +153,7 @@ def _ends(text):
 def _allow(ends, sizes):
     low, high = ends
     if not (abs(low) + abs(high) < _FAR and 0.99 * sizes[0] <= high - low <= 1.01 * sizes[1]):
-        words = f"the range {low}:{high} must be {sizes[0]:g} to {sizes[1]:g} wide"
-        raise ValueError(words)
+        raise ValueError(f"the range {low}:{high} must be {sizes[0]:g} to {sizes[1]:g} wide")
 
 
 def _names(text):

@@ -37,7 +37,8 @@ def panel(state, work):
 def copied(state):
     """Return the button that copies the view as Python."""
     code, copy = Div(visible=False), Button(label="copy as Python")
-    copy.js_on_event("button_click", CustomJS(args={"code": code, "copy": copy}, code=_COPY))
+    args = {"code": code, "copy": copy}
+    copy.js_on_event("button_click", CustomJS(args=args, code="copyText(code.text, copy)"))
 
     def write():
         code.text = _python(state)
@@ -46,14 +47,6 @@ def copied(state):
         state.on(name, write)
     write()
     return Row(copy, code)
-
-
-_COPY = """
-navigator.clipboard.writeText(code.text).then(
-    () => { copy.label = "copied"; setTimeout(() => { copy.label = "copy as Python" }, 1500) },
-    (error) => { copy.label = `not copied: ${error.message}` },
-)
-"""
 
 
 def _judged(client, kappa):

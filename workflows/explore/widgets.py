@@ -6,6 +6,9 @@ from itertools import product
 
 from bokeh.core.property.descriptors import UnsetValueError
 from bokeh.models import CheckboxGroup, Column, Div, Range1d
+from bokeh.plotting import figure
+
+from workflows.explore.state import ZOOM
 
 
 def alert(text):
@@ -45,9 +48,28 @@ def boxes(state, labels, **options):
     return group
 
 
-def ends(sides, first, **limits):
-    """Return the range of an axis that shows `sides`, (lo, hi), and goes back to `first`."""
-    return Range1d(*sides, reset_start=first[0], reset_end=first[1], **limits)
+def picture(labels, sides, first, most=ZOOM[1], **options):
+    """Return a figure that shows `sides`, ((lo, hi), (lo, hi)), and goes back to `first`.
+
+    labels : of its axes. most : how far one can zoom out, in parts of `first`.
+    """
+    x_range, y_range = (
+        Range1d(
+            *side,
+            reset_start=lo,
+            reset_end=hi,
+            min_interval=ZOOM[0] * (hi - lo),
+            max_interval=most * (hi - lo),
+        )
+        for side, (lo, hi) in zip(sides, first, strict=True)
+    )
+    options |= dict(zip(("x_axis_label", "y_axis_label"), labels, strict=True))
+    options |= {"active_scroll": "wheel_zoom", "toolbar_location": "above"}
+    plot = figure(x_range=x_range, y_range=y_range, sizing_mode="scale_width", **options)
+    plot.toolbar.logo = None
+    plot.grid.visible = False
+    plot.axis.axis_label_text_font_style = "normal"
+    return plot
 
 
 def sides_of(plot):

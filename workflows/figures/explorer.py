@@ -12,7 +12,7 @@ def draw_seen(seen):
     """Draw escape times, the boundary, or orbits with what decides in a strong colour."""
     figure = Figure(figsize=(8, 6.6), layout="constrained")
     axes = figure.subplots()
-    axes.set_title(seen.attrs.get("title", "Where the last circle breaks"), fontsize="medium")
+    axes.set_title(seen.attrs["title"], fontsize="medium")
     if "which" not in seen:
         label_plane(axes, seen)
         if "escape_time" in seen:
