@@ -12,9 +12,7 @@ The default irrational numbers are [0;8,(1)], [0;5,(1)], … [0;2,(1)], [0;2,3,(
 
 from fractions import Fraction
 
-import click
-
-from workflows.shared.cli import command, fraction, real, several, sweeps, whole
+from workflows.shared.cli import command, flag, fraction, real, several, sweeps, whole
 
 IRRATIONAL = (
     "0.11603574565909282",
@@ -62,7 +60,7 @@ def parse_fraction(text):
 )
 @whole("--phases", 8, 2, 1000, "Phases from 0 to 1/2q of each fraction.")
 @real("--angle", 45.0, 0, 180, "Ray (κ̄, Δκ) = s·(cos, sin), in degrees.")
-@click.option("--quick", is_flag=True, help="A few fractions, three phases, and one torus.")
+@flag("--quick", "A few fractions, three phases, and one torus.")
 @sweeps
 def main(run, q_max, also, irrational, phases, angle, quick):
     """Last barriers against the frequency: a cube, a table and a figure in OUT.

@@ -5,15 +5,13 @@ beyond it; `nasm/proofs/README.md` has both theorems. Between the two nothing is
 forcings further in nothing but what is computed there.
 """
 
-import click
-
-from workflows.shared.cli import command, real, sweeps, whole
+from workflows.shared.cli import command, flag, real, sweeps, whole
 
 
 @command()
 @whole("--angles", 361, 2, 10**5, "Rays around the plane; all but an eighth are mirror images.")
 @real("--seconds", 3.0, 0.1, 10**5, "CPU time for each of the two proofs on a ray.")
-@click.option("--quick", is_flag=True, help="A preview: 41 rays, half a second for each proof.")
+@flag("--quick", "A preview: 41 rays, half a second for each proof.")
 @sweeps
 def main(run, angles, seconds, quick):
     """Proved brackets of the last barrier: two cubes, a table and a figure in OUT.

@@ -5,19 +5,13 @@ Cells of the (κ1, κ2) plane are proved whole, by a quadtree that is fine where
 says nothing.
 """
 
-import click
+from workflows.shared.cli import choice, command, full_option, real, sweeps
 
-from workflows.shared.cli import command, full_option, real, sweeps
+_CELLS = ["32", "64", "128", "256", "512", "1024"]
 
 
 @command()
-@click.option(
-    "--cells",
-    type=click.Choice(["32", "64", "128", "256", "512", "1024"]),
-    default="128",
-    show_default=True,
-    help="Finest cells for each unit of the strengths.",
-)
+@choice("--cells", _CELLS, "128", "Finest cells for each unit of the strengths.")
 @real("--seconds", 0.5, 1e-3, 1e4, "CPU time for transport, after which a cell is cut or left.")
 @full_option("more than an hour of CPU time", cells="512")
 @sweeps

@@ -8,9 +8,7 @@ constant, as in the paper's Fig. 11, and of √2 and the golden mean.
 
 from itertools import product
 
-import click
-
-from workflows.shared.cli import command, parsed, real, sweeps, whole
+from workflows.shared.cli import command, flag, parsed, real, sweeps, whole
 
 VECTORS = (
     "0.5436890126920764,0.8392867552141612",
@@ -59,7 +57,7 @@ def parse_vectors(texts):
 @whole("--angles", 13, 2, 10**5, "Rays, from 0 to 90 degrees: the other sign of Δκ is another φ0.")
 @real("--tol", 1e-3, 1e-5, 0.2, "Error of the scales to aim at.")
 @real("--picture", 45.0, 0, 90, "Ray, in degrees, on which tori of the first vector are drawn.")
-@click.option("--quick", is_flag=True, help="Three rays at most, and errors of 0.05 in the scale.")
+@flag("--quick", "Three rays at most, and errors of 0.05 in the scale.")
 @sweeps
 def main(run, vector, angles, tol, picture, quick):
     """Tori of irrational frequency: two cubes, a table and two figures in OUT.

@@ -12,7 +12,7 @@ from zlib import crc32
 
 import click
 
-from workflows.shared.cli import announce_kernels, command, draws, out_option, point_option
+from workflows.shared import cli
 from workflows.shared.verdict_words import SHOWN, name_of, sentences
 
 _STARTS, _STEPS = 64, 10**6  # of direct iteration; it only illustrates
@@ -42,11 +42,9 @@ def escaping_orbit(kappa):
     outside = (orbit[1] < lo) | (orbit[1] > hi)
     steps = np.where(outside.any(axis=0), outside.argmax(axis=0), n)
     first = steps.argmin()
-    return (
-        tuple(values[: int(steps[first]) + 1, first] for values in orbit)
-        if steps[first] < n
-        else None
-    )
+    if steps[first] >= n:
+        return None
+    return tuple(values[: int(steps[first]) + 1, first] for values in orbit)
 
 
 def forcing_asked(strengths, plane, files):
@@ -139,25 +137,15 @@ def _drawn(*asked):
     return draw_verdict(portrait_of(*asked))
 
 
-@command(ignore_unknown_options=True)
+@cli.command(ignore_unknown_options=True)
 @click.argument("kappa", type=float, nargs=-1)
-@point_option
-@click.option(
-    "--sequence",
-    type=click.Path(exists=True, dir_okay=False),
-    metavar="FILE",
-    help="A text file with one period of strengths, in place of KAPPA.",
-)
-@click.option(
-    "--once",
-    type=click.Path(exists=True, dir_okay=False),
-    metavar="FILE",
-    help="A text file with kicks that come once and do not repeat, any number, likewise.",
-)
-@click.option("--prove", is_flag=True, help="Prove the answer, if 20 s are enough.")
-@click.option("--pdf", is_flag=True, help="The figure as PDF too.")
-@draws
-@out_option
+@cli.point_option
+@cli.file_option("--sequence", "A text file with one period of strengths, in place of KAPPA.")
+@cli.file_option("--once", "A text file with kicks that come once and do not repeat, any number.")
+@cli.flag("--prove", "Prove the answer, if 20 s are enough.")
+@cli.flag("--pdf", "The figure as PDF too.")
+@cli.draws
+@cli.out_option
 def main(kappa, plane, sequence, once, prove, pdf, out):
     """Transport or barrier under kicks of strengths KAPPA ... in turn? With a portrait in OUT.
 
@@ -176,7 +164,7 @@ def main(kappa, plane, sequence, once, prove, pdf, out):
         raise click.UsageError(str(error)) from None
     except OSError as error:
         raise click.UsageError(f"--out={out}: {error.strerror}; choose another directory") from None
-    announce_kernels()
+    cli.announce_kernels()
     if once:
         from workflows.ask.once import asked_once as asked_one
     else:

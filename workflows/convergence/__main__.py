@@ -6,15 +6,13 @@ gives 3.012), in the number of steps N and in the number of orbits M. Beside it 
 Greene's residue in the period q, and certified circles in the number n of grid points.
 """
 
-import click
-
-from workflows.shared.cli import command, increasing, sweeps, whole
+from workflows.shared.cli import command, flag, increasing, sweeps, whole
 
 
 @command()
 @whole("--n-max", 1_000_000, 1000, 10**9, "Steps of direct iteration.")
 @increasing("--n-orbits", "10,30,100,300,1000", 10**8, "Orbits of the nested ensembles.")
-@click.option("--quick", is_flag=True, help="At most 10 000 steps, and short runs of the others.")
+@flag("--quick", "At most 10 000 steps, and short runs of the others.")
 @sweeps
 def main(run, n_max, n_orbits, quick):
     """Convergence studies: three cubes, a table and two figures in OUT.

@@ -6,13 +6,13 @@ portrait of the forcing that was clicked; below the verdict. Nobody but this mac
 
 import click
 
-from workflows.shared.cli import cluster_options, command, out_option, plane_option, whole
+from workflows.shared.cli import cluster_options, command, flag, out_option, plane_option, whole
 
 
 @command()
 @plane_option
 @whole("--port", 5006, 0, 65535, "Port of the page on this machine; 0: any that is free.")
-@click.option("--no-browser", is_flag=True, help="Print the address of the page, and open nothing.")
+@flag("--no-browser", "Print the address of the page, and open nothing.")
 @cluster_options
 @out_option
 def main(plane, port, no_browser, out, **cluster):

@@ -1,30 +1,23 @@
 """Period-one orbits, Figs. 3 and 4."""
 
-import matplotlib.pyplot as plt
 from matplotlib.colors import LogNorm
 
-from workflows.figures.style import VERMILION, size
-
-_STABLE = VERMILION
+from workflows.figures.style import VERMILION, panels
 
 
 def draw_primary_points(primary):
     """Draw where the four primary period-one points are stable, Fig. 3."""
-    layout = {"layout": "constrained", "sharex": True, "sharey": True}
-    figure, panels = plt.subplots(2, 2, figsize=size(8, 8.4), **layout)
+    figure, drawn = panels(2, 2, 8, 8.4, stack=False, sharex=True, sharey=True)
     stable = (primary.residue > 0) & (primary.residue < 1)
-    shares = []
-    points = primary.point.attrs["points"]
-    for axes, here, point, letter in zip(panels.flat, stable, points, "abcd", strict=True):
-        axes.contourf(primary.kappa1, primary.kappa2, here, levels=[0.5, 1.5], colors=[_STABLE])
+    shares, points = [], primary.point.attrs["points"]
+    for axes, here, point, letter in zip(drawn, stable, points, "abcd", strict=True):
+        axes.contourf(primary.kappa1, primary.kappa2, here, levels=[0.5, 1.5], colors=[VERMILION])
         axes.set(title=f"$(x, y) = {point}$", aspect="equal")
+        axes.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$")
+        axes.label_outer()
         axes.axhline(0, color="0.7", lw=0.6)
         axes.axvline(0, color="0.7", lw=0.6)
         shares.append(f"({letter}) {point}: {100 * float(here.mean()):.1f}%")
-    for axes in panels[1]:
-        axes.set_xlabel(r"$\kappa_1$")
-    for axes in panels[:, 0]:
-        axes.set_ylabel(r"$\kappa_2$")
     figure.suptitle("Strengths for which a primary period-one orbit is stable")
     return figure, (
         "Strengths of the kicks for which each primary period-one orbit is stable, 0 < R < 1 "
@@ -34,20 +27,18 @@ def draw_primary_points(primary):
 
 def draw_secondary_points(secondary):
     """Draw where secondary points exist and are stable, and the estimate's error, Fig. 4."""
-    figure, axes = plt.subplots(figsize=size(7.5, 6), layout="constrained")
+    figure, (axes,) = panels(1, 1, 7.5, 6)
     exists = secondary.z.notnull()
     error = secondary.estimate_error.where(secondary.estimate_error > 0)
-    image = axes.pcolormesh(
-        secondary.kappa1, secondary.kappa2, error, norm=LogNorm(vmin=1e-4, vmax=3), cmap="viridis"
-    )
+    place = secondary.kappa1, secondary.kappa2
+    image = axes.pcolormesh(*place, error, norm=LogNorm(vmin=1e-4, vmax=3), cmap="viridis")
     figure.colorbar(image, ax=axes, label=r"error of the cubic estimate of $z_*$ (radians)")
     stable = (secondary.residue > 0) & (secondary.residue < 1)
     # Dense lines: a coarse hatch is lost in the narrow second region, κ1 = κ2 > 5.
-    where = secondary.kappa1, secondary.kappa2, stable
-    axes.contourf(*where, levels=[0.5, 1.5], colors="none", hatches=["//////"])
-    axes.contour(*where, levels=[0.5], colors="black", linewidths=1.2)
-    style = {"facecolor": "none", "edgecolor": "black", "hatch": "//////", "label": "stable"}
-    axes.fill_between([], [], [], **style)
+    axes.contourf(*place, stable, levels=[0.5, 1.5], colors="none", hatches=["//////"])
+    axes.contour(*place, stable, levels=[0.5], colors="black", linewidths=1.2)
+    look = {"facecolor": "none", "edgecolor": "black", "hatch": "//////"}
+    axes.fill_between([], [], [], label="stable", **look)
     for name, there in (("kappa1", exists.any("kappa2")), ("kappa2", exists.any("kappa1"))):
         ends = secondary[name].values[there.values][[0, -1]] if there.any() else (0, 1)
         (axes.set_xlim if name == "kappa1" else axes.set_ylim)(*ends)

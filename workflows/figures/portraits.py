@@ -2,9 +2,8 @@
 
 import matplotlib.pyplot as plt
 
-from workflows.figures.style import COLOURS, VERMILION, colour_of, dots, in_column, size
+from workflows.figures.style import COLOURS, VERMILION, colour_of, dots, in_column, panels, size
 
-BLUE = COLOURS[0]
 _KICKS_SHOWN = 80
 
 
@@ -12,17 +11,17 @@ def draw_kicks(portraits):
     """Draw T_{κ1κ2}, T_{κ2κ1}, the nonautonomous map, and one orbit: in the plane, in time."""
     figure = plt.figure(figsize=size(9, 11), layout="constrained")
     places = [["first", "second"], ["raw", "island"], ["time", "time"]]
-    panels = figure.subplot_mosaic(places, height_ratios=[1, 1, 0.4])
+    drawn = figure.subplot_mosaic(places, height_ratios=[1, 1, 0.4])
     first, second = (portraits.isel(forcing=i) for i in (0, 1))
     map_of = r"$\mathcal{T}_{\kappa_1\kappa_2}$, $(\kappa_1, \kappa_2) ="
-    _draw_cell(panels["first"], first.x, first.y, f"{map_of} {_forcing(first)}$")
-    _draw_cell(panels["second"], second.x, second.y, f"{map_of} {_forcing(second)}$")
+    _draw_cell(drawn["first"], first.x, first.y, f"{map_of} {_forcing(first)}$")
+    _draw_cell(drawn["second"], second.x, second.y, f"{map_of} {_forcing(second)}$")
     title = rf"nonautonomous map, $(\kappa_1, \kappa_2) = {_forcing(first)}$"
-    _draw_cell(panels["raw"], portraits.kick_x, portraits.kick_y, title)
-    island, time = panels["island"], panels["time"]
+    _draw_cell(drawn["raw"], portraits.kick_x, portraits.kick_y, title)
+    island, time = drawn["island"], drawn["time"]
     x, y, kick = (portraits[name].values for name in ("island_x", "island_y", "kick"))
     around = (x + 0.25) % 1 - 0.25  # x is shown around 0, where one of the islands is
-    for parity, colour, words in ((0, BLUE, "even"), (1, VERMILION, "odd")):
+    for parity, colour, words in ((0, COLOURS[0], "even"), (1, VERMILION, "odd")):
         island.plot(around[parity::2], y[parity::2], label=words, **dots(colour, 4))
         shown = slice(parity, _KICKS_SHOWN, 2)
         time.plot(kick[shown], around[shown], "o", color=colour, ms=2 if in_column() else 4)
@@ -48,10 +47,9 @@ def draw_kicks(portraits):
 
 def draw_symmetry(portraits):
     """Draw four forcings related by symmetries, with the images of three orbits in colours."""
-    layout = {"layout": "constrained", "sharex": True, "sharey": True}
-    figure, panels = plt.subplots(2, 2, figsize=size(9, 9.3), **layout)
+    figure, drawn = panels(2, 2, 9, 9.3, stack=False, sharex=True, sharey=True)
     forcings = [portraits.isel(forcing=i) for i in range(4)]
-    for axes, here in zip(panels.flat, forcings, strict=True):
+    for axes, here in zip(drawn, forcings, strict=True):
         axes.plot(here.x.values.ravel(), here.y.values.ravel(), **dots("0.5", 1.0))
         title = rf"$(\kappa_1, \kappa_2) = {_forcing(here)}$"
         _draw_cell(axes, here.marked_x, here.marked_y, title, 3.5)

@@ -9,8 +9,6 @@ from pathlib import Path
 import matplotlib
 import numpy as np
 
-matplotlib.use("agg")
-
 # Blue, orange, green, sky, red, violet, indigo: 17 or more apart in CIE Lab as a deuteranope and a
 # protanope see them, and as far from black, white and the greys below.
 COLOURS = ["#0072B2", "#E69F00", "#358600", "#56B4E9", "#8B0000", "#8A2BE2", "#332288"]
@@ -76,15 +74,14 @@ def size(width, height):
     return (COLUMN, COLUMN * height / width) if in_column() else (width, height)
 
 
-def panels(rows, columns, width, height, **settings):
-    """Return a figure of that size and its axes, in a column one below the other."""
+def panels(rows, columns, width, height, stack=True, **settings):
+    """Return a figure of that size and its axes, which are stacked in a column if they may be."""
     import matplotlib.pyplot as plt
 
     count, shape = rows * columns, height / rows / (width / columns)
-    if in_column() and count > 1:
+    if in_column() and count > 1 and stack:
         rows, columns, width, height = count, 1, COLUMN, COLUMN * count * min(shape, _TALLEST)
-    figsize = size(width, height)
-    settings |= {"figsize": figsize, "layout": "constrained", "squeeze": False}
+    settings |= {"figsize": size(width, height), "layout": "constrained", "squeeze": False}
     figure, axes = plt.subplots(rows, columns, **settings)
     return figure, list(axes.flat)
 

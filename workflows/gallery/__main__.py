@@ -14,7 +14,7 @@ from pathlib import Path
 
 import click
 
-from workflows.shared.cli import cluster_options, command, main_of, out_option
+from workflows.shared.cli import choice, cluster_options, command, flag, main_of, out_option
 
 
 @dataclass(frozen=True)
@@ -70,17 +70,8 @@ def judged(out):
 
 
 @command(default_map={"out": "gallery"})
-@click.option(
-    "--full",
-    is_flag=True,
-    help="The size of the paper, some four CPU hours, most of them of direct iteration.",
-)
-@click.option(
-    "--only",
-    multiple=True,
-    type=click.Choice([exhibit.name for exhibit in EXHIBITS]),
-    help="A command to run; may be repeated.  [default: all]",
-)
+@flag("--full", "The size of the paper, some four CPU hours, most of them of direct iteration.")
+@choice("--only", _TEXTS, (), "A command to run; may be repeated.  [default: all]", multiple=True)
 @out_option
 @cluster_options
 def main(out, full, only, workers, scheduler, tls):

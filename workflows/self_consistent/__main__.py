@@ -8,9 +8,7 @@ fitted to them. Beside it a barrier that converse KAM cannot see, as it folds: t
 forcing which settles has in the end, pulled back to its beginning.
 """
 
-import click
-
-from workflows.shared.cli import command, real, whole, writes
+from workflows.shared.cli import command, flag, real, whole, writes
 
 
 @command()
@@ -24,7 +22,7 @@ from workflows.shared.cli import command, real, whole, writes
 )
 @whole("--particles", 65_536, 256, 10**7, "Particles, in a thin band around y = 0 at first.")
 @whole("--kicks", 16_384, 4096, 10**6, "Kicks; barriers are sought in the second half of them.")
-@click.option("--quick", is_flag=True, help="At most 4096 particles and 8192 kicks.")
+@flag("--quick", "At most 4096 particles and 8192 kicks.")
 @writes
 def main(run, coupling, particles, kicks, quick):
     """The self-consistent map and its barriers: three cubes, a table and a figure in OUT.

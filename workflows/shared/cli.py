@@ -17,10 +17,8 @@ import click
 for name in ("nasm", "pipeline"):
     ours, found = Path(__file__).parents[2] / name, getattr(find_spec(name), "origin", None)
     if found is None or not ours.samefile(Path(found).parent):
-        sys.exit(
-            f"the package {name} in {ours} is hidden by another one of that name, {found}; install "
-            "this program into an environment of its own"
-        )
+        words = f"the package {name} in {ours} is hidden by another one of that name, {found}"
+        sys.exit(f"{words}; install this program into an environment of its own")
 
 from nasm import __version__  # noqa: E402
 from nasm.arithmetic.memory import keep_freed_memory  # noqa: E402
@@ -30,10 +28,7 @@ version = click.version_option(__version__, message="nasm %(version)s")
 
 
 def command(**settings):
-    """Make a function a click command.
-
-    Ctrl-C before or after its sweeps ends it with code 130; a proof without python-flint, with 1.
-    """
+    """Make a click command of a function; Ctrl-C ends it with code 130, a lack of FLINT with 1."""
 
     def decorate(function):
         @click.command(context_settings=COMMON | settings)
@@ -93,6 +88,23 @@ whole = functools.partial(_number, click.IntRange)
 real = functools.partial(_number, _RealRange)
 
 
+def choice(name, values, default, help, multiple=False):
+    """Make an option that takes one of the texts `values`, or several of them."""
+    how = {"type": click.Choice(values), "help": help, "multiple": multiple}
+    return click.option(name, default=default, show_default=not multiple, **how)
+
+
+def flag(name, help):
+    """Make an option that is given or not."""
+    return click.option(name, is_flag=True, help=help)
+
+
+def file_option(name, help):
+    """Make an option that takes the path of a file which exists."""
+    how = {"type": click.Path(exists=True, dir_okay=False), "metavar": "FILE"}
+    return click.option(name, help=help, **how)
+
+
 def parsed(name, default, parse, metavar, help, multiple=False):
     """Make an option whose text, or tuple of texts, `parse` reads or refuses by ValueError.
 
@@ -105,8 +117,8 @@ def parsed(name, default, parse, metavar, help, multiple=False):
         except ValueError as error:
             raise click.BadParameter(str(error)) from None
 
-    told = {"show_default": True, "metavar": metavar, "help": help, "multiple": multiple}
-    return click.option(*name.split(), default=default, callback=callback, **told)
+    how = {"show_default": True, "metavar": metavar, "help": help, "multiple": multiple}
+    return click.option(*name.split(), default=default, callback=callback, **how)
 
 
 def several(name, default, read, what, metavar, help):
@@ -134,7 +146,7 @@ def fraction(text):
 
 
 def axis(name, default, help):
-    """Make an option LO:HI:N that gives a grid.Axis."""
+    """Make an option LO:HI:N, which is read as a grid.Axis."""
 
     def parse(text):
         from pipeline.sweep.grid import parse_axis
@@ -145,13 +157,11 @@ def axis(name, default, help):
 
 
 def increasing(name, default, largest, help):
-    """Make an option N[,N...] that gives a list of increasing whole numbers from 1, or None."""
+    """Make an option N[,N...], which is read as a list of increasing whole numbers, or None."""
 
     def parse(text):
-        if text is None:
-            return None
-        numbers = [int(number) if number.isdecimal() else 0 for number in text.split(",")]
-        if sorted(set(numbers)) != numbers or numbers[0] < 1 or numbers[-1] > largest:
+        numbers = [int(n) if n.isdecimal() else 0 for n in text.split(",")] if text else None
+        if numbers and (sorted({*numbers}) != numbers or numbers[0] < 1 or numbers[-1] > largest):
             words = f"must be increasing whole numbers from 1 to {largest}, e.g. 100,1000"
             raise ValueError(f"{text!r} {words}")
         return numbers
@@ -185,11 +195,10 @@ def full_option(effort, **settings):
         if value:
             context.default_map = settings | (context.default_map or {})
 
-    values = {
-        name: [value] if isinstance(value, str | int) else value for name, value in settings.items()
-    }
     words = " ".join(
-        f"--{name.replace('_', '-')} {each}" for name, value in values.items() for each in value
+        f"--{name.replace('_', '-')} {each}"
+        for name, value in settings.items()
+        for each in ([value] if isinstance(value, str | int) else value)
     )
     help = f"The long form, {effort}: {words} are then the defaults."
     eager = {"is_eager": True, "expose_value": False, "callback": callback}
@@ -211,19 +220,14 @@ def plane_options(kappa1, kappa2, n_max, n_orbits, tile, levels, precision):
         axis("--kappa2 --second", kappa2, "Second coordinate, likewise."),
         whole("--n-max", n_max, 1, 10**12, "Steps (periods of the forcing) of each orbit."),
         increasing("--n-orbits", str(n_orbits), 10**8, "Orbits; several: nested ensembles."),
-        click.option(
-            "--precision",
-            type=click.Choice(["double", "single"]),
-            default=precision,
-            show_default=True,
-            help="Of the arithmetic; single takes two fifths of the time, up to 10^6 steps.",
+        choice(
+            *("--precision", ["double", "single"], precision),
+            "Of the arithmetic; single takes two fifths of the time, up to 10^6 steps.",
         ),
         whole("--tile", tile, 1, 4096, "Cells along each side of a tile, at least."),
         whole("--levels", levels, 1, 12, "Levels of refinement; 1 computes every cell."),
         increasing(
-            "--follow",
-            None,
-            10**12,
+            *("--follow", None, 10**12),
             "Refine along, and draw, the boundaries {n* <= N} of these N.  [default: n-max]",
         ),
     )
@@ -305,11 +309,7 @@ def place_options(function):
 def draws(function):
     """Add --column, within which the function draws and saves its figures."""
 
-    @click.option(
-        "--column",
-        is_flag=True,
-        help="Figures for a column of a journal: 3.4 in wide, 8 pt, without titles.",
-    )
+    @flag("--column", "Figures for a column of a journal: 3.4 in wide, 8 pt, without titles.")
     @functools.wraps(function)
     def wrapped(column, **options):
         if not column:
@@ -327,11 +327,7 @@ def writes(function):
 
     @draws
     @out_option
-    @click.option(
-        "--dry-run",
-        is_flag=True,
-        help="Print the tiles, files, MB and CPU hours of the sweeps, and do nothing.",
-    )
+    @flag("--dry-run", "Print the tiles, files, MB and CPU hours of the sweeps, and do nothing.")
     @functools.wraps(function)
     def wrapped(out, dry_run, store=None, workers=None, scheduler=None, tls=None, **options):
         if not dry_run:

@@ -1,9 +1,12 @@
 """What a command writes into OUT: tables, figures with captions, and its findings in words."""
 
 import click
+import matplotlib
 
 from workflows.figures.style import save
 from workflows.shared.tables import write
+
+matplotlib.use("agg")  # no window is opened
 
 
 class Output:

@@ -14,11 +14,11 @@ The sentences that the command prints, with the numbers of the run, are kept as 
 
 import click
 
-from workflows.shared.cli import command, writes
+from workflows.shared.cli import command, flag, writes
 
 
 @command()
-@click.option("--quick", is_flag=True, help="A preview: fewer and shorter runs of everything.")
+@flag("--quick", "A preview: fewer and shorter runs of everything.")
 @writes
 def main(run, quick):
     """Where each method stops being right: ten cubes and four figures in OUT.

@@ -10,12 +10,12 @@ from contextlib import nullcontext
 
 import click
 
-from workflows.shared.cli import command, place_options, real
+from workflows.shared.cli import command, flag, place_options, real
 
 
 @command()
-@click.option("--repair", is_flag=True, help="Free what is damaged, to be computed again.")
-@click.option("--proofs", is_flag=True, help="Check certificates too, with the extra `proof`.")
+@flag("--repair", "Free what is damaged, to be computed again.")
+@flag("--proofs", "Check certificates too, with the extra `proof`.")
 @real("--longest", 60, 0, 1e9, "CPU seconds: certificates that take longer are not checked.")
 @place_options
 def main(place, repair, proofs, longest):

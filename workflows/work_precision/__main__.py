@@ -14,22 +14,17 @@ from pathlib import Path
 
 import click
 
-from workflows.shared.cli import command, writes
+from workflows.shared.cli import choice, command, flag, writes
 
 NAMES = ("direct", "direct-100", "direct-window", "direct-single", "cones", "birkhoff", "circle")
 NAMES += ("continuation", "crossing", "residue", "barriers", "transport-proof", "barrier-proof")
 ANGLES = ("45", "0", "30", "40", "120")
 
 
-def _choice(option, values, help):
-    kind = click.Choice(values)
-    return click.option(option, multiple=True, default=values, type=kind, help=help)
-
-
 @command()
-@click.option("--full", is_flag=True, help="The largest effort of each method too: 15 CPU minutes.")
-@_choice("--only", NAMES, "A method to measure; may be repeated.  [default: all]")
-@_choice("--angle", ANGLES, "A ray, in degrees; may be repeated.  [default: all]")
+@flag("--full", "The largest effort of each method too: 15 CPU minutes.")
+@choice("--only", NAMES, NAMES, "A method to measure; may be repeated.  [default: all]", True)
+@choice("--angle", ANGLES, ANGLES, "A ray, in degrees; may be repeated.  [default: all]", True)
 @writes
 def main(run, full, only, angle):
     """Speed against accuracy of all methods: a cube, two tables and a figure in OUT.
