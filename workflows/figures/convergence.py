@@ -11,21 +11,18 @@ def draw_convergence(bias, others, fits):
     figure, (direct, orbits, cones, sharp) = panels(2, 2, 11, 9)
     count, n = [int(size) for size in bias.ensemble], bias.n.values
     for i, angle in enumerate(bias.angle.values):
+        (eta, error), here, other = fits[angle], bias.sel(angle=angle), others.sel(angle=angle)
+        label = rf"$\varphi = {angle:g}°$"
+        label += rf": $\eta = {eta:.2f} \pm {error:.2f}$" if np.isfinite(eta) else ""
         # Where curves coincide, all are seen: dashes, and smaller marks, in front of the first.
-        style = {"ls": (2 * i, (4, 4)) if i else "-", "ms": 10 / (1 + i)}
-        style |= {"color": colour_of(i), "label": rf"$\varphi = {angle:g}°$"}
-        eta, error = fits[angle]
-        here = bias.sel(angle=angle)
-        label = rf": $\eta = {eta:.2f} \pm {error:.2f}$" if np.isfinite(eta) else ""
-        direct.plot(n, here[-1], ".", color=style["color"], label=style["label"] + label)
-        style["label"] = None  # once is enough
-        orbits.plot(bias.ensemble, (here / here.isel(ensemble=-1)).mean("n"), ".", **style)
-        here, hollow = others.sel(angle=angle), style | {"mfc": "none"}
-        cones.plot(here.steps, here.cones_raw, ".", **style)
-        cones.plot(here.steps, here.cones_corrected, "s", **hollow | {"ms": 5})
-        q = here.residue.dropna("q")
-        sharp.plot(q.q, q, ".", **style)
-        sharp.plot(here.modes, here.circles_raw, "^", **hollow | {"ms": 9 - 4 * i})
+        look = {"color": colour_of(i), "ls": (2 * i, (4, 4)) if i else "-"}
+        small, q = look | {"ms": 10 / (1 + i)}, other.residue.dropna("q")
+        direct.plot(n, here[-1], ".", color=colour_of(i), label=label)
+        orbits.plot(bias.ensemble, (here / here.isel(ensemble=-1)).mean("n"), ".", **small)
+        cones.plot(other.steps, other.cones_raw, ".", **small)
+        cones.plot(other.steps, other.cones_corrected, "s", ms=5, mfc="none", **look)
+        sharp.plot(q.q, q, ".", **small)
+        sharp.plot(other.modes, other.circles_raw, "^", ms=9 - 4 * i, mfc="none", **look)
     middle = float(bias[-1].median())
     for slope, style in ((2.681, ":"), (3.012, "-"), (3.322, "--")):
         guide = middle * (n / np.sqrt(n[0] * n[-1])) ** (-1 / slope)
@@ -53,7 +50,7 @@ def draw_convergence(bias, others, fits):
         figure.legend(*direct.get_legend_handles_labels(), loc="outside upper center", ncols=2)
     else:
         direct.legend(fontsize="x-small", loc="upper right")
-    etas = ", ".join(f"{_told(*fitted)} at {angle:g}°" for angle, fitted in fits.items())
+    etas = ", ".join(f"{_fitted(*fit)} at {angle:g}°" for angle, fit in fits.items())
     return figure, (
         f"Error against effort on rays at {', '.join(f'{angle:g}°' for angle in fits)}, in parts "
         "of the breakup by residues. Direct iteration (above): the excess over the breakup from "
@@ -63,7 +60,7 @@ def draw_convergence(bias, others, fits):
     )
 
 
-def _told(eta, error):
+def _fitted(eta, error):
     return f"{eta:.2f} ± {error:.2f}" if np.isfinite(eta) else "not found"
 
 
@@ -81,11 +78,9 @@ def draw_diagonal(diagonal):
     etas = []
     for half, words in enumerate(names_of(diagonal.half)):
         here = diagonal.isel(n=np.flatnonzero(diagonal.upper_half.values == half))
-        eta = _told(*(float(fitted[half]) for fitted in (diagonal.eta, diagonal.eta_error)))
-        style = {"ls": "-" if half else "--", "color": colour_of(half)}
-        words = words.replace("N", "$N$")
-        axes.plot(here.n, here.fit, label=rf"{words}: $\eta$ = {eta}", **style)
-        etas.append(eta)
+        etas.append(_fitted(float(diagonal.eta[half]), float(diagonal.eta_error[half])))
+        label = rf"{words.replace('N', '$N$')}: $\eta$ = {etas[-1]}"
+        axes.plot(here.n, here.fit, "-" if half else "--", color=colour_of(half), label=label)
     mark_gaps(axes, diagonal.n.values, diagonal.distance.isnull().values)
     axes.set(xscale="log", yscale="log", xlabel="steps $N$", ylabel=r"$\kappa_N - \kappa_G$")
     _plain(axes.yaxis)

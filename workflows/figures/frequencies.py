@@ -22,59 +22,52 @@ def draw_frequencies(cube):
     for Ω, ends in limits.items():
         wide.vlines(Ω, *ends, color=colour_of(1), lw=2)
         wide.plot(Ω, ends[0], "^", color=colour_of(1), ms=5)
-    for words, colour, width in (
-        (r"$\Omega = p/q$, all phases $\varphi_0$", "0.8", 6),
-        (r"$\Omega = p/q$, bracket of the least one", colour_of(0), 2),
-        (r"$\Omega$ irrational: from a certified torus (▲) to converse KAM", colour_of(1), 2),
-    ):
-        wide.plot([], [], color=colour, lw=width, label=words)
+    of = r"$\Omega = p/q$, "
+    wide.plot([], [], color="0.8", lw=6, label=rf"{of}all phases $\varphi_0$")
+    wide.plot([], [], color=colour_of(0), lw=2, label=f"{of}bracket of the phase that breaks first")
+    words = r"$\Omega$ irrational: from a certified torus (▲) to converse KAM"
+    wide.plot([], [], color=colour_of(1), lw=2, label=words)
     wide.set(xlabel=r"frequency $\Omega$", ylabel="scale $s$ of the last breakup")
     wide.legend(fontsize="small", loc="best")
-    told = _draw_convergents(near, limits, fractions)
+    comparison = _draw_convergents(near, limits, fractions)
     _cut(wide, [*(upper for _, upper in limits.values())], fractions)
     widths = ((cube.upper - cube.lower) / cube.upper).values
+    n_phases = len(np.unique(cube.phase.dropna("forcing")))
     return figure, (
         "Where the last barrier of rotating maps breaks on the ray (κ̄, Δκ) = s·(cos, sin) of "
-        f"{float(cube.angle):g}°: for {len(fractions)} fractions Ω, {_phases(cube)} phases each, "
-        f"the last circle; for {len(limits)} irrational Ω the last torus. What is certified is "
-        "below it, and converse KAM above; the bracket has "
-        f"{100 * np.nanmedian(widths):.1g}% in the median, and is missing for "
-        f"{np.isnan(widths).sum()} of {widths.size}. {told}"
+        f"{float(cube.angle):g}°: for {len(fractions)} fractions Ω, {n_phases} phases each, the "
+        f"last circle; for {len(limits)} irrational Ω the last torus. The bracket reaches from "
+        f"what is certified to converse KAM; it is {100 * np.nanmedian(widths):.1g}% wide in the "
+        f"median, and missing for {np.isnan(widths).sum()} of {widths.size}. {comparison}"
     )
 
 
 def _cut(axes, limits, fractions):
-    """End the axis above all brackets, and say how far the phases go that are above it."""
+    """End the axis above all brackets, and write how far phases above its end go."""
     top = _BEYOND * np.nanmax([*limits, *(upper.min() for _, upper in fractions.values())])
     for Ω, (_, upper) in fractions.items():
         if upper.max() > top:
-            left = float(Ω) < np.mean(axes.get_xlim())
-            style = {"textcoords": "offset points", "va": "top", "fontsize": "small"}
-            at, style["ha"] = ((5, -3), "left") if left else ((-5, -3), "right")
-            axes.annotate(f"↑ {upper.max():.2f}", (float(Ω), top), at, **style)
+            side, x = ("left", 5) if float(Ω) < np.mean(axes.get_xlim()) else ("right", -5)
+            how = {"textcoords": "offset points", "va": "top", "ha": side, "fontsize": "small"}
+            axes.annotate(f"↑ {upper.max():.2f}", (float(Ω), top), (x, -3), **how)
     axes.set_ylim(None, top)
 
 
 def _parts(cube):
     """Return {Ω: (lower, upper)} of irrational Ω, and of Fractions, with arrays over the phases."""
     limits, fractions = {}, {}
-    for name, lower, upper in zip(
-        cube.forcing.values, cube.lower.values, cube.upper.values, strict=True
-    ):
-        frequency, _, phase = str(name).partition(",")
-        if phase:
-            fractions.setdefault(Fraction(frequency), []).append((lower, upper))
+    ends = np.stack([cube.lower, cube.upper], axis=-1)
+    for name, Ω, both in zip(cube.forcing.values, cube.frequency.values, ends, strict=True):
+        frequency, comma, _ = name.partition(",")
+        if comma:
+            fractions.setdefault(Fraction(frequency), []).append(both)
         else:
-            limits[float(frequency)] = lower, upper
+            limits[float(Ω)] = both
     return limits, {Ω: np.transpose(ends) for Ω, ends in fractions.items()}
 
 
-def _phases(cube):
-    return len(np.unique(cube.phase.values[cube.phase.notnull().values]))
-
-
 def _draw_convergents(axes, limits, fractions):
-    """Draw the least scale of each convergent beside the bracket of its limit; say who is where."""
+    """Draw the least scale of each convergent beside the bracket of its limit; compare in words."""
     shown, overlap, inside, outside = 0, [], [], []  # q of convergents
     for i, (Ω, (lower, upper)) in enumerate(limits.items()):
         near = sorted({Fraction(Ω).limit_denominator(q) for q in range(2, 65)} & fractions.keys())
@@ -97,7 +90,7 @@ def _draw_convergents(axes, limits, fractions):
     apart = inside + outside
     longest = f", up to q = {max(apart)}" if apart else ""
     return (
-        f"Of {len(overlap + apart)} convergents the bracket of the phase that breaks first "
-        f"overlaps that of the limit in {len(overlap)}, is below it in {len(inside)}, and above in "
-        f"{len(outside)}{longest}."
+        f"Of {len(overlap + apart)} convergents, by the phase that breaks first, {len(overlap)} "
+        f"have brackets that overlap the limit's, {len(inside)} lie below it, and {len(outside)} "
+        f"above{longest}."
     )

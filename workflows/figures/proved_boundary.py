@@ -18,8 +18,8 @@ def draw_proved_boundary(barrier):
         scale = barrier[f"proved_{side}"]
         plane.plot(*(scale * part for part in direction), ".", color=colour, ms=3)
         distance = abs(scale / barrier.critical_scale - 1)
-        style = {"color": colour, "marker": "^" if side == "upper" else "v", "ms": 3, "lw": 0.8}
-        near.plot(barrier.angle, distance, label=label, **style)
+        form = "^-" if side == "upper" else "v-"
+        near.plot(barrier.angle, distance, form, color=colour, ms=3, lw=0.8, label=label)
     plane.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$", aspect="equal")
     plane.set_title("Forcings that are proved")
     near.set(yscale="log", xlim=(0, 90), xticks=range(0, 91, 15))
@@ -36,9 +36,8 @@ def _caption(barrier):
         return "Nothing was proved on both sides of any ray; allow more --seconds."
     return (
         f"On {proved.sum()} of {width.size} rays around the plane a barrier is proved to exist at "
-        "one forcing and transport to be global at another one, in the median "
+        "one forcing, and transport to be global at another one, in the median "
         f"{100 * np.nanmedian(width):.2g}% of the scale apart, at most "
-        f"{100 * np.nanmax(width):.2g}%. Below the lower one nothing is proved by that, as a "
-        "circle might break and come back; between the two nothing at all. The proofs assume IEEE "
-        "arithmetic, and FLINT's balls."
+        f"{100 * np.nanmax(width):.2g}%. Nothing is proved between the two, nor below the lower "
+        "one, as a circle might break and come back. The proofs assume IEEE arithmetic and FLINT."
     )

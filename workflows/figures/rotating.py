@@ -43,44 +43,42 @@ def draw_rotating_tori(tori, two, direct, certified):
         if part is not axes:
             fill_diamond(part, two, None)
         for i, vector in enumerate(tori.vector.values):
-            style = {"color": colour_of(i), "ls": ("-", "--", "-.")[i % 3], "lw": 1.1}
-            draw_diamond(part, tori.isel(frequency=i), label=f"torus ({vector})", **style)
+            look = {"color": colour_of(i), "ls": ("-", "--", "-.")[i % 3], "lw": 1.1}
+            draw_diamond(part, tori.isel(frequency=i), label=f"torus ({vector})", **look)
         _draw_certified(part, certified.isel(vector=0))
     _draw_onset(axes, two, direct)
     _mark_gaps(axes, two, tori.critical_scale, direct.upper)
     axes.set_title(r"Tori of rotating standard maps, and the last circle of $T$")
-    parts = [
-        "Breakup of two-dimensional tori of the rotating standard map, |R| = 1/4 of one orbit of "
-        "each rotation vector, against CB_gt of T, and the onset of its transport by direct "
-        f"iteration ({_effort(direct)}, {_outside(two, direct)} outside CB_gt). "
-        "Angles θ of rays (κ̄, Δκ) = s·(cos θ, sin θ)."
-    ]
-    for i, vector in enumerate(tori.vector.values):
-        sharp, biased = (
-            where_above(tori.angle.values, ratio.values[i])
-            for ratio in (tori.ratio, tori.ratio_direct)
-        )
-        parts.append(f"Torus ({vector}) outside CB_gt: {sharp}; outside the onset: {biased}.")
     wide = 100 * float((tori.error / tori.critical_scale).median())
     ends = certified.isel(vector=0).sel(angle=45.0, method="nearest")
-    omega, frequency = map(float, certified.vector.values[0].split(","))
-    parts.append(
-        f"Triangles: on {certified.angle.size} rays and their images the last certified torus of "
-        f"({omega:.6g}, {frequency:.6g}), and where converse KAM leaves no torus of that Ω, of any "
-        f"ω; at {float(ends.angle):g}° {float(ends.lower):.4f} and {float(ends.upper):.4f}."
+    outside = " ".join(
+        f"Torus ({vector}) outside CB_gt: {where_above(tori.angle.values, sharp)}; outside the "
+        f"onset: {where_above(tori.angle.values, biased)}."
+        for vector, sharp, biased in zip(
+            tori.vector.values, tori.ratio.values, tori.ratio_direct.values, strict=True
+        )
     )
-    parts.append(f"|R| = 1 is further out by {wide:.2g}% in the median.")
-    return _finished(figure, axes), " ".join(parts)
+    return _finished(figure, axes), (
+        "Breakup of two-dimensional tori of the rotating standard map, |R| = 1/4 of one orbit of "
+        "each rotation vector, against CB_gt of T, and the onset of its transport by direct "
+        f"iteration ({_effort(direct)}, {_outside(two, direct)} outside CB_gt), on rays (κ̄, Δκ) = "
+        f"s·(cos θ, sin θ). {outside} |R| = 1 is further out by {wide:.2g}% in the median. "
+        f"Triangles: on {certified.angle.size} rays and their images, the last certified torus of "
+        f"({float(ends.omega):.6g}, {float(ends.frequency):.6g}), and where converse KAM leaves no "
+        f"torus of that Ω, whatever its ω; at {float(ends.angle):g}° {float(ends.lower):.4f} and "
+        f"{float(ends.upper):.4f}."
+    )
 
 
 def _draw_certified(axes, certified):
     """Mark on all images of the rays where a torus is certified, and where none is left."""
     radians = np.deg2rad(certified.angle.values)
     radians = np.concatenate([radians, np.pi - radians, np.pi + radians, -radians])
-    for side, mark in (("lower", "^"), ("upper", "v")):
-        scale = np.tile(certified[side].values, 4)
-        words = {"lower": "certified torus", "upper": r"no torus of that $\Omega$"}[side]
-        points = scale * np.cos(radians), scale * np.sin(radians)
+    for end, mark, words in (
+        (certified.lower, "^", "certified torus"),
+        (certified.upper, "v", r"no torus of that $\Omega$"),
+    ):
+        points = np.tile(end, 4) * np.array([np.cos(radians), np.sin(radians)])
         axes.plot(*points, mark, color="black", ms=4, mfc="none", mew=0.8, label=words)
 
 
@@ -108,9 +106,7 @@ def fill_diamond(axes, two, label):
 
 
 def _tips(axes, inner):
-    """Return insets of the tips on the axes of κ̄ and of Δκ, from `inner` to 1, in the corners.
-
-    In a column none."""
+    """Return insets of the tips on both axes, from `inner` to 1; in a column there are none."""
     if in_column():
         return ()
     right, top = axes.inset_axes([0.7, 0.7, 0.27, 0.27]), axes.inset_axes([0.06, 0.7, 0.27, 0.27])
@@ -124,11 +120,9 @@ def _tips(axes, inner):
 
 def _mark_gaps(axes, two, *scales):
     """Mark by × on CB_gt, once, the rays on which some method has no answer."""
-    angles = [np.empty(0)]
-    for scale in scales:
-        unknown = scale.isnull().any([dim for dim in scale.dims if dim != "angle"])
-        angles.append(scale.angle.values[unknown.values])
-    silent = two.sel(angle=np.unique(np.concatenate(angles)), method="nearest")
+    unknown = [s.isnull().any([dim for dim in s.dims if dim != "angle"]) for s in scales]
+    angles = np.concatenate([each.angle.values[each.values] for each in unknown])
+    silent = two.sel(angle=np.unique(angles), method="nearest")
     if silent.angle.size:
         points = _closed(silent.kappa_mean, silent.kappa_amplitude)
         axes.plot(*points, "x", color="0.3", ms=5, zorder=4, label="no answer on this ray")

@@ -4,7 +4,7 @@ import numpy as np
 
 from workflows.figures.style import COLOURS, VERMILION, dots, line_of, panels
 
-BLUE, _, GREEN = COLOURS[:3]
+_BLUE, _, _GREEN = COLOURS[:3]
 _BEGINNING = 250  # kicks of the transient that are drawn
 
 
@@ -15,15 +15,16 @@ def draw_self_consistent(fields, verdicts, settling):
     chosen = sorted({count // 4, count // 2, count - 1})
     for i, coupling in enumerate(fields.coupling.values[chosen]):
         here, row = fields.sel(coupling=coupling), verdicts.sel(coupling=coupling)
-        style = {"lw": 0.8, "label": rf"$\Gamma = {coupling:g}$", **line_of(i)}
-        field.plot(here.kick[:_BEGINNING], here.kappa[:_BEGINNING], **style)
+        look = {"lw": 0.8, "label": rf"$\Gamma = {coupling:g}$", **line_of(i)}
+        field.plot(here.kick[:_BEGINNING], here.kappa[:_BEGINNING], **look)
         settled = slice(fields.kick.size // 2, None)
         wandered = (here.theta - row.drift * here.kick)[settled]
-        phase.plot(here.kick[settled], wandered - wandered.mean(), **style)
-        spectrum.semilogy(here.frequency[1:], here.spectrum[1:], **style)
+        phase.plot(here.kick[settled], wandered - wandered.mean(), **look)
+        spectrum.semilogy(here.frequency[1:], here.spectrum[1:], **look)
     field.set(xlabel="kick $n$", ylabel=r"$\kappa_n$", title="Strength: the beginning")
-    phase.set(xlabel="kick $n$", ylabel=r"$\theta_n - n\,v$ (turns)")
-    phase.set_title("Phase: the second half")
+    phase.set(
+        xlabel="kick $n$", ylabel=r"$\theta_n - n\,v$ (turns)", title="Phase: the second half"
+    )
     spectrum.set(xlabel="frequency (turns per kick)", ylabel=r"power of $\kappa_n$")
     spectrum.set_title("Spectrum: the second half")
     field.legend(fontsize="small")
@@ -38,14 +39,13 @@ def draw_self_consistent(fields, verdicts, settling):
     particles.set_title(rf"After the last kick, $\Gamma = {float(row.coupling):g}$")
     particles.legend(fontsize="x-small", loc="upper right", markerscale=3)
 
-    for name, words, colour, marker in (
-        ("kicks_fitted", "periodic forcing fitted to it", GREEN, "s"),
-        ("kicks", "recorded field", BLUE, "o"),
+    for name, words, marker, colour in (
+        ("kicks_fitted", "periodic forcing fitted to it", "s", _GREEN),
+        ("kicks", "recorded field", "o", _BLUE),
     ):
         kicks, held = verdicts[name].clip(max=asked), np.isinf(verdicts[name])
-        style = {"color": colour, "marker": marker}
-        barriers.plot(verdicts.coupling, kicks, mfc="white", label=words, **style)
-        barriers.plot(verdicts.coupling[held], kicks[held], ls="", **style)
+        barriers.plot(verdicts.coupling, kicks, f"{marker}-", c=colour, mfc="white", label=words)
+        barriers.plot(verdicts.coupling[held], kicks[held], marker, c=colour)
     barriers.plot(verdicts.coupling, verdicts.escape, "k^", label="first particle to escape")
     barriers.axhline(asked, color="0.6", lw=0.6, ls=":")
     barriers.set(xlabel=r"coupling $\Gamma$", ylabel="kicks until no start is left", yscale="log")
@@ -54,10 +54,11 @@ def draw_self_consistent(fields, verdicts, settling):
 
     first, later, circle = (settling.isel(curve=i) for i in range(3))
     denied = settling.denied.values == 1
-    folded.plot(circle.x, circle.y, color="0.6", lw=1, label="the circle that it comes to")
-    folded.plot(later.x, later.y, color=GREEN, lw=1, label=f"before kick {settling.attrs['asked']}")
+    folded.plot(circle.x, circle.y, color="0.6", lw=1, label="the circle that it approaches")
+    before = f"before kick {settling.attrs['asked']}"
+    folded.plot(later.x, later.y, color=_GREEN, lw=1, label=before)
     for where, colour, words in (
-        (~denied, BLUE, "before the first"),
+        (~denied, _BLUE, "before the first"),
         (denied, VERMILION, "denied"),
     ):
         folded.plot(first.x.values[where], first.y.values[where], label=words, **dots(colour, 2))
@@ -97,18 +98,16 @@ def _caption(fields, verdicts, settling):
         f"{couplings[-1]:g}. Strength (a), phase (b) and spectrum (c) of the kicks; momentum is "
         f"conserved to {float(fields.momentum_change.max()):.0e}. (d): particles in the wave's "
         f"frame, and the orbit of a start that lives {_kicks(shown.kicks, asked)} kicks, of "
-        f"{float(shown.omega):.3f} turns per kick. (e): converse KAM, asked {asked} kicks in "
-        "either direction from the middle of the second half. In the field as recorded no family "
-        f"of graphs is found {recorded}; under κ_n = κ̄ + Δκ cos 2π(φ0 + nΩ) fitted to it, of the "
-        f"same mean and variance and Ω = p/q, none is {fitted}. Longest lives are those "
-        f"found by a search; of lives beyond {horizon} kicks in the field it may miss longer ones, "
-        "and such a field counts as undecided. "
-        f"Of {fields.particle.size} particles some go 2 further in y {escaped}. (f): under κ_n = "
-        f"{settling.limit} + {settling.excess} e^(-n/{settling.time}) the curve drawn in colours "
-        f"comes to the golden circle of κ = {settling.limit} and bounds the same area, to "
-        f"{abs(first - circle):.0e}: "
-        "it is a barrier. It folds before the first kicks, and converse KAM denies "
-        f"{float(settling.denied.mean()):.0%} of it; asked before kick {settling.attrs['asked']}, "
-        f"it denies all graphs after {float(settling.kicks):.0f} kicks. So where it finds no "
-        "graphs, orbits alone show transport."
+        f"{float(shown.omega):.3f} turns per kick. (e): converse KAM, followed for {asked} kicks "
+        "in either direction from the middle of the second half. It rules out every family of "
+        f"graphs in the recorded field {recorded}, and under κ_n = κ̄ + Δκ cos 2π(φ0 + nΩ) fitted "
+        f"to it, with its mean and variance and Ω = p/q, {fitted}. Lives beyond {horizon} kicks "
+        "in the field count as undecided: the search may miss longer ones. Of "
+        f"{fields.particle.size} particles some move 2 further in y {escaped}. (f): under κ_n = "
+        f"{settling.limit} + {settling.excess} e^(-n/{settling.time}) the curve in colours "
+        f"converges to the golden circle of κ = {settling.limit} and bounds the same area, to "
+        f"{abs(first - circle):.0e}: it is a barrier. It folds before the first kicks, and "
+        f"converse KAM denies {float(settling.denied.mean()):.0%} of it; asked before kick "
+        f"{settling.attrs['asked']}, it denies all graphs after {float(settling.kicks):.0f} kicks. "
+        "So where it finds no graphs, orbits alone show transport."
     )

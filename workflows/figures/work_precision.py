@@ -23,10 +23,9 @@ _BETTER = ("extrapolated", "value", "blow-up", "Aitken", "proved")
 
 
 def draw_work_precision(data):
-    """Draw error against CPU time, a panel for each ray, and the time of a Newton step; in a column
-    the better answers on the first two rays.
+    """Draw error against CPU time, a panel for each ray, and the time of a Newton step.
 
-    Grey: below the error of what all are judged by.
+    In a column, the better answers on the first two rays. Grey: below the judge's own error.
     """
     data = data.isel(angle=slice(2)) if in_column() else data
     n_panels = data.angle.size + (not in_column())
@@ -44,11 +43,11 @@ def draw_work_precision(data):
             error = np.maximum(here.error[method], 1e-16)
             axes.plot(here.cpu_seconds[method], error, form, label=name, **style)
         axes.axhspan(1e-16, float(here.judge_error), color="0.9")
-        axes.set(xscale="log", yscale="log", ylim=(1e-14, 2), xlabel="CPU time (s)")
-        axes.set(ylabel="relative error")
-        words = {"transform": axes.transAxes, "ha": "right"}
-        axes.text(0.97, 0.93, rf"$\varphi = {int(here.angle)}°$", va="top", **words)
-        axes.text(0.97, 0.02, "grey: the judge's own error", fontsize="small", **words)
+        axes.set(xscale="log", yscale="log", ylim=(1e-14, 2))
+        axes.set(xlabel="CPU time (s)", ylabel="relative error")
+        corner = {"transform": axes.transAxes, "ha": "right"}
+        axes.text(0.97, 0.93, rf"$\varphi = {int(here.angle)}°$", va="top", **corner)
+        axes.text(0.97, 0.02, "grey: the judge's own error", fontsize="small", **corner)
         axes.grid(lw=0.3)
     handles, labels = drawn[0].get_legend_handles_labels()
     legend_outside(figure, 4, handles=handles, labels=labels)
