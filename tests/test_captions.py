@@ -51,7 +51,7 @@ def test_a_law_of_the_flux_that_cannot_be_fitted_is_none():
     values = np.tile(1e-3 * excesses**3, (2, 1))
     filled = cube.template.assign(flux=cube.template.flux.copy(data=values), q_max=100)
     _, caption = draw_flux(filled.assign_attrs(q_max=100), flux.laws(filled))
-    assert "none at 30°, of too few distances" in caption
+    assert "no fit at 30°, for lack of distances" in caption
     assert "nan" not in caption
 
 

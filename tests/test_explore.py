@@ -248,7 +248,7 @@ def test_a_closed_tab_ends_its_generators():
 @pytest.mark.parametrize(
     ("query", "words"),
     [
-        ("k1=x", "'x' is no number"),
+        ("k1=x", "'x' is not a number"),
         ("k1=inf", "not finite"),
         ("k2=1e9", "too large"),
         ("n=7", "n='7' must be a whole number from 100"),
@@ -354,7 +354,7 @@ def test_bad_input_stays_in_its_field_with_words_below_it_and_a_lost_worker_is_r
     tab = page("?k1=0.25&k2=0.5&n=100")
     good = {"κ₁": "-0.3", "κ₂": "0.125", "where the circle": "gamma", "Orbits added": "0.5 0.3"}
     for label, text, words in (
-        ("κ₁", "one", "'one' is no number"),
+        ("κ₁", "one", "'one' is not a number"),
         ("κ₂", "1e7", "too large"),
         ("where the circle", "3/5", "3/5 is rational"),
         ("Orbits added", "0.5", "'0.5' must be two numbers"),

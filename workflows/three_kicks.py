@@ -4,8 +4,8 @@ The boundary of global transport of κ_n = κ̄ + Δκ cos 2π(φ0 + nΩ) in the
 phases φ0, against that of T_{κ1κ2}, which is Ω = 1/2 (arXiv:1606.04824, Sec. VII): from both sides,
 with the last circles.
 
-For Ω = 1/3 it is the same for φ0 + 1/3, where the kicks start one later; for -φ0, where they come
-in reverse; for φ0 + 1/2 and -Δκ; and for -κ̄ and -Δκ. So all phases are those from 0 to 1/12, with
+For Ω = 1/3 it is the same for φ0 + 1/3, where the kicks start one later; for -φ0, where they are
+reversed; for φ0 + 1/2 and -Δκ; and for -κ̄ and -Δκ. So all phases are those from 0 to 1/12, with
 both signs of Δκ; at 1/12 these are alike. In between the kicks have no symmetry centre.
 """
 

@@ -127,8 +127,8 @@ def asked_of_period(point, prove, strengths):
     transport = found.answer is Answer.TRANSPORT
     far = not found.boundary.value > _NEAR  # NaN: not known to be near
     escaping = escaping_orbit(strengths) if transport and far else None
-    told = sentences(strengths, point, found) + direct_iteration(found, escaping)
-    return "\n".join(told), partial(_drawn, strengths, point, found, escaping)
+    text = sentences(strengths, point, found) + direct_iteration(found, escaping)
+    return "\n".join(text), partial(_drawn, strengths, point, found, escaping)
 
 
 def _drawn(*asked):
@@ -170,10 +170,10 @@ def main(kappa, plane, sequence, once, prove, pdf, out):
     else:
         asked_one = partial(asked_of_period, point, prove)
     try:
-        told, draw = asked_one(strengths)
+        text, draw = asked_one(strengths)
     except ValueError as error:
         raise click.UsageError(f"{error}. Kicks that come once go to --once FILE") from None
-    click.echo(told)
+    click.echo(text)
 
     from workflows.figures.style import save
 
@@ -183,7 +183,7 @@ def main(kappa, plane, sequence, once, prove, pdf, out):
     name = "_".join(["ask", *asked]).replace(":", "-").replace("/", "-").replace(",", "-")
     kinds = ("png", "pdf") if pdf else ("png",)
     try:
-        click.echo(f"figures: {', '.join(save(draw(), out, name, told, kinds))}")
+        click.echo(f"figures: {', '.join(save(draw(), out, name, text, kinds))}")
     except OSError as error:
         raise click.ClickException(f"--out={out}: {error.strerror}; no figure is kept") from None
 

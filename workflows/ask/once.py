@@ -18,8 +18,8 @@ def asked_once(kappa):
     y = (np.arange(_STARTS) + 0.5) / _STARTS
     x = np.full(_STARTS, survivor.x)
     lives = sequence.elimination_time(kappa, 0.0, survivor.site, x, y)
-    told = "\n".join(_told(kappa, survivor, first))
-    return told, partial(_drawn, kappa, survivor, y, lives)
+    text = "\n".join(_sentences(kappa, survivor, first))
+    return text, partial(_drawn, kappa, survivor, y, lives)
 
 
 def _drawn(*found):
@@ -28,7 +28,7 @@ def _drawn(*found):
     return draw_once(*found)
 
 
-def _told(kappa, survivor, first):
+def _sentences(kappa, survivor, first):
     size, kick = kappa.size, survivor.site + 1
     kicks = f"these {size} kicks, of strengths from {kappa.min():.6g} to {kappa.max():.6g}"
     place = f"(x, y) = ({survivor.x:.6g}, {survivor.y:.9g}) before kick {kick}"

@@ -41,7 +41,7 @@ _F_SYMMETRIES = {
     "sym_5": (1, _SYMMETRIES["shift1"][0]),
 }
 ROBUST = np.array([0.3, 0.2]), 0.1, np.array([0.31, 0.19])
-"""A forcing and two starts on circles that 10 000 steps give the rotation number of."""
+"""A forcing and two starts on circles, whose rotation numbers 10 000 steps determine."""
 
 
 def omega(kappa, x, y):

@@ -111,16 +111,16 @@ def computed(client, plane, view, steps, fields):
         return
     if not np.isnan(tree.backdrop).all():
         yield *tree.picture(), "what is known"
-    workers, told, pause = client(), monotonic(), _PATIENCE
+    workers, shown, pause = client(), monotonic(), _PATIENCE
     for calls in tree.rounds():
         for ended in spread(workers, calls):
             if ended is not None:
                 tree.accept(*ended)
-            if monotonic() - told < pause:
+            if monotonic() - shown < pause:
                 yield None
                 continue
             yield *tree.picture(), f"{tree.block} px, {tree.progress:.0%}"
-            told, pause = monotonic(), min(2 * pause, _LONGEST)
+            shown, pause = monotonic(), min(2 * pause, _LONGEST)
         if tree.block == BLOCKS[0]:
             yield *tree.picture(), f"{tree.block} px"
     yield *tree.picture(), ""

@@ -1,4 +1,4 @@
-"""Files of what is seen: pictures and tables, which the browser saves; the server writes none."""
+"""Files of what is seen, pictures and tables: the browser saves them, the server writes nothing."""
 
 import base64
 import io

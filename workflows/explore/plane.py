@@ -60,11 +60,11 @@ class PlanePanel:
     def __init__(self, state, work, shared):
         self.state, self.work, self.shared = state, work, shared
         self.plot, self.mapper, self.sources = _drawn(state)
-        self.told = models.Div(sizing_mode="stretch_width", css_classes=["told"], min_height=40)
+        self.message = models.Div(sizing_mode="stretch_width", css_classes=["told"], min_height=40)
         self.legend = models.Div(sizing_mode="stretch_width")
         self.cubes, self.shown, self.asked = [], None, None  # of OUT; on the screen; computed last
         self.lanes = {name: work.latest(name) for name in ("cubes", "plane", "boundary", "circle")}
-        self.picture = models.Column(self.plot, self.told, sizing_mode="stretch_width")
+        self.picture = models.Column(self.plot, self.message, sizing_mode="stretch_width")
         circle = field(models.AutocompleteInput(**_CIRCLE, value=state.omega), state.follow)
         ticks = models.Row(boxes(state, LINES, width=220), circle, styles={"flex-wrap": "wrap"})
         self.lines = models.Column(self.legend, ticks, sizing_mode="stretch_width")
@@ -173,7 +173,7 @@ class PlanePanel:
         ray = self.shared.rays.nearest(a, b)
         if ray is not None:
             words.append(f"last circle of the nearest ray: ω = {rays.named(ray)}")
-        self.told.text = " · ".join(filter(None, words))
+        self.message.text = " · ".join(filter(None, words))
 
     def _distance(self, a, b):
         """Say where the boundary is: as the verdict says it, or about there from the rays."""

@@ -31,7 +31,7 @@ class PortraitPanel:
     def __init__(self, state, work):
         self.state, self.work = state, work
         self.plot, self.image, self.bar, self.lines = _drawn(state)
-        self.told = models.Div(sizing_mode="stretch_width", min_height=22)
+        self.message = models.Div(sizing_mode="stretch_width", min_height=22)
         names = "portrait", "last circle", "periodic orbits"
         self.portraits, self.traces, self.cycles = map(work.latest, names)
         self.portrait, self.words = None, ""
@@ -56,7 +56,7 @@ class PortraitPanel:
         ticks = boxes(state, ORBITS, inline=True, stylesheets=["label { margin-right: 1em }"])
         added = field(self.added, lambda text: state.take(orbits=orbits_of(text)))
         below = models.Row(ticks, added, styles={"flex-wrap": "wrap", "gap": "4px 16px"})
-        self.root = models.Column(self.plot, self.told, below, sizing_mode="stretch_width")
+        self.root = models.Column(self.plot, self.message, below, sizing_mode="stretch_width")
 
     def _seen(self):
         """Return the portrait with what is left of the last circle."""
@@ -94,7 +94,7 @@ class PortraitPanel:
     def _tell(self):
         colour = STRONG if "circle" in self.decisive else "black"
         name = f'<b style="color: {colour}">{self.name}</b>. ' if self.name else ""
-        self.told.text = f'<span role="status">{name}{self.words}</span>'
+        self.message.text = f'<span role="status">{name}{self.words}</span>'
 
     def _forget(self):
         self.decisive, self.name, self.orbits = {}, "", _NO_CYCLES
@@ -191,12 +191,14 @@ def _box(plot):
 def _computed(kappa, box, added, every, with_lines, shape):
     """Yield the portrait, its picture, symmetry lines, and the orbits added in words."""
     curves = _symmetry_lines(kappa, box) if with_lines else (_EMPTY, _EMPTY)
-    none = "" if curves else "The forcing has no symmetry centre, so there are no symmetry lines."
+    missing = (
+        "" if curves else "The forcing has no symmetry centre, so there are no symmetry lines."
+    )
     for portrait in portraits(kappa, box, added, every):
         if portrait is None:
             yield None
         else:
-            words = " ".join(filter(None, [_told(portrait, len(added)), none]))
+            words = " ".join(filter(None, [_sentences(portrait, len(added)), missing]))
             yield portrait, _pixels(portrait, shape, len(added)), curves or (_EMPTY, _EMPTY), words
 
 
@@ -217,7 +219,7 @@ def _pixels(portrait, shape, n_added):
     return pixels
 
 
-def _told(portrait, n_added):
+def _sentences(portrait, n_added):
     """Return the number of orbits, and what was found of the last one that was added."""
     chaotic = int(np.isnan(portrait.omega).sum())
     words = f"{portrait.sizes['orbit']} orbits, {chaotic} of them chaotic (grey)."

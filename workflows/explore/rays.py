@@ -158,14 +158,14 @@ def computed(client, plane, angles, view):
     workers = client()
     most = max(1, len(workers.nthreads()) - 1)
     calls = deque((angle, _on_ray, plane, angle, _tolerance(view)) for angle in angles)
-    count, found, told = 0, [], monotonic()  # to draw the lines costs more than a ray
+    count, found, shown = 0, [], monotonic()  # to draw the lines costs more than a ray
     for ended in spread(workers, calls, most, priority=-1):
         if ended is not None:
             count += 1
             found.append(ended[1])
-        if found and (monotonic() - told > _PATIENCE or count == len(angles)):
+        if found and (monotonic() - shown > _PATIENCE or count == len(angles)):
             yield found, f"{count} of {len(angles)} rays"
-            found, told = [], monotonic()
+            found, shown = [], monotonic()
         else:
             yield None
 
@@ -189,7 +189,7 @@ def circle(client, plane, omega, view):
 
 
 def checked(plane, omega):
-    """Refuse a text that is no irrational number, and a plane whose rays it cannot follow."""
+    """Refuse a text that is not an irrational number, and a plane whose rays do not start at 0."""
     if omega:
         if parse(omega).is_rational:
             raise ValueError(f"{omega} is rational, and has no circle; write one like [0;2,(1)]")

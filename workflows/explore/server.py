@@ -94,7 +94,7 @@ def serve(plane, place, port, opens, cluster):
     click.UsageError if the port is taken; ClusterError if the arguments of the cluster do not fit.
     """
     for name in ("bokeh", "tornado"):
-        logging.getLogger(name).setLevel(logging.CRITICAL)  # a closed tab is no news
+        logging.getLogger(name).setLevel(logging.CRITICAL)  # nobody reads that a tab was closed
     sockets, port = _bound(port)
     with connect(**cluster) as client:
         shared = Shared(plane, place, client)

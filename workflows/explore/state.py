@@ -18,7 +18,7 @@ LINES = {"boundary": "where the last circle breaks", "contour": "where n* ≤ N 
 ORBITS = {"kicks": "kick by kick", "symmetry": "symmetry lines", "cycles": "periodic orbits"}
 _HALF = 1.15  # of the largest strength, of the first view
 ZOOM = 1e-9, 30.0  # times the first view: beyond that pixels are no longer apart as floats
-_FAR = 1e7  # from 0 is no view
+_FAR = 1e7  # largest coordinates of a view, added
 _MOST_ORBITS = 50
 
 
@@ -116,7 +116,7 @@ def number(text):
     try:
         return float(text)
     except ValueError:
-        raise ValueError(f"{text!r} is no number, like 0.525") from None
+        raise ValueError(f"{text!r} is not a number; write one like 0.525") from None
 
 
 def orbits_of(text):

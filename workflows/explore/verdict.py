@@ -15,23 +15,23 @@ _REST = 0.05  # seconds that the point has to rest, while it is dragged
 
 def panel(state, work):
     """Return the verdict in words."""
-    told = Div(sizing_mode="stretch_width", min_height=92)
+    message = Div(sizing_mode="stretch_width", min_height=92)
     lane = work.latest("verdict")
 
     def ask():
         point = state.plane, state.point
-        told.text = _html(["computing the verdict …"])
+        message.text = _html(["computing the verdict …"])
         state.judge(None)
         lane.submit(_judged, work.client, state.kappa, done=lambda found: show(point, *found))
 
     def show(point, found, seconds):
         words = sentences(state.kappa, point, found)
-        told.text = _html([*words, f"This took {seconds:.2f} s."])
+        message.text = _html([*words, f"This took {seconds:.2f} s."])
         state.judge(found)
 
     state.on("point", ask)
     ask()
-    return told
+    return message
 
 
 def copied(state):
@@ -52,7 +52,7 @@ def copied(state):
 def _judged(client, kappa):
     """Return the verdict and the seconds that it took, by a worker.
 
-    This is no generator: a worker does not stop, and one that is at a void verdict is enough.
+    This is not a generator: a worker does not stop, and one at a void verdict is enough.
     """
     time.sleep(_REST)
     calls = deque([(None, _timed, kappa)])

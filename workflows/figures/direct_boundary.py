@@ -91,8 +91,8 @@ def describe(boundary):
             )
     if parts:
         caption += (
-            " The true boundary is symmetric; that by direct iteration only as far as escape times "
-            f"repeat, which roundings decide: {'; '.join(parts)}."
+            " The true boundary is symmetric; that by direct iteration is not, as roundings decide "
+            f"over escape times: {'; '.join(parts)}."
         )
     return caption
 

@@ -44,7 +44,7 @@ def draw_field(axes, plane):
     style = {"extent": extent, "origin": "lower", "interpolation": "nearest", "zorder": 0}
     norm = LogNorm(vmin=earliest, vmax=max(plane.attrs["n_max"], 1.1 * earliest))
     image = axes.imshow(finite, norm=norm, cmap=colours, **style)
-    label = "first escape $n^*$ (steps); light grey: none"
+    label = "first escape $n^*$ (steps); light grey: no escape"
     if "level" in plane and not in_column():
         times = 2 ** (plane.attrs["levels"] - 1)
         label += f"\ncells up to {times} times wider far from the boundary"

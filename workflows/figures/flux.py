@@ -49,7 +49,7 @@ def draw_flux(fluxes, fits):
     laws = ", ".join(
         f"η = {row.exponent:.6f} ± {row.exponent_error:.0e} at {angle:g}° ({row.circle_and_tie})"
         if np.isfinite(row.exponent)
-        else f"none at {angle:g}°, of too few distances"
+        else f"no fit at {angle:g}°, for lack of distances"
         for angle, row in fits.to_dataframe().iterrows()
     )
     return figure, (
@@ -57,5 +57,5 @@ def draw_flux(fluxes, fits):
         "action of minimax and minimizing orbits of periods up to "
         f"{fluxes.attrs['q_max']}, against the distance beyond the breakup. Fits of "
         f"ΔW = C·x^η·exp(bx + cx²) up to x = 3%: {laws} (errors of the fit alone). Renormalisation "
-        "gives 3.01172 for noble circles."
+        "predicts 3.01172 for noble circles."
     )

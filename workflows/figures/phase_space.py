@@ -52,7 +52,7 @@ def draw_orbits(axes, orbits):
 
 
 def draw_survivor(axes, x, y, **style):
-    """Draw the longest-lived start's orbit as black dots with gaps between them: it is no circle.
+    """Draw the longest-lived start's orbit as dots with gaps between them: it is not a circle.
 
     x, y : of its points, in any order.
     """

@@ -14,7 +14,7 @@ _SYMBOLS = {
 
 
 def symbols(axes):
-    """Return the symbols of the axes of a plane, {name: words}; the words where there is none."""
+    """Return the symbols of the axes of a plane, {name: words}; words that have no symbol stay."""
     return [_SYMBOLS.get(words, words) for words in axes.values()]
 
 
@@ -24,7 +24,7 @@ def of_two_kicks(dataset):
 
 
 def whole_of(dataset):
-    """Return what ω and its image under the plane's symmetries sum to, 0 if it has none there."""
+    """Return what ω and its image under the plane's symmetries sum to, 0 without an image."""
     return max(shift for *_, shift in plane_of(dataset.attrs).symmetries)
 
 

@@ -34,7 +34,7 @@ def draw_proved_map(cube, barrier):
     for sign1, sign2 in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
         axes.plot(sign1 * x, sign2 * y, color="black", lw=0.8)
     axes.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$", aspect="equal")
-    patches = [Patch(color=colour, label=told) for colour, told in _STATES.values()]
+    patches = [Patch(color=colour, label=words) for colour, words in _STATES.values()]
     legend_outside(figure, 3, 1, "upper", handles=patches, frameon=False, fontsize=None)
     return figure, _caption(cube, states, codes, barrier)
 

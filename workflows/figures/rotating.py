@@ -90,7 +90,7 @@ def _outside(two, direct):
     """Say by how much direct iteration is biased, "3% to 5%"."""
     excess = 100 * (direct.upper.values / two.critical_scale - 1)
     if not np.isfinite(excess).any():
-        return "on none of these rays known to be"
+        return "by an unknown amount"
     return f"{float(excess.min()):.0f}% to {float(excess.max()):.0f}%"
 
 

@@ -49,7 +49,7 @@ def draw_self_consistent(fields, verdicts, settling):
     barriers.plot(verdicts.coupling, verdicts.escape, "k^", label="first particle to escape")
     barriers.axhline(asked, color="0.6", lw=0.6, ls=":")
     barriers.set(xlabel=r"coupling $\Gamma$", ylabel="kicks until no start is left", yscale="log")
-    barriers.set_title("Converse KAM (full: a start is left)")
+    barriers.set_title("Converse KAM (filled: a start survives)")
     barriers.legend(fontsize="small")
 
     first, later, circle = (settling.isel(curve=i) for i in range(3))

@@ -121,7 +121,7 @@ def save(figure, out, name, caption="", kinds=("png", "pdf")):
 
 
 def letter(figure):
-    """Write (a), (b), … above the panels, if there are several; bars of colours are none."""
+    """Write (a), (b), … above the panels, if there are several; colour bars have no letter."""
     shown = [axes for axes in figure.axes if axes.axison and axes.get_label() != "<colorbar>"]
     style = {"weight": "bold", "textcoords": "offset points", "annotation_clip": False}
     for axes, name in zip(shown, "abcdefgh" if len(shown) > 1 else "", strict=False):

@@ -51,7 +51,7 @@ def draw_three_kicks(three, two):
     strips[-1].set(xlabel=r"angle $\theta$ of the ray in the plane (degrees)", xlim=(0, 180))
     strips[-1].set_xticks(range(0, 181, 30))
     strips[0].set_title("Bracket over that of $T$; above 1 the map outlasts $T$")
-    return figure, " ".join(_told(three))
+    return figure, " ".join(_sentences(three))
 
 
 def _draw_brackets(strip, curve):
@@ -66,7 +66,7 @@ def _draw_brackets(strip, curve):
     strip.grid(lw=0.3)
 
 
-def _told(three):
+def _sentences(three):
     known = three.ratio.notnull()
     width = (three.upper - three.lower) / three.critical_scale
     yield (

@@ -156,7 +156,7 @@ def _orbit(kappa, theta, site, x, y, life, drift):
 
 
 def settling():
-    """The golden circle of κ = 0.9 and the curve that comes to it under κ_n = 0.9 + 0.5 e^(-n/5).
+    """Pull the golden circle of κ = 0.9 back through κ_n = 0.9 + 0.5 e^(-n/5).
 
     x, y with dims (curve, point): before the first kick, before kick `asked`, and the circle;
     denied: whether converse KAM, asked at the first kick, denies the point.

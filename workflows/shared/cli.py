@@ -1,6 +1,6 @@
 """The command line that all commands share: options, and how a command is made.
 
-Heavy imports wait until the options are parsed, so that --help comes at once.
+Heavy imports wait until the options are parsed, so that --help is fast.
 """
 
 import functools
@@ -217,7 +217,7 @@ def plane_options(kappa1, kappa2, n_max, n_orbits, tile, levels, precision):
     """Make the options of a plane of escape times, as `plane.grid_of` takes them."""
     return together(
         axis("--kappa1 --first", kappa1, "First coordinate: lower end, upper end, cells."),
-        axis("--kappa2 --second", kappa2, "Second coordinate, likewise."),
+        axis("--kappa2 --second", kappa2, "Second coordinate."),
         whole("--n-max", n_max, 1, 10**12, "Steps (periods of the forcing) of each orbit."),
         increasing("--n-orbits", str(n_orbits), 10**8, "Orbits; several: nested ensembles."),
         choice(

@@ -1,4 +1,4 @@
-"""What a boundary tells, in words: where it is, which circles share it, how sure that is."""
+"""Sentences about a boundary: where it is, which circles share it, how sure that is."""
 
 import numpy as np
 
@@ -17,7 +17,7 @@ def boundary_found(barrier):
     two = plane_of(barrier.attrs) == two_kicks()
     places, last, where = [], 360, f"up to {float(barrier.angle[-1]):g}°"
     if two:
-        last, where = 45, "from 0° to 45° (all else are mirror images)"
+        last, where = 45, "from 0° to 45° (the rest are mirror images)"
     for name, angle in (("axes", 0.0), ("diagonals |κ1| = |κ2|", 45.0)):
         if two and (barrier.angle == angle).any():
             here = barrier.sel(angle=angle)
@@ -108,9 +108,8 @@ def field_found(field):
     )
     return (
         f"Some orbit escapes, which is global transport, in these parts of the plane {ranges}: "
-        f"{'; '.join(parts)} steps. The "
-        f"earliest escape takes {first:g} steps. Where none escapes nothing is shown: with more "
-        "steps the boundary moves inwards like N^(-1/3)."
+        f"{'; '.join(parts)} steps. The earliest escape takes {first:g} steps. Where no orbit "
+        "escapes nothing is shown: with more steps the boundary moves inwards like N^(-1/3)."
     )
 
 

@@ -88,7 +88,7 @@ class Run(Output):
             for job, wanted in [*((job, None) for job in jobs), *later]:
                 self.plan[job.cube.name] = _expected(self.place, job, wanted)
             with connect(**self.cluster) as client, self.driving(seconds):
-                self.client = partial(_told, client, self.cluster.get("scheduler"))
+                self.client = partial(_announced, client, self.cluster.get("scheduler"))
                 yield self
 
     def _announce(self, besides):
@@ -150,7 +150,7 @@ def explained(place):
 
 
 @cache
-def _told(connect, scheduler):
+def _announced(connect, scheduler):
     """Connect to the workers, and say that they are waited for."""
     words = "starting workers on this machine" if scheduler is None else "connecting to the workers"
     click.echo(words, err=True)

@@ -40,7 +40,7 @@ def sentences(kappa, point, verdict):
     lines = [f"{verdict.answer.name} at {name_of(kappa, point)}: {meaning}."]
     if omega is not None:
         number = f"omega = {omega} = {float(omega):.12g} per step"
-        lines.append(f"{circle} of {number} (likewise all ±omega + {kappa.size}n).")
+        lines.append(f"{circle} of {number} (and of all ±omega + {kappa.size}n).")
     lines.append(f"Evidence: {verdict.evidence.value}.")
     if verdict.proof is not None and not verdict.proof.proved:
         lines.append(f"A proof was tried: {verdict.proof.why}.")

@@ -60,9 +60,9 @@ def _fractions(study):
     large = ", ".join(f"{a:g}" for a in study.quotient.values)
     return (
         f"Fractions disguised as irrational, [0;1,…,1,a,(1)] with a = {large}: of {study.q.size} "
-        f"for each a residues say that they do not know in {', '.join(map(str, silent[0]))}, "
-        f"continuation in {', '.join(map(str, silent[1]))}; it is further off than it "
-        f"claims, as far as longer orbits know, in {wrong}."
+        f"for each a residues refuse an answer in {', '.join(map(str, silent[0]))}, continuation "
+        f"in {', '.join(map(str, silent[1]))}; judged by longer orbits, continuation is further "
+        f"off than it claims in {wrong}."
     )
 
 

@@ -1,7 +1,7 @@
 """How much does each method compute for an accuracy? Speed against error, all methods on five rays.
 
-The answer that all are judged by is Greene's residue with periods up to 30 000; the circle that
-breaks last, whose ω circles and residues must be told, is the one that `nasm.barriers` names.
+All answers are judged by Greene's residue with periods up to 30 000. Circles and residues need ω as
+input: that of the circle which `nasm.barriers` names as the last to break.
 Seconds are CPU seconds of one thread, the median of several runs; a first run, which compiles, is
 measured apart.
 

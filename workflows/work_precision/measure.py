@@ -92,8 +92,8 @@ def measure(blank, names):
                 scale, error = np.transpose(found)
                 data.error[i, here, level] = np.abs(scale / ray.value - 1)
                 data.estimated_error[i, here, level] = error / ray.value
-                told = f"{angle}°: {name}, {METHODS[name].effort} = {effort:g}: {seconds:.3g} s"
-                click.echo(told, err=True)
+                words = f"{angle}°: {name}, {METHODS[name].effort} = {effort:g}: {seconds:.3g} s"
+                click.echo(words, err=True)
     data["step_seconds"].values[:] = newton_seconds()
     return data
 
@@ -146,7 +146,7 @@ def fastest(data):
         f"CPU time until the relative error of the last breakup is small on each of the rays at "
         f"{', '.join(f'{angle:g}°' for angle in data.angle.values)}, judged by Greene's residue to "
         f"{float(data.judge_error.max()):.0e}. The cheapest: {'; '.join(parts) or 'none'}. Circles "
-        "and residues must be told ω, and proofs where to try; barriers and converse KAM need not."
+        "and residues need ω as input, proofs a forcing; barriers and converse KAM need neither."
     )
 
 
