@@ -14,14 +14,7 @@ from workflows.shared.cli import command, plane_option, plane_options, ray_optio
 @command()
 @plane_option
 # Cells of the last level are as wide as one ray's boundary scatters, 1.2% of the scale.
-@plane_options(
-    *("-1.1:1.1:256", "0:1.1:128"),
-    n_max=100_000,
-    n_orbits=64,
-    tile=4,
-    levels=3,
-    precision="single",
-)
+@plane_options(n_max=100_000, tile=4, levels=3, precision="single")
 @ray_options(181)
 @real("--tol", 1e-4, 1e-5, 0.1, "Width of the bracket of CB_gt, and error of the CB_ω, to aim at.")
 @sweeps

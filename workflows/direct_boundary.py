@@ -14,26 +14,18 @@ The insets of Fig. 6 show how often one long orbit visits each part of the cell,
 
 import click
 
-from workflows.shared.cli import (
-    command,
-    full_option,
-    increasing,
-    plane_option,
-    ray_options,
-    sweeps,
-    whole,
-)
+from workflows.shared import cli
 
 _INSETS = 10  # CPU seconds of the insets, and of the figures
 
 
-@command()
-@increasing("--steps", "10000,50000,100000", 10**9, "Steps N, increasing.")
-@whole("--n-orbits", 1000, 1, 10**8, "Orbits of the ensemble.")
-@plane_option
-@ray_options(181)
-@full_option("as in the paper, two CPU hours", steps="100000,500000,1000000", n_orbits=10_000)
-@sweeps
+@cli.command()
+@cli.increasing("--steps", "10000,50000,100000", 10**9, "Steps N, increasing.")
+@cli.whole("--n-orbits", 1000, 1, 10**8, "Orbits of the ensemble.")
+@cli.plane_option
+@cli.ray_options(181)
+@cli.full_option("as in the paper, two CPU hours", steps="100000,500000,1000000", n_orbits=10_000)
+@cli.sweeps
 def main(run, steps, n_orbits, plane, angles, tips):
     """The boundary by direct iteration: three cubes, a table and two figures in OUT.
 

@@ -10,14 +10,7 @@ from workflows.shared.cli import command, plane_option, plane_options, sweeps
 
 @command()
 @plane_option
-@plane_options(
-    *("-1.1:1.1:256", "0:1.1:128"),
-    n_max=10_000,
-    n_orbits=64,
-    tile=16,
-    levels=1,
-    precision="double",
-)
+@plane_options(n_max=10_000, tile=16, levels=1, precision="double")
 @sweeps
 def main(run, **options):
     """First escape times over a plane, (κ1, κ2) by default: the cube `escape` and a figure in OUT.

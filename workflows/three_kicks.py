@@ -9,16 +9,7 @@ reversed; for φ0 + 1/2 and -Δκ; and for -κ̄ and -Δκ. So all phases are th
 both signs of Δκ; at 1/12 these are alike. In between the kicks have no symmetry centre.
 """
 
-from workflows.shared.cli import (
-    command,
-    fraction,
-    full_option,
-    parsed,
-    ray_options,
-    real,
-    several,
-    sweeps,
-)
+from workflows.shared import cli
 
 PHASES = ("0", "1/24", "1/12")
 MANY = ("0", "1/60", "1/30", "1/20", "1/15", "1/12")
@@ -26,7 +17,7 @@ MANY = ("0", "1/60", "1/30", "1/20", "1/15", "1/12")
 
 def parse_phase(text):
     """Return a Fraction from 0 to below 1."""
-    phase = fraction(text)
+    phase = cli.fraction(text)
     if phase is None or not 0 <= phase < 1:
         raise ValueError(f"{text!r} must be a fraction from 0 to below 1, like 1/24")
     return phase
@@ -39,13 +30,15 @@ def parse_frequency(text):
     return rotating(text).name.partition(":")[2]
 
 
-@command()
-@parsed("--frequency", "1/3", parse_frequency, "FRACTION", "Frequency Ω, p/q with q up to 64.")
-@several("--phase", PHASES, parse_phase, "phases", "FRACTION", "Phase φ0 of the forcing, in turns.")
-@ray_options(31)
-@full_option("most of an hour of CPU time", angles=61, phase=MANY)
-@real("--tol", 1e-3, 1e-5, 0.1, "Width of the bracket to aim at, in parts of the scale.")
-@sweeps
+@cli.command()
+@cli.parsed("--frequency", "1/3", parse_frequency, "FRACTION", "Frequency Ω, p/q with q up to 64.")
+@cli.several(
+    "--phase", PHASES, parse_phase, "phases", "FRACTION", "Phase φ0 of the forcing, in turns."
+)
+@cli.ray_options(31)
+@cli.full_option("most of an hour of CPU time", angles=61, phase=MANY)
+@cli.real("--tol", 1e-3, 1e-5, 0.1, "Width of the bracket to aim at, in parts of the scale.")
+@cli.sweeps
 def main(run, frequency, phase, angles, tips, tol):
     """Rotating standard maps: a cube for each phase and one of T, a table and a figure in OUT.
 

@@ -18,6 +18,7 @@ VECTORS = (
 
 
 _ORDER = 16  # of a resonance, up to which it is refused
+_VECTOR = "Rotation vector: turns of θ and φ per kick. May be repeated."
 
 
 def parse_vectors(texts):
@@ -46,14 +47,7 @@ def parse_vectors(texts):
 
 
 @command()
-@parsed(
-    "--vector",
-    VECTORS,
-    parse_vectors,
-    "OMEGA,FREQUENCY",
-    "Rotation vector: turns of θ and φ per kick. May be repeated.",
-    multiple=True,
-)
+@parsed("--vector", VECTORS, parse_vectors, "OMEGA,FREQUENCY", _VECTOR, multiple=True)
 @whole("--angles", 13, 2, 10**5, "Rays, from 0 to 90 degrees: the other sign of Δκ is another φ0.")
 @real("--tol", 1e-3, 1e-5, 0.2, "Error of the scales to aim at.")
 @real("--picture", 45.0, 0, 90, "Ray, in degrees, on which tori of the first vector are drawn.")

@@ -26,41 +26,27 @@ class Verdict(Enum):
 
 @dataclass(frozen=True)
 class Claim:
-    """A statement of the paper, judged.
+    """A statement of the paper, judged."""
 
-    place : where the paper makes it.
-    statement : what it says.
-    value : what we find, in words.
-    verdict : what a rule makes of the value.
-    command : what shows it.
-    note : in which sense it holds, or why not; may be empty.
-    """
-
-    place: str
-    statement: str
-    value: str
-    verdict: Verdict
-    command: str
-    note: str = ""
+    place: str  # where the paper makes it
+    statement: str  # what it says
+    value: str  # what we find, in words
+    verdict: Verdict  # what a rule makes of the value
+    command: str  # what shows it
+    note: str = ""  # in which sense it holds, or why not
 
 
 @dataclass(frozen=True)
 class Erratum:
-    """An equation as printed and as it should read.
-
-    printed_off, corrected_off : by how much each form fails.
-    bound : what rounding explains.
-    measured : what was measured, in words.
-    place, command : as of a Claim.
-    """
+    """An equation as printed and as it should read; place and command as of a Claim."""
 
     place: str
     printed: str
     corrected: str
-    printed_off: float
-    corrected_off: float
-    bound: float
-    measured: str
+    printed_off: float  # by how much the printed form fails
+    corrected_off: float  # the same of the corrected form
+    bound: float  # what rounding explains
+    measured: str  # what was measured, in words
     command: str
 
     @property

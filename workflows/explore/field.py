@@ -29,14 +29,11 @@ _PATIENCE, _LONGEST = 0.3, 2.0  # seconds between two pictures, more and more
 
 @dataclass(frozen=True)
 class View:
-    """A rectangle of a plane in pixels.
+    """A rectangle of a plane in pixels."""
 
-    a, b : (lo, hi) of the two coordinates. shape : (rows, columns), multiples of 27.
-    """
-
-    a: tuple[float, float]
+    a: tuple[float, float]  # lo, hi of the first coordinate
     b: tuple[float, float]
-    shape: tuple[int, int]
+    shape: tuple[int, int]  # rows, columns: multiples of 27
 
     def centres(self, block=1):
         """Return the coordinates a and b of the centres of blocks, two vectors."""
@@ -51,21 +48,15 @@ class View:
 
 @dataclass(frozen=True, eq=False)
 class Field:
-    """First escape times that are known somewhere.
+    """First escape times that are known somewhere."""
 
-    a, b : centres of cells, equally spaced. times : array or xarray.DataArray (b, a), inf for none
-    within `steps`, NaN for not known. cells : of these that one value fills, along each side.
-    stays : pixels of a view that a value may fill without being computed again. apart : as `cells`,
-    away from the boundary of {n* ≤ steps}.
-    """
-
-    a: np.ndarray
+    a: np.ndarray  # centres of cells, equally spaced
     b: np.ndarray
-    times: object
+    times: object  # array or DataArray (b, a); inf: no escape within `steps`, NaN: not known
     steps: int
-    cells: int = 1
-    stays: float = 1.1
-    apart: int = 1
+    cells: int = 1  # that one value fills, along each side
+    stays: float = 1.1  # pixels of a view that a value may fill without being computed again
+    apart: int = 1  # as `cells`, away from the boundary of {n* ≤ steps}
 
     def on(self, view, steps):
         """Return what it knows of {n* ≤ steps} in the view's pixels, NaN elsewhere; and how many

@@ -31,14 +31,11 @@ _GAP = 25.0  # degrees without a ray, over which no line is drawn
 
 @dataclass(frozen=True)
 class Breakup:
-    """scale : where the last circle breaks on the ray, NaN if not known. error : of it.
+    """Where the last circle breaks on a ray, and which circle that is."""
 
-    circle : text of ω, "" if not known; omega : the float.
-    """
-
-    scale: float
-    error: float
-    circle: str
+    scale: float  # NaN if not known
+    error: float  # of the scale
+    circle: str  # text of ω, "" if not known
     omega: float
 
 

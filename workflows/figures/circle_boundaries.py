@@ -4,12 +4,11 @@ import numpy as np
 
 from workflows.figures.planes import fill_inside, in_plane, label_plane, of_two_kicks, whole_of
 from workflows.figures.style import (
-    INSIDE,
     circle_style,
     in_column,
     known,
-    legend_outside,
     omega_label,
+    outer_legend,
     panels,
 )
 
@@ -21,19 +20,19 @@ def draw_circle_boundaries(breakdown, residues, barrier):
     """
     figure, (axes,) = panels(1, 1, 10, 6.6)
     sharp = known(breakdown)
-    fill_inside(axes, barrier, INSIDE, label=r"$\mathit{CB}_{gt}$")
+    fill_inside(axes, barrier, label=r"$\mathit{CB}_{gt}$")
     draw_circles(axes, sharp)
     label_plane(axes, barrier)
     if of_two_kicks(barrier) and not in_column():
         tip = axes.inset_axes([0.405, 0.06, 0.19, 0.3])
-        fill_inside(tip, barrier, INSIDE)
+        fill_inside(tip, barrier)
         draw_circles(tip, sharp)
         ends = 0.8, 0.98
         tip.set(xlim=ends, ylim=ends, xticks=ends, yticks=ends, aspect="equal")
         tip.set_title("the tip at 45°", fontsize="small", pad=3)
         tip.tick_params(labelsize="x-small")
     axes.set_title(r"Breakup of circles: $\mathit{CB}_\omega$, and of the last one")
-    legend_outside(figure, 3, 2)
+    outer_legend(figure, 3, 2)
     scales = ["critical_scale", "error"]  # by residues, where there are any
     best = residues[scales].load().fillna(sharp[scales].load())
     ratio = 100 * best.critical_scale / barrier.critical_scale
@@ -62,7 +61,7 @@ def draw_tips(residues, circles, barrier):
     gaps = barrier.sel(angle=circles.angle[silent.any("circle").values], method="nearest")
     lines, points = known(residues), known(circles)
     for axes, sign in zip(tips, (-1, 1), strict=True):
-        axes.fill_between(barrier.kappa1, barrier.kappa2, color=INSIDE)
+        fill_inside(axes, barrier)
         draw_circles(axes, lines)
         for i, text in enumerate(points.circle.values):
             style = circle_style(text, 1) | {"ls": "", "ms": 3}
@@ -73,7 +72,7 @@ def draw_tips(residues, circles, barrier):
         axes.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$")
         axes.set_xticks(sign * np.array([0.75, 0.8, 0.85, 0.9, 0.95][:: 2 if in_column() else 1]))
     handles, labels = tips[1].get_legend_handles_labels()
-    legend_outside(figure, 4, 2, handles=handles, labels=labels)
+    outer_legend(figure, 4, 2, handles=handles, labels=labels)
     figure.suptitle("The tips: lines by Greene's residue, points by continuation of circles")
     off = abs(circles.critical_scale / residues.critical_scale - 1)
     unanswered = sum(int(of.critical_scale.isnull().sum()) for of in (circles, residues))

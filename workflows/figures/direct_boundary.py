@@ -10,7 +10,7 @@ from workflows.figures.style import (
     COLUMN,
     VERMILION,
     in_column,
-    legend_outside,
+    outer_legend,
     panels,
     power,
 )
@@ -37,7 +37,7 @@ def draw_half_plane(boundary, barrier, insets):
     plane = above.subplots()
     _draw_boundaries(plane, boundary, barrier)
     plane.set_ylim(0, None)
-    legend_outside(above, 4, 2, fontsize=None)
+    outer_legend(above, 4, 2, fontsize=None)
     rows, columns = (2, 2) if in_column() else (1, 4)
     cells = below.subplots(rows, columns, sharex=True, sharey=True).ravel()
     norm = LogNorm(1, max(2.0, float(insets.visits.max())))

@@ -6,7 +6,6 @@ import numpy as np
 from workflows.figures.planes import fill_inside, in_plane, label_plane, of_two_kicks, whole_of
 from workflows.figures.style import (
     COLUMN,
-    INSIDE,
     circle_class,
     circle_style,
     draw_points,
@@ -44,7 +43,7 @@ def draw_panels(barrier, height):
         plane, strip, cusp = panels.values()
     whole = whole_of(barrier)
     classes = np.array([circle_class(text, whole) for text in barrier.circle.values])
-    fill_inside(plane, barrier, INSIDE, lw=0, zorder=0.5)
+    fill_inside(plane, barrier, lw=0, zorder=0.5)
     _draw_arcs(plane, barrier, classes, 3.5)
     label_plane(plane, barrier)
     if of_two_kicks(barrier):
@@ -61,7 +60,7 @@ def draw_panels(barrier, height):
 def _draw_tip(plane, barrier, classes):
     """Draw the tip of two kicks at 45° in an inset, and frame it in the plane."""
     tip = plane.inset_axes([0.4, 0.07, 0.2, 0.29])
-    fill_inside(tip, barrier, INSIDE, lw=0)
+    fill_inside(tip, barrier, lw=0)
     _draw_arcs(tip, barrier, classes, 3.5)
     tip.set(xlim=_TIP, ylim=_TIP, aspect="equal", xticks=_TIP, yticks=_TIP)
     tip.set_title("the tip, framed", fontsize="small", pad=3)

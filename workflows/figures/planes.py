@@ -3,6 +3,7 @@
 import numpy as np
 
 from nasm.planes import plane_of, two_kicks
+from workflows.figures.style import INSIDE
 
 # Symbols for what the planes of the paper call their axes.
 _SYMBOLS = {
@@ -41,6 +42,6 @@ def label_plane(axes, dataset):
         axes.set_ylim(0, None)
 
 
-def fill_inside(axes, barrier, colour, **style):
+def fill_inside(axes, barrier, **style):
     """Fill the region where barriers are left, but around rays without an answer."""
-    axes.fill(*np.nan_to_num(in_plane(barrier)), color=colour, **style)
+    axes.fill(*np.nan_to_num(in_plane(barrier)), color=INSIDE, **style)

@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.colors import ListedColormap
 from matplotlib.patches import Patch
 
-from workflows.figures.style import COLOURS, legend_outside, panels
+from workflows.figures.style import COLOURS, outer_legend, panels
 
 _STATES = {
     "open": ("0.9", "open"),
@@ -35,7 +35,7 @@ def draw_proved_map(cube, barrier):
         axes.plot(sign1 * x, sign2 * y, color="black", lw=0.8)
     axes.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$", aspect="equal")
     patches = [Patch(color=colour, label=words) for colour, words in _STATES.values()]
-    legend_outside(figure, 3, 1, "upper", handles=patches, frameon=False, fontsize=None)
+    outer_legend(figure, 3, 1, "upper", handles=patches, frameon=False, fontsize=None)
     return figure, _caption(cube, states, codes, barrier)
 
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from workflows.figures.circle_boundaries import draw_circles
 from workflows.figures.stretches import where_above
-from workflows.figures.style import INSIDE, colour_of, in_column, legend_outside, panels, power
+from workflows.figures.style import INSIDE, colour_of, in_column, outer_legend, panels, power
 
 
 def draw_rotating_circles(circles, two, direct):
@@ -144,5 +144,5 @@ def _closed(x, y):
 
 def _finished(figure, axes):
     axes.set(xlabel=r"$\bar\kappa$", ylabel=r"$\Delta\kappa$", aspect="equal")
-    legend_outside(figure, 2)
+    outer_legend(figure, 2)
     return figure

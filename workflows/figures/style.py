@@ -93,7 +93,7 @@ def key(axes, marks, hollow=""):
         axes.plot([], [], mark, color="0.4", mfc=inside, lw=1, label=words)
 
 
-def legend_outside(figure, columns, in_column_columns=1, where="lower", **style):
+def outer_legend(figure, columns, in_column_columns=1, where="lower", **style):
     """Write the figure's legend below it, or above, in so many columns of entries."""
     columns = in_column_columns if in_column() else columns
     style = {"fontsize": "small", **style}

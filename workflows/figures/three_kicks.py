@@ -10,9 +10,9 @@ from workflows.figures.style import (
     circle_style,
     draw_points,
     in_column,
-    legend_outside,
     longest_arcs,
     mark_gaps,
+    outer_legend,
 )
 
 
@@ -47,7 +47,7 @@ def draw_three_kicks(three, two):
         plane.plot([], [], label=rf"$\omega = {text}$", **circle_style(text) | {"ls": ""})
     plane.set(xlabel=r"$\bar\kappa$", ylabel=r"$\Delta\kappa$", aspect="equal")
     plane.set_title("Onset of global transport, coloured by the last circle")
-    legend_outside(left, 4, 3)
+    outer_legend(left, 4, 3)
     strips[-1].set(xlabel=r"angle $\theta$ of the ray in the plane (degrees)", xlim=(0, 180))
     strips[-1].set_xticks(range(0, 181, 30))
     strips[0].set_title("Bracket over that of $T$; above 1 the map outlasts $T$")

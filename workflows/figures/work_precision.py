@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from workflows.figures.style import in_column, legend_outside, names_of, panels
+from workflows.figures.style import in_column, names_of, outer_legend, panels
 
 # Colour of a method, by how its name begins; its better answer is drawn filled, the other hollow.
 _METHOD_COLOURS = {
@@ -50,7 +50,7 @@ def draw_work_precision(data):
         axes.text(0.97, 0.02, "grey: the judge's own error", fontsize="small", **corner)
         axes.grid(lw=0.3)
     handles, labels = drawn[0].get_legend_handles_labels()
-    legend_outside(figure, 4, handles=handles, labels=labels)
+    outer_legend(figure, 4, handles=handles, labels=labels)
     if in_column():
         figure.set_figheight(figure.get_figheight() + 1.2)  # for the legend
         return figure

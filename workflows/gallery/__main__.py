@@ -30,8 +30,7 @@ class Exhibit:
         return shlex.split(self.quick if quick else self.full)
 
 
-_LIST = Path(__file__).parent / "exhibits.toml"
-_TEXTS = tomllib.loads(_LIST.read_text(encoding="utf-8"))
+_TEXTS = tomllib.loads(Path(__file__).with_name("exhibits.toml").read_text(encoding="utf-8"))
 EXHIBITS = [Exhibit(name, **texts) for name, texts in _TEXTS.items()]
 
 

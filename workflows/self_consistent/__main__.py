@@ -10,16 +10,11 @@ forcing which settles has in the end, pulled back to its beginning.
 
 from workflows.shared.cli import command, flag, real, whole, writes
 
+_COUPLINGS = 0.2, 0.3, 0.4, *(x / 100 for x in range(45, 95, 5)), 1.0, 1.1, 1.2
+
 
 @command()
-@real(
-    "--coupling",
-    (0.2, 0.3, 0.4, 0.45, 0.5, 0.55, 0.6, 0.65, 0.7, 0.75, 0.8, 0.85, 0.9, 1.0, 1.1, 1.2),
-    0.01,
-    10,
-    "Sum of the particles' weights; may be repeated.",
-    multiple=True,
-)
+@real("--coupling", _COUPLINGS, 0.01, 10, "Sum of the particles' weights; may be repeated.", True)
 @whole("--particles", 65_536, 256, 10**7, "Particles, in a thin band around y = 0 at first.")
 @whole("--kicks", 16_384, 4096, 10**6, "Kicks; barriers are sought in the second half of them.")
 @flag("--quick", "At most 4096 particles and 8192 kicks.")

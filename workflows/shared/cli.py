@@ -213,13 +213,13 @@ def ray_options(default):
     )
 
 
-def plane_options(kappa1, kappa2, n_max, n_orbits, tile, levels, precision):
+def plane_options(n_max, tile, levels, precision):
     """Make the options of a plane of escape times, as `plane.grid_of` takes them."""
     return together(
-        axis("--kappa1 --first", kappa1, "First coordinate: lower end, upper end, cells."),
-        axis("--kappa2 --second", kappa2, "Second coordinate."),
+        axis("--kappa1 --first", "-1.1:1.1:256", "First coordinate: lower end, upper end, cells."),
+        axis("--kappa2 --second", "0:1.1:128", "Second coordinate."),
         whole("--n-max", n_max, 1, 10**12, "Steps (periods of the forcing) of each orbit."),
-        increasing("--n-orbits", str(n_orbits), 10**8, "Orbits; several: nested ensembles."),
+        increasing("--n-orbits", "64", 10**8, "Orbits; several: nested ensembles."),
         choice(
             *("--precision", ["double", "single"], precision),
             "Of the arithmetic; single takes two fifths of the time, up to 10^6 steps.",

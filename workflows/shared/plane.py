@@ -22,26 +22,16 @@ _GLANCE = 4000  # cells, and steps, of the coarse look by which refinement is fo
 
 @dataclass(frozen=True)
 class Grid:
-    """What to compute.
+    """What to compute."""
 
-    plane : of forcings.
-    axes : of the finest grid, along the plane's two.
-    n_max : steps up to which orbits are followed.
-    n_orbits : increasing sizes of the nested ensembles.
-    tile : cells along each side of a tile, at least; see `grid.joined`.
-    levels : number of levels of refinement, each of cells half as wide.
-    follow : increasing N of the boundaries {n* ≤ N} that the levels follow.
-    precision : of the arithmetic, as for `escape.first_escape`.
-    """
-
-    plane: Plane
-    axes: tuple[Axis, Axis]
-    n_max: int
-    n_orbits: list[int]
-    tile: int
-    levels: int
-    follow: list[int]
-    precision: str
+    plane: Plane  # of forcings
+    axes: tuple[Axis, Axis]  # of the finest grid, along the plane's two
+    n_max: int  # steps up to which orbits are followed
+    n_orbits: list[int]  # increasing sizes of the nested ensembles
+    tile: int  # cells along each side of a tile, at least; see `grid.joined`
+    levels: int  # of refinement, each of cells half as wide
+    follow: list[int]  # increasing N of the boundaries {n* ≤ N} that the levels follow
+    precision: str  # of the arithmetic, as for `escape.first_escape`
 
     @property
     def drawn(self):
@@ -58,12 +48,13 @@ def grid_of(plane, kappa1, kappa2, n_max, n_orbits, tile, levels, follow, precis
     """Return the Grid of `cli.plane_options`; a usage error if they do not fit together."""
     follow, coarsest = follow or [n_max], 2 ** (levels - 1)
     for name, axis in (("--kappa1", kappa1), ("--kappa2", kappa2)):
+        words = ""
         if axis.n % coarsest:
-            words = f"cannot be halved {levels - 1} times; use a multiple of {coarsest}, or fewer"
-            raise click.BadParameter(f"{axis.n} cells {words} --levels", param_hint=name)
-        if axis.n < 2 * coarsest:
+            words = f"cannot be halved {levels - 1} times; use a multiple of {coarsest}"
+        elif axis.n < 2 * coarsest:
             words = f"are too few; use at least {2 * coarsest}, two at the coarsest level"
-            raise click.BadParameter(f"{axis.n} cells {words}", param_hint=name)
+        if words:
+            raise click.BadParameter(f"{axis.n} cells {words}, or fewer --levels", param_hint=name)
     try:
         for a, b in product((kappa1.lo, kappa1.hi), (kappa2.lo, kappa2.hi)):
             forcing(plane.forcing(a, b))

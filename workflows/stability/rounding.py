@@ -71,17 +71,10 @@ def _arithmetics():
     two_pi, two_pi_32 = 2 * np.pi, np.float32(2 * np.pi)
     c = tuple(np.float32(a) for a in SINE[5::-1])
 
-    @njit
-    def polynomial(kappa, x):
-        return kappa / two_pi * sin2pi(x)
-
-    @njit
-    def libm(kappa, x):
-        return kappa / two_pi * math.sin(two_pi * x)
-
-    @njit
-    def quantised(kappa, x):
-        return ((kappa / two_pi * sin2pi(x)) + 3.0) - 3.0
+    polynomial = njit(lambda kappa, x: kappa / two_pi * sin2pi(x))
+    libm = njit(lambda kappa, x: kappa / two_pi * math.sin(two_pi * x))
+    quantised = njit(lambda kappa, x: ((kappa / two_pi * sin2pi(x)) + 3.0) - 3.0)
+    same, reduced = njit(lambda x: x), njit(lambda x: x - np.floor(x))
 
     @njit
     def single(kappa, x):
@@ -91,14 +84,6 @@ def _arithmetics():
         for coefficient in c:
             s = coefficient + u * u * s
         return kappa / two_pi_32 * (two_pi_32 * u * s)
-
-    @njit
-    def same(x):
-        return x
-
-    @njit
-    def reduced(x):
-        return x - np.floor(x)
 
     def pair(force, wrap):
         @njit

@@ -34,18 +34,12 @@ class Ray:
 
 @dataclass
 class Method:
-    """One method, and how much it is to compute.
+    """One method, and how much it is to compute."""
 
-    answers : names of what it answers.
-    effort : letter or name of its measure of effort.
-    efforts : values to measure, the last one in full runs only.
-    run : function (ray, effort) → (scale, estimated error) for each of `answers`.
-    """
-
-    answers: tuple[str, ...]
-    effort: str
-    efforts: list
-    run: Callable
+    answers: tuple[str, ...]  # names of what it answers
+    effort: str  # letter or name of its measure of effort
+    efforts: list  # values to measure, the last one in full runs only
+    run: Callable  # (ray, effort) → (scale, estimated error) for each of `answers`
 
 
 def judged(angle):
@@ -60,8 +54,7 @@ def direct(n_orbits, reach, precision="double"):
     """Make direct iteration; transport is |y_n - y_0| > reach for all starts 0 ≤ y_0 ≤ 0.3."""
 
     def run(ray, n_max):
-        window = (-reach, 0.3 + reach)
-        how = n_orbits, window, precision
+        how = n_orbits, (-reach, 0.3 + reach), precision
         return _bound_and_value(escape.critical_scale(ray.profile, n_max, *how))
 
     return run
@@ -147,17 +140,17 @@ def barrier(ray, tol):
 def transport_proof(ray, excess):
     """Prove that transport is global that far beyond the breakup, in parts of it."""
     scale = (1 + excess) * ray.value
-    proved = proofs.transport.prove(scale * np.array(ray.profile), 1000.0).proved
-    return ((scale if proved else nan, excess * ray.value),)
+    proof = proofs.transport.prove(scale * np.array(ray.profile), 1000.0)
+    return ((scale if proof.proved else nan, excess * ray.value),)
 
 
 def barrier_proof(ray, distance):
     """Prove that the circle exists that far below its breakup."""
-    near = norms.certified_circle(ray.omega, ray.profile, ray.value, distance)
+    _, near = norms.certified_circle(ray.omega, ray.profile, ray.value, distance)
     scale = (1 - distance) * ray.value
-    kappa = scale * np.array(ray.profile)
-    proved = proofs.barrier.prove(ray.omega, kappa, start=near[1], budget=1000.0).proved
-    return ((scale if proved else nan, distance * ray.value),)
+    how = {"start": near, "budget": 1000.0}
+    proof = proofs.barrier.prove(ray.omega, scale * np.array(ray.profile), **how)
+    return ((scale if proof.proved else nan, distance * ray.value),)
 
 
 STEPS = [1000, 10_000, 100_000, 1_000_000]
@@ -181,8 +174,6 @@ METHODS = {
     "crossing": Method(("residue, last crossing",), "q", PERIODS, crossing),
     "residue": Method(("residue, Aitken",), "q", PERIODS, residue),
     "barriers": Method(BARRIERS, "tol", [*TOLERANCES, 2e-5], barrier),
-    "transport-proof": Method(
-        ("transport proved",), "ε", [1e-1, 1e-2, 1e-3, 3e-4], transport_proof
-    ),
-    "barrier-proof": Method(("barrier proved",), "ε", [1e-1, 1e-2, 3e-3, 1e-3], barrier_proof),
+    "transport-proof": Method(("transport proved",), "ε", [0.1, 0.01, 1e-3, 3e-4], transport_proof),
+    "barrier-proof": Method(("barrier proved",), "ε", [0.1, 0.01, 3e-3, 1e-3], barrier_proof),
 }
