@@ -49,9 +49,11 @@ def on_the_diagonal(bias, critical):
             "eta": ("half", eta, "η of κ_N - κ_c ~ N^(-1/η)"),
             "eta_error": ("half", error, "standard error of η"),
         },
-        critical=float(kappa_c),
-        n_orbits=int(bias.ensemble[-1]),
-        source="arXiv:1606.04824, Fig. 7",
+        {
+            "critical": float(kappa_c),
+            "n_orbits": int(bias.ensemble[-1]),
+            "source": "arXiv:1606.04824, Fig. 7",
+        },
     )
 
 

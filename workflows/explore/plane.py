@@ -302,7 +302,7 @@ def _dataset(plane, field):
             zip(plane.axes, zip((field.a, field.b), plane.axes.values(), strict=True), strict=True)
         ),
         {"escape_time": (list(plane.axes)[::-1], field.times, words)},
-        **settings,
+        settings,
     )
 
 

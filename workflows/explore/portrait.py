@@ -42,15 +42,11 @@ class PortraitPanel:
         self.added.value = orbits_text(state.orbits)
         self.plot.on_event(Tap, lambda event: self._add(event.x, event.y))
         soon = on_view(self.plot, work, self._refresh)
-        for what, callback in (
-            ("point", self._move),
-            ("point", soon),
-            ("orbits", soon),
-            ("show", soon),
-            ("show", self._find_cycles),
-            ("verdict", self._judge),
-        ):
-            state.on(what, callback)
+        state.on("point", self._move)
+        for what in ("point", "orbits", "show"):
+            state.on(what, soon)
+        state.on("show", self._find_cycles)
+        state.on("verdict", self._judge)
         state.seen["phase space"] = self._seen
         soon()
         ticks = boxes(state, ORBITS, inline=True, stylesheets=["label { margin-right: 1em }"])

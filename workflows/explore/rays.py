@@ -126,7 +126,7 @@ class Rays:
             for name, text in words.items()
         }
         title, coords = "Where the last circle breaks", {"angle": (angles, ANGLE)}
-        return dataset(title, coords, columns, **self.plane.record)
+        return dataset(title, coords, columns, self.plane.record)
 
     def missing(self, view):
         """Return the rays to compute for a view: degrees, each for all its images, coarse first."""

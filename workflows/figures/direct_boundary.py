@@ -1,14 +1,13 @@
 """The boundary by direct iteration beside the true one, Figs. 5 and 6, with their captions."""
 
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.colors import LogNorm
 
 from workflows.figures.planes import in_plane, label_plane
 from workflows.figures.style import (
     COLOURS,
-    COLUMN,
     VERMILION,
+    canvas,
     in_column,
     outer_legend,
     panels,
@@ -31,8 +30,7 @@ def draw_rays(boundary, barrier, last=90):
 
 def draw_half_plane(boundary, barrier, insets):
     """Draw the upper half plane, Fig. 6, and below it the cell at four forcings."""
-    tall = 2.1 * COLUMN if in_column() else 9
-    figure = plt.figure(figsize=(COLUMN if in_column() else 11, tall), layout="constrained")
+    figure = canvas(11, 9, 2.1)
     above, below = figure.subfigures(2, height_ratios=[1, 1.5] if in_column() else [1.7, 1])
     plane = above.subplots()
     _draw_boundaries(plane, boundary, barrier)

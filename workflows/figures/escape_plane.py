@@ -1,13 +1,21 @@
 """First escape times over the plane, Figs. 5 and 6."""
 
-import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib import colormaps
 from matplotlib.colors import LogNorm
 from matplotlib.patheffects import withStroke
 
 from nasm.planes import plane_of
 from workflows.figures.planes import in_plane, label_plane, of_two_kicks
-from workflows.figures.style import COLOURS, NO_ESCAPE, in_column, power, smoothed
+from workflows.figures.style import (
+    COLOURS,
+    NO_ESCAPE,
+    in_column,
+    outer_legend,
+    panels,
+    power,
+    smoothed,
+)
 
 _BOUNDARY_COLOURS = ["black", COLOURS[2], COLOURS[3]]  # far from those of the field
 
@@ -16,18 +24,18 @@ def draw_escape_plane(plane, steps):
     """Draw first escape times of the largest ensemble, and the boundary of each number of steps."""
     x, y = in_plane(plane)
     height = np.ptp(y.values) / np.ptp(x.values)
-    figure, axes = plt.subplots(figsize=(10, 1.2 + 7.6 * min(1.2, height)), layout="constrained")
+    figure, (axes,) = panels(1, 1, 10, 1.2 + 7.6 * min(1.2, height))
     label_plane(axes, plane)
     of = r"$\mathcal{T}_{\kappa_1\kappa_2}$" if of_two_kicks(plane) else plane_of(plane.attrs).name
     steps_of = f"up to ${power(plane.attrs['n_max'])}$ steps of {of}"
     axes.set_title(f"Global transport: {int(plane.ensemble[-1])} orbits, {steps_of}")
     field = smoothed(draw_field(axes, plane))
     for n, colour, dash in zip(steps[::-1], _BOUNDARY_COLOURS, ("-", "--", ":"), strict=False):
-        style = {"levels": [0.5], "linewidths": 1.6, "linestyles": dash, "colors": colour}
-        curve = axes.contour(x, y, field <= n, **style)
+        look = {"linewidths": 1.6, "linestyles": dash, "colors": colour}
+        curve = axes.contour(x, y, field <= n, levels=[0.5], **look)
         curve.set_path_effects([withStroke(linewidth=3, foreground="white")])
         axes.plot([], [], dash, color=colour, label=f"$N = {power(n)}$, running median")
-    figure.legend(loc="outside lower center", ncols=len(steps), frameon=False)
+    outer_legend(figure, len(steps), frameon=False, fontsize=None)
     return figure
 
 
@@ -40,7 +48,7 @@ def draw_field(axes, plane):
         extent += [axis[0] - half, axis[-1] + half]
     finite = np.where(np.isfinite(field), field, np.nan)
     earliest = max(1.0, np.nanmin(finite)) if np.isfinite(finite).any() else 1.0
-    colours = plt.get_cmap("magma").with_extremes(bad=NO_ESCAPE)
+    colours = colormaps["magma"].with_extremes(bad=NO_ESCAPE)
     style = {"extent": extent, "origin": "lower", "interpolation": "nearest", "zorder": 0}
     norm = LogNorm(vmin=earliest, vmax=max(plane.attrs["n_max"], 1.1 * earliest))
     image = axes.imshow(finite, norm=norm, cmap=colours, **style)

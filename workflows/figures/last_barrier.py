@@ -1,11 +1,11 @@
 """CB_gt in the colours of the last circle, a colour for each class under the symmetry."""
 
-import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.patches import Rectangle
 
 from workflows.figures.planes import fill_inside, in_plane, label_plane, of_two_kicks, whole_of
 from workflows.figures.style import (
-    COLUMN,
+    canvas,
     circle_class,
     circle_style,
     draw_points,
@@ -33,11 +33,10 @@ def draw_panels(barrier, height):
 
     height : of the figure, inches. Returns it and the axes of the plane.
     """
+    figure = canvas(11, height, 2)
     if in_column():
-        figure = plt.figure(figsize=(COLUMN, 2 * COLUMN), layout="constrained")
         plane, strip, cusp = figure.subplots(3, height_ratios=[1.5, 1, 1])
     else:
-        figure = plt.figure(figsize=(11, height), layout="constrained")
         places, ratios = [["plane", "plane"], ["strip", "cusp"]], ([1.55, 1], [2, 1])
         panels = figure.subplot_mosaic(places, height_ratios=ratios[0], width_ratios=ratios[1])
         plane, strip, cusp = panels.values()
@@ -65,7 +64,7 @@ def _draw_tip(plane, barrier, classes):
     tip.set(xlim=_TIP, ylim=_TIP, aspect="equal", xticks=_TIP, yticks=_TIP)
     tip.set_title("the tip, framed", fontsize="small", pad=3)
     tip.tick_params(labelsize="x-small")
-    plane.add_patch(plt.Rectangle((_TIP[0],) * 2, *(_TIP[1] - _TIP[0],) * 2, fill=False, lw=0.6))
+    plane.add_patch(Rectangle((_TIP[0],) * 2, *(_TIP[1] - _TIP[0],) * 2, fill=False, lw=0.6))
 
 
 def _draw_arcs(axes, barrier, classes, size):

@@ -1,15 +1,13 @@
 """Phase portraits, Figs. 1 and 2, with their captions."""
 
-import matplotlib.pyplot as plt
-
-from workflows.figures.style import COLOURS, VERMILION, colour_of, dots, in_column, panels, size
+from workflows.figures.style import COLOURS, VERMILION, canvas, colour_of, dots, in_column, panels
 
 _KICKS_SHOWN = 80
 
 
 def draw_kicks(portraits):
     """Draw T_{κ1κ2}, T_{κ2κ1}, the nonautonomous map, and one orbit: in the plane, in time."""
-    figure = plt.figure(figsize=size(9, 11), layout="constrained")
+    figure = canvas(9, 11, 11 / 9)
     places = [["first", "second"], ["raw", "island"], ["time", "time"]]
     drawn = figure.subplot_mosaic(places, height_ratios=[1, 1, 0.4])
     first, second = (portraits.isel(forcing=i) for i in (0, 1))

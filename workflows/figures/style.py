@@ -69,21 +69,21 @@ def in_column():
     return matplotlib.rcParams["figure.figsize"][0] == COLUMN
 
 
-def size(width, height):
-    """Return the size of a figure in inches, in a column the same shape there."""
-    return (COLUMN, COLUMN * height / width) if in_column() else (width, height)
+def canvas(width, height, tall):
+    """Return an empty figure of that size, in a column `tall` times as high as it is wide."""
+    import matplotlib.pyplot as plt
+
+    figsize = (COLUMN, tall * COLUMN) if in_column() else (width, height)
+    return plt.figure(figsize=figsize, layout="constrained")
 
 
 def panels(rows, columns, width, height, stack=True, **settings):
     """Return a figure of that size and its axes, which are stacked in a column if they may be."""
-    import matplotlib.pyplot as plt
-
     count, shape = rows * columns, height / rows / (width / columns)
     if in_column() and count > 1 and stack:
         rows, columns, width, height = count, 1, COLUMN, COLUMN * count * min(shape, _TALLEST)
-    settings |= {"figsize": size(width, height), "layout": "constrained", "squeeze": False}
-    figure, axes = plt.subplots(rows, columns, **settings)
-    return figure, list(axes.flat)
+    figure = canvas(width, height, height / width)
+    return figure, list(figure.subplots(rows, columns, squeeze=False, **settings).flat)
 
 
 def key(axes, marks, hollow=""):

@@ -1,12 +1,11 @@
 """Boundaries of rotating standard maps for several phases against that of T, from both sides."""
 
-import matplotlib.pyplot as plt
 import numpy as np
 
 from workflows.figures.rotating import draw_diamond, fill_diamond
 from workflows.figures.stretches import where_above
 from workflows.figures.style import (
-    COLUMN,
+    canvas,
     circle_style,
     draw_points,
     in_column,
@@ -22,14 +21,11 @@ def draw_three_kicks(three, two):
     Colours are those of the last circles. The caption says where the map outlasts T.
     """
     exact = three.phase.attrs["exact"]
+    heights = [1.4, 0.3 + 0.4 * len(exact)]  # of the plane and the strips in a column
+    figure = canvas(13, 1.6 + 1.3 * max(4, len(exact)), sum(heights))
     if in_column():
-        plane_height, strips_height = 1.4 * COLUMN, 1 + 0.4 * COLUMN * len(exact)
-        size = COLUMN, plane_height + strips_height
-        figure = plt.figure(figsize=size, layout="constrained")
-        left, right = figure.subfigures(2, height_ratios=[plane_height, strips_height])
+        left, right = figure.subfigures(2, height_ratios=heights)
     else:
-        size = 13, 1.6 + 1.3 * max(4, len(exact))
-        figure = plt.figure(figsize=size, layout="constrained")
         left, right = figure.subfigures(1, 2, width_ratios=[1.05, 1])
     plane, strips = left.subplots(), right.subplots(len(exact), sharex=True, squeeze=False)[:, 0]
     circles = three.circle.transpose("phase", "angle").values  # κ and -κ are alike, ω is not

@@ -38,7 +38,7 @@ def nonautonomous_dataset(n_orbits, steps):
             **_points("kick_", ("kick", "orbit"), *kicked),
             **_points("island_", ("kick",), *island),
         },
-        source=f"{_SOURCE} II and Fig. 1",
+        {"source": f"{_SOURCE} II and Fig. 1"},
     )
 
 
@@ -78,7 +78,7 @@ def symmetric_dataset(n_orbits, steps):
             **_points("marked_", ("forcing", "step", "marked"), *marked),
             "difference": ("forcing", apart, words),
         },
-        source=f"{_SOURCE} III.A and Fig. 2",
+        {"source": f"{_SOURCE} III.A and Fig. 2"},
     )
 
 

@@ -81,7 +81,7 @@ def fields(couplings, particles, kicks):
                 "change of 2π Σγy + κ²/2, which is conserved",
             ),
         },
-        source="arXiv:1601.00942; nasm/self_consistent.py",
+        {"source": "arXiv:1601.00942; nasm/self_consistent.py"},
     )
 
 
@@ -139,9 +139,11 @@ def verdicts(fields):
         "Barriers in the recorded field",
         {"coupling": fields.coupling},
         variables,
-        source="nasm/converse_kam/sequence.py",
-        asked=half // 2,
-        horizon=sequence.HORIZON,
+        {
+            "source": "nasm/converse_kam/sequence.py",
+            "asked": half // 2,
+            "horizon": sequence.HORIZON,
+        },
     )
 
 
@@ -181,8 +183,5 @@ def settling():
             "area": ("curve", np.mean(ys * slopes, axis=1), "area below the curve"),
             "kicks": ((), life, f"kicks that eliminate all starts on a line before kick {ASKED}"),
         },
-        limit=LIMIT,
-        excess=EXCESS,
-        time=TIME,
-        asked=ASKED,
+        {"limit": LIMIT, "excess": EXCESS, "time": TIME, "asked": ASKED},
     )

@@ -43,7 +43,7 @@ def amplitudes(quick):
             "last": (("kick", "angle"), last, "amplitude of the last circle at 0.999 s_c"),
             "largest": (("angle", "part"), largest, "largest amplitude of seven other circles"),
         },
-        justified_exit=1 + most,
+        {"justified_exit": 1 + most},
     )
 
 

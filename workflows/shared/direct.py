@@ -119,10 +119,12 @@ def boundary_dataset(found, barrier, steps):
             "resolution": (dims, spacing * bias * breakup, "spacing of the scales"),
             **at,
         },
-        **plane.record,
-        n_orbits=int(found.ensemble[0]),
-        spacing=spacing,
-        source="arXiv:1606.04824, Sec. V.B, Figs. 5 and 6",
+        {
+            **plane.record,
+            "n_orbits": int(found.ensemble[0]),
+            "spacing": spacing,
+            "source": "arXiv:1606.04824, Sec. V.B, Figs. 5 and 6",
+        },
     )
 
 
@@ -181,7 +183,5 @@ def insets_dataset():
             "lowest": ("forcing", lowest, "least y of the orbit, not reduced"),
             "highest": ("forcing", highest, "largest y of the orbit, not reduced"),
         },
-        start=list(INSET_START),
-        steps=INSET_STEPS,
-        source="arXiv:1606.04824, Fig. 6",
+        {"start": list(INSET_START), "steps": INSET_STEPS, "source": "arXiv:1606.04824, Fig. 6"},
     )

@@ -20,7 +20,7 @@ def primary_dataset(axis):
         "Primary period-one orbits",
         {"point": (range(len(points)), names), **_plane(axis)},
         {"residue": (("point", "kappa2", "kappa1"), residue, _RESIDUE)},
-        source=f"{_SOURCE} and Fig. 3",
+        {"source": f"{_SOURCE} and Fig. 3"},
     )
 
 
@@ -43,7 +43,7 @@ def secondary_dataset(axis):
             "residue": (dims, residue, _RESIDUE),
             "estimate_error": (dims, error, "error of z by the cubic estimate, its sign corrected"),
         },
-        source=f"{_SOURCE} and Fig. 4",
+        {"source": f"{_SOURCE} and Fig. 4"},
     )
 
 

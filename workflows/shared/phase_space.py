@@ -99,9 +99,11 @@ def _dataset(kappa, box, starts, omega, which, x, y):
             "omega": ("orbit", omega, words),
             "near": ("orbit", near, "the same in [0, P/2], up to its sign and to P"),
         },
-        kappa=kappa.tolist(),
-        box=list(box),
-        source="arXiv:1606.04824, Eqs. (1) and (23)",
+        {
+            "kappa": kappa.tolist(),
+            "box": list(box),
+            "source": "arXiv:1606.04824, Eqs. (1) and (23)",
+        },
     )
 
 

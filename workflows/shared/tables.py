@@ -15,11 +15,11 @@ def described(long_name, units="1", **more):
 ANGLE = described("direction of the ray in the plane", "degree")
 
 
-def dataset(title, coords, variables, **attrs):
+def dataset(title, coords, variables, attrs=None):
     """Return a labelled Dataset.
 
     coords : {dimension: (values, label)}, or the DataArray of another Dataset.
-    variables : {name: (dims, values, label)}.
+    variables : {name: (dims, values, label)}. attrs : more attributes of the Dataset.
 
     A label is the long name of a number without unit, or the attributes by `described`.
     """
@@ -29,7 +29,7 @@ def dataset(title, coords, variables, **attrs):
 
     own = {dim: labelled(dim, *coord) for dim, coord in coords.items() if isinstance(coord, tuple)}
     variables = {name: labelled(*variable) for name, variable in variables.items()}
-    return xr.Dataset(variables, coords | own, {"title": title, **attrs})
+    return xr.Dataset(variables, coords | own, {"title": title, **(attrs or {})})
 
 
 def strengths(dims, a, b, axes=TWO_KICKS_AXES):

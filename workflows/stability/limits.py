@@ -88,9 +88,7 @@ def past_boundary(quick):
             "excess": (excess, "scale over that of the breakup, less 1"),
         },
         {"certified": (dims, certified.astype("int8"), words), **_labelled_lives(dims, lives)},
-        n_cones=n_cones,
-        n_escape=n_escape,
-        n_modes=n_modes,
+        {"n_cones": n_cones, "n_escape": n_escape, "n_modes": n_modes},
     )
 
 
@@ -130,7 +128,7 @@ def disguised_fractions(quick):
             "lower": (("quotient", "q"), lower[:, 1], "last certified circle of continuation"),
             "status": outcomes(dims, status),
         },
-        golden=float(golden),
+        {"golden": float(golden)},
     )
 
 

@@ -39,7 +39,7 @@ def missed_survivors(quick):
             "missed": ("kept", missed, "part that misses 1% of a life"),
             "worst": ("kept", lost.max(axis=1), "largest part of a life missed"),
         },
-        searches=int(known.sum()),
+        {"searches": int(known.sum())},
     )
 
 
@@ -137,5 +137,5 @@ def disordered_orbits(quick):
             "refused": (dims, part[2], "part that leads to another orbit, refused"),
             "accepted": (dims, part[3], "part that leads to another orbit, accepted"),
         },
-        trials=trials,
+        {"trials": trials},
     )
