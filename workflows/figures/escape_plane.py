@@ -10,9 +10,9 @@ from workflows.figures.planes import in_plane, label_plane, of_two_kicks
 from workflows.figures.style import (
     COLOURS,
     NO_ESCAPE,
+    canvas,
     in_column,
     outer_legend,
-    panels,
     power,
     smoothed,
 )
@@ -23,8 +23,9 @@ _BOUNDARY_COLOURS = ["black", COLOURS[2], COLOURS[3]]  # far from those of the f
 def draw_escape_plane(plane, steps):
     """Draw first escape times of the largest ensemble, and the boundary of each number of steps."""
     x, y = in_plane(plane)
-    height = np.ptp(y.values) / np.ptp(x.values)
-    figure, (axes,) = panels(1, 1, 10, 1.2 + 7.6 * min(1.2, height))
+    height = min(1.2, np.ptp(y.values) / np.ptp(x.values))
+    figure = canvas(10, 1.2 + 7.6 * height, 0.6 + height)
+    axes = figure.subplots()
     label_plane(axes, plane)
     of = r"$\mathcal{T}_{\kappa_1\kappa_2}$" if of_two_kicks(plane) else plane_of(plane.attrs).name
     steps_of = f"up to ${power(plane.attrs['n_max'])}$ steps of {of}"
