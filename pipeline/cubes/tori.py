@@ -45,14 +45,9 @@ def name_of(vector):
     return ",".join(map(repr, vector))
 
 
-def vector_of(text):
-    """Return the pair of floats of a text by `name_of`."""
-    return tuple(map(float, text.split(",")))
-
-
 def _compute(coords, settings):
-    vectors, profiles = map(vector_of, coords["vector"]), ray(coords["angle"])
-    tol = settings["tol"]
+    vectors = zip(coords["omega"].tolist(), coords["frequency"].tolist(), strict=True)
+    profiles, tol = ray(coords["angle"]), settings["tol"]
     found = [[_bracket(vector, on, tol) for on in profiles] for vector in vectors]
     return scales(found, ROTATING_AXES, coords["angle"])
 
