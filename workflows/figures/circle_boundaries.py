@@ -2,15 +2,8 @@
 
 import numpy as np
 
+from workflows.figures import style
 from workflows.figures.planes import fill_inside, in_plane, label_plane, of_two_kicks, whole_of
-from workflows.figures.style import (
-    circle_style,
-    in_column,
-    known,
-    omega_label,
-    outer_legend,
-    panels,
-)
 
 
 def draw_circle_boundaries(breakdown, residues, barrier):
@@ -18,12 +11,12 @@ def draw_circle_boundaries(breakdown, residues, barrier):
 
     The caption says where each circle comes nearest to CB_gt, and whether all lie within it.
     """
-    figure, (axes,) = panels(1, 1, 10, 6.6)
-    sharp = known(breakdown)
+    figure, (axes,) = style.panels(1, 1, 10, 6.6)
+    sharp = style.known(breakdown)
     fill_inside(axes, barrier, label=r"$\mathit{CB}_{gt}$")
     draw_circles(axes, sharp)
     label_plane(axes, barrier)
-    if of_two_kicks(barrier) and not in_column():
+    if of_two_kicks(barrier) and not style.in_column():
         tip = axes.inset_axes([0.405, 0.06, 0.19, 0.3])
         fill_inside(tip, barrier)
         draw_circles(tip, sharp)
@@ -32,7 +25,7 @@ def draw_circle_boundaries(breakdown, residues, barrier):
         tip.set_title("the tip at 45°", fontsize="small", pad=3)
         tip.tick_params(labelsize="x-small")
     axes.set_title(r"Breakup of circles: $\mathit{CB}_\omega$, and of the last one")
-    outer_legend(figure, 3, 2)
+    style.outer_legend(figure, 3, 2)
     scales = ["critical_scale", "error"]  # by residues, where there are any
     best = residues[scales].load().fillna(sharp[scales].load())
     ratio = 100 * best.critical_scale / barrier.critical_scale
@@ -56,23 +49,25 @@ def draw_tips(residues, circles, barrier):
 
     The caption says how far the two methods are apart.
     """
-    figure, tips = panels(1, 2, 11, 6.8)
+    figure, tips = style.panels(1, 2, 11, 6.8)
     silent = circles.critical_scale.isnull() | residues.critical_scale.isnull()
     gaps = barrier.sel(angle=circles.angle[silent.any("circle").values], method="nearest")
-    lines, points = known(residues), known(circles)
+    lines, points = style.known(residues), style.known(circles)
     for axes, sign in zip(tips, (-1, 1), strict=True):
         fill_inside(axes, barrier)
         draw_circles(axes, lines)
         for i, text in enumerate(points.circle.values):
-            style = circle_style(text, 1) | {"ls": "", "ms": 3}
-            axes.plot(points.kappa1[i], points.kappa2[i], **style)
+            look = style.circle_style(text, 1) | {"ls": "", "ms": 3}
+            axes.plot(points.kappa1[i], points.kappa2[i], **look)
         axes.plot(gaps.kappa1, gaps.kappa2, "x", color="black", ms=5, label="no answer on this ray")
         ends = sorted((sign * 0.7, sign * 1.0))
         axes.set(xlim=ends, ylim=(0.7, 1.0), aspect="equal")
         axes.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$")
-        axes.set_xticks(sign * np.array([0.75, 0.8, 0.85, 0.9, 0.95][:: 2 if in_column() else 1]))
+        axes.set_xticks(
+            sign * np.array([0.75, 0.8, 0.85, 0.9, 0.95][:: 2 if style.in_column() else 1])
+        )
     handles, labels = tips[1].get_legend_handles_labels()
-    outer_legend(figure, 4, 2, handles=handles, labels=labels)
+    style.outer_legend(figure, 4, 2, handles=handles, labels=labels)
     figure.suptitle("The tips: lines by Greene's residue, points by continuation of circles")
     off = abs(circles.critical_scale / residues.critical_scale - 1)
     unanswered = sum(int(of.critical_scale.isnull().sum()) for of in (circles, residues))
@@ -88,7 +83,7 @@ def draw_circles(axes, breakdown):
     """Draw the curves (x, y) of each ω; and (-x, -y), where that half is left to symmetry."""
     (x, y), whole = in_plane(breakdown), whole_of(breakdown)
     for i, text in enumerate(breakdown.circle.values):
-        style = circle_style(text, whole) | {"marker": "", "lw": 1.3}
-        axes.plot(x[i], y[i], label=omega_label(text), **style)
+        look = style.circle_style(text, whole) | {"marker": "", "lw": 1.3}
+        axes.plot(x[i], y[i], label=style.omega_label(text), **look)
         if breakdown.angle[-1] <= 180:
-            axes.plot(-x[i], -y[i], **style)
+            axes.plot(-x[i], -y[i], **look)

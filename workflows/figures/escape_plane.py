@@ -6,37 +6,29 @@ from matplotlib.colors import LogNorm
 from matplotlib.patheffects import withStroke
 
 from nasm.planes import plane_of
+from workflows.figures import style
 from workflows.figures.planes import in_plane, label_plane, of_two_kicks
-from workflows.figures.style import (
-    COLOURS,
-    NO_ESCAPE,
-    canvas,
-    in_column,
-    outer_legend,
-    power,
-    smoothed,
-)
 
-_BOUNDARY_COLOURS = ["black", COLOURS[2], COLOURS[3]]  # far from those of the field
+_BOUNDARY_COLOURS = ["black", style.COLOURS[2], style.COLOURS[3]]  # far from those of the field
 
 
 def draw_escape_plane(plane, steps):
     """Draw first escape times of the largest ensemble, and the boundary of each number of steps."""
     x, y = in_plane(plane)
     height = min(1.2, np.ptp(y.values) / np.ptp(x.values))
-    figure = canvas(10, 1.2 + 7.6 * height, 0.6 + height)
+    figure = style.canvas(10, 1.2 + 7.6 * height, 0.6 + height)
     axes = figure.subplots()
     label_plane(axes, plane)
     of = r"$\mathcal{T}_{\kappa_1\kappa_2}$" if of_two_kicks(plane) else plane_of(plane.attrs).name
-    steps_of = f"up to ${power(plane.attrs['n_max'])}$ steps of {of}"
+    steps_of = f"up to ${style.power(plane.attrs['n_max'])}$ steps of {of}"
     axes.set_title(f"Global transport: {int(plane.ensemble[-1])} orbits, {steps_of}")
-    field = smoothed(draw_field(axes, plane))
+    field = style.smoothed(draw_field(axes, plane))
     for n, colour, dash in zip(steps[::-1], _BOUNDARY_COLOURS, ("-", "--", ":"), strict=False):
         look = {"linewidths": 1.6, "linestyles": dash, "colors": colour}
         curve = axes.contour(x, y, field <= n, levels=[0.5], **look)
         curve.set_path_effects([withStroke(linewidth=3, foreground="white")])
-        axes.plot([], [], dash, color=colour, label=f"$N = {power(n)}$, running median")
-    outer_legend(figure, len(steps), frameon=False, fontsize=None)
+        axes.plot([], [], dash, color=colour, label=f"$N = {style.power(n)}$, running median")
+    style.outer_legend(figure, len(steps), frameon=False, fontsize=None)
     return figure
 
 
@@ -49,14 +41,16 @@ def draw_field(axes, plane):
         extent += [axis[0] - half, axis[-1] + half]
     finite = np.where(np.isfinite(field), field, np.nan)
     earliest = max(1.0, np.nanmin(finite)) if np.isfinite(finite).any() else 1.0
-    colours = colormaps["magma"].with_extremes(bad=NO_ESCAPE)
-    style = {"extent": extent, "origin": "lower", "interpolation": "nearest", "zorder": 0}
+    colours = colormaps["magma"].with_extremes(bad=style.NO_ESCAPE)
+    look = {"extent": extent, "origin": "lower", "interpolation": "nearest", "zorder": 0}
     norm = LogNorm(vmin=earliest, vmax=max(plane.attrs["n_max"], 1.1 * earliest))
-    image = axes.imshow(finite, norm=norm, cmap=colours, **style)
+    image = axes.imshow(finite, norm=norm, cmap=colours, **look)
     label = "first escape $n^*$ (steps); light grey: no escape"
-    if "level" in plane and not in_column():
+    if "level" in plane and not style.in_column():
         times = 2 ** (plane.attrs["levels"] - 1)
         label += f"\ncells up to {times} times wider far from the boundary"
-    where = {"location": "top", "aspect": 40} if in_column() else {"fraction": 0.024, "pad": 0.02}
+    where = (
+        {"location": "top", "aspect": 40} if style.in_column() else {"fraction": 0.024, "pad": 0.02}
+    )
     axes.figure.colorbar(image, ax=axes, label=label, **where)
     return field

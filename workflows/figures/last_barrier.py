@@ -3,16 +3,8 @@
 import numpy as np
 from matplotlib.patches import Rectangle
 
+from workflows.figures import style
 from workflows.figures.planes import fill_inside, in_plane, label_plane, of_two_kicks, whole_of
-from workflows.figures.style import (
-    canvas,
-    circle_class,
-    circle_style,
-    draw_points,
-    in_column,
-    longest_arcs,
-    mark_gaps,
-)
 
 _TIP = 0.90, 0.98  # of both strengths, in the inset
 
@@ -33,20 +25,20 @@ def draw_panels(barrier, height):
 
     height : of the figure, inches. Returns it and the axes of the plane.
     """
-    figure = canvas(11, height, 2)
-    if in_column():
+    figure = style.canvas(11, height, 2)
+    if style.in_column():
         plane, strip, cusp = figure.subplots(3, height_ratios=[1.5, 1, 1])
     else:
         places, ratios = [["plane", "plane"], ["strip", "cusp"]], ([1.55, 1], [2, 1])
         panels = figure.subplot_mosaic(places, height_ratios=ratios[0], width_ratios=ratios[1])
         plane, strip, cusp = panels.values()
     whole = whole_of(barrier)
-    classes = np.array([circle_class(text, whole) for text in barrier.circle.values])
+    classes = np.array([style.circle_class(text, whole) for text in barrier.circle.values])
     fill_inside(plane, barrier, lw=0, zorder=0.5)
     _draw_arcs(plane, barrier, classes, 3.5)
     label_plane(plane, barrier)
     if of_two_kicks(barrier):
-        if not in_column():
+        if not style.in_column():
             _write_circles(plane, barrier, classes)
             _draw_tip(plane, barrier, classes)
         _draw_cusp(cusp, barrier, classes)
@@ -70,21 +62,21 @@ def _draw_tip(plane, barrier, classes):
 def _draw_arcs(axes, barrier, classes, size):
     """Draw CB_gt as a line and points, each as its last circle's class is drawn."""
     axes.plot(*in_plane(barrier), color="0.4", lw=0.8, zorder=2)
-    draw_points(axes, *in_plane(barrier), classes, size=size, zorder=3)
+    style.draw_points(axes, *in_plane(barrier), classes, size=size, zorder=3)
 
 
 def _write_circles(axes, barrier, classes):
     """Write ω along the longest arcs, between 45° and 90°."""
     above = (barrier.angle.values >= 45) & (barrier.angle.values <= 90)
-    style = {"weight": "bold", "ha": "center", "va": "top", "zorder": 4, "fontsize": "small"}
-    style |= {"textcoords": "offset points", "rotation_mode": "anchor"}
-    for name in longest_arcs(barrier.angle.values, classes):
+    look = {"weight": "bold", "ha": "center", "va": "top", "zorder": 4, "fontsize": "small"}
+    look |= {"textcoords": "offset points", "rotation_mode": "anchor"}
+    for name in style.longest_arcs(barrier.angle.values, classes):
         (here,) = np.nonzero((classes == name) & above)
         if here.size > 3:
             x, y = barrier.kappa1.values[here], barrier.kappa2.values[here]
             slope = np.rad2deg(np.arctan2(y[0] - y[-1], x[0] - x[-1]))
-            color = circle_style(name)["color"]
-            axes.annotate(name, (x.mean(), y.mean()), (5, -5), color=color, rotation=slope, **style)
+            color = style.circle_style(name)["color"]
+            axes.annotate(name, (x.mean(), y.mean()), (5, -5), color=color, rotation=slope, **look)
 
 
 def _draw_bracket(axes, barrier):
@@ -112,7 +104,7 @@ def _draw_cusp(axes, barrier, classes):
     if not (below > 0).any():
         axes.set_axis_off()
         return
-    draw_points(axes, away, below, classes[side], size=4, zorder=3)
+    style.draw_points(axes, away, below, classes[side], size=4, zorder=3)
     near = (below > 0) & (away <= 2)
     if near.sum() > 2:
         power, offset = np.polyfit(np.log(away[near]), np.log(below[near]), 1)
@@ -129,16 +121,16 @@ def _draw_circle_strip(axes, barrier, classes, whole):
     """Draw which circle is the last, by angle: of ω and its image `whole` - ω the larger."""
     angle, omega = barrier.angle.values, barrier.omega.values
     omega = np.maximum(omega, whole - omega) if whole else omega
-    draw_points(axes, angle, omega, classes, size=4)
-    named = {name: omega[classes == name][0] for name in longest_arcs(angle, classes)}
-    style = {"size": "small", "weight": "bold", "ha": "center", "va": "bottom"}
-    apart = (0.1 if in_column() else 0.06) * np.ptp(omega)
+    style.draw_points(axes, angle, omega, classes, size=4)
+    named = {name: omega[classes == name][0] for name in style.longest_arcs(angle, classes)}
+    look = {"size": "small", "weight": "bold", "ha": "center", "va": "bottom"}
+    apart = (0.1 if style.in_column() else 0.06) * np.ptp(omega)
     y = -np.inf
     for name in sorted(named, key=named.get):  # each above the one before
         y = max(named[name] + apart / 4, y + apart)
-        axes.text(angle[-1] / 2, y, name, color=circle_style(name)["color"], **style)
+        axes.text(angle[-1] / 2, y, name, color=style.circle_style(name)["color"], **look)
     axes.set_ylim(axes.get_ylim()[0], y + 1.5 * apart)
-    mark_gaps(axes, angle, barrier.critical_scale.isnull().values)
+    style.mark_gaps(axes, angle, barrier.critical_scale.isnull().values)
     axes.set(xlabel=r"angle $\varphi$ of the ray (degrees)", xticks=np.arange(0, angle[-1] + 1, 45))
     label, title = r"$\omega$ of the last circle", "The last circle"
     if whole:

@@ -2,17 +2,9 @@
 
 import numpy as np
 
+from workflows.figures import style
 from workflows.figures.rotating import draw_diamond, fill_diamond
 from workflows.figures.stretches import where_above
-from workflows.figures.style import (
-    canvas,
-    circle_style,
-    draw_points,
-    in_column,
-    longest_arcs,
-    mark_gaps,
-    outer_legend,
-)
 
 
 def draw_three_kicks(three, two):
@@ -22,8 +14,8 @@ def draw_three_kicks(three, two):
     """
     exact = three.phase.attrs["exact"]
     heights = [1.4, 0.3 + 0.4 * len(exact)]  # of the plane and the strips in a column
-    figure = canvas(13, 1.6 + 1.3 * max(4, len(exact)), sum(heights))
-    if in_column():
+    figure = style.canvas(13, 1.6 + 1.3 * max(4, len(exact)), sum(heights))
+    if style.in_column():
         left, right = figure.subfigures(2, height_ratios=heights)
     else:
         left, right = figure.subfigures(1, 2, width_ratios=[1.05, 1])
@@ -35,15 +27,17 @@ def draw_three_kicks(three, two):
         draw_diamond(plane, curve, color="0.6", lw=0.6)
         for sign in (1, -1):
             points = sign * curve.kappa_mean, sign * curve.kappa_amplitude
-            draw_points(plane, *points, circles[i], zorder=3)
+            style.draw_points(plane, *points, circles[i], zorder=3)
         strip.axhline(1, color="black", lw=1)
         _draw_brackets(strip, curve)
         strip.text(0.01, 0.08, rf"$\varphi_0 = {exact[i]}$", transform=strip.transAxes)
-    for text in longest_arcs(np.arange(circles.size), circles.ravel()):  # of all rays and phases
-        plane.plot([], [], label=rf"$\omega = {text}$", **circle_style(text) | {"ls": ""})
+    for text in style.longest_arcs(
+        np.arange(circles.size), circles.ravel()
+    ):  # of all rays and phases
+        plane.plot([], [], label=rf"$\omega = {text}$", **style.circle_style(text) | {"ls": ""})
     plane.set(xlabel=r"$\bar\kappa$", ylabel=r"$\Delta\kappa$", aspect="equal")
     plane.set_title("Onset of global transport, coloured by the last circle")
-    outer_legend(left, 4, 3)
+    style.outer_legend(left, 4, 3)
     strips[-1].set(xlabel=r"angle $\theta$ of the ray in the plane (degrees)", xlim=(0, 180))
     strips[-1].set_xticks(range(0, 181, 30))
     strips[0].set_title("Bracket over that of $T$; above 1 the map outlasts $T$")
@@ -53,12 +47,12 @@ def draw_three_kicks(three, two):
 def _draw_brackets(strip, curve):
     """Draw the brackets by angle, from the certified circle to converse KAM."""
     angle, ends = curve.angle.values, (curve.ratio_lower.values, curve.ratio_upper.values)
-    shades = [circle_style(text)["color"] for text in curve.circle.values]
+    shades = [style.circle_style(text)["color"] for text in curve.circle.values]
     strip.vlines(angle, *ends, colors=shades, lw=2)
-    draw_points(strip, angle, curve.ratio, curve.circle.values)
+    style.draw_points(strip, angle, curve.ratio, curve.circle.values)
     open_side = np.isnan(curve.ratio.values)
     strip.plot(angle[open_side], ends[1][open_side], "v", color="0.3", ms=4, mfc="none")
-    mark_gaps(strip, angle, open_side & np.isnan(ends[1]))
+    style.mark_gaps(strip, angle, open_side & np.isnan(ends[1]))
     strip.grid(lw=0.3)
 
 
