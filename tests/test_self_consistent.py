@@ -185,4 +185,4 @@ def test_weak_fields_leave_graphs_and_strong_ones_do_not():
     np.testing.assert_allclose(settling.area, settling.area[2], rtol=1e-12)
     assert 0.05 < settling.denied.mean() < 0.2
     caption = draw_self_consistent(fields, verdicts, settling)[1]
-    assert "no family of graphs is found from Γ = 1.3 on" in caption
+    assert "rules out every family of graphs in the recorded field from Γ = 1.3 on" in caption
