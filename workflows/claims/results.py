@@ -81,12 +81,12 @@ def _blow_up():
 def _bounds():
     """Bound breakups by direct iteration from above, by continuation from below."""
     excess, deficit = [], []
-    for angle in (15.0, 30.0):
-        for name in ("[0;1,3,(1)]", "gamma"):
-            exact = periodic.critical_scale(parse(name), ray(angle)).value
-            deficit.append(1 - continuation.critical_scale(parse(name), ray(angle)).lower / exact)
-        shown = symmetry_line.critical_scale(ray(angle), 4000).upper
-        excess.append(escape.critical_scale(ray(angle), 10_000, 100).upper / shown - 1)
+    for profile in ray([15.0, 30.0]):
+        for omega in map(parse, ("[0;1,3,(1)]", "gamma")):
+            exact = periodic.critical_scale(omega, profile).value
+            deficit.append(1 - continuation.critical_scale(omega, profile).lower / exact)
+        shown = symmetry_line.critical_scale(profile, 4000).upper
+        excess.append(escape.critical_scale(profile, 10_000, 100).upper / shown - 1)
     text = (
         f"direct iteration at least {min(excess):.2g} beyond a scale without circles, circles "
         f"certified at least {min(deficit):.1e} inside their breakup, in parts"
@@ -94,17 +94,12 @@ def _bounds():
     return graded(text, min(excess) > 0 and min(deficit) > 0)
 
 
-def _row(dataset, name):
-    return dataset.sel(circle=str(parse(name)))
-
-
 def _mirror(circles, name, other):
     """Return |CB_name(φ)/CB_other(180° - φ) - 1| and its error, where both are known."""
-    here = _row(circles, name)
     angles = circles.angle.values
     mirrored = angles[np.isin((180 - angles).round(9), angles.round(9))]
-    there = _row(circles, other).sel(angle=180 - mirrored, method="nearest")
-    here = here.sel(angle=mirrored)
+    here = circles.sel(circle=str(parse(name)), angle=mirrored)
+    there = circles.sel(circle=str(parse(other))).sel(angle=180 - mirrored, method="nearest")
     off = np.abs(here.critical_scale.values / there.critical_scale.values - 1)
     error = (here.error.values + there.error.values) / here.critical_scale.values
     return off[np.isfinite(off)], error[np.isfinite(off)]
@@ -118,7 +113,7 @@ def _reflection(circles, name, other):
 
 def _heuristic(circles, barrier, name):
     parts = circles.critical_scale / barrier.critical_scale
-    best = _row(parts, name).values
+    best = parts.sel(circle=str(parse(name))).values
     leads = best >= parts.max("circle").values
     short = 1 - best[leads]
     gap = f"{short.max():.2%}" if leads.any() else "nothing"

@@ -1,5 +1,6 @@
 """The page: one document for each tab, with its own state and its own work."""
 
+from functools import partial
 from html import escape
 from pathlib import Path
 
@@ -56,7 +57,11 @@ _WRAPPED = {"flex-wrap": "wrap", "gap": "4px 16px", "align-items": "end"}
 
 def _controls(state, wrong):
     """Fields to type the point exactly, the slider of N, and the link to what is seen."""
-    fields, shown = [], list(state.point)
+    shown = list(state.point)
+    fields = [
+        TextInput(title=name, value=repr(value), width=150)
+        for name, value in zip(symbols(state.plane), shown, strict=True)
+    ]
 
     def typed(i, text):
         state.move(*(number(text) if i == j else value for j, value in enumerate(state.point)))
@@ -67,16 +72,10 @@ def _controls(state, wrong):
                 shown[i] = state.point[i]
                 model.value = repr(shown[i])
 
-    for i, name in enumerate(symbols(state.plane)):
-        fields.append(TextInput(title=name, value=repr(state.point[i]), width=150))
-    counts = {str(n): n for n in sorted({*STEPS, state.steps})}
-    slider = CategoricalSlider(
-        title="N, steps within which an escape counts",
-        categories=list(counts),
-        value=str(state.steps),
-        width=240,
-    )
-    slider.on_change("value", lambda attr, old, new: state.take(steps=counts[new]))
+    counts = [str(n) for n in sorted({*STEPS, state.steps})]
+    title = "N, steps within which an escape counts"
+    slider = CategoricalSlider(title=title, categories=counts, value=str(state.steps), width=240)
+    slider.on_change("value", lambda attr, old, new: state.take(steps=int(new)))
     link, message = Div(width=120), Div()
     link.js_on_change("text", CustomJS(code="showAddress(cb_obj.text)"))
 
@@ -89,7 +88,7 @@ def _controls(state, wrong):
     state.on("point", moved)
     for name in ("point", "steps", "a", "b", "x", "y", "omega", "orbits", "show"):
         state.on(name, tell)
-    columns = [field(model, lambda text, i=i: typed(i, text)) for i, model in enumerate(fields)]
+    columns = [field(model, partial(typed, i)) for i, model in enumerate(fields)]
     return Row(*columns, slider, link, message, styles=_WRAPPED | {"align-items": "start"})
 
 

@@ -217,7 +217,7 @@ def plane_options(n_max, tile, levels, precision):
     """Make the options of a plane of escape times, as `plane.grid_of` takes them."""
     return together(
         axis("--kappa1 --first", "-1.1:1.1:256", "First coordinate: lower end, upper end, cells."),
-        axis("--kappa2 --second", "0:1.1:128", "Second coordinate."),
+        axis("--kappa2 --second", "0:1.1:128", "Second coordinate: the same."),
         whole("--n-max", n_max, 1, 10**12, "Steps (periods of the forcing) of each orbit."),
         increasing("--n-orbits", "64", 10**8, "Orbits; several: nested ensembles."),
         choice(
