@@ -88,7 +88,7 @@ def test_lives_in_a_ramp_grow_like_the_root_of_its_slowness_up_to_the_horizon_an
     assert found == pytest.approx(expected, abs=0.05)
     assert lives[2] < sequence.HORIZON < lives[3] < 0.5 * lives[2] * 100**-expected
     survivor = sequence.Survivor(2000, 0.5, 0.4, lives[3])
-    assert next(once._told(ramp(1e-5, 2000), survivor, np.inf)).startswith("UNDECIDED")
+    assert next(once._sentences(ramp(1e-5, 2000), survivor, np.inf)).startswith("UNDECIDED")
 
 
 def test_asymptotic_circles_converge_as_the_kicks_fade_and_keep_their_area():
