@@ -81,7 +81,7 @@ def main(out):
         try:
             draw(lambda cube, place=place: xr.open_zarr(place / f"{cube}.zarr").load())
         except FileNotFoundError:
-            full = "" if name == "critical_boundary" else " --full"
+            full = " --full" if name == "proved_map" else ""
             told = f"python -m workflows.{name}{full} --out {place}"
             print(f"{place} has no cubes; {draw.__name__}.png stays as it is. They come by {told}")
     explorer(out / "critical_boundary")

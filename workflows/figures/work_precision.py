@@ -45,9 +45,10 @@ def draw_work_precision(data):
         axes.axhspan(1e-16, float(here.judge_error), color="0.9")
         axes.set(xscale="log", yscale="log", ylim=(1e-14, 2))
         axes.set(xlabel="CPU time (s)", ylabel="relative error")
-        corner = {"transform": axes.transAxes, "ha": "right"}
-        axes.text(0.97, 0.93, rf"$\varphi = {int(here.angle)}°$", va="top", **corner)
-        axes.text(0.97, 0.02, "grey: the judge's own error", fontsize="small", **corner)
+        angle = rf"$\varphi = {int(here.angle)}°$"
+        axes.text(0.5, 1.02, angle, transform=axes.transAxes, ha="center")
+        words = "grey: the judge's own error"
+        axes.text(0.97, 0.02, words, fontsize="small", transform=axes.transAxes, ha="right")
         axes.grid(lw=0.3)
     handles, labels = drawn[0].get_legend_handles_labels()
     outer_legend(figure, 4, handles=handles, labels=labels)
