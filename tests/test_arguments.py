@@ -90,7 +90,7 @@ GOOD = {
     tori.critical_scale: {"omega": 0.618, "frequency": 0.54, "mean": 0.1, "amplitude": 0.1},
     proofs.barrier.prove: {"omega": GAMMA, "kappa": KAPPA},
     proofs.barrier_cells.prove_cell: {"omega": GAMMA, "kappa": KAPPA, "half_width": 2.0**-7},
-    proofs.transport_cells.prove_cell: {"kappa": KAPPA, "half_width": 2.0**-7},
+    proofs.transport_cells.prove_cell: {"kappa": (0.25, 0.5), "half_width": 2.0**-7},
     proofs.transport.prove: {"kappa": KAPPA},
     proofs.transport.proved_upper: {"profile": (1, 0), "value": 0.48, "budget": 0.1},
     proofs.barrier.proved_lower: {"omega": GAMMA, "profile": (1, 0), "value": 0.48, "budget": 0.1},
@@ -104,8 +104,8 @@ RAYS = periodic.critical_scale, escape.critical_scale, symmetry_line.critical_sc
 RAYS += transversal.located, barriers.critical_scale, continuation.critical_scale
 ELIMINATIONS = symmetry_line.elimination_time, transversal.elimination_time
 LINES = symmetry_line.elimination_time, symmetry_line.eliminates
-PROOFS = proofs.barrier.prove, proofs.barrier_cells.prove_cell
-PROOFS += proofs.transport_cells.prove_cell, proofs.transport.prove
+CELLS = proofs.transport_cells.prove_cell, proofs.barrier_cells.prove_cell
+PROOFS = *CELLS, proofs.barrier.prove, proofs.transport.prove
 INEXACT = [
     np.ma.array([0.25, 0.5], mask=[False, True]),
     np.longdouble([0.25, 0.5]),
@@ -233,6 +233,15 @@ BAD = [
     ((proofs.barrier.prove, proofs.barrier.proved_lower), "budget", [0, nan], "positive: seconds"),
     ((proofs.barrier.proved_lower,), "value", [0, inf, nan], "must be positive: the scale"),
     ((proofs.barrier.proved_lower,), "profile", [(0, 0)], "profile is zero"),
+    ((proofs.transport.prove,), "kappa", [(nan, 0.1), (inf,), (1e7,), (), "a"], "kappa={value}"),
+    ((proofs.transport.prove, proofs.transport.proved_upper, proofs.transport_cells.prove_cell),
+     "budget", [0, -1, nan, "1"], "budget={value}"),
+    (CELLS, "kappa", [(0.5,), (0.1, 0.2, 0.1)], "two strengths"),
+    (CELLS, "kappa", [(0.5, nan)], "not finite"),
+    (CELLS, "half_width", [0.0, -0.5], "positive"),
+    (CELLS[:1], "kappa", [(0.1, 0.5)], "multiples of"),
+    (CELLS[:1], "half_width", [0.1], "multiples of"),
+    (CELLS[1:], "omega", [parse("3/5")], "rational"),
     ((Axis,), "n", [0, -3, 10**7], "from 1 to 1048576"),
     ((parse_axis,), "text", ["", "0:1", "0:1:x", "a:1:3", "0:1:2:3", "0:1:2.5"], "LO:HI:N"),
     ((parse_axis,), "text", ["1:0:4", "1:1:4", "nan:1:4", "0:inf:4"], "the lower one first"),
@@ -268,17 +277,8 @@ WITH_OMEGA -= {proofs.barrier.inequalities, proofs.barrier.turns}  # what is che
 WITH_OMEGA = {f for f in WITH_OMEGA if f.__module__ != "nasm.tori.newton"}
 OTHERS = dict.fromkeys(("kappa", "profile", "short", "start"), np.array(KAPPA))
 OTHERS |= {"u": REST, "zero": numbers.rational(0), "breakup": 1.7, "distance": 0.1, "q_max": 100}
-OTHERS |= {
-    "value": 0.5,
-    "budget": 1.0,
-    "a": 1,
-    "b": 1,
-    "n": 64,
-    "n_max": 64,
-    "q": 100,
-    "n_modes": 8,
-    "half_width": 0.01,
-}
+OTHERS |= {"value": 0.5, "budget": 1.0, "a": 1, "b": 1, "n": 64, "n_max": 64, "q": 100}
+OTHERS |= {"n_modes": 8, "half_width": 0.01}
 
 
 @pytest.mark.parametrize("omega", [0.618, "golden", Fraction(3, 5), None])

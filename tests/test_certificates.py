@@ -109,6 +109,16 @@ def test_another_statement_is_refused(name, key, made):
         check(resealed(made[name] | {"theorem": theorem}))
 
 
+@pytest.mark.parametrize("name", PROOFS)
+def test_a_certificate_with_one_digit_changed_is_refused(name, made):
+    text = json.dumps(made[name])
+    digits = [i for i, character in enumerate(text) if character.isdigit()]
+    for i in np.random.default_rng(3).choice(digits, 100):
+        changed = text[:i] + str(int(text[i]) % 9 + 1) + text[i + 1 :]
+        with pytest.raises(Refuted, match="seal"):
+            check(json.loads(changed))
+
+
 @pytest.mark.parametrize(
     ("omega", "kappa"),
     [("[0;(2)]", (0.4, -0.4)), ("[0;(1)]", (9.9, 9.9)), ("[0;(1)]", (0.4, 0.4))],

@@ -15,7 +15,7 @@ from nasm.maps import step, step_tangent
 from nasm.numbers import NAMES, RotationNumber, moebius, parse
 
 GAMMA = parse("gamma")
-LIOUVILLE = RotationNumber((0, 1, 10, 100, 1000, 10**4, 10**5), (1,))
+LIOUVILLE = (0, 1, 10, 100, 1000, 10**4, 10**5)
 
 strengths = st.floats(-0.35, 0.35)
 
@@ -90,20 +90,15 @@ def test_newton_error_squares(newton_step):
 
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("kappa", [(0.2, 0.1), (0.05, -0.3), (0.1, 0.05, 0.1)])
-def test_a_certified_circle_is_invariant_under_the_map(name, kappa):
+def test_a_certified_circle_is_invariant_under_the_map_and_its_orbits_have_its_omega(name, kappa):
     circle = circles.invariant_circle(parse(name), kappa)
     assert circle.certified
     residual = circles.residual(circle.omega, circle.kappa, fourier.resample(circle.u, 512))
     assert circle.error == pytest.approx(np.abs(residual).max(), rel=0.5, abs=1e-15)
     assert invariance_error(circle) < 10 * circle.error + 1e-14
-
-
-def test_iterating_a_circle_measures_its_rotation_number():
-    for name, kappa in (("gamma", (0.4, 0.1)), ("2gamma", (0.2, 0.3)), ("gamma", (0.9,))):
-        circle = circles.invariant_circle(parse(name), kappa)
-        x, y = circles.graph(circle)
-        measured = orbits.rotation_number(kappa, x[0], y[0], 10_000)[0]
-        assert measured == pytest.approx(float(circle.omega), abs=100 * circle.error + 1e-12)
+    x, y = circles.graph(circle)
+    measured = orbits.rotation_number(kappa, x[0], y[0], 10_000)[0]
+    assert measured == pytest.approx(float(circle.omega), abs=100 * circle.error + 1e-12)
 
 
 def test_the_circle_to_second_order_in_kappa():
@@ -255,9 +250,11 @@ def test_what_is_off_a_circle_is_polished_or_rejected():
     assert circles.newton.polish(GAMMA, kappa, off)
     np.testing.assert_allclose(off, wanted, atol=1e-8)
     assert circles.newton.polished_is_circle(GAMMA, kappa, off)
-    nothing = np.full((2, 512), np.nan)
+    nothing = np.full((2, 512), np.nan)  # max and min pass over NaN: without the twist checks would
     assert not circles.newton.polished_is_circle(GAMMA, kappa, nothing)
     assert not circles.newton.polish(GAMMA, kappa, nothing)
+    assert circles.newton.settle(GAMMA, kappa, nothing, 512)[1] is Status.NO_CIRCLE
+    assert circles.newton.certify(GAMMA, kappa, nothing)[1] is Status.NOT_CERTIFIED
 
 
 @pytest.mark.parametrize("past", [2e-4, 1e-3, 1e-2, 0.27, 1.0])
@@ -266,6 +263,21 @@ def test_past_breakdown_there_is_never_a_circle(past):
         circle = circles.invariant_circle(GAMMA, (KAPPA_G + past,), n_max=n_max)
         assert circle.status in (Status.TOO_FEW_MODES, Status.NO_CIRCLE, Status.NOT_CERTIFIED)
     assert not circles.invariant_circle(GAMMA, (KAPPA_G / 2 + past, 0)).certified
+
+
+@pytest.mark.parametrize(
+    ("prefix", "kappa", "status"),
+    [
+        *(((0,), kappa, None) for kappa in ((2.0, 0.1), (0, 2.0), (2.5, -2.5), (1e6, 1e6))),
+        *(((0, 2, 10**n), (0.2, 0.1), Status.NEARLY_RATIONAL) for n in (9, 15)),
+        ((0, 1, 1, 1, 10**8), (0.2, 0.1), Status.NEARLY_RATIONAL),
+        (LIOUVILLE, (0.05, 0.02), Status.OK),  # its resonances are asleep
+        (LIOUVILLE, (0.3, 0.2), Status.NEARLY_RATIONAL),
+    ],
+)
+def test_beyond_the_twist_and_next_to_fractions_there_is_a_status(prefix, kappa, status):
+    circle = circles.invariant_circle(RotationNumber(prefix, (1,)), kappa)
+    assert circle.status is status or (status is None and not circle.certified)
 
 
 def test_with_enough_modes_the_circle_just_below_is_found_and_certified():
@@ -278,22 +290,6 @@ def test_with_enough_modes_the_circle_just_below_is_found_and_certified():
         assert enough.error < 1e-8
 
 
-@pytest.mark.parametrize("kappa", [(2.0, 0.1), (0.0, 2.0), (2.5, -2.5), (5.0, 5.0), (1e6, 1e6)])
-def test_near_and_beyond_the_end_of_the_twist_there_is_a_status(kappa):
-    assert not circles.invariant_circle(GAMMA, kappa).certified
-
-
-def test_a_nearly_rational_omega_is_refused_where_rounding_would_decide():
-    for prefix in ((0, 2, 10**9), (0, 2, 10**15), (0, 1, 1, 1, 10**8)):
-        circle = circles.invariant_circle(RotationNumber(prefix, (1,)), (0.2, 0.1))
-        assert circle.status is Status.NEARLY_RATIONAL
-
-
-def test_a_liouville_like_omega_has_a_circle_only_while_its_resonances_are_asleep():
-    assert circles.invariant_circle(LIOUVILLE, (0.05, 0.02)).certified
-    assert circles.invariant_circle(LIOUVILLE, (0.3, 0.2)).status is Status.NEARLY_RATIONAL
-
-
 def test_too_many_modes_drown_in_rounding_and_say_so():
     # From the rotation, on a far too fine grid, rounding in the high modes decides.
     start = np.zeros((2, 16384))
@@ -301,13 +297,6 @@ def test_too_many_modes_drown_in_rounding_and_say_so():
     adapted = circles.invariant_circle(GAMMA, (0.45, 0), n_max=16384)
     assert adapted.certified
     assert adapted.u.shape[-1] <= 512
-
-
-def test_not_a_number_is_not_a_circle():
-    # max and min pass over NaN: without the twist every check would.
-    kappa = np.array([0.3, 0.2])
-    assert circles.newton.settle(GAMMA, kappa, np.full((2, 64), np.nan), 64)[1] is Status.NO_CIRCLE
-    assert circles.newton.certify(GAMMA, kappa, np.full((2, 64), np.nan))[1] is Status.NOT_CERTIFIED
 
 
 def test_twist_is_at_least_the_number_of_kicks_where_the_circle_is_a_graph():

@@ -37,19 +37,13 @@ TESTS = Path(__file__).parent
 )
 def test_the_rules(value, verdict):
     assert value[1] is verdict
+    assert (rules.printed("0.97"), rules.printed("3")) == ((0.97, pytest.approx(0.005)), (3.0, 0.5))
 
 
-def test_a_printed_number_is_good_to_half_a_unit_of_its_last_digit():
-    assert rules.printed("0.97") == (0.97, pytest.approx(0.005))
-    assert rules.printed("3") == (3.0, 0.5)
-
-
-@pytest.mark.parametrize(
-    ("printed", "corrected", "shown"),
-    [(0.1, 1e-14, True), (0.1, 1e-9, False), (1e-14, 1e-14, False), (np.nan, 0.0, False)],
-)
-def test_an_erratum_is_shown_by_both_numbers_only(printed, corrected, shown):
-    assert Erratum("", "", "", printed, corrected, 1e-12, "", "").shown is shown
+def test_an_erratum_is_shown_by_both_numbers_only():
+    numbers = (0.1, 1e-14), (0.1, 1e-9), (1e-14, 1e-14), (np.nan, 0.0)  # printed, corrected
+    errata = [Erratum("", "", "", *two, 1e-12, "", "") for two in numbers]
+    assert [erratum.shown for erratum in errata] == [True, False, False, False]
 
 
 def test_wrong_equations_do_not_hold(monkeypatch):
@@ -88,18 +82,14 @@ def test_the_envelope_and_the_hull_are_judged_by_the_numbers():
     poor = three_rays(np.array([1.0, np.nan, 1.0]), ["[0;(1)]", "", "[0;(1)]"], 0.9)
     judged = hull_claims(*poor)
     assert judged["envelope"][1] is judged["six"][1] is Verdict.FAILS
-
-
-def test_ranges_of_the_envelope():
-    names = ["[0;(1)]", "[0;1,3,(1)]", "[0;1,3,(1)]"]
-    circles, barrier = three_rays(np.array([0.5, 0.6, 1.4]), names, 0.99)
-    rows = envelope.ranges(circles, barrier)
+    parted = three_rays(np.array([0.5, 0.6, 1.4]), ["[0;(1)]", *["[0;1,3,(1)]"] * 2], 0.99)
+    rows = envelope.ranges(*parted)
     expected = [(0.0, 0.0, "[0;(1)]"), (20.0, 45.0, "[0;1,3,(1)]")]
     assert [(row["from"], row["to"], row["circle"]) for row in rows] == expected
     assert rows[0]["bracket"] == pytest.approx(0.002)
     assert rows[1]["short"] == dict.fromkeys(NAMES, pytest.approx(0.01))
     assert envelope.cells(rows[1])[:3] == ("20 – 45", "[0;1,3,(1)]", "2e-03")
-    assert "1.000%" in envelope.summary(circles, barrier, rows)[0]
+    assert "1.000%" in envelope.summary(*parted, rows)[0]
 
 
 def test_text_is_escaped_and_subscripts_are_set():

@@ -3,12 +3,12 @@
 import json
 import re
 import shlex
-import shutil
 import subprocess
 from html import unescape
 from urllib.parse import unquote
 
 import pytest
+from browser import CHROMIUM, needed
 from commands import succeed
 
 import nasm
@@ -63,10 +63,7 @@ def test_the_page_shows_every_figure_with_its_command_and_the_claims_of_which_ve
         assert f'<tr class="{verdict.value.replace(" ", "-")}">' in text
 
 
-CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
-
-
-@pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed: apt-get install chromium")
+@needed
 def test_in_a_browser_the_page_fills_the_width_and_does_not_overflow_it(page, tmp_path):
     # The page in frames, which say how wide its body, its rows and its content are.
     frame, widths = page.with_name("frames.html"), (390, 1400)
@@ -80,11 +77,9 @@ def test_in_a_browser_the_page_fills_the_width_and_does_not_overflow_it(page, tm
                 stacked: new Set([...row.cells].map(c => c.offsetLeft)).size == 1} })) }</script>"""
         + "".join(map(one.format, widths))
     )
-    flags = (
-        "--headless --no-sandbox --disable-gpu --disable-quic --no-first-run "
-        "--window-size=1500,900 --disable-background-networking --disable-component-update "
-        "--disable-sync --allow-file-access-from-files --virtual-time-budget=10000 "
-        f"--user-data-dir={tmp_path}/it"
+    flags = "--headless --no-sandbox --disable-gpu --no-first-run --window-size=1500,900 "
+    flags += (
+        f"--allow-file-access-from-files --virtual-time-budget=10000 --user-data-dir={tmp_path}/it"
     )
     command = [CHROMIUM, *flags.split(), "--dump-dom", frame.as_uri()]
     dom = subprocess.run(command, capture_output=True, text=True, timeout=100, check=True).stdout

@@ -48,75 +48,32 @@ def module():
     return proofs.barrier
 
 
-@pytest.fixture
-def digits():
-    """Fifty digits."""
-    with mp.workdps(50):
-        yield mp.mpf(10) ** -45
+def test_the_linearised_chain_telescopes_up_to_the_derivative_of_the_residual():
+    slope, w, (cosine, kappa) = *np.random.default_rng(1).normal(size=(2, 3)), (0.3, 0.7)
+    before, here, after = slope * w  # V at three sites of a chain that solves nothing
+    left, right = slope[:2] * slope[1:] * np.diff(w)  # the fluxes
+    residual = slope[2] + slope[0] - (2 + kappa * cosine) * slope[1]
+    linear = after + before - (2 + kappa * cosine) * here
+    assert slope[1] * linear == pytest.approx(right - left + slope[1] * residual * w[1], rel=1e-12)
 
 
-def random_chain(n_sites, seed):
-    """Functions of (j, θ), and their derivatives: h_j and w_j of a chain that solves nothing."""
-    rng = np.random.default_rng(seed)
-    omega = (mp.sqrt(5) - 1) / 2
-    tables = [[mp.mpf(x) for x in row] for row in rng.normal(0, 0.02, (2 * n_sites, 6)).tolist()]
-
-    def wave(table, theta, order):
-        total = mp.mpf(0)
-        for k in (1, 2, 3):
-            phase = 2 * mp.pi * k * theta + order * mp.pi / 2
-            size = (2 * mp.pi * k) ** order
-            total += size * (table[2 * k - 2] * mp.cos(phase) + table[2 * k - 1] * mp.sin(phase))
-        return total
+@pytest.mark.parametrize("n_sites", [1, 2, 3])
+def test_the_fluxes_close_for_any_chain(n_sites):
+    rng, k, theta = np.random.default_rng(n_sites), np.arange(1, 4), np.arange(256) / 256
+    tables, kappa = rng.normal(0, 0.02, (n_sites, 2, 3)), rng.normal(0, 0.5, n_sites)
 
     def h(j, theta, order=0):
-        theta, j = theta + (j // n_sites) * omega, j % n_sites
-        linear = (theta + j * omega / n_sites, 1)[order]
-        return linear + wave(tables[j], theta, order)
+        theta = theta + j // n_sites * float(GAMMA)
+        waves = np.exp(2j * np.pi * np.multiply.outer(theta, k)) * (2j * np.pi * k) ** order
+        linear = theta + j % n_sites * float(GAMMA) / n_sites if order == 0 else 1
+        return linear + (waves @ (tables[j % n_sites] * [[1], [1j]]).sum(axis=0)).real
 
-    def w(j, theta):
-        return 0.3 + wave(tables[n_sites + j % n_sites], theta + (j // n_sites) * omega, 0)
-
-    kappa = [mp.mpf(k) for k in rng.normal(0, 0.5, n_sites).tolist()]
-
-    def residual(j, theta, order=0):
-        phase = 2 * mp.pi * h(j, theta)
-        force = (mp.sin(phase) / (2 * mp.pi), mp.cos(phase) * h(j, theta, 1))[order]
-        outer = h(j + 1, theta, order) + h(j - 1, theta, order)
-        return outer - 2 * h(j, theta, order) - kappa[j % n_sites] * force
-
-    return kappa, h, w, residual
-
-
-@pytest.mark.parametrize("n_sites", [1, 2, 3])
-def test_the_linearised_chain_telescopes_up_to_the_derivative_of_the_residual(n_sites, digits):
-    kappa, h, w, residual = random_chain(n_sites, n_sites)
-    theta = mp.mpf("0.2345")
-
-    def v(j):
-        return h(j, theta, 1) * w(j, theta)
-
-    def flux(j):
-        return h(j, theta, 1) * h(j + 1, theta, 1) * (w(j + 1, theta) - w(j, theta))
-
-    for j in range(n_sites):
-        cosine = mp.cos(2 * mp.pi * h(j, theta))
-        linear = v(j + 1) - 2 * v(j) + v(j - 1) - kappa[j] * cosine * v(j)
-        rest = flux(j) - flux(j - 1) + h(j, theta, 1) * residual(j, theta, 1) * w(j, theta)
-        assert abs(h(j, theta, 1) * linear - rest) < digits
-        assert abs(h(j, theta, 1) * residual(j, theta, 1) * w(j, theta)) > 1e-5
-
-
-@pytest.mark.parametrize("n_sites", [1, 2, 3])
-def test_the_fluxes_close_for_any_chain(n_sites, digits):
-    _, h, _, residual = random_chain(n_sites, 10 + n_sites)
-    total, size = mp.mpf(0), mp.mpf(0)
-    for i in range(96):  # the trapezoidal rule is exact to more digits than these
-        theta = mp.mpf(i) / 96
-        values = [h(j, theta, 1) * residual(j, theta) for j in range(n_sites)]
-        total, size = total + sum(values), size + abs(values[0])
-    assert abs(total) < digits
-    assert size > 0.1
+    residual = [h(j + 1, theta) + h(j - 1, theta) - 2 * h(j, theta) for j in range(n_sites)]
+    for j, strength in enumerate(kappa):
+        residual[j] -= strength / (2 * np.pi) * np.sin(2 * np.pi * h(j, theta))
+    terms = [np.mean(h(j, theta, 1) * r) for j, r in enumerate(residual)]
+    assert abs(sum(terms)) < 1e-14
+    assert n_sites == 1 or max(map(abs, terms)) > 1e-3
 
 
 @pytest.mark.parametrize("omega", ["gamma", "[0;(2)]", "[0;(8)]", "[0;(30)]", "[0;3,50,(1,2,7)]"])
@@ -151,10 +108,7 @@ def test_closed_sums_are_those_of_all_aliases_and_all_modes_left_out(module):
 @pytest.mark.parametrize("odd", [True, False])
 def test_the_inverse_is_bounded_by_a_poor_approximation_too(odd, module):
     # 1/(1 + a cos) = (1 + 2 Σ (-b)^k cos)/√(1 - a²) with b = (1 - √(1 - a²))/a.
-    rho, cases = (
-        0.02,
-        [(0.5, 5, 2, 1.03), (0.5, 3, 2, 1.5), (0.2, 1, 1, 1.2), (0.5, 40, 2, 1.0001)],
-    )
+    rho, cases = 0.02, [(0.5, 5, 2, 1.03), (0.5, 3, 2, 1.5), (0.2, 1, 1, 1.2), (0.5, 40, 2, 1.0001)]
     for a, modes, kept, slack in cases:
         root = np.sqrt(1 - a**2)
         b = (1 - root) / a
@@ -301,18 +255,6 @@ def test_a_changed_line_is_noticed(change):
         audit(changed)
 
 
-def test_a_certificate_with_one_digit_changed_fails():
-    data, _ = certificate(proofs.barrier, "gamma", (0.3, 0.2))
-    checker.check(data)
-    text = json.dumps(data)
-    digits = [i for i, c in enumerate(text) if c.isdigit()]
-    for i in np.random.default_rng(3).choice(digits, 200):
-        changed = text[:i] + str(int(text[i]) % 9 + 1) + text[i + 1 :]
-        if changed != text:
-            with pytest.raises(checker.Refuted, match="seal"):
-                checker.check(json.loads(changed))
-
-
 def test_a_forged_certificate_is_refused():
     # Of ρ < 0; of κ = 5 and a row of modes without an equation; of denominators that are left out.
     data, _ = certificate(proofs.barrier, "gamma", (0.3, 0.2))
@@ -416,9 +358,8 @@ def proofs_above(profile, omega, breakup, n, beyond):
     omega, profile = parse(omega), np.array(profile)
     path = [continuation.certified_circle(omega, profile, breakup, d) for d in (0.04, 0.02)]
     kappa = breakup * (1 + beyond) * profile
-    u = settled(
-        omega, kappa, fourier.resample(circles.newton.extrapolate(path, breakup * (1 + beyond)), n)
-    )
+    ahead = circles.newton.extrapolate(path, breakup * (1 + beyond))
+    u = settled(omega, kappa, fourier.resample(ahead, n))
     return [prove(omega, kappa, start=start, n=n).proved for start in (u, path[-1][1])]
 
 
@@ -451,17 +392,16 @@ def test_above_the_breakup_nothing_is_proved_under_random_kicks(seed):
             assert not any(proofs_above(profile, omega, found.value, n, beyond))
 
 
-@pytest.mark.parametrize("angle", [np.random.default_rng(17).uniform(0, 360)])
-def test_a_random_ray_is_proved_below_its_last_breakup_and_not_above(angle):
+def test_a_random_ray_is_proved_below_its_last_breakup_and_not_above():
+    angle = np.random.default_rng(17).uniform(0, 360)
     found = critical_scale(ray(angle), 1e-3)
     scale, proof = proved_lower(found.omega, ray(angle), found.value, 0.5)
     assert 0.9 * found.value < scale < found.value
     assert proof.kappa == tuple(scale * ray(angle))
     start = circles.invariant_circle(found.omega, scale * ray(angle), 2**14).u
     for beyond in (1e-3, 1e-2):
-        assert not prove(
-            found.omega, (1 + beyond) * found.value * ray(angle), start=start, n=512
-        ).proved
+        kappa = (1 + beyond) * found.value * ray(angle)
+        assert not prove(found.omega, kappa, start=start, n=512).proved
 
 
 def test_more_time_proves_a_circle_nearer_to_the_breakup():
@@ -485,10 +425,8 @@ def test_strengths_that_round_to_equal_ones_are_proved_from_the_start_that_told_
 
 def test_a_profile_that_rounds_to_equal_strengths_at_some_scales_has_lower_scales():
     profile, values = np.array([0.7, np.nextafter(0.7, 1)]), (0.9, 0.92)
-    assert {len(set((1 - 0.05) * value * profile)) for value in values} == {
-        1,
-        2,
-    }  # the first scales
+    first = [(1 - 0.05) * value * profile for value in values]
+    assert {len(set(kappa)) for kappa in first} == {1, 2}
     for value in values:
         scale, proof = proved_lower(GAMMA, profile, value, 0.05)
         assert proof.proved
@@ -501,46 +439,32 @@ def test_without_a_circle_there_is_no_lower_scale():
     assert proof is None or not proof.proved
 
 
-@pytest.mark.parametrize(
-    "start",
-    [
-        np.full((1, 64), np.nan),
-        np.full((1, 64), np.inf),
-        np.full((1, 64), 1e300),
-        np.zeros((1, 64)),
-        np.random.default_rng(1).normal(0, 1, (1, 64)),
-        np.random.default_rng(2).normal(0, 1e-2, (1, 200)),
-    ],
-)
+NO_CIRCLES = [np.full((1, 64), value) for value in (np.nan, np.inf, 1e300, 0.0)]
+NO_CIRCLES += [np.random.default_rng(n).normal(0, 10.0**-n, (1, 64 * n)) for n in (0, 2)]
+
+
+@pytest.mark.parametrize("start", NO_CIRCLES)
 def test_what_is_no_circle_proves_nothing_and_raises_nothing(start):
     assert not prove(GAMMA, (1.1,), start=start, n=128).proved
 
 
 @pytest.mark.parametrize(
-    ("omega", "kappa", "told"),
+    ("omega", "kappa", "options", "told"),
     [
-        (parse("3/5"), (0.2,), "rational"),
-        (GAMMA, (1.2,), "no circle was found"),
-        (GAMMA, (5.0, 1.0), "no circle was found"),
-        (RotationNumber((0, 1, 10**6), (1,)), (0.5,), "no circle was found"),
+        (parse("3/5"), (0.2,), {}, "rational"),
+        (GAMMA, (1.2,), {}, "no circle was found"),
+        (GAMMA, (5.0, 1.0), {}, "no circle was found"),
+        (RotationNumber((0, 1, 10**6), (1,)), (0.5,), {}, "no circle was found"),
+        (GAMMA, (0.96,), {"budget": 0.01}, "beyond the budget"),  # it is not tried
+        (GAMMA, (0.9,), {"n": 64}, "ratio"),
     ],
 )
-def test_what_is_not_proved_says_why(omega, kappa, told):
-    proof = prove(omega, kappa)
+def test_what_is_not_proved_says_why(omega, kappa, options, told):
+    proof = prove(omega, kappa, **options)
     assert not proof.proved
     assert told in proof.why
     with pytest.raises(ValueError, match=r"not proved: .*needs proved=True"):
         proof.certificate()
-
-
-def test_a_grid_beyond_the_budget_is_not_tried():
-    proof = prove(GAMMA, (0.96,), budget=0.01)
-    assert not proof.proved
-    assert "beyond the budget" in proof.why
-
-
-def test_too_few_points_say_which_inequality_fails():
-    assert "ratio" in prove(GAMMA, (0.9,), n=64).why
 
 
 def test_a_bound_outside_its_strip_is_refused():

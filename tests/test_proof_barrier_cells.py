@@ -417,17 +417,3 @@ def test_long_doubles_that_are_doubles_are_refused(monkeypatch):
     monkeypatch.setattr(proofs.barrier_cells, "_LONG", np.float64)
     with pytest.raises(RuntimeError, match="64 bits"):
         prove_cell(GAMMA, *CELLS[0])
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ((GAMMA, (0.1, 0.2, 0.1), 0.1), "two strengths"),
-        ((GAMMA, (0.1, np.nan), 0.1), "not finite"),
-        ((GAMMA, (0.1, 0.2), 0.0), "positive"),
-        ((parse("3/5"), (0.1, 0.2), 0.1), "rational"),
-    ],
-)
-def test_bad_arguments_raise(arguments, message):
-    with pytest.raises(ValueError, match=message):
-        prove_cell(*arguments)

@@ -437,20 +437,6 @@ def test_strong_kicks_are_proved_at_once(kappa):
     assert proof.kicks < 3000
 
 
-@pytest.mark.parametrize("kappa", [(math.nan, 0.1), (math.inf,), (1e7,), (), "a"])
-def test_what_is_no_forcing_raises(kappa):
-    with pytest.raises(ValueError, match="kappa"):
-        prove(kappa)
-
-
-@pytest.mark.parametrize("budget", [0, -1, math.nan, "1"])
-def test_a_budget_is_positive(budget):
-    with pytest.raises(ValueError, match="budget"):
-        prove((1.0,), budget)
-    with pytest.raises(ValueError, match="budget"):
-        proved_upper((1.0,), 1.0, budget)
-
-
 def tries_below(count, budget, seed):
     """Forcings below the breakup of random rays of the eight wedges; each must not be proved."""
     random = np.random.default_rng(seed)

@@ -16,7 +16,7 @@ planes = st.tuples(strengths, strengths)
 
 
 @st.composite
-def cases(draw, periods=(1, 2, 3, 4, 5)):
+def cases(draw, periods):
     """A forcing, a start, and a number of steps that makes six kicks or a few less."""
     P = draw(st.sampled_from(periods))
     kappa = draw(st.lists(strengths, min_size=P, max_size=P))
@@ -32,64 +32,43 @@ KAPPA, X, Y, N = (0.3, 0.2), 0.1, 0.31, 10_000
 CIRCLE = 1e-10
 
 
-def assert_orbits_agree(actual, expected):
-    assert_allclose(actual, expected, rtol=0, atol=SHORT)
-
-
 def omega(kappa, x, y):
     value, digits = rotation_number(kappa, x, y, N)
     assert digits > 9
     return float(value)
 
 
-@settings(deadline=None)
-@given(case=cases())
-def test_reflection(case):
-    kappa, x, y, n = case
-    xs, ys = orbit(kappa, x, y, n)
-    reflected_x, reflected_y = orbit(*symmetries.reflect(kappa, x, y), n)
-    np.testing.assert_array_equal(reflected_x, -xs)
-    np.testing.assert_array_equal(reflected_y, -ys)
+# By name: the image, the strengths that it must have, its orbit from that of (x, y) on, and how far
+# that may be off.
+IMAGES = {
+    "reflect": lambda z, xs, ys, t: (symmetries.reflect(*z), z[0], (-xs, -ys), 0),
+    "translate": lambda z, xs, ys, t: (
+        symmetries.translate(*z, 2, -3), z[0], (xs + 2 - 3 * len(z[0]) * t, ys - 3), SHORT
+    ),
+    "negate": lambda z, xs, ys, t: (symmetries.negate(*z), -z[0], (xs + 0.5, ys), SHORT),
+    "alternate": lambda z, xs, ys, t: (
+        symmetries.alternate(*z), z[0] * (-1.0) ** np.arange(len(z[0])),
+        (xs + len(z[0]) // 2 * t, ys + 0.5), SHORT
+    ),
+    "shift": lambda z, xs, ys, t: (
+        symmetries.shift(*z), np.roll(z[0], -1), kick(z[0][0], xs, ys), SHORT
+    ),
+}  # fmt: skip
 
 
 @settings(deadline=None)
-@given(case=cases(), r=st.integers(-3, 3), s=st.integers(-3, 3))
-def test_translation(case, r, s):
-    kappa, x, y, n = case
-    xs, ys = orbit(kappa, x, y, n)
-    gained = len(kappa) * np.arange(n + 1) * s
-    translated = orbit(*symmetries.translate(kappa, x, y, r, s), n)
-    assert_orbits_agree(translated, (xs + r + gained, ys + s))
+@pytest.mark.parametrize("name", IMAGES)
+@given(data=st.data())
+def test_orbits_are_carried_to_orbits_of_the_image(name, data):
+    kappa, x, y, n = data.draw(cases((2, 4) if name == "alternate" else (1, 2, 3, 4, 5)))
+    z, orbit_of_z = (np.array(kappa), x, y), orbit(kappa, x, y, n)
+    (image, *start), strengths, expected, error = IMAGES[name](z, *orbit_of_z, np.arange(n + 1))
+    np.testing.assert_array_equal(image, strengths)
+    assert_allclose(orbit(image, *start, n), expected, rtol=0, atol=error)
 
 
 @settings(deadline=None)
-@given(case=cases())
-def test_negation(case):
-    kappa, x, y, n = case
-    xs, ys = orbit(kappa, x, y, n)
-    negated, x, y = symmetries.negate(kappa, x, y)
-    np.testing.assert_array_equal(negated, [-k for k in kappa])
-    assert_orbits_agree(orbit(negated, x, y, n), (xs + 0.5, ys))
-
-
-@settings(deadline=None)
-@given(case=cases(periods=(2, 4)))
-def test_alternation(case):
-    kappa, x, y, n = case
-    xs, ys = orbit(kappa, x, y, n)
-    alternated, x, y = symmetries.alternate(kappa, x, y)
-    np.testing.assert_array_equal(alternated, [k * (-1) ** i for i, k in enumerate(kappa)])
-    gained = len(kappa) // 2 * np.arange(n + 1)
-    assert_orbits_agree(orbit(alternated, x, y, n), (xs + gained, ys + 0.5))
-
-
-@settings(deadline=None)
-@given(
-    spacing=st.integers(1, 3),
-    first=st.integers(0, 2),
-    kicks=st.sampled_from((2, 4)),
-    data=st.data(),
-)
+@given(st.integers(1, 3), st.integers(0, 2), st.sampled_from((2, 4)), st.data())
 def test_alternation_of_kicks_with_idle_ones_between(spacing, first, kicks, data):
     assume(first < spacing)
     kappa = np.zeros(kicks * spacing)
@@ -100,17 +79,8 @@ def test_alternation_of_kicks_with_idle_ones_between(spacing, first, kicks, data
     signs = np.repeat((-1.0) ** np.arange(kicks), spacing)
     np.testing.assert_array_equal(alternated, kappa * signs)
     moved = xs + (np.arange(8) - (first if kappa.any() else 0)) / (2 * spacing)
-    assert_orbits_agree(kicked_orbit(alternated, x, y, 7), (moved, ys + 1 / (2 * spacing)))
-
-
-@settings(deadline=None)
-@given(case=cases())
-def test_shift(case):
-    kappa, x, y, n = case
-    xs, ys = orbit(kappa, x, y, n)
-    shifted, x, y = symmetries.shift(kappa, x, y)
-    np.testing.assert_array_equal(shifted, kappa[1:] + kappa[:1])
-    assert_orbits_agree(orbit(shifted, x, y, n), kick(kappa[0], xs, ys))
+    found = kicked_orbit(alternated, x, y, 7)
+    assert_allclose(found, (moved, ys + 1 / (2 * spacing)), rtol=0, atol=SHORT)
 
 
 @settings(deadline=None)
