@@ -33,9 +33,7 @@ def own():
 SLOW = pytest.mark.slow
 OWN = campaign.kill_driver, campaign.interrupt  # they reach the driver's own workers
 EACH = [
-    pytest.param("own" if fault in OWN else "pool", fault, marks=marks)
-    for fault in campaign.ENDS
-    for marks in [() if fault is campaign.kill_driver else SLOW]
+    pytest.param("own" if fault in OWN else "pool", fault, marks=SLOW) for fault in campaign.ENDS
 ]
 
 
@@ -57,7 +55,7 @@ def remote(tmp_path_factory):
         yield pool
 
 
-SCHEDULES = [("pool", 1)]  # of a killed worker and a flipped bit
+SCHEDULES = [("pool", 49)]  # of a killed driver, a killed worker and a flipped bit
 SCHEDULES += [pytest.param("pool", n, marks=SLOW) for n in range(100, 300)]
 SCHEDULES += [pytest.param("own", n, marks=SLOW) for n in range(300, 306)]
 SCHEDULES += [pytest.param("remote", n, marks=SLOW) for n in range(400, 420)]

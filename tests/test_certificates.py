@@ -120,8 +120,7 @@ def test_a_certificate_with_one_digit_changed_is_refused(name, made):
 
 
 @pytest.mark.parametrize(
-    ("omega", "kappa"),
-    [("[0;(2)]", (0.4, -0.4)), ("[0;(1)]", (9.9, 9.9)), ("[0;(1)]", (0.4, 0.4))],
+    ("omega", "kappa"), [("[0;(2)]", (0.4, -0.4)), ("[0;(1)]", (9.9, 9.9)), ("[0;(1)]", (0.4, 0.4))]
 )
 def test_a_barrier_of_another_forcing_or_circle_is_refused(omega, kappa, made):
     given = {"omega": omega, "kappa": in_hex(*kappa)}

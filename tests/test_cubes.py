@@ -23,14 +23,7 @@ from pipeline.sweep.grid import Axis
 from pipeline.sweep.sweep import _parcel
 
 TWO, AXES = two_kicks(), (Axis(-1, 1, 6), Axis(0, 1.2, 5))
-PLANE = {
-    "name": "escape",
-    "plane": TWO,
-    "axes": AXES,
-    "sizes": [8, 40],
-    "n_max": 300,
-    "tile": 4,
-}
+PLANE = {"name": "escape", "plane": TWO, "axes": AXES, "sizes": [8, 40], "n_max": 300, "tile": 4}
 GAMMA, TWICE = map(numbers.parse, ("gamma", "2gamma"))
 RAYS = [0.0, 30.0, 45.0]
 JOBS = {

@@ -450,42 +450,35 @@ WEBSOCKET = {"Connection": "Upgrade", "Upgrade": "websocket", "Sec-WebSocket-Ver
 WEBSOCKET |= {"Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ==", "Sec-WebSocket-Protocol": "bokeh"}
 
 
-def test_only_requests_by_the_names_of_this_machine_are_answered():
-    names = "localhost:{port}", "127.0.0.1:{port}", "[::1]:{port}", "LOCALHOST:{port}"
-    others = "elsewhere.example", "elsewhere.example:{port}", "localhost", "localhost:1", "10.1.2.3"
-    script = "/static/js/bokeh.min.js"
-    found, _ = answers([(script, {"Host": name}) for name in (*names, *others)])
-    assert [answer.code for answer in found] == [200] * len(names) + [403] * len(others)
-    assert b"the explorer is at http://localhost:" in found[-1].body
-    page, *rest = "/", "/ws", "/metadata", "/autoload.js", "/favicon.ico", "/none"
-    found, _ = answers([(path, {"Host": "elsewhere.example:{port}"}) for path in (page, *rest)])
-    assert {answer.code for answer in found} == {403}
-    rebound = {"Host": "elsewhere.example:{port}", "Origin": "http://elsewhere.example:{port}"}
-    foreign = [{"Origin": origin} for origin in ("http://elsewhere.example", "null")]
-    found, _ = answers([("/ws", WEBSOCKET | headers) for headers in (rebound, *foreign)])
-    assert {answer.code for answer in found} == {403}
+SCRIPT, OTHER = "/static/js/bokeh.min.js", f"{ELSEWHERE}:{{port}}"
+OURS = "localhost:{port}", "127.0.0.1:{port}", "[::1]:{port}", "LOCALHOST:{port}"
+FOREIGN = {"Host": OTHER, "Origin": f"http://{OTHER}"}, {"Origin": f"http://{ELSEWHERE}"}
+LINK = {"Sec-Fetch-Site": "cross-site", "Sec-Fetch-Dest": "document"}
+REQUESTS = [  # path, headers, and the code of the answer
+    *((SCRIPT, {"Host": name}, 200) for name in OURS),
+    *((SCRIPT, {"Host": name}, 403) for name in (ELSEWHERE, OTHER, "localhost:1", "10.1.2.3")),
+    *((path, {"Host": OTHER}, 403) for path in ["/", "/ws", "/metadata", "/autoload.js", "/none"]),
+    *(("/ws", WEBSOCKET | headers, 403) for headers in (*FOREIGN, {"Origin": "null"})),
+    ("/", LINK, 200),
+    *(("/", LINK | {"Sec-Fetch-Dest": to}, 403) for to in ["iframe", "script", "image", "empty"]),
+    ("/?k1=%ff", {}, 200),  # a page with words
+    ("/?plane=%c3%28&n=%00", {}, 200),
+    ("/?bokeh-token=abc", {}, 400),
+    ("/?bokeh-session-id=abc", {}, 400),
+]
 
 
-def test_another_site_may_link_to_the_page_and_no_more():
-    link = {"Sec-Fetch-Site": "cross-site", "Sec-Fetch-Dest": "document"}
-    inside = [link | {"Sec-Fetch-Dest": kind} for kind in ("iframe", "script", "image", "empty")]
-    found, _ = answers([("/", headers) for headers in (link, *inside)])
-    assert [answer.code for answer in found] == [200, 403, 403, 403, 403]
-    for answer in found:
-        assert "default-src 'self'" in answer.headers["Content-Security-Policy"]
-        assert "frame-ancestors 'none'" in answer.headers["Content-Security-Policy"]
-        assert answer.headers["X-Frame-Options"] == "DENY"
-        assert answer.headers["X-Content-Type-Options"] == "nosniff"
-
-
-def test_an_address_without_sense_is_no_failure_of_the_server():
-    for path, code in (
-        ("/?k1=%ff", 200),  # a page with words
-        ("/?plane=%c3%28&n=%00", 200),
-        ("/?bokeh-token=abc", 400),
-        ("/?bokeh-session-id=abc", 400),
-    ):
-        assert answers([(path, {})])[0][0].code == code
+def test_names_of_this_machine_are_answered_another_site_may_link_to_the_page_and_no_more():
+    found, _ = answers([request[:2] for request in REQUESTS])
+    assert [answer.code for answer in found] == [code for *_, code in REQUESTS]
+    for answer, (path, headers, code) in zip(found, REQUESTS, strict=True):
+        if (path, code) == (SCRIPT, 403):
+            assert b"the explorer is at http://localhost:" in answer.body
+        if "Sec-Fetch-Site" in headers:
+            assert "default-src 'self'" in answer.headers["Content-Security-Policy"]
+            assert "frame-ancestors 'none'" in answer.headers["Content-Security-Policy"]
+            assert answer.headers["X-Frame-Options"] == "DENY"
+            assert answer.headers["X-Content-Type-Options"] == "nosniff"
 
 
 def test_pages_that_are_asked_for_and_not_shown_compute_nothing_and_are_few(monkeypatch):

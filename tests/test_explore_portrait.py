@@ -7,18 +7,7 @@ from itertools import takewhile
 import numpy as np
 import pytest
 import xarray as xr
-from browser import (
-    PATIENCE,
-    columns,
-    drag,
-    insist,
-    needed,
-    pages,
-    picture,
-    ready,
-    server,
-    wait,
-)
+from browser import PATIENCE, columns, drag, insist, needed, pages, picture, ready, server, wait
 
 from nasm import barriers, maps, orbits
 from nasm.numbers import convergents, parse
@@ -179,8 +168,7 @@ def test_a_click_adds_an_orbit_and_a_zoom_iterates_what_is_in_the_box(opened):
     assert (image > 0).sum() > 20_000  # though the box is small
     start, end = [(left + part * width, top + part * height) for part in (0.25, 0.75)]
     insist(
-        lambda: drag(tab, start, end),
-        lambda timeout: wait(tab, is_smaller(0.15), timeout=timeout),
+        lambda: drag(tab, start, end), lambda timeout: wait(tab, is_smaller(0.15), timeout=timeout)
     )
     settled(tab)
     assert box_of(tab) == pytest.approx((0.45, 0.24, 0.1, 0.1), abs=0.01)

@@ -19,10 +19,7 @@ from nasm.proofs import certificate_checker as checker
 from nasm.proofs.barrier_cells import prove_cell
 
 GAMMA = parse("gamma")
-BREAKUPS = {  # scales at which γ breaks on rays, of `barriers.critical_scale`
-    0: 0.4858177,
-    20: 0.5770384,
-}
+BREAKUPS = {0: 0.4858177, 20: 0.5770384}  # of γ on rays, by `barriers.critical_scale`
 
 
 def on_ray(angle, distance):
@@ -190,6 +187,7 @@ def cases():
     flat = np.full((2, 24), 1e-8) * (np.arange(24) > 0)
     same = np.zeros((2, 6, 6, 24), np.longdouble)
     same[:, 0, 0] = flat
+    little = (0.3, 0.2), 0.01, 6, (1e-3, 0.003), 0.01, 0.05
     return {
         "at the points": random_case((0.3, 0.2), 0.125, 6, (0.01, 0.068), 0.01, 0.05),
         "the centre": random_case((0.3, 0.2), 2.0**-30, 6, (0.01, 1e-12), 0.01, 0.05),
@@ -197,10 +195,8 @@ def cases():
         "rounding": solved_case(parse("[0;(8)]"), 2.0**-10, 12, 0.001, 0.25),
         "few points": random_case((0.3, 0.1), 2.0**-6, 8, (1e-4, 0.02), 0.001, 0.005),
         "the last modes": Case((0.0, 0.9), 2.0**-100, flat, same, 0.02, 0.1),
-        "m = (1, 1)": random_case((0.3, 0.2), 0.01, 6, (1e-3, 0.003), 0.01, 0.05, only=[(1, 1)]),
-        "|m| = 3": random_case(
-            (0.3, 0.2), 0.01, 6, (1e-3, 0.003), 0.01, 0.05, only=[(3, 0), (1, 2)]
-        ),
+        "m = (1, 1)": random_case(*little, [(1, 1)]),
+        "|m| = 3": random_case(*little, [(3, 0), (1, 2)]),
     }
 
 
@@ -263,11 +259,8 @@ def audit(module):
             for constant, values in wanted.items():
                 for value, bound in zip(values, bounds[constant], strict=True):
                     bound, least_bound = float(bound), (1 - 1e-7) * value
-                    assert least_bound <= bound <= SLACK[constant] * value + 1e-99, (
-                        name,
-                        constant,
-                        bound / value,
-                    )
+                    said = name, constant, bound / value
+                    assert least_bound <= bound <= SLACK[constant] * value + 1e-99, said
             if name == "at the points":
                 of_centre = proofs.barrier_cells._abs_upper(case.centre[4])
                 off = np.sqrt(((sizes.E - of_centre - case.E) ** 2).sum())
@@ -303,10 +296,7 @@ CHANGES = {
     "nothing between": ("Lambda**2 * at_points + between", "Lambda**2 * at_points"),
     "between: an eighth": ("tail = 4 * (1 + Lambda) * B", "tail = 0.5 * (1 + Lambda) * B"),
     "between: r^-2Q": ("arb(r) ** -Q", "arb(r) ** (-2 * Q)"),
-    "B: cell of no width": (
-        "(abs(arb(centre.kappa[j])) + arb(centre.half_width) * r)",
-        "abs(arb(centre.kappa[j]))",
-    ),
+    "B: cell of no width": (" + arb(centre.half_width) * r)", ")"),
     "B: Δ does not grow": ("(moves[:, j] * r**degrees).sum()", "moves[:, j].sum()"),
     "Λ 1": ("Lambda**2 * at_points + between", "at_points + between"),
     "Λ once": ("Lambda**2 * at_points + between", "Lambda * at_points + between"),
@@ -318,20 +308,14 @@ CHANGES = {
     ),
     "rounding of transforms: a twentieth": ("arb(_UNIT) * size", "arb(_UNIT) * size / 20"),
     "rounding of sums": ("noise += unit *", "noise += 0 *"),
-    "no moves to round": (
-        "self.spread = _above(np.sqrt(2 * (b**2).sum(axis=(0, 2)).max()))",
-        "self.spread = arb(0)",
-    ),
+    "no moves to round": ("_above(np.sqrt(2 * (b**2).sum(axis=(0, 2)).max()))", "arb(0)"),
     "nothing beyond the cut": ("+ noise + beyond", "+ noise"),
     "ρ̂: no moves": ("u_hat += _above(2 * (sizes.moves", "0 * _above(2 * (sizes.moves"),
     "strength: cell of no width": ("arb(abs(k)) + arb(centre.half_width) for", "arb(abs(k)) for"),
     "cut below the modes of u": ("min(max(cut, L), n // 2)", "min(max(cut, 8), n // 2)"),
     "no residual of the centre": ("self.E += _abs_upper(centre.residual)", "pass"),
     "only the first point": ("_nodes(Q), _LONG)).max(axis=1)", "_nodes(Q), _LONG))[:, 0]"),
-    "residuals in doubles": (
-        "b, _nodes(Q), _LONG)).max(axis=1)",
-        "b, _nodes(Q), float)).max(axis=1).astype(_LONG)",
-    ),
+    "residuals in doubles": ("_nodes(Q), _LONG)).max(axis=1)", "_nodes(Q), float)).max(axis=1)"),
     "roots in doubles": (
         "[_long(root.real) + 1j * _long(root.imag)",
         "[_LONG(float(root.real)) + 1j * _LONG(float(root.imag))",

@@ -371,11 +371,16 @@ def test_workers_that_are_slow_to_end_are_no_failure_of_what_they_did(monkeypatc
         work()
 
 
-@pytest.mark.parametrize("library", ["xarray", "zarr"])
-def test_a_worker_that_reads_and_writes_cubes_by_another_version_is_unfit(library, tmp_path):
-    driver = re.sub(rf"\b{library} [^,]+", f"{library} 0.1", store.computed_by())
-    told = _complaint(store.place_of(tmp_path), "toy", "", driver)
-    assert told == f"has {library} {version(library)} instead of {library} 0.1"
+def test_a_worker_with_another_version_or_another_disk_is_unfit(tmp_path, monkeypatch):
+    place, ours = store.place_of(tmp_path), store.computed_by()
+    for library in ("numba", "xarray", "zarr"):
+        driver = re.sub(rf"\b{library} [^,]+", f"{library} 0.1", ours)
+        told = f"has {library} {version(library)} instead of {library} 0.1"
+        assert _complaint(place, "toy", "", driver) == told
+    monkeypatch.setattr("pipeline.sweep.sweep._SIGHT", 0)
+    assert _complaint(place, "toy", "", ours) == f"does not see {place} as the driver does"
+    store.create(place, toy.cube(), ours)
+    assert _complaint(place, "toy", toy.cube().config_hash, ours) == ""
 
 
 def test_a_scheduler_that_does_not_answer_is_one_clear_error():
