@@ -96,7 +96,7 @@ def nobles(bound):
     return [omega for omega in found if 0 < float(omega) < 1]
 
 
-SAMPLES = [(13.7, 20, 400), (40.6, 20, 400)]
+SAMPLES = [(13.7, 20, 400), pytest.param(40.6, 20, 400, marks=pytest.mark.slow)]
 SAMPLES += [
     pytest.param(angle, 60, 800, marks=pytest.mark.slow)  # a thousand nobles
     for angle in np.random.default_rng(16).uniform(0, 44, 3)
@@ -330,7 +330,7 @@ def test_none_of_20_random_forcings_is_told_a_lie():
     assert escaped > 15  # and some orbits take longer
 
 
-@pytest.mark.parametrize("factor", [0.98, 1.02])
+@pytest.mark.parametrize("factor", thirds([0.98, 1.02]))
 def test_a_false_value_without_a_line_is_not_believed(factor, monkeypatch):
     exact = critical_scale(GENERIC, 1e-2).value
     lie(monkeypatch, factor)
@@ -415,6 +415,7 @@ def test_a_bracket_much_wider_than_asked_for_is_told(profile, tol):
     assert inside == np.inf > outside
 
 
+@pytest.mark.slow
 def test_next_to_one_kick_three_are_near_a_cusp():
     found = critical_scale((1, 1, 1 - 1.1e-6), 1e-2)
     # The boundary is below κ_G by some 2·10⁻⁴ of it there.

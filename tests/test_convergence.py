@@ -51,6 +51,7 @@ def test_the_diagonal_has_an_exponent_for_each_half_of_n():
     np.testing.assert_allclose(diagonal.fit, 0.9 * excess)
 
 
+@pytest.mark.slow
 def test_a_small_run_keeps_its_cubes(tmp_path, workers):
     out = tmp_path / "out"
     options = ["--quick", "--n-max", "2000", "--n-orbits", "30,300"]

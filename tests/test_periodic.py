@@ -6,6 +6,7 @@ from itertools import product
 import numpy as np
 import oracles
 import pytest
+from cases import thirds
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from oracles import KAPPA_G, LITERATURE
@@ -223,7 +224,7 @@ def test_symmetric_copies_computed_apart_agree(name):
         assert abs(there.value - here.value) <= here.error + there.error
 
 
-@pytest.mark.parametrize("angle", [15, 30, 115])
+@pytest.mark.parametrize("angle", thirds([30, 15, 115]))
 def test_error_covers_the_change_with_a_longer_period(angle):
     for name in NAMES:
         omega = parse(name)
@@ -233,7 +234,7 @@ def test_error_covers_the_change_with_a_longer_period(angle):
         assert abs(short.value - long.value) <= 2 * short.error
 
 
-@pytest.mark.parametrize("angle", [44, 44.9, 44.99, 134.99, 45 - 1e-4, 45 + 1e-6])
+@pytest.mark.parametrize("angle", thirds([44.9, 44, 44.99, 45 - 1e-4, 45 + 1e-6, 134.99]))
 def test_near_a_cusp_the_error_is_honest_or_there_is_no_answer(angle):
     for name in NAMES:
         short = periodic.critical_scale(parse(name), ray(angle))
@@ -270,7 +271,7 @@ def next_to_a_shorter_one(distance):
     ]
 
 
-@pytest.mark.parametrize("distance", [1e-2, 1e-4, 1e-6, 1e-7])
+@pytest.mark.parametrize("distance", thirds([1e-6, 1e-2, 1e-4, 1e-7]))
 def test_next_to_a_shorter_forcing_starts_do_not_all_die_where_a_circle_is_claimed(distance):
     answered = 0
     for profile, _, omega in next_to_a_shorter_one(distance):

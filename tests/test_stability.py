@@ -58,6 +58,7 @@ def test_no_method_crosses_the_breakup():
     assert (boundary.sel(excess=1e-3, method="nearest").digits > 5).all()
 
 
+@pytest.mark.slow
 def test_disguised_fractions_get_no_wrong_answer():
     fractions = study("fractions")
     value, error = fractions.value, fractions.error

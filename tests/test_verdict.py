@@ -66,8 +66,9 @@ def test_the_circle_has_the_rotation_number_of_the_verdict(kappa):
     assert min(omega, len(kappa) - omega) == pytest.approx(float(found.boundary.omega), abs=1e-7)
 
 
-@pytest.mark.parametrize(("distance", "answer"), [(-1e-2, "BARRIER"), (1e-2, "TRANSPORT")])
-def test_a_forcing_without_symmetry_gets_a_verdict(distance, answer):
+@pytest.mark.parametrize("case", thirds([(-1e-2, "BARRIER"), (1e-2, "TRANSPORT")]))
+def test_a_forcing_without_symmetry_gets_a_verdict(case):
+    distance, answer = case
     found = verdict(np.array([0.3, 0.2, 0.25]) * 1.79656 * (1 + distance))
     assert found.answer is Answer[answer]
     assert str(found.boundary.omega) == "[1;4,(1)]"
