@@ -1,20 +1,16 @@
-"""The explorer: its page in a real browser, what it computes for a view, how it ends."""
+"""The explorer without a browser: what it computes for a view, its address, whom it answers."""
 
 import asyncio
 import re
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
-from http.client import HTTPConnection, HTTPException
-from itertools import product
-from urllib.parse import parse_qs, parse_qsl, urlparse
+from urllib.parse import parse_qsl
 
 import numpy as np
-import psutil
 import pytest
 from bokeh.server.util import bind_sockets
-from browser import ELSEWHERE, columns, drag, insist, needed, picture, ready, wait
+from browser import ELSEWHERE
 from tornado.httpclient import AsyncHTTPClient
 
 from nasm import barriers, escape
@@ -26,24 +22,6 @@ from workflows.explore.rays import Breakup, Rays
 from workflows.explore.state import State
 from workflows.explore.work import Work
 from workflows.shared.run import place_of
-
-PLANE = "Plane of forcings"
-
-
-def asked(tab):
-    """The permalink of a page, {name: text}."""
-    return {name: texts[0] for name, texts in parse_qs(urlparse(tab.url).query).items()}
-
-
-def type_in(tab, label, text):
-    """Fill in a field, and leave it by Enter."""
-    tab.get_by_label(label).fill(text)
-    tab.get_by_label(label).press("Enter")
-
-
-def until(tab, name, value):
-    """Wait for a parameter of the permalink."""
-    wait(tab, f"new URLSearchParams(location.search).get('{name}') == '{value}'")
 
 
 def escapes(view, row, column, steps):
@@ -304,127 +282,6 @@ def test_a_zoom_leaves_every_circle_its_colour():
     assert str(golden) in legend
 
 
-@needed
-def test_a_link_in_another_tab_shows_the_same(page):
-    tab = page("?k1=0.25&k2=-0.125&n=200", 900)
-    fields = tab.get_by_role("textbox")
-    assert [fields.nth(i).input_value() for i in (0, 1)] == ["0.25", "-0.125"]
-    left, top, width, height = picture(tab, PLANE)
-    insist(
-        lambda: tab.mouse.click(left + 0.75 * width, top + 0.25 * height),
-        lambda timeout: wait(tab, "!location.search.includes('k1=0.25&')", timeout=timeout),
-    )
-    there = asked(tab)
-    assert float(there["k1"]) == pytest.approx(0.575, abs=0.01)
-    assert float(there["k2"]) == pytest.approx(0.575, abs=0.01)
-    assert there["n"] == "200"
-    start, end = [(left + a * width, top + b * height) for a, b in ((0.75, 0.25), (0.5, 0.3))]
-    moved = "new URLSearchParams(location.search).get('k1') < 0.1"
-    insist(lambda: drag(tab, start, end), lambda timeout: wait(tab, moved, timeout=timeout))
-    assert float(asked(tab)["k2"]) == pytest.approx(0.46, abs=0.02)
-    for label, part in ((PLANE, "a"), ("Phase portrait", "x")):
-        left, top, width, height = picture(tab, label)
-        tab.mouse.move(left + width / 2, top + height / 2)
-        tab.mouse.wheel(0, -300)
-        wait(tab, f"new URLSearchParams(location.search).has('{part}')")
-    type_in(tab, "Orbits added", "0.5, 0.3; 0.25, 0.1")
-    tab.get_by_label("where n* ≤ N begins").check()
-    tab.get_by_label("symmetry lines").check()
-    wait(tab, "location.search.endsWith('show=boundary,contour,symmetry')")
-    done = "!/plane|portrait|view|cubes/.test(Bokeh.documents[0].get_model_by_name('status').text)"
-    wait(tab, done)
-    type_in(tab, "where the circle", "[0;2,(1)]")  # its rays take long
-    until(tab, "omega", "[0;2,(1)]")
-    again = page("?" + urlparse(tab.url).query, 900)  # two tabs at once
-    wait(again, "Bokeh.documents[0].get_model_by_name('times').data.values[0].length > 1")
-    wait(again, done)
-    assert asked(again) == asked(tab)
-    assert asked(tab).keys() == {*"abxy", "k1", "k2", "n", "omega", "orbits", "show"}
-    for name in ("times", "orbits", "symmetry", "contour", "point"):
-        assert columns(again, name) == columns(tab, name), name
-    for label in ("where the circle", "Orbits added"):
-        texts = [one.get_by_label(label).input_value() for one in (tab, again)]
-        assert texts[0] == texts[1] != ""
-
-
-@needed
-def test_bad_input_stays_in_its_field_with_words_below_it_and_a_lost_worker_is_replaced(
-    page, served
-):
-    tab = page("?k1=0.25&k2=0.5&n=100")
-    good = {"κ₁": "-0.3", "κ₂": "0.125", "where the circle": "gamma", "Orbits added": "0.5 0.3"}
-    for label, text, words in (
-        ("κ₁", "one", "'one' is not a number"),
-        ("κ₂", "1e7", "too large"),
-        ("where the circle", "3/5", "3/5 is rational"),
-        ("Orbits added", "0.5", "'0.5' must be two numbers"),
-    ):
-        type_in(tab, label, text)
-        message = tab.get_by_role("alert").get_by_text(words)
-        message.wait_for()
-        field, told = tab.get_by_label(label).bounding_box(), message.bounding_box()
-        assert abs(told["x"] - field["x"]) < 10
-        assert 0 < told["y"] - field["y"] < 60
-    assert tab.get_by_role("alert").count() == 4  # none has taken another's place
-    assert tab.get_by_label("κ₁").input_value() == "one"
-    assert tab.get_by_label("where the circle").input_value() == "3/5"
-    for label, text in good.items():
-        type_in(tab, label, text)
-    until(tab, "orbits", "0.5,0.3")
-    assert tab.get_by_role("alert").count() == 0
-    assert (asked(tab)["k1"], asked(tab)["k2"]) == ("-0.3", "0.125")
-    family = psutil.Process(served[1].pid).children(recursive=True)
-    (worker,) = (one for one in family if "spawn_main" in " ".join(one.cmdline()))
-    ready(tab, but="boundary")
-    worker.kill()
-    tab.get_by_role("slider").press("ArrowRight")
-    until(tab, "n", "200")
-    ready(tab, but="boundary")
-    worker.wait(60)  # it is gone, and not only on its way
-
-
-@needed
-def test_on_a_phone_panels_are_stacked_and_a_zoom_to_1e_4_shows_the_escape_times_of_its_pixels(
-    page,
-):
-    tab = page("?n=500", width=390)
-    assert tab.evaluate("document.documentElement.scrollWidth") <= 390
-    left, top, width, height = picture(tab, PLANE)
-    assert width > 250
-    assert picture(tab, "Phase portrait")[1] > top + height
-    told, lines = (tab.get_by_label(name).bounding_box() for name in ("Verdict", "Lines in the"))
-    assert top + height < told["y"] < min(top + height + 150, lines["y"])
-    tab.mouse.move(left + 0.98 * width, top + 0.47 * height)
-    for _ in range(5):  # ten times as near each
-        tab.mouse.wheel(0, -600)
-    wait(
-        tab,
-        """() => {
-        const shown = Bokeh.documents[0].get_model_by_name("times").data
-        return shown.da[0] < 1e-4 && shown.values[0].some(Number.isFinite)
-    }""",
-    )
-    ready(tab, but="boundary")
-    shown = columns(tab, "times")
-    shape = tab.evaluate("Bokeh.documents[0].get_model_by_name('times').data.values[0].shape")
-    times = np.reshape(shown["values"][0], shape)
-    assert np.isfinite(times).mean() > 0.9
-    # The last bit of a forcing decides over n*. The page tells a side's start and its width, which
-    # leave its end open by one bit.
-    ends = [
-        [(shown[low][0], np.nextafter(end, way)) for way in (-np.inf, end, np.inf)]
-        for low, size in (("a", "da"), ("b", "db"))
-        for end in [shown[low][0] + shown[size][0]]
-    ]
-    views = [View(*sides, tuple(shape)) for sides in product(*ends)]
-    assert np.ptp(views[0].a) < 1e-4
-    where = range(0, min(shape), 5)
-    same = [[times[i, i] == escapes(view, i, i, 500) for i in where] for view in views]
-    assert np.all(same, axis=1).any()
-    tab.get_by_role("slider").press("ArrowLeft")
-    until(tab, "n", "200")
-
-
 def answers(requests):
     """What a server without workers answers to (path, headers), one after the other; what it
     computes, and its own address."""
@@ -488,24 +345,3 @@ def test_pages_that_are_asked_for_and_not_shown_compute_nothing_and_are_few(monk
     assert [answer.code for answer in found] == [200, 200, 503]
     assert b"try again" in found[-1].body
     assert computed == []
-
-
-@needed
-def test_no_other_site_and_no_other_machine_gets_in(served, chromium):
-    url, process = served
-    tab = chromium.new_page()
-    with tab.expect_response(url) as answer:
-        tab.set_content(f'<iframe src="{url}"></iframe>')
-    assert answer.value.status == 403
-    assert tab.goto(url.replace("localhost", ELSEWHERE)).status == 403
-    assert tab.evaluate("typeof Bokeh") == "undefined"
-    tab.close()
-    main = psutil.Process(process.pid)
-    family = [main, *main.children(recursive=True)]
-    ports = [port.laddr for one in family for port in one.net_connections() if not port.raddr]
-    assert {port.ip for port in ports} == {"127.0.0.1"}
-    for port, path in product(ports, ("/status", "/info/main/workers.html", "/metrics")):
-        with suppress(OSError, HTTPException):  # it speaks no HTTP
-            dask = HTTPConnection(port.ip, port.port, timeout=5)
-            dask.request("GET", path, headers={"Host": ELSEWHERE})
-            assert dask.getresponse().status in (403, 404)  # no dashboard

@@ -1,21 +1,55 @@
-"""The portrait and the verdict in the browser, against orbits and verdicts computed here."""
+"""The explorer's page in a real browser, against what is computed here."""
 
 import os
 import re
-from itertools import takewhile
+from contextlib import suppress
+from http.client import HTTPConnection, HTTPException
+from itertools import product, takewhile
+from urllib.parse import parse_qs, urlparse
 
 import numpy as np
+import psutil
 import pytest
 import xarray as xr
-from browser import PATIENCE, columns, drag, insist, needed, pages, picture, ready, server, wait
+from browser import (
+    ELSEWHERE,
+    PATIENCE,
+    columns,
+    drag,
+    insist,
+    needed,
+    pages,
+    picture,
+    ready,
+    server,
+    wait,
+)
+from test_explore import escapes
 
 from nasm import barriers, maps, orbits
 from nasm.numbers import convergents, parse
 from nasm.verdict import verdict
+from workflows.explore.field import View
 
 pytestmark = needed
-KAPPA = (0.5, 0.4)
+KAPPA, PLANE = (0.5, 0.4), "Plane of forcings"
 BOX = (0.0, -0.25, 1.0, 1.0)
+
+
+def asked(tab):
+    """The permalink of a page, {name: text}."""
+    return {name: texts[0] for name, texts in parse_qs(urlparse(tab.url).query).items()}
+
+
+def type_in(tab, label, text):
+    """Fill in a field, and leave it by Enter."""
+    tab.get_by_label(label).fill(text)
+    tab.get_by_label(label).press("Enter")
+
+
+def until(tab, name, value):
+    """Wait for a parameter of the permalink."""
+    wait(tab, f"new URLSearchParams(location.search).get('{name}') == '{value}'")
 
 
 def told(tab, words, timeout=PATIENCE):
@@ -73,6 +107,109 @@ def seen_at(image, box, x, y):
     column = ((x - left) % 1 / width * columns).astype(int)
     inside = (row < rows) & (column < columns)
     return image[row[inside], column[inside]]
+
+
+def test_a_link_in_another_tab_shows_the_same(page):
+    tab = page("?k1=0.25&k2=-0.125&n=200", 900)
+    fields = tab.get_by_role("textbox")
+    assert [fields.nth(i).input_value() for i in (0, 1)] == ["0.25", "-0.125"]
+    left, top, width, height = picture(tab, PLANE)
+    insist(
+        lambda: tab.mouse.click(left + 0.75 * width, top + 0.25 * height),
+        lambda timeout: wait(tab, "!location.search.includes('k1=0.25&')", timeout=timeout),
+    )
+    there = asked(tab)
+    assert float(there["k1"]) == pytest.approx(0.575, abs=0.01)
+    assert float(there["k2"]) == pytest.approx(0.575, abs=0.01)
+    assert there["n"] == "200"
+    start, end = [(left + a * width, top + b * height) for a, b in ((0.75, 0.25), (0.5, 0.3))]
+    moved = "new URLSearchParams(location.search).get('k1') < 0.1"
+    insist(lambda: drag(tab, start, end), lambda timeout: wait(tab, moved, timeout=timeout))
+    assert float(asked(tab)["k2"]) == pytest.approx(0.46, abs=0.02)
+    for label, part in ((PLANE, "a"), ("Phase portrait", "x")):
+        left, top, width, height = picture(tab, label)
+        tab.mouse.move(left + width / 2, top + height / 2)
+        tab.mouse.wheel(0, -300)
+        wait(tab, f"new URLSearchParams(location.search).has('{part}')")
+    type_in(tab, "Orbits added", "0.5, 0.3; 0.25, 0.1")
+    tab.get_by_label("where n* ≤ N begins").check()
+    tab.get_by_label("symmetry lines").check()
+    wait(tab, "location.search.endsWith('show=boundary,contour,symmetry')")
+    done = "!/plane|portrait|view|cubes/.test(Bokeh.documents[0].get_model_by_name('status').text)"
+    wait(tab, done)
+    type_in(tab, "where the circle", "[0;2,(1)]")  # its rays take long
+    until(tab, "omega", "[0;2,(1)]")
+    again = page("?" + urlparse(tab.url).query, 900)  # two tabs at once
+    wait(again, "Bokeh.documents[0].get_model_by_name('times').data.values[0].length > 1")
+    wait(again, done)
+    assert asked(again) == asked(tab)
+    assert asked(tab).keys() == {*"abxy", "k1", "k2", "n", "omega", "orbits", "show"}
+    for name in ("times", "orbits", "symmetry", "contour", "point"):
+        assert columns(again, name) == columns(tab, name), name
+    for label in ("where the circle", "Orbits added"):
+        texts = [one.get_by_label(label).input_value() for one in (tab, again)]
+        assert texts[0] == texts[1] != ""
+
+
+def test_on_a_phone_panels_are_stacked_and_a_zoom_to_1e_4_shows_the_escape_times_of_its_pixels(
+    page,
+):
+    tab = page("?n=500", width=390)
+    assert tab.evaluate("document.documentElement.scrollWidth") <= 390
+    left, top, width, height = picture(tab, PLANE)
+    assert width > 250
+    assert picture(tab, "Phase portrait")[1] > top + height
+    told, lines = (tab.get_by_label(name).bounding_box() for name in ("Verdict", "Lines in the"))
+    assert top + height < told["y"] < min(top + height + 150, lines["y"])
+    tab.mouse.move(left + 0.98 * width, top + 0.47 * height)
+    for _ in range(5):  # ten times as near each
+        tab.mouse.wheel(0, -600)
+    wait(
+        tab,
+        """() => {
+        const shown = Bokeh.documents[0].get_model_by_name("times").data
+        return shown.da[0] < 1e-4 && shown.values[0].some(Number.isFinite)
+    }""",
+    )
+    ready(tab, but="boundary")
+    shown = columns(tab, "times")
+    shape = tab.evaluate("Bokeh.documents[0].get_model_by_name('times').data.values[0].shape")
+    times = np.reshape(shown["values"][0], shape)
+    assert np.isfinite(times).mean() > 0.9
+    # The last bit of a forcing decides over n*. The page tells a side's start and its width, which
+    # leave its end open by one bit.
+    ends = [
+        [(shown[low][0], np.nextafter(end, way)) for way in (-np.inf, end, np.inf)]
+        for low, size in (("a", "da"), ("b", "db"))
+        for end in [shown[low][0] + shown[size][0]]
+    ]
+    views = [View(*sides, tuple(shape)) for sides in product(*ends)]
+    assert np.ptp(views[0].a) < 1e-4
+    where = range(0, min(shape), 5)
+    same = [[times[i, i] == escapes(view, i, i, 500) for i in where] for view in views]
+    assert np.all(same, axis=1).any()
+    tab.get_by_role("slider").press("ArrowLeft")
+    until(tab, "n", "200")
+
+
+def test_no_other_site_and_no_other_machine_gets_in(served, chromium):
+    url, process = served
+    tab = chromium.new_page()
+    with tab.expect_response(url) as answer:
+        tab.set_content(f'<iframe src="{url}"></iframe>')
+    assert answer.value.status == 403
+    assert tab.goto(url.replace("localhost", ELSEWHERE)).status == 403
+    assert tab.evaluate("typeof Bokeh") == "undefined"
+    tab.close()
+    main = psutil.Process(process.pid)
+    family = [main, *main.children(recursive=True)]
+    ports = [port.laddr for one in family for port in one.net_connections() if not port.raddr]
+    assert {port.ip for port in ports} == {"127.0.0.1"}
+    for port, path in product(ports, ("/status", "/info/main/workers.html", "/metrics")):
+        with suppress(OSError, HTTPException):  # it speaks no HTTP
+            dask = HTTPConnection(port.ip, port.port, timeout=5)
+            dask.request("GET", path, headers={"Host": ELSEWHERE})
+            assert dask.getresponse().status in (403, 404)  # no dashboard
 
 
 def test_orbits_have_the_colours_of_their_rotation_numbers_and_the_circle_is_certified(opened):
@@ -174,13 +311,48 @@ def test_a_click_adds_an_orbit_and_a_zoom_iterates_what_is_in_the_box(opened):
     assert box_of(tab) == pytest.approx((0.45, 0.24, 0.1, 0.1), abs=0.01)
 
 
+def test_bad_input_stays_in_its_field_with_words_below_it_and_a_lost_worker_is_replaced(
+    opened, served
+):
+    tab, _ = opened
+    good = {"κ₁": "-0.3", "κ₂": "0.125", "where the circle": "gamma", "Orbits added": "0.5 0.3"}
+    for label, text, words in (
+        ("κ₁", "one", "'one' is not a number"),
+        ("κ₂", "1e7", "too large"),
+        ("where the circle", "3/5", "3/5 is rational"),
+        ("Orbits added", "0.5", "'0.5' must be two numbers"),
+    ):
+        type_in(tab, label, text)
+        message = tab.get_by_role("alert").get_by_text(words)
+        message.wait_for()
+        field, told = tab.get_by_label(label).bounding_box(), message.bounding_box()
+        assert abs(told["x"] - field["x"]) < 10
+        assert 0 < told["y"] - field["y"] < 60
+    assert tab.get_by_role("alert").count() == 4  # none has taken another's place
+    assert tab.get_by_label("κ₁").input_value() == "one"
+    assert tab.get_by_label("where the circle").input_value() == "3/5"
+    for label, text in good.items():
+        type_in(tab, label, text)
+    until(tab, "orbits", "0.5,0.3")
+    assert tab.get_by_role("alert").count() == 0
+    assert (asked(tab)["k1"], asked(tab)["k2"]) == ("-0.3", "0.125")
+    family = psutil.Process(served[1].pid).children(recursive=True)
+    (worker,) = (one for one in family if "spawn_main" in " ".join(one.cmdline()))
+    ready(tab, but="boundary")
+    worker.kill()
+    tab.get_by_role("slider").press("ArrowRight")
+    until(tab, "n", "200")
+    ready(tab, but="boundary")
+    worker.wait(60)  # it is gone, and not only on its way
+
+
 def test_beyond_the_boundary_a_click_shows_the_start_that_lives_longest_next_to_it_nothing(page):
     value = barriers.critical_scale((1.0, 1.0), 1e-3).value
     tab = page(f"?k1={value}&k2={value}&n=100", 900)
     assert told(tab, re.compile("computing the verdict|UNDECIDED"))
     words = told(tab, "UNDECIDED at")
     assert "neither a barrier nor transport could be shown" in words
-    left, top, width, height = picture(tab, "Plane of forcings")
+    left, top, width, height = picture(tab, PLANE)
     words = insist(
         lambda: tab.mouse.click(left + 0.93 * width, top + 0.3 * height),
         lambda timeout: told(tab, "TRANSPORT at", timeout),
@@ -254,7 +426,7 @@ def test_the_page_answers_as_quickly_as_it_promises(store, chromium):
             ready(tab)
         del times["page"][0]  # the workers started
         tab.evaluate(_WATCH)
-        left, top, width, height = picture(tab, "Plane of forcings")
+        left, top, width, height = picture(tab, PLANE)
         for a, b in ((0.6, 0.6), (0.65, 0.4), (0.9, 0.35), (0.3, 0.45), (0.1, 0.6)):
             tab.mouse.click(left + a * width, top + b * height)
             timed(tab, "portrait")
