@@ -8,7 +8,6 @@ import subprocess
 import sys
 import threading
 from collections import Counter
-from contextlib import contextmanager
 from datetime import datetime, timedelta, timezone
 from pathlib import Path
 from types import SimpleNamespace
@@ -38,54 +37,43 @@ def certificate(path):
     return f"{path}.crt", f"{path}.key"
 
 
-@contextmanager
-def scheduling(here, *options):
-    """A dask scheduler: yields its scheduler file, and a function that starts a worker of it.
-
-    That takes Python to run in the worker before anything else, and returns its process.
-    """
-    file = here / "scheduler.json"
-    environment = os.environ | {"PYTHONPATH": SOURCES}
-    processes = []
+@pytest.fixture(scope="module")
+def cluster(tmp_path_factory):
+    """A scheduler and a worker that speak TLS: a Client, the scheduler's file, a function that
+    starts more workers, after Python of their own, and the CA, certificate and key."""
+    here, processes = tmp_path_factory.mktemp("cluster"), []
+    crt, key = certificate(here / "ours")
+    tls = ["--protocol", "tls", "--tls-ca-file", crt, "--tls-cert", crt, "--tls-key", key]
+    file, local = here / "scheduler.json", ["--host", "127.0.0.1"]
 
     def start(*command):
         with open(here / f"{len(processes)}.log", "wb") as log:
-            command = [sys.executable, "-m", "dask", *map(str, command), *options]
-            processes.append(subprocess.Popen(command, env=environment, stdout=log, stderr=log))
+            command = [sys.executable, "-m", "dask", *map(str, command), *local, *tls]
+            there = os.environ | {"PYTHONPATH": SOURCES}
+            processes.append(subprocess.Popen(command, env=there, stdout=log, stderr=log))
         return processes[-1]
 
-    def start_worker(preload="", *more):
-        (here / f"preload{len(processes)}.py").write_text(preload)
-        local = ["--host", "127.0.0.1", "--no-nanny", "--no-dashboard", "--memory-limit", "0"]
-        work = ["--nthreads", "1", "--local-directory", here, "--scheduler-file", file]
-        preload = ["--preload", here / f"preload{len(processes)}.py"]
-        return start("worker", *local, *work, *preload, *more)
+    def start_worker(preload=""):
+        script = here / f"preload{len(processes)}.py"
+        script.write_text(preload)
+        work = ["--no-nanny", "--no-dashboard", "--memory-limit", "0", "--nthreads", "1"]
+        places = ["--local-directory", here, "--scheduler-file", file, "--preload", script]
+        return start("worker", *work, *places)
 
     try:
-        start("scheduler", "--host", "127.0.0.1", "--port", "0", "--scheduler-file", file)
+        start("scheduler", "--port", "0", "--scheduler-file", file)
         toy.wait_until(lambda: file.exists() and file.read_text().endswith("}"))
-        yield str(file), start_worker
+        start_worker()
+        address = json.loads(file.read_text())["address"]
+        security = Security(tls_ca_file=crt, tls_client_cert=crt, tls_client_key=key)
+        with Client(address, security=security, set_as_default=False) as waiting:
+            waiting.wait_for_workers(1)
+        with connect(scheduler=str(file), tls=(crt, crt, key)) as client:
+            yield client, str(file), start_worker, (crt, crt, key)
     finally:
         for process in processes:
             process.kill()
             process.wait()
-
-
-@pytest.fixture(scope="module")
-def cluster(tmp_path_factory):
-    """A scheduler and a worker that speak TLS: a Client, their file, a function that starts more
-    workers, and the CA, certificate and key."""
-    here = tmp_path_factory.mktemp("cluster")
-    crt, key = certificate(here / "ours")
-    options = ["--protocol", "tls", "--tls-ca-file", crt, "--tls-cert", crt, "--tls-key", key]
-    with scheduling(here, *options) as (file, start_worker):
-        start_worker()
-        security = Security(tls_ca_file=crt, tls_client_cert=crt, tls_client_key=key)
-        address = json.loads(Path(file).read_text())["address"]
-        with Client(address, security=security, set_as_default=False) as waiting:
-            waiting.wait_for_workers(1)
-        with connect(scheduler=file, tls=(crt, crt, key)) as client:
-            yield client, file, start_worker, (crt, crt, key)
 
 
 @pytest.mark.slow

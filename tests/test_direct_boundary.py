@@ -100,21 +100,13 @@ def test_direct_iteration_closes_in_on_the_boundary_from_outside(direct):
         assert outside <= n < inside
 
 
-def test_status_counts_the_tiles_that_are_wanted(direct):
+def test_no_more_is_iterated_than_the_boundary_needs_as_foreseen_and_as_status_says(direct):
     cube = xr.open_zarr(direct / "direct_boundary.zarr")
     n = int(cube.escape_time.notnull().sum())
     assert f"direct_boundary: {n} of {n} tiles\n" in succeed("status", direct)
-
-
-def test_the_tiles_that_will_be_wanted_are_foreseen(direct):
-    n = int(xr.open_zarr(direct / "direct_boundary.zarr").escape_time.notnull().sum())
     job, wanted = foreseen(two_kicks(), [0.0, 45.0, 90.0, 135.0, 180.0], 4000, 64)
     assert job.cube.sizes["angle"] == 5
     assert 0.8 * n < len(wanted) < 1.2 * n
-
-
-def test_no_more_is_iterated_than_the_boundary_needs(direct):
-    cube = xr.open_zarr(direct / "direct_boundary.zarr")
     times = cube.escape_time.isel(ensemble=0)
     assert (np.isinf(times).sum("excess") == 1).all()
     assert (times.isel(excess=slice(0, 5)).isnull()).all()

@@ -45,14 +45,17 @@ def dense(tmp_path_factory, workers):
     return out
 
 
-def test_a_dry_run_says_what_the_run_then_does_and_makes_nothing(finished, tmp_path):
+def test_a_dry_run_says_what_the_run_then_does_as_status_does_and_makes_nothing(finished, tmp_path):
     told = succeed("critical_boundary", tmp_path / "out", *MAIN, "--dry-run")
     assert not (tmp_path / "out").exists()
     said = {line.split()[0]: line.split()[1::2] for line in told.splitlines()}
     *sweeps, _ = said
     assert sweeps == ["barrier", "breakdown", *(f"escape_level{i}" for i in range(3))]
+    status = succeed("status", finished)
+    assert "escape: written whole\n" in status
     for name in sweeps:
         tiles = int((xr.open_zarr(finished / f"{name}.zarr", group="tiles").commit[0] > 0).sum())
+        assert f"{name}: {tiles} of {tiles} tiles\n" in status
         if name.startswith("escape_level") and name[-1] != "0":  # it depends on the first ones
             assert tiles / 2 < int(said[name][0]) < 2 * tiles
         else:
@@ -166,15 +169,6 @@ def test_status_and_verify_find_all_in_order_and_damage_where_it_is(tmp_path, de
         assert invoke(name, tmp_path / "nowhere").exit_code == 2
         empty = invoke(name, tmp_path)
         assert (empty.exit_code, "holds no cubes" in empty.output) == (2, True)
-
-
-def test_status_counts_the_tiles_that_refinement_wants(finished):
-    said = succeed("status", finished)
-    assert "escape: written whole\n" in said
-    for i in range(3):
-        records = xr.open_zarr(finished / f"escape_level{i}.zarr", group="tiles")
-        n = int((records.commit[0] > 0).sum())
-        assert f"escape_level{i}: {n} of {n} tiles\n" in said
 
 
 UNUSUAL = {

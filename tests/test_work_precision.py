@@ -52,15 +52,12 @@ def test_errors_fall_with_effort(measured, name, order, margin):
     assert found == pytest.approx(order, abs=margin)
 
 
-def test_estimated_errors_cover_the_true_ones(measured):
+def test_estimated_errors_cover_the_true_ones_and_corrected_answers_are_better(measured):
     claimed = measured.estimated_error + 10 * measured.judge_error
     rated = claimed.notnull().any(("angle", "level"))
     assert rated.sum() == 7
     honest = (measured.error <= claimed) | measured.error.isnull()
     assert honest.isel(method=np.flatnonzero(rated)).all()
-
-
-def test_corrected_answers_are_better(measured):
     for raw, corrected in (
         ("converse KAM, upper bound", "converse KAM, value"),
         ("residue, last crossing", "residue, Aitken"),
