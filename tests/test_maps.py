@@ -9,7 +9,17 @@ from hypothesis import strategies as st
 from numpy import cos, pi, sin
 from numpy.testing import assert_allclose, assert_array_equal
 
-from nasm.maps import forcing, kick, rotating_forcing, step, step_tangent, twist, unkick, unstep
+from nasm.maps import (
+    direction,
+    forcing,
+    kick,
+    rotating_forcing,
+    step,
+    step_tangent,
+    twist,
+    unkick,
+    unstep,
+)
 
 strengths = st.floats(-2, 2)
 forcings = st.lists(strengths, min_size=1, max_size=3)
@@ -145,6 +155,7 @@ def test_equal_kicks_are_the_standard_map_twice(kappa, x, y):
 
 
 def test_strengths_may_be_any_real_numbers_and_a_frequency_anything_exact():
+    assert_array_equal(direction((0.0, -1e-300)), (0.0, -1e-300))
     for kappa in ([1, 2], (Fraction(1), 2.0), np.array([1, 2], np.uint8), np.float32([1, 2])):
         assert forcing(kappa).dtype == float
         assert_array_equal(forcing(kappa), [1.0, 2.0])

@@ -1,4 +1,5 @@
-"""A number or a reason: every method, over random nobles and forcings.
+"""What every method promises: a number or a reason, over random nobles and forcings; its name; and
+that the size of a ray's profile is only the unit of the scale.
 
 NumPy's warnings are errors in this suite, so that nothing overflows unseen either.
 """
@@ -57,6 +58,27 @@ def test_an_answer_names_its_method_in_the_words_of_the_field(words):
     found = ANSWERS[words]()
     assert found.method
     assert words.startswith(found.method)
+
+
+PROFILE = np.array([1.0, 0.4])
+METHODS = {
+    "barriers": lambda profile, size: barriers.critical_scale(profile, 1e-1),
+    "cones": lambda profile, size: symmetry_line.critical_scale(profile, 300),
+    "continuation": lambda profile, size: continuation.critical_scale(GAMMA, profile, 1e-4 / size),
+    "escape": lambda profile, size: escape.critical_scale(profile, 1000, 100),
+    "periodic": lambda profile, size: periodic.critical_scale(GAMMA, profile, 300),
+}
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_a_ray_s_size_is_a_unit_down_to_the_smallest(name):
+    expected = METHODS[name](PROFILE, 1.0)
+    assert expected.status is Status.OK
+    for size in (2.0**-996, 2.0**13):  # without rounding, which would change escapes
+        found = METHODS[name](size * PROFILE, size)
+        assert (found.status, found.omega) == (expected.status, expected.omega)
+        assert found.error * size == pytest.approx(expected.error, rel=0.3)
+        assert abs(found.value * size - expected.value) <= 0.1 * expected.error
 
 
 def test_too_short_periods_are_admitted():
