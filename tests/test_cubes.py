@@ -38,13 +38,14 @@ JOBS = {
     "transport": breakdown.by_escape(rotating("1/3"), RAYS, 100, 8),
     "flux": flux.through_last_circle(TWO, {20.0: 1.0}, {20.0: str(GAMMA)}, [0.5], 50),
 }
+QUICK = [name for name in JOBS if name != "irrational tori"]
 
 
 def plan(**changes):
     return escape.over_plane(**{**PLANE, **changes}).cube
 
 
-@pytest.mark.parametrize("name", JOBS)
+@pytest.mark.parametrize("name", [*QUICK, pytest.param("irrational tori", marks=pytest.mark.slow)])
 def test_a_tile_has_the_variables_of_its_cube_and_each_has_a_name_and_a_unit(name):
     job = JOBS[name]
     cube = pickle.loads(pickle.dumps(job)).cube

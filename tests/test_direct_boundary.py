@@ -77,6 +77,7 @@ def direct(tmp_path_factory, workers):
     return out
 
 
+@pytest.mark.slow
 def test_direct_iteration_closes_in_on_the_boundary_from_outside(direct):
     rows = table(direct / "direct_boundary_rays.csv")
     assert [(int(r["n"]), float(r["angle"])) for r in rows] == [
@@ -100,6 +101,7 @@ def test_direct_iteration_closes_in_on_the_boundary_from_outside(direct):
         assert outside <= n < inside
 
 
+@pytest.mark.slow
 def test_no_more_is_iterated_than_the_boundary_needs_as_foreseen_and_as_status_says(direct):
     cube = xr.open_zarr(direct / "direct_boundary.zarr")
     n = int(cube.escape_time.notnull().sum())
@@ -112,6 +114,7 @@ def test_no_more_is_iterated_than_the_boundary_needs_as_foreseen_and_as_status_s
     assert (times.isel(excess=slice(0, 5)).isnull()).all()
 
 
+@pytest.mark.slow
 def test_the_orbit_of_an_inset_stays_where_a_circle_is_left(direct):
     insets = xr.open_zarr(direct / "direct_insets.zarr").load()
     assert (insets.visits.sum(("x", "y")) == 3_000_001).all()

@@ -207,6 +207,7 @@ def test_ensembles_are_nested_and_fill_the_paper_s_rectangle_evenly(n_orbits):
     assert np.abs(counts - n_orbits / 25).max() <= 6
 
 
+@pytest.mark.slow
 def test_a_processor_without_fma_finds_the_same_times(tmp_path):
     if platform.machine() not in ("x86_64", "AMD64"):
         pytest.skip("x86-64 is the target that lacks fma")

@@ -86,6 +86,7 @@ def test_amplitudes_are_far_below_one():
     assert amplitude.attrs["justified_exit"] < 1.25
 
 
+@pytest.mark.slow
 def test_what_a_search_or_a_certificate_must_reject_is_there_and_rejected():
     missed, fakes, disorder = study("beam").missed, study("fakes"), study("disorder")
     assert float(missed.sel(kept=1)) > 0.3

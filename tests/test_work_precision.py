@@ -96,6 +96,7 @@ def test_a_single_orbit_looks_quasiperiodic_beyond_the_breakup():
     assert np.isnan(error)
 
 
+@pytest.mark.slow
 def test_the_command_writes_a_cube_tables_and_a_figure(tmp_path):
     out = tmp_path / "out"
     few = ["--only", "residue", "--only", "crossing", "--angle", "0"]
