@@ -282,6 +282,7 @@ def test_hidden_symmetries_of_random_forcings_change_nothing(monkeypatch):
     assert decided >= 22  # of 158 it was all
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("hidden")
 def test_an_idle_kick_after_each_kick_halves_the_scale():
     # x moves by 2y between two kicks: the map of κ, y is that of 2κ, 2y.

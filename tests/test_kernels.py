@@ -78,6 +78,7 @@ def started(script, *arguments, cache, source=ROOT):
     return subprocess.Popen(command, env=environment, **pipes)
 
 
+@pytest.mark.slow
 def test_processes_that_write_at_once_keep_all_and_of_those_that_miss_one_kernel_one_compiles_it(
     tmp_path,
 ):

@@ -88,7 +88,7 @@ def test_too_short_periods_are_admitted():
         assert np.isnan(found.value)
 
 
-@pytest.mark.parametrize("n_kicks", thirds([2, 1, 3, 4, 5, 6]))
+@pytest.mark.parametrize("n_kicks", thirds([2, 4, 3, 1, 5, 6]))
 def test_a_method_gives_a_number_or_a_reason_and_no_warning(n_kicks):
     rng = np.random.default_rng(n_kicks)
     for _ in range(4):
@@ -100,7 +100,7 @@ def test_a_method_gives_a_number_or_a_reason_and_no_warning(n_kicks):
             assert np.isnan(number) == (status is not Status.OK)
 
 
-@pytest.mark.parametrize("n_kicks", thirds([2, 1, 3, 4, 6]))
+@pytest.mark.parametrize("n_kicks", thirds([2, 4, 3, 1, 6]))
 def test_the_methods_for_the_last_barrier_give_a_number_or_a_reason_and_no_warning(n_kicks):
     rng = np.random.default_rng(n_kicks)
     profile = rng.uniform(0, 0.4) ** np.arange(n_kicks)  # its first kick has the dominant line

@@ -37,6 +37,7 @@ def test_the_last_barrier_breaks_between_two_proofs(angle):
     assert bracket.transport.proved
 
 
+@pytest.mark.slow
 def test_where_no_barrier_is_found_nothing_is_proved():
     near_cusp = (1, 1 - 1e-6)
     bracket = proofs.critical_scale(near_cusp, 0.1)
@@ -131,7 +132,8 @@ def test_without_python_flint_the_command_says_what_to_install(command, tmp_path
 @pytest.mark.parametrize(
     ("low", "size", "depth", "states"),
     [
-        ((0.5, 0.125), 1 / 8, 3, {1, 2, 3}),  # CB_gt runs through it
+        # CB_gt runs through it.
+        pytest.param((0.5, 0.125), 1 / 8, 3, {1, 2, 3}, marks=pytest.mark.slow),
         ((0.25, 0.25), 1 / 32, 0, {3}),  # far below it, on the diagonal
     ],
 )

@@ -21,6 +21,7 @@ import numpy as np
 import psutil
 import pytest
 import toy
+from cases import thirds
 from test_memory import glibc, kept
 
 import workflows.shared.run
@@ -37,7 +38,7 @@ def client():
         yield client
 
 
-@pytest.mark.parametrize("tile", [1, 3, 10, 50])
+@pytest.mark.parametrize("tile", thirds([3, 1, 10, 50]))
 def test_a_sweep_equals_a_serial_computation_whatever_the_tiling(client, tmp_path, tile):
     plan = toy.cube(tile=tile)
     outcome = toy.run(client, tmp_path, plan)

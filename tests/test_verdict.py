@@ -92,6 +92,7 @@ def test_a_strength_of_two_leaves_no_circle(kappa):
     assert (found.answer, found.steps) == (Answer.TRANSPORT, 0.5)
 
 
+@pytest.mark.slow
 def test_next_to_a_cusp_the_points_themselves_still_decide():
     inside, outside = verdict((0.9, 0.9000001)), verdict((1.0, 1.0000001))
     assert np.isnan(inside.boundary.value)
