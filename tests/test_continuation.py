@@ -35,7 +35,7 @@ def test_the_golden_circle_breaks_at_kappa_g(name, profile, exact, tol):
     assert np.isnan(found.upper)
 
 
-SAMPLES = [(tol, 48, 20, 0.97) for tol in (1e-4, 1e-6)]  # 47 of 48
+SAMPLES = [(1e-6, 48, 20, 0.97)]  # 47 of 48
 SAMPLES += [pytest.param(tol, 360, 77, 0.98, marks=pytest.mark.slow) for tol in (1e-4, 1e-5, 1e-6)]
 
 

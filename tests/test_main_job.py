@@ -282,6 +282,7 @@ def test_example_planes_of_other_settings(finished, dense, follow):
     assert "levels: 3 and None" in said
 
 
+@pytest.mark.slow
 def test_example_planes_of_unequal_grids(finished, tmp_path_factory, workers, follow):
     fine = tmp_path_factory.mktemp("fine") / "out"
     plane = ["--kappa1", "0:0.7:48", "--kappa2", "0.35:0.7:24"]

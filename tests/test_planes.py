@@ -36,7 +36,7 @@ def breakup(plane, angle, omega):
         (planes.rotating("1/3"), 2),
         (planes.rotating("1/3", "1/12"), 4),
         (planes.rotating("1/3", "1/48"), 2),
-        (GENERIC, 2),
+        pytest.param(GENERIC, 2, marks=pytest.mark.slow),
     ],
 )
 def test_circles_break_together_on_the_rays_that_symmetry_makes_images(plane, n_images):

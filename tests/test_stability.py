@@ -79,6 +79,7 @@ def test_beyond_the_twist_nothing_is_certified():
     assert (twist.twist.sel(angle=90, scale=2.25) < 0).all()
 
 
+@pytest.mark.slow
 def test_amplitudes_are_far_below_one():
     amplitude = study("amplitude")
     assert amplitude["last"].notnull().all()
