@@ -9,7 +9,7 @@ from workflows.shared.cli import command, plane_option, ray_options, real, sweep
 @command()
 @plane_option
 @ray_options(181)
-@real("--tol", 2e-5, 1e-5, 0.1, "Width of the bracket to aim at, in parts of the scale.")
+@real("--tol", 2e-5, 1e-5, 0.1, "Width of the bracket to aim at, relative to the scale.")
 @sweeps
 def main(run, plane, angles, tips, tol):
     """The last barrier on rays: two cubes, a table and a figure in OUT.

@@ -10,7 +10,7 @@ from workflows.shared.cli import command, flag, real, sweeps, whole
 
 @command()
 @whole("--angles", 361, 2, 10**5, "Rays around the plane; all but an eighth are mirror images.")
-@real("--seconds", 3.0, 0.1, 10**5, "CPU time for each of the two proofs on a ray.")
+@real("--seconds", 3.0, 0.1, 10**5, "CPU seconds for each of the two proofs on a ray.")
 @flag("--quick", "A preview: 41 rays, half a second for each proof.")
 @sweeps
 def main(run, angles, seconds, quick):

@@ -37,7 +37,7 @@ def parse_frequency(text):
 )
 @cli.ray_options(31)
 @cli.full_option("most of an hour of CPU time", angles=61, phase=MANY)
-@cli.real("--tol", 1e-3, 1e-5, 0.1, "Width of the bracket to aim at, in parts of the scale.")
+@cli.real("--tol", 1e-3, 1e-5, 0.1, "Width of the bracket to aim at, relative to the scale.")
 @cli.sweeps
 def main(run, frequency, phase, angles, tips, tol):
     """Rotating standard maps: a cube for each phase and one of T, a table and a figure in OUT.

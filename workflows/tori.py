@@ -56,7 +56,7 @@ def parse_vectors(texts):
 def main(run, vector, angles, tol, picture, quick):
     """Tori of irrational frequency: two cubes, a table and two figures in OUT.
 
-    The defaults take some seven CPU minutes; --quick half a one.
+    The defaults take some seven CPU minutes; --quick half a minute.
     """
     import numpy as np
 

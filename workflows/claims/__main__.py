@@ -13,7 +13,7 @@ _EXAMINED = 60  # CPU seconds of the claims that need no sweep
 @command()
 @whole("--angles", 91, 3, 10**5, "Rays, from 0 to 45 degrees.")
 @whole("--tips", 24, 0, 1000, "More rays below the cusp at 45 degrees, from 5 to 0.01 degrees.")
-@real("--tol", 1e-4, 1e-5, 0.01, "Width of the bracket of CB_gt to aim at, in parts of the scale.")
+@real("--tol", 1e-4, 1e-5, 0.01, "Width of the bracket of CB_gt to aim at, relative to the scale.")
 @whole("--n-max", 1_000_000, 10_000, 10**8, "Steps of direct iteration.")
 @whole("--n-orbits", 1000, 10, 10**5, "Orbits of direct iteration.")
 @sweeps

@@ -12,14 +12,14 @@ from workflows.shared.cli import cluster_options, command, flag, out_option, pla
 @command()
 @plane_option
 @whole("--port", 5006, 0, 65535, "Port of the page on this machine; 0: any that is free.")
-@flag("--no-browser", "Print the address of the page, and open nothing.")
+@flag("--no-browser", "Print the address of the page; open no browser.")
 @cluster_options
 @out_option
 def main(plane, port, no_browser, out, **cluster):
     """Explore a plane of forcings in the browser; Ctrl-C ends it.
 
     What an earlier run has left in OUT, escape times and the boundary, is shown at once; OUT is
-    only read, and need not exist. All else is computed where you look.
+    only read, and need not exist. The rest is computed where you look.
     """
     try:
         import bokeh  # noqa: F401

@@ -12,7 +12,7 @@ from workflows.shared.cli import command, whole, writes
 
 @command()
 @whole("--n-orbits", 48, 2, 1000, "Orbits of each portrait, from the lines x = 0 and x = 1/2.")
-@whole("--steps", 1000, 1, 100_000, "Steps of each orbit, and kicks of the nonautonomous map's.")
+@whole("--steps", 1000, 1, 100_000, "Steps of each orbit, and kicks of the nonautonomous map.")
 @writes
 def main(run, n_orbits, steps):
     """Phase portraits: two cubes and two figures in OUT. A few seconds."""

@@ -200,7 +200,7 @@ def full_option(effort, **settings):
         for name, value in settings.items()
         for each in ([value] if isinstance(value, str | int) else value)
     )
-    help = f"The long form, {effort}: {words} are then the defaults."
+    help = f"The long form, {effort}: by default {words}."
     eager = {"is_eager": True, "expose_value": False, "callback": callback}
     return click.option("--full", is_flag=True, help=help, **eager)
 

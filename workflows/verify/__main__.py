@@ -14,7 +14,7 @@ from workflows.shared.cli import command, flag, place_options, real
 
 
 @command()
-@flag("--repair", "Free what is damaged, to be computed again.")
+@flag("--repair", "Mark what is damaged as missing, to be computed again.")
 @flag("--proofs", "Check certificates too, with the extra `proof`.")
 @real("--longest", 60, 0, 1e9, "CPU seconds: certificates that take longer are not checked.")
 @place_options
