@@ -12,9 +12,7 @@ _CELLS = ["32", "64", "128", "256", "512", "1024"]
 
 @command()
 @choice("--cells", _CELLS, "128", "Cells per unit of strength, at the finest.")
-@real(
-    "--seconds", 0.5, 1e-3, 1e4, "CPU seconds to prove transport; then a cell is cut or left open."
-)
+@real("--seconds", 0.5, 1e-3, 1e4, "CPU seconds to prove transport; then a cell is cut or left.")
 @full_option("more than an hour of CPU time", cells="512")
 @sweeps
 def main(run, cells, seconds):

@@ -141,9 +141,7 @@ def _drawn(*asked):
 @click.argument("kappa", type=float, nargs=-1)
 @cli.point_option
 @cli.file_option("--sequence", "A text file with one period of strengths, in place of KAPPA.")
-@cli.file_option(
-    "--once", "A text file with any number of kicks that come once, and do not repeat."
-)
+@cli.file_option("--once", "A text file with any number of kicks, which do not repeat.")
 @cli.flag("--prove", "Prove the answer, if 20 s are enough.")
 @cli.flag("--pdf", "The figure as PDF too.")
 @cli.draws
