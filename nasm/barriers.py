@@ -25,7 +25,6 @@ Converse KAM takes its starts from the dominant symmetry line, where the forcing
 """
 
 from dataclasses import replace
-from fractions import Fraction
 from itertools import islice
 from math import floor
 
@@ -36,7 +35,7 @@ from nasm.checks import real
 from nasm.circles import continuation
 from nasm.converse_kam import symmetry_line, transversal
 from nasm.critical import CriticalScale, Status, no_answer
-from nasm.maps import direction, forcing, unkick
+from nasm.maps import direction, forcing, segment, unkick
 from nasm.numbers import RotationNumber, checked, convergents, moebius, nobles_near, parse, rational
 from nasm.orbits import rotation_number
 from nasm.symmetries import dominant_lines, ray, shorten
@@ -67,26 +66,28 @@ _TELLING, _TOO_LONG = 60, 3000  # periods of the convergents whose residues tell
 _BRANCHING = 300  # period up to which all nobles that branch off from a rotation number are asked
 _HALVED = 1e-4  # of the scale: between what is said to stand and what is not
 _HULL, _GRID, _FINEST = 5000, 4096, 32768  # period of orbits, points, of circles from them
-_BELOW = 0.003, 0.01, 0.03  # the leader's breakup, where survivors name circles to certify
+_BELOW = 1, 2, 4, 10, 30  # times that: where circles are certified if not there
 _STOOD = 0.99  # of a scale with survivors
 _OUTSET = 0.93  # of a scale without circles: where the first candidates are to stand
 _BLURRED = 300  # period that sees a cusp, from which orbits up to 6000 may leave large errors
 _LONG = 30_000  # period of the orbits then
 
 
-def critical_scale(profile, tol=1e-4):
-    """The scale at which the last rotational invariant circle breaks on the ray κ = s·profile.
+def critical_scale(profile, tol=1e-4, start=None):
+    """The scale at which the last rotational invariant circle breaks on κ = start + s·profile.
 
     Parameters
     ----------
     profile : sequence of P floats, not all 0.
     tol : float, 10⁻⁵ to 10⁻¹: the width of the bracket to aim at, (upper - lower)/value.
+    start : sequence of P floats; default 0, a ray from the origin. From another start it is the
+        first breakup, s ≥ 0; a region without circles is stepped over if it is narrower than a
+        change of 0.1 of the largest strength.
 
     Returns
     -------
     CriticalScale. value, error : by Greene's residue; where a later circle may have been missed,
-    next to a cusp, without a dominant line or where starts survive above the value, error is no
-    smaller than upper - value,
+    next to a cusp or where starts survive above the value, error is no smaller than upper - value,
     and where residues have no limit the value is between scales at which they fall and grow.
     lower : a circle is certified there, that of ω or of another; upper : no start on the dominant
     line, or on a transversal, survives there. omega : that of the last barrier, per period, in
@@ -96,18 +97,19 @@ def critical_scale(profile, tol=1e-4):
     no circle is certified so near to the breakup. Status
     UNDECIDED, and no value, where the methods contradict each other, and NEAR_CUSP instead where a
     shorter forcing is so near that periods up to 300 cannot tell them apart; lower and upper are
-    then what was shown. lower is NaN where no circle could be certified.
+    then what was shown. lower is NaN where no circle could be certified. From another start OUTSIDE
+    if no barrier is there, and NO_BREAKUP if one is left where some strength has changed by 4.
 
     ValueError if profile is zero or tiny, or has more than 64 kicks and no dominant symmetry line,
-    or tol is out of range.
+    or start is of another length, or tol is out of range.
     """
-    profile = direction(profile)
+    start, profile = segment(start, profile)
     tol = real("tol", tol)
     if not 1e-5 <= tol <= 0.1:
         raise ValueError(f"tol={tol!r} must be from 1e-5 to 0.1")
     # On κ1 = κ2 the barriers are noble for the standard map, not for two steps of it.
-    (short,), zero = shorten([profile], rational(0))
-    found = _last(short, tol)
+    (start, short), zero = shorten([start, profile], rational(0))
+    found = _last(start, short, tol)
     if found.omega is None:
         return found
     if found.upper - found.lower > _WIDE * tol * found.value:
@@ -115,16 +117,21 @@ def critical_scale(profile, tol=1e-4):
     return replace(found, omega=per_period(found.omega, profile, short, zero))
 
 
-def _last(short, tol):
+def _last(start, short, tol):
     """The CriticalScale of the last circle, omega per period of `short`."""
     above = tol / 5  # and the rest below, where it costs more
-    n_certify = int(1.6 / above)
-    upper, start = _located(short)
-    race = _Race(short, above)
-    race.enter(candidates(*start), _OUTSET * upper, upper)
+    upper, outermost = _located(start, short)
+    if not 0 < upper < np.inf:
+        status = Status.NO_BREAKUP if upper else Status.OUTSIDE
+        return no_answer(None, status, "converse KAM")
+    race = _Race(start, short, above, upper)
+    race.enter(candidates(*outermost), _OUTSET * upper)
+    # Of lives: from a start the forcing changes less than the scale.
+    part = upper * np.abs(short).max() / np.abs(race.at(upper)).max()
+    n_certify = int(1.6 / above / min(max(part, 0.1), 1))
     survived, nameless, asked, depth = 0.0, np.inf, [], _DEPTH
     for _ in range(_ASKED):
-        best, n_steps = race.leader, n_certify
+        best, upper, n_steps = race.leader, race.upper, n_certify
         if best is None and survived > 0 and upper - survived < _DEPTH * upper:
             break
         if best is None:
@@ -135,7 +142,7 @@ def _last(short, tol):
             asked.append(best)
             scale = best.value * (1 + above)
             if scale > upper:
-                race.enter(_neighbours(best.omega), best.value, upper)
+                race.enter(_neighbours(best.omega), best.value)
                 continue
         elif min(upper, nameless) - best.value > tol * upper:
             scale = (best.value + min(upper, nameless)) / 2
@@ -143,66 +150,77 @@ def _last(short, tol):
             scale = (max(survived, best.value) + upper) / 2
         else:
             break
-        start, steps = longest_lived(scale * short, n_steps)
-        if steps < np.inf:
-            upper = min(upper, scale)
-        else:
+        near = [float(best.omega)] if best else []
+        found, steps = longest_lived(race.at(scale), n_steps, near)
+        survives = steps == np.inf
+        if survives:
             survived = max(survived, scale)
-        names, survives = candidates(*start), steps == np.inf
-        if survives and (best or upper - survived < 3 * _DEPTH * upper):
-            names += _branches(*start)
+        else:
+            race.eliminated.append(scale)
+            upper = race.upper
+        names = candidates(*found, n_steps if survives else _AVERAGED)
+        if survives and short.size > 2 and (best or upper - survived < 3 * _DEPTH * upper):
+            names += _branches(*found, n_steps)
         if best:
             # With one kick or two the boundary of a circle has one sheet, and the first name is it.
             names += _neighbours(best.omega) if survives or short.size > 2 else []
-            race.enter(names, scale if survives else best.value, upper)
+            race.enter(names, scale if survives else best.value)
         elif not survives or upper - survived < 3 * _DEPTH * upper:
-            race.enter(names, _STOOD * survived if survives else _OUTSET * upper, upper)
+            race.enter(names, _STOOD * survived if survives else _OUTSET * upper)
         if best is None and race.leader:
             survived = 0.0  # a start that survived fewer steps may not be on a circle
         if survives and best and race.leader is best:
             nameless = min(nameless, scale)
     race.refine()
-    return _bracketed(race, upper, tol)
+    return _bracketed(race, tol)
 
 
-def _bracketed(race, upper, tol):
+def _bracketed(race, tol):
     """The CriticalScale of the leader, with what is shown of it, or of those that follow it."""
-    best, lower = race.leader, np.nan
+    best, upper, lower = race.leader, race.upper, np.nan
     for contender in race.known[:2]:
-        given = contender.omega, race.short, contender.value, 0.8 * tol
+        beyond = (upper - contender.value) / contender.value
+        below = 0.8 * tol if beyond < 0.201 * tol else max(0.999 * (tol - beyond), 0.5 * tol)
+        given = contender.omega, race.short, contender.value, below, race.start
         found = continuation.certified_scale(*given)
-        if not found > (1 - _WIDE * tol) * contender.value:
-            # Where circles break and come back further in on the ray, no path leads from there.
-            for distance in 0.8 * tol * np.array([1, 2, 4, 10]):
-                scale = contender.value * (1 - distance)
-                if _is_certified(contender.omega, scale * race.short):
-                    found = scale
-                    break
         lower = np.fmax(lower, found if found < upper else np.nan)
         if lower > (1 - tol) * upper:
             break
     end = best.value if best else upper
-    for scale in end * (1 - np.array(_BELOW)):
-        if lower >= scale:
+    for below in 0.8 * tol * np.array(_BELOW):
+        scale = end * (1 - below)
+        if lower >= scale or scale <= 0:
             break
-        start, _ = longest_lived(scale * race.short, _LOCATE)
-        for omega in candidates(*start)[:1]:
-            if circles.invariant_circle(omega, scale * race.short).certified:
-                lower = scale
-    if best is None and has_dominant_line(race.short):
+        if _certified_at(scale, race):
+            lower = scale
+            break
+    if best is None and not race.start.any() and has_dominant_line(race.short):
         upper = np.fmin(upper, symmetry_line.critical_scale(race.short, 16 * _LOCATE).upper)
     if best is None or upper - best.value > _ROUGH * best.value:
         status = Status.NEAR_CUSP if Status.NEAR_CUSP in race.told else Status.UNDECIDED
         return CriticalScale(np.nan, np.nan, lower, upper, None, status, "converse KAM")
-    error = best.error
-    halved, far = best.error > _HALVED / 2 * best.value, upper > best.value * (1 + 0.3 * tol)
-    sampled = not has_dominant_line(race.short)  # a neighbour of the last circle may be named
-    if halved or far or sampled or periodic.cusp_period(race.short) > _BLURRED:
+    error = max(best.error, *(rival.value + rival.error - best.value for rival in race.known))
+    far = upper > best.value * (1 + 0.3 * tol)
+    if race.halved(best) or far or periodic.cusp_period(race.at(best.value)) > _BLURRED:
         # Circles follow each other so closely that a later one may have been missed; but not above
         # the bracket, which may know better than the residues do.
         error = np.fmax(error, upper - best.value)
     error = np.fmin(error, max(best.value - lower, upper - best.value))  # NaN: no bracket
     return replace(best, error=error, lower=lower, upper=upper)
+
+
+def _certified_at(scale, race):
+    """Whether a circle is certified at a scale: of those that break last, or of what survives."""
+    kappa = race.at(scale)
+    if any(_is_certified(known.omega, kappa) for known in race.known[:2]):
+        return True
+    near = [float(known.omega) for known in race.known[:1]]
+    found, steps = longest_lived(kappa, 4 * _SURVIVED, near)
+    if steps < np.inf:
+        return False
+    names = candidates(*found, 4 * _SURVIVED) + _branches(*found, 4 * _SURVIVED)
+    standing = (omega for omega in names if _stands(omega, kappa))
+    return any(_is_certified(omega, kappa) for omega in islice(standing, 4))
 
 
 def _is_certified(omega, kappa):
@@ -226,56 +244,97 @@ def _is_certified(omega, kappa):
     return circles.invariant_circle(omega, kappa, _FINEST, start).certified
 
 
-def _located(short):
+def _located(start, profile):
     """A scale without circles, and the start that lives longest there, or just above."""
-    if has_dominant_line(short):
-        located = symmetry_line.critical_scale(short, _LOCATE)
+    if not start.any() and has_dominant_line(profile):
+        located = symmetry_line.critical_scale(profile, _LOCATE)
         if located.status is Status.OK:
-            beyond = located.value * (1 + _BEYOND / _LOCATE) * short
+            beyond = located.value * (1 + _BEYOND / _LOCATE) * profile
             # Lives end there at 1.2 to 1.5 steps: any larger number than 2 finds the same start.
             return located.upper, longest_lived(beyond, 2 * _LOCATE)[0]
-    upper, start, _ = transversal.located(short, _LOCATE_ANYWHERE)
-    return upper, (np.roll(upper * short, -start.site), start.x, start.y)
+    upper, found, _ = transversal.located(profile, _LOCATE_ANYWHERE, start)
+    if found is None:
+        return upper, None
+    return upper, (np.roll(start + upper * profile, -found.site), found.x, found.y)
 
 
 class _Race:
-    """Circles on a ray, by the scales at which residues say that they break."""
+    """Circles on a segment, by the scales at which residues say that they break.
 
-    def __init__(self, short, precision):
-        self.short, self.precision = short, precision
+    eliminated : list of float, scales at which no start was found to survive.
+    """
+
+    def __init__(self, start, short, precision, upper):
+        self.start, self.short, self.precision = start, short, precision
+        self.eliminated = [upper]
         self.leader, self.known, self.told, self._seen = None, [], set(), set()
 
-    def enter(self, names, reached, upper):
+    def at(self, scale):
+        """The forcing there."""
+        return self.start + scale * self.short
+
+    @property
+    def upper(self):
+        """The lowest scale known without circles."""
+        return min(self.eliminated)
+
+    def enter(self, names, reached):
         """Let circles take the lead that stand at a scale and break later than the leader, but not
-        above a scale without circles."""
+        above a scale without circles. Next to a cusp that orbits do not see none does."""
+        if self.short.size > 2 and periodic.cusp_period(self.at(reached)) > _TOO_LONG:
+            self.told.add(Status.NEAR_CUSP)
+            return
         for omega in names:
             if self.leader:
                 reached = max(reached, self.leader.value)
-            if omega in self._seen or not _stands(omega, reached * self.short):
+            if omega in self._seen or not _stands(omega, self.at(reached)):
                 continue
             self._seen.add(omega)
             scale = no_answer(omega, Status.UNDECIDED)
-            if self.leader is None or self.short.size <= 2:
+            if self.short.size <= 2:
                 scale = self.by_residues(omega)
-            plausible = reached - scale.error <= scale.value <= upper + scale.error
+            plausible = reached - scale.error <= scale.value <= self.upper + scale.error
             if scale.status is not Status.NEAR_CUSP and not plausible:
-                scale = _by_halving(omega, self.short, reached, upper)
+                scale = self.by_halving(omega, reached)
             if scale.status is Status.OK:
                 self.known = sorted([*self.known, scale], key=lambda known: -known.value)
                 self.leader = _most_robust([scale], self.leader)
 
-    def by_residues(self, omega):
+    def by_residues(self, omega, near=None):
         """The CriticalScale of one circle by the crossings of its residues."""
-        scale = _breakup(omega, self.short, self.precision)
+        scale = _breakup(omega, self.short, self.precision, self.start, near)
         self.told.add(scale.status)
         return scale
 
+    def by_halving(self, omega, below):
+        """The CriticalScale of a circle that stands below. A scale at which it stands too is none
+        without circles: searches for survivors are samples, and residues know better."""
+        while _stands(omega, self.at(self.upper)):
+            if len(self.eliminated) == 1:
+                return no_answer(omega, Status.UNDECIDED)
+            self.eliminated.remove(self.upper)
+        above = self.upper
+        while above - below > _HALVED * above:
+            middle = (below + above) / 2
+            stands = _stands(omega, self.at(middle))
+            below, above = (middle, above) if stands else (below, middle)
+        value, method = (below + above) / 2, "Greene's residue"
+        return CriticalScale(value, above - below, np.nan, np.nan, omega, Status.OK, method)
+
+    def halved(self, scale):
+        """Whether a circle's breakup is known by halving only."""
+        return scale.error > _HALVED / 2 * scale.value
+
     def refine(self):
-        """Ask residues for the digits of a leader that is known by halving only."""
-        if self.leader and self.leader.error > _HALVED / 2 * self.leader.value:
-            scale = self.by_residues(self.leader.omega)
-            if abs(scale.value - self.leader.value) < 3 * self.leader.error:
-                self.known[self.known.index(self.leader)] = self.leader = scale
+        """Ask residues for the digits of the leader, and of those that may break as late."""
+        for i, known in enumerate(self.known):
+            if self.halved(known) and known.value + known.error > self.leader.value:
+                scale = self.by_residues(known.omega, known.value)
+                if abs(scale.value - known.value) < 3 * known.error:
+                    self.known[i] = scale
+        if self.known:
+            shortest = sorted(self.known, key=lambda known: len(known.omega.prefix))
+            self.leader = _most_robust(shortest, None)
 
 
 def _stands(omega, kappa):
@@ -287,7 +346,7 @@ def _stands(omega, kappa):
     ladder, residues = action.Ladder(kappa, 0 * kappa, fractions), [np.nan]
     for n in range(first, len(fractions)):
         try:
-            residues.append(ladder.scan(n, 0.0)[-1].refined_residue())
+            residues.append(ladder.at(n, 0.0, -1).residue)
         except action.LostError:
             return False
         before, residue = residues[-2:]
@@ -296,17 +355,6 @@ def _stands(omega, kappa):
         if residue < 0.05 and before < 0.1:
             return True
     return len(residues) > 2 and residues[-1] < residues[-2]
-
-
-def _by_halving(omega, short, below, above):
-    """The CriticalScale of a circle that stands below one scale, and not above another."""
-    if _stands(omega, above * short):
-        return no_answer(omega, Status.UNDECIDED)
-    while above - below > _HALVED * above:
-        middle = (below + above) / 2
-        below, above = (middle, above) if _stands(omega, middle * short) else (below, middle)
-    value, method = (below + above) / 2, "Greene's residue"
-    return CriticalScale(value, above - below, np.nan, np.nan, omega, Status.OK, method)
 
 
 def _neighbours(omega):
@@ -318,31 +366,16 @@ def _neighbours(omega):
     return [parse(str(RotationNumber(prefix, (1,)))) for prefix in prefixes]
 
 
-def _branches(kappa, x, y):
-    """Nobles that branch off from the rotation number of the orbit that starts in (x, y), and their
-    neighbours: those with the shortest prefix last."""
-    omega, _ = rotation_number(kappa, x, y, _AVERAGED)
-    if not np.isfinite(omega):
-        return []
-    found, quotients = {}, rational(Fraction(float(omega))).prefix
-    for n in range(2, len(quotients)):
-        noble = parse(str(RotationNumber(quotients[:n], (1,))))
-        *_, fraction = islice(convergents(noble), n)
-        if fraction.denominator > _BRANCHING:
-            break
-        found = dict.fromkeys([noble, *_neighbours(noble)]) | found
-    return list(found)
-
-
-def longest_lived(kappa, n_max):
+def longest_lived(kappa, n_max, near=()):
     """The start that converse KAM is longest to eliminate: (kappa from its site on, x, y); and its
     life in steps, inf if on no line or transversal all starts are eliminated within n_max steps.
+    near : as for `transversal.longest_lived`.
     """
     if has_dominant_line(kappa):
         place, steps = symmetry_line.longest_lived(kappa, n_max)
         if steps < np.inf or kappa.size <= 2:
             return symmetry_line.start(kappa, place), steps
-    start, steps = transversal.longest_lived(kappa, n_max)
+    start, steps = transversal.longest_lived(kappa, n_max, near)
     return (np.roll(kappa, -start.site), start.x, start.y), steps
 
 
@@ -410,17 +443,34 @@ def last_circle(found, profile):
     return circles.InvariantCircle(omega, scale * profile, u, error, Status.OK)
 
 
-def candidates(kappa, x, y):
-    """Nobles near the rotation number of the orbit that starts in (x, y), as far as it has one."""
-    omega, _ = rotation_number(kappa, x, y, _AVERAGED)
+def candidates(kappa, x, y, n=_AVERAGED):
+    """Nobles near the rotation number of the orbit that starts in (x, y), as far as it has one in n
+    steps."""
+    omega, _ = rotation_number(kappa, x, y, n)
     return nobles_near(float(omega), _NEAR, _CANDIDATES) if np.isfinite(omega) else []
 
 
-def _breakup(omega, profile, precision):
+def _branches(kappa, x, y, n):
+    """Nobles that branch off from the rotation number of the orbit that starts in (x, y), and their
+    neighbours: those with the shortest prefix last."""
+    omega, _ = rotation_number(kappa, x, y, n)
+    if not np.isfinite(omega):
+        return []
+    found = {}
+    for noble in nobles_near(float(omega), 1.0, 30)[1:]:
+        *_, fraction = islice(convergents(noble), len(noble.prefix))
+        if fraction.denominator > _BRANCHING:
+            break
+        found = dict.fromkeys([noble, *_neighbours(noble)]) | found
+    return list(found)
+
+
+def _breakup(omega, profile, precision, start, near):
     """The CriticalScale of one circle, by longer orbits if a cusp is near and blurs the others."""
-    scale = periodic.critical_scale(omega, profile)
-    if scale.error > precision * scale.value and periodic.cusp_period(profile) > _BLURRED:
-        longer = periodic.critical_scale(omega, profile, _LONG)
+    scale = periodic.critical_scale(omega, profile, start=start, near=near)
+    forcing_there = start + scale.value * profile
+    if scale.error > precision * scale.value and periodic.cusp_period(forcing_there) > _BLURRED:
+        longer = periodic.critical_scale(omega, profile, _LONG, start, near)
         return longer if longer.status is Status.OK else scale
     return scale
 

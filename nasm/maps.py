@@ -152,6 +152,18 @@ def direction(profile):
     return strengths
 
 
+def segment(start, profile):
+    """start and profile of κ = start + s·profile, arrays of P floats; a start of None is 0.
+
+    ValueError if they differ in length, or as for `direction`.
+    """
+    profile = direction(profile)
+    start = np.zeros_like(profile) if start is None else forcing(start)
+    if start.shape != profile.shape:
+        raise ValueError(f"start={start} and profile={profile} differ in length")
+    return start, profile
+
+
 def forcing(kappa):
     """`kappa` as a float array of shape (P,), a number as (1,); ValueError if it is something else,
     too large, or made of numbers that floats would round."""

@@ -25,7 +25,7 @@ from scipy.optimize import brentq
 from nasm.action import MAX_PERIOD, Ladder, LostError, Orbit, ordered_orbits
 from nasm.checks import count, fraction
 from nasm.critical import CriticalScale, Status, no_answer
-from nasm.maps import direction, forcing, rotating_forcing
+from nasm.maps import direction, rotating_forcing, segment
 from nasm.numbers import checked, convergents, distinct_convergents, rational
 from nasm.symmetries import CUSP_EXPONENT, distances_to_shorter, shorten
 
@@ -41,6 +41,7 @@ _BROKEN = 0.05  # least residue that shows one; where the dominant line changes 
 _PRECISE = 1e-6  # of the value: longer orbits at the start are not tried then
 _LEFT = 0.1  # of the logarithm of a ratio of residues: more is no crossing
 _FAR = 60  # ratio of periods: orbits that much longer are not found from those before
+_ABOUT = 0.01  # change of the largest strength: where a breakup is that is said to be near
 _STRONG = 0.05  # ratio of crossings a period of the tail apart, from which it is trusted unseen
 
 
@@ -62,7 +63,7 @@ def residue(kappa, p, q):
     return minimax.refined_residue() if minimax.residue else 0.0
 
 
-def critical_scale(omega, profile, q_max=6000, start=None):
+def critical_scale(omega, profile, q_max=6000, start=None, near=None):
     """The scale at which the circle of ω breaks on the segment κ = start + s·profile, s ≥ 0.
 
     The `crossings` of the residues of its convergents, extrapolated by Aitken's rule: of minimax
@@ -76,6 +77,7 @@ def critical_scale(omega, profile, q_max=6000, start=None):
     start : sequence of P floats; default 0, a ray from the origin; planes of forcings that do not
         contain 0 have rays from another. The circle should exist there:
         what is found is the first breakup in steps of a fiftieth of the twist region, |κ| < 2.
+    near : float, a scale near to the breakup, if one is known; then there is no such search.
 
     Returns
     -------
@@ -91,7 +93,7 @@ def critical_scale(omega, profile, q_max=6000, start=None):
     start, profile, short_omega, q_max = _shortened(omega, profile, q_max, start)
     if omega.is_rational:
         return no_answer(omega, Status.RATIONAL, _METHOD)
-    found, _ = _of_families(short_omega, start, profile, q_max)
+    found, _ = _of_families(short_omega, start, profile, q_max, near)
     return replace(found, omega=omega, method=_METHOD)
 
 
@@ -141,10 +143,7 @@ def circle_remains(omega, kappa, q):
 
 def _shortened(omega, profile, q_max, start):
     """start, profile and ω of the shortest map, and q_max, checked."""
-    profile, q_max = direction(profile), count("q_max", q_max, 1, MAX_PERIOD)
-    start = np.zeros_like(profile) if start is None else forcing(start)
-    if start.shape != profile.shape:
-        raise ValueError(f"start={start} and profile={profile} differ in length")
+    (start, profile), q_max = segment(start, profile), count("q_max", q_max, 1, MAX_PERIOD)
     (start, profile), short_omega = shorten([start, profile], omega)
     return start, profile, short_omega, q_max
 
@@ -155,7 +154,7 @@ def _known(omega):
     return tuple(islice(convergents(omega), len(omega.prefix) + len(omega.tail) + 60))
 
 
-def _of_families(omega, start, profile, q_max):
+def _of_families(omega, start, profile, q_max, near=None):
     """The CriticalScale, and the crossings of minimax orbits.
 
     Next to exchanges of the dominant line, which take three kicks, short orbits mislead: the search
@@ -168,22 +167,28 @@ def _of_families(omega, start, profile, q_max):
         return no_answer(None, status), none
     ladder, period = Ladder(start, profile, fractions), len(omega.tail)
     best, tried = None, set()
+    unit = 1 / np.abs(profile).max()
+    ends = (0.0, (2 + np.abs(start).max()) * unit)
+    if near is not None:
+        ends = (max(near - _ABOUT * unit, 0.0), near + _ABOUT * unit)
     for least in (_SHORT,) if simple else _LONG:
         long = [n for n, f in enumerate(fractions[:-period]) if f.denominator >= least]
         n = long[0] if long else len(fractions) - 1 - period
         if n < 1 or n in tried:
             break
-        near = _located(ladder, n, n + period)
-        if isinstance(near, Status):
-            return best or (no_answer(None, near), none)
-        first = n if tried else 0
+        if near is not None and tried:
+            break
+        about = _located(ladder, n, n + period) if near is None else near
+        if isinstance(about, Status):
+            return best or (no_answer(None, about), none)
+        first = n if tried or near is not None else 0
         tried.add(n)
-        crossed = _crossings(ladder, omega, -1, near, first)
+        crossed = _crossings(ladder, omega, -1, about, first, *ends)
         found = _estimate(crossed, profile)
         if simple:
             return found, crossed[0]
         if found.status is Status.OK:
-            other = _estimate(_crossings(ladder, omega, 1, near, first), profile)
+            other = _estimate(_crossings(ladder, omega, 1, about, first, *ends), profile)
             apart = abs(found.value - other.value)
             found = min(found, other, key=attrgetter("error"))
             found = replace(found, error=max(found.error, apart), status=other.status)
@@ -253,11 +258,12 @@ def _estimate(crossed, profile):
     return CriticalScale(value, error, np.nan, np.nan, None, Status.OK)
 
 
-def _crossings(ladder, omega, kind, near, first):
+def _crossings(ladder, omega, kind, near, first, least, largest):
     """(periods, scales) and the status; the number of partial quotients in the tail of ω and the
     ratio of crossings that far apart; and the period that sees a cusp nearby.
 
-    Of orbits of one kind, from the fraction `first` on. near : float, where they are, about.
+    Of orbits of one kind, from the fraction `first` on. near : float, where they are, about; least,
+    largest : floats, between which they are.
     """
     period, chains = len(omega.tail), ladder.chains
     known = _known(omega)
@@ -267,7 +273,8 @@ def _crossings(ladder, omega, kind, near, first):
     found, status, longest, cusp = [], Status.NOT_CONVERGED, 0, 0.0
     first = max(first, next((n for n, chain in enumerate(chains) if chain.q >= 3), len(chains)))
     for n in range(first, len(chains) - period):
-        scale = _crossing(ladder, n, n + period, kind, near, [scale for _, scale in found])
+        pair, before = (n, n + period), [scale for _, scale in found]
+        scale = _crossing(ladder, *pair, kind, near, before, least, largest)
         if isinstance(scale, Status):
             if len(found) >= enough:
                 break  # longer orbits are out of reach; there are enough without them
@@ -288,7 +295,7 @@ def _crossings(ladder, omega, kind, near, first):
     return found, status, (period, ratio), cusp
 
 
-def _crossing(ladder, shorter, longer, kind, near, crossings):
+def _crossing(ladder, shorter, longer, kind, near, crossings, least, largest):
     """The scale at which two orbits of a kind have the same residue, or a Status.
 
     Below it the longer orbit has the smaller residue. near : float, where that is, about, unless
@@ -317,7 +324,7 @@ def _crossing(ladder, shorter, longer, kind, near, crossings):
     if len(crossings) >= 3:
         near, width = _aitken(*crossings[-3:])[0], width / 4
     try:
-        bracket = _bracket(excess, near, width, (2 + np.abs(ladder.start).max()) * unit)
+        bracket = _bracket(excess, near, width, least, largest)
         if isinstance(bracket, Status):
             return bracket
         # Of a smooth excess eight steps do; where it jumps, none do.
@@ -353,16 +360,16 @@ def _logarithm(shorter, longer):
     return log(longer / shorter)
 
 
-def _bracket(excess, near, width, largest):
+def _bracket(excess, near, width, least, largest):
     """Scales between which the excess changes its sign, or a Status.
 
     The search starts `width` to the left of `near`.
     """
-    left, right = max(near - width, 0.0), near + width
+    left, right = max(near - width, least), near + width
     while excess(left) > 0:
-        if left == 0.0:
+        if left == least:
             return Status.OUTSIDE
-        left, width = max(left - width, 0.0), 2 * width
+        left, width = max(left - width, least), 2 * width
     while excess(right) < 0:
         if right > largest:
             return Status.NO_BREAKUP

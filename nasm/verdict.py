@@ -26,8 +26,7 @@ from nasm.symmetries import lengthen, shorten
 __all__ = ["Answer", "Evidence", "Verdict", "verdict"]
 __dir__ = __all__.copy
 
-_TOLERANCES = (1e-3, 1e-4, 2e-5)  # of the boundary next to a point: 0.1 s, 0.4 s and 2 to 3 s
-_WITHOUT_LINE = _TOLERANCES[:2]  # 1 s and 5 s for three kicks
+_TOLERANCES = (1e-3, 1e-4, 2e-5)  # of the boundary, until its error tells a point from it
 _FAR = 1.1  # times a point: a circle so far out that the point is no matter of tolerances
 _STEPS = 1000  # of converse KAM that every point is asked to survive
 _MOST_STEPS = 400_000  # of converse KAM at a point, a second or two: to 4e-6 above the boundary
@@ -128,22 +127,22 @@ def verdict(kappa, prove=False):
     (short,), zero = shorten([kappa], rational(0))
     answer, evidence = Answer.UNDECIDED, Evidence.NONE
     found, circle, steps, proof = None, None, inf, None
-    tolerances = _TOLERANCES if barriers.has_dominant_line(short) else _WITHOUT_LINE
-    for tol in tolerances:
+    for tol in _TOLERANCES:
         boundary = _in_units_of(size, critical_scale(short / size, tol))
-        if abs(boundary.value - 1) < tol / 5 and tol > tolerances[-1]:
+        if abs(boundary.value - 1) <= boundary.error and tol > _TOLERANCES[-1]:
             continue  # look closer before deciding
         end = boundary.value if np.isfinite(boundary.value) else boundary.upper
         if end < 1:
             steps = _elimination(short, 1 / end - 1) * short.size / kappa.size
             if steps < inf:
                 answer, evidence = Answer.TRANSPORT, Evidence.CONES
+                boundary = replace(boundary, upper=min(boundary.upper, 1.0))
                 break
         elif end > 1:
             found = _circle_under(short, boundary)
             if found is not None:
                 answer, evidence = Answer.BARRIER, Evidence.CIRCLE
-                boundary = replace(boundary, omega=found.omega)
+                boundary = replace(boundary, omega=found.omega, lower=np.fmax(boundary.lower, 1.0))
                 circle = lengthen(kappa, *circles.graph(found))
                 break
         if boundary.lower > _FAR and np.isnan(boundary.value):  # a closer look tells no more

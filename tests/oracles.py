@@ -136,4 +136,5 @@ def minimizing_breakup(omega, profile, q_max=6000):
     near = periodic.critical_scale(omega, profile, q_max)
     start, profile, omega, _ = periodic._shortened(near.omega, profile, q_max, None)
     ladder = Ladder(start, profile, distinct_convergents(omega, q_max))
-    return periodic._estimate(periodic._crossings(ladder, omega, 1, near.value, 0), profile)
+    given = ladder, omega, 1, near.value, 0, 0.0, 2 * near.value
+    return periodic._estimate(periodic._crossings(*given), profile)

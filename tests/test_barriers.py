@@ -349,11 +349,11 @@ def misled(monkeypatch, candidates):
     the list of the rounds' forcings."""
     rounds, real = [], barriers.candidates
 
-    def other(kappa, x, y):
+    def other(kappa, x, y, *steps):
         rounds.append(kappa)
         if len(rounds) <= len(candidates):
             return [parse(name) for name in candidates[len(rounds) - 1]]
-        return real(kappa, x, y)
+        return real(kappa, x, y, *steps)
 
     monkeypatch.setattr(barriers, "candidates", other)
     return rounds
@@ -437,8 +437,8 @@ def lie(monkeypatch, factor):
     """Let residues find all breakups at `factor` times the scale."""
     real = periodic.critical_scale
 
-    def wrong(omega, profile, *arguments):
-        found = real(omega, profile, *arguments)
+    def wrong(omega, profile, *arguments, **named):
+        found = real(omega, profile, *arguments, **named)
         return replace(found, value=factor * found.value)
 
     monkeypatch.setattr(periodic, "critical_scale", wrong)

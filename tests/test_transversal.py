@@ -1,17 +1,14 @@
 """Converse KAM on transversals against the action's second variation, symmetry lines, phases."""
 
-from fractions import Fraction
-
 import numpy as np
 import oracles
 import pytest
-from numpy.testing import assert_allclose, assert_array_equal
+from numpy.testing import assert_array_equal
 
 from nasm import circles, escape
-from nasm.action import ordered_orbits
 from nasm.circles import continuation
 from nasm.converse_kam import symmetry_line
-from nasm.converse_kam.transversal import _minimax, elimination_time, located, longest_lived
+from nasm.converse_kam.transversal import elimination_time, located, longest_lived
 from nasm.maps import direction, rotating_forcing
 from nasm.numbers import parse
 from nasm.symmetries import ray
@@ -90,14 +87,6 @@ def test_where_lines_fail_transversals_lead_to_the_circle_that_breaks_last(angle
     )
     assert abs(upper / (1 + 0.7 / time) - judge.value) < 0.7 / time * upper + judge.error
     assert judge.value < upper < 1.005 * judge.value
-
-
-@pytest.mark.parametrize(("p", "q"), [(0, 1), (1, 1), (3, 2), (2, 5), (4, 7)])
-def test_minimax_orbits_are_those_of_the_symmetry_line(p, q):
-    kappa = np.array([0.35, 0.1, 0.1])
-    sites = _minimax(kappa, Fraction(p, q), 0.4)
-    known = ordered_orbits(kappa, p, q)[1].sites()
-    assert_allclose(np.sort(sites % 1), np.sort(known % 1), atol=1e-8)
 
 
 def test_orbits_escape_only_beyond_the_breakup():

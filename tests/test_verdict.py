@@ -123,7 +123,7 @@ def test_without_a_certified_circle_there_is_no_barrier(monkeypatch, kappa):
 @pytest.mark.usefixtures("briefly")
 def test_a_circle_further_out_is_a_barrier_on_an_assumption(monkeypatch):
     monkeypatch.setattr(continuation, "certified_circle", lambda *_: (np.nan, None))
-    monkeypatch.setattr(continuation, "certified_scale", lambda omega, profile, value, _: value)
+    monkeypatch.setattr(continuation, "certified_scale", lambda omega, profile, value, *_: value)
     assert verdict((0.526, 0.69)).evidence is Evidence.CIRCLE_BEYOND
 
 
@@ -142,7 +142,9 @@ def test_converse_kam_against_a_certified_circle_is_no_verdict(monkeypatch):
 
 def test_without_residues_only_the_point_itself_decides(monkeypatch):
     monkeypatch.setattr(
-        periodic, "critical_scale", lambda omega, _: no_answer(omega, Status.DISORDERED)
+        periodic,
+        "critical_scale",
+        lambda omega, *_, **__: no_answer(omega, Status.DISORDERED),
     )
     assert verdict((0.3, 0.4)).answer is Answer.BARRIER
     assert verdict((1.2, 0.9)).answer is Answer.TRANSPORT

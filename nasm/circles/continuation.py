@@ -27,7 +27,7 @@ from nasm import periodic
 from nasm.checks import real
 from nasm.circles import fourier, newton
 from nasm.critical import CriticalScale, Status, no_answer
-from nasm.maps import TWO_PI, direction, forcing
+from nasm.maps import TWO_PI, direction, segment
 from nasm.numbers import checked, convergents
 from nasm.symmetries import CUSP_EXPONENT, distances_to_shorter, shorten
 
@@ -115,21 +115,21 @@ def _remains(omega, profile, value, error):
     return periodic.circle_remains(omega, (value + beyond) * profile, n)
 
 
-def certified_scale(omega, profile, breakup, distance):
+def certified_scale(omega, profile, breakup, distance, start=None):
     """A scale at which the circle of ω is certified, near a breakup that is known.
 
     Parameters
     ----------
-    omega, profile, breakup, distance : as for `certified_circle`.
+    omega, profile, breakup, distance, start : as for `certified_circle`.
 
     Returns
     -------
     scale : float, breakup·(1 - distance) or below; NaN if no circle is certified.
     """
-    return certified_circle(omega, profile, breakup, distance)[0]
+    return certified_circle(omega, profile, breakup, distance, start)[0]
 
 
-def certified_circle(omega, profile, breakup, distance):
+def certified_circle(omega, profile, breakup, distance, start=None):
     """A circle of ω that is certified, near a breakup that is known.
 
     1. Circles are found at the distances 1/2, 0.15, 0.045, … of the breakup, in parts of it, with
@@ -142,6 +142,7 @@ def certified_circle(omega, profile, breakup, distance):
     profile : sequence of P floats.
     breakup : float, the scale of the breakup, e.g. by `periodic.critical_scale`.
     distance : float, 10⁻⁶ to 1/2.
+    start : sequence of P floats, default 0: on κ = start + s·profile.
 
     Returns
     -------
@@ -150,31 +151,40 @@ def certified_circle(omega, profile, breakup, distance):
     cusp 3·10⁻⁵ may be the nearest.
     u : ndarray (P, n), its deviations; None if no circle is certified.
     """
-    profile = forcing(profile)
+    start, profile = segment(start, profile)
     if not 1e-6 <= distance <= 0.5:
         raise ValueError(f"distance={distance!r} must be from 1e-6 to 0.5, a part of the breakup")
     distances = np.geomspace(0.5, distance, 1 + max(1, ceil(log(2 * distance) / log(0.3))))
-    path = [(0.0, np.zeros((profile.size, newton.N_FIRST)))]
-    for d in distances[:-1]:
-        u = _circle_near(omega, profile, path, breakup * (1 - d), _MODES / d)
+    path = _begun(omega, start)
+
+    def near(d, n_modes):
+        scale = breakup * (1 - d)
+        u = newton.extrapolate(path, scale, fourier.grid(omega, n_modes))
+        return u if newton.polish(omega, start + scale * profile, u) else None
+
+    for d in distances[:-1] if path else []:
+        u = near(d, _MODES / d)
         if u is None:
             break
         path.append((breakup * (1 - d), u))
     # Fewer modes at first: nothing goes on from this circle, and they let less rounding in.
     for d, modes in ((distance, 0.7), (distance, 1.0), (min(1.4 * distance, 0.5), 0.7)):
-        u = _circle_near(omega, profile, path, breakup * (1 - d), modes * _MODES / d)
-        if u is not None and newton.polished_is_circle(omega, breakup * (1 - d) * profile, u):
-            return breakup * (1 - d), u
+        u = near(d, modes * _MODES / d) if path else None
+        scale = breakup * (1 - d)
+        if u is not None and newton.polished_is_circle(omega, start + scale * profile, u):
+            return scale, u
     for scale, u in reversed(path[1:]):
-        if newton.polished_is_circle(omega, scale * profile, u):
+        if newton.polished_is_circle(omega, start + scale * profile, u):
             return scale, u
     return nan, None
 
 
-def _circle_near(omega, profile, path, scale, n_modes):
-    """Newton's method from the circles of a path, with that many modes; None if it fails."""
-    u = newton.extrapolate(path, scale, fourier.grid(omega, n_modes))
-    return u if newton.polish(omega, scale * profile, u) else None
+def _begun(omega, start):
+    """The path of circles at s = 0: [(0.0, u)]; empty if Newton's method finds none there."""
+    if not start.any():
+        return [(0.0, np.zeros((start.size, newton.N_FIRST)))]
+    circle = newton.invariant_circle(omega, start, N_MAX)
+    return [(0.0, circle.u)] if circle.certified else []
 
 
 def fineness(u, last=-1):

@@ -26,8 +26,7 @@ line.
 1. Start with the orbits of ω = 0, 1, … and P/2 per period. The symmetries y → y + 1 and
    (x, y) → (-x, -y) continue this curve to all ω.
 2. The start that lives longest is on a piece between two orbits, p/q and p'/q'. Bend the piece by
-   the orbit of (p + p')/(q + q'), whose sites are those of both, one after the other, up to a few
-   of Newton's steps.
+   the minimax orbit of (p + p')/(q + q').
 3. Repeat this as long as the start survives and its life can tell the difference. It leads down the
    Farey tree, to minimizing orbits that were in the way, and to the circle that breaks last.
 
@@ -43,12 +42,13 @@ from fractions import Fraction
 import numpy as np
 from numba import njit
 
+from nasm.action import LostError, ordered_orbits
 from nasm.arithmetic.kernels import kernel
 from nasm.arithmetic.lanes import FEW, load_state, minimum, own_frame, store_state
-from nasm.arithmetic.sine import SINE, cos2pi, sin2pi
+from nasm.arithmetic.sine import SINE, cos2pi
 from nasm.checks import count, points
 from nasm.converse_kam.symmetry_line import longest_found, tangent_kick
-from nasm.maps import MAX_PERIOD, TWO_PI, direction, forcing, kick
+from nasm.maps import MAX_PERIOD, forcing, kick, segment
 
 __all__ = ["elimination_time", "located", "longest_lived"]
 __dir__ = __all__.copy
@@ -58,15 +58,14 @@ MAX_STEPS = 10**6
 _BLOCK = 32  # kicks, about, between two looks at the starts
 _GRIDS = ((1024, 0.5), (797, 0.382))  # starts, and the place of the start in its cell
 _KEPT = 16  # starts for each kick of a period, of which the search goes on
-_COMPARED, _PLACES = 8, 24  # largest q with which the actions at x_0 = 0, 1/(24q), … are compared
-_HIGH = 0.1  # of their range
-_STEPS = 40  # of Newton's method, and to the minimax
+_WIDE = 0.5  # of the widest gap before the kick of a site
 _SITES = 8  # at most, whose transversals are tried
 _LONGEST = 4  # times √n_max: period of the minimax orbits up to which pieces are bent
+_NEARBY = 2e-3  # of places, which are 0 to 1/2: searched around a rotation number
 _SHORT = 100  # kicks: of shorter lives the shortest is sought, on the transversals of all sites
 _NARROW = 0.2  # over the steps: bracket, in parts of the scale, to which it is narrowed
-_FOUND = 1e-9  # turns: nearer, a minimax orbit is not asked to be
 _EXCESS = 0.7  # steps: C of the law
+_AHEAD, _FARTHEST = 0.1, 40  # change of the largest strength in a step from a start, and steps
 
 
 @dataclass(frozen=True)
@@ -104,13 +103,15 @@ def elimination_time(kappa, site, x, y, n_kicks):
     return times.reshape(x.shape)
 
 
-def longest_lived(kappa, n_max):
+def longest_lived(kappa, n_max, near=()):
     """The start that takes longest to be eliminated, on the transversals of the module.
 
     Parameters
     ----------
     kappa : sequence of P floats, the forcing, first kick first.
     n_max : int, 1 to 10⁶, steps in either direction.
+    near : rotation numbers per step, as floats, around which all is searched again 250 times as
+        finely: where circles break and come back survivors are in intervals of 10⁻⁶.
 
     Returns
     -------
@@ -123,39 +124,60 @@ def longest_lived(kappa, n_max):
     """
     strengths = forcing(kappa)
     n_kicks = strengths.size * count("n_max", n_max, 1, MAX_STEPS)
-    start, kicks = _longest_lived(strengths, n_kicks, _by_strength(strengths))
+    start, kicks = _longest_lived(strengths, n_kicks, _by_strength(strengths), near)
     return start, kicks / strengths.size
 
 
-def located(profile, n_max):
-    """A scale on the ray κ = s·profile at which no start was found to survive n_max steps, just
+def located(profile, n_max, start=None):
+    """A scale on κ = start + s·profile at which no start was found to survive n_max steps, just
     above the last breakup; the Start that lives longest there, and its life T in steps.
 
     Lower the scale until a start survives 30 steps or so, halve the bracket until it is narrow, go
-    on with four times the steps, and so on to n_max. The breakup is lower by some 0.7/T.
+    on with four times the steps, and so on to n_max. On a ray from zero the breakup is lower by
+    some 0.7/T of the scale.
 
     Parameters
     ----------
     profile : sequence of P floats, not all 0.
     n_max : int, 30 to 10⁶, steps.
+    start : sequence of P floats, default 0. From another one the scale is just above the first
+        breakup, s ≥ 0, that steps of 0.1 of the largest strength meet; 0 if no start survives
+        there, inf if one does up to 40 steps; and no Start.
 
-    ValueError if profile is zero or tiny, or longer than 64 kicks, or n_max out of range.
+    ValueError if profile is zero or tiny, or longer than 64 kicks, or start of another length, or
+    n_max out of range.
     """
-    profile = direction(profile)
+    start, profile = segment(start, profile)
     n_max = count("n_max", n_max, 30, MAX_STEPS)
-    sites = _by_strength(profile)
+    sites, size = _by_strength(profile), np.abs(profile).max()
     # No circle crosses x = 0 or x = 1/2 before a kick of |κ| = 2.
-    upper, found, share = 2 / np.abs(profile).max(), None, 0.15
+    upper, found, share = 2 / size, None, 0.15
+
+    def lived(scale, n_steps):
+        return _longest_lived(start + scale * profile, n_steps * profile.size, sites)
+
+    if start.any():
+        scales = (_AHEAD * n / size for n in range(_FARTHEST + 1))
+        upper = next((scale for scale in scales if lived(scale, n_max)[1] < np.inf), np.inf)
+        if not 0 < upper < np.inf:
+            return upper, None, np.nan
+    unit = np.abs(start + upper * profile).max() / size
     for left in range(int(np.log(n_max / 30) / np.log(4)), -1, -1):
         n_steps, survived = n_max // 4**left, None
-        while survived is None or upper - survived > _NARROW / n_steps * upper:
-            scale = upper * (1 - share) if survived is None else (upper + survived) / 2
-            start, kicks = _longest_lived(scale * profile, n_steps * profile.size, sites)
+        while survived is None or upper - survived > _NARROW / n_steps * unit:
+            scale = max(upper - share * unit, 0) if survived is None else (upper + survived) / 2
+            longest, kicks = lived(scale, n_steps)
             if np.isinf(kicks):
                 survived = scale
+            elif scale == 0:
+                return 0.0, None, np.nan
             else:
-                upper, found = scale, (start, kicks / profile.size)
+                upper, found = scale, (longest, kicks / profile.size)
+                unit = np.abs(start + upper * profile).max() / size
                 share = min(1.5 * share, 0.3)
+        if found is None:  # of fewer steps than the search before
+            longest, kicks = lived(upper, 16 * n_max)
+            found = longest, kicks / profile.size
         share = _EXCESS / found[1]  # by the law, the breakup is that far below
     return upper, *found
 
@@ -170,7 +192,7 @@ def _by_strength(kappa):
     return np.argsort(-np.abs(kappa), kind="stable").tolist()[:_SITES]
 
 
-def _longest_lived(kappa, n_kicks, sites):
+def _longest_lived(kappa, n_kicks, sites, near=()):
     """The Start that lives longest where that life is shortest, and its life in kicks.
 
     Of transversals on which no start survives and one lives long, the first is as good as any.
@@ -178,7 +200,7 @@ def _longest_lived(kappa, n_kicks, sites):
     """
     best, least = None, np.inf
     for site in list(sites):
-        at, kicks = _longest_on_transversal(np.roll(kappa, -site), n_kicks)
+        at, kicks = _longest_on_transversal(np.roll(kappa, -site), n_kicks, near)
         if best is None or kicks < least:
             best, least = Start(site, *(float(part) for part in at)), kicks
             sites.remove(site)
@@ -188,7 +210,7 @@ def _longest_lived(kappa, n_kicks, sites):
     return best, least
 
 
-def _longest_on_transversal(kappa, n_kicks):
+def _longest_on_transversal(kappa, n_kicks, near):
     """(x, y) of the start that lives longest on the transversal before site 0, and its life in
     kicks."""
     orbits = _first_orbits(kappa)
@@ -196,7 +218,8 @@ def _longest_on_transversal(kappa, n_kicks):
     kept = _KEPT * max(2, kappa.size)  # all ω up to P/2 are there
     while True:
         at = np.array([float(omega) for omega, _ in orbits])
-        at *= 0.5 / at[-1]
+        unit = 0.5 / at[-1]
+        at *= unit
         x, y = np.array([_place(*orbit) for orbit in orbits]).T
 
         def points_at(place, at=at, x=x, y=y):
@@ -208,14 +231,25 @@ def _longest_on_transversal(kappa, n_kicks):
             return times
 
         place, kicks = longest_found(lifetimes, _GRIDS, kept)
+        for omega in near if kicks < np.inf else ():
+            turns = abs(omega - kappa.size * np.rint(omega / kappa.size))  # ±ω are alike
+            first = np.clip(turns * unit - _NEARBY / 2, 0, 0.5 - _NEARBY)
+
+            def nearby(y, first=first, lifetimes=lifetimes):
+                return lifetimes(first + 2 * _NEARBY * y)
+
+            other, lived = longest_found(nearby, _GRIDS, kept)
+            if lived > kicks:
+                place, kicks = first + 2 * _NEARBY * other, lived
         i = int(np.clip(np.searchsorted(at, place), 1, at.size - 1))
         (before, _), (after, _) = orbits[i - 1 : i + 1]
-        between = None
-        if np.isinf(kicks) and before.denominator + after.denominator <= longest:
-            between = _between(kappa, *orbits[i - 1 : i + 1])
-        if between is None:
+        between = Fraction(
+            before.numerator + after.numerator, before.denominator + after.denominator
+        )
+        if np.isfinite(kicks) or between.denominator > longest:
             return points_at(place), kicks
-        orbits.insert(i, between)
+        middle = np.interp(before.denominator / between.denominator, (0, 1), (x[i], x[i - 1]))
+        orbits.insert(i, (between, _minimax(kappa, between, middle)))
 
 
 def _first_orbits(kappa):
@@ -247,112 +281,19 @@ def _place(omega, sites):
 
 
 def _minimax(kappa, omega, near):
-    """Sites of the minimax orbit of a small p/q, from one in a gap of the largest width on."""
-    n_sites, p, q = kappa.size * omega.denominator, omega.numerator, omega.denominator
-    rotation = np.arange(n_sites) * (p / n_sites)
-    sites, found = rotation, []
-    for x in np.arange(_PLACES * q) / (_PLACES * q):
-        for guess in (sites + (x - sites[0]), rotation + x):
-            action = _minimize(kappa, guess, p)[0]
-            if np.isfinite(action):
-                sites = guess
-                found.append((action, guess))
-                break
-    if not found:
+    """Sites of the minimax orbit of p/q, from one in a wide gap on that is nearest to x = near."""
+    p, q, period = omega.numerator, omega.denominator, kappa.size
+    rotation = np.arange(period * q) * (p / (period * q))
+    try:
+        minimizing, minimax = ordered_orbits(kappa, p, q)
+    except LostError:
         return rotation + near
-    actions = np.array([action for action, _ in found])
-    high = actions > actions.max() - _HIGH * np.ptp(actions)
-    high &= (actions >= np.roll(actions, 1)) & (actions >= np.roll(actions, -1))
-    tops = [found[i][1] for i in np.flatnonzero(high)]
-    for sites in tops:
-        sites += np.rint(near - sites[0])
-        _climb(kappa, sites, p, 1 / q)
-    # The gap of an image is the wider the flatter the action is there.
-    curvatures = np.array([_minimize(kappa, sites, p)[2] for sites in tops])
-    curvatures[~(curvatures < 0)] = -np.inf
-    wide = [tops[i] for i in np.flatnonzero(curvatures >= 2 * curvatures.max())]
-    return min(wide, key=lambda sites: abs(sites[0] - near))
-
-
-def _between(kappa, before, after):
-    """(ω, sites) of the minimax orbit between two neighbours; None if Newton's method is lost."""
-    (ω, sites), (ω_after, sites_after) = before, after
-    middle = Fraction(ω.numerator + ω_after.numerator, ω.denominator + ω_after.denominator)
-    share = ω.denominator / middle.denominator
-    near = share * sites[0] + (1 - share) * sites_after[0]
-    if middle.denominator <= _COMPARED:
-        return middle, _minimax(kappa, middle, near)
-    both = np.concatenate([sites, sites_after + ω.numerator])
-    both[0] = near
-    found = _climb(kappa, both, middle.numerator, 0.6 / middle.denominator)
-    return (middle, both) if found else None
-
-
-@kernel
-def _climb(kappa, x, p, furthest):
-    """Move x_0 uphill to where the action of the other sites' minimum has a maximum, or as far as
-    `furthest`; whether that minimum was found."""
-    start = x[0]
-    for _ in range(_STEPS):
-        _, slope, curvature = _minimize(kappa, x, p)
-        if np.isnan(slope):
-            return False
-        step = np.copysign(furthest / 4, slope)
-        if curvature < 0 and abs(slope / curvature) < furthest / 4:
-            step = -slope / curvature
-        if abs(step) < _FOUND or abs(x[0] + step - start) > furthest:
-            break
-        x[0] += step
-    return True
-
-
-@kernel
-def _minimize(kappa, x, p):
-    """Minimize the action over the sites x_1, …, x_{N-1}, by Newton's method in place.
-
-        A = Σ_j (x_{j+1} - x_j)²/2 - (κ_j/4π²) cos 2πx_j,        x_N = x_0 + p.
-
-    Returns A, dA/dx_0 and d²A/dx_0² of that minimum; NaN if none was found.
-    """
-    n, period = x.size, kappa.size
-    pivot, force, pull = np.ones((3, n + 1))
-    for _ in range(_STEPS):
-        least = 1.0
-        force[0] = pull[0] = 0.0
-        for j in range(1, n):
-            ahead = x[j + 1] if j < n - 1 else x[0] + p
-            strength = kappa[j % period]
-            error = ahead - 2 * x[j] + x[j - 1] - strength / TWO_PI * sin2pi(x[j])
-            slope = 2 + strength * cos2pi(x[j])
-            pull[j] = (1.0 if j == 1 else 0.0) + (1.0 if j == n - 1 else 0.0)
-            force[j] = error
-            if j > 1:
-                slope -= 1 / pivot[j - 1]
-                force[j] += force[j - 1] / pivot[j - 1]
-                pull[j] += pull[j - 1] / pivot[j - 1]
-            least = min(least, slope)
-            pivot[j] = slope if slope > 0 else 1.0
-        largest = step = along = 0.0
-        last = pull[n - 1] / pivot[n - 1] if n > 1 else 1.0
-        for j in range(n - 1, 0, -1):
-            step = (force[j] + step) / pivot[j]
-            along = (pull[j] + along) / pivot[j]
-            step = min(max(step, -0.1), 0.1)
-            x[j] += step
-            largest = max(largest, abs(step))
-        if largest < 1e-11:
-            break
-    if not (largest < 1e-11 and least > 0):
-        return np.nan, np.nan, np.nan
-    action = 0.0
-    for j in range(n):
-        ahead = x[j + 1] if j < n - 1 else x[0] + p
-        action += (ahead - x[j]) ** 2 / 2 - kappa[j % period] / TWO_PI**2 * cos2pi(x[j])
-    ahead = x[1] if n > 1 else x[0] + p
-    if n == 1:
-        along = last = 1.0
-    slope = 2 * x[0] - ahead - (x[n - 1] - p) + kappa[0] / TWO_PI * sin2pi(x[0])
-    return action, slope, 2 + kappa[0] * cos2pi(x[0]) - along - last
+    chain, starts = minimax.chain, np.arange(-minimax.site % period, period * q, period)
+    gaps = (chain.right(minimizing.u) - minimizing.u)[starts]
+    starts = starts[gaps > _WIDE * gaps.max()]
+    away = near - minimax.sites()[starts]
+    sites = rotation + chain.rolled(minimax.u, starts[np.abs(away - np.rint(away)).argmin()])
+    return sites + np.rint(near - sites[0])
 
 
 def _elimination_times(kappa, x, y, n_kicks, one_is_enough, times):

@@ -10,7 +10,7 @@ from functools import partial
 
 import numpy as np
 
-from nasm import barriers, first_breakup
+from nasm import barriers
 from nasm.numbers import RotationNumber, moebius, parse
 from nasm.planes import plane_of, two_kicks
 from nasm.symmetries import ray
@@ -129,10 +129,8 @@ def tie(plane, circle, angle, scale):
 
 def _compute(coords, settings):
     (start, profiles), tol = plane_of(settings).ray(coords["angle"]), settings["tol"]
-    method = (
-        partial(first_breakup.critical_scale, start) if start.any() else barriers.critical_scale
-    )
-    return _arrays([method(profile, tol) for profile in profiles], coords, settings)
+    found = [barriers.critical_scale(profile, tol, start) for profile in profiles]
+    return _arrays(found, coords, settings)
 
 
 def _compute_proved(coords, settings):

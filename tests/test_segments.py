@@ -1,6 +1,4 @@
-"""Segments that do not begin at zero, against residues along them."""
-
-from dataclasses import replace
+"""Segments that do not begin at zero, against rays from zero and each other."""
 
 import numpy as np
 import pytest
@@ -13,25 +11,27 @@ from nasm.planes import three_kicks
 from pipeline.cubes import breakdown
 
 
-@pytest.mark.parametrize("segment", thirds([((0.1, 0.5), (1.0, -0.3)), ((0.0, 0.0), (1.0, 0.5))]))
-def test_the_breakup_on_a_segment_is_that_of_its_last_circle(segment):
+@pytest.mark.parametrize(
+    "segment",
+    thirds(
+        [((0.1, 0.5), (1.0, -0.3)), ((0.0, 0.0, 0.2), (0.9, 0.4, 0.0)), ((0.2, -0.1), (0.0, 1.0))]
+    ),
+)
+def test_the_breakup_on_a_segment_is_that_on_the_ray_through_it(segment):
     start, profile = segment
-    found = first_breakup.critical_scale(start, profile, 1e-2)
+    found = barriers.critical_scale(profile, 1e-3, start)
     assert found.status is Status.OK
-    assert found.lower < found.value < found.upper < found.lower * 1.02
-    last = np.array(start) + found.value * np.array(profile)
-    residue = periodic.critical_scale(found.omega, last)  # on the ray from zero through it
-    assert abs(residue.value - 1) < found.error / found.value + residue.error
+    assert found.lower < found.value < found.upper < found.lower * 1.002
+    there = np.array(start) + found.value * np.array(profile)
+    ray = barriers.critical_scale(there, 1e-3)
+    assert abs(ray.value - 1) < 1e-8
+    assert ray.omega == found.omega
 
 
 def test_a_segment_that_begins_without_a_barrier_is_refused():
-    assert first_breakup.critical_scale((1.2, 1.0), (-1.0, 0.0)).status is Status.OUTSIDE
-
-
-def test_from_zero_on_it_is_the_breakup_on_the_ray():
-    found, ray = first_breakup.critical_scale((0,), (1,)), barriers.critical_scale((1,))
-    assert abs(found.value - ray.value) < found.error
-    assert found.omega == ray.omega
+    found = barriers.critical_scale((-1.0, 0.0), start=(1.2, 1.0))
+    assert found.status is Status.OUTSIDE
+    assert np.isnan([found.value, found.lower, found.upper]).all()
 
 
 CIRCLES = [
@@ -62,14 +62,3 @@ def test_a_circle_that_is_broken_at_the_start_is_refused():
     found = first_breakup.circle_scale(parse("gamma"), (0.7, 0.5), (1.0, 0.0))
     assert found.status is Status.OUTSIDE
     assert np.isnan([found.value, found.lower]).all()
-
-
-def test_values_that_contradict_the_verdicts_are_no_answer(monkeypatch):
-    real = barriers.critical_scale
-
-    def wrong(profile, tol):
-        found = real(profile, tol)
-        return replace(found, value=1.3 * found.value)
-
-    monkeypatch.setattr(barriers, "critical_scale", wrong)
-    assert first_breakup.critical_scale((0.4,), (1.0,)).status is Status.UNDECIDED
