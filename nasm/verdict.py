@@ -114,8 +114,7 @@ def verdict(kappa, prove=False):
     Returns
     -------
     Verdict. UNDECIDED closer to the boundary than some 1.5·10⁻⁵ below and 4·10⁻⁶ above, in parts of
-    kappa, without a dominant line 2·10⁻⁵, or where the methods fail or contradict each other; its
-    boundary then holds the bracket.
+    kappa, or where the methods fail or contradict each other; its boundary then holds the bracket.
 
     ValueError if kappa is not finite or too large. ImportError if a circle is to be proved and
     python-flint is not installed.
@@ -145,8 +144,9 @@ def verdict(kappa, prove=False):
                 boundary = replace(boundary, omega=found.omega, lower=np.fmax(boundary.lower, 1.0))
                 circle = lengthen(kappa, *circles.graph(found))
                 break
-        if boundary.lower > _FAR and np.isnan(boundary.value):  # a closer look tells no more
-            break
+        too_near = boundary.error < end - 1 < _NEAREST
+        if too_near or (boundary.lower > _FAR and np.isnan(boundary.value)):
+            break  # a closer look tells no more
     if (
         answer is Answer.UNDECIDED
         and boundary.lower >= 1

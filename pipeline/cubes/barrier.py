@@ -38,9 +38,7 @@ def last_barrier(plane, angles, tol, name="barrier"):
         "quotients": blank(place | on_ray, "partial quotients of omega", zero, comment=comment),
         "tail_length": blank(on_ray, "partial quotients at the end that repeat", np.int8(0)),
     }
-    # Where there is no symmetry, circles are continued instead of periodic orbits.
     seconds = 0.2 + 3.5e-5 / tol if len(plane.origin) <= 2 else 1 + 5e-4 / tol
-    seconds *= 10 if any(plane.origin) else 1
     warm_up = partial(barriers.critical_scale, sum(plane.ray(30.0)), 0.1)
     plan = plane.axes, {}, wedge, seconds, plane.record | {"tol": tol}
     cube = cube_on_rays(name, *plan, "The last barrier to transport")
