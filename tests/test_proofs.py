@@ -132,8 +132,7 @@ def test_without_python_flint_the_command_says_what_to_install(command, tmp_path
 @pytest.mark.parametrize(
     ("low", "size", "depth", "states"),
     [
-        # CB_gt runs through it.
-        pytest.param((0.5, 0.125), 1 / 8, 3, {1, 2, 3}, marks=pytest.mark.slow),
+        ((0.5, 0.125), 1 / 8, 3, {1, 2, 3}),  # CB_gt runs through it
         ((0.25, 0.25), 1 / 32, 0, {3}),  # far below it, on the diagonal
     ],
 )
