@@ -301,14 +301,22 @@ class _Race:
                 self.leader = _most_robust([scale], self.leader)
 
     def by_residues(self, omega, near=None):
-        """The CriticalScale of one circle by the crossings of its residues."""
-        scale = _breakup(omega, self.short, self.precision, self.start, near)
+        """The CriticalScale of one circle by the crossings of its residues; by longer orbits if a
+        cusp is near and blurs the others."""
+        scale = periodic.critical_scale(omega, self.short, start=self.start, near=near)
+        precise = scale.error <= self.precision * scale.value  # NaN is not
+        if not precise and periodic.cusp_period(self.at(self.upper)) > _BLURRED:
+            longer = periodic.critical_scale(omega, self.short, _LONG, self.start, near)
+            scale = longer if longer.status is Status.OK else scale
         self.told.add(scale.status)
         return scale
 
     def by_halving(self, omega, below):
         """The CriticalScale of a circle that stands below. A scale at which it stands too is none
         without circles: searches for survivors are samples, and residues know better."""
+        if periodic.cusp_period(self.at(below)) > _TOO_LONG:  # no orbit that is asked sees the cusp
+            self.told.add(Status.NEAR_CUSP)
+            return no_answer(omega, Status.NEAR_CUSP)
         while _stands(omega, self.at(self.upper)):
             if len(self.eliminated) == 1:
                 return no_answer(omega, Status.UNDECIDED)
@@ -463,16 +471,6 @@ def _branches(kappa, x, y, n):
             break
         found = dict.fromkeys([noble, *_neighbours(noble)]) | found
     return list(found)
-
-
-def _breakup(omega, profile, precision, start, near):
-    """The CriticalScale of one circle, by longer orbits if a cusp is near and blurs the others."""
-    scale = periodic.critical_scale(omega, profile, start=start, near=near)
-    forcing_there = start + scale.value * profile
-    if scale.error > precision * scale.value and periodic.cusp_period(forcing_there) > _BLURRED:
-        longer = periodic.critical_scale(omega, profile, _LONG, start, near)
-        return longer if longer.status is Status.OK else scale
-    return scale
 
 
 def _most_robust(scales, best):

@@ -10,7 +10,7 @@ was imported before.
 import sys
 from dataclasses import dataclass, field, replace
 from enum import Enum
-from math import inf
+from math import inf, nan
 from types import ModuleType
 
 import numpy as np
@@ -63,8 +63,7 @@ class Evidence(Enum):
     )
     CIRCLE_PROVED = (
         "proved for exactly this forcing: an invariant circle exists, by the a-posteriori KAM "
-        "theorem of nasm/proofs/README.md (A barrier exists), in ball arithmetic; this says "
-        "nothing of weaker kicks"
+        "theorem of nasm/proofs/README.md (A barrier exists), in ball arithmetic"
     )
     TRANSPORT_PROVED = (
         "proved for exactly this forcing: no invariant circle exists, by the converse KAM theorem "
@@ -86,6 +85,8 @@ class Verdict:
         unless evidence is CIRCLE or CIRCLE_PROVED.
     steps : float, within which converse KAM eliminated all starts; inf if it did not.
     proof : BarrierProof or TransportProof that was tried, proved or not; None if none was.
+    proved_below : float; a barrier is proved to exist under s·kappa for 0 ≤ s ≤ this. NaN where
+        that was not tried.
     """
 
     answer: Answer
@@ -94,6 +95,7 @@ class Verdict:
     circle: tuple[np.ndarray, np.ndarray] | None = field(default=None, repr=False)
     steps: float = inf
     proof: object = None
+    proved_below: float = nan
 
 
 def verdict(kappa, prove=False):
@@ -102,8 +104,8 @@ def verdict(kappa, prove=False):
     1. The boundary on the ray through kappa, the finer the nearer it turns out to be.
     2. Below it, the circle under kappa itself, certified, while converse KAM leaves a survivor.
     3. Above it, converse KAM under kappa itself, with as many steps as the distance asks for.
-    4. If asked to, prove the circle, or where there is none that transport is global; this takes
-       up to some 20 seconds.
+    4. If asked to, prove the circle, and up to which multiple of kappa there is one; or where there
+       is none that transport is global. Each takes up to some 20 seconds.
 
     Parameters
     ----------
@@ -157,9 +159,14 @@ def verdict(kappa, prove=False):
         boundary = no_answer(boundary.omega, Status.NO_BREAKUP)
     if boundary.omega is not None:
         boundary = replace(boundary, omega=per_period(boundary.omega, kappa, short, zero))
+    below = nan
     if prove:
         answer, evidence, proof = _proved(kappa, short, found, answer, evidence)
-    return Verdict(answer, evidence, boundary, circle, steps, proof)
+        if evidence is Evidence.CIRCLE_PROVED and boundary.value > 1:
+            from nasm.proofs.ray import proved_below
+
+            below, _ = proved_below(found.omega, short, boundary.value, _BUDGET)
+    return Verdict(answer, evidence, boundary, circle, steps, proof, below)
 
 
 def _proved(kappa, short, found, answer, evidence):

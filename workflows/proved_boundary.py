@@ -1,8 +1,8 @@
 """Between which forcings does the last barrier break, proved on both sides?
 
 On each ray a circle is proved to exist at one forcing, and transport to be global at another one
-beyond it; `nasm/proofs/README.md` has both theorems. Between the two nothing is proved, and of
-forcings further in nothing but what is computed there.
+beyond it; `nasm/proofs/README.md` has both theorems. Between the two nothing is proved. Further in,
+cells of forcings one behind the other prove that a barrier exists on all of the ray.
 """
 
 from workflows.shared.cli import command, flag, real, sweeps, whole
@@ -10,14 +10,14 @@ from workflows.shared.cli import command, flag, real, sweeps, whole
 
 @command()
 @whole("--angles", 361, 2, 10**5, "Rays around the plane; all but an eighth are mirror images.")
-@real("--seconds", 3.0, 0.1, 10**5, "CPU seconds for each of the two proofs on a ray.")
+@real("--seconds", 3.0, 0.1, 10**5, "CPU seconds for each of the three proofs on a ray.")
 @flag("--quick", "A preview: 41 rays, half a second for each proof.")
 @sweeps
 def main(run, angles, seconds, quick):
     """Proved brackets of the last barrier: two cubes, a table and a figure in OUT.
 
-    Needs the extra `proof`. The defaults take about two minutes on two cores, for brackets 0.33%
-    wide; with --seconds 18, in eleven, they are 0.085% wide.
+    Needs the extra `proof`. The defaults take about three minutes on two cores, for brackets 0.33%
+    wide; with --seconds 18, in sixteen, they are 0.085% wide.
     """
     import numpy as np
 

@@ -2,11 +2,12 @@
 
 A barrier exists at lower·profile, by the a-posteriori theorem of `nasm.proofs.barrier`; transport
 is global at upper·profile, by the one of `nasm.proofs.transport`. Between the two scales nothing is
-proved, nor is anything of smaller scales than `lower`: no theorem says that a circle does not break
-and come back on the way. What `nasm.barriers` finds tells only where to look.
+proved. A proof at `lower` says nothing of smaller scales, as a circle might break and come back on
+the way; up to `below` cells of forcings show that a barrier exists at every scale. What
+`nasm.barriers` finds tells only where to look.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import nan
 
 from nasm import barriers
@@ -14,6 +15,8 @@ from nasm.checks import real
 from nasm.critical import CriticalScale
 from nasm.maps import direction
 from nasm.proofs.barrier import BarrierProof, proved_lower
+from nasm.proofs.barrier_cells import BarrierCellProof
+from nasm.proofs.ray import proved_below
 from nasm.proofs.transport import TransportProof, proved_upper
 
 __all__ = ["ProvedBracket", "critical_scale"]
@@ -29,6 +32,8 @@ class ProvedBracket:
         upper·profile, as these are rounded to floats; NaN where nothing was proved.
     barrier, transport : BarrierProof and TransportProof of that, with their certificates, or the
         last that failed; None where nothing was tried.
+    below : a barrier is proved to exist at s·profile for 0 ≤ s ≤ below; NaN where not tried.
+    cells : the BarrierCellProofs of that.
     """
 
     found: CriticalScale
@@ -36,6 +41,8 @@ class ProvedBracket:
     upper: float = nan
     barrier: BarrierProof | None = None
     transport: TransportProof | None = None
+    below: float = nan
+    cells: list[BarrierCellProof] = field(default_factory=list, repr=False)
 
 
 def critical_scale(profile, seconds=8.0):
@@ -45,8 +52,8 @@ def critical_scale(profile, seconds=8.0):
     ----------
     profile : sequence of P floats with a dominant symmetry line, P ≤ 2 after shortening; for longer
         ones nothing is proved of transport.
-    seconds : float > 0, CPU time for each of the two sides. How near they come to each other
-        depends on it and on the machine; what they say does not.
+    seconds : float > 0, CPU time for each of the two sides, and for the weaker kicks. How near they
+        come to the breakup depends on it and on the machine; what they say does not.
 
     Returns
     -------
@@ -55,10 +62,11 @@ def critical_scale(profile, seconds=8.0):
     """
     profile, seconds = direction(profile), real("seconds", seconds)
     if not seconds > 0:
-        raise ValueError(f"seconds={seconds!r} must be positive: CPU time for each side")
+        raise ValueError(f"seconds={seconds!r} must be positive: CPU time for each proof")
     found = barriers.critical_scale(profile)
     if not found.value > 0:
         return ProvedBracket(found)
     upper, transport = proved_upper(profile, found.value, seconds)
     lower, barrier = proved_lower(found.omega, profile, found.value, seconds)
-    return ProvedBracket(found, lower, upper, barrier, transport)
+    below, cells = proved_below(found.omega, profile, found.value, seconds)
+    return ProvedBracket(found, lower, upper, barrier, transport, below, cells)

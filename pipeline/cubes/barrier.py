@@ -54,20 +54,22 @@ def named(plane):
 def proved_barrier(plane, angles, seconds):
     """Return the Job of the cube `proved_barrier`: `last_barrier`, and what is proved of each ray.
 
-    angles : degrees. seconds : float, CPU time for each side of each ray; see `nasm.proofs`. The
+    angles : degrees. seconds : float, CPU time for each proof of each ray; see `nasm.proofs`. The
     proved bounds depend on the machine's speed; each of them holds.
     """
     plane.rays_start_at_zero("a proof")
     job = last_barrier(plane, angles, 1e-4)
     cube, on_ray = job.cube, {"angle": job.cube.template.angle}
-    comment = "at exactly this forcing; nothing is proved of smaller scales"
-    lower = blank(on_ray, "scale at which a barrier is proved to exist", comment=comment)
-    upper = blank(on_ray, "scale at which transport is proved to be global")
-    template = cube.template.assign(proved_lower=lower, proved_upper=upper)
+    here = "at exactly this forcing; nothing is proved by that of smaller scales"
+    template = cube.template.assign(
+        proved_below=blank(on_ray, "scale up to which a barrier is proved to exist on all the ray"),
+        proved_lower=blank(on_ray, "scale at which a barrier is proved to exist", comment=here),
+        proved_upper=blank(on_ray, "scale at which transport is proved to be global"),
+    )
     plan = {"name": "proved_barrier", "template": template, "tile": {"angle": 1}}
     cube = replace(cube, **plan, settings=cube.settings | {"seconds": seconds})
     warm_up = partial(_compute_proved, {"angle": np.zeros(1)}, cube.settings | {"seconds": 0.1})
-    return Job(cube, _compute_proved, partial(per_ray, 1 + 2 * seconds), warm_up)
+    return Job(cube, _compute_proved, partial(per_ray, 1 + 3 * seconds), warm_up)
 
 
 def boundary(angles, tol=1e-4, plane=None):
@@ -137,21 +139,29 @@ def _compute_proved(coords, settings):
     profiles = plane_of(settings).ray(coords["angle"])[1]
     brackets = [proofs.critical_scale(profile, settings["seconds"]) for profile in profiles]
     arrays = _arrays([bracket.found for bracket in brackets], coords, settings)
-    for side in ("lower", "upper"):
+    for side in ("below", "lower", "upper"):
         arrays[f"proved_{side}"] = np.array([getattr(bracket, side) for bracket in brackets])
-    found = [proof for bracket in brackets for proof in (bracket.barrier, bracket.transport)]
+    found = [proof for b in brackets for proof in (b.barrier, b.transport, *b.cells)]
     return arrays | packed(found)
 
 
 def uncertified(tile, certificates):
     """Say what a tile of `proved_barrier` calls proved without a certificate of it; else ""."""
-    claimed = set()
+    from nasm.proofs.ray import covered
+
+    claimed, cells = set(), []
     for certificate in certificates:
+        if "half_width" in certificate:
+            half_width, _ = of_certificate(certificate, "half_width")
+            cells.append((of_certificate(certificate, "kappa"), half_width))
+            continue
         kappa = of_certificate(certificate["shortened_from"], "kappa")
         claimed.add((certificate["shortened_from"].get("omega"), kappa))
     tile = tile.load()
     for i, profile in enumerate(plane_of(tile.attrs).ray(tile.angle.values)[1]):
         here = tile.isel(angle=i)
+        if float(here.proved_below) > covered(cells, profile):
+            return f"proved_below at {float(here.angle):g} degrees has no certificates"
         circle = _circle(here.quotients.values.tolist(), int(here.tail_length), 0)
         sides = ("proved_lower", circle), ("proved_upper", None)
         for side, omega in sides:

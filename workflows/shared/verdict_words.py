@@ -44,11 +44,21 @@ def sentences(kappa, point, verdict):
     lines.append(f"Evidence: {verdict.evidence.value}.")
     if verdict.proof is not None and not verdict.proof.proved:
         lines.append(f"A proof was tried: {verdict.proof.why}.")
+    if verdict.evidence is Evidence.CIRCLE_PROVED:
+        lines.append(_weaker(verdict.proved_below))
     if verdict.steps < float("inf"):
         lines.append(f"The longest-lived start is eliminated after {verdict.steps:g} steps.")
     if verdict.evidence is not Evidence.INTEGRABLE:
         lines += _distance(boundary)
     return lines
+
+
+def _weaker(below):
+    """Say for which multiples of the strengths a barrier is proved to exist."""
+    if below > 0:
+        below = int(below * 1e4) / 1e4  # never rounded up
+        return f"So it is for all kicks from 0 to {below} times as strong."
+    return "That proof says nothing of weaker kicks."
 
 
 def scale_of(boundary):
