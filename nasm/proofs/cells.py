@@ -55,27 +55,33 @@ def barrier_size(distance, critical):
     return np.where(distance > _NEAREST, size, 0)
 
 
-def proved_cells(low, size, depth, boundary, seconds):
+def proved_cells(low, size, depth, boundary, seconds, failed=None):
     """What is proved in the 4**depth cells of a square: OPEN, TRANSPORT or BARRIER.
 
     low : κ1 and κ2 of its lower left corner, not negative. size : its width; all corners of cells
-    must be multiples of 2⁻³⁰. boundary : a Boundary. seconds : CPU time for a proof of transport.
+    must be multiples of 2⁻³⁰. boundary : a Boundary. seconds : CPU time for a proof of transport in
+    a finest cell; in larger ones half of it, as their quarters are tried next.
+    failed : for itself, a list of (size, distance) of cells for which transport was not proved.
 
     Returns an int8 array (2**depth, 2**depth), index κ2, κ1, and the list of the proofs. A square
-    is proved whole if it can be, else by quarters. What lies in κ2 > κ1 is left OPEN: it is an
-    image. ImportError without python-flint.
+    is proved whole if it can be, else by quarters, those far from the boundary first: where one
+    fails, none as large that is nearer is tried. What lies in κ2 > κ1 is left OPEN: it is an image.
+    ImportError without python-flint.
     """
     n, (low1, low2) = 2**depth, low
+    failed = [] if failed is None else failed
     states, proofs = np.full((n, n), OPEN, np.int8), []
     if low2 >= low1 + size:
         return states, proofs
     centre = low1 + size / 2, low2 + size / 2
     corners = low1 + np.array([0, size, 0, size]), low2 + np.array([0, 0, size, size])
     distance, critical = boundary.distance(*corners)
-    if (distance < 0).all():
-        proof = transport_cells.prove_cell(centre, size / 2, seconds)
-        if proof.proved:
-            return np.full_like(states, TRANSPORT), [proof]
+    if (nearest := distance.max()) < 0:
+        if not any(size >= smaller and nearest >= near for smaller, near in failed):
+            proof = transport_cells.prove_cell(centre, size / 2, seconds / (2 if depth else 1))
+            if proof.proved:
+                return np.full_like(states, TRANSPORT), [proof]
+            failed.append((size, nearest))
     elif (distance > 0).all():
         circle = boundary.circle(*centre)
         if circle is None or not distance.max() > _NEAREST:
@@ -85,10 +91,10 @@ def proved_cells(low, size, depth, boundary, seconds):
             if proof.proved:
                 return np.full_like(states, BARRIER), [proof]
     if depth:
-        for i in (0, 1):
-            for j in (0, 1):
-                quarter = low1 + j * size / 2, low2 + i * size / 2
-                found, more = proved_cells(quarter, size / 2, depth - 1, boundary, seconds)
-                states[i * n // 2 : (i + 1) * n // 2, j * n // 2 : (j + 1) * n // 2] = found
-                proofs += more
+        # Beyond the boundary the upper right quarters are the far ones.
+        for i, j in (1, 1), (1, 0), (0, 1), (0, 0):
+            quarter = low1 + j * size / 2, low2 + i * size / 2
+            found, more = proved_cells(quarter, size / 2, depth - 1, boundary, seconds, failed)
+            states[i * n // 2 : (i + 1) * n // 2, j * n // 2 : (j + 1) * n // 2] = found
+            proofs += more
     return states, proofs
