@@ -11,9 +11,9 @@ granted there. (`barriers.critical_scale` and `periodic.critical_scale` take a s
 from math import inf, log, nan
 
 import numpy as np
-from scipy.optimize import brentq
 
 from nasm import circles
+from nasm.arithmetic.roots import root
 from nasm.circles import continuation
 from nasm.critical import CriticalScale, Status, no_answer
 from nasm.maps import segment
@@ -66,7 +66,7 @@ def circle_scale(omega, start, profile, tol=1e-4):
         if excess(0.0) <= 0:
             return no_answer(omega, Status.OUTSIDE, continuation.METHOD)
         beyond = next(s for s in step * _SCALES if excess(s) < 0)
-        value = brentq(excess, beyond - step, beyond, xtol=1e-3 * tol * step)
+        value = root(excess, beyond - step, beyond, 1e-3 * tol * step)
         slope = (excess(value - 0.1 * step) - excess(value)) / (0.1 * step)
     except StopIteration:
         return no_answer(omega, Status.NO_BREAKUP, continuation.METHOD)

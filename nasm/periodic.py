@@ -14,15 +14,15 @@ circle, and know nothing of each other.
 """
 
 from dataclasses import replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import islice, pairwise
 from math import inf, log
 from operator import attrgetter
 
 import numpy as np
-from scipy.optimize import brentq
 
 from nasm.action import MAX_PERIOD, Ladder, LostError, Orbit, ordered_orbits
+from nasm.arithmetic.roots import root
 from nasm.checks import count, fraction
 from nasm.critical import CriticalScale, Status, no_answer
 from nasm.maps import direction, rotating_forcing, segment
@@ -328,7 +328,7 @@ def _crossing(ladder, shorter, longer, kind, near, crossings, least, largest):
         if isinstance(bracket, Status):
             return bracket
         # Of a smooth excess eight steps do; where it jumps, none do.
-        scale = brentq(excess, *bracket, xtol=precision, maxiter=16, disp=False)
+        scale = root(excess, *bracket, precision, most=16)
         # A secant step with refined residues ends what rounding had ended.
         near = 1e6 * precision
         for beside in (0.1 * near, -0.1 * near):
@@ -349,7 +349,7 @@ def _crossing(ladder, shorter, longer, kind, near, crossings, least, largest):
             residues = [ladder.at(n, scale + step, kind).refined_residue() for n in pair]
             step *= left / (left - _logarithm(*residues))
         return scale + step
-    except (LostError, ValueError):  # brentq's: on its way back it met another orbit
+    except (LostError, ValueError):  # of `root`: on its way back it met another orbit
         return Status.DISORDERED
 
 
@@ -423,7 +423,7 @@ def torus_scale(omega, frequency, mean, amplitude):
                 reached += step
                 if reached > 100 * step:
                     return no_answer(exact, Status.NO_BREAKUP, _METHOD)
-            scales.append(brentq(excess, reached, reached + step, args=(level,), xtol=1e-12))
+            scales.append(root(partial(excess, level=level), reached, reached + step))
     except (LostError, ValueError):
         if not scales:
             return no_answer(exact, Status.DISORDERED, _METHOD)

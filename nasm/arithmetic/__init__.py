@@ -3,5 +3,11 @@
 from nasm import face
 
 __getattr__, __dir__ = face(
-    __name__, kernels="kernel", lanes="", sine="", double_double="", memory="keep_freed_memory"
+    __name__,
+    kernels="kernel",
+    lanes="",
+    sine="",
+    double_double="",
+    memory="keep_freed_memory",
+    roots="root",
 )

@@ -11,7 +11,6 @@ from functools import lru_cache
 from math import ceil
 
 import numpy as np
-from scipy.fft import next_fast_len
 
 from nasm.maps import TWO_PI
 from nasm.numbers import convergents
@@ -48,6 +47,8 @@ def grid(omega, n_modes):
 
     Near a breakup the modes up to the next resonance are small, and those from it on are not.
     """
+    from scipy.fft import next_fast_len  # which takes a while to import
+
     for fraction in convergents(omega):
         if fraction.denominator >= max(n_modes, 100):
             n = _EVEN * next_fast_len(ceil((fraction.denominator + 1) / _KEPT / _EVEN), real=True)

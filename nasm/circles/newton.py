@@ -22,7 +22,8 @@ constant is found as long as the twist ⟨Σ_j 1/c_j⟩ is not 0; where h' > 0 i
 With too few modes Newton's method converges on "circles" far beyond the breakup. What is called a
 circle here has therefore converged again, with h' > 0, on a grid four times finer.
 
-Grids have up to 10⁶ points; see `nasm.arithmetic.memory` for programs that compute many circles.
+Numba loads rocket-fft for np.fft inside kernels. Grids have up to 10⁶ points; see
+`nasm.arithmetic.memory` for programs that compute many circles.
 """
 
 from dataclasses import dataclass, field
@@ -30,7 +31,6 @@ from functools import lru_cache
 from math import prod
 
 import numpy as np
-import rocket_fft  # noqa: F401  (np.fft inside kernels)
 from numba import njit
 
 from nasm.arithmetic.kernels import kernel

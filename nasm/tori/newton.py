@@ -35,11 +35,10 @@ from functools import lru_cache
 from math import inf, isfinite, nan
 
 import numpy as np
-import rocket_fft  # noqa: F401  (np.fft inside kernels)
 from numba import njit
-from scipy.optimize import brentq
 
 from nasm.arithmetic.kernels import kernel
+from nasm.arithmetic.roots import root
 from nasm.arithmetic.sine import cos2pi, sin2pi
 from nasm.checks import count, real
 from nasm.critical import CriticalScale, Status
@@ -326,7 +325,7 @@ def _breakup(scales, slopes):
     near, far = third + 1e-9 * (third - second), third + 100 * (third - first)
     if not (steps > 0).all() or not excess(near) > 0 > excess(far):
         return nan
-    return brentq(excess, near, far)
+    return root(excess, near, far)
 
 
 def _vector(omega, frequency):

@@ -1,0 +1,51 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.optimize import brentq
+
+from nasm.arithmetic.roots import root
+
+FUNCTIONS = {
+    "smooth": lambda x, at: np.tanh(x - at),
+    "steep": lambda x, at: np.sinh(20 * (x - at)),
+    "flat": lambda x, at: (x - at) ** 9,
+    "jumping": lambda x, at: 100.0 if x > at else -100.0,
+    "bent": lambda x, at: x - at if x > at else 1e-6 * (x - at),
+}
+
+
+@given(st.floats(-0.999, 0.999), st.sampled_from(sorted(FUNCTIONS)))
+def test_a_root_is_where_scipy_finds_it_in_about_as_many_steps(at, name):
+    asked = []
+
+    def f(x):
+        asked.append(x)
+        return FUNCTIONS[name](x, at)
+
+    assert abs(root(f, -1, 1, 1e-9) - at) <= 2e-9 or abs(f(root(f, -1, 1, 1e-9))) < 1e-70
+    asked.clear()
+    root(f, 1, -1, 1e-9)
+    ours = len(asked)
+    asked.clear()
+    brentq(f, -1, 1, xtol=1e-9)
+    assert ours <= max(1.5 * len(asked), 60)
+
+
+def test_after_the_most_steps_it_is_the_best_so_far():
+    asked = []
+
+    def f(x):
+        asked.append(x)
+        return np.exp(x) - 2
+
+    found = root(f, 0, 30, most=3)
+    assert len(asked) == 5
+    assert abs(f(found)) == min(abs(f(x)) for x in asked[:5])
+
+
+def test_without_a_change_of_sign_there_is_no_root():
+    for f in (lambda x: 1 + x**2, lambda x: np.nan):
+        with pytest.raises(ValueError, match="must have different signs"):
+            root(f, -1, 1)
+    assert root(lambda x: x, 0, 1) == root(lambda x: x - 1, 0, 1) - 1 == 0
