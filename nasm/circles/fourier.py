@@ -21,7 +21,7 @@ __dir__ = __all__.copy
 _LARGEST_DENOMINATOR = 10**12  # k·p stays below 2⁶³ up to k = 9·10⁶
 
 
-@lru_cache(maxsize=32)
+@lru_cache(maxsize=16)
 def turns(omega, n_modes):
     """e^{2πikω} for k = 0, …, n_modes - 1, read-only; of a RotationNumber, to the last digits.
 
@@ -39,7 +39,7 @@ def turns(omega, n_modes):
 
 
 _KEPT = 0.36  # of the n points: the modes that are kept, so that products do not alias much
-_EVEN = 32  # that divides n: transforms of lengths like 3⁵·5⁵ take a fifth longer
+_EVEN = 16  # that divides n: transforms of lengths like 3⁵·5⁵ take a fifth longer
 
 
 def grid(omega, n_modes):

@@ -265,7 +265,7 @@ def _angles(omega, n_sites):
     return float(checked(omega)) * np.arange(n_sites) / n_sites
 
 
-@lru_cache(maxsize=256)
+@lru_cache(maxsize=16)  # of arrays as long as the grid
 def _constants(omega, n_sites, n):
     return _angles(omega, n_sites), fourier.turns(omega, n // 2 + 1), fourier.cut(omega, n)
 
