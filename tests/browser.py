@@ -148,7 +148,7 @@ def columns(tab, name):
 
 
 def picture(tab, label):
-    """The rectangle of the first figure in a section, inside its axes: x, y, width, height."""
+    """Scroll to the first figure of a section: x, y, width, height of it inside its axes."""
     return tab.evaluate("""(label) => {
         const section = document.querySelector(`section[aria-label="${label}"]`)
         const find = (view) => view.model.type == "Figure" ? view
@@ -156,6 +156,7 @@ def picture(tab, label):
         const views = [...Bokeh.index.roots].map(find).filter((view) => view)
         const view = views.find((view) => section.contains(view.root.el.parentElement
             ?? view.root.el) || section.contains(view.root.el))
+        view.canvas_view.el.scrollIntoView({block: "nearest", behavior: "instant"})
         const box = view.canvas_view.el.getBoundingClientRect(), frame = view.frame.bbox
         return [box.x + frame.x0, box.y + frame.y0, frame.width, frame.height]
     }""", label)  # fmt: skip

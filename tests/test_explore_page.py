@@ -159,7 +159,8 @@ def test_on_a_phone_panels_are_stacked_and_a_zoom_to_1e_4_shows_the_escape_times
     assert tab.evaluate("document.documentElement.scrollWidth") <= 390
     left, top, width, height = picture(tab, PLANE)
     assert width > 250
-    assert picture(tab, "Phase portrait")[1] > top + height
+    portrait = tab.locator('section[aria-label="Phase portrait"]').bounding_box()
+    assert portrait["y"] > top + height
     told, lines = (tab.get_by_label(name).bounding_box() for name in ("Verdict", "Lines in the"))
     assert top + height < told["y"] < min(top + height + 150, lines["y"])
     tab.mouse.move(left + 0.98 * width, top + 0.47 * height)
@@ -334,9 +335,9 @@ def test_bad_input_stays_in_its_field_with_words_below_it_and_a_lost_worker_is_r
     assert tab.get_by_label("where the circle").input_value() == "3/5"
     for label, text in good.items():
         type_in(tab, label, text)
-    until(tab, "orbits", "0.5,0.3")
+    for name, value in (("orbits", "0.5,0.3"), ("k1", "-0.3"), ("k2", "0.125")):
+        until(tab, name, value)
     expect(tab.get_by_role("alert")).to_have_count(0, timeout=PATIENCE)
-    assert (asked(tab)["k1"], asked(tab)["k2"]) == ("-0.3", "0.125")
     family = psutil.Process(served[1].pid).children(recursive=True)
     (worker,) = (one for one in family if "spawn_main" in " ".join(one.cmdline()))
     ready(tab, but="boundary")
