@@ -134,6 +134,8 @@ def _last(start, short, tol):
         best, upper, n_steps = race.leader, race.upper, n_certify
         if best is None and survived > 0 and upper - survived < _DEPTH * upper:
             break
+        if best is None and race.blurred(upper):  # each search is another chance to miss survivors
+            break
         if best is None:
             n_steps = _SURVIVED
             scale = upper * (1 - depth) if survived == 0 else (survived + upper) / 2
@@ -278,10 +280,14 @@ class _Race:
         """The lowest scale known without circles."""
         return min(self.eliminated)
 
+    def blurred(self, scale):
+        """Whether a cusp is so near that the orbits which are asked do not see it."""
+        return self.short.size > 2 and periodic.cusp_period(self.at(scale)) > _TOO_LONG
+
     def enter(self, names, reached):
         """Let circles take the lead that stand at a scale and break later than the leader, but not
         above a scale without circles. Next to a cusp that orbits do not see none does."""
-        if self.short.size > 2 and periodic.cusp_period(self.at(reached)) > _TOO_LONG:
+        if self.blurred(reached):
             self.told.add(Status.NEAR_CUSP)
             return
         for omega in names:

@@ -259,7 +259,9 @@ def _first_orbits(kappa):
     omegas = [Fraction(p) for p in range(period // 2 + 1)]
     if period % 2:
         omegas.append(Fraction(period, 2))
-    orbits, before = [], 0.0
+    # Where orbits are lost, far beyond the breakup, this stands for them: on the other side of the
+    # kick they would be minimizing, and survive.
+    orbits, before = [], 0.5 if kappa[0] > 0 else 0.0
     for omega in omegas:
         orbits.append((omega, _minimax(kappa, omega, before)))
         before = orbits[-1][1][0]
