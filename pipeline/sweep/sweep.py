@@ -147,6 +147,8 @@ class _Run:
         for batch, result in self.ended(work, next_batch):
             if isinstance(result, KilledWorker):
                 suspects += batch.tolist()
+            elif isinstance(result, store.Refused):  # the driver had accepted the cube
+                raise store.StoreFailed(self.gone) from result
             elif isinstance(result, Exception):
                 raise result
             elif isinstance(result, tuple):
@@ -158,11 +160,15 @@ class _Run:
                 progress.advance(len(batch), self.costs[batch].sum())
         return suspects
 
+    @property
+    def gone(self):
+        return f"{self.place} was moved, or deleted, under way"
+
     def retire(self, address, complaint):
         """Send an unfit worker away; ClusterError if there is no other."""
         cube, words = self.job.cube, f"the worker {address} {complaint}"
         if not store.sees(self.place, cube.name, cube.config_hash):
-            raise store.StoreFailed(f"{self.place} was moved, or deleted, under way")
+            raise store.StoreFailed(self.gone)
         if address not in self.unfit:
             self.unfit.add(address)
             print(f"retired: {words}", file=sys.stderr)
