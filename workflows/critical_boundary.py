@@ -21,7 +21,7 @@ from workflows.shared.cli import command, plane_option, plane_options, ray_optio
 def main(run, plane, angles, tips, tol, **options):
     """The critical boundary of global transport: its cubes, three tables and a figure in OUT.
 
-    The defaults take about a minute and a half on two cores. The paper's size of direct iteration
+    The defaults take about a minute on two cores. The paper's size of direct iteration
     is --kappa1 -1.1:1.1:1024 --kappa2 0:1.1:512 --levels 5 --n-max 1000000 --n-orbits 10000.
     """
     from pipeline.cubes import breakdown
