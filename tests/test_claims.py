@@ -11,10 +11,11 @@ from commands import succeed, table
 from nasm.numbers import NAMES, parse
 from workflows.claims import envelope, rules
 from workflows.claims.page import write_page, write_tables
-from workflows.claims.rules import Erratum, Verdict
+from workflows.claims.rules import Erratum
 from workflows.shared.cli import main_of
 from workflows.shared.output import Output
 from workflows.shared.page import formula
+from workflows.shared.rules import Verdict, graded
 
 TESTS = Path(__file__).parent
 
@@ -29,10 +30,10 @@ TESTS = Path(__file__).parent
         (rules.agrees(0.97163540705, 1e-11, *rules.printed("0.971635406")), Verdict.FAILS),
         (rules.agrees(np.nan, 1e-11, 0.971635406), Verdict.UNDECIDED),
         (rules.agrees(0.97, np.nan, 0.971635406), Verdict.UNDECIDED),
-        (rules.graded("", True), Verdict.HOLDS),
-        (rules.graded("", False, True), Verdict.CAVEAT),
-        (rules.graded("", False, False), Verdict.FAILS),
-        (rules.graded("", True, True, known=False), Verdict.UNDECIDED),
+        (graded("", True), Verdict.HOLDS),
+        (graded("", False, True), Verdict.CAVEAT),
+        (graded("", False, False), Verdict.FAILS),
+        (graded("", True, True, known=False), Verdict.UNDECIDED),
     ],
 )
 def test_the_rules(value, verdict):

@@ -12,9 +12,9 @@ from browser import CHROMIUM, needed
 from commands import succeed
 
 import nasm
-from workflows.claims.rules import Verdict
 from workflows.gallery import __main__ as gallery
 from workflows.shared.cli import main_of
+from workflows.shared.rules import Verdict
 
 
 @pytest.mark.parametrize("exhibit", gallery.EXHIBITS, ids=lambda exhibit: exhibit.name)

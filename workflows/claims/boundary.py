@@ -8,10 +8,11 @@ from nasm.numbers import moebius, parse
 from nasm.symmetries import ray
 from nasm.verdict import verdict
 from workflows.claims.map import apart, both_kicks
-from workflows.claims.rules import agrees, graded, identity, printed, rounding
+from workflows.claims.rules import agrees, identity, printed, rounding
 from workflows.shared.amplitudes import amplitudes
 from workflows.shared.direct import INSETS, exponent
 from workflows.shared.rays import with_tie
+from workflows.shared.rules import graded
 
 KAPPA_G = printed("0.971635406")
 _AXIS = "gamma", "1-gamma", "2-gamma", "gamma+1"

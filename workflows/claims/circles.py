@@ -9,7 +9,8 @@ from nasm.circles import fourier, parameterization
 from nasm.maps import kick, step, step_tangent
 from nasm.numbers import moebius, parse
 from workflows.claims.map import apart
-from workflows.claims.rules import graded, identity, rounding
+from workflows.claims.rules import identity, rounding
+from workflows.shared.rules import graded
 
 _KAPPA = (0.4, 0.2)
 _POINTS = 512

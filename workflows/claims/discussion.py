@@ -10,7 +10,8 @@ from nasm.maps import rotating_forcing, step
 from nasm.planes import two_kicks
 from nasm.symmetries import ray
 from workflows.claims.map import apart
-from workflows.claims.rules import graded, identity, rounding
+from workflows.claims.rules import identity, rounding
+from workflows.shared.rules import graded
 
 
 def discussion_claims(circles, barrier, tori, three):

@@ -8,7 +8,8 @@ import numpy as np
 
 from nasm.maps import TWO_PI, kick, step, step_tangent, twist, unkick
 from nasm.orbits import orbit
-from workflows.claims.rules import graded, identity, rounding
+from workflows.claims.rules import identity, rounding
+from workflows.shared.rules import graded
 
 STEPS = 3  # after which orbits are compared
 

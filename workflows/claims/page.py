@@ -6,8 +6,8 @@ from pathlib import Path
 from pandas import DataFrame
 
 from workflows.claims.envelope import HEADER, cells
-from workflows.claims.rules import Verdict
 from workflows.shared.page import render
+from workflows.shared.rules import Verdict
 
 _PLURAL = {
     Verdict.HOLDS: "hold",

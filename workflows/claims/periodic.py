@@ -6,8 +6,9 @@ from nasm import fixed_points
 from nasm.action import ordered_orbits
 from nasm.maps import TWO_PI, step, step_tangent, unkick
 from pipeline.sweep.grid import parse_axis
-from workflows.claims.rules import graded, identity
+from workflows.claims.rules import identity
 from workflows.shared.period_one import secondary_dataset
+from workflows.shared.rules import graded
 
 
 def periodic_claims():

@@ -11,7 +11,7 @@ from nasm.converse_kam import symmetry_line
 from nasm.numbers import NAMES, parse
 from nasm.symmetries import ray
 from workflows.claims.boundary import KAPPA_G
-from workflows.claims.rules import graded
+from workflows.shared.rules import graded
 
 _PAIRS = {
     "mirror_gamma": ("gamma", "gamma+1"),

@@ -5,23 +5,18 @@ hand. Each rule returns the text of the value and the Verdict:
 
     identity    the two sides of an equation differ by no more than rounding explains
     agrees      a value and a number in print differ by no more than the errors of both
-    graded      as it is written; or only in the weaker sense that the note states; or not at all
+    graded      as it is written; or only in the weaker sense that the note states; or not at all;
+                this one is in `workflows.shared.rules`
 
 NaN is UNDECIDED.
 """
 
 import tomllib
 from dataclasses import dataclass
-from enum import Enum
 from math import isfinite
 from pathlib import Path
 
-
-class Verdict(Enum):
-    HOLDS = "holds"
-    CAVEAT = "holds with a caveat"
-    FAILS = "does not hold"
-    UNDECIDED = "not decided"
+from workflows.shared.rules import Verdict
 
 
 @dataclass(frozen=True)
@@ -87,15 +82,6 @@ def agrees(value, error, expected, uncertainty=0.0):
     near = abs(value - expected) <= error + uncertainty
     text = f"{value:.12g} ± {error:.1g}; to compare with {expected:.12g}"
     return text, _known(Verdict.HOLDS if near else Verdict.FAILS, value, error)
-
-
-def graded(text, literal, weaker=False, known=True):
-    """Judge by whether a claim holds literally, or in a weaker sense; `known`: if at all."""
-    if not known:
-        return text, Verdict.UNDECIDED
-    if literal:
-        return text, Verdict.HOLDS
-    return text, Verdict.CAVEAT if weaker else Verdict.FAILS
 
 
 def _known(verdict, *values):

@@ -9,7 +9,8 @@ import numpy as np
 from nasm.maps import kick, unkick
 from nasm.orbits import rotation_number
 from workflows.claims.map import STEPS, apart, closed_form, iterated
-from workflows.claims.rules import graded, identity, rounding
+from workflows.claims.rules import identity, rounding
+from workflows.shared.rules import graded
 
 _CIRCLE = 1e-10  # of a rotation number after 10 000 steps
 

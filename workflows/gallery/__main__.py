@@ -19,12 +19,16 @@ from workflows.shared.cli import choice, cluster_options, command, flag, main_of
 
 @dataclass(frozen=True)
 class Exhibit:
-    """A command, what it shows, and its options for a preview and for the paper's size."""
+    """A command, what it shows, and its options for a preview and for the paper's size.
+
+    beyond : whether the paper does not ask what it answers.
+    """
 
     name: str
     title: str
     quick: str = ""
     full: str = ""
+    beyond: bool = False
 
     def options(self, quick):
         return shlex.split(self.quick if quick else self.full)
@@ -51,6 +55,7 @@ def shown(exhibit, out, quick):
     pictures, start = sorted(here.glob("*.png")), ["python", "-m", f"workflows.{name}"]
     return {
         "title": exhibit.title,
+        "beyond": exhibit.beyond,
         "name": name,
         "command": shlex.join([*start, *exhibit.options(quick), "--out", name]),
         "pictures": [(f"{name}/{path.name}", texts.get(path.stem, "")) for path in pictures],

@@ -1,0 +1,25 @@
+"""Verdicts on what a command claims, made of measured values by a rule, never written by hand."""
+
+from enum import Enum
+
+
+class Verdict(Enum):
+    HOLDS = "holds"
+    CAVEAT = "holds with a caveat"
+    FAILS = "does not hold"
+    UNDECIDED = "not decided"
+
+
+def graded(text, literal, weaker=False, known=True):
+    """Judge by whether a claim holds literally, or in a weaker sense; `known`: if at all."""
+    if not known:
+        return text, Verdict.UNDECIDED
+    if literal:
+        return text, Verdict.HOLDS
+    return text, Verdict.CAVEAT if weaker else Verdict.FAILS
+
+
+def finding(claim, measured, literal, weaker=False, known=True):
+    """Return the sentence of a claim with its verdict, see `graded`, and what was measured."""
+    _, verdict = graded(measured, literal, weaker, known)
+    return f"{claim} {verdict.value}: {measured}."
