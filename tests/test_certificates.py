@@ -10,6 +10,7 @@ import pytest
 
 pytest.importorskip("flint")
 from flint import arb, arb_poly, ctx
+from test_certificate_checker import dyadic
 
 import nasm
 from nasm import proofs
@@ -202,11 +203,6 @@ def test_a_changed_barrier_cell_is_refused(i, made):
     changed["claim"] = certificate_checker.claim(changed)
     with pytest.raises(Refuted, match="inequality"):
         check(resealed(changed))
-
-
-def dyadic(x):
-    numerator, denominator = float(x).as_integer_ratio()
-    return [numerator, 1 - denominator.bit_length()]
 
 
 def test_residuals_are_bounded_in_all_of_a_barrier_cell(made):

@@ -1,0 +1,211 @@
+"""The checker's own bounds: never below what they bound, and not twice as large either."""
+
+from fractions import Fraction
+from itertools import product
+
+import numpy as np
+import pytest
+
+pytest.importorskip("flint")
+from flint import acb, arb, arb_poly, ctx
+
+from nasm.proofs import certificate_checker as checker
+
+
+def random_box(rng):
+    """(a, box) of one or two kicks, such that each part of a bound is the largest now and then."""
+
+    def size():
+        return rng.choice([0.0, 10 ** rng.uniform(-6, -2)])
+
+    a = rng.choice([0, 0.5])
+    y = rng.integers(8) / 8 + rng.choice([0, 1]) * rng.uniform(0, 1e-3)
+    box = [y, 10 ** rng.uniform(-6, -2)]
+    for _ in range(2):
+        box += [rng.choice([0, 1, -1, 2, -2, rng.uniform(-2, 2)]), size()]
+    box += [rng.choice([0, 1, rng.uniform(-9, 9)]) for _ in range(2)]
+    return Fraction(a), [Fraction(float(number)) for number in box]
+
+
+def orbit(a, box, place, n):
+    """x_k and κ_k of an orbit of the box, exactly but for 300 bits."""
+    y, delta, k0, h0, k1, h1, *shears = map(checker.ball, box)
+    moved = [s * h for s, h in zip(place[1:], (h0, h1), strict=True)]
+    x = [checker.ball(a), checker.ball(a) + y + place[0] * delta]
+    x[1] += sum(shear * move for shear, move in zip(shears, moved, strict=True))
+    kappa = [(k0 + moved[0], k1 + moved[1])[k % 2] for k in range(n)]
+    for k in range(1, n):
+        x.append(2 * x[-1] - x[-2] + kappa[k] * (2 * x[-1]).sin_pi() / (2 * arb.pi()))
+    return x[:n], kappa
+
+
+def variation(eta, cosines):
+    """Q/2, of which half of site 0's part is on the other side."""
+    around = [2 * eta[1], *(a + b for a, b in zip(eta, [*eta[2:], 0.0], strict=False))]
+    terms = [x * ((2 + c) * x - y) for x, c, y in zip(eta, cosines, around, strict=True)]
+    return terms[0] / 2 + sum(terms[1:])
+
+
+def test_the_second_variation_is_bounded_in_boxes_and_the_bounds_are_reached():
+    rng, largest = np.random.default_rng(1), np.zeros(5)
+    for i in range(400):
+        a, box = random_box(rng)
+        with ctx.workprec(128 if i % 4 else 24):  # rounding counts with few bits
+            sites = list(checker.orbits(a, box, 4))
+            bound, eta = checker.summed(sites), checker.some_sequence(sites)
+        with ctx.workprec(300):
+            eta = [arb(number) for number in eta]
+            middle = variation(eta, [cosine for cosine, *_ in sites])
+            for place in product((1, -1), repeat=3):
+                x, kappa = orbit(a, box, place, 4)
+                cosines = [k * (2 * at).cos_pi() for k, at in zip(kappa, x, strict=True)]
+                for n, (cosine, linear, quadratic, rest) in enumerate(sites):
+                    known = sum((s * t for s, t in zip(place, linear, strict=True)), cosine)
+                    off = abs(cosines[n] - known - quadratic)
+                    assert not off > rest + 1e-36
+                    used = off / rest if i % 4 and rest > 1e-30 else 0
+                    largest[n] = max(largest[n], float(used))
+                found = variation(eta, cosines)
+                assert not found > bound + 1e-36
+                used = (found - middle) / (bound - middle) if bound - middle > 1e-30 else 0
+                largest[4] = max(largest[4], float(used))
+    assert (largest[1:] > 0.9).all()
+
+
+@pytest.mark.parametrize("most", [3, 100])
+def test_norms_bound_what_is_left_out_and_no_more(most, monkeypatch):
+    """Of sums over k ≥ 0 with coefficients ≥ 0 norms multiply; hence those of e^f and 1/(1 - f)."""
+    monkeypatch.setattr(checker.Function, "growth", (arb(2) / 10).exp())
+    monkeypatch.setattr(checker.Function, "most", most)
+    monkeypatch.setattr(ctx, "prec", checker.BITS)
+    f, g = (
+        checker.Function([acb(x) for x in [0, 0, *row]], rest)
+        for row, rest in (([1, 2, 3], 0), ([7, 4, 5], 6))
+    )
+    f, one = f * acb(arb(1) / 40), checker.constant(1)
+    size = f.norm()
+    d, defect = (one - f).inverse()
+    pairs = [((f * g).norm(), size * g.norm()), ((g * f).norm(), size * g.norm())]
+    pairs += [((f + g).norm(), size + g.norm())]
+    pairs += [(f.exp(halvings, order).norm(), size.exp()) for halvings, order in ((8, 20), (3, 2))]
+    pairs += [(checker.neumann(one, size), 1 / (1 - size))]
+    pairs += [(checker.neumann(d, defect), 1 / (1 - size))] if most == 100 else []
+    for bound, exact in pairs:
+        assert (1 - 1e-12) * exact <= bound <= (1 + 1e-4) * exact
+
+
+ALPHA, RHO = (5**0.5 - 1) / 4, 0.01
+
+
+def norm_of_residuals(kappa, u):
+    """‖E_j‖ in floats, u_j = Σ_k c_k e^{2πikφ} + its conjugate, by 512 points."""
+    k = np.fft.fftfreq(512, 1 / 512)
+    modes = np.zeros((2, 512), complex)
+    modes[:, : u.shape[1]] = u
+    turn = np.exp(2j * np.pi * k * ALPHA)
+    real, shifted, back = (
+        2 * 512 * np.fft.ifft(m).real for m in (modes, turn * modes, modes / turn)
+    )
+    E = shifted[::-1] + back[::-1] - 2 * real
+    E -= np.array(kappa)[:, None] * np.sin(2 * np.pi * (k / 512 + real)) / (2 * np.pi)
+    return np.abs(np.fft.fft(E)) / 512 @ (np.exp(2 * np.pi * RHO * np.abs(k)) * (np.abs(k) < 120))
+
+
+def dyadic(x):
+    numerator, denominator = float(x).as_integer_ratio()
+    return [numerator, 1 - denominator.bit_length()]
+
+
+def theorem(kappa, u):
+    data = {"omega": "[0;(1)]", "radius": "0x0p0", "rho": RHO.hex()}
+    data["kappa"] = [k.hex() for k in kappa]
+    data["modes"] = [[[dyadic(c.real), dyadic(c.imag)] for c in row] for row in u]
+    with ctx.workprec(checker.BITS):
+        return checker.theorem(data)[1]
+
+
+def test_residuals_of_a_circle_are_those_of_the_chain():
+    kappa, k = (0.3, -0.5), np.arange(9)
+    waves = np.random.default_rng(2).normal(size=(2, 2, 9)) * np.exp(-k) * (k > 0) / 50
+    u = waves[0] + 1j * waves[1]
+    found, exact = theorem(kappa, u), norm_of_residuals(kappa, u)
+    slopes = 1 + 4 * np.pi * (k * np.abs(u)) @ np.exp(2 * np.pi * RHO * k)
+    assert found["error"] == pytest.approx(exact.max(), rel=1e-9)
+    assert found["n"] == pytest.approx(slopes.max(), rel=1e-9)
+    assert found["epsilon"] == pytest.approx(slopes @ exact, rel=1e-9)
+    # With one mode, what is left out is the larger part.
+    u = np.array([[0, -0.06j]] * 2)
+    assert 1 <= theorem(kappa, u)["error"] / norm_of_residuals(kappa, u).max() < 1.01
+
+
+def cell(width, moved):
+    """(data, centre, moves) of a cell whose u_j are largest at its corner σ = (1, 1)."""
+    rng, k, unit = np.random.default_rng(3), np.arange(9), 2.0**-40
+    centre = rng.uniform(0.5, 1, (2, 9)) * np.exp(-3 * k) * (k > 0) / 10
+    moves = rng.uniform(0.5, 1, (2, 3, 3, 9)) * np.exp(-3 * k) * (k > 0) * moved
+    numbers = np.rint(moves / unit).astype(int)
+    data = {"omega": "[0;(1)]", "rho": RHO.hex(), "kappa": [(0.3).hex(), (-0.5).hex()]}
+    data |= {
+        "half_width": [width.hex()] * 2,
+        "centre": [[dyadic(x) for x in row] for row in centre],
+    }
+    data["moves"] = {"unit": -40, "numbers": numbers.tolist()}
+    return data, centre, numbers * unit
+
+
+def test_constants_of_a_cell_are_the_largest_in_it():
+    """n, k and p against the corner; residuals against the theorem's formula in floats."""
+    width = 2.0
+    data, centre, moves = cell(width, moved=0.04)
+    with ctx.workprec(checker.BITS):
+        found = checker.theorem_of_cell(data)[1]
+    corner = theorem((0.3 + width, -0.5 + width), -1j * (centre + moves.sum(axis=(1, 2))))
+    assert [found[key] for key in "nk"] == pytest.approx([corner[key] for key in "nk"], rel=1e-9)
+    assert 1 <= found["p"] / corner["p"] < 1.5
+
+    N, k = 3 + 4, np.arange(9)
+    theta = np.pi * (2 * np.arange(N) + 1) / (2 * N)
+    T = np.cos(np.arange(3)[:, None] * theta)
+    u = centre[..., None, None] + np.einsum("jabk,ap,bq->jkpq", moves, T, T)
+    kappa = [0.3 + width * np.cos(theta), -0.5 + width * np.cos(theta)]
+    at_points = [
+        norm_of_residuals((kappa[0][p], kappa[1][q]), -1j * u[:, :, p, q])
+        for p in range(N)
+        for q in range(N)
+    ]
+    weights = np.cos(np.arange(N)[:, None] * theta) * 2 / N
+    weights[0] /= 2
+    Lambda, weight = np.abs(weights.sum(axis=0)).sum(), np.exp(2 * np.pi * RHO * k)
+    r = np.exp(np.arange(1, 40) / 10)[:, None, None]
+    m = np.arange(3)
+    grown = (r**m + r**-m) / 2
+    grown = 2 * np.einsum("jab,rxa,ryb->jr", moves @ weight, grown, grown)
+    r = r.ravel()
+    B = RHO + 2 * (centre @ weight)[:, None] + grown
+    B = (
+        ([[0.3], [0.5]] + width * (r + 1 / r) / 2)
+        / (2 * np.pi)
+        * np.exp(np.minimum(2 * np.pi * B, 600))
+    )
+    between = (4 * (1 + Lambda) * B * r**-N / (1 - 1 / r)).min(axis=1)
+    error = Lambda**2 * np.max(at_points, axis=0) + between
+    assert between.min() > 1e-3 * found["error"]
+    assert found["error"] == pytest.approx(error.max(), rel=1e-5)
+    slopes = 1 + 4 * np.pi * (centre + moves.sum(axis=(1, 2))) @ (k * weight)
+    assert found["epsilon"] == pytest.approx(slopes @ error, rel=1e-5)
+
+
+def test_what_a_grid_of_a_cell_misses_is_bounded_in_the_best_strip():
+    f = np.array([0, 0.05, 0.02])
+    with ctx.workprec(checker.BITS):
+        half = arb_poly((f / 2).tolist())
+        grid = checker.Grid(arb(RHO), [half, half], [{(0, 1): half}] * 2)
+        u = [half, half]
+        with_missed = grid.residuals([arb(0.3), arb(-0.5)], u, arb(ALPHA))
+        (missed, _), grid.missed = grid.missed, [arb(0)] * 2
+        without = grid.residuals([arb(0.3), arb(-0.5)], u, arb(ALPHA))
+    hat = np.linspace(1.25, 15.75, 1000)[:, None] * RHO
+    sizes = hat + 2 * (np.exp(2 * np.pi * hat * [0, 1, 2]) @ f)[:, None] - (hat - RHO) * grid.half
+    assert 1 <= float(missed) / (2 * np.exp(2 * np.pi * sizes).min()) < 1.01
+    for k, more, less in zip((0.3, 0.5), with_missed, without, strict=True):
+        assert float(more - less) == pytest.approx(k / (2 * np.pi) * float(missed))
