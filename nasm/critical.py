@@ -34,6 +34,7 @@ class Status(Enum):
     UNDECIDED = "the methods contradict each other"
     NOT_CONVERGED = "the estimates did not settle within the effort allowed"
     WIDE = "value and error stand, but the bracket is more than twice as wide as asked for"
+    ANOMALOUS = "squares of displacements do not grow like n: accelerator modes; no diffusion"
 
     __repr__ = Enum.__str__  # short
 

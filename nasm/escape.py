@@ -93,7 +93,7 @@ def escape_time(kappa, x, y, n_max, window=PAPER_WINDOW):
     """
     strengths, x, y, n_max, lo, hi, shift = _checked(kappa, x, y, n_max, window)
     times = np.empty(x.size)
-    _escape_times(_kicks(strengths), x.ravel() - 0.25, y.ravel() - shift, n_max, lo, hi, times)
+    _escape_times(kick_series(strengths), x.ravel() - 0.25, y.ravel() - shift, n_max, lo, hi, times)
     return times.reshape(x.shape)
 
 
@@ -141,7 +141,7 @@ def first_escape(kappas, x, y, sizes, n_max, window=PAPER_WINDOW, precision="dou
     sizes, (kind, series) = sizes.astype(np.int64), _PRECISIONS[precision]
     times = np.empty((len(flat), sizes.size))
     starts = (x - 0.25).astype(kind), (y - shift).astype(kind)
-    _first_escapes(_kicks(flat, series).astype(kind), *starts, sizes, n_max, lo, hi, times)
+    _first_escapes(kick_series(flat, series).astype(kind), *starts, sizes, n_max, lo, hi, times)
     return times.T.reshape(sizes.size, *plane)
 
 
@@ -274,7 +274,7 @@ def _checked(kappa, x, y, n_max, window):
 _PRECISIONS = {"double": (np.float64, SINE), "single": (np.float32, SINGLE_SINE)}
 
 
-def _kicks(kappas, series=SINE):
+def kick_series(kappas, series=SINE):
     """The coefficients of y' = y + u·Σ c_k u²ᵏ, of -κ times those of the sine, and 1/4 after them:
     shape (..., P, len(series) + 1)."""
     quarter = np.full((*kappas.shape, 1), 0.25)
@@ -306,7 +306,7 @@ def _series_of(c, p, v):
 
 
 @njit(forceinline=True)
-def _kick(c, p, x, y):
+def kick_on_lanes(c, p, x, y):
     """Kick p, on lanes or floats; x is the shifted angle X."""
     r = x - rint(x)
     u = fabs(r) - c[p, c.shape[1] - 1]
@@ -324,13 +324,13 @@ def _advance(c, x, y, start, n, x_end, y_end, reach):
     if c.shape[0] == 2:
         # The paper's map, unrolled: 1.3 times faster than the loop over kicks.
         for _ in range(n):
-            xs, ys = _kick(c, 0, xs, ys)
-            xs, ys = _kick(c, 1, xs, ys)
+            xs, ys = kick_on_lanes(c, 0, xs, ys)
+            xs, ys = kick_on_lanes(c, 1, xs, ys)
             furthest = maximum(furthest, fabs(ys))
     else:
         for _ in range(n):
             for p in range(c.shape[0]):
-                xs, ys = _kick(c, p, xs, ys)
+                xs, ys = kick_on_lanes(c, p, xs, ys)
             furthest = maximum(furthest, fabs(ys))
     store(x_end, 0, xs)
     store(y_end, 0, ys)
@@ -344,7 +344,7 @@ def _replay(c, x, y, n, lo, hi):
         if y < lo or y > hi:
             return t
         for p in range(c.shape[0]):
-            x, y = _kick(c, p, x, y)
+            x, y = kick_on_lanes(c, p, x, y)
     return n + 1
 
 

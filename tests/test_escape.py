@@ -35,7 +35,7 @@ def _scalar_times(c, x, y, n_max, lo, hi):
                 times[i] = n
                 break
             for p in range(c.shape[0]):
-                xi, yi = escape._kick(c, p, xi, yi)
+                xi, yi = escape.kick_on_lanes(c, p, xi, yi)
     return times
 
 
@@ -43,14 +43,14 @@ def _scalar_times(c, x, y, n_max, lo, hi):
 def _kick_each(c, x, y):
     kicked_x, kicked_y = np.empty_like(x), np.empty_like(y)
     for i in range(x.size):
-        kicked_x[i], kicked_y[i] = escape._kick(c, 0, x[i], y[i])
+        kicked_x[i], kicked_y[i] = escape.kick_on_lanes(c, 0, x[i], y[i])
     return kicked_x, kicked_y
 
 
 def scalar_times(kappa, x, y, n_max, window, precision="double"):
     """One orbit after the other with the kernel's own kick on floats: no lanes, blocks, packing."""
     kind, series = escape._PRECISIONS[precision]
-    arrays = escape._kicks(np.array(kappa), series), x - 0.25, y
+    arrays = escape.kick_series(np.array(kappa), series), x - 0.25, y
     return _scalar_times(*(array.astype(kind) for array in arrays), n_max, *window)
 
 
@@ -58,7 +58,7 @@ def scalar_times(kappa, x, y, n_max, window, precision="double"):
 def test_the_kernel_s_kick_is_right_to_rounding(strength):
     rng = np.random.default_rng(3)
     x, y = rng.uniform(-0.5, 0.5, 2000), rng.uniform(-0.5, 0.5, 2000)
-    c = escape._kicks(np.array([strength]))
+    c = escape.kick_series(np.array([strength]))
     kicked_x, kicked_y = _kick_each(c, x - 0.25, y)
     with mpmath.workdps(30):
         for i in range(x.size):

@@ -16,7 +16,7 @@ import numpy as np
 import oracles
 import pytest
 
-from nasm import circles, escape
+from nasm import circles, diffusion, escape
 from nasm.arithmetic.sine import SINE
 from nasm.circles import fourier, parameterization
 from nasm.converse_kam import symmetry_line
@@ -115,6 +115,21 @@ def test_the_cone_kernel_against_plain_numba_and_the_escape_kernel():
     print(f"\ncones / escape: {per_kick[1] / per_kick[2]:.2f}")
     assert per_kick[0] / per_kick[1] > 20
     assert per_kick[1] / per_kick[2] < 3
+
+
+def test_the_diffusion_kernel_against_the_escape_kernel():
+    (x, y), n = escape.ensemble(1024), 20_000
+    kicks = escape.kick_series(np.array(KAPPA))
+
+    def spread():
+        diffusion._iterate(kicks, x - 0.25, y.copy(), n)
+
+    def escapes():
+        assert np.isinf(escape.escape_time(KAPPA, x, y, n)).all()
+
+    per_step = per_unit("step", {"escape": escapes, "diffusion": spread}, [x.size * n] * 2)
+    print(f"\ndiffusion / escape: {per_step[1] / per_step[0]:.2f}")
+    assert per_step[1] < 1.1 * per_step[0]
 
 
 STEPS = 50

@@ -1,0 +1,150 @@
+"""Diffusion: how fast does momentum spread, once transport is global?
+
+    D = lim <(y_n - y_0)²> / 2n,     n in periods of the forcing, y in its own unit,
+
+the mean over all starts of the cell 0 ≤ x, y < 1: islands count, as places from which nothing
+spreads, so that a gradient of density drives the flux -D ∂ρ/∂y. For the standard map's p = 2πy,
+whose <(p_n - p_0)²>/n is mostly printed, that is 8π²D. While a barrier exists D is 0.
+
+*Measured.* Orbits are on the lift: no window in y cuts them off. What they do within a cell adds a
+constant to <(y_n - y_0)²>, so that D is the slope between lags of n/8 and n/2. n is doubled until
+orbits are two units of y away, in root mean square: beyond four circles of each kind that a unit
+has. The error is from the scatter of orbits. Where an accelerator mode carries some orbits along,
+y ~ n, there is no D: the squares grow faster than n, or one orbit is far ahead of all others.
+
+*Strong kicks.* Without correlations D = (κ1² + κ2²)/16π²; with those of up to four kicks, the terms
+of Rechester & White (Phys. Rev. Lett. 44 (1980) 1586), for two kicks
+
+    16π²D = κ1² (1 - 2a₂ + 2a₂²) + κ2² (1 - 2b₂ + 2b₂²) + 4κ1κ2 (J₃(κ1)J₃(κ2) - J₁(κ1)J₁(κ2)),
+
+a₂ = J₂(κ2), b₂ = J₂(κ1).
+
+*Weak ones.* Just beyond the breakup the remains of the last circle let ΔW pass (`nasm.flux`), and
+if nothing else resists, those between which y gains a unit, m in number, are in series: D = ΔW/m.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from nasm.arithmetic.kernels import kernel
+from nasm.arithmetic.lanes import LANES, load, own_frame, store
+from nasm.checks import count
+from nasm.critical import Status
+from nasm.escape import MAX_STEPS, kick_on_lanes, kick_series
+from nasm.maps import forcing
+
+__all__ = ["Diffusion", "diffusion", "strong_kicks"]
+__dir__ = __all__.copy
+
+SHORTEST = 8192
+"""Periods, the fewest: at fewer an accelerator mode may not yet stand out."""
+
+_SPREAD = 4.0  # mean square over the longer lag from which on there is an answer
+_PARTS = 8  # of the time, at whose ends momenta are kept
+_FASTER = 1.2  # exponent of n above which squares do not grow like n
+_AHEAD = 100.0  # times the mean square: further than chance takes any orbit
+
+
+@dataclass(frozen=True)
+class Diffusion:
+    """What an ensemble shows.
+
+    value : D, in squares of y a period; NaN if status is not OK.
+    error : its standard error.
+    exponent : a of <(y_n - y_0)²> ~ nᵃ between the two lags; 1 for diffusion.
+    steps : periods that each orbit was followed.
+    status : OK, NOT_CONVERGED if n_max was too few, ANOMALOUS.
+    """
+
+    value: float
+    error: float
+    exponent: float
+    steps: int
+    status: Status
+
+
+def diffusion(kappa, n_orbits=1024, n_max=2**21):
+    """D by an ensemble of orbits that start evenly in the cell.
+
+    Parameters
+    ----------
+    kappa : sequence of P floats, the forcing, first kick first.
+    n_orbits : int, 64 to 10⁶.
+    n_max : int, 8192 to 10¹², periods; D of 4/n_max or more are found.
+
+    Returns
+    -------
+    Diffusion.
+
+    ValueError if an argument is out of range.
+    """
+    kicks = kick_series(forcing(kappa))
+    n_orbits = count("n_orbits", n_orbits, 64, 10**6)
+    n_max = count("n_max", n_max, SHORTEST, MAX_STEPS)
+    size = -(-n_orbits // LANES) * LANES
+    plastic, i = 1.324717957244746, np.arange(size)
+    x, y = (0.5 + i / plastic) % 1.0 - 0.25, (0.5 + i / plastic**2) % 1.0
+    momenta, part = [y.copy()], SHORTEST // _PARTS
+    while True:
+        while len(momenta) <= _PARTS:
+            _iterate(kicks, x, y, part)
+            momenta.append(y.copy())
+        found = _measured(np.array(momenta), part)
+        if found.status is not Status.NOT_CONVERGED or 2 * found.steps > n_max:
+            return found
+        momenta, part = momenta[::2], 2 * part
+
+
+def _measured(momenta, part):
+    """The Diffusion that momenta at the ends of equal parts of the time show."""
+    lag = _PARTS // 2
+    far, near = (np.mean((momenta[n:] - momenta[:-n]) ** 2, axis=0) for n in (lag, 1))
+    slopes = (far - near) / (2 * part * (lag - 1))
+    error = slopes.std(ddof=1) / slopes.size**0.5
+    exponent, steps = np.log(far.mean() / near.mean()) / np.log(lag), _PARTS * part
+    if far.mean() < _SPREAD:
+        return Diffusion(np.nan, np.nan, exponent, steps, Status.NOT_CONVERGED)
+    if exponent > _FASTER or far.max() > _AHEAD * far.mean():
+        return Diffusion(np.nan, np.nan, exponent, steps, Status.ANOMALOUS)
+    return Diffusion(slopes.mean(), error, exponent, steps, Status.OK)
+
+
+def strong_kicks(kappa1, kappa2):
+    """D of two strong kicks, in squares of y a period, see the module; arrays or floats.
+
+    Accelerator modes and the islands of weak kicks are not in it.
+    """
+    from scipy.special import jv  # 0.2 s to import, and seldom wanted
+
+    (one1, two1, three1), (one2, two2, three2) = (
+        [jv(order, kappa) for order in (1, 2, 3)] for kappa in (kappa1, kappa2)
+    )
+    alone = kappa1**2 * (1 - 2 * two2 + 2 * two2**2) + kappa2**2 * (1 - 2 * two1 + 2 * two1**2)
+    return (alone + 4 * kappa1 * kappa2 * (three1 * three2 - one1 * one2)) / (4 * np.pi) ** 2
+
+
+@njit(nogil=True)
+def _advance(c, x, y, start, n):
+    """n periods of the 64 orbits from `start` on, in place."""
+    own_frame()
+    xs = load(x, start)
+    ys = load(y, start)
+    if c.shape[0] == 2:
+        for _ in range(n):
+            xs, ys = kick_on_lanes(c, 0, xs, ys)
+            xs, ys = kick_on_lanes(c, 1, xs, ys)
+    else:
+        for _ in range(n):
+            for p in range(c.shape[0]):
+                xs, ys = kick_on_lanes(c, p, xs, ys)
+    store(x, start, xs)
+    store(y, start, ys)
+
+
+@kernel
+def _iterate(c, x, y, n):
+    """n periods of all orbits, a multiple of the lanes, in place."""
+    for start in range(0, x.size, LANES):
+        _advance(c, x, y, start, n)
