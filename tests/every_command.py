@@ -25,6 +25,7 @@ SMALLEST = {
     "last_barrier": "--angles 2 --tips 0 --tol 0.1",
     "period_one": "--primary -4:4:20 --secondary 0:8:10",
     "portraits": "--n-orbits 2 --steps 10",
+    "ramp": "--quick --slowest 1e-3",
     "rotating": "--angles 2 --tips 0 --n-max 64 --n-orbits 4 --tori 2 --vector 44/81,68/81",
     "self_consistent": "--coupling 0.5 --particles 256 --kicks 4096",
     "stability": "--quick",
@@ -40,7 +41,7 @@ SMALLEST = {
 }
 PROVING = ("ask", "proved_boundary", "proved_map", "work_precision")
 WITHOUT_WORKERS = (
-    *("ask", "period_one", "portraits", "self_consistent", "stability", "work_precision"),
+    *("ask", "period_one", "portraits", "ramp", "self_consistent", "stability", "work_precision"),
     *("status", "verify"),
 )
 

@@ -22,4 +22,4 @@ def graded(text, literal, weaker=False, known=True):
 def finding(claim, measured, literal, weaker=False, known=True):
     """Return the sentence of a claim with its verdict, see `graded`, and what was measured."""
     _, verdict = graded(measured, literal, weaker, known)
-    return f"{claim} {verdict.value}: {measured}."
+    return f"{claim} {verdict.value}: {measured if known else 'there is nothing to judge by'}."

@@ -1,0 +1,99 @@
+"""Lives of graphs against the action's Hessian, and the laws that the command judges."""
+
+import numpy as np
+import pytest
+import xarray as xr
+from commands import succeed
+from oracles import KAPPA_G
+from scipy.linalg import eigvalsh_tridiagonal
+
+from nasm.circles import invariant_circle
+from nasm.converse_kam import sequence
+from nasm.orbits import orbit
+from workflows.ramp import study
+
+
+def test_the_longest_life_ends_where_the_action_has_no_minimum_any_more():
+    """Of a segment with fixed ends, by the least eigenvalue of the Hessian."""
+    rate, site, reach = 1e-3, 25, 150
+    kappa = KAPPA_G + rate * (np.arange(-reach, reach + 1) + site)
+    x, y, life = sequence.longest_lived(kappa, 0.0, reach)
+    assert 20 < life < 40
+
+    def least(kicks):
+        ahead, behind, p, q = [x], [x - y], y, y
+        for n in range(kicks):
+            p = p + kappa[reach + n] / (2 * np.pi) * np.sin(2 * np.pi * ahead[-1])
+            ahead.append(ahead[-1] + p)
+            q = q - kappa[reach - 1 - n] / (2 * np.pi) * np.sin(2 * np.pi * behind[-1])
+            behind.append(behind[-1] - q)
+        sites = np.array(behind[kicks - 2 :: -1] + ahead[:kicks])  # the ends are held
+        diagonal = 2 + kappa[reach - kicks + 1 : reach + kicks] * np.cos(2 * np.pi * sites)
+        return eigvalsh_tridiagonal(diagonal, -np.ones(diagonal.size - 1))[0]
+
+    assert least(int(life) - 1) > 0 >= least(int(life) + 1)
+
+
+def test_the_area_under_the_golden_circle_is_that_below_its_orbit():
+    """Points of a long orbit in the order of x, by trapezia."""
+    n, kappa = 20_000, 0.9
+    u = invariant_circle("gamma", kappa).u[0]
+    golden = (5**0.5 - 1) / 2
+    before = np.interp(-golden % 1, np.arange(u.size + 1) / u.size, np.append(u, u[0]))
+    xs, ys = orbit((kappa,), u[0], golden + u[0] - before, n)
+    order = np.argsort(xs % 1)
+    area = np.trapezoid(ys[order], (xs % 1)[order])
+    assert study._area(kappa) == pytest.approx(area, abs=1e-3)
+
+
+def test_in_a_slow_ramp_following_the_golden_circle_keeps_graphs_longer():
+    acceleration = 1e-6 * study.area_rate(KAPPA_G)
+    (plain, *_), (followed, *_) = (study._lost(KAPPA_G, 1e-6, a) for a in (0.0, acceleration))
+    assert plain < 0.9 * followed
+    assert followed == pytest.approx(1.67 * 1e-6**-study.EXPONENT, rel=0.05)
+
+
+def test_shapes_are_what_their_names_say():
+    shapes = study._shapes(np.arange(1000))
+    assert list(shapes["Thue-Morse"][:8]) == [1, -1, -1, 1, -1, 1, 1, -1]
+    letters = "".join(np.where(shapes["Fibonacci"] > 0, "a", "b"))
+    assert "bb" not in letters
+    assert "aaa" not in letters
+    for shape in shapes.values():
+        assert 0.9 < np.abs(shape).max() <= 1
+
+
+def results(exponent, wiggle, jumps, smooth):
+    rate = 10.0 ** -np.arange(2, 7)
+    lost = rate**-exponent * (1 + wiggle * np.array([1, -1, 1, -1, 1]))
+    ramp = xr.Dataset({"lost": (("way", "rate"), np.array([lost, lost]))}, {"rate": rate})
+    names = [*study.SMOOTH, *study.JUMPS]
+    life = np.repeat([[smooth], [jumps]], 4, axis=0)
+    kind = xr.DataArray(range(8), dims="kind", attrs={"names": names})
+    lives = xr.Dataset({"life": (("kind", "ripple"), life)}, {"kind": kind, "ripple": [0.1]})
+    return ramp, lives.assign_attrs(kicks=3000)
+
+
+@pytest.mark.parametrize(
+    ("found", "said"),
+    [
+        ((0.497, 0.01, 90.0, np.inf), ["holds:", "holds:", "holds:"]),
+        ((0.45, 0.01, 90.0, 900.0), ["caveat:", "caveat:", "does not hold:"]),
+        ((0.33, 0.01, np.inf, np.inf), ["does not hold:", "does not hold:", "does not hold:"]),
+    ],
+)
+def test_the_rules_can_say_no(found, said):
+    lines = study.findings(*results(*found)).splitlines()
+    assert [words in line for words, line in zip(said, lines, strict=True)] == [True] * 3
+
+
+@pytest.mark.slow
+def test_lives_of_graphs_are_kept_as_labelled_cubes(tmp_path):
+    out = tmp_path / "out"
+    said = succeed("ramp", out, "--quick", "--slowest", "1e-3")
+    ramp, lives = (xr.open_zarr(out / f"{name}.zarr").load() for name in ("ramp", "irregular"))
+    assert ramp.lost.dims == ("way", "rate")
+    assert (ramp.lost == ramp.site + ramp.life).all()
+    assert lives.life.sizes == {"kind": 9, "ripple": 3}
+    assert "Smoothness in the phase decides" in said
+    assert (out / "ramp.png").exists()
