@@ -23,6 +23,7 @@ SMALLEST = {
     "frequencies": "--q-max 2 --also 1/3 --irrational 0.41421356237309515 --phases 2",
     "gallery": "--only period_one",
     "last_barrier": "--angles 2 --tips 0 --tol 0.1",
+    "patterns": "--quick --tol 0.1",
     "period_one": "--primary -4:4:20 --secondary 0:8:10",
     "portraits": "--n-orbits 2 --steps 10",
     "ramp": "--quick --slowest 1e-3",

@@ -31,19 +31,23 @@ def last_barrier(plane, angles, tol, name="barrier"):
     folded, _ = plane.fold(angles)
     wedge = sorted(set(folded.tolist()))
     on_ray = {"angle": angles_of_rays(wedge)}
-    place = {"quotient": coordinate("quotient", range(_N_QUOTIENTS), "place of a partial quotient")}
-    zero, comment = np.int32(0), "0 behind the last one"
-    last_circle = {
-        "omega": blank(on_ray, "rotation number of the last circle, per step"),
-        "quotients": blank(place | on_ray, "partial quotients of omega", zero, comment=comment),
-        "tail_length": blank(on_ray, "partial quotients at the end that repeat", np.int8(0)),
-    }
     seconds = 0.2 + 3.5e-5 / tol if len(plane.origin) <= 2 else 1 + 5e-4 / tol
     warm_up = partial(barriers.critical_scale, sum(plane.ray(30.0)), 0.1)
     plan = plane.axes, {}, wedge, seconds, plane.record | {"tol": tol}
     cube = cube_on_rays(name, *plan, "The last barrier to transport")
-    cube = replace(cube, template=cube.template.assign_coords(place).assign(last_circle))
+    cube = replace(cube, template=with_last_circle(cube.template, on_ray))
     return Job(cube, _compute, partial(per_ray, seconds), warm_up)
+
+
+def with_last_circle(template, on):
+    """Return the template of a cube with the variables of last circles, by the coordinates `on`."""
+    place = {"quotient": coordinate("quotient", range(_N_QUOTIENTS), "place of a partial quotient")}
+    zero, comment = np.int32(0), "0 behind the last one"
+    return template.assign_coords(place).assign(
+        omega=blank(on, "rotation number of the last circle, per step"),
+        quotients=blank(place | on, "partial quotients of omega", zero, comment=comment),
+        tail_length=blank(on, "partial quotients at the end that repeat", np.int8(0)),
+    )
 
 
 def named(plane):
@@ -96,8 +100,7 @@ def unfolded(barrier, angles):
     angles, plane = np.asarray(angles, dtype=float), plane_of(barrier.attrs)
     folded, shifts = plane.fold(angles)
     there = barrier.load().sel(angle=folded, method="nearest", tolerance=1e-8)
-    quotients, tails = there.quotients.values.T.tolist(), there.tail_length.values.tolist()
-    circles = list(map(_circle, quotients, tails, shifts.tolist()))
+    circles = exact_circles(there, shifts.tolist())
     ties = map(partial(tie, plane), circles, angles, there.critical_scale.values)
     table = there.drop_vars(["quotients", "tail_length", "quotient"]).assign_coords(
         angle=angles_of_rays(angles),
@@ -110,6 +113,13 @@ def unfolded(barrier, angles):
     omega = np.where(shifts, shifts - table.omega, table.omega)
     table["omega"] = table.omega.copy(data=omega)
     return table
+
+
+def exact_circles(cube, shifts):
+    """List the exact texts of the last circles' ω in a cube, or of `shift` - ω where that is not 0;
+    "" where none is named."""
+    quotients, tails = cube.quotients.values.T.tolist(), cube.tail_length.values.tolist()
+    return list(map(_circle, quotients, tails, shifts))
 
 
 def _circle(quotients, tail_length, shift):
@@ -172,8 +182,12 @@ def uncertified(tile, certificates):
 
 
 def _arrays(found, coords, settings):
-    arrays = scales(found, plane_of(settings).axes, coords["angle"])
-    arrays["omega"] = np.array([np.nan if s.omega is None else float(s.omega) for s in found])
+    return scales(found, plane_of(settings).axes, coords["angle"]) | circle_arrays(found)
+
+
+def circle_arrays(found):
+    """Return the arrays of last circles, see `with_last_circle`; `found` is a list."""
+    arrays = {"omega": np.array([s.omega and float(s.omega) for s in found], dtype=float)}
     arrays["quotients"] = np.zeros((_N_QUOTIENTS, len(found)), np.int32)
     arrays["tail_length"] = np.zeros(len(found), np.int8)
     for i, scale in enumerate(found):

@@ -93,8 +93,7 @@ def cube_on_rays(name, axes, rows, angles, seconds, settings, title="Breakup of 
     seconds : CPU time of a ray. A tile is some rays of one row.
     """
     known = {**rows, "angle": cube.angles_of_rays(angles)}
-    variables = {key: blank(known, words) for key, (_, words) in _SCALES.items()}
-    variables["status"] = blank(known, "outcome", np.int8(0), **FLAGS)
+    variables = blank_scales(known)
     coords = known | {key: blank(known, f"{words} at the breakup") for key, words in axes.items()}
     n_rays = known["angle"].size
     tile = dict.fromkeys(variables["status"].dims, 1)
@@ -104,9 +103,20 @@ def cube_on_rays(name, axes, rows, angles, seconds, settings, title="Breakup of 
     return cube.Cube(name, xr.Dataset(variables, coords, labels), tile, settings | STATUS_SETTING)
 
 
+def blank_scales(known):
+    """Return the variables of a CriticalScale, not computed, over the dimensions `known`."""
+    variables = {key: blank(known, words) for key, (_, words) in _SCALES.items()}
+    return variables | {"status": blank(known, "outcome", np.int8(0), **FLAGS)}
+
+
+def scale_fields(found):
+    """Return the arrays of these variables; `found` are nested lists of CriticalScale."""
+    return cube.fields(found, {key: field for key, (field, _) in _SCALES.items()})
+
+
 def scales(found, axes, angles):
     """Return the arrays of critical scales `found`, nested lists, on the rays at those angles."""
-    arrays = cube.fields(found, {key: field for key, (field, _) in _SCALES.items()})
+    arrays = scale_fields(found)
     for name, direction in zip(axes, ray(angles).T, strict=True):
         arrays[name] = arrays["critical_scale"] * direction
     return arrays

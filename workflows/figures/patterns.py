@@ -1,0 +1,101 @@
+"""Thresholds of pairs of kicks against their spacing, why 1/3 is low, and of signs and bursts."""
+
+from fractions import Fraction
+
+import numpy as np
+
+from workflows.figures import style
+
+CONSTANT, PAIRS, SIGNS, FLIPS, BURSTS = (
+    *("constant kicks", "pairs of kicks", "one sign of P flipped", "flipped every M kicks"),
+    "bursts",
+)
+
+
+def of_family(cube, family):
+    """Return the forcings of a family."""
+    return cube.isel(forcing=np.flatnonzero(cube.family == family))
+
+
+def draw_patterns(cube, driven):
+    """Draw K_c of pairs against ε, their resonances, and thresholds of signs and bursts.
+
+    driven : Dataset of resonances of pairs, their `strength` by `spacing` and `resonance`.
+    """
+    figure, (spacing, forced, others) = style.panels(1, 3, 14, 5)
+    golden = of_family(cube, CONSTANT).critical_scale.item()
+    _draw_pairs(spacing, of_family(cube, PAIRS).sortby("parameter"), golden)
+    _draw_resonances(forced, driven)
+    _draw_others(others, cube, golden)
+    return figure
+
+
+def _draw_pairs(axes, pairs, golden):
+    ε, K = pairs.parameter.values, pairs.per_period.values
+    fractions = [Fraction(x).limit_denominator(100) for x in ε]
+    line = np.geomspace(1 / 80, 0.5, 200)
+    limit = r"$\sqrt{\kappa_G/\varepsilon}$, the limit"
+    axes.plot(line, np.sqrt(golden / line), color="0.4", lw=1, label=limit)
+    kinds = [2 if f.numerator > 1 else f.denominator % 2 for f in fractions]
+    labels = "1/P$, $P$ even", "1/P$, $P$ odd", "p/P$"
+    for kind, (label, marker) in enumerate(zip(labels, "osD", strict=True)):
+        here, colour = np.equal(kinds, kind), style.colour_of((0, 4, 2)[kind])
+        look = {"color": colour, "marker": marker, "ls": "", "ms": 4.5}
+        axes.plot(ε[here], K[here], label=rf"$\varepsilon = {label}", **look)
+    for x, y, f in zip(ε, K, fractions, strict=True):
+        if f.numerator == 1 and f.denominator < 6 and np.isfinite(y):
+            axes.annotate(f"{f}", (x, y), (-6, -12), textcoords="offset points", size="small")
+    style.mark_gaps(axes, ε, np.isnan(K))
+    axes.axhline(golden, color="0.4", lw=1, ls=":")
+    axes.text(1 / 75, golden * 1.02, r"$\kappa_G$", size="small")
+    axes.set(xscale="log", yscale="log", xlim=(1 / 80, 0.62))
+    axes.set(xlabel=r"spacing $\varepsilon$ of a pair, in periods", ylabel=r"$K_c$")
+    axes.set_title("Pairs of kicks")
+    _ticks(axes.yaxis, [1, 2, 3, 4, 6, 8])
+    wholes = [64, 32, 16, 8, 4, 2]
+    _ticks(axes.xaxis, [1 / n for n in wholes], [f"1/{n}" for n in wholes])
+    axes.legend(fontsize="small")
+
+
+def _draw_resonances(axes, driven):
+    curve = np.linspace(0, 1, 300)
+    axes.plot(
+        curve, 2 * np.abs(np.cos(np.pi * curve)), color="0.6", lw=1, label=r"$2|\cos\pi k/P|$"
+    )
+    for i, q in enumerate([3, 4, 5]):
+        here = driven.sel(spacing=q).dropna("resonance")
+        x = np.append(here.resonance.values / q, 1.0)
+        y = np.append(here.strength.values, here.strength.values[:1])
+        look = {"color": style.colour_of((4, 0, 2)[i]), "marker": "so^"[i], "ms": 6}
+        axes.plot(x, y, ls="", label=rf"$\varepsilon = 1/{q}$", **look)
+    axes.axhline(1, color="0.4", lw=1, ls=":")
+    axes.set(
+        xlabel=r"momentum $k/P$, in turns per $\varepsilon$",
+        ylabel="strength of the resonance, over $K$",
+    )
+    axes.set_title("Resonances that pairs drive, measured")
+    axes.legend(fontsize="small", loc="upper center")
+
+
+def _draw_others(axes, cube, golden):
+    lines = [(SIGNS, of_family(cube, SIGNS)), (FLIPS, of_family(cube, FLIPS))]
+    bursts = of_family(cube, BURSTS)
+    kicked = (bursts.parameter * bursts.period).round().astype(int)
+    for n in np.unique(kicked):
+        lines.append((f"bursts of {n} kicks", bursts.isel(forcing=np.flatnonzero(kicked == n))))
+    for i, (label, here) in enumerate(lines):
+        look = {"marker": "os^vD*P"[i % 7], "ms": 5, "lw": 1, **style.line_of(i)}
+        axes.plot(here.period, here.critical_scale, label=label, **look)
+    axes.axhline(golden, color="0.4", lw=1, ls=":")
+    at = {"transform": axes.get_yaxis_transform(), "ha": "right", "va": "bottom"}
+    axes.text(0.99, 1.02 * golden, r"constant kicks, $\kappa_G$", size="small", **at)
+    axes.set(yscale="log", xlabel="kicks, or places for them, in a period", ylabel=r"$\kappa_c$")
+    _ticks(axes.yaxis, [0.1, 0.2, 0.5, 1])
+    axes.xaxis.get_major_locator().set_params(integer=True)
+    axes.set_title("Signs and bursts")
+    axes.legend(fontsize="small")
+
+
+def _ticks(axis, values, labels=None):
+    axis.set_ticks(values, labels or values)
+    axis.set_ticks([], minor=True)

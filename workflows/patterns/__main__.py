@@ -1,0 +1,40 @@
+"""When does transport begin under the kicks that laboratories give? Signs, pairs and bursts.
+
+κ_n = s·profile_n for profiles of 1, -1 and 0, as in experiments with cold atoms: the sign flipped
+after every M kicks (arXiv:2202.02820) or of one kick in P; pairs of kicks a fraction ε of the
+period apart, the 2δ-kicked rotor (arXiv:physics/0408088, physics/0703105); bursts of kicks.
+
+Pairs, in units of their period: p' = p + K sin 2πx/2π, then x' = x + εp', and once more with 1 - ε.
+To first order in K they drive resonances at all whole p = k, as strong as those of a standard map
+of 2K|cos πkε|, whose orbits of period one have R = K|cos πkε|/2. Those near p = 1/(2ε), where the
+two kicks cancel, are the weakest. To second order two kicks that cancel leave K²ε/2 sin 4πx as
+ε → 0: a standard map of 2x and 2p of strength K²ε. So circles there should break at √(κ_G/ε).
+"""
+
+from workflows.shared.cli import command, flag, real, sweeps
+
+
+@command()
+@flag("--quick", "A preview: some of the forcings.")
+@real("--tol", 1e-2, 1e-5, 0.1, "Width of the bracket to aim at, relative to the scale.")
+@sweeps
+def main(run, quick, tol):
+    """Last barriers of signs, pairs and bursts of kicks: a cube, two tables and a figure in OUT.
+
+    The defaults take some eight minutes of CPU time; --quick less than one.
+    """
+    from pipeline.cubes.forcings import last_barriers, with_circles
+    from workflows.figures.patterns import draw_patterns
+    from workflows.patterns import study
+
+    job = last_barriers("patterns", study.patterns(quick), study.PARAMETER, tol)
+    with run.sweeping(job):
+        cube = study.in_lab_units(with_circles(run.sweep(job)))
+        driven = study.resonances([2, 3, 4, 5, 6])
+        run.table("patterns", cube.drop_dims("kick"))
+        run.table("patterns_resonances", driven)
+        run.figure("patterns", draw_patterns(cube, driven), study.found(cube, driven))
+
+
+if __name__ == "__main__":
+    main()
