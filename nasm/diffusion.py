@@ -32,7 +32,7 @@ from nasm.arithmetic.kernels import kernel
 from nasm.arithmetic.lanes import LANES, load, own_frame, store
 from nasm.checks import count
 from nasm.critical import Status
-from nasm.escape import MAX_STEPS, kick_on_lanes, kick_series
+from nasm.escape import MAX_STEPS, ensemble, kick_on_lanes, kick_series
 from nasm.maps import forcing
 
 __all__ = ["Diffusion", "diffusion", "strong_kicks"]
@@ -84,8 +84,8 @@ def diffusion(kappa, n_orbits=1024, n_max=2**21):
     n_orbits = count("n_orbits", n_orbits, 64, 10**6)
     n_max = count("n_max", n_max, SHORTEST, MAX_STEPS)
     size = -(-n_orbits // LANES) * LANES
-    plastic, i = 1.324717957244746, np.arange(size)
-    x, y = (0.5 + i / plastic) % 1.0 - 0.25, (0.5 + i / plastic**2) % 1.0
+    x, y = ensemble(size)
+    x, y = x - 0.25, y / 0.3
     momenta, part = [y.copy()], SHORTEST // _PARTS
     while True:
         while len(momenta) <= _PARTS:

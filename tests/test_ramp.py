@@ -46,11 +46,15 @@ def test_the_area_under_the_golden_circle_is_that_below_its_orbit():
     assert study._area(kappa) == pytest.approx(area, abs=1e-3)
 
 
-def test_in_a_slow_ramp_following_the_golden_circle_keeps_graphs_longer():
-    acceleration = 1e-6 * study.area_rate(KAPPA_G)
-    (plain, *_), (followed, *_) = (study._lost(KAPPA_G, 1e-6, a) for a in (0.0, acceleration))
-    assert plain < 0.9 * followed
-    assert followed == pytest.approx(1.67 * 1e-6**-study.EXPONENT, rel=0.05)
+@pytest.mark.parametrize("rate", [1e-2, 1e-3, 1e-6])
+def test_following_the_golden_circle_graphs_are_lost_as_renormalisation_says(rate):
+    followed, *_ = study._lost(KAPPA_G, rate, rate * study.area_rate(KAPPA_G))
+    assert followed == pytest.approx(1.67 * rate**-study.EXPONENT, rel=0.05)
+
+
+def test_a_slow_ramp_that_does_not_follow_the_golden_circle_loses_graphs_sooner():
+    plain, *_ = study._lost(KAPPA_G, 1e-6, 0.0)
+    assert plain < 0.9 * 1.67 * 1e-6**-study.EXPONENT
 
 
 def test_shapes_are_what_their_names_say():

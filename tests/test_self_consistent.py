@@ -8,7 +8,7 @@ import pytest
 from oracles import KAPPA_G
 
 from nasm import escape
-from nasm.circles import continuation, fourier
+from nasm.circles import fourier
 from nasm.converse_kam import sequence, transversal
 from nasm.maps import TWO_PI, kick, phased_kick
 from nasm.self_consistent import evolve, momentum
@@ -78,16 +78,12 @@ def test_the_search_finds_lives_as_long_as_a_dense_scan_does_where_the_kicks_cha
     assert sequence.longest_lived(kappa, 0.0, 600, 8)[2] > 0.9 * longest
 
 
-def test_lives_in_a_ramp_grow_like_the_root_of_its_slowness_up_to_the_horizon_and_no_further():
-    rates = np.array([1e-2, 3e-3, 1e-3, 1e-5])
-    lives = [sequence.longest_lived(ramp(rate, 2000), 0.0, 2000, 8)[2] for rate in rates]
-    # In time by 1/γ, in κ by δ: the exponent of renormalisation.
-    growth, delta = np.log((1 + 5**0.5) / 2), np.log(continuation.UNSTABLE[(1,)])
-    expected = -growth / (growth + delta)
-    found = np.polyfit(np.log(rates[:3]), np.log(lives[:3]), 1)[0]
-    assert found == pytest.approx(expected, abs=0.05)
-    assert lives[2] < sequence.HORIZON < lives[3] < 0.5 * lives[2] * 100**-expected
-    survivor = sequence.Survivor(2000, 0.5, 0.4, lives[3])
+def test_a_life_beyond_the_horizon_in_a_ramp_is_not_called_a_denial():
+    short, long = (
+        sequence.longest_lived(ramp(rate, 2000), 0.0, 2000, 8)[2] for rate in (1e-3, 1e-5)
+    )
+    assert short < sequence.HORIZON < long
+    survivor = sequence.Survivor(2000, 0.5, 0.4, long)
     assert next(once._sentences(ramp(1e-5, 2000), survivor, np.inf)).startswith("UNDECIDED")
 
 

@@ -1,5 +1,7 @@
 """When families of graphs are lost: in a ramp through the breakup, and by smoothness."""
 
+import re
+
 import numpy as np
 
 from workflows.figures.style import colour_of, names_of, panels
@@ -46,8 +48,7 @@ def _draw_lives(axes, lives):
         axes.plot(x[~lasts], life[~lasts], marker="o", label=f"ripple {ripple:g}", **look)
         axes.plot(x[lasts], np.full(lasts.sum(), top), marker="^", **look)
     axes.set(yscale="log", ylabel="life of graphs (kicks)", title="Smooth forcings keep them")
-    axes.set_xticks(
-        range(len(names)), [n.replace("k^-", "coefficients 1/k^") for n in names], rotation=40
-    )
+    words = [re.sub(r"k\^(-\d)", r"$f_k\\sim k^{\1}$", name) for name in names]
+    axes.set_xticks(range(len(names)), words, rotation=40, ha="right")
     axes.legend(fontsize="small", loc="lower left")
     axes.grid(lw=0.3, axis="y")
