@@ -339,7 +339,9 @@ def test_workers_listen_on_loopback_only_and_to_their_own_driver_alone(client):
         with socket.create_connection(address, timeout=10) as plain:
             plain.sendall(b"GET /info/main/workers.html HTTP/1.0\r\n\r\n")
             with suppress(ConnectionError):
-                assert plain.recv(99)[:12] in (b"", b"HTTP/1.1 404")
+                if answer := plain.recv(99):
+                    assert answer.startswith(b"HTTP/1.1 404")
+                    continue
         with (
             suppress(OSError),
             socket.create_connection(address, timeout=10) as other,

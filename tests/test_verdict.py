@@ -101,6 +101,12 @@ def test_next_to_a_cusp_the_points_themselves_still_decide():
 
 
 @pytest.fixture
+def a_second(monkeypatch):
+    """CPU seconds for proofs; 20 would be used up to prove barriers further out on the ray."""
+    monkeypatch.setattr("nasm.verdict._BUDGET", 1.0)
+
+
+@pytest.fixture
 def briefly(monkeypatch):
     """Only the first look at the boundary: a verdict that is not found takes 0.2 s, not 4."""
     monkeypatch.setattr("nasm.verdict._TOLERANCES", (1e-3,))
@@ -150,6 +156,7 @@ def test_without_residues_only_the_point_itself_decides(monkeypatch):
     assert verdict((1.2, 0.9)).answer is Answer.TRANSPORT
 
 
+@pytest.mark.usefixtures("a_second")
 @pytest.mark.parametrize(
     ("kappa", "evidence"),
     [((0.3, 0.45), Evidence.CIRCLE_PROVED), ((-0.75, 0.6), Evidence.TRANSPORT_PROVED)],
@@ -183,6 +190,7 @@ def run(*arguments):
     return CliRunner().invoke(ask.main, [str(argument) for argument in arguments])
 
 
+@pytest.mark.usefixtures("a_second")
 @pytest.mark.parametrize(
     ("point", "told"),
     [
