@@ -1,67 +1,186 @@
-"""Schedules of faults, by seed; see campaign.py. A failing one is run again by its seed,
+"""Sweeps outlive faults: a seed decides what befalls the driver and its workers, and when.
 
-`python -m pytest tests/test_campaign.py -s -m "slow or not slow" -k pool--117-`, which decides the
-faults and when they come; processes keep their own time, as ever.
+A driver is a program on two workers of its own. After each run with faults the store is compared
+with what it held before and with a serial computation; a last run without any completes the cube.
 """
 
-from collections import Counter
+import os
+import random
+import re
+import signal
+import subprocess
+import sys
+import time
+from contextlib import suppress
+from pathlib import Path
 
-import campaign
+import click
+import numpy as np
+import psutil
 import pytest
-import seaweed
+import toy
+
+from pipeline import store
+from workflows.shared.cli import command, sweeps
+
+SIDE = 8  # tiles, of one cell each, along rows and columns
 
 
-@pytest.fixture(scope="module")
-def report():
-    report = Counter()
-    yield report
-    print("\n" + ", ".join(f"{what}: {n}" for what, n in report.items()))
+@command()
+@click.argument("log")
+@sweeps
+def main(run, log):
+    job = toy.job(SIDE, SIDE, 1, log=log, seconds=0.02)
+    with run.sweeping(job):
+        run.sweep(job)
 
 
-@pytest.fixture(scope="module")
-def pool():
-    with campaign.pool() as pool:
-        yield pool
+def driver(out):
+    arguments = [sys.executable, __file__, str(out.parent / "log"), "--out", str(out)]
+    how = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
+    paths = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])}
+    return subprocess.Popen(
+        [*arguments, "--workers", "2"], env=paths, start_new_session=True, **how
+    )
 
 
-@pytest.fixture(scope="module")
-def own():
-    with campaign.own() as pool:
-        yield pool
+def begun(out):
+    """Tiles, in the order in which workers began them."""
+    log = out.parent / "log"
+    lines = log.read_text().splitlines() if log.exists() else []
+    places = [map(float, line.split()) for line in lines]
+    return [(round(x * (SIDE - 1)), round((y + 1) / 2 * (SIDE - 1))) for x, y in places]
 
 
-SLOW = pytest.mark.slow
-OWN = campaign.kill_driver, campaign.interrupt  # they reach the driver's own workers
-EACH = [
-    pytest.param("own" if fault in OWN else "pool", fault, marks=SLOW) for fault in campaign.ENDS
-]
+def workers(process):
+    with suppress(psutil.Error):
+        children = psutil.Process(process.pid).children()
+        return [child for child in children if "spawn_main" in str(child.cmdline())]
+    return []
 
 
-@pytest.mark.parametrize(("workers", "fault"), EACH)
-def test_a_fault_ends_a_run_as_it_should_and_the_next_completes_the_cube(
-    tmp_path, request, workers, fault
-):
-    pool = request.getfixturevalue(workers)
-    codes = campaign.carry_out(0, tmp_path, pool, Counter(), faults=[[(0.2, fault)]])
-    # The pool has another worker, and of two drivers the first goes on.
-    survived = fault in (campaign.kill_worker, campaign.second_driver)
-    assert codes == [0 if survived else campaign.ENDS[fault], 0]
+# Faults, which return what tile they damaged, if they did.
 
 
-@pytest.fixture(scope="module")
-def remote(tmp_path_factory):
-    """A pool with the credentials of an object store."""
-    with seaweed.serving(tmp_path_factory.mktemp("weed")), campaign.pool() as pool:
-        yield pool
+def kill_worker(out, process, choose):
+    if there := workers(process):
+        choose.choice(there).kill()
 
 
-SCHEDULES = [("pool", 49)]  # of a killed driver, a killed worker and a flipped bit
-SCHEDULES += [pytest.param("pool", n, marks=SLOW) for n in range(100, 300)]
-SCHEDULES += [pytest.param("own", n, marks=SLOW) for n in range(300, 306)]
-SCHEDULES += [pytest.param("remote", n, marks=SLOW) for n in range(400, 420)]
+def stop_worker(out, process, choose):
+    if there := workers(process):
+        worker = choose.choice(there)
+        worker.suspend()
+        time.sleep(0.5)
+        worker.resume()
 
 
-@pytest.mark.parametrize(("workers", "seed"), SCHEDULES, ids=lambda value: f"{value}-")
-def test_a_sweep_outlives_a_schedule_of_faults(tmp_path, report, request, workers, seed):
-    url = f"s3://cubes/campaign{seed}" if workers == "remote" else None
-    campaign.carry_out(seed, tmp_path, request.getfixturevalue(workers), report, url)
+def kill_driver(out, process, choose):
+    process.kill()
+
+
+def interrupt(out, process, choose):
+    os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to its workers too
+
+
+def second_driver(out, process, choose):
+    second = driver(out)
+    told, _ = second.communicate(timeout=60)
+    assert second.returncode in (0, 2), told  # 0 if the first has ended
+    assert "Traceback" not in told
+
+
+def damage(out, process, choose):
+    if not (done := sorted(toy.commit_times(out))):
+        return None
+    row, column = choose.choice(done).parts[-2:]
+    name = choose.choice(["wave/c/0", "sign/c", "tiles/commit/c/0"])
+    chunk = out / "toy.zarr" / name / row / column
+    data, i = chunk.read_bytes(), choose.randrange(chunk.stat().st_size)
+    flipped = data[:i] + bytes([data[i] ^ 1 << choose.randrange(8)]) + data[i + 1 :]
+    chunk.write_bytes(choose.choice([data[:i], flipped]))
+    return int(row), int(column)
+
+
+ENDS = {  # exit codes of a driver on account of a fault, if not 0, as a shell tells them
+    kill_worker: 1,
+    stop_worker: 0,
+    kill_driver: 137,
+    interrupt: 130,
+    second_driver: 0,
+    damage: 1,  # it may see that a record is gone
+}
+
+
+def in_session(leader):
+    """Whether a process of a driver's session is left: its workers may outlive it for a while."""
+    for pid in psutil.pids():
+        with suppress(OSError):
+            if os.getsid(pid) == leader:
+                return True
+    return False
+
+
+def run(out, faults, choose):
+    """Run a driver with faults, each after some of the tiles that are missing have begun."""
+    place, log_before, damaged, codes = store.place_of(out), len(begun(out)), set(), {0}
+    before = whole(place)
+    with driver(out) as process:
+        for fault in faults if len(before) < SIDE**2 else []:
+            enough = log_before + choose.uniform(0.1, 0.6) * (SIDE**2 - len(before))
+            toy.wait_until(lambda e=enough: process.poll() is not None or len(begun(out)) >= e)
+            if process.poll() is None:
+                damaged.add(fault(out, process, choose))
+                codes.add(ENDS[fault])
+        told, _ = process.communicate(timeout=60)
+    toy.wait_until(lambda: not in_session(process.pid))
+    code = process.returncode if process.returncode >= 0 else 128 - process.returncode
+    said = f"exit code {code} after {[fault.__name__ for fault in faults]}:\n{told}"
+    assert code in codes, said
+    assert "Traceback" not in told, said
+    assert len(re.findall("^Error: ", told, re.MULTILINE)) <= 1, said
+    assert not before & set(begun(out)[log_before:])  # none is computed again
+    damaged -= {None}
+    if toy.commit_times(out):
+        assert {index for index, _ in store.verify(place, "toy", repair=True)} == damaged
+    now = whole(place)
+    assert before <= now | damaged  # none is lost
+    if code == 0:
+        assert now | damaged == set(np.ndindex(SIDE, SIDE)), said
+    return now
+
+
+def whole(place):
+    """The tiles that are committed, which are those of a serial computation."""
+    if not toy.commit_times(Path(place.root)):
+        return set()
+    done = set(map(tuple, np.argwhere(np.isfinite(toy.records(place).values)).tolist()))
+    cube, serial = store.read(place, "toy"), toy.serial(toy.cube(SIDE, SIDE, tile=1))
+    for index in done:
+        for name, values in serial.items():
+            assert np.array_equal(cube[name].values[..., *index], values[..., *index])
+    return done
+
+
+def schedule(seed):
+    """[[fault] of each run with faults]."""
+    if seed == 0:
+        return [[kill_worker, damage, kill_driver]]
+    choose = random.Random(seed)
+    return [choose.choices(list(ENDS), k=choose.randint(1, 3)) for _ in range(2)]
+
+
+SEEDS = [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 13))]
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_sweep_outlives_a_schedule_of_faults(tmp_path, seed):
+    choose, out = random.Random(seed), tmp_path / "out"
+    for faults in [*schedule(seed), []]:
+        done = run(out, faults, choose)
+    assert len(done) == SIDE**2
+    toy.assert_complete(out, toy.cube(SIDE, SIDE, tile=1))
+
+
+if __name__ == "__main__":
+    main()

@@ -8,7 +8,6 @@ import xarray as xr
 from commands import succeed
 
 from nasm.critical import Status
-from workflows.figures.style import names_of
 from workflows.stability.studies import STUDIES
 
 OK = 1
@@ -109,16 +108,3 @@ def test_next_to_a_resonance_or_past_the_end_no_torus_is_claimed():
     assert not (tori.lower >= tori.upper).any()
     assert not (tori.value + tori.error < tori.lower).any()
     assert (tori.past != OK).all()
-
-
-@pytest.mark.slow
-def test_float32_drifts_and_a_lattice_is_reversible():
-    rounding = study("rounding")
-    names = names_of(rounding.arithmetic)
-    last = rounding.isel(steps=-1)
-    drift = dict(zip(names, last.drift.values.tolist(), strict=True))
-    assert drift["float32"] > 1e6 * drift["turns"]
-    assert drift["lift"] > 100 * drift["turns"]
-    assert max(drift["turns"], drift["libm"]) < 1e-13
-    reversal = rounding.isel(arithmetic=names.index("lattice")).reversal
-    assert (reversal == 0).all()

@@ -1,6 +1,6 @@
 """The promises of the store, on every kind of place: a directory, and an object store of S3's kind.
 
-Sweeps under faults are in `test_sweep` and `campaign`; here tiles are committed one by one.
+Sweeps under faults are in `test_sweep` and `test_campaign`; here tiles are committed one by one.
 """
 
 import dataclasses

@@ -12,13 +12,6 @@ _METHODS = {
     "cones": "converse KAM",
     "barriers": "all together, last barrier",
 }
-_ARITHMETICS = {
-    "lift": "x on the lift",
-    "turns": "x reduced",
-    "libm": "sine of the system",
-    "lattice": "y rounded to a lattice",
-    "float32": "single precision",
-}
 
 
 def draw_stability(studies):
@@ -170,19 +163,6 @@ def _draw_disorder(axes, study):
     axes.set_title(f"Newton for 13/21, starts off by {noises}")
 
 
-def _draw_rounding(axes, study):
-    for i, name in enumerate(names_of(study.arithmetic)):
-        here, colour = study.isel(arithmetic=i), COLOURS[i]
-        style = {"color": colour, "ms": 4, "label": _ARITHMETICS[name]}
-        axes.plot(study.steps, here.drift, f"{_MARKERS[i]}-", **style)
-        reversal = here.reversal.where(here.reversal > 0)
-        axes.plot(study.steps, reversal, "--", color=colour, lw=1)
-    n = study.steps.values
-    axes.plot(n, 2e-17 * n**0.5, ":", color="0.5", label=r"$\sqrt{n}$")
-    axes.set(xscale="log", yscale="log", xlabel="steps $n$", ylabel="distance")
-    axes.set_title("Drift off a circle; dashed: $n$ steps and back")
-
-
 def _draw_tori(axes, study):
     """Draw brackets by the distance from a resonance, and crosses where nothing is certified."""
     for i, name in enumerate(names_of(study.pair)):
@@ -201,7 +181,7 @@ def _draw_tori(axes, study):
 _FIGURES = {
     "stability_boundary": ("cusp", "boundary", "fractions"),
     "stability_searches": ("beam", "fakes", "disorder"),
-    "stability_orbits": ("twist", "amplitude", "rounding"),
+    "stability_orbits": ("twist", "amplitude"),
     "stability_tori": ("tori",),
 }
 _PANELS = {
@@ -213,6 +193,5 @@ _PANELS = {
     "disorder": _draw_disorder,
     "twist": _draw_twist,
     "amplitude": _draw_amplitudes,
-    "rounding": _draw_rounding,
     "tori": _draw_tori,
 }

@@ -1,4 +1,4 @@
-"""Where does each method stop being right? Ten small studies of failure, in four figures.
+"""Where does each method stop being right? Nine small studies of failure, in four figures.
 
 1. Next to the cusp at 45°: who still answers, and are the errors honest? 2. On either side of the
 breakup: who claims a circle, who denies it? 3. Fractions disguised as irrational, whose convergents
@@ -6,8 +6,7 @@ are the golden mean's. 4. Beyond the end of the twist, |κ2| = 2: single kicks k
 what converse KAM needs. 5. Amplitudes of circles, which Proposition 1 assumes to be below 1; a
 circle not sampled may have a larger one. 6. Survivors that the search of converse KAM misses.
 7. Fake circles of a naive Newton method, and the certificates. 8. Orbits of another order, from bad
-starts. 9. Rounding in five arithmetics: drift grows like √n, on the lift like n^1.5. 10. Tori of
-pairs next to a resonance, and past their breakup.
+starts. 9. Tori of pairs next to a resonance, and past their breakup.
 
 The sentences that the command prints, with the numbers of the run, are kept as the caption.
 """
@@ -21,7 +20,7 @@ from workflows.shared.cli import command, flag, writes
 @flag("--quick", "A preview: fewer and shorter runs of everything.")
 @writes
 def main(run, quick):
-    """Where each method stops being right: ten cubes and four figures in OUT.
+    """Where each method stops being right: nine cubes and four figures in OUT.
 
     Two to three minutes on two cores; --quick less than one.
     """

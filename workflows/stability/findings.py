@@ -1,4 +1,4 @@
-"""What the ten studies of stability found, each in a sentence with the numbers just measured."""
+"""What the nine studies of stability found, each in a sentence with the numbers just measured."""
 
 import numpy as np
 
@@ -19,7 +19,6 @@ def findings(studies):
         "beam": _beam,
         "fakes": _fakes,
         "disorder": _disorder,
-        "rounding": _rounding,
         "tori": _tori,
     }
     return {name: f"{i}. {say[name](studies[name])}" for i, name in enumerate(say, 1)}
@@ -110,17 +109,6 @@ def _disorder(study):
         f"{_percent(worst.max())} of trials, from the scale "
         f"{float(study.scale.where(worst > 0).min()):.2g} on; of all {trials * study.refused.size} "
         f"the order check lets {round(float(study.accepted.sum()) * trials)} wrong ones pass."
-    )
-
-
-def _rounding(study):
-    drift, back = study.drift.isel(steps=-1).values, study.reversal.max("steps").values
-    names = names_of(study.arithmetic)
-    off = ", ".join(f"{name} {x:.0e}" for name, x in zip(names, drift, strict=True))
-    exact = [name for name, x in zip(names, back, strict=True) if x == 0]
-    return (
-        f"Rounding: after {int(study.steps[-1])} steps orbits have drifted off a circle by {off}; "
-        f"iterated back, {' and '.join(exact) or 'none'} returns exactly to the start."
     )
 
 

@@ -1,7 +1,7 @@
 """All studies of stability, {name: study(quick) → Dataset}; one that takes a moment comes first."""
 
 from workflows.shared.amplitudes import amplitudes
-from workflows.stability import limits, rounding, searches, tori
+from workflows.stability import limits, searches, tori
 
 STUDIES = {
     "disorder": searches.disordered_orbits,
@@ -12,6 +12,5 @@ STUDIES = {
     "amplitude": amplitudes,
     "beam": searches.missed_survivors,
     "fakes": searches.fake_circles,
-    "rounding": rounding.rounding,
     "tori": tori.nearly_resonant,
 }
