@@ -96,6 +96,6 @@ def _predict_beyond(coords, settings):
 
 def _seconds(excess, settings):
     """Return the CPU time of forcings so far beyond the breakup; the steps are by measurement."""
-    steps = 3e3 / np.maximum(excess, 1e-3) ** 3
+    steps = 1e4 / np.maximum(excess, 1e-3) ** 3
     n_steps = np.clip(steps, diffusion.SHORTEST, settings["n_max"]).sum()
     return 0.01 + 2 * SECONDS_PER_KICK["double"] * settings["n_orbits"] * n_steps

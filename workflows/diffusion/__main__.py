@@ -24,7 +24,7 @@ def main(run, reach, cells, orbits, n_max, quick):
     from pipeline.cubes import diffusion
     from pipeline.cubes.barrier import last_barrier, unfolded
     from pipeline.cubes.flux import through_last_circle
-    from pipeline.sweep.grid import Axis
+    from pipeline.sweep.grid import Axis, joined
     from workflows.diffusion import study
     from workflows.figures.diffusion import draw_diffusion
 
@@ -37,7 +37,7 @@ def main(run, reach, cells, orbits, n_max, quick):
         yield through_last_circle(two_kicks(), scales, circles, study.excesses(1e-3), 30_000)
         yield diffusion.beyond("diffusion_rays", scales, study.excesses(), orbits, 8 * n_max)
         for name, end in (("diffusion", reach), ("diffusion_strong", study.STRONG)):
-            yield diffusion.over_plane(name, known, Axis(0.0, end, cells), orbits, n_max)
+            yield joined(diffusion.over_plane(name, known, Axis(0.0, end, cells), orbits, n_max))
 
     later = jobs(*study.foreseen(on_rays))
     with run.sweeping(last, later=[(job, None) for job in later]):

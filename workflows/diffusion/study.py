@@ -143,7 +143,7 @@ def findings(law, plane, strong):
                 f"D is {bounds} of that under {ratio.size} forcings from 5% to 100% beyond the "
                 f"boundary, {_range(smallest, '{:.2f}')} at the nearest one resolved on each ray, "
                 f"least at {lowest:g}°: a bound; other cantori hold back more, most next to the "
-                "tip, where circles break almost together",
+                "tip and the axes, where circles break almost together",
                 bool((abs(ratio - 1) < 0.2).all()),
                 bool((ratio < 1.2).all()),
                 ratio.size > 0,
