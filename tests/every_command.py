@@ -31,6 +31,7 @@ SMALLEST = {
     "self_consistent": "--coupling 0.5 --particles 256 --kicks 4096",
     "stability": "--quick",
     "three_kicks": "--angles 2 --tips 0 --tol 0.1 --phase 0",
+    "tolerance": "--quick --forcings 10 --climbs 2",
     "tori": "--quick --vector 0.6180339887498949,0.2700907567377265 --angles 2",
     "status": "",
     "verify": "",

@@ -1,0 +1,55 @@
+"""How exact must repeated kicks be? The price of a ripple, and whether constant kicks are the best.
+
+κ_n = s(1 + d·f_n) with Σf = 0 and Σf² = P over a period of P kicks: by which part is the rms
+strength of the last breakup below κ_G? Renormalisation: next to the critical golden circle of
+constant kicks the distance to κ_G grows by δ = 1.62795 from one convergent to the next, and the
+ripple by some λ of its period, so that the loss goes like d^(ln δ/ln λ), up to oscillations in
+ln d. λ is measured by how the residues of golden periodic orbits at κ_G respond to the ripple.
+
+The conjecture is that at equal rms strength constant kicks hold a barrier longest. Random forcings
+are tried, and climbs that look for one which holds longer.
+"""
+
+from workflows.shared.cli import choice, command, flag, full_option, real, sweeps, whole
+
+SHAPES = "cosine", "one kick"
+
+
+@command()
+@whole("--forcings", 400, 10, 10**6, "Random forcings to try.")
+@whole("--climbs", 14, 2, 1000, "Climbs to forcings that hold longer.")
+@choice("--shape", SHAPES, ("cosine",), "Shape of ripples; may be repeated.", multiple=True)
+@real("--smallest", 1e-3, 1e-5, 0.1, "Smallest ripple of three kicks and more.")
+@full_option("two CPU hours", forcings=10_000, climbs=140, shape=SHAPES, smallest="1e-5")
+@flag("--quick", "A preview: few forcings, climbs and ripples.")
+@sweeps
+def main(run, forcings, climbs, shape, smallest, quick):
+    """The loss by a ripple, and random forcings against constant kicks: cubes, tables, a figure.
+
+    The defaults take some ten minutes on two cores; --quick less than one.
+    """
+    from pipeline.cubes.forcings import last_barriers, with_circles
+    from pipeline.cubes.robustness import climbs as climbing
+    from pipeline.cubes.robustness import upper_bounds
+    from workflows.figures.tolerance import draw_tolerance
+    from workflows.tolerance import study
+
+    forcings, climbs = (min(forcings, 40), min(climbs, 2)) if quick else (forcings, climbs)
+    given = study.ripples(shape, smallest, quick)
+    ripples = last_barriers("tolerance", given, study.RIPPLE, 1e-3)
+    bounds = upper_bounds("tolerance_random", study.random(forcings), study.GOLDEN)
+    climbed = climbing("tolerance_climbs", study.starts(climbs), study.GOLDEN)
+    with run.sweeping(ripples, bounds, climbed):
+        cube = study.with_loss(with_circles(run.sweep(ripples)))
+        tried, summits = run.sweep(bounds).load(), study.at_summits(run.sweep(climbed).load())
+        laws = study.laws(cube)
+        run.table("tolerance", cube.drop_dims("kick"))
+        run.table("tolerance_laws", laws)
+        run.table("tolerance_random", tried.drop_dims("kick"))
+        run.table("tolerance_climbs", summits.drop_dims("kick"))
+        figure = draw_tolerance(cube, laws, tried, summits)
+        run.figure("tolerance", figure, study.found(cube, laws, tried, summits))
+
+
+if __name__ == "__main__":
+    main()
