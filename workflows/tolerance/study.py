@@ -128,7 +128,8 @@ def found(cube, laws, tried, summits):
 
 
 def _law(claim, laws):
-    """Judge exponents: within two standard errors of the predicted ones, or within a tenth."""
+    """Judge exponents: known to a tenth, and within two standard errors of the predicted ones; or
+    all within a tenth of these."""
     fits = [laws[name].values.ravel() for name in _LAWS]
     measured, error, predicted, uncertainty = np.compress(np.isfinite(fits[0]), fits, axis=1)
     if not measured.size:
@@ -141,7 +142,8 @@ def _law(claim, laws):
         f"the exponents from ripples of 1% and less are, with the predicted ones, {said}; "
         f"{agree.sum()} of {agree.size} agree within two standard errors"
     )
-    return finding(claim, words, agree.all(), (apart < 0.1 * predicted).all())
+    near = (apart < 0.1 * predicted).all()
+    return finding(claim, words, agree.all() and (error < 0.1 * predicted).all(), near)
 
 
 def _conjecture(tried, summits):
