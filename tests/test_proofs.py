@@ -165,7 +165,10 @@ def test_the_proved_map_is_its_own_image_on_the_diagonal():
     assert (job.compute(coords, job.cube.settings)["proved"] == NOT_COMPUTED).all()
 
 
-@pytest.mark.parametrize(("profile", "least"), [((1.0,), 0.3), (ray(20), 0.8), (ray(110), 0.8)])
+@pytest.mark.parametrize(
+    ("profile", "least"),
+    [((1.0,), 0.3), (ray(20), 0.8), pytest.param(ray(110), 0.8, marks=pytest.mark.slow)],
+)
 def test_cells_prove_a_barrier_on_all_of_a_ray(profile, least):
     found = barriers.critical_scale(profile)
     below, cells = proofs.proved_below(found.omega, profile, found.value, 2.0)
