@@ -57,16 +57,19 @@ _WIDE = 2  # times tol: a bracket that a caller must be told of
 _BEYOND = 0.5  # over the steps: where, past the breakup, the longest-lived start is asked for its ω
 _DEPTH, _DEEPER = 0.004, 1.7  # below what is known to be eliminated, survivors are asked
 _SURVIVED = 2000  # steps, by survivors there
-_ASKED = 16  # starts that are asked in all
+_ASKED = 24  # starts that are asked in all
+_LONGER = 3  # of those that are asked for longer, where all else leaves a wide bracket
 _ROUGH = 0.01  # of the value: a bracket above it that is wider says that the last circle is unknown
 _NEAR = 2e-5  # of the measured rotation number; neighbours that robust are further apart
 _AVERAGED = 1000  # steps
 _CANDIDATES = 3
 _TELLING, _TOO_LONG = 60, 3000  # periods of the convergents whose residues tell if a circle stands
+_LONGER_ORBITS = 10_000  # the same where a search has found no survivor
+_NAMED = 3  # circles around which survivors are looked for, and which may come back
 _BRANCHING = 300  # period up to which all nobles that branch off from a rotation number are asked
 _HALVED = 1e-4  # of the scale: between what is said to stand and what is not
-_HULL, _GRID, _FINEST = 5000, 4096, 32768  # period of orbits, points, of circles from them
-_BELOW = 1, 2, 4, 10, 30  # times that: where circles are certified if not there
+_HULL, _GRID, _FINEST = 20_000, 16_384, 65_536  # period of orbits, points, of circles from them
+_BELOW = 1, 1.6, 2.5, 4, 10, 30  # times that: where circles are certified if not there
 _STOOD = 0.99  # of a scale with survivors
 _OUTSET = 0.93  # of a scale without circles: where the first candidates are to stand
 _BLURRED = 300  # period that sees a cusp, from which orbits up to 6000 may leave large errors
@@ -129,17 +132,21 @@ def _last(start, short, tol):
     # Of lives: from a start the forcing changes less than the scale.
     part = upper * np.abs(short).max() / np.abs(race.at(upper)).max()
     n_certify = int(1.6 / above / min(max(part, 0.1), 1))
-    survived, nameless, asked, depth = 0.0, np.inf, [], _DEPTH
+    survived, nameless, asked, depth, patient, longer = 0.0, np.inf, [], _DEPTH, False, 0
     for _ in range(_ASKED):
         best, upper, n_steps = race.leader, race.upper, n_certify
-        if best is None and survived > 0 and upper - survived < _DEPTH * upper:
-            break
+        if best is None and survived > 0 and upper - survived < _DEPTH * upper and not patient:
+            patient, depth = True, _DEPTH / 4
         if best is None and race.blurred(upper):  # each search is another chance to miss survivors
             break
-        if best is None:
+        if patient and best is None:
+            # What survives that many steps has a rotation number; its circle may stand further in.
+            scale = upper * (1 - depth)
+            depth = min(_DEEPER * depth, 0.5)
+        elif best is None:
             n_steps = _SURVIVED
             scale = upper * (1 - depth) if survived == 0 else (survived + upper) / 2
-            depth *= _DEEPER
+            depth = min(_DEEPER * depth, 0.5)
         elif best not in asked:
             asked.append(best)
             scale = best.value * (1 + above)
@@ -150,26 +157,37 @@ def _last(start, short, tol):
             scale = (best.value + min(upper, nameless)) / 2
         elif upper - max(survived, best.value) > 0.5 * tol * upper:
             scale = (max(survived, best.value) + upper) / 2
+        elif upper - best.value > tol * upper and longer < _LONGER:
+            # What survives has no name: the nearer to a circle, the longer a start lives.
+            longer += 1
+            scale, n_steps = best.value + (upper - best.value) / (longer + 1), 4 * n_certify
         else:
             break
-        near = [float(best.omega)] if best else []
-        found, steps = longest_lived(race.at(scale), n_steps, near)
-        survives = steps == np.inf
+        found, steps = longest_lived(race.at(scale), n_steps, race.names())
+        returned = race.returned(scale) if steps < np.inf else []
+        survives = steps == np.inf or bool(returned)
         if survives:
             survived = max(survived, scale)
         else:
             race.eliminated.append(scale)
             upper = race.upper
-        names = candidates(*found, n_steps if survives else _AVERAGED)
-        if survives and short.size > 2 and (best or upper - survived < 3 * _DEPTH * upper):
+        names = returned or candidates(*found, n_steps if survives else _AVERAGED)
+        if (
+            survives
+            and not returned
+            and short.size > 2
+            and (best or upper - survived < 3 * _DEPTH * upper)
+        ):
             names += _branches(*found, n_steps)
         if best:
             # With one kick or two the boundary of a circle has one sheet, and the first name is it.
             names += _neighbours(best.omega) if survives or short.size > 2 else []
             race.enter(names, scale if survives else best.value)
+        elif patient and survives:
+            race.enter(names, scale)
         elif not survives or upper - survived < 3 * _DEPTH * upper:
             race.enter(names, _STOOD * survived if survives else _OUTSET * upper)
-        if best is None and race.leader:
+        if best is None and race.leader and not patient:
             survived = 0.0  # a start that survived fewer steps may not be on a circle
         if survives and best and race.leader is best:
             nameless = min(nameless, scale)
@@ -189,13 +207,16 @@ def _bracketed(race, tol):
         if lower > (1 - tol) * upper:
             break
     end = best.value if best else upper
-    for below in 0.8 * tol * np.array(_BELOW):
-        scale = end * (1 - below)
-        if lower >= scale or scale <= 0:
+    nearest = min((1 - 0.95 * tol) * upper, end * (1 - 0.4 * tol))
+    for scale in nearest, *(end * (1 - 0.8 * tol * np.array(_BELOW))):
+        if lower >= min(scale, (1 - tol) * upper) or scale <= 0:
             break
+        if scale > nearest:
+            continue
         if _certified_at(scale, race):
             lower = scale
             break
+        nearest = (1 - 0.3 * tol) * scale
     if best is None and not race.start.any() and has_dominant_line(race.short):
         upper = np.fmin(upper, symmetry_line.critical_scale(race.short, 16 * _LOCATE).upper)
     if best is None or upper - best.value > _ROUGH * best.value:
@@ -214,15 +235,15 @@ def _bracketed(race, tol):
 def _certified_at(scale, race):
     """Whether a circle is certified at a scale: of those that break last, or of what survives."""
     kappa = race.at(scale)
-    if any(_is_certified(known.omega, kappa) for known in race.known[:2]):
+    known = [known.omega for known in race.known if _stands(known.omega, kappa)]
+    if any(_is_certified(omega, kappa) for omega in known[:2]):
         return True
-    near = [float(known.omega) for known in race.known[:1]]
-    found, steps = longest_lived(kappa, 4 * _SURVIVED, near)
+    found, steps = longest_lived(kappa, 4 * _SURVIVED, race.names()[:1])
     if steps < np.inf:
         return False
     names = candidates(*found, 4 * _SURVIVED) + _branches(*found, 4 * _SURVIVED)
-    standing = (omega for omega in names if _stands(omega, kappa))
-    return any(_is_certified(omega, kappa) for omega in islice(standing, 4))
+    standing = (omega for omega in names if _stands(omega, kappa) and omega not in known)
+    return any(_is_certified(omega, kappa) for omega in islice(standing, 3))
 
 
 def _is_certified(omega, kappa):
@@ -280,6 +301,20 @@ class _Race:
         """The lowest scale known without circles."""
         return min(self.eliminated)
 
+    def names(self):
+        """The rotation numbers of the circles that break last, as floats."""
+        return [float(known.omega) for known in self.known[:_NAMED]]
+
+    def returned(self, scale):
+        """Circles known to break below a scale that stand there all the same: they come back, as
+        the boundary of a circle has several sheets with three kicks or more."""
+        omegas = {known.omega for known in self.known[:_NAMED] if known.value < scale}
+        back = [
+            ω for ω in omegas if self.short.size > 2 and _stands(ω, self.at(scale), _LONGER_ORBITS)
+        ]
+        self._seen.difference_update(back)
+        return back
+
     def blurred(self, scale):
         """Whether a cusp is so near that the orbits which are asked do not see it."""
         return self.short.size > 2 and periodic.cusp_period(self.at(scale)) > _TOO_LONG
@@ -306,13 +341,13 @@ class _Race:
                 self.known = sorted([*self.known, scale], key=lambda known: -known.value)
                 self.leader = _most_robust([scale], self.leader)
 
-    def by_residues(self, omega, near=None):
+    def by_residues(self, omega, between=None):
         """The CriticalScale of one circle by the crossings of its residues; by longer orbits if a
         cusp is near and blurs the others."""
-        scale = periodic.critical_scale(omega, self.short, start=self.start, near=near)
+        scale = periodic.critical_scale(omega, self.short, start=self.start, between=between)
         precise = scale.error <= self.precision * scale.value  # NaN is not
         if not precise and periodic.cusp_period(self.at(self.upper)) > _BLURRED:
-            longer = periodic.critical_scale(omega, self.short, _LONG, self.start, near)
+            longer = periodic.critical_scale(omega, self.short, _LONG, self.start, between)
             scale = longer if longer.status is Status.OK else scale
         self.told.add(scale.status)
         return scale
@@ -323,7 +358,7 @@ class _Race:
         if periodic.cusp_period(self.at(below)) > _TOO_LONG:  # no orbit that is asked sees the cusp
             self.told.add(Status.NEAR_CUSP)
             return no_answer(omega, Status.NEAR_CUSP)
-        while _stands(omega, self.at(self.upper)):
+        while _stands(omega, self.at(self.upper), _LONGER_ORBITS):
             if len(self.eliminated) == 1:
                 return no_answer(omega, Status.UNDECIDED)
             self.eliminated.remove(self.upper)
@@ -343,19 +378,21 @@ class _Race:
         """Ask residues for the digits of the leader, and of those that may break as late."""
         for i, known in enumerate(self.known):
             if self.halved(known) and known.value + known.error > self.leader.value:
-                scale = self.by_residues(known.omega, known.value)
-                if abs(scale.value - known.value) < 3 * known.error:
+                far = 2 * known.error
+                scale = self.by_residues(known.omega, (known.value - far, known.value + far))
+                if abs(scale.value - known.value) < far:
                     self.known[i] = scale
         if self.known:
             shortest = sorted(self.known, key=lambda known: len(known.omega.prefix))
             self.leader = _most_robust(shortest, None)
 
 
-def _stands(omega, kappa):
+def _stands(omega, kappa, longest=_TOO_LONG):
     """Whether residues of the minimax orbits of convergents of ω fall with q, under a forcing: the
-    circle exists. False where the orbits are lost, as they are far beyond its breakup."""
+    circle exists. Of one or two orbits they may pass through 0 where it does not, so three are
+    asked. False where the orbits are lost, as they are far beyond its breakup."""
     fractions = list(islice(convergents(omega), len(omega.prefix) + 30))
-    fractions = [f for f in fractions if f.denominator < _TOO_LONG]
+    fractions = [f for f in fractions if f.denominator < longest]
     first = max(len(omega.prefix) - 1, sum(f.denominator < _TELLING for f in fractions))
     ladder, residues = action.Ladder(kappa, 0 * kappa, fractions), [np.nan]
     for n in range(first, len(fractions)):
@@ -363,12 +400,12 @@ def _stands(omega, kappa):
             residues.append(ladder.at(n, 0.0, -1).residue)
         except action.LostError:
             return False
-        before, residue = residues[-2:]
+        *_, before, residue = residues
         if residue > before and residue > 1.5:
             return False
-        if residue < 0.05 and before < 0.1:
+        if max(residues[-3:]) < 0.1:
             return True
-    return len(residues) > 2 and residues[-1] < residues[-2]
+    return len(residues) > 3 and residues[-1] < min(residues[-3:-1])
 
 
 def _neighbours(omega):

@@ -41,7 +41,6 @@ _BROKEN = 0.05  # least residue that shows one; where the dominant line changes 
 _PRECISE = 1e-6  # of the value: longer orbits at the start are not tried then
 _LEFT = 0.1  # of the logarithm of a ratio of residues: more is no crossing
 _FAR = 60  # ratio of periods: orbits that much longer are not found from those before
-_ABOUT = 0.01  # change of the largest strength: where a breakup is that is said to be near
 _STRONG = 0.05  # ratio of crossings a period of the tail apart, from which it is trusted unseen
 
 
@@ -63,7 +62,7 @@ def residue(kappa, p, q):
     return minimax.refined_residue() if minimax.residue else 0.0
 
 
-def critical_scale(omega, profile, q_max=6000, start=None, near=None):
+def critical_scale(omega, profile, q_max=6000, start=None, between=None):
     """The scale at which the circle of ω breaks on the segment κ = start + s·profile, s ≥ 0.
 
     The `crossings` of the residues of its convergents, extrapolated by Aitken's rule: of minimax
@@ -77,7 +76,8 @@ def critical_scale(omega, profile, q_max=6000, start=None, near=None):
     start : sequence of P floats; default 0, a ray from the origin; planes of forcings that do not
         contain 0 have rays from another. The circle should exist there:
         what is found is the first breakup in steps of a fiftieth of the twist region, |κ| < 2.
-    near : float, a scale near to the breakup, if one is known; then there is no such search.
+    between : pair of floats, scales between which the breakup is, if known; then there is no such
+        search, and orbits whose residues do not cross between them are too short to tell.
 
     Returns
     -------
@@ -93,7 +93,7 @@ def critical_scale(omega, profile, q_max=6000, start=None, near=None):
     start, profile, short_omega, q_max = _shortened(omega, profile, q_max, start)
     if omega.is_rational:
         return no_answer(omega, Status.RATIONAL, _METHOD)
-    found, _ = _of_families(short_omega, start, profile, q_max, near)
+    found, _ = _of_families(short_omega, start, profile, q_max, between)
     return replace(found, omega=omega, method=_METHOD)
 
 
@@ -154,7 +154,7 @@ def _known(omega):
     return tuple(islice(convergents(omega), len(omega.prefix) + len(omega.tail) + 60))
 
 
-def _of_families(omega, start, profile, q_max, near=None):
+def _of_families(omega, start, profile, q_max, between=None):
     """The CriticalScale, and the crossings of minimax orbits.
 
     Next to exchanges of the dominant line, which take three kicks, short orbits mislead: the search
@@ -168,20 +168,16 @@ def _of_families(omega, start, profile, q_max, near=None):
     ladder, period = Ladder(start, profile, fractions), len(omega.tail)
     best, tried = None, set()
     unit = 1 / np.abs(profile).max()
-    ends = (0.0, (2 + np.abs(start).max()) * unit)
-    if near is not None:
-        ends = (max(near - _ABOUT * unit, 0.0), near + _ABOUT * unit)
-    for least in (_SHORT,) if simple else _LONG:
+    ends = between or (0.0, (2 + np.abs(start).max()) * unit)
+    for least in (_SHORT,) if simple else (inf,) if between else _LONG:
         long = [n for n, f in enumerate(fractions[:-period]) if f.denominator >= least]
         n = long[0] if long else len(fractions) - 1 - period
         if n < 1 or n in tried:
             break
-        if near is not None and tried:
-            break
-        about = _located(ladder, n, n + period) if near is None else near
+        about = sum(between) / 2 if between else _located(ladder, n, n + period)
         if isinstance(about, Status):
             return best or (no_answer(None, about), none)
-        first = n if tried or near is not None else 0
+        first = n if tried else 0
         tried.add(n)
         crossed = _crossings(ladder, omega, -1, about, first, *ends)
         found = _estimate(crossed, profile)
@@ -365,15 +361,15 @@ def _bracket(excess, near, width, least, largest):
 
     The search starts `width` to the left of `near`.
     """
-    left, right = max(near - width, least), near + width
+    left, right = max(near - width, least), min(near + width, largest)
     while excess(left) > 0:
         if left == least:
             return Status.OUTSIDE
         left, width = max(left - width, least), 2 * width
     while excess(right) < 0:
-        if right > largest:
+        if right == largest:
             return Status.NO_BREAKUP
-        left, right, width = right, right + width, 1.2 * width
+        left, right, width = right, min(right + width, largest), 1.2 * width
     return left, right
 
 

@@ -309,6 +309,49 @@ def test_three_kicks_have_a_bracket_that_orbits_respect():
     assert barriers.last_circle(found, GENERIC).certified
 
 
+@pytest.mark.parametrize(
+    ("profile", "omega", "scale", "stands"),
+    [
+        ((1, 0.55, 1), "[0;1,2,1,3,3,2,1,2,(1)]", 0.600375, False),
+        ((1, 0.55, 1), "[0;1,2,1,3,3,1,1,3,(1)]", 0.6002, True),
+        ((1, 0.8, 1), "[1;4,1,3,2,2,3,(1)]", 0.7563, False),
+    ],
+)
+def test_residues_that_pass_through_0_are_not_taken_for_a_circle(profile, omega, scale, stands):
+    # Of two or three convergents they fall in each case; of ten they tell.
+    kappa = scale * np.array(profile)
+    assert barriers._stands(parse(omega), kappa) == stands
+    assert periodic.circle_remains(omega, kappa, 3000) == stands
+
+
+@pytest.mark.slow
+def test_a_scale_where_a_known_circle_stands_is_not_eliminated():
+    # Survivors are in an interval of 10⁻⁶ there, and a search missed them.
+    profile, omega = (1, 0.45, 1), parse("[0;1,2,1,1,1,4,2,(1)]")
+    assert periodic.circle_remains(omega, 0.5505 * np.array(profile), 3000)
+    found = critical_scale(profile, 1e-3)
+    assert found.value > 0.5505
+    circle = parse("[0;1,2,1,1,1,3,1,3,(1)]")
+    assert circles.invariant_circle(circle, 0.5511 * np.array(profile), 65_536).certified
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "profile",
+    [(1, 0.55, 1), (1, 0.75, 1), (1, 0.35, 1, 0.35, 1), (1, 1, 0.8, 1, 1)],
+    ids=str,
+)
+def test_where_circles_break_and_come_back_there_is_a_narrow_bracket(profile):
+    found = critical_scale(profile, 1e-3)
+    assert found.lower < found.value < found.upper < found.lower * (1 + 2e-3)
+    assert found.value + found.error >= found.upper - 1e-3 * found.value
+    kappas = np.outer([found.lower, 1.2 * found.upper], profile)
+    inside, outside = escape.first_escape(kappas, *escape.ensemble(64), [64], 300_000)[0]
+    assert inside == np.inf > outside
+    beyond = 1.002 * found.upper * np.array(profile)
+    assert not any(periodic.circle_remains(noble, beyond, 1000) for noble in nobles(3))
+
+
 @pytest.mark.slow
 def test_none_of_20_random_forcings_is_told_a_lie():
     rng, decided, escaped = np.random.default_rng(300), 0, 0

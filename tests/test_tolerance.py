@@ -81,7 +81,7 @@ def test_findings_on_ripples_are_judged_by_the_numbers():
     predicted, _ = response.predicted_exponent(np.array([1.0, -1.0]))
     said = said_of(predicted, [0.99, 0.5, 0.2])
     assert said.count(" holds: ") == 2
-    assert "1 climbs end within 5% of constant kicks" in said
+    assert "1 climbs end at constant kicks" in said
     assert "not decided" in said  # longer periods were not tried
     assert "does not hold" in said_of(predicted, [np.inf, 0.5, 0.2])
     assert "holds with a caveat" in said_of(0.62, [0.99, 0.5, 0.2])

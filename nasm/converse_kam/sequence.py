@@ -53,7 +53,7 @@ __dir__ = __all__.copy
 _METHOD = "converse KAM"
 _GRIDS = ((2048, 0.5), (1597, 0.382))  # starts, and the place of the start in its cell
 _KEPT = 32  # starts from which the search goes on at each level
-HORIZON = 400
+HORIZON = 200
 """Kicks, the longest life by which a search denies.
 
 A search keeps starts to the last bit of a double, and where kicks outgrow the breakup a minimizing

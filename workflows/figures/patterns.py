@@ -48,7 +48,7 @@ def _draw_pairs(axes, pairs, golden):
     style.mark_gaps(axes, ε, np.isnan(K))
     axes.axhline(golden, color="0.4", lw=1, ls=":")
     axes.text(1 / 75, golden * 1.02, r"$\kappa_G$", size="small")
-    axes.set(xscale="log", yscale="log", xlim=(1 / 80, 0.62), ylim=(0.7, 9.5))
+    axes.set(xscale="log", yscale="log", xlim=(1 / 80, 0.62))
     axes.set(xlabel=r"spacing $\varepsilon$ of a pair, in periods", ylabel=r"$K_c$")
     axes.set_title("Pairs of kicks")
     _ticks(axes.yaxis, [1, 2, 3, 4, 6, 8])
@@ -71,7 +71,7 @@ def _draw_resonances(axes, driven):
     axes.axhline(1, color="0.4", lw=1, ls=":")
     axes.set(
         xlabel=r"momentum $k/P$, in turns per $\varepsilon$",
-        ylabel="strength over $K$",
+        ylabel="strength of the resonance, over $K$",
     )
     axes.set_title("Resonances that pairs drive, measured")
     axes.legend(fontsize="small", loc="upper center")
@@ -93,8 +93,7 @@ def _draw_others(axes, cube, golden):
     _ticks(axes.yaxis, [0.1, 0.2, 0.5, 1])
     axes.xaxis.get_major_locator().set_params(integer=True)
     axes.set_title("Signs and bursts")
-    axes.set_ylim(0.018, 1.3)
-    axes.legend(fontsize="small", ncols=2, loc="lower left")
+    axes.legend(fontsize="small")
 
 
 def _ticks(axis, values, labels=None):

@@ -50,9 +50,7 @@ def _draw_exponents(axes, laws):
         axes.errorbar(x, here.predicted, here.predicted_error, **given, **look)
         fits = {"marker": "os"[i], "ms": 5, "capsize": 3, "label": f"{shape}, measured"}
         axes.errorbar(x, here.exponent, here.exponent_error, **fits, **look)
-    axes.set(
-        xlabel="kicks $P$ in a period", ylabel="exponent of the loss", ylim=(0, 1), xlim=(1.5, 8.5)
-    )
+    axes.set(xlabel="kicks $P$ in a period", ylabel="exponent of the loss", ylim=(0, None))
     axes.set_title(r"Loss $\propto d^{\,\mathrm{exponent}}$")
     axes.xaxis.get_major_locator().set_params(integer=True)
     axes.legend(fontsize="small")

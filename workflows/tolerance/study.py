@@ -152,8 +152,8 @@ def _conjecture(tried, summits):
         f"{beaten} of {upper.size} random forcings of 2 to 8 kicks and {reached.size} climbs do "
         "better; of forcings 10% and more off constant ones the best hold up to "
         f"{upper[tried.parameter.values > 0.1].max(initial=0):.2f} of κ_G; "
-        f"{(~other).sum()} climbs end within 5% of constant kicks"
-        + (f", the others at {reached[other].max():.2f} of κ_G or less" if other.any() else "")
+        f"{(~other).sum()} climbs end at constant kicks, the others at "
+        f"{reached[other].max(initial=0):.2f} of κ_G or less"
     )
     claim = "Constant kicks hold a barrier longest at equal rms strength:"
     return finding(claim, words, beaten == 0)
