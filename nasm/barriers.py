@@ -65,6 +65,7 @@ _AVERAGED = 1000  # steps
 _CANDIDATES = 3
 _TELLING, _TOO_LONG = 60, 3000  # periods of the convergents whose residues tell if a circle stands
 _LONGER_ORBITS = 10_000  # the same where a search has found no survivor
+_HUGGING = 11  # partial quotient of nobles next to a fraction, less one
 _NAMED = 3  # circles around which survivors are looked for, and which may come back
 _BRANCHING = 300  # period up to which all nobles that branch off from a rotation number are asked
 _HALVED = 1e-4  # of the scale: between what is said to stand and what is not
@@ -132,7 +133,8 @@ def _last(start, short, tol):
     # Of lives: from a start the forcing changes less than the scale.
     part = upper * np.abs(short).max() / np.abs(race.at(upper)).max()
     n_certify = int(1.6 / above / min(max(part, 0.1), 1))
-    survived, nameless, asked, depth, patient, longer = 0.0, np.inf, [], _DEPTH, False, 0
+    survived, nameless, asked, surrounded = 0.0, np.inf, [], []
+    depth, patient, longer = _DEPTH, False, 0
     for _ in range(_ASKED):
         best, upper, n_steps = race.leader, race.upper, n_certify
         if best is None and survived > 0 and upper - survived < _DEPTH * upper and not patient:
@@ -161,6 +163,10 @@ def _last(start, short, tol):
             # What survives has no name: the nearer to a circle, the longer a start lives.
             longer += 1
             scale, n_steps = best.value + (upper - best.value) / (longer + 1), 4 * n_certify
+        elif best not in surrounded and race.crowded(best):
+            surrounded.append(best)
+            race.enter(_around(best.omega), best.value)
+            continue
         else:
             break
         found, steps = longest_lived(race.at(scale), n_steps, race.names())
@@ -315,6 +321,11 @@ class _Race:
         self._seen.difference_update(back)
         return back
 
+    def crowded(self, scale):
+        """Whether circles so many break next to the leader that searches miss the survivors."""
+        cusp = periodic.cusp_period(self.at(scale.value))
+        return self.short.size > 2 and (self.halved(scale) or cusp > _BLURRED)
+
     def blurred(self, scale):
         """Whether a cusp is so near that the orbits which are asked do not see it."""
         return self.short.size > 2 and periodic.cusp_period(self.at(scale)) > _TOO_LONG
@@ -415,6 +426,17 @@ def _neighbours(omega):
     if start:
         prefixes += [(*start, last + 1)] + [(*start, last - 1)] * (last > 1)
     return [parse(str(RotationNumber(prefix, (1,)))) for prefix in prefixes]
+
+
+def _around(omega):
+    """Nobles that are next to the convergents of a noble, from either side."""
+    found = {}
+    for n in range(2, len(omega.prefix) + 1):
+        *start, last = omega.prefix[:n]
+        ends = [(last, m) for m in range(2, _HUGGING)]
+        ends += [(last - 1, 1, m) for m in range(2, _HUGGING) if last > 1]
+        found |= {parse(str(RotationNumber((*start, *end), (1,)))): None for end in ends}
+    return list(found)
 
 
 def longest_lived(kappa, n_max, near=()):

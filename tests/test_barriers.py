@@ -324,13 +324,23 @@ def test_residues_that_pass_through_0_are_not_taken_for_a_circle(profile, omega,
     assert periodic.circle_remains(omega, kappa, 3000) == stands
 
 
+RIPPLE = 1.78e-4 * np.array([1, -1, -1, 1])
+
+
 @pytest.mark.slow
-def test_a_scale_where_a_known_circle_stands_is_not_eliminated():
-    # Survivors are in an interval of 10⁻⁶ there, and a search missed them.
-    profile, omega = (1, 0.45, 1), parse("[0;1,2,1,1,1,4,2,(1)]")
-    assert periodic.circle_remains(omega, 0.5505 * np.array(profile), 3000)
+@pytest.mark.parametrize(
+    ("profile", "omega", "scale"),
+    [
+        (np.array([1, 0.45, 1]), "[0;1,2,1,1,1,4,2,(1)]", 0.5505),
+        (1 + RIPPLE, "[1;1,1,4,1,8,(1)]", 0.956),
+    ],
+    ids=["exchanges", "near a cusp"],
+)
+def test_a_scale_where_a_circle_stands_is_not_eliminated(profile, omega, scale):
+    # Survivors are in an interval of 10⁻⁶ there, and searches missed them.
+    assert periodic.circle_remains(omega, scale * profile, 3000)
     found = critical_scale(profile, 1e-3)
-    assert found.upper > found.value > found.lower > 0.5505
+    assert found.upper > found.value > found.lower > scale
 
 
 @pytest.mark.slow
