@@ -4,8 +4,9 @@ from fractions import Fraction
 
 import numpy as np
 
-from workflows.figures.style import colour_of, panels
+from workflows.figures.style import colour_of, outer_legend, panels
 
+_NUMBER = {"fontsize": "xx-small", "ha": "center"}
 _BEYOND = 1.15  # times the largest end of a bracket: what is drawn
 
 
@@ -28,7 +29,7 @@ def draw_frequencies(cube):
     words = r"$\Omega$ irrational: from a certified torus (▲) to converse KAM"
     wide.plot([], [], color=colour_of(1), lw=2, label=words)
     wide.set(xlabel=r"frequency $\Omega$", ylabel="scale $s$ of the last breakup")
-    wide.legend(fontsize="small", loc="best")
+    outer_legend(figure, 3)
     comparison = _draw_convergents(near, limits, fractions)
     _cut(wide, [*(upper for _, upper in limits.values())], fractions)
     widths = ((cube.upper - cube.lower) / cube.upper).values
@@ -68,25 +69,26 @@ def _parts(cube):
 
 def _draw_convergents(axes, limits, fractions):
     """Draw the least scale of each convergent beside the bracket of its limit; compare in words."""
-    shown, overlap, inside, outside = 0, [], [], []  # q of convergents
-    for i, (Ω, (lower, upper)) in enumerate(limits.items()):
+    ticks, overlap, inside, outside = [], [], [], []  # q of convergents
+    for Ω, (lower, upper) in sorted(limits.items()):
         near = sorted({Fraction(Ω).limit_denominator(q) for q in range(2, 65)} & fractions.keys())
         if not near:
             continue
-        colour = colour_of(shown)
-        shown += 1
-        axes.axhspan(lower, upper, color=colour, alpha=0.2, lw=0, label=rf"$\Omega = {Ω:.6g}$")
-        for fraction in near:
+        i = len(ticks)
+        ticks.append(f"{Ω:.4f}")
+        axes.fill_between([i - 0.4, i + 0.4], lower, upper, color=colour_of(1), alpha=0.5, lw=0)
+        near.sort(key=lambda fraction: fraction.denominator)
+        for fraction, x in zip(near, np.linspace(-0.3, 0.3, len(near) + 2)[1:-1], strict=True):
             (least, first), q = (ends.min() for ends in fractions[fraction]), fraction.denominator
-            axes.vlines(q + 0.1 * (i % 5), least, first, color=colour, lw=3)
+            axes.vlines(i + x, least, first, color=colour_of(0), lw=2)
+            axes.annotate(q, (i + x, first), (0, 1), textcoords="offset points", **_NUMBER)
             overlap += [q] if least < upper and lower < first else []
             inside += [q] if first <= lower else []
             outside += [q] if least >= upper else []
-    axes.set(xlabel=r"$q$ of the convergent $p/q$ of $\Omega$")
-    axes.set(title=r"Bands: irrational $\Omega$; bars: the least one of its convergents")
-    axes.xaxis.get_major_locator().set_params(integer=True)
-    if shown:
-        axes.legend(fontsize="small", loc="best")
+    axes.set(
+        xlabel=r"irrational $\Omega$", title="Beside its bracket those of its convergents, by $q$"
+    )
+    axes.set_xticks(range(len(ticks)), ticks, rotation=60, fontsize="small")
     apart = inside + outside
     longest = f", up to q = {max(apart)}" if apart else ""
     return (

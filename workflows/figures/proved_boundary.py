@@ -28,7 +28,7 @@ def draw_proved_boundary(barrier):
     near.set(yscale="log", xlim=(0, 90), xticks=range(0, 91, 15))
     near.set(xlabel=r"angle $\varphi$ of the ray (degrees)", ylabel=r"$|s/s_c - 1|$")
     near.set_title("How far from the breakup; other angles are images")
-    near.legend()
+    near.legend(loc="center", bbox_to_anchor=(0.5, 0.62))
     return figure, _caption(barrier)
 
 
