@@ -142,7 +142,7 @@ def _drawn(*asked):
 @cli.point_option
 @cli.file_option("--sequence", "A text file with one period of strengths, in place of KAPPA.")
 @cli.file_option("--once", "A text file with any number of kicks, which do not repeat.")
-@cli.flag("--prove", "Prove the answer, if 20 s are enough.")
+@cli.flag("--prove", "Prove the answer, as far as 20 s allow.")
 @cli.flag("--pdf", "The figure as PDF too.")
 @cli.draws
 @cli.out_option
