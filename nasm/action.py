@@ -344,7 +344,7 @@ def _scan(kappa, theta, hop, work, u, width, found):
     """Residues of the lowest minimum and the highest maximum that x_0 meets in steps of that width;
     0 if the action is flat, NaN if none is met. Their sites are left in `found`."""
     left, at, last, flat = u[0], u.copy(), u.copy(), FLAT * np.sqrt(u.size)
-    residues, actions, steepest, before = np.full(2, np.nan), np.empty(2), 0.0, 0.0
+    residues, actions, steepest, before = np.full(2, np.nan), np.empty(2), -1.0, 0.0
     for i in range(2 * _PLACES + 1):
         for j in range(u.size if i else 0):
             last[j], at[j] = at[j], 2 * at[j] - last[j]
@@ -367,6 +367,8 @@ def _scan(kappa, theta, hop, work, u, width, found):
         before = force
         if i >= _PLACES and (steepest < flat or not np.isnan(residues).any()):
             break
+    if steepest < 0:  # not one orbit is ordered: that is no flat action
+        return residues
     if steepest < flat or (np.isnan(residues).any() and steepest <= 100 * flat):
         residues[:], found[0], found[1] = 0.0, u, u
     return residues

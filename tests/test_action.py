@@ -9,7 +9,7 @@ from nasm import action, periodic
 from nasm.circles import continuation
 from nasm.critical import Status
 from nasm.maps import rotating_forcing
-from nasm.numbers import moebius, parse
+from nasm.numbers import distinct_convergents, moebius, parse
 from nasm.symmetries import ray
 
 ASYMMETRIC = np.array((1, 0.7, 0.3))
@@ -82,3 +82,11 @@ def test_q_may_have_to_be_whole_and_coprime():
     for p, q, message in ((2, 4, "common factor"), (1, 0, "q=0"), (1.5, 2, "p=1.5")):
         with pytest.raises(ValueError, match=message):
             action.ordered_orbits((0.1, 0.2, 0.4), p, q)
+
+
+def test_far_beyond_the_breakup_orbits_are_lost_and_have_no_residue_of_0():
+    # The first place tried in the gap had no ordered orbit: that was taken for a flat action.
+    kappa = 0.5585 * np.array([0.0494274894847, 0.792760428306, -0.139033252069, 0.792760428306])
+    for fraction in distinct_convergents(parse("[0;1,4,1,4,(1)]"), 200)[-3:]:
+        residue = periodic.residue(kappa, fraction.numerator, fraction.denominator)
+        assert np.isnan(residue) or residue > 10
