@@ -234,6 +234,8 @@ def _bracketed(race, tol):
         # Circles follow each other so closely that a later one may have been missed; but not above
         # the bracket, which may know better than the residues do.
         error = np.fmax(error, upper - best.value)
+    if race.halved(best):  # residues that pass through 0 may be taken for those of a circle
+        error = np.fmax(error, best.value - lower)
     error = np.fmin(error, max(best.value - lower, upper - best.value))  # NaN: no bracket
     return replace(best, error=error, lower=lower, upper=upper)
 

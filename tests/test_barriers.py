@@ -351,7 +351,8 @@ def test_a_scale_where_a_circle_stands_is_not_eliminated(profile, omega, scale):
 )
 def test_where_circles_break_and_come_back_there_is_a_narrow_bracket(profile):
     found = critical_scale(profile, 1e-3)
-    assert found.lower < found.value < found.upper < found.lower * (1 + 2e-3)
+    assert found.lower < found.value < found.upper < found.lower * (1 + 4e-3)
+    assert (found.status is Status.WIDE) == (found.upper - found.lower > 2e-3 * found.value)
     assert found.value + found.error >= found.upper - 1e-3 * found.value
     kappas = np.outer([found.lower, 1.2 * found.upper], profile)
     inside, outside = escape.first_escape(kappas, *escape.ensemble(64), [64], 300_000)[0]
@@ -451,14 +452,8 @@ def test_a_value_too_low_is_contradicted_by_the_cones(monkeypatch):
     assert exact < found.upper < exact * (1 + 1e-3)
 
 
-FIVE = -0.27579246212470365, -1, -0.39174402601514825, -0.39174402601514825, -1
-
-
-@pytest.mark.parametrize(
-    ("profile", "tol"),
-    [((1, 0.999), 1e-5), pytest.param(FIVE, 1e-4, marks=pytest.mark.slow)],
-)
-def test_a_bracket_much_wider_than_asked_for_is_told(profile, tol):
+def test_a_bracket_much_wider_than_asked_for_is_told():
+    profile, tol = (1, 0.999), 1e-5
     wide, found = critical_scale(profile, tol), critical_scale(profile, 1e-3)
     assert (wide.status, found.status) == (Status.WIDE, Status.OK)
     assert wide.upper - wide.lower > 2 * tol * wide.value
