@@ -141,13 +141,11 @@ def _last(start, short, tol):
             patient, depth = True, _DEPTH / 4
         if best is None and race.blurred(upper):  # each search is another chance to miss survivors
             break
-        if patient and best is None:
-            # What survives that many steps has a rotation number; its circle may stand further in.
-            scale = upper * (1 - depth)
-            depth = min(_DEEPER * depth, 0.5)
-        elif best is None:
-            n_steps = _SURVIVED
-            scale = upper * (1 - depth) if survived == 0 else (survived + upper) / 2
+        if best is None:
+            # What survives n_certify steps has a rotation number; its circle may stand further in.
+            n_steps = n_certify if patient else _SURVIVED
+            halve = survived > 0 and not patient
+            scale = (survived + upper) / 2 if halve else upper * (1 - depth)
             depth = min(_DEEPER * depth, 0.5)
         elif best not in asked:
             asked.append(best)
@@ -178,12 +176,8 @@ def _last(start, short, tol):
             race.eliminated.append(scale)
             upper = race.upper
         names = returned or candidates(*found, n_steps if survives else _AVERAGED)
-        if (
-            survives
-            and not returned
-            and short.size > 2
-            and (best or upper - survived < 3 * _DEPTH * upper)
-        ):
+        several = short.size > 2 and (best or upper - survived < 3 * _DEPTH * upper)
+        if steps == np.inf and several:
             names += _branches(*found, n_steps)
         if best:
             # With one kick or two the boundary of a circle has one sheet, and the first name is it.
@@ -243,14 +237,16 @@ def _bracketed(race, tol):
 def _certified_at(scale, race):
     """Whether a circle is certified at a scale: of those that break last, or of what survives."""
     kappa = race.at(scale)
-    known = [known.omega for known in race.known if _stands(known.omega, kappa)]
-    if any(_is_certified(omega, kappa) for omega in known[:2]):
+    omegas = dict.fromkeys(known.omega for known in race.known)
+    known = list(islice((omega for omega in omegas if _stands(omega, kappa)), 2))
+    if any(_is_certified(omega, kappa) for omega in known):
         return True
     found, steps = longest_lived(kappa, 4 * _SURVIVED, race.names()[:1])
     if steps < np.inf:
         return False
     names = candidates(*found, 4 * _SURVIVED) + _branches(*found, 4 * _SURVIVED)
-    standing = (omega for omega in names if _stands(omega, kappa) and omega not in known)
+    others = (omega for omega in dict.fromkeys(names) if omega not in known)
+    standing = (omega for omega in others if _stands(omega, kappa))
     return any(_is_certified(omega, kappa) for omega in islice(standing, 3))
 
 
@@ -315,7 +311,8 @@ class _Race:
 
     def returned(self, scale):
         """Circles known to break below a scale that stand there all the same: they come back, as
-        the boundary of a circle has several sheets with three kicks or more."""
+        the boundary of a circle has several sheets with three kicks or more. They may enter again.
+        """
         omegas = {known.omega for known in self.known[:_NAMED] if known.value < scale}
         back = [
             ω for ω in omegas if self.short.size > 2 and _stands(ω, self.at(scale), _LONGER_ORBITS)
