@@ -68,7 +68,7 @@ def said_of(exponent, upper):
     cube = xr.Dataset(coords=labels(ripples, ""))
     cube["loss"] = cube.parameter**exponent
     cube["loss_error"] = 1e-3 * cube.loss
-    tried = xr.Dataset({"upper": ("forcing", study.GOLDEN * np.array(upper))})
+    tried = xr.Dataset({"upper": ("forcing", study.golden() * np.array(upper))})
     tried["parameter"] = "forcing", [1e-3, 0.5, 2.0]
     ends = xr.Dataset(coords=labels([("near", 0, [1.0, -1.0]), ("near", 1, [1.0, 0.3])], ""))
     ends["summit"] = ends.profile
@@ -96,6 +96,6 @@ def test_tolerances_are_kept_as_labelled_cubes(tmp_path, workers):
     cube = xr.open_zarr(out / "tolerance.zarr").load()
     assert cube.family.values.tolist() == ["cosine"] * 6
     tried = xr.open_zarr(out / "tolerance_random.zarr").load()
-    assert (tried.upper < study.GOLDEN * 1.0001).all()
+    assert (tried.upper < study.golden() * 1.0001).all()
     assert (tried.survived < tried.upper).all()
     assert (out / "tolerance.png").exists()

@@ -4,11 +4,15 @@ import numpy as np
 
 from nasm.barriers import critical_scale
 from nasm.circles import invariant_circle
+from nasm.circles.continuation import UNSTABLE
 from nasm.converse_kam import sequence
+from nasm.numbers import parse
+from workflows.shared import power_law
 from workflows.shared.rules import finding
 from workflows.shared.tables import dataset, listed
 
-EXPONENT = np.log(1.618034) / (np.log(1.618034) + np.log(1.62795))
+_GOLDEN = float(parse("gamma"))
+EXPONENT = np.log(_GOLDEN) / (np.log(_GOLDEN) - np.log(UNSTABLE[1,]))
 """Of the kicks ~ r^-0.497: times grow by 1/γ for each factor δ of κ - κ_G, r by δ/γ."""
 
 _PLACES = np.array([0.05, 0.1, 0.2, 0.4, 0.6, 0.8, 1.0, 1.3])  # of the line, in r^-0.497 kicks
@@ -16,7 +20,6 @@ _REACH = 5  # in the same unit, kicks on either side
 JUMPS = "square", "Fibonacci", "Thue-Morse", "random"
 SMOOTH = "cosine", "k^-4", "k^-3", "k^-2"
 _LARGE = 0.05  # ripples from which on jumps are foreseen to be seen
-_GOLDEN = (5**0.5 - 1) / 2
 _MEAN, _LINES = 0.3, 8
 
 
@@ -112,7 +115,7 @@ def findings(ramp, lives):
     """Judge what was foreseen; lines of text."""
     said = []
     for way, name in enumerate(("plain", "following the golden circle")):
-        slope, error = _slope(ramp.isel(way=way))
+        slope, error = power_law.exponent(ramp.rate.values, ramp.lost.isel(way=way).values)
         known = np.isfinite(ramp.lost.isel(way=way))
         said.append(
             finding(
@@ -142,16 +145,6 @@ def findings(ramp, lives):
         )
     )
     return "\n".join(said)
-
-
-def _slope(ramp):
-    """Fit log(lost) on log(rate): the slope and its standard error."""
-    known = np.isfinite(ramp.lost.values)
-    if known.sum() < 4:
-        return np.nan, np.nan
-    x, y = (np.log(part.values[known]) for part in (ramp.rate, ramp.lost))
-    (slope, _), covariance = np.polyfit(x, y, 1, cov=True)
-    return slope, covariance[0, 0] ** 0.5
 
 
 def _range(values):

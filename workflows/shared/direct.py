@@ -13,6 +13,7 @@ from nasm.planes import plane_of, two_kicks
 from nasm.symmetries import ray
 from nasm.verdict import Answer, verdict
 from pipeline.cubes.escape import beyond, steps_beyond
+from workflows.shared import power_law
 from workflows.shared.tables import ANGLE, dataset, described, strengths
 
 INSETS = ((0.526, 0.69), (0.526, 0.73), (-0.69, 0.525), (-0.73, 0.525))
@@ -86,13 +87,8 @@ def exponent(n, bias):
 
     NaN, twice, where fewer than four biases are known, or they do not fall.
     """
-    known = np.isfinite(bias)
-    if known.sum() < 4:
-        return np.nan, np.nan
-    (slope, _), covariance = np.polyfit(np.log(n[known]), np.log(bias[known]), 1, cov=True)
-    if slope >= 0:
-        return np.nan, np.nan
-    return -1 / slope, np.sqrt(covariance[0, 0]) / slope**2
+    slope, error = power_law.exponent(n, bias)
+    return (-1 / slope, error / slope**2) if slope < 0 else (np.nan, np.nan)
 
 
 def boundary_dataset(found, barrier, steps):

@@ -37,8 +37,8 @@ def main(run, forcings, climbs, shape, smallest, quick):
     forcings, climbs = (min(forcings, 40), min(climbs, 2)) if quick else (forcings, climbs)
     given = study.ripples(shape, smallest, quick)
     ripples = last_barriers("tolerance", given, study.RIPPLE, 1e-3)
-    bounds = upper_bounds("tolerance_random", study.random(forcings), study.GOLDEN)
-    climbed = climbing("tolerance_climbs", study.starts(climbs), study.GOLDEN)
+    bounds = upper_bounds("tolerance_random", study.random(forcings), study.golden())
+    climbed = climbing("tolerance_climbs", study.starts(climbs), study.golden())
     with run.sweeping(ripples, bounds, climbed):
         cube = study.with_loss(with_circles(run.sweep(ripples)))
         tried, summits = run.sweep(bounds).load(), study.at_summits(run.sweep(climbed).load())

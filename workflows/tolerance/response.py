@@ -14,11 +14,17 @@ from functools import cache
 import numpy as np
 from scipy.linalg import solve_banded
 
+from nasm import periodic
 from nasm.action import ordered_orbits
+from nasm.circles.continuation import UNSTABLE
 
-GOLDEN = 0.971635406047502  # κ_G, by residues of orbits up to period 30 000
-_DELTA = 1.627950  # by which distances to κ_G grow, MacKay 1983
 _LONGEST = 50_000  # period, beyond which rounding hides R
+
+
+@cache
+def golden():
+    """Return κ_G, where the golden circle of constant kicks breaks, by residues."""
+    return periodic.critical_scale("gamma", (1.0,)).value
 
 
 @cache
@@ -28,7 +34,7 @@ def responses():
     found, p, q, n = [], 1, 2, 3
     while q < _LONGEST:
         both = [
-            _response(orbit.sites(), orbit.residue) for orbit in ordered_orbits((GOLDEN,), p, q)
+            _response(orbit.sites(), orbit.residue) for orbit in ordered_orbits((golden(),), p, q)
         ]
         found.append((n, q, both))
         p, q, n = q, p + q, n + 1
@@ -37,8 +43,8 @@ def responses():
 
 def _response(x, residue):
     cosine, sine = np.cos(2 * np.pi * x), np.sin(2 * np.pi * x)
-    diagonal, solve = _inverse(2 + GOLDEN * cosine)
-    return residue * (diagonal * cosine + sine * solve(GOLDEN * diagonal * sine))
+    diagonal, solve = _inverse(2 + golden() * cosine)
+    return residue * (diagonal * cosine + sine * solve(golden() * diagonal * sine))
 
 
 def _inverse(ring):
@@ -86,7 +92,7 @@ def predicted_exponent(f):
         back = 2 if n.size > 3 else 1  # parts k may come back only after twice the steps
         if n.size <= back:
             continue
-        exponents = np.log(_DELTA) * (n[back:] - n[:-back]) / (growth[back:] - growth[:-back])
+        exponents = np.log(UNSTABLE[1,]) * (n[back:] - n[:-back]) / (growth[back:] - growth[:-back])
         last = exponents[-1], abs(exponents[-1] - exponents[-2]) if exponents.size > 1 else 0.0
         best = min(best, last) if np.isfinite(best[0]) else last
     return best

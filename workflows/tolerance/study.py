@@ -4,9 +4,10 @@ import numpy as np
 import xarray as xr
 
 from workflows.figures.tolerance import CLEAR, COSINE
+from workflows.shared import power_law
 from workflows.shared.rules import finding
 from workflows.shared.tables import dataset, described
-from workflows.tolerance.response import GOLDEN, predicted_exponent
+from workflows.tolerance.response import golden, predicted_exponent
 
 RIPPLE = "rms of the deviations d·f from constant kicks, over their mean"
 _LAWS = "exponent", "exponent_error", "predicted", "predicted_error"
@@ -58,7 +59,7 @@ def starts(n):
 
 def with_loss(cube):
     """Return the cube with the rms strength at the breakup, and what it loses against κ_G."""
-    rms = np.sqrt((cube.profile**2).mean("kick")) / GOLDEN
+    rms = np.sqrt((cube.profile**2).mean("kick")) / golden()
     loss = (1 - cube.critical_scale * rms).assign_attrs(
         described("part of the rms strength that is lost against constant kicks")
     )
@@ -81,7 +82,8 @@ def laws(cube):
             mine = (cube.family == kind) & (cube.period == period) & (cube.parameter < _SMALL)
             here = clear(cube.isel(forcing=np.flatnonzero(mine)))
             if mine.any():
-                fits[:, i, j] = *fitted(here), *predicted_exponent(shape(kind, period))
+                slope = power_law.exponent(here.parameter.values, here.loss.values, least=3)
+                fits[:, i, j] = *slope, *predicted_exponent(shape(kind, period))
     words = "d ln loss/d ln d", "its standard error", "ln δ/ln λ", "what it changed by at last"
     columns = {
         name: (("shape", "period"), values, label)
@@ -89,15 +91,6 @@ def laws(cube):
     }
     coords = {"shape": (shapes, "shape of the ripple"), "period": (periods, "kicks in a period")}
     return dataset("Loss against ripple", coords, columns)
-
-
-def fitted(here):
-    """Return the slope of ln loss over ln d and its standard error; NaN of fewer than 3 points."""
-    if here.sizes["forcing"] < 3:
-        return np.nan, np.nan
-    x, y = np.log(here.parameter.values), np.log(here.loss.values)
-    (slope, _), residues, *_ = np.polyfit(x, y, 1, full=True)
-    return slope, np.sqrt(residues.sum() / (x.size - 2) / np.sum((x - x.mean()) ** 2))
 
 
 def at_summits(climbed):
@@ -146,7 +139,7 @@ def _law(claim, laws):
 
 def _conjecture(tried, summits):
     beaten = int(np.isinf(tried.upper).sum() + (summits.survived >= 1e4).sum())
-    upper, reached = tried.upper.values / GOLDEN, summits.reached.values / GOLDEN
+    upper, reached = tried.upper.values / golden(), summits.reached.values / golden()
     other = (summits.distance > 0.05).values
     words = (
         f"{beaten} of {upper.size} random forcings of 2 to 8 kicks and {reached.size} climbs do "

@@ -1,0 +1,16 @@
+"""The exponent of a power law, from measured points."""
+
+import numpy as np
+
+
+def exponent(x, y, least=4):
+    """Fit y ~ x^a by a straight line through the logarithms: a and its standard error.
+
+    x, y : arrays (n,), positive; NaN and inf in y are left out. NaN, twice, of fewer than `least`
+    points, 3 or more.
+    """
+    known = np.isfinite(y)
+    if known.sum() < least:
+        return np.nan, np.nan
+    (slope, _), covariance = np.polyfit(np.log(x[known]), np.log(y[known]), 1, cov=True)
+    return slope, np.sqrt(covariance[0, 0])
