@@ -141,12 +141,13 @@ def _conjecture(tried, summits):
     beaten = int(np.isinf(tried.upper).sum() + (summits.survived >= 1e4).sum())
     upper, reached = tried.upper.values / golden(), summits.reached.values / golden()
     other = (summits.distance > 0.05).values
+    highest = reached[other].max(initial=0)
+    elsewhere = f", the others at {highest:.2f} of κ_G or less" if other.any() else ""
     words = (
         f"{beaten} of {upper.size} random forcings of 2 to 8 kicks and {reached.size} climbs do "
         "better; of forcings 10% and more off constant ones the best hold up to "
         f"{upper[tried.parameter.values > 0.1].max(initial=0):.2f} of κ_G; "
-        f"{(~other).sum()} climbs end at constant kicks, the others at "
-        f"{reached[other].max(initial=0):.2f} of κ_G or less"
+        f"{(~other).sum()} climbs end at constant kicks{elsewhere}"
     )
     claim = "Constant kicks hold a barrier longest at equal rms strength:"
     return finding(claim, words, beaten == 0)
