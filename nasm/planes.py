@@ -255,7 +255,7 @@ def parse(text):
         case ["rotating", frequency, *phase] if len(phase) <= 1:
             return rotating(frequency, *phase)
         case ["three-kicks", third]:
-            return three_kicks(fraction("third", third))
+            return three_kicks(float(fraction("third", third)))
     raise ValueError(
         f"{text!r} is no plane; write two-kicks, rotating:FREQUENCY[,PHASE] like "
         "rotating:1/3,1/48, or three-kicks:THIRD like three-kicks:0.2"

@@ -87,6 +87,13 @@ def test_a_rotating_plane_has_the_forcings_of_the_rotating_map():
     assert len(hashes) == 2
 
 
+@pytest.mark.parametrize(
+    "plane", [planes.two_kicks(), planes.rotating("2/5"), planes.three_kicks(0.2)]
+)
+def test_a_plane_is_read_from_its_name(plane):
+    assert planes.parse(plane.name) == plane
+
+
 GOOD = {"name": "mine", "axes": AXES, "origin": (0, 0), "first": (1, 0), "second": (1, 1)}
 
 
