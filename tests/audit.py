@@ -42,8 +42,6 @@ def mutant(module, *changes):
     return other
 
 
-# --- kernels of proofs that transport is global ---------------------------------------------------
-
 ULP, COS_ERROR = 2.0**-53, 2.03e-14  # of rounding; and of cos 2πx, as tests prove over its range
 LONGEST = 1e11  # kicks of a box
 

@@ -34,7 +34,13 @@ def sketches():
 
 
 @pytest.fixture(scope="session")
-def workers():
-    """Options by which all commands of a session compute on two threads of this process."""
+def here():
+    """What `connect` yields, with two workers that are threads of this process."""
     with toy.workers_here() as client:
-        yield ["--scheduler", client().scheduler.address]
+        yield client
+
+
+@pytest.fixture(scope="session")
+def workers(here):
+    """Options by which all commands of a session compute on these workers."""
+    return ["--scheduler", here().scheduler.address]

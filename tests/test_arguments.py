@@ -207,6 +207,7 @@ BAD = [
     ((escape.critical_scale,), "n_max", [10], WHOLE + " 64"),
     ((escape.critical_scale,), "window", [(0.1, 2.3), (-2.0, 0.29)], "leaves out starts"),
     (LINES, "kappa", [(0.1, 0.2, 0.3)], "no symmetry centre"),
+    (LINES, "kappa", [maps.rotating_forcing(-0.15, 0.2, "3/5")], "no dominant symmetry line"),
     (LINES, "n_max", [0, 2.5], WHOLE + " 1 to 1000000000"),
     ((symmetry_line.critical_scale,), "n_max", [99], WHOLE + " 100 to 1000000000"),
     ((transversal.elimination_time,), "site", [2], WHOLE + " 0 to 1"),

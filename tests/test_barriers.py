@@ -14,7 +14,8 @@ from nasm.barriers import critical_scale
 from nasm.circles import continuation
 from nasm.converse_kam import symmetry_line
 from nasm.critical import CriticalScale, Status
-from nasm.numbers import NAMES, moebius, parse
+from nasm.maps import step
+from nasm.numbers import moebius, parse
 from nasm.planes import two_kicks
 from nasm.symmetries import ray
 
@@ -32,24 +33,24 @@ def is_shown(found):
     return found.status is Status.OK and found.lower < found.value < found.upper
 
 
-# Exact values
+def first_escapes(found, profile):
+    """Steps of the first escape at the lower scale and beyond the upper one."""
+    kappas = np.outer([np.fmin(found.lower, found.value), 1.2 * found.upper], profile)
+    return escape.first_escape(kappas, *escape.ensemble(64), [64], 300_000)[0]
 
 
 @pytest.mark.parametrize(
     ("profile", "exact", "omegas"),
     [
         ((1,), KAPPA_G, ["1-gamma"]),
-        ((-1,), KAPPA_G, ["1-gamma"]),
         ((1, 0), KAPPA_G / 2, ["1-gamma", "gamma"]),
         ((0, 1), KAPPA_G / 2, ["1-gamma", "gamma"]),
         ((-1, 0), KAPPA_G / 2, ["1-gamma", "gamma"]),
         ((1, 1), KAPPA_G, ["2-2gamma"]),
-        ((-1, -1), KAPPA_G, ["2-2gamma"]),
         ((1, -1), KAPPA_G, ["2gamma-1"]),
         ((-1, 1), KAPPA_G, ["2gamma-1"]),
         ((1, 1, 1), KAPPA_G, ["3-3gamma"]),
         ((0, 1, 0), KAPPA_G / 3, ["1-gamma", "gamma", "2-gamma"]),
-        ((1, 1, 1, 1), KAPPA_G, ["4-4gamma"]),
         ((1, -1, 1, -1), KAPPA_G, ["4gamma-2"]),
         ((1, 0, -1, 0), KAPPA_G / 2, ["2gamma-1", "3-2gamma"]),
         ((0, 1, 0, -1), KAPPA_G / 2, ["2gamma-1", "3-2gamma"]),
@@ -76,15 +77,10 @@ def test_kicks_that_come_back_with_the_other_sign_have_the_barrier_of_half_the_p
 
 def test_on_the_axes_gamma_stands_for_itself_and_for_one_minus_gamma():
     for profile in ((1, 0), (0, 1), (-1, 0)):
-        assert critical_scale(profile, 1e-2).omega == GAMMA
         assert barriers.tied(GAMMA, profile) == moebius(GAMMA, -1, 1)
     assert barriers.tied(parse("[0;1,3,(4)]"), (1, 1)) is None
-    # Forcings on the axes to which one circle and the other are carried break at one scale.
     one, other = (periodic.critical_scale(omega, (1, 0)) for omega in (GAMMA, parse("[0;2,(1)]")))
     assert abs(one.value - other.value) < one.error + other.error
-
-
-# The envelope of all circles
 
 
 def nobles(bound):
@@ -96,7 +92,7 @@ def nobles(bound):
     return [omega for omega in found if 0 < float(omega) < 1]
 
 
-SAMPLES = [(13.7, 20, 400), pytest.param(40.6, 20, 400, marks=pytest.mark.slow)]
+SAMPLES = [(13.7, 12, 400), pytest.param(40.6, 20, 400, marks=pytest.mark.slow)]
 SAMPLES += [
     pytest.param(angle, 60, 800, marks=pytest.mark.slow)  # a thousand nobles
     for angle in np.random.default_rng(16).uniform(0, 44, 3)
@@ -114,27 +110,6 @@ def test_of_all_short_nobles_the_last_one_is_the_barrier(angle, bound, q_max):
     assert best.omega in mirror_images(found.omega, 2)
     assert best.value == pytest.approx(found.value, rel=1e-6)
 
-
-def test_the_paper_s_six_circles_break_no_later():
-    by_a_paper_s = 0
-    for angle in np.random.default_rng(6).uniform(0, 180, 8):
-        found = critical_scale(ray(angle), 1e-3)
-        assert is_shown(found)
-        last = mirror_images(found.omega, 2)
-        scales = [periodic.critical_scale(parse(name), ray(angle), 1000) for name in NAMES]
-        known = [scale for scale in scales if scale.status is Status.OK]
-        assert len(known) >= 4
-        for scale in known:
-            if scale.omega in last:
-                assert abs(scale.value - found.value) <= scale.error + found.error
-            else:
-                assert scale.value < found.value
-        by_a_paper_s += any(parse(name) in last for name in NAMES)
-    # They do not make up the envelope.
-    assert 0 < by_a_paper_s < 8
-
-
-# The bracket
 
 ANGLES = [0, 36.1, 43.9, 62.5, 104, 127.7]
 
@@ -154,14 +129,6 @@ def test_the_bracket_is_as_narrow_as_asked_for_and_contains_the_breakup(ray_and_
         assert 43 < angle < 47
 
 
-@pytest.mark.parametrize("angle", thirds([37, 20, 115]))
-def test_the_norms_of_the_last_circle_blow_up_at_the_value(angle):
-    found = critical_scale(ray(angle), 1e-2)
-    judge = continuation.critical_scale(found.omega, ray(angle), 1e-5)
-    assert judge.status is Status.OK
-    assert abs(judge.value - found.value) <= judge.error + found.error < 1e-4
-
-
 def test_at_lower_is_a_circle_and_at_upper_no_start_survives():
     # Once more, by the other certificate and by a dense scan.
     found = critical_scale(ray(30), 5e-3)
@@ -177,12 +144,14 @@ def test_a_million_steps_cross_no_barrier_at_lower_and_escape_beyond_upper(angle
     found = critical_scale(ray(angle), 1e-3)
     kappas = np.outer([found.lower, 1.1 * found.upper], ray(angle))
     inside, outside = escape.first_escape(kappas, *escape.ensemble(256), [256], 10**6)[0]
-    assert inside == np.inf
-    assert outside < 10**6
+    assert inside == np.inf > outside
 
 
-@pytest.mark.parametrize("profile", thirds([(1, 0.2, 0.2), (1.8, -0.1, -0.1), (0.2, 0.1, 1, 0.1)]))
-def test_longer_periods_agree_with_cones_and_norms(profile):
+PROFILES = [(1, 0.2, 0.2), ray(20), (1.8, -0.1, -0.1), ray(37), (0.2, 0.1, 1, 0.1), ray(115)]
+
+
+@pytest.mark.parametrize("profile", thirds(PROFILES))
+def test_converse_kam_and_the_norms_of_the_last_circle_agree(profile):
     found = critical_scale(profile, 1e-3)
     assert is_shown(found)
     assert found.upper - found.lower <= 1e-3 * found.value * (1 + 1e-9)
@@ -190,17 +159,13 @@ def test_longer_periods_agree_with_cones_and_norms(profile):
     by_cones = symmetry_line.critical_scale(profile, 3000)
     assert abs(by_cones.value - found.value) <= by_cones.error + found.error
     by_norms = continuation.critical_scale(found.omega, profile, 1e-4)
-    assert abs(by_norms.value - found.value) <= by_norms.error + found.error
+    assert abs(by_norms.value - found.value) <= by_norms.error + found.error < 2e-4
 
 
-# Symmetries
-
-
-@pytest.mark.parametrize("wedge_angle", [38.8])
-def test_the_eight_rays_of_the_square_have_one_barrier(wedge_angle):
-    expected = critical_scale(ray(wedge_angle), 1e-3)
+def test_the_eight_rays_of_the_square_have_one_barrier():
+    expected = critical_scale(ray(38.8), 1e-3)
     last = mirror_images(expected.omega, 2)
-    for angle in two_kicks().unfold(wedge_angle):
+    for angle in two_kicks().unfold(38.8):
         found = critical_scale(ray(angle), 1e-3)
         assert is_shown(found)
         assert abs(found.value - expected.value) <= found.error + expected.error
@@ -219,15 +184,7 @@ def test_a_forcing_repeated_has_its_barrier_at_twice_the_omega(angle):
     assert float(twice.omega) <= 2
 
 
-# Without a dominant symmetry line
-
 GENERIC = (0.3, 0.2, 0.25)
-
-
-@pytest.fixture
-def hidden(monkeypatch):
-    """Let no symmetry line be seen."""
-    monkeypatch.setattr(barriers, "has_dominant_line", lambda kappa: False)
 
 
 def disguised(profile, rng):
@@ -284,28 +241,13 @@ def test_hidden_symmetries_of_random_forcings_change_nothing(monkeypatch):
     assert decided >= 22  # of 158 it was all
 
 
-@pytest.mark.slow
-@pytest.mark.usefixtures("hidden")
-def test_an_idle_kick_after_each_kick_halves_the_scale():
-    # x moves by 2y between two kicks: the map of κ, y is that of 2κ, 2y.
-    once, idle = (critical_scale(kappa, 1e-2) for kappa in (GENERIC, (0.3, 0, 0.2, 0, 0.25, 0)))
-    assert is_shown(once)
-    assert abs(once.value - 2 * idle.value) <= once.error + 2 * idle.error
-    images = {
-        moebius(image, 1, shift) for image in mirror_images(once.omega, 3) for shift in (0, 3)
-    }
-    assert idle.omega in images
-
-
 def test_three_kicks_have_a_bracket_that_orbits_respect():
     found = critical_scale(GENERIC, 1e-3)
     assert is_shown(found)
     assert found.upper - found.lower <= 1e-3 * found.value * (1 + 1e-9)
     assert found.omega == parse("[1;4,(1)]")
-    kappas = np.outer([found.lower, 1.2 * found.upper], GENERIC)
-    inside, outside = escape.first_escape(kappas, *escape.ensemble(64), [64], 300_000)[0]
-    assert inside == np.inf
-    assert outside < 300_000
+    inside, outside = first_escapes(found, GENERIC)
+    assert inside == np.inf > outside
     assert barriers.last_circle(found, GENERIC).certified
 
 
@@ -354,8 +296,7 @@ def test_where_circles_break_and_come_back_there_is_a_narrow_bracket(profile):
     assert found.lower < found.value < found.upper < found.lower * (1 + 4e-3)
     assert (found.status is Status.WIDE) == (found.upper - found.lower > 2e-3 * found.value)
     assert found.value + found.error >= found.upper - 1e-3 * found.value
-    kappas = np.outer([found.lower, 1.2 * found.upper], profile)
-    inside, outside = escape.first_escape(kappas, *escape.ensemble(64), [64], 300_000)[0]
+    inside, outside = first_escapes(found, profile)
     assert inside == np.inf > outside
     beyond = 1.002 * found.upper * np.array(profile)
     assert not any(periodic.circle_remains(noble, beyond, 1000) for noble in nobles(3))
@@ -377,25 +318,30 @@ def test_none_of_20_random_forcings_is_told_a_lie():
             other = continuation.critical_scale(omega, profile, 1e-2)
             assert not other.lower >= found.upper
             assert not other.value - 2 * other.error > found.upper
-        kappas = np.outer([np.fmin(found.lower, found.value), 1.2 * found.upper], profile)
-        inside, outside = escape.first_escape(kappas, *escape.ensemble(64), [64], 300_000)[0]
+        inside, outside = first_escapes(found, profile)
         assert inside == np.inf
         escaped += outside < np.inf
     assert decided > 17
     assert escaped > 15  # and some orbits take longer
 
 
-@pytest.mark.parametrize("factor", thirds([0.98, 1.02]))
-def test_a_false_value_without_a_line_is_not_believed(factor, monkeypatch):
-    exact = critical_scale(GENERIC, 1e-2).value
-    lie(monkeypatch, factor)
-    found = critical_scale(GENERIC, 1e-2)
-    assert exact < found.upper
+@pytest.mark.parametrize(
+    "case",
+    thirds([*product([ray(30)], [0.99, 1.01, 0.998, 1.002]), *product([GENERIC], [0.98, 1.02])]),
+)
+def test_a_false_value_of_residues_is_not_believed(case, monkeypatch):
+    (profile, factor), real = case, periodic.critical_scale
+    exact = critical_scale(profile, 1e-2).value
+
+    def wrong(omega, profile, *arguments, **named):
+        found = real(omega, profile, *arguments, **named)
+        return replace(found, value=factor * found.value)
+
+    monkeypatch.setattr(periodic, "critical_scale", wrong)
+    found = critical_scale(profile, 1e-2)
     assert not found.lower > exact
+    assert exact < found.upper < exact * 1.03
     assert found.status is not Status.OK or abs(found.value - exact) <= found.error
-
-
-# Led astray
 
 
 def misled(monkeypatch, candidates):
@@ -443,15 +389,7 @@ def test_wrong_candidates_alone_give_no_value_but_a_true_bound(wrong, tol, monke
     assert exact < found.upper < exact * (1 + 1e-3)
 
 
-def test_a_value_too_low_is_contradicted_by_the_cones(monkeypatch):
-    exact = critical_scale(ray(30), 1e-2).value
-    lie(monkeypatch, 1 - 1e-2)
-    found = critical_scale(ray(30), 1e-2)
-    assert found.status is Status.UNDECIDED or abs(found.value - exact) <= found.error
-    assert not found.lower > exact
-    assert exact < found.upper < exact * (1 + 1e-3)
-
-
+@pytest.mark.slow
 def test_a_bracket_much_wider_than_asked_for_is_told():
     profile, tol = (1, 0.999), 1e-5
     wide, found = critical_scale(profile, tol), critical_scale(profile, 1e-3)
@@ -459,9 +397,16 @@ def test_a_bracket_much_wider_than_asked_for_is_told():
     assert wide.upper - wide.lower > 2 * tol * wide.value
     assert found.upper - found.lower <= 2e-3 * found.value
     assert found.lower < wide.value < found.upper
-    kappas = np.outer([wide.lower, 1.2 * wide.upper], profile)
-    inside, outside = escape.first_escape(kappas, *escape.ensemble(64), [64], 300_000)[0]
+    inside, outside = first_escapes(wide, profile)
     assert inside == np.inf > outside
+
+
+def test_where_no_circle_is_certified_so_near_to_the_breakup_that_is_told(monkeypatch):
+    monkeypatch.setattr(barriers, "_certified_at", lambda *_: False)
+    monkeypatch.setattr(continuation, "certified_scale", lambda omega, *more: 0.997 * more[1])
+    found = critical_scale(ray(30), 1e-3)
+    assert found.status is Status.WIDE
+    assert found.lower == 0.997 * found.value < found.value < found.upper
 
 
 @pytest.mark.slow
@@ -470,29 +415,6 @@ def test_next_to_one_kick_three_are_near_a_cusp():
     # The boundary is below κ_G by some 2·10⁻⁴ of it there.
     assert found.status is Status.NEAR_CUSP or abs(found.value - KAPPA_G) < found.error < 0.01
     assert found.lower < KAPPA_G < found.upper < 1.01 * KAPPA_G
-
-
-@pytest.mark.parametrize("factor", [1.002, 1.01])
-def test_above_a_value_too_high_no_circle_is_shown(factor, monkeypatch):
-    exact = critical_scale(ray(30), 1e-3).value
-    lie(monkeypatch, factor)
-    found = critical_scale(ray(30), 1e-3)
-    assert np.isnan(found.lower) or found.lower < exact
-    assert exact < found.upper
-
-
-def lie(monkeypatch, factor):
-    """Let residues find all breakups at `factor` times the scale."""
-    real = periodic.critical_scale
-
-    def wrong(omega, profile, *arguments, **named):
-        found = real(omega, profile, *arguments, **named)
-        return replace(found, value=factor * found.value)
-
-    monkeypatch.setattr(periodic, "critical_scale", wrong)
-
-
-# Where it fails
 
 
 @pytest.mark.parametrize("offset", thirds([0.01, 0.1, 1e-3]))
@@ -525,27 +447,11 @@ def test_residues_that_the_cusp_blurs_are_asked_for_longer_orbits():
 
 
 def test_where_no_residue_sees_the_cusp_that_is_no_contradiction():
-    found = critical_scale((1, 1 - 1e-7), 1e-3)
+    found = critical_scale((1, 1 - 1e-7), 1e-1)
     assert found.status is Status.NEAR_CUSP
     assert np.isnan([found.value, found.error]).all()
     assert not found.lower >= found.upper
     assert 0.99 * KAPPA_G < found.upper < 1.0001 * KAPPA_G
-
-
-def test_a_scale_prints_as_plain_numbers():
-    half = np.float64(0.5)
-    scale = CriticalScale(half, half, half, half, None, Status.OK)
-    assert repr(scale).startswith("CriticalScale(value=0.5, error=0.5, lower=0.5, upper=0.5, ")
-
-
-# The circle below the bracket
-
-
-def image(kappa, x, y):
-    for strength in kappa:
-        y = y + strength / (2 * np.pi) * np.sin(2 * np.pi * x)
-        x = x + y
-    return x, y
 
 
 @pytest.mark.parametrize(
@@ -565,7 +471,7 @@ def test_the_last_circle_is_the_graph_of_an_invariant_circle_at_the_lower_scale(
     theta, omega = np.arange(x.size) / x.size, float(found.omega)
     turn = np.exp(2j * np.pi * omega * np.arange(x.size // 2 + 1))
     u_ahead, y_ahead = (np.fft.irfft(np.fft.rfft(part) * turn, x.size) for part in (x - theta, y))
-    x_image, y_image = image(circle.kappa, x, y)
+    x_image, y_image = step(circle.kappa, x, y)
     off = np.maximum(abs(x_image - (theta + omega + u_ahead)), abs(y_image - y_ahead)).max()
     assert off < min(10 * circle.error, 1e-8)
     measured = orbits.rotation_number(circle.kappa, x[0], y[0], 10_000)[0]

@@ -9,8 +9,6 @@ import numpy as np
 import pytest
 
 pytest.importorskip("flint")
-from flint import arb, arb_poly, ctx
-from test_certificate_checker import dyadic
 
 import nasm
 from nasm import proofs
@@ -66,11 +64,10 @@ def in_hex(*numbers):
     return [float(number).hex() for number in numbers]
 
 
-OTHER = "transport is global under the forcing (9.9, 9.9)"
 FALSE = [  # a certificate, what is changed in it, and why it is refused
     ("transport", {"shortened_from": {"kappa": in_hex(9.9, 9.9)}}, "claimed"),
-    ("transport", {"shortened_from": {"kappa": in_hex(9.9, 9.9)}, "claim": OTHER}, "shortened"),
-    ("transport", {"claim": OTHER}, "claimed"),
+    ("transport", {"shortened_from": {"kappa": in_hex(9.9, 9.9)}}, "shortened"),
+    ("transport", {"claim": "transport is global under the forcing (9.9, 9.9)"}, "claimed"),
     ("transport", {"theorem": "anything"}, "malformed"),
     ("transport", {"theorem": {"name": "Anything", "version": 1, "sha256": ""}}, "malformed"),
     ("transport", {"constants": {}}, "unknown"),
@@ -83,6 +80,10 @@ FALSE = [  # a certificate, what is changed in it, and why it is refused
     ("barrier", {"claim": "a circle exists under kappa = (9.9, 9.9)"}, "claimed"),
     ("barrier", {"constants": {}}, "unknown"),
     ("barrier", {"omega": "[0;(2)]"}, "omega"),
+    *(
+        ("barrier", {"shortened_from": {"omega": omega, "kappa": in_hex(*kappa)}}, "shortened")
+        for omega, *kappa in (("[0;(2)]", 0.4, -0.4), ("[0;(1)]", 9.9, 9.9), ("[0;(1)]", 0.4, 0.4))
+    ),
     ("barrier", {"radius": (1e-9).hex()}, "claimed"),
     ("barrier", {"radius": (-1e-9).hex()}, "claimed"),
     ("box", {"radius": (0.0).hex()}, "claimed"),
@@ -95,8 +96,11 @@ FALSE = [  # a certificate, what is changed in it, and why it is refused
 
 @pytest.mark.parametrize(("name", "changes", "reason"), FALSE)
 def test_what_a_certificate_says_is_bound_to_what_it_proves(name, changes, reason, made):
+    changed = made[name] | changes
+    if reason == "shortened":  # though what it claims is changed too
+        changed["claim"] = certificate_checker.claim(changed)
     with pytest.raises(Refuted, match=reason):
-        check(resealed(made[name] | changes))
+        check(resealed(changed))
 
 
 @pytest.mark.parametrize("name", PROOFS)
@@ -118,17 +122,6 @@ def test_a_certificate_with_one_digit_changed_is_refused(name, made):
         changed = text[:i] + str(int(text[i]) % 9 + 1) + text[i + 1 :]
         with pytest.raises(Refuted, match="seal"):
             check(json.loads(changed))
-
-
-@pytest.mark.parametrize(
-    ("omega", "kappa"), [("[0;(2)]", (0.4, -0.4)), ("[0;(1)]", (9.9, 9.9)), ("[0;(1)]", (0.4, 0.4))]
-)
-def test_a_barrier_of_another_forcing_or_circle_is_refused(omega, kappa, made):
-    given = {"omega": omega, "kappa": in_hex(*kappa)}
-    changed = made["barrier"] | {"shortened_from": given}
-    changed["claim"] = certificate_checker.claim(changed)
-    with pytest.raises(Refuted, match="shortened"):
-        check(resealed(changed))
 
 
 @pytest.mark.parametrize(
@@ -203,41 +196,3 @@ def test_a_changed_barrier_cell_is_refused(i, made):
     changed["claim"] = certificate_checker.claim(changed)
     with pytest.raises(Refuted, match="inequality"):
         check(resealed(changed))
-
-
-def test_residuals_are_bounded_in_all_of_a_barrier_cell(made):
-    """Against the algebra without a grid at corners and another point, for a wider cell."""
-    data, rho, width, shares = made["barrier cell"], 0.01, 0.5, []
-    middle, unit = [float.fromhex(k) for k in data["kappa"]], 2.0 ** data["moves"]["unit"]
-    u = [np.array([float(m) * 2.0**e for m, e in row]) for row in data["centre"]]
-    # Far more moved than in the certificate, and by modes that no circle has.
-    moves = [
-        {
-            (a, b): 2e3 * width * unit * np.resize(np.array(row, float), u[0].size)
-            for a, rows in enumerate(table)
-            for b, row in enumerate(rows)
-            if row
-        }
-        for table in data["moves"]["numbers"]
-    ]
-    for f in (*moves[0].values(), *moves[1].values()):
-        f[0] = 0
-    with ctx.workprec(certificate_checker.BITS):
-        omega, *_ = certificate_checker.rotation(data["omega"])
-        cell = list(map(arb, middle)), [arb(width)] * 2, omega / 2, arb(rho)
-        polynomials = [{m: arb_poly(f.tolist()) for m, f in of_site.items()} for of_site in moves]
-        bounds = certificate_checker.residuals_in_cell(
-            *cell, [arb_poly(row.tolist()) for row in u], polynomials
-        )
-        largest = max(float(bound.upper()) for bound in bounds)
-        for sigma in ((1, 1), (-1, 1), (0.3, -0.6)):
-            T = [np.cos(np.arange(30) * np.arccos(s)) for s in sigma]
-            there = [
-                row + sum(T[0][a] * T[1][b] * f for (a, b), f in of_site.items())
-                for row, of_site in zip(u, moves, strict=True)
-            ]
-            single = {"omega": data["omega"], "radius": (0.0).hex(), "rho": rho.hex()}
-            single["kappa"] = in_hex(*(k + s * width for k, s in zip(middle, sigma, strict=True)))
-            single["modes"] = [[[[0, 0], dyadic(-x)] for x in row] for row in there]
-            shares.append(certificate_checker.theorem(single)[1]["error"] / largest)
-    assert 0.1 < max(shares) < 1

@@ -130,23 +130,11 @@ def test_the_cohomological_equation_is_solved():
     np.testing.assert_allclose(fourier.rotate(g, turn) - g, f, atol=1e-14)
 
 
-def test_the_cut_keeps_no_resonance_at_its_edge():
-    for name in NAMES:
-        for n in (64, 128, 1024, 4096):
-            kept = fourier.cut(parse(name), n)
-            assert 0.28 * n < kept <= 0.36 * n
-            divisors = np.abs(fourier.turns(parse(name), kept)[1:] - 1)
-            assert divisors.argmin() + 1 <= 0.85 * kept
-
-
 def test_the_deviations_of_a_symmetric_forcing_are_odd():
     # The reflection x → -x is nowhere imposed; rounding and truncation respect it.
     circle = circles.invariant_circle(GAMMA, (0.4, 0.2))
     u = circle.u[0]
     assert np.abs(u + np.roll(u[::-1], 1)).max() < 1e-12
-
-
-# The symmetries of circles, Sec. VI.C
 
 
 def polished(circle):
@@ -195,9 +183,6 @@ def test_a_forcing_without_symmetry_centre_is_shifted_all_the_way_round():
         assert_same_circle(shifted, kappa, GAMMA)
         assert abs(shifted.u[0].mean()) < 1e-15
     np.testing.assert_allclose(shifted.u, circle.u, atol=1e-8)
-
-
-# Where it fails
 
 
 def naive_circle(n, kappa_end, step):
@@ -297,16 +282,6 @@ def test_too_many_modes_drown_in_rounding_and_say_so():
     adapted = circles.invariant_circle(GAMMA, (0.45, 0), n_max=16384)
     assert adapted.certified
     assert adapted.u.shape[-1] <= 512
-
-
-def test_twist_is_at_least_the_number_of_kicks_where_the_circle_is_a_graph():
-    for kappa in ((0.9,), (0.4, 0.2), (0.1, -0.2, 0.15)):
-        circle = circles.invariant_circle(GAMMA, kappa)
-        turn = fourier.turns(GAMMA, circle.u.shape[-1] // 2 + 1)
-        around = np.vstack([circle.u, fourier.rotate(circle.u[0], turn)])
-        slopes = 1 + fourier.derivative(around)
-        assert slopes.min() > 0
-        assert np.mean(1 / (slopes[1:] * slopes[:-1]), axis=1).sum() >= len(kappa)
 
 
 def test_a_start_far_from_the_circle_gives_a_status_or_the_circle():

@@ -22,6 +22,8 @@ COMMANDS, ROOT = commands(), Path(__file__).parents[1]
 def test_every_file_at_the_top_is_a_command_that_says_what_it_does(name):
     assert main_of(name).help
     assert all(option.help for option in main_of(name).params if option.param_type_name == "option")
+    told = CliRunner().invoke(main_of(name), ["--version"])
+    assert (told.exit_code, told.output) == (0, f"nasm {nasm.__version__}\n")
 
 
 def test_the_overview_has_a_line_for_each_command():
@@ -61,12 +63,6 @@ def test_full_changes_defaults_and_what_is_given_stays():
     assert (long["steps"], long["n_orbits"]) == ([100_000, 500_000, 1_000_000], 7)
     phases = [main_of("three_kicks").make_context("it", each).params for each in ([], ["--full"])]
     assert [len(short_or_long["phase"]) for short_or_long in phases] == [3, 6]
-
-
-def test_every_command_tells_its_version():
-    for name in COMMANDS:
-        told = CliRunner().invoke(main_of(name), ["--version"])
-        assert (told.exit_code, told.output) == (0, f"nasm {nasm.__version__}\n")
 
 
 def test_help_needs_no_numpy_and_so_comes_at_once():

@@ -35,7 +35,7 @@ def test_the_golden_circle_breaks_at_kappa_g(name, profile, exact, tol):
     assert np.isnan(found.upper)
 
 
-SAMPLES = [(1e-6, 48, 20, 0.97)]  # 47 of 48
+SAMPLES = [(1e-6, 24, 20, 0.98)]
 SAMPLES += [pytest.param(tol, 360, 77, 0.98, marks=pytest.mark.slow) for tol in (1e-4, 1e-5, 1e-6)]
 
 
@@ -201,21 +201,20 @@ def test_an_error_as_large_as_the_value_is_no_answer():
     assert found.lower > 1
 
 
-def test_near_two_shorter_periods_the_error_contains_the_depths_of_both():
-    profile = (-1.015869172540561, -1.0154541970028859, -1.015869172540561, -1.0151179126561691)
-    judge = periodic.critical_scale(GAMMA, profile)
-    found = continuation.critical_scale(GAMMA, profile)
+# Near two shorter periods, where the depths of both count; and of 240 random rays those where half
+# the spread of the estimates fell short, by up to 1.67 times, at the finest tolerance.
+NEAR = (-1.015869172540561, -1.0154541970028859, -1.015869172540561, -1.0151179126561691)
+ANGLES = np.random.default_rng(1401).uniform(0, 180, 240)
+HARD = [("gamma", NEAR, 1e-4, 0.02)]
+HARD += [(NAMES[i % 6], ray(ANGLES[i]), 1e-6, 1e-4) for i in (54, 78, 181, 208, 228)]
+
+
+@pytest.mark.parametrize(("name", "profile", "tol", "bound"), HARD)
+def test_where_that_is_hard_the_error_covers_the_difference_to_residues(name, profile, tol, bound):
+    judge = periodic.critical_scale(parse(name), profile)
+    found = continuation.critical_scale(parse(name), profile, tol)
     assert judge.status is found.status is Status.OK
-    assert abs(found.value - judge.value) <= found.error < 0.02
-
-
-@pytest.mark.parametrize("case", [54, 78, 181, 208, 228])
-def test_at_the_finest_tolerance_half_the_spread_of_estimates_would_fall_short(case):
-    # Of 240 random rays, those where it did, by up to 1.67 times.
-    angle, omega = np.random.default_rng(1401).uniform(0, 180, 240)[case], parse(NAMES[case % 6])
-    judge = periodic.critical_scale(omega, ray(angle))
-    found = continuation.critical_scale(omega, ray(angle), 1e-6)
-    assert abs(found.value - judge.value) <= found.error < 1e-4
+    assert abs(found.value - judge.value) <= found.error < bound
 
 
 def test_a_circle_that_breaks_at_once_gives_a_status_or_a_bound():
@@ -224,8 +223,6 @@ def test_a_circle_that_breaks_at_once_gives_a_status_or_a_bound():
         assert np.isnan(found.value) == (found.status is not Status.OK)
         assert np.isnan(found.lower) or found.lower < 0.3
 
-
-# Certified near a breakup that is known
 
 KNOWN = [
     ("gamma", (1,)),

@@ -102,20 +102,6 @@ def test_a_code_of_status_is_read_by_the_words_beside_it():
     assert all(meaning[status_code(status)] == status.name.lower() for status in Status)
 
 
-@pytest.mark.parametrize("name", ["barrier", "flux", "plane"])
-def test_a_tile_that_is_missing_reads_as_no_answer(tmp_path, name):
-    cube = JOBS[name].cube
-    place = store.place_of(tmp_path)
-    store.create(place, cube, "us")
-    for key, array in store.read(place, cube.name).data_vars.items():
-        assert array.dtype == cube.template[key].dtype
-        least = np.nan if array.dtype.kind == "f" else np.iinfo(array.dtype).min
-        assert np.array_equal(array, np.full(array.shape, least), equal_nan=True)
-        if "flag_values" in array.attrs:
-            meaning = dict(zip(array.flag_values, array.flag_meanings.split(), strict=True))
-            assert meaning[least] == "not_computed"
-
-
 def test_the_hash_is_that_of_what_decides_the_numbers():
     changes = {"plane": Plane("other", TWO.axes, (0, 0.1), TWO.first, TWO.second)}
     changes |= {"axes": (Axis(-1, 1.1, 6), AXES[1]), "sizes": [8, 41], "n_max": 301, "tile": 5}

@@ -123,18 +123,3 @@ def test_the_orbit_of_an_inset_stays_where_a_circle_is_left(direct):
     assert (inside, outside) == (Answer.BARRIER, Answer.TRANSPORT)
     # Between a circle and its copy one cell further, of amplitudes below 0.2; or not.
     assert span[0] < 1.2 < span[1]
-
-
-@pytest.mark.slow
-def test_the_asymmetry_of_escape_times_is_that_of_roundings():
-    random = np.random.default_rng(0)
-    kappas = random.uniform(0.85, 1.1, (200, 1)) * ray(random.uniform(2, 43, 200))
-    perturbed = kappas * (1 + 4e-16)
-    forcings = np.stack([kappas, perturbed, kappas * [-1, 1], kappas[:, ::-1]])
-    times = escape.first_escape(forcings, *escape.ensemble(1000), [1000], 20_000)[0]
-    times = times[:, np.isfinite(times).all(axis=0)]
-    assert times.shape[1] > 100
-    rounding, mirror, swap = np.median(np.abs(np.log(times[1:] / times[0])), axis=1)
-    assert 0.1 < rounding < 0.4
-    assert mirror == pytest.approx(rounding, rel=0.5)
-    assert swap == pytest.approx(rounding, rel=0.5)

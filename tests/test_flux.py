@@ -156,12 +156,3 @@ def test_copies_of_forcings_without_a_symmetry_have_the_same_flux():
     found = [flux(GOLDEN, image).value for image in images]
     assert found == pytest.approx([expected.value] * 3, rel=1e-9)
     assert turnstile_area(kappa, 3, 5) == pytest.approx(action_difference(kappa, 3, 5), rel=1e-6)
-
-
-def test_omega_counts_modulo_the_period():
-    # y → y + 1 takes ω to ω + P, however far.
-    expected = flux(GOLDEN, (0.6, 0.1))
-    for turns in (1, 10**6, 10**20):
-        found = flux(moebius(GOLDEN, 1, 2 * turns), (0.6, 0.1))
-        assert found.status is Status.OK
-        assert (found.value, found.error) == (expected.value, expected.error)

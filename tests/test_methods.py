@@ -64,6 +64,9 @@ PROFILE = np.array([1.0, 0.4])
 METHODS = {
     "barriers": lambda profile, size: barriers.critical_scale(profile, 1e-1),
     "cones": lambda profile, size: symmetry_line.critical_scale(profile, 300),
+    "cones of a broken line": lambda profile, size: symmetry_line.critical_scale(
+        profile[0] * np.array([0.633, -0.241, 0.957, 0.957, -0.241]), 100
+    ),
     "continuation": lambda profile, size: continuation.critical_scale(GAMMA, profile, 1e-4 / size),
     "escape": lambda profile, size: escape.critical_scale(profile, 1000, 100),
     "periodic": lambda profile, size: periodic.critical_scale(GAMMA, profile, 300),

@@ -121,18 +121,6 @@ def weighted_average(kappa, x, y, n):
     return total / weights
 
 
-def test_rotation_numbers_of_the_reductions_are_the_standard_map_s():
-    def standard(kappa, x, y):
-        return rotation_number([kappa], x, y, 10_000)[0]
-
-    def ours(kappa):
-        return rotation_number(kappa, X, Y, 10_000)[0]
-
-    assert_allclose(ours((0.3, 0)), standard(0.6, X, 2 * Y), rtol=0, atol=1e-11)
-    assert_allclose(ours((0, 0.3)), standard(0.6, X + Y, 2 * Y), rtol=0, atol=1e-11)
-    assert_allclose(ours((0.3, 0.3)), 2 * standard(0.3, X, Y), rtol=0, atol=1e-11)
-
-
 def test_a_chaotic_orbit_has_no_rotation_number():
     omega, digits = rotation_number((1.5, 1.5), [0.01, 0.02, 0.03], 0.0, 10_000)
     assert np.isnan(omega).all()

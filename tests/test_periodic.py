@@ -11,7 +11,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from oracles import KAPPA_G, LITERATURE
 
-from nasm import periodic
+from nasm import flux, periodic
 from nasm.action import ordered_orbits
 from nasm.circles import continuation
 from nasm.converse_kam import symmetry_line
@@ -107,23 +107,26 @@ def test_error_covers_truncation_and_rounding(q_max):
         assert abs(found.value - exact) < 1e-12 or q_max < 8000
 
 
-# Two extrapolated values agree by chance; next to a cusp; tails of several quotients.
-@pytest.mark.parametrize(
-    ("name", "profile", "bound"),
-    [
-        ("(gamma+1)/(4gamma+5)", ray(25.948730289534073), 1e-9),
-        ("(gamma+1)/(4gamma+5)", ray(49.32870995046929), 1e-9),
-        ("(5gamma+6)/(4gamma+5)", ray(106.72938325877112), 1e-9),
-        ("(5gamma+6)/(4gamma+5)", ray(161.04885519531123), 1e-9),
-        ("[1;(1,2)]", (0.9222037618645054, -0.3867043077119192), np.inf),
-        ("[1;(1,1,2)]", (-0.9309387579, 0.3651753276), np.inf),
-        ("[0;4,(1,2)]", (0.8299350314, 0.5578600634), np.inf),
-        ("[0;4,4,4,2,(1)]", (-0.7066172265, 0.7075959885), np.inf),
-        ("[0;1,3,4,4,4,2,(1)]", ray(44.99647638965198), np.inf),
-        ("[0;1,3,4,4,2,(1)]", (0.7075547711, 0.7066585087), np.inf),
-    ],
-)
-def test_the_error_covers_the_change_with_a_longer_period_where_that_is_hard(name, profile, bound):
+# Two extrapolated values agree by chance; tails of several quotients; next to a cusp.
+HARD = [
+    ("(gamma+1)/(4gamma+5)", ray(25.948730289534073), 1e-9),
+    ("(gamma+1)/(4gamma+5)", ray(49.32870995046929), 1e-9),
+    ("(5gamma+6)/(4gamma+5)", ray(106.72938325877112), 1e-9),
+    ("(5gamma+6)/(4gamma+5)", ray(161.04885519531123), 1e-9),
+    ("[1;(1,2)]", (0.9222037618645054, -0.3867043077119192), np.inf),
+    ("[1;(1,1,2)]", (-0.9309387579, 0.3651753276), np.inf),
+    ("[0;4,(1,2)]", (0.8299350314, 0.5578600634), np.inf),
+    ("[0;4,4,4,2,(1)]", (-0.7066172265, 0.7075959885), np.inf),
+    ("[0;1,3,4,4,4,2,(1)]", ray(44.99647638965198), np.inf),
+    ("[0;1,3,4,4,2,(1)]", (0.7075547711, 0.7066585087), np.inf),
+    ("[1;(1)]", ray(315.025), 1e-3),
+    ("gamma", ray(45.0005), 1e-3),
+]
+
+
+@pytest.mark.parametrize("case", thirds(HARD))
+def test_the_error_covers_the_change_with_a_longer_period_where_that_is_hard(case):
+    name, profile, bound = case
     better = periodic.critical_scale(parse(name), profile, 40_000)
     assert better.error < 1e-7
     for q_max in (1500, 6000):
@@ -145,11 +148,7 @@ def test_the_paper_s_circles_have_a_value_at_each_other_s_cusps(name, angle):
 
 @pytest.mark.parametrize(
     ("name", "angle"),
-    [
-        ("[0;4,4,4,4,(1)]", 135 - 1e-6),
-        ("gamma", 45 - 1e-4),
-        ("2gamma", 44.999999),
-    ],
+    [("[0;4,4,4,4,(1)]", 135 - 1e-6), ("gamma", 45 - 1e-4), ("2gamma", 44.999999)],
 )
 def test_where_orbits_are_lost_before_they_see_the_cusp_that_is_the_reason(name, angle):
     found = periodic.critical_scale(parse(name), ray(angle))
@@ -157,15 +156,7 @@ def test_where_orbits_are_lost_before_they_see_the_cusp_that_is_the_reason(name,
     assert np.isnan(found.value)
 
 
-@pytest.mark.parametrize(("name", "angle"), [("[1;(1)]", 315.025), ("gamma", 45.0005)])
-def test_next_to_a_cusp_the_error_covers_longer_orbits(name, angle):
-    short, long = (periodic.critical_scale(parse(name), ray(angle), q) for q in (6000, 30_000))
-    assert short.status is long.status is Status.OK
-    assert abs(short.value - long.value) <= short.error < 1e-3
-    assert long.error < 1e-7
-
-
-@pytest.mark.parametrize("angle", [10, 30, 112])
+@pytest.mark.parametrize("angle", thirds([112, 10, 30]))
 def test_minimax_and_minimizing_orbits_tell_the_same_breakup(angle):
     for name in NAMES:
         omega = parse(name)
@@ -186,17 +177,6 @@ def test_segments_from_inside_end_on_the_same_boundary(angle, kappa1, kappa2):
     end, start = np.multiply(along_ray.value, ray(angle)), np.array([kappa1, kappa2])
     along = periodic.critical_scale(GAMMA, end - start, 1000, start=start)
     assert abs(along.value - 1) <= along.error + along_ray.error < 1e-7
-
-
-def test_the_tip_is_reached_along_the_lines_of_one_difference():
-    # On κ2 - κ1 = δ the boundary of 2γ falls short of the tip by δ^0.6 or so.
-    short = []
-    for delta in (1e-2, 1e-3, 1e-4):
-        found = periodic.critical_scale(parse("2gamma"), (1, 1), start=(0, delta))
-        assert found.status is Status.OK
-        assert found.error < 1e-4
-        short.append(KAPPA_G - found.value)
-    assert 0.5 < np.diff(np.log10(short)).mean() / -1 < 0.75
 
 
 def test_a_segment_that_starts_outside_says_so():
@@ -250,11 +230,14 @@ def test_omega_counts_modulo_the_period(name, profile):
     # y → y + 1 takes ω to ω + P, however far.
     expected = periodic.critical_scale(parse(name), profile, 1000)
     norms = continuation.critical_scale(parse(name), profile, 1e-3)
-    assert expected.status is Status.OK
+    passing = flux.flux(parse(name), 1.2 * expected.value * np.array(profile))
+    assert expected.status is passing.status is Status.OK
     for turns in (1, 10**6, 10**20):
         omega = moebius(parse(name), 1, len(profile) * turns)
         assert periodic.critical_scale(omega, profile, 1000) == replace(expected, omega=omega)
         assert continuation.critical_scale(omega, profile, 1e-3) == replace(norms, omega=omega)
+        found = flux.flux(omega, 1.2 * expected.value * np.array(profile))
+        assert (found.value, found.error) == (passing.value, passing.error)
 
 
 def next_to_a_shorter_one(distance):
@@ -271,7 +254,7 @@ def next_to_a_shorter_one(distance):
     ]
 
 
-@pytest.mark.parametrize("distance", thirds([1e-6, 1e-2, 1e-4, 1e-7]))
+@pytest.mark.parametrize("distance", thirds([1e-6, 1e-2, 1e-7]))
 def test_next_to_a_shorter_forcing_starts_do_not_all_die_where_a_circle_is_claimed(distance):
     answered = 0
     for profile, _, omega in next_to_a_shorter_one(distance):

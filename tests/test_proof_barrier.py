@@ -1,9 +1,11 @@
 """Proofs that a circle exists: exact identities, a second program, mutants, and false claims."""
 
 import json
+from itertools import product
 
 import mpmath as mp
 import numpy as np
+import oracles
 import pytest
 
 pytest.importorskip("flint", reason="proofs need the extra `proof`")
@@ -39,43 +41,6 @@ def near(profile, omega, breakup, distance):
     return omega, scale * profile, u
 
 
-# --- the theorem ----------------------------------------------------------------------------------
-
-
-@pytest.fixture
-def module():
-    """The program; mutants take its place."""
-    return proofs.barrier
-
-
-def test_the_linearised_chain_telescopes_up_to_the_derivative_of_the_residual():
-    slope, w, (cosine, kappa) = *np.random.default_rng(1).normal(size=(2, 3)), (0.3, 0.7)
-    before, here, after = slope * w  # V at three sites of a chain that solves nothing
-    left, right = slope[:2] * slope[1:] * np.diff(w)  # the fluxes
-    residual = slope[2] + slope[0] - (2 + kappa * cosine) * slope[1]
-    linear = after + before - (2 + kappa * cosine) * here
-    assert slope[1] * linear == pytest.approx(right - left + slope[1] * residual * w[1], rel=1e-12)
-
-
-@pytest.mark.parametrize("n_sites", [1, 2, 3])
-def test_the_fluxes_close_for_any_chain(n_sites):
-    rng, k, theta = np.random.default_rng(n_sites), np.arange(1, 4), np.arange(256) / 256
-    tables, kappa = rng.normal(0, 0.02, (n_sites, 2, 3)), rng.normal(0, 0.5, n_sites)
-
-    def h(j, theta, order=0):
-        theta = theta + j // n_sites * float(GAMMA)
-        waves = np.exp(2j * np.pi * np.multiply.outer(theta, k)) * (2j * np.pi * k) ** order
-        linear = theta + j % n_sites * float(GAMMA) / n_sites if order == 0 else 1
-        return linear + (waves @ (tables[j % n_sites] * [[1], [1j]]).sum(axis=0)).real
-
-    residual = [h(j + 1, theta) + h(j - 1, theta) - 2 * h(j, theta) for j in range(n_sites)]
-    for j, strength in enumerate(kappa):
-        residual[j] -= strength / (2 * np.pi) * np.sin(2 * np.pi * h(j, theta))
-    terms = [np.mean(h(j, theta, 1) * r) for j, r in enumerate(residual)]
-    assert abs(sum(terms)) < 1e-14
-    assert n_sites == 1 or max(map(abs, terms)) > 1e-3
-
-
 @pytest.mark.parametrize("omega", ["gamma", "[0;(2)]", "[0;(8)]", "[0;(30)]", "[0;3,50,(1,2,7)]"])
 @pytest.mark.parametrize("delta", [1e-1, 3e-3, 1e-4])
 def test_the_bound_of_small_divisors_holds_and_is_sharp(omega, delta):
@@ -88,7 +53,7 @@ def test_the_bound_of_small_divisors_holds_and_is_sharp(omega, delta):
     assert bound <= brute * 1.001
 
 
-def test_closed_sums_are_those_of_all_aliases_and_all_modes_left_out(module):
+def assert_closed_sums_are_those_of_all_aliases_and_all_modes_left_out(module):
     rho, hat, n, cut = 0.01, 0.05, 64, 29
     grid = module.Grid(GAMMA, [0.7], 0.0, n)
     u = [[arb(0), arb(0.01), arb(0.002)]]
@@ -105,11 +70,10 @@ def test_closed_sums_are_those_of_all_aliases_and_all_modes_left_out(module):
     assert exact <= float(bound) <= 1.05 * exact
 
 
-@pytest.mark.parametrize("odd", [True, False])
-def test_the_inverse_is_bounded_by_a_poor_approximation_too(odd, module):
+def assert_the_inverse_is_bounded_by_a_poor_approximation_too(module):
     # 1/(1 + a cos) = (1 + 2 Σ (-b)^k cos)/√(1 - a²) with b = (1 - √(1 - a²))/a.
     rho, cases = 0.02, [(0.5, 5, 2, 1.03), (0.5, 3, 2, 1.5), (0.2, 1, 1, 1.2), (0.5, 40, 2, 1.0001)]
-    for a, modes, kept, slack in cases:
+    for odd, (a, modes, kept, slack) in product((True, False), cases):
         root = np.sqrt(1 - a**2)
         b = (1 - root) / a
         inverse = np.array([(-b) ** k / root for k in range(modes)])
@@ -123,11 +87,8 @@ def test_the_inverse_is_bounded_by_a_poor_approximation_too(odd, module):
 def test_the_residual_is_below_its_bound_in_the_strip_and_uses_part_of_it(omega, kappa, n):
     proof = prove(parse(omega), kappa, n=n)
     assert proof.proved, proof.why
-    quotients = parse(omega).prefix + parse(omega).tail * 150
     with mp.workdps(60):
-        value = mp.mpf(0)
-        for a in reversed(quotients):
-            value = a + (1 / value if value else 0)
+        value = oracles.continued_fraction(parse(omega).prefix, parse(omega).tail)
         P, used = len(kappa), []
         modes = [
             [mp.mpc(mp.ldexp(re[0], re[1]), mp.ldexp(im[0], im[1])) for re, im in row]
@@ -145,11 +106,7 @@ def test_the_residual_is_below_its_bound_in_the_strip_and_uses_part_of_it(omega,
                 residual = g(j + 1, phi + value / P) - 2 * g(j, phi) + g(j - 1, phi - value / P)
                 residual -= mp.mpf(kappa[j]) / (2 * mp.pi) * mp.sin(2 * mp.pi * g(j, phi))
                 used.append(float(abs(residual)) / proof.constants["error"])
-    assert max(used) < 1
-    assert max(used) > 0.02
-
-
-# --- a second program, and mutants ----------------------------------------------------------------
+    assert 0.02 < max(used) < 1
 
 
 def certificate(module, omega, kappa, n=None):
@@ -186,8 +143,8 @@ def audit(module):
             assert all(value.overlaps(left[key]) for key, value in exact.items())
             seen += failed[:1]
         assert seen[0] == name
-    test_closed_sums_are_those_of_all_aliases_and_all_modes_left_out(module)
-    test_the_inverse_is_bounded_by_a_poor_approximation_too(True, module)
+    assert_closed_sums_are_those_of_all_aliases_and_all_modes_left_out(module)
+    assert_the_inverse_is_bounded_by_a_poor_approximation_too(module)
     for omega, kappa, n in CASES:
         data, constants = certificate(module, omega, kappa, n)
         holds, exact = theorem(data)
@@ -256,13 +213,11 @@ def test_a_changed_line_is_noticed(change):
 
 
 def test_a_forged_certificate_is_refused():
-    # Of ρ < 0; of κ = 5 and a row of modes without an equation; of denominators that are left out.
+    # Of ρ < 0; of κ = 5 and a row of modes without an equation.
     data, _ = certificate(proofs.barrier, "gamma", (0.3, 0.2))
     forged = data | {"kappa": [(5.0).hex()], "modes": data["modes"][:1] * 2}
     assert not theorem(data | {"rho": (-0.07).hex()})[0]
     assert not theorem(forged)[0]
-    with pytest.raises(checker.Refuted, match="-3"):
-        theorem(data | {"omega": "[0;2,-3,(1)]"})
 
 
 def test_the_bound_of_small_divisors_holds_in_the_narrowest_strips():
@@ -289,9 +244,6 @@ def test_without_the_digest_a_changed_digit_that_matters_still_fails(site):
     strengths[site] = (float.fromhex(strengths[site]) * (1 + 2**-20)).hex()
     assert not theorem(data | {"kappa": strengths})[0]
     assert not theorem(data | {"omega": "[0;1,1,1,1,2,(1)]"})[0]
-
-
-# --- what is proved, and what is not --------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("profile", "omega", "breakup"), LAST)
@@ -323,21 +275,6 @@ def test_any_quadratic_rotation_number_and_any_number_of_kicks_will_do(omega, ka
 @pytest.mark.parametrize("kappa", [0.05, 0.3])
 def test_more_points_than_are_needed_do_no_harm(n, kappa):
     assert prove(GAMMA, (kappa,), n=n).proved
-
-
-def test_forcings_are_shortened():
-    proof = prove(GAMMA, (0.4, -0.4, 0.4, -0.4))
-    assert proof.proved
-    assert proof.short_kappa == (0.4,)
-    assert proof.short_omega == parse("[0;(1)]") or float(proof.short_omega) < 1
-
-
-def test_a_box_of_forcings_is_proved_at_once():
-    proof = prove(GAMMA, (0.3, 0.3), radius=1e-9)
-    assert proof.proved
-    assert proof.short_kappa == (0.3, 0.3)
-    checker.check(json.loads(json.dumps(proof.certificate())))
-    assert not prove(GAMMA, (0.3, 0.3), radius=1e-4, n=128).proved
 
 
 def settled(omega, kappa, u):
@@ -418,9 +355,6 @@ def test_strengths_that_round_to_equal_ones_are_proved_from_the_start_that_told_
     proof = prove(omega, scale * profile, start=start)
     assert proof.proved
     assert len(proof.short_kappa) == 1
-    value = scale / (1 - 0.05)  # `proved_lower` begins with circles that far inside
-    value = next(v for v in value * (1 + 2.0**-52 * np.arange(-4, 5)) if v * (1 - 0.05) == scale)
-    assert proved_lower(omega, profile, value, 0.05)[1].proved
 
 
 def test_a_profile_that_rounds_to_equal_strengths_at_some_scales_has_lower_scales():
@@ -457,6 +391,7 @@ def test_what_is_no_circle_proves_nothing_and_raises_nothing(start):
         (RotationNumber((0, 1, 10**6), (1,)), (0.5,), {}, "no circle was found"),
         (GAMMA, (0.96,), {"budget": 0.01}, "beyond the budget"),  # it is not tried
         (GAMMA, (0.9,), {"n": 64}, "ratio"),
+        (GAMMA, (0.3, 0.3), {"radius": 1e-4, "n": 128}, ""),
     ],
 )
 def test_what_is_not_proved_says_why(omega, kappa, options, told):
@@ -482,13 +417,6 @@ def test_modes_that_are_not_exact_or_not_real_are_refused(mode):
     rows = [[mode, acb(0)]] * 3
     with pytest.raises(ValueError, match="exact"):
         proofs.barrier._verified(grid, rows, rows)
-
-
-def test_without_python_flint_a_proof_says_what_to_install(monkeypatch):
-    monkeypatch.setattr(proofs.barrier, "arb", None)
-    for ask in (lambda: prove(GAMMA, (0.3,)), lambda: proved_lower(GAMMA, (1.0,), 0.97, 1.0)):
-        with pytest.raises(ImportError, match=r"pip install 'nasm-transport\[proof\]'"):
-            ask()
 
 
 @pytest.mark.slow

@@ -93,9 +93,6 @@ def test_a_second_program_proves_the_circle_at_forcings_of_a_proved_cell(cell):
                 assert value <= proof.constants[name] * (1 + 1e-9), name
 
 
-# --- audits: each bound against what it bounds ----------------------------------------------------
-
-
 @dataclass(frozen=True)
 class Case:
     """A cell, functions that need not solve anything, and where their norms are taken.

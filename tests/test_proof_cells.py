@@ -129,8 +129,6 @@ def test_cells_outside_the_theorem_are_not_proved(kappa):
     assert prove_cell(kappa, 2.0**-7).outcome is Outcome.SCOPE
 
 
-# Audits of the kernel against arithmetic of many digits.
-
 SUMS = ("lt", "lp", "lq")
 KERNEL = audit.Kernel(
     functions=(proofs.transport_cells._trigonometry, proofs.transport_cells._kick),

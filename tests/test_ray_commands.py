@@ -47,7 +47,7 @@ def test_circle_boundaries_are_those_of_each_ray(tmp_path, workers):
 
 
 @pytest.mark.slow
-def test_rotating_maps_are_kept_as_labelled_cubes(tmp_path, workers, monkeypatch):
+def test_rotating_maps_are_compared_with_the_standard_map(tmp_path, workers, monkeypatch):
     breakups, out = tori_cubes.breakups, tmp_path / "out"
     monkeypatch.setattr(tori_cubes, "breakups", lambda *given: breakups(*given[:2], 0.1))
     effort = ["--angles", "3", "--tips", "0", "--n-max", "1000", "--n-orbits", "64"]
@@ -55,51 +55,35 @@ def test_rotating_maps_are_kept_as_labelled_cubes(tmp_path, workers, monkeypatch
     succeed("rotating", out, *effort, *vectors, "--tori", "2", *workers)
     certified = xr.open_zarr(out / "tori.zarr").load()
     assert (certified.lower < certified.upper).all()
-    tori = xr.open_zarr(out / "rotating_tori.zarr")
-    assert tori.critical_scale.dims == ("frequency", "angle")
-    assert tori.vector.values.tolist() == ["81/149,125/149", "44/81,68/81"]
+    cell = xr.open_zarr(out / "rotating_tori.zarr").sel(angle=90).isel(frequency=0)
     expected = periodic.torus_scale("81/149", "125/149", 0.0, 1.0)
-    cell = tori.sel(angle=90).isel(frequency=0)
     assert float(cell.critical_scale) == float(cell.kappa_amplitude) == expected.value
-    assert float(cell.kappa_mean) == 0.0
-    transport = xr.open_zarr(out / "transport.zarr")
     # κ̄ alone is the standard map; Δκ alone with Ω = 1/2 is (κ, -κ).
     direct = escape.critical_scale((1.0, 1.0), 1000, 64).upper
-    assert float(transport.upper.sel(angle=0)) == direct
-    rows = table(out / "tori.csv")
-    assert len(rows) == 2 * 5
+    assert float(xr.open_zarr(out / "transport.zarr").upper.sel(angle=0)) == direct
     # At 45° the second kick is off, and CB_gt is where the standard map breaks at 2·κ1 = κ_G.
-    (row,) = [r for r in rows if r["angle"] == "45" and float(r["frequency"]) > 0.8393]
+    rows = table(out / "tori.csv", angle="45")
+    (row,) = [row for row in rows if float(row["frequency"]) > 0.8393]
     two = KAPPA_G / 2 / 2**0.5
     assert float(row["ratio"]) == pytest.approx(float(row["critical_scale"]) / two, rel=1e-6)
     assert float(row["ratio_direct"]) < float(row["ratio"])
-    for name in ("diamond", "tori"):
-        assert (out / f"{name}.png").exists()
-        assert "Δκ" in (out / f"{name}.txt").read_text()
 
 
 @pytest.mark.slow
-def test_three_kicks_are_kept_as_labelled_cubes(tmp_path, workers):
+def test_three_kicks_are_compared_with_the_standard_map(tmp_path, workers):
     out = tmp_path / "out"
     rays = ["--angles", "3", "--tips", "0", "--tol", "1e-2"]
     succeed("three_kicks", out, *rays, "--phase", "1/24", "--phase", "0", *workers)
     names = ("barrier_rotating_1_3", "barrier_rotating_1_3_1_24")
     zero, cube = (xr.open_zarr(out / f"{name}.zarr") for name in names)
-    assert cube.angle.values.tolist() == [0, 45, 90, 135]
-    profile = rotating("1/3", "1/24").second
-    expected = barriers.critical_scale(profile, 1e-2)
+    expected = barriers.critical_scale(rotating("1/3", "1/24").second, 1e-2)
     there = cube.sel(angle=90)
     assert (float(there.lower), float(there.upper)) == (expected.lower, expected.upper)
     # κ̄ alone is the standard map, for any phase and number of kicks.
     for still in (zero.sel(angle=0), cube.sel(angle=0)):
         assert abs(still.critical_scale - KAPPA_G) < still.error
-    rows = table(out / "three_kicks.csv")
-    assert len(rows) == 2 * 5
-    for r in rows:
-        if r["angle"] == "180":
-            assert abs(float(r["ratio"]) - 1) < float(r["error"]) / float(r["critical_scale"])
-    assert "φ0 = 1/24: " in (out / "three_kicks.txt").read_text()
-    assert (out / "three_kicks.pdf").exists()
+    for r in table(out / "three_kicks.csv", angle="180"):
+        assert abs(float(r["ratio"]) - 1) < float(r["error"]) / float(r["critical_scale"])
 
 
 def test_any_plane_is_swept_with_the_names_of_its_axes(tmp_path, workers):
@@ -175,50 +159,38 @@ def test_period_one_orbits_are_kept_as_labelled_cubes(tmp_path):
 
 @pytest.mark.slow
 def test_the_flux_beyond_the_breakup_is_kept_with_its_law(tmp_path, workers):
-    out = tmp_path / "out"
-    succeed("flux", out, "--angle", "0", "--nearest", "1e-3", *workers)
-    cube = xr.open_zarr(out / "flux.zarr")
-    assert cube.flux.dims == ("angle", "excess")
+    succeed("flux", tmp_path, "--angle", "0", "--nearest", "1e-3", *workers)
+    cube = xr.open_zarr(tmp_path / "flux.zarr")
     assert (cube.status == 1).all()
     first = cube.isel(angle=0, excess=0)
     kappa = (KAPPA_G / 2 * (1 + float(first.excess)), 0.0)
     assert float(first.flux) == pytest.approx(nasm_flux.flux(parse("gamma"), kappa).value, rel=1e-6)
-    (law,) = table(out / "flux_law.csv")
+    (law,) = table(tmp_path / "flux_law.csv")
     assert float(law["exponent"]) == pytest.approx(3.0117, abs=1e-3)
-    assert "3.0117" in (out / "flux.txt").read_text()
-    assert (out / "flux.png").exists()
 
 
 @pytest.mark.slow
-def test_tori_of_irrational_frequency_are_kept_as_labelled_cubes(tmp_path, workers):
-    out = tmp_path / "out"
+def test_tori_without_an_amplitude_break_as_the_golden_circle_does(tmp_path, workers):
     effort = ["--vector", "0.6180339887498949,2.7182818", "--angles", "2", "--tol", "0.1"]
-    succeed("tori", out, *effort, "--picture", "0", *workers)
-    cube = xr.open_zarr(out / "tori.zarr")
-    golden = cube.sel(angle=0).isel(vector=0)  # Δκ = 0: the standard map
+    succeed("tori", tmp_path, *effort, "--picture", "0", *workers)
+    golden = xr.open_zarr(tmp_path / "tori.zarr").sel(angle=0).isel(vector=0)
     assert abs(float(golden.critical_scale) - KAPPA_G) < float(golden.error)
     assert float(golden.lower) < KAPPA_G < float(golden.upper) < 1.02 * KAPPA_G
-    picture = xr.open_zarr(out / "torus.zarr")
-    assert picture.deviation.dims == ("scale", "phi", "theta")
+    picture = xr.open_zarr(tmp_path / "torus.zarr")
     assert float(abs(picture.deviation.std("phi")).max()) < 1e-9
     assert (np.diff(picture.least_slope) < 0).all()
-    assert len(table(out / "tori.csv")) == 2
-    assert (out / "torus.txt").exists()
 
 
 @pytest.mark.slow
-def test_the_last_barriers_of_frequencies_are_kept_with_their_least_ones(tmp_path, workers):
-    """At 0° there is no amplitude, and the golden circle is the last one of every frequency."""
-    out = tmp_path / "out"
+def test_without_an_amplitude_the_golden_circle_is_the_last_one_of_every_frequency(
+    tmp_path, workers
+):
     few = ["--q-max", "2", "--also", "1/3", "--phases", "2", "--irrational", "0.4142135623730951"]
-    said = succeed("frequencies", out, *few, "--angle", "0", *workers)
-    cube = xr.open_zarr(out / "frequencies.zarr").load()
+    said = succeed("frequencies", tmp_path, *few, "--angle", "0", *workers)
+    cube = xr.open_zarr(tmp_path / "frequencies.zarr").load()
     names = ["1/3,0", "1/3,1/6", "1/2,0", "1/2,1/4", "0.4142135623730951"]
     assert cube.forcing.values.tolist() == names
     assert ((cube.lower < KAPPA_G) & (cube.upper > KAPPA_G)).all()
     assert (cube.upper < 1.1 * cube.lower).all()
     np.testing.assert_allclose(cube.phase, [0, 1, 0, 1, np.nan])
-    rows = table(out / "frequencies.csv")
-    assert [row["forcing"] for row in rows] == names
     assert "2 convergents" in " ".join(said.split())
-    assert (out / "frequencies.png").exists()

@@ -7,6 +7,7 @@ import dataclasses
 import json
 import os
 import pickle
+import re
 import resource
 import subprocess
 import sys
@@ -106,9 +107,6 @@ def contents(place):
     return {file["path"]: (file["e_tag"], file["last_modified"]) for file in files}
 
 
-# Tiles.
-
-
 def test_what_is_committed_tile_by_tile_reads_back_whole(place):
     plan = toy.cube()
     assert fill(place, plan) == 20
@@ -171,27 +169,15 @@ def killed_at_put(monkeypatch, n):
             yield
 
 
-@pytest.mark.parametrize("n", range(3))
-def test_a_tile_that_was_cut_off_before_any_chunk_is_missing(on_disk, monkeypatch, n):
-    plan = toy.cube(tile=5)
-    fill(on_disk, plan, [(0, 0)])
+@pytest.mark.parametrize("n", [0, 1, 2, 5, 8, *range(12, 18)])
+def test_a_run_that_was_cut_off_before_any_put_is_completed_by_the_next(on_disk, monkeypatch, n):
+    plan, other = (toy.cube(tile=10, depth=depth) for depth in (1, 2))  # of two tiles
     with killed_at_put(monkeypatch, n):
-        fill(on_disk, plan, [(1, 1)])
-    assert not store.is_committed(on_disk, "toy", (1, 1))
-    assert store.is_committed(on_disk, "toy", (0, 0))
-    assert fill(on_disk, plan) == 5
-    toy.assert_complete(on_disk, plan)
-
-
-@pytest.mark.parametrize("n", [0, 1, 2, 5, 8])
-def test_a_cube_that_was_cut_off_while_it_was_made_is_made_by_the_next_run(on_disk, monkeypatch, n):
-    plan, other = (toy.cube(tile=5, depth=depth) for depth in (1, 2))
-    with killed_at_put(monkeypatch, n):
-        store.create(on_disk, plan, US)
+        fill(on_disk, plan)
     if n:  # there is something; nobody else may take it
         with pytest.raises(store.Refused, match="depth is 1, not 2"):
             store.create(on_disk, other, US)
-    assert fill(on_disk, plan) == 6
+    assert fill(on_disk, plan) == (2 if n < 15 else 1)  # its record is the last put of a tile
     toy.assert_complete(on_disk, plan)
 
 
@@ -223,9 +209,6 @@ def test_files_of_somebody_else_are_no_tiles_whatever_their_times(on_disk):
     for i, key in enumerate(contents(on_disk)):  # nor do clocks count
         os.utime(f"{on_disk}/{key}", (0, 0) if i % 2 else (4e9, 4e9))
     assert missing(on_disk, toy.cube()) == {(1, 1)}
-
-
-# Who may write.
 
 
 def test_a_cube_of_other_settings_is_refused_and_nothing_is_touched(place):
@@ -301,14 +284,6 @@ def test_a_worker_sees_the_cube_of_the_driver_and_no_other(place, tmp_path):
     assert not store.sees(store.place_of(tmp_path / "elsewhere"), "toy", plan.config_hash)
 
 
-def test_a_cube_that_was_deleted_is_made_anew_with_any_settings(place):
-    fill(place, toy.cube())
-    for key in contents(place):
-        put(place, key, None)
-    assert fill(place, toy.cube(tile=4)) == 12
-    toy.assert_complete(place, toy.cube(tile=4))
-
-
 def of_another_program(place, zarr_format):
     precious = xr.Dataset({"precious": ("x", [1.0])})
     precious.to_zarr(place.cube("toy"), consolidated=False, zarr_format=zarr_format)
@@ -342,9 +317,6 @@ def test_a_group_of_another_program_or_version_is_refused_and_left_alone(on_disk
 def test_more_tiles_than_the_store_can_count_are_refused(on_disk):
     with pytest.raises(store.Refused, match="choose larger tiles"):
         store.check(on_disk, toy.cube(rows=5000, columns=5000, tile=1), US)
-
-
-# Damage.
 
 
 def flipped(data, i):
@@ -515,9 +487,6 @@ def test_pickles_in_a_store_are_not_executed(on_disk, tmp_path):
     assert sprung.exists()  # it would have
 
 
-# Cubes that are written whole.
-
-
 def squares(factor, **settings):
     square = ("x", factor * np.arange(5.0) ** 2, {"units": "1"})
     template = xr.Dataset({"square": square}, {"x": np.arange(5)})
@@ -573,9 +542,6 @@ def test_a_damaged_cube_that_was_written_whole_is_found_and_written_anew(on_disk
     assert list(store.verify(on_disk, "squares")) == []
 
 
-# A store that fails.
-
-
 @contextmanager
 def full_disk():
     """Let the system write ten bytes of a file, and refuse the rest."""
@@ -587,44 +553,24 @@ def full_disk():
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
-@contextmanager
-def lost_permission():
-    """Be nobody for a while, to whom the directories of tests are closed."""
-    if os.geteuid():
-        pytest.skip("needs root, to become somebody else")
-    os.seteuid(65534)
-    try:
-        yield
-    finally:
-        os.seteuid(0)
-
-
-@pytest.mark.parametrize(
-    ("failing", "told"), [(full_disk, "File too large"), (lost_permission, "ermission denied")]
-)
-def test_a_disk_that_fails_is_one_message_and_the_next_run_completes_the_cube(
-    on_disk, failing, told
-):
+def test_a_disk_that_fails_is_one_message_and_the_next_run_completes_the_cube(on_disk):
     plan = toy.cube()
     fill(on_disk, plan, [(0, 0), (1, 1)])
-    with failing(), pytest.raises(store.StoreFailed) as failed:
+    with full_disk(), pytest.raises(store.StoreFailed) as failed:
         store.commit(on_disk, "toy", (2, 2), arrays(plan, (2, 2)), 0.25)
-    assert str(failed.value).startswith(str(on_disk))
-    assert told in str(failed.value)
-    assert "\n" not in str(failed.value)
+    assert re.fullmatch(f"{on_disk}.*File too large.*", str(failed.value))
     assert fill(on_disk, plan) == 18
     toy.assert_complete(on_disk, plan)
 
 
-def test_a_full_disk_ends_a_sweep_at_once_and_the_next_run_completes_it(on_disk):
+def test_a_full_disk_ends_a_sweep_at_once_and_the_next_run_completes_it(here, on_disk):
     plan = toy.cube(tile=1, rows=12, columns=12)
-    with toy.workers_here() as client, ExitStack() as disk:
+    with ExitStack() as disk:
         fills = partial(disk.enter_context, full_disk())
         with pytest.raises(store.StoreFailed, match="File too large"):
-            toy.watched_sweep(client, on_disk, plan, {50: fills})
-        disk.close()
-        assert len(toy.COMPUTED) < 60  # it did not let 144 tiles fail in turn
-        assert toy.watched_sweep(client, on_disk, plan).remaining == 0
+            toy.watched_sweep(here, on_disk, plan, {50: fills})
+    assert len(toy.COMPUTED) < 60  # it did not let 144 tiles fail in turn
+    assert toy.watched_sweep(here, on_disk, plan).remaining == 0
     assert 84 < len(toy.COMPUTED) < 104
     assert np.array_equal(store.read(on_disk, "toy").wave, toy.serial(plan)["wave"])
 
@@ -678,9 +624,6 @@ def test_a_server_that_is_away_for_a_while_is_waited_for(tmp_path):
         toy.assert_complete(place, plan)
 
 
-# Places.
-
-
 URLS = "s3://user:password@bucket/run", "s3://bucket/run?key=password", "s3://bucket"
 
 
@@ -707,9 +650,6 @@ def test_a_directory_may_have_any_name(tmp_path, monkeypatch, name):
     with store.driving(place):
         assert fill(place, plan) == 2
     toy.assert_complete(place, plan)
-
-
-# Status.
 
 
 def test_status_tells_tiles_failures_rate_and_time_left(place):
@@ -742,12 +682,6 @@ def test_rate_and_time_left_are_those_of_the_last_minutes(on_disk):
     assert state.rate == pytest.approx(0.1)
 
 
-def test_a_place_that_does_not_exist_is_refused_and_not_made(tmp_path):
-    with pytest.raises(store.Refused, match="does not exist"):
-        store.names(store.place_of(tmp_path / "none"))
-    assert not (tmp_path / "none").exists()
-
-
 def test_damaged_metadata_of_a_cube_hide_no_other(on_disk):
     fill(on_disk, toy.cube())
     fill(on_disk, dataclasses.replace(toy.cube(), name="other"))
@@ -755,9 +689,6 @@ def test_damaged_metadata_of_a_cube_hide_no_other(on_disk):
     other, state = store.status(on_disk)
     assert "run the workflow" in other.damage
     assert (state.done, state.damage) == (20, "")
-
-
-# What it costs.
 
 
 @pytest.mark.benchmark
@@ -783,9 +714,6 @@ def test_a_tile_costs_what_zarr_costs(on_disk, capsys):
     with capsys.disabled():
         print(f"\n{1e3 * each:.2f} ms of CPU a tile, of which zarr {1e3 * zarrs:.2f}")
     assert each < 1.5 * zarrs
-
-
-# Who computed it.
 
 
 def test_the_mathematics_are_the_files_of_nasm_and_of_the_cubes():

@@ -5,7 +5,6 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from nasm import orbits, symmetries
-from nasm.escape import ensemble, escape_time
 from nasm.maps import kick, unkick, unstep
 from nasm.numbers import convergents, parse, rational
 from nasm.orbits import kicked_orbit, orbit, rotation_number
@@ -108,17 +107,6 @@ def test_rotation_numbers_follow_the_symmetries():
         assert omega(*image) == pytest.approx(w_image, abs=CIRCLE)
 
 
-def test_rotation_numbers_for_other_periods():
-    for kappa in [(0.4,), (0.2, 0.1, 0.15), (0.1, 0.1, 0.05, 0.1)]:
-        P = len(kappa)
-        z = kappa, X, 2 * Y / P
-        w = omega(*z)
-        assert omega(*symmetries.translate(*z, 0, 1)) == pytest.approx(w + P, abs=CIRCLE)
-        assert omega(*symmetries.shift(*z)) == pytest.approx(w, abs=CIRCLE)
-        if P % 2 == 0:
-            assert omega(*symmetries.alternate(*z)) == pytest.approx(w + P / 2, abs=CIRCLE)
-
-
 def test_rotation_number_of_the_swapped_map_needs_the_inverse_kick_in_ome5():
     kappa1, kappa2 = KAPPA
     w, swapped = omega(KAPPA, X, Y), (kappa2, kappa1)
@@ -200,24 +188,6 @@ def test_omega_is_that_of_the_circle_between_y_0_and_1(kappa):
     np.testing.assert_array_equal(near[0], far[0])
     assert near[1] == far[1]
     assert 0 <= float(far[1]) <= len(far[0][0])
-
-
-def test_escape_times_follow_the_symmetries():
-    # Kicks so strong that escapes come before chaos has made rounding visible: with starts that
-    # differ by 1e-10 no time differs.
-    kappa, n_max, window = np.array([3.0, 2.5]), 6, (-1.0, 1.25)
-    x, y = ensemble(500)
-    times = escape_time(kappa, x, y, n_max, window)
-    assert len(np.unique(times)) > 4
-
-    def image(z, window):
-        return escape_time(*z, n_max, window)
-
-    np.testing.assert_array_equal(image(symmetries.reflect(kappa, x, y), (-1.25, 1.0)), times)
-    np.testing.assert_array_equal(image(symmetries.negate(kappa, x, y), window), times)
-    np.testing.assert_array_equal(image(symmetries.alternate(kappa, x, y), (-0.5, 1.75)), times)
-    moved = symmetries.translate(kappa, x, y, -2, 1)
-    np.testing.assert_array_equal(image(moved, (0.0, 2.25)), times)
 
 
 def test_rays_are_exact_on_axes_and_diagonals():

@@ -202,13 +202,6 @@ def test_the_last_circle_breaks_where_its_residue_says(degrees, omega, n_max):
     assert found.omega is None
 
 
-def test_where_the_line_is_broken_the_size_of_the_profile_is_only_a_unit():
-    _, profile, _ = BROKEN[2]
-    found, small = critical_scale(profile, 100), critical_scale(2.0**-20 * profile, 100)
-    assert found.value > 0
-    assert (2.0**-20 * small.value, 2.0**-20 * small.upper) == (found.value, found.upper)
-
-
 @pytest.mark.parametrize(("_", "profile", "omega"), BROKEN)
 def test_the_last_circle_of_a_broken_line_breaks_where_residues_and_other_methods_say(
     _, profile, omega
@@ -226,12 +219,6 @@ def test_the_last_circle_of_a_broken_line_breaks_where_residues_and_other_method
     assert continuation.certified_scale(omega, profile, found.value, 0.1) > 0.8 * found.value
     beyond = 1.2 * found.upper * profile
     assert np.isfinite(escape.first_escape([beyond], *escape.ensemble(1000), [1000], 10**6)).all()
-
-
-def test_where_no_line_is_dominant_there_is_no_answer():
-    kappa = rotating_forcing(-0.15, 0.2, "3/5")
-    with pytest.raises(ValueError, match="no dominant symmetry line"):
-        elimination_time(kappa, Y, 10)
 
 
 @pytest.mark.parametrize(("profile", "exact"), [((1, 0), KAPPA_G / 2), ((1, 1), KAPPA_G)])
