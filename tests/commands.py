@@ -1,7 +1,12 @@
 """Run commands as a user does, and look at what they leave."""
 
 import csv
+import runpy
+from contextlib import chdir, redirect_stdout
+from io import StringIO
 
+import matplotlib.pyplot as plt
+import pytest
 from click.testing import CliRunner
 
 from workflows.shared.cli import main_of
@@ -30,3 +35,16 @@ def snapshot(out):
     """Times of all files of a directory but its lock."""
     files = [path for path in out.rglob("*") if path.is_file() and path.name != ".lock"]
     return {path: path.stat().st_mtime_ns for path in files}
+
+
+def follow(recipe, out):
+    """Run a recipe of the gallery in a directory; return what it prints. It must draw something."""
+    figures, said = [], StringIO()
+    with pytest.MonkeyPatch.context() as patch, chdir(out), redirect_stdout(said):
+        patch.setattr(plt, "show", lambda: figures.extend(map(plt.figure, plt.get_fignums())))
+        runpy.run_path(str(recipe))
+    drawn = [axes.has_data() for figure in figures for axes in figure.axes]
+    plt.close("all")
+    assert drawn
+    assert all(drawn), recipe
+    return said.getvalue()

@@ -11,11 +11,14 @@ from pathlib import Path
 import dask
 import pytest
 import xarray as xr
+from commands import follow
 from every_command import PROVING, SMALLEST
 
+from workflows.gallery.__main__ import EXHIBITS
 from workflows.shared.cli import commands
 
 HERE = Path(__file__).parent
+RECIPES = HERE.parent / "workflows" / "gallery" / "recipes"
 pytestmark = pytest.mark.slow
 
 
@@ -51,6 +54,8 @@ def test_every_command_ends_well_and_what_it_keeps_goes_to_netcdf(tmp_path):
         assert cube.chunks is not None  # one length along each dimension, or ValueError
         with dask.config.set(scheduler="synchronous"):  # SciPy writes no netCDF for a cluster
             cube.to_netcdf(path.with_suffix(".nc"))
+    for exhibit in EXHIBITS:
+        follow(RECIPES / f"{exhibit.name}.py", tmp_path / "out")
 
 
 @pytest.mark.parametrize("hidden", [[], ["bokeh"]], ids=["with Bokeh", "without"])

@@ -5,11 +5,13 @@ import re
 import shlex
 import subprocess
 from html import unescape
+from pathlib import Path
 from urllib.parse import unquote
 
 import pytest
-from browser import CHROMIUM, needed
-from commands import succeed
+from browser import CHROMIUM, needed, wait
+from commands import follow, succeed, table
+from every_command import SMALLEST
 
 import nasm
 from workflows.gallery import __main__ as gallery
@@ -25,21 +27,26 @@ def test_the_options_of_the_preview_are_valid(exhibit):
             pass
 
 
+SMALL = [
+    gallery.Exhibit("period_one", "Figures 3 & 4", SMALLEST["period_one"]),
+    gallery.Exhibit("critical_boundary", "All", SMALLEST["critical_boundary"]),
+]
+
+
 @pytest.fixture(scope="module")
 def page(tmp_path_factory, workers):
-    """The page of one small exhibit, of which the second run finds everything done."""
+    """The page of small exhibits, of which the second run finds everything done."""
     out = tmp_path_factory.mktemp("gallery") / "out put"
-    small = gallery.Exhibit("period_one", "Figures 3 & 4", "--primary -4:4:40 --secondary 0:8:20")
     (out / "claims").mkdir(parents=True)
     rows = [f"Sec. I,T_κ1κ2 is a map,{'x' * 300},{verdict.value}" for verdict in Verdict]
     claims = "\n".join(["place,statement,value,verdict", *rows])
     (out / "claims" / "claims.csv").write_text(claims, encoding="utf-8")
     (out / "claims" / "claims.txt").write_text("Of 4 claims 1 hold.\n")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(gallery, "EXHIBITS", (small,))
+        patch.setattr(gallery, "EXHIBITS", SMALL)
         for _ in range(2):
             told = succeed("gallery", out, *workers)
-    assert "2 figures of 1 commands on one page. Of 4 claims 1 hold." in told
+    assert "3 figures of 2 commands on one page. Of 4 claims 1 hold." in told
     return out / "index.html"
 
 
@@ -61,6 +68,51 @@ def test_the_page_shows_every_figure_with_its_command_and_the_claims_of_which_ve
     assert "Of 4 claims 1 hold." in text
     for verdict in Verdict:
         assert f'<tr class="{verdict.value.replace(" ", "-")}">' in text
+
+
+def test_the_lines_below_the_figures_run_beside_the_cubes_as_a_script_and_as_a_notebook(page):
+    text, out = unescape(page.read_text(encoding="utf-8")), page.parent
+    for exhibit in SMALL:
+        script = out / "recipes" / f"{exhibit.name}.py"
+        assert f"<pre><code>{script.read_text(encoding='utf-8')}</code></pre>" in text
+        said = follow(script, out)
+        cells = json.loads(script.with_suffix(".ipynb").read_text(encoding="utf-8"))["cells"]
+        assert [cell["cell_type"] for cell in cells] == ["markdown", "code"]
+        script.with_name("cell.py").write_text(cells[1]["source"])
+        assert follow(script.with_name("cell.py"), out) == said
+    rows = table(out / "critical_boundary/critical_boundary.csv")
+    for circle in {row["circle"] for row in rows}:
+        count = sum(row["circle"] == circle for row in rows)
+        assert re.search(rf"^{re.escape(circle)} +{count}$", said, re.MULTILINE)
+
+
+def test_every_exhibit_has_a_recipe():
+    recipes = Path(gallery.__file__).with_name("recipes").glob("*.py")
+    assert sorted(path.stem for path in recipes) == sorted(one.name for one in gallery.EXHIBITS)
+
+
+@needed
+def test_the_boundary_tells_the_numbers_of_a_ray_under_the_pointer(page, chromium):
+    rows = table(page.parent / "critical_boundary/critical_boundary.csv", angle="90")
+    tab = chromium.new_page(viewport={"width": 1000, "height": 900})
+    tab.goto(page.with_name("boundary.html").as_uri())
+    wait(tab, "window.Bokeh?.documents[0]?.is_idle")
+    place = tab.evaluate("""() => {
+        const view = [...Bokeh.index.roots][0], box = view.canvas_view.el.getBoundingClientRect()
+        const {x_scale, y_scale, bbox} = view.frame
+        return [box.x + x_scale.compute(0), box.y + y_scale.compute(0.4858177)]
+    }""")
+    tab.mouse.move(*place, steps=3)
+    said = tab.get_by_text("φ = 90°").inner_text()
+    tab.close()
+    (row,) = rows
+    assert f"ω = {row['circle']}" in said
+    value, error = map(float, re.search(r"s = (\S+) ± (\S+)", said).groups())
+    assert abs(value - float(row["critical_scale"])) <= error
+    assert error == pytest.approx(float(row["error"]), rel=0.5)
+    bounds = re.search(r"a circle at (\S+), none at (\S+)", said).groups()
+    ends = [float(row[side]) for side in ("lower", "upper")]
+    assert list(map(float, bounds)) == pytest.approx(ends, rel=1e-6)
 
 
 @needed

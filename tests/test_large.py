@@ -19,7 +19,7 @@ from pipeline.cubes import escape
 from pipeline.sweep.grid import Axis
 
 HERE = Path(__file__).parent
-FIELD = HERE.parent / "workflows" / "examples" / "field.ipynb"
+CUBES = HERE.parent / "workflows" / "examples" / "cubes.ipynb"
 
 
 def start_driver(out, *arguments):
@@ -107,7 +107,7 @@ def test_a_field_larger_than_the_memory_is_analysed_by_blocks(tmp_path):
     times = written_field(tmp_path / "out", cells)
     whole = 'xarray.open_zarr("out/escape.zarr").escape_time.values'
     assert "MemoryError" in run_limited(tmp_path, limit, whole).stderr
-    by_blocks = "".join(json.loads(FIELD.read_text(encoding="utf-8"))["cells"][-1]["source"])
+    by_blocks = "".join(json.loads(CUBES.read_text(encoding="utf-8"))["cells"][-1]["source"])
     last = run_limited(tmp_path, limit, by_blocks)
     assert last.returncode == 0, last.stderr
     found = re.findall(r"^(\d+) +([\d.]+)$", last.stdout, re.MULTILINE)

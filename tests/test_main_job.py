@@ -244,13 +244,23 @@ def test_the_notebook_from_one_orbit_to_the_boundary(notebook):
     said, names = notebook("boundary")
     assert "Answer.BARRIER" in said
     assert "Answer.TRANSPORT" in said
+    below, above = (
+        list(map(float, re.search(rf"s = {scale}: (0.*)", said)[1].split(", ")))
+        for scale in (1.0, 1.5)
+    )
+    assert below == sorted(below, reverse=True)
+    assert above == sorted(above)
     scales = names["table"].critical_scale
     assert float(scales.sel(angle=0)) == pytest.approx(KAPPA_G / 2, abs=1e-9)
     assert names["x"].size == 100_001
 
 
-def test_the_notebook_of_a_field(finished, notebook):
-    said, names = notebook("field")
+def test_the_notebook_that_reads_cubes(finished, notebook):
+    said, names = notebook("cubes")
+    (row,) = table(finished / "critical_boundary.csv", angle="90")
+    assert f"at 90°: {float(row['critical_scale']):.12f} ±" in said
+    golden = table(finished / "critical_boundary.csv", circle="[0;(1)]")
+    assert f"the last one on {len(golden)} rays" in said
     share = 100 * (field(finished) <= 4000).mean()
     assert f"transport within 4000 steps in {share:.1f}% of the cells" in said
     assert f"{(field(finished) <= 4000).mean():.6f}" in said  # by blocks

@@ -2,10 +2,12 @@
 
 Runs one command after the other (arXiv:1606.04824, Figs. 1 to 11, and what goes beyond them), each
 into a directory of its own in OUT, all on the same workers, and writes OUT/index.html. Each of them
-resumes by itself.
+resumes by itself. Below its figures are the lines that read its cubes and draw their essence, to be
+run in OUT: OUT/recipes has them as scripts and notebooks.
 """
 
 import csv
+import json
 import shlex
 import tomllib
 from dataclasses import dataclass
@@ -34,7 +36,8 @@ class Exhibit:
         return shlex.split(self.quick if quick else self.full)
 
 
-_TEXTS = tomllib.loads(Path(__file__).with_name("exhibits.toml").read_text(encoding="utf-8"))
+_HERE = Path(__file__).parent
+_TEXTS = tomllib.loads((_HERE / "exhibits.toml").read_text(encoding="utf-8"))
 EXHIBITS = [Exhibit(name, **texts) for name, texts in _TEXTS.items()]
 
 
@@ -45,6 +48,42 @@ def run(exhibit, out, workers, quick):
     options = [*exhibit.options(quick), "--out", f"{out}/{exhibit.name}"]
     click.echo(f": {exhibit.title}", err=True)
     main.main([*options, *(workers if swept else [])], standalone_mode=False)
+
+
+def notebook(script):
+    """Return a script as a notebook, JSON: its docstring as text, and the rest as a cell."""
+    _, words, code = script.split('"""', 2)
+    text = {"cell_type": "markdown", "metadata": {}, "source": words}
+    lines = {"cell_type": "code", "metadata": {}, "source": code.strip()}
+    lines |= {"execution_count": None, "outputs": []}
+    kernel = {"name": "python3", "display_name": "Python 3", "language": "python"}
+    about = {"metadata": {"kernelspec": kernel}, "nbformat": 4, "nbformat_minor": 4}
+    return json.dumps({"cells": [text, lines], **about}, indent=1, ensure_ascii=False)
+
+
+def recipe(name, out):
+    """Write the recipe of a command into OUT/recipes, and return it."""
+    script = (_HERE / "recipes" / f"{name}.py").read_text(encoding="utf-8")
+    Path(out, "recipes").mkdir(exist_ok=True)
+    for kind, text in (("py", script), ("ipynb", notebook(script))):
+        Path(out, "recipes", f"{name}.{kind}").write_text(text, encoding="utf-8")
+    return script
+
+
+def standalone(out):
+    """Write OUT/boundary.html, which shows each ray's numbers; return whether it is there."""
+    cube, page = Path(out, "critical_boundary", "boundary.zarr"), Path(out, "boundary.html")
+    if cube.is_dir():
+        import xarray as xr
+
+        try:
+            from workflows.figures.standalone import boundary_page
+        except ImportError:
+            click.echo("boundary.html needs Bokeh: pip install '.[explore]'", err=True)
+        else:
+            table = xr.open_zarr(cube, chunks=None).load()
+            page.write_text(boundary_page(table), encoding="utf-8")
+    return page.exists()
 
 
 def shown(exhibit, out, quick):
@@ -61,6 +100,7 @@ def shown(exhibit, out, quick):
         "pictures": [(f"{name}/{path.name}", texts.get(path.stem, "")) for path in pictures],
         "files": [f"{name}/{path.name}" for path in files],
         "cubes": [f"{name}/{path.name}" for path in sorted(here.glob("*.zarr"))],
+        "recipe": recipe(name, out),
     }
 
 
@@ -97,12 +137,14 @@ def main(out, full, only, workers, scheduler, tls):
             # After each of them, so that there is something to see.
             there = [exhibit for exhibit in EXHIBITS if Path(out, exhibit.name).exists()]
             claims, counted = judged(out)
+            interactive = standalone(out)
             render(
                 "gallery/page.html",
                 f"{out}/index.html",
                 sections=[shown(exhibit, out, quick) for exhibit in there],
                 claims=claims,
                 counted=counted,
+                interactive=interactive,
                 quick=quick,
                 made=f"{date.today():%d %B %Y}, nasm {__version__}",
             )

@@ -1,0 +1,12 @@
+"""What became of the paper's claims, counted."""
+
+import matplotlib.pyplot as plt
+import pandas as pd
+import xarray as xr
+
+table = pd.read_csv("claims/claims.csv")
+print(table[table.verdict != "holds"][["place", "statement", "value"]].to_string())
+table.verdict.value_counts().plot.barh(title=f"{len(table)} claims")
+barrier = xr.open_zarr("claims/barrier.zarr", chunks=None)
+print("tip of CB_gt at", barrier.critical_scale.sel(angle=45).item() / 2**0.5)
+plt.show()

@@ -1,0 +1,15 @@
+"""For how many kicks barriers last in a field that the particles make, against the coupling."""
+
+import matplotlib.pyplot as plt
+import xarray as xr
+
+cube = xr.open_zarr("self_consistent/self_consistent_barriers.zarr", chunks=None)
+lasting = cube.coupling.where(cube.kicks == float("inf"))
+print(f"a start survives up to coupling {float(lasting.max()):g}")
+for name, marker in (("kicks", "o"), ("kicks_fitted", "x")):  # inf is not drawn
+    plt.plot(cube.coupling, cube[name], marker, label=cube[name].long_name)
+plt.yscale("log")
+plt.xlim(0, 1.05 * float(cube.coupling.max()))
+plt.xlabel(cube.coupling.long_name)
+plt.legend()
+plt.show()

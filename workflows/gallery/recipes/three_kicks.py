@@ -1,0 +1,15 @@
+"""Where barriers of three kicks outlast those of two: scales of the breakup on rays, by phase."""
+
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import xarray as xr
+
+for path in sorted(Path("three_kicks").glob("barrier*.zarr")):
+    cube = xr.open_zarr(path, chunks=None)  # one wedge of rays; symmetries give the others
+    label = path.stem.removeprefix("barrier_") if "_" in path.stem else "two kicks"
+    plt.plot(cube.angle, cube.critical_scale, ".-", label=label)
+plt.xlabel("angle in the plane of mean and amplitude (degrees)")
+plt.ylabel("scale of the breakup")
+plt.legend(title="frequency and phase")
+plt.show()

@@ -1,0 +1,17 @@
+"""What a ripple of repeated kicks costs: the loss of scale against its size, a power law."""
+
+import matplotlib.pyplot as plt
+import xarray as xr
+
+from nasm import periodic
+
+cube = xr.open_zarr("tolerance/tolerance.zarr", chunks=None)
+golden = periodic.critical_scale("gamma", [1.0]).value  # of constant kicks
+for period in sorted({*cube.period.values.tolist()}):
+    one = cube.isel(forcing=cube.period.values == period)
+    loss = 1 - one.critical_scale / golden
+    plt.loglog(one.parameter, loss, "o", label=f"{period} kicks")
+plt.xlabel("rms of the ripple, over the mean strength")
+plt.ylabel("loss of the scale of the breakup")
+plt.legend()
+plt.show()
