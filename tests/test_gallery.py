@@ -9,17 +9,22 @@ from pathlib import Path
 from urllib.parse import unquote
 
 import pytest
+import xarray as xr
 from browser import CHROMIUM, needed, wait
+from click.testing import CliRunner
 from commands import follow, succeed, table
 from every_command import SMALLEST
 
 import nasm
 from workflows.gallery import __main__ as gallery
+from workflows.gallery import release
 from workflows.shared.cli import main_of
 from workflows.shared.rules import Verdict
 
 
-@pytest.mark.parametrize("exhibit", gallery.EXHIBITS, ids=lambda exhibit: exhibit.name)
+@pytest.mark.parametrize(
+    "exhibit", gallery.EXHIBITS + release.EXHIBITS, ids=lambda exhibit: exhibit.name
+)
 def test_the_options_of_the_preview_are_valid(exhibit):
     main = main_of(exhibit.name)
     for options in (exhibit.quick, exhibit.full):
@@ -89,6 +94,34 @@ def test_the_lines_below_the_figures_run_beside_the_cubes_as_a_script_and_as_a_n
 def test_every_exhibit_has_a_recipe():
     recipes = Path(gallery.__file__).with_name("recipes").glob("*.py")
     assert sorted(path.stem for path in recipes) == sorted(one.name for one in gallery.EXHIBITS)
+
+
+@pytest.mark.parametrize(
+    "parts", [1, pytest.param(3, marks=pytest.mark.slow)], ids=["the boundary", "all"]
+)
+def test_a_release_is_whole_says_how_it_was_made_and_is_sound(parts, tmp_path, monkeypatch):
+    monkeypatch.setattr(release, "EXHIBITS", release.EXHIBITS[:parts])
+    told = CliRunner().invoke(gallery.main, ["--release", str(tmp_path), "--quick"])
+    assert told.exit_code == 0, told.output
+    assert float(re.search(r"release: .*, (\S+) MB", told.output)[1]) < 10
+    check = ["sha256sum", "--check", "--quiet", "--strict", release.SUMS]
+    assert subprocess.run(check, cwd=tmp_path, capture_output=True).returncode == 0
+    summed = [line[66:] for line in (tmp_path / release.SUMS).read_text().splitlines()]
+    there = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*") if path.is_file()}
+    assert {*summed} == {name for name in there if not name.endswith(".lock")} - {release.SUMS}
+    assert (parts < 3) or any(name.startswith("proved_map/certificates/") for name in summed)
+    said = (tmp_path / "README.md").read_text(encoding="utf-8")
+    for exhibit in release.EXHIBITS:
+        folder = tmp_path / exhibit.name
+        assert "damaged" not in succeed("verify", folder)
+        command = re.search(rf"python -m workflows.{exhibit.name}.*", said)[0].split()
+        planned = succeed(exhibit.name, folder, *command[3:-2], "--dry-run")
+        assert re.search("in all +0 tiles", planned)  # the command that is named has made it
+        (cube, *_) = folder.glob("*.zarr")
+        assert xr.open_zarr(cube).attrs["computed_by"] in said
+    file = tmp_path / summed[0]
+    file.write_bytes(file.read_bytes() + b" ")
+    assert subprocess.run(check, cwd=tmp_path, capture_output=True).returncode == 1
 
 
 @needed

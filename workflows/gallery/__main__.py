@@ -8,46 +8,18 @@ run in OUT: OUT/recipes has them as scripts and notebooks.
 
 import csv
 import json
-import shlex
 import tomllib
-from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
 
 import click
 
-from workflows.shared.cli import choice, cluster_options, command, flag, main_of, out_option
-
-
-@dataclass(frozen=True)
-class Exhibit:
-    """A command, what it shows, and its options for a preview and for the paper's size.
-
-    beyond : whether the paper does not ask what it answers.
-    """
-
-    name: str
-    title: str
-    quick: str = ""
-    full: str = ""
-    beyond: bool = False
-
-    def options(self, quick):
-        return shlex.split(self.quick if quick else self.full)
-
+from workflows.gallery.exhibits import Exhibit, command_of, run
+from workflows.shared.cli import choice, cluster_options, command, flag, out_option
 
 _HERE = Path(__file__).parent
 _TEXTS = tomllib.loads((_HERE / "exhibits.toml").read_text(encoding="utf-8"))
 EXHIBITS = [Exhibit(name, **texts) for name, texts in _TEXTS.items()]
-
-
-def run(exhibit, out, workers, quick):
-    """Run the command with its cubes, tables and figures in a directory of OUT."""
-    main = main_of(exhibit.name)
-    swept = any(option.name == "scheduler" for option in main.params)
-    options = [*exhibit.options(quick), "--out", f"{out}/{exhibit.name}"]
-    click.echo(f": {exhibit.title}", err=True)
-    main.main([*options, *(workers if swept else [])], standalone_mode=False)
 
 
 def notebook(script):
@@ -91,12 +63,12 @@ def shown(exhibit, out, quick):
     here, name = Path(out, exhibit.name), exhibit.name
     texts = {path.stem: path.read_text(encoding="utf-8").strip() for path in here.glob("*.txt")}
     files = sorted(path for kind in ("pdf", "csv", "html") for path in here.glob(f"*.{kind}"))
-    pictures, start = sorted(here.glob("*.png")), ["python", "-m", f"workflows.{name}"]
+    pictures = sorted(here.glob("*.png"))
     return {
         "title": exhibit.title,
         "beyond": exhibit.beyond,
         "name": name,
-        "command": shlex.join([*start, *exhibit.options(quick), "--out", name]),
+        "command": command_of(exhibit, quick),
         "pictures": [(f"{name}/{path.name}", texts.get(path.stem, "")) for path in pictures],
         "files": [f"{name}/{path.name}" for path in files],
         "cubes": [f"{name}/{path.name}" for path in sorted(here.glob("*.zarr"))],
@@ -113,20 +85,36 @@ def judged(out):
         return list(csv.DictReader(file)), counted.read_text(encoding="utf-8").strip()
 
 
+_RELEASE = (
+    "Make in DIR, instead, what is published under a DOI: the boundary, the six circles' and the "
+    "proved map, with certificates and checksums; ten minutes of CPU time."
+)
+
+
 @command(default_map={"out": "gallery"})
 @flag("--full", "The size of the paper, some four CPU hours, most of them of direct iteration.")
 @choice("--only", _TEXTS, (), "A command to run; may be repeated.  [default: all]", multiple=True)
+@click.option("--release", metavar="DIR", help=_RELEASE)
+@flag("--quick", "A preview of the release: a few rays and cells.")
 @out_option
 @cluster_options
-def main(out, full, only, workers, scheduler, tls):
+def main(out, full, only, release, quick, workers, scheduler, tls):
     """The paper, regenerated: all figures and claims, and the page OUT/index.html that shows them.
 
     By default a preview of everything, some ten minutes of CPU time.
     """
     from nasm import __version__
+    from workflows.gallery.release import make
     from workflows.shared.page import render
     from workflows.shared.run import shared_workers
 
+    if release or quick:
+        if not release or full or only:
+            raise click.UsageError("--release goes with --quick alone, and --quick with --release")
+        with shared_workers(scheduler, workers, tls) as workers:
+            size = make(release, workers, quick)
+        click.echo(f"release: {release}, {size / 1e6:.1f} MB")
+        return
     Path(out).mkdir(parents=True, exist_ok=True)
     quick = not full
     wanted = [exhibit for exhibit in EXHIBITS if not only or exhibit.name in only]

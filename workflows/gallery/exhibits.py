@@ -1,0 +1,40 @@
+"""An exhibit: a command, what it shows, and its options for a preview and for the real size."""
+
+import shlex
+from dataclasses import dataclass
+
+import click
+
+from workflows.shared.cli import main_of
+
+
+@dataclass(frozen=True)
+class Exhibit:
+    """A command, what it shows, and its options for a preview and for the paper's size.
+
+    beyond : whether the paper does not ask what it answers.
+    """
+
+    name: str
+    title: str
+    quick: str = ""
+    full: str = ""
+    beyond: bool = False
+
+    def options(self, quick):
+        return shlex.split(self.quick if quick else self.full)
+
+
+def run(exhibit, out, workers, quick):
+    """Run the command with its cubes, tables and figures in a directory of OUT."""
+    main = main_of(exhibit.name)
+    swept = any(option.name == "scheduler" for option in main.params)
+    options = [*exhibit.options(quick), "--out", f"{out}/{exhibit.name}"]
+    click.echo(f": {exhibit.title}", err=True)
+    main.main([*options, *(workers if swept else [])], standalone_mode=False)
+
+
+def command_of(exhibit, quick):
+    """Return the command line of an exhibit, which writes into the folder of its name."""
+    start = ["python", "-m", f"workflows.{exhibit.name}"]
+    return shlex.join([*start, *exhibit.options(quick), "--out", exhibit.name])
