@@ -42,7 +42,7 @@ def server(out, *options):
 def store(tmp_path_factory, workers):
     """A directory with a small plane of escape times, as a command leaves it."""
     out = tmp_path_factory.mktemp("explored")
-    small = "--kappa1 -2:2:64 --kappa2 -2:2:64 --n-max 300 --n-orbits 16 --levels 3 --tile 4"
+    small = "--kappa1 -2:2:64 --kappa2 -2:2:64 --n-max 300 --n-orbits 16 --levels 3 --tile 8"
     succeed("escape_plane", out, *small.split(), *workers)
     return out
 

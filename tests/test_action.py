@@ -78,12 +78,6 @@ def test_a_breakup_beyond_a_near_miss_is_found_and_is_no_breakup_by_norms():
     assert not periodic.circle_remains(omega, (found.value + 0.002) * profile, 800)
 
 
-def test_q_may_have_to_be_whole_and_coprime():
-    for p, q, message in ((2, 4, "common factor"), (1, 0, "q=0"), (1.5, 2, "p=1.5")):
-        with pytest.raises(ValueError, match=message):
-            action.ordered_orbits((0.1, 0.2, 0.4), p, q)
-
-
 def test_far_beyond_the_breakup_orbits_are_lost_and_have_no_residue_of_0():
     # The first place tried in the gap had no ordered orbit: that was taken for a flat action.
     kappa = 0.5585 * np.array([0.0494274894847, 0.792760428306, -0.139033252069, 0.792760428306])

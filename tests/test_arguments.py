@@ -13,6 +13,7 @@ from numpy import inf, nan
 
 import nasm
 from nasm import (
+    action,
     barriers,
     circles,
     critical,
@@ -61,6 +62,7 @@ GOOD = {
     },
     circles.symmetries.alternate: {"circle": circles.invariant_circle(GAMMA, (0.0, 0.0))},
     periodic.residue: {"kappa": KAPPA, "p": 1, "q": 3},
+    action.ordered_orbits: {"kappa": KAPPA, "p": 1, "q": 3},
     periodic.critical_scale: {"omega": GAMMA, "profile": (1.0, 0.0)},
     periodic.torus_scale: {"omega": "5/8", "frequency": "1/2", "mean": 1.0, "amplitude": 0.0},
     flux.flux: {"omega": GAMMA, "kappa": (1.0, 0.0)},
@@ -180,8 +182,8 @@ BAD = [
     ((circles.invariant_circle,), "n_max", [32], WHOLE + " 64 to 65536"),
     ((circles.newton_step,), "u", [np.zeros((2, 100))], "n a power of 2 from 16"),
     ((circles.symmetries.alternate,), "circle", [ODD_CIRCLE], "need an even period"),
-    ((periodic.residue,), "p", [3], "p/q = 3/3 has a common factor"),
-    ((periodic.residue,), "q", [0], WHOLE + " 1 to 1000000"),
+    ((periodic.residue, action.ordered_orbits), "p", [3], "p/q = 3/3 has a common factor"),
+    ((periodic.residue, action.ordered_orbits), "q", [0], WHOLE + " 1 to 1000000"),
     ((periodic.critical_scale,), "q_max", [0, nan, 500.5, "a", 10**6 + 1], WHOLE + " 1 to 1000000"),
     ((periodic.critical_scale,), "start", [(0, 0, 0)], "differ in length"),
     ((periodic.torus_scale,), "omega", ["1/0"], "omega='1/0' is no fraction"),

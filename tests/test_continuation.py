@@ -9,7 +9,7 @@ from oracles import KAPPA_G
 from nasm import circles, periodic
 from nasm.circles import continuation, fourier
 from nasm.critical import Status
-from nasm.numbers import NAMES, RotationNumber, convergents, moebius, parse
+from nasm.numbers import NAMES, RotationNumber, convergents, parse
 from nasm.symmetries import ray
 
 GAMMA = parse("gamma")
@@ -58,15 +58,6 @@ def test_what_is_shown_to_exist_is_certified_when_looked_at_again():
         found = continuation.critical_scale(parse(name), ray(angle), 1e-4)
         kappa = found.lower * np.array(ray(angle))
         assert circles.invariant_circle(found.omega, kappa, n_max=8192).certified
-
-
-@pytest.mark.parametrize("name", ["gamma", "2gamma", "(5gamma+6)/(4gamma+5)"])
-def test_symmetric_copies_computed_apart_agree(name):
-    omega = parse(name)
-    here = continuation.critical_scale(omega, ray(25), 1e-5)
-    for angle, copy in ((65, omega), (205, omega), (155, moebius(omega, 1, 1))):
-        there = continuation.critical_scale(copy, ray(angle), 1e-5)
-        assert abs(there.value - here.value) <= here.error + there.error
 
 
 def test_fineness_is_the_ratio_of_the_norms_of_third_and_second_derivative():

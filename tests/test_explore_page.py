@@ -10,6 +10,7 @@ from urllib.parse import parse_qs, urlparse
 import numpy as np
 import psutil
 import pytest
+import toy
 import xarray as xr
 from browser import (
     ELSEWHERE,
@@ -146,7 +147,7 @@ def test_a_link_in_another_tab_shows_the_same(page):
     assert asked(again) == asked(tab)
     assert asked(tab).keys() == {*"abxy", "k1", "k2", "n", "omega", "orbits", "show"}
     for name in ("times", "orbits", "symmetry", "contour", "point"):
-        assert columns(again, name) == columns(tab, name), name
+        toy.wait_until(lambda name=name: columns(again, name) == columns(tab, name))
     for label in ("where the circle", "Orbits added"):
         texts = [one.get_by_label(label).input_value() for one in (tab, again)]
         assert texts[0] == texts[1] != ""

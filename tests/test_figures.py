@@ -3,10 +3,8 @@
 from itertools import combinations, pairwise, product
 from pathlib import Path
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
-import xarray as xr
 from conftest import SAVE
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
@@ -15,11 +13,7 @@ from PIL import Image
 
 from nasm.numbers import NAMES, parse
 from workflows.figures import style
-from workflows.figures.stability import draw_near_cusp
 from workflows.figures.style import circle_class, circle_style
-from workflows.figures.work_precision import draw_work_precision
-from workflows.work_precision.measure import plan
-from workflows.work_precision.methods import METHODS
 
 ROOT = Path(__file__).parents[1]
 
@@ -126,26 +120,3 @@ def test_a_figure_for_a_column_is_as_wide_as_one_and_has_letters_but_no_titles(
     assert not any("title" in word for word in words)
     assert all(text.get_fontsize() >= 6.5 for text in figure.findobj(Text))
     assert not style.in_column()
-
-
-def assert_methods_are_named_and_no_modules(axes, n_least):
-    modules = {module.stem for module in (ROOT / "nasm").rglob("[!_]*.py")}
-    labels = axes.get_legend_handles_labels()[1]
-    assert len(labels) >= n_least
-    assert not modules & {label.partition(",")[0].partition(" =")[0] for label in labels}
-
-
-def test_studies_of_failure_and_of_work_and_precision_name_methods_and_no_modules():
-    dims = "approach", "delta"
-    study = xr.Dataset(
-        {name: (dims, np.full((4, 2), 1e-3)) for name in ("off", "error", "status")},
-        {"delta": [0.1, 1.0], "approach": range(4)},
-    )
-    study.approach.attrs["names"] = ["periodic", "continuation", "cones", "barriers"]
-    axes = Figure().subplots()
-    draw_near_cusp(axes, study)
-    assert_methods_are_named_and_no_modules(axes, 4)
-    data = plan([45], tuple(METHODS), quick=True).template.fillna(1e-3)
-    figure = draw_work_precision(data)
-    assert_methods_are_named_and_no_modules(figure.axes[0], data.method.size)
-    plt.close(figure)

@@ -72,15 +72,6 @@ def test_two_steps_of_the_standard_map_let_twice_as_much_pass(p, q):
     assert whole.value == pytest.approx(2 * once.value, rel=1e-9)
 
 
-def test_symmetric_forcings_have_the_same_flux():
-    kappa = np.array([0.75, 0.3])
-    expected = flux(GOLDEN, kappa).value
-    assert expected > 1e-6
-    assert flux(GOLDEN, kappa[::-1]).value == pytest.approx(expected, rel=1e-9)
-    assert flux(GOLDEN, -kappa).value == pytest.approx(expected, rel=1e-9)
-    assert flux(parse("gamma+1"), kappa * [1, -1]).value == pytest.approx(expected, rel=1e-9)
-
-
 @pytest.mark.parametrize(
     ("name", "angle", "scale"), [("[1;1,1,(4)]", 39.99, 0.8753627), ("[1;(4)]", 40.414, 1.01)]
 )

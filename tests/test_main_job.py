@@ -126,12 +126,6 @@ def test_the_three_methods_are_in_order(finished):
         assert float(last[r["angle"]]["critical_scale"]) < float(r["critical_scale"])
 
 
-def test_a_second_run_computes_nothing(dense, workers):
-    before = snapshot(dense / "escape.zarr")
-    succeed("escape_plane", dense, *QUICK, *PLANE, "--precision", "single", *workers)
-    assert snapshot(dense / "escape.zarr") == before
-
-
 @pytest.mark.parametrize(
     ("other", "difference"),
     [

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from cases import thirds
 
-from nasm import barriers, circles, escape, flux, periodic, tori, verdict
+from nasm import barriers, circles, escape, flux, periodic, verdict
 from nasm.circles import continuation
-from nasm.converse_kam import sequence, symmetry_line
+from nasm.converse_kam import symmetry_line
 from nasm.critical import Status
 from nasm.numbers import RotationNumber, parse
 
@@ -39,25 +39,6 @@ def test_a_rational_omega_has_no_circle():
         assert np.isnan([found.value, found.error]).all()
     circle = circles.invariant_circle(parse("3/5"), (0.2, 0.1))
     assert (circle.status, circle.certified) == (Status.RATIONAL, False)
-
-
-ANSWERS = {
-    "direct iteration": lambda: escape.critical_scale((1.0, 0.3), 64, 1),
-    "converse KAM": lambda: symmetry_line.critical_scale((1.0, 0.3), 100),
-    "converse KAM of kicks that come once": lambda: sequence.critical_scale([1.0, 0.3] * 64, 0.1),
-    "Greene's residue": lambda: periodic.critical_scale(GAMMA, (1.0, 0.3), 400),
-    "Greene's residue of the last circle": lambda: barriers.critical_scale((1.0, 0.3), 1e-2),
-    "Greene's residue of one orbit": lambda: periodic.torus_scale("3/5", "1/2", 1, 0.3),
-    "continuation of circles": lambda: continuation.critical_scale(GAMMA, (1.0, 0.3), 1e-3),
-    "continuation of tori": lambda: tori.critical_scale(GAMMA, 2**0.5, 1.0, 0.3, 0.1),
-}
-
-
-@pytest.mark.parametrize("words", ANSWERS)
-def test_an_answer_names_its_method_in_the_words_of_the_field(words):
-    found = ANSWERS[words]()
-    assert found.method
-    assert words.startswith(found.method)
 
 
 PROFILE = np.array([1.0, 0.4])

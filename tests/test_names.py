@@ -1,7 +1,6 @@
 """What a user types and sees: names that complete, answers that print on a line or two."""
 
 import ast
-import re
 import subprocess
 import sys
 from importlib import import_module
@@ -112,11 +111,3 @@ def test_a_number_is_a_forcing_of_one_kick():
     assert nasm.maps.forcing(0.3).tolist() == [0.3]
     assert nasm.verdict(0).answer is nasm.verdict.Answer.BARRIER
     assert periodic.critical_scale("gamma", 2.0, 400).value == pytest.approx(KAPPA_G / 2, rel=1e-6)
-
-
-@pytest.mark.parametrize("folder", ["nasm", "pipeline", "workflows"])
-def test_equations_are_named_by_the_paper_s_numbers(folder):
-    texts = (Path(nasm.__file__).parents[1] / folder).rglob("*.*")
-    for path in (path for path in texts if path.suffix in {".py", ".md", ".html", ".toml"}):
-        labels = re.findall(r"Eqs?\. \([A-Za-z]\w*\)", path.read_text(encoding="utf-8"))
-        assert not labels, path

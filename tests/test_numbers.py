@@ -190,19 +190,3 @@ def test_nobles_near_a_number_agree_with_it_and_the_shortest_come_first(value, w
         assert omega.is_noble
         assert abs(exact(omega) - value) < width * (1 + 1e-6)
         assert omega.prefix == quotients_of_value[: len(omega.prefix)]
-
-
-@pytest.mark.parametrize(
-    ("value", "width", "n", "expected"),
-    [
-        (0.618034, 1e-5, 1, ["gamma"]),
-        (-0.381966, 1e-5, 1, ["gamma-1"]),
-        (0.7236, 2e-5, 1, ["[0;1,2,(1)]"]),
-        (0.5, 0.2, 9, ["gamma", "1-gamma"]),
-        (0.5, 0.1, 9, []),
-        (2.0, 0.7, 9, ["2+gamma"]),
-        (0.7236, 2e-5, 0, []),
-    ],
-)
-def test_nobles_near_some_numbers(value, width, n, expected):
-    assert nobles_near(value, width, n) == [parse(name) for name in expected]

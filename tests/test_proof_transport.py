@@ -429,14 +429,11 @@ def test_below_the_breakup_of_random_rays_nothing_is_proved():
             assert not prove(kappa, 0.1).proved, kappa
 
 
-def test_proved_upper_comes_near_the_breakup_from_above():
+def test_proved_upper_comes_near_the_breakup_from_above_and_needs_no_good_value():
     scale, proof = proved_upper(ray(20), BREAKUPS[20], 0.5)
     assert proof.proved
     assert proof.kappa == tuple((scale * ray(20)).tolist())
     assert 0 < scale / BREAKUPS[20] - 1 < 1e-3
-
-
-def test_proved_upper_needs_no_good_value():
     scale, proof = proved_upper(ray(20), 0.3, 0.5)
     assert proof.proved
     assert BREAKUPS[20] < scale < 0.8

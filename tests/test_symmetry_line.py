@@ -147,15 +147,6 @@ def test_times_keep_the_symmetries(kappa1, kappa2, y):
         assert elimination_time(kappa * signs, 0.5 - y, 10) == pytest.approx(time)
 
 
-@settings(deadline=None, max_examples=8)
-@given(st.floats(0, 44))
-def test_the_boundary_keeps_the_symmetries_of_the_square(degrees):
-    expected = critical_scale(ray(degrees), 200)
-    for angle in (90 - degrees, 90 + degrees, 180 - degrees, 180 + degrees, -degrees):
-        found = critical_scale(ray(angle), 200)
-        assert abs(found.value - expected.value) <= found.error
-
-
 @pytest.mark.parametrize("kappa", [(2.1,), (-5, 1), (0.3, 1e6), (2.001, 0, 0)])
 def test_beyond_two_the_first_kick_eliminates(kappa):
     assert_array_equal(elimination_time(kappa, Y, 5), 1 / len(kappa))

@@ -46,15 +46,6 @@ def test_on_the_boundary_a_verdict_is_undecided_and_tells_the_bracket():
     assert found.boundary.lower < 1 < found.boundary.upper < found.boundary.lower + 3e-5
 
 
-@pytest.mark.parametrize("point", thirds([(0.526, 0.69), (0.4, 0.5), (0.97, 0.97), (0.69, 0.53)]))
-def test_points_that_a_symmetry_joins_get_the_same_verdict(point):
-    kappa1, kappa2 = point
-    copies = point, (kappa2, kappa1), (-kappa1, -kappa2), (kappa1, -kappa2)
-    found = [verdict(copy) for copy in copies]
-    assert len({v.answer for v in found}) == 1
-    np.testing.assert_allclose([v.boundary.value for v in found], found[0].boundary.value, 1e-8)
-
-
 PAIRS = (0.3, 0.4), (0.6, 0.6), (0.6, -0.6), (-0.6, 0.6)
 
 
