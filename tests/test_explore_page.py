@@ -153,6 +153,59 @@ def test_a_link_in_another_tab_shows_the_same(page):
         assert texts[0] == texts[1] != ""
 
 
+# What has the focus, in whichever part of the page, by the name that a screen reader says.
+_FOCUS = """() => {
+    let at = document.activeElement
+    while (at.shadowRoot?.activeElement) at = at.shadowRoot.activeElement
+    return at.getAttribute("aria-label") || at.title || at.labels?.[0]?.innerText || at.innerText
+}"""
+
+
+def test_the_keyboard_reaches_all_in_order_moves_the_forcing_and_back_undoes_it(page):
+    tab, said = page("?k1=0.25&k2=-0.125&n=100", 900), []
+    while not said or said[-1] != "Help":
+        tab.keyboard.press("Tab")
+        said.append(tab.evaluate(_FOCUS))
+        assert len(said) < 60
+    assert all(said)
+    names = (
+        "κ₁",
+        "κ₂",
+        "N, steps",
+        "link",
+        "plane of forcings",
+        "where the last",
+        "where the circle",
+    )
+    names += "phase portrait", "symmetry lines", "Orbits added", "copy as Python", "netCDF", "Help"
+    places = [[name.startswith(begin) for name in said].index(True) for begin in names]
+    assert places == sorted(places)
+    tab.get_by_role("application", name="plane of forcings").focus()
+    for key in ("ArrowRight", "Shift+ArrowUp"):
+        tab.keyboard.press(key)
+    wait(tab, "location.search.includes('k2=-0.1227')")  # a percent of 2.3, and a tenth of that
+    assert float(asked(tab)["k1"]) == pytest.approx(0.273)
+    assert tab.get_by_label("κ₁").input_value() == "0.273"
+    tab.go_back()
+    wait(tab, "!location.search.includes('k2=-0.1227') && window.Bokeh?.documents[0]?.is_idle")
+    assert float(tab.get_by_label("κ₂").input_value()) == -0.125
+
+
+def test_a_dark_page_follows_the_system_in_pictures_and_fields(page):
+    tab = page("?n=100", 900)
+    paint = """() => [...Bokeh.documents[0]._all_models.values()].flatMap((model) =>
+        model.type == "Figure" ? [model.border_fill_color] :
+        /Axis$/.test(model.type) ? [model.major_label_text_color] : [])"""
+    for scheme, dark in (("light", False), ("dark", True), ("light", False)):
+        tab.emulate_media(color_scheme=scheme)
+        field = tab.get_by_label("κ₁").evaluate("it => getComputedStyle(it).backgroundColor")
+        below = tab.evaluate("getComputedStyle(document.body).backgroundColor")
+        for colour in (field, below):
+            assert (max(map(int, re.findall(r"\d+", colour)[:3])) < 60) == dark, colour
+        paper, ink = ("#16181a", "#ddd") if dark else ("#fff", "#222")
+        assert sorted(tab.evaluate(paint)) == sorted([paper] * 2 + [ink] * 4)
+
+
 def test_on_a_phone_panels_are_stacked_and_a_zoom_to_1e_4_shows_the_escape_times_of_its_pixels(
     page,
 ):

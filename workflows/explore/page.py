@@ -4,6 +4,7 @@ from functools import partial
 from html import escape
 from pathlib import Path
 
+from bokeh.events import DocumentReady
 from bokeh.models import CategoricalSlider, CustomJS, Div, Row, TextInput
 from jinja2 import Template
 
@@ -11,7 +12,7 @@ from workflows.explore import files, verdict
 from workflows.explore.plane import PlanePanel, symbols
 from workflows.explore.portrait import PortraitPanel
 from workflows.explore.state import QUERY, STEPS, State, number
-from workflows.explore.widgets import alert, field
+from workflows.explore.widgets import THEME, alert, field
 from workflows.explore.work import Work
 
 _TEMPLATE = Template((Path(__file__).parent / "page.html").read_text("utf-8"))
@@ -20,7 +21,8 @@ _TEMPLATE = Template((Path(__file__).parent / "page.html").read_text("utf-8"))
 def fill(document, shared):
     """Fill the document of a new tab."""
     document.title = f"{shared.plane.name}: the explorer of the nonautonomous standard map"
-    document.template = _TEMPLATE
+    document.template, document.theme = _TEMPLATE, THEME
+    document.js_on_event(DocumentReady, CustomJS(code="dress()"))
     work = Work(document, shared.client)
     context = document.session_context
     shared.waiting[context.id] = lambda: work.tick(work.start)
@@ -59,12 +61,13 @@ def _controls(state, wrong):
     """Fields to type the point exactly, the slider of N, and the link to what is seen."""
     shown = list(state.point)
     fields = [
-        TextInput(title=name, value=repr(value), width=150)
-        for name, value in zip(symbols(state.plane), shown, strict=True)
+        TextInput(title=name, value=repr(value), width=150, name=f"coordinate {i}")
+        for i, (name, value) in enumerate(zip(symbols(state.plane), shown, strict=True))
     ]
 
     def typed(i, text):
-        state.move(*(number(text) if i == j else value for j, value in enumerate(state.point)))
+        shown[i] = number(text)
+        state.move(*(shown[i] if i == j else value for j, value in enumerate(state.point)))
 
     def moved():
         for i, model in enumerate(fields):

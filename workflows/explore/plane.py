@@ -33,7 +33,7 @@ _STAYS = 3  # pixels that a cell of OUT may fill
 _NEAR = 1e-3  # of the boundary's scale: between rays it is not known better
 _COLOURS = Magma256[:232]  # the palest are too like the greys of no escape
 _GREYS = ["white", to_hex(INSIDE), to_hex(NO_ESCAPE)]  # not known, inside the boundary, outside
-_GREY_WORDS = ["a circle is left", "none is left, but no escape within N"]
+_GREY_WORDS = {"inside": "a circle is left", "outside": "none is left, but no escape within N"}
 _CIRCLE = {
     "title": "where the circle of this ω breaks (dashed)",
     "completions": list(NAMES),
@@ -242,6 +242,7 @@ def _drawn(state):
     tools = {"tools": "pan,wheel_zoom,zoom_in,zoom_out,reset,save", "active_drag": None}
     sides, whole = (state.a, state.b), (first.a, first.b)
     # Its width is that of the picture with the colours beside it.
+    tools |= {"name": "plane of forcings; arrow keys move the forcing", "tags": ["arrows"]}
     plot = picture(symbols(state.plane), sides, whole, aspect_ratio=1.06, **tools)
     view, clear = _view(plot), {"high_color": "rgba(0, 0, 0, 0)", "nan_color": "rgba(0, 0, 0, 0)"}
     mapper = models.LogColorMapper(_COLOURS, low=10, high=state.steps, **clear)
@@ -252,7 +253,7 @@ def _drawn(state):
         **dict.fromkeys(("contour", "followed", "point"), empty),
     }
     sources = {name: models.ColumnDataSource(blank, name=name) for name, blank in blanks.items()}
-    greys = models.LinearColorMapper(_GREYS, low=-0.5, high=2.5)
+    greys = models.LinearColorMapper(_GREYS, low=-0.5, high=2.5, name="greys")
     for name, colours in (("ground", greys), ("times", mapper)):
         plot.image("values", "a", "b", "da", "db", source=sources[name], color_mapper=colours)
     title = "n*, first escape (steps)"
@@ -331,7 +332,7 @@ def _legend(colours):
     """Return the colours of the circles, and the greys, as HTML."""
     bar = "display: inline-block; width: 1.4em; height: {}em; vertical-align: middle"
     entries = [(0.35, colour, f"ω = {omega}") for omega, colour in colours.items()]
-    entries += [(0.9, grey, words) for grey, words in zip(_GREYS[1:], _GREY_WORDS, strict=True)]
+    entries += [(0.9, f"var(--{side})", words) for side, words in _GREY_WORDS.items()]
     return "".join(
         f'<span style="white-space: nowrap; margin-right: 1.2em">'
         f'<span style="{bar.format(height)}; background: {colour}; outline: 1px solid #999">'

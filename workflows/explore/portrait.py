@@ -88,7 +88,7 @@ class PortraitPanel:
         self._tell()
 
     def _tell(self):
-        colour = STRONG if "circle" in self.decisive else "black"
+        colour = STRONG if "circle" in self.decisive else "inherit"
         name = f'<b style="color: {colour}">{self.name}</b>. ' if self.name else ""
         self.message.text = f'<span role="status">{name}{self.words}</span>'
 
@@ -146,14 +146,15 @@ def _drawn(state):
     first = State(state.plane)
     tools = "box_zoom,pan,wheel_zoom,zoom_in,zoom_out,reset,save"
     how = {"most": 1.0, "tools": tools, "active_drag": "box_zoom", "aspect_ratio": 1.0}
+    how["name"] = "phase portrait"
     plot = picture(("x (turns)", "y (mod 1)"), (state.x, state.y), (first.x, first.y), **how)
     left, bottom, width, height = _box(plot)
     blank = {"pixels": [np.zeros((1, 1), np.uint8)], "x": [left], "y": [bottom]}
     image = models.ColumnDataSource(blank | {"w": [width], "h": [height]}, name="orbits")
     palette = ["#00000000", CHAOTIC, *COLOURS]  # of the bytes
-    mapper = models.LinearColorMapper(palette, low=-0.5, high=255.5)
+    mapper = models.LinearColorMapper(palette, low=-0.5, high=255.5, name="omega")
     plot.image("pixels", "x", "y", "w", "h", source=image, color_mapper=mapper)
-    shades = models.LinearColorMapper(COLOURS, low=0, high=1)
+    shades = models.LinearColorMapper(COLOURS, low=0, high=1, name="omega")
     bar = models.ColorBar(color_mapper=shades, title=_BAR, width=10, padding=4)
     plot.add_layout(bar, "right")
     blanks = dict.fromkeys(("circle", "longest_lived", *_SYMMETRY), _EMPTY)

@@ -7,13 +7,23 @@ from itertools import product
 from bokeh.core.property.descriptors import UnsetValueError
 from bokeh.models import CheckboxGroup, Column, Div, Range1d
 from bokeh.plotting import figure
+from bokeh.themes import Theme
 
 from workflows.explore.state import ZOOM
+
+_DARK = """@media (prefers-color-scheme: dark) {
+  :host { --color: #ddd; --background-color: #26292c; --surface-background-color: #33373b;
+    --border-color: #666; --icon-color: #bbb; --hover-color: #3a3f44; --placeholder-color: #999 }
+  .bk-btn-default { background: #33373b; color: #ddd; border-color: #666 }
+  .noUi-target { background: #33373b } .noUi-handle { background: #bbb }
+}"""
+# Bokeh's own colours, where the system asks for a dark page.
+THEME = Theme(json={"attrs": {"UIElement": {"stylesheets": [_DARK]}}})
 
 
 def alert(text):
     """Return a message that screen readers speak, as HTML; "" for none."""
-    return f'<span role="alert" style="color: #a33">{escape(text)}</span>' if text else ""
+    return f'<span role="alert" style="color: var(--alert)">{escape(text)}</span>' if text else ""
 
 
 def field(model, take):
