@@ -6,8 +6,6 @@ import re
 import signal
 import subprocess
 import sys
-import threading
-from collections import Counter
 from datetime import datetime, timedelta, timezone
 from pathlib import Path
 from types import SimpleNamespace
@@ -74,32 +72,6 @@ def cluster(tmp_path_factory):
         for process in processes:
             process.kill()
             process.wait()
-
-
-@pytest.mark.slow
-def test_workers_come_and_go_and_no_tile_is_lost_or_repeated(cluster, tmp_path):
-    client, _, start_worker, _ = cluster
-    out, log, pids = tmp_path / "out", tmp_path / "log", tmp_path / "pids"
-    plan = toy.cube(14, 14, tile=1, seconds=0.05, log=str(log), pids=str(pids))
-
-    def come_and_go():
-        two = start_worker(), start_worker()
-        for worker, leave in zip(two, ("terminate", "kill"), strict=True):
-            toy.wait_until(lambda pid=str(worker.pid): pid in pids.read_text().split())
-            getattr(worker, leave)()
-
-    pids.touch()
-    thread = threading.Thread(target=come_and_go)
-    thread.start()
-    outcome = toy.run(client, out, plan)
-    thread.join()
-    toy.wait_until(lambda: len(client().nthreads()) == 1)
-    assert (outcome.committed, outcome.failed, outcome.remaining) == (196, {}, 0)
-    toy.assert_complete(out, plan)
-    assert len(set(pids.read_text().split())) == 3  # who came late had a share
-    # The tiles that a worker was computing when it left are computed again, and no others.
-    again = [tile for tile, n in Counter(log.read_text().splitlines()).items() if n > 1]
-    assert len(again) <= 2
 
 
 @pytest.mark.parametrize(

@@ -307,16 +307,6 @@ def test_above_the_breakup_nothing_is_proved(case, beyond):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("n", [128, 256, 1024, 2048])
-@pytest.mark.parametrize("case", range(len(LAST)))
-def test_above_the_breakup_nothing_is_proved_on_any_ray_and_grid(case, n):
-    profile, omega, breakup = LAST[case]
-    for sign in (1, -1):
-        for beyond in (1e-6, 1e-5, 1e-4, 1e-3, 3e-3, 0.01, 0.03, 0.1):
-            assert not any(proofs_above(sign * np.array(profile), omega, breakup, n, beyond))
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(12))
 def test_above_the_breakup_nothing_is_proved_under_random_kicks(seed):
     # One to five kicks of either sign. The breakup is known to 10⁻³ or better.
@@ -345,16 +335,6 @@ def test_more_time_proves_a_circle_nearer_to_the_breakup():
     profile, omega, breakup = LAST[0]
     scales = [proved_lower(parse(omega), profile, breakup, seconds)[0] for seconds in (0.1, 0.5)]
     assert scales[0] < scales[1] < breakup
-
-
-def test_strengths_that_round_to_equal_ones_are_proved_from_the_start_that_told_them_apart():
-    profile, omega = np.array([0.7, np.nextafter(0.7, 1)]), parse("2gamma")
-    scale = next(s for s in np.linspace(0.75, 0.95, 20) if len(set(s * profile)) == 1)
-    start = circles.invariant_circle(omega, scale * profile).u
-    assert start.shape[0] == 2
-    proof = prove(omega, scale * profile, start=start)
-    assert proof.proved
-    assert len(proof.short_kappa) == 1
 
 
 def test_a_profile_that_rounds_to_equal_strengths_at_some_scales_has_lower_scales():

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 import xarray as xr
-from commands import invoke, succeed, table
 from oracles import KAPPA_G
 
 from workflows.figures.style import names_of
@@ -94,22 +93,6 @@ def test_a_single_orbit_looks_quasiperiodic_beyond_the_breakup():
     ((scale, error),) = METHODS["birkhoff"].run(ray, 10_000)
     assert 1e-3 < scale / ray.value - 1 < 0.02
     assert np.isnan(error)
-
-
-@pytest.mark.slow
-def test_the_command_writes_a_cube_tables_and_a_figure(tmp_path):
-    out = tmp_path / "out"
-    few = ["--only", "residue", "--only", "crossing", "--angle", "0"]
-    output = succeed("work_precision", out, *few)
-    cube = xr.open_zarr(out / "work_precision.zarr")
-    assert cube.error.shape == (1, 2, 5)
-    assert float(cube.warm_up_seconds[0]) >= 0
-    rows = table(out / "work_precision.csv")
-    assert [row["names"] for row in rows[:2]] == ["residue, Aitken"] * 2
-    assert float(rows[-1]["effort"]) == 3000
-    assert (out / "work_precision.png").exists()
-    assert (out / "work_precision.md").read_text() in output
-    assert invoke("work_precision", out, "--only", "cones").exit_code == 2
 
 
 def test_the_options_name_all_methods_and_rays():
