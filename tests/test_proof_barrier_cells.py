@@ -294,7 +294,7 @@ CHANGES = {
     "between: an eighth": ("tail = 4 * (1 + Lambda) * B", "tail = 0.5 * (1 + Lambda) * B"),
     "between: r^-2Q": ("arb(r) ** -Q", "arb(r) ** (-2 * Q)"),
     "B: cell of no width": (" + arb(centre.half_width) * r)", ")"),
-    "B: Δ does not grow": ("(moves[:, j] * r**degrees).sum()", "moves[:, j].sum()"),
+    "B: Δ does not grow": ("powers @ moves[:, j]", "powers**0 @ moves[:, j]"),
     "Λ 1": ("Lambda**2 * at_points + between", "at_points + between"),
     "Λ once": ("Lambda**2 * at_points + between", "Lambda * at_points + between"),
     "no rounding": ("+ noise + beyond", "+ beyond"),

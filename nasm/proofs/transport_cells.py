@@ -38,7 +38,7 @@ from nasm.arithmetic.lanes import (
 from nasm.arithmetic.sine import COSINE, SINE
 from nasm.checks import floats
 from nasm.maps import forcing
-from nasm.proofs.certificates import certificate, in_hex
+from nasm.proofs.certificates import certificate, columns_in_hex, in_hex
 from nasm.proofs.transport import (
     COS,
     COS_CUBIC,
@@ -113,7 +113,7 @@ class CellProof:
             "half_width": in_hex(self.half_width),
             "site": self.site,
             "a": self.a,
-            "boxes": list(map(in_hex, self.boxes.tolist())),
+            "boxes": columns_in_hex(self.boxes),
             "lives": self.lives.tolist(),
         }
         cell = self.kappa, self.half_width
@@ -209,36 +209,39 @@ def _tile(boxes, kappa, half_width):
     cell = np.ldexp([kappa, half_width], 52)
     if not ((scaled == np.rint(scaled)).all() and (np.abs(scaled) < 2.0**60).all()):
         return False
-    (k, h), covered = cell.astype(np.int64), []
-    for piece in np.unique(boxes[:, 8]):
-        y, delta, k0, h0, k1, h1, g0, g1 = scaled[boxes[:, 8] == piece].astype(np.int64).T
-        if np.ptp(g0) or np.ptp(g1):
-            return False
-        middles, halves = np.array([y - g0 * k0 - g1 * k1, k0, k1]), np.array([delta, h0, h1])
-        ends = [middles - halves, middles + halves]
-        low, high = ends[0].min(axis=1), ends[1].max(axis=1)
-        keys, signs = np.zeros((2, 2, 2, len(y)), np.int64), np.ones((2, 2, 2, 1))
-        corners = np.zeros((2, 2, 2, 1), np.int64)
-        for axis in range(3):
-            found, ranks = np.unique([end[axis] for end in ends], return_inverse=True)
-            shape = np.where(np.arange(4) == axis, 2, 1)
-            keys = keys * found.size + ranks.reshape(*shape[:3], -1)
-            corners = corners * found.size + np.array([0, found.size - 1]).reshape(shape)
-            signs = signs * np.array([-1, 1]).reshape(shape)
-        found, places = np.unique(keys, return_inverse=True)
-        total = np.bincount(places.ravel(), np.broadcast_to(signs, keys.shape).ravel())
-        left = dict(zip(found[total != 0].tolist(), total[total != 0].tolist(), strict=True))
-        one = dict(zip(corners.ravel().tolist(), signs.ravel().tolist(), strict=True))
-        if left != one or (low[1:] != k - h).any() or (high[1:] != k + h).any():
-            return False
-        moves = np.array([g0[0], g1[0]]) * np.array([k - h, k + h])
-        covered.append((low[0] + moves.max(axis=0).sum(), high[0] + moves.min(axis=0).sum()))
-    reached = 0
-    for left, right in sorted(covered):
-        if left > reached:
-            return False
-        reached = max(reached, right)
-    return reached >= 2**59
+    order = np.argsort(boxes[:, 8], kind="stable")
+    pieces, starts, counts = np.unique(boxes[order, 8], return_index=True, return_counts=True)
+    y, delta, k0, h0, k1, h1, g0, g1 = scaled[order].astype(np.int64).T
+    shears = np.array([g0, g1])
+    if (shears != np.repeat(shears[:, starts], counts, axis=1)).any():
+        return False
+    middles, halves = np.array([y - g0 * k0 - g1 * k1, k0, k1]), np.array([delta, h0, h1])
+    ends = middles - halves, middles + halves
+    low, high = np.minimum.reduceat(ends[0], starts, 1), np.maximum.reduceat(ends[1], starts, 1)
+    keys = np.repeat(np.arange(pieces.size), counts) * np.ones((2, 2, 2, 1), np.int64)
+    corners, signs = np.arange(pieces.size) * np.ones((2, 2, 2, 1), np.int64), 1
+    for axis in range(3):
+        found, ranks = np.unique([end[axis] for end in ends], return_inverse=True)
+        shape = np.where(np.arange(4) == axis, 2, 1)
+        keys = keys * found.size + ranks.reshape(*shape[:3], -1)
+        outer = np.searchsorted(found, [low[axis], high[axis]])
+        corners = corners * found.size + outer.reshape(*shape[:3], -1)
+        signs = signs * np.array([-1, 1]).reshape(shape)
+    # The corners of the cuboids less those of the one for each piece, with their signs: nothing.
+    every = np.concatenate([keys.ravel(), corners.ravel()])
+    both = np.broadcast_to(signs, keys.shape), np.broadcast_to(-signs, corners.shape)
+    order = np.argsort(every, kind="stable")
+    first = np.flatnonzero(np.diff(every[order], prepend=-1))
+    if np.add.reduceat(np.concatenate([part.ravel() for part in both])[order], first).any():
+        return False
+    (k, h) = cell.astype(np.int64)[..., None]
+    if (low[1:] != k - h).any() or (high[1:] != k + h).any():
+        return False
+    moves = shears[:, starts] * (k - h), shears[:, starts] * (k + h)
+    left, right = low[0] + np.max(moves, axis=0).sum(0), high[0] + np.min(moves, axis=0).sum(0)
+    order = np.argsort(left)
+    reached = np.maximum.accumulate(np.concatenate([[0], right[order]]))
+    return bool((left[order] <= reached[:-1]).all() and reached[-1] >= 2**59)
 
 
 @kernel(error_model="numpy")

@@ -8,7 +8,7 @@ def packed(proofs):
     """Return what a tile keeps beside its arrays: the certificates of those that are proved."""
     certificates = [proof.certificate() for proof in proofs if proof and proof.proved]
     text = json.dumps(certificates).encode()
-    return {"certificates": lzma.compress(text, preset=1)} if certificates else {}
+    return {"certificates": lzma.compress(text, preset=0)} if certificates else {}
 
 
 def unpacked(data):

@@ -80,8 +80,8 @@ def uncertified(tile, certificates):
 
 def _boundary(settings):
     angles, scales, circles = zip(*settings["rays"], strict=True)
-    circles = [parse(text) if text else None for text in circles]
-    return proofs.Boundary(np.array(angles), np.array(scales), circles)
+    known = {text: parse(text) if text else None for text in {*circles}}
+    return proofs.Boundary(np.array(angles), np.array(scales), [known[text] for text in circles])
 
 
 def _predict(coords, settings):
