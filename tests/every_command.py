@@ -39,7 +39,7 @@ SMALLEST = {
     "ask": "0.3 0.2 --prove",
     "proved_boundary": "--angles 2 --seconds 0.1",
     "proved_map": "--cells 32 --seconds 0.001",
-    "work_precision": "--only barriers --only barrier-proof --angle 45",
+    "work_precision": "--only barriers --only barrier-proof --ray 45",
 }
 PROVING = ("ask", "proved_boundary", "proved_map", "work_precision")
 WITHOUT_WORKERS = (

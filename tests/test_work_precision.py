@@ -21,7 +21,7 @@ def measured():
         for name, efforts in EFFORTS.items():
             patch.setattr(METHODS[name], "efforts", efforts)
         patch.setattr(measure, "timed", lambda run, *arguments: (run(*arguments), 1.0))
-        cube = measure.plan([0, 30], NAMES, quick=False)
+        cube = measure.plan(["0", "30", "three-kicks"], NAMES, quick=False)
         return measure.measure(cube.template, NAMES)
 
 
@@ -53,7 +53,7 @@ def test_errors_fall_with_effort(measured, name, order, margin):
 
 def test_estimated_errors_cover_the_true_ones_and_corrected_answers_are_better(measured):
     claimed = measured.estimated_error + 10 * measured.judge_error
-    rated = claimed.notnull().any(("angle", "level"))
+    rated = claimed.notnull().any(("ray", "level"))
     assert rated.sum() == 7
     honest = (measured.error <= claimed) | measured.error.isnull()
     assert honest.isel(method=np.flatnonzero(rated)).all()
@@ -66,7 +66,7 @@ def test_estimated_errors_cover_the_true_ones_and_corrected_answers_are_better(m
 
 
 def test_seconds_count_from_where_all_errors_are_small():
-    dims = "angle", "method", "level"
+    dims = "ray", "method", "level"
     errors = [[[1e-1, 1e-3, 1e-4]], [[1e-3, 1e-2, 1e-4]]]  # 1e-3 is met by chance, and lost again
     seconds = [[[1.0, 2.0, 3.0]], [[1.0, 2.0, 4.0]]]
     efforts = (("method", "level"), [[1.0, 2.0, 3.0]])
@@ -78,7 +78,7 @@ def test_seconds_count_from_where_all_errors_are_small():
 
 
 def test_direct_bias_falls_like_n_to_the_minus_one_third():
-    ray = judged(45)
+    ray = judged("45")
     steps = [1000, 10_000, 100_000]
     found = [METHODS["direct-100"].run(ray, n) for n in steps]
     errors = [raw / ray.value - 1 for (raw, _), _ in found]
@@ -89,7 +89,7 @@ def test_direct_bias_falls_like_n_to_the_minus_one_third():
 
 
 def test_a_single_orbit_looks_quasiperiodic_beyond_the_breakup():
-    ray = judged(45)
+    ray = judged("45")
     ((scale, error),) = METHODS["birkhoff"].run(ray, 10_000)
     assert 1e-3 < scale / ray.value - 1 < 0.02
     assert np.isnan(error)
@@ -97,4 +97,4 @@ def test_a_single_orbit_looks_quasiperiodic_beyond_the_breakup():
 
 def test_the_options_name_all_methods_and_rays():
     assert tuple(METHODS) == command.NAMES
-    assert list(PROFILES) == list(map(int, command.ANGLES))
+    assert tuple(PROFILES) == command.RAYS

@@ -31,7 +31,7 @@ line.
    Farey tree, to minimizing orbits that were in the way, and to the circle that breaks last.
 
 Beyond the last circle's breakup, at the scale s_c of a ray, the longest life there is T, and s/s_c
-- 1 ≈ C/T as on a symmetry line, with C from 0.6 to 0.95 steps. This is sampled, in floating point:
+- 1 ≈ C/T as on a symmetry line, with C in EXCESS. This is sampled, in floating point:
 strong evidence, not a proof. The choice matters: 0.5% beyond the breakup of the standard map lives
 last 130 steps there, and on 15 of 20 other lines x = a starts survive 3000.
 """
@@ -54,6 +54,7 @@ __all__ = ["elimination_time", "located", "longest_lived"]
 __dir__ = __all__.copy
 
 MAX_STEPS = 10**6
+EXCESS = 0.6, 0.95  # steps: C of the law, least and largest
 
 _BLOCK = 32  # kicks, about, between two looks at the starts
 _GRIDS = ((1024, 0.5), (797, 0.382))  # starts, and the place of the start in its cell
@@ -64,7 +65,6 @@ _LONGEST = 4  # times √n_max: period of the minimax orbits up to which pieces 
 _NEARBY = 2e-3  # of places, which are 0 to 1/2: searched around a rotation number
 _SHORT = 100  # kicks: of shorter lives the shortest is sought, on the transversals of all sites
 _NARROW = 0.2  # over the steps: bracket, in parts of the scale, to which it is narrowed
-_EXCESS = 0.7  # steps: C of the law
 _AHEAD, _FARTHEST = 0.1, 40  # change of the largest strength in a step from a start, and steps
 
 
@@ -178,7 +178,7 @@ def located(profile, n_max, start=None):
         if found is None:  # of fewer steps than the search before
             longest, kicks = lived(upper, 16 * n_max)
             found = longest, kicks / profile.size
-        share = _EXCESS / found[1]  # by the law, the breakup is that far below
+        share = 0.7 / found[1]  # by the law, the breakup is that far below
     return upper, *found
 
 

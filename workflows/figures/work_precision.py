@@ -27,12 +27,12 @@ def draw_work_precision(data):
 
     In a column, the better answers on the first two rays. Grey: below the judge's own error.
     """
-    data = data.isel(angle=slice(2)) if in_column() else data
-    n_panels = data.angle.size + (not in_column())
+    data = data.isel(ray=slice(2)) if in_column() else data
+    n_panels = data.ray.size + (not in_column())
     columns = min(3, n_panels)
     figure, drawn = panels(-(-n_panels // columns), columns, 13, 9)
-    for axes, i in zip(drawn, range(data.angle.size), strict=False):
-        here = data.isel(angle=i)
+    for axes, i in zip(drawn, range(data.ray.size), strict=False):
+        here = data.isel(ray=i)
         for method, name in enumerate(names_of(data.method)):
             colour = next(c for start, c in _METHOD_COLOURS.items() if name.startswith(start))
             better = any(word in name for word in _BETTER)
@@ -45,8 +45,9 @@ def draw_work_precision(data):
         axes.axhspan(1e-16, float(here.judge_error), color="0.9")
         axes.set(xscale="log", yscale="log", ylim=(1e-14, 2))
         axes.set(xlabel="CPU time (s)", ylabel="relative error")
-        angle = rf"$\varphi = {int(here.angle)}°$"
-        axes.text(0.5, 1.02, angle, transform=axes.transAxes, ha="center")
+        name = names_of(data.ray)[i]
+        words = rf"$\varphi = {name}°$" if name.isdigit() else "three kicks, (1, 0.7, 0.3)"
+        axes.text(0.5, 1.02, words, transform=axes.transAxes, ha="center")
         words = "grey: the judge's own error"
         axes.text(0.97, 0.02, words, fontsize="small", transform=axes.transAxes, ha="right")
         axes.grid(lw=0.3)
@@ -55,7 +56,7 @@ def draw_work_precision(data):
     if in_column():
         figure.set_figheight(figure.get_figheight() + 1.2)  # for the legend
         return figure
-    steps = drawn[data.angle.size]
+    steps = drawn[data.ray.size]
     for i, name in enumerate(names_of(data.form)):
         steps.plot(data.points, 1e6 * data.step_seconds[i], "os"[i] + "-", color="k", label=name)
     steps.set(xscale="log", yscale="log", xlabel="points of the circle $n$", ylabel="CPU time (µs)")

@@ -25,14 +25,14 @@ def answers(names):
     return [(name, answer) for name in names for answer in METHODS[name].answers]
 
 
-def plan(angles, names, quick):
+def plan(rays, names, quick):
     """Return the cube, nothing measured yet."""
     efforts = {name: METHODS[name].efforts[: -1 if quick else None] for name in names}
     rows = answers(names)
     method = listed("method", *(answer for _, answer in rows))
     method[1]["efforts"] = [METHODS[name].effort for name, _ in rows]
     coords = {
-        "angle": (angles, described("angle of the ray", "degree")),
+        "ray": listed("ray", *rays),
         "method": method,
         "level": (range(max(map(len, efforts.values()))), "level of effort"),
         "form": listed("form", *FORMS),
@@ -44,15 +44,15 @@ def plan(angles, names, quick):
         return dims, values, described(long_name, units)
 
     effort = "effort: steps N or n, period q, points, tolerance tol, or distance ε"
-    by_run = "angle", "method", "level"
+    by_run = "ray", "method", "level"
     variables = {
         "effort": blank(("method", "level"), effort),
         "cpu_seconds": blank(by_run, "CPU time of one run, median", "s"),
         "error": blank(by_run, "relative error"),
         "estimated_error": blank(by_run, "relative error that the method estimates"),
         "warm_up_seconds": blank(("method",), "CPU time of a first run", "s"),
-        "value": blank(("angle",), "scale of the breakup that all are judged by"),
-        "judge_error": blank(("angle",), "estimated relative error of value"),
+        "value": blank(("ray",), "scale of the breakup that all are judged by"),
+        "judge_error": blank(("ray",), "estimated relative error of value"),
         "step_seconds": blank(("form", "points"), "CPU time of one Newton step, median", "s"),
     }
     data = dataset("Speed against accuracy of all methods", coords, variables)
@@ -79,10 +79,10 @@ def measure(blank, names):
         rows[name].append(row)
     for name, here in rows.items():  # kernels that methods share are compiled by the first of them
         start = thread_time()
-        METHODS[name].run(Ray(PROFILES[0], parse("gamma"), 0.48, nan), METHODS[name].efforts[0])
+        METHODS[name].run(Ray(PROFILES["0"], parse("gamma"), 0.48, nan), METHODS[name].efforts[0])
         data.warm_up_seconds[here] = thread_time() - start
-    for i, angle in enumerate(data.angle.values.tolist()):
-        ray = judged(angle)
+    for i, on in enumerate(names_of(data.ray)):
+        ray = judged(on)
         data.value[i], data.judge_error[i] = ray.value, ray.error / ray.value
         for name, here in rows.items():
             n_efforts = int(data.effort[here[0]].notnull().sum())
@@ -92,7 +92,7 @@ def measure(blank, names):
                 scale, error = np.transpose(found)
                 data.error[i, here, level] = np.abs(scale / ray.value - 1)
                 data.estimated_error[i, here, level] = error / ray.value
-                words = f"{angle}°: {name}, {METHODS[name].effort} = {effort:g}: {seconds:.3g} s"
+                words = f"{on}: {name}, {METHODS[name].effort} = {effort:g}: {seconds:.3g} s"
                 click.echo(words, err=True)
     data["step_seconds"].values[:] = newton_seconds()
     return data
@@ -111,8 +111,8 @@ def newton_seconds():
 def order(data, method):
     """Fit the slope of log error against log effort: median over the rays, NaN without a ray."""
     slopes = []
-    for angle in range(data.angle.size):
-        here = data.isel(angle=angle, method=method)
+    for ray in range(data.ray.size):
+        here = data.isel(ray=ray, method=method)
         seen = (here.error > 10 * here.judge_error).values
         if seen.sum() > 2:
             points = np.log(here.effort.values[seen]), np.log(here.error.values[seen])
@@ -124,13 +124,14 @@ def seconds_for(data, accuracy):
     """Find the CPU seconds by method for the last circle's breakup to an accuracy on every ray.
 
     The effort is the least from which on all errors are that small; the slowest ray counts. NaN
-    where a ray is never that accurate.
+    where a ray is never that accurate. Rays on which a method has no answer at all do not count.
     """
     failed = (data.error > accuracy) | data.error.isnull() & data.effort.notnull()
     from_here = ~failed.values[..., ::-1].cumsum(axis=-1)[..., ::-1].astype(bool)
     from_here &= data.error.notnull().values
-    seconds = np.where(from_here, data.cpu_seconds, np.inf).min(axis=-1).max(axis=0)
-    return np.where(np.isinf(seconds), nan, seconds)
+    seconds = np.where(from_here, data.cpu_seconds, np.inf).min(axis=-1)
+    seconds = np.where(data.error.notnull().any("level"), seconds, 0).max(axis=0)
+    return np.where(np.isinf(seconds) | (seconds == 0), nan, seconds)
 
 
 def fastest(data):
@@ -142,9 +143,10 @@ def fastest(data):
             best = int(np.nanargmin(seconds))
             cheapest[names_of(data.method)[best], f"{seconds[best]:.2g} s"] = accuracy
     parts = [f"{accuracy:.0e} by {name} in {s}" for (name, s), accuracy in cheapest.items()]
+    rays = ", ".join(f"{name}°" if name.isdigit() else name for name in names_of(data.ray))
     return (
-        f"CPU time until the relative error of the last breakup is small on each of the rays at "
-        f"{', '.join(f'{angle:g}°' for angle in data.angle.values)}, judged by Greene's residue to "
+        "CPU time until the relative error of the last breakup is small on each ray on which there "
+        f"is an answer, of {rays}, judged by Greene's residue to "
         f"{float(data.judge_error.max()):.0e}. The cheapest: {'; '.join(parts) or 'none'}. Circles "
         "and residues need ω as input, proofs a forcing; barriers and converse KAM need neither."
     )

@@ -12,14 +12,15 @@ import numpy as np
 
 from nasm import barriers, circles, escape, orbits, periodic, proofs
 from nasm.circles import continuation as norms
-from nasm.converse_kam import symmetry_line
+from nasm.converse_kam import symmetry_line, transversal
 from nasm.numbers import RotationNumber
 from nasm.symmetries import dominant_centre
 
 JUDGE = 30_000
-PROFILES = {45: (1.0, 1.0), 0: (1.0, 0.0)} | {
-    angle: (cos(radians(angle)), cos(radians(90 - angle))) for angle in (30, 40, 120)
+PROFILES = {"45": (1.0, 1.0), "0": (1.0, 0.0)} | {
+    str(angle): (cos(radians(angle)), cos(radians(90 - angle))) for angle in (30, 40, 120)
 }
+PROFILES["three-kicks"] = 1.0, 0.7, 0.3
 
 
 @dataclass(frozen=True)
@@ -42,9 +43,9 @@ class Method:
     run: Callable  # (ray, effort) → (scale, estimated error) for each of `answers`
 
 
-def judged(angle):
-    """Return the Ray at that angle, by all that residues can give."""
-    profile = PROFILES[angle]
+def judged(name):
+    """Return the Ray of that name, by all that residues can give."""
+    profile = PROFILES[name]
     omega = barriers.critical_scale(profile, 1e-2).omega
     judge = periodic.critical_scale(omega, profile, JUDGE)
     return Ray(profile, omega, judge.value, judge.error)
@@ -62,7 +63,11 @@ def direct(n_orbits, reach, precision="double"):
 
 def converse_kam(ray, n_max):
     """Answer by converse KAM where no start survives n_max steps, and extrapolated."""
-    return _bound_and_value(symmetry_line.critical_scale(ray.profile, n_max))
+    if barriers.has_dominant_line(np.array(ray.profile)):
+        return _bound_and_value(symmetry_line.critical_scale(ray.profile, n_max))
+    upper, _, steps = transversal.located(ray.profile, n_max)
+    least, most = (upper * (1 - excess / steps) for excess in transversal.EXCESS[::-1])
+    return (upper, upper - least), ((least + most) / 2, (most - least) / 2)
 
 
 def _bound_and_value(found):
@@ -107,9 +112,12 @@ def birkhoff(ray, n):
 
     It does if its rotation number has five digits and is not a fraction up to q = 200, as islands
     have. That does not show a circle: longer islands and what is left of circles look so too. The
-    search stays within a tenth of what converse KAM says, because regular orbits lie beyond.
+    search stays within a tenth of what converse KAM says, because regular orbits lie beyond. NaN
+    without a symmetry line.
     """
     profile = np.array(ray.profile)
+    if not barriers.has_dominant_line(profile):
+        return ((nan, nan),)
     site, a = dominant_centre(profile)
 
     def quasiperiodic(scale):
