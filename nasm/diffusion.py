@@ -12,12 +12,8 @@ orbits are two units of y away, in root mean square: beyond four circles of each
 has. The error is from the scatter of orbits. Where an accelerator mode carries some orbits along,
 y ~ n, there is no D: the squares grow faster than n, or one orbit is far ahead of all others.
 
-*Strong kicks.* Without correlations D = (κ1² + κ2²)/16π²; with those of up to four kicks, the terms
-of Rechester & White (Phys. Rev. Lett. 44 (1980) 1586), for two kicks
-
-    16π²D = κ1² (1 - 2a₂ + 2a₂²) + κ2² (1 - 2b₂ + 2b₂²) + 4κ1κ2 (J₃(κ1)J₃(κ2) - J₁(κ1)J₁(κ2)),
-
-a₂ = J₂(κ2), b₂ = J₂(κ1).
+*Strong kicks.* Without correlations D = Σκ²/16π²; with those of up to four kicks there are the
+terms of Rechester & White (Phys. Rev. Lett. 44 (1980) 1586), against which D is tested.
 
 *Weak ones.* Just beyond the breakup the remains of the last circle let ΔW pass (`nasm.flux`), and
 if nothing else resists, those between which y gains a unit, m in number, are in series: D = ΔW/m.
@@ -35,7 +31,7 @@ from nasm.critical import Status
 from nasm.escape import MAX_STEPS, ensemble, kick_on_lanes, kick_series
 from nasm.maps import forcing
 
-__all__ = ["Diffusion", "diffusion", "strong_kicks"]
+__all__ = ["Diffusion", "diffusion"]
 __dir__ = __all__.copy
 
 SHORTEST = 8192
@@ -109,20 +105,6 @@ def _measured(momenta, part):
     if exponent > _FASTER or far.max() > _AHEAD * far.mean():
         return Diffusion(np.nan, np.nan, exponent, steps, Status.ANOMALOUS)
     return Diffusion(slopes.mean(), error, exponent, steps, Status.OK)
-
-
-def strong_kicks(kappa1, kappa2):
-    """D of two strong kicks, in squares of y a period, see the module; arrays or floats.
-
-    Accelerator modes and the islands of weak kicks are not in it.
-    """
-    from scipy.special import jv  # 0.2 s to import, and seldom wanted
-
-    (one1, two1, three1), (one2, two2, three2) = (
-        [jv(order, kappa) for order in (1, 2, 3)] for kappa in (kappa1, kappa2)
-    )
-    alone = kappa1**2 * (1 - 2 * two2 + 2 * two2**2) + kappa2**2 * (1 - 2 * two1 + 2 * two1**2)
-    return (alone + 4 * kappa1 * kappa2 * (three1 * three2 - one1 * one2)) / (4 * np.pi) ** 2
 
 
 @njit(nogil=True)

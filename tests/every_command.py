@@ -16,7 +16,7 @@ SMALLEST = {
     "claims": "--angles 3 --tips 0 --tol 0.01 --n-max 10000 --n-orbits 10",
     "convergence": "--quick --n-max 1000 --n-orbits 10",
     "critical_boundary": f"{PLANE} --levels 2 --tile 2 --angles 3 --tips 0 --tol 0.1",
-    "diffusion": "--quick --cells 8 --n-max 8192",
+    "diffusion": "--quick --n-max 8192",
     "direct_boundary": "--steps 100 --n-orbits 4 --angles 3 --tips 0",
     "escape_plane": PLANE,
     "flux": "--angle 0 --nearest 0.1 --q-max 100",

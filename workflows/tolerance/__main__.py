@@ -3,24 +3,24 @@
 κ_n = s(1 + d·f_n) with Σf = 0 and Σf² = P over a period of P kicks: by which part is the rms
 strength of the last breakup below κ_G? Renormalisation: next to the critical golden circle of
 constant kicks the distance to κ_G grows by δ = 1.62795 from one convergent to the next, and the
-ripple by some λ of its period, so that the loss goes like d^(ln δ/ln λ), up to oscillations in
-ln d. λ is measured by how the residues of golden periodic orbits at κ_G respond to the ripple.
+ripple by some λ of its period, so that the loss goes like d^(ln δ/ln λ), times a function of ln d
+that repeats when the convergents meet the same phases of the ripple again. λ is measured by how the
+residues of golden periodic orbits at κ_G respond to the ripple.
 
 The conjecture is that at equal rms strength constant kicks hold a barrier longest. Random forcings
 are tried, and climbs that look for one which holds longer.
 """
 
-from workflows.shared.cli import choice, command, flag, full_option, real, sweeps, whole
+from workflows.shared.cli import choice, command, flag, real, sweeps, whole
 
 SHAPES = "cosine", "one kick"
 
 
 @command()
-@whole("--forcings", 400, 10, 10**6, "Random forcings to try.")
-@whole("--climbs", 14, 2, 1000, "Climbs to forcings that hold longer.")
+@whole("--forcings", 10_000, 10, 10**6, "Random forcings to try.")
+@whole("--climbs", 1000, 2, 10**5, "Climbs to forcings that hold longer.")
 @choice("--shape", SHAPES, ("cosine",), "Shape of ripples; may be repeated.", multiple=True)
 @real("--smallest", 1e-3, 1e-5, 0.1, "Smallest ripple of three kicks and more.")
-@full_option("two CPU hours", forcings=10_000, climbs=140, shape=SHAPES, smallest="1e-5")
 @flag("--quick", "A preview: few forcings, climbs and ripples.")
 @sweeps
 def main(run, forcings, climbs, shape, smallest, quick):
@@ -29,20 +29,20 @@ def main(run, forcings, climbs, shape, smallest, quick):
     The defaults take some ten minutes on two cores; --quick less than one.
     """
     from pipeline.cubes.forcings import last_barriers, with_circles
-    from pipeline.cubes.robustness import climbs as climbing
-    from pipeline.cubes.robustness import upper_bounds
+    from pipeline.cubes.robustness import against_constant
     from workflows.figures.tolerance import draw_tolerance
     from workflows.tolerance import study
 
-    forcings, climbs = (min(forcings, 40), min(climbs, 2)) if quick else (forcings, climbs)
-    given = study.ripples(shape, smallest, quick)
-    ripples = last_barriers("tolerance", given, study.RIPPLE, 1e-3)
-    bounds = upper_bounds("tolerance_random", study.random(forcings), study.golden())
-    climbed = climbing("tolerance_climbs", study.starts(climbs), study.golden())
+    forcings, climbs = (min(forcings, 400), min(climbs, 40)) if quick else (forcings, climbs)
+    given, ripple = study.ripples(shape, smallest, quick), "rms of the deviations, over the mean"
+    ripples, golden = last_barriers("tolerance", given, ripple, 1e-3), study.golden()
+    bounds = against_constant("tolerance_random", study.random(forcings), ripple, golden)
+    starts = study.starts(climbs)
+    climbed = against_constant("tolerance_climbs", starts, "seed of the climb", golden, tries=500)
     with run.sweeping(ripples, bounds, climbed):
         cube = study.with_loss(with_circles(run.sweep(ripples)))
-        tried, summits = run.sweep(bounds).load(), study.at_summits(run.sweep(climbed).load())
-        laws = study.laws(cube)
+        tried, summits = run.sweep(bounds).load(), study.with_distance(run.sweep(climbed).load())
+        laws = study.laws(3000 if quick else 30_000)
         run.table("tolerance", cube.drop_dims("kick"))
         run.table("tolerance_laws", laws)
         run.table("tolerance_random", tried.drop_dims("kick"))
