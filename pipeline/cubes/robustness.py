@@ -30,7 +30,7 @@ def against_constant(name, forcings, parameter, golden, tries=0):
     climb. golden : float, the critical strength of constant kicks, up to which is looked.
     tries : int, random steps of a climb from each forcing to others that hold at higher scales.
 
-    A tile is 20 forcings, or one climb.
+    A tile is 50 forcings, or 10 climbs.
     """
     coords = labels(forcings, parameter)
     on, kicks = ({key: coords[key] for key in keys} for keys in (["forcing"], ["forcing", "kick"]))
@@ -43,7 +43,7 @@ def against_constant(name, forcings, parameter, golden, tries=0):
     }
     attrs = {"title": "Forcings against constant kicks of the same rms strength", "source": PAPER}
     settings = {"golden": golden, "kicks": _KICKS, "tries": tries}
-    tile = {"forcing": 1 if tries else 50}
+    tile = {"forcing": 10 if tries else 50}
     cube = Cube(name, xr.Dataset(variables, coords, attrs), tile, settings)
     return Job(cube, _compute, _predict, partial(answer, np.array([1.0, 0.9, 1.2]), 0.4))
 
