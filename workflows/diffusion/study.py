@@ -3,10 +3,10 @@
 import numpy as np
 import xarray as xr
 
+from workflows.shared.power_law import FLUX as ETA
 from workflows.shared.rules import finding
 from workflows.shared.tables import described
 
-ETA = 3.01172  # exponent of the flux, by renormalisation
 NEAREST = 1e-3  # distance beyond the breakup at which the prefactor is read from the flux
 _NEAR = 0.13  # distance up to which the law of D itself is looked for
 _RAYS = 3  # on which it must be seen

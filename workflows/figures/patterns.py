@@ -1,4 +1,4 @@
-"""Thresholds of pairs of kicks against their spacing, why 1/3 is low, and of signs and bursts."""
+"""Thresholds of pairs of kicks against their spacing, and of signs and bursts."""
 
 from fractions import Fraction
 
@@ -17,15 +17,11 @@ def of_family(cube, family):
     return cube.isel(forcing=np.flatnonzero(cube.family == family))
 
 
-def draw_patterns(cube, driven):
-    """Draw K_c of pairs against ε, their resonances, and thresholds of signs and bursts.
-
-    driven : Dataset of resonances of pairs, their `strength` by `spacing` and `resonance`.
-    """
-    figure, (spacing, forced, others) = style.panels(1, 3, 14, 5)
+def draw_patterns(cube):
+    """Draw K_c of pairs against ε, and thresholds of signs and bursts."""
+    figure, (spacing, others) = style.panels(1, 2, 12, 5)
     golden = of_family(cube, CONSTANT).critical_scale.item()
     _draw_pairs(spacing, of_family(cube, PAIRS).sortby("parameter"), golden)
-    _draw_resonances(forced, driven)
     _draw_others(others, cube, golden)
     return figure
 
@@ -55,26 +51,6 @@ def _draw_pairs(axes, pairs, golden):
     wholes = [64, 32, 16, 8, 4, 2]
     _ticks(axes.xaxis, [1 / n for n in wholes], [f"1/{n}" for n in wholes])
     axes.legend(fontsize="small")
-
-
-def _draw_resonances(axes, driven):
-    curve = np.linspace(0, 1, 300)
-    axes.plot(
-        curve, 2 * np.abs(np.cos(np.pi * curve)), color="0.6", lw=1, label=r"$2|\cos\pi k/P|$"
-    )
-    for i, q in enumerate([3, 4, 5]):
-        here = driven.sel(spacing=q).dropna("resonance")
-        x = np.append(here.resonance.values / q, 1.0)
-        y = np.append(here.strength.values, here.strength.values[:1])
-        look = {"color": style.colour_of((4, 0, 2)[i]), "marker": "so^"[i], "ms": 6}
-        axes.plot(x, y, ls="", label=rf"$\varepsilon = 1/{q}$", **look)
-    axes.axhline(1, color="0.4", lw=1, ls=":")
-    axes.set(
-        xlabel=r"momentum $k/P$, in turns per $\varepsilon$",
-        ylabel="strength of the resonance, over $K$",
-    )
-    axes.set_title("Resonances that pairs drive, measured")
-    axes.legend(fontsize="small", loc="upper center")
 
 
 def _draw_others(axes, cube, golden):

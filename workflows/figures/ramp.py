@@ -1,4 +1,4 @@
-"""When families of graphs are lost: in a ramp through the breakup, and by smoothness."""
+"""When graphs are lost and orbits cross: in a ramp through the breakup, and by smoothness."""
 
 import re
 
@@ -7,47 +7,51 @@ import numpy as np
 from workflows.figures.style import colour_of, names_of, panels
 
 
-def draw_ramp(ramp, lives, exponent, findings):
-    """Draw the kick by which graphs are lost against the rate, and their lives by smoothness.
+def draw_ramp(ramp, lives, exponents, findings):
+    """Draw the kicks by which graphs are lost and orbits cross against the rate, and by smoothness.
 
-    ramp, lives : Datasets of the study. exponent : foreseen. findings : text, for the caption.
+    ramp, lives : Datasets of the study. exponents : foreseen, of graphs and of escapes. findings :
+    text, for the caption.
     """
-    figure, (plain, scaled, smooth) = panels(1, 3, 15, 5)
-    rate = ramp.rate.values
-    for way, (name, mark) in enumerate(zip(names_of(ramp.way), "os", strict=True)):
-        lost, look = ramp.lost.isel(way=way), {"marker": mark, "ms": 4, "color": colour_of(way)}
-        plain.plot(rate, lost, ls="", label=name, **look)
-        scaled.plot(rate, lost * rate**exponent, lw=0.8, label=name, **look)
-    level = float((ramp.lost * ramp.rate**exponent).isel(way=1).median())
-    law = {"color": "0.5", "lw": 0.9, "ls": "--"}
-    plain.plot(rate, level * rate**-exponent, **law, label=rf"$\propto r^{{-{exponent:.3f}}}$")
-    scaled.axhline(level, **law)
-    plain.set(yscale="log", ylabel=r"kicks after $\kappa_G$", title="No graph is left")
-    scaled.set(ylim=(0, None), ylabel=rf"the same, times $r^{{{exponent:.3f}}}$")
-    scaled.set_title("Renormalisation foresees a constant")
-    for axes in (plain, scaled):
-        axes.set(xscale="log", xlabel=r"growth $r$ of $\kappa$ per kick")
-        axes.legend(fontsize="small")
-        axes.grid(lw=0.3)
+    figure, (kicks, smooth) = panels(1, 2, 13, 5)
+    rows = [*zip((f"graphs, {name}" for name in names_of(ramp.way)), ramp.lost, strict=True)]
+    rows.append(("first of 64 orbits across", ramp.escaped))
+    for i, (label, row) in enumerate(rows):
+        look = {"marker": "os^"[i], "ls": "", "ms": 4, "color": colour_of(i)}
+        kicks.plot(ramp.rate, row, label=label, **look)
+    for exponent, (_, row) in zip(exponents, rows[1:], strict=True):
+        law = float((row * ramp.rate**exponent).median()) * ramp.rate**-exponent
+        label = rf"$\propto r^{{-{exponent:.3f}}}$, foreseen"
+        kicks.plot(
+            ramp.rate, law, color="0.4", lw=0.9, ls="--" if exponent < 0.6 else ":", label=label
+        )
+    kicks.set(xscale="log", yscale="log", title="Kicks that grow through the breakup")
+    kicks.set(xlabel=r"growth $r$ of $\kappa$ per kick", ylabel=r"kicks after $\kappa_G$")
+    kicks.legend(fontsize="small")
     _draw_lives(smooth, lives)
     return figure, (
-        f"Kicks κ_G + r·n: the kick after κ_G by which converse KAM denies every family of graphs, "
-        f"by the line that does so first. Following the golden circle, whose area falls by "
-        f"{-ramp.attrs['area_rate']:.4f} per unit of κ, the phases are accelerated. (c) Kicks "
-        f"0.3·(1 + ripple·f_n), {lives.attrs['kicks']} of them; ▲: graphs last through all. Denied "
-        "are graphs, as far as searches see; curves that fold are not, and escapes were not tried."
-        f"\n{findings}"
+        "Kicks κ_G + r·n: the kick after κ_G by which converse KAM denies every family of graphs, "
+        "by the line that does so first, and the first by which one of 64 orbits is past all "
+        "circles. Following the golden circle, whose area falls by "
+        f"{-ramp.attrs['area_rate']:.4f} per unit of κ, the phases are accelerated. (b) Kicks "
+        f"0.3·(1 + ripple·f_n): how long graphs last, of {lives.attrs['kicks'] // 2} kicks, and, "
+        f"hollow, when the first of 64 orbits is past all circles, of {20 * lives.attrs['kicks']}; "
+        "▲: longer than that. Graphs are denied as far as searches see, and curves that fold are "
+        f"not; orbits that cross settle both.\n{findings}"
     )
 
 
 def _draw_lives(axes, lives):
-    names, top = names_of(lives.kind), lives.attrs["kicks"] / 2
+    names, kicks = names_of(lives.kind), lives.attrs["kicks"]
     for i, ripple in enumerate(lives.ripple.values):
-        life, x = lives.life.sel(ripple=ripple).values, np.arange(len(names)) + 0.1 * (i - 2)
-        lasts, look = np.isinf(life), {"ls": "", "ms": 5, "color": colour_of(i)}
-        axes.plot(x[~lasts], life[~lasts], marker="o", label=f"ripple {ripple:g}", **look)
-        axes.plot(x[lasts], np.full(lasts.sum(), top), marker="^", **look)
-    axes.set(yscale="log", ylabel="life of graphs (kicks)", title="Smooth forcings keep them")
+        x, look = np.arange(len(names)) + 0.12 * i - 0.24, {"ls": "", "color": colour_of(i)}
+        here, label = lives.sel(ripple=ripple), f"ripple {ripple:g}"
+        for values, end, fill in ((here.life, kicks / 2, None), (here.escaped, 20 * kicks, "none")):
+            lasts = np.isinf(values.values)
+            axes.plot(x[~lasts], values[~lasts], marker="o", ms=4.5, mfc=fill, label=label, **look)
+            axes.plot(x[lasts], np.full(lasts.sum(), end), marker="^", ms=4.5, mfc=fill, **look)
+            label = None
+    axes.set(yscale="log", ylabel="kicks", title="Smooth forcings keep barriers")
     words = [re.sub(r"k\^(-\d)", r"$f_k\\sim k^{\1}$", name) for name in names]
     axes.set_xticks(range(len(names)), words, rotation=40, ha="right")
     axes.legend(fontsize="small", loc="lower left")

@@ -33,7 +33,7 @@ def main(run, quick, tol):
         driven = study.resonances([2, 3, 4, 5, 6])
         run.table("patterns", cube.drop_dims("kick"))
         run.table("patterns_resonances", driven)
-        run.figure("patterns", draw_patterns(cube, driven), study.found(cube, driven))
+        run.figure("patterns", draw_patterns(cube), study.found(cube, driven))
 
 
 if __name__ == "__main__":

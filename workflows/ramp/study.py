@@ -1,7 +1,8 @@
-"""Lives of families of graphs: in ramps through the breakup, and by the smoothness of a forcing."""
+"""Lives of families of graphs, and escapes: in ramps through the breakup, and by smoothness."""
 
 import numpy as np
 
+from nasm import escape
 from nasm.barriers import critical_scale
 from nasm.circles import invariant_circle
 from nasm.circles.continuation import UNSTABLE
@@ -15,11 +16,15 @@ _GOLDEN = float(parse("gamma"))
 EXPONENT = np.log(_GOLDEN) / (np.log(_GOLDEN) - np.log(UNSTABLE[1,]))
 """Of the kicks ~ r^-0.497: times grow by 1/γ for each factor δ of κ - κ_G, r by δ/γ."""
 
+ESCAPES = power_law.FLUX / (1 + power_law.FLUX)
+"""Of the kicks ~ r^-0.751 at which the first orbit is through: the flux ~ (rn)^3.01, summed up."""
+
 _PLACES = np.array([0.05, 0.1, 0.2, 0.4, 0.6, 0.8, 1.0, 1.3])  # of the line, in r^-0.497 kicks
 _REACH = 5  # in the same unit, kicks on either side
+_PATIENCE = 6  # in r^-0.751 kicks, for an escape
+_ORBITS, _WINDOW = 64, (-1.0, 1.3)  # starts have y from 0 to 0.3: an escape is past all circles
 JUMPS = "square", "Fibonacci", "Thue-Morse", "random"
 SMOOTH = "cosine", "k^-4", "k^-3", "k^-2"
-_LARGE = 0.05  # ripples from which on jumps are foreseen to be seen
 _MEAN, _LINES = 0.3, 8
 
 
@@ -39,72 +44,79 @@ def _area(kappa):
 
 
 def ramps(rates):
-    """Find when no family of graphs is left in κ_n = κ_G + r·n: a Dataset with dims (way, rate).
+    """Find what κ_n = κ_G + r·n does to barriers: a Dataset with dims (way, rate).
 
-    way 0 is the plain ramp. In way 1 the phases are accelerated, by which y falls from kick to kick
-    as the area under the golden circle does. lost : the kick after κ_G by which they are lost, on
-    the line that denies them first; site : the kick before which that line is; life : kicks on
-    either side of it.
+    lost : the kick after κ_G by which no family of graphs is left, on the line that denies them
+    first. way 0 is the plain ramp. In way 1 the phases are accelerated, by which y falls from kick
+    to kick as the area under the golden circle does. escaped : the kick after κ_G by which the
+    first of 64 orbits is past all circles, in the plain ramp.
     """
     critical = critical_scale((1.0,), 1e-4).value
     acceleration = area_rate(critical)
-    found = np.array(
-        [[_lost(critical, rate, way * acceleration * rate) for rate in rates] for way in (0, 1)]
-    )
-    dims = "way", "rate"
+    lost = [[_lost(critical, rate, way * acceleration * rate) for rate in rates] for way in (0, 1)]
+    kicks = [np.arange(int(_PATIENCE * rate**-ESCAPES)) for rate in rates]
+    escaped = [_escape(critical + rate * n) for rate, n in zip(rates, kicks, strict=True)]
     variables = {
-        "lost": (dims, found[..., 0], "kicks from κ_G until no family of graphs is left"),
-        "site": (dims, found[..., 1], "kick from κ_G before which the line is that denies them"),
-        "life": (dims, found[..., 2], "kicks on either side of the line"),
+        "lost": (("way", "rate"), np.array(lost), "kicks from κ_G until no graphs are left"),
+        "escaped": ("rate", np.array(escaped), "kicks from κ_G until an orbit is past all circles"),
     }
-    ways = listed("way", "plain ramp", "following the golden circle")
+    coords = {
+        "way": listed("way", "plain ramp", "following the golden circle"),
+        "rate": (rates, "growth of κ per kick"),
+    }
     attrs = {"critical_scale": critical, "area_rate": acceleration}
-    coords = {"way": ways, "rate": (rates, "growth of κ per kick")}
-    return dataset("When graphs are lost in a ramp", coords, variables, attrs)
+    return dataset("When barriers are lost in a ramp", coords, variables, attrs)
 
 
 def _lost(critical, rate, acceleration):
-    """The least of site + life over lines, and both."""
+    """The least of site + life over lines."""
     unit = rate**-EXPONENT
     n = np.arange(-int(_REACH * unit), int(_REACH * unit) + 1)
     lives = []
     for site in np.unique(np.rint(_PLACES * unit).astype(int)):
         theta = acceleration / 2 * n * (n + 2.0 * site)  # and linear terms, which shift y
-        life = sequence.longest_lived(critical + rate * (n + site), theta, n.size // 2)[2]
-        lives.append((site + life, site, life))
+        kappa = critical + rate * (n + site)
+        lives.append(site + sequence.longest_lived(kappa, theta, n.size // 2)[2])
     return min(lives)
 
 
-def irregular(ripples, kicks):
-    """Find how long graphs last under κ_n = 0.3·(1 + ripple·f_n): dims (kind, ripple).
+def _escape(kappa):
+    return sequence.escape_time(kappa, 0.0, *escape.ensemble(_ORBITS), _WINDOW).min()
 
-    life : kicks on either side of the line that denies them first, of eight in the middle of all
-    kicks; inf if a start survives on each.
+
+def irregular(ripples, kicks):
+    """Find how long barriers last under κ_n = 0.3·(1 + ripple·f_n): dims (kind, ripple).
+
+    life : kicks on either side of the line that denies graphs first, of eight in the middle of the
+    kicks; inf if a start survives on each. escaped : the kick by which the first of 64 orbits is
+    past all circles, of 20 times as many.
     """
-    shapes = _shapes(np.arange(kicks))
+    shapes = _shapes(np.arange(20 * kicks))
     sites = kicks // 2 + 7 * np.arange(_LINES)
-    lives = [
-        [
-            min(sequence.longest_lived(_MEAN * (1 + ripple * f), 0.0, site)[2] for site in sites)
-            for ripple in ripples
-        ]
-        for f in shapes.values()
-    ]
+    lives, escaped = np.empty((2, len(shapes), len(ripples)))
+    for i, f in enumerate(shapes.values()):
+        for j, ripple in enumerate(ripples):
+            kappa = _MEAN * (1 + ripple * f)
+            lives[i, j] = min(sequence.longest_lived(kappa[:kicks], 0.0, n)[2] for n in sites)
+            escaped[i, j] = _escape(kappa)
     coords = {"kind": listed("kind", *shapes), "ripple": (ripples, "largest deviation, relative")}
-    label = "kicks on either side until no family of graphs is left; inf if they last"
-    variables = {"life": (("kind", "ripple"), np.array(lives), label)}
-    title = "Lives of graphs by the smoothness of the forcing"
+    dims, last = ("kind", "ripple"), "inf if they last"
+    variables = {
+        "life": (dims, lives, f"kicks on either side until no family of graphs is left; {last}"),
+        "escaped": (dims, escaped, "kicks until an orbit is past all circles; inf if none is"),
+    }
+    title = "Lives of barriers by the smoothness of the forcing"
     return dataset(title, coords, variables, {"kicks": kicks})
 
 
 def _shapes(n):
     """Return {kind: f_n, from -1 to 1}."""
-    phase, odd = n * _GOLDEN % 1, np.arange(1, 200, 2)[:, None]
-    waves = np.cos(2 * np.pi * odd * phase)
+    phase, odd = n * _GOLDEN % 1, range(1, 60, 2)
     parity = np.array([bin(i).count("1") % 2 for i in n])
-    shapes = {"period two": 1 - 2 * (n % 2), "cosine": waves[0]}
+    shapes = {"period two": 1 - 2 * (n % 2), "cosine": np.cos(2 * np.pi * phase)}
     for power in (4, 3, 2):
-        shapes[f"k^-{power}"] = (waves / odd**power).sum(axis=0) / (1 / odd**power).sum()
+        waves = sum(np.cos(2 * np.pi * k * phase) / k**power for k in odd)
+        shapes[f"k^-{power}"] = waves / sum(1 / k**power for k in odd)
     shapes["square"] = np.where(phase < 0.5, 1, -1)
     shapes["Fibonacci"] = np.where(phase < _GOLDEN, 1, -1)
     shapes |= {"Thue-Morse": 1 - 2 * parity}
@@ -113,38 +125,41 @@ def _shapes(n):
 
 def findings(ramp, lives):
     """Judge what was foreseen; lines of text."""
-    said = []
-    for way, name in enumerate(("plain", "following the golden circle")):
-        slope, error = power_law.exponent(ramp.rate.values, ramp.lost.isel(way=way).values)
-        known = np.isfinite(ramp.lost.isel(way=way))
-        said.append(
-            finding(
-                f"Graphs are lost ~ r^-{EXPONENT:.3f} kicks after κ_G, ramp {name}:",
-                f"the exponent is {-slope:.3f} ± {error:.3f} in {int(known.sum())} rates from "
-                f"{float(ramp.rate.max()):.0e} to {float(ramp.rate.min()):.0e}",
-                abs(slope + EXPONENT) < 2 * error < 0.04,
-                abs(slope + EXPONENT) < 0.06,
-                np.isfinite(slope),
-            )
-        )
-    jumps, smooth = (
-        lives.life.isel(kind=[list(lives.kind.attrs["names"]).index(kind) for kind in kinds])
-        for kinds in (JUMPS, SMOOTH)
-    )
-    lost, kept = np.isfinite(jumps), np.isinf(smooth)
-    large = lost.sel(ripple=lives.ripple >= _LARGE)
+    plain, following = ramp.lost
+    said = [
+        _power("Graphs are lost", plain, EXPONENT),
+        _power("Graphs are lost if phases follow the golden circle", following, EXPONENT),
+        _power("The first of 64 orbits crosses", ramp.escaped, ESCAPES),
+    ]
+    names = lives.kind.attrs["names"]
+    jumps, smooth = (lives.isel(kind=[names.index(k) for k in kinds]) for kinds in (JUMPS, SMOOTH))
+    lost, through = np.isfinite(jumps.life), np.isfinite(jumps.escaped)
+    kept, kicks = np.isinf(smooth.life) & np.isinf(smooth.escaped), lives.attrs["kicks"]
     said.append(
         finding(
             "Smoothness in the phase decides, not quasi-periodicity:",
-            f"with jumps, square or Fibonacci, graphs are lost in {_range(jumps)} kicks under "
-            f"{int(lost.sum())} of {lost.size} forcings, as with Thue-Morse and random ones; with "
-            f"coefficients like k^-2 or smaller they last {lives.attrs['kicks'] // 2} kicks under "
-            f"{int(kept.sum())} of {kept.size}",
-            bool(large.all() and kept.all()),
-            bool(large.all()) and float(kept.mean()) > 0.5,
+            "with jumps, square or Fibonacci, as with Thue-Morse and random kicks, graphs are lost "
+            f"in {_range(jumps.life)} kicks under {int(lost.sum())} of {lost.size} forcings, and "
+            f"orbits cross in {_range(jumps.escaped)} under {int(through.sum())}; with "
+            f"coefficients like k^-2 or smaller graphs last {kicks // 2} kicks, and nothing "
+            f"crosses in {20 * kicks}, under {int(kept.sum())} of {kept.size}",
+            bool(lost.all() and through.all() and kept.all()),
+            float(lost.mean()) > 0.5 and bool(kept.all()),
         )
     )
     return "\n".join(said)
+
+
+def _power(claim, kicks, foreseen):
+    slope, error = power_law.exponent(kicks.rate.values, kicks.values)
+    return finding(
+        f"{claim} ~ r^-{foreseen:.3f} kicks after κ_G:",
+        f"the exponent is {-slope:.3f} ± {error:.3f} in {int(np.isfinite(kicks).sum())} rates from "
+        f"{float(kicks.rate.max()):.0e} to {float(kicks.rate.min()):.0e}",
+        abs(slope + foreseen) < 2 * error < 0.04,
+        abs(slope + foreseen) < 0.06,
+        bool(np.isfinite(slope)),
+    )
 
 
 def _range(values):

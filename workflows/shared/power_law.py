@@ -2,6 +2,9 @@
 
 import numpy as np
 
+FLUX = 3.01172
+"""ln αβ/ln δ of the flux through the golden circle beyond its breakup, by MacKay's constants."""
+
 
 def exponent(x, y, least=4):
     """Fit y ~ x^a by a straight line through the logarithms: a and its standard error.
