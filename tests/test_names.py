@@ -10,7 +10,7 @@ import pytest
 from oracles import KAPPA_G
 
 import nasm
-from nasm import circles, first_breakup, flux, periodic
+from nasm import circles, flux, periodic
 from nasm.circles import continuation
 from nasm.numbers import NAMES, parse
 
@@ -84,7 +84,6 @@ def test_methods_take_a_rotation_number_as_its_text():
     assert found == continuation.critical_scale(gamma, kappa, 0.1)
     assert circles.invariant_circle("(gamma)/1", kappa).omega == gamma
     assert flux.flux("gamma", (0.9, 0.9), 100).omega == gamma
-    assert first_breakup.circle_scale("gamma", (0, 0), kappa, 0.1).omega == gamma
 
 
 @pytest.mark.parametrize(

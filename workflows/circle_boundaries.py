@@ -1,8 +1,8 @@
 """At which forcings does the circle of rotation number ω break? The boundaries CB_ω.
 
 Along rays of a plane of forcings, for the paper's six rotation numbers (arXiv:1606.04824, Sec. VI,
-Figs. 8 and 9) or any others, by two methods: the paper's, circles continued to their breakdown,
-and Greene's residue, which is sharper and knows nothing of circles.
+Figs. 8 and 9) or any others, by two methods: the paper's, circles continued from zero to their
+breakdown, and Greene's residue, which is sharper, knows nothing of circles and needs no zero.
 """
 
 from workflows.shared.cli import command, plane_option, ray_options, real, several, sweeps, whole
@@ -44,13 +44,12 @@ def main(run, omega, plane, angles, tips, tol, q_max):
 
     angles = rays.ray_angles(plane, angles, tips)
     omega = list(omega.values()) or rays.PAPER_CIRCLES
-    wanted = (
-        breakdown.by_continuation(plane, omega, angles, tol),
-        breakdown.by_residue(plane, omega, angles, q_max),
-        last_barrier(plane, angles, 1e-3),
-    )
+    wanted = [breakdown.by_residue(plane, omega, angles, q_max), last_barrier(plane, angles, 1e-3)]
+    if not any(plane.origin):
+        wanted.insert(0, breakdown.by_continuation(plane, omega, angles, tol))
     with run.sweeping(*wanted):
-        circles, residues, barrier = map(run.sweep, wanted)
+        *circles, residues, barrier = map(run.sweep, wanted)
+        circles = circles[0] if circles else residues
         barrier = unfolded(barrier, angles)
         run.table("circle_boundaries", circles)
         run.table("circle_boundaries_residue", residues)

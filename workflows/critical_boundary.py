@@ -2,7 +2,8 @@
 
 Three methods in one store and one picture (arXiv:1606.04824, Secs. V and VI): first escape times
 over the plane by direct iteration, which close in on the boundary from outside like N^(-1/3); the
-boundaries CB_ω of the paper's six circles by continuation; and CB_gt itself on rays, bracketed
+boundaries CB_ω of the paper's six circles by continuation, or by Greene's residue in a plane whose
+rays do not start at zero; and CB_gt itself on rays, bracketed
 between a certified circle and converse KAM, with the circle that is the last to break.
 """
 
@@ -31,7 +32,10 @@ def main(run, plane, angles, tips, tol, **options):
     from workflows.shared.plane import boundary_table, escape_plane, foreseen, grid_of, planned
 
     grid, angles = grid_of(plane, **options), rays.ray_angles(plane, angles, tips)
-    circle_job = breakdown.by_continuation(plane, rays.PAPER_CIRCLES, angles, tol)
+    if any(plane.origin):
+        circle_job = breakdown.by_residue(plane, rays.PAPER_CIRCLES, angles, 1500)
+    else:
+        circle_job = breakdown.by_continuation(plane, rays.PAPER_CIRCLES, angles, tol)
     last_job = last_barrier(plane, angles, tol)
     run.check(planned(grid))
     with run.sweeping(last_job, circle_job, later=foreseen(grid)):

@@ -11,7 +11,7 @@ from math import ceil
 import numpy as np
 import xarray as xr
 
-from nasm import escape, first_breakup, periodic
+from nasm import escape, periodic
 from nasm.circles import continuation
 from nasm.numbers import parse
 from nasm.planes import ROTATING_AXES, plane_of
@@ -29,14 +29,8 @@ _SCALES = {
 _SECONDS = 3  # of CPU time in a tile, which is a file for every variable
 
 
-def _continued(omega, profile, tol, start=None):
-    if start is None:
-        return continuation.critical_scale(omega, profile, tol)
-    return first_breakup.circle_scale(omega, start, profile, tol)
-
-
 _METHODS = {  # and how hard it tries, at the least
-    "continuation of circles": (_continued, {"tol": 0.1}),
+    "continuation of circles": (continuation.critical_scale, {"tol": 0.1}),
     "Greene's residue": (periodic.critical_scale, {"q_max": 10}),
     "direct iteration": (escape.critical_scale, {"n_max": 64, "n_orbits": 1}),
 }
@@ -45,11 +39,12 @@ _METHODS = {  # and how hard it tries, at the least
 def by_continuation(plane, omegas, angles, tol):
     """Return the Job of the cube `breakdown`: circles of `omegas` continued to their breakdown.
 
-    omegas : list of RotationNumber. angles : degrees. tol : float, the error to aim at.
+    omegas : list of RotationNumber. angles : degrees. tol : float, the error to aim at. ValueError
+    if the plane has an origin.
     """
     settings = {"method": "continuation of circles", "tol": tol}
-    seconds = 0.3 if any(plane.origin) else 0.02
-    return _job("breakdown", plane, _circles(omegas), angles, seconds, settings)
+    plane.rays_start_at_zero(settings["method"])
+    return _job("breakdown", plane, _circles(omegas), angles, 0.02, settings)
 
 
 def by_residue(plane, omegas, angles, q_max):

@@ -7,11 +7,14 @@ from workflows.figures.planes import fill_inside, in_plane, label_plane, of_two_
 
 
 def draw_circle_boundaries(breakdown, residues, barrier):
-    """Draw CB_ω of each rotation number in the upper half plane, CB_gt behind them, Fig. 8.
+    """Draw CB_ω of each rotation number, CB_gt behind them, Fig. 8.
+
+    breakdown : by continuation; `residues` themselves in a plane where that has no rays from zero.
 
     The caption says where each circle comes nearest to CB_gt, and whether all lie within it.
     """
     figure, (axes,) = style.panels(1, 1, 10, 6.6)
+    effort = "periods up to {q_max}" if breakdown is residues else "errors of {tol:g}"
     sharp = style.known(breakdown)
     fill_inside(axes, barrier, label=r"$\mathit{CB}_{gt}$")
     draw_circles(axes, sharp)
@@ -32,13 +35,16 @@ def draw_circle_boundaries(breakdown, residues, barrier):
     beyond = best.critical_scale - best.error > barrier.critical_scale + barrier.error
     shares = ", ".join(
         f"{text}: {float(of.min()):.1f} to {float(of.max()):.1f}%"
+        if of.notnull().any()
+        else f"{text}: on no ray"
         for text, of in zip(residues.circle.values, ratio, strict=True)
     )
+    how = f"{breakdown.attrs['method']}, {effort.format(**breakdown.attrs)}"
     return figure, (
-        f"Critical boundaries of circles, by continuation on {breakdown.angle.size} rays to "
-        f"{breakdown.attrs['tol']:g}, in front of the region without global transport. Their "
-        f"distance from the origin in parts of that of the last barrier: {shares}. Points beyond "
-        f"the last barrier by more than the errors: {int(beyond.sum())} of {beyond.size}. Gaps: "
+        f"Critical boundaries of circles on {breakdown.angle.size} rays by {how}, in front of the "
+        "region without global transport. Their distance from the origin in parts of that of the "
+        f"last barrier: {shares}. Points beyond the last barrier by more than the errors: "
+        f"{int(beyond.sum())} of {beyond.size}. Gaps: "
         f"{int(sharp.critical_scale.isnull().sum())} points without an answer to 2%."
     )
 
