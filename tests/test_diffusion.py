@@ -45,17 +45,11 @@ def test_strong_kicks_diffuse_as_rechester_and_white_say(kappa):
     assert abs(found.value - theory) < 4 * found.error + 0.08 * theory
 
 
-def test_three_strong_kicks_diffuse_without_correlations():
-    kappa = np.array([150.0, 121.0, 170.0])
-    found = diffusion(kappa, 2048)
-    quasilinear = (kappa**2).sum() / (4 * np.pi) ** 2
-    assert abs(found.value - quasilinear) < 4 * found.error + 0.05 * quasilinear
-
-
-def test_the_standard_map_is_on_both_the_axes_and_the_diagonal():
+def test_images_of_a_forcing_and_the_standard_map_in_both_its_places_diffuse_alike():
     once = diffusion((1.8,))
     agree(diffusion((1.8, 1.8)), once, 2)
     agree(diffusion((0.9, 0.0)), once, 0.25)
+    agree(diffusion((1.3, 0.6)), diffusion((-0.6, -1.3)))
 
 
 @pytest.mark.parametrize("strength", [1.5, 2.0])
@@ -66,12 +60,6 @@ def test_chaotic_orbits_of_the_standard_map_diffuse_as_published(strength):
     chaotic = np.isfinite(escape.escape_time((strength,), x, y, 50_000, (-2.0, 3.0))).mean()
     of_chaos = 8 * np.pi**2 * found.value / chaotic
     assert of_chaos == pytest.approx((strength - 0.9716) ** 3 / 3, rel=0.25)
-
-
-def test_images_of_a_forcing_diffuse_alike():
-    one = diffusion((1.3, 0.6))
-    for image in ((0.6, 1.3), (-1.3, -0.6), (1.3, -0.6)):
-        agree(one, diffusion(image))
 
 
 def test_the_error_is_the_scatter_of_other_orbits():

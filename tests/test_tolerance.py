@@ -23,7 +23,7 @@ def test_residues_of_golden_orbits_respond_as_differences_say():
         up, down = (periodic.residue((KAPPA_G * (1 + h),), p, q) for h in (1e-5, -1e-5))
         found = response.response(by_period[q][1], np.ones(q))
         assert found == pytest.approx((up - down) / 2e-5, rel=1e-5)
-    f, h = study.shape(study.COSINE, 3), 1e-6
+    f, h = study.ripple(3), 1e-6
     phases = [response.response(by_period[3][1], np.roll(f, shift)) for shift in range(3)]
     moved = (periodic.residue(KAPPA_G * (1 + h * f), 2, 1) - periodic.residue((KAPPA_G,), 2, 3)) / h
     assert min(abs(moved - each) for each in phases) < 1e-3 * max(np.abs(phases))
@@ -64,7 +64,7 @@ def test_climbs_lead_to_constant_kicks():
 
 def said_of(measured, upper):
     """What is found if the golden circle's loss has these exponents, and forcings these bounds."""
-    ripples = [(study.COSINE, d, 1 + d * study.shape(study.COSINE, 2)) for d in (1e-3, 1e-2)]
+    ripples = [("cosine", d, 1 + d * study.ripple(2)) for d in (1e-3, 1e-2)]
     cube = xr.Dataset(coords=labels(ripples, "")).assign(loss=("forcing", [0.02, 0.09]))
     law = {"measured": measured, "predicted": [0.64, 0.5], "measured_error": [0.01, 0.01]}
     law |= {"predicted_error": [0.001, 0.001], "repeat": [10.0, 50.0]}

@@ -4,8 +4,6 @@ import numpy as np
 
 from workflows.figures import style
 
-COSINE, ONE = "cosine", "one kick"  # shapes of ripples
-
 
 def draw_tolerance(cube, laws, tried, summits):
     """Draw loss against ripple, and how strong random forcings may be.
@@ -21,18 +19,14 @@ def draw_tolerance(cube, laws, tried, summits):
 
 def _draw_losses(axes, cube, laws):
     for period in np.unique(cube.period).tolist():
-        for shape, line in ((COSINE, "-"), (ONE, ":")):
-            mine = (cube.family == shape) & (cube.period == period) & (cube.loss > 0)
-            here = cube.isel(forcing=np.flatnonzero(mine)).sortby("parameter")
-            look = {"color": style.colour_of(period - 2), "marker": style.MARKERS[period % 5]}
-            label = f"$P = {period}$" if shape == COSINE else None
-            lines = {"ls": line, "lw": 1, "ms": 4, "mfc": None if shape == COSINE else "none"}
-            axes.errorbar(here.parameter, here.loss, here.loss_error, label=label, **look, **lines)
+        mine = (cube.period == period) & (cube.loss > 0)
+        here = cube.isel(forcing=np.flatnonzero(mine)).sortby("parameter")
+        look = {"color": style.colour_of(period - 2), "marker": style.MARKERS[period % 5]}
+        look |= {"lw": 1, "ms": 4, "label": f"$P = {period}$"}
+        axes.errorbar(here.parameter, here.loss, here.loss_error, **look)
     d, exponent = np.array([1e-5, 1e-3]), float(laws.predicted.sel(period=2))
     label = rf"$\propto d^{{\,{exponent:.3f}}}$, renormalisation for $P = 2$"
     axes.plot(d, 0.014 * (d / 1e-3) ** exponent, color="0.4", lw=1, ls="--", label=label)
-    if (cube.family == ONE).any():
-        style.key(axes, {"-": "cosine", ":": "one kick in $P$ is stronger"})
     axes.set(xscale="log", yscale="log", xlabel=r"ripple $d$ (rms over mean)")
     axes.set(ylabel=r"loss of threshold, $1 - s_c\,\mathrm{rms}/\kappa_G$")
     axes.set_title("What a ripple costs")

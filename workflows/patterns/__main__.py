@@ -19,7 +19,7 @@ from workflows.shared.cli import command, flag, real, sweeps
 @real("--tol", 1e-2, 1e-5, 0.1, "Width of the bracket to aim at, relative to the scale.")
 @sweeps
 def main(run, quick, tol):
-    """Last barriers of signs, pairs and bursts of kicks: a cube, two tables and a figure in OUT.
+    """Last barriers of signs, pairs and bursts of kicks: a cube, a table and a figure in OUT.
 
     The defaults take some eight minutes of CPU time; --quick less than one.
     """
@@ -30,10 +30,8 @@ def main(run, quick, tol):
     job = last_barriers("patterns", study.patterns(quick), study.PARAMETER, tol)
     with run.sweeping(job):
         cube = study.in_lab_units(with_circles(run.sweep(job)))
-        driven = study.resonances([2, 3, 4, 5, 6])
         run.table("patterns", cube.drop_dims("kick"))
-        run.table("patterns_resonances", driven)
-        run.figure("patterns", draw_patterns(cube), study.found(cube, driven))
+        run.figure("patterns", draw_patterns(cube), study.found(cube))
 
 
 if __name__ == "__main__":

@@ -1,13 +1,12 @@
-"""The forcings of `patterns`, the resonances of pairs, and what is found of both."""
+"""The forcings of `patterns`, and what is found of them."""
 
 from math import gcd
 
 import numpy as np
 
-from nasm.periodic import residue
 from workflows.figures.patterns import BURSTS, CONSTANT, FLIPS, PAIRS, SIGNS, of_family
 from workflows.shared.rules import finding
-from workflows.shared.tables import dataset, described
+from workflows.shared.tables import described
 
 PARAMETER = f"ε of {PAIRS}, P of {SIGNS}, M of {FLIPS}, share of the period kicked in {BURSTS}"
 _NEAR, _CLOSE = 0.05, 1 / 16  # of K_c to its limit, for pairs that close
@@ -48,36 +47,12 @@ def in_lab_units(cube):
     return cube.assign(per_period=per_period, robustness=(rms / golden).assign_attrs(words))
 
 
-def resonances(spacings, strength=0.01):
-    """Measure how strong the period-one resonances of pairs 1/P apart are, by their residues.
-
-    spacings : ints P. Returns a Dataset with dims (spacing, resonance), NaN for resonance ≥ P.
-    """
-    k, spacings = np.arange(max(spacings)), np.array(spacings)
-    found = np.full((spacings.size, k.size), np.nan)
-    for row, q in zip(found, spacings.tolist(), strict=True):
-        kappa = strength / q * np.array(pair(1, q))
-        row[:q] = [4 / strength * residue(kappa, p, 1) for p in range(q)]
-    order = 2 * np.abs(np.cos(np.pi * k / spacings[:, None])) + 0 * found
-    dims, words = ("spacing", "resonance"), "strength of a resonance over K, 4R/K"
-    coords = {
-        "spacing": (spacings, "P, of pairs of kicks 1/P of the period apart"),
-        "resonance": (k, "momentum, in turns per period"),
-    }
-    columns = {
-        "strength": (dims, found, f"{words}, at K = {strength:g}"),
-        "first_order": (dims, order, f"{words}, to first order in K"),
-    }
-    return dataset("Resonances of pairs of kicks", coords, columns, {"kick": strength})
-
-
-def found(cube, driven):
-    """Say what the cube and the resonances show, with a verdict on each claim."""
+def found(cube):
+    """Say what the cube shows, with a verdict on each claim."""
     pairs = of_family(cube, PAIRS).sortby("parameter")
     lower, upper = (pairs[side] * pairs.period for side in ("lower", "upper"))
     third = np.isclose(pairs.parameter, 1 / 3)
     K, others = pairs.per_period, pairs.per_period.values[~third]
-    off = float(abs(driven.strength - driven.first_order).max())
     limit = K * np.sqrt(pairs.parameter / of_family(cube, CONSTANT).critical_scale.item())
     close = limit.values[(pairs.parameter <= _CLOSE) & limit.notnull()]
     known = cube.critical_scale.notnull()
@@ -92,18 +67,11 @@ def found(cube, driven):
         finding(
             "Of all pairs those 1/3 of the period apart lose their last barrier first:",
             f"K_c = {K.values[third].item():.6g}, and {np.nanmin(others):.6g} or more for the "
-            f"{others.size} other spacings",
+            f"{others.size} other spacings; to first order none of its resonances is weaker than "
+            "K, and the one at p = P/2 is missing for even P",
             bool((upper.values[third] < lower.values[~third]).all()),
             bool((K.values[third] < others).all()),
             bool(np.isfinite(K.values).all()),
-        ),
-        finding(
-            "Pairs 1/P apart drive the resonance at k like a standard map of 2K|cos πk/P|: at 1/3 "
-            "none is weaker than K, which is why, and that at P/2 is missing for even P:",
-            f"residues of {int(driven.strength.count())} orbits of period one, P = "
-            f"{', '.join(map(str, driven.spacing.values))}, at K = {driven.attrs['kick']:g}, "
-            f"deviate by up to {off:.2g}",
-            off < driven.attrs["kick"],
         ),
         finding(
             "K_c approaches √(κ_G/ε) for close pairs:",

@@ -11,19 +11,16 @@ The conjecture is that at equal rms strength constant kicks hold a barrier longe
 are tried, and climbs that look for one which holds longer.
 """
 
-from workflows.shared.cli import choice, command, flag, real, sweeps, whole
-
-SHAPES = "cosine", "one kick"
+from workflows.shared.cli import command, flag, real, sweeps, whole
 
 
 @command()
 @whole("--forcings", 10_000, 10, 10**6, "Random forcings to try.")
 @whole("--climbs", 1000, 2, 10**5, "Climbs to forcings that hold longer.")
-@choice("--shape", SHAPES, ("cosine",), "Shape of ripples; may be repeated.", multiple=True)
 @real("--smallest", 1e-3, 1e-5, 0.1, "Smallest ripple of three kicks and more.")
 @flag("--quick", "A preview: few forcings, climbs and ripples.")
 @sweeps
-def main(run, forcings, climbs, shape, smallest, quick):
+def main(run, forcings, climbs, smallest, quick):
     """The loss by a ripple, and random forcings against constant kicks: cubes, tables, a figure.
 
     The defaults take some ten minutes on two cores; --quick less than one.
@@ -34,7 +31,7 @@ def main(run, forcings, climbs, shape, smallest, quick):
     from workflows.tolerance import study
 
     forcings, climbs = (min(forcings, 400), min(climbs, 40)) if quick else (forcings, climbs)
-    given, ripple = study.ripples(shape, smallest, quick), "rms of the deviations, over the mean"
+    given, ripple = study.ripples(smallest, quick), "rms of the deviations, over the mean"
     ripples, golden = last_barriers("tolerance", given, ripple, 1e-3), study.golden()
     bounds = against_constant("tolerance_random", study.random(forcings), ripple, golden)
     starts = study.starts(climbs)

@@ -3,7 +3,6 @@
 import numpy as np
 
 from nasm import periodic
-from workflows.figures.tolerance import COSINE
 from workflows.shared.rules import finding
 from workflows.shared.tables import dataset, described
 from workflows.tolerance.response import DELTA, golden, growth, repeat
@@ -14,24 +13,21 @@ _SOLVED = 3  # kicks, up to which its residues answer there
 _NEAR = 0.1  # rms distance of the end of a climb from constant kicks
 
 
-def shape(kind, period):
-    """Return f, of mean 0 and rms 1."""
-    n = np.arange(period)
-    f = np.cos(2 * np.pi * n / period) if kind == COSINE else (n == 0) - 1 / period
+def ripple(period):
+    """Return the cosine f of that period, of mean 0 and rms 1."""
+    f = np.cos(2 * np.pi * np.arange(period) / period)
     return f / np.sqrt(np.mean(f**2))
 
 
-def ripples(shapes, smallest, quick):
-    """List the ripples as (shape, d, profile), for P = 2 to 8, or to 3 if `quick`.
+def ripples(smallest, quick):
+    """List the ripples as ("cosine", d, profile), for P = 2 to 8, or to 3 if `quick`.
 
-    Those of P = 2, for which all shapes are one, go down to 10⁻⁵, the others to `smallest`.
+    Those of P = 2 go down to 10⁻⁵, the others to `smallest`.
     """
     sizes = np.array([1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5])
-    sizes = sizes[:5:2] if quick else sizes
-    given = [(COSINE, 2, sizes)]
-    longer = range(3, 4) if quick else PERIODS[1:]
-    given += [(f, n, sizes[sizes >= 0.999 * smallest]) for f in shapes for n in longer]
-    return [(f, d, 1 + d * shape(f, n)) for f, n, sizes in given for d in sizes]
+    sizes, periods = (sizes[:5:2], (2, 3)) if quick else (sizes, PERIODS)
+    given = [(n, d) for n in periods for d in sizes if n == 2 or d >= 0.999 * smallest]
+    return [("cosine", d, 1 + d * ripple(n)) for n, d in given]
 
 
 def random(n):
@@ -85,7 +81,7 @@ def laws(q_max):
 def _exponent(period, factor, q_max):
     losses, errors = [], []
     for d in (_LARGEST, _LARGEST / factor):
-        profile = 1 + d * shape(COSINE, period)
+        profile = 1 + d * ripple(period)
         scale = np.sqrt(np.mean(profile**2)) / golden()
         answer = periodic.critical_scale(f"{period}gamma", profile, q_max)
         losses.append(1 - scale * answer.value)
