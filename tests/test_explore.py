@@ -5,6 +5,7 @@ import re
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
+from fractions import Fraction
 from urllib.parse import parse_qsl
 
 import numpy as np
@@ -13,7 +14,7 @@ from bokeh.server.util import bind_sockets
 from browser import ELSEWHERE
 from tornado.httpclient import AsyncHTTPClient
 
-from nasm import barriers, escape
+from nasm import barriers, escape, orbits
 from nasm.numbers import parse
 from nasm.planes import rotating, three_kicks, two_kicks
 from workflows.explore import field, plane, rays, server
@@ -21,6 +22,8 @@ from workflows.explore.field import Field, View
 from workflows.explore.rays import Breakup, Rays
 from workflows.explore.state import State
 from workflows.explore.work import Work
+from workflows.shared.orbit_words import orbit_words
+from workflows.shared.phase_space import periodic_orbits
 from workflows.shared.run import place_of
 
 
@@ -163,6 +166,40 @@ def test_the_rays_of_a_view_cross_it_and_a_second_look_needs_none(plane):
         assert known.missing(view) == []
 
 
+@pytest.mark.parametrize(
+    ("start", "said"),
+    [
+        ((0.5, 0.3), "a circle"),
+        ((0.5, 0.0), "periodic with 0: residue 0.4, elliptic"),
+        ((0.5, 1e-3), "on the islands of 0"),
+        ((1e-3, 1e-3), "chaotic (averages"),
+    ],
+)
+def test_an_orbit_is_a_circle_periodic_on_islands_or_chaotic(start, said):
+    assert said in orbit_words(np.array([0.5, 0.4]), *start)
+
+
+@pytest.mark.parametrize("family", [0, 1])
+def test_a_periodic_orbit_has_the_residue_that_the_action_gives_it(family):
+    kappa = np.array([0.3, 0.2, 0.25])  # without a symmetry
+    *_, x, y, residue = periodic_orbits(kappa, [Fraction(2, 5)])[family]
+    whole = np.tile(kappa, 5)
+    step = 1e-6  # the tangent by differences
+    ends = [orbits.orbit(whole, x[0] + dx, y[0] + dy, 1) for dx, dy in step * np.eye(2)]
+    ends += [orbits.orbit(whole, x[0] - dx, y[0] - dy, 1) for dx, dy in step * np.eye(2)]
+    trace = (ends[0][0][1] - ends[2][0][1] + ends[1][1][1] - ends[3][1][1]) / (2 * step)
+    assert residue == pytest.approx((2 - trace) / 4, abs=1e-7)
+    assert (residue > 0) == (family == 1)
+
+
+@pytest.mark.parametrize("text", ["0.618", "0.5", "1.25", "-0.38", "0.3819660113"])
+def test_of_a_decimal_number_a_noble_one_is_followed_that_rounds_to_it(text):
+    noble, words = rays.named_by(text)
+    assert parse(noble).is_noble
+    assert noble in words
+    assert round(float(parse(noble)), len(text.partition(".")[2])) == float(text)
+
+
 class Document:
     """Of callbacks that are called by hand."""
 
@@ -236,6 +273,7 @@ def test_a_closed_tab_ends_its_generators():
         ("b=nan:1", "the range nan:1.0 must be"),
         ("y=-1:1", "the range -1.0:1.0 must be 1e-09 to 1 wide"),
         ("omega=3/5", "3/5 is rational, and has no circle"),
+        ("pq=3/1001", "'3/1001' must be a fraction like 3/8"),
         ("orbits=0.5", "'0.5' must be two numbers, like"),
         ("orbits=0,inf", "'0,inf' must be two numbers, like"),
         ("orbits=" + "0.5,0.3;" * 51, "51 orbits are too many; take 50 or fewer"),
@@ -254,6 +292,7 @@ def test_a_link_holds_all_that_a_tab_looks_at():
     state = State(rotating("1/3"))
     state.move(0.1, -0.2)
     state.follow("[0;2,(1)]")
+    state.seek("6/16")
     state.take(steps=200, a=(0.1, 1 / 3), b=(-0.3, -0.1), x=(0.25, 0.5), y=(1 / 7, 0.2))
     state.take(orbits=((0.5, 0.3), (1 / 3, -0.1)), show=frozenset({"contour", "cycles"}))
     again = State(state.plane)

@@ -5,7 +5,7 @@ from html import escape
 from pathlib import Path
 
 from bokeh.events import DocumentReady
-from bokeh.models import CategoricalSlider, CustomJS, Div, Row, TextInput
+from bokeh.models import Button, CategoricalSlider, CustomJS, Div, Row, TextInput
 from jinja2 import Template
 
 from workflows.explore import files, verdict
@@ -78,6 +78,8 @@ def _controls(state, wrong):
     counts = [str(n) for n in sorted({*STEPS, state.steps})]
     title = "N, steps within which an escape counts"
     slider = CategoricalSlider(title=title, categories=counts, value=str(state.steps), width=240)
+    leap = Button(label="to the boundary on this ray")
+    leap.on_click(state.to_boundary)
     slider.on_change("value", lambda attr, old, new: state.take(steps=int(new)))
     link, message = Div(width=120), Div()
     link.js_on_change("text", CustomJS(code="showAddress(cb_obj.text)"))
@@ -89,10 +91,10 @@ def _controls(state, wrong):
     tell()
     message.text = alert(wrong)
     state.on("point", moved)
-    for name in ("point", "steps", "a", "b", "x", "y", "omega", "orbits", "show"):
+    for name in ("point", "steps", "a", "b", "x", "y", "omega", "orbits", "fraction", "show"):
         state.on(name, tell)
     columns = [field(model, partial(typed, i)) for i, model in enumerate(fields)]
-    return Row(*columns, slider, link, message, styles=_WRAPPED | {"align-items": "start"})
+    return Row(*columns, leap, slider, link, message, styles=_WRAPPED | {"align-items": "start"})
 
 
 def _status(document, work, shared):

@@ -1,17 +1,21 @@
 """The phase portrait: orbits of the forcing, what is left of the last circle, orbits added."""
 
+from itertools import takewhile
 from math import ceil, log10
 
 import numpy as np
 from bokeh import models
 from bokeh.events import Tap
+from bokeh.plotting import figure
 
 from nasm import barriers, orbits, symmetries
 from nasm.circles import fourier
+from nasm.numbers import convergents
 from nasm.verdict import Answer
-from workflows.explore.state import ORBITS, State, orbits_of, orbits_text
+from workflows.explore.state import ORBITS, State, fraction_of, orbits_of, orbits_text
 from workflows.explore.widgets import boxes, field, on_view, picture, pixels_of, sides_of
 from workflows.figures.phase_space import CHAOTIC, COLOURS, STRONG, ends, places
+from workflows.shared.orbit_words import cycles_words, orbit_words
 from workflows.shared.phase_space import in_box, periodic_orbits, portraits
 from workflows.shared.verdict_words import name_of
 
@@ -21,6 +25,8 @@ _MOST_STEPS = 5000  # that are looked at of the longest-lived start's orbit
 _APART = 8  # pixels from one of its dots to the next, or so: nearer they would make a line
 _MOST_POINTS = 5000  # of a circle in the box
 _FINE = 2**15  # points of a circle, of which a box shows a part
+_PROFILE = 200  # starts on a vertical line
+_MOST_Q = 34  # of the convergents whose orbits are shown
 _BAR = "ω, rotation number per step; grey: chaotic"
 _EMPTY = {"x": [], "y": []}
 
@@ -31,6 +37,7 @@ class PortraitPanel:
     def __init__(self, state, work):
         self.state, self.work = state, work
         self.plot, self.image, self.bar, self.lines = _drawn(state)
+        profile = _profile(self.plot, self.lines["profile"])
         self.message = models.Div(sizing_mode="stretch_width", min_height=22)
         names = "portrait", "last circle", "periodic orbits"
         self.portraits, self.traces, self.cycles = map(work.latest, names)
@@ -40,19 +47,24 @@ class PortraitPanel:
             title="Orbits added, x, y; …", placeholder="0.5, 0.3", width=260
         )
         self.added.value = orbits_text(state.orbits)
+        fraction = models.TextInput(title="Orbits of a fraction p/q", placeholder="3/8", width=150)
+        fraction.value = state.fraction
         self.plot.on_event(Tap, lambda event: self._add(event.x, event.y))
         soon = on_view(self.plot, work, self._refresh)
         state.on("point", self._move)
         for what in ("point", "orbits", "show"):
             state.on(what, soon)
-        state.on("show", self._find_cycles)
+        for what in ("show", "fraction"):
+            state.on(what, self._find_cycles)
         state.on("verdict", self._judge)
         state.seen["phase space"] = self._seen
         soon()
         ticks = boxes(state, ORBITS, inline=True, stylesheets=["label { margin-right: 1em }"])
         added = field(self.added, lambda text: state.take(orbits=orbits_of(text)))
-        below = models.Row(ticks, added, styles={"flex-wrap": "wrap", "gap": "4px 16px"})
-        self.root = models.Column(self.plot, self.message, below, sizing_mode="stretch_width")
+        sought = field(fraction, state.seek)
+        below = models.Row(ticks, added, sought, styles={"flex-wrap": "wrap", "gap": "4px 16px"})
+        pictures = models.Row(self.plot, profile, sizing_mode="stretch_width")
+        self.root = models.Column(pictures, self.message, below, sizing_mode="stretch_width")
 
     def _seen(self):
         """Return the portrait with what is left of the last circle."""
@@ -77,7 +89,7 @@ class PortraitPanel:
         self._show_decisive()
 
     def _show(self, found):
-        self.portrait, pixels, curves, self.words = found
+        self.portrait, pixels, curves, self.lines["profile"].data, self.words = found
         left, bottom, width, height = self.portrait.attrs["box"]
         place = {"x": [left], "y": [bottom], "w": [width], "h": [height]}
         self.image.data = {"pixels": [pixels], **place}
@@ -90,15 +102,15 @@ class PortraitPanel:
     def _tell(self):
         colour = STRONG if "circle" in self.decisive else "inherit"
         name = f'<b style="color: {colour}">{self.name}</b>. ' if self.name else ""
-        self.message.text = f'<span role="status">{name}{self.words}</span>'
+        self.message.text = f'<span role="status">{name}{self.words} {self.said}</span>'
 
     def _forget(self):
-        self.decisive, self.name, self.orbits = {}, "", _NO_CYCLES
+        self.decisive, self.name, self.orbits, self.said = {}, "", _NO_CYCLES, ""
 
     def _move(self):
         self._forget()
         self.traces.cancel()
-        self.cycles.cancel()
+        self._find_cycles()
 
     def _judge(self):
         verdict = self.state.verdict
@@ -112,16 +124,19 @@ class PortraitPanel:
         self._show_decisive()
 
     def _find_cycles(self):
+        self._keep_cycles((_NO_CYCLES, ""))
+        state = self.state
+        omega = state.verdict and "cycles" in state.show and state.verdict.boundary.omega
+        fraction = fraction_of(state.fraction)
         self.cycles.cancel()
-        self.orbits = _NO_CYCLES
-        omega = self.state.verdict and self.state.verdict.boundary.omega
-        if "cycles" in self.state.show and omega:
-            self.cycles.submit(_cycles, self.state.kappa, omega, done=self._keep_cycles)
-        self._show_decisive()
+        if omega or fraction is not None:
+            args = state.kappa, omega or None, fraction
+            self.cycles.submit(_cycles, *args, done=self._keep_cycles)
 
     def _keep_cycles(self, found):
-        self.orbits = found
+        self.orbits, self.said = found
         self._show_decisive()
+        self._tell()
 
     def _show_decisive(self):
         """Draw what is known of the last circle in the box: curves, and points one by one."""
@@ -158,7 +173,7 @@ def _drawn(state):
     bar = models.ColorBar(color_mapper=shades, title=_BAR, width=10, padding=4)
     plot.add_layout(bar, "right")
     blanks = dict.fromkeys(("circle", "longest_lived", *_SYMMETRY), _EMPTY)
-    blanks["cycles"] = _NO_CYCLES
+    blanks |= {"cycles": _NO_CYCLES, "profile": _EMPTY}
     lines = {name: models.ColumnDataSource(columns, name=name) for name, columns in blanks.items()}
     for name, dash in zip(_SYMMETRY, ("solid", "dashed"), strict=True):
         plot.add_glyph(lines[name], models.Line(x="x", y="y", line_color="#444444", line_dash=dash))
@@ -172,6 +187,19 @@ def _drawn(state):
     tips = [("orbit", "@orbit"), ("x, y", "@x{0.0000000}, @y{0.0000000}")]
     plot.add_tools(models.HoverTool(renderers=[markers], tooltips=tips))
     return plot, image, bar, lines
+
+
+def _profile(plot, source):
+    """Return the narrow figure beside the portrait: ω of the orbits on a vertical line in it."""
+    how = {"width": 110, "tools": "save", "toolbar_location": "above", "x_axis_label": "ω"}
+    how |= {"sizing_mode": "stretch_height", "name": "rotation numbers"}
+    how["stylesheets"] = ["@media (max-width: 600px) { :host { display: none } }"]
+    beside = figure(y_range=plot.y_range, **how)
+    beside.toolbar.logo, beside.xaxis[0].ticker.desired_num_ticks = None, 2
+    beside.yaxis.visible = beside.grid.visible = False
+    beside.axis.axis_label_text_font_style = "normal"
+    beside.scatter("x", "y", source=source, size=3, color="#0072B2")
+    return beside
 
 
 _SYMMETRY = "symmetry", "second symmetry"
@@ -191,12 +219,20 @@ def _computed(kappa, box, added, every, with_lines, shape):
     missing = (
         "" if curves else "The forcing has no symmetry centre, so there are no symmetry lines."
     )
+    left, bottom, width, height = box
+    y = bottom + height * (np.arange(_PROFILE) + 0.5) / _PROFILE
+    omega, _ = orbits.rotation_number(kappa, left + width / 2, y, 2000)
+    profile = {"x": omega, "y": y}
+    told = [
+        f"The one added at ({x:.6g}, {y:.6g}): {orbit_words(kappa, x, y)}." for x, y in added[-1:]
+    ]
     for portrait in portraits(kappa, box, added, every):
         if portrait is None:
             yield None
         else:
-            words = " ".join(filter(None, [_sentences(portrait, len(added)), missing]))
-            yield portrait, _pixels(portrait, shape, len(added)), curves or (_EMPTY, _EMPTY), words
+            words = " ".join(filter(None, [_sentences(portrait), *told, missing]))
+            pixels = _pixels(portrait, shape, len(added))
+            yield portrait, pixels, curves or (_EMPTY, _EMPTY), profile, words
 
 
 def _pixels(portrait, shape, n_added):
@@ -216,15 +252,9 @@ def _pixels(portrait, shape, n_added):
     return pixels
 
 
-def _sentences(portrait, n_added):
-    """Return the number of orbits, and what was found of the last one that was added."""
+def _sentences(portrait):
     chaotic = int(np.isnan(portrait.omega).sum())
-    words = f"{portrait.sizes['orbit']} orbits, {chaotic} of them chaotic (grey)."
-    if n_added:
-        x, y, omega = (float(portrait[name][-1]) for name in ("start_x", "start_y", "omega"))
-        kind = f"ω = {omega:.9g} per step" if np.isfinite(omega) else "chaotic"
-        words += f" The one added at ({x:.6g}, {y:.6g}): {kind}."
-    return words
+    return f"{portrait.sizes['orbit']} orbits, {chaotic} of them chaotic (grey)."
 
 
 def _symmetry_lines(kappa, box):
@@ -258,15 +288,20 @@ def _decisive(kappa, found):
     return {}, ""
 
 
-def _cycles(kappa, omega):
-    """Return the points of the periodic orbits of the convergents of ω, and what they are."""
-    found = [_NO_CYCLES]
-    for fraction, family, x, y in periodic_orbits(kappa, omega):
-        words = *_MARKERS[family], f"{fraction} ({family})"
-        found.append(
-            dict(zip(_NO_CYCLES, (x, y, *np.repeat(words, x.size).reshape(3, -1)), strict=True))
-        )
-    return {name: np.concatenate([part[name] for part in found]) for name in _NO_CYCLES}
+def _cycles(kappa, omega, fraction):
+    """Return the points of the orbits of the convergents of ω, and of p/q, and words on these."""
+    near = (
+        [] if omega is None else takewhile(lambda f: f.denominator <= _MOST_Q, convergents(omega))
+    )
+    found = periodic_orbits(kappa, [f for f in near if f.denominator > 1])
+    own = [] if fraction is None else periodic_orbits(kappa, [fraction])
+    columns = [_NO_CYCLES]
+    for one, family, x, y, residue in found + own:
+        words = *_MARKERS[family], f"{one} ({family}), R = {residue:.4g}"
+        rows = x, y, *np.repeat(words, x.size).reshape(3, -1)
+        columns.append(dict(zip(_NO_CYCLES, rows, strict=True)))
+    said = "" if fraction is None else cycles_words(fraction, own)
+    return {name: np.concatenate([part[name] for part in columns]) for name in _NO_CYCLES}, said
 
 
 def _line(box, x, y):

@@ -4,13 +4,14 @@ As arXiv:1606.04824, Sec. VI, by `pipeline.cubes.barrier`; all images of a ray u
 of the plane come with it.
 """
 
+import re
 from collections import deque
 from dataclasses import dataclass
 from time import monotonic, sleep
 
 import numpy as np
 
-from nasm.numbers import parse
+from nasm.numbers import nobles_near, parse
 from pipeline.cubes.barrier import boundary, unfolded
 from pipeline.cubes.breakdown import by_continuation
 from workflows.explore.work import spread
@@ -183,6 +184,17 @@ def circle(client, plane, omega, view):
         points = [scale * np.exp(1j * np.deg2rad(angle)) for angle, scale in sorted(found.items())]
         pieces = np.split(points, np.flatnonzero(np.isnan(points)))
         yield {"a": [p.real.tolist() for p in pieces], "b": [p.imag.tolist() for p in pieces]}
+
+
+def named_by(text):
+    """Return the text of a noble number that rounds to a decimal one, and what to say of it; any
+    other text as it is, and ""."""
+    digits = re.fullmatch(r"[+-]?\d+\.(\d+)", text)
+    if not digits:
+        return text, ""
+    half = 0.5 * 10.0 ** -len(digits[1])  # the number itself is rational, and may end too soon
+    noble = str(nobles_near(float(text) + 0.382 * half, 0.618 * half, 1)[0])
+    return noble, f"a noble number that rounds to it: {noble}"
 
 
 def checked(plane, omega):

@@ -5,13 +5,15 @@ first: `a=0.1:0.3&b=0:0.2&omega=gamma&orbits=0.5,0.3;0.5,0.4&show=boundary,cycle
 """
 
 from collections import defaultdict
+from contextlib import suppress
+from fractions import Fraction
 from urllib.parse import urlencode
 
 import numpy as np
 
 from nasm.maps import forcing
 from nasm.planes import two_kicks
-from workflows.explore.rays import checked
+from workflows.explore.rays import checked, named_by
 
 STEPS = [m * 10**e for e in range(2, 6) for m in (1, 2, 5)] + [10**6]
 LINES = {"boundary": "where the last circle breaks", "contour": "where n* ≤ N begins"}
@@ -20,6 +22,7 @@ _HALF = 1.15  # of the largest strength, of the first view
 ZOOM = 1e-9, 30.0  # times the first view: beyond that pixels are no longer apart as floats
 _FAR = 1e7  # largest coordinates of a view, added
 _MOST_ORBITS = 50
+_MOST_Q = 1000  # of p/q whose orbits are sought
 
 
 class State:
@@ -28,6 +31,7 @@ class State:
     plane : nasm.planes.Plane. point : (a, b), its coordinates. steps : int, N of {n* ≤ N}.
     a, b : (lo, hi) of the plane that is shown. x, y : (lo, hi) of phase space.
     omega : text of the ω whose circle is followed, or "". orbits : ((x, y), …) that were added.
+    fraction : text of the p/q whose periodic orbits are shown, or "".
     show : frozenset of the names in LINES and ORBITS that are shown.
     verdict : nasm.verdict.Verdict of the point, None until it is known.
     seen : {name: function → xarray.Dataset}, what each panel shows now; panels put theirs in.
@@ -39,6 +43,7 @@ class State:
         self.a, self.b = ((-_HALF / size, _HALF / size) for size in sizes)
         self.x, self.y = (0.0, 1.0), (-0.25, 0.75)
         self.omega, self.orbits, self.show = "", (), frozenset({"boundary"})
+        self.fraction = ""
         self.verdict, self.seen, self._hear = None, {}, defaultdict(list)
 
     @property
@@ -72,14 +77,29 @@ class State:
         forcing(self.plane.forcing(*point))
         self.take(point=point)
 
+    def seek(self, fraction):
+        """Show the periodic orbits of a text p/q, or none for ""; ValueError for another text."""
+        self.take(fraction=fraction and str(fraction_of(fraction)))
+
     def follow(self, omega):
-        """Follow the circle of another ω, or none for ""; ValueError if it has no circle."""
+        """Follow the circle of another ω, or none for ""; ValueError if it has no circle.
+
+        For a decimal number a noble one is taken; returns what to say of it.
+        """
+        omega, words = named_by(omega)
         try:
             checked(self.plane, omega)
         except ValueError:
             self.take(omega="")
             raise
         self.take(omega=omega)
+        return words
+
+    def to_boundary(self):
+        """Move along the ray to where the last circle breaks, if the verdict knows."""
+        scale = self.verdict.boundary.value if self.verdict else np.nan
+        if np.isfinite(scale):
+            self.move(*(scale * value for value in self.point))
 
     def address(self):
         """Return the query of a link to all of this."""
@@ -106,6 +126,7 @@ class State:
         for ends in (asked.x, asked.y):
             _allow(ends, (ZOOM[0], 1.0))
         asked.follow(asked.omega)
+        asked.seek(asked.fraction)
         point = zip(("k1", "k2"), self.point, strict=True)
         asked.move(*(number(query[name]) if name in query else value for name, value in point))
         self.take(point=asked.point, **{part: getattr(asked, part) for part, *_ in _PARTS.values()})
@@ -117,6 +138,17 @@ def number(text):
         return float(text)
     except ValueError:
         raise ValueError(f"{text!r} is not a number; write one like 0.525") from None
+
+
+def fraction_of(text):
+    """Return the Fraction p/q that a text spells, None for ""; ValueError in words."""
+    if not text:
+        return None
+    with suppress(ValueError, ZeroDivisionError):
+        found = Fraction(text)
+        if found.denominator <= _MOST_Q and abs(found) <= _MOST_Q:
+            return found
+    raise ValueError(f"{text!r} must be a fraction like 3/8, with q up to {_MOST_Q}")
 
 
 def orbits_of(text):
@@ -171,6 +203,7 @@ _PARTS = {  # of the address: what it is here, how to read and how to write it
     "n": ("steps", _steps, str),
     **{name: (name, _ends, _written) for name in "abxy"},
     "omega": ("omega", str, str),
+    "pq": ("fraction", str, str),
     "orbits": ("orbits", orbits_of, lambda orbits: orbits_text(orbits).replace(" ", "")),
     "show": ("show", _names, lambda names: ",".join(sorted(names))),
 }

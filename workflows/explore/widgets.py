@@ -29,15 +29,15 @@ def alert(text):
 def field(model, take):
     """Return a text field with what is wrong with its text below it.
 
-    take : function of the text, called when it changes; its ValueError is the message. The text
-    stays as it was typed.
+    take : function of the text, called when it changes; its ValueError is the message, or the words
+    that it returns, if any. The text stays as it was typed.
     """
     message = Div(width=model.width, margin=(0, 5))
 
     def typed(attr, old, new):
         message.text = ""
         try:
-            take(new.strip())
+            message.text = escape(take(new.strip()) or "")
         except ValueError as error:
             message.text = alert(str(error))
 

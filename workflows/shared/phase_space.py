@@ -126,21 +126,17 @@ def in_box(box, x, y):
     return middle[0] + u[kept], middle[1] + v[kept]
 
 
-def periodic_orbits(kappa, omega, most=34):
-    """Return the orbits of the convergents of ω with 2 ≤ q ≤ most: a list of (p/q, family, x, y).
+def periodic_orbits(kappa, fractions):
+    """Return the ordered orbits of the fractions p/q: a list of (p/q, family, x, y, residue).
 
-    family : "minimizing" or "minimax".
+    family : "minimizing" or "minimax". Orbits that are not found are left out.
     """
     from nasm.action import LostError, ordered_orbits
-    from nasm.numbers import convergents
 
     found = []
-    for fraction in convergents(omega):
-        if fraction.denominator > most:
-            return found
-        if fraction.denominator > 1:
-            with suppress(LostError):
-                orbits = ordered_orbits(kappa, fraction.numerator, fraction.denominator)
-                for family, orbit in zip(("minimizing", "minimax"), orbits, strict=True):
-                    found.append((fraction, family, *orbit.points()))
+    for fraction in fractions:
+        with suppress(LostError):
+            orbits = ordered_orbits(kappa, fraction.numerator, fraction.denominator)
+            for family, orbit in zip(("minimizing", "minimax"), orbits, strict=True):
+                found.append((fraction, family, *orbit.points(), orbit.refined_residue()))
     return found
