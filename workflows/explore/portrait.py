@@ -176,13 +176,15 @@ def _drawn(state):
     blanks |= {"cycles": _NO_CYCLES, "profile": _EMPTY}
     lines = {name: models.ColumnDataSource(columns, name=name) for name, columns in blanks.items()}
     for name, dash in zip(_SYMMETRY, ("solid", "dashed"), strict=True):
-        plot.add_glyph(lines[name], models.Line(x="x", y="y", line_color="#444444", line_dash=dash))
+        plot.add_glyph(lines[name], models.Line(x="x", y="y", line_color="#888888", line_dash=dash))
     plot.add_glyph(lines["circle"], models.Line(x="x", y="y", line_color=STRONG, line_width=3))
     dots = models.Scatter(
         x="x", y="y", size=4, line_color="white", line_width=0.5, fill_color="black"
     )
     plot.add_glyph(lines["longest_lived"], dots)
-    markers = models.Scatter(x="x", y="y", marker="marker", size=6, fill_color="fill")
+    markers = models.Scatter(
+        x="x", y="y", marker="marker", size=7, fill_color="fill", line_color="#888888"
+    )
     markers = plot.add_glyph(lines["cycles"], markers)
     tips = [("orbit", "@orbit"), ("x, y", "@x{0.0000000}, @y{0.0000000}")]
     plot.add_tools(models.HoverTool(renderers=[markers], tooltips=tips))
