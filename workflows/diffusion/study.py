@@ -43,7 +43,8 @@ def law(barrier, fluxes, measured):
 
 def findings(law):
     """Judge what was foreseen; lines of text."""
-    ratio = law.ratio.values[np.isfinite(law.ratio.values)]
+    ratio = law.ratio.sel(excess=slice(0, 1)).values
+    ratio = ratio[np.isfinite(ratio)]
     first = law.ratio.isel(excess=law.ratio.notnull().argmax("excess")).dropna("angle")
     some = first.isel(angle=slice(None, None, max(1, first.size // 5)))
     nearest = ", ".join(f"{float(r):.2f} at {float(r.angle):g}°" for r in some)
@@ -52,9 +53,9 @@ def findings(law):
     return "\n".join([
         finding(
             "The last circle alone resists, D = ΔW/m:",
-            f"D is {_range(ratio)} of that under {ratio.size} forcings, and where it is resolved "
-            f"nearest to the boundary {nearest}: a bound; other cantori hold back more, most next "
-            "to the tip and the axes, where circles break almost together",
+            f"D is {_range(ratio)} of that under {ratio.size} forcings up to twice the breakup, "
+            f"and where it is resolved nearest to the boundary {nearest}; where it is less, the "
+            "cantori of other circles, which break almost together, hold back more",
             bool((abs(ratio - 1) < 0.2).all()),
             bool((ratio < 1.2).all()),
             ratio.size > 0,

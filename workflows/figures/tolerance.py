@@ -26,7 +26,7 @@ def _draw_losses(axes, cube, laws):
         axes.errorbar(here.parameter, here.loss, here.loss_error, **look)
     d, exponent = np.array([1e-5, 1e-3]), float(laws.predicted.sel(period=2))
     label = rf"$\propto d^{{\,{exponent:.3f}}}$, renormalisation for $P = 2$"
-    axes.plot(d, 0.014 * (d / 1e-3) ** exponent, color="0.4", lw=1, ls="--", label=label)
+    axes.plot(d, 0.035 * (d / 1e-3) ** exponent, color="0.4", lw=1, ls="--", label=label)
     axes.set(xscale="log", yscale="log", xlabel=r"ripple $d$ (rms over mean)")
     axes.set(ylabel=r"loss of threshold, $1 - s_c\,\mathrm{rms}/\kappa_G$")
     axes.set_title("What a ripple costs")
@@ -40,6 +40,8 @@ def _draw_strengths(axes, tried, summits):
     parts = [upper[near], upper[~near]]
     shades, labels = [style.colour_of(3), style.colour_of(0)], ["ripple below 10%", "others"]
     axes.hist(parts, bins, stacked=True, color=shades, label=labels)
+    words = "no orbit escapes:\nconverse KAM denies circles"
+    axes.text(0.99, 0.8 * axes.get_ylim()[1], words, size="small", ha="right", va="top")
     axes.axvline(1, color="black", lw=1, label="constant kicks")
     foot = {"transform": axes.get_xaxis_transform(), "clip_on": False, "ls": "", "ms": 5}
     look = {"marker": "|", "color": style.VERMILION, "label": "ends of climbs"}
