@@ -35,6 +35,7 @@ Aubry & Le Daeron, Physica D 8 (1983) 381; Mather, Comment. Math. Helv. 60 (1985
 """
 
 from fractions import Fraction
+from functools import cached_property
 
 import numpy as np
 from numba import njit
@@ -196,7 +197,7 @@ class Orbit:
     def refined_residue(self):
         """R good to the last digits, in double-double arithmetic."""
         chain = self.chain
-        return _refined_residue(self.kappa, chain.numerators, self.u, chain.work)
+        return _refined_residue(self.kappa, chain.numerators, self.u, chain.frame[2])
 
     def sites(self):
         """x of all N sites from `site` on, on the lift."""
@@ -231,13 +232,22 @@ class _Chain:
 
     def __init__(self, period, fraction):
         self.period, self.p, self.q = period, fraction.numerator, fraction.denominator
-        self.n_sites = n_sites = period * self.q
-        # The rotation's angles in units of 1/N, reduced mod N: exact for any length.
-        self.numerators = np.arange(n_sites) * (self.p % n_sites) % n_sites
-        self.theta = self.numerators / n_sites
-        hop = period * (pow(self.p, -1, self.q) if self.q > 1 else 0)
-        self.work = np.empty((4, n_sites))
-        self.frame = self.theta, hop, self.work
+        self.n_sites = period * self.q
+
+    @cached_property
+    def numerators(self):
+        """The rotation's angles in units of 1/N, reduced mod N: exact for any length."""
+        return np.arange(self.n_sites) * (self.p % self.n_sites) % self.n_sites
+
+    @cached_property
+    def frame(self):
+        """What kernels take: the same angles in turns, the sites to the next one, and room."""
+        hop = self.period * (pow(self.p, -1, self.q) if self.q > 1 else 0)
+        return self.numerators / self.n_sites, hop, np.empty((4, self.n_sites))
+
+    @property
+    def theta(self):
+        return self.frame[0]
 
     def right(self, u):
         """The next orbit to the right: the same one, at another time."""

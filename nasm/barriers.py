@@ -25,6 +25,7 @@ Converse KAM takes its starts from the dominant symmetry line, where the forcing
 """
 
 from dataclasses import replace
+from functools import cache
 from itertools import islice
 from math import floor
 
@@ -238,7 +239,7 @@ def _certified_at(scale, race):
     """Whether a circle is certified at a scale: of those that break last, or of what survives."""
     kappa = race.at(scale)
     omegas = dict.fromkeys(known.omega for known in race.known)
-    known = list(islice((omega for omega in omegas if _stands(omega, kappa)), 2))
+    known = list(islice((omega for omega in omegas if race.stands(omega, scale)), 2))
     if any(_is_certified(omega, kappa) for omega in known):
         return True
     found, steps = longest_lived(kappa, 4 * _SURVIVED, race.names()[:1])
@@ -246,7 +247,7 @@ def _certified_at(scale, race):
         return False
     names = candidates(*found, 4 * _SURVIVED) + _branches(*found, 4 * _SURVIVED)
     others = (omega for omega in dict.fromkeys(names) if omega not in known)
-    standing = (omega for omega in others if _stands(omega, kappa))
+    standing = (omega for omega in others if race.stands(omega, scale))
     return any(_is_certified(omega, kappa) for omega in islice(standing, 3))
 
 
@@ -288,13 +289,15 @@ def _located(start, profile):
 class _Race:
     """Circles on a segment, by the scales at which residues say that they break.
 
-    eliminated : list of float, scales at which no start was found to survive.
+    eliminated : list of float, scales at which no start was found to survive. stands : function of
+    a circle and a scale.
     """
 
     def __init__(self, start, short, precision, upper):
         self.start, self.short, self.precision = start, short, precision
         self.eliminated = [upper]
         self.leader, self.known, self.told, self._seen = None, [], set(), set()
+        self.stands = cache(lambda omega, scale, *longest: stands(omega, self.at(scale), *longest))
 
     def at(self, scale):
         """The forcing there."""
@@ -314,9 +317,7 @@ class _Race:
         the boundary of a circle has several sheets with three kicks or more. They may enter again.
         """
         omegas = {known.omega for known in self.known[:_NAMED] if known.value < scale}
-        back = [
-            ω for ω in omegas if self.short.size > 2 and _stands(ω, self.at(scale), _LONGER_ORBITS)
-        ]
+        back = [ω for ω in omegas if self.short.size > 2 and self.stands(ω, scale, _LONGER_ORBITS)]
         self._seen.difference_update(back)
         return back
 
@@ -338,7 +339,7 @@ class _Race:
         for omega in names:
             if self.leader:
                 reached = max(reached, self.leader.value)
-            if omega in self._seen or not _stands(omega, self.at(reached)):
+            if omega in self._seen or not self.stands(omega, reached):
                 continue
             self._seen.add(omega)
             scale = no_answer(omega, Status.UNDECIDED)
@@ -368,15 +369,14 @@ class _Race:
         if periodic.cusp_period(self.at(below)) > _TOO_LONG:  # no orbit that is asked sees the cusp
             self.told.add(Status.NEAR_CUSP)
             return no_answer(omega, Status.NEAR_CUSP)
-        while _stands(omega, self.at(self.upper), _LONGER_ORBITS):
+        while self.stands(omega, self.upper, _LONGER_ORBITS):
             if len(self.eliminated) == 1:
                 return no_answer(omega, Status.UNDECIDED)
             self.eliminated.remove(self.upper)
         above = self.upper
         while above - below > _HALVED * above:
             middle = (below + above) / 2
-            stands = _stands(omega, self.at(middle))
-            below, above = (middle, above) if stands else (below, middle)
+            below, above = (middle, above) if self.stands(omega, middle) else (below, middle)
         value, method = (below + above) / 2, "Greene's residue"
         return CriticalScale(value, above - below, np.nan, np.nan, omega, Status.OK, method)
 
@@ -397,7 +397,7 @@ class _Race:
             self.leader = _most_robust(shortest, None)
 
 
-def _stands(omega, kappa, longest=_TOO_LONG):
+def stands(omega, kappa, longest=_TOO_LONG):
     """Whether residues of the minimax orbits of convergents of ω fall with q, under a forcing: the
     circle exists. Of one or two orbits they may pass through 0 where it does not, so three are
     asked. False where the orbits are lost, as they are far beyond its breakup."""

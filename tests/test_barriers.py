@@ -259,7 +259,7 @@ def test_three_kicks_have_a_bracket_that_orbits_respect():
 def test_residues_that_pass_through_0_are_not_taken_for_a_circle(profile, omega, scale, stands):
     # Of two or three convergents they fall in each case; of ten they tell.
     kappa = scale * np.array(profile)
-    assert barriers._stands(parse(omega), kappa) == stands
+    assert barriers.stands(parse(omega), kappa) == stands
     assert periodic.circle_remains(omega, kappa, 3000) == stands
 
 

@@ -38,6 +38,7 @@ last 130 steps there, and on 15 of 20 other lines x = a starts survive 3000.
 
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cache, partial
 
 import numpy as np
 from numba import njit
@@ -198,9 +199,11 @@ def _longest_lived(kappa, n_kicks, sites, near=()):
     Of transversals on which no start survives and one lives long, the first is as good as any.
     The last site that was better is put first among `sites`.
     """
+    ordered = cache(lambda omega: ordered_orbits(kappa, omega.numerator, omega.denominator))
     best, least = None, np.inf
     for site in list(sites):
-        at, kicks = _longest_on_transversal(np.roll(kappa, -site), n_kicks, near)
+        minimax = partial(_minimax, ordered, kappa.size, site)
+        at, kicks = _longest_on_transversal(np.roll(kappa, -site), minimax, n_kicks, near)
         if best is None or kicks < least:
             best, least = Start(site, *(float(part) for part in at)), kicks
             sites.remove(site)
@@ -210,10 +213,10 @@ def _longest_lived(kappa, n_kicks, sites, near=()):
     return best, least
 
 
-def _longest_on_transversal(kappa, n_kicks, near):
+def _longest_on_transversal(kappa, minimax, n_kicks, near):
     """(x, y) of the start that lives longest on the transversal before site 0, and its life in
-    kicks."""
-    orbits = _first_orbits(kappa)
+    kicks; minimax : the orbits, a function of ω and a place x, as `_minimax`."""
+    orbits = _first_orbits(kappa, minimax)
     longest = _LONGEST * (n_kicks / kappa.size) ** 0.5
     kept = _KEPT * max(2, kappa.size)  # all ω up to P/2 are there
     while True:
@@ -249,10 +252,10 @@ def _longest_on_transversal(kappa, n_kicks, near):
         if np.isfinite(kicks) or between.denominator > longest:
             return points_at(place), kicks
         middle = np.interp(before.denominator / between.denominator, (0, 1), (x[i], x[i - 1]))
-        orbits.insert(i, (between, _minimax(kappa, between, middle)))
+        orbits.insert(i, (between, minimax(between, middle)))
 
 
-def _first_orbits(kappa):
+def _first_orbits(kappa, minimax):
     """(ω, sites) of the minimax orbits of ω = 0, 1, … and P/2; and if one end is not its own image
     under (x, y) → (-x, -y), those up to ω = P."""
     period = kappa.size
@@ -263,7 +266,7 @@ def _first_orbits(kappa):
     # kick they would be minimizing, and survive.
     orbits, before = [], 0.5 if kappa[0] > 0 else 0.0
     for omega in omegas:
-        orbits.append((omega, _minimax(kappa, omega, before)))
+        orbits.append((omega, minimax(omega, before)))
         before = orbits[-1][1][0]
     ends = (orbits[0], 0.0), (orbits[-1], 1.0)
     if any(
@@ -282,15 +285,16 @@ def _place(omega, sites):
     return sites[0], sites[0] - sites[-1] + omega.numerator
 
 
-def _minimax(kappa, omega, near):
-    """Sites of the minimax orbit of p/q, from one in a wide gap on that is nearest to x = near."""
-    p, q, period = omega.numerator, omega.denominator, kappa.size
+def _minimax(ordered, period, site, omega, near):
+    """Sites of the minimax orbit of p/q before the kick of `site`, from one in a wide gap on that
+    is nearest to x = near; ordered : `ordered_orbits` of ω."""
+    p, q = omega.numerator, omega.denominator
     rotation = np.arange(period * q) * (p / (period * q))
     try:
-        minimizing, minimax = ordered_orbits(kappa, p, q)
+        minimizing, minimax = ordered(omega)
     except LostError:
         return rotation + near
-    chain, starts = minimax.chain, np.arange(-minimax.site % period, period * q, period)
+    chain, starts = minimax.chain, np.arange((site - minimax.site) % period, period * q, period)
     gaps = (chain.right(minimizing.u) - minimizing.u)[starts]
     starts = starts[gaps > _WIDE * gaps.max()]
     away = near - minimax.sites()[starts]
