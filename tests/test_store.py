@@ -112,6 +112,8 @@ def test_what_is_committed_tile_by_tile_reads_back_whole(place):
     assert fill(place, plan) == 20
     toy.assert_complete(place, plan)
     assert fill(place, plan) == 0
+    for index, tile in store.tiles_of(place, "toy"):
+        assert np.array_equal(tile.wave, arrays(plan, index)["wave"])
 
 
 def test_a_plain_xarray_opens_a_cube_without_a_warning(on_disk):
