@@ -17,6 +17,7 @@ from tornado.httpclient import AsyncHTTPClient
 from nasm import barriers, escape, orbits
 from nasm.numbers import parse
 from nasm.planes import rotating, three_kicks, two_kicks
+from nasm.verdict import verdict
 from workflows.explore import field, plane, rays, server
 from workflows.explore.field import Field, View
 from workflows.explore.rays import Breakup, Rays
@@ -286,6 +287,22 @@ def test_an_address_that_asks_for_what_is_not_there_says_so_and_changes_nothing(
     with pytest.raises(ValueError, match=re.escape(words)):
         state.go({"k1": "0.25"} | dict(parse_qsl(query)))
     assert state.address() == first
+
+
+def test_the_boundary_on_a_ray_is_known_where_the_rays_begin_without_kicks():
+    found = verdict((0.3, 0.2, 0.2))
+    for forcings, known in ((rotating("1/3"), True), (three_kicks(0.2), False)):
+        state = State(forcings)
+        state.move(0.3, 0.2)
+        assert state.boundary is None
+        state.judge(found)
+        assert (state.boundary is not None) == known
+    state = State(two_kicks())
+    state.move(0.3, 0.2)
+    state.judge(verdict(state.kappa))
+    state.move(*state.boundary)
+    near = barriers.critical_scale(state.kappa, 1e-3)
+    assert near.value == pytest.approx(1, abs=1e-6)
 
 
 def test_a_link_holds_all_that_a_tab_looks_at():

@@ -163,6 +163,7 @@ _FOCUS = """() => {
 
 def test_the_keyboard_reaches_all_in_order_moves_the_forcing_and_back_undoes_it(page):
     tab, said = page("?k1=0.25&k2=-0.125&n=100", 900), []
+    told(tab, "BARRIER at")  # so that it can be asked where the boundary is
     while not said or said[-1] != "Help":
         tab.keyboard.press("Tab")
         said.append(tab.evaluate(_FOCUS))

@@ -78,8 +78,9 @@ def _controls(state, wrong):
     counts = [str(n) for n in sorted({*STEPS, state.steps})]
     title = "N, steps within which an escape counts"
     slider = CategoricalSlider(title=title, categories=counts, value=str(state.steps), width=240)
-    leap = Button(label="to the boundary on this ray")
-    leap.on_click(state.to_boundary)
+    leap = Button(label="to the boundary on this ray", disabled=True)
+    leap.on_click(lambda: state.boundary and state.move(*state.boundary))
+    state.on("verdict", lambda: leap.update(disabled=state.boundary is None))
     slider.on_change("value", lambda attr, old, new: state.take(steps=int(new)))
     link, message = Div(width=120), Div()
     link.js_on_change("text", CustomJS(code="showAddress(cb_obj.text)"))

@@ -95,11 +95,16 @@ class State:
         self.take(omega=omega)
         return words
 
-    def to_boundary(self):
-        """Move along the ray to where the last circle breaks, if the verdict knows."""
+    @property
+    def boundary(self):
+        """The point of the ray where the last circle breaks, None where the verdict knows none.
+
+        The verdict's ray begins without kicks; a plane's does if its origin is 0.
+        """
         scale = self.verdict.boundary.value if self.verdict else np.nan
-        if np.isfinite(scale):
-            self.move(*(scale * value for value in self.point))
+        if any(self.plane.origin) or not np.isfinite(scale):
+            return None
+        return tuple(scale * value for value in self.point)
 
     def address(self):
         """Return the query of a link to all of this."""
