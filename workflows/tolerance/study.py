@@ -10,7 +10,6 @@ from workflows.tolerance.response import DELTA, golden, growth, repeat
 PERIODS = range(2, 9)
 _LARGEST = 1e-3  # of two ripples, a repeat apart, under which the golden circle is asked
 _SOLVED = 3  # kicks, up to which its residues answer there
-_NEAR = 0.1  # rms distance of the end of a climb from constant kicks
 
 
 def ripple(period):
@@ -139,15 +138,17 @@ def _law(laws):
 
 
 def _conjecture(tried, summits):
-    near, reached = summits.distance.values < _NEAR, summits.upper.values / golden()
-    beaten = int(np.isinf(tried.upper).sum() + np.isinf(summits.upper).sum())
-    escaped = int((tried.upper <= golden()).sum())
+    reached = summits.upper.values / golden()
+    stay = reached > 1
+    beaten = int(np.isinf(tried.upper).sum() + np.isinf(reached).sum())
     words = (
         f"{beaten} of {tried.upper.size} random forcings of 2 to 8 kicks and {reached.size} climbs "
         "hold a barrier at 1.001 times the rms strength of constant kicks. Under "
-        f"{escaped} of the random ones orbits escape, and converse KAM denies the others' circles; "
-        f"{near.sum()} climbs end within {100 * _NEAR:g}% of constant kicks of some sign, from the "
-        f"others orbits escape at {reached[~near].max(initial=0):.2f} of κ_G or less"
+        f"{int((tried.upper <= golden()).sum())} random ones orbits escape, under the others "
+        f"converse KAM denies all circles; {stay.sum()} climbs end where no orbit escapes, "
+        f"{summits.distance.values[stay].max(initial=0):.2f} or less from constant kicks of some "
+        "sign in rms, and circles are denied there, too; from the others orbits escape at "
+        f"{reached[~stay].max(initial=0):.2f} of κ_G or less"
     )
     claim = "Constant kicks hold a barrier longest at equal rms strength:"
     return finding(claim, words, beaten == 0, known=reached.size > 0)
