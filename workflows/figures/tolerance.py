@@ -26,7 +26,7 @@ def _draw_losses(axes, cube, laws):
         axes.errorbar(here.parameter, here.loss, here.loss_error, **look)
     d, exponent = np.array([1e-5, 1e-3]), float(laws.predicted.sel(period=2))
     label = rf"$\propto d^{{\,{exponent:.3f}}}$, renormalisation for $P = 2$"
-    axes.plot(d, 0.035 * (d / 1e-3) ** exponent, color="0.4", lw=1, ls="--", label=label)
+    axes.plot(d, 0.01 * (d / 1e-3) ** exponent, color="0.4", lw=1, ls="--", label=label)
     axes.set(xscale="log", yscale="log", xlabel=r"ripple $d$ (rms over mean)")
     axes.set(ylabel=r"loss of threshold, $1 - s_c\,\mathrm{rms}/\kappa_G$")
     axes.set_title("What a ripple costs")
