@@ -33,7 +33,7 @@ def main(run, plane, angles, tips, tol, **options):
 
     grid, angles = grid_of(plane, **options), rays.ray_angles(plane, angles, tips)
     if any(plane.origin):
-        circle_job = breakdown.by_residue(plane, rays.PAPER_CIRCLES, angles, 1500)
+        circle_job = breakdown.by_residue(plane, rays.PAPER_CIRCLES, angles, 600)
     else:
         circle_job = breakdown.by_continuation(plane, rays.PAPER_CIRCLES, angles, tol)
     last_job = last_barrier(plane, angles, tol)

@@ -50,7 +50,8 @@ def by_continuation(plane, omegas, angles, tol):
 def by_residue(plane, omegas, angles, q_max):
     """Return the Job of the cube `breakdown_residue`: Greene's residue of periods up to q_max."""
     settings = {"method": "Greene's residue", "q_max": q_max}
-    return _job("breakdown_residue", plane, _circles(omegas), angles, 0.045, settings)
+    seconds = 0.045 if len(plane.origin) <= 2 else 0.16  # two families of orbits
+    return _job("breakdown_residue", plane, _circles(omegas), angles, seconds, settings)
 
 
 def by_escape(plane, angles, n_max, n_orbits):
