@@ -268,3 +268,10 @@ def test_fakes_just_beyond_the_breakup_are_met_and_rejected(name, profile, monke
 def test_without_a_breakup_nothing_is_certified():
     assert np.isnan(continuation.certified_scale(GAMMA, (1, 0), np.nan, 1e-2))
     assert np.isnan(continuation.certified_scale(GAMMA, (1, 0), 3.0, 1e-2))
+
+
+def test_a_circle_that_a_step_leaves_with_little_more_than_a_tenth_is_certified_by_one_more():
+    profile, distance = ray(23.4375), 1.6e-5
+    breakup = periodic.critical_scale("gamma", profile).value
+    found = continuation.certified_scale("gamma", profile, breakup, distance)
+    assert found == breakup * (1 - distance)
