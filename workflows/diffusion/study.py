@@ -10,6 +10,7 @@ from workflows.shared.tables import described
 NEAREST = 1e-3  # distance beyond the breakup at which the prefactor is read from the flux
 _NEAR = 0.13  # distance up to which the law of D itself is looked for
 _RAYS = 3  # on which it must be seen
+_SHARP = 0.25  # error of an exponent beyond which it is not judged
 
 
 def angles(quick):
@@ -66,9 +67,9 @@ def findings(law):
             "rays on which D is resolved there twice; that of ΔW/m has the prefactor "
             f"{_range(prefactor.values)} along the boundary, largest at "
             f"{float(prefactor.idxmax('angle')) if prefactor.size else np.nan:g}°",
-            rays >= _RAYS and abs(slope - ETA) < 2 * error < 0.5,
+            rays >= _RAYS and abs(slope - ETA) < 2 * error,
             abs(slope - ETA) < 0.5,
-            bool(np.isfinite(slope)),
+            known=error < _SHARP,
         ),
     ])  # fmt: skip
 

@@ -22,8 +22,8 @@ def draw_diffusion(law, findings):
         "quadrants are images of this one. "
         f"{law.attrs['n_orbits']} orbits under each forcing, errors of {100 * error:.0f}% in the "
         f"median. D was found under {int(found.sum())} of {found.size} forcings; the others are "
-        f"too slow for {law.attrs['n_max']} periods, grey in (a), or have accelerator modes and "
-        f"no D. Not tried: other planes and numbers of kicks.\n{findings}"
+        f"too slow for {law.attrs['n_max']} periods or have accelerator modes and no D, and are "
+        f"grey in (a). Not tried: other planes and numbers of kicks.\n{findings}"
     )
 
 
