@@ -13,7 +13,7 @@ import numpy as np
 
 from nasm.numbers import nobles_near, parse
 from pipeline.cubes.barrier import boundary, unfolded
-from pipeline.cubes.breakdown import by_continuation
+from pipeline.cubes.breakdown import by_residue
 from workflows.explore.work import spread
 from workflows.figures.style import circle_class, circle_style, longest_arcs
 from workflows.shared.tables import ANGLE, dataset
@@ -173,9 +173,7 @@ def circle(client, plane, omega, view):
     angles, _ = _across(view, 1.0)
     found = {}
     parts = [angles[i::_PARTS] for i in range(_PARTS)]
-    calls = deque(
-        (None, _circle_on_rays, plane, omega, part, _tolerance(view) / 10) for part in parts
-    )
+    calls = deque((None, _circle_on_rays, plane, omega, part, _periods(view)) for part in parts)
     for ended in spread(client(), calls, priority=-1):
         if ended is None:
             yield None
@@ -197,16 +195,22 @@ def named_by(text):
     return noble, f"a noble number that rounds to it: {noble}"
 
 
-def checked(plane, omega):
-    """Refuse a text that is not an irrational number, and a plane whose rays do not start at 0."""
-    if omega:
-        if parse(omega).is_rational:
-            raise ValueError(f"{omega} is rational, and has no circle; write one like [0;2,(1)]")
-        plane.rays_start_at_zero("continuation of circles")
+def checked(omega):
+    """Refuse a text that is not an irrational number."""
+    if omega and parse(omega).is_rational:
+        raise ValueError(f"{omega} is rational, and has no circle; write one like [0;2,(1)]")
+
+
+def _is_wide(view):
+    return max(np.ptp(view.a), np.ptp(view.b)) > _WIDE
 
 
 def _tolerance(view):
-    return 1e-3 if max(np.ptp(view.a), np.ptp(view.b)) > _WIDE else 1e-4
+    return 1e-3 if _is_wide(view) else 1e-4
+
+
+def _periods(view):
+    return 300 if _is_wide(view) else 1500
 
 
 def _across(view, spacing):
@@ -228,9 +232,9 @@ def _on_ray(plane, angle, tol):
     return boundary(np.unique(plane.unfold(angle)), tol, plane)
 
 
-def _circle_on_rays(plane, omega, angles, tol):
+def _circle_on_rays(plane, omega, angles, q_max):
     """On a worker: {angle: scale at which the circle breaks}."""
-    job = by_continuation(plane, [parse(omega)], angles, tol)
+    job = by_residue(plane, [parse(omega)], angles, q_max)
     found = job.compute({"circle": [omega], "angle": angles}, job.cube.settings)
     return dict(zip(angles.tolist(), found["critical_scale"][0].tolist(), strict=True))
 

@@ -88,7 +88,7 @@ class State:
         """
         omega, words = named_by(omega)
         try:
-            checked(self.plane, omega)
+            checked(omega)
         except ValueError:
             self.take(omega="")
             raise
