@@ -29,8 +29,8 @@ def draw_work_precision(data):
     """
     data = data.isel(ray=slice(2)) if in_column() else data
     n_panels = data.ray.size + (not in_column())
-    columns = min(3, n_panels)
-    figure, drawn = panels(-(-n_panels // columns), columns, 13, 9)
+    columns = min(4, n_panels)
+    figure, drawn = panels(-(-n_panels // columns), columns, 15, 7.6)
     for axes, i in zip(drawn, range(data.ray.size), strict=False):
         here = data.isel(ray=i)
         for method, name in enumerate(names_of(data.method)):
