@@ -220,8 +220,12 @@ def _tile(boxes, kappa, half_width):
     low, high = np.minimum.reduceat(ends[0], starts, 1), np.maximum.reduceat(ends[1], starts, 1)
     keys = np.repeat(np.arange(pieces.size), counts) * np.ones((2, 2, 2, 1), np.int64)
     corners, signs = np.arange(pieces.size) * np.ones((2, 2, 2, 1), np.int64), 1
+    n_keys = int(pieces.size)
     for axis in range(3):
         found, ranks = np.unique([end[axis] for end in ends], return_inverse=True)
+        n_keys *= found.size
+        if n_keys >= 2**63:  # two corners might have the same key
+            return False
         shape = np.where(np.arange(4) == axis, 2, 1)
         keys = keys * found.size + ranks.reshape(*shape[:3], -1)
         outer = np.searchsorted(found, [low[axis], high[axis]])

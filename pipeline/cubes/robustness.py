@@ -71,7 +71,6 @@ def climb(profile, golden, tries, random):
     """Climb from a profile to others from which orbits escape at higher scales only, by random
     steps; return the last. Steps grow by a half where they lead up, and else shrink by a seventh.
     """
-    scale, step = answer(profile, golden)[0], 0.3
     scale, step = _LEAST * golden, 0.3
     for _ in range(tries):
         tried = _normed(profile + step * random.standard_normal(profile.size))
