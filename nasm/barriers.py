@@ -297,7 +297,7 @@ class _Race:
         self.start, self.short, self.precision = start, short, precision
         self.eliminated = [upper]
         self.leader, self.known, self.told, self._seen = None, [], set(), set()
-        self.stands = cache(lambda omega, scale, *longest: stands(omega, self.at(scale), *longest))
+        self.stands = cache(lambda omega, scale, *longest: _stands(omega, self.at(scale), *longest))
 
     def at(self, scale):
         """The forcing there."""
@@ -397,7 +397,7 @@ class _Race:
             self.leader = _most_robust(shortest, None)
 
 
-def stands(omega, kappa, longest=_TOO_LONG):
+def _stands(omega, kappa, longest=_TOO_LONG):
     """Whether residues of the minimax orbits of convergents of ω fall with q, under a forcing: the
     circle exists. Of one or two orbits they may pass through 0 where it does not, so three are
     asked. False where the orbits are lost, as they are far beyond its breakup."""

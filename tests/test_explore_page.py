@@ -320,7 +320,8 @@ def test_toggles_show_symmetry_lines_and_the_orbits_of_the_convergents(opened):
     names = "kick by kick", "symmetry lines", "periodic orbits"
     for name in names:
         tab.get_by_label(name).check()
-    wait(tab, "Bokeh.documents[0].get_model_by_name('cycles').data.x.length")
+    for drawn in "cycles", "symmetry":
+        wait(tab, f"Bokeh.documents[0].get_model_by_name('{drawn}').data.x.length")
     settled(tab)
     found = columns(tab, "cycles")
     x, y = np.array(found["x"]), np.array(found["y"])
