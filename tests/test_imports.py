@@ -121,3 +121,12 @@ def test_only_the_room_of_proofs_says_that_something_is_proved(module):
         line for line in lines if re.search(r"\bprove[sdn]?\b|(?<!no )(?<!not a )\bproof\b", line)
     ]
     assert all("nasm.proofs" in line for line in claims), claims
+
+
+@pytest.mark.parametrize("readme", ["README.md", "nasm/proofs/README.md", "pipeline/README.md"])
+def test_what_a_readme_imports_is_there(readme):
+    blocks = re.findall(r"```python\n(.*?)```", (ROOT / readme).read_text(encoding="utf-8"), re.S)
+    lines = re.findall(r"^(?:>>> )?((?:from|import) .+)$", "".join(blocks), re.M)
+    assert lines
+    for line in lines:
+        exec(line, {})
