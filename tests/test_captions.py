@@ -16,8 +16,8 @@ from workflows.figures.flux import draw_flux
 from workflows.figures.proved_map import draw_proved_map
 from workflows.figures.tori import draw_breakups
 from workflows.flux import study as flux
+from workflows.shared.boundary_words import boundary_found, direct_found
 from workflows.shared.direct import exponent
-from workflows.shared.findings import boundary_found, direct_found
 
 
 @pytest.fixture(autouse=True)

@@ -28,7 +28,7 @@ def main(run, plane, angles, tips, tol, **options):
     from pipeline.cubes import breakdown
     from pipeline.cubes.barrier import last_barrier, unfolded
     from workflows.figures.critical_boundary import draw_critical_boundary
-    from workflows.shared import findings, rays
+    from workflows.shared import boundary_words, rays
     from workflows.shared.plane import boundary_table, escape_plane, foreseen, grid_of, planned
 
     grid, angles = grid_of(plane, **options), rays.ray_angles(plane, angles, tips)
@@ -49,9 +49,9 @@ def main(run, plane, angles, tips, tol, **options):
         run.table("critical_boundary", barrier)
         run.table("circle_boundaries", circles)
         run.table("direct_boundary", direct)
-        caption = findings.boundary_found(barrier)
+        caption = boundary_words.boundary_found(barrier)
         scale, resolution = direct.critical_scale, direct.resolution
-        caption += "\n" + findings.direct_found(scale, resolution, barrier, grid.n_orbits[-1])
+        caption += "\n" + boundary_words.direct_found(scale, resolution, barrier, grid.n_orbits[-1])
         run.figure("critical_boundary", draw_critical_boundary(field, circles, barrier), caption)
 
 

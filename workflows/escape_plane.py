@@ -19,7 +19,7 @@ def main(run, **options):
     --n-orbits 10000, and Fig. 6 the same with --kappa1 -1:1:1024.
     """
     from workflows.figures.escape_plane import draw_escape_plane
-    from workflows.shared.findings import field_found
+    from workflows.shared.boundary_words import field_found
     from workflows.shared.plane import escape_plane, foreseen, grid_of, planned
 
     grid = grid_of(**options)

@@ -18,7 +18,7 @@ def main(run, plane, angles, tips, tol):
     """
     from pipeline.cubes.barrier import last_barrier, unfolded
     from workflows.figures.last_barrier import draw_last_barrier
-    from workflows.shared import findings, rays
+    from workflows.shared import boundary_words, rays
 
     angles = rays.ray_angles(plane, angles, tips)
     job = last_barrier(plane, angles, tol)
@@ -26,7 +26,9 @@ def main(run, plane, angles, tips, tol):
         barrier = unfolded(run.sweep(job), angles)
         barrier = run.keep("boundary", barrier, tol=tol, **plane.record)
         run.table("last_barrier", barrier)
-        run.figure("last_barrier", draw_last_barrier(barrier), findings.boundary_found(barrier))
+        run.figure(
+            "last_barrier", draw_last_barrier(barrier), boundary_words.boundary_found(barrier)
+        )
 
 
 if __name__ == "__main__":
