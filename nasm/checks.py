@@ -56,6 +56,7 @@ def fraction(name, value):
     """`value` as an exact Fraction; ValueError unless it is one with a denominator up to 10⁶."""
     try:
         exact = Fraction(value)
+        float(exact)  # which 1e400 overflows
     except (TypeError, ValueError, OverflowError, ZeroDivisionError):
         raise ValueError(f"{name}={value!r} is no fraction; write one like '1/3'") from None
     if exact.denominator > MAX_DENOMINATOR:

@@ -114,6 +114,7 @@ GOOD = {"name": "mine", "axes": AXES, "origin": (0, 0), "first": (1, 0), "second
         ("two kicks", "'two kicks' is no plane; write two-kicks, rotating:FREQUENCY"),
         ("three-kicks:", "'three-kicks:' is no plane"),
         ("three-kicks:a", "third='a' is no fraction"),
+        ("three-kicks:1e400", "third='1e400' is no fraction"),
         ("rotating:1/3,1/4,1", "is no plane"),
         ("rotating:1/0", "frequency='1/0' is no fraction"),
         ("rotating:1/65", "a denominator from 2 to 64"),
