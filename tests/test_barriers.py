@@ -259,7 +259,7 @@ def test_three_kicks_have_a_bracket_that_orbits_respect():
 def test_residues_that_pass_through_0_are_not_taken_for_a_circle(profile, omega, scale, stands):
     # Of two or three convergents they fall in each case; of ten they tell.
     kappa = scale * np.array(profile)
-    assert barriers.stands(parse(omega), kappa) == stands
+    assert barriers._stands(parse(omega), kappa) == stands
     assert periodic.circle_remains(omega, kappa, 3000) == stands
 
 
@@ -325,8 +325,11 @@ def test_none_of_20_random_forcings_is_told_a_lie():
 @pytest.mark.parametrize(
     "case",
     thirds(
-        [*product([ray(30)], [0.99, 1.01], [1e-2]), *product([GENERIC], [0.98, 1.02], [1e-2])]
-        + [*product([ray(30)], [0.998, 1.002], [1e-3])]
+        [
+            *product([ray(30)], [0.99, 1.01], [1e-2]),
+            *product([GENERIC], [0.98, 1.02], [1e-2]),
+            *product([ray(30)], [0.998, 1.002], [1e-3]),
+        ]
     ),
 )
 def test_a_false_value_of_residues_is_not_believed(case, monkeypatch):
