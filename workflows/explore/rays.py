@@ -155,7 +155,7 @@ def computed(client, plane, angles, view):
     yield None
     workers = client()
     most = max(1, len(workers.nthreads()) - 1)
-    calls = deque((angle, _on_ray, plane, angle, _tolerance(view)) for angle in angles)
+    calls = deque((angle, _on_ray, plane, angle, _effort(view)[0]) for angle in angles)
     count, found, shown = 0, [], monotonic()  # to draw the lines costs more than a ray
     for ended in spread(workers, calls, most, priority=-1):
         if ended is not None:
@@ -173,7 +173,7 @@ def circle(client, plane, omega, view):
     angles, _ = _across(view, 1.0)
     found = {}
     parts = [angles[i::_PARTS] for i in range(_PARTS)]
-    calls = deque((None, _circle_on_rays, plane, omega, part, _periods(view)) for part in parts)
+    calls = deque((None, _circle_on_rays, plane, omega, part, _effort(view)[1]) for part in parts)
     for ended in spread(client(), calls, priority=-1):
         if ended is None:
             yield None
@@ -201,16 +201,9 @@ def checked(omega):
         raise ValueError(f"{omega} is rational, and has no circle; write one like [0;2,(1)]")
 
 
-def _is_wide(view):
-    return max(np.ptp(view.a), np.ptp(view.b)) > _WIDE
-
-
-def _tolerance(view):
-    return 1e-3 if _is_wide(view) else 1e-4
-
-
-def _periods(view):
-    return 300 if _is_wide(view) else 1500
+def _effort(view):
+    """Return the width of brackets and the longest period of orbits that a view asks for."""
+    return (1e-3, 300) if max(np.ptp(view.a), np.ptp(view.b)) > _WIDE else (1e-4, 1500)
 
 
 def _across(view, spacing):
