@@ -34,7 +34,7 @@ def test_ripples_come_back_to_their_phases():
 
 
 def test_the_law_of_alternating_ripples_is_settled_and_their_loss_follows_it():
-    rate, error = response.growth(1, 2)
+    rate, error = response.growth(2)
     exponent = np.log(response.DELTA) / rate
     assert error < 1e-3 * rate
     losses = []

@@ -56,6 +56,7 @@ __dir__ = __all__.copy
 
 MAX_STEPS = 10**6
 EXCESS = 0.6, 0.95  # steps: C of the law, least and largest
+_EXCESS = 0.7  # mostly
 
 _BLOCK = 32  # kicks, about, between two looks at the starts
 _GRIDS = ((1024, 0.5), (797, 0.382))  # starts, and the place of the start in its cell
@@ -179,7 +180,7 @@ def located(profile, n_max, start=None):
         if found is None:  # of fewer steps than the search before
             longest, kicks = lived(upper, 16 * n_max)
             found = longest, kicks / profile.size
-        share = 0.7 / found[1]  # by the law, the breakup is that far below
+        share = _EXCESS / found[1]  # by the law, the breakup is that far below
     return upper, *found
 
 

@@ -38,10 +38,8 @@ def beyond(scales, excesses, n_orbits, n_max):
 
 
 def _compute(coords, settings):
-    strengths, sizes = (
-        strengths_beyond(coords, two_kicks()),
-        (settings["n_orbits"], settings["n_max"]),
-    )
+    strengths = strengths_beyond(coords, two_kicks())
+    sizes = settings["n_orbits"], settings["n_max"]
     kappas = np.stack(list(strengths.values()), axis=-1)
     found = [[diffusion.diffusion(kappa, *sizes) for kappa in on_ray] for on_ray in kappas]
     return strengths | fields(found, _NAMES)

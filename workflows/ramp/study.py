@@ -4,7 +4,7 @@ import numpy as np
 
 from nasm import escape
 from nasm.barriers import critical_scale
-from nasm.circles import invariant_circle
+from nasm.circles import fourier, graph, invariant_circle
 from nasm.circles.continuation import UNSTABLE
 from nasm.converse_kam import sequence
 from nasm.numbers import parse
@@ -35,12 +35,10 @@ def area_rate(critical):
 
 
 def _area(kappa):
-    """The mean of y dx/dθ over the circle x = θ + u(θ), y = x(θ) - x(θ - ω)."""
+    """The mean of y dx/dθ over the circle x = θ + u(θ)."""
     circle = invariant_circle("gamma", kappa)
-    modes, omega = np.fft.rfft(circle.u[0]), float(circle.omega)
-    turn = 2j * np.pi * np.arange(modes.size)
-    y = omega + np.fft.irfft(modes * (1 - np.exp(-turn * omega)), circle.u[0].size)
-    return (y * (1 + np.fft.irfft(turn * modes, circle.u[0].size))).mean()
+    _, y = graph(circle)
+    return (y * (1 + fourier.derivative(circle.u[0]))).mean()
 
 
 def ramps(rates):

@@ -4,8 +4,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from nasm import orbits
-from nasm.maps import step_tangent
+from nasm import fixed_points, orbits
 
 _AVERAGED = 10_000  # steps of the orbit
 _LARGEST = 100  # q of p/q that an orbit is said to belong to
@@ -30,8 +29,8 @@ def orbit_words(kappa, x, y):
     away = back_x[1] - x - near.numerator, back_y[1] - y
     if np.hypot(*(w - np.rint(w) for w in away)) > _CLOSES:
         return f"{words}, on the islands of {near}"
-    residue = (2 - np.trace(step_tangent(whole, x, y))) / 4
-    return f"{words}, periodic with {near}: {residue_words(residue)}"
+    residue = residue_words(fixed_points.residue(whole, x, y))
+    return f"{words}, periodic with {near}: {residue}"
 
 
 def residue_words(residue):

@@ -61,10 +61,10 @@ def repeat(period):
     return m
 
 
-def growth(k, period):
-    """Return ln λ of the part k of ripples of P kicks, and by how much the last repeat changed it,
-    NaN where there were fewer than three."""
-    turn, sizes = 2 * np.pi * k / period, {}
+def growth(period):
+    """Return ln λ of cosine ripples of P kicks, and by how much the last repeat changed it, NaN
+    where there were fewer than three."""
+    turn, sizes = 2 * np.pi / period, {}
     for n, both in orbits():
         phase = turn * np.arange(both[0].sites().size)
         if phase.size % period == 0:

@@ -62,7 +62,7 @@ def laws(q_max):
     """
     found = np.full((5, len(PERIODS)), np.nan)
     for row, period in zip(found.T, PERIODS, strict=True):
-        rate, error = growth(1, period)
+        rate, error = growth(period)
         predicted = np.log(DELTA) / rate
         row[:3] = np.exp(repeat(period) * rate), predicted, predicted * error / rate
         if period <= _SOLVED:
