@@ -406,6 +406,9 @@ def test_bad_input_stays_in_its_field_with_words_below_it_and_a_lost_worker_is_r
     assert tab.get_by_role("alert").count() == 5  # none has taken another's place
     assert tab.get_by_label("κ₁").input_value() == "one"
     assert tab.get_by_label("where the circle").input_value() == "3/5"
+    type_in(tab, "κ₁", good["κ₁"])
+    until(tab, "k1", good["κ₁"])
+    assert tab.get_by_label("κ₂").input_value() == "1e7"  # nor has the good one, while it is mended
     for label, text in good.items():
         type_in(tab, label, text)
     tab.get_by_text("a noble number that rounds to it: [0;(1)]").wait_for()

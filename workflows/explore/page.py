@@ -66,12 +66,16 @@ def _controls(state, wrong):
     ]
 
     def typed(i, text):
-        shown[i] = number(text)
-        state.move(*(shown[i] if i == j else value for j, value in enumerate(state.point)))
+        before, shown[i] = shown[i], number(text)
+        try:
+            state.move(*(shown[i] if i == j else value for j, value in enumerate(state.point)))
+        except ValueError:
+            shown[i] = before
+            raise
 
     def moved():
         for i, model in enumerate(fields):
-            if shown[i] != state.point[i]:  # else what is typed there stays
+            if shown[i] != state.point[i]:  # else what is typed there, good or bad, stays
                 shown[i] = state.point[i]
                 model.value = repr(shown[i])
 
