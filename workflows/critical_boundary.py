@@ -29,7 +29,7 @@ def main(run, plane, angles, tips, tol, **options):
     from pipeline.cubes.barrier import last_barrier, unfolded
     from workflows.figures.critical_boundary import draw_critical_boundary
     from workflows.shared import boundary_words, rays
-    from workflows.shared.plane import boundary_table, escape_plane, foreseen, grid_of, planned
+    from workflows.shared.plane import boundary_table, escape_plane, foreseen, grid_of
 
     grid, angles = grid_of(plane, **options), rays.ray_angles(plane, angles, tips)
     if any(plane.origin):
@@ -37,8 +37,7 @@ def main(run, plane, angles, tips, tol, **options):
     else:
         circle_job = breakdown.by_continuation(plane, rays.PAPER_CIRCLES, angles, tol)
     last_job = last_barrier(plane, angles, tol)
-    run.check(planned(grid))
-    with run.sweeping(last_job, circle_job, later=foreseen(grid)):
+    with run.sweeping(last_job, circle_job, later=foreseen(run, grid)):
         barrier = unfolded(run.sweep(last_job), angles)
         barrier = run.keep("boundary", barrier, tol=tol, **plane.record)
         circles = run.sweep(circle_job)

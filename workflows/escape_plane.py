@@ -20,11 +20,10 @@ def main(run, **options):
     """
     from workflows.figures.escape_plane import draw_escape_plane
     from workflows.shared.boundary_words import field_found
-    from workflows.shared.plane import escape_plane, foreseen, grid_of, planned
+    from workflows.shared.plane import escape_plane, foreseen, grid_of
 
     grid = grid_of(**options)
-    run.check(planned(grid))
-    with run.sweeping(later=foreseen(grid)):
+    with run.sweeping(later=foreseen(run, grid)):
         field = escape_plane(run, grid)
         run.figure("escape_plane", draw_escape_plane(field, grid.drawn), field_found(field))
 

@@ -108,11 +108,14 @@ def save(figure, out, name, caption="", kinds=("png", "pdf")):
     letter(figure)
     if in_column():
         _without_titles(figure)
+    figure.set_dpi(300 if in_column() else 200)
+    if layout := figure.get_layout_engine():
+        layout.execute(figure)  # once; savefig would draw all for it, for each picture
+        figure.set_layout_engine(None)
     paths = [f"{out}/{name}.{kind}" for kind in kinds]
     for path in paths:
         key = "Subject" if path.endswith("pdf") else "Description"
-        figure.savefig(path, dpi=300 if in_column() else 200, metadata={key: caption})
-        figure.set_layout_engine("none")  # the second picture takes the layout of the first
+        figure.savefig(path, dpi=figure.dpi, metadata={key: caption})
     if "matplotlib.pyplot" in sys.modules:  # which keeps its figures; importing it takes a while
         sys.modules["matplotlib.pyplot"].close(figure)
     if caption:

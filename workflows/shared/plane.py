@@ -76,13 +76,18 @@ def planned(grid, *values):
     return escape.composed(cube, grid.levels, grid.follow, *values) if grid.levels > 1 else cube
 
 
-def foreseen(grid):
+def foreseen(run, grid):
     """Yield (job, tiles that it wants, or None for all) of each sweep that `escape_plane` does.
 
-    Where the levels will be refined is taken from a coarse look at the plane.
+    They want no tiles if the run's place holds the field. Else where the levels will be refined is
+    taken from a coarse look at the plane. A usage error if it holds one of other settings.
     """
+    whole = run.whole(planned(grid), *_level_names(grid))
     if grid.levels == 1:
         yield _level_job(grid, "escape", 0), None
+        return
+    if whole is not None:
+        yield from ((_level_job(grid, *each), set()) for each in _level_names(grid).items())
         return
     first, asked = _level_job(grid, "escape_level0", 0), {}
     coords = {dim: first.cube.template[dim].values for dim in first.cube.tile}
@@ -109,6 +114,10 @@ def _is_within(grid, field):
     return np.concatenate([field <= n for n in grid.follow])
 
 
+def _level_names(grid):
+    return {f"escape_level{level}": level for level in range(grid.levels)}
+
+
 def _level_job(grid, name, level):
     factor = refine.FACTOR ** (grid.levels - 1 - level)
     axes = [axis.coarsened(factor) for axis in grid.axes]
@@ -125,6 +134,11 @@ def escape_plane(run, grid):
     """
     if grid.levels == 1:
         return run.sweep(_level_job(grid, "escape", 0))
+
+    if (whole := run.whole(planned(grid), *_level_names(grid))) is not None:
+        for name in *_level_names(grid), "escape":
+            run.note("cubes", run.place.cube(name))
+        return whole
 
     def compute(level, wanted):
         return run.sweep(_level_job(grid, f"escape_level{level}", level), wanted).escape_time.values

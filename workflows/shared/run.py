@@ -108,9 +108,9 @@ class Run(Output):
             click.echo(f"{swept}about {duration(seconds)} of CPU time", err=True)
 
     def check(self, cube):
-        """Refuse to go on if the place holds this cube with other settings."""
+        """Refuse to go on if the place holds this cube with other settings; true if it is there."""
         with explained(self.place):
-            store.check(self.place, cube, store.computed_by())
+            return store.check(self.place, cube, store.computed_by())
 
     def sweep(self, job, wanted=None):
         """Compute the missing tiles of the job's cube, or those `wanted`; return it as a Dataset.
@@ -125,6 +125,16 @@ class Run(Output):
         _go_on(outcome)
         self.note("cubes", self.place.cube(name))
         return store.read(self.place, name)
+
+    def whole(self, cube, *parts):
+        """Return a cube that was kept, as a Dataset; None if it is not in the place, or if tiles
+        are missing of the sweeps `parts` that it was made from. A usage error as by `check`."""
+        with explained(self.place):
+            if not self.check(cube):
+                return None
+            known = [state for state in store.status(self.place) if not state.damage]
+            done = {state.name for state in known if state.done >= state.tiles}
+            return store.read(self.place, cube.name) if done.issuperset(parts) else None
 
     def keep(self, name, dataset, tile=None, **settings):
         """Write a cube that no sweep computes, whole; return it as a Dataset."""
