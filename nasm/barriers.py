@@ -76,6 +76,7 @@ _STOOD = 0.99  # of a scale with survivors
 _OUTSET = 0.93  # of a scale without circles: where the first candidates are to stand
 _BLURRED = 300  # period that sees a cusp, from which orbits up to 6000 may leave large errors
 _LONG = 30_000  # period of the orbits then
+_ROUGHLY = 1e-3  # precision from which orbits half as long as usual give the digits
 
 
 def critical_scale(profile, tol=1e-4, start=None):
@@ -352,10 +353,10 @@ class _Race:
                 self.known = sorted([*self.known, scale], key=lambda known: -known.value)
                 self.leader = _most_robust([scale], self.leader)
 
-    def by_residues(self, omega, between=None):
+    def by_residues(self, omega, between=None, q_max=6000):
         """The CriticalScale of one circle by the crossings of its residues; by longer orbits if a
         cusp is near and blurs the others."""
-        scale = periodic.critical_scale(omega, self.short, start=self.start, between=between)
+        scale = periodic.critical_scale(omega, self.short, q_max, self.start, between)
         precise = scale.error <= self.precision * scale.value  # NaN is not
         if not precise and periodic.cusp_period(self.at(self.upper)) > _BLURRED:
             longer = periodic.critical_scale(omega, self.short, _LONG, self.start, between)
@@ -389,7 +390,9 @@ class _Race:
         for i, known in enumerate(self.known):
             if self.halved(known) and known.value + known.error > self.leader.value:
                 far = 2 * known.error
-                scale = self.by_residues(known.omega, (known.value - far, known.value + far))
+                between = known.value - far, known.value + far
+                longest = 6000 if self.precision < _ROUGHLY else 3000
+                scale = self.by_residues(known.omega, between, longest)
                 if abs(scale.value - known.value) < far:
                     self.known[i] = scale
         if self.known:

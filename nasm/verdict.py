@@ -26,6 +26,7 @@ from nasm.symmetries import lengthen, shorten
 __all__ = ["Answer", "Evidence", "Verdict", "verdict"]
 __dir__ = __all__.copy
 
+_COARSE, _CLEAR = 1e-2, 0.05  # tolerance of a first look, with three kicks, and where it is enough
 _TOLERANCES = (1e-3, 1e-4, 2e-5)  # of the boundary, until its error tells a point from it
 _FAR = 1.1  # times a point: a circle so far out that the point is no matter of tolerances
 _STEPS = 1000  # of converse KAM that every point is asked to survive
@@ -101,7 +102,8 @@ class Verdict:
 def verdict(kappa, prove=False):
     """Does a barrier exist under the forcing kappa, or is transport global?
 
-    1. The boundary on the ray through kappa, the finer the nearer it turns out to be.
+    1. The boundary on the ray through kappa, the finer the nearer it turns out to be; with three
+       kicks or more at 1% first.
     2. Below it, the circle under kappa itself, certified, while converse KAM leaves a survivor.
     3. Above it, converse KAM under kappa itself, with as many steps as the distance asks for.
     4. If asked to, prove the circle, and up to which multiple of kappa there is one; or where there
@@ -128,8 +130,10 @@ def verdict(kappa, prove=False):
     (short,), zero = shorten([kappa], rational(0))
     answer, evidence = Answer.UNDECIDED, Evidence.NONE
     found, circle, steps, proof = None, None, inf, None
-    for tol in _TOLERANCES:
+    for tol in [_COARSE] * (short.size > 2) + [*_TOLERANCES]:
         boundary = _in_units_of(size, critical_scale(short / size, tol))
+        if tol == _COARSE and not abs(boundary.value - 1) > _CLEAR:
+            continue
         if abs(boundary.value - 1) <= boundary.error and tol > _TOLERANCES[-1]:
             continue  # look closer before deciding
         end = boundary.value if np.isfinite(boundary.value) else boundary.upper
