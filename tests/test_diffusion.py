@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 import xarray as xr
-from commands import succeed, table
 from numpy.testing import assert_allclose
 from scipy.special import jv
 
@@ -15,10 +14,10 @@ from nasm.symmetries import ray
 from workflows.diffusion import study
 
 
-def agree(one, other, factor=1.0, errors=4):
+def agree(one, other, factor=1.0):
     assert one.status is other.status is Status.OK
     error = np.hypot(one.error, factor * other.error)
-    assert abs(one.value - factor * other.value) < errors * error < 0.5 * one.value
+    assert abs(one.value - factor * other.value) < 4 * error < 0.5 * one.value
 
 
 def test_the_kernel_iterates_the_map():
@@ -50,16 +49,6 @@ def test_images_of_a_forcing_and_the_standard_map_in_both_its_places_diffuse_ali
     agree(diffusion((1.8, 1.8)), once, 2)
     agree(diffusion((0.9, 0.0)), once, 0.25)
     agree(diffusion((1.3, 0.6)), diffusion((-0.6, -1.3)))
-
-
-@pytest.mark.parametrize("strength", [1.5, 2.0])
-def test_chaotic_orbits_of_the_standard_map_diffuse_as_published(strength):
-    """<Δp²>/t = (K - K_c)³/3, a fit; Chirikov & Shepelyansky, Scholarpedia 3 (2008) 3550."""
-    found = diffusion((strength,))
-    x, y = np.meshgrid((np.arange(64) + 0.5) / 64, (np.arange(64) + 0.5) / 64)
-    chaotic = np.isfinite(escape.escape_time((strength,), x, y, 50_000, (-2.0, 3.0))).mean()
-    of_chaos = 8 * np.pi**2 * found.value / chaotic
-    assert of_chaos == pytest.approx((strength - 0.9716) ** 3 / 3, rel=0.25)
 
 
 def test_the_error_is_the_scatter_of_other_orbits():
@@ -105,17 +94,3 @@ def law_of(ratio, exponent):
 def test_the_rules_can_say_no(ratio, exponent, said):
     lines = study.findings(law_of(ratio, exponent)).splitlines()
     assert [words in line for words, line in zip(said, lines, strict=True)] == [True] * 2
-
-
-@pytest.mark.slow
-def test_diffusion_is_kept_as_a_labelled_cube(tmp_path, workers):
-    out = tmp_path / "out"
-    said = succeed("diffusion", out, "--quick", "--n-max", "8192", *workers)
-    cube = xr.open_zarr(out / "diffusion.zarr").load()
-    assert cube.diffusion.dims == ("angle", "excess")
-    here = cube.isel(angle=1, excess=-1)
-    expected = diffusion((float(here.kappa1), float(here.kappa2)), 256, 8192)
-    assert float(here.diffusion) == pytest.approx(expected.value)
-    assert len(table(out / "diffusion.csv")) == cube.diffusion.size
-    assert "The last circle alone resists, D = ΔW/m: " in said
-    assert (out / "diffusion.png").exists()

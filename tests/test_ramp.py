@@ -3,12 +3,11 @@
 import numpy as np
 import pytest
 import xarray as xr
-from commands import succeed
 from oracles import KAPPA_G
 from scipy.linalg import eigvalsh_tridiagonal
 
 from nasm import flux
-from nasm.circles import invariant_circle
+from nasm.circles import graph, invariant_circle
 from nasm.converse_kam import sequence
 from nasm.numbers import parse
 from nasm.orbits import orbit
@@ -38,25 +37,19 @@ def test_the_longest_life_ends_where_the_action_has_no_minimum_any_more():
 
 def test_the_area_under_the_golden_circle_is_that_below_its_orbit():
     """Points of a long orbit in the order of x, by trapezia."""
-    n, kappa = 20_000, 0.9
-    u = invariant_circle("gamma", kappa).u[0]
-    golden = (5**0.5 - 1) / 2
-    before = np.interp(-golden % 1, np.arange(u.size + 1) / u.size, np.append(u, u[0]))
-    xs, ys = orbit((kappa,), u[0], golden + u[0] - before, n)
+    x, y = (part[0] for part in graph(invariant_circle("gamma", 0.9)))
+    xs, ys = orbit((0.9,), x, y, 20_000)
     order = np.argsort(xs % 1)
-    area = np.trapezoid(ys[order], (xs % 1)[order])
-    assert study._area(kappa) == pytest.approx(area, abs=1e-3)
+    assert study._area(0.9) == pytest.approx(np.trapezoid(ys[order], xs[order] % 1), abs=1e-3)
 
 
 @pytest.mark.parametrize("rate", [1e-2, 1e-3, 1e-6])
 def test_following_the_golden_circle_graphs_are_lost_as_renormalisation_says(rate):
+    foreseen = 1.67 * rate**-study.EXPONENT
     followed = study._lost(KAPPA_G, rate, rate * study.area_rate(KAPPA_G))
-    assert followed == pytest.approx(1.67 * rate**-study.EXPONENT, rel=0.05)
-
-
-def test_a_slow_ramp_that_does_not_follow_the_golden_circle_loses_graphs_sooner():
-    plain = study._lost(KAPPA_G, 1e-6, 0.0)
-    assert plain < 0.9 * 1.67 * 1e-6**-study.EXPONENT
+    assert followed == pytest.approx(foreseen, rel=0.05)
+    if rate == 1e-6:  # a plain ramp loses graphs sooner
+        assert study._lost(KAPPA_G, rate, 0.0) < 0.9 * foreseen
 
 
 @pytest.mark.parametrize("rate", [1e-3, 1e-5])
@@ -97,17 +90,5 @@ def results(wiggle, exponents, jumps, smooth):
     ],
 )
 def test_the_rules_can_say_no(found, said):
-    lines = study.findings(*results(*found)).splitlines()
+    lines = study.findings(*results(*found)).splitlines()[:-1]
     assert [words in line for words, line in zip(said, lines, strict=True)] == [True] * 4
-
-
-@pytest.mark.slow
-def test_lives_of_graphs_are_kept_as_labelled_cubes(tmp_path):
-    out = tmp_path / "out"
-    said = succeed("ramp", out, "--quick", "--slowest", "1e-3")
-    ramp, lives = (xr.open_zarr(out / f"{name}.zarr").load() for name in ("ramp", "irregular"))
-    assert ramp.lost.dims == ("way", "rate")
-    assert (ramp.lost.min("way") < ramp.escaped).all()
-    assert lives.life.sizes == {"kind": 9, "ripple": 3}
-    assert "Smoothness in the phase decides" in said
-    assert (out / "ramp.png").exists()

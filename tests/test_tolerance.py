@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 import xarray as xr
-from commands import succeed
 from oracles import KAPPA_G
 
 from nasm import barriers, periodic
@@ -48,18 +47,16 @@ def test_the_law_of_alternating_ripples_is_settled_and_their_loss_follows_it():
 def test_forcings_against_constant_kicks_of_the_same_strength():
     """The breakup of (1.1, 0.9) is at 0.66 in rms; of constant kicks a start survives at κ_G."""
     ripple = np.array([1.1, 0.9]) / np.hypot(1.1, 0.9) * 2**0.5
-    upper, survived = robustness.answer(ripple, KAPPA_G)
-    assert 0.66173460 < upper <= 1.001 * KAPPA_G
-    assert survived == 0
-    assert robustness.answer(np.ones(1), 0.97) == (np.inf, 10_000)
-    assert robustness.answer(np.array([1.4, 0.2]), KAPPA_G)[0] < 0.9 * KAPPA_G
+    assert 0.66173460 < robustness.answer(ripple, KAPPA_G) <= 1.001 * KAPPA_G
+    assert robustness.answer(np.ones(1), 0.97) == np.inf
+    assert robustness.answer(np.array([1.4, 0.2]), KAPPA_G) < 0.9 * KAPPA_G
 
 
 def test_climbs_lead_to_constant_kicks():
     end = robustness.climb(np.array([1.2, 0.7]), KAPPA_G, 200, np.random.default_rng(0))
     assert np.mean(end**2) == pytest.approx(1)
     assert abs(end) == pytest.approx([1, 1], abs=0.1)
-    assert robustness.answer(end, KAPPA_G)[0] < np.inf
+    assert robustness.answer(end, KAPPA_G) < np.inf
 
 
 def said_of(measured, upper):
@@ -70,33 +67,16 @@ def said_of(measured, upper):
     law |= {"predicted_error": [0.001, 0.001], "repeat": [10.0, 50.0]}
     laws = xr.Dataset({k: ("period", v) for k, v in law.items()}, {"period": [2, 3]})
     tried = xr.Dataset({"upper": ("forcing", study.golden() * np.array(upper))})
-    ends = xr.Dataset(coords=labels([("", 0, [1.0, -1.0]), ("", 1, [1.4, 0.2])], ""))
-    ends = ends.assign(
-        summit=ends.profile, upper=("forcing", study.golden() * np.array([1.001, 0.5]))
-    )
-    return study.found(
-        cube.assign(loss_error=0.1 * cube.loss), laws, tried, study.with_distance(ends)
-    )
+    ends = xr.Dataset({"upper": ("forcing", study.golden() * np.array([1.001, 0.5]))})
+    return study.found(cube.assign(loss_error=0.1 * cube.loss), laws, tried, ends)
 
 
 def test_findings_on_ripples_are_judged_by_the_numbers():
     said = said_of([0.64, 0.5], [1.001, 0.5])
     assert said.count(" holds: ") == 2
-    assert "1 climbs end where no orbit escapes, 0.00 or less from constant kicks" in said
-    assert "orbits escape at 0.50 of κ_G" in said
+    assert "nor at the ends of 1 climbs" in said
+    assert "orbits do, at 0.50 of κ_G" in said
     assert "does not hold" in said_of([0.64, 0.5], [np.inf, 0.5])
     assert "holds with a caveat" in said_of([0.64, np.nan], [1.001, 0.5])
     assert "does not hold" in said_of([0.64, 0.6], [1.001, 0.5])
     assert "not decided" in said_of([np.nan, np.nan], [1.001, 0.5])
-
-
-@pytest.mark.slow
-def test_tolerances_are_kept_as_labelled_cubes(tmp_path, workers):
-    out = tmp_path / "out"
-    said = succeed("tolerance", out, "--quick", "--forcings", "14", "--climbs", "2", *workers)
-    assert "1% cost 8.9%" in said.replace("\n", " ")
-    cube = xr.open_zarr(out / "tolerance.zarr").load()
-    assert cube.family.values.tolist() == ["cosine"] * 6
-    tried = xr.open_zarr(out / "tolerance_random.zarr").load()
-    assert (tried.upper < study.golden() * 1.0011).all()
-    assert (out / "tolerance.png").exists()

@@ -7,7 +7,6 @@ eliminates all starts where there is no barrier, as far as its search can tell.
 """
 
 from functools import partial
-from itertools import takewhile
 
 import numpy as np
 import xarray as xr
@@ -33,18 +32,12 @@ def against_constant(name, forcings, parameter, golden, tries=0):
     A tile is 50 forcings, or 10 climbs.
     """
     coords = labels(forcings, parameter)
-    on, kicks = ({key: coords[key] for key in keys} for keys in (["forcing"], ["forcing", "kick"]))
-    variables = {
-        "upper": blank(
-            on, "rms strength without a barrier; inf if there is none up to 1.001 golden"
-        ),
-        "survived": blank(on, "periods for which a start survives there, of 100, 1000, 10⁴"),
-        "summit": blank(kicks, "where the climb ends, strengths of rms 1; NaN behind the last"),
-    }
+    words = "rms strength without a barrier; inf if there is none up to 1.001 golden"
+    upper = {"upper": blank({"forcing": coords["forcing"]}, words)}
     attrs = {"title": "Forcings against constant kicks of the same rms strength", "source": PAPER}
     settings = {"golden": golden, "kicks": _KICKS, "tries": tries}
     tile = {"forcing": 10 if tries else 50}
-    cube = Cube(name, xr.Dataset(variables, coords, attrs), tile, settings)
+    cube = Cube(name, xr.Dataset(upper, coords, attrs), tile, settings)
     return Job(cube, _compute, _predict, partial(answer, np.array([1.0, 0.9, 1.2]), 0.4))
 
 
@@ -55,16 +48,14 @@ def escapes(profile, scale):
 
 
 def answer(profile, golden):
-    """Return a scale without a barrier, inf if there is none, and the periods survived there."""
+    """Return a scale without a barrier; inf if there is none."""
     low, high = _LEAST * golden, _ABOVE * golden
     if not escapes(profile, high):
-        lives = takewhile(lambda n: not eliminates(high * profile, n), _PERIODS)
-        survived = max(lives, default=0)
-        return np.inf if survived == _PERIODS[-1] else high, survived
+        return high if any(eliminates(high * profile, n) for n in _PERIODS) else np.inf
     while high > _WIDTH * low:
         middle = np.sqrt(low * high)
         low, high = (low, middle) if escapes(profile, middle) else (middle, high)
-    return high, 0
+    return high
 
 
 def climb(profile, golden, tries, random):
@@ -87,15 +78,10 @@ def _normed(profile):
 
 
 def _compute(coords, settings):
-    golden, tries, size = settings["golden"], settings["tries"], coords["kick"].size
-    ends = [_normed(row) for row in profiles_of(coords)]
-    if tries:
-        seeds = map(int, coords["parameter"])
-        climbs = zip(ends, seeds, strict=True)
-        ends = [climb(end, golden, tries, np.random.default_rng(seed)) for end, seed in climbs]
-    upper, survived = np.transpose([answer(end, golden) for end in ends])
-    summit = [np.pad(end, (0, size - end.size), constant_values=np.nan) for end in ends]
-    return {"upper": upper, "survived": survived, "summit": np.array(summit)}
+    golden, tries, ends = settings["golden"], settings["tries"], []
+    for row, seed in zip(profiles_of(coords), coords["parameter"], strict=True):
+        ends.append(climb(_normed(row), golden, tries, np.random.default_rng(int(seed))))
+    return {"upper": np.array([answer(end, golden) for end in ends])}
 
 
 def _predict(coords, settings):

@@ -33,10 +33,9 @@ def _draw_pairs(axes, pairs, golden):
     limit = r"$\sqrt{\kappa_G/\varepsilon}$, the limit"
     axes.plot(line, np.sqrt(golden / line), color="0.4", lw=1, label=limit)
     kinds = [2 if f.numerator > 1 else f.denominator % 2 for f in fractions]
-    labels = "1/P$, $P$ even", "1/P$, $P$ odd", "p/P$"
-    for kind, (label, marker) in enumerate(zip(labels, "osD", strict=True)):
-        here, colour = np.equal(kinds, kind), style.colour_of((0, 4, 2)[kind])
-        look = {"color": colour, "marker": marker, "ls": "", "ms": 4.5}
+    for kind, label in enumerate(("1/P$, $P$ even", "1/P$, $P$ odd", "p/P$")):
+        here, look = np.equal(kinds, kind), {"marker": "osD"[kind], "ls": "", "ms": 4.5}
+        look["color"] = style.colour_of((0, 4, 2)[kind])
         axes.plot(ε[here], K[here], label=rf"$\varepsilon = {label}", **look)
     for x, y, f in zip(ε, K, fractions, strict=True):
         if f.numerator == 1 and f.denominator < 6 and np.isfinite(y):

@@ -19,11 +19,16 @@ def draw_tolerance(cube, laws, tried, summits):
 
 def _draw_losses(axes, cube, laws):
     for period in np.unique(cube.period).tolist():
-        mine = (cube.period == period) & (cube.loss > 0)
+        mine = (cube.period == period) & (cube.loss > 0) & (cube.family == "cosine")
         here = cube.isel(forcing=np.flatnonzero(mine)).sortby("parameter")
         look = {"color": style.colour_of(period - 2), "marker": style.MARKERS[period % 5]}
         look |= {"lw": 1, "ms": 4, "label": f"$P = {period}$"}
         axes.errorbar(here.parameter, here.loss, here.loss_error, **look)
+    for family, fill in (("one kick", "none"), ("square", "0.7")):
+        here = cube.isel(forcing=np.flatnonzero((cube.family == family) & (cube.loss > 0)))
+        look = {"ls": "", "ms": 4, "mew": 0.7, "color": "0.3", "mfc": fill, "marker": "D"}
+        if here.sizes["forcing"]:
+            axes.plot(here.parameter, here.loss, label=f"{family}, $P$ from 4 on", **look)
     d, exponent = np.array([1e-5, 1e-3]), float(laws.predicted.sel(period=2))
     label = rf"$\propto d^{{\,{exponent:.3f}}}$, renormalisation for $P = 2$"
     axes.plot(d, 0.01 * (d / 1e-3) ** exponent, color="0.4", lw=1, ls="--", label=label)

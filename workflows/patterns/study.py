@@ -55,11 +55,11 @@ def found(cube):
     K, others = pairs.per_period, pairs.per_period.values[~third]
     limit = K * np.sqrt(pairs.parameter / of_family(cube, CONSTANT).critical_scale.item())
     close = limit.values[(pairs.parameter <= _CLOSE) & limit.notnull()]
-    known = cube.critical_scale.notnull()
-    above = (cube.robustness * cube.lower / cube.critical_scale > 1 + 1e-9) & known
+    known, falls = int(cube.critical_scale.notnull().sum()), bool((np.diff(close) < 0).all())
+    above = int((cube.robustness * cube.lower / cube.critical_scale > 1 + 1e-9).sum())
     alike = int((abs(cube.robustness - 1) < 1e-9).sum())
     return " ".join([
-        f"Of {known.size} forcings {int(known.sum())} have a value, with brackets of "
+        f"Of {cube.sizes['forcing']} forcings {known} have a value, with brackets of "
         f"{100 * float(((cube.upper - cube.lower) / cube.critical_scale).median()):.2g}% in the "
         "median. K is in units of the period, κ in units of the time from kick to kick; with "
         "atoms K is the phase depth of a pulse times 8ω_r times that time, ω_r the recoil "
@@ -77,15 +77,15 @@ def found(cube):
             "K_c approaches √(κ_G/ε) for close pairs:",
             f"from 1/{1 / _CLOSE:g} down to 1/{1 / float(pairs.parameter.min()):g} it is "
             f"{', '.join(f'{x:.3f}' for x in close[::-1])} of that",
-            close.size > 2 and abs(close[0] - 1) < _NEAR and bool((np.diff(close) < 0).all()),
-            close.size > 2 and bool((np.diff(close) < 0).all()),
+            close.size > 2 and abs(close[0] - 1) < _NEAR and falls,
+            close.size > 2 and falls,
             close.size > 0,
         ),
         finding(
             "No pattern outlasts constant kicks of the same rms strength:",
-            f"{int(above.sum())} do of {int(known.sum())}, and {alike} are as robust, as their "
-            "circles are the same up to symmetry",
-            not above.any(),
+            f"{above} do of {known}, and {alike} are as robust, as their circles are the same up "
+            "to symmetry",
+            above == 0,
         ),
         "Not tried: kicks of finite length, spacings that are no fractions with q ≤ 8 or 1/P, and "
         "quantum effects.",

@@ -52,16 +52,14 @@ def ramps(rates):
     critical = critical_scale((1.0,), 1e-4).value
     acceleration = area_rate(critical)
     lost = [[_lost(critical, rate, way * acceleration * rate) for rate in rates] for way in (0, 1)]
-    kicks = [np.arange(int(_PATIENCE * rate**-ESCAPES)) for rate in rates]
-    escaped = [_escape(critical + rate * n) for rate, n in zip(rates, kicks, strict=True)]
+    patience = (_PATIENCE * rates**-ESCAPES).astype(int)
+    escaped = [_escape(critical + r * np.arange(n)) for r, n in zip(rates, patience, strict=True)]
     variables = {
         "lost": (("way", "rate"), np.array(lost), "kicks from κ_G until no graphs are left"),
         "escaped": ("rate", np.array(escaped), "kicks from κ_G until an orbit is past all circles"),
     }
-    coords = {
-        "way": listed("way", "plain ramp", "following the golden circle"),
-        "rate": (rates, "growth of κ per kick"),
-    }
+    ways = listed("way", "plain ramp", "following the golden circle")
+    coords = {"way": ways, "rate": (rates, "growth of κ per kick")}
     attrs = {"critical_scale": critical, "area_rate": acceleration}
     return dataset("When barriers are lost in a ramp", coords, variables, attrs)
 
@@ -70,12 +68,12 @@ def _lost(critical, rate, acceleration):
     """The least of site + life over lines."""
     unit = rate**-EXPONENT
     n = np.arange(-int(_REACH * unit), int(_REACH * unit) + 1)
-    lives = []
-    for site in np.unique(np.rint(_PLACES * unit).astype(int)):
+
+    def life(site):
         theta = acceleration / 2 * n * (n + 2.0 * site)  # and linear terms, which shift y
-        kappa = critical + rate * (n + site)
-        lives.append(site + sequence.longest_lived(kappa, theta, n.size // 2)[2])
-    return min(lives)
+        return sequence.longest_lived(critical + rate * (n + site), theta, n.size // 2)[2]
+
+    return min(site + life(site) for site in np.unique(np.rint(_PLACES * unit).astype(int)))
 
 
 def _escape(kappa):
@@ -110,30 +108,29 @@ def irregular(ripples, kicks):
 def _shapes(n):
     """Return {kind: f_n, from -1 to 1}."""
     phase, odd = n * _GOLDEN % 1, range(1, 60, 2)
-    parity = np.array([bin(i).count("1") % 2 for i in n])
     shapes = {"period two": 1 - 2 * (n % 2), "cosine": np.cos(2 * np.pi * phase)}
     for power in (4, 3, 2):
         waves = sum(np.cos(2 * np.pi * k * phase) / k**power for k in odd)
         shapes[f"k^-{power}"] = waves / sum(1 / k**power for k in odd)
-    shapes["square"] = np.where(phase < 0.5, 1, -1)
-    shapes["Fibonacci"] = np.where(phase < _GOLDEN, 1, -1)
-    shapes |= {"Thue-Morse": 1 - 2 * parity}
-    return shapes | {"random": np.random.default_rng(1).choice([-1, 1], n.size)}
+    return shapes | {
+        "square": np.where(phase < 0.5, 1, -1),
+        "Fibonacci": np.where(phase < _GOLDEN, 1, -1),
+        "Thue-Morse": np.where(np.bitwise_count(n) % 2, -1, 1),
+        "random": np.random.default_rng(1).choice([-1, 1], n.size),
+    }
 
 
 def findings(ramp, lives):
     """Judge what was foreseen; lines of text."""
     plain, following = ramp.lost
-    said = [
-        _power("Graphs are lost", plain, EXPONENT),
-        _power("Graphs are lost if phases follow the golden circle", following, EXPONENT),
-        _power("The first of 64 orbits crosses", ramp.escaped, ESCAPES),
-    ]
     names = lives.kind.attrs["names"]
     jumps, smooth = (lives.isel(kind=[names.index(k) for k in kinds]) for kinds in (JUMPS, SMOOTH))
     lost, through = np.isfinite(jumps.life), np.isfinite(jumps.escaped)
     kept, kicks = np.isinf(smooth.life) & np.isinf(smooth.escaped), lives.attrs["kicks"]
-    said.append(
+    return "\n".join([
+        _power("Graphs are lost", plain, EXPONENT),
+        _power("Graphs are lost if phases follow the golden circle", following, EXPONENT),
+        _power("The first of 64 orbits crosses", ramp.escaped, ESCAPES),
         finding(
             "Smoothness in the phase decides, not quasi-periodicity:",
             "with jumps, square or Fibonacci, as with Thue-Morse and random kicks, graphs are lost "
@@ -143,9 +140,9 @@ def findings(ramp, lives):
             f"crosses in {20 * kicks}, under {int(kept.sum())} of {kept.size}",
             bool(lost.all() and through.all() and kept.all()),
             float(lost.mean()) > 0.5 and bool(kept.all()),
-        )
-    )
-    return "\n".join(said)
+        ),
+        "Not tried: kicks that fall again, other circles than the golden one, coloured noise.",
+    ])  # fmt: skip
 
 
 def _power(claim, kicks, foreseen):

@@ -17,7 +17,7 @@ from workflows.shared.cli import command, flag, real, sweeps, whole
 @command()
 @whole("--forcings", 10_000, 10, 10**6, "Random forcings to try.")
 @whole("--climbs", 1000, 2, 10**5, "Climbs to forcings that hold longer.")
-@real("--smallest", 1e-3, 1e-5, 0.1, "Smallest ripple of three kicks and more.")
+@real("--smallest", 3e-3, 1e-5, 0.1, "Smallest ripple of three kicks and more.")
 @flag("--quick", "A preview: few forcings, climbs and ripples.")
 @sweeps
 def main(run, forcings, climbs, smallest, quick):
@@ -38,7 +38,7 @@ def main(run, forcings, climbs, smallest, quick):
     climbed = against_constant("tolerance_climbs", starts, "seed of the climb", golden, tries=500)
     with run.sweeping(ripples, bounds, climbed):
         cube = study.with_loss(with_circles(run.sweep(ripples)))
-        tried, summits = run.sweep(bounds).load(), study.with_distance(run.sweep(climbed).load())
+        tried, summits = run.sweep(bounds).load(), run.sweep(climbed).load()
         laws = study.laws(3000 if quick else 30_000)
         run.table("tolerance", cube.drop_dims("kick"))
         run.table("tolerance_laws", laws)

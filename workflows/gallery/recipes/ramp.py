@@ -7,8 +7,7 @@ import numpy as np
 import xarray as xr
 
 cube = xr.open_zarr("ramp/ramp.zarr", chunks=None)
-for way, name in enumerate(json.loads(cube.way.names)):
-    lost = cube.lost[way].dropna("rate")
+for name, lost in zip(json.loads(cube.way.names), cube.lost, strict=True):
     slope, _ = np.polyfit(np.log(lost.rate), np.log(lost), 1)
     plt.loglog(lost.rate, lost, "o", label=f"{name}: slope {slope:.3f}")
 plt.xlabel(cube.rate.long_name)
