@@ -68,7 +68,7 @@ def _draw_others(axes, cube, golden):
     _ticks(axes.yaxis, [0.1, 0.2, 0.5, 1])
     axes.xaxis.get_major_locator().set_params(integer=True)
     axes.set_title("Signs and bursts")
-    axes.legend(fontsize="small")
+    axes.legend(fontsize="small", loc="upper right", bbox_to_anchor=(1, 0.94))
 
 
 def _ticks(axis, values, labels=None):

@@ -132,13 +132,9 @@ def _law(laws):
         f"error; for the other P, predicted {others or 'nowhere'}, it was not measured, as the law "
         f"repeats after factors of {', '.join(f'{x:.0e}' for x in rest['repeat'].values)} in d"
     )
-    return finding(
-        "A ripple costs what renormalisation predicts, a power of it that depends on P:",
-        words,
-        bool((apart < error).all()) and rest.sizes["period"] == 0,
-        bool((apart < 0.1 * here.predicted).all()),
-        here.sizes["period"] > 0,
-    )
+    claim = "A ripple costs what renormalisation predicts, a power of it that depends on P:"
+    agree, whole = bool((apart < error).all()), rest.sizes["period"] == 0
+    return finding(claim, words, agree and whole, agree, here.sizes["period"] > 0)
 
 
 def _conjecture(tried, summits):
