@@ -51,8 +51,9 @@ def test_the_second_variation_is_bounded_in_boxes_and_the_bounds_are_reached():
     for i in range(400):
         a, box = random_box(rng)
         with ctx.workprec(128 if i % 4 else 24):  # rounding counts with few bits
-            sites = list(checker.orbits(a, box, 4))
-            bound, eta = checker.summed(sites), checker.some_sequence(sites)
+            begun, first = checker.on_a_line(a, box)
+            sites = list(checker.orbits(*begun, 4))
+            bound, eta = checker.summed(sites, *first), checker.some_sequence(sites, *first)
         with ctx.workprec(300):
             eta = [arb(number) for number in eta]
             middle = variation(eta, [cosine for cosine, *_ in sites])

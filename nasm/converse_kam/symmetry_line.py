@@ -11,8 +11,8 @@ Through the start x_c = a on a symmetry centre (site c, a = 0 or 1/2) take the e
 If v_n ≤ 0 for some n, no rotational invariant circle passes through that start:
 
 1. A rotational circle and its images under the kicks are graphs of Lipschitz functions (Birkhoff's
-   theorem; `proofs/README.md` derives it for P ≤ 2 from that for one twist map, and for P > 2 it is
-   taken from the theorem for products of twist maps). On a graph the kicks keep the order of
+   theorem; `proofs/README.md` derives it from that for one twist map, where the kicks are weak
+   enough, and else it is taken from the theorem for products of twist maps). On a graph the kicks keep the order of
    neighbours. Their distances, normalised, tend to a solution ξ_n > 0 of the linearised chain, for
    all n from -∞ to ∞.
 2. With one ξ > 0 the second variation of the action of every finite piece of the orbit is
@@ -45,7 +45,7 @@ up to a log-periodic ripple of some per cent; on the paper's plane C is 0.6 to 0
 |κ1| = |κ2| half of that. Ten times the work is ten times the accuracy.
 
 These results rest on sampled starts and floating point: strong evidence, not a proof. A search may
-miss a survivor; see `longest_lived`. For P ≤ 2 `nasm.proofs.transport` proves it.
+miss a survivor; see `longest_lived`. `nasm.proofs.transport` proves it.
 
 The kernel advances 64 starts in lockstep, on the kick of `nasm.escape` with its derivative:
 

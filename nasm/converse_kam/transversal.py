@@ -36,6 +36,7 @@ strong evidence, not a proof. The choice matters: 0.5% beyond the breakup of the
 last 130 steps there, and on 15 of 20 other lines x = a starts survive 3000.
 """
 
+from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache, partial
@@ -48,10 +49,12 @@ from nasm.arithmetic.kernels import kernel
 from nasm.arithmetic.lanes import FEW, load_state, minimum, own_frame, store_state
 from nasm.arithmetic.sine import SINE, cos2pi
 from nasm.checks import count, points
+from nasm.converse_kam import symmetry_line
 from nasm.converse_kam.symmetry_line import longest_found, tangent_kick
 from nasm.maps import MAX_PERIOD, forcing, kick, segment
+from nasm.symmetries import dominant_lines
 
-__all__ = ["elimination_time", "located", "longest_lived"]
+__all__ = ["curve", "elimination_time", "located", "longest_lived"]
 __dir__ = __all__.copy
 
 MAX_STEPS = 10**6
@@ -130,6 +133,42 @@ def longest_lived(kappa, n_max, near=()):
     return start, kicks / strengths.size
 
 
+def curve(kappa, n_max):
+    """The transversal that was found to eliminate all starts in the fewest steps, but for a half.
+
+    Parameters
+    ----------
+    kappa : sequence of P floats, the forcing, first kick first. n_max : int, 32 to 10⁶, steps in
+    either direction.
+
+    Returns
+    -------
+    (site, points): int, and ndarray of shape (m, 2), x and y of its corners before the kick of that
+    site; None if on the transversals of all sites a start survives n_max steps. Where one symmetry
+    line is dominant for all ω it is that line, to y = 1/2, or to y = 1 if its centre is between two
+    sites.
+    """
+    strengths, n_steps = forcing(kappa), 32
+    with suppress(ValueError):  # without a centre
+        (_, (site, a), dominant), *others = dominant_lines(strengths)
+        if dominant and not others:
+            end = 0.5 if site % 1 == 0 else 1.0
+            corners = np.array([[a, 0.0], [a + end * (site % 1), end]])
+            ended = symmetry_line.eliminates(strengths, n_max)
+            return (int(np.ceil(site)) % strengths.size, corners) if ended else None
+    ordered = cache(lambda omega: ordered_orbits(kappa, omega.numerator, omega.denominator))
+    while n_steps <= count("n_max", n_max, 32, MAX_STEPS):
+        for site in _by_strength(strengths):
+            minimax = partial(_minimax, ordered, strengths.size, site)
+            _, kicks, corners = _longest_on_transversal(
+                np.roll(strengths, -site), minimax, n_steps * strengths.size, ()
+            )
+            if kicks < np.inf:
+                return site, corners
+        n_steps *= 2
+    return None
+
+
 def located(profile, n_max, start=None):
     """A scale on κ = start + s·profile at which no start was found to survive n_max steps, just
     above the last breakup; the Start that lives longest there, and its life T in steps.
@@ -204,7 +243,7 @@ def _longest_lived(kappa, n_kicks, sites, near=()):
     best, least = None, np.inf
     for site in list(sites):
         minimax = partial(_minimax, ordered, kappa.size, site)
-        at, kicks = _longest_on_transversal(np.roll(kappa, -site), minimax, n_kicks, near)
+        at, kicks, _ = _longest_on_transversal(np.roll(kappa, -site), minimax, n_kicks, near)
         if best is None or kicks < least:
             best, least = Start(site, *(float(part) for part in at)), kicks
             sites.remove(site)
@@ -215,8 +254,8 @@ def _longest_lived(kappa, n_kicks, sites, near=()):
 
 
 def _longest_on_transversal(kappa, minimax, n_kicks, near):
-    """(x, y) of the start that lives longest on the transversal before site 0, and its life in
-    kicks; minimax : the orbits, a function of ω and a place x, as `_minimax`."""
+    """(x, y) of the start that lives longest on the transversal before site 0, its life in kicks,
+    and the corners; minimax : the orbits, a function of ω and a place x, as `_minimax`."""
     orbits = _first_orbits(kappa, minimax)
     longest = _LONGEST * (n_kicks / kappa.size) ** 0.5
     kept = _KEPT * max(2, kappa.size)  # all ω up to P/2 are there
@@ -251,7 +290,7 @@ def _longest_on_transversal(kappa, minimax, n_kicks, near):
             before.numerator + after.numerator, before.denominator + after.denominator
         )
         if np.isfinite(kicks) or between.denominator > longest:
-            return points_at(place), kicks
+            return points_at(place), kicks, np.transpose([x, y])
         middle = np.interp(before.denominator / between.denominator, (0, 1), (x[i], x[i - 1]))
         orbits.insert(i, (between, minimax(between, middle)))
 

@@ -50,8 +50,7 @@ def critical_scale(profile, seconds=8.0):
 
     Parameters
     ----------
-    profile : sequence of P floats with a dominant symmetry line, P ≤ 2 after shortening; for longer
-        ones nothing is proved of transport.
+    profile : sequence of P floats, not all 0; `below` is for P ≤ 2 after shortening.
     seconds : float > 0, CPU time for each of the two sides, and for the weaker kicks. How near they
         come to the breakup depends on it and on the machine; what they say does not.
 

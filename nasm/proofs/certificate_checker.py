@@ -3,18 +3,23 @@
     check(json.loads(text))   # the claim that is thereby proved, or Refuted
 
 It needs python-flint alone, and shares no line with the programs that made the certificates. What
-the fields mean, and the statements of the four theorems, is in nasm/proofs/README.md,
+the fields mean, and the statements of the five theorems, is in nasm/proofs/README.md,
 "Certificates".
 
 *Transport.* From a forcing, or a cell of forcings, boxes and their lives N it verifies that the
-boxes cover the starts y of [0, 1/2], and that for each box there is one η, even, with support
-|k| < N, whose second variation along every orbit of the box is
+boxes cover the starts of a curve, and that for each box there is one η, of finite support, whose
+second variation along every orbit of the box is
 
     Q = Σ_k η_k ((2 + κ_k cos 2πx_k) η_k - η_{k+1} - η_{k-1}) ≤ 0.
 
-Orbits of a box are x_k = x̂_k + σ t_k + σ_0 p_k + σ_1 p'_k + σ² q_k + ρ_k, |σ|, |σ_i| ≤ 1, where
-x̂_k, t_k, … are exact numbers of 128 bits, and ρ_k is bounded with all that they miss; p belongs to
-the strengths κ_i = k_i + σ_i h_i, and is 0 for a single forcing. η is any sequence of floats.
+On a symmetry line η is even, and half of Q is summed; on a polygon both halves are, with η = 1 at
+the site of the curve, each with its own share of that site. Orbits of a box are
+
+    x_k = x̂_k + σ t_k + σ_0 p_k + σ_1 p'_k + σ² q_k + ρ_k,   |σ|, |σ_i| ≤ 1,
+
+where x̂_k, t_k, … are exact numbers of 128 bits, and ρ_k is bounded with all that they miss; p
+belongs to the strengths κ_i = k_i + σ_i h_i, and is 0 for a single forcing. η is any sequence of
+floats.
 
 *A barrier.* A function is a Laurent polynomial in z = e^{2πiφ}, |k| ≤ D, with balls for
 coefficients, and a bound of the norm Σ_k |f_k| e^{2π|k|ρ} of all that was left out. Sums, products,
@@ -34,17 +39,21 @@ __dir__ = __all__.copy
 
 BITS = 192
 
-_TRANSPORT = {"kappa", "site", "a", "boxes", "lives"}
+_TRANSPORT = {"kappa", "site", "boxes", "lives"}
 _BARRIER = {"kappa", "omega", "rho"}
 # Of each theorem: the digest of its statement; the fields besides `claim`, `theorem` and the seal.
 THEOREMS = {
     "Transport is global": (
         "262141d95693b0b62f3f795cda61e9e083a5385af394d67e85edbe1571432456",
-        _TRANSPORT | {"shortened_from"},
+        _TRANSPORT | {"a", "shortened_from"},
+    ),
+    "Transport is global under several kicks": (
+        "c1fbdccdea0195bf4b321a527d9b0984f55a0f1bf7a78dba1f59f19aa76e3e01",
+        _TRANSPORT | {"points", "shortened_from"},
     ),
     "Transport is global in a cell": (
         "252fcfc01d65f0889b4a0b174de5a6003b903e8f7f0525d1c64b8a26d954ebb8",
-        _TRANSPORT | {"half_width"},
+        _TRANSPORT | {"a", "half_width"},
     ),
     "A barrier exists": (
         "39e7a1e397c5a92e49d751f8f00d1d304498a8c6402f591b2eea56ea3c2a93c2",
@@ -80,7 +89,9 @@ def _checked(certificate):
     demand(data["claim"] == claim(data), f"what is claimed is not {claim(data)!r}")
     if "shortened_from" in data:
         shortened(data)
-    if "boxes" in data:
+    if "points" in data:
+        hypothesis_of_several(data)
+    elif "boxes" in data:
         hypothesis(data)
     else:
         with ctx.workprec(BITS):
@@ -188,15 +199,88 @@ def hypothesis(certificate):
         covered = [(y - delta, y + delta) for y, delta in boxes]
         strengths = [number for k in kappa for number in (k, Fraction(0))]
         boxes = [(*box, *strengths) for box in boxes]
-    reached = Fraction(0)
-    for left, right in sorted(covered):
-        demand(left < right and left <= reached, f"a gap beyond {float(reached)}")
-        reached = max(reached, right)
-    demand(reached >= Fraction(1, 2), f"a gap beyond {float(reached)}")
+    cover(covered, Fraction(1, 2))
     for box, life in zip(boxes, lives, strict=True):
         demand(isinstance(life, int) and life > 0, f"a life of {life!r} kicks")
         bound = second_variation(a, box, life)
         demand(bound <= 0, f"Q/2 may be {bound} in the box {[float(number) for number in box]}")
+
+
+def cover(intervals, end):
+    """Refuted unless the intervals cover [0, end]."""
+    reached = Fraction(0)
+    for left, right in sorted(intervals):
+        demand(left < right and left <= reached, f"a gap beyond {float(reached)}")
+        reached = max(reached, right)
+    demand(reached >= end, f"a gap beyond {float(reached)}")
+
+
+def hypothesis_of_several(certificate):
+    """Refuted unless the hypothesis of the theorem for several kicks holds."""
+    kappa = [exact(strength) for strength in certificate["kappa"]]
+    demand(any(is_positive(kappa[m + 1 :] + kappa[:m]) for m in range(len(kappa))), "scope")
+    points = [tuple(exact(number) for number in point) for point in certificate["points"]]
+    ends = {(2 * x).denominator * (2 * y).denominator for x, y in (points[0], points[-1])}
+    demand(ends == {1} and points[0][1] != points[-1][1], "a curve that its images do not continue")
+    boxes = [tuple(exact(number) for number in box) for box in certificate["boxes"]]
+    lives, site = certificate["lives"], certificate["site"]
+    demand(site in range(len(kappa)) and len(boxes) == len(lives), "site, or lives")
+    cover([(s - delta, s + delta) for s, delta, _ in boxes], Fraction(len(points) - 1, 2))
+    ahead = kappa[site:] + kappa[:site]
+    for (s, delta, split), life in zip(boxes, lives, strict=True):
+        piece = int(2 * (s - delta))
+        demand(2 * (s + delta) <= piece + 1, "a box across a corner")
+        (x, y), (x_end, y_end) = points[piece : piece + 2]
+        middle = [
+            start + (2 * s - piece) * (end - start) for start, end in ((x, x_end), (y, y_end))
+        ]
+        width = 2 * delta * (x_end - x), 2 * delta * (y_end - y)
+        for half, kicks, n in zip((forwards, backwards), (ahead, ahead[::-1]), life, strict=True):
+            demand(isinstance(n, int) and n > 0, f"a life of {n!r} kicks")
+            with ctx.workprec(128):
+                eta, *begun = half(*middle, *width, split)
+                strengths = [(ball(k), arb(0)) for k in kicks]
+                bound = summed(list(orbits(begun, strengths, [], n)), *eta)
+            demand(bound <= 0, f"half of Q may be {bound} in the box at {float(s)}")
+
+
+def is_positive(kappa):
+    """Whether the matrix with 2 - |κ_j| on the diagonal and -1 beside it is positive definite."""
+    pivot = None
+    for k in kappa:
+        pivot = 2 - abs(k) - (1 / pivot if pivot else 0)
+        if pivot <= 0:
+            return False
+    return True
+
+
+def forwards(x, y, x_width, y_width, split):
+    """Of the half from the curve's site on: η of the site before and of its first site; and x, v, t
+    of both. That site counts as if η before it were 1 - split."""
+    frame = steep(x_width, y_width, split)
+    return (
+        (ball(1 - split), 1.0),
+        (ball(x - y), ball(x)),
+        (ball(1 - frame), arb(1)),
+        (ball(x_width - y_width), ball(x_width)),
+    )
+
+
+def backwards(x, y, x_width, y_width, split):
+    """The same of the half from the site before on, as x_{c-n} → -x_{c-n}; η is known there."""
+    frame = steep(x_width, y_width, split)
+    return (
+        (arb(1), float(1 - split)),
+        (ball(-x), ball(y - x)),
+        (arb(1), ball(1 - frame)),
+        (ball(-x_width), ball(y_width - x_width)),
+    )
+
+
+def steep(x_width, y_width, split):
+    """The slope of v: any number that makes it no multiple of t; `split`, if it is none nearly."""
+    near = abs(y_width - split * x_width) < (abs(x_width) + abs(y_width)) / 10
+    return split + near
 
 
 def pieces(boxes):
@@ -247,25 +331,44 @@ def ball(fraction):
 
 
 def second_variation(a, box, life):
-    """An upper bound of Q/2 on the box, a ball, for an η of our choice.
+    """An upper bound of Q/2 on the box of a symmetry line, a ball, for an even η of our choice.
 
     box : ŷ, δ, then k and h of each strength, the first one that of the kick at x = a, then, if
     there are any, the shears.
     """
     with ctx.workprec(128):
-        return summed(list(orbits(a, box, life)))
+        begun, eta = on_a_line(a, box)
+        return summed(list(orbits(*begun, life)), *eta)
 
 
-def summed(sites):
-    """`second_variation` from what `orbits` yields."""
-    eta = some_sequence(sites)
+def on_a_line(a, box):
+    """The arguments of `orbits`, and of `summed`, for such a box."""
+    y, delta, *strengths = (ball(number) for number in box[:6])
+    strengths = list(zip(strengths[::2], strengths[1::2], strict=True))
+    shears = [ball(number) for number in box[6:8]] or [arb(0)] * len(strengths)
+    aside = [shear * width for shear, (_, width) in zip(shears, strengths, strict=True)]
+    before = 1 + strengths[0][0] / 2 * (1 if a == 0 else -1)  # as behind the site
+    begun = (ball(a) - y, ball(a)), (before, arb(1)), (-delta, arb(0))
+    return (begun, strengths, aside), (before, 1.0, fmpq(1, 2))
+
+
+def summed(sites, before, first, share=1):
+    """An upper bound of the sum over what `orbits` yields, for an η of our choice.
+
+    before, first : η in front of the first site, and there. share : of the first site; with 1/2, η
+    is even about it, and what is in front of it is what is behind it.
+    """
+    eta = some_sequence(sites, before, first, share)
     middle = rest = quadratic = arb(0)
     linear = [arb(0)] * len(sites[0][1])
     for n, (terms, value) in enumerate(zip(sites, eta, strict=True)):
-        half = fmpq(1, 2) if n == 0 else 1  # the other half of site 0 is on the other side
+        half = share if n == 0 else 1  # the other half of the first site is on the other side
         square = arb(value) ** 2 * half
         after = arb(eta[n + 1]) if n + 1 < len(eta) else arb(0)
-        before = after if n == 0 else arb(eta[n - 1])
+        if n > 0:
+            before = arb(eta[n - 1])
+        elif share != 1:
+            before = after
         middle += square * (2 + terms[0]) - arb(value) * (after + before) * half
         linear = [total + square * term for total, term in zip(linear, terms[1], strict=True)]
         quadratic += square * terms[2]
@@ -273,23 +376,22 @@ def summed(sites):
     return middle + sum(map(upper, linear)) + positive(quadratic) + rest
 
 
-def orbits(a, box, life):
-    """For each site balls of κ cos 2πx = [0] + Σ_j σ_j [1]_j + σ² [2] ± [3], on the box."""
+def orbits(begun, strengths, aside, life):
+    """For each site balls of κ cos 2πx = [0] + Σ_j σ_j [1]_j + σ² [2] ± [3], on the box.
+
+    begun : x, v and t, each in front of the first site and there. strengths : k and h of each kick,
+    the first one that of the first site. aside : how far x of the second site moves with each
+    strength, [] if all h are 0.
+    """
     pi = arb.pi()
-    y, delta, *strengths = (ball(number) for number in box[:6])
-    strengths, widths = strengths[::2], strengths[1::2]
-    shears = [ball(number) for number in box[6:8]] or [arb(0)] * len(widths)
-    x, x_next = ball(a), ball(a) + y
-    v, v_next = arb(1), 1 + strengths[0] / 2 * (1 if a == 0 else -1)
+    (x_last, x), (v_last, v), (t_last, t) = begun
     # By σ, σ_0 and σ_1: by the start, and by the strengths; q is by σ twice.
-    moves, moves_next = [arb(0)] * (1 + len(widths)), [delta]
-    moves_next += [shear * width for shear, width in zip(shears, widths, strict=True)]
-    q, q_next = arb(0), arb(0)
-    x_last, v_last, q_last, moves_last = x, v, q, moves
+    moves_last, moves = [t_last, *(-move for move in aside)], [t] + [arb(0)] * len(aside)
+    q_last = q = arb(0)
     on_v = on_t = arb(0)  # |ρ| ≤ on_v |v| + on_t |t|
     for n in range(life):
         i = n % len(strengths)
-        k, width = strengths[i], widths[i]
+        k, width = strengths[i]
         sine, cosine = (2 * x).sin_cos_pi()
         # ξ = x - x̂ = σt + Σ σ_i p_i + σ²q + ρ
         t = moves[0]
@@ -298,7 +400,8 @@ def orbits(a, box, life):
         largest = upper(t) + others
         squares = others * (largest + upper(t))  # ≥ |ξ² - σ²t²|
         linear = [-2 * pi * k * sine * move for move in moves]
-        linear[1 + i] += width * cosine
+        if aside:
+            linear[1 + i] += width * cosine
         yield (
             k * cosine,
             linear,
@@ -315,12 +418,12 @@ def orbits(a, box, life):
             + pi**3 / 3 * largest**4
         )
         defect += width * (upper(cosine) * largest + pi * largest**2)
-        if n > 0:  # else the next sites are known: x_1 = a + y, and v is even
-            slope = 2 + k * cosine
-            x_next = 2 * x - x_last + k * sine / (2 * pi)
-            q_next = slope * q - q_last - pi * k * sine * t**2
-            v_next = slope * v - v_last
-            moves_next = [slope * move - last for move, last in zip(moves, moves_last, strict=True)]
+        slope = 2 + k * cosine
+        x_next = 2 * x - x_last + k * sine / (2 * pi)
+        q_next = slope * q - q_last - pi * k * sine * t**2
+        v_next = slope * v - v_last
+        moves_next = [slope * move - last for move, last in zip(moves, moves_last, strict=True)]
+        if aside:
             moves_next[1 + i] += width * sine / (2 * pi)
         # Exact numbers take their place, so that balls do not grow: that is one more miss.
         x_next, missed = x_next.mid(), upper(x_next - x_next.mid())
@@ -335,14 +438,14 @@ def orbits(a, box, life):
         moves, moves_last = moves_next, moves
 
 
-def some_sequence(sites):
-    """Floats η_0 = 1, η_1, …: the even solution of the linear chain in the middle of the box, with
-    payments for what Q may be larger by elsewhere; 0 from where it is not positive."""
-    eta, paid = [1.0], 0.0
+def some_sequence(sites, before, first, share=1):
+    """Floats η: the solution of the linear chain in the middle of the box, with payments for what Q
+    may be larger by elsewhere; 0 from where it is not positive. As `summed`."""
+    eta, last, paid = [first], float(arb(before).mid()), 0.0
     linear, quadratic, rest = [0.0] * len(sites[0][1]), 0.0, 0.0
     for n, terms in enumerate(sites[:-1]):
         cosine, second, bound = (float(terms[i].mid()) for i in (0, 2, 3))
-        weight = eta[n] ** 2 * (0.5 if n == 0 else 1)
+        weight = eta[n] ** 2 * (float(share) if n == 0 else 1)
         linear = [
             total + weight * float(term.mid()) for total, term in zip(linear, terms[1], strict=True)
         ]
@@ -350,10 +453,10 @@ def some_sequence(sites):
         rest += weight * bound
         due = max(0.0, sum(map(abs, linear)) + max(0.0, quadratic) + rest - paid)
         paid += due
-        bend = cosine * eta[n] + due / (weight / eta[n])
-        after = eta[0] + bend / 2 if n == 0 else 2 * eta[n] - eta[n - 1] + bend
+        after = 2 * eta[n] - last + cosine * eta[n] + due / eta[n]
         if not after > 0:
             break
+        last = eta[n]
         eta.append(after)
     return eta + [0.0] * (len(sites) - len(eta))
 

@@ -11,6 +11,9 @@ _VERSION = 1
 # SHA-256 of each statement in proofs/README.md.
 _STATEMENTS = {
     "Transport is global": "262141d95693b0b62f3f795cda61e9e083a5385af394d67e85edbe1571432456",
+    "Transport is global under several kicks": (
+        "c1fbdccdea0195bf4b321a527d9b0984f55a0f1bf7a78dba1f59f19aa76e3e01"
+    ),
     "Transport is global in a cell": (
         "252fcfc01d65f0889b4a0b174de5a6003b903e8f7f0525d1c64b8a26d954ebb8"
     ),

@@ -1,20 +1,21 @@
 """A proof, by computer, that transport is global: no rotational invariant circle exists.
 
-Along orbits of the chain that start on a symmetry line, x_c = a, x_{c+1} = a + y, the second
-variation of the action is positive if a circle passes through the start. So if for every y in
-[0, 1/2] some η, even about the site c and of finite support, has
+Every rotational circle crosses a curve that leads from y = -∞ to y = ∞: for one or two kicks a
+symmetry line x_c = a, for more a polygon through minimax orbits, as `nasm.converse_kam.transversal`
+finds it. If a circle passes through a start, the second variation of the action is positive along
+its orbit. So if for every start on the curve, up to symmetries, some η of finite support has
 
     Q = Σ_k η_k ((2 + κ_k cos 2πx_k) η_k - η_{k+1} - η_{k-1}) ≤ 0,   η ≠ 0,
 
 no circle is left, and there are orbits from any y to any other. The theorem, and why what follows
 proves its hypothesis in floating point, are in `proofs/README.md`, "Transport is global".
 
-[0, 1/2] is covered by boxes |y - ŷ| ≤ δ. With y = ŷ + σδ the orbits of a box are
+The curve is covered by boxes |s - ŝ| ≤ δ. With s = ŝ + σδ the orbits of a box are
 
     x_n(σ) = x̂_n + σ t_n + σ² q_n + ρ_n,   |ρ_n| ≤ A_n|v_n| + B_n|t_n|,   |σ| ≤ 1,
 
-x̂ in sums of two floats, v and t, in floats, the even and the odd solution of the linearised chain,
-t_1 = δ, and q that of second order. A and B gather the remainder of third order and all rounding,
+x̂ in sums of two floats, v and t, in floats, solutions of the linearised chain, t along the curve,
+and q that of second order. A and B gather the remainder of third order and all rounding,
 in the frame of v and t, where nothing is multiplied from kick to kick. One η serves a box: v with
 payments. To
 
@@ -22,6 +23,11 @@ payments. To
 
 μ_nV_n² adds what Q may be larger by, somewhere in the box, than what was paid before, so that
 V_N ≤ 0 shows Q ≤ 0 in the whole box. N is the life of the box. A box that fails is halved.
+
+On a symmetry line v is even about the site c, and sites n ≥ c are enough. On a polygon sites before
+c are followed as sites after it of the kicks in reverse, by x_{c+n} → -x_{c-n}. With V_c = 1 the
+halves begin with V_{c+1} = 1 + κ_c cos 2πx_c + γ and V_{c-1} = 1 - γ, and a box has two lives; γ is
+what floats say of the orbit in its middle.
 
 Sixteen boxes run in lockstep on `nasm.arithmetic.lanes`; an event among them is found again by the
 same kick on floats, which is the definition. Everything rests on IEEE arithmetic with rounding to
@@ -32,6 +38,7 @@ import math
 import time
 from dataclasses import dataclass, field
 from enum import Enum
+from fractions import Fraction
 from math import factorial
 
 import numpy as np
@@ -55,10 +62,11 @@ from nasm.arithmetic.lanes import (
 )
 from nasm.arithmetic.sine import COSINE
 from nasm.checks import real
+from nasm.converse_kam import transversal
 from nasm.maps import direction, forcing
 from nasm.numbers import rational
 from nasm.proofs.certificates import certificate, in_hex
-from nasm.symmetries import dominant_centre, shorten
+from nasm.symmetries import shorten
 
 __all__ = ["Outcome", "TransportProof", "prove", "proved_upper"]
 __dir__ = __all__.copy
@@ -88,12 +96,13 @@ _LONGEST = 1e11  # kicks of a box in a proof; they would take hours
 
 _FIRST = 16  # boxes to begin with
 _SMALLEST = 2.0**-50  # δ; centres are exact down to there
-_BLOCK = 8  # kicks between two looks for events; even
+_BLOCK = 8  # kicks between two looks for events, or a few more: whole periods
 _STATE, _ROWS, _V = 18, 19, 6  # numbers of a box: those that change, all, and which is V
-_MOST_WAITING = 2048  # boxes: each of 16 lanes leaves one behind at each of 46 halvings
 _FIRST_EXCESS = 0.1  # s/value - 1 where `proved_upper` begins
 _KICKS = 2_000_000  # in one call of the kernel
-_FOUND = 8192  # boxes in one call
+_LOOK = 2**14  # steps within which floats must eliminate all starts on a polygon
+_GRID = 2.0**26  # of its corners, whose sums and multiples in two floats are exact
+_STEEP = 1e9  # a solution that is so large does not cross zero any more
 
 
 class Outcome(Enum):
@@ -103,8 +112,8 @@ class Outcome(Enum):
     BUDGET = "not proved: the budget is spent"
     PRECISION = "not proved: boxes became too small or too many; a circle may be left"
     SCOPE = (
-        "not proved: the theorem needs one kick a period, or two of which one is weaker than 2, "
-        "after shortening"
+        "not proved: the theorem needs one kick a period, two of which one is weaker than 2, or "
+        "more that are weak enough for a twist map, after shortening"
     )
 
 
@@ -115,10 +124,13 @@ class TransportProof:
     outcome : Outcome; PROVED, or what was in the way, which says nothing about circles.
     given : tuple of floats, the forcing as it was given. kappa : that, shortened, which the boxes
         are about. The proof holds for these very floats.
-    site, a : int and float, the symmetry line: boxes start at x = a before this kick.
-    boxes : ndarray of shape (n, 2), rows ŷ, δ: starts |y - ŷ| ≤ δ that no circle meets. A proof's
-        boxes tile [0, 1/2], from left to right.
-    lives : ndarray of n ints, N: kicks until V ≤ 0, for each box.
+    site : int; points : ndarray of shape (m, 2), x and y before its kick of the curve's corners: of
+        two ends that are their own images under (x, y) → (-x, -y), up to whole turns, and between.
+    boxes : ndarray of shape (n, 2), rows ŝ, δ: starts |s - ŝ| ≤ δ that no circle meets; s is 0 at
+        the first corner, 1/2 at the second, and so on. A proof's boxes tile the curve, in order.
+    lives : ndarray of shape (n, 1), N: kicks until V ≤ 0, for each box; or (n, 2), forwards and
+        backwards, for three kicks and more.
+    slopes : ndarray of n floats, γ of each box.
     kicks : int, kicks spent, on boxes that were halved too.
     """
 
@@ -126,9 +138,10 @@ class TransportProof:
     given: tuple[float, ...]
     kappa: tuple[float, ...]
     site: int
-    a: float
+    points: np.ndarray = field(repr=False)
     boxes: np.ndarray = field(repr=False)
     lives: np.ndarray = field(repr=False)
+    slopes: np.ndarray = field(repr=False)
     kicks: int
 
     @property
@@ -148,11 +161,21 @@ class TransportProof:
             "shortened_from": {"kappa": in_hex(self.given)},
             "kappa": in_hex(self.kappa),
             "site": self.site,
-            "a": self.a,
-            "boxes": list(map(in_hex, self.boxes.tolist())),
-            "lives": self.lives.tolist(),
         }
-        return certificate(self, "Transport is global", fields, self.given)
+        if len(self.kappa) > 2:
+            rows, lives = np.column_stack([self.boxes, self.slopes]), self.lives
+            theorem = "Transport is global under several kicks"
+            fields["points"] = list(map(in_hex, self.points.tolist()))
+        else:
+            rows, lives, theorem = self.boxes, self.lives[:, 0], "Transport is global"
+            fields["a"] = self.a
+        fields |= {"boxes": list(map(in_hex, rows.tolist())), "lives": lives.tolist()}
+        return certificate(self, theorem, fields, self.given)
+
+    @property
+    def a(self):
+        """The curve's first x; of a symmetry line, all."""
+        return float(self.points[0, 0])
 
 
 def prove(kappa, budget=10.0):
@@ -160,10 +183,11 @@ def prove(kappa, budget=10.0):
 
     Parameters
     ----------
-    kappa : sequence of P floats. Shortened it must have P = 1, or P = 2 with min |κ_i| < 2;
-        otherwise the outcome is SCOPE.
-    budget : float, CPU seconds to spend; s/s_c - 1 = 10⁻³ takes some 10⁻² s, and from there it
-        takes ten times as long to come three times as near.
+    kappa : sequence of P floats. Shortened it must be a twist map: P = 1, P = 2 with min |κ_i| < 2,
+        or P > 2 and the matrix of `_is_twist` positive definite; otherwise the outcome is SCOPE.
+    budget : float, CPU seconds to spend; for two kicks s/s_c - 1 = 10⁻³ takes some 10⁻² s, and from
+        there it takes ten times as long to come three times as near. For more kicks the search for
+        the polygon comes before it: seconds where a start survives, and nothing can be proved.
 
     Returns
     -------
@@ -177,13 +201,50 @@ def prove(kappa, budget=10.0):
     budget = checked_budget(budget)
     check_arithmetic()
     given, strengths = tuple(kappa.tolist()), tuple(short.tolist())
-    if len(strengths) > 2 or (len(strengths) == 2 and min(map(abs, strengths)) >= 2):
-        nothing = np.empty((0, 2)), np.empty(0, np.int64)
-        return TransportProof(Outcome.SCOPE, given, strengths, 0, 0.0, *nothing, 0)
-    site, a = dominant_centre(short)
-    k0, k1 = np.resize(np.roll(short, -site), 2).tolist()
-    outcome, boxes, lives, kicks = _covered(k0, k1, a, budget)
-    return TransportProof(outcome, given, strengths, site, a, boxes, lives, kicks)
+    if not _is_twist(strengths):
+        return _unproved(Outcome.SCOPE, given, strengths)
+    if len(strengths) > 2:
+        curve = transversal.curve(short, _LOOK)
+        if curve is None:
+            return _unproved(Outcome.PRECISION, given, strengths)
+        return _covered(given, strengths, *_closed(*curve), budget)
+    site = int(np.argmax(np.abs(short)))
+    a = 0.5 if short[site] > 0 else 0.0
+    return _covered(given, strengths, site, np.array([[a, 0.0], [a, 0.5]]), budget)
+
+
+def _unproved(outcome, given, kappa):
+    nothing = np.empty((0, 2))
+    return TransportProof(
+        outcome, given, kappa, 0, nothing, nothing, np.empty((0, 2), int), np.empty(0), 0
+    )
+
+
+def _closed(site, points):
+    """The site and the corners on a grid, between two that are their own images."""
+    points = np.rint(points * _GRID) / _GRID
+    first, last = (np.rint(2 * point) / 2 for point in points[[0, -1]])
+    points = np.concatenate([[first], points, [last]])
+    return site, points[np.append(True, (np.diff(points, axis=0) != 0).any(axis=1))]
+
+
+def _is_twist(kappa):
+    """Whether for some m the kicks after κ_m, without κ_m itself, make x_{m+P} grow with x_{m+1}.
+
+    That is if the matrix with 2 - |κ_j| on the diagonal, j = m + 1 … m + P - 1, and -1 beside it is
+    positive definite: all its leading minors are positive, in exact arithmetic.
+    """
+    entries = [2 - abs(Fraction(k)) for k in kappa]
+    return any(_is_positive(entries[m + 1 :] + entries[:m]) for m in range(len(kappa)))
+
+
+def _is_positive(diagonal):
+    minor, last = Fraction(1), Fraction(0)
+    for entry in diagonal:
+        minor, last = entry * minor - last, minor
+        if minor <= 0:
+            return False
+    return True
 
 
 def proved_upper(profile, value, budget):
@@ -234,42 +295,61 @@ def checked_budget(budget):
     return budget
 
 
-def _covered(k0, k1, a, budget):
-    """Outcome, boxes, lives and kicks of the cover; k0 is the kick of the line."""
-    delta = 0.25 / _FIRST
-    waiting = np.zeros((_MOST_WAITING, 2))
-    waiting[:_FIRST, 0] = delta * (2 * np.arange(_FIRST)[::-1] + 1)
-    waiting[:_FIRST, 1] = delta
-    lanes, boxes, ages = np.zeros((_ROWS, FEW)), np.zeros((FEW, 2)), np.zeros(FEW, np.int64)
-    found, lives = np.empty((_FOUND, 2)), np.empty(_FOUND, np.int64)
-    all_found, all_lives = [found[:0]], [lives[:0]]
+def _covered(given, kappa, site, points, budget):
+    """The TransportProof: boxes that fail are halved, level by level."""
     end = time.thread_time() + budget
-    outcome, n_waiting, kicks = Outcome.BUDGET, _FIRST, 0
-    while time.thread_time() < end:
-        done, n_waiting, n_found, n_kicks = _cover(
-            k0, k1, a - 0.25, waiting, n_waiting, lanes, boxes, ages, found, lives, _KICKS
-        )
-        kicks += n_kicks
-        all_found.append(found[:n_found].copy())
-        all_lives.append(lives[:n_found].copy())
-        if done != _UNFINISHED:
-            outcome = Outcome.PROVED if done == _DONE else Outcome.PRECISION
+    forwards = np.tile(np.roll(kappa, -site), -(-_BLOCK // len(kappa)))
+    ways = [forwards, forwards[::-1].copy()] if len(kappa) > 2 else [forwards]
+    boxes = np.full((_FIRST * (len(points) - 1), 2), 0.25 / _FIRST)
+    boxes[:, 0] *= 2 * np.arange(len(boxes)) + 1
+    outcome, found, kicks = Outcome.PROVED, [], 0
+    while len(boxes):
+        slopes = np.full(len(boxes), abs(forwards[0]) / 2)
+        if len(ways) > 1:
+            _split(*ways, points, boxes[:, 0], slopes)
+        lives = np.zeros((len(boxes), len(ways)), np.int64)
+        for way, cycle in enumerate(ways):
+            rest = lives[:, :way].all(axis=1)
+            lives[rest, way], spent = _followed(cycle, way, points, boxes[rest], slopes[rest], end)
+            kicks += spent
+        done = lives.all(axis=1)
+        found.append((boxes[done], lives[done], slopes[done]))
+        middles, half = np.transpose(boxes[~done]) * [[1], [0.5]]
+        boxes = np.transpose([[middles - half, middles + half], [half, half]]).reshape(-1, 2)
+        if len(boxes) and time.thread_time() > end:
+            outcome = Outcome.BUDGET
             break
-    boxes, lives = np.concatenate(all_found), np.concatenate(all_lives)
+        if len(boxes) and half.min() < _SMALLEST:
+            outcome = Outcome.PRECISION
+            break
+    boxes, lives, slopes = map(np.concatenate, zip(*found, strict=True))
     order = np.argsort(boxes[:, 0])
-    boxes, lives = boxes[order], lives[order]
-    if outcome is Outcome.PROVED and not (_tiles(boxes) and lives.max() < _LONGEST):
+    boxes, lives, slopes = boxes[order], lives[order], slopes[order]
+    tiled = outcome is Outcome.PROVED and _tiles(boxes, len(points) / 2 - 0.5)
+    if outcome is Outcome.PROVED and not (tiled and lives.max() < _LONGEST):
         raise RuntimeError(
-            f"the boxes of a proof do not tile [0, 1/2], or one lives for {_LONGEST:g} kicks; "
+            f"the boxes of a proof do not tile its curve, or one lives for {_LONGEST:g} kicks; "
             "please report this"
         )
-    return outcome, boxes, lives, kicks
+    return TransportProof(outcome, given, kappa, site, points, boxes, lives, slopes, kicks)
 
 
-def _tiles(boxes):
-    """Whether the boxes, from left to right, tile [0, 1/2]; the sums are exact."""
+def _followed(cycle, way, points, boxes, slopes, end):
+    """The lives of boxes, 0 of those that fail, or that the time is not enough for; and kicks."""
+    lives, kicks, first, unfinished = np.zeros(len(boxes), np.int64), 0, 0, len(boxes) > 0
+    lanes, ages, here = np.zeros((_ROWS, FEW)), np.zeros(FEW, np.int64), np.full(FEW, -1)
+    while unfinished and time.thread_time() < end:
+        first, spent, unfinished = _follow(
+            cycle, way, points, boxes, slopes, lives, lanes, ages, here, first, _KICKS
+        )
+        kicks += spent
+    return np.where(lives, lives + way, 0), kicks
+
+
+def _tiles(boxes, end=0.5):
+    """Whether the boxes, from left to right, tile [0, end]; the sums are exact."""
     left, right = boxes[:, 0] - boxes[:, 1], boxes[:, 0] + boxes[:, 1]
-    return left[0] == 0 and right[-1] == 0.5 and bool((left[1:] == right[:-1]).all())
+    return left[0] == 0 and right[-1] == end and bool((left[1:] == right[:-1]).all())
 
 
 def check_arithmetic():
@@ -289,100 +369,132 @@ def _arithmetic_is_ieee(one, half, ulp, tiny):
     return nearest and fused and tiny / 2 > 0
 
 
-_DONE, _UNFINISHED, _TOO_SMALL = 0, 1, 2
 _ELIMINATED, _FAILED = 0, 1
 
 
 @kernel(error_model="numpy")
-def _cover(k0, k1, x, waiting, n_waiting, lanes, boxes, ages, found, lives, most_kicks):
-    """Go on with a cover, for some kicks: whether it is done, and counts.
+def _follow(cycle, way, points, boxes, slopes, lives, lanes, ages, here, first, most_kicks):
+    """Go on with boxes, for some kicks: the first one not begun, kicks, whether any is left.
 
-    waiting[:n_waiting] : boxes ŷ, δ to do, a stack. lanes, boxes, ages : the state, the box (δ = 0
-    if there is none) and the kicks of each lane. found, lives : receive the boxes eliminated.
+    cycle : a block of kicks. boxes, slopes, lives : ŝ, δ, γ, and what is found. lanes, ages, here :
+    the state, the kicks and the box of each lane, -1 if there is none.
     """
-    before, events = np.empty((_ROWS, FEW)), np.empty((2, FEW))
-    n_found = kicks = 0
-    while kicks < most_kicks and n_found <= found.shape[0] - FEW:
+    before, events, kicks = np.empty((_ROWS, FEW)), np.empty((2, FEW)), 0
+    while kicks < most_kicks:
         busy = 0
         for lane in range(FEW):
-            if boxes[lane, 1] == 0 and n_waiting > 0:
-                n_waiting -= 1
-                ages[lane] = 0
-                boxes[lane, 0], boxes[lane, 1] = waiting[n_waiting, 0], waiting[n_waiting, 1]
-                _start(lanes, lane, k0, x, boxes[lane, 0], boxes[lane, 1])
-            if boxes[lane, 1] > 0:
-                busy += 1
+            if here[lane] < 0 and first < len(boxes):
+                here[lane], ages[lane] = first, 0
+                _start(lanes, lane, points, boxes[first, 0], boxes[first, 1], slopes[first], way)
+                first += 1
+            busy += here[lane] >= 0
         if busy == 0:
-            return _DONE, n_waiting, n_found, kicks
-        for row in range(_ROWS):
-            for lane in range(FEW):
-                before[row, lane] = lanes[row, lane]
-        _advance(k0, k1, lanes, events)
+            return first, kicks, False
+        before[:] = lanes
+        _advance(cycle, lanes, events)
         for lane in range(FEW):
-            delta = boxes[lane, 1]
-            if delta == 0:
+            if here[lane] < 0:
                 continue
             if events[0, lane] > 0 and events[1, lane] <= 0:  # all went well; false for NaN
-                ages[lane] += _BLOCK
-                kicks += _BLOCK
+                ages[lane] += len(cycle)
+                kicks += len(cycle)
                 continue
-            n, outcome = _replay(k0, k1, before, lane)
+            n, outcome = _replay(cycle, before, lane)
             kicks += n
             if outcome == _ELIMINATED:
-                found[n_found, 0], found[n_found, 1] = boxes[lane, 0], delta
-                lives[n_found] = ages[lane] + n
-                n_found += 1
-            else:
-                if delta <= _SMALLEST or n_waiting + 2 > waiting.shape[0]:
-                    return _TOO_SMALL, n_waiting, n_found, kicks
-                for sign in (0.5, -0.5):  # the left half on top
-                    waiting[n_waiting, 0] = boxes[lane, 0] + sign * delta
-                    waiting[n_waiting, 1] = delta / 2
-                    n_waiting += 1
-            boxes[lane, 1] = 0
-    return _UNFINISHED, n_waiting, n_found, kicks
+                lives[here[lane]] = ages[lane] + n
+            here[lane] = -1
+    return first, kicks, True
+
+
+@kernel(error_model="numpy")
+def _split(forwards, backwards, points, starts, slopes):
+    """γ of each start, in floats: with it V crosses zero on both sides, if that can be.
+
+    It does forwards if V_{c+1} < Σ 1/(t_k t_{k+1}), with the solution t_c = 0, t_{c+1} = 1, and
+    likewise backwards; see `nasm.converse_kam.transversal`.
+    """
+    for i in range(len(starts)):
+        at = min(int(2 * starts[i]), len(points) - 2)
+        place = points[at] + (2 * starts[i] - at) * (points[at + 1] - points[at])
+        limits = np.array([-1 - forwards[0] * np.cos(TWO_PI * place[0]), -1.0])
+        y = np.array([place[1] + forwards[0] / TWO_PI * np.sin(TWO_PI * place[0]), place[1]])
+        x, t, z = np.array([place[0], -place[0]]) + y, np.ones(2), np.ones(2)
+        for n in range(1, _LOOK * len(forwards)):
+            for way, cycle in enumerate((forwards, backwards)):
+                k, turns, before = cycle[(n - way) % len(cycle)], TWO_PI * x[way], t[way]
+                y[way] += k / TWO_PI * np.sin(turns)
+                z[way] += k * np.cos(turns) * before
+                x[way] += y[way] - rint(x[way])
+                t[way] += z[way]
+                limits[way] += 1 / (before * t[way])
+                if t[way] <= 0:  # any γ will do on this side
+                    limits[way] = -limits[1 - way]
+            if limits[0] + limits[1] >= 0 or min(t[0], t[1]) > _STEEP:
+                break
+        slope = rint((limits[0] - limits[1]) / 2 * 2.0**20) / 2.0**20
+        slopes[i] = min(max(slope, -3.0), 1 - 2.0**-20)
 
 
 @njit(nogil=True)
-def _start(lanes, lane, k0, x, y, delta):
-    """The state of a box before the kick of its line."""
+def _start(lanes, lane, points, s, delta, slope, way):
+    """The state of a box before the kick of the curve's site; or, way = 1, before that of the site
+    before it, of the kicks in reverse."""
     for row in range(_ROWS):
         lanes[row, lane] = 0.0
-    lanes[0, lane], lanes[2, lane] = x, y
-    lanes[4, lane] = lanes[6, lane] = 1.0  # v, V
-    lanes[5, lane] = lanes[7, lane] = abs(k0) / 2  # their last differences
-    lanes[9, lane] = delta  # the difference of t
-    lanes[18, lane] = 1 / delta
+    at = min(int(2 * s), len(points) - 2)
+    part, x, y = 2 * s - at, points[at, 0], points[at, 1]
+    dx, dy = points[at + 1, 0] - x, points[at + 1, 1] - y
+    lanes[2, lane], lanes[3, lane] = _along(y, part, dy)
+    t, z, last = 2 * delta * dx, 2 * delta * dy, slope
+    if abs(z - last * t) < 0.1 * (abs(t) + abs(z)):  # v would be along the curve
+        last += 1
+    wronskian = z - last * t
+    if way:
+        x, dx, t = y - x, dy - dx, z - t
+        slope, last = -slope, -last
+    sign = 1.0 if wronskian > 0 else -1.0
+    lanes[0, lane], lanes[1, lane] = _along(x - 0.25, part, dx)
+    lanes[4, lane], lanes[5, lane] = 1 + way * last, last  # v
+    lanes[6, lane], lanes[7, lane] = 1 + way * slope, slope  # V
+    lanes[8, lane], lanes[9, lane] = sign * t, sign * z
+    lanes[18, lane] = sign / wronskian
+
+
+@njit(nogil=True)
+def _along(start, part, length):
+    """start + part·length as a sum of two floats, exactly: see README.md."""
+    product = part * length
+    total, error = two_sum(start, product)
+    return total, error + fma(part, length, -product)
 
 
 @njit(nogil=True, error_model="numpy")
-def _advance(k0, k1, lanes, events):
+def _advance(cycle, lanes, events):
     """A block of kicks of all lanes, in place; the smallest V into events[0], `bad` into [1]."""
     own_frame()
     state = load_state(lanes, 0, _STATE, FEW)
     scale = load_few(lanes, 18 * FEW)
     smallest, worst = state[_V], scale - scale  # zeros
-    for _ in range(_BLOCK):
-        state, bad = _kick(k0, scale, state)
+    for n in range(len(cycle)):
+        state, bad = _kick(cycle[n], scale, state)
         smallest, worst = minimum(smallest, state[_V]), worst + bad
-        k0, k1 = k1, k0
     store_state(lanes, state)
     store(events, 0, smallest)
     store(events, FEW, worst)
 
 
 @njit(nogil=True, error_model="numpy")
-def _replay(k0, k1, lanes, lane):
+def _replay(cycle, lanes, lane):
     """(kicks, outcome) of the lane within a block, kick by kick: the definition."""
     state = load_state(lanes, lane, _STATE, 1)
-    for n in range(_BLOCK):
-        state, bad = _kick(k0, lanes[18, lane], state)
+    for n in range(len(cycle)):
+        state, bad = _kick(cycle[n], lanes[18, lane], state)
         if not bad <= 0:
             return n + 1, _FAILED
         if state[_V] <= 0:
             return n + 1, _ELIMINATED
-        k0, k1 = k1, k0
-    return _BLOCK, _FAILED
+    return len(cycle), _FAILED
 
 
 @njit(forceinline=True)
