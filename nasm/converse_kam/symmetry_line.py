@@ -12,9 +12,9 @@ If v_n ≤ 0 for some n, no rotational invariant circle passes through that star
 
 1. A rotational circle and its images under the kicks are graphs of Lipschitz functions (Birkhoff's
    theorem; `proofs/README.md` derives it from that for one twist map, where the kicks are weak
-   enough, and else it is taken from the theorem for products of twist maps). On a graph the kicks keep the order of
-   neighbours. Their distances, normalised, tend to a solution ξ_n > 0 of the linearised chain, for
-   all n from -∞ to ∞.
+   enough, and else it is taken from the theorem for products of twist maps). On a graph the kicks
+   keep the order of neighbours. Their distances, normalised, tend to a solution ξ_n > 0 of the
+   linearised chain, for all n from -∞ to ∞.
 2. With one ξ > 0 the second variation of the action of every finite piece of the orbit is
    positive: Σ_k η_k (Hη)_k = Σ_k ξ_k ξ_{k+1} (η_{k+1}/ξ_{k+1} - η_k/ξ_k)² > 0 for every η ≠ 0
    that vanishes outside the piece.
