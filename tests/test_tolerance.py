@@ -28,6 +28,14 @@ def test_residues_of_golden_orbits_respond_as_differences_say():
     assert min(abs(moved - each) for each in phases) < 1e-3 * max(np.abs(phases))
 
 
+def test_ripples_have_rms_one_over_their_mean_and_come_in_three_shapes():
+    for shape, d, profile in study.ripples(3e-3, False):
+        assert (profile.mean(), profile.std()) == pytest.approx((1, d))
+        assert shape == "cosine" or profile.size in (4, 6, 8)
+    assert study.ripple(4, "square") == pytest.approx([1, 1, -1, -1])
+    assert study.ripple(4, "one kick") * 3**0.5 == pytest.approx([3, -1, -1, -1])
+
+
 def test_ripples_come_back_to_their_phases():
     assert [response.repeat(n) for n in range(2, 9)] == [3, 4, 6, 10, 12, 8, 12]
 

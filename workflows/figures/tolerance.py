@@ -28,7 +28,7 @@ def _draw_losses(axes, cube, laws):
         here = cube.isel(forcing=np.flatnonzero((cube.family == family) & (cube.loss > 0)))
         look = {"ls": "", "ms": 4, "mew": 0.7, "color": "0.3", "mfc": fill, "marker": "D"}
         if here.sizes["forcing"]:
-            axes.plot(here.parameter, here.loss, label=f"{family}, $P$ from 4 on", **look)
+            axes.plot(here.parameter, here.loss, label=f"{family}, $P = 4, 6, 8$", **look)
     d, exponent = np.array([1e-5, 1e-3]), float(laws.predicted.sel(period=2))
     label = rf"$\propto d^{{\,{exponent:.3f}}}$, renormalisation for $P = 2$"
     axes.plot(d, 0.01 * (d / 1e-3) ** exponent, color="0.4", lw=1, ls="--", label=label)

@@ -29,8 +29,8 @@ def ripple(period, shape="cosine"):
 def ripples(smallest, quick):
     """List the ripples as (shape, d, profile), for P = 2 to 8, or to 3 if `quick`.
 
-    Those of P = 2, cosines alone, go down to 10⁻⁵, the others to `smallest`. From P = 4 on the
-    shapes differ.
+    Those of P = 2 go down to 10⁻⁵, the others to `smallest`; other shapes than cosines are of 10%
+    and 1% and of 4, 6 and 8 kicks.
     """
     sizes = np.array([1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5])
     sizes, periods = (sizes[:5:2], (2, 3)) if quick else (sizes, PERIODS)
@@ -38,8 +38,8 @@ def ripples(smallest, quick):
     return [
         (shape, d, 1 + d * ripple(n, shape))
         for shape in SHAPES
-        for n, d in (given if shape == "cosine" else given[::2])
-        if n > 3 or shape == "cosine"
+        for n, d in given
+        if shape == "cosine" or (n in (4, 6, 8) and d in (0.1, 0.01))
     ]
 
 
