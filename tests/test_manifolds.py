@@ -1,0 +1,42 @@
+"""Manifolds of periodic orbits: by invariance, and the turnstile's area by the action."""
+
+import numpy as np
+import pytest
+
+from nasm import manifolds, maps
+from nasm.action import LostError, ordered_orbits
+
+CASES = [((0.9,), 0, 1), ((0.5, 0.4), 1, 2), ((0.3, 0.2, 0.25), 2, 5), ((1.2, 0.3), 1, 3)]
+
+
+@pytest.mark.parametrize(("kappa", "p", "q"), CASES)
+@pytest.mark.parametrize(("branch", "advance", "turns"), [
+    (manifolds.unstable, maps.step, -1), (manifolds.stable, maps.unstep, 1)
+])  # fmt: skip
+def test_a_manifold_goes_over_into_itself(kappa, p, q, branch, advance, turns):
+    x, y = (one[0] for one in ordered_orbits(kappa, p, q)[0].points())
+    for toward in (1, -1):
+        long = np.array(branch(kappa, p, q, x, y, 3 / q, 1e-4, toward))
+        image_x, image_y = long[:, long[0].size // 300 : long[0].size // 60 : 10]
+        assert image_x.size > 10
+        for _ in range(q):
+            image_x, image_y = advance(kappa, image_x, image_y)
+        apart = long[:, :, None] - np.array([image_x + turns * p, image_y])[:, None]
+        assert np.hypot(*apart).min(axis=0).max() < 1e-4  # from one of its points to the next
+        assert toward * (long[0, 9] - x) > 0
+
+
+@pytest.mark.parametrize(("kappa", "p", "q"), CASES)
+@pytest.mark.parametrize("above", [True, False])
+def test_both_lobes_of_a_turnstile_have_the_area_that_the_action_gives(kappa, p, q, above):
+    found = manifolds.turnstile(kappa, p, q, above, spacing=2e-4)
+    up, down = (np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)) / 2 for x, y in found.lobes)
+    assert up * down < 0
+    assert [abs(up), abs(down)] == pytest.approx([found.area] * 2, rel=1e-3)
+
+
+def test_without_kicks_there_is_no_turnstile():
+    with pytest.raises(LostError):
+        manifolds.turnstile((0.0, 0.0), 1, 2, True)
+    with pytest.raises(ValueError, match="not hyperbolic"):
+        manifolds.unstable((0.0, 0.0), 1, 2, 0.0, 0.5, 1.0)
