@@ -109,7 +109,8 @@ def turnstile(kappa, p, q, above, spacing=1e-3):
     """The turnstile of the upper (above) or lower edge of the resonance of p/q.
 
     kappa : the forcing. p, q : without common factor. spacing : of the lobes' edges, in turns.
-    LostError if the orbits that tend to the homoclinic ones are not found, as where R is about 0.
+    LostError if the orbits that tend to the homoclinic ones are not found, as where R is about 0, or
+    differ by rounding.
     """
     kappa = forcing(kappa)
     points, _ = ordered_orbits(kappa, p, q)
@@ -120,7 +121,10 @@ def turnstile(kappa, p, q, above, spacing=1e-3):
     long = n * p + near.numerator, n * q + near.denominator
     if long[1] > _LONGEST:
         raise LostError
-    least, most = (np.array(found.points()) for found in ordered_orbits(kappa, *long))
+    minimizing, minimax = ordered_orbits(kappa, *long)
+    if minimax.residue == 0:
+        raise LostError
+    least, most = (np.array(found.points()) for found in (minimizing, minimax))
     ends = np.array(points.points())
     apart = (least[:, :, None] - ends[:, None] + 0.5) % 1 - 0.5
     m = int(np.hypot(*apart).min(axis=1).argmax())

@@ -14,11 +14,11 @@ from bokeh.server.util import bind_sockets
 from browser import ELSEWHERE
 from tornado.httpclient import AsyncHTTPClient
 
-from nasm import barriers, escape, orbits
+from nasm import barriers, diffusion, escape, orbits
 from nasm.numbers import parse
 from nasm.planes import rotating, three_kicks, two_kicks
 from nasm.verdict import verdict
-from workflows.explore import field, plane, rays, server
+from workflows.explore import field, instruments, plane, rays, server
 from workflows.explore.field import Field, View
 from workflows.explore.rays import Breakup, Rays
 from workflows.explore.state import State
@@ -201,6 +201,17 @@ def test_of_a_decimal_number_a_noble_one_is_followed_that_rounds_to_it(text):
     assert round(float(parse(noble)), len(text.partition(".")[2])) == float(text)
 
 
+def test_an_ensemble_that_spreads_from_a_box_has_the_diffusion_of_the_whole_cell(monkeypatch):
+    monkeypatch.setattr(instruments, "_LOOK", 0)
+    kappa, found = np.array([4.0, 3.5]), None
+    for found in filter(None, instruments.spreading(kappa, (0.0, 0.0, 0.5, 0.5))):
+        assert found[0]["x"].size == 48**2
+    rate, error = map(float, re.search(r"D = (\S+) ± (\S+) a period", found[2]).groups())
+    whole = diffusion.diffusion(kappa)
+    assert rate == pytest.approx(whole.value, abs=4 * np.hypot(error, whole.error))
+    assert error < 0.1 * rate
+
+
 class Document:
     """Of callbacks that are called by hand."""
 
@@ -278,7 +289,7 @@ def test_a_closed_tab_ends_its_generators():
         ("orbits=0.5", "'0.5' must be two numbers, like"),
         ("orbits=0,inf", "'0,inf' must be two numbers, like"),
         ("orbits=" + "0.5,0.3;" * 51, "51 orbits are too many; take 50 or fewer"),
-        ("show=boundary,all", "must be some of boundary,contour,kicks,symmetry,cycles"),
+        ("show=boundary,all", "must be some of boundary,kicks,symmetry,cycles,manifolds"),
     ],
 )
 def test_an_address_that_asks_for_what_is_not_there_says_so_and_changes_nothing(query, words):
@@ -311,10 +322,15 @@ def test_a_link_holds_all_that_a_tab_looks_at():
     state.follow("[0;2,(1)]")
     state.seek("6/16")
     state.take(steps=200, a=(0.1, 1 / 3), b=(-0.3, -0.1), x=(0.25, 0.5), y=(1 / 7, 0.2))
-    state.take(orbits=((0.5, 0.3), (1 / 3, -0.1)), show=frozenset({"contour", "cycles"}))
+    state.take(orbits=((0.5, 0.3), (1 / 3, -0.1)), show=frozenset({"kicks", "cycles"}))
     again = State(state.plane)
     again.go(dict(parse_qsl(state.address())))
-    parts = {name for name in vars(state) if not name.startswith("_")} - {"verdict", "seen"}
+    parts = {name for name in vars(state) if not name.startswith("_")} - {
+        "verdict",
+        "seen",
+        "drawn",
+        "plays",
+    }
     assert parts > {"point", "a", "y", "orbits", "show"}
     for name in parts:
         assert getattr(again, name) == getattr(state, name)

@@ -134,9 +134,8 @@ def test_a_link_in_another_tab_shows_the_same(page):
         tab.mouse.wheel(0, -300)
         wait(tab, f"new URLSearchParams(location.search).has('{part}')")
     type_in(tab, "Orbits added", "0.5, 0.3; 0.25, 0.1")
-    tab.get_by_label("where n* ≤ N begins").check()
     tab.get_by_label("symmetry lines").check()
-    wait(tab, "location.search.endsWith('show=boundary,contour,symmetry')")
+    wait(tab, "location.search.endsWith('show=boundary,symmetry')")
     done = "!/plane|portrait|view|cubes/.test(Bokeh.documents[0].get_model_by_name('status').text)"
     wait(tab, done)
     type_in(tab, "where the circle", "[0;2,(1)]")  # its rays take long
@@ -146,7 +145,7 @@ def test_a_link_in_another_tab_shows_the_same(page):
     wait(again, done)
     assert asked(again) == asked(tab)
     assert asked(tab).keys() == {*"abxy", "k1", "k2", "n", "omega", "orbits", "show"}
-    for name in ("times", "orbits", "symmetry", "contour", "point"):
+    for name in ("times", "orbits", "symmetry", "point"):
         toy.wait_until(lambda name=name: columns(again, name) == columns(tab, name))
     for label in ("where the circle", "Orbits added"):
         texts = [one.get_by_label(label).input_value() for one in (tab, again)]
@@ -428,6 +427,46 @@ def test_bad_input_stays_in_its_field_with_words_below_it_and_a_lost_worker_is_r
     until(tab, "n", "200")
     ready(tab, but="boundary")
     worker.wait(60)  # it is gone, and not only on its way
+
+
+def test_the_forcing_plays_along_the_ray_and_what_is_asked_for_is_drawn(opened):
+    tab, _ = opened
+    for name, value in zip(["κ₁", "κ₂"], KAPPA, strict=True):
+        type_in(tab, name, str(value))
+    told(tab, "({}, {})".format(*KAPPA))
+    told(tab, re.compile("breaks? at"))
+    tab.get_by_role("button", name="play", exact=True).click()
+    wait(tab, "Bokeh.documents[0].get_model_by_name('residues').data.residue.length == 3")
+    wait(tab, f"Bokeh.documents[0].get_model_by_name('point').data.a[0] != {KAPPA[0]}")
+    tab.get_by_role("button", name="stop").click()
+    tab.get_by_role("button", name="play", exact=True).wait_for()
+    wait(tab, "!location.search.includes('k1={}&k2={}')".format(*KAPPA))
+    end = np.array(KAPPA) * 1.15 / KAPPA[0]
+    found = columns(tab, "residues")
+    for name, parts, values in zip(
+        *(found[key] for key in ("orbit", "at", "residue")), strict=True
+    ):
+        p, q = map(int, "".join(name).split("/"))
+        assert values[30] == pytest.approx(periodic.residue(parts[30] * end, p, q), rel=1e-4)
+    type_in(tab, "κ₁", "0.9")
+    tab.get_by_label("manifolds").check()
+    type_in(tab, "Orbits of a fraction", "1/2")
+    assert "through its upper edge" in told(tab, "Turnstiles of 1/2")
+    assert len(columns(tab, "unstable")["x"]) > 100
+    tab.get_by_role("button", name="spread an ensemble").click()
+    told(tab, "after 256 periods")
+    counts = columns(tab, "variance")["n"]
+    assert counts == [2**i for i in range(len(counts))]
+    left, top, width, height = picture(tab, PLANE)
+    section = tab.get_by_label(PLANE)
+    section.get_by_title("Box Zoom").click()
+    point = columns(tab, "point")
+    start, end = [(left + part * width, top + part * height) for part in (0.25, 0.5)]
+    insist(
+        lambda: drag(tab, start, end),
+        lambda timeout: wait(tab, "/[?&]a=/.test(location.search)", timeout=timeout),
+    )
+    assert columns(tab, "point") == point  # the tool had the drag
 
 
 def test_beyond_the_boundary_a_click_shows_the_start_that_lives_longest_next_to_it_nothing(page):

@@ -8,11 +8,11 @@ from bokeh.events import DocumentReady
 from bokeh.models import Button, CategoricalSlider, CustomJS, Div, Row, TextInput
 from jinja2 import Template
 
-from workflows.explore import files, verdict
-from workflows.explore.plane import PlanePanel, symbols
+from workflows.explore import files, play, verdict
+from workflows.explore.plane import PlanePanel
 from workflows.explore.portrait import PortraitPanel
 from workflows.explore.state import QUERY, STEPS, State, number
-from workflows.explore.widgets import THEME, alert, field
+from workflows.explore.widgets import THEME, alert, field, symbols
 from workflows.explore.work import Work
 
 _TEMPLATE = Template((Path(__file__).parent / "page.html").read_text("utf-8"))
@@ -46,6 +46,7 @@ def fill(document, shared):
         "verdict": verdict.panel(state, work),
         "lines": plane.lines,
         "portrait": portrait.root,
+        "play": play.panel(state, work),
         "save": Row(verdict.copied(state), files.panel(state, work), styles=_WRAPPED),
     }
     with document.models.freeze():  # which would count all models again after each root
@@ -90,13 +91,15 @@ def _controls(state, wrong):
     link.js_on_change("text", CustomJS(code="showAddress(cb_obj.text)"))
 
     def tell():
+        if state.plays:  # the address is that of the end
+            return
         link.text = f'<a href="?{state.address()}">link to this view</a>'
         message.text = ""
 
     tell()
     message.text = alert(wrong)
     state.on("point", moved)
-    for name in ("point", "steps", "a", "b", "x", "y", "omega", "orbits", "fraction", "show"):
+    for name in ("point", "steps", *"abxy", "omega", "orbits", "fraction", "show", "plays"):
         state.on(name, tell)
     columns = [field(model, partial(typed, i)) for i, model in enumerate(fields)]
     return Row(*columns, leap, slider, link, message, styles=_WRAPPED | {"align-items": "start"})

@@ -9,7 +9,6 @@ import xarray as xr
 from bokeh import models
 from bokeh.events import MouseLeave, MouseMove, Pan, PanEnd, PanStart, Tap
 from bokeh.palettes import Magma256
-from contourpy import contour_generator
 from matplotlib.colors import to_hex
 
 from nasm.numbers import NAMES
@@ -19,9 +18,8 @@ from workflows.explore import rays
 from workflows.explore.field import BLOCKS, Field, View, computed, precision_of
 from workflows.explore.rays import NO_LINES
 from workflows.explore.state import LINES, State
-from workflows.explore.widgets import boxes, field, on_view, picture, pixels_of, sides_of
-from workflows.figures import planes
-from workflows.figures.style import INSIDE, NO_ESCAPE, smoothed
+from workflows.explore.widgets import boxes, field, on_view, picture, pixels_of, sides_of, symbols
+from workflows.figures.style import INSIDE, NO_ESCAPE
 from workflows.shared.tables import dataset
 from workflows.shared.verdict_words import scale_of
 
@@ -42,12 +40,6 @@ _CIRCLE = {
     "min_characters": 1,
     "width": 260,
 }
-_SYMBOLS = {r"$\kappa_1$": "κ₁", r"$\kappa_2$": "κ₂", r"$\bar\kappa$": "κ̄", r"$\Delta\kappa$": "Δκ"}
-
-
-def symbols(plane):
-    """Return the symbols of the axes of a plane in plain text, or what they are in words."""
-    return [_SYMBOLS.get(symbol, symbol) for symbol in planes.symbols(plane.axes)]
 
 
 class PlanePanel:
@@ -68,12 +60,12 @@ class PlanePanel:
         circle = field(models.AutocompleteInput(**_CIRCLE, value=state.omega), state.follow)
         ticks = models.Row(boxes(state, LINES, width=220), circle, styles={"flex-wrap": "wrap"})
         self.lines = models.Column(self.legend, ticks, sizing_mode="stretch_width")
-        _Gestures(self.plot, self._move)
+        _on_drag(self.plot, self._move)
         self.plot.on_event(MouseMove, lambda event: self._tell(event.x, event.y))
         self.plot.on_event(MouseLeave, lambda event: self._mark())
         for what in ("point", "verdict"):
             state.on(what, self._mark)
-        state.on("show", self._show_lines)
+        state.on("show", self._show_boundary)
         soon = on_view(self.plot, work, self._refresh)
         state.on("steps", soon)
         state.on("omega", soon)
@@ -93,7 +85,7 @@ class PlanePanel:
         """Compute what the view, N and ω ask for."""
         state, shared, view = self.state, self.shared, _view(self.plot)
         state.take(a=view.a, b=view.b)
-        self._show_lines()
+        self._show_boundary()
         asked = view, state.steps, state.omega, len(self.cubes)
         if asked == self.asked or not pixels_of(self.plot, _MOST_PIXELS):
             return
@@ -126,7 +118,6 @@ class PlanePanel:
         self.sources["times"].data = _image(view, found.astype(np.float32))
         self.work.progress("plane", words)
         if block == 1:
-            self._show_contour()
             self._mark()
 
     def _show_rays(self, found):
@@ -135,10 +126,6 @@ class PlanePanel:
             self.shared.rays.add(table)
         self.work.progress("boundary", words)
         self._show_boundary()
-
-    def _show_lines(self):
-        self._show_boundary()
-        self._show_contour()
 
     def _show_boundary(self):
         view = _view(self.plot)
@@ -151,11 +138,6 @@ class PlanePanel:
         sides = np.where(np.isnan(excess), 0, np.where(excess <= 0, 1, 2)).astype(np.uint8)
         self.sources["ground"].data = _image(view, sides)
         self._mark()
-
-    def _show_contour(self):
-        wanted = "contour" in self.state.show and self.shown
-        found = _contour(self.shown, self.state.steps) if wanted else {"a": [], "b": []}
-        self.sources["contour"].data = found
 
     def _mark(self):
         a, b = self.state.point
@@ -204,53 +186,30 @@ class PlanePanel:
         return _dataset(self.state.plane, self.shown) if self.shown else None
 
 
-class _Gestures:
-    """Clicks and drags on a figure call move(x, y); drags with Shift move the view."""
-
-    def __init__(self, plot, move):
-        self.plot, self.move = plot, move
-        self.view, self.before, self.pans = None, None, False
-        plot.on_event(Tap, lambda event: move(event.x, event.y))
-        plot.on_event(PanStart, self._begin)
-        plot.on_event(Pan, self._drag)
-        plot.on_event(PanEnd, self._end)
-
-    def _begin(self, event):
-        self.view, self.before = _view(self.plot), None
-        self.pans = bool(event.modifiers and event.modifiers["shift"])
-
-    def _drag(self, event):
-        view = self.view
-        if self.pans:
-            steps = view.pixel * (-event.delta_x, event.delta_y)
-            sides = self.plot.x_range, self.plot.y_range
-            for side, ends, step in zip(sides, (view.a, view.b), steps, strict=True):
-                side.update(start=ends[0] + step, end=ends[1] + step)
-        # If a tool of the toolbar pans, the view moves along, which is known one event later.
-        elif self.before and view == _view(self.plot):
-            self.move(*self.before)
-        self.before = event.x, event.y
-
-    def _end(self, event):
-        if self.view == _view(self.plot) and not self.pans:
-            self.move(event.x, event.y)
+def _on_drag(plot, move):
+    """Call move(x, y) at clicks on a figure, and at drags that no tool of its toolbar takes."""
+    plot.on_event(Tap, lambda event: move(event.x, event.y))
+    code = "plot.tags = plot.toolbar.gestures.pan.active ? ['arrows', 'tool'] : ['arrows']"
+    plot.js_on_event(PanStart, models.CustomJS(args={"plot": plot}, code=code))
+    for what in (Pan, PanEnd):
+        plot.on_event(what, lambda event: "tool" in plot.tags or move(event.x, event.y))
 
 
 def _drawn(state):
     """Return the figure, the colours of escape times, and {name: source} of all that is drawn."""
     first, empty = State(state.plane), {"a": [], "b": []}
-    tools = {"tools": "pan,wheel_zoom,zoom_in,zoom_out,reset,save", "active_drag": None}
+    how = {"active_drag": None}
     sides, whole = (state.a, state.b), (first.a, first.b)
     # Its width is that of the picture with the colours beside it.
-    tools |= {"name": "plane of forcings; arrow keys move the forcing", "tags": ["arrows"]}
-    plot = picture(symbols(state.plane), sides, whole, aspect_ratio=1.06, **tools)
+    how |= {"name": "plane of forcings; arrow keys move the forcing", "tags": ["arrows"]}
+    plot = picture(symbols(state.plane), sides, whole, aspect_ratio=1.06, **how)
     view, clear = _view(plot), {"high_color": "rgba(0, 0, 0, 0)", "nan_color": "rgba(0, 0, 0, 0)"}
     mapper = models.LogColorMapper(_COLOURS, low=10, high=state.steps, **clear)
     blanks = {
         "ground": _image(view, np.zeros((1, 1), np.uint8)),
         "times": _image(view, np.full((1, 1), np.nan, np.float32)),
         "boundary": NO_LINES,
-        **dict.fromkeys(("contour", "followed", "point"), empty),
+        **dict.fromkeys(("followed", "point"), empty),
     }
     sources = {name: models.ColumnDataSource(blank, name=name) for name, blank in blanks.items()}
     greys = models.LinearColorMapper(_GREYS, low=-0.5, high=2.5, name="greys")
@@ -259,7 +218,6 @@ def _drawn(state):
     title = "n*, first escape (steps)"
     plot.add_layout(models.ColorBar(color_mapper=mapper, title=title, width=10, padding=4), "right")
     for name, style in (
-        ("contour", {"line_width": 1.2}),
         ("boundary", {"line_color": "white", "line_width": 5}),
         ("boundary", {"line_color": "colour", "line_width": 2.5}),
         ("followed", {"line_width": 2, "line_dash": "dashed"}),
@@ -281,14 +239,6 @@ def _view(plot):
     """Return what the figure shows, with about as many pixels as the browser has."""
     pixels = pixels_of(plot, _MOST_PIXELS) or (_PIXELS, _PIXELS)
     return View(*sides_of(plot), tuple(BLOCKS[0] * max(2, round(n / BLOCKS[0])) for n in pixels))
-
-
-def _contour(field, steps):
-    """Return the boundary of {n* ≤ steps} of a running median, as lines."""
-    inside = smoothed(field.times) <= steps
-    found = contour_generator(field.a, field.b, inside.astype(float)).lines(0.5)
-    a, b = ([line[:, i].tolist() for line in found] for i in (0, 1))
-    return {"a": a, "b": b}
 
 
 def _dataset(plane, field):

@@ -12,8 +12,9 @@ from nasm import barriers, orbits, symmetries
 from nasm.circles import fourier
 from nasm.numbers import convergents
 from nasm.verdict import Answer
+from workflows.explore.instruments import MANIFOLDS, resonance, spreading
 from workflows.explore.state import ORBITS, State, fraction_of, orbits_of, orbits_text
-from workflows.explore.widgets import boxes, field, on_view, picture, pixels_of, sides_of
+from workflows.explore.widgets import boxes, field, on_view, picture, pixels_of, sides_of, small
 from workflows.figures.phase_space import CHAOTIC, COLOURS, STRONG, ends, places
 from workflows.shared.orbit_words import cycles_words, orbit_words
 from workflows.shared.phase_space import in_box, periodic_orbits, portraits
@@ -39,8 +40,8 @@ class PortraitPanel:
         self.plot, self.image, self.bar, self.lines = _drawn(state)
         profile = _profile(self.plot, self.lines["profile"])
         self.message = models.Div(sizing_mode="stretch_width", min_height=22)
-        names = "portrait", "last circle", "periodic orbits"
-        self.portraits, self.traces, self.cycles = map(work.latest, names)
+        names = "portrait", "last circle", "periodic orbits", "ensemble"
+        self.portraits, self.traces, self.cycles, self.ensemble = map(work.latest, names)
         self.portrait, self.words = None, ""
         self._forget()
         self.added = models.TextInput(
@@ -63,8 +64,15 @@ class PortraitPanel:
         added = field(self.added, lambda text: state.take(orbits=orbits_of(text)))
         sought = field(fraction, state.seek)
         below = models.Row(ticks, added, sought, styles={"flex-wrap": "wrap", "gap": "4px 16px"})
+        spread = models.Button(label="spread an ensemble from the middle")
+        spread.on_click(self._spread)
+        self.variance = small("<(y - y₀)²> against periods", x_axis_type="log", y_axis_type="log")
+        self.variance.line("n", "variance", source=self.lines["variance"], line_width=2)
+        below.children.append(spread)
         pictures = models.Row(self.plot, profile, sizing_mode="stretch_width")
-        self.root = models.Column(pictures, self.message, below, sizing_mode="stretch_width")
+        self.root = models.Column(
+            pictures, self.message, self.variance, below, sizing_mode="stretch_width"
+        )
 
     def _seen(self):
         """Return the portrait with what is left of the last circle."""
@@ -89,6 +97,8 @@ class PortraitPanel:
         self._show_decisive()
 
     def _show(self, found):
+        if found[0].attrs["kappa"] == self.state.kappa.tolist():
+            self.state.drawn = self.state.point
         self.portrait, pixels, curves, self.lines["profile"].data, self.words = found
         left, bottom, width, height = self.portrait.attrs["box"]
         place = {"x": [left], "y": [bottom], "w": [width], "h": [height]}
@@ -102,14 +112,19 @@ class PortraitPanel:
     def _tell(self):
         colour = STRONG if "circle" in self.decisive else "inherit"
         name = f'<b style="color: {colour}">{self.name}</b>. ' if self.name else ""
-        self.message.text = f'<span role="status">{name}{self.words} {self.said}</span>'
+        self.message.text = (
+            f'<span role="status">{name}{self.words} {self.said} {self.spreads}</span>'
+        )
 
     def _forget(self):
         self.decisive, self.name, self.orbits, self.said = {}, "", _NO_CYCLES, ""
+        self.curves, self.points, self.spreads = {}, _EMPTY, ""
 
     def _move(self):
         self._forget()
         self.traces.cancel()
+        self.ensemble.cancel()
+        self.variance.visible = False
         self._find_cycles()
 
     def _judge(self):
@@ -124,17 +139,18 @@ class PortraitPanel:
         self._show_decisive()
 
     def _find_cycles(self):
-        self._keep_cycles((_NO_CYCLES, ""))
+        self._keep_cycles((_NO_CYCLES, {}, ""))
         state = self.state
         omega = state.verdict and "cycles" in state.show and state.verdict.boundary.omega
         fraction = fraction_of(state.fraction)
         self.cycles.cancel()
         if omega or fraction is not None:
-            args = state.kappa, omega or None, fraction
+            box = _box(self.plot) if "manifolds" in state.show and fraction is not None else None
+            args = state.kappa, omega or None, fraction, box
             self.cycles.submit(_cycles, *args, done=self._keep_cycles)
 
     def _keep_cycles(self, found):
-        self.orbits, self.said = found
+        self.orbits, self.curves, self.said = found
         self._show_decisive()
         self._tell()
 
@@ -146,6 +162,21 @@ class PortraitPanel:
         dots = _dots(box, *self.decisive.get("longest_lived", nothing))
         self.lines["longest_lived"].data = {axis: dots[axis][: width // _APART] for axis in "xy"}
         self.lines["cycles"].data = _dots(box, **self.orbits)
+        for name in MANIFOLDS:
+            self.lines[name].data = _line(box, *self.curves.get(name, nothing))
+        self.lines["ensemble"].data = _dots(box, **self.points)
+        self.lines["lobes"].data = _lobes(box, self.curves.get("lobes", []))
+
+    def _spread(self):
+        """Let an ensemble spread from the middle of what is seen now."""
+        args = self.state.kappa, _box(self.plot)
+        self.ensemble.submit(spreading, *args, done=self._show_ensemble)
+
+    def _show_ensemble(self, found):
+        self.points, self.lines["variance"].data, self.spreads = found
+        self._show_decisive()
+        self.variance.visible = True
+        self._tell()
 
     def _add(self, x, y):
         """Add an orbit to those in the field, with no more digits than pixels have."""
@@ -159,8 +190,7 @@ class PortraitPanel:
 def _drawn(state):
     """Return the figure, and the sources and the bar that change with what it shows."""
     first = State(state.plane)
-    tools = "box_zoom,pan,wheel_zoom,zoom_in,zoom_out,reset,save"
-    how = {"most": 1.0, "tools": tools, "active_drag": "box_zoom", "aspect_ratio": 1.0}
+    how = {"most": 1.0, "active_drag": "box_zoom", "aspect_ratio": 1.0}
     how["name"] = "phase portrait"
     plot = picture(("x (turns)", "y (mod 1)"), (state.x, state.y), (first.x, first.y), **how)
     left, bottom, width, height = _box(plot)
@@ -173,10 +203,17 @@ def _drawn(state):
     bar = models.ColorBar(color_mapper=shades, title=_BAR, width=10, padding=4)
     plot.add_layout(bar, "right")
     blanks = dict.fromkeys(("circle", "longest_lived", *_SYMMETRY), _EMPTY)
+    blanks |= dict.fromkeys(("ensemble", *MANIFOLDS), _EMPTY)
+    blanks |= {"variance": {"n": [], "variance": []}, "lobes": {"x": [], "y": [], "fill": []}}
     blanks |= {"cycles": _NO_CYCLES, "profile": _EMPTY}
     lines = {name: models.ColumnDataSource(columns, name=name) for name, columns in blanks.items()}
     for name, dash in zip(_SYMMETRY, ("solid", "dashed"), strict=True):
         plot.add_glyph(lines[name], models.Line(x="x", y="y", line_color="#888888", line_dash=dash))
+    lobes = models.Patches(xs="x", ys="y", fill_color="fill", fill_alpha=0.6, line_color=None)
+    plot.add_glyph(lines["lobes"], lobes)
+    for name, colour in zip(MANIFOLDS, _LOBES, strict=True):
+        plot.add_glyph(lines[name], models.Line(x="x", y="y", line_color=colour, line_width=1.5))
+    plot.scatter("x", "y", source=lines["ensemble"], size=2, color=_ENSEMBLE)
     plot.add_glyph(lines["circle"], models.Line(x="x", y="y", line_color=STRONG, line_width=3))
     dots = models.Scatter(
         x="x", y="y", size=4, line_color="white", line_width=0.5, fill_color="black"
@@ -204,6 +241,8 @@ def _profile(plot, source):
     return beside
 
 
+_LOBES = "#E69F00", "#56B4E9"  # and the unstable and the stable manifold
+_ENSEMBLE = "#E7298A"
 _SYMMETRY = "symmetry", "second symmetry"
 _NO_CYCLES = {"x": [], "y": [], "marker": [], "fill": [], "orbit": []}
 _MARKERS = {"minimax": ("circle", "white"), "minimizing": ("square", "black")}
@@ -290,8 +329,9 @@ def _decisive(kappa, found):
     return {}, ""
 
 
-def _cycles(kappa, omega, fraction):
-    """Return the points of the orbits of the convergents of ω, and of p/q, and words on these."""
+def _cycles(kappa, omega, fraction, box):
+    """Return the points of the orbits of the convergents of ω, and of p/q; the manifolds of p/q if
+    there is a box to draw them in; and words on p/q."""
     near = (
         [] if omega is None else takewhile(lambda f: f.denominator <= _MOST_Q, convergents(omega))
     )
@@ -303,7 +343,9 @@ def _cycles(kappa, omega, fraction):
         rows = x, y, *np.repeat(words, x.size).reshape(3, -1)
         columns.append(dict(zip(_NO_CYCLES, rows, strict=True)))
     said = "" if fraction is None else cycles_words(fraction, own)
-    return {name: np.concatenate([part[name] for part in columns]) for name in _NO_CYCLES}, said
+    points = {name: np.concatenate([part[name] for part in columns]) for name in _NO_CYCLES}
+    curves, more = ({}, "") if box is None else resonance(kappa, fraction, box)
+    return points, curves, f"{said} {more}"
 
 
 def _line(box, x, y):
@@ -311,6 +353,19 @@ def _line(box, x, y):
     x, y = np.asarray(x, float), np.asarray(y, float)
     stride = 1 + in_box(box, x, y)[0].size // _MOST_POINTS
     return dict(zip("xy", in_box(box, x[::stride], y[::stride]), strict=True))
+
+
+def _lobes(box, lobes):
+    """Return the edges of lobes, wherever their images mod 1 may be in the box."""
+    left, bottom, _, _ = box
+    places = [
+        (x + i - np.floor(x[0] - left), y + j - np.floor(y[0] - bottom))
+        for x, y in lobes
+        for i in (-1, 0, 1)
+        for j in (-1, 0, 1)
+    ]
+    colours = [_LOBES[n // 9 % 2] for n in range(len(places))]
+    return {"x": [x for x, _ in places], "y": [y for _, y in places], "fill": colours}
 
 
 def _dots(box, x, y, **more):

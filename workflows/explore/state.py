@@ -16,8 +16,9 @@ from nasm.planes import two_kicks
 from workflows.explore.rays import checked, named_by
 
 STEPS = [m * 10**e for e in range(2, 6) for m in (1, 2, 5)] + [10**6]
-LINES = {"boundary": "where the last circle breaks", "contour": "where n* ≤ N begins"}
+LINES = {"boundary": "where the last circle breaks"}
 ORBITS = {"kicks": "kick by kick", "symmetry": "symmetry lines", "cycles": "periodic orbits"}
+ORBITS |= {"manifolds": "manifolds of p/q"}
 _HALF = 1.15  # of the largest strength, of the first view
 ZOOM = 1e-9, 30.0  # times the first view: beyond that pixels are no longer apart as floats
 _FAR = 1e7  # largest coordinates of a view, added
@@ -34,6 +35,7 @@ class State:
     fraction : text of the p/q whose periodic orbits are shown, or "".
     show : frozenset of the names in LINES and ORBITS that are shown.
     verdict : nasm.verdict.Verdict of the point, None until it is known.
+    drawn : the point whose portrait is shown. plays : whether the point moves by itself.
     seen : {name: function → xarray.Dataset}, what each panel shows now; panels put theirs in.
     """
 
@@ -43,7 +45,7 @@ class State:
         self.a, self.b = ((-_HALF / size, _HALF / size) for size in sizes)
         self.x, self.y = (0.0, 1.0), (-0.25, 0.75)
         self.omega, self.orbits, self.show = "", (), frozenset({"boundary"})
-        self.fraction = ""
+        self.fraction, self.drawn, self.plays = "", None, False
         self.verdict, self.seen, self._hear = None, {}, defaultdict(list)
 
     @property

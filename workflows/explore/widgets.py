@@ -10,7 +10,9 @@ from bokeh.plotting import figure
 from bokeh.themes import Theme
 
 from workflows.explore.state import ZOOM
+from workflows.figures import planes
 
+_TOOLS = "box_zoom,pan,wheel_zoom,zoom_in,zoom_out,reset,save"
 _DARK = """@media (prefers-color-scheme: dark) {
   :host { --color: #ddd; --background-color: #26292c; --surface-background-color: #33373b;
     --border-color: #666; --icon-color: #bbb; --hover-color: #3a3f44; --placeholder-color: #999 }
@@ -74,12 +76,28 @@ def picture(labels, sides, first, most=ZOOM[1], **options):
         for side, (lo, hi) in zip(sides, first, strict=True)
     )
     options |= dict(zip(("x_axis_label", "y_axis_label"), labels, strict=True))
-    options |= {"active_scroll": "wheel_zoom", "toolbar_location": "above"}
+    options |= {"tools": _TOOLS, "active_scroll": "wheel_zoom", "toolbar_location": "above"}
     plot = figure(x_range=x_range, y_range=y_range, sizing_mode="scale_width", **options)
     plot.toolbar.logo = None
     plot.grid.visible = False
     plot.axis.axis_label_text_font_style = "normal"
     return plot
+
+
+def small(title, **options):
+    """Return a small figure, hidden at first, of curves that are computed on wish."""
+    how = {"height": 150, "toolbar_location": None, "visible": False, "name": title}
+    plot = figure(title=title, sizing_mode="stretch_width", tools="", **how | options)
+    plot.axis.axis_label_text_font_style = "normal"
+    return plot
+
+
+_SYMBOLS = {r"$\kappa_1$": "κ₁", r"$\kappa_2$": "κ₂", r"$\bar\kappa$": "κ̄", r"$\Delta\kappa$": "Δκ"}
+
+
+def symbols(plane):
+    """Return the symbols of the axes of a plane in plain text, or what they are in words."""
+    return [_SYMBOLS.get(symbol, symbol) for symbol in planes.symbols(plane.axes)]
 
 
 def sides_of(plot):

@@ -1,0 +1,84 @@
+"""What is computed on wish: an ensemble that spreads from a box, the resonance of p/q, residues."""
+
+from contextlib import suppress
+from time import sleep
+
+import numpy as np
+
+from nasm import action, manifolds, orbits
+from nasm.numbers import distinct_convergents
+from workflows.shared.phase_space import in_box
+
+MANIFOLDS = {"unstable": manifolds.unstable, "stable": manifolds.stable}
+_LENGTH = 8.0  # turns of all branches of a kind together
+_SIDE, _CHUNK, _MOST_PERIODS = 48, 32, 8192  # of an ensemble: starts along a side, periods
+_LOOK = 0.15  # seconds, so that one sees it spread
+_MOST_Q = 60  # of the convergents whose residues are followed
+_N_RESIDUES, _PLACES = 3, 61
+
+
+def spreading(kappa, box):
+    """Yield how an ensemble spreads that starts evenly in the middle of a box, a tenth as wide and
+    high, each time n has doubled.
+
+    Columns {"x", "y"} of points, on the lift; {"n", "variance"} so far; and D in words.
+    """
+    left, bottom, width, height = box
+    places = 0.45 + 0.1 * (np.arange(_SIDE) + 0.5) / _SIDE
+    x, y = map(np.ravel, np.meshgrid(left + width * places, bottom + height * places))
+    first, n, shown, squares = y, 0, 1, np.zeros_like(y)
+    found = {"n": [], "variance": []}
+    while n < _MOST_PERIODS:
+        steps = min(_CHUNK, shown - n)
+        (_, x), (_, y) = orbits.orbit(np.tile(kappa, steps), x, y, 1)
+        n += steps
+        if n < shown:
+            yield None
+            continue
+        before, squares = squares, (y - first) ** 2
+        found = {"n": [*found["n"], n], "variance": [*found["variance"], squares.mean()]}
+        rates = (squares - before) / n  # from n/2 to n
+        words = f"The ensemble after {n} periods: variance {squares.mean():.4g}, "
+        words += f"D = {rates.mean():.3g} ± {rates.std() / rates.size**0.5:.1g} a period."
+        yield {"x": x, "y": y}, found, words
+        shown *= 2
+        sleep(_LOOK)
+
+
+def resonance(kappa, fraction, box):
+    """Return {"unstable", "stable": a curve in the box; "lobes": [(x, y), …]} of the minimizing p/q
+    orbit, and the flux of its turnstiles in words."""
+    p, q = fraction.numerator, fraction.denominator
+    lines, lobes, told = {name: [np.array([[], []])] for name in MANIFOLDS}, [], []
+    with suppress(action.LostError, ValueError):
+        xs, ys = action.ordered_orbits(kappa, p, q)[0].points()
+        for name, branch in MANIFOLDS.items():
+            for toward in (1, -1):
+                for x, y in zip(xs, ys, strict=True):
+                    curve = branch(kappa, p, q, x, y, _LENGTH / 2 / q, toward=toward)
+                    lines[name].append(np.array([*in_box(box, *curve)]))
+                    lines[name].append(np.full((2, 1), np.nan))
+    for edge in ("upper", "lower"):
+        with suppress(action.LostError):
+            found = manifolds.turnstile(kappa, p, q, edge == "upper")
+            lobes += found.lobes
+            told.append(f"{found.area:.4g} through its {edge} edge")
+    words = f"Turnstiles of {fraction}: {' and '.join(told) or 'too thin to be seen'}, a step."
+    return {name: np.hstack(parts) for name, parts in lines.items()} | {"lobes": lobes}, words
+
+
+def residues(start, profile, omega):
+    """Return {"at", "residue": lists of lists; "orbit": names} of convergents of ω along a segment.
+
+    start, profile : of the forcings start + s·profile, s from 0 to 1. Minimax orbits.
+    """
+    ladder = action.Ladder(start, profile, distinct_convergents(omega, _MOST_Q))
+    at, names = np.linspace(0, 1, _PLACES), [f"{one.p}/{one.q}" for one in ladder.chains]
+    found = []
+    for n in range(len(names))[-_N_RESIDUES:]:
+        found.append([])
+        for scale in at:
+            found[-1].append(np.nan)
+            with suppress(action.LostError):
+                found[-1][-1] = ladder.at(n, scale, -1).residue
+    return {"at": [at.tolist()] * len(found), "residue": found, "orbit": names[-_N_RESIDUES:]}

@@ -1,0 +1,75 @@
+"""Play along the ray or an axis of the plane: the portrait follows, and residues are a curve."""
+
+import numpy as np
+from bokeh.models import Button, Column, ColumnDataSource, MultiLine, Row, Select, Span
+from bokeh.palettes import Viridis3
+
+from workflows.explore.instruments import residues
+from workflows.explore.widgets import small, symbols
+
+_PLACES = 60
+_PAUSE = 150  # milliseconds, the least from one place to the next
+_RAY = "the ray"
+
+
+def panel(state, work):
+    """Return what plays, and below it the residues where it plays.
+
+    The last circle's orbits are those of the verdict where playing begins.
+    """
+    along = Select(title="Play along", options=[_RAY, *symbols(state.plane)], value=_RAY, width=110)
+    button = Button(label="play")
+    source = ColumnDataSource({"at": [], "residue": [], "orbit": [], "colour": []}, name="residues")
+    plot = small("residues of the last circle's convergents along the way", y_range=(0, 1))
+    plot.add_glyph(source, MultiLine(xs="at", ys="residue", line_color="colour", line_width=2))
+    here = Span(dimension="height", line_color="#888888")
+    plot.add_layout(here)
+    lane, way, repeated = work.latest("residues"), [], []
+
+    def ends():
+        point, corners = np.array(state.point), np.array([state.a, state.b])
+        if along.value == _RAY:
+            with np.errstate(divide="ignore", invalid="ignore"):
+                room = np.where(point > 0, corners[:, 1], corners[:, 0]) / point
+            return 0 * point, point * np.nanmin(np.where(room > 0, room, 2.0))
+        first, last = np.array([point, point])
+        i = along.options.index(along.value) - 1
+        first[i], last[i] = corners[i]
+        return first, last
+
+    def show(found):
+        shades = [*Viridis3][: len(found["orbit"])]
+        source.data = found | {"colour": shades}
+        plot.xaxis.axis_label = f"part of the way; R of {', '.join(found['orbit'])}, to R = 1"
+        plot.visible = True
+
+    def toggle():
+        if repeated:
+            return stop()
+        first, last = ends()
+        way[:] = [(s, first + s * (last - first)) for s in np.arange(1, _PLACES + 1) / _PLACES]
+        source.data, button.label = {name: [] for name in source.data}, "stop"
+        omega = state.verdict and state.verdict.boundary.omega
+        if omega:
+            start = state.plane.forcing(*first)
+            segment = start, state.plane.forcing(*last) - start
+            lane.submit(residues, *segment, omega, done=show)
+        state.take(plays=True)
+        repeated.append(work.document.add_periodic_callback(step, _PAUSE))
+
+    def stop():
+        work.document.remove_periodic_callback(repeated.pop())
+        button.label = "play"
+        state.take(plays=False)
+
+    def step():
+        if state.drawn == state.point:  # else the portrait is still to come
+            here.location, point = way.pop(0)
+            if not way:
+                stop()
+            state.move(*map(float, point.round(6)))
+
+    button.on_click(toggle)
+    return Column(
+        Row(along, button, styles={"align-items": "end"}), plot, sizing_mode="stretch_width"
+    )
