@@ -109,8 +109,8 @@ def turnstile(kappa, p, q, above, spacing=1e-3):
     """The turnstile of the upper (above) or lower edge of the resonance of p/q.
 
     kappa : the forcing. p, q : without common factor. spacing : of the lobes' edges, in turns.
-    LostError if the orbits that tend to the homoclinic ones are not found, as where R is about 0, or
-    differ by rounding.
+    LostError if the orbits that tend to the homoclinic ones are not found, or differ by rounding,
+    as where R is about 0.
     """
     kappa = forcing(kappa)
     points, _ = ordered_orbits(kappa, p, q)

@@ -454,7 +454,7 @@ def test_the_forcing_plays_along_the_ray_and_what_is_asked_for_is_drawn(opened):
     assert "through its upper edge" in told(tab, "Turnstiles of 1/2")
     assert len(columns(tab, "unstable")["x"]) > 100
     tab.get_by_role("button", name="spread an ensemble").click()
-    told(tab, "after 256 periods")
+    told(tab, "after 8192 periods")
     counts = columns(tab, "variance")["n"]
     assert counts == [2**i for i in range(len(counts))]
     left, top, width, height = picture(tab, PLANE)

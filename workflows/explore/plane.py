@@ -7,7 +7,7 @@ from math import ceil, inf, isfinite, log10
 import numpy as np
 import xarray as xr
 from bokeh import models
-from bokeh.events import MouseLeave, MouseMove, Pan, PanEnd, PanStart, Tap
+from bokeh.events import MouseLeave, MouseMove, Pan, PanEnd, Tap
 from bokeh.palettes import Magma256
 from matplotlib.colors import to_hex
 
@@ -189,8 +189,6 @@ class PlanePanel:
 def _on_drag(plot, move):
     """Call move(x, y) at clicks on a figure, and at drags that no tool of its toolbar takes."""
     plot.on_event(Tap, lambda event: move(event.x, event.y))
-    code = "plot.tags = plot.toolbar.gestures.pan.active ? ['arrows', 'tool'] : ['arrows']"
-    plot.js_on_event(PanStart, models.CustomJS(args={"plot": plot}, code=code))
     for what in (Pan, PanEnd):
         plot.on_event(what, lambda event: "tool" in plot.tags or move(event.x, event.y))
 

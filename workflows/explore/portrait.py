@@ -60,7 +60,8 @@ class PortraitPanel:
         state.on("verdict", self._judge)
         state.seen["phase space"] = self._seen
         soon()
-        ticks = boxes(state, ORBITS, inline=True, stylesheets=["label { margin-right: 1em }"])
+        how = {"inline": True, "stylesheets": [_TICKS], "styles": {"max-width": "92vw"}}
+        ticks = boxes(state, ORBITS, **how)
         added = field(self.added, lambda text: state.take(orbits=orbits_of(text)))
         sought = field(fraction, state.seek)
         below = models.Row(ticks, added, sought, styles={"flex-wrap": "wrap", "gap": "4px 16px"})
@@ -242,6 +243,7 @@ def _profile(plot, source):
 
 
 _LOBES = "#E69F00", "#56B4E9"  # and the unstable and the stable manifold
+_TICKS = ".bk-input-group { flex-wrap: wrap } label { margin-right: 1em }"
 _ENSEMBLE = "#E7298A"
 _SYMMETRY = "symmetry", "second symmetry"
 _NO_CYCLES = {"x": [], "y": [], "marker": [], "fill": [], "orbit": []}
