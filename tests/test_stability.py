@@ -42,6 +42,7 @@ def test_no_method_crosses_the_breakup():
     assert (inside.isel(excess=0).certified == 1).all()
     assert np.isinf(inside.elimination_time).all()
     assert np.isinf(inside.escape_time).all()
+    assert np.isinf(inside.escape_time_single).all()
     assert np.isfinite(beyond.sel(excess=slice(9e-4, None)).elimination_time).all()
     # Weighted Birkhoff averages are no proof of a circle.
     assert (boundary.sel(excess=1e-3, method="nearest").digits > 5).all()

@@ -60,6 +60,7 @@ def _draw_past_boundary(axes, study):
         ("Birkhoff:\nregular,\n5 digits", study.digits >= 5, "s"),
         ("converse\nKAM\neliminates", np.isfinite(study.elimination_time), "v"),
         ("escape\nseen", np.isfinite(study.escape_time), "^"),
+        ("escape,\nsingle\nprecision", np.isfinite(study.escape_time_single), "<"),
     )
     claims = [claim for claim in claims[::-1] if claim[1].any()]
     for row, (_, said, mark) in enumerate(claims):

@@ -42,13 +42,19 @@ def _boundary(study):
     wrong = np.isfinite(study.elimination_time.where(study.excess < -1e-12)).sum()
     gone = beyond.excess.where(np.isfinite(beyond.elimination_time).all("angle")).min()
     regular = beyond.excess.where((beyond.digits >= 5).any("angle")).max()
-    seen = beyond.excess.where(np.isfinite(beyond.escape_time).any("angle")).min()
+    seen, single = (
+        beyond.excess.where(np.isfinite(times).any("angle")).min()
+        for times in (beyond.escape_time, beyond.escape_time_single)
+    )
+    leaks = np.isfinite(study.escape_time_single.where(study.excess < -1e-12)).sum()
     return (
         f"Past the breakup {int((beyond.certified == 1).sum())} circles are certified. Converse "
         f"KAM eliminates all starts from {_percent(gone)} beyond on, and wrongly in {int(wrong)} "
         "cases inside; a weighted Birkhoff average calls an orbit regular (5 digits) up to "
         f"{_percent(regular)} beyond; 100 orbits show an escape "
-        + (f"from {_percent(seen)} beyond on." if np.isfinite(seen) else "nowhere.")
+        + (f"from {_percent(seen)} beyond on" if np.isfinite(seen) else "nowhere")
+        + (f" (in single precision from {_percent(single)})" if np.isfinite(single) else "")
+        + f"; in single precision {int(leaks)} ensembles leak through a circle inside."
     )
 
 

@@ -77,9 +77,10 @@ def past_boundary(quick):
     def answers(angle, x):
         kappa = breakups[angle].value * (1 + x) * ray(angle)
         circle = circles.invariant_circle(breakups[angle].omega, kappa, n_max=n_modes)
-        return circle.certified, *_lives(kappa, n_cones, 5000, n_escape)
+        single = _first_escape(kappa, n_escape, "single")
+        return circle.certified, single, *_lives(kappa, n_cones, 5000, n_escape)
 
-    certified, *lives = _over(angles, excess, answers)
+    certified, single, *lives = _over(angles, excess, answers)
     words, dims = "whether a circle of n_modes points is certified", ("angle", "excess")
     return dataset(
         "Distance past the breakup",
@@ -87,7 +88,11 @@ def past_boundary(quick):
             "angle": (list(angles), ANGLE),
             "excess": (excess, "scale over that of the breakup, less 1"),
         },
-        {"certified": (dims, certified.astype("int8"), words), **_labelled_lives(dims, lives)},
+        {
+            "certified": (dims, certified.astype("int8"), words),
+            "escape_time_single": (dims, single, f"{_LIVES['escape_time']}, in single precision"),
+            **_labelled_lives(dims, lives),
+        },
         {"n_cones": n_cones, "n_escape": n_escape, "n_modes": n_modes},
     )
 
@@ -167,7 +172,12 @@ def _lives(kappa, n_cones, n_average, n_escape):
     y, steps = symmetry_line.longest_lived(kappa, n_cones)
     site, a = dominant_centre(kappa)
     _, digits = orbits.rotation_number(np.roll(kappa, -site), a, y, n_average)
-    return steps, digits, escape.first_escape(kappa, *escape.ensemble(100), [100], n_escape)[0]
+    return steps, digits, _first_escape(kappa, n_escape)
+
+
+def _first_escape(kappa, n_max, precision="double"):
+    starts = escape.ensemble(100)
+    return escape.first_escape(kappa, *starts, [100], n_max, precision=precision)[0]
 
 
 def _labelled_lives(dims, lives):
