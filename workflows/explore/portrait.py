@@ -214,7 +214,7 @@ def _drawn(state):
     plot.add_glyph(lines["lobes"], lobes)
     for name, colour in zip(MANIFOLDS, _LOBES, strict=True):
         plot.add_glyph(lines[name], models.Line(x="x", y="y", line_color=colour, line_width=1.5))
-    plot.scatter("x", "y", source=lines["ensemble"], size=2, color=_ENSEMBLE)
+    plot.scatter("x", "y", source=lines["ensemble"], size=2, color=STRONG)
     plot.add_glyph(lines["circle"], models.Line(x="x", y="y", line_color=STRONG, line_width=3))
     dots = models.Scatter(
         x="x", y="y", size=4, line_color="white", line_width=0.5, fill_color="black"
@@ -244,7 +244,6 @@ def _profile(plot, source):
 
 _LOBES = "#E69F00", "#56B4E9"  # and the unstable and the stable manifold
 _TICKS = ".bk-input-group { flex-wrap: wrap } label { margin-right: 1em }"
-_ENSEMBLE = "#E7298A"
 _SYMMETRY = "symmetry", "second symmetry"
 _NO_CYCLES = {"x": [], "y": [], "marker": [], "fill": [], "orbit": []}
 _MARKERS = {"minimax": ("circle", "white"), "minimizing": ("square", "black")}
