@@ -471,11 +471,16 @@ def test_proved_upper_comes_near_the_breakup_from_above_and_needs_no_good_value(
 
 
 def tried(profile, excess, checks):
-    """Try to prove below and beyond the breakup by `barriers`; the proof beyond it."""
+    """Try to prove beyond the breakup by `barriers`, and on that polygon below it, where no search
+    for another one stops the proof; the proof beyond it."""
     found = barriers.critical_scale(profile, 1e-3)
-    for scale in (0.9 * found.lower, found.lower):
-        assert not prove(scale * np.array(profile), 0.2).proved
     proof = prove((1 + excess) * found.upper * np.array(profile))
+    for scale in (0.9 * found.lower, found.lower) if proof.proved else ():
+        given = tuple((scale * np.array(profile)).tolist())
+        below = proofs.transport._covered(given, given, proof.site, proof.points, 0.2)
+        assert not below.proved
+        assert below.lives.size > 0  # most of the polygon is no circle's
+    assert not prove(0.9 * found.lower * np.array(profile), 0.2).proved
     if checks and proof.proved:
         checker.check(json.loads(json.dumps(proof.certificate())))
     return proof
@@ -506,6 +511,18 @@ def test_constant_kicks_on_a_polygon_are_proved_where_the_standard_map_is():
     assert not proofs.transport._covered((0.95,) * 3, (0.95,) * 3, *closed, 0.2).proved
 
 
+def a_piece_of_no_length(certificate, split, lives):
+    """The certificate with its first corner twice, and one box between."""
+    points, boxes = certificate["points"], certificate["boxes"]
+    quarter = (0.25).hex()
+    moved = [[(float.fromhex(s) + 0.5).hex(), *rest] for s, *rest in boxes]
+    return certificate | {
+        "points": [points[0], *points],
+        "boxes": [[quarter, quarter, split], *moved],
+        "lives": [lives, *certificate["lives"]],
+    }
+
+
 def test_a_changed_certificate_of_several_kicks_is_refused():
     proof = prove(SEVERAL)
     certificate = proof.certificate()
@@ -530,6 +547,8 @@ def test_a_changed_certificate_of_several_kicks_is_refused():
         certificate | {"kappa": certificate["kappa"][::-1]},
         certificate | {"kappa": [(1.6).hex()] * 3},
         certificate | {"site": (proof.site + 1) % 3},
+        # A half that is rounded: both halves say 0, and Q = 2⁻⁵³.
+        a_piece_of_no_length(certificate, (-(2.0**-53)).hex(), [1, 1]),
     ]
     for other in wrong:
         with pytest.raises((checker.Refuted, ValueError, LookupError)):

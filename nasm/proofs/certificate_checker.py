@@ -230,6 +230,7 @@ def hypothesis_of_several(certificate):
     for (s, delta, split), life in zip(boxes, lives, strict=True):
         piece = int(2 * (s - delta))
         demand(2 * (s + delta) <= piece + 1, "a box across a corner")
+        demand(Fraction(float(1 - split)) == 1 - split, "a share of the site that is no float")
         (x, y), (x_end, y_end) = points[piece : piece + 2]
         middle = [
             start + (2 * s - piece) * (end - start) for start, end in ((x, x_end), (y, y_end))

@@ -95,7 +95,7 @@ _HUGE = 1e100  # V beyond which products may overflow
 _LONGEST = 1e11  # kicks of a box in a proof; they would take hours
 
 _FIRST = 16  # boxes to begin with
-_SMALLEST = 2.0**-50  # δ; centres are exact down to there
+_SMALLEST = 2.0**-50  # δ; up to s = 8 centres are exact down to there
 _BLOCK = 8  # kicks between two looks for events, or a few more: whole periods
 _STATE, _ROWS, _V = 18, 19, 6  # numbers of a box: those that change, all, and which is V
 _FIRST_EXCESS = 0.1  # s/value - 1 where `proved_upper` begins
@@ -321,7 +321,7 @@ def _covered(given, kappa, site, points, budget):
         if len(boxes) and time.thread_time() > end:
             outcome = Outcome.BUDGET
             break
-        if len(boxes) and half.min() < _SMALLEST:
+        if len(boxes) and half.min() < _SMALLEST * max(1.0, (len(points) - 1) / 16):
             outcome = Outcome.PRECISION
             break
     boxes, lives, slopes = map(np.concatenate, zip(*found, strict=True))
