@@ -436,9 +436,9 @@ def test_the_forcing_plays_along_the_ray_and_what_is_asked_for_is_drawn(opened):
     told(tab, "({}, {})".format(*KAPPA))
     told(tab, re.compile("breaks? at"))
     tab.get_by_role("button", name="play", exact=True).click()
-    wait(tab, "Bokeh.documents[0].get_model_by_name('residues').data.residue.length == 3")
     wait(tab, f"Bokeh.documents[0].get_model_by_name('point').data.a[0] != {KAPPA[0]}")
-    tab.get_by_role("button", name="stop").click()
+    tab.get_by_role("button", name="stop").click()  # it plays for 9 s or more
+    wait(tab, "Bokeh.documents[0].get_model_by_name('residues').data.residue.length == 3")
     tab.get_by_role("button", name="play", exact=True).wait_for()
     wait(tab, "!location.search.includes('k1={}&k2={}')".format(*KAPPA))
     end = np.array(KAPPA) * 1.15 / KAPPA[0]
