@@ -193,8 +193,8 @@ def prove(kappa, budget=10.0):
     -------
     TransportProof. What is not proved is not disproved.
 
-    ValueError if kappa is no forcing, or budget is not positive. RuntimeError if the machine's
-    arithmetic is not the one that the proof needs.
+    ValueError if kappa is no forcing, or has more than 64 kicks and no dominant line, or budget is
+    not positive. RuntimeError if the machine's arithmetic is not the one that the proof needs.
     """
     kappa = forcing(kappa)
     (short,), _ = shorten([kappa], rational(0))
