@@ -148,7 +148,7 @@ def curve(kappa, n_max):
     line is dominant for all ω it is that line, to y = 1/2, or to y = 1 if its centre is between two
     sites.
     """
-    strengths, n_steps = forcing(kappa), 32
+    strengths, n_steps, n_max = forcing(kappa), 32, count("n_max", n_max, 32, MAX_STEPS)
     with suppress(ValueError):  # without a centre
         (_, (site, a), dominant), *others = dominant_lines(strengths)
         if dominant and not others:
@@ -156,8 +156,8 @@ def curve(kappa, n_max):
             corners = np.array([[a, 0.0], [a + end * (site % 1), end]])
             ended = symmetry_line.eliminates(strengths, n_max)
             return (int(np.ceil(site)) % strengths.size, corners) if ended else None
-    ordered = cache(lambda omega: ordered_orbits(kappa, omega.numerator, omega.denominator))
-    while n_steps <= count("n_max", n_max, 32, MAX_STEPS):
+    ordered = _ordered(kappa)
+    while n_steps <= n_max:
         for site in _by_strength(strengths):
             minimax = partial(_minimax, ordered, strengths.size, site)
             _, kicks, corners = _longest_on_transversal(
@@ -239,7 +239,7 @@ def _longest_lived(kappa, n_kicks, sites, near=()):
     Of transversals on which no start survives and one lives long, the first is as good as any.
     The last site that was better is put first among `sites`.
     """
-    ordered = cache(lambda omega: ordered_orbits(kappa, omega.numerator, omega.denominator))
+    ordered = _ordered(kappa)
     best, least = None, np.inf
     for site in list(sites):
         minimax = partial(_minimax, ordered, kappa.size, site)
@@ -323,6 +323,11 @@ def _first_orbits(kappa, minimax):
 def _place(omega, sites):
     """(x, y) of an orbit before site 0."""
     return sites[0], sites[0] - sites[-1] + omega.numerator
+
+
+def _ordered(kappa):
+    """`ordered_orbits` of ω, kept: the transversals of all sites ask for the same."""
+    return cache(lambda omega: ordered_orbits(kappa, omega.numerator, omega.denominator))
 
 
 def _minimax(ordered, period, site, omega, near):

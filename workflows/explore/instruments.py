@@ -14,7 +14,7 @@ _LENGTH = 8.0  # turns of all branches of a kind together
 _SIDE, _CHUNK, _MOST_PERIODS = 48, 32, 8192  # of an ensemble: starts along a side, periods
 _LOOK = 0.15  # seconds, so that one sees it spread
 _MOST_Q = 60  # of the convergents whose residues are followed
-_N_RESIDUES, _PLACES = 3, 61
+_N_RESIDUES, PLACES = 3, 60  # places along a segment, besides its start
 
 
 def spreading(kappa, box):
@@ -73,7 +73,7 @@ def residues(start, profile, omega):
     start, profile : of the forcings start + s·profile, s from 0 to 1. Minimax orbits.
     """
     ladder = action.Ladder(start, profile, distinct_convergents(omega, _MOST_Q))
-    at, names = np.linspace(0, 1, _PLACES), [f"{one.p}/{one.q}" for one in ladder.chains]
+    at, names = np.linspace(0, 1, PLACES + 1), [f"{one.p}/{one.q}" for one in ladder.chains]
     found = []
     for n in range(len(names))[-_N_RESIDUES:]:
         found.append([])

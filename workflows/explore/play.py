@@ -4,10 +4,9 @@ import numpy as np
 from bokeh.models import Button, Column, ColumnDataSource, MultiLine, Row, Select, Span
 from bokeh.palettes import Viridis3
 
-from workflows.explore.instruments import residues
+from workflows.explore.instruments import PLACES, residues
 from workflows.explore.widgets import small, symbols
 
-_PLACES = 60
 _PAUSE = 150  # milliseconds, the least from one place to the next
 _RAY = "the ray"
 
@@ -47,7 +46,7 @@ def panel(state, work):
         if repeated:
             return stop()
         first, last = ends()
-        way[:] = [(s, first + s * (last - first)) for s in np.arange(1, _PLACES + 1) / _PLACES]
+        way[:] = [(s, first + s * (last - first)) for s in np.arange(1, PLACES + 1) / PLACES]
         source.data, button.label = {name: [] for name in source.data}, "stop"
         omega = state.verdict and state.verdict.boundary.omega
         if omega:
