@@ -24,8 +24,8 @@ def count(name, value, low, high):
 
 
 def real(name, value):
-    """`value` as a float; ValueError unless it is a number, and no long double, which a float might
-    round. Its range is up to the caller."""
+    """`value` as a float; ValueError unless it is a number. Long doubles, which floats may round,
+    are refused. The caller checks the range."""
     if not isinstance(value, Real) or isinstance(value, bool | np.longdouble):
         raise ValueError(f"{name}={value!r} must be a number that a float holds")
     return float(value)
@@ -53,12 +53,12 @@ def floats(name, values):
 
 
 def fraction(name, value):
-    """`value` as an exact Fraction; ValueError unless it is one with a denominator up to 10⁶."""
+    """`value` as an exact Fraction; ValueError unless its denominator is at most 10⁶."""
     try:
         exact = Fraction(value)
         float(exact)  # which 1e400 overflows
     except (TypeError, ValueError, OverflowError, ZeroDivisionError):
-        raise ValueError(f"{name}={value!r} is no fraction; write one like '1/3'") from None
+        raise ValueError(f"{name}={value!r} is not a fraction; write one like '1/3'") from None
     if exact.denominator > MAX_DENOMINATOR:
         raise ValueError(
             f"{name}={value!r} is {exact}, whose denominator is more than {MAX_DENOMINATOR}; write "

@@ -45,9 +45,9 @@ class CriticalScale:
 
     value : best estimate of the critical s.
     error : estimated absolute error of it.
-    lower, upper : what the method *shows*: a circle exists at lower, none at upper; NaN where it
-        shows nothing.
-    omega : the circle's rotation number, None if the method names none.
+    lower, upper : what the method *shows*: a circle exists at lower and does not at upper; NaN
+        where it shows nothing.
+    omega : the circle's rotation number, None if the method does not name one.
     status : OK, or why not.
     method : what the value rests on, in words, like "Greene's residue"; without a value, what the
         status or the bounds rest on.

@@ -60,8 +60,8 @@ def secondary(kappa1, kappa2):
 
     Returns
     -------
-    z : ndarray, the smallest solution of Eq. (38b) in (0, π), with z = 2πx - π; NaN where there is
-        none among 1024 equally spaced samples' sign changes.
+    z : ndarray, the smallest solution of Eq. (38b) in (0, π), with z = 2πx - π; NaN where the sign
+        changes between no two of 1024 equally spaced samples.
     x, y : ndarrays, the point.
     """
     kappa1, kappa2 = np.broadcast_arrays(*np.atleast_1d(kappa1, kappa2))
@@ -86,7 +86,7 @@ def second2(kappa1, kappa2, z):
 
 
 def cubic_estimate(kappa1, kappa2):
-    """z of the secondary point to third order, Eq. (39) corrected; NaN where there is none."""
+    """z of the secondary point to third order, Eq. (39) corrected; NaN where it is not real."""
     kappa1, kappa2 = np.asarray(kappa1, dtype=float), np.asarray(kappa2, dtype=float)
     numerator = 6 * kappa1 + 6 * kappa2 - 3 * kappa1 * kappa2
     denominator = kappa1 - kappa1 * kappa2 / 2 + kappa2 * (1 - kappa1 / 2) ** 3

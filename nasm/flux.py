@@ -32,7 +32,7 @@ import numpy as np
 
 from nasm.action import FLAT, MAX_PERIOD, Ladder, LostError, ordered_orbits
 from nasm.arithmetic.sine import cos2pi, sin2pi
-from nasm.checks import count, real
+from nasm.checks import count
 from nasm.critical import Status
 from nasm.maps import TWO_PI, forcing
 from nasm.numbers import RotationNumber, checked, convergents, distinct_convergents
@@ -41,15 +41,17 @@ from nasm.symmetries import shorten
 __all__ = ["Flux", "action_difference", "flux"]
 __dir__ = __all__.copy
 
-_SETTLED = 0.01  # relative change from one convergent to the next above which there is no answer
+_AIM, _SETTLED = 1e-6, 0.01  # change from one convergent to the next: wanted, and accepted
 
 
 @dataclass(frozen=True)
 class Flux:
     """The flux through the remains of the circle of ω, per step of T.
 
-    value : area, in turns times y; 0 within `error` while the circle exists, NaN if status is not
-    OK. error : estimated absolute error. period : the longest period of the orbits used.
+    value : area, in turns times y; 0 to within `error` while the circle exists, NaN if status is
+        not OK.
+    error : estimated absolute error.
+    period : the longest period of the orbits used.
     """
 
     value: float
@@ -59,7 +61,7 @@ class Flux:
     status: Status
 
 
-def flux(omega, kappa, q_max=30_000, rtol=1e-6):
+def flux(omega, kappa, q_max=30_000):
     """ΔW of the convergents of ω, until it changes no more or is lost in rounding.
 
     Parameters
@@ -68,19 +70,15 @@ def flux(omega, kappa, q_max=30_000, rtol=1e-6):
     kappa : sequence of P floats, the forcing, first kick first.
     q_max : int up to 10⁶, the longest period used. 30 000 do from 10⁻³ beyond the breakup on,
         200 000 from 10⁻⁴.
-    rtol : float, 0 to 1%, relative change from one convergent to the next to aim at; 1% is
-        accepted.
 
     Returns
     -------
     Flux. error : the last change and the rounding of the sum; the changes shrink faster than
-    geometrically. Status NOT_CONVERGED next to the breakup, where q_max is too short to see on
-    which side one is, DISORDERED where longer orbits were lost before they settled.
+    geometrically. Status NOT_CONVERGED next to the breakup, where orbits up to q_max do not tell on
+    which side of it kappa is, DISORDERED where longer orbits were lost before changes fell below
+    1%.
     """
     kappa, q_max = forcing(kappa), count("q_max", q_max, 1, MAX_PERIOD)
-    rtol = real("rtol", rtol)
-    if not 0 <= rtol <= _SETTLED:
-        raise ValueError(f"rtol={rtol} must be from 0 to {_SETTLED}, a part of the flux")
     omega = checked(omega)
     (short,), short_omega = shorten([kappa], omega)
     if omega.is_rational:
@@ -103,7 +101,7 @@ def flux(omega, kappa, q_max=30_000, rtol=1e-6):
             status = Status.DISORDERED
             break
         value, error, period = longer, abs(longer - value) + rounding, chain.q
-        if chain.q >= enough and error <= max(rtol * value, 2 * rounding):
+        if chain.q >= enough and error <= max(_AIM * value, 2 * rounding):
             status = Status.OK
             break
     if status is Status.OK or (period >= enough and error <= _SETTLED * value):

@@ -47,7 +47,8 @@ def unstable(kappa, p, q, x, y, length, spacing=2e-3, toward=1):
     ----------
     kappa : sequence of P floats, the forcing, first kick first.
     p, q, x, y : the fraction, and a point of its minimizing orbit, x on the lift.
-    length : in turns, of the branch. spacing : from each of its points to the next.
+    length : in turns, of the branch.
+    spacing : from each of its points to the next.
     toward : 1 for the branch that begins to the right, -1 to the left.
 
     Returns
@@ -108,7 +109,10 @@ class Turnstile:
 def turnstile(kappa, p, q, above, spacing=1e-3):
     """The turnstile of the upper (above) or lower edge of the resonance of p/q.
 
-    kappa : the forcing. p, q : without common factor. spacing : of the lobes' edges, in turns.
+    kappa : sequence of P floats, the forcing, first kick first.
+    p, q : ints without common factor.
+    spacing : of the points of the lobes' edges, in turns.
+
     LostError if the orbits that tend to the homoclinic ones are not found, or differ by rounding,
     as where R is about 0.
     """

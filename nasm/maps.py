@@ -1,4 +1,4 @@
-"""The nonautonomous standard map, its inverse and its tangent.
+"""The nonautonomous standard map, its kicks' inverses and its tangent.
 
     S_κ :  y' = y + (κ/2π) sin 2πx,   x' = x + y'                              (6)
     T   =  S_{κ_{P-1}} ∘ … ∘ S_{κ_1} ∘ S_{κ_0}                                 (4)
@@ -30,7 +30,6 @@ __all__ = [
     "step_tangent",
     "twist",
     "unkick",
-    "unstep",
 ]
 __dir__ = __all__.copy
 
@@ -82,13 +81,6 @@ def step(kappa, x, y):
     return x, y
 
 
-def unstep(kappa, x, y):
-    """T⁻¹: one period undone, last kick first. Returns x, y."""
-    for strength in forcing(kappa)[::-1]:
-        x, y = unkick(strength, x, y)
-    return x, y
-
-
 def kick_tangent(kappa, x):
     """DS_κ(x) = [[1 + κ cos 2πx, 1], [κ cos 2πx, 1]], shape (2, 2, *x.shape)."""
     c = kappa * cos2pi(np.asarray(x, dtype=float))
@@ -115,20 +107,17 @@ def rotating_forcing(mean, amplitude, frequency, phase=0.0):
 
     Parameters
     ----------
-    mean, amplitude : float
-        κ̄ and Δκ.
-    frequency : Fraction or str
-        Ω = p/q, an exact fraction, q ≤ 10⁶; the forcing has period P = q.
-    phase : float
-        φ0 in turns.
+    mean, amplitude : float, κ̄ and Δκ.
+    frequency : Fraction or str, Ω = p/q, an exact fraction, q ≤ 10⁶; the forcing has period P = q.
+    phase : float, φ0 in turns.
 
     Returns
     -------
     ndarray of shape (q,), first kick first.
 
     With Ω = 1/2 and φ0 = 0 this is (κ̄ + Δκ, κ̄ - Δκ), so that Δκ = (κ1 - κ2)/2 for T_{κ1κ2}, whose
-    first kick is κ1. The paper writes (κ2 - κ1)/2, which goes with its Eq. (2), where the even
-    n = 0 kicks with κ2; the two forcings differ by a shift of half a period.
+    first kick is κ1. The paper's (κ2 - κ1)/2 belongs to its Eq. (2), where even n kick with κ2; the
+    two forcings differ by a shift of half a period.
     """
     frequency = fraction("frequency", frequency)
     turns = [frequency * n % 1 for n in range(frequency.denominator)]

@@ -46,7 +46,7 @@ _RATIO = rf"(-?{_TERM}|\({_SUM}\))/({_TERM}|\({_SUM}\))"
 
 @dataclass(frozen=True, repr=False)
 class RotationNumber:
-    """[prefix; (tail)]: partial quotients, and those that repeat for ever (none if rational).
+    """[prefix; (tail)]: partial quotients, and those that repeat for ever: () if rational.
 
     All partial quotients but the first are ≥ 1. Made by `parse("gamma")` or `rational`, it is in
     its shortest form, so that equal numbers compare equal.
@@ -77,10 +77,6 @@ class RotationNumber:
     @property
     def is_rational(self):
         return not self.tail
-
-    @property
-    def is_noble(self):
-        return self.tail == (1,)
 
 
 def parse(text):
@@ -132,7 +128,7 @@ def rational(fraction):
 def checked(omega):
     """The RotationNumber that omega is or spells; ValueError, with the remedy, for anything else.
 
-    A decimal is refused, for what decides is in the digits that it has not.
+    A decimal is refused: what decides is in the digits that it cuts off.
     """
     if isinstance(omega, str):
         try:

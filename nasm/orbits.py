@@ -16,7 +16,7 @@ from nasm.arithmetic.kernels import kernel
 from nasm.checks import count, points
 from nasm.maps import forcing, kick
 
-__all__ = ["kicked_orbit", "orbit", "passages", "portrait", "rotation_number"]
+__all__ = ["orbit", "passages", "portrait", "rotation_number"]
 __dir__ = __all__.copy
 
 MAX_STEPS = 10**9
@@ -25,41 +25,31 @@ REGULAR_DIGITS = 5
 """Averages that share fewer give no rotation number: the orbit is chaotic, or n too small."""
 
 
-def orbit(kappa, x, y, n):
-    """The first n steps of the orbits that start in (x, y), on the lift.
+def orbit(kappa, x, y, n, every=None):
+    """The orbits that start in (x, y), on the lift.
 
     Parameters
     ----------
-    kappa : sequence of P floats, the forcing, first kick first.
+    kappa : sequence of P floats, the forcing, first kick first; kick t = 0, 1, … has κ_{t mod P}.
     x, y : float or arrays that broadcast to one shape.
-    n : int, 0 to 10⁹, steps (periods of the forcing).
+    n : int, 0 to 10⁹, points after the start.
+    every : int, 1 to 10⁹, kicks from one point to the next; default P, a step. With 1 the points
+        after each first kick are an orbit of the forcing that begins with the second (`shift` in
+        `nasm.symmetries`), and so on: P orbits of P maps, one map's circles across another's.
 
     Returns
     -------
     x, y : ndarrays of shape (n + 1, *shape); index 0 is the start.
     """
     strengths = forcing(kappa)
-    return _recorded(strengths, x, y, n, strengths.size)
-
-
-def kicked_orbit(kappa, x, y, n):
-    """The first n kicks of the orbits that start in (x, y), Eq. (1), on the lift.
-
-    Kick t = 0, 1, … has the strength κ_{t mod P}. Every P-th point is one of `orbit`; the points
-    after each first kick are an orbit of the forcing that begins with the second (`shift` in
-    `nasm.symmetries`), and so on: P orbits of P maps, one map's circles across another's.
-
-    Parameters and results are those of `orbit`, with n counting kicks.
-    """
-    return _recorded(forcing(kappa), x, y, n, 1)
-
-
-def _recorded(kappa, x, y, n, every):
-    """Orbits of n points after the start, one each `every` kicks."""
     x, y = points(x, y)
-    n = count("n", n, 0, MAX_STEPS)
-    xs, ys = _orbit(kappa, x.ravel(), y.ravel(), n, every)
+    n, every = count("n", n, 0, MAX_STEPS), _stride(every, strengths)
+    xs, ys = _orbit(strengths, x.ravel(), y.ravel(), n, every)
     return xs.reshape(n + 1, *x.shape), ys.reshape(n + 1, *x.shape)
+
+
+def _stride(every, strengths):
+    return strengths.size if every is None else count("every", every, 1, MAX_STEPS)
 
 
 def portrait(kappa, n_orbits=40, n=400):
@@ -84,18 +74,17 @@ def passages(kappa, x, y, n, box, every=None):
     x, y : float arrays of shape (m,), the starts; they count as points too.
     n : int, 1 to 10⁹, points of each orbit.
     box : (left, bottom, width, height), x and y of its lower left corner and its size, up to 1.
-    every : int, kicks from one point to the next; default P, a step, 1 for `kicked_orbit`.
+    every : int, kicks from one point to the next, as for `orbit`.
 
     Returns
     -------
     which : ndarray of int, the orbit of each point, in the order in which they come.
     x, y : ndarrays of its shape, in [left, left + width] and [bottom, bottom + height].
-    state : (x, y), the points after these, mod 1, to go on from.
+    state : (x, y), the points after these, mod 1, from which a next call continues.
     """
     strengths = forcing(kappa)
     x, y = points(x, y)
-    n = count("n", n, 1, MAX_STEPS)
-    every = strengths.size if every is None else count("every", every, 1, MAX_STEPS)
+    n, every = count("n", n, 1, MAX_STEPS), _stride(every, strengths)
     left, bottom, width, height = map(float, box)
     if not (0 < width <= 1 and 0 < height <= 1):
         raise ValueError(f"box={box!r} must be left, bottom, width and height, sizes up to 1")
@@ -111,8 +100,8 @@ def rotation_number(kappa, x, y, n):
     ----------
     kappa : sequence of P floats, the forcing, first kick first.
     x, y : float or arrays that broadcast to one shape.
-    n : int, 4 to 10⁹, steps to average over; 10⁴ gives 12 digits or more on a robust circle. More
-        than it takes for the halves to agree lose digits again, as y drifts with every rounding.
+    n : int, 4 to 10⁹, steps to average over; with 10⁴ a robust circle's ω has 12 digits or more.
+        Once the halves agree, more steps lose digits again, as y drifts with every rounding.
 
     Returns
     -------
@@ -157,7 +146,7 @@ def _orbit(kappa, x, y, n, every):
 
 @kernel
 def _passages(kappa, x, y, n, every, left, bottom, width, height):
-    """Points in the box; x and y go on to the end of the orbits."""
+    """Points in the box; x and y become the ends of the orbits."""
     found, size = 0, 1024
     which, xs, ys = np.empty(size, np.int64), np.empty(size), np.empty(size)
     for t in range(n):

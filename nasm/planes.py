@@ -29,7 +29,7 @@ from nasm.symmetries import ray
 __all__ = ["Plane", "from_json", "parse", "rotating", "three_kicks", "two_kicks"]
 __dir__ = __all__.copy
 
-_AXIS = re.compile(r"kappa\w*(?<!_bounds)", re.ASCII)  # no other name in a cube is such a one
+_AXIS = re.compile(r"kappa\w*(?<!_bounds)", re.ASCII)  # which no other name in a cube matches
 _LONGEST_NAME = 60  # it stands in the names of files
 _SAME = 1e-14  # of the largest strength: rounding of cosines
 
@@ -205,7 +205,8 @@ def two_kicks():
 def rotating(frequency, phase=0):
     """The (κ̄, Δκ) plane of κ_n = κ̄ + Δκ cos 2π(φ0 + nΩ), Eq. (53).
 
-    frequency : Fraction or str, Ω = p/q with 2 ≤ q ≤ 64. phase : Fraction or str, φ0 in turns.
+    frequency : Fraction or str, Ω = p/q with 2 ≤ q ≤ 64.
+    phase : Fraction or str, φ0 in turns.
 
     Cosines that are equal, opposite, 0 or 1 are so to the last bit, so that a forcing that is
     symmetric, or of a shorter period, is seen to be so.
@@ -257,6 +258,6 @@ def parse(text):
         case ["three-kicks", third]:
             return three_kicks(float(fraction("third", third)))
     raise ValueError(
-        f"{text!r} is no plane; write two-kicks, rotating:FREQUENCY[,PHASE] like "
+        f"{text!r} is not a plane; write two-kicks, rotating:FREQUENCY[,PHASE] like "
         "rotating:1/3,1/48, or three-kicks:THIRD like three-kicks:0.2"
     )

@@ -2,7 +2,8 @@
 
 A symmetry takes (κ, x, y) to (κ', x', y') such that the orbit of (x', y') under κ' is the image of
 the orbit of (x, y) under κ; each docstring says what becomes of ω. Forcings have any period P; for
-the paper's map P = 2.
+the paper's map P = 2. Under the same κ, (-x, -y) has the rotation number -ω, Eq. (17), and
+(x + r, y + s) with whole r and s has ω + P·s, Eq. (18).
 
 The symmetries of the forcing generate the symmetry group of the square on the (κ1, κ2) plane. The
 boundary of global transport, CB_gt, has all of it. That of one circle, CB_ω, has it up to
@@ -24,11 +25,9 @@ __all__ = [
     "lengthen",
     "negate",
     "ray",
-    "reflect",
     "shift",
     "shorten",
     "symmetry_lines",
-    "translate",
 ]
 __dir__ = __all__.copy
 
@@ -37,16 +36,6 @@ _NO_RESONANCE = 1e-9  # of the largest: below, F_p is 0 up to rounding
 CUSP_EXPONENT = 0.6
 """At a relative distance d from a forcing of a shorter period the boundary is below what it is
 there by about d^0.6: it has cusps, as that of CB_gt on |κ1| = |κ2|."""
-
-
-def reflect(kappa, x, y):
-    """(x, y) → (-x, -y), Eq. (17); ω → -ω."""
-    return forcing(kappa), -np.asarray(x), -np.asarray(y)
-
-
-def translate(kappa, x, y, r, s):
-    """(x, y) → (x + r, y + s) with integers r, s, Eq. (18); ω → ω + P·s."""
-    return forcing(kappa), np.asarray(x) + r, np.asarray(y) + s
 
 
 def negate(kappa, x, y):
@@ -289,8 +278,8 @@ def distances_to_shorter(kappa):
 
 
 def _shortest(kappas):
-    """The shortest period of forcings, rows of an array; the spacing m of the kicks whose signs it
-    takes to alternate, 0 if none; and the rows of that period."""
+    """The shortest period of forcings, rows of an array; the spacing m of the kicks whose signs
+    must alternate for it, or 0; and the rows of that period."""
     forms = _forms(kappas)
     for length in _divisors(kappas.shape[1])[:-1]:
         for spacing, form in forms:

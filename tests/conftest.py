@@ -6,11 +6,15 @@ from pathlib import Path
 import pytest
 import toy
 from browser import chromium, page, served, store  # noqa: F401
+from hypothesis import settings
 from matplotlib.figure import Figure
 
 # Ctrl-C works in the tests, and in the programs that they start, however pytest was started.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
+# Kernels compile in a first example, and on a busy machine any takes long.
+settings.register_profile("patient", deadline=None)
+settings.load_profile("patient")
 
 SAVE = Figure.savefig
 

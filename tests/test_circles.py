@@ -109,7 +109,7 @@ def test_the_circle_to_second_order_in_kappa():
     first = kappa / (4 * np.pi * (np.cos(2 * np.pi * float(GAMMA)) - 1)) * np.sin(2 * np.pi * theta)
     assert np.abs(circle.u[0] - first).max() < 10 * kappa**2
     amplitude = 4 * np.abs(first).max() * np.sin(np.pi * float(GAMMA))
-    assert circles.amplitude(circle) == pytest.approx(amplitude, rel=1e-3)
+    assert np.ptp(circles.graph(circle)[1]) == pytest.approx(amplitude, rel=1e-3)
 
 
 def test_phases_of_high_modes_are_exact():
@@ -154,7 +154,7 @@ def assert_same_circle(carried, kappa, omega):
     np.testing.assert_allclose(polished(carried), polished(direct), atol=1e-10)
 
 
-@settings(deadline=None, max_examples=15)
+@settings(max_examples=15)
 @given(strengths, strengths, st.sampled_from(["gamma", "gamma+1", "[0;(2)]"]))
 def test_circles_are_carried_along_the_symmetries_of_two_kicks(kappa1, kappa2, name):
     circle, omega = circles.invariant_circle(parse(name), (kappa1, kappa2)), parse(name)
@@ -165,7 +165,7 @@ def test_circles_are_carried_along_the_symmetries_of_two_kicks(kappa1, kappa2, n
     assert_same_circle(alternate, (kappa1, -kappa2), moebius(omega, 1, 1))
 
 
-@settings(deadline=None, max_examples=10)
+@settings(max_examples=10)
 @given(st.floats(-0.7, 0.7))
 def test_circles_of_the_standard_map_give_those_of_the_known_limits(kappa):
     circle = circles.invariant_circle(GAMMA, (kappa,))

@@ -86,7 +86,7 @@ def test_help_needs_no_numpy_and_so_comes_at_once():
         ("circle_boundaries", "--omega golden", "is not a rotation number"),
         ("circle_boundaries", "--omega gamma --omega [0;(1)]", "two rotation numbers are equal"),
         ("circle_boundaries", "--omega 3/5", "like [0;1,1,2,(1)]"),
-        ("escape_plane", "--plane rotating", "is no plane; write two-kicks"),
+        ("escape_plane", "--plane rotating", "is not a plane; write two-kicks"),
         ("escape_plane", "--plane nowhere.json", "nowhere.json: [Errno 2] No such file"),
         ("escape_plane", "--plane {}/a.json", "a.json: Expecting value"),
         ("escape_plane", "--plane {}/b.json", "must be a JSON object with the keys name, axes"),

@@ -4,7 +4,7 @@ from fractions import Fraction
 
 import mpmath
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from nasm.arithmetic import double_double
@@ -16,7 +16,6 @@ def exact(pair):
     return Fraction(pair[0]) + Fraction(pair[1])
 
 
-@settings(deadline=None)
 @given(NUMBERS, NUMBERS)
 def test_two_sum_is_exact(a, b):
     total = double_double.two_sum(a, b)
@@ -24,7 +23,6 @@ def test_two_sum_is_exact(a, b):
     assert total[0] == a + b
 
 
-@settings(deadline=None)
 @given(NUMBERS, NUMBERS, NUMBERS, NUMBERS)
 def test_sums_and_products_keep_thirty_digits(a, b, c, d):
     first = double_double.two_sum(a, b * 2.0**-54)
@@ -36,7 +34,6 @@ def test_sums_and_products_keep_thirty_digits(a, b, c, d):
     assert abs(product - exact(first) * exact(second)) <= abs(product) * Fraction(2) ** -101
 
 
-@settings(deadline=None)
 @given(st.integers(1, 10**6), st.integers(1, 10**6))
 def test_a_ratio_of_integers_keeps_thirty_digits(a, b):
     quotient = exact(double_double.divided(float(a), float(b)))

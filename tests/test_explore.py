@@ -196,7 +196,7 @@ def test_a_periodic_orbit_has_the_residue_that_the_action_gives_it(family):
 @pytest.mark.parametrize("text", ["0.618", "0.5", "1.25", "-0.38", "0.3819660113"])
 def test_of_a_decimal_number_a_noble_one_is_followed_that_rounds_to_it(text):
     noble, words = rays.named_by(text)
-    assert parse(noble).is_noble
+    assert parse(noble).tail == (1,)
     assert noble in words
     assert round(float(parse(noble)), len(text.partition(".")[2])) == float(text)
 

@@ -347,7 +347,7 @@ def test_toggles_show_symmetry_lines_and_the_orbits_of_the_convergents(opened):
     omega, _ = orbits.rotation_number(KAPPA, 0.5, np.array(profile["y"]), 2000)
     np.testing.assert_array_equal(np.array(profile["x"], float), omega)
     assert np.ptp(profile["y"]) > 0.99
-    kicked = orbits.kicked_orbit(KAPPA, 0.5, 25 / 80, 400)
+    kicked = orbits.orbit(KAPPA, 0.5, 25 / 80, 400, 1)
     assert (seen_at(pixels(tab), BOX, *kicked) > 1).all()
     for name in names:
         tab.get_by_label(name).uncheck()

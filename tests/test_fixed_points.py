@@ -20,7 +20,7 @@ def test_primary_points_are_fixed_and_have_the_residues_of_the_tangent_map(kappa
         assert fixed_points.residue((kappa1, kappa2), x, -y) == pytest.approx(expected, abs=1e-13)
 
 
-@settings(deadline=None, max_examples=50)
+@settings(max_examples=50)
 @given(strengths, strengths)
 def test_symmetries_permute_the_residues(kappa1, kappa2):
     one, two, three, four = fixed_points.primary_residue(kappa1, kappa2)

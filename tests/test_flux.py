@@ -53,7 +53,7 @@ def test_the_pendulum_of_the_fixed_points():
 
 
 @given(st.floats(0.1, 1.5), st.sampled_from([(1, 3), (2, 5), (3, 7), (8, 13), (21, 55)]))
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @example(0.140625, (8, 13))
 def test_on_the_axis_it_is_half_that_of_the_standard_map(kappa, fraction):
     # (κ, 0) is S_2κ with Y = 2y. Where ΔW is as small as rounding, each says by how much.
@@ -107,7 +107,8 @@ def test_at_the_breakup_there_is_no_answer():
 def test_the_claimed_error_covers_longer_orbits():
     for excess in (1e-3, 1e-2, 0.1):
         kappa = (GOLDEN_AXIS * (1 + excess), 0.0)
-        rough, fine = flux(GOLDEN, kappa, rtol=1e-2), flux(GOLDEN, kappa, rtol=1e-9)
+        answers = (flux(GOLDEN, kappa, q_max) for q_max in (50, 200, 800, 3200, 12_800))
+        rough, fine = next(f for f in answers if f.status is Status.OK), flux(GOLDEN, kappa)
         assert abs(rough.value - fine.value) < rough.error < 0.011 * rough.value
 
 

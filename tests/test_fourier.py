@@ -20,7 +20,7 @@ irrationals = st.builds(
 )
 
 
-@settings(deadline=None, max_examples=300)
+@settings(max_examples=300)
 @given(irrationals, st.integers(1, 30_000))
 def test_a_grid_keeps_the_modes_asked_for_and_ends_below_a_resonance(omega, n_modes):
     n = fourier.grid(omega, n_modes)

@@ -6,12 +6,19 @@ import pytest
 from nasm import manifolds, maps
 from nasm.action import LostError, ordered_orbits
 
+
+def step_back(kappa, x, y):
+    for strength in kappa[::-1]:
+        x, y = maps.unkick(strength, x, y)
+    return x, y
+
+
 CASES = [((0.9,), 0, 1), ((0.5, 0.4), 1, 2), ((0.3, 0.2, 0.25), 2, 5), ((1.2, 0.3), 1, 3)]
 
 
 @pytest.mark.parametrize(("kappa", "p", "q"), CASES)
 @pytest.mark.parametrize(("branch", "advance", "turns"), [
-    (manifolds.unstable, maps.step, -1), (manifolds.stable, maps.unstep, 1)
+    (manifolds.unstable, maps.step, -1), (manifolds.stable, step_back, 1)
 ])  # fmt: skip
 def test_a_manifold_goes_over_into_itself(kappa, p, q, branch, advance, turns):
     x, y = (one[0] for one in ordered_orbits(kappa, p, q)[0].points())

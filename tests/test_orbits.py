@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from nasm.maps import kick
-from nasm.orbits import REGULAR_DIGITS, kicked_orbit, orbit, passages, portrait, rotation_number
+from nasm.orbits import REGULAR_DIGITS, orbit, passages, portrait, rotation_number
 
 # Robust circles: ω about 0.62 and 0.76 of the paper's map, far below their breakup.
 KAPPA = (0.3, 0.2)
@@ -31,7 +31,7 @@ def test_orbit_stays_on_the_lift():
 @pytest.mark.parametrize("kappa", [(0.9,), (0.5, 0.7), (0.5, -0.3, 0.2)])
 def test_the_points_between_kicks_are_orbits_of_the_shifted_forcings(kappa):
     P, x, y = len(kappa), X, Y
-    xs, ys = kicked_orbit(kappa, X, Y, 50 * P)
+    xs, ys = orbit(kappa, X, Y, 50 * P, 1)
     for first in range(P):
         shifted = np.roll(kappa, -first)
         expected = orbit(shifted, x, y, 49)
@@ -145,10 +145,9 @@ def test_portrait_shows_one_cell():
 @pytest.mark.parametrize("every", [None, 1])
 def test_passages_are_the_points_of_the_orbits_in_the_box(every):
     y = np.arange(30) / 31
-    record = orbit if every is None else kicked_orbit
     left, bottom, width, height = box = (0.8, -0.3, 0.45, 0.4)  # over the edges of the cell
     which, xs, ys, (x_next, y_next) = passages(KAPPA, np.full(30, 0.1), y, 40, box, every)
-    x, y = record(KAPPA, 0.1, y, 40)
+    x, y = orbit(KAPPA, 0.1, y, 40, every)
     u, v = (x - left) % 1, (y - bottom) % 1
     inside = (u[:-1] <= width) & (v[:-1] <= height)
     assert 100 < inside.sum() < inside.size / 2

@@ -2,7 +2,7 @@ import mpmath
 import numpy as np
 import oracles
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numba import njit
 
@@ -40,7 +40,6 @@ def test_sine_is_odd_and_cosine_even_to_the_last_bit():
     np.testing.assert_array_equal(cos2pi(-ANGLES), cos2pi(ANGLES))
 
 
-@settings(deadline=None)
 @given(x=dyadic, turns=st.integers(-(10**3), 10**3))
 def test_turns_half_turns_and_quarter_turns_are_exact(x, turns):
     assert sin2pi(x + turns) == sin2pi(x)

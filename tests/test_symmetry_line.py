@@ -133,7 +133,7 @@ coordinate = st.floats(0, 0.5)
 strength = st.floats(0.2, 1.9)
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(strength, strength, coordinate)
 def test_times_keep_the_symmetries(kappa1, kappa2, y):
     y = np.round(y * 2**30) / 2**30

@@ -70,7 +70,7 @@ def test_orbits_stay_on_the_torus_and_measure_its_rotation_vector(torus):
     turns = phase / len(torus.u) + np.arange(n) * torus.frequency
     kappa = torus.mean + torus.amplitude * np.cos(2 * np.pi * turns)
     x, y = (values[phase, 0] for values in tori.graph(torus))
-    found = orbits.kicked_orbit(kappa, x, y, n)[0]
+    found = orbits.orbit(kappa, x, y, n, 1)[0]
     for kicks in (1, 100, n):
         there = tori.newton.shifted(torus.u, kicks * torus.omega, kicks * torus.frequency)[phase, 0]
         assert found[kicks] == pytest.approx(kicks * torus.omega + there, abs=1e-6)

@@ -91,25 +91,22 @@ def _llvm(name):
     return emit
 
 
-@intrinsic
-def rint(typing_context, a):
-    """The integer nearest to a, halves to even."""
-    result = _result([a])
-    return result and (result(a), _elementwise(_llvm("rint")))
+def _of_one(emit, words):
+    def operation(typing_context, a):
+        result = _result([a])
+        return result and (result(a), _elementwise(emit))
+
+    operation.__doc__ = words
+    return intrinsic(operation)
 
 
-@intrinsic
-def fabs(typing_context, a):
-    """|a|"""
-    result = _result([a])
-    return result and (result(a), _elementwise(_llvm("fabs")))
+def _of_two(emit, words):
+    def operation(typing_context, a, b):
+        result = _result([a, b])
+        return result and (result(a, b), _elementwise(emit))
 
-
-@intrinsic
-def copysign(typing_context, a, b):
-    """|a| with the sign of b."""
-    result = _result([a, b])
-    return result and (result(a, b), _elementwise(_llvm("copysign")))
+    operation.__doc__ = words
+    return intrinsic(operation)
 
 
 @intrinsic
@@ -127,27 +124,15 @@ def _select(comparison):
     return emit
 
 
-@intrinsic
-def maximum(typing_context, a, b):
-    """The larger of a and b; b if either is NaN."""
-    result = _result([a, b])
-    return result and (result(a, b), _elementwise(_select(">")))
-
-
-@intrinsic
-def minimum(typing_context, a, b):
-    """The smaller of a and b; b if either is NaN."""
-    result = _result([a, b])
-    return result and (result(a, b), _elementwise(_select("<")))
+rint = _of_one(_llvm("rint"), "The integer nearest to a, halves to even.")
+fabs = _of_one(_llvm("fabs"), "|a|")
+copysign = _of_two(_llvm("copysign"), "|a| with the sign of b.")
+maximum = _of_two(_select(">"), "The larger of a and b; b if either is NaN.")
+minimum = _of_two(_select("<"), "The smaller of a and b; b if either is NaN.")
 
 
 def _overload_operator(python_operator, instruction):
-    @intrinsic
-    def operation(typing_context, a, b):
-        def emit(builder, a, b):
-            return getattr(builder, instruction)(a, b)
-
-        return _result([a, b])(a, b), _elementwise(emit)
+    operation = _of_two(lambda builder, a, b: getattr(builder, instruction)(a, b), instruction)
 
     @overload(python_operator)
     def operate(a, b):

@@ -1,8 +1,8 @@
 """What the process does with memory that its arrays no longer need.
 
 Circles near their breakup and tori are arrays of up to 10⁶ points, each step of Newton's method
-makes many of them, and the C library takes memory for each from the system and gives it back: a
-third of the time goes into page faults.
+makes many of them, and the C library takes memory for each from the system and returns it: a third
+of the time is spent in page faults.
 """
 
 import ctypes

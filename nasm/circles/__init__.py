@@ -4,7 +4,7 @@ from nasm import face
 
 __getattr__, __dir__ = face(
     __name__,
-    newton="InvariantCircle amplitude graph invariant_circle newton_step residual",
+    newton="InvariantCircle graph invariant_circle newton_step residual",
     continuation="",
     fourier="",
     parameterization="",

@@ -134,7 +134,8 @@ def certified_circle(omega, profile, breakup, distance, start=None):
 
     1. Circles are found at the distances 1/2, 0.15, 0.045, … of the breakup, in parts of it, with
        6 modes or more per distance, as the finest structures there ask for.
-    2. The one at `distance` is certified on a finer grid; else one a bit, or a step, further in.
+    2. The one at `distance` is certified on a finer grid, from 40% of these modes if they are
+       enough; else one a bit, or a step, further in.
 
     Parameters
     ----------
@@ -162,26 +163,20 @@ def certified_circle(omega, profile, breakup, distance, start=None):
         u = newton.extrapolate(path, scale, fourier.grid(omega, n_modes))
         return u if newton.polish(omega, start + scale * profile, u) else None
 
-    def certified(scale, u):
-        given = omega, start + scale * profile, u
-        # One step more settles most of those that shrink by little less than a tenth.
-        return newton.polished_is_circle(*given) or (
-            newton.polish(*given) and newton.polished_is_circle(*given)
-        )
-
     for d in distances[:-1] if path else []:
         u = near(d, _MODES / d)
         if u is None:
             break
         path.append((breakup * (1 - d), u))
     # Fewer modes at first: nothing goes on from this circle, and they let less rounding in.
-    for d, modes in ((distance, 0.7), (distance, 1.0), (min(1.4 * distance, 0.5), 0.7)):
-        u = near(d, modes * _MODES / d) if path else None
+    tries = [(distance, part) for part in (0.4, 0.7, 1.0)] + [(min(1.4 * distance, 0.5), 0.7)]
+    for d, part in tries:
+        u = near(d, part * _MODES / d) if path else None
         scale = breakup * (1 - d)
-        if u is not None and certified(scale, u):
+        if u is not None and newton.polished_is_circle(omega, start + scale * profile, u):
             return scale, u
     for scale, u in reversed(path[1:]):
-        if certified(scale, u):
+        if newton.polished_is_circle(omega, start + scale * profile, u):
             return scale, u
     return nan, None
 

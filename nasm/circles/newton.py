@@ -41,7 +41,7 @@ from nasm.critical import Status
 from nasm.maps import TWO_PI, forcing
 from nasm.numbers import RotationNumber, checked
 
-__all__ = ["InvariantCircle", "amplitude", "graph", "invariant_circle", "newton_step", "residual"]
+__all__ = ["InvariantCircle", "graph", "invariant_circle", "newton_step", "residual"]
 __dir__ = __all__.copy
 
 N_FIRST = 64  # points of the first grid
@@ -60,7 +60,8 @@ _DIVISOR = 1e-5  # with smaller divisors, rounding errors of 1e-17 are larger th
 class InvariantCircle:
     """A circle of rotation number omega, or what Newton's method was left with.
 
-    omega : RotationNumber per period. kappa : ndarray (P,), the forcing.
+    omega : RotationNumber per period.
+    kappa : ndarray (P,), the forcing.
     u : ndarray (P, n), the deviations u_j at θ = i/n; see the module.
     error : largest |E_j| of u on its grid or a finer one; NaN if u never converged.
     status : OK if certified; otherwise why not.
@@ -95,10 +96,10 @@ def invariant_circle(omega, kappa, n_max=4096, start=None):
     Returns
     -------
     InvariantCircle, with a status that says why if it is not certified. A circle that exists may be
-    missed (too few modes, an unlucky start); `barriers.last_circle` has the one next to a breakup
-    that is known, with 10⁵ modes and more. One that is certified exists as far as floating-point
-    arithmetic and 4n points can tell: this is no proof, and resonances of ω beyond those modes, as
-    of a rational ω of large denominator, are not seen.
+    missed (too few modes, an unlucky start); `barriers.last_circle` finds the one next to a known
+    breakup, with 10⁵ modes and more. A certified circle exists to within floating-point arithmetic
+    and 4n points; this is not a proof, and resonances of ω beyond those modes, as of a rational ω
+    of large denominator, are not seen.
     """
     omega, kappa = checked(omega), forcing(kappa)
     n_max = count("n_max", n_max, N_FIRST, N_LARGEST)
@@ -166,18 +167,19 @@ def polish(omega, kappa, u):
 def polished_is_circle(omega, kappa, u):
     """`certify` for what `polish` has made, on a grid with the modes up to the next resonance.
 
-    There max |E_j| is below 10⁻⁸ still, and one Newton step brings it to a tenth or less, and below
-    10⁻¹⁰, or it is rounding. Beyond the breakup it is 10⁻⁷ or more there, and does not shrink.
+    There max |E_j| is below 10⁻⁸ still, and the first Newton step or the second brings it to a
+    tenth or less, and below 10⁻¹⁰, or it is rounding. Beyond the breakup it does not shrink.
     """
     fine = fourier.resample(u, fourier.grid(omega, 1.5 * fourier.cut(omega, u.shape[-1])))
-    workspace = _workspace(*fine.shape)
-    before, change, slope, twist, _ = _chain_step(
-        kappa, *_constants(omega, *fine.shape), fine, workspace
-    )
-    if not (before < 1e-8 and slope > 0 and twist > 0.5 and change < 1e-3):
-        return False
-    after = np.abs(residual(omega, kappa, fine)).max()
-    return bool(after < max(min(0.1 * before, 1e-10), _ROUNDED))
+    constants, workspace = _constants(omega, *fine.shape), _workspace(*fine.shape)
+    for _ in range(2):
+        before, change, slope, twist, _ = _chain_step(kappa, *constants, fine, workspace)
+        if not (before < 1e-8 and slope > 0 and twist > 0.5 and change < 1e-3):
+            return False
+        after = np.abs(residual(omega, kappa, fine)).max()
+        if after < max(min(0.1 * before, 1e-10), _ROUNDED):
+            return True
+    return False
 
 
 def newton_step(omega, kappa, u):
@@ -206,11 +208,6 @@ def graph(circle):
     before = fourier.rotate(circle.u[-1], fourier.turns(circle.omega, n // 2 + 1).conj())
     x = np.arange(n) / n + circle.u[0]
     return x, float(circle.omega) / n_sites + circle.u[0] - before
-
-
-def amplitude(circle):
-    """max y - min y on the grid."""
-    return np.ptp(graph(circle)[1])
 
 
 def _continue_from_rotation(omega, kappa, n_max):

@@ -18,8 +18,6 @@ from nasm.numbers import checked
 __all__ = ["newton_step", "symplectic_frame", "twist"]
 __dir__ = __all__.copy
 
-J_INVERSE = np.array([[0.0, -1.0], [1.0, 0.0]])
-
 
 def newton_step(omega, kappa, u):
     """One step of Algorithm 1, for any forcing.
@@ -34,7 +32,6 @@ def newton_step(omega, kappa, u):
     -------
     u : ndarray (P, n), after the step, with ⟨u_0⟩ = 0.
     error : float, largest component of |e_0| = |T∘K(θ) - K(θ + ω)| before it.
-
     """
     kappa = forcing(kappa)
     n = u.shape[-1]
@@ -68,12 +65,14 @@ def newton_step(omega, kappa, u):
     for j, strength in enumerate(kappa[:-1], start=1):
         x, y = kick(strength, x, y)
         after.append(x - theta - j * rotation / kappa.size)
-    return _filtered(np.stack(after), kept), np.abs(e).max()
+    modes = np.fft.rfft(after)
+    modes[:, kept:] = 0
+    return np.fft.irfft(modes, n), np.abs(e).max()
 
 
 def symplectic_frame(tangent):
     """M = [DK | J⁻¹ DK N], N = 1/|DK|², from DK of shape (2, n): (2, 2, n), det M = 1. Eq. (44)"""
-    normal = J_INVERSE @ tangent / np.sum(tangent**2, axis=0)
+    normal = np.stack([-tangent[1], tangent[0]]) / np.sum(tangent**2, axis=0)
     return np.stack([tangent, normal], axis=1)
 
 
@@ -85,9 +84,3 @@ def twist(map_tangent, frame, frame_after):
     tangent_after = frame_after[:, 0]
     pushed = np.einsum("ab...,b...->a...", map_tangent, frame[:, 1])
     return np.sum(tangent_after * pushed, axis=0) / np.sum(tangent_after**2, axis=0)
-
-
-def _filtered(u, kept):
-    modes = np.fft.rfft(u)
-    modes[:, kept:] = 0
-    return np.fft.irfft(modes, u.shape[-1])

@@ -9,7 +9,7 @@ K is given by the deviations u_j of its sites (see `circles`), in which the pape
     P_{1/2} ∘ K:       (2κ) → (κ, 0):                       u_1(θ) = (u_0(θ) + u_0(θ + ω))/2
     S_κ0 ∘ K:          (κ_0, …) → (…, κ_0):                 u_j(θ) → u_{j+1}(θ - ω/P)
 
-The third is the paper's circle of S_κ∘R_{-1/2}, which gives one of (κ, -κ) with 2ω + 1. The last is
+By the third the paper's circle of S_κ∘R_{-1/2} becomes one of (κ, -κ) with 2ω + 1. The last is
 S_κ2⁻¹∘K for P = 2, one step of T earlier. Each result is certified anew.
 """
 

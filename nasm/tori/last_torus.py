@@ -26,7 +26,7 @@ from nasm.converse_kam import sequence
 from nasm.critical import CriticalScale, Status
 from nasm.maps import direction, rotating_forcing
 from nasm.numbers import nobles_near
-from nasm.orbits import kicked_orbit
+from nasm.orbits import orbit
 from nasm.tori import newton
 
 __all__ = ["of_fraction", "of_irrational", "upper_scale"]
@@ -47,7 +47,9 @@ def of_fraction(frequency, phase, mean, amplitude, n_kicks=8_000):
 
     Parameters
     ----------
-    frequency : Fraction or str. phase : float, φ0 in turns. mean, amplitude : floats, not both 0.
+    frequency : Fraction or str.
+    phase : float, φ0 in turns.
+    mean, amplitude : floats, not both 0.
     n_kicks : int, 100 to 10⁶, N.
 
     Returns
@@ -55,7 +57,7 @@ def of_fraction(frequency, phase, mean, amplitude, n_kicks=8_000):
     CriticalScale. value is the middle of the bracket, and error half of its width; omega is None.
     Status UNDECIDED, and no value, if no circle was certified. Status NO_BREAKUP if a start
     survives kicks of strength 2, and no bounds; UNDECIDED if searches for survivors disagree.
-    omega : float, turns per kick of the circle at lower, in [0, 1/2], NaN if there is none.
+    omega : float, turns per kick of the circle at lower, in [0, 1/2], NaN without one.
     """
     frequency = fraction("frequency", frequency)
     profile = direction(rotating_forcing(mean, amplitude, frequency, real("phase", phase)))
@@ -73,7 +75,8 @@ def of_irrational(frequency, mean, amplitude, n_kicks=32_000, tol=0.01):
 
     Parameters
     ----------
-    frequency : float, Ω. mean, amplitude, n_kicks : as for `of_fraction`.
+    frequency : float, Ω.
+    mean, amplitude, n_kicks : as for `of_fraction`.
     tol : float, the error of a torus's breakup to aim at, in parts of `upper`.
 
     Returns
@@ -92,7 +95,7 @@ def upper_scale(frequency, mean, amplitude, n_kicks=8_000):
     """The scale at which no torus of an irrational Ω is left that is a graph, whatever its ω.
 
     Parameters as for `of_irrational`. Returns a float, `upper` of
-    `converse_kam.sequence.critical_scale`, NaN if it has none. It takes a second or two.
+    `converse_kam.sequence.critical_scale`, NaN without one. It takes a second or two.
     """
     return sequence.critical_scale(_kicks(frequency, mean, amplitude, n_kicks), _TOL).upper
 
@@ -136,7 +139,7 @@ def _regular(kappa):
     x = np.full(y.size, survivor.x)
     times = sequence.elimination_time(kappa, 0.0, survivor.site, x, y)
     ahead, left = kappa[survivor.site :][:_AVERAGED], np.isinf(times)
-    steps = np.diff(kicked_orbit(ahead, x[left], y[left], ahead.size)[0], axis=0)
+    steps = np.diff(orbit(ahead, x[left], y[left], ahead.size, 1)[0], axis=0)
     whole, half = _average(steps), _average(steps[: len(steps) // 2])
     apart = np.abs(whole - half)
     order = [i for i in np.argsort(apart) if apart[i] < _REGULAR]

@@ -24,9 +24,9 @@ Spectra reach further in θ than in φ as a rule, so the axes are refined apart.
 With too few modes Newton's method converges on "tori" beyond the breakup. What is called a torus
 here has therefore converged again, with h_θ > 0, on a grid twice as fine along both axes.
 
-At the breakup of a torus no renormalisation gives exponents, as it does for circles, and norms grow
-by leaps as one resonance after the other awakes. More regular is max (h⁻¹)' = 1/min h_θ; from it
-`critical_scale` takes the breakup, and fits the exponent.
+For the breakup of tori no renormalisation predicts exponents, as it does for circles, and norms
+grow by leaps as one resonance after the other awakes. More regular is max (h⁻¹)' = 1/min h_θ; from
+it `critical_scale` takes the breakup, and fits the exponent.
 """
 
 from dataclasses import dataclass, field
@@ -45,7 +45,7 @@ from nasm.critical import CriticalScale, Status
 from nasm.maps import TWO_PI, direction, forcing
 from nasm.numbers import RotationNumber
 
-__all__ = ["InvariantTorus", "critical_scale", "graph", "height", "invariant_torus", "residual"]
+__all__ = ["InvariantTorus", "critical_scale", "graph", "invariant_torus", "residual"]
 __dir__ = __all__.copy
 
 _METHOD = "continuation of tori"
@@ -73,7 +73,8 @@ _PART = 0.35  # of the way to the breakup, as it is estimated: the next step
 class InvariantTorus:
     """A torus of rotation vector (omega, frequency), or what Newton's method was left with.
 
-    omega, frequency : floats, turns of θ and φ per kick. mean, amplitude : floats, κ̄ and Δκ.
+    omega, frequency : floats, turns of θ and φ per kick.
+    mean, amplitude : floats, κ̄ and Δκ.
     u : ndarray (m, n), the deviations at φ = j/m and θ = i/n; see the module.
     error : largest |E| of u on a finer grid; NaN if u never converged.
     status : OK if certified; otherwise why not.
@@ -111,11 +112,11 @@ def invariant_torus(omega, frequency, mean, amplitude, n_max=2**18):
     Returns
     -------
     InvariantTorus, with a status that says why if it is not certified. A torus that exists may be
-    missed, by too few modes. One that is certified exists as far as floating point and 4 m·n points
-    can tell; resonances beyond those modes are not seen, so that for an Ω that is a fraction of
-    large denominator what is certified are the circles of all phases.
+    missed, by too few modes. A certified one exists to within floating point and 4 m·n points;
+    resonances beyond those modes are not seen: for an Ω that is a fraction of large denominator the
+    circles of all phases are certified.
 
-    ValueError if an argument is no finite number, or n_max is out of range.
+    ValueError if an argument is not a finite number, or n_max is out of range.
     """
     vector, kappa = _vector(omega, frequency), forcing((mean, amplitude))
     n_max = count("n_max", n_max, FIRST[0] * FIRST[1], N_LARGEST)
@@ -146,7 +147,7 @@ def critical_scale(omega, frequency, mean, amplitude, tol=1e-3):
 
     Returns
     -------
-    CriticalScale. lower : the scale of the certified torus, NaN if there is none. upper : NaN.
+    CriticalScale. lower : the scale of the certified torus, NaN without one. upper : NaN.
     error : twice the way from the last torus, or the change of the last estimate, if that is more:
     with p unknown no less is known. omega : None, a pair of numbers has no RotationNumber. Without
     an estimate value and error are NaN, and the status says why; lower is what was certified all
@@ -228,24 +229,10 @@ def graph(torus):
     return theta + torus.u, torus.omega + torus.u - behind
 
 
-def height(torus):
-    """max y - min y over all phases."""
-    return np.ptp(graph(torus)[1])
-
-
 def least_slope(u):
     """min h_θ on the grid: positive on a torus, 0 at its breakup."""
     modes = np.fft.rfft(u)
     return 1 + np.fft.irfft(modes * 2j * np.pi * np.arange(modes.shape[1]), u.shape[1]).min()
-
-
-def norm(u, order):
-    """The Sobolev norm (Σ |k|^{2 order} |û_k|²)^{1/2} of deviations, k = (k₁, k₂)."""
-    m, n = u.shape
-    squares = np.arange(n // 2 + 1) ** 2 + _wave_numbers(m)[:, None] ** 2.0
-    power = np.abs(np.fft.rfft2(u) / u.size) ** 2
-    power[:, 1:] *= 2  # k and -k; the modes n/2 are not used
-    return np.sqrt((power * squares**order).sum())
 
 
 def resample(u, m, n):
@@ -329,7 +316,7 @@ def _breakup(scales, slopes):
 
 
 def _vector(omega, frequency):
-    """Both as floats; ValueError if one is no finite number."""
+    """Both as floats; ValueError if one is not a finite number."""
     numbers = []
     for name, value in (("omega", omega), ("frequency", frequency)):
         number = float(value) if isinstance(value, RotationNumber) else real(name, value)
@@ -473,7 +460,7 @@ def _step(mean, amplitude, by_phi, by_theta, modes):
             change = max(change, abs(w[j, i]))
     modes += np.fft.rfft2(w)
     modes[0, 0] = 0.0
-    least = max(1e-16 * mass.max(), 1e-300)  # rounding is no tail
+    least = max(1e-16 * mass.max(), 1e-300)  # a tail of rounding does not count
     return error, change, slope, sum_inverse / (m * n), np.sqrt(edge / np.maximum(mass, least))
 
 

@@ -22,8 +22,8 @@ def nonautonomous_dataset(n_orbits, steps):
     """
     forcings = np.array([FORCING, FORCING[::-1]])
     x, y = np.stack([orbits.portrait(kappa, n_orbits, steps) for kappa in forcings], axis=1)
-    kicked = orbits.kicked_orbit(FORCING, x[0, 0], y[0, 0], steps)
-    island = orbits.kicked_orbit(FORCING, *ISLAND, steps)
+    kicked = orbits.orbit(FORCING, x[0, 0], y[0, 0], steps, 1)
+    island = orbits.orbit(FORCING, *ISLAND, steps, 1)
     return dataset(
         "Orbits of T and of the nonautonomous map",
         {
