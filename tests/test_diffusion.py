@@ -14,12 +14,6 @@ from nasm.symmetries import ray
 from workflows.diffusion import study
 
 
-def agree(one, other, factor=1.0):
-    assert one.status is other.status is Status.OK
-    error = np.hypot(one.error, factor * other.error)
-    assert abs(one.value - factor * other.value) < 4 * error < 0.5 * one.value
-
-
 def test_the_kernel_iterates_the_map():
     kappa, x, y = (0.7, -0.4), np.linspace(0, 1, 64), np.linspace(0.3, 1.9, 64)
     shifted, momenta = x - 0.25, y.copy()
@@ -45,10 +39,15 @@ def test_strong_kicks_diffuse_as_rechester_and_white_say(kappa):
 
 
 def test_images_of_a_forcing_and_the_standard_map_in_both_its_places_diffuse_alike():
-    once = diffusion((1.8,))
-    agree(diffusion((1.8, 1.8)), once, 2)
-    agree(diffusion((0.9, 0.0)), once, 0.25)
-    agree(diffusion((1.3, 0.6)), diffusion((-0.6, -1.3)))
+    for one, other, factor in (
+        ((1.8, 1.8), (1.8,), 2),
+        ((0.9, 0.0), (1.8,), 0.25),
+        ((1.3, 0.6), (-0.6, -1.3), 1),
+    ):
+        one, other = diffusion(one), diffusion(other)
+        assert one.status is other.status is Status.OK
+        error = np.hypot(one.error, factor * other.error)
+        assert abs(one.value - factor * other.value) < 4 * error < 0.5 * one.value
 
 
 def test_the_error_is_the_scatter_of_other_orbits():
@@ -73,24 +72,13 @@ def test_accelerator_modes_have_no_diffusion(kappa):
     assert found.exponent > 1.5
 
 
-def law_of(ratio, exponent):
-    excess = study.excesses(False)
-    coords = {"angle": [0.0, 20.0, 45.0], "excess": excess}
-    flux = 0.01 * excess**exponent * np.ones((3, 1))
-    fields = {"diffusion": ratio * flux, "error": 0.05 * ratio * flux, "ratio": ratio + 0 * flux}
-    law = xr.Dataset({name: (("angle", "excess"), v) for name, v in fields.items()}, coords)
-    return law.assign(prefactor=("angle", np.full(3, 0.01)))
-
-
 @pytest.mark.parametrize(
     ("ratio", "exponent", "said"),
-    [
-        (1.0, 3.01, ["holds:", "holds:"]),
-        (0.2, 3.3, ["caveat:", "caveat:"]),
-        (1.5, 4.0, ["does not hold:", "does not hold:"]),
-        (np.nan, 3.0, ["not decided:", "not decided:"]),
-    ],
+    [(1, 3.01, " holds"), (0.2, 3.3, "caveat"), (1.5, 4, "not hold"), (np.nan, 3, "not decided")],
 )
 def test_the_rules_can_say_no(ratio, exponent, said):
-    lines = study.findings(law_of(ratio, exponent)).splitlines()
-    assert [words in line for words, line in zip(said, lines, strict=True)] == [True] * 2
+    excess = xr.DataArray(study.excesses(False), dims="excess")
+    flux = 0.01 * excess**exponent * xr.DataArray(np.ones(3), {"angle": [0.0, 20, 45]}, "angle")
+    fields = {"diffusion": ratio * flux, "error": 0.05 * ratio * flux, "ratio": ratio + 0 * flux}
+    law = xr.Dataset(fields, {"excess": excess.values}).assign(prefactor=0.01 + 0 * flux[0])
+    assert [f"{said}: " in line for line in study.findings(law).splitlines()] == [True] * 2

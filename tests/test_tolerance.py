@@ -6,9 +6,12 @@ import xarray as xr
 from oracles import KAPPA_G
 
 from nasm import barriers, periodic
+from nasm.numbers import parse
 from pipeline.cubes import robustness
 from pipeline.cubes.forcings import labels
 from workflows.tolerance import response, study
+
+GAMMA = float(parse("gamma"))
 
 
 def test_residues_of_golden_orbits_respond_as_differences_say():
@@ -17,7 +20,7 @@ def test_residues_of_golden_orbits_respond_as_differences_say():
     Of the minimax orbits 2/3 of (1, 1, 1), one for each phase, the last to be eliminated is the one
     that the ripple moves down; periodic.residue finds the minimax over all.
     """
-    by_period = {both[0].sites().size: both for _, both in response.orbits()}
+    by_period = {both[0].sites().size: both for both in response.orbits().values()}
     for p, q in ((2, 3), (3, 5), (8, 13)):
         up, down = (periodic.residue((KAPPA_G * (1 + h),), p, q) for h in (1e-5, -1e-5))
         found = response.response(by_period[q][1], np.ones(q))
@@ -36,20 +39,27 @@ def test_ripples_have_rms_one_over_their_mean_and_come_in_three_shapes():
     assert study.ripple(4, "one kick") * 3**0.5 == pytest.approx([3, -1, -1, -1])
 
 
-def test_ripples_come_back_to_their_phases():
-    assert [response.repeat(n) for n in range(2, 9)] == [3, 4, 6, 10, 12, 8, 12]
+def test_ripples_come_back_to_their_phases_and_circles_are_renormalised():
+    """The golden circle is its own image, per kick, and another one nearer to it than before."""
+    steps = [len(response.modes(n)) * response.renormalisation(n)[0] for n in study.PERIODS]
+    assert steps == [3, 4, 6, 10, 12, 8, 12]
+    for (n, mode), (circle, *_) in study._CIRCLES.items():
+        golden, golden_mode = response.finer(f"{n}gamma", n, mode)
+        assert parse(golden) == parse(f"{n}gamma")
+        finer, image = response.finer(circle, n, mode)
+        assert (image, abs(float(parse(finer)) - n * GAMMA) < 1e-2) == (golden_mode, True)
 
 
 def test_the_law_of_alternating_ripples_is_settled_and_their_loss_follows_it():
-    rate, error = response.growth(2)
-    exponent = np.log(response.DELTA) / rate
-    assert error < 1e-3 * rate
-    losses = []
-    for d in (1e-2, 1e-3):
-        profile = np.array([1 + d, 1 - d])
-        found = barriers.critical_scale(profile, 1e-3)
-        losses.append(1 - found.value * np.sqrt(np.mean(profile**2)) / KAPPA_G)
-    assert np.log10(losses[0] / losses[1]) == pytest.approx(exponent, abs=0.03)
+    """By the last circle of all, and by one circle and the one that is made of it."""
+    law = study.laws((2,)).sel(period=2)
+    assert law.predicted_error < 1e-3 * law.predicted
+    losses = [
+        1 - barriers.critical_scale((1 + d, 1 - d), 1e-3).value * (1 + d * d) ** 0.5 / KAPPA_G
+        for d in (1e-2, 1e-3)
+    ]
+    assert np.log10(losses[0] / losses[1]) == pytest.approx(float(law.predicted), abs=0.03)
+    assert abs(law.measured - law.predicted) < law.measured_error + law.predicted_error < 0.01
 
 
 def test_forcings_against_constant_kicks_of_the_same_strength():
@@ -72,7 +82,7 @@ def said_of(measured, upper):
     ripples = [("cosine", d, 1 + d * study.ripple(2)) for d in (1e-3, 1e-2)]
     cube = xr.Dataset(coords=labels(ripples, "")).assign(loss=("forcing", [0.02, 0.09]))
     law = {"measured": measured, "predicted": [0.64, 0.5], "measured_error": [0.01, 0.01]}
-    law |= {"predicted_error": [0.001, 0.001], "repeat": [10.0, 50.0]}
+    law["predicted_error"] = [0.001, 0.001]
     laws = xr.Dataset({k: ("period", v) for k, v in law.items()}, {"period": [2, 3]})
     tried = xr.Dataset({"upper": ("forcing", study.golden() * np.array(upper))})
     ends = xr.Dataset({"upper": ("forcing", study.golden() * np.array([1.001, 0.5]))})

@@ -52,10 +52,13 @@ def labels(forcings, parameter):
 
 def with_circles(cube):
     """Return the cube, read, with the coordinate `circle`, the exact text of the last circle's ω
-    per period, "" where none is named, in place of its partial quotients."""
+    per period, "" where none is named, in place of its partial quotients, and `rms_scale`, the rms
+    strength at the breakup."""
     circles = exact_circles(cube.load(), [0] * cube.sizes["forcing"])
     words = "exact rotation number of the last circle, per period"
     cube = cube.drop_vars(["quotients", "tail_length", "quotient"])
+    rms = cube.critical_scale * (cube.profile**2).mean("kick") ** 0.5
+    cube["rms_scale"] = rms.assign_attrs(long_name="rms strength at the breakup", units="1")
     return cube.assign_coords(circle=text("forcing", circles, words))
 
 

@@ -28,7 +28,6 @@ def against_constant(name, forcings, parameter, golden, tries=0):
     forcings, parameter : as for `forcings.last_barriers`; the whole part of a parameter seeds the
     climb. golden : float, the critical strength of constant kicks, up to which is looked.
     tries : int, random steps of a climb from each forcing to others that hold at higher scales.
-
     A tile is 50 forcings, or 10 climbs.
     """
     coords = labels(forcings, parameter)
@@ -36,8 +35,7 @@ def against_constant(name, forcings, parameter, golden, tries=0):
     upper = {"upper": blank({"forcing": coords["forcing"]}, words)}
     attrs = {"title": "Forcings against constant kicks of the same rms strength", "source": PAPER}
     settings = {"golden": golden, "kicks": _KICKS, "tries": tries}
-    tile = {"forcing": 10 if tries else 50}
-    cube = Cube(name, xr.Dataset(upper, coords, attrs), tile, settings)
+    cube = Cube(name, xr.Dataset(upper, coords, attrs), {"forcing": 10 if tries else 50}, settings)
     return Job(cube, _compute, _predict, partial(answer, np.array([1.0, 0.9, 1.2]), 0.4))
 
 
@@ -65,11 +63,11 @@ def climb(profile, golden, tries, random):
     scale, step = _LEAST * golden, 0.3
     for _ in range(tries):
         tried = _normed(profile + step * random.standard_normal(profile.size))
-        higher = scale * (1 + min(max(step / 5, 1e-3), 0.05))
-        if not escapes(tried, higher):
-            profile, scale, step = tried, higher, min(1.5 * step, 0.5)
-        else:
+        higher = scale * (1 + np.clip(step / 5, 1e-3, 0.05))
+        if escapes(tried, higher):
             step = max(6 / 7 * step, 0.01)
+        else:
+            profile, scale, step = tried, higher, min(1.5 * step, 0.5)
     return profile
 
 

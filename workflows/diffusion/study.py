@@ -4,7 +4,7 @@ import numpy as np
 import xarray as xr
 
 from workflows.shared.power_law import FLUX as ETA
-from workflows.shared.rules import finding
+from workflows.shared.rules import finding, span
 from workflows.shared.tables import described
 
 NEAREST = 1e-3  # distance beyond the breakup at which the prefactor is read from the flux
@@ -30,16 +30,15 @@ def law(barrier, fluxes, measured):
     and on the axes those that are tied with them. prefactor is one_cantorus/excess^3.01172 next to
     the breakup.
     """
-    tied = barrier.tied.sel(angle=fluxes.angle) != ""
-    of_flux = fluxes.flux / xr.where(tied, 4, 2)
+    of_flux = fluxes.flux / xr.where(barrier.tied.sel(angle=fluxes.angle) != "", 4, 2)
     prefactor = of_flux.sel(excess=NEAREST, drop=True) / NEAREST**ETA
     columns = {
         "one_cantorus": (of_flux, "flux over the number of last circles"),
         "ratio": (measured.diffusion / of_flux, "diffusion over one_cantorus"),
         "prefactor": (prefactor, "one_cantorus/excess^3.01172, next to the breakup"),
     }
-    table = measured.assign_coords(circle=fluxes.circle)
-    return table.assign({k: v.assign_attrs(described(words)) for k, (v, words) in columns.items()})
+    columns = {name: part.assign_attrs(described(words)) for name, (part, words) in columns.items()}
+    return measured.assign_coords(circle=fluxes.circle).assign(columns)
 
 
 def findings(law):
@@ -47,14 +46,14 @@ def findings(law):
     ratio = law.ratio.sel(excess=slice(0, 1)).values
     ratio = ratio[np.isfinite(ratio)]
     first = law.ratio.isel(excess=law.ratio.notnull().argmax("excess")).dropna("angle")
-    some = first.isel(angle=slice(None, None, max(1, first.size // 5)))
+    some = first[:: max(1, first.size // 5)]
     nearest = ", ".join(f"{float(r):.2f} at {float(r.angle):g}°" for r in some)
     slope, error, rays = _exponent(law.sel(excess=slice(0, _NEAR)))
     prefactor = law.prefactor.dropna("angle")
     return "\n".join([
         finding(
             "The last circle alone resists, D = ΔW/m:",
-            f"D is {_range(ratio)} of that under {ratio.size} forcings up to twice the breakup, "
+            f"D is {span(ratio)} of that under {ratio.size} forcings up to twice the breakup, "
             f"and where it is resolved nearest to the boundary {nearest}; where it is less, the "
             "cantori of other circles, which break almost together, hold back more",
             bool((abs(ratio - 1) < 0.2).all()),
@@ -65,7 +64,7 @@ def findings(law):
             f"D ~ (s/s_c - 1)^{ETA:.3g}:",
             f"the exponent is {slope:.2f} ± {error:.2f} from 5% to {100 * _NEAR:.0f}%, by {rays} "
             "rays on which D is resolved there twice; that of ΔW/m has the prefactor "
-            f"{_range(prefactor.values)} along the boundary, largest at "
+            f"{span(prefactor.values)} along the boundary, largest at "
             f"{float(prefactor.idxmax('angle')) if prefactor.size else np.nan:g}°",
             rays >= _RAYS and abs(slope - ETA) < 2 * error,
             abs(slope - ETA) < 0.5,
@@ -84,7 +83,3 @@ def _exponent(near):
     square, relative = float((x**2).sum()), (near.error / near.diffusion).where(known)
     error = float((x**2 * relative**2).sum()) ** 0.5 / square
     return float((x * y).sum()) / square, error, int(known.any("excess").sum())
-
-
-def _range(values):
-    return f"{values.min():.2g} to {values.max():.2g}" if values.size else "unknown"

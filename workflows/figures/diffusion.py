@@ -29,8 +29,8 @@ def draw_diffusion(law, findings):
 
 
 def _draw_plane(axes, law):
-    kappa1, kappa2, D = (
-        _joined(law[one], law[image])
+    kappa1, kappa2, D = (  # rows from 0° to 45°, and of their images to 90°
+        np.concatenate([law[one].values, law[image].values[::-1]])
         for one, image in (("kappa1", "kappa2"), ("kappa2", "kappa1"), ("diffusion", "diffusion"))
     )
     reach = kappa1[0, -1]
@@ -44,8 +44,7 @@ def _draw_plane(axes, law):
     bar = axes.figure.colorbar(image, ax=axes, fraction=0.046, pad=0.03)
     bar.set_label("$D$ (squares of $y$ a period)")
     bar.set_ticks(decades)
-    beyond = 1 + law.excess.values[0]
-    edge = np.append(kappa1[:, 0], 0) / beyond, np.append(kappa2[:, 0], 0) / beyond
+    edge = [np.append(kappa[:, 0], 0) / (1 + law.excess.values[0]) for kappa in (kappa1, kappa2)]
     axes.fill(*edge, color=INSIDE)
     look = {"color": colour_of(3), "lw": 1.6, "label": r"$\mathit{CB}_\mathrm{gt}$"}
     axes.plot(edge[0][:-1], edge[1][:-1], **look)
@@ -53,11 +52,6 @@ def _draw_plane(axes, law):
     axes.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$", xlim=(0, reach), ylim=(0, reach))
     axes.set(title="Diffusion of momentum", facecolor=_UNRESOLVED, aspect="equal")
     axes.legend(loc="upper right", fontsize="small")
-
-
-def _joined(field, image):
-    """Return the rows of a field (angle, excess) from 0° to 45°, and those of its image to 90°."""
-    return np.concatenate([field.values, image.values[::-1]])
 
 
 def _draw_law(axes, law):

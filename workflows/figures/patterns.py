@@ -12,16 +12,11 @@ CONSTANT, PAIRS, SIGNS, FLIPS, BURSTS = (
 )
 
 
-def of_family(cube, family):
-    """Return the forcings of a family."""
-    return cube.isel(forcing=np.flatnonzero(cube.family == family))
-
-
 def draw_patterns(cube):
     """Draw K_c of pairs against ε, and thresholds of signs and bursts."""
     figure, (spacing, others) = style.panels(1, 2, 12, 5)
-    golden = of_family(cube, CONSTANT).critical_scale.item()
-    _draw_pairs(spacing, of_family(cube, PAIRS).sortby("parameter"), golden)
+    golden = style.of_family(cube, CONSTANT).critical_scale.item()
+    _draw_pairs(spacing, style.of_family(cube, PAIRS), golden)
     _draw_others(others, cube, golden)
     return figure
 
@@ -29,36 +24,31 @@ def draw_patterns(cube):
 def _draw_pairs(axes, pairs, golden):
     ε, K = pairs.parameter.values, pairs.per_period.values
     fractions = [Fraction(x).limit_denominator(100) for x in ε]
-    line = np.geomspace(1 / 80, 0.5, 200)
-    limit = r"$\sqrt{\kappa_G/\varepsilon}$, the limit"
+    line, limit = np.geomspace(1 / 80, 0.5, 2), r"$\sqrt{\kappa_G/\varepsilon}$, the limit"
     axes.plot(line, np.sqrt(golden / line), color="0.4", lw=1, label=limit)
     kinds = [2 if f.numerator > 1 else f.denominator % 2 for f in fractions]
     for kind, label in enumerate(("1/P$, $P$ even", "1/P$, $P$ odd", "p/P$")):
-        here, look = np.equal(kinds, kind), {"marker": "osD"[kind], "ls": "", "ms": 4.5}
-        look["color"] = style.colour_of((0, 4, 2)[kind])
-        axes.plot(ε[here], K[here], label=rf"$\varepsilon = {label}", **look)
+        here, colour = np.equal(kinds, kind), style.colour_of((0, 4, 2)[kind])
+        look = {"color": colour, "ms": 4.5, "label": rf"$\varepsilon = {label}"}
+        axes.plot(ε[here], K[here], "osD"[kind], **look)
     for x, y, f in zip(ε, K, fractions, strict=True):
         if f.numerator == 1 and f.denominator < 6 and np.isfinite(y):
             axes.annotate(f"{f}", (x, y), (-6, -12), textcoords="offset points", size="small")
     style.mark_gaps(axes, ε, np.isnan(K))
     axes.axhline(golden, color="0.4", lw=1, ls=":")
     axes.text(1 / 75, golden * 1.02, r"$\kappa_G$", size="small")
-    axes.set(xscale="log", yscale="log", xlim=(1 / 80, 0.62))
+    axes.set(xscale="log", yscale="log", xlim=(1 / 80, 0.62), title="Pairs of kicks")
     axes.set(xlabel=r"spacing $\varepsilon$ of a pair, in periods", ylabel=r"$K_c$")
-    axes.set_title("Pairs of kicks")
     _ticks(axes.yaxis, [1, 2, 3, 4, 6, 8])
-    wholes = [64, 32, 16, 8, 4, 2]
-    _ticks(axes.xaxis, [1 / n for n in wholes], [f"1/{n}" for n in wholes])
+    _ticks(axes.xaxis, [1 / 2**n for n in range(1, 7)], [f"1/{2**n}" for n in range(1, 7)])
     axes.legend(fontsize="small")
 
 
 def _draw_others(axes, cube, golden):
-    lines = [(SIGNS, of_family(cube, SIGNS)), (FLIPS, of_family(cube, FLIPS))]
-    bursts = of_family(cube, BURSTS)
-    kicked = (bursts.parameter * bursts.period).round().astype(int)
-    for n in np.unique(kicked):
-        lines.append((f"bursts of {n} kicks", bursts.isel(forcing=np.flatnonzero(kicked == n))))
-    for i, (label, here) in enumerate(lines):
+    bursts = style.of_family(cube, BURSTS).sortby("period")
+    kicked = bursts.groupby((bursts.parameter * bursts.period).round().astype(int).rename("n"))
+    lines = [(family, style.of_family(cube, family)) for family in (SIGNS, FLIPS)]
+    for i, (label, here) in enumerate([*lines, *((f"bursts of {n} kicks", x) for n, x in kicked)]):
         look = {"marker": "os^vD*P"[i % 7], "ms": 5, "lw": 1, **style.line_of(i)}
         axes.plot(here.period, here.critical_scale, label=label, **look)
     axes.axhline(golden, color="0.4", lw=1, ls=":")

@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 
-from workflows.figures.style import colour_of, names_of, panels
+from workflows.figures.style import colour_of, key, names_of, panels
 
 
 def draw_ramp(ramp, lives, exponents, findings):
@@ -14,17 +14,15 @@ def draw_ramp(ramp, lives, exponents, findings):
     text, for the caption.
     """
     figure, (kicks, smooth) = panels(1, 2, 13, 5)
-    rows = [*zip((f"graphs, {name}" for name in names_of(ramp.way)), ramp.lost, strict=True)]
-    rows.append(("first of 64 orbits across", ramp.escaped))
-    for i, (label, row) in enumerate(rows):
-        look = {"marker": "os^"[i], "ls": "", "ms": 4, "color": colour_of(i)}
-        kicks.plot(ramp.rate, row, label=label, **look)
-    for exponent, (_, row) in zip(exponents, rows[1:], strict=True):
+    names = [*(f"graphs, {name}" for name in names_of(ramp.way)), "first of 64 orbits across"]
+    rows = [*ramp.lost, ramp.escaped]
+    for i, (label, row) in enumerate(zip(names, rows, strict=True)):
+        look = {"color": colour_of(i), "ms": 4 + 2 * (i == 1), "mfc": "none" if i == 1 else None}
+        kicks.plot(ramp.rate, row, "os^"[i], label=label, **look)
+    for exponent, row, dash in zip(exponents, rows[1:], ("--", ":"), strict=True):
         law = float((row * ramp.rate**exponent).median()) * ramp.rate**-exponent
         label = rf"$\propto r^{{-{exponent:.3f}}}$, foreseen"
-        kicks.plot(
-            ramp.rate, law, color="0.4", lw=0.9, ls="--" if exponent < 0.6 else ":", label=label
-        )
+        kicks.plot(ramp.rate, law, dash, color="0.4", lw=0.9, label=label)
     kicks.set(xscale="log", yscale="log", title="Kicks that grow through the breakup")
     kicks.set(xlabel=r"growth $r$ of $\kappa$ per kick", ylabel=r"kicks after $\kappa_G$")
     kicks.legend(fontsize="small")
@@ -44,13 +42,14 @@ def draw_ramp(ramp, lives, exponents, findings):
 def _draw_lives(axes, lives):
     names, kicks = names_of(lives.kind), lives.attrs["kicks"]
     for i, ripple in enumerate(lives.ripple.values):
-        x, look = np.arange(len(names)) + 0.12 * i - 0.24, {"ls": "", "color": colour_of(i)}
-        here, label = lives.sel(ripple=ripple), f"ripple {ripple:g}"
+        x, here = np.arange(len(names)) + 0.12 * i - 0.24, lives.sel(ripple=ripple)
         for values, end, fill in ((here.life, kicks / 2, None), (here.escaped, 20 * kicks, "none")):
             lasts = np.isinf(values.values)
-            axes.plot(x[~lasts], values[~lasts], marker="o", ms=4.5, mfc=fill, label=label, **look)
-            axes.plot(x[lasts], np.full(lasts.sum(), end), marker="^", ms=4.5, mfc=fill, **look)
-            label = None
+            for there, mark in ((~lasts, "o"), (lasts, "^")):
+                y = np.where(lasts, end, values)[there]
+                axes.plot(x[there], y, mark, ms=4.5, mfc=fill, color=colour_of(i))
+        axes.plot([], [], "o", ms=4.5, color=colour_of(i), label=f"ripple {ripple:g}")
+    key(axes, {"o": "until an orbit is across", "^": "longer than that"}, "o")
     axes.set(yscale="log", ylabel="kicks", title="Smooth forcings keep barriers")
     words = [re.sub(r"k\^(-\d)", r"$f_k\\sim k^{\1}$", name) for name in names]
     axes.set_xticks(range(len(names)), words, rotation=40, ha="right")

@@ -19,8 +19,8 @@ def draw_stability(studies):
     drawn = {}
     for name, parts in _FIGURES.items():
         figure, drawn_on = panels(1, len(parts), 5 * max(len(parts), 1.5), 5.4)
-        for axes, part in zip(drawn_on, parts, strict=True):
-            _PANELS[part](axes, studies[part])
+        for axes, (part, draw) in zip(drawn_on, parts.items(), strict=True):
+            draw(axes, studies[part])
             axes.grid(lw=0.3)
             if entries := axes.get_legend_handles_labels()[0]:
                 below = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.16)}
@@ -30,7 +30,7 @@ def draw_stability(studies):
     return drawn
 
 
-def draw_near_cusp(axes, study):
+def _draw_near_cusp(axes, study):
     """Draw the errors, the claimed ones dashed, and crosses where there is no answer."""
     for i, name in enumerate(names_of(study.approach)):
         here, colour = study.isel(approach=i), COLOURS[i]
@@ -180,19 +180,12 @@ def _draw_tori(axes, study):
 
 
 _FIGURES = {
-    "stability_boundary": ("cusp", "boundary", "fractions"),
-    "stability_searches": ("beam", "fakes", "disorder"),
-    "stability_orbits": ("twist", "amplitude"),
-    "stability_tori": ("tori",),
-}
-_PANELS = {
-    "cusp": draw_near_cusp,
-    "boundary": _draw_past_boundary,
-    "fractions": _draw_fractions,
-    "beam": _draw_missed,
-    "fakes": _draw_fakes,
-    "disorder": _draw_disorder,
-    "twist": _draw_twist,
-    "amplitude": _draw_amplitudes,
-    "tori": _draw_tori,
+    "stability_boundary": {
+        "cusp": _draw_near_cusp,
+        "boundary": _draw_past_boundary,
+        "fractions": _draw_fractions,
+    },
+    "stability_searches": {"beam": _draw_missed, "fakes": _draw_fakes, "disorder": _draw_disorder},
+    "stability_orbits": {"twist": _draw_twist, "amplitude": _draw_amplitudes},
+    "stability_tori": {"tori": _draw_tori},
 }

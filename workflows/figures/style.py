@@ -225,3 +225,8 @@ def names_of(coordinate, key="names"):
     """Return the names that the numbers of a coordinate stand for; stores keep them as JSON."""
     names = coordinate.attrs[key]
     return json.loads(names) if isinstance(names, str) else names
+
+
+def of_family(cube, family):
+    """Return the forcings of a family, by their parameter."""
+    return cube.isel(forcing=np.flatnonzero(cube.family == family)).sortby("parameter")

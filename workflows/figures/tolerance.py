@@ -18,32 +18,31 @@ def draw_tolerance(cube, laws, tried, summits):
 
 
 def _draw_losses(axes, cube, laws):
-    for period in np.unique(cube.period).tolist():
-        mine = (cube.period == period) & (cube.loss > 0) & (cube.family == "cosine")
-        here = cube.isel(forcing=np.flatnonzero(mine)).sortby("parameter")
+    lost = cube.isel(forcing=np.flatnonzero(cube.loss > 0))
+    for period, here in style.of_family(lost, "cosine").groupby("period"):
         look = {"color": style.colour_of(period - 2), "marker": style.MARKERS[period % 5]}
-        look |= {"lw": 1, "ms": 4, "label": f"$P = {period}$"}
-        axes.errorbar(here.parameter, here.loss, here.loss_error, **look)
+        label = rf"$P = {period}$: $d^{{\,{float(laws.predicted.sel(period=period)):.2f}}}$"
+        axes.errorbar(here.parameter, here.loss, here.loss_error, lw=1, ms=4, label=label, **look)
+    look = {"ls": "", "ms": 4, "mew": 0.7, "color": "0.3", "marker": "D"}
     for family, fill in (("one kick", "none"), ("square", "0.7")):
-        here = cube.isel(forcing=np.flatnonzero((cube.family == family) & (cube.loss > 0)))
-        look = {"ls": "", "ms": 4, "mew": 0.7, "color": "0.3", "mfc": fill, "marker": "D"}
+        here = style.of_family(lost, family)
         if here.sizes["forcing"]:
-            axes.plot(here.parameter, here.loss, label=f"{family}, $P = 4, 6, 8$", **look)
+            label = f"{family}, $P = 4, 6, 8$"
+            axes.plot(here.parameter, here.loss, label=label, mfc=fill, **look)
     d, exponent = np.array([1e-5, 1e-3]), float(laws.predicted.sel(period=2))
-    label = rf"$\propto d^{{\,{exponent:.3f}}}$, renormalisation for $P = 2$"
+    label = rf"$\propto d^{{\,{exponent:.3f}}}$"
     axes.plot(d, 0.01 * (d / 1e-3) ** exponent, color="0.4", lw=1, ls="--", label=label)
-    axes.set(xscale="log", yscale="log", xlabel=r"ripple $d$ (rms over mean)")
-    axes.set(ylabel=r"loss of threshold, $1 - s_c\,\mathrm{rms}/\kappa_G$")
-    axes.set_title("What a ripple costs")
-    axes.legend(fontsize="small")
+    axes.set(xscale="log", yscale="log", title="What a ripple costs")
+    axes.set_xlabel(r"ripple $d$ (rms over mean)")
+    axes.set_ylabel(r"loss of threshold, $1 - s_c\,\mathrm{rms}/\kappa_G$")
+    axes.legend(fontsize="small", title="powers: renormalisation", title_fontsize="small")
 
 
 def _draw_strengths(axes, tried, summits):
     golden = tried.attrs["golden"]
     upper, bins = (tried.upper / golden).values, np.linspace(0, 1.025, 42)
-    near = tried.parameter.values < 0.1
-    parts = [upper[near], upper[~near]]
-    shades, labels = [style.colour_of(3), style.colour_of(0)], ["ripple below 10%", "others"]
+    near, shades = tried.parameter.values < 0.1, [style.colour_of(3), style.colour_of(0)]
+    parts, labels = [upper[near], upper[~near]], ["ripple below 10%", "others"]
     axes.hist(parts, bins, stacked=True, color=shades, label=labels)
     words = "no orbit escapes:\nconverse KAM denies circles"
     axes.text(0.99, 0.8 * axes.get_ylim()[1], words, size="small", ha="right", va="top")

@@ -4,7 +4,8 @@ from math import gcd
 
 import numpy as np
 
-from workflows.figures.patterns import BURSTS, CONSTANT, FLIPS, PAIRS, SIGNS, of_family
+from workflows.figures.patterns import BURSTS, CONSTANT, FLIPS, PAIRS, SIGNS
+from workflows.figures.style import of_family
 from workflows.shared.rules import finding
 from workflows.shared.tables import described
 
@@ -38,22 +39,24 @@ def patterns(quick):
 def in_lab_units(cube):
     """Return the cube with thresholds in units of the period, as laboratories of pairs have them,
     and the rms strength of the kicks over that of constant ones."""
-    per_period = (cube.critical_scale * cube.period).assign_attrs(
-        described("K_c = P·s of a kick, in units of the period: its phase depth times 8ω_r·period")
-    )
-    rms = cube.critical_scale * np.sqrt((cube.profile**2).mean("kick"))
-    golden = of_family(cube, CONSTANT).critical_scale.item()
+    words = "K_c = P·s of a kick, in units of the period: its phase depth times 8ω_r·period"
+    per_period = (cube.critical_scale * cube.period).assign_attrs(described(words))
     words = described("rms strength at the breakup over that of constant kicks")
-    return cube.assign(per_period=per_period, robustness=(rms / golden).assign_attrs(words))
+    robustness = (cube.rms_scale / _golden(cube)).assign_attrs(words)
+    return cube.assign(per_period=per_period, robustness=robustness)
+
+
+def _golden(cube):
+    return of_family(cube, CONSTANT).critical_scale.item()
 
 
 def found(cube):
     """Say what the cube shows, with a verdict on each claim."""
-    pairs = of_family(cube, PAIRS).sortby("parameter")
+    pairs = of_family(cube, PAIRS)
     lower, upper = (pairs[side] * pairs.period for side in ("lower", "upper"))
-    third = np.isclose(pairs.parameter, 1 / 3)
-    K, others = pairs.per_period, pairs.per_period.values[~third]
-    limit = K * np.sqrt(pairs.parameter / of_family(cube, CONSTANT).critical_scale.item())
+    third, K = np.isclose(pairs.parameter, 1 / 3), pairs.per_period
+    others = K.values[~third]
+    limit = K * np.sqrt(pairs.parameter / _golden(cube))
     close = limit.values[(pairs.parameter <= _CLOSE) & limit.notnull()]
     known, falls = int(cube.critical_scale.notnull().sum()), bool((np.diff(close) < 0).all())
     above = int((cube.robustness * cube.lower / cube.critical_scale > 1 + 1e-9).sum())

@@ -9,7 +9,7 @@ from nasm.circles.continuation import UNSTABLE
 from nasm.converse_kam import sequence
 from nasm.numbers import parse
 from workflows.shared import power_law
-from workflows.shared.rules import finding
+from workflows.shared.rules import finding, span
 from workflows.shared.tables import dataset, listed
 
 _GOLDEN = float(parse("gamma"))
@@ -26,6 +26,7 @@ _ORBITS, _WINDOW = 64, (-1.0, 1.3)  # starts have y from 0 to 0.3: an escape is 
 JUMPS = "square", "Fibonacci", "Thue-Morse", "random"
 SMOOTH = "cosine", "k^-4", "k^-3", "k^-2"
 _MEAN, _LINES = 0.3, 8
+_CROSSED = "until an orbit is past all circles"
 
 
 def area_rate(critical):
@@ -37,8 +38,7 @@ def area_rate(critical):
 def _area(kappa):
     """The mean of y dx/dθ over the circle x = θ + u(θ)."""
     circle = invariant_circle("gamma", kappa)
-    _, y = graph(circle)
-    return (y * (1 + fourier.derivative(circle.u[0]))).mean()
+    return (graph(circle)[1] * (1 + fourier.derivative(circle.u[0]))).mean()
 
 
 def ramps(rates):
@@ -54,14 +54,16 @@ def ramps(rates):
     lost = [[_lost(critical, rate, way * acceleration * rate) for rate in rates] for way in (0, 1)]
     patience = (_PATIENCE * rates**-ESCAPES).astype(int)
     escaped = [_escape(critical + r * np.arange(n)) for r, n in zip(rates, patience, strict=True)]
-    variables = {
-        "lost": (("way", "rate"), np.array(lost), "kicks from κ_G until no graphs are left"),
-        "escaped": ("rate", np.array(escaped), "kicks from κ_G until an orbit is past all circles"),
-    }
     ways = listed("way", "plain ramp", "following the golden circle")
-    coords = {"way": ways, "rate": (rates, "growth of κ per kick")}
-    attrs = {"critical_scale": critical, "area_rate": acceleration}
-    return dataset("When barriers are lost in a ramp", coords, variables, attrs)
+    return dataset(
+        "When barriers are lost in a ramp",
+        {"way": ways, "rate": (rates, "growth of κ per kick")},
+        {
+            "lost": (("way", "rate"), np.array(lost), "kicks from κ_G until no graphs are left"),
+            "escaped": ("rate", np.array(escaped), f"kicks from κ_G {_CROSSED}"),
+        },
+        {"critical_scale": critical, "area_rate": acceleration},
+    )
 
 
 def _lost(critical, rate, acceleration):
@@ -89,20 +91,24 @@ def irregular(ripples, kicks):
     """
     shapes = _shapes(np.arange(20 * kicks))
     sites = kicks // 2 + 7 * np.arange(_LINES)
-    lives, escaped = np.empty((2, len(shapes), len(ripples)))
-    for i, f in enumerate(shapes.values()):
-        for j, ripple in enumerate(ripples):
-            kappa = _MEAN * (1 + ripple * f)
-            lives[i, j] = min(sequence.longest_lived(kappa[:kicks], 0.0, n)[2] for n in sites)
-            escaped[i, j] = _escape(kappa)
-    coords = {"kind": listed("kind", *shapes), "ripple": (ripples, "largest deviation, relative")}
-    dims, last = ("kind", "ripple"), "inf if they last"
-    variables = {
-        "life": (dims, lives, f"kicks on either side until no family of graphs is left; {last}"),
-        "escaped": (dims, escaped, "kicks until an orbit is past all circles; inf if none is"),
-    }
-    title = "Lives of barriers by the smoothness of the forcing"
-    return dataset(title, coords, variables, {"kicks": kicks})
+    kappas = [[_MEAN * (1 + ripple * f) for ripple in ripples] for f in shapes.values()]
+    lives, escaped = (
+        np.array([[ends(kappa) for kappa in row] for row in kappas])
+        for ends in (
+            lambda kappa: min(sequence.longest_lived(kappa[:kicks], 0.0, n)[2] for n in sites),
+            _escape,
+        )
+    )
+    dims, graphs = ("kind", "ripple"), "kicks on either side until no family of graphs is left"
+    return dataset(
+        "Lives of barriers by the smoothness of the forcing",
+        {"kind": listed("kind", *shapes), "ripple": (ripples, "largest deviation, relative")},
+        {
+            "life": (dims, lives, f"{graphs}; inf if they last"),
+            "escaped": (dims, escaped, f"kicks {_CROSSED}; inf if none is"),
+        },
+        {"kicks": kicks},
+    )
 
 
 def _shapes(n):
@@ -126,6 +132,7 @@ def findings(ramp, lives):
     names = lives.kind.attrs["names"]
     jumps, smooth = (lives.isel(kind=[names.index(k) for k in kinds]) for kinds in (JUMPS, SMOOTH))
     lost, through = np.isfinite(jumps.life), np.isfinite(jumps.escaped)
+    lived, crossed = (span(values, ".0f") for values in (jumps.life.values, jumps.escaped.values))
     kept, kicks = np.isinf(smooth.life) & np.isinf(smooth.escaped), lives.attrs["kicks"]
     return "\n".join([
         _power("Graphs are lost", plain, EXPONENT),
@@ -134,10 +141,10 @@ def findings(ramp, lives):
         finding(
             "Smoothness in the phase decides, not quasi-periodicity:",
             "with jumps, square or Fibonacci, as with Thue-Morse and random kicks, graphs are lost "
-            f"in {_range(jumps.life)} kicks under {int(lost.sum())} of {lost.size} forcings, and "
-            f"orbits cross in {_range(jumps.escaped)} under {int(through.sum())}; with "
-            f"coefficients like k^-2 or smaller graphs last {kicks // 2} kicks, and nothing "
-            f"crosses in {20 * kicks}, under {int(kept.sum())} of {kept.size}",
+            f"in {lived} kicks under {int(lost.sum())} of {lost.size} forcings, orbits cross in "
+            f"{crossed} under {int(through.sum())}; with coefficients like k^-2 or smaller graphs "
+            f"last {kicks // 2} kicks, and nothing crosses in {20 * kicks}, under "
+            f"{int(kept.sum())} of {kept.size}",
             bool(lost.all() and through.all() and kept.all()),
             float(lost.mean()) > 0.5 and bool(kept.all()),
         ),
@@ -155,8 +162,3 @@ def _power(claim, kicks, foreseen):
         abs(slope + foreseen) < 0.06,
         bool(np.isfinite(slope)),
     )
-
-
-def _range(values):
-    known = values.values[np.isfinite(values.values)]
-    return f"{known.min():.0f} to {known.max():.0f}" if known.size else "no number of"

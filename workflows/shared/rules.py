@@ -2,6 +2,8 @@
 
 from enum import Enum
 
+import numpy as np
+
 
 class Verdict(Enum):
     HOLDS = "holds"
@@ -23,3 +25,9 @@ def finding(claim, measured, literal, weaker=False, known=True):
     """Return the sentence of a claim with its verdict, see `graded`, and what was measured."""
     _, verdict = graded(measured, literal, weaker, known)
     return f"{claim} {verdict.value}: {measured if known else 'there is nothing to judge by'}."
+
+
+def span(values, form=".2g"):
+    """Say from where to where the finite ones of an array are: "0.1 to 0.3"."""
+    known = values[np.isfinite(values)]
+    return f"{known.min():{form}} to {known.max():{form}}" if known.size else "unknown"

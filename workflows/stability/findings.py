@@ -10,18 +10,9 @@ _SAID = {"periodic": "residues", "cones": "converse KAM", "barriers": "all toget
 
 def findings(studies):
     """Return {name: numbered sentence} of all studies, {name: Dataset}."""
-    say = {
-        "cusp": _cusp,
-        "boundary": _boundary,
-        "fractions": _fractions,
-        "twist": _twist,
-        "amplitude": _amplitude,
-        "beam": _beam,
-        "fakes": _fakes,
-        "disorder": _disorder,
-        "tori": _tori,
-    }
-    return {name: f"{i}. {say[name](studies[name])}" for i, name in enumerate(say, 1)}
+    say = _cusp, _boundary, _fractions, _twist, _amplitude, _beam, _fakes, _disorder, _tori
+    names = [of.__name__.removeprefix("_") for of in say]
+    return {name: f"{i}. {say[i - 1](studies[name])}" for i, name in enumerate(names, 1)}
 
 
 def _cusp(study):

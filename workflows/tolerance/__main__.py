@@ -5,7 +5,8 @@ strength of the last breakup below κ_G? Renormalisation: next to the critical g
 constant kicks the distance to κ_G grows by δ = 1.62795 from one convergent to the next, and the
 ripple by some λ of its period, so that the loss goes like d^(ln δ/ln λ), times a function of ln d
 that repeats when the convergents meet the same phases of the ripple again. λ is measured by how the
-residues of golden periodic orbits at κ_G respond to the ripple.
+residues of golden periodic orbits at κ_G respond to the ripple; the exponent by the losses of a
+circle and of the one that looks like it a repeat further on.
 
 The conjecture is that at equal rms strength constant kicks hold a barrier longest. Random forcings
 are tried, and climbs that look for one which holds longer.
@@ -16,7 +17,7 @@ from workflows.shared.cli import command, flag, real, sweeps, whole
 
 @command()
 @whole("--forcings", 10_000, 10, 10**6, "Random forcings to try.")
-@whole("--climbs", 1000, 2, 10**5, "Climbs to forcings that hold longer.")
+@whole("--climbs", 300, 2, 10**5, "Climbs to forcings that hold longer.")
 @real("--smallest", 3e-3, 1e-5, 0.1, "Smallest ripple of three kicks and more.")
 @flag("--quick", "A preview: few forcings, climbs and ripples.")
 @sweeps
@@ -32,14 +33,14 @@ def main(run, forcings, climbs, smallest, quick):
 
     forcings, climbs = (min(forcings, 400), min(climbs, 40)) if quick else (forcings, climbs)
     given, ripple = study.ripples(smallest, quick), "rms of the deviations, over the mean"
-    ripples, golden = last_barriers("tolerance", given, ripple, 1e-3), study.golden()
+    ripples, golden = last_barriers("tolerance", given, ripple, 3e-3), study.golden()
     bounds = against_constant("tolerance_random", study.random(forcings), ripple, golden)
     starts = study.starts(climbs)
     climbed = against_constant("tolerance_climbs", starts, "seed of the climb", golden, tries=500)
-    with run.sweeping(ripples, bounds, climbed):
+    with run.sweeping(ripples, bounds, climbed, seconds=5 if quick else 200):
         cube = study.with_loss(with_circles(run.sweep(ripples)))
         tried, summits = run.sweep(bounds).load(), run.sweep(climbed).load()
-        laws = study.laws(3000 if quick else 30_000)
+        laws = study.laws((2,) if quick else study.PERIODS)
         run.table("tolerance", cube.drop_dims("kick"))
         run.table("tolerance_laws", laws)
         run.table("tolerance_random", tried.drop_dims("kick"))

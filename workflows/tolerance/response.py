@@ -2,8 +2,10 @@
 
 R of a periodic orbit x_n of constant kicks is -det H/4, H the ring of 2 + κ_n cos 2πx_n and -1's,
 and the orbit itself moves with κ_n by H dx = -sin(2πx_n)/(2π)·dκ_n. A ripple of P kicks moves R, to
-first order, only if P divides the orbit's period. There the response grows by λ from one Fibonacci
-number to the next, once the ripple comes back to the same phases, up to its sign.
+first order, only if P divides the orbit's period. Renormalise h times, F_h the first Fibonacci
+number that P divides: kick n is kick F_{h+1}·n then, and the ripple cos 2πkn/P is that of the mode
+±F_{h+1}·k, for some odd P with the other sign, which matters then. Along a cycle of such modes (of
+1 alone but for P = 5 and 8) the response grows by λ in each step.
 """
 
 from functools import cache
@@ -15,6 +17,7 @@ from scipy.sparse.linalg import splu
 from nasm import periodic
 from nasm.action import ordered_orbits
 from nasm.circles.continuation import UNSTABLE
+from nasm.numbers import moebius, parse
 
 DELTA = UNSTABLE[1,]
 _LONGEST = 50_000  # period, beyond which rounding hides R
@@ -29,10 +32,10 @@ def golden():
 
 @cache
 def orbits():
-    """List (n, minimizing and minimax Orbit) of Fibonacci numbers, the n-th, from 3 on."""
-    found, p, q, n = [], 2, 3, 4
+    """Return {n: (minimizing, minimax Orbit)} of the Fibonacci numbers F_n from 3 on."""
+    found, p, q, n = {}, 2, 3, 4
     while q < _LONGEST:
-        found.append((n, ordered_orbits((golden(),), p, q)))
+        found[n] = ordered_orbits((golden(),), p, q)
         p, q, n = q, p + q, n + 1
     return found
 
@@ -52,24 +55,52 @@ def _ring(x, strength):
     )
 
 
-def repeat(period):
-    """Return after how many Fibonacci numbers a ripple of P kicks is back at its phases or minus
-    them, F_m = 0 and F_{m+1} = ±1 mod P."""
-    a, b, m = 1, 1, 1
-    while a % period or b % period not in (1, period - 1):
-        a, b, m = b, a + b, m + 1
-    return m
+def renormalisation(period):
+    """Return h, and the Fibonacci numbers F_{h-1}, F_h, F_{h+1}: the first h with F_h = 0 mod P."""
+    before, here, h = 0, 1, 1
+    while here % period:
+        before, here, h = here, before + here, h + 1
+    return h, (before, here, before + here)
 
 
-def growth(period):
-    """Return ln λ of cosine ripples of P kicks, and by how much the last repeat changed it, NaN
-    where there were fewer than three."""
-    turn, sizes = 2 * np.pi / period, {}
-    for n, both in orbits():
-        phase = turn * np.arange(both[0].sites().size)
+def finer(circle, period, mode):
+    """Return the circle, its text per period, and the mode of the ripple, that look like the given
+    ones after h renormalisations."""
+    _, (a, b, c) = renormalisation(period)
+    omega = parse(circle)
+    sign = 1 if float(omega) > period / 2 else -1  # of ω per kick, or 1 - ω: the one next to γ
+    per_kick = moebius(omega, sign, period * (sign < 0), 0, period)
+    image = next(k for k in range(1, period) if k * c % period in (mode, period - mode))
+    return str(moebius(per_kick, period * a, period * b, b, c)), min(image, period - image)
+
+
+def modes(period):
+    """List the cycle of modes that begins with 1."""
+    found = [1]
+    while (mode := finer("gamma", period, found[-1])[1]) != 1:
+        found.append(mode)
+    return found
+
+
+def growth(period, mode):
+    """Return by how much ln of the response grows as `finer` is undone, of the longest orbits and
+    of those before, NaN where there are none; and whether ripples of odd P change their sign."""
+    h, coarse = renormalisation(period)[0], _responses(period, mode)
+    fine = _responses(period, finer("gamma", period, mode)[1])
+    pairs = [(fine[n], coarse[n - h]) for n in fine if n - h in coarse]
+    steps = [np.nan, *(np.log(np.linalg.norm(one) / np.linalg.norm(two)) for one, two in pairs)]
+    turned = np.cos(period * np.angle(pairs[-1][0][1] / pairs[-1][1][1]))  # 1 or -1
+    return steps[-1], steps[-2], period % 2 == 1 and turned < 0
+
+
+@cache
+def _responses(period, mode):
+    """{n: (minimizing, minimax)} of F_n: to a ripple exp(2πi·mode·n/P), from the first site on."""
+    found = {}
+    for n, both in orbits().items():
+        phase = 2 * np.pi * mode / period * np.arange(both[0].sites().size)
         if phase.size % period == 0:
-            parts = [response(orbit, f(phase)) for orbit in both for f in (np.cos, np.sin)]
-            sizes[n] = np.log(np.linalg.norm(parts))
-    m = repeat(period)
-    steps = [(sizes[n] - sizes[n - m]) / m for n in sizes if n - m in sizes]
-    return steps[-1], abs(steps[-1] - steps[-2]) if len(steps) > 1 else np.nan
+            waves = np.cos(phase), np.sin(phase)
+            parts = [[response(orbit, wave) for wave in waves] for orbit in both]
+            found[n] = np.array(parts) @ [1, 1j]
+    return found
