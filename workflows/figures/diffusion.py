@@ -46,6 +46,7 @@ def _draw_plane(axes, law):
     bar.set_ticks(decades)
     edge = [np.append(kappa[:, 0], 0) / (1 + law.excess.values[0]) for kappa in (kappa1, kappa2)]
     axes.fill(*edge, color=INSIDE)
+    axes.fill([], [], color=_UNRESOLVED, label="too slow")
     look = {"color": colour_of(3), "lw": 1.6, "label": r"$\mathit{CB}_\mathrm{gt}$"}
     axes.plot(edge[0][:-1], edge[1][:-1], **look)
     axes.text(0.05 * reach, 0.06 * reach, "a barrier: $D = 0$", size="x-small")

@@ -39,6 +39,7 @@ def _draw_pairs(axes, pairs, golden):
     axes.text(1 / 75, golden * 1.02, r"$\kappa_G$", size="small")
     axes.set(xscale="log", yscale="log", xlim=(1 / 80, 0.62), title="Pairs of kicks")
     axes.set(xlabel=r"spacing $\varepsilon$ of a pair, in periods", ylabel=r"$K_c$")
+    axes.margins(y=0.08)
     _ticks(axes.yaxis, [1, 2, 3, 4, 6, 8])
     _ticks(axes.xaxis, [1 / 2**n for n in range(1, 7)], [f"1/{2**n}" for n in range(1, 7)])
     axes.legend(fontsize="small")

@@ -29,7 +29,8 @@ def _draw_losses(axes, cube, laws):
         if here.sizes["forcing"]:
             label = f"{family}, $P = 4, 6, 8$"
             axes.plot(here.parameter, here.loss, label=label, mfc=fill, **look)
-    d, exponent = np.array([1e-5, 1e-3]), float(laws.predicted.sel(period=2))
+    d = np.array([lost.parameter.min(), 1e-2])
+    exponent = float(laws.predicted.sel(period=2))
     label = rf"$\propto d^{{\,{exponent:.3f}}}$"
     axes.plot(d, 0.01 * (d / 1e-3) ** exponent, color="0.4", lw=1, ls="--", label=label)
     axes.set(xscale="log", yscale="log", title="What a ripple costs")

@@ -17,7 +17,7 @@ from workflows.shared.cli import command, flag, real, sweeps, whole
 
 @command()
 @whole("--forcings", 10_000, 10, 10**6, "Random forcings to try.")
-@whole("--climbs", 300, 2, 10**5, "Climbs to forcings that hold longer.")
+@whole("--climbs", 1000, 2, 10**5, "Climbs to forcings that hold longer.")
 @real("--smallest", 3e-3, 1e-5, 0.1, "Smallest ripple of three kicks and more.")
 @flag("--quick", "A preview: few forcings, climbs and ripples.")
 @sweeps
@@ -37,7 +37,7 @@ def main(run, forcings, climbs, smallest, quick):
     bounds = against_constant("tolerance_random", study.random(forcings), ripple, golden)
     starts = study.starts(climbs)
     climbed = against_constant("tolerance_climbs", starts, "seed of the climb", golden, tries=500)
-    with run.sweeping(ripples, bounds, climbed, seconds=5 if quick else 200):
+    with run.sweeping(ripples, bounds, climbed, seconds=5 if quick else 130):
         cube = study.with_loss(with_circles(run.sweep(ripples)))
         tried, summits = run.sweep(bounds).load(), run.sweep(climbed).load()
         laws = study.laws((2,) if quick else study.PERIODS)

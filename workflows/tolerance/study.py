@@ -9,7 +9,7 @@ from workflows.tolerance.response import DELTA, finer, golden, growth, modes, re
 
 PERIODS = range(2, 9)
 _SHARP = 0.1  # of the predicted exponent: a larger error settles nothing
-_SEEN = 4  # times the period from which orbits tell a ripple from none: the longest,
+_SEEN = 2  # times the period from which orbits tell a ripple from none: the longest,
 _LONGEST = 50_000  # unless this is less
 _CIRCLES = {
     (2, 1): ("[0;1,3,4,2,(1)]", 3e-3, 1e-3),
