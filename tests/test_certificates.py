@@ -23,6 +23,7 @@ PROOFS = {
     "cell": lambda: proofs.transport_cells.prove_cell((0.75, 0.25), 2.0**-6),
     "barrier": lambda: proofs.barrier.prove(parse("gamma"), (0.4, -0.4)),
     "box": lambda: proofs.barrier.prove(parse("gamma"), (0.3, 0.3), radius=1e-9),
+    "ray": lambda: proofs.proved_below(parse("gamma"), (0.4, -0.4), 1.5, 1e-3)[1][0],
     "barrier cell": lambda: proofs.barrier_cells.prove_cell(parse("gamma"), *BLUE),
 }
 BLUE = (0.0625, 0.03125), 2.0**-8
@@ -46,6 +47,8 @@ def test_a_claim_is_of_the_forcing_as_it_was_given(made):
         "barrier": "a rotational invariant circle of [0;(1)] exists under the forcing (0.4, -0.4)",
         "box": "a rotational invariant circle of [0;(1)] exists under every forcing within "
         "(1e-09, 1e-09) of (0.3, 0.3)",
+        "ray": "a rotational invariant circle of [0;(1)] exists under every forcing from 0.0 to "
+        "0.75 times (0.4, -0.4)",
         "barrier cell": "a rotational invariant circle of [0;(1)] exists under every forcing "
         "within (0.00390625, 0.00390625) of (0.0625, 0.03125)",
     }
@@ -87,6 +90,8 @@ FALSE = [  # a certificate, what is changed in it, and why it is refused
     ("barrier", {"radius": (1e-9).hex()}, "claimed"),
     ("barrier", {"radius": (-1e-9).hex()}, "claimed"),
     ("box", {"radius": (0.0).hex()}, "claimed"),
+    ("ray", {"scales": in_hex(0, 1.1)}, "claimed"),
+    ("ray", {"shortened_from": {"omega": "[0;(1)]", "kappa": in_hex(0.4, 0.4)}}, "shortened"),
     ("barrier cell", {"half_width": in_hex(2.0**-6, 2.0**-7)}, "claimed"),
     ("barrier cell", {"kappa": in_hex(9.9, 9.9)}, "claimed"),
     ("barrier cell", {"constants": {}}, "unknown"),
@@ -132,7 +137,9 @@ def test_forcings_are_followed_to_their_shorter_forms(kappa):
     check(proofs.barrier.prove(parse("gamma"), np.array(kappa) / 10).certificate())
 
 
-FIELDS = "kappa half_width shortened_from site a boxes lives omega rho radius modes centre moves"
+FIELDS = (
+    "kappa half_width shortened_from site a boxes lives omega rho radius modes scales centre moves"
+)
 MALFORMED = [
     {key: value}
     for key in f"claim theorem {FIELDS}".split()
@@ -140,7 +147,7 @@ MALFORMED = [
 ]
 
 
-@pytest.mark.parametrize("name", ["transport", "cell", "barrier", "barrier cell"])
+@pytest.mark.parametrize("name", ["transport", "cell", "barrier", "ray", "barrier cell"])
 def test_what_is_malformed_is_refused_and_raises_nothing_else(name, made):
     for certificate in (None, [], {}, {"sha256": 1}, {"theorem": {}}):
         with pytest.raises(Refuted):

@@ -116,7 +116,7 @@ class Case:
         with ctx.workprec(128):
             grid = proofs.barrier.Grid(self.omega, list(self.kappa), 0.0, self.n)
             modes = [[arb(float(x)) for x in row] for row in self.u]
-            return grid, self.half_width, 0.15, modes, proofs.barrier._residual(grid, modes)
+            return grid, self.half_width, 0.15, modes, proofs.barrier.residual(grid, modes)
 
     @cached_property
     def moves(self):
@@ -143,7 +143,7 @@ class Case:
                     k + self.half_width * s for k, s in zip(self.kappa, sigma, strict=True)
                 ]
                 grid = proofs.barrier.Grid(self.omega, strengths, 0.0, self.n)
-                residual = proofs.barrier._residual(grid, at(centre, self.C, sigma))
+                residual = proofs.barrier.residual(grid, at(centre, self.C, sigma))
                 rows = zip(residual, of_centre, strict=True)
                 added.append([[nearest(x - y) for x, y in zip(*row, strict=True)] for row in rows])
         return np.abs(added).max(axis=0)
@@ -356,7 +356,7 @@ def test_what_a_cut_sum_misses_is_bounded_and_aliases_count(rho, hat, cut):
 def test_the_constant_of_interpolation_is_above_lebesgues():
     # Σ ±ℓ_i(cos θ) is an even trigonometric polynomial of degree < n, whose slope is less than n
     # times its maximum (Bernstein): what a grid misses of the maximum is known.
-    for n in range(proofs.barrier_cells._FEW, proofs.barrier_cells._MOST + 1):
+    for n in range(2, proofs.ray.MOST + 1):
         theta = np.linspace(0, np.pi / 2, 150 * n + 1)  # and the same beyond
         T = np.cos(np.arange(n)[:, None] * theta)
         weights = proofs.barrier_cells._chebyshev(n, n).astype(float) * 2 / n

@@ -2,7 +2,7 @@
 
 On each ray a circle is proved to exist at one forcing, and transport to be global at another one
 beyond it; `nasm/proofs/README.md` has both theorems. Between the two nothing is proved. Further in,
-cells of forcings one behind the other prove that a barrier exists on all of the ray.
+a barrier is proved to exist on all of the ray.
 """
 
 from workflows.shared.cli import command, flag, real, sweeps, whole
@@ -16,8 +16,8 @@ from workflows.shared.cli import command, flag, real, sweeps, whole
 def main(run, angles, seconds, quick):
     """Proved brackets of the last barrier: two cubes, a table and a figure in OUT.
 
-    Needs the extra `proof`. The defaults take about three minutes on two cores, for brackets 0.33%
-    wide; with --seconds 18, in sixteen, they are 0.085% wide.
+    Needs the extra `proof`. The defaults take about three minutes on two cores, for brackets 0.13
+    to 0.32% wide on four rays that were tried; with --seconds 8, in some eleven, 0.06%.
     """
     import numpy as np
 

@@ -19,13 +19,13 @@ sine transform of n/2 points stands for two functions; else a complex transform 
 """
 
 import time
+from copy import copy
 from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import chain, cycle, islice
-from math import ceil, inf, log, nan, pi
+from math import ceil, inf, log, nan, pi, sqrt
 
 import numpy as np
-from scipy.fft import next_fast_len
 
 from nasm import circles
 from nasm.checks import count, real
@@ -43,7 +43,7 @@ try:
 except ImportError:  # the extra `proof`
     arb = None
 
-_KEPT = 0.38  # modes of u, in parts of the grid
+KEPT = 0.38  # modes of u, in parts of the grid
 _STEPS = 6  # of Newton's method in balls, of which 0 to 3 are needed
 _LARGEST = 2**22  # points of a grid
 _SECONDS = 1e-5  # of computing, for a point and kick on a fast machine
@@ -212,12 +212,14 @@ def proved_lower(omega, profile, value, budget):
         now = time.thread_time()
         if proof and proof.proved and not scale <= best:
             best, best_proof = scale, proof
-            closer = min(4, (until - now) / (1.2 * (now - before)))
+            closer = min(16, (max(until - now, 0) / (1.1 * (now - before))) ** 0.85)
             distance /= closer if closer > 1.1 else inf
         elif best_proof is None or not best_proof.proved:
             best_proof, distance = proof or None, 2 * distance
-        else:
-            break
+        else:  # halfway back
+            distance = sqrt(distance * (1 - best / value))
+            if distance > 0.9 * (1 - best / value) or now > until:
+                break
     return best, best_proof
 
 
@@ -229,7 +231,7 @@ def need_flint():
 
 
 def _proved(omega, kappa, radius, start, n, until, about):
-    size, before = n or _grid_size(start), None
+    size, before = n or grid_size(start), None
     while True:
         seconds = _SECONDS * size * kappa.size
         if not n and (size > _LARGEST or seconds > until - time.thread_time()):
@@ -241,7 +243,7 @@ def _proved(omega, kappa, radius, start, n, until, about):
         proof = BarrierProof(**about, n=size, **found)
         if proof.proved or n or (before is not None and not least < 0.5 * before):
             return proof
-        size, before = 2 * next_fast_len(2 * size // 3), least
+        size, before = fast_size(4 * size // 3), least
 
 
 # --- the rotation number --------------------------------------------------------------------------
@@ -298,7 +300,7 @@ def _russmann(omega, delta):
 
 
 class Grid:
-    """The chain of P sites on n points: what `_residual` needs again and again, in balls."""
+    """The chain of P sites on n points: what `residual` needs again and again, in balls."""
 
     def __init__(self, omega, kappa, radius, n):
         self.omega, self.n, self.sites, self.odd = omega, n, len(kappa), len(kappa) <= 2
@@ -311,6 +313,12 @@ class Grid:
         else:
             self.turn = [acb(x).exp_pi_i() for x in phases]
         self.angles = [arb(2 * i) / n for i in range(half if self.odd else n)]
+
+    def under(self, kappa):
+        """The grid of other strengths, balls."""
+        other = copy(self)
+        other.kappa = kappa
+        return other
 
     def samples(self, modes):
         """Values of real functions at φ = i/n, i < n/2 if they are odd, else i < n."""
@@ -364,7 +372,7 @@ def _pairs(rows):
     return [rows[j : j + 2] for j in range(0, len(rows), 2)]
 
 
-def _residual(grid, u):
+def residual(grid, u):
     """Modes 0, …, n/2 - 1 of E_j, in which those of the sine are aliased."""
     sines = [
         [(angle + 2 * x).sin_pi() for angle, x in zip(grid.angles, row, strict=True)]
@@ -396,7 +404,7 @@ def slope_modes(row, odd):
     return [arb(1), *(factor * k * x for k, x in enumerate(row[1:], 1))]
 
 
-def _bounds_of_the_residual(grid, u, E, rho, rho_hat, cuts):
+def bounds_of_the_residual(grid, u, E, rho, rho_hat, cuts):
     """Upper bounds of ‖E_j‖_ρ. u, E: bounds of the modes' sizes.
 
     |sin 2πg_j| ≤ M for |Im φ| ≤ ρ̂, so its modes are below M e^{-2πρ̂|k|}. Those of |k| < cut are
@@ -417,10 +425,11 @@ def _bounds_of_the_residual(grid, u, E, rho, rho_hat, cuts):
     return bounds
 
 
-def _bound_of_the_inverse(slope, near, rho, odd, kept):
+def bound_of_the_inverse(slope, near, rho, odd, kept, moved=0):
     """p ≥ ‖1/g'‖_ρ = ‖d/(1 - (1 - g'd))‖ by d, doubles near the modes of 1/g'; inf if it is poor.
 
-    g'd is multiplied out for the first `kept` modes of g', the others are bounded.
+    For all g' with ‖g' - slope‖ ≤ moved at once. g'd is multiplied out for the first `kept` modes
+    of slope, the others are bounded.
     """
     d = [arb(x.real) if odd else acb(x.real, x.imag) for x in near]
     sizes = [x.abs_upper() for x in slope]
@@ -430,7 +439,7 @@ def _bound_of_the_inverse(slope, near, rho, odd, kept):
     defect = [product[middle + k] for k in range(middle + 1)]
     defect[0] -= 1
     size = norm([x.abs_upper() for x in d], rho)
-    small = norm([x.abs_upper() for x in defect], rho) + beyond * size
+    small = norm([x.abs_upper() for x in defect], rho) + (beyond + moved) * size
     return size / (1 - small) if small < 1 else arb.pos_inf()
 
 
@@ -477,32 +486,32 @@ def _verified(grid, modes, E):
         if not (zero == 0 and fits and all(x.rad() == 0 for x in row)):
             raise ValueError("the modes of a real function are wanted, exact, fewer than n/2")
     u, e = ([[x.abs_upper() for x in row] for row in rows] for rows in (modes, E))
-    near = np.fft.rfft(1 / slopes_on_grid(_doubles(modes, grid.odd), grid.n)) / grid.n
-    choice = _choice(grid, np.array(u, dtype=float), np.array(e, dtype=float), np.abs(near))
+    near = near_the_inverse(grid, modes)
+    choice = best_widths(grid, np.array(u, dtype=float), np.array(e, dtype=float), np.abs(near))
     if not choice["least"] < 1:
         why = f"not proved: the residual makes the ratio {choice['least']:.1e}, not 1/32"
         return {"proved": False, "why": why, "least": choice["least"]}
     rho, rho_hat = arb(choice["rho"]), arb(choice["rho_hat"])
-    errors = _bounds_of_the_residual(grid, u, e, rho, rho_hat, choice["cuts"])
+    errors = bounds_of_the_residual(grid, u, e, rho, rho_hat, choice["cuts"])
     slopes, n, p, k = [slope_modes(row, grid.odd) for row in modes], [], [], []
     for j, slope in enumerate(slopes):
         n.append(norm([x.abs_upper() for x in slope], rho))
         k.append((2 * arb.pi() * (rho + norm(u[j], rho))).exp())
         with ctx.workprec(64):
             d = near[j, : choice["modes"]]
-            p.append(_bound_of_the_inverse(slope, d, rho, grid.odd, choice["kept"]))
+            p.append(bound_of_the_inverse(slope, d, rho, grid.odd, choice["kept"]))
+    found = concluded(grid.omega, grid.kappa, rho, errors, n, p, k)
+    return found | {"least": choice["least"]}
+
+
+def concluded(omega, kappa, rho, errors, n, p, k):
+    """What comes out of bounds of ‖E_j‖, n_j, p_j and k_j: a dict proved, why, rho, constants."""
     eps = sum(a * b for a, b in zip(n, errors, strict=True))
-    failed, left = inequalities(grid.omega, grid.kappa, rho, eps, n, p, k)
-    constants = left | {
-        "error": _largest(errors),
-        "n": _largest(n),
-        "p": _largest(p),
-        "k": _largest(k),
-    }
-    constants = {name: _above(x) for name, x in constants.items()}
+    failed, left = inequalities(omega, kappa, rho, eps, n, p, k)
+    left |= {"error": max_of(errors), "n": max_of(n), "p": max_of(p), "k": max_of(k)}
+    constants = {name: _above(x) for name, x in left.items()}
     why = f"not proved: inequalities of the theorem fail: {', '.join(failed)}" if failed else ""
-    found = {"proved": not failed, "why": why, "least": choice["least"]}
-    return found | {"rho": choice["rho"], "constants": constants}
+    return {"proved": not failed, "why": why, "rho": float(rho), "constants": constants}
 
 
 def _above(x):
@@ -510,7 +519,7 @@ def _above(x):
     return float(np.nextafter(float(x.upper()), inf))
 
 
-def _largest(balls):
+def max_of(balls):
     largest = balls[0]
     for x in balls[1:]:
         largest = largest.max(x)
@@ -521,7 +530,7 @@ def _largest(balls):
 
 
 @np.errstate(all="ignore")
-def _choice(grid, u, e, near):
+def best_widths(grid, u, e, near):
     """ρ, ρ̂ and the cuts that look best in floats; `least`: the left side of (1) with them."""
     n, K = grid.n, u.shape[1] - 1
     k, strength = np.arange(n // 2), np.abs(np.array(grid.kappa, dtype=float))[:, None] / (2 * pi)
@@ -584,32 +593,41 @@ def refined(grid, start, most=_LARGEST):
 
     A dict: proved, why, modes, residual and more. most : modes of u.
     """
-    half, K = grid.n // 2, min(most, int(_KEPT * grid.n))
-    turn = turns(grid.omega, grid.sites, half + 1)
-    modes = np.zeros((grid.sites, K + 1), np.clongdouble)
-    given = np.fft.rfft(start)[:, : K + 1] / start.shape[1]
-    modes[:, : given.shape[1]] = given * turn[: given.shape[1]].conj() ** _column(grid.sites)
-    modes = _polished(grid, turn, modes)
+    K, turn = min(most, int(KEPT * grid.n)), turns(grid.omega, grid.sites, grid.n // 2 + 1)
+    modes = polished(grid, turn, start, K)
     if not np.isfinite(modes).all():
         why = "not proved: Newton's method diverges from the start"
         return {"proved": False, "why": why, "least": inf}
-    exact = _exact(modes, grid.odd)
+    exact = as_balls(modes, grid.odd)
     last = inf
     for _ in range(_STEPS):
-        E = _residual(grid, exact)
+        E = residual(grid, exact)
         found = _verified(grid, exact, E)
-        size = max(abs(float(x.abs_upper())) for row in E for x in row[: K + 1])
+        size = _largest_mode(E, K + 1)
         if found["proved"] or not size < 0.5 * last:
             break
-        last, scale = size, arb(size)
-        step = correction(turn, _doubles(exact, grid.odd), _doubles(E, grid.odd, 1 / scale))
-        if not np.isfinite(step).all():
+        last, following = size, stepped(grid, turn, exact, E)
+        if following is None:
             break
-        exact = [
-            [(a + scale * b).mid() for a, b in zip(row, add, strict=True)]
-            for row, add in zip(exact, _exact(step[:, : K + 1], grid.odd), strict=True)
-        ]
+        exact = following
     return found | {"modes": exact, "residual": E}
+
+
+def _largest_mode(E, K):
+    return max(float(x.abs_upper()) for row in E for x in row[:K])
+
+
+def stepped(grid, turn, modes, E):
+    """Newton's step from modes with the residual E; None if it fails."""
+    K = len(modes[0])
+    scale = arb(_largest_mode(E, K))
+    step = correction(turn, as_doubles(modes, grid.odd), as_doubles(E, grid.odd, 1 / scale))
+    if not np.isfinite(step).all():
+        return None
+    return [
+        [(a + scale * b).mid() for a, b in zip(row, add, strict=True)]
+        for row, add in zip(modes, as_balls(step[:, :K], grid.odd), strict=True)
+    ]
 
 
 def _column(n):
@@ -626,9 +644,13 @@ def turns(omega, n_sites, n_modes):
     return np.exp(2j * np.arccos(np.longdouble(-1)) * x)
 
 
-def _polished(grid, turn, modes):
-    """Newton's steps in long double while they help, on the modes above its rounding: beyond them
-    small divisors would make rounding larger than u itself."""
+def polished(grid, turn, start, K):
+    """Modes 0, …, K of the circle near values on a grid: Newton's steps in long double while they
+    help, on the modes above its rounding: beyond them small divisors would make rounding larger
+    than u itself."""
+    modes = np.zeros((grid.sites, K + 1), np.clongdouble)
+    given = np.fft.rfft(start)[:, : K + 1] / start.shape[1]
+    modes[:, : given.shape[1]] = given * turn[: given.shape[1]].conj() ** _column(grid.sites)
     n, K, last, best = grid.n, modes.shape[1], inf, modes
     kept = np.arange(K) < _ROUNDED / (2 * pi * decay(np.abs(modes).max(axis=0).astype(float), 1e-6))
     two_pi, rotation = 2 * np.arccos(np.longdouble(-1)), turn[:K]
@@ -669,13 +691,18 @@ def correction(turn, modes, E):
     return np.fft.rfft(slopes * w) / n * shift.conj()
 
 
+def near_the_inverse(grid, modes):
+    """Modes of 1/g_j', about."""
+    return np.fft.rfft(1 / slopes_on_grid(as_doubles(modes, grid.odd), grid.n)) / grid.n
+
+
 def slopes_on_grid(modes, n):
     """g_j' at φ = i/n."""
     k = np.arange(modes.shape[-1])
     return 1 + np.fft.irfft(2j * pi * k * modes, n) * n
 
 
-def _exact(modes, odd):
+def as_balls(modes, odd):
     """The modes as exact balls, of long doubles in two parts."""
 
     def parts(x):
@@ -689,14 +716,20 @@ def _exact(modes, odd):
     return [[acb(a, c) + acb(b, d) for a, b, c, d in zip(*row, strict=True)] for row in rows]
 
 
-def _doubles(rows, odd, scale=1):
+def as_doubles(rows, odd, scale=1):
     if odd:
         return -1j * np.array([[float(x * scale) for x in row] for row in rows])
     return np.array([[complex(x * scale) for x in row] for row in rows])
 
 
-def _grid_size(start):
+def grid_size(start):
     """Points for the circle's rate of decay: enough on nearly all of the rays that were tried."""
     rate = decay(np.abs(np.fft.rfft(start)).max(axis=0), 1e-6)
     half = max(5.5, min(-2.05 * log(rate), 10 - 0.7 * log(rate))) / rate
-    return max(64, 2 * next_fast_len(ceil(half)))
+    return fast_size(max(64, 2 * ceil(half)))
+
+
+def fast_size(n):
+    """The least of 2^k, 5·2^k and 6·2^k from n on: FLINT transforms it twice as fast as others."""
+    power = 2 ** (n.bit_length() - 3)
+    return power * next(m for m in (4, 5, 6, 8) if m * power >= n)

@@ -3,7 +3,7 @@
 A barrier exists at lower·profile, by the a-posteriori theorem of `nasm.proofs.barrier`; transport
 is global at upper·profile, by the one of `nasm.proofs.transport`. Between the two scales nothing is
 proved. A proof at `lower` says nothing of smaller scales, as a circle might break and come back on
-the way; up to `below` cells of forcings show that a barrier exists at every scale. What
+the way; up to `below` a barrier is proved to exist at every scale. What
 `nasm.barriers` finds tells only where to look.
 """
 
@@ -15,8 +15,7 @@ from nasm.checks import real
 from nasm.critical import CriticalScale
 from nasm.maps import direction
 from nasm.proofs.barrier import BarrierProof, proved_lower
-from nasm.proofs.barrier_cells import BarrierCellProof
-from nasm.proofs.ray import proved_below
+from nasm.proofs.ray import BarrierRayProof, proved_below
 from nasm.proofs.transport import TransportProof, proved_upper
 
 __all__ = ["ProvedBracket", "critical_scale"]
@@ -33,7 +32,7 @@ class ProvedBracket:
     barrier, transport : BarrierProof and TransportProof of that, with their certificates, or the
         last that failed; None where nothing was tried.
     below : a barrier is proved to exist at s·profile for 0 ≤ s ≤ below; NaN where not tried.
-    cells : the BarrierCellProofs of that.
+    rays : the BarrierRayProofs of that.
     """
 
     found: CriticalScale
@@ -42,7 +41,7 @@ class ProvedBracket:
     barrier: BarrierProof | None = None
     transport: TransportProof | None = None
     below: float = nan
-    cells: list[BarrierCellProof] = field(default_factory=list, repr=False)
+    rays: list[BarrierRayProof] = field(default_factory=list, repr=False)
 
 
 def critical_scale(profile, seconds=8.0):
@@ -50,7 +49,7 @@ def critical_scale(profile, seconds=8.0):
 
     Parameters
     ----------
-    profile : sequence of P floats, not all 0; `below` is for P ≤ 2 after shortening.
+    profile : sequence of P floats, not all 0.
     seconds : float > 0, CPU time for each of the two sides, and for the weaker kicks. How near they
         come to the breakup depends on it and on the machine; what they say does not.
 
@@ -67,5 +66,5 @@ def critical_scale(profile, seconds=8.0):
         return ProvedBracket(found)
     upper, transport = proved_upper(profile, found.value, seconds)
     lower, barrier = proved_lower(found.omega, profile, found.value, seconds)
-    below, cells = proved_below(found.omega, profile, found.value, seconds)
-    return ProvedBracket(found, lower, upper, barrier, transport, below, cells)
+    below, rays = proved_below(found.omega, profile, found.value, seconds)
+    return ProvedBracket(found, lower, upper, barrier, transport, below, rays)

@@ -3,7 +3,7 @@
     check(json.loads(text))   # the claim that is thereby proved, or Refuted
 
 It needs python-flint alone, and shares no line with the programs that made the certificates. What
-the fields mean, and the statements of the five theorems, is in nasm/proofs/README.md,
+the fields mean, and the statements of the six theorems, is in nasm/proofs/README.md,
 "Certificates".
 
 *Transport.* From a forcing, or a cell of forcings, boxes and their lives N it verifies that the
@@ -24,7 +24,8 @@ floats.
 *A barrier.* A function is a Laurent polynomial in z = e^{2πiφ}, |k| ≤ D, with balls for
 coefficients, and a bound of the norm Σ_k |f_k| e^{2π|k|ρ} of all that was left out. Sums, products,
 rotations and exponentials are those of the algebra: no grid, no aliases. In a cell of forcings the
-sine is taken on a grid at each of many points of the cell, with a bound of the aliases (`Grid`).
+sine is taken on a grid at each of many points of the cell, with a bound of the aliases (`Grid`); so
+it is on a ray.
 """
 
 import hashlib
@@ -58,6 +59,10 @@ THEOREMS = {
     "A barrier exists": (
         "39e7a1e397c5a92e49d751f8f00d1d304498a8c6402f591b2eea56ea3c2a93c2",
         _BARRIER | {"shortened_from", "radius", "modes"},
+    ),
+    "A barrier exists on a ray": (
+        "ceec5a474f875435fe5d1c3af217038ff9458eb31258cdf00e19e739d4a9b373",
+        _BARRIER | {"shortened_from", "scales", "moves"},
     ),
     "A barrier exists in a cell": (
         "a0aa84628575649050c3d106c4094f2a75abc91ebce9235f3e3ff994a9226571",
@@ -95,7 +100,8 @@ def _checked(certificate):
         hypothesis(data)
     else:
         with ctx.workprec(BITS):
-            holds, found = (theorem_of_cell if "moves" in data else theorem)(data)
+            of_many = theorem_of_ray if "scales" in data else theorem_of_cell
+            holds, found = (of_many if "moves" in data else theorem)(data)
         demand(holds, f"an inequality of the theorem fails: {found}")
     return data["claim"]
 
@@ -106,6 +112,9 @@ def claim(data):
     under = f"the forcing {spelled(given['kappa'])}"
     if "half_width" in data:
         under = f"every forcing within {spelled(data['half_width'])} of {spelled(given['kappa'])}"
+    elif "scales" in data:
+        low, high = (repr(float.fromhex(number)) for number in data["scales"])
+        under = f"every forcing from {low} to {high} times {spelled(given['kappa'])}"
     elif exact(data.get("radius", "0x0p0")) != 0:
         radius = spelled([data["radius"]] * len(given["kappa"]))
         under = f"every forcing within {radius} of {spelled(given['kappa'])}"
@@ -141,7 +150,10 @@ def shortened(data):
                 turns.append(Fraction(n_long, 2 * spacing))
     demand(turns, "the forcing is not the given one, shortened")
     if "omega" in data:
-        demand(exact(data["radius"]) == 0 or long == short, "a box of forcings is not shortened")
+        demand(
+            exact(data.get("radius", "0x0p0")) == 0 or long == short,
+            "a box of forcings is not shortened",
+        )
         (a, b), (a_short, b_short) = surd(given["omega"]), surd(data["omega"])
         times = Fraction(n_long, n_short)
         same = [((a_short * times - a - turn) / n_long).denominator == 1 for turn in turns]
@@ -672,18 +684,18 @@ def max_of(balls):
 def theorem_of_cell(data):
     """Whether the theorem applies to every forcing of the cell, and its constants.
 
-    u_j(σ) = centre + Σ_m C_jm T_m0(σ_0) T_m1(σ_1). All functions of φ are odd, Σ_k 2 b_k sin 2πkφ,
-    and a polynomial stands for one: its coefficients are b_0 = 0, b_1, ….
+    u_j(σ) = centre + Σ_m C_jm T_m0(σ_0) T_m1(σ_1). A polynomial of the modes k ≥ 0 stands for a
+    real function of φ; all are odd, Σ_k 2 b_k sin 2πkφ, with modes -ib_k.
     """
     rho, (omega, divisors, period) = arb(float.fromhex(data["rho"])), rotation(data["omega"])
     middle, widths = ([ball(exact(x)) for x in data[name]] for name in ("kappa", "half_width"))
     kappa = [arb(k, h) for k, h in zip(middle, widths, strict=True)]
     demand(len(kappa) == 2 and all(h > 0 for h in widths) and rho > 0, "no cell of two kicks")
     unit, numbers = arb(2) ** data["moves"]["unit"], data["moves"]["numbers"]
-    centre = [arb_poly([0, *map(dyadic, row[1:])]) for row in data["centre"]]
+    centre = [acb_poly([0, *(acb(0, -dyadic(x)) for x in row[1:])]) for row in data["centre"]]
     moves = [
         {
-            (a, b): arb_poly([x * unit for x in row])
+            (a, b): acb_poly([acb(0, -x * unit) for x in row])
             for a, rows in enumerate(table)
             for b, row in enumerate(rows)
         }
@@ -697,28 +709,29 @@ def theorem_of_cell(data):
     size = max(len(f) for f in [*centre, *moves[0].values(), *moves[1].values()])
     r, two_pi = (2 * arb.pi() * rho).exp(), 2 * arb.pi()
     Function.growth, Function.most = r, 2 * size
-    n, p, k = [], [], []
+    n, p, k, totals = [], [], [], []
     for f, of_site in zip(centre, moves, strict=True):
         total = sum(map(sizes, of_site.values()), sizes(f))
+        totals.append(total)
         n.append(1 + 2 * two_pi * r * total.derivative()(r))
         k.append((two_pi * (rho + 2 * total(r))).exp())
         slope = constant(1) + derivative(f)
         d, defect = slope.inverse()
         p.append(neumann(d, defect + sum((derivative(g) * d).norm() for g in of_site.values())))
-    errors = residuals_in_cell(middle, widths, omega / 2, rho, centre, moves)
+    errors = residuals_in_cell(middle, widths, omega / 2, rho, centre, moves, totals)
     return conclusion(kappa, rho, divisors, period, errors, n, p, k)
 
 
 def sizes(f):
-    return arb_poly([abs(x) for x in f.coeffs()])
+    return arb_poly([abs(x) for x in f])
 
 
 def derivative(f):
-    half = [2 * arb.pi() * i * x for i, x in enumerate(f.coeffs())]
-    return Function([acb(x) for x in half[:0:-1] + half])
+    half = [acb(0, 2 * arb.pi() * i) * x for i, x in enumerate(f)] or [acb(0)]
+    return Function([x.conjugate() for x in half[:0:-1]] + half)
 
 
-def residuals_in_cell(kappa, widths, alpha, rho, centre, moves):
+def residuals_in_cell(kappa, widths, alpha, rho, centre, moves, totals):
     """Bounds of ‖E_j‖ for all σ: by N² Chebyshev points, and by what interpolation there misses.
 
     E_j + (κ_j/2π) sin 2πg_j is of degree < N in each σ, as u is.
@@ -726,12 +739,12 @@ def residuals_in_cell(kappa, widths, alpha, rho, centre, moves):
     two_pi, points = 2 * arb.pi(), 4 + 1 + max(max(m) for of_site in moves for m in of_site)
     angles = [arb(2 * i + 1) / (2 * points) for i in range(points)]
     lebesgue = sum((angle / 2).cot_pi() for angle in angles) / points
-    at_points, grid = [arb(0), arb(0)], Grid(rho, centre, moves)
+    at_points, grid = [arb(0), arb(0)], Grid(rho, totals)
     for first in angles:
         rows = [{}, {}]  # Σ_m0 C_jm T_m0(σ_0), by m_1
         for row, of_site in zip(rows, moves, strict=True):
             for (a, b), f in of_site.items():
-                row[b] = row.get(b, arb_poly()) + f * (a * first).cos_pi()
+                row[b] = row.get(b, acb_poly()) + f * (a * first).cos_pi()
         for second in angles:
             u = [
                 sum((f * (b * second).cos_pi() for b, f in row.items()), f0)
@@ -757,46 +770,115 @@ def residuals_in_cell(kappa, widths, alpha, rho, centre, moves):
 
 
 class Grid:
-    """n points of φ, n > 2K, on which sin 2πg_j is taken at a point of the cell.
+    """n points of φ, n > 2K, on which sin 2πg_j is taken under one of the forcings.
 
     A mode and its aliases k + n, k + 2n, … are one sum. Each of the modes |k| ≥ n/2 is left out
     once, and is an alias once, of a mode that weighs less. With ‖sin 2πg_j‖ ≤ M for ρ̂ > ρ both
     together are at most 2M e^{-2π(ρ̂-ρ)n/2}.
     """
 
-    def __init__(self, rho, centre, moves):
-        two_pi, total = 2 * arb.pi(), []
-        for f, of_site in zip(centre, moves, strict=True):
-            total.append(sum(map(sizes, of_site.values()), sizes(f)))
-        self.half = 1 << (3 * max(map(len, total)) // 2).bit_length()
+    def __init__(self, rho, sizes):
+        """sizes : for each j a polynomial whose coefficients are bounds of |û_k|, k ≥ 0."""
+        two_pi = 2 * arb.pi()
+        self.half = 1 << (3 * max(map(len, sizes)) // 2).bit_length()
         self.r, self.missed = (two_pi * rho).exp(), []
-        for f in total:
+        for f in sizes:
             tries = [rho * (1 + arb(i) / 4) for i in range(1, 60)]
             logs = [
                 two_pi * (hat + 2 * f((two_pi * hat).exp()) + (rho - hat) * self.half)
                 for hat in tries
             ]
             self.missed.append(2 * min(logs, key=lambda x: float(x.upper())).exp())
-        self.angles = [arb(i) / self.half for i in range(self.half + 1)]
+        self.angles = [arb(i) / self.half for i in range(2 * self.half)]
 
     def residuals(self, kappa, u, alpha):
-        """Bounds of ‖E_j‖."""
-        half, two_pi = self.half, 2 * arb.pi()
-        a, b = ([*f.coeffs(), *[arb(0)] * (half - len(f))] for f in u)
-        both = [acb(-y, x) for x, y in zip(a, b, strict=True)]
-        values = acb.dft([*both, acb(0), *(-x for x in both[:0:-1])])
-        sines = []
-        for f in ([x.real for x in values], [x.imag for x in values]):
-            of_half = [(angle + 2 * x).sin_pi() for angle, x in zip(self.angles, f, strict=False)]
-            sines.append(of_half[:-1] + [arb(0)] + [-x for x in of_half[-2:0:-1]])
-        modes = acb.dft([acb(x, y) for x, y in zip(*sines, strict=True)])[:half]
-        errors = []
-        of_sines = [-x.imag / (2 * half) for x in modes], [x.real / (2 * half) for x in modes]
-        for j, (own, other) in enumerate(((a, b), (b, a))):
+        """Bounds of ‖E_j‖. u : for each j the polynomial of the modes û_k, k ≥ 0."""
+        half, two_pi, sines = self.half, 2 * arb.pi(), []
+        u = [[*f.coeffs(), *[acb(0)] * (half - len(f))] for f in u]
+        for f, g in zip(u[::2], [*u[1::2], [acb(0)] * half], strict=False):  # two real functions
+            above = [a + b * acb(0, 1) for a, b in zip(f, g, strict=True)]
+            below = [a.conjugate() + b.conjugate() * acb(0, 1) for a, b in zip(f, g, strict=True)]
+            values = acb.dft([above[0], *below[1:], acb(0), *above[:0:-1]])
+            z = acb.dft([
+                acb((angle + 2 * x.real).sin_pi(), (angle + 2 * x.imag).sin_pi())
+                for angle, x in zip(self.angles, values, strict=True)
+            ])  # fmt: skip
+            both = [(z[k], z[-k].conjugate()) for k in range(half)]
+            sines.append([(x + y) / (4 * half) for x, y in both])
+            sines.append([(x - y) / acb(0, 4 * half) for x, y in both])
+        turns, errors = [acb(2 * k * alpha).exp_pi_i() for k in range(half)], []
+        for j, strength in enumerate(kappa):
+            rows = u[(j + 1) % len(u)], u[j - 1], u[j], sines[j], turns
             E = [
-                2 * (2 * i * alpha).cos_pi() * y - 2 * x - kappa[j] / two_pi * sine
-                for i, (x, y, sine) in enumerate(zip(own, other, of_sines[j], strict=True))
+                turn * after + turn.conjugate() * before - 2 * x - strength / two_pi * sine
+                for after, before, x, sine, turn in zip(*rows, strict=True)
             ]
-            missed = abs(kappa[j]) / two_pi * self.missed[j]
-            errors.append(2 * arb_poly([abs(x) for x in E])(self.r) + missed)
+            missed = abs(strength) / two_pi * self.missed[j]
+            errors.append(2 * sizes(E)(self.r) + missed)
         return errors
+
+
+# --- a barrier exists, on a ray -------------------------------------------------------------------
+
+
+def theorem_of_ray(data):
+    """Whether the theorem applies to every forcing of the ray, and its constants.
+
+    u_j(σ) = Σ_m C_jm T_m(σ); a polynomial of the modes k ≥ 0 stands for a real function of φ.
+    """
+    rho, (omega, divisors, period) = arb(float.fromhex(data["rho"])), rotation(data["omega"])
+    profile, (low, high) = ([exact(x) for x in data[name]] for name in ("kappa", "scales"))
+    demand(0 <= low < high and rho > 0 and profile, "no part of a ray")
+    middle, half = ball((low + high) / 2), ball((high - low) / 2)
+    unit, moves = arb(2) ** data["moves"]["unit"], []
+    for table in data["moves"]["numbers"]:
+        demand(len(table) == len(profile), "not as many functions as kicks")
+        moves.append([half_modes(*row, unit) for row in table])
+    bounds = [[sizes(f) for f in row] for row in moves]
+    totals = [sum(column, arb_poly()) for column in zip(*bounds, strict=True)]
+    r, two_pi = (2 * arb.pi() * rho).exp(), 2 * arb.pi()
+    Function.growth, Function.most = r, 2 * max(map(len, totals))
+    slopes = [[2 * two_pi * r * f.derivative()(r) for f in row] for row in bounds]
+    n = [1 + sum(column) for column in zip(*slopes, strict=True)]
+    k = [(two_pi * (rho + 2 * f(r))).exp() for f in totals]
+    p, errors, grid = [arb(0)] * len(n), [arb(0)] * len(n), Grid(rho, totals)
+    points, few = len(moves) + 4, 12
+    for angle in [arb(2 * i + 1) / (2 * points) for i in range(points)]:
+        kappa = [(middle + half * angle.cos_pi()) * ball(x) for x in profile]
+        found = grid.residuals(kappa, at(moves, angle), omega / len(profile))
+        errors = [old.max(new) for old, new in zip(errors, found, strict=True)]
+    # Between these points the angle differs by π/2few or less, and T_m by 2 sin(mπ/4few).
+    apart = [2 * (arb(min(m, 2 * few)) / (4 * few)).sin_pi() for m in range(len(moves))]
+    for angle in [arb(2 * i + 1) / (2 * few) for i in range(few)]:
+        for j, f in enumerate(at(moves, angle)):
+            moved = sum((a * row[j] for a, row in zip(apart, slopes, strict=True)), arb(0))
+            with ctx.workprec(64):
+                d, defect = (constant(1) + derivative(f)).inverse()
+                p[j] = p[j].max(neumann(d, defect + moved * d.norm()))
+    lebesgue = sum((arb(2 * i + 1) / (4 * points)).cot_pi() for i in range(points)) / points
+    for j, strength in enumerate(map(ball, profile)):
+        norms = [2 * row[j](r) for row in bounds]
+        between = arb.pos_inf()
+        for far in [arb(i) / 10 for i in range(1, 40)]:  # log r of the ellipse in σ
+            grown = sum(((m * far).cosh() * x for m, x in enumerate(norms)), rho)
+            B = abs(strength) * (middle + half * far.cosh()) / two_pi * (two_pi * grown).exp()
+            tail = 4 * B * (-points * far).exp() / (1 - (-far).exp())
+            between = tail if tail < between else between
+        errors[j] = lebesgue * errors[j] + between
+    return conclusion([ball(high * x) for x in profile], rho, divisors, period, errors, n, p, k)
+
+
+def half_modes(re, im, unit):
+    length = max(len(re), len(im))
+    re, im = ([*part, *[0] * (length - len(part))] for part in (re, im))
+    demand(not im[:1] or im[0] == 0, "a function that is not real")
+    return acb_poly([acb(a * unit, b * unit) for a, b in zip(re, im, strict=True)])
+
+
+def at(moves, angle):
+    """The functions at σ = cos π·angle."""
+    powers = [(m * angle).cos_pi() for m in range(len(moves))]
+    return [
+        sum((f * T for f, T in zip(column, powers, strict=True)), acb_poly())
+        for column in zip(*moves, strict=True)
+    ]

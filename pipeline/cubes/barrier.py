@@ -151,7 +151,7 @@ def _compute_proved(coords, settings):
     arrays = _arrays([bracket.found for bracket in brackets], coords, settings)
     for side in ("below", "lower", "upper"):
         arrays[f"proved_{side}"] = np.array([getattr(bracket, side) for bracket in brackets])
-    found = [proof for b in brackets for proof in (b.barrier, b.transport, *b.cells)]
+    found = [proof for b in brackets for proof in (b.barrier, b.transport, *b.rays)]
     return arrays | packed(found)
 
 
@@ -159,18 +159,17 @@ def uncertified(tile, certificates):
     """Say what a tile of `proved_barrier` calls proved without a certificate of it; else ""."""
     from nasm.proofs.ray import covered
 
-    claimed, cells = set(), []
+    claimed, rays = set(), {}
     for certificate in certificates:
-        if "half_width" in certificate:
-            half_width, _ = of_certificate(certificate, "half_width")
-            cells.append((of_certificate(certificate, "kappa"), half_width))
-            continue
         kappa = of_certificate(certificate["shortened_from"], "kappa")
-        claimed.add((certificate["shortened_from"].get("omega"), kappa))
+        if "scales" in certificate:
+            rays.setdefault(kappa, []).append(of_certificate(certificate, "scales"))
+        else:
+            claimed.add((certificate["shortened_from"].get("omega"), kappa))
     tile = tile.load()
     for i, profile in enumerate(plane_of(tile.attrs).ray(tile.angle.values)[1]):
         here = tile.isel(angle=i)
-        if float(here.proved_below) > covered(cells, profile):
+        if float(here.proved_below) > covered(rays.get(tuple(profile.tolist()), [])):
             return f"proved_below at {float(here.angle):g} degrees has no certificates"
         circle = _circle(here.quotients.values.tolist(), int(here.tail_length), 0)
         sides = ("proved_lower", circle), ("proved_upper", None)
