@@ -14,6 +14,7 @@ import toy
 from pipeline import store
 from pipeline.sweep import grid
 from pipeline.sweep.cluster import connect
+from pipeline.sweep.progress import Progress
 from pipeline.sweep.sweep import sweep
 
 
@@ -29,7 +30,7 @@ def main(out, n_tiles, *joined):
     with store.driving(place), connect(n_workers=2) as client:
         client()
         start = time.process_time()
-        outcome = sweep(client, place, job)
+        outcome = sweep(client, place, job, Progress("line", sys.stderr))
         seconds = time.process_time() - start
     done = {"committed": outcome.committed, "remaining": outcome.remaining}
     print(json.dumps({**done, "seconds": seconds, "bytes": peak_memory()}))

@@ -16,7 +16,7 @@ from nasm.numbers import moebius
 from nasm.planes import Plane, plane_of, rotating, three_kicks, two_kicks
 from nasm.symmetries import ray
 from pipeline import store
-from pipeline.cubes import barrier, breakdown, escape, flux, forcings, frequencies, robustness, tori
+from pipeline.cubes import barrier, beyond, breakdown, escape, forcings, robustness, rotating_maps
 from pipeline.cubes.cube import NOT_COMPUTED, status_code
 from pipeline.store import tile_counts
 from pipeline.sweep.grid import Axis
@@ -28,13 +28,13 @@ GAMMA, TWICE = map(numbers.parse, ("gamma", "2gamma"))
 RAYS = [0.0, 30.0, 45.0]
 JOBS = {
     "plane": escape.over_plane(**PLANE),
-    "beyond": escape.beyond("rays", three_kicks(0.2), {20.0: 1.0}, [0.1, 0.5], [4, 8], 100),
+    "beyond": beyond.escape_times("rays", three_kicks(0.2), {20.0: 1.0}, [0.1, 0.5], [4, 8], 100),
     "continuation": breakdown.by_continuation(rotating("1/3", "1/48"), [GAMMA, TWICE], RAYS, 1e-2),
     "residue": breakdown.by_residue(three_kicks(0.2), [GAMMA], [45.0], 100),
     "barrier": barrier.last_barrier(rotating("1/2"), RAYS, 1e-1),
-    "tori": breakdown.tori(["5/8,1/3"], [30.0]),
-    "irrational tori": tori.breakups([(0.22, 0.618)], [30.0], 0.1),
-    "frequencies": frequencies.last_barriers([Fraction(1, 2)], 2, [0.382], [45.0]),
+    "tori": rotating_maps.residues(["5/8,1/3"], [30.0]),
+    "irrational tori": rotating_maps.breakups([(0.22, 0.618)], [30.0], 0.1),
+    "frequencies": rotating_maps.last_barriers([Fraction(1, 2)], 2, [0.382], [45.0]),
     "forcings": forcings.last_barriers(
         "patterns", [("signs", 3, (1, 1, -1)), ("", 0.5, (1, 1))], "P", 0.1
     ),
@@ -42,7 +42,7 @@ JOBS = {
         "tolerance_random", [("", n, (1, n)) for n in range(10)], "seed", 0.97, tries=2
     ),
     "transport": breakdown.by_escape(rotating("1/3"), RAYS, 100, 8),
-    "flux": flux.through_last_circle(TWO, {20.0: 1.0}, {20.0: str(GAMMA)}, [0.5], 50),
+    "flux": beyond.flux(TWO, {20.0: 1.0}, {20.0: str(GAMMA)}, [0.5], 50),
 }
 QUICK = [name for name in JOBS if name != "irrational tori"]
 

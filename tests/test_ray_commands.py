@@ -10,7 +10,7 @@ from nasm import barriers, escape, periodic
 from nasm import flux as nasm_flux
 from nasm.numbers import parse
 from nasm.planes import Plane, plane_of, rotating
-from pipeline.cubes import tori as tori_cubes
+from pipeline.cubes import rotating_maps
 from workflows.figures.stretches import stretches, where_above
 
 
@@ -48,8 +48,8 @@ def test_circle_boundaries_are_those_of_each_ray(tmp_path, workers):
 
 @pytest.mark.slow
 def test_rotating_maps_are_compared_with_the_standard_map(tmp_path, workers, monkeypatch):
-    breakups, out = tori_cubes.breakups, tmp_path / "out"
-    monkeypatch.setattr(tori_cubes, "breakups", lambda *given: breakups(*given[:2], 0.1))
+    breakups, out = rotating_maps.breakups, tmp_path / "out"
+    monkeypatch.setattr(rotating_maps, "breakups", lambda *given: breakups(*given[:2], 0.1))
     effort = ["--angles", "3", "--tips", "0", "--n-max", "1000", "--n-orbits", "64"]
     vectors = ["--vector", "81/149,125/149", "--vector", "44/81,68/81"]
     succeed("rotating", out, *effort, *vectors, "--tori", "2", *workers)

@@ -91,12 +91,14 @@ def test_a_tile_of_another_shape_or_an_odd_exception_fails_alone(here, tmp_path,
 
 
 @pytest.mark.parametrize("cost", ["a second", np.ones(2), None, np.nan, -1.0, np.inf])
-def test_an_invalid_cost_falls_back_to_a_default(here, tmp_path, cost, capsys):
-    place, job = store.place_of(tmp_path), toy.job(tile=10, predict=lambda *_: cost)
-    with store.driving(place):
-        sweep(here, place, job)
+def test_an_invalid_cost_falls_back_to_a_default(here, tmp_path, cost):
+    place, log = store.place_of(tmp_path), io.StringIO()
+    job = toy.job(tile=10, predict=lambda *_: cost)
+    with store.driving(place), Progress("toy", log) as progress:
+        sweep(here, place, job, progress)
     toy.assert_complete(tmp_path, job.cube)
-    assert "nan" not in capsys.readouterr().err
+    assert "2/2 tiles" in log.getvalue()
+    assert "nan" not in log.getvalue()
 
 
 def test_a_tile_that_kills_its_workers_fails_alone(client, tmp_path):
@@ -207,19 +209,6 @@ def test_a_second_ctrl_c_abandons_the_tiles_in_flight(tmp_path):
     assert toy.commit_times(tmp_path / "out") == {}
 
 
-def test_a_sweep_is_followed_by_one_line_and_not_repeated(here, tmp_path, capsys):
-    place, job = store.place_of(tmp_path), toy.job(predict=lambda *_: 60.0)
-    with store.driving(place):
-        sweep(here, place, job, wanted=[(row, 0) for row in range(4)])
-        told = capsys.readouterr().err
-        sweep(None, place, job, wanted=[(0, 0)])  # no workers are asked for
-        (state,) = store.status(place)
-    assert told.startswith("toy: 4/4 tiles, ")
-    assert "left" not in told
-    assert (state.done, state.tiles) == (4, 4)  # 16 others are not wanted
-    assert capsys.readouterr().err == "toy: nothing to compute\n"
-
-
 class Full(io.StringIO):
     """A log that cannot be written, which does not end a sweep."""
 
@@ -247,17 +236,21 @@ def test_the_most_expensive_tiles_come_first_and_cheap_ones_together():
     assert max(map(len, batches)) < 200  # to commit them takes time, too
 
 
-def test_a_series_of_sweeps_shares_one_line_of_progress(here, tmp_path):
+def test_a_series_of_sweeps_shares_one_line_of_progress_and_repeats_nothing(here, tmp_path):
     report, place = io.StringIO(), store.place_of(tmp_path)
     with store.driving(place):
         with Progress("series", report) as progress:
-            for wanted in ({(0, 0)}, {(1, 0), (2, 0)}, {(1, 0)}):
-                sweep(here, place, toy.job(), wanted, progress)
+            for wanted in ({(0, 0)}, {(1, 0), (2, 0)}):
+                sweep(here, place, toy.job(), progress, wanted)
+            sweep(None, place, toy.job(), progress, {(1, 0)})  # no workers are asked for
             assert "1/1 tiles" not in report.getvalue()
-        assert report.getvalue().splitlines()[-1].startswith("series: 3/3 tiles")
+        told = report.getvalue().splitlines()[-1]
+        assert told.startswith("series: 3/3 tiles, ")
+        assert "left" not in told
         with Progress("toy", Full()) as progress:
-            sweep(here, place, toy.job(), {(3, 0)}, progress)
-    assert len(store.missing(place, toy.cube())) == 16
+            sweep(here, place, toy.job(), progress, {(3, 0)})
+        (state,) = store.status(place)
+    assert (state.done, state.tiles) == (4, 4)  # 16 others are not wanted
 
 
 def test_a_store_that_is_deleted_under_way_ends_the_sweep_with_one_message(here, tmp_path):

@@ -110,7 +110,7 @@ def run(client, out, plan, wanted=None, **functions):
     """Sweep the cube into a place that is free, silently; returns what the sweep does."""
     place, job = store.place_of(out), Job(plan, compute, predict, no_warm_up)
     with store.driving(place):
-        return sweep(client, place, replace(job, **functions), wanted, silent())
+        return sweep(client, place, replace(job, **functions), silent(), wanted)
 
 
 def assert_complete(out, plan):

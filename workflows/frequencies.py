@@ -58,14 +58,14 @@ def main(run, q_max, also, irrational, phases, angle, quick):
 
     The defaults take some twelve CPU minutes; --quick less than one.
     """
-    from pipeline.cubes import frequencies
+    from pipeline.cubes import rotating_maps
     from workflows.figures.frequencies import draw_frequencies
 
     also, irrational = set(also.values()), list(irrational.values())
     if quick:
         q_max, also, phases, irrational = min(q_max, 5), set(), min(phases, 3), irrational[-2:-1]
     inner = {Fraction(p, q) for q in range(2, q_max + 1) for p in range(1, q // 2 + 1)}
-    job = frequencies.last_barriers(sorted(inner | also), phases, irrational, [angle])
+    job = rotating_maps.last_barriers(sorted(inner | also), phases, irrational, [angle])
     with run.sweeping(job):
         cube = run.sweep(job).load()
         run.table("frequencies", cube)

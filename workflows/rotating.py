@@ -52,9 +52,8 @@ def main(run, vector, angles, tips, n_max, n_orbits, tori):
     import numpy as np
 
     from nasm.planes import rotating
-    from pipeline.cubes import breakdown
+    from pipeline.cubes import breakdown, rotating_maps
     from pipeline.cubes.barrier import last_barrier, unfolded
-    from pipeline.cubes.tori import breakups
     from workflows.figures.rotating import draw_rotating_circles, draw_rotating_tori
     from workflows.shared import rays
 
@@ -63,8 +62,8 @@ def main(run, vector, angles, tips, n_max, n_orbits, tori):
         breakdown.by_residue(plane, rays.PAPER_CIRCLES, around, q_max=6000),
         last_barrier(plane, around, 2e-4),
         breakdown.by_escape(plane, around, n_max, n_orbits),
-        breakdown.tori(list(vector), around),
-        breakups([TRIBONACCI], np.linspace(0, 90, tori), 0.02),
+        rotating_maps.residues(list(vector), around),
+        rotating_maps.breakups([TRIBONACCI], np.linspace(0, 90, tori), 0.02),
     )
     with run.sweeping(*wanted):
         circles, barrier, direct, tori, certified = (run.sweep(job).load() for job in wanted)

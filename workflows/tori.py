@@ -60,11 +60,11 @@ def main(run, vector, angles, tol, picture, quick):
     """
     import numpy as np
 
-    from pipeline.cubes import tori
+    from pipeline.cubes import rotating_maps
     from workflows.figures.tori import draw_breakups, draw_pictures
 
     angles, tol = (min(angles, 3), max(tol, 0.05)) if quick else (angles, tol)
-    job = tori.breakups(vector, np.union1d(np.linspace(0, 90, angles), picture), tol)
+    job = rotating_maps.breakups(vector, np.union1d(np.linspace(0, 90, angles), picture), tol)
     with run.sweeping(job):
         breakups = run.sweep(job).load()
         run.table("tori", breakups)
@@ -73,7 +73,7 @@ def main(run, vector, angles, tol, picture, quick):
         if np.isnan(known):
             run.say(f"On the ray of {picture:g}° no torus of the first vector was certified.")
             return
-        drawn = tori.pictures(vector[0], picture, known * np.array([0.7, 0.95, 0.99]))
+        drawn = rotating_maps.pictures(vector[0], picture, known * np.array([0.7, 0.95, 0.99]))
         run.keep("torus", drawn)
         run.figure("torus", *draw_pictures(drawn))
 

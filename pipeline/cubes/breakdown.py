@@ -4,7 +4,6 @@
 row is a circle or a frequency, and a cube without rows has dim (angle). arXiv:1606.04824, Sec. VI.
 """
 
-from fractions import Fraction
 from functools import partial
 from math import ceil
 
@@ -14,7 +13,7 @@ import xarray as xr
 from nasm import escape, periodic
 from nasm.circles import continuation
 from nasm.numbers import parse
-from nasm.planes import ROTATING_AXES, plane_of
+from nasm.planes import plane_of
 from nasm.symmetries import ray
 from pipeline.cubes import cube
 from pipeline.cubes.cube import FLAGS, PAPER, STATUS_SETTING, Job, blank, coordinate
@@ -61,24 +60,6 @@ def by_escape(plane, angles, n_max, n_orbits):
     # Some runs of the whole ensemble.
     seconds = 20 * SECONDS_PER_KICK["double"] * len(plane.origin) * n_orbits * n_max
     return _job("transport", plane, {}, angles, seconds, settings)
-
-
-def tori(vectors, angles):
-    """Return the Job of the cube `rotating_tori`: breakup of tori by the residue of a long orbit.
-
-    κ_n = s·(cos angle + sin angle · cos 2πnΩ), of any frequency: no plane of periodic forcings.
-
-    vectors : list of "p/q,Ω", an orbit's turns per kick and the frequency. angles : degrees.
-    """
-    numbers = [float(Fraction(vector.split(",")[1])) for vector in vectors]
-    rows = {
-        "frequency": coordinate("frequency", numbers, "frequency Ω"),
-        "vector": cube.text("frequency", vectors, "turns per kick of the orbit, and Ω, exactly"),
-    }
-    settings = {"method": "Greene's residue of one orbit"}
-    plan = cube_on_rays("rotating_tori", ROTATING_AXES, rows, angles, 0.06, settings)
-    warm_up = partial(periodic.residue, (0.1, 0.1), 1, 3)
-    return Job(plan, _compute_tori, partial(per_ray, 0.06), warm_up)
 
 
 def cube_on_rays(name, axes, rows, angles, seconds, settings, title="Breakup of circles"):
@@ -149,11 +130,3 @@ def _compute(coords, settings):
     circles = coords.get("circle")
     found = on_rays() if circles is None else [on_rays(parse(text)) for text in circles]
     return scales(found, plane.axes, coords["angle"])
-
-
-def _compute_tori(coords, settings):
-    found = [
-        [periodic.torus_scale(*vector.split(","), *profile) for profile in ray(coords["angle"])]
-        for vector in coords["vector"]
-    ]
-    return scales(found, ROTATING_AXES, coords["angle"])

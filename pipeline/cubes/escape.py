@@ -1,7 +1,7 @@
 """First escape times n* of nested ensembles, by direct iteration.
 
-Over a plane of forcings, in full or composed of levels of refinement; or along rays, near and
-beyond a breakup that is known. {n* ≤ N} is global transport within N steps, for every N ≤ n_max.
+Over a plane of forcings, in full or composed of levels of refinement; on rays in `beyond`.
+{n* ≤ N} is global transport within N steps, for every N ≤ n_max.
 arXiv:1606.04824, Eq. (4), Proposition 1 and Sec. V.B.
 """
 
@@ -14,8 +14,7 @@ import xarray as xr
 from nasm import escape
 from nasm.escape import PAPER_WINDOW
 from nasm.planes import plane_of
-from nasm.symmetries import ray
-from pipeline.cubes.cube import PAPER, Cube, Job, angles_of_rays, blank, coordinate
+from pipeline.cubes.cube import PAPER, Cube, Job, blank, coordinate
 
 SECONDS_PER_KICK = {"double": 0.4e-9, "single": 0.17e-9}  # CPU time of one orbit
 _PROBE_STEPS = 2000
@@ -42,7 +41,7 @@ def over_plane(name, plane, axes, sizes, n_max, tile, precision="double"):
     settings = {"n_max": n_max, "precision": precision}
     tiles = dict.fromkeys(names, tile)
     title, functions = "First escape times", (_on_plane, _predict_plane)
-    return _job(name, plane, sizes, coords, tiles, settings, title, *functions)
+    return job(name, plane, sizes, coords, tiles, settings, title, *functions)
 
 
 def composed(cube, levels, follow, field=None, level=None):
@@ -65,39 +64,8 @@ def composed(cube, levels, follow, field=None, level=None):
     return replace(cube, template=template, settings=settings)
 
 
-def beyond(name, plane, scales, excesses, sizes, n_max):
-    """Return the Job of escape times at κ = origin + s_c·(1 + excess)·profile on rays.
-
-    scales : {angle in degrees: scale s_c of the breakup on the ray}. excesses : increasing floats.
-    name, plane, sizes, n_max : as for `over_plane`. A tile is one forcing.
-    """
-    coords, tiles = beyond_breakup(plane, scales, excesses), {"angle": 1, "excess": 1}
-    settings = {"n_max": n_max, "precision": "double"}
-    title, functions = "First escape times beyond the last barrier", (_beyond, _predict_beyond)
-    return _job(name, plane, sizes, coords, tiles, settings, title, *functions)
-
-
-def beyond_breakup(plane, scales, excesses):
-    """Return the coordinates of forcings beyond the breakup on the rays of `scales`.
-
-    Those in the plane are computed with each tile, see `strengths_beyond`.
-    """
-    coords = {
-        "angle": angles_of_rays(list(scales)),
-        "excess": coordinate("excess", excesses, "scale in parts of the breakup's, less 1"),
-        "breakup": coordinate("angle", list(scales.values()), "scale of the breakup"),
-    }
-    return coords | {name: blank(coords, words) for name, words in plane.axes.items()}
-
-
-def strengths_beyond(coords, plane):
-    """Return {name of an axis of the plane: array (angle, excess)} of a tile."""
-    scales = np.outer(coords["breakup"], 1 + coords["excess"])
-    parts = zip(plane.axes, ray(coords["angle"]).T, strict=True)
-    return {name: scales * along[:, None] for name, along in parts}
-
-
-def _job(name, plane, sizes, coords, tiles, settings, title, compute, predict):
+def job(name, plane, sizes, coords, tiles, settings, title, compute, predict):
+    """Return the Job of escape times over `coords`; compute and predict are those of a tile."""
     ensemble = coordinate("ensemble", sizes, "number of orbits in the ensemble")
     coords, n_kicks = {"ensemble": ensemble, **coords}, len(plane.origin)
     source = f"{PAPER}, Eq. (4), Proposition 1 and Sec. V.B"
@@ -110,7 +78,8 @@ def _job(name, plane, sizes, coords, tiles, settings, title, compute, predict):
     return Job(cube, compute, predict, partial(_warm_up, settings["precision"]))
 
 
-def _escape_times(forcings, coords, settings):
+def times_of(forcings, coords, settings):
+    """Return the arrays of a tile that holds these forcings."""
     sizes, limits = coords["ensemble"], map(settings.get, ("n_max", "window", "precision"))
     starts = escape.ensemble(int(sizes[-1]))
     return {"escape_time": escape.first_escape(forcings, *starts, sizes, *limits)}
@@ -119,14 +88,7 @@ def _escape_times(forcings, coords, settings):
 def _on_plane(coords, settings):
     plane = plane_of(settings)
     forcings = plane.forcing(*np.meshgrid(*map(coords.get, plane.axes)))
-    return _escape_times(forcings, coords, settings)
-
-
-def _beyond(coords, settings):
-    plane = plane_of(settings)
-    strengths = strengths_beyond(coords, plane)
-    forcings = plane.forcing(*strengths.values())
-    return strengths | _escape_times(forcings, coords, settings)
+    return times_of(forcings, coords, settings)
 
 
 def _predict_plane(coords, settings):
@@ -140,23 +102,10 @@ def _predict_plane(coords, settings):
     short = settings | {"n_max": min(n_max, _PROBE_STEPS)}
     times = _on_plane(probed, short)["escape_time"]
     steps = np.where(np.isinf(times), n_max, times).mean()
-    return _seconds(coords, settings, steps * np.prod([axis.size for axis in axes.values()]))
+    return seconds(coords, settings, steps * np.prod([axis.size for axis in axes.values()]))
 
 
-def _predict_beyond(coords, settings):
-    steps = np.minimum(settings["n_max"], steps_beyond(coords["excess"]))
-    return _seconds(coords, settings, steps.sum() * coords["angle"].size)
-
-
-def steps_beyond(excess):
-    """Return about how many steps the first escape of hundreds of orbits takes, by measurement.
-
-    The bias of direct iteration falls like N^(-1/3).
-    """
-    return 200 / excess**3
-
-
-def _seconds(coords, settings, steps):
+def seconds(coords, settings, steps):
     """Return the CPU time of so many steps of all orbits."""
     n_kicks = steps * len(plane_of(settings).origin)
     return SECONDS_PER_KICK[settings["precision"]] * n_kicks * int(coords["ensemble"][-1])

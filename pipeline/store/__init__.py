@@ -5,8 +5,7 @@ tile's chunk of `tiles/commit`, its CPU seconds and the checksum of its data; *a
 record is there*. Nothing else lists what is done. If a tile fails, the reason is kept, and means
 something while the tile is missing.
 
-Zarr writes and reads all chunks, each with its CRC-32C; obstore puts them into a directory or an
-object store, each whole or not at all, so that a killed process leaves nothing half-written. What
+Each file appears whole or not at all, so that a killed process leaves nothing half-written. What
 several workers or drivers write more than once is the same each time: they need no order. The
 store knows neither mathematics nor dask, and of cubes what `pipeline.cubes.cube.Cube` tells.
 """

@@ -1,8 +1,7 @@
 """Where cubes are kept: a directory, or a prefix in an object store, both through obstore.
 
-A file or object appears whole or not at all. Credentials, endpoint and region come from the
-environment (AWS_ACCESS_KEY_ID, AWS_ENDPOINT_URL, …) of the driver and of each worker, and go
-nowhere from there.
+Credentials, endpoint and region come from the environment (AWS_ACCESS_KEY_ID, AWS_ENDPOINT_URL, …)
+of the driver and of each worker, and go nowhere from there.
 """
 
 import os

@@ -1,9 +1,8 @@
 """Tiles: list the missing ones, commit one, read them all.
 
 Every tiled variable has one chunk for each tile, raw numbers with their CRC-32C behind. So has the
-commit record, in a group of its own inside the cube, where readers of the cube do not meet it. It
-holds the CPU seconds of the tile, and a CRC-32 of its data, of where it belongs and of who computed
-it: a chunk that is sound, but of another tile or cube, does not match it.
+commit record, in a group of its own where readers of the cube do not meet it. Its checksum is of
+the tile's data, its place and who computed it: a chunk of another tile or cube does not match it.
 """
 
 import json

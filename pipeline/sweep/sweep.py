@@ -20,7 +20,7 @@ import signal
 import sys
 import threading
 import time
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache, partial
 from itertools import chain
@@ -34,7 +34,6 @@ from distributed import KilledWorker, get_worker
 from pipeline import store
 from pipeline.sweep.cluster import ClusterError
 from pipeline.sweep.grid import tile_coords
-from pipeline.sweep.progress import Progress
 from pipeline.sweep.submit import ended
 
 _BATCH = 0.5  # seconds of predicted CPU time in a batch: long against 2 ms of scheduling,
@@ -57,14 +56,14 @@ class Outcome:
     remaining: int  # tiles that are still missing
 
 
-def sweep(client, place, job, wanted=None, progress=None):
+def sweep(client, place, job, progress, wanted=None):
     """Compute the missing tiles of the job's cube into the store; returns an Outcome.
 
     client : () → distributed.Client; called only if tiles are missing. See `cluster.connect`.
     place : Place of the store, held by `store.driving`.
     job : Job; its cube is created in the store if it is not there.
+    progress : Progress, which tells how far it is.
     wanted : set of tile indices, default all.
-    progress : the Progress of a series of sweeps, instead of a line for this one.
 
     Raises store.Refused if the store holds another cube of that name, or one that other code has
     begun; no tile is then computed. store.StoreFailed if the disk or the object store fails,
@@ -79,13 +78,10 @@ def sweep(client, place, job, wanted=None, progress=None):
         tiles = tiles[[tuple(index) in wanted for index in tiles.tolist()]]
         store.record_wanted(place, name, done + len(tiles))
     if not len(tiles):
-        if progress is None:
-            print(f"{name}: nothing to compute", file=sys.stderr)
         return Outcome(0, {}, False, 0)
     client = client()
     run, n_workers = _Run(client, place, job, tiles), sum(client.nthreads().values())
-    line = Progress(name, sys.stderr) if progress is None else nullcontext(progress)
-    with _draining_on_interrupt() as interrupt, line as progress:
+    with _draining_on_interrupt() as interrupt:
         progress.begin(len(tiles), run.costs.sum(), n_workers)
         for tile in run.compute(_pack(run.costs, n_workers), interrupt, progress):
             alone = [np.array([tile])]
@@ -125,13 +121,10 @@ class _Run:
         probes = _PROBES * max(1, len(self.client.nthreads()))
         costs, many = np.full(n, _UNKNOWN_COST), int(np.clip(n // probes, *_PROBE_TILES))
         batches = iter(np.split(np.arange(n), range(many, n, many)))
-        progress = Progress(f"{cube.name}: costs", sys.stderr)
-        progress.begin(n, n)  # the line is shown only if this takes long
         work = partial(_predict_batch, self.job.predict, cube.settings)
         for batch, seconds in self.ended(work, partial(next, batches, None)):
             if isinstance(seconds, list):
                 costs[batch] = seconds
-            progress.advance(len(batch), len(batch))
         return costs
 
     def compute(self, batches, interrupt, progress):

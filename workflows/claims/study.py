@@ -5,7 +5,7 @@ import numpy as np
 from nasm import barriers
 from nasm.planes import rotating, two_kicks
 from nasm.symmetries import ray
-from pipeline.cubes import breakdown
+from pipeline.cubes import breakdown, rotating_maps
 from pipeline.cubes.barrier import last_barrier, named, unfolded
 from workflows.claims.boundary import boundary_claims
 from workflows.claims.circles import circle_claims
@@ -34,7 +34,7 @@ def planned(angles, tips, tol, n_max, n_orbits):
         "barrier": last_barrier(two_kicks(), rays, tol),
         "circles": breakdown.by_residue(two_kicks(), PAPER_CIRCLES, rays, q_max=6000),
         "escapes": direct.bias_job(cusp, [n_orbits], n_max),
-        "tori": breakdown.tori([_TORUS], around),
+        "tori": rotating_maps.residues([_TORUS], around),
         **{text: last_barrier(plane, around, 1e-2, named(plane)) for text, plane in _THREE.items()},
     }, rays
 

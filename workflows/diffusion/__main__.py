@@ -19,9 +19,8 @@ def main(run, orbits, n_max, quick):
     The defaults take some five minutes on two cores, --quick half a minute.
     """
     from nasm.planes import two_kicks
-    from pipeline.cubes import diffusion
+    from pipeline.cubes import beyond
     from pipeline.cubes.barrier import last_barrier, unfolded
-    from pipeline.cubes.flux import through_last_circle
     from workflows.diffusion import study
     from workflows.figures.diffusion import draw_diffusion
 
@@ -31,8 +30,8 @@ def main(run, orbits, n_max, quick):
 
     def jobs(scales, circles):
         nearer = [study.NEAREST, *excesses]
-        yield through_last_circle(two_kicks(), scales, circles, nearer, 30_000)
-        yield diffusion.beyond(scales, excesses, orbits, n_max)
+        yield beyond.flux(two_kicks(), scales, circles, nearer, 30_000)
+        yield beyond.diffusion(scales, excesses, orbits, n_max)
 
     later = jobs(dict.fromkeys(angles, 0.6), dict.fromkeys(angles, "[0;(1)]"))
     with run.sweeping(last, later=[(job, None) for job in later]):

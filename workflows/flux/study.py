@@ -4,7 +4,7 @@ import numpy as np
 import xarray as xr
 
 from nasm.planes import plane_of, two_kicks
-from pipeline.cubes.flux import through_last_circle
+from pipeline.cubes import beyond
 from workflows.shared.rays import with_tie
 
 
@@ -16,14 +16,14 @@ def grid(angles, nearest):
 def foreseen(angles, excesses, q_max):
     """Return a job that costs as much as that of `job`, whose circles are not yet known."""
     golden = dict.fromkeys(angles, "[0;(1)]")
-    return through_last_circle(two_kicks(), dict.fromkeys(angles, 1.0), golden, excesses, q_max)
+    return beyond.flux(two_kicks(), dict.fromkeys(angles, 1.0), golden, excesses, q_max)
 
 
 def job(barrier, excesses, q_max):
     """Return the job of the cube `flux` on the rays of a table of last barriers."""
     rays = barrier.to_dataframe()
     scales, circles = rays.critical_scale.to_dict(), rays.circle.to_dict()
-    return through_last_circle(plane_of(barrier.attrs), scales, circles, excesses, q_max)
+    return beyond.flux(plane_of(barrier.attrs), scales, circles, excesses, q_max)
 
 
 def law(excess, flux):

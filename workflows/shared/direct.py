@@ -12,7 +12,7 @@ from nasm import orbits
 from nasm.planes import plane_of, two_kicks
 from nasm.symmetries import ray
 from nasm.verdict import Answer, verdict
-from pipeline.cubes.escape import beyond, steps_beyond
+from pipeline.cubes.beyond import escape_times, steps_beyond
 from workflows.shared import power_law
 from workflows.shared.tables import ANGLE, dataset, described, strengths
 
@@ -29,7 +29,9 @@ def steps_up_to(n_max):
 
 def bias_job(scales, sizes, n_max):
     """Return the job of the cube `escape_rays`: excesses from 1% to 100%, sixty a decade."""
-    return beyond("escape_rays", two_kicks(), scales, np.geomspace(0.01, 1, 121), sizes, n_max)
+    return escape_times(
+        "escape_rays", two_kicks(), scales, np.geomspace(0.01, 1, 121), sizes, n_max
+    )
 
 
 def boundary_job(barrier, n_max, n_orbits):
@@ -40,7 +42,7 @@ def boundary_job(barrier, n_max, n_orbits):
 
 def _boundary_job(plane, scales, n_max, n_orbits):
     excesses = np.geomspace(0.01, 1, 61)
-    return beyond("direct_boundary", plane, scales, excesses, [n_orbits], n_max)
+    return escape_times("direct_boundary", plane, scales, excesses, [n_orbits], n_max)
 
 
 def inwards(run, job):

@@ -120,7 +120,7 @@ class Run(Output):
         name = job.cube.name
         number = self.begun.setdefault(name, len(self.begun) + 1)
         self.line.go_on(f"sweep {number} of {len(self.plan)}, {name}", name)
-        outcome = sweep(self.client, self.place, job, wanted, self.line)
+        outcome = sweep(self.client, self.place, job, self.line, wanted)
         self.line.name = "computing"
         _go_on(outcome)
         self.note("cubes", self.place.cube(name))

@@ -1,0 +1,162 @@
+"""Rotating standard maps, κ_n = s·(cos angle + sin angle · cos 2π(φ0 + nΩ)), of any frequency Ω.
+
+The last circle or torus against Ω, breakup of tori on rays, and pictures of tori.
+arXiv:1606.04824, Sec. VII, Eq. (53); `nasm.tori`.
+"""
+
+from dataclasses import replace
+from fractions import Fraction
+from functools import partial
+from itertools import product
+
+import numpy as np
+import xarray as xr
+
+from nasm import periodic, tori
+from nasm.planes import ROTATING_AXES
+from nasm.symmetries import ray
+from nasm.tori import last_torus
+from pipeline.cubes.breakdown import cube_on_rays, per_ray, scales
+from pipeline.cubes.cube import PAPER, Job, blank, coordinate, text
+
+_KICKS = 8_000, 32_000  # on either side, for fractions and for others
+_PICTURE = 128, 256  # points along φ and θ
+
+
+def last_barriers(fractions, n_phases, irrational, angles):
+    """Return the Job of the cube `frequencies`: brackets of the last circle, or torus.
+
+    fractions : list of Fraction, Ω = p/q. n_phases : int, at least 2, of φ0 from 0 to 1/2q; all
+    others are images of these. irrational : list of floats. angles : degrees.
+    """
+    shares = [Fraction(k, n_phases - 1) for k in range(n_phases)]
+    rotating = [
+        (float(Ω), float(share), f"{Ω},{share / 2 / Ω.denominator}")
+        for Ω, share in product(fractions, shares)
+    ]
+    rotating += [(Ω, np.nan, repr(Ω)) for Ω in irrational]
+    frequencies, shares, names = zip(*rotating, strict=True)
+    words = "phase φ0, in parts of 1/2q; NaN: Ω is irrational, and all phases are alike"
+    rows = {
+        "forcing": text("forcing", names, "Ω, and φ0 if Ω is a fraction, exactly"),
+        "frequency": coordinate("forcing", frequencies, "frequency Ω, turns of φ per kick"),
+        "phase": coordinate("forcing", shares, words),
+    }
+    settings = {"kicks": list(_KICKS), "method": "converse KAM, and continuation"}
+    plan = cube_on_rays("frequencies", ROTATING_AXES, rows, angles, 10, settings, "Last barriers")
+    on_ray = {"forcing": rows["forcing"], "angle": plan.template.angle}
+    omega = blank(on_ray, "turns per kick of what is certified at lower")
+    plan = replace(plan, template=plan.template.assign(omega=omega))
+    least = {"forcing": ["1/2,0"], "angle": np.zeros(1)}, {"kicks": [400, 400]}
+    return Job(plan, _last_barriers, _predict, partial(_last_barriers, *least))
+
+
+def breakups(vectors, angles, tol):
+    """Return the Job of the cube `tori`: tori continued to their breakup.
+
+    `upper` is where no torus of that Ω is left, whatever its ω.
+
+    vectors : list of pairs of floats, ω and Ω. angles : degrees. tol : float, the error to aim at.
+    """
+    omegas, frequencies = zip(*vectors, strict=True)
+    rows = {
+        "vector": text("vector", map(_name_of, vectors), "turns of θ and φ per kick"),
+        "omega": coordinate("vector", omegas, "turns of θ per kick"),
+        "frequency": coordinate("vector", frequencies, "turns of φ per kick, Ω"),
+    }
+    settings = {"method": "continuation of tori", "tol": tol}
+    seconds = 12 if tol < 5e-3 else 3
+    warm_up = partial(tori.invariant_torus, *vectors[0], 0.05, 0.05)
+    plan = cube_on_rays("tori", ROTATING_AXES, rows, angles, seconds, settings, "Breakup of tori")
+    return Job(plan, _breakups, partial(per_ray, seconds), warm_up)
+
+
+def residues(vectors, angles):
+    """Return the Job of the cube `rotating_tori`: breakup of tori by the residue of a long orbit.
+
+    vectors : list of "p/q,Ω", an orbit's turns per kick and the frequency. angles : degrees.
+    """
+    numbers = [float(Fraction(vector.split(",")[1])) for vector in vectors]
+    rows = {
+        "frequency": coordinate("frequency", numbers, "frequency Ω"),
+        "vector": text("frequency", vectors, "turns per kick of the orbit, and Ω, exactly"),
+    }
+    settings = {"method": "Greene's residue of one orbit"}
+    plan = cube_on_rays("rotating_tori", ROTATING_AXES, rows, angles, 0.06, settings)
+    warm_up = partial(periodic.residue, (0.1, 0.1), 1, 3)
+    return Job(plan, _residues, partial(per_ray, 0.06), warm_up)
+
+
+def pictures(vector, angle, sizes):
+    """Return h - θ of certified tori on a ray, a Dataset with dims (scale, phi, theta)."""
+    found = [tori.invariant_torus(*vector, *(s * ray(angle)), tori.newton.N_MAX) for s in sizes]
+    m, n = _PICTURE
+    deviations = [
+        _on_grid(torus.u) if torus.certified else np.full((m, n), np.nan) for torus in found
+    ]
+    slopes = [tori.newton.least_slope(torus.u) if torus.certified else np.nan for torus in found]
+    label = {"long_name": "h - θ: where the orbit is, less the rotation", "units": "1"}
+    slope = {"long_name": "least slope of h along θ", "units": "1"}
+    return xr.Dataset(
+        {
+            "deviation": (("scale", "phi", "theta"), deviations, label),
+            "least_slope": ("scale", slopes, slope),
+        },
+        {
+            "scale": coordinate("scale", sizes, "scale s of the ray"),
+            "phi": coordinate("phi", np.arange(m) / m, "phase φ of the forcing, in turns"),
+            "theta": coordinate("theta", np.arange(n) / n, "angle θ of the rotation, in turns"),
+        },
+        {"title": "Invariant tori", "source": PAPER, "vector": _name_of(vector), "angle": angle},
+    )
+
+
+def _name_of(vector):
+    """Return the text of a rotation vector, which keeps all digits."""
+    return ",".join(map(repr, vector))
+
+
+def _on_grid(u):
+    """Return every so many-th point of u: `_PICTURE`."""
+    m, n = (max(size, least) for size, least in zip(u.shape, _PICTURE, strict=True))
+    u = tori.newton.resample(u, m, n)
+    return u[:: m // _PICTURE[0], :: n // _PICTURE[1]]
+
+
+def _last_barriers(coords, settings):
+    rays = ray(coords["angle"])
+    found = [[_last(name, on, settings["kicks"]) for on in rays] for name in coords["forcing"]]
+    arrays = scales([[scale for scale, _ in row] for row in found], ROTATING_AXES, coords["angle"])
+    return arrays | {"omega": np.array([[omega for _, omega in row] for row in found])}
+
+
+def _last(name, profile, kicks):
+    frequency, _, phase = name.partition(",")
+    if phase:
+        return last_torus.of_fraction(frequency, float(Fraction(phase)), *profile, kicks[0])
+    return last_torus.of_irrational(float(frequency), *profile, kicks[1])
+
+
+def _predict(coords, settings):
+    """Predict seconds by the period; tori take longest."""
+    name = coords["forcing"][0]
+    q = Fraction(name.split(",")[0]).denominator if "," in name else 200
+    return (0.5 + 0.15 * q) * coords["angle"].size
+
+
+def _breakups(coords, settings):
+    vectors = zip(coords["omega"].tolist(), coords["frequency"].tolist(), strict=True)
+    rays, tol = ray(coords["angle"]), settings["tol"]
+    found = [[_bracket(vector, profile, tol) for profile in rays] for vector in vectors]
+    return scales(found, ROTATING_AXES, coords["angle"])
+
+
+def _bracket(vector, profile, tol):
+    found = tori.critical_scale(*vector, *profile, tol)
+    return replace(found, upper=last_torus.upper_scale(vector[1], *profile))
+
+
+def _residues(coords, settings):
+    vectors, rays = [vector.split(",") for vector in coords["vector"]], ray(coords["angle"])
+    found = [[periodic.torus_scale(*vector, *profile) for profile in rays] for vector in vectors]
+    return scales(found, ROTATING_AXES, coords["angle"])
