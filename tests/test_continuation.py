@@ -4,6 +4,7 @@ from itertools import takewhile
 
 import numpy as np
 import pytest
+from cases import thirds
 from oracles import KAPPA_G
 
 from nasm import circles, periodic
@@ -35,7 +36,7 @@ def test_the_golden_circle_breaks_at_kappa_g(name, profile, exact, tol):
     assert np.isnan(found.upper)
 
 
-SAMPLES = [(1e-6, 24, 20, 0.98)]
+SAMPLES = [(1e-6, 8, 20, 1)]
 SAMPLES += [pytest.param(tol, 360, 77, 0.98, marks=pytest.mark.slow) for tol in (1e-4, 1e-5, 1e-6)]
 
 
@@ -96,7 +97,7 @@ def test_delta_is_the_growth_of_the_residues_slopes(tail):
     assert continuation.UNSTABLE[tail] == pytest.approx(slopes[1] / slopes[0], rel=2e-3)
 
 
-@pytest.mark.parametrize("offset", [5, 0.5, 0.05, 5e-3, 5e-4])
+@pytest.mark.parametrize("offset", thirds([5, 0.5, 0.05, 5e-3, 5e-4]))
 def test_near_a_cusp_the_error_is_honest(offset):
     for name, side in (("2gamma", 45 - offset), ("2gamma+1", 135 + offset), ("gamma", 45 + offset)):
         judge = periodic.critical_scale(parse(name), ray(side), 10_000)
@@ -117,7 +118,7 @@ def test_so_near_a_cusp_that_no_circle_tells_the_error_contains_its_depth():
         assert abs(found.value - tip) < found.error
 
 
-@pytest.mark.parametrize("tail", [(2,), (3,), (1, 2), (5,), (1, 4)])
+@pytest.mark.parametrize("tail", thirds([(2,), (3,), (1, 2), (5,), (1, 4)]))
 def test_tails_of_other_classes_are_answered_with_the_error_they_deserve(tail):
     omega = RotationNumber((0,), tail)
     compared = 0
@@ -200,8 +201,9 @@ HARD = [("gamma", NEAR, 1e-4, 0.02)]
 HARD += [(NAMES[i % 6], ray(ANGLES[i]), 1e-6, 1e-4) for i in (54, 78, 181, 208, 228)]
 
 
-@pytest.mark.parametrize(("name", "profile", "tol", "bound"), HARD)
-def test_where_that_is_hard_the_error_covers_the_difference_to_residues(name, profile, tol, bound):
+@pytest.mark.parametrize("case", thirds(HARD))
+def test_where_that_is_hard_the_error_covers_the_difference_to_residues(case):
+    name, profile, tol, bound = case
     judge = periodic.critical_scale(parse(name), profile)
     found = continuation.critical_scale(parse(name), profile, tol)
     assert judge.status is found.status is Status.OK
@@ -246,9 +248,10 @@ def test_nothing_is_certified_beyond_the_breakup(name, profile, too_high, distan
     assert scale < breakup  # not NaN either: circles further in are met on the way
 
 
-@pytest.mark.parametrize(("name", "profile"), [("gamma", (1,)), ("[0;1,2,(1)]", ray(30))])
-def test_fakes_just_beyond_the_breakup_are_met_and_rejected(name, profile, monkeypatch):
+@pytest.mark.parametrize("case", thirds([("gamma", (1,)), ("[0;1,2,(1)]", ray(30))]))
+def test_fakes_just_beyond_the_breakup_are_met_and_rejected(case, monkeypatch):
     # So near to it, Newton's method does converge.
+    name, profile = case
     omega = parse(name)
     breakup = periodic.critical_scale(omega, profile).value
     met, certificate = [], circles.newton.polished_is_circle
@@ -270,6 +273,7 @@ def test_without_a_breakup_nothing_is_certified():
     assert np.isnan(continuation.certified_scale(GAMMA, (1, 0), 3.0, 1e-2))
 
 
+@pytest.mark.slow
 def test_a_circle_that_a_step_leaves_with_little_more_than_a_tenth_is_certified_by_one_more():
     profile, distance = ray(23.4375), 1.6e-5
     breakup = periodic.critical_scale("gamma", profile).value

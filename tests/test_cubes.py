@@ -8,6 +8,7 @@ import dask
 import numpy as np
 import pytest
 import xarray as xr
+from cases import thirds
 
 from nasm import barriers, numbers
 from nasm import escape as method
@@ -44,14 +45,17 @@ JOBS = {
     "transport": breakdown.by_escape(rotating("1/3"), RAYS, 100, 8),
     "flux": beyond.flux(TWO, {20.0: 1.0}, {20.0: str(GAMMA)}, [0.5], 50),
 }
-QUICK = [name for name in JOBS if name != "irrational tori"]
+LONG = ["irrational tori", "frequencies"]
+QUICK = [name for name in JOBS if name not in LONG]
 
 
 def plan(**changes):
     return escape.over_plane(**{**PLANE, **changes}).cube
 
 
-@pytest.mark.parametrize("name", [*QUICK, pytest.param("irrational tori", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "name", [*QUICK, *(pytest.param(name, marks=pytest.mark.slow) for name in LONG)]
+)
 def test_a_tile_has_the_variables_of_its_cube_and_each_has_a_name_and_a_unit(name):
     job = JOBS[name]
     cube = pickle.loads(pickle.dumps(job)).cube
@@ -70,7 +74,7 @@ def test_a_tile_has_the_variables_of_its_cube_and_each_has_a_name_and_a_unit(nam
     assert 0 < job.predict(coords, cube.settings) < 60
 
 
-@pytest.mark.parametrize("name", JOBS)
+@pytest.mark.parametrize("name", thirds(list(JOBS)))
 def test_every_cube_goes_to_netcdf_has_one_length_of_chunks_and_says_where_its_rays_are(
     name, tmp_path
 ):

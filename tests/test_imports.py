@@ -3,6 +3,7 @@
 import ast
 import re
 import sys
+from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
 
@@ -17,6 +18,7 @@ MODULES = {
 PACKAGES = {module.removesuffix(".__init__") for module in MODULES if "__init__" in module}
 
 
+@cache
 def imports(module):
     """All that the module imports, inside functions too: a.b, and a if it is a module, for
     `from a import b`."""

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from cases import thirds
 from oracles import KAPPA_G
 
 from nasm.converse_kam import sequence
@@ -14,8 +15,9 @@ from nasm.tori import last_torus
 KNOWN = ((1.0,), KAPPA_G, 0.01), ((0.3, 0.2, 0.25), 1.79656, 0.05)
 
 
-@pytest.mark.parametrize(("period", "breakup", "above"), KNOWN)
-def test_a_sequence_that_repeats_loses_its_graphs_past_the_breakup(period, breakup, above):
+@pytest.mark.parametrize("case", thirds(KNOWN))
+def test_a_sequence_that_repeats_loses_its_graphs_past_the_breakup(case):
+    period, breakup, above = case
     kappa = np.tile(period, 601)
     upper = sequence.critical_scale(kappa).upper
     assert breakup < upper < (1 + above) * breakup

@@ -5,6 +5,7 @@ import re
 
 import numpy as np
 import pytest
+from cases import thirds
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
@@ -28,18 +29,14 @@ def breakup(plane, angle, omega):
     return continuation.critical_scale(omega, profile, 3e-3).value
 
 
+IMAGES = [(planes.rotating("1/3", phase), n) for phase, n in (("1/12", 4), ("1/48", 2), ("0", 2))]
+
+
 @pytest.mark.parametrize(
-    ("plane", "n_images"),
-    [
-        (TWO, 8),
-        (planes.rotating("1/2"), 8),
-        (planes.rotating("1/3"), 2),
-        (planes.rotating("1/3", "1/12"), 4),
-        (planes.rotating("1/3", "1/48"), 2),
-        pytest.param(GENERIC, 2, marks=pytest.mark.slow),
-    ],
+    "case", thirds([(TWO, 8), (planes.rotating("1/2"), 8), (GENERIC, 2), *IMAGES])
 )
-def test_circles_break_together_on_the_rays_that_symmetry_makes_images(plane, n_images):
+def test_circles_break_together_on_the_rays_that_symmetry_makes_images(case):
+    plane, n_images = case
     assert len(plane.symmetries) == n_images
     angle, omega = 25.0, parse("[0;2,3,(1)]")
     scale, images = breakup(plane, angle, omega), plane.unfold(angle)

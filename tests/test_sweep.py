@@ -13,8 +13,10 @@ import threading
 import time
 from asyncio import CancelledError
 from contextlib import suppress
+from datetime import datetime, timedelta, timezone
 from functools import partial
 from importlib.metadata import version
+from types import SimpleNamespace
 
 import click
 import numpy as np
@@ -35,7 +37,7 @@ from pipeline.sweep.sweep import _complaint, _pack, sweep
 
 @pytest.fixture(scope="module")
 def client():
-    with connect(n_workers=2) as client:
+    with connect(n_workers=1) as client:
         yield client
 
 
@@ -101,61 +103,13 @@ def test_an_invalid_cost_falls_back_to_a_default(here, tmp_path, cost):
     assert "nan" not in log.getvalue()
 
 
-def test_a_tile_that_kills_its_workers_fails_alone(client, tmp_path):
+def test_a_tile_that_kills_its_workers_fails_alone_and_they_are_started_again(client, tmp_path):
     plan = toy.cube(poison=[0.0, -1.0])
     outcome = toy.run(client, tmp_path, plan)
     assert list(outcome.failed) == [(0, 0)]
     assert "its worker died" in outcome.failed[0, 0]
     assert (outcome.committed, outcome.remaining) == (19, 1)
     assert reasons(tmp_path) == outcome.failed
-
-
-def during(out, act):
-    """Start a thread that acts when the first tile is committed."""
-
-    def wait_and_act():
-        toy.wait_until(lambda: toy.commit_times(out))
-        act()
-
-    thread = threading.Thread(target=wait_and_act)
-    thread.start()
-    return thread
-
-
-def test_a_worker_started_again_is_waited_for_and_deaf_to_ctrl_c_and_without_any_a_sweep_gives_up(
-    tmp_path, monkeypatch
-):
-    one, two, three = (tmp_path / name for name in ("one", "two", "three"))
-    plan, told = toy.cube(seconds=0.1), []
-    monkeypatch.setattr(submit, "print", lambda words, file: told.append(words), raising=False)
-    with connect(n_workers=1) as client:
-        killer = during(one, lambda: os.kill(client().cluster.workers[0].pid, signal.SIGKILL))
-        outcome = toy.run(client, one, plan)
-        killer.join()
-        assert (outcome.failed, outcome.remaining) == ({}, 0)
-        again = client().submit(os.getpid).result(timeout=60)
-        os.kill(again, signal.SIGINT)
-        assert client().submit(os.getpid, pure=False).result(timeout=60) == again
-        # Of a scheduler elsewhere they are waited for, as its queue may start others. From here on
-        # patience is short: above, the sweep may see that a worker is gone before its nanny does.
-        monkeypatch.setattr(submit, "_PATIENCE", 0.2)
-        monkeypatch.setattr(submit, "_ROLL_CALL", 0.1)
-
-        def come_and_go():
-            client().cluster.scale(0)
-            toy.wait_until(lambda: told)
-            client().cluster.scale(1)
-
-        leaver = during(three, come_and_go)
-        address, tls = client().scheduler.address, cluster.credentials(client(), tmp_path)
-        with connect(address, tls=tls) as elsewhere:
-            assert toy.run(elsewhere, three, plan).remaining == 0
-        leaver.join()
-        assert told == ["no workers are left; waiting until some join"]
-        during(two, lambda: client().cluster.scale(0))
-        with pytest.raises(ConnectionError, match="no workers are left; run again to resume"):
-            toy.run(client, two, toy.cube(seconds=0.5))
-    assert 0 < len(toy.commit_times(two)) < 20
 
 
 def test_without_a_fit_worker_the_sweep_ends_with_one_message(here, tmp_path, monkeypatch):
@@ -175,10 +129,10 @@ ctrl_c = partial(os.kill, os.getpid(), signal.SIGINT)
 
 
 def test_ctrl_c_drains_and_the_next_run_resumes(here, tmp_path, capsys):
-    plan = toy.cube(7, 7, tile=1)
-    outcome = toy.watched_sweep(here, tmp_path, plan, {9: ctrl_c})
+    plan = toy.cube(5, 5, tile=1)
+    outcome = toy.watched_sweep(here, tmp_path, plan, {5: ctrl_c})
     assert outcome.interrupted
-    assert 9 <= outcome.committed == len(toy.COMPUTED) == 49 - outcome.remaining < 29
+    assert 5 <= outcome.committed == len(toy.COMPUTED) == 25 - outcome.remaining < 15
     assert "waiting for the tiles in flight" in capsys.readouterr().err
     assert toy.watched_sweep(here, tmp_path, plan).committed == outcome.remaining
     toy.assert_complete(tmp_path, plan)
@@ -187,14 +141,25 @@ def test_ctrl_c_drains_and_the_next_run_resumes(here, tmp_path, capsys):
 def test_a_program_started_with_ctrl_c_ignored_ignores_it(here, tmp_path):
     previous = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
-        outcome = toy.watched_sweep(here, tmp_path, toy.cube(7, 7, tile=1), {9: ctrl_c})
+        outcome = toy.watched_sweep(here, tmp_path, toy.cube(5, 5, tile=1), {5: ctrl_c})
     finally:
         signal.signal(signal.SIGINT, previous)
     assert (outcome.interrupted, outcome.remaining) == (False, 0)
 
 
-def test_a_second_ctrl_c_abandons_the_tiles_in_flight(tmp_path):
+class Tomorrow(datetime):
+    @classmethod
+    def now(cls, tz=None):
+        return datetime.now(tz) + timedelta(1)
+
+
+def test_a_second_ctrl_c_abandons_the_tiles_in_flight_also_where_the_clock_was_set_back(
+    tmp_path, monkeypatch
+):
     begun = tmp_path / "begun"
+    # The certificate of driver and worker was made before that.
+    clock = SimpleNamespace(datetime=Tomorrow, timedelta=timedelta, timezone=timezone)
+    monkeypatch.setattr("distributed.security.datetime", clock)
 
     def interrupt():
         toy.wait_until(begun.exists)
@@ -254,11 +219,11 @@ def test_a_series_of_sweeps_shares_one_line_of_progress_and_repeats_nothing(here
 
 
 def test_a_store_that_is_deleted_under_way_ends_the_sweep_with_one_message(here, tmp_path):
-    plan, out, away = toy.cube(7, 7, tile=1), tmp_path / "out", tmp_path / "away"
+    plan, out, away = toy.cube(5, 5, tile=1), tmp_path / "out", tmp_path / "away"
     # A worker that finds what another one has just written anew misses the metadata there.
     said = "out: .* does not exist|was moved, or deleted|out/toy.zarr are damaged"
     with pytest.raises((store.StoreFailed, store.Refused), match=said):
-        toy.watched_sweep(here, out, plan, {9: partial(out.rename, away)})
+        toy.watched_sweep(here, out, plan, {5: partial(out.rename, away)})
     assert len(toy.commit_times(out)) <= 2  # what the workers were writing
     for place in (away, out):  # tiles that were in flight may lie in the second without metadata
         assert toy.watched_sweep(here, place, plan).remaining == 0
@@ -285,13 +250,13 @@ def test_the_same_command_resumes_after_its_folder_was_deleted_under_way(tmp_pat
 
 
 def test_a_tile_that_is_gone_at_the_end_is_no_success(here, tmp_path):
-    plan = toy.cube(7, 7, tile=1)
+    plan = toy.cube(5, 5, tile=1)
 
     def lose_one():
         next(iter(toy.commit_times(tmp_path))).unlink()
 
     with pytest.raises(store.StoreFailed, match="1 tiles that were written are gone"):
-        toy.watched_sweep(here, tmp_path, plan, {9: lose_one})
+        toy.watched_sweep(here, tmp_path, plan, {5: lose_one})
     assert toy.watched_sweep(here, tmp_path, plan).committed == 1
     toy.assert_complete(tmp_path, plan)
 
@@ -335,6 +300,50 @@ def test_workers_listen_on_loopback_only_and_to_their_own_driver_alone(client):
             spoke += 1
             assert secret.recv(99) == b""
     assert spoke >= 3
+
+
+def during(out, act):
+    """Start a thread that acts when the first tile is committed."""
+
+    def wait_and_act():
+        toy.wait_until(lambda: toy.commit_times(out))
+        act()
+
+    thread = threading.Thread(target=wait_and_act)
+    thread.start()
+    return thread
+
+
+def test_workers_are_deaf_to_ctrl_c_and_without_any_a_sweep_waits_for_others_or_gives_up(
+    client, tmp_path, monkeypatch
+):
+    """The last one that needs the worker: it is sent away."""
+    here, elsewhere = tmp_path / "here", tmp_path / "elsewhere"
+    plan, told, processes = toy.cube(seconds=0.1), [], client().cluster
+    worker = client().submit(os.getpid, pure=False).result(timeout=60)
+    os.kill(worker, signal.SIGINT)
+    assert client().submit(os.getpid, pure=False).result(timeout=60) == worker
+    monkeypatch.setattr(submit, "print", lambda words, file: told.append(words), raising=False)
+    monkeypatch.setattr(submit, "_PATIENCE", 0.2)
+    monkeypatch.setattr(submit, "_ROLL_CALL", 0.1)
+
+    def come_and_go():
+        processes.scale(0)
+        toy.wait_until(lambda: told)
+        processes.scale(1)
+
+    # Of a scheduler elsewhere they are waited for, as its queue may start others.
+    leaver = during(elsewhere, come_and_go)
+    address, tls = client().scheduler.address, cluster.credentials(client(), tmp_path)
+    with connect(address, tls=tls) as guest:
+        assert toy.run(guest, elsewhere, plan).remaining == 0
+    leaver.join()
+    assert told == ["no workers are left; waiting until some join"]
+    leaver = during(here, lambda: processes.scale(0))
+    with pytest.raises(ConnectionError, match="no workers are left; run again to resume"):
+        toy.run(client, here, toy.cube(seconds=0.5))
+    leaver.join()
+    assert 0 < len(toy.commit_times(here)) < 20
 
 
 def test_workers_that_are_slow_to_end_are_no_failure_of_what_they_did(monkeypatch):

@@ -187,7 +187,11 @@ def run(*arguments):
         (("0.526", "0.69"), ["BARRIER", "omega = [0;1,3,(1)]", "certified"]),
         (("1.5", "-1.5"), ["TRANSPORT", "Direct iteration: the orbit from"]),
         (("0", "0"), ["BARRIER", "without kicks"]),
-        (("0.7", "0.7", "--prove"), ["BARRIER", "proved for exactly", "A barrier exists"]),
+        pytest.param(
+            ("0.7", "0.7", "--prove"),
+            ["BARRIER", "proved for exactly", "A barrier exists"],
+            marks=pytest.mark.slow,
+        ),
         (("1e-310", "0"), ["BARRIER", "is not known: no breakup found"]),
     ],
 )

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import xarray as xr
+from cases import thirds
 from oracles import KAPPA_G
 
 from workflows.figures.style import names_of
@@ -12,16 +13,18 @@ from workflows.work_precision.methods import METHODS, PROFILES, judged
 
 NAMES = ["cones", "circle", "continuation", "crossing", "residue", "barriers"]
 EFFORTS = {"cones": [100, 1000, 10_000], "circle": [64, 256, 1024], "barriers": [1e-2, 3e-3, 1e-3]}
+EFFORTS |= {"crossing": [30, 100, 300, 1000], "residue": [30, 100, 300, 1000]}
+EFFORTS |= {"continuation": [1e-1, 1e-2, 1e-3, 1e-4]}
 
 
-@pytest.fixture(scope="module")
-def measured():
-    """The better methods on two rays, with small efforts."""
+@pytest.fixture(scope="module", params=thirds([("0", "30"), ("0", "three-kicks")]))
+def measured(request):
+    """The better methods on two rays, with and without a symmetry, with small efforts."""
     with pytest.MonkeyPatch.context() as patch:
         for name, efforts in EFFORTS.items():
             patch.setattr(METHODS[name], "efforts", efforts)
         patch.setattr(measure, "timed", lambda run, *arguments: (run(*arguments), 1.0))
-        cube = measure.plan(["0", "30", "three-kicks"], NAMES, quick=False)
+        cube = measure.plan(request.param, NAMES, quick=False)
         return measure.measure(cube.template, NAMES)
 
 
