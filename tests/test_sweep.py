@@ -19,17 +19,20 @@ from importlib.metadata import version
 from types import SimpleNamespace
 
 import click
+import dask
 import numpy as np
 import psutil
 import pytest
 import toy
 from cases import thirds
+from dask.utils import parse_timedelta
 from distributed import Client
 from test_memory import glibc, kept
 
 import workflows.shared.run
 from pipeline import store
 from pipeline.sweep import cluster, submit
+from pipeline.sweep import sweep as sweeps
 from pipeline.sweep.cluster import ClusterError, connect
 from pipeline.sweep.progress import Progress
 from pipeline.sweep.sweep import _complaint, _pack, sweep
@@ -103,9 +106,18 @@ def test_an_invalid_cost_falls_back_to_a_default(here, tmp_path, cost):
     assert "nan" not in log.getvalue()
 
 
-def test_a_tile_that_kills_its_workers_fails_alone_and_they_are_started_again(client, tmp_path):
-    plan = toy.cube(poison=[0.0, -1.0])
-    outcome = toy.run(client, tmp_path, plan)
+@pytest.mark.parametrize("attempts", thirds([1, 2]))
+def test_a_tile_that_kills_its_workers_fails_alone_and_they_are_started_again(
+    client, tmp_path, monkeypatch, attempts
+):
+    assert sweeps._ATTEMPTS_ALONE == 2
+    client()  # of which dask keeps a worker that takes long to start, as long as the sweep does
+    given_up_after = parse_timedelta(dask.config.get("distributed.deploy.lost-worker-timeout"))
+    assert given_up_after >= submit._STARTING
+    monkeypatch.setattr(sweeps, "_ATTEMPTS_ALONE", attempts)
+    outcome = toy.run(client, tmp_path, toy.cube(poison=[0.0, -1.0], pids=str(tmp_path / "pids")))
+    # The first, one for each attempt, and one for what was sent with the tile at first.
+    assert len({*(tmp_path / "pids").read_text().split()}) == 2 + attempts
     assert list(outcome.failed) == [(0, 0)]
     assert "its worker died" in outcome.failed[0, 0]
     assert (outcome.committed, outcome.remaining) == (19, 1)

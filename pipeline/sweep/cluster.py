@@ -30,6 +30,8 @@ _QUIET = {
     "distributed.admin.system-monitor.interval": "10s",
 }
 _LOCAL = {
+    # Dask would give up a worker for good that takes 15 s to be started again, as at load 20.
+    "distributed.deploy.lost-worker-timeout": "300s",
     # Nothing is served to browsers, which any page or user of this machine could ask.
     "distributed.scheduler.http.routes": [],
     "distributed.worker.http.routes": [],
