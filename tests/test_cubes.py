@@ -10,14 +10,23 @@ import pytest
 import xarray as xr
 from cases import thirds
 
-from nasm import barriers, numbers
+from nasm import barriers, numbers, proofs
 from nasm import escape as method
 from nasm.critical import Status
 from nasm.numbers import moebius
 from nasm.planes import Plane, plane_of, rotating, three_kicks, two_kicks
 from nasm.symmetries import ray
 from pipeline import store
-from pipeline.cubes import barrier, beyond, breakdown, escape, forcings, robustness, rotating_maps
+from pipeline.cubes import (
+    barrier,
+    beyond,
+    breakdown,
+    escape,
+    forcings,
+    proved_map,
+    robustness,
+    rotating_maps,
+)
 from pipeline.cubes.cube import NOT_COMPUTED, status_code
 from pipeline.store import tile_counts
 from pipeline.sweep.grid import Axis
@@ -185,3 +194,12 @@ def test_the_cost_of_a_tile_is_predicted_within_its_order_of_magnitude():
         costs.append(job.predict(coords, job.cube.settings))
     assert costs[0] == pytest.approx(8 * 8 * 64 * 20_000 * 0.8e-9)
     assert costs[1] < costs[0] / 100
+
+
+@pytest.mark.parametrize(("half", "told"), [(1 / 64, ""), (1 / 65, "1 cells are called proved")])
+def test_a_cell_is_certified_only_by_a_certificate_that_holds_all_of_it(half, told):
+    proved = ("kappa2", "kappa1"), [[proofs.cells.TRANSPORT]]
+    tile = xr.Dataset({"proved": proved}, {"kappa1": [1.0], "kappa2": [0.5]}, {"cells": 32})
+    certificate = {"kappa": [(1.0).hex(), (0.5).hex()], "half_width": [half.hex()] * 2}
+    assert proved_map.uncertified(tile, [certificate]).startswith(told)
+    assert bool(proved_map.uncertified(tile, [certificate])) == bool(told)
