@@ -34,17 +34,11 @@ def ranges(circles, barrier):
     starts = np.flatnonzero(np.append(True, names[1:] != names[:-1]))
     rows = []
     for start, end in zip(starts, [*starts[1:], names.size], strict=True):
-        run = slice(start, end)
-        short = [_shortfall(circles, wedge.isel(angle=run), name) for name in NAMES]
-        rows.append(
-            {
-                "from": float(angles[start]),
-                "to": float(angles[end - 1]),
-                "circle": str(names[start]),
-                "bracket": float(bracket[run].max()),
-                "short": dict(zip(NAMES, short, strict=True)),
-            }
-        )
+        ends = {"from": float(angles[start]), "to": float(angles[end - 1])}
+        found = {"circle": str(names[start]), "bracket": float(bracket[start:end].max())}
+        here = wedge.isel(angle=slice(start, end))
+        short = {name: _shortfall(circles, here, name) for name in NAMES}
+        rows.append(ends | found | {"short": short})
     return rows
 
 

@@ -54,15 +54,13 @@ def write_page(run, claims, errata, rows, sentences, command):
 
 def write_tables(run, claims, errata, rows):
     """Write OUT/claims.csv, OUT/errata.csv and OUT/envelope.csv; OUT/claims.txt counts them."""
-    envelope = DataFrame([{**row, **row["short"]} for row in rows]).drop(columns="short")
-    for name, table in (
-        (
-            "claims",
-            DataFrame([{**vars(claim), "verdict": claim.verdict.value} for claim in claims]),
-        ),
-        ("errata", DataFrame([{**vars(erratum), "shown": erratum.shown} for erratum in errata])),
-        ("envelope", envelope),
-    ):
-        table.to_csv(run.path("tables", f"{name}.csv"), index=False)
+    tables = {
+        "claims": [{**vars(claim), "verdict": claim.verdict.value} for claim in claims],
+        "errata": [{**vars(erratum), "shown": erratum.shown} for erratum in errata],
+        "envelope": [{**row, **row["short"]} for row in rows],
+    }
+    for name, table in tables.items():
+        frame = DataFrame(table).drop(columns="short", errors="ignore")
+        frame.to_csv(run.path("tables", f"{name}.csv"), index=False)
     words = f"{counted(claims, errata)}\n"
     Path(run.out, "claims.txt").write_text(words, encoding="utf-8")
