@@ -83,4 +83,4 @@ def _compute(coords, settings):
 
 
 def _predict(coords, settings):
-    return np.sum(5e-4 * (20 + settings["tries"]) + 3e-4 * coords["period"] ** 2.0)
+    return np.sum(2e-4 * (20 + settings["tries"]) + 3e-4 * coords["period"] ** 2.0)

@@ -37,7 +37,7 @@ def main(run, forcings, climbs, smallest, quick):
     bounds = against_constant("tolerance_random", study.random(forcings), ripple, golden)
     starts = study.starts(climbs)
     climbed = against_constant("tolerance_climbs", starts, "seed of the climb", golden, tries=500)
-    with run.sweeping(ripples, bounds, climbed, seconds=5 if quick else 130):
+    with run.sweeping(ripples, bounds, climbed, seconds=5 if quick else 170):
         cube = study.with_loss(with_circles(run.sweep(ripples)))
         tried, summits = run.sweep(bounds).load(), run.sweep(climbed).load()
         laws = study.laws((2,) if quick else study.PERIODS)
