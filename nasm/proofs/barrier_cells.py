@@ -34,9 +34,9 @@ from nasm.numbers import RotationNumber, checked
 from nasm.proofs.barrier import (
     Grid,
     both_sides,
+    concluded,
     correction,
     decay,
-    inequalities,
     need_flint,
     norm,
     refined,
@@ -443,39 +443,26 @@ def _verified(centre, C):
     """
     sizes = _Sizes(centre, C)
 
-    def left_sides(rho, hat, inverse):
+    def with_widths(rho, hat, inverse):
         found = _constants(sizes, arb(rho), hat)
-        found["p"] = inverse(rho, found)
-        eps = sum(a * b for a, b in zip(found["n"], found["error"], strict=True))
-        numbers = (found[name] for name in "npk")
-        failed, left = inequalities(centre.grid.omega, sizes.kappa, arb(rho), eps, *numbers)
-        return failed, left, found
+        numbers = found["error"], found["n"], inverse(rho, found["moved"]), found["k"]
+        return concluded(centre.grid.omega, sizes.kappa, arb(rho), *numbers)
 
-    def guessed(rho, found):
-        size = centre.inverse(rho)
-        moved = np.array([float(x) for x in found["moved"]])
+    def guessed(rho, moved):
+        size, moved = centre.inverse(rho), np.array(moved, dtype=float)
         return [arb(x) for x in (size / np.maximum(1 - 0.7 * moved * size, 0.01)).tolist()]
 
     best, chosen = inf, None
     for hat in (centre.rate * _PARTS).tolist():
         for rho in (hat * _RHOS).tolist():
-            _, left, _ = left_sides(rho, hat, guessed)
-            worst = max(32 * float(left["ratio"].mid()), 100 * float(left["room"].mid()))
+            left = with_widths(rho, hat, guessed)["constants"]
+            worst = max(32 * left["ratio"], 100 * left["room"])
             if worst < best:
                 best, chosen = worst, (rho, hat)
     if not best < 10:
         return {"proved": False, "why": f"not proved: the residual is {best:.1e} times too large"}
-    failed, left, found = left_sides(
-        *chosen, lambda rho, _: [_bound_of_the_inverse(sizes, j, rho) for j in (0, 1)]
-    )
-    found.pop("moved")
-    constants = left | {name: balls[0].max(balls[1]) for name, balls in found.items()}
-    return {
-        "proved": not failed,
-        "why": f"not proved: inequalities of the theorem fail: {', '.join(failed)}" * bool(failed),
-        "rho": chosen[0],
-        "constants": {name: float(_above(x.upper())) for name, x in constants.items()},
-    }
+    bounded = partial(_bound_of_the_inverse, sizes)
+    return with_widths(*chosen, lambda rho, _: [bounded(j, rho) for j in (0, 1)])
 
 
 # --- what need not be right: the polynomial -------------------------------------------------------
