@@ -17,7 +17,8 @@ def main(run, angles, seconds, quick):
     """Proved brackets of the last barrier: two cubes, a table and a figure in OUT.
 
     Needs the extra `proof`. The defaults take about three minutes on two cores, for brackets 0.12
-    to 0.32% wide on four rays that were tried; with --seconds 8, in some eleven, 0.05 to 0.08% on six.
+    to 0.32% wide on four rays that were tried; with --seconds 8, in some eleven, 0.05 to 0.08% on
+    six.
     """
     import numpy as np
 
