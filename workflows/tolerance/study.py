@@ -74,7 +74,8 @@ def laws(periods):
 
     After h renormalisations of each mode of the cycle the loss is δ^h as large, and the ripple as
     the responses say. measured: by the losses of circles, and of those `finer`, along the cycle,
-    for the P in `periods`; its error is how much it changes from larger ripples.
+    for the P in `periods`; its error is how much it changes from larger ripples, and what a change
+    of the first loss by its own part would do: corrections to the law are of that order.
     """
     found = np.full((4, len(PERIODS)), np.nan)
     for row, period in zip(found.T, PERIODS, strict=True):
@@ -84,29 +85,30 @@ def laws(periods):
         row[:2] = predicted[0], abs(predicted[0] - predicted[1])
         if period in periods:
             falls = np.sum([_falls(period, mode) for mode in cycle], axis=0)
-            larger, smaller = falls / rates[0] / _ROUNDS.get(period, 1)
-            row[2:] = smaller, abs(smaller - larger)
+            larger, smaller, loss = falls / rates[0] / _ROUNDS.get(period, 1)
+            row[2:] = smaller, abs(smaller - larger) + loss
     labels = {
         "predicted": "exponent ln δ/ln λ",
         "predicted_error": "what longer orbits changed of it",
         "measured": "exponent of a circle's loss, over a repeat",
-        "measured_error": "its change from larger ripples",
+        "measured_error": "its change from larger ripples, and corrections of the loss's order",
     }
     columns = {k: ("period", row, labels[k]) for k, row in zip(labels, found, strict=True)}
     return dataset("The law of ripples", {"period": (PERIODS, "kicks in a period")}, columns)
 
 
 def _falls(period, mode):
-    """By how much ln of the loss falls from each of two ripples to the finer one of it."""
+    """By how much ln of the loss falls from each of two ripples to the finer one of it; and the
+    loss by the second ripple."""
     if (period, mode) not in _CIRCLES:
-        return np.nan, np.nan
+        return np.full(3, np.nan)
     circle, *sizes = _CIRCLES[period, mode]
     fine, factor = (circle, mode), 1.0
     for _ in range(_ROUNDS.get(period, 1)):
         rate, _, turned = growth(period, fine[1])
         fine, factor = finer(fine[0], period, fine[1]), (-1) ** turned * np.exp(-rate) * factor
     losses = [[_loss(period, circle, mode, d), _loss(period, *fine, factor * d)] for d in sizes]
-    return -np.diff(np.log(losses)).ravel()
+    return np.append(-np.diff(np.log(losses)), losses[1][0])
 
 
 def _loss(period, circle, mode, d):
@@ -141,7 +143,7 @@ def _law(laws):
     )
     vague = ", ".join(map(str, laws.period.values[~sharp]))
     words = f"from a ripple to the next repeat of the law the loss has the exponents {said}, as "
-    words += "measured (predicted), with the changes from larger ripples (shorter orbits) as errors"
+    words += "measured (predicted), errors by larger ripples and the loss itself (shorter orbits)"
     words += f"; errors above a tenth, or none, settle nothing for P = {vague}" if vague else ""
     claim = "A ripple costs what renormalisation predicts, a power of it that depends on P:"
     fits = bool(agree[sharp].all())
