@@ -74,7 +74,8 @@ def pages(chromium, url):
     failures, contexts = [], []
 
     def opened(query="", width=1400):
-        context = chromium.new_context(viewport={"width": width, "height": 900})
+        view = {"width": width, "height": 900}
+        context = chromium.new_context(viewport=view, base_url=url)
         contexts.append(context)
         tab = context.new_page()
         tab.set_default_timeout(PATIENCE)
@@ -88,13 +89,6 @@ def pages(chromium, url):
     for context in contexts:
         context.close()
     assert [str(failure) for failure in failures] == []
-
-
-@pytest.fixture
-def page(chromium, served):
-    """The function of `pages`, for one test."""
-    with pages(chromium, served[0]) as opened:
-        yield opened
 
 
 def wait(tab, condition, argument=None, timeout=PATIENCE):

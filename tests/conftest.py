@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 import toy
-from browser import chromium, page, served, store  # noqa: F401
+from browser import chromium, served, store  # noqa: F401
 from hypothesis import settings
 from matplotlib.figure import Figure
 

@@ -306,11 +306,11 @@ def test_the_boundary_on_a_ray_is_known_where_the_rays_begin_without_kicks():
         state = State(forcings)
         state.move(0.3, 0.2)
         assert state.boundary is None
-        state.judge(found)
+        state.take(verdict=found)
         assert (state.boundary is not None) == known
     state = State(two_kicks())
     state.move(0.3, 0.2)
-    state.judge(verdict(state.kappa))
+    state.take(verdict=verdict(state.kappa))
     state.move(*state.boundary)
     near = barriers.critical_scale(state.kappa, 1e-3)
     assert near.value == pytest.approx(1, abs=1e-6)

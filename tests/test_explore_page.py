@@ -5,7 +5,7 @@ import re
 from contextlib import suppress
 from http.client import HTTPConnection, HTTPException
 from itertools import product, takewhile
-from urllib.parse import parse_qs, urlparse
+from urllib.parse import parse_qs, urlencode, urlparse
 
 import numpy as np
 import psutil
@@ -61,6 +61,14 @@ def told(tab, words, timeout=PATIENCE):
     return line.inner_text()
 
 
+def at(tab, **parts):
+    """Go to an address of the page, if it shows another one: that of KAPPA, but for these parts."""
+    parts = {"k1": KAPPA[0], "k2": KAPPA[1], "n": 100} | parts
+    if asked(tab) != {name: str(value) for name, value in parts.items()}:
+        tab.goto("/?" + urlencode(parts))
+        wait(tab, "window.Bokeh?.documents[0]?.is_idle")
+
+
 @pytest.fixture(scope="module")
 def opened(chromium, served):
     """The page at KAPPA, when its verdict and its portrait are there; and the verdict in words."""
@@ -109,164 +117,6 @@ def seen_at(image, box, x, y):
     column = ((x - left) % 1 / width * columns).astype(int)
     inside = (row < rows) & (column < columns)
     return image[row[inside], column[inside]]
-
-
-def test_a_link_in_another_tab_shows_the_same(page):
-    tab = page("?k1=0.25&k2=-0.125&n=200", 900)
-    fields = tab.get_by_role("textbox")
-    assert [fields.nth(i).input_value() for i in (0, 1)] == ["0.25", "-0.125"]
-    left, top, width, height = picture(tab, PLANE)
-    insist(
-        lambda: tab.mouse.click(left + 0.75 * width, top + 0.25 * height),
-        lambda timeout: wait(tab, "!location.search.includes('k1=0.25&')", timeout=timeout),
-    )
-    there = asked(tab)
-    assert float(there["k1"]) == pytest.approx(0.575, abs=0.01)
-    assert float(there["k2"]) == pytest.approx(0.575, abs=0.01)
-    assert there["n"] == "200"
-    start, end = [(left + a * width, top + b * height) for a, b in ((0.75, 0.25), (0.5, 0.3))]
-    moved = "new URLSearchParams(location.search).get('k1') < 0.1"
-    insist(lambda: drag(tab, start, end), lambda timeout: wait(tab, moved, timeout=timeout))
-    assert float(asked(tab)["k2"]) == pytest.approx(0.46, abs=0.02)
-    for label, part in ((PLANE, "a"), ("Phase portrait", "x")):
-        left, top, width, height = picture(tab, label)
-        tab.mouse.move(left + width / 2, top + height / 2)
-        tab.mouse.wheel(0, -300)
-        wait(tab, f"new URLSearchParams(location.search).has('{part}')")
-    type_in(tab, "Orbits added", "0.5, 0.3; 0.25, 0.1")
-    tab.get_by_label("symmetry lines").check()
-    wait(tab, "location.search.endsWith('show=boundary,symmetry')")
-    done = "!/plane|portrait|view|cubes/.test(Bokeh.documents[0].get_model_by_name('status').text)"
-    wait(tab, done)
-    type_in(tab, "where the circle", "[0;2,(1)]")  # its rays take long
-    until(tab, "omega", "[0;2,(1)]")
-    again = page("?" + urlparse(tab.url).query, 900)  # two tabs at once
-    wait(again, "Bokeh.documents[0].get_model_by_name('times').data.values[0].length > 1")
-    wait(again, done)
-    assert asked(again) == asked(tab)
-    assert asked(tab).keys() == {*"abxy", "k1", "k2", "n", "omega", "orbits", "show"}
-    for name in ("times", "orbits", "symmetry", "point"):
-        toy.wait_until(lambda name=name: columns(again, name) == columns(tab, name))
-    for label in ("where the circle", "Orbits added"):
-        texts = [one.get_by_label(label).input_value() for one in (tab, again)]
-        assert texts[0] == texts[1] != ""
-
-
-# What has the focus, in whichever part of the page, by the name that a screen reader says.
-_FOCUS = """() => {
-    let at = document.activeElement
-    while (at.shadowRoot?.activeElement) at = at.shadowRoot.activeElement
-    return at.getAttribute("aria-label") || at.title || at.labels?.[0]?.innerText || at.innerText
-}"""
-
-
-def test_the_keyboard_reaches_all_in_order_moves_the_forcing_and_back_undoes_it(page):
-    tab, said = page("?k1=0.25&k2=-0.125&n=100", 900), []
-    told(tab, "BARRIER at")  # so that it can be asked where the boundary is
-    while not said or said[-1] != "Help":
-        tab.keyboard.press("Tab")
-        said.append(tab.evaluate(_FOCUS))
-        assert len(said) < 60
-    assert all(said)
-    names = (
-        "κ₁",
-        "κ₂",
-        "to the boundary",
-        "N, steps",
-        "link",
-        "plane of forcings",
-        "where the last",
-        "where the circle",
-    )
-    names += "phase portrait", "symmetry lines", "Orbits added", "copy as Python", "netCDF", "Help"
-    places = [[name.startswith(begin) for name in said].index(True) for begin in names]
-    assert places == sorted(places)
-    tab.get_by_role("application", name="plane of forcings").focus()
-    for key in ("ArrowRight", "Shift+ArrowUp"):
-        tab.keyboard.press(key)
-    wait(tab, "location.search.includes('k2=-0.1227')")  # a percent of 2.3, and a tenth of that
-    assert float(asked(tab)["k1"]) == pytest.approx(0.273)
-    assert tab.get_by_label("κ₁").input_value() == "0.273"
-    tab.go_back()
-    wait(tab, "!location.search.includes('k2=-0.1227') && window.Bokeh?.documents[0]?.is_idle")
-    assert float(tab.get_by_label("κ₂").input_value()) == -0.125
-
-
-def test_a_dark_page_follows_the_system_in_pictures_and_fields(page):
-    tab = page("?n=100", 900)
-    paint = """() => [...Bokeh.documents[0]._all_models.values()].flatMap((model) =>
-        model.type == "Figure" ? [model.border_fill_color] :
-        /Axis$/.test(model.type) ? [model.major_label_text_color] : [])"""
-    for scheme, dark in (("light", False), ("dark", True), ("light", False)):
-        tab.emulate_media(color_scheme=scheme)
-        field = tab.get_by_label("κ₁").evaluate("it => getComputedStyle(it).backgroundColor")
-        below = tab.evaluate("getComputedStyle(document.body).backgroundColor")
-        for colour in (field, below):
-            assert (max(map(int, re.findall(r"\d+", colour)[:3])) < 60) == dark, colour
-        paper, ink = ("#16181a", "#ddd") if dark else ("#fff", "#222")
-        assert {*tab.evaluate(paint)} == {paper, ink}
-
-
-def test_on_a_phone_panels_are_stacked_and_a_zoom_to_1e_4_shows_the_escape_times_of_its_pixels(
-    page,
-):
-    tab = page("?n=500", width=390)
-    assert tab.evaluate("document.documentElement.scrollWidth") <= 390
-    left, top, width, height = picture(tab, PLANE)
-    assert width > 250
-    portrait = tab.locator('section[aria-label="Phase portrait"]').bounding_box()
-    assert portrait["y"] > top + height
-    told, lines = (tab.get_by_label(name).bounding_box() for name in ("Verdict", "Lines in the"))
-    assert top + height < told["y"] < min(top + height + 150, lines["y"])
-    tab.mouse.move(left + 0.98 * width, top + 0.47 * height)
-    for _ in range(5):  # ten times as near each
-        tab.mouse.wheel(0, -600)
-    wait(
-        tab,
-        """() => {
-        const shown = Bokeh.documents[0].get_model_by_name("times").data
-        return shown.da[0] < 1e-4 && shown.values[0].some(Number.isFinite)
-    }""",
-    )
-    ready(tab, but="boundary")
-    shown = columns(tab, "times")
-    shape = tab.evaluate("Bokeh.documents[0].get_model_by_name('times').data.values[0].shape")
-    times = np.reshape(shown["values"][0], shape)
-    assert np.isfinite(times).mean() > 0.9
-    # The last bit of a forcing decides over n*. The page tells a side's start and its width, which
-    # leave its end open by one bit.
-    ends = [
-        [(shown[low][0], np.nextafter(end, way)) for way in (-np.inf, end, np.inf)]
-        for low, size in (("a", "da"), ("b", "db"))
-        for end in [shown[low][0] + shown[size][0]]
-    ]
-    views = [View(*sides, tuple(shape)) for sides in product(*ends)]
-    assert np.ptp(views[0].a) < 1e-4
-    where = range(0, min(shape), 5)
-    same = [[times[i, i] == escapes(view, i, i, 500) for i in where] for view in views]
-    assert np.all(same, axis=1).any()
-    tab.get_by_role("slider").press("ArrowLeft")
-    until(tab, "n", "200")
-
-
-def test_no_other_site_and_no_other_machine_gets_in(served, chromium):
-    url, process = served
-    tab = chromium.new_page()
-    with tab.expect_response(url) as answer:
-        tab.set_content(f'<iframe src="{url}"></iframe>')
-    assert answer.value.status == 403
-    assert tab.goto(url.replace("localhost", ELSEWHERE)).status == 403
-    assert tab.evaluate("typeof Bokeh") == "undefined"
-    tab.close()
-    main = psutil.Process(process.pid)
-    family = [main, *main.children(recursive=True)]
-    ports = [port.laddr for one in family for port in one.net_connections() if not port.raddr]
-    assert {port.ip for port in ports} == {"127.0.0.1"}
-    for port, path in product(ports, ("/status", "/info/main/workers.html", "/metrics")):
-        with suppress(OSError, HTTPException):  # it speaks no HTTP
-            dask = HTTPConnection(port.ip, port.port, timeout=5)
-            dask.request("GET", path, headers={"Host": ELSEWHERE})
-            assert dask.getresponse().status in (403, 404)  # no dashboard
 
 
 def test_orbits_have_the_colours_of_their_rotation_numbers_and_the_circle_is_certified(opened):
@@ -383,10 +233,230 @@ def test_a_click_adds_an_orbit_and_a_zoom_iterates_what_is_in_the_box(opened):
     assert box_of(tab) == pytest.approx((0.45, 0.24, 0.1, 0.1), abs=0.01)
 
 
+def test_the_forcing_plays_along_the_ray_and_what_is_asked_for_is_drawn(opened):
+    tab, _ = opened
+    at(tab)
+    told(tab, re.compile("breaks? at"))
+    tab.get_by_role("button", name="play", exact=True).click()
+    wait(tab, f"Bokeh.documents[0].get_model_by_name('point').data.a[0] != {KAPPA[0]}")
+    tab.get_by_role("button", name="stop").click()  # it plays for 9 s or more
+    wait(tab, "Bokeh.documents[0].get_model_by_name('residues').data.residue.length == 3")
+    tab.get_by_role("button", name="play", exact=True).wait_for()
+    wait(tab, "!location.search.includes('k1={}&k2={}')".format(*KAPPA))
+    end = np.array(KAPPA) * 1.15 / KAPPA[0]
+    found = columns(tab, "residues")
+    for name, parts, values in zip(
+        *(found[key] for key in ("orbit", "at", "residue")), strict=True
+    ):
+        p, q = map(int, "".join(name).split("/"))
+        assert values[30] == pytest.approx(periodic.residue(parts[30] * end, p, q), rel=1e-4)
+    type_in(tab, "κ₁", "0.9")
+    tab.get_by_label("manifolds").check()
+    type_in(tab, "Orbits of a fraction", "1/2")
+    assert "through its upper edge" in told(tab, "Turnstiles of 1/2")
+    assert len(columns(tab, "unstable")["x"]) > 100
+    tab.get_by_role("button", name="spread an ensemble").click()
+    told(tab, "after 8192 periods")
+    counts = columns(tab, "variance")["n"]
+    assert counts == [2**i for i in range(len(counts))]
+    left, top, width, height = picture(tab, PLANE)
+    section = tab.get_by_label(PLANE)
+    section.get_by_title("Box Zoom").click()
+    point = columns(tab, "point")
+    start, end = [(left + part * width, top + part * height) for part in (0.25, 0.5)]
+    insist(
+        lambda: drag(tab, start, end),
+        lambda timeout: wait(tab, "/[?&]a=/.test(location.search)", timeout=timeout),
+    )
+    assert columns(tab, "point") == point  # the tool had the drag
+
+
+# What has the focus, in whichever part of the page, by the name that a screen reader says.
+_FOCUS = """() => {
+    let at = document.activeElement
+    while (at.shadowRoot?.activeElement) at = at.shadowRoot.activeElement
+    return at.getAttribute("aria-label") || at.title || at.labels?.[0]?.innerText || at.innerText
+}"""
+
+
+def test_the_keyboard_reaches_all_in_order_moves_the_forcing_and_back_undoes_it(opened):
+    tab, said = opened[0], []
+    at(tab)
+    told(tab, "BARRIER at")  # so that it can be asked where the boundary is
+    tab.locator("h1").click()  # the keyboard begins at the top
+    while not said or said[-1] != "Help":
+        tab.keyboard.press("Tab")
+        said.append(tab.evaluate(_FOCUS))
+        assert len(said) < 60
+    assert all(said)
+    names = (
+        "κ₁",
+        "κ₂",
+        "to the boundary",
+        "N, steps",
+        "link",
+        "plane of forcings",
+        "where the last",
+        "where the circle",
+    )
+    names += "phase portrait", "symmetry lines", "Orbits added", "copy as Python", "netCDF", "Help"
+    places = [[name.startswith(begin) for name in said].index(True) for begin in names]
+    assert places == sorted(places)
+    tab.get_by_role("application", name="plane of forcings").focus()
+    for key in ("ArrowRight", "Shift+ArrowUp"):
+        tab.keyboard.press(key)
+    wait(tab, "location.search.includes('k2=0.4023')")  # a percent of 2.3, and a tenth of that
+    assert float(asked(tab)["k1"]) == pytest.approx(0.523)
+    assert tab.get_by_label("κ₁").input_value() == "0.523"
+    tab.go_back()
+    wait(tab, "!location.search.includes('k2=0.4023') && window.Bokeh?.documents[0]?.is_idle")
+    assert float(tab.get_by_label("κ₂").input_value()) == KAPPA[1]
+
+
+def test_a_dark_page_follows_the_system_in_pictures_and_fields(opened):
+    tab, _ = opened
+    paint = """() => [...Bokeh.documents[0]._all_models.values()].flatMap((model) =>
+        model.type == "Figure" ? [model.border_fill_color] :
+        /Axis$/.test(model.type) ? [model.major_label_text_color] : [])"""
+    for scheme, dark in (("light", False), ("dark", True), ("light", False)):
+        tab.emulate_media(color_scheme=scheme)
+        field = tab.get_by_label("κ₁").evaluate("it => getComputedStyle(it).backgroundColor")
+        below = tab.evaluate("getComputedStyle(document.body).backgroundColor")
+        for colour in (field, below):
+            assert (max(map(int, re.findall(r"\d+", colour)[:3])) < 60) == dark, colour
+        paper, ink = ("#16181a", "#ddd") if dark else ("#fff", "#222")
+        assert {*tab.evaluate(paint)} == {paper, ink}
+
+
+def test_beyond_the_boundary_a_click_shows_the_start_that_lives_longest_next_to_it_nothing(opened):
+    value = barriers.critical_scale((1.0, 1.0), 1e-3).value
+    tab, _ = opened
+    at(tab, k1=value, k2=value)
+    assert told(tab, re.compile("computing the verdict|UNDECIDED"))
+    words = told(tab, "UNDECIDED at")
+    assert "neither a barrier nor transport could be shown" in words
+    left, top, width, height = picture(tab, PLANE)
+    words = insist(
+        lambda: tab.mouse.click(left + 0.93 * width, top + 0.3 * height),
+        lambda timeout: told(tab, "TRANSPORT at", timeout),
+    )
+    point = re.search(r"\(kappa1, kappa2\) = \(([^,]*), ([^)]*)\)", words).groups()
+    kappa = np.array(point, float)
+    assert kappa == pytest.approx([0.86 * 1.15, 0.4 * 1.15], abs=0.02)
+    settled(tab)
+    x, y, steps = barriers.remnant(kappa, 1000)
+    found = columns(tab, "longest_lived")
+    traced = orbits.orbit(kappa, x, y, int(steps))
+    dots = np.size(found["x"])
+    np.testing.assert_allclose(found["x"], traced[0][:dots] % 1, rtol=0, atol=1e-12)
+    assert min(traced[0].size, 20) <= dots < picture(tab, "Phase portrait")[2] / 5
+    drawn = tab.evaluate("""[...Bokeh.documents[0]._all_models.values()]
+        .filter(({data_source}) => data_source?.name == "longest_lived")
+        .map(({glyph}) => [glyph.type, glyph.fill_color.value])""")
+    assert drawn == [["Scatter", "black"]]
+    assert "Not a barrier: the start that lives longest" in told(tab, "of them chaotic")
+    assert f"eliminated after {steps:g} steps" in words
+    (scale,) = re.findall(r"It breaks at (\S+) times these strengths", words)
+    told_below = f"beyond the boundary, which is at {scale} times these strengths"
+    tab.get_by_text(told_below).wait_for()
+    assert columns(tab, "circle")["x"] == []
+    assert np.mean(pixels(tab) == 1) > 0.2  # chaos
+    tab.get_by_role("button", name="to the boundary").click()
+    wait(tab, f"!location.search.includes('k1={kappa[0]}&')")
+    there = [float(asked(tab)[name]) for name in ("k1", "k2")]
+    assert there == pytest.approx(kappa * float(scale), rel=1e-9)
+
+
+def test_a_link_in_another_tab_shows_the_same(opened, chromium, served):
+    tab, _ = opened
+    at(tab)
+    left, top, width, height = picture(tab, PLANE)
+    insist(
+        lambda: tab.mouse.click(left + 0.75 * width, top + 0.25 * height),
+        lambda timeout: wait(tab, f"!location.search.includes('k1={KAPPA[0]}&')", timeout=timeout),
+    )
+    there = asked(tab)
+    assert float(there["k1"]) == pytest.approx(0.575, abs=0.01)
+    assert float(there["k2"]) == pytest.approx(0.575, abs=0.01)
+    start, end = [(left + a * width, top + b * height) for a, b in ((0.75, 0.25), (0.5, 0.3))]
+    moved = "new URLSearchParams(location.search).get('k1') < 0.1"
+    insist(lambda: drag(tab, start, end), lambda timeout: wait(tab, moved, timeout=timeout))
+    assert float(asked(tab)["k2"]) == pytest.approx(0.46, abs=0.02)
+    for label, part in ((PLANE, "a"), ("Phase portrait", "x")):
+        left, top, width, height = picture(tab, label)
+        tab.mouse.move(left + width / 2, top + height / 2)
+        tab.mouse.wheel(0, -300)
+        wait(tab, f"new URLSearchParams(location.search).has('{part}')")
+    type_in(tab, "Orbits added", "0.5, 0.3; 0.25, 0.1")
+    tab.get_by_label("symmetry lines").check()
+    wait(tab, "location.search.endsWith('show=boundary,symmetry')")
+    done = "!/plane|portrait|view|cubes/.test(Bokeh.documents[0].get_model_by_name('status').text)"
+    wait(tab, done)
+    type_in(tab, "where the circle", "[0;2,(1)]")  # its rays take long
+    until(tab, "omega", "[0;2,(1)]")
+    with pages(chromium, served[0]) as page:
+        again = page("?" + urlparse(tab.url).query, 900)  # two tabs at once
+        wait(again, "Bokeh.documents[0].get_model_by_name('times').data.values[0].length > 1")
+        wait(again, done)
+        assert asked(again) == asked(tab)
+        assert asked(tab).keys() == {*"abxy", "k1", "k2", "n", "omega", "orbits", "show"}
+        for name in ("times", "orbits", "symmetry", "point"):
+            toy.wait_until(lambda name=name: columns(again, name) == columns(tab, name))
+        for label in ("κ₁", "κ₂", "where the circle", "Orbits added"):
+            texts = [one.get_by_label(label).input_value() for one in (tab, again)]
+            assert texts[0] == texts[1] != ""
+
+
+def test_on_a_phone_panels_are_stacked_and_a_zoom_to_1e_4_shows_the_escape_times_of_its_pixels(
+    opened,
+):
+    tab, _ = opened
+    tab.set_viewport_size({"width": 390, "height": 900})
+    at(tab, n=500)
+    assert tab.evaluate("document.documentElement.scrollWidth") <= 390
+    left, top, width, height = picture(tab, PLANE)
+    assert width > 250
+    portrait = tab.locator('section[aria-label="Phase portrait"]').bounding_box()
+    assert portrait["y"] > top + height
+    told, lines = (tab.get_by_label(name).bounding_box() for name in ("Verdict", "Lines in the"))
+    assert top + height < told["y"] < min(top + height + 150, lines["y"])
+    tab.mouse.move(left + 0.98 * width, top + 0.47 * height)
+    for _ in range(5):  # ten times as near each
+        tab.mouse.wheel(0, -600)
+    wait(
+        tab,
+        """() => {
+        const shown = Bokeh.documents[0].get_model_by_name("times").data
+        return shown.da[0] < 1e-4 && shown.values[0].some(Number.isFinite)
+    }""",
+    )
+    ready(tab, but="boundary")
+    shown = columns(tab, "times")
+    shape = tab.evaluate("Bokeh.documents[0].get_model_by_name('times').data.values[0].shape")
+    times = np.reshape(shown["values"][0], shape)
+    assert np.isfinite(times).mean() > 0.9
+    # The last bit of a forcing decides over n*. The page tells a side's start and its width, which
+    # leave its end open by one bit.
+    ends = [
+        [(shown[low][0], np.nextafter(end, way)) for way in (-np.inf, end, np.inf)]
+        for low, size in (("a", "da"), ("b", "db"))
+        for end in [shown[low][0] + shown[size][0]]
+    ]
+    views = [View(*sides, tuple(shape)) for sides in product(*ends)]
+    assert np.ptp(views[0].a) < 1e-4
+    where = range(0, min(shape), 5)
+    same = [[times[i, i] == escapes(view, i, i, 500) for i in where] for view in views]
+    assert np.all(same, axis=1).any()
+    tab.get_by_role("slider").press("ArrowLeft")
+    until(tab, "n", "200")
+    tab.set_viewport_size({"width": 900, "height": 900})
+
+
 def test_bad_input_stays_in_its_field_with_words_below_it_and_a_lost_worker_is_replaced(
     opened, served
 ):
     tab, _ = opened
+    at(tab)
     good = {"κ₁": "-0.3", "κ₂": "0.125", "where the circle": "0.618", "Orbits added": "0.5 0.3"}
     good["Orbits of a fraction"] = ""
     for label, text, words in (
@@ -429,82 +499,24 @@ def test_bad_input_stays_in_its_field_with_words_below_it_and_a_lost_worker_is_r
     worker.wait(60)  # it is gone, and not only on its way
 
 
-def test_the_forcing_plays_along_the_ray_and_what_is_asked_for_is_drawn(opened):
-    tab, _ = opened
-    for name, value in zip(["κ₁", "κ₂"], KAPPA, strict=True):
-        type_in(tab, name, str(value))
-    told(tab, "({}, {})".format(*KAPPA))
-    told(tab, re.compile("breaks? at"))
-    tab.get_by_role("button", name="play", exact=True).click()
-    wait(tab, f"Bokeh.documents[0].get_model_by_name('point').data.a[0] != {KAPPA[0]}")
-    tab.get_by_role("button", name="stop").click()  # it plays for 9 s or more
-    wait(tab, "Bokeh.documents[0].get_model_by_name('residues').data.residue.length == 3")
-    tab.get_by_role("button", name="play", exact=True).wait_for()
-    wait(tab, "!location.search.includes('k1={}&k2={}')".format(*KAPPA))
-    end = np.array(KAPPA) * 1.15 / KAPPA[0]
-    found = columns(tab, "residues")
-    for name, parts, values in zip(
-        *(found[key] for key in ("orbit", "at", "residue")), strict=True
-    ):
-        p, q = map(int, "".join(name).split("/"))
-        assert values[30] == pytest.approx(periodic.residue(parts[30] * end, p, q), rel=1e-4)
-    type_in(tab, "κ₁", "0.9")
-    tab.get_by_label("manifolds").check()
-    type_in(tab, "Orbits of a fraction", "1/2")
-    assert "through its upper edge" in told(tab, "Turnstiles of 1/2")
-    assert len(columns(tab, "unstable")["x"]) > 100
-    tab.get_by_role("button", name="spread an ensemble").click()
-    told(tab, "after 8192 periods")
-    counts = columns(tab, "variance")["n"]
-    assert counts == [2**i for i in range(len(counts))]
-    left, top, width, height = picture(tab, PLANE)
-    section = tab.get_by_label(PLANE)
-    section.get_by_title("Box Zoom").click()
-    point = columns(tab, "point")
-    start, end = [(left + part * width, top + part * height) for part in (0.25, 0.5)]
-    insist(
-        lambda: drag(tab, start, end),
-        lambda timeout: wait(tab, "/[?&]a=/.test(location.search)", timeout=timeout),
-    )
-    assert columns(tab, "point") == point  # the tool had the drag
-
-
-def test_beyond_the_boundary_a_click_shows_the_start_that_lives_longest_next_to_it_nothing(page):
-    value = barriers.critical_scale((1.0, 1.0), 1e-3).value
-    tab = page(f"?k1={value}&k2={value}&n=100", 900)
-    assert told(tab, re.compile("computing the verdict|UNDECIDED"))
-    words = told(tab, "UNDECIDED at")
-    assert "neither a barrier nor transport could be shown" in words
-    left, top, width, height = picture(tab, PLANE)
-    words = insist(
-        lambda: tab.mouse.click(left + 0.93 * width, top + 0.3 * height),
-        lambda timeout: told(tab, "TRANSPORT at", timeout),
-    )
-    point = re.search(r"\(kappa1, kappa2\) = \(([^,]*), ([^)]*)\)", words).groups()
-    kappa = np.array(point, float)
-    assert kappa == pytest.approx([0.86 * 1.15, 0.4 * 1.15], abs=0.02)
-    settled(tab)
-    x, y, steps = barriers.remnant(kappa, 1000)
-    found = columns(tab, "longest_lived")
-    traced = orbits.orbit(kappa, x, y, int(steps))
-    dots = np.size(found["x"])
-    np.testing.assert_allclose(found["x"], traced[0][:dots] % 1, rtol=0, atol=1e-12)
-    assert min(traced[0].size, 20) <= dots < picture(tab, "Phase portrait")[2] / 5
-    drawn = tab.evaluate("""[...Bokeh.documents[0]._all_models.values()]
-        .filter(({data_source}) => data_source?.name == "longest_lived")
-        .map(({glyph}) => [glyph.type, glyph.fill_color.value])""")
-    assert drawn == [["Scatter", "black"]]
-    assert "Not a barrier: the start that lives longest" in told(tab, "of them chaotic")
-    assert f"eliminated after {steps:g} steps" in words
-    (scale,) = re.findall(r"It breaks at (\S+) times these strengths", words)
-    told_below = f"beyond the boundary, which is at {scale} times these strengths"
-    tab.get_by_text(told_below).wait_for()
-    assert columns(tab, "circle")["x"] == []
-    assert np.mean(pixels(tab) == 1) > 0.2  # chaos
-    tab.get_by_role("button", name="to the boundary").click()
-    wait(tab, f"!location.search.includes('k1={kappa[0]}&')")
-    there = [float(asked(tab)[name]) for name in ("k1", "k2")]
-    assert there == pytest.approx(kappa * float(scale), rel=1e-9)
+def test_no_other_site_and_no_other_machine_gets_in(served, chromium):
+    url, process = served
+    tab = chromium.new_page()
+    with tab.expect_response(url) as answer:
+        tab.set_content(f'<iframe src="{url}"></iframe>')
+    assert answer.value.status == 403
+    assert tab.goto(url.replace("localhost", ELSEWHERE)).status == 403
+    assert tab.evaluate("typeof Bokeh") == "undefined"
+    tab.close()
+    main = psutil.Process(process.pid)
+    family = [main, *main.children(recursive=True)]
+    ports = [port.laddr for one in family for port in one.net_connections() if not port.raddr]
+    assert {port.ip for port in ports} == {"127.0.0.1"}
+    for port, path in product(ports, ("/status", "/info/main/workers.html", "/metrics")):
+        with suppress(OSError, HTTPException):  # it speaks no HTTP
+            dask = HTTPConnection(port.ip, port.port, timeout=5)
+            dask.request("GET", path, headers={"Host": ELSEWHERE})
+            assert dask.getresponse().status in (403, 404)  # no dashboard
 
 
 # What is timed begins with an event, and ends a frame after the page has changed.

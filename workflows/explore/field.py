@@ -42,7 +42,6 @@ class View:
 
     @property
     def pixel(self):
-        """Width and height of a pixel."""
         return np.array([np.ptp(self.a), np.ptp(self.b)]) / self.shape[::-1]
 
 
@@ -61,33 +60,24 @@ class Field:
     def on(self, view, steps):
         """Return what it knows of {n* ≤ steps} in the view's pixels, NaN elsewhere; and how many
         pixels wide its cells are."""
-        found = np.full(view.shape, np.nan)
-        cells, cell = [], 0.0
-        for axis, centres, width in zip((self.a, self.b), view.centres(), view.pixel, strict=True):
-            step = (axis[-1] - axis[0]) / (axis.size - 1)
-            index = np.rint((centres - axis[0]) / step)
-            cells.append(np.where((index >= 0) & (index < axis.size), index, -1).astype(int))
-            cell = max(cell, step / width)
-        column, row = cells
-        # The slices are read from disk only here.
-        box = [slice(i[i >= 0].min(initial=0), i.max() + 1) for i in (row, column)]
-        part = np.asarray(self.times[tuple(box)])
-        inside = np.ix_(row >= 0, column >= 0)
-        found[inside] = part[
-            np.ix_(row[row >= 0] - box[0].start, column[column >= 0] - box[1].start)
-        ]
+        column, row = map(_cells, (self.a, self.b), view.centres())
+        part = self.times[: row.max() + 1, : column.max() + 1]  # is read from disk only here
+        found = np.pad(part, (0, 1), constant_values=np.nan)[np.ix_(row, column)]
         found[np.isinf(found) & (self.steps < steps)] = np.nan
+        cell = max((self.a[1] - self.a[0], self.b[1] - self.b[0]) / view.pixel)
         # Fewer steps have another boundary.
         return found, cell * max(self.cells, self.apart if steps < self.steps else 1)
 
     def at(self, a, b):
         """Return the time at a point, NaN outside."""
-        cells = [
-            round((value - axis[0]) / (axis[1] - axis[0]))
-            for value, axis in ((b, self.b), (a, self.a))
-        ]
-        inside = all(0 <= i < n for i, n in zip(cells, self.times.shape, strict=True))
-        return self.times[tuple(cells)] if inside else np.nan
+        cell = _cells(self.b, b), _cells(self.a, a)
+        return self.times[cell] if min(cell) >= 0 else np.nan
+
+
+def _cells(axis, values):
+    """Return the cells of equally spaced centres in which values are, -1 outside."""
+    index = np.rint((values - axis[0]) / np.ptp(axis) * (axis.size - 1))
+    return np.where((index >= 0) & (index < axis.size), index, -1).astype(int)
 
 
 def computed(client, plane, view, steps, fields):
@@ -125,10 +115,19 @@ class Quadtree:
 
     def __init__(self, plane, view, steps, fields):
         self.plane, self.view, self.steps = plane, view, steps
-        self.final, self.backdrop, self._coarse = _known(view, steps, fields)
-        self.block = BLOCKS[0]
+        # The times that can stay, those that are too coarse to, and how coarse these are.
+        self.final, self.backdrop = np.full((2, *view.shape), np.nan)
+        self._coarse = np.inf
+        for field in fields:
+            times, cell = field.on(view, steps)
+            if cell <= field.stays:
+                self.final = np.where(np.isnan(self.final), times, self.final)
+            elif self._coarse == np.inf and not np.isnan(times).all():
+                self._coarse = cell
+            self.backdrop = np.where(np.isnan(self.backdrop), times, self.backdrop)
+        self.block, self._images = BLOCKS[0], None
         self._times = np.full([n // self.block for n in view.shape], np.nan)
-        self._begin(np.zeros(self._times.shape, bool), 0)
+        self._wanted = np.zeros(self._times.shape, bool)
 
     def rounds(self):
         """Yield the calls of each round: a deque of (cells, function, forcings, steps).
@@ -154,34 +153,26 @@ class Quadtree:
                 wanted |= escapes if block > 1 else _soonest(escapes, self._seconds(self._times))
                 known[_CUT // 2 :: _CUT, _CUT // 2 :: _CUT] = True  # was the whole block's centre
                 wanted &= ~known
-            self._known = known
             yield from self._round(wanted, steps)
             if block == BLOCKS[1]:  # a short look everywhere, for what is thinner than that
                 yield from self._round(~known & ~wanted, min(steps, _FIRST_STEPS))
+        done = known | wanted
+        while (wanted := _at_boundary(self._times, steps) & ~done).any():  # as pixels move it
+            done |= wanted
+            yield from self._round(wanted, steps)
 
     def accept(self, cells, times):
-        """Take the escape times of the cells of a call; of pixels this may ask for neighbours."""
-        self._found[cells], self._fresh[cells] = times, True
-        if self.block > 1 or self._calls:
-            return
-        rows, columns = np.nonzero(self._fresh[self._images])
-        self._fresh[:] = False
-        near = _beside(rows, columns, self._images.shape)
-        now = self._found[self._images[rows, columns]] <= self.steps
-        differ = (self._times[near] <= self.steps) != now
-        more = np.zeros_like(self._wanted)
-        more[near[0][differ], near[1][differ]] = True
-        more &= ~(self._known | self._wanted)
-        self._wanted |= more
-        self._ask(more)
+        """Take the escape times of the cells of a call."""
+        self._found[cells] = times
 
     def picture(self):
         """Return the times of the view, and how many pixels along each side one may fill.
 
         Times have the view's shape; inf for no escape within N, NaN for not known yet.
         """
-        now = self._found[self._images[self._wanted]]
-        self._times[self._wanted] = np.where(np.isnan(now), self._times[self._wanted], now)
+        if self._wanted.any():
+            now = self._found[self._images[self._wanted]]
+            self._times[self._wanted] = np.where(np.isnan(now), self._times[self._wanted], now)
         pixels = _cut(self._times, self.block)
         coarser = np.isnan(pixels) | (self._coarse < self.block)
         pixels = np.where(coarser, self.backdrop, pixels)
@@ -193,35 +184,22 @@ class Quadtree:
         return 1 - np.isnan(self._found[self._asked]).mean()
 
     def _round(self, wanted, steps):
-        self._begin(wanted, steps)
-        self._ask(wanted)
-        yield self._calls
+        if self._wanted.shape != wanted.shape or self._images is None:
+            self._images = _images(self.plane, self.view, self.block)
+        self._wanted = wanted
+        self._asked = cells = np.unique(self._images[wanted])
+        self._found, calls = np.full(self._images.size, np.nan), deque()
+        likely = self._times.ravel()[cells]
+        seconds = np.cumsum(self._seconds(np.where(likely <= steps, likely, steps)))  # also if NaN
+        batch = seconds // np.clip(seconds[-1:] / 4, _LEAST, _BATCH)
+        a, b = self.view.centres(self.block)
+        for part in np.split(cells, np.flatnonzero(np.diff(batch)) + 1) if cells.size else ():
+            rows, columns = np.divmod(part, self._images.shape[1])
+            calls.append((part, _escapes, self.plane.forcing(a[columns], b[rows]), steps))
+        yield calls
         self.picture()
 
-    def _begin(self, wanted, steps):
-        self._wanted, self._limit, self._calls = wanted, steps, deque()
-        self._images = _images(self.plane, self.view, self.block)
-        self._found = np.full(self._images.size, np.nan)
-        self._asked, self._fresh = np.zeros((2, self._images.size), bool)
-
-    def _ask(self, pixels):
-        cells = np.unique(self._images[pixels])
-        cells = cells[~self._asked[cells]]
-        if not cells.size:
-            return
-        self._asked[cells] = True
-        likely = self._times.ravel()[cells]
-        likely = np.where(likely <= self._limit, likely, self._limit)  # also if not known
-        seconds = np.cumsum(self._seconds(likely))
-        batch = np.floor(seconds / np.clip(seconds[-1] / 4, _LEAST, _BATCH)).astype(int)
-        a, b = self.view.centres(self.block)
-        for part in np.split(cells, np.flatnonzero(np.diff(batch)) + 1):
-            rows, columns = np.divmod(part, self._images.shape[1])
-            forcings = self.plane.forcing(a[columns], b[rows])
-            self._calls.append((part, _escapes, forcings, self._limit))
-
     def _seconds(self, times):
-        """Return the CPU seconds in which the ensemble takes so many steps."""
         return times * (SECONDS_PER_KICK["single"] * ORBITS * len(self.plane.origin))
 
 
@@ -230,13 +208,6 @@ def _soonest(escapes, seconds):
     ordered = np.sort(seconds[escapes])
     most = np.searchsorted(np.cumsum(ordered), _SPARE)
     return escapes & (seconds < ordered[most]) if most < ordered.size else escapes
-
-
-def _beside(rows, columns, shape):
-    """Return rows and columns of n cells of a field and of their neighbours, arrays (3, 3, n)."""
-    side = np.array([-1, 0, 1])
-    near = np.broadcast_arrays(rows + side[:, None, None], columns + side[:, None])
-    return tuple(np.clip(i, 0, n - 1) for i, n in zip(near, shape, strict=True))
 
 
 def _cut(times, n):
@@ -258,19 +229,6 @@ def _images(plane, view, block):
     rows = np.floor((radius * np.sin(turned) - view.b[0]) / height + _EDGE).astype(int)
     inside = (columns >= 0) & (columns < a.shape[1]) & (rows >= 0) & (rows < a.shape[0])
     return np.where(inside, rows * a.shape[1] + columns, itself)
-
-
-def _known(view, steps, fields):
-    """Return the times that can stay, those that are too coarse to, and how coarse these are."""
-    final, backdrop, coarse = np.full(view.shape, np.nan), np.full(view.shape, np.nan), np.inf
-    for field in fields:
-        times, cell = field.on(view, steps)
-        if cell <= field.stays:
-            final = np.where(np.isnan(final), times, final)
-        elif coarse == np.inf and not np.isnan(times).all():
-            coarse = cell
-        backdrop = np.where(np.isnan(backdrop), times, backdrop)
-    return final, backdrop, coarse
 
 
 def _at_boundary(times, steps):

@@ -8,8 +8,7 @@ from bokeh.models import Button, CustomJS, Div, Row, Select
 
 from workflows.figures.explorer import draw_seen
 
-_KINDS = ("PNG", "SVG", "CSV", "netCDF")
-_ENDINGS = {"netCDF": "nc"}
+_ENDINGS = {"PNG": "png", "SVG": "svg", "CSV": "csv", "netCDF": "nc"}
 
 
 def panel(state, work):
@@ -23,23 +22,20 @@ def panel(state, work):
     def save(kind):
         seen = state.seen[which.value]()
         if seen is not None:
-            lane.submit(_file, kind, which.value, seen, state, done=give)
+            lane.submit(_file, kind, which.value, seen, state.point, done=give)
 
     def give(content):
         file.text, file.text = content, ""  # so that the same file can be saved again
 
-    buttons = [Button(label=kind) for kind in _KINDS]
+    buttons = [Button(label=kind) for kind in _ENDINGS]
     for button in buttons:
         button.on_click(lambda kind=button.label: save(kind))
-    return Row(
-        which, *buttons, file, styles={"flex-wrap": "wrap", "gap": "4px 8px", "align-items": "end"}
-    )
+    return Row(which, *buttons, file, styles={"align-items": "end"})
 
 
-def _file(kind, name, seen, state):
+def _file(kind, name, seen, point):
     """Return a file as JSON: its name and its bytes in base64."""
-    point = "_".join(f"{value:g}" for value in state.point)
-    name = f"{name.replace(' ', '_')}_{point}.{_ENDINGS.get(kind, kind.lower())}"
+    name = f"{name.replace(' ', '_')}_{point[0]:g}_{point[1]:g}.{_ENDINGS[kind]}"
     content = base64.b64encode(content_of(kind, seen)).decode()
     return json.dumps({"name": name, "content": content})
 

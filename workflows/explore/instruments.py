@@ -1,6 +1,7 @@
 """What is computed on wish: an ensemble that spreads from a box, the resonance of p/q, residues."""
 
 from contextlib import suppress
+from itertools import product
 from time import sleep
 
 import numpy as np
@@ -19,10 +20,8 @@ _N_RESIDUES, PLACES = 3, 60  # places along a segment, besides its start
 
 def spreading(kappa, box):
     """Yield how an ensemble spreads that starts evenly in the middle of a box, a tenth as wide and
-    high, each time n has doubled.
-
-    Columns {"x", "y"} of points, on the lift; {"n", "variance"} so far; and D in words.
-    """
+    high, each time n has doubled: columns {"x", "y"} of points, on the lift; {"n", "variance"} so
+    far; and D in words."""
     left, bottom, width, height = box
     places = 0.45 + 0.1 * (np.arange(_SIDE) + 0.5) / _SIDE
     x, y = map(np.ravel, np.meshgrid(left + width * places, bottom + height * places))
@@ -46,25 +45,23 @@ def spreading(kappa, box):
 
 
 def resonance(kappa, fraction, box):
-    """Return {"unstable", "stable": a curve in the box; "lobes": [(x, y), …]} of the minimizing p/q
-    orbit, and the flux of its turnstiles in words."""
+    """Return {"unstable", "stable", "lobes"} of the minimizing p/q orbit, columns {"x", "y"} of the
+    curves in the box and of lists of edges; and the flux of its turnstiles in words."""
     p, q = fraction.numerator, fraction.denominator
     lines, lobes, told = {name: [np.array([[], []])] for name in MANIFOLDS}, [], []
     with suppress(action.LostError, ValueError):
         xs, ys = action.ordered_orbits(kappa, p, q)[0].points()
-        for name, branch in MANIFOLDS.items():
-            for toward in (1, -1):
-                for x, y in zip(xs, ys, strict=True):
-                    curve = branch(kappa, p, q, x, y, _LENGTH / 2 / q, toward=toward)
-                    lines[name].append(np.array([*in_box(box, *curve)]))
-                    lines[name].append(np.full((2, 1), np.nan))
+        for name, toward, place in product(MANIFOLDS, (1, -1), zip(xs, ys, strict=True)):
+            curve = MANIFOLDS[name](kappa, p, q, *place, _LENGTH / 2 / q, toward=toward)
+            lines[name] += np.array([*in_box(box, *curve)]), np.full((2, 1), np.nan)
     for edge in ("upper", "lower"):
         with suppress(action.LostError):
             found = manifolds.turnstile(kappa, p, q, edge == "upper")
             lobes += found.lobes
             told.append(f"{found.area:.4g} through its {edge} edge")
     words = f"Turnstiles of {fraction}: {' and '.join(told) or 'too thin to be seen'}, a step."
-    return {name: np.hstack(parts) for name, parts in lines.items()} | {"lobes": lobes}, words
+    drawn = {name: dict(zip("xy", np.hstack(parts), strict=True)) for name, parts in lines.items()}
+    return drawn | {"lobes": {"x": [x for x, _ in lobes], "y": [y for _, y in lobes]}}, words
 
 
 def residues(start, profile, omega):

@@ -19,7 +19,6 @@ _TEMPLATE = Template((Path(__file__).parent / "page.html").read_text("utf-8"))
 
 
 def fill(document, shared):
-    """Fill the document of a new tab."""
     document.title = f"{shared.plane.name}: the explorer of the nonautonomous standard map"
     document.template, document.theme = _TEMPLATE, THEME
     document.js_on_event(DocumentReady, CustomJS(code="dress()"))
@@ -47,7 +46,7 @@ def fill(document, shared):
         "lines": plane.lines,
         "portrait": portrait.root,
         "play": play.panel(state, work),
-        "save": Row(verdict.copied(state), files.panel(state, work), styles=_WRAPPED),
+        "save": Row(verdict.copied(state), files.panel(state, work), styles={"align-items": "end"}),
     }
     with document.models.freeze():  # which would count all models again after each root
         for name, root in roots.items():
@@ -55,16 +54,12 @@ def fill(document, shared):
             document.add_root(root)
 
 
-_WRAPPED = {"flex-wrap": "wrap", "gap": "4px 16px", "align-items": "end"}
-
-
 def _controls(state, wrong):
     """Fields to type the point exactly, the slider of N, and the link to what is seen."""
     shown = list(state.point)
-    fields = [
-        TextInput(title=name, value=repr(value), width=150, name=f"coordinate {i}")
-        for i, (name, value) in enumerate(zip(symbols(state.plane), shown, strict=True))
-    ]
+    fields = [TextInput(title=title, width=150) for title in symbols(state.plane)]
+    for i, model in enumerate(fields):
+        model.update(value=repr(shown[i]), name=f"coordinate {i}")
 
     def typed(i, text):
         before, shown[i] = shown[i], number(text)
@@ -99,28 +94,24 @@ def _controls(state, wrong):
     tell()
     message.text = alert(wrong)
     state.on("point", moved)
-    for name in ("point", "steps", *"abxy", "omega", "orbits", "fraction", "show", "plays"):
-        state.on(name, tell)
+    state.on("point steps a b x y omega orbits fraction show plays", tell)
     columns = [field(model, partial(typed, i)) for i, model in enumerate(fields)]
-    return Row(*columns, leap, slider, link, message, styles=_WRAPPED | {"align-items": "start"})
+    return Row(*columns, leap, slider, link, message, styles={"align-items": "start"})
 
 
 def _status(document, work, shared):
     """Say what is prepared or computed, and what failed."""
-    line, waiting = Div(sizing_mode="stretch_width"), []
+    line = Div(sizing_mode="stretch_width")
 
     def show():
         doing = [f"{name} ({how})" if how else name for name, how in sorted(work.busy.items())]
         words = f"computing: {', '.join(doing)} …" if doing else "ready"
         if shared.preparing:
             words = f"{shared.preparing} …"
-        elif waiting:
-            document.remove_periodic_callback(waiting.pop())
+            document.add_timeout_callback(show, 300)
         failed = "; ".join(f"{name}: {why}" for name, why in work.failed.items())
         line.text = f'<span role="status">{escape(words)}</span> {alert(failed)}'
 
-    if shared.preparing:
-        waiting.append(document.add_periodic_callback(show, 300))
     work.show = show
     show()
     return line

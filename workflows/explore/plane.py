@@ -2,7 +2,7 @@
 
 from functools import partial
 from html import escape
-from math import ceil, inf, isfinite, log10
+from math import inf, isfinite
 
 import numpy as np
 import xarray as xr
@@ -14,11 +14,10 @@ from matplotlib.colors import to_hex
 from nasm.numbers import NAMES
 from nasm.planes import plane_of
 from pipeline import store
-from workflows.explore import rays
+from workflows.explore import rays, widgets
 from workflows.explore.field import BLOCKS, Field, View, computed, precision_of
 from workflows.explore.rays import NO_LINES
-from workflows.explore.state import LINES, State
-from workflows.explore.widgets import boxes, field, on_view, picture, pixels_of, sides_of, symbols
+from workflows.explore.state import LINES
 from workflows.figures.style import INSIDE, NO_ESCAPE
 from workflows.shared.tables import dataset
 from workflows.shared.verdict_words import scale_of
@@ -32,14 +31,8 @@ _NEAR = 1e-3  # of the boundary's scale: between rays it is not known better
 _COLOURS = Magma256[:232]  # the palest are too like the greys of no escape
 _GREYS = ["white", to_hex(INSIDE), to_hex(NO_ESCAPE)]  # not known, inside the boundary, outside
 _GREY_WORDS = {"inside": "a circle is left", "outside": "none is left, but no escape within N"}
-_CIRCLE = {
-    "title": "where the circle of this ω breaks (dashed)",
-    "completions": list(NAMES),
-    "placeholder": "gamma or [0;2,(1)]",
-    "restrict": False,
-    "min_characters": 1,
-    "width": 260,
-}
+_CIRCLE = {"title": "where the circle of this ω breaks (dashed)", "width": 260, "restrict": False}
+_CIRCLE |= {"placeholder": "gamma or [0;2,(1)]", "completions": [*NAMES], "min_characters": 1}
 
 
 class PlanePanel:
@@ -57,18 +50,17 @@ class PlanePanel:
         self.cubes, self.shown, self.asked = [], None, None  # of OUT; on the screen; computed last
         self.lanes = {name: work.latest(name) for name in ("cubes", "plane", "boundary", "circle")}
         self.picture = models.Column(self.plot, self.message, sizing_mode="stretch_width")
-        circle = field(models.AutocompleteInput(**_CIRCLE, value=state.omega), state.follow)
-        ticks = models.Row(boxes(state, LINES, width=220), circle, styles={"flex-wrap": "wrap"})
+        circle = widgets.field(models.AutocompleteInput(**_CIRCLE, value=state.omega), state.follow)
+        ticks = models.Row(widgets.boxes(state, LINES, width=220), circle)
         self.lines = models.Column(self.legend, ticks, sizing_mode="stretch_width")
-        _on_drag(self.plot, self._move)
+        self.plot.on_event(Tap, self._move)
+        for what in (Pan, PanEnd):
+            self.plot.on_event(what, lambda event: "tool" in self.plot.tags or self._move(event))
         self.plot.on_event(MouseMove, lambda event: self._tell(event.x, event.y))
         self.plot.on_event(MouseLeave, lambda event: self._mark())
-        for what in ("point", "verdict"):
-            state.on(what, self._mark)
+        state.on("point verdict", self._mark)
         state.on("show", self._show_boundary)
-        soon = on_view(self.plot, work, self._refresh)
-        state.on("steps", soon)
-        state.on("omega", soon)
+        state.on("steps omega", widgets.on_view(self.plot, work, self._refresh))
         state.seen |= {"escape": self._escapes, "boundary": shared.rays.table}
         self._mark()
         work.begin("view")
@@ -79,18 +71,17 @@ class PlanePanel:
         self.cubes, barrier = found
         if barrier is not None:
             self.shared.rays.add_cube(barrier)
+            self._show_boundary()
         self._refresh()
 
     def _refresh(self):
-        """Compute what the view, N and ω ask for."""
         state, shared, view = self.state, self.shared, _view(self.plot)
         state.take(a=view.a, b=view.b)
-        self._show_boundary()
         asked = view, state.steps, state.omega, len(self.cubes)
-        if asked == self.asked or not pixels_of(self.plot, _MOST_PIXELS):
+        if asked == self.asked or not widgets.pixels_of(self.plot, _MOST_PIXELS):
             return
-        self.asked = asked
-        self.work.end("view")
+        self.asked, self.fresh = asked, True
+        self.work.progress("view")
         self.mapper.high = state.steps
         where = shared.client, state.plane
         known = [*filter(None, [self.shown]), *reversed(shared.fields.values()), *self.cubes]
@@ -100,9 +91,8 @@ class PlanePanel:
         self.sources["followed"].data = {"a": [], "b": []}
         self.lanes["circle"].cancel()
         if state.omega:
-            args = *where, state.omega, view
             show = partial(setattr, self.sources["followed"], "data")
-            self.lanes["circle"].submit(rays.circle, *args, done=show)
+            self.lanes["circle"].submit(rays.circle, *where, state.omega, view, done=show)
 
     def _show(self, view, found, block, words):
         state, shared = self.state, self.shared
@@ -117,6 +107,9 @@ class PlanePanel:
             self.lanes["boundary"].submit(rays.computed, *args, done=self._show_rays)
         self.sources["times"].data = _image(view, found.astype(np.float32))
         self.work.progress("plane", words)
+        if self.fresh:  # what is beside the escape times would keep their first picture waiting
+            self.fresh = False
+            self._show_boundary()
         if block == 1:
             self._mark()
 
@@ -145,8 +138,7 @@ class PlanePanel:
         self._tell(a, b)
 
     def _tell(self, a, b):
-        """Say what is known of a point."""
-        x, y = symbols(self.state.plane)
+        x, y = widgets.symbols(self.state.plane)
         words, steps = [f"{x} = {a:.6g}, {y} = {b:.6g}"], self.state.steps
         n = self.shown.at(a, b) if self.shown else np.nan
         if not np.isnan(n):
@@ -173,85 +165,64 @@ class PlanePanel:
         what = "these numbers" if any(plane.origin) else "these strengths"
         return f"{side} the boundary, which is at {found} times {what}" if found else ""
 
-    def _move(self, *point):
-        """Move the forcing, with no more digits than pixels have."""
-        pixel = _view(self.plot).pixel
+    def _move(self, event):
+        """Move the forcing to a click, or a drag that is no tool's."""
         try:
-            self.state.move(*(round(x, ceil(-log10(w))) for x, w in zip(point, pixel, strict=True)))
+            self.state.move(*widgets.rounded(event, _view(self.plot).pixel))
         except ValueError as error:
             self.work.fail("plane", error)
 
     def _escapes(self):
-        """Return what the plane shows, as a Dataset, or None."""
-        return _dataset(self.state.plane, self.shown) if self.shown else None
-
-
-def _on_drag(plot, move):
-    """Call move(x, y) at clicks on a figure, and at drags that no tool of its toolbar takes."""
-    plot.on_event(Tap, lambda event: move(event.x, event.y))
-    for what in (Pan, PanEnd):
-        plot.on_event(what, lambda event: "tool" in plot.tags or move(event.x, event.y))
+        plane, shown = self.state.plane, self.shown
+        if shown is None:
+            return None
+        words = "first step at which an orbit of the ensemble is outside the window; away from the "
+        words += "boundary of n* <= n_max cells may share that of one"
+        settings = {"n_max": shown.steps, "precision": precision_of(shown.steps), **plane.record}
+        labels = zip(plane.axes.items(), (shown.a, shown.b), strict=True)
+        coords = {name: (centres, label) for (name, label), centres in labels}
+        times = {"escape_time": ([*coords][::-1], shown.times, words)}
+        return dataset("First escape times, as shown", coords, times, settings)
 
 
 def _drawn(state):
     """Return the figure, the colours of escape times, and {name: source} of all that is drawn."""
-    first, empty = State(state.plane), {"a": [], "b": []}
-    how = {"active_drag": None}
-    sides, whole = (state.a, state.b), (first.a, first.b)
     # Its width is that of the picture with the colours beside it.
-    how |= {"name": "plane of forcings; arrow keys move the forcing", "tags": ["arrows"]}
-    plot = picture(symbols(state.plane), sides, whole, aspect_ratio=1.06, **how)
+    how = {"active_drag": None, "aspect_ratio": 1.06, "tags": ["arrows"]}
+    how["name"] = "plane of forcings; arrow keys move the forcing"
+    plot = widgets.picture(state, "ab", widgets.symbols(state.plane), **how)
     view, clear = _view(plot), {"high_color": "rgba(0, 0, 0, 0)", "nan_color": "rgba(0, 0, 0, 0)"}
     mapper = models.LogColorMapper(_COLOURS, low=10, high=state.steps, **clear)
-    blanks = {
-        "ground": _image(view, np.zeros((1, 1), np.uint8)),
-        "times": _image(view, np.full((1, 1), np.nan, np.float32)),
-        "boundary": NO_LINES,
-        **dict.fromkeys(("followed", "point"), empty),
-    }
+    blanks = {"boundary": NO_LINES, "point": {"a": [], "b": []}, "followed": {"a": [], "b": []}}
+    blanks["ground"] = _image(view, np.zeros((1, 1), np.uint8))
+    blanks["times"] = _image(view, np.full((1, 1), np.nan, np.float32))
     sources = {name: models.ColumnDataSource(blank, name=name) for name, blank in blanks.items()}
     greys = models.LinearColorMapper(_GREYS, low=-0.5, high=2.5, name="greys")
     for name, colours in (("ground", greys), ("times", mapper)):
         plot.image("values", "a", "b", "da", "db", source=sources[name], color_mapper=colours)
     title = "n*, first escape (steps)"
     plot.add_layout(models.ColorBar(color_mapper=mapper, title=title, width=10, padding=4), "right")
-    for name, style in (
-        ("boundary", {"line_color": "white", "line_width": 5}),
-        ("boundary", {"line_color": "colour", "line_width": 2.5}),
-        ("followed", {"line_width": 2, "line_dash": "dashed"}),
-    ):
-        plot.add_glyph(sources[name], models.MultiLine(xs="a", ys="b", **style))
-    for style in ({"line_color": "white", "line_width": 5}, {"line_width": 2}):
+    halo = {"line_color": "white", "line_width": 5}
+    for style in (halo, {"line_color": "colour", "line_width": 2.5}):
+        plot.add_glyph(sources["boundary"], models.MultiLine(xs="a", ys="b", **style))
+    dashed = models.Line(x="a", y="b", line_width=2, line_dash="dashed")
+    plot.add_glyph(sources["followed"], dashed)
+    for style in (halo, {"line_width": 2}):
         cross = models.Scatter(x="a", y="b", size=16, marker="circle_cross", fill_alpha=0, **style)
         plot.add_glyph(sources["point"], cross)
     return plot, mapper, sources
 
 
 def _image(view, values):
-    """Return the columns of an image that fills a view."""
     place = {"a": [view.a[0]], "b": [view.b[0]], "da": [np.ptp(view.a)], "db": [np.ptp(view.b)]}
     return {"values": [values], **place}
 
 
 def _view(plot):
     """Return what the figure shows, with about as many pixels as the browser has."""
-    pixels = pixels_of(plot, _MOST_PIXELS) or (_PIXELS, _PIXELS)
-    return View(*sides_of(plot), tuple(BLOCKS[0] * max(2, round(n / BLOCKS[0])) for n in pixels))
-
-
-def _dataset(plane, field):
-    words = (
-        "first step at which an orbit of the ensemble is outside the window; away from the "
-        "boundary of n* <= n_max cells may share that of one"
-    )
-    settings = {"n_max": field.steps, "precision": precision_of(field.steps), **plane.record}
-    return dataset(
-        "First escape times, as shown",
-        dict(
-            zip(plane.axes, zip((field.a, field.b), plane.axes.values(), strict=True), strict=True)
-        ),
-        {"escape_time": (list(plane.axes)[::-1], field.times, words)},
-        settings,
+    pixels = widgets.pixels_of(plot, _MOST_PIXELS, (_PIXELS, _PIXELS))
+    return View(
+        *widgets.sides_of(plot), tuple(BLOCKS[0] * max(2, round(n / BLOCKS[0])) for n in pixels)
     )
 
 

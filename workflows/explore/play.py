@@ -69,6 +69,5 @@ def panel(state, work):
             state.move(*map(float, point.round(6)))
 
     button.on_click(toggle)
-    return Column(
-        Row(along, button, styles={"align-items": "end"}), plot, sizing_mode="stretch_width"
-    )
+    controls = Row(along, button, styles={"align-items": "end"})
+    return Column(controls, plot, sizing_mode="stretch_width")

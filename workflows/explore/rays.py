@@ -5,8 +5,7 @@ of the plane come with it.
 """
 
 import re
-from collections import deque
-from dataclasses import dataclass
+from collections import deque, namedtuple
 from time import monotonic, sleep
 
 import numpy as np
@@ -30,14 +29,13 @@ _REST = 0.5  # seconds that a view has to rest: a ray takes up to some, and cann
 _GAP = 25.0  # degrees without a ray, over which no line is drawn
 
 
-@dataclass(frozen=True)
-class Breakup:
-    """Where the last circle breaks on a ray, and which circle that is."""
-
-    scale: float  # NaN if not known
-    error: float  # of the scale
-    circle: str  # text of ω, "" if not known
-    omega: float
+_COLUMNS = {
+    "scale": "scale at which the last circle breaks",  # NaN if not known
+    "error": "error of scale",
+    "circle": "rotation number of the last circle, per step, exact",  # "" if not known
+    "omega": "the same, as a float",
+}
+Breakup = namedtuple("Breakup", _COLUMNS)  # where the last circle breaks on a ray, and which it is
 
 
 class Rays:
@@ -50,15 +48,13 @@ class Rays:
 
     def add(self, table):
         """Take in what `barrier.boundary` or `barrier.unfolded` return."""
-        columns = (table[name].values for name in ("angle", "critical_scale", "error", "omega"))
-        for angle, scale, error, omega, circle in zip(*columns, table.circle.values, strict=True):
-            found = Breakup(float(scale), float(error), str(circle), float(omega))
-            self.known[float(angle) % 360] = found
+        names = "angle", "critical_scale", "error", "circle", "omega"
+        for angle, *found in zip(*(table[name].values.tolist() for name in names), strict=True):
+            self.known[angle % 360] = Breakup(*found)
 
     def add_cube(self, barrier):
         """Take in the cube `barrier` with all its images."""
-        images = self.plane.unfold(barrier.angle.values)
-        self.add(unfolded(barrier, np.unique(images)))
+        self.add(unfolded(barrier, np.unique(self.plane.unfold(barrier.angle.values))))
 
     def lines(self, view):
         """Return the boundary, a piece around each ray, columns a, b and colour; and the colours
@@ -84,9 +80,8 @@ class Rays:
         """Return angles, points as complex numbers, and circles, of the rays with a boundary."""
         rays = [(k, ray) for k, ray in sorted(self.known.items()) if np.isfinite(ray.scale)]
         angles = np.array([angle for angle, _ in rays])
-        scales = np.array([ray.scale for _, ray in rays])
-        circles = np.array([ray.circle for _, ray in rays], dtype=object)
-        return angles, scales * np.exp(1j * np.deg2rad(angles)), circles
+        scales, circles = ([getattr(ray, name) for _, ray in rays] for name in ("scale", "circle"))
+        return angles, scales * np.exp(1j * np.deg2rad(angles)), np.array(circles, dtype=object)
 
     def excess(self, a, b):
         """Return how far points are beyond the boundary, in parts of the boundary's scale, an array
@@ -116,18 +111,11 @@ class Rays:
         if not self.known:
             return None
         angles = sorted(self.known)
-        words = {
-            "scale": "scale at which the last circle breaks",
-            "error": "error of scale",
-            "circle": "rotation number of the last circle, per step, exact",
-            "omega": "the same, as a float",
-        }
-        columns = {
-            name: ("angle", [getattr(self.known[angle], name) for angle in angles], text)
-            for name, text in words.items()
-        }
+        columns = zip(*(self.known[angle] for angle in angles), strict=True)
+        named = zip(_COLUMNS.items(), columns, strict=True)
+        variables = {name: ("angle", [*values], words) for (name, words), values in named}
         title, coords = "Where the last circle breaks", {"angle": (angles, ANGLE)}
-        return dataset(title, coords, columns, self.plane.record)
+        return dataset(title, coords, variables, self.plane.record)
 
     def missing(self, view):
         """Return the rays to compute for a view: degrees, each for all its images, coarse first."""
@@ -156,14 +144,12 @@ def computed(client, plane, angles, view):
     workers = client()
     most = max(1, len(workers.nthreads()) - 1)
     calls = deque((angle, _on_ray, plane, angle, _effort(view)[0]) for angle in angles)
-    count, found, shown = 0, [], monotonic()  # to draw the lines costs more than a ray
+    done, told, shown = [], 0, monotonic()  # to draw the lines costs more than a ray
     for ended in spread(workers, calls, most, priority=-1):
-        if ended is not None:
-            count += 1
-            found.append(ended[1])
-        if found and (monotonic() - shown > _PATIENCE or count == len(angles)):
-            yield found, f"{count} of {len(angles)} rays"
-            found, shown = [], monotonic()
+        done += [ended[1]] if ended else []
+        if len(done) > told and (monotonic() - shown > _PATIENCE or len(done) == len(angles)):
+            yield done[told:], f"{len(done)} of {len(angles)} rays"
+            told, shown = len(done), monotonic()
         else:
             yield None
 
@@ -179,26 +165,21 @@ def circle(client, plane, omega, view):
             yield None
             continue
         found |= ended[1]
-        points = [scale * np.exp(1j * np.deg2rad(angle)) for angle, scale in sorted(found.items())]
-        pieces = np.split(points, np.flatnonzero(np.isnan(points)))
-        yield {"a": [p.real.tolist() for p in pieces], "b": [p.imag.tolist() for p in pieces]}
+        angle, scale = np.array(sorted(found.items())).T
+        yield {"a": scale * np.cos(np.deg2rad(angle)), "b": scale * np.sin(np.deg2rad(angle))}
 
 
 def named_by(text):
     """Return the text of a noble number that rounds to a decimal one, and what to say of it; any
-    other text as it is, and ""."""
+    other text of an irrational number as it is, and ""; ValueError for one of a rational."""
     digits = re.fullmatch(r"[+-]?\d+\.(\d+)", text)
+    if not digits and text and parse(text).is_rational:
+        raise ValueError(f"{text} is rational, and has no circle; write one like [0;2,(1)]")
     if not digits:
         return text, ""
     half = 0.5 * 10.0 ** -len(digits[1])  # the number itself is rational, and may end too soon
     noble = str(nobles_near(float(text) + 0.382 * half, 0.618 * half, 1)[0])
     return noble, f"a noble number that rounds to it: {noble}"
-
-
-def checked(omega):
-    """Refuse a text that is not an irrational number."""
-    if omega and parse(omega).is_rational:
-        raise ValueError(f"{omega} is rational, and has no circle; write one like [0;2,(1)]")
 
 
 def _effort(view):
@@ -221,7 +202,6 @@ def _across(view, spacing):
 
 
 def _on_ray(plane, angle, tol):
-    """On a worker: the breakup on a ray and all its images."""
     return boundary(np.unique(plane.unfold(angle)), tol, plane)
 
 

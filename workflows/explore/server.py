@@ -12,6 +12,7 @@ from functools import partial
 from threading import Lock, Thread
 
 import click
+import dask
 from bokeh.application import Application
 from bokeh.application.handlers import FunctionHandler
 from bokeh.server.server import BaseServer
@@ -95,21 +96,27 @@ def serve(plane, place, port, opens, cluster):
     """
     for name in ("bokeh", "tornado"):
         logging.getLogger(name).setLevel(logging.CRITICAL)  # nobody reads that a tab was closed
-    sockets, port = _bound(port)
-    with connect(**cluster) as client:
+    try:
+        sockets, port = bind_sockets(_HOST, port)
+    except OSError as error:
+        words = f"port {port}: {error.strerror}; another explorer? Take another, or 0 for any"
+        raise click.BadParameter(words, param_hint="--port") from None
+    # A call whose worker is lost is sent again, twice at the most.
+    again = {"distributed.scheduler.allowed-failures": 2}
+    with connect(**cluster) as client, dask.config.set(again):
         shared = Shared(plane, place, client)
         server = server_of(shared, sockets, port)
+        loop = server.io_loop
         for number in (signal.SIGINT, signal.SIGTERM):
-            stop = partial(server.io_loop.add_callback_from_signal, server.io_loop.stop)
-            signal.signal(number, lambda *_, stop=stop: stop())
+            signal.signal(number, lambda *_: loop.add_callback_from_signal(loop.stop))
         preparing = Thread(target=shared.prepare, daemon=True)
         preparing.start()
         server.start()
         url = f"http://localhost:{port}/"
         click.echo(f"the explorer is at {url}\nCtrl-C ends it", err=True)
         if opens:
-            server.io_loop.add_callback(webbrowser.open, url)
-        server.io_loop.start()
+            loop.add_callback(webbrowser.open, url)
+        loop.start()
         server.stop()
         preparing.join(20)  # workers that are about to start would stay behind
 
@@ -143,7 +150,6 @@ class _Web(BokehTornado):
         return super().find_handler(request)
 
     def _refused(self, request):
-        """Return the status and the words with which a request is refused, or None."""
         if request.host.lower() not in self._hosts:
             return 403, f"the explorer is at http://{self._hosts[0]}/ and has no other name"
         site, to = (request.headers.get(f"Sec-Fetch-{name}") for name in ("Site", "Dest"))
@@ -176,18 +182,6 @@ class _Refused(RequestHandler):
 
 
 class _Headers(OutputTransform):
-    """Tells browsers to keep the page to itself."""
-
     def transform_first_chunk(self, status_code, headers, chunk, finishing):
         headers.update(_HEADERS)
         return status_code, headers, chunk
-
-
-def _bound(port):
-    """Return sockets at the port, or at any free one for 0, and the port; a usage error if it is
-    taken."""
-    try:
-        return bind_sockets(_HOST, port)
-    except OSError as error:
-        words = f"port {port}: {error.strerror}; another explorer? Take another, or 0 for any"
-        raise click.BadParameter(words, param_hint="--port") from None

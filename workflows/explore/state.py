@@ -13,7 +13,7 @@ import numpy as np
 
 from nasm.maps import forcing
 from nasm.planes import two_kicks
-from workflows.explore.rays import checked, named_by
+from workflows.explore.rays import named_by
 
 STEPS = [m * 10**e for e in range(2, 6) for m in (1, 2, 5)] + [10**6]
 LINES = {"boundary": "where the last circle breaks"}
@@ -50,25 +50,17 @@ class State:
 
     @property
     def kappa(self):
-        """One period of kicks, an array of P floats."""
         return self.plane.forcing(*self.point)
 
-    def on(self, what, callback):
-        """Call back, without arguments, whenever an attribute changes, "point" or "verdict"."""
-        self._hear[what].append(callback)
+    def on(self, names, callback):
+        """Call back, without arguments, whenever one of these attributes changes: "point omega"."""
+        for name in names.split():
+            self._hear[name].append(callback)
 
     def take(self, **changes):
         """Set attributes, and tell those who asked for what has changed."""
         changed = [name for name, value in changes.items() if getattr(self, name) != value]
         vars(self).update(changes)
-        self._tell(changed)
-
-    def judge(self, verdict):
-        """Take the verdict of the point, or None where it is no longer known."""
-        self.verdict = verdict
-        self._tell(["verdict"])
-
-    def _tell(self, changed):
         for callback in [callback for name in changed for callback in self._hear[name]]:
             callback()
 
@@ -88,9 +80,8 @@ class State:
 
         For a decimal number a noble one is taken; returns what to say of it.
         """
-        omega, words = named_by(omega)
         try:
-            checked(omega)
+            omega, words = named_by(omega)
         except ValueError:
             self.take(omega="")
             raise
@@ -99,10 +90,8 @@ class State:
 
     @property
     def boundary(self):
-        """The point of the ray where the last circle breaks, None where the verdict knows none.
-
-        The verdict's ray begins without kicks; a plane's does if its origin is 0.
-        """
+        """The point of the ray where the last circle breaks, None where the verdict knows none, or
+        the plane's ray is not the verdict's, which begins without kicks."""
         scale = self.verdict.boundary.value if self.verdict else np.nan
         if any(self.plane.origin) or not np.isfinite(scale):
             return None
@@ -202,13 +191,9 @@ def _names(text):
     return names
 
 
-def _written(ends):
-    return "{!r}:{!r}".format(*ends)
-
-
 _PARTS = {  # of the address: what it is here, how to read and how to write it
     "n": ("steps", _steps, str),
-    **{name: (name, _ends, _written) for name in "abxy"},
+    **{name: (name, _ends, lambda ends: "{!r}:{!r}".format(*ends)) for name in "abxy"},
     "omega": ("omega", str, str),
     "pq": ("fraction", str, str),
     "orbits": ("orbits", orbits_of, lambda orbits: orbits_text(orbits).replace(" ", "")),

@@ -21,13 +21,13 @@ def panel(state, work):
     def ask():
         point = state.plane, state.point
         message.text = _html(["computing the verdict …"])
-        state.judge(None)
+        state.take(verdict=None)
         lane.submit(_judged, work.client, state.kappa, done=lambda found: show(point, *found))
 
     def show(point, found, seconds):
         words = sentences(state.kappa, point, found)
         message.text = _html([*words, f"This took {seconds:.2f} s."])
-        state.judge(found)
+        state.take(verdict=found)
 
     state.on("point", ask)
     ask()
@@ -40,12 +40,8 @@ def copied(state):
     args = {"code": code, "copy": copy}
     copy.js_on_event("button_click", CustomJS(args=args, code="copyText(code.text, copy)"))
 
-    def write():
-        code.text = _python(state)
-
-    for name in ("point", "steps"):
-        state.on(name, write)
-    write()
+    state.on("point steps", lambda: code.update(text=_python(state)))
+    code.text = _python(state)
     return Row(copy, code)
 
 
@@ -55,14 +51,13 @@ def _judged(client, kappa):
     This is not a generator: a worker does not stop, and one at a void verdict is enough.
     """
     time.sleep(_REST)
-    calls = deque([(None, _timed, kappa)])
-    return next(ended[1] for ended in spread(client(), calls, priority=1) if ended)
+    found = spread(client(), deque([(None, _timed, kappa)]), priority=1)
+    return next(ended[1] for ended in found if ended)
 
 
 def _timed(kappa):
     begin = time.perf_counter()
-    found = verdict(kappa)
-    return found, time.perf_counter() - begin
+    return verdict(kappa), time.perf_counter() - begin
 
 
 def _html(lines):

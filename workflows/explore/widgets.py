@@ -3,15 +3,17 @@
 from contextlib import suppress
 from html import escape
 from itertools import product
+from math import ceil, log10
 
 from bokeh.core.property.descriptors import UnsetValueError
 from bokeh.models import CheckboxGroup, Column, Div, Range1d
 from bokeh.plotting import figure
 from bokeh.themes import Theme
 
-from workflows.explore.state import ZOOM
+from workflows.explore.state import ZOOM, State
 from workflows.figures import planes
 
+_SOON = 20  # milliseconds, in which the browser tells all that has changed at once
 _TOOLS = "box_zoom,pan,wheel_zoom,zoom_in,zoom_out,reset,save"
 _DARK = """@media (prefers-color-scheme: dark) {
   :host { --color: #ddd; --background-color: #26292c; --surface-background-color: #33373b;
@@ -19,8 +21,11 @@ _DARK = """@media (prefers-color-scheme: dark) {
   .bk-btn-default { background: #33373b; color: #ddd; border-color: #666 }
   .noUi-target { background: #33373b } .noUi-handle { background: #bbb }
 }"""
-# Bokeh's own colours, where the system asks for a dark page.
-THEME = Theme(json={"attrs": {"UIElement": {"stylesheets": [_DARK]}}})
+# Bokeh's own colours, where the system asks for a dark page; rows that wrap on a phone.
+_LOOK = {"UIElement": {"stylesheets": [_DARK]}, "Toolbar": {"logo": None}}
+_LOOK |= {"Axis": {"axis_label_text_font_style": "normal"}}
+_LOOK["Row"] = {"stylesheets": [_DARK, ":host { flex-wrap: wrap; gap: 4px 16px }"]}
+THEME = Theme(json={"attrs": _LOOK})
 
 
 def alert(text):
@@ -60,36 +65,27 @@ def boxes(state, labels, **options):
     return group
 
 
-def picture(labels, sides, first, most=ZOOM[1], **options):
-    """Return a figure that shows `sides`, ((lo, hi), (lo, hi)), and goes back to `first`.
+def picture(state, names, labels, most=ZOOM[1], **options):
+    """Return a figure that shows two ranges of the state, "ab" or "xy", and goes back to the first.
 
-    labels : of its axes. most : how far one can zoom out, in parts of `first`.
+    labels : of its axes. most : how far one can zoom out, in parts of the first ranges.
     """
-    x_range, y_range = (
-        Range1d(
-            *side,
-            reset_start=lo,
-            reset_end=hi,
-            min_interval=ZOOM[0] * (hi - lo),
-            max_interval=most * (hi - lo),
-        )
-        for side, (lo, hi) in zip(sides, first, strict=True)
-    )
-    options |= dict(zip(("x_axis_label", "y_axis_label"), labels, strict=True))
+    for axis, name, label in zip("xy", names, labels, strict=True):
+        low, high = getattr(State(state.plane), name)
+        how = {"reset_start": low, "reset_end": high, "min_interval": ZOOM[0] * (high - low)}
+        how |= {"max_interval": most * (high - low)}
+        options[f"{axis}_range"] = Range1d(*getattr(state, name), **how)
+        options[f"{axis}_axis_label"] = label
     options |= {"tools": _TOOLS, "active_scroll": "wheel_zoom", "toolbar_location": "above"}
-    plot = figure(x_range=x_range, y_range=y_range, sizing_mode="scale_width", **options)
-    plot.toolbar.logo = None
+    plot = figure(sizing_mode="scale_width", **options)
     plot.grid.visible = False
-    plot.axis.axis_label_text_font_style = "normal"
     return plot
 
 
 def small(title, **options):
     """Return a small figure, hidden at first, of curves that are computed on wish."""
     how = {"height": 150, "toolbar_location": None, "visible": False, "name": title}
-    plot = figure(title=title, sizing_mode="stretch_width", tools="", **how | options)
-    plot.axis.axis_label_text_font_style = "normal"
-    return plot
+    return figure(title=title, sizing_mode="stretch_width", tools="", **how | options)
 
 
 _SYMBOLS = {r"$\kappa_1$": "κ₁", r"$\kappa_2$": "κ₂", r"$\bar\kappa$": "κ̄", r"$\Delta\kappa$": "Δκ"}
@@ -105,11 +101,16 @@ def sides_of(plot):
     return [tuple(sorted(map(float, (r.start, r.end)))) for r in (plot.x_range, plot.y_range)]
 
 
-def pixels_of(plot, most):
-    """Return rows and columns inside the axes, 1 to `most`; None until the browser tells."""
+def rounded(event, pixel):
+    """Return x and y of an event with no more digits than pixels of that width and height have."""
+    return [round(w, ceil(-log10(d))) for w, d in zip((event.x, event.y), pixel, strict=True)]
+
+
+def pixels_of(plot, most, before=None):
+    """Return rows and columns inside the axes, 1 to `most`; `before` the browser tells, that."""
     with suppress(UnsetValueError):
         return tuple(min(max(int(n), 1), most) for n in (plot.inner_height, plot.inner_width))
-    return None
+    return before
 
 
 def on_view(plot, work, refresh):
@@ -125,7 +126,7 @@ def on_view(plot, work, refresh):
 
     def soon():
         if not waits:
-            waits.append(work.soon(run))
+            waits.append(work.document.add_timeout_callback(run, _SOON))
 
     ends = product((plot.x_range, plot.y_range), ("start", "end"))
     for model, name in (*ends, (plot, "inner_width"), (plot, "inner_height")):

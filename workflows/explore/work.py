@@ -4,18 +4,14 @@ Everything here is called on the event loop, but for the functions that compute.
 threads, so that neither a closed tab nor Ctrl-C waits for them; kernels release the GIL.
 """
 
-from collections import Counter
 from contextlib import suppress
 from inspect import isgenerator
 from math import inf
 from threading import Thread
 
-from distributed.scheduler import KilledWorker
-
 from pipeline.sweep.submit import ended
 
 _LOOK = 0.1  # seconds after which a generator yields, to be closed if it is void
-_SOON = 20  # milliseconds, in which the browser tells all that has changed at once
 
 
 class Work:
@@ -24,7 +20,7 @@ class Work:
     document : of Bokeh.
     client : function → dask Client; called in threads only, as it may wait for the workers.
     busy : {name of what is being computed for the page: how far that is, in words}.
-    failed : {name: why, in words}, until it is tried again.
+    failed : {name of what could not be: why, in words}, until it is tried again.
     show : function without arguments, called whenever `busy` or `failed` changes.
 
     Nothing is computed before `start` is called, nor after `close`.
@@ -57,27 +53,18 @@ class Work:
             with suppress(AttributeError):  # Bokeh takes the document of a closed tab apart
                 self.document.add_next_tick_callback(callback)
 
-    def soon(self, callback):
-        """Call back on the event loop a little later; called on it."""
-        self.document.add_timeout_callback(callback, _SOON)
-
     def begin(self, name):
-        """Note that something begins being computed."""
         self.failed.pop(name, None)
         self.progress(name, "")
 
-    def progress(self, name, words):
-        """Note how far the computation is."""
+    def progress(self, name, words=None):
+        """Note how far the computation is, or that it ends."""
         self.busy[name] = words
-        self.show()
-
-    def end(self, name):
-        """Note that it ends."""
-        self.busy.pop(name, None)
+        if words is None:
+            del self.busy[name]
         self.show()
 
     def fail(self, name, error):
-        """Note that something could not be computed."""
         self.failed[name] = str(error) if isinstance(error, ValueError | OSError) else repr(error)
         self.show()
 
@@ -98,7 +85,7 @@ class Latest:
         should yield often; what is not worth showing it yields as None.
         """
         self.cancel()
-        self._waiting = (self._number, function, args, done)
+        self._waiting = self._number, function, args, done
         self.start()
 
     def cancel(self):
@@ -137,37 +124,18 @@ class Latest:
 
     def _end(self):
         self._runs = False
-        self.work.end(self.name)
+        self.work.progress(self.name)
         self.start()
 
 
 def spread(client, calls, most=inf, priority=0):
     """Yield (key, result) of calls on the workers as they end, and None while nothing ends.
 
-    client : dask Client. calls : deque of (key, function, *args), which may grow meanwhile.
-    most, priority : as for `submit.ended`, which has four in flight for each worker, so that the
-    scheduler always has one that it prefers to those of a lower priority.
-
-    To close this generator cancels what it has sent. A call whose worker is lost is sent again,
-    twice at the most. ConnectionError if the scheduler is gone.
+    client : dask Client. calls : deque of (key, function, *args). most, priority : as for
+    `submit.ended`, which has four in flight for each worker, so that the scheduler always has one
+    that it prefers to those of a lower priority, and which cancels them when this is closed.
     """
-    again = Counter()
-
-    def next_call():
-        if not calls:
-            return None
-        call = calls.popleft()
-        return call, *call[1:]
-
-    for item in ended(client, next_call, 4, most, _LOOK, priority):
-        if item is None:
-            yield None
-            continue
-        call, result = item
-        if isinstance(result, KilledWorker) and again[id(call)] < 2:
-            again[id(call)] += 1
-            calls.append(call)
-        elif isinstance(result, Exception):
-            raise result
-        else:
-            yield call[0], result
+    for item in ended(client, lambda: calls.popleft() if calls else None, 4, most, _LOOK, priority):
+        if item and isinstance(item[1], Exception):
+            raise item[1]
+        yield item
