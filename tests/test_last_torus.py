@@ -37,7 +37,9 @@ def test_strong_random_kicks_leave_no_graph_and_the_last_start_to_go_is_told():
 
 def test_searches_that_disagree_give_no_bound(monkeypatch):
     search = sequence.last_survivor
-    assert sequence.critical_scale(np.ones(64), 0.1).status is Status.OK
+    found = sequence.critical_scale(np.ones(64), 0.1)
+    assert found.status is Status.OK
+    assert found.value + found.error == pytest.approx(found.upper)
 
     def careless(kappa, theta=0.0, effort=8):
         return search(1.3 * kappa if effort == 1 else kappa, theta, effort)
