@@ -36,7 +36,7 @@ def face(package, **modules):
 
 
 _ROOMS = "arithmetic circles converse_kam proofs tori"
-_MODULES = "action checks critical diffusion escape fixed_points flux manifolds maps orbits "
+_MODULES = "action checks critical diffusion escape farey fixed_points flux manifolds maps orbits "
 _MODULES += "periodic planes self_consistent symmetries verdict"
 
 __getattr__, __dir__ = face(

@@ -48,7 +48,8 @@ from nasm.checks import count
 from nasm.maps import TWO_PI, forcing
 from nasm.numbers import distinct_convergents, rational
 
-__all__ = ["Ladder", "LostError", "Orbit", "is_ordered", "ordered_orbits", "relax", "total"]
+__all__ = ["Chain", "Ladder", "LostError", "Orbit", "is_ordered", "joined", "ordered_orbits"]
+__all__ += ["relax", "total"]
 __dir__ = __all__.copy
 
 FLAT = 1e-15
@@ -79,7 +80,7 @@ class Ladder:
 
     def __init__(self, start, profile, fractions):
         self.start, self.profile = start, profile
-        self.chains = [_Chain(profile.size, fraction) for fraction in fractions]
+        self.chains = [Chain(profile.size, fraction) for fraction in fractions]
         self._climbed, self._latest = {}, {}
         self._near = _NEAR / np.abs(profile).max(initial=1e-300)
         self._segments = [
@@ -120,7 +121,7 @@ class Ladder:
         if np.isnan(residues).any():
             raise LostError
         return {
-            kind: Orbit(self, n, site, kind, *orbit, scale)
+            kind: Orbit(chain, self.segment(site), site, kind, *orbit, scale)
             for kind, *orbit in zip((1, -1), found, residues, strict=True)
         }
 
@@ -162,18 +163,22 @@ class Ladder:
         return site, orbits[n]
 
     def _joined(self, n, scale, kind):
-        """The Orbit of fraction n from those of the two fractions before; None if that fails."""
         last, one = (self.at(i, scale, kind) for i in (n - 2, n - 1))
-        chain = self.chains[n]
-        start, profile = self.segment(one.site)
-        kappa = start + scale * profile
-        for u_last in [last.u] * (last.site == one.site) + [last.beginning_like(one)]:
-            u = chain.joined((last.chain, u_last), (one.chain, one.u))
-            _hold(kappa, *chain.frame, u)
-            residue = _settle(kappa, *chain.frame, u, kind, 0.1 / one.chain.q, _STEPS)
-            if not np.isnan(residue):
-                return Orbit(self, n, one.site, kind, u, residue, scale)
-        return None
+        return joined(last, one, self.chains[n], kind)
+
+
+def joined(last, one, chain, kind):
+    """The Orbit of a kind, 1 or -1, that two of Farey neighbours, `last` and as often as it takes
+    `one`, make end to end where these are; None if that fails. chain : Chain of that Orbit."""
+    longer = max(last.chain.q, one.chain.q)
+    for u_last in [last.u] * (last.site == one.site) + [last.beginning_like(one)]:
+        u = chain.joined((last.chain, u_last), (one.chain, one.u))
+        _hold(one.kappa, *chain.frame, u)
+        residue = _settle(one.kappa, *chain.frame, u, kind, 0.1 / longer, _STEPS)
+        if not np.isnan(residue):
+            segment = one.start, one.profile
+            return Orbit(chain, segment, one.site, kind, u, residue, one.scale)
+    return None
 
 
 class Orbit:
@@ -184,8 +189,8 @@ class Orbit:
     residue : R, good to about N² ulp.
     """
 
-    def __init__(self, ladder, n, site, kind, u, residue, scale):
-        self.chain, (self.start, self.profile) = ladder.chains[n], ladder.segment(site)
+    def __init__(self, chain, segment, site, kind, u, residue, scale):
+        self.chain, (self.start, self.profile) = chain, segment
         self.site, self.kind, self.u, self.scale, self.residue = site, kind, u, scale, residue
         self._before, self._step = np.empty_like(u), 0.0
 
@@ -227,7 +232,7 @@ class Orbit:
         return self.scale == scale
 
 
-class _Chain:
+class Chain:
     """What orbits of p/q under forcings of P kicks have in common."""
 
     def __init__(self, period, fraction):

@@ -5,16 +5,16 @@ angle another circle may be the last one. It is found and bracketed in four step
 
 1. Locate. Converse KAM finds a scale without circles, and the start that lives longest there: it
    is next to what is left of the last circle.
-2. Identify. The weighted Birkhoff average of its orbit is a rotation number to six digits or so,
-   and the nobles that agree with it, the shortest first, are the candidates. With three kicks or
-   more so are nobles that branch off from it, and neighbours of the leader. A candidate counts if
-   the residues of its convergents fall with q under the very forcing at which the start survives.
+2. Identify. With one kick or two its orbit names the candidates: the weighted Birkhoff average is a
+   rotation number to six digits or so, and the nobles that agree with it, the shortest first, are
+   asked. With three kicks or more the Farey tree is (`nasm.farey`): down from the scale of step 1
+   the first circle that stands is taken, and then those that stand above where it breaks.
 3. Value. Greene's residue says where each candidate breaks; the last one is the barrier. Where
    residues do not cross, the value is halved out between a scale at which they fall and one at
    which they grow.
 4. Certify. Below the value an invariant circle of that ω, certified by Newton's method on a finer
-   grid: `lower`. Above it, converse KAM on two unrelated grids finds no start that survives:
-   `upper`. A survivor between them is on another barrier: back to step 2.
+   grid: `lower`. Above it, the tree shows no circle, and converse KAM on two unrelated grids finds
+   no start that survives: `upper`. A survivor between them is on another barrier: back to step 2.
 
 Each step is another method, and checks the one before. If they do not agree in the end there is no
 value, but the bracket of those that do.
@@ -36,8 +36,9 @@ from nasm.checks import real
 from nasm.circles import continuation
 from nasm.converse_kam import symmetry_line, transversal
 from nasm.critical import CriticalScale, Status, no_answer
+from nasm.farey import circle_stands, standing
 from nasm.maps import direction, forcing, segment, unkick
-from nasm.numbers import RotationNumber, checked, convergents, moebius, nobles_near, parse, rational
+from nasm.numbers import checked, convergents, moebius, nobles_near, rational
 from nasm.orbits import rotation_number
 from nasm.symmetries import dominant_lines, ray, shorten
 
@@ -56,27 +57,22 @@ _LOCATE = 1000  # steps of converse KAM in step 1 on a line,
 _LOCATE_ANYWHERE = 100  # and on transversals
 _WIDE = 2  # times tol: a bracket that a caller must be told of
 _BEYOND = 0.5  # over the steps: where, past the breakup, the longest-lived start is asked for its ω
-_DEPTH, _DEEPER = 0.004, 1.7  # below what is known to be eliminated, survivors are asked
-_SURVIVED = 2000  # steps, by survivors there
-_ASKED = 24  # starts that are asked in all
-_LONGER = 3  # of those that are asked for longer, where all else leaves a wide bracket
+_STEP = 0.5  # over the longest period that was asked: the next scale below one without circles,
+_LARGEST_STEP = 0.01  # but no further away
+_ASKED = 24  # scales at which circles are looked for above the leader
 _ROUGH = 0.01  # of the value: a bracket above it that is wider says that the last circle is unknown
 _NEAR = 2e-5  # of the measured rotation number; neighbours that robust are further apart
 _AVERAGED = 1000  # steps
 _CANDIDATES = 3
-_TELLING, _TOO_LONG = 60, 3000  # periods of the convergents whose residues tell if a circle stands
+_TOO_LONG = 3000  # period of the orbits whose residues tell if a circle stands
 _LONGER_ORBITS = 10_000  # the same where a search has found no survivor
-_HUGGING = 11  # partial quotient of nobles next to a fraction, less one
-_NAMED = 3  # circles around which survivors are looked for, and which may come back
-_BRANCHING = 300  # period up to which all nobles that branch off from a rotation number are asked
 _HALVED = 1e-4  # of the scale: between what is said to stand and what is not
 _HULL, _GRID, _FINEST = 20_000, 16_384, 65_536  # period of orbits, points, of circles from them
 _BELOW = 1, 1.6, 2.5, 4, 10, 30  # times that: where circles are certified if not there
-_STOOD = 0.99  # of a scale with survivors
 _OUTSET = 0.93  # of a scale without circles: where the first candidates are to stand
 _BLURRED = 300  # period that sees a cusp, from which orbits up to 6000 may leave large errors
 _LONG = 30_000  # period of the orbits then
-_ROUGHLY = 1e-3  # precision from which orbits half as long as usual give the digits
+_ROUGHLY = 1.5e-4  # precision from which orbits half as long as usual give the digits
 
 
 def critical_scale(profile, tol=1e-4, start=None):
@@ -131,68 +127,42 @@ def _last(start, short, tol):
         status = Status.NO_BREAKUP if upper else Status.OUTSIDE
         return no_answer(None, status, "converse KAM")
     race = _Race(start, short, above, upper)
-    race.enter(candidates(*outermost), _OUTSET * upper)
+    # With one kick or two boundaries have one sheet, and survivors are next to the last circle.
+    few = short.size <= 2
+    if few:
+        race.enter(candidates(*outermost), _OUTSET * upper)
+    if race.leader is None:
+        race.descend()
     # Of lives: from a start the forcing changes less than the scale.
     part = upper * np.abs(short).max() / np.abs(race.at(upper)).max()
     n_certify = int(1.6 / above / min(max(part, 0.1), 1))
-    survived, nameless, asked, surrounded = 0.0, np.inf, [], []
-    depth, patient, longer = _DEPTH, False, 0
-    for _ in range(_ASKED):
-        best, upper, n_steps = race.leader, race.upper, n_certify
-        if best is None and survived > 0 and upper - survived < _DEPTH * upper and not patient:
-            patient, depth = True, _DEPTH / 4
-        if best is None and race.blurred(upper):  # each search is another chance to miss survivors
-            break
-        if best is None:
-            # What survives n_certify steps has a rotation number; its circle may stand further in.
-            n_steps = n_certify if patient else _SURVIVED
-            halve = survived > 0 and not patient
-            scale = (survived + upper) / 2 if halve else upper * (1 - depth)
-            depth = min(_DEEPER * depth, 0.5)
-        elif best not in asked:
-            asked.append(best)
-            scale = best.value * (1 + above)
-            if scale > upper:
-                race.enter(_neighbours(best.omega), best.value)
-                continue
-        elif min(upper, nameless) - best.value > tol * upper:
-            scale = (best.value + min(upper, nameless)) / 2
-        elif upper - max(survived, best.value) > 0.5 * tol * upper:
-            scale = (max(survived, best.value) + upper) / 2
-        elif upper - best.value > tol * upper and longer < _LONGER:
-            # What survives has no name: the nearer to a circle, the longer a start lives.
-            longer += 1
-            scale, n_steps = best.value + (upper - best.value) / (longer + 1), 4 * n_certify
-        elif best not in surrounded and race.crowded(best):
-            surrounded.append(best)
-            race.enter(_around(best.omega), best.value)
-            continue
-        else:
-            break
-        found, steps = longest_lived(race.at(scale), n_steps, race.names())
-        returned = race.returned(scale) if steps < np.inf else []
-        survives = steps == np.inf or bool(returned)
+    share = above
+    for _ in range(_ASKED if race.leader else 0):
+        best = race.leader
+        scale, n_steps = best.value * (1 + share), n_certify
+        if scale > race.upper:
+            if few or share > above:
+                break
+            # The nearer to a circle, the longer a start lives.
+            scale, n_steps = (best.value + race.upper) / 2, 4 * n_certify
+        omega, names, _ = (None, [], 0) if few else standing(race.at(scale))
+        survives = omega is not None
         if survives:
-            survived = max(survived, scale)
+            race.enter_again(omega, scale)
         else:
-            race.eliminated.append(scale)
-            upper = race.upper
-        names = returned or candidates(*found, n_steps if survives else _AVERAGED)
-        several = short.size > 2 and (best or upper - survived < 3 * _DEPTH * upper)
-        if steps == np.inf and several:
-            names += _branches(*found, n_steps)
-        if best:
-            # With one kick or two the boundary of a circle has one sheet, and the first name is it.
-            names += _neighbours(best.omega) if survives or short.size > 2 else []
+            found, steps = longest_lived(race.at(scale), n_steps)
+            survives = steps == np.inf
+            if not survives:
+                race.eliminated.append(scale)
+            names += candidates(*found, n_steps if survives else _AVERAGED)
             race.enter(names, scale if survives else best.value)
-        elif patient and survives:
-            race.enter(names, scale)
-        elif not survives or upper - survived < 3 * _DEPTH * upper:
-            race.enter(names, _STOOD * survived if survives else _OUTSET * upper)
-        if best is None and race.leader and not patient:
-            survived = 0.0  # a start that survived fewer steps may not be on a circle
-        if survives and best and race.leader is best:
-            nameless = min(nameless, scale)
+            survives = scale not in race.eliminated  # it may have been known better
+        if race.leader is not best:
+            share = above
+        elif survives:  # what survives has no name
+            share *= 2
+        else:
+            break
     race.refine()
     return _bracketed(race, tol)
 
@@ -237,19 +207,14 @@ def _bracketed(race, tol):
 
 
 def _certified_at(scale, race):
-    """Whether a circle is certified at a scale: of those that break last, or of what survives."""
+    """Whether a circle is certified at a scale: of those that break last, or of the tree."""
     kappa = race.at(scale)
     omegas = dict.fromkeys(known.omega for known in race.known)
-    known = list(islice((omega for omega in omegas if race.stands(omega, scale)), 2))
-    if any(_is_certified(omega, kappa) for omega in known):
+    standing_there = list(islice((omega for omega in omegas if race.stands(omega, scale)), 2))
+    if any(_is_certified(omega, kappa) for omega in standing_there):
         return True
-    found, steps = longest_lived(kappa, 4 * _SURVIVED, race.names()[:1])
-    if steps < np.inf:
-        return False
-    names = candidates(*found, 4 * _SURVIVED) + _branches(*found, 4 * _SURVIVED)
-    others = (omega for omega in dict.fromkeys(names) if omega not in known)
-    standing = (omega for omega in others if race.stands(omega, scale))
-    return any(_is_certified(omega, kappa) for omega in islice(standing, 3))
+    omega, *_ = standing(kappa)
+    return omega not in (None, *standing_there) and _is_certified(omega, kappa)
 
 
 def _is_certified(omega, kappa):
@@ -298,7 +263,9 @@ class _Race:
         self.start, self.short, self.precision = start, short, precision
         self.eliminated = [upper]
         self.leader, self.known, self.told, self._seen = None, [], set(), set()
-        self.stands = cache(lambda omega, scale, *longest: _stands(omega, self.at(scale), *longest))
+        self.stands = cache(
+            lambda omega, scale, *longest: circle_stands(omega, self.at(scale), *longest)
+        )
 
     def at(self, scale):
         """The forcing there."""
@@ -308,24 +275,6 @@ class _Race:
     def upper(self):
         """The lowest scale known without circles."""
         return min(self.eliminated)
-
-    def names(self):
-        """The rotation numbers of the circles that break last, as floats."""
-        return [float(known.omega) for known in self.known[:_NAMED]]
-
-    def returned(self, scale):
-        """Circles known to break below a scale that stand there all the same: they come back, as
-        the boundary of a circle has several sheets with three kicks or more. They may enter again.
-        """
-        omegas = {known.omega for known in self.known[:_NAMED] if known.value < scale}
-        back = [ω for ω in omegas if self.short.size > 2 and self.stands(ω, scale, _LONGER_ORBITS)]
-        self._seen.difference_update(back)
-        return back
-
-    def crowded(self, scale):
-        """Whether circles so many break next to the leader that searches miss the survivors."""
-        cusp = periodic.cusp_period(self.at(scale.value))
-        return self.short.size > 2 and (self.halved(scale) or cusp > _BLURRED)
 
     def blurred(self, scale):
         """Whether a cusp is so near that the orbits which are asked do not see it."""
@@ -353,12 +302,35 @@ class _Race:
                 self.known = sorted([*self.known, scale], key=lambda known: -known.value)
                 self.leader = _most_robust([scale], self.leader)
 
+    def enter_again(self, omega, reached):
+        """The same of a circle that may be known to break below: it comes back, as boundaries have
+        several sheets with three kicks or more."""
+        self._seen.discard(omega)
+        self.enter([omega], reached)
+
+    def descend(self):
+        """Enter the first circle that stands below what is known to be eliminated, and above the
+        leader: in steps of what the periods that were asked can tell."""
+        scale = self.upper
+        if self.blurred(scale):
+            self.told.add(Status.NEAR_CUSP)
+            return
+        while True:
+            omega, _, period = standing(self.at(scale))
+            if omega:
+                self.enter_again(omega, scale)
+                return
+            scale *= 1 - min(max(_STEP / period, self.precision), _LARGEST_STEP)
+            if scale < 0.5 * self.upper or (self.leader and scale < self.leader.value):
+                return
+
     def by_residues(self, omega, between=None, q_max=6000):
         """The CriticalScale of one circle by the crossings of its residues; by longer orbits if a
         cusp is near and blurs the others."""
         scale = periodic.critical_scale(omega, self.short, q_max, self.start, between)
         precise = scale.error <= self.precision * scale.value  # NaN is not
-        if not precise and periodic.cusp_period(self.at(self.upper)) > _BLURRED:
+        cusp = periodic.cusp_period(self.at(self.upper))
+        if not precise and cusp > _BLURRED and self.short.size <= 2:
             longer = periodic.critical_scale(omega, self.short, _LONG, self.start, between)
             scale = longer if longer.status is Status.OK else scale
         self.told.add(scale.status)
@@ -400,57 +372,15 @@ class _Race:
             self.leader = _most_robust(shortest, None)
 
 
-def _stands(omega, kappa, longest=_TOO_LONG):
-    """Whether residues of the minimax orbits of convergents of ω fall with q, under a forcing: the
-    circle exists. Of one or two orbits they may pass through 0 where it does not, so three are
-    asked. False where the orbits are lost, as they are far beyond its breakup."""
-    fractions = list(islice(convergents(omega), len(omega.prefix) + 30))
-    fractions = [f for f in fractions if f.denominator < longest]
-    first = max(len(omega.prefix) - 1, sum(f.denominator < _TELLING for f in fractions))
-    ladder, residues = action.Ladder(kappa, 0 * kappa, fractions), [np.nan]
-    for n in range(first, len(fractions)):
-        try:
-            residues.append(ladder.at(n, 0.0, -1).residue)
-        except action.LostError:
-            return False
-        *_, before, residue = residues
-        if residue > before and residue > 1.5:
-            return False
-        if max(residues[-3:]) < 0.1:
-            return True
-    return len(residues) > 3 and residues[-1] < min(residues[-3:-1])
-
-
-def _neighbours(omega):
-    """Nobles whose last quotient before the ones is another, or that have one more after it."""
-    *start, last = omega.prefix
-    prefixes = [(*start, last, *more) for more in ((2,), (3,), (1, 2))]
-    if start:
-        prefixes += [(*start, last + 1)] + [(*start, last - 1)] * (last > 1)
-    return [parse(str(RotationNumber(prefix, (1,)))) for prefix in prefixes]
-
-
-def _around(omega):
-    """Nobles that are next to the convergents of a noble, from either side."""
-    found = {}
-    for n in range(2, len(omega.prefix) + 1):
-        *start, last = omega.prefix[:n]
-        ends = [(last, m) for m in range(2, _HUGGING)]
-        ends += [(last - 1, 1, m) for m in range(2, _HUGGING) if last > 1]
-        found |= {parse(str(RotationNumber((*start, *end), (1,)))): None for end in ends}
-    return list(found)
-
-
-def longest_lived(kappa, n_max, near=()):
+def longest_lived(kappa, n_max):
     """The start that converse KAM is longest to eliminate: (kappa from its site on, x, y); and its
     life in steps, inf if on no line or transversal all starts are eliminated within n_max steps.
-    near : as for `transversal.longest_lived`.
     """
     if has_dominant_line(kappa):
         place, steps = symmetry_line.longest_lived(kappa, n_max)
         if steps < np.inf or kappa.size <= 2:
             return symmetry_line.start(kappa, place), steps
-    start, steps = transversal.longest_lived(kappa, n_max, near)
+    start, steps = transversal.longest_lived(kappa, n_max)
     return (np.roll(kappa, -start.site), start.x, start.y), steps
 
 
@@ -523,21 +453,6 @@ def candidates(kappa, x, y, n=_AVERAGED):
     steps."""
     omega, _ = rotation_number(kappa, x, y, n)
     return nobles_near(float(omega), _NEAR, _CANDIDATES) if np.isfinite(omega) else []
-
-
-def _branches(kappa, x, y, n):
-    """Nobles that branch off from the rotation number of the orbit that starts in (x, y), and their
-    neighbours: those with the shortest prefix last."""
-    omega, _ = rotation_number(kappa, x, y, n)
-    if not np.isfinite(omega):
-        return []
-    found = {}
-    for noble in nobles_near(float(omega), 1.0, 30)[1:]:
-        *_, fraction = islice(convergents(noble), len(noble.prefix))
-        if fraction.denominator > _BRANCHING:
-            break
-        found = dict.fromkeys([noble, *_neighbours(noble)]) | found
-    return list(found)
 
 
 def _most_robust(scales, best):

@@ -67,7 +67,6 @@ _KEPT = 16  # starts for each kick of a period, of which the search goes on
 _WIDE = 0.5  # of the widest gap before the kick of a site
 _SITES = 8  # at most, whose transversals are tried
 _LONGEST = 4  # times √n_max: period of the minimax orbits up to which pieces are bent
-_NEARBY = 2e-3  # of places, which are 0 to 1/2: searched around a rotation number
 _SHORT = 100  # kicks: of shorter lives the shortest is sought, on the transversals of all sites
 _NARROW = 0.2  # over the steps: bracket, in parts of the scale, to which it is narrowed
 _AHEAD, _FARTHEST = 0.1, 40  # change of the largest strength in a step from a start, and steps
@@ -108,15 +107,13 @@ def elimination_time(kappa, site, x, y, n_kicks):
     return times.reshape(x.shape)
 
 
-def longest_lived(kappa, n_max, near=()):
+def longest_lived(kappa, n_max):
     """The start that takes longest to be eliminated, on the transversals of the module.
 
     Parameters
     ----------
     kappa : sequence of P floats, the forcing, first kick first.
     n_max : int, 1 to 10⁶, steps in either direction.
-    near : rotation numbers per step, as floats, around which all is searched again 250 times as
-        finely: where circles break and come back survivors are in intervals of 10⁻⁶.
 
     Returns
     -------
@@ -129,7 +126,7 @@ def longest_lived(kappa, n_max, near=()):
     """
     strengths = forcing(kappa)
     n_kicks = strengths.size * count("n_max", n_max, 1, MAX_STEPS)
-    start, kicks = _longest_lived(strengths, n_kicks, _by_strength(strengths), near)
+    start, kicks = _longest_lived(strengths, n_kicks, _by_strength(strengths))
     return start, kicks / strengths.size
 
 
@@ -161,7 +158,7 @@ def curve(kappa, n_max):
         for site in _by_strength(strengths):
             minimax = partial(_minimax, ordered, strengths.size, site)
             _, kicks, corners = _longest_on_transversal(
-                np.roll(strengths, -site), minimax, n_steps * strengths.size, ()
+                np.roll(strengths, -site), minimax, n_steps * strengths.size
             )
             if kicks < np.inf:
                 return site, corners
@@ -233,7 +230,7 @@ def _by_strength(kappa):
     return np.argsort(-np.abs(kappa), kind="stable").tolist()[:_SITES]
 
 
-def _longest_lived(kappa, n_kicks, sites, near=()):
+def _longest_lived(kappa, n_kicks, sites):
     """The Start that lives longest where that life is shortest, and its life in kicks.
 
     Of transversals on which no start survives and one lives long, the first is as good as any.
@@ -243,7 +240,7 @@ def _longest_lived(kappa, n_kicks, sites, near=()):
     best, least = None, np.inf
     for site in list(sites):
         minimax = partial(_minimax, ordered, kappa.size, site)
-        at, kicks, _ = _longest_on_transversal(np.roll(kappa, -site), minimax, n_kicks, near)
+        at, kicks, _ = _longest_on_transversal(np.roll(kappa, -site), minimax, n_kicks)
         if best is None or kicks < least:
             best, least = Start(site, *(float(part) for part in at)), kicks
             sites.remove(site)
@@ -253,7 +250,7 @@ def _longest_lived(kappa, n_kicks, sites, near=()):
     return best, least
 
 
-def _longest_on_transversal(kappa, minimax, n_kicks, near):
+def _longest_on_transversal(kappa, minimax, n_kicks):
     """(x, y) of the start that lives longest on the transversal before site 0, its life in kicks,
     and the corners; minimax : the orbits, a function of ω and a place x, as `_minimax`."""
     orbits = _first_orbits(kappa, minimax)
@@ -261,8 +258,7 @@ def _longest_on_transversal(kappa, minimax, n_kicks, near):
     kept = _KEPT * max(2, kappa.size)  # all ω up to P/2 are there
     while True:
         at = np.array([float(omega) for omega, _ in orbits])
-        unit = 0.5 / at[-1]
-        at *= unit
+        at *= 0.5 / at[-1]
         x, y = np.array([_place(*orbit) for orbit in orbits]).T
 
         def points_at(place, at=at, x=x, y=y):
@@ -274,16 +270,6 @@ def _longest_on_transversal(kappa, minimax, n_kicks, near):
             return times
 
         place, kicks = longest_found(lifetimes, _GRIDS, kept)
-        for omega in near if kicks < np.inf else ():
-            turns = abs(omega - kappa.size * np.rint(omega / kappa.size))  # ±ω are alike
-            first = np.clip(turns * unit - _NEARBY / 2, 0, 0.5 - _NEARBY)
-
-            def nearby(y, first=first, lifetimes=lifetimes):
-                return lifetimes(first + 2 * _NEARBY * y)
-
-            other, lived = longest_found(nearby, _GRIDS, kept)
-            if lived > kicks:
-                place, kicks = first + 2 * _NEARBY * other, lived
         i = int(np.clip(np.searchsorted(at, place), 1, at.size - 1))
         (before, _), (after, _) = orbits[i - 1 : i + 1]
         between = Fraction(

@@ -1,0 +1,168 @@
+"""Which circles stand under one forcing: residues down the Farey tree.
+
+Between neighbours p/q and p'/q', |pq' - p'q| = 1, all fractions have periods of q + q' or longer,
+and the simplest is the *mediant* (p + p')/(q + q'). A path of mediants leads to every ω. Where its
+circle stands the residues of the minimax orbits along the path fall to 0; at the breakup of a noble
+they stay near 0.25 (Greene), and below and above it ln(R/0.25) of two neighbours add up to that of
+their mediant, more or less. So between neighbours with large residues no circle stands, and of a
+forcing beyond its last breakup a hundred mediants rule out all ω.
+
+The orbit of a mediant is joined from those of its neighbours (`nasm.action`). This is no proof, and
+where a circle stands by a part δ of the scale only, periods of 1/δ are needed to see it. But there
+is nothing to be missed in between: searches of converse KAM for survivors sample starts, and with
+three kicks or more survivors may be in intervals of 10⁻⁶.
+"""
+
+from fractions import Fraction
+from heapq import heappop, heappush
+from itertools import count as counter
+from itertools import islice, pairwise
+from math import inf, log, nan
+from typing import NamedTuple
+
+from nasm.action import Chain, Ladder, LostError, Orbit, joined, ordered_orbits
+from nasm.maps import forcing
+from nasm.numbers import checked, convergents, moebius, parse
+
+__all__ = ["circle_stands", "standing"]
+__dir__ = __all__.copy
+
+_SCANNED = 20  # period up to which the highest maximum is sought, and not that next to neighbours'
+_AGAIN = 300  # the same where joining fails
+_DEEPEST = 1000  # period of neighbours between which no one looks
+_LARGEST = 1.1  # residue next to a circle that stands
+_LOST, _SHORT = 1.0, 60  # residue that stands for that of a lost orbit, up to a period
+_PRODUCTS = (300, 0.3), (inf, 0.15)
+"""Of residues of two neighbours, up to the longer period. On the paths of the last circles of 32
+forcings, which barriers had found by other means, residues were at most 1.0, and products 0.26."""
+_FALLEN, _LONG = 0.05, 100  # residues that small, of periods that long: ask the circle itself
+_MOST = 3000  # mediants
+_NAMED = 4
+_TELLING, _TOO_LONG = 60, 3000  # periods of the convergents whose residues tell if a circle stands
+_GAMMA = parse("gamma")
+
+
+class _Node(NamedTuple):
+    fraction: Fraction
+    orbit: Orbit | None
+    residue: float
+
+    @property
+    def q(self):
+        return self.fraction.denominator
+
+
+def standing(kappa):
+    """A circle that stands under a forcing, if the tree shows one, and what it shows else.
+
+    Parameters
+    ----------
+    kappa : sequence of P floats, the forcing, first kick first.
+
+    Returns
+    -------
+    omega : RotationNumber, a noble in [0, P/2] per period whose `circle_stands`; None if none does.
+    nobles : list of the nobles that were not ruled out up to period 1000, at most four, the
+        simplest first. Just beyond the last breakup the last circle is one of them.
+    period : int, the longest that was needed. A circle that breaks a part δ of the scale below
+        takes periods of 1/δ or so to be ruled out.
+    """
+    kappa, heap, order, deepest, period = forcing(kappa), [], counter(), [], 1
+
+    def push(left, right):
+        product = left.residue * right.residue
+        most = next(most for longest, most in _PRODUCTS if max(left.q, right.q) < longest)
+        if max(left.residue, right.residue) < _LARGEST and product < most:
+            heappush(heap, (log(product), next(order), left, right))
+
+    for pair in _first(kappa):
+        push(*pair)
+    for _ in range(_MOST):
+        if not heap:
+            break
+        _, _, left, right = heappop(heap)
+        if max(left.q, right.q) > _DEEPEST:
+            deepest.append(_noble(left, right))
+            continue
+        middle = _between(kappa, left, right)
+        period = max(period, middle.q)
+        if middle.q > _LONG and max(left.residue, right.residue, middle.residue) < _FALLEN:
+            omega = _noble(max(left, right, key=lambda node: node.q), middle)
+            if circle_stands(omega, kappa):
+                return omega, [omega], period
+        push(left, middle)
+        push(middle, right)
+    nobles = sorted(deepest, key=lambda omega: len(omega.prefix))[:_NAMED]
+    omega = next((omega for omega in nobles if circle_stands(omega, kappa)), None)
+    return omega, nobles, period
+
+
+def circle_stands(omega, kappa, longest=_TOO_LONG):
+    """Whether residues of the minimax orbits of convergents of ω fall with q, under a forcing: the
+    circle exists. Of one or two orbits they may pass through 0 where it does not, so three are
+    asked. False where the orbits are lost, as they are far beyond its breakup.
+
+    omega : RotationNumber or its text, irrational. kappa : P floats. longest : int, their period.
+    """
+    kappa, omega = forcing(kappa), checked(omega)
+    fractions = list(islice(convergents(omega), len(omega.prefix) + 30))
+    fractions = [f for f in fractions if f.denominator < longest]
+    first = max(len(omega.prefix) - 1, sum(f.denominator < _TELLING for f in fractions))
+    ladder, residues = Ladder(kappa, 0 * kappa, fractions), [nan]
+    for n in range(first, len(fractions)):
+        try:
+            residues.append(ladder.at(n, 0.0, -1).residue)
+        except LostError:
+            return False
+        *_, before, residue = residues
+        if residue > before and residue > 1.5:
+            return False
+        if max(residues[-3:]) < 0.1:
+            return True
+    return len(residues) > 3 and residues[-1] < min(residues[-3:-1])
+
+
+def _first(kappa):
+    """Pairs of neighbours that have all ω from 0 to P/2 between them."""
+    nodes = [_scanned(kappa, Fraction(p)) for p in range((kappa.size + 1) // 2 + 1)]
+    if kappa.size % 2:
+        nodes[-1] = _between(kappa, *nodes[-2:])
+    return pairwise(nodes)
+
+
+def _between(kappa, left, right):
+    """The mediant."""
+    (p, q), (r, s) = (node.fraction.as_integer_ratio() for node in (left, right))
+    fraction = Fraction(p + r, q + s)
+    if q + s <= _SCANNED:
+        found = _scanned(kappa, fraction)
+        if found.orbit:
+            return found
+    if left.orbit and right.orbit:
+        chain = Chain(kappa.size, fraction)
+        for last, one in (left, right), (right, left):
+            if orbit := joined(last.orbit, one.orbit, chain, -1):
+                return _node(fraction, orbit)
+    if _SCANNED < q + s < _AGAIN:
+        return _scanned(kappa, fraction)
+    return _node(fraction, None)
+
+
+def _scanned(kappa, fraction):
+    try:
+        return _node(fraction, ordered_orbits(kappa, *fraction.as_integer_ratio())[1])
+    except LostError:
+        return _node(fraction, None)
+
+
+def _node(fraction, orbit):
+    lost = _LOST if fraction.denominator < _SHORT else inf
+    return _Node(fraction, orbit, max(orbit.residue, 1e-6) if orbit else lost)
+
+
+def _noble(one, other):
+    """The noble whose path goes on from two neighbours in golden steps."""
+    (p, q), (r, s) = sorted(
+        (node.fraction.as_integer_ratio() for node in (one, other)), key=lambda f: f[1]
+    )
+    return moebius(_GAMMA, p, r, q, s)

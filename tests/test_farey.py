@@ -1,0 +1,50 @@
+"""The Farey tree of residues: circles that searches miss, nothing beyond, and the last name."""
+
+import numpy as np
+import pytest
+
+from nasm import barriers, farey, periodic
+from nasm.symmetries import ray
+
+RIPPLE = np.array([1, -1, -1, 1])
+
+
+@pytest.mark.parametrize("profile", [(1,), ray(30), (0.3, 0.2, 0.25), (1, 0.2, 1)], ids=str)
+def test_below_the_breakup_a_circle_stands_and_above_it_the_last_one_is_named(profile):
+    last = barriers.critical_scale(profile, 1e-3)
+    inside, outside, far = (last.value * s * np.array(profile) for s in (0.999, 1.0002, 1.01))
+    omega, _, _ = farey.standing(inside)
+    assert farey.circle_stands(omega, inside)
+    assert not farey.circle_stands(omega, outside)
+    nothing, nobles, period = farey.standing(outside)
+    assert nothing is None
+    assert last.omega in nobles
+    assert farey.standing(far)[1] == []
+    assert farey.standing(far)[2] < period
+
+
+@pytest.mark.parametrize(
+    ("profile", "scale"),
+    [(1 + 1.78e-4 * RIPPLE, 0.957), (1 + 1.7084e-5 * RIPPLE, 0.9648), ((1, 0.45, 1), 0.551)],
+    ids=["ripple", "small ripple", "exchanges"],
+)
+def test_circles_are_found_where_searches_miss_the_survivors(profile, scale):
+    kappa = scale * np.array(profile)
+    omega, _, _ = farey.standing(kappa)
+    assert periodic.circle_remains(omega, kappa, 3000)
+    assert barriers._is_certified(omega, kappa)
+
+
+@pytest.mark.parametrize(
+    ("profile", "omega", "scale", "stands"),
+    [
+        ((1, 0.55, 1), "[0;1,2,1,3,3,2,1,2,(1)]", 0.600375, False),
+        ((1, 0.55, 1), "[0;1,2,1,3,3,1,1,3,(1)]", 0.6002, True),
+        ((1, 0.8, 1), "[1;4,1,3,2,2,3,(1)]", 0.7563, False),
+    ],
+)
+def test_residues_that_pass_through_0_are_not_taken_for_a_circle(profile, omega, scale, stands):
+    # Of two or three convergents they fall in each case; of ten they tell.
+    kappa = scale * np.array(profile)
+    assert farey.circle_stands(omega, kappa) == stands
+    assert periodic.circle_remains(omega, kappa, 3000) == stands
