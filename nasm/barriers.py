@@ -144,7 +144,7 @@ def _last(start, short, tol):
             if few or share > above:
                 break
             # The nearer to a circle, the longer a start lives.
-            scale, n_steps = (best.value + race.upper) / 2, 4 * n_certify
+            scale, n_steps = (best.value + race.upper) / 2, 16 * n_certify
         omega, names, _ = (None, [], 0) if few else standing(race.at(scale))
         survives = omega is not None
         if survives:

@@ -30,14 +30,15 @@ __dir__ = __all__.copy
 _SCANNED = 20  # period up to which the highest maximum is sought, and not that next to neighbours'
 _AGAIN = 300  # the same where joining fails
 _DEEPEST = 1000  # period of neighbours between which no one looks
-_LARGEST = 1.1  # residue next to a circle that stands
 _LOST, _SHORT = 1.0, 60  # residue that stands for that of a lost orbit, up to a period
-_PRODUCTS = (300, 0.3), (inf, 0.15)
-"""Of residues of two neighbours, up to the longer period. On the paths of the last circles of 32
-forcings, which barriers had found by other means, residues were at most 1.0, and products 0.26."""
+_LARGEST = 1.1  # residue next to a circle that stands,
+_PRODUCTS = (300, 0.3), (inf, 0.22)  # and product of two neighbours', up to the longer period.
+_FEW = 10  # Up to that period all are followed.
+"""On the paths to the last circles of 100 forcings, which barriers had found by other means,
+residues were at most 1.1 and products 0.26 from period 10 on; before it one product was 0.30."""
 _FALLEN, _LONG = 0.05, 100  # residues that small, of periods that long: ask the circle itself
 _MOST = 3000  # mediants
-_NAMED = 4
+_NAMED = 8
 _TELLING, _TOO_LONG = 60, 3000  # periods of the convergents whose residues tell if a circle stands
 _GAMMA = parse("gamma")
 
@@ -62,7 +63,7 @@ def standing(kappa):
     Returns
     -------
     omega : RotationNumber, a noble in [0, P/2] per period whose `circle_stands`; None if none does.
-    nobles : list of the nobles that were not ruled out up to period 1000, at most four, the
+    nobles : list of the nobles that were not ruled out up to period 1000, at most eight, the
         simplest first. Just beyond the last breakup the last circle is one of them.
     period : int, the longest that was needed. A circle that breaks a part δ of the scale below
         takes periods of 1/δ or so to be ruled out.
@@ -70,9 +71,10 @@ def standing(kappa):
     kappa, heap, order, deepest, period = forcing(kappa), [], counter(), [], 1
 
     def push(left, right):
-        product = left.residue * right.residue
-        most = next(most for longest, most in _PRODUCTS if max(left.q, right.q) < longest)
-        if max(left.residue, right.residue) < _LARGEST and product < most:
+        product, longer = left.residue * right.residue, max(left.q, right.q)
+        most = next(most for longest, most in _PRODUCTS if longer < longest)
+        near = max(left.residue, right.residue) < _LARGEST and product < most
+        if near or longer < _FEW:
             heappush(heap, (log(product), next(order), left, right))
 
     for pair in _first(kappa):
