@@ -501,7 +501,7 @@ def boundary(angles, tol=1e-4):
     Parameters
     ----------
     angles : sequence of floats, degrees; (κ1, κ2) = s·(cos angle, sin angle).
-    tol : float, as for `critical_scale`: half a second of CPU time a ray at 10⁻⁴, 2 s at 2·10⁻⁵.
+    tol : float, as for `critical_scale`: 0.25 s of CPU time a ray at 10⁻⁴, 0.8 s at 2·10⁻⁵.
     """
     angles = np.ravel(np.asarray(angles, dtype=float))
     if not np.isfinite(angles).all():

@@ -148,7 +148,7 @@ def certified_circle(omega, profile, breakup, distance, start=None):
     Returns
     -------
     scale : float, breakup·(1 - distance) or below; NaN if no circle is certified. The work grows
-    like 1/distance: 0.2 s at 10⁻⁴, 2 s and 400 MB at 10⁻⁵. There rounding sets a limit: next to a
+    like 1/distance: 0.1 s at 10⁻⁴, 9 s and 1 GB at 10⁻⁵. There rounding sets a limit: next to a
     cusp 3·10⁻⁵ may be the nearest.
     u : ndarray (P, n), its deviations; None if no circle is certified.
     """

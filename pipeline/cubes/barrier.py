@@ -80,7 +80,7 @@ def boundary(angles, tol=1e-4, plane=None):
     """Compute CB_gt on rays at any angles: the Dataset of `unfolded`, without workers or a store.
 
     angles : degrees. tol : float, 1e-5 to 0.1, the bracket's relative width. plane : of forcings,
-    `nasm.planes.two_kicks()` by default. Half a second of CPU time at 1e-4, and 2 s at 2e-5, for
+    `nasm.planes.two_kicks()` by default. 0.25 s of CPU time at 1e-4, and 0.8 s at 2e-5, for
     each ray that is no image of another one.
     """
     cube = last_barrier(plane or two_kicks(), angles, tol).cube
