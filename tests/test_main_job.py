@@ -171,8 +171,9 @@ def test_status_and_verify_find_all_in_order_and_damage_where_it_is(tmp_path, de
 
 UNUSUAL = {
     "nothing escapes": "--kappa1 0:0.1:8 --kappa2 0:0.1:8",
-    "below the axis, or in one step": "--kappa1 -1.1:1.1:16 --kappa2 -1.1:0:8 --n-max 1",
+    "below the axis": "--kappa1 -1.1:1.1:16 --kappa2 -1.1:0:8",
     "everything escapes": "--kappa1 3:3.1:8 --kappa2 3:3.1:8",
+    "one step": "--kappa1 0:1.1:8 --kappa2 0:1.1:8 --n-max 1",
 }
 
 
