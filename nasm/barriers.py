@@ -69,6 +69,7 @@ _LONGER_ORBITS = 10_000  # the same where a search has found no survivor
 _HALVED = 1e-4  # of the scale: between what is said to stand and what is not
 _HULL, _GRID, _FINEST = 20_000, 16_384, 65_536  # period of orbits, points, of circles from them
 _BELOW = 1, 1.6, 2.5, 4, 10, 30  # times that: where circles are certified if not there
+_CERTIFIED = 3  # circles of the tree that are tried there
 _OUTSET = 0.93  # of a scale without circles: where the first candidates are to stand
 _BLURRED = 300  # period that sees a cusp, from which orbits up to 6000 may leave large errors
 _LONG = 30_000  # period of the orbits then
@@ -209,12 +210,13 @@ def _bracketed(race, tol):
 def _certified_at(scale, race):
     """Whether a circle is certified at a scale: of those that break last, or of the tree."""
     kappa = race.at(scale)
-    omegas = dict.fromkeys(known.omega for known in race.known)
-    standing_there = list(islice((omega for omega in omegas if race.stands(omega, scale)), 2))
+    known = list(dict.fromkeys(known.omega for known in race.known))
+    standing_there = list(islice((omega for omega in known if race.stands(omega, scale)), 2))
     if any(_is_certified(omega, kappa) for omega in standing_there):
         return True
-    omega, *_ = standing(kappa)
-    return omega not in (None, *standing_there) and _is_certified(omega, kappa)
+    _, nobles, _ = standing(kappa)
+    others = (omega for omega in nobles if omega not in known and race.stands(omega, scale))
+    return any(_is_certified(omega, kappa) for omega in islice(others, _CERTIFIED))
 
 
 def _is_certified(omega, kappa):
