@@ -19,7 +19,7 @@ from nasm import barriers, circles
 from nasm.barriers import critical_scale, per_period
 from nasm.circles import continuation
 from nasm.critical import CriticalScale, Status, no_answer
-from nasm.maps import forcing
+from nasm.maps import MIN_SIZE, forcing
 from nasm.numbers import rational
 from nasm.symmetries import lengthen, shorten
 
@@ -166,7 +166,8 @@ def verdict(kappa, prove=False):
     below = nan
     if prove:
         answer, evidence, proof = _proved(kappa, short, found, answer, evidence)
-        if evidence is Evidence.CIRCLE_PROVED and boundary.value > 1:
+        proved = evidence is Evidence.CIRCLE_PROVED
+        if proved and boundary.value > 1 and size >= MIN_SIZE:  # as a profile must be
             from nasm.proofs.ray import proved_below
 
             below, _ = proved_below(found.omega, short, boundary.value, _BUDGET)

@@ -95,6 +95,16 @@ def test_norms_bound_what_is_left_out_and_no_more(most, monkeypatch):
         assert (1 - 1e-12) * exact <= bound <= (1 + 1e-4) * exact
 
 
+def test_the_defect_of_an_inverse_is_that_of_the_inverse_returned(monkeypatch):
+    monkeypatch.setattr(checker.Function, "growth", arb("1.05"))
+    monkeypatch.setattr(checker.Function, "most", 4)  # too few: the iteration does not converge
+    monkeypatch.setattr(ctx, "prec", checker.BITS)
+    f = checker.Function([acb(x) for x in (0.457, 0.048, 1, 0.048, 0.457)])
+    d, defect = f.inverse()
+    assert defect > arb("0.1")
+    assert not (checker.constant(1) - f * d).norm() > defect
+
+
 ALPHA, RHO = (5**0.5 - 1) / 4, 0.01
 
 

@@ -13,6 +13,7 @@ from flint import arb, ctx
 from nasm import barriers, proofs
 from nasm.checks import sealed
 from nasm.numbers import parse
+from nasm.proofs import certificate_checker as checker
 from nasm.proofs import ray as module
 from nasm.proofs.certificate_checker import Refuted, check, claim
 from nasm.symmetries import ray
@@ -178,6 +179,43 @@ def test_a_constant_that_leaves_something_out_is_noticed(changes):
     found = constants(case, mutant(module, (right, wrong)))
     bounds, least = found["constants"], truth(case, found["rho"])
     assert any(bounds[key] < (1 - 1e-9) * least[key] - 1e-13 for key in least)
+
+
+def checked_constants(case, checker=checker):
+    profile, high, moves = CASES[case]()
+    moves = {"unit": UNIT.get(case, -80), "numbers": json.loads(json.dumps(moves, default=int))}
+    kappa, scales = ([float(x).hex() for x in numbers] for numbers in (profile, (0, high)))
+    data = {"rho": (0.01).hex(), "omega": str(GAMMA), "kappa": kappa, "scales": scales}
+    with ctx.workprec(checker.BITS):
+        return checker.theorem_of_ray(data | {"moves": moves})[1]
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_checkers_constants_bound_those_of_all_forcings_of_a_ray(case):
+    found = checked_constants(case)
+    for key, least in truth(case, 0.01).items():
+        assert least * (1 - 1e-9) - 1e-13 <= found[key] < (60 if key == "error" else 2.5) * least
+
+
+WRONG_CHECKS = {  # what lies between the points is too little to be noticed at Q + 4 of them
+    ("errors[j] = lebesgue * errors[j] + between", "errors[j] += between"): "points",
+    ("defect + moved * d.norm()", "defect"): "steep",
+    ("n = [1 + sum(column) for column", "n = [1 + column[0] for column"): "steep",
+    ("(two_pi * (rho + 2 * f(r))).exp()", "(two_pi * rho).exp()"): "steep",
+    (
+        "errors = [old.max(new) for old, new in zip(errors, found, strict=True)] # Between",
+        "errors = found # Between",
+    ): "kicks",
+    ("p[j] = p[j].max(neumann(", "p[j] = (neumann("): "between",
+    ("kappa = [(middle + half * angle.cos_pi())", "kappa = [(0 * middle)"): "kicks",
+}
+
+
+@pytest.mark.parametrize("changes", WRONG_CHECKS)
+def test_a_check_of_a_ray_that_leaves_something_out_is_noticed(changes):
+    case = WRONG_CHECKS[changes]
+    found, least = checked_constants(case, mutant(checker, changes)), truth(case, 0.01)
+    assert any(found[key] < (1 - 1e-9) * least[key] - 1e-13 for key in least)
 
 
 @pytest.mark.parametrize(("low", "high", "Q"), [(0.2, 0.2, 8), (-0.1, 0.2, 8), (0, 1, 65)])

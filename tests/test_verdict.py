@@ -148,7 +148,11 @@ def test_without_residues_only_the_point_itself_decides(monkeypatch):
 @pytest.mark.usefixtures("a_second")
 @pytest.mark.parametrize(
     ("kappa", "evidence"),
-    [((0.3, 0.45), Evidence.CIRCLE_PROVED), ((-0.75, 0.6), Evidence.TRANSPORT_PROVED)],
+    [
+        ((0.3, 0.45), Evidence.CIRCLE_PROVED),
+        ((1e-301,), Evidence.CIRCLE_PROVED),
+        ((-0.75, 0.6), Evidence.TRANSPORT_PROVED),
+    ],
 )
 def test_a_proof_is_evidence_of_its_own(kappa, evidence):
     pytest.importorskip("flint")

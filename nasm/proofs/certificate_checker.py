@@ -556,6 +556,8 @@ class Function:
                 break
             d = d * (constant(1) + defect)
             d = Function([c.mid() for c in d.coefficients])
+        else:
+            defect = constant(1) - self * d
         return d, defect.norm()
 
 

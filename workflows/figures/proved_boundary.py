@@ -37,13 +37,14 @@ def _caption(barrier):
     proved = np.isfinite(width)
     if not proved.any():
         return "Nothing was proved on both sides of any ray; allow more --seconds."
+    below = float((barrier.proved_below / barrier.critical_scale).median())
     return (
         f"On {proved.sum()} of {width.size} rays around the plane a barrier is proved to exist at "
         "one forcing, and transport to be global at another one, in the median "
         f"{100 * np.nanmedian(width):.2g}% of the scale apart, at most "
         f"{100 * np.nanmax(width):.2g}%. Between the two nothing is proved. A proof at one forcing "
         "says nothing of weaker kicks, as a circle might break and come back; but up to "
-        f"{float((barrier.proved_below / barrier.critical_scale).median()):.2g} of the breakup, in "
-        "the median, a barrier is proved to exist on all of the ray. The proofs assume IEEE "
-        "arithmetic and FLINT."
+        f"{np.ceil(1e4 * (1 - below)) / 100:g}% below the breakup, in the median of rays where any "
+        "such proof succeeds, a barrier is proved to exist on all of the ray. The proofs assume "
+        "IEEE arithmetic and FLINT."
     )

@@ -56,7 +56,7 @@ def sentences(kappa, point, verdict):
 def _weaker(below):
     """Say for which multiples of the strengths a barrier is proved to exist."""
     if below > 0:
-        below = int(below * 1e4) / 1e4  # never rounded up
+        below = int(below * 1e4) / 1e4  # rounded down
         return f"So it is for all kicks from 0 to {below} times as strong."
     return "That proof says nothing of weaker kicks."
 
