@@ -126,9 +126,13 @@ def found(cube, laws, tried, summits):
         f"it; {_examples(cube)}",
         _law(laws),
         _conjecture(tried, summits),
-        "Not tried: more than 8 kicks, kicks that do not recur, and the law of other shapes; below "
-        "0.003 the search for the last circle of 3 kicks and more misses some that stand.",
+        "Not tried: more than 8 kicks, kicks that do not recur, the law of other shapes, and "
+        "ripples of 3 kicks and more below 0.003.",
     ])  # fmt: skip
+
+
+def _exponent(value, error):
+    return f"{value:.3f} ± {error:.1g}" if error < np.inf else f"{value:.3f}"
 
 
 def _law(laws):
@@ -137,8 +141,8 @@ def _law(laws):
     agree = (abs(laws.measured - laws.predicted) < error).values
     rows = laws.where(laws.measured.notnull(), drop=True).to_dataframe().itertuples()
     said = ", ".join(
-        f"{row.measured:.3f} ± {row.measured_error:.1g} ({row.predicted:.3f} ± "
-        f"{row.predicted_error:.1g}) for P = {row.Index}"
+        f"{_exponent(row.measured, row.measured_error)} "
+        f"({_exponent(row.predicted, row.predicted_error)}) for P = {row.Index}"
         for row in rows
     )
     vague = ", ".join(map(str, laws.period.values[~sharp]))
