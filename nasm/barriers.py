@@ -365,10 +365,11 @@ class _Race:
             if self.halved(known) and known.value + known.error > self.leader.value:
                 far = 2 * known.error
                 between = known.value - far, known.value + far
-                longest = 6000 if self.precision < _ROUGHLY else 3000
-                scale = self.by_residues(known.omega, between, longest)
-                if abs(scale.value - known.value) < far:
-                    self.known[i] = scale
+                for longest in (3000, 6000)[self.precision < _ROUGHLY :]:
+                    scale = self.by_residues(known.omega, between, longest)
+                    if abs(scale.value - known.value) < far:
+                        self.known[i] = scale
+                        break
         if self.known:
             shortest = sorted(self.known, key=lambda known: len(known.omega.prefix))
             self.leader = _most_robust(shortest, None)
