@@ -58,6 +58,7 @@ def found(cube):
     others = K.values[~third]
     limit = K * np.sqrt(pairs.parameter / _golden(cube))
     close = limit.values[(pairs.parameter <= _CLOSE) & limit.notnull()]
+    closest = float(pairs.parameter.where(limit.notnull()).min())
     known, falls = int(cube.critical_scale.notnull().sum()), bool((np.diff(close) < 0).all())
     above = int((cube.robustness * cube.lower / cube.critical_scale > 1 + 1e-9).sum())
     alike = int((abs(cube.robustness - 1) < 1e-9).sum())
@@ -78,7 +79,7 @@ def found(cube):
         ),
         finding(
             "K_c approaches √(κ_G/ε) for close pairs:",
-            f"from 1/{1 / _CLOSE:g} down to 1/{1 / float(pairs.parameter.min()):g} it is "
+            f"from 1/{1 / _CLOSE:g} down to 1/{1 / closest:g} it is "
             f"{', '.join(f'{x:.3f}' for x in close[::-1])} of that",
             close.size > 2 and abs(close[0] - 1) < _NEAR and falls,
             close.size > 2 and falls,
