@@ -19,7 +19,7 @@ angle another circle may be the last one. It is found and bracketed in four step
 Each step is another method, and checks the one before. If they do not agree in the end there is no
 value, but the bracket of those that do.
 
-Converse KAM takes its starts from the dominant symmetry line, where the forcing has one
+Converse KAM takes its starts from the dominant symmetry line of one or two kicks
 (`converse_kam.symmetry_line`), or else from a curve that every circle crosses
 (`converse_kam.transversal`). All else needs no symmetry.
 """
@@ -35,12 +35,13 @@ from nasm import action, circles, periodic
 from nasm.checks import real
 from nasm.circles import continuation
 from nasm.converse_kam import symmetry_line, transversal
+from nasm.converse_kam.symmetry_line import has_dominant_line
 from nasm.critical import CriticalScale, Status, no_answer
 from nasm.farey import circle_stands, standing
 from nasm.maps import direction, forcing, segment, unkick
 from nasm.numbers import checked, convergents, moebius, nobles_near, rational
 from nasm.orbits import rotation_number
-from nasm.symmetries import dominant_lines, ray, shorten
+from nasm.symmetries import dominant_centre, ray, shorten
 
 __all__ = [
     "boundary",
@@ -103,8 +104,8 @@ def critical_scale(profile, tol=1e-4, start=None):
     then what was shown. lower is NaN where no circle could be certified. From another start OUTSIDE
     if no barrier is there, and NO_BREAKUP if one is left where some strength has changed by 4.
 
-    ValueError if profile is zero or tiny, or has more than 64 kicks and no dominant symmetry line,
-    or start is of another length, or tol is out of range.
+    ValueError if profile is zero or tiny, or has more than 64 kicks and does not repeat after one
+    or two, or start is of another length, or tol is out of range.
     """
     start, profile = segment(start, profile)
     tol = real("tol", tol)
@@ -377,12 +378,12 @@ class _Race:
 
 def longest_lived(kappa, n_max):
     """The start that converse KAM is longest to eliminate: (kappa from its site on, x, y); and its
-    life in steps, inf if on no line or transversal all starts are eliminated within n_max steps.
+    life in steps, inf if on no transversal all starts are eliminated within n_max steps.
     """
     if has_dominant_line(kappa):
-        place, steps = symmetry_line.longest_lived(kappa, n_max)
-        if steps < np.inf or kappa.size <= 2:
-            return symmetry_line.start(kappa, place), steps
+        y, steps = symmetry_line.longest_lived(kappa, n_max)
+        site, a = dominant_centre(kappa)
+        return (np.roll(kappa, -site), a, y), steps
     start, steps = transversal.longest_lived(kappa, n_max)
     return (np.roll(kappa, -start.site), start.x, start.y), steps
 
@@ -407,14 +408,6 @@ def eliminates(kappa, n_max):
     if has_dominant_line(kappa):
         return symmetry_line.eliminates(kappa, n_max)
     return bool(np.isfinite(transversal.longest_lived(kappa, n_max)[1]))
-
-
-def has_dominant_line(kappa):
-    """Whether the forcing has a centre, and lines that the minimax orbits of all ω are on: bool."""
-    try:
-        return all(dominant for *_, dominant in dominant_lines(kappa))
-    except ValueError:
-        return False
 
 
 def last_circle(found, profile):

@@ -11,7 +11,7 @@ boundary of global transport, CB_gt, has all of it. That of one circle, CB_ω, h
 """
 
 from functools import lru_cache
-from itertools import chain, pairwise, product
+from itertools import chain, product
 
 import numpy as np
 
@@ -21,7 +21,6 @@ from nasm.numbers import RotationNumber, moebius
 __all__ = [
     "alternate",
     "dominant_centre",
-    "dominant_lines",
     "lengthen",
     "negate",
     "ray",
@@ -30,8 +29,6 @@ __all__ = [
     "symmetry_lines",
 ]
 __dir__ = __all__.copy
-
-_NO_RESONANCE = 1e-9  # of the largest: below, F_p is 0 up to rounding
 
 CUSP_EXPONENT = 0.6
 """At a relative distance d from a forcing of a shorter period the boundary is below what it is
@@ -110,8 +107,7 @@ def dominant_centre(kappa):
 
     The symmetry centre on a site with the largest |κ|, on x = 1/2 if κ > 0 there and on x = 0 if
     κ < 0. Without one, a centre between two sites, and the sign is that of the sum of all κ. For
-    P ≥ 3 minimax orbits of other ω may have other centres: see `dominant_lines`. ValueError if the
-    forcing has no centre.
+    P ≥ 3 minimax orbits of other ω may have other centres. ValueError if the forcing has no centre.
     """
     strengths = forcing(kappa)
     # Strengths in descending order: with long forcings, only the first sites need to be tried.
@@ -134,58 +130,6 @@ def primitive(kappa):
     return strengths
 
 
-def dominant_lines(kappa):
-    """The symmetry lines that the minimax orbits are on, to first order in κ, for each ω.
-
-    A forcing of shortest period P has two centres, c and c + P/2, and the two symmetric orbits of
-    p/q meet two lines each:
-
-        (c, a)  and  (c + P/2, a + p/2)  if q is odd,      (c, 0)  and  (c, 1/2)  if q is even.
-
-    To first order the action depends on where the orbit is only for q = 1, by
-
-        F_p cos 2πa,      F_p = Σ_n κ_n cos(2πp(n - c)/P),
-
-    and the minimax orbit is where that is negative. So from p to p + 1 both minimax orbits are on
-    one line: that of c if F_p and F_{p+1} have the same sign, and else that of c + P/2. Where F_p
-    is 0 the next p counts; if they are an even number apart and of different signs, no line has
-    both. For P ≤ 2 all F_p have the sign of κ_c, which is then the larger |κ|.
-
-    Returns
-    -------
-    List of (t, centre, dominant): the line of the minimax orbits with |ω|/P from t up to the next
-    t, the last up to 1/2. dominant : bool; False where no line has both, and centre is one of p.
-    (x, y) → (-x, -y) takes ω to -ω and keeps the lines, y → y + 1 takes ω to ω + P, and between
-    sites a to a + 1/2.
-
-    ValueError if the forcing has no centre.
-    """
-    strengths = primitive(kappa)
-    size = strengths.size
-    site, a = dominant_centre(strengths)
-    if size <= 2 or not strengths.any():
-        return [(0.0, (site, a), True)]
-    p = np.arange(size // 2 + 1)
-    # Re(e^{iφ} FFT) is F_p, also where c is between two sites.
-    resonances = (np.exp(2j * np.pi * site * p / size) * np.fft.fft(strengths)[p]).real
-    sizes = np.abs(resonances)
-    known = np.flatnonzero(sizes > _NO_RESONANCE * sizes.max()).tolist()
-    on = [0.5 if resonances[p] > 0 else 0.0 for p in known]
-    # F_{-p} = F_p, and F_{P-p} = ±F_p, minus if c is between two sites.
-    anchors = [(-known[0], on[0]), *zip(known, on, strict=True)]
-    anchors.append((size - known[-1], 0.5 - on[-1] if site % 1 else on[-1]))
-    lines = []
-    for (p, a), (next_p, next_a) in pairwise(anchors):
-        odd, same = (next_p - p) % 2, a == next_a
-        centre = (site, a) if same or not odd else (_half_on(site, size), (a + p / 2) % 1.0)
-        if p == next_p or (same and not odd and lines and lines[-1][2]):
-            continue  # where both lines have both, it stays
-        line = centre, bool(same or odd)
-        if not lines or lines[-1][1:] != line:
-            lines.append((max(p, 0) / size, *line))
-    return lines
-
-
 def _half_on(site, size):
     """The other centre of a forcing of that shortest period: int, or between two sites."""
     other = (site + size / 2) % size
@@ -203,7 +147,7 @@ def symmetry_lines(kappa, y):
     Returns
     -------
     x, y : ndarrays of shape (4, *y.shape), on the lift: x_c = 0 and x_c = 1/2, followed back from
-    site c to site 0, and so at the other centre, c + P/2; see `dominant_lines`.
+    site c to site 0, and so at the other centre, c + P/2.
 
     ValueError if the forcing has no centre.
     """

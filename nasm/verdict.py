@@ -111,8 +111,7 @@ def verdict(kappa, prove=False):
 
     Parameters
     ----------
-    kappa : sequence of P floats; P at most 64 if it has no dominant line, see
-    `nasm.converse_kam.symmetry_line`.
+    kappa : sequence of P floats; P at most 64, or kappa repeats after one or two kicks.
     prove : bool; evidence is CIRCLE_PROVED or TRANSPORT_PROVED where a proof succeeds.
 
     Returns

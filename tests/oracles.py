@@ -42,15 +42,13 @@ def escape_time(kappa, x, y, n_max, window=(-2.0, 2.3)):
     return np.array([_escape_time(kappa, x0, y0, n_max, *window) for x0, y0 in starts])
 
 
-def second_variation(kappa, site, x, y, n, n_before=None):
-    """The smallest eigenvalue of the action's, over the sites |k| < n about the start (x, y), or
-    with others before it, -n_before < k < n."""
+def second_variation(kappa, site, x, y, n):
+    """The smallest eigenvalue of the action's, over the sites |k| < n about the start (x, y)."""
     at = [(site, x)]
     ahead, p, behind, q = x, y, x, y
     for k in range(1, n):
         ahead, p = kick(kappa[(site + k - 1) % len(kappa)], ahead, p)
         at.append((site + k, ahead))
-    for k in range(1, n_before or n):
         behind -= q
         q -= kappa[(site - k) % len(kappa)] / (2 * math.pi) * math.sin(2 * math.pi * behind)
         at.insert(0, (site - k, behind))

@@ -35,7 +35,7 @@ def test_a_start_is_eliminated_when_its_orbit_no_longer_minimizes_the_action(kap
 
 @pytest.mark.parametrize(
     ("kappa", "site", "a"),
-    [((1.03,), 0, 0.5), ((0.71, 0.46), 0, 0.5), ((-0.43, 0.72), 1, 0.5), ((0.1, 0.1, -0.4), 2, 0)],
+    [((1.03,), 0, 0.5), ((0.71, 0.46), 0, 0.5), ((-0.43, 0.72), 1, 0.5), ((0.1, -0.4), 1, 0)],
 )
 def test_on_a_symmetry_line_times_are_those_of_cones(kappa, site, a):
     y = (np.arange(300) + 0.5) / 600
@@ -58,7 +58,7 @@ def test_a_certified_circle_survives_on_every_transversal_also_of_long_forcings(
     assert np.isinf(longest_lived(kappa, 1000)[1])
 
 
-@pytest.mark.parametrize("profile", [(1.0,), (0.6, 0.8), (-0.5, 0.8), (1.8, -0.1, -0.1)])
+@pytest.mark.parametrize("profile", [(1.0,), (0.6, 0.8), (-0.5, 0.8)])
 def test_the_breakup_is_that_of_the_symmetry_line(profile):
     known = symmetry_line.critical_scale(profile, 5000)
     for n_max in (30, 100):

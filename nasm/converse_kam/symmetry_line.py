@@ -24,18 +24,12 @@ If v_n ≤ 0 for some n, no rotational invariant circle passes through that star
 A circle is a graph, so it meets the line x_c = a in one point: if all y of the line are
 eliminated, no rotational circle is left, and transport is global. y from 0 to 1/2 suffice for
 every P, for the chain has the symmetries y → y + 1 and (x, y) → (-x, -y), and both keep the line.
-The line is the dominant one: the minimax orbits are on it, and lose their positive v soonest.
-Orbits that minimize the action never do, though they be periodic. The criterion is MacKay and
-Percival's, Commun. Math. Phys. 98 (1985) 469.
+The criterion is MacKay and Percival's, Commun. Math. Phys. 98 (1985) 469.
 
-A centre may be between two sites, x_c + x_{c+1} = 2a. The start is x_{c+1} = a + y/2 there, and
-v_c = v_{c+1} = 1; with v_{c+1+n} = v_{c-n} all is as above. But y → y + 1 takes a to a + 1/2.
-
-For P > 2 the minimax orbits of different ω may be on different lines (`symmetries.dominant_lines`).
-The dominant line is then broken: one piece ends, and the next begins, at the orbit of an ω = p that
-meets both. A circle that passes above that orbit on the one line does so on the other, for kicks
-keep both; so it passes through one of the pieces. Places on the line are counted from 0 to 1/2,
-y = p/P being the orbit of p where the line breaks, and in between evenly.
+The line is the dominant one, x = 1/2 before the stronger kick, or x = 0 if that is negative. The
+minimax orbits are on it, and lose their positive v soonest; orbits that minimize the action never
+do, though they be periodic. With three kicks or more minimax orbits of different ω may be on
+different lines, and so they are asked on a curve through all of them: `converse_kam.transversal`.
 
 Beyond the last circle's breakup, at the scale s_c of a ray, the longest life on the line is T,
 
@@ -56,21 +50,19 @@ alarm is the block replayed kick by kick, so times are exact.
 """
 
 from dataclasses import dataclass
-from itertools import chain, pairwise
 
 import numpy as np
 from numba import njit
 
-from nasm.action import LostError, ordered_orbits
 from nasm.arithmetic.kernels import kernel
 from nasm.arithmetic.lanes import LANES, copysign, fabs, fma, load, minimum, own_frame, rint, store
 from nasm.arithmetic.sine import COSINE, SINE
 from nasm.checks import count, floats
 from nasm.critical import CriticalScale, Status, no_answer
 from nasm.maps import direction, forcing
-from nasm.symmetries import CUSP_EXPONENT, distances_to_shorter, dominant_lines, primitive
+from nasm.symmetries import CUSP_EXPONENT, distances_to_shorter, dominant_centre, primitive
 
-__all__ = ["critical_scale", "eliminates", "elimination_time", "longest_lived", "start"]
+__all__ = ["critical_scale", "eliminates", "elimination_time", "has_dominant_line", "longest_lived"]
 __dir__ = __all__.copy
 
 _METHOD = "converse KAM"
@@ -87,13 +79,8 @@ rays of 2 to 4 kicks and 88 next to the diagonal it was 0.68 or more, and 1.01 o
 _GRIDS = ((2048, 0.5), (1597, 0.382))
 _KEPT, _CHILDREN, _SHRINK = 32, 8, 0.15
 
-_COARSE = 256, 0.5  # the grid that finds a survivor soonest, where there are many
-_LONGER = 16  # times n_max, for which starts should survive below the value
-_BELOW = 1 - np.array([0.01, 0.02, 0.04, 0.07, 0.1])
-
 _STRIDE = 2 + 5**0.5  # (1/γ)³
 _MOST_SCALES = 100  # 10 are usual
-_NOT_CONVERGED = no_answer(None, Status.NOT_CONVERGED, _METHOD)
 
 
 def elimination_time(kappa, y, n_max):
@@ -101,8 +88,8 @@ def elimination_time(kappa, y, n_max):
 
     Parameters
     ----------
-    kappa : sequence of P floats with a dominant line, the forcing, first kick first.
-    y : array, the starts, as places on the line; see `start`.
+    kappa : sequence of P floats that repeat after one or two kicks, the forcing, first kick first.
+    y : array, the starts, on the dominant line.
     n_max : int, 1 to 10⁹, steps (periods of the forcing).
 
     Returns
@@ -110,23 +97,15 @@ def elimination_time(kappa, y, n_max):
     ndarray of float64, shape of y: steps, a multiple of 1/P, until v ≤ 0; inf for a start that
     survives n_max steps. A finite time shows that no rotational circle passes through the start.
 
-    ValueError if the forcing has no dominant line, or an argument is out of range.
+    ValueError if the forcing repeats later, or an argument is out of range.
     """
     y = floats("y", y)
     if not np.isfinite(y).all():
         raise ValueError("y is not finite; starts must be finite numbers")
     n_max = count("n_max", n_max, 1, MAX_STEPS)
     strengths = forcing(kappa)
-    kicks = _kicks(_lines(strengths), y.ravel(), strengths.size * n_max)
+    kicks = _kicks(_line(strengths), y.ravel(), strengths.size * n_max)
     return kicks.reshape(y.shape) / strengths.size
-
-
-def start(kappa, y):
-    """The start at place y of the dominant line: the forcing from its first kick on, x and y."""
-    strengths = forcing(kappa)
-    pieces = _starts(_lines(strengths), np.array([y]))
-    line, (y,) = next((line, found) for line, _, found in pieces if found.size)
-    return np.roll(strengths, -line.site), line.x + 0.25 + line.lean * y, y
 
 
 def longest_lived(kappa, n_max, kept=_KEPT):
@@ -139,7 +118,7 @@ def longest_lived(kappa, n_max, kept=_KEPT):
 
     Returns
     -------
-    y : float, the place of the start, in [0, 1/2] up to the width of a cell; see `start`.
+    y : float, of the start, in [0, 1/2] up to the width of a cell.
     time : float, its elimination time in steps; inf if it survives n_max steps, and then it is one
         of the survivors and need not be the last.
 
@@ -151,9 +130,9 @@ def longest_lived(kappa, n_max, kept=_KEPT):
     """
     strengths = forcing(kappa)
     n_max = count("n_max", n_max, 1, MAX_STEPS)
-    lines, n_kicks = _lines(strengths), strengths.size * n_max
+    line, n_kicks = _line(strengths), strengths.size * n_max
     kept = count("kept", kept, 1, _GRIDS[1][0])
-    y, time = longest_found(lambda y: _kicks(lines, y, n_kicks), _GRIDS, kept)
+    y, time = longest_found(lambda y: _kicks(line, y, n_kicks), _GRIDS, kept)
     return y, time / strengths.size
 
 
@@ -168,66 +147,46 @@ def eliminates(kappa, n_max):
 def critical_scale(profile, n_max):
     """The scale at which the last circle breaks on the ray κ = s·profile, and one without circles.
 
-    1. Start where the largest strength is 2, and the first kick eliminates all starts; if the line
-       is broken, at the weakest kicks of a coarse ladder with which all die within 16 steps.
+    1. Start where the largest strength is 2, and the first kick eliminates all starts.
     2. Lower the scale, by the law s - s_c = slope/T through the last two scales, so that the
        longest lifetime T grows by a factor of 4.2 each time, until it is near n_max: `upper`.
     3. `value` is where the law leads to for T → ∞.
-    4. With three kicks or more, starts must survive 16 n_max steps at six scales below `value`.
 
     The factor is (1/γ)³. The ripple of the law has the period 1/γ in T if the last circle has a
     golden tail, and then it cancels.
 
     Parameters
     ----------
-    profile : sequence of P floats with a dominant line, not all 0.
+    profile : sequence of P floats that repeat after one or two kicks, not all 0.
     n_max : int, 100 to 10⁹, steps. On the paper's plane upper/value - 1 is 0.6/n_max to 1/n_max, on
         its diagonals half of that.
 
     Returns
     -------
     CriticalScale. upper : no start was found to survive n_max steps there. error : a third of
-    upper - value; all of it next to a cusp, see `_cusp_steps`, and for three kicks or more. (True
-    errors were 3% of upper - value, at most 15%; next to a cusp at most 80%; of 148 values for 3 to
-    34 kicks at most 64%.) lower is NaN and omega None: the method shows no circle, and names none.
-    status NOT_CONVERGED if lifetimes contradict each other, or the law, as they do when a search
-    misses a survivor, and for three kicks next to one, e.g. (1, 0.999, 0.999), where the resonances
-    that decide are no longer those of first order; with three kicks or more also if below the value
-    all starts are found to die within 16 n_max steps, as next to a resonance of second order. (Of
-    226 random palindromes of 3 to 7 kicks with broken lines 129 had a value at n_max = 100; of 126
-    values at 400 none was further away than 14% of the error.)
+    upper - value; all of it next to a cusp, see `_cusp_steps`. (True errors were 3% of
+    upper - value, at most 15%; next to a cusp at most 80%.) lower is NaN and omega None: the method
+    shows no circle, and names none. status NOT_CONVERGED if lifetimes contradict each other, or the
+    law, as they do when a search misses a survivor.
 
-    ValueError if profile is zero or tiny, or has no symmetry centre or no dominant line.
+    ValueError if profile is zero or tiny, or repeats later.
     """
     profile = direction(profile)
     n_kicks = profile.size * count("n_max", n_max, 100, MAX_STEPS)
 
-    def lifetime(scale, n_kicks=n_kicks, grids=_GRIDS):
-        lines = _lines(scale * profile)
-        return longest_found(lambda y: _kicks(lines, y, n_kicks), grids)[1]
+    def lifetime(scale):
+        line = _line(scale * profile)
+        return longest_found(lambda y: _kicks(line, y, n_kicks), _GRIDS)[1]
 
     top = 2 / np.abs(profile).max()
-    first = top, 1.0, top / 2  # a guess of the slope; a bad one costs time, no more
-    if len(_lines(top * profile)) > 1:
-        first = _first_elimination(lifetime, top, 16 * profile.size)
-    upper, time, slope = _walk(lifetime, *first, n_kicks)
+    # A guess of the slope; a bad one costs time, no more.
+    upper, time, slope = _walk(lifetime, top, 1.0, top / 2, n_kicks)
     gap = _gap(lifetime, upper, time, slope, _SLOPES[1] * profile.size)
-    beyond_first_order = profile.size > 2
-    if np.isnan(gap) or (beyond_first_order and _dies_below(lifetime, upper, gap, n_kicks)):
-        return _NOT_CONVERGED
+    if np.isnan(gap):
+        return no_answer(None, Status.NOT_CONVERGED, _METHOD)
     near_cusp = time < profile.size * _cusp_steps(profile)
-    error = gap if near_cusp or beyond_first_order else gap / 3
+    error = gap if near_cusp else gap / 3
     return CriticalScale(upper - gap, error, np.nan, upper, None, Status.OK, _METHOD)
-
-
-def _first_elimination(lifetime, top, n_kicks):
-    """Scale, longest life and a guess of the slope for `_walk` on a broken line. Far beyond the
-    breakup the orbit at the break may survive, so the ladder is climbed from below."""
-    for scale in top * np.geomspace(0.1, 1.0, 25):
-        time = lifetime(scale, n_kicks)
-        if time < np.inf:
-            return scale, time, _SLOPES[0] * n_kicks / 16 * scale
-    return top, np.inf, np.nan
 
 
 def _walk(lifetime, scale, time, slope, n_kicks):
@@ -265,19 +224,6 @@ def _gap(lifetime, scale, time, slope, steepest):
     return gap if _SLOPES[0] < gap * time / (scale - gap) < steepest else np.nan
 
 
-def _dies_below(lifetime, upper, gap, n_kicks):
-    """Whether no start is found to survive at some scale below the value, where circles should be.
-
-    Starts next to an orbit that only resonances of higher order eliminate live long at some scales,
-    and shorter again below.
-    """
-    value = upper - gap
-    return any(
-        np.isfinite(lifetime(scale, _LONGER * n_kicks, (_COARSE, *_GRIDS)))
-        for scale in (value - gap, *(value * _BELOW))
-    )
-
-
 def _cusp_steps(profile):
     """The steps that it takes to tell a forcing from one of a shorter period that is close to it.
 
@@ -292,91 +238,41 @@ def _cusp_steps(profile):
 
 @dataclass(frozen=True)
 class _Line:
-    """What the kernel needs to know of a symmetry line, and its piece of the dominant line."""
+    """What the kernel needs to know of the dominant line."""
 
     table: np.ndarray
     """Row n: the coefficients of kick n, as in `nasm.escape`; a block more than a period."""
     period: int
-    site: int
-    """Of the first kick; kicks are counted from it."""
     x: float
-    """a - 1/4, the shifted angle, where y = 0."""
-    lean: float
-    """x grows by so much with y: 1/2 between two sites, else 0."""
+    """a - 1/4, the shifted angle."""
     w: float
-    """v_0 - v_{-1} = |κ_c|/2, or 0 between two sites."""
-    places: tuple[float, float]
-    """Where the piece begins and ends on the dominant line."""
-    y: tuple[float, float]
-    """y there."""
+    """v_0 - v_{-1} = |κ_c|/2."""
 
 
-def _lines(strengths):
-    """The pieces of the dominant line, _Line each. Starts on pieces whose ends are not found have
-    y = NaN, and survive."""
+def has_dominant_line(kappa):
+    """Whether minimax orbits of all ω are on one symmetry line, as the forcing repeats after one or
+    two kicks: bool."""
+    return primitive(kappa).size <= 2
+
+
+def _line(strengths):
     strengths = primitive(strengths)
-    found = dominant_lines(strengths)
-    none = next((t for t, _, dominant in found if not dominant), None)
-    if none is not None:
+    if strengths.size > 2:
         raise ValueError(
-            f"kappa={strengths.tolist()} has no dominant symmetry line: the minimizing orbit of "
-            f"ω={none * strengths.size:.0f} or of the next resonance is on each, and is never "
-            "eliminated; see nasm.converse_kam.transversal"
+            f"kappa={strengths.tolist()} has no dominant symmetry line, as one or two kicks have; "
+            "see nasm.converse_kam.transversal"
         )
-    centres = [centre for _, centre, _ in found]
-    places = [*(t for t, _, _ in found), 0.5]
-    pairs = zip(places[1:-1], pairwise(centres), strict=True)
-    y = [0.0, *chain.from_iterable(_break(strengths, *pair) for pair in pairs), 0.5]
-    return [
-        _line(strengths, centre, places[i : i + 2], y[2 * i : 2 * i + 2])
-        for i, centre in enumerate(centres)
-    ]
-
-
-def _line(strengths, centre, places=(0.0, 0.5), y=(0.0, 0.5)):
-    site, a = int(np.ceil(centre[0])) % strengths.size, centre[1]
-    between = float(centre[0] % 1)
+    site, a = dominant_centre(strengths)
     strengths = np.roll(strengths, -site)
     rows = np.resize(strengths, strengths.size + _BLOCK - 1)
-    table = -rows[:, None] * np.array(SINE)
-    w = 0.0 if between else float(strengths[0] if a else -strengths[0]) / 2
-    return _Line(table, strengths.size, site, a - 0.25, between, w, *map(tuple, (places, y)))
+    w = float(strengths[0] if a else -strengths[0]) / 2
+    return _Line(-rows[:, None] * np.array(SINE), strengths.size, a - 0.25, w)
 
 
-def _break(strengths, place, centres):
-    """y of the orbit of ω = p, place = p/P, on two lines; NaN if it is not found."""
-    p = round(place * strengths.size)
-    first = next(centre for centre in centres if centre[0] % 1 == 0)
-    try:
-        _, minimax = ordered_orbits(strengths, p, 1)
-    except LostError:
-        return np.nan, np.nan
-    x, half = minimax.sites(), strengths.size // 2
-    y = np.roll(np.diff(x, append=x[0] + p), minimax.site - first[0])
-    y = y[0], y[half]  # the other centre is half a period later
-    return y if first == centres[0] else y[::-1]
-
-
-def _starts(lines, places):
-    """The starts at places of the dominant line, by pieces: the _Line, which starts, their y."""
-    if len(lines) > 1:
-        places = np.abs(places - np.rint(places))
-    pieces = np.searchsorted([line.places[1] for line in lines[:-1]], places, side="right")
-    for i, line in enumerate(lines):
-        (here,) = np.nonzero(pieces == i)
-        (begin, end), (y, last_y) = line.places, line.y
-        yield line, here, y + (places[here] - begin) * ((last_y - y) / (end - begin))
-
-
-def _kicks(lines, places, n_kicks):
-    """Elimination times of the starts at places of the dominant line, in kicks."""
-    times = np.full(places.size, np.inf)
-    for line, here, y in _starts(lines, places):
-        if np.isfinite(y).all():
-            lives = np.empty(y.size)
-            start = line.table, line.period, line.x, line.lean, y, line.w
-            _elimination_times(*start, n_kicks, lives)
-            times[here] = lives
+def _kicks(line, y, n_kicks):
+    """Elimination times of starts on the line, in kicks."""
+    times = np.empty(y.size)
+    _elimination_times(line.table, line.period, line.x, y, line.w, n_kicks, times)
     return times
 
 
@@ -485,7 +381,7 @@ def _replay(c, site, report, lane):
 
 
 @kernel
-def _elimination_times(c, period, x, lean, y, w, n_max, times):
+def _elimination_times(c, period, x, y, w, n_max, times):
     """The kick after which v ≤ 0 for every start into `times`, inf if later than n_max."""
     size = (y.size + LANES - 1) // LANES * LANES
     state, report = np.empty((4, size)), np.empty((5, LANES))
@@ -493,7 +389,7 @@ def _elimination_times(c, period, x, lean, y, w, n_max, times):
     for i in range(size):
         state[0, i], state[1, i], state[2, i], state[3, i] = x, 0.0, np.nan, w
     for i in range(y.size):
-        orbit[i], state[0, i], state[1, i], state[2, i] = i, x + lean * y[i], y[i], 1.0
+        orbit[i], state[1, i], state[2, i] = i, y[i], 1.0
         times[i] = np.inf
     # A lane at rest has v = NaN: it raises no alarm. An orbit that is hyperbolic for ever, as only
     # one whose x and y are exact is, gets there by overflow: it counts as a survivor, as it should.

@@ -20,7 +20,7 @@ eliminated, no circle is left. Orbits that minimize the action are never elimina
 pass through the gaps that they leave, for every ω, and a *minimax* orbit of p/q is in the middle of
 one: among the orbits of p/q that minimize the action for a given x_0, it has the largest. So the
 *transversal* is a chain of straight pieces through the places of minimax orbits before the kick of
-one site, in the order of their ω. Where the forcing has a centre and a dominant line, it is that
+one site, in the order of their ω. Where all minimax orbits are on one symmetry line, it is that
 line.
 
 1. Start with the orbits of ω = 0, 1, … and P/2 per period. The symmetries y → y + 1 and
@@ -36,7 +36,6 @@ strong evidence, not a proof. The choice matters: 0.5% beyond the breakup of the
 last 130 steps there, and on 15 of 20 other lines x = a starts survive 3000.
 """
 
-from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache, partial
@@ -52,7 +51,7 @@ from nasm.checks import count, points
 from nasm.converse_kam import symmetry_line
 from nasm.converse_kam.symmetry_line import longest_found, tangent_kick
 from nasm.maps import MAX_PERIOD, forcing, kick, segment
-from nasm.symmetries import dominant_lines
+from nasm.symmetries import dominant_centre
 
 __all__ = ["curve", "elimination_time", "located", "longest_lived"]
 __dir__ = __all__.copy
@@ -141,18 +140,14 @@ def curve(kappa, n_max):
     Returns
     -------
     (site, points): int, and ndarray of shape (m, 2), x and y of its corners before the kick of that
-    site; None if on the transversals of all sites a start survives n_max steps. Where one symmetry
-    line is dominant for all ω it is that line, to y = 1/2, or to y = 1 if its centre is between two
-    sites.
+    site; None if on the transversals of all sites a start survives n_max steps. Of one or two kicks
+    it is the dominant symmetry line, to y = 1/2.
     """
     strengths, n_steps, n_max = forcing(kappa), 32, count("n_max", n_max, 32, MAX_STEPS)
-    with suppress(ValueError):  # without a centre
-        (_, (site, a), dominant), *others = dominant_lines(strengths)
-        if dominant and not others:
-            end = 0.5 if site % 1 == 0 else 1.0
-            corners = np.array([[a, 0.0], [a + end * (site % 1), end]])
-            ended = symmetry_line.eliminates(strengths, n_max)
-            return (int(np.ceil(site)) % strengths.size, corners) if ended else None
+    if symmetry_line.has_dominant_line(strengths):
+        site, a = dominant_centre(strengths)
+        ended = symmetry_line.eliminates(strengths, n_max)
+        return (site, np.array([[a, 0.0], [a, 0.5]])) if ended else None
     ordered = _ordered(kappa)
     while n_steps <= n_max:
         for site in _by_strength(strengths):
@@ -224,8 +219,8 @@ def _by_strength(kappa):
     """The sites of the largest |κ|, in descending order."""
     if kappa.size > MAX_PERIOD:
         raise ValueError(
-            f"a forcing with P={kappa.size} kicks and no dominant symmetry line is too long; "
-            f"without such a line P is at most {MAX_PERIOD}"
+            f"a forcing with P={kappa.size} kicks is too long: P is at most {MAX_PERIOD}, "
+            "unless it repeats after one or two kicks"
         )
     return np.argsort(-np.abs(kappa), kind="stable").tolist()[:_SITES]
 

@@ -63,7 +63,7 @@ def direct(n_orbits, reach, precision="double"):
 
 def converse_kam(ray, n_max):
     """Answer by converse KAM where no start survives n_max steps, and extrapolated."""
-    if barriers.has_dominant_line(np.array(ray.profile)):
+    if symmetry_line.has_dominant_line(np.array(ray.profile)):
         return _bound_and_value(symmetry_line.critical_scale(ray.profile, n_max))
     upper, _, steps = transversal.located(ray.profile, n_max)
     least, most = (upper * (1 - excess / steps) for excess in transversal.EXCESS[::-1])
@@ -116,7 +116,7 @@ def birkhoff(ray, n):
     without a symmetry line.
     """
     profile = np.array(ray.profile)
-    if not barriers.has_dominant_line(profile):
+    if not symmetry_line.has_dominant_line(profile):
         return ((nan, nan),)
     site, a = dominant_centre(profile)
 
