@@ -143,3 +143,18 @@ def test_an_edit_in_a_room_changes_what_a_kernel_computes(tmp_path):
         results.append(float(run.communicate(timeout=120)[0]))
     assert 1e-4 < abs(results[0] - results[1]) < 1e-3
     assert len(list((tmp_path / "cache").glob("kernels-*"))) == 2  # both versions, side by side
+
+
+def test_a_program_that_begins_without_scipy_has_its_kernels_and_may_load_it_later():
+    program = """
+import sys
+from nasm.arithmetic import kernels
+kernels.begin_without_scipy()
+from nasm import circles
+print(circles.invariant_circle("gamma", (0.3,)).certified)
+print({"scipy.fft", "scipy.linalg"} & sys.modules.keys())
+import scipy.fft, scipy.linalg
+"""
+    run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, cwd=ROOT)
+    assert run.stdout.split("\n") == ["True", "set()", ""], run.stderr
+    assert run.returncode == 0

@@ -20,9 +20,11 @@ import hashlib
 import os
 import pickle
 import shutil
+import sys
 import time
 from contextlib import suppress
 from functools import cache, partial
+from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
 
@@ -35,7 +37,7 @@ from numba.core.caching import (
 )
 from numba.misc.appdirs import AppDirs
 
-__all__ = ["are_missing", "directory", "kernel"]
+__all__ = ["are_missing", "begin_without_scipy", "directory", "kernel"]
 __dir__ = __all__.copy
 
 _UNUSED = 30 * 24 * 3600  # seconds after which the kernels of another version are deleted
@@ -50,6 +52,21 @@ def kernel(function=None, **options):
     if directory() is not None:
         dispatcher._cache = _Cache(function)  # what cache=True does, with a cache of ours
     return dispatcher
+
+
+def begin_without_scipy():
+    """Load what Numba loads with the first kernel, but not scipy.fft and scipy.linalg, half of it.
+
+    For programs, and no module calls it when it is imported: Numba compiles no np.cov and no
+    scipy.fft then, which no kernel here calls.
+    """
+    if unused := {"scipy.fft", "scipy.linalg"} - sys.modules.keys():
+        sys.modules.update(dict.fromkeys(unused))  # None: not to be found
+        import_module("numba.np.arraymath")
+        import_module("rocket_fft")
+
+        for name in unused:
+            del sys.modules[name]
 
 
 @cache

@@ -47,11 +47,11 @@ def grid(omega, n_modes):
 
     Near a breakup the modes up to the next resonance are small, and those from it on are not.
     """
-    from scipy.fft import next_fast_len  # which takes a while to import
+    from rocket_fft import good_size  # as SciPy's next_fast_len, which takes a while to import
 
     for fraction in convergents(omega):
         if fraction.denominator >= max(n_modes, 100):
-            n = _EVEN * next_fast_len(ceil((fraction.denominator + 1) / _KEPT / _EVEN), real=True)
+            n = _EVEN * good_size(ceil((fraction.denominator + 1) / _KEPT / _EVEN), real=True)
             if cut(omega, n) >= n_modes:  # not so if another resonance is just below
                 return n
     raise ValueError(f"omega={omega} is rational; a circle needs an irrational rotation number")

@@ -285,9 +285,10 @@ cluster_options = together(
 
 
 def announce_kernels():
-    """Say so if the kernels have to be compiled first."""
-    from nasm.arithmetic.kernels import are_missing
+    """Load what kernels need, and say so if they have to be compiled first."""
+    from nasm.arithmetic.kernels import are_missing, begin_without_scipy
 
+    begin_without_scipy()
     if are_missing():
         click.echo("compiling kernels, once per machine: about 20 s", err=True)
 
