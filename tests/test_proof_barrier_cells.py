@@ -394,3 +394,11 @@ def test_long_doubles_that_are_doubles_are_refused(monkeypatch):
     monkeypatch.setattr(proofs.barrier_cells, "_LONG", np.float64)
     with pytest.raises(RuntimeError, match="64 bits"):
         prove_cell(GAMMA, *CELLS[0])
+
+
+def test_a_cell_whose_certificate_might_not_be_confirmed_is_left():
+    # Its ratio is 0.0299 of 1/32; the checker's bound of it is 0.0344.
+    found = prove_cell(parse("gamma"), (0.45703125, 0.06640625), 2.0**-8)
+    assert 1 / 40 < found.constants["ratio"] < 1 / 32
+    assert not found.proved
+    assert "margin" in found.why
