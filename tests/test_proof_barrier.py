@@ -2,6 +2,7 @@
 
 import json
 from itertools import product
+from types import SimpleNamespace
 
 import mpmath as mp
 import numpy as np
@@ -17,6 +18,7 @@ from nasm import circles, proofs
 from nasm.barriers import critical_scale
 from nasm.circles import continuation, fourier
 from nasm.numbers import RotationNumber, parse
+from nasm.proofs import barrier
 from nasm.proofs import certificate_checker as checker
 from nasm.proofs.barrier import prove, proved_lower
 from nasm.symmetries import ray
@@ -331,7 +333,16 @@ def test_a_random_ray_is_proved_below_its_last_breakup_and_not_above():
         assert not prove(found.omega, kappa, start=start, n=512).proved
 
 
-def test_more_time_proves_a_circle_nearer_to_the_breakup():
+def test_more_time_proves_a_circle_nearer_to_the_breakup(monkeypatch):
+    # The clock counts the predicted work, so that no other process can stop a proof.
+    refined, now = barrier.refined, [0.0]
+
+    def timed(grid, start):
+        now[0] += barrier._SECONDS * grid.n * grid.sites
+        return refined(grid, start)
+
+    monkeypatch.setattr(barrier, "refined", timed)
+    monkeypatch.setattr(barrier, "time", SimpleNamespace(thread_time=lambda: now[0]))
     profile, omega, breakup = LAST[0]
     scales = [proved_lower(parse(omega), profile, breakup, seconds)[0] for seconds in (0.1, 0.5)]
     assert scales[0] < scales[1] < breakup
