@@ -75,6 +75,8 @@ _OUTSET = 0.93  # of a scale without circles: where the first candidates are to 
 _BLURRED = 300  # period that sees a cusp, from which orbits up to 6000 may leave large errors
 _LONG = 30_000  # period of the orbits then
 _ROUGHLY = 1.5e-4  # precision from which orbits half as long as usual give the digits
+_SIMPLER = 2e-4  # of ω: a noble with a short prefix that is tried for one with a long
+_FIRST, _AT_ONCE = 1500, 3e-7  # period of orbits, and error over the scale, that need no halving
 
 
 def critical_scale(profile, tol=1e-4, start=None):
@@ -147,7 +149,7 @@ def _last(start, short, tol):
                 break
             # The nearer to a circle, the longer a start lives.
             scale, n_steps = (best.value + race.upper) / 2, 16 * n_certify
-        omega, names, _ = (None, [], 0) if few else standing(race.at(scale))
+        omega, names, _ = (None, [], 0) if few else race.standing(scale)
         survives = omega is not None
         if survives:
             race.enter_again(omega, scale)
@@ -269,6 +271,7 @@ class _Race:
         self.stands = cache(
             lambda omega, scale, *longest: circle_stands(omega, self.at(scale), *longest)
         )
+        self.standing = cache(lambda scale: standing(self.at(scale)))
 
     def at(self, scale):
         """The forcing there."""
@@ -313,16 +316,22 @@ class _Race:
 
     def descend(self):
         """Enter the first circle that stands below what is known to be eliminated, and above the
-        leader: in steps of what the periods that were asked can tell."""
+        leader, in steps of what the periods that were asked can tell. First that is tried which
+        the tree was longest to rule out: mostly it is the last one."""
         scale = self.upper
         if self.blurred(scale):
             self.told.add(Status.NEAR_CUSP)
             return
         while True:
-            omega, _, period = standing(self.at(scale))
+            omega, names, period = self.standing(scale)
             if omega:
                 self.enter_again(omega, scale)
                 return
+            if scale == self.upper and self.short.size > 2:
+                omega = nobles_near(float(names[0]), _SIMPLER, 1)[0]
+                if found := self.at_once(omega, _OUTSET * scale, scale):
+                    self.leader, self.known = found, [found]
+                    return
             scale *= 1 - min(max(_STEP / period, self.precision), _LARGEST_STEP)
             if scale < 0.5 * self.upper or (self.leader and scale < self.leader.value):
                 return
@@ -350,6 +359,8 @@ class _Race:
                 return no_answer(omega, Status.UNDECIDED)
             self.eliminated.remove(self.upper)
         above = self.upper
+        if not any(map(self.halved, self.known)) and (found := self.at_once(omega, below, above)):
+            return found
         while above - below > _HALVED * above:
             middle = (below + above) / 2
             below, above = (middle, above) if self.stands(omega, middle) else (below, middle)
@@ -360,17 +371,29 @@ class _Race:
         """Whether a circle's breakup is known by halving only."""
         return scale.error > _HALVED / 2 * scale.value
 
+    def at_once(self, omega, below, above):
+        """The CriticalScale of a circle between two scales, if short orbits tell it; else None."""
+        found = self.by_residues(omega, (below, above), _FIRST)
+        if found.status is not Status.OK or not found.error < _AT_ONCE * found.value:
+            return None
+        near = _HALVED / 2 * found.value
+        if self.stands(omega, found.value - near) and not self.stands(omega, found.value + near):
+            return self.precise(found, near)
+
+    def precise(self, known, far):
+        """The same by longer orbits, if they agree to within `far`."""
+        between = known.value - far, known.value + far
+        for longest in (3000, 6000)[self.precision < _ROUGHLY :]:
+            scale = self.by_residues(known.omega, between, longest)
+            if abs(scale.value - known.value) < far:
+                return scale
+        return known
+
     def refine(self):
         """Ask residues for the digits of the leader, and of those that may break as late."""
         for i, known in enumerate(self.known):
             if self.halved(known) and known.value + known.error > self.leader.value:
-                far = 2 * known.error
-                between = known.value - far, known.value + far
-                for longest in (3000, 6000)[self.precision < _ROUGHLY :]:
-                    scale = self.by_residues(known.omega, between, longest)
-                    if abs(scale.value - known.value) < far:
-                        self.known[i] = scale
-                        break
+                self.known[i] = self.precise(known, 2 * known.error)
         if self.known:
             shortest = sorted(self.known, key=lambda known: len(known.omega.prefix))
             self.leader = _most_robust(shortest, None)

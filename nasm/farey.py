@@ -64,11 +64,12 @@ def standing(kappa):
     -------
     omega : RotationNumber, a noble in [0, P/2] per period whose `circle_stands`; None if none does.
     nobles : list of the nobles that were not ruled out up to period 1000, at most eight, the
-        simplest first. Just beyond the last breakup the last circle is one of them.
+        simplest first; else the one that took the longest. Just beyond the last breakup the last
+        circle is one of them.
     period : int, the longest that was needed. A circle that breaks a part δ of the scale below
         takes periods of 1/δ or so to be ruled out.
     """
-    kappa, heap, order, deepest, period = forcing(kappa), [], counter(), [], 1
+    kappa, heap, order, deepest, period, last = forcing(kappa), [], counter(), [], 1, None
 
     def push(left, right):
         product, longer = left.residue * right.residue, max(left.q, right.q)
@@ -87,7 +88,8 @@ def standing(kappa):
             deepest.append(_noble(left, right))
             continue
         middle = _between(kappa, left, right)
-        period = max(period, middle.q)
+        if middle.q > period:
+            period, last = middle.q, (left, right)
         if middle.q > _LONG and max(left.residue, right.residue, middle.residue) < _FALLEN:
             omega = _noble(max(left, right, key=lambda node: node.q), middle)
             if circle_stands(omega, kappa):
@@ -96,7 +98,7 @@ def standing(kappa):
         push(middle, right)
     nobles = sorted(deepest, key=lambda omega: len(omega.prefix))[:_NAMED]
     omega = next((omega for omega in nobles if circle_stands(omega, kappa)), None)
-    return omega, nobles, period
+    return omega, nobles or [_noble(*last)], period
 
 
 def circle_stands(omega, kappa, longest=_TOO_LONG):

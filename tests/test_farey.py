@@ -19,8 +19,10 @@ def test_below_the_breakup_a_circle_stands_and_above_it_the_last_one_is_named(pr
     nothing, nobles, period = farey.standing(outside)
     assert nothing is None
     assert last.omega in nobles
-    assert farey.standing(far)[1] == []
-    assert farey.standing(far)[2] < period
+    nothing, nobles, shorter = farey.standing(far)
+    assert nothing is None
+    assert len(nobles) == 1
+    assert shorter < period
 
 
 @pytest.mark.parametrize(
