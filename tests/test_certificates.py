@@ -108,6 +108,16 @@ def test_what_a_certificate_says_is_bound_to_what_it_proves(name, changes, reaso
         check(resealed(changed))
 
 
+def test_a_box_has_none_of_the_symmetries_of_its_centre():
+    # Under (0.3, 0) circles of ω + 1 are those of ω; where site 1 is kicked too they are others.
+    proof = proofs.barrier.prove(parse("gamma"), (0.3, 0.0), radius=1e-9)
+    changed = json.loads(json.dumps(proof.certificate()))
+    changed["shortened_from"]["omega"] = "[1;(1)]"
+    changed["claim"] = certificate_checker.claim(changed)
+    with pytest.raises(Refuted, match="omega"):
+        check(resealed(changed))
+
+
 @pytest.mark.parametrize("name", PROOFS)
 @pytest.mark.parametrize("key", ["version", "sha256", "name"])
 def test_another_statement_is_refused(name, key, made):

@@ -150,10 +150,9 @@ def shortened(data):
                 turns.append(Fraction(n_long, 2 * spacing))
     demand(turns, "the forcing is not the given one, shortened")
     if "omega" in data:
-        demand(
-            exact(data.get("radius", "0x0p0")) == 0 or long == short,
-            "a box of forcings is not shortened",
-        )
+        if exact(data.get("radius", "0x0p0")) != 0:  # a box has none of its centre's symmetries
+            demand(long == short, "a box of forcings is not shortened")
+            turns = [Fraction(0)]
         (a, b), (a_short, b_short) = surd(given["omega"]), surd(data["omega"])
         times = Fraction(n_long, n_short)
         same = [((a_short * times - a - turn) / n_long).denominator == 1 for turn in turns]
