@@ -460,6 +460,7 @@ def test_below_the_breakup_of_random_rays_nothing_is_proved():
 
 
 def test_proved_upper_comes_near_the_breakup_from_above_and_needs_no_good_value():
+    proved_upper(ray(20), BREAKUPS[20], 0.01)  # compiled
     scale, proof = proved_upper(ray(20), BREAKUPS[20], 0.5)
     assert proof.proved
     assert proof.kappa == tuple((scale * ray(20)).tolist())
