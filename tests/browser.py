@@ -9,6 +9,7 @@ from contextlib import contextmanager, suppress
 
 import psutil
 import pytest
+import toy
 from commands import succeed
 
 CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
@@ -39,11 +40,22 @@ def server(out, *options):
 
 
 @pytest.fixture(scope="session")
-def store(tmp_path_factory, workers):
-    """A directory with a small plane of escape times, as a command leaves it."""
+def store(tmp_path_factory, here, workers):
+    """A directory with a small plane of escape times, as a command leaves it, and the boundary on
+    all rays that the explorer's first view asks for."""
+    from nasm.planes import two_kicks
+    from pipeline.cubes.barrier import last_barrier
+    from workflows.explore.field import View
+    from workflows.explore.rays import Rays
+    from workflows.explore.state import State
+
     out = tmp_path_factory.mktemp("explored")
     small = "--kappa1 -2:2:64 --kappa2 -2:2:64 --n-max 300 --n-orbits 16 --levels 3 --tile 8"
     succeed("escape_plane", out, *small.split(), *workers)
+    first = State(two_kicks())
+    angles = Rays(first.plane).missing(View(first.a, first.b, (27, 27)))
+    job = last_barrier(first.plane, angles, 0.1)
+    toy.run(here, out, job.cube, compute=job.compute)
     return out
 
 
@@ -134,7 +146,7 @@ def insist(gesture, happened):
 def columns(tab, name):
     """The columns of a data source of the page, as lists of flat lists."""
     return tab.evaluate("""(name) => {
-        const data = Bokeh.documents[0].get_model_by_name(name).data
+        const data = Bokeh.documents[0].get_model_by_name(name)?.data ?? {}
         const entries = data instanceof Map ? [...data] : Object.entries(data)
         return Object.fromEntries(entries.map(
             ([key, column]) => [key, Array.from(column, (x) => x.length ? Array.from(x) : x)]))

@@ -4,7 +4,7 @@ import base64
 import io
 import json
 
-from bokeh.models import Button, CustomJS, Div, Row, Select
+from bokeh.models import Button, CustomJS, Div, Select
 
 from workflows.figures.explorer import draw_seen
 
@@ -30,7 +30,7 @@ def panel(state, work):
     buttons = [Button(label=kind) for kind in _ENDINGS]
     for button in buttons:
         button.on_click(lambda kind=button.label: save(kind))
-    return Row(which, *buttons, file, styles={"align-items": "end"})
+    return which, *buttons, file
 
 
 def _file(kind, name, seen, point):
@@ -46,15 +46,13 @@ def content_of(kind, seen):
     seen : Dataset of a panel. A table of orbits has a row for each point.
     """
     if kind == "CSV":
-        table = seen[["x", "y", "which", "omega"]] if "which" in seen else seen
         if "which" in seen:
-            table = table.drop_vars("omega").assign(omega=seen.omega[seen.which])
-        return table.to_dataframe().to_csv(float_format="%.12g").encode()
+            seen = seen[["x", "y", "which"]].assign(omega=seen.omega[seen.which])
+        return seen.to_dataframe().to_csv(float_format="%.12g").encode()
     if kind == "netCDF":
-        plain = seen.copy()
-        for key, value in seen.attrs.items():  # netCDF has numbers, texts and lists of numbers
-            plain.attrs[key] = json.dumps(value) if isinstance(value, dict) else value
-        return bytes(plain.to_netcdf(engine="scipy"))
+        # netCDF has numbers, texts and lists of numbers.
+        words = {key: json.dumps(one) for key, one in seen.attrs.items() if isinstance(one, dict)}
+        return bytes(seen.assign_attrs(words).to_netcdf(engine="scipy"))
     file = io.BytesIO()
     draw_seen(seen).savefig(file, format=kind.lower(), dpi=200)
     return file.getvalue()

@@ -4,8 +4,9 @@ from functools import partial
 from html import escape
 from pathlib import Path
 
+from bokeh.core.property.validation import without_property_validation
 from bokeh.events import DocumentReady
-from bokeh.models import Button, CategoricalSlider, CustomJS, Div, Row, TextInput
+from bokeh.models import Button, CategoricalSlider, Column, CustomJS, Div, Row, TextInput
 from jinja2 import Template
 
 from workflows.explore import files, play, verdict
@@ -16,42 +17,51 @@ from workflows.explore.widgets import THEME, alert, field, symbols
 from workflows.explore.work import Work
 
 _TEMPLATE = Template((Path(__file__).parent / "page.html").read_text("utf-8"))
+_ROOTS = {"controls": Row, "save": Row, "status": Div, "verdict": Div}
+_ROOTS |= dict.fromkeys(("plane", "lines", "portrait"), Column)
 
 
 def fill(document, shared):
+    """Make an empty page, and what is in it once its browser is connected."""
     document.title = f"{shared.plane.name}: the explorer of the nonautonomous standard map"
     document.template, document.theme = _TEMPLATE, THEME
     document.js_on_event(DocumentReady, CustomJS(code="dress()"))
     work = Work(document, shared.client)
     context = document.session_context
-    shared.waiting[context.id] = lambda: work.tick(work.start)
+    for name, kind in _ROOTS.items():
+        document.add_root(kind(name=name, sizing_mode="stretch_width"))
+    build = partial(_build, document, shared, work)
+    shared.waiting[context.id] = partial(work.tick, build)  # with the lock of the document
 
     def close(_):
         shared.waiting.pop(context.id, None)
         work.close()
 
     document.on_session_destroyed(close)
-    query = context.request.arguments  # bytes, which may spell no text
+
+
+@without_property_validation  # which would take a fifth of the time
+def _build(document, shared, work):
+    query = document.session_context.request.arguments  # bytes, which may spell no text
     state, wrong = State(shared.plane), ""
     try:
         state.go({name: query[name][0].decode(errors="replace") for name in QUERY if name in query})
     except ValueError as error:
         wrong = f"the address asks for what is not there: {error}"
+    roots = {root.name: root for root in document.roots}
+    _tell(roots["status"], document, work, shared)
     plane, portrait = PlanePanel(state, work, shared), PortraitPanel(state, work)
-    roots = {
+    verdict.tell(roots["verdict"], state, work)
+    parts = {
         "controls": _controls(state, wrong),
-        "status": _status(document, work, shared),
         "plane": plane.picture,
-        "verdict": verdict.panel(state, work),
-        "lines": plane.lines,
-        "portrait": portrait.root,
-        "play": play.panel(state, work),
-        "save": Row(verdict.copied(state), files.panel(state, work), styles={"align-items": "end"}),
+        "lines": [*plane.lines, play.panel(state, work)],
+        "portrait": portrait.children,
+        "save": [*verdict.copied(state), *files.panel(state, work)],
     }
     with document.models.freeze():  # which would count all models again after each root
-        for name, root in roots.items():
-            root.name = name
-            document.add_root(root)
+        for name, children in parts.items():
+            roots[name].children = [*children]
 
 
 def _controls(state, wrong):
@@ -86,22 +96,20 @@ def _controls(state, wrong):
     link.js_on_change("text", CustomJS(code="showAddress(cb_obj.text)"))
 
     def tell():
-        if state.plays:  # the address is that of the end
-            return
-        link.text = f'<a href="?{state.address()}">link to this view</a>'
-        message.text = ""
+        if not state.plays:  # the address is that of the end
+            link.text = f'<a href="?{state.address()}">link to this view</a>'
+            message.text = ""
 
     tell()
     message.text = alert(wrong)
     state.on("point", moved)
     state.on("point steps a b x y omega orbits fraction show plays", tell)
     columns = [field(model, partial(typed, i)) for i, model in enumerate(fields)]
-    return Row(*columns, leap, slider, link, message, styles={"align-items": "start"})
+    return [*columns, leap, slider, link, message]
 
 
-def _status(document, work, shared):
+def _tell(line, document, work, shared):
     """Say what is prepared or computed, and what failed."""
-    line = Div(sizing_mode="stretch_width")
 
     def show():
         doing = [f"{name} ({how})" if how else name for name, how in sorted(work.busy.items())]
@@ -114,4 +122,3 @@ def _status(document, work, shared):
 
     work.show = show
     show()
-    return line

@@ -16,7 +16,6 @@ from nasm.planes import plane_of
 from pipeline import store
 from workflows.explore import rays, widgets
 from workflows.explore.field import BLOCKS, Field, View, computed, precision_of
-from workflows.explore.rays import NO_LINES
 from workflows.explore.state import LINES
 from workflows.figures.style import INSIDE, NO_ESCAPE
 from workflows.shared.tables import dataset
@@ -31,6 +30,14 @@ _NEAR = 1e-3  # of the boundary's scale: between rays it is not known better
 _COLOURS = Magma256[:232]  # the palest are too like the greys of no escape
 _GREYS = ["white", to_hex(INSIDE), to_hex(NO_ESCAPE)]  # not known, inside the boundary, outside
 _GREY_WORDS = {"inside": "a circle is left", "outside": "none is left, but no escape within N"}
+_HALO = {"line_color": "white", "line_width": 5}
+_CROSS = {"x": "a", "y": "b", "size": 16, "marker": "circle_cross", "fill_alpha": 0}
+_STYLES = _HALO, {"line_color": "colour", "line_width": 2.5}
+_MARKS = {
+    "boundary": lambda: [models.MultiLine(xs="a", ys="b", **style) for style in _STYLES],
+    "followed": lambda: [models.Line(x="a", y="b", line_width=2, line_dash="dashed")],
+    "point": lambda: [models.Scatter(**_CROSS, **style) for style in (_HALO, {"line_width": 2})],
+}
 _CIRCLE = {"title": "where the circle of this ω breaks (dashed)", "width": 260, "restrict": False}
 _CIRCLE |= {"placeholder": "gamma or [0;2,(1)]", "completions": [*NAMES], "min_characters": 1}
 
@@ -45,14 +52,15 @@ class PlanePanel:
     def __init__(self, state, work, shared):
         self.state, self.work, self.shared = state, work, shared
         self.plot, self.mapper, self.sources = _drawn(state)
+        self.show = partial(widgets.show, self.plot, _MARKS)
         self.message = models.Div(sizing_mode="stretch_width", css_classes=["told"], min_height=40)
         self.legend = models.Div(sizing_mode="stretch_width")
         self.cubes, self.shown, self.asked = [], None, None  # of OUT; on the screen; computed last
         self.lanes = {name: work.latest(name) for name in ("cubes", "plane", "boundary", "circle")}
-        self.picture = models.Column(self.plot, self.message, sizing_mode="stretch_width")
+        self.picture = self.plot, self.message
         circle = widgets.field(models.AutocompleteInput(**_CIRCLE, value=state.omega), state.follow)
         ticks = models.Row(widgets.boxes(state, LINES, width=220), circle)
-        self.lines = models.Column(self.legend, ticks, sizing_mode="stretch_width")
+        self.lines = self.legend, ticks
         self.plot.on_event(Tap, self._move)
         for what in (Pan, PanEnd):
             self.plot.on_event(what, lambda event: "tool" in self.plot.tags or self._move(event))
@@ -88,10 +96,10 @@ class PlanePanel:
         args = *where, view, state.steps, known
         self.lanes["plane"].submit(computed, *args, done=lambda found: self._show(view, *found))
         self.lanes["boundary"].cancel()  # its rays would hold a worker for seconds
-        self.sources["followed"].data = {"a": [], "b": []}
+        self.show("followed", None)
         self.lanes["circle"].cancel()
         if state.omega:
-            show = partial(setattr, self.sources["followed"], "data")
+            show = partial(self.show, "followed")
             self.lanes["circle"].submit(rays.circle, *where, state.omega, view, done=show)
 
     def _show(self, view, found, block, words):
@@ -103,7 +111,7 @@ class PlanePanel:
             shared.fields[view, state.steps] = self.shown
             if len(shared.fields) > _KEPT:
                 del shared.fields[next(iter(shared.fields))]
-            args = shared.client, state.plane, shared.rays.missing(view), view
+            args = shared.client, shared.rays, view
             self.lanes["boundary"].submit(rays.computed, *args, done=self._show_rays)
         self.sources["times"].data = _image(view, found.astype(np.float32))
         self.work.progress("plane", words)
@@ -114,9 +122,8 @@ class PlanePanel:
             self._mark()
 
     def _show_rays(self, found):
-        tables, words = found
-        for table in tables:
-            self.shared.rays.add(table)
+        known, words = found
+        self.shared.rays.known |= known
         self.work.progress("boundary", words)
         self._show_boundary()
 
@@ -124,7 +131,7 @@ class PlanePanel:
         view = _view(self.plot)
         drawn, colours = self.shared.rays.lines(view)
         wanted = "boundary" in self.state.show
-        self.sources["boundary"].data = drawn if wanted else NO_LINES
+        self.show("boundary", drawn if wanted else None)
         self.legend.text = _legend(colours if wanted else {})
         a, b = np.meshgrid(*View(view.a, view.b, (_GROUND, _GROUND)).centres())
         excess = self.shared.rays.excess(a, b)
@@ -134,7 +141,7 @@ class PlanePanel:
 
     def _mark(self):
         a, b = self.state.point
-        self.sources["point"].data = {"a": [a], "b": [b]}
+        self.show("point", {"a": [a], "b": [b]})
         self._tell(a, b)
 
     def _tell(self, a, b):
@@ -186,30 +193,22 @@ class PlanePanel:
 
 
 def _drawn(state):
-    """Return the figure, the colours of escape times, and {name: source} of all that is drawn."""
+    """Return the figure, the colours of escape times, and {name: source} of both images."""
     # Its width is that of the picture with the colours beside it.
     how = {"active_drag": None, "aspect_ratio": 1.06, "tags": ["arrows"]}
     how["name"] = "plane of forcings; arrow keys move the forcing"
     plot = widgets.picture(state, "ab", widgets.symbols(state.plane), **how)
     view, clear = _view(plot), {"high_color": "rgba(0, 0, 0, 0)", "nan_color": "rgba(0, 0, 0, 0)"}
     mapper = models.LogColorMapper(_COLOURS, low=10, high=state.steps, **clear)
-    blanks = {"boundary": NO_LINES, "point": {"a": [], "b": []}, "followed": {"a": [], "b": []}}
-    blanks["ground"] = _image(view, np.zeros((1, 1), np.uint8))
-    blanks["times"] = _image(view, np.full((1, 1), np.nan, np.float32))
-    sources = {name: models.ColumnDataSource(blank, name=name) for name, blank in blanks.items()}
-    greys = models.LinearColorMapper(_GREYS, low=-0.5, high=2.5, name="greys")
-    for name, colours in (("ground", greys), ("times", mapper)):
+    greys, sources = models.LinearColorMapper(_GREYS, low=-0.5, high=2.5, name="greys"), {}
+    for name, colours, blank in (
+        ("ground", greys, np.uint8(0)),
+        ("times", mapper, np.float32("nan")),
+    ):
+        sources[name] = models.ColumnDataSource(_image(view, np.full((1, 1), blank)), name=name)
         plot.image("values", "a", "b", "da", "db", source=sources[name], color_mapper=colours)
     title = "n*, first escape (steps)"
     plot.add_layout(models.ColorBar(color_mapper=mapper, title=title, width=10, padding=4), "right")
-    halo = {"line_color": "white", "line_width": 5}
-    for style in (halo, {"line_color": "colour", "line_width": 2.5}):
-        plot.add_glyph(sources["boundary"], models.MultiLine(xs="a", ys="b", **style))
-    dashed = models.Line(x="a", y="b", line_width=2, line_dash="dashed")
-    plot.add_glyph(sources["followed"], dashed)
-    for style in (halo, {"line_width": 2}):
-        cross = models.Scatter(x="a", y="b", size=16, marker="circle_cross", fill_alpha=0, **style)
-        plot.add_glyph(sources["point"], cross)
     return plot, mapper, sources
 
 

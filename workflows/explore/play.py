@@ -4,8 +4,8 @@ import numpy as np
 from bokeh.models import Button, Column, ColumnDataSource, MultiLine, Row, Select, Span
 from bokeh.palettes import Viridis3
 
-from workflows.explore.instruments import PLACES, residues
 from workflows.explore.widgets import small, symbols
+from workflows.shared.instruments import PLACES, residues
 
 _PAUSE = 150  # milliseconds, the least from one place to the next
 _RAY = "the ray"
@@ -18,11 +18,9 @@ def panel(state, work):
     """
     along = Select(title="Play along", options=[_RAY, *symbols(state.plane)], value=_RAY, width=110)
     button = Button(label="play")
-    source = ColumnDataSource({"at": [], "residue": [], "orbit": [], "colour": []}, name="residues")
-    plot = small("residues of the last circle's convergents along the way", y_range=(0, 1))
-    plot.add_glyph(source, MultiLine(xs="at", ys="residue", line_color="colour", line_width=2))
+    controls = Row(along, button, styles={"align-items": "end"})
+    root = Column(controls, sizing_mode="stretch_width")
     here = Span(dimension="height", line_color="#888888")
-    plot.add_layout(here)
     lane, way, repeated = work.latest("residues"), [], []
 
     def ends():
@@ -38,21 +36,23 @@ def panel(state, work):
 
     def show(found):
         shades = [*Viridis3][: len(found["orbit"])]
-        source.data = found | {"colour": shades}
+        source = ColumnDataSource(found | {"colour": shades}, name="residues")
+        plot = small("residues of the last circle's convergents along the way", y_range=(0, 1))
+        plot.add_glyph(source, MultiLine(xs="at", ys="residue", line_color="colour", line_width=2))
+        plot.add_layout(here)
         plot.xaxis.axis_label = f"part of the way; R of {', '.join(found['orbit'])}, to R = 1"
-        plot.visible = True
+        root.children = [controls, plot]
 
     def toggle():
         if repeated:
             return stop()
         first, last = ends()
         way[:] = [(s, first + s * (last - first)) for s in np.arange(1, PLACES + 1) / PLACES]
-        source.data, button.label = {name: [] for name in source.data}, "stop"
+        root.children, button.label = [controls], "stop"
         omega = state.verdict and state.verdict.boundary.omega
         if omega:
-            start = state.plane.forcing(*first)
-            segment = start, state.plane.forcing(*last) - start
-            lane.submit(residues, *segment, omega, done=show)
+            start, end = (state.plane.forcing(*point) for point in (first, last))
+            lane.submit(residues, start, end - start, omega, done=show)
         state.take(plays=True)
         repeated.append(work.document.add_periodic_callback(step, _PAUSE))
 
@@ -69,5 +69,4 @@ def panel(state, work):
             state.move(*map(float, point.round(6)))
 
     button.on_click(toggle)
-    controls = Row(along, button, styles={"align-items": "end"})
-    return Column(controls, plot, sizing_mode="stretch_width")
+    return root

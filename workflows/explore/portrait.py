@@ -1,5 +1,6 @@
 """The phase portrait: orbits of the forcing, what is left of the last circle, orbits added."""
 
+from functools import partial
 from itertools import takewhile
 
 import numpy as np
@@ -12,9 +13,9 @@ from nasm.circles import fourier
 from nasm.numbers import convergents
 from nasm.verdict import Answer
 from workflows.explore import widgets
-from workflows.explore.instruments import MANIFOLDS, resonance, spreading
 from workflows.explore.state import ORBITS, fraction_of, orbits_of, orbits_text
 from workflows.figures.phase_space import CHAOTIC, COLOURS, STRONG, ends, places
+from workflows.shared.instruments import MANIFOLDS, resonance, spreading
 from workflows.shared.orbit_words import cycles_words, orbit_words
 from workflows.shared.phase_space import in_box, periodic_orbits, portraits
 from workflows.shared.verdict_words import name_of
@@ -27,26 +28,41 @@ _MOST_POINTS = 5000  # of a circle in the box
 _FINE = 2**15  # points of a circle, of which a box shows a part
 _PROFILE = 200  # starts on a vertical line
 _MOST_Q = 34  # of the convergents whose orbits are shown
+_BESIDE, _NARROW = 110, "@media (max-width: 600px) { :host { display: none } }"
 _BAR = "ω, rotation number per step; grey: chaotic"
 _LOBES = "#E69F00", "#56B4E9"  # and the unstable and the stable manifold
 _TICKS = ".bk-input-group { flex-wrap: wrap } label { margin-right: 1em }"
 _GREY = "#888888"
 _SYMMETRY = "symmetry", "second symmetry"
+_LOBE = {"xs": "x", "ys": "y", "fill_color": "fill", "fill_alpha": 0.6, "line_color": None}
+_DOT = {"size": 4, "line_color": "white", "line_width": 0.5, "fill_color": "black"}
+_ORBIT = {"marker": "marker", "size": 7, "fill_color": "fill", "line_color": _GREY}
+_MARKS = {
+    "symmetry": lambda: [models.Line(line_color=_GREY)],
+    "second symmetry": lambda: [models.Line(line_color=_GREY, line_dash="dashed")],
+    "lobes": lambda: [models.Patches(**_LOBE)],
+    "unstable": lambda: [models.Line(line_color=_LOBES[0], line_width=1.5)],
+    "stable": lambda: [models.Line(line_color=_LOBES[1], line_width=1.5)],
+    "ensemble": lambda: [models.Scatter(size=2, fill_color=STRONG, line_color=STRONG)],
+    "circle": lambda: [models.Line(line_color=STRONG, line_width=3)],
+    "longest_lived": lambda: [models.Scatter(**_DOT)],
+    "cycles": lambda: [models.Scatter(**_ORBIT)],
+}
+_TIPS = [("orbit", "@orbit"), ("x, y", "@x{0.0000000}, @y{0.0000000}")]
 _MARKERS = {"minimax": ("circle", "white"), "minimizing": ("square", "black")}
-_EMPTY = {"x": [], "y": []}
-_CYCLES = {"cycles": _EMPTY | {"marker": [], "fill": [], "orbit": []}}
-_CYCLES |= dict.fromkeys(("lobes", *MANIFOLDS), _EMPTY)
-_NOTHING = _CYCLES | dict.fromkeys(("circle", "longest_lived", "ensemble"), _EMPTY)
+_CYCLES = dict.fromkeys(("cycles", "lobes", *MANIFOLDS))
+_NOTHING = _CYCLES | dict.fromkeys(("circle", "longest_lived", "ensemble"))
 
 
 class PortraitPanel:
-    """The right picture, what is told of it, and its boxes. root : what Bokeh lays out."""
+    """The right picture, what is told of it, and its boxes. children : what is below each other."""
 
     def __init__(self, state, work):
         self.state, self.work, self.portrait = state, work, None
         self.known, self.words = _NOTHING, {}  # that the box shows a part of; that are told of it
-        self.plot, self.bar, self.sources = _drawn(state)
-        profile = _profile(self.plot, self.sources["profile"])
+        self.plot, self.bar, self.image = _drawn(state)
+        self.show = partial(widgets.show, self.plot, _MARKS)
+        self.profile = models.ColumnDataSource(name="profile")
         self.message = models.Div(sizing_mode="stretch_width", min_height=22)
         names = "portrait", "last circle", "periodic orbits", "ensemble"
         self.portraits, self.traces, self.cycles, self.ensemble = map(work.latest, names)
@@ -68,12 +84,11 @@ class PortraitPanel:
         added = widgets.field(self.added, lambda text: state.take(orbits=orbits_of(text)))
         ticks, fraction = widgets.boxes(state, ORBITS, **how), widgets.field(fraction, state.seek)
         below = models.Row(ticks, added, fraction, spread)
-        logs = {"x_axis_type": "log", "y_axis_type": "log"}
-        self.variance = widgets.small("<(y - y₀)²> against periods", **logs)
-        self.variance.line("n", "variance", source=self.sources["variance"], line_width=2)
         how, whole = {"flex-wrap": "nowrap", "gap": "0"}, {"sizing_mode": "stretch_width"}
-        pictures = models.Row(self.plot, profile, styles=how, **whole)
-        self.root = models.Column(pictures, self.message, self.variance, below, **whole)
+        place = models.Spacer(width=_BESIDE, stylesheets=[_NARROW])
+        self.pictures = models.Row(self.plot, place, styles=how, **whole)
+        self.beneath = models.Column(**whole)  # of curves that are computed on wish
+        self.children = self.pictures, self.message, below, self.beneath
 
     def _seen(self):
         """Return the portrait with what is left of the last circle."""
@@ -81,9 +96,9 @@ class PortraitPanel:
         if found is None:
             return None
         for name in ("circle", "longest_lived"):
-            x, y = (self.sources[name].data[axis] for axis in "xy")
-            if len(x):
-                found = found.assign({f"{name}_x": (name, x), f"{name}_y": (name, y)})
+            source = self.plot.select_one({"name": name})
+            if source and len(source.data["x"]):
+                found = found.assign({f"{name}_{axis}": (name, source.data[axis]) for axis in "xy"})
         title = name_of(self.state.kappa, (self.state.plane, self.state.point))
         words = filter(None, [title, self.words.get("last circle")])
         return found.assign_attrs(title=", ".join(words))
@@ -101,9 +116,12 @@ class PortraitPanel:
         self.portrait, pixels, curves, words = found
         if self.portrait.attrs["kappa"] == self.state.kappa.tolist():
             self.state.drawn = self.state.point
-        self.sources["orbits"].data = _image(pixels, *self.portrait.attrs["box"])
+        self.image.data = _image(pixels, *self.portrait.attrs["box"])
+        self.profile.data = curves.pop("profile")
+        if self.profile.document is None:
+            self.pictures.children = [self.plot, _profile(self.plot, self.profile)]
         for name, curve in curves.items():
-            self.sources[name].data = curve
+            self.show(name, curve)
         low, high = ends(self.portrait)
         self.bar.color_mapper.update(low=low, high=high)
         self._tell({"portrait": words})
@@ -112,17 +130,16 @@ class PortraitPanel:
         self.words |= words
         order = "last circle", "portrait", "periodic orbits", "ensemble"
         name, *rest = map(self.words.get, order)
-        colour = STRONG if len(self.known["circle"]["x"]) else "inherit"
-        name = f'<b style="color: {colour}">{name}</b>.' if name else ""
-        words = " ".join(filter(None, [name, *rest]))
-        self.message.text = f'<span role="status">{words}</span>'
+        colour = STRONG if self.known["circle"] else "inherit"
+        name = name and f'<b style="color: {colour}">{name}</b>.'
+        self.message.text = f'<span role="status">{" ".join(filter(None, [name, *rest]))}</span>'
 
     def _move(self):
         """Forget what is known of the orbits of the last forcing."""
         self.known, self.words = _NOTHING, {"portrait": self.words.get("portrait")}
         self.traces.cancel()
         self.ensemble.cancel()
-        self.variance.visible = False
+        self.beneath.children = []
         self._find_cycles()
 
     def _judge(self):
@@ -139,18 +156,21 @@ class PortraitPanel:
         self.cycles.cancel()
         if omega or fraction is not None:
             box = _box(self.plot) if "manifolds" in state.show and fraction is not None else None
-            args = state.kappa, omega, fraction, box
-            self.cycles.submit(_cycles, *args, done=self._keep)
+            self.cycles.submit(_cycles, state.kappa, omega, fraction, box, done=self._keep)
 
     def _spread(self):
         """Let an ensemble spread from the middle of what is seen now."""
-        args = self.state.kappa, _box(self.plot)
-        self.ensemble.submit(spreading, *args, done=self._show_ensemble)
+        logs = {"x_axis_type": "log", "y_axis_type": "log"}
+        plot = widgets.small("<(y - y₀)²> against periods", **logs)
+        source = models.ColumnDataSource({"n": [], "variance": []}, name="variance")
+        plot.line("n", "variance", source=source, line_width=2)
+        self.beneath.children = [plot]
 
-    def _show_ensemble(self, found):
-        points, self.sources["variance"].data, words = found
-        self.variance.visible = True
-        self._keep(({"ensemble": points}, {"ensemble": words}))
+        def show(found):
+            points, source.data, words = found
+            self._keep(({"ensemble": points}, {"ensemble": words}))
+
+        self.ensemble.submit(spreading, self.state.kappa, _box(self.plot), done=show)
 
     def _keep(self, found):
         known, words = found
@@ -162,10 +182,11 @@ class PortraitPanel:
         """Draw what is known in the box: curves, and points one by one."""
         box = _box(self.plot)
         for name, columns in self.known.items():
-            shown = _part(name, box, columns)
-            if name == "longest_lived":
-                shown = {axis: shown[axis][: _shape(self.plot)[1] // _APART] for axis in "xy"}
-            self.sources[name].data = shown
+            shown = _CUTS.get(name, _line)(box, **columns) if columns else None
+            if shown and name == "longest_lived":
+                most = _shape(self.plot)[1] // _APART
+                shown = {axis: values[:most] for axis, values in shown.items()}
+            self.show(name, shown, _TIPS if name == "cycles" else None)
 
     def _add(self, event):
         x, y = widgets.rounded(event, np.array(_box(self.plot)[2:]) / _PIXELS)
@@ -173,46 +194,25 @@ class PortraitPanel:
 
 
 def _drawn(state):
-    """Return the figure, the bar of its colours, and {name: source} of all that is drawn."""
+    """Return the figure, the bar of its colours, and the source of its image."""
     how = {"most": 1.0, "active_drag": "box_zoom", "aspect_ratio": 1.0, "name": "phase portrait"}
     plot = widgets.picture(state, "xy", ("x (turns)", "y (mod 1)"), **how)
-    box = _box(plot)
-    blanks = {"orbits": _image(np.zeros((1, 1), np.uint8), *box)}
-    blanks |= {name: _part(name, box, columns) for name, columns in _NOTHING.items()}
-    blanks |= {"variance": {"n": [], "variance": []}}
-    blanks |= dict.fromkeys(("profile", *_SYMMETRY), _EMPTY)
-    sources = {name: models.ColumnDataSource(blank, name=name) for name, blank in blanks.items()}
+    blank = _image(np.zeros((1, 1), np.uint8), *_box(plot))
+    image = models.ColumnDataSource(blank, name="orbits")
     palette = ["#00000000", CHAOTIC, *COLOURS]  # of the bytes
     mapper = models.LinearColorMapper(palette, low=-0.5, high=255.5, name="omega")
-    plot.image("pixels", "x", "y", "w", "h", source=sources["orbits"], color_mapper=mapper)
+    plot.image("pixels", "x", "y", "w", "h", source=image, color_mapper=mapper)
     shades = models.LinearColorMapper(COLOURS, low=0, high=1, name="omega")
     bar = models.ColorBar(color_mapper=shades, title=_BAR, width=10, padding=4)
     plot.add_layout(bar, "right")
-
-    lobes = models.Patches(xs="x", ys="y", fill_color="fill", fill_alpha=0.6, line_color=None)
-    dots = models.Scatter(size=4, line_color="white", line_width=0.5, fill_color="black")
-    manifolds = (models.Line(line_color=colour, line_width=1.5) for colour in _LOBES)
-    for name, glyph in (
-        ("symmetry", models.Line(line_color=_GREY)),
-        ("second symmetry", models.Line(line_color=_GREY, line_dash="dashed")),
-        ("lobes", lobes),
-        *zip(MANIFOLDS, manifolds, strict=True),
-        ("ensemble", models.Scatter(size=2, fill_color=STRONG, line_color=STRONG)),
-        ("circle", models.Line(line_color=STRONG, line_width=3)),
-        ("longest_lived", dots),
-        ("cycles", models.Scatter(marker="marker", size=7, fill_color="fill", line_color=_GREY)),
-    ):
-        marks = plot.add_glyph(sources[name], glyph)
-    tips = [("orbit", "@orbit"), ("x, y", "@x{0.0000000}, @y{0.0000000}")]
-    plot.add_tools(models.HoverTool(renderers=[marks], tooltips=tips))
-    return plot, bar, sources
+    return plot, bar, image
 
 
 def _profile(plot, source):
     """Return the narrow figure beside the portrait: ω of the orbits on a vertical line in it."""
-    how = {"width": 110, "tools": "save", "toolbar_location": "above", "x_axis_label": "ω"}
+    how = {"width": _BESIDE, "tools": "save", "toolbar_location": "above", "x_axis_label": "ω"}
     how |= {"sizing_mode": "stretch_height", "name": "rotation numbers"}
-    how["stylesheets"] = ["@media (max-width: 600px) { :host { display: none } }"]
+    how["stylesheets"] = [_NARROW]
     beside = figure(y_range=plot.y_range, **how)
     beside.xaxis[0].ticker.desired_num_ticks = 2
     beside.yaxis.visible = beside.grid.visible = False
@@ -236,25 +236,22 @@ def _image(pixels, left, bottom, width, height):
 
 def _computed(kappa, box, added, every, with_lines, shape):
     """Yield the portrait, its picture, {name: curve} beside it, and in words the orbits added."""
-    curves, told = dict.fromkeys(_SYMMETRY, _EMPTY), []
+    curves, told = dict.fromkeys(_SYMMETRY), []
     if with_lines:
         found = _symmetry_lines(kappa, box)
         curves |= found
         if not found:
             told = ["The forcing has no symmetry centre, so there are no symmetry lines."]
-    left, bottom, width, height = box
-    y = bottom + height * (np.arange(_PROFILE) + 0.5) / _PROFILE
-    omega, _ = orbits.rotation_number(kappa, left + width / 2, y, 2000)
-    curves["profile"] = {"x": omega, "y": y}
     for x, y in added[-1:]:
         told.insert(0, f"The one added at ({x:.6g}, {y:.6g}): {orbit_words(kappa, x, y)}.")
+    curves["profile"] = _rotations(kappa, box)
     for portrait in portraits(kappa, box, added, every):
         if portrait is None:
             yield None
             continue
         chaotic = int(np.isnan(portrait.omega).sum())
         words = f"{portrait.sizes['orbit']} orbits, {chaotic} of them chaotic (grey)."
-        yield portrait, _pixels(portrait, shape, len(added)), curves, " ".join([words, *told])
+        yield portrait, _pixels(portrait, shape, len(added)), {**curves}, " ".join([words, *told])
 
 
 def _pixels(portrait, shape, n_added):
@@ -272,6 +269,13 @@ def _pixels(portrait, shape, n_added):
         rows = np.clip(row[here] + down - 1, 0, shape[0] - 1)
         pixels[rows, np.clip(column[here] + right - 1, 0, shape[1] - 1)] = value[here]
     return pixels
+
+
+def _rotations(kappa, box):
+    """Return ω of starts on the vertical line in the middle of the box."""
+    left, bottom, width, height = box
+    y = bottom + height * (np.arange(_PROFILE) + 0.5) / _PROFILE
+    return {"x": orbits.rotation_number(kappa, left + width / 2, y, 2000)[0], "y": y}
 
 
 def _symmetry_lines(kappa, box):
@@ -311,11 +315,11 @@ def _cycles(kappa, omega, fraction, box):
     near = takewhile(lambda f: f.denominator <= _MOST_Q, near)
     found = periodic_orbits(kappa, [f for f in near if f.denominator > 1])
     own = [] if fraction is None else periodic_orbits(kappa, [fraction])
-    points = _CYCLES["cycles"]
-    for one, family, *place, residue in found + own:
+    points = {name: [] for name in ("x", "y", "marker", "fill", "orbit")}
+    for one, family, x, y, residue in found + own:
         words = *_MARKERS[family], f"{one} ({family}), R = {residue:.4g}"
-        rows = zip(points, [*place, *np.repeat(words, place[0].size).reshape(3, -1)], strict=True)
-        points = {name: np.append(points[name], more) for name, more in rows}
+        for name, more in zip(points, (x, y, *([word] * x.size for word in words)), strict=True):
+            points[name] += [*more]
     said = "" if fraction is None else cycles_words(fraction, own)
     curves, more = ({}, "") if box is None else resonance(kappa, fraction, box)
     return {"cycles": points, **curves}, {"periodic orbits": f"{said} {more}".strip()}
@@ -353,7 +357,4 @@ def _dots(box, x, y, **more):
     return {"x": left + u[here], "y": bottom + v[here], **rest}
 
 
-def _part(name, box, columns):
-    """Return what is seen in the box of what is known by that name."""
-    cuts = {"lobes": _lobes, **dict.fromkeys(("cycles", "longest_lived", "ensemble"), _dots)}
-    return cuts.get(name, _line)(box, **columns)
+_CUTS = {"lobes": _lobes, **dict.fromkeys(("cycles", "longest_lived", "ensemble"), _dots)}

@@ -17,17 +17,16 @@ from workflows.explore.work import spread
 from workflows.figures.style import circle_class, circle_style, longest_arcs
 from workflows.shared.tables import ANGLE, dataset
 
-NO_LINES = {"a": [], "b": [], "colour": []}
 _SPACING = 2.0  # degrees, of a view around the origin
-_N_RAYS = 64  # of any other view
+_N_RAYS, _STRIDES = 65, (16, 8, 4, 2, 1)  # of any other view, at most; of them every 16th first
 _TIPS = np.geomspace(2.0, 0.02, 6)  # degrees beside the diagonals, where boundaries have cusps
 _PARTS = 8  # in which a circle's rays are computed
+_BRACKET = 1e-3  # relative
 _WIDE = 0.2  # of a view, around whose boundary a wide bracket will do
 _ENOUGH = 8  # rays of a view, to name its circles alone
 _PATIENCE = 1.0  # seconds between two pictures
 _REST = 0.5  # seconds that a view has to rest: a ray takes up to some, and cannot be stopped
 _GAP = 25.0  # degrees without a ray, over which no line is drawn
-
 
 _COLUMNS = {
     "scale": "scale at which the last circle breaks",  # NaN if not known
@@ -57,11 +56,11 @@ class Rays:
         self.add(unfolded(barrier, np.unique(self.plane.unfold(barrier.angle.values))))
 
     def lines(self, view):
-        """Return the boundary, a piece around each ray, columns a, b and colour; and the colours
+        """Return the boundary, a piece around each ray, columns a, b, colour, or None; and colours
         {text of ω: colour} of those circles that are last on 1% of the view or more."""
         angles, points, circles = self._found()
         if angles.size < 2:
-            return NO_LINES, {}
+            return None, {}
         inside = (view.a[0] <= points.real) & (points.real <= view.a[1])
         inside &= (view.b[0] <= points.imag) & (points.imag <= view.b[1])
         seen = inside if inside.sum() > _ENOUGH else np.ones_like(inside)
@@ -114,52 +113,69 @@ class Rays:
         columns = zip(*(self.known[angle] for angle in angles), strict=True)
         named = zip(_COLUMNS.items(), columns, strict=True)
         variables = {name: ("angle", [*values], words) for (name, words), values in named}
-        title, coords = "Where the last circle breaks", {"angle": (angles, ANGLE)}
-        return dataset(title, coords, variables, self.plane.record)
+        where = {"angle": (angles, ANGLE)}
+        return dataset("Where the last circle breaks", where, variables, self.plane.record)
 
     def missing(self, view):
-        """Return the rays to compute for a view: degrees, each for all its images, coarse first."""
+        """Return the rays to compute next for a view: degrees, each for all its images.
+
+        If the origin is not in the view, these are a few first, and then those between known ones
+        of different circles.
+        """
         angles, spacing = _across(view, _SPACING)
         if spacing == _SPACING:
             tips = np.add.outer(np.arange(0, 360, 45), [*-_TIPS, 0, *_TIPS]).ravel()
-            angles, spacing = np.concatenate([angles, tips]), 0.0
+            return self._unknown(np.concatenate([angles, tips]), 0.0)
+        for stride in _STRIDES:
+            some = angles[(np.arange(angles.size) % stride == 0) | (angles % 45 == 0)]
+            if stride < _STRIDES[0]:
+                known = np.array(sorted(self.known))
+                circles = np.array([self.known[angle].circle for angle in known.tolist()])
+                after = np.searchsorted(known, some % 360)
+                some = some[circles[after - 1] != circles[after % known.size]]
+            if folded := self._unknown(some, spacing / 2):
+                return folded
+        return []
+
+    def _unknown(self, angles, apart):
+        """Return the rays of these angles but those near a known one, spread evenly."""
         folded = np.unique(self.plane.fold(angles)[0].round(9))
         known = np.array(sorted(self.known))
         if known.size:
             gaps = np.abs((folded[:, None] - known + 180) % 360 - 180).min(axis=1)
-            folded = folded[gaps > spacing / 2]
+            folded = folded[gaps > apart]
         spread_evenly = np.argsort(np.arange(folded.size) * 0.6180339887 % 1)
         return folded[spread_evenly].tolist()
 
 
-def computed(client, plane, angles, view):
-    """Yield (tables, words) for `Rays.add`, and how far that is, or None, each second.
+def computed(client, rays, view):
+    """Yield what is known with the rays of a view, as `Rays.known`, and how many they are, or None.
 
-    client : function → dask Client; one worker is left to others. angles : of `Rays.missing`.
+    client : function → dask Client; one worker is left to others. rays : Rays so far.
     """
-    if not angles:
-        return
-    sleep(_REST)
-    yield None
-    workers = client()
-    most = max(1, len(workers.nthreads()) - 1)
-    calls = deque((angle, _on_ray, plane, angle, _effort(view)[0]) for angle in angles)
-    done, told, shown = [], 0, monotonic()  # to draw the lines costs more than a ray
-    for ended in spread(workers, calls, most, priority=-1):
-        done += [ended[1]] if ended else []
-        if len(done) > told and (monotonic() - shown > _PATIENCE or len(done) == len(angles)):
-            yield done[told:], f"{len(done)} of {len(angles)} rays"
-            told, shown = len(done), monotonic()
-        else:
+    own, n_rays, shown = Rays(rays.plane), 0, monotonic()
+    own.known |= rays.known
+    while angles := own.missing(view):
+        if not n_rays:
+            sleep(_REST)
             yield None
+        workers, n_rays = client(), n_rays + len(angles)
+        most = max(1, len(workers.nthreads()) - 1)
+        calls = deque((None, _on_ray, own.plane, angle, _effort(view)[0]) for angle in angles)
+        for ended in spread(workers, calls, most, priority=-1):
+            if ended:
+                own.add(ended[1])
+            if late := monotonic() - shown > _PATIENCE:  # to draw the lines costs more than a ray
+                shown = monotonic()
+            yield (dict(own.known), f"{n_rays} rays") if late else None
+        yield dict(own.known), f"{n_rays} rays"
 
 
 def circle(client, plane, omega, view):
     """Yield the line where the circle of ω, a text, breaks, better each time; or None."""
     angles, _ = _across(view, 1.0)
-    found = {}
-    parts = [angles[i::_PARTS] for i in range(_PARTS)]
-    calls = deque((None, _circle_on_rays, plane, omega, part, _effort(view)[1]) for part in parts)
+    found, how = {}, (_circle_on_rays, plane, omega)
+    calls = deque((None, *how, angles[i::_PARTS], _effort(view)[1]) for i in range(_PARTS))
     for ended in spread(client(), calls, priority=-1):
         if ended is None:
             yield None
@@ -184,12 +200,12 @@ def named_by(text):
 
 def _effort(view):
     """Return the width of brackets and the longest period of orbits that a view asks for."""
-    return (1e-3, 300) if max(np.ptp(view.a), np.ptp(view.b)) > _WIDE else (1e-4, 1500)
+    return (_BRACKET, 300) if max(np.ptp(view.a), np.ptp(view.b)) > _WIDE else (1e-4, 1500)
 
 
 def _across(view, spacing):
     """Return angles of rays all across a view, and their spacing: the one given if the origin is in
-    it, or else such that they are 64."""
+    it, or else such that they are 65."""
     corners = np.array([complex(a, b) for a in view.a for b in view.b])
     if view.a[0] <= 0 <= view.a[1] and view.b[0] <= 0 <= view.b[1]:
         return np.arange(0, 360 + spacing, spacing), spacing
@@ -202,7 +218,11 @@ def _across(view, spacing):
 
 
 def _on_ray(plane, angle, tol):
-    return boundary(np.unique(plane.unfold(angle)), tol, plane)
+    """On a worker: a wide bracket will do where the value has its digits by residues."""
+    angles = np.unique(plane.unfold(angle))
+    found = boundary(angles, max(tol, _BRACKET), plane)
+    enough = tol >= _BRACKET or float((found.error / found.critical_scale).max()) <= tol
+    return found if enough else boundary(angles, tol, plane)
 
 
 def _circle_on_rays(plane, omega, angles, q_max):

@@ -31,8 +31,7 @@ from workflows.shared.phase_space import portrait
 
 _HOST = "127.0.0.1"
 _NAMES = "localhost", _HOST, "[::1]"
-_UNCONNECTED = 10  # pages that may wait for their browser to connect; each costs 0.15 s
-_LIFETIME = 10_000  # milliseconds of these pages
+_LIFETIME = 10_000  # milliseconds of a page, a few of work, whose browser does not connect
 _HEADERS = {
     # Bokeh's pages have their scripts and styles inside, and make functions of texts.
     "Content-Security-Policy": "default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval'"
@@ -157,16 +156,10 @@ class _Web(BokehTornado):
             return 403, "pages of other sites may link to the explorer, and no more"
         if any(name.startswith("bokeh-") for name in request.arguments):
             return 400, "this address is for programs; leave out what begins with bokeh-"
-        if request.path == "/":
-            pages = self.get_sessions("/")
-            if sum(page.connection_count == 0 for page in pages) >= _UNCONNECTED:
-                return 503, f"too many pages were asked for; try again in {_LIFETIME / 1000:g} s"
         return None
 
     def new_connection(self, protocol, socket, application_context, session):
-        begin = self._waiting.pop(session.id, None)
-        if begin:
-            begin()
+        self._waiting.pop(session.id, lambda: None)()
         return super().new_connection(protocol, socket, application_context, session)
 
 

@@ -4,7 +4,7 @@ import time
 from collections import deque
 from html import escape
 
-from bokeh.models import Button, CustomJS, Div, Row
+from bokeh.models import Button, CustomJS, Div
 
 from nasm.verdict import verdict
 from workflows.explore.work import spread
@@ -13,9 +13,9 @@ from workflows.shared.verdict_words import sentences
 _REST = 0.05  # seconds that the point has to rest, while it is dragged
 
 
-def panel(state, work):
-    """Return the verdict in words."""
-    message = Div(sizing_mode="stretch_width", min_height=92)
+def tell(message, state, work):
+    """Say the verdict in words."""
+    message.min_height = 103  # the most it takes beside each other
     lane = work.latest("verdict")
 
     def ask():
@@ -31,7 +31,6 @@ def panel(state, work):
 
     state.on("point", ask)
     ask()
-    return message
 
 
 def copied(state):
@@ -39,10 +38,9 @@ def copied(state):
     code, copy = Div(visible=False), Button(label="copy as Python")
     args = {"code": code, "copy": copy}
     copy.js_on_event("button_click", CustomJS(args=args, code="copyText(code.text, copy)"))
-
     state.on("point steps", lambda: code.update(text=_python(state)))
     code.text = _python(state)
-    return Row(copy, code)
+    return copy, code
 
 
 def _judged(client, kappa):

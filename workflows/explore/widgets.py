@@ -5,8 +5,8 @@ from html import escape
 from itertools import product
 from math import ceil, log10
 
+from bokeh import models
 from bokeh.core.property.descriptors import UnsetValueError
-from bokeh.models import CheckboxGroup, Column, Div, Range1d
 from bokeh.plotting import figure
 from bokeh.themes import Theme
 
@@ -15,16 +15,8 @@ from workflows.figures import planes
 
 _SOON = 20  # milliseconds, in which the browser tells all that has changed at once
 _TOOLS = "box_zoom,pan,wheel_zoom,zoom_in,zoom_out,reset,save"
-_DARK = """@media (prefers-color-scheme: dark) {
-  :host { --color: #ddd; --background-color: #26292c; --surface-background-color: #33373b;
-    --border-color: #666; --icon-color: #bbb; --hover-color: #3a3f44; --placeholder-color: #999 }
-  .bk-btn-default { background: #33373b; color: #ddd; border-color: #666 }
-  .noUi-target { background: #33373b } .noUi-handle { background: #bbb }
-}"""
-# Bokeh's own colours, where the system asks for a dark page; rows that wrap on a phone.
-_LOOK = {"UIElement": {"stylesheets": [_DARK]}, "Toolbar": {"logo": None}}
-_LOOK |= {"Axis": {"axis_label_text_font_style": "normal"}}
-_LOOK["Row"] = {"stylesheets": [_DARK, ":host { flex-wrap: wrap; gap: 4px 16px }"]}
+_LOOK = {"Toolbar": {"logo": None}, "Axis": {"axis_label_text_font_style": "normal"}}
+_LOOK["Row"] = {"stylesheets": [":host { flex-wrap: wrap; gap: 4px 16px }"]}  # as on a phone
 THEME = Theme(json={"attrs": _LOOK})
 
 
@@ -39,7 +31,7 @@ def field(model, take):
     take : function of the text, called when it changes; its ValueError is the message, or the words
     that it returns, if any. The text stays as it was typed.
     """
-    message = Div(width=model.width, margin=(0, 5))
+    message = models.Div(width=model.width, margin=(0, 5))
 
     def typed(attr, old, new):
         message.text = ""
@@ -49,7 +41,7 @@ def field(model, take):
             message.text = alert(str(error))
 
     model.on_change("value", typed)
-    return Column(model, message)
+    return models.Column(model, message)
 
 
 def boxes(state, labels, **options):
@@ -60,7 +52,7 @@ def boxes(state, labels, **options):
     def chosen(attr, old, new):
         state.take(show=(state.show - {*names}) | {names[i] for i in new})
 
-    group = CheckboxGroup(labels=[*labels.values()], active=active, **options)
+    group = models.CheckboxGroup(labels=[*labels.values()], active=active, **options)
     group.on_change("active", chosen)
     return group
 
@@ -74,7 +66,7 @@ def picture(state, names, labels, most=ZOOM[1], **options):
         low, high = getattr(State(state.plane), name)
         how = {"reset_start": low, "reset_end": high, "min_interval": ZOOM[0] * (high - low)}
         how |= {"max_interval": most * (high - low)}
-        options[f"{axis}_range"] = Range1d(*getattr(state, name), **how)
+        options[f"{axis}_range"] = models.Range1d(*getattr(state, name), **how)
         options[f"{axis}_axis_label"] = label
     options |= {"tools": _TOOLS, "active_scroll": "wheel_zoom", "toolbar_location": "above"}
     plot = figure(sizing_mode="scale_width", **options)
@@ -82,9 +74,26 @@ def picture(state, names, labels, most=ZOOM[1], **options):
     return plot
 
 
+def show(plot, marks, name, columns, tips=None):
+    """Show columns of data by marks in a figure, made when they first have any; None clears.
+
+    marks : {name: function → [Glyph, …]}, the lowest first. tips : what the pointer tells of them.
+    """
+    there = [one for one in plot.renderers if one.tags == [name]]
+    if there:
+        source = there[0].data_source
+        source.data = columns or {name: [] for name in source.data}
+    elif columns and any(map(len, columns.values())):
+        how = {"data_source": models.ColumnDataSource(columns, name=name), "tags": [name]}
+        new = [models.GlyphRenderer(glyph=glyph, **how) for glyph in marks[name]()]
+        order = [[], *([one] for one in marks)]
+        plot.renderers = sorted([*plot.renderers, *new], key=lambda one: order.index(one.tags))
+        plot.add_tools(*[models.HoverTool(renderers=new, tooltips=tips)] * bool(tips))
+
+
 def small(title, **options):
-    """Return a small figure, hidden at first, of curves that are computed on wish."""
-    how = {"height": 150, "toolbar_location": None, "visible": False, "name": title}
+    """Return a small figure, of curves that are computed on wish."""
+    how = {"height": 150, "toolbar_location": None, "name": title}
     return figure(title=title, sizing_mode="stretch_width", tools="", **how | options)
 
 

@@ -23,25 +23,17 @@ class Work:
     failed : {name of what could not be: why, in words}, until it is tried again.
     show : function without arguments, called whenever `busy` or `failed` changes.
 
-    Nothing is computed before `start` is called, nor after `close`.
+    Nothing is computed after `close`.
     """
 
     def __init__(self, document, client):
         self.document, self.client = document, client
         self.busy, self.failed, self.show = {}, {}, lambda: None
-        self.started = self.closed = False
-        self._lanes = []
+        self.closed = False
 
     def latest(self, name):
         """Return a Latest; `name` says in the page what is being computed, "portrait"."""
-        self._lanes.append(Latest(self, name))
-        return self._lanes[-1]
-
-    def start(self):
-        """Begin with what was submitted so far; called on the event loop."""
-        self.started = True
-        for lane in self._lanes:
-            lane.start()
+        return Latest(self, name)
 
     def close(self):
         """Drop all that is still to come: the tab is closed."""
@@ -98,7 +90,7 @@ class Latest:
 
     def start(self):
         """Compute what waits, if nothing runs."""
-        if self._waiting and not self._runs and self.work.started and not self.work.closed:
+        if self._waiting and not self._runs and not self.work.closed:
             job, self._waiting = self._waiting, None
             self._runs = True
             self.work.begin(self.name)
