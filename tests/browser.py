@@ -41,8 +41,7 @@ def server(out, *options):
 
 @pytest.fixture(scope="session")
 def store(tmp_path_factory, here, workers):
-    """A directory with a small plane of escape times, as a command leaves it, and the boundary on
-    all rays that the explorer's first view asks for."""
+    """A directory with escape times of a small plane, and the boundary of the first view."""
     from nasm.planes import two_kicks
     from pipeline.cubes.barrier import last_barrier
     from workflows.explore.field import View

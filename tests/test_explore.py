@@ -249,6 +249,7 @@ class Document:
 def test_of_computations_the_latest_counts():
     document, found, gate = Document(), [], threading.Event()
     work = Work(document, None)
+    work.start()
     lane = work.latest("number")
 
     def computed(number):
@@ -280,6 +281,8 @@ def test_a_closed_tab_ends_its_generators():
             closed.set()
 
     work.latest("endless").submit(endless, done=found.append)
+    assert not work.busy  # the browser is not connected
+    work.start()
     document.run(lambda: found)
     work.close()
     assert closed.wait(10)

@@ -13,8 +13,7 @@ _ENDINGS = {"PNG": "png", "SVG": "svg", "CSV": "csv", "netCDF": "nc"}
 
 def panel(state, work):
     """Return the buttons that save what a panel shows."""
-    which = Select(title="Save the", options=list(state.seen), width=140)
-    which.value = which.options[-1]
+    which = Select(title="Save the", options=[*state.seen], value=[*state.seen][-1], width=140)
     file = Div(visible=False)
     file.js_on_change("text", CustomJS(code="saveFile(cb_obj.text)"))
     lane = work.latest("file")

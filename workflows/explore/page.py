@@ -1,6 +1,6 @@
 """The page: one document for each tab, with its own state and its own work."""
 
-from functools import partial
+from functools import cache, partial
 from html import escape
 from pathlib import Path
 
@@ -17,27 +17,28 @@ from workflows.explore.widgets import THEME, alert, field, symbols
 from workflows.explore.work import Work
 
 _TEMPLATE = Template((Path(__file__).parent / "page.html").read_text("utf-8"))
+_SOON = 100  # milliseconds, in which a browser has asked for the scripts of a page
 _ROOTS = {"controls": Row, "save": Row, "status": Div, "verdict": Div}
 _ROOTS |= dict.fromkeys(("plane", "lines", "portrait"), Column)
 
 
 def fill(document, shared):
-    """Make an empty page, and what is in it once its browser is connected."""
+    """Make a page, and what is in it while the browser loads its scripts."""
     document.title = f"{shared.plane.name}: the explorer of the nonautonomous standard map"
     document.template, document.theme = _TEMPLATE, THEME
     document.js_on_event(DocumentReady, CustomJS(code="dress()"))
     work = Work(document, shared.client)
-    context = document.session_context
     for name, kind in _ROOTS.items():
         document.add_root(kind(name=name, sizing_mode="stretch_width"))
-    build = partial(_build, document, shared, work)
-    shared.waiting[context.id] = partial(work.tick, build)  # with the lock of the document
+    build = cache(partial(_build, document, shared, work))  # once
 
-    def close(_):
-        shared.waiting.pop(context.id, None)
-        work.close()
+    def begin():
+        build()
+        work.start()
 
-    document.on_session_destroyed(close)
+    document.add_timeout_callback(build, _SOON)
+    document.session_context.begin = partial(document.add_next_tick_callback, begin)
+    document.on_session_destroyed(lambda _: work.close())
 
 
 @without_property_validation  # which would take a fifth of the time

@@ -14,6 +14,7 @@ from matplotlib.colors import to_hex
 from nasm.numbers import NAMES
 from nasm.planes import plane_of
 from pipeline import store
+from pipeline.cubes.barrier import unfolded
 from workflows.explore import rays, widgets
 from workflows.explore.field import BLOCKS, Field, View, computed, precision_of
 from workflows.explore.state import LINES
@@ -57,10 +58,9 @@ class PlanePanel:
         self.legend = models.Div(sizing_mode="stretch_width")
         self.cubes, self.shown, self.asked = [], None, None  # of OUT; on the screen; computed last
         self.lanes = {name: work.latest(name) for name in ("cubes", "plane", "boundary", "circle")}
-        self.picture = self.plot, self.message
         circle = widgets.field(models.AutocompleteInput(**_CIRCLE, value=state.omega), state.follow)
         ticks = models.Row(widgets.boxes(state, LINES, width=220), circle)
-        self.lines = self.legend, ticks
+        self.picture, self.lines = (self.plot, self.message), (self.legend, ticks)
         self.plot.on_event(Tap, self._move)
         for what in (Pan, PanEnd):
             self.plot.on_event(what, lambda event: "tool" in self.plot.tags or self._move(event))
@@ -71,14 +71,15 @@ class PlanePanel:
         state.on("steps omega", widgets.on_view(self.plot, work, self._refresh))
         state.seen |= {"escape": self._escapes, "boundary": shared.rays.table}
         self._mark()
-        work.begin("view")
+        work.progress("view", "")
         self.lanes["cubes"].submit(_cubes, shared.place, state.plane, done=self._opened)
 
     def _opened(self, found):
         """Show what OUT holds, and compute the rest."""
         self.cubes, barrier = found
         if barrier is not None:
-            self.shared.rays.add_cube(barrier)
+            angles = np.unique(self.state.plane.unfold(barrier.angle.values))
+            self.shared.rays.add(unfolded(barrier, angles))
             self._show_boundary()
         self._refresh()
 
@@ -153,7 +154,8 @@ class PlanePanel:
         words.append(self._distance(a, b))
         ray = self.shared.rays.nearest(a, b)
         if ray is not None:
-            words.append(f"last circle of the nearest ray: ω = {rays.named(ray)}")
+            circle = f"{ray.circle} = {ray.omega:.6g}" if ray.circle else "not known"
+            words.append(f"last circle of the nearest ray: ω = {circle}")
         self.message.text = " · ".join(filter(None, words))
 
     def _distance(self, a, b):
@@ -201,10 +203,8 @@ def _drawn(state):
     view, clear = _view(plot), {"high_color": "rgba(0, 0, 0, 0)", "nan_color": "rgba(0, 0, 0, 0)"}
     mapper = models.LogColorMapper(_COLOURS, low=10, high=state.steps, **clear)
     greys, sources = models.LinearColorMapper(_GREYS, low=-0.5, high=2.5, name="greys"), {}
-    for name, colours, blank in (
-        ("ground", greys, np.uint8(0)),
-        ("times", mapper, np.float32("nan")),
-    ):
+    looks = ("ground", greys, np.uint8(0)), ("times", mapper, np.float32("nan"))
+    for name, colours, blank in looks:
         sources[name] = models.ColumnDataSource(_image(view, np.full((1, 1), blank)), name=name)
         plot.image("values", "a", "b", "da", "db", source=sources[name], color_mapper=colours)
     title = "n*, first escape (steps)"

@@ -1,7 +1,6 @@
 """The phase portrait: orbits of the forcing, what is left of the last circle, orbits added."""
 
 from functools import partial
-from itertools import takewhile
 
 import numpy as np
 from bokeh import models
@@ -10,7 +9,7 @@ from bokeh.plotting import figure
 
 from nasm import barriers, orbits, symmetries
 from nasm.circles import fourier
-from nasm.numbers import convergents
+from nasm.numbers import distinct_convergents
 from nasm.verdict import Answer
 from workflows.explore import widgets
 from workflows.explore.state import ORBITS, fraction_of, orbits_of, orbits_text
@@ -143,9 +142,9 @@ class PortraitPanel:
         self._find_cycles()
 
     def _judge(self):
-        verdict = self.state.verdict
-        if verdict is not None:
-            self.traces.submit(_decisive, self.state.kappa, verdict, done=self._keep)
+        state = self.state
+        if state.verdict is not None:
+            self.traces.submit(_decisive, state.kappa, state.verdict, done=self._keep)
             self._find_cycles()
 
     def _find_cycles(self):
@@ -212,8 +211,7 @@ def _profile(plot, source):
     """Return the narrow figure beside the portrait: ω of the orbits on a vertical line in it."""
     how = {"width": _BESIDE, "tools": "save", "toolbar_location": "above", "x_axis_label": "ω"}
     how |= {"sizing_mode": "stretch_height", "name": "rotation numbers"}
-    how["stylesheets"] = [_NARROW]
-    beside = figure(y_range=plot.y_range, **how)
+    beside = figure(y_range=plot.y_range, stylesheets=[_NARROW], **how)
     beside.xaxis[0].ticker.desired_num_ticks = 2
     beside.yaxis.visible = beside.grid.visible = False
     beside.scatter("x", "y", source=source, size=3, color="#0072B2")
@@ -238,9 +236,8 @@ def _computed(kappa, box, added, every, with_lines, shape):
     """Yield the portrait, its picture, {name: curve} beside it, and in words the orbits added."""
     curves, told = dict.fromkeys(_SYMMETRY), []
     if with_lines:
-        found = _symmetry_lines(kappa, box)
-        curves |= found
-        if not found:
+        curves |= _symmetry_lines(kappa, box)
+        if not any(curves.values()):
             told = ["The forcing has no symmetry centre, so there are no symmetry lines."]
     for x, y in added[-1:]:
         told.insert(0, f"The one added at ({x:.6g}, {y:.6g}): {orbit_words(kappa, x, y)}.")
@@ -311,8 +308,7 @@ def _decisive(kappa, found):
 def _cycles(kappa, omega, fraction, box):
     """Return the points of the orbits of the convergents of ω, and of p/q; the manifolds of p/q if
     there is a box to draw them in; and words on p/q."""
-    near = convergents(omega) if omega else ()
-    near = takewhile(lambda f: f.denominator <= _MOST_Q, near)
+    near = distinct_convergents(omega, _MOST_Q) if omega else ()
     found = periodic_orbits(kappa, [f for f in near if f.denominator > 1])
     own = [] if fraction is None else periodic_orbits(kappa, [fraction])
     points = {name: [] for name in ("x", "y", "marker", "fill", "orbit")}

@@ -11,7 +11,7 @@ from time import monotonic, sleep
 import numpy as np
 
 from nasm.numbers import nobles_near, parse
-from pipeline.cubes.barrier import boundary, unfolded
+from pipeline.cubes.barrier import boundary
 from pipeline.cubes.breakdown import by_residue
 from workflows.explore.work import spread
 from workflows.figures.style import circle_class, circle_style, longest_arcs
@@ -50,10 +50,6 @@ class Rays:
         names = "angle", "critical_scale", "error", "circle", "omega"
         for angle, *found in zip(*(table[name].values.tolist() for name in names), strict=True):
             self.known[angle % 360] = Breakup(*found)
-
-    def add_cube(self, barrier):
-        """Take in the cube `barrier` with all its images."""
-        self.add(unfolded(barrier, np.unique(self.plane.unfold(barrier.angle.values))))
 
     def lines(self, view):
         """Return the boundary, a piece around each ray, columns a, b, colour, or None; and colours
@@ -230,8 +226,3 @@ def _circle_on_rays(plane, omega, angles, q_max):
     job = by_residue(plane, [parse(omega)], angles, q_max)
     found = job.compute({"circle": [omega], "angle": angles}, job.cube.settings)
     return dict(zip(angles.tolist(), found["critical_scale"][0].tolist(), strict=True))
-
-
-def named(found):
-    """Return the rotation number in words, "[0;2,(1)] = 0.381966"; "not known" without one."""
-    return f"{found.circle} = {found.omega:.6g}" if found.circle else "not known"

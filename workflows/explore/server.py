@@ -49,12 +49,11 @@ class Shared:
     fields : {(View, N): Field} that were computed to the end, the newest last.
     client : function → dask Client, which waits until it is connected.
     preparing : what the page must wait for, in words; "" when all is ready.
-    waiting : {id of a session: what to call when its browser is connected}.
     """
 
     def __init__(self, plane, place, client):
         self.plane, self.place, self._client = plane, place, client
-        self.rays, self.fields, self.waiting = Rays(plane), {}, {}
+        self.rays, self.fields = Rays(plane), {}
         self.preparing, self._lock = "starting the workers", Lock()
 
     def client(self):
@@ -132,7 +131,6 @@ class _Web(BokehTornado):
     """Bokeh's web application, which refuses what no tab of the explorer asks for."""
 
     def __init__(self, shared, port):
-        self._waiting = shared.waiting
         self._hosts = [f"{name}:{port}" for name in _NAMES] + [*_NAMES] * (port == 80)
         super().__init__(
             Application(FunctionHandler(partial(fill, shared=shared))),
@@ -159,7 +157,7 @@ class _Web(BokehTornado):
         return None
 
     def new_connection(self, protocol, socket, application_context, session):
-        self._waiting.pop(session.id, lambda: None)()
+        session.document.session_context.begin()
         return super().new_connection(protocol, socket, application_context, session)
 
 

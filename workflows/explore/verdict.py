@@ -44,10 +44,7 @@ def copied(state):
 
 
 def _judged(client, kappa):
-    """Return the verdict and the seconds that it took, by a worker.
-
-    This is not a generator: a worker does not stop, and one at a void verdict is enough.
-    """
+    """Return the verdict and its seconds. One in vain is enough: a worker does not stop."""
     time.sleep(_REST)
     found = spread(client(), deque([(None, _timed, kappa)]), priority=1)
     return next(ended[1] for ended in found if ended)

@@ -47,11 +47,11 @@ def field(model, take):
 def boxes(state, labels, **options):
     """Return boxes to tick, which choose among the names in `labels` what is shown."""
     names = list(labels)
-    active = [names.index(name) for name in names if name in state.show]
 
     def chosen(attr, old, new):
         state.take(show=(state.show - {*names}) | {names[i] for i in new})
 
+    active = [i for i, name in enumerate(names) if name in state.show]
     group = models.CheckboxGroup(labels=[*labels.values()], active=active, **options)
     group.on_change("active", chosen)
     return group

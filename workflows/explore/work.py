@@ -23,17 +23,24 @@ class Work:
     failed : {name of what could not be: why, in words}, until it is tried again.
     show : function without arguments, called whenever `busy` or `failed` changes.
 
-    Nothing is computed after `close`.
+    Nothing is computed before `start` is called, nor after `close`.
     """
 
     def __init__(self, document, client):
         self.document, self.client = document, client
         self.busy, self.failed, self.show = {}, {}, lambda: None
-        self.closed = False
+        self.closed, self._lanes = True, []
 
     def latest(self, name):
         """Return a Latest; `name` says in the page what is being computed, "portrait"."""
-        return Latest(self, name)
+        self._lanes.append(Latest(self, name))
+        return self._lanes[-1]
+
+    def start(self):
+        """Begin with what was submitted so far; called on the event loop."""
+        self.closed = False
+        for lane in self._lanes:
+            lane.start()
 
     def close(self):
         """Drop all that is still to come: the tab is closed."""
@@ -44,10 +51,6 @@ class Work:
         if not self.closed:
             with suppress(AttributeError):  # Bokeh takes the document of a closed tab apart
                 self.document.add_next_tick_callback(callback)
-
-    def begin(self, name):
-        self.failed.pop(name, None)
-        self.progress(name, "")
 
     def progress(self, name, words=None):
         """Note how far the computation is, or that it ends."""
@@ -93,7 +96,8 @@ class Latest:
         if self._waiting and not self._runs and not self.work.closed:
             job, self._waiting = self._waiting, None
             self._runs = True
-            self.work.begin(self.name)
+            self.work.failed.pop(self.name, None)
+            self.work.progress(self.name, "")
             Thread(target=self._compute, args=job, daemon=True).start()
 
     def _compute(self, number, function, args, done):

@@ -6,8 +6,10 @@ import numpy as np
 
 from workflows.figures import style
 
-CONSTANT, PAIRS, BURSTS = "constant kicks", "pairs of kicks", "bursts"
-SIGNS, FLIPS = "one sign of P flipped", "flipped every M kicks"
+CONSTANT, PAIRS, SIGNS, FLIPS, BURSTS = (
+    *("constant kicks", "pairs of kicks", "one sign of P flipped", "flipped every M kicks"),
+    "bursts",
+)
 
 
 def draw_patterns(cube):

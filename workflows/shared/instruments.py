@@ -71,11 +71,9 @@ def residues(start, profile, omega):
     """
     ladder = action.Ladder(start, profile, distinct_convergents(omega, _MOST_Q))
     at, names = np.linspace(0, 1, PLACES + 1), [f"{one.p}/{one.q}" for one in ladder.chains]
-    found = []
-    for n in range(len(names))[-_N_RESIDUES:]:
-        found.append([])
-        for scale in at:
-            found[-1].append(np.nan)
-            with suppress(action.LostError):
-                found[-1][-1] = ladder.at(n, scale, -1).residue
-    return {"at": [at.tolist()] * len(found), "residue": found, "orbit": names[-_N_RESIDUES:]}
+    first = max(0, len(names) - _N_RESIDUES)
+    found = np.full((len(names) - first, at.size), np.nan)
+    for n, i in np.ndindex(found.shape):
+        with suppress(action.LostError):
+            found[n, i] = ladder.at(first + n, at[i], -1).residue
+    return {"at": [at.tolist()] * len(found), "residue": found.tolist(), "orbit": names[first:]}
