@@ -14,21 +14,17 @@ y ~ n, there is no D: the squares grow faster than n, or one orbit is far ahead 
 
 *Strong kicks.* Without correlations D = Σκ²/16π²; with those of up to four kicks there are the
 terms of Rechester & White (Phys. Rev. Lett. 44 (1980) 1586), against which D is tested.
-
-*Weak ones.* Just beyond the breakup the remains of the last circle let ΔW pass (`nasm.flux`), and
-if nothing else resists, those between which y gains a unit, m in number, are in series: D = ΔW/m.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from nasm.arithmetic.kernels import kernel
-from nasm.arithmetic.lanes import LANES, load, own_frame, store
+from nasm.arithmetic.lanes import LANES
 from nasm.checks import count
 from nasm.critical import Status
-from nasm.escape import MAX_STEPS, ensemble, kick_on_lanes, kick_series
+from nasm.escape import MAX_STEPS, advance, ensemble, kick_series
 from nasm.maps import forcing
 
 __all__ = ["Diffusion", "diffusion"]
@@ -107,26 +103,11 @@ def _measured(momenta, part):
     return Diffusion(slopes.mean(), error, exponent, steps, Status.OK)
 
 
-@njit(nogil=True)
-def _advance(c, x, y, start, n):
-    """n periods of the 64 orbits from `start` on, in place."""
-    own_frame()
-    xs = load(x, start)
-    ys = load(y, start)
-    if c.shape[0] == 2:
-        for _ in range(n):
-            xs, ys = kick_on_lanes(c, 0, xs, ys)
-            xs, ys = kick_on_lanes(c, 1, xs, ys)
-    else:
-        for _ in range(n):
-            for p in range(c.shape[0]):
-                xs, ys = kick_on_lanes(c, p, xs, ys)
-    store(x, start, xs)
-    store(y, start, ys)
-
-
 @kernel
 def _iterate(c, x, y, n):
     """n periods of all orbits, a multiple of the lanes, in place."""
+    x_end, y_end, reach = np.empty(LANES), np.empty(LANES), np.empty(LANES)
     for start in range(0, x.size, LANES):
-        _advance(c, x, y, start, n)
+        advance(c, x, y, start, n, x_end, y_end, reach)
+        for lane in range(LANES):
+            x[start + lane], y[start + lane] = x_end[lane], y_end[lane]

@@ -315,7 +315,7 @@ def kick_on_lanes(c, p, x, y):
 
 
 @njit(nogil=True)
-def _advance(c, x, y, start, n, x_end, y_end, reach):
+def advance(c, x, y, start, n, x_end, y_end, reach):
     """n steps of the 64 orbits from `start` on: their ends, and each one's largest |y|."""
     own_frame()
     xs = load(x, start)
@@ -406,7 +406,7 @@ def _escape_times(c, x0, y0, n_max, lo, hi, times):
             done = 0
             while done < chunk:
                 block = min(_BLOCK, chunk - done)
-                _advance(c, x, y, start, block, x_end, y_end, reach)
+                advance(c, x, y, start, block, x_end, y_end, reach)
                 if _alarm(reach, limit):
                     for lane in range(min(LANES, alive - start)):
                         i = start + lane
@@ -450,7 +450,7 @@ def _first_escape(c, x0, y0, start, stop, n_max, lo, hi):
             done = 0
             while done < chunk and n + done < first:
                 block = min(_BLOCK, chunk - done)
-                _advance(c, x, y, i, block, x_end, y_end, reach)
+                advance(c, x, y, i, block, x_end, y_end, reach)
                 if _alarm(reach, limit):
                     for lane in range(min(LANES, size - i)):
                         if reach[lane] > limit:

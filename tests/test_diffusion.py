@@ -3,24 +3,13 @@
 import numpy as np
 import pytest
 import xarray as xr
-from numpy.testing import assert_allclose
 from scipy.special import jv
 
-from nasm import escape, orbits
 from nasm.barriers import critical_scale
 from nasm.critical import Status
-from nasm.diffusion import _iterate, diffusion
+from nasm.diffusion import diffusion
 from nasm.symmetries import ray
 from workflows.diffusion import study
-
-
-def test_the_kernel_iterates_the_map():
-    kappa, x, y = (0.7, -0.4), np.linspace(0, 1, 64), np.linspace(0.3, 1.9, 64)
-    shifted, momenta = x - 0.25, y.copy()
-    _iterate(escape.kick_series(np.array(kappa)), shifted, momenta, 20)
-    xs, ys = orbits.orbit(kappa, x, y, 20)
-    assert_allclose(momenta, ys[-1], atol=1e-9)
-    assert_allclose((shifted + 0.25 - xs[-1] + 0.5) % 1, 0.5, atol=1e-9)
 
 
 def rechester_and_white(one, two):

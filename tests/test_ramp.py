@@ -20,15 +20,11 @@ def test_the_longest_life_ends_where_the_action_has_no_minimum_any_more():
     kappa = KAPPA_G + rate * (np.arange(-reach, reach + 1) + site)
     x, y, life = sequence.longest_lived(kappa, 0.0, reach)
     assert 20 < life < 40
+    ahead = orbit(kappa[reach:], x, y, reach, 1)[0]
+    behind = orbit(kappa[:reach][::-1], x - y, -y, reach, 1)[0]
 
     def least(kicks):
-        ahead, behind, p, q = [x], [x - y], y, y
-        for n in range(kicks):
-            p = p + kappa[reach + n] / (2 * np.pi) * np.sin(2 * np.pi * ahead[-1])
-            ahead.append(ahead[-1] + p)
-            q = q - kappa[reach - 1 - n] / (2 * np.pi) * np.sin(2 * np.pi * behind[-1])
-            behind.append(behind[-1] - q)
-        sites = np.array(behind[kicks - 2 :: -1] + ahead[:kicks])  # the ends are held
+        sites = np.r_[behind[kicks - 2 :: -1], ahead[:kicks]]  # the ends are held
         diagonal = 2 + kappa[reach - kicks + 1 : reach + kicks] * np.cos(2 * np.pi * sites)
         return eigvalsh_tridiagonal(diagonal, -np.ones(diagonal.size - 1))[0]
 
@@ -70,25 +66,20 @@ def test_shapes_are_what_their_names_say():
         assert 0.9 < np.abs(shape).max() <= 1
 
 
-def results(wiggle, exponents, jumps, smooth):
-    rate = 10.0 ** -np.arange(2, 7)
-    lost, through = (rate**-a * (1 + wiggle * np.array([1, -1, 1, -1, 1])) for a in exponents)
-    ramp = {"lost": (("way", "rate"), np.array([lost, lost])), "escaped": ("rate", through)}
-    names = [*study.SMOOTH, *study.JUMPS]
-    life = ("kind", "ripple"), np.repeat([[smooth], [jumps]], 4, axis=0)
-    kind = xr.DataArray(range(8), dims="kind", attrs={"names": names})
-    lives = xr.Dataset({"life": life, "escaped": life}, {"kind": kind, "ripple": [0.1]})
-    return xr.Dataset(ramp, {"rate": rate}), lives.assign_attrs(kicks=3000)
-
-
 @pytest.mark.parametrize(
-    ("found", "said"),
+    ("exponents", "jumps", "smooth", "said"),
     [
-        ((0.01, (0.497, 0.751), 90.0, np.inf), [" holds: "] * 4),
-        ((0.01, (0.45, 0.7), 90.0, 900.0), ["caveat:", "caveat:", "caveat:", "does not hold:"]),
-        ((0.01, (0.33, 0.9), np.inf, np.inf), ["does not hold:"] * 4),
+        ((0.497, 0.751), 90.0, np.inf, [" holds: "] * 4),
+        ((0.45, 0.7), 90.0, 900.0, ["caveat:"] * 3 + ["does not hold:"]),
+        ((0.33, 0.9), np.inf, np.inf, ["does not hold:"] * 4),
     ],
 )
-def test_the_rules_can_say_no(found, said):
-    *lines, _ = study.findings(*results(*found)).splitlines()
+def test_the_rules_can_say_no(exponents, jumps, smooth, said):
+    rate = 10.0 ** -np.arange(2, 7)
+    lost, through = (rate**-a * (1 + 0.01 * np.array([1, -1, 1, -1, 1])) for a in exponents)
+    ramp = {"lost": (("way", "rate"), [lost, lost]), "escaped": ("rate", through)}
+    kind = xr.DataArray(range(8), dims="kind", attrs={"names": study.SMOOTH + study.JUMPS})
+    lives = xr.Dataset(coords={"kind": kind, "ripple": [0.1]}, attrs={"kicks": 3000})
+    lives["life"] = lives["escaped"] = ("kind", "ripple"), 4 * [[smooth]] + 4 * [[jumps]]
+    *lines, _ = study.findings(xr.Dataset(ramp, {"rate": rate}), lives).splitlines()
     assert [words in line for words, line in zip(said, lines, strict=True)] == [True] * 4

@@ -40,25 +40,21 @@ def flux(plane, scales, circles, excesses, q_max):
     Physica D 13 (1984) 55.
     """
     coords = _coords(plane, scales, excesses)
-    coords["circle"] = cube.text(
-        "angle", circles.values(), "exact rotation number of the last circle"
-    )
+    words = "exact rotation number of the last circle"
+    coords["circle"] = cube.text("angle", circles.values(), words)
     variables = {
         "flux": cube.blank(coords, "area through the broken circle, per step: turns times y"),
         "error": cube.blank(coords, "estimated absolute error of flux"),
         "period": cube.blank(coords, "longest period of the orbits used", np.int32(0)),
     }
     title, settings = "Flux through the remains of the last circle", {"q_max": q_max}
-    plan = _plan("flux", plane, coords, variables, title, settings)
-    warm_up = partial(turnstiles.action_difference, (0.1, 0.1), 1, 3)
-    return cube.Job(plan, _flux, _predict_flux, warm_up)
+    functions = _flux, _predict_flux, partial(turnstiles.action_difference, (0.1, 0.1), 1, 3)
+    return _job("flux", plane, coords, variables, title, settings, functions)
 
 
 def diffusion(scales, excesses, n_orbits, n_max):
-    """Return the Job of the diffusion coefficient D of momentum, by ensembles, of two kicks.
-
-    scales, excesses : as for `escape_times`.
-    """
+    """Return the Job of the diffusion coefficient D of momentum, by ensembles, of two kicks;
+    scales, excesses as for `escape_times`."""
     coords = _coords(two_kicks(), scales, excesses)
     variables = {
         "diffusion": cube.blank(coords, "D = <(y_n - y_0)²>/2n, in squares of y a period"),
@@ -66,17 +62,13 @@ def diffusion(scales, excesses, n_orbits, n_max):
         "exponent": cube.blank(coords, "a of <(y_n - y_0)²> ~ n^a, 1 for diffusion"),
         "steps": cube.blank(coords, "periods that orbits were followed"),
     }
-    settings = {"n_orbits": n_orbits, "n_max": n_max}
-    plan = _plan("diffusion", two_kicks(), coords, variables, "Diffusion of momentum", settings)
-    warm_up = partial(ensembles.diffusion, (9.0, 9.0), 64)
-    return cube.Job(plan, _diffusion, _predict_diffusion, warm_up)
+    title, settings = "Diffusion of momentum", {"n_orbits": n_orbits, "n_max": n_max}
+    functions = _diffusion, _predict_diffusion, partial(ensembles.diffusion, (9.0, 9.0), 64)
+    return _job("diffusion", two_kicks(), coords, variables, title, settings, functions)
 
 
 def steps_beyond(excess):
-    """Return about how many steps the first escape of hundreds of orbits takes, by measurement.
-
-    The bias of direct iteration falls like N^(-1/3).
-    """
+    """Return about how many steps the first escape of hundreds of orbits takes, by measurement."""
     return 200 / excess**3
 
 
@@ -90,10 +82,11 @@ def _coords(plane, scales, excesses):
     return coords | {name: cube.blank(coords, words) for name, words in plane.axes.items()}
 
 
-def _plan(name, plane, coords, variables, title, settings):
+def _job(name, plane, coords, variables, title, settings, functions):
     variables["status"] = cube.blank(coords, "outcome", np.int8(0), **cube.FLAGS)
     template = xr.Dataset(variables, coords, {"title": title, "source": cube.PAPER})
-    return cube.Cube(name, template, _TILE, plane.record | settings | cube.STATUS_SETTING)
+    settings = plane.record | settings | cube.STATUS_SETTING
+    return cube.Job(cube.Cube(name, template, _TILE, settings), *functions)
 
 
 def _forcings(coords, settings):
@@ -115,9 +108,9 @@ def _predict_escapes(coords, settings):
 
 
 def _flux(coords, settings):
-    (strengths, kappas), q_max = _forcings(coords, settings), settings["q_max"]
-    rays = zip(coords["circle"], kappas, strict=True)
-    found = [[turnstiles.flux(parse(omega), on, q_max) for on in along] for omega, along in rays]
+    strengths, kappas = _forcings(coords, settings)
+    rays, q_max = zip(map(parse, coords["circle"]), kappas, strict=True), settings["q_max"]
+    found = [[turnstiles.flux(omega, kappa, q_max) for kappa in along] for omega, along in rays]
     return strengths | cube.fields(found, {"flux": "value", "error": "error", "period": "period"})
 
 

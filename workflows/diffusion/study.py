@@ -5,7 +5,6 @@ import xarray as xr
 
 from workflows.shared.power_law import FLUX as ETA
 from workflows.shared.rules import finding, span
-from workflows.shared.tables import described
 
 NEAREST = 1e-3  # distance beyond the breakup at which the prefactor is read from the flux
 _NEAR = 0.13  # distance up to which the law of D itself is looked for
@@ -27,18 +26,12 @@ def law(barrier, fluxes, measured):
     """Compare D on rays with the flux: the measured Dataset, dims (angle, excess), and more.
 
     one_cantorus is ΔW over the number of last circles between which y gains a unit: ω and 2 - ω,
-    and on the axes those that are tied with them. prefactor is one_cantorus/excess^3.01172 next to
-    the breakup.
+    and on the axes those tied with them; prefactor is that over excess^3.01172 at the breakup.
     """
     of_flux = fluxes.flux / xr.where(barrier.tied.sel(angle=fluxes.angle) != "", 4, 2)
     prefactor = of_flux.sel(excess=NEAREST, drop=True) / NEAREST**ETA
-    columns = {
-        "one_cantorus": (of_flux, "flux over the number of last circles"),
-        "ratio": (measured.diffusion / of_flux, "diffusion over one_cantorus"),
-        "prefactor": (prefactor, "one_cantorus/excess^3.01172, next to the breakup"),
-    }
-    columns = {name: part.assign_attrs(described(words)) for name, (part, words) in columns.items()}
-    return measured.assign_coords(circle=fluxes.circle).assign(columns)
+    found = {"one_cantorus": of_flux, "ratio": measured.diffusion / of_flux, "prefactor": prefactor}
+    return measured.assign_coords(circle=fluxes.circle).assign(found)
 
 
 def findings(law):

@@ -6,10 +6,8 @@ import numpy as np
 
 from workflows.figures import style
 
-CONSTANT, PAIRS, SIGNS, FLIPS, BURSTS = (
-    *("constant kicks", "pairs of kicks", "one sign of P flipped", "flipped every M kicks"),
-    "bursts",
-)
+CONSTANT, PAIRS, BURSTS = "constant kicks", "pairs of kicks", "bursts"
+SIGNS, FLIPS = "one sign of P flipped", "flipped every M kicks"
 
 
 def draw_patterns(cube):

@@ -7,19 +7,16 @@ import numpy as np
 from workflows.figures.style import colour_of, key, names_of, panels
 
 
-def draw_ramp(ramp, lives, exponents, findings):
-    """Draw the kicks by which graphs are lost and orbits cross against the rate, and by smoothness.
-
-    ramp, lives : Datasets of the study. exponents : foreseen, of graphs and of escapes. findings :
-    text, for the caption.
-    """
+def draw_ramp(ramp, lives, findings):
+    """Draw the kicks by which graphs are lost and orbits cross, by rate and by smoothness; caption,
+    which ends with the findings."""
     figure, (kicks, smooth) = panels(1, 2, 13, 5)
     names = [*(f"graphs, {name}" for name in names_of(ramp.way)), "first of 64 orbits across"]
     rows = [*ramp.lost, ramp.escaped]
     for i, (label, row) in enumerate(zip(names, rows, strict=True)):
         look = {"color": colour_of(i), "ms": 4 + 2 * (i == 1), "mfc": "none" if i == 1 else None}
         kicks.plot(ramp.rate, row, "os^"[i], label=label, **look)
-    for exponent, row, dash in zip(exponents, rows[1:], ("--", ":"), strict=True):
+    for exponent, row, dash in zip(ramp.attrs["exponents"], rows[1:], ("--", ":"), strict=True):
         law = float((row * ramp.rate**exponent).median()) * ramp.rate**-exponent
         label = rf"$\propto r^{{-{exponent:.3f}}}$, foreseen"
         kicks.plot(ramp.rate, law, dash, color="0.4", lw=0.9, label=label)

@@ -7,7 +7,6 @@ import numpy as np
 from workflows.figures.patterns import BURSTS, CONSTANT, FLIPS, PAIRS, SIGNS
 from workflows.figures.style import of_family
 from workflows.shared.rules import finding
-from workflows.shared.tables import described
 
 PARAMETER = f"ε of {PAIRS}, P of {SIGNS}, M of {FLIPS}, share of the period kicked in {BURSTS}"
 _NEAR, _CLOSE = 0.05, 1 / 16  # of K_c to its limit, for pairs that close
@@ -37,13 +36,10 @@ def patterns(quick):
 
 
 def in_lab_units(cube):
-    """Return the cube with thresholds in units of the period, as laboratories of pairs have them,
-    and the rms strength of the kicks over that of constant ones."""
-    words = "K_c = P·s of a kick, in units of the period: its phase depth times 8ω_r·period"
-    per_period = (cube.critical_scale * cube.period).assign_attrs(described(words))
-    words = described("rms strength at the breakup over that of constant kicks")
+    """Return the cube with per_period, K_c = P·s in units of the period: the phase depth of a kick
+    times 8ω_r·period; and robustness, the rms strength at the breakup over κ_G."""
     robustness = cube.rms_scale / of_family(cube, CONSTANT).critical_scale.item()
-    return cube.assign(per_period=per_period, robustness=robustness.assign_attrs(words))
+    return cube.assign(per_period=cube.critical_scale * cube.period, robustness=robustness)
 
 
 def found(cube):
@@ -53,8 +49,8 @@ def found(cube):
     third, K = np.isclose(pairs.parameter, 1 / 3), pairs.per_period
     others = lower.values[~third]
     known = K.dropna("forcing")
-    limit = known * np.sqrt(known.parameter / of_family(cube, CONSTANT).critical_scale.item())
-    close = limit[known.parameter <= _CLOSE]
+    close = known[known.parameter <= _CLOSE]
+    close = close * np.sqrt(close.parameter / of_family(cube, CONSTANT).critical_scale.item())
     falls = bool((np.diff(close) < 0).all())
     above = int((cube.robustness * cube.lower / cube.critical_scale > 1 + 1e-9).sum())
     alike = int((abs(cube.robustness - 1) < 1e-9).sum())

@@ -26,11 +26,10 @@ def main(run, slowest, quick):
     slowest = max(slowest, 1e-4) if quick else slowest
     rates = 10 ** -np.arange(2, 0.01 - np.log10(slowest), 0.25)
     ripples, kicks = ([0.1, 0.2, 0.4], 3000) if quick else ([0.02, 0.05, 0.1, 0.2, 0.4], 12_000)
-    exponents = study.EXPONENT, study.ESCAPES
     with run.driving(seconds=10 if quick else 60):
         ramp = run.keep("ramp", study.ramps(rates))
         lives = run.keep("irregular", study.irregular(ripples, kicks))
-        run.figure("ramp", *draw_ramp(ramp, lives, exponents, study.findings(ramp, lives)))
+        run.figure("ramp", *draw_ramp(ramp, lives, study.findings(ramp, lives)))
 
 
 if __name__ == "__main__":

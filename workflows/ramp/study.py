@@ -62,12 +62,11 @@ def ramps(rates):
             "lost": (("way", "rate"), np.array(lost), "kicks from κ_G until no graphs are left"),
             "escaped": ("rate", np.array(escaped), f"kicks from κ_G {_CROSSED}"),
         },
-        {"critical_scale": critical, "area_rate": acceleration},
+        {"critical_scale": critical, "area_rate": acceleration, "exponents": [EXPONENT, ESCAPES]},
     )
 
 
 def _lost(critical, rate, acceleration):
-    """The least of site + life over lines."""
     unit = rate**-EXPONENT
     n = np.arange(-int(_REACH * unit), int(_REACH * unit) + 1)
 
@@ -92,20 +91,18 @@ def irregular(ripples, kicks):
     shapes = _shapes(np.arange(20 * kicks))
     sites = kicks // 2 + 7 * np.arange(_LINES)
     kappas = [[_MEAN * (1 + ripple * f) for ripple in ripples] for f in shapes.values()]
-    lives, escaped = (
-        np.array([[ends(kappa) for kappa in row] for row in kappas])
-        for ends in (
-            lambda kappa: min(sequence.longest_lived(kappa[:kicks], 0.0, n)[2] for n in sites),
-            _escape,
-        )
-    )
+    lives = [
+        [min(sequence.longest_lived(kappa[:kicks], 0.0, n)[2] for n in sites) for kappa in row]
+        for row in kappas
+    ]
+    escaped = [list(map(_escape, row)) for row in kappas]
     dims, graphs = ("kind", "ripple"), "kicks on either side until no family of graphs is left"
     return dataset(
         "Lives of barriers by the smoothness of the forcing",
         {"kind": listed("kind", *shapes), "ripple": (ripples, "largest deviation, relative")},
         {
-            "life": (dims, lives, f"{graphs}; inf if they last"),
-            "escaped": (dims, escaped, f"kicks {_CROSSED}; inf if none is"),
+            "life": (dims, np.array(lives), f"{graphs}; inf if they last"),
+            "escaped": (dims, np.array(escaped), f"kicks {_CROSSED}; inf if none is"),
         },
         {"kicks": kicks},
     )
