@@ -6,11 +6,7 @@ from workflows.figures import style
 
 
 def draw_tolerance(cube, laws, tried, summits):
-    """Draw loss against ripple, and how strong random forcings may be.
-
-    cube : ripples with their `loss`. laws : exponents by period, `predicted`. tried, summits :
-    random forcings, and climbs, with `upper`.
-    """
+    """Draw loss against ripple, with the laws, and `upper` of random forcings and climbs."""
     figure, (price, strengths) = style.panels(1, 2, 12, 5)
     _draw_losses(price, cube, laws)
     _draw_strengths(strengths, tried, summits)
@@ -29,10 +25,9 @@ def _draw_losses(axes, cube, laws):
         if here.sizes["forcing"]:
             label = f"{family}, $P = 4, 6, 8$"
             axes.plot(here.parameter, here.loss, label=label, mfc=fill, **look)
-    d = np.array([lost.parameter.min(), 1e-2])
-    exponent = float(laws.predicted.sel(period=2))
-    label = rf"$\propto d^{{\,{exponent:.3f}}}$"
-    axes.plot(d, 0.01 * (d / 1e-3) ** exponent, color="0.4", lw=1, ls="--", label=label)
+    d, exponent = np.array([lost.parameter.min(), 1e-2]), float(laws.predicted.sel(period=2))
+    look = {"color": "0.4", "lw": 1, "ls": "--", "label": rf"$\propto d^{{\,{exponent:.3f}}}$"}
+    axes.plot(d, 0.01 * (d / 1e-3) ** exponent, **look)
     axes.set(xscale="log", yscale="log", title="What a ripple costs")
     axes.set_xlabel(r"ripple $d$ (rms over mean)")
     axes.set_ylabel(r"loss of threshold, $1 - s_c\,\mathrm{rms}/\kappa_G$")
@@ -45,8 +40,10 @@ def _draw_strengths(axes, tried, summits):
     near, shades = tried.parameter.values < 0.1, [style.colour_of(3), style.colour_of(0)]
     parts, labels = [upper[near], upper[~near]], ["ripple below 10%", "others"]
     axes.hist(parts, bins, stacked=True, color=shades, label=labels)
-    words = "no orbit escapes:\nconverse KAM denies circles"
-    axes.text(0.99, 0.8 * axes.get_ylim()[1], words, size="small", ha="right", va="top")
+    look = {"size": "small", "ha": "right", "va": "top"}
+    axes.text(
+        0.99, 0.8 * axes.get_ylim()[1], "no orbit escapes:\nconverse KAM denies circles", **look
+    )
     axes.axvline(1, color="black", lw=1, label="constant kicks")
     foot = {"transform": axes.get_xaxis_transform(), "clip_on": False, "ls": "", "ms": 5}
     look = {"marker": "|", "color": style.VERMILION, "label": "ends of climbs"}

@@ -1,12 +1,10 @@
 """How exact must repeated kicks be? The price of a ripple, and whether constant kicks are the best.
 
 κ_n = s(1 + d·f_n) with Σf = 0 and Σf² = P over a period of P kicks: by which part is the rms
-strength of the last breakup below κ_G? Renormalisation: next to the critical golden circle of
-constant kicks the distance to κ_G grows by δ = 1.62795 from one convergent to the next, and the
-ripple by some λ of its period, so that the loss goes like d^(ln δ/ln λ), times a function of ln d
-that repeats when the convergents meet the same phases of the ripple again. λ is measured by how the
-residues of golden periodic orbits at κ_G respond to the ripple; the exponent by the losses of a
-circle and of the one that looks like it a repeat further on.
+strength of the last breakup below κ_G? By renormalisation (see `response`) the loss goes like
+d^(ln δ/ln λ), times a function of ln d that repeats when the convergents meet the same phases of
+the ripple again. The exponent is measured by the losses of a circle and of the one that looks like
+it a repeat further on.
 
 The conjecture is that at equal rms strength constant kicks hold a barrier longest. Random forcings
 are tried, and climbs that look for one which holds longer.
@@ -37,7 +35,7 @@ def main(run, forcings, climbs, smallest, quick):
     bounds = against_constant("tolerance_random", study.random(forcings), ripple, golden)
     starts = study.starts(climbs)
     climbed = against_constant("tolerance_climbs", starts, "seed of the climb", golden, tries=500)
-    with run.sweeping(ripples, bounds, climbed, seconds=5 if quick else 170):
+    with run.sweeping(ripples, bounds, climbed, seconds=5 if quick else 100):
         cube = study.with_loss(with_circles(run.sweep(ripples)))
         tried, summits = run.sweep(bounds).load(), run.sweep(climbed).load()
         laws = study.laws((2,) if quick else study.PERIODS)

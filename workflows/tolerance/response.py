@@ -1,5 +1,9 @@
 """How critical golden orbits respond to a ripple: the exponent that renormalisation predicts.
 
+Next to the critical golden circle of constant kicks the distance to κ_G grows by δ = 1.62795 from
+one convergent to the next, and a ripple by some λ, measured here, so that losses go like d^(ln δ/
+ln λ).
+
 R of a periodic orbit x_n of constant kicks is -det H/4, H the ring of 2 + κ_n cos 2πx_n and -1's,
 and the orbit itself moves with κ_n by H dx = -sin(2πx_n)/(2π)·dκ_n. A ripple of P kicks moves R, to
 first order, only if P divides the orbit's period. Renormalise h times, F_h the first Fibonacci
@@ -20,7 +24,7 @@ from nasm.circles.continuation import UNSTABLE
 from nasm.numbers import moebius, parse
 
 DELTA = UNSTABLE[1,]
-_LONGEST = 50_000  # period, beyond which rounding hides R
+_LONGEST = 80_000  # period, beyond which rounding hides R
 _STEP = 1e-30  # of a derivative by complex numbers
 
 
