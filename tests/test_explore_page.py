@@ -434,7 +434,7 @@ def test_bad_input_stays_in_its_field_with_words_below_it_and_a_lost_worker_is_r
     opened, served
 ):
     tab, _ = opened
-    at(tab, a="-0.1:0.1", b="-0.1:0.1")  # where all is soon computed
+    at(tab)
     good = {"κ₁": "-0.3", "κ₂": "0.125", "where the circle": "0.618", "Orbits added": "0.5 0.3"}
     good["Orbits of a fraction"] = ""
     for label, text, words in (
