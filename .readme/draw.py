@@ -43,7 +43,9 @@ def boundary(cube):
 
 def proved_map(cube):
     barrier = unfolded(cube("barrier"), np.linspace(0, 45, 91))
-    keep(draw_proved_map(cube("proved_map"), barrier)[0], "proved_map", 150)
+    keep(
+        draw_proved_map(cube("proved_map"), cube("proved_triangles"), barrier)[0], "proved_map", 150
+    )
 
 
 def work_precision(cube):

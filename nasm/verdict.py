@@ -167,7 +167,7 @@ def verdict(kappa, prove=False):
         answer, evidence, proof = _proved(kappa, short, found, answer, evidence)
         proved = evidence is Evidence.CIRCLE_PROVED
         if proved and boundary.value > 1 and size >= MIN_SIZE:  # as a profile must be
-            from nasm.proofs.ray import proved_below
+            from nasm.proofs.fan import proved_below
 
             below, _ = proved_below(found.omega, short, boundary.value, _BUDGET)
     return Verdict(answer, evidence, boundary, circle, steps, proof, below)

@@ -38,7 +38,7 @@ SMALLEST = {
     # Those that can make proofs come last: the others are to end well before python-flint is there.
     "ask": "0.3 0.2 --prove",
     "proved_boundary": "--angles 2 --seconds 0.1",
-    "proved_map": "--cells 32 --seconds 0.001",
+    "proved_map": "--cells 32 --seconds 0.001 --nearest 0.5",
     "work_precision": "--only barriers --only barrier-proof --ray 45",
 }
 PROVING = ("ask", "proved_boundary", "proved_map", "work_precision")

@@ -90,7 +90,6 @@ GOOD = {
     tori.invariant_torus: {"omega": 0.618, "frequency": 0.54, "mean": 0.1, "amplitude": 0.1},
     tori.critical_scale: {"omega": 0.618, "frequency": 0.54, "mean": 0.1, "amplitude": 0.1},
     proofs.barrier.prove: {"omega": GAMMA, "kappa": KAPPA},
-    proofs.barrier_cells.prove_cell: {"omega": GAMMA, "kappa": KAPPA, "half_width": 2.0**-7},
     proofs.transport_cells.prove_cell: {"kappa": (0.25, 0.5), "half_width": 2.0**-7},
     proofs.transport.prove: {"kappa": KAPPA},
     proofs.transport.proved_upper: {"profile": (1, 0), "value": 0.48, "budget": 0.1},
@@ -105,7 +104,7 @@ RAYS = periodic.critical_scale, escape.critical_scale, symmetry_line.critical_sc
 RAYS += transversal.located, barriers.critical_scale, continuation.critical_scale
 ELIMINATIONS = symmetry_line.elimination_time, transversal.elimination_time
 LINES = symmetry_line.elimination_time, symmetry_line.eliminates
-CELLS = proofs.transport_cells.prove_cell, proofs.barrier_cells.prove_cell
+CELLS = (proofs.transport_cells.prove_cell,)
 PROOFS = *CELLS, proofs.barrier.prove, proofs.transport.prove
 INEXACT = [
     np.ma.array([0.25, 0.5], mask=[False, True]),
@@ -133,8 +132,6 @@ BAD = [
     ((sequence.longest_lived,), "theta", INEXACT, NO_FLOATS),
     ((self_consistent.evolve,), "gamma", INEXACT, NO_FLOATS),
     ((proofs.transport_cells.prove_cell,), "half_width", [*INEXACT, Decimal("0.25")], NO_FLOATS),
-    ((proofs.barrier_cells.prove_cell,), "half_width", [np.longdouble(0.25), Decimal("0.25")],
-     "={value} must be a number"),
     ((proofs.barrier.proved_lower, proofs.transport.proved_upper), "value",
      [np.longdouble(0.48), Decimal("0.48"), np.ma.masked], "value={value} must be a number"),
     ((maps.rotating_forcing,), "frequency", [0.1], "frequency=0.1 is 3602…like '1/10'"),

@@ -8,7 +8,7 @@ import xarray as xr
 from nasm.planes import two_kicks
 from nasm.symmetries import ray
 from pipeline.cubes.barrier import boundary
-from pipeline.cubes.proved_map import proved_map
+from pipeline.cubes.proved_map import proved_map, proved_triangles
 from pipeline.cubes.rotating_maps import breakups
 from workflows.convergence.study import on_the_diagonal
 from workflows.figures.convergence import draw_diagonal
@@ -34,14 +34,23 @@ def test_the_proved_map_says_how_near_open_cells_are_in_plain_percents(away, sai
     kappa1, kappa2 = 0.5 * ray(angles).T
     known = {"angle": angles, "critical_scale": ("angle", [0.5, 0.5])}
     known |= {"kappa1": ("angle", kappa1), "kappa2": ("angle", kappa2)}
-    cube = proved_map([(0.0, 0.5, ""), (45.0, 0.5, "")], 64, 1.0).cube
+    rays = [(0.0, 0.5), (45.0, 0.5)]
+    cube, triangles = proved_map(rays, 64, 1.0).cube, proved_triangles(rays, [""] * 2, 0.1).cube
     scale = np.hypot(*np.meshgrid(cube.template.kappa1, cube.template.kappa2)) / 0.5
-    proved = np.where(scale > 1, 2, 3)
+    proved = np.where(scale > 1, 2, 1)
     if away < 1:
-        proved[np.abs(np.abs(scale - 1) - away) < 0.01] = 1
+        proved[np.abs(scale - 1 - away) < 0.01] = 1
     filled = cube.template.assign(proved=cube.template.proved.copy(data=proved))
-    _, caption = draw_proved_map(filled.assign_attrs(cells=64), xr.Dataset(known))
+    (low, high, _), *rest = triangles.settings["triangles"]
+    assert not rest
+    sides = {
+        f"kappa{i}_{end}": x[i - 1] for end, x in (("low", low), ("high", high)) for i in (1, 2)
+    }
+    numbers = {key: ("triangle", [x]) for key, x in (sides | {"proved_below": 0.9}).items()}
+    within = triangles.template.assign(numbers)
+    _, caption = draw_proved_map(filled.assign_attrs(cells=64), within, xr.Dataset(known))
     assert said in caption
+    assert "on half of the rays of CB_gt to 10% below it" in caption
     assert "e+0" not in caption
 
 

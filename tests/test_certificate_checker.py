@@ -149,64 +149,49 @@ def test_residuals_of_a_circle_are_those_of_the_chain():
     assert 1 <= theorem(kappa, u)["error"] / norm_of_residuals(kappa, u).max() < 1.01
 
 
-def cell(width, moved):
-    """(data, centre, moves) of a cell whose u_j are largest at its corner σ = (1, 1)."""
-    rng, k, unit = np.random.default_rng(3), np.arange(9), 2.0**-40
-    centre = rng.uniform(0.5, 1, (2, 9)) * np.exp(-3 * k) * (k > 0) / 10
-    moves = rng.uniform(0.5, 1, (2, 3, 3, 9)) * np.exp(-3 * k) * (k > 0) * moved
+def test_constants_of_a_fan_are_the_largest_in_it():
+    """n, k and p against the corner σ = t = 1, where u_j are largest; residuals against the
+    theorem's formula in floats."""
+    a, b, high, k, unit = np.array([0.3, -0.5]), np.array([0.2, -0.1]), 8.0, np.arange(9), 2.0**-40
+    moves = np.random.default_rng(3).uniform(0.5, 1, (3, 3, 2, 9)) * np.exp(-3 * k) * (k > 0) / 25
     numbers = np.rint(moves / unit).astype(int)
-    data = {"omega": "[0;(1)]", "rho": RHO.hex(), "kappa": [(0.3).hex(), (-0.5).hex()]}
-    data |= {
-        "half_width": [width.hex()] * 2,
-        "centre": [[dyadic(x) for x in row] for row in centre],
-    }
-    data["moves"] = {"unit": -40, "numbers": numbers.tolist()}
-    return data, centre, numbers * unit
-
-
-def test_constants_of_a_cell_are_the_largest_in_it():
-    """n, k and p against the corner; residuals against the theorem's formula in floats."""
-    width = 2.0
-    data, centre, moves = cell(width, moved=0.04)
+    moves, rows = numbers * unit, {"kappa": a, "tilt": b, "scales": [0.0, high]}
+    data = {key: [float(x).hex() for x in row] for key, row in rows.items()}
+    numbers = [[[[[], row] for row in rows] for rows in table] for table in numbers.tolist()]
+    data |= {"omega": "[0;(1)]", "rho": RHO.hex(), "moves": {"unit": -40, "numbers": numbers}}
     with ctx.workprec(checker.BITS):
-        found = checker.theorem_of_cell(data)[1]
-    corner = theorem((0.3 + width, -0.5 + width), -1j * (centre + moves.sum(axis=(1, 2))))
+        found = checker.theorem_of_fan(data)[1]
+    corner = theorem(tuple(high * (a + b)), 1j * moves.sum(axis=(0, 1)))
     assert [found[key] for key in "nk"] == pytest.approx([corner[key] for key in "nk"], rel=1e-9)
     assert 1 <= found["p"] / corner["p"] < 1.5
 
-    N, k = 3 + 4, np.arange(9)
-    theta = np.pi * (2 * np.arange(N) + 1) / (2 * N)
-    T = np.cos(np.arange(3)[:, None] * theta)
-    u = centre[..., None, None] + np.einsum("jabk,ap,bq->jkpq", moves, T, T)
-    kappa = [0.3 + width * np.cos(theta), -0.5 + width * np.cos(theta)]
+    theta, degrees = np.pi * (2 * np.arange(4) + 1) / 8, np.arange(3)
+    T = np.cos(degrees * theta[:, None])
     at_points = [
-        norm_of_residuals((kappa[0][p], kappa[1][q]), -1j * u[:, :, p, q])
-        for p in range(N)
-        for q in range(N)
+        norm_of_residuals(
+            high / 2 * (1 + np.cos(theta[p])) * (a + np.cos(theta[q]) * b),
+            1j * np.einsum("mljk,m,l->jk", moves, T[p], T[q]),
+        )
+        for p, q in product(range(4), range(4))
     ]
-    weights = np.cos(np.arange(N)[:, None] * theta) * 2 / N
+    weights = np.cos(np.arange(4)[:, None] * theta) / 2
     weights[0] /= 2
     Lambda, weight = np.abs(weights.sum(axis=0)).sum(), np.exp(2 * np.pi * RHO * k)
-    r = np.exp(np.arange(1, 40) / 10)[:, None, None]
-    m = np.arange(3)
-    grown = (r**m + r**-m) / 2
-    grown = 2 * np.einsum("jab,rxa,ryb->jr", moves @ weight, grown, grown)
-    r = r.ravel()
-    B = RHO + 2 * (centre @ weight)[:, None] + grown
-    B = (
-        ([[0.3], [0.5]] + width * (r + 1 / r) / 2)
-        / (2 * np.pi)
-        * np.exp(np.minimum(2 * np.pi * B, 600))
-    )
-    between = (4 * (1 + Lambda) * B * r**-N / (1 - 1 / r)).min(axis=1)
-    error = Lambda**2 * np.max(at_points, axis=0) + between
-    assert between.min() > 1e-3 * found["error"]
+    r = np.exp(np.arange(1, 40) / 10)
+    grown, out = (r[:, None] ** degrees + r[:, None] ** -degrees) / 2, (r + 1 / r) / 2
+    a, b, missed = np.abs(a)[:, None], np.abs(b)[:, None], []
+    for reach, axes in ((high / 2 * (1 + out) * (a + b), "rm"), (high * (a + b * out), "rl")):
+        B = 2 * np.einsum(f"mlj,{axes}->jr", moves @ weight, grown)
+        B = reach / (2 * np.pi) * np.exp(np.minimum(2 * np.pi * (RHO + B), 600))
+        missed.append((4 * B * r**-4.0 / (1 - 1 / r)).min(axis=1))
+    error = missed[0] + Lambda * (missed[1] + Lambda * np.max(at_points, axis=0))
+    assert np.min(missed) > 1e-3 * found["error"]
     assert found["error"] == pytest.approx(error.max(), rel=1e-5)
-    slopes = 1 + 4 * np.pi * (centre + moves.sum(axis=(1, 2))) @ (k * weight)
+    slopes = 1 + 4 * np.pi * moves.sum(axis=(0, 1)) @ (k * weight)
     assert found["epsilon"] == pytest.approx(slopes @ error, rel=1e-5)
 
 
-def test_what_a_grid_of_a_cell_misses_is_bounded_in_the_best_strip():
+def test_what_a_grid_of_a_fan_misses_is_bounded_in_the_best_strip():
     f = np.array([0, 0.05, 0.02])
     with ctx.workprec(checker.BITS):
         grid = checker.Grid(arb(RHO), [arb_poly(f.tolist())] * 2)

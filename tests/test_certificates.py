@@ -24,9 +24,8 @@ PROOFS = {
     "barrier": lambda: proofs.barrier.prove(parse("gamma"), (0.4, -0.4)),
     "box": lambda: proofs.barrier.prove(parse("gamma"), (0.3, 0.3), radius=1e-9),
     "ray": lambda: proofs.proved_below(parse("gamma"), (0.4, -0.4), 1.5, 1e-3)[1][0],
-    "barrier cell": lambda: proofs.barrier_cells.prove_cell(parse("gamma"), *BLUE),
+    "fan": lambda: proofs.proved_below(parse("gamma"), (0.5, 0.1), 0.4, 1e-3, (0.0, 0.125))[1][0],
 }
-BLUE = (0.0625, 0.03125), 2.0**-8
 
 
 @pytest.fixture(scope="module")
@@ -49,8 +48,8 @@ def test_a_claim_is_of_the_forcing_as_it_was_given(made):
         "(1e-09, 1e-09) of (0.3, 0.3)",
         "ray": "a rotational invariant circle of [0;(1)] exists under every forcing from 0.0 to "
         "0.75 times (0.4, -0.4)",
-        "barrier cell": "a rotational invariant circle of [0;(1)] exists under every forcing "
-        "within (0.00390625, 0.00390625) of (0.0625, 0.03125)",
+        "fan": "a rotational invariant circle of [0;(1)] exists under every forcing from 0.0 to "
+        "0.2 times ((0.5, 0.1) + t (0.0, 0.125)), -1 <= t <= 1",
     }
 
 
@@ -92,10 +91,11 @@ FALSE = [  # a certificate, what is changed in it, and why it is refused
     ("box", {"radius": (0.0).hex()}, "claimed"),
     ("ray", {"scales": in_hex(0, 1.1)}, "claimed"),
     ("ray", {"shortened_from": {"omega": "[0;(1)]", "kappa": in_hex(0.4, 0.4)}}, "shortened"),
-    ("barrier cell", {"half_width": in_hex(2.0**-6, 2.0**-7)}, "claimed"),
-    ("barrier cell", {"kappa": in_hex(9.9, 9.9)}, "claimed"),
-    ("barrier cell", {"constants": {}}, "unknown"),
-    ("box", {"kappa": in_hex(0.3)}, "box"),
+    ("fan", {"scales": in_hex(0, 1.1)}, "claimed"),
+    ("fan", {"tilt": in_hex(9.9, 9.9)}, "claimed"),
+    ("fan", {"kappa": in_hex(9.9, 9.9)}, "shortened"),
+    ("fan", {"constants": {}}, "unknown"),
+    ("box", {"kappa": in_hex(0.3)}, "directions"),
 ]
 
 
@@ -148,7 +148,7 @@ def test_forcings_are_followed_to_their_shorter_forms(kappa):
 
 
 FIELDS = (
-    "kappa half_width shortened_from site a boxes lives omega rho radius modes scales centre moves"
+    "kappa half_width shortened_from site a boxes lives omega rho radius modes scales tilt moves"
 )
 MALFORMED = [
     {key: value}
@@ -157,7 +157,7 @@ MALFORMED = [
 ]
 
 
-@pytest.mark.parametrize("name", ["transport", "cell", "barrier", "ray", "barrier cell"])
+@pytest.mark.parametrize("name", ["transport", "cell", "barrier", "ray", "fan"])
 def test_what_is_malformed_is_refused_and_raises_nothing_else(name, made):
     for certificate in (None, [], {}, {"sha256": 1}, {"theorem": {}}):
         with pytest.raises(Refuted):
@@ -177,14 +177,14 @@ def test_what_is_malformed_is_refused_and_raises_nothing_else(name, made):
     [
         ("cell", {"half_width": in_hex(2.0**-6)}),
         ("barrier", {"modes": [[]]}),
-        ("barrier cell", {"half_width": in_hex(2.0**-6)}),
-        ("barrier cell", {"half_width": in_hex(0, 0)}),
-        ("barrier cell", {"half_width": in_hex(-(2.0**-6), -(2.0**-6))}),
-        ("barrier cell", {"centre": [[], []]}),
-        ("barrier cell", {"rho": (-0.01).hex()}),
-        ("barrier cell", {"moves": {"unit": -76, "numbers": [[], []]}}),
-        ("barrier cell", {"moves": {"unit": -76, "numbers": [[[[1]]], [[[1]]]]}}),
-        ("barrier cell", {"moves": {"unit": "nan", "numbers": [[[[0, 1]]], [[[0, 1]]]]}}),
+        ("fan", {"tilt": in_hex(0.125)}),
+        ("fan", {"scales": in_hex(0.2, 0.2)}),
+        ("fan", {"scales": in_hex(-0.2, 0.2)}),
+        ("fan", {"rho": (-0.01).hex()}),
+        ("fan", {"moves": {"unit": -76, "numbers": []}}),
+        ("fan", {"moves": {"unit": -76, "numbers": [[], []]}}),
+        ("fan", {"moves": {"unit": -76, "numbers": [[[[[], [1]]] * 2]]}}),
+        ("fan", {"moves": {"unit": "nan", "numbers": [[[[[], [0, 1]]] * 2]]}}),
         ("barrier", {"modes": [[[[0, 0]]]]}),
         ("barrier", {"rho": "nan"}),
         ("barrier", {"radius": "nan"}),
@@ -194,22 +194,3 @@ def test_what_is_malformed_is_refused_and_raises_nothing_else(name, made):
 def test_rows_and_numbers_that_do_not_fit_are_refused(name, changes, made):
     with pytest.raises(Refuted):
         check(resealed(made[name] | changes))
-
-
-def changed_cell(certificate):
-    """Certificates of a barrier cell in which something else is false."""
-    wider = certificate | {"half_width": in_hex(*(3 * BLUE[1],) * 2)}
-    other = certificate | {"omega": "[0;1,1,1,1,1,1,2,(1)]"}
-    mode, table, fewer = (json.loads(json.dumps(certificate)) for _ in range(3))
-    mode["centre"][0][2][0] += 1 << (-16 - mode["centre"][0][2][1])  # 2⁻¹⁶ of the whole
-    table["moves"]["numbers"][1][1][1][1] += 1 << 60  # likewise
-    fewer["moves"]["numbers"][0][1:] = []
-    return [wider, other, mode, table, fewer]
-
-
-@pytest.mark.parametrize("i", range(5))
-def test_a_changed_barrier_cell_is_refused(i, made):
-    changed = changed_cell(made["barrier cell"])[i]
-    changed["claim"] = certificate_checker.claim(changed)
-    with pytest.raises(Refuted, match="inequality"):
-        check(resealed(changed))

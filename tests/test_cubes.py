@@ -204,3 +204,21 @@ def test_a_cell_is_certified_only_by_a_certificate_that_holds_all_of_it(halves):
     told = proved_map.uncertified(tile, [certificate])
     assert told.startswith("1 cells are called proved" if min(halves) < 1 / 64 else "")
     assert bool(told) == (min(halves) < 1 / 64)
+
+
+@pytest.mark.parametrize("end", [0.75, 0.5])
+@pytest.mark.parametrize("tilt", [(0.0, 0.25), (0.0, 0.125)])
+def test_a_triangle_is_certified_only_by_fans_that_fill_it(end, tilt):
+    corners = {"kappa1_low": 0.5, "kappa2_low": 0.0, "kappa1_high": 0.5, "kappa2_high": 0.5}
+    tile = {key: ("triangle", [x]) for key, x in corners.items()} | {"triangle": [3]}
+    tile = xr.Dataset({"proved_below": ("triangle", [0.75])}, tile)
+    certificates = [
+        {key: [x.hex() for x in row] for key, row in fields.items()}
+        for fields in (
+            {"kappa": (0.5, 0.25), "tilt": tilt, "scales": (0.0, 0.5)},
+            {"kappa": (0.5, 0.25), "tilt": (0.0, 0.25), "scales": (0.5, end)},
+        )
+    ]
+    told = proved_map.uncertified_triangle(tile, certificates)
+    assert bool(told) == (end < 0.75 or tilt[1] < 0.25)
+    assert "triangle 3" in told or not told

@@ -51,7 +51,7 @@ def test_nasm_knows_no_file_cluster_or_plot(module):
         module == "nasm.arithmetic.kernels"
     ):  # the compiled kernels on disk have more than one writer
         allowed.add("filelock")
-    circles = module.startswith("nasm.proofs.barrier") or module == "nasm.proofs.ray"
+    circles = module in ("nasm.proofs.barrier", "nasm.proofs.fan")
     if circles or module == CHECKER:  # the extra `proof`
         allowed.add("flint")
     assert packages(module) <= allowed | sys.stdlib_module_names

@@ -3,6 +3,7 @@
 import json
 import lzma
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ from pipeline import store
 from pipeline.cubes.barrier import proved_barrier
 from pipeline.cubes.certificates import unpacked
 from pipeline.cubes.cube import NOT_COMPUTED
-from pipeline.cubes.proved_map import proved_map
+from pipeline.cubes.proved_map import proved_map, proved_triangles
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -57,15 +58,22 @@ def test_the_proved_boundary_is_a_cube_with_both_proofs(tmp_path, workers):
 
 
 def map_of_two_tiles():
-    """A job of the map, and the indices and coordinates of a tile of each proof."""
-    rays = [(angle, 0.4858 / np.cos(np.deg2rad(angle)), "[0;(1)]") for angle in (0.0, 45.0)]
-    job = proved_map(rays, 32, 0.1)
+    """A job of the map, and the indices and coordinates of two tiles."""
+    job = proved_map(
+        [(angle, 0.4858 / np.cos(np.deg2rad(angle))) for angle in (0.0, 45.0)], 32, 0.1
+    )
     axes = {name: job.cube.template[name].values for name in ("kappa2", "kappa1")}
     tiles = {}
-    for index in ((4, 12), (0, 1)):  # κ1 = 0.75 and 0.0625
+    for index in ((4, 24), (8, 24)):  # κ1 = 0.77, κ2 = 0.14 and 0.27
         places = zip(axes, index, strict=True)
         tiles[index] = {name: axes[name][i : i + 1] for name, i in places}
     return job, tiles
+
+
+def one_triangle():
+    """A job of triangles, and the index and coordinates of the first."""
+    job = proved_triangles([(10.0, 0.5), (20.0, 0.55)], ["[0;(1)]"] * 2, 0.4)
+    return job, {(0,): {"triangle": np.array([0])}}
 
 
 def rays_of_one_tile():
@@ -84,7 +92,9 @@ def easy_bracket(profile, seconds):
     return proofs.ProvedBracket(found, lower, upper, *proved, *below)
 
 
-@pytest.mark.parametrize(("job", "n"), [(map_of_two_tiles, 2), (rays_of_one_tile, 3)])
+@pytest.mark.parametrize(
+    ("job", "n"), [(map_of_two_tiles, 2), (one_triangle, 2), (rays_of_one_tile, 3)]
+)
 def test_certificates_of_a_store_are_kept_compared_and_checked(job, n, tmp_path, monkeypatch):
     monkeypatch.setattr(proofs.bracket, "critical_scale", easy_bracket)
     (job, tiles), place = job(), store.place_of(tmp_path)
@@ -99,7 +109,7 @@ def test_certificates_of_a_store_are_kept_compared_and_checked(job, n, tmp_path,
     path = max((tmp_path / "certificates" / job.cube.name).iterdir())
     certificates = unpacked(genuine := path.read_bytes())
     changed = json.loads(json.dumps(certificates))
-    changed[0]["lives" if "lives" in changed[0] else "rho"] = 0
+    changed[0]["a" if "a" in changed[0] else "rho"] = 0
     wrong = {
         lzma.compress(json.dumps(changed).encode()): "the seal is broken",
         lzma.compress(json.dumps(certificates[1:]).encode()): "certificate",
@@ -130,32 +140,36 @@ def test_without_python_flint_the_command_says_what_to_install(command, tmp_path
     assert not list(tmp_path.glob("out/*"))
 
 
-@pytest.mark.parametrize(
-    ("low", "size", "depth", "states"),
-    [
-        ((0.5, 0.125), 1 / 8, 3, {1, 2, 3}),  # CB_gt runs through it
-        ((0.25, 0.25), 1 / 32, 0, {3}),  # far below it, on the diagonal
-    ],
-)
-def test_a_barrier_is_proved_below_the_boundary_and_transport_beyond_it(low, size, depth, states):
-    angles = np.linspace(0, 45, 7)
-    found = [barriers.critical_scale(ray(angle), 1e-2) for angle in angles]
-    scales = np.array([scale.value for scale in found])
-    boundary = proofs.Boundary(angles, scales, [scale.omega for scale in found])
-    proved, found = proofs.proved_cells(low, size, depth, boundary, 0.05)
-    assert len(found) <= np.isin(proved, (2, 3)).sum()
-    assert set(proved.ravel().tolist()) == states
-    width = size / 2**depth
-    for state, corner, beyond in ((2, 0, 1), (3, 1, -1)):
-        cells = np.argwhere(proved == state)
-        if cells.size:  # the one nearest to the boundary, by its nearest corner
-            kappa = (cells[:, ::-1] + corner) * width + low
-            near = kappa[(beyond * kappa.sum(axis=1)).argmin()]
-            assert beyond * barriers.critical_scale(near, 1e-2).value < beyond
+def test_transport_is_proved_beyond_the_boundary_alone():
+    angles, low, size = np.linspace(0, 45, 7), (0.5, 0.125), 1 / 8  # CB_gt runs through it
+    scales = np.array([barriers.critical_scale(ray(angle), 1e-2).value for angle in angles])
+    proved, found = proofs.proved_cells(low, size, 3, proofs.Boundary(angles, scales), 0.05)
+    assert len(found) <= (proved == 2).sum()
+    assert set(proved.ravel().tolist()) == {1, 2}
+    # The nearest to the boundary, by its nearest corner.
+    kappa = np.argwhere(proved == 2)[:, ::-1] * size / 8 + low
+    assert barriers.critical_scale(kappa[kappa.sum(axis=1).argmin()], 1e-2).value < 1
+
+
+@pytest.mark.parametrize("sagitta", [1e-6, 0.01, 0.1])
+def test_triangles_fill_the_region_and_end_near_the_boundary(sagitta):
+    angles = np.linspace(0, 45, 46)
+    scales = 0.5 + 0.3 * (angles / 45) ** 4  # convex and not, and with a change of circles
+    circles = ["a" if angle < 30 else "b" for angle in angles]
+    found = proofs.triangles(angles, scales, circles, sagitta)
+    assert found[0][0][1] == 0
+    assert found[-1][1][0] == found[-1][1][1]
+    assert all(one[1] == other[0] for one, other in pairwise(found))
+    assert {"a", "b"} == {circle for *_, both in found for circle in both}
+    for low, high, _ in found:
+        middle = np.add(low, high) / 2  # the boundary there is at this part of the way
+        along = np.interp(np.rad2deg(np.arctan2(*middle[::-1])), angles, scales)
+        assert along / np.hypot(*middle) > 1 - max(sagitta, 1e-3)
+    assert (len(found) < 10) == (sagitta > 1e-3)
 
 
 def test_the_proved_map_is_its_own_image_on_the_diagonal():
-    rays = [(angle, 0.4858 / np.cos(np.deg2rad(angle)), "") for angle in (0.0, 45.0)]
+    rays = [(angle, 0.4858 / np.cos(np.deg2rad(angle))) for angle in (0.0, 45.0)]
     job = proved_map(rays, 32, 1e-3)
     coords = {name: job.cube.template[name].values[30:32] for name in ("kappa2", "kappa1")}
     proved = job.compute(coords, job.cube.settings)["proved"]

@@ -8,11 +8,10 @@ from nasm import face
 __getattr__, __dir__ = face(
     __name__,
     bracket="ProvedBracket critical_scale",
-    cells="Boundary proved_cells",
-    ray="BarrierRayProof covered proved_below",
+    cells="Boundary proved_cells triangles",
+    fan="BarrierFanProof covered proved_below",
     barrier="BarrierProof need_flint proved_lower",
     transport="TransportProof proved_upper",
-    barrier_cells="BarrierCellProof",
     transport_cells="CellProof",
     certificates="certificate",
     certificate_checker="",

@@ -3,7 +3,7 @@
     check(json.loads(text))   # the claim that is thereby proved, or Refuted
 
 It needs python-flint alone, and shares no line with the programs that made the certificates. What
-the fields mean, and the statements of the six theorems, is in nasm/proofs/README.md,
+the fields mean, and the statements of the five theorems, is in nasm/proofs/README.md,
 "Certificates".
 
 *Transport.* From a forcing, or a cell of forcings, boxes and their lives N it verifies that the
@@ -23,9 +23,8 @@ floats.
 
 *A barrier.* A function is a Laurent polynomial in z = e^{2πiφ}, |k| ≤ D, with balls for
 coefficients, and a bound of the norm Σ_k |f_k| e^{2π|k|ρ} of all that was left out. Sums, products,
-rotations and exponentials are those of the algebra: no grid, no aliases. In a cell of forcings the
-sine is taken on a grid at each of many points of the cell, with a bound of the aliases (`Grid`); so
-it is on a ray.
+rotations and exponentials are those of the algebra: no grid, no aliases. In a fan of forcings the
+sine is taken on a grid at each of many points of the fan, with a bound of the aliases (`Grid`).
 """
 
 import hashlib
@@ -60,13 +59,9 @@ THEOREMS = {
         "39e7a1e397c5a92e49d751f8f00d1d304498a8c6402f591b2eea56ea3c2a93c2",
         _BARRIER | {"shortened_from", "radius", "modes"},
     ),
-    "A barrier exists on a ray": (
-        "ceec5a474f875435fe5d1c3af217038ff9458eb31258cdf00e19e739d4a9b373",
-        _BARRIER | {"shortened_from", "scales", "moves"},
-    ),
-    "A barrier exists in a cell": (
-        "a0aa84628575649050c3d106c4094f2a75abc91ebce9235f3e3ff994a9226571",
-        _BARRIER | {"half_width", "centre", "moves"},
+    "A barrier exists in a fan": (
+        "6005a30ef68f1016cd6eb6f93af43ac9da23d17acad3487e6d00bf2b294f0fc2",
+        _BARRIER | {"shortened_from", "tilt", "scales", "moves"},
     ),
 }
 
@@ -100,8 +95,7 @@ def _checked(certificate):
         hypothesis(data)
     else:
         with ctx.workprec(BITS):
-            of_many = theorem_of_ray if "scales" in data else theorem_of_cell
-            holds, found = (of_many if "moves" in data else theorem)(data)
+            holds, found = (theorem_of_fan if "moves" in data else theorem)(data)
         demand(holds, f"an inequality of the theorem fails: {found}")
     return data["claim"]
 
@@ -114,7 +108,10 @@ def claim(data):
         under = f"every forcing within {spelled(data['half_width'])} of {spelled(given['kappa'])}"
     elif "scales" in data:
         low, high = (repr(float.fromhex(number)) for number in data["scales"])
-        under = f"every forcing from {low} to {high} times {spelled(given['kappa'])}"
+        along = spelled(given["kappa"])
+        if any(map(exact, data["tilt"])):
+            along = f"({along} + t {spelled(data['tilt'])}), -1 <= t <= 1"
+        under = f"every forcing from {low} to {high} times {along}"
     elif exact(data.get("radius", "0x0p0")) != 0:
         radius = spelled([data["radius"]] * len(given["kappa"]))
         under = f"every forcing within {radius} of {spelled(given['kappa'])}"
@@ -150,9 +147,9 @@ def shortened(data):
                 turns.append(Fraction(n_long, 2 * spacing))
     demand(turns, "the forcing is not the given one, shortened")
     if "omega" in data:
-        if exact(data.get("radius", "0x0p0")) != 0:  # a box has none of its centre's symmetries
-            demand(long == short, "a box of forcings is not shortened")
-            turns = [Fraction(0)]
+        if any(map(exact, data.get("tilt", [data.get("radius")]))):
+            demand(long == short, "forcings in several directions are not shortened")
+            turns = [Fraction(0)]  # the others have not the symmetry of κ
         (a, b), (a_short, b_short) = surd(given["omega"]), surd(data["omega"])
         times = Fraction(n_long, n_short)
         same = [((a_short * times - a - turn) / n_long).denominator == 1 for turn in turns]
@@ -679,48 +676,76 @@ def max_of(balls):
     return worst
 
 
-# --- a barrier exists, in a cell ------------------------------------------------------------------
+# --- a barrier exists, in a fan -------------------------------------------------------------------
 
 
-def theorem_of_cell(data):
-    """Whether the theorem applies to every forcing of the cell, and its constants.
+def theorem_of_fan(data):
+    """Whether the theorem applies to every forcing of the fan, and its constants.
 
-    u_j(σ) = centre + Σ_m C_jm T_m0(σ_0) T_m1(σ_1). A polynomial of the modes k ≥ 0 stands for a
-    real function of φ; all are odd, Σ_k 2 b_k sin 2πkφ, with modes -ib_k.
+    u_j = Σ_ml C_jml T_m(σ) T_l(t); a polynomial of the modes k ≥ 0 stands for a real function of φ.
     """
     rho, (omega, divisors, period) = arb(float.fromhex(data["rho"])), rotation(data["omega"])
-    middle, widths = ([ball(exact(x)) for x in data[name]] for name in ("kappa", "half_width"))
-    kappa = [arb(k, h) for k, h in zip(middle, widths, strict=True)]
-    demand(len(kappa) == 2 and all(h > 0 for h in widths) and rho > 0, "no cell of two kicks")
-    unit, numbers = arb(2) ** data["moves"]["unit"], data["moves"]["numbers"]
-    centre = [acb_poly([0, *(acb(0, -dyadic(x)) for x in row[1:])]) for row in data["centre"]]
-    moves = [
-        {
-            (a, b): acb_poly([acb(0, -x * unit) for x in row])
-            for a, rows in enumerate(table)
-            for b, row in enumerate(rows)
-        }
-        for table in numbers
-    ]
-    demand(len(centre) == len(moves) == 2, "not two sites")
-    demand(
-        all(not row[:1] or row[0] == 0 for table in numbers for rows in table for row in rows),
-        "a mean",
+    kappa, tilt, (low, high) = (
+        [exact(x) for x in data[key]] for key in ("kappa", "tilt", "scales")
     )
-    size = max(len(f) for f in [*centre, *moves[0].values(), *moves[1].values()])
+    demand(0 <= low < high and rho > 0 and 0 < len(kappa) == len(tilt), "no part of a fan")
+    numbers, unit = data["moves"]["numbers"], arb(2) ** data["moves"]["unit"]
+    widest = max(map(len, numbers))
+    fanned = any(tilt)
+    demand(fanned or widest == 1, "functions of t on a ray")
+    demand(all(len(f) == len(kappa) for rows in numbers for f in rows), "not a function for a kick")
+    moves = {
+        (m, i): [half_modes(*row, unit) for row in functions]
+        for m, rows in enumerate(numbers)
+        for i, functions in enumerate(rows)
+    }
+    kappa, tilt = ([ball(x) for x in row] for row in (kappa, tilt))
+    middle, half, high = ball((low + high) / 2), ball((high - low) / 2), ball(high)
+
+    def strengths(s, t):
+        return [s * (a + t * b) for a, b in zip(kappa, tilt, strict=True)]
+
+    bounds = {m: [sizes(f) for f in row] for m, row in moves.items()}
+    totals = [sum(column, arb_poly()) for column in zip(*bounds.values(), strict=True)]
     r, two_pi = (2 * arb.pi() * rho).exp(), 2 * arb.pi()
-    Function.growth, Function.most = r, 2 * size
-    n, p, k, totals = [], [], [], []
-    for f, of_site in zip(centre, moves, strict=True):
-        total = sum(map(sizes, of_site.values()), sizes(f))
-        totals.append(total)
-        n.append(1 + 2 * two_pi * r * total.derivative()(r))
-        k.append((two_pi * (rho + 2 * total(r))).exp())
-        slope = constant(1) + derivative(f)
-        d, defect = slope.inverse()
-        p.append(neumann(d, defect + sum((derivative(g) * d).norm() for g in of_site.values())))
-    errors = residuals_in_cell(middle, widths, omega / 2, rho, centre, moves, totals)
-    return conclusion(kappa, rho, divisors, period, errors, n, p, k)
+    Function.growth, Function.most = r, 2 * max(map(len, totals))
+    slopes = {m: [2 * two_pi * r * f.derivative()(r) for f in row] for m, row in bounds.items()}
+    n = [1 + sum(column) for column in zip(*slopes.values(), strict=True)]
+    k = [(two_pi * (rho + 2 * f(r))).exp() for f in totals]
+    p, errors, grid = [arb(0)] * len(n), [arb(0)] * len(n), Grid(rho, totals)
+    # One point more than degrees, where anything depends on t.
+    points = len(numbers) + 1, widest + 1 if fanned else 1
+    for angle, beside, u in at_points(moves, points):
+        there = strengths(middle + half * angle.cos_pi(), beside.cos_pi())
+        found = grid.residuals(there, u, omega / len(kappa))
+        errors = [old.max(new) for old, new in zip(errors, found, strict=True)]
+    # Between these points an angle differs by π/2few or less, and T_m by 2 sin(mπ/4few).
+    few = 12, 8 if fanned else 1
+    step = [[2 * (arb(min(m, 2 * f)) / (4 * f)).sin_pi() for m in range(sum(points))] for f in few]
+    for *_, u in at_points(moves, few):
+        for j, f in enumerate(u):
+            terms = ((step[0][m] + step[1][i]) * row[j] for (m, i), row in slopes.items())
+            moved = sum(terms, arb(0))
+            with ctx.workprec(64):
+                d, defect = (constant(1) + derivative(f)).inverse()
+                p[j] = p[j].max(neumann(d, defect + moved * d.norm()))
+    lebesgue = [
+        sum((arb(2 * i + 1) / (4 * N)).cot_pi() for i in range(N)) / N if N > 1 else arb(1)
+        for N in points
+    ]
+    largest = [abs(a) + abs(b) for a, b in zip(kappa, tilt, strict=True)]
+    for j in range(len(n)):
+        missed = [arb.pos_inf(), arb.pos_inf() if fanned else arb(0)]
+        for far in [arb(i) / 10 for i in range(1, 40)]:  # log r of the ellipse in σ, or in t
+            out = far.cosh()
+            reach = (middle + half * out) * largest[j], high * (abs(kappa[j]) + abs(tilt[j]) * out)
+            for axis in (0, 1):
+                grown = ((m[axis] * far).cosh() * 2 * row[j](r) for m, row in bounds.items())
+                B = reach[axis] / two_pi * (two_pi * (rho + sum(grown))).exp()
+                tail = 4 * B * (-points[axis] * far).exp() / (1 - (-far).exp())
+                missed[axis] = tail if tail < missed[axis] else missed[axis]
+        errors[j] = missed[0] + lebesgue[0] * (missed[1] + lebesgue[1] * errors[j])
+    return conclusion([high * x for x in largest], rho, divisors, period, errors, n, p, k)
 
 
 def sizes(f):
@@ -730,44 +755,6 @@ def sizes(f):
 def derivative(f):
     half = [acb(0, 2 * arb.pi() * i) * x for i, x in enumerate(f)] or [acb(0)]
     return Function([x.conjugate() for x in half[:0:-1]] + half)
-
-
-def residuals_in_cell(kappa, widths, alpha, rho, centre, moves, totals):
-    """Bounds of ‖E_j‖ for all σ: by N² Chebyshev points, and by what interpolation there misses.
-
-    E_j + (κ_j/2π) sin 2πg_j is of degree < N in each σ, as u is.
-    """
-    two_pi, points = 2 * arb.pi(), 4 + 1 + max(max(m) for of_site in moves for m in of_site)
-    angles = [arb(2 * i + 1) / (2 * points) for i in range(points)]
-    lebesgue = sum((angle / 2).cot_pi() for angle in angles) / points
-    at_points, grid = [arb(0), arb(0)], Grid(rho, totals)
-    for first in angles:
-        rows = [{}, {}]  # Σ_m0 C_jm T_m0(σ_0), by m_1
-        for row, of_site in zip(rows, moves, strict=True):
-            for (a, b), f in of_site.items():
-                row[b] = row.get(b, acb_poly()) + f * (a * first).cos_pi()
-        for second in angles:
-            u = [
-                sum((f * (b * second).cos_pi() for b, f in row.items()), f0)
-                for row, f0 in zip(rows, centre, strict=True)
-            ]
-            sigma = first.cos_pi(), second.cos_pi()
-            there = [k + s * h for k, s, h in zip(kappa, sigma, widths, strict=True)]
-            found = grid.residuals(there, u, alpha)
-            at_points = [old.max(new) for old, new in zip(at_points, found, strict=True)]
-    errors = []
-    for k, h, worst, f, of_site in zip(kappa, widths, at_points, centre, moves, strict=True):
-        r, between = (two_pi * rho).exp(), arb.pos_inf()
-        norms = [(m, 2 * sizes(g)(r)) for m, g in of_site.items()]
-        for i in range(1, 40):
-            far = arb(i) / 10  # log r of the ellipse in σ
-            grown = sum(((a * far).cosh() * (b * far).cosh() * x for (a, b), x in norms), arb(0))
-            grown = (two_pi * (rho + 2 * sizes(f)(r) + grown)).exp()
-            B = (abs(k) + h * far.cosh()) / two_pi * grown
-            tail = 4 * (1 + lebesgue) * B * (-points * far).exp() / (1 - (-far).exp())
-            between = tail if tail < between else between
-        errors.append(lebesgue**2 * worst + between)
-    return errors
 
 
 class Grid:
@@ -819,56 +806,6 @@ class Grid:
         return errors
 
 
-# --- a barrier exists, on a ray -------------------------------------------------------------------
-
-
-def theorem_of_ray(data):
-    """Whether the theorem applies to every forcing of the ray, and its constants.
-
-    u_j(σ) = Σ_m C_jm T_m(σ); a polynomial of the modes k ≥ 0 stands for a real function of φ.
-    """
-    rho, (omega, divisors, period) = arb(float.fromhex(data["rho"])), rotation(data["omega"])
-    profile, (low, high) = ([exact(x) for x in data[name]] for name in ("kappa", "scales"))
-    demand(0 <= low < high and rho > 0 and profile, "no part of a ray")
-    middle, half = ball((low + high) / 2), ball((high - low) / 2)
-    unit, moves = arb(2) ** data["moves"]["unit"], []
-    for table in data["moves"]["numbers"]:
-        demand(len(table) == len(profile), "not as many functions as kicks")
-        moves.append([half_modes(*row, unit) for row in table])
-    bounds = [[sizes(f) for f in row] for row in moves]
-    totals = [sum(column, arb_poly()) for column in zip(*bounds, strict=True)]
-    r, two_pi = (2 * arb.pi() * rho).exp(), 2 * arb.pi()
-    Function.growth, Function.most = r, 2 * max(map(len, totals))
-    slopes = [[2 * two_pi * r * f.derivative()(r) for f in row] for row in bounds]
-    n = [1 + sum(column) for column in zip(*slopes, strict=True)]
-    k = [(two_pi * (rho + 2 * f(r))).exp() for f in totals]
-    p, errors, grid = [arb(0)] * len(n), [arb(0)] * len(n), Grid(rho, totals)
-    points, few = len(moves) + 4, 12
-    for angle in [arb(2 * i + 1) / (2 * points) for i in range(points)]:
-        kappa = [(middle + half * angle.cos_pi()) * ball(x) for x in profile]
-        found = grid.residuals(kappa, at(moves, angle), omega / len(profile))
-        errors = [old.max(new) for old, new in zip(errors, found, strict=True)]
-    # Between these points the angle differs by π/2few or less, and T_m by 2 sin(mπ/4few).
-    apart = [2 * (arb(min(m, 2 * few)) / (4 * few)).sin_pi() for m in range(len(moves))]
-    for angle in [arb(2 * i + 1) / (2 * few) for i in range(few)]:
-        for j, f in enumerate(at(moves, angle)):
-            moved = sum((a * row[j] for a, row in zip(apart, slopes, strict=True)), arb(0))
-            with ctx.workprec(64):
-                d, defect = (constant(1) + derivative(f)).inverse()
-                p[j] = p[j].max(neumann(d, defect + moved * d.norm()))
-    lebesgue = sum((arb(2 * i + 1) / (4 * points)).cot_pi() for i in range(points)) / points
-    for j, strength in enumerate(map(ball, profile)):
-        norms = [2 * row[j](r) for row in bounds]
-        between = arb.pos_inf()
-        for far in [arb(i) / 10 for i in range(1, 40)]:  # log r of the ellipse in σ
-            grown = sum(((m * far).cosh() * x for m, x in enumerate(norms)), rho)
-            B = abs(strength) * (middle + half * far.cosh()) / two_pi * (two_pi * grown).exp()
-            tail = 4 * B * (-points * far).exp() / (1 - (-far).exp())
-            between = tail if tail < between else between
-        errors[j] = lebesgue * errors[j] + between
-    return conclusion([ball(high * x) for x in profile], rho, divisors, period, errors, n, p, k)
-
-
 def half_modes(re, im, unit):
     length = max(len(re), len(im))
     re, im = ([*part, *[0] * (length - len(part))] for part in (re, im))
@@ -876,10 +813,14 @@ def half_modes(re, im, unit):
     return acb_poly([acb(a * unit, b * unit) for a, b in zip(re, im, strict=True)])
 
 
-def at(moves, angle):
-    """The functions at σ = cos π·angle."""
-    powers = [(m * angle).cos_pi() for m in range(len(moves))]
-    return [
-        sum((f * T for f, T in zip(column, powers, strict=True)), acb_poly())
-        for column in zip(*moves, strict=True)
-    ]
+def at_points(moves, points):
+    """(angle of σ, of t, the functions u_j there) at all of the Chebyshev points."""
+    for angle in [arb(2 * i + 1) / (2 * points[0]) for i in range(points[0])]:
+        rows = {}  # Σ_m C_jml T_m(σ), by l
+        for (m, degree), functions in moves.items():
+            before = rows.get(degree, [acb_poly()] * len(functions))
+            T = (m * angle).cos_pi()
+            rows[degree] = [a + f * T for a, f in zip(before, functions, strict=True)]
+        for beside in [arb(2 * i + 1) / (2 * points[1]) for i in range(points[1])]:
+            terms = [[f * (m * beside).cos_pi() for f in row] for m, row in rows.items()]
+            yield angle, beside, [sum(column, acb_poly()) for column in zip(*terms, strict=True)]

@@ -18,11 +18,8 @@ _STATEMENTS = {
         "252fcfc01d65f0889b4a0b174de5a6003b903e8f7f0525d1c64b8a26d954ebb8"
     ),
     "A barrier exists": "39e7a1e397c5a92e49d751f8f00d1d304498a8c6402f591b2eea56ea3c2a93c2",
-    "A barrier exists on a ray": (
-        "ceec5a474f875435fe5d1c3af217038ff9458eb31258cdf00e19e739d4a9b373"
-    ),
-    "A barrier exists in a cell": (
-        "a0aa84628575649050c3d106c4094f2a75abc91ebce9235f3e3ff994a9226571"
+    "A barrier exists in a fan": (
+        "6005a30ef68f1016cd6eb6f93af43ac9da23d17acad3487e6d00bf2b294f0fc2"
     ),
 }
 
@@ -32,16 +29,20 @@ def certificate(proof, theorem, fields, kappa, within=(), omega=None, scales=())
 
     kappa : tuple of floats, of the claim; within : of how far around each, where it is a cell or a
     box of forcings. omega : RotationNumber of the barrier, None for transport. scales : from which
-    to which times kappa, where it is a ray. ValueError if proof.proved is False.
+    to which times kappa + t·within, |t| ≤ 1, in a fan. ValueError if proof.proved is False.
     """
     if not proof.proved:
         raise ValueError(f"{proof.why}; a certificate needs proved=True")
-    under = f"every forcing within {_spelled(within)} of" if any(within) else "the forcing"
+    under, given = "the forcing", _spelled(kappa)
     if scales:
         under = f"every forcing from {scales[0]!r} to {scales[1]!r} times"
+        if any(within):
+            given = f"({given} + t {_spelled(within)}), -1 <= t <= 1"
+    elif any(within):
+        under = f"every forcing within {_spelled(within)} of"
     what = f"a rotational invariant circle of {omega} exists" if omega else "transport is global"
     about = {"name": theorem, "version": _VERSION, "sha256": _STATEMENTS[theorem]}
-    return sealed({"claim": f"{what} under {under} {_spelled(kappa)}", "theorem": about, **fields})
+    return sealed({"claim": f"{what} under {under} {given}", "theorem": about, **fields})
 
 
 def in_hex(numbers):

@@ -157,7 +157,7 @@ def _compute_proved(coords, settings):
 
 def uncertified(tile, certificates):
     """Say what a tile of `proved_barrier` calls proved without a certificate of it; else ""."""
-    from nasm.proofs.ray import covered
+    from nasm.proofs.fan import covered
 
     claimed, rays = set(), {}
     for certificate in certificates:

@@ -31,11 +31,10 @@ def seconds_to_check(certificate):
     """Return the CPU seconds, about, that the checker will take."""
     if "lives" in certificate:
         return 7e-5 * sum(certificate["lives"])
-    if "scales" in certificate:
-        numbers = certificate["moves"]["numbers"]
-        size = max(len(part) for row in numbers[0] for part in row)
-        return 1e-4 * len(numbers[0]) * size * (len(numbers) + 30)
     if "moves" in certificate:
-        degrees = max(map(len, certificate["moves"]["numbers"]))
-        return 1.5e-4 * (degrees + 4) ** 2 * len(certificate["centre"][0])
+        degrees = certificate["moves"]["numbers"]
+        first = degrees[0]
+        size, across = max(len(part) for row in first[0] for part in row), len(first)
+        nodes = len(degrees) * (across + 1 if across > 1 else 1)
+        return 1e-4 * len(first[0]) * size * (nodes + (240 if across > 1 else 30))
     return 2e-3 * sum(map(len, certificate["modes"]))

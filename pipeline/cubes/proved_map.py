@@ -1,12 +1,13 @@
-"""What is proved of forcings? Cells of the (κ1, κ2) plane, by the quadtree of `nasm.proofs`.
+"""What is proved of forcings? Transport in cells of the (κ1, κ2) plane, a barrier in triangles.
 
+`proved_map` is a quadtree of cells, `proved_triangles` has a triangle from κ = 0 on for each tile.
 Tiles of κ2 > κ1 are not computed: they are images (arXiv:1606.04824, Sec. III).
 """
 
 import numpy as np
 import xarray as xr
 
-from nasm import proofs
+from nasm import periodic, proofs
 from nasm.numbers import parse
 from nasm.planes import TWO_KICKS_AXES
 from pipeline.cubes.certificates import of_certificate, packed
@@ -14,20 +15,20 @@ from pipeline.cubes.cube import NOT_COMPUTED, Cube, Job, blank, coordinate
 
 REACH = 1.125  # of both strengths; CB_gt ends before
 _BLOCKS = 36  # along an axis; each is a tile
+_CORNERS = "kappa1_low", "kappa2_low", "kappa1_high", "kappa2_high"  # of a triangle
 _STATES = {
     NOT_COMPUTED: "not_computed",
     proofs.cells.OPEN: "open",
     proofs.cells.TRANSPORT: "transport_is_global",
-    proofs.cells.BARRIER: "barrier_exists",
 }
 
 
 def proved_map(rays, cells, seconds):
     """Return the Job of the cube `proved_map`.
 
-    rays : list of (angle in degrees, scale of the last breakup, text of the last circle's ω or ""),
-    from 0 to 45 degrees. They tell where to try. cells : finest cells per unit of κ, 16 times a
-    power of two. seconds : CPU time for a cell's proof of transport.
+    rays : list of (angle in degrees, scale of the last breakup) from 0 to 45 degrees. They tell
+    where to try. cells : finest cells per unit of κ, 16 times a power of two. seconds : CPU time
+    for a cell's proof.
     """
     n = round(REACH * cells)
     axes = {
@@ -42,11 +43,11 @@ def proved_map(rays, cells, seconds):
         flag_meanings=" ".join(_STATES.values()),
         source="nasm/proofs/README.md",
     )
-    title = "Forcings for which transport is proved to be global, or a barrier to exist"
+    title = "Forcings for which transport is proved to be global"
     template = xr.Dataset({"proved": proved}, axes, {"title": title})
     settings = {"rays": rays, "cells": cells, "seconds": seconds}
     cube = Cube("proved_map", template, dict.fromkeys(axes, n // _BLOCKS), settings)
-    return Job(cube, _compute, _predict, proofs.cells.warm_up_cells)
+    return Job(cube, _compute, _predict, _warm_up)
 
 
 def _compute(coords, settings):
@@ -66,30 +67,85 @@ def _compute(coords, settings):
 def uncertified(tile, certificates):
     """Say what a tile of the cube calls proved without a certificate that claims it; else ""."""
     kappa1, kappa2 = np.meshgrid(tile.kappa1, tile.kappa2)
-    found, half = np.zeros(kappa1.shape, np.int8), 0.5 / tile.attrs["cells"]
+    found, half = np.zeros(kappa1.shape, bool), 0.5 / tile.attrs["cells"]
     for certificate in certificates:
         (k1, k2), (h1, h2) = (of_certificate(certificate, f) for f in ("kappa", "half_width"))
-        inside = (np.abs(kappa1 - k1) + half <= h1) & (np.abs(kappa2 - k2) + half <= h2)
-        found[inside] = proofs.cells.BARRIER if "omega" in certificate else proofs.cells.TRANSPORT
-    proved = tile.proved.isin([proofs.cells.TRANSPORT, proofs.cells.BARRIER]).values & (
-        kappa2 <= kappa1
-    )
-    n = np.count_nonzero(proved & (found != tile.proved.values))
+        found |= (np.abs(kappa1 - k1) + half <= h1) & (np.abs(kappa2 - k2) + half <= h2)
+    proved = (tile.proved == proofs.cells.TRANSPORT).values & (kappa2 <= kappa1)
+    n = np.count_nonzero(proved & ~found)
     return f"{n} cells are called proved, and no certificate claims it" if n else ""
 
 
+def _warm_up():
+    """Proofs are given CPU time, and compiling would count."""
+    proofs.transport_cells.prove_cell((1.0, 0.5), 2.0**-8)
+
+
 def _boundary(settings):
-    angles, scales, circles = zip(*settings["rays"], strict=True)
-    known = {text: parse(text) if text else None for text in {*circles}}
-    return proofs.Boundary(np.array(angles), np.array(scales), [known[text] for text in circles])
+    return proofs.Boundary(*map(np.array, zip(*settings["rays"], strict=True)))
 
 
 def _predict(coords, settings):
-    """Half the time for each finest cell near CB_gt, and a second for each cell with a barrier."""
+    """Half the time for each finest cell near CB_gt."""
     kappa1, kappa2 = np.meshgrid(coords["kappa1"], coords["kappa2"])
-    size = 1 / settings["cells"]
-    distance, critical = _boundary(settings).distance(kappa1, kappa2)
-    near = (distance < 3 * size) & (distance > -0.03)
-    largest = 2 * proofs.cells.barrier_size(np.maximum(distance, 0), critical).clip(0, 1 / 32)
-    barriers = np.where(largest < size, 0, (size / np.maximum(largest, size)) ** 2)
-    return 0.01 + float((0.5 * settings["seconds"] * near + barriers)[kappa2 <= kappa1].sum())
+    distance = _boundary(settings).distance(kappa1, kappa2)
+    near = (distance < 3 / settings["cells"]) & (distance > -0.03) & (kappa2 <= kappa1)
+    return 0.01 + 0.5 * settings["seconds"] * np.count_nonzero(near)
+
+
+def proved_triangles(rays, circles, nearest):
+    """Return the Job of the cube `proved_triangles`.
+
+    rays : as of `proved_map`. circles : texts of the last circles' ω on them, "" where unknown.
+    nearest : how near proofs come to the boundary, in parts of it; at most 0.5.
+    """
+    angles, scales = map(np.array, zip(*rays, strict=True))
+    found = proofs.triangles(angles, scales, circles, nearest / 4)
+    axes = {"triangle": coordinate("triangle", np.arange(len(found)), "from the axis on")}
+    words = "a barrier is proved to exist in the triangle to this part of the way to its far side"
+    variables = {"proved_below": blank(axes, words, source="nasm/proofs/README.md")}
+    for name in _CORNERS:
+        variables[name] = blank(axes, f"{name} of the triangle's corners")
+    title = "Triangles of forcings, the first corner being 0, in which a barrier is proved to exist"
+    template = xr.Dataset(variables, axes, {"title": title})
+    settings = {"triangles": found, "nearest": nearest}
+    cube = Cube("proved_triangles", template, {"triangle": 1}, settings)
+    return Job(cube, _compute_triangle, _predict_triangle, _warm_up_triangles)
+
+
+def _compute_triangle(coords, settings):
+    (triangle,) = coords["triangle"]
+    low, high, circles = settings["triangles"][triangle]
+    middle, tilt = np.add(high, low) / 2, np.subtract(high, low) / 2
+    scale, proved, value = 0.0, [], 0.0
+    for omega in (parse(text) for text in circles if text):
+        across = [middle + t * tilt for t in np.linspace(-1, 1, 7)]
+        least = min(periodic.critical_scale(omega, kappa).value for kappa in across)
+        if least > value:
+            circle, value = omega, least
+    if value > 0:
+        near = 0.68 * settings["nearest"]  # the last step may end a tenth before
+        scale, proved = proofs.proved_below(circle, middle, value, np.inf, tilt, near)
+    found = dict(zip(_CORNERS, np.array([*low, *high])[:, None], strict=True))
+    return found | {"proved_below": np.array([scale])} | packed(proved)
+
+
+def _predict_triangle(coords, settings):
+    return 1 + 7 * (0.1 / settings["nearest"]) ** 1.65
+
+
+def _warm_up_triangles():
+    proofs.proved_below("gamma", (0.5, 0.1), 1.0, 1e-3, (0.0, 0.1))
+
+
+def uncertified_triangle(tile, certificates):
+    """Say that a triangle has no certificates to where it is called proved; else ""."""
+    tile, found = tile.load().isel(triangle=0), []
+    low, high = (np.array([tile[f"kappa{i}_{end}"] for i in (1, 2)]) for end in ("low", "high"))
+    for certificate in certificates:
+        kappa, tilt, scales = (of_certificate(certificate, f) for f in ("kappa", "tilt", "scales"))
+        if kappa == tuple((low + high) / 2) and tilt == tuple((high - low) / 2):
+            found.append(scales)
+    if float(tile.proved_below) > proofs.covered(found):
+        return f"triangle {int(tile.triangle)} has no certificates to where it is called proved"
+    return ""

@@ -10,7 +10,11 @@ from pipeline.cubes import barrier, proved_map
 from pipeline.cubes.certificates import seconds_to_check, unpacked
 from pipeline.sweep.progress import Progress, duration
 
-_CUBES = {"proved_map": proved_map.uncertified, "proved_barrier": barrier.uncertified}
+_CUBES = {
+    "proved_barrier": barrier.uncertified,
+    "proved_map": proved_map.uncertified,
+    "proved_triangles": proved_map.uncertified_triangle,
+}
 
 
 def verify_proofs(place, longest, repair):

@@ -1,0 +1,435 @@
+"""Circles in all of a fan: constants that bound every forcing of it, and what they reach."""
+
+import json
+from functools import cache
+from itertools import pairwise, product
+
+import numpy as np
+import pytest
+from audit import mutant
+
+pytest.importorskip("flint")
+from flint import arb, ctx
+
+from nasm import barriers, periodic, proofs
+from nasm.checks import sealed
+from nasm.numbers import parse
+from nasm.proofs import certificate_checker as checker
+from nasm.proofs import fan as module
+from nasm.proofs.certificate_checker import Refuted, check, claim
+from nasm.symmetries import ray
+
+GAMMA, N = parse("gamma"), 256
+TRIANGLE = (0.5, 0.25), (0.0625, -0.125)  # of γ, wide: from 12.5° to 40.6°
+
+
+@pytest.mark.parametrize(
+    ("profile", "seconds", "least"),
+    [
+        ((1.0,), 0.3, 0.7),
+        (ray(20), 0.3, 0.7),
+        ((0.7, -0.7), 0.3, 0.7),
+        ((1.0, 0.5, 0.7), 0.3, 0.45),
+        *(pytest.param(ray(angle), 30.0, 0.99, marks=pytest.mark.slow) for angle in (0, 110)),
+    ],
+)
+def test_a_barrier_is_proved_on_all_of_a_ray(profile, seconds, least):
+    found = barriers.critical_scale(profile)
+    module.proved_below(found.omega, profile, found.value, 0.01)  # compiled
+    reached(found.omega, profile, found.value, seconds, None, least)
+
+
+def test_a_barrier_is_proved_in_all_of_a_triangle():
+    reached(GAMMA, TRIANGLE[0], breakup(*TRIANGLE), np.inf, TRIANGLE[1], 0.6, 0.2)
+
+
+def reached(omega, profile, value, seconds, tilt, least, nearest=1e-4):
+    below, fans = proofs.proved_below(omega, profile, value, seconds, tilt, nearest)
+    assert least < below / value < 1
+    assert fans[0].low == 0
+    assert all(one.high == other.low for one, other in pairwise(fans))
+    assert below == fans[-1].high == proofs.covered([(p.low, p.high) for p in fans])
+    for proof in fans[:2]:
+        assert f" from {proof.low} to {proof.high} times (" in check(roundtrip(proof))
+
+
+def breakup(profile, tilt):
+    """The least scale at which γ's circle breaks, by Greene's residues."""
+    across = np.array(profile) + np.linspace(-1, 1, 5)[:, None] * tilt
+    return min(periodic.critical_scale(GAMMA, kappa).value for kappa in across)
+
+
+def roundtrip(proof):
+    return json.loads(json.dumps(proof.certificate()))
+
+
+def test_intervals_are_joined_without_a_gap():
+    assert proofs.covered([(0.2, 0.3), (0.0, 0.2)]) == 0.3
+    assert proofs.covered([(0.0, 0.2), (np.nextafter(0.2, 1), 0.3)]) == 0.2
+    assert proofs.covered([(1e-300, 0.2)]) == proofs.covered([]) == 0
+
+
+@pytest.mark.parametrize("beyond", [1e-3, 0.1])
+@pytest.mark.parametrize("profile", [(1.0,), (0.94, 0.34), (1.0, 0.5, 0.7)])
+def test_across_the_breakup_nothing_is_proved(profile, beyond):
+    found = barriers.critical_scale(profile)
+    for low, told in ((0.9, 1.2), (0.97, 1.02 + beyond)):  # with the breakup told too far out
+        proof = tried(
+            found.omega,
+            profile,
+            (0.0,) * len(profile),
+            np.array([low, 1 + beyond, told + beyond]) * found.value,
+        )
+        assert not proof.proved
+        with pytest.raises(ValueError, match="needs proved=True"):
+            proof.certificate()
+    below, _ = proofs.proved_below(found.omega, profile, 1.2 * found.value, 0.3)
+    assert below < found.value
+
+
+def tried(omega, profile, tilt, scales):
+    """A fan from one scale to another, with the breakup told at a third."""
+    about = {"omega": omega, "kappa": tuple(profile), "tilt": tuple(tilt)}
+    about |= {"short_omega": omega, "short_kappa": tuple(profile)}
+    return module._proved_between(*map(float, scales), about)
+
+
+@pytest.mark.parametrize("beyond", [1e-3, 0.02, 0.3])
+@pytest.mark.parametrize("end", [1, pytest.param(-1, marks=pytest.mark.slow)])
+def test_across_the_breakup_at_a_side_of_the_fan_nothing_is_proved(beyond, end):
+    # At t = 0 the far side is 10% before the breakup, at t = end it is beyond it.
+    inner, outer = ray(20), ray(25)
+    inner, outer = (
+        part * barriers.critical_scale(k, 1e-4).value * k
+        for k, part in ((inner, 0.9), (outer, 1 + beyond))
+    )
+    proof = tried(GAMMA, inner, end * (outer - inner), (0.8, 1.0, 1.1))
+    assert not proof.proved
+    below, _ = proofs.proved_below(GAMMA, inner, 1.1, np.inf, end * (outer - inner), 0.08)
+    assert below < 1 / (1 + beyond)
+
+
+# --- each constant bounds what it should, for all σ and t -----------------------------------------
+
+
+def fan(profile, tilt, low, high, shape, module=module):
+    with ctx.workprec(128):
+        return module._Fan(GAMMA, list(profile), list(tilt), low, high, N, *shape)
+
+
+def nodes(n):
+    return np.cos(np.pi * (2 * np.arange(n) + 1) / (2 * n))
+
+
+def circles_at_points(profile, tilt, high, shape):
+    """Circles at Q·R points: their residuals are small there, and not between."""
+    found, kappa = fan(profile, tilt, 0.0, high, shape), np.array(profile)
+    starts = [
+        proofs.barrier.circles.invariant_circle(GAMMA, high / 2 * (1 + s) * (kappa + t * b)).u
+        for s, t, b in product(*map(nodes, shape), [np.array(tilt)])
+    ]
+    with ctx.workprec(128):
+        return profile, tilt, high, shape, found.moves(found.circles(starts), -80)
+
+
+def by_values(strength, values, others=(1,), profile=(1e-4, 1e-4), tilt=(0.0, 0.0)):
+    """Functions strength·sin 2πφ times polynomials in σ and t with these values at their points."""
+    shape = len(values), len(others)
+    found = fan(profile, tilt, 0.0, 1.0, shape)
+    with ctx.workprec(128):
+        rows = [
+            [[arb(0), arb(strength * x * y / 2)]] * len(profile) for x, y in product(values, others)
+        ]
+        return profile, tilt, 1.0, shape, found.moves(rows, -80)
+
+
+def complex_modes(tilt, shape):
+    """Three sites, whose functions are not odd."""
+    rng = np.random.default_rng(5)
+    moves = [
+        [[[0, *rng.integers(-(2**20), 2**20, 3).tolist()] for _ in "ri"] for _ in range(3)]
+        for _ in range(shape[0] * shape[1])
+    ]
+    return (0.3, -0.2, 0.1), tilt, 1.0, shape, moves
+
+
+NONE, STEEP = (0.0, 0.0), [0.8, 0.6, 0.0, -0.6, -0.8]
+CASES = {
+    "between": lambda: circles_at_points((0.5, 0.3), NONE, 0.5, (4, 1)),
+    "between in t": lambda: circles_at_points((0.05, 0.05), (0.3, 0.2), 0.9, (6, 3)),
+    # At σ = 1 interpolation makes of them its constant, nearly.
+    "points": lambda: by_values(0.02, [1, -1, 1, -1]),
+    "points in t": lambda: by_values(0.005, [1, -1, 1, -1], [1, -1, 1, -1], tilt=(1e-4, 0.0)),
+    "steep": lambda: by_values(0.1, STEEP),
+    "steep in t": lambda: by_values(0.1, [1, 1], STEEP, tilt=(1e-4, 0.0)),
+    "kicks": lambda: by_values(1e-9, [1] * 8, (1,), (0.5, 0.3)),
+    "kicks in t": lambda: by_values(1e-9, [1] * 8, (1,) * 4, (1e-4, 1e-4), (0.3, 0.5)),
+    "single": lambda: circles_at_points((0.8,), (0.0,), 1.0, (3, 1)),
+    "complex": lambda: complex_modes((0.0, 0.0, 0.0), (3, 1)),
+    "complex in t": lambda: complex_modes((0.05, 0.1, 0.1), (3, 2)),
+}
+UNIT = {"complex": -29, "complex in t": -31}
+made_case = cache(lambda case: CASES[case]())
+
+
+def constants(case, module=module):
+    profile, tilt, high, shape, moves = made_case(case)
+    found = fan(profile, tilt, 0.0, high, shape, module)
+    with ctx.workprec(128):
+        return found.verified(moves, UNIT.get(case, -80))
+
+
+@cache
+def truth(case, rho):
+    """The largest n, p, k, ‖E‖ at many σ and t, in floats, of each."""
+    profile, tilt, high, (Q, R), moves = made_case(case)
+    P, k = len(profile), np.fft.fftfreq(N, 1 / N)
+    weight, alpha = np.exp(2 * np.pi * rho * np.abs(k)) * (np.abs(k) < 100), float(GAMMA) / P
+    C = np.zeros((Q * R, P, N), complex)
+    for m, table in enumerate(moves):
+        for j, row in enumerate(table):
+            for factor, part in zip((1, 1j), row, strict=True):
+                C[m, j, : min(len(part), 100)] += factor * np.array(part[:100], float)
+    C[..., 1:] += C[..., :0:-1].conj()
+    C *= 2.0 ** UNIT.get(case, -80)
+
+    def norm(f):  # of values on the grid
+        return np.abs(np.fft.fft(f)) / N @ weight
+
+    angles = np.linspace(0, np.pi, 61 if R == 1 else 25), np.linspace(0, np.pi, 1 if R == 1 else 25)
+    largest, turn = dict.fromkeys(["n", "p", "k", "error"], 0.0), np.exp(2j * np.pi * k * alpha)
+    for theta, beside in product(*angles):
+        s, t = high * (1 + np.cos(theta)) / 2, np.cos(beside)
+        T = np.outer(np.cos(np.arange(Q) * theta), np.cos(np.arange(R) * beside)).ravel()
+        u = np.tensordot(T, C, 1)
+        g = np.arange(N) / N + N * np.fft.ifft(u).real
+        slope = 1 + N * np.fft.ifft(2j * np.pi * k * u).real
+        E = np.roll(u, -1, 0) * turn + np.roll(u, 1, 0) / turn - 2 * u
+        strength = s * (np.array(profile) + t * np.array(tilt))[:, None] / (2 * np.pi)
+        E = N * np.fft.ifft(E).real - strength * np.sin(2 * np.pi * g)
+        wave = np.exp(2 * np.pi * rho) * norm(np.exp(2j * np.pi * (g - np.arange(N) / N)))
+        here = {"n": norm(slope), "p": norm(1 / slope), "k": wave, "error": norm(E)}
+        largest = {key: max(largest[key], here[key].max()) for key in here}
+    return largest
+
+
+def too_small(bounds, largest):
+    return [key for key in largest if bounds[key] < (1 - 1e-9) * largest[key] - 1e-13]
+
+
+def too_large(bounds, largest):
+    """NaN too."""
+    most = {key: 60 if key == "error" else 2.5 for key in largest}
+    return [key for key in largest if not bounds[key] < most[key] * largest[key]]
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_constants_bound_those_of_all_forcings_of_a_fan(case):
+    found = constants(case)
+    bounds, largest = found["constants"], truth(case, found["rho"])
+    assert too_small(bounds, largest) == too_large(bounds, largest) == []
+
+
+SUM = "Lambda * (across * max_of([at[j] for at in errors]) + beside) + along"
+WRONG = {  # a changed line: the case in which a constant is then too small
+    (SUM, "across * max_of([at[j] for at in errors]) + beside + along"): "points",
+    (SUM, "Lambda * (max_of([at[j] for at in errors]) + beside) + along"): "points in t",
+    (SUM, "Lambda * (across * max_of([at[j] for at in errors]) + beside)"): "between",
+    (SUM, "Lambda * (across * max_of([at[j] for at in errors])) + along"): "between in t",
+    ("chosen['kept'], moved)", "chosen['kept'])"): "steep",
+    ("[a + b for a, b in product(*steps)]", "[a for a, b in product(*steps)]"): "steep in t",
+    ("n.append(1 + sum(row[j] for row in slopes))", "n.append(1 + slopes[0][j])"): "steep",
+    ("(rho + sum(row[j] for row in norms))", "(rho + norms[0][j])"): "steep",
+    ("norm([i * x for i, x", "norm([x for i, x"): "between",
+    ("[s * (a + t * b) for", "[0 * s for"): "kicks",
+    ("[s * (a + t * b) for", "[s * a for"): "kicks in t",
+}
+
+
+@pytest.mark.parametrize("changes", WRONG)
+def test_a_constant_that_leaves_something_out_is_noticed(changes):
+    case = WRONG[changes]
+    right, wrong = (text.replace("'", '"') for text in changes)
+    found = constants(case, mutant(module, (right, wrong)))
+    assert too_small(found["constants"], truth(case, found["rho"]))
+
+
+def checked_constants(case, checker=checker):
+    profile, tilt, high, (Q, R), moves = made_case(case)
+    moves = [moves[first : first + R] for first in range(0, Q * R, R)]
+    moves = {"unit": UNIT.get(case, -80), "numbers": json.loads(json.dumps(moves, default=int))}
+    rows = [[float(x).hex() for x in numbers] for numbers in (profile, tilt, (0, high))]
+    data = dict(zip(("kappa", "tilt", "scales"), rows, strict=True))
+    data |= {"rho": (0.01).hex(), "omega": str(GAMMA), "moves": moves}
+    with ctx.workprec(checker.BITS):
+        return checker.theorem_of_fan(data)[1]
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_checkers_constants_bound_those_of_all_forcings_of_a_fan(case):
+    bounds, largest = checked_constants(case), truth(case, 0.01)
+    assert too_small(bounds, largest) == too_large(bounds, largest) == []
+
+
+TOTAL = "missed[0] + lebesgue[0] * (missed[1] + lebesgue[1] * errors[j])"
+WRONG_CHECKS = {
+    (TOTAL, "missed[0] + missed[1] + lebesgue[1] * errors[j]"): "points",
+    (TOTAL, "missed[0] + lebesgue[0] * (missed[1] + errors[j])"): "points in t",
+    ("defect + moved * d.norm()", "defect"): "steep",
+    ("(step[0][m] + step[1][i])", "step[0][m]"): "steep in t",
+    ("n = [1 + sum(column) for column", "n = [1 + column[0] for column"): "steep",
+    ("(two_pi * (rho + 2 * f(r))).exp() for", "(two_pi * rho).exp() for"): "steep",
+    (
+        "errors = [old.max(new) for old, new in zip(errors, found, strict=True)] # Between",
+        "errors = found # Between",
+    ): "kicks",
+    ("p[j] = p[j].max(neumann(", "p[j] = (neumann("): "between",
+    ("[s * (a + t * b) for", "[0 * s for"): "kicks",
+    ("[s * (a + t * b) for", "[s * a for"): "kicks in t",
+}
+
+
+@pytest.mark.parametrize("changes", WRONG_CHECKS)
+def test_a_check_of_a_fan_that_leaves_something_out_is_noticed(changes):
+    case = WRONG_CHECKS[changes]
+    assert too_small(checked_constants(case, mutant(checker, changes)), truth(case, 0.01))
+
+
+@pytest.mark.parametrize(
+    ("tilt", "low", "high", "shape"),
+    [
+        (NONE, 0.2, 0.2, (8, 1)),
+        (NONE, -0.1, 0.2, (8, 1)),
+        (NONE, 0, 1, (65, 1)),
+        (NONE, 0, 1, (8, 65)),
+        ((0.0, 0.1), 0, 1, (8, 1)),
+    ],
+)
+def test_what_is_no_fan_is_refused(tilt, low, high, shape):
+    with pytest.raises(ValueError, match="out of range"):
+        fan((1.0, 0.5), tilt, low, high, shape)
+
+
+@pytest.mark.parametrize("row", [[[], [1]], [[1], []]])
+def test_modes_that_are_not_real_or_not_odd_are_refused(row):
+    with pytest.raises(ValueError, match="real function"):
+        fan((1.0, 0.5), NONE, 0, 0.1, (2, 1)).verified([[row] * 2] * 2, -9)
+
+
+def test_the_constant_of_interpolation_is_above_lebesgues():
+    # Σ ±ℓ_i(cos θ) is an even trigonometric polynomial of degree < n, whose slope is less than n
+    # times its maximum (Bernstein): what a grid misses of the maximum is known.
+    for n in range(2, module.MOST + 1):
+        theta = np.linspace(0, np.pi / 2, 150 * n + 1)  # and the same beyond
+        T = np.cos(np.arange(n)[:, None] * theta)
+        weights = np.cos(np.outer(np.arccos(nodes(n)), np.arange(n))) * 2 / n
+        weights[:, 0] /= 2
+        on_the_grid = np.abs(weights @ T).sum(axis=0).max()
+        largest = on_the_grid / (1 - n * theta[1] / 2)
+        assert 0.9 < largest / (1 + 2 / np.pi * np.log(n)) < 1
+
+
+def test_a_fan_whose_certificate_might_not_be_confirmed_is_left(monkeypatch):
+    scales = np.array([0.0, 0.5, 1.0]) * breakup(*TRIANGLE)
+    found = tried(GAMMA, *TRIANGLE, scales)
+    assert found.proved
+    most = {"ratio": 1 / 32, "chi": 1 / 100, "room": 1 / 101, "moved": 1 / 100}
+    part = max(found.constants[name] / right for name, right in most.items())
+    for _PART, proved in ((0.999 * part, False), (1.001 * part, True)):
+        monkeypatch.setattr(module, "_PART", _PART)
+        assert tried(GAMMA, *TRIANGLE, scales).proved == proved
+
+
+# --- certificates ---------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def on_ray():
+    return proofs.proved_below(GAMMA, (0.7, 0.2, 0.4), 0.4, 1e-3)[1][0]
+
+
+@pytest.fixture(scope="module")
+def in_fan():
+    return proofs.proved_below(GAMMA, (0.5, 0.0), 0.75, np.inf, (0.0625, 0.125), 0.45)[1][0]
+
+
+def refuted(certificate, reason):
+    certificate["claim"] = claim(certificate)
+    kept = {key: value for key, value in certificate.items() if key != "sha256"}
+    with pytest.raises(Refuted, match=reason):
+        check(sealed(kept))
+
+
+def changed(certificate):
+    """Certificates that do not prove what they say, though they are sealed."""
+    texts = [json.dumps(certificate)] * 5
+    further, other, mode, kick, gap = map(json.loads, texts)
+    further["scales"][1] = (2 * float.fromhex(further["scales"][1])).hex()
+    other["omega"] = other["shortened_from"]["omega"] = "[0;3,(1)]"
+    mode["moves"]["numbers"][1][0][0][1][1] += 1 << 40
+    kick["kappa"][0] = kick["shortened_from"]["kappa"][0] = (0.71).hex()
+    gap["scales"].reverse()
+    return {"inequality": [further, other, mode, kick], "no part": [gap]}
+
+
+@pytest.mark.parametrize("name", ["on_ray", "in_fan"])
+def test_a_changed_certificate_is_refused(name, request):
+    for reason, certificates in changed(roundtrip(request.getfixturevalue(name))).items():
+        for certificate in certificates:
+            refuted(certificate, reason)
+
+
+def in_hex(*numbers):
+    return [float(number).hex() for number in numbers]
+
+
+def test_a_ray_proves_nothing_beside_it(on_ray):
+    # Functions that do not depend on t are no circles where the forcing does.
+    for tilt in ((0, 1e-3, 0), (1, 1, 1)):
+        refuted(roundtrip(on_ray) | {"tilt": in_hex(*tilt)}, "inequality")
+
+
+def test_what_a_fan_depends_on_is_bound_to_its_certificate(in_fan):
+    certificate = roundtrip(in_fan)
+    assert check(certificate).endswith(" times ((0.5, 0.0) + t (0.0625, 0.125)), -1 <= t <= 1")
+    refuted(certificate | {"tilt": in_hex(0.0625, 0.126)}, "inequality")
+    refuted(certificate | {"tilt": in_hex(0, 0)}, "functions of t")
+    refuted(certificate | {"tilt": in_hex(0.0625)}, "no part")
+    narrow = roundtrip(in_fan)
+    for rows in narrow["moves"]["numbers"]:
+        rows[1:] = []
+    refuted(narrow, "inequality")
+
+
+def test_a_fan_has_none_of_the_symmetries_of_its_middle(in_fan):
+    # (0.5, 0) is (0.5, -0), for which ω + 1 is the same circle moved by half a turn.
+    certificate = roundtrip(in_fan)
+    certificate["shortened_from"]["omega"] = "[1;(1)]"
+    refuted(certificate, "omega")
+
+
+def test_a_second_program_proves_the_circle_at_forcings_of_a_proved_fan(in_fan):
+    C, scale = in_fan.moves, arb(2) ** in_fan.unit
+    middle, half = (in_fan.low + in_fan.high) / 2, (in_fan.high - in_fan.low) / 2
+    assert 2**20 * in_fan.high % 1 == 0  # so that all is exact
+    for sigma, t in ((1.0, 1.0), (-0.625, 0.25), (0.75, -1.0), (0.375, -0.5)):
+        s, modes = middle + half * sigma, []
+        powers = [np.polynomial.chebyshev.chebvander([x], len(C))[0] for x in (sigma, t)]
+        with ctx.workprec(2000):
+            for j in (0, 1):
+                size = max(len(row[j][1]) for rows in C for row in rows)
+                sums = [arb(0)] * size
+                for m, rows in enumerate(C):
+                    for i, row in enumerate(rows):
+                        weight = arb(powers[0][m]) * powers[1][i] * scale
+                        for k, number in enumerate(row[j][1]):
+                            sums[k] += weight * number
+                modes.append([proofs.barrier._dyadics(-x) for x in sums])
+        kappa = [s * (a + t * b) for a, b in zip(in_fan.short_kappa, in_fan.tilt, strict=True)]
+        data = {"omega": str(GAMMA), "kappa": in_hex(*kappa), "radius": (0.0).hex()}
+        data |= {"rho": in_fan.rho.hex(), "modes": modes}
+        with ctx.workprec(checker.BITS):
+            holds, found = checker.theorem(data)
+        assert holds
+        for name in found.keys() & in_fan.constants.keys():
+            assert found[name] <= in_fan.constants[name] * (1 + 1e-9), name
