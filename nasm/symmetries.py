@@ -16,17 +16,19 @@ from itertools import chain, product
 import numpy as np
 
 from nasm.maps import forcing, kick, unkick
-from nasm.numbers import RotationNumber, moebius
+from nasm.numbers import RotationNumber, moebius, nobles_near
 
 __all__ = [
     "alternate",
     "dominant_centre",
     "lengthen",
     "negate",
+    "nobles_of",
     "ray",
     "shift",
     "shorten",
     "symmetry_lines",
+    "turns_halfway",
 ]
 __dir__ = __all__.copy
 
@@ -191,6 +193,25 @@ def shorten(forcings, omega):
     omega = moebius(omega, 1, 0, 0, kappas.shape[1] // length)
     whole, *rest = omega.prefix
     return list(short), RotationNumber((whole % length, *rest), omega.tail)
+
+
+def turns_halfway(kappa):
+    """Whether κ_{j+P/2} = -κ_j. A period is then two steps of half a period and x → x + 1/2, whose
+    rotation number is (ω + 1)/2."""
+    return kappa.size % 2 == 0 and bool((np.roll(kappa, kappa.size // 2) == -kappa).all())
+
+
+def nobles_of(kappa, value, width, n):
+    """Rotation numbers near a float whose circles may break last, the simplest first; at most n.
+
+    They are `nobles_near` it. Where the forcing `turns_halfway` (ω + 1)/2 is noble: under
+    (1, 1, -1, -1) the circle of [0;(4)] = 2γ - 1 breaks last.
+
+    kappa : ndarray (P,). value : float, ω per period. width : float > 0. n : int.
+    """
+    if not turns_halfway(kappa):
+        return nobles_near(value, width, n)
+    return [moebius(rho, 2, -1) for rho in nobles_near((value + 1) / 2, width / 2, n)]
 
 
 def lengthen(kappa, x, y):

@@ -241,6 +241,26 @@ def test_three_kicks_have_a_bracket_that_orbits_respect():
     assert barriers.last_circle(found, GENERIC).certified
 
 
+@pytest.mark.parametrize(
+    ("profile", "omega", "tol"),
+    [
+        ((1, 1, -1, -1), "[0;(4)]", 1e-3),
+        pytest.param((1, 1, -1, -1), "[0;(4)]", 1e-4, marks=pytest.mark.slow),
+        pytest.param((0.3, 1, -0.3, -1), "[0;(4)]", 1e-3, marks=pytest.mark.slow),
+        pytest.param((1, 1, 1, 1, -1, -1, -1, -1), "[2;(4)]", 1e-3, marks=pytest.mark.slow),
+    ],
+)
+def test_kicks_that_turn_after_half_a_period_have_other_last_circles(profile, omega, tol):
+    found = critical_scale(profile, tol)
+    assert is_shown(found)
+    assert found.omega == parse(omega)
+    assert found.error < 1e-6 * found.value
+    # At 10⁻⁴ an earlier search said that no circle stands here, where this one is certified.
+    distance = tol / 5
+    certified = continuation.certified_scale(parse(omega), np.array(profile), found.value, distance)
+    assert found.upper > certified > found.lower
+
+
 RIPPLE = 1.78e-4 * np.array([1, -1, -1, 1])
 
 
