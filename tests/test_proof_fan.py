@@ -94,7 +94,7 @@ def tried(omega, profile, tilt, scales):
     return module._proved_between(*map(float, scales), about)
 
 
-@pytest.mark.parametrize("beyond", [1e-3, 0.02, 0.3])
+@pytest.mark.parametrize("beyond", [1e-3, pytest.param(0.02, marks=pytest.mark.slow), 0.3])
 @pytest.mark.parametrize("end", [1, pytest.param(-1, marks=pytest.mark.slow)])
 def test_across_the_breakup_at_a_side_of_the_fan_nothing_is_proved(beyond, end):
     # At t = 0 the far side is 10% before the breakup, at t = end it is beyond it.
