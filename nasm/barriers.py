@@ -39,9 +39,9 @@ from nasm.converse_kam.symmetry_line import has_dominant_line
 from nasm.critical import CriticalScale, Status, no_answer
 from nasm.farey import circle_stands, standing
 from nasm.maps import direction, forcing, segment, unkick
-from nasm.numbers import checked, convergents, moebius, rational
+from nasm.numbers import checked, convergents, moebius, nobles_near, rational
 from nasm.orbits import rotation_number
-from nasm.symmetries import dominant_centre, nobles_of, ray, shorten
+from nasm.symmetries import dominant_centre, halfway_nobles, ray, shorten
 
 __all__ = [
     "boundary",
@@ -328,7 +328,7 @@ class _Race:
                 self.enter_again(omega, scale)
                 return
             if scale == self.upper and self.short.size > 2:
-                omega = nobles_of(self.short, float(names[0]), _SIMPLER, 1)[0]
+                omega = _nobles(self.at(scale), float(names[0]), _SIMPLER, 1)[0]
                 if found := self.at_once(omega, _OUTSET * scale, scale):
                     self.leader, self.known = found, [found]
                     return
@@ -471,7 +471,11 @@ def candidates(kappa, x, y, n=_AVERAGED):
     """Nobles near the rotation number of the orbit that starts in (x, y), as far as it has one in n
     steps."""
     omega, _ = rotation_number(kappa, x, y, n)
-    return nobles_of(kappa, float(omega), _NEAR, _CANDIDATES) if np.isfinite(omega) else []
+    return _nobles(kappa, float(omega), _NEAR, _CANDIDATES) if np.isfinite(omega) else []
+
+
+def _nobles(kappa, *near):
+    return halfway_nobles(kappa, *near) + nobles_near(*near)
 
 
 def _most_robust(scales, best):

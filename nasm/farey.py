@@ -23,7 +23,7 @@ from typing import NamedTuple
 from nasm.action import Chain, Ladder, LostError, Orbit, joined, ordered_orbits
 from nasm.maps import forcing
 from nasm.numbers import checked, convergents, moebius, parse
-from nasm.symmetries import nobles_of, turns_halfway
+from nasm.symmetries import halfway_nobles
 
 __all__ = ["circle_stands", "standing"]
 __dir__ = __all__.copy
@@ -86,20 +86,21 @@ def standing(kappa):
             break
         _, _, left, right = heappop(heap)
         if max(left.q, right.q) > _DEEPEST:
-            deepest.append(_noble(kappa, left, right))
+            deepest += _nobles(kappa, left, right)
             continue
         middle = _between(kappa, left, right)
         if middle.q > period:
             period, last = middle.q, (left, right)
         if middle.q > _LONG and max(left.residue, right.residue, middle.residue) < _FALLEN:
-            omega = _noble(kappa, max(left, right, key=lambda node: node.q), middle)
-            if circle_stands(omega, kappa):
-                return omega, [omega], period
+            longer = max(left, right, key=lambda node: node.q)
+            for omega in _nobles(kappa, longer, middle):
+                if circle_stands(omega, kappa):
+                    return omega, [omega], period
         push(left, middle)
         push(middle, right)
     nobles = sorted(deepest, key=lambda omega: len(omega.prefix))[:_NAMED]
     omega = next((omega for omega in nobles if circle_stands(omega, kappa)), None)
-    return omega, nobles or [_noble(kappa, *last)], period
+    return omega, nobles or _nobles(kappa, *last)[:1], period
 
 
 def circle_stands(omega, kappa, longest=_TOO_LONG):
@@ -165,11 +166,11 @@ def _node(fraction, orbit):
     return _Node(fraction, orbit, max(orbit.residue, 1e-6) if orbit else lost)
 
 
-def _noble(kappa, one, other):
-    """The noble whose path goes on from two neighbours in golden steps; see `nobles_of`."""
+def _nobles(kappa, one, other):
+    """The noble whose path goes on from two neighbours in golden steps; before it one between them
+    by `halfway_nobles`."""
     (p, q), (r, s) = sorted(
         (node.fraction.as_integer_ratio() for node in (one, other)), key=lambda f: f[1]
     )
-    if turns_halfway(kappa):
-        return nobles_of(kappa, (p / q + r / s) / 2, 0.5 / (q * s), 1)[0]
-    return moebius(_GAMMA, p, r, q, s)
+    found = halfway_nobles(kappa, (p / q + r / s) / 2, 0.5 / (q * s), 1)
+    return [*found, moebius(_GAMMA, p, r, q, s)]

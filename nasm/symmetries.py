@@ -21,17 +21,17 @@ from nasm.numbers import RotationNumber, moebius, nobles_near
 __all__ = [
     "alternate",
     "dominant_centre",
+    "halfway_nobles",
     "lengthen",
     "negate",
-    "nobles_of",
     "ray",
     "shift",
     "shorten",
     "symmetry_lines",
-    "turns_halfway",
 ]
 __dir__ = __all__.copy
 
+_NEARLY = 3e-6  # of the largest strength: at 1e-4 neighbours break later
 CUSP_EXPONENT = 0.6
 """At a relative distance d from a forcing of a shorter period the boundary is below what it is
 there by about d^0.6: it has cusps, as that of CB_gt on |κ1| = |κ2|."""
@@ -195,22 +195,18 @@ def shorten(forcings, omega):
     return list(short), RotationNumber((whole % length, *rest), omega.tail)
 
 
-def turns_halfway(kappa):
-    """Whether κ_{j+P/2} = -κ_j. A period is then two steps of half a period and x → x + 1/2, whose
-    rotation number is (ω + 1)/2."""
-    return kappa.size % 2 == 0 and bool((np.roll(kappa, kappa.size // 2) == -kappa).all())
+def halfway_nobles(kappa, value, width, n):
+    """Rotation numbers near a float of which (ω + 1)/2 is noble, the simplest first; at most n.
 
-
-def nobles_of(kappa, value, width, n):
-    """Rotation numbers near a float whose circles may break last, the simplest first; at most n.
-
-    They are `nobles_near` it. Where the forcing `turns_halfway` (ω + 1)/2 is noble: under
-    (1, 1, -1, -1) the circle of [0;(4)] = 2γ - 1 breaks last.
+    Where κ_{j+P/2} = -κ_j, or nearly, a period is two steps of half a period and x → x + 1/2, of
+    that rotation number: under (1, 1, -1, -1) the circle of [0;(4)] = 2γ - 1 breaks last. Under
+    other forcings none.
 
     kappa : ndarray (P,). value : float, ω per period. width : float > 0. n : int.
     """
-    if not turns_halfway(kappa):
-        return nobles_near(value, width, n)
+    half = kappa.size // 2
+    if kappa.size % 2 or np.abs(np.roll(kappa, half) + kappa).max() > _NEARLY * np.abs(kappa).max():
+        return []
     return [moebius(rho, 2, -1) for rho in nobles_near((value + 1) / 2, width / 2, n)]
 
 
