@@ -217,7 +217,7 @@ def _certified_at(scale, race):
     standing_there = list(islice((omega for omega in known if race.stands(omega, scale)), 2))
     if any(_is_certified(omega, kappa) for omega in standing_there):
         return True
-    _, nobles, _ = standing(kappa)
+    _, nobles, _ = race.standing(scale)
     others = (omega for omega in nobles if omega not in known and race.stands(omega, scale))
     return any(_is_certified(omega, kappa) for omega in islice(others, _CERTIFIED))
 
@@ -377,8 +377,9 @@ class _Race:
         if found.status is not Status.OK or not found.error < _AT_ONCE * found.value:
             return None
         near = _HALVED / 2 * found.value
-        if self.stands(omega, found.value - near) and not self.stands(omega, found.value + near):
-            return self.precise(found, near)
+        if not self.stands(omega, found.value - near) or self.stands(omega, found.value + near):
+            return None
+        return self.precise(found, near)
 
     def precise(self, known, far):
         """The same by longer orbits, if they agree to within `far`."""

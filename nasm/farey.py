@@ -40,8 +40,8 @@ residues were at most 1.1 and products 0.26 from period 10 on; before it one pro
 _FALLEN, _LONG = 0.05, 100  # residues that small, of periods that long: ask the circle itself
 _MOST = 3000  # mediants
 _NAMED = 8
-_GAMMA = parse("gamma")
 _TELLING, _TOO_LONG = 60, 3000  # periods of the convergents whose residues tell if a circle stands
+_GAMMA = parse("gamma")
 
 
 class _Node(NamedTuple):

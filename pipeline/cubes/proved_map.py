@@ -141,7 +141,7 @@ def _warm_up_triangles():
 def uncertified_triangle(tile, certificates):
     """Say that a triangle has no certificates to where it is called proved; else ""."""
     tile, found = tile.load().isel(triangle=0), []
-    low, high = (np.array([tile[f"kappa{i}_{end}"] for i in (1, 2)]) for end in ("low", "high"))
+    low, high = np.reshape([tile[name] for name in _CORNERS], (2, 2))
     for certificate in certificates:
         kappa, tilt, scales = (of_certificate(certificate, f) for f in ("kappa", "tilt", "scales"))
         if kappa == tuple((low + high) / 2) and tilt == tuple((high - low) / 2):
