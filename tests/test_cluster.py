@@ -3,12 +3,10 @@
 import json
 import os
 import re
-import signal
 import subprocess
 import sys
 from pathlib import Path
 
-import psutil
 import pytest
 import toy
 from click.testing import CliRunner
@@ -106,38 +104,11 @@ def test_an_unfit_worker_computes_nothing_and_another_sweeps_over_tls(cluster, t
     assert re.search(rf"retired: the worker tls://\S+ {told}", capfd.readouterr().err)
 
 
-def test_more_workers_than_files_may_be_open_are_one_clear_error():
-    refused = pytest.raises(ClusterError, match=r"need 10{7}40 open files, .* `ulimit -n`")
-    with refused, connect(n_workers=10**8) as client:
-        client()
-
-
 def test_a_worker_that_dies_as_it_starts_is_one_clear_error(monkeypatch):
     monkeypatch.setitem(_LOCAL, "distributed.worker.preload", ["import os; os._exit(1)"])
     told = pytest.raises(ConnectionError, match="ended while it was being started; run again")
     with told, connect(n_workers=1) as client:
         client()
-
-
-ENDED = """
-import os, signal, sys, threading
-from pipeline.sweep.cluster import connect
-
-if __name__ == "__main__":
-    with connect(n_workers=1) as client:
-        print(client().submit(os.getpid).result(), flush=True)
-        os.kill(os.getpid(), signal.SIGTERM)
-        threading.Event().wait()
-"""
-
-
-def test_sigterm_ends_a_program_and_its_workers_without_a_word(tmp_path):
-    (tmp_path / "ended.py").write_text(ENDED)
-    environment = os.environ | {"PYTHONPATH": SOURCES}
-    command = [sys.executable, tmp_path / "ended.py"]
-    ended = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=60)
-    assert (ended.returncode, ended.stderr) == (128 + signal.SIGTERM, "")
-    toy.wait_until(lambda: not psutil.pid_exists(int(ended.stdout)))
 
 
 def test_tls_that_does_not_match_is_one_clear_message(cluster, tmp_path):

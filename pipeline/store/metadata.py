@@ -7,6 +7,7 @@ made the cube; any other driver must agree with it.
 
 import json
 import posixpath
+import re
 import warnings
 from contextlib import suppress
 from math import prod
@@ -15,28 +16,17 @@ from zlib import crc32
 import dask.array
 import numpy as np
 import xarray as xr
-from zarr import Array, AsyncArray
 from zarr.codecs import Crc32cCodec, ZstdCodec
-from zarr.core.metadata import ArrayV3Metadata
-from zarr.storage import MemoryStore, ObjectStore, StorePath
+from zarr.storage import MemoryStore
 
 from pipeline.store import tiles
 from pipeline.store.place import Refused, explained
 from pipeline.store.provenance import provenance
-from pipeline.store.tiles import (
-    COMMIT,
-    DAMAGED,
-    DIGEST,
-    ENTRIES,
-    ENTRY,
-    FORMAT,
-    RECORDS,
-    forget,
-    missing,
-)
+from pipeline.store.tiles import COMMIT, DAMAGED, ENTRIES, ENTRY, FORMAT, RECORDS, missing
 
 MAX_TILES = 2**24
-_SEAL = "attributes_crc32"  # attribute of a cube: of all the others, in either copy
+_SEAL = "crc32"  # attribute of a cube: of all its files but those of tiles
+_SEALS = re.compile(rb'"crc32": "\w{8}"')  # wherever these files tell it
 _CHUNK = 1024  # along each dim, of cubes that are written whole
 
 
@@ -73,7 +63,7 @@ def create(place, cube, computed_by):
 
     Metadata and coordinates that are damaged or missing are written again. Refused as by `check`.
     """
-    forget()
+    tiles.forget()
     found, root = check(place, cube, computed_by), _key(cube.name)
     if not found:
         ours = provenance(computed_by)
@@ -102,43 +92,43 @@ def replace(place, cube, computed_by):
 
 def sees(place, name, config_hash):
     """Whether this process finds that cube in the place. A worker asks it before each batch."""
-    forget()  # the cube may have been deleted and made anew
+    tiles.forget()  # the cube may have been deleted and made anew
     return _attributes(place, _key(name)).get("config_hash") == config_hash
 
 
-def copies_agree(place, name):
-    """Whether what the cube's group says of its arrays, and of itself, is what these say."""
-    with suppress(*DAMAGED):
-        root = json.loads(place.read(_key(name)))
-        copies = root["consolidated_metadata"]["metadata"]
-        copies.get(RECORDS, {}).pop("consolidated_metadata", None)
-        own = {key: json.loads(place.read(_key(name, key))) for key in copies}
-        identity = own[COMMIT]["attributes"]["cube"] if COMMIT in own else {}
-        agree = own == copies and identity.items() <= root["attributes"].items()
-        return agree and _is_sealed(_attributes(place, _key(name)))
-    return False
-
-
 def is_as_written(place, name, arrays):
-    """Whether the numbers of {name: zarr array}, all that is in no tile, have the cube's digest."""
-    attributes = json.loads(place.read(_key(name)))["attributes"]
-    written = attributes.get(DIGEST)  # earlier cubes have none
-    return written in (None, tiles.digest({key: array[...] for key, array in arrays.items()}))
+    """Whether all files but those of tiles, `arrays` being in no tile, have their checksum."""
+    root = json.loads(place.read(_key(name)))
+    keys = [_key(name, key) for key in ("", *root["consolidated_metadata"]["metadata"])]
+    for array in arrays:
+        blocks = np.ndindex(array.cdata_shape)
+        keys += [f"{array.path}/{array.metadata.encode_chunk_key(block)}" for block in blocks]
+    return root["attributes"].get(_SEAL) == _seal({key: place.read(key) for key in keys})
+
+
+def _seal(files):
+    """The CRC-32, as text, of {key: bytes}; the one that these tell is left out."""
+    found = 0
+    for key in sorted(files):
+        found = crc32(_SEALS.sub(b"", files[key]), crc32(key.encode(), found))
+    return f"{found:08x}"
 
 
 def _check_settings(place, cube):
     """The attributes of the cube that is there, {} if there is none; Refused if it differs."""
-    both = _key(cube.name, COMMIT), _key(cube.name)  # one of the two may be damaged
-    found = [_attributes(place, key) for key in both]
-    for attributes in sorted(found, key=_is_sealed, reverse=True):
-        ours = attributes.get("config_hash"), attributes.get("store_format")
-        if ours == (cube.config_hash, FORMAT):
-            return attributes
-    if not any(found):
+    found = [_attributes(place, key) for key in (_key(cube.name), _key(cube.name, COMMIT))]
+    found = [attributes for attributes in found if attributes]
+    decisive = {"config_hash": cube.config_hash, "store_format": FORMAT}.items()
+    ours = [attributes for attributes in found if decisive <= attributes.items()]
+    if ours[1:] and ours[0] != ours[1] and not _is_sealed(cube, ours[0]):  # that was changed
+        return ours[1]
+    if ours:
+        return ours[0]
+    if not found:
         if _is_anothers(place, cube.name):
             raise _not_ours(place, cube.name)
         return {}
-    theirs = found[0] or found[1]
+    theirs = found[0]
     tiles.refuse_earlier(place, cube.name, theirs)
     settings = cube.attributes.items()
     both = {k: (theirs.get(k), ours) for k, ours in settings if theirs.get(k) != ours}
@@ -166,14 +156,10 @@ def _attributes(place, key):
     return {}
 
 
-def _is_sealed(attributes):
-    seal = _seal(attributes)
-    return attributes.get(_SEAL, seal) == seal  # earlier cubes have none
-
-
-def _seal(attributes):
-    others = {key: value for key, value in attributes.items() if key != _SEAL}
-    return f"{crc32(json.dumps(others, sort_keys=True).encode()):08x}"
+def _is_sealed(cube, attributes):
+    """Whether these attributes are those that have their checksum."""
+    root = json.loads(_empty_files(cube, attributes)[_key(cube.name)])
+    return root["attributes"].items() >= attributes.items()
 
 
 def _left_over(place, cube, computed_by):
@@ -182,25 +168,18 @@ def _left_over(place, cube, computed_by):
     Returns the keys of the commit records whose data are gone. Refused unless all the others are
     of this cube and computed by the same code, by the checksums in them.
     """
-    keys, counts, files = [], tile_counts(cube), None
-    for index in np.argwhere(np.isfinite(tiles.survey(place, cube.name, counts)[1])).tolist():
-        files = files or _empty_files(cube, {"computed_by": computed_by})
-        arrays = _tiled_arrays(place, cube, files)
+    written = np.isfinite(tiles.survey(place, cube.name, tile_counts(cube))[1])
+    if not written.any():
+        return []
+    root = _empty_files(cube, {"computed_by": computed_by})[_key(cube.name)]
+    arrays, keys = tiles.tiled_arrays(tiles.opened(place, cube.name, json.loads(root))), []
+    for index in np.argwhere(written).tolist():
         tile = dict(zip(cube.tile, index, strict=True))
         what = tiles.damage(place, arrays, tile)
         if what and not what.endswith("is gone"):
             raise _not_ours(place, cube.name)
         keys += [tiles.chunk_key(arrays[COMMIT], tile)] if what else []
     return keys
-
-
-def _tiled_arrays(place, cube, files):
-    """{name: zarr array} of the tiles of a cube whose metadata are in `files`, not in the place."""
-    arrays, store = {}, ObjectStore(place.objects())
-    for key in [*cube.template.data_vars, COMMIT]:
-        metadata = ArrayV3Metadata.from_dict(json.loads(files[_key(cube.name, key)]))
-        arrays[key] = Array(AsyncArray(metadata, StorePath(store, f"{cube.name}.zarr/{key}")))
-    return arrays
 
 
 def _not_ours(place, name):
@@ -266,11 +245,8 @@ def _lost(dtype):
 
 
 def _identity(cube, computed):
-    ours = {"config_hash": cube.config_hash, "store_format": FORMAT}
-    known = cube.template.variables.items()
-    ours[DIGEST] = tiles.digest({k: v.values for k, v in known if k not in cube.computed})
-    told = {**cube.template.attrs, **computed, **cube.attributes, **ours}
-    return told | {_SEAL: _seal(told)}
+    ours = {"config_hash": cube.config_hash, "store_format": FORMAT, _SEAL: 8 * "0"}
+    return {**cube.template.attrs, **computed, **cube.attributes, **ours}
 
 
 def _files(cube, computed, encoding, more=None, of_more=None):
@@ -284,4 +260,6 @@ def _files(cube, computed, encoding, more=None, of_more=None):
         # Zarr 3 has no standard for consolidated metadata yet; without them readers are warned.
         warnings.filterwarnings("ignore", message="Consolidated metadata")
         tree.to_zarr(MemoryStore(files), encoding={"/": encoding, **(of_more or {})}, **how)
-    return {f"{cube.name}.zarr/{key}": buffer.to_bytes() for key, buffer in files.items()}
+    files = {f"{cube.name}.zarr/{key}": buffer.to_bytes() for key, buffer in files.items()}
+    seal = b'"crc32": "%b"' % _seal(files).encode()
+    return {key: _SEALS.sub(seal, data) for key, data in files.items()}

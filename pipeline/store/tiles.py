@@ -9,13 +9,12 @@ import json
 import os
 from contextlib import suppress
 from functools import lru_cache
-from threading import Lock
 from zlib import crc32
 
 import numpy as np
 import xarray as xr
-import zarr
-from zarr.storage import ObjectStore
+from zarr import Array, AsyncArray
+from zarr.storage import ObjectStore, StorePath
 
 from pipeline.store.place import Refused, StoreFailed, explained
 
@@ -24,30 +23,21 @@ CERTIFICATES = "certificates"
 COMMIT = f"{RECORDS}/commit"
 ENTRIES = "cpu_seconds", "crc32"  # of a commit record
 ENTRY = "commit_entry"  # their dimension
-DIGEST = "crc32"  # attribute of a cube: of all its numbers that are in no tile
 FORMAT = 2  # of cubes; 1 had no checksum of a tile's data
 _RECORD_BYTES = 20  # two float64 and their checksum
 _LONGEST_REASON = 500  # characters of the reason of a failure that are kept
 # What reading metadata raises that are lost, cut or changed.
 DAMAGED = AttributeError, FileNotFoundError, KeyError, RecursionError, TypeError, ValueError
 
-_OPENING = Lock()
-
 
 @lru_cache
 def arrays_of(place, name):
     """{name: zarr array} of the cube, kept open; Refused if its metadata are lost or not ours."""
-    # A tile of fill values must be stored like any other. The setting is of all threads at once.
-    with explained(place), _OPENING, zarr.config.set({"array.write_empty_chunks": True}):
-        store = ObjectStore(place.objects())
-        with suppress(*DAMAGED):
-            group = zarr.open_group(store, path=f"{name}.zarr", mode="r+", zarr_format=3)
-            members = group.members(max_depth=None)
-            arrays = {key: member for key, member in members if isinstance(member, zarr.Array)}
-            named = all(array.metadata.dimension_names for array in arrays.values())
-            if named and "config_hash" in group.attrs:
-                refuse_earlier(place, name, group.attrs)
-                return arrays
+    with suppress(*DAMAGED):
+        root = json.loads(place.read(f"{name}.zarr/zarr.json"))
+        if "config_hash" in root["attributes"]:
+            refuse_earlier(place, name, root["attributes"])
+            return opened(place, name, root)
     raise Refused(
         f"the metadata of {place.cube(name)} are damaged, or another program's; run the workflow "
         "that computed it again, to have them written anew"
@@ -55,6 +45,17 @@ def arrays_of(place, name):
 
 
 forget = arrays_of.cache_clear  # open the arrays anew when they are needed next
+
+
+def opened(place, name, root):
+    """{name: zarr array} of a cube whose group has the zarr.json `root`, parsed."""
+    store, arrays = ObjectStore(place.objects()), {}
+    for key, metadata in root["consolidated_metadata"]["metadata"].items():
+        if metadata["node_type"] == "array":
+            path = StorePath(store, f"{name}.zarr/{key}")
+            # A tile of fill values must be stored like any other.
+            arrays[key] = Array(AsyncArray(metadata, path, {"write_empty_chunks": True}))
+    return arrays
 
 
 def refuse_earlier(place, name, attributes):
@@ -126,12 +127,11 @@ def commit(place, name, index, arrays, seconds):
     arrays : of its variables; and `certificates`, bytes that are kept in a file, if there are any.
     ValueError if an array does not have the shape and kind of numbers that the cube has.
     """
-    opened, chunks = arrays_of(place, name), {}
-    arrays = dict(arrays)
+    known, chunks, arrays = arrays_of(place, name), {}, dict(arrays)
     certificates = arrays.pop(CERTIFICATES, b"")
-    tile = dict(zip(dims_of(opened[COMMIT]), index, strict=True))
+    tile = dict(zip(dims_of(known[COMMIT]), index, strict=True))
     for key, values in arrays.items():  # zarr would cast and broadcast
-        array, values = opened[key], np.asarray(values)
+        array, values = known[key], np.asarray(values)
         chunk = chunk_of(array, tile)
         grid = zip(chunk, array.chunks, array.shape, strict=True)
         shape = tuple(min(n, whole - i * n) for i, n, whole in grid)
@@ -142,17 +142,15 @@ def commit(place, name, index, arrays, seconds):
         if cast is None or (array.dtype.kind != "f" and not np.array_equal(cast, values)):
             raise ValueError(f"{key} is of {values.dtype}, and does not fit into {array.dtype}")
         chunks[key] = chunk, cast
-    one = (len(ENTRIES), *(1 for _ in index))
-    checksum = _checksum(opened, tile, {key: values for key, (_, values) in chunks.items()})
+    checksum = _checksum(known, tile, {key: values for key, (_, values) in chunks.items()})
+    record = np.reshape([seconds, checksum], (len(ENTRIES), *(1 for _ in index)))
+    _stands(place, name)
     if certificates:
-        _stands(place, name)
         place.write(certificates_key(name, index), certificates)
     with explained(place):
-        for key, (chunk, values) in chunks.items():
+        for key, (chunk, values) in [*chunks.items(), (COMMIT, ((0, *index), record))]:
             _stands(place, name)
-            opened[key].set_block_selection(chunk, values)
-        _stands(place, name)
-        opened[COMMIT].set_block_selection((0, *index), np.reshape([seconds, checksum], one))
+            known[key].set_block_selection(chunk, values)
 
 
 def certificates_of(place, name, index):
@@ -171,20 +169,6 @@ def _checksum(arrays, tile, values):
     for key in sorted(values):
         found = crc32(np.ascontiguousarray(values[key]), found)
     return found
-
-
-def digest(values):
-    """CRC-32, in text, of {name: array} of numbers or text, whatever chunks they are in.
-
-    A number of 32 bits without a sign is no attribute of netCDF.
-    """
-    found = 0
-    for key in sorted(values):
-        array = np.asarray(values[key])
-        numbers = array.dtype.kind in "biuf"
-        data = np.ascontiguousarray(array) if numbers else "\0".join(array.ravel()).encode()
-        found = crc32(data, crc32(key.encode(), found))
-    return f"{found:08x}"
 
 
 def _stands(place, name):

@@ -7,9 +7,6 @@ import json
 import logging
 import re
 import resource
-import signal
-import sys
-import threading
 from contextlib import ExitStack, contextmanager, suppress
 from functools import cache
 from pathlib import Path
@@ -71,37 +68,9 @@ def connect(scheduler=None, n_workers=None, tls=None):
     for name in ("asyncio", "distributed.batched", "distributed.client"):
         logging.getLogger(name).setLevel(logging.CRITICAL)
     settings = _QUIET | (_LOCAL if address is None else {})
-    with dask.config.set(settings), _ended_by_sigterm(), ExitStack() as stack:
+    with dask.config.set(settings), ExitStack() as stack:
         connection = _local(n_workers) if address is None else _remote(address, tls)
         yield cache(lambda: stack.enter_context(connection))
-
-
-@contextmanager
-def _ended_by_sigterm():
-    """Have SIGTERM end the program as an error would, and its workers with it; code 143."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    previous = signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, previous)
-
-
-class _AnyTime(Security):
-    """TLS whose certificates count whatever the time is: the clock may be set while they live."""
-
-    def get_connection_args(self, role):
-        return _timeless(super().get_connection_args(role))
-
-    def get_listen_args(self, role):
-        return _timeless(super().get_listen_args(role))
-
-
-def _timeless(tls):
-    tls["ssl_context"].verify_flags |= 0x200000  # X509_V_FLAG_NO_CHECK_TIME of OpenSSL
-    return tls
 
 
 @contextmanager
@@ -112,8 +81,11 @@ def _local(n_workers):
     how |= {"n_workers": n_workers, "threads_per_worker": 1, "memory_limit": 0}
     # Dask executes what it is sent, and any user of this machine can send to loopback: a
     # certificate that lasts as long as the cluster lets only its own processes speak to it.
-    how |= {"security": _AnyTime.temporary(), "scheduler_kwargs": {"dashboard": False}}
-    _allow_open_files(40 + 10 * n_workers)
+    how |= {"security": Security.temporary(), "scheduler_kwargs": {"dashboard": False}}
+    files, (soft, hard) = 40 + 10 * n_workers, resource.getrlimit(resource.RLIMIT_NOFILE)
+    if 0 <= soft < files:
+        with suppress(OSError, ValueError):  # fewer may do
+            resource.setrlimit(resource.RLIMIT_NOFILE, (files, hard))
     try:
         started = LocalCluster(**how)
     except RuntimeError:
@@ -134,17 +106,6 @@ def _closing(opened):
     finally:
         with suppress(TimeoutError):
             opened.close()
-
-
-def _allow_open_files(n):
-    """Let this process open so many files; ClusterError if it may not."""
-    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    if soft < n and soft != resource.RLIM_INFINITY:
-        try:
-            resource.setrlimit(resource.RLIMIT_NOFILE, (n, hard))
-        except (OSError, ValueError):
-            words = f"these workers need {n} open files, and {hard} are allowed"
-            raise ClusterError(f"{words}; start fewer by --workers, or raise `ulimit -n`") from None
 
 
 def credentials(client, folder):
