@@ -25,7 +25,7 @@ _OMEGA = "Irrational rotation number, 2gamma+1 or [1;4,(1)]; by default the pape
 
 
 @command()
-@several("--omega", None, parse_omega, "rotation numbers", "OMEGA", _OMEGA)
+@several("--omega", None, parse_omega, "OMEGA", _OMEGA)
 @plane_option
 @ray_options(361)
 @real("--tol", 1e-4, 1e-7, 0.1, "Error of the continuation to aim at.")

@@ -12,7 +12,7 @@ The default irrational numbers are [0;8,(1)], [0;5,(1)], … [0;2,(1)], [0;2,3,(
 
 from fractions import Fraction
 
-from workflows.shared.cli import command, flag, fraction, real, several, sweeps, whole
+from workflows.shared.cli import command, flag, real, several, sweeps, whole
 
 IRRATIONAL = (
     *("0.11603574565909282", "0.14159265358979312", "0.16071324478583876", "0.1779982111184266"),
@@ -36,19 +36,18 @@ def parse_irrational(text):
 
 def parse_fraction(text):
     """Return a Fraction from 1/64 to 1/2 with a denominator up to 64."""
-    number = fraction(text)
-    if number is None or not 0 < number <= Fraction(1, 2) or number.denominator > 64:
+    from nasm.checks import fraction
+
+    number = fraction("also", text)
+    if not 0 < number <= Fraction(1, 2) or number.denominator > 64:
         raise ValueError(f"{text!r} must be a fraction from 1/64 to 1/2, like 8/21")
     return number
 
 
 @command()
 @whole("--q-max", 10, 2, 64, "Fractions p/q with q up to this one; 34 takes one to two CPU hours.")
-@several("--also", ALSO, parse_fraction, "fractions", "P/Q", "Further fractions.")
-@several(
-    *("--irrational", IRRATIONAL, parse_irrational, "irrational frequencies", "OMEGA"),
-    "Irrational frequencies, from 0 to 1/2.",
-)
+@several("--also", ALSO, parse_fraction, "P/Q", "Further fractions.")
+@several("--irrational", IRRATIONAL, parse_irrational, "OMEGA", "Frequencies from 0 to 1/2.")
 @whole("--phases", 8, 2, 1000, "Phases from 0 to 1/2q of each fraction.")
 @real("--angle", 45.0, 0, 180, "Ray (κ̄, Δκ) = s·(cos, sin), in degrees.")
 @flag("--quick", "A few fractions, three phases, and one torus.")

@@ -11,34 +11,15 @@ The paper's vector of 1705/3136 is the first of the defaults. 1/τ = 0.543689…
 of 2632.
 """
 
-from math import lcm
-
-from workflows.shared.cli import command, fraction, ray_options, several, sweeps, whole
+from workflows.shared.cli import choice, command, ray_options, sweeps, whole
 
 TRIBONACCI = 0.5436890126920764, 0.8392867552141612
 VECTORS = ("1705/3136,2631/3136", "1705/3136,2632/3136", "927/1705,1431/1705")
-_LONGEST = 100_000  # period of an orbit, in kicks
-
-
-def parse_vector(text):
-    """Return the frequency of a text like 1/3,2/5: the turns per kick of an orbit, and Ω."""
-    numbers = [fraction(part) for part in text.split(",")]
-    if len(numbers) == 2 and None not in numbers:
-        omega, frequency = numbers
-        period = lcm(omega.denominator, frequency.denominator)
-        if frequency.denominator > 1 and abs(omega) <= 100 and period <= _LONGEST:
-            return frequency
-    raise ValueError(
-        f"{text!r} must be two fractions like 1/3,2/5, the last one no whole number, whose "
-        f"orbit repeats itself within {_LONGEST} kicks"
-    )
-
-
-_VECTOR = "Rotation vector of a periodic orbit: turns per kick and frequency."
+_VECTOR = "Rotation vector of an orbit; may be repeated.  [default: all]"
 
 
 @command()
-@several("--vector", VECTORS, parse_vector, "frequencies", "P/Q,OMEGA", _VECTOR)
+@choice("--vector", VECTORS, VECTORS, _VECTOR, multiple=True)
 @ray_options(181)
 @whole("--n-max", 20_000, 64, 10**12, "Steps (periods of the forcing) of direct iteration.")
 @whole("--n-orbits", 256, 1, 10**8, "Orbits of direct iteration.")
@@ -62,7 +43,7 @@ def main(run, vector, angles, tips, n_max, n_orbits, tori):
         breakdown.by_residue(plane, rays.PAPER_CIRCLES, around, q_max=6000),
         last_barrier(plane, around, 2e-4),
         breakdown.by_escape(plane, around, n_max, n_orbits),
-        rotating_maps.residues(list(vector), around),
+        rotating_maps.residues(list(dict.fromkeys(vector)), around),
         rotating_maps.breakups([TRIBONACCI], np.linspace(0, 90, tori), 0.02),
     )
     with run.sweeping(*wanted):

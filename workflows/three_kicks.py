@@ -9,6 +9,8 @@ reversed; for φ0 + 1/2 and -Δκ; and for -κ̄ and -Δκ. So all phases are th
 both signs of Δκ; at 1/12 these are alike. In between the kicks have no symmetry centre.
 """
 
+from click import option
+
 from workflows.shared import cli
 
 PHASES = ("0", "1/24", "1/12")
@@ -16,25 +18,15 @@ MANY = ("0", "1/60", "1/30", "1/20", "1/15", "1/12")
 
 
 def parse_phase(text):
-    """Return a Fraction from 0 to below 1."""
-    phase = cli.fraction(text)
-    if phase is None or not 0 <= phase < 1:
-        raise ValueError(f"{text!r} must be a fraction from 0 to below 1, like 1/24")
-    return phase
+    """Return the Fraction of a turn that a text spells, from 0 to below 1."""
+    from nasm.checks import fraction
 
-
-def parse_frequency(text):
-    """Return the fraction Ω as text; ValueError if no plane rotates with it."""
-    from nasm.planes import rotating
-
-    return rotating(text).name.partition(":")[2]
+    return fraction("phase", text) % 1
 
 
 @cli.command()
-@cli.parsed("--frequency", "1/3", parse_frequency, "FRACTION", "Frequency Ω, p/q with q up to 64.")
-@cli.several(
-    "--phase", PHASES, parse_phase, "phases", "FRACTION", "Phase φ0 of the forcing, in turns."
-)
+@option("--frequency", default="1/3", show_default=True, help="Frequency Ω, p/q with q up to 64.")
+@cli.several("--phase", PHASES, parse_phase, "FRACTION", "Phase φ0 of the forcing, in turns.")
 @cli.ray_options(31)
 @cli.full_option("most of an hour of CPU time", angles=61, phase=MANY)
 @cli.real("--tol", 1e-3, 1e-5, 0.1, "Width of the bracket to aim at, relative to the scale.")

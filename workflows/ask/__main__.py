@@ -137,11 +137,14 @@ def _drawn(*asked):
     return draw_verdict(portrait_of(*asked))
 
 
+_file = partial(click.option, type=click.Path(exists=True, dir_okay=False), metavar="FILE")
+
+
 @cli.command(ignore_unknown_options=True)
 @click.argument("kappa", type=float, nargs=-1)
 @cli.point_option
-@cli.file_option("--sequence", "A text file with one period of strengths, in place of KAPPA.")
-@cli.file_option("--once", "A text file with any number of kicks, which do not repeat.")
+@_file("--sequence", help="A text file with one period of strengths, in place of KAPPA.")
+@_file("--once", help="A text file with any number of kicks, which do not repeat.")
 @cli.flag("--prove", "Prove the answer, as far as 20 s allow.")
 @cli.flag("--pdf", "The figure as PDF too.")
 @cli.draws

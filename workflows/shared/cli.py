@@ -5,11 +5,8 @@ Heavy imports wait until the options are parsed, so that --help is fast.
 
 import functools
 import sys
-from contextlib import suppress
-from fractions import Fraction
 from importlib import import_module
 from importlib.util import find_spec
-from itertools import pairwise
 from pathlib import Path
 
 import click
@@ -99,12 +96,6 @@ def flag(name, help):
     return click.option(name, is_flag=True, help=help)
 
 
-def file_option(name, help):
-    """Make an option that takes the path of a file which exists."""
-    how = {"type": click.Path(exists=True, dir_okay=False), "metavar": "FILE"}
-    return click.option(name, help=help, **how)
-
-
 def parsed(name, default, parse, metavar, help, multiple=False):
     """Make an option whose text, or tuple of texts, `parse` reads or refuses by ValueError.
 
@@ -121,28 +112,17 @@ def parsed(name, default, parse, metavar, help, multiple=False):
     return click.option(*name.split(), default=default, callback=callback, **how)
 
 
-def several(name, default, read, what, metavar, help):
+def several(name, default, read, metavar, help):
     """Make an option that may be repeated: {text: the number that it spells}, in increasing order.
 
-    read : function of a text, which refuses it by ValueError. what : the numbers, of which no two
-    may be equal, in words.
+    read : function of a text, which refuses it by ValueError. Equal numbers count once.
     """
 
     def parse(texts):
-        numbers = sorted(((read(text), text) for text in texts), key=lambda pair: float(pair[0]))
-        for (number, text), (other, again) in pairwise(numbers):
-            if float(number) == float(other):
-                raise ValueError(f"two {what} are equal: {text} and {again}")
-        return {text: number for number, text in numbers}
+        numbers = {read(text): text for text in texts}
+        return {numbers[number]: number for number in sorted(numbers, key=float)}
 
     return parsed(name, default, parse, metavar, f"{help} May be repeated.", multiple=True)
-
-
-def fraction(text):
-    """Return the Fraction that a text spells, None if it spells none."""
-    with suppress(ValueError, ZeroDivisionError):
-        return Fraction(text)
-    return None
 
 
 def axis(name, default, help):
@@ -242,12 +222,6 @@ def _directory(context, parameter, out):
     return out
 
 
-def _url(context, parameter, store):
-    if store is not None and "://" not in store:
-        raise click.BadParameter("--store is a URL, s3://BUCKET/PREFIX; a directory goes to --out")
-    return store
-
-
 out_option = click.option(
     "--out",
     default="out",
@@ -258,7 +232,6 @@ out_option = click.option(
 store_option = click.option(
     "--store",
     metavar="URL",
-    callback=_url,
     help="Keep the cubes in an object store, s3://BUCKET/PREFIX (or gs://, az://), not in OUT. "
     "Credentials come from the environment.",
 )
