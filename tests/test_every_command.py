@@ -52,6 +52,10 @@ def test_every_command_ends_well_and_what_it_keeps_goes_to_netcdf(tmp_path):
     for path in cubes:
         cube = xr.open_zarr(path)
         assert cube.chunks is not None  # one length along each dimension, or ValueError
+        for name, variable in cube.variables.items():
+            words = variable.attrs
+            assert words["long_name"], (path, name)
+            assert words.get("units", "1") in ("1", "degree", "s", "turn"), (path, name)
         with dask.config.set(scheduler="synchronous"):  # SciPy writes no netCDF for a cluster
             cube.to_netcdf(path.with_suffix(".nc"))
     for exhibit in EXHIBITS:

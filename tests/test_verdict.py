@@ -14,7 +14,6 @@ from nasm.maps import MAX_STRENGTH
 from nasm.symmetries import ray
 from nasm.verdict import Answer, Evidence, verdict
 from workflows.ask import __main__ as ask
-from workflows.figures.ask import draw_verdict
 from workflows.shared.verdict_words import sentences
 
 _RANDOM = np.random.default_rng(5)
@@ -238,7 +237,7 @@ def test_kicks_that_come_once_get_an_answer_of_their_own(tmp_path):
 
 
 def drawn(kappa):
-    figure = draw_verdict(ask.portrait_of(np.array(kappa), None, verdict(kappa), None))
+    figure = ask.drawn(np.array(kappa), None, verdict(kappa), None)
     plt.close(figure)
     return figure
 

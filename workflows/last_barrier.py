@@ -26,9 +26,8 @@ def main(run, plane, angles, tips, tol):
         barrier = unfolded(run.sweep(job), angles)
         barrier = run.keep("boundary", barrier, tol=tol, **plane.record)
         run.table("last_barrier", barrier)
-        run.figure(
-            "last_barrier", draw_last_barrier(barrier), boundary_words.boundary_found(barrier)
-        )
+        figure, _ = draw_last_barrier(barrier)
+        run.figure("last_barrier", figure, boundary_words.boundary_found(barrier))
 
 
 if __name__ == "__main__":

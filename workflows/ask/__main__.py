@@ -75,28 +75,18 @@ def forcing_asked(strengths, plane, files):
     return forcing(plane.forcing(*strengths)), (plane, strengths)
 
 
-def portrait_of(kappa, point, verdict, escaping):
-    """Return what `draw_verdict` takes: orbits, and the circle, or the start that lives longest."""
+def drawn(kappa, point, verdict, escaping):
+    """Draw the portrait of the forcing; if transport is global, with the longest-lived start."""
     from nasm import barriers, orbits
     from nasm.verdict import Answer
+    from workflows.figures.ask import draw_verdict  # loading it takes as long as the verdict
     from workflows.shared.phase_space import portrait
 
-    boundary, longest = verdict.boundary, None
+    longest, name = None, name_of(kappa, point)
     if verdict.answer is Answer.TRANSPORT:
         x, y, steps = barriers.remnant(kappa, int(min(max(1000, 2 * verdict.steps), _STEPS)))
         longest = (steps, *orbits.orbit(kappa, x, y, int(min(steps, _TRACED))))
-    return {
-        "kappa": kappa,
-        "point": point,
-        "name": name_of(kappa, point),
-        "answer": verdict.answer.value,
-        "orbits": portrait(kappa),
-        "omega": str(boundary.omega or ""),
-        "circle": verdict.circle,
-        "longest": longest,
-        "escaping": escaping,
-        "bracket": (boundary.lower, boundary.value, boundary.upper),
-    }
+    return draw_verdict(kappa, point, name, verdict, portrait(kappa), longest, escaping)
 
 
 def direct_iteration(verdict, escaping):
@@ -128,13 +118,7 @@ def asked_of_period(point, prove, strengths):
     far = not found.boundary.value > _NEAR  # NaN: not known to be near
     escaping = escaping_orbit(strengths) if transport and far else None
     text = sentences(strengths, point, found) + direct_iteration(found, escaping)
-    return "\n".join(text), partial(_drawn, strengths, point, found, escaping)
-
-
-def _drawn(*asked):
-    from workflows.figures.ask import draw_verdict  # loading it takes as long as the verdict
-
-    return draw_verdict(portrait_of(*asked))
+    return "\n".join(text), partial(drawn, strengths, point, found, escaping)
 
 
 _file = partial(click.option, type=click.Path(exists=True, dir_okay=False), metavar="FILE")

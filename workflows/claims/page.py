@@ -9,21 +9,14 @@ from workflows.claims.envelope import HEADER, cells
 from workflows.shared.page import render
 from workflows.shared.rules import Verdict
 
-_PLURAL = {
-    Verdict.HOLDS: "hold",
-    Verdict.CAVEAT: "hold with a caveat",
-    Verdict.FAILS: "do not hold",
-    Verdict.UNDECIDED: "are not decided",
-}
-
 
 def counted(claims, errata):
     """Say how many claims have which verdict, and how many errata are shown."""
     counts = Counter(claim.verdict for claim in claims)
-    found = ", ".join(f"{counts[v]} {_PLURAL[v]}" for v in Verdict if counts[v])
+    found = ", ".join(f"{verdict.value}: {counts[verdict]}" for verdict in Verdict)
     shown = sum(erratum.shown for erratum in errata)
     return (
-        f"Of {len(claims)} claims of the paper {found}. {shown} of {len(errata)} errata are shown "
+        f"{len(claims)} claims of the paper ({found}); {shown} of {len(errata)} errata are shown "
         "by numbers."
     )
 

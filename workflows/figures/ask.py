@@ -14,17 +14,16 @@ _ESCAPING, _BREAKUP = VERMILION, COLOURS[0]
 _PLAIN = {"frameon": False, "fontsize": "small"}  # legends
 
 
-def draw_verdict(portrait):
+def draw_verdict(kappa, point, name, verdict, orbits, longest, escaping):
     """Draw a phase portrait with what decides the verdict, and the forcing in its plane.
 
     That is the circle that is a barrier, or the start that lives longest and an orbit that escapes.
 
-    portrait : mapping of kappa, the strengths; point, (Plane, its two coordinates) or None; name,
-    the forcing in words; answer, a word; orbits, Dataset by `phase_space.portrait`; omega, text, ""
-    if unknown; circle, (x, y) or None; longest, (steps, x, y) of the orbit of the start that lives
-    longest, or None; escaping, (x, y) of an orbit or None; bracket, (lower, value, upper) of the
-    breakup in parts of the forcing.
+    point : (Plane, its two coordinates), or None. name : the forcing in words.
+    orbits : Dataset by `phase_space.portrait`.
+    longest, escaping : (steps, x, y) of the start that lives longest, (x, y) of an orbit; or None.
     """
+    bracket = verdict.boundary.lower, verdict.boundary.value, verdict.boundary.upper
     if in_column():
         figure = Figure(figsize=(COLUMN, 2.2 * COLUMN), layout="constrained")
         axes, time, where = figure.subplots(3, height_ratios=[1.8, 0.8, 1.2])
@@ -34,19 +33,20 @@ def draw_verdict(portrait):
         gaps |= {"left": 0.06, "right": 0.98, "bottom": 0.08, "top": 0.88}
         panels = figure.subplot_mosaic(places, width_ratios=[1.7, 1], gridspec_kw=gaps)
         axes, time, where = panels.values()
-    draw_orbits(axes, portrait["orbits"])
-    omega = rf"$\omega = {portrait['omega']}$"
-    if portrait["circle"] is not None:
-        style = circle_style(portrait["omega"]) | {"marker": "", "ls": "-", "lw": 1.8}
-        _draw_circle(axes, *portrait["circle"], label=f"certified circle, {omega}", **style)
-    if portrait["longest"] is not None:
-        steps, x, y = portrait["longest"]
+    draw_orbits(axes, orbits)
+    if verdict.circle is not None:
+        omega = str(verdict.boundary.omega)
+        style = circle_style(omega) | {"marker": "", "ls": "-", "lw": 1.8}
+        label = rf"certified circle, $\omega = {omega}$"
+        _draw_circle(axes, *verdict.circle, label=label, **style)
+    if longest is not None:
+        steps, x, y = longest
         words = f"longest-lived start, {steps:g} steps: not a barrier"
         draw_survivor(axes, x % 1, cell(y), label=words)
-    if portrait["escaping"] is None:
-        _draw_heights(time, portrait)
+    if escaping is None:
+        _draw_heights(time, orbits.start_y, orbits.near)
     else:
-        x, y = portrait["escaping"]
+        x, y = escaping
         size = 1 + 12 / np.sqrt(x.size)  # a few points are lost among the portrait's
         axes.plot(x % 1, cell(y), **dots(_ESCAPING, size))
         axes.plot([], [], label="orbit that escapes", **dots(_ESCAPING, 9))
@@ -58,15 +58,14 @@ def draw_verdict(portrait):
     if axes.get_legend_handles_labels()[0]:
         tight = {"handletextpad": 0.2, "borderpad": 0.1}
         axes.legend(loc="lower right", bbox_to_anchor=(1.02, 1), **_PLAIN, **tight)
-    name, plane = portrait["name"], portrait["point"] and portrait["point"][0]
-    if plane and not any(plane.origin):
-        _locate(where, portrait)
+    if point and not any(point[0].origin):
+        _locate(where, *point, bracket)
     else:
-        _draw_kicks(where, portrait)
-    if plane:
-        for axis, sign in zip(plane.axes, symbols(plane.axes), strict=True):
+        _draw_kicks(where, kappa, bracket[1])
+    if point:
+        for axis, sign in zip(point[0].axes, symbols(point[0].axes), strict=True):
             name = name.replace(axis, sign)
-    figure.suptitle(f"{name}: {portrait['answer']}".replace("(-", "(−").replace(" -", " −"))
+    figure.suptitle(f"{name}: {verdict.answer.value}".replace("(-", "(−").replace(" -", " −"))
     return figure
 
 
@@ -79,18 +78,16 @@ def _draw_circle(axes, x, y, **style):
     axes.plot(np.r_[x[-1] - 1, x, x[0] + 1], np.r_[y[-1], y, y[0]], zorder=3, **style)
 
 
-def _draw_heights(axes, portrait):
+def _draw_heights(axes, y, omega):
     """Draw ω of the portrait's orbits by the height that they start at."""
-    y, omega = portrait["orbits"].start_y, portrait["orbits"].near
     for line, colour, words in ((0, COLOURS[0], "0"), (1, VERMILION, "1/2")):
         axes.plot(y[line::2], omega[line::2], ".", color=colour, label=f"from $x = {words}$")
     axes.set(xlabel="$y$ of the start", ylabel=r"$\omega$, if regular", xlim=(0, 1))
     axes.legend(fontsize="x-small")
 
 
-def _locate(axes, portrait):
+def _locate(axes, plane, point, bracket):
     """Draw the forcing in the plane, the ray through it, and the breakup with its bracket."""
-    (plane, point), bracket = portrait["point"], np.array(portrait["bracket"], float)
     lower, value, upper = ends = np.where(np.isfinite(bracket), bracket, np.nan)
     size = max(np.abs(point).max(), 1e-300)
     reach = 1.15 * size * np.nanmax([1.0, *ends])
@@ -104,9 +101,8 @@ def _locate(axes, portrait):
     axes.set(xlim=(-reach, reach), ylim=(-reach, reach))
 
 
-def _draw_kicks(axes, portrait):
+def _draw_kicks(axes, kappa, value):
     """Draw the strengths of the kicks, and those at which the last circle breaks."""
-    kappa, value = portrait["kappa"], portrait["bracket"][1]
     n = np.arange(kappa.size)
     axes.vlines(n, 0, kappa, color="black", lw=1)
     _mark(axes, (n, kappa), (n, value * kappa), 6)

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from workflows.figures import style
-from workflows.figures.planes import fill_inside, in_plane, label_plane, of_two_kicks, whole_of
+from workflows.figures import planes, style
 
 
 def draw_circle_boundaries(breakdown, residues, barrier):
@@ -16,17 +15,11 @@ def draw_circle_boundaries(breakdown, residues, barrier):
     figure, (axes,) = style.panels(1, 1, 10, 6.6)
     effort = "periods up to {q_max}" if breakdown is residues else "errors of {tol:g}"
     sharp = style.known(breakdown)
-    fill_inside(axes, barrier, label=r"$\mathit{CB}_{gt}$")
+    planes.fill_inside(axes, barrier, label=r"$\mathit{CB}_{gt}$")
     draw_circles(axes, sharp)
-    label_plane(axes, barrier)
-    if of_two_kicks(barrier) and not style.in_column():
-        tip = axes.inset_axes([0.405, 0.06, 0.19, 0.3])
-        fill_inside(tip, barrier)
-        draw_circles(tip, sharp)
-        ends = 0.8, 0.98
-        tip.set(xlim=ends, ylim=ends, xticks=ends, yticks=ends, aspect="equal")
-        tip.set_title("the tip at 45°", fontsize="small", pad=3)
-        tip.tick_params(labelsize="x-small")
+    planes.label_plane(axes, barrier)
+    if planes.of_two_kicks(barrier) and not style.in_column():
+        draw_circles(planes.tip_of(axes, barrier, 0.8), sharp)
     axes.set_title(r"Breakup of circles: $\mathit{CB}_\omega$, and of the last one")
     style.outer_legend(figure, 3, 2)
     scales = ["critical_scale", "error"]  # by residues, where there are any
@@ -60,7 +53,7 @@ def draw_tips(residues, circles, barrier):
     gaps = barrier.sel(angle=circles.angle[silent.any("circle").values], method="nearest")
     lines, points = style.known(residues), style.known(circles)
     for axes, sign in zip(tips, (-1, 1), strict=True):
-        fill_inside(axes, barrier)
+        planes.fill_inside(axes, barrier)
         draw_circles(axes, lines)
         for i, text in enumerate(points.circle.values):
             look = style.circle_style(text, 1) | {"ls": "", "ms": 3}
@@ -87,7 +80,7 @@ def draw_tips(residues, circles, barrier):
 
 def draw_circles(axes, breakdown):
     """Draw the curves (x, y) of each ω; and (-x, -y), where that half is left to symmetry."""
-    (x, y), whole = in_plane(breakdown), whole_of(breakdown)
+    (x, y), whole = planes.in_plane(breakdown), planes.whole_of(breakdown)
     for i, text in enumerate(breakdown.circle.values):
         look = style.circle_style(text, whole) | {"marker": "", "lw": 1.3}
         axes.plot(x[i], y[i], label=style.omega_label(text), **look)

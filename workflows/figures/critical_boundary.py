@@ -3,7 +3,7 @@
 import numpy as np
 
 from workflows.figures.escape_plane import draw_field
-from workflows.figures.last_barrier import draw_panels
+from workflows.figures.last_barrier import draw_last_barrier
 from workflows.figures.planes import in_plane, of_two_kicks, whole_of
 from workflows.figures.style import circle_style, in_column, known, omega_label, power
 
@@ -13,7 +13,7 @@ def draw_critical_boundary(plane, circles, barrier):
 
     Below: which circle that is, by angle; and how CB_gt falls from the tip at 45°.
     """
-    figure, axes = draw_panels(barrier, 9.4)
+    figure, axes = draw_last_barrier(barrier)
     draw_field(axes, plane)
     circles = known(circles)
     for i, text in enumerate(circles.circle.values):

@@ -1,46 +1,32 @@
 """CB_gt in the colours of the last circle, a colour for each class under the symmetry."""
 
 import numpy as np
-from matplotlib.patches import Rectangle
 
-from workflows.figures import style
-from workflows.figures.planes import fill_inside, in_plane, label_plane, of_two_kicks, whole_of
-
-_TIP = 0.90, 0.98  # of both strengths, in the inset
+from workflows.figures import planes, style
 
 
 def draw_last_barrier(barrier):
-    """Draw CB_gt on the rays, coloured by the last circle.
+    """Draw CB_gt with its tip, the last circles by angle, and two kicks' cusp or the bracket.
 
-    Below: which circle that is, by angle; and how CB_gt falls from the tip at 45°, of two kicks, or
-    the bracket.
+    Returns the figure, and the axes of the plane.
     """
-    figure, plane = draw_panels(barrier, 9.4)
-    plane.set_title("Where the last barrier breaks")
-    return figure
-
-
-def draw_panels(barrier, height):
-    """Draw CB_gt with its tip, the last circles by angle, and the cusp, or else the bracket.
-
-    height : of the figure, inches. Returns it and the axes of the plane.
-    """
-    figure = style.canvas(11, height, 2)
+    figure = style.canvas(11, 9.4, 2)
     if style.in_column():
         plane, strip, cusp = figure.subplots(3, height_ratios=[1.5, 1, 1])
     else:
         places, ratios = [["plane", "plane"], ["strip", "cusp"]], ([1.55, 1], [2, 1])
         panels = figure.subplot_mosaic(places, height_ratios=ratios[0], width_ratios=ratios[1])
         plane, strip, cusp = panels.values()
-    whole = whole_of(barrier)
+    whole = planes.whole_of(barrier)
     classes = np.array([style.circle_class(text, whole) for text in barrier.circle.values])
-    fill_inside(plane, barrier, lw=0, zorder=0.5)
+    planes.fill_inside(plane, barrier, lw=0, zorder=0.5)
     _draw_arcs(plane, barrier, classes, 3.5)
-    label_plane(plane, barrier)
-    if of_two_kicks(barrier):
+    planes.label_plane(plane, barrier)
+    plane.set_title("Where the last barrier breaks")
+    if planes.of_two_kicks(barrier):
         if not style.in_column():
             _write_circles(plane, barrier, classes)
-            _draw_tip(plane, barrier, classes)
+            _draw_arcs(planes.tip_of(plane, barrier, 0.9), barrier, classes, 3.5)
         _draw_cusp(cusp, barrier, classes)
     else:
         _draw_bracket(cusp, barrier)
@@ -48,21 +34,10 @@ def draw_panels(barrier, height):
     return figure, plane
 
 
-def _draw_tip(plane, barrier, classes):
-    """Draw the tip of two kicks at 45° in an inset, and frame it in the plane."""
-    tip = plane.inset_axes([0.4, 0.07, 0.2, 0.29])
-    fill_inside(tip, barrier, lw=0)
-    _draw_arcs(tip, barrier, classes, 3.5)
-    tip.set(xlim=_TIP, ylim=_TIP, aspect="equal", xticks=_TIP, yticks=_TIP)
-    tip.set_title("the tip, framed", fontsize="small", pad=3)
-    tip.tick_params(labelsize="x-small")
-    plane.add_patch(Rectangle((_TIP[0],) * 2, *(_TIP[1] - _TIP[0],) * 2, fill=False, lw=0.6))
-
-
 def _draw_arcs(axes, barrier, classes, size):
     """Draw CB_gt as a line and points, each as its last circle's class is drawn."""
-    axes.plot(*in_plane(barrier), color="0.4", lw=0.8, zorder=2)
-    style.draw_points(axes, *in_plane(barrier), classes, size=size, zorder=3)
+    axes.plot(*planes.in_plane(barrier), color="0.4", lw=0.8, zorder=2)
+    style.draw_points(axes, *planes.in_plane(barrier), classes, size=size, zorder=3)
 
 
 def _write_circles(axes, barrier, classes):
@@ -135,7 +110,7 @@ def _draw_circle_strip(axes, barrier, classes, whole):
     label, title = r"$\omega$ of the last circle", "The last circle"
     if whole:
         label += rf", or ${whole} - \omega$"
-    if of_two_kicks(barrier):
+    if planes.of_two_kicks(barrier):
         title += r"; on the axes $\omega$ and $1 - \omega$ tie"
     axes.set(ylabel=label, title=title)
     axes.grid(lw=0.3)

@@ -1,6 +1,7 @@
 """What figures of planes of forcings share, whatever the plane is."""
 
 import numpy as np
+from matplotlib.patches import Rectangle
 
 from nasm.planes import plane_of, two_kicks
 from workflows.figures.style import INSIDE
@@ -45,3 +46,14 @@ def label_plane(axes, dataset):
 def fill_inside(axes, barrier, **style):
     """Fill the region where barriers are left, but around rays without an answer."""
     axes.fill(*np.nan_to_num(in_plane(barrier)), color=INSIDE, **style)
+
+
+def tip_of(axes, barrier, low):
+    """Return an inset of two kicks' tip at 45°, framed, from `low` to 0.98 of both strengths."""
+    tip, ends = axes.inset_axes([0.4, 0.07, 0.2, 0.29]), (low, 0.98)
+    fill_inside(tip, barrier, lw=0)
+    tip.set(xlim=ends, ylim=ends, xticks=ends, yticks=ends, aspect="equal")
+    tip.set_title("the tip, framed", fontsize="small", pad=3)
+    tip.tick_params(labelsize="x-small")
+    axes.add_patch(Rectangle((low, low), 0.98 - low, 0.98 - low, fill=False, lw=0.6))
+    return tip

@@ -25,15 +25,14 @@ def main(run, quick):
     Two to three minutes on two cores; --quick less than one.
     """
     from workflows.figures.stability import draw_stability
-    from workflows.stability.findings import findings
-    from workflows.stability.studies import STUDIES
+    from workflows.stability.findings import STUDIES
 
-    found = {}
+    found, said = {}, {}
     with run.driving(40 if quick else 250):
-        for number, (name, study) in enumerate(STUDIES.items(), 1):
+        for number, (name, (study, say)) in enumerate(STUDIES.items(), 1):
             click.echo(f"study {number} of {len(STUDIES)}: {name}", err=True)
             found[name] = run.keep(f"stability_{name}", study(quick), quick=quick)
-        said = findings(found)
+            said[name] = f"{number}. {say(found[name])}"
         for name, (studies, figure) in draw_stability(found).items():
             run.figure(name, figure, "\n".join(said[study] for study in studies))
 

@@ -1,18 +1,13 @@
-"""What the nine studies of stability found, each in a sentence with the numbers just measured."""
+"""The nine studies of stability, and a sentence on each with the numbers just measured."""
 
 import numpy as np
 
 from workflows.figures.style import names_of
+from workflows.shared.amplitudes import amplitudes
+from workflows.stability import limits, searches, tori
 
 OK = 1  # of `status`, see `pipeline.cubes.cube`
 _SAID = {"periodic": "residues", "cones": "converse KAM", "barriers": "all together"}
-
-
-def findings(studies):
-    """Return {name: numbered sentence} of all studies, {name: Dataset}."""
-    say = _cusp, _boundary, _fractions, _twist, _amplitude, _beam, _fakes, _disorder, _tori
-    names = [of.__name__.removeprefix("_") for of in say]
-    return {name: f"{i}. {say[i - 1](studies[name])}" for i, name in enumerate(names, 1)}
 
 
 def _cusp(study):
@@ -131,3 +126,17 @@ def _percent(part):
 def _shares(numbers, parts):
     pairs = zip(numbers.values.tolist(), parts.values, strict=True)
     return ", ".join(f"{_percent(part)} with {number}" for number, part in pairs)
+
+
+STUDIES = {
+    "cusp": (limits.near_cusp, _cusp),
+    "boundary": (limits.past_boundary, _boundary),
+    "fractions": (limits.disguised_fractions, _fractions),
+    "twist": (limits.beyond_the_twist, _twist),
+    "amplitude": (amplitudes, _amplitude),
+    "beam": (searches.missed_survivors, _beam),
+    "fakes": (searches.fake_circles, _fakes),
+    "disorder": (searches.disordered_orbits, _disorder),
+    "tori": (tori.nearly_resonant, _tori),
+}
+"""{name: (study(quick) → Dataset, Dataset → what it found)}, in the order of their numbers."""

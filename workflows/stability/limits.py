@@ -1,7 +1,4 @@
-"""Studies of stability: at the cusp, past the breakup, at fractions, without twist.
-
-What they find is said in `workflows.stability.findings`.
-"""
+"""Studies of stability: at the cusp, past the breakup, at fractions, without twist."""
 
 import numpy as np
 

@@ -1,7 +1,4 @@
-"""Studies of stability: what beam searches miss, and what Newton's method finds in error.
-
-What they find is said in `workflows.stability.findings`.
-"""
+"""Studies of stability: what beam searches miss, and what Newton's method finds in error."""
 
 import numpy as np
 
