@@ -1,10 +1,9 @@
 """The main job: where in the (κ1, κ2) plane does global transport begin, and what breaks there?
 
-Three methods in one store and one picture (arXiv:1606.04824, Secs. V and VI): first escape times
-over the plane by direct iteration, which close in on the boundary from outside like N^(-1/3); the
-boundaries CB_ω of the paper's six circles by continuation, or by Greene's residue in a plane whose
-rays do not start at zero; and CB_gt itself on rays, bracketed
-between a certified circle and converse KAM, with the circle that is the last to break.
+Three methods in one picture (arXiv:1606.04824, Secs. V and VI): first escape times over the plane,
+which close in on the boundary from outside like N^(-1/3); the boundaries CB_ω of the paper's six
+circles by continuation, or by Greene's residue where rays do not start at zero; and CB_gt itself,
+bracketed between a certified circle and converse KAM, with the circle that is the last to break.
 """
 
 import click

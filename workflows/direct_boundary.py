@@ -1,15 +1,10 @@
 """How far outside the true boundary does direct iteration put it? Figs. 5 and 6 of the paper.
 
-On each ray κ = s·(cos φ, sin φ) the scale s_N beyond which some orbit of the ensemble leaves the
-window within N steps (arXiv:1606.04824, Sec. V.B), against the breakup s_c by residues.
-
-1. Find s_c on each ray, between a certified circle and converse KAM; see `last_barrier`.
-2. From s = 2·s_c inwards compute first escape times, thirty scales to a decade of s/s_c - 1, and
-   leave a ray at the first scale without escape. Escapes far out are quick, and scales without
-   escape, which cost M·N orbit steps each, are computed once a ray.
-3. s_N is the least scale from which on all escaped: an upper bound of s_c.
-
-The insets of Fig. 6 show how often one long orbit visits each part of the cell, at four forcings.
+On each ray the scale s_N beyond which some orbit of the ensemble leaves the window within N steps
+(arXiv:1606.04824, Sec. V.B), against the breakup s_c of `last_barrier`. From s = 2·s_c inwards
+first escape times are computed, thirty scales to a decade of s/s_c - 1, up to the first scale
+without escape: escapes far out are quick, and no escape, which costs M·N orbit steps, is met once a
+ray. The insets of Fig. 6 show how often one long orbit visits each part of the cell.
 """
 
 import click

@@ -1,10 +1,8 @@
 """How does the last barrier of a rotating map depend on its frequency Ω?
 
-On a ray of κ_n = κ̄ + Δκ cos 2π(φ0 + nΩ) (arXiv:1606.04824, Sec. VII) the scale at which the last
-circle breaks, for fractions Ω = p/q and several phases φ0, and the last torus, for irrational Ω:
-both from below, by what is certified, and from above, by converse KAM. It is the same for -Ω, so
-that Ω from 0 to 1/2 are all. Is the scale of an irrational Ω the limit of the least one, over the
-phases, of its convergents?
+On a ray of (κ̄, Δκ) (arXiv:1606.04824, Sec. VII) the scale at which the last circle breaks, for
+fractions Ω = p/q and several phases φ0, or the last torus, for irrational Ω; -Ω is as Ω. Is the
+scale of an irrational Ω the limit of the least one, over the phases, of its convergents?
 
 The default irrational numbers are [0;8,(1)], [0;5,(1)], … [0;2,(1)], [0;2,3,(1)], √5 - 2, √2 - 1,
 1 - 1/√2, π - 3, 1/e and 1 - 1/τ - 1/τ², τ the tribonacci constant.

@@ -1,10 +1,9 @@
 """How do barriers break in the rotating standard map, κ_n = κ̄ + Δκ cos 2π(φ0 + nΩ)?
 
-In the (κ̄, Δκ) plane (arXiv:1606.04824, Sec. VII, Figs. 10 and 11). T_{κ1κ2} is Ω = 1/2: its
-circles, its last barrier CB_gt, and the onset of transport by direct iteration, which lies outside
-CB_gt. Two-dimensional tori break near where the residues of long orbits grow whose rotation vectors
-approximate theirs; where that is outside CB_gt, tori outlast circles. On some rays tori of the
-tribonacci pair are certified, and others denied by converse KAM, whatever their ω.
+In the (κ̄, Δκ) plane (arXiv:1606.04824, Sec. VII, Figs. 10 and 11), where T_{κ1κ2} is Ω = 1/2: its
+circles, CB_gt, and the onset of transport by direct iteration. Two-dimensional tori break near
+where the residues of long orbits grow whose rotation vectors approximate theirs. On some rays tori
+of the tribonacci pair are certified, and others denied by converse KAM, whatever their ω.
 
 The paper's vector of 1705/3136 is the first of the defaults. 1/τ = 0.543689… and 1/τ + 1/τ² =
 0.839286…, τ the tribonacci constant, have the convergents of the other two; 2631 may be a misprint

@@ -1,8 +1,7 @@
 """Where do the barriers of three kicks outlast those of two? The rotating map with Ω = 1/3.
 
-The boundary of global transport of κ_n = κ̄ + Δκ cos 2π(φ0 + nΩ) in the (κ̄, Δκ) plane, for several
-phases φ0, against that of T_{κ1κ2}, which is Ω = 1/2 (arXiv:1606.04824, Sec. VII): from both sides,
-with the last circles.
+Their boundaries in the (κ̄, Δκ) plane for several phases φ0, against that of T_{κ1κ2}, which is
+Ω = 1/2 (arXiv:1606.04824, Sec. VII): from both sides, with the last circles.
 
 For Ω = 1/3 it is the same for φ0 + 1/3, where the kicks start one later; for -φ0, where they are
 reversed; for φ0 + 1/2 and -Δκ; and for -κ̄ and -Δκ. So all phases are those from 0 to 1/12, with

@@ -1,9 +1,8 @@
 """Where do tori of the rotating standard map with irrational Ω break, and what do they look like?
 
-κ_n = κ̄ + Δκ cos 2π(φ0 + nΩ) never repeats itself (arXiv:1606.04824, Sec. VII). Its barriers are
-tori over (θ, φ), continued here to their breakup by Newton's method and certified on finer grids:
-`lower` is where a torus exists, for all phases φ0. The default vectors are those of the tribonacci
-constant, as in the paper's Fig. 11, and of √2 and the golden mean.
+The barriers of kicks that never repeat (arXiv:1606.04824, Sec. VII) are tori over (θ, φ), continued
+here to their breakup by Newton's method and certified on finer grids. The default vectors are those
+of the tribonacci constant, as in the paper's Fig. 11, and of √2 and the golden mean.
 """
 
 from workflows.shared.cli import command, flag, parsed, real, sweeps, whole

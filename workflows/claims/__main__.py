@@ -1,8 +1,7 @@
 """What became of each claim of the paper? A page to hold beside it, and the same as tables.
 
 Claim by claim through arXiv:1606.04824: our value with its error, the verdict that a rule makes of
-it (`workflows.claims.rules`), and the command that shows it. Then the errata, measured, and the
-paper's conjecture on the envelope of all CB_ω, examined with the two-sided bracket.
+it (`claims.rules`), and the command that shows it; the errata, and the envelope of all CB_ω.
 """
 
 from workflows.shared.cli import command, real, sweeps, whole
@@ -20,8 +19,7 @@ _EXAMINED = 60  # CPU seconds of the claims that need no sweep
 def main(run, **size):
     """The paper's claims, one by one: a page, three tables and five cubes in OUT.
 
-    The defaults take some minutes on two cores; --angles 19 --tips 8 --tol 1e-3 --n-max 20000
-    --n-orbits 64 about one.
+    Some minutes on two cores; --angles 19 --tips 8 --tol 1e-3 --n-max 20000 --n-orbits 64, one.
     """
     from workflows.claims.page import contradicted, counted, write_page, write_tables
     from workflows.claims.study import examine, planned

@@ -1,9 +1,8 @@
 """How fast does each method converge, in its own measure of effort?
 
 The paper's Fig. 7, on other rays too: the boundary {n* ≤ N} of direct iteration approaches the
-breakup like N^(-1/η) (arXiv:1606.04824, Sec. V.B, with η = 2.681 and 3.322; renormalisation
-predicts 3.012), in the number of steps N and in the number of orbits M. Beside it converse KAM in
-N, Greene's residue in the period q, and certified circles in the number n of grid points.
+breakup like N^(-1/η) (arXiv:1606.04824, Sec. V.B). Beside it the number M of orbits, converse KAM
+in N, Greene's residue in the period q, and certified circles in the number n of grid points.
 """
 
 from workflows.shared.cli import command, flag, increasing, sweeps, whole

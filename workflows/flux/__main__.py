@@ -1,9 +1,8 @@
 """How much passes through the last circle once it is broken? The flux ΔW and its law.
 
-Just beyond CB_gt what is left of the last circle, a cantorus, still holds back transport: the area
-that passes in one step is the difference in action of minimax and minimizing orbits, which grows
-from 0 like (s/s_c - 1)^η, η = 3.01. An outlook of arXiv:1606.04824, Sec. VII; the method is that of
-MacKay, Meiss & Percival, Physica D 13 (1984) 55.
+Just beyond CB_gt a cantorus is left: the area that passes it in one step is the difference in
+action of minimax and minimizing orbits, and grows like (s/s_c - 1)^η, η = 3.01. An outlook of
+arXiv:1606.04824, Sec. VII, by MacKay, Meiss & Percival, Physica D 13 (1984) 55.
 """
 
 from math import ceil

@@ -1,10 +1,8 @@
 """What do the orbits look like? Phase portraits of T_{κ1κ2}, Figs. 1 and 2.
 
-Fig. 1: T_{κ1κ2} and T_{κ2κ1} beside the nonautonomous map itself (arXiv:1606.04824, Eq. (1)),
-every kick of which is seen. After an even number of kicks its orbits are those of T_{κ1κ2}, after
-an odd one those of T_{κ2κ1}, so that in one plane they cross. Fig. 2: four forcings that the
-symmetries of Sec. III take to each other, each iterated on its own from the images of the same
-starts.
+Fig. 1: T_{κ1κ2} and T_{κ2κ1} beside the nonautonomous map itself (arXiv:1606.04824, Eq. (1)), whose
+orbits are theirs after an even and an odd number of kicks. Fig. 2: four forcings that the
+symmetries of Sec. III take to each other, each iterated on its own.
 """
 
 from workflows.shared.cli import command, whole, writes

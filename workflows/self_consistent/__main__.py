@@ -1,11 +1,10 @@
 """Do barriers survive in a field that the particles make themselves? The paper's motivation.
 
 In the self-consistent map (arXiv:1606.04824, Secs. I and II; arXiv:1601.00942) strength and phase
-of the kicks are a mean field of the particles, and settle to something nearly periodic: that is
-where the nonautonomous map with its periodic strengths comes from. Here the field is computed, and
-converse KAM asks the kicks as they were recorded for barriers, and the periodic forcing that is
-fitted to them. Beside it a barrier that converse KAM cannot see, as it folds: the circle that a
-forcing which settles has in the end, pulled back to its beginning.
+of the kicks are a mean field of the particles, and settle to something nearly periodic. Converse
+KAM asks the recorded kicks for barriers, and the periodic forcing that is fitted to them. Beside it
+a barrier that converse KAM cannot see, as it folds: the circle of a forcing that settles, pulled
+back to its beginning.
 """
 
 from workflows.shared.cli import command, flag, real, whole, writes

@@ -1,14 +1,9 @@
 """Where does each method stop being right? Nine small studies of failure, in four figures.
 
-1. Next to the cusp at 45°: who still answers, and are the errors honest? 2. On either side of the
-breakup: who claims a circle, who denies it? 3. Fractions disguised as irrational, whose convergents
-are the golden mean's. 4. Beyond the end of the twist, |κ2| = 2: single kicks keep theirs, which is
-what converse KAM needs. 5. Amplitudes of circles, which Proposition 1 assumes to be below 1; a
-circle not sampled may have a larger one. 6. Survivors that the search of converse KAM misses.
-7. Fake circles of a naive Newton method, and the certificates. 8. Orbits of another order, from bad
-starts. 9. Tori of pairs next to a resonance, and past their breakup.
-
-The sentences that the command prints, with the numbers of the run, are kept as the caption.
+Next to the cusp at 45°, on either side of the breakup, at fractions disguised as irrational, beyond
+the end of the twist (single kicks keep theirs, which is what converse KAM needs), in the amplitudes
+that Proposition 1 assumes, in the searches of converse KAM and of Newton's method, and for tori
+next to a resonance. `findings` lists the studies; what they found is printed, and is the caption.
 """
 
 import click

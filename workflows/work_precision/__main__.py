@@ -2,14 +2,9 @@
 
 All answers are judged by Greene's residue with periods up to 30 000. Circles and residues need ω as
 input: that of the circle which `nasm.barriers` names as the last to break. Five rays are of two
-kicks, the sixth of three kicks, (1, 0.7, 0.3), which have no symmetry line: there is no answer by
-methods that need one.
-Seconds are CPU seconds of one thread, the median of several runs; a first run, which compiles, is
-measured apart.
-
-Single precision serves direct iteration alone, whose error, a bias, is far above rounding. All
-other methods need digits that single precision does not have: starts 10⁻¹⁶ apart, residuals of
-10⁻¹⁰, residues from 10⁻¹² on.
+kicks, the sixth of three kicks, (1, 0.7, 0.3), which have no symmetry line. Seconds are CPU seconds
+of one thread, the median of several runs; a first run, which compiles, is measured apart.
+Single precision serves direct iteration alone, whose error is far above rounding.
 """
 
 from pathlib import Path
