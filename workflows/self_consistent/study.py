@@ -38,20 +38,13 @@ def fields(couplings, particles, kicks):
     x, y = escape.ensemble(particles)
     y = BAND * (2 * y / 0.3 - 1)
 
-    weights, window = couplings / particles, (-2 - BAND, 2 + BAND)
-
-    def followed(weight):
-        return evolve(x, y, weight, AMPLITUDE, kicks)
-
+    weights, shown = couplings / particles, (x[:_SHOWN], y[:_SHOWN], (-2 - BAND, 2 + BAND))
     with ThreadPoolExecutor(os.cpu_count()) as threads:
-        runs = list(threads.map(followed, weights))
-    kappa, theta = [run.kappa for run in runs], np.unwrap([run.theta for run in runs], period=1)
-    frequency, spectra = welch(
-        np.array(kappa)[:, kicks // 2 :], nperseg=_SEGMENT, scaling="spectrum"
-    )
-    escapes = [
-        sequence.escape_time(run.kappa, run.theta, x[:_SHOWN], y[:_SHOWN], window) for run in runs
-    ]
+        runs = list(threads.map(lambda weight: evolve(x, y, weight, AMPLITUDE, kicks), weights))
+    kappa = np.array([run.kappa for run in runs])
+    theta = np.unwrap([run.theta for run in runs], period=1)
+    frequency, spectra = welch(kappa[:, kicks // 2 :], nperseg=_SEGMENT, scaling="spectrum")
+    escapes = [sequence.escape_time(run.kappa, run.theta, *shown) for run in runs]
     change = [
         momentum(run.y, weight, run.kappa[-1]) - momentum(y, weight, AMPLITUDE)
         for run, weight in zip(runs, weights, strict=True)
@@ -60,6 +53,7 @@ def fields(couplings, particles, kicks):
     per_kick, per_particle = ("coupling", "kick"), ("coupling", "particle")
     escaped = "kick after which the first particle is 2 further in y"
     spectrum = "power of κ_n in the second half of the kicks"
+    conserved = "change of 2π Σγy + κ²/2, which is conserved"
     return dataset(
         "The self-consistent map",
         {
@@ -75,11 +69,7 @@ def fields(couplings, particles, kicks):
             "x": (per_particle, from_phase, "x - θ mod 1 after the last kick"),
             "y": (per_particle, [run.y[:_SHOWN] for run in runs], "y after it"),
             "escape": ("coupling", np.min(escapes, axis=1), escaped),
-            "momentum_change": (
-                "coupling",
-                np.abs(change),
-                "change of 2π Σγy + κ²/2, which is conserved",
-            ),
+            "momentum_change": ("coupling", np.abs(change), conserved),
         },
         {"source": "arXiv:1601.00942; nasm/self_consistent.py"},
     )
@@ -135,16 +125,9 @@ def verdicts(fields):
     for name, values in zip("xy", np.stack(orbits, axis=1) % 1, strict=True):
         words = f"{name} of the longest-lived start's orbit, from the wave's"
         variables[name] = ("coupling", "step"), values, words
-    return dataset(
-        "Barriers in the recorded field",
-        {"coupling": fields.coupling},
-        variables,
-        {
-            "source": "nasm/converse_kam/sequence.py",
-            "asked": half // 2,
-            "horizon": sequence.HORIZON,
-        },
-    )
+    asked = {"asked": half // 2, "horizon": sequence.HORIZON}
+    coords = {"coupling": fields.coupling}
+    return dataset("Barriers in the recorded field", coords, variables, asked)
 
 
 def _orbit(kappa, theta, site, x, y, life, drift):

@@ -101,18 +101,14 @@ def field_found(field):
         here = times.sel(ensemble=size)
         shares = [f"{100 * float((here <= n).mean()):.1f}% within {n}" for n in steps]
         parts.append(f"of {size} orbits in {' and '.join(shares)}")
-    names, first = plane_of(field.attrs).axes, float(times.min())
-    names = ("κ1", "κ2") if plane_of(field.attrs) == two_kicks() else names
+    plane, first = plane_of(field.attrs), float(times.min())
+    names = ("κ1", "κ2") if plane == two_kicks() else plane.axes
+    ends = (field[f"{dim}_bounds"].values for dim in times.dims[:0:-1])
     ranges = ", ".join(
-        f"{n} = {_ends(times[dim])}" for n, dim in zip(names, times.dims[:0:-1], strict=True)
+        f"{n} = {e.min():.3g} to {e.max():.3g}" for n, e in zip(names, ends, strict=True)
     )
     return (
         f"Some orbit escapes, which is global transport, in these parts of the plane {ranges}: "
         f"{'; '.join(parts)} steps. The earliest escape takes {first:g} steps. Where no orbit "
         "escapes nothing is shown: with more steps the boundary moves inwards like N^(-1/3)."
     )
-
-
-def _ends(axis):
-    half = float(axis[1] - axis[0]) / 2
-    return f"{float(axis[0]) - half:.3g} to {float(axis[-1]) + half:.3g}"

@@ -31,8 +31,9 @@ def main(run, full, only, ray):
     The defaults take about a minute and a half, on one core.
     """
     from nasm.proofs.barrier import need_flint
+    from workflows.figures.style import names_of
     from workflows.figures.work_precision import draw_work_precision
-    from workflows.work_precision.measure import cells, fastest, measure, plan, table
+    from workflows.work_precision.measure import fastest, measure, plan, table
 
     only = tuple(dict.fromkeys(only))
     try:
@@ -44,8 +45,8 @@ def main(run, full, only, ray):
         cube = plan(list(dict.fromkeys(ray)), only, not full)
         run.check(cube)
         data = run.keep(cube.name, measure(cube.template, only), **cube.settings)
-        path = run.path("tables", "work_precision.csv")
-        cells(data).to_csv(path, index=False, float_format="%.6g")
+        named = data.assign_coords({key: names_of(data[key]) for key in ("ray", "method")})
+        run.table("work_precision", named[["effort", "cpu_seconds", "error", "estimated_error"]])
         path = run.path("tables", "work_precision.md")
         Path(path).write_text(f"{table(data)}\n", encoding="utf-8")
         run.figure("work_precision", draw_work_precision(data), fastest(data))

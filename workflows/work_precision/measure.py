@@ -165,12 +165,3 @@ def table(data):
         law = f"{names_of(data.method, 'efforts')[i]}^{slope:.2f}" if abs(slope) > 0.1 else "–"
         lines.append(f"| {label} | {' | '.join(cells)} | {law} |")
     return "\n".join(lines)
-
-
-def cells(data):
-    """Return a DataFrame of all runs, a row each."""
-    table = data[["effort", "cpu_seconds", "error", "estimated_error"]].to_dataframe()
-    table = table.dropna(subset=["cpu_seconds"]).reset_index()
-    for key in ("names", "efforts"):
-        table[key] = [names_of(data.method, key)[i] for i in table.method]
-    return table
