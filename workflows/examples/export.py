@@ -12,27 +12,20 @@ from pathlib import Path
 
 import xarray as xr
 
-name = sys.argv[2] if len(sys.argv) > 2 else "barrier"
-if len(sys.argv) < 2 or not Path(sys.argv[1], f"{name}.zarr").is_dir():
-    there = sorted(path.stem for out in sys.argv[1:2] for path in Path(out).glob("*.zarr"))
-    missing = [f"{out} has no cube {name}.zarr, but {there}" for out in sys.argv[1:2]]
-    print(__doc__, *missing, sep="\n", file=sys.stderr)
-    sys.exit(2)
-out = Path(sys.argv[1])
+out, name = Path(*sys.argv[1:2]), (sys.argv[2:] or ["barrier"])[0]
+if not (out / f"{name}.zarr").is_dir():
+    there = sorted(path.stem for path in out.glob("*.zarr"))
+    sys.exit(f"{__doc__}\n{out} has no cube {name}.zarr, but {there}")
 cube = xr.open_zarr(out / f"{name}.zarr", chunks=None).load()
 
 # %% netCDF.
-outcomes = {
-    key: dict(zip(codes.flag_values, codes.flag_meanings.split(), strict=True))
-    for key, codes in cube.data_vars.items()
-    if "flag_meanings" in codes.attrs
-}
 cube.to_netcdf(out / f"{name}.nc", engine="scipy")
 
 # %% One row for each cell; partial quotients of ω and bounds of cells are left to netCDF.
 table = cube.drop_dims(["quotient", "bound"], errors="ignore").to_dataframe()
-for key, words in outcomes.items():
-    table[key] = table[key].map(words)
+for key in table:
+    if words := cube[key].attrs.get("flag_meanings", "").split():
+        table[key] = table[key].map(dict(zip(cube[key].flag_values, words, strict=True)))
 table.to_csv(out / f"{name}.csv")
 print(f"{out}/{name}.nc, {out}/{name}.csv: {len(table)} rows, {', '.join(cube.data_vars)}")
 

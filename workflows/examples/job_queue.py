@@ -36,8 +36,7 @@ export NUMBA_CACHE_DIR=$here
 
 # %% A scheduler that speaks TLS, as whoever reaches it can have anything executed; then the jobs.
 if len(sys.argv) < 2:
-    print(__doc__, file=sys.stderr)
-    sys.exit(2)
+    sys.exit(__doc__)
 workflow, *options = sys.argv[1:]
 with TemporaryDirectory(dir=SHARED, prefix=".queue-") as folder:
     file, pem = Path(folder) / "scheduler.json", Path(folder) / "cluster.pem"

@@ -20,9 +20,7 @@ n = int(str(last)) if str(last).isdigit() else None
 directories += [last] if n is None else []
 missing = [out for out in directories if not (out / "escape.zarr").is_dir()]
 if len(directories) < 2 or missing:
-    words = [f"{out} has no cube escape.zarr" for out in missing]
-    print(__doc__, *words, sep="\n", file=sys.stderr)
-    sys.exit(2)
+    sys.exit("\n".join([__doc__, *(f"{out} has no cube escape.zarr" for out in missing)]))
 
 
 def width(cube, name):

@@ -7,6 +7,7 @@ from itertools import product
 
 import numpy as np
 import xarray as xr
+from pandas import Index
 
 from nasm import orbits
 from nasm.planes import plane_of, two_kicks
@@ -35,13 +36,13 @@ def bias_job(scales, sizes, n_max):
 
 
 def boundary_job(barrier, n_max, n_orbits):
-    """Return the job of `direct_boundary`: one ensemble, thirty excesses a decade from 1%."""
-    scales = dict(zip(barrier.angle.values.tolist(), barrier.critical_scale.values, strict=True))
-    return _boundary_job(plane_of(barrier.attrs), scales, n_max, n_orbits)
+    """Return the job of `direct_boundary` on the rays of `barrier`, in the plane of its attributes.
 
-
-def _boundary_job(plane, scales, n_max, n_orbits):
+    One ensemble, thirty excesses a decade from 1%.
+    """
+    scales = barrier.critical_scale.to_series().to_dict()
     excesses = np.geomspace(0.01, 1, 61)
+    plane = plane_of(barrier.attrs)
     return escape_times("direct_boundary", plane, scales, excesses, [n_orbits], n_max)
 
 
@@ -62,7 +63,8 @@ def foreseen(plane, angles, n_max, n_orbits):
 
     By the law that the bias of direct iteration falls like N^(-1/3).
     """
-    cube = (job := _boundary_job(plane, dict.fromkeys(angles, 1.0), n_max, n_orbits)).cube
+    ones = xr.DataArray(np.ones(len(angles)), {"angle": angles}, name="critical_scale")
+    cube = (job := boundary_job(ones.to_dataset().assign_attrs(plane.record), n_max, n_orbits)).cube
     steps = steps_beyond(cube.template.excess.values)
     first = np.flatnonzero(steps >= n_max)[-1:].sum()  # of the excesses at which none escapes
     sizes = cube.sizes["angle"], range(int(first), cube.sizes["excess"])
@@ -139,20 +141,14 @@ def asymmetry(angle, scale, times):
         ("swap", (90 - angle) % 180, "that of the image in κ1 ↔ κ2"),
         ("mirror", 180 - angle, "that of the image in κ1 → -κ1"),
     ):
-        other = _of_images(scale, angle, image)
-        apart = 2 * (scale - other) / (scale + other)
-        ratio = np.log(times / _of_images(times.T, angle, image).T)
+        there = Index(angle).get_indexer(image.round(9))
+        alone = (there < 0) | (there == np.arange(angle.size))
+        other, later = (np.where(alone, np.nan, v[..., there]) for v in (scale, times.T))
+        apart, ratio = 2 * (scale - other) / (scale + other), np.log(times / later.T)
         label = f"critical_scale less {words}, in parts of their mean"
         variables[name] = ("n", "angle"), apart, label
         variables[f"{name}_times"] = ("angle", "excess"), ratio, f"ln of n* over {words}"
     return variables
-
-
-def _of_images(values, angle, image):
-    """Pick the values, with angles along the last axis, of the rays at the angles `image`."""
-    place = {degrees: i for i, degrees in enumerate(angle.tolist())}
-    there = np.array([place.get(degrees, -1) for degrees in image.round(9).tolist()])
-    return np.where((there < 0) | (there == np.arange(angle.size)), np.nan, values[..., there])
 
 
 def insets_dataset():
@@ -167,13 +163,10 @@ def insets_dataset():
         lowest.append(y.min())
         highest.append(y.max())
     centres = (np.arange(_PIXELS) + 0.5) / _PIXELS
+    cells = {"y": (centres, "y mod 1"), "x": (centres, "x mod 1")}
     return dataset(
         "Visits of one orbit to the parts of the cell",
-        {
-            "forcing": (range(len(INSETS)), "forcing"),
-            "y": (centres, "y mod 1"),
-            "x": (centres, "x mod 1"),
-        },
+        {"forcing": (range(len(INSETS)), "forcing"), **cells},
         {
             "visits": (("forcing", "y", "x"), np.stack(visits), "points of the orbit"),
             **strengths("forcing", *np.transpose(INSETS)),

@@ -74,9 +74,7 @@ def timed(run, *arguments):
 def measure(blank, names):
     """Fill the Dataset of `plan` with all numbers, and print the progress."""
     data = blank.copy(deep=True)
-    rows = {name: [] for name in names}
-    for row, (name, _) in enumerate(answers(names)):
-        rows[name].append(row)
+    rows = {n: [i for i, (of, _) in enumerate(answers(names)) if of == n] for n in names}
     for name, here in rows.items():  # kernels that methods share are compiled by the first of them
         start = thread_time()
         METHODS[name].run(Ray(PROFILES["0"], parse("gamma"), 0.48, nan), METHODS[name].efforts[0])
