@@ -12,11 +12,9 @@ import dask.array
 import numpy as np
 import pytest
 import toy
+import xarray as xr
 
-from nasm.planes import two_kicks
 from pipeline import store
-from pipeline.cubes import escape
-from pipeline.sweep.grid import Axis
 
 HERE = Path(__file__).parent
 CUBES = HERE.parent / "workflows" / "examples" / "cubes.ipynb"
@@ -70,20 +68,17 @@ def written_field(out, cells):
 
     Returns how many cells of the last ensemble have each escape time.
     """
-    axis = Axis(0, 1, cells)
-    cube = escape.over_plane(
-        "escape", two_kicks(), (axis, axis), [10, 100, 1000, 10_000], 1000, 64
-    ).cube
-    last = np.ceil(5 / (1e-3 + np.add.outer(axis.centres, axis.centres) ** 3))
+    axis = (np.arange(cells) + 0.5) / cells
+    last = np.ceil(5 / (1e-3 + np.add.outer(axis, axis) ** 3))
     counts = np.bincount(np.minimum(last, 1001).astype(int).ravel(), minlength=1002)
     last[last > 1000] = np.inf
     last = dask.array.from_array(last, chunks=64)
     times = dask.array.stack([8 * last] * 3 + [last]).rechunk((4, 64, 64))
-    template = cube.template
-    template["escape_time"] = template.escape_time.dims, times
+    variables = {"escape_time": (("ensemble", "kappa2", "kappa1"), times)}
+    field = xr.Dataset(variables, {"kappa1": axis, "kappa2": axis}, {"n_max": 1000})
     # Not by way of a cluster that another file's tests have left as the default.
     with dask.config.set(scheduler="threads"):
-        template.assign_attrs(cube.settings).to_zarr(f"{out}/escape.zarr", consolidated=False)
+        field.to_zarr(f"{out}/escape.zarr", consolidated=False)
     return counts
 
 
@@ -95,20 +90,20 @@ resource.setrlimit(resource.RLIMIT_DATA, ({limit}, {limit}))
 """
 
 
-def run_limited(here, limit, statement):
-    """Run a statement in a process of its own that cannot hold more bytes than the limit."""
-    program = [sys.executable, "-c", _LIMITED.format(limit=limit, statement=statement)]
-    return subprocess.run(program, cwd=here, capture_output=True, text=True)
-
-
 @pytest.mark.slow
 def test_a_field_larger_than_the_memory_is_analysed_by_blocks(tmp_path):
-    cells, limit = 4096, 400_000_000
+    cells = 4096
     times = written_field(tmp_path / "out", cells)
+
+    def limited(statement):
+        """Run it in a process of its own that cannot hold the field."""
+        code = _LIMITED.format(limit=400_000_000, statement=statement)
+        program = [sys.executable, "-c", code]
+        return subprocess.run(program, cwd=tmp_path, capture_output=True, text=True)
+
     whole = 'xarray.open_zarr("out/escape.zarr").escape_time.values'
-    assert "MemoryError" in run_limited(tmp_path, limit, whole).stderr
-    by_blocks = "".join(json.loads(CUBES.read_text(encoding="utf-8"))["cells"][-1]["source"])
-    last = run_limited(tmp_path, limit, by_blocks)
+    assert "MemoryError" in limited(whole).stderr
+    last = limited("".join(json.loads(CUBES.read_text(encoding="utf-8"))["cells"][-1]["source"]))
     assert last.returncode == 0, last.stderr
     found = re.findall(r"^(\d+) +([\d.]+)$", last.stdout, re.MULTILINE)
     assert len(found) == 9

@@ -210,30 +210,20 @@ def test_files_of_somebody_else_are_no_tiles_whatever_their_times(on_disk):
     assert missing(on_disk, toy.cube()) == {(1, 1)}
 
 
-def test_a_cube_of_other_settings_is_refused_and_nothing_is_touched(place):
-    plan = toy.cube(depth=1)
+def test_other_settings_or_mathematics_are_refused_and_a_complete_cube_needs_none(place):
+    plan, unlike = toy.cube(depth=1), "coordinates, tiles or variables differ"
     fill(place, plan, [(0, 0)])
     before = contents(place)
-    store.check(place, plan, US)
     store.create(place, plan, US)
-    for other, told in (
-        (toy.cube(depth=2), "depth is 1, not 2"),
-        (toy.cube(rows=11, depth=1), "coordinates, tiles or variables differ"),
-        (toy.cube(tile=4, depth=1), "coordinates, tiles or variables differ"),
+    for other, by, told in (
+        (toy.cube(depth=2), US, "depth is 1, not 2"),
+        (toy.cube(rows=11, depth=1), US, unlike),
+        (toy.cube(tile=4, depth=1), US, unlike),
+        (plan, "mathematics 2", "by mathematics 1; this is mathematics 2"),
     ):
-        for refuse in (store.check, store.create, store.replace):
+        for refuse in (store.check, store.create):
             with pytest.raises(store.Refused, match=told):
-                refuse(place, other, US)
-    assert contents(place) == before
-
-
-def test_other_mathematics_adds_no_tile_and_a_complete_cube_needs_none(place):
-    plan = toy.cube()
-    fill(place, plan, [(0, 0)])
-    before = contents(place)
-    for refuse in (store.check, store.create):
-        with pytest.raises(store.Refused, match="by mathematics 1; this is mathematics 2"):
-            refuse(place, plan, "mathematics 2")
+                refuse(place, other, by)
     assert contents(place) == before
     fill(place, plan)
     store.create(place, plan, "mathematics 2")
@@ -272,15 +262,6 @@ def test_of_many_that_make_a_cube_at_once_one_wins(place):
     assert len(won) == 1
     assert store.read(place, "toy").attrs["depth"] == won[0]
     assert fill(place, toy.cube(depth=won[0])) == 20
-
-
-def test_a_worker_sees_the_cube_of_the_driver_and_no_other(place, tmp_path):
-    plan = toy.cube(depth=1)
-    assert not store.sees(place, "toy", plan.config_hash)
-    store.create(place, plan, US)
-    assert store.sees(place, "toy", plan.config_hash)
-    assert not store.sees(place, "toy", toy.cube(depth=2).config_hash)
-    assert not store.sees(store.place_of(tmp_path / "elsewhere"), "toy", plan.config_hash)
 
 
 def of_another_program(place, zarr_format=3):
@@ -415,16 +396,14 @@ def test_a_cube_that_is_away_is_not_made_anew_by_a_worker(on_disk, tmp_path):
 def test_a_chunk_of_another_tile_or_cube_is_found_though_it_is_sound(place, tmp_path):
     plan, other = toy.cube(), directory(tmp_path / "other")
     fill(place, plan)
-    store.create(other, toy.cube(depth=2), US)
-    store.commit(other, "toy", (3, 0), arrays(plan, (3, 0)), 0.25)
+    fill(other, toy.cube(depth=2), [(3, 0)])
+    chunks = {f"{COMMIT}/c/0/3/0": get(other, f"toy.zarr/{COMMIT}/c/0/3/0")}
     moved = {"wave/c/0/0/1": "wave/c/0/1/0", "wave/c/0/1/0": "wave/c/0/0/1"}  # one variable of two
-    whole = {"wave/c/0/2/1": "wave/c/0/2/2", "sign/c/2/1": "sign/c/2/2"}
-    moved |= {**whole, f"{COMMIT}/c/0/2/1": f"{COMMIT}/c/0/2/2"}  # a tile and its record
-    data = {to: get(place, f"toy.zarr/{key}") for key, to in moved.items()}
-    data[f"{COMMIT}/c/0/3/0"] = get(other, f"toy.zarr/{COMMIT}/c/0/3/0")
-    for key, chunk in data.items():
+    for key in ("wave/c/0/2/", "sign/c/2/", f"{COMMIT}/c/0/2/"):  # a tile and its record
+        moved[f"{key}1"] = f"{key}2"
+    chunks |= {to: get(place, f"toy.zarr/{key}") for key, to in moved.items()}
+    for key, chunk in chunks.items():
         put(place, f"toy.zarr/{key}", chunk)
-    assert not np.array_equal(store.read(place, "toy").wave, toy.serial(plan)["wave"])
     found = dict(store.verify(place, "toy", repair=True))
     words = "its data are not those that were committed"
     assert found == dict.fromkeys([(0, 1), (1, 0), (2, 2), (3, 0)], words)
@@ -469,34 +448,24 @@ def test_a_cube_that_is_replaced_is_the_new_one_and_leaves_others_alone(place):
     assert store.names(place) == ["squares", "toy"]
 
 
-@pytest.mark.parametrize("n", thirds(range(5)))
-def test_a_cube_whose_replacement_was_cut_off_is_not_there_until_the_next_run(
-    on_disk, monkeypatch, n
+WHOLE = [("zarr.json", b""), ("zarr.json", "map"), ("square/zarr.json", b"{")]
+WHOLE += [("square/c/0", b"1234567890123456"), ("x/c/0", None)]
+
+
+@pytest.mark.parametrize("case", thirds([*WHOLE, *range(5)]))
+def test_a_cube_written_whole_that_is_damaged_or_was_cut_off_is_written_anew(
+    on_disk, monkeypatch, case
 ):
     store.replace(on_disk, squares(1), US)
-    with killed_at_put(monkeypatch, n):
-        store.replace(on_disk, squares(2), US)
-    with pytest.raises(store.StoreFailed):
-        store.read(on_disk, "squares")
-    store.replace(on_disk, squares(2), US)
-    assert np.array_equal(store.read(on_disk, "squares").square, 2 * np.arange(5.0) ** 2)
-    assert list(store.verify(on_disk, "squares")) == []
-
-
-WHOLE = [("zarr.json", None), ("zarr.json", b""), ("zarr.json", b"1234567890123456")]
-WHOLE += [("square/zarr.json", b"{"), ("square/c/0", b"1234567890123456"), ("x/c/0", None)]
-WHOLE += [("zarr.json", "map")]
-
-
-@pytest.mark.parametrize("case", thirds(WHOLE))
-def test_a_damaged_cube_that_was_written_whole_is_found_and_written_anew(on_disk, case):
-    key, lost = case
-    store.replace(on_disk, squares(1), US)
-    before = get(on_disk, f"squares.zarr/{key}")
-    put(on_disk, f"squares.zarr/{key}", before.replace(*CHANGED[lost]) if lost == "map" else lost)
+    if isinstance(case, int):
+        with killed_at_put(monkeypatch, case):
+            store.replace(on_disk, squares(2), US)
+        with pytest.raises(store.StoreFailed):
+            store.read(on_disk, "squares")
+    else:
+        key, lost = f"squares.zarr/{case[0]}", case[1]
+        put(on_disk, key, get(on_disk, key).replace(*CHANGED["map"]) if lost == "map" else lost)
     assert {index for index, _ in store.verify(on_disk, "squares")} == {()}
-    if (key, lost) == ("zarr.json", b"1234567890123456"):  # it might be somebody else's
-        put(on_disk, f"squares.zarr/{key}", None)
     store.replace(on_disk, squares(1), US)
     assert np.array_equal(store.read(on_disk, "squares").square, np.arange(5.0) ** 2)
     assert list(store.verify(on_disk, "squares")) == []

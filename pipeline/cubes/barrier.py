@@ -118,17 +118,13 @@ def unfolded(barrier, angles):
 def exact_circles(cube, shifts):
     """List the exact texts of the last circles' ω in a cube, or of `shift` - ω where that is not 0;
     "" where none is named."""
-    quotients, tails = cube.quotients.values.T.tolist(), cube.tail_length.values.tolist()
-    return list(map(_circle, quotients, tails, shifts))
-
-
-def _circle(quotients, tail_length, shift):
-    """Return the text of a rotation number from its entries in the cube, "" if it has none."""
-    quotients = np.trim_zeros(quotients, "b")
-    if not quotients:
-        return ""
-    omega = RotationNumber(tuple(quotients[:-tail_length]), tuple(quotients[-tail_length:]))
-    return str(moebius(omega, -1, shift) if shift else omega)
+    circles = []
+    entries = cube.quotients.values.T.tolist(), cube.tail_length.values.tolist(), shifts
+    for quotients, length, shift in zip(*entries, strict=True):
+        quotients = tuple(np.trim_zeros(quotients, "b"))
+        omega = quotients and RotationNumber(quotients[:-length], quotients[-length:])
+        circles.append(str(moebius(omega, -1, shift) if omega and shift else omega or ""))
+    return circles
 
 
 def tie(plane, circle, angle, scale):
@@ -166,17 +162,17 @@ def uncertified(tile, certificates):
             rays.setdefault(kappa, []).append(of_certificate(certificate, "scales"))
         else:
             claimed.add((certificate["shortened_from"].get("omega"), kappa))
-    tile = tile.load()
-    for i, profile in enumerate(plane_of(tile.attrs).ray(tile.angle.values)[1]):
-        here = tile.isel(angle=i)
+    circles, profiles = exact_circles(tile.load(), [0] * tile.angle.size), plane_of(tile.attrs).ray
+    for i, (circle, profile) in enumerate(
+        zip(circles, profiles(tile.angle.values)[1], strict=True)
+    ):
+        here, at = tile.isel(angle=i), f"at {float(tile.angle[i]):g} degrees"
         if float(here.proved_below) > covered(rays.get(tuple(profile.tolist()), [])):
-            return f"proved_below at {float(here.angle):g} degrees has no certificates"
-        circle = _circle(here.quotients.values.tolist(), int(here.tail_length), 0)
-        sides = ("proved_lower", circle), ("proved_upper", None)
-        for side, omega in sides:
+            return f"proved_below {at} has no certificates"
+        for side, omega in (("proved_lower", circle), ("proved_upper", None)):
             scale = float(here[side])
             if scale > 0 and (omega, tuple((scale * profile).tolist())) not in claimed:
-                return f"{side} at {float(here.angle):g} degrees has no certificate"
+                return f"{side} {at} has no certificate"
     return ""
 
 

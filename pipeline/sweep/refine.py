@@ -51,13 +51,9 @@ def compose(levels):
 
 def boundary_cells(answers):
     """Mark the cells (rows, columns) with a neighbour, of eight, that answers differently."""
-    rows = np.pad(answers, [(0, 0), (1, 1), (0, 0)], mode="edge")
-    some = rows[:, :-2] | rows[:, 1:-1] | rows[:, 2:]
-    every = rows[:, :-2] & rows[:, 1:-1] & rows[:, 2:]
-    some, every = (np.pad(x, [(0, 0), (0, 0), (1, 1)], mode="edge") for x in (some, every))
-    some = some[..., :-2] | some[..., 1:-1] | some[..., 2:]
-    every = every[..., :-2] & every[..., 1:-1] & every[..., 2:]
-    return (some & ~every).any(axis=0)
+    padded, (rows, columns) = np.pad(answers, [(0, 0), (1, 1), (1, 1)], "edge"), answers.shape[1:]
+    around = [padded[:, i : i + rows, j : j + columns] for i, j in np.ndindex(3, 3)]
+    return np.any([neighbours != answers for neighbours in around], axis=(0, 1))
 
 
 def tiles_at(cells, tile):
