@@ -62,8 +62,8 @@ def proved_barrier(plane, angles, seconds):
     proved bounds depend on the machine's speed; each of them holds.
     """
     plane.rays_start_at_zero("a proof")
-    job = last_barrier(plane, angles, 1e-4)
-    cube, on_ray = job.cube, {"angle": job.cube.template.angle}
+    cube = last_barrier(plane, angles, 1e-4).cube
+    on_ray = {"angle": cube.template.angle}
     here = "at exactly this forcing; nothing is proved by that of smaller scales"
     template = cube.template.assign(
         proved_below=blank(on_ray, "scale up to which a barrier is proved to exist on all the ray"),
@@ -162,14 +162,12 @@ def uncertified(tile, certificates):
             rays.setdefault(kappa, []).append(of_certificate(certificate, "scales"))
         else:
             claimed.add((certificate["shortened_from"].get("omega"), kappa))
-    circles, profiles = exact_circles(tile.load(), [0] * tile.angle.size), plane_of(tile.attrs).ray
-    for i, (circle, profile) in enumerate(
-        zip(circles, profiles(tile.angle.values)[1], strict=True)
-    ):
+    circles = exact_circles(tile.load(), [0] * tile.angle.size)
+    for i, profile in enumerate(plane_of(tile.attrs).ray(tile.angle.values)[1]):
         here, at = tile.isel(angle=i), f"at {float(tile.angle[i]):g} degrees"
         if float(here.proved_below) > covered(rays.get(tuple(profile.tolist()), [])):
             return f"proved_below {at} has no certificates"
-        for side, omega in (("proved_lower", circle), ("proved_upper", None)):
+        for side, omega in (("proved_lower", circles[i]), ("proved_upper", None)):
             scale = float(here[side])
             if scale > 0 and (omega, tuple((scale * profile).tolist())) not in claimed:
                 return f"{side} {at} has no certificate"

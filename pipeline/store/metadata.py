@@ -120,12 +120,16 @@ def _check_settings(place, cube):
     found = [attributes for attributes in found if attributes]
     decisive = {"config_hash": cube.config_hash, "store_format": FORMAT}.items()
     ours = [attributes for attributes in found if decisive <= attributes.items()]
-    if ours[1:] and ours[0] != ours[1] and not _is_sealed(cube, ours[0]):  # that was changed
-        return ours[1]
+    if ours[1:] and ours[0] != ours[1]:  # one was changed, and has not its checksum
+        root = json.loads(_empty_files(cube, ours[0])[_key(cube.name)])
+        return ours[not ours[0].items() <= root["attributes"].items()]
     if ours:
         return ours[0]
     if not found:
-        if _is_anothers(place, cube.name):
+        with suppress(ValueError, RecursionError):
+            if json.loads(place.read(_key(cube.name))):  # by another program, in zarr 3 or 2
+                raise _not_ours(place, cube.name)
+        if any(place.read(f"{cube.name}.zarr/{key}") for key in (".zgroup", ".zarray")):
             raise _not_ours(place, cube.name)
         return {}
     theirs = found[0]
@@ -156,12 +160,6 @@ def _attributes(place, key):
     return {}
 
 
-def _is_sealed(cube, attributes):
-    """Whether these attributes are those that have their checksum."""
-    root = json.loads(_empty_files(cube, attributes)[_key(cube.name)])
-    return root["attributes"].items() >= attributes.items()
-
-
 def _left_over(place, cube, computed_by):
     """Look at tiles without metadata, which workers write after the cube was deleted under way.
 
@@ -185,14 +183,6 @@ def _left_over(place, cube, computed_by):
 def _not_ours(place, name):
     words = "is not a cube of this program, or its metadata are lost; delete it, or choose"
     return Refused(f"{place.cube(name)} {words} another --out or --store")
-
-
-def _is_anothers(place, name):
-    """Whether there is what another program has made with zarr, version 2 or 3."""
-    with suppress(ValueError, RecursionError):
-        if json.loads(place.read(_key(name))):
-            return True
-    return any(place.read(f"{name}.zarr/{key}") for key in (".zgroup", ".zarray"))
 
 
 def _key(name, array=""):

@@ -153,12 +153,8 @@ def commit(place, name, index, arrays, seconds):
             known[key].set_block_selection(chunk, values)
 
 
-def certificates_of(place, name, index):
-    """The bytes that were committed with a tile as its certificates; empty if there are none."""
-    return place.read(certificates_key(name, index))
-
-
 def certificates_key(name, index):
+    """Key of the bytes that were committed with a tile as its certificates; empty if none were."""
     return f"{CERTIFICATES}/{name}/{'.'.join(map(str, index))}.json.xz"
 
 
@@ -218,11 +214,6 @@ def record_failure(place, name, index, reason):
     _stands(place, name)
     place.write(failure_key(name, index), line.encode(errors="replace"))
     return line
-
-
-def record_wanted(place, name, number):
-    """Write how many tiles of the cube, done or not, are wanted so far, for `status`."""
-    place.write(wanted_key(name), str(number).encode())
 
 
 def wanted_key(name):

@@ -76,7 +76,7 @@ def sweep(client, place, job, progress, wanted=None):
     if wanted is not None:
         done = prod(store.tile_counts(job.cube)) - len(tiles)
         tiles = tiles[[tuple(index) in wanted for index in tiles.tolist()]]
-        store.record_wanted(place, name, done + len(tiles))
+        place.write(store.wanted_key(name), str(done + len(tiles)).encode())
     if not len(tiles):
         return Outcome(0, {}, False, 0)
     client = client()
@@ -88,19 +88,13 @@ def sweep(client, place, job, progress, wanted=None):
             if all(run.compute(alone, interrupt, progress) for _ in range(_ATTEMPTS_ALONE)):
                 index, words = tuple(tiles[tile].tolist()), "its worker died each time, also alone"
                 run.failed[index] = store.record_failure(place, name, index, words)
-    if not interrupt.is_set():
-        _look_again(place, job.cube, tiles, run.failed)
+    if not interrupt.is_set():  # a disk was away, or somebody deletes
+        absent = np.zeros(store.tile_counts(job.cube), dtype=bool)
+        absent[*store.missing(place, job.cube).T] = True
+        absent[*np.array([*run.failed], int).reshape(-1, absent.ndim).T] = False
+        if gone := absent[*tiles.T].sum():
+            raise store.StoreFailed(f"{place.cube(name)}: {gone} tiles that were written are gone")
     return Outcome(run.committed, run.failed, interrupt.is_set(), len(tiles) - run.committed)
-
-
-def _look_again(place, cube, tiles, failed):
-    """StoreFailed if tiles that were written are missing: a disk was away, or somebody deletes."""
-    absent = np.zeros(store.tile_counts(cube), dtype=bool)
-    absent[*store.missing(place, cube).T] = True
-    for index in failed:
-        absent[index] = False
-    if gone := absent[*tiles.T].sum():
-        raise store.StoreFailed(f"{place.cube(cube.name)}: {gone} tiles that were written are gone")
 
 
 class _Run:
@@ -173,10 +167,7 @@ class _Run:
         self.client.retire_workers([address])
 
     def ended(self, work, next_batch):
-        """Have workers do `work` with batches until next_batch() is None.
-
-        Yields (batch, result or exception) of each when it has ended.
-        """
+        """Have workers do `work` with batches until next_batch() is None; as `submit.ended`."""
 
         def run(work, parcel):  # a nested function is sent whole: the package may be missing there
             try:
@@ -200,10 +191,7 @@ def _parcel(cube, indices):
 
 
 def _compute_batch(place, name, config_hash, settings, computed_by, warm_up, compute, parcel):
-    """On a worker: compute and commit each tile.
-
-    Returns {index: what went wrong}, or (address, complaint) of a worker that is not fit.
-    """
+    """Compute and commit tiles on a worker: {index: what went wrong}, or (address, complaint)."""
     if complaint := _complaint(place, name, config_hash, computed_by):
         return get_worker().address, complaint
     _called_once(warm_up)
@@ -247,10 +235,7 @@ def _predict_batch(predict, settings, parcel):
 
 
 def _pack(costs, n_workers):
-    """Yield batches of tiles, the most expensive first; cheap ones together.
-
-    One driver keeps all workers busy: the more there are, the longer a batch.
-    """
+    """Yield batches of tiles, the most expensive first; cheap ones together."""
     order = np.argsort(-costs, kind="stable")
     ends = np.cumsum(costs[order] + _COMMIT)
     first = gone = 0

@@ -28,7 +28,7 @@ def verify_proofs(place, longest, repair):
         tiles, bad = {}, {}
         for index, tile in store.tiles_of(place, name):
             try:
-                certificates = unpacked(store.certificates_of(place, name, index))
+                certificates = unpacked(place.read(store.certificates_key(name, index)))
                 if what := _CUBES[name](tile, certificates):
                     bad[index] = what
                 elif certificates:
@@ -42,7 +42,7 @@ def verify_proofs(place, longest, repair):
         with Progress(f"{name}: certificates", sys.stderr) as progress:
             progress.begin(len(tiles), sum(short))
             for index, of_tile in tiles.items():
-                certificates = unpacked(store.certificates_of(place, name, index))
+                certificates = unpacked(place.read(store.certificates_key(name, index)))
                 for certificate, seconds in zip(certificates, of_tile, strict=True):
                     if seconds <= longest:
                         try:
