@@ -10,7 +10,7 @@ The default irrational numbers are [0;8,(1)], [0;5,(1)], … [0;2,(1)], [0;2,3,(
 
 from fractions import Fraction
 
-from workflows.shared.cli import command, flag, real, several, sweeps, whole
+from workflows.shared.cli import command, preset, real, several, sweeps, whole
 
 IRRATIONAL = (
     *("0.11603574565909282", "0.14159265358979312", "0.16071324478583876", "0.1779982111184266"),
@@ -48,9 +48,9 @@ def parse_fraction(text):
 @several("--irrational", IRRATIONAL, parse_irrational, "OMEGA", "Frequencies from 0 to 1/2.")
 @whole("--phases", 8, 2, 1000, "Phases from 0 to 1/2q of each fraction.")
 @real("--angle", 45.0, 0, 180, "Ray (κ̄, Δκ) = s·(cos, sin), in degrees.")
-@flag("--quick", "A few fractions, three phases, and one torus.")
+@preset("--quick", "A preview", q_max=5, also=(), phases=3, irrational=IRRATIONAL[-2:-1])
 @sweeps
-def main(run, q_max, also, irrational, phases, angle, quick):
+def main(run, q_max, also, irrational, phases, angle):
     """Last barriers against the frequency: a cube, a table and a figure in OUT.
 
     The defaults take some twelve CPU minutes; --quick less than one.
@@ -58,11 +58,9 @@ def main(run, q_max, also, irrational, phases, angle, quick):
     from pipeline.cubes import rotating_maps
     from workflows.figures.frequencies import draw_frequencies
 
-    also, irrational = set(also.values()), list(irrational.values())
-    if quick:
-        q_max, also, phases, irrational = min(q_max, 5), set(), min(phases, 3), irrational[-2:-1]
     inner = {Fraction(p, q) for q in range(2, q_max + 1) for p in range(1, q // 2 + 1)}
-    job = rotating_maps.last_barriers(sorted(inner | also), phases, irrational, [angle])
+    fractions, irrational = sorted(inner.union(also.values())), list(irrational.values())
+    job = rotating_maps.last_barriers(fractions, phases, irrational, [angle])
     with run.sweeping(job):
         cube = run.sweep(job).load()
         run.table("frequencies", cube)

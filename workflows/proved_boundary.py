@@ -5,15 +5,15 @@ beyond it; `nasm/proofs/README.md` has both theorems. Between the two nothing is
 a barrier is proved to exist on all of the ray.
 """
 
-from workflows.shared.cli import command, flag, real, sweeps, whole
+from workflows.shared.cli import command, preset, real, sweeps, whole
 
 
 @command()
 @whole("--angles", 361, 2, 10**5, "Rays around the plane; all but an eighth are mirror images.")
 @real("--seconds", 3.0, 0.1, 10**5, "CPU seconds for each of the three proofs on a ray.")
-@flag("--quick", "A preview: 41 rays, half a second for each proof.")
+@preset("--quick", "A preview", angles=41, seconds=0.5)
 @sweeps
-def main(run, angles, seconds, quick):
+def main(run, angles, seconds):
     """Proved brackets of the last barrier: two cubes, a table and a figure in OUT.
 
     Needs the extra `proof`. The defaults take about three minutes on two cores, for brackets 0.12
@@ -28,7 +28,6 @@ def main(run, angles, seconds, quick):
     from workflows.figures.proved_boundary import draw_proved_boundary
 
     need_flint()
-    angles, seconds = (41, 0.5) if quick else (angles, seconds)
     angles = np.linspace(0, 360, angles)
     job = proved_barrier(two_kicks(), angles, seconds)
     with run.sweeping(job):

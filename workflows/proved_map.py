@@ -5,7 +5,7 @@ runs; a barrier in triangles from κ = 0 on. `nasm/proofs/README.md` has the the
 open nothing is proved, which says nothing.
 """
 
-from workflows.shared.cli import choice, command, full_option, real, sweeps
+from workflows.shared.cli import choice, command, preset, real, sweeps
 
 _CELLS = ["32", "64", "128", "256", "512", "1024"]
 
@@ -14,7 +14,7 @@ _CELLS = ["32", "64", "128", "256", "512", "1024"]
 @choice("--cells", _CELLS, "128", "Cells per unit of strength, at the finest.")
 @real("--seconds", 0.5, 1e-3, 1e4, "CPU seconds to prove transport; then a cell is cut or left.")
 @real("--nearest", 0.1, 1e-3, 0.5, "How near proofs of barriers come to the boundary, in parts.")
-@full_option("more than an hour of CPU time", cells="512", nearest="0.03")
+@preset("--full", "More than an hour of CPU time", cells="512", nearest="0.03")
 @sweeps
 def main(run, cells, seconds, nearest):
     """The proved map of 0 <= kappa2 <= kappa1 <= 1.125 and images: three cubes, a figure in OUT.

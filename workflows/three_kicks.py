@@ -27,7 +27,7 @@ def parse_phase(text):
 @option("--frequency", default="1/3", show_default=True, help="Frequency Ω, p/q with q up to 64.")
 @cli.several("--phase", PHASES, parse_phase, "FRACTION", "Phase φ0 of the forcing, in turns.")
 @cli.ray_options(31)
-@cli.full_option("most of an hour of CPU time", angles=61, phase=MANY)
+@cli.preset("--full", "Most of an hour of CPU time", angles=61, phase=MANY)
 @cli.real("--tol", 1e-3, 1e-5, 0.1, "Width of the bracket to aim at, relative to the scale.")
 @cli.sweeps
 def main(run, frequency, phase, angles, tips, tol):

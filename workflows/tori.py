@@ -5,7 +5,7 @@ here to their breakup by Newton's method and certified on finer grids. The defau
 of the tribonacci constant, as in the paper's Fig. 11, and of √2 and the golden mean.
 """
 
-from workflows.shared.cli import command, flag, parsed, real, sweeps, whole
+from workflows.shared.cli import command, parsed, preset, real, sweeps, whole
 
 VECTORS = (
     "0.5436890126920764,0.8392867552141612",
@@ -28,9 +28,9 @@ def parse_vectors(texts):
 @whole("--angles", 13, 2, 10**5, "Rays, from 0 to 90 degrees: the other sign of Δκ is another φ0.")
 @real("--tol", 1e-3, 1e-5, 0.2, "Error of the scales to aim at.")
 @real("--picture", 45.0, 0, 90, "Ray, in degrees, on which tori of the first vector are drawn.")
-@flag("--quick", "Three rays at most, and errors of 0.05 in the scale.")
+@preset("--quick", "A preview", angles=3, tol=0.05)
 @sweeps
-def main(run, vector, angles, tol, picture, quick):
+def main(run, vector, angles, tol, picture):
     """Tori of irrational frequency: two cubes, a table and two figures in OUT.
 
     The defaults take some seven CPU minutes; --quick half a minute.
@@ -40,7 +40,6 @@ def main(run, vector, angles, tol, picture, quick):
     from pipeline.cubes import rotating_maps
     from workflows.figures.tori import draw_breakups, draw_pictures
 
-    angles, tol = (min(angles, 3), max(tol, 0.05)) if quick else (angles, tol)
     job = rotating_maps.breakups(vector, np.union1d(np.linspace(0, 90, angles), picture), tol)
     with run.sweeping(job):
         breakups = run.sweep(job).load()

@@ -3,24 +3,16 @@
 import numpy as np
 from matplotlib.colors import LogNorm
 
+from workflows.figures import style
 from workflows.figures.planes import in_plane, label_plane
-from workflows.figures.style import (
-    COLOURS,
-    VERMILION,
-    canvas,
-    in_column,
-    outer_legend,
-    panels,
-    power,
-)
 
 # The paper's green triangles, red circles and blue squares, in colours that all can tell apart.
-_MARKS = list(zip("^osDv", [COLOURS[2], VERMILION, COLOURS[0], *COLOURS[4:6]], strict=True))
+_MARKS = [*zip("^osDv", np.take([*style.COLOURS, style.VERMILION], [2, 7, 0, 4, 5]), strict=True)]
 
 
 def draw_rays(boundary, barrier, last=90):
     """Draw the rays up to the last angle, by default the positive quadrant, Fig. 5."""
-    figure, (axes,) = panels(1, 1, 7.5, 7.5)
+    figure, (axes,) = style.panels(1, 1, 7.5, 7.5)
     _draw_boundaries(axes, _up_to(boundary, last), _up_to(barrier, last))
     if last == 90:
         axes.set(xlim=(0, None))
@@ -30,13 +22,13 @@ def draw_rays(boundary, barrier, last=90):
 
 def draw_half_plane(boundary, barrier, insets):
     """Draw the upper half plane, Fig. 6, and below it the cell at four forcings."""
-    figure = canvas(11, 9, 2.1)
-    above, below = figure.subfigures(2, height_ratios=[1, 1.5] if in_column() else [1.7, 1])
+    figure = style.canvas(11, 9, 2.1)
+    above, below = figure.subfigures(2, height_ratios=[1, 1.5] if style.in_column() else [1.7, 1])
     plane = above.subplots()
     _draw_boundaries(plane, boundary, barrier)
     plane.set_ylim(0, None)
-    outer_legend(above, 4, 2, fontsize=None)
-    rows, columns = (2, 2) if in_column() else (1, 4)
+    style.outer_legend(above, 4, 2, fontsize=None)
+    rows, columns = (2, 2) if style.in_column() else (1, 4)
     cells = below.subplots(rows, columns, sharex=True, sharey=True).ravel()
     norm = LogNorm(1, max(2.0, float(insets.visits.max())))
     order = np.argsort(insets.kappa1.values, kind="stable")
@@ -47,7 +39,7 @@ def draw_half_plane(boundary, barrier, insets):
         side = {"textcoords": "offset points", "ha": "right" if letter in "bd" else "left"}
         at = (-5 if letter in "bd" else 5, -3)  # pairs are close
         plane.annotate(f"({letter})", forcing, at, fontsize="small", zorder=5, **side)
-    where = {"location": "bottom", "aspect": 40} if in_column() else {"aspect": 15}
+    where = {"location": "bottom", "aspect": 40} if style.in_column() else {"aspect": 15}
     below.colorbar(shown, ax=cells, label="visits", **where)
     columns = ("kappa1", "kappa2", "lowest", "highest")
     ranges = "; ".join(
@@ -103,13 +95,13 @@ def _draw_boundaries(axes, boundary, barrier):
     axes.plot(*in_plane(barrier), color="black", lw=1.2, label=r"$\mathit{CB}_{gt}$")
     for i, n in enumerate(boundary.n.values.tolist()):
         marker, colour = _MARKS[i % len(_MARKS)]
-        style = {"color": colour, "ms": 4, "mfc": "none", "clip_on": False}
-        here, label = boundary.isel(n=i), f"$N = {power(n)}$"
+        look = {"color": colour, "ms": 4, "mfc": "none", "clip_on": False}
+        here, label = boundary.isel(n=i), f"$N = {style.power(n)}$"
         if silent := int(here.bias.isnull().sum()):
             label += f", no answer on {silent} of {here.angle.size} rays"
-        axes.plot(*in_plane(here), marker, label=label, **style)
+        axes.plot(*in_plane(here), marker, label=label, **look)
     label_plane(axes, barrier)
-    axes.set_title(f"Where transport of ${power(boundary.n_orbits)}$ orbits is global")
+    axes.set_title(f"Where transport of ${style.power(boundary.n_orbits)}$ orbits is global")
 
 
 def _draw_cell(axes, inset, norm):
@@ -123,5 +115,5 @@ def _draw_cell(axes, inset, norm):
     if transport == 1 and high - low < 1:
         verdict += f",\nbut this orbit stays\nin {low:.2f} < y < {high:.2f}"
     title = f"$({float(inset.kappa1):g}, {float(inset.kappa2):g})$: {verdict}"
-    axes.set_title(title, fontsize="small", color=VERMILION if "but" in verdict else "black")
+    axes.set_title(title, fontsize="small", color=style.VERMILION if "but" in verdict else "black")
     return image

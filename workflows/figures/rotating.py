@@ -12,16 +12,12 @@ def draw_rotating_circles(circles, two, direct):
 
     The caption says how wide the bracket is, and how far outside direct iteration lies.
     """
-    figure, (axes,) = panels(1, 1, 7, 8.6)
-    fill_diamond(axes, two, r"$\mathit{CB}_{gt}$")
-    draw_circles(axes, circles)
-    for tip in _tips(axes, 0.7):
-        fill_diamond(tip, two, None)
-        draw_circles(tip, circles)
-    _draw_onset(axes, two, direct)
-    _mark_gaps(axes, two, circles.critical_scale, direct.upper)
-    axes.set_title(r"Rotating standard map with $\Omega = 1/2$: $T_{\kappa_1\kappa_2}$")
-    return _finished(figure, axes), (
+    title = r"Rotating standard map with $\Omega = 1/2$: $T_{\kappa_1\kappa_2}$"
+    figure, parts = _plane(title, two, direct, circles.critical_scale, 0.7)
+    for part in parts:
+        draw_circles(part, circles)
+    outer_legend(figure, 2)
+    return figure, (
         f"The boundaries CB_ω of the circles {', '.join(circles.circle.values)} by Greene's "
         "residue, CB_gt (bracketed to "
         f"{float(((two.upper - two.lower) / two.critical_scale).max()):.1e}), and "
@@ -37,18 +33,14 @@ def draw_rotating_tori(tori, two, direct, certified):
     certified : the cube `tori` of one vector. The caption says where a torus outlasts the last
     circle of T.
     """
-    figure, (axes,) = panels(1, 1, 7, 8.6)
-    fill_diamond(axes, two, r"$\mathit{CB}_{gt}$ of $T$")
-    for part in (axes, *_tips(axes, 0.4)):
-        if part is not axes:
-            fill_diamond(part, two, None)
+    title = "Tori of rotating standard maps, and the last circle of $T$"
+    figure, parts = _plane(title, two, direct, tori.critical_scale, 0.4)
+    for part in parts:
         for i, vector in enumerate(tori.vector.values):
             look = {"color": colour_of(i), "ls": ("-", "--", "-.")[i % 3], "lw": 1.1}
             draw_diamond(part, tori.isel(frequency=i), label=f"torus ({vector})", **look)
         _draw_certified(part, certified.isel(vector=0))
-    _draw_onset(axes, two, direct)
-    _mark_gaps(axes, two, tori.critical_scale, direct.upper)
-    axes.set_title(r"Tori of rotating standard maps, and the last circle of $T$")
+    outer_legend(figure, 2)
     wide = 100 * float((tori.error / tori.critical_scale).median())
     ends = certified.isel(vector=0).sel(angle=45.0, method="nearest")
     outside = " ".join(
@@ -58,7 +50,7 @@ def draw_rotating_tori(tori, two, direct, certified):
             tori.vector.values, tori.ratio.values, tori.ratio_direct.values, strict=True
         )
     )
-    return _finished(figure, axes), (
+    return figure, (
         "Breakup of two-dimensional tori of the rotating standard map, |R| = 1/4 of one orbit of "
         "each rotation vector, against CB_gt of T, and the onset of its transport by direct "
         f"iteration ({_effort(direct)}, {_outside(two, direct)} outside CB_gt), on rays (κ̄, Δκ) = "
@@ -68,6 +60,31 @@ def draw_rotating_tori(tori, two, direct, certified):
         f"torus of that Ω, whatever its ω; at {float(ends.angle):g}° {float(ends.lower):.4f} and "
         f"{float(ends.upper):.4f}."
     )
+
+
+def _plane(title, two, direct, scale, inner):
+    """Draw CB_gt, the onset of transport, and × where a method has no answer, once a ray.
+
+    Returns the figure, and the axes of the plane and of its tips, from `inner` on.
+    """
+    figure, (axes,) = panels(1, 1, 7, 8.6)
+    parts = axes, *_tips(axes, inner)
+    for part in parts:
+        fill_diamond(part, two, r"$\mathit{CB}_{gt}$ of $T$" if part is axes else None)
+    # Next to the axes the rays are as close as the onset is uncertain: a fence of spikes.
+    away = np.abs((direct.angle.values + 45) % 90 - 45)
+    onset = direct.isel(angle=np.flatnonzero((away == 0) | (away > 2)))
+    words = rf"transport of $T$ within ${power(direct.attrs['n_max'])}$ steps"
+    look = {"color": "black", "lw": 0.6, "label": words}
+    draw_diamond(axes, onset, onset.upper / onset.critical_scale, **look)
+    unknown = [each.isnull().any({*each.dims} - {"angle"}) for each in (scale, direct.upper)]
+    angles = np.concatenate([each.angle.values[each.values] for each in unknown])
+    if angles.size:
+        silent = two.sel(angle=np.unique(angles), method="nearest")
+        look = {"ls": "", "marker": "x", "color": "0.3", "ms": 5, "zorder": 4}
+        draw_diamond(axes, silent, label="no answer on this ray", **look)
+    axes.set(xlabel=r"$\bar\kappa$", ylabel=r"$\Delta\kappa$", aspect="equal", title=title)
+    return figure, parts
 
 
 def _draw_certified(axes, certified):
@@ -94,9 +111,9 @@ def _outside(two, direct):
     return f"{float(excess.min()):.0f}% to {float(excess.max()):.0f}%"
 
 
-def draw_diamond(axes, curve, **style):
-    """Draw a boundary around the plane: with (κ̄, Δκ) it contains (-κ̄, -Δκ)."""
-    axes.plot(*_closed(curve.kappa_mean, curve.kappa_amplitude), **style)
+def draw_diamond(axes, curve, factor=1, **style):
+    """Draw a boundary, times a factor, around the plane: with (κ̄, Δκ) it contains (-κ̄, -Δκ)."""
+    axes.plot(*_closed(factor * curve.kappa_mean, factor * curve.kappa_amplitude), **style)
 
 
 def fill_diamond(axes, two, label):
@@ -118,31 +135,5 @@ def _tips(axes, inner):
     return right, top
 
 
-def _mark_gaps(axes, two, *scales):
-    """Mark by × on CB_gt, once, the rays on which some method has no answer."""
-    unknown = [s.isnull().any([dim for dim in s.dims if dim != "angle"]) for s in scales]
-    angles = np.concatenate([each.angle.values[each.values] for each in unknown])
-    silent = two.sel(angle=np.unique(angles), method="nearest")
-    if silent.angle.size:
-        points = _closed(silent.kappa_mean, silent.kappa_amplitude)
-        axes.plot(*points, "x", color="0.3", ms=5, zorder=4, label="no answer on this ray")
-
-
-def _draw_onset(axes, two, direct):
-    # Next to the axes the rays are as close as the onset is uncertain: a fence of spikes.
-    away = np.abs((direct.angle.values + 45) % 90 - 45)
-    onset = direct.isel(angle=np.flatnonzero((away == 0) | (away > 2)))
-    scale = onset.upper / onset.critical_scale
-    label = rf"transport of $T$ within ${power(direct.attrs['n_max'])}$ steps"
-    outline = _closed(scale * onset.kappa_mean, scale * onset.kappa_amplitude)
-    axes.plot(*outline, color="black", lw=0.6, label=label)
-
-
 def _closed(x, y):
     return [np.concatenate([values, -values, values[:1]]) for values in (x, y)]
-
-
-def _finished(figure, axes):
-    axes.set(xlabel=r"$\bar\kappa$", ylabel=r"$\Delta\kappa$", aspect="equal")
-    outer_legend(figure, 2)
-    return figure

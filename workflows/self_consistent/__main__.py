@@ -7,7 +7,7 @@ a barrier that converse KAM cannot see, as it folds: the circle of a forcing tha
 back to its beginning.
 """
 
-from workflows.shared.cli import command, flag, real, whole, writes
+from workflows.shared.cli import command, preset, real, whole, writes
 
 _COUPLINGS = 0.2, 0.3, 0.4, *(x / 100 for x in range(45, 95, 5)), 1.0, 1.1, 1.2
 
@@ -16,9 +16,9 @@ _COUPLINGS = 0.2, 0.3, 0.4, *(x / 100 for x in range(45, 95, 5)), 1.0, 1.1, 1.2
 @real("--coupling", _COUPLINGS, 0.01, 10, "Sum of the particles' weights; may be repeated.", True)
 @whole("--particles", 65_536, 256, 10**7, "Particles, in a thin band around y = 0 at first.")
 @whole("--kicks", 16_384, 4096, 10**6, "Kicks; barriers are sought in the second half of them.")
-@flag("--quick", "At most 4096 particles and 8192 kicks.")
+@preset("--quick", "A preview", particles=4096, kicks=8192)
 @writes
-def main(run, coupling, particles, kicks, quick):
+def main(run, coupling, **size):
     """The self-consistent map and its barriers: three cubes, a table and a figure in OUT.
 
     The defaults take five minutes of CPU time, with --quick less than one.
@@ -26,9 +26,6 @@ def main(run, coupling, particles, kicks, quick):
     from workflows.figures.self_consistent import draw_self_consistent
     from workflows.self_consistent import study
 
-    size = {"particles": particles, "kicks": kicks}
-    if quick:
-        size = {"particles": min(particles, 4096), "kicks": min(kicks, 8192)}
     # Of the field, and of converse KAM.
     each = 1.2e-8 * size["particles"] * size["kicks"] + 3e-4 * size["kicks"]
     with run.driving(len(coupling) * each):

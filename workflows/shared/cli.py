@@ -165,11 +165,8 @@ plane_option = parsed("--plane", "two-kicks", _plane, "PLANE", f"Plane of forcin
 point_option = parsed("--plane", None, _plane, "PLANE", f"KAPPA is a point of it: {_PLANES}")
 
 
-def full_option(effort, **settings):
-    """Make --full: the long form of a command, by other defaults of its options.
-
-    effort : what it takes, in words.
-    """
+def preset(name, what, **settings):
+    """Make a flag by which other options have other defaults; `what` they make, in words."""
 
     def callback(context, parameter, value):
         if value:
@@ -178,11 +175,10 @@ def full_option(effort, **settings):
     words = " ".join(
         f"--{name.replace('_', '-')} {each}"
         for name, value in settings.items()
-        for each in ([value] if isinstance(value, str | int) else value)
+        for each in ([value] if isinstance(value, str | int | float) else value)
     )
-    help = f"The long form, {effort}: by default {words}."
-    eager = {"is_eager": True, "expose_value": False, "callback": callback}
-    return click.option("--full", is_flag=True, help=help, **eager)
+    how = {"is_eager": True, "expose_value": False, "callback": callback}
+    return click.option(name, is_flag=True, help=f"{what}: by default {words}.", **how)
 
 
 def ray_options(default):
