@@ -79,7 +79,6 @@ def test_help_needs_no_numpy_and_so_comes_at_once():
         ("escape_plane", "--kappa1 1:0:8", "lower one first"),
         ("escape_plane", "--n-orbits 100,10", "increasing whole numbers from 1"),
         ("critical_boundary", "--kappa1 0:1:30 --levels 3", "multiple of 4"),
-        ("escape_plane", "--kappa1 0:1:4 --levels 3", "use at least 8"),
         ("escape_plane", "--follow 2000000", "must be at most n-max"),
         ("escape_plane", "--precision single --n-max 2000000", "needs --precision double"),
         ("circle_boundaries", "--omega golden", "is not a rotation number"),

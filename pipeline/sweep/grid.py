@@ -50,7 +50,8 @@ class Axis:
     def coarsened(self, factor):
         """Return the same interval in n/factor cells; n must be a multiple of factor."""
         if self.n % factor:
-            raise ValueError(f"axis {self}: {self.n} cells cannot be joined {factor} to one")
+            words = f"cannot be halved to that level; use a multiple of {factor}"
+            raise ValueError(f"axis {self}: {self.n} cells {words}")
         return Axis(self.lo, self.hi, self.n // factor)
 
 

@@ -14,6 +14,8 @@ _BOUNDARY_COLOURS = ["black", style.COLOURS[2], style.COLOURS[3]]  # far from th
 
 def draw_escape_plane(plane, steps):
     """Draw first escape times of the largest ensemble, and the boundary of each number of steps."""
+    from scipy.ndimage import median_filter
+
     x, y = in_plane(plane)
     height = min(1.2, np.ptp(y.values) / np.ptp(x.values))
     figure = style.canvas(10, 1.2 + 7.6 * height, 0.6 + height)
@@ -22,7 +24,7 @@ def draw_escape_plane(plane, steps):
     of = r"$\mathcal{T}_{\kappa_1\kappa_2}$" if of_two_kicks(plane) else plane_of(plane.attrs).name
     steps_of = f"up to ${style.power(plane.attrs['n_max'])}$ steps of {of}"
     axes.set_title(f"Global transport: {int(plane.ensemble[-1])} orbits, {steps_of}")
-    field = style.smoothed(draw_field(axes, plane))
+    field = median_filter(draw_field(axes, plane), 7)  # escape is a matter of chance in each cell
     for n, colour, dash in zip(steps[::-1], _BOUNDARY_COLOURS, ("-", "--", ":"), strict=False):
         look = {"linewidths": 1.6, "linestyles": dash, "colors": colour}
         curve = axes.contour(x, y, field <= n, levels=[0.5], **look)

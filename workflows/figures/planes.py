@@ -50,7 +50,7 @@ def fill_inside(axes, barrier, **style):
 
 def tip_of(axes, barrier, low):
     """Return an inset of two kicks' tip at 45°, framed, from `low` to 0.98 of both strengths."""
-    tip, ends = axes.inset_axes([0.4, 0.07, 0.2, 0.29]), (low, 0.98)
+    tip, ends = axes.inset_axes([0.4, 0.05, 0.2, 0.27]), (low, 0.98)
     fill_inside(tip, barrier, lw=0)
     tip.set(xlim=ends, ylim=ends, xticks=ends, yticks=ends, aspect="equal")
     tip.set_title("the tip, framed", fontsize="small", pad=3)

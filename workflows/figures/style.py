@@ -195,13 +195,6 @@ def mark_gaps(axes, x, silent):
         axes.text(0.01, 0.04, "×: no answer", transform=axes.transAxes, size="x-small")
 
 
-def smoothed(field):
-    """Return the running median of 7 × 7 cells: escape or not is a matter of chance in each."""
-    from scipy.ndimage import median_filter
-
-    return median_filter(field, 7)
-
-
 def power(n):
     """Return 10^5, 5·10^5, … in TeX; small numbers and those of more digits as they are."""
     if n < 1000 or n % 10 ** (len(str(n)) - 2):

@@ -7,8 +7,6 @@ arXiv:1606.04824, Sec. VII, by MacKay, Meiss & Percival, Physica D 13 (1984) 55.
 
 from math import ceil
 
-import click
-
 from workflows.shared.cli import command, real, sweeps, whole
 
 _ANGLES = 0.0, 20.0, 30.0, 40.0, 45.0
@@ -24,15 +22,18 @@ def main(run, angle, nearest, q_max):
 
     Distances beyond the breakup go up to 0.5. The defaults take a minute on two cores.
     """
+    import numpy as np
+
     from nasm.planes import two_kicks
     from pipeline.cubes.barrier import last_barrier, unfolded
     from workflows.figures.flux import draw_flux
     from workflows.flux import study as flux
 
     if q_max * nearest < 10:
-        words = f"{q_max} is too short for --nearest {nearest:g}; use {ceil(10 / nearest)} or more"
-        raise click.BadParameter(words, param_hint="--q-max")
-    angles, excesses = flux.grid(angle, nearest)
+        words = f"is too short for --nearest {nearest:g}; use {ceil(10 / nearest)} or more"
+        raise ValueError(f"--q-max {q_max} {words}")
+    angles = np.unique(angle)
+    excesses = np.geomspace(nearest, 0.5, 1 + int(8 * np.log10(0.5 / nearest)))  # eight a decade
     last = last_barrier(two_kicks(), angles, 1e-3)
     with run.sweeping(last, later=[(flux.foreseen(angles, excesses, q_max), None)]):
         job = flux.job(unfolded(run.sweep(last), angles), excesses, q_max)

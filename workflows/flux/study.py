@@ -1,4 +1,4 @@
-"""The flux beyond the breakup, ΔW ~ (s/s_c - 1)^η: where to compute it, and η by a fit."""
+"""The flux beyond the breakup, ΔW ~ (s/s_c - 1)^η: its job, and η by a fit."""
 
 import numpy as np
 import xarray as xr
@@ -6,11 +6,6 @@ import xarray as xr
 from nasm.planes import plane_of, two_kicks
 from pipeline.cubes import beyond
 from workflows.shared.rays import with_tie
-
-
-def grid(angles, nearest):
-    """Return the rays in increasing order, and excesses from `nearest` to 0.5, eight a decade."""
-    return np.unique(angles), np.geomspace(nearest, 0.5, 1 + int(8 * np.log10(0.5 / nearest)))
 
 
 def foreseen(angles, excesses, q_max):

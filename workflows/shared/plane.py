@@ -5,7 +5,6 @@ from functools import partial
 from itertools import product
 from math import ceil, prod
 
-import click
 import numpy as np
 import xarray as xr
 
@@ -45,28 +44,19 @@ class Grid:
 
 
 def grid_of(plane, kappa1, kappa2, n_max, n_orbits, tile, levels, follow, precision):
-    """Return the Grid of `cli.plane_options`; a usage error if they do not fit together."""
-    follow, coarsest = follow or [n_max], 2 ** (levels - 1)
-    for name, axis in (("--kappa1", kappa1), ("--kappa2", kappa2)):
-        words = ""
-        if axis.n % coarsest:
-            words = f"cannot be halved {levels - 1} times; use a multiple of {coarsest}"
-        elif axis.n < 2 * coarsest:
-            words = f"are too few; use at least {2 * coarsest}, two at the coarsest level"
-        if words:
-            raise click.BadParameter(f"{axis.n} cells {words}, or fewer --levels", param_hint=name)
-    try:
-        for a, b in product((kappa1.lo, kappa1.hi), (kappa2.lo, kappa2.hi)):
-            forcing(plane.forcing(a, b))
-    except ValueError as error:
-        raise click.BadParameter(str(error), param_hint="--kappa1, --kappa2") from None
+    """Return the Grid of `cli.plane_options`; ValueError if they do not fit together."""
+    follow = follow or [n_max]
+    for axis in kappa1, kappa2:
+        axis.coarsened(2 ** (levels - 1))
+    for a, b in product((kappa1.lo, kappa1.hi), (kappa2.lo, kappa2.hi)):
+        forcing(plane.forcing(a, b))
     if follow[-1] > n_max:
-        words = f"N={follow[-1]} must be at most n-max={n_max}"
-        raise click.BadParameter(words, param_hint="--follow")
+        raise ValueError(f"--follow {follow[-1]} must be at most n-max={n_max}")
     if precision == "single" and n_max > MAX_SINGLE_STEPS:
-        words = f"n-max={n_max} needs --precision double: above {MAX_SINGLE_STEPS} steps the "
-        words += "rounding of single precision carries orbits across circles"
-        raise click.BadParameter(words, param_hint="--n-max")
+        raise ValueError(
+            f"--n-max {n_max} needs --precision double: above {MAX_SINGLE_STEPS} steps the "
+            "rounding of single precision carries orbits across circles"
+        )
     return Grid(plane, (kappa1, kappa2), n_max, n_orbits, tile, levels, follow, precision)
 
 

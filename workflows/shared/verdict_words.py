@@ -45,20 +45,15 @@ def sentences(kappa, point, verdict):
     if verdict.proof is not None and not verdict.proof.proved:
         lines.append(f"A proof was tried: {verdict.proof.why}.")
     if verdict.evidence is Evidence.CIRCLE_PROVED:
-        lines.append(_weaker(verdict.proved_below))
+        words, below = "That proof says nothing of weaker kicks.", verdict.proved_below
+        if below > 0:
+            words = f"So it is for all kicks from 0 to {int(below * 1e4) / 1e4} times as strong."
+        lines.append(words)
     if verdict.steps < float("inf"):
         lines.append(f"The longest-lived start is eliminated after {verdict.steps:g} steps.")
     if verdict.evidence is not Evidence.INTEGRABLE:
         lines += _distance(boundary)
     return lines
-
-
-def _weaker(below):
-    """Say for which multiples of the strengths a barrier is proved to exist."""
-    if below > 0:
-        below = int(below * 1e4) / 1e4  # rounded down
-        return f"So it is for all kicks from 0 to {below} times as strong."
-    return "That proof says nothing of weaker kicks."
 
 
 def scale_of(boundary):
