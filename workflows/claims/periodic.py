@@ -59,11 +59,9 @@ def _carried_orbits():
 
 def _period(kappa, x, y, p, q):
     """Return how far an orbit is from p/q-periodic, and its residue."""
-    start, tangent = (x, y), np.eye(2)
-    for _ in range(q):
-        tangent = step_tangent(kappa, x, y) @ tangent
-        x, y = step(kappa, x, y)
-    return max(abs(x - p - start[0]), abs(y - start[1])), (2 - np.trace(tangent)) / 4
+    period = np.tile(kappa, q)
+    end_x, end_y = step(period, x, y)
+    return max(abs(end_x - p - x), abs(end_y - y)), fixed_points.residue(period, x, y)
 
 
 def _six_orbits():

@@ -31,13 +31,12 @@ def on_the_diagonal(bias, critical):
     kappa_c = critical * np.sqrt(0.5)
     distance = kappa_c * bias.sel(angle=45.0).isel(ensemble=-1).transpose("n").values
     n = bias.n.values
-    upper = n > np.sqrt(float(n[0]) * float(n[-1]))
-    fits = [exponent(n[half], distance[half]) for half in (~upper, upper)]
-    power_law = n ** (-1 / np.where(upper, fits[1][0], fits[0][0]))
-    offset = np.log(distance / power_law)
-    for half, (eta, _) in zip((~upper, upper), fits, strict=True):
-        if np.isfinite(eta):
-            power_law[half] *= np.exp(np.nanmean(offset[half]))
+    upper, fits, power_law = n > np.sqrt(float(n[0]) * float(n[-1])), [], np.full(n.size, np.nan)
+    for half in (~upper, upper):
+        fits.append(exponent(n[half], distance[half]))
+        if np.isfinite(eta := fits[-1][0]):
+            offset = np.nanmean(np.log(distance[half]) + np.log(n[half]) / eta)
+            power_law[half] = np.exp(offset) * n[half] ** (-1 / eta)
     eta, error = np.transpose(fits)
     return dataset(
         "Convergence of direct iteration at the cusp of the horn",
@@ -61,10 +60,8 @@ def other_methods(breakups, quick):
     """Measure the errors of the other methods: a Dataset with dims angle and steps, q or modes."""
     steps = 10 ** np.arange(2, 5 if quick else 6)
     modes = 2 ** np.arange(7, 11 if quick else 14)
-    title, words = (
-        "Convergence of converse KAM, residues and circles",
-        "error in parts of the breakup",
-    )
+    title = "Convergence of converse KAM, residues and circles"
+    words = "error in parts of the breakup"
     rows, coords = [], {"steps": (steps, "steps N"), "modes": (modes, "grid points n")}
     for angle, best in breakups.items():
         found = [symmetry_line.critical_scale(ray(angle), int(n)) for n in steps]

@@ -9,11 +9,8 @@ def stretches(angle, ratio):
     angle, ratio : vectors, the angles increasing. The ends are interpolated between the rays; rays
     without a ratio (NaN) end a stretch.
     """
-    above = np.concatenate([[False], ratio > 1, [False]])
-    (firsts,) = np.nonzero(above[1:] & ~above[:-1])
-    (ends,) = np.nonzero(~above[1:] & above[:-1])
     found = []
-    for first, end in zip(firsts, ends, strict=True):
+    for first, end in np.flatnonzero(np.diff(np.pad(ratio > 1, 1))).reshape(-1, 2):
         peak = first + int(np.argmax(ratio[first:end]))
         start = _crossing(angle, ratio, first, first - 1)
         stop = _crossing(angle, ratio, end - 1, end)
@@ -24,13 +21,12 @@ def stretches(angle, ratio):
 def where_above(angle, ratio):
     """Say where the ratio is above 1, "12.0°-14.5° (by 3.1% at 13.0°)", or else nearest to 1."""
     found = stretches(angle, ratio)
-    if found or not np.isfinite(ratio).any():
-        return (
-            ", ".join(
-                f"{start:.1f}°-{end:.1f}° (by {100 * (peak - 1):.2g}% at {at:.1f}°)"
-                for start, end, at, peak in found
-            )
-            or "unknown"
+    if not np.isfinite(ratio).any():
+        return "unknown"
+    if found:
+        return ", ".join(
+            f"{start:.1f}°-{end:.1f}° (by {100 * (peak - 1):.2g}% at {at:.1f}°)"
+            for start, end, at, peak in found
         )
     nearest = int(np.nanargmax(ratio))
     return f"nowhere (nearest, {ratio[nearest]:.3f} of it, at {angle[nearest]:.1f}°)"
