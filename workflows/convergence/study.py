@@ -38,22 +38,18 @@ def on_the_diagonal(bias, critical):
             offset = np.nanmean(np.log(distance[half]) + np.log(n[half]) / eta)
             power_law[half] = np.exp(offset) * n[half] ** (-1 / eta)
     eta, error = np.transpose(fits)
-    return dataset(
-        "Convergence of direct iteration at the cusp of the horn",
-        {"n": (n, "steps N"), "half": listed("half", "small N", "large N")},
-        {
-            "distance": ("n", distance, "κ_N - κ_c on the diagonal (κ, κ)"),
-            "fit": ("n", power_law, "C N^(-1/η), of its half"),
-            "upper_half": ("n", upper.astype("int8"), "whether N is in the upper half"),
-            "eta": ("half", eta, "η of κ_N - κ_c ~ N^(-1/η)"),
-            "eta_error": ("half", error, "standard error of η"),
-        },
-        {
-            "critical": float(kappa_c),
-            "n_orbits": int(bias.ensemble[-1]),
-            "source": "arXiv:1606.04824, Fig. 7",
-        },
-    )
+    variables = {
+        "distance": ("n", distance, "κ_N - κ_c on the diagonal (κ, κ)"),
+        "fit": ("n", power_law, "C N^(-1/η), of its half"),
+        "upper_half": ("n", upper.astype("int8"), "whether N is in the upper half"),
+        "eta": ("half", eta, "η of κ_N - κ_c ~ N^(-1/η)"),
+        "eta_error": ("half", error, "standard error of η"),
+    }
+    coords = {"n": (n, "steps N"), "half": listed("half", "small N", "large N")}
+    attrs = {"critical": float(kappa_c), "n_orbits": int(bias.ensemble[-1])}
+    attrs["source"] = "arXiv:1606.04824, Fig. 7"
+    title = "Convergence of direct iteration at the cusp of the horn"
+    return dataset(title, coords, variables, attrs)
 
 
 def other_methods(breakups, quick):

@@ -24,22 +24,20 @@ def nonautonomous_dataset(n_orbits, steps):
     x, y = np.stack([orbits.portrait(kappa, n_orbits, steps) for kappa in forcings], axis=1)
     kicked = orbits.orbit(FORCING, x[0, 0], y[0, 0], steps, 1)
     island = orbits.orbit(FORCING, *ISLAND, steps, 1)
-    return dataset(
-        "Orbits of T and of the nonautonomous map",
-        {
-            "forcing": (range(2), "forcing"),
-            "step": (range(steps + 1), "steps of two kicks"),
-            "kick": (range(steps + 1), "kicks of the first forcing"),
-            "orbit": (range(n_orbits), "orbit"),
-        },
-        {
-            **strengths("forcing", *forcings.T),
-            **_points("", ("forcing", "step", "orbit"), x, y),
-            **_points("kick_", ("kick", "orbit"), *kicked),
-            **_points("island_", ("kick",), *island),
-        },
-        {"source": f"{_SOURCE} II and Fig. 1"},
+    coords = {
+        "forcing": (range(2), "forcing"),
+        "step": (range(steps + 1), "steps of two kicks"),
+        "kick": (range(steps + 1), "kicks of the first forcing"),
+        "orbit": (range(n_orbits), "orbit"),
+    }
+    variables = (
+        strengths("forcing", *forcings.T)
+        | _points("", ("forcing", "step", "orbit"), x, y)
+        | _points("kick_", ("kick", "orbit"), *kicked)
+        | _points("island_", ("kick",), *island)
     )
+    title, source = "Orbits of T and of the nonautonomous map", f"{_SOURCE} II and Fig. 1"
+    return dataset(title, coords, variables, {"source": source})
 
 
 def images(kappa, x, y):
@@ -64,22 +62,20 @@ def symmetric_dataset(n_orbits, steps):
     apart = marked - np.stack([points for _, *points in ideal], axis=1)
     apart = np.abs(apart - np.rint(apart)).max(axis=(0, 2, 3))
     words = "largest distance, mod 1, of marked orbits from the images of the first forcing's"
-    return dataset(
-        "Symmetric orbits of T",
-        {
-            "forcing": (range(4), "forcing"),
-            "step": (range(steps + 1), "steps of two kicks"),
-            "orbit": (range(n_orbits), "orbit"),
-            "marked": (range(len(MARKED)), "marked orbit"),
-        },
-        {
-            **strengths("forcing", *np.transpose([kappa for kappa, *_ in ideal])),
-            **_points("", ("forcing", "step", "orbit"), *iterated(*(at[0] for at in starts))),
-            **_points("marked_", ("forcing", "step", "marked"), *marked),
-            "difference": ("forcing", apart, words),
-        },
-        {"source": f"{_SOURCE} III.A and Fig. 2"},
-    )
+    coords = {
+        "forcing": (range(4), "forcing"),
+        "step": (range(steps + 1), "steps of two kicks"),
+        "orbit": (range(n_orbits), "orbit"),
+        "marked": (range(len(MARKED)), "marked orbit"),
+    }
+    variables = {
+        **strengths("forcing", *np.transpose([kappa for kappa, *_ in ideal])),
+        **_points("", ("forcing", "step", "orbit"), *iterated(*(at[0] for at in starts))),
+        **_points("marked_", ("forcing", "step", "marked"), *marked),
+        "difference": ("forcing", apart, words),
+    }
+    source = {"source": f"{_SOURCE} III.A and Fig. 2"}
+    return dataset("Symmetric orbits of T", coords, variables, source)
 
 
 def _points(prefix, dims, x, y):

@@ -54,25 +54,23 @@ def fields(couplings, particles, kicks):
     escaped = "kick after which the first particle is 2 further in y"
     spectrum = "power of κ_n in the second half of the kicks"
     conserved = "change of 2π Σγy + κ²/2, which is conserved"
-    return dataset(
-        "The self-consistent map",
-        {
-            "coupling": (couplings, "Γ = Σγ, sum of the weights"),
-            "kick": (range(kicks), "kick n"),
-            "frequency": (frequency, "frequency in turns per kick"),
-            "particle": (range(min(particles, _SHOWN)), "particle"),
-        },
-        {
-            "kappa": (per_kick, kappa, "strength κ_n"),
-            "theta": (per_kick, theta, "phase θ_n on the lift, in turns"),
-            "spectrum": (("coupling", "frequency"), spectra, spectrum),
-            "x": (per_particle, from_phase, "x - θ mod 1 after the last kick"),
-            "y": (per_particle, [run.y[:_SHOWN] for run in runs], "y after it"),
-            "escape": ("coupling", np.min(escapes, axis=1), escaped),
-            "momentum_change": ("coupling", np.abs(change), conserved),
-        },
-        {"source": "arXiv:1601.00942; nasm/self_consistent.py"},
-    )
+    coords = {
+        "coupling": (couplings, "Γ = Σγ, sum of the weights"),
+        "kick": (range(kicks), "kick n"),
+        "frequency": (frequency, "frequency in turns per kick"),
+        "particle": (range(min(particles, _SHOWN)), "particle"),
+    }
+    variables = {
+        "kappa": (per_kick, kappa, "strength κ_n"),
+        "theta": (per_kick, theta, "phase θ_n on the lift, in turns"),
+        "spectrum": (("coupling", "frequency"), spectra, spectrum),
+        "x": (per_particle, from_phase, "x - θ mod 1 after the last kick"),
+        "y": (per_particle, [run.y[:_SHOWN] for run in runs], "y after it"),
+        "escape": ("coupling", np.min(escapes, axis=1), escaped),
+        "momentum_change": ("coupling", np.abs(change), conserved),
+    }
+    source = {"source": "arXiv:1601.00942; nasm/self_consistent.py"}
+    return dataset("The self-consistent map", coords, variables, source)
 
 
 def verdicts(fields):
@@ -156,15 +154,13 @@ def settling():
     xs, ys = np.stack([*curves, (x, y)], axis=1)
     slopes = 1 + fourier.derivative(xs - angle)
     dims, life = ("curve", "point"), sequence.longest_lived(kappa, 0.0, ASKED)[2]
-    return dataset(
-        "An asymptotic circle",
-        {"point": (angle, "angle θ of the circle, in turns")},
-        {
-            "x": (dims, xs, "x on the lift"),
-            "y": (dims, ys, "y"),
-            "denied": ("point", denied.astype("int8"), "denied by converse KAM"),
-            "area": ("curve", np.mean(ys * slopes, axis=1), "area below the curve"),
-            "kicks": ((), life, f"kicks that eliminate all starts on a line before kick {ASKED}"),
-        },
-        {"limit": LIMIT, "excess": EXCESS, "time": TIME, "asked": ASKED},
-    )
+    variables = {
+        "x": (dims, xs, "x on the lift"),
+        "y": (dims, ys, "y"),
+        "denied": ("point", denied.astype("int8"), "denied by converse KAM"),
+        "area": ("curve", np.mean(ys * slopes, axis=1), "area below the curve"),
+        "kicks": ((), life, f"kicks that eliminate all starts on a line before kick {ASKED}"),
+    }
+    coords = {"point": (angle, "angle θ of the circle, in turns")}
+    settings = {"limit": LIMIT, "excess": EXCESS, "time": TIME, "asked": ASKED}
+    return dataset("An asymptotic circle", coords, variables, settings)

@@ -31,20 +31,17 @@ def amplitudes(quick):
                 circle = circles.invariant_circle(omega, kappa, n_max=512)
                 if circle.certified:
                     largest[i, j] = np.nanmax([largest[i, j], *_heights(omega, circle.u)])
-    most = float(max(np.nanmax(last), np.nanmax(largest)))
-    return dataset(
-        "Amplitudes of invariant circles",
-        {
-            "kick": ([0, 1], "kick before which y is taken"),
-            "angle": (angles, ANGLE),
-            "part": (fractions, "scale over that of the last breakup"),
-        },
-        {
-            "last": (("kick", "angle"), last, "amplitude of the last circle at 0.999 s_c"),
-            "largest": (("angle", "part"), largest, "largest amplitude of seven other circles"),
-        },
-        {"justified_exit": 1 + most},
-    )
+    coords = {
+        "kick": ([0, 1], "kick before which y is taken"),
+        "angle": (angles, ANGLE),
+        "part": (fractions, "scale over that of the last breakup"),
+    }
+    variables = {
+        "last": (("kick", "angle"), last, "amplitude of the last circle at 0.999 s_c"),
+        "largest": (("angle", "part"), largest, "largest amplitude of seven other circles"),
+    }
+    exits = {"justified_exit": 1 + float(max(np.nanmax(last), np.nanmax(largest)))}
+    return dataset("Amplitudes of invariant circles", coords, variables, exits)
 
 
 def _heights(omega, u):

@@ -107,25 +107,18 @@ def boundary_dataset(found, barrier, steps):
     scale = breakup * (1 + bias)
     spacing = 1 - float(found.excess[0] / found.excess[1])
     dims = "n", "angle"
-    at = strengths(dims, *np.moveaxis(scale[..., None] * ray(angle), -1, 0), plane.axes)
+    variables = {
+        "critical_scale": (dims, scale, "scale from which on some orbit escapes"),
+        "bias": (dims, bias, "critical_scale in parts of the breakup, less 1"),
+        "resolution": (dims, spacing * bias * breakup, "spacing of the scales"),
+        **strengths(dims, *np.moveaxis(scale[..., None] * ray(angle), -1, 0), plane.axes),
+    }
     if plane == two_kicks():
-        at |= asymmetry(angle, scale, found.escape_time.isel(ensemble=0).values)
-    return dataset(
-        "Boundary of global transport by direct iteration",
-        {"n": (steps, "steps N"), "angle": (angle, ANGLE), "excess": found.excess},
-        {
-            "critical_scale": (dims, scale, "scale from which on some orbit escapes"),
-            "bias": (dims, bias, "critical_scale in parts of the breakup, less 1"),
-            "resolution": (dims, spacing * bias * breakup, "spacing of the scales"),
-            **at,
-        },
-        {
-            **plane.record,
-            "n_orbits": int(found.ensemble[0]),
-            "spacing": spacing,
-            "source": "arXiv:1606.04824, Sec. V.B, Figs. 5 and 6",
-        },
-    )
+        variables |= asymmetry(angle, scale, found.escape_time.isel(ensemble=0).values)
+    coords = {"n": (steps, "steps N"), "angle": (angle, ANGLE), "excess": found.excess}
+    attrs = plane.record | {"n_orbits": int(found.ensemble[0]), "spacing": spacing}
+    attrs["source"] = "arXiv:1606.04824, Sec. V.B, Figs. 5 and 6"
+    return dataset("Boundary of global transport by direct iteration", coords, variables, attrs)
 
 
 def asymmetry(angle, scale, times):
@@ -164,15 +157,13 @@ def insets_dataset():
         highest.append(y.max())
     centres = (np.arange(_PIXELS) + 0.5) / _PIXELS
     cells = {"y": (centres, "y mod 1"), "x": (centres, "x mod 1")}
-    return dataset(
-        "Visits of one orbit to the parts of the cell",
-        {"forcing": (range(len(INSETS)), "forcing"), **cells},
-        {
-            "visits": (("forcing", "y", "x"), np.stack(visits), "points of the orbit"),
-            **strengths("forcing", *np.transpose(INSETS)),
-            "transport": ("forcing", answers, "1: global; 0: a barrier; -1: undecided"),
-            "lowest": ("forcing", lowest, "least y of the orbit, not reduced"),
-            "highest": ("forcing", highest, "largest y of the orbit, not reduced"),
-        },
-        {"start": list(INSET_START), "steps": INSET_STEPS, "source": "arXiv:1606.04824, Fig. 6"},
-    )
+    variables = {
+        "visits": (("forcing", "y", "x"), np.stack(visits), "points of the orbit"),
+        **strengths("forcing", *np.transpose(INSETS)),
+        "transport": ("forcing", answers, "1: global; 0: a barrier; -1: undecided"),
+        "lowest": ("forcing", lowest, "least y of the orbit, not reduced"),
+        "highest": ("forcing", highest, "largest y of the orbit, not reduced"),
+    }
+    coords = {"forcing": (range(len(INSETS)), "forcing"), **cells}
+    how = {"start": list(INSET_START), "steps": INSET_STEPS, "source": "arXiv:1606.04824, Fig. 6"}
+    return dataset("Visits of one orbit to the parts of the cell", coords, variables, how)

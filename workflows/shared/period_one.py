@@ -16,12 +16,10 @@ def primary_dataset(axis):
     points = [f"({x:g}, {y:g})" for x, y in fixed_points.PRIMARY]
     residue = fixed_points.primary_residue(kappa1, kappa2)
     names = described("primary point (x, y)", points=points)
-    return dataset(
-        "Primary period-one orbits",
-        {"point": (range(len(points)), names), **_plane(axis)},
-        {"residue": (("point", "kappa2", "kappa1"), residue, _RESIDUE)},
-        {"source": f"{_SOURCE} and Fig. 3"},
-    )
+    coords = {"point": (range(len(points)), names), **_plane(axis)}
+    residues = {"residue": (("point", "kappa2", "kappa1"), residue, _RESIDUE)}
+    source = {"source": f"{_SOURCE} and Fig. 3"}
+    return dataset("Primary period-one orbits", coords, residues, source)
 
 
 def secondary_dataset(axis):
@@ -32,19 +30,15 @@ def secondary_dataset(axis):
     for index in zip(*np.nonzero(np.isfinite(z)), strict=True):
         residue[index] = fixed_points.residue((kappa1[index], kappa2[index]), x[index], y[index])
     error = np.abs(fixed_points.cubic_estimate(kappa1, kappa2) - z)
-    dims = "kappa2", "kappa1"
-    return dataset(
-        "Secondary period-one orbits",
-        _plane(axis),
-        {
-            "z": (dims, z, "distance 2πx - π from (1/2, 0)"),
-            "x": (dims, x, "x of the point, in turns"),
-            "y": (dims, y, "y of the point"),
-            "residue": (dims, residue, _RESIDUE),
-            "estimate_error": (dims, error, "error of z by the cubic estimate, its sign corrected"),
-        },
-        {"source": f"{_SOURCE} and Fig. 4"},
-    )
+    dims, source = ("kappa2", "kappa1"), {"source": f"{_SOURCE} and Fig. 4"}
+    variables = {
+        "z": (dims, z, "distance 2πx - π from (1/2, 0)"),
+        "x": (dims, x, "x of the point, in turns"),
+        "y": (dims, y, "y of the point"),
+        "residue": (dims, residue, _RESIDUE),
+        "estimate_error": (dims, error, "error of z by the cubic estimate, its sign corrected"),
+    }
+    return dataset("Secondary period-one orbits", _plane(axis), variables, source)
 
 
 def _plane(axis):

@@ -48,19 +48,16 @@ def near_cusp(quick):
     value, error = scales["value"].T, scales["error"].T  # dims (found or judge, approach, delta)
     (claimed, uncertain), dims = error / value, ("approach", "delta")
     off = abs(value[0] - value[1]) / value[1]
-    return dataset(
-        "Distance to the cusp at 45 degrees",
-        {
-            "approach": listed("approach", "periodic", "continuation", "cones", "barriers"),
-            "delta": (deltas, described("distance 45° - φ from the cusp", "degree")),
-        },
-        {
-            "off": (dims, off, "difference to the sharpest value known, in parts of it"),
-            "error": (dims, claimed, "error that the method claims, relative"),
-            "judge_error": (dims, uncertain, "error that the sharpest method claims"),
-            "status": outcomes(dims, scales["status"].T[0]),
-        },
-    )
+    approaches = listed("approach", "periodic", "continuation", "cones", "barriers")
+    distance = deltas, described("distance 45° - φ from the cusp", "degree")
+    variables = {
+        "off": (dims, off, "difference to the sharpest value known, in parts of it"),
+        "error": (dims, claimed, "error that the method claims, relative"),
+        "judge_error": (dims, uncertain, "error that the sharpest method claims"),
+        "status": outcomes(dims, scales["status"].T[0]),
+    }
+    title = "Distance to the cusp at 45 degrees"
+    return dataset(title, {"approach": approaches, "delta": distance}, variables)
 
 
 def past_boundary(quick):
@@ -79,19 +76,15 @@ def past_boundary(quick):
 
     certified, single, *lives = _over(angles, excess, answers)
     words, dims = "whether a circle of n_modes points is certified", ("angle", "excess")
-    return dataset(
-        "Distance past the breakup",
-        {
-            "angle": (list(angles), ANGLE),
-            "excess": (excess, "scale over that of the breakup, less 1"),
-        },
-        {
-            "certified": (dims, certified.astype("int8"), words),
-            "escape_time_single": (dims, single, f"{_LIVES['escape_time']}, in single precision"),
-            **_labelled_lives(dims, lives),
-        },
-        {"n_cones": n_cones, "n_escape": n_escape, "n_modes": n_modes},
-    )
+    variables = {
+        "certified": (dims, certified.astype("int8"), words),
+        "escape_time_single": (dims, single, f"{_LIVES['escape_time']}, in single precision"),
+        **_labelled_lives(dims, lives),
+    }
+    efforts = {"n_cones": n_cones, "n_escape": n_escape, "n_modes": n_modes}
+    beyond = excess, "scale over that of the breakup, less 1"
+    coords = {"angle": (list(angles), ANGLE), "excess": beyond}
+    return dataset("Distance past the breakup", coords, variables, efforts)
 
 
 def disguised_fractions(quick):
@@ -116,22 +109,19 @@ def disguised_fractions(quick):
     status[:, 2] = fields(certified, {})["status"]
     golden = periodic.critical_scale(RotationNumber((0,), (1,)), kappa).value
     approaches = "periodic", "continuation", "longer orbits; of status: circles"
-    dims = "quotient", "approach", "q"
-    return dataset(
-        "Fractions disguised as irrational rotation numbers",
-        {
-            "quotient": (list(large), "partial quotient a after the ones"),
-            "approach": listed("approach", *approaches),
-            "q": (q, "denominator of the fraction"),
-        },
-        {
-            "value": (dims, value, "breakup, in parts of (0.3, 0.2)"),
-            "error": (dims, error, "error that the method claims for value"),
-            "lower": (("quotient", "q"), lower[:, 1], "last certified circle of continuation"),
-            "status": outcomes(dims, status),
-        },
-        {"golden": float(golden)},
-    )
+    coords = {
+        "quotient": (list(large), "partial quotient a after the ones"),
+        "approach": listed("approach", *approaches),
+        "q": (q, "denominator of the fraction"),
+    }
+    variables = {
+        "value": ([*coords], value, "breakup, in parts of (0.3, 0.2)"),
+        "error": ([*coords], error, "error that the method claims for value"),
+        "lower": (("quotient", "q"), lower[:, 1], "last certified circle of continuation"),
+        "status": outcomes([*coords], status),
+    }
+    title = "Fractions disguised as irrational rotation numbers"
+    return dataset(title, coords, variables, {"golden": float(golden)})
 
 
 def beyond_the_twist(quick):
@@ -146,17 +136,14 @@ def beyond_the_twist(quick):
         return status_code(circle.status), least, residue, *_lives(kappa, 2000, 2000, 2000)
 
     status, least, residue, *lives = _over(angles, scales, answers)
-    dims = "angle", "scale"
-    return dataset(
-        "Near the end of the twist and beyond",
-        {"angle": (list(angles), ANGLE), "scale": (scales, "scale s of the forcing")},
-        {
-            "twist": (dims, least, "least ∂x'/∂y of a step"),
-            "residue": (dims, residue, "residue of the minimax orbit of 89/144; NaN: not found"),
-            **_labelled_lives(dims, lives),
-            "circle": outcomes(dims, status),
-        },
-    )
+    coords = {"angle": (list(angles), ANGLE), "scale": (scales, "scale s of the forcing")}
+    variables = {
+        "twist": ([*coords], least, "least ∂x'/∂y of a step"),
+        "residue": ([*coords], residue, "residue of the minimax orbit of 89/144; NaN: not found"),
+        **_labelled_lives([*coords], lives),
+        "circle": outcomes([*coords], status),
+    }
+    return dataset("Near the end of the twist and beyond", coords, variables)
 
 
 def _over(first, second, answers):

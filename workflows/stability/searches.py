@@ -28,16 +28,12 @@ def missed_survivors(quick):
     best = lives.max(axis=0)
     known = np.isfinite(best)
     lost = 1 - lives[:, known] / best[known]
-    missed = (lost > 0.01).mean(axis=1)
-    return dataset(
-        "Lives that the beam search misses",
-        {"kept": (kept, "starts kept at each level")},
-        {
-            "missed": ("kept", missed, "part that misses 1% of a life"),
-            "worst": ("kept", lost.max(axis=1), "largest part of a life missed"),
-        },
-        {"searches": int(known.sum())},
-    )
+    coords, searches = {"kept": (kept, "starts kept at each level")}, {"searches": int(known.sum())}
+    variables = {
+        "missed": ("kept", (lost > 0.01).mean(axis=1), "part that misses 1% of a life"),
+        "worst": ("kept", lost.max(axis=1), "largest part of a life missed"),
+    }
+    return dataset("Lives that the beam search misses", coords, variables, searches)
 
 
 def fake_circles(quick):
@@ -59,20 +55,14 @@ def fake_circles(quick):
                 kappa = scale * np.array(profile)
                 passed[i, j] += circles.newton.certify(gamma, kappa, u)[1] is Status.OK
                 polished[i, j] += circles.newton.polished_is_circle(gamma, kappa, u)
-    dims = "ray", "n"
-    return dataset(
-        "Fake circles",
-        {
-            "ray": (range(len(profiles)), "the standard map, and (1, 0.5)"),
-            "n": (points, "grid points"),
-        },
-        {
-            "past": (dims, past, "last naive convergence over the breakup, less 1"),
-            "fakes": (dims, fakes.astype(int), "circles believed in beyond the breakup"),
-            "passed": (dims, passed.astype(int), "those that pass `certify`"),
-            "polished": (dims, polished.astype(int), "those polished to circles"),
-        },
-    )
+    dims, rays = ("ray", "n"), (range(len(profiles)), "the standard map, and (1, 0.5)")
+    variables = {
+        "past": (dims, past, "last naive convergence over the breakup, less 1"),
+        "fakes": (dims, fakes.astype(int), "circles believed in beyond the breakup"),
+        "passed": (dims, passed.astype(int), "those that pass `certify`"),
+        "polished": (dims, polished.astype(int), "those polished to circles"),
+    }
+    return dataset("Fake circles", {"ray": rays, "n": (points, "grid points")}, variables)
 
 
 def _naive_path(omega, profile, n, breakup):
@@ -121,18 +111,17 @@ def disordered_orbits(quick):
                     same = abs(action.total(orbit.kappa, theta, u) - least) < 1e-12
                     outcome = 1 if same else 3
                 counts[outcome, i, j] += 1
-    dims, part = ("noise", "scale"), counts / trials
-    return dataset(
-        "Orbits that Newton's method finds from bad starts",
-        {
-            "noise": (list(noises), "rms deviation from the rotation, turns"),
-            "scale": (scales, "scale s of the forcing s·(1, 0.5)"),
-        },
-        {
-            "lost": (dims, part[0], "part of starts without convergence"),
-            "right": (dims, part[1], "part that leads to the orbit"),
-            "refused": (dims, part[2], "part that leads to another orbit, refused"),
-            "accepted": (dims, part[3], "part that leads to another orbit, accepted"),
-        },
-        {"trials": trials},
-    )
+    coords = {
+        "noise": (list(noises), "rms deviation from the rotation, turns"),
+        "scale": (scales, "scale s of the forcing s·(1, 0.5)"),
+    }
+    words = {
+        "lost": "part of starts without convergence",
+        "right": "part that leads to the orbit",
+        "refused": "part that leads to another orbit, refused",
+        "accepted": "part that leads to another orbit, accepted",
+    }
+    parts = zip(words.items(), counts / trials, strict=True)
+    variables = {name: ([*coords], part, label) for (name, label), part in parts}
+    title = "Orbits that Newton's method finds from bad starts"
+    return dataset(title, coords, variables, {"trials": trials})

@@ -35,20 +35,18 @@ def nearly_resonant(quick):
     past = [[tori.invariant_torus(*vectors[0][0], *at, int(n)) for at in beyond] for n in sizes]
     dims = "pair", "delta"
     numbers = fields(found, {"value": "value", "error": "error", "lower": "lower"})
-    return dataset(
-        "Tori next to a resonance, and past their breakup",
-        {
-            "pair": listed("pair", *pairs),
-            "delta": (deltas, "distance δ from the resonance"),
-            "n": (sizes, "most grid points"),
-            "excess": (excess, "scale over upper, less 1"),
-        },
-        {
-            "value": (dims, numbers["value"], "breakup on the ray of 45°"),
-            "error": (dims, numbers["error"], "error that the method claims for value"),
-            "lower": (dims, numbers["lower"], "scale of the last certified torus"),
-            "upper": (dims, upper, "scale at which no torus of that Ω is left"),
-            "status": outcomes(dims, numbers["status"]),
-            "past": outcomes(("n", "excess"), fields(past, {})["status"]),
-        },
-    )
+    coords = {
+        "pair": listed("pair", *pairs),
+        "delta": (deltas, "distance δ from the resonance"),
+        "n": (sizes, "most grid points"),
+        "excess": (excess, "scale over upper, less 1"),
+    }
+    variables = {
+        "value": (dims, numbers["value"], "breakup on the ray of 45°"),
+        "error": (dims, numbers["error"], "error that the method claims for value"),
+        "lower": (dims, numbers["lower"], "scale of the last certified torus"),
+        "upper": (dims, upper, "scale at which no torus of that Ω is left"),
+        "status": outcomes(dims, numbers["status"]),
+        "past": outcomes(("n", "excess"), fields(past, {})["status"]),
+    }
+    return dataset("Tori next to a resonance, and past their breakup", coords, variables)
