@@ -121,14 +121,11 @@ def asked_of_period(point, prove, strengths):
     return "\n".join(text), partial(drawn, strengths, point, found, escaping)
 
 
-_file = partial(click.option, type=click.Path(exists=True, dir_okay=False), metavar="FILE")
-
-
 @cli.command(ignore_unknown_options=True)
 @click.argument("kappa", type=float, nargs=-1)
 @cli.point_option
-@_file("--sequence", help="A text file with one period of strengths, in place of KAPPA.")
-@_file("--once", help="A text file with any number of kicks, which do not repeat.")
+@click.option("--sequence", type=cli.FILE, help="Text file of a period of strengths, not KAPPA.")
+@click.option("--once", type=cli.FILE, help="Text file of any kicks, which do not repeat.")
 @cli.flag("--prove", "Prove the answer, as far as 20 s allow.")
 @cli.flag("--pdf", "The figure as PDF too.")
 @cli.draws

@@ -218,38 +218,21 @@ def _directory(context, parameter, out):
     return out
 
 
-out_option = click.option(
-    "--out",
-    default="out",
-    show_default=True,
-    callback=_directory,
-    help="Directory of the results; an earlier run in it is resumed.",
-)
-store_option = click.option(
-    "--store",
-    metavar="URL",
-    help="Keep the cubes in an object store, s3://BUCKET/PREFIX (or gs://, az://), not in OUT. "
-    "Credentials come from the environment.",
-)
+FILE = click.Path(exists=True, dir_okay=False)
+_WORKERS = "Worker processes on this machine.  [default: one per core]"
+_OUT = "Directory of the results; an earlier run in it is resumed."
+_STORE = """Keep the cubes in an object store, s3://BUCKET/PREFIX (or gs://, az://), not in OUT.
+Credentials come from the environment."""
+_SCHEDULER = """Compute on a running dask scheduler, tcp://HOST:PORT, tls://HOST:PORT or the path of
+its scheduler file, whose workers see the same files, instead of on this machine."""
+_TLS = "Certificate files for a tls:// scheduler."
+
+out_option = click.option("--out", default="out", show_default=True, callback=_directory, help=_OUT)
+store_option = click.option("--store", metavar="URL", help=_STORE)
 cluster_options = together(
-    click.option(
-        "--workers",
-        type=click.IntRange(1, 4096),
-        help="Worker processes on this machine.  [default: one per core]",
-    ),
-    click.option(
-        "--scheduler",
-        metavar="ADDRESS|FILE",
-        help="Compute on a running dask scheduler, tcp://HOST:PORT, tls://HOST:PORT or the path of "
-        "its scheduler file, whose workers see the same files, instead of on this machine.",
-    ),
-    click.option(
-        "--tls",
-        nargs=3,
-        type=click.Path(exists=True, dir_okay=False),
-        metavar="CA CERT KEY",
-        help="Certificate files for a tls:// scheduler.",
-    ),
+    whole("--workers", None, 1, 4096, _WORKERS),
+    click.option("--scheduler", metavar="ADDRESS|FILE", help=_SCHEDULER),
+    click.option("--tls", nargs=3, type=FILE, metavar="CA CERT KEY", help=_TLS),
 )
 
 
