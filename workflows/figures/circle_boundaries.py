@@ -9,8 +9,6 @@ def draw_circle_boundaries(breakdown, residues, barrier):
     """Draw CB_ω of each rotation number, CB_gt behind them, Fig. 8.
 
     breakdown : by continuation; `residues` themselves in a plane where that has no rays from zero.
-
-    The caption says where each circle comes nearest to CB_gt, and whether all lie within it.
     """
     figure, (axes,) = style.panels(1, 1, 10, 6.6)
     effort = "periods up to {q_max}" if breakdown is residues else "errors of {tol:g}"
@@ -43,11 +41,7 @@ def draw_circle_boundaries(breakdown, residues, barrier):
 
 
 def draw_tips(residues, circles, barrier):
-    """Draw the tips at 45° and 135° in detail, Fig. 9: residues as lines, circles as points; × on
-    CB_gt where one of them has no answer.
-
-    The caption says how far the two methods are apart.
-    """
+    """Draw the tips at 45° and 135°, Fig. 9: residues as lines, circles as points, gaps as ×."""
     figure, tips = style.panels(1, 2, 11, 6.8)
     silent = circles.critical_scale.isnull() | residues.critical_scale.isnull()
     gaps = barrier.sel(angle=circles.angle[silent.any("circle").values], method="nearest")

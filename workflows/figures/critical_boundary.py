@@ -9,10 +9,7 @@ from workflows.figures.style import circle_style, in_column, known, omega_label,
 
 
 def draw_critical_boundary(plane, circles, barrier):
-    """Draw the escape field, CB_ω of the circles and CB_gt in the colours of the last circle.
-
-    Below: which circle that is, by angle; and how CB_gt falls from the tip at 45°.
-    """
+    """Draw the escape field and CB_ω of the circles behind what `draw_last_barrier` draws."""
     figure, axes = draw_last_barrier(barrier)
     draw_field(axes, plane)
     circles = known(circles)

@@ -8,10 +8,7 @@ _ETA = 3.0117  # ln(αβ)/ln δ of MacKay's scaling constants, a guide for the e
 
 
 def draw_flux(fluxes, fits):
-    """Draw the flux against the distance beyond the breakup, and divided by the power law.
-
-    The caption has the fitted laws.
-    """
+    """Draw the flux against the distance beyond the breakup, and divided by the power law."""
     figure, (whole, divided) = panels(1, 2, 12, 5)
     x = fluxes.excess.values
     for i, angle in enumerate(fluxes.angle.values):

@@ -11,10 +11,7 @@ _BEYOND = 1.15  # times the largest end of a bracket: what is drawn
 
 
 def draw_frequencies(cube):
-    """Draw the scale of the last breakup against Ω, and the least one of convergents by their q.
-
-    The caption says how the brackets of convergents lie to those of their limits.
-    """
+    """Draw the scale of the last breakup against Ω, and the least one of convergents by their q."""
     limits, fractions = _parts(cube)
     figure, (wide, near) = panels(1, 2, 12, 5.4, sharey=True)
     for Ω, (lower, upper) in fractions.items():

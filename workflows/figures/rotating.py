@@ -8,10 +8,7 @@ from workflows.figures.style import INSIDE, colour_of, in_column, outer_legend, 
 
 
 def draw_rotating_circles(circles, two, direct):
-    """Draw CB_ω, CB_gt and the onset of transport of T in κ̄ and Δκ: the diamond, Fig. 10.
-
-    The caption says how wide the bracket is, and how far outside direct iteration lies.
-    """
+    """Draw CB_ω, CB_gt and the onset of transport of T in κ̄ and Δκ: the diamond, Fig. 10."""
     title = r"Rotating standard map with $\Omega = 1/2$: $T_{\kappa_1\kappa_2}$"
     figure, parts = _plane(title, two, direct, circles.critical_scale, 0.7)
     for part in parts:
@@ -30,8 +27,7 @@ def draw_rotating_circles(circles, two, direct):
 def draw_rotating_tori(tori, two, direct, certified):
     """Draw the breakup of tori by the residue of long orbits, against CB_gt of T, Fig. 11.
 
-    certified : the cube `tori` of one vector. The caption says where a torus outlasts the last
-    circle of T.
+    certified : the cube `tori` of one vector.
     """
     title = "Tori of rotating standard maps, and the last circle of $T$"
     figure, parts = _plane(title, two, direct, tori.critical_scale, 0.4)

@@ -10,7 +10,7 @@ from workflows.figures.stretches import where_above
 def draw_three_kicks(three, two):
     """Draw the boundaries in the (κ̄, Δκ) plane, and by angle the brackets in parts of that of T.
 
-    Colours are those of the last circles. The caption says where the map outlasts T.
+    Colours are those of the last circles.
     """
     exact = three.phase.attrs["exact"]
     heights = [1.4, 0.3 + 0.4 * len(exact)]  # of the plane and the strips in a column

@@ -90,10 +90,7 @@ def _scatter(excess):
 
 
 def field_found(field):
-    """Say in how much of the plane each ensemble escapes within how many steps.
-
-    field : the cube `escape`.
-    """
+    """Say in how much of the plane of the cube `escape` each ensemble escapes within how long."""
     times, n_max = field.escape_time.load(), field.attrs["n_max"]
     steps = sorted({max(1, n_max // 10), n_max})
     parts = []

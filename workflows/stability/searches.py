@@ -11,10 +11,7 @@ from workflows.shared.tables import dataset
 
 
 def missed_survivors(quick):
-    """6. Count how often the beam search of converse KAM misses the longest life, by what it keeps.
-
-    Judged by the best that any of them found.
-    """
+    """6. Count how often beam searches of converse KAM miss the longest life that any has found."""
     kept, n_max = 2 ** np.arange(6), 20_000
     random = np.random.default_rng(6)
     n_rays = 20 if quick else 150
