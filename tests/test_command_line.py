@@ -89,7 +89,6 @@ def test_help_needs_no_numpy_and_so_comes_at_once():
         ("escape_plane", "--plane {}/b.json", "must be a JSON object with the keys name, axes"),
         ("escape_plane", "--kappa1 -1e7:1e7:4", "not finite or too large"),
         ("last_barrier", "--tol nan", "is not in the range"),
-        ("three_kicks", "--frequency 1", "must have a denominator from 2 to 64"),
         ("three_kicks", "--phase 1/0", "phase='1/0' is not a fraction"),
         ("tori", "--vector 0.6,0.2,0.1", "must be two numbers"),
         ("flux", "--nearest 1e-5 --q-max 100", "too short for --nearest 1e-05; use 1000000"),

@@ -8,8 +8,6 @@ reversed; for φ0 + 1/2 and -Δκ; and for -κ̄ and -Δκ. So all phases are th
 both signs of Δκ; at 1/12 these are alike. In between the kicks have no symmetry centre.
 """
 
-from click import option
-
 from workflows.shared import cli
 
 PHASES = ("0", "1/24", "1/12")
@@ -24,13 +22,12 @@ def parse_phase(text):
 
 
 @cli.command()
-@option("--frequency", default="1/3", show_default=True, help="Frequency Ω, p/q with q up to 64.")
 @cli.several("--phase", PHASES, parse_phase, "FRACTION", "Phase φ0 of the forcing, in turns.")
 @cli.ray_options(31)
 @cli.preset("--full", "Most of an hour of CPU time", angles=61, phase=MANY)
 @cli.real("--tol", 1e-3, 1e-5, 0.1, "Width of the bracket to aim at, relative to the scale.")
 @cli.sweeps
-def main(run, frequency, phase, angles, tips, tol):
+def main(run, phase, angles, tips, tol):
     """Rotating standard maps: a cube for each phase and one of T, a table and a figure in OUT.
 
     The defaults take some five minutes of CPU time.
@@ -42,7 +39,7 @@ def main(run, frequency, phase, angles, tips, tol):
     from workflows.shared.tables import described
 
     around = rays.rotated_rays(angles, tips)
-    planes = {text: rotating(frequency, text) for text in phase}
+    planes = {text: rotating("1/3", text) for text in phase}
     last = last_barrier(rotating("1/2"), around, tol)
     jobs = {text: last_barrier(plane, around, tol, named(plane)) for text, plane in planes.items()}
     with run.sweeping(last, *jobs.values()):

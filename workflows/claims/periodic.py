@@ -4,7 +4,7 @@ import numpy as np
 
 from nasm import fixed_points
 from nasm.action import ordered_orbits
-from nasm.maps import TWO_PI, step, step_tangent, unkick
+from nasm.maps import TWO_PI, kick, step, step_tangent, unkick
 from pipeline.sweep.grid import parse_axis
 from workflows.claims.rules import identity
 from workflows.shared.period_one import secondary_dataset
@@ -66,22 +66,14 @@ def _period(kappa, x, y, p, q):
 
 def _six_orbits():
     """Count sign changes of y' - y, where 2y = m - (κ1/2π) sin 2πx gives x' = x + m."""
-    random, x = np.random.default_rng(3), (np.arange(4000) + 0.5) / 4000
-    counts = np.array(
-        [
-            [_sign_changes(kappa, m, x) for m in (-1, 0, 1)]
-            for kappa in random.uniform(-1, 1, (200, 2))
-        ]
-    )
+    first, second = np.random.default_rng(3).uniform(-1, 1, (2, 200, 1, 1))
+    x, m = (np.arange(4000) + 0.5) / 4000, np.array([[-1], [0], [1]])
+    y = (m - first / TWO_PI * np.sin(TWO_PI * x)) / 2
+    rise = kick(second, *kick(first, x, y))[1] - y
+    counts = np.count_nonzero(rise * np.roll(rise, 1, axis=-1) < 0, axis=-1)
     six, four = int(counts.sum(axis=1).min()), int(counts[:, 1:].sum(axis=1).min())
     text = f"{six} with rotation number -1, 0 or 1, {four} but for y → y + 1, at all of 200 "
     return graded(f"{text}forcings with |κ_i| < 1", four == 6, six == 6)
-
-
-def _sign_changes(kappa, m, x):
-    y = (m - kappa[0] / TWO_PI * np.sin(TWO_PI * x)) / 2
-    rise = step(kappa, x, y)[1] - y
-    return np.count_nonzero(rise * np.roll(rise, 1) < 0)
 
 
 def _secondary_orbits():
