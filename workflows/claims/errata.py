@@ -20,10 +20,15 @@ def errata():
     images = [omega(kappa, x + 0.5, y), omega(kappa, 1 - x, 1 - y)]
     z2, *estimates = cubic_estimates(1e-3)
     integral = apart(path_integral, generating_function, 10)
+    both = apart(step, both_kicks), rounding(2)
+
+    def first_kick_twice(kappa, x, y):
+        return path_integral(kappa[[0, 0]], x, y)
+
     measured = {
-        "hat": (apart(step, _x_twice), apart(step, both_kicks), rounding(2)),
-        "kap": (apart(step, _swapped), apart(step, both_kicks), rounding(2)),
-        "exact": (apart(_first_kick_twice, generating_function, 10), integral, 1e-12),
+        "hat": (apart(step, lambda *z: both_kicks(*z)[[0, 0]]), *both),
+        "kap": (apart(step, lambda kappa, *z: both_kicks(kappa[::-1], *z)), *both),
+        "exact": (apart(first_kick_twice, generating_function, 10), integral, 1e-12),
         "reflected": (*(_largest(image - (2 - before)) for image in images), 1e-10),
         "ome5": (*ome5_deviations(), 1e-10),
         "z_aprox": (*(abs(estimate - z2) for estimate in estimates), z2**1.5),
@@ -38,15 +43,3 @@ def errata():
 
 def _largest(off):
     return float(np.abs(off).max())
-
-
-def _x_twice(kappa, x, y):
-    return both_kicks(kappa, x, y)[[0, 0]]
-
-
-def _swapped(kappa, x, y):
-    return both_kicks(kappa[::-1], x, y)
-
-
-def _first_kick_twice(kappa, x, y):
-    return path_integral(kappa[[0, 0]], x, y)

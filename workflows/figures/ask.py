@@ -36,9 +36,12 @@ def draw_verdict(kappa, point, name, verdict, orbits, longest, escaping):
     draw_orbits(axes, orbits)
     if verdict.circle is not None:
         omega = str(verdict.boundary.omega)
-        style = circle_style(omega) | {"marker": "", "ls": "-", "lw": 1.8}
-        label = rf"certified circle, $\omega = {omega}$"
-        _draw_circle(axes, *verdict.circle, label=label, **style)
+        style = circle_style(omega) | {"marker": "", "ls": "-", "lw": 1.8, "zorder": 3}
+        x, y = (values[:: max(1, values.size // 4096)] for values in verdict.circle)
+        x, y = (x % 1)[order := np.argsort(x % 1)], cell(y)[order]
+        # One point more at each end, so that the period is covered.
+        x, y = np.r_[x[-1] - 1, x, x[0] + 1], np.r_[y[-1], y, y[0]]
+        axes.plot(x, y, label=rf"certified circle, $\omega = {omega}$", **style)
     if longest is not None:
         steps, x, y = longest
         words = f"longest-lived start, {steps:g} steps: not a barrier"
@@ -67,15 +70,6 @@ def draw_verdict(kappa, point, name, verdict, orbits, longest, escaping):
             name = name.replace(axis, sign)
     figure.suptitle(f"{name}: {verdict.answer.value}".replace("(-", "(−").replace(" -", " −"))
     return figure
-
-
-def _draw_circle(axes, x, y, **style):
-    stride = max(1, x.size // 4096)
-    x, y = x[::stride] % 1, cell(y[::stride])
-    order = np.argsort(x)
-    x, y = x[order], y[order]
-    # One point more at each end, so that the period is covered; in front of all orbits.
-    axes.plot(np.r_[x[-1] - 1, x, x[0] + 1], np.r_[y[-1], y, y[0]], zorder=3, **style)
 
 
 def _draw_heights(axes, y, omega):

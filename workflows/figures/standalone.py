@@ -34,7 +34,8 @@ def boundary_page(barrier):
         "colour": [style["color"] for style in styles],
         "marker": [_MARKERS[style["marker"]] for style in styles],
     }
-    columns |= {side: [_bound(s) for s in barrier[side].values] for side in ("lower", "upper")}
+    for side in ("lower", "upper"):
+        columns[side] = [f"{s:.7g}" if s == s else "not shown" for s in barrier[side].values]
     title = "Where the last barrier to transport breaks"
     plot = figure(
         title=title,
@@ -59,7 +60,3 @@ def boundary_page(barrier):
 def _digits(error):
     """Return the decimals of a number with that error, one of the error's own."""
     return int(np.clip(np.ceil(-np.log10(error)), 0, 15)) if error > 0 else 15
-
-
-def _bound(scale):
-    return f"{scale:.7g}" if np.isfinite(scale) else "not shown"

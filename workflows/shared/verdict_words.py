@@ -1,5 +1,7 @@
 """A verdict in plain sentences."""
 
+from math import isfinite, log10
+
 SHOWN = 8  # kicks that are named one by one
 
 
@@ -58,16 +60,12 @@ def sentences(kappa, point, verdict):
 
 def scale_of(boundary):
     """Return the scale at which the last circle breaks, with the digits that its error leaves."""
-    from math import log10
-
     digits = 2 + int(min(10, max(0, log10(boundary.value / max(boundary.error, 1e-300)))))
     return f"{boundary.value:.{digits}g}"
 
 
 def _distance(boundary):
     """Say where the last circle breaks on the ray, in multiples of the strengths asked about."""
-    from math import isfinite
-
     lines = []
     if isfinite(boundary.value):
         lines.append(
