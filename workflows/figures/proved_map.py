@@ -8,9 +8,10 @@ from matplotlib.patches import Patch
 
 from workflows.figures.style import COLOURS, outer_legend, panels
 
-_STATES = {
-    "open": ("0.9", "open"),
-    "transport_is_global": (COLOURS[1], "transport is proved to be global"),
+_LEGEND = {
+    "open": "0.9",
+    "transport is proved to be global": COLOURS[1],
+    "a barrier is proved to exist": COLOURS[0],
 }
 
 
@@ -21,30 +22,24 @@ def draw_proved_map(cube, triangles, barrier):
     barrier : CB_gt from 0° to 45°.
     """
     flags = cube.proved.attrs
-    codes = dict(zip(flags["flag_meanings"].split(), flags["flag_values"], strict=True))
-    states = np.triu(cube.proved.values)
-    states = np.maximum(states, states.T)
-    whole = np.block([[states[::-1, ::-1], states[::-1]], [states[:, ::-1], states]])
+    code = flags["flag_values"][flags["flag_meanings"].split().index("transport_is_global")]
+    proved = np.triu(cube.proved.values == code)
+    proved |= proved.T
+    whole = np.block([[proved[::-1, ::-1], proved[::-1]], [proved[:, ::-1], proved]])
     figure, (axes,) = panels(1, 1, 7.5, 7.4)
     reach = float(cube.kappa1[-1] + cube.kappa1[0])
     style = {"origin": "lower", "extent": 2 * (-reach, reach), "interpolation": "nearest"}
-    colours = ListedColormap([colour for colour, _ in _STATES.values()])
-    index = np.select([whole == codes[name] for name in _STATES], range(len(_STATES)))
-    axes.imshow(index, cmap=colours, vmin=0, vmax=len(_STATES) - 1, **style)
-    colour, words = COLOURS[0], "a barrier is proved to exist"
-    for sides in ([0, 1], [1, 0]):
-        for signs in product((1, -1), repeat=2):
-            for corners in _far_sides(triangles):
-                axes.fill(*(signs * corners[:, sides]).T, color=colour, lw=0, aa=False)
-    x = np.append(barrier.kappa1, barrier.kappa2[::-1])
-    y = np.append(barrier.kappa2, barrier.kappa1[::-1])
-    for sign1, sign2 in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
-        axes.plot(sign1 * x, sign2 * y, color="black", lw=0.8)
+    axes.imshow(whole, cmap=ListedColormap([*_LEGEND.values()][:2]), vmin=0, vmax=1, **style)
+    line = np.stack([barrier.kappa1, barrier.kappa2], -1)
+    line = np.concatenate([line, line[::-1, ::-1]])
+    for signs in product((1, -1), repeat=2):
+        for sides, corners in product(([0, 1], [1, 0]), _far_sides(triangles)):
+            axes.fill(*(signs * corners[:, sides]).T, color=COLOURS[0], lw=0, aa=False)
+        axes.plot(*(signs * line).T, color="black", lw=0.8)
     axes.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$", aspect="equal")
-    legend = [*_STATES.values(), (colour, words)]
-    patches = [Patch(color=colour, label=words) for colour, words in legend]
+    patches = [Patch(color=colour, label=words) for words, colour in _LEGEND.items()]
     outer_legend(figure, 3, 1, "upper", handles=patches, frameon=False, fontsize=None)
-    return figure, _caption(cube, states, codes, triangles, barrier)
+    return figure, _caption(cube, proved, triangles, barrier)
 
 
 def _far_sides(triangles):
@@ -55,13 +50,13 @@ def _far_sides(triangles):
     return np.concatenate([np.zeros_like(far[:, :1]), far], axis=1)
 
 
-def _caption(cube, states, codes, triangles, barrier):
+def _caption(cube, proved, triangles, barrier):
     kappa1, kappa2 = np.meshgrid(cube.kappa1, cube.kappa2)
     angle = np.rad2deg(np.arctan2(kappa2, kappa1))
     excess = np.hypot(kappa1, kappa2) / np.interp(angle, barrier.angle, barrier.critical_scale) - 1
 
     there = (excess > 0) & (kappa2 <= kappa1)
-    open_ = 100 * excess[there & (states != codes["transport_is_global"])]
+    open_ = 100 * excess[there & ~proved]
     within = "Nothing is open there."
     if open_.size:
         half, most, last = np.quantile(open_, [0.5, 0.95, 1])
@@ -69,7 +64,7 @@ def _caption(cube, states, codes, triangles, barrier):
             f"Half of what is open there is within {half:.3g}% of the boundary, 95% within "
             f"{most:.3g}%, all within {last:.3g}%."
         )
-    share = 100 * (states[there] == codes["transport_is_global"]).mean()
+    share = 100 * proved[there].mean()
     # How far from CB_gt the proved triangles end, on its rays.
     rays = np.stack([barrier.kappa1, barrier.kappa2], -1)
     ends = np.zeros(len(rays))
