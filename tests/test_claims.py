@@ -10,7 +10,7 @@ from commands import succeed, table
 
 from nasm.numbers import NAMES, parse
 from workflows.claims import envelope, rules
-from workflows.claims.page import write_page, write_tables
+from workflows.claims.page import write
 from workflows.claims.rules import Erratum
 from workflows.shared.cli import main_of
 from workflows.shared.output import Output
@@ -122,8 +122,7 @@ def test_the_page_and_the_tables_hold_every_claim(exact, tmp_path):
     found, errata = exact
     circles, barrier = three_rays(np.array([0.5, 0.6, 1.4]), ["[0;(1)]"] * 3, 0.99)
     ranges, run = envelope.ranges(circles, barrier), Output(tmp_path)
-    write_page(run, found, errata, ranges, ["a summary"], "a command")
-    write_tables(run, found, errata, ranges)
+    write(run, found, errata, ranges, ["a summary"], "a command")
     page = (tmp_path / "claims.html").read_text(encoding="utf-8")
     for c in found:
         assert_holds(page, c.place, c.statement, c.value, c.command)

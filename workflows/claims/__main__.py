@@ -21,7 +21,7 @@ def main(run, **size):
 
     Some minutes on two cores; --angles 19 --tips 8 --tol 1e-3 --n-max 20000 --n-orbits 64, one.
     """
-    from workflows.claims.page import contradicted, counted, write_page, write_tables
+    from workflows.claims.page import contradicted, counted, write
     from workflows.claims.study import examine, planned
 
     jobs, rays = planned(**size)
@@ -29,8 +29,7 @@ def main(run, **size):
         cubes = {name: run.sweep(job).load() for name, job in jobs.items()}
         found = examine(cubes, rays, size["n_max"], size["n_orbits"])
         options = " ".join(f"--{name.replace('_', '-')} {n}" for name, n in size.items())
-        write_page(run, *found, f"python -m workflows.claims {options}")
-        write_tables(run, *found[:3])
+        write(run, *found, f"python -m workflows.claims {options}")
         run.say(counted(*found[:2]))
         run.say(contradicted(found[0]))
 

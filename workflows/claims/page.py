@@ -30,8 +30,11 @@ def contradicted(claims):
     )
 
 
-def write_page(run, claims, errata, rows, sentences, command):
-    """Write OUT/claims.html; `rows`, `sentences`: of `envelope`; `command`: what made it."""
+def write(run, claims, errata, rows, sentences, command):
+    """Write OUT/claims.html, and claims.csv, errata.csv and envelope.csv; claims.txt counts them.
+
+    rows, sentences : of `envelope`. command : what made it.
+    """
     render(
         "claims/page.html",
         run.path("pages", "claims.html"),
@@ -43,10 +46,6 @@ def write_page(run, claims, errata, rows, sentences, command):
         counted=counted(claims, errata),
         header=[name.replace("gamma", "γ") for name in HEADER],
     )
-
-
-def write_tables(run, claims, errata, rows):
-    """Write OUT/claims.csv, OUT/errata.csv and OUT/envelope.csv; OUT/claims.txt counts them."""
     tables = {
         "claims": [{**vars(claim), "verdict": claim.verdict.value} for claim in claims],
         "errata": [{**vars(erratum), "shown": erratum.shown} for erratum in errata],
@@ -55,5 +54,4 @@ def write_tables(run, claims, errata, rows):
     for name, table in tables.items():
         frame = DataFrame(table).drop(columns="short", errors="ignore")
         frame.to_csv(run.path("tables", f"{name}.csv"), index=False)
-    words = f"{counted(claims, errata)}\n"
-    Path(run.out, "claims.txt").write_text(words, encoding="utf-8")
+    Path(run.out, "claims.txt").write_text(f"{counted(claims, errata)}\n", encoding="utf-8")
