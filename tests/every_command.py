@@ -42,10 +42,6 @@ SMALLEST = {
     "work_precision": "--only barriers --only barrier-proof --ray 45",
 }
 PROVING = ("ask", "proved_boundary", "proved_map", "work_precision")
-WITHOUT_WORKERS = (
-    *("ask", "period_one", "portraits", "ramp", "self_consistent", "stability", "work_precision"),
-    *("status", "verify"),
-)
 
 
 class Hidden:
@@ -65,13 +61,15 @@ def main(out, commands, *hidden):
     from commands import invoke
     from toy import workers_here
 
+    from workflows.shared.cli import main_of
+
     told = {}
     with workers_here() as client:
         workers = ["--scheduler", client().scheduler.address]
         for name in commands.split(","):
             there = Path(out, {"status": "last_barrier", "verify": "last_barrier"}.get(name, name))
-            sweeps = [] if name in WITHOUT_WORKERS else workers
-            result = invoke(name, there, *shlex.split(SMALLEST[name]), *sweeps)
+            sweeps = "scheduler" in [option.name for option in main_of(name).params]
+            result = invoke(name, there, *shlex.split(SMALLEST[name]), *workers * sweeps)
             said = f"{result.output}{result.exception or ''}"
             told[name] = result.exit_code, said, "flint" in finder.asked
             print(name, result.exit_code, file=sys.stderr, flush=True)

@@ -132,14 +132,13 @@ def beyond_the_twist(quick):
     def answers(angle, scale):
         kappa = scale * ray(angle)
         circle = circles.invariant_circle(parse("gamma"), kappa, 512)
-        least, residue = twist(kappa, *np.meshgrid(x, x)).min(), periodic.residue(kappa, 89, 144)
-        return status_code(circle.status), least, residue, *_lives(kappa, 2000, 2000, 2000)
+        least = twist(kappa, *np.meshgrid(x, x)).min()
+        return status_code(circle.status), least, *_lives(kappa, 2000, 2000, 2000)
 
-    status, least, residue, *lives = _over(angles, scales, answers)
+    status, least, *lives = _over(angles, scales, answers)
     coords = {"angle": (list(angles), ANGLE), "scale": (scales, "scale s of the forcing")}
     variables = {
         "twist": ([*coords], least, "least ∂x'/∂y of a step"),
-        "residue": ([*coords], residue, "residue of the minimax orbit of 89/144; NaN: not found"),
         **_labelled_lives([*coords], lives),
         "circle": outcomes([*coords], status),
     }
