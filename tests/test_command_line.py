@@ -65,6 +65,12 @@ def test_full_changes_defaults_and_what_is_given_stays():
     assert [len(short_or_long["phase"]) for short_or_long in phases] == [3, 6]
 
 
+def test_equal_numbers_count_once():
+    options = ["--omega", "[0;(1)]", "--omega", "2gamma", "--omega", "gamma"]
+    omega = main_of("circle_boundaries").make_context("it", options).params["omega"]
+    assert list(omega) == ["gamma", "2gamma"]
+
+
 def test_help_needs_no_numpy_and_so_comes_at_once():
     code = "import sys; from workflows.shared.cli import main_of\n"
     code += f"for name in {COMMANDS}: main_of(name).main(['--help'], standalone_mode=False)\n"

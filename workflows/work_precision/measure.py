@@ -92,18 +92,12 @@ def measure(blank, names):
                 data.estimated_error[i, here, level] = error / ray.value
                 words = f"{on}: {name}, {METHODS[name].effort} = {effort:g}: {seconds:.3g} s"
                 click.echo(words, err=True)
-    data["step_seconds"].values[:] = newton_seconds()
+    golden, kappa = parse("gamma"), np.array([0.3, 0.5])
+    u = circles.invariant_circle(golden, kappa).u
+    for form, step in enumerate((circles.newton_step, parameterization.newton_step)):
+        seconds = [timed(step, golden, kappa, fourier.resample(u, n))[1] for n in POINTS]
+        data.step_seconds[form] = seconds
     return data
-
-
-def newton_seconds():
-    """Measure a Newton step of the golden circle, in the order of FORMS and POINTS."""
-    omega, kappa = parse("gamma"), np.array([0.3, 0.5])
-    u = circles.invariant_circle(omega, kappa).u
-    return [
-        [timed(step, omega, kappa, fourier.resample(u, n))[1] for n in POINTS]
-        for step in (circles.newton_step, parameterization.newton_step)
-    ]
 
 
 def order(data, method):
