@@ -221,8 +221,8 @@ def _directory(context, parameter, out):
 FILE = click.Path(exists=True, dir_okay=False)
 _WORKERS = "Worker processes on this machine.  [default: one per core]"
 _OUT = "Directory of the results; an earlier run in it is resumed."
-_STORE = """Keep the cubes in an object store, s3://BUCKET/PREFIX (or gs://, az://), not in OUT.
-Credentials come from the environment."""
+_STORE = """Keep the cubes in an object store, s3://BUCKET/PREFIX (or gs://, az://), or in another
+directory, not in OUT. Credentials come from the environment."""
 _SCHEDULER = """Compute on a running dask scheduler, tcp://HOST:PORT, tls://HOST:PORT or the path of
 its scheduler file, whose workers see the same files, instead of on this machine."""
 _TLS = "Certificate files for a tls:// scheduler."
