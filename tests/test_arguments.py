@@ -225,7 +225,6 @@ BAD = [
     ((self_consistent.evolve,), "n", [0, 1.5], WHOLE + " 1 to 1000000000"),
     ((self_consistent.evolve,), "phase", [inf], "phase=inf and detuning=0.0 must be finite"),
     ((proofs.barrier.prove,), "kappa", [(0.3, nan)], "is not finite"),
-    ((proofs.barrier.prove,), "radius", [-1e-9, 2.0, nan], "radius={value} must be from 0 to 1"),
     ((proofs.barrier.prove,), "n", [63, 2**23, 100.0], WHOLE + " 64 to 4194304"),
     ((proofs.barrier.prove,), "n", [65], "n=65 must be even"),
     ((proofs.barrier.prove,), "start", [np.zeros((1, 64)), np.zeros(64)], "are 2 functions on"),

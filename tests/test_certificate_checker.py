@@ -75,7 +75,7 @@ def test_the_second_variation_is_bounded_in_boxes_and_the_bounds_are_reached():
 
 @pytest.mark.parametrize("most", [3, 100])
 def test_norms_bound_what_is_left_out_and_no_more(most, monkeypatch):
-    """Of sums over k ≥ 0 with coefficients ≥ 0 norms multiply; hence those of e^f and 1/(1 - f)."""
+    """Of sums over k ≥ 0 with coefficients ≥ 0 norms multiply; hence those of 1/(1 - f)."""
     monkeypatch.setattr(checker.Function, "growth", (arb(2) / 10).exp())
     monkeypatch.setattr(checker.Function, "most", most)
     monkeypatch.setattr(ctx, "prec", checker.BITS)
@@ -88,7 +88,6 @@ def test_norms_bound_what_is_left_out_and_no_more(most, monkeypatch):
     d, defect = (one - f).inverse()
     pairs = [((f * g).norm(), size * g.norm()), ((g * f).norm(), size * g.norm())]
     pairs += [((f + g).norm(), size + g.norm())]
-    pairs += [(f.exp(halvings, order).norm(), size.exp()) for halvings, order in ((8, 20), (3, 2))]
     pairs += [(checker.neumann(one, size), 1 / (1 - size))]
     pairs += [(checker.neumann(d, defect), 1 / (1 - size))] if most == 100 else []
     for bound, exact in pairs:
@@ -122,31 +121,23 @@ def norm_of_residuals(kappa, u):
     return np.abs(np.fft.fft(E)) / 512 @ (np.exp(2 * np.pi * RHO * np.abs(k)) * (np.abs(k) < 120))
 
 
-def dyadic(x):
-    numerator, denominator = float(x).as_integer_ratio()
-    return [numerator, 1 - denominator.bit_length()]
-
-
 def theorem(kappa, u):
-    data = {"omega": "[0;(1)]", "radius": "0x0p0", "rho": RHO.hex()}
-    data["kappa"] = [k.hex() for k in kappa]
-    data["modes"] = [[[dyadic(c.real), dyadic(c.imag)] for c in row] for row in u]
+    data = {"omega": "[0;(1)]", "rho": RHO.hex(), "kappa": [k.hex() for k in kappa]}
+    functions = [[[int(x * 2**200) for x in part] for part in (f.real, f.imag)] for f in u]
+    data["moves"] = {"unit": -200, "numbers": [[functions]]}
     with ctx.workprec(checker.BITS):
         return checker.theorem(data)[1]
 
 
 def test_residuals_of_a_circle_are_those_of_the_chain():
-    kappa, k = (0.3, -0.5), np.arange(9)
-    waves = np.random.default_rng(2).normal(size=(2, 2, 9)) * np.exp(-k) * (k > 0) / 50
+    kappa, k = (0.3, -0.5), np.arange(40)
+    waves = np.random.default_rng(2).normal(size=(2, 2, 40)) * np.exp(-k) * (k > 0) / 50
     u = waves[0] + 1j * waves[1]
     found, exact = theorem(kappa, u), norm_of_residuals(kappa, u)
     slopes = 1 + 4 * np.pi * (k * np.abs(u)) @ np.exp(2 * np.pi * RHO * k)
     assert found["error"] == pytest.approx(exact.max(), rel=1e-9)
     assert found["n"] == pytest.approx(slopes.max(), rel=1e-9)
     assert found["epsilon"] == pytest.approx(slopes @ exact, rel=1e-9)
-    # With one mode, what is left out is the larger part.
-    u = np.array([[0, -0.06j]] * 2)
-    assert 1 <= theorem(kappa, u)["error"] / norm_of_residuals(kappa, u).max() < 1.01
 
 
 def test_constants_of_a_fan_are_the_largest_in_it():
@@ -160,7 +151,7 @@ def test_constants_of_a_fan_are_the_largest_in_it():
     numbers = [[[[[], row] for row in rows] for rows in table] for table in numbers.tolist()]
     data |= {"omega": "[0;(1)]", "rho": RHO.hex(), "moves": {"unit": -40, "numbers": numbers}}
     with ctx.workprec(checker.BITS):
-        found = checker.theorem_of_fan(data)[1]
+        found = checker.theorem(data)[1]
     corner = theorem(tuple(high * (a + b)), 1j * moves.sum(axis=(0, 1)))
     assert [found[key] for key in "nk"] == pytest.approx([corner[key] for key in "nk"], rel=1e-9)
     assert 1 <= found["p"] / corner["p"] < 1.5

@@ -68,27 +68,6 @@ def test_a_changed_certificate_of_a_cell_is_refused():
             checker.hypothesis(other)
 
 
-def test_boxes_of_a_cell_tile_it_and_are_asked_whether_they_do(monkeypatch):
-    (kappa, half_width), n = CELLS[1], 0
-    proof = prove_cell(kappa, half_width)
-    cell = np.roll(kappa, -proof.site), np.full(2, half_width)
-    assert proofs.transport_cells._tile(proof.boxes, *cell)
-    for i, box in list(enumerate(proof.boxes))[::8]:
-        others = np.delete(proof.boxes, i, axis=0)
-        twice = np.delete(others, i // 2, axis=0)
-        changed = [others, [*proof.boxes, box], [*twice, box, box]]
-        if (others[:, 8] == box[8]).any():  # a piece of one box may be wider than it need be
-            for column in range(8):
-                changed.append([*others, box + 2.0**-20 * (np.arange(9) == column)])
-        assert not any(proofs.transport_cells._tile(np.array(boxes), *cell) for boxes in changed)
-        n += len(changed)
-    assert n > 50
-    assert not proofs.transport_cells._tile(proof.boxes, cell[0], 2 * cell[1])
-    monkeypatch.setattr(proofs.transport_cells, "_tile", lambda *_: False)
-    with pytest.raises(RuntimeError, match="do not tile"):
-        prove_cell(*CELLS[0])
-
-
 def test_a_shear_that_is_no_number_proves_nothing(monkeypatch):
     monkeypatch.setattr(proofs.transport_cells, "_shears", lambda *_: (math.nan, math.nan))
     assert prove_cell(*CELLS[0]).outcome is Outcome.PRECISION
@@ -111,8 +90,7 @@ BOX = {"y": 0.5, "δ": 2.0**-44, "k0": 1.0, "h0": 2.0**-38, "k1": 1.0, "h1": 2.0
 )
 def test_a_box_is_halved_exactly_or_not_at_all(split, changes, exact):
     box = [*(BOX | changes).values(), 127 / 256, 127 / 256, 0.0]
-    boxes, waiting = np.array(box)[:, None], np.zeros((4, 9))
-    assert proofs.transport_cells._halve(waiting, 0, boxes, 0, split) == exact
+    assert proofs.transport_cells._halve(np.zeros((4, 9)), 0, np.array(box), split) == exact
 
 
 def test_cells_with_a_circle_are_not_proved():
@@ -131,7 +109,11 @@ def test_cells_outside_the_theorem_are_not_proved(kappa):
 
 SUMS = ("lt", "lp", "lq")
 KERNEL = audit.Kernel(
-    functions=(proofs.transport_cells._trigonometry, proofs.transport_cells._kick),
+    functions=(
+        proofs.transport.horner,
+        proofs.transport_cells._trigonometry,
+        proofs.transport_cells._kick,
+    ),
     names=(*"xyvwVWtz", "p", "zp", "q", "zq", "A", "B", *SUMS, "rest", "paid", "mt", "mp", "mq"),
     known=tuple(zip("tpq", ("z", "zp", "zq"), SUMS, strict=True)),
     places=((1, 1, 1), (1, -1, 1), (1, 1, -1), (1, -1, -1), (0.3, -0.9, 0.7)),
@@ -146,7 +128,7 @@ def test_bounds_of_cells_hold_along_the_orbits_of_boxes():
     narrow = boxes * [1, 1, 1, 2.0**-20, 1, 2.0**-20, 1, 1, 1]
     for box, life in zip([*boxes, *narrow], [*lives, *lives], strict=True):
         lanes = np.zeros((proofs.transport_cells._ROWS, 1))
-        proofs.transport_cells._start(lanes, 0, proof.a - 0.25, box[:, None])
+        proofs.transport_cells._start(lanes, 0, proof.a - 0.25, box)
         state, (scale, *first) = lanes[:22, 0].tolist(), lanes[22:, 0].tolist()
         cycle = [tuple(first), (*first[2:], *first[:2])]
         shares.append(audit.audit_of_a_box(KERNEL, cycle, scale, state, int(life)))

@@ -9,7 +9,7 @@ __getattr__, __dir__ = face(
     __name__,
     bracket="ProvedBracket critical_scale",
     cells="Boundary proved_cells triangles",
-    fan="BarrierFanProof covered proved_below",
+    fan="covered proved_below",
     barrier="BarrierProof need_flint proved_lower",
     transport="TransportProof proved_upper",
     transport_cells="CellProof",

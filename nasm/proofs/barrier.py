@@ -10,7 +10,7 @@ hypotheses are upper bounds of
     n_j ≥ ‖g_j'‖,    p_j ≥ ‖1/g_j'‖,    k_j ≥ ‖e^{2πig_j}‖,    ε ≥ Σ_j n_j ‖E_j‖,    C ≥ C_R + δ.
 
 What a proof rests on: FLINT's balls (python-flint, the extra `proof`), and the functions from
-`_omega_ball` to `_verified`. There every number that enters a bound is a ball or an exact dyadic;
+`_omega_ball` to `balls`. There every number that enters a bound is a ball or an exact dyadic;
 floats only choose (ρ, ρ̂, where sums are cut, the polynomial near 1/g_j'), and any choice is sound.
 How u was found does not matter: `refined` and what follows it may do as they like.
 
@@ -52,29 +52,35 @@ _ROUNDED = 41  # e^-41 is 10^-18, the rounding of long doubles
 
 @dataclass(frozen=True)
 class BarrierProof:
-    """Whether a rotational invariant circle of omega is proved to exist under kappa.
+    """Whether a rotational invariant circle of omega is proved to exist under kappa; or in a fan,
+    under s(kappa + t·tilt) for all s from one scale to the other and all t from -1 to 1.
 
     proved : bool. why : str, "" if proved, else "not proved: " and the reason.
-    omega : RotationNumber per period. kappa : tuple of P floats, exact. radius : float; the circle
-    is proved for every forcing κ' with |κ'_j - κ_j| ≤ radius.
-    short_omega, short_kappa : of the shorter map (`symmetries.shorten`) in which it was proved.
+    omega : RotationNumber per period. kappa : tuple of P floats, exact.
+    short_omega, short_kappa : of the shorter map (`symmetries.shorten`) in which it was proved;
+        nothing is shortened where tilt is not 0.
+    tilt : tuple, of as many numbers as short_kappa. scales : two floats. Of a fan; else empty.
     n : int, points of the grid. rho : float, width of the strip where E was bounded; NaN if none
-    was. constants : dict of floats, rounded upper bounds: see proofs/README.md.
-    modes : list of P lists of `flint.acb` or `arb`, exact: û_k = -i·modes[j][k] if all are real,
-    else modes[j][k]; û_{-k} is its conjugate.
+        was. constants : dict of floats, rounded upper bounds, for all s and t at once: see
+        proofs/README.md.
+    unit : int, and moves : list [m][l][j] of [re, im], lists of ints: u_j = Σ C_jml T_m(σ) T_l(t),
+        and C_jml has the modes (re[k] + i im[k])·2^unit, k ≥ 0; what is not in a list is 0. Under
+        one forcing m = l = 0.
     """
 
     proved: bool
     why: str
     omega: RotationNumber
     kappa: tuple[float, ...]
-    radius: float
     short_omega: RotationNumber
     short_kappa: tuple[float, ...]
+    tilt: tuple[float, ...] = ()
+    scales: tuple[float, ...] = ()
     n: int = 0
     rho: float = nan
     constants: dict = field(default_factory=dict, repr=False)
-    modes: list = field(default_factory=list, repr=False)
+    unit: int = 0
+    moves: list = field(default_factory=list, repr=False)
 
     def certificate(self):
         """What another program needs to check the proof: see proofs/README.md, "Certificates".
@@ -85,23 +91,18 @@ class BarrierProof:
             "shortened_from": {"omega": str(self.omega), "kappa": in_hex(self.kappa)},
             "omega": str(self.short_omega),
             "kappa": in_hex(self.short_kappa),
-            "radius": self.radius.hex(),
             "rho": self.rho.hex(),
-            "modes": [[_dyadics(x) for x in row] for row in self.modes],
+            "moves": {"unit": self.unit, "numbers": self.moves},
         }
-        within = (self.radius,) * len(self.kappa)
-        return certificate(self, "A barrier exists", fields, self.kappa, within, self.omega)
+        theorem = "A barrier exists"
+        if self.scales:
+            fields |= {"tilt": in_hex(self.tilt), "scales": in_hex(self.scales)}
+            theorem = "A barrier exists in a fan"
+        about = self.kappa, self.tilt, self.omega, self.scales
+        return certificate(self, theorem, fields, *about)
 
 
-def _dyadics(x):
-    """[re, im] of the mode that x stands for, each [mantissa, exponent]; nothing is rounded."""
-    if isinstance(x, acb):
-        return [[int(part) for part in a.man_exp()] for a in (x.real, x.imag)]
-    mantissa, exponent = x.man_exp()
-    return [[0, 0], [-int(mantissa), int(exponent)]]
-
-
-def prove(omega, kappa, radius=0.0, n=None, start=None, budget=20.0):
+def prove(omega, kappa, n=None, start=None, budget=20.0):
     """Prove that the circle of rotation number omega exists under the forcing kappa.
 
     1. Take the shorter map, where the forcing repeats itself.
@@ -114,8 +115,6 @@ def prove(omega, kappa, radius=0.0, n=None, start=None, budget=20.0):
     ----------
     omega : RotationNumber or its text, irrational; e.g. "gamma".
     kappa : sequence of P floats, taken as the exact binary fractions that they are.
-    radius : float ≥ 0, of an interval about each κ_j; then every forcing in the box is proved to
-        have the circle. The largest that can be proved is of the size of E, 10⁻¹² and less.
     n : int, even, 64 to 4194304, points of the grid; default by the decay of the circle's modes.
     start : ndarray (P, m), deviations near the circle of the forcing, or of a shortened one, whose
         rows are its first.
@@ -131,18 +130,14 @@ def prove(omega, kappa, radius=0.0, n=None, start=None, budget=20.0):
     """
     omega = checked(omega)
     kappa = forcing(kappa)
-    radius, budget = real("radius", radius), real("budget", budget)
-    if not 0 <= radius <= 1:
-        raise ValueError(f"radius={radius!r} must be from 0 to 1: of an interval about each kick")
+    budget = real("budget", budget)
     if not budget > 0:
         raise ValueError(f"budget={budget!r} must be positive: seconds of computing time")
     if n is not None and count("n", n, 64, _LARGEST) % 2:
         raise ValueError(f"n={n} must be even, the points of a grid")
     need_flint()
-    short, short_omega = kappa, omega
-    if not omega.is_rational and radius == 0:  # a box of forcings cannot be shortened
-        (short,), short_omega = shorten([kappa], omega)
-    about = {"omega": omega, "kappa": tuple(kappa.tolist()), "radius": radius}
+    (short,), short_omega = shorten([kappa], omega)
+    about = {"omega": omega, "kappa": tuple(kappa.tolist())}
     about |= {"short_omega": short_omega, "short_kappa": tuple(short.tolist())}
     if omega.is_rational:
         return BarrierProof(
@@ -167,7 +162,7 @@ def prove(omega, kappa, radius=0.0, n=None, start=None, budget=20.0):
         start = start[: short.size]
     if not np.isfinite(start).all():
         return BarrierProof(False, "not proved: the start is not finite", **about)
-    return _proved(short_omega, short, radius, start, n, until, about)
+    return _proved(short_omega, short, start, n, until, about)
 
 
 def proved_lower(omega, profile, value, budget):
@@ -230,7 +225,7 @@ def need_flint():
         raise ImportError(message, name="flint")
 
 
-def _proved(omega, kappa, radius, start, n, until, about):
+def _proved(omega, kappa, start, n, until, about):
     size, before = n or grid_size(start), None
     while True:
         seconds = _SECONDS * size * kappa.size
@@ -238,8 +233,8 @@ def _proved(omega, kappa, radius, start, n, until, about):
             why = f"not proved: {size} points are beyond the budget: some {seconds:.1g} seconds"
             return BarrierProof(False, why, **about, n=size)
         with ctx.workprec(128 if size < 2**18 else 160):
-            found = refined(Grid(omega, kappa.tolist(), radius, size), start)
-        least, _ = found.pop("least"), found.pop("residual", None)
+            found = refined(Grid(omega, kappa.tolist(), size), start)
+        least = found.pop("least", inf)
         proof = BarrierProof(**about, n=size, **found)
         if proof.proved or n or (before is not None and not least < 0.5 * before):
             return proof
@@ -302,9 +297,9 @@ def _russmann(omega, delta):
 class Grid:
     """The chain of P sites on n points: what `residual` needs again and again, in balls."""
 
-    def __init__(self, omega, kappa, radius, n):
+    def __init__(self, omega, kappa, n):
         self.omega, self.n, self.sites, self.odd = omega, n, len(kappa), len(kappa) <= 2
-        self.kappa = [arb(k, radius) for k in kappa]
+        self.kappa = [arb(k) for k in kappa]
         alpha, half = _omega_ball(omega, ctx.prec + 40) / self.sites, n // 2
         phases = [2 * alpha * k for k in range(half)]
         if self.odd:  # u_{j+1}(φ + α) + u_{j-1}(φ - α), both sites being the same
@@ -477,37 +472,45 @@ def inequalities(omega, kappa, rho, eps, n, p, k, part=1):
     return failed, left | {"delta": delta, "C": C, "epsilon": eps}
 
 
-def _verified(grid, modes, E):
-    """Try to verify the theorem for u with these modes and the residual E; a dict of what came out.
+def verified(grids, u, E, sizes, apart, kappa, between, part=1):
+    """Try to verify the theorem for all forcings of a fan; a dict of what came out.
 
-    Floats choose ρ, ρ̂, the cuts and the polynomials near 1/g_j'; `least` is their estimate of the
-    left side of (1).
+    grids, u, E : of points of the fan; modes and residuals there. sizes, apart : for each degree
+    the sizes of the modes of C_jml, and how much T_mT_l moves between these points at most.
+    kappa : bounds of |κ_j|. between : (error, rho, norms of the C_jml, j) → a bound of ‖E_j‖ in all
+    of the fan from one at the points. Floats choose ρ, ρ̂, the cuts and the polynomials near 1/g_j';
+    `least` is their estimate of the left side of (1).
     """
-    for row in modes:
-        zero = row[0] if grid.odd else acb(row[0]).imag
-        fits = 2 * len(row) <= grid.n and len(row) == len(modes[0])
-        if not (zero == 0 and fits and all(x.rad() == 0 for x in row)):
-            raise ValueError("the modes of a real function are wanted, exact, fewer than n/2")
-    u, e = ([[x.abs_upper() for x in row] for row in rows] for rows in (modes, E))
-    near = near_the_inverse(grid, modes)
-    choice = best_widths(grid, np.array(u, dtype=float), np.array(e, dtype=float), np.abs(near))
-    if not choice["least"] < 1:
-        why = f"not proved: the residual makes the ratio {choice['least']:.1e}, not 1/32"
-        return {"proved": False, "why": why, "least": choice["least"]}
-    rho, rho_hat = arb(choice["rho"]), arb(choice["rho_hat"])
-    errors = bounds_of_the_residual(grid, u, e, rho, rho_hat, choice["cuts"])
-    slopes, n, p, k = [slope_modes(row, grid.odd) for row in modes], [], [], []
-    for j, slope in enumerate(slopes):
-        n.append(norm([x.abs_upper() for x in slope], rho))
-        k.append((2 * arb.pi() * (rho + norm(u[j], rho))).exp())
+    (grid, *_), two_pi = grids, 2 * arb.pi()
+    bounds = [[[[x.abs_upper() for x in row] for row in t] for t in rows] for rows in (u, E)]
+    largest = [np.array(rows, dtype=float).max(axis=0) for rows in bounds]
+    inverses = [near_the_inverse(grid, modes) for modes in u]
+    chosen = best_widths(grid, *largest, np.abs(inverses[0]))
+    rho, rho_hat = arb(chosen["rho"]), arb(chosen["rho_hat"])
+    errors = [
+        bounds_of_the_residual(grid, *both, rho, rho_hat, chosen["cuts"])
+        for grid, *both in zip(grids, *bounds, strict=True)
+    ]
+    norms = [[norm(row, rho) for row in table] for table in sizes]  # [m][j]
+    slopes = [[two_pi * norm([i * x for i, x in enumerate(row)], rho) for row in t] for t in sizes]
+    n, p, k, eps = [], [], [], []
+    for j in range(grid.sites):
+        n.append(1 + sum(row[j] for row in slopes))
+        k.append((two_pi * (rho + sum(row[j] for row in norms))).exp())
+        moved = sum(a * row[j] for a, row in zip(apart, slopes, strict=True))
+        of_points = []
         with ctx.workprec(64):
-            d = near[j, : choice["modes"]]
-            p.append(bound_of_the_inverse(slope, d, rho, grid.odd, choice["kept"]))
-    found = concluded(grid.omega, grid.kappa, rho, errors, n, p, k)
-    return found | {"least": choice["least"]}
+            for modes, near in zip(u, inverses, strict=True):
+                slope, d = slope_modes(modes[j], grid.odd), near[j, : chosen["modes"]]
+                bound = bound_of_the_inverse(slope, d, rho, grid.odd, chosen["kept"], moved)
+                of_points.append(bound)
+        p.append(max_of(of_points))
+        error = max_of([at[j] for at in errors])
+        eps.append(between(error, rho, [row[j] for row in norms], j))
+    return concluded(grid.omega, kappa, rho, eps, n, p, k, part) | {"least": chosen["least"]}
 
 
-def concluded(omega, kappa, rho, errors, n, p, k, part=1):
+def concluded(omega, kappa, rho, errors, n, p, k, part):
     """What comes out of bounds of ‖E_j‖, n_j, p_j and k_j: a dict proved, why, rho, constants."""
     eps = sum(a * b for a, b in zip(n, errors, strict=True))
     failed, left = inequalities(omega, kappa, rho, eps, n, p, k, part)
@@ -527,6 +530,17 @@ def max_of(balls):
     for x in balls[1:]:
         largest = largest.max(x)
     return largest
+
+
+def balls(moves, unit, size, odd):
+    """The modes k < size of functions, exact, from whole numbers as of a `BarrierProof`."""
+    scale, rows = arb(2) ** unit, []
+    for parts in moves:
+        if any(parts[1][:1]) or (odd and parts[0]):
+            raise ValueError("the modes of a real function are wanted, for two kicks of an odd one")
+        re, im = ([*(x * scale for x in part), *[0] * (size - len(part))] for part in parts)
+        rows.append([arb(-b) for b in im] if odd else [acb(*x) for x in zip(re, im, strict=True)])
+    return rows
 
 
 # --- what need not be right: choices, and Newton's steps ------------------------------------------
@@ -591,29 +605,28 @@ def decay(sizes, least=1e-12):
 
 
 @np.errstate(all="ignore")
-def refined(grid, start, most=_LARGEST):
-    """Newton's steps from `start` until the theorem is verified, or nothing is won by another.
-
-    A dict: proved, why, modes, residual and more. most : modes of u.
-    """
-    K, turn = min(most, int(KEPT * grid.n)), turns(grid.omega, grid.sites, grid.n // 2 + 1)
-    modes = polished(grid, turn, start, K)
+def refined(grid, start):
+    """Newton's steps from `start` until the theorem is verified, or nothing is won by another; a
+    dict of what came out."""
+    K, turn = int(KEPT * grid.n), turns(grid.omega, grid.sites, grid.n // 2 + 1)
+    modes, last, unit = polished(grid, turn, start, K), inf, -ctx.prec
     if not np.isfinite(modes).all():
-        why = "not proved: Newton's method diverges from the start"
-        return {"proved": False, "why": why, "least": inf}
-    exact = as_balls(modes, grid.odd)
-    last = inf
+        return {"proved": False, "why": "not proved: Newton's method diverges from the start"}
+    modes = as_balls(modes, grid.odd)
     for _ in range(_STEPS):
-        E = residual(grid, exact)
-        found = _verified(grid, exact, E)
+        moves = [whole(row, unit) for row in modes]
+        modes = balls(moves, unit, K + 1, grid.odd)
+        E, sizes = residual(grid, modes), [[[x.abs_upper() for x in row] for row in modes]]
+        found = verified([grid], [modes], [E], sizes, [0], grid.kappa, lambda error, *_: error)
+        found |= {"unit": unit, "moves": [[moves]]}
         size = _largest_mode(E, K + 1)
         if found["proved"] or not size < 0.5 * last:
             break
-        last, following = size, stepped(grid, turn, exact, E)
+        last, following = size, stepped(grid, turn, modes, E)
         if following is None:
             break
-        exact = following
-    return found | {"modes": exact, "residual": E}
+        modes = following
+    return found
 
 
 def _largest_mode(E, K):
@@ -723,6 +736,25 @@ def as_doubles(rows, odd, scale=1):
     if odd:
         return -1j * np.array([[float(x * scale) for x in row] for row in rows])
     return np.array([[complex(x * scale) for x in row] for row in rows])
+
+
+def whole(row, unit):
+    """[re, im] of modes in whole numbers, times 2^unit."""
+    if not isinstance(row[0], acb):  # they are -ib
+        return [[], [-x for x in _rounded(row, unit)]]
+    return [_rounded([x.real for x in row], unit), _rounded([x.imag for x in row], unit)]
+
+
+def _rounded(balls, unit):
+    numbers = []
+    for x in balls:
+        mantissa, exponent = (int(part) for part in x.mid().man_exp())
+        shift = exponent - unit
+        half = 1 << -shift - 1 if shift < 0 else 0
+        numbers.append(mantissa << shift if shift >= 0 else mantissa + half >> -shift)
+    while numbers and not numbers[-1]:
+        numbers.pop()
+    return numbers
 
 
 def grid_size(start):

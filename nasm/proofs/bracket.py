@@ -15,7 +15,7 @@ from nasm.checks import real
 from nasm.critical import CriticalScale
 from nasm.maps import direction
 from nasm.proofs.barrier import BarrierProof, proved_lower
-from nasm.proofs.fan import BarrierFanProof, proved_below
+from nasm.proofs.fan import proved_below
 from nasm.proofs.transport import TransportProof, proved_upper
 
 __all__ = ["ProvedBracket", "critical_scale"]
@@ -32,7 +32,7 @@ class ProvedBracket:
     barrier, transport : BarrierProof and TransportProof of that, with their certificates, or the
         last that failed; None where nothing was tried.
     below : a barrier is proved to exist at s·profile for 0 ≤ s ≤ below; NaN where not tried.
-    rays : the BarrierFanProofs of that.
+    rays : the BarrierProofs of that, of fans.
     """
 
     found: CriticalScale
@@ -41,7 +41,7 @@ class ProvedBracket:
     barrier: BarrierProof | None = None
     transport: TransportProof | None = None
     below: float = nan
-    rays: list[BarrierFanProof] = field(default_factory=list, repr=False)
+    rays: list[BarrierProof] = field(default_factory=list, repr=False)
 
 
 def critical_scale(profile, seconds=8.0):

@@ -21,10 +21,10 @@ where x̂_k, t_k, … are exact numbers of 128 bits, and ρ_k is bounded with al
 belongs to the strengths κ_i = k_i + σ_i h_i, and is 0 for a single forcing. η is any sequence of
 floats.
 
-*A barrier.* A function is a Laurent polynomial in z = e^{2πiφ}, |k| ≤ D, with balls for
-coefficients, and a bound of the norm Σ_k |f_k| e^{2π|k|ρ} of all that was left out. Sums, products,
-rotations and exponentials are those of the algebra: no grid, no aliases. In a fan of forcings the
-sine is taken on a grid at each of many points of the fan, with a bound of the aliases (`Grid`).
+*A barrier*, under one forcing or in a fan. A function is a Laurent polynomial in z = e^{2πiφ},
+|k| ≤ D, with balls for coefficients, and a bound of the norm Σ_k |f_k| e^{2π|k|ρ} of all that was
+left out; 1/g_j' is found by sums and products of such. The sine is taken on a grid, at each of many
+points of a fan, with a bound of the aliases (`Grid`).
 """
 
 import hashlib
@@ -40,7 +40,7 @@ __dir__ = __all__.copy
 BITS = 192
 
 _TRANSPORT = {"kappa", "site", "boxes", "lives"}
-_BARRIER = {"kappa", "omega", "rho"}
+_BARRIER = {"kappa", "omega", "rho", "shortened_from", "moves"}
 # Of each theorem: the digest of its statement; the fields besides `claim`, `theorem` and the seal.
 THEOREMS = {
     "Transport is global": (
@@ -57,11 +57,11 @@ THEOREMS = {
     ),
     "A barrier exists": (
         "39e7a1e397c5a92e49d751f8f00d1d304498a8c6402f591b2eea56ea3c2a93c2",
-        _BARRIER | {"shortened_from", "radius", "modes"},
+        _BARRIER,
     ),
     "A barrier exists in a fan": (
         "6005a30ef68f1016cd6eb6f93af43ac9da23d17acad3487e6d00bf2b294f0fc2",
-        _BARRIER | {"shortened_from", "tilt", "scales", "moves"},
+        _BARRIER | {"tilt", "scales"},
     ),
 }
 
@@ -95,7 +95,7 @@ def _checked(certificate):
         hypothesis(data)
     else:
         with ctx.workprec(BITS):
-            holds, found = (theorem_of_fan if "moves" in data else theorem)(data)
+            holds, found = theorem(data)
         demand(holds, f"an inequality of the theorem fails: {found}")
     return data["claim"]
 
@@ -112,9 +112,6 @@ def claim(data):
         if any(map(exact, data["tilt"])):
             along = f"({along} + t {spelled(data['tilt'])}), -1 <= t <= 1"
         under = f"every forcing from {low} to {high} times {along}"
-    elif exact(data.get("radius", "0x0p0")) != 0:
-        radius = spelled([data["radius"]] * len(given["kappa"]))
-        under = f"every forcing within {radius} of {spelled(given['kappa'])}"
     if "omega" in given:
         return f"a rotational invariant circle of {given['omega']} exists under {under}"
     return f"transport is global under {under}"
@@ -147,7 +144,7 @@ def shortened(data):
                 turns.append(Fraction(n_long, 2 * spacing))
     demand(turns, "the forcing is not the given one, shortened")
     if "omega" in data:
-        if any(map(exact, data.get("tilt", [data.get("radius")]))):
+        if any(map(exact, data.get("tilt", []))):
             demand(long == short, "forcings in several directions are not shortened")
             turns = [Fraction(0)]  # the others have not the symmetry of κ
         (a, b), (a_short, b_short) = surd(given["omega"]), surd(data["omega"])
@@ -520,29 +517,6 @@ class Function:
     def __sub__(self, other):
         return self + other * acb(-1)
 
-    def rotated(self, angle):
-        """f(φ + angle)."""
-        return Function(
-            [
-                c * acb(2 * angle * (k - self.middle)).exp_pi_i()
-                for k, c in enumerate(self.coefficients)
-            ],
-            self.rest,
-        )
-
-    def exp(self, halvings=8, order=20):
-        """e^f by Taylor's polynomial of f/2^halvings, squared again and again."""
-        small = self * acb(arb(1) / 2**halvings)
-        size, power, total, factorial = small.norm(), constant(1), constant(1), 1
-        for i in range(1, order + 1):
-            factorial *= i
-            power = power * small
-            total = total + power * acb(arb(1) / factorial)
-        total.rest += size ** (order + 1) / (factorial * (order + 1)) * size.exp()
-        for _ in range(halvings):
-            total = total * total
-        return total
-
     def inverse(self):
         """d near 1/f, f > 0 on the reals, by d → d(2 - fd), and a bound of ‖1 - fd‖."""
         d = constant(1 / self.norm())
@@ -603,43 +577,6 @@ def russmann(divisors, period, delta):
     return worst
 
 
-def dyadic(pair):
-    return arb(pair[0]) * arb(2) ** pair[1]
-
-
-def theorem(data):
-    """Whether the theorem of nasm/proofs/README.md applies, and its constants."""
-    two_pi = 2 * arb.pi()
-    radius, rho = float.fromhex(data["radius"]), arb(float.fromhex(data["rho"]))
-    kappa = [arb(float.fromhex(k), radius) for k in data["kappa"]]
-    omega, divisors, period = rotation(data["omega"])
-    P = len(kappa)
-    if len(data["modes"]) != P or not rho > 0:
-        return False, {}
-    alpha = omega / P
-    Function.growth = (two_pi * rho).exp()
-    Function.most = 2 * max(len(row) for row in data["modes"])
-    u = []
-    for row in data["modes"]:
-        half = [acb(dyadic(re), dyadic(im)) for re, im in row]
-        half[0] = acb(half[0].real)
-        u.append(Function([c.conjugate() for c in half[:0:-1]] + half))
-    n, p, k, errors = [], [], [], []
-    for j in range(P):
-        derivative = [two_pi * acb(0, i - u[j].middle) * c for i, c in enumerate(u[j].coefficients)]
-        slope = constant(1) + Function(derivative)
-        n.append(slope.norm())
-        p.append(neumann(*slope.inverse()))
-        k.append((two_pi * (rho + u[j].norm())).exp())
-        wave = (u[j] * (two_pi * acb(0, 1))).exp() * Function([acb(0), acb(0), acb(1)])
-        back = Function([c.conjugate() for c in wave.coefficients[::-1]], wave.rest)
-        sine = (wave - back) * acb(0, -0.5)
-        after, before = u[(j + 1) % P].rotated(alpha), u[j - 1].rotated(-alpha)
-        error = after + before - u[j] * acb(2) - sine * acb(kappa[j] / two_pi)
-        errors.append(error.norm())
-    return conclusion(kappa, rho, divisors, period, errors, n, p, k)
-
-
 def conclusion(kappa, rho, divisors, period, errors, n, p, k):
     """Whether the inequalities of the theorem hold, and all of its constants."""
     eps = sum(a * b for a, b in zip(n, errors, strict=True)).max(arb(2) ** -1000)
@@ -676,22 +613,22 @@ def max_of(balls):
     return worst
 
 
-# --- a barrier exists, in a fan -------------------------------------------------------------------
-
-
-def theorem_of_fan(data):
-    """Whether the theorem applies to every forcing of the fan, and its constants.
+def theorem(data):
+    """Whether the theorem applies to the forcing, or to every one of the fan, and its constants.
 
     u_j = Σ_ml C_jml T_m(σ) T_l(t); a polynomial of the modes k ≥ 0 stands for a real function of φ.
     """
     rho, (omega, divisors, period) = arb(float.fromhex(data["rho"])), rotation(data["omega"])
+    single = {"tilt": ["0x0p0"] * len(data["kappa"]), "scales": ["0x1p0", "0x1p0"]}
     kappa, tilt, (low, high) = (
-        [exact(x) for x in data[key]] for key in ("kappa", "tilt", "scales")
+        [exact(x) for x in (single | data)[key]] for key in ("kappa", "tilt", "scales")
     )
-    demand(0 <= low < high and rho > 0 and 0 < len(kappa) == len(tilt), "no part of a fan")
+    long, fanned = "scales" in data, any(tilt)
+    demand(0 <= low < high or not long, "no part of a fan")
+    demand(rho > 0 and 0 < len(kappa) == len(tilt), "no part of a fan")
     numbers, unit = data["moves"]["numbers"], arb(2) ** data["moves"]["unit"]
     widest = max(map(len, numbers))
-    fanned = any(tilt)
+    demand(long or len(numbers) == 1, "functions of s under one forcing")
     demand(fanned or widest == 1, "functions of t on a ray")
     demand(all(len(f) == len(kappa) for rows in numbers for f in rows), "not a function for a kick")
     moves = {
@@ -711,16 +648,16 @@ def theorem_of_fan(data):
     Function.growth, Function.most = r, 2 * max(map(len, totals))
     slopes = {m: [2 * two_pi * r * f.derivative()(r) for f in row] for m, row in bounds.items()}
     n = [1 + sum(column) for column in zip(*slopes.values(), strict=True)]
-    k = [(two_pi * (rho + 2 * f(r))).exp() for f in totals]
+    k = [(two_pi * (rho + real_norm(f, r))).exp() for f in totals]
     p, errors, grid = [arb(0)] * len(n), [arb(0)] * len(n), Grid(rho, totals)
-    # One point more than degrees, where anything depends on t.
-    points = len(numbers) + 1, widest + 1 if fanned else 1
+    # One point more than degrees, where anything depends on s, or on t.
+    points = len(numbers) + 1 if long else 1, widest + 1 if fanned else 1
     for angle, beside, u in at_points(moves, points):
         there = strengths(middle + half * angle.cos_pi(), beside.cos_pi())
         found = grid.residuals(there, u, omega / len(kappa))
         errors = [old.max(new) for old, new in zip(errors, found, strict=True)]
     # Between these points an angle differs by π/2few or less, and T_m by 2 sin(mπ/4few).
-    few = 12, 8 if fanned else 1
+    few = 12 if long else 1, 8 if fanned else 1
     step = [[2 * (arb(min(m, 2 * f)) / (4 * f)).sin_pi() for m in range(sum(points))] for f in few]
     for *_, u in at_points(moves, few):
         for j, f in enumerate(u):
@@ -735,7 +672,7 @@ def theorem_of_fan(data):
     ]
     largest = [abs(a) + abs(b) for a, b in zip(kappa, tilt, strict=True)]
     for j in range(len(n)):
-        missed = [arb.pos_inf(), arb.pos_inf() if fanned else arb(0)]
+        missed = [arb.pos_inf() if varies else arb(0) for varies in (long, fanned)]
         for far in [arb(i) / 10 for i in range(1, 40)]:  # log r of the ellipse in σ, or in t
             out = far.cosh()
             reach = (middle + half * out) * largest[j], high * (abs(kappa[j]) + abs(tilt[j]) * out)
@@ -750,6 +687,11 @@ def theorem_of_fan(data):
 
 def sizes(f):
     return arb_poly([abs(x) for x in f])
+
+
+def real_norm(sizes, r):
+    """Σ_k a_|k| r^|k|."""
+    return 2 * sizes(r) - sizes[0]
 
 
 def derivative(f):
@@ -802,7 +744,7 @@ class Grid:
                 for after, before, x, sine, turn in zip(*rows, strict=True)
             ]
             missed = abs(strength) / two_pi * self.missed[j]
-            errors.append(2 * sizes(E)(self.r) + missed)
+            errors.append(real_norm(sizes(E), self.r) + missed)
         return errors
 
 

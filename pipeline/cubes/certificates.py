@@ -31,10 +31,9 @@ def seconds_to_check(certificate):
     """Return the CPU seconds, about, that the checker will take."""
     if "lives" in certificate:
         return 7e-5 * sum(certificate["lives"])
-    if "moves" in certificate:
-        degrees = certificate["moves"]["numbers"]
-        first = degrees[0]
-        size, across = max(len(part) for row in first[0] for part in row), len(first)
-        nodes = len(degrees) * (across + 1 if across > 1 else 1)
-        return 1e-4 * len(first[0]) * size * (nodes + (240 if across > 1 else 30))
-    return 2e-3 * sum(map(len, certificate["modes"]))
+    degrees = certificate["moves"]["numbers"]
+    first = degrees[0]
+    size, across = max(len(part) for row in first[0] for part in row), len(first)
+    nodes = len(degrees) * (across + 1 if across > 1 else 1)
+    inverses = 240 if across > 1 else 30 if "scales" in certificate else 4
+    return 1e-4 * len(first[0]) * size * (nodes + inverses)
