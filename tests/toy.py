@@ -75,10 +75,6 @@ def watched_sweep(client, place, plan, events=()):
     return run(client, place, plan, compute=watched)
 
 
-def silent():
-    return Progress("toy", io.StringIO())
-
-
 @contextmanager
 def workers_here():
     """What `connect` yields, of a Client whose two workers are threads of this process."""
@@ -110,7 +106,9 @@ def run(client, out, plan, wanted=None, **functions):
     """Sweep the cube into a place that is free, silently; returns what the sweep does."""
     place, job = store.place_of(out), Job(plan, compute, predict, no_warm_up)
     with store.driving(place):
-        return sweep(client, place, replace(job, **functions), silent(), wanted)
+        return sweep(
+            client, place, replace(job, **functions), Progress("toy", io.StringIO()), wanted
+        )
 
 
 def assert_complete(out, plan):
