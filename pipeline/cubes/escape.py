@@ -74,8 +74,9 @@ def job(name, plane, sizes, coords, tiles, settings, title, compute, predict):
     labels = {"title": f"{title} of the nonautonomous standard map", "source": source}
     template = xr.Dataset({"escape_time": times}, coords, labels)
     settings = plane.record | {"window": list(PAPER_WINDOW)} | settings
-    cube = Cube(name, template, tiles, settings)
-    return Job(cube, compute, predict, partial(_warm_up, settings["precision"]))
+    least = [[0.0, 0.0]], *escape.ensemble(1), [1], 1
+    warm_up = partial(escape.first_escape, *least, precision=settings["precision"])
+    return Job(Cube(name, template, tiles, settings), compute, predict, warm_up)
 
 
 def times_of(forcings, coords, settings):
@@ -109,8 +110,3 @@ def seconds(coords, settings, steps):
     """Return the CPU time of so many steps of all orbits."""
     n_kicks = steps * len(plane_of(settings).origin)
     return SECONDS_PER_KICK[settings["precision"]] * n_kicks * int(coords["ensemble"][-1])
-
-
-def _warm_up(precision):
-    """Compile the kernel of first escape times."""
-    escape.first_escape([[0.0, 0.0]], *escape.ensemble(1), [1], 1, precision=precision)

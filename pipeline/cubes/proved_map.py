@@ -4,6 +4,8 @@
 Tiles of κ2 > κ1 are not computed: they are images (arXiv:1606.04824, Sec. III).
 """
 
+from functools import partial
+
 import numpy as np
 import xarray as xr
 
@@ -47,7 +49,8 @@ def proved_map(rays, cells, seconds):
     template = xr.Dataset({"proved": proved}, axes, {"title": title})
     settings = {"rays": rays, "cells": cells, "seconds": seconds}
     cube = Cube("proved_map", template, dict.fromkeys(axes, n // _BLOCKS), settings)
-    return Job(cube, _compute, _predict, _warm_up)
+    warm_up = partial(proofs.transport_cells.prove_cell, (1.0, 0.5), 2.0**-8)
+    return Job(cube, _compute, _predict, warm_up)
 
 
 def _compute(coords, settings):
@@ -74,11 +77,6 @@ def uncertified(tile, certificates):
     proved = (tile.proved == proofs.cells.TRANSPORT).values & (kappa2 <= kappa1)
     n = np.count_nonzero(proved & ~found)
     return f"{n} cells are called proved, and no certificate claims it" if n else ""
-
-
-def _warm_up():
-    """Proofs are given CPU time, and compiling would count."""
-    proofs.transport_cells.prove_cell((1.0, 0.5), 2.0**-8)
 
 
 def _boundary(settings):
@@ -110,7 +108,8 @@ def proved_triangles(rays, circles, nearest):
     template = xr.Dataset(variables, axes, {"title": title})
     settings = {"triangles": found, "nearest": nearest}
     cube = Cube("proved_triangles", template, {"triangle": 1}, settings)
-    return Job(cube, _compute_triangle, _predict_triangle, _warm_up_triangles)
+    warm_up = partial(proofs.proved_below, "gamma", (0.5, 0.1), 1.0, 1e-3, (0.0, 0.1))
+    return Job(cube, _compute_triangle, _predict_triangle, warm_up)
 
 
 def _compute_triangle(coords, settings):
@@ -132,10 +131,6 @@ def _compute_triangle(coords, settings):
 
 def _predict_triangle(coords, settings):
     return 1 + 7 * (0.1 / settings["nearest"]) ** 1.65
-
-
-def _warm_up_triangles():
-    proofs.proved_below("gamma", (0.5, 0.1), 1.0, 1e-3, (0.0, 0.1))
 
 
 def uncertified_triangle(tile, certificates):
