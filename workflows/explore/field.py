@@ -3,7 +3,7 @@
 A view is computed in blocks of 27, 9, 3 pixels and 1. Whether a block escapes is partly chance. Far
 outside the boundary orbits escape quickly; a block that never escapes costs all N steps. So a block
 without an escape is not cut further if none of its neighbours has one either. Single pixels are
-computed along the boundary; elsewhere only the soonest escapes, as many as cost a second.
+computed along the boundary; elsewhere only the soonest escapes, as many as cost 0.3 s.
 """
 
 from collections import deque
@@ -22,7 +22,7 @@ _CUT = 3
 ORBITS = 64
 _FIRST_STEPS = 1000  # of the first look, if N is more
 _LEAST, _BATCH = 0.02, 0.1  # CPU seconds of a task
-_SPARE = 1.0  # CPU seconds for single pixels that are not at the boundary
+_SPARE = 0.3  # CPU seconds for single pixels that are not at the boundary
 _EDGE = 1e-9  # of a block: rounding
 _PATIENCE, _LONGEST = 0.3, 2.0  # seconds between two pictures, more and more
 
@@ -94,7 +94,10 @@ def computed(client, plane, view, steps, fields):
         yield *tree.picture(), "what is known"
     workers, shown, pause = client(), monotonic(), _PATIENCE
     for calls in tree.rounds():
-        for ended in spread(workers, calls):
+        if len(calls) == 1 and tree.block < BLOCKS[0]:  # sooner done than a worker is asked
+            cells, function, *args = calls.popleft()
+            tree.accept(cells, function(*args))
+        for ended in spread(workers, calls) if calls else ():
             if ended is not None:
                 tree.accept(*ended)
             if monotonic() - shown < pause:

@@ -168,17 +168,20 @@ def computed(client, rays, view):
 
 
 def circle(client, plane, omega, view):
-    """Yield the line where the circle of ω, a text, breaks, better each time; or None."""
+    """Yield the line where the circle of ω, a text, breaks, more of it each time; or None."""
     angles, _ = _across(view, 1.0)
-    found, how = {}, (_circle_on_rays, plane, omega)
-    calls = deque((None, *how, angles[i::_PARTS], _effort(view)[1]) for i in range(_PARTS))
+    alike = [shift == 0 for *_, shift in plane.symmetries]  # whose images have the same ω
+    folded, where = np.unique(plane.unfold(angles)[alike].min(axis=0), return_inverse=True)
+    scale, how = np.full(folded.size, np.nan), (_circle_on_rays, plane, omega)
+    parts = np.array_split(np.arange(folded.size), _PARTS)
+    calls = deque((part, *how, folded[part], _effort(view)[1]) for part in parts)
     for ended in spread(client(), calls, priority=-1):
         if ended is None:
             yield None
             continue
-        found |= ended[1]
-        angle, scale = np.array(sorted(found.items())).T
-        yield {"a": scale * np.cos(np.deg2rad(angle)), "b": scale * np.sin(np.deg2rad(angle))}
+        scale[ended[0]] = ended[1]
+        found = scale[where] * np.exp(1j * np.deg2rad(angles))
+        yield {"a": found.real, "b": found.imag}
 
 
 def named_by(text):
@@ -222,7 +225,7 @@ def _on_ray(plane, angle, tol):
 
 
 def _circle_on_rays(plane, omega, angles, q_max):
-    """On a worker: {angle: scale at which the circle breaks}."""
+    """On a worker: the scales at which the circle breaks."""
     job = by_residue(plane, [parse(omega)], angles, q_max)
     found = job.compute({"circle": [omega], "angle": angles}, job.cube.settings)
-    return dict(zip(angles.tolist(), found["critical_scale"][0].tolist(), strict=True))
+    return found["critical_scale"][0]

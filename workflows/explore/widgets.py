@@ -15,7 +15,8 @@ from workflows.figures import planes
 
 _SOON = 20  # milliseconds, in which the browser tells all that has changed at once
 _TOOLS = "box_zoom,pan,wheel_zoom,zoom_in,zoom_out,reset,save"
-_LOOK = {"Toolbar": {"logo": None}, "Axis": {"axis_label_text_font_style": "normal"}}
+_LOOK = {"Toolbar": {"logo": None, "styles": {"min-width": "230px"}}}  # or one tool is hidden
+_LOOK["Axis"] = {"axis_label_text_font_style": "normal"}
 _LOOK["Row"] = {"stylesheets": [":host { flex-wrap: wrap; gap: 4px 16px }"]}  # as on a phone
 THEME = Theme(json={"attrs": _LOOK})
 

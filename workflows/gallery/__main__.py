@@ -87,7 +87,7 @@ def judged(out):
 
 _RELEASE = (
     "Make in DIR, instead, what is published under a DOI: the boundary, the six circles' and the "
-    "proved map down to 1/128, with certificates and checksums; 130 MB, eleven minutes of CPU time."
+    "proved map down to 1/128, with certificates and checksums; 70 MB, ten minutes of CPU time."
 )
 
 
