@@ -103,10 +103,7 @@ def _opened(path):
 
 @contextmanager
 def driving(place):
-    """Keep a second driver off a directory, which is made if need be.
-
-    In an object store nothing does: two drivers write the same bytes, so that they lose time only.
-    """
+    """Keep a second driver off a directory, which is made if need be; nothing in object stores."""
     with ExitStack() as held:
         if place.is_directory:
             try:
