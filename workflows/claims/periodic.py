@@ -6,6 +6,7 @@ from nasm import fixed_points
 from nasm.action import ordered_orbits
 from nasm.maps import TWO_PI, kick, step, step_tangent, unkick
 from pipeline.sweep.grid import parse_axis
+from workflows.claims.map import both_kicks
 from workflows.claims.rules import identity
 from workflows.shared.period_one import secondary_dataset
 from workflows.shared.rules import graded
@@ -82,11 +83,7 @@ def _secondary_orbits():
     exists = np.isfinite(found.z.values)
     primary = fixed_points.primary_residue(kappa1, kappa2)[1]
     x, y, residue = (found[name].values[exists] for name in ("x", "y", "residue"))
-    ends = [
-        step(kappa, *point)
-        for kappa, *point in zip(np.stack([kappa1, kappa2], -1)[exists], x, y, strict=True)
-    ]
-    off = np.abs(np.array(ends) - np.stack([x, y], -1)).max()
+    off = np.abs(both_kicks((kappa1[exists], kappa2[exists]), x, y) - [x, y]).max()
     stable, near = (residue > 0) & (residue < 1), primary[exists] > -0.25
     elsewhere = int((exists != (primary < 0)).sum())
     z2, *estimates = cubic_estimates(1e-3)
