@@ -106,6 +106,6 @@ def field_found(field):
     )
     return (
         f"Some orbit escapes, which is global transport, in these parts of the plane {ranges}: "
-        f"{'; '.join(parts)} steps. The earliest escape takes {first:g} steps. Where no orbit "
-        "escapes nothing is shown: with more steps the boundary moves inwards like N^(-1/3)."
+        f"{'; '.join(parts)} steps{f', first after {first:g}' if first < np.inf else ''}. Where "
+        "none escapes nothing is shown: with more steps the boundary moves inwards like N^(-1/3)."
     )
