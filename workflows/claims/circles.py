@@ -26,9 +26,8 @@ def golden_circle(kappa):
     gamma, u = parse("gamma"), np.zeros((len(kappa), _POINTS))
     for _ in range(10):
         u, _ = parameterization.newton_step(gamma, kappa, u)
-    return circles.InvariantCircle(
-        gamma, np.array(kappa), u, *circles.newton.certify(gamma, kappa, u)
-    )
+    certificate = circles.newton.certify(gamma, kappa, u)
+    return circles.InvariantCircle(gamma, np.array(kappa), u, *certificate)
 
 
 def _algorithm():

@@ -56,9 +56,7 @@ def draw_tips(residues, circles, barrier):
         ends = sorted((sign * 0.7, sign * 1.0))
         axes.set(xlim=ends, ylim=(0.7, 1.0), aspect="equal")
         axes.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$")
-        axes.set_xticks(
-            sign * np.array([0.75, 0.8, 0.85, 0.9, 0.95][:: 2 if style.in_column() else 1])
-        )
+        axes.set_xticks(sign * np.linspace(0.75, 0.95, 3 if style.in_column() else 5).round(2))
     handles, labels = tips[1].get_legend_handles_labels()
     style.outer_legend(figure, 4, 2, handles=handles, labels=labels)
     figure.suptitle("The tips: lines by Greene's residue, points by continuation of circles")

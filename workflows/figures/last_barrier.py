@@ -66,9 +66,8 @@ def _draw_bracket(axes, barrier):
     axes.margins(y=0.25)
     for place, side, words in ((0.98, "top", "no circle"), (0.02, "bottom", "certified circle")):
         axes.text(0.5, place, words, transform=axes.transAxes, ha="center", va=side)
-    axes.set(
-        xlabel=r"$\varphi$ (degrees)", ylabel=r"parts of the value, $10^{-5}$", title="The bracket"
-    )
+    axes.set(xlabel=r"$\varphi$ (degrees)", ylabel=r"parts of the value, $10^{-5}$")
+    axes.set_title("The bracket")
 
 
 def _draw_cusp(axes, barrier, classes):

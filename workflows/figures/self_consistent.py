@@ -22,9 +22,8 @@ def draw_self_consistent(fields, verdicts, settling):
         phase.plot(here.kick[settled], wandered - wandered.mean(), **look)
         spectrum.semilogy(here.frequency[1:], here.spectrum[1:], **look)
     field.set(xlabel="kick $n$", ylabel=r"$\kappa_n$", title="Strength: the beginning")
-    phase.set(
-        xlabel="kick $n$", ylabel=r"$\theta_n - n\,v$ (turns)", title="Phase: the second half"
-    )
+    phase.set(xlabel="kick $n$", ylabel=r"$\theta_n - n\,v$ (turns)")
+    phase.set_title("Phase: the second half")
     spectrum.set(xlabel="frequency (turns per kick)", ylabel=r"power of $\kappa_n$")
     spectrum.set_title("Spectrum: the second half")
     field.legend(fontsize="small")

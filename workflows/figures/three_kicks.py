@@ -31,9 +31,8 @@ def draw_three_kicks(three, two):
         strip.axhline(1, color="black", lw=1)
         _draw_brackets(strip, curve)
         strip.text(0.01, 0.08, rf"$\varphi_0 = {exact[i]}$", transform=strip.transAxes)
-    for text in style.longest_arcs(
-        np.arange(circles.size), circles.ravel()
-    ):  # of all rays and phases
+    last = circles.ravel()  # of all rays and phases
+    for text in style.longest_arcs(np.arange(last.size), last):
         plane.plot([], [], label=rf"$\omega = {text}$", **style.circle_style(text) | {"ls": ""})
     plane.set(xlabel=r"$\bar\kappa$", ylabel=r"$\Delta\kappa$", aspect="equal")
     plane.set_title("Onset of global transport, coloured by the last circle")
