@@ -58,9 +58,8 @@ def forcing_asked(strengths, plane, files):
 
     for option, path in files.items():
         if strengths or plane or len(files) > 1:
-            raise ValueError(
-                f"{option} FILE is the whole forcing; leave KAPPA, --plane and other files out"
-            )
+            words = "is the whole forcing; leave KAPPA, --plane and other files out"
+            raise ValueError(f"{option} FILE {words}")
         text = Path(path).read_text(encoding="utf-8").replace(",", " ")
         try:
             return forcing(list(map(float, text.split()))), None

@@ -82,9 +82,8 @@ def _draw_convergents(axes, limits, fractions):
             overlap += [q] if least < upper and lower < first else []
             inside += [q] if first <= lower else []
             outside += [q] if least >= upper else []
-    axes.set(
-        xlabel=r"irrational $\Omega$", title="Beside its bracket those of its convergents, by $q$"
-    )
+    axes.set(xlabel=r"irrational $\Omega$")
+    axes.set_title("Beside its bracket those of its convergents, by $q$")
     axes.set_xticks(range(len(ticks)), ticks, rotation=60, fontsize="small")
     apart = inside + outside
     longest = f", up to q = {max(apart)}" if apart else ""

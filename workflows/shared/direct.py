@@ -30,9 +30,8 @@ def steps_up_to(n_max):
 
 def bias_job(scales, sizes, n_max):
     """Return the job of the cube `escape_rays`: excesses from 1% to 100%, sixty a decade."""
-    return escape_times(
-        "escape_rays", two_kicks(), scales, np.geomspace(0.01, 1, 121), sizes, n_max
-    )
+    excesses = np.geomspace(0.01, 1, 121)
+    return escape_times("escape_rays", two_kicks(), scales, excesses, sizes, n_max)
 
 
 def boundary_job(barrier, n_max, n_orbits):

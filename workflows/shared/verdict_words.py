@@ -77,7 +77,6 @@ def _distance(boundary):
     if isfinite(boundary.lower):
         lines.append(f"A circle is certified at {boundary.lower:.9g} times these strengths.")
     if isfinite(boundary.upper):
-        lines.append(
-            f"At {boundary.upper:.9g} times these strengths converse KAM finds no circle at all."
-        )
+        words = f"At {boundary.upper:.9g} times these strengths converse KAM finds no circle at all"
+        lines.append(f"{words}.")
     return lines
