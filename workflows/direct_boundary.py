@@ -19,7 +19,7 @@ _INSETS = 10  # CPU seconds of the insets, and of the figures
 @cli.whole("--n-orbits", 1000, 1, 10**8, "Orbits of the ensemble.")
 @cli.plane_option
 @cli.ray_options(181)
-@cli.preset("--full", "Two CPU hours", steps="100000,500000,1000000", n_orbits=10_000)
+@cli.preset("--full", "In full, two CPU hours", steps="100000,500000,1000000", n_orbits=10_000)
 @cli.sweeps
 def main(run, steps, n_orbits, plane, angles, tips):
     """The boundary by direct iteration: three cubes, a table and two figures in OUT.

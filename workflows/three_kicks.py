@@ -24,7 +24,7 @@ def parse_phase(text):
 @cli.command()
 @cli.several("--phase", PHASES, parse_phase, "FRACTION", "Phase φ0 of the forcing, in turns.")
 @cli.ray_options(31)
-@cli.preset("--full", "Most of an hour of CPU time", angles=61, phase=MANY)
+@cli.preset("--full", "In full, most of a CPU hour", angles=61, phase=MANY)
 @cli.real("--tol", 1e-3, 1e-5, 0.1, "Width of the bracket to aim at, relative to the scale.")
 @cli.sweeps
 def main(run, phase, angles, tips, tol):

@@ -178,7 +178,7 @@ def preset(name, what, **settings):
         for each in ([value] if isinstance(value, str | int | float) else value)
     )
     how = {"is_eager": True, "expose_value": False, "callback": callback}
-    return click.option(name, is_flag=True, help=f"{what}: by default {words}.", **how)
+    return click.option(name, is_flag=True, help=f"{what}: {words}, unless given.", **how)
 
 
 def ray_options(default):
