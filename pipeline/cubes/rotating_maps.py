@@ -89,38 +89,30 @@ def residues(vectors, angles):
 
 def pictures(vector, angle, sizes):
     """Return h - θ of certified tori on a ray, a Dataset with dims (scale, phi, theta)."""
-    found = [tori.invariant_torus(*vector, *(s * ray(angle)), tori.newton.N_MAX) for s in sizes]
     m, n = _PICTURE
-    deviations = [
-        _on_grid(torus.u) if torus.certified else np.full((m, n), np.nan) for torus in found
-    ]
-    slopes = [tori.newton.least_slope(torus.u) if torus.certified else np.nan for torus in found]
-    label = {"long_name": "h - θ: where the orbit is, less the rotation", "units": "1"}
-    slope = {"long_name": "least slope of h along θ", "units": "1"}
-    return xr.Dataset(
-        {
-            "deviation": (("scale", "phi", "theta"), deviations, label),
-            "least_slope": ("scale", slopes, slope),
-        },
-        {
-            "scale": coordinate("scale", sizes, "scale s of the ray"),
-            "phi": coordinate("phi", np.arange(m) / m, "phase φ of the forcing, in turns"),
-            "theta": coordinate("theta", np.arange(n) / n, "angle θ of the rotation, in turns"),
-        },
-        {"title": "Invariant tori", "source": PAPER, "vector": _name_of(vector), "angle": angle},
-    )
+    coords = {
+        "scale": coordinate("scale", sizes, "scale s of the ray"),
+        "phi": coordinate("phi", np.arange(m) / m, "phase φ of the forcing, in turns"),
+        "theta": coordinate("theta", np.arange(n) / n, "angle θ of the rotation, in turns"),
+    }
+    deviations, slopes = np.full((len(sizes), m, n), np.nan), np.full(len(sizes), np.nan)
+    for i, scale in enumerate(sizes):
+        torus = tori.invariant_torus(*vector, *(scale * ray(angle)), tori.newton.N_MAX)
+        if torus.certified:
+            rows, columns = map(max, torus.u.shape, _PICTURE)
+            u = tori.newton.resample(torus.u, rows, columns)
+            deviations[i] = u[:: rows // m, :: columns // n]
+            slopes[i] = tori.newton.least_slope(torus.u)
+    h = blank(coords, "h - θ: where the orbit is, less the rotation")
+    slope = blank({"scale": coords["scale"]}, "least slope of h along θ")
+    variables = {"deviation": h.copy(data=deviations), "least_slope": slope.copy(data=slopes)}
+    labels = {"vector": _name_of(vector), "angle": angle}
+    return xr.Dataset(variables, coords, {"title": "Invariant tori", "source": PAPER} | labels)
 
 
 def _name_of(vector):
     """Return the text of a rotation vector, which keeps all digits."""
     return ",".join(map(repr, vector))
-
-
-def _on_grid(u):
-    """Return every so many-th point of u: `_PICTURE`."""
-    m, n = (max(size, least) for size, least in zip(u.shape, _PICTURE, strict=True))
-    u = tori.newton.resample(u, m, n)
-    return u[:: m // _PICTURE[0], :: n // _PICTURE[1]]
 
 
 def _last_barriers(coords, settings):
