@@ -9,14 +9,13 @@ from workflows.shared.cli import command, place_options
 
 @command()
 @place_options
-def main(place):
+def main(out, store):
     """The state of all cubes of a store: tiles done, failures with reasons, rate, time left."""
     from pipeline.store import status
     from workflows.shared.run import cubes_of, explained
 
-    damaged = False
+    damaged, (place, _) = False, cubes_of(out, store)
     with explained(place):
-        cubes_of(place)
         for state in status(place):
             click.echo(f"{state.name}: {described(state)}")
             for index, reason in state.reasons.items():

@@ -229,6 +229,7 @@ _TLS = "Certificate files for a tls:// scheduler."
 
 out_option = click.option("--out", default="out", show_default=True, callback=_directory, help=_OUT)
 store_option = click.option("--store", metavar="URL", help=_STORE)
+place_options = together(out_option, store_option)
 cluster_options = together(
     whole("--workers", None, 1, 4096, _WORKERS),
     click.option("--scheduler", metavar="ADDRESS|FILE", help=_SCHEDULER),
@@ -243,20 +244,6 @@ def announce_kernels():
     begin_without_scipy()
     if are_missing():
         click.echo("compiling kernels, once per machine: about 20 s", err=True)
-
-
-def place_options(function):
-    """Add --out and --store, and pass the Place of the cubes on as `place`."""
-
-    @out_option
-    @store_option
-    @functools.wraps(function)
-    def wrapped(out, store, **options):
-        from workflows.shared.run import place_of
-
-        return function(place=place_of(out, store), **options)
-
-    return wrapped
 
 
 def draws(function):

@@ -36,11 +36,12 @@ def place_of(out, url=None):
         raise click.UsageError(str(error)) from None
 
 
-def cubes_of(place):
-    """Return the names of the cubes in a place; a usage error if it holds none."""
-    if names := store.names(place):
-        return names
-    raise store.Refused(f"{place} holds no cubes; give the --out or --store of a run")
+def cubes_of(out, url):
+    """Return the Place of a run's cubes, and their names; a usage error if there are none."""
+    with explained(place := place_of(out, url)):
+        if names := store.names(place):
+            return place, names
+        raise store.Refused(f"{place} holds no cubes; give the --out or --store of a run")
 
 
 class Run(Output):

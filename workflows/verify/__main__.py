@@ -18,15 +18,15 @@ from workflows.shared.cli import command, flag, place_options, real
 @flag("--proofs", "Check certificates too, with the extra `proof`.")
 @real("--longest", 60, 0, 1e9, "CPU seconds: certificates that take longer are not checked.")
 @place_options
-def main(place, repair, proofs, longest):
+def main(out, store, repair, proofs, longest):
     """Verify all cubes of a store; exit code 1 if damage is found and not repaired."""
-    from pipeline import store
+    from pipeline.store import driving, verify
     from workflows.shared.run import cubes_of, explained
 
-    n_damaged = 0
-    with explained(place), store.driving(place) if repair else nullcontext():
-        for name in cubes_of(place):
-            damaged = list(store.verify(place, name, repair))
+    n_damaged, (place, names) = 0, cubes_of(out, store)
+    with explained(place), driving(place) if repair else nullcontext():
+        for name in names:
+            damaged = list(verify(place, name, repair))
             n_damaged += len(damaged)
             click.echo(f"{name}: {len(damaged)} tiles damaged" if damaged else f"{name}: sound")
             for index, what in damaged:
