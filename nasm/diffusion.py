@@ -6,14 +6,12 @@ the mean over all starts of the cell 0 ≤ x, y < 1: islands count, as places fr
 spreads, so that a gradient of density drives the flux -D ∂ρ/∂y. For the standard map's p = 2πy,
 whose <(p_n - p_0)²>/n is mostly printed, that is 8π²D. While a barrier exists D is 0.
 
-*Measured.* Orbits are on the lift: no window in y cuts them off. What they do within a cell adds a
-constant to <(y_n - y_0)²>, so that D is the slope between lags of n/8 and n/2. n is doubled until
-orbits are two units of y away, in root mean square: beyond four circles of each kind that a unit
-has. The error is from the scatter of orbits. Where an accelerator mode carries some orbits along,
-y ~ n, there is no D: the squares grow faster than n, or one orbit is far ahead of all others.
-
-*Strong kicks.* Without correlations D = Σκ²/16π²; with those of up to four kicks there are the
-terms of Rechester & White (Phys. Rev. Lett. 44 (1980) 1586), against which D is tested.
+Orbits are on the lift: no window in y cuts them off. What they do within a cell adds a constant to
+<(y_n - y_0)²>, so that D is the slope between lags of n/8 and n/2. n is doubled until orbits are
+two units of y away, in root mean square: beyond four circles of each kind that a unit has. Where an
+accelerator mode carries some orbits along, y ~ n, there is no D: the squares grow faster than n, or
+one orbit is far ahead of all others. Strong kicks diffuse as Rechester & White foretell, Phys. Rev.
+Lett. 44 (1980) 1586.
 """
 
 from dataclasses import dataclass
@@ -43,8 +41,8 @@ _AHEAD = 100.0  # times the mean square: further than chance takes any orbit
 class Diffusion:
     """What an ensemble shows.
 
-    value : D, in squares of y a period; NaN if status is not OK.
-    error : its standard error.
+    value, error : D and its standard error by the scatter of orbits, in squares of y a period; NaN
+        if status is not OK.
     exponent : a of <(y_n - y_0)²> ~ nᵃ between the two lags; 1 for diffusion.
     steps : periods that each orbit was followed.
     status : OK, NOT_CONVERGED if n_max was too few, ANOMALOUS.
@@ -60,23 +58,15 @@ class Diffusion:
 def diffusion(kappa, n_orbits=1024, n_max=2**21):
     """D by an ensemble of orbits that start evenly in the cell.
 
-    Parameters
-    ----------
-    kappa : sequence of P floats, the forcing, first kick first.
-    n_orbits : int, 64 to 10⁶.
-    n_max : int, 8192 to 10¹², periods; D of 4/n_max or more are found.
-
-    Returns
-    -------
-    Diffusion.
+    kappa : sequence of P floats, the forcing, first kick first. n_orbits : int, 64 to 10⁶.
+    n_max : int, 8192 to 10¹², periods; D of 4/n_max or more are found. Returns a Diffusion.
 
     ValueError if an argument is out of range.
     """
     kicks = kick_series(forcing(kappa))
     n_orbits = count("n_orbits", n_orbits, 64, 10**6)
     n_max = count("n_max", n_max, SHORTEST, MAX_STEPS)
-    size = -(-n_orbits // LANES) * LANES
-    x, y = ensemble(size)
+    x, y = ensemble(-(-n_orbits // LANES) * LANES)
     x, y = x - 0.25, y / 0.3
     momenta, part = [y.copy()], SHORTEST // _PARTS
     while True:
@@ -109,5 +99,4 @@ def _iterate(c, x, y, n):
     x_end, y_end, reach = np.empty(LANES), np.empty(LANES), np.empty(LANES)
     for start in range(0, x.size, LANES):
         advance(c, x, y, start, n, x_end, y_end, reach)
-        for lane in range(LANES):
-            x[start + lane], y[start + lane] = x_end[lane], y_end[lane]
+        x[start : start + LANES], y[start : start + LANES] = x_end, y_end

@@ -16,7 +16,6 @@ def said_of(scale):
     cube = xr.Dataset(coords=labels([(study.CONSTANT, 1, [1.0]), *pairs], ""))
     cube["critical_scale"] = "forcing", np.array([1.0, *np.divide(scale, apart)])
     cube = cube.assign(lower=0.999 * cube.critical_scale, upper=1.001 * cube.critical_scale)
-    cube["rms_scale"] = cube.critical_scale * (cube.profile**2).mean("kick") ** 0.5
     return study.found(study.in_lab_units(cube))
 
 

@@ -36,16 +36,16 @@ def test_the_area_under_the_golden_circle_is_that_below_its_orbit():
     x, y = (part[0] for part in graph(invariant_circle("gamma", 0.9)))
     xs, ys = orbit((0.9,), x, y, 20_000)
     order = np.argsort(xs % 1)
-    assert study._area(0.9) == pytest.approx(np.trapezoid(ys[order], xs[order] % 1), abs=1e-3)
+    assert study.area(0.9) == pytest.approx(np.trapezoid(ys[order], xs[order] % 1), abs=1e-3)
 
 
 @pytest.mark.parametrize("rate", [1e-2, 1e-3, 1e-6])
 def test_following_the_golden_circle_graphs_are_lost_as_renormalisation_says(rate):
     foreseen = 1.67 * rate**-study.EXPONENT
-    followed = study._lost(KAPPA_G, rate, rate * study.area_rate(KAPPA_G))
+    followed = study.lost(KAPPA_G, rate, rate * study.area_rate(KAPPA_G))
     assert followed == pytest.approx(foreseen, rel=0.05)
     if rate == 1e-6:  # a plain ramp loses graphs sooner
-        assert study._lost(KAPPA_G, rate, 0.0) < 0.9 * foreseen
+        assert study.lost(KAPPA_G, rate, 0.0) < 0.9 * foreseen
 
 
 @pytest.mark.parametrize("rate", [1e-3, 1e-5])

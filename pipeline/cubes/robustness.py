@@ -22,20 +22,19 @@ _ABOVE = 1.001  # times the scale of constant kicks, at which a barrier would be
 _LEAST, _WIDTH = 0.02, 1.02  # of that scale: where the search begins, and where it ends
 
 
-def against_constant(name, forcings, parameter, golden, tries=0):
+def against_constant(name, forcings, parameter, golden, tries):
     """Return the Job of a cube of scales at which forcings hold no barrier.
 
-    forcings, parameter : as for `forcings.last_barriers`; the whole part of a parameter seeds the
-    climb. golden : float, the critical strength of constant kicks, up to which is looked.
-    tries : int, random steps of a climb from each forcing to others that hold at higher scales.
-    A tile is 50 forcings, or 10 climbs.
+    forcings, parameter : as for `forcings.last_barriers`. From those of the family "climb" climbs
+    begin to forcings that hold at higher scales, in `tries` random steps, seeded by the parameter.
+    golden : float, the critical strength of constant kicks, up to which is looked.
     """
     coords = labels(forcings, parameter)
     words = "rms strength without a barrier; inf if there is none up to 1.001 golden"
     upper = {"upper": blank({"forcing": coords["forcing"]}, words)}
     attrs = {"title": "Forcings against constant kicks of the same rms strength", "source": PAPER}
     settings = {"golden": golden, "kicks": _KICKS, "tries": tries}
-    cube = Cube(name, xr.Dataset(upper, coords, attrs), {"forcing": 10 if tries else 50}, settings)
+    cube = Cube(name, xr.Dataset(upper, coords, attrs), {"forcing": 20}, settings)
     return Job(cube, _compute, _predict, partial(answer, np.array([1.0, 0.9, 1.2]), 0.4))
 
 
@@ -56,11 +55,11 @@ def answer(profile, golden):
     return high
 
 
-def climb(profile, golden, tries, random):
+def climb(profile, golden, tries, seed):
     """Climb from a profile to others from which orbits escape at higher scales only, by random
     steps; return the last. Steps grow by a half where they lead up, and else shrink by a seventh.
     """
-    scale, step = _LEAST * golden, 0.3
+    random, scale, step = np.random.default_rng(seed), _LEAST * golden, 0.3
     for _ in range(tries):
         tried = _normed(profile + step * random.standard_normal(profile.size))
         higher = scale * (1 + np.clip(step / 5, 1e-3, 0.05))
@@ -76,11 +75,13 @@ def _normed(profile):
 
 
 def _compute(coords, settings):
-    golden, tries, ends = settings["golden"], settings["tries"], []
-    for row, seed in zip(profiles_of(coords), coords["parameter"], strict=True):
-        ends.append(climb(_normed(row), golden, tries, np.random.default_rng(int(seed))))
-    return {"upper": np.array([answer(end, golden) for end in ends])}
+    golden, upper, rows = settings["golden"], [], map(_normed, profiles_of(coords))
+    for row, family, seed in zip(rows, coords["family"], coords["parameter"], strict=True):
+        tries = settings["tries"] if family == "climb" else 0
+        upper.append(answer(climb(row, golden, tries, int(seed)), golden))
+    return {"upper": np.array(upper)}
 
 
 def _predict(coords, settings):
-    return np.sum(2e-4 * (20 + settings["tries"]) + 3e-4 * coords["period"] ** 2.0)
+    tries = settings["tries"] * np.sum(coords["family"] == "climb")
+    return 2e-4 * tries + np.sum(4e-3 + 3e-4 * coords["period"] ** 2.0)

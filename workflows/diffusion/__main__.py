@@ -24,23 +24,20 @@ def main(run, orbits, n_max, quick):
     from workflows.diffusion import study
     from workflows.figures.diffusion import draw_diffusion
 
-    n_max = min(n_max, 2**18) if quick else n_max
+    n_max, plane = min(n_max, 2**18) if quick else n_max, two_kicks()
     angles, excesses = study.angles(quick), study.excesses(quick)
-    last = last_barrier(two_kicks(), angles, 1e-3)
+    last = last_barrier(plane, angles, 1e-3)
 
     def jobs(scales, circles):
-        nearer = [study.NEAREST, *excesses]
-        yield beyond.flux(two_kicks(), scales, circles, nearer, 30_000)
+        yield beyond.flux(plane, scales, circles, [study.NEAREST, *excesses], 30_000)
         yield beyond.diffusion(scales, excesses, orbits, n_max)
 
     later = jobs(dict.fromkeys(angles, 0.6), dict.fromkeys(angles, "[0;(1)]"))
     with run.sweeping(last, later=[(job, None) for job in later]):
-        barrier = (
-            unfolded(run.sweep(last), angles).load().dropna("angle", subset=["critical_scale"])
-        )
-        rays = barrier.to_dataframe()
-        known = rays.critical_scale.to_dict(), rays.circle.to_dict()
-        law = study.law(barrier, *(run.sweep(job).load() for job in jobs(*known)))
+        known = unfolded(run.sweep(last), angles).load().dropna("angle", subset=["critical_scale"])
+        scales, circles = (known[name].to_series() for name in ("critical_scale", "circle"))
+        swept = (run.sweep(job).load() for job in jobs(scales.to_dict(), circles.to_dict()))
+        law = study.law(known, *swept)
         run.table("diffusion", law)
         run.figure("diffusion", *draw_diffusion(law, study.findings(law)))
 

@@ -8,7 +8,6 @@ from workflows.shared.rules import finding, span
 
 NEAREST = 1e-3  # distance beyond the breakup at which the prefactor is read from the flux
 _NEAR = 0.13  # distance up to which the law of D itself is looked for
-_RAYS = 3  # on which it must be seen
 _SHARP = 0.25  # error of an exponent beyond which it is not judged
 
 
@@ -59,7 +58,7 @@ def findings(law):
             "rays on which D is resolved there twice; that of ΔW/m has the prefactor "
             f"{span(prefactor.values)} along the boundary, largest at "
             f"{float(prefactor.idxmax('angle')) if prefactor.size else np.nan:g}°",
-            rays >= _RAYS and abs(slope - ETA) < 2 * error,
+            rays > 2 and abs(slope - ETA) < 2 * error,
             abs(slope - ETA) < 0.5,
             known=error < _SHARP,
         ),
@@ -68,11 +67,9 @@ def findings(law):
 
 def _exponent(near):
     """Fit one slope of log D to rays, each with a prefactor of its own: slope, error, rays."""
-    known = near.diffusion.notnull() & (near.diffusion.notnull().sum("excess") >= 2)
-    if not known.any():
-        return np.nan, np.nan, 0
-    x, y = (np.log(part).where(known) for part in (near.excess, near.diffusion))
+    known = near.diffusion.where(near.diffusion.notnull().sum("excess") > 1)
+    x, y = np.log(near.excess).where(known.notnull()), np.log(known)
     x = x - x.mean("excess")
-    square, relative = float((x**2).sum()), (near.error / near.diffusion).where(known)
-    error = float((x**2 * relative**2).sum()) ** 0.5 / square
-    return float((x * y).sum()) / square, error, int(known.any("excess").sum())
+    square = (x**2).sum()
+    slope, error = (x * y).sum() / square, ((x * near.error / known) ** 2).sum() ** 0.5 / square
+    return float(slope), float(error), int(known.any("excess").sum())

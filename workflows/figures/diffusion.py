@@ -34,19 +34,16 @@ def _draw_plane(axes, law):
     reach = kappa1[0, -1]
     low, high = np.log10(np.nanquantile(D[(kappa1 <= reach) & (kappa2 <= reach)], [0, 1]))
     levels = 10 ** np.arange(np.floor(4 * low) / 4, high + 0.25, 0.25)
-    field = np.ma.masked_invalid(D)
-    look = {"norm": LogNorm(levels[0], levels[-1]), "cmap": "inferno"}
-    image = axes.contourf(kappa1, kappa2, field, levels, extend="max", **look)
-    decades = 10.0 ** np.arange(np.ceil(np.log10(levels[0])), np.log10(levels[-1]))
+    decades, field = 10.0 ** np.arange(np.ceil(low), high), np.ma.masked_invalid(D)
+    look = {"norm": LogNorm(levels[0], levels[-1]), "cmap": "inferno", "extend": "max"}
+    image = axes.contourf(kappa1, kappa2, field, levels, **look)
     axes.contour(kappa1, kappa2, field, decades, colors="white", linewidths=0.6, alpha=0.7)
-    bar = axes.figure.colorbar(image, ax=axes, fraction=0.046, pad=0.03)
+    bar = axes.figure.colorbar(image, ax=axes, fraction=0.046, pad=0.03, ticks=decades)
     bar.set_label("$D$ (squares of $y$ a period)")
-    bar.set_ticks(decades)
-    edge = [np.append(kappa[:, 0], 0) / (1 + law.excess.values[0]) for kappa in (kappa1, kappa2)]
-    axes.fill(*edge, color=INSIDE)
-    axes.fill([], [], color=_UNRESOLVED, label="too slow")
-    look = {"color": colour_of(3), "lw": 1.6, "label": r"$\mathit{CB}_\mathrm{gt}$"}
-    axes.plot(edge[0][:-1], edge[1][:-1], **look)
+    edge = [kappa[:, 0] / (1 + law.excess.values[0]) for kappa in (kappa1, kappa2)]
+    axes.fill(*(np.append(part, 0) for part in edge), color=INSIDE)
+    axes.fill([], [], color=_UNRESOLVED, label="too slow, or no $D$")
+    axes.plot(*edge, color=colour_of(3), lw=1.6, label=r"$\mathit{CB}_\mathrm{gt}$")
     axes.text(0.05 * reach, 0.06 * reach, "a barrier: $D = 0$", size="x-small")
     axes.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$", xlim=(0, reach), ylim=(0, reach))
     axes.set(title="Diffusion of momentum", facecolor=_UNRESOLVED, aspect="equal")
@@ -54,14 +51,12 @@ def _draw_plane(axes, law):
 
 
 def _draw_law(axes, law):
-    some = np.linspace(0, law.angle.size - 1, min(5, law.angle.size)).astype(int)
-    for i, place in enumerate(some):
-        here, colour = law.isel(angle=place), colour_of(i)
-        style = circle_style(here.circle.item(), 1) | {"color": colour, "ls": "", "ms": 4}
-        label = rf"$\varphi = {float(here.angle):g}°$"
+    for i, angle in enumerate(law.angle.values[:: max(1, law.angle.size // 4)]):
+        here, look = law.sel(angle=angle), {"color": colour_of(i)}
+        style = circle_style(here.circle.item(), 1) | look | {"ls": "", "ms": 4}
+        label = rf"$\varphi = {angle:g}°$"
         axes.errorbar(law.excess, here.diffusion, here.error, label=label, **style)
-        known = here.one_cantorus.dropna("excess")
-        axes.plot(known.excess, known, color=colour, lw=1)
+        here.one_cantorus.dropna("excess").plot(ax=axes, lw=1, **look)
     axes.plot([], [], color="0.4", lw=1, label=r"$\Delta W/m$, the last circle alone")
     axes.set(xscale="log", yscale="log", xlim=(0.04, 4), ylim=(1e-7, None))
     axes.set(xlabel=r"distance beyond the breakup, $x = s/s_c - 1$", ylabel="$D$")

@@ -11,16 +11,21 @@ SIGNS, FLIPS = "one sign of P flipped", "flipped every M kicks"
 
 
 def draw_patterns(cube):
-    """Draw K_c of pairs against ε, and thresholds of signs and bursts."""
+    """Draw K_c of pairs against ε, and thresholds of signs and bursts: the middles of brackets."""
     figure, (spacing, others) = style.panels(1, 2, 12, 5)
+    cube = cube.assign(middle=(cube.lower + cube.upper) / 2)
     golden = style.of_family(cube, CONSTANT).critical_scale.item()
     _draw_pairs(spacing, style.of_family(cube, PAIRS), golden)
-    _draw_others(others, cube, golden)
+    _draw_others(others, cube)
+    at = {"transform": others.get_yaxis_transform(), "ha": "right", "va": "bottom"}
+    others.text(0.99, 1.02 * golden, r"constant kicks, $\kappa_G$", size="small", **at)
+    for axes in (spacing, others):
+        axes.axhline(golden, color="0.4", lw=1, ls=":")
     return figure
 
 
 def _draw_pairs(axes, pairs, golden):
-    ε, K = pairs.parameter.values, pairs.per_period.values
+    ε, K = pairs.parameter.values, (pairs.middle * pairs.period).values
     fractions = [Fraction(x).limit_denominator(100) for x in ε]
     line, limit = np.geomspace(1 / 80, 0.5, 2), r"$\sqrt{\kappa_G/\varepsilon}$, the limit"
     axes.plot(line, np.sqrt(golden / line), color="0.4", lw=1, label=limit)
@@ -30,10 +35,8 @@ def _draw_pairs(axes, pairs, golden):
         look = {"color": colour, "ms": 4.5, "label": rf"$\varepsilon = {label}"}
         axes.plot(ε[here], K[here], "osD"[kind], **look)
     for x, y, f in zip(ε, K, fractions, strict=True):
-        if f.numerator == 1 and f.denominator < 6 and np.isfinite(y):
+        if f.numerator == 1 and f.denominator < 6:
             axes.annotate(f"{f}", (x, y), (-6, -12), textcoords="offset points", size="small")
-    style.mark_gaps(axes, ε, np.isnan(K))
-    axes.axhline(golden, color="0.4", lw=1, ls=":")
     axes.text(1 / 75, golden * 1.02, r"$\kappa_G$", size="small")
     axes.set(xscale="log", yscale="log", xlim=(1 / 80, 0.62), title="Pairs of kicks")
     axes.set(xlabel=r"spacing $\varepsilon$ of a pair, in periods", ylabel=r"$K_c$")
@@ -43,16 +46,13 @@ def _draw_pairs(axes, pairs, golden):
     axes.legend(fontsize="small")
 
 
-def _draw_others(axes, cube, golden):
+def _draw_others(axes, cube):
     bursts = style.of_family(cube, BURSTS).sortby("period")
     kicked = bursts.groupby((bursts.parameter * bursts.period).round().astype(int).rename("n"))
     lines = [(family, style.of_family(cube, family)) for family in (SIGNS, FLIPS)]
     for i, (label, here) in enumerate([*lines, *((f"bursts of {n} kicks", x) for n, x in kicked)]):
         look = {"marker": "os^vD*P"[i % 7], "ms": 5, "lw": 1, **style.line_of(i)}
-        axes.plot(here.period, here.critical_scale, label=label, **look)
-    axes.axhline(golden, color="0.4", lw=1, ls=":")
-    at = {"transform": axes.get_yaxis_transform(), "ha": "right", "va": "bottom"}
-    axes.text(0.99, 1.02 * golden, r"constant kicks, $\kappa_G$", size="small", **at)
+        axes.plot(here.period, here.middle, label=label, **look)
     axes.set(yscale="log", xlabel="kicks, or places for them, in a period", ylabel=r"$\kappa_c$")
     _ticks(axes.yaxis, [0.1, 0.2, 0.5, 1])
     axes.xaxis.get_major_locator().set_params(integer=True)

@@ -12,9 +12,9 @@ def draw_ramp(ramp, lives, findings):
     which ends with the findings."""
     figure, (kicks, smooth) = panels(1, 2, 13, 5)
     names = [*(f"graphs, {name}" for name in names_of(ramp.way)), "first of 64 orbits across"]
-    rows = [*ramp.lost, ramp.escaped]
+    rows, hollow = [*ramp.lost, ramp.escaped], [None, "none", None]
     for i, (label, row) in enumerate(zip(names, rows, strict=True)):
-        look = {"color": colour_of(i), "ms": 4 + 2 * (i == 1), "mfc": "none" if i == 1 else None}
+        look = {"color": colour_of(i), "ms": 4 + 2 * (i == 1), "mfc": hollow[i]}
         kicks.plot(ramp.rate, row, "os^"[i], label=label, **look)
     for exponent, row, dash in zip(ramp.attrs["exponents"], rows[1:], ("--", ":"), strict=True):
         law = float((row * ramp.rate**exponent).median()) * ramp.rate**-exponent
@@ -43,7 +43,7 @@ def _draw_lives(axes, lives):
         for values, end, fill in ((here.life, kicks / 2, None), (here.escaped, 20 * kicks, "none")):
             lasts = np.isinf(values.values)
             for there, mark in ((~lasts, "o"), (lasts, "^")):
-                y = np.where(lasts, end, values)[there]
+                y = np.minimum(values, end)[there]
                 axes.plot(x[there], y, mark, ms=4.5, mfc=fill, color=colour_of(i))
         axes.plot([], [], "o", ms=4.5, color=colour_of(i), label=f"ripple {ripple:g}")
     key(axes, {"o": "until an orbit is across", "^": "longer than that"}, "o")

@@ -5,11 +5,11 @@ import numpy as np
 from workflows.figures import style
 
 
-def draw_tolerance(cube, laws, tried, summits):
+def draw_tolerance(cube, laws, tried):
     """Draw loss against ripple, with the laws, and `upper` of random forcings and climbs."""
     figure, (price, strengths) = style.panels(1, 2, 12, 5)
     _draw_losses(price, cube, laws)
-    _draw_strengths(strengths, tried, summits)
+    _draw_strengths(strengths, tried)
     return figure
 
 
@@ -34,20 +34,18 @@ def _draw_losses(axes, cube, laws):
     axes.legend(fontsize="small", title="powers: renormalisation", title_fontsize="small")
 
 
-def _draw_strengths(axes, tried, summits):
-    golden = tried.attrs["golden"]
-    upper, bins = (tried.upper / golden).values, np.linspace(0, 1.025, 42)
-    near, shades = tried.parameter.values < 0.1, [style.colour_of(3), style.colour_of(0)]
-    parts, labels = [upper[near], upper[~near]], ["ripple below 10%", "others"]
-    axes.hist(parts, bins, stacked=True, color=shades, label=labels)
-    look = {"size": "small", "ha": "right", "va": "top"}
-    axes.text(
-        0.99, 0.8 * axes.get_ylim()[1], "no orbit escapes:\nconverse KAM denies circles", **look
-    )
+def _draw_strengths(axes, tried):
+    random, ends = (style.of_family(tried, family) for family in ("random", "climb"))
+    upper, near = (random.upper / tried.golden).values, random.parameter.values < 0.1
+    look = {"color": [style.colour_of(3), style.colour_of(0)], "stacked": True}
+    words, bins = ["ripple below 10%", "others"], np.linspace(0, 1.025, 42)
+    axes.hist([upper[near], upper[~near]], bins, label=words, **look)
+    words = "no orbit escapes:\nconverse KAM denies circles"
+    axes.text(0.99, 0.8 * axes.get_ylim()[1], words, size="small", ha="right", va="top")
     axes.axvline(1, color="black", lw=1, label="constant kicks")
-    foot = {"transform": axes.get_xaxis_transform(), "clip_on": False, "ls": "", "ms": 5}
-    look = {"marker": "|", "color": style.VERMILION, "label": "ends of climbs"}
-    axes.plot(summits.upper / golden, np.full(summits.upper.size, 0.02), **look, **foot)
+    look = {"transform": axes.get_xaxis_transform(), "clip_on": False, "ls": "", "ms": 5}
+    look |= {"marker": "|", "color": style.VERMILION, "label": "ends of climbs"}
+    axes.plot(ends.upper / tried.golden, np.full(ends.upper.size, 0.02), **look)
     axes.set(xlabel=r"rms strength without a barrier, over $\kappa_G$", xlim=(0, 1.06))
     axes.set(yscale="log", ylabel="random forcings of 2 to 8 kicks")
     axes.set_title("Random forcings against constant kicks")

@@ -30,7 +30,7 @@ def main(run, quick, tol):
     job = last_barriers("patterns", study.patterns(quick), study.PARAMETER, tol)
     with run.sweeping(job):
         cube = study.in_lab_units(with_circles(run.sweep(job)))
-        run.table("patterns", cube.drop_dims("kick"))
+        run.table("patterns", cube)
         run.figure("patterns", draw_patterns(cube), study.found(cube))
 
 

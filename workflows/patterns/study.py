@@ -9,77 +9,71 @@ from workflows.figures.style import of_family
 from workflows.shared.rules import finding
 
 PARAMETER = f"ε of {PAIRS}, P of {SIGNS}, M of {FLIPS}, share of the period kicked in {BURSTS}"
-_NEAR, _CLOSE = 0.05, 1 / 16  # of K_c to its limit, for pairs that close
 
 
 def pair(p, q):
     """Return a pair of kicks p/q of the period apart."""
-    return [1.0 if n in (0, p) else 0.0 for n in range(q)]
+    return [float(n in (0, p)) for n in range(q)]
 
 
 def patterns(quick):
     """List all forcings as (family, parameter, profile); few of them if `quick`."""
-    apart = [(1, q) for q in (2, 3, 4, 6, 8)]
-    signs, flips, bursts = (3, 4), (1, 3), [(3, 5), (4, 5)]
-    if not quick:
-        apart = [(p, q) for q in range(2, 9) for p in range(1, 1 + q // 2) if gcd(p, q) == 1]
-        apart += [(1, q) for q in (9, 10, 11, 12, 16, 24, 48, 64)]
-        signs, flips = range(3, 9), range(1, 6)
-        bursts = [(n, q) for q in range(4, 8) for n in range(3, q)]
-    return [
+    apart = [(p, q) for q in range(2, 9) for p in range(1, 1 + q // 2) if gcd(p, q) == 1]
+    apart += [(1, q) for q in (9, 10, 11, 12, 16, 24, 48, 64)]
+    given = [
         (CONSTANT, 1, [1.0]),
         *((PAIRS, p / q, pair(p, q)) for p, q in apart),
-        *((SIGNS, q, [1.0] * (q - 1) + [-1.0]) for q in signs),
-        *((FLIPS, m, [1.0] * m + [-1.0] * m) for m in flips),
-        *((BURSTS, n / q, [1.0] * n + [0.0] * (q - n)) for n, q in bursts),
+        *((SIGNS, q, [1.0] * (q - 1) + [-1.0]) for q in range(3, 9)),
+        *((FLIPS, m, [1.0] * m + [-1.0] * m) for m in range(1, 6)),
+        *((BURSTS, n / q, [1.0] * n + [0.0] * (q - n)) for q in range(4, 8) for n in range(3, q)),
     ]
+    return [forcing for forcing in given if not quick or len(forcing[2]) in (1, 2, 3, 4, 6)]
 
 
 def in_lab_units(cube):
     """Return the cube with per_period, K_c = P·s in units of the period: the phase depth of a kick
     times 8ω_r·period; and robustness, the rms strength at the breakup over κ_G."""
-    robustness = cube.rms_scale / of_family(cube, CONSTANT).critical_scale.item()
-    return cube.assign(per_period=cube.critical_scale * cube.period, robustness=robustness)
+    scale, golden = cube.critical_scale, of_family(cube, CONSTANT).critical_scale.item()
+    return cube.assign(per_period=scale * cube.period, robustness=scale * cube.rms / golden)
 
 
 def found(cube):
     """Say what the cube shows, with a verdict on each claim; on 1/3 by the brackets alone."""
-    pairs = of_family(cube, PAIRS)
+    pairs, golden = of_family(cube, PAIRS), of_family(cube, CONSTANT).critical_scale.item()
     lower, upper = (pairs[side] * pairs.period for side in ("lower", "upper"))
-    third, K = np.isclose(pairs.parameter, 1 / 3), pairs.per_period
-    others = lower.values[~third]
-    known = K.dropna("forcing")
-    close = known[known.parameter <= _CLOSE]
-    close = close * np.sqrt(close.parameter / of_family(cube, CONSTANT).critical_scale.item())
-    falls = bool((np.diff(close) < 0).all())
-    above = int((cube.robustness * cube.lower / cube.critical_scale > 1 + 1e-9).sum())
+    third = np.isclose(pairs.parameter, 1 / 3)
+    gone, others = upper.values[third], lower.values[~third]
+    close = pairs.per_period.dropna("forcing")
+    close = close[close.parameter <= 1 / 16]
+    close = close * np.sqrt(close.parameter / golden)
+    falls = close.size > 2 and bool((np.diff(close) < 0).all())
+    above = int((cube.lower * cube.rms > golden).sum())
     alike = int((abs(cube.robustness - 1) < 1e-9).sum())
-    valued = int(cube.critical_scale.notnull().sum())
+    width = (2 * (cube.upper - cube.lower) / (cube.upper + cube.lower)).dropna("forcing")
     return " ".join([
-        f"Of {cube.sizes['forcing']} forcings {valued} have a value, with brackets of "
-        f"{100 * float(((cube.upper - cube.lower) / cube.critical_scale).median()):.2g}% in the "
-        "median. K is in units of the period, κ in units of the time from kick to kick; with "
-        "atoms K is the phase depth of a pulse times 8ω_r times that time, ω_r the recoil "
-        "frequency.",
+        f"Of {cube.family.size} forcings {int(cube.critical_scale.notnull().sum())} have a value, "
+        f"and {width.size} a bracket, of {100 * float(width.max()):.2g}% at most, whose middle is "
+        "drawn. K is in units of the period, κ in units of the time from kick to kick; with atoms "
+        "K is the phase depth of a pulse times 8ω_r times that time, ω_r the recoil frequency.",
         finding(
             "Of all pairs those 1/3 of the period apart lose their last barrier first:",
-            f"theirs is gone at {upper.values[third].item():.4g}, and circles are certified up to "
+            f"theirs is gone at {gone.item():.4g}, and circles are certified up to "
             f"{others.min():.4g} or more for the {others.size} other spacings; to first order none "
             "of its resonances is weaker than K, and the one at p = P/2 is missing for even P",
-            bool((upper.values[third] < others).all()),
-            known=bool(np.isfinite([*upper.values[third], *others]).all()),
+            bool((gone < others).all()),
+            known=bool(np.isfinite([*gone, *others]).all()),
         ),
         finding(
             "K_c approaches √(κ_G/ε) for close pairs:",
             f"at {', '.join(f'1/{1 / ε:.0f}' for ε in close.parameter.values[::-1])} of the period "
             f"it is {', '.join(f'{x:.3f}' for x in close.values[::-1])} of that",
-            close.size > 2 and abs(close[0] - 1) < _NEAR and falls,
-            close.size > 2 and falls,
+            falls and abs(close[0] - 1) < 0.05,
+            falls,
             close.size > 0,
         ),
         finding(
             "No pattern outlasts constant kicks of the same rms strength:",
-            f"{above} do of {valued}, and {alike} are as robust, as their circles are the same up "
+            f"{above} do of {width.size}, and {alike} are as robust, as their circles are the same up "
             "to symmetry",
             above == 0,
         ),

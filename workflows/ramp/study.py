@@ -22,21 +22,19 @@ ESCAPES = power_law.FLUX / (1 + power_law.FLUX)
 _PLACES = np.array([0.05, 0.1, 0.2, 0.4, 0.6, 0.8, 1.0, 1.3])  # of the line, in r^-0.497 kicks
 _REACH = 5  # in the same unit, kicks on either side
 _PATIENCE = 6  # in r^-0.751 kicks, for an escape
-_ORBITS, _WINDOW = 64, (-1.0, 1.3)  # starts have y from 0 to 0.3: an escape is past all circles
+_WINDOW = -1.0, 1.3  # starts have y from 0 to 0.3: an escape is past all circles
 JUMPS = "square", "Fibonacci", "Thue-Morse", "random"
 SMOOTH = "cosine", "k^-4", "k^-3", "k^-2"
-_MEAN, _LINES = 0.3, 8
-_CROSSED = "until an orbit is past all circles"
 
 
 def area_rate(critical):
     """Return dA/dκ of the area A = ∫ y dx under the golden circle of the standard map at κ_G."""
     kappas = critical - np.array([0.05, 0.03, 0.02, 0.012, 0.007])
-    return np.polyval(np.polyder(np.polyfit(kappas, list(map(_area, kappas)), 2)), critical)
+    return np.polyval(np.polyder(np.polyfit(kappas, list(map(area, kappas)), 2)), critical)
 
 
-def _area(kappa):
-    """The mean of y dx/dθ over the circle x = θ + u(θ)."""
+def area(kappa):
+    """Return the mean of y dx/dθ over the golden circle x = θ + u(θ)."""
     circle = invariant_circle("gamma", kappa)
     return (graph(circle)[1] * (1 + fourier.derivative(circle.u[0]))).mean()
 
@@ -44,29 +42,29 @@ def _area(kappa):
 def ramps(rates):
     """Find what κ_n = κ_G + r·n does to barriers: a Dataset with dims (way, rate).
 
-    lost : the kick after κ_G by which no family of graphs is left, on the line that denies them
-    first. way 0 is the plain ramp. In way 1 the phases are accelerated, by which y falls from kick
-    to kick as the area under the golden circle does. escaped : the kick after κ_G by which the
-    first of 64 orbits is past all circles, in the plain ramp.
+    In way 1 the phases are accelerated, by which y falls from kick to kick as the area under the
+    golden circle does. Escapes are in way 0, the plain ramp.
     """
     critical = critical_scale((1.0,), 1e-4).value
     acceleration = area_rate(critical)
-    lost = [[_lost(critical, rate, way * acceleration * rate) for rate in rates] for way in (0, 1)]
+    found = [[lost(critical, rate, way * acceleration * rate) for rate in rates] for way in (0, 1)]
     patience = (_PATIENCE * rates**-ESCAPES).astype(int)
-    escaped = [_escape(critical + r * np.arange(n)) for r, n in zip(rates, patience, strict=True)]
+    crossed = [_escape(critical + r * np.arange(n)) for r, n in zip(rates, patience, strict=True)]
+    words = "kicks from κ_G until one of 64 orbits is past all circles"
     ways = listed("way", "plain ramp", "following the golden circle")
     return dataset(
         "When barriers are lost in a ramp",
         {"way": ways, "rate": (rates, "growth of κ per kick")},
         {
-            "lost": (("way", "rate"), np.array(lost), "kicks from κ_G until no graphs are left"),
-            "escaped": ("rate", np.array(escaped), f"kicks from κ_G {_CROSSED}"),
+            "lost": (("way", "rate"), np.array(found), "kicks from κ_G until no graphs are left"),
+            "escaped": ("rate", np.array(crossed), words),
         },
         {"critical_scale": critical, "area_rate": acceleration, "exponents": [EXPONENT, ESCAPES]},
     )
 
 
-def _lost(critical, rate, acceleration):
+def lost(critical, rate, acceleration):
+    """Return the kick after κ_G by which no graphs are left, by the line that denies them first."""
     unit = rate**-EXPONENT
     n = np.arange(-int(_REACH * unit), int(_REACH * unit) + 1)
 
@@ -78,31 +76,31 @@ def _lost(critical, rate, acceleration):
 
 
 def _escape(kappa):
-    return sequence.escape_time(kappa, 0.0, *escape.ensemble(_ORBITS), _WINDOW).min()
+    return sequence.escape_time(kappa, 0.0, *escape.ensemble(64), _WINDOW).min()
 
 
 def irregular(ripples, kicks):
     """Find how long barriers last under κ_n = 0.3·(1 + ripple·f_n): dims (kind, ripple).
 
-    life : kicks on either side of the line that denies graphs first, of eight in the middle of the
-    kicks; inf if a start survives on each. escaped : the kick by which the first of 64 orbits is
-    past all circles, of 20 times as many.
+    life : on the line that denies graphs first, of eight in the middle of the kicks; escapes are
+    looked for in 20 times as many.
     """
     shapes = _shapes(np.arange(20 * kicks))
-    sites = kicks // 2 + 7 * np.arange(_LINES)
-    kappas = [[_MEAN * (1 + ripple * f) for ripple in ripples] for f in shapes.values()]
-    lives = [
-        [min(sequence.longest_lived(kappa[:kicks], 0.0, n)[2] for n in sites) for kappa in row]
-        for row in kappas
-    ]
-    escaped = [list(map(_escape, row)) for row in kappas]
+    kappas = [[0.3 * (1 + ripple * f) for ripple in ripples] for f in shapes.values()]
+
+    def life(kappa):
+        sites = kicks // 2 + 7 * np.arange(8)
+        return min(sequence.longest_lived(kappa[:kicks], 0.0, site)[2] for site in sites)
+
+    lives, crossed = ([list(map(found, row)) for row in kappas] for found in (life, _escape))
     dims, graphs = ("kind", "ripple"), "kicks on either side until no family of graphs is left"
+    words = "kicks until one of 64 orbits is past all circles; inf if none is"
     return dataset(
         "Lives of barriers by the smoothness of the forcing",
         {"kind": listed("kind", *shapes), "ripple": (ripples, "largest deviation, relative")},
         {
             "life": (dims, np.array(lives), f"{graphs}; inf if they last"),
-            "escaped": (dims, np.array(escaped), f"kicks {_CROSSED}; inf if none is"),
+            "escaped": (dims, np.array(crossed), words),
         },
         {"kicks": kicks},
     )
@@ -128,7 +126,7 @@ def findings(ramp, lives):
     plain, following = ramp.lost
     names = lives.kind.attrs["names"]
     jumps, smooth = (lives.isel(kind=[names.index(k) for k in kinds]) for kinds in (JUMPS, SMOOTH))
-    lost, through = np.isfinite(jumps.life), np.isfinite(jumps.escaped)
+    gone, through = np.isfinite(jumps.life), np.isfinite(jumps.escaped)
     lived, crossed = (span(values, ".0f") for values in (jumps.life.values, jumps.escaped.values))
     kept, kicks = np.isinf(smooth.life) & np.isinf(smooth.escaped), lives.attrs["kicks"]
     return "\n".join([
@@ -138,12 +136,12 @@ def findings(ramp, lives):
         finding(
             "Smoothness in the phase decides, not quasi-periodicity:",
             "with jumps, square or Fibonacci, as with Thue-Morse and random kicks, graphs are lost "
-            f"in {lived} kicks under {int(lost.sum())} of {lost.size} forcings, orbits cross in "
+            f"in {lived} kicks under {int(gone.sum())} of {gone.size} forcings, orbits cross in "
             f"{crossed} under {int(through.sum())}; with coefficients like k^-2 or smaller graphs "
             f"last {kicks // 2} kicks, and nothing crosses in {20 * kicks}, under "
             f"{int(kept.sum())} of {kept.size}",
-            bool(lost.all() and through.all() and kept.all()),
-            float(lost.mean()) > 0.5 and bool(kept.all()),
+            bool(gone.all() and through.all() and kept.all()),
+            float(gone.mean()) > 0.5 and bool(kept.all()),
         ),
         "Not tried: kicks that fall again, other circles than the golden one, coloured noise.",
     ])  # fmt: skip

@@ -30,21 +30,16 @@ def main(run, forcings, climbs, smallest, quick):
     from workflows.tolerance import study
 
     forcings, climbs = (min(forcings, 400), min(climbs, 40)) if quick else (forcings, climbs)
-    given, ripple = study.ripples(smallest, quick), "rms of the deviations, over the mean"
-    ripples, golden = last_barriers("tolerance", given, ripple, 3e-3), study.golden()
-    bounds = against_constant("tolerance_random", study.random(forcings), ripple, golden)
-    starts = study.starts(climbs)
-    climbed = against_constant("tolerance_climbs", starts, "seed of the climb", golden, tries=500)
-    with run.sweeping(ripples, bounds, climbed, seconds=5 if quick else 100):
+    words, golden = "rms of the deviations, over the mean", study.golden()
+    ripples = last_barriers("tolerance", study.ripples(smallest, quick), words, 3e-3)
+    tried, words = study.forcings(forcings, climbs), f"{words}; the seed of a climb"
+    bounds = against_constant("tolerance_random", tried, words, golden, tries=500)
+    with run.sweeping(ripples, bounds, seconds=5 if quick else 100):
         cube = study.with_loss(with_circles(run.sweep(ripples)))
-        tried, summits = run.sweep(bounds).load(), run.sweep(climbed).load()
-        laws = study.laws((2,) if quick else study.PERIODS)
-        run.table("tolerance", cube.drop_dims("kick"))
-        run.table("tolerance_laws", laws)
-        run.table("tolerance_random", tried.drop_dims("kick"))
-        run.table("tolerance_climbs", summits.drop_dims("kick"))
-        figure = draw_tolerance(cube, laws, tried, summits)
-        run.figure("tolerance", figure, study.found(cube, laws, tried, summits))
+        tried, laws = run.sweep(bounds).load(), study.laws((2,) if quick else study.PERIODS)
+        for name, table in {"": cube, "_laws": laws, "_random": tried}.items():
+            run.table(f"tolerance{name}", table)
+        run.figure("tolerance", draw_tolerance(cube, laws, tried), study.found(cube, laws, tried))
 
 
 if __name__ == "__main__":

@@ -3,13 +3,11 @@
 import matplotlib.pyplot as plt
 import xarray as xr
 
-cube = xr.open_zarr("patterns/patterns.zarr", chunks=None).load()
-table = cube.drop_dims(["kick", "quotient"]).to_dataframe()
-for family, rows in table.groupby("family"):
-    plt.plot(rows.parameter, rows.critical_scale, "o", label=family)
-    print(f"{family}: first {rows.critical_scale.idxmin()}, at {rows.critical_scale.min():.4f}")
+cube = xr.open_zarr("patterns/patterns.zarr", chunks=None)
+for family, scale in cube.critical_scale.groupby("family"):
+    plt.loglog(scale.parameter, scale, "o", label=family)
+    print(f"{family}: first {scale.idxmin().item()}, at {scale.min():.4f}")
 plt.xlabel("parameter of the family")
 plt.ylabel("scale of the breakup")
-plt.xscale("log")
 plt.legend()
 plt.show()

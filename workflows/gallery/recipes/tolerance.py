@@ -3,14 +3,12 @@
 import matplotlib.pyplot as plt
 import xarray as xr
 
-from nasm import periodic
-
 cube = xr.open_zarr("tolerance/tolerance.zarr", chunks=None)
-golden = periodic.critical_scale("gamma", [1.0]).value  # of constant kicks
-loss = 1 - cube.critical_scale * (cube.profile**2).mean("kick") ** 0.5 / golden
+golden = xr.open_zarr("tolerance/tolerance_random.zarr").golden  # the scale of constant kicks
+loss = 1 - cube.critical_scale * cube.rms / golden
 for period, one in loss.groupby("period"):
     plt.loglog(one.parameter, one, "o", label=f"{period} kicks")
-plt.xlabel("rms of the ripple, over the mean strength")
+plt.xlabel(cube.parameter.long_name)
 plt.ylabel("loss of the scale of the breakup")
 plt.legend()
 plt.show()
