@@ -49,7 +49,7 @@ JOBS = {
         "patterns", [("signs", 3, (1, 1, -1)), ("", 0.5, (1, 1))], "P", 0.1
     ),
     "robustness": robustness.against_constant(
-        "tolerance_random", [("climb", n, (1, n)) for n in range(10)], "seed", 0.97, tries=2
+        "tolerance_random", [("climb", n, (1, n)) for n in range(20)], "seed", 0.97, tries=2
     ),
     "transport": breakdown.by_escape(rotating("1/3"), RAYS, 100, 8),
     "flux": beyond.flux(TWO, {20.0: 1.0}, {20.0: str(GAMMA)}, [0.5], 50),

@@ -21,7 +21,7 @@ from workflows.shared.cli import command, flag, real, sweeps
 def main(run, quick, tol):
     """Last barriers of signs, pairs and bursts of kicks: a cube, a table and a figure in OUT.
 
-    The defaults take some eight minutes of CPU time; --quick less than one.
+    The defaults take ten minutes of CPU time; --quick less than one.
     """
     from pipeline.cubes.forcings import last_barriers, with_circles
     from workflows.figures.patterns import draw_patterns

@@ -73,8 +73,8 @@ def found(cube):
         ),
         finding(
             "No pattern outlasts constant kicks of the same rms strength:",
-            f"{above} do of {width.size}, and {alike} are as robust, as their circles are the same up "
-            "to symmetry",
+            f"{above} do of {width.size}, and {alike} are as robust, as their circles are the same "
+            "up to symmetry",
             above == 0,
         ),
         "Not tried: kicks of finite length, spacings that are no fractions with q ≤ 8 or 1/P, and "

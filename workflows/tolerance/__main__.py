@@ -10,19 +10,18 @@ The conjecture is that at equal rms strength constant kicks hold a barrier longe
 are tried, and climbs that look for one which holds longer.
 """
 
-from workflows.shared.cli import command, flag, real, sweeps, whole
+from workflows.shared.cli import command, flag, sweeps, whole
 
 
 @command()
 @whole("--forcings", 10_000, 10, 10**6, "Random forcings to try.")
 @whole("--climbs", 1000, 2, 10**5, "Climbs to forcings that hold longer.")
-@real("--smallest", 3e-3, 1e-5, 0.1, "Smallest ripple of three kicks and more.")
 @flag("--quick", "A preview: few forcings, climbs and ripples.")
 @sweeps
-def main(run, forcings, climbs, smallest, quick):
+def main(run, forcings, climbs, quick):
     """The loss by a ripple, and random forcings against constant kicks: cubes, tables, a figure.
 
-    The defaults take some ten minutes on two cores; --quick less than one.
+    The defaults take ten minutes of CPU time; --quick less than one.
     """
     from pipeline.cubes.forcings import last_barriers, with_circles
     from pipeline.cubes.robustness import against_constant
@@ -31,12 +30,12 @@ def main(run, forcings, climbs, smallest, quick):
 
     forcings, climbs = (min(forcings, 400), min(climbs, 40)) if quick else (forcings, climbs)
     words, golden = "rms of the deviations, over the mean", study.golden()
-    ripples = last_barriers("tolerance", study.ripples(smallest, quick), words, 3e-3)
+    ripples = last_barriers("tolerance", study.ripples(quick), words, 3e-3)
     tried, words = study.forcings(forcings, climbs), f"{words}; the seed of a climb"
     bounds = against_constant("tolerance_random", tried, words, golden, tries=500)
     with run.sweeping(ripples, bounds, seconds=5 if quick else 100):
         cube = study.with_loss(with_circles(run.sweep(ripples)))
-        tried, laws = run.sweep(bounds).load(), study.laws((2,) if quick else study.PERIODS)
+        tried, laws = run.sweep(bounds).load(), study.laws(cube)
         for name, table in {"": cube, "_laws": laws, "_random": tried}.items():
             run.table(f"tolerance{name}", table)
         run.figure("tolerance", draw_tolerance(cube, laws, tried), study.found(cube, laws, tried))

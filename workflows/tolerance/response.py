@@ -25,7 +25,6 @@ from nasm.numbers import moebius, parse
 
 DELTA = UNSTABLE[1,]
 _LONGEST = 80_000  # period, beyond which rounding hides R
-_STEP = 1e-30  # of a derivative by complex numbers
 
 
 @cache
@@ -37,10 +36,10 @@ def golden():
 @cache
 def orbits():
     """Return {n: (minimizing, minimax Orbit)} of the Fibonacci numbers F_n from 3 on."""
-    found, p, q, n = {}, 2, 3, 4
+    found, p, q = {}, 2, 3
     while q < _LONGEST:
-        found[n] = ordered_orbits((golden(),), p, q)
-        p, q, n = q, p + q, n + 1
+        found[len(found) + 4] = ordered_orbits((golden(),), p, q)
+        p, q = q, p + q
     return found
 
 
@@ -48,15 +47,15 @@ def response(orbit, f):
     """Return dR/dd of an orbit of constant kicks under κ_G(1 + d·f_n), f of the orbit's period."""
     x = orbit.sites()
     moved = splu(_ring(x, 1.0)).solve(-golden() * f * np.sin(2 * np.pi * x) / (2 * np.pi))
-    pivots = splu(_ring(x + 1j * _STEP * moved, 1 + 1j * _STEP * f)).U.diagonal()
-    return orbit.residue * np.sum(pivots.imag / pivots.real) / _STEP
+    step = 1e-30j  # of a derivative by complex numbers
+    pivots = splu(_ring(x + step * moved, 1 + step * f)).U.diagonal()
+    return orbit.residue * np.sum(pivots.imag / pivots.real) / step.imag
 
 
 def _ring(x, strength):
     ring, q = 2 + golden() * strength * np.cos(2 * np.pi * x), x.size
-    return csc_array(
-        diags_array([ring, -1, -1, -1, -1], offsets=[0, 1, -1, q - 1, 1 - q], shape=(q, q))
-    )
+    at = {"offsets": [0, 1, -1, q - 1, 1 - q], "shape": (q, q)}
+    return csc_array(diags_array([ring, -1, -1, -1, -1], **at))
 
 
 def renormalisation(period):
