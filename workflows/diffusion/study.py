@@ -72,4 +72,4 @@ def _exponent(near):
     x = x - x.mean("excess")
     square = (x**2).sum()
     slope, error = (x * y).sum() / square, ((x * near.error / known) ** 2).sum() ** 0.5 / square
-    return float(slope), float(error), int(known.any("excess").sum())
+    return float(slope), float(error), int(known.notnull().any("excess").sum())
