@@ -6,7 +6,8 @@ import xarray as xr
 cube = xr.open_zarr("patterns/patterns.zarr", chunks=None)
 for family, scale in cube.critical_scale.groupby("family"):
     plt.loglog(scale.parameter, scale, "o", label=family)
-    print(f"{family}: first {scale[scale.argmin("forcing")].forcing.item()}, at {scale.min():.4f}")
+    first = scale[scale.argmin("forcing")]
+    print(f"{family}: first {first.forcing.item()}, at {first:.4f}")
 plt.xlabel("parameter of the family")
 plt.ylabel("scale of the breakup")
 plt.legend()
