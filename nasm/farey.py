@@ -39,7 +39,6 @@ _FEW = 10  # Up to that period all are followed.
 residues were at most 1.1 and products 0.26 from period 10 on; before it one product was 0.30."""
 _FALLEN, _LONG = 0.05, 100  # residues that small, of periods that long: ask the circle itself
 _MOST = 3000  # mediants
-_NAMED = 8
 _TELLING, _TOO_LONG = 60, 3000  # periods of the convergents whose residues tell if a circle stands
 _GAMMA = parse("gamma")
 
@@ -64,9 +63,8 @@ def standing(kappa):
     Returns
     -------
     omega : RotationNumber, a noble in [0, P/2] per period whose `circle_stands`; None if none does.
-    nobles : list of the nobles that were not ruled out up to period 1000, at most eight, the
-        simplest first; else the one that took the longest. Just beyond the last breakup the last
-        circle is one of them.
+    nobles : list of the nobles that were not ruled out up to period 1000, the simplest first; else
+        the one that took the longest. Just beyond the last breakup the last circle is one of them.
     period : int, the longest that was needed. A circle that breaks a part δ of the scale below
         takes periods of 1/δ or so to be ruled out.
     """
@@ -98,7 +96,7 @@ def standing(kappa):
                     return omega, [omega], period
         push(left, middle)
         push(middle, right)
-    nobles = sorted(deepest, key=lambda omega: len(omega.prefix))[:_NAMED]
+    nobles = sorted(deepest, key=lambda omega: len(omega.prefix))
     omega = next((omega for omega in nobles if circle_stands(omega, kappa)), None)
     return omega, nobles or _nobles(kappa, *last)[:1], period
 

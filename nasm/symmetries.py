@@ -32,6 +32,7 @@ __all__ = [
 __dir__ = __all__.copy
 
 _NEARLY = 3e-6  # of the largest strength: at 1e-4 neighbours break later
+_ROUNDED = 1e-15  # of the largest strength: sums of cosines that were meant to be opposite
 CUSP_EXPONENT = 0.6
 """At a relative distance d from a forcing of a shorter period the boundary is below what it is
 there by about d^0.6: it has cusps, as that of CB_gt on |κ1| = |κ2|."""
@@ -204,8 +205,7 @@ def halfway_nobles(kappa, value, width, n):
 
     kappa : ndarray (P,). value : float, ω per period. width : float > 0. n : int.
     """
-    half = kappa.size // 2
-    if kappa.size % 2 or np.abs(np.roll(kappa, half) + kappa).max() > _NEARLY * np.abs(kappa).max():
+    if not _distance_to_turned(kappa) <= _NEARLY:
         return []
     return [moebius(rho, 2, -1) for rho in nobles_near((value + 1) / 2, width / 2, n)]
 
@@ -221,21 +221,32 @@ def lengthen(kappa, x, y):
 
 
 def distances_to_shorter(kappa):
-    """How far a forcing is from the forms that `shorten` shortens, one for each shorter period.
+    """How far a forcing is from the forms that `shorten` shortens, one for each shorter period; and
+    from kicks that turn after half a period, see `halfway_nobles`, if it is not one of these.
 
     ndarray: the largest change of a strength that it takes, in parts of the largest |κ|; 0 for what
     can be shortened. Where one is small, the boundary is next to a cusp; see `CUSP_EXPONENT`.
     """
     kappas = forcing(kappa)[None]
     size, forms = np.abs(kappas).max(), _forms(kappas)
-    return np.array(
-        [
-            _change(kappas, form, length) / size if size > 0 else 0.0
-            for length in _divisors(kappas.size)[:-1]
-            for spacing, form in forms
-            if not spacing or length % spacing == 0
-        ]
-    )
+    found = [
+        _change(kappas, form, length) / size if size > 0 else 0.0
+        for length in _divisors(kappas.size)[:-1]
+        for spacing, form in forms
+        if not spacing or length % spacing == 0
+    ]
+    turned = _distance_to_turned(kappas[0])
+    if _ROUNDED < turned < np.inf:
+        found.append(turned)
+    return np.array(found)
+
+
+def _distance_to_turned(kappa):
+    """How far it is from κ_{j+P/2} = -κ_j; inf for an odd P, and for κ = 0."""
+    size = np.abs(kappa).max()
+    if kappa.size % 2 or size == 0:
+        return np.inf
+    return np.abs(np.roll(kappa, kappa.size // 2) + kappa).max() / size
 
 
 def _shortest(kappas):

@@ -261,6 +261,23 @@ def test_kicks_that_turn_after_half_a_period_have_other_last_circles(profile, om
     assert found.upper > certified > found.lower
 
 
+@pytest.mark.parametrize(
+    ("away", "omega", "q", "tol"),
+    [
+        (1e-5, "[0;4,4,4,4,4,2,(1)]", 30_000, 1e-3),
+        pytest.param(1e-4, "[0;4,4,4,4,2,(1)]", 20_000, 1e-4, marks=pytest.mark.slow),
+    ],
+)
+def test_next_to_kicks_that_turn_no_circle_breaks_beyond_upper(away, omega, q, tol):
+    # An earlier search missed these two circles: its upper ends were below their breakups.
+    profile = np.array([1, 1, -1, -1 + away])
+    judge = periodic.critical_scale(omega, profile, q, between=(0.354, 0.356))
+    found = critical_scale(profile, tol)
+    assert found.lower < judge.value - judge.error
+    assert judge.value + judge.error < found.upper
+    assert found.status is Status.NEAR_CUSP or found.value + found.error > judge.value
+
+
 RIPPLE = 1.78e-4 * np.array([1, -1, -1, 1])
 
 
