@@ -515,14 +515,10 @@ def concluded(omega, kappa, rho, errors, n, p, k, part):
     eps = sum(a * b for a, b in zip(n, errors, strict=True))
     failed, left = inequalities(omega, kappa, rho, eps, n, p, k, part)
     left |= {"error": max_of(errors), "n": max_of(n), "p": max_of(p), "k": max_of(k)}
-    constants = {name: _above(x) for name, x in left.items()}
+    # Floats above: the nearest to the upper end of a ball may be below it.
+    constants = {key: float(np.nextafter(float(x.upper()), inf)) for key, x in left.items()}
     why = f"not proved: inequalities of the theorem fail: {', '.join(failed)}" if failed else ""
     return {"proved": not failed, "why": why, "rho": float(rho), "constants": constants}
-
-
-def _above(x):
-    """A float above the ball x: to the nearest, that of its upper end may be below it."""
-    return float(np.nextafter(float(x.upper()), inf))
 
 
 def max_of(balls):
@@ -646,10 +642,6 @@ def stepped(grid, turn, modes, E):
     ]
 
 
-def _column(n):
-    return np.arange(n)[:, None]
-
-
 def turns(omega, n_sites, n_modes):
     """e^{2πikα}, α = ω/P, in long double, by a convergent of ω; see `circles.fourier.turns`."""
     for f in convergents(omega):
@@ -666,7 +658,9 @@ def polished(grid, turn, start, K):
     than u itself."""
     modes = np.zeros((grid.sites, K + 1), np.clongdouble)
     given = np.fft.rfft(start)[:, : K + 1] / start.shape[1]
-    modes[:, : given.shape[1]] = given * turn[: given.shape[1]].conj() ** _column(grid.sites)
+    modes[:, : given.shape[1]] = (
+        given * turn[: given.shape[1]].conj() ** np.arange(grid.sites)[:, None]
+    )
     n, K, last, best = grid.n, modes.shape[1], inf, modes
     kept = np.arange(K) < _ROUNDED / (2 * pi * decay(np.abs(modes).max(axis=0).astype(float), 1e-6))
     two_pi, rotation = 2 * np.arccos(np.longdouble(-1)), turn[:K]

@@ -116,7 +116,22 @@ class Outcome(Enum):
 
 
 @dataclass(frozen=True)
-class TransportProof:
+class Proof:
+    """A proof, or what was in the way, which says nothing about circles."""
+
+    outcome: Outcome
+
+    @property
+    def proved(self):
+        return self.outcome is Outcome.PROVED
+
+    @property
+    def why(self):
+        return self.outcome.value
+
+
+@dataclass(frozen=True)
+class TransportProof(Proof):
     """The result of trying to prove that a forcing has no rotational invariant circle.
 
     outcome : Outcome; PROVED, or what was in the way, which says nothing about circles.
@@ -132,7 +147,6 @@ class TransportProof:
     kicks : int, kicks spent, on boxes that were halved too.
     """
 
-    outcome: Outcome
     given: tuple[float, ...]
     kappa: tuple[float, ...]
     site: int
@@ -141,14 +155,6 @@ class TransportProof:
     lives: np.ndarray = field(repr=False)
     slopes: np.ndarray = field(repr=False)
     kicks: int
-
-    @property
-    def proved(self):
-        return self.outcome is Outcome.PROVED
-
-    @property
-    def why(self):
-        return self.outcome.value
 
     def certificate(self):
         """What another program needs to check the proof: see proofs/README.md, "Certificates".

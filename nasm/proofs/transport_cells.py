@@ -51,6 +51,7 @@ from nasm.proofs.transport import (
     ULP,
     UP,
     Outcome,
+    Proof,
     check_arithmetic,
     checked_budget,
     horner,
@@ -73,7 +74,7 @@ _KICKS, _FOUND = 1_000_000, 16_384  # in one call of the kernel
 
 
 @dataclass(frozen=True)
-class CellProof:
+class CellProof(Proof):
     """A proof that no rotational invariant circle exists for any forcing of a cell, or why not.
 
     outcome : Outcome, as of a `TransportProof`.
@@ -84,7 +85,6 @@ class CellProof:
     kicks : int, kicks spent, on boxes that were halved too.
     """
 
-    outcome: Outcome
     kappa: tuple[float, float]
     half_width: tuple[float, float]
     site: int
@@ -92,14 +92,6 @@ class CellProof:
     boxes: np.ndarray = field(repr=False)
     lives: np.ndarray = field(repr=False)
     kicks: int
-
-    @property
-    def proved(self):
-        return self.outcome is Outcome.PROVED
-
-    @property
-    def why(self):
-        return self.outcome.value
 
     def certificate(self):
         """What another program needs to check the proof: see proofs/README.md, "Certificates".
