@@ -16,7 +16,7 @@ from workflows.shared.cli import command, flag, sweeps, whole
 def main(run, orbits, n_max, quick):
     """The diffusion coefficient of two kicks: three cubes, a table and a figure in OUT.
 
-    The defaults take some five minutes on two cores, --quick half a minute.
+    The defaults take six minutes of CPU time, --quick less than one.
     """
     from nasm.planes import two_kicks
     from pipeline.cubes import beyond
