@@ -1,5 +1,6 @@
 """The explorer in a headless Chromium: a server as a user starts it, and pages of it."""
 
+import json
 import re
 import shutil
 import signal
@@ -41,7 +42,7 @@ def server(out, *options):
 
 @pytest.fixture(scope="session")
 def store(tmp_path_factory, here, workers):
-    """A directory with escape times of a small plane, and the boundary of the first view."""
+    """A directory with escape times of a small plane, and something like the boundary."""
     from nasm.planes import two_kicks
     from pipeline.cubes.barrier import last_barrier
     from workflows.explore.field import View
@@ -54,7 +55,12 @@ def store(tmp_path_factory, here, workers):
     first = State(two_kicks())
     angles = Rays(first.plane).missing(View(first.a, first.b, (27, 27)))
     job = last_barrier(first.plane, angles, 0.1)
-    toy.run(here, out, job.cube, compute=job.compute)
+
+    def alike(coords, settings):  # all rays would take seconds
+        one = job.compute({"angle": coords["angle"][:1]}, settings)
+        return {name: values.repeat(coords["angle"].size, -1) for name, values in one.items()}
+
+    toy.run(here, out, job.cube, compute=alike)
     return out
 
 
@@ -111,24 +117,17 @@ def wait(tab, condition, argument=None, timeout=PATIENCE):
 
 
 def ready(tab, but="nothing"):
-    """Wait until nothing is computed, `but` for what may go on."""
+    """Wait until nothing is computed, but for what may go on, "this|that"."""
     wait(tab, """(but) => {
         const line = Bokeh.documents[0].get_model_by_name("status").text
-        const words = line.replace(/<[^>]*>/g, "").replace("computing: ", "").split(", ")
-        return words.every((word) => word.startsWith(but) || word.trim() == "ready")
+        const words = line.match(/>(.*?)( …)?</)[1].replace(/ \\(.*?\\)/g, "")
+        return words == "ready" || words.startsWith("computing: ")
+            && words.slice(11).split(", ").every((word) => but.split("|").includes(word))
     }""", but)  # fmt: skip
 
 
-def drag(tab, start, end):
-    """Drag the mouse from one point to another."""
-    tab.mouse.move(*start)
-    tab.mouse.down()
-    tab.mouse.move(*end, steps=4)
-    tab.mouse.up()
-
-
 def insist(gesture, happened):
-    """Repeat a gesture until happened(timeout), which waits for something, returns.
+    """Repeat a gesture until happened(timeout=…), which waits for something, returns.
 
     On a busy machine the mouse may rest for 0.3 s in it, which Bokeh takes for a long press.
     """
@@ -137,19 +136,53 @@ def insist(gesture, happened):
     for _ in range(19):
         gesture()
         with suppress(TimeoutError):
-            return happened(PATIENCE / 20)
+            return happened(timeout=PATIENCE / 20)
     gesture()
-    return happened(PATIENCE / 20)
+    return happened(timeout=PATIENCE / 20)
+
+
+def click(tab, label, at, happened):
+    """Click in a picture, at parts of its width and height, until something has happened."""
+    spot = spots(tab, label, at)[0]
+    return insist(lambda: tab.mouse.click(*spot), happened)
+
+
+def drag(tab, label, start, end, happened):
+    """Drag the mouse in a picture from one place to another."""
+    start, end = spots(tab, label, start, end)
+
+    def gesture():
+        tab.mouse.move(*start)
+        tab.mouse.down()
+        tab.mouse.move(*end, steps=4)
+        tab.mouse.up()
+
+    insist(gesture, happened)
+
+
+def zoom(tab, label, at, *turns):
+    """Turn the wheel at a place of a picture; -600 shows a tenth of it."""
+    tab.mouse.move(*spots(tab, label, at)[0])
+    for turn in turns:
+        tab.mouse.wheel(0, turn)
+
+
+def spots(tab, label, *parts):
+    """Scroll to a picture; where the places at these parts of its width and height are."""
+    left, top, width, height = picture(tab, label)
+    return [(left + across * width, top + down * height) for across, down in parts]
 
 
 def columns(tab, name):
     """The columns of a data source of the page, as lists of flat lists."""
-    return tab.evaluate("""(name) => {
+    # As text, which is quicker than what Playwright does with lists of numbers.
+    return json.loads(tab.evaluate("""(name) => {
         const data = Bokeh.documents[0].get_model_by_name(name)?.data ?? {}
-        const entries = data instanceof Map ? [...data] : Object.entries(data)
-        return Object.fromEntries(entries.map(
-            ([key, column]) => [key, Array.from(column, (x) => x.length ? Array.from(x) : x)]))
-    }""", name)  # fmt: skip
+        const text = (x) => typeof x == "string" ? JSON.stringify(x)
+            : x?.length === undefined ? `${x}` : `[${Array.from(x, text)}]`
+        return `{${(data instanceof Map ? [...data] : Object.entries(data)).map(
+            ([key, column]) => `"${key}": ${text(column)}`)}}`
+    }""", name))  # fmt: skip
 
 
 def picture(tab, label):

@@ -3,16 +3,18 @@
 import os
 import re
 from contextlib import suppress
+from functools import partial
 from http.client import HTTPConnection, HTTPException
 from itertools import product, takewhile
-from urllib.parse import parse_qs, urlencode, urlparse
+from urllib.parse import parse_qs, urlparse
 
+import browser
 import numpy as np
 import psutil
 import pytest
 import toy
 import xarray as xr
-from browser import ELSEWHERE, columns, drag, insist, needed, pages, picture, ready, server, wait
+from browser import columns, needed, pages, picture, ready, wait
 from test_explore import escapes
 
 from nasm import barriers, maps, orbits, periodic
@@ -22,9 +24,9 @@ from workflows.explore.field import View
 
 pytest.importorskip("playwright.sync_api")
 pytestmark = needed
-KAPPA, PLANE = (0.5, 0.4), "Plane of forcings"
+KAPPA, PLANE, PORTRAIT = (0.5, 0.4), "Plane of forcings", "Phase portrait"
 BOX = (0.0, -0.25, 1.0, 1.0)
-STATUS = "Bokeh.documents[0].get_model_by_name('status').text"
+SLOW = "plane|boundary|circle"  # what may go on behind what is looked at
 
 
 def asked(tab):
@@ -51,17 +53,12 @@ def told(tab, words, timeout=None):
     return line.inner_text()
 
 
-def at(tab, **parts):
-    """Go to KAPPA and N = 100, but for these parts; if only the forcing is another one, type it."""
-    parts = {"k1": KAPPA[0], "k2": KAPPA[1], "n": 100} | parts
-    parts, labels = {name: str(part) for name, part in parts.items()}, {"k1": "κ₁", "k2": "κ₂"}
-    if asked(tab) | labels != parts | labels:
-        tab.goto("/?" + urlencode(parts))
-        wait(tab, "window.Bokeh?.documents[0]?.is_idle")
-    for name, label in labels.items():
-        if asked(tab)[name] != parts[name]:
-            type_in(tab, label, parts[name])
-            until(tab, **{name: parts[name]})
+def at(tab, k1=KAPPA[0], k2=KAPPA[1]):
+    """Go to a forcing by typing it."""
+    for name, label, value in (("k1", "κ₁", k1), ("k2", "κ₂", k2)):
+        if asked(tab)[name] != str(value):
+            type_in(tab, label, str(value))
+            until(tab, **{name: value})
 
 
 @pytest.fixture(scope="module")
@@ -70,13 +67,8 @@ def opened(chromium, served):
     with pages(chromium, served[0]) as page:
         tab = page("?k1={}&k2={}&n=100".format(*KAPPA), 900)
         words = told(tab, "BARRIER at")
-        settled(tab)
+        ready(tab, SLOW)
         yield tab, words
-
-
-def settled(tab):
-    """Wait until nothing is computed but the plane."""
-    wait(tab, f"!/starting|loading|portrait|verdict|last circle|periodic|file/.test({STATUS})")
 
 
 def is_smaller(side):
@@ -94,7 +86,7 @@ def box_of(tab):
 def pixels(tab):
     """The picture of the portrait: 0 for nothing, 1 for chaos, 2 to 255 for ω."""
     (flat,) = columns(tab, "orbits")["pixels"]
-    _, _, width, height = picture(tab, "Phase portrait")
+    _, _, width, height = picture(tab, PORTRAIT)
     return np.reshape(flat, (int(height), int(width)))
 
 
@@ -140,7 +132,11 @@ def test_what_is_copied_as_python_runs_and_what_is_seen_is_saved(opened, tmp_pat
     exec(tab.evaluate("navigator.clipboard.readText()"), {})
     assert "Answer.BARRIER" in capsys.readouterr().out
     saved = {}
-    for kind in ("netCDF", "CSV", "SVG", "PNG"):
+    for which, kind in (
+        *(("phase space", k) for k in ("netCDF", "SVG", "PNG")),
+        ("boundary", "CSV"),
+    ):
+        tab.get_by_label("Save the").select_option(which)
         with tab.expect_download() as download:
             tab.get_by_role("button", name=kind).click()
         saved[kind] = tmp_path / download.value.suggested_filename
@@ -148,9 +144,11 @@ def test_what_is_copied_as_python_runs_and_what_is_seen_is_saved(opened, tmp_pat
     assert saved["PNG"].read_bytes()[:4] == b"\x89PNG"
     assert b"<svg" in saved["SVG"].read_bytes()[:1000]
     with xr.open_dataset(saved["netCDF"], engine="scipy") as portrait:
-        assert saved["CSV"].read_bytes().count(b"\n") == portrait.sizes["point"] + 1
         assert portrait.attrs["kappa"].tolist() == list(KAPPA)
         assert portrait.circle_x.size > 200
+    head, *rows = saved["CSV"].read_text().splitlines()
+    assert head == "angle,scale,error,circle,omega"
+    assert len(rows) > 180
 
 
 def test_toggles_show_symmetry_lines_and_the_orbits_of_the_convergents(opened):
@@ -160,7 +158,7 @@ def test_toggles_show_symmetry_lines_and_the_orbits_of_the_convergents(opened):
         tab.get_by_label(name).check()
     for drawn in "cycles", "symmetry":
         wait(tab, f"Bokeh.documents[0].get_model_by_name('{drawn}')?.data.x.length")
-    settled(tab)
+    ready(tab, SLOW)
     found = columns(tab, "cycles")
     x, y = np.array(found["x"]), np.array(found["y"])
     omega = parse(re.search(r"omega = (\S+) =", words).group(1))
@@ -177,7 +175,7 @@ def test_toggles_show_symmetry_lines_and_the_orbits_of_the_convergents(opened):
     (residue,) = re.findall(r"minimax orbit: residue (\S+), elliptic", said)
     assert float(residue) == pytest.approx(periodic.residue(KAPPA, 3, 8), rel=1e-5)
     found = columns(tab, "cycles")
-    at = ["3/8 (minimax" in "".join(letters) for letters in found["orbit"]]
+    at = ["3/8 (minimax" in words for words in found["orbit"]]
     x, y = (np.array(found[axis])[at] for axis in "xy")
     back = orbits.orbit(KAPPA, x, y, 8)
     np.testing.assert_allclose([back[0][-1] - x, back[1][-1] - y], [[3] * 8, [0] * 8], atol=1e-9)
@@ -190,7 +188,7 @@ def test_toggles_show_symmetry_lines_and_the_orbits_of_the_convergents(opened):
     assert (seen_at(pixels(tab), BOX, *kicked) > 1).all()
     for name in names:
         tab.get_by_label(name).uncheck()
-    settled(tab)
+    ready(tab, SLOW)
 
 
 # What has the focus, in whichever part of the page, by the name that a screen reader says.
@@ -248,21 +246,17 @@ def test_beyond_the_boundary_a_click_shows_the_start_that_lives_longest_next_to_
     assert told(tab, re.compile("computing the verdict|UNDECIDED"))
     words = told(tab, "UNDECIDED at")
     assert "neither a barrier nor transport could be shown" in words
-    left, top, width, height = picture(tab, PLANE)
-    words = insist(
-        lambda: tab.mouse.click(left + 0.93 * width, top + 0.3 * height),
-        lambda timeout: told(tab, "TRANSPORT at", timeout),
-    )
+    words = browser.click(tab, PLANE, (0.93, 0.3), partial(told, tab, "TRANSPORT at"))
     point = re.search(r"\(kappa1, kappa2\) = \(([^,]*), ([^)]*)\)", words).groups()
     kappa = np.array(point, float)
     assert kappa == pytest.approx([0.86 * 1.15, 0.4 * 1.15], abs=0.02)
-    settled(tab)
+    ready(tab, SLOW)
     x, y, steps = barriers.remnant(kappa, 1000)
     found = columns(tab, "longest_lived")
     traced = orbits.orbit(kappa, x, y, int(steps))
     dots = np.size(found["x"])
     np.testing.assert_allclose(found["x"], traced[0][:dots] % 1, rtol=0, atol=1e-12)
-    assert min(traced[0].size, 20) <= dots < picture(tab, "Phase portrait")[2] / 5
+    assert min(traced[0].size, 20) <= dots < picture(tab, PORTRAIT)[2] / 5
     drawn = tab.evaluate("""[...Bokeh.documents[0]._all_models.values()]
         .filter(({data_source}) => data_source?.name == "longest_lived")
         .map(({glyph}) => [glyph.type, glyph.fill_color.value])""")
@@ -282,33 +276,25 @@ def test_beyond_the_boundary_a_click_shows_the_start_that_lives_longest_next_to_
 def test_a_click_adds_an_orbit_and_a_zoom_iterates_what_is_in_the_box(opened):
     tab, _ = opened
     at(tab)
-    settled(tab)
-    left, top, width, height = picture(tab, "Phase portrait")
-    words = insist(
-        lambda: tab.mouse.click(left + 0.5 * width, top + 0.45 * height),
-        lambda timeout: told(tab, "The one added at", timeout),
-    )
+    ready(tab, SLOW)
+    words = browser.click(tab, PORTRAIT, (0.5, 0.45), partial(told, tab, "The one added at"))
     x, y, omega = map(float, re.search(r"added at \((.*), (.*)\): ω = (\S+)", words).groups())
     assert (x, y) == pytest.approx((0.5, 0.3), abs=0.005)
     assert omega == pytest.approx(float(orbits.rotation_number(KAPPA, x, y, 5000)[0]), abs=1e-6)
-    settled(tab)
-    tab.mouse.move(left + 0.5 * width, top + 0.45 * height)
-    tab.mouse.wheel(0, -480)
+    ready(tab, SLOW)
+    browser.zoom(tab, PORTRAIT, (0.5, 0.45), -480)
     wait(tab, is_smaller(0.3))
-    settled(tab)
+    ready(tab, SLOW)
     box, image = box_of(tab), pixels(tab)
     assert box == pytest.approx((0.4, 0.19, 0.2, 0.2), abs=0.01)
     added = seen_at(image, box, *orbits.orbit(KAPPA, x, y, 5000))
     assert added.size > 5000 * box[2] / 4  # the circle is as wide as the cell
     assert (added > 1).all()
     assert (image > 0).mean() > 0.25  # though the box is small
-    start, end = [(left + part * width, top + part * height) for part in (0.25, 0.75)]
-    insist(
-        lambda: drag(tab, start, end), lambda timeout: wait(tab, is_smaller(0.15), timeout=timeout)
-    )
-    settled(tab)
+    browser.drag(tab, PORTRAIT, (0.25, 0.25), (0.75, 0.75), partial(wait, tab, is_smaller(0.15)))
+    ready(tab, SLOW)
     assert box_of(tab) == pytest.approx((0.45, 0.24, 0.1, 0.1), abs=0.01)
-    tab.get_by_label("Phase portrait").get_by_title("Reset").click()
+    tab.get_by_label(PORTRAIT).get_by_title("Reset").click()
     type_in(tab, "Orbits added", "")
     wait(tab, "!/[?&](x|y|orbits)=/.test(location.search)")
 
@@ -327,7 +313,7 @@ def test_the_forcing_plays_along_the_ray_and_what_is_asked_for_is_drawn(opened):
     found = columns(tab, "residues")
     curves = (found[key] for key in ("orbit", "at", "residue"))
     for name, parts, values in zip(*curves, strict=True):
-        p, q = map(int, "".join(name).split("/"))
+        p, q = map(int, name.split("/"))
         assert values[30] == pytest.approx(periodic.residue(parts[30] * end, p, q), rel=1e-4)
     type_in(tab, "κ₁", "0.9")
     tab.get_by_label("manifolds").check()
@@ -338,103 +324,20 @@ def test_the_forcing_plays_along_the_ray_and_what_is_asked_for_is_drawn(opened):
     told(tab, "after 8192 periods")
     counts = columns(tab, "variance")["n"]
     assert counts == [2**i for i in range(len(counts))]
-    left, top, width, height = picture(tab, PLANE)
-    tab.get_by_label(PLANE).get_by_title("Box Zoom").click()
-    point = columns(tab, "point")
-    start, end = [(left + part * width, top + part * height) for part in (0.25, 0.5)]
-    insist(
-        lambda: drag(tab, start, end),
-        lambda timeout: wait(tab, "/[?&]a=/.test(location.search)", timeout=timeout),
-    )
+    tool, point = tab.get_by_label(PLANE).get_by_title("Box Zoom"), columns(tab, "point")
+    tool.click()
+    nearer = partial(wait, tab, "/[?&]a=/.test(location.search)")
+    browser.drag(tab, PLANE, (0.25, 0.25), (0.5, 0.5), nearer)
     assert columns(tab, "point") == point  # the tool had the drag
-
-
-def test_a_link_in_another_tab_shows_the_same(opened, chromium, served):
-    tab, _ = opened
-    at(tab)
-    left, top, width, height = picture(tab, PLANE)
-    insist(
-        lambda: tab.mouse.click(left + 0.75 * width, top + 0.25 * height),
-        lambda timeout: wait(tab, f"!location.search.includes('k1={KAPPA[0]}&')", timeout=timeout),
-    )
-    told(tab, "BARRIER at")
-    there = asked(tab)
-    assert float(there["k1"]) == pytest.approx(0.575, abs=0.01)
-    assert float(there["k2"]) == pytest.approx(0.575, abs=0.01)
-    start, end = [(left + a * width, top + b * height) for a, b in ((0.75, 0.25), (0.5, 0.3))]
-    moved = "new URLSearchParams(location.search).get('k1') < 0.1"
-    insist(lambda: drag(tab, start, end), lambda timeout: wait(tab, moved, timeout=timeout))
-    assert float(asked(tab)["k2"]) == pytest.approx(0.46, abs=0.02)
-    for label, part in ((PLANE, "a"), ("Phase portrait", "x")):
-        left, top, width, height = picture(tab, label)
-        tab.mouse.move(left + width / 2, top + height / 2)
-        tab.mouse.wheel(0, -300)
-        wait(tab, f"new URLSearchParams(location.search).has('{part}')")
-    type_in(tab, "Orbits added", "0.5, 0.3; 0.25, 0.1")
-    tab.get_by_label("symmetry lines").check()
-    wait(tab, "location.search.endsWith('show=boundary,symmetry')")
-    done = f"!/plane|portrait|view|cubes/.test({STATUS})"
-    wait(tab, done)
-    type_in(tab, "where the circle", "[0;2,(1)]")  # its rays take long
-    until(tab, omega="[0;2,(1)]")
-    with pages(chromium, served[0]) as page:
-        again = page("?" + urlparse(tab.url).query, 900)  # two tabs at once
-        wait(again, "Bokeh.documents[0].get_model_by_name('times').data.values[0].length > 1")
-        wait(again, done)
-        assert asked(again) == asked(tab)
-        assert asked(tab).keys() == {*"abxy", "k1", "k2", "n", "omega", "orbits", "show"}
-        for name in ("times", "orbits", "symmetry", "point"):
-            toy.wait_until(lambda name=name: columns(again, name) == columns(tab, name))
-        for label in ("κ₁", "κ₂", "where the circle", "Orbits added"):
-            texts = [one.get_by_label(label).input_value() for one in (tab, again)]
-            assert texts[0] == texts[1] != ""
-
-
-def test_on_a_phone_panels_are_stacked_and_a_zoom_to_1e_4_shows_the_escape_times_of_its_pixels(
-    opened,
-):
-    tab, _ = opened
-    tab.set_viewport_size({"width": 390, "height": 900})
-    at(tab, n=500, a="1.09:1.12", b="0.06:0.09")
-    assert tab.evaluate("document.documentElement.scrollWidth") <= 390
-    left, top, width, height = picture(tab, PLANE)
-    assert width > 250
-    portrait = tab.locator('section[aria-label="Phase portrait"]').bounding_box()
-    assert portrait["y"] > top + height
-    told, lines = (tab.get_by_label(name).bounding_box() for name in ("Verdict", "Lines in the"))
-    assert top + height < told["y"] < min(top + height + 150, lines["y"])
-    tab.mouse.move(left + width / 2, top + height / 2)
-    for _ in range(3):  # ten times as near each
-        tab.mouse.wheel(0, -600)
-    shown = "Bokeh.documents[0].get_model_by_name('times').data"
-    wait(tab, f"{shown}.da[0] < 1e-4 && {shown}.values[0].some(Number.isFinite)")
-    ready(tab, but="boundary")
-    found = columns(tab, "times")
-    shape = tab.evaluate(f"{shown}.values[0].shape")
-    times = np.reshape(found["values"][0], shape)
-    assert np.isfinite(times).mean() > 0.9
-    # The last bit of a forcing decides over n*. The page tells a side's start and its width, which
-    # leave its end open by one bit.
-    ends = [
-        [(found[low][0], np.nextafter(end, way)) for way in (-np.inf, end, np.inf)]
-        for low, size in (("a", "da"), ("b", "db"))
-        for end in [found[low][0] + found[size][0]]
-    ]
-    views = [View(*sides, tuple(shape)) for sides in product(*ends)]
-    assert np.ptp(views[0].a) < 1e-4
-    where = range(0, min(shape), 5)
-    same = [[times[i, i] == escapes(view, i, i, 500) for i in where] for view in views]
-    assert np.all(same, axis=1).any()
-    tab.get_by_role("slider").press("ArrowLeft")
-    until(tab, n=200)
-    tab.set_viewport_size({"width": 900, "height": 900})
+    tool.click()
+    tab.get_by_label("manifolds").uncheck()
+    type_in(tab, "Orbits of a fraction", "")
 
 
 def test_bad_input_stays_in_its_field_with_words_below_it_and_a_lost_worker_is_replaced(
     opened, served
 ):
     tab, _ = opened
-    at(tab)
     good = {"κ₁": "-0.3", "κ₂": "0.125", "where the circle": "0.618", "Orbits added": "0.5 0.3"}
     good["Orbits of a fraction"] = ""
     for label, text, words in (
@@ -463,12 +366,87 @@ def test_bad_input_stays_in_its_field_with_words_below_it_and_a_lost_worker_is_r
     tab.get_by_role("alert").first.wait_for(state="detached")
     family = psutil.Process(served[1].pid).children(recursive=True)
     (worker,) = (one for one in family if "spawn_main" in " ".join(one.cmdline()))
-    ready(tab, but="boundary")
+    ready(tab, "boundary")
     worker.kill()
     tab.get_by_role("slider").press("ArrowRight")
     until(tab, n=200)
-    ready(tab, but="boundary")
+    ready(tab, "boundary")
     worker.wait(60)  # it is gone, and not only on its way
+    tab.get_by_role("slider").press("ArrowLeft")
+    until(tab, n=100)
+
+
+def test_a_link_in_another_tab_shows_the_same(opened, chromium, served):
+    tab, _ = opened
+    tab.get_by_label(PLANE).get_by_title("Reset").click()
+    wait(tab, "!/[?&]a=/.test(location.search)")
+    at(tab)
+    moved = partial(wait, tab, f"!location.search.includes('k1={KAPPA[0]}&')")
+    browser.click(tab, PLANE, (0.75, 0.25), moved)
+    told(tab, "BARRIER at")
+    there = [float(asked(tab)[name]) for name in ("k1", "k2")]
+    assert there == pytest.approx([0.575, 0.575], abs=0.01)
+    moved = partial(wait, tab, "new URLSearchParams(location.search).get('k1') < 0.1")
+    browser.drag(tab, PLANE, (0.75, 0.25), (0.5, 0.3), moved)
+    assert float(asked(tab)["k2"]) == pytest.approx(0.46, abs=0.02)
+    for label, spot, part in ((PLANE, (0.98, 0.47), "a"), (PORTRAIT, (0.5, 0.5), "x")):
+        browser.zoom(tab, label, spot, -300)
+        wait(tab, f"new URLSearchParams(location.search).has('{part}')")
+    type_in(tab, "Orbits added", "0.5, 0.3; 0.25, 0.1")
+    tab.get_by_label("symmetry lines").check()
+    wait(tab, "location.search.endsWith('show=boundary,symmetry')")
+    type_in(tab, "where the circle", "[0;2,(1)]")
+    until(tab, omega="[0;2,(1)]")
+    ready(tab, "boundary|circle")
+    with pages(chromium, served[0]) as page:
+        again = page("?" + urlparse(tab.url).query, 900)  # two tabs at once
+        wait(again, "Bokeh.documents[0].get_model_by_name('times').data.values[0].length > 1")
+        ready(again, "boundary|circle")
+        assert asked(again) == asked(tab)
+        assert asked(tab).keys() == {*"abxy", "k1", "k2", "n", "omega", "orbits", "show"}
+        for name in ("times", "orbits", "symmetry", "point"):
+            toy.wait_until(lambda name=name: columns(again, name) == columns(tab, name))
+        for label in ("κ₁", "κ₂", "where the circle", "Orbits added"):
+            texts = [one.get_by_label(label).input_value() for one in (tab, again)]
+            assert texts[0] == texts[1] != ""
+
+
+def test_on_a_phone_panels_are_stacked_and_a_zoom_to_1e_4_shows_the_escape_times_of_its_pixels(
+    opened,
+):
+    tab, _ = opened
+    tab.set_viewport_size({"width": 390, "height": 900})
+    wait(tab, "document.documentElement.scrollWidth <= 390")
+    _, top, width, height = picture(tab, PLANE)
+    assert width > 250
+    portrait = tab.locator(f'section[aria-label="{PORTRAIT}"]').bounding_box()
+    assert portrait["y"] > top + height
+    told, lines = (tab.get_by_label(name).bounding_box() for name in ("Verdict", "Lines in the"))
+    assert top + height < told["y"] < min(top + height + 150, lines["y"])
+    for n in (200, 500):
+        tab.get_by_role("slider").press("ArrowRight")
+        until(tab, n=n)
+    browser.zoom(tab, PLANE, (0.98, 0.47), *[-600] * 5)  # ten times as near each
+    shown = "Bokeh.documents[0].get_model_by_name('times').data"
+    wait(tab, f"{shown}.da[0] < 1e-4 && {shown}.values[0].some(Number.isFinite)")
+    ready(tab, "boundary|circle")
+    found = columns(tab, "times")
+    shape = tab.evaluate(f"{shown}.values[0].shape")
+    times = np.reshape(found["values"][0], shape)
+    assert np.isfinite(times).mean() > 0.9
+    # The last bit of a forcing decides over n*. The page tells a side's start and its width, which
+    # leave its end open by one bit.
+    ends = [
+        [(found[low][0], np.nextafter(end, way)) for way in (-np.inf, end, np.inf)]
+        for low, size in (("a", "da"), ("b", "db"))
+        for end in [found[low][0] + found[size][0]]
+    ]
+    views = [View(*sides, tuple(shape)) for sides in product(*ends)]
+    assert np.ptp(views[0].a) < 1e-4
+    where = range(0, min(shape), 5)
+    same = [[times[i, i] == escapes(view, i, i, n) for i in where] for view in views]
+    assert np.all(same, axis=1).any()
+    tab.set_viewport_size({"width": 900, "height": 900})
 
 
 def test_no_other_site_and_no_other_machine_gets_in(served, chromium):
@@ -477,7 +455,7 @@ def test_no_other_site_and_no_other_machine_gets_in(served, chromium):
     with tab.expect_response(url) as answer:
         tab.set_content(f'<iframe src="{url}"></iframe>')
     assert answer.value.status == 403
-    assert tab.goto(url.replace("localhost", ELSEWHERE)).status == 403
+    assert tab.goto(url.replace("localhost", browser.ELSEWHERE)).status == 403
     assert tab.evaluate("typeof Bokeh") == "undefined"
     tab.close()
     main = psutil.Process(process.pid)
@@ -487,7 +465,7 @@ def test_no_other_site_and_no_other_machine_gets_in(served, chromium):
     for port, path in product(ports, ("/status", "/info/main/workers.html", "/metrics")):
         with suppress(OSError, HTTPException):  # it speaks no HTTP
             dask = HTTPConnection(port.ip, port.port, timeout=5)
-            dask.request("GET", path, headers={"Host": ELSEWHERE})
+            dask.request("GET", path, headers={"Host": browser.ELSEWHERE})
             assert dask.getresponse().status in (403, 404)  # no dashboard
 
 
@@ -522,7 +500,7 @@ def test_the_page_answers_as_quickly_as_it_promises(store, chromium):
         wait(tab, "(name) => window.seen[name]", name)
         times[name].append(tab.evaluate("(name) => window.seen[name]", name) / 1000)
 
-    with server(store, "--workers", "2") as (url, _), pages(chromium, url) as page:
+    with browser.server(store, "--workers", "2") as (url, _), pages(chromium, url) as page:
         for _ in range(4):
             tab = page("?k1=0.5&k2=0.4&n=10000")
             wait(tab, "Bokeh.documents[0].get_model_by_name('orbits').data.pixels[0].length > 1")
