@@ -264,7 +264,7 @@ def test_kicks_that_turn_after_half_a_period_have_other_last_circles(profile, om
 @pytest.mark.parametrize(
     ("away", "omega", "q", "tol"),
     [
-        (1e-5, "[0;4,4,4,4,4,2,(1)]", 30_000, 1e-3),
+        (1e-5, "[0;4,4,4,4,4,2,(1)]", 9000, 1e-3),
         pytest.param(1e-4, "[0;4,4,4,4,2,(1)]", 20_000, 1e-4, marks=pytest.mark.slow),
     ],
 )
