@@ -56,7 +56,3 @@ def main(run, omega, plane, angles, tips, tol, q_max):
         run.figure("circle_boundaries", *draw_circle_boundaries(circles, residues, barrier))
         if plane == two_kicks():
             run.figure("tips", *draw_tips(residues, circles, barrier))
-
-
-if __name__ == "__main__":
-    main()

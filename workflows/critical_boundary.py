@@ -51,7 +51,3 @@ def main(run, plane, angles, tips, tol, **options):
         scale, resolution = direct.critical_scale, direct.resolution
         caption += "\n" + boundary_words.direct_found(scale, resolution, barrier, grid.n_orbits[-1])
         run.figure("critical_boundary", draw_critical_boundary(field, circles, barrier), caption)
-
-
-if __name__ == "__main__":
-    main()

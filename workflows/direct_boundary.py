@@ -52,7 +52,3 @@ def main(run, steps, n_orbits, plane, angles, tips):
             run.figure("direct_boundary", *draw_half_plane(boundary, barrier, insets))
         else:
             run.figure("direct_boundary", *draw_rays(boundary, barrier, 360))
-
-
-if __name__ == "__main__":
-    main()

@@ -26,7 +26,3 @@ def main(run, **options):
     with run.sweeping(later=foreseen(run, grid)):
         field = escape_plane(run, grid)
         run.figure("escape_plane", draw_escape_plane(field, grid.drawn), field_found(field))
-
-
-if __name__ == "__main__":
-    main()

@@ -65,7 +65,3 @@ def main(run, q_max, also, irrational, phases, angle):
         cube = run.sweep(job).load()
         run.table("frequencies", cube)
         run.figure("frequencies", *draw_frequencies(cube.isel(angle=0)))
-
-
-if __name__ == "__main__":
-    main()

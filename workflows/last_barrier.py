@@ -28,7 +28,3 @@ def main(run, plane, angles, tips, tol):
         run.table("last_barrier", barrier)
         figure, _ = draw_last_barrier(barrier)
         run.figure("last_barrier", figure, boundary_words.boundary_found(barrier))
-
-
-if __name__ == "__main__":
-    main()

@@ -22,7 +22,3 @@ def main(run, primary, secondary):
         second = run.keep("period_one_secondary", secondary_dataset(secondary))
         run.figure("period_one_primary", *draw_primary_points(first))
         run.figure("period_one_secondary", *draw_secondary_points(second))
-
-
-if __name__ == "__main__":
-    main()

@@ -34,7 +34,3 @@ def main(run, angles, seconds):
         barrier = run.keep("proved_boundary", unfolded(run.sweep(job), angles))
         run.table("proved_boundary", barrier)
         run.figure("proved_boundary", *draw_proved_boundary(barrier))
-
-
-if __name__ == "__main__":
-    main()

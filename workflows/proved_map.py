@@ -49,7 +49,3 @@ def main(run, cells, seconds, nearest):
             run.check(job.cube)
         cubes = [run.sweep(job).load() for job in jobs]
         run.figure("proved_map", *draw_proved_map(*cubes, barrier))
-
-
-if __name__ == "__main__":
-    main()

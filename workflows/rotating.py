@@ -53,7 +53,3 @@ def main(run, vector, angles, tips, n_max, n_orbits, tori):
         run.table("tori", tori)
         run.figure("diamond", *draw_rotating_circles(circles, two, direct))
         run.figure("tori", *draw_rotating_tori(tori, two, direct, certified))
-
-
-if __name__ == "__main__":
-    main()

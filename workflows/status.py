@@ -39,7 +39,3 @@ def described(state):
         left = duration((state.tiles - state.done) / state.rate)
         words += f"; {state.rate:.3g} tiles/s, about {left} left at that rate"
     return words
-
-
-if __name__ == "__main__":
-    main()

@@ -51,7 +51,3 @@ def main(run, phase, angles, tips, tol):
             three[f"ratio_{side}"] = ratio
         run.table("three_kicks", three)
         run.figure("three_kicks", *draw_three_kicks(three, two))
-
-
-if __name__ == "__main__":
-    main()

@@ -52,7 +52,3 @@ def main(run, vector, angles, tol, picture):
         drawn = rotating_maps.pictures(vector[0], picture, known * np.array([0.7, 0.95, 0.99]))
         run.keep("torus", drawn)
         run.figure("torus", *draw_pictures(drawn))
-
-
-if __name__ == "__main__":
-    main()

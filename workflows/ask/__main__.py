@@ -169,7 +169,3 @@ def main(kappa, plane, sequence, once, prove, pdf, out):
         click.echo(f"figures: {', '.join(save(draw(), out, name, text, kinds))}")
     except OSError as error:
         raise click.ClickException(f"--out={out}: {error.strerror}; no figure is kept") from None
-
-
-if __name__ == "__main__":
-    main()

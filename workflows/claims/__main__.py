@@ -32,7 +32,3 @@ def main(run, **size):
         write(run, *found, f"python -m workflows.claims {options}")
         run.say(counted(*found[:2]))
         run.say(contradicted(found[0]))
-
-
-if __name__ == "__main__":
-    main()

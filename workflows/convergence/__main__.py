@@ -35,7 +35,3 @@ def main(run, n_max, n_orbits, quick):
         run.table("convergence_direct", bias.to_dataset())
         run.figure("convergence", *draw_convergence(bias, others, convergence.exponents(bias)))
         run.figure("convergence_diagonal", *draw_diagonal(diagonal))
-
-
-if __name__ == "__main__":
-    main()

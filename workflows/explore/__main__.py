@@ -34,7 +34,3 @@ def main(plane, port, no_browser, out, **cluster):
     place = place_of(out)
     with explained(place):
         serve(plane, place, port, not no_browser, cluster)
-
-
-if __name__ == "__main__":
-    main()

@@ -42,7 +42,3 @@ def main(run, angle, nearest, q_max):
         run.table("flux", fluxes)
         run.table("flux_law", laws)
         run.figure("flux", *draw_flux(fluxes, laws))
-
-
-if __name__ == "__main__":
-    main()

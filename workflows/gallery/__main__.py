@@ -139,7 +139,3 @@ def main(out, full, only, release, quick, workers, scheduler, tls):
     n_figures = sum(1 for _ in Path(out).glob("*/*.png"))
     click.echo(f"\n{n_figures} figures of {len(there)} commands on one page. {counted}".rstrip())
     click.echo(f"page: {out}/index.html")
-
-
-if __name__ == "__main__":
-    main()

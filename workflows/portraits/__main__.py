@@ -23,7 +23,3 @@ def main(run, n_orbits, steps):
         symmetric = run.keep("portraits_symmetry", symmetric_dataset(**size), **size)
         run.figure("portraits", *draw_kicks(kicks))
         run.figure("portraits_symmetry", *draw_symmetry(symmetric))
-
-
-if __name__ == "__main__":
-    main()

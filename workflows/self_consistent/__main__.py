@@ -34,7 +34,3 @@ def main(run, coupling, **size):
         settling = run.keep("asymptotic_circle", study.settling())
         run.table("self_consistent", verdicts.drop_dims("step"))
         run.figure("self_consistent", *draw_self_consistent(fields, verdicts, settling))
-
-
-if __name__ == "__main__":
-    main()

@@ -25,7 +25,10 @@ version = click.version_option(__version__, message="nasm %(version)s")
 
 
 def command(**settings):
-    """Make a click command of a function; Ctrl-C ends it with code 130, a lack of FLINT with 1."""
+    """Make a click command of a function, and run it if its module is run by `python -m`.
+
+    Ctrl-C ends it with code 130, a lack of FLINT with 1.
+    """
 
     def decorate(function):
         @click.command(context_settings=COMMON | settings)
@@ -43,6 +46,8 @@ def command(**settings):
                     raise
                 raise click.ClickException(str(error)) from None
 
+        if function.__module__ == "__main__":
+            wrapped()
         return wrapped
 
     return decorate

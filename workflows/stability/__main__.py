@@ -30,7 +30,3 @@ def main(run, quick):
             said[name] = f"{number}. {say(found[name])}"
         for name, (studies, figure) in draw_stability(found).items():
             run.figure(name, figure, "\n".join(said[study] for study in studies))
-
-
-if __name__ == "__main__":
-    main()

@@ -42,7 +42,3 @@ def main(out, store, repair, proofs, longest):
         again = "run again the commands that computed these cubes"
         click.echo(f"repaired: now {again}" if repair else f"add --repair, then {again}", err=True)
     sys.exit(bool(n_damaged) and not repair)
-
-
-if __name__ == "__main__":
-    main()

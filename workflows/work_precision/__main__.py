@@ -51,7 +51,3 @@ def main(run, full, only, ray):
         Path(path).write_text(f"{table(data)}\n", encoding="utf-8")
         run.figure("work_precision", draw_work_precision(data), fastest(data))
         click.echo(f"{table(data)}\n")
-
-
-if __name__ == "__main__":
-    main()
