@@ -6,11 +6,12 @@ And the seal of what leaves the package to be checked elsewhere, a certificate.
 import hashlib
 import json
 from fractions import Fraction
+from math import inf
 from numbers import Integral, Real
 
 import numpy as np
 
-__all__ = ["count", "floats", "fraction", "points", "real", "sealed"]
+__all__ = ["count", "floats", "fraction", "points", "positive", "real", "sealed"]
 __dir__ = __all__.copy
 
 MAX_DENOMINATOR = 10**6
@@ -29,6 +30,14 @@ def real(name, value):
     if not isinstance(value, Real) or isinstance(value, bool | np.longdouble):
         raise ValueError(f"{name}={value!r} must be a number that a float holds")
     return float(value)
+
+
+def positive(name, value, what):
+    """`value` as a finite float; ValueError unless it is a number > 0. what : it is, in words."""
+    value = real(name, value)
+    if not 0 < value < inf:
+        raise ValueError(f"{name}={value!r} must be positive: {what}")
+    return value
 
 
 def floats(name, values):

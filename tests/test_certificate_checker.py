@@ -73,35 +73,26 @@ def test_the_second_variation_is_bounded_in_boxes_and_the_bounds_are_reached():
     assert (largest[1:] > 0.9).all()
 
 
-@pytest.mark.parametrize("most", [3, 100])
-def test_norms_bound_what_is_left_out_and_no_more(most, monkeypatch):
-    """Of sums over k ≥ 0 with coefficients ≥ 0 norms multiply; hence those of 1/(1 - f)."""
-    monkeypatch.setattr(checker.Function, "growth", (arb(2) / 10).exp())
-    monkeypatch.setattr(checker.Function, "most", most)
-    monkeypatch.setattr(ctx, "prec", checker.BITS)
-    f, g = (
-        checker.Function([acb(x) for x in [0, 0, *row]], rest)
-        for row, rest in (([1, 2, 3], 0), ([7, 4, 5], 6))
-    )
-    f, one = f * acb(arb(1) / 40), checker.constant(1)
-    size = f.norm()
-    d, defect = (one - f).inverse()
-    pairs = [((f * g).norm(), size * g.norm()), ((g * f).norm(), size * g.norm())]
-    pairs += [((f + g).norm(), size + g.norm())]
-    pairs += [(checker.neumann(one, size), 1 / (1 - size))]
-    pairs += [(checker.neumann(d, defect), 1 / (1 - size))] if most == 100 else []
-    for bound, exact in pairs:
-        assert (1 - 1e-12) * exact <= bound <= (1 + 1e-4) * exact
-
-
-def test_the_defect_of_an_inverse_is_that_of_the_inverse_returned(monkeypatch):
-    monkeypatch.setattr(checker.Function, "growth", arb("1.05"))
-    monkeypatch.setattr(checker.Function, "most", 4)  # too few: the iteration does not converge
-    monkeypatch.setattr(ctx, "prec", checker.BITS)
-    f = checker.Function([acb(x) for x in (0.457, 0.048, 1, 0.048, 0.457)])
-    d, defect = f.inverse()
-    assert defect > arb("0.1")
-    assert not (checker.constant(1) - f * d).norm() > defect
+@pytest.mark.parametrize(("most", "a", "small"), [(8, 0.2, 1e-6), (80, 0.9, 1e-6), (24, 0.9, 0.1)])
+def test_the_inverse_is_bounded_by_how_near_it_is(most, a, small):
+    """1/(1 + a cos) = (1 + 2 Σ (-b)^k cos)/√(1 - a²). The last has too few modes to converge."""
+    r, root = 1.2, (1 - a**2) ** 0.5
+    weighted = (1 - root) / a * r
+    exact = (1 + 2 * weighted / (1 - weighted)) / root
+    with ctx.workprec(checker.BITS):
+        d, defect = checker.inverse([acb(x) for x in (a / 2, 1, a / 2)], arb(r), most)
+        size = checker.norm(d, arb(r))
+        bound = checker.neumann(size, defect)
+        assert checker.neumann(size, arb(1)) == arb.pos_inf()
+    d = np.array(d, dtype=complex)
+    off = -np.convolve(d, [a / 2, 1, a / 2])
+    off[len(off) // 2] += 1
+    k = np.arange(len(off)) - len(off) // 2
+    assert float(size) == pytest.approx(np.abs(d) @ r ** np.abs(k[1:-1]), rel=1e-12)
+    assert float(defect) < small
+    assert (float(defect) < 1e-6) == (small < 0.1)
+    assert float(defect) == pytest.approx(np.abs(off) @ r ** np.abs(k), abs=1e-12)
+    assert (1 - 1e-12) * exact <= bound <= (1 + 2 * small) * exact
 
 
 ALPHA, RHO = (5**0.5 - 1) / 4, 0.01

@@ -10,12 +10,15 @@ import pytest
 
 pytest.importorskip("flint")
 
+from test_proof_cells import CELLS
+from test_proof_transport import SEVERAL, beyond
+
 import nasm
 from nasm import proofs
 from nasm.checks import sealed
 from nasm.numbers import parse
 from nasm.proofs import certificate_checker, certificates
-from nasm.proofs.certificate_checker import Refuted, check
+from nasm.proofs.certificate_checker import Refuted, check, claim
 
 PROOFS = {
     "transport": lambda: proofs.transport.prove((1.2, 0.3)),
@@ -27,6 +30,13 @@ PROOFS = {
 }
 
 
+COVERS = {
+    "transport": lambda: proofs.transport.prove(beyond(20, 0.1)),
+    "several": lambda: proofs.transport.prove(SEVERAL),
+    "cell": lambda: proofs.transport_cells.prove_cell(*CELLS[0]),
+}
+
+
 @pytest.fixture(scope="module")
 def made():
     return {name: json.loads(json.dumps(proof().certificate())) for name, proof in PROOFS.items()}
@@ -34,6 +44,14 @@ def made():
 
 def resealed(certificate):
     return sealed({key: value for key, value in certificate.items() if key != "sha256"})
+
+
+def refuted(certificate, changes, reason=None):
+    """After changes, though it claims what it then is about."""
+    changed = certificate | changes
+    changed["claim"] = claim(changed)
+    with pytest.raises(Refuted, match=reason):
+        check(resealed(changed))
 
 
 def test_a_claim_is_of_the_forcing_as_it_was_given(made):
@@ -94,11 +112,49 @@ FALSE = [  # a certificate, what is changed in it, and why it is refused
 
 @pytest.mark.parametrize(("name", "changes", "reason"), FALSE)
 def test_what_a_certificate_says_is_bound_to_what_it_proves(name, changes, reason, made):
-    changed = made[name] | changes
-    if reason == "shortened":  # though what it claims is changed too
-        changed["claim"] = certificate_checker.claim(changed)
-    with pytest.raises(Refuted, match=reason):
-        check(resealed(changed))
+    if reason == "shortened":
+        refuted(made[name], changes, reason)
+    else:
+        with pytest.raises(Refuted, match=reason):
+            check(resealed(made[name] | changes))
+
+
+@pytest.mark.parametrize("name", COVERS)
+def test_boxes_that_die_too_late_or_leave_a_gap_are_refused(name):
+    right = json.loads(json.dumps(COVERS[name]().certificate()))
+    check(right)
+    boxes, lives, kappa = (right[key] for key in ("boxes", "lives", "kappa"))
+    longest = max(range(len(lives)), key=lambda i: np.sum(lives[i]))
+    box, life = list(map(float.fromhex, boxes[longest])), np.array(lives[longest])
+
+    def put(key, value):
+        return {key: [*right[key][:longest], value, *right[key][longest + 1 :]]}
+
+    changes = [put("lives", shorter.tolist()) for shorter in (life // 2, 9 * life // 10, 0 * life)]
+    changes += [
+        {"boxes": boxes[part], "lives": lives[part]} for part in (slice(1, None), slice(-1))
+    ]
+    for column in range(min(len(box), 8)):
+        moved = [*box[:column], box[column] - box[1] / 16, *box[column + 1 :]]
+        changes += [put("boxes", in_hex(*moved))] if (name, column) != ("several", 2) else []
+    changes += [put("boxes", ["nan", *boxes[longest][1:]])]
+    weaker = [(0.85 * float.fromhex(strength)).hex() for strength in kappa]
+    for k in (weaker, in_hex(*[2.0] * len(kappa)), kappa[::-1]):
+        given = {} if name == "cell" else {"shortened_from": {"kappa": k}}
+        changes.append({"kappa": k} | given)
+    changes += [{"site": (right["site"] + 1) % len(kappa)}]
+    changes += [{"a": 0.5 - right["a"]}] if "a" in right else []
+    if name == "cell":
+        changes += [{"half_width": [(2 * float.fromhex(h)).hex() for h in right["half_width"]]}]
+    if name == "several":
+        slope, (x, y) = box[2], map(float.fromhex, right["points"][0])
+        changes += [put("boxes", in_hex(*box[:2], other)) for other in (slope + 0.5, slope / 3)]
+        changes += [put("lives", life[:1].tolist()), {"points": right["points"][:-1]}]
+        changes += [{"points": [in_hex(x + 2.0**-10, y), *right["points"][1:]]}]
+        # If a share could be rounded, both halves could be 0, and Q 2⁻⁵³.
+        refuted(right, put("boxes", in_hex(*box[:2], -(2.0**-53))), "a share of the site that is")
+    for change in changes:
+        refuted(right, change)
 
 
 @pytest.mark.parametrize("name", PROOFS)

@@ -28,7 +28,7 @@ from math import ceil, inf, log, nan, pi, sqrt
 import numpy as np
 
 from nasm import circles
-from nasm.checks import count, real
+from nasm.checks import count, positive
 from nasm.circles import continuation, fourier
 from nasm.maps import direction, forcing
 from nasm.numbers import RotationNumber, checked, convergents
@@ -130,9 +130,7 @@ def prove(omega, kappa, n=None, start=None, budget=20.0):
     """
     omega = checked(omega)
     kappa = forcing(kappa)
-    budget = real("budget", budget)
-    if not budget > 0:
-        raise ValueError(f"budget={budget!r} must be positive: seconds of computing time")
+    budget = positive("budget", budget, "seconds of computing time")
     if n is not None and count("n", n, 64, _LARGEST) % 2:
         raise ValueError(f"n={n} must be even, the points of a grid")
     need_flint()
@@ -189,12 +187,9 @@ def proved_lower(omega, profile, value, budget):
 
     ImportError without python-flint; ValueError for a bad argument.
     """
-    omega = checked(omega)
-    profile, value, budget = direction(profile), real("value", value), real("budget", budget)
-    if not 0 < value < inf:
-        raise ValueError(f"value={value!r} must be positive: the scale at which the circle breaks")
-    if not budget > 0:
-        raise ValueError(f"budget={budget!r} must be positive: seconds of computing time")
+    omega, profile = checked(omega), direction(profile)
+    value = positive("value", value, "the scale at which the circle breaks")
+    budget = positive("budget", budget, "seconds of computing time")
     need_flint()
     (short,), short_omega = shorten([profile], omega)
     best, best_proof, distance, until = nan, None, 0.05, time.thread_time() + budget

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from math import nan
 
 from nasm import barriers
-from nasm.checks import real
+from nasm.checks import positive
 from nasm.critical import CriticalScale
 from nasm.maps import direction
 from nasm.proofs.barrier import BarrierProof, proved_lower
@@ -58,9 +58,8 @@ def critical_scale(profile, seconds=8.0):
     ProvedBracket. ImportError without python-flint; ValueError as `barriers.critical_scale` raises,
     or if seconds is not positive.
     """
-    profile, seconds = direction(profile), real("seconds", seconds)
-    if not seconds > 0:
-        raise ValueError(f"seconds={seconds!r} must be positive: CPU time for each proof")
+    profile = direction(profile)
+    seconds = positive("seconds", seconds, "CPU time for each proof")
     found = barriers.critical_scale(profile)
     if not found.value > 0:
         return ProvedBracket(found)

@@ -22,9 +22,8 @@ belongs to the strengths κ_i = k_i + σ_i h_i, and is 0 for a single forcing. �
 floats.
 
 *A barrier*, under one forcing or in a fan. A function is a Laurent polynomial in z = e^{2πiφ},
-|k| ≤ D, with balls for coefficients, and a bound of the norm Σ_k |f_k| e^{2π|k|ρ} of all that was
-left out; 1/g_j' is found by sums and products of such. The sine is taken on a grid, at each of many
-points of a fan, with a bound of the aliases (`Grid`).
+with balls for coefficients; 1/g_j' is found by sums and products of such. The sine is taken on a
+grid, at each of many points of a fan, with a bound of the aliases (`Grid`).
 """
 
 import hashlib
@@ -480,64 +479,40 @@ def positive(number):
 # --- a barrier exists -----------------------------------------------------------------------------
 
 
-class Function:
-    growth, most = None, None  # e^{2πρ}; D
-
-    def __init__(self, coefficients, rest=0):
-        """coefficients : list of 2D' + 1 balls; those beyond D go into the rest."""
-        middle = len(coefficients) // 2
-        beyond = range(self.most + 1, middle + 1)
-        for k in beyond:
-            rest += (abs(coefficients[middle - k]) + abs(coefficients[middle + k])) * self.growth**k
-        cut = len(beyond)
-        self.coefficients = coefficients[cut : len(coefficients) - cut]
-        self.middle, self.rest = middle - cut, arb(rest)
-
-    def norm(self):
-        return self.rest + sum(
-            abs(c) * self.growth ** abs(k - self.middle) for k, c in enumerate(self.coefficients)
-        )
-
-    def __add__(self, other):
-        if self.middle < other.middle:
-            self, other = other, self
-        total, shift = list(self.coefficients), self.middle - other.middle
-        for k, c in enumerate(other.coefficients):
-            total[k + shift] += c
-        return Function(total, self.rest + other.rest)
-
-    def __mul__(self, other):
-        if not isinstance(other, Function):
-            return Function([other * c for c in self.coefficients], abs(other) * self.rest)
-        product = acb_poly(self.coefficients) * acb_poly(other.coefficients)
-        length = len(self.coefficients) + len(other.coefficients) - 1
-        rest = self.rest * other.norm() + self.norm() * other.rest
-        return Function([product[k] for k in range(length)], rest)
-
-    def __sub__(self, other):
-        return self + other * acb(-1)
-
-    def inverse(self):
-        """d near 1/f, f > 0 on the reals, by d → d(2 - fd), and a bound of ‖1 - fd‖."""
-        d = constant(1 / self.norm())
-        for _ in range(40):
-            defect = constant(1) - self * d
-            if defect.norm() < arb(1) / 10**6:
-                break
-            d = d * (constant(1) + defect)
-            d = Function([c.mid() for c in d.coefficients])
-        else:
-            defect = constant(1) - self * d
-        return d, defect.norm()
+def norm(modes, r):
+    """Σ_k |f_k| r^|k|, of the modes -K, …, K."""
+    middle = len(modes) // 2
+    up, down = (sizes(half)(r) for half in (modes[middle:], modes[middle::-1]))
+    return up + down - abs(modes[middle])
 
 
-def neumann(d, defect):
-    """A bound of ‖1/f‖ from d and ‖1 - fd‖."""
-    return d.norm() / (1 - defect) if defect < 1 else arb.pos_inf()
+def multiplied(f, g):
+    both = acb_poly(f) * acb_poly(g)
+    return [both[k] for k in range(len(f) + len(g) - 1)]
 
 
-def constant(value):
-    return Function([acb(value)])
+def inverse(f, r, most):
+    """Modes |k| ≤ most of d near 1/f, f > 0 on the reals, by d → d(2 - fd); and ‖1 - fd‖."""
+    after = [1 / norm(f, r)]
+    for _ in range(41):
+        d, defect = after, [-x for x in multiplied(f, after)]
+        defect[len(defect) // 2] += 1
+        size = norm(defect, r)
+        if size < arb(1) / 10**6:
+            break
+        defect[len(defect) // 2] += 1
+        after = [x.mid() for x in inner(multiplied(d, inner(defect, most)), most)]
+    return d, size
+
+
+def inner(modes, most):
+    beyond = max(0, len(modes) // 2 - most)
+    return modes[beyond : len(modes) - beyond]
+
+
+def neumann(size, defect):
+    """A bound of ‖1/f‖ from ‖d‖ and ‖1 - fd‖."""
+    return size / (1 - defect) if defect < 1 else arb.pos_inf()
 
 
 def quotients(text):
@@ -645,7 +620,6 @@ def theorem(data):
     bounds = {m: [sizes(f) for f in row] for m, row in moves.items()}
     totals = [sum(column, arb_poly()) for column in zip(*bounds.values(), strict=True)]
     r, two_pi = (2 * arb.pi() * rho).exp(), 2 * arb.pi()
-    Function.growth, Function.most = r, 2 * max(map(len, totals))
     slopes = {m: [2 * two_pi * r * f.derivative()(r) for f in row] for m, row in bounds.items()}
     n = [1 + sum(column) for column in zip(*slopes.values(), strict=True)]
     k = [(two_pi * (rho + real_norm(f, r))).exp() for f in totals]
@@ -664,8 +638,8 @@ def theorem(data):
             terms = ((step[0][m] + step[1][i]) * row[j] for (m, i), row in slopes.items())
             moved = sum(terms, arb(0))
             with ctx.workprec(64):
-                d, defect = (constant(1) + derivative(f)).inverse()
-                p[j] = p[j].max(neumann(d, defect + moved * d.norm()))
+                d, defect = inverse(slope(f), r, 2 * max(map(len, totals)))
+                p[j] = p[j].max(neumann(norm(d, r), defect + moved * norm(d, r)))
     lebesgue = [
         sum((arb(2 * i + 1) / (4 * N)).cot_pi() for i in range(N)) / N if N > 1 else arb(1)
         for N in points
@@ -694,9 +668,10 @@ def real_norm(sizes, r):
     return 2 * sizes(r) - sizes[0]
 
 
-def derivative(f):
-    half = [acb(0, 2 * arb.pi() * i) * x for i, x in enumerate(f)] or [acb(0)]
-    return Function([x.conjugate() for x in half[:0:-1]] + half)
+def slope(f):
+    """Modes of g_j' = 1 + u_j'."""
+    half = [acb(1), *(acb(0, 2 * arb.pi() * i) * x for i, x in enumerate(f) if i)]
+    return [x.conjugate() for x in half[:0:-1]] + half
 
 
 class Grid:

@@ -1,7 +1,5 @@
 """What a proof leaves for another program to check; see proofs/README.md, "Certificates"."""
 
-import numpy as np
-
 from nasm.checks import sealed
 
 __all__ = ["certificate"]
@@ -48,15 +46,6 @@ def certificate(proof, theorem, fields, kappa, within=(), omega=None, scales=())
 def in_hex(numbers):
     """Floats as text, exactly."""
     return [number.hex() for number in numbers]
-
-
-def columns_in_hex(table):
-    """The rows of an array of floats as text, exactly; quick where columns repeat their numbers."""
-    columns = []
-    for column in table.T.copy().view(np.int64):
-        bits, places = np.unique(column, return_inverse=True)
-        columns.append(np.array(in_hex(bits.view(float).tolist()), object)[places])
-    return np.transpose(columns).tolist()
 
 
 def _spelled(numbers):

@@ -18,12 +18,12 @@ See proofs/README.md, "A fan". What a proof rests on: `_Fan`, and what it uses o
 
 import time
 from itertools import product
-from math import ceil, floor, inf, log, log2, pi, sqrt
+from math import ceil, floor, log, log2, pi, sqrt
 
 import numpy as np
 
 from nasm import circles
-from nasm.checks import real
+from nasm.checks import positive, real
 from nasm.maps import direction, forcing
 from nasm.numbers import checked
 from nasm.proofs.barrier import (
@@ -88,9 +88,8 @@ def proved_below(omega, profile, value, budget, tilt=None, nearest=1e-4):
     ImportError without python-flint; ValueError for a bad argument.
     """
     omega, profile = checked(omega), direction(profile)
-    value, budget = real("value", value), real("budget", budget)
-    if not 0 < value < inf:
-        raise ValueError(f"value={value!r} must be positive: the scale at which the circle breaks")
+    value = positive("value", value, "the scale at which the circle breaks")
+    budget = real("budget", budget)
     need_flint()
     short, short_omega = profile, omega
     if tilt is None:

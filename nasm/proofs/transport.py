@@ -61,7 +61,7 @@ from nasm.arithmetic.lanes import (
     store_state,
 )
 from nasm.arithmetic.sine import COSINE
-from nasm.checks import real
+from nasm.checks import positive
 from nasm.converse_kam import transversal
 from nasm.maps import direction, forcing
 from nasm.numbers import rational
@@ -202,7 +202,7 @@ def prove(kappa, budget=10.0):
     """
     kappa = forcing(kappa)
     (short,), _ = shorten([kappa], rational(0))
-    budget = checked_budget(budget)
+    budget = positive("budget", budget, "seconds of computing time")
     check_arithmetic()
     given, strengths = tuple(kappa.tolist()), tuple(short.tolist())
     if not _is_twist(strengths):
@@ -269,10 +269,8 @@ def proved_upper(profile, value, budget):
     ValueError as for `prove`, or if value is not positive.
     """
     profile = direction(profile)
-    value, budget = real("value", value), checked_budget(budget)
-    if not 0 < value < math.inf:
-        raise ValueError(f"value={value!r} must be positive: the scale at which the circle breaks")
-    end = time.thread_time() + budget
+    value = positive("value", value, "the scale at which the circle breaks")
+    end = time.thread_time() + positive("budget", budget, "seconds of computing time")
     best, scale, reached, failed, affordable = None, math.nan, math.inf, 0.0, 0.0
     excess = _FIRST_EXCESS
     while excess < 0.9 * reached and (left := end - time.thread_time()) > 0:
@@ -289,14 +287,6 @@ def proved_upper(profile, value, budget):
             failed = excess
         excess = max(reached / 3, math.sqrt(reached * failed), affordable)
     return scale, best or proof
-
-
-def checked_budget(budget):
-    """`budget` as a float; ValueError unless it is a positive number."""
-    budget = real("budget", budget)
-    if not budget > 0:
-        raise ValueError(f"budget={budget!r} must be positive: seconds of computing time")
-    return budget
 
 
 def _covered(given, kappa, site, points, budget):

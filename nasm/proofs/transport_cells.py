@@ -36,9 +36,9 @@ from nasm.arithmetic.lanes import (
     store_state,
 )
 from nasm.arithmetic.sine import COSINE, SINE
-from nasm.checks import floats
+from nasm.checks import floats, positive
 from nasm.maps import forcing
-from nasm.proofs.certificates import certificate, columns_in_hex, in_hex
+from nasm.proofs.certificates import certificate, in_hex
 from nasm.proofs.transport import (
     COS,
     COS_CUBIC,
@@ -53,7 +53,6 @@ from nasm.proofs.transport import (
     Outcome,
     Proof,
     check_arithmetic,
-    checked_budget,
     horner,
 )
 from nasm.symmetries import dominant_centre
@@ -103,7 +102,7 @@ class CellProof(Proof):
             "half_width": in_hex(self.half_width),
             "site": self.site,
             "a": self.a,
-            "boxes": columns_in_hex(self.boxes),
+            "boxes": list(map(in_hex, self.boxes.tolist())),
             "lives": self.lives.tolist(),
         }
         cell = self.kappa, self.half_width
@@ -130,7 +129,7 @@ def prove_cell(kappa, half_width, budget=1.0):
     """
     kappa = forcing(kappa)
     half_width = forcing(np.broadcast_to(floats("half_width", half_width), 2))
-    budget = checked_budget(budget)
+    budget = positive("budget", budget, "seconds of computing time")
     if kappa.size != 2:
         raise ValueError(f"kappa={kappa.tolist()}: the centre of a cell has two strengths")
     if not (half_width > 0).all():
