@@ -1,4 +1,4 @@
-"""The boundary by direct iteration: its asymmetry, of made-up escape times, and a small run."""
+"""The boundary by direct iteration: of made-up escape times, and a small run."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ from nasm.planes import two_kicks
 from nasm.symmetries import ray
 from nasm.verdict import Answer, verdict
 from workflows.figures.direct_boundary import describe
-from workflows.shared.direct import INSETS, asymmetry, boundary_dataset, foreseen
+from workflows.shared.direct import INSETS, boundary_dataset, foreseen
 
 EXCESS = np.geomspace(0.1, 0.8, 4)
 
@@ -28,35 +28,14 @@ def dataset(angles, beyond):
     return boundary_dataset(found, barrier, [20, 100])
 
 
-def test_a_symmetric_boundary_has_no_asymmetry():
-    boundary = dataset([0, 30, 60, 90, 120, 150, 180], [3, 2, 2, 3, 2, 2, 3])
-    late = boundary.sel(n=100)
-    np.testing.assert_allclose(late.critical_scale, 0.5 * (1 + EXCESS[[3, 2, 2, 3, 2, 2, 3]]))
+def test_the_boundary_is_the_first_scale_from_which_on_all_escape_within_n_steps():
+    boundary = dataset([0, 30, 60, 90], [3, 2, 2, 3])
+    late, first = boundary.sel(n=100), EXCESS[[3, 2, 2, 3]]
+    np.testing.assert_allclose(late.critical_scale, 0.5 * (1 + first))
     np.testing.assert_allclose(np.hypot(late.kappa1, late.kappa2), late.critical_scale)
-    np.testing.assert_allclose(late.resolution, 0.5 * (EXCESS / 2)[[3, 2, 2, 3, 2, 2, 3]])
-    names = ["swap", "mirror", "swap_times", "mirror_times"]
-    assert not late[names].fillna(0).to_array().any()
-    assert late.angle[late.mirror.notnull()].values.tolist() == [0, 30, 60, 120, 150, 180]
+    np.testing.assert_allclose(late.resolution, 0.5 * first / 2)
     assert boundary.sel(n=20).bias.isnull().all()
-
-
-def test_each_asymmetry_is_found_in_its_own_pairs_of_rays_and_without_an_image_none():
-    boundary = dataset([0, 30, 60, 90, 120, 150, 180], [2, 3, 2, 2, 2, 2, 2]).sel(n=100)
-    more, less = 1 + EXCESS[3], 1 + EXCESS[2]
-    apart = 2 * (more - less) / (more + less)
-    np.testing.assert_allclose(boundary.swap, [0, apart, -apart, 0, 0, 0, 0], atol=1e-15)
-    np.testing.assert_allclose(boundary.mirror, [0, apart, 0, np.nan, 0, -apart, 0], atol=1e-15)
-    caption = describe(dataset([0, 60, 120, 180], [2, 2, 2, 2]))
-    assert "κ1 → -κ1 the boundary of the largest N moves by 0%" in caption
-    assert "κ1 ↔ κ2" not in caption
-
-
-def test_escape_times_are_compared_with_those_of_the_image():
-    angle, times = np.array([30.0, 60.0, 120.0, 150.0]), np.array([8, 2, np.inf, 4])[:, None]
-    unlike = asymmetry(angle, np.ones((1, 4)), times)
-    halvings = {"swap_times": [2, -2, np.nan, np.nan], "mirror_times": [1, np.nan, np.nan, -1]}
-    for name, expected in halvings.items():
-        np.testing.assert_allclose(unlike[name][1][:, 0] / np.log(2), expected)
+    assert "outside it by more, " in describe(boundary)
 
 
 DIRECT = ["--angles", "5", "--tips", "0", "--n-orbits", "64", "--steps", "400,4000"]

@@ -45,7 +45,7 @@ def main(run, steps, n_orbits, plane, angles, tips):
         for n, lost in zip(steps, boundary.bias.isnull().sum("angle").values, strict=True):
             if lost:
                 click.echo(f"N = {n}: no boundary on {lost} rays from 1% to 100% outside", err=True)
-        run.table("direct_boundary_rays", boundary.drop_dims("excess"))
+        run.table("direct_boundary_rays", boundary)
         if plane == two_kicks():
             insets = run.keep("direct_insets", direct.insets_dataset())
             run.figure("direct_quadrant", *draw_rays(boundary, barrier))

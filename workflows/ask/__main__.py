@@ -6,6 +6,7 @@ of these `nasm.converse_kam.sequence` tells whether a family of graphs may survi
 """
 
 import os
+import re
 from functools import partial
 from pathlib import Path
 from zlib import crc32
@@ -39,12 +40,11 @@ def escaping_orbit(kappa):
         return None
     starts = np.argsort(times, kind="stable")[: max(4, int(_POINTS / n))]
     orbit = orbits.orbit(kappa, x[starts], y[starts], int(min(n, _STEPS)))
-    outside = (orbit[1] < lo) | (orbit[1] > hi)
-    steps = np.where(outside.any(axis=0), outside.argmax(axis=0), n)
-    first = steps.argmin()
-    if steps[first] >= n:
+    escapes = np.argwhere((orbit[1] < lo) | (orbit[1] > hi))  # by steps
+    if not escapes.size:
         return None
-    return tuple(values[: int(steps[first]) + 1, first] for values in orbit)
+    steps, first = escapes[0]
+    return tuple(values[: steps + 1, first] for values in orbit)
 
 
 def forcing_asked(strengths, plane, files):
@@ -160,11 +160,10 @@ def main(kappa, plane, sequence, once, prove, pdf, out):
 
     from workflows.figures.style import save
 
-    asked = [plane.name] if plane else []
+    asked = ["ask", plane.name] if plane else ["ask"]
     asked += [Path(path).stem for path in files.values()] or map(str, kappa[:SHOWN])
     asked += [f"{crc32(strengths):08x}"] if len(kappa) > SHOWN else []  # of all of them
-    name = "_".join(["ask", *asked]).replace(":", "-").replace("/", "-").replace(",", "-")
-    kinds = ("png", "pdf") if pdf else ("png",)
+    name, kinds = re.sub("[:/,]", "-", "_".join(asked)), ("png", "pdf") if pdf else ("png",)
     try:
         click.echo(f"figures: {', '.join(save(draw(), out, name, text, kinds))}")
     except OSError as error:

@@ -38,25 +38,22 @@ def hull_claims(circles, barrier):
     part = (wedge.critical_scale / reach).values
     worst = int(np.nanargmin(part))
     closed = ((barrier.upper - barrier.lower) / barrier.critical_scale).values
+    there = np.isfinite(closed)
     short = 1 - (circles.critical_scale.max("circle") / barrier.critical_scale).values
     within = ((circles.error.max("circle") + barrier.error) / barrier.critical_scale).values
     formed = (short <= within)[np.isfinite(short)]
     return {
         "hull": graded(
-            f"CB_gt reaches only {part[worst]:.2%} of its own convex hull at "
-            f"φ = {wedge.angle.values[worst]:g}°",
+            {"part": part[worst], "angle": wedge.angle.values[worst]},
             np.nanmin(part) > 1 - 1e-3,
         ),
         "envelope": graded(
-            f"on {np.isfinite(closed).sum()} of {closed.size} rays a certified circle of a named "
-            "ω below and converse KAM above close in on its breakup, to "
-            f"{np.nanmax(closed):.1e} of the scale or better",
-            np.isfinite(closed).all(),
-            np.isfinite(closed).mean() > 0.9,
+            {"closed": there.sum(), "rays": there.size, "most": np.nanmax(closed)},
+            there.all(),
+            there.mean() > 0.9,
         ),
         "six": graded(
-            f"one of them is the last circle on {formed.mean():.0%} of {formed.size} rays; "
-            f"elsewhere the best of them falls short by up to {np.nanmax(short):.2%}",
+            {"share": formed.mean(), "rays": formed.size, "short": np.nanmax(short)},
             formed.all(),
             np.nanmax(short) < 0.05,
         ),
@@ -76,12 +73,8 @@ def _rotating_map():
         lambda kappa, *z: step(rotating_forcing(*kappa, "1/2", 0.25), *z),
         lambda kappa, *z: step(kappa[[0, 0]], *z),
     )
-    text = (
-        f"strengths off by {off[0]:.2g} as printed; they are those of T_κ2κ1 to {off[1]:.0e}, and "
-        f"with Δκ = (κ1 - κ2)/2 those of T_κ1κ2 to {off[2]:.0e}"
-    )
     return {
-        "rotating_half": graded(text, off[0] <= 1e-15, max(off[1:]) <= 1e-15),
+        "rotating_half": graded({"off": off}, off[0] <= 1e-15, max(off[1:]) <= 1e-15),
         "rotating_quarter": identity(constant, rounding(2)),
     }
 
@@ -90,12 +83,9 @@ def _third(three):
     beyond = (three.ratio_lower.max("phase") > 1).values
     known = three.ratio.notnull().any("phase").values
     share = beyond.sum() / max(known.sum(), 1)
-    text = (
-        f"for one of {three.phase.size} phases φ0 a certified circle of three kicks is beyond "
-        f"converse KAM of two on {beyond.sum()} of {known.sum()} rays, by up to "
-        f"{float(three.ratio_lower.max()) - 1:.1%}"
-    )
-    return graded(text, 0 < share < 0.25, beyond.any(), known.any())
+    value = {"phases": three.phase.size, "beyond": beyond.sum(), "known": known.sum()}
+    value["most"] = float(three.ratio_lower.max()) - 1
+    return graded(value, 0 < share < 0.25, beyond.any(), known.any())
 
 
 def _torus(tori):
@@ -103,8 +93,6 @@ def _torus(tori):
     known = np.isfinite(part)
     outside = part[known] > 1
     share = outside.sum() / max(outside.size, 1)
-    text = (
-        f"outside on {outside.sum()} of {outside.size} rays; at most at "
-        f"{max(part[known], default=np.nan):.1%} of CB_gt"
-    )
-    return graded(text, 0 < share < 0.1, share < 0.1, known.any())
+    value = {"outside": outside.sum(), "rays": outside.size}
+    value["most"] = max(part[known], default=np.nan)
+    return graded(value, 0 < share < 0.1, share < 0.1, known.any())

@@ -24,7 +24,6 @@ def periodic_claims():
     # The boundary between complex and real eigenvalues has measure zero.
     stable = np.abs(np.linalg.eigvals(tangents).imag).min(axis=-1) > 0
     wrong = int((stable != ((printed > 0) & (printed < 2))).sum())
-    words = "cases this and the eigenvalues of DT, complex or real, disagree"
     # P3 takes points I, II, III, IV to II, I, IV, III; P4 to III, IV, I, II.
     permutations = ((-1, -1), [1, 0, 3, 2]), ((1, -1), [2, 3, 0, 1])
     asymmetry = max(
@@ -35,7 +34,7 @@ def periodic_claims():
         **_carried_orbits(),
         "six_orbits": _six_orbits(),
         "primary_residues": identity(off, 1e-13),
-        "primary_stable": graded(f"in {wrong} of {printed.size} {words}", wrong == 0),
+        "primary_stable": graded({"wrong": wrong, "cases": printed.size}, wrong == 0),
         "primary_symmetric": identity(asymmetry, 1e-13),
         **_secondary_orbits(),
     }
@@ -73,8 +72,7 @@ def _six_orbits():
     rise = kick(second, *kick(first, x, y))[1] - y
     counts = np.count_nonzero(rise * np.roll(rise, 1, axis=-1) < 0, axis=-1)
     six, four = int(counts.sum(axis=1).min()), int(counts[:, 1:].sum(axis=1).min())
-    text = f"{six} with rotation number -1, 0 or 1, {four} but for y → y + 1, at all of 200 "
-    return graded(f"{text}forcings with |κ_i| < 1", four == 6, six == 6)
+    return graded({"six": six, "four": four}, four == 6, six == 6)
 
 
 def _secondary_orbits():
@@ -91,19 +89,13 @@ def _secondary_orbits():
     return {
         "secondary": identity(off, 1e-12, f"{exists.sum()} points are fixed within"),
         "cubic_estimate": graded(
-            f"at κ1 = κ2 = 4.001 z² = {z2:.3g}, from which the printed form is off by "
-            f"{as_printed:.2g}, and the one with -3κ1κ2 by {corrected:.1e}",
+            {"z2": z2, "printed": as_printed, "corrected": corrected},
             as_printed < z2**1.5,
             corrected < z2**1.5,
         ),
-        "secondary_region": graded(
-            f"in {elsewhere} of {exists.size} cells with 0 < κ_i < 8 they exist without R < 0 "
-            "at (½, 0), or the other way round",
-            elsewhere == 0,
-        ),
+        "secondary_region": graded({"elsewhere": elsewhere, "cells": exists.size}, elsewhere == 0),
         "secondary_stable": graded(
-            f"0 < R < 1 at {stable.mean():.0%} of those with κ_i < 8, and at "
-            f"{stable[near].mean():.0%} of those next to the pitchfork, where -¼ < R < 0 at (½, 0)",
+            {"all": stable.mean(), "near": stable[near].mean()},
             stable.all(),
             stable[near].all(),
         ),

@@ -1,7 +1,7 @@
 """A claim, an erratum, and the rules by which a measured value becomes a verdict.
 
 What the paper says is in claims.toml and errata.toml, in its order. A verdict is never written by
-hand. Each rule returns the text of the value and the Verdict:
+hand. Each rule returns the value, in words or numbers, and the Verdict:
 
     identity    the two sides of an equation differ by no more than rounding explains
     agrees      a value and a number in print differ by no more than the errors of both
@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
 
-from workflows.shared.rules import Verdict
+from workflows.shared.rules import Verdict, graded
 
 
 @dataclass(frozen=True)
@@ -56,10 +56,17 @@ def printed_texts(kind):
 
 
 def judged(found):
-    """Return the Claims of {name: (value, verdict)}, in the paper's order."""
-    texts = printed_texts("claims")
-    names = sorted(found, key=list(texts).index)
-    return [Claim(**texts[name], value=found[name][0], verdict=found[name][1]) for name in names]
+    """Return the Claims of {name: (value, verdict)}, in the paper's order.
+
+    A value is a text, or the numbers that the text in claims.toml is made of.
+    """
+    claims = []
+    for name, texts in printed_texts("claims").items():
+        if name in found:
+            value, verdict = found[name]
+            value = value if isinstance(value, str) else texts["value"].format(**value)
+            claims.append(Claim(**texts | {"value": value, "verdict": verdict}))
+    return claims
 
 
 def rounding(kicks):
@@ -68,8 +75,8 @@ def rounding(kicks):
 
 
 def identity(deviation, bound, words="largest deviation"):
-    verdict = Verdict.HOLDS if deviation <= bound else Verdict.FAILS
-    return f"{words} {deviation:.1e}, of {bound:.1e} allowed", _known(verdict, deviation)
+    text = f"{words} {deviation:.1e}, of {bound:.1e} allowed"
+    return graded(text, deviation <= bound, known=isfinite(deviation))
 
 
 def printed(text):
@@ -79,10 +86,5 @@ def printed(text):
 
 def agrees(value, error, expected, uncertainty=0.0):
     """Compare with a number in print, or what theory makes of one, with its rounding."""
-    near = abs(value - expected) <= error + uncertainty
-    text = f"{value:.12g} ± {error:.1g}; to compare with {expected:.12g}"
-    return text, _known(Verdict.HOLDS if near else Verdict.FAILS, value, error)
-
-
-def _known(verdict, *values):
-    return verdict if all(isfinite(value) for value in values) else Verdict.UNDECIDED
+    near, known = abs(value - expected) <= error + uncertainty, isfinite(value + error)
+    return graded(f"{value:.12g} ± {error:.1g}; to compare with {expected:.12g}", near, known=known)

@@ -64,8 +64,8 @@ def symmetry_claims():
     off = omega(standard[0], 1 - 0.1, 1 - standard[2]) - (1 - omega(*standard))
     found["footnote"] = identity(np.abs(off).max(), _CIRCLE)
     as_printed, corrected = ome5_deviations()
-    text = f"off by {as_printed:.1e} as printed, by {corrected:.1e} with S_κ2⁻¹"
-    return found | {"ome5": graded(text, as_printed < _CIRCLE, corrected < _CIRCLE)}
+    off = {"printed": as_printed, "corrected": corrected}
+    return found | {"ome5": graded(off, as_printed < _CIRCLE, corrected < _CIRCLE)}
 
 
 def _deviation_of_f(sign, image):

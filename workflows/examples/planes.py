@@ -50,21 +50,16 @@ for cube in cubes:
     for name, centres in grid.items():
         reach = width(cube, name) / 2 * 1.000001
         answer = answer.reindex({name: centres}, method="nearest", tolerance=reach)
-    if joined is None:
-        joined = answer
-        continue
-    both = joined.notnull() & answer.notnull()
-    differ = int(((joined != answer) & both).sum())
-    print(f"{int(both.sum())} cells in both; {differ} of them answer differently at N={n}")
-    joined = joined.combine_first(answer)
+    if joined is not None:
+        both = joined.notnull() & answer.notnull()
+        differ = int(((joined != answer) & both).sum())
+        print(f"{int(both.sum())} cells in both; {differ} of them answer differently at N={n}")
+    joined = answer if joined is None else joined.combine_first(answer)
 print(f"{joined.sizes['kappa1']} by {joined.sizes['kappa2']} cells, {float(joined.mean()):.6f}")
 
-# %% Draw each plane by the bounds of its own cells, the finest on top: no grid is needed for that.
+# %% Draw it.
 figure, axes = plt.subplots(figsize=(9, 5), layout="constrained")
-for cube in reversed(cubes):
-    edges = [np.append(cube[f"{k}_bounds"][:, 0], cube[f"{k}_bounds"][-1, 1]) for k in grid]
-    field = cube.escape_time.isel(ensemble=-1)
-    axes.pcolormesh(*edges, (field <= n).where(field.notnull()), vmin=0, vmax=1)
+joined.plot(ax=axes, vmin=0, vmax=1, add_colorbar=False)
 axes.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$", title=f"transport within {n} steps")
 axes.set_aspect("equal")
 figure.savefig(directories[0] / "planes.png")

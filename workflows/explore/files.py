@@ -33,25 +33,16 @@ def panel(state, work):
 
 
 def _file(kind, name, seen, point):
-    """Return a file as JSON: its name and its bytes in base64."""
-    name = f"{name.replace(' ', '_')}_{point[0]:g}_{point[1]:g}.{_ENDINGS[kind]}"
-    content = base64.b64encode(content_of(kind, seen)).decode()
-    return json.dumps({"name": name, "content": content})
-
-
-def content_of(kind, seen):
-    """Return the bytes of a file of that kind: "PNG", "SVG", "CSV" or "netCDF" (version 3).
-
-    seen : Dataset of a panel. A table of orbits has a row for each point.
-    """
-    if kind == "CSV":
-        if "which" in seen:
-            seen = seen[["x", "y", "which"]].assign(omega=seen.omega[seen.which])
-        return seen.to_dataframe().to_csv(float_format="%.12g").encode()
-    if kind == "netCDF":
-        # netCDF has numbers, texts and lists of numbers.
-        words = {key: json.dumps(one) for key, one in seen.attrs.items() if isinstance(one, dict)}
-        return bytes(seen.assign_attrs(words).to_netcdf(engine="scipy"))
+    """Return a file of a panel's Dataset as JSON: its name and its bytes in base64."""
     file = io.BytesIO()
-    draw_seen(seen).savefig(file, format=kind.lower(), dpi=200)
-    return file.getvalue()
+    if kind == "CSV":
+        if "which" in seen:  # a row for each point of the orbits
+            seen = seen[["x", "y", "which"]].assign(omega=seen.omega[seen.which])
+        file.write(seen.to_dataframe().to_csv(float_format="%.12g").encode())
+    elif kind == "netCDF":  # which has numbers, texts and lists of numbers
+        words = {key: json.dumps(one) for key, one in seen.attrs.items() if isinstance(one, dict)}
+        file.write(seen.assign_attrs(words).to_netcdf(engine="scipy"))
+    else:
+        draw_seen(seen).savefig(file, format=kind.lower(), dpi=200)
+    name = f"{name.replace(' ', '_')}_{point[0]:g}_{point[1]:g}.{_ENDINGS[kind]}"
+    return json.dumps({"name": name, "content": base64.b64encode(file.getvalue()).decode()})

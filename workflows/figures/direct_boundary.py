@@ -13,7 +13,8 @@ _MARKS = [*zip("^osDv", np.take([*style.COLOURS, style.VERMILION], [2, 7, 0, 4, 
 def draw_rays(boundary, barrier, last=90):
     """Draw the rays up to the last angle, by default the positive quadrant, Fig. 5."""
     figure, (axes,) = style.panels(1, 1, 7.5, 7.5)
-    _draw_boundaries(axes, _up_to(boundary, last), _up_to(barrier, last))
+    up_to = slice(None, last)
+    _draw_boundaries(axes, boundary.sel(angle=up_to), barrier.sel(angle=up_to))
     if last == 90:
         axes.set(xlim=(0, None))
     axes.legend(loc="lower left" if last == 90 else "best")
@@ -54,11 +55,11 @@ def draw_half_plane(boundary, barrier, insets):
 
 
 def describe(boundary):
-    """Describe both figures: settings, bias and asymmetry."""
+    """Describe both figures: settings and bias."""
     n = ", ".join(map(str, boundary.n.values))
     medians = boundary.bias.median("angle").values
     biases = ", ".join(f"{100 * b:.2g}%" if np.isfinite(b) else "more" for b in medians)
-    caption = (
+    return (
         "The boundary of global transport by direct iteration: the forcings on "
         f"{boundary.sizes['angle']} rays from which outwards some of {boundary.n_orbits} orbits "
         f"that start in [0, 1] × [0, 0.3] leaves -2 ≤ y ≤ 2.3 within N = {n} steps, to "
@@ -66,29 +67,6 @@ def describe(boundary):
         "boundary, bracketed between certified circles and converse KAM. They lie outside it by "
         f"{biases} (medians over the rays)."
     )
-    longest = boundary.isel(n=-1)
-    parts = []
-    for words, name in (("κ1 ↔ κ2", "swap"), ("κ1 → -κ1", "mirror")):
-        if name not in longest:
-            continue
-        moved, factor = 100 * abs(longest[name]), np.exp(abs(longest[f"{name}_times"]))
-        if moved.notnull().any():
-            parts.append(
-                f"under {words} the boundary of the largest N moves by "
-                f"{float(moved.median()):.2g}% in the median and by up to "
-                f"{float(moved.max()):.2g}%, and escape times of symmetric forcings differ by a "
-                f"factor of {float(factor.median()):.2f} in the median"
-            )
-    if parts:
-        caption += (
-            " The true boundary is symmetric; that by direct iteration is not, as roundings decide "
-            f"over escape times: {'; '.join(parts)}."
-        )
-    return caption
-
-
-def _up_to(dataset, angle):
-    return dataset.isel(angle=np.flatnonzero(dataset.angle.values <= angle))
 
 
 def _draw_boundaries(axes, boundary, barrier):

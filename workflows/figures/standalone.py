@@ -11,52 +11,34 @@ from workflows.figures.style import circle_class, circle_style
 
 _MARKERS = {"o": "circle", "^": "triangle", "s": "square", "D": "diamond"}
 _MARKERS |= {"v": "inverted_triangle", "x": "x"}
-_HOVER = """<div>φ = @angle°, (@a{0.######}, @b{0.######})<br>breaks at s = @value<br>
-last circle: ω = @circle @tied<br>a circle at @lower, none at @upper</div>"""
+_HOVER = """<div>φ = @angle{%.9g}°, (@a{%.6f}, @b{%.6f})<br>
+breaks at s = @critical_scale{%.12g} ± @error{%.0e}<br>
+last circle: ω = @circle @also<br>a circle at @lower{%.7g}, none at @upper{%.7g}</div>"""
+_NUMBERS = "angle", "a", "b", "critical_scale", "error", "lower", "upper"
 
 
 def boundary_page(barrier):
     """Return the page: CB_gt in the colours of the last circles, and each ray's numbers under the
     pointer. barrier : as `pipeline.cubes.barrier.boundary` returns it."""
     barrier = barrier.where(np.isfinite(barrier.critical_scale), drop=True)
-    whole = whole_of(barrier)
-    styles = [circle_style(text, whole) for text in barrier.circle.values]
-    values = zip(barrier.critical_scale.values, barrier.error.values, strict=True)
-    (a, b), tied = in_plane(barrier), [text and f"and {text}" for text in barrier.tied.values]
-    columns = {
-        "angle": [f"{angle:.9g}" for angle in barrier.angle.values],
-        "a": a.values,
-        "b": b.values,
-        "value": [f"{s:.{_digits(error)}f} ± {error:.0e}" for s, error in values],
-        "circle": barrier.circle.values.tolist(),
-        "tied": tied,
-        "class": [circle_class(text, whole) or "not known" for text in barrier.circle.values],
-        "colour": [style["color"] for style in styles],
-        "marker": [_MARKERS[style["marker"]] for style in styles],
-    }
-    for side in ("lower", "upper"):
-        columns[side] = [f"{s:.7g}" if s == s else "not shown" for s in barrier[side].values]
+    (a, b), whole = in_plane(barrier), whole_of(barrier)
+    rays = barrier.to_dataframe().reset_index().assign(a=a.values, b=b.values)
+    rays["also"] = [text and f"and {text}" for text in rays.tied]
+    rays["class"] = [circle_class(text, whole) or "not known" for text in rays.circle]
+    looks = [circle_style(text, whole) for text in rays.circle]
+    rays["colour"] = [look["color"] for look in looks]
+    rays["marker"] = [_MARKERS[look["marker"]] for look in looks]
     title = "Where the last barrier to transport breaks"
-    plot = figure(
-        title=title,
-        match_aspect=True,
-        sizing_mode="stretch_width",
-        height=640,
-        tools="pan,wheel_zoom,box_zoom,reset,save",
-        active_scroll="wheel_zoom",
-    )
+    how = {"match_aspect": True, "sizing_mode": "stretch_width", "height": 640, "title": title}
+    tools = {"tools": "pan,wheel_zoom,box_zoom,reset,save", "active_scroll": "wheel_zoom"}
+    plot = figure(**how, **tools)
     plot.xaxis.axis_label, plot.yaxis.axis_label = (part.attrs["long_name"] for part in (a, b))
     plot.line(a.values, b.values, color="#888888")
-    points = ColumnDataSource(columns)
     look = {"size": 7, "color": "colour", "marker": "marker", "legend_group": "class"}
-    marks = plot.scatter("a", "b", source=points, **look)
-    plot.add_tools(HoverTool(renderers=[marks], tooltips=_HOVER))
+    marks = plot.scatter("a", "b", source=ColumnDataSource(rays.to_dict("list")), **look)
+    formatters = {f"@{name}": "printf" for name in _NUMBERS}
+    plot.add_tools(HoverTool(renderers=[marks], tooltips=_HOVER, formatters=formatters))
     plot.legend.title = "ω, or its image" if of_two_kicks(barrier) else "ω"
     plot.legend.ncols, plot.legend.location = 2, "center"
     plot.add_layout(plot.legend[0], "below")
     return file_html(plot, INLINE, title)
-
-
-def _digits(error):
-    """Return the decimals of a number with that error, one of the error's own."""
-    return int(np.clip(np.ceil(-np.log10(error)), 0, 15)) if error > 0 else 15

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import matplotlib
 import numpy as np
+from pandas import Series
 
 # Blue, orange, green, sky, red, violet, indigo: 17 or more apart in CIE Lab as a deuteranope and a
 # protanope see them, and as far from black, white and the greys below.
@@ -172,9 +173,14 @@ def circle_class(text, whole=1):
 
 def longest_arcs(angle, classes):
     """Return the classes that are last on 1% of the angle or more, the longest arc first."""
-    classes, width = np.asarray(classes), np.gradient(angle) / np.ptp(angle)
-    shares = {name: width[classes == name].sum() for name in filter(None, dict.fromkeys(classes))}
-    return sorted((str(name) for name in shares if shares[name] > 0.01), key=lambda x: -shares[x])
+    return [str(name) for name, share in arcs(angle, classes).items() if name and share > 0.01]
+
+
+def arcs(angle, names):
+    """Return the part of the angle of each of the names of rays, a Series, the largest first."""
+    width = np.diff(np.r_[angle[0], (angle[1:] + angle[:-1]) / 2, angle[-1]]) / np.ptp(angle)
+    shares = Series(width).groupby(np.asarray(names), sort=False).sum()
+    return shares.sort_values(ascending=False, kind="stable")
 
 
 def draw_points(axes, x, y, circles, whole=0, size=3, **style):

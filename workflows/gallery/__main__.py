@@ -8,18 +8,15 @@ run in OUT: OUT/recipes has them as scripts and notebooks.
 
 import csv
 import json
-import tomllib
 from datetime import date
 from pathlib import Path
 
 import click
 
-from workflows.gallery.exhibits import Exhibit, command_of, run
+from workflows.gallery.exhibits import command_of, listed, run
 from workflows.shared.cli import choice, cluster_options, command, flag, out_option
 
-_HERE = Path(__file__).parent
-_TEXTS = tomllib.loads((_HERE / "exhibits.toml").read_text(encoding="utf-8"))
-EXHIBITS = [Exhibit(name, **texts) for name, texts in _TEXTS.items()]
+EXHIBITS = listed("exhibits.toml")
 
 
 def notebook(script):
@@ -35,7 +32,7 @@ def notebook(script):
 
 def recipe(name, out):
     """Write the recipe of a command into OUT/recipes, and return it."""
-    script = (_HERE / "recipes" / f"{name}.py").read_text(encoding="utf-8")
+    script = Path(__file__).with_name("recipes").joinpath(f"{name}.py").read_text(encoding="utf-8")
     Path(out, "recipes").mkdir(exist_ok=True)
     for kind, text in (("py", script), ("ipynb", notebook(script))):
         Path(out, "recipes", f"{name}.{kind}").write_text(text, encoding="utf-8")
@@ -85,6 +82,7 @@ def judged(out):
         return list(csv.DictReader(file)), counted.read_text(encoding="utf-8").strip()
 
 
+_NAMES = [exhibit.name for exhibit in EXHIBITS]
 _RELEASE = (
     "Make in DIR, instead, what is published under a DOI: the boundary, the six circles' and the "
     "proved map down to 1/128, with certificates and checksums; 70 MB, ten minutes of CPU time."
@@ -93,7 +91,7 @@ _RELEASE = (
 
 @command(default_map={"out": "gallery"})
 @flag("--full", "The size of the paper, some four CPU hours, most of them of direct iteration.")
-@choice("--only", _TEXTS, (), "A command to run; may be repeated.  [default: all]", multiple=True)
+@choice("--only", _NAMES, (), "A command to run; may be repeated.  [default: all]", multiple=True)
 @click.option("--release", metavar="DIR", help=_RELEASE)
 @flag("--quick", "A preview of the release: a few rays and cells.")
 @out_option

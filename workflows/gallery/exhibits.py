@@ -1,7 +1,9 @@
 """An exhibit: a command, what it shows, and its options for a preview and for the real size."""
 
 import shlex
+import tomllib
 from dataclasses import dataclass
+from pathlib import Path
 
 import click
 
@@ -23,6 +25,12 @@ class Exhibit:
 
     def options(self, quick):
         return shlex.split(self.quick if quick else self.full)
+
+
+def listed(file):
+    """Return the Exhibits of a TOML file of this folder."""
+    texts = tomllib.loads(Path(__file__).with_name(file).read_text(encoding="utf-8"))
+    return [Exhibit(name, **about) for name, about in texts.items()]
 
 
 def run(exhibit, out, workers, quick):

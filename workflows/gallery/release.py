@@ -7,25 +7,9 @@ and which versions, and the checksums of all files, SHA256SUMS.
 import hashlib
 from pathlib import Path
 
-from workflows.gallery.exhibits import Exhibit, command_of, run
+from workflows.gallery.exhibits import command_of, listed, run
 
-EXHIBITS = [
-    Exhibit(
-        "last_barrier",
-        "The boundary of global transport, CB_gt, bracketed to 2e-5, and its last circles",
-        quick="--angles 3 --tips 0 --tol 1e-2",
-    ),
-    Exhibit(
-        "circle_boundaries",
-        "The boundaries CB_omega of six circles, by continuation and by Greene's residue",
-        quick="--angles 3 --tips 0 --tol 1e-2 --q-max 100",
-    ),
-    Exhibit(
-        "proved_map",
-        "Forcings for which transport or a barrier is proved, with certificates",
-        quick="--cells 32 --seconds 0.001 --nearest 0.5",
-    ),
-]
+EXHIBITS = listed("release.toml")
 SUMS = "SHA256SUMS"
 
 

@@ -26,6 +26,18 @@ _BEST, _EFFORT = 3, 8  # the lines that eliminate soonest are searched again, wi
 # The asymptotic circle: κ_n = limit + excess·e^(-n/time), and the circle of the limit.
 LIMIT, EXCESS, TIME, POINTS, ASKED = 0.9, 0.5, 5, 8192, 5
 
+_VERDICTS = {
+    "mean": "mean of κ_n",
+    "deviation": "standard deviation of κ_n",
+    "drift": "mean advance of θ_n per kick",
+    "frequency": "Ω of the fitted κ̄ + Δκ cos 2π(φ0 + nΩ)",
+    "modulation": "Δκ of the fitted forcing",
+    "kicks": "kicks that eliminate all starts in the recorded field",
+    "kicks_fitted": "kicks that eliminate all starts in the fitted forcing",
+    "omega": "turns per kick of the longest-lived start",
+    "escape": "kicks until the first particle has escaped",
+}
+
 
 def fields(couplings, particles, kicks):
     """Follow the self-consistent map for each coupling: kappa, theta with dims (coupling, kick).
@@ -103,23 +115,10 @@ def verdicts(fields):
         orbits[-1][:, : orbit.shape[1]] = orbit[:, :_ORBIT]
         repeated = periodic[(np.arange(half) - half // 2) % periodic.size]
         fitted = sequence.longest_lived(repeated, 0.0, half // 2, _EFFORT)[2]
-        rows.append(
-            {
-                "mean": (kappa.mean(), "mean of κ_n"),
-                "deviation": (kappa.std(), "standard deviation of κ_n"),
-                "drift": (drift, "mean advance of θ_n per kick"),
-                "frequency": (float(rotation), "Ω of the fitted κ̄ + Δκ cos 2π(φ0 + nΩ)"),
-                "modulation": (modulation, "Δκ of the fitted forcing"),
-                "kicks": (asked[site][2], "kicks that eliminate all starts in the recorded field"),
-                "kicks_fitted": (fitted, "kicks that eliminate all starts in the fitted forcing"),
-                "omega": (orbit[1].mean() % 1, "turns per kick of the longest-lived start"),
-                "escape": (float(here.escape), "kicks until the first particle has escaped"),
-            }
-        )
-    variables = {
-        name: ("coupling", [row[name][0] for row in rows], words)
-        for name, (_, words) in rows[0].items()
-    }
+        row = kappa.mean(), kappa.std(), drift, float(rotation), modulation, asked[site][2]
+        rows.append([*row, fitted, orbit[1].mean() % 1, float(here.escape)])
+    columns = zip(_VERDICTS.items(), zip(*rows, strict=True), strict=True)
+    variables = {name: ("coupling", [*column], words) for (name, words), column in columns}
     for name, values in zip("xy", np.stack(orbits, axis=1) % 1, strict=True):
         words = f"{name} of the longest-lived start's orbit, from the wave's"
         variables[name] = ("coupling", "step"), values, words

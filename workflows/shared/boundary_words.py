@@ -4,6 +4,7 @@ import numpy as np
 
 from nasm.planes import plane_of, two_kicks
 from nasm.symmetries import ray
+from workflows.figures.style import arcs
 from workflows.shared.rays import named
 
 _NAMED = 6  # circles that are named with their share
@@ -24,9 +25,10 @@ def boundary_found(barrier):
             kappa, error = (float(here[key]) * ray(angle)[0] for key in ("critical_scale", "error"))
             circle = named(here.circle.item(), here.tied.item())
             places.append(f"{kappa:.10g} ± {error:.0e} on the {name} (last circle: {circle})")
-    shares = _shares(barrier.isel(angle=np.flatnonzero(barrier.angle <= last)))
-    large = [entry for entry in shares if entry[1] >= 0.01][:_NAMED]
-    share = ", ".join(f"{circle} {100 * share:.0f}%" for circle, share in large)
+    seen = barrier.sel(angle=slice(None, last))
+    shares = arcs(seen.angle.values, seen.circle.values)
+    large = shares[shares >= 0.01][:_NAMED]
+    share = ", ".join(f"{circle or 'undecided'} {share:.0%}" for circle, share in large.items())
     others = len(shares) - len(large)
     width = ((barrier.upper - barrier.lower) / barrier.critical_scale).dropna("angle")
     apart = "no bracket was found"
@@ -42,17 +44,6 @@ def boundary_found(barrier):
         f"{f', and {others} others' if others > 0 else ''}. On {barrier.angle.size} rays {apart}; "
         f"{int(barrier.critical_scale.isnull().sum())} rays are undecided."
     )
-
-
-def _shares(barrier):
-    """List (circle, its part of the angle), the largest first."""
-    angle = barrier.angle.values
-    borders = np.r_[angle[0], (angle[1:] + angle[:-1]) / 2, angle[-1]]
-    share = {}
-    for circle, width in zip(barrier.circle.values.tolist(), np.diff(borders), strict=True):
-        key = circle or "undecided"
-        share[key] = share.get(key, 0.0) + width / (borders[-1] - borders[0])
-    return sorted(share.items(), key=lambda item: -item[1])
 
 
 def direct_found(scale, resolution, barrier, n_orbits):

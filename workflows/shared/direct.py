@@ -7,7 +7,6 @@ from itertools import product
 
 import numpy as np
 import xarray as xr
-from pandas import Index
 
 from nasm import orbits
 from nasm.planes import plane_of, two_kicks
@@ -98,7 +97,7 @@ def boundary_dataset(found, barrier, steps):
     """Find the boundary {n* ≤ N} on rays, dims (n, angle).
 
     critical_scale is s_N, bias s_N/s_c - 1; resolution is how much less s_N might be on the cube's
-    grid. For two kicks, its `asymmetry` too.
+    grid.
     """
     plane = plane_of(found.attrs)
     breakup, angle = barrier.critical_scale.values, found.angle.values
@@ -112,35 +111,10 @@ def boundary_dataset(found, barrier, steps):
         "resolution": (dims, spacing * bias * breakup, "spacing of the scales"),
         **strengths(dims, *np.moveaxis(scale[..., None] * ray(angle), -1, 0), plane.axes),
     }
-    if plane == two_kicks():
-        variables |= asymmetry(angle, scale, found.escape_time.isel(ensemble=0).values)
-    coords = {"n": (steps, "steps N"), "angle": (angle, ANGLE), "excess": found.excess}
+    coords = {"n": (steps, "steps N"), "angle": (angle, ANGLE)}
     attrs = plane.record | {"n_orbits": int(found.ensemble[0]), "spacing": spacing}
     attrs["source"] = "arXiv:1606.04824, Sec. V.B, Figs. 5 and 6"
     return dataset("Boundary of global transport by direct iteration", coords, variables, attrs)
-
-
-def asymmetry(angle, scale, times):
-    """Measure by how much a boundary lacks the symmetry of the square, as variables of a Dataset.
-
-    swap and mirror compare s_N, dims (n, angle), with that of the ray's image in κ1 ↔ κ2 and
-    κ1 → -κ1; swap_times and mirror_times compare n* itself, dims (angle, excess), which no grid
-    rounds. NaN where the image is the ray itself, or not one of the rays.
-    """
-    times = np.where(np.isfinite(times) & (times > 0), times, np.nan)
-    variables = {}
-    for name, image, words in (
-        ("swap", (90 - angle) % 180, "that of the image in κ1 ↔ κ2"),
-        ("mirror", 180 - angle, "that of the image in κ1 → -κ1"),
-    ):
-        there = Index(angle).get_indexer(image.round(9))
-        alone = (there < 0) | (there == np.arange(angle.size))
-        other, later = (np.where(alone, np.nan, v[..., there]) for v in (scale, times.T))
-        apart, ratio = 2 * (scale - other) / (scale + other), np.log(times / later.T)
-        label = f"critical_scale less {words}, in parts of their mean"
-        variables[name] = ("n", "angle"), apart, label
-        variables[f"{name}_times"] = ("angle", "excess"), ratio, f"ln of n* over {words}"
-    return variables
 
 
 def insets_dataset():

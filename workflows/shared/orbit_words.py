@@ -25,12 +25,10 @@ def orbit_words(kappa, x, y):
     if abs(omega - float(near)) > 10.0**-places:
         return f"{words}, a circle"
     whole = np.tile(kappa, near.denominator)
-    back_x, back_y = orbits.orbit(whole, x, y, 1)
-    away = back_x[1] - x - near.numerator, back_y[1] - y
-    if np.hypot(*(w - np.rint(w) for w in away)) > _CLOSES:
+    away = np.diff(orbits.orbit(whole, x, y, 1))
+    if np.hypot(*(away - np.rint(away))) > _CLOSES:
         return f"{words}, on the islands of {near}"
-    residue = residue_words(fixed_points.residue(whole, x, y))
-    return f"{words}, periodic with {near}: {residue}"
+    return f"{words}, periodic with {near}: {residue_words(fixed_points.residue(whole, x, y))}"
 
 
 def residue_words(residue):
