@@ -101,7 +101,7 @@ def _draw_circle_strip(axes, barrier, classes, whole):
     apart = (0.1 if style.in_column() else 0.06) * np.ptp(omega)
     y = -np.inf
     for name in sorted(named, key=named.get):  # each above the one before
-        y = max(named[name] + apart / 4, y + apart)
+        y = max(named[name] + apart / 2, y + apart)
         axes.text(angle[-1] / 2, y, name, color=style.circle_style(name)["color"], **look)
     axes.set_ylim(axes.get_ylim()[0], y + 1.5 * apart)
     style.mark_gaps(axes, angle, barrier.critical_scale.isnull().values)
