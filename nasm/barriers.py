@@ -35,7 +35,7 @@ from nasm import action, circles, periodic
 from nasm.checks import real
 from nasm.circles import continuation
 from nasm.converse_kam import symmetry_line, transversal
-from nasm.converse_kam.symmetry_line import has_dominant_line
+from nasm.converse_kam.symmetry_line import Survivor, has_dominant_line
 from nasm.critical import CriticalScale, Status, no_answer
 from nasm.farey import circle_stands, standing
 from nasm.maps import direction, forcing, segment, unkick
@@ -134,7 +134,7 @@ def _last(start, short, tol):
     # With one kick or two boundaries have one sheet, and survivors are next to the last circle.
     few = short.size <= 2
     if few:
-        race.enter(candidates(*outermost), _OUTSET * upper)
+        race.enter(candidates(race.at(upper), outermost), _OUTSET * upper)
     if race.leader is None:
         race.descend()
     # Of lives: from a start the forcing changes less than the scale.
@@ -154,11 +154,11 @@ def _last(start, short, tol):
         if survives:
             race.enter_again(omega, scale)
         else:
-            found, steps = longest_lived(race.at(scale), n_steps)
-            survives = steps == np.inf
+            found = longest_lived(race.at(scale), n_steps)
+            survives = found.kicks == np.inf
             if not survives:
                 race.eliminated.append(scale)
-            names += candidates(*found, n_steps if survives else _AVERAGED)
+            names += candidates(race.at(scale), found, n_steps if survives else _AVERAGED)
             race.enter(names, scale if survives else best.value)
             survives = scale not in race.eliminated  # it may have been known better
         if race.leader is not best:
@@ -250,11 +250,8 @@ def _located(start, profile):
         if located.status is Status.OK:
             beyond = located.value * (1 + _BEYOND / _LOCATE) * profile
             # Lives end there at 1.2 to 1.5 steps: any larger number than 2 finds the same start.
-            return located.upper, longest_lived(beyond, 2 * _LOCATE)[0]
-    upper, found, _ = transversal.located(profile, _LOCATE_ANYWHERE, start)
-    if found is None:
-        return upper, None
-    return upper, (np.roll(start + upper * profile, -found.site), found.x, found.y)
+            return located.upper, longest_lived(beyond, 2 * _LOCATE)
+    return transversal.located(profile, _LOCATE_ANYWHERE, start)
 
 
 class _Race:
@@ -401,15 +398,12 @@ class _Race:
 
 
 def longest_lived(kappa, n_max):
-    """The start that converse KAM is longest to eliminate: (kappa from its site on, x, y); and its
-    life in steps, inf if on no transversal all starts are eliminated within n_max steps.
-    """
+    """The Survivor that converse KAM is longest to eliminate; its kicks are inf if on no line or
+    transversal all starts are eliminated within n_max steps."""
     if has_dominant_line(kappa):
         y, steps = symmetry_line.longest_lived(kappa, n_max)
-        site, a = dominant_centre(kappa)
-        return (np.roll(kappa, -site), a, y), steps
-    start, steps = transversal.longest_lived(kappa, n_max)
-    return (np.roll(kappa, -start.site), start.x, start.y), steps
+        return Survivor(*dominant_centre(kappa), y, steps * kappa.size)
+    return transversal.longest_lived(kappa, n_max)
 
 
 def remnant(kappa, n_max):
@@ -418,20 +412,18 @@ def remnant(kappa, n_max):
     Returns x, y, steps: floats, steps inf if a start survives n_max steps, and it is one of those.
     """
     strengths = forcing(kappa)
-    (rolled, x, y), steps = longest_lived(strengths, n_max)
-    sites = range(strengths.size)  # the first of some, if the forcing repeats itself
-    site = next(site for site in sites if (np.roll(strengths, -site) == rolled).all())
-    for strength in strengths[:site][::-1]:
+    found = longest_lived(strengths, n_max)
+    x, y = found.x, found.y
+    for strength in strengths[: found.site][::-1]:
         x, y = unkick(strength, x, y)
-    return float(x), float(y), float(steps)
+    return float(x), float(y), float(found.kicks / strengths.size)
 
 
 def eliminates(kappa, n_max):
     """Whether converse KAM eliminates all starts within n_max steps, on the dominant line, or if
-    there is none on a transversal: bool."""
-    if has_dominant_line(kappa):
-        return symmetry_line.eliminates(kappa, n_max)
-    return bool(np.isfinite(transversal.longest_lived(kappa, n_max)[1]))
+    there is none on a transversal: bool. That is strong evidence, no proof, that no circle is left.
+    """
+    return bool(np.isfinite(longest_lived(forcing(kappa), n_max).kicks))
 
 
 def last_circle(found, profile):
@@ -468,10 +460,10 @@ def last_circle(found, profile):
     return circles.InvariantCircle(omega, scale * profile, u, error, Status.OK)
 
 
-def candidates(kappa, x, y, n=_AVERAGED):
-    """Nobles near the rotation number of the orbit that starts in (x, y), as far as it has one in n
+def candidates(kappa, start, n=_AVERAGED):
+    """Nobles near the rotation number of the orbit from a Survivor, as far as it has one in n
     steps."""
-    omega, _ = rotation_number(kappa, x, y, n)
+    omega, _ = rotation_number(np.roll(kappa, -start.site), start.x, start.y, n)
     return _nobles(kappa, float(omega), _NEAR, _CANDIDATES) if np.isfinite(omega) else []
 
 

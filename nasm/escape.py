@@ -93,7 +93,8 @@ def escape_time(kappa, x, y, n_max, window=PAPER_WINDOW):
     """
     strengths, x, y, n_max, lo, hi, shift = _checked(kappa, x, y, n_max, window)
     times = np.empty(x.size)
-    _escape_times(kick_series(strengths), x.ravel() - 0.25, y.ravel() - shift, n_max, lo, hi, times)
+    starts = x.ravel() - 0.25, y.ravel() - shift
+    _escape_times(kick_series(strengths), *starts, n_max, lo, hi, False, times)
     return times.reshape(x.shape)
 
 
@@ -360,17 +361,17 @@ def _alarm(reach, limit):
 
 
 @njit(nogil=True)
-def _copy(source, start, n, target, target_start):
+def _copy(source, n, target, start):
     for i in range(n):
-        target[target_start + i] = source[start + i]
+        target[start + i] = source[i]
 
 
 @njit(nogil=True)
-def _padded(values, start, stop, filler):
-    """values[start:stop] in a buffer whose length is a multiple of the lanes."""
-    size = stop - start
+def _padded(values, filler):
+    """A copy whose length is a multiple of the lanes."""
+    size = values.size
     buffer = np.empty((size + LANES - 1) // LANES * LANES, values.dtype)
-    _copy(values, start, size, buffer, 0)
+    _copy(values, size, buffer, 0)
     for i in range(size, buffer.size):
         buffer[i] = filler
     return buffer
@@ -381,30 +382,34 @@ def _padded(values, start, stop, filler):
 _PARK_X, _PARK_Y = -0.25, 0.0
 
 
-@njit(nogil=True)
-def _chunk(n, n_max):
-    """Steps to take after n: a quarter of what was taken, at least a block, at most to n_max."""
-    return min(max(n // 4, _BLOCK), _LONGEST_CHUNK, n_max - n)
-
-
 @kernel
-def _escape_times(c, x0, y0, n_max, lo, hi, times):
-    """n* of every orbit into `times`; survivors are packed together after each chunk of time."""
+def _escape_times(c, x0, y0, n_max, lo, hi, only_first, times):
+    """n* of every orbit into `times`, inf if beyond n_max; if only the first escape counts, what is
+    later need not be found.
+
+    Survivors are packed together after each chunk of time. All orbits go through it before any goes
+    on: the first escaper is seldom in the first block of lanes, which might go round its island for
+    all of n_max.
+    """
     orbit = np.empty(x0.size, np.int64)
+    x, y, last = _padded(x0, _PARK_X), _padded(y0, _PARK_Y), n_max
     for i in range(x0.size):
         orbit[i] = i
         times[i] = np.inf
-    x, y = _padded(x0, 0, x0.size, _PARK_X), _padded(y0, 0, x0.size, _PARK_Y)
+        if y0[i] < lo or y0[i] > hi:
+            times[i] = 0
+            last = 0 if only_first else n_max
     x_end, y_end = np.empty(LANES, x.dtype), np.empty(LANES, x.dtype)
     reach = np.empty(LANES, x.dtype)
     limit = min(-lo, hi)
     alive = x0.size
     n = 0
-    while n < n_max and alive > 0:
-        chunk = _chunk(n, n_max)
+    while n < last and alive > 0:
+        # A quarter of the steps that were taken, at least a block.
+        chunk = min(max(n // 4, _BLOCK), _LONGEST_CHUNK, last - n)
         for start in range(0, alive, LANES):
             done = 0
-            while done < chunk:
+            while done < chunk and n + done <= last:
                 block = min(_BLOCK, chunk - done)
                 advance(c, x, y, start, block, x_end, y_end, reach)
                 if _alarm(reach, limit):
@@ -414,9 +419,10 @@ def _escape_times(c, x0, y0, n_max, lo, hi, times):
                             t = _replay(c, x[i], y[i], block, lo, hi)
                             if t <= block:
                                 times[orbit[i]] = n + done + t
+                                last = min(last, n + done + t - 1) if only_first else last
                                 x_end[lane], y_end[lane] = _PARK_X, _PARK_Y
-                _copy(x_end, 0, LANES, x, start)
-                _copy(y_end, 0, LANES, y, start)
+                _copy(x_end, LANES, x, start)
+                _copy(y_end, LANES, y, start)
                 done += block
         n += chunk
         survivors = 0
@@ -429,48 +435,17 @@ def _escape_times(c, x0, y0, n_max, lo, hi, times):
         alive = survivors
 
 
-@njit(nogil=True)
-def _first_escape(c, x0, y0, start, stop, n_max, lo, hi):
-    """The least n* of orbits start, …, stop - 1 if it is at most n_max, else n_max + 1."""
-    size = stop - start
-    for i in range(start, stop):
-        if y0[i] < lo or y0[i] > hi:
-            return 0
-    x, y = _padded(x0, start, stop, _PARK_X), _padded(y0, start, stop, _PARK_Y)
-    x_end, y_end = np.empty(LANES, x.dtype), np.empty(LANES, x.dtype)
-    reach = np.empty(LANES, x.dtype)
-    limit = min(-lo, hi)
-    n = 0
-    first = n_max + 1
-    # All orbits go through a chunk of time before any goes on: the first escaper is seldom in the
-    # first block of lanes, which might go round its island for all of n_max.
-    while n < first - 1:
-        chunk = _chunk(n, first - 1)
-        for i in range(0, size, LANES):
-            done = 0
-            while done < chunk and n + done < first:
-                block = min(_BLOCK, chunk - done)
-                advance(c, x, y, i, block, x_end, y_end, reach)
-                if _alarm(reach, limit):
-                    for lane in range(min(LANES, size - i)):
-                        if reach[lane] > limit:
-                            t = _replay(c, x[i + lane], y[i + lane], block, lo, hi)
-                            if t <= block:
-                                first = min(first, n + done + t)
-                _copy(x_end, 0, LANES, x, i)
-                _copy(y_end, 0, LANES, y, i)
-                done += block
-        n += chunk
-    return first
-
-
 @kernel
-def _first_escapes(c, x0, y0, sizes, n_max, lo, hi, times):
-    """`_first_escape` of each nested ensemble (columns) for each forcing (rows) into `times`."""
+def _first_escapes(c, x, y, sizes, n_max, lo, hi, found):
+    """The first escape of each nested ensemble (columns) for each forcing (rows) into `found`."""
+    times = np.empty(x.size)
     for i in range(c.shape[0]):
-        first, start = n_max + 1, 0
+        first, start = np.inf, 0
         for j in range(sizes.size):
             if first > 0:  # a larger ensemble matters only at times before the smaller one's
-                first = _first_escape(c[i], x0, y0, start, sizes[j], first - 1, lo, hi)
+                added, most = slice(start, sizes[j]), int(min(n_max, first - 1))
+                _escape_times(c[i], x[added], y[added], most, lo, hi, True, times[added])
+                for k in range(start, sizes[j]):
+                    first = min(first, times[k])
             start = sizes[j]
-            times[i, j] = first if first <= n_max else np.inf
+            found[i, j] = first

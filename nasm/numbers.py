@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from decimal import Decimal
 from fractions import Fraction
 from itertools import chain, cycle, takewhile
-from math import floor, isfinite, isqrt
+from math import isfinite, isqrt
 from numbers import Integral
 
 from nasm.checks import count, real
@@ -199,16 +199,10 @@ def nobles_near(value, width, n):
     n = count("n", n, 0, 10**6)
     if not isfinite(value) or not width > 0:
         raise ValueError(f"value={value} must be finite, and width={width} positive")
-    found, prefix, rest = [], [], Fraction(value)
-    while len(found) < n and len(prefix) < 30:
-        prefix.append(floor(rest))
-        noble = _shortest(prefix, [1])
-        if abs(float(noble) - value) < width and noble not in found:
-            found.append(noble)
-        if rest == prefix[-1]:
-            break
-        rest = 1 / (rest - prefix[-1])
-    return found
+    quotients = list(rational(value).prefix[:30])
+    nobles = (_shortest(quotients[: k + 1], [1]) for k in range(len(quotients)))
+    near = dict.fromkeys(noble for noble in nobles if abs(float(noble) - value) < width)
+    return list(near)[:n]
 
 
 def _linear(text):

@@ -115,18 +115,19 @@ def rotation_number(kappa, x, y, n):
     strengths = forcing(kappa)
     x, y = points(x, y)
     n = count("n", n, 4, MAX_STEPS)
-    whole, first, second = _weighted_averages(strengths, x.ravel(), y.ravel(), n)
+    weights = bump(n // 2 * 2), bump(n // 2)
+    whole, first, second = _weighted_averages(strengths, x.ravel(), y.ravel(), *weights)
     apart = np.ptp([whole, first, second], axis=0)
     digits = -np.log10(np.maximum(apart, max(1.5e-14, 3e-16 * n**0.5)))
     omega = np.where(digits >= REGULAR_DIGITS, whole, np.nan)
     return omega.reshape(x.shape), digits.reshape(x.shape)
 
 
-@njit(nogil=True)
-def _step(kappa, x, y):
-    for strength in kappa:
-        x, y = kick(strength, x, y)
-    return x, y
+def bump(n):
+    """w(t/n), t = 0, …, n - 1, of sum 1; all derivatives vanish at both ends."""
+    s = np.arange(1, n) / n
+    w = np.exp(-1 / (s * (1 - s)))
+    return np.append(0.0, w / w.sum())
 
 
 @kernel
@@ -174,30 +175,18 @@ def _doubled(values):
     return longer
 
 
-@njit(nogil=True)
-def _bump(n):
-    """w(t/n) normalised to sum 1; it vanishes with all derivatives at t = 0 and n."""
-    w = np.zeros(n)
-    for t in range(1, n):
-        s = t / n
-        w[t] = np.exp(-1 / (s * (1 - s)))
-    return w / w.sum()
-
-
 @kernel
-def _weighted_averages(kappa, x, y, n):
+def _weighted_averages(kappa, x, y, w_whole, w_half):
     """Averages of the advance in x over the whole orbit, its first and its second half."""
-    half = n // 2
-    w_whole, w_half = _bump(2 * half), _bump(half)
+    half = w_half.size
     averages = np.zeros((3, x.size))
     for i in range(x.size):
         xt, yt = x[i], y[i]
         for t in range(2 * half):
             # Restart near 0 each step: on a long lift the advance would lose digits to x itself.
-            xt -= np.floor(xt)
-            x_next, yt = _step(kappa, xt, yt)
-            advance = x_next - xt
-            averages[0, i] += w_whole[t] * advance
-            averages[1 + t // half, i] += w_half[t % half] * advance
-            xt = x_next
+            start = xt = xt - np.floor(xt)
+            for strength in kappa:
+                xt, yt = kick(strength, xt, yt)
+            averages[0, i] += w_whole[t] * (xt - start)
+            averages[1 + t // half, i] += w_half[t % half] * (xt - start)
     return averages

@@ -197,7 +197,7 @@ def _in_units_of(size, scale):
 def _elimination(kappa, distance):
     """Steps until no start survives, that far above the boundary; inf if some do."""
     n_max = min(max(1.6 / distance, _STEPS), _MOST_STEPS)
-    return barriers.longest_lived(kappa, int(n_max))[1]
+    return barriers.longest_lived(kappa, int(n_max)).kicks / kappa.size
 
 
 def _circle_under(kappa, boundary):
@@ -216,7 +216,7 @@ def _circle_under(kappa, boundary):
     omegas = [omega]
     if omega is None:  # as next to a cusp, where residues give no value
         beyond = boundary.upper * kappa
-        omegas = barriers.candidates(*barriers.longest_lived(beyond, 2 * _STEPS)[0])
+        omegas = barriers.candidates(beyond, barriers.longest_lived(beyond, 2 * _STEPS))
     found = (circles.invariant_circle(omega, kappa, _MOST_POINTS) for omega in omegas)
     return next((circle for circle in found if circle.certified), None)
 

@@ -71,7 +71,7 @@ GOOD = {
     escape.first_escape: {"kappas": [KAPPA], "x": np.zeros(5), "y": 0.1, "sizes": [1], "n_max": 10},
     escape.critical_scale: {"profile": (1, 0), "n_max": 64},
     symmetry_line.elimination_time: {"kappa": KAPPA, "y": 0.1, "n_max": 10},
-    symmetry_line.eliminates: {"kappa": KAPPA, "n_max": 10},
+    symmetry_line.longest_lived: {"kappa": KAPPA, "n_max": 10},
     symmetry_line.critical_scale: {"profile": (1, 0), "n_max": 100},
     transversal.elimination_time: {"kappa": KAPPA, "site": 0, "x": 0.5, "y": 0.1, "n_kicks": 10},
     transversal.longest_lived: {"kappa": (1.2, 1.0), "n_max": 10},
@@ -103,7 +103,7 @@ ESCAPES = escape.escape_time, escape.first_escape
 RAYS = periodic.critical_scale, escape.critical_scale, symmetry_line.critical_scale
 RAYS += transversal.located, barriers.critical_scale, continuation.critical_scale
 ELIMINATIONS = symmetry_line.elimination_time, transversal.elimination_time
-LINES = symmetry_line.elimination_time, symmetry_line.eliminates
+LINES = symmetry_line.elimination_time, symmetry_line.longest_lived
 CELLS = (proofs.transport_cells.prove_cell,)
 PROOFS = *CELLS, proofs.barrier.prove, proofs.transport.prove
 INEXACT = [
@@ -122,11 +122,11 @@ BAD = [
     ((maps.forcing, escape.escape_time, *ELIMINATIONS),
      "kappa", [[], ()], "{value} has shape (0,)"),
     ((maps.forcing, maps.step), "kappa", [[[0.3, 0.5]]], "has shape (1, 2)"),
-    ((maps.forcing, escape.escape_time, symmetry_line.elimination_time, symmetry_line.eliminates,
+    ((maps.forcing, escape.escape_time, symmetry_line.elimination_time, symmetry_line.longest_lived,
      transversal.longest_lived), "kappa", [(0.3, nan), [inf]], "is not finite"),
     ((maps.forcing, maps.step), "kappa", [[0.3, 1j], [[0.1], [0.1, 0.2]], ["0.3"], "0.3",
      [True, False]], "kappa={value} is not made of real numbers"),
-    ((maps.forcing, symmetry_line.eliminates, *PROOFS), "kappa", INEXACT, NO_FLOATS),
+    ((maps.forcing, symmetry_line.longest_lived, *PROOFS), "kappa", INEXACT, NO_FLOATS),
     ((escape.escape_time,), "x", INEXACT, NO_FLOATS),
     ((escape.first_escape,), "kappas", [[pair] for pair in INEXACT[1:]], NO_FLOATS),
     ((sequence.longest_lived,), "theta", INEXACT, NO_FLOATS),

@@ -148,8 +148,8 @@ def test_converse_kam_and_the_norms_of_the_last_circle_agree(profile):
     assert is_shown(found)
     assert found.upper - found.lower <= 1e-3 * found.value * (1 + 1e-9)
     assert 0 <= float(found.omega) <= len(profile) / 2
-    upper, _, steps = transversal.located(profile, 300)
-    least, most = (upper * (1 - excess / steps) for excess in transversal.EXCESS[::-1])
+    upper, last = transversal.located(profile, 300)
+    least, most = upper * (1 - np.array(transversal.EXCESS[::-1]) * len(profile) / last.kicks)
     assert least <= found.value <= most
     by_norms = continuation.critical_scale(found.omega, profile, 1e-4)
     assert abs(by_norms.value - found.value) <= by_norms.error + found.error < 2e-4
@@ -367,11 +367,11 @@ def misled(monkeypatch, candidates):
     the list of the rounds' forcings."""
     rounds, real = [], barriers.candidates
 
-    def other(kappa, x, y, *steps):
+    def other(kappa, start, *steps):
         rounds.append(kappa)
         if len(rounds) <= len(candidates):
             return [parse(name) for name in candidates[len(rounds) - 1]]
-        return real(kappa, x, y, *steps)
+        return real(kappa, start, *steps)
 
     monkeypatch.setattr(barriers, "candidates", other)
     return rounds

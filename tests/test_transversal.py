@@ -48,21 +48,22 @@ def test_nothing_is_eliminated_where_circles_are():
     y = np.linspace(0, 1, 50)
     assert np.isinf(elimination_time((0.0, 0.0, 0.0), 1, 0.3, y, 1000)).all()
     below = rotating_forcing(0.1, 0.1, "1/3", 0.05)
-    assert np.isinf(longest_lived(below, 300)[1])
+    assert np.isinf(longest_lived(below, 300).kicks)
 
 
 def test_a_certified_circle_survives_on_every_transversal_also_of_long_forcings():
     # The more kicks, the more ω there are whose starts live long, among which it must be found.
     kappa = 0.255 * direction(rotating_forcing(1, 1, "2/7", 0.02))
     assert circles.invariant_circle(parse("[3;9,4,(1)]"), kappa).certified
-    assert np.isinf(longest_lived(kappa, 1000)[1])
+    assert np.isinf(longest_lived(kappa, 1000).kicks)
 
 
 @pytest.mark.parametrize("profile", [(1.0,), (0.6, 0.8), (-0.5, 0.8)])
 def test_the_breakup_is_that_of_the_symmetry_line(profile):
     known = symmetry_line.critical_scale(profile, 5000)
     for n_max in (30, 100):
-        upper, _, time = located(profile, n_max)
+        upper, last = located(profile, n_max)
+        time = last.kicks / len(profile)
         assert abs(upper / (1 + 0.7 / time) / known.value - 1) < 0.35 / time
         assert known.value < upper < known.value * (1 + 1.5 / n_max)
 
@@ -81,7 +82,8 @@ def test_images_of_a_forcing_have_one_breakup(shape):
 def test_where_lines_fail_transversals_lead_to_the_circle_that_breaks_last(angle, phase):
     # Both lines of the centre meet minimizing orbits here, of first order at 93°.
     profile = rotating_forcing(*ray(angle), "1/3", phase)
-    upper, _, time = located(profile, 300)
+    upper, last = located(profile, 300)
+    time = last.kicks / profile.size
     judge = continuation.critical_scale(
         parse("[0;2,2,3,(1)]" if angle == 93 else "[0;1,2,1,2,(1)]"), profile, 1e-5
     )

@@ -132,7 +132,7 @@ def test_starts_that_never_go_leave_no_verdict(monkeypatch):
 
 @pytest.mark.usefixtures("briefly")
 def test_converse_kam_against_a_certified_circle_is_no_verdict(monkeypatch):
-    monkeypatch.setattr(symmetry_line, "eliminates", lambda kappa, n_max: True)
+    monkeypatch.setattr("nasm.barriers.eliminates", lambda kappa, n_max: True)
     assert verdict((0.3, 0.4)).boundary.lower > 1
     assert verdict((0.3, 0.4)).answer is Answer.UNDECIDED
 

@@ -35,15 +35,13 @@ So of κ_n = κ̄ + Δκ cos 2π(φ0 + nΩ), θ_n = 0, one line without survivor
   are not denied: that none are left is only measured, by their continuation and by escapes.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from numba import njit
 
 from nasm.arithmetic.kernels import kernel
 from nasm.arithmetic.sine import cos2pi
 from nasm.checks import count, floats, points, real
-from nasm.converse_kam.symmetry_line import longest_found
+from nasm.converse_kam.symmetry_line import Survivor, longest_found
 from nasm.critical import CriticalScale, Status, no_answer
 from nasm.maps import MAX_STRENGTH, direction, forcing, kick, phased_kick, phased_unkick
 
@@ -64,20 +62,6 @@ sooner, lives are those that a search of segments finds, or up to 6% longer (29 
 _LINES = 8  # at most, on which `last_survivor` looks
 _MIDDLE = 32  # kicks on either side of the middle
 _BELOW = np.array([0.85, 0.88, 0.91, 0.94, 0.96, 0.98])
-
-
-@dataclass(frozen=True)
-class Survivor:
-    """A start that takes longest to be eliminated.
-
-    site : int, the kick that it is before, 0 to N - 1. x, y : floats.
-    kicks : float, in either direction until it is eliminated; inf if it survives all N.
-    """
-
-    site: int
-    x: float
-    y: float
-    kicks: float
 
 
 def escape_time(kappa, theta, x, y, window):

@@ -62,7 +62,7 @@ from nasm.critical import CriticalScale, Status, no_answer
 from nasm.maps import direction, forcing
 from nasm.symmetries import CUSP_EXPONENT, distances_to_shorter, dominant_centre, primitive
 
-__all__ = ["critical_scale", "eliminates", "elimination_time", "has_dominant_line", "longest_lived"]
+__all__ = ["Survivor", "critical_scale", "elimination_time", "has_dominant_line", "longest_lived"]
 __dir__ = __all__.copy
 
 _METHOD = "converse KAM"
@@ -81,6 +81,20 @@ _KEPT, _CHILDREN, _SHRINK = 32, 8, 0.15
 
 _STRIDE = 2 + 5**0.5  # (1/γ)³
 _MOST_SCALES = 100  # 10 are usual
+
+
+@dataclass(frozen=True)
+class Survivor:
+    """A start that takes longest to be eliminated.
+
+    site : int, the kick that it is before, from 0. x, y : floats.
+    kicks : float, until it is eliminated; inf if it survives all that were asked.
+    """
+
+    site: int
+    x: float
+    y: float
+    kicks: float
 
 
 def elimination_time(kappa, y, n_max):
@@ -134,14 +148,6 @@ def longest_lived(kappa, n_max, kept=_KEPT):
     kept = count("kept", kept, 1, _GRIDS[1][0])
     y, time = longest_found(lambda y: _kicks(line, y, n_kicks), _GRIDS, kept)
     return y, time / strengths.size
-
-
-def eliminates(kappa, n_max):
-    """Whether no start is found to survive n_max steps: bool, on both grids of `longest_lived`.
-
-    True is strong evidence, not a proof, that no rotational invariant circle exists.
-    """
-    return bool(np.isfinite(longest_lived(kappa, n_max)[1]))
 
 
 def critical_scale(profile, n_max):
@@ -236,19 +242,6 @@ def _cusp_steps(profile):
     return 6 * nearest**-CUSP_EXPONENT
 
 
-@dataclass(frozen=True)
-class _Line:
-    """What the kernel needs to know of the dominant line."""
-
-    table: np.ndarray
-    """Row n: the coefficients of kick n, as in `nasm.escape`; a block more than a period."""
-    period: int
-    x: float
-    """a - 1/4, the shifted angle."""
-    w: float
-    """v_0 - v_{-1} = |κ_c|/2."""
-
-
 def has_dominant_line(kappa):
     """Whether minimax orbits of all ω are on one symmetry line, as the forcing repeats after one or
     two kicks: bool."""
@@ -256,6 +249,8 @@ def has_dominant_line(kappa):
 
 
 def _line(strengths):
+    """What the kernel needs of the dominant line: in row n the coefficients of kick n, as in
+    `nasm.escape`, of a period and a block more; P; a - 1/4; and v_0 - v_{-1} = |κ_c|/2."""
     strengths = primitive(strengths)
     if strengths.size > 2:
         raise ValueError(
@@ -266,13 +261,13 @@ def _line(strengths):
     strengths = np.roll(strengths, -site)
     rows = np.resize(strengths, strengths.size + _BLOCK - 1)
     w = float(strengths[0] if a else -strengths[0]) / 2
-    return _Line(-rows[:, None] * np.array(SINE), strengths.size, a - 0.25, w)
+    return -rows[:, None] * np.array(SINE), strengths.size, a - 0.25, w
 
 
 def _kicks(line, y, n_kicks):
     """Elimination times of starts on the line, in kicks."""
     times = np.empty(y.size)
-    _elimination_times(line.table, line.period, line.x, y, line.w, n_kicks, times)
+    _elimination_times(*line, y, n_kicks, times)
     return times
 
 
@@ -381,7 +376,7 @@ def _replay(c, site, report, lane):
 
 
 @kernel
-def _elimination_times(c, period, x, y, w, n_max, times):
+def _elimination_times(c, period, x, w, y, n_max, times):
     """The kick after which v ≤ 0 for every start into `times`, inf if later than n_max."""
     size = (y.size + LANES - 1) // LANES * LANES
     state, report = np.empty((4, size)), np.empty((5, LANES))

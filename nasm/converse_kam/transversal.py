@@ -36,7 +36,6 @@ strong evidence, not a proof. The choice matters: 0.5% beyond the breakup of the
 last 130 steps there, and on 15 of 20 other lines x = a starts survive 3000.
 """
 
-from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache, partial
 
@@ -48,10 +47,8 @@ from nasm.arithmetic.kernels import kernel
 from nasm.arithmetic.lanes import FEW, load_state, minimum, own_frame, store_state
 from nasm.arithmetic.sine import SINE, cos2pi
 from nasm.checks import count, points
-from nasm.converse_kam import symmetry_line
-from nasm.converse_kam.symmetry_line import longest_found, tangent_kick
+from nasm.converse_kam.symmetry_line import Survivor, longest_found, tangent_kick
 from nasm.maps import MAX_PERIOD, forcing, kick, segment
-from nasm.symmetries import dominant_centre
 
 __all__ = ["curve", "elimination_time", "located", "longest_lived"]
 __dir__ = __all__.copy
@@ -69,18 +66,6 @@ _LONGEST = 4  # times √n_max: period of the minimax orbits up to which pieces 
 _SHORT = 100  # kicks: of shorter lives the shortest is sought, on the transversals of all sites
 _NARROW = 0.2  # over the steps: bracket, in parts of the scale, to which it is narrowed
 _AHEAD, _FARTHEST = 0.1, 40  # change of the largest strength in a step from a start, and steps
-
-
-@dataclass(frozen=True)
-class Start:
-    """A start before the kick of a site.
-
-    site : int, 0 to P - 1. x, y : floats.
-    """
-
-    site: int
-    x: float
-    y: float
 
 
 def elimination_time(kappa, site, x, y, n_kicks):
@@ -116,17 +101,15 @@ def longest_lived(kappa, n_max):
 
     Returns
     -------
-    start : Start, on the transversal before the kick of the largest |κ|; where a start survives
-        there, on that of the next largest, and so on.
-    steps : float, in either direction; inf if on each transversal a start survives n_max steps.
+    Survivor, on the transversal before the kick of the largest |κ|; where a start survives there,
+    on that of the next largest, and so on. Its kicks are inf if on each one a start survives.
 
     The beam search of `symmetry_line.longest_lived`, on two unrelated grids: it may miss a
     survivor.
     """
     strengths = forcing(kappa)
     n_kicks = strengths.size * count("n_max", n_max, 1, MAX_STEPS)
-    start, kicks = _longest_lived(strengths, n_kicks, _by_strength(strengths))
-    return start, kicks / strengths.size
+    return _longest_lived(strengths, n_kicks, _by_strength(strengths))
 
 
 def curve(kappa, n_max):
@@ -140,20 +123,14 @@ def curve(kappa, n_max):
     Returns
     -------
     (site, points): int, and ndarray of shape (m, 2), x and y of its corners before the kick of that
-    site; None if on the transversals of all sites a start survives n_max steps. Of one or two kicks
-    it is the dominant symmetry line, to y = 1/2.
+    site; None if on the transversals of all sites a start survives n_max steps.
     """
     strengths, n_steps, n_max = forcing(kappa), 32, count("n_max", n_max, 32, MAX_STEPS)
-    if symmetry_line.has_dominant_line(strengths):
-        site, a = dominant_centre(strengths)
-        ended = symmetry_line.eliminates(strengths, n_max)
-        return (site, np.array([[a, 0.0], [a, 0.5]])) if ended else None
     ordered = _ordered(kappa)
     while n_steps <= n_max:
         for site in _by_strength(strengths):
-            minimax = partial(_minimax, ordered, strengths.size, site)
             _, kicks, corners = _longest_on_transversal(
-                np.roll(strengths, -site), minimax, n_steps * strengths.size
+                strengths, site, ordered, n_steps * strengths.size
             )
             if kicks < np.inf:
                 return site, corners
@@ -163,7 +140,7 @@ def curve(kappa, n_max):
 
 def located(profile, n_max, start=None):
     """A scale on κ = start + s·profile at which no start was found to survive n_max steps, just
-    above the last breakup; the Start that lives longest there, and its life T in steps.
+    above the last breakup; and the Survivor that lives longest there, T steps.
 
     Lower the scale until a start survives 30 steps or so, halve the bracket until it is narrow, go
     on with four times the steps, and so on to n_max. On a ray from zero the breakup is lower by
@@ -175,7 +152,7 @@ def located(profile, n_max, start=None):
     n_max : int, 30 to 10⁶, steps.
     start : sequence of P floats, default 0. From another one the scale is just above the first
         breakup, s ≥ 0, that steps of 0.1 of the largest strength meet; 0 if no start survives
-        there, inf if one does up to 40 steps; and no Start.
+        there, inf if one does up to 40 steps; and None.
 
     ValueError if profile is zero or tiny, or longer than 64 kicks, or start of another length, or
     n_max out of range.
@@ -191,28 +168,27 @@ def located(profile, n_max, start=None):
 
     if start.any():
         scales = (_AHEAD * n / size for n in range(_FARTHEST + 1))
-        upper = next((scale for scale in scales if lived(scale, n_max)[1] < np.inf), np.inf)
+        upper = next((scale for scale in scales if lived(scale, n_max).kicks < np.inf), np.inf)
         if not 0 < upper < np.inf:
-            return upper, None, np.nan
+            return upper, None
     unit = np.abs(start + upper * profile).max() / size
     for left in range(int(np.log(n_max / 30) / np.log(4)), -1, -1):
         n_steps, survived = n_max // 4**left, None
         while survived is None or upper - survived > _NARROW / n_steps * unit:
             scale = max(upper - share * unit, 0) if survived is None else (upper + survived) / 2
-            longest, kicks = lived(scale, n_steps)
-            if np.isinf(kicks):
+            longest = lived(scale, n_steps)
+            if np.isinf(longest.kicks):
                 survived = scale
             elif scale == 0:
-                return 0.0, None, np.nan
+                return 0.0, None
             else:
-                upper, found = scale, (longest, kicks / profile.size)
+                upper, found = scale, longest
                 unit = np.abs(start + upper * profile).max() / size
                 share = min(1.5 * share, 0.3)
         if found is None:  # of fewer steps than the search before
-            longest, kicks = lived(upper, 16 * n_max)
-            found = longest, kicks / profile.size
-        share = _EXCESS / found[1]  # by the law, the breakup is that far below
-    return upper, *found
+            found = lived(upper, 16 * n_max)
+        share = _EXCESS / found.kicks * profile.size  # by the law, the breakup is that far below
+    return upper, found
 
 
 def _by_strength(kappa):
@@ -226,28 +202,27 @@ def _by_strength(kappa):
 
 
 def _longest_lived(kappa, n_kicks, sites):
-    """The Start that lives longest where that life is shortest, and its life in kicks.
+    """The Survivor of the transversal where the longest life is the shortest.
 
     Of transversals on which no start survives and one lives long, the first is as good as any.
     The last site that was better is put first among `sites`.
     """
-    ordered = _ordered(kappa)
-    best, least = None, np.inf
+    ordered, best = _ordered(kappa), None
     for site in list(sites):
-        minimax = partial(_minimax, ordered, kappa.size, site)
-        at, kicks, _ = _longest_on_transversal(np.roll(kappa, -site), minimax, n_kicks)
-        if best is None or kicks < least:
-            best, least = Start(site, *(float(part) for part in at)), kicks
+        (x, y), kicks, _ = _longest_on_transversal(kappa, site, ordered, n_kicks)
+        if best is None or kicks < best.kicks:
+            best = Survivor(site, float(x), float(y), kicks)
             sites.remove(site)
             sites.insert(0, site)
-        if _SHORT < least < np.inf:
+        if _SHORT < best.kicks < np.inf:
             break
-    return best, least
+    return best
 
 
-def _longest_on_transversal(kappa, minimax, n_kicks):
-    """(x, y) of the start that lives longest on the transversal before site 0, its life in kicks,
-    and the corners; minimax : the orbits, a function of ω and a place x, as `_minimax`."""
+def _longest_on_transversal(kappa, site, ordered, n_kicks):
+    """(x, y) of the start that lives longest on the transversal before the kick of `site`, its life
+    in kicks, and the corners; ordered : `ordered_orbits` of ω."""
+    kappa, minimax = np.roll(kappa, -site), partial(_minimax, ordered, kappa.size, site)
     orbits = _first_orbits(kappa, minimax)
     longest = _LONGEST * (n_kicks / kappa.size) ** 0.5
     kept = _KEPT * max(2, kappa.size)  # all ω up to P/2 are there

@@ -26,7 +26,7 @@ from nasm.converse_kam import sequence
 from nasm.critical import CriticalScale, Status
 from nasm.maps import direction, rotating_forcing
 from nasm.numbers import nobles_near
-from nasm.orbits import orbit
+from nasm.orbits import bump, orbit
 from nasm.tori import newton
 
 __all__ = ["of_fraction", "of_irrational", "upper_scale"]
@@ -140,14 +140,7 @@ def _regular(kappa):
     times = sequence.elimination_time(kappa, 0.0, survivor.site, x, y)
     ahead, left = kappa[survivor.site :][:_AVERAGED], np.isinf(times)
     steps = np.diff(orbit(ahead, x[left], y[left], ahead.size, 1)[0], axis=0)
-    whole, half = _average(steps), _average(steps[: len(steps) // 2])
+    whole, half = (bump(n) @ steps[:n] for n in (len(steps), len(steps) // 2))
     apart = np.abs(whole - half)
     order = [i for i in np.argsort(apart) if apart[i] < _REGULAR]
     return [abs(whole[i] - np.rint(whole[i])) for i in order]
-
-
-def _average(steps):
-    """The weighted Birkhoff average along the first axis."""
-    at = np.arange(1, len(steps)) / len(steps)
-    weights = np.exp(-1 / (at * (1 - at)))
-    return weights @ steps[1:] / weights.sum()
