@@ -280,15 +280,11 @@ class Chain:
 def ordered_orbits(kappa, p, q):
     """The two ordered orbits of rotation number p/q per period.
 
-    Parameters
-    ----------
     kappa : sequence of P floats, the forcing, first kick first.
     p, q : ints without common factor, 1 ≤ q ≤ 10⁶.
 
-    Returns
-    -------
-    minimizing, minimax : Orbit, both from the same site on, in the gap that is widest there. Where
-    R cannot be told from 0 both are one orbit of those that differ by rounding.
+    Returns minimizing, minimax : Orbit, both from the same site on, in the gap that is widest
+    there. Where R cannot be told from 0 both are one orbit of those that differ by rounding.
 
     LostError if they are not found, as may be far beyond the breakup of all circles near p/q.
     """

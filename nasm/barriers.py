@@ -82,19 +82,15 @@ _FIRST, _AT_ONCE = 1500, 3e-7  # period of orbits, and error over the scale, tha
 def critical_scale(profile, tol=1e-4, start=None):
     """The scale at which the last rotational invariant circle breaks on κ = start + s·profile.
 
-    Parameters
-    ----------
     profile : sequence of P floats, not all 0.
     tol : float, 10⁻⁵ to 10⁻¹: the width of the bracket to aim at, (upper - lower)/value.
     start : sequence of P floats; default 0, a ray from the origin. From another start it is the
         first breakup, s ≥ 0; a region without circles is stepped over if it is narrower than a
         change of 0.1 of the largest strength.
 
-    Returns
-    -------
-    CriticalScale. value, error : by Greene's residue; where a later circle may have been missed,
-    next to a cusp or where starts survive above the value, error is no smaller than upper - value,
-    and where residues have no limit the value is between scales at which they fall and grow.
+    Returns CriticalScale. value, error : by Greene's residue; where a later circle may have been
+    missed, next to a cusp or where starts survive above the value, error is no smaller than upper -
+    value, and where residues have no limit the value is between scales at which they fall and grow.
     lower : a circle is certified there, that of ω or of another; upper : no start on the dominant
     line, or on a transversal, survives there. omega : that of the last barrier, per period, in
     [0, P/2], which stands for ±ω and all ω + P·n: their circles break together. Of two that are
@@ -433,15 +429,11 @@ def last_circle(found, profile):
     near to the breakup `circles.invariant_circle` is left with too few modes. This one comes by
     `circles.continuation.certified_circle`, from circles that were met further in.
 
-    Parameters
-    ----------
     found : CriticalScale with omega, value and lower, e.g. by `critical_scale`.
     profile : the ray that it was found on.
 
-    Returns
-    -------
-    InvariantCircle of found.omega under the forcing found.lower·profile; status NOT_CERTIFIED, and
-    no deviations, if it is not certified again.
+    Returns InvariantCircle of found.omega under the forcing found.lower·profile; status
+    NOT_CERTIFIED, and no deviations, if it is not certified again.
 
     ValueError if found has no lower scale, or no value.
     """
@@ -514,8 +506,6 @@ def tied(omega, profile):
 def boundary(angles, tol=1e-4):
     """The boundary of global transport of two kicks, ray by ray: a list of CriticalScale.
 
-    Parameters
-    ----------
     angles : sequence of floats, degrees; (κ1, κ2) = s·(cos angle, sin angle).
     tol : float, as for `critical_scale`: 0.25 s of CPU time a ray at 10⁻⁴, 0.8 s at 2·10⁻⁵.
     """

@@ -75,21 +75,15 @@ def ensemble(n_orbits):
 def escape_time(kappa, x, y, n_max, window=PAPER_WINDOW):
     """First step n at which each orbit is outside the window.
 
-    Parameters
-    ----------
     kappa : sequence of P floats, the forcing, first kick first.
     x, y : arrays that broadcast to one shape, starts; x in turns.
     n_max : int, 1 to 10¹², steps (periods of the forcing).
     window : (lo, hi), y is inside while lo ≤ y ≤ hi.
 
-    Returns
-    -------
-    ndarray of float64, shape of x: n*, 0 for a start outside, inf for no escape up to n_max.
+    Returns ndarray of float64, shape of x: n*, 0 for a start outside, inf for no escape up to
+    n_max.
 
-    Raises
-    ------
-    ValueError
-        If an argument is not finite, empty, or out of range; the message names it.
+    ValueError if an argument is not finite, empty, or out of range; the message names it.
     """
     strengths, x, y, n_max, lo, hi, shift = _checked(kappa, x, y, n_max, window)
     times = np.empty(x.size)
@@ -101,8 +95,6 @@ def escape_time(kappa, x, y, n_max, window=PAPER_WINDOW):
 def first_escape(kappas, x, y, sizes, n_max, window=PAPER_WINDOW, precision="double"):
     """First escape of nested ensembles, for many forcings: the form that a sweep of the plane uses.
 
-    Parameters
-    ----------
     kappas : array of shape (..., P), forcings of one period P.
     x, y : arrays of shape (M,), the starts; ensemble m is the first m of them.
     sizes : sequence of increasing ints, 1 ≤ size ≤ M.
@@ -110,9 +102,8 @@ def first_escape(kappas, x, y, sizes, n_max, window=PAPER_WINDOW, precision="dou
     precision : "double" or "single", of the arithmetic: single takes two fifths of the time, and at
         most 10⁶ steps.
 
-    Returns
-    -------
-    ndarray of float64, shape (len(sizes), ...): min n* over each ensemble, exact for every size.
+    Returns ndarray of float64, shape (len(sizes), ...): min n* over each ensemble, exact for every
+    size.
 
     Each ensemble stops at its first escaper, and a larger one looks only at earlier times than a
     smaller one has found, so that the larger ones cost little where transport is quick.
@@ -154,22 +145,17 @@ def critical_scale(profile, n_max, n_orbits=1000, window=PAPER_WINDOW, precision
        scaling constants of MacKay (Physica D 7 (1983) 283).
     3. The same for N/64, to see what bias the law foretells from there.
 
-    Parameters
-    ----------
     profile : sequence of P floats.
     n_max : int, 64 to 10¹², steps.
     n_orbits : int, the size of `ensemble`.
     window : (lo, hi) in y, around all starts.
     precision : as for `first_escape`.
 
-    Returns
-    -------
-    CriticalScale. upper : k_N, an escape was seen there. value : extrapolated; error : upper -
-    value, the bias, plus its difference to the foretold one, for k_N is a draw. (It covered the
-    residues' value in 394 of 397 cases on 80 random rays, N from 500 to 20 000 with 30 to 1000
+    Returns CriticalScale. upper : k_N, an escape was seen there. value : extrapolated; error :
+    upper - value, the bias, plus its difference to the foretold one, for k_N is a draw. (It covered
+    the residues' value in 394 of 397 cases on 80 random rays, N from 500 to 20 000 with 30 to 1000
     orbits; the worst was 1.34 times as far off.) lower is NaN: no escape shows nothing. omega is
-    None.
-    Status NO_BREAKUP if nothing escapes even where the largest |κ| is 2.
+    None. Status NO_BREAKUP if nothing escapes even where the largest |κ| is 2.
 
     ValueError if profile is zero or tiny or an argument out of range.
     """
@@ -210,18 +196,15 @@ def critical_scale(profile, n_max, n_orbits=1000, window=PAPER_WINDOW, precision
 def boundary(escape_time, kappa1, kappa2, angles, n):
     """Where rays from the origin pass into {n* ≤ n}, in a field over the (κ1, κ2) plane.
 
-    Parameters
-    ----------
     escape_time : array of shape (kappa2.size, kappa1.size), first escape times; NaN: not known.
     kappa1, kappa2 : equally spaced cell centres, at least two each.
     angles : array, degrees; the ray (cos, sin).
     n : number of steps.
 
-    Returns
-    -------
-    scale : ndarray, shape of angles: the distance from the origin at which the ray passes from a
-        cell without transport into one with it, for the first time; its resolution is one cell. NaN
-        where it meets no such pair of cells in the plane, or transport next to an unknown cell.
+    Returns scale : ndarray, shape of angles: the distance from the origin at which the ray passes
+        from a cell without transport into one with it, for the first time; its resolution is one
+        cell. NaN where it meets no such pair of cells in the plane, or transport next to an unknown
+        cell.
     """
     escape_time = np.asarray(escape_time)
     centres = np.asarray(kappa1), np.asarray(kappa2)

@@ -56,13 +56,10 @@ class _Node(NamedTuple):
 def standing(kappa):
     """A circle that stands under a forcing, if the tree shows one, and what it shows else.
 
-    Parameters
-    ----------
     kappa : sequence of P floats, the forcing, first kick first.
 
-    Returns
-    -------
-    omega : RotationNumber, a noble in [0, P/2] per period whose `circle_stands`; None if none does.
+    Returns omega : RotationNumber, a noble in [0, P/2] per period whose `circle_stands`; None if
+    none does.
     nobles : list of the nobles that were not ruled out up to period 1000, the simplest first; else
         the one that took the longest. Just beyond the last breakup the last circle is one of them.
     period : int, the longest that was needed. A circle that breaks a part δ of the scale below

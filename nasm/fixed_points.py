@@ -54,14 +54,10 @@ def residue(kappa, x, y):
 def secondary(kappa1, kappa2):
     """The secondary point next to (1/2, 0), with x > 1/2; its mirror image is (1 - x, -y).
 
-    Parameters
-    ----------
     kappa1, kappa2 : arrays that broadcast together, finite.
 
-    Returns
-    -------
-    z : ndarray, the smallest solution of Eq. (38b) in (0, π), with z = 2πx - π; NaN where the sign
-        changes between no two of 1024 equally spaced samples.
+    Returns z : ndarray, the smallest solution of Eq. (38b) in (0, π), with z = 2πx - π; NaN where
+        the sign changes between no two of 1024 equally spaced samples.
     x, y : ndarrays, the point.
     """
     kappa1, kappa2 = np.broadcast_arrays(*np.atleast_1d(kappa1, kappa2))

@@ -64,19 +64,15 @@ class Flux:
 def flux(omega, kappa, q_max=30_000):
     """ΔW of the convergents of ω, until it changes no more or is lost in rounding.
 
-    Parameters
-    ----------
     omega : RotationNumber or its text, irrational; e.g. "gamma".
     kappa : sequence of P floats, the forcing, first kick first.
     q_max : int up to 10⁶, the longest period used. 30 000 do from 10⁻³ beyond the breakup on,
         200 000 from 10⁻⁴.
 
-    Returns
-    -------
-    Flux. error : the last change and the rounding of the sum; the changes shrink faster than
-    geometrically. Status NOT_CONVERGED next to the breakup, where orbits up to q_max do not tell on
-    which side of it kappa is, DISORDERED where longer orbits were lost before changes fell below
-    1%.
+    Returns Flux. error : the last change and the rounding of the sum; the changes shrink faster
+    than geometrically. Status NOT_CONVERGED next to the breakup, where orbits up to q_max do not
+    tell on which side of it kappa is, DISORDERED where longer orbits were lost before changes fell
+    below 1%.
     """
     kappa, q_max = forcing(kappa), count("q_max", q_max, 1, MAX_PERIOD)
     omega = checked(omega)
@@ -112,14 +108,10 @@ def flux(omega, kappa, q_max=30_000):
 def action_difference(kappa, p, q):
     """ΔW_{p/q}, the area that passes through the gaps of the ordered p/q orbits in one step.
 
-    Parameters
-    ----------
     kappa : sequence of P floats, the forcing, first kick first.
     p, q : ints without common factor, 1 ≤ q ≤ 10⁶.
 
-    Returns
-    -------
-    float; NaN if one of the two orbits is not found.
+    Returns float; NaN if one of the two orbits is not found.
     """
     try:
         return _difference(*ordered_orbits(kappa, p, q))[0]

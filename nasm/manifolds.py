@@ -43,17 +43,14 @@ _FURTHEST = 20.0  # turns along a manifold to its turnstile
 def unstable(kappa, p, q, x, y, length, spacing=2e-3, toward=1):
     """One branch of the unstable manifold of a point of the minimizing p/q orbit.
 
-    Parameters
-    ----------
     kappa : sequence of P floats, the forcing, first kick first.
     p, q, x, y : the fraction, and a point of its minimizing orbit, x on the lift.
     length : in turns, of the branch.
     spacing : from each of its points to the next.
     toward : 1 for the branch that begins to the right, -1 to the left.
 
-    Returns
-    -------
-    x, y : arrays, from the point on, on the lift; shorter than asked for beyond 2·10⁵ points.
+    Returns x, y : arrays, from the point on, on the lift; shorter than asked for beyond 2·10⁵
+    points.
 
     ValueError if the point is not hyperbolic.
     """

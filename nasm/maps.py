@@ -105,15 +105,11 @@ def twist(kappa, x, y):
 def rotating_forcing(mean, amplitude, frequency, phase=0.0):
     """One period of κ_n = κ̄ + Δκ cos 2π(φ0 + nΩ), the rotating standard map, Eq. (53).
 
-    Parameters
-    ----------
     mean, amplitude : float, κ̄ and Δκ.
     frequency : Fraction or str, Ω = p/q, an exact fraction, q ≤ 10⁶; the forcing has period P = q.
     phase : float, φ0 in turns.
 
-    Returns
-    -------
-    ndarray of shape (q,), first kick first.
+    Returns ndarray of shape (q,), first kick first.
 
     With Ω = 1/2 and φ0 = 0 this is (κ̄ + Δκ, κ̄ - Δκ), so that Δκ = (κ1 - κ2)/2 for T_{κ1κ2}, whose
     first kick is κ1. The paper's (κ2 - κ1)/2 belongs to its Eq. (2), where even n kick with κ2; the

@@ -28,8 +28,6 @@ REGULAR_DIGITS = 5
 def orbit(kappa, x, y, n, every=None):
     """The orbits that start in (x, y), on the lift.
 
-    Parameters
-    ----------
     kappa : sequence of P floats, the forcing, first kick first; kick t = 0, 1, … has κ_{t mod P}.
     x, y : float or arrays that broadcast to one shape.
     n : int, 0 to 10⁹, points after the start.
@@ -37,9 +35,7 @@ def orbit(kappa, x, y, n, every=None):
         after each first kick are an orbit of the forcing that begins with the second (`shift` in
         `nasm.symmetries`), and so on: P orbits of P maps, one map's circles across another's.
 
-    Returns
-    -------
-    x, y : ndarrays of shape (n + 1, *shape); index 0 is the start.
+    Returns x, y : ndarrays of shape (n + 1, *shape); index 0 is the start.
     """
     strengths = forcing(kappa)
     x, y = points(x, y)
@@ -68,17 +64,13 @@ def portrait(kappa, n_orbits=40, n=400):
 def passages(kappa, x, y, n, box, every=None):
     """The points of the first n steps of orbits that are in a box of the cell.
 
-    Parameters
-    ----------
     kappa : sequence of P floats, the forcing, first kick first.
     x, y : float arrays of shape (m,), the starts; they count as points too.
     n : int, 1 to 10⁹, points of each orbit.
     box : (left, bottom, width, height), x and y of its lower left corner and its size, up to 1.
     every : int, kicks from one point to the next, as for `orbit`.
 
-    Returns
-    -------
-    which : ndarray of int, the orbit of each point, in the order in which they come.
+    Returns which : ndarray of int, the orbit of each point, in the order in which they come.
     x, y : ndarrays of its shape, in [left, left + width] and [bottom, bottom + height].
     state : (x, y), the points after these, mod 1, from which a next call continues.
     """
@@ -96,16 +88,12 @@ def passages(kappa, x, y, n, box, every=None):
 def rotation_number(kappa, x, y, n):
     """Rotation number per step of each orbit, Eq. (23), by weighted Birkhoff average.
 
-    Parameters
-    ----------
     kappa : sequence of P floats, the forcing, first kick first.
     x, y : float or arrays that broadcast to one shape.
     n : int, 4 to 10⁹, steps to average over; with 10⁴ a robust circle's ω has 12 digits or more.
         Once the halves agree, more steps lose digits again, as y drifts with every rounding.
 
-    Returns
-    -------
-    omega : ndarray; NaN where digits are fewer than `REGULAR_DIGITS`.
+    Returns omega : ndarray; NaN where digits are fewer than `REGULAR_DIGITS`.
     digits : ndarray, -log10 of the largest difference between the averages of the whole orbit and
         of its halves, or of what rounding does to them, if that is more: 1.5·10⁻¹⁴, and 3·10⁻¹⁶·√n
         from n = 2500 on. (Of 1961 regular orbits of P = 1, 2 and 3 with n from 10² to 10⁵, judged

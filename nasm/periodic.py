@@ -50,8 +50,6 @@ def residue(kappa, p, q):
     0 < R < 1 is elliptic, R > 1 hyperbolic with reflection; 0 where R cannot be told from 0. The
     minimizing orbit, R < 0, is the other one of `action.ordered_orbits`.
 
-    Parameters
-    ----------
     kappa : sequence of P floats, the forcing, first kick first.
     p, q : ints without common factor, 1 ≤ q ≤ 10⁶.
     """
@@ -68,8 +66,6 @@ def critical_scale(omega, profile, q_max=6000, start=None, between=None):
     The `crossings` of the residues of its convergents, extrapolated by Aitken's rule: of minimax
     orbits, and with three kicks or more of minimizing orbits too.
 
-    Parameters
-    ----------
     omega : RotationNumber or its text, irrational; e.g. "gamma".
     profile : sequence of P floats.
     q_max : int up to 10⁶, the largest period used. 1500 gives nine digits for noble ω, 6000 twelve.
@@ -79,13 +75,11 @@ def critical_scale(omega, profile, q_max=6000, start=None, between=None):
     between : pair of floats, scales between which the breakup is, if known; then there is no such
         search, and orbits whose residues do not cross between them are too short to tell.
 
-    Returns
-    -------
-    CriticalScale. error : see `_limit`; next to a cusp it is doubled, up to four times the period
-    from which orbits see the cusp. Of two families it is no smaller than their difference, and long
-    orbits have residues that fall with q just below the value, and grow just above. lower and upper
-    are NaN: Greene's criterion is not a proof of either. Status NEAR_CUSP where the longest orbits
-    that were found do not see the cusp.
+    Returns CriticalScale. error : see `_limit`; next to a cusp it is doubled, up to four times the
+    period from which orbits see the cusp. Of two families it is no smaller than their difference,
+    and long orbits have residues that fall with q just below the value, and grow just above. lower
+    and upper are NaN: Greene's criterion is not a proof of either. Status NEAR_CUSP where the
+    longest orbits that were found do not see the cusp.
 
     ValueError if profile is zero or tiny, or start is of another length.
     """
@@ -104,10 +98,8 @@ def crossings(omega, profile, q_max=6000, start=None):
     the symmetry `alternate`, the shorter map is taken: on κ1 = κ2 the standard map itself, at ω/2.
     The boundaries have cusps there.
 
-    Returns
-    -------
-    q, scales : ndarrays of shape (n,): the longer of the two periods, and the crossing. Empty where
-    there is no answer; `critical_scale` says why.
+    Returns q, scales : ndarrays of shape (n,): the longer of the two periods, and the crossing.
+    Empty where there is no answer; `critical_scale` says why.
 
     ValueError as for `critical_scale`.
     """
@@ -380,17 +372,13 @@ def torus_scale(omega, frequency, mean, amplitude):
     both fractions close to an incommensurate pair it stands for the two-dimensional torus of that
     pair, and its residues pass from tiny to huge where the torus breaks.
 
-    Parameters
-    ----------
     omega, frequency : Fraction or str, p/q and Ω.
     mean, amplitude : float, the direction (κ̄, Δκ).
 
-    Returns
-    -------
-    CriticalScale. value : where |R| of either symmetric orbit first reaches 1/4, in steps of a
-    hundredth of the range |κ| < 2. error : how far from there |R| = 1 is, or the orbit lost; at
-    least 2·value/√N for an orbit of N kicks, which sees the torus at distances of 1/√N turns only.
-    (On 60 rays, for approximants of four pairs with N from 263 to 10 252, this covered the
+    Returns CriticalScale. value : where |R| of either symmetric orbit first reaches 1/4, in steps
+    of a hundredth of the range |κ| < 2. error : how far from there |R| = 1 is, or the orbit lost;
+    at least 2·value/√N for an orbit of N kicks, which sees the torus at distances of 1/√N turns
+    only. (On 60 rays, for approximants of four pairs with N from 263 to 10 252, this covered the
     difference to longer ones with N up to 73 396 in 98.6% of 420 cases, the worst 1.04 times as
     large.) omega is that per period of the forcing. lower and upper are NaN. Status DISORDERED if
     the orbit is lost before.

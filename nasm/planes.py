@@ -159,13 +159,9 @@ class Plane:
     def fold(self, angle):
         """The ray that stands for all that share their last barrier with the one at `angle`.
 
-        Parameters
-        ----------
         angle : array_like, degrees.
 
-        Returns
-        -------
-        folded : ndarray, the least angle of `unfold`; for two kicks in [0, 45].
+        Returns folded : ndarray, the least angle of `unfold`; for two kicks in [0, 45].
         omega_shift : ndarray of int: the circle of ω on the ray at `angle` breaks at the same scale
             as that of ω + omega_shift on the folded ray. For two kicks the mirrors κ1 → -κ1 and
             κ2 → -κ2 add 1, Eqs. (24) to (28); the swap and -κ add nothing.

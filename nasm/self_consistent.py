@@ -67,20 +67,15 @@ class Record:
 def evolve(x, y, gamma, amplitude, n, phase=0.0, detuning=0.0):
     """Follow n kicks of the self-consistent map.
 
-    Parameters
-    ----------
     x, y : arrays of one shape (M,), the particles; x in turns.
     gamma : float or array (M,), weights γ, each from -10⁶ to 10⁶.
     amplitude : float, κ before the first kick, 10⁻¹⁰⁰ to 10⁶.
     n : int, 1 to 10⁹, kicks.
     phase, detuning : floats, θ before the first kick and Ω, in turns.
 
-    Returns
-    -------
-    Record. To go on, start from its x, y, kappa[-1] and phase: two runs are one then, bit by bit.
+    Returns Record. To go on, start from its x, y, kappa[-1] and phase: two runs are one then, bit
+    by bit.
 
-    Raises
-    ------
     ValueError if an argument is out of range; ArithmeticError if the amplitude becomes 0, where the
     phase is not defined.
     """

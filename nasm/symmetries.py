@@ -142,15 +142,11 @@ def _half_on(site, size):
 def symmetry_lines(kappa, y):
     """The lines on which orbits are their own mirror images, at the start of a period.
 
-    Parameters
-    ----------
     kappa : sequence of P floats with a symmetry centre c, the forcing, first kick first.
     y : array; it runs along each line, whose image under y → y + 1 is a line too.
 
-    Returns
-    -------
-    x, y : ndarrays of shape (4, *y.shape), on the lift: x_c = 0 and x_c = 1/2, followed back from
-    site c to site 0, and so at the other centre, c + P/2.
+    Returns x, y : ndarrays of shape (4, *y.shape), on the lift: x_c = 0 and x_c = 1/2, followed
+    back from site c to site 0, and so at the other centre, c + P/2.
 
     ValueError if the forcing has no centre.
     """
@@ -177,15 +173,11 @@ def shorten(forcings, omega):
     On κ1 = κ2 one step is two of the standard map, at ω/2; on κ1 = -κ2 so it is up to `alternate`,
     and on (κ, 0, -κ, 0) one is two of (κ, 0) up to `alternate_spaced`.
 
-    Parameters
-    ----------
     forcings : sequence of forcings of one period P, which are shortened alike.
     omega : RotationNumber per P kicks, e.g. `numbers.parse("gamma")`.
 
-    Returns
-    -------
-    forcings : list of arrays of shape (P',), P' a divisor of P. omega : RotationNumber, in [0, P'],
-    to which y → y + 1 takes it.
+    Returns forcings : list of arrays of shape (P',), P' a divisor of P. omega : RotationNumber, in
+    [0, P'], to which y → y + 1 takes it.
     """
     kappas = np.array([forcing(kappa) for kappa in forcings])
     length, spacing, short = _shortest(kappas)

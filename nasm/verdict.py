@@ -109,15 +109,12 @@ def verdict(kappa, prove=False):
     4. If asked to, prove the circle, and up to which multiple of kappa there is one; or where there
        is none that transport is global. Each takes up to some 20 seconds.
 
-    Parameters
-    ----------
     kappa : sequence of P floats; P at most 64, or kappa repeats after one or two kicks.
     prove : bool; evidence is CIRCLE_PROVED or TRANSPORT_PROVED where a proof succeeds.
 
-    Returns
-    -------
-    Verdict. UNDECIDED closer to the boundary than some 1.5·10⁻⁵ below and 4·10⁻⁶ above, in parts of
-    kappa, or where the methods fail or contradict each other; its boundary then holds the bracket.
+    Returns Verdict. UNDECIDED closer to the boundary than some 1.5·10⁻⁵ below and 4·10⁻⁶ above, in
+    parts of kappa, or where the methods fail or contradict each other; its boundary then holds the
+    bracket.
 
     ValueError if kappa is not finite or too large. ImportError if a circle is to be proved and
     python-flint is not installed.

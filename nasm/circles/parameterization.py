@@ -22,15 +22,11 @@ __dir__ = __all__.copy
 def newton_step(omega, kappa, u):
     """One step of Algorithm 1, for any forcing.
 
-    Parameters
-    ----------
     omega : RotationNumber per period, e.g. `numbers.parse("gamma")`.
     kappa : sequence of P floats, first kick first.
     u : ndarray (P, n), the deviations u_j of the circle's sites from the rotation; see `circles`.
 
-    Returns
-    -------
-    u : ndarray (P, n), after the step, with ⟨u_0⟩ = 0.
+    Returns u : ndarray (P, n), after the step, with ⟨u_0⟩ = 0.
     error : float, largest component of |e_0| = |T∘K(θ) - K(θ + ω)| before it.
     """
     kappa = forcing(kappa)

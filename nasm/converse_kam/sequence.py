@@ -67,15 +67,11 @@ _BELOW = np.array([0.85, 0.88, 0.91, 0.94, 0.96, 0.98])
 def escape_time(kappa, theta, x, y, window):
     """The kick after which each orbit is outside the window for the first time.
 
-    Parameters
-    ----------
     kappa : array (N,), strengths. theta : float or array (N,), phases in turns.
     x, y : arrays that broadcast to one shape, starts before the first kick.
     window : (lo, hi), y is inside while lo ≤ y ≤ hi.
 
-    Returns
-    -------
-    ndarray of float64, shape of x: kicks, counted from 1; inf for no escape in N kicks.
+    Returns ndarray of float64, shape of x: kicks, counted from 1; inf for no escape in N kicks.
 
     ValueError if an argument is not finite, empty, or out of range; the message names it.
     """
@@ -92,14 +88,11 @@ def escape_time(kappa, theta, x, y, window):
 def elimination_time(kappa, theta, site, x, y):
     """When each start (x, y) before the kick of `site` is eliminated, see the module.
 
-    Parameters
-    ----------
     kappa, theta, x, y : as for `escape_time`; site : int, 0 to N - 1.
 
-    Returns
-    -------
-    ndarray of float64, shape of x: the kicks in either direction that it takes; inf for a start
-    that survives all N. A finite time shows that no family of graphs passes through the start.
+    Returns ndarray of float64, shape of x: the kicks in either direction that it takes; inf for a
+    start that survives all N. A finite time shows that no family of graphs passes through the
+    start.
     """
     kappa, theta = sequence(kappa, theta)
     x, y = points(x, y)
@@ -112,16 +105,12 @@ def elimination_time(kappa, theta, site, x, y):
 def longest_lived(kappa, theta, site, effort=1):
     """The start on a line x = a before the kick of `site` that takes longest to be eliminated.
 
-    Parameters
-    ----------
     kappa, theta, site : as for `elimination_time`; a is where the kick turns orbits back, θ + 1/2
         if κ > 0.
     effort : int, 1 to 100, the parts into which the starts of the first grids are divided.
 
-    Returns
-    -------
-    x, y : floats, y in [0, 1]. time : float, kicks in either direction; inf for a start that
-    survives all N, which need not be the last one.
+    Returns x, y : floats, y in [0, 1]. time : float, kicks in either direction; inf for a start
+    that survives all N, which need not be the last one.
 
     The beam search of `symmetry_line.longest_lived`, on two unrelated grids. Lives are more
     irregular here than under forcings that repeat, and it may miss the longest. On 18 lines in
@@ -152,8 +141,6 @@ def last_survivor(kappa, theta=0.0, effort=8):
     They are before the strongest kick, and before the strongest of the 64 in the middle. If a start
     survives on each of them, it is the first of these: a family of graphs may be left, or not.
 
-    Parameters
-    ----------
     kappa, theta : as for `escape_time`; effort : as for `longest_lived`.
     """
     kappa, theta = sequence(kappa, theta)
@@ -186,17 +173,13 @@ def critical_scale(profile, tol=1e-3):
        are no interval: look up to 15% further down, and begin again from the lowest without.
     3. At the end look for survivors of all kicks, with an effort of 8.
 
-    Parameters
-    ----------
     profile : array (N,), N ≥ 64, not all 0.
     tol : float, 10⁻⁶ to 10⁻¹, the bracket's relative width.
 
-    Returns
-    -------
-    CriticalScale. upper : no start survives there on one of the lines of `last_survivor`. value is
-    the middle of the bracket, and error half of its width. lower is NaN and omega None: survivors
-    show no barrier. More kicks have a smaller scale. Status NO_BREAKUP if a start survives kicks of
-    strength 2, and UNDECIDED if the search at the end finds one.
+    Returns CriticalScale. upper : no start survives there on one of the lines of `last_survivor`.
+    value is the middle of the bracket, and error half of its width. lower is NaN and omega None:
+    survivors show no barrier. More kicks have a smaller scale. Status NO_BREAKUP if a start
+    survives kicks of strength 2, and UNDECIDED if the search at the end finds one.
 
     ValueError if profile is shorter, zero or tiny, or tol is out of range.
     """
@@ -242,13 +225,9 @@ def asymptotic(kappa, theta, limit, x, y):
     theta → 0 fast enough: it converges as N grows, and is no invariant circle, but its images come
     to one. It bounds the same area as that one. It may fold; see the module.
 
-    Parameters
-    ----------
     kappa, theta, x, y : as for `escape_time`. limit : float.
 
-    Returns
-    -------
-    x, y : ndarrays, on the lift.
+    Returns x, y : ndarrays, on the lift.
     """
     kappa, theta = sequence(kappa, theta)
     x, y = points(x, y)

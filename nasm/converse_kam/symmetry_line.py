@@ -100,16 +100,13 @@ class Survivor:
 def elimination_time(kappa, y, n_max):
     """When each start on the dominant symmetry line is eliminated.
 
-    Parameters
-    ----------
     kappa : sequence of P floats that repeat after one or two kicks, the forcing, first kick first.
     y : array, the starts, on the dominant line.
     n_max : int, 1 to 10⁹, steps (periods of the forcing).
 
-    Returns
-    -------
-    ndarray of float64, shape of y: steps, a multiple of 1/P, until v ≤ 0; inf for a start that
-    survives n_max steps. A finite time shows that no rotational circle passes through the start.
+    Returns ndarray of float64, shape of y: steps, a multiple of 1/P, until v ≤ 0; inf for a start
+    that survives n_max steps. A finite time shows that no rotational circle passes through the
+    start.
 
     ValueError if the forcing repeats later, or an argument is out of range.
     """
@@ -125,14 +122,10 @@ def elimination_time(kappa, y, n_max):
 def longest_lived(kappa, n_max, kept=_KEPT):
     """The start on the dominant symmetry line that takes longest to be eliminated.
 
-    Parameters
-    ----------
     kappa, n_max : as for `elimination_time`.
     kept : int ≥ 1, the starts from which the search goes on at each level.
 
-    Returns
-    -------
-    y : float, of the start, in [0, 1/2] up to the width of a cell.
+    Returns y : float, of the start, in [0, 1/2] up to the width of a cell.
     time : float, its elimination time in steps; inf if it survives n_max steps, and then it is one
         of the survivors and need not be the last.
 
@@ -161,19 +154,15 @@ def critical_scale(profile, n_max):
     The factor is (1/γ)³. The ripple of the law has the period 1/γ in T if the last circle has a
     golden tail, and then it cancels.
 
-    Parameters
-    ----------
     profile : sequence of P floats that repeat after one or two kicks, not all 0.
     n_max : int, 100 to 10⁹, steps. On the paper's plane upper/value - 1 is 0.6/n_max to 1/n_max, on
         its diagonals half of that.
 
-    Returns
-    -------
-    CriticalScale. upper : no start was found to survive n_max steps there. error : a third of
-    upper - value; all of it next to a cusp, see `_cusp_steps`. (True errors were 3% of
-    upper - value, at most 15%; next to a cusp at most 80%.) lower is NaN and omega None: the method
-    shows no circle, and names none. status NOT_CONVERGED if lifetimes contradict each other, or the
-    law, as they do when a search misses a survivor.
+    Returns CriticalScale. upper : no start was found to survive n_max steps there. error : a third
+    of upper - value; all of it next to a cusp, see `_cusp_steps`. (True errors were 3% of upper -
+    value, at most 15%; next to a cusp at most 80%.) lower is NaN and omega None: the method shows
+    no circle, and names none. status NOT_CONVERGED if lifetimes contradict each other, or the law,
+    as they do when a search misses a survivor.
 
     ValueError if profile is zero or tiny, or repeats later.
     """

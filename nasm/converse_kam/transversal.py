@@ -71,16 +71,12 @@ _AHEAD, _FARTHEST = 0.1, 40  # change of the largest strength in a step from a s
 def elimination_time(kappa, site, x, y, n_kicks):
     """When each start (x, y) before the kick of `site` is eliminated.
 
-    Parameters
-    ----------
     kappa : sequence of P floats, the forcing, first kick first; site : int, 0 to P - 1.
     x, y : arrays of one shape.
     n_kicks : int, kicks in either direction.
 
-    Returns
-    -------
-    ndarray of float64: the kicks in either direction that it takes; inf for a start that survives
-    n_kicks. A finite time shows that no rotational circle passes through the start.
+    Returns ndarray of float64: the kicks in either direction that it takes; inf for a start that
+    survives n_kicks. A finite time shows that no rotational circle passes through the start.
     """
     strengths = forcing(kappa)
     strengths = np.roll(strengths, -count("site", site, 0, strengths.size - 1))
@@ -94,15 +90,12 @@ def elimination_time(kappa, site, x, y, n_kicks):
 def longest_lived(kappa, n_max):
     """The start that takes longest to be eliminated, on the transversals of the module.
 
-    Parameters
-    ----------
     kappa : sequence of P floats, the forcing, first kick first.
     n_max : int, 1 to 10⁶, steps in either direction.
 
-    Returns
-    -------
-    Survivor, on the transversal before the kick of the largest |κ|; where a start survives there,
-    on that of the next largest, and so on. Its kicks are inf if on each one a start survives.
+    Returns Survivor, on the transversal before the kick of the largest |κ|; where a start survives
+    there, on that of the next largest, and so on. Its kicks are inf if on each one a start
+    survives.
 
     The beam search of `symmetry_line.longest_lived`, on two unrelated grids: it may miss a
     survivor.
@@ -115,15 +108,11 @@ def longest_lived(kappa, n_max):
 def curve(kappa, n_max):
     """The transversal that was found to eliminate all starts in the fewest steps, but for a half.
 
-    Parameters
-    ----------
     kappa : sequence of P floats, the forcing, first kick first. n_max : int, 32 to 10⁶, steps in
     either direction.
 
-    Returns
-    -------
-    (site, points): int, and ndarray of shape (m, 2), x and y of its corners before the kick of that
-    site; None if on the transversals of all sites a start survives n_max steps.
+    Returns (site, points): int, and ndarray of shape (m, 2), x and y of its corners before the kick
+    of that site; None if on the transversals of all sites a start survives n_max steps.
     """
     strengths, n_steps, n_max = forcing(kappa), 32, count("n_max", n_max, 32, MAX_STEPS)
     ordered = _ordered(kappa)
@@ -146,8 +135,6 @@ def located(profile, n_max, start=None):
     on with four times the steps, and so on to n_max. On a ray from zero the breakup is lower by
     some 0.7/T of the scale.
 
-    Parameters
-    ----------
     profile : sequence of P floats, not all 0.
     n_max : int, 30 to 10⁶, steps.
     start : sequence of P floats, default 0. From another one the scale is just above the first

@@ -45,17 +45,13 @@ _TRIED = 4  # candidates
 def of_fraction(frequency, phase, mean, amplitude, n_kicks=8_000):
     """The last circle of Ω = p/q on the ray (κ̄, Δκ) = s·(mean, amplitude).
 
-    Parameters
-    ----------
     frequency : Fraction or str.
     phase : float, φ0 in turns.
     mean, amplitude : floats, not both 0.
     n_kicks : int, 100 to 10⁶, N.
 
-    Returns
-    -------
-    CriticalScale. value is the middle of the bracket, and error half of its width; omega is None.
-    Status UNDECIDED, and no value, if no circle was certified. Status NO_BREAKUP if a start
+    Returns CriticalScale. value is the middle of the bracket, and error half of its width; omega is
+    None. Status UNDECIDED, and no value, if no circle was certified. Status NO_BREAKUP if a start
     survives kicks of strength 2, and no bounds; UNDECIDED if searches for survivors disagree.
     omega : float, turns per kick of the circle at lower, in [0, 1/2], NaN without one.
     """
@@ -73,15 +69,11 @@ def of_fraction(frequency, phase, mean, amplitude, n_kicks=8_000):
 def of_irrational(frequency, mean, amplitude, n_kicks=32_000, tol=0.01):
     """The last torus of an irrational Ω on the ray (κ̄, Δκ) = s·(mean, amplitude).
 
-    Parameters
-    ----------
     frequency : float, Ω.
     mean, amplitude, n_kicks : as for `of_fraction`.
     tol : float, the error of a torus's breakup to aim at, in parts of `upper`.
 
-    Returns
-    -------
-    CriticalScale and omega, as of `of_fraction`.
+    Returns CriticalScale and omega, as of `of_fraction`.
     """
     profile, tol = _kicks(frequency, mean, amplitude, n_kicks), real("tol", tol)
 

@@ -103,18 +103,14 @@ def invariant_torus(omega, frequency, mean, amplitude, n_max=2**18):
     3. The certificate: Newton's method converges again on a grid twice as fine along both axes,
        with h_θ > 0.
 
-    Parameters
-    ----------
     omega, frequency : floats, turns of θ and φ per kick; or RotationNumbers.
     mean, amplitude : floats, κ̄ and Δκ.
     n_max : int, the most grid points m·n to use, 8192 to 2²²; the certificate uses 4 times as many.
 
-    Returns
-    -------
-    InvariantTorus, with a status that says why if it is not certified. A torus that exists may be
-    missed, by too few modes. A certified one exists to within floating point and 4 m·n points;
-    resonances beyond those modes are not seen: for an Ω that is a fraction of large denominator the
-    circles of all phases are certified.
+    Returns InvariantTorus, with a status that says why if it is not certified. A torus that exists
+    may be missed, by too few modes. A certified one exists to within floating point and 4 m·n
+    points; resonances beyond those modes are not seen: for an Ω that is a fraction of large
+    denominator the circles of all phases are certified.
 
     ValueError if an argument is not a finite number, or n_max is out of range.
     """
@@ -139,15 +135,11 @@ def critical_scale(omega, frequency, mean, amplitude, tol=1e-3):
     2. Stop when `error` is below tol, or the modes are used up.
     3. Certify the last torus that can be, of ten.
 
-    Parameters
-    ----------
     omega, frequency : floats, turns of θ and φ per kick; or RotationNumbers.
     mean, amplitude : floats, the direction (κ̄, Δκ), not both 0.
     tol : float, the error to aim at.
 
-    Returns
-    -------
-    CriticalScale. lower : the scale of the certified torus, NaN without one. upper : NaN.
+    Returns CriticalScale. lower : the scale of the certified torus, NaN without one. upper : NaN.
     error : twice the way from the last torus, or the change of the last estimate, if that is more:
     with p unknown no less is known. omega : None, a pair of numbers has no RotationNumber. Without
     an estimate value and error are NaN, and the status says why; lower is what was certified all
