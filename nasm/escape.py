@@ -210,34 +210,24 @@ def boundary(escape_time, kappa1, kappa2, angles, n):
     centres = np.asarray(kappa1), np.asarray(kappa2)
     if min(c.size for c in centres) < 2:
         raise ValueError("kappa1 and kappa2 need at least two cells each, to tell a cell's width")
-    widths = [c[1] - c[0] for c in centres]
-    lows = [c[0] - width / 2 for c, width in zip(centres, widths, strict=True)]
-    reach = np.hypot(*(np.abs(c).max() + w for c, w in zip(centres, widths, strict=True)))
+    first, width = np.array([(c[0], c[1] - c[0]) for c in centres]).T[:, :, None]
+    ends = np.array(escape_time.shape[::-1])[:, None]
+    reach = np.hypot(*(np.abs(c).max() + c[1] - c[0] for c in centres))
     angles = np.asarray(angles, dtype=float)
     scale = np.full(angles.shape, np.nan)
     for i, radians in np.ndenumerate(np.deg2rad(angles)):
-        direction = np.cos(radians), np.sin(radians)
+        direction = np.array([[np.cos(radians)], [np.sin(radians)]])
         # Eight samples a cell, so that the ray misses no more than a cell's corner.
-        step = 1 / (8 * max(abs(d) / w for d, w in zip(direction, widths, strict=True)))
-        along = np.arange(0, reach, step)
-        column, row = (
-            _cell(along * d, low, width, c.size)
-            for d, low, width, c in zip(direction, lows, widths, centres, strict=True)
-        )
-        inside = (column >= 0) & (row >= 0)
-        along, times = along[inside], escape_time[row[inside], column[inside]]
-        first = (times <= n).argmax() if times.size else 0
-        if first > 0 and times[first - 1] > n:
-            scale[i] = (along[first - 1] + along[first]) / 2
+        along = np.arange(0, reach, 1 / (8 * np.abs(direction / width).max()))
+        cells = (along * direction - first) / width + 0.5
+        # The edges belong to the plane, whatever rounding makes of them.
+        inside = ((cells > -1e-9) & (cells < ends + 1e-9)).all(axis=0)
+        column, row = np.clip(cells[:, inside].astype(int), 0, ends - 1)
+        along, times = along[inside], escape_time[row, column]
+        there = (times <= n).argmax() if times.size else 0
+        if there > 0 and times[there - 1] > n:
+            scale[i] = along[there - 1 : there + 1].mean()
     return scale
-
-
-def _cell(values, low, width, size):
-    """The cells of an axis that the values lie in; -1 outside. Its edges belong to the axis,
-    whatever rounding makes of them."""
-    position = (values - low) / width
-    cell = np.clip(np.floor(position).astype(int), 0, size - 1)
-    return np.where((position > -1e-9) & (position < size + 1e-9), cell, -1)
 
 
 def _checked(kappa, x, y, n_max, window):

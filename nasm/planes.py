@@ -61,9 +61,9 @@ class Plane:
     second: tuple[float, ...]
 
     def __post_init__(self):
-        for field in ("origin", "first", "second"):
+        for field, check in ("origin", forcing), ("first", direction), ("second", direction):
             try:
-                vector = forcing(getattr(self, field))
+                vector = check(getattr(self, field))
             except ValueError as error:
                 raise ValueError(f"{field}: {error}") from None
             object.__setattr__(self, field, tuple(vector.tolist()))
@@ -78,11 +78,6 @@ class Plane:
                 f"first={self.first} and second={self.second} are dependent; a plane needs two "
                 "directions"
             )
-        for field in ("first", "second"):
-            try:
-                direction(getattr(self, field))
-            except ValueError as error:
-                raise ValueError(f"{field}: {error}") from None
         if not isinstance(self.name, str) or not 0 < len(self.name) <= _LONGEST_NAME:
             raise ValueError(
                 f"name={self.name!r} must be a text of at most {_LONGEST_NAME} letters, like "

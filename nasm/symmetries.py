@@ -43,26 +43,14 @@ def negate(kappa, x, y):
     return -forcing(kappa), np.asarray(x) + 0.5, np.asarray(y)
 
 
-def alternate(kappa, x, y):
+def alternate(kappa, x, y, spacing=1):
     """κ_n → (-1)ⁿ κ_n and y → y + 1/2, for even P; ω → ω + P/2.
 
     For P = 2 this is Eq. (21), (κ1, κ2) → (κ1, -κ2): each kick finds x further by one half
     than the kick before it did. With an odd P the sign pattern does not close in one period.
-    """
-    strengths = forcing(kappa)
-    if strengths.size % 2:
-        raise ValueError(
-            f"kappa has period P={strengths.size}; alternating signs need an even period, "
-            "e.g. the forcing repeated twice"
-        )
-    return strengths * (-1.0) ** np.arange(strengths.size), np.asarray(x), np.asarray(y) + 0.5
 
-
-def alternate_spaced(kappa, x, y, spacing):
-    """`alternate` where only the sites c, c + m, c + 2m, … are kicked: their signs alternate.
-
-    (x, y) → (x - c/2m, y + 1/2m), with m = spacing and c < m: between two of these kicks x advances
-    further by one half. ω → ω + P/2m, P being an even multiple of m.
+    Where only the sites c, c + m, c + 2m, … are kicked, c < m = spacing, their signs alternate, and
+    (x, y) → (x - c/2m, y + 1/2m); ω → ω + P/2m, P being an even multiple of m.
     """
     strengths = forcing(kappa)
     first = int(np.abs(strengths).argmax()) % spacing
@@ -70,7 +58,7 @@ def alternate_spaced(kappa, x, y, spacing):
     if strengths.size % (2 * spacing) or (np.abs(form) != np.abs(strengths)).any():
         raise ValueError(
             f"kappa={kappa!r} does not kick every {spacing}th site alone, an even number of times "
-            "in a period"
+            "in a period; e.g. repeat it twice"
         )
     return form, np.asarray(x) - first / (2 * spacing), np.asarray(y) + 1 / (2 * spacing)
 
@@ -100,11 +88,6 @@ def ray(angle):
     return profile
 
 
-def _places(sites):
-    """Where a centre may be: on one of these sites, or between two."""
-    return chain(sites, (site + 0.5 for site in sorted(sites)))
-
-
 def dominant_centre(kappa):
     """The centre (site, a) whose orbits are the minimax ones, R > 0, for all ω if there is such.
 
@@ -114,8 +97,10 @@ def dominant_centre(kappa):
     """
     strengths = forcing(kappa)
     # Strengths in descending order: with long forcings, only the first sites need to be tried.
-    for site in _places(np.argsort(-np.abs(strengths), kind="stable").tolist()):
-        if is_symmetry_centre(strengths, site):
+    sites = np.argsort(-np.abs(strengths), kind="stable").tolist()
+    for site in chain(sites, (site + 0.5 for site in sorted(sites))):
+        mirror = int(2 * site) - np.arange(strengths.size)
+        if np.array_equal(strengths, strengths[mirror % strengths.size]):
             sign = strengths.sum() if site % 1 else strengths[site]
             return site, 0.5 if sign > 0 else 0.0
     raise ValueError(
@@ -127,16 +112,8 @@ def dominant_centre(kappa):
 def primitive(kappa):
     """One period of the forcing, the shortest."""
     strengths = forcing(kappa)
-    for size in range(1, strengths.size // 2 + 1):
-        if strengths.size % size == 0 and (strengths[size:] == strengths[:-size]).all():
-            return strengths[:size]
-    return strengths
-
-
-def _half_on(site, size):
-    """The other centre of a forcing of that shortest period: int, or between two sites."""
-    other = (site + size / 2) % size
-    return other if other % 1 else int(other)
+    sizes = _divisors(strengths.size)
+    return next(strengths[:n] for n in sizes if (strengths[n:] == strengths[:-n]).all())
 
 
 def symmetry_lines(kappa, y):
@@ -153,7 +130,8 @@ def symmetry_lines(kappa, y):
     strengths = primitive(kappa)
     site, _ = dominant_centre(strengths)
     y, lines = np.asarray(y, dtype=float), []
-    for centre, a in product((site, _half_on(site, strengths.size)), (0.0, 0.5)):
+    other = (site + strengths.size / 2) % strengths.size
+    for centre, a in product((site, other), (0.0, 0.5)):
         point = a + y * (centre % 1), y  # between two sites x_c is their mean
         for strength in strengths[: int(np.ceil(centre))][::-1]:
             point = unkick(strength, *point)
@@ -161,17 +139,11 @@ def symmetry_lines(kappa, y):
     return tuple(np.stack(lines, axis=1))
 
 
-def is_symmetry_centre(kappa, site):
-    """Whether κ_{site+j} = κ_{site-j} for all j; site is a multiple of 1/2."""
-    mirror = int(2 * site) - np.arange(kappa.size)
-    return np.array_equal(kappa, kappa[mirror % kappa.size])
-
-
 def shorten(forcings, omega):
     """The shortest forcings with the same orbits up to symmetry, and ω per their shorter period.
 
     On κ1 = κ2 one step is two of the standard map, at ω/2; on κ1 = -κ2 so it is up to `alternate`,
-    and on (κ, 0, -κ, 0) one is two of (κ, 0) up to `alternate_spaced`.
+    and on (κ, 0, -κ, 0) one is two of (κ, 0) up to the same with spacing 2.
 
     forcings : sequence of forcings of one period P, which are shortened alike.
     omega : RotationNumber per P kicks, e.g. `numbers.parse("gamma")`.
@@ -208,7 +180,7 @@ def lengthen(kappa, x, y):
     _, spacing, _ = _shortest(strengths[None])
     if not spacing:
         return x, y
-    _, before, above = alternate_spaced(strengths, 0.0, 0.0, spacing)
+    _, before, above = alternate(strengths, 0.0, 0.0, spacing)
     return x - before, y - above
 
 

@@ -98,7 +98,7 @@ GOOD = {"name": "mine", "axes": AXES, "origin": (0, 0), "first": (1, 0), "second
     ("bad", "message"),
     [
         ({"second": (2, 0)}, "first=(1.0, 0.0) and second=(2.0, 0.0) are dependent"),
-        ({"second": (0, 0)}, "are dependent; a plane needs two directions"),
+        ({"second": (0, 0)}, "second: profile is zero; a ray needs a direction"),
         ({"origin": (0, 0, 0)}, "have [3, 2, 2] strengths; they must have one"),
         (dict.fromkeys(("origin", "first", "second"), (1,) * 65), "have [65, 65, 65] strengths"),
         (dict.fromkeys(("origin", "first", "second"), (1,)), "have [1, 1, 1] strengths"),

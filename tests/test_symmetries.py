@@ -72,7 +72,7 @@ def test_alternation_of_kicks_with_idle_ones_between(spacing, first, kicks, data
     kappa[first::spacing] = data.draw(st.lists(strengths, min_size=kicks, max_size=kicks))
     x, y = data.draw(coordinates), data.draw(coordinates)
     xs, ys = orbit(kappa, x, y, 7, 1)
-    alternated, x, y = symmetries.alternate_spaced(kappa, x, y, spacing)
+    alternated, x, y = symmetries.alternate(kappa, x, y, spacing)
     signs = np.repeat((-1.0) ** np.arange(kicks), spacing)
     np.testing.assert_array_equal(alternated, kappa * signs)
     moved = xs + (np.arange(8) - (first if kappa.any() else 0)) / (2 * spacing)
