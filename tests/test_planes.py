@@ -116,7 +116,7 @@ GOOD = {"name": "mine", "axes": AXES, "origin": (0, 0), "first": (1, 0), "second
         ("rotating:1/0", "frequency='1/0' is not a fraction"),
         ("rotating:1/65", "a denominator from 2 to 64"),
         ("rotating:2", "a denominator from 2 to 64"),
-        ("rotating:1/2,1/4", "are dependent"),
+        ("rotating:1/2,1/4", "second: profile is zero"),
     ],
 )
 def test_what_is_no_plane_is_refused_by_name(bad, message):
