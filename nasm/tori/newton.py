@@ -329,12 +329,25 @@ def _turns(number, k):
     return np.exp(1j * TWO_PI * ((k.astype(np.uint64) * unit).astype(np.int64) / 2.0**64))
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=8)  # of arrays as large as the grid
 def _constants(omega, frequency, m, n):
-    """e^{2πik₂Ω}, e^{2πik₁ω}, and the smallest divisor among the modes in use."""
-    by_phi = _turns(frequency, _wave_numbers(m))
-    by_theta = _turns(omega, np.arange(n // 2 + 1))
-    return by_phi, by_theta, _smallest_divisor(by_phi, by_theta)
+    """e^{2πi(k₂Ω + k₁ω)} of all modes; what becomes of each, 0 if it is not in use, 1 if it is, 2
+    and 3 if it is an outer one, on the side of θ or φ, and 4 and 5 if it is a hole there; and the
+    smallest divisor in use.
+
+    A hole is a resonant mode near the rim: Newton's method lacks the modes beyond the rim that it
+    drives, and would move it the wrong way.
+    """
+    k2, k1 = _wave_numbers(m)[:, None], np.arange(n // 2 + 1)
+    turn = _turns(frequency, k2) * _turns(omega, k1)
+    across, along = (k2 / (_KEPT * m)) ** 2, (k1 / (_KEPT * n)) ** 2
+    place, divisor = across + along, np.abs(turn - 1)
+    hole = (place > _INNER) & (divisor < _HOLE * ((place - _INNER) / (1 - _INNER)) ** 2)
+    kind = np.where(hole, 4, np.where(place > _OUTER, 2, 1)).astype(np.int8)
+    kind += (kind > 1) & (along <= across)
+    kind[k1 >= np.floor(_KEPT * n * np.sqrt(np.maximum(1 - across, 0)))] = 0
+    kind[0, 0] = 0
+    return turn, kind, divisor[(kind > 0) & (kind < 4)].min()
 
 
 _OUTCOMES = (Status.OK, Status.TOO_FEW_MODES, Status.TOO_FEW_MODES, Status.NO_CIRCLE)
@@ -345,51 +358,23 @@ _FINER = {1: (1, 2), 2: (2, 1)}  # more modes along θ, or along φ
 def _newton(omega, frequency, mean, amplitude, u, steps=_STEPS):
     """Newton's method on the grid of u: the new u, an index into _OUTCOMES, and the error before
     the first step."""
-    by_phi, by_theta, divisor = _constants(omega, frequency, *u.shape)
+    turn, kind, divisor = _constants(omega, frequency, *u.shape)
     if divisor < _DIVISOR:
         return u, 4, nan
     modes = np.fft.rfft2(u)
-    outcome, error = _iterate(float(mean), float(amplitude), by_phi, by_theta, modes, steps)
+    outcome, error = _iterate(float(mean), float(amplitude), turn, kind, modes, steps)
     return np.fft.irfft2(modes, u.shape), outcome, error
 
 
-@njit(nogil=True, error_model="numpy")
-def _row(j, m, n):
-    """The wave number k₂ of row j, its part of the ellipse's equation, and the modes k₁ kept."""
-    k = j if 2 * j < m else j - m
-    across = (k / (_KEPT * m)) ** 2
-    return k, across, int(_KEPT * n * np.sqrt(1 - across)) if across < 1 else 0
-
-
-@njit(nogil=True, error_model="numpy")
-def _is_hole(place, divisor):
-    """Whether a mode is left out, a resonant one near the rim: Newton's method lacks the modes
-    beyond the rim that it drives, and would move it the wrong way."""
-    return place > _INNER and divisor < _HOLE * ((place - _INNER) / (1 - _INNER)) ** 2
-
-
 @kernel(error_model="numpy")
-def _smallest_divisor(by_phi, by_theta):
-    m, n = by_phi.size, 2 * (by_theta.size - 1)
-    least = np.inf
-    for j in range(m):
-        _, across, kept = _row(j, m, n)
-        for k in range(0 if j > 0 else 1, kept):
-            divisor = abs(by_phi[j] * by_theta[k] - 1)
-            if not _is_hole(across + (k / (_KEPT * n)) ** 2, divisor):
-                least = min(least, divisor)
-    return least
-
-
-@kernel(error_model="numpy")
-def _iterate(mean, amplitude, by_phi, by_theta, modes, steps):
+def _iterate(mean, amplitude, turn, kind, modes, steps):
     """Newton steps until they tell: an index into _OUTCOMES, and the error before the first step.
 
     As in `circles`, save that there are two axes along which modes may be missing.
     """
     first = last_error = last = 1.0
     for step in range(steps):
-        error, change, slope, twist, tails = _step(mean, amplitude, by_phi, by_theta, modes)
+        error, change, slope, twist, tails = _step(mean, amplitude, turn, kind, modes)
         if step == 0:
             first = error
         if not (error < 1 and slope > 0 and twist > 0.5 and change < 1):  # NaN ends it too
@@ -408,7 +393,7 @@ def _iterate(mean, amplitude, by_phi, by_theta, modes, steps):
 
 
 @njit(nogil=True, error_model="numpy")
-def _step(mean, amplitude, by_phi, by_theta, modes):
+def _step(mean, amplitude, turn, kind, modes):
     """One Newton step for the modes of u, in place: see the module.
 
     Returns max |E|, the largest update, min h_θ, the twist, and the tails along θ and φ: all but
@@ -416,7 +401,7 @@ def _step(mean, amplitude, by_phi, by_theta, modes):
     """
     m, n = modes.shape[0], 2 * (modes.shape[1] - 1)
     mass, edge = np.zeros(2), np.zeros(2)
-    fields = np.fft.irfft2(_fields(by_phi, by_theta, modes, mass, edge), (m, n))
+    fields = np.fft.irfft2(_fields(turn, kind, modes, mass, edge), (m, n))
     u, bend, slopes, inverse = fields  # u, u⁺ - 2u + u⁻, h_θ and h_θ⁺, which becomes 1/c
     flux = np.empty((m, n))
     error, slope, sum_inverse = 0.0, np.inf, 0.0
@@ -430,7 +415,7 @@ def _step(mean, amplitude, by_phi, by_theta, modes):
             error = max(error, abs(bend[j, i]))
             slope = min(slope, slopes[j, i])
             sum_inverse += inverse[j, i]
-    flux = _solve_cohomology(flux, by_phi, by_theta, True, edge)
+    flux = _solve_cohomology(flux, turn, kind, True, edge)
     sum_flux = 0.0
     for j in range(m):
         for i in range(n):
@@ -440,7 +425,7 @@ def _step(mean, amplitude, by_phi, by_theta, modes):
     for j in range(m):
         for i in range(n):
             flux[j, i] -= constant * inverse[j, i]  # now w⁺ - w
-    w = _solve_cohomology(flux, by_phi, by_theta, False, np.zeros(2))
+    w = _solve_cohomology(flux, turn, kind, False, np.zeros(2))
     shift = change = 0.0
     for j in range(m):
         for i in range(n):
@@ -457,7 +442,7 @@ def _step(mean, amplitude, by_phi, by_theta, modes):
 
 
 @njit(nogil=True, error_model="numpy")
-def _fields(by_phi, by_theta, modes, mass, edge):
+def _fields(turn, kind, modes, mass, edge):
     """The modes of u, u⁺ - 2u + u⁻, h_θ and h_θ⁺, of those in use.
 
     Adds the squared second derivatives along θ and φ to mass, and those of the outer modes on the
@@ -466,49 +451,43 @@ def _fields(by_phi, by_theta, modes, mass, edge):
     m, n = modes.shape[0], 2 * (modes.shape[1] - 1)
     fields = np.zeros((4, m, n // 2 + 1), np.complex128)
     for j in range(m):
-        k2, across, kept = _row(j, m, n)
-        for k in range(kept):
-            a, turn = modes[j, k], by_phi[j] * by_theta[k]
-            along = (k / (_KEPT * n)) ** 2
-            if _is_hole(across + along, abs(turn - 1)):
+        k2 = j if 2 * j < m else j - m
+        for k in range(n // 2 + 1):
+            if not 0 < kind[j, k] < 4:
                 continue
+            a = modes[j, k]
             derivative = complex(-TWO_PI * k * a.imag, TWO_PI * k * a.real)
             fields[0, j, k] = a
-            fields[1, j, k] = a * (2 * turn.real - 2)
+            fields[1, j, k] = a * (2 * turn[j, k].real - 2)
             fields[2, j, k] = derivative
-            fields[3, j, k] = derivative * turn
+            fields[3, j, k] = derivative * turn[j, k]
             power = a.real**2 + a.imag**2
             mass[0] += power * float(k) ** 4
             mass[1] += power * float(k2) ** 4
-            if across + along > _OUTER:
-                side = 0 if along > across else 1
+            if kind[j, k] > 1:
+                side = kind[j, k] - 2
                 edge[side] += power * float(k2 if side else k) ** 4
-    fields[:, 0, 0] = 0.0
     fields[2:, 0, 0] = m * n  # h_θ = 1 + u_θ
     return fields
 
 
 @njit(nogil=True, error_model="numpy")
-def _solve_cohomology(f, by_phi, by_theta, behind, edge):
+def _solve_cohomology(f, turn, kind, behind, edge):
     """g with g - g⁻ = f if `behind`, else g⁺ - g = f; of the modes in use, and ⟨g⟩ = 0.
 
     The first of the two adds to edge what the modes left out would be, f̂/d²: they are not in u.
     """
     m, n = f.shape
     modes = np.fft.rfft2(f)
-    modes[0, 0] = 0.0
     for j in range(m):
-        k2, across, kept = _row(j, m, n)
-        for k in range(0 if j > 0 else 1, kept):
-            turn = by_phi[j] * by_theta[k]
-            along, divisor = (k / (_KEPT * n)) ** 2, abs(turn - 1)
-            if not _is_hole(across + along, divisor):
-                modes[j, k] *= (turn if behind else 1.0) / (turn - 1)
+        k2 = j if 2 * j < m else j - m
+        for k in range(n // 2 + 1):
+            if 0 < kind[j, k] < 4:
+                modes[j, k] *= (turn[j, k] if behind else 1.0) / (turn[j, k] - 1)
                 continue
-            if behind:
-                side = 0 if along > across else 1
+            if behind and kind[j, k] > 3:
+                side, divisor = kind[j, k] - 4, abs(turn[j, k] - 1)
                 power = (abs(modes[j, k]) / divisor**2) ** 2
                 edge[side] += power * float(k2 if side else k) ** 4
             modes[j, k] = 0.0
-        modes[j, kept:] = 0.0
     return np.fft.irfft2(modes, (m, n))
