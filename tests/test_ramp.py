@@ -3,14 +3,12 @@
 import numpy as np
 import pytest
 import xarray as xr
-from oracles import KAPPA_G
-from scipy.linalg import eigvalsh_tridiagonal
+from oracles import KAPPA_G, second_variation
 
 from nasm import flux
-from nasm.circles import graph, invariant_circle
+from nasm.circles import fourier, graph, invariant_circle
 from nasm.converse_kam import sequence
 from nasm.numbers import parse
-from nasm.orbits import orbit
 from workflows.ramp import study
 
 
@@ -20,23 +18,14 @@ def test_the_longest_life_ends_where_the_action_has_no_minimum_any_more():
     kappa = KAPPA_G + rate * (np.arange(-reach, reach + 1) + site)
     x, y, life = sequence.longest_lived(kappa, 0.0, reach)
     assert 20 < life < 40
-    ahead = orbit(kappa[reach:], x, y, reach, 1)[0]
-    behind = orbit(kappa[:reach][::-1], x - y, -y, reach, 1)[0]
-
-    def least(kicks):
-        sites = np.r_[behind[kicks - 2 :: -1], ahead[:kicks]]  # the ends are held
-        diagonal = 2 + kappa[reach - kicks + 1 : reach + kicks] * np.cos(2 * np.pi * sites)
-        return eigvalsh_tridiagonal(diagonal, -np.ones(diagonal.size - 1))[0]
-
-    assert least(int(life) - 1) > 0 >= least(int(life) + 1)
+    before, after = (second_variation(kappa, reach, x, y, int(life) + kicks) for kicks in (-1, 1))
+    assert before > 0 >= after
 
 
-def test_the_area_under_the_golden_circle_is_that_below_its_orbit():
-    """Points of a long orbit in the order of x, by trapezia."""
-    x, y = (part[0] for part in graph(invariant_circle("gamma", 0.9)))
-    xs, ys = orbit((0.9,), x, y, 20_000)
-    order = np.argsort(xs % 1)
-    assert study.area(0.9) == pytest.approx(np.trapezoid(ys[order], xs[order] % 1), abs=1e-3)
+def test_the_area_under_the_golden_circle_falls_as_its_action_says():
+    circles = [invariant_circle("gamma", kappa) for kappa in (0.899, 0.901)]
+    areas = [(graph(c)[1] * (1 + fourier.derivative(c.u[0]))).mean() for c in circles]
+    assert study.area_rate(0.9) == pytest.approx((areas[1] - areas[0]) / 0.002, rel=1e-4)
 
 
 @pytest.mark.parametrize("rate", [1e-2, 1e-3, 1e-6])

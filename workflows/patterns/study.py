@@ -32,9 +32,8 @@ def patterns(quick):
 
 def in_lab_units(cube):
     """Return the cube with per_period, K_c = P·s in units of the period: the phase depth of a kick
-    times 8ω_r·period; and robustness, the rms strength at the breakup over κ_G."""
-    scale, golden = cube.critical_scale, of_family(cube, CONSTANT).critical_scale.item()
-    return cube.assign(per_period=scale * cube.period, robustness=scale * cube.rms / golden)
+    times 8ω_r·period."""
+    return cube.assign(per_period=cube.critical_scale * cube.period)
 
 
 def found(cube):
@@ -47,8 +46,6 @@ def found(cube):
     close = close[close.parameter <= 1 / 16]
     close = close * np.sqrt(close.parameter / golden)
     falls = close.size > 2 and bool((np.diff(close) < 0).all())
-    above = int((cube.lower * cube.rms > golden).sum())
-    alike = int((abs(cube.robustness - 1) < 1e-9).sum())
     width = (2 * (cube.upper - cube.lower) / (cube.upper + cube.lower)).dropna("forcing")
     return " ".join([
         f"Of {cube.family.size} forcings {int(cube.critical_scale.notnull().sum())} have a value, "
@@ -70,12 +67,6 @@ def found(cube):
             falls and abs(close[0] - 1) < 0.05,
             falls,
             close.size > 0,
-        ),
-        finding(
-            "No pattern outlasts constant kicks of the same rms strength:",
-            f"{above} do of {width.size}, and {alike} are as robust, as their circles are the same "
-            "up to symmetry",
-            above == 0,
         ),
         "Not tried: kicks of finite length, spacings that are no fractions with q ≤ 8 or 1/P, and "
         "quantum effects.",

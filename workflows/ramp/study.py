@@ -3,8 +3,8 @@
 import numpy as np
 
 from nasm import escape
+from nasm.action import ordered_orbits
 from nasm.barriers import critical_scale
-from nasm.circles import fourier, graph, invariant_circle
 from nasm.circles.continuation import UNSTABLE
 from nasm.converse_kam import sequence
 from nasm.numbers import parse
@@ -27,16 +27,17 @@ JUMPS = "square", "Fibonacci", "Thue-Morse", "random"
 SMOOTH = "cosine", "k^-4", "k^-3", "k^-2"
 
 
-def area_rate(critical):
-    """Return dA/dκ of the area A = ∫ y dx under the golden circle of the standard map at κ_G."""
-    kappas = critical - np.array([0.05, 0.03, 0.02, 0.012, 0.007])
-    return np.polyval(np.polyder(np.polyfit(kappas, list(map(area, kappas)), 2)), critical)
+def area_rate(kappa):
+    """Return dA/dκ of the area A = ∫ y dx under the golden circle of the standard map.
 
-
-def area(kappa):
-    """Return the mean of y dx/dθ over the golden circle x = θ + u(θ)."""
-    circle = invariant_circle("gamma", kappa)
-    return (graph(circle)[1] * (1 + fourier.derivative(circle.u[0]))).mean()
+    A is the slope in ω of the mean action, so that dA/dκ is that of the mean of -cos 2πx/4π²: here
+    by golden orbits, of which the minimizing and the minimax ones lie on either side.
+    """
+    shorter, longer = (
+        np.mean([np.cos(2 * np.pi * orbit.sites()) for orbit in ordered_orbits((kappa,), *turns)])
+        for turns in ((610, 987), (987, 1597))
+    )
+    return (shorter - longer) / (987 / 1597 - 610 / 987) / (2 * np.pi) ** 2
 
 
 def ramps(rates):
