@@ -3,6 +3,8 @@
 Along rays of a plane of forcings, for the paper's six rotation numbers (arXiv:1606.04824, Sec. VI,
 Figs. 8 and 9) or any others, by two methods: the paper's, circles continued from zero to their
 breakdown, and Greene's residue, which is sharper, knows nothing of circles and needs no zero.
+
+Three cubes, two tables and two figures in OUT. The defaults take a minute and a half on two cores.
 """
 
 from workflows.shared.cli import command, plane_option, ray_options, real, several, sweeps, whole
@@ -32,10 +34,6 @@ _OMEGA = "Irrational rotation number, 2gamma+1 or [1;4,(1)]; by default the pape
 @whole("--q-max", 6000, 10, 10**6, "Longest period of the orbits of the residue method.")
 @sweeps
 def main(run, omega, plane, angles, tips, tol, q_max):
-    """The boundaries CB_ω of circles: three cubes, two tables and two figures in OUT.
-
-    The defaults take a minute and a half on two cores.
-    """
     from nasm.planes import two_kicks
     from pipeline.cubes import breakdown
     from pipeline.cubes.barrier import last_barrier, unfolded

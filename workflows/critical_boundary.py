@@ -4,6 +4,10 @@ Three methods in one picture (arXiv:1606.04824, Secs. V and VI): first escape ti
 which close in on the boundary from outside like N^(-1/3); the boundaries CB_ω of the paper's six
 circles by continuation, or by Greene's residue where rays do not start at zero; and CB_gt itself,
 bracketed between a certified circle and converse KAM, with the circle that is the last to break.
+
+Its cubes, three tables and a figure in OUT. The defaults take about a minute on two cores. The
+paper's size of direct iteration is --kappa1 -1.1:1.1:1024 --kappa2 0:1.1:512 --levels 5 --n-max
+1000000 --n-orbits 10000.
 """
 
 import click
@@ -19,11 +23,6 @@ from workflows.shared.cli import command, plane_option, plane_options, ray_optio
 @real("--tol", 1e-4, 1e-5, 0.1, "Width of the bracket of CB_gt, and error of the CB_ω, to aim at.")
 @sweeps
 def main(run, plane, angles, tips, tol, **options):
-    """The critical boundary of global transport: its cubes, three tables and a figure in OUT.
-
-    The defaults take about a minute on two cores. The paper's size of direct iteration
-    is --kappa1 -1.1:1.1:1024 --kappa2 0:1.1:512 --levels 5 --n-max 1000000 --n-orbits 10000.
-    """
     from pipeline.cubes import breakdown
     from pipeline.cubes.barrier import last_barrier, unfolded
     from workflows.figures.critical_boundary import draw_critical_boundary

@@ -5,6 +5,9 @@ On each ray the scale s_N beyond which some orbit of the ensemble leaves the win
 first escape times are computed, thirty scales to a decade of s/s_c - 1, up to the first scale
 without escape: escapes far out are quick, and no escape, which costs M·N orbit steps, is met once a
 ray. The insets of Fig. 6 show how often one long orbit visits each part of the cell.
+
+Three cubes, a table and two figures in OUT. The defaults take some four minutes of CPU time; it
+grows like the steps and the orbits.
 """
 
 import click
@@ -22,10 +25,6 @@ _INSETS = 10  # CPU seconds of the insets, and of the figures
 @cli.preset("--full", "In full, two CPU hours", steps="100000,500000,1000000", n_orbits=10_000)
 @cli.sweeps
 def main(run, steps, n_orbits, plane, angles, tips):
-    """The boundary by direct iteration: three cubes, a table and two figures in OUT.
-
-    The defaults take some four minutes of CPU time; it grows like the steps and the orbits.
-    """
     from numpy import linspace
 
     from nasm.planes import two_kicks

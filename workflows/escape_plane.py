@@ -3,6 +3,9 @@
 Direct iteration (arXiv:1606.04824, Sec. V.B, Figs. 5 and 6). One field of first escape
 times n* holds the boundary {n* ≤ N} of every N ≤ n_max. The plane is computed in full, or, with
 --levels above 1, coarsely at first and then finer only where a boundary runs.
+
+The cube `escape` and a figure in OUT. The paper's Fig. 5 is --kappa1 0:1:512 --kappa2 0:1:512
+--levels 5 --n-max 1000000 --n-orbits 10000, and Fig. 6 the same with --kappa1 -1:1:1024.
 """
 
 from workflows.shared.cli import command, plane_option, plane_options, sweeps
@@ -13,11 +16,6 @@ from workflows.shared.cli import command, plane_option, plane_options, sweeps
 @plane_options(n_max=10_000, tile=16, levels=1, precision="double")
 @sweeps
 def main(run, **options):
-    """First escape times over a plane, (κ1, κ2) by default: the cube `escape` and a figure in OUT.
-
-    The paper's Fig. 5 is --kappa1 0:1:512 --kappa2 0:1:512 --levels 5 --n-max 1000000
-    --n-orbits 10000, and Fig. 6 the same with --kappa1 -1:1:1024.
-    """
     from workflows.figures.escape_plane import draw_escape_plane
     from workflows.shared.boundary_words import field_found
     from workflows.shared.plane import escape_plane, foreseen, grid_of

@@ -6,6 +6,9 @@ scale of an irrational Ω the limit of the least one, over the phases, of its co
 
 The default irrational numbers are [0;8,(1)], [0;5,(1)], … [0;2,(1)], [0;2,3,(1)], √5 - 2, √2 - 1,
 1 - 1/√2, π - 3, 1/e and 1 - 1/τ - 1/τ², τ the tribonacci constant.
+
+A cube, a table and a figure in OUT. The defaults take some twelve CPU minutes; --quick less than
+one.
 """
 
 from fractions import Fraction
@@ -51,10 +54,6 @@ def parse_fraction(text):
 @preset("--quick", "A preview", q_max=5, also=(), phases=3, irrational=IRRATIONAL[-2:-1])
 @sweeps
 def main(run, q_max, also, irrational, phases, angle):
-    """Last barriers against the frequency: a cube, a table and a figure in OUT.
-
-    The defaults take some twelve CPU minutes; --quick less than one.
-    """
     from pipeline.cubes import rotating_maps
     from workflows.figures.frequencies import draw_frequencies
 

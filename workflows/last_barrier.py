@@ -1,6 +1,8 @@
 """Where does the last barrier to transport break, and which circle is it? CB_gt from both sides.
 
 Each ray has its value by Greene's residue, a certified circle below it and converse KAM above it.
+
+Two cubes, a table and a figure in OUT. The defaults take about a minute and a half on two cores.
 """
 
 from workflows.shared.cli import command, plane_option, ray_options, real, sweeps
@@ -12,10 +14,6 @@ from workflows.shared.cli import command, plane_option, ray_options, real, sweep
 @real("--tol", 2e-5, 1e-5, 0.1, "Width of the bracket to aim at, relative to the scale.")
 @sweeps
 def main(run, plane, angles, tips, tol):
-    """The last barrier on rays: two cubes, a table and a figure in OUT.
-
-    The defaults take about a minute and a half on two cores.
-    """
     from pipeline.cubes.barrier import last_barrier, unfolded
     from workflows.figures.last_barrier import draw_last_barrier
     from workflows.shared import boundary_words, rays

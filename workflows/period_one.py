@@ -3,6 +3,8 @@
 The primary points' residues and the secondary points next to (1/2, 0), with the error of the
 paper's cubic estimate (arXiv:1606.04824, Sec. IV). Exact formulas and one equation to solve: no
 sweep, a few seconds.
+
+Two cubes and two figures in OUT.
 """
 
 from workflows.shared.cli import axis, command, writes
@@ -13,7 +15,6 @@ from workflows.shared.cli import axis, command, writes
 @axis("--secondary", "0:8:200", "Strengths of both kicks for the secondary points.")
 @writes
 def main(run, primary, secondary):
-    """Period-one orbits: two cubes and two figures in OUT."""
     from workflows.figures.period_one import draw_primary_points, draw_secondary_points
     from workflows.shared.period_one import primary_dataset, secondary_dataset
 

@@ -3,6 +3,10 @@
 On each ray a circle is proved to exist at one forcing, and transport to be global at another one
 beyond it; `nasm/proofs/README.md` has both theorems. Between the two nothing is proved. Further in,
 a barrier is proved to exist on all of the ray.
+
+Two cubes, a table and a figure in OUT, with the extra `proof`. The defaults take about three
+minutes on two cores, for brackets 0.12 to 0.32% wide on four rays that were tried; with --seconds
+8, in some eleven, 0.05 to 0.08% on six.
 """
 
 from workflows.shared.cli import command, preset, real, sweeps, whole
@@ -14,12 +18,6 @@ from workflows.shared.cli import command, preset, real, sweeps, whole
 @preset("--quick", "A preview", angles=41, seconds=0.5)
 @sweeps
 def main(run, angles, seconds):
-    """Proved brackets of the last barrier: two cubes, a table and a figure in OUT.
-
-    Needs the extra `proof`. The defaults take about three minutes on two cores, for brackets 0.12
-    to 0.32% wide on four rays that were tried; with --seconds 8, in some eleven, 0.05 to 0.08% on
-    six.
-    """
     import numpy as np
 
     from nasm.planes import two_kicks

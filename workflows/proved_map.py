@@ -3,6 +3,9 @@
 Transport is proved in cells of the (κ1, κ2) plane, by a quadtree that is fine where the boundary
 runs; a barrier in triangles from κ = 0 on. `nasm/proofs/README.md` has the theorems. Of what is
 open nothing is proved, which says nothing.
+
+Three cubes and a figure of 0 <= kappa2 <= kappa1 <= 1.125 and images in OUT, with the extra
+`proof`. The defaults take less than ten minutes of CPU time.
 """
 
 from workflows.shared.cli import choice, command, preset, real, sweeps
@@ -17,10 +20,6 @@ _CELLS = ["32", "64", "128", "256", "512", "1024"]
 @preset("--full", "In full, more than a CPU hour", cells="512", nearest="0.03")
 @sweeps
 def main(run, cells, seconds, nearest):
-    """The proved map of 0 <= kappa2 <= kappa1 <= 1.125 and images: three cubes, a figure in OUT.
-
-    Needs the extra `proof`. The defaults take less than ten minutes of CPU time.
-    """
     import numpy as np
 
     from nasm.barriers import critical_scale

@@ -8,6 +8,9 @@ of the tribonacci pair are certified, and others denied by converse KAM, whateve
 The paper's vector of 1705/3136 is the first of the defaults. 1/τ = 0.543689… and 1/τ + 1/τ² =
 0.839286…, τ the tribonacci constant, have the convergents of the other two; 2631 may be a misprint
 of 2632.
+
+Five cubes, a table and two figures in OUT. The defaults take some 160 CPU seconds, about a minute
+and a half on two cores.
 """
 
 from workflows.shared.cli import choice, command, ray_options, sweeps, whole
@@ -25,10 +28,6 @@ _VECTOR = "Rotation vector of an orbit; may be repeated.  [default: all]"
 @whole("--tori", 7, 2, 10**4, "Rays, from 0 to 90 degrees, with certified tori.")
 @sweeps
 def main(run, vector, angles, tips, n_max, n_orbits, tori):
-    """Rotating standard maps: five cubes, a table and two figures in OUT.
-
-    The defaults take some 160 CPU seconds, about a minute and a half on two cores.
-    """
     import numpy as np
 
     from nasm.planes import rotating

@@ -1,4 +1,7 @@
-"""How far is a sweep that runs, or that was stopped? Read from the store alone, without a lock."""
+"""How far is a sweep that runs, or that was stopped? Read from the store alone, without a lock.
+
+Of all cubes: tiles done, failures with reasons, rate, time left.
+"""
 
 import sys
 
@@ -10,7 +13,6 @@ from workflows.shared.cli import command, place_options
 @command()
 @place_options
 def main(out, store):
-    """The state of all cubes of a store: tiles done, failures with reasons, rate, time left."""
     from pipeline.store import status
     from workflows.shared.run import cubes_of, explained
 

@@ -6,6 +6,9 @@ Their boundaries in the (κ̄, Δκ) plane for several phases φ0, against that 
 For Ω = 1/3 it is the same for φ0 + 1/3, where the kicks start one later; for -φ0, where they are
 reversed; for φ0 + 1/2 and -Δκ; and for -κ̄ and -Δκ. So all phases are those from 0 to 1/12, with
 both signs of Δκ; at 1/12 these are alike. In between the kicks have no symmetry centre.
+
+A cube for each phase and one of T, a table and a figure in OUT. The defaults take some five minutes
+of CPU time.
 """
 
 from workflows.shared import cli
@@ -28,10 +31,6 @@ def parse_phase(text):
 @cli.real("--tol", 1e-3, 1e-5, 0.1, "Width of the bracket to aim at, relative to the scale.")
 @cli.sweeps
 def main(run, phase, angles, tips, tol):
-    """Rotating standard maps: a cube for each phase and one of T, a table and a figure in OUT.
-
-    The defaults take some five minutes of CPU time.
-    """
     from nasm.planes import rotating
     from pipeline.cubes.barrier import last_barrier, named, unfolded
     from workflows.figures.three_kicks import draw_three_kicks

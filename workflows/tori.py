@@ -3,6 +3,9 @@
 The barriers of kicks that never repeat (arXiv:1606.04824, Sec. VII) are tori over (θ, φ), continued
 here to their breakup by Newton's method and certified on finer grids. The default vectors are those
 of the tribonacci constant, as in the paper's Fig. 11, and of √2 and the golden mean.
+
+Two cubes, a table and two figures in OUT. The defaults take some seven CPU minutes; --quick half a
+minute.
 """
 
 from workflows.shared.cli import command, parsed, preset, real, sweeps, whole
@@ -31,10 +34,6 @@ def parse_vectors(texts):
 @preset("--quick", "A preview", angles=3, tol=0.05)
 @sweeps
 def main(run, vector, angles, tol, picture):
-    """Tori of irrational frequency: two cubes, a table and two figures in OUT.
-
-    The defaults take some seven CPU minutes; --quick half a minute.
-    """
     import numpy as np
 
     from pipeline.cubes import rotating_maps

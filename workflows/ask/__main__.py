@@ -3,6 +3,11 @@
 The verdict of `nasm.verdict` in plain sentences, and a phase portrait with what decides: the
 circle, or an orbit that escapes. One forcing, no sweep. Kicks that come only once have no circles;
 of these `nasm.converse_kam.sequence` tells whether a family of graphs may survive them.
+
+KAPPA ... is one period of the forcing, up to 64 kicks: 0.3 0.2 0.25. Strengths are dimensionless,
+-1e6 to 1e6, and may be negative: -0.69 0.525. The answer may be UNDECIDED, within a few parts in
+10^5 of the boundary; the exit code is 0 for all three. It takes about two seconds with one or two
+kicks, and the first time on a machine twenty more to compile the kernels. The portrait is in OUT.
 """
 
 import os
@@ -130,13 +135,6 @@ def asked_of_period(point, prove, strengths):
 @cli.draws
 @cli.out_option
 def main(kappa, plane, sequence, once, prove, pdf, out):
-    """Transport or barrier under kicks of strengths KAPPA ... in turn? With a portrait in OUT.
-
-    They are one period of the forcing, up to 64 kicks: 0.3 0.2 0.25. Strengths are dimensionless,
-    -1e6 to 1e6, and may be negative: -0.69 0.525. The answer may be UNDECIDED, within a few parts
-    in 10^5 of the boundary; the exit code is 0 for all three. It takes about two seconds with one
-    or two kicks, and the first time on a machine twenty more to compile the kernels.
-    """
     files = {name: path for name, path in (("--sequence", sequence), ("--once", once)) if path}
     try:
         strengths, point = forcing_asked(kappa, plane, files)

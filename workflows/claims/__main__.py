@@ -2,6 +2,9 @@
 
 Claim by claim through arXiv:1606.04824: our value with its error, the verdict that a rule makes of
 it (`claims.rules`), and the command that shows it; the errata, and the envelope of all CB_ω.
+
+A page, three tables and five cubes in OUT. Some minutes on two cores; --angles 19 --tips 8 --tol
+1e-3 --n-max 20000 --n-orbits 64, one.
 """
 
 from workflows.shared.cli import command, real, sweeps, whole
@@ -17,10 +20,6 @@ _EXAMINED = 60  # CPU seconds of the claims that need no sweep
 @whole("--n-orbits", 1000, 10, 10**5, "Orbits of direct iteration.")
 @sweeps
 def main(run, **size):
-    """The paper's claims, one by one: a page, three tables and five cubes in OUT.
-
-    Some minutes on two cores; --angles 19 --tips 8 --tol 1e-3 --n-max 20000 --n-orbits 64, one.
-    """
     from workflows.claims.page import contradicted, counted, write
     from workflows.claims.study import examine, planned
 

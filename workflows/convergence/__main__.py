@@ -3,6 +3,9 @@
 The paper's Fig. 7, on other rays too: the boundary {n* ≤ N} of direct iteration approaches the
 breakup like N^(-1/η) (arXiv:1606.04824, Sec. V.B). Beside it the number M of orbits, converse KAM
 in N, Greene's residue in the period q, and certified circles in the number n of grid points.
+
+Three cubes, a table and two figures in OUT. About three minutes on two cores; ten times the steps
+or orbits take ten times as long.
 """
 
 from workflows.shared.cli import command, flag, increasing, sweeps, whole
@@ -14,10 +17,6 @@ from workflows.shared.cli import command, flag, increasing, sweeps, whole
 @flag("--quick", "At most 10 000 steps, and short runs of the others.")
 @sweeps
 def main(run, n_max, n_orbits, quick):
-    """Convergence studies: three cubes, a table and two figures in OUT.
-
-    About three minutes on two cores; ten times the steps or orbits take ten times as long.
-    """
     from workflows.convergence import study as convergence
     from workflows.figures.convergence import draw_convergence, draw_diagonal
     from workflows.shared import direct

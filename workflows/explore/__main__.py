@@ -2,6 +2,9 @@
 
 Left the plane of forcings, with first escape times and the last circle's boundary; right the phase
 portrait of the forcing that was clicked; below the verdict. Nobody but this machine can open it.
+
+What an earlier run has left in OUT, escape times and the boundary, is shown at once; OUT is only
+read, and need not exist. The rest is computed where you look. Ctrl-C ends it.
 """
 
 import click
@@ -16,11 +19,6 @@ from workflows.shared.cli import cluster_options, command, flag, out_option, pla
 @cluster_options
 @out_option
 def main(plane, port, no_browser, out, **cluster):
-    """Explore a plane of forcings in the browser; Ctrl-C ends it.
-
-    What an earlier run has left in OUT, escape times and the boundary, is shown at once; OUT is
-    only read, and need not exist. The rest is computed where you look.
-    """
     try:
         import bokeh  # noqa: F401
     except ImportError:

@@ -3,6 +3,9 @@
 Just beyond CB_gt a cantorus is left: the area that passes it in one step is the difference in
 action of minimax and minimizing orbits, and grows like (s/s_c - 1)^η, η = 3.01. An outlook of
 arXiv:1606.04824, Sec. VII, by MacKay, Meiss & Percival, Physica D 13 (1984) 55.
+
+Two cubes, two tables and a figure in OUT. Distances beyond the breakup go up to 0.5. The defaults
+take a minute on two cores.
 """
 
 from math import ceil
@@ -18,10 +21,6 @@ _ANGLES = 0.0, 20.0, 30.0, 40.0, 45.0
 @whole("--q-max", 200_000, 100, 10**6, "Longest period of the orbits; 10/NEAREST or more.")
 @sweeps
 def main(run, angle, nearest, q_max):
-    """The flux through broken circles: two cubes, two tables and a figure in OUT.
-
-    Distances beyond the breakup go up to 0.5. The defaults take a minute on two cores.
-    """
     import numpy as np
 
     from nasm.planes import two_kicks

@@ -4,6 +4,8 @@ Runs one command after the other (arXiv:1606.04824, Figs. 1 to 11, and what goes
 into a directory of its own in OUT, all on the same workers, and writes OUT/index.html. Each of them
 resumes by itself. Below its figures are the lines that read its cubes and draw their essence, to be
 run in OUT: OUT/recipes has them as scripts and notebooks.
+
+By default a preview of everything, some ten minutes of CPU time.
 """
 
 import csv
@@ -97,10 +99,6 @@ _RELEASE = (
 @out_option
 @cluster_options
 def main(out, full, only, release, quick, workers, scheduler, tls):
-    """The paper, regenerated: all figures and claims, and the page OUT/index.html that shows them.
-
-    By default a preview of everything, some ten minutes of CPU time.
-    """
     from nasm import __version__
     from workflows.gallery.release import make
     from workflows.shared.page import render

@@ -3,6 +3,8 @@
 Fig. 1: T_{κ1κ2} and T_{κ2κ1} beside the nonautonomous map itself (arXiv:1606.04824, Eq. (1)), whose
 orbits are theirs after an even and an odd number of kicks. Fig. 2: four forcings that the
 symmetries of Sec. III take to each other, each iterated on its own.
+
+Two cubes and two figures in OUT, in a few seconds.
 """
 
 from workflows.shared.cli import command, whole, writes
@@ -13,7 +15,6 @@ from workflows.shared.cli import command, whole, writes
 @whole("--steps", 1000, 1, 100_000, "Steps of each orbit, and kicks of the nonautonomous map.")
 @writes
 def main(run, n_orbits, steps):
-    """Phase portraits: two cubes and two figures in OUT. A few seconds."""
     from workflows.figures.portraits import draw_kicks, draw_symmetry
     from workflows.portraits.study import nonautonomous_dataset, symmetric_dataset
 

@@ -5,6 +5,9 @@ of the kicks are a mean field of the particles, and settle to something nearly p
 KAM asks the recorded kicks for barriers, and the periodic forcing that is fitted to them. Beside it
 a barrier that converse KAM cannot see, as it folds: the circle of a forcing that settles, pulled
 back to its beginning.
+
+Three cubes, a table and a figure in OUT. The defaults take five minutes of CPU time, with --quick
+less than one.
 """
 
 from workflows.shared.cli import command, preset, real, whole, writes
@@ -19,10 +22,6 @@ _COUPLINGS = 0.2, 0.3, 0.4, *(x / 100 for x in range(45, 95, 5)), 1.0, 1.1, 1.2
 @preset("--quick", "A preview", particles=4096, kicks=8192)
 @writes
 def main(run, coupling, **size):
-    """The self-consistent map and its barriers: three cubes, a table and a figure in OUT.
-
-    The defaults take five minutes of CPU time, with --quick less than one.
-    """
     from workflows.figures.self_consistent import draw_self_consistent
     from workflows.self_consistent import study
 

@@ -27,11 +27,13 @@ version = click.version_option(__version__, message="nasm %(version)s")
 def command(**settings):
     """Make a click command of a function, and run it if its module is run by `python -m`.
 
-    Ctrl-C ends it with code 130, a lack of FLINT with 1.
+    Its help is what its module says. Ctrl-C ends it with code 130, a lack of FLINT with 1.
     """
 
     def decorate(function):
-        @click.command(context_settings=COMMON | settings)
+        help = function.__doc__ or sys.modules[function.__module__].__doc__
+
+        @click.command(help=help, context_settings=COMMON | settings)
         @version
         @functools.wraps(function)
         def wrapped(**options):

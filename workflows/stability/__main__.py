@@ -4,6 +4,8 @@ Next to the cusp at 45°, on either side of the breakup, at fractions disguised 
 the end of the twist (single kicks keep theirs, which is what converse KAM needs), in the amplitudes
 that Proposition 1 assumes, in the searches of converse KAM and of Newton's method, and for tori
 next to a resonance. `findings` lists the studies; what they found is printed, and is the caption.
+
+Nine cubes and four figures in OUT. Two to three minutes on two cores; --quick less than one.
 """
 
 import click
@@ -15,10 +17,6 @@ from workflows.shared.cli import command, flag, writes
 @flag("--quick", "A preview: fewer and shorter runs of everything.")
 @writes
 def main(run, quick):
-    """Where each method stops being right: nine cubes and four figures in OUT.
-
-    Two to three minutes on two cores; --quick less than one.
-    """
     from workflows.figures.stability import draw_stability
     from workflows.stability.findings import STUDIES
 

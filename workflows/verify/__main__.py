@@ -3,6 +3,8 @@
 All chunks are read and compared with their checksums. With --repair damaged tiles become missing:
 the next run of the command that computed them computes them again, and no others. With --proofs
 what is called proved is compared with the certificates, and these are checked by a second program.
+
+The exit code is 1 if damage is found and not repaired.
 """
 
 import sys
@@ -19,7 +21,6 @@ from workflows.shared.cli import command, flag, place_options, real
 @real("--longest", 60, 0, 1e9, "CPU seconds: certificates that take longer are not checked.")
 @place_options
 def main(out, store, repair, proofs, longest):
-    """Verify all cubes of a store; exit code 1 if damage is found and not repaired."""
     from pipeline.store import driving, verify
     from workflows.shared.run import cubes_of, explained
 

@@ -5,6 +5,8 @@ input: that of the circle which `nasm.barriers` names as the last to break. Five
 kicks, the sixth of three kicks, (1, 0.7, 0.3), which have no symmetry line. Seconds are CPU seconds
 of one thread, the median of several runs; a first run, which compiles, is measured apart.
 Single precision serves direct iteration alone, whose error is far above rounding.
+
+A cube, two tables and a figure in OUT. The defaults take about a minute and a half, on one core.
 """
 
 from pathlib import Path
@@ -26,10 +28,6 @@ RAYS = ("45", "0", "30", "40", "120", "three-kicks")
 )
 @writes
 def main(run, full, only, ray):
-    """Speed against accuracy of all methods: a cube, two tables and a figure in OUT.
-
-    The defaults take about a minute and a half, on one core.
-    """
     from nasm.proofs.barrier import need_flint
     from workflows.figures.style import names_of
     from workflows.figures.work_precision import draw_work_precision
