@@ -25,8 +25,9 @@ def test_tiles_cover_every_cell_exactly_once(rows, columns, height, width):
     assert (visits == 1).all()
 
 
-def test_centres_lie_inside_the_edges():
+def test_centres_lie_in_the_middle_of_their_cells():
     assert Axis(-1, 1, 4).centres.tolist() == [-0.75, -0.25, 0.25, 0.75]
+    assert Axis(-1, 1, 4).bounds.tolist() == [[-1, -0.5], [-0.5, 0], [0, 0.5], [0.5, 1]]
 
 
 def test_a_coarser_axis_has_the_means_of_the_finer_ones_centres():

@@ -1,4 +1,8 @@
-"""Sweeps of many tiles, and fields larger than the memory."""
+"""Sweeps of many tiles, and fields larger than the memory.
+
+As a program, `python test_large.py OUT TILES [joined]`, it sweeps tiles that cost nothing, and
+prints what it did, and what the driver needed for it, with dask's scheduler in the same process.
+"""
 
 import json
 import re
@@ -15,13 +19,30 @@ import toy
 import xarray as xr
 
 from pipeline import store
+from pipeline.sweep import grid
+from pipeline.sweep.cluster import connect
+from pipeline.sweep.progress import Progress
+from pipeline.sweep.sweep import sweep
 
-HERE = Path(__file__).parent
-CUBES = HERE.parent / "workflows" / "examples" / "cubes.ipynb"
+CUBES = Path(__file__).parents[1] / "workflows" / "examples" / "cubes.ipynb"
+
+
+def main(out, n_tiles, *joined):
+    place, job = store.place_of(out), toy.line(int(n_tiles))
+    job = grid.joined(job) if joined else job
+    with store.driving(place), connect(n_workers=2) as client:
+        client()
+        start = time.process_time()
+        outcome = sweep(client, place, job, Progress("line", sys.stderr))
+        seconds = time.process_time() - start
+    # getrusage would count its parent's memory.
+    peak = 1024 * int(re.search(r"VmHWM:\s+(\d+)", Path("/proc/self/status").read_text())[1])
+    done = {"committed": outcome.committed, "remaining": outcome.remaining}
+    print(json.dumps({**done, "seconds": seconds, "bytes": peak}))
 
 
 def start_driver(out, *arguments):
-    command = [sys.executable, str(HERE / "many.py"), str(out), *map(str, arguments)]
+    command = [sys.executable, __file__, str(out), *map(str, arguments)]
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
@@ -111,3 +132,7 @@ def test_a_field_larger_than_the_memory_is_analysed_by_blocks(tmp_path):
         assert float(part) == pytest.approx(times[: int(n) + 1].sum() / cells**2, abs=1e-6)
     earliest = np.flatnonzero(times)[0]
     assert f"coarse field (1024, 1024), earliest escape {earliest}" in last.stdout
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

@@ -95,22 +95,18 @@ def test_twist_needs_a_second_kick_below_2(kappa1):
     assert twist((kappa1, 2.01), 0.0, 0.5) < 0
 
 
-def test_rotating_forcing_of_one_half_alternates():
-    assert_allclose(rotating_forcing(0.5, 0.2, "1/2"), (0.7, 0.3), rtol=1e-15)
-    assert_allclose(rotating_forcing(0.5, 0.2, "1/2", phase=0.25), (0.5, 0.5), rtol=1e-15)
-
-
-def test_rotating_forcing_with_the_paper_s_sign_starts_half_a_period_later():
-    kappa1, kappa2 = 0.7, 0.3
-    mean, amplitude = (kappa1 + kappa2) / 2, (kappa2 - kappa1) / 2
-    assert_allclose(rotating_forcing(mean, amplitude, "1/2"), (kappa2, kappa1), rtol=1e-15)
-
-
-def test_rotating_forcing_has_period_q():
-    assert_allclose(rotating_forcing(0.5, 0.2, "1/3"), (0.7, 0.4, 0.4), rtol=1e-15)
-    n, phase = np.arange(7), 0.1
-    expected = 0.5 + 0.2 * cos(2 * pi * (phase + n * 5 / 7))
-    assert_allclose(rotating_forcing(0.5, 0.2, "5/7", phase), expected, rtol=1e-14)
+@pytest.mark.parametrize(
+    ("frequency", "amplitude", "phase", "strengths"),
+    [
+        ("1/2", 0.2, 0, (0.7, 0.3)),
+        ("1/2", -0.2, 0, (0.3, 0.7)),  # with the paper's sign half a period later
+        ("1/2", 0.2, 0.25, (0.5, 0.5)),
+        ("1/3", 0.2, 0, (0.7, 0.4, 0.4)),
+        ("5/7", 0.2, 0.1, 0.5 + 0.2 * cos(2 * pi * (0.1 + np.arange(7) * 5 / 7))),
+    ],
+)
+def test_rotating_forcing_has_the_period_of_its_frequency(frequency, amplitude, phase, strengths):
+    assert_allclose(rotating_forcing(0.5, amplitude, frequency, phase), strengths, rtol=1e-14)
 
 
 @given(kappa=strengths, x=coordinates, y=coordinates)

@@ -23,12 +23,6 @@ def test_orbit_is_right_to_rounding(kappa):
             x, y = oracles.exact_step(kappa, x, y)
 
 
-def test_orbit_stays_on_the_lift():
-    xs, ys = orbit([0.0, 0.0, 0.0], 0.25, 0.5, 100)
-    np.testing.assert_array_equal(xs, 0.25 + 3 * 0.5 * np.arange(101))
-    np.testing.assert_array_equal(ys, 0.5)
-
-
 @pytest.mark.parametrize("kappa", [(0.9,), (0.5, 0.7), (0.5, -0.3, 0.2)])
 def test_the_points_between_kicks_are_orbits_of_the_shifted_forcings(kappa):
     P, x, y = len(kappa), X, Y
@@ -51,7 +45,10 @@ def test_starts_broadcast():
 
 
 @pytest.mark.parametrize("P", [1, 2, 3])
-def test_a_rigid_rotation_has_omega_P_y(P):
+def test_a_rigid_rotation_stays_on_the_lift_and_has_omega_P_y(P):
+    xs, ys = orbit([0.0] * P, 0.25, 0.5, 100)
+    np.testing.assert_array_equal(xs, 0.25 + P * 0.5 * np.arange(101))
+    np.testing.assert_array_equal(ys, 0.5)
     y = np.array([0.2, 2**-0.5, -0.3, 5.1])
     omega, digits = rotation_number(np.zeros(P), 0.4, y, 1000)
     assert_allclose(omega, P * y, rtol=0, atol=1e-13)
@@ -123,16 +120,12 @@ def weighted_average(kappa, x, y, n):
     return total / weights
 
 
-def test_a_chaotic_orbit_has_no_rotation_number():
+def test_an_island_turns_with_its_periodic_orbit_and_a_chaotic_orbit_has_no_rotation_number():
+    # (1/2, 0) is elliptic for small positive strengths, and fixed: ω = 0 all around it.
+    assert rotation_number(KAPPA, 0.55, 0.0, 10_000)[0] == pytest.approx(0, abs=1e-12)
     omega, digits = rotation_number((1.5, 1.5), [0.01, 0.02, 0.03], 0.0, 10_000)
     assert np.isnan(omega).all()
     assert (digits < REGULAR_DIGITS).all()
-
-
-def test_an_island_turns_with_its_periodic_orbit():
-    # (1/2, 0) is elliptic for small positive strengths, and fixed: ω = 0 all around it.
-    omega, _ = rotation_number(KAPPA, 0.55, 0.0, 10_000)
-    assert omega == pytest.approx(0, abs=1e-12)
 
 
 def test_portrait_shows_one_cell():

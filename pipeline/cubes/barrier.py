@@ -14,9 +14,9 @@ from nasm import barriers
 from nasm.numbers import RotationNumber, moebius, parse
 from nasm.planes import plane_of, two_kicks
 from nasm.symmetries import ray
-from pipeline.cubes.breakdown import cube_on_rays, per_ray, scales
+from pipeline.cubes.breakdown import job_on_rays, scales
 from pipeline.cubes.certificates import of_certificate, packed
-from pipeline.cubes.cube import Job, angles_of_rays, blank, coordinate, text
+from pipeline.cubes.cube import angles_of_rays, blank, coordinate, text
 
 _N_QUOTIENTS = 32  # places for the partial quotients of a rotation number
 
@@ -28,15 +28,13 @@ def last_barrier(plane, angles, tol, name="barrier"):
     tol : float, the bracket's relative width.
     name : of the cube; another one where a store holds those of several planes.
     """
-    folded, _ = plane.fold(angles)
-    wedge = sorted(set(folded.tolist()))
-    on_ray = {"angle": angles_of_rays(wedge)}
+    wedge = sorted(set(plane.fold(angles)[0].tolist()))
     seconds = 0.2 + 3.5e-5 / tol if len(plane.origin) <= 2 else 1 + 5e-4 / tol
     warm_up = partial(barriers.critical_scale, sum(plane.ray(30.0)), 0.1)
-    plan = plane.axes, {}, wedge, seconds, plane.record | {"tol": tol}
-    cube = cube_on_rays(name, *plan, "The last barrier to transport")
-    cube = replace(cube, template=with_last_circle(cube.template, on_ray))
-    return Job(cube, _compute, partial(per_ray, seconds), warm_up)
+    plan = plane.axes, {}, wedge, seconds, plane.record | {"tol": tol}, _compute, warm_up
+    job = job_on_rays(name, *plan, "The last barrier to transport")
+    template = with_last_circle(job.cube.template, {"angle": angles_of_rays(wedge)})
+    return replace(job, cube=replace(job.cube, template=template))
 
 
 def with_last_circle(template, on):
@@ -62,26 +60,28 @@ def proved_barrier(plane, angles, seconds):
     proved bounds depend on the machine's speed; each of them holds.
     """
     plane.rays_start_at_zero("a proof")
-    cube = last_barrier(plane, angles, 1e-4).cube
-    on_ray = {"angle": cube.template.angle}
+    job = last_barrier(plane, angles, 1e-4, "proved_barrier")
+    cube, on_ray = job.cube, {"angle": job.cube.template.angle}
     here = "at exactly this forcing; nothing is proved by that of smaller scales"
     template = cube.template.assign(
         proved_below=blank(on_ray, "scale up to which a barrier is proved to exist on all the ray"),
         proved_lower=blank(on_ray, "scale at which a barrier is proved to exist", comment=here),
         proved_upper=blank(on_ray, "scale at which transport is proved to be global"),
     )
-    plan = {"name": "proved_barrier", "template": template, "tile": {"angle": 1}}
-    cube = replace(cube, **plan, settings=cube.settings | {"seconds": seconds})
-    warm_up = partial(_compute_proved, {"angle": np.zeros(1)}, cube.settings | {"seconds": 0.1})
-    return Job(cube, _compute_proved, partial(per_ray, 1 + 3 * seconds), warm_up)
+    settings = cube.settings | {"seconds": seconds}
+    cube = replace(cube, template=template, tile={"angle": 1}, settings=settings)
+    warm_up = partial(_compute_proved, {"angle": np.zeros(1)}, settings | {"seconds": 0.1})
+    return replace(
+        job, cube=cube, compute=_compute_proved, predict=_predict_proved, warm_up=warm_up
+    )
 
 
 def boundary(angles, tol=1e-4, plane=None):
     """Compute CB_gt on rays at any angles: the Dataset of `unfolded`, without workers or a store.
 
     angles : degrees. tol : float, 1e-5 to 0.1, the bracket's relative width. plane : of forcings,
-    `nasm.planes.two_kicks()` by default. 0.25 s of CPU time at 1e-4, and 0.8 s at 2e-5, for
-    each ray that is no image of another one.
+    `nasm.planes.two_kicks()` by default. A ray that is no image of another one takes 0.25 s of CPU
+    time at 1e-4, and 0.8 s at 2e-5.
     """
     cube = last_barrier(plane or two_kicks(), angles, tol).cube
     coords = {dim: cube.template[dim].values for dim in cube.sizes}
@@ -151,6 +151,10 @@ def _compute_proved(coords, settings):
     return arrays | packed(found)
 
 
+def _predict_proved(coords, settings):
+    return (1 + 3 * settings["seconds"]) * coords["angle"].size
+
+
 def uncertified(tile, certificates):
     """Say what a tile of `proved_barrier` calls proved without a certificate of it; else ""."""
     from nasm.proofs.fan import covered
@@ -181,11 +185,9 @@ def _arrays(found, coords, settings):
 def circle_arrays(found):
     """Return the arrays of last circles, see `with_last_circle`; `found` is a list."""
     arrays = {"omega": np.array([s.omega and float(s.omega) for s in found], dtype=float)}
-    arrays["quotients"] = np.zeros((_N_QUOTIENTS, len(found)), np.int32)
-    arrays["tail_length"] = np.zeros(len(found), np.int8)
-    for i, scale in enumerate(found):
-        if (omega := scale.omega) is not None:
-            quotients = [*omega.prefix, *omega.tail]
-            arrays["quotients"][: len(quotients), i] = quotients
-            arrays["tail_length"][i] = len(omega.tail)
+    known = [(s.omega.prefix, s.omega.tail) if s.omega else ((), ()) for s in found]
+    rows = [[*prefix, *tail] for prefix, tail in known]
+    padded = [row + [0] * (_N_QUOTIENTS - len(row)) for row in rows]
+    arrays["quotients"] = np.array(padded, np.int32).T
+    arrays["tail_length"] = np.array([len(tail) for _, tail in known], np.int8)
     return arrays

@@ -17,7 +17,12 @@ from nasm.symmetries import ray
 from pipeline.cubes import cube, escape
 
 _TILE = {"angle": 1, "excess": 1}
-_DIFFUSION = {"diffusion": "value", "error": "error", "exponent": "exponent", "steps": "steps"}
+_DIFFUSION = {
+    "diffusion": "D = <(y_n - y_0)²>/2n, in squares of y a period",
+    "error": "standard error of diffusion",
+    "exponent": "a of <(y_n - y_0)²> ~ n^a, 1 for diffusion",
+    "steps": "periods that orbits were followed",
+}
 
 
 def escape_times(name, plane, scales, excesses, sizes, n_max):
@@ -26,10 +31,9 @@ def escape_times(name, plane, scales, excesses, sizes, n_max):
     scales : {angle in degrees: scale s_c of the breakup on the ray}. excesses : increasing floats.
     name, plane, sizes, n_max : as for `escape.over_plane`.
     """
-    settings = {"n_max": n_max, "precision": "double"}
-    title, functions = "First escape times beyond the last barrier", (_escapes, _predict_escapes)
-    coords = _coords(plane, scales, excesses)
-    return escape.job(name, plane, sizes, coords, _TILE, settings, title, *functions)
+    settings, coords = {"n_max": n_max, "precision": "double"}, _coords(plane, scales, excesses)
+    how = "First escape times beyond the last barrier", partial(_compute, escape.times_of)
+    return escape.job(name, plane, sizes, coords, _TILE, settings, *how, _predict_escapes)
 
 
 def flux(plane, scales, circles, excesses, q_max):
@@ -47,24 +51,20 @@ def flux(plane, scales, circles, excesses, q_max):
         "error": cube.blank(coords, "estimated absolute error of flux"),
         "period": cube.blank(coords, "longest period of the orbits used", np.int32(0)),
     }
-    title, settings = "Flux through the remains of the last circle", {"q_max": q_max}
-    functions = _flux, _predict_flux, partial(turnstiles.action_difference, (0.1, 0.1), 1, 3)
-    return _job("flux", plane, coords, variables, title, settings, functions)
+    warm_up = partial(turnstiles.action_difference, (0.1, 0.1), 1, 3)
+    how = {"q_max": q_max}, _flux, _predict_flux, warm_up
+    title = "Flux through the remains of the last circle"
+    return _job("flux", plane, coords, variables, title, *how)
 
 
 def diffusion(scales, excesses, n_orbits, n_max):
     """Return the Job of the diffusion coefficient D of momentum, by ensembles, of two kicks;
     scales, excesses as for `escape_times`."""
     coords = _coords(two_kicks(), scales, excesses)
-    variables = {
-        "diffusion": cube.blank(coords, "D = <(y_n - y_0)²>/2n, in squares of y a period"),
-        "error": cube.blank(coords, "standard error of diffusion"),
-        "exponent": cube.blank(coords, "a of <(y_n - y_0)²> ~ n^a, 1 for diffusion"),
-        "steps": cube.blank(coords, "periods that orbits were followed"),
-    }
-    title, settings = "Diffusion of momentum", {"n_orbits": n_orbits, "n_max": n_max}
-    functions = _diffusion, _predict_diffusion, partial(ensembles.diffusion, (9.0, 9.0), 64)
-    return _job("diffusion", two_kicks(), coords, variables, title, settings, functions)
+    variables = {name: cube.blank(coords, words) for name, words in _DIFFUSION.items()}
+    warm_up = partial(ensembles.diffusion, (9.0, 9.0), 64)
+    how = {"n_orbits": n_orbits, "n_max": n_max}, _diffusion, _predict_diffusion, warm_up
+    return _job("diffusion", two_kicks(), coords, variables, "Diffusion of momentum", *how)
 
 
 def steps_beyond(excess):
@@ -73,7 +73,7 @@ def steps_beyond(excess):
 
 
 def _coords(plane, scales, excesses):
-    """Return the coordinates; those in the plane are computed with each tile, see `_forcings`."""
+    """Return the coordinates; those in the plane are computed with each tile."""
     coords = {
         "angle": cube.angles_of_rays(list(scales)),
         "excess": cube.coordinate("excess", excesses, "scale in parts of the breakup's, less 1"),
@@ -82,24 +82,20 @@ def _coords(plane, scales, excesses):
     return coords | {name: cube.blank(coords, words) for name, words in plane.axes.items()}
 
 
-def _job(name, plane, coords, variables, title, settings, functions):
+def _job(name, plane, coords, variables, title, settings, method, predict, warm_up):
     variables["status"] = cube.blank(coords, "outcome", np.int8(0), **cube.FLAGS)
     template = xr.Dataset(variables, coords, {"title": title, "source": cube.PAPER})
     settings = plane.record | settings | cube.STATUS_SETTING
-    return cube.Job(cube.Cube(name, template, _TILE, settings), *functions)
+    plan = cube.Cube(name, template, _TILE, settings)
+    return cube.Job(plan, partial(_compute, method), predict, warm_up)
 
 
-def _forcings(coords, settings):
-    """Return {name of an axis of the plane: array (angle, excess)} of a tile, and its forcings."""
+def _compute(method, coords, settings):
+    """Return where the forcings (angle, excess) of a tile are, and what `method` says of them."""
     plane, scales = plane_of(settings), np.outer(coords["breakup"], 1 + coords["excess"])
     parts = zip(plane.axes, ray(coords["angle"]).T, strict=True)
     strengths = {name: scales * along[:, None] for name, along in parts}
-    return strengths, plane.forcing(*strengths.values())
-
-
-def _escapes(coords, settings):
-    strengths, kappas = _forcings(coords, settings)
-    return strengths | escape.times_of(kappas, coords, settings)
+    return strengths | method(plane.forcing(*strengths.values()), coords, settings)
 
 
 def _predict_escapes(coords, settings):
@@ -107,11 +103,10 @@ def _predict_escapes(coords, settings):
     return escape.seconds(coords, settings, steps.sum() * coords["angle"].size)
 
 
-def _flux(coords, settings):
-    strengths, kappas = _forcings(coords, settings)
+def _flux(kappas, coords, settings):
     rays, q_max = zip(map(parse, coords["circle"]), kappas, strict=True), settings["q_max"]
     found = [[turnstiles.flux(omega, kappa, q_max) for kappa in along] for omega, along in rays]
-    return strengths | cube.fields(found, {"flux": "value", "error": "error", "period": "period"})
+    return cube.fields(found, {"flux": "value", "error": "error", "period": "period"})
 
 
 def _predict_flux(coords, settings):
@@ -119,11 +114,10 @@ def _predict_flux(coords, settings):
     return 3e-4 * coords["angle"].size * np.sum(1 / coords["excess"])
 
 
-def _diffusion(coords, settings):
-    strengths, kappas = _forcings(coords, settings)
+def _diffusion(kappas, coords, settings):
     sizes = settings["n_orbits"], settings["n_max"]
     found = [[ensembles.diffusion(kappa, *sizes) for kappa in along] for along in kappas]
-    return strengths | cube.fields(found, _DIFFUSION)
+    return cube.fields(found, {name: name for name in _DIFFUSION} | {"diffusion": "value"})
 
 
 def _predict_diffusion(coords, settings):

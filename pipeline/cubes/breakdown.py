@@ -2,6 +2,7 @@
 
 κ = origin + s·(cos angle · first + sin angle · second), see `nasm.planes`. Dims are (row, angle): a
 row is a circle or a frequency, and a cube without rows has dim (angle). arXiv:1606.04824, Sec. VI.
+Angles are in degrees.
 """
 
 from functools import partial
@@ -26,8 +27,7 @@ _SCALES = {
     "upper": ("upper", "scale at which the barrier was shown to be gone"),
 }
 _SECONDS = 3  # of CPU time in a tile, which is a file for every variable
-
-
+_TITLE = "Breakup of circles"
 _METHODS = {  # and how hard it tries, at the least
     "continuation of circles": (continuation.critical_scale, {"tol": 0.1}),
     "Greene's residue": (periodic.critical_scale, {"q_max": 10}),
@@ -36,11 +36,8 @@ _METHODS = {  # and how hard it tries, at the least
 
 
 def by_continuation(plane, omegas, angles, tol):
-    """Return the Job of the cube `breakdown`: circles of `omegas` continued to their breakdown.
-
-    omegas : list of RotationNumber. angles : degrees. tol : float, the error to aim at. ValueError
-    if the plane has an origin.
-    """
+    """Return the Job of the cube `breakdown`: circles of `omegas`, RotationNumbers, continued to
+    their breakdown; tol is the error to aim at. ValueError if the plane has an origin."""
     settings = {"method": "continuation of circles", "tol": tol}
     plane.rays_start_at_zero(settings["method"])
     return _job("breakdown", plane, _circles(omegas), angles, 0.02, settings)
@@ -62,8 +59,8 @@ def by_escape(plane, angles, n_max, n_orbits):
     return _job("transport", plane, {}, angles, seconds, settings)
 
 
-def cube_on_rays(name, axes, rows, angles, seconds, settings, title="Breakup of circles"):
-    """Return the cube of critical scales.
+def job_on_rays(name, axes, rows, angles, seconds, settings, compute, warm_up, title=_TITLE):
+    """Return the Job of a cube of critical scales.
 
     axes : {name: words} of the plane's coordinates; those of the breakup are coordinates here.
     rows : {name: coordinate}, that of the rows first; {} for a cube with dim (angle).
@@ -74,10 +71,10 @@ def cube_on_rays(name, axes, rows, angles, seconds, settings, title="Breakup of 
     coords = known | {key: blank(known, f"{words} at the breakup") for key, words in axes.items()}
     n_rays = known["angle"].size
     tile = dict.fromkeys(variables["status"].dims, 1)
-    most = max(1, int(_SECONDS / seconds))
-    tile["angle"] = ceil(n_rays / ceil(n_rays / most))
+    tile["angle"] = ceil(n_rays / ceil(n_rays / max(1, int(_SECONDS / seconds))))
     labels = {"title": f"{title} of the nonautonomous standard map", "source": PAPER}
-    return cube.Cube(name, xr.Dataset(variables, coords, labels), tile, settings | STATUS_SETTING)
+    plan = cube.Cube(name, xr.Dataset(variables, coords, labels), tile, settings | STATUS_SETTING)
+    return Job(plan, compute, partial(_per_ray, seconds), warm_up)
 
 
 def blank_scales(known):
@@ -99,8 +96,7 @@ def scales(found, axes, angles):
     return arrays
 
 
-def per_ray(seconds, coords, settings):
-    """Predict that each ray of a tile takes as long."""
+def _per_ray(seconds, coords, settings):
     return seconds * coords["angle"].size
 
 
@@ -112,11 +108,10 @@ def _circles(omegas):
 
 
 def _job(name, plane, rows, angles, seconds, settings):
-    plan = cube_on_rays(name, plane.axes, rows, angles, seconds, plane.record | settings)
-    one = {key: coord.values[:1] for key, coord in plan.template.coords.items()}
-    _, least = _METHODS[settings["method"]]
-    warm_up = partial(_compute, one, plan.settings | least)
-    return Job(plan, _compute, partial(per_ray, seconds), warm_up)
+    one = {key: row.values[:1] for key, row in rows.items()} | {"angle": np.array(angles[:1])}
+    settings = plane.record | settings
+    warm_up = partial(_compute, one, settings | _METHODS[settings["method"]][1])
+    return job_on_rays(name, plane.axes, rows, angles, seconds, settings, _compute, warm_up)
 
 
 def _compute(coords, settings):

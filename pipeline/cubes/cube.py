@@ -105,7 +105,6 @@ def text(dim, words, long_name):
 
 
 def angles_of_rays(angles):
-    """Return the coordinate `angle`, in degrees."""
     return coordinate("angle", angles, "direction of the ray in the plane", "degree")
 
 
@@ -118,14 +117,13 @@ def blank(coords, long_name, fill=np.nan, **attrs):
 
 NOT_COMPUTED = -128  # the least int8; a lost or missing chunk of the store reads as that, too
 _STATUSES = list(Status)
+# CF attributes of every variable of status, in sweeps and studies.
 FLAGS = {
     "flag_values": [NOT_COMPUTED, *range(1, 1 + len(_STATUSES))],
     "flag_meanings": " ".join(["not_computed", *(status.name.lower() for status in _STATUSES)]),
 }
-"""CF attributes of every variable of status, in sweeps and studies."""
-
+# What a code means is part of what decides the numbers.
 STATUS_SETTING = {"statuses": FLAGS["flag_meanings"].split()[1:]}
-"""What a code means is part of what decides the numbers."""
 
 
 def status_code(status):

@@ -38,10 +38,9 @@ def over_plane(name, plane, axes, sizes, n_max, tile, precision="double"):
         ends = f"{dim}_bounds"
         coords[dim] = coordinate(dim, axis.centres, plane.axes[dim], bounds=ends)
         coords[ends] = coordinate((dim, "bound"), axis.bounds, "ends of the cells")
-    settings = {"n_max": n_max, "precision": precision}
-    tiles = dict.fromkeys(names, tile)
-    title, functions = "First escape times", (_on_plane, _predict_plane)
-    return job(name, plane, sizes, coords, tiles, settings, title, *functions)
+    tiles, settings = dict.fromkeys(names, tile), {"n_max": n_max, "precision": precision}
+    how = "First escape times", _on_plane, _predict_plane
+    return job(name, plane, sizes, coords, tiles, settings, *how)
 
 
 def composed(cube, levels, follow, field=None, level=None):
@@ -53,13 +52,14 @@ def composed(cube, levels, follow, field=None, level=None):
     field : array (ensemble, second axis, first axis), the values.
     level : int8 array (second axis, first axis), which level each value is from.
     """
-    axes = {dim: cube.template[dim] for dim in cube.tile}
+    axes, words = (
+        {d: cube.template[d] for d in cube.tile},
+        "level of refinement of the cell's value",
+    )
     comment = "0 is the coarsest; each level halves the cells"
-    words = "level of refinement of the cell's value"
     template = cube.template.assign(level=blank(axes, words, np.int8(-1), comment=comment))
-    if field is not None:
-        values = {"escape_time": field, "level": level}
-        template = template.assign({k: template[k].copy(data=v) for k, v in values.items()})
+    for key, values in {} if field is None else {"escape_time": field, "level": level}.items():
+        template[key] = template[key].copy(data=values)
     settings = {"levels": levels, "follow": follow, **cube.settings}
     return replace(cube, template=template, settings=settings)
 

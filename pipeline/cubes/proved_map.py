@@ -37,14 +37,9 @@ def proved_map(rays, cells, seconds):
         name: coordinate(name, (np.arange(n) + 0.5) / cells, TWO_KICKS_AXES[name])
         for name in ("kappa2", "kappa1")
     }
-    proved = blank(
-        axes,
-        "what is proved for all forcings of the cell",
-        np.int8(0),
-        flag_values=list(_STATES),
-        flag_meanings=" ".join(_STATES.values()),
-        source="nasm/proofs/README.md",
-    )
+    flags = {"flag_values": list(_STATES), "flag_meanings": " ".join(_STATES.values())}
+    words = "what is proved for all forcings of the cell"
+    proved = blank(axes, words, np.int8(0), **flags, source="nasm/proofs/README.md")
     title = "Forcings for which transport is proved to be global"
     template = xr.Dataset({"proved": proved}, axes, {"title": title})
     settings = {"rays": rays, "cells": cells, "seconds": seconds}
@@ -58,10 +53,8 @@ def _compute(coords, settings):
     low1, low2 = (round(coords[name][0] - size / 2, 9) for name in ("kappa1", "kappa2"))
     if low2 > low1:
         return {"proved": np.full((n, n), NOT_COMPUTED, np.int8)}
-    depth, boundary = n.bit_length() - 1, _boundary(settings)
-    proved, found = proofs.proved_cells(
-        (low1, low2), n * size, depth, boundary, settings["seconds"]
-    )
+    how = n.bit_length() - 1, _boundary(settings), settings["seconds"]
+    proved, found = proofs.proved_cells((low1, low2), n * size, *how)
     if low1 == low2:  # the other side of the diagonal is its image
         proved = np.where(np.tri(n, dtype=bool), proved.T, proved)
     return {"proved": proved} | packed(found)

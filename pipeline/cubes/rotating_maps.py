@@ -16,8 +16,8 @@ from nasm import periodic, tori
 from nasm.planes import ROTATING_AXES
 from nasm.symmetries import ray
 from nasm.tori import last_torus
-from pipeline.cubes.breakdown import cube_on_rays, per_ray, scales
-from pipeline.cubes.cube import PAPER, Job, blank, coordinate, text
+from pipeline.cubes.breakdown import job_on_rays, scales
+from pipeline.cubes.cube import PAPER, blank, coordinate, text
 
 _KICKS = 8_000, 32_000  # on either side, for fractions and for others
 _PICTURE = 128, 256  # points along φ and θ
@@ -30,25 +30,25 @@ def last_barriers(fractions, n_phases, irrational, angles):
     others are images of these. irrational : list of floats. angles : degrees.
     """
     shares = [Fraction(k, n_phases - 1) for k in range(n_phases)]
-    rotating = [
-        (float(Ω), float(share), f"{Ω},{share / 2 / Ω.denominator}")
-        for Ω, share in product(fractions, shares)
-    ]
+    rotating = [(Ω, s, f"{Ω},{s / 2 / Ω.denominator}") for Ω, s in product(fractions, shares)]
     rotating += [(Ω, np.nan, repr(Ω)) for Ω in irrational]
     frequencies, shares, names = zip(*rotating, strict=True)
     words = "phase φ0, in parts of 1/2q; NaN: Ω is irrational, and all phases are alike"
     rows = {
         "forcing": text("forcing", names, "Ω, and φ0 if Ω is a fraction, exactly"),
-        "frequency": coordinate("forcing", frequencies, "frequency Ω, turns of φ per kick"),
-        "phase": coordinate("forcing", shares, words),
+        "frequency": coordinate(
+            "forcing", list(map(float, frequencies)), "frequency Ω, turns of φ per kick"
+        ),
+        "phase": coordinate("forcing", list(map(float, shares)), words),
     }
     settings = {"kicks": list(_KICKS), "method": "converse KAM, and continuation"}
-    plan = cube_on_rays("frequencies", ROTATING_AXES, rows, angles, 10, settings, "Last barriers")
-    on_ray = {"forcing": rows["forcing"], "angle": plan.template.angle}
-    omega = blank(on_ray, "turns per kick of what is certified at lower")
-    plan = replace(plan, template=plan.template.assign(omega=omega))
     least = {"forcing": ["1/2,0"], "angle": np.zeros(1)}, {"kicks": [400, 400]}
-    return Job(plan, _last_barriers, _predict, partial(_last_barriers, *least))
+    how = settings, _last_barriers, partial(_last_barriers, *least), "Last barriers"
+    job = job_on_rays("frequencies", ROTATING_AXES, rows, angles, 10, *how)
+    on_ray = {"forcing": rows["forcing"], "angle": job.cube.template.angle}
+    omega = blank(on_ray, "turns per kick of what is certified at lower")
+    template = job.cube.template.assign(omega=omega)
+    return replace(job, cube=replace(job.cube, template=template), predict=_predict)
 
 
 def breakups(vectors, angles, tol):
@@ -64,11 +64,10 @@ def breakups(vectors, angles, tol):
         "omega": coordinate("vector", omegas, "turns of θ per kick"),
         "frequency": coordinate("vector", frequencies, "turns of φ per kick, Ω"),
     }
-    settings = {"method": "continuation of tori", "tol": tol}
-    seconds = 12 if tol < 5e-3 else 3
+    settings, seconds = {"method": "continuation of tori", "tol": tol}, 12 if tol < 5e-3 else 3
     warm_up = partial(tori.invariant_torus, *vectors[0], 0.05, 0.05)
-    plan = cube_on_rays("tori", ROTATING_AXES, rows, angles, seconds, settings, "Breakup of tori")
-    return Job(plan, _breakups, partial(per_ray, seconds), warm_up)
+    how = seconds, settings, _breakups, warm_up, "Breakup of tori"
+    return job_on_rays("tori", ROTATING_AXES, rows, angles, *how)
 
 
 def residues(vectors, angles):
@@ -82,9 +81,8 @@ def residues(vectors, angles):
         "vector": text("frequency", vectors, "turns per kick of the orbit, and Ω, exactly"),
     }
     settings = {"method": "Greene's residue of one orbit"}
-    plan = cube_on_rays("rotating_tori", ROTATING_AXES, rows, angles, 0.06, settings)
-    warm_up = partial(periodic.residue, (0.1, 0.1), 1, 3)
-    return Job(plan, _residues, partial(per_ray, 0.06), warm_up)
+    how = 0.06, settings, _residues, partial(periodic.residue, (0.1, 0.1), 1, 3)
+    return job_on_rays("rotating_tori", ROTATING_AXES, rows, angles, *how)
 
 
 def pictures(vector, angle, sizes):

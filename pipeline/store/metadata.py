@@ -6,7 +6,6 @@ made the cube; any other driver must agree with it.
 """
 
 import json
-import posixpath
 import re
 import warnings
 from contextlib import suppress
@@ -22,10 +21,10 @@ from zarr.storage import MemoryStore
 from pipeline.store import tiles
 from pipeline.store.place import Refused, explained
 from pipeline.store.provenance import provenance
-from pipeline.store.tiles import COMMIT, DAMAGED, ENTRIES, ENTRY, FORMAT, RECORDS, missing
+from pipeline.store.tiles import COMMIT, DAMAGED, ENTRIES, ENTRY, FORMAT, missing
 
 MAX_TILES = 2**24
-_SEAL = "crc32"  # attribute of a cube: of all its files but those of tiles
+_SEAL = "crc32"  # attribute of a cube, of all its files but those of tiles
 _SEALS = re.compile(rb'"crc32": "\w{8}"')  # wherever these files tell it
 _CHUNK = 1024  # along each dim, of cubes that are written whole
 
@@ -51,8 +50,7 @@ def check(place, cube, computed_by):
     found = _check_settings(place, cube)
     if not found:
         _left_over(place, cube, computed_by)
-    theirs = found.get("computed_by")
-    if found and theirs != computed_by and len(missing(place, cube)):
+    elif (theirs := found.get("computed_by")) != computed_by and len(missing(place, cube)):
         words = f"was computed by {theirs}; this is {computed_by}. Resume it with those versions"
         raise Refused(f"{place.cube(cube.name)} {words}, or choose another --out or --store")
     return found
@@ -69,9 +67,9 @@ def create(place, cube, computed_by):
         ours = provenance(computed_by)
         for key in _left_over(place, cube, computed_by):
             place.delete(key)
-        place.write(root, _empty_files(cube, ours)[root], "create")
+        place.write(root, _files(cube, ours)[root], "create")
         found = check(place, cube, computed_by) or ours  # another driver may have been first
-    for key, data in _differing(place, _empty_files(cube, found)).items():
+    for key, data in _differing(place, _files(cube, found)).items():
         place.write(key, data)
 
 
@@ -82,10 +80,10 @@ def replace(place, cube, computed_by):
     last: until then, also after a crash, there is no such cube. Refused on other settings.
     """
     found = _check_settings(place, cube)
-    if found and not _differing(place, _whole_files(cube, found)):
+    if found and not _differing(place, _files(cube, found)):
         return
     place.delete(_key(cube.name))
-    files = _whole_files(cube, provenance(computed_by))
+    files = _files(cube, provenance(computed_by))
     for key in sorted(files, key=_key(cube.name).__eq__):
         place.write(key, files[key])
 
@@ -99,7 +97,7 @@ def sees(place, name, config_hash):
 def is_as_written(place, name, arrays):
     """Whether all files but those of tiles, `arrays` being in no tile, have their checksum."""
     root = json.loads(place.read(_key(name)))
-    keys = [_key(name, key) for key in ("", *root["consolidated_metadata"]["metadata"])]
+    keys = [_key(name), *(_key(name, key) for key in root["consolidated_metadata"]["metadata"])]
     for array in arrays:
         blocks = np.ndindex(array.cdata_shape)
         keys += [f"{array.path}/{array.metadata.encode_chunk_key(block)}" for block in blocks]
@@ -107,7 +105,7 @@ def is_as_written(place, name, arrays):
 
 
 def _seal(files):
-    """The CRC-32, as text, of {key: bytes}; the one that these tell is left out."""
+    """The CRC-32 of {key: bytes}, without the one that these tell."""
     found = 0
     for key in sorted(files):
         found = crc32(_SEALS.sub(b"", files[key]), crc32(key.encode(), found))
@@ -116,27 +114,28 @@ def _seal(files):
 
 def _check_settings(place, cube):
     """The attributes of the cube that is there, {} if there is none; Refused if it differs."""
-    found = [_attributes(place, key) for key in (_key(cube.name), _key(cube.name, COMMIT))]
-    found = [attributes for attributes in found if attributes]
+    both = _key(cube.name), _key(cube.name, COMMIT)
+    found = [attributes for key in both if (attributes := _attributes(place, key))]
     decisive = {"config_hash": cube.config_hash, "store_format": FORMAT}.items()
     ours = [attributes for attributes in found if decisive <= attributes.items()]
     if ours[1:] and ours[0] != ours[1]:  # one was changed, and has not its checksum
-        root = json.loads(_empty_files(cube, ours[0])[_key(cube.name)])
+        root = json.loads(_files(cube, ours[0])[_key(cube.name)])
         return ours[not ours[0].items() <= root["attributes"].items()]
     if ours:
         return ours[0]
     if not found:
-        with suppress(ValueError, RecursionError):
-            if json.loads(place.read(_key(cube.name))):  # by another program, in zarr 3 or 2
-                raise _not_ours(place, cube.name)
-        if any(place.read(f"{cube.name}.zarr/{key}") for key in (".zgroup", ".zarray")):
-            raise _not_ours(place, cube.name)
+        for file in ("zarr.json", ".zgroup", ".zarray"):  # by another program, in zarr 3 or 2
+            with suppress(ValueError, RecursionError):
+                if json.loads(place.read(f"{cube.name}.zarr/{file}")):
+                    raise _not_ours(place, cube.name)
         return {}
     theirs = found[0]
     tiles.refuse_earlier(place, cube.name, theirs)
-    settings = cube.attributes.items()
-    both = {k: (theirs.get(k), ours) for k, ours in settings if theirs.get(k) != ours}
-    differences = [f"{k} is {_brief(old)}, not {_brief(new)}" for k, (old, new) in both.items()]
+    differences = [
+        f"{key} is {_brief(theirs.get(key))}, not {_brief(value)}"
+        for key, value in cube.attributes.items()
+        if theirs.get(key) != value
+    ]
     raise Refused(
         f"{place.cube(cube.name)} was computed with other settings: "
         f"{'; '.join(differences) or 'its coordinates, tiles or variables differ'}. "
@@ -169,14 +168,13 @@ def _left_over(place, cube, computed_by):
     written = np.isfinite(tiles.survey(place, cube.name, tile_counts(cube))[1])
     if not written.any():
         return []
-    root = _empty_files(cube, {"computed_by": computed_by})[_key(cube.name)]
+    root = _files(cube, {"computed_by": computed_by})[_key(cube.name)]
     arrays, keys = tiles.tiled_arrays(tiles.opened(place, cube.name, json.loads(root))), []
     for index in np.argwhere(written).tolist():
-        tile = dict(zip(cube.tile, index, strict=True))
-        what = tiles.damage(place, arrays, tile)
+        what = tiles.damage(place, arrays, index)
         if what and not what.endswith("is gone"):
             raise _not_ours(place, cube.name)
-        keys += [tiles.chunk_key(arrays[COMMIT], tile)] if what else []
+        keys += [tiles.chunk_key(arrays[COMMIT], tiles.tile_at(arrays, index))] if what else []
     return keys
 
 
@@ -187,7 +185,7 @@ def _not_ours(place, name):
 
 def _key(name, array=""):
     """Key of the metadata of the cube, or of one of its arrays or groups."""
-    return posixpath.join(f"{name}.zarr", array, "zarr.json")
+    return f"{name}.zarr/{array}/zarr.json".replace("//", "/")
 
 
 def _differing(place, files):
@@ -199,57 +197,48 @@ def tile_counts(cube):
     return tuple(-(-cube.sizes[dim] // length) for dim, length in cube.tile.items())
 
 
-def _empty_files(cube, computed):
-    """{key: bytes} of the cube before any tile is there; `computed` tells by whom."""
-    counts, commit = tile_counts(cube), COMMIT.removeprefix(f"{RECORDS}/")
-    words = {"long_name": "CPU seconds of the tile, and the CRC-32 of its data", "units": "1"}
-    words |= {"entries": list(ENTRIES), "cube": _identity(cube, computed)}
-    words["comment"] = "written last: the tile is complete if this is not NaN"
-    dims, shape = (ENTRY, *(f"tile_{dim}" for dim in cube.tile)), (len(ENTRIES), *counts)
-    blank = xr.Variable(dims, dask.array.full(shape, np.nan, chunks=-1), words)
-    checked, encoding = {"compressors": (Crc32cCodec(),), "filters": None}, {}
-    for key, array in cube.template.variables.items():
-        tile = {} if array.dims == (key,) else cube.tile  # indices are read whole
-        chunks = {"chunks": tuple(tile.get(dim, n) for dim, n in array.sizes.items())}
-        encoding[key] = chunks | checked | _lost(array.dtype)
-    chunks = {"chunks": (len(ENTRIES),) + (1,) * len(counts), **checked, **_lost(blank.dtype)}
-    records = {f"/{RECORDS}": xr.Dataset({commit: blank})}
-    return _files(cube, computed, encoding, records, {f"/{RECORDS}": {commit: chunks}})
-
-
-def _whole_files(cube, computed):
-    """{key: bytes} of a cube that is computed in full."""
-    compressed, encoding = {"compressors": (ZstdCodec(), Crc32cCodec())}, {}
-    for key, array in cube.template.variables.items():  # one length for each dim, in all of them
-        chunks = {"chunks": tuple(min(n, _CHUNK) for n in array.shape)}
-        encoding[key] = chunks | compressed | _lost(array.dtype)
-    return _files(cube, computed, encoding)
-
-
-def _lost(dtype):
-    """The encoding of what a lost chunk reads as: no number that is ever computed."""
-    if dtype.kind in "iu":
-        limits = np.iinfo(dtype)
-        return {"fill_value": int(limits.min or limits.max)}
-    return {"fill_value": np.nan} if dtype.kind == "f" else {}
-
-
-def _identity(cube, computed):
+def _files(cube, computed):
+    """{key: bytes} of the cube before any tile is there, or with all values, compressed, if its
+    template has them; `computed` tells by whom."""
     ours = {"config_hash": cube.config_hash, "store_format": FORMAT, _SEAL: 8 * "0"}
-    return {**cube.template.attrs, **computed, **cube.attributes, **ours}
-
-
-def _files(cube, computed, encoding, more=None, of_more=None):
-    """{key: bytes} of the cube, and of `more` groups; without these the values are computed."""
-    files, template = {}, cube.template.assign_attrs(_identity(cube, computed))
+    identity = {**cube.template.attrs, **computed, **cube.attributes, **ours}
     # NumPy's type of text has no standard in zarr 3.
-    texts = {k: v.astype(object) for k, v in template.variables.items() if v.dtype.kind == "U"}
-    tree = xr.DataTree.from_dict({"/": template.assign(texts), **(more or {})})
-    how = {"zarr_format": 3, "consolidated": True, "write_empty_chunks": True, "compute": not more}
+    variables = cube.template.variables
+    texts = {k: v.astype(object) for k, v in variables.items() if v.dtype.kind == "U"}
+    groups, encoding = {"/": cube.template.assign(texts).assign_attrs(identity)}, {"/": {}}
+    for key, array in variables.items():
+        if cube.computed:
+            tile = {} if array.dims == (key,) else cube.tile  # indices are read whole
+            chunks, codecs = [tile.get(dim, n) for dim, n in array.sizes.items()], ()
+        else:  # one length for each dim, in all of them
+            chunks, codecs = [min(n, _CHUNK) for n in array.shape], (ZstdCodec(),)
+        encoding["/"][key] = _encoding(array.dtype, chunks, *codecs)
+    if cube.computed:
+        (group, name), counts = COMMIT.split("/"), tile_counts(cube)
+        words = {"long_name": "CPU seconds of the tile, and the CRC-32 of its data", "units": "1"}
+        words |= {"entries": list(ENTRIES), "cube": identity}
+        words["comment"] = "written last: the tile is complete if this is not NaN"
+        dims, shape = (ENTRY, *(f"tile_{dim}" for dim in cube.tile)), (len(ENTRIES), *counts)
+        blank = xr.Variable(dims, dask.array.full(shape, np.nan, chunks=-1), words)
+        groups[group] = xr.Dataset({name: blank})
+        encoding[f"/{group}"] = {name: _encoding(blank.dtype, [len(ENTRIES), *(1 for _ in counts)])}
+    how = {"zarr_format": 3, "consolidated": True, "write_empty_chunks": True}
+    files, tree = {}, xr.DataTree.from_dict(groups)
     with warnings.catch_warnings():
         # Zarr 3 has no standard for consolidated metadata yet; without them readers are warned.
         warnings.filterwarnings("ignore", message="Consolidated metadata")
-        tree.to_zarr(MemoryStore(files), encoding={"/": encoding, **(of_more or {})}, **how)
+        tree.to_zarr(MemoryStore(files), encoding=encoding, compute=not cube.computed, **how)
     files = {f"{cube.name}.zarr/{key}": buffer.to_bytes() for key, buffer in files.items()}
     seal = b'"crc32": "%b"' % _seal(files).encode()
     return {key: _SEALS.sub(seal, data) for key, data in files.items()}
+
+
+def _encoding(dtype, chunks, *codecs):
+    """How zarr keeps an array. A lost chunk of it reads as no number that is ever computed."""
+    how = {"chunks": tuple(chunks), "compressors": (*codecs, Crc32cCodec()), "filters": None}
+    if dtype.kind in "iu":
+        limits = np.iinfo(dtype)
+        how["fill_value"] = int(limits.min or limits.max)
+    elif dtype.kind == "f":
+        how["fill_value"] = np.nan
+    return how

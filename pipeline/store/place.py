@@ -29,12 +29,9 @@ class StoreFailed(OSError):
 
 @dataclass(frozen=True)
 class Place:
-    """Where cubes are kept; see `place_of`. Keys are paths of files below it.
+    """Where cubes are kept; see `place_of`. Keys are paths of files below it."""
 
-    root : absolute path of a directory, or URL of a prefix in an object store.
-    """
-
-    root: str
+    root: str  # absolute path of a directory, or URL of a prefix in an object store
 
     def __str__(self):
         return self.root
@@ -112,9 +109,10 @@ def driving(place):
             except Timeout:
                 words = "is being written by another run; wait for it, stop it, or choose another"
                 raise Refused(f"{place} {words} --out") from None
-            except OSError as error:
-                words = f"cannot write to {place}: {error.strerror}; choose another --out"
-                raise Refused(words) from None
+            except OSError as e:
+                raise Refused(
+                    f"cannot write to {place}: {e.strerror}; choose another --out"
+                ) from None
         yield
 
 
@@ -126,16 +124,15 @@ def explained(place):
     except BaseException as error:
         if isinstance(error, ValueError) and "computed checksum" in str(error):
             words = "some chunks are damaged; run `python -m workflows.verify --repair` on it"
-        elif _is_obstores(error):
+        # About a file of this machine there is a number. A setting that obstore cannot digest, e.g.
+        # an endpoint that is no URL, is a PanicException.
+        elif (
+            isinstance(error, BaseError)
+            or type(error).__name__ == "PanicException"
+            or (isinstance(error, FileNotFoundError | PermissionError) and error.errno is None)
+        ):
             # The rest of the message and a URL's query string may contain a signature.
             words = re.sub(r"\?\S+", "", re.split(r"[\n<]|Debug source", str(error))[0]).strip(" :")
         else:
             raise
         raise StoreFailed(f"{place}: {words}") from None
-
-
-def _is_obstores(error):
-    if isinstance(error, FileNotFoundError | PermissionError):
-        return error.errno is None  # otherwise it is about a file of this machine
-    # A setting that obstore cannot digest, e.g. an endpoint that is no URL, is a PanicException.
-    return isinstance(error, BaseError) or type(error).__name__ == "PanicException"

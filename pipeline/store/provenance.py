@@ -10,8 +10,6 @@ from nasm import __version__
 _PACKAGE = Path(__file__).parents[2]
 _MATHEMATICS = sorted([*_PACKAGE.glob("nasm/**/*.py"), *_PACKAGE.glob("pipeline/cubes/**/*.py")])
 _DECIDING = "llvmlite", "numba", "numpy", "rocket-fft", "scipy", "xarray", "zarr"
-
-
 # Of the files as they are imported: a process that runs on while they are edited has the old ones.
 # The version of the package alone would miss an edit.
 _FILES = b"".join(

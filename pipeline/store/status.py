@@ -50,8 +50,8 @@ def _state(place, name):
         with suppress(ValueError, IndexError):  # somebody else's file
             index = tuple(map(int, file["path"].rpartition("/")[2].split(".")))
             failed += [] if done[index] else [index]
-    told = sorted(failed)[:_TOLD]
-    reasons = {i: place.read(failure_key(name, i)).decode(errors="replace") for i in told}
+    told = {i: place.read(failure_key(name, i)) for i in sorted(failed)[:_TOLD]}
+    reasons = {i: reason.decode(errors="replace") for i, reason in told.items()}
     times = written[done]
     recent = times[times >= times.max(initial=0) - RECENT]
     span = np.ptp(recent) if recent.size else 0

@@ -18,9 +18,8 @@ from zarr.storage import ObjectStore, StorePath
 
 from pipeline.store.place import Refused, StoreFailed, explained
 
-RECORDS = "tiles"
 CERTIFICATES = "certificates"
-COMMIT = f"{RECORDS}/commit"
+COMMIT = "tiles/commit"
 ENTRIES = "cpu_seconds", "crc32"  # of a commit record
 ENTRY = "commit_entry"  # their dimension
 FORMAT = 2  # of cubes; 1 had no checksum of a tile's data
@@ -66,9 +65,13 @@ def refuse_earlier(place, name, attributes):
 
 
 def dims_of(array):
-    """Names of the array's dimensions; those of the commit record count tiles along them."""
-    dims = array.metadata.dimension_names
-    return [dim.removeprefix("tile_") for dim in dims if dim != ENTRY]
+    """Names of the array's dimensions, or of those along which the commit record counts tiles."""
+    return [dim.removeprefix("tile_") for dim in array.metadata.dimension_names if dim != ENTRY]
+
+
+def tile_at(arrays, index):
+    """{dim: i} of the tile."""
+    return dict(zip(dims_of(arrays[COMMIT]), index, strict=True))
 
 
 def tiled_arrays(arrays):
@@ -77,10 +80,9 @@ def tiled_arrays(arrays):
     return {key: arrays[key] for key in arrays if tiled <= {*dims[key]} and dims[key] != [key]}
 
 
-def chunk_of(array, index):
+def chunk_of(array, tile):
     """Where the chunk of the tile {dim: i} is in the array's grid of chunks."""
-    dims = array.metadata.dimension_names
-    return tuple(index.get(dim.removeprefix("tile_"), 0) for dim in dims)
+    return tuple(tile.get(dim.removeprefix("tile_"), 0) for dim in array.metadata.dimension_names)
 
 
 def chunk_key(array, tile):
@@ -89,10 +91,9 @@ def chunk_key(array, tile):
 
 
 def survey(place, name, counts=None):
-    """List the commit records: returns (done, written), arrays over the tiles.
+    """List the commit records. Returns arrays over the tiles: whether it has one, in full length;
+    and its time in seconds, NaN if there is none.
 
-    done : whether the tile has one, in full length.
-    written : its time in seconds, NaN if there is none.
     counts : of tiles along each dimension, if the cube's metadata do not tell.
     """
     if counts is None:
@@ -127,30 +128,33 @@ def commit(place, name, index, arrays, seconds):
     arrays : of its variables; and `certificates`, bytes that are kept in a file, if there are any.
     ValueError if an array does not have the shape and kind of numbers that the cube has.
     """
-    known, chunks, arrays = arrays_of(place, name), {}, dict(arrays)
+    known, arrays = arrays_of(place, name), dict(arrays)
     certificates = arrays.pop(CERTIFICATES, b"")
-    tile = dict(zip(dims_of(known[COMMIT]), index, strict=True))
-    for key, values in arrays.items():  # zarr would cast and broadcast
-        array, values = known[key], np.asarray(values)
-        chunk = chunk_of(array, tile)
-        grid = zip(chunk, array.chunks, array.shape, strict=True)
-        shape = tuple(min(n, whole - i * n) for i, n, whole in grid)
-        if values.shape != shape:
-            raise ValueError(f"{key} has the shape {values.shape} instead of {shape}")
-        with np.errstate(invalid="ignore"):
-            cast = values.astype(array.dtype) if values.dtype.kind in "biuf" else None
-        if cast is None or (array.dtype.kind != "f" and not np.array_equal(cast, values)):
-            raise ValueError(f"{key} is of {values.dtype}, and does not fit into {array.dtype}")
-        chunks[key] = chunk, cast
-    checksum = _checksum(known, tile, {key: values for key, (_, values) in chunks.items()})
-    record = np.reshape([seconds, checksum], (len(ENTRIES), *(1 for _ in index)))
+    tile = tile_at(known, index)
+    chunks = {key: _fitting(key, known[key], tile, values) for key, values in arrays.items()}
+    record = seconds, _checksum(known, tile, chunks)
+    chunks[COMMIT] = np.reshape(record, (len(ENTRIES), *(1 for _ in index)))
     _stands(place, name)
     if certificates:
         place.write(certificates_key(name, index), certificates)
     with explained(place):
-        for key, (chunk, values) in [*chunks.items(), (COMMIT, ((0, *index), record))]:
+        for key, values in chunks.items():
             _stands(place, name)
-            known[key].set_block_selection(chunk, values)
+            known[key].set_block_selection(chunk_of(known[key], tile), values)
+
+
+def _fitting(key, array, tile, values):
+    """Return the values in the array's kind of numbers; zarr would cast and broadcast unseen."""
+    values = np.asarray(values)
+    grid = zip(chunk_of(array, tile), array.chunks, array.shape, strict=True)
+    shape = tuple(min(n, whole - i * n) for i, n, whole in grid)
+    if values.shape != shape:
+        raise ValueError(f"{key} has the shape {values.shape} instead of {shape}")
+    with np.errstate(invalid="ignore"):
+        cast = values.astype(array.dtype) if values.dtype.kind in "biuf" else None
+    if cast is None or (array.dtype.kind != "f" and not np.array_equal(cast, values)):
+        raise ValueError(f"{key} is of {values.dtype}, and does not fit into {array.dtype}")
+    return cast
 
 
 def certificates_key(name, index):
@@ -177,9 +181,9 @@ def _stands(place, name):
             raise StoreFailed(f"{place.cube(name)} {words}") from None
 
 
-def damage(place, arrays, tile):
-    """Read the chunks of the tile {dim: i}; return what is wrong with them, "" if nothing is."""
-    values = {}
+def damage(place, arrays, index):
+    """Read the tile's chunks of these arrays; return what is wrong with them, "" if nothing is."""
+    tile, values = tile_at(arrays, index), {}
     with explained(place):
         for key, array in arrays.items():
             try:
@@ -196,14 +200,13 @@ def damage(place, arrays, tile):
 
 def tiles_of(place, name):
     """Yield the index of each committed tile of a cube, and the tile as a Dataset, not yet read."""
-    cube, record = read(place, name), arrays_of(place, name).get(COMMIT)
-    if record is None:  # written whole
+    cube, arrays = read(place, name), arrays_of(place, name)
+    if COMMIT not in arrays:  # written whole
         return
-    tiled = tiled_arrays(arrays_of(place, name))
-    first = next(tiled[key] for key in tiled if key != COMMIT)
+    first = next(array for key, array in tiled_arrays(arrays).items() if key != COMMIT)
     sizes = dict(zip(dims_of(first), first.chunks, strict=True))
     for index in map(tuple, np.argwhere(survey(place, name)[0]).tolist()):
-        places = zip(dims_of(record), index, strict=False)
+        places = tile_at(arrays, index).items()
         yield index, cube.isel({d: slice(i * sizes[d], (i + 1) * sizes[d]) for d, i in places})
 
 

@@ -36,15 +36,12 @@ def verify(place, name, repair=False):
         return
     if not tiled:
         return
-    dims = tiles.dims_of(arrays[COMMIT])
     written = np.argwhere(np.isfinite(tiles.survey(place, name)[1]))
     with ThreadPoolExecutor(8) as pool:  # an object store takes its time for each
-        for start in range(0, len(written), _AT_ONCE):
-            indices = written[start : start + _AT_ONCE].tolist()
-            some = [dict(zip(dims, index, strict=True)) for index in indices]
-            found = pool.map(partial(tiles.damage, place, tiled), some)
-            for tile, what in zip(some, found, strict=True):
-                index = tuple(tile.values())
+        for some in np.split(written, range(_AT_ONCE, len(written), _AT_ONCE)):
+            indices = list(map(tuple, some.tolist()))
+            found = pool.map(partial(tiles.damage, place, tiled), indices)
+            for index, what in zip(indices, found, strict=True):
                 if what and repair:
                     free(place, name, index)
                 if what:
@@ -54,7 +51,7 @@ def verify(place, name, repair=False):
 def free(place, name, index):
     """Make a tile missing: delete its commit record first, then its data."""
     arrays = tiles.arrays_of(place, name)
-    tile = dict(zip(tiles.dims_of(arrays[COMMIT]), index, strict=False))
+    tile = tiles.tile_at(arrays, index)
     of_tile = [arrays[COMMIT], *tiles.tiled_arrays(arrays).values()]
     keys = [chunk_key(array, tile) for array in of_tile]
     for key in [*keys, tiles.failure_key(name, index), tiles.certificates_key(name, index)]:

@@ -1,16 +1,15 @@
 """Planes of cells, and tiles that cover them exactly once.
 
 A tile is the unit of work, of storage and of record: one task, a file for every variable, and one
-for its record. `joined` makes tiles larger where they would be many and cheap.
-
-An axis LO:HI:N is N cells of equal width; a cell is represented by its centre. Halving the cells of
-an axis keeps its edges, so that levels of refinement nest.
+for its record. An axis LO:HI:N is N cells of equal width; a cell is represented by its centre.
+Halving the cells of an axis keeps its edges, so that levels of refinement nest.
 """
 
 from dataclasses import dataclass, replace
-from math import isfinite, prod
+from math import inf, prod
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 MAX_CELLS = 2**20
 _ENOUGH = 4096  # tiles: with fewer, a thousand workers would not end together
@@ -27,7 +26,7 @@ class Axis:
     n: int
 
     def __post_init__(self):
-        if not (isfinite(self.lo) and isfinite(self.hi) and self.lo < self.hi):
+        if not -inf < self.lo < self.hi < inf:
             words = "the ends must be finite and the lower one first, e.g. 0:1:128"
             raise ValueError(f"axis {self}: {words}")
         if not 1 <= self.n <= MAX_CELLS:
@@ -44,14 +43,13 @@ class Axis:
     @property
     def bounds(self):
         """ndarray (n, 2) of the ends of each cell."""
-        edges = np.linspace(self.lo, self.hi, self.n + 1)
-        return np.stack([edges[:-1], edges[1:]], axis=-1)
+        return sliding_window_view(np.linspace(self.lo, self.hi, self.n + 1), 2)
 
     def coarsened(self, factor):
         """Return the same interval in n/factor cells; n must be a multiple of factor."""
         if self.n % factor:
-            words = f"cannot be halved to that level; use a multiple of {factor}"
-            raise ValueError(f"axis {self}: {self.n} cells {words}")
+            words = f"{self.n} cells cannot be halved to that level; use a multiple of {factor}"
+            raise ValueError(f"axis {self}: {words}")
         return Axis(self.lo, self.hi, self.n // factor)
 
 
@@ -67,10 +65,7 @@ def parse_axis(text):
 
 
 def tile_slices(index, sizes, tile):
-    """Return {dim: slice} of the cells of one tile; the last tile of a dimension may be short.
-
-    The cells of all tiles together are every cell exactly once.
-    """
+    """Return {dim: slice} of the cells of one tile; the last tile of a dimension may be short."""
     parts = zip(index, tile.items(), strict=True)
     return {dim: slice(i * n, min((i + 1) * n, sizes[dim])) for i, (dim, n) in parts}
 
@@ -87,11 +82,9 @@ def tile_coords(cube, indices):
             (cut if cube.tile.keys() & {*array.dims} else whole)[name] = array.values, array.dims
     whole = {name: values for name, (values, _) in whole.items()}
     for index in map(tuple, indices.tolist()):
-        cells = tile_slices(index, sizes, cube.tile)
-        parts = {
-            name: values[tuple(cells.get(dim, slice(None)) for dim in dims)]
-            for name, (values, dims) in cut.items()
-        }
+        cells, parts = tile_slices(index, sizes, cube.tile), {}
+        for name, (values, dims) in cut.items():
+            parts[name] = values[tuple(cells.get(dim, slice(None)) for dim in dims)]
         yield index, whole | parts
 
 

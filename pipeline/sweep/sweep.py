@@ -50,7 +50,7 @@ _ATTEMPTS_ALONE = 2  # worker deaths that condemn a tile: one may be somebody el
 class Outcome:
     """What a sweep did."""
 
-    committed: int  # tiles computed and committed
+    committed: int  # tiles
     failed: dict[tuple[int, ...], str]  # {tile index: reason}
     interrupted: bool  # by Ctrl-C
     remaining: int  # tiles that are still missing
@@ -65,10 +65,9 @@ def sweep(client, place, job, progress, wanted=None):
     progress : Progress, which tells how far it is.
     wanted : set of tile indices, default all.
 
-    Raises store.Refused if the store holds another cube of that name, or one that other code has
-    begun; no tile is then computed. store.StoreFailed if the disk or the object store fails,
-    ClusterError if no worker is fit, ConnectionError if the scheduler or all workers are gone; what
-    is committed stays.
+    store.Refused if the store holds another cube of that name, or one that other code has begun.
+    StoreFailed if the store fails, ClusterError if no worker is fit, ConnectionError if the
+    scheduler or all workers are gone; what is committed stays.
     """
     name = job.cube.name
     store.create(place, job.cube, store.computed_by())
@@ -135,7 +134,7 @@ class _Run:
             if isinstance(result, KilledWorker):
                 suspects += batch.tolist()
             elif isinstance(result, store.Refused):  # the driver had accepted the cube
-                raise store.StoreFailed(self.gone) from result
+                self.fail(result)
             elif isinstance(result, Exception):
                 raise result
             elif isinstance(result, tuple):
@@ -147,15 +146,14 @@ class _Run:
                 progress.advance(len(batch), self.costs[batch].sum())
         return suspects
 
-    @property
-    def gone(self):
-        return f"{self.place} was moved, or deleted, under way"
+    def fail(self, reason=None):
+        raise store.StoreFailed(f"{self.place} was moved, or deleted, under way") from reason
 
     def retire(self, address, complaint):
         """Send an unfit worker away; ClusterError if there is no other."""
         cube, words = self.job.cube, f"the worker {address} {complaint}"
         if not store.sees(self.place, cube.name, cube.config_hash):
-            raise store.StoreFailed(self.gone)
+            self.fail()
         if address not in self.unfit:
             self.unfit.add(address)
             print(f"retired: {words}", file=sys.stderr)
@@ -179,19 +177,19 @@ class _Run:
         def next_call():
             if (batch := next_batch()) is None:
                 return None
-            return batch, run, work, _parcel(self.job.cube, self.tiles[batch])
+            # As bytes: dask would send each array alone.
+            tiles = list(tile_coords(self.job.cube, self.tiles[batch]))
+            return batch, run, work, pickle.dumps(tiles, protocol=5)
 
         work = cloudpickle.dumps(work)
         return filter(None, ended(self.client, next_call))
 
 
-def _parcel(cube, indices):
-    """Return the tiles [(index, coords)] of a batch as bytes; dask would send each array alone."""
-    return pickle.dumps(list(tile_coords(cube, indices)), protocol=5)
-
-
 def _compute_batch(place, name, config_hash, settings, computed_by, warm_up, compute, parcel):
-    """Compute and commit tiles on a worker: {index: what went wrong}, or (address, complaint)."""
+    """Compute and commit tiles on a worker: {index: what went wrong}, or (address, complaint).
+
+    parcel : pickled [(index, coords)].
+    """
     if complaint := _complaint(place, name, config_hash, computed_by):
         return get_worker().address, complaint
     _called_once(warm_up)
