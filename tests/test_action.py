@@ -9,7 +9,7 @@ from nasm import action, periodic
 from nasm.circles import continuation
 from nasm.critical import Status
 from nasm.maps import rotating_forcing
-from nasm.numbers import distinct_convergents, moebius, parse
+from nasm.numbers import distinct_convergents, parse
 from nasm.symmetries import ray
 
 ASYMMETRIC = np.array((1, 0.7, 0.3))
@@ -37,29 +37,6 @@ def test_residues_without_a_symmetry_against_fifty_digits(family):
     assert (expected > 0) == (family == "minimax")
     assert orbit.residue == pytest.approx(expected, rel=(3 * q) ** 2 * 2**-52)
     assert orbit.refined_residue() == pytest.approx(expected, rel=1e-14)
-
-
-def test_copies_of_a_forcing_without_a_symmetry_agree():
-    here = periodic.critical_scale(OMEGA, ASYMMETRIC, 300)
-    assert here.status is Status.OK
-    for profile, omega, unit in (
-        (np.roll(ASYMMETRIC, 1), OMEGA, 1),
-        (-ASYMMETRIC[::-1], OMEGA, 1),
-        (ASYMMETRIC * (1, 1, -1), moebius(OMEGA, 1, 3), 0),  # no copy
-        (10 * ASYMMETRIC, moebius(OMEGA, -1, 3), 10),
-    ):
-        found = periodic.critical_scale(omega, profile, 300)
-        same = abs(unit * found.value - here.value) <= here.error + unit * found.error
-        assert same == (unit > 0)
-
-
-def test_segments_without_a_symmetry_end_on_the_same_boundary():
-    along_ray = periodic.critical_scale(OMEGA, ASYMMETRIC, 300)
-    end, start = along_ray.value * ASYMMETRIC, np.array((0.1, -0.1, 0.2))
-    along = periodic.critical_scale(OMEGA, end - start, 300, start=start)
-    assert abs(along.value - 1) <= along.error + 5 * along_ray.error < 1e-5
-    outside = periodic.critical_scale(OMEGA, (0, 0, 1), 300, start=1.01 * end)
-    assert outside.status is Status.OUTSIDE
 
 
 def test_a_breakup_beyond_a_near_miss_is_found_and_is_no_breakup_by_norms():

@@ -130,13 +130,6 @@ def test_the_cohomological_equation_is_solved():
     np.testing.assert_allclose(fourier.rotate(g, turn) - g, f, atol=1e-14)
 
 
-def test_the_deviations_of_a_symmetric_forcing_are_odd():
-    # The reflection x → -x is nowhere imposed; rounding and truncation respect it.
-    circle = circles.invariant_circle(GAMMA, (0.4, 0.2))
-    u = circle.u[0]
-    assert np.abs(u + np.roll(u[::-1], 1)).max() < 1e-12
-
-
 def polished(circle):
     """Its deviations after Newton's method on a grid that resolves it to rounding."""
     start = fourier.resample(circle.u, 512)
@@ -265,7 +258,7 @@ def test_beyond_the_twist_and_next_to_fractions_there_is_a_status(prefix, kappa,
     assert circle.status is status or (status is None and not circle.certified)
 
 
-def test_with_enough_modes_the_circle_just_below_is_found_and_certified():
+def test_with_enough_modes_the_circle_just_below_is_certified_and_too_many_drown_in_rounding():
     for name, kappa in (("gamma", (KAPPA_G - 0.01,)), ("2gamma", (KAPPA_G - 0.02,) * 2)):
         few = circles.invariant_circle(parse(name), kappa, n_max=512)
         assert few.status is Status.TOO_FEW_MODES
@@ -273,9 +266,6 @@ def test_with_enough_modes_the_circle_just_below_is_found_and_certified():
         enough = circles.invariant_circle(parse(name), kappa, n_max=8192)
         assert enough.certified
         assert enough.error < 1e-8
-
-
-def test_too_many_modes_drown_in_rounding_and_say_so():
     # From the rotation, on a far too fine grid, rounding in the high modes decides.
     start = np.zeros((2, 16384))
     assert not circles.invariant_circle(GAMMA, (0.45, 0), n_max=16384, start=start).certified

@@ -120,6 +120,7 @@ def test_tls_that_does_not_match_is_one_clear_message(cluster, tmp_path):
         (file, (file, ca, key), "scheduler answers at .* PEM files: its CA"),
         (address.replace("tls", "tcp"), None, "scheduler answers at .* needs a tls:// address"),
         (file, None, "needs TLS files: CA, CERT and KEY"),
+        ("tcp://127.0.0.1:9", None, r"no dask scheduler answers at tcp://127\.0\.0\.1:9"),
         ("tcp://127.0.0.1:9", (ca, ca, key), "needs TLS files: CA, CERT and KEY; others take none"),
     ):
         with pytest.raises(ClusterError, match=told), connect(scheduler, tls=tls) as client:

@@ -1,44 +1,171 @@
-"""What every method promises: a number or a reason, over random nobles and forcings; its name; and
-that the size of a ray's profile is only the unit of the scale.
+"""What every method promises: the exact breakup of the golden circle in all its disguises, one
+answer for all copies of a forcing, honesty next to a cusp and next to fractions, a number or a
+reason over random nobles and forcings; and that a ray's size is only the unit of the scale.
 
 NumPy's warnings are errors in this suite, so that nothing overflows unseen either.
 """
 
+from functools import partial
+
 import numpy as np
 import pytest
 from cases import thirds
+from oracles import KAPPA_G
 
 from nasm import barriers, circles, escape, flux, periodic, verdict
 from nasm.circles import continuation
 from nasm.converse_kam import symmetry_line
 from nasm.critical import Status
-from nasm.numbers import RotationNumber, parse
+from nasm.numbers import NAMES, RotationNumber, moebius, parse
+from nasm.symmetries import ray
 
 GAMMA = parse("gamma")
+OF_A_CIRCLE = periodic.critical_scale, continuation.critical_scale, flux.flux
 
 
-def answers(omega, profile, part):
-    """Of each method: a number that is NaN without an answer, and the status."""
-    yield from (
-        (found.value, found.status)
-        for found in (
-            continuation.critical_scale(omega, profile, 1e-4),
-            periodic.critical_scale(omega, profile, 1500),
-            flux.flux(omega, profile, 3000),
-        )
-    )
-    circle = circles.invariant_circle(omega, part * profile)
-    if circle.status is not Status.NOT_CERTIFIED:  # its error says by how much it is none
-        yield circle.error, circle.status
+def agree(one, other):
+    """Whether two answers, errors and all, have a value in common; NaN agrees with nothing."""
+    return abs(one.value - other.value) <= one.error + other.error
 
 
-def test_a_rational_omega_has_no_circle():
-    for method in (continuation.critical_scale, periodic.critical_scale, flux.flux):
-        found = method(parse("3/5"), (0.6, 0.1))
-        assert found.status is Status.RATIONAL
-        assert np.isnan([found.value, found.error]).all()
+def is_honest(found):
+    """Whether it is a number, or a reason without one."""
+    return np.isnan([found.value, found.error]).all() == (found.status is not Status.OK)
+
+
+# P kicks of κ are P steps of the standard map at κ; one kick in P is its kick of Pκ, whose ω
+# counts modulo 1. The last circles are those of these ω.
+@pytest.mark.parametrize(
+    ("profile", "exact", "omegas"),
+    [
+        ((1,), KAPPA_G, ["1-gamma", "gamma"]),
+        ((1, 0), KAPPA_G / 2, ["1-gamma", "gamma"]),
+        ((0, 1), KAPPA_G / 2, ["1-gamma", "gamma"]),
+        ((-1, 0), KAPPA_G / 2, ["1-gamma", "gamma"]),
+        ((1, 1), KAPPA_G, ["2-2gamma", "2gamma"]),
+        ((1, -1), KAPPA_G, ["2gamma-1"]),
+        ((-1, 1), KAPPA_G, ["2gamma-1"]),
+        ((1, 1, 1), KAPPA_G, ["3-3gamma", "3gamma"]),
+        ((0, 1, 0), KAPPA_G / 3, ["1-gamma", "gamma", "2-gamma"]),
+        ((1, -1, 1, -1), KAPPA_G, ["4gamma-2"]),
+        ((1, 0, -1, 0), KAPPA_G / 2, ["2gamma-1", "3-2gamma"]),
+        ((0, 1, 0, -1), KAPPA_G / 2, ["2gamma-1", "3-2gamma"]),
+        ((1, 0, 0, 0, -1, 0, 0, 0), KAPPA_G / 4, ["2gamma-1", "2gamma+1", "3-2gamma", "5-2gamma"]),
+    ],
+)
+def test_the_golden_circle_of_the_standard_map_in_all_its_disguises(profile, exact, omegas):
+    omegas = [parse(name) for name in omegas]
+    last = barriers.critical_scale(profile, tol=1e-3)
+    assert last.status is Status.OK
+    assert abs(last.value - exact) <= last.error < 1e-10
+    assert last.lower < exact < last.upper
+    assert last.omega in omegas
+    assert 0 <= float(last.omega) <= len(profile) / 2
+    for q_max in (300, 6000):
+        found = periodic.critical_scale(omegas[-1], profile, q_max)
+        assert found.status is Status.OK
+        assert abs(found.value - exact) <= found.error < (1e-9 if q_max == 6000 else 1e-6)
+    for tol in (1e-4, 1e-5, 1e-6):
+        found = continuation.critical_scale(omegas[-1], profile, tol)
+        assert found.status is Status.OK
+        assert abs(found.value - exact) <= found.error <= max(tol, 2.6e-6)
+        assert exact - 0.03 < found.lower < exact
+        assert np.isnan(found.upper)
+    if len(profile) <= 2:
+        found = symmetry_line.critical_scale(profile, 3000)
+        assert found.status is Status.OK
+        assert abs(found.value - exact) <= found.error < found.upper - exact < 1e-3
+
+
+def images(profile, omega):
+    """Forcings that a symmetry carries it to, and the ω of the image of its circle of ω."""
+    profile, period = np.array(profile), len(profile)
+    yield np.roll(profile, 1), omega
+    yield profile[::-1], omega
+    yield -profile, omega
+    for turns in (1, 10**6, 10**20):  # y → y + 1 takes ω to ω + P, however far
+        yield profile, moebius(omega, 1, period * turns)
+    yield -profile[::-1], moebius(omega, -1, period)
+    if period % 2 == 0:
+        yield profile * (-1.0) ** np.arange(period), moebius(omega, 1, period // 2)
+
+
+COPIED = [(name, ray(25)) for name in NAMES] + [("[1;3,(1)]", (1, 0.7, 0.3))]
+
+
+@pytest.mark.parametrize("case", thirds(COPIED))
+def test_copies_of_a_forcing_have_one_answer(case):
+    omega, profile = parse(case[0]), np.array(case[1])
+    expected = periodic.critical_scale(omega, profile, 3000)
+    methods = {
+        partial(periodic.critical_scale, q_max=3000): 1.0,
+        partial(continuation.critical_scale, tol=1e-3): 1.0,
+        flux.flux: 1.2 * expected.value,
+    }
+    for method, size in methods.items():
+        here = method(omega, size * profile)
+        assert here.status is Status.OK
+        for image, carried in images(size * profile, omega):
+            there = method(carried, image)
+            assert (there.status, there.omega) == (Status.OK, carried)
+            assert agree(here, there)
+    unlike = profile * [*[1] * (profile.size - 1), -1]
+    unlike = periodic.critical_scale(omega, unlike, 3000)
+    assert not agree(unlike, expected)
+
+
+@pytest.mark.parametrize(
+    ("name", "angle", "scale"), [("[1;1,1,(4)]", 39.99, 0.8753627), ("[1;(4)]", 40.414, 1.01)]
+)
+def test_cantori_whose_gaps_hold_all_but_rounding_have_the_flux_of_their_copies(name, angle, scale):
+    # 7% to 12% beyond the breakup: sites of the minimizing orbit are 1e-17 apart.
+    omega, kappa = parse(name), scale * np.array(ray(angle))
+    expected = flux.flux(omega, kappa)
+    for image, carried in images(kappa, omega):
+        found = flux.flux(carried, image)
+        assert found.status is expected.status is Status.OK
+        assert agree(found, expected)
+
+
+@pytest.mark.parametrize("offset", thirds([0.05, 5e-3, 1e-4, 1e-6, 0.5, 5e-4, 1]))
+def test_next_to_a_cusp_errors_are_honest_or_there_is_no_answer(offset):
+    for name, cusp, side in (("2gamma", 45, -1), ("2gamma+1", 135, 1), ("gamma", 45, 1)):
+        omega, profile = parse(name), ray(cusp + side * offset)
+        judge = periodic.critical_scale(omega, profile, 10_000)
+        assert is_honest(judge)
+        found = [continuation.critical_scale(omega, profile, tol) for tol in (1e-4, 1e-6)]
+        assert [one.status for one in found] == [Status.OK] * 2 or offset < 5e-4
+        for one in (*found, periodic.critical_scale(omega, profile)):
+            assert is_honest(one)
+            if one.status is judge.status is Status.OK:
+                assert agree(one, judge)
+
+
+@pytest.mark.parametrize("method", OF_A_CIRCLE)
+def test_a_rational_omega_has_no_circle(method):
+    found = method(parse("3/5"), (0.6, 0.1))
+    assert found.status is Status.RATIONAL
+    assert np.isnan([found.value, found.error]).all()
     circle = circles.invariant_circle(parse("3/5"), (0.2, 0.1))
     assert (circle.status, circle.certified) == (Status.RATIONAL, False)
+
+
+LARGE = [RotationNumber((0, *[1] * n, large), (1,)) for n in (6, 9, 12) for large in (100, 10**6)]
+
+
+@pytest.mark.parametrize("omega", [*LARGE, RotationNumber((0, 2, 10**9), (1,))], ids=str)
+def test_convergents_before_a_large_quotient_do_not_answer_for_it(omega):
+    # Up to q_max they are those of the golden mean, whose circle breaks last, at 2.08, or of 1/2.
+    for found in (
+        periodic.critical_scale(omega, (0.3, 0.2), 1500),
+        flux.flux(omega, (0.55, 0.1), 1000),
+    ):
+        assert found.status is not Status.OK
+        assert is_honest(found)
+    assert periodic.crossings(omega, (0.3, 0.2), 1500).size == 0
+    found = continuation.critical_scale(omega, (0.3, 0.2))
+    assert is_honest(found)
+    assert found.status is not Status.OK or found.value - found.error <= found.lower < 2.0806
 
 
 PROFILE = np.array([1.0, 0.4])
@@ -63,8 +190,7 @@ def test_a_ray_s_size_is_a_unit_down_to_the_smallest(name):
 
 
 def test_too_short_periods_are_admitted():
-    omega = parse("gamma")
-    for found in (periodic.critical_scale(omega, (1, 0), 13), flux.flux(omega, (0.6, 0.1), 5)):
+    for found in (periodic.critical_scale(GAMMA, (1, 0), 13), flux.flux(GAMMA, (0.6, 0.1), 5)):
         assert found.status is Status.NOT_CONVERGED
         assert np.isnan(found.value)
 
@@ -77,8 +203,11 @@ def test_a_method_gives_a_number_or_a_reason_and_no_warning(n_kicks):
         omega = RotationNumber((int(rng.integers(-2, 3)), *quotients.tolist()), (1,))
         half = rng.normal(size=n_kicks)
         profile = (half + np.roll(half[::-1], 1)) * 10 ** rng.uniform(-3, 1)  # symmetric at site 0
-        for number, status in answers(omega, profile, rng.uniform(0, 1)):
-            assert np.isnan(number) == (status is not Status.OK)
+        for method, effort in zip(OF_A_CIRCLE, (1500, 1e-4, 3000), strict=True):
+            assert is_honest(method(omega, profile, effort))
+        circle = circles.invariant_circle(omega, rng.uniform(0, 1) * profile)
+        if circle.status is not Status.NOT_CERTIFIED:  # its error says by how much it is none
+            assert np.isnan(circle.error) == (circle.status is not Status.OK)
 
 
 @pytest.mark.parametrize("n_kicks", thirds([2, 4, 3, 1, 6]))

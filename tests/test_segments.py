@@ -3,9 +3,15 @@
 import numpy as np
 import pytest
 from cases import thirds
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
 
-from nasm import barriers
+from nasm import barriers, periodic
 from nasm.critical import Status
+from nasm.symmetries import ray
+
+ASYMMETRIC = np.array((1, 0.7, 0.3))
+AXIS = periodic.critical_scale("gamma", (1, 0)).value
 
 
 @pytest.mark.parametrize(
@@ -25,7 +31,35 @@ def test_the_breakup_on_a_segment_is_that_on_the_ray_through_it(segment):
     assert ray.omega == found.omega
 
 
-def test_a_segment_that_begins_without_a_barrier_is_refused():
-    found = barriers.critical_scale((-1.0, 0.0), start=(1.2, 1.0))
+@settings(max_examples=12)
+@given(st.floats(5, 40), st.floats(-0.25, 0.3), st.floats(-0.2, 0.25))
+@example(None, 0.1, -0.1)  # of three kicks
+def test_segments_from_inside_end_on_the_boundary_of_their_circle(angle, kappa1, kappa2):
+    # Not only from below: some of them cross κ1 = κ2, where the minimax orbit changes its centre.
+    omega, profile = ("gamma", ray(angle)) if angle else ("[1;3,(1)]", ASYMMETRIC)
+    along_ray = periodic.critical_scale(omega, profile, 1000 if angle else 300)
+    end, start = along_ray.value * profile, np.array([kappa1, kappa2, 0.2][: profile.size])
+    along = periodic.critical_scale(omega, end - start, 1000 if angle else 300, start=start)
+    assert abs(along.value - 1) <= along.error + 5 * along_ray.error
+    assert along.error + along_ray.error < (1e-7 if angle else 1e-5)
+
+
+@pytest.mark.parametrize(
+    ("omega", "start", "profile"),
+    [
+        ("gamma", (0.7, 0.5), (1, 0)),
+        ("gamma", (1.5, 1.5), (1, 1)),
+        ("gamma", (0.5, 0), (0, 1)),
+        ("gamma", (AXIS * (1 + 1e-4), 0), (1, 0)),
+        ("[1;(4)]", (0.558, -0.118), (-0.28, 0.96)),  # so far that residues overflow
+        ("[1;3,(1)]", 1.9 * ASYMMETRIC, (0, 0, 1)),
+        (None, (1.2, 1.0), (-1.0, 0.0)),
+    ],
+)
+def test_a_segment_that_starts_outside_says_so(omega, start, profile):
+    method, *of = (periodic.critical_scale, omega) if omega else (barriers.critical_scale,)
+    found = method(*of, profile, start=start)
     assert found.status is Status.OUTSIDE
     assert np.isnan([found.value, found.lower, found.upper]).all()
+    just = periodic.critical_scale("gamma", (1, 0), start=(AXIS * (1 - 1e-4), 0))
+    assert just.value == pytest.approx(1e-4 * AXIS, abs=1e-11)

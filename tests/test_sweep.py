@@ -25,7 +25,6 @@ import pytest
 import toy
 from cases import thirds
 from dask.utils import parse_timedelta
-from distributed import Client
 from test_memory import glibc, kept
 
 from pipeline import store
@@ -343,13 +342,3 @@ def test_a_worker_with_another_version_or_another_disk_is_unfit(tmp_path, monkey
     store.create(place, toy.cube(), ours)
     assert _complaint(place, "toy", toy.cube(depth=2).config_hash, ours).startswith("does not see")
     assert _complaint(place, "toy", toy.cube().config_hash, ours) == ""
-
-
-def test_a_scheduler_that_does_not_answer_is_one_clear_error(monkeypatch):
-    impatient = lambda address, **how: Client(address, **how | {"timeout": 0.5})  # noqa: E731
-    monkeypatch.setattr(cluster, "Client", impatient)
-    with (
-        pytest.raises(ClusterError, match=r"no dask scheduler answers at tcp://127\.0\.0\.1:9"),
-        connect(scheduler="tcp://127.0.0.1:9") as client,
-    ):
-        client()

@@ -52,19 +52,6 @@ def test_times_are_those_of_the_definition(kappa):
     assert (kicks[~early] > 25).all()
 
 
-@pytest.mark.parametrize("kappa", FORCINGS)
-def test_a_start_is_eliminated_when_its_orbit_no_longer_minimizes_the_action(kappa):
-    # The definition with no tangent vector: the second variation of the piece |k| < n.
-    strengths, a = from_the_centre(kappa)
-    for y in Y[::23]:
-        kicks = elimination_time(kappa, y, 30) * len(kappa)
-        n = int(min(kicks, 30))
-        if kicks == n:
-            assert oracles.second_variation(strengths, 0, a, y, n) <= 0
-        if n > 1:
-            assert oracles.second_variation(strengths, 0, a, y, n - 1) > 0
-
-
 @njit
 def _one_by_one(c, period, x0, w0, y0, n_max):
     times = np.full(y0.size, np.inf)
@@ -183,16 +170,10 @@ def test_lifetimes_grow_like_one_over_the_distance_from_the_breakup(profile, exa
 @pytest.mark.parametrize("degrees", [45 - 1e-1, 45 - 1e-2, 45 - 1e-3, 45 - 1e-5])
 def test_errors_next_to_the_cusp_are_honest(degrees):
     better = critical_scale(ray(degrees), 20_000)
-    errors = []
     for n_max in (100, 400, 1600):
         found = critical_scale(ray(degrees), n_max)
         assert abs(found.value - better.value) <= found.error + better.error
         assert better.value < found.upper
-        errors.append(abs(found.value - better.value) / (found.upper - found.value))
-    if degrees < 45 - 1e-4:  # there a third of the distance would not be enough for all n_max
-        assert max(errors) < 1
-    if degrees == 45 - 1e-2:
-        assert max(errors) > 1 / 3
 
 
 def test_the_line_is_eliminated_above_upper_and_not_far_below():
@@ -211,16 +192,6 @@ def test_the_longest_lived_start_is_on_the_last_circle():
     circle = on_the_line((KAPPA_G / 2, 0.0), 987, 1597, 0.5)
     assert min(abs(y - circle), abs(y - (0.5 - circle))) < 1e-4
     assert 0 <= y <= 0.5
-
-
-def test_a_beam_of_32_finds_what_a_wider_one_finds():
-    kappas = [critical_scale(ray(d), 2000).value * 1.001 * ray(d) for d in range(4, 45, 4)]
-    found = {
-        kept: np.array([longest_lived(kappa, 10**6, kept)[1] for kappa in kappas])
-        for kept in (1, 32, 128)
-    }
-    assert (found[32] >= 0.98 * found[128]).all()
-    assert (found[1] < 0.98 * found[128]).mean() > 0.2  # the search is not an easy one
 
 
 @pytest.mark.parametrize("degrees", thirds([14, 30, 44.4, 44.99]))
