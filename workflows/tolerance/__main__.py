@@ -3,11 +3,8 @@
 κ_n = s(1 + d·f_n) with Σf = 0 and Σf² = P over a period of P kicks: by which part is the rms
 strength of the last breakup below κ_G? By renormalisation (see `response`) the loss goes like
 d^(ln δ/ln λ), times a function of ln d that repeats when the convergents meet the same phases of
-the ripple again. The exponent is measured by the losses of a circle and of the one that looks like
-it a repeat further on.
-
-The conjecture is that at equal rms strength constant kicks hold a barrier longest. Random forcings
-are tried, and climbs that look for one which holds longer.
+the ripple again. The conjecture is that no forcing of the same rms strength holds a barrier longer
+than constant kicks: random ones are tried, and climbs to better ones.
 """
 
 from workflows.shared.cli import command, flag, sweeps, whole

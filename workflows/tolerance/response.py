@@ -13,6 +13,7 @@ number that P divides: kick n is kick F_{h+1}·n then, and the ripple cos 2πkn/
 """
 
 from functools import cache
+from itertools import count
 
 import numpy as np
 from scipy.sparse import csc_array, diags_array
@@ -24,7 +25,7 @@ from nasm.circles.continuation import UNSTABLE
 from nasm.numbers import moebius, parse
 
 DELTA = UNSTABLE[1,]
-_LONGEST = 80_000  # period, beyond which rounding hides R
+_LONGEST = 25  # n of F_n = 75 025: rounding hides R of longer periods
 
 
 @cache
@@ -33,14 +34,15 @@ def golden():
     return periodic.critical_scale("gamma", (1.0,)).value
 
 
+def fibonacci(n):
+    """Return F_n."""
+    return round(((1 + 5**0.5) / 2) ** n / 5**0.5)
+
+
 @cache
-def orbits():
-    """Return {n: (minimizing, minimax Orbit)} of the Fibonacci numbers F_n from 3 on."""
-    found, p, q = {}, 2, 3
-    while q < _LONGEST:
-        found[len(found) + 4] = ordered_orbits((golden(),), p, q)
-        p, q = q, p + q
-    return found
+def orbits(n):
+    """Return the minimizing and the minimax Orbit of F_{n-1}/F_n under constant kicks κ_G."""
+    return ordered_orbits((golden(),), fibonacci(n - 1), fibonacci(n))
 
 
 def response(orbit, f):
@@ -58,19 +60,16 @@ def _ring(x, strength):
     return csc_array(diags_array([ring, -1, -1, -1, -1], **at))
 
 
-def renormalisation(period):
-    """Return h, and the Fibonacci numbers F_{h-1}, F_h, F_{h+1}: the first h with F_h = 0 mod P."""
-    before, here, h = 0, 1, 1
-    while here % period:
-        before, here, h = here, before + here, h + 1
-    return h, (before, here, before + here)
+def steps(period):
+    """Return h, the first with F_h = 0 mod P."""
+    return next(h for h in count(1) if fibonacci(h) % period == 0)
 
 
 def finer(circle, period, mode):
     """Return the circle, its text per period, and the mode of the ripple, that look like the given
     ones after h renormalisations."""
-    _, (a, b, c) = renormalisation(period)
-    omega = parse(circle)
+    omega, h = parse(circle), steps(period)
+    a, b, c = map(fibonacci, (h - 1, h, h + 1))
     sign = 1 if float(omega) > period / 2 else -1  # of ω per kick, or 1 - ω: the one next to γ
     per_kick = moebius(omega, sign, period * (sign < 0), 0, period)
     image = next(k for k in range(1, period) if k * c % period in (mode, period - mode))
@@ -88,22 +87,19 @@ def modes(period):
 def growth(period, mode):
     """Return by how much ln of the response grows as `finer` is undone, of the longest orbits and
     of those before, NaN where there are none; and whether ripples of odd P change their sign."""
-    h, coarse = renormalisation(period)[0], _responses(period, mode)
-    fine = _responses(period, finer("gamma", period, mode)[1])
-    pairs = [(fine[n], coarse[n - h]) for n in fine if n - h in coarse]
-    steps = [np.nan, *(np.log(np.linalg.norm(one) / np.linalg.norm(two)) for one, two in pairs)]
-    turned = np.cos(period * np.angle(pairs[-1][0][1] / pairs[-1][1][1]))  # 1 or -1
-    return steps[-1], steps[-2], period % 2 == 1 and turned < 0
+    h, (_, image) = steps(period), finer("gamma", period, mode)
+    pairs = [
+        (_responses(n, period, image), _responses(n - h, period, mode))
+        for n in range(_LONGEST // h * h, h, -h)[:2]
+    ]
+    rates = [np.log(np.linalg.norm(one) / np.linalg.norm(two)) for one, two in pairs]
+    turned = np.cos(period * np.angle(pairs[0][0][1] / pairs[0][1][1]))  # 1 or -1
+    return rates[0], *(rates[1:] or [np.nan]), period % 2 == 1 and turned < 0
 
 
 @cache
-def _responses(period, mode):
-    """{n: (minimizing, minimax)} of F_n: to a ripple exp(2πi·mode·n/P), from the first site on."""
-    found = {}
-    for n, both in orbits().items():
-        phase = 2 * np.pi * mode / period * np.arange(both[0].sites().size)
-        if phase.size % period == 0:
-            waves = np.cos(phase), np.sin(phase)
-            parts = [[response(orbit, wave) for wave in waves] for orbit in both]
-            found[n] = np.array(parts) @ [1, 1j]
-    return found
+def _responses(n, period, mode):
+    """Return those of `orbits` to a ripple exp(2πi·mode·n/P), from the first site on."""
+    phase = 2 * np.pi * mode / period * np.arange(fibonacci(n))
+    parts = [[response(orbit, wave(phase)) for wave in (np.cos, np.sin)] for orbit in orbits(n)]
+    return np.array(parts) @ [1, 1j]
