@@ -13,7 +13,6 @@ from nasm.numbers import distinct_convergents, parse
 from nasm.symmetries import ray
 
 ASYMMETRIC = np.array((1, 0.7, 0.3))
-OMEGA = parse("[1;3,(1)]")  # of its last circle, or near it
 
 
 @pytest.mark.parametrize("family", ["minimizing", "minimax"])

@@ -3,7 +3,6 @@ from fractions import Fraction
 import numpy as np
 import pytest
 from numba import njit
-from numba.core.errors import TypingError
 
 from nasm.arithmetic.lanes import (
     FEW,
@@ -112,15 +111,6 @@ def test_lanes_move_from_and_to_any_index():
     np.testing.assert_array_equal(target[5:-4], source[3:-6])
     assert not target[:5].any()
     assert not target[-4:].any()
-
-
-def test_lanes_mix_with_floats_only():
-    @njit
-    def add_integer(a):
-        store(a, 0, load(a, 0) + 1)
-
-    with pytest.raises(TypingError):
-        add_integer(np.zeros(LANES))
 
 
 def test_own_frame_is_aligned_and_never_inlined():

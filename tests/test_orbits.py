@@ -65,15 +65,6 @@ def test_rotation_number_of_a_circle_has_12_digits_after_10_000_steps():
     assert_allclose(omega, (xs[-1] - xs[0]) / 10_000, rtol=0, atol=1e-4)
 
 
-def test_rotation_number_is_the_weighted_average_of_the_advances():
-    n = 1000
-    xs, _ = orbit(KAPPA, X, Y, n)
-    s = np.arange(1, n)[:, None] / n
-    w = np.exp(-1 / (s * (1 - s)))
-    average = (w * np.diff(xs, axis=0)[1:]).sum(axis=0) / w.sum()
-    assert_allclose(rotation_number(KAPPA, X, Y, n)[0], average, rtol=0, atol=1e-13)
-
-
 def test_digits_seldom_promise_too_much():
     random = np.random.default_rng(8)
     ratios = []
