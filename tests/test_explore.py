@@ -23,6 +23,7 @@ from workflows.explore.field import Field, View
 from workflows.explore.rays import Breakup, Rays
 from workflows.explore.state import State
 from workflows.explore.work import Work
+from workflows.figures.style import circle_style
 from workflows.shared import instruments
 from workflows.shared.orbit_words import orbit_words
 from workflows.shared.phase_space import periodic_orbits
@@ -350,20 +351,16 @@ def test_a_link_holds_all_that_a_tab_looks_at():
 
 
 def test_a_zoom_leaves_every_circle_its_colour():
-    rays = Rays(two_kicks())
-    golden, others = parse("gamma"), [parse(f"[0;{i},(1)]") for i in range(2, 9)]
+    rays, names = Rays(two_kicks()), ["[0;(1)]", *(f"[0;{i},(1)]" for i in range(2, 9))]
     for angle in range(360):
-        omega = golden if angle % 9 == 4 else others[angle // 7 % 7]
-        rays.known[float(angle)] = Breakup(1.0, 0.0, str(omega), float(omega))
-    colours = []
-    for half in (1.2, 0.4, 0.13, 0.04):  # three steps towards a ray of the golden circle
-        centre = np.exp(1j * np.deg2rad(40))
-        view = View(*((c - half, c + half) for c in (centre.real, centre.imag)), (27, 27))
-        lines, legend = rays.lines(view)
-        colours.append(lines["colour"][40])
-        assert legend.get(str(golden), colours[-1]) == colours[-1]
-    assert len(set(colours)) == 1
-    assert str(golden) in legend
+        circle = names[0 if angle % 9 == 4 else 1 + angle // 7 % 7]
+        rays.known[float(angle)] = Breakup(1.0, 0.0, circle, 0.618)
+    a, b = np.cos(np.deg2rad(40)), np.sin(np.deg2rad(40))  # the ray of a golden circle
+    for half in (1.2, 0.4, 0.13, 0.04):
+        lines, legend = rays.lines(View((a - half, a + half), (b - half, b + half), (27, 27)))
+        golden = circle_style(names[0])["color"]
+        assert lines["colour"][40] == legend.get(names[0], golden) == golden
+    assert names[0] in legend
 
 
 def answers(requests):

@@ -11,7 +11,7 @@ from nasm import flux as nasm_flux
 from nasm.numbers import parse
 from nasm.planes import Plane, plane_of, rotating
 from pipeline.cubes import rotating_maps
-from workflows.figures.stretches import stretches, where_above
+from workflows.figures.rotating import where_above
 from workflows.rotating import VECTORS
 
 
@@ -108,15 +108,11 @@ def test_any_plane_is_swept_with_the_names_of_its_axes(tmp_path, workers):
 
 
 def test_stretches_are_where_the_ratio_is_above_one():
-    angle = np.array([0.0, 10, 20, 30, 40, 50])
-    ratio = np.array([1.5, 1.2, 0.8, 0.9, 1.1, np.nan])
-    first, second = stretches(angle, ratio)
-    assert first == (0, pytest.approx(15), 0, 1.5)
-    assert second == (pytest.approx(35), 40, 40, 1.1)
-    assert where_above(angle, ratio).endswith(", 35.0°-40.0° (by 10% at 40.0°)")
-    assert stretches(angle, np.full(6, 0.99)) == []
+    angle, ratio = np.array([0.0, 10, 20, 30, 40, 50]), np.array([1.5, 1.2, 0.8, 0.9, 1.1, np.nan])
+    assert where_above(angle, ratio) == "0°-10° (by 50% at 0°), 40°-40° (by 10% at 40°)"
     inside = np.array([0.9, 0.95, np.nan, 0.97, 0.9, 0.8])
-    assert where_above(angle, inside) == "nowhere (nearest, 0.970 of it, at 30.0°)"
+    assert where_above(angle, inside) == "nowhere (nearest, 0.970 of it, at 30°)"
+    assert where_above(angle, np.nan * inside) == "unknown"
 
 
 def test_the_last_barrier_is_kept_as_a_labelled_cube(tmp_path, workers):

@@ -40,9 +40,9 @@ def main(run, cells, seconds, nearest):
     with run.sweeping(barriers, later=[(job, None) for job in later]):
         barrier = unfolded(run.sweep(barriers), angles)
         known = barrier.dropna("angle", subset=["critical_scale"])
-        columns = (known[name].values.tolist() for name in ("angle", "critical_scale", "circle"))
-        *rays, circles = columns
-        rays = list(zip(*rays, strict=True))
+        names = "angle", "critical_scale", "circle"
+        at, scales, circles = (known[name].values.tolist() for name in names)
+        rays = list(zip(at, scales, strict=True))
         jobs = proved_map(rays, int(cells), seconds), proved_triangles(rays, circles, nearest)
         for job in jobs:
             run.check(job.cube)

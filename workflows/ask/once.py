@@ -1,7 +1,5 @@
 """A finite sequence of kicks that come once: may a barrier survive them? For `workflows.ask`."""
 
-from functools import partial
-
 import numpy as np
 
 from nasm import escape
@@ -18,14 +16,13 @@ def asked_once(kappa):
     y = (np.arange(_STARTS) + 0.5) / _STARTS
     x = np.full(_STARTS, survivor.x)
     lives = sequence.elimination_time(kappa, 0.0, survivor.site, x, y)
-    text = "\n".join(_sentences(kappa, survivor, first))
-    return text, partial(_drawn, kappa, survivor, y, lives)
 
+    def draw():
+        from workflows.figures.ask import draw_once  # loading it takes longer than the answer
 
-def _drawn(*found):
-    from workflows.figures.ask import draw_once  # loading it takes longer than the answer
+        return draw_once(kappa, survivor, y, lives)
 
-    return draw_once(*found)
+    return "\n".join(_sentences(kappa, survivor, first)), draw
 
 
 def _sentences(kappa, survivor, first):

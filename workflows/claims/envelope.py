@@ -28,7 +28,7 @@ def ranges(circles, barrier):
     short : {name: by how much that circle of the paper's six breaks before CB_gt at least, in parts
         of CB_gt; NaN without a value}.
     """
-    wedge = barrier.sel(angle=slice(0, 45))
+    wedge, short = _shortfalls(circles, barrier)
     names, angles = wedge.circle.values, wedge.angle.values
     bracket = ((wedge.upper - wedge.lower) / wedge.critical_scale).values
     starts = np.flatnonzero(np.append(True, names[1:] != names[:-1]))
@@ -36,17 +36,18 @@ def ranges(circles, barrier):
     for start, end in zip(starts, [*starts[1:], names.size], strict=True):
         ends = {"from": float(angles[start]), "to": float(angles[end - 1])}
         found = {"circle": str(names[start]), "bracket": float(bracket[start:end].max())}
-        here = wedge.isel(angle=slice(start, end))
-        short = {name: _shortfall(circles, here, name) for name in NAMES}
-        rows.append(ends | found | {"short": short})
+        least = short.isel(angle=slice(start, end)).min("angle").values.tolist()
+        rows.append(ends | found | {"short": dict(zip(NAMES, least, strict=True))})
     return rows
 
 
-def _shortfall(circles, barrier, name):
-    scale = circles.critical_scale.sel(circle=str(parse(name)))
-    short = 1 - scale.sel(angle=barrier.angle.values, method="nearest") / barrier.critical_scale
-    short = short.values[np.isfinite(short.values)]
-    return float(short.min()) if short.size else np.nan
+def _shortfalls(circles, barrier):
+    """Return CB_gt in the wedge, and by how much each of the six breaks before it."""
+    wedge = barrier.sel(angle=slice(0, 45))
+    six = circles.critical_scale.sel(circle=[str(parse(name)) for name in NAMES])
+    return wedge, 1 - six.sel(
+        angle=wedge.angle.values, method="nearest"
+    ) / wedge.critical_scale.values
 
 
 def cells(row):
@@ -66,9 +67,8 @@ def _text(value, form):
 
 def summary(circles, barrier, rows):
     """Say in sentences what the table shows."""
-    wedge = barrier.sel(angle=slice(0, 45))
-    six = circles.critical_scale.sel(angle=wedge.angle.values, method="nearest").max("circle")
-    short = (1 - six / wedge.critical_scale).values
+    wedge, short = _shortfalls(circles, barrier)
+    short = short.min("circle").values
     worst = int(np.nanargmax(short))
     theirs = [row for row in rows if min(row["short"].values(), default=1) < 1e-8]
     tip = [row["circle"] for row in rows if row["from"] >= 40 and row["circle"]]

@@ -21,14 +21,12 @@ def errata():
     z2, *estimates = cubic_estimates(1e-3)
     integral = apart(path_integral, generating_function, 10)
     both = apart(step, both_kicks), rounding(2)
-
-    def first_kick_twice(kappa, x, y):
-        return path_integral(kappa[[0, 0]], x, y)
+    twice = apart(lambda kappa, *z: path_integral(kappa[[0, 0]], *z), generating_function, 10)
 
     measured = {
         "hat": (apart(step, lambda *z: both_kicks(*z)[[0, 0]]), *both),
         "kap": (apart(step, lambda kappa, *z: both_kicks(kappa[::-1], *z)), *both),
-        "exact": (apart(first_kick_twice, generating_function, 10), integral, 1e-12),
+        "exact": (twice, integral, 1e-12),
         "reflected": (*(_largest(image - (2 - before)) for image in images), 1e-10),
         "ome5": (*ome5_deviations(), 1e-10),
         "z_aprox": (*(abs(estimate - z2) for estimate in estimates), z2**1.5),

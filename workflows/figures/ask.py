@@ -47,7 +47,11 @@ def draw_verdict(kappa, point, name, verdict, orbits, longest, escaping):
         words = f"longest-lived start, {steps:g} steps: not a barrier"
         draw_survivor(axes, x % 1, cell(y), label=words)
     if escaping is None:
-        _draw_heights(time, orbits.start_y, orbits.near)
+        for line, colour, words in ((0, COLOURS[0], "0"), (1, VERMILION, "1/2")):
+            y, near = orbits.start_y[line::2], orbits.near[line::2]
+            time.plot(y, near, ".", color=colour, label=f"from $x = {words}$")
+        time.set(xlabel="$y$ of the start", ylabel=r"$\omega$, if regular", xlim=(0, 1))
+        time.legend(fontsize="x-small")
     else:
         x, y = escaping
         size = 1 + 12 / np.sqrt(x.size)  # a few points are lost among the portrait's
@@ -70,14 +74,6 @@ def draw_verdict(kappa, point, name, verdict, orbits, longest, escaping):
             name = name.replace(axis, sign)
     figure.suptitle(f"{name}: {verdict.answer.value}".replace("(-", "(−").replace(" -", " −"))
     return figure
-
-
-def _draw_heights(axes, y, omega):
-    """Draw ω of the portrait's orbits by the height that they start at."""
-    for line, colour, words in ((0, COLOURS[0], "0"), (1, VERMILION, "1/2")):
-        axes.plot(y[line::2], omega[line::2], ".", color=colour, label=f"from $x = {words}$")
-    axes.set(xlabel="$y$ of the start", ylabel=r"$\omega$, if regular", xlim=(0, 1))
-    axes.legend(fontsize="x-small")
 
 
 def _locate(axes, plane, point, bracket):

@@ -3,7 +3,6 @@
 import numpy as np
 
 from workflows.figures.circle_boundaries import draw_circles
-from workflows.figures.stretches import where_above
 from workflows.figures.style import INSIDE, colour_of, in_column, outer_legend, panels, power
 
 
@@ -105,6 +104,23 @@ def _outside(two, direct):
     if not np.isfinite(excess).any():
         return "by an unknown amount"
     return f"{float(excess.min()):.0f}% to {float(excess.max()):.0f}%"
+
+
+def where_above(angle, ratio):
+    """Say on which rays the ratio is above 1, "12°-14.5° (by 3.1% at 13°)", or else nearest to 1.
+
+    Rays without a ratio (NaN) end a stretch.
+    """
+    if not np.isfinite(ratio).any():
+        return "unknown"
+    parts = []
+    for first, end in np.flatnonzero(np.diff(np.pad(ratio > 1, 1))).reshape(-1, 2):
+        peak = first + int(np.argmax(ratio[first:end]))
+        most = f"by {100 * (ratio[peak] - 1):.2g}% at {angle[peak]:g}°"
+        parts.append(f"{angle[first]:g}°-{angle[end - 1]:g}° ({most})")
+    nearest = int(np.nanargmax(ratio))
+    least = f"nowhere (nearest, {ratio[nearest]:.3f} of it, at {angle[nearest]:g}°)"
+    return ", ".join(parts) or least
 
 
 def draw_diamond(axes, curve, factor=1, **style):

@@ -3,8 +3,7 @@
 import numpy as np
 
 from workflows.figures import style
-from workflows.figures.rotating import draw_diamond, fill_diamond
-from workflows.figures.stretches import where_above
+from workflows.figures.rotating import draw_diamond, fill_diamond, where_above
 
 
 def draw_three_kicks(three, two):

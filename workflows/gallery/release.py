@@ -21,7 +21,8 @@ def make(directory, workers, quick):
     (here / "README.md").write_text(_readme(quick), encoding="utf-8")
     files = [path for path in sorted(here.rglob("*")) if path.is_file()]
     files = [path for path in files if path.name not in (SUMS, ".lock")]
-    sums = (f"{_digest(path)}  {path.relative_to(here).as_posix()}\n" for path in files)
+    digests = {path: hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
+    sums = (f"{sum}  {path.relative_to(here).as_posix()}\n" for path, sum in digests.items())
     (here / SUMS).write_text("".join(sums), encoding="utf-8")
     return sum(path.stat().st_size for path in files)
 
@@ -43,8 +44,3 @@ computed them. The tables (CSV) hold the same.
 {parts}`sha256sum -c {SUMS}` checks all files; in a copy of the program, `python -m workflows.verify
 --out FOLDER` checks the cubes of a folder, and `--proofs` the certificates as well.
 """
-
-
-def _digest(path):
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()

@@ -53,9 +53,8 @@ def portraits(kappa, box=CELL, added=(), every=None, first=1000):
         over = kicks > _MOST_KICKS or total > _MOST_POINTS
         if done == shown or over:
             omega = yield from _averages(kappa, starts, int(np.clip(done, *_AVERAGED)))
-            yield _dataset(
-                kappa, box, starts, omega, *map(np.concatenate, zip(*found, strict=True))
-            )
+            points = map(np.concatenate, zip(*found, strict=True))
+            yield _dataset(kappa, box, starts, omega, *points)
             shown *= 2
             if over:
                 return
@@ -87,24 +86,18 @@ def _dataset(kappa, box, starts, omega, which, x, y):
     half = kappa.size / 2
     near = abs((omega + half) % (2 * half) - half)
     words = "rotation number per step, by weighted Birkhoff average; NaN: chaotic"
-    return dataset(
-        "Orbits in a box of phase space",
-        {},
-        {
-            "x": ("point", x, described("x", "turn")),
-            "y": ("point", y, "y, mod 1"),
-            "which": ("point", which.astype("int32"), "orbit of the point"),
-            "start_x": ("orbit", starts[0], described("x of the orbit's start", "turn")),
-            "start_y": ("orbit", starts[1], "y of the orbit's start"),
-            "omega": ("orbit", omega, words),
-            "near": ("orbit", near, "the same in [0, P/2], up to its sign and to P"),
-        },
-        {
-            "kappa": kappa.tolist(),
-            "box": list(box),
-            "source": "arXiv:1606.04824, Eqs. (1) and (23)",
-        },
-    )
+    variables = {
+        "x": ("point", x, described("x", "turn")),
+        "y": ("point", y, "y, mod 1"),
+        "which": ("point", which.astype("int32"), "orbit of the point"),
+        "start_x": ("orbit", starts[0], described("x of the orbit's start", "turn")),
+        "start_y": ("orbit", starts[1], "y of the orbit's start"),
+        "omega": ("orbit", omega, words),
+        "near": ("orbit", near, "the same in [0, P/2], up to its sign and to P"),
+    }
+    attrs = {"kappa": kappa.tolist(), "box": list(box)}
+    attrs["source"] = "arXiv:1606.04824, Eqs. (1) and (23)"
+    return dataset("Orbits in a box of phase space", {}, variables, attrs)
 
 
 def in_box(box, x, y):

@@ -4,6 +4,7 @@ import numpy as np
 
 from workflows.figures.style import names_of
 from workflows.shared.amplitudes import amplitudes
+from workflows.shared.rules import span
 from workflows.stability import limits, searches, tori
 
 OK = 1  # of `status`, see `pipeline.cubes.cube`
@@ -69,11 +70,10 @@ def _twist(study):
 
 
 def _amplitude(study):
-    last, largest = study["last"], float(study.largest.max())
     return (
-        f"Amplitudes of the last circles are {float(last.min()):.3f} to {float(last.max()):.3f}, "
-        f"those of seven others at most {largest:.3f}, where Proposition 1 assumes less than 1: "
-        f"|Δy| > {study.attrs['justified_exit']:.2f} would do as an exit."
+        f"Amplitudes of the last circles are {span(study['last'].values, '.3f')}, those of seven "
+        f"others at most {float(study.largest.max()):.3f}, where Proposition 1 assumes less than "
+        f"1: |Δy| > {study.attrs['justified_exit']:.2f} would do as an exit."
     )
 
 

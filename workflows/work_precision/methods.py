@@ -81,16 +81,14 @@ def crossing(ray, q_max):
     return ((scales[-1], abs(scales[-1] - scales[-2])) if scales.size else (nan, nan),)
 
 
-def residue(ray, q_max):
-    """Extrapolate those crossings by Aitken's rule."""
-    found = periodic.critical_scale(ray.omega, ray.profile, q_max)
-    return ((found.value, found.error),)
+def of_circle(critical_scale):
+    """Make a method of a function of ω, a ray and an effort."""
 
+    def run(ray, effort):
+        found = critical_scale(ray.omega, ray.profile, effort)
+        return ((found.value, found.error),)
 
-def continuation(ray, tol):
-    """Answer where the norms of the circles on the ray blow up."""
-    found = norms.critical_scale(ray.omega, ray.profile, tol)
-    return ((found.value, found.error),)
+    return run
 
 
 def last_circle(ray, n_points):
@@ -170,6 +168,7 @@ DIRECT = ["direct", "direct, 100 orbits", "direct, 100 orbits, near exit"]
 DIRECT += ["direct, 100 orbits, single precision"]
 ALL, HUNDRED, NEAR, SINGLE = ((name, f"{name}, extrapolated") for name in DIRECT)
 CONES = "converse KAM, upper bound", "converse KAM, value"
+BLOW_UP, AITKEN = map(of_circle, (norms.critical_scale, periodic.critical_scale))
 BARRIERS = "last barrier, bracket", "last barrier, value"
 METHODS = {
     "direct": Method(ALL, "N", STEPS, direct(10_000, 2.0)),
@@ -179,9 +178,9 @@ METHODS = {
     "cones": Method(CONES, "N", [100, *STEPS], converse_kam),
     "birkhoff": Method(("weighted Birkhoff average",), "n", STEPS, birkhoff),
     "circle": Method(("last certified circle",), "points", POINTS, last_circle),
-    "continuation": Method(("blow-up of circles",), "tol", [*TOLERANCES, 1e-5, 1e-6], continuation),
+    "continuation": Method(("blow-up of circles",), "tol", [*TOLERANCES, 1e-5, 1e-6], BLOW_UP),
     "crossing": Method(("residue, last crossing",), "q", PERIODS, crossing),
-    "residue": Method(("residue, Aitken",), "q", PERIODS, residue),
+    "residue": Method(("residue, Aitken",), "q", PERIODS, AITKEN),
     "barriers": Method(BARRIERS, "tol", [*TOLERANCES, 2e-5], barrier),
     "transport-proof": Method(("transport proved",), "ε", [0.1, 0.01, 1e-3, 3e-4], transport_proof),
     "barrier-proof": Method(("barrier proved",), "ε", [0.1, 0.01, 3e-3, 1e-3], barrier_proof),
