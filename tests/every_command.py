@@ -2,7 +2,8 @@
 
 HIDDEN are packages that then cannot be imported, as where an extra is not installed. Prints a JSON
 object {command: [exit code, what it printed, whether it looked for python-flint]}. All sweeps share
-two workers, threads of this process. Only the explorer is left out, which runs until it is stopped.
+two workers, threads of this process. The explorer would run until it is stopped, if Bokeh is not
+hidden.
 """
 
 import json
@@ -35,6 +36,7 @@ SMALLEST = {
     "tori": "--quick --vector 0.6180339887498949,0.2700907567377265 --angles 2",
     "status": "",
     "verify": "",
+    "explore": "--no-browser",
     # Those that can make proofs come last: the others are to end well before python-flint is there.
     "ask": "0.3 0.2 --prove",
     "proved_boundary": "--angles 2 --seconds 0.1",
