@@ -3,6 +3,9 @@
 D(κ1, κ2) by ensembles, with errors, on rays from CB_gt outwards; next to CB_gt, where no ensemble
 is fast enough, the flux ΔW through what is left of the last circle: were this all that resists, D
 would be ΔW/m, for m such circles in a unit of y, and fall like (s/s_c - 1)^3.01.
+
+Three cubes, a table and a figure in OUT. The defaults take six minutes of CPU time, --quick less
+than one.
 """
 
 from workflows.shared.cli import command, flag, sweeps, whole
@@ -14,10 +17,6 @@ from workflows.shared.cli import command, flag, sweeps, whole
 @flag("--quick", "A preview: 4 rays, at most 2^18 periods.")
 @sweeps
 def main(run, orbits, n_max, quick):
-    """The diffusion coefficient of two kicks: three cubes, a table and a figure in OUT.
-
-    The defaults take six minutes of CPU time, --quick less than one.
-    """
     from nasm.planes import two_kicks
     from pipeline.cubes import beyond
     from pipeline.cubes.barrier import last_barrier, unfolded
@@ -40,7 +39,3 @@ def main(run, orbits, n_max, quick):
         law = study.law(known, *swept)
         run.table("diffusion", law)
         run.figure("diffusion", *draw_diffusion(law, study.findings(law)))
-
-
-if __name__ == "__main__":
-    main()

@@ -9,6 +9,9 @@ To first order in K they drive resonances at all whole p = k, as strong as those
 of 2K|cos πkε|, whose orbits of period one have R = K|cos πkε|/2. Those near p = 1/(2ε), where the
 two kicks cancel, are the weakest. To second order two kicks that cancel leave K²ε/2 sin 4πx as
 ε → 0: a standard map of 2x and 2p of strength K²ε. So circles there should break at √(κ_G/ε).
+
+A cube, a table and a figure in OUT. The defaults take ten minutes of CPU time; --quick less than
+one.
 """
 
 from workflows.shared.cli import command, flag, real, sweeps
@@ -19,10 +22,6 @@ from workflows.shared.cli import command, flag, real, sweeps
 @real("--tol", 1e-2, 1e-5, 0.1, "Width of the bracket to aim at, relative to the scale.")
 @sweeps
 def main(run, quick, tol):
-    """Last barriers of signs, pairs and bursts of kicks: a cube, a table and a figure in OUT.
-
-    The defaults take ten minutes of CPU time; --quick less than one.
-    """
     from pipeline.cubes.forcings import last_barriers, with_circles
     from workflows.figures.patterns import draw_patterns
     from workflows.patterns import study
@@ -32,7 +31,3 @@ def main(run, quick, tol):
         cube = study.in_lab_units(with_circles(run.sweep(job)))
         run.table("patterns", cube)
         run.figure("patterns", draw_patterns(cube), study.found(cube))
-
-
-if __name__ == "__main__":
-    main()

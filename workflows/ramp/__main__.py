@@ -4,6 +4,8 @@ Families of graphs, one before each kick, are what barriers are as long as circl
 KAM for sequences (`nasm.converse_kam.sequence`) denies them: in a ramp κ_n = κ_G + r·n through the
 breakup, and under forcings of less and less smoothness, down to random ones. It does not deny
 curves that fold: orbits that escape across them do.
+
+Two cubes and a figure in OUT. The defaults take a minute, --quick ten seconds.
 """
 
 from workflows.shared.cli import command, flag, real, writes
@@ -14,10 +16,6 @@ from workflows.shared.cli import command, flag, real, writes
 @flag("--quick", "Rates down to 1e-4, and fewer ripples and kicks.")
 @writes
 def main(run, slowest, quick):
-    """When graphs are lost and orbits cross: two cubes and a figure in OUT.
-
-    The defaults take a minute, --quick ten seconds.
-    """
     import numpy as np
 
     from workflows.figures.ramp import draw_ramp
@@ -30,7 +28,3 @@ def main(run, slowest, quick):
         ramp = run.keep("ramp", study.ramps(rates))
         lives = run.keep("irregular", study.irregular(ripples, kicks))
         run.figure("ramp", *draw_ramp(ramp, lives, study.findings(ramp, lives)))
-
-
-if __name__ == "__main__":
-    main()

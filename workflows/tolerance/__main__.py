@@ -5,6 +5,8 @@ strength of the last breakup below κ_G? By renormalisation (see `response`) the
 d^(ln δ/ln λ), times a function of ln d that repeats when the convergents meet the same phases of
 the ripple again. The conjecture is that no forcing of the same rms strength holds a barrier longer
 than constant kicks: random ones are tried, and climbs to better ones.
+
+Cubes, tables and a figure in OUT. The defaults take ten minutes of CPU time; --quick less than one.
 """
 
 from workflows.shared.cli import command, flag, sweeps, whole
@@ -16,10 +18,6 @@ from workflows.shared.cli import command, flag, sweeps, whole
 @flag("--quick", "A preview: few forcings, climbs and ripples.")
 @sweeps
 def main(run, forcings, climbs, quick):
-    """The loss by a ripple, and random forcings against constant kicks: cubes, tables, a figure.
-
-    The defaults take ten minutes of CPU time; --quick less than one.
-    """
     from pipeline.cubes.forcings import last_barriers, with_circles
     from pipeline.cubes.robustness import against_constant
     from workflows.figures.tolerance import draw_tolerance
@@ -36,7 +34,3 @@ def main(run, forcings, climbs, quick):
         for name, table in {"": cube, "_laws": laws, "_random": tried}.items():
             run.table(f"tolerance{name}", table)
         run.figure("tolerance", draw_tolerance(cube, laws, tried), study.found(cube, laws, tried))
-
-
-if __name__ == "__main__":
-    main()
