@@ -31,9 +31,9 @@ def command(**settings):
     """
 
     def decorate(function):
-        help = function.__doc__ or sys.modules[function.__module__].__doc__
-
-        @click.command(help=help, context_settings=COMMON | settings)
+        @click.command(
+            help=sys.modules[function.__module__].__doc__, context_settings=COMMON | settings
+        )
         @version
         @functools.wraps(function)
         def wrapped(**options):
