@@ -6,8 +6,6 @@ import numpy as np
 import oracles
 import pytest
 from cases import thirds
-from hypothesis import example, given, settings
-from hypothesis import strategies as st
 from oracles import KAPPA_G, LITERATURE
 
 from nasm import barriers, periodic
@@ -39,23 +37,6 @@ def test_both_orbits_close_are_ordered_and_have_the_residue_of_their_tangents(ka
         assert sign * expected > 0
         assert orbit.refined_residue() == pytest.approx(expected, abs=1e-10, rel=1e-10)
     assert periodic.residue(kappa, p, q) == found[1].refined_residue()
-
-
-@settings(max_examples=25)
-@given(st.floats(0.05, 0.45), st.floats(0.05, 0.45), st.sampled_from(FIBONACCI[:4]))
-@example(0.38071473653783494, 0.3275247870624588, (21, 34))  # next to what cannot be told from 0
-def test_residue_is_equal_under_the_symmetries(kappa1, kappa2, fraction):
-    p, q = fraction
-    expected = periodic.residue((kappa1, kappa2), p, q)
-    for kappa, shifted in (
-        ((kappa2, kappa1), p),
-        ((-kappa1, -kappa2), p),
-        ((kappa1, kappa2), p + 2 * q),
-        ((kappa1, kappa2), 2 * q - p),
-        ((kappa1, -kappa2), p + q),
-        ((-kappa1, kappa2), p + q),
-    ):
-        assert periodic.residue(kappa, shifted, q) == pytest.approx(expected, rel=1e-7, abs=1e-13)
 
 
 def test_greene_1979():

@@ -136,15 +136,17 @@ def tie(plane, circle, angle, scale):
 def _compute(coords, settings):
     (start, profiles), tol = plane_of(settings).ray(coords["angle"]), settings["tol"]
     found = [barriers.critical_scale(profile, tol, start) for profile in profiles]
-    return _arrays(found, coords, settings)
+    return scales(found, plane_of(settings).axes, coords["angle"]) | circle_arrays(found)
 
 
 def _compute_proved(coords, settings):
     from nasm import proofs  # python-flint takes a while to import, and is an extra
 
-    profiles = plane_of(settings).ray(coords["angle"])[1]
+    plane = plane_of(settings)
+    profiles = plane.ray(coords["angle"])[1]
     brackets = [proofs.critical_scale(profile, settings["seconds"]) for profile in profiles]
-    arrays = _arrays([bracket.found for bracket in brackets], coords, settings)
+    found = [bracket.found for bracket in brackets]
+    arrays = scales(found, plane.axes, coords["angle"]) | circle_arrays(found)
     for side in ("below", "lower", "upper"):
         arrays[f"proved_{side}"] = np.array([getattr(bracket, side) for bracket in brackets])
     found = [proof for b in brackets for proof in (b.barrier, b.transport, *b.rays)]
@@ -176,10 +178,6 @@ def uncertified(tile, certificates):
             if scale > 0 and (omega, tuple((scale * profile).tolist())) not in claimed:
                 return f"{side} {at} has no certificate"
     return ""
-
-
-def _arrays(found, coords, settings):
-    return scales(found, plane_of(settings).axes, coords["angle"]) | circle_arrays(found)
 
 
 def circle_arrays(found):
