@@ -3,7 +3,9 @@
 Profiles are brought to the rms 1, so that a scale is their rms strength. Where one of 64 orbits
 escapes there is no barrier; escapes begin some percent above the last breakup. Of forcings under
 which none escapes at 1.001 times the scale of constant kicks, converse KAM is asked there: it
-eliminates all starts where there is no barrier, as far as its search can tell.
+eliminates all starts where there is no barrier, as far as its search can tell. In 100 periods, by
+which 225 of 229 of them were denied, it denied none of 45 certified circles under ripples of 2 to
+8 kicks, 0.1% below the certificate's scale; in 300 it denied one, in 1000 three.
 """
 
 from functools import partial
@@ -17,7 +19,7 @@ from pipeline.cubes.cube import PAPER, Cube, Job, blank
 from pipeline.cubes.forcings import labels, profiles_of
 
 _KICKS = 4000  # in which an orbit may escape
-_PERIODS = 100, 1_000, 10_000  # for which converse KAM is asked for a survivor
+_PERIODS = 100, 300, 1_000, 10_000  # for which converse KAM is asked for a survivor
 _ABOVE = 1.001  # times the scale of constant kicks, at which a barrier would be a better one
 _LEAST, _WIDTH = 0.02, 1.02  # of that scale: where the search begins, and where it ends
 

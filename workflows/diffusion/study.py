@@ -37,17 +37,15 @@ def findings(law):
     """Judge what was foreseen; lines of text."""
     ratio = law.ratio.sel(excess=slice(0, 1)).values
     ratio = ratio[np.isfinite(ratio)]
-    first = law.ratio.isel(excess=law.ratio.notnull().argmax("excess")).dropna("angle")
-    some = first[:: max(1, first.size // 5)]
-    nearest = ", ".join(f"{float(r):.2f} at {float(r.angle):g}°" for r in some)
+    first = law.ratio.isel(excess=law.ratio.notnull().argmax("excess")).values
     slope, error, rays = _exponent(law.sel(excess=slice(0, _NEAR)))
     prefactor = law.prefactor.dropna("angle")
     return "\n".join([
         finding(
             "The last circle alone resists, D = ΔW/m:",
             f"D is {span(ratio)} of that under {ratio.size} forcings up to twice the breakup, "
-            f"and where it is resolved nearest to the boundary {nearest}; where it is less, the "
-            "cantori of other circles, which break almost together, hold back more",
+            f"and {span(first)} where it is resolved nearest to the boundary; where it is less, "
+            "the cantori of other circles, which break almost together, hold back more",
             bool((abs(ratio - 1) < 0.2).all()),
             bool((ratio < 1.2).all()),
             ratio.size > 0,
