@@ -16,7 +16,7 @@ def said_of(scale):
     cube = xr.Dataset(coords=labels([(study.CONSTANT, 1, [1.0]), *pairs], ""))
     cube["critical_scale"] = "forcing", np.array([1.0, *np.divide(scale, apart)])
     cube = cube.assign(lower=0.999 * cube.critical_scale, upper=1.001 * cube.critical_scale)
-    return study.found(study.in_lab_units(cube))
+    return study.found(cube)
 
 
 def test_findings_on_patterns_are_judged_by_the_numbers():

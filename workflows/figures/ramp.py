@@ -11,15 +11,13 @@ def draw_ramp(ramp, lives, findings):
     """Draw the kicks by which graphs are lost and orbits cross, by rate and by smoothness; caption,
     which ends with the findings."""
     figure, (kicks, smooth) = panels(1, 2, 13, 5)
-    names = [*(f"graphs, {name}" for name in names_of(ramp.way)), "first of 64 orbits across"]
-    rows, hollow = [*ramp.lost, ramp.escaped], [None, "none", None]
-    for i, (label, row) in enumerate(zip(names, rows, strict=True)):
-        look = {"color": colour_of(i), "ms": 4 + 2 * (i == 1), "mfc": hollow[i]}
-        kicks.plot(ramp.rate, row, "os^"[i], label=label, **look)
-    for exponent, row, dash in zip(ramp.attrs["exponents"], rows[1:], ("--", ":"), strict=True):
+    rows = {"graphs": ramp.lost, "first of 64 orbits across": ramp.escaped}
+    for i, (label, row) in enumerate(rows.items()):
+        exponent, dash = ramp.attrs["exponents"][i], ("--", ":")[i]
+        kicks.plot(ramp.rate, row, "o^"[i], color=colour_of(2 * i), ms=4, label=label)
         law = float((row * ramp.rate**exponent).median()) * ramp.rate**-exponent
-        label = rf"$\propto r^{{-{exponent:.3f}}}$, foreseen"
-        kicks.plot(ramp.rate, law, dash, color="0.4", lw=0.9, label=label)
+        words = rf"$\propto r^{{-{exponent:.3f}}}$, foreseen"
+        kicks.plot(ramp.rate, law, dash, color="0.4", lw=0.9, label=words)
     kicks.set(xscale="log", yscale="log", title="Kicks that grow through the breakup")
     kicks.set(xlabel=r"growth $r$ of $\kappa$ per kick", ylabel=r"kicks after $\kappa_G$")
     kicks.legend(fontsize="small")
@@ -27,8 +25,7 @@ def draw_ramp(ramp, lives, findings):
     return figure, (
         "Kicks κ_G + r·n: the kick after κ_G by which converse KAM denies every family of graphs, "
         "by the line that does so first, and the first by which one of 64 orbits is past all "
-        "circles. Following the golden circle, whose area falls by "
-        f"{-ramp.attrs['area_rate']:.4f} per unit of κ, the phases are accelerated. (b) Kicks "
+        "circles. (b) Kicks "
         f"0.3·(1 + ripple·f_n): how long graphs last, of {lives.attrs['kicks'] // 2} kicks, and, "
         f"hollow, when the first of 64 orbits is past all circles, of {20 * lives.attrs['kicks']}; "
         "▲: longer than that. Graphs are denied as far as searches see, and curves that fold are "

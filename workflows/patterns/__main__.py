@@ -28,6 +28,6 @@ def main(run, quick, tol):
 
     job = last_barriers("patterns", study.patterns(quick), study.PARAMETER, tol)
     with run.sweeping(job):
-        cube = study.in_lab_units(with_circles(run.sweep(job)))
-        run.table("patterns", cube)
+        cube = with_circles(run.sweep(job))
+        run.table("patterns", cube.assign(per_period=cube.critical_scale * cube.period))  # K_c
         run.figure("patterns", draw_patterns(cube), study.found(cube))

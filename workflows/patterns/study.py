@@ -6,7 +6,7 @@ import numpy as np
 
 from workflows.figures.patterns import BURSTS, CONSTANT, FLIPS, PAIRS, SIGNS
 from workflows.figures.style import of_family
-from workflows.shared.rules import finding
+from workflows.shared.rules import finding, span
 
 PARAMETER = f"ε of {PAIRS}, P of {SIGNS}, M of {FLIPS}, share of the period kicked in {BURSTS}"
 
@@ -30,21 +30,14 @@ def patterns(quick):
     return [forcing for forcing in given if not quick or len(forcing[2]) in (1, 2, 3, 4, 6)]
 
 
-def in_lab_units(cube):
-    """Return the cube with per_period, K_c = P·s in units of the period: the phase depth of a kick
-    times 8ω_r·period."""
-    return cube.assign(per_period=cube.critical_scale * cube.period)
-
-
 def found(cube):
     """Say what the cube shows, with a verdict on each claim; on 1/3 by the brackets alone."""
     pairs, golden = of_family(cube, PAIRS), of_family(cube, CONSTANT).critical_scale.item()
     lower, upper = (pairs[side] * pairs.period for side in ("lower", "upper"))
     third = np.isclose(pairs.parameter, 1 / 3)
     gone, others = upper.values[third], lower.values[~third]
-    close = pairs.per_period.dropna("forcing")
-    close = close[close.parameter <= 1 / 16]
-    close = close * np.sqrt(close.parameter / golden)
+    scale = pairs.critical_scale[pairs.parameter <= 1 / 16].dropna("forcing")
+    close = scale * scale.period * np.sqrt(scale.parameter / golden)
     falls = close.size > 2 and bool((np.diff(close) < 0).all())
     width = (2 * (cube.upper - cube.lower) / (cube.upper + cube.lower)).dropna("forcing")
     return " ".join([
@@ -62,8 +55,7 @@ def found(cube):
         ),
         finding(
             "K_c approaches √(κ_G/ε) for close pairs:",
-            f"at {', '.join(f'1/{1 / ε:.0f}' for ε in close.parameter.values[::-1])} of the period "
-            f"it is {', '.join(f'{x:.3f}' for x in close.values[::-1])} of that",
+            f"it is {span(close.values, '.3f')} of that up to 1/16 of the period",
             falls and abs(close[0] - 1) < 0.05,
             falls,
             close.size > 0,

@@ -3,7 +3,6 @@
 import numpy as np
 
 from nasm import escape
-from nasm.action import ordered_orbits
 from nasm.barriers import critical_scale
 from nasm.circles.continuation import UNSTABLE
 from nasm.converse_kam import sequence
@@ -27,51 +26,31 @@ JUMPS = "square", "Fibonacci", "Thue-Morse", "random"
 SMOOTH = "cosine", "k^-4", "k^-3", "k^-2"
 
 
-def area_rate(kappa):
-    """Return dA/dκ of the area A = ∫ y dx under the golden circle of the standard map.
-
-    A is the slope in ω of the mean action, so that dA/dκ is that of the mean of -cos 2πx/4π²: here
-    by golden orbits, of which the minimizing and the minimax ones lie on either side.
-    """
-    shorter, longer = (
-        np.mean([np.cos(2 * np.pi * orbit.sites()) for orbit in ordered_orbits((kappa,), *turns)])
-        for turns in ((610, 987), (987, 1597))
-    )
-    return (shorter - longer) / (987 / 1597 - 610 / 987) / (2 * np.pi) ** 2
-
-
 def ramps(rates):
-    """Find what κ_n = κ_G + r·n does to barriers: a Dataset with dims (way, rate).
-
-    In way 1 the phases are accelerated, by which y falls from kick to kick as the area under the
-    golden circle does. Escapes are in way 0, the plain ramp.
-    """
+    """Find what κ_n = κ_G + r·n does to barriers: a Dataset with the dim rate."""
     critical = critical_scale((1.0,), 1e-4).value
-    acceleration = area_rate(critical)
-    found = [[lost(critical, rate, way * acceleration * rate) for rate in rates] for way in (0, 1)]
     patience = (_PATIENCE * rates**-ESCAPES).astype(int)
     crossed = [_escape(critical + r * np.arange(n)) for r, n in zip(rates, patience, strict=True)]
     words = "kicks from κ_G until one of 64 orbits is past all circles"
-    ways = listed("way", "plain ramp", "following the golden circle")
+    found = np.array([lost(critical, rate) for rate in rates])
     return dataset(
         "When barriers are lost in a ramp",
-        {"way": ways, "rate": (rates, "growth of κ per kick")},
+        {"rate": (rates, "growth of κ per kick")},
         {
-            "lost": (("way", "rate"), np.array(found), "kicks from κ_G until no graphs are left"),
+            "lost": ("rate", found, "kicks from κ_G until no graphs are left"),
             "escaped": ("rate", np.array(crossed), words),
         },
-        {"critical_scale": critical, "area_rate": acceleration, "exponents": [EXPONENT, ESCAPES]},
+        {"critical_scale": critical, "exponents": [EXPONENT, ESCAPES]},
     )
 
 
-def lost(critical, rate, acceleration):
+def lost(critical, rate):
     """Return the kick after κ_G by which no graphs are left, by the line that denies them first."""
     unit = rate**-EXPONENT
     n = np.arange(-int(_REACH * unit), int(_REACH * unit) + 1)
 
     def life(site):
-        theta = acceleration / 2 * n * (n + 2.0 * site)  # and linear terms, which shift y
-        return sequence.longest_lived(critical + rate * (n + site), theta, n.size // 2)[2]
+        return sequence.longest_lived(critical + rate * (n + site), 0.0, n.size // 2)[2]
 
     return min(site + life(site) for site in np.unique(np.rint(_PLACES * unit).astype(int)))
 
@@ -124,15 +103,13 @@ def _shapes(n):
 
 def findings(ramp, lives):
     """Judge what was foreseen; lines of text."""
-    plain, following = ramp.lost
     names = lives.kind.attrs["names"]
     jumps, smooth = (lives.isel(kind=[names.index(k) for k in kinds]) for kinds in (JUMPS, SMOOTH))
     gone, through = np.isfinite(jumps.life), np.isfinite(jumps.escaped)
     lived, crossed = (span(values, ".0f") for values in (jumps.life.values, jumps.escaped.values))
     kept, kicks = np.isinf(smooth.life) & np.isinf(smooth.escaped), lives.attrs["kicks"]
     return "\n".join([
-        _power("Graphs are lost", plain, EXPONENT),
-        _power("Graphs are lost if phases follow the golden circle", following, EXPONENT),
+        _power("Graphs are lost", ramp.lost, EXPONENT),
         _power("The first of 64 orbits crosses", ramp.escaped, ESCAPES),
         finding(
             "Smoothness in the phase decides, not quasi-periodicity:",

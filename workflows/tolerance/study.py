@@ -118,8 +118,7 @@ def found(cube, laws, tried):
         f"it; one of 1% costs {two.item():.2g}% if it alternates, and {span(longer)}% if not.",
         _law(laws),
         _conjecture(tried),
-        "Not tried: more than 8 kicks, kicks that do not recur, the law of other shapes, and "
-        "ripples of 3 kicks and more below 0.003.",
+        "Not tried: more than 8 kicks, kicks that do not recur, P > 2 below 0.003, other laws.",
     ])  # fmt: skip
 
 

@@ -4,6 +4,6 @@ import matplotlib.pyplot as plt
 import xarray as xr
 
 cube = xr.open_zarr("ramp/ramp.zarr", chunks=None)
-cube.lost.plot(hue="way", marker="o", xscale="log", yscale="log")
+cube.lost.plot(marker="o", xscale="log", yscale="log")
 print(cube.lost.to_pandas())
 plt.show()
