@@ -176,7 +176,3 @@ def test_a_sweep_outlives_a_schedule_of_faults(tmp_path, seed):
         done = run(out, faults, choose)
     assert len(done) == SIDE**2
     toy.assert_complete(out, toy.cube(SIDE, SIDE, tile=1))
-
-
-if __name__ == "__main__":
-    main()
