@@ -17,12 +17,6 @@ from nasm.symmetries import ray
 from pipeline.cubes import cube, escape
 
 _TILE = {"angle": 1, "excess": 1}
-_DIFFUSION = {
-    "diffusion": "D = <(y_n - y_0)²>/2n, in squares of y a period",
-    "error": "standard error of diffusion",
-    "exponent": "a of <(y_n - y_0)²> ~ n^a, 1 for diffusion",
-    "steps": "periods that orbits were followed",
-}
 
 
 def escape_times(name, plane, scales, excesses, sizes, n_max):
@@ -61,7 +55,10 @@ def diffusion(scales, excesses, n_orbits, n_max):
     """Return the Job of the diffusion coefficient D of momentum, by ensembles, of two kicks;
     scales, excesses as for `escape_times`."""
     coords = _coords(two_kicks(), scales, excesses)
-    variables = {name: cube.blank(coords, words) for name, words in _DIFFUSION.items()}
+    variables = {
+        "diffusion": cube.blank(coords, "D = <(y_n - y_0)²>/2n, in squares of y a period"),
+        "error": cube.blank(coords, "standard error of diffusion"),
+    }
     warm_up = partial(ensembles.diffusion, (9.0, 9.0), 64)
     how = {"n_orbits": n_orbits, "n_max": n_max}, _diffusion, _predict_diffusion, warm_up
     return _job("diffusion", two_kicks(), coords, variables, "Diffusion of momentum", *how)
@@ -117,7 +114,7 @@ def _predict_flux(coords, settings):
 def _diffusion(kappas, coords, settings):
     sizes = settings["n_orbits"], settings["n_max"]
     found = [[ensembles.diffusion(kappa, *sizes) for kappa in along] for along in kappas]
-    return cube.fields(found, {name: name for name in _DIFFUSION} | {"diffusion": "value"})
+    return cube.fields(found, {"diffusion": "value", "error": "error"})
 
 
 def _predict_diffusion(coords, settings):

@@ -11,16 +11,6 @@ _NEAR = 0.13  # distance up to which the law of D itself is looked for
 _SHARP = 0.25  # error of an exponent beyond which it is not judged
 
 
-def angles(quick):
-    """Return the rays, in degrees; all others are images of them."""
-    return np.array([0.0, 12, 30, 45]) if quick else np.r_[0:45:2.0, 44.6, 45]
-
-
-def excesses(quick):
-    """Return distances beyond the breakup, relative to it."""
-    return np.geomspace(0.05, 3.2, 8 if quick else 16)
-
-
 def law(barrier, fluxes, measured):
     """Compare D on rays with the flux: the measured Dataset, dims (angle, excess), and more.
 

@@ -8,7 +8,5 @@ for family, scale in cube.critical_scale.groupby("family"):
     plt.loglog(scale.parameter, scale, "o", label=family)
     first = scale[scale.argmin("forcing")]
     print(f"{family}: first {first.forcing.item()}, at {first:.4f}")
-plt.xlabel("parameter of the family")
-plt.ylabel("scale of the breakup")
-plt.legend()
+plt.legend(title="scale of the breakup, by the parameter")
 plt.show()

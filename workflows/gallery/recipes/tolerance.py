@@ -8,7 +8,5 @@ golden = xr.open_zarr("tolerance/tolerance_random.zarr").golden  # the scale of 
 loss = 1 - cube.critical_scale * cube.rms / golden
 for period, one in loss.groupby("period"):
     plt.loglog(one.parameter, one, "o", label=f"{period} kicks")
-plt.xlabel(cube.parameter.long_name)
-plt.ylabel("loss of the scale of the breakup")
-plt.legend()
+plt.legend(title="ripples, and what they cost")
 plt.show()
