@@ -299,6 +299,7 @@ def test_damaged_tiles_are_found_and_after_repair_they_alone_are_missing(place):
     found = dict(store.verify(place, "toy"))
     assert found.keys() == damaged
     assert found[1, 2] == "wave does not match its checksum"
+    assert missing(place, plan) == {(1, 1)}  # whose record was cut
     assert dict(store.verify(place, "toy", repair=True)) == found
     assert missing(place, plan) == damaged
     assert np.isfinite(toy.records(place)).sum() == 15

@@ -118,10 +118,6 @@ def _compute(coords, settings):
     (method, least), plane = _METHODS[settings["method"]], plane_of(settings)
     start, profiles = plane.ray(coords["angle"])
     more = [settings[name] for name in least] + ([start] if start.any() else [])
-
-    def on_rays(*circle):
-        return [method(*circle, profile, *more) for profile in profiles]
-
-    circles = coords.get("circle")
-    found = on_rays() if circles is None else [on_rays(parse(text)) for text in circles]
-    return scales(found, plane.axes, coords["angle"])
+    rows = [[parse(circle)] for circle in coords["circle"]] if "circle" in coords else [[]]
+    found = [[method(*row, profile, *more) for profile in profiles] for row in rows]
+    return scales(found if "circle" in coords else found[0], plane.axes, coords["angle"])
