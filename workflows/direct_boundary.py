@@ -14,8 +14,6 @@ import click
 
 from workflows.shared import cli
 
-_INSETS = 10  # CPU seconds of the insets, and of the figures
-
 
 @cli.command()
 @cli.increasing("--steps", "10000,50000,100000", 10**9, "Steps N, increasing.")
@@ -36,7 +34,7 @@ def main(run, steps, n_orbits, plane, angles, tips):
     spread = linspace(0, all_rays[-1], angles).round(9)  # it is too coarse for the tips
     last = last_barrier(plane, all_rays, 1e-4)
     foreseen = direct.foreseen(plane, spread.tolist(), steps[-1], n_orbits)
-    with run.sweeping(last, later=[foreseen], seconds=_INSETS):
+    with run.sweeping(last, later=[foreseen], seconds=10):  # of the insets, and of the figures
         barrier = unfolded(run.sweep(last), all_rays)
         known = barrier.sel(angle=spread).dropna("angle", subset=["critical_scale"])
         found = direct.inwards(run, direct.boundary_job(known, steps[-1], n_orbits))

@@ -9,8 +9,6 @@ A page, three tables and five cubes in OUT. Some minutes on two cores; --angles 
 
 from workflows.shared.cli import command, real, sweeps, whole
 
-_EXAMINED = 60  # CPU seconds of the claims that need no sweep
-
 
 @command()
 @whole("--angles", 91, 3, 10**5, "Rays, from 0 to 45 degrees.")
@@ -24,7 +22,7 @@ def main(run, **size):
     from workflows.claims.study import examine, planned
 
     jobs, rays = planned(**size)
-    with run.sweeping(*jobs.values(), seconds=_EXAMINED):
+    with run.sweeping(*jobs.values(), seconds=60):  # of the claims that need no sweep
         cubes = {name: run.sweep(job).load() for name, job in jobs.items()}
         found = examine(cubes, rays, size["n_max"], size["n_orbits"])
         options = " ".join(f"--{name.replace('_', '-')} {n}" for name, n in size.items())

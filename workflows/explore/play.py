@@ -7,7 +7,6 @@ from bokeh.palettes import Viridis3
 from workflows.explore.widgets import small, symbols
 from workflows.shared.instruments import PLACES, residues
 
-_PAUSE = 150  # milliseconds, the least from one place to the next
 _RAY = "the ray"
 
 
@@ -54,7 +53,7 @@ def panel(state, work):
             start, end = (state.plane.forcing(*point) for point in (first, last))
             lane.submit(residues, start, end - start, omega, done=show)
         state.take(plays=True)
-        repeated.append(work.document.add_periodic_callback(step, _PAUSE))
+        repeated.append(work.document.add_periodic_callback(step, 150))  # ms, the least
 
     def stop():
         work.document.remove_periodic_callback(repeated.pop())

@@ -12,11 +12,9 @@ from math import ceil
 
 from workflows.shared.cli import command, real, sweeps, whole
 
-_ANGLES = 0.0, 20.0, 30.0, 40.0, 45.0
-
 
 @command()
-@real("--angle", _ANGLES, 0, 180, "A ray, in degrees; may be repeated.", multiple=True)
+@real("--angle", (0, 20, 30, 40, 45), 0, 180, "A ray, in degrees; may be repeated.", multiple=True)
 @real("--nearest", 1e-4, 1e-5, 0.1, "Smallest distance beyond the breakup, relative to it.")
 @whole("--q-max", 200_000, 100, 10**6, "Longest period of the orbits; 10/NEAREST or more.")
 @sweeps

@@ -7,8 +7,6 @@ from nasm.symmetries import ray
 from workflows.figures.style import arcs
 from workflows.shared.rays import named
 
-_NAMED = 6  # circles that are named with their share
-
 
 def boundary_found(barrier):
     """Say which circles share CB_gt, how sure it is, and where it is on two kicks' axes, diagonals.
@@ -27,7 +25,7 @@ def boundary_found(barrier):
             places.append(f"{kappa:.10g} ± {error:.0e} on the {name} (last circle: {circle})")
     seen = barrier.sel(angle=slice(None, last))
     shares = arcs(seen.angle.values, seen.circle.values)
-    large = shares[shares >= 0.01][:_NAMED]
+    large = shares[shares >= 0.01][:6]
     share = ", ".join(f"{circle or 'undecided'} {share:.0%}" for circle, share in large.items())
     others = len(shares) - len(large)
     width = ((barrier.upper - barrier.lower) / barrier.critical_scale).dropna("angle")
