@@ -9,23 +9,19 @@ from pipeline.cubes.forcings import labels
 from workflows.patterns import study
 
 
-def said_of(scale):
-    """What is found of pairs 1/2, 1/3, 1/4, 1/16, 1/24, 1/64 with these K_c, and constant kicks."""
-    apart = 2, 3, 4, 16, 24, 64
+def said_of(*scale):
+    """What is found of pairs 1/2, 1/3, 1/4 with these K_c."""
+    apart = 2, 3, 4
     pairs = [(study.PAIRS, 1 / q, study.pair(1, q)) for q in apart]
-    cube = xr.Dataset(coords=labels([(study.CONSTANT, 1, [1.0]), *pairs], ""))
-    cube["critical_scale"] = "forcing", np.array([1.0, *np.divide(scale, apart)])
+    cube = xr.Dataset({"critical_scale": ("forcing", np.divide(scale, apart))}, labels(pairs, ""))
     cube = cube.assign(lower=0.999 * cube.critical_scale, upper=1.001 * cube.critical_scale)
     return study.found(cube)
 
 
 def test_findings_on_patterns_are_judged_by_the_numbers():
-    good = [1.9, 0.9, 1.95, 3.5, 4.5, 7.9]
-    assert said_of(good).count(" holds: ") == 2
-    for place, wrong in {1: 2.0, 4: 4.95}.items():  # 1/3 not first, no limit
-        said = said_of([*good[:place], wrong, *good[place + 1 :]])
-        assert (said.count(" holds: "), said.count("does not hold")) == (1, 1), said
-    assert "not decided" in said_of([1.9, np.nan, *good[2:]])
+    assert " holds: " in said_of(1.9, 0.9, 1.95)
+    assert "does not hold: " in said_of(1.9, 2.0, 1.95)
+    assert "not decided" in said_of(1.9, np.nan, 1.95)
 
 
 @pytest.mark.parametrize("q", [2, 3, 4, 5])

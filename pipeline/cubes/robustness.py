@@ -20,8 +20,7 @@ from pipeline.cubes.forcings import labels, profiles_of
 
 _KICKS = 4000  # in which an orbit may escape
 _PERIODS = 100, 300, 1_000, 10_000  # for which converse KAM is asked for a survivor
-_ABOVE = 1.001  # times the scale of constant kicks, at which a barrier would be a better one
-_LEAST, _WIDTH = 0.02, 1.02  # of that scale: where the search begins, and where it ends
+_LEAST = 0.02  # of the scale of constant kicks, where the search begins
 
 
 def against_constant(name, forcings, parameter, golden, tries):
@@ -48,10 +47,10 @@ def escapes(profile, scale):
 
 def answer(profile, golden):
     """Return a scale without a barrier; inf if there is none."""
-    low, high = _LEAST * golden, _ABOVE * golden
+    low, high = _LEAST * golden, 1.001 * golden  # where a barrier would be a better one
     if not escapes(profile, high):
         return high if any(eliminates(high * profile, n) for n in _PERIODS) else np.inf
-    while high > _WIDTH * low:
+    while high > 1.02 * low:
         middle = np.sqrt(low * high)
         low, high = (low, middle) if escapes(profile, middle) else (middle, high)
     return high

@@ -8,7 +8,6 @@ from workflows.shared.rules import finding, span
 
 NEAREST = 1e-3  # distance beyond the breakup at which the prefactor is read from the flux
 _NEAR = 0.13  # distance up to which the law of D itself is looked for
-_SHARP = 0.25  # error of an exponent beyond which it is not judged
 
 
 def law(barrier, fluxes, measured):
@@ -48,7 +47,7 @@ def findings(law):
             f"{float(prefactor.idxmax('angle')) if prefactor.size else np.nan:g}°",
             rays > 2 and abs(slope - ETA) < 2 * error,
             abs(slope - ETA) < 0.5,
-            known=error < _SHARP,
+            known=error < 0.25,
         ),
     ])  # fmt: skip
 

@@ -30,7 +30,9 @@ class Exhibit:
 def listed(file):
     """Return the Exhibits of a TOML file of this folder."""
     texts = tomllib.loads(Path(__file__).with_name(file).read_text(encoding="utf-8"))
-    return [Exhibit(name, **about) for name, about in texts.items()]
+    beyond = texts.pop("beyond", {})
+    own = [Exhibit(name, **about) for name, about in texts.items()]
+    return own + [Exhibit(name, **about, beyond=True) for name, about in beyond.items()]
 
 
 def run(exhibit, out, workers, quick):

@@ -6,7 +6,7 @@ import numpy as np
 
 from workflows.figures.patterns import BURSTS, CONSTANT, FLIPS, PAIRS, SIGNS
 from workflows.figures.style import of_family
-from workflows.shared.rules import finding, span
+from workflows.shared.rules import finding
 
 PARAMETER = f"ε of {PAIRS}, P of {SIGNS}, M of {FLIPS}, share of the period kicked in {BURSTS}"
 
@@ -32,13 +32,10 @@ def patterns(quick):
 
 def found(cube):
     """Say what the cube shows, with a verdict on each claim; on 1/3 by the brackets alone."""
-    pairs, golden = of_family(cube, PAIRS), of_family(cube, CONSTANT).critical_scale.item()
+    pairs = of_family(cube, PAIRS)
     lower, upper = (pairs[side] * pairs.period for side in ("lower", "upper"))
     third = np.isclose(pairs.parameter, 1 / 3)
     gone, others = upper.values[third], lower.values[~third]
-    scale = pairs.critical_scale[pairs.parameter <= 1 / 16].dropna("forcing")
-    close = scale * scale.period * np.sqrt(scale.parameter / golden)
-    falls = close.size > 2 and bool((np.diff(close) < 0).all())
     width = (2 * (cube.upper - cube.lower) / (cube.upper + cube.lower)).dropna("forcing")
     return " ".join([
         f"Of {cube.family.size} forcings {int(cube.critical_scale.notnull().sum())} have a value, "
@@ -52,13 +49,6 @@ def found(cube):
             "of its resonances is weaker than K, and the one at p = P/2 is missing for even P",
             bool((gone < others).all()),
             known=bool(np.isfinite([*gone, *others]).all()),
-        ),
-        finding(
-            "K_c approaches √(κ_G/ε) for close pairs:",
-            f"it is {span(close.values, '.3f')} of that up to 1/16 of the period",
-            falls and abs(close[0] - 1) < 0.05,
-            falls,
-            close.size > 0,
         ),
         "Not tried: kicks of finite length, spacings that are no fractions with q ≤ 8 or 1/P, and "
         "quantum effects.",

@@ -19,9 +19,6 @@ ESCAPES = power_law.FLUX / (1 + power_law.FLUX)
 """Of the kicks ~ r^-0.751 at which the first orbit is through: the flux ~ (rn)^3.01, summed up."""
 
 _PLACES = np.array([0.05, 0.1, 0.2, 0.4, 0.6, 0.8, 1.0, 1.3])  # of the line, in r^-0.497 kicks
-_REACH = 5  # in the same unit, kicks on either side
-_PATIENCE = 6  # in r^-0.751 kicks, for an escape
-_WINDOW = -1.0, 1.3  # starts have y from 0 to 0.3: an escape is past all circles
 JUMPS = "square", "Fibonacci", "Thue-Morse", "random"
 SMOOTH = "cosine", "k^-4", "k^-3", "k^-2"
 
@@ -29,7 +26,7 @@ SMOOTH = "cosine", "k^-4", "k^-3", "k^-2"
 def ramps(rates):
     """Find what κ_n = κ_G + r·n does to barriers: a Dataset with the dim rate."""
     critical = critical_scale((1.0,), 1e-4).value
-    patience = (_PATIENCE * rates**-ESCAPES).astype(int)
+    patience = (6 * rates**-ESCAPES).astype(int)
     crossed = [_escape(critical + r * np.arange(n)) for r, n in zip(rates, patience, strict=True)]
     words = "kicks from κ_G until one of 64 orbits is past all circles"
     found = np.array([lost(critical, rate) for rate in rates])
@@ -47,7 +44,7 @@ def ramps(rates):
 def lost(critical, rate):
     """Return the kick after κ_G by which no graphs are left, by the line that denies them first."""
     unit = rate**-EXPONENT
-    n = np.arange(-int(_REACH * unit), int(_REACH * unit) + 1)
+    n = np.arange(-int(5 * unit), int(5 * unit) + 1)
 
     def life(site):
         return sequence.longest_lived(critical + rate * (n + site), 0.0, n.size // 2)[2]
@@ -56,7 +53,8 @@ def lost(critical, rate):
 
 
 def _escape(kappa):
-    return sequence.escape_time(kappa, 0.0, *escape.ensemble(64), _WINDOW).min()
+    # Starts have y from 0 to 0.3: an escape is past all circles.
+    return sequence.escape_time(kappa, 0.0, *escape.ensemble(64), (-1.0, 1.3)).min()
 
 
 def irregular(ripples, kicks):

@@ -8,11 +8,7 @@ from workflows.shared.rules import finding, span
 from workflows.tolerance.response import DELTA, finer, golden, growth, modes, steps
 
 PERIODS = range(2, 9)
-_SHARP = 0.1  # of the predicted exponent: a larger error settles nothing
-_SEEN = 10  # times the period from which orbits tell a ripple from none: the longest,
-_LONGEST = 23_000  # unless this is less
 _ASKED = {2: (1e-2, 1e-3), 3: (3e-2, 1e-2), 4: (1e-2, 3e-3), 7: (3e-2, 1e-2)}  # P: ripples
-_CORRECTIONS = 2.5  # times a loss, relative: by how much the law of small losses may be wrong
 
 
 def ripple(period, shape="cosine"):
@@ -59,15 +55,13 @@ def laws(cube):
 
     predicted: after h renormalisations of each mode of the cycle the loss is δ^h as large, and the
     ripple as the responses say; its error is what longer orbits changed. measured: by the losses of
-    the last circle under a ripple of the cube, and of the `finer` one. Its error is that of the
-    losses, and the larger of how much it changes from a larger ripple, and what a change of the
-    first loss by 2.5 times itself would do. orbits: from this period on they tell what becomes of a
-    ripple of 1% from none.
+    the last circle under a ripple of the cube, and of the `finer` one; error: of the losses, and
+    the larger of the change from a larger ripple, and of what 2.5 times the first loss would do.
+    orbits: from this period on they tell what becomes of a ripple of 1% from none.
 
-    Under P = 3 and 4 corrections are large. From 0.3% of P = 4 the law comes to a loss of 0.00173,
-    the finer circle loses 0.00301: by residues of minimax orbits to periods of 46 000, and by
-    minimizing ones; it is certified at 0.0032. Responses of minimax orbits grow by e^5.2 from 8 to
-    144 kicks there, and by e^6.3 only from 2584 to 46 368.
+    Corrections are large: from 0.3% of P = 4 the law comes to a loss of 0.00173, where residues of
+    the finer circle say 0.00301, to periods of 46 000 alike, and it is certified at 0.0032. There
+    responses of minimax orbits of 8 to 144 kicks grow by e^5.2, of 2584 to 46 368 by e^6.3.
     """
     found = []
     for period in PERIODS:
@@ -97,13 +91,13 @@ def _measured(cube, period, smaller):
     if not found:
         return np.nan, np.nan
     (before, *_), (exponent, error, loss) = found
-    return exponent, error + max(abs(exponent - before), _CORRECTIONS * loss / rate)
+    return exponent, error + max(abs(exponent - before), 2.5 * loss / rate)
 
 
 def _loss(period, circle, d):
     """The circle's loss by a cosine ripple, and its error."""
     profile = 1 + d * ripple(period)
-    q_max = int(np.clip(_SEEN * periodic.cusp_period(golden() * profile), 6000, _LONGEST))
+    q_max = int(np.clip(10 * periodic.cusp_period(golden() * profile), 6000, 23_000))
     scale, unit = periodic.critical_scale(circle, profile, q_max), np.sqrt(np.mean(profile**2))
     return 1 - scale.value * unit / golden(), scale.error * unit / golden()
 
@@ -112,7 +106,7 @@ def found(cube, laws, tried):
     """Say what a ripple costs and how the conjecture stands, with a verdict on each claim."""
     known = cube.loss_error < 0.2 * cube.loss
     percent = 100 * cube.loss[np.isclose(cube.parameter, 0.01)]
-    two, longer = (percent[here].values for here in (percent.period == 2, percent.period > 2))
+    two, longer = (percent.values[here] for here in (percent.period == 2, percent.period > 2))
     return " ".join([
         f"Of {known.size} ripples {int(known.sum())} have a loss with an error below a fifth of "
         f"it; one of 1% costs {two.item():.2g}% if it alternates, and {span(longer)}% if not.",
@@ -125,7 +119,7 @@ def found(cube, laws, tried):
 def _law(laws):
     table = laws.to_dataframe()
     error = table.measured_error + table.predicted_error
-    sharp = error < _SHARP * table.predicted  # False where an error is not known
+    sharp = error < 0.1 * table.predicted  # False where an error is not known
     fits = bool((abs(table.measured - table.predicted) < error)[sharp].all())
     said = ", ".join(
         f"{row.measured:.3f} ± {row.measured_error:.1g} ({row.predicted:.3f} ± "
@@ -134,7 +128,7 @@ def _law(laws):
     )
     vague = ", ".join(map(str, table.index[~sharp & table.measured.notnull()])) or "none"
     others = table.orbits[table.measured.isnull()]
-    long = ", ".join(f"{n:.2g} for {period}" for period, n in others.items())
+    long = ", ".join(f"{round(n, -3):.0f} for {period}" for period, n in others.items())
     words = (
         f"from a ripple to the next repeat of the law the loss has the exponents {said}, as "
         "measured (predicted), errors by losses, their size and larger ripples (shorter orbits). "
