@@ -10,7 +10,6 @@ import re
 import signal
 import subprocess
 import sys
-import time
 from contextlib import suppress
 from pathlib import Path
 
@@ -51,24 +50,10 @@ def begun(out):
     return [(round(x * (SIDE - 1)), round((y + 1) / 2 * (SIDE - 1))) for x, y in places]
 
 
-def workers(process):
-    with suppress(psutil.Error):
-        children = psutil.Process(process.pid).children()
-        return [child for child in children if "spawn_main" in str(child.cmdline())]
-    return []
-
-
 def kill_worker(out, process, choose):
-    if there := workers(process):
-        choose.choice(there).kill()
-
-
-def stop_worker(out, process, choose):
-    if there := workers(process):
-        worker = choose.choice(there)
-        worker.suspend()
-        time.sleep(0.5)
-        worker.resume()
+    with suppress(psutil.Error, IndexError):  # none is there
+        children = psutil.Process(process.pid).children()
+        choose.choice([one for one in children if "spawn_main" in str(one.cmdline())]).kill()
 
 
 def kill_driver(out, process, choose):
@@ -77,13 +62,6 @@ def kill_driver(out, process, choose):
 
 def interrupt(out, process, choose):
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to its workers too
-
-
-def second_driver(out, process, choose):
-    second = driver(out)
-    told, _ = second.communicate(timeout=60)
-    assert second.returncode in (0, 2), told  # 0 if the first has ended
-    assert "Traceback" not in told
 
 
 def damage(out, process, choose):
@@ -100,10 +78,8 @@ def damage(out, process, choose):
 
 ENDS = {  # exit codes of a driver on account of a fault, if not 0, as a shell tells them
     kill_worker: 1,
-    stop_worker: 0,
     kill_driver: 137,
     interrupt: 130,
-    second_driver: 0,
     damage: 1,  # it may see that a record is gone
 }
 
