@@ -130,23 +130,19 @@ def reasons(out):
 ctrl_c = partial(os.kill, os.getpid(), signal.SIGINT)
 
 
-def test_ctrl_c_drains_and_the_next_run_resumes(here, tmp_path, capsys):
+def test_ctrl_c_drains_unless_it_is_ignored_and_the_next_run_resumes(here, tmp_path, capsys):
     plan = toy.cube(5, 5, tile=1)
+    # A program that was started with Ctrl-C ignored ignores it.
+    previous = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    outcome = toy.watched_sweep(here, tmp_path / "ignored", plan, {5: ctrl_c})
+    signal.signal(signal.SIGINT, previous)
+    assert (outcome.interrupted, outcome.remaining) == (False, 0)
     outcome = toy.watched_sweep(here, tmp_path, plan, {5: ctrl_c})
     assert outcome.interrupted
     assert 5 <= outcome.committed == len(toy.COMPUTED) == 25 - outcome.remaining < 15
     assert "waiting for the tiles in flight" in capsys.readouterr().err
     assert toy.watched_sweep(here, tmp_path, plan).committed == outcome.remaining
     toy.assert_complete(tmp_path, plan)
-
-
-def test_a_program_started_with_ctrl_c_ignored_ignores_it(here, tmp_path):
-    previous = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        outcome = toy.watched_sweep(here, tmp_path, toy.cube(5, 5, tile=1), {5: ctrl_c})
-    finally:
-        signal.signal(signal.SIGINT, previous)
-    assert (outcome.interrupted, outcome.remaining) == (False, 0)
 
 
 def test_a_second_ctrl_c_abandons_the_tiles_in_flight(tmp_path):
