@@ -143,7 +143,7 @@ def test_without_python_flint_the_command_says_what_to_install(command, tmp_path
 def test_transport_is_proved_beyond_the_boundary_alone():
     angles, low, size = np.linspace(0, 45, 7), (0.5, 0.125), 1 / 8  # CB_gt runs through it
     scales = np.array([barriers.critical_scale(ray(angle), 1e-2).value for angle in angles])
-    proved, found = proofs.proved_cells(low, size, 3, proofs.Boundary(angles, scales), 0.05)
+    proved, found = proofs.proved_cells(low, size, 3, [*zip(angles, scales, strict=True)], 0.05)
     assert len(found) <= (proved == 2).sum()
     assert set(proved.ravel().tolist()) == {1, 2}
     # The nearest to the boundary, by its nearest corner.

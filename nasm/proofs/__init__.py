@@ -8,7 +8,7 @@ from nasm import face
 __getattr__, __dir__ = face(
     __name__,
     bracket="ProvedBracket critical_scale",
-    cells="Boundary proved_cells triangles",
+    cells="proved_cells triangles",
     fan="covered proved_below",
     barrier="BarrierProof need_flint proved_lower",
     transport="TransportProof proved_upper",

@@ -4,39 +4,30 @@ In a cell transport is proved for all forcings, by `nasm.proofs.transport_cells`
 it is not is cut into four. A barrier is proved in triangles from κ = 0 on, by `nasm.proofs.fan`.
 """
 
-from dataclasses import dataclass, field
-
 import numpy as np
 
 from nasm.proofs import transport_cells
 
-__all__ = ["Boundary", "proved_cells", "triangles"]
+__all__ = ["distance", "proved_cells", "triangles"]
 __dir__ = __all__.copy
 
 OPEN, TRANSPORT = 1, 2  # states of a cell
 
 
-@dataclass(frozen=True)
-class Boundary:
-    """Approximate boundary from a few rays. It only chooses which proof to try in a cell.
+def distance(rays, kappa1, kappa2):
+    """1 - s/s_c, about, of forcings of the first quadrant, negative beyond the breakup.
 
-    angles : ndarray (n,), degrees, rising from 0 to 45. scales : ndarray (n,).
+    rays : list of (angle in degrees, s_c), from 0 to 45 degrees. They only choose which proof to
+    try in a cell.
     """
-
-    angles: np.ndarray = field(repr=False)
-    scales: np.ndarray = field(repr=False)
-
-    def distance(self, kappa1, kappa2):
-        """1 - s/s_c of forcings of the first quadrant, negative beyond the breakup."""
-        angle = np.rad2deg(np.arctan2(np.minimum(kappa1, kappa2), np.maximum(kappa1, kappa2)))
-        critical = np.interp(angle, self.angles, self.scales)
-        return 1 - np.hypot(kappa1, kappa2) / critical
+    angle = np.rad2deg(np.arctan2(np.minimum(kappa1, kappa2), np.maximum(kappa1, kappa2)))
+    return 1 - np.hypot(kappa1, kappa2) / np.interp(angle, *np.transpose(rays))
 
 
 def triangles(angles, scales, circles, sagitta):
     """Triangles from κ = 0 on that fill the region below the boundary, nearly.
 
-    angles, scales : ndarrays (n,), as of a `Boundary`. circles : list of n, the last circles.
+    angles, scales : ndarrays (n,), of rays as of `distance`. circles : list of n, the last circles.
     sagitta : float; the boundary is that much nearer than the far side of a triangle at most, in
     parts, or else the triangle is of two neighbouring rays.
 
@@ -66,12 +57,12 @@ def _cross(a, b):
     return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
 
 
-def proved_cells(low, size, depth, boundary, seconds, failed=None):
+def proved_cells(low, size, depth, rays, seconds, failed=None):
     """What is proved in the 4**depth cells of a square: OPEN or TRANSPORT.
 
     low : κ1 and κ2 of its lower left corner, not negative. size : its width; all corners of cells
-    must be multiples of 2⁻³⁰. boundary : a Boundary. seconds : CPU time for a proof of transport in
-    a finest cell; in larger ones half of it, as their quarters are tried next.
+    must be multiples of 2⁻³⁰. rays : as of `distance`. seconds : CPU time for a proof in a finest
+    cell; in larger ones half of it, as their quarters are tried next.
     failed : for itself, a list of (size, distance) of cells for which transport was not proved.
 
     Returns an int8 array (2**depth, 2**depth), index κ2, κ1, and the list of the proofs. A square
@@ -85,11 +76,11 @@ def proved_cells(low, size, depth, boundary, seconds, failed=None):
         return states, proofs
     centre = low1 + size / 2, low2 + size / 2
     corners = low1 + np.array([0, size, 0, size]), low2 + np.array([0, 0, size, size])
-    distance = boundary.distance(*corners)
-    if (distance > 0).all():
+    near = distance(rays, *corners)
+    if (near > 0).all():
         return states, proofs
-    nearest = distance.max()
-    if nearest < 0 and not any(size >= smaller and nearest >= near for smaller, near in failed):
+    nearest = near.max()
+    if nearest < 0 and not any(size >= smaller and nearest >= at for smaller, at in failed):
         proof = transport_cells.prove_cell(centre, size / 2, seconds / (2 if depth else 1))
         if proof.proved:
             return np.full_like(states, TRANSPORT), [proof]
@@ -98,7 +89,7 @@ def proved_cells(low, size, depth, boundary, seconds, failed=None):
         # Beyond the boundary the upper right quarters are the far ones.
         for i, j in (1, 1), (1, 0), (0, 1), (0, 0):
             quarter = low1 + j * size / 2, low2 + i * size / 2
-            found, more = proved_cells(quarter, size / 2, depth - 1, boundary, seconds, failed)
+            found, more = proved_cells(quarter, size / 2, depth - 1, rays, seconds, failed)
             states[i * n // 2 : (i + 1) * n // 2, j * n // 2 : (j + 1) * n // 2] = found
             proofs += more
     return states, proofs

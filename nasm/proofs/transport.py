@@ -10,24 +10,14 @@ its orbit. So if for every start on the curve, up to symmetries, some η of fini
 no circle is left, and there are orbits from any y to any other. The theorem, and why what follows
 proves its hypothesis in floating point, are in `proofs/README.md`, "Transport is global".
 
-The curve is covered by boxes |s - ŝ| ≤ δ. With s = ŝ + σδ the orbits of a box are
+The curve is covered by boxes |s - ŝ| ≤ δ, whose orbits are
 
-    x_n(σ) = x̂_n + σ t_n + σ² q_n + ρ_n,   |ρ_n| ≤ A_n|v_n| + B_n|t_n|,   |σ| ≤ 1,
+    x_n(σ) = x̂_n + σ t_n + σ² q_n + ρ_n,   |ρ_n| ≤ A_n|v_n| + B_n|t_n|,   s = ŝ + σδ,   |σ| ≤ 1.
 
-x̂ in sums of two floats, v and t, in floats, solutions of the linearised chain, t along the curve,
-and q that of second order. A and B gather the remainder of third order and all rounding,
-in the frame of v and t, where nothing is multiplied from kick to kick. One η serves a box: v with
-payments. To
-
-    V_{n+1} = (2 + κ_n cos 2πx̂_n + μ_n) V_n - V_{n-1}
-
-μ_nV_n² adds what Q may be larger by, somewhere in the box, than what was paid before, so that
-V_N ≤ 0 shows Q ≤ 0 in the whole box. N is the life of the box. A box that fails is halved.
-
-On a symmetry line v is even about the site c, and sites n ≥ c are enough. On a polygon sites before
-c are followed as sites after it of the kicks in reverse, by x_{c+n} → -x_{c-n}. With V_c = 1 the
-halves begin with V_{c+1} = 1 + κ_c cos 2πx_c + γ and V_{c-1} = 1 - γ, and a box has two lives; γ is
-what floats say of the orbit in its middle.
+One η serves a box: V, the solution v of the linearised chain with payments. V_N ≤ 0 shows Q ≤ 0 in
+the whole box, and N is its life. A box that fails is halved. On a symmetry line sites n ≥ c are
+enough; on a polygon those before c are followed as sites after it of the kicks in reverse, and a
+box has two lives.
 
 Sixteen boxes run in lockstep on `nasm.arithmetic.lanes`; an event among them is found again by the
 same kick on floats, which is the definition. Everything rests on IEEE arithmetic with rounding to

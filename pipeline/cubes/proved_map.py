@@ -53,8 +53,8 @@ def _compute(coords, settings):
     low1, low2 = (round(coords[name][0] - size / 2, 9) for name in ("kappa1", "kappa2"))
     if low2 > low1:
         return {"proved": np.full((n, n), NOT_COMPUTED, np.int8)}
-    how = n.bit_length() - 1, _boundary(settings), settings["seconds"]
-    proved, found = proofs.proved_cells((low1, low2), n * size, *how)
+    where = (low1, low2), n * size, n.bit_length() - 1
+    proved, found = proofs.proved_cells(*where, settings["rays"], settings["seconds"])
     if low1 == low2:  # the other side of the diagonal is its image
         proved = np.where(np.tri(n, dtype=bool), proved.T, proved)
     return {"proved": proved} | packed(found)
@@ -72,14 +72,10 @@ def uncertified(tile, certificates):
     return f"{n} cells are called proved, and no certificate claims it" if n else ""
 
 
-def _boundary(settings):
-    return proofs.Boundary(*map(np.array, zip(*settings["rays"], strict=True)))
-
-
 def _predict(coords, settings):
     """Half the time for each finest cell near CB_gt."""
     kappa1, kappa2 = np.meshgrid(coords["kappa1"], coords["kappa2"])
-    distance = _boundary(settings).distance(kappa1, kappa2)
+    distance = proofs.cells.distance(settings["rays"], kappa1, kappa2)
     near = (distance < 3 / settings["cells"]) & (distance > -0.03) & (kappa2 <= kappa1)
     return 0.01 + 0.5 * settings["seconds"] * np.count_nonzero(near)
 
