@@ -42,8 +42,11 @@ def test_a_barrier_is_proved_on_all_of_a_ray(profile, seconds, least):
     reached(found.omega, profile, found.value, seconds, None, least)
 
 
-def test_a_barrier_is_proved_in_all_of_a_triangle():
-    reached(GAMMA, TRIANGLE[0], breakup(*TRIANGLE), np.inf, TRIANGLE[1], 0.6, 0.2)
+@pytest.mark.parametrize(
+    ("nearest", "least"), [(0.2, 0.6), pytest.param(0.0625, 0.9, marks=pytest.mark.slow)]
+)
+def test_a_barrier_is_proved_in_all_of_a_triangle(nearest, least):
+    reached(GAMMA, TRIANGLE[0], breakup(*TRIANGLE), np.inf, TRIANGLE[1], least, nearest)
 
 
 def reached(omega, profile, value, seconds, tilt, least, nearest=1e-4):

@@ -600,7 +600,7 @@ def refined(grid, start):
     """Newton's steps from `start` until the theorem is verified, or nothing is won by another; a
     dict of what came out."""
     K, turn = int(KEPT * grid.n), turns(grid.omega, grid.sites, grid.n // 2 + 1)
-    modes, last, unit = polished(grid, turn, start, K), inf, -ctx.prec
+    modes, last, unit = polished(grid.kappa, grid.n, turn, start), inf, -ctx.prec
     if not np.isfinite(modes).all():
         return {"proved": False, "why": "not proved: Newton's method diverges from the start"}
     modes = as_balls(modes, grid.odd)
@@ -647,19 +647,19 @@ def turns(omega, n_sites, n_modes):
     return np.exp(2j * np.arccos(np.longdouble(-1)) * x)
 
 
-def polished(grid, turn, start, K):
-    """Modes 0, …, K of the circle near values on a grid: Newton's steps in long double while they
-    help, on the modes above its rounding: beyond them small divisors would make rounding larger
-    than u itself."""
-    modes = np.zeros((grid.sites, K + 1), np.clongdouble)
-    given = np.fft.rfft(start)[:, : K + 1] / start.shape[1]
+def polished(kappa, n, turn, start):
+    """The modes kept on n points of the circle near values on a grid: Newton's steps in long double
+    while they help, on the modes above its rounding: beyond them small divisors would make rounding
+    larger than u itself."""
+    modes = np.zeros((len(kappa), int(KEPT * n) + 1), np.clongdouble)
+    given = np.fft.rfft(start)[:, : modes.shape[1]] / start.shape[1]
     modes[:, : given.shape[1]] = (
-        given * turn[: given.shape[1]].conj() ** np.arange(grid.sites)[:, None]
+        given * turn[: given.shape[1]].conj() ** np.arange(len(kappa))[:, None]
     )
-    n, K, last, best = grid.n, modes.shape[1], inf, modes
+    K, last, best = modes.shape[1], inf, modes
     kept = np.arange(K) < _ROUNDED / (2 * pi * decay(np.abs(modes).max(axis=0).astype(float), 1e-6))
     two_pi, rotation = 2 * np.arccos(np.longdouble(-1)), turn[:K]
-    strength, theta = np.array(grid.kappa, float)[:, None] / two_pi, np.arange(n) / np.longdouble(n)
+    strength, theta = np.array(kappa, float)[:, None] / two_pi, np.arange(n) / np.longdouble(n)
     for _ in range(_STEPS):
         x = theta + np.fft.irfft(modes, n) * n
         E = -np.fft.rfft(strength * np.sin(two_pi * x)) / n

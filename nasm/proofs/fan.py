@@ -27,11 +27,11 @@ from nasm.checks import positive, real
 from nasm.maps import direction, forcing
 from nasm.numbers import checked
 from nasm.proofs.barrier import (
-    KEPT,
     BarrierProof,
     Grid,
     as_balls,
     balls,
+    decay,
     fast_size,
     grid_size,
     need_flint,
@@ -57,7 +57,8 @@ _WIDEST = 0.5  # and at least
 _EPSILON, _POWER = 3e-19, 6.3  # ε that is small enough at 1% of the breakup; it falls so with it
 _FINER = 1.1  # as many points as for one forcing
 _FEWEST, MOST = 8, 64  # points in s, and in t
-_TRIED = 10  # points across a fan to begin with
+_TRIED = 24  # points across the far end of a fan, to choose how many there are
+_STRIP = 0.1  # of the width where circles are analytic, about: ρ
 _SLOWER = 1.25  # than in proportion to 1/distance
 _PART = 0.8
 """The part of the theorem's right sides below which a fan is called proved: the bounds of the
@@ -141,7 +142,11 @@ def _proved_between(low, high, value, about):
         kappa = (middle + half * sigma) * (np.array(profile) + t * np.array(tilt))
         return circles.invariant_circle(omega, kappa, most)
 
-    R, starts = _points_across(circle, epsilon) if any(tilt) else 1, []
+    far = [circle(1.0, t) for t in _points(_TRIED if any(tilt) else 1).tolist()]
+    if lost := [one.status.value for one in far if not one.certified]:
+        return BarrierProof(False, f"not proved: a circle was not found: {lost[0]}", **about)
+    n = fast_size(int(_FINER * max(grid_size(one.u) for one in far)))
+    R, starts = _points_across(far, n, epsilon / 10) if any(tilt) else 1, []
     if max(Q, R) > MOST:
         return BarrierProof(False, "not proved: the fan is too wide", **about)
     for sigma in _points(Q).tolist():  # the nearest to the breakup first
@@ -151,7 +156,6 @@ def _proved_between(low, high, value, about):
                 why = f"not proved: a circle was not found: {found.status.value}"
                 return BarrierProof(False, why, **about)
             starts.append(found.u)
-    n = fast_size(int(_FINER * max(map(grid_size, starts[:R]))))
     unit = floor(log2(epsilon / (1000 * n)))
     with ctx.workprec(128 if n < 2**18 else 160):
         fan = _Fan(omega, profile, tilt, low, high, n, Q, R)
@@ -168,20 +172,26 @@ def _points(Q):
     return np.cos(pi * (2 * np.arange(Q) + 1) / (2 * Q))
 
 
-def _points_across(circle, epsilon):
-    """R, by how fast the coefficients of circles at the far end decay in l."""
-    found = [circle(1.0, t) for t in _points(_TRIED).tolist()]
-    if not all(one.certified for one in found):
-        return _TRIED
-    K = min(one.u.shape[1] for one in found) // 2
-    modes = np.array([np.fft.rfft(one.u)[:, :K] / one.u.shape[1] for one in found])
-    sizes = [
-        np.abs(np.tensordot(np.cos(m * np.arccos(_points(_TRIED))), modes, 1)).max() * 2 / _TRIED
-        for m in range(_TRIED)
-    ]
-    later, last = max(sizes[3:5]), max(sizes[-2:])
-    rate = (last / later) ** (1 / (_TRIED - 5))
-    return max(_TRIED // 2, _TRIED + ceil(log(1e-3 * epsilon / last) / log(rate)))
+def _points_across(far, n, missed):
+    """R for which interpolation in t misses so little, by the bound of `_Fan._between` from the
+    norms that coefficients of circles at the far end have."""
+    degrees, turn = np.arange(_TRIED)[:, None], turns(far[0].omega, len(far[0].kappa), n // 2 + 1)
+    modes = np.array([polished(one.kappa, n, turn, one.u) for one in far], complex)
+    if not np.isfinite(modes).all():
+        return MOST + 1
+    rho = _STRIP * decay(np.abs(modes).max(axis=(0, 1)))
+    T = np.cos(degrees * np.arccos(_points(_TRIED))) * np.minimum(degrees + 1, 2) / _TRIED
+    weights = 2 * np.exp(2 * pi * rho * np.arange(modes.shape[-1]))
+    sizes = (np.abs(np.tensordot(T, modes, 1)) @ weights).max(axis=1)
+    end = max(4, np.argmax(np.append(sizes < 1e-10 * sizes.max(), True)))  # then of rounding
+    rate = (sizes[end - 1] / sizes[end // 2 - 1]) ** (1 / (end - end // 2))
+    rate = np.clip(rate, 0.01, 0.95)
+    r = np.geomspace(1.01, 0.98 / rate, 80)
+    size = sizes[:end] @ (r ** degrees[:end] + r ** -degrees[:end]) / 2
+    size += sizes[end - 1] / 2 * r**end * rate / (1 - rate * r)
+    B = np.abs([one.kappa for one in far]).max() * (r + 1 / r) / (4 * pi)
+    B *= np.exp(2 * pi * (rho + np.minimum(size, 50)))
+    return max(_FEWEST, ceil(min(np.log(4 * B / (1 - 1 / r) / missed) / np.log(r))))
 
 
 class _Fan:
@@ -211,7 +221,7 @@ class _Fan:
         None if there are none."""
         found = []
         for grid, start in zip(self.grids, starts, strict=True):
-            modes = polished(grid, self.turn, start, int(KEPT * grid.n))
+            modes = polished(grid.kappa, grid.n, self.turn, start)
             if not np.isfinite(modes).all():
                 return None
             modes = as_balls(modes, self.odd)
