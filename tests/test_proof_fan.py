@@ -1,14 +1,12 @@
 """Circles in all of a fan: constants that bound every forcing of it, and what they reach."""
 
 import json
-from fractions import Fraction
 from functools import cache
 from itertools import pairwise, product
 
 import numpy as np
 import pytest
 from audit import mutant
-from numpy.polynomial.chebyshev import chebvander
 
 pytest.importorskip("flint")
 from flint import arb, ctx
@@ -396,24 +394,3 @@ def test_what_a_fan_depends_on_is_bound_to_its_certificate(in_fan):
     refuted(right, {"moves": right["moves"] | {"numbers": narrow}}, "inequality")
     # (0.5, 0) is (0.5, -0), for which ω + 1 is the same circle moved by half a turn: not so beside.
     refuted(right, {"shortened_from": right["shortened_from"] | {"omega": "[1;(1)]"}}, "omega")
-
-
-def test_a_second_program_proves_the_circle_at_forcings_of_a_proved_fan(in_fan):
-    C, (low, high) = in_fan.moves, in_fan.scales
-    numbers = np.zeros((len(C), len(C[0]), 2, max(len(f[1]) for row in C[0] for f in row)), object)
-    for m, i, j in np.ndindex(numbers.shape[:3]):
-        numbers[m, i, j, : len(C[m][i][j][1])] = C[m][i][j][1]
-    assert 2**20 * high % 1 == 0  # so that all is exact
-    for sigma, t in ((1.0, 1.0), (-0.625, 0.25), (0.75, -1.0), (0.375, -0.5)):
-        T = np.outer(*chebvander([sigma, t], max(numbers.shape[:2]) - 1)).tolist()
-        weights = [[Fraction(x) for x in row[: len(C[0])]] for row in T[: len(C)]]
-        rows = np.tensordot(weights, numbers, 2)
-        moves = {"unit": in_fan.unit, "numbers": [[[[[], [*map(round, row)]] for row in rows]]]}
-        s = (low + high) / 2 + (high - low) / 2 * sigma
-        kappa = [s * (a + t * b) for a, b in zip(in_fan.short_kappa, in_fan.tilt, strict=True)]
-        data = {"omega": str(GAMMA), "kappa": in_hex(*kappa), "rho": in_fan.rho.hex()}
-        with ctx.workprec(checker.BITS):
-            holds, found = checker.theorem(data | {"moves": moves})
-        assert holds
-        for name in found.keys() & in_fan.constants.keys():
-            assert found[name] <= in_fan.constants[name] * (1 + 1e-9), name

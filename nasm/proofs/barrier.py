@@ -488,7 +488,7 @@ def verified(grids, u, E, sizes, apart, kappa, between, part=1):
     ]
     norms = [[norm(row, rho) for row in table] for table in sizes]  # [m][j]
     slopes = [[two_pi * norm([i * x for i, x in enumerate(row)], rho) for row in t] for t in sizes]
-    n, p, k, eps = [], [], [], []
+    n, p, k, everywhere = [], [], [], []
     for j in range(grid.sites):
         n.append(1 + sum(row[j] for row in slopes))
         k.append((two_pi * (rho + sum(row[j] for row in norms))).exp())
@@ -501,19 +501,15 @@ def verified(grids, u, E, sizes, apart, kappa, between, part=1):
                 of_points.append(bound)
         p.append(max_of(of_points))
         error = max_of([at[j] for at in errors])
-        eps.append(between(error, rho, [row[j] for row in norms], j))
-    return concluded(grid.omega, kappa, rho, eps, n, p, k, part) | {"least": chosen["least"]}
-
-
-def concluded(omega, kappa, rho, errors, n, p, k, part):
-    """What comes out of bounds of ‖E_j‖, n_j, p_j and k_j: a dict proved, why, rho, constants."""
-    eps = sum(a * b for a, b in zip(n, errors, strict=True))
-    failed, left = inequalities(omega, kappa, rho, eps, n, p, k, part)
-    left |= {"error": max_of(errors), "n": max_of(n), "p": max_of(p), "k": max_of(k)}
+        everywhere.append(between(error, rho, [row[j] for row in norms], j))
+    eps = sum(a * b for a, b in zip(n, everywhere, strict=True))
+    failed, left = inequalities(grid.omega, kappa, rho, eps, n, p, k, part)
+    left |= {"error": max_of(everywhere), "n": max_of(n), "p": max_of(p), "k": max_of(k)}
     # Floats above: the nearest to the upper end of a ball may be below it.
     constants = {key: float(np.nextafter(float(x.upper()), inf)) for key, x in left.items()}
     why = f"not proved: inequalities of the theorem fail: {', '.join(failed)}" if failed else ""
-    return {"proved": not failed, "why": why, "rho": float(rho), "constants": constants}
+    found = {"proved": not failed, "why": why, "rho": float(rho), "constants": constants}
+    return found | {"least": chosen["least"]}
 
 
 def max_of(balls):
