@@ -134,7 +134,6 @@ class TransportProof(Proof):
     lives : ndarray of shape (n, 1), N: kicks until V ≤ 0, for each box; or (n, 2), forwards and
         backwards, for three kicks and more.
     slopes : ndarray of n floats, γ of each box.
-    kicks : int, kicks spent, on boxes that were halved too.
     """
 
     given: tuple[float, ...]
@@ -144,7 +143,6 @@ class TransportProof(Proof):
     boxes: np.ndarray = field(repr=False)
     lives: np.ndarray = field(repr=False)
     slopes: np.ndarray = field(repr=False)
-    kicks: int
 
     def certificate(self):
         """What another program needs to check the proof: see proofs/README.md, "Certificates".
@@ -209,9 +207,8 @@ def prove(kappa, budget=10.0):
 
 def _unproved(outcome, given, kappa):
     nothing = np.empty((0, 2))
-    return TransportProof(
-        outcome, given, kappa, 0, nothing, nothing, np.empty((0, 2), int), np.empty(0), 0
-    )
+    lives = np.empty((0, 2), int)
+    return TransportProof(outcome, given, kappa, 0, nothing, nothing, lives, np.empty(0))
 
 
 def _closed(site, points):
@@ -288,7 +285,7 @@ def _covered(given, kappa, site, points, budget):
     nothing = np.empty((0, 2)), np.empty(0)
     _followed(forwards, 0, points, *nothing, math.inf)  # the kernel is compiled before time counts
     end = time.thread_time() + budget
-    outcome, found, kicks = Outcome.PROVED, [], 0
+    outcome, found = Outcome.PROVED, []
     while len(boxes):
         slopes = np.full(len(boxes), abs(forwards[0]) / 2)
         if len(ways) > 1:
@@ -296,8 +293,7 @@ def _covered(given, kappa, site, points, budget):
         lives = np.zeros((len(boxes), len(ways)), np.int64)
         for way, cycle in enumerate(ways):
             rest = lives[:, :way].all(axis=1)
-            lives[rest, way], spent = _followed(cycle, way, points, boxes[rest], slopes[rest], end)
-            kicks += spent
+            lives[rest, way] = _followed(cycle, way, points, boxes[rest], slopes[rest], end)
         done = lives.all(axis=1)
         found.append((boxes[done], lives[done], slopes[done]))
         middles, half = np.transpose(boxes[~done]) * [[1], [0.5]]
@@ -317,19 +313,18 @@ def _covered(given, kappa, site, points, budget):
             f"the boxes of a proof do not tile its curve, or one lives for {_LONGEST:g} kicks; "
             "please report this"
         )
-    return TransportProof(outcome, given, kappa, site, points, boxes, lives, slopes, kicks)
+    return TransportProof(outcome, given, kappa, site, points, boxes, lives, slopes)
 
 
 def _followed(cycle, way, points, boxes, slopes, end):
-    """The lives of boxes, 0 of those that fail, or that the time is not enough for; and kicks."""
-    lives, kicks, first, unfinished = np.zeros(len(boxes), np.int64), 0, 0, True
+    """The lives of boxes, 0 of those that fail, or that the time is not enough for."""
+    lives, first, unfinished = np.zeros(len(boxes), np.int64), 0, True
     lanes, ages, here = np.zeros((_ROWS, FEW)), np.zeros(FEW, np.int64), np.full(FEW, -1)
     while unfinished and time.thread_time() < end:
-        first, spent, unfinished = _follow(
+        first, unfinished = _follow(
             cycle, way, points, boxes, slopes, lives, lanes, ages, here, first, _KICKS
         )
-        kicks += spent
-    return np.where(lives, lives + way, 0), kicks
+    return np.where(lives, lives + way, 0)
 
 
 def _tiles(boxes, end=0.5):
@@ -360,7 +355,7 @@ _ELIMINATED, _FAILED = 0, 1
 
 @kernel(error_model="numpy")
 def _follow(cycle, way, points, boxes, slopes, lives, lanes, ages, here, first, most_kicks):
-    """Go on with boxes, for some kicks: the first one not begun, kicks, whether any is left.
+    """Go on with boxes, for some kicks: the first one not begun, and whether any is left.
 
     cycle : a block of kicks. boxes, slopes, lives : ŝ, δ, γ, and what is found. lanes, ages, here :
     the state, the kicks and the box of each lane, -1 if there is none.
@@ -375,7 +370,7 @@ def _follow(cycle, way, points, boxes, slopes, lives, lanes, ages, here, first, 
                 first += 1
             busy += here[lane] >= 0
         if busy == 0:
-            return first, kicks, False
+            return first, False
         before[:] = lanes
         _advance(cycle, lanes, events)
         for lane in range(FEW):
@@ -390,7 +385,7 @@ def _follow(cycle, way, points, boxes, slopes, lives, lanes, ages, here, first, 
             if outcome == _ELIMINATED:
                 lives[here[lane]] = ages[lane] + n
             here[lane] = -1
-    return first, kicks, True
+    return first, True
 
 
 @kernel(error_model="numpy")

@@ -81,7 +81,6 @@ class CellProof(Proof):
     site, a : int and float, the symmetry line: boxes start at x = a before this kick.
     boxes : ndarray of shape (n, 9), rows ŷ, δ, k_0, h_0, k_1, h_1, g_0, g_1 and the piece of
         [0, 1/2]; index 0 is the kick at `site`. lives : ndarray of n ints, kicks until V ≤ 0.
-    kicks : int, kicks spent, on boxes that were halved too.
     """
 
     kappa: tuple[float, float]
@@ -90,7 +89,6 @@ class CellProof(Proof):
     a: float
     boxes: np.ndarray = field(repr=False)
     lives: np.ndarray = field(repr=False)
-    kicks: int
 
     def certificate(self):
         """What another program needs to check the proof: see proofs/README.md, "Certificates".
@@ -144,15 +142,15 @@ def prove_cell(kappa, half_width, budget=1.0):
     cell = tuple(kappa.tolist()), tuple(half_width.tolist())
     if (np.abs(kappa) + half_width >= 2).any():
         nothing = np.empty((0, _COLUMNS)), np.empty(0, np.int64)
-        return CellProof(Outcome.SCOPE, *cell, 0, 0.0, *nothing, 0)
+        return CellProof(Outcome.SCOPE, *cell, 0, 0.0, *nothing)
     site, a = dominant_centre(kappa)
     from_line = np.roll(kappa, -site).tolist(), np.roll(half_width, -site).tolist()
-    outcome, boxes, lives, kicks = _covered(*from_line, a, budget)
-    return CellProof(outcome, *cell, site, a, boxes, lives, kicks)
+    outcome, *cover = _covered(*from_line, a, budget)
+    return CellProof(outcome, *cell, site, a, *cover)
 
 
 def _covered(kappa, half_width, a, budget):
-    """Outcome, boxes, lives and kicks of the cover; the first kick is that of the line."""
+    """Outcome, boxes and lives of the cover; the first kick is that of the line."""
     (k0, k1), (h0, h1), x = kappa, half_width, a - 0.25
     waiting, n_waiting = np.empty((_MOST_WAITING, _COLUMNS)), 0
     for piece in range(_PIECES)[::-1]:
@@ -168,18 +166,17 @@ def _covered(kappa, half_width, a, budget):
     lanes, boxes, ages = np.zeros((_ROWS, FEW)), np.zeros((_COLUMNS, FEW)), np.zeros(FEW, np.int64)
     found, lives = np.empty((_FOUND, _COLUMNS)), np.empty(_FOUND, np.int64)
     all_found, all_lives = [found[:0]], [lives[:0]]
-    end, outcome, kicks = time.thread_time() + budget, Outcome.BUDGET, 0
+    end, outcome = time.thread_time() + budget, Outcome.BUDGET
     while time.thread_time() < end:
-        done, n_waiting, n_found, n_kicks = _cover(
+        done, n_waiting, n_found = _cover(
             x, waiting, n_waiting, lanes, boxes, ages, found, lives, _KICKS
         )
-        kicks += n_kicks
         all_found.append(found[:n_found].copy())
         all_lives.append(lives[:n_found].copy())
         if done != _UNFINISHED:
             outcome = Outcome.PROVED if done == _DONE else Outcome.PRECISION
             break
-    return outcome, np.concatenate(all_found), np.concatenate(all_lives), kicks
+    return outcome, np.concatenate(all_found), np.concatenate(all_lives)
 
 
 @kernel(error_model="numpy")
@@ -227,7 +224,7 @@ def _cover(x, waiting, n_waiting, lanes, boxes, ages, found, lives, most_kicks):
                 _start(lanes, lane, x, boxes[:, lane])
             busy += boxes[1, lane] != 0
         if busy == 0:
-            return _DONE, n_waiting, n_found, kicks
+            return _DONE, n_waiting, n_found
         before[:] = lanes
         _advance(lanes, events)
         for lane in range(FEW):
@@ -243,11 +240,11 @@ def _cover(x, waiting, n_waiting, lanes, boxes, ages, found, lives, most_kicks):
                 found[n_found], lives[n_found] = boxes[:, lane], ages[lane] + n
                 n_found += 1
             elif not _halve(waiting, n_waiting, boxes[:, lane], split):
-                return _TOO_SMALL, n_waiting, n_found, kicks
+                return _TOO_SMALL, n_waiting, n_found
             else:
                 n_waiting += 2
             boxes[1, lane] = 0
-    return _UNFINISHED, n_waiting, n_found, kicks
+    return _UNFINISHED, n_waiting, n_found
 
 
 @njit(nogil=True)
