@@ -28,9 +28,7 @@ from nasm.maps import forcing
 __all__ = ["Diffusion", "diffusion"]
 __dir__ = __all__.copy
 
-SHORTEST = 8192
-"""Periods, the fewest: at fewer an accelerator mode may not yet stand out."""
-
+SHORTEST = 8192  # periods: at fewer an accelerator mode may not yet stand out
 _SPREAD = 4.0  # mean square over the longer lag from which on there is an answer
 _PARTS = 8  # of the time, at whose ends momenta are kept
 _FASTER = 1.2  # exponent of n above which squares do not grow like n

@@ -9,8 +9,7 @@ _UNRESOLVED = "0.6"
 
 
 def draw_diffusion(law, findings):
-    """Draw D over the plane with CB_gt, and on five rays with the flux of the last circle; caption,
-    which ends with the findings."""
+    """Draw D over the plane, and on five rays with the last circle's flux; return a caption too."""
     figure, (plane, along) = panels(1, 2, 13, 5.8)
     _draw_plane(plane, law)
     _draw_law(along, law)

@@ -8,8 +8,7 @@ from workflows.figures.style import colour_of, key, names_of, panels
 
 
 def draw_ramp(ramp, lives, findings):
-    """Draw the kicks by which graphs are lost and orbits cross, by rate and by smoothness; caption,
-    which ends with the findings."""
+    """Draw when graphs are lost and orbits cross, by rate and smoothness; return a caption too."""
     figure, (kicks, smooth) = panels(1, 2, 13, 5)
     rows = {"graphs": ramp.lost, "first of 64 orbits across": ramp.escaped}
     for i, (label, row) in enumerate(rows.items()):

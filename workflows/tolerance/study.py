@@ -21,11 +21,8 @@ def ripple(period, shape="cosine"):
 
 
 def ripples(quick):
-    """List the ripples as (shape, d, profile), for P = 2 to 8, or to 3 if `quick`.
-
-    Those of P = 2 go down to 10⁻⁵, the others to 0.003; other shapes than cosines are of 10% and 1%
-    and of 4, 6 and 8 kicks.
-    """
+    """List the ripples as (shape, d, profile): of P = 2 down to 10⁻⁵, of others to 0.003, if not
+    `quick`; other shapes than cosines are of 10% and 1% and of 4, 6 and 8 kicks."""
     sizes = np.array([1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5])
     sizes, periods = (sizes[:5:2], (2, 3)) if quick else (sizes, PERIODS)
     given = [(n, d) for n in periods for d in sizes if n == 2 or d >= 3e-3]
@@ -77,8 +74,7 @@ def laws(cube):
 
 
 def _measured(cube, period, smaller):
-    """The exponent under the second of the ripples that are asked, and its error; smaller: what a
-    ripple becomes, over itself."""
+    """The exponent under the second ripple asked, and its error; smaller: what becomes of 1."""
     cosines = cube.isel(forcing=np.flatnonzero((cube.period == period) & (cube.family == "cosine")))
     circles = dict(zip(cosines.parameter.values, cosines.circle.values, strict=True))
     found, rate = [], -np.log(abs(smaller))

@@ -5,5 +5,4 @@ import xarray as xr
 
 cube = xr.open_zarr("ramp/ramp.zarr", chunks=None)
 cube.lost.plot(marker="o", xscale="log", yscale="log")
-print(cube.lost.to_pandas())
 plt.show()
