@@ -5,6 +5,7 @@ that either zarr.json can be lost and written again. Whoever puts the group's za
 made the cube; any other driver must agree with it.
 """
 
+import dataclasses
 import json
 import re
 import warnings
@@ -79,6 +80,7 @@ def replace(place, cube, computed_by):
     Nothing is written if that state is the same. The group's zarr.json is deleted first and written
     last: until then, also after a crash, there is no such cube. Refused on other settings.
     """
+    cube = dataclasses.replace(cube, template=cube.template.compute())
     found = _check_settings(place, cube)
     if found and not _differing(place, _files(cube, found)):
         return
