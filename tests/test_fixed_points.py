@@ -53,18 +53,12 @@ def test_on_the_diagonal_they_are_the_period_two_orbit_of_the_standard_map():
     np.testing.assert_allclose(4 * z[1:], (kappa * np.sin(z))[1:], atol=1e-13)
 
 
-def test_the_corrected_cubic_estimate_vanishes_at_the_pitchfork_and_errs_like_its_cube():
+def test_the_cubic_estimate_vanishes_at_the_pitchfork_but_not_as_printed_and_errs_like_its_cube():
+    assert fixed_points.primary_residue(4.0, 4.0)[1] == fixed_points.cubic_estimate(4.0, 4.0) == 0
+    assert 6 * 4.0 + 6 * 4.0 + 3 * 4.0 * 4.0 > 90  # Eq. (39), numerator
     # z² = a·ε + O(ε²) at a distance ε from κ1 + κ2 = κ1κ2/2: the estimate errs by O(z³).
     epsilon = np.array([1e-2, 1e-3, 1e-4])
     z, _, _ = fixed_points.secondary(4 + epsilon, 4 + epsilon)
     error = np.abs(z - fixed_points.cubic_estimate(4 + epsilon, 4 + epsilon))
     slopes = np.diff(np.log(error)) / np.diff(np.log(z))
     np.testing.assert_allclose(slopes, 3, atol=0.1)
-
-
-def test_the_estimate_as_printed_does_not_vanish_at_the_pitchfork():
-    kappa1 = kappa2 = 4.0
-    printed = 6 * kappa1 + 6 * kappa2 + 3 * kappa1 * kappa2  # Eq. (39), numerator
-    assert fixed_points.primary_residue(kappa1, kappa2)[1] == 0
-    assert fixed_points.cubic_estimate(kappa1, kappa2) == 0
-    assert abs(printed) > 90
