@@ -319,7 +319,7 @@ def test_the_forcing_plays_along_the_ray_and_what_is_asked_for_is_drawn(opened):
     tab.get_by_label("manifolds").check()
     type_in(tab, "Orbits of a fraction", "1/2")
     assert "through its upper edge" in told(tab, "Turnstiles of 1/2")
-    assert len(columns(tab, "unstable")["x"]) > 100
+    wait(tab, "Bokeh.documents[0].get_model_by_name('unstable')?.data.x.length > 100")
     tab.get_by_role("button", name="spread an ensemble").click()
     told(tab, "after 8192 periods")
     counts = columns(tab, "variance")["n"]
