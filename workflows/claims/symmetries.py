@@ -53,9 +53,10 @@ def symmetry_claims():
     """Judge Sec. III."""
     found = {}
     for name, (sign, image) in _F_SYMMETRIES.items():
-        found[name] = identity(_deviation_of_f(sign, image), rounding(2))
+        found[name] = identity(_deviation(closed_form, image, lambda f, s=sign: s * f), rounding(2))
     for name, (image, expected) in _SYMMETRIES.items():
-        found[name] = identity(_deviation_of_orbits(image, expected), rounding(2 * STEPS + 1))
+        off = _deviation(iterated, image, lambda z, after=expected: after(STEPS, *z))
+        found[name] = identity(off, rounding(2 * STEPS + 1))
     before = omega(*ROBUST)
     for name, (symmetry, expected) in _ROTATIONS.items():
         off = omega(*_SYMMETRIES[symmetry][0](*ROBUST)) - expected(before)
@@ -68,12 +69,9 @@ def symmetry_claims():
     return found | {"ome5": graded(off, as_printed < _CIRCLE, corrected < _CIRCLE)}
 
 
-def _deviation_of_f(sign, image):
-    return apart(lambda *z: closed_form(*image(*z)), lambda *z: sign * closed_form(*z))
-
-
-def _deviation_of_orbits(image, expected):
-    return apart(lambda *z: iterated(*image(*z)), lambda *z: expected(STEPS, *iterated(*z)))
+def _deviation(function, image, expected):
+    """Return by how much a function of the image is off what is expected of that of the point."""
+    return apart(lambda *z: function(*image(*z)), lambda *z: expected(function(*z)))
 
 
 def ome5_deviations():
