@@ -392,7 +392,7 @@ def torus_scale(omega, frequency, mean, amplitude):
     (*_, turns) = convergents(number)
     # x_0 is on a symmetry line, which holds it: forcings of cosines read the same both ways from 0.
     ladder, n_sites = Ladder(0 * short, short, [turns]), short.size * turns.denominator
-    of = ladder.chains[0], ladder.segment(0), 0, 0
+    of = ladder.chains[0], ladder.segments[0], 0, 0
     orbits = [Orbit(*of, np.full(n_sites, a), 0.0, 0.0) for a in (0.0, 0.5)]
 
     def excess(scale, level):

@@ -53,12 +53,12 @@ def test_times_are_those_of_the_definition(kappa):
 
 
 @njit
-def _one_by_one(c, period, x0, w0, y0, n_max):
+def _one_by_one(c, x0, w0, y0, n_max):
     times = np.full(y0.size, np.inf)
     for i in range(y0.size):
         x, y, v, w = x0, y0[i], 1.0, w0
         for n in range(n_max):
-            x, y, v, w = symmetry_line.tangent_kick(c, n % period, x, y, v, w)
+            x, y, v, w = symmetry_line.tangent_kick(c, n % len(c), x, y, v, w)
             if v <= 0:
                 times[i] = n + 1
                 break

@@ -68,8 +68,7 @@ __dir__ = __all__.copy
 _METHOD = "converse KAM"
 MAX_STEPS = 10**9
 
-_BLOCK = 32  # kicks between two tests for v ≤ 0; even
-_LONGEST_CHUNK = 4096  # kicks between two compactions
+_BLOCK = 32  # kicks between two tests for v ≤ 0; even, so that each begins a period
 
 _SLOPES = 0.4, 1.1
 """Bounds of slope/s_c of the law, in kicks; the upper one for each kick of the period. On 63 random
@@ -239,7 +238,7 @@ def has_dominant_line(kappa):
 
 def _line(strengths):
     """What the kernel needs of the dominant line: in row n the coefficients of kick n, as in
-    `nasm.escape`, of a period and a block more; P; a - 1/4; and v_0 - v_{-1} = |κ_c|/2."""
+    `nasm.escape`, of a block; a - 1/4; and v_0 - v_{-1} = |κ_c|/2."""
     strengths = primitive(strengths)
     if strengths.size > 2:
         raise ValueError(
@@ -248,9 +247,9 @@ def _line(strengths):
         )
     site, a = dominant_centre(strengths)
     strengths = np.roll(strengths, -site)
-    rows = np.resize(strengths, strengths.size + _BLOCK - 1)
+    rows = np.resize(strengths, _BLOCK)
     w = float(strengths[0] if a else -strengths[0]) / 2
-    return -rows[:, None] * np.array(SINE), strengths.size, a - 0.25, w
+    return -rows[:, None] * np.array(SINE), a - 0.25, w
 
 
 def _kicks(line, y, n_kicks):
@@ -325,83 +324,77 @@ def tangent_kick(c, n, x, y, v, w):
 
 
 @njit(nogil=True)
-def _advance(c, site, state, start, report):
-    """A block of kicks from `site` on, of the 64 orbits from `start` on, in place.
-
-    Rows of report: x, y, v, w before the block, and the smallest v in it.
-    """
+def _advance(c, state):
+    """A block of kicks of 64 starts, in place: rows x, y, v, w, and the smallest v in the block."""
     own_frame()
-    size = state.shape[1]
-    x = load(state, start)
-    y = load(state, size + start)
-    v = load(state, 2 * size + start)
-    w = load(state, 3 * size + start)
-    store(report, 0, x)
-    store(report, LANES, y)
-    store(report, 2 * LANES, v)
-    store(report, 3 * LANES, w)
+    x = load(state, 0)
+    y = load(state, LANES)
+    v = load(state, 2 * LANES)
+    w = load(state, 3 * LANES)
     smallest = v
-    for n in range(site, site + _BLOCK, 2):  # unrolled by two: 1.1 times faster
+    for n in range(0, _BLOCK, 2):  # unrolled by two: 1.1 times faster
         x, y, v, w = tangent_kick(c, n, x, y, v, w)
         smallest = minimum(smallest, v)
         x, y, v, w = tangent_kick(c, n + 1, x, y, v, w)
         smallest = minimum(smallest, v)
-    store(state, start, x)
-    store(state, size + start, y)
-    store(state, 2 * size + start, v)
-    store(state, 3 * size + start, w)
-    store(report, 4 * LANES, smallest)
+    store(state, 0, x)
+    store(state, LANES, y)
+    store(state, 2 * LANES, v)
+    store(state, 3 * LANES, w)
+    store(state, 4 * LANES, smallest)
 
 
 @njit(nogil=True)
-def _replay(c, site, report, lane):
+def _replay(c, state, lane):
     """The first kick of the block, counted from 1, after which v ≤ 0: the definition."""
-    x, y, v, w = report[0, lane], report[1, lane], report[2, lane], report[3, lane]
+    x, y, v, w = state[0, lane], state[1, lane], state[2, lane], state[3, lane]
     n = 0
     while v > 0:
-        x, y, v, w = tangent_kick(c, site + n, x, y, v, w)
+        x, y, v, w = tangent_kick(c, n, x, y, v, w)
         n += 1
     return n
 
 
 @kernel
-def _elimination_times(c, period, x, w, y, n_max, times):
-    """The kick after which v ≤ 0 for every start into `times`, inf if later than n_max."""
-    size = (y.size + LANES - 1) // LANES * LANES
-    state, report = np.empty((4, size)), np.empty((5, LANES))
-    orbit = np.empty(y.size, np.int64)
-    for i in range(size):
-        state[0, i], state[1, i], state[2, i], state[3, i] = x, 0.0, np.nan, w
-    for i in range(y.size):
-        orbit[i], state[1, i], state[2, i] = i, y[i], 1.0
-        times[i] = np.inf
+def _elimination_times(c, x, w, y, n_max, times):
+    """The kick after which v ≤ 0 for every start into `times`, inf if later than n_max.
+
+    A lane whose start is done takes the next one.
+    """
     # A lane at rest has v = NaN: it raises no alarm. An orbit that is hyperbolic for ever, as only
     # one whose x and y are exact is, gets there by overflow: it counts as a survivor, as it should.
-    alive, n = y.size, 0
-    while n < n_max and alive > 0:
-        chunk = min(max(n // 4 // _BLOCK, 1) * _BLOCK, _LONGEST_CHUNK)
-        for start in range(0, alive, LANES):
-            for done in range(n, n + chunk, _BLOCK):
-                site = done % period
-                _advance(c, site, state, start, report)
-                alarm = False
-                for lane in range(LANES):
-                    alarm |= report[4, lane] <= 0
-                if alarm:
-                    for lane in range(LANES):
-                        if report[4, lane] <= 0:
-                            i = start + lane
-                            times[orbit[i]] = done + _replay(c, site, report, lane)
-                            state[2, i] = np.nan
-        n += chunk
-        survivors = 0
-        for i in range(alive):
-            if np.isinf(times[orbit[i]]):
-                orbit[survivors] = orbit[i]
-                for row in range(4):
-                    state[row, survivors] = state[row, i]
-                survivors += 1
-        alive = survivors  # lanes behind the last one are copies, and find the same times
-    for i in range(y.size):
-        if times[i] > n_max:
-            times[i] = np.inf
+    state, before = np.full((5, LANES), np.nan), np.empty((5, LANES))
+    start, age = np.full(LANES, -1), np.zeros(LANES, np.int64)
+    following, at_work = 0, 0
+    while True:
+        oldest = 0
+        for lane in range(LANES):
+            if start[lane] < 0 and following < y.size:
+                state[0, lane], state[1, lane], state[2, lane], state[3, lane] = (
+                    x,
+                    y[following],
+                    1,
+                    w,
+                )
+                start[lane], age[lane] = following, 0
+                following, at_work = following + 1, at_work + 1
+            if start[lane] >= 0:
+                oldest = max(oldest, age[lane])
+        if at_work == 0:
+            return
+        alarm = False
+        while not alarm:
+            before[:] = state
+            _advance(c, state)
+            age += _BLOCK
+            oldest += _BLOCK
+            alarm = oldest >= n_max
+            for lane in range(LANES):
+                alarm |= state[4, lane] <= 0
+        for lane in range(LANES):
+            gone = state[4, lane] <= 0
+            if start[lane] >= 0 and (gone or age[lane] >= n_max):
+                time = age[lane] - _BLOCK + _replay(c, before, lane) if gone else n_max + 1
+                times[start[lane]] = time if time <= n_max else np.inf
+                start[lane], state[2, lane] = -1, np.nan
+                at_work -= 1
