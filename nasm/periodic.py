@@ -109,30 +109,6 @@ def crossings(omega, profile, q_max=6000, start=None):
     return _of_families(short_omega, start, profile, q_max)[1]
 
 
-def circle_remains(omega, kappa, q):
-    """Whether the residues of long minimax orbits fall with q under a forcing: its circle exists.
-
-    omega : RotationNumber or its text, irrational. kappa : P floats. q : int, 10 to 10⁵; two
-    convergents of about that period, or the next longer ones, are compared: the residue of the
-    longer is less than half as large. False where an orbit is not found.
-
-    ValueError if omega is rational.
-    """
-    omega, q = checked(omega), count("q", q, 10, 10**5)
-    if omega.is_rational:
-        raise ValueError(f"omega={omega} is rational; a circle needs an irrational rotation number")
-    (kappa,), omega = shorten([kappa], omega)
-    period = len(omega.tail)
-    known = distinct_convergents(omega, _known(omega)[-1].denominator)
-    n = next(n for n, f in enumerate(known) if f.denominator >= q)
-    ladder = Ladder(kappa, 0 * kappa, known[: n + period + 1])
-    try:
-        shorter, longer = (_residue(ladder, i, 0.0) for i in (n, n + period))
-    except LostError:
-        return False
-    return longer <= 0.5 * shorter < 0.5
-
-
 def _shortened(omega, profile, q_max, start):
     """start, profile and ω of the shortest map, and q_max, checked."""
     (start, profile), q_max = segment(start, profile), count("q_max", q_max, 1, MAX_PERIOD)

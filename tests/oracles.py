@@ -12,7 +12,7 @@ from scipy.linalg import eigvalsh_tridiagonal
 
 from nasm import periodic
 from nasm.action import Ladder
-from nasm.numbers import distinct_convergents
+from nasm.numbers import checked, convergents, distinct_convergents
 
 LITERATURE = tomllib.loads(Path(__file__).with_name("literature.toml").read_text())
 KAPPA_G = LITERATURE["kappa_G"]["value"]
@@ -136,3 +136,13 @@ def minimizing_breakup(omega, profile, q_max=6000):
     ladder = Ladder(start, profile, distinct_convergents(omega, q_max))
     given = ladder, omega, 1, near.value, 0, 0.0, 2 * near.value
     return periodic._estimate(periodic._crossings(*given), profile)
+
+
+def residues_fall(omega, kappa, q):
+    """Whether the residues of minimax orbits fall, from the first convergent of period q or longer
+    to that a tail further on, by half or more: False where an orbit is not found."""
+    omega = checked(omega)
+    longer = [f for f in islice(convergents(omega), 100) if f.denominator >= q]
+    pair = longer[0], longer[len(omega.tail)]
+    first, last = (periodic.residue(kappa, *f.as_integer_ratio()) for f in pair)
+    return last <= first / 2 < 0.5

@@ -249,7 +249,7 @@ RIPPLE = 1.78e-4 * np.array([1, -1, -1, 1])
 )
 def test_a_scale_where_a_circle_stands_is_not_eliminated(profile, omega, scale):
     # Survivors are in an interval of 10⁻⁶ there, and searches miss them.
-    assert periodic.circle_remains(omega, scale * profile, 3000)
+    assert oracles.residues_fall(omega, scale * profile, 3000)
     found = critical_scale(profile, 1e-3)
     assert found.upper > found.value > found.lower > scale
 
@@ -268,7 +268,7 @@ def test_where_circles_break_and_come_back_there_is_a_narrow_bracket(profile):
     inside, outside = first_escapes(found, profile)
     assert inside == np.inf > outside
     beyond = 1.002 * found.upper * np.array(profile)
-    assert not any(periodic.circle_remains(noble, beyond, 1000) for noble in nobles(3))
+    assert not any(oracles.residues_fall(noble, beyond, 1000) for noble in nobles(3))
 
 
 @pytest.mark.slow

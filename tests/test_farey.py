@@ -1,9 +1,10 @@
 """The Farey tree of residues: circles that searches miss, nothing beyond, and the last name."""
 
 import numpy as np
+import oracles
 import pytest
 
-from nasm import barriers, farey, periodic
+from nasm import barriers, farey
 from nasm.symmetries import ray
 
 RIPPLE = np.array([1, -1, -1, 1])
@@ -33,7 +34,7 @@ def test_below_the_breakup_a_circle_stands_and_above_it_the_last_one_is_named(pr
 def test_circles_are_found_where_searches_miss_the_survivors(profile, scale):
     kappa = scale * np.array(profile)
     omega, _, _ = farey.standing(kappa)
-    assert periodic.circle_remains(omega, kappa, 3000)
+    assert oracles.residues_fall(omega, kappa, 3000)
     assert barriers._is_certified(omega, kappa)
 
 
@@ -49,4 +50,4 @@ def test_residues_that_pass_through_0_are_not_taken_for_a_circle(profile, omega,
     # Of two or three convergents they fall in each case; of ten they tell.
     kappa = scale * np.array(profile)
     assert farey.circle_stands(omega, kappa) == stands
-    assert periodic.circle_remains(omega, kappa, 3000) == stands
+    assert oracles.residues_fall(omega, kappa, 3000) == stands

@@ -23,10 +23,10 @@ from math import ceil, exp, inf, log, nan, prod, sqrt
 
 import numpy as np
 
-from nasm import periodic
 from nasm.checks import real
 from nasm.circles import fourier, newton
 from nasm.critical import CriticalScale, Status, no_answer
+from nasm.farey import circle_stands
 from nasm.maps import TWO_PI, direction, segment
 from nasm.numbers import checked, convergents
 from nasm.symmetries import CUSP_EXPONENT, distances_to_shorter, shorten
@@ -50,7 +50,7 @@ _SPREAD = 0.8  # the error's part of the spread of estimates: 0.5 fell short on 
 _PARTS = np.array([0.85, 1.0])  # of the modes that a circle has
 _TWO_SCALES = 3  # the error of two scales, in parts of the way from the last circle: 2.3 was met
 _DELTA_UNKNOWN = 0.2  # the least error without δ, in parts of that way
-_SHORTEST, _LONGEST = 100, 2000  # periods of the orbits that look beyond the breakup
+_BEYOND = 0.005  # of the value: where residues of orbits up to 3000 look for the circle
 _DROPS = 4  # times the way from the second of three circles: up to it, a cusp's depth is unseen
 
 
@@ -99,21 +99,12 @@ def critical_scale(omega, profile, tol=1e-6):
     if not error < value:  # which would say nothing
         status = Status.NOT_CONVERGED if status is Status.OK else status
         return CriticalScale(nan, nan, lower, nan, omega, status, METHOD)
-    if short.size > 2 and _remains(short_omega, short, value, error):
+    # Where the ray misses another sheet of the circle's boundary closely, circles below it look as
+    # if they were to break there. For one kick or two there is one sheet.
+    beyond = value + max(2 * error, _BEYOND * value)
+    if short.size > 2 and circle_stands(short_omega, beyond * short):
         return CriticalScale(nan, nan, lower, nan, omega, Status.UNDECIDED, METHOD)
     return CriticalScale(value, error, lower, nan, omega, Status.OK, METHOD)
-
-
-def _remains(omega, profile, value, error):
-    """Whether long periodic orbits say that the circle is still there beyond its breakup.
-
-    Where the ray misses another sheet of the circle's boundary closely, circles below it look as if
-    they were to break there. For one kick or two the dominant line is one on all of a ray, and the
-    boundary has one sheet.
-    """
-    n = round(min(max(10 * value / error, _SHORTEST), _LONGEST))
-    beyond = max(2 * error, 10 * value / n)
-    return periodic.circle_remains(omega, (value + beyond) * profile, n)
 
 
 def certified_scale(omega, profile, breakup, distance, start=None):
