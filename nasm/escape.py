@@ -322,14 +322,6 @@ def _replay(c, x, y, n, lo, hi):
     return n + 1
 
 
-@njit(nogil=True)
-def _alarm(reach, limit):
-    alarm = False
-    for lane in range(LANES):
-        alarm |= reach[lane] > limit
-    return alarm
-
-
 # Kernels here copy and fill element by element: Numba takes seconds to compile slices and fills.
 
 
@@ -385,7 +377,10 @@ def _escape_times(c, x0, y0, n_max, lo, hi, only_first, times):
             while done < chunk and n + done <= last:
                 block = min(_BLOCK, chunk - done)
                 advance(c, x, y, start, block, x_end, y_end, reach)
-                if _alarm(reach, limit):
+                alarm = False
+                for lane in range(LANES):
+                    alarm |= reach[lane] > limit
+                if alarm:
                     for lane in range(min(LANES, alive - start)):
                         i = start + lane
                         if reach[lane] > limit and np.isinf(times[orbit[i]]):

@@ -82,9 +82,7 @@ def elimination_time(kappa, site, x, y, n_kicks):
     strengths = np.roll(strengths, -count("site", site, 0, strengths.size - 1))
     x, y = points(x, y)
     n_kicks = count("n_kicks", n_kicks, 1, MAX_STEPS)
-    times = np.full(x.size, np.inf)
-    _elimination_times(strengths, x.ravel(), y.ravel(), n_kicks, False, times)
-    return times.reshape(x.shape)
+    return _elimination_times(strengths, x.ravel(), y.ravel(), n_kicks, False).reshape(x.shape)
 
 
 def longest_lived(kappa, n_max):
@@ -216,15 +214,13 @@ def _longest_on_transversal(kappa, site, ordered, n_kicks):
     while True:
         at = np.array([float(omega) for omega, _ in orbits])
         at *= 0.5 / at[-1]
-        x, y = np.array([_place(*orbit) for orbit in orbits]).T
+        corners = np.array([_place(*orbit) for orbit in orbits])
 
-        def points_at(place, at=at, x=x, y=y):
-            return np.interp(place, at, x), np.interp(place, at, y)
+        def points_at(place, at=at, corners=corners):
+            return [np.interp(place, at, axis) for axis in corners.T]
 
         def lifetimes(place, points_at=points_at):
-            times = np.zeros(place.size)
-            _elimination_times(kappa, *points_at(place), n_kicks, True, times)
-            return times
+            return _elimination_times(kappa, *points_at(place), n_kicks, True)
 
         place, kicks = longest_found(lifetimes, _GRIDS, kept)
         i = int(np.clip(np.searchsorted(at, place), 1, at.size - 1))
@@ -233,8 +229,8 @@ def _longest_on_transversal(kappa, site, ordered, n_kicks):
             before.numerator + after.numerator, before.denominator + after.denominator
         )
         if np.isfinite(kicks) or between.denominator > longest:
-            return points_at(place), kicks, np.transpose([x, y])
-        middle = np.interp(before.denominator / between.denominator, (0, 1), (x[i], x[i - 1]))
+            return points_at(place), kicks, corners
+        middle = np.interp(before.denominator / between.denominator, (0, 1), corners[[i, i - 1], 0])
         orbits.insert(i, (between, minimax(between, middle)))
 
 
@@ -290,13 +286,15 @@ def _minimax(ordered, period, site, omega, near):
     return sites + np.rint(near - sites[0])
 
 
-def _elimination_times(kappa, x, y, n_kicks, one_is_enough, times):
+def _elimination_times(kappa, x, y, n_kicks, one_is_enough):
     """Kicks in either direction until each start before kick 0 is eliminated, inf if more than
-    n_kicks, into `times`; if one is enough, only up to the first survivor, 0 from there on."""
+    n_kicks; if one is enough, 0 of those that are not known before the first survivor."""
+    times = np.zeros(x.size)
     length = kappa.size * -(-_BLOCK // kappa.size)
     ahead = np.resize(np.roll(kappa, -1), length)[:, None] * -np.array(SINE)
     behind = np.resize(kappa[::-1], length)[:, None] * -np.array(SINE)
     _eliminate(float(kappa[0]), ahead, behind, x, y, n_kicks, one_is_enough, times)
+    return times
 
 
 @njit(nogil=True)
