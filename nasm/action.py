@@ -83,10 +83,6 @@ class Ladder:
         self.chains = [Chain(profile.size, fraction) for fraction in fractions]
         self._climbed, self._latest = {}, {}
         self._near = _NEAR / np.abs(profile).max(initial=1e-300)
-        # From each site on.
-        self.segments = [
-            (np.roll(start, -site), np.roll(profile, -site)) for site in range(profile.size)
-        ]
 
     def at(self, n, scale, kind):
         """The Orbit of fraction n: minimizing (kind = 1) or minimax (-1).
@@ -112,13 +108,13 @@ class Ladder:
         chain, (site, u) = self.chains[n], self._begun(n, scale)
         first = _widest(chain, np.roll(u, site)) - site
         site, u = (site + first) % chain.period, chain.rolled(u, first)
-        start, profile = self.segments[site]
+        start, profile = segment = np.roll([self.start, self.profile], -site, axis=1)
         found, width = np.empty((2, u.size)), (chain.right(u)[0] - u[0]) / _PLACES
         residues = _scan(start + scale * profile, *chain.frame, u, width, found)
         if np.isnan(residues).any():
             raise LostError
         return {
-            kind: Orbit(chain, self.segments[site], site, kind, *orbit, scale)
+            kind: Orbit(chain, segment, site, kind, *orbit, scale)
             for kind, *orbit in zip((1, -1), found, residues, strict=True)
         }
 

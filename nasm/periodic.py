@@ -21,7 +21,7 @@ from operator import attrgetter
 
 import numpy as np
 
-from nasm.action import MAX_PERIOD, Ladder, LostError, Orbit, ordered_orbits
+from nasm.action import MAX_PERIOD, Chain, Ladder, LostError, Orbit, ordered_orbits
 from nasm.arithmetic.roots import root
 from nasm.checks import count, fraction
 from nasm.critical import CriticalScale, Status, no_answer
@@ -359,17 +359,13 @@ def torus_scale(omega, frequency, mean, amplitude):
     large.) omega is that per period of the forcing. lower and upper are NaN. Status DISORDERED if
     the orbit is lost before.
     """
-    profile = rotating_forcing(mean, amplitude, frequency)
-    if not profile.any():
-        raise ValueError("mean and amplitude are zero; a ray needs a direction")
-    direction(profile)
+    profile = direction(rotating_forcing(mean, amplitude, frequency))
     exact = rational(fraction("omega", omega) * profile.size)
     (short,), number = shorten([profile], exact)
     (*_, turns) = convergents(number)
     # x_0 is on a symmetry line, which holds it: forcings of cosines read the same both ways from 0.
-    ladder, n_sites = Ladder(0 * short, short, [turns]), short.size * turns.denominator
-    of = ladder.chains[0], ladder.segments[0], 0, 0
-    orbits = [Orbit(*of, np.full(n_sites, a), 0.0, 0.0) for a in (0.0, 0.5)]
+    of = (chain := Chain(short.size, turns)), (0 * short, short), 0, 0
+    orbits = [Orbit(*of, np.full(chain.n_sites, a), 0.0, 0.0) for a in (0.0, 0.5)]
 
     def excess(scale, level):
         if not all(orbit.move(scale) for orbit in orbits):
@@ -390,7 +386,7 @@ def torus_scale(omega, frequency, mean, amplitude):
             return no_answer(exact, Status.DISORDERED, _METHOD)
         scales.append(reached + step)
     value, one = scales
-    error = max(one - value, 2 * value / n_sites**0.5)
+    error = max(one - value, 2 * value / chain.n_sites**0.5)
     return CriticalScale(value, error, np.nan, np.nan, exact, Status.OK, _METHOD)
 
 

@@ -181,7 +181,7 @@ BAD = [
     ((periodic.critical_scale,), "q_max", [0, nan, 500.5, "a", 10**6 + 1], WHOLE + " 1 to 1000000"),
     ((periodic.critical_scale,), "start", [(0, 0, 0)], "differ in length"),
     ((periodic.torus_scale,), "omega", ["1/0"], "omega='1/0' is not a fraction"),
-    ((periodic.torus_scale,), "mean", [0], "mean and amplitude are zero"),
+    ((periodic.torus_scale,), "mean", [0], "profile is zero"),
     (TORI, "omega", [nan, inf], "omega={value} must be finite"),
     (TORI, "frequency", ["1/2", None], "frequency={value} must be a number"),
     ((tori.invariant_torus,), "mean", [nan], "is not finite"),
