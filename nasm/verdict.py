@@ -127,14 +127,17 @@ def verdict(kappa, prove=False):
     answer, evidence = Answer.UNDECIDED, Evidence.NONE
     found, circle, steps, proof = None, None, inf, None
     for tol in [_COARSE] * (short.size > 2) + [*_TOLERANCES]:
-        boundary = _in_units_of(size, critical_scale(short / size, tol))
+        unit = critical_scale(short / size, tol)
+        lengths = {n: getattr(unit, n) / size for n in ("value", "error", "lower", "upper")}
+        boundary = replace(unit, **lengths)
         if tol == _COARSE and not abs(boundary.value - 1) > _CLEAR:
             continue
         if abs(boundary.value - 1) <= boundary.error and tol > _TOLERANCES[-1]:
             continue  # look closer before deciding
         end = boundary.value if np.isfinite(boundary.value) else boundary.upper
         if end < 1:
-            steps = _elimination(short, 1 / end - 1) * short.size / kappa.size
+            n_max = min(max(1.6 / (1 / end - 1), _STEPS), _MOST_STEPS)
+            steps = barriers.longest_lived(short, int(n_max)).kicks / kappa.size
             if steps < inf:
                 answer, evidence = Answer.TRANSPORT, Evidence.CONES
                 boundary = replace(boundary, upper=min(boundary.upper, 1.0))
@@ -183,18 +186,6 @@ def _proved(kappa, short, found, answer, evidence):
     if proof.proved:
         return Answer.TRANSPORT, Evidence.TRANSPORT_PROVED, proof
     return answer, evidence, proof
-
-
-def _in_units_of(size, scale):
-    """The scale of a profile as one of size·profile."""
-    lengths = ("value", "error", "lower", "upper")
-    return replace(scale, **{name: getattr(scale, name) / size for name in lengths})
-
-
-def _elimination(kappa, distance):
-    """Steps until no start survives, that far above the boundary; inf if some do."""
-    n_max = min(max(1.6 / distance, _STEPS), _MOST_STEPS)
-    return barriers.longest_lived(kappa, int(n_max)).kicks / kappa.size
 
 
 def _circle_under(kappa, boundary):
