@@ -71,7 +71,11 @@ def secondary(kappa1, kappa2):
         first = np.isnan(left) & (before * after < 0)
         left[first], right[first] = low, high
         before = after
-    z = _bisect(kappa1, kappa2, left, right)
+    sign = np.sign(second2(kappa1, kappa2, left))
+    for _ in range(_BISECTIONS):
+        z = (left + right) / 2
+        on_the_left = np.sign(second2(kappa1, kappa2, z)) == sign
+        left, right = np.where(on_the_left, z, left), np.where(on_the_left, right, z)
     x = 0.5 + z / TWO_PI
     return z, x, kappa1 * np.sin(z) / (2 * TWO_PI)
 
@@ -90,12 +94,3 @@ def cubic_estimate(kappa1, kappa2):
         square = numerator / denominator
         return np.sqrt(np.where(np.isfinite(square) & (square >= 0), square, np.nan))
 
-
-def _bisect(kappa1, kappa2, left, right):
-    """The zero of `second2` between left and right, elementwise; NaN where these are."""
-    sign = np.sign(second2(kappa1, kappa2, left))
-    for _ in range(_BISECTIONS):
-        middle = (left + right) / 2
-        on_the_left = np.sign(second2(kappa1, kappa2, middle)) == sign
-        left, right = np.where(on_the_left, middle, left), np.where(on_the_left, right, middle)
-    return (left + right) / 2
