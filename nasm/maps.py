@@ -47,29 +47,16 @@ MIN_SIZE = 1e-300
 
 
 @register_jitable
-def kick(kappa, x, y):
-    """S_κ, Eq. (6): one kick of strength kappa. Returns x', y'."""
-    y = y + kappa / TWO_PI * sin2pi(x)
-    return x + y, y
-
-
-@register_jitable
-def unkick(kappa, x, y):
-    """S_κ⁻¹, Eq. (8). Returns the x, y that `kick` takes to the given ones."""
-    x = x - y
-    return x, y - kappa / TWO_PI * sin2pi(x)
-
-
-@register_jitable
-def phased_kick(kappa, theta, x, y):
-    """One kick of strength kappa and phase theta: y' = y + (κ/2π) sin 2π(x - θ), x' = x + y'."""
+def kick(kappa, x, y, theta=0.0):
+    """S_κ, Eq. (6): one kick of strength kappa, whose phase is theta: sin 2π(x - θ) in place of
+    sin 2πx. Returns x', y'."""
     y = y + kappa / TWO_PI * sin2pi(x - theta)
     return x + y, y
 
 
 @register_jitable
-def phased_unkick(kappa, theta, x, y):
-    """The inverse of `phased_kick`. Returns x, y."""
+def unkick(kappa, x, y, theta=0.0):
+    """S_κ⁻¹, Eq. (8). Returns the x, y that `kick` takes to the given ones."""
     x = x - y
     return x, y - kappa / TWO_PI * sin2pi(x - theta)
 

@@ -43,7 +43,7 @@ from nasm.arithmetic.sine import cos2pi
 from nasm.checks import count, floats, points, real
 from nasm.converse_kam.symmetry_line import Survivor, longest_found
 from nasm.critical import CriticalScale, Status, no_answer
-from nasm.maps import MAX_STRENGTH, direction, forcing, kick, phased_kick, phased_unkick
+from nasm.maps import MAX_STRENGTH, direction, forcing, kick, unkick
 
 __all__ = ["asymptotic", "critical_scale", "elimination_time", "escape_time", "last_survivor"]
 __dir__ = __all__.copy
@@ -235,7 +235,7 @@ def asymptotic(kappa, theta, limit, x, y):
     for _ in kappa:
         x, y = kick(limit, x, y)
     for strength, phase in zip(kappa[::-1], theta[::-1], strict=True):
-        x, y = phased_unkick(strength, phase, x, y)
+        x, y = unkick(strength, x, y, phase)
     return x, y
 
 
@@ -256,7 +256,7 @@ def _escape_times(kappa, theta, x, y, lo, hi, times):
     for i in range(x.size):
         xt, yt, n = x[i], y[i], 0
         while n < kappa.size and lo <= yt <= hi:
-            xt, yt = phased_kick(kappa[n], theta[n], xt, yt)
+            xt, yt = kick(kappa[n], xt, yt, theta[n])
             n += 1
         times[i] = np.inf if lo <= yt <= hi else n
 
@@ -276,7 +276,7 @@ def _elimination_time(kappa, theta, site, x, y):
     if bound <= 0:
         return 1.0
     # Backwards the chain is one with the kicks in reverse order.
-    ahead, p = phased_kick(kappa[site], theta[site], x, y)
+    ahead, p = kick(kappa[site], x, y, theta[site])
     behind, q = x - y, -y
     v_before, v, u_before, u, total = 0.0, 1.0, 0.0, 1.0, 0.0
     for n in range(1, max(kappa.size - site, site)):
@@ -286,13 +286,13 @@ def _elimination_time(kappa, theta, site, x, y):
             if v <= 0:
                 return n + 1.0
             total += 1 / (v_before * v)
-            ahead, p = phased_kick(kappa[i], theta[i], ahead, p)
+            ahead, p = kick(kappa[i], ahead, p, theta[i])
         if j > 0:
             u_before, u = u, (2 + kappa[j] * cos2pi(behind - theta[j])) * u - u_before
             if u <= 0:
                 return n + 1.0
             total += 1 / (u_before * u)
-            behind, q = phased_kick(kappa[j], theta[j], behind, q)
+            behind, q = kick(kappa[j], behind, q, theta[j])
         if total >= bound:
             return n + 1.0
     return np.inf

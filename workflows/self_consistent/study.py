@@ -10,7 +10,7 @@ from scipy.signal import welch
 from nasm import circles, escape
 from nasm.circles import fourier
 from nasm.converse_kam import sequence
-from nasm.maps import TWO_PI, phased_kick, rotating_forcing
+from nasm.maps import TWO_PI, kick, rotating_forcing
 from nasm.numbers import parse
 from nasm.self_consistent import evolve, momentum
 from workflows.shared.tables import dataset
@@ -132,7 +132,7 @@ def _orbit(kappa, theta, site, x, y, life, drift):
     end = int(min(site + life, kappa.size))
     points = [(x, y)]
     for strength, phase in zip(kappa[site:end], theta[site:end], strict=True):
-        points.append(phased_kick(strength, phase, *points[-1]))
+        points.append(kick(strength, *points[-1], phase))
     x, y = np.transpose(points[:-1])
     return np.array([x - theta[site:end], y - drift])
 
