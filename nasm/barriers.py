@@ -174,7 +174,7 @@ def _bracketed(race, tol):
         beyond = (upper - contender.value) / contender.value
         below = 0.8 * tol if beyond < 0.201 * tol else max(0.999 * (tol - beyond), 0.5 * tol)
         given = contender.omega, race.short, contender.value, below, race.start
-        found = continuation.certified_scale(*given)
+        found, _ = continuation.certified_circle(*given)
         lower = np.fmax(lower, found if found < upper else np.nan)
         if lower > (1 - tol) * upper:
             break

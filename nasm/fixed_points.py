@@ -93,4 +93,3 @@ def cubic_estimate(kappa1, kappa2):
     with np.errstate(divide="ignore", invalid="ignore"):
         square = numerator / denominator
         return np.sqrt(np.where(np.isfinite(square) & (square >= 0), square, np.nan))
-

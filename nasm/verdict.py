@@ -197,7 +197,7 @@ def _circle_under(kappa, boundary):
     omega, distance = boundary.omega, 1 - 1 / boundary.value
     if _NEAREST <= distance < _TOLERANCES[0]:
         scale, u = continuation.certified_circle(omega, kappa, boundary.value, distance)
-        if not scale > 1 - 1e-12:  # not certified here, only further in
+        if u is None or not scale > 1 - 1e-12:  # not certified here, only further in
             return None
         error = np.abs(circles.residual(omega, kappa, u)).max()
         return circles.InvariantCircle(omega, kappa, u, error, Status.OK)

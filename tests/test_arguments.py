@@ -55,7 +55,7 @@ GOOD = {
     circles.invariant_circle: {"omega": GAMMA, "kappa": KAPPA},
     circles.newton_step: {"omega": GAMMA, "kappa": KAPPA, "u": REST},
     continuation.critical_scale: {"omega": GAMMA, "profile": (1, 0)},
-    continuation.certified_scale: {
+    continuation.certified_circle: {
         "omega": GAMMA, "profile": (1, 0), "breakup": 0.4, "distance": 0.01
     },
     circles.symmetries.alternate: {"circle": circles.invariant_circle(GAMMA, (0.0, 0.0))},
@@ -150,8 +150,8 @@ BAD = [
     ((barriers.critical_scale,), "tol", ["1e-3", None], "tol={value} must be a number"),
     ((continuation.critical_scale,), "tol", [0.0, inf, nan], "tol={value} must be positive"),
     ((continuation.critical_scale,), "tol", ["a", None, True, 1e-4j], "must be a number"),
-    ((continuation.certified_scale,), "distance", [1e-7, 0.6, nan], "={value} must be from"),
-    ((continuation.certified_scale, fourier.grid), "omega", [parse("3/5")],
+    ((continuation.certified_circle,), "distance", [1e-7, 0.6, nan], "={value} must be from"),
+    ((continuation.certified_circle, fourier.grid), "omega", [parse("3/5")],
      "omega=[0;1,1,2] is rational; a circle needs"),
     (ORBITS, "n", [2.5, -1], WHOLE),
     ((orbits.orbit, orbits.passages), "every", [0, 1.5], WHOLE + " 1 to 1000000000"),

@@ -212,7 +212,9 @@ def test_three_kicks_and_kicks_that_turn_have_other_last_circles(profile, omega,
     assert found.error < 1e-6 * found.value
     # At 10⁻⁴ an earlier search said that no circle stands here, where this one is certified.
     distance = tol / 5
-    certified = continuation.certified_scale(parse(omega), np.array(profile), found.value, distance)
+    certified, _ = continuation.certified_circle(
+        parse(omega), np.array(profile), found.value, distance
+    )
     assert found.upper > certified > found.lower
     inside, outside = first_escapes(found, profile)
     assert inside == np.inf > outside
@@ -377,7 +379,7 @@ def test_a_bracket_much_wider_than_asked_for_is_told():
 
 def test_where_no_circle_is_certified_so_near_to_the_breakup_that_is_told(monkeypatch):
     monkeypatch.setattr(barriers, "_certified_at", lambda *_: False)
-    monkeypatch.setattr(continuation, "certified_scale", lambda omega, *more: 0.997 * more[1])
+    monkeypatch.setattr(continuation, "certified_circle", lambda _, *more: (0.997 * more[1], 0))
     found = critical_scale(ray(30), 1e-3)
     assert found.status is Status.WIDE
     assert found.lower == 0.997 * found.value < found.value < found.upper

@@ -158,7 +158,7 @@ def test_a_circle_is_certified_at_the_distance_asked_for(name, profile):
     omega = parse(name)
     breakup = periodic.critical_scale(omega, profile).value
     for distance in (0.5, 0.1, 1e-2, 1e-3):
-        scale = continuation.certified_scale(omega, profile, breakup, distance)
+        scale = continuation.certified_circle(omega, profile, breakup, distance)[0]
         assert scale == breakup * (1 - distance)
         if distance > 1e-3:
             kappa = scale * np.array(profile)
@@ -170,7 +170,7 @@ def test_a_circle_is_certified_at_the_distance_asked_for(name, profile):
 def test_nothing_is_certified_beyond_the_breakup(name, profile, too_high, distance):
     omega = parse(name)
     breakup = periodic.critical_scale(omega, profile).value
-    scale = continuation.certified_scale(omega, profile, breakup * (1 + too_high), distance)
+    scale = continuation.certified_circle(omega, profile, breakup * (1 + too_high), distance)[0]
     assert scale < breakup  # not NaN either: circles further in are met on the way
 
 
@@ -187,7 +187,7 @@ def test_fakes_just_beyond_the_breakup_are_met_and_rejected(case, monkeypatch):
         return met[-1][1]
 
     monkeypatch.setattr(circles.newton, "polished_is_circle", recording)
-    scale = continuation.certified_scale(omega, profile, breakup * (1 + 1e-4), 2e-5)
+    scale = continuation.certified_circle(omega, profile, breakup * (1 + 1e-4), 2e-5)[0]
     fakes = [answer for at, answer in met if at > breakup * (1 + 1e-6)]
     assert len(fakes) >= 2
     assert not any(fakes)
@@ -195,13 +195,13 @@ def test_fakes_just_beyond_the_breakup_are_met_and_rejected(case, monkeypatch):
 
 
 def test_without_a_breakup_nothing_is_certified():
-    assert np.isnan(continuation.certified_scale(GAMMA, (1, 0), np.nan, 1e-2))
-    assert np.isnan(continuation.certified_scale(GAMMA, (1, 0), 3.0, 1e-2))
+    assert np.isnan(continuation.certified_circle(GAMMA, (1, 0), np.nan, 1e-2)[0])
+    assert np.isnan(continuation.certified_circle(GAMMA, (1, 0), 3.0, 1e-2)[0])
 
 
 @pytest.mark.slow
 def test_a_circle_that_a_step_leaves_with_little_more_than_a_tenth_is_certified_by_one_more():
     profile, distance = ray(23.4375), 1.6e-5
     breakup = periodic.critical_scale("gamma", profile).value
-    found = continuation.certified_scale("gamma", profile, breakup, distance)
+    found = continuation.certified_circle("gamma", profile, breakup, distance)[0]
     assert found == breakup * (1 - distance)

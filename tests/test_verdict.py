@@ -111,7 +111,6 @@ def test_without_a_certified_circle_there_is_no_barrier(monkeypatch, kappa):
 
     monkeypatch.setattr(circles.newton, "invariant_circle", failing)
     monkeypatch.setattr(continuation, "certified_circle", lambda *_: (np.nan, None))
-    monkeypatch.setattr(continuation, "certified_scale", lambda *_: np.nan)
     monkeypatch.setattr(barriers, "_certified_at", lambda *_: False)  # which asks long for others
     found = verdict(kappa)
     assert (found.answer, found.evidence) == (Answer.UNDECIDED, Evidence.NONE)
@@ -119,8 +118,7 @@ def test_without_a_certified_circle_there_is_no_barrier(monkeypatch, kappa):
 
 @pytest.mark.usefixtures("briefly")
 def test_a_circle_further_out_is_a_barrier_on_an_assumption(monkeypatch):
-    monkeypatch.setattr(continuation, "certified_circle", lambda *_: (np.nan, None))
-    monkeypatch.setattr(continuation, "certified_scale", lambda omega, profile, value, *_: value)
+    monkeypatch.setattr(continuation, "certified_circle", lambda *given: (given[2], None))
     assert verdict((0.526, 0.69)).evidence is Evidence.CIRCLE_BEYOND
 
 

@@ -18,7 +18,7 @@ That the blow-up marks the breakup is Calleja & de la Llave's criterion (Nonline
 2029), which the paper uses (arXiv:1606.04824, Sec. VI).
 """
 
-from itertools import islice, pairwise
+from itertools import chain, islice, pairwise
 from math import ceil, exp, inf, log, nan, prod, sqrt
 
 import numpy as np
@@ -31,7 +31,7 @@ from nasm.maps import TWO_PI, direction, segment
 from nasm.numbers import checked, convergents
 from nasm.symmetries import CUSP_EXPONENT, distances_to_shorter, shorten
 
-__all__ = ["certified_circle", "certified_scale", "critical_scale", "fineness"]
+__all__ = ["certified_circle", "critical_scale", "fineness"]
 __dir__ = __all__.copy
 
 METHOD = "continuation of circles"
@@ -63,15 +63,11 @@ def critical_scale(omega, profile, tol=1e-6):
     3. Stop when `error` is below tol, or the modes are used up.
     4. Certify the last circle of at most 2048 points.
 
-    Parameters
-    ----------
     omega : RotationNumber or its text, irrational; e.g. "gamma".
     profile : sequence of P floats, not all zero; no symmetry is needed.
     tol : float, the error to aim at.
 
-    Returns
-    -------
-    CriticalScale. lower : the scale of the certified circle. upper : NaN.
+    Returns CriticalScale. lower : the scale of the certified circle. upper : NaN.
     error : 0.8 times the spread of the last estimates, or times the change made by the third scale
     if that is larger, plus the change made by the highest modes. It may exceed tol. Near a forcing
     of a shorter period, as on |κ1| = |κ2|, it contains the depth to which the boundary falls there,
@@ -107,20 +103,6 @@ def critical_scale(omega, profile, tol=1e-6):
     return CriticalScale(value, error, lower, nan, omega, Status.OK, METHOD)
 
 
-def certified_scale(omega, profile, breakup, distance, start=None):
-    """A scale at which the circle of ω is certified, near a breakup that is known.
-
-    Parameters
-    ----------
-    omega, profile, breakup, distance, start : as for `certified_circle`.
-
-    Returns
-    -------
-    scale : float, breakup·(1 - distance) or below; NaN if no circle is certified.
-    """
-    return certified_circle(omega, profile, breakup, distance, start)[0]
-
-
 def certified_circle(omega, profile, breakup, distance, start=None):
     """A circle of ω that is certified, near a breakup that is known.
 
@@ -129,19 +111,15 @@ def certified_circle(omega, profile, breakup, distance, start=None):
     2. The one at `distance` is certified on a finer grid, from 2.4 modes per distance if they are
        enough, or 4.2 or 6; else one a bit, or a step, further in.
 
-    Parameters
-    ----------
     omega : RotationNumber or its text, irrational; e.g. "gamma".
     profile : sequence of P floats.
     breakup : float, the scale of the breakup, e.g. by `periodic.critical_scale`.
     distance : float, 10⁻⁶ to 1/2.
     start : sequence of P floats, default 0: on κ = start + s·profile.
 
-    Returns
-    -------
-    scale : float, breakup·(1 - distance) or below; NaN if no circle is certified. The work grows
-    like 1/distance: 0.1 s at 10⁻⁴, 9 s and 1 GB at 10⁻⁵. There rounding sets a limit: next to a
-    cusp 3·10⁻⁵ may be the nearest.
+    Returns scale : float, breakup·(1 - distance) or below; NaN if no circle is certified. The work
+    grows like 1/distance: 0.1 s at 10⁻⁴, 9 s and 1 GB at 10⁻⁵. There rounding sets a limit: next to
+    a cusp 3·10⁻⁵ may be the nearest.
     u : ndarray (P, n), its deviations; None if no circle is certified.
     """
     start, profile = segment(start, profile)
@@ -162,13 +140,9 @@ def certified_circle(omega, profile, breakup, distance, start=None):
         path.append((breakup * (1 - d), u))
     # Fewer modes at first: nothing goes on from this circle, and they let less rounding in.
     tries = [(distance, part) for part in (0.4, 0.7, 1.0)] + [(min(1.4 * distance, 0.5), 0.7)]
-    for d, part in tries:
-        u = near(d, part * _MODES / d) if path else None
-        scale = breakup * (1 - d)
+    nearest = ((breakup * (1 - d), near(d, part * _MODES / d)) for d, part in tries if path)
+    for scale, u in chain(nearest, reversed(path[1:])):
         if u is not None and newton.polished_is_circle(omega, start + scale * profile, u):
-            return scale, u
-    for scale, u in reversed(path[1:]):
-        if newton.polished_is_circle(omega, start + scale * profile, u):
             return scale, u
     return nan, None
 

@@ -86,20 +86,16 @@ def invariant_circle(omega, kappa, n_max=4096, start=None):
     2. The number of modes doubles while the last of them carry more than 0.3% of the H³ norm.
     3. The certificate: Newton's method converges again on a grid four times finer, with h' > 0.
 
-    Parameters
-    ----------
     omega : RotationNumber or its text, irrational; e.g. "gamma".
     kappa : sequence of P floats, first kick first.
     n_max : int, the most grid points to use, 64 to 65536; the certificate uses 4 times as many.
     start : ndarray (P, n), deviations near the circle, n a power of 2 from 16; default as above.
 
-    Returns
-    -------
-    InvariantCircle, with a status that says why if it is not certified. A circle that exists may be
-    missed (too few modes, an unlucky start); `barriers.last_circle` finds the one next to a known
-    breakup, with 10⁵ modes and more. A certified circle exists to within floating-point arithmetic
-    and 4n points; this is not a proof, and resonances of ω beyond those modes, as of a rational ω
-    of large denominator, are not seen.
+    Returns InvariantCircle, with a status that says why if it is not certified. A circle that
+    exists may be missed (too few modes, an unlucky start); `barriers.last_circle` finds the one
+    next to a known breakup, with 10⁵ modes and more. A certified circle exists to within
+    floating-point arithmetic and 4n points; this is not a proof, and resonances of ω beyond those
+    modes, as of a rational ω of large denominator, are not seen.
     """
     omega, kappa = checked(omega), forcing(kappa)
     n_max = count("n_max", n_max, N_FIRST, N_LARGEST)
