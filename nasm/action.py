@@ -489,11 +489,6 @@ def relax(kappa, theta, u, kind, furthest, n_steps, work):
     return largest, curvature, left, logarithm, bad
 
 
-@njit(nogil=True)
-def _angle(numerator, n_sites, u):
-    return add(divided(float(numerator), float(n_sites)), u)
-
-
 @kernel
 def _refined_residue(kappa, numerators, u, work):
     """R of the orbit that floats have found: Newton's steps with forces in double-double, then the
@@ -505,7 +500,8 @@ def _refined_residue(kappa, numerators, u, work):
         for j in range(n):
             ahead, behind = j + 1 if j < n - 1 else 0, j - 1 if j else n - 1
             strength = kappa[j % period]
-            sine, cosine = sincos_2pi(_angle(numerators[j], n, (u[j], low[j])))
+            turns = divided(float(numerators[j]), float(n))
+            sine, cosine = sincos_2pi(add(turns, (u[j], low[j])))
             kick = multiply(multiply((strength, 0.0), INVERSE_TWO_PI), sine)
             left = add((u[ahead], low[ahead]), (u[behind], low[behind]))
             left = add(left, (-2 * u[j], -2 * low[j]))

@@ -91,7 +91,13 @@ def critical_scale(omega, profile, tol=1e-6):
         return no_answer(omega, Status.RATIONAL, METHOD)
     (short,), short_omega = shorten([profile], omega)
     path, value, error, status = _walk(short_omega, short, tol)
-    lower = _last_certified(short_omega, short, path)
+    certified = (
+        scale
+        for scale, u in reversed(path)
+        if u.shape[-1] <= N_CERTIFIED
+        and newton.certify(short_omega, scale * short, u)[1] is Status.OK
+    )
+    lower = next(certified, nan)
     if not error < value:  # which would say nothing
         status = Status.NOT_CONVERGED if status is Status.OK else status
         return CriticalScale(nan, nan, lower, nan, omega, status, METHOD)
@@ -165,11 +171,6 @@ def fineness(u, last=-1):
     return TWO_PI * np.sqrt(np.cumsum(third)[last] / np.cumsum(second)[last])
 
 
-def _fineness_by_parts(omega, u):
-    """M by 85% of the modes and by all: they differ where the last ones are not resolved."""
-    return fineness(u, (_PARTS * fourier.cut(omega, u.shape[-1])).astype(int))
-
-
 def _walk(omega, profile, tol):
     """Circles on the way to the breakup: the path, the last estimate of it, its error, a Status.
 
@@ -188,7 +189,8 @@ def _walk(omega, profile, tol):
         if status is not Status.OK:
             break
         path.append((at, u))
-        finest.append(_fineness_by_parts(omega, u))
+        # By 85% of the modes and by all: they differ where the last ones are not resolved.
+        finest.append(fineness(u, (_PARTS * fourier.cut(omega, u.shape[-1])).astype(int)))
         scales, log_m = np.array([scale for scale, _ in path[1:]]), np.log(finest).T[::-1]
         found, own_error = _estimate(omega, scales, log_m, growth, delta)
         if own_error == inf and value > at:  # the estimate before still stands
@@ -223,14 +225,6 @@ def _next_circle(omega, profile, path, step):
             break
         step /= 2
     return (target, u), status
-
-
-def _last_certified(omega, profile, path):
-    """The scale of the last circle that is certified, of those of at most N_CERTIFIED points."""
-    for scale, u in reversed([point for point in path if point[1].shape[-1] <= N_CERTIFIED]):
-        if newton.certify(omega, scale * profile, u)[1] is Status.OK:
-            return scale
-    return nan
 
 
 def _estimate(omega, scales, log_m, growth, delta):

@@ -113,7 +113,7 @@ def curve(kappa, n_max):
     of that site; None if on the transversals of all sites a start survives n_max steps.
     """
     strengths, n_steps, n_max = forcing(kappa), 32, count("n_max", n_max, 32, MAX_STEPS)
-    ordered = _ordered(kappa)
+    ordered = cache(lambda omega: ordered_orbits(strengths, *omega.as_integer_ratio()))
     while n_steps <= n_max:
         for site in _by_strength(strengths):
             _, kicks, corners = _longest_on_transversal(
@@ -192,7 +192,9 @@ def _longest_lived(kappa, n_kicks, sites):
     Of transversals on which no start survives and one lives long, the first is as good as any.
     The last site that was better is put first among `sites`.
     """
-    ordered, best = _ordered(kappa), None
+    # The transversals of all sites ask for the same orbits.
+    ordered = cache(lambda omega: ordered_orbits(kappa, *omega.as_integer_ratio()))
+    best = None
     for site in list(sites):
         (x, y), kicks, _ = _longest_on_transversal(kappa, site, ordered, n_kicks)
         if best is None or kicks < best.kicks:
@@ -262,11 +264,6 @@ def _first_orbits(kappa, minimax):
 def _place(omega, sites):
     """(x, y) of an orbit before site 0."""
     return sites[0], sites[0] - sites[-1] + omega.numerator
-
-
-def _ordered(kappa):
-    """`ordered_orbits` of ω, kept: the transversals of all sites ask for the same."""
-    return cache(lambda omega: ordered_orbits(kappa, omega.numerator, omega.denominator))
 
 
 def _minimax(ordered, period, site, omega, near):

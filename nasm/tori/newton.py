@@ -154,11 +154,10 @@ def critical_scale(omega, frequency, mean, amplitude, tol=1e-3):
             f"tol={tol} must be positive and finite; it is the error to aim at, e.g. tol=1e-3"
         )
     path, value, error, status = _walk(vector, profile, tol)
-    lower = nan
-    for scale, u in reversed(path[1:]):
-        if certify(*vector, *(scale * profile), u)[1] is Status.OK:
-            lower = scale
-            break
+    shown = (
+        s for s, u in reversed(path[1:]) if certify(*vector, *(s * profile), u)[1] is Status.OK
+    )
+    lower = next(shown, nan)
     if not error < value:  # which would say nothing
         status = Status.NOT_CONVERGED if status is Status.OK else status
         return CriticalScale(nan, nan, lower, nan, None, status, _METHOD)
