@@ -148,14 +148,15 @@ def _last(start, short, tol):
         omega, names, _ = (None, [], 0) if few else race.standing(scale)
         survives = omega is not None
         if survives:
-            race.enter_again(omega, scale)
+            race.enter([omega], scale)
         else:
             found = longest_lived(race.at(scale), n_steps)
             survives = found.kicks == np.inf
             if not survives:
                 race.eliminated.append(scale)
             names += candidates(race.at(scale), found, n_steps if survives else _AVERAGED)
-            race.enter(names, scale if survives else best.value)
+            new = (name for name in names if name not in race.seen)
+            race.enter(new, scale if survives else best.value)
             survives = scale not in race.eliminated  # it may have been known better
         if race.leader is not best:
             share = above
@@ -261,7 +262,7 @@ class _Race:
     def __init__(self, start, short, precision, upper):
         self.start, self.short, self.precision = start, short, precision
         self.eliminated = [upper]
-        self.leader, self.known, self.told, self._seen = None, [], set(), set()
+        self.leader, self.known, self.told, self.seen = None, [], set(), set()
         self.stands = cache(
             lambda omega, scale, *longest: circle_stands(omega, self.at(scale), *longest)
         )
@@ -278,20 +279,23 @@ class _Race:
 
     def blurred(self, scale):
         """Whether a cusp is so near that the orbits which are asked do not see it."""
-        return self.short.size > 2 and periodic.cusp_period(self.at(scale)) > _TOO_LONG
+        if not periodic.cusp_period(self.at(scale)) > _TOO_LONG:
+            return False
+        self.told.add(Status.NEAR_CUSP)
+        return True
 
     def enter(self, names, reached):
         """Let circles take the lead that stand at a scale and break later than the leader, but not
-        above a scale without circles. Next to a cusp that orbits do not see none does."""
-        if self.blurred(reached):
-            self.told.add(Status.NEAR_CUSP)
+        above a scale without circles. Next to a cusp that orbits do not see none does. A circle
+        that is known to break below may come back: with three kicks boundaries have sheets."""
+        if self.short.size > 2 and self.blurred(reached):
             return
         for omega in names:
             if self.leader:
                 reached = max(reached, self.leader.value)
-            if omega in self._seen or not self.stands(omega, reached):
+            if not self.stands(omega, reached):
                 continue
-            self._seen.add(omega)
+            self.seen.add(omega)
             scale = no_answer(omega, Status.UNDECIDED)
             if self.short.size <= 2:
                 scale = self.by_residues(omega)
@@ -302,24 +306,17 @@ class _Race:
                 self.known = sorted([*self.known, scale], key=lambda known: -known.value)
                 self.leader = _most_robust([scale], self.leader)
 
-    def enter_again(self, omega, reached):
-        """The same of a circle that may be known to break below: it comes back, as boundaries have
-        several sheets with three kicks or more."""
-        self._seen.discard(omega)
-        self.enter([omega], reached)
-
     def descend(self):
         """Enter the first circle that stands below what is known to be eliminated, and above the
         leader, in steps of what the periods that were asked can tell. First that is tried which
         the tree was longest to rule out: mostly it is the last one."""
         scale = self.upper
-        if self.blurred(scale):
-            self.told.add(Status.NEAR_CUSP)
+        if self.short.size > 2 and self.blurred(scale):
             return
         while True:
             omega, names, period = self.standing(scale)
             if omega:
-                self.enter_again(omega, scale)
+                self.enter([omega], scale)
                 return
             if scale == self.upper and self.short.size > 2:
                 omega = _nobles(self.at(scale), float(names[0]), _SIMPLER, 1)[0]
@@ -345,8 +342,7 @@ class _Race:
     def by_halving(self, omega, below):
         """The CriticalScale of a circle that stands below. A scale at which it stands too is none
         without circles: searches for survivors are samples, and residues know better."""
-        if periodic.cusp_period(self.at(below)) > _TOO_LONG:  # no orbit that is asked sees the cusp
-            self.told.add(Status.NEAR_CUSP)
+        if self.blurred(below):
             return no_answer(omega, Status.NEAR_CUSP)
         while self.stands(omega, self.upper, _LONGER_ORBITS):
             if len(self.eliminated) == 1:
