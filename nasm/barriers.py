@@ -106,9 +106,7 @@ def critical_scale(profile, tol=1e-4, start=None):
     or two, or start is of another length, or tol is out of range.
     """
     start, profile = segment(start, profile)
-    tol = real("tol", tol)
-    if not 1e-5 <= tol <= 0.1:
-        raise ValueError(f"tol={tol!r} must be from 1e-5 to 0.1")
+    tol = real("tol", tol, 1e-5, 0.1)
     # On κ1 = κ2 the barriers are noble for the standard map, not for two steps of it.
     (start, short), zero = shorten([start, profile], rational(0))
     found = _last(start, short, tol)

@@ -24,11 +24,13 @@ def count(name, value, low, high):
     return int(value)
 
 
-def real(name, value):
-    """`value` as a float; ValueError unless it is a number. Long doubles, which floats may round,
-    are refused. The caller checks the range."""
+def real(name, value, *ends):
+    """`value` as a float; ValueError unless it is a number, and between the two ends if they are
+    given. Long doubles, which floats may round, are refused."""
     if not isinstance(value, Real) or isinstance(value, bool | np.longdouble):
         raise ValueError(f"{name}={value!r} must be a number that a float holds")
+    if ends and not ends[0] <= value <= ends[1]:
+        raise ValueError(f"{name}={value!r} must be from {ends[0]} to {ends[1]}")
     return float(value)
 
 

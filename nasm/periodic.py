@@ -401,18 +401,15 @@ def cusp_period(kappa):
 
 
 def _limit(scales, period, ratio):
-    """Where crossings tend to, and the error of that.
-
-    ratio : that of the steps between crossings a period of the tail apart, as it is in the limit.
+    """Where crossings tend to, and the error; ratio : that of steps a period of the tail apart.
 
     The value is Aitken's, of the last crossings a period apart. Such values differ from the limit
     by what shrinks like |ratio|^(3/2) in a period. So the error is the largest difference of two
     consecutive ones, of a whole period and one more, each as small as it should have become by
     now: of fewer, two may agree by chance. As long as there are fewer, the value that follows from
-    the last step and the ratio of the limit is compared too.
-
-    Where Aitken's ratio is not near that of the limit, as with orbits that hardly see a cusp, or is
-    not known, that is the value, and the error no smaller than the last two steps.
+    the last step and the ratio is compared too. Where Aitken's ratio is not near that, as with
+    orbits that hardly see a cusp, or is not known, that is the value, and the error no smaller than
+    the last two steps.
     """
     ends = range(len(scales), 2 * period, -1)[: period + 2]
     extrapolated = [_aitken(*scales[end - 1 - 2 * period : end : period]) for end in ends]

@@ -86,11 +86,7 @@ def evolve(x, y, gamma, amplitude, n, phase=0.0, detuning=0.0):
             f"gamma={gamma!r} must be one weight, or one for each of the {x.size} particles, from "
             f"-{MAX_STRENGTH:g} to {MAX_STRENGTH:g}"
         )
-    amplitude = real("amplitude", amplitude)
-    if not MIN_AMPLITUDE <= amplitude <= MAX_STRENGTH:
-        raise ValueError(
-            f"amplitude={amplitude!r} must be from {MIN_AMPLITUDE:g} to {MAX_STRENGTH:g}"
-        )
+    amplitude = real("amplitude", amplitude, MIN_AMPLITUDE, MAX_STRENGTH)
     phase, detuning = real("phase", phase), real("detuning", detuning)
     if not np.isfinite([phase, detuning]).all():
         raise ValueError(f"phase={phase!r} and detuning={detuning!r} must be finite numbers")

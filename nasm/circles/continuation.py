@@ -23,7 +23,7 @@ from math import ceil, exp, inf, log, nan, prod, sqrt
 
 import numpy as np
 
-from nasm.checks import real
+from nasm.checks import positive, real
 from nasm.circles import fourier, newton
 from nasm.critical import CriticalScale, Status, no_answer
 from nasm.farey import circle_stands
@@ -81,11 +81,7 @@ def critical_scale(omega, profile, tol=1e-6):
     ValueError if profile is zero or tiny or tol not positive and finite.
     """
     profile = direction(profile)
-    tol = real("tol", tol)
-    if not 0 < tol < inf:
-        raise ValueError(
-            f"tol={tol} must be positive and finite; it is the error to aim at, e.g. tol=1e-6"
-        )
+    tol = positive("tol", tol, "the error to aim at, e.g. tol=1e-6")
     omega = checked(omega)
     if omega.is_rational:
         return no_answer(omega, Status.RATIONAL, METHOD)
@@ -129,8 +125,7 @@ def certified_circle(omega, profile, breakup, distance, start=None):
     u : ndarray (P, n), its deviations; None if no circle is certified.
     """
     start, profile = segment(start, profile)
-    if not 1e-6 <= distance <= 0.5:
-        raise ValueError(f"distance={distance!r} must be from 1e-6 to 0.5, a part of the breakup")
+    distance = real("distance", distance, 1e-6, 0.5)
     distances = np.geomspace(0.5, distance, 1 + max(1, ceil(log(2 * distance) / log(0.3))))
     path = _begun(omega, start)
 

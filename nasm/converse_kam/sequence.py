@@ -80,9 +80,7 @@ def escape_time(kappa, theta, x, y, window):
     lo, hi = (real("window", end) for end in window)
     if not lo < hi:
         raise ValueError(f"window={window!r} must be (lo, hi) with lo < hi")
-    times = np.empty(x.size)
-    _escape_times(kappa, theta, x.ravel(), y.ravel(), lo, hi, times)
-    return times.reshape(x.shape)
+    return _escape_times(kappa, theta, x.ravel(), y.ravel(), lo, hi).reshape(x.shape)
 
 
 def elimination_time(kappa, theta, site, x, y):
@@ -97,8 +95,7 @@ def elimination_time(kappa, theta, site, x, y):
     kappa, theta = sequence(kappa, theta)
     x, y = points(x, y)
     site = count("site", site, 0, kappa.size - 1)
-    times = np.empty(x.size)
-    _elimination_times(kappa, theta, site, x.ravel(), y.ravel(), False, times)
+    times = _elimination_times(kappa, theta, site, x.ravel(), y.ravel(), False)
     return times.reshape(x.shape)
 
 
@@ -124,9 +121,7 @@ def longest_lived(kappa, theta, site, effort=1):
     x = theta[site] + (0.5 if kappa[site] > 0 else 0.0)
 
     def lifetimes(half):  # the search knows y from 0 to 1/2
-        times = np.zeros(half.size)
-        _elimination_times(kappa, theta, site, np.full(half.size, x), 2 * half, True, times)
-        return times
+        return _elimination_times(kappa, theta, site, np.full(half.size, x), 2 * half, True)
 
     grids = [(effort * starts, offset) for starts, offset in _GRIDS]
     # No orbit recurs: starts that the shear of a map would not part have unlike lives, so go on.
@@ -183,9 +178,7 @@ def critical_scale(profile, tol=1e-3):
 
     ValueError if profile is shorter, zero or tiny, or tol is out of range.
     """
-    profile, tol = direction(profile), real("tol", tol)
-    if not 1e-6 <= tol <= 0.1:
-        raise ValueError(f"tol={tol!r} must be from 1e-6 to 0.1")
+    profile, tol = direction(profile), real("tol", tol, 1e-6, 0.1)
     if profile.size < 2 * _MIDDLE:
         raise ValueError(f"profile has {profile.size} kicks; it must have {2 * _MIDDLE} or more")
     reach = profile.size // 8
@@ -252,21 +245,25 @@ def sequence(kappa, theta):
 
 
 @kernel
-def _escape_times(kappa, theta, x, y, lo, hi, times):
+def _escape_times(kappa, theta, x, y, lo, hi):
+    times = np.empty(x.size)
     for i in range(x.size):
         xt, yt, n = x[i], y[i], 0
         while n < kappa.size and lo <= yt <= hi:
             xt, yt = kick(kappa[n], xt, yt, theta[n])
             n += 1
         times[i] = np.inf if lo <= yt <= hi else n
+    return times
 
 
 @kernel
-def _elimination_times(kappa, theta, site, x, y, one_is_enough, times):
+def _elimination_times(kappa, theta, site, x, y, one_is_enough):
+    times = np.zeros(x.size)
     for i in range(x.size):
         times[i] = _elimination_time(kappa, theta, site, x[i], y[i])
         if one_is_enough and np.isinf(times[i]):
-            return
+            break
+    return times
 
 
 @njit(nogil=True)

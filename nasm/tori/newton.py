@@ -40,7 +40,7 @@ from numba import njit
 from nasm.arithmetic.kernels import kernel
 from nasm.arithmetic.roots import root
 from nasm.arithmetic.sine import cos2pi, sin2pi
-from nasm.checks import count, real
+from nasm.checks import count, positive, real
 from nasm.critical import CriticalScale, Status
 from nasm.maps import TWO_PI, direction, forcing
 from nasm.numbers import RotationNumber
@@ -148,11 +148,7 @@ def critical_scale(omega, frequency, mean, amplitude, tol=1e-3):
     ValueError if the direction is zero or tiny, an argument is not finite or tol not positive.
     """
     vector, profile = _vector(omega, frequency), direction((mean, amplitude))
-    tol = real("tol", tol)
-    if not 0 < tol < inf:
-        raise ValueError(
-            f"tol={tol} must be positive and finite; it is the error to aim at, e.g. tol=1e-3"
-        )
+    tol = positive("tol", tol, "the error to aim at, e.g. tol=1e-3")
     path, value, error, status = _walk(vector, profile, tol)
     shown = (
         s for s, u in reversed(path[1:]) if certify(*vector, *(s * profile), u)[1] is Status.OK
