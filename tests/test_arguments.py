@@ -72,7 +72,6 @@ GOOD = {
     symmetry_line.elimination_time: {"kappa": KAPPA, "y": 0.1, "n_max": 10},
     symmetry_line.longest_lived: {"kappa": KAPPA, "n_max": 10},
     symmetry_line.critical_scale: {"profile": (1, 0), "n_max": 100},
-    transversal.elimination_time: {"kappa": KAPPA, "site": 0, "x": 0.5, "y": 0.1, "n_kicks": 10},
     transversal.longest_lived: {"kappa": (1.2, 1.0), "n_max": 10},
     transversal.located: {"profile": (1, 0, 0), "n_max": 30},
     sequence.escape_time: {
@@ -101,7 +100,6 @@ TORI = tori.invariant_torus, tori.critical_scale
 ESCAPES = escape.escape_time, escape.first_escape
 RAYS = periodic.critical_scale, escape.critical_scale, symmetry_line.critical_scale
 RAYS += transversal.located, barriers.critical_scale, continuation.critical_scale
-ELIMINATIONS = symmetry_line.elimination_time, transversal.elimination_time
 LINES = symmetry_line.elimination_time, symmetry_line.longest_lived
 CELLS = (proofs.transport_cells.prove_cell,)
 PROOFS = *CELLS, proofs.barrier.prove, proofs.transport.prove
@@ -118,7 +116,7 @@ ODD_CIRCLE = circles.invariant_circle(GAMMA, (0.0,))  # of one kick
 # Functions, the argument, bad values of it, and what the message says, where … is anything.
 BAD = [
     ((maps.forcing, maps.step, *ORBITS, escape.escape_time), "kappa", [[[0.3]]], "shape (1, 1)"),
-    ((maps.forcing, escape.escape_time, *ELIMINATIONS),
+    ((maps.forcing, escape.escape_time, symmetry_line.elimination_time),
      "kappa", [[], ()], "{value} has shape (0,)"),
     ((maps.forcing, maps.step), "kappa", [[[0.3, 0.5]]], "has shape (1, 2)"),
     ((maps.forcing, escape.escape_time, symmetry_line.elimination_time, symmetry_line.longest_lived,
@@ -159,8 +157,9 @@ BAD = [
     ((orbits.rotation_number,), "n", [3], WHOLE + " 4 to 1000000000"),
     ((orbits.portrait,), "n_orbits", [0], WHOLE + " 1"),
     ((orbits.orbit,), "y", [np.zeros(3)], "do not broadcast"),
-    ((*ORBITS, *ESCAPES, transversal.elimination_time), "x", [nan], "x is not finite"),
-    ((*ORBITS, escape.escape_time, ELIMINATIONS[0]), "y", [[0.0, inf]], "y is not finite"),
+    ((*ORBITS, *ESCAPES), "x", [nan], "x is not finite"),
+    ((*ORBITS, escape.escape_time, symmetry_line.elimination_time), "y", [[0.0, inf]],
+     "y is not finite"),
     ((symmetries.alternate,), "kappa", [[0.3], [0.3, 0, 0.2]], "every 1th site alone"),
     ((symmetries.alternate,), "spacing", [2], "does not kick every 2th site alone"),
     ((symmetries.shorten,), "omega", [0.618], "omega=0.618 is not a RotationNumber"),
@@ -203,8 +202,6 @@ BAD = [
     (LINES, "kappa", [(0.1, 0.2, 0.3)], "no dominant symmetry line"),
     (LINES, "n_max", [0, 2.5], WHOLE + " 1 to 1000000000"),
     ((symmetry_line.critical_scale,), "n_max", [99], WHOLE + " 100 to 1000000000"),
-    ((transversal.elimination_time,), "site", [2], WHOLE + " 0 to 1"),
-    ((transversal.elimination_time,), "n_kicks", [0, 1.5], WHOLE + " 1"),
     ((transversal.longest_lived,), "n_max", [0, 1.5], WHOLE + " 1"),
     ((transversal.located,), "n_max", [29], WHOLE + " 30"),
     ((sequence.escape_time, sequence.longest_lived), "theta", [(0.1,), nan, [0.1, inf]],

@@ -46,11 +46,11 @@ from nasm.action import LostError, ordered_orbits
 from nasm.arithmetic.kernels import kernel
 from nasm.arithmetic.lanes import FEW, load_state, minimum, own_frame, store_state
 from nasm.arithmetic.sine import SINE, cos2pi
-from nasm.checks import count, points
+from nasm.checks import count
 from nasm.converse_kam.symmetry_line import Survivor, longest_found, tangent_kick
 from nasm.maps import MAX_PERIOD, forcing, kick, segment
 
-__all__ = ["curve", "elimination_time", "located", "longest_lived"]
+__all__ = ["curve", "located", "longest_lived"]
 __dir__ = __all__.copy
 
 MAX_STEPS = 10**6
@@ -66,23 +66,6 @@ _LONGEST = 4  # times √n_max: period of the minimax orbits up to which pieces 
 _SHORT = 100  # kicks: of shorter lives the shortest is sought, on the transversals of all sites
 _NARROW = 0.2  # over the steps: bracket, in parts of the scale, to which it is narrowed
 _AHEAD, _FARTHEST = 0.1, 40  # change of the largest strength in a step from a start, and steps
-
-
-def elimination_time(kappa, site, x, y, n_kicks):
-    """When each start (x, y) before the kick of `site` is eliminated.
-
-    kappa : sequence of P floats, the forcing, first kick first; site : int, 0 to P - 1.
-    x, y : arrays of one shape.
-    n_kicks : int, kicks in either direction.
-
-    Returns ndarray of float64: the kicks in either direction that it takes; inf for a start that
-    survives n_kicks. A finite time shows that no rotational circle passes through the start.
-    """
-    strengths = forcing(kappa)
-    strengths = np.roll(strengths, -count("site", site, 0, strengths.size - 1))
-    x, y = points(x, y)
-    n_kicks = count("n_kicks", n_kicks, 1, MAX_STEPS)
-    return _elimination_times(strengths, x.ravel(), y.ravel(), n_kicks, False).reshape(x.shape)
 
 
 def longest_lived(kappa, n_max):
