@@ -120,7 +120,7 @@ def critical_scale(profile, tol=1e-4, start=None):
 def _last(start, short, tol):
     """The CriticalScale of the last circle, omega per period of `short`."""
     above = tol / 5  # and the rest below, where it costs more
-    upper, outermost, beyond = _located(start, short)
+    upper, names = _located(start, short)
     if not 0 < upper < np.inf:
         status = Status.NO_BREAKUP if upper else Status.OUTSIDE
         return no_answer(None, status, "converse KAM")
@@ -128,7 +128,7 @@ def _last(start, short, tol):
     # With one kick or two boundaries have one sheet, and survivors are next to the last circle.
     few = short.size <= 2
     if few:
-        race.enter(candidates(race.at(beyond), outermost), _OUTSET * upper)
+        race.enter(names, _OUTSET * upper)
     if race.leader is None:
         race.descend()
     # Of lives: from a start the forcing changes less than the scale.
@@ -239,15 +239,16 @@ def _is_certified(omega, kappa):
 
 
 def _located(start, profile):
-    """A scale without circles, and the start that lives longest at a scale, there or just above."""
+    """A scale without circles, and nobles near ω of the start that lives longest there, or just
+    above."""
     if not start.any() and has_dominant_line(profile):
         located = symmetry_line.critical_scale(profile, _LOCATE)
         if located.status is Status.OK:
-            beyond = located.value * (1 + _BEYOND / _LOCATE)
+            beyond = located.value * (1 + _BEYOND / _LOCATE) * profile
             # Lives end there at 1.2 to 1.5 steps: any larger number than 2 finds the same start.
-            return located.upper, longest_lived(beyond * profile, 2 * _LOCATE), beyond
-    upper, outermost = transversal.located(profile, _LOCATE_ANYWHERE, start)
-    return upper, outermost, upper
+            return located.upper, candidates(beyond, longest_lived(beyond, 2 * _LOCATE))
+    upper, found = transversal.located(profile, _LOCATE_ANYWHERE, start)
+    return upper, candidates(start + upper * profile, found) if found else []
 
 
 class _Race:
