@@ -158,10 +158,12 @@ def _last(start, short, tol):
             survives = scale not in race.eliminated  # it may have been known better
         if race.leader is not best:
             share = above
-        elif survives:  # what survives has no name
-            share *= 2
-        else:
+            continue
+        if survives and omega is None:  # and has no name: its life may only be long
+            survives = n_steps == n_certify and not race.eliminates(scale, 16 * n_certify)
+        if not survives:
             break
+        share *= 2
     race.refine()
     return _bracketed(race, tol)
 
@@ -177,10 +179,15 @@ def _bracketed(race, tol):
         lower = np.fmax(lower, found if found < upper else np.nan)
         if lower > (1 - tol) * upper:
             break
+    enough = (1 - tol) * upper
+    stood = [(scale, omega) for scale, omega in race.stood if enough < scale < upper]
+    for scale, omega in sorted(stood, key=lambda seen: -seen[0])[:_CERTIFIED]:
+        if not lower >= enough and _is_certified(omega, race.at(scale)):
+            lower = scale
     end = best.value if best else upper
     nearest = min((1 - 0.95 * tol) * upper, end * (1 - 0.4 * tol))
     for scale in nearest, *(end * (1 - 0.8 * tol * np.array(_BELOW))):
-        if lower >= min(scale, (1 - tol) * upper) or scale <= 0:
+        if lower >= min(scale, enough) or scale <= 0:
             break
         if scale > nearest:
             continue
@@ -255,21 +262,30 @@ class _Race:
     """Circles on a segment, by the scales at which residues say that they break.
 
     eliminated : list of float, scales at which no start was found to survive. stands : function of
-    a circle and a scale.
+    a circle and a scale. stood : list of the scales and the circles of which it said yes.
     """
 
     def __init__(self, start, short, precision, upper):
         self.start, self.short, self.precision = start, short, precision
         self.eliminated = [upper]
         self.leader, self.known, self.told, self.seen = None, [], set(), set()
-        self.stands = cache(
-            lambda omega, scale, *longest: circle_stands(omega, self.at(scale), *longest)
-        )
+        self.stands, self.stood = cache(self._stands), []
         self.standing = cache(lambda scale: standing(self.at(scale)))
+
+    def _stands(self, omega, scale, *longest):
+        if stands := circle_stands(omega, self.at(scale), *longest):
+            self.stood.append((scale, omega))
+        return stands
 
     def at(self, scale):
         """The forcing there."""
         return self.start + scale * self.short
+
+    def eliminates(self, scale, n_max):
+        """Whether no start survives n_max steps there: then it is a scale without circles."""
+        if found := eliminates(self.at(scale), n_max):
+            self.eliminated.append(scale)
+        return found
 
     @property
     def upper(self):
