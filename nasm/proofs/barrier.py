@@ -47,7 +47,7 @@ KEPT = 0.38  # modes of u, in parts of the grid
 _STEPS = 6  # of Newton's method in balls, of which 0 to 3 are needed
 _LARGEST = 2**22  # points of a grid
 _SECONDS = 1e-5  # of computing, for a point and kick on a fast machine
-_ROUNDED = 41  # e^-41 is 10^-18, the rounding of long doubles
+_ROUNDED = 46  # e^-46 is 10^-20, a bit of long doubles near 0.1
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ __all__ = ["distance", "proved_cells", "triangles"]
 __dir__ = __all__.copy
 
 OPEN, TRANSPORT = 1, 2  # states of a cell
+_TOO_NEAR = 0.0025  # times 1 s: nearer to the boundary, in parts of it, no cell was proved
 
 
 def distance(rays, kappa1, kappa2):
@@ -42,7 +43,7 @@ def triangles(angles, scales, circles, sagitta):
         for end in range(first + 2, len(angles)):
             a, b = corners[first], corners[end] - corners[first]
             side = _cross(a, b) / _cross(points[first : end + 1], b)  # scales of the far side
-            if len({*circles[first : end + 1]}) > 1 or (
+            if len({*circles[first:end]}) > 1 or (
                 1 - (scales[first : end + 1] / side).min() > sagitta
             ):
                 break
@@ -79,8 +80,8 @@ def proved_cells(low, size, depth, rays, seconds, failed=None):
     near = distance(rays, *corners)
     if (near > 0).all():
         return states, proofs
-    nearest = near.max()
-    if nearest < 0 and not any(size >= smaller and nearest >= at for smaller, at in failed):
+    nearest, limit = near.max(), -_TOO_NEAR / max(seconds, 0.5)
+    if nearest < limit and not any(size >= smaller and nearest >= at for smaller, at in failed):
         proof = transport_cells.prove_cell(centre, size / 2, seconds / (2 if depth else 1))
         if proof.proved:
             return np.full_like(states, TRANSPORT), [proof]

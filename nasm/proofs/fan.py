@@ -55,6 +55,7 @@ except ImportError:  # the extra `proof`
 _NARROWEST = 0.9  # an interval ends at this part of the way to the breakup from its start, at most
 _WIDEST = 0.5  # and at least
 _EPSILON, _POWER = 3e-19, 6.3  # ε that is small enough at 1% of the breakup; it falls so with it
+_ROUNDED = 1e-15  # ε above which circles in long doubles are exact enough
 _FINER = 1.1  # as many points as for one forcing
 _FEWEST, MOST = 8, 64  # points in s, and in t
 _TRIED = 24  # points across the far end of a fan, to choose how many there are
@@ -159,7 +160,7 @@ def _proved_between(low, high, value, about):
     unit = floor(log2(epsilon / (1000 * n)))
     with ctx.workprec(128 if n < 2**18 else 160):
         fan = _Fan(omega, profile, tilt, low, high, n, Q, R)
-        modes = fan.circles(starts)
+        modes = fan.circles(starts, epsilon)
         if modes is None:
             return BarrierProof(False, "not proved: Newton's method diverges", **about)
         moves = fan.moves(modes, unit)
@@ -216,17 +217,19 @@ class _Fan:
             )
         self.odd, self.turn = grid.odd, turns(omega, grid.sites, n // 2 + 1)
 
-    def circles(self, starts):
-        """Modes of circles at the points, exact balls, a step of Newton's from values on grids;
-        None if there are none."""
+    def circles(self, starts, epsilon=0.0):
+        """Modes of circles at the points, exact balls, from values on grids, a step of Newton's
+        from long doubles where epsilon is near their rounding; None if there are none."""
         found = []
         for grid, start in zip(self.grids, starts, strict=True):
             modes = polished(grid.kappa, grid.n, self.turn, start)
             if not np.isfinite(modes).all():
                 return None
             modes = as_balls(modes, self.odd)
-            found.append(stepped(grid, self.turn, modes, residual(grid, modes)))
-            if found[-1] is None:
+            if epsilon < _ROUNDED:
+                modes = stepped(grid, self.turn, modes, residual(grid, modes))
+            found.append(modes)
+            if modes is None:
                 return None
         return found
 
