@@ -745,8 +745,7 @@ def _rounded(balls, unit):
 def grid_size(start):
     """Points for the circle's rate of decay: enough on nearly all of the rays that were tried."""
     rate = decay(np.abs(np.fft.rfft(start)).max(axis=0), 1e-6)
-    half = max(5.5, min(-2.05 * log(rate), 10 - 0.7 * log(rate))) / rate
-    return fast_size(max(64, 2 * ceil(half)))
+    return fast_size(max(64, 2 * ceil(max(5.5, -2.05 * log(rate)) / rate)))
 
 
 def fast_size(n):

@@ -225,6 +225,7 @@ class _Fan:
             modes = polished(grid.kappa, grid.n, self.turn, start)
             if not np.isfinite(modes).all():
                 return None
+            modes[0, 0] = 0  # the same phase at all points, beyond rounding
             modes = as_balls(modes, self.odd)
             if epsilon < _ROUNDED:
                 modes = stepped(grid, self.turn, modes, residual(grid, modes))
