@@ -59,7 +59,7 @@ _LOCATE_ANYWHERE = 100  # and on transversals
 _WIDE = 2  # times tol: a bracket that a caller must be told of
 _BEYOND = 0.5  # over the steps: where, past the breakup, the longest-lived start is asked for its ω
 _STEP = 0.5  # over the longest period that was asked: the next scale below one without circles,
-_LARGEST_STEP = 0.01  # but no further away
+_LARGEST_STEP = 0.03  # but no further away
 _ASKED = 24  # scales at which circles are looked for above the leader
 _ROUGH = 0.01  # of the value: a bracket above it that is wider says that the last circle is unknown
 _NEAR = 2e-5  # of the measured rotation number; neighbours that robust are further apart
@@ -152,8 +152,8 @@ def _last(start, short, tol):
             survives = found.kicks == np.inf
             if not survives:
                 race.eliminated.append(scale)
-            names += candidates(race.at(scale), found, n_steps if survives else _AVERAGED)
-            new = (name for name in names if name not in race.seen)
+            near = candidates(race.at(scale), found, n_steps if survives else _AVERAGED)
+            new = (name for name in [*names, *near] if name not in race.seen)
             race.enter(new, scale if survives else best.value)
             survives = scale not in race.eliminated  # it may have been known better
         if race.leader is not best:
@@ -184,6 +184,9 @@ def _bracketed(race, tol):
     for scale, omega in sorted(stood, key=lambda seen: -seen[0])[:_CERTIFIED]:
         if not lower >= enough and _is_certified(omega, race.at(scale)):
             lower = scale
+            if best and scale > best.value:
+                known = {"omega": omega, "value": (scale + upper) / 2}
+                best = replace(best, error=(upper - scale) / 2, **known)
     end = best.value if best else upper
     nearest = min((1 - 0.95 * tol) * upper, end * (1 - 0.4 * tol))
     for scale in nearest, *(end * (1 - 0.8 * tol * np.array(_BELOW))):

@@ -40,6 +40,7 @@ residues were at most 1.1 and products 0.26 from period 10 on; before it one pro
 _FALLEN, _LONG = 0.05, 100  # residues that small, of periods that long: ask the circle itself
 _MOST = 3000  # mediants
 _TELLING, _TOO_LONG = 60, 3000  # periods of the convergents whose residues tell if a circle stands
+_LONGER = 4  # times that: up to it residues that have not fallen to 0.1 must fall with each q
 _GAMMA = parse("gamma")
 
 
@@ -103,14 +104,17 @@ def circle_stands(omega, kappa, longest=_TOO_LONG):
     circle exists. Of one or two orbits they may pass through 0 where it does not, so three are
     asked. False where the orbits are lost, as they are far beyond its breakup.
 
-    omega : RotationNumber or its text, irrational. kappa : P floats. longest : int, their period.
+    omega : RotationNumber or its text, irrational. kappa : P floats. longest : int, their period,
+    up to which the residues fall below 0.1, or from which on they fall with each q.
     """
     kappa, omega = forcing(kappa), checked(omega)
     fractions = list(islice(convergents(omega), len(omega.prefix) + 30))
-    fractions = [f for f in fractions if f.denominator < longest]
+    fractions = [f for f in fractions if f.denominator < _LONGER * longest]
     first = max(len(omega.prefix) - 1, sum(f.denominator < _TELLING for f in fractions))
     ladder, residues = Ladder(kappa, 0 * kappa, fractions), [nan]
     for n in range(first, len(fractions)):
+        if fractions[n].denominator >= longest and not _fall(residues):
+            return False
         try:
             residues.append(ladder.at(n, 0.0, -1).residue)
         except LostError:
@@ -120,6 +124,10 @@ def circle_stands(omega, kappa, longest=_TOO_LONG):
             return False
         if max(residues[-3:]) < 0.1:
             return True
+    return _fall(residues)
+
+
+def _fall(residues):
     return len(residues) > 3 and residues[-1] < min(residues[-3:-1])
 
 

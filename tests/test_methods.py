@@ -108,17 +108,18 @@ def test_copies_of_a_forcing_have_one_answer(name, profile, size):
     omega = parse(name)
     expected = periodic.critical_scale(omega, profile, 3000)
     methods = {
-        partial(periodic.critical_scale, q_max=3000): (1.0, 1e-5),
-        partial(continuation.critical_scale, tol=1e-3): (1.0, 1e-2),
-        flux.flux: (size or 1.2 * expected.value, 1e-2),
+        partial(periodic.critical_scale, q_max=3000): (1.0, 1e-5, 1e-12),
+        partial(continuation.critical_scale, tol=1e-3): (1.0, 1e-2, 1e-2),
+        flux.flux: (size or 1.2 * expected.value, 1e-2, 1e-2),
     }
-    for method, (size, precision) in methods.items():
+    for method, (size, precision, apart) in methods.items():
         here = method(omega, size * profile)
         assert here.status is Status.OK
         for image, carried in images(size * profile, omega):
             there = method(carried, image)
             assert (there.status, there.omega) == (Status.OK, carried)
             assert agree(here, there)
+            assert there.value == pytest.approx(here.value, rel=apart)
             assert there.error < precision * there.value
     unlike = profile * [*[1] * (profile.size - 1), -1]
     unlike = periodic.critical_scale(omega, unlike, 3000)
