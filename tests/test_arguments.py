@@ -266,7 +266,7 @@ def functions_of(argument):
 # A torus has a pair of numbers; no_answer passes on what it gets.
 WITH_OMEGA = functions_of("omega") - {periodic.torus_scale, critical.no_answer}
 _barrier = proofs.barrier
-WITH_OMEGA -= {_barrier.concluded, _barrier.inequalities, _barrier.turns}  # checked before
+WITH_OMEGA -= {_barrier.inequalities, _barrier.turns}  # checked before
 WITH_OMEGA = {f for f in WITH_OMEGA if f.__module__ != "nasm.tori.newton"}
 OTHERS = dict.fromkeys(("kappa", "profile", "short", "start"), np.array(KAPPA))
 OTHERS |= {"u": REST, "zero": numbers.rational(0), "breakup": 1.7, "distance": 0.1, "q_max": 100}
