@@ -65,6 +65,7 @@ _ROUGH = 0.01  # of the value: a bracket above it that is wider says that the la
 _NEAR = 2e-5  # of the measured rotation number; neighbours that robust are further apart
 _AVERAGED = 1000  # steps
 _CANDIDATES = 3
+_LONGEST = 128_000  # steps: beyond it rounding eliminates circles too
 _TOO_LONG = 3000  # period of the orbits whose residues tell if a circle stands
 _LONGER_ORBITS = 10_000  # the same where a search has found no survivor
 _HALVED = 1e-4  # of the scale: between what is said to stand and what is not
@@ -133,7 +134,8 @@ def _last(start, short, tol):
         race.descend()
     # Of lives: from a start the forcing changes less than the scale.
     part = upper * np.abs(short).max() / np.abs(race.at(upper)).max()
-    n_certify = int(1.6 / above / min(max(part, 0.1), 1))
+    n_certify = min(int(1.6 / above / min(max(part, 0.1), 1)), transversal.MAX_STEPS)
+    n_longer = min(16 * n_certify, transversal.MAX_STEPS)
     share = above
     for _ in range(_ASKED if race.leader else 0):
         best = race.leader
@@ -142,7 +144,7 @@ def _last(start, short, tol):
             if few or share > above:
                 break
             # The nearer to a circle, the longer a start lives.
-            scale, n_steps = (best.value + race.upper) / 2, 16 * n_certify
+            scale, n_steps = (best.value + race.upper) / 2, n_longer
         omega, names, _ = (None, [], 0) if few else race.standing(scale)
         survives = omega is not None
         if survives:
@@ -160,7 +162,8 @@ def _last(start, short, tol):
             share = above
             continue
         if survives and omega is None:  # and has no name: its life may only be long
-            survives = n_steps == n_certify and not race.eliminates(scale, 16 * n_certify)
+            longer = n_steps == n_certify and n_longer <= _LONGEST
+            survives = n_steps == n_certify and not (longer and race.eliminates(scale, n_longer))
         if not survives:
             break
         share *= 2
@@ -170,7 +173,10 @@ def _last(start, short, tol):
 
 def _bracketed(race, tol):
     """The CriticalScale of the leader, with what is shown of it, or of those that follow it."""
-    best, upper, lower = race.leader, race.upper, np.nan
+    best, lower = race.leader, np.nan
+    # Residues know better than a search that has missed what survives.
+    above = (scale for scale in race.eliminated if best is None or scale > best.value)
+    upper = min(above, default=race.upper)
     for contender in race.known[:2]:
         beyond = (upper - contender.value) / contender.value
         below = 0.8 * tol if beyond < 0.201 * tol else max(0.999 * (tol - beyond), 0.5 * tol)
