@@ -161,9 +161,9 @@ def _last(start, short, tol):
         if race.leader is not best:
             share = above
             continue
-        if survives and omega is None:  # and has no name: its life may only be long
-            longer = n_steps == n_certify and n_longer <= _LONGEST
-            survives = n_steps == n_certify and not (longer and race.eliminates(scale, n_longer))
+        # What survives has no name: its life may only be long.
+        if survives and omega is None and n_steps < n_longer <= _LONGEST:
+            survives = not race.eliminates(scale, n_longer)
         if not survives:
             break
         share *= 2
@@ -191,8 +191,8 @@ def _bracketed(race, tol):
         if not lower >= enough and _is_certified(omega, race.at(scale)):
             lower = scale
             if best and scale > best.value:
-                known = {"omega": omega, "value": (scale + upper) / 2}
-                best = replace(best, error=(upper - scale) / 2, **known)
+                value, error = (scale + upper) / 2, (upper - scale) / 2
+                best = replace(best, omega=omega, value=value, error=error)
     end = best.value if best else upper
     nearest = min((1 - 0.95 * tol) * upper, end * (1 - 0.4 * tol))
     for scale in nearest, *(end * (1 - 0.8 * tol * np.array(_BELOW))):
