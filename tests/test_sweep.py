@@ -278,13 +278,17 @@ def during(out, act):
     return thread
 
 
-def test_workers_are_deaf_to_ctrl_c_and_without_any_a_sweep_waits_for_others_or_gives_up(
+def test_workers_are_deaf_to_ctrl_c_from_birth_and_without_any_a_sweep_waits_for_others_or_gives_up(
     client, tmp_path, monkeypatch
 ):
     """The last one that needs the worker: it is sent away."""
     here, elsewhere = tmp_path / "here", tmp_path / "elsewhere"
     plan, told, processes = toy.cube(seconds=0.1), [], client().cluster
-    worker = client().submit(os.getpid, pure=False).result(timeout=60)
+    (nanny,), worker = processes.workers.values(), client().submit(os.getpid).result(timeout=60)
+    os.kill(worker, signal.SIGKILL)
+    toy.wait_until(lambda: nanny.pid not in (worker, None))  # another one begins to import
+    os.kill(worker := nanny.pid, signal.SIGINT)
+    assert client().submit(os.getpid, pure=False).result(timeout=60) == worker
     os.kill(worker, signal.SIGINT)
     assert client().submit(os.getpid, pure=False).result(timeout=60) == worker
     monkeypatch.setattr(submit, "print", lambda words, file: told.append(words), raising=False)

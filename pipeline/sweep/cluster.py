@@ -7,8 +7,10 @@ import json
 import logging
 import re
 import resource
+import signal
 from contextlib import ExitStack, contextmanager, suppress
 from functools import cache
+from multiprocessing import resource_tracker
 from pathlib import Path
 
 import dask
@@ -33,8 +35,6 @@ _LOCAL = {
     "distributed.scheduler.http.routes": [],
     "distributed.worker.http.routes": [],
     "distributed.worker.preload": [
-        # A Ctrl-C in the terminal reaches all its processes, and is for the driver.
-        "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)",
         # Before the worker starts the threads that it counts for.
         "from nasm.arithmetic.memory import keep_freed_memory; keep_freed_memory()",
     ],
@@ -86,11 +86,17 @@ def _local(n_workers):
     if 0 <= soft < files:
         with suppress(OSError, ValueError):  # fewer may do
             resource.setrlimit(resource.RLIMIT_NOFILE, (files, hard))
+    # A Ctrl-C in the terminal reaches all its processes, and is for the driver. Workers, also those
+    # that are started again, inherit the mask of the thread that dask starts here, at their birth.
+    resource_tracker.ensure_running()  # it would unblock the signal as it starts with a worker
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         started = LocalCluster(**how)
     except RuntimeError:
         words = "a worker process on this machine ended while it was being started; run again"
         raise ConnectionError(words) from None
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
     with (
         _closing(started) as cluster,
         _closing(Client(cluster, set_as_default=False)) as client,
