@@ -76,7 +76,7 @@ rays of 2 to 4 kicks and 88 next to the diagonal it was 0.68 or more, and 1.01 o
 
 # (starts, place of the start in its cell) of two grids that have no start in common.
 _GRIDS = ((2048, 0.5), (1597, 0.382))
-_KEPT, _CHILDREN, _SHRINK = 32, 8, 0.15
+_KEPT, _FEW, _CHILDREN, _SHRINK = 32, 8, 8, 0.15
 
 _STRIDE = 2 + 5**0.5  # (1/γ)³
 _MOST_SCALES = 100  # 10 are usual
@@ -274,7 +274,8 @@ def beam_search(lifetimes, starts, offset, kept=_KEPT, apart=0.01):
 
     lifetimes : function, vector of y → their lifetimes in kicks, inf for a survivor. starts, offset
     : a grid, the number of its starts and the place of each in its cell. kept : as for
-    `longest_lived`. apart : the search ends when cells are smaller than this over T².
+    `longest_lived`; no more than 8 when cells are smaller than 100·apart over T², the longest life.
+    apart : the search ends when they are smaller than this over T².
     """
     cell = 0.5 / starts
     y = (np.arange(starts) + offset) * cell
@@ -286,10 +287,12 @@ def beam_search(lifetimes, starts, offset, kept=_KEPT, apart=0.01):
         if times[longest] > best_time:
             best_y, best_time = float(y[longest]), float(times[longest])
         # The map shears: starts a cell apart are T cells apart after T kicks. They live equally
-        # long if that is less than 1/T, the distance of neighbours on an orbit of T kicks.
+        # long, nearly, if that is less than 1/T, the distance of neighbours on an orbit of T kicks:
+        # then a few parents are enough.
         if np.isinf(best_time) or cell * best_time**2 < apart or cell < np.spacing(0.5):
             return best_y, best_time
-        parents = y[np.argsort(-times, kind="stable")[:kept]]
+        few = cell * best_time**2 < 100 * apart
+        parents = y[np.argsort(-times, kind="stable")[: min(kept, _FEW) if few else kept]]
         cell *= _SHRINK
         y = (parents[:, None] + cell * brood).ravel()
 
