@@ -247,8 +247,8 @@ def of_another_program(place, zarr_format=3):
 
 def of_an_earlier_format(place):
     fill(place, toy.cube())
-    for key in ("toy.zarr/zarr.json", f"toy.zarr/{COMMIT}/zarr.json"):
-        put(place, key, get(place, key).replace(b"store_format", b"other_format"))
+    key = "toy.zarr/zarr.json"
+    put(place, key, get(place, key).replace(b"store_format", b"other_format"))
     assert np.array_equal(store.read(place, "toy").wave, toy.serial(toy.cube())["wave"])
 
 
@@ -274,11 +274,6 @@ def test_a_group_of_another_program_or_version_is_refused_and_left_alone(on_disk
     assert damaged == ((), state.damage)
     assert ("earlier version" if told == "earlier version" else "another program's") in state.damage
     assert contents(on_disk) == before
-
-
-def test_more_tiles_than_the_store_can_count_are_refused(on_disk):
-    with pytest.raises(store.Refused, match="choose larger tiles"):
-        store.check(on_disk, toy.cube(rows=5000, columns=5000, tile=1), US)
 
 
 def flipped(data, i):
@@ -318,27 +313,22 @@ def test_a_plain_xarray_refuses_a_damaged_chunk(on_disk, cut):
         store.read(on_disk, "toy").wave.load()
 
 
-LOST = [None, b"", b"{", b"[]", b'{"zarr_format": 3}']
-METADATA = "wave/zarr.json", "row/zarr.json", "row/c/0"  # those below decide more
-CHANGED = {"depth": (b'depth": 3', b'depth": 4'), "author": (b"mathematics 1", b"mathematics 3")}
-CHANGED["map"] = b"has the period", b"had the period"
-BOTH = "zarr.json", f"{COMMIT}/zarr.json"
-CASES = [(key, lost) for key in BOTH for lost in [*LOST, *CHANGED]]
-CASES += zip(METADATA, LOST, strict=False)
+NEEDED = [("zarr.json", lost) for lost in (None, b"", b"{", b"[]")]
+NEEDED += [("row/c/0", None), ("row/c/0", b"1234567890123456")]
+OTHERS = [(key, lost) for key in ("wave/zarr.json", f"{COMMIT}/zarr.json") for lost in (None, b"{")]
 
 
-@pytest.mark.parametrize("case", thirds(CASES))
+@pytest.mark.parametrize("case", thirds(NEEDED + OTHERS))
 def test_lost_metadata_are_found_cost_no_tile_and_let_no_other_settings_in(on_disk, case):
     plan, (key, lost) = toy.cube(tile=5, depth=3), case
-    key = f"toy.zarr/{key}"
     fill(on_disk, plan)
-    before = get(on_disk, key)
-    put(on_disk, key, before.replace(*CHANGED[lost]) if lost in CHANGED else lost)
-    assert [index for index, _ in store.verify(on_disk, "toy")] == [()]
-    with pytest.raises(store.Refused, match=r"depth is \d, not 5"):
+    put(on_disk, f"toy.zarr/{key}", lost)
+    found = [index for index, _ in store.verify(on_disk, "toy")]
+    assert found == ([()] if case in NEEDED else [])  # readers need no other
+    with pytest.raises(store.Refused, match=r"depth is 3, not 5|its metadata are lost"):
         store.create(on_disk, toy.cube(tile=5, depth=5), US)
     assert fill(on_disk, plan) == 0
-    assert get(on_disk, key) == before
+    assert get(on_disk, f"toy.zarr/{key}") not in (lost, b"")
     toy.assert_complete(on_disk, plan)
 
 
@@ -425,8 +415,7 @@ def test_a_cube_that_is_replaced_is_the_new_one_and_leaves_others_alone(place):
     assert store.names(place) == ["squares", "toy"]
 
 
-WHOLE = [("zarr.json", b""), ("zarr.json", "map"), ("square/zarr.json", b"{")]
-WHOLE += [("square/c/0", b"1234567890123456"), ("x/c/0", None)]
+WHOLE = ("zarr.json", b""), ("square/c/0", b"1234567890123456"), ("x/c/0", None)
 
 
 @pytest.mark.parametrize("case", thirds([*WHOLE, *range(5)]))
@@ -440,8 +429,7 @@ def test_a_cube_written_whole_that_is_damaged_or_was_cut_off_is_written_anew(
         with pytest.raises(store.StoreFailed):
             store.read(on_disk, "squares")
     else:
-        key, lost = f"squares.zarr/{case[0]}", case[1]
-        put(on_disk, key, get(on_disk, key).replace(*CHANGED["map"]) if lost == "map" else lost)
+        put(on_disk, f"squares.zarr/{case[0]}", case[1])
     assert {index for index, _ in store.verify(on_disk, "squares")} == {()}
     store.replace(on_disk, squares(1), US)
     assert np.array_equal(store.read(on_disk, "squares").square, np.arange(5.0) ** 2)

@@ -1,17 +1,13 @@
 """Metadata of cubes: a function of the cube and of who computes it, written before any tile.
 
-What decides a cube's numbers is written twice, as attributes of the group and with its records, so
-that either zarr.json can be lost and written again. Whoever puts the group's zarr.json first has
-made the cube; any other driver must agree with it.
+Whoever puts the group's zarr.json first has made the cube; any other driver must agree with it. If
+it is lost, the checksums in the records of tiles tell whose they are.
 """
 
 import dataclasses
 import json
-import re
 import warnings
 from contextlib import suppress
-from math import prod
-from zlib import crc32
 
 import dask.array
 import numpy as np
@@ -24,9 +20,6 @@ from pipeline.store.place import Refused, explained
 from pipeline.store.provenance import provenance
 from pipeline.store.tiles import COMMIT, DAMAGED, ENTRIES, ENTRY, FORMAT, missing
 
-MAX_TILES = 2**24
-_SEAL = "crc32"  # attribute of a cube, of all its files but those of tiles
-_SEALS = re.compile(rb'"crc32": "\w{8}"')  # wherever these files tell it
 _CHUNK = 1024  # along each dim, of cubes that are written whole
 
 
@@ -45,9 +38,6 @@ def check(place, cube, computed_by):
 
     Writes nothing. Returns the attributes of the cube that is there, {} if there is none.
     """
-    if (n := prod(tile_counts(cube))) > MAX_TILES:
-        most = f"{n} tiles, more than {MAX_TILES}"
-        raise Refused(f"{cube.name} would have {most}; choose larger tiles, or fewer cells")
     found = _check_settings(place, cube)
     if not found:
         _left_over(place, cube, computed_by)
@@ -93,50 +83,25 @@ def replace(place, cube, computed_by):
 def sees(place, name, config_hash):
     """Whether this process finds that cube in the place. A worker asks it before each batch."""
     tiles.forget()  # the cube may have been deleted and made anew
-    return _attributes(place, _key(name)).get("config_hash") == config_hash
-
-
-def is_as_written(place, name, arrays):
-    """Whether all files but those of tiles, `arrays` being in no tile, have their checksum."""
-    root = json.loads(place.read(_key(name)))
-    keys = [_key(name), *(_key(name, key) for key in root["consolidated_metadata"]["metadata"])]
-    for array in arrays:
-        blocks = np.ndindex(array.cdata_shape)
-        keys += [f"{array.path}/{array.metadata.encode_chunk_key(block)}" for block in blocks]
-    return root["attributes"].get(_SEAL) == _seal({key: place.read(key) for key in keys})
-
-
-def _seal(files):
-    """The CRC-32 of {key: bytes}, without the one that these tell."""
-    found = 0
-    for key in sorted(files):
-        found = crc32(_SEALS.sub(b"", files[key]), crc32(key.encode(), found))
-    return f"{found:08x}"
+    return _attributes(place, name).get("config_hash") == config_hash
 
 
 def _check_settings(place, cube):
     """The attributes of the cube that is there, {} if there is none; Refused if it differs."""
-    both = _key(cube.name), _key(cube.name, COMMIT)
-    found = [attributes for key in both if (attributes := _attributes(place, key))]
-    decisive = {"config_hash": cube.config_hash, "store_format": FORMAT}.items()
-    ours = [attributes for attributes in found if decisive <= attributes.items()]
-    if ours[1:] and ours[0] != ours[1]:  # one was changed, and has not its checksum
-        root = json.loads(_files(cube, ours[0])[_key(cube.name)])
-        return ours[not ours[0].items() <= root["attributes"].items()]
-    if ours:
-        return ours[0]
+    found = _attributes(place, cube.name)
+    if {"config_hash": cube.config_hash, "store_format": FORMAT}.items() <= found.items():
+        return found
     if not found:
         for file in ("zarr.json", ".zgroup", ".zarray"):  # by another program, in zarr 3 or 2
             with suppress(ValueError, RecursionError):
                 if json.loads(place.read(f"{cube.name}.zarr/{file}")):
                     raise _not_ours(place, cube.name)
         return {}
-    theirs = found[0]
-    tiles.refuse_earlier(place, cube.name, theirs)
+    tiles.refuse_earlier(place, cube.name, found)
     differences = [
-        f"{key} is {_brief(theirs.get(key))}, not {_brief(value)}"
+        f"{key} is {_brief(found.get(key))}, not {_brief(value)}"
         for key, value in cube.attributes.items()
-        if theirs.get(key) != value
+        if found.get(key) != value
     ]
     raise Refused(
         f"{place.cube(cube.name)} was computed with other settings: "
@@ -151,11 +116,10 @@ def _brief(setting):
     return setting
 
 
-def _attributes(place, key):
-    """What decides the cube's numbers, as a zarr.json of it tells; {} if that is damaged."""
+def _attributes(place, name):
+    """The attributes of the cube, {} if it is not there, is damaged, or is another program's."""
     with suppress(*DAMAGED):
-        found = json.loads(place.read(key))["attributes"]
-        found = found.get("cube", found)
+        found = json.loads(place.read(_key(name)))["attributes"]
         found.pop("coordinates", None)  # xarray's own word
         return found if isinstance(found["config_hash"], str) else {}
     return {}
@@ -185,9 +149,8 @@ def _not_ours(place, name):
     return Refused(f"{place.cube(name)} {words} another --out or --store")
 
 
-def _key(name, array=""):
-    """Key of the metadata of the cube, or of one of its arrays or groups."""
-    return f"{name}.zarr/{array}/zarr.json".replace("//", "/")
+def _key(name):
+    return f"{name}.zarr/zarr.json"
 
 
 def _differing(place, files):
@@ -202,8 +165,8 @@ def tile_counts(cube):
 def _files(cube, computed):
     """{key: bytes} of the cube before any tile is there, or with all values, compressed, if its
     template has them; `computed` tells by whom."""
-    ours = {"config_hash": cube.config_hash, "store_format": FORMAT, _SEAL: 8 * "0"}
-    identity = {**cube.template.attrs, **computed, **cube.attributes, **ours}
+    ours = {"config_hash": cube.config_hash, "store_format": FORMAT}
+    identity = {**computed, **cube.template.attrs, **cube.attributes, **ours}
     # NumPy's type of text has no standard in zarr 3.
     variables = cube.template.variables
     texts = {k: v.astype(object) for k, v in variables.items() if v.dtype.kind == "U"}
@@ -230,9 +193,7 @@ def _files(cube, computed):
         # Zarr 3 has no standard for consolidated metadata yet; without them readers are warned.
         warnings.filterwarnings("ignore", message="Consolidated metadata")
         tree.to_zarr(MemoryStore(files), encoding=encoding, compute=not cube.computed, **how)
-    files = {f"{cube.name}.zarr/{key}": buffer.to_bytes() for key, buffer in files.items()}
-    seal = b'"crc32": "%b"' % _seal(files).encode()
-    return {key: _SEALS.sub(seal, data) for key, data in files.items()}
+    return {f"{cube.name}.zarr/{key}": buffer.to_bytes() for key, buffer in files.items()}
 
 
 def _encoding(dtype, chunks, *codecs):

@@ -181,19 +181,29 @@ def _stands(place, name):
             raise StoreFailed(f"{place.cube(name)} {words}") from None
 
 
+def chunk(place, key, array, block):
+    """Read a chunk of the array `key`; ValueError, which says what is wrong with it."""
+    path = f"{array.path}/{array.metadata.encode_chunk_key(block)}"
+    with explained(place):
+        try:
+            place.objects().head(path)  # else zarr reads fill values
+            return array.get_block_selection(block)
+        except FileNotFoundError:
+            raise ValueError(f"a chunk of {key} is gone") from None
+        except ValueError:
+            raise ValueError(f"{key} does not match its checksum") from None
+
+
 def damage(place, arrays, index):
     """Read the tile's chunks of these arrays; return what is wrong with them, "" if nothing is."""
-    tile, values = tile_at(arrays, index), {}
-    with explained(place):
-        for key, array in arrays.items():
-            try:
-                place.objects().head(chunk_key(array, tile))  # else zarr reads fill values
-                values[key] = array.get_block_selection(chunk_of(array, tile))
-            except FileNotFoundError:
-                return f"a chunk of {key} is gone"
-            except ValueError:
-                return f"{key} does not match its checksum"
-    if COMMIT in values and values.pop(COMMIT).flat[1] != _checksum(arrays, tile, values):
+    tile = tile_at(arrays, index)
+    try:
+        values = {
+            key: chunk(place, key, each, chunk_of(each, tile)) for key, each in arrays.items()
+        }
+    except ValueError as error:
+        return str(error)
+    if values.pop(COMMIT).flat[1] != _checksum(arrays, tile, values):
         return "its data are not those that were committed"
     return ""
 

@@ -10,7 +10,6 @@ from functools import partial
 import numpy as np
 
 from pipeline.store import tiles
-from pipeline.store.metadata import is_as_written
 from pipeline.store.place import Refused
 from pipeline.store.tiles import COMMIT, chunk_key
 
@@ -27,12 +26,12 @@ def verify(place, name, repair=False):
     tiles.forget()
     try:
         arrays = tiles.arrays_of(place, name)
-    except Refused as refused:
-        yield (), str(refused)
-        return
-    tiled = tiles.tiled_arrays(arrays) if COMMIT in arrays else {}
-    if not is_as_written(place, name, [arrays[key] for key in arrays.keys() - tiled.keys()]):
-        yield (), "its metadata or coordinates are not those that were written"
+        tiled = tiles.tiled_arrays(arrays) if COMMIT in arrays else {}
+        for key in arrays.keys() - tiled.keys():
+            for block in np.ndindex(arrays[key].cdata_shape):
+                tiles.chunk(place, key, arrays[key], block)
+    except (Refused, ValueError) as what:
+        yield (), str(what)
         return
     if not tiled:
         return
