@@ -85,17 +85,6 @@ def test_a_tile_of_another_shape_or_an_odd_exception_fails_alone(here, tmp_path,
     assert reasons(tmp_path) == outcome.failed
 
 
-@pytest.mark.parametrize("cost", ["a second", np.ones(2), None, np.nan, -1.0, np.inf])
-def test_an_invalid_cost_falls_back_to_a_default(here, tmp_path, cost):
-    place, log = store.place_of(tmp_path), io.StringIO()
-    job = toy.job(tile=10, predict=lambda *_: cost)
-    with store.driving(place), Progress("toy", log) as progress:
-        sweep(here, place, job, progress)
-    toy.assert_complete(tmp_path, job.cube)
-    assert "2/2 tiles" in log.getvalue()
-    assert "nan" not in log.getvalue()
-
-
 @pytest.mark.parametrize("attempts", thirds([1, 2]))
 def test_a_tile_that_kills_its_workers_fails_alone_and_they_are_started_again(
     client, tmp_path, monkeypatch, attempts

@@ -24,7 +24,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache, partial
 from itertools import chain
-from math import inf, prod
+from math import prod
 from traceback import format_exception_only
 
 import cloudpickle
@@ -39,9 +39,6 @@ from pipeline.sweep.submit import ended
 _BATCH = 0.5  # seconds of predicted CPU time in a batch: long against 2 ms of scheduling,
 _SCHEDULING = 0.005  # and for each worker: the driver then schedules for less than half its time
 _COMMIT = 0.003  # CPU seconds to commit a tile, however cheap
-_PROBE_TILES = 256, 4096  # whose costs are predicted together, at least and at most
-_PROBES = 8  # for each worker: each costs the driver a hundredth of a second, whatever is in it
-_UNKNOWN_COST = 1.0  # CPU seconds, where the probe failed
 _SIGHT = 2  # seconds that a file system of several machines may take to show a file
 _ATTEMPTS_ALONE = 2  # worker deaths that condemn a tile: one may be somebody else's doing
 
@@ -106,19 +103,9 @@ class _Run:
     def __init__(self, client, place, job, tiles):
         self.client, self.place, self.job, self.tiles = client, place, job, tiles
         self.committed, self.failed, self.unfit = 0, {}, set()
-        self.costs = self.predicted()
-
-    def predicted(self):
-        """Return the predicted CPU seconds of each tile, probed on the workers."""
-        n, cube = len(self.tiles), self.job.cube
-        probes = _PROBES * max(1, len(self.client.nthreads()))
-        costs, many = np.full(n, _UNKNOWN_COST), int(np.clip(n // probes, *_PROBE_TILES))
-        batches = iter(np.split(np.arange(n), range(many, n, many)))
-        work = partial(_predict_batch, self.job.predict, cube.settings)
-        for batch, seconds in self.ended(work, partial(next, batches, None)):
-            if isinstance(seconds, list):
-                costs[batch] = seconds
-        return costs
+        parts = tile_coords(job.cube, tiles)
+        costs = (job.predict(coords, job.cube.settings) for _, coords in parts)
+        self.costs = np.fromiter(costs, float, len(tiles))
 
     def compute(self, batches, interrupt, progress):
         """Run the batches; return the tiles whose worker died."""
@@ -126,11 +113,24 @@ class _Run:
         of_cube = self.place, cube.name, cube.config_hash, cube.settings
         functions = cloudpickle.dumps(self.job.warm_up), self.job.compute
         work = partial(_compute_batch, *of_cube, store.computed_by(), *functions)
+        work = cloudpickle.dumps(work)
 
-        def next_batch():
-            return None if interrupt.is_set() else next(batches, None)
+        def run(work, parcel):  # a nested function is sent whole: the package may be missing there
+            try:
+                work = pickle.loads(work)
+            except Exception as error:
+                return get_worker().address, f"cannot run this package ({error})"
+            return work(parcel)
 
-        for batch, result in self.ended(work, next_batch):
+        def next_call():
+            batch = None if interrupt.is_set() else next(batches, None)
+            if batch is None:
+                return None
+            # As bytes: dask would send each array alone.
+            tiles = list(tile_coords(cube, self.tiles[batch]))
+            return batch, run, work, pickle.dumps(tiles, protocol=5)
+
+        for batch, result in filter(None, ended(self.client, next_call)):
             if isinstance(result, KilledWorker):
                 suspects += batch.tolist()
             elif isinstance(result, store.Refused):  # the driver had accepted the cube
@@ -163,26 +163,6 @@ class _Run:
                 "an --out that they share, or an object store and its environment"
             )
         self.client.retire_workers([address])
-
-    def ended(self, work, next_batch):
-        """Have workers do `work` with batches until next_batch() is None; as `submit.ended`."""
-
-        def run(work, parcel):  # a nested function is sent whole: the package may be missing there
-            try:
-                work = pickle.loads(work)
-            except Exception as error:
-                return get_worker().address, f"cannot run this package ({error})"
-            return work(parcel)
-
-        def next_call():
-            if (batch := next_batch()) is None:
-                return None
-            # As bytes: dask would send each array alone.
-            tiles = list(tile_coords(self.job.cube, self.tiles[batch]))
-            return batch, run, work, pickle.dumps(tiles, protocol=5)
-
-        work = cloudpickle.dumps(work)
-        return filter(None, ended(self.client, next_call))
 
 
 def _compute_batch(place, name, config_hash, settings, computed_by, warm_up, compute, parcel):
@@ -225,11 +205,6 @@ def _complaint(place, name, config_hash, computed_by):
             return f"does not see {place} as the driver does"
         time.sleep(0.1)
     return ""
-
-
-def _predict_batch(predict, settings, parcel):
-    costs = [float(predict(coords, settings)) for _, coords in pickle.loads(parcel)]
-    return [cost if 0 <= cost < inf else _UNKNOWN_COST for cost in costs]
 
 
 def _pack(costs, n_workers):
