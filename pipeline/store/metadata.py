@@ -97,7 +97,6 @@ def _check_settings(place, cube):
                 if json.loads(place.read(f"{cube.name}.zarr/{file}")):
                     raise _not_ours(place, cube.name)
         return {}
-    tiles.refuse_earlier(place, cube.name, found)
     differences = [
         f"{key} is {_brief(found.get(key))}, not {_brief(value)}"
         for key, value in cube.attributes.items()
@@ -105,7 +104,7 @@ def _check_settings(place, cube):
     ]
     raise Refused(
         f"{place.cube(cube.name)} was computed with other settings: "
-        f"{'; '.join(differences) or 'its coordinates, tiles or variables differ'}. "
+        f"{'; '.join(differences) or 'its coordinates, tiles, variables or format differ'}. "
         "Repeat the old settings to resume it, or choose another --out or --store"
     )
 

@@ -34,12 +34,11 @@ def arrays_of(place, name):
     """{name: zarr array} of the cube, kept open; Refused if its metadata are lost or not ours."""
     with suppress(*DAMAGED):
         root = json.loads(place.read(f"{name}.zarr/zarr.json"))
-        if "config_hash" in root["attributes"]:
-            refuse_earlier(place, name, root["attributes"])
+        if root["attributes"]["store_format"] == FORMAT:
             return opened(place, name, root)
     raise Refused(
-        f"the metadata of {place.cube(name)} are damaged, or another program's; run the workflow "
-        "that computed it again, to have them written anew"
+        f"the metadata of {place.cube(name)} are damaged, or another program's, or in an earlier "
+        "format; run the workflow that computed it again, to have them written anew or refused"
     )
 
 
@@ -55,13 +54,6 @@ def opened(place, name, root):
             # A tile of fill values must be stored like any other.
             arrays[key] = Array(AsyncArray(metadata, path, {"write_empty_chunks": True}))
     return arrays
-
-
-def refuse_earlier(place, name, attributes):
-    """Refuse a cube, of these attributes, that an earlier version has written in its own format."""
-    if attributes.get("store_format") != FORMAT:
-        words = "was written by an earlier version of this program, in another format. xarray reads"
-        raise Refused(f"{place.cube(name)} {words} it as before; choose another --out or --store")
 
 
 def dims_of(array):
