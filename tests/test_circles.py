@@ -11,7 +11,7 @@ from oracles import KAPPA_G
 from nasm import circles, orbits
 from nasm.circles import fourier, parameterization
 from nasm.critical import Status
-from nasm.maps import step, step_tangent
+from nasm.maps import step
 from nasm.numbers import NAMES, RotationNumber, moebius, parse
 
 GAMMA = parse("gamma")
@@ -52,28 +52,6 @@ def test_the_two_newton_methods_find_the_same_circle(name, kappa):
         assert errors[-1] < 3e-14
         results.append(u)
     np.testing.assert_allclose(*results, atol=2e-12)
-
-
-def test_the_frame_reduces_the_tangent_to_a_shear():
-    # Eq. (45); S with the J⁻¹ that the paper's formula lacks, and without.
-    kappa, turn = (0.4, 0.2), fourier.turns(GAMMA, 257)
-    u, _ = newton_errors(circles.newton_step, GAMMA, kappa, np.zeros((2, 512)), 10)
-    circle = circles.InvariantCircle(GAMMA, np.array(kappa), u, 0.0, Status.OK)
-    x, y = circles.graph(circle)
-    tangent = fourier.derivative(np.stack([u[0], y]))
-    tangent[0] += 1
-    frame = parameterization.symplectic_frame(tangent)
-    after = parameterization.symplectic_frame(fourier.rotate(tangent, turn))
-    np.testing.assert_allclose(np.linalg.det(frame.T), 1, atol=1e-13)
-    map_tangent = step_tangent(kappa, x, y)
-    s = parameterization.twist(map_tangent, frame, after)
-    shear = np.array([[np.ones(512), s], [np.zeros(512), np.ones(512)]])
-    left = np.einsum("abn,bcn->acn", map_tangent, frame)
-    right = np.einsum("abn,bcn->acn", after, shear)
-    np.testing.assert_allclose(left, right, atol=1e-11)
-    literal = np.einsum("an,abn,bn->n", after[:, 0], map_tangent, tangent)
-    literal /= np.sum(after[:, 0] ** 2, axis=0) * np.sum(tangent**2, axis=0)
-    assert np.abs(literal - s).max() > 0.1
 
 
 @pytest.mark.parametrize("newton_step", [circles.newton_step, parameterization.newton_step])

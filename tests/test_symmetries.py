@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose
 from nasm import symmetries
 from nasm.maps import kick, unkick
 from nasm.numbers import convergents, parse, rational
-from nasm.orbits import orbit, rotation_number
+from nasm.orbits import orbit
 
 strengths = st.floats(-2, 2)
 coordinates = st.floats(-1, 1)
@@ -29,12 +29,6 @@ SHORT = 4e-15 * 4**7
 # A robust circle, and its rotation number to better than 1e-10.
 KAPPA, X, Y, N = (0.3, 0.2), 0.1, 0.31, 10_000
 CIRCLE = 1e-10
-
-
-def omega(kappa, x, y):
-    value, digits = rotation_number(kappa, x, y, N)
-    assert digits > 9
-    return float(value)
 
 
 # By name: the image, the strengths that it must have, its orbit from that of (x, y) on, and how far
@@ -78,39 +72,6 @@ def test_alternation_of_kicks_with_idle_ones_between(spacing, first, kicks, data
     moved = xs + (np.arange(8) - (first if kappa.any() else 0)) / (2 * spacing)
     found = orbit(alternated, x, y, 7, 1)
     assert_allclose(found, (moved, ys + 1 / (2 * spacing)), rtol=0, atol=SHORT)
-
-
-@given(kappa=planes, x=coordinates, y=coordinates, n=st.integers(1, 3))
-def test_swapping_kicks_as_the_paper_writes_it(kappa, x, y, n):
-    kappa1, kappa2 = kappa
-    xs, ys = orbit(kappa, *kick(kappa2, x, y), n)
-    conjugated = unkick(kappa2, xs[-1], ys[-1])
-    swapped_x, swapped_y = orbit((kappa2, kappa1), x, y, n)
-    # unkick adds an eighth kick's worth of error.
-    assert_allclose(conjugated, (swapped_x[-1], swapped_y[-1]), rtol=0, atol=4 * SHORT)
-
-
-def test_rotation_numbers_follow_the_symmetries():
-    w = omega(KAPPA, X, Y)
-    expected = [
-        ((KAPPA, -X, -Y), -w),
-        ((KAPPA, X + 2, Y + 3), w + 2 * 3),
-        (symmetries.negate(KAPPA, X, Y), w),
-        (symmetries.alternate(KAPPA, X, Y), w + 1),
-        (symmetries.shift(KAPPA, X, Y), w),
-        ((KAPPA, 1 - X, 1 - Y), 2 - w),  # Eq. (27)
-    ]
-    for image, w_image in expected:
-        assert omega(*image) == pytest.approx(w_image, abs=CIRCLE)
-
-
-def test_rotation_number_of_the_swapped_map_needs_the_inverse_kick_in_ome5():
-    kappa1, kappa2 = KAPPA
-    w, swapped = omega(KAPPA, X, Y), (kappa2, kappa1)
-    assert omega(swapped, *unkick(kappa2, X, Y)) == pytest.approx(w, abs=CIRCLE)
-    assert omega(swapped, *kick(kappa1, X, Y)) == pytest.approx(w, abs=CIRCLE)
-    as_printed = omega(swapped, *kick(kappa2, X, Y))
-    assert abs(as_printed - w) > 1e-4
 
 
 @pytest.mark.parametrize(
