@@ -1,4 +1,4 @@
-"""Sweeps of many tiles, and fields larger than the memory.
+"""Sweeps of many tiles.
 
 As a program, `python test_large.py OUT TILES [joined]`, it sweeps tiles that cost nothing, and
 prints what it did, and what the driver needed for it, with dask's scheduler in the same process.
@@ -12,19 +12,14 @@ import sys
 import time
 from pathlib import Path
 
-import dask.array
-import numpy as np
 import pytest
 import toy
-import xarray as xr
 
 from pipeline import store
 from pipeline.sweep import grid
 from pipeline.sweep.cluster import connect
 from pipeline.sweep.progress import Progress
 from pipeline.sweep.sweep import sweep
-
-CUBES = Path(__file__).parents[1] / "workflows" / "examples" / "cubes.ipynb"
 
 
 def main(out, n_tiles, *joined):
@@ -82,56 +77,6 @@ def test_a_million_tiles_are_a_few_thousand_files_and_take_a_minute(tmp_path):
     assert done["seconds"] < 10
     assert done["bytes"] < 300e6
     assert (store.read(store.place_of(tmp_path / "out"), "line").level == 1).all()
-
-
-def written_field(out, cells):
-    """Write a field of made-up escape times, cells × cells and four ensembles, block by block.
-
-    Returns how many cells of the last ensemble have each escape time.
-    """
-    axis = (np.arange(cells) + 0.5) / cells
-    last = np.ceil(5 / (1e-3 + np.add.outer(axis, axis) ** 3))
-    counts = np.bincount(np.minimum(last, 1001).astype(int).ravel(), minlength=1002)
-    last[last > 1000] = np.inf
-    last = dask.array.from_array(last, chunks=64)
-    times = dask.array.stack([8 * last] * 3 + [last]).rechunk((4, 64, 64))
-    variables = {"escape_time": (("ensemble", "kappa2", "kappa1"), times)}
-    field = xr.Dataset(variables, {"kappa1": axis, "kappa2": axis}, {"n_max": 1000})
-    # Not by way of a cluster that another file's tests have left as the default.
-    with dask.config.set(scheduler="threads"):
-        field.to_zarr(f"{out}/escape.zarr", consolidated=False)
-    return counts
-
-
-_LIMITED = """
-import json, resource
-import dask.array, numpy, numpy as np, xarray, xarray as xr, zarr
-resource.setrlimit(resource.RLIMIT_DATA, ({limit}, {limit}))
-{statement}
-"""
-
-
-@pytest.mark.slow
-def test_a_field_larger_than_the_memory_is_analysed_by_blocks(tmp_path):
-    cells = 4096
-    times = written_field(tmp_path / "out", cells)
-
-    def limited(statement):
-        """Run it in a process of its own that cannot hold the field."""
-        code = _LIMITED.format(limit=400_000_000, statement=statement)
-        program = [sys.executable, "-c", code]
-        return subprocess.run(program, cwd=tmp_path, capture_output=True, text=True)
-
-    whole = 'xarray.open_zarr("out/escape.zarr").escape_time.values'
-    assert "MemoryError" in limited(whole).stderr
-    last = limited("".join(json.loads(CUBES.read_text(encoding="utf-8"))["cells"][-1]["source"]))
-    assert last.returncode == 0, last.stderr
-    found = re.findall(r"^(\d+) +([\d.]+)$", last.stdout, re.MULTILINE)
-    assert len(found) == 9
-    for n, part in found:
-        assert float(part) == pytest.approx(times[: int(n) + 1].sum() / cells**2, abs=1e-6)
-    earliest = np.flatnonzero(times)[0]
-    assert f"coarse field (1024, 1024), earliest escape {earliest}" in last.stdout
 
 
 if __name__ == "__main__":

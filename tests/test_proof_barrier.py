@@ -13,7 +13,6 @@ from cases import thirds
 from flint import arb, ctx
 
 from nasm import circles, proofs
-from nasm.barriers import critical_scale
 from nasm.circles import continuation, fourier
 from nasm.numbers import RotationNumber, parse
 from nasm.proofs import barrier
@@ -293,18 +292,6 @@ def test_above_the_breakup_nothing_is_proved_under_random_kicks(seed):
     for n in (128, 256, 512, 1024):
         for beyond in (2e-3, 5e-3, 0.01, 0.02, 0.05, 0.1):
             assert not any(proofs_above(profile, omega, found.value, n, beyond))
-
-
-def test_a_random_ray_is_proved_below_its_last_breakup_and_not_above():
-    angle = np.random.default_rng(17).uniform(0, 360)
-    found = critical_scale(ray(angle), 1e-3)
-    scale, proof = proved_lower(found.omega, ray(angle), found.value, 0.5)
-    assert 0.9 * found.value < scale < found.value
-    assert proof.kappa == tuple(scale * ray(angle))
-    start = circles.invariant_circle(found.omega, scale * ray(angle), 2**14).u
-    for beyond in (1e-3, 1e-2):
-        kappa = (1 + beyond) * found.value * ray(angle)
-        assert not prove(found.omega, kappa, start=start, n=512).proved
 
 
 def test_more_time_proves_a_circle_nearer_to_the_breakup(monkeypatch):

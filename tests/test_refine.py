@@ -55,9 +55,3 @@ def test_neighbours_across_a_corner_count():
     expected = np.zeros((3, 3), dtype=bool)
     expected[:2, :2] = True
     assert np.array_equal(refine.boundary_cells(answers), expected)
-
-
-def test_tiles_are_those_of_the_marked_cells():
-    cells = np.zeros((6, 9), dtype=bool)
-    cells[5, 8] = cells[0, 2] = cells[1, 1] = True
-    assert refine.tiles_at(cells, 3) == {(0, 0), (1, 2)}
