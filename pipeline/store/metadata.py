@@ -134,12 +134,12 @@ def _left_over(place, cube, computed_by):
     if not written.any():
         return []
     root = _files(cube, {"computed_by": computed_by})[_key(cube.name)]
-    arrays, keys = tiles.tiled_arrays(tiles.opened(place, cube.name, json.loads(root))), []
+    arrays, keys = tiles.opened(place, cube.name, json.loads(root)), []
     for index in np.argwhere(written).tolist():
         what = tiles.damage(place, arrays, index)
         if what and not what.endswith("is gone"):
             raise _not_ours(place, cube.name)
-        keys += [tiles.chunk_key(arrays[COMMIT], tiles.tile_at(arrays, index))] if what else []
+        keys += [tiles.chunk_key(*tiles.blocks(arrays, index)[COMMIT])] if what else []
     return keys
 
 

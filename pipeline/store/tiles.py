@@ -21,7 +21,7 @@ from pipeline.store.place import Refused, StoreFailed, explained
 CERTIFICATES = "certificates"
 COMMIT = "tiles/commit"
 ENTRIES = "cpu_seconds", "crc32"  # of a commit record
-ENTRY = "commit_entry"  # their dimension
+ENTRY = "commit_entry"  # their dimension, the first
 FORMAT = 2  # of cubes; 1 had no checksum of a tile's data
 _RECORD_BYTES = 20  # two float64 and their checksum
 _LONGEST_REASON = 500  # characters of the reason of a failure that are kept
@@ -56,30 +56,26 @@ def opened(place, name, root):
     return arrays
 
 
-def dims_of(array):
-    """Names of the array's dimensions, or of those along which the commit record counts tiles."""
-    return [dim.removeprefix("tile_") for dim in array.metadata.dimension_names if dim != ENTRY]
-
-
 def tile_at(arrays, index):
     """{dim: i} of the tile."""
-    return dict(zip(dims_of(arrays[COMMIT]), index, strict=True))
+    _, *dims = arrays[COMMIT].metadata.dimension_names
+    return {dim.removeprefix("tile_"): i for dim, i in zip(dims, index, strict=True)}
 
 
-def tiled_arrays(arrays):
-    """{name: zarr array} of the arrays whose chunks are tiles."""
-    tiled, dims = {*dims_of(arrays[COMMIT])}, {key: dims_of(arrays[key]) for key in arrays}
-    return {key: arrays[key] for key in arrays if tiled <= {*dims[key]} and dims[key] != [key]}
+def blocks(arrays, index):
+    """{name: (zarr array, where the tile's chunk is in its grid)}, of arrays whose chunks are
+    tiles."""
+    tile, found = tile_at(arrays, index), {}
+    for key, array in arrays.items():
+        dims = [dim.removeprefix("tile_") for dim in array.metadata.dimension_names]
+        if tile.keys() <= {*dims} and dims != [key]:
+            found[key] = array, tuple(tile.get(dim, 0) for dim in dims)
+    return found
 
 
-def chunk_of(array, tile):
-    """Where the chunk of the tile {dim: i} is in the array's grid of chunks."""
-    return tuple(tile.get(dim.removeprefix("tile_"), 0) for dim in array.metadata.dimension_names)
-
-
-def chunk_key(array, tile):
-    """Key of the array's chunk of the tile {dim: i}."""
-    return f"{array.path}/{array.metadata.encode_chunk_key(chunk_of(array, tile))}"
+def chunk_key(array, block):
+    """Key of the array's chunk."""
+    return f"{array.path}/{array.metadata.encode_chunk_key(block)}"
 
 
 def survey(place, name, counts=None):
@@ -122,9 +118,9 @@ def commit(place, name, index, arrays, seconds):
     """
     known, arrays = arrays_of(place, name), dict(arrays)
     certificates = arrays.pop(CERTIFICATES, b"")
-    tile = tile_at(known, index)
-    chunks = {key: _fitting(key, known[key], tile, values) for key, values in arrays.items()}
-    record = seconds, _checksum(known, tile, chunks)
+    places = blocks(known, index)
+    chunks = {key: _fitting(key, *places[key], values) for key, values in arrays.items()}
+    record = seconds, _checksum(known, index, chunks)
     chunks[COMMIT] = np.reshape(record, (len(ENTRIES), *(1 for _ in index)))
     _stands(place, name)
     if certificates:
@@ -132,13 +128,14 @@ def commit(place, name, index, arrays, seconds):
     with explained(place):
         for key, values in chunks.items():
             _stands(place, name)
-            known[key].set_block_selection(chunk_of(known[key], tile), values)
+            array, block = places[key]
+            array.set_block_selection(block, values)
 
 
-def _fitting(key, array, tile, values):
+def _fitting(key, array, block, values):
     """Return the values in the array's kind of numbers; zarr would cast and broadcast unseen."""
     values = np.asarray(values)
-    grid = zip(chunk_of(array, tile), array.chunks, array.shape, strict=True)
+    grid = zip(block, array.chunks, array.shape, strict=True)
     shape = tuple(min(n, whole - i * n) for i, n, whole in grid)
     if values.shape != shape:
         raise ValueError(f"{key} has the shape {values.shape} instead of {shape}")
@@ -154,10 +151,11 @@ def certificates_key(name, index):
     return f"{CERTIFICATES}/{name}/{'.'.join(map(str, index))}.json.xz"
 
 
-def _checksum(arrays, tile, values):
+def _checksum(arrays, index, values):
     """CRC-32 of the cube's settings, who computed it, the tile's place and {variable: values}."""
     cube = arrays[COMMIT].metadata.attributes["cube"]
-    found = crc32(json.dumps([cube["config_hash"], cube["computed_by"], tile]).encode())
+    decisive = cube["config_hash"], cube["computed_by"], tile_at(arrays, index)
+    found = crc32(json.dumps(decisive).encode())
     for key in sorted(values):
         found = crc32(np.ascontiguousarray(values[key]), found)
     return found
@@ -175,10 +173,9 @@ def _stands(place, name):
 
 def chunk(place, key, array, block):
     """Read a chunk of the array `key`; ValueError, which says what is wrong with it."""
-    path = f"{array.path}/{array.metadata.encode_chunk_key(block)}"
     with explained(place):
         try:
-            place.objects().head(path)  # else zarr reads fill values
+            place.objects().head(chunk_key(array, block))  # else zarr reads fill values
             return array.get_block_selection(block)
         except FileNotFoundError:
             raise ValueError(f"a chunk of {key} is gone") from None
@@ -187,15 +184,12 @@ def chunk(place, key, array, block):
 
 
 def damage(place, arrays, index):
-    """Read the tile's chunks of these arrays; return what is wrong with them, "" if nothing is."""
-    tile = tile_at(arrays, index)
+    """Read the tile's chunks; return what is wrong with them, "" if nothing is."""
     try:
-        values = {
-            key: chunk(place, key, each, chunk_of(each, tile)) for key, each in arrays.items()
-        }
+        values = {key: chunk(place, key, *at) for key, at in blocks(arrays, index).items()}
     except ValueError as error:
         return str(error)
-    if values.pop(COMMIT).flat[1] != _checksum(arrays, tile, values):
+    if values.pop(COMMIT).flat[1] != _checksum(arrays, index, values):
         return "its data are not those that were committed"
     return ""
 
@@ -205,8 +199,7 @@ def tiles_of(place, name):
     cube, arrays = read(place, name), arrays_of(place, name)
     if COMMIT not in arrays:  # written whole
         return
-    first = next(array for key, array in tiled_arrays(arrays).items() if key != COMMIT)
-    sizes = dict(zip(dims_of(first), first.chunks, strict=True))
+    sizes = next(iter(cube.data_vars.values())).encoding["preferred_chunks"]
     for index in map(tuple, np.argwhere(survey(place, name)[0]).tolist()):
         places = tile_at(arrays, index).items()
         yield index, cube.isel({d: slice(i * sizes[d], (i + 1) * sizes[d]) for d, i in places})

@@ -26,7 +26,7 @@ def verify(place, name, repair=False):
     tiles.forget()
     try:
         arrays = tiles.arrays_of(place, name)
-        tiled = tiles.tiled_arrays(arrays) if COMMIT in arrays else {}
+        tiled = tiles.blocks(arrays, (0,) * (arrays[COMMIT].ndim - 1)) if COMMIT in arrays else {}
         for key in arrays.keys() - tiled.keys():
             for block in np.ndindex(arrays[key].cdata_shape):
                 tiles.chunk(place, key, arrays[key], block)
@@ -39,7 +39,7 @@ def verify(place, name, repair=False):
     with ThreadPoolExecutor(8) as pool:  # an object store takes its time for each
         for some in np.split(written, range(_AT_ONCE, len(written), _AT_ONCE)):
             indices = list(map(tuple, some.tolist()))
-            found = pool.map(partial(tiles.damage, place, tiled), indices)
+            found = pool.map(partial(tiles.damage, place, arrays), indices)
             for index, what in zip(indices, found, strict=True):
                 if what and repair:
                     free(place, name, index)
@@ -50,8 +50,7 @@ def verify(place, name, repair=False):
 def free(place, name, index):
     """Make a tile missing: delete its commit record first, then its data."""
     arrays = tiles.arrays_of(place, name)
-    tile = tiles.tile_at(arrays, index)
-    of_tile = [arrays[COMMIT], *tiles.tiled_arrays(arrays).values()]
-    keys = [chunk_key(array, tile) for array in of_tile]
+    of_tile = tiles.blocks(arrays, index)
+    keys = [chunk_key(*of_tile.pop(COMMIT)), *(chunk_key(*at) for at in of_tile.values())]
     for key in [*keys, tiles.failure_key(name, index), tiles.certificates_key(name, index)]:
         place.delete(key)
