@@ -1,5 +1,7 @@
 """What a proof leaves for another program to check; see proofs/README.md, "Certificates"."""
 
+import numpy as np
+
 from nasm.checks import sealed
 
 __all__ = ["certificate"]
@@ -46,6 +48,12 @@ def certificate(proof, theorem, fields, kappa, within=(), omega=None, scales=())
 def in_hex(numbers):
     """Floats as text, exactly."""
     return [number.hex() for number in numbers]
+
+
+def rows_in_hex(rows):
+    """Rows of a matrix of floats as text, exactly. Most of its numbers occur often."""
+    numbers, where = np.unique(rows, return_inverse=True)
+    return np.array(in_hex(numbers.tolist()), object)[where.reshape(rows.shape)].tolist()
 
 
 def _spelled(numbers):

@@ -38,7 +38,7 @@ from nasm.arithmetic.lanes import (
 from nasm.arithmetic.sine import COSINE, SINE
 from nasm.checks import floats, positive
 from nasm.maps import forcing
-from nasm.proofs.certificates import certificate, in_hex
+from nasm.proofs.certificates import certificate, in_hex, rows_in_hex
 from nasm.proofs.transport import (
     COS,
     COS_CUBIC,
@@ -69,7 +69,7 @@ _SHEARS = 2.0**-8  # of which g is a multiple
 _SMALLEST_START, _SMALLEST_STRENGTH = 2.0**-45, 2.0**-40
 _BLOCK, _STATE, _ROWS, _COLUMNS = 8, 22, 27, 9  # numbers of a box: those that change, and all
 _MOST_WAITING = 4096
-_KICKS, _FOUND = 1_000_000, 16_384  # in one call of the kernel
+_KICKS, _FOUND = 200_000, 16_384  # in one call of the kernel
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,7 @@ class CellProof(Proof):
             "half_width": in_hex(self.half_width),
             "site": self.site,
             "a": self.a,
-            "boxes": list(map(in_hex, self.boxes.tolist())),
+            "boxes": rows_in_hex(self.boxes),
             "lives": self.lives.tolist(),
         }
         cell = self.kappa, self.half_width
