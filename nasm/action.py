@@ -20,16 +20,14 @@ the *minimizing* one, R < 0, at the minimum of a, and the *minimax* one, R > 0, 
 the gap between the minimizing orbit and its neighbour. As x_0 moves by ±G/|S|, one rule finds both.
 
 1. *Climb.* With x_0 held, the orbit of each convergent of ω is that of the last one, repeated, and
-   the last but one, joined end to end, up to a few of Newton's steps. On a circle a hardly depends
-   on x_0; where the circle is broken the joined orbits meet in the same point. So long orbits are
-   reached at each forcing by itself, and where residues pass through 0 nothing is lost.
+   the last but one, joined end to end, up to a few of Newton's steps. So long orbits are reached at
+   each forcing by itself, and where residues pass through 0 nothing is lost.
 2. *Scan.* Begin the orbit where its gap is widest, and move x_0 over that gap. The highest maximum
    of a is the minimax orbit, whichever symmetry line it is on, or on none.
 3. *Follow.* Orbits are then moved along the segment of forcings by Newton's method, and longer ones
    joined from them.
 
-Deviations u are stored, so that rounding does not grow with x. What is left of it costs R about
-N² ulp; `Orbit.refined_residue` gives the digits back.
+Deviations u are stored, so that rounding does not grow with x.
 
 Aubry & Le Daeron, Physica D 8 (1983) 381; Mather, Comment. Math. Helv. 60 (1985) 508.
 """
@@ -384,7 +382,6 @@ def _follow(
 ):  # fmt: skip
     """Continue an orbit, in place, from s = begin to end; `before` is what it was a step before.
 
-    Steps adapt: doubled after each success, halved when Newton fails or finds another orbit.
     Returns the scale that was reached, short of the end if steps became too small; the last step;
     and R.
     """

@@ -43,15 +43,8 @@ from nasm.numbers import checked, convergents, moebius, nobles_near, rational
 from nasm.orbits import rotation_number
 from nasm.symmetries import dominant_centre, halfway_nobles, ray, shorten
 
-__all__ = [
-    "boundary",
-    "critical_scale",
-    "eliminates",
-    "last_circle",
-    "longest_lived",
-    "remnant",
-    "tied",
-]
+__all__ = ["boundary", "critical_scale", "eliminates", "last_circle", "longest_lived", "remnant"]
+__all__ += ["tied"]
 __dir__ = __all__.copy
 
 _LOCATE = 1000  # steps of converse KAM in step 1 on a line,
@@ -331,9 +324,9 @@ class _Race:
                 self.leader = _most_robust([scale], self.leader)
 
     def descend(self):
-        """Enter the first circle that stands below what is known to be eliminated, and above the
-        leader, in steps of what the periods that were asked can tell. First that is tried which
-        the tree was longest to rule out: mostly it is the last one."""
+        """Enter the first circle that stands below what is eliminated, and above the leader, in
+        steps of what the periods that were asked can tell. First that is tried which the tree was
+        longest to rule out: mostly it is the last one."""
         scale = self.upper
         if self.short.size > 2 and self.blurred(scale):
             return
@@ -421,10 +414,8 @@ def longest_lived(kappa, n_max):
 
 
 def remnant(kappa, n_max):
-    """Where the last circle was: the start by `longest_lived`, moved to the start of its period.
-
-    Returns x, y, steps: floats, steps inf if a start survives n_max steps, and it is one of those.
-    """
+    """Where the last circle was: x, y of the start by `longest_lived`, at the start of its period,
+    and its life in steps: floats; inf if a start survives n_max steps, and it is one of those."""
     strengths = forcing(kappa)
     found = longest_lived(strengths, n_max)
     x, y = found.x, found.y
@@ -482,10 +473,8 @@ def _nobles(kappa, *near):
 
 
 def _most_robust(scales, best):
-    """The CriticalScale of the circle that breaks last, `best` among them; None if there is none.
-
-    Of two that residues cannot tell apart it is the one with the shorter prefix.
-    """
+    """The CriticalScale of the circle that breaks last, `best` among them, or None; of two that
+    residues cannot tell apart the first."""
     for scale in scales:
         if scale.status is Status.OK and (
             best is None or scale.value - best.value > scale.error + best.error
@@ -495,15 +484,12 @@ def _most_robust(scales, best):
 
 
 def per_period(omega, profile, short, zero):
-    """ω of the short forcing as one per period of the long one, in [0, P/2].
-
-    ω = 0 of the long one is `zero` for the short one.
-    """
+    """ω of the short forcing as one per period of the long one, whose ω = 0 is `zero` for the short
+    one, in [0, P/2]."""
     period, ratio = profile.size, profile.size // short.size
     (*_, shift) = convergents(zero)
-    omega = moebius(
-        omega, ratio * shift.denominator, -ratio * shift.numerator, 0, shift.denominator
-    )
+    turns, part = shift.numerator, shift.denominator
+    omega = moebius(omega, ratio * part, -ratio * turns, 0, part)
     omega = moebius(omega, 1, -period * floor(float(omega) / period))
     omega = omega if float(omega) <= period / 2 else moebius(omega, -1, period)
     return min(omega, tied(omega, profile) or omega, key=lambda ω: len(ω.prefix + ω.tail))

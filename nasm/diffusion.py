@@ -6,9 +6,8 @@ the mean over all starts of the cell 0 ≤ x, y < 1: islands count, as places fr
 spreads, so that a gradient of density drives the flux -D ∂ρ/∂y. For the standard map's p = 2πy,
 whose <(p_n - p_0)²>/n is mostly printed, that is 8π²D. While a barrier exists D is 0.
 
-Orbits are on the lift: no window in y cuts them off. What they do within a cell adds a constant to
-<(y_n - y_0)²>, so that D is the slope between lags of n/8 and n/2. n is doubled until orbits are
-two units of y away, in root mean square: beyond four circles of each kind that a unit has. Where an
+What orbits do within a cell adds a constant to <(y_n - y_0)²>, so that D is the slope between lags
+of n/8 and n/2. n is doubled until orbits are two units of y away, in root mean square. Where an
 accelerator mode carries some orbits along, y ~ n, there is no D: the squares grow faster than n, or
 one orbit is far ahead of all others. Strong kicks diffuse as Rechester & White foretell, Phys. Rev.
 Lett. 44 (1980) 1586.

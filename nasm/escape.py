@@ -7,8 +7,7 @@ arXiv:1606.04824, Sec. V.B), as long as every invariant circle has an amplitude 
 criterion is one-sided: n* = inf says only that nothing escaped up to n_max. The boundary
 {n* ≤ N} lies outside the true one, by a distance that falls as N^(-1/3.012) only.
 
-n* of one ensemble is a draw, not a constant of nature: where chaos decides, an arithmetic with
-other roundings finds another n* of the same order.
+n* of one ensemble is a draw: another arithmetic finds another one of the same order.
 
 The kernel advances 64 orbits in lockstep (`nasm.arithmetic.lanes`), on the angle shifted by a
 quarter turn,
@@ -16,10 +15,9 @@ quarter turn,
     X = x - 1/4,   r = X - rint X,   u = |r| - 1/4:
     y' = y - κ u·p(u²),   X' = r + y',       since sin 2πx = -sin 2πu = -2πu·p(u²)
 
-with p from `nasm.arithmetic.sine`: no sign to handle, no branch, and -κ is folded into p's
-coefficients. It tests for escapes once a block of steps, by the block's largest |y|; only after an
-alarm is the block's start replayed step by step, so times are exact. In single precision p has
-degree 4 and twice as many orbits share a register.
+with p from `nasm.arithmetic.sine`, -κ folded into its coefficients. It tests for escapes once a
+block of steps, by the block's largest |y|; only after an alarm is the block's start replayed step
+by step, so times are exact. In single precision p has degree 4.
 """
 
 import numpy as np
@@ -33,14 +31,7 @@ from nasm.checks import count, floats, points
 from nasm.critical import CriticalScale, Status, no_answer
 from nasm.maps import direction, forcing
 
-__all__ = [
-    "PAPER_WINDOW",
-    "boundary",
-    "critical_scale",
-    "ensemble",
-    "escape_time",
-    "first_escape",
-]
+__all__ = ["PAPER_WINDOW", "boundary", "critical_scale", "ensemble", "escape_time", "first_escape"]
 __dir__ = __all__.copy
 
 _METHOD = "direct iteration"
@@ -105,8 +96,7 @@ def first_escape(kappas, x, y, sizes, n_max, window=PAPER_WINDOW, precision="dou
     Returns ndarray of float64, shape (len(sizes), ...): min n* over each ensemble, exact for every
     size.
 
-    Each ensemble stops at its first escaper, and a larger one looks only at earlier times than a
-    smaller one has found, so that the larger ones cost little where transport is quick.
+    A larger ensemble looks only at earlier times than a smaller one has found.
     """
     kappas = floats("kappas", kappas)
     if kappas.ndim < 1:
@@ -255,12 +245,12 @@ def kick_series(kappas, series=SINE):
     return np.concatenate([-kappas[..., None] * np.array(series), quarter], axis=-1)
 
 
-def _series(c, p, v):
+def polynomial(c, p, v):
     """Σ c_k vᵏ of kick p, as many terms as its precision has."""
 
 
-@overload(_series, jit_options={"forceinline": True})
-def _series_of(c, p, v):
+@overload(polynomial, jit_options={"forceinline": True})
+def _polynomial_of(c, p, v):
     def double(c, p, v):
         s = fma(v, c[p, 7], c[p, 6])
         s = fma(s, v, c[p, 5])
@@ -284,7 +274,7 @@ def kick_on_lanes(c, p, x, y):
     """Kick p, on lanes or floats; x is the shifted angle X."""
     r = x - rint(x)
     u = fabs(r) - c[p, c.shape[1] - 1]
-    y = fma(_series(c, p, u * u), u, y)
+    y = fma(polynomial(c, p, u * u), u, y)
     return r + y, y
 
 
@@ -350,11 +340,7 @@ _PARK_X, _PARK_Y = -0.25, 0.0
 @kernel
 def _escape_times(c, x0, y0, n_max, lo, hi, only_first, times):
     """n* of every orbit into `times`, inf if beyond n_max; if only the first escape counts, what is
-    later need not be found.
-
-    Survivors are packed together after each chunk of time. All orbits go through it before any goes
-    on: the first escaper is seldom in the first block of lanes, which might go round its island for
-    all of n_max.
+    later need not be found. Survivors are packed together after each chunk of time.
     """
     orbit = np.empty(x0.size, np.int64)
     x, y, last = _padded(x0, _PARK_X), _padded(y0, _PARK_Y), n_max

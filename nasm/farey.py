@@ -100,9 +100,8 @@ def standing(kappa):
 
 
 def circle_stands(omega, kappa, longest=_TOO_LONG):
-    """Whether residues of the minimax orbits of convergents of ω fall with q, under a forcing: the
-    circle exists. Of one or two orbits they may pass through 0 where it does not, so three are
-    asked. False where the orbits are lost, as they are far beyond its breakup.
+    """Whether residues of the minimax orbits of three or more convergents of ω fall with q: the
+    circle exists. False where the orbits are lost, as they are far beyond its breakup.
 
     omega : RotationNumber or its text, irrational. kappa : P floats. longest : int, their period,
     up to which the residues fall below 0.1, or from which on they fall with each q.
@@ -140,7 +139,6 @@ def _first(kappa):
 
 
 def _between(kappa, left, right):
-    """The mediant."""
     (p, q), (r, s) = (node.fraction.as_integer_ratio() for node in (left, right))
     fraction = Fraction(p + r, q + s)
     if q + s <= _SCANNED:

@@ -9,17 +9,13 @@ over the convergents p/q of ω (MacKay, Meiss & Percival, Physica D 13 (1984) 55
 
     W = Σ_n (x_{n+1} - x_n)²/2 - (κ_n/4π²) cos 2πx_n
 
-over the Pq sites of a period, whose stationary points are the orbits of the chain form. While the
-circle exists ΔW_{p/q} tends to 0 faster than any power of 1/q; beyond its breakup it has a limit,
-which grows like (κ - κ_c)^3.01 for noble ω (MacKay's ln(αβ)/ln δ).
-
-The two actions share most of their digits. With d_n the distance of the minimax orbit's sites from
-the minimizing orbit's next to them, and since that one is stationary,
+over the Pq sites of a period. While the circle exists ΔW_{p/q} tends to 0 faster than any power of
+1/q; beyond its breakup it has a limit, which grows like (κ - κ_c)^3.01 for noble ω (MacKay's
+ln(αβ)/ln δ). The two actions share most of their digits. With d_n the distance of the minimax
+orbit's sites from the minimizing orbit's next to them, and since that one is stationary,
 
     ΔW_{p/q} = Σ (d_{n+1} - d_n)²/2 + (κ_n/4π²) [2 cos 2πx_n sin² πd_n
-                                                  + sin 2πx_n (sin 2πd_n - 2πd_n)],
-
-which is of second order in d, and so small against its terms only as a sum.
+                                                  + sin 2πx_n (sin 2πd_n - 2πd_n)].
 
 It is the flux through the widest gap of the minimizing orbit. Far beyond the breakup, or next to a
 forcing of a shorter period, a cantorus may have other gaps too, which let more pass.

@@ -10,10 +10,9 @@ manifold is the image of an unstable one.
 
 The manifolds of neighbouring points of the orbit cross on a homoclinic orbit that minimizes the
 action and on one that is minimax. From one point of the first to the next two lobes of equal area
-lie between them, the *turnstile*: in each step of T one passes upwards through the edge of the
-resonance, one downwards. Both homoclinic orbits are the limits of the periodic orbits of
-(np + p')/(nq + q'), with p'/q' the Farey neighbour of p/q above or below, so that the area is that
-of `flux.action_difference`.
+lie between them, the *turnstile*: in each step of T one passes upwards, one downwards. Both orbits
+are the limits of the periodic orbits of (np + p')/(nq + q'), with p'/q' the Farey neighbour of p/q
+above or below, so that the area is that of `flux.action_difference`.
 
 MacKay, Meiss & Percival, Physica D 13 (1984) 55; 27 (1987) 1.
 """

@@ -22,15 +22,7 @@ from numba.extending import register_jitable
 from nasm.arithmetic.sine import cos2pi, sin2pi
 from nasm.checks import floats, fraction
 
-__all__ = [
-    "forcing",
-    "kick",
-    "rotating_forcing",
-    "step",
-    "step_tangent",
-    "twist",
-    "unkick",
-]
+__all__ = ["forcing", "kick", "rotating_forcing", "step", "step_tangent", "twist", "unkick"]
 __dir__ = __all__.copy
 
 TWO_PI = 2 * np.pi
@@ -68,18 +60,13 @@ def step(kappa, x, y):
     return x, y
 
 
-def kick_tangent(kappa, x):
-    """DS_κ(x) = [[1 + κ cos 2πx, 1], [κ cos 2πx, 1]], shape (2, 2, *x.shape)."""
-    c = kappa * cos2pi(np.asarray(x, dtype=float))
-    one = np.ones_like(c)
-    return np.array([[1 + c, one], [c, one]])
-
-
 def step_tangent(kappa, x, y):
     """DT(x, y), shape (2, 2, *x.shape): rows (x', y'), columns (x, y); determinant 1."""
     tangent = np.eye(2)
     for strength in forcing(kappa):
-        tangent = np.einsum("ij...,jk...->ik...", kick_tangent(strength, x), tangent)
+        c = strength * cos2pi(np.asarray(x, dtype=float))
+        one = np.ones_like(c)
+        tangent = np.einsum("ij...,jk...->ik...", [[1 + c, one], [c, one]], tangent)
         x, y = kick(strength, x, y)
     return tangent
 

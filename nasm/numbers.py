@@ -2,10 +2,9 @@
 
     ω = [a₀; a₁, …, a_k, (b₁, …, b_m)]  =  a₀ + 1/(a₁ + 1/(a₂ + …)),   b₁, …, b_m repeated for ever
 
-A float cannot carry a rotation number: all that matters about ω, how badly it is approximated by
-fractions, is in the digits that a float cuts off. A RotationNumber keeps a prefix and a period, so
-its convergents are exact to any order. Rational numbers have no period; quadratic irrationals have
-one (Lagrange). A *noble* number is one whose period is (1): its circles are the most robust.
+All that matters about ω, how badly it is approximated by fractions, is in the digits that a float
+cuts off. A RotationNumber keeps a prefix and a period, so its convergents are exact to any order. A
+*noble* number is one whose period is (1): its circles are the most robust.
 
 Arithmetic goes by γ = [0;(1)], the golden mean (√5 - 1)/2, as in the paper: "gamma", "2gamma+1",
 "(5gamma+6)/(4gamma+5)".
@@ -24,14 +23,7 @@ from nasm.checks import count, real
 __all__ = ["NAMES", "RotationNumber", "convergents", "moebius", "nobles_near", "parse", "rational"]
 __dir__ = __all__.copy
 
-NAMES = (
-    "gamma",
-    "gamma+1",
-    "2gamma",
-    "2gamma+1",
-    "(5gamma+6)/(4gamma+5)",
-    "(gamma+1)/(4gamma+5)",
-)
+NAMES = ("gamma", "gamma+1", "2gamma", "2gamma+1", "(5gamma+6)/(4gamma+5)", "(gamma+1)/(4gamma+5)")
 """The six rotation numbers of the paper, Sec. VI, as `parse` reads them."""
 
 MAX_DIGITS, MAX_QUOTIENTS = 100, 1000
@@ -65,8 +57,7 @@ class RotationNumber:
         return f'parse("{self}")'
 
     def __float__(self):
-        """The nearest float: that of two consecutive convergents that round alike, as ω between
-        them then does too."""
+        """The nearest float: that of two consecutive convergents that round alike."""
         value = None
         for fraction in convergents(self):
             last, value = value, fraction.numerator / fraction.denominator

@@ -49,11 +49,8 @@ def _stride(every, strengths):
 
 
 def portrait(kappa, n_orbits=40, n=400):
-    """A phase portrait of one cell: orbits from the symmetry lines x = 0 and x = 1/2.
-
-    Returns x and y, shape (n + 1, n_orbits), both reduced mod 1. Starts alternate between the
-    two lines, equally spaced in y, so that islands on either and the circles between are met.
-    """
+    """A phase portrait of one cell: orbits from the symmetry lines x = 0 and x = 1/2, in turn,
+    equally spaced in y. Returns x and y, shape (n + 1, n_orbits), both reduced mod 1."""
     n_orbits = count("n_orbits", n_orbits, 1, MAX_STEPS)
     y = np.arange(n_orbits) / n_orbits
     x = np.where(np.arange(n_orbits) % 2, 0.5, 0.0)

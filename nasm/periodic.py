@@ -8,9 +8,8 @@ where they grow (Greene, J. Math. Phys. 20 (1979) 1183). At the breakup
 which needs no knowledge of the value that they share. Those crossings converge like q^-2.04, and
 geometrically from one period of the tail to the next, so that Aitken's rule gains several digits.
 
-The orbits are those of `nasm.action`, of any forcing. Of every p/q there are two families: the
-*minimax* orbit, R > 0, and the *minimizing* one (of the action), R < 0. Both break up with the
-circle, and know nothing of each other.
+The orbits are those of `nasm.action`: of every p/q a *minimax* one, R > 0, and a *minimizing* one,
+R < 0. Both families break up with the circle, and know nothing of each other.
 """
 
 from dataclasses import replace
@@ -94,14 +93,11 @@ def critical_scale(omega, profile, q_max=6000, start=None, between=None):
 def crossings(omega, profile, q_max=6000, start=None):
     """The scales at which consecutive convergents have the same residue, R_n(s) = R_{n+m}(s).
 
-    Arguments as for `critical_scale`; of minimax orbits. Where the forcing repeats itself, up to
-    the symmetry `alternate`, the shorter map is taken: on κ1 = κ2 the standard map itself, at ω/2.
-    The boundaries have cusps there.
+    Arguments and errors as for `critical_scale`; of minimax orbits. Where the forcing repeats
+    itself, up to a symmetry, the shorter map is taken: on κ1 = κ2 the standard map, at ω/2.
 
     Returns q, scales : ndarrays of shape (n,): the longer of the two periods, and the crossing.
     Empty where there is no answer; `critical_scale` says why.
-
-    ValueError as for `critical_scale`.
     """
     start, profile, short_omega, q_max = _shortened(checked(omega), profile, q_max, start)
     if short_omega.is_rational:
@@ -123,11 +119,8 @@ def _known(omega):
 
 
 def _of_families(omega, start, profile, q_max, between=None):
-    """The CriticalScale, and the crossings of minimax orbits.
-
-    Next to exchanges of the dominant line, which take three kicks, short orbits mislead: the search
-    begins with longer ones again, unless the value is precise.
-    """
+    """The CriticalScale, and the crossings of minimax orbits. Next to exchanges of the dominant
+    line short orbits mislead: then the search begins again with longer ones."""
     none, simple, status = np.empty((2, 0)), profile.size <= 2, Status.NOT_CONVERGED
     q_max = min(q_max, 10 * q_max // profile.size)
     fractions = distinct_convergents(omega, q_max)
@@ -224,10 +217,8 @@ def _estimate(crossed, profile):
 
 def _crossings(ladder, omega, kind, near, first, least, largest):
     """(periods, scales) and the status; the number of partial quotients in the tail of ω and the
-    ratio of crossings that far apart; and the period that sees a cusp nearby.
-
-    Of orbits of one kind, from the fraction `first` on. near : float, where they are, about; least,
-    largest : floats, between which they are.
+    ratio of crossings that far apart; and the period that sees a cusp nearby. Of orbits of one
+    kind, from the fraction `first` on, near the scale `near`.
     """
     period, chains = len(omega.tail), ladder.chains
     known = _known(omega)
@@ -260,11 +251,8 @@ def _crossings(ladder, omega, kind, near, first, least, largest):
 
 
 def _crossing(ladder, shorter, longer, kind, near, crossings, least, largest):
-    """The scale at which two orbits of a kind have the same residue, or a Status.
-
-    Below it the longer orbit has the smaller residue. near : float, where that is, about, unless
-    `crossings`, of shorter orbits, say it better.
-    """
+    """The scale at which two orbits of a kind have the same residue, or a Status; about where the
+    `crossings` of shorter orbits lead to, or at `near`."""
     unit, pair, seen = 1 / np.abs(ladder.profile).max(), (shorter, longer), []
 
     def excess(scale):
@@ -325,10 +313,7 @@ def _logarithm(shorter, longer):
 
 
 def _bracket(excess, near, width, least, largest):
-    """Scales between which the excess changes its sign, or a Status.
-
-    The search starts `width` to the left of `near`.
-    """
+    """Scales between which the excess changes its sign, or a Status; from near - width on."""
     left, right = max(near - width, least), min(near + width, largest)
     while excess(left) > 0:
         if left == least:
@@ -391,11 +376,8 @@ def torus_scale(omega, frequency, mean, amplitude):
 
 
 def cusp_period(kappa):
-    """The period from which orbits tell a forcing next to a cusp from the shorter one of the cusp.
-
-    At a distance d from the cusp the boundary is below the tip by d^0.6, which orbits of period q
-    see to within 1/q; five times that period was enough in every case tried.
-    """
+    """The period from which orbits tell a forcing next to a cusp from the shorter one of the cusp:
+    of d^-0.6, see `CUSP_EXPONENT`, five times as much was enough in every case tried."""
     nearest = distances_to_shorter(kappa).min(initial=np.inf)
     return 5 * nearest**-CUSP_EXPONENT if nearest > 0 else np.inf
 
@@ -403,13 +385,11 @@ def cusp_period(kappa):
 def _limit(scales, period, ratio):
     """Where crossings tend to, and the error; ratio : that of steps a period of the tail apart.
 
-    The value is Aitken's, of the last crossings a period apart. Such values differ from the limit
-    by what shrinks like |ratio|^(3/2) in a period. So the error is the largest difference of two
-    consecutive ones, of a whole period and one more, each as small as it should have become by
-    now: of fewer, two may agree by chance. As long as there are fewer, the value that follows from
-    the last step and the ratio is compared too. Where Aitken's ratio is not near that, as with
-    orbits that hardly see a cusp, or is not known, that is the value, and the error no smaller than
-    the last two steps.
+    The value is Aitken's, of the last crossings a period apart, which converges like |ratio|^(3/2)
+    in a period. The error is the largest difference of two consecutive ones, of a whole period and
+    one more, each as small as it should have become by now; as long as there are fewer, the value
+    that follows from the last step and the ratio is compared too. Where Aitken's ratio is not near
+    that, or not known, that is the value, and the error no smaller than the last two steps.
     """
     ends = range(len(scales), 2 * period, -1)[: period + 2]
     extrapolated = [_aitken(*scales[end - 1 - 2 * period : end : period]) for end in ends]

@@ -18,17 +18,8 @@ import numpy as np
 from nasm.maps import forcing, kick, unkick
 from nasm.numbers import RotationNumber, moebius, nobles_near
 
-__all__ = [
-    "alternate",
-    "dominant_centre",
-    "halfway_nobles",
-    "lengthen",
-    "negate",
-    "ray",
-    "shift",
-    "shorten",
-    "symmetry_lines",
-]
+__all__ = ["alternate", "dominant_centre", "halfway_nobles", "lengthen", "negate", "ray", "shift"]
+__all__ += ["shorten", "symmetry_lines"]
 __dir__ = __all__.copy
 
 _NEARLY = 3e-6  # of the largest strength: at 1e-4 neighbours break later
@@ -47,7 +38,7 @@ def alternate(kappa, x, y, spacing=1):
     """κ_n → (-1)ⁿ κ_n and y → y + 1/2, for even P; ω → ω + P/2.
 
     For P = 2 this is Eq. (21), (κ1, κ2) → (κ1, -κ2): each kick finds x further by one half
-    than the kick before it did. With an odd P the sign pattern does not close in one period.
+    than the kick before it did.
 
     Where only the sites c, c + m, c + 2m, … are kicked, c < m = spacing, their signs alternate, and
     (x, y) → (x - c/2m, y + 1/2m); ω → ω + P/2m, P being an even multiple of m.
@@ -76,8 +67,7 @@ def shift(kappa, x, y):
 def ray(angle):
     """(cos, sin) of an angle in degrees, shape (*angle.shape, 2): the profile of a ray.
 
-    Exact where symmetry makes it matter: on the axes no strength is left over, and on the diagonals
-    both are equal in size to the last bit, so that the map is the shorter one of `shorten`.
+    On the axes no strength is left over, and on the diagonals both are equal to the last bit.
     """
     angle = np.asarray(angle, dtype=float)
     radians = np.deg2rad(angle)
@@ -142,8 +132,7 @@ def symmetry_lines(kappa, y):
 def shorten(forcings, omega):
     """The shortest forcings with the same orbits up to symmetry, and ω per their shorter period.
 
-    On κ1 = κ2 one step is two of the standard map, at ω/2; on κ1 = -κ2 so it is up to `alternate`,
-    and on (κ, 0, -κ, 0) one is two of (κ, 0) up to the same with spacing 2.
+    On κ1 = κ2 one step is two of the standard map, at ω/2; on κ1 = -κ2 so it is up to `alternate`.
 
     forcings : sequence of forcings of one period P, which are shortened alike.
     omega : RotationNumber per P kicks, e.g. `numbers.parse("gamma")`.
@@ -188,8 +177,7 @@ def distances_to_shorter(kappa):
     """How far a forcing is from the forms that `shorten` shortens, one for each shorter period; and
     from kicks that turn after half a period, see `halfway_nobles`, if it is not one of these.
 
-    ndarray: the largest change of a strength that it takes, in parts of the largest |κ|; 0 for what
-    can be shortened. Where one is small, the boundary is next to a cusp; see `CUSP_EXPONENT`.
+    ndarray: the largest change of a strength that it takes, in parts of the largest |κ|.
     """
     kappas = forcing(kappa)[None]
     size, forms = np.abs(kappas).max(), _forms(kappas)

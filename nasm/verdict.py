@@ -189,9 +189,7 @@ def _proved(kappa, short, found, answer, evidence):
 
 
 def _circle_under(kappa, boundary):
-    """Return a certified circle under kappa; None if none can be certified, or if converse KAM
-    contradicts it.
-    """
+    """A certified circle under kappa; None if there is none, or if converse KAM contradicts it."""
     if barriers.eliminates(kappa, _STEPS):
         return None
     omega, distance = boundary.omega, 1 - 1 / boundary.value

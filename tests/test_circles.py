@@ -99,15 +99,6 @@ def test_phases_of_high_modes_are_exact():
     assert abs(np.exp(2j * np.pi * k * float(omega)) - complex(exact)) > 1e-13
 
 
-def test_the_cohomological_equation_is_solved():
-    rng = np.random.default_rng(1)
-    modes = np.zeros(65, complex)
-    modes[1:30] = rng.normal(size=29) + 1j * rng.normal(size=29)
-    f, turn = np.fft.irfft(modes, 128), fourier.turns(GAMMA, 65)
-    g = fourier.solve_cohomology(f, turn, 30)
-    np.testing.assert_allclose(fourier.rotate(g, turn) - g, f, atol=1e-14)
-
-
 def polished(circle):
     """Its deviations after Newton's method on a grid that resolves it to rounding."""
     start = fourier.resample(circle.u, 512)

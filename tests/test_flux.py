@@ -63,15 +63,6 @@ def test_on_the_axis_it_is_half_that_of_the_standard_map(kappa, fraction):
     assert half == action_difference((kappa / 2, 0.0), *fraction)
 
 
-@pytest.mark.parametrize(("p", "q"), [(1, 3), (2, 5)])
-def test_two_steps_of_the_standard_map_let_twice_as_much_pass(p, q):
-    expected = 2 * action_difference((1.1,), p, q)
-    assert action_difference((1.1, 1.1), 2 * p, q) == pytest.approx(expected, rel=1e-9)
-    whole = flux(parse("2gamma"), (1.1, 1.1))
-    once = flux(GOLDEN, (1.1,))
-    assert whole.value == pytest.approx(2 * once.value, rel=1e-9)
-
-
 @pytest.mark.parametrize("part", [0.9, 0.99, 0.999])
 def test_nothing_passes_through_a_circle(part):
     found = flux(GOLDEN, (part * GOLDEN_AXIS, 0.0))

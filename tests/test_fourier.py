@@ -3,21 +3,12 @@
 from itertools import islice
 
 import pytest
+from cases import irrationals
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from nasm.circles import fourier
 from nasm.numbers import NAMES, RotationNumber, convergents, parse
-
-quotients = st.integers(1, 30)
-irrationals = st.builds(
-    lambda first, rest, tail: parse(
-        f"[{';'.join([str(first), ','.join([*map(str, rest), tail])])}]"
-    ),
-    st.integers(-3, 3),
-    st.lists(quotients, max_size=5),
-    st.lists(quotients, min_size=1, max_size=3).map(lambda tail: f"({','.join(map(str, tail))})"),
-)
 
 
 @settings(max_examples=300)

@@ -6,25 +6,13 @@ import mpmath
 import numpy as np
 import oracles
 import pytest
+from cases import irrationals, prefixes, spell, tails
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from nasm.numbers import NAMES, RotationNumber, convergents, moebius, nobles_near, parse, rational
 
-quotients = st.integers(1, 30)
-prefixes = st.builds(
-    lambda a, rest: [a, *rest], st.integers(-5, 5), st.lists(quotients, max_size=5)
-)
-tails = st.lists(quotients, min_size=1, max_size=5)
-irrationals = st.builds(lambda prefix, tail: parse(spell(prefix, tail)), prefixes, tails)
 integers = st.integers(-6, 6)
-
-
-def spell(prefix, tail=()):
-    first, *rest = prefix
-    period = [f"({','.join(map(str, tail))})"] if tail else []
-    parts = [*map(str, rest), *period]
-    return f"[{first};{','.join(parts)}]" if parts else f"[{first}]"
 
 
 def exact(omega):

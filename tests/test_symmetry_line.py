@@ -184,16 +184,6 @@ def test_the_line_is_eliminated_above_upper_and_not_far_below():
     assert longest_lived(found.upper * ray(30), 300)[1] == np.inf
 
 
-def test_the_longest_lived_start_is_on_the_last_circle():
-    # On the axis, T is S at 2κ with two of its y to one of T's: ω = γ or its mirror image 1 - γ.
-    kappa = (KAPPA_G / 2 * (1 + 1e-5), 0.0)
-    y, time = longest_lived(kappa, 10**6)
-    assert elimination_time(kappa, y, 10**6) == time
-    circle = on_the_line((KAPPA_G / 2, 0.0), 987, 1597, 0.5)
-    assert min(abs(y - circle), abs(y - (0.5 - circle))) < 1e-4
-    assert 0 <= y <= 0.5
-
-
 @pytest.mark.parametrize("degrees", thirds([14, 30, 44.4, 44.99]))
 def test_a_dense_scan_finds_no_longer_life(degrees):
     # A cell at the end of the search is 0.01/T² ≈ 5e-8 wide; the scan's are 2.4e-7.

@@ -5,7 +5,7 @@ import oracles
 import pytest
 from numpy.testing import assert_array_equal
 
-from nasm import circles, escape
+from nasm import circles
 from nasm.circles import continuation
 from nasm.converse_kam import symmetry_line, transversal
 from nasm.converse_kam.transversal import located, longest_lived
@@ -64,16 +64,6 @@ def test_a_certified_circle_survives_on_every_transversal_also_of_long_forcings(
     assert np.isinf(longest_lived(kappa, 1000).kicks)
 
 
-@pytest.mark.parametrize("profile", [(1.0,), (0.6, 0.8), (-0.5, 0.8)])
-def test_the_breakup_is_that_of_the_symmetry_line(profile):
-    known = symmetry_line.critical_scale(profile, 5000)
-    for n_max in (30, 100):
-        upper, last = located(profile, n_max)
-        time = last.kicks / len(profile)
-        assert abs(upper / (1 + 0.7 / time) / known.value - 1) < 0.35 / time
-        assert known.value < upper < known.value * (1 + 1.5 / n_max)
-
-
 @pytest.mark.parametrize("shape", ["later", "reversed", "negated"])
 def test_images_of_a_forcing_have_one_breakup(shape):
     profile = rotating_forcing(*ray(118.0), "1/3", 0.03)
@@ -95,11 +85,3 @@ def test_where_lines_fail_transversals_lead_to_the_circle_that_breaks_last(angle
     )
     assert abs(upper / (1 + 0.7 / time) - judge.value) < 0.7 / time * upper + judge.error
     assert judge.value < upper < 1.005 * judge.value
-
-
-def test_orbits_escape_only_beyond_the_breakup():
-    profile = rotating_forcing(-0.8, 0.5, "1/3", 1 / 24)
-    upper, *_ = located(profile, 100)
-    direct = escape.critical_scale(profile, 2000, 64)
-    assert upper < direct.upper
-    assert abs(direct.value - upper) < direct.error

@@ -2,16 +2,13 @@
 
 A `Lanes` is LLVM's vector <64 x double>, or <64 x float> of an array of float32. The compiler
 splits it over the registers that the machine has (8 of AVX-512, 16 of AVX2), and that many
-independent chains hide the latency of the arithmetic: one chain alone waits for most of its time.
-Written with scalars, the same kernel is at the mercy of the auto-vectoriser, which a harmless edit
-switches off. `load_few` makes narrower lanes, for a kernel of so many variables that 64 of each
-would not stay in registers.
+independent chains hide the latency of the arithmetic. Scalars would be at the mercy of the
+auto-vectoriser. `load_few` makes narrower lanes, for a kernel of many variables.
 
 `+ - * /` work on lanes, and between lanes and a float, which fills all lanes. `fma`, `rint`,
 `fabs`, `copysign`, `maximum` and `minimum` take lanes or floats, so that one source of a formula
-compiles to both: with the same operations in the same order, a lane and the scalar code agree to
-the last bit, on every machine (fma is exact by definition; a processor without it falls back on a
-slow, equal, library call).
+compiles to both: a lane and the scalar code agree to the last bit, on every machine (a processor
+without fma falls back on a slow, equal, library call).
 
 These names exist inside `numba.njit` functions only.
 """

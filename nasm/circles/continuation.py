@@ -71,13 +71,11 @@ def critical_scale(omega, profile, tol=1e-6):
     Returns CriticalScale. lower : the scale of the certified circle. upper : NaN.
     error : 0.8 times the spread of the last estimates, or times the change made by the third scale
     if that is larger, plus the change made by the highest modes. It may exceed tol. Near a forcing
-    of a shorter period, as on |κ1| = |κ2|, it contains the depth to which the boundary falls there,
-    as long as the circles met so far cannot tell. It is three times the way from the last circle
-    where M has not run over Λ² yet, and a fifth of that way or more where δ is not known for the
-    tail of ω. Without an estimate, or with an error as large as the value, both are NaN, as where a
-    large quotient hides the tail from all circles that have modes enough; lower is what was
-    certified all the same. Status UNDECIDED where residues say that the circle is still there
-    beyond the value.
+    of a shorter period it contains the depth to which the boundary falls there, as long as the
+    circles met so far cannot tell. It is three times the way from the last circle where M has not
+    run over Λ² yet, and a fifth of that way or more where δ is not known for the tail of ω. Without
+    an estimate, or with an error as large as the value, both are NaN; lower is what was certified
+    all the same. Status UNDECIDED where residues say that the circle is there beyond the value.
 
     ValueError if profile is zero or tiny or tol not positive and finite.
     """
@@ -121,8 +119,7 @@ def certified_circle(omega, profile, breakup, distance, start=None):
     start : sequence of P floats, default 0: on κ = start + s·profile.
 
     Returns scale : float, breakup·(1 - distance) or below; NaN if no circle is certified. The work
-    grows like 1/distance: 0.1 s at 10⁻⁴, 9 s and 1 GB at 10⁻⁵. There rounding sets a limit: next to
-    a cusp 3·10⁻⁵ may be the nearest.
+    grows like 1/distance: 0.1 s at 10⁻⁴, 9 s and 1 GB at 10⁻⁵, where rounding sets a limit.
     u : ndarray (P, n), its deviations; None if no circle is certified.
     """
     start, profile = segment(start, profile)
@@ -167,10 +164,8 @@ def fineness(u, last=-1):
 
 
 def _walk(omega, profile, tol):
-    """Circles on the way to the breakup: the path, the last estimate of it, its error, a Status.
-
-    Without an estimate the error is inf. The Status is OK, or why there is no further circle.
-    """
+    """Circles on the way to the breakup: the path, the last estimate of it, its error, inf without
+    one, and OK, or why there is no further circle."""
     growth, delta = _scaling(omega.tail)
     part = 1 - 1 / delta if growth < 2 else 0.25
     # As many circles as s_c - s takes to shrink by δ, and M to run through its oscillation.
@@ -206,11 +201,8 @@ def _walk(omega, profile, tol):
 
 
 def _next_circle(omega, profile, path, step):
-    """(scale, u) of a circle `step` beyond the last of the path, or nearer; and a Status.
-
-    The step is halved while Newton's method is lost. It is not when the modes are used up: then the
-    circles met before are as near to the breakup as it pays to go.
-    """
+    """(scale, u) of a circle `step` beyond the last of the path, or nearer where Newton's method is
+    lost; and a Status."""
     at = path[-1][0]
     for _ in range(_HALVINGS):
         target = at + step
@@ -226,8 +218,7 @@ def _estimate(omega, scales, log_m, growth, delta):
     """s_c by three scales, at M, M/Λ and M/Λ², or by the first two; and an error.
 
     M counts from the wave number at which the tail of ω begins: the last denominator of its prefix.
-    The error is of what the third scale changes, and all that the highest modes change; with two
-    scales, the whole way from the last circle. NaN and inf where M has not run over Λ yet.
+    NaN and inf where M has not run over Λ yet.
     """
     falls = np.flatnonzero(np.diff(log_m[0]) <= 0)  # far from the breakup M need not grow
     start = falls[-1] + 1 if falls.size else 0
@@ -284,8 +275,7 @@ def _straight_way(scales, log_m, growth, delta):
 def _interpolation(x, at):
     """Weights w: w @ y is the cubic through those four of the points (x, y) around `at`, there."""
     start = min(max(np.searchsorted(x, at) - 2, 0), x.size - 4)
-    weights = np.zeros(x.size)
-    four = range(start, start + 4)
+    weights, four = np.zeros(x.size), range(start, start + 4)
     for i in four:
         weights[i] = prod((at - x[j]) / (x[i] - x[j]) for j in four if j != i)
     return weights

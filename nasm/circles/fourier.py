@@ -25,8 +25,7 @@ _LARGEST_DENOMINATOR = 10**12  # k·p stays below 2⁶³ up to k = 9·10⁶
 def turns(omega, n_modes):
     """e^{2πikω} for k = 0, …, n_modes - 1, read-only; of a RotationNumber, to the last digits.
 
-    kω mod 1 is exact for a convergent p/q of ω with q ≤ 10¹², which misses ω by less than 1/q²,
-    and by much less than double precision would.
+    kω mod 1 is exact for a convergent p/q of ω with q ≤ 10¹², which misses ω by less than 1/q².
     """
     for fraction in convergents(omega):
         if fraction.denominator > _LARGEST_DENOMINATOR:

@@ -6,8 +6,8 @@ The sites of a circle's orbits are x_j = h_j(θ), j = 0, …, P - 1 within a per
     h_j(θ) = θ + jω/P + u_j(θ),     h_P(θ) = h_0(θ + ω),     h_{-1}(θ) = h_{P-1}(θ - ω),
     E_j = h_{j+1} - 2h_j + h_{j-1} - (κ_j/2π) sin 2πh_j = 0.
 
-The unknowns are the deviations u_j, periodic functions on a grid of n points, an array of shape
-(P, n). They are unique up to θ → θ + constant, which ⟨u_0⟩ = 0 fixes.
+The unknowns are the deviations u_j on a grid of n points, an array of shape (P, n). They are unique
+up to θ → θ + constant, which ⟨u_0⟩ = 0 fixes.
 
 Newton's step is Levi and Moser's (Proc. Sympos. Pure Math. 69 (2001) 733). Write the correction of
 u_j as h_j' w_j. The linearised equations times h_j' telescope, up to terms of the size of E²:
@@ -15,9 +15,8 @@ u_j as h_j' w_j. The linearised equations times h_j' telescope, up to terms of t
     c_j (w_{j+1} - w_j) - c_{j-1} (w_j - w_{j-1}) = -h_j' E_j,        c_j = h_j' h_{j+1}'.
 
 Summed over a period this is an equation g(θ + ω) - g(θ) = f(θ) for the flux c_j (w_{j+1} - w_j).
-Its free constant is fixed by ⟨Σ_j (w_{j+1} - w_j)⟩ = 0, and a second such equation gives w_0. The
-constant is found as long as the twist ⟨Σ_j 1/c_j⟩ is not 0; where h' > 0 it is at least P, since
-⟨log h'⟩ ≤ log ⟨h'⟩ = 0. Everything is diagonal in θ or in Fourier space: O(n log n).
+Its free constant is fixed by ⟨Σ_j (w_{j+1} - w_j)⟩ = 0, where the twist ⟨Σ_j 1/c_j⟩ is not 0, and
+a second such equation gives w_0. Everything is diagonal in θ or in Fourier space: O(n log n).
 
 With too few modes Newton's method converges on "circles" far beyond the breakup. What is called a
 circle here has therefore converged again, with h' > 0, on a grid four times finer.
@@ -49,11 +48,11 @@ N_LARGEST = 2**16
 
 _FINER = 4  # the certificate's grid
 _STEPS = 12  # of Newton's method, which needs 3 to 8 where there is a circle
-_UPDATE = 1e-9  # converged: the last update of u was smaller
-_TAIL = 3e-3  # resolved: the last 15% of the modes hold less than this part of the H³ norm
+UPDATE = 1e-9  # converged: the last update of u was smaller
+TAIL = 3e-3  # resolved: the last 15% of the modes hold less than this part of the H³ norm
 _POLISHED = 1e-9  # of max |E_j| before a step, which leaves a tenth of it or less
 _ROUNDED = 1e-13  # of max |E_j|: less is rounding, and no step makes less of it
-_DIVISOR = 1e-5  # with smaller divisors, rounding errors of 1e-17 are larger than _UPDATE in u
+_DIVISOR = 1e-5  # with smaller divisors, rounding errors of 1e-17 are larger than UPDATE in u
 
 
 @dataclass(frozen=True)
@@ -112,8 +111,7 @@ def invariant_circle(omega, kappa, n_max=4096, start=None):
 def settle(omega, kappa, u, n_max):
     """Newton's method from u (overwritten), with as many modes as it asks for.
 
-    Returns u on the grid where it converged, and OK; or what was left, and the reason. Nothing is
-    certified yet.
+    Returns u on the grid where it converged, and OK; or what was left, and the reason.
     """
     if checked(omega).is_rational:
         return u, Status.RATIONAL
@@ -140,8 +138,7 @@ def polish(omega, kappa, u):
     """Newton's method from u (overwritten) until max |E_j| < 10⁻⁹ before a step, or below 10⁻⁸ it
     shrinks no more; whether it got there, with h' > 0.
 
-    For more modes than `settle` can judge: beyond 10⁵ of them the small divisors let rounding into
-    the updates of u, which then stop shrinking, while the residual E does shrink.
+    For 10⁵ modes and more, whose small divisors let rounding into the updates of u.
     """
     constants, workspace = _constants(omega, *u.shape), _workspace(*u.shape)
     best, least = u.copy(), np.inf
@@ -277,27 +274,32 @@ def _newton(omega, kappa, u):
 
 @kernel(error_model="numpy")
 def _iterate(kappa, angles, turn, kept, u):
-    """Newton steps until they tell: an index into _OUTCOMES, and the error before the first step.
-
-    The update squares each time, so the last one need not be made.
-    """
+    """Newton steps until they tell: an index into _OUTCOMES, and the error before the first."""
     workspace = _workspace(*u.shape)
     first = last_error = last = 1.0
     for step in range(_STEPS):
         error, change, slope, twist, tail = _chain_step(kappa, angles, turn, kept, u, workspace)
-        if step == 0:
-            first = error
-        if not (error < 1 and slope > 0 and twist > 0.5 and change < 1):  # NaN ends it too
-            return 2, first
-        if error > max(2 * last_error, 1e-9):
-            return 2, first
-        if tail > _TAIL and change < 1e-3:
-            return 1, first
-        next_change = change * (change / last) ** 2
-        if change < _UPDATE or (change < 1e-6 and next_change < 1e-2 * _UPDATE):
-            return 0, first
+        first = error if step == 0 else first
+        outcome = told(error, change, slope, twist, tail, last_error, last)
+        if outcome < 3:
+            return outcome, first
         last_error, last = error, change
     return 2, first
+
+
+@njit(nogil=True, error_model="numpy")
+def told(error, change, slope, twist, tail, last_error, last):
+    """What a Newton step tells: 0, converged, 1, too few modes, 2, lost, or 3, go on.
+
+    The update squares each time, so the last one need not be made.
+    """
+    lost = not (error < 1 and slope > 0 and twist > 0.5 and change < 1)  # NaN ends it too
+    if lost or error > max(2 * last_error, 1e-9):
+        return 2
+    if tail > TAIL and change < 1e-3:
+        return 1
+    next_change = change * (change / last) ** 2
+    return 0 if change < UPDATE or (change < 1e-6 and next_change < 1e-2 * UPDATE) else 3
 
 
 @kernel

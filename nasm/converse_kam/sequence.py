@@ -20,10 +20,9 @@ start before the kick of a site, then shows that no such family of graphs passes
 and likewise backwards, or by the sum there. All graphs cross the line x = a before a kick: if all
 its starts are eliminated, y from 0 to 1 by the symmetry y → y + 1, there is no family of graphs.
 
-What is not shown: that nothing holds orbits back. For one periodic map Birkhoff's theorem says that
-a rotational invariant circle is a graph; for sequences there is no such theorem. `asymptotic` gives
-curves that are as good as circles for all times from some kick on, and that fold before. Converse
-KAM denies those. So ask it about kicks among which the forcing has settled, and look for orbits
+What is not shown: that nothing holds orbits back. For sequences there is no theorem like Birkhoff's
+that barriers are graphs: `asymptotic` gives curves that are as good as circles from some kick on,
+and that fold before. So ask about kicks among which the forcing has settled, and look for orbits
 that escape: they alone show transport. And N kicks say nothing of the next ones.
 
 So of κ_n = κ̄ + Δκ cos 2π(φ0 + nΩ), θ_n = 0, one line without survivors shows, as far as samples do:
@@ -41,7 +40,7 @@ from numba import njit
 from nasm.arithmetic.kernels import kernel
 from nasm.arithmetic.sine import cos2pi
 from nasm.checks import count, floats, points, real
-from nasm.converse_kam.symmetry_line import Survivor, longest_found
+from nasm.converse_kam.symmetry_line import GRIDS, KEPT, Survivor, longest_found
 from nasm.critical import CriticalScale, Status, no_answer
 from nasm.maps import MAX_STRENGTH, direction, forcing, kick, unkick
 
@@ -49,16 +48,13 @@ __all__ = ["asymptotic", "critical_scale", "elimination_time", "escape_time", "l
 __dir__ = __all__.copy
 
 _METHOD = "converse KAM"
-_GRIDS = ((2048, 0.5), (1597, 0.382))  # starts, and the place of the start in its cell
-_KEPT = 32  # starts from which the search goes on at each level
 HORIZON = 200
 """Kicks, the longest life by which a search denies.
 
-A search keeps starts to the last bit of a double, and where kicks outgrow the breakup a minimizing
-orbit is lost sooner: before the kick of κ_G in κ_G + 0.003·n the longest life found is 233 kicks,
-and a segment found by Newton's method survives 279. On lines before later kicks, which deny graphs
-sooner, lives are those that a search of segments finds, or up to 6% longer (29 lines in ramps from
-10⁻² to 10⁻⁷, lives up to 2388). So a longer life is no denial where the kicks change."""
+Where kicks outgrow the breakup a minimizing orbit is lost in rounding: before the kick of κ_G in
+κ_G + 0.003·n the longest life found is 233 kicks, and a segment found by Newton's method survives
+279. On lines before later kicks lives are those that a search of segments finds, or up to 6% longer
+(29 lines in ramps from 10⁻² to 10⁻⁷). So a longer life is no denial where the kicks change."""
 _LINES = 8  # at most, on which `last_survivor` looks
 _MIDDLE = 32  # kicks on either side of the middle
 _BELOW = np.array([0.85, 0.88, 0.91, 0.94, 0.96, 0.98])
@@ -109,11 +105,10 @@ def longest_lived(kappa, theta, site, effort=1):
     Returns x, y : floats, y in [0, 1]. time : float, kicks in either direction; inf for a start
     that survives all N, which need not be the last one.
 
-    The beam search of `symmetry_line.longest_lived`, on two unrelated grids. Lives are more
-    irregular here than under forcings that repeat, and it may miss the longest. On 18 lines in
-    fields of 4096 particles, longest lives 50 to 1750, an effort of 64 found lives up to 1.7 times
-    those of effort 1, and up to 1.3 times those of effort 8, and one survivor of 2048 kicks where
-    an effort of 1 had found 1963.
+    The beam search of `symmetry_line.longest_lived` may miss the longest: on 18 lines in fields of
+    4096 particles, longest lives 50 to 1750, an effort of 64 found lives up to 1.7 times those of
+    effort 1, and up to 1.3 times those of effort 8, and one survivor of 2048 kicks where an effort
+    of 1 had found 1963.
     """
     kappa, theta = sequence(kappa, theta)
     site = count("site", site, 0, kappa.size - 1)
@@ -123,9 +118,9 @@ def longest_lived(kappa, theta, site, effort=1):
     def lifetimes(half):  # the search knows y from 0 to 1/2
         return _elimination_times(kappa, theta, site, np.full(half.size, x), 2 * half, True)
 
-    grids = [(effort * starts, offset) for starts, offset in _GRIDS]
+    grids = [(effort * starts, offset) for starts, offset in GRIDS]
     # No orbit recurs: starts that the shear of a map would not part have unlike lives, so go on.
-    half, time = longest_found(lifetimes, grids, effort * _KEPT, apart=0.0)
+    half, time = longest_found(lifetimes, grids, effort * KEPT, apart=0.0)
     return float(x), 2 * half, time
 
 

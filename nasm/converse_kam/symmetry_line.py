@@ -22,21 +22,19 @@ If v_n ≤ 0 for some n, no rotational invariant circle passes through that star
    time at n, then η = v on |k| < n, and 0 elsewhere, has Σ_k η_k (Hη)_k = 2 v_{n-1} v_n ≤ 0.
 
 A circle is a graph, so it meets the line x_c = a in one point: if all y of the line are
-eliminated, no rotational circle is left, and transport is global. y from 0 to 1/2 suffice for
-every P, for the chain has the symmetries y → y + 1 and (x, y) → (-x, -y), and both keep the line.
-The criterion is MacKay and Percival's, Commun. Math. Phys. 98 (1985) 469.
+eliminated, no rotational circle is left. y from 0 to 1/2 suffice, by the symmetries y → y + 1 and
+(x, y) → (-x, -y). The criterion is MacKay and Percival's, Commun. Math. Phys. 98 (1985) 469.
 
 The line is the dominant one, x = 1/2 before the stronger kick, or x = 0 if that is negative. The
-minimax orbits are on it, and lose their positive v soonest; orbits that minimize the action never
-do, though they be periodic. With three kicks or more minimax orbits of different ω may be on
-different lines, and so they are asked on a curve through all of them: `converse_kam.transversal`.
+minimax orbits are on it, and lose their positive v soonest. With three kicks or more minimax orbits
+of different ω may be on different lines: `converse_kam.transversal` has a curve through them all.
 
 Beyond the last circle's breakup, at the scale s_c of a ray, the longest life on the line is T,
 
     s/s_c - 1 ≈ C/T,
 
 up to a log-periodic ripple of some per cent; on the paper's plane C is 0.6 to 0.7 in steps, on
-|κ1| = |κ2| half of that. Ten times the work is ten times the accuracy.
+|κ1| = |κ2| half of that.
 
 These results rest on sampled starts and floating point: strong evidence, not a proof. A search may
 miss a survivor; see `longest_lived`. `nasm.proofs.transport` proves it.
@@ -45,8 +43,7 @@ The kernel advances 64 starts in lockstep, on the kick of `nasm.escape` with its
 
     cos 2πx = -sign(r) Σ_k (2k + 1) c_k u²ᵏ,    w' = w + κ cos 2πx · v,   v' = v + w',
 
-w being the last difference of v. It looks at the smallest v of a block of kicks; only after an
-alarm is the block replayed kick by kick, so times are exact.
+w being the last difference of v. Times are exact: a block of kicks with v ≤ 0 is replayed.
 """
 
 from dataclasses import dataclass
@@ -59,6 +56,7 @@ from nasm.arithmetic.lanes import LANES, copysign, fabs, fma, load, minimum, own
 from nasm.arithmetic.sine import COSINE, SINE
 from nasm.checks import count, floats
 from nasm.critical import CriticalScale, Status, no_answer
+from nasm.escape import polynomial
 from nasm.maps import direction, forcing
 from nasm.symmetries import CUSP_EXPONENT, distances_to_shorter, dominant_centre, primitive
 
@@ -75,8 +73,9 @@ _SLOPES = 0.4, 1.1
 rays of 2 to 4 kicks and 88 next to the diagonal it was 0.68 or more, and 1.01 or less for each."""
 
 # (starts, place of the start in its cell) of two grids that have no start in common.
-_GRIDS = ((2048, 0.5), (1597, 0.382))
-_KEPT, _FEW, _CHILDREN, _SHRINK = 32, 8, 8, 0.15
+GRIDS = ((2048, 0.5), (1597, 0.382))
+KEPT = 32  # starts from which a search goes on at each level
+_FEW, _CHILDREN, _SHRINK = 8, 8, 0.15
 
 _STRIDE = 2 + 5**0.5  # (1/γ)³
 _MOST_SCALES = 100  # 10 are usual
@@ -118,7 +117,7 @@ def elimination_time(kappa, y, n_max):
     return kicks.reshape(y.shape) / strengths.size
 
 
-def longest_lived(kappa, n_max, kept=_KEPT):
+def longest_lived(kappa, n_max, kept=KEPT):
     """The start on the dominant symmetry line that takes longest to be eliminated.
 
     kappa, n_max : as for `elimination_time`.
@@ -137,8 +136,8 @@ def longest_lived(kappa, n_max, kept=_KEPT):
     strengths = forcing(kappa)
     n_max = count("n_max", n_max, 1, MAX_STEPS)
     line, n_kicks = _line(strengths), strengths.size * n_max
-    kept = count("kept", kept, 1, _GRIDS[1][0])
-    y, time = longest_found(lambda y: _kicks(line, y, n_kicks), _GRIDS, kept)
+    kept = count("kept", kept, 1, GRIDS[1][0])
+    y, time = longest_found(lambda y: _kicks(line, y, n_kicks), GRIDS, kept)
     return y, time / strengths.size
 
 
@@ -150,8 +149,7 @@ def critical_scale(profile, n_max):
        longest lifetime T grows by a factor of 4.2 each time, until it is near n_max: `upper`.
     3. `value` is where the law leads to for T → ∞.
 
-    The factor is (1/γ)³. The ripple of the law has the period 1/γ in T if the last circle has a
-    golden tail, and then it cancels.
+    The factor is (1/γ)³: the ripple has the period 1/γ in T if the last circle has a golden tail.
 
     profile : sequence of P floats that repeat after one or two kicks, not all 0.
     n_max : int, 100 to 10⁹, steps. On the paper's plane upper/value - 1 is 0.6/n_max to 1/n_max, on
@@ -170,7 +168,7 @@ def critical_scale(profile, n_max):
 
     def lifetime(scale):
         line = _line(scale * profile)
-        return longest_found(lambda y: _kicks(line, y, n_kicks), _GRIDS)[1]
+        return longest_found(lambda y: _kicks(line, y, n_kicks), GRIDS)[1]
 
     top = 2 / np.abs(profile).max()
     # A guess of the slope; a bad one costs time, no more.
@@ -221,9 +219,7 @@ def _gap(lifetime, scale, time, slope, steepest):
 def _cusp_steps(profile):
     """The steps that it takes to tell a forcing from one of a shorter period that is close to it.
 
-    Until then lifetimes follow the law of the shorter forcing, which has another slope. For P = 2
-    the shorter ones are on the diagonals |κ1| = |κ2|, where the boundary has cusps. Six was
-    measured, on 150 rays.
+    Until then lifetimes follow the law of the shorter forcing. Six was measured, on 150 rays.
     """
     distances = distances_to_shorter(profile)
     nearest = distances.min(where=distances > 0, initial=np.inf)
@@ -253,13 +249,12 @@ def _line(strengths):
 
 
 def _kicks(line, y, n_kicks):
-    """Elimination times of starts on the line, in kicks."""
     times = np.empty(y.size)
     _elimination_times(*line, y, n_kicks, times)
     return times
 
 
-def longest_found(lifetimes, grids, kept=_KEPT, apart=0.01):
+def longest_found(lifetimes, grids, kept=KEPT, apart=0.01):
     """`beam_search` on each of the grids (starts, offset), until one finds a survivor."""
     found = []
     for grid in grids:
@@ -269,13 +264,12 @@ def longest_found(lifetimes, grids, kept=_KEPT, apart=0.01):
     return max(found, key=lambda start: start[1])
 
 
-def beam_search(lifetimes, starts, offset, kept=_KEPT, apart=0.01):
+def beam_search(lifetimes, starts, offset, kept=KEPT, apart=0.01):
     """y in [0, 1/2] and lifetime of the start that lives longest; one survivor is enough.
 
     lifetimes : function, vector of y → their lifetimes in kicks, inf for a survivor. starts, offset
-    : a grid, the number of its starts and the place of each in its cell. kept : as for
-    `longest_lived`; no more than 8 when cells are smaller than 100·apart over T², the longest life.
-    apart : the search ends when they are smaller than this over T².
+    : as in GRIDS. kept : as for `longest_lived`; no more than 8 when cells are smaller than
+    100·apart over T², the longest life. apart : the search ends when they are smaller than this.
     """
     cell = 0.5 / starts
     y = (np.arange(starts) + offset) * cell
@@ -307,14 +301,7 @@ def tangent_kick(c, n, x, y, v, w):
     r = x - rint(x)
     u = fabs(r) - 0.25
     q = u * u
-    s = fma(q, c[n, 7], c[n, 6])
-    s = fma(s, q, c[n, 5])
-    s = fma(s, q, c[n, 4])
-    s = fma(s, q, c[n, 3])
-    s = fma(s, q, c[n, 2])
-    s = fma(s, q, c[n, 1])
-    s = fma(s, q, c[n, 0])
-    y = fma(s, u, y)
+    y = fma(polynomial(c, n, q), u, y)
     d = fma(q, _D7, _D6)
     d = fma(d, q, _D5)
     d = fma(d, q, _D4)
@@ -373,12 +360,7 @@ def _elimination_times(c, x, w, y, n_max, times):
         oldest = 0
         for lane in range(LANES):
             if start[lane] < 0 and following < y.size:
-                state[0, lane], state[1, lane], state[2, lane], state[3, lane] = (
-                    x,
-                    y[following],
-                    1,
-                    w,
-                )
+                state[:4, lane] = (x, y[following], 1.0, w)
                 start[lane], age[lane] = following, 0
                 following, at_work = following + 1, at_work + 1
             if start[lane] >= 0:

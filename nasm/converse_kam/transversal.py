@@ -10,10 +10,9 @@ No rotational invariant circle passes through the start if some v_n ≤ 0 or u_{
     Σ_{n≥1} 1/(v_n v_{n+1}) + Σ_{n≥1} 1/(u_{-n} u_{-n-1})  ≥  2 + κ_0 cos 2πx_0
 
 in a partial sum. For a circle gives a solution ξ_n > 0 of the linearised chain (see
-`nasm.converse_kam.symmetry_line`). ξ_n v_{n+1} - ξ_{n+1} v_n = ξ_0 is constant, so v_n > 0, and
-ξ_n/v_n falls by ξ_0/(v_n v_{n+1}) from each site to the next: ξ_1 > ξ_0 Σ 1/(v_n v_{n+1}). The same
-holds backwards, and ξ_1 + ξ_{-1} is ξ_0 times the right side. On a symmetry line both sums are
-equal, and the criterion is that of `nasm.converse_kam.symmetry_line`.
+`nasm.converse_kam.symmetry_line`, whose criterion this is on a symmetry line). ξ_n v_{n+1} -
+ξ_{n+1} v_n = ξ_0 is constant, so v_n > 0, and ξ_n/v_n falls by ξ_0/(v_n v_{n+1}) from each site to
+the next: ξ_1 > ξ_0 Σ 1/(v_n v_{n+1}). Likewise backwards, and ξ_1 + ξ_{-1} is ξ_0 times the right.
 
 Every rotational circle crosses a curve that leads from y = -∞ to y = ∞. If all starts on one are
 eliminated, no circle is left. Orbits that minimize the action are never eliminated. The curve must
@@ -58,7 +57,7 @@ EXCESS = 0.6, 0.95  # steps: C of the law, least and largest
 _EXCESS = 0.7  # mostly
 
 _BLOCK = 32  # kicks, about, between two looks at the starts
-_GRIDS = ((1024, 0.5), (797, 0.382))  # starts, and the place of the start in its cell
+_GRIDS = ((1024, 0.5), (797, 0.382))  # as of `symmetry_line`
 _KEPT = 16  # starts for each kick of a period, of which the search goes on
 _WIDE = 0.5  # of the widest gap before the kick of a site
 _SITES = 8  # at most, whose transversals are tried
@@ -210,9 +209,8 @@ def _longest_on_transversal(kappa, site, ordered, n_kicks):
         place, kicks = longest_found(lifetimes, _GRIDS, kept)
         i = int(np.clip(np.searchsorted(at, place), 1, at.size - 1))
         (before, _), (after, _) = orbits[i - 1 : i + 1]
-        between = Fraction(
-            before.numerator + after.numerator, before.denominator + after.denominator
-        )
+        sums = before.numerator + after.numerator, before.denominator + after.denominator
+        between = Fraction(*sums)
         if np.isfinite(kicks) or between.denominator > longest:
             return points_at(place), kicks, corners
         middle = np.interp(before.denominator / between.denominator, (0, 1), corners[[i, i - 1], 0])
@@ -321,17 +319,9 @@ def _eliminate(strength, ahead, behind, x, y, n_kicks, one_is_enough, times):
                     times[i] = 1.0
                     continue
                 x_ahead, y_ahead = kick(strength, x[i], y[i])
-                state[:8, lane] = (
-                    x_ahead - 0.25,
-                    y_ahead,
-                    1.0,
-                    1.0,
-                    x[i] - y[i] - 0.25,
-                    -y[i],
-                    1.0,
-                    1.0,
-                )
-                state[8, lane] = 0.0
+                before_x = x[i] - y[i] - 0.25
+                state[:4, lane] = (x_ahead - 0.25, y_ahead, 1.0, 1.0)
+                state[4:9, lane] = (before_x, -y[i], 1.0, 1.0, 0.0)
                 start[lane], age[lane] = i, 1
                 at_work += 1
         if at_work == 0:

@@ -7,12 +7,10 @@ once. `barriers` answers for the first, but takes minutes where q is large. Here
 in the same way:
 
 1. `upper`: the lowest scale found at which converse KAM eliminates all starts, by the kicks from -N
-   to N (`nasm.converse_kam.sequence`). No circle is left, or if Ω is irrational no torus that is a
-   graph.
-2. Below it some starts survive. They are on circles or tori, or next to orbits that minimize the
-   action. Weighted Birkhoff averages tell the first from the others, and their ω.
-3. `lower`: the largest scale at which a circle or torus of one of these ω is certified, on its
-   continuation.
+   to N (`nasm.converse_kam.sequence`): no circle is left, or no torus that is a graph.
+2. Below it some starts survive. Weighted Birkhoff averages tell those on circles or tori from those
+   next to orbits that minimize the action, and their ω.
+3. `lower`: the largest scale at which a circle or torus of one of these ω is certified.
 
 The last barrier breaks inside the bracket. Its ω need not be that of `lower`.
 """

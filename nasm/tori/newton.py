@@ -15,18 +15,16 @@ h_θ w, and f⁺ for f(θ + ω, φ + Ω); up to terms of the size of E²
     c (w⁺ - w) - [c (w⁺ - w)]⁻ = -h_θ E,     c = h_θ h_θ⁺.
 
 That is solved twice in Fourier space by the divisors e^{2πi(k₁ω + k₂Ω)} - 1, in the modes of an
-ellipse that takes 36% of each axis. A divisor of 10⁻⁶ turns rounding into 10⁻⁸ of u: a vector with
-a smaller one among the modes in use is refused as resonant. Near the rim of the ellipse the modes
-that a resonant one drives are missing, and Newton's method pushes it away instead of correcting it:
-there such modes are left out, the more the nearer, and what they would be counts as unresolved.
-Spectra reach further in θ than in φ as a rule, so the axes are refined apart.
+ellipse that takes 36% of each axis. A vector with a divisor below 10⁻⁶ among the modes in use is
+refused as resonant. Near the rim of the ellipse resonant modes are left out, the more the nearer:
+the modes that they drive are missing, and Newton's method would push them away. What they would be
+counts as unresolved. The axes are refined apart.
 
 With too few modes Newton's method converges on "tori" beyond the breakup. What is called a torus
 here has therefore converged again, with h_θ > 0, on a grid twice as fine along both axes.
 
-For the breakup of tori no renormalisation predicts exponents, as it does for circles, and norms
-grow by leaps as one resonance after the other awakes. More regular is max (h⁻¹)' = 1/min h_θ; from
-it `critical_scale` takes the breakup, and fits the exponent.
+For the breakup of tori no renormalisation predicts exponents, and norms grow by leaps. More regular
+is max (h⁻¹)' = 1/min h_θ; from it `critical_scale` takes the breakup, and fits the exponent.
 """
 
 from dataclasses import dataclass, field
@@ -41,6 +39,7 @@ from nasm.arithmetic.kernels import kernel
 from nasm.arithmetic.roots import root
 from nasm.arithmetic.sine import cos2pi, sin2pi
 from nasm.checks import count, positive, real
+from nasm.circles.newton import told
 from nasm.critical import CriticalScale, Status
 from nasm.maps import TWO_PI, direction, forcing
 from nasm.numbers import RotationNumber
@@ -58,10 +57,8 @@ _KEPT = 0.36  # of the points of an axis: the half axis of the ellipse of modes
 _INNER = 0.5  # up to here, in parts of the ellipse's equation, all modes are used,
 _HOLE = 0.2  # and further out those with a divisor above this, times how far out, squared
 _OUTER = 0.72  # from here on, modes are outer ones
-_TAIL = 3e-3  # resolved: the outer modes hold less than this part of the second derivatives
 _DIVISOR = 1e-6
 _STEPS = 12  # of Newton's method
-_UPDATE = 1e-9  # converged: the last update of u was smaller
 _HALVINGS = 12  # of a step, before Newton's failures are final
 _REFUSALS = 3  # halvings, before too few modes are final
 _MOST_TORI = 60  # on a ray: 10 to 25 are met
@@ -163,8 +160,7 @@ def critical_scale(omega, frequency, mean, amplitude, tol=1e-3):
 def settle(omega, frequency, mean, amplitude, u, n_max):
     """Newton's method from u, ndarray (m, n), on as fine a grid of at most n_max points as it asks.
 
-    Returns u on the grid where it converged, and OK; or what was left, and the reason. Nothing is
-    certified yet.
+    Returns u on the grid where it converged, and OK; or what was left, and the reason.
     """
     while True:
         u, outcome, _ = _newton(omega, frequency, mean, amplitude, u)
@@ -233,10 +229,7 @@ def resample(u, m, n):
 
 
 def extrapolate(path, target):
-    """Deviations at the scale `target`, by Lagrange's formula through the last three of a path.
-
-    path : list of at least one (scale, u), with grids that do not shrink.
-    """
+    """Deviations at the scale `target`, through the last three of a path; see `circles.newton`."""
     path = path[-3:]
     total = np.zeros(path[-1][1].shape)
     for scale, u in path:
@@ -249,9 +242,8 @@ def extrapolate(path, target):
 def _next_torus(vector, profile, path, step, n_max):
     """Scale, deviations and Status of a torus `step` beyond the last of the path, or nearer.
 
-    The step is halved while Newton's method is lost or asks for too many modes. At every second
-    failure the grid is doubled along one axis too: a resonance just beyond the modes of the last
-    torus looks like the end.
+    At every second failure the grid is doubled along one axis too: a resonance just beyond the
+    modes of the last torus looks like the end.
     """
     for failures in range(_HALVINGS):
         target, doublings = path[-1][0] + step, failures // 2
@@ -269,10 +261,8 @@ def _next_torus(vector, profile, path, step, n_max):
 
 
 def _walk(vector, profile, tol):
-    """The last tori on the way to the breakup, the estimate of it, its error, and a Status.
-
-    Without an estimate the error is inf. The Status is OK, or why there is no further torus.
-    """
+    """The last tori on the way to the breakup, the estimate of it, its error, inf without one, and
+    OK, or why there is no further torus."""
     path, slopes = [(0.0, np.zeros(FIRST))], [(0.0, 1.0)]
     value, error, step, status = nan, inf, 0.1 / np.abs(profile).max(), Status.OK
     while error > tol and len(slopes) < _MOST_TORI and step > 1e-6 * path[-1][0]:
@@ -328,10 +318,7 @@ def _turns(number, k):
 def _constants(omega, frequency, m, n):
     """e^{2πi(k₂Ω + k₁ω)} of all modes; what becomes of each, 0 if it is not in use, 1 if it is, 2
     and 3 if it is an outer one, on the side of θ or φ, and 4 and 5 if it is a hole there; and the
-    smallest divisor in use.
-
-    A hole is a resonant mode near the rim: Newton's method lacks the modes beyond the rim that it
-    drives, and would move it the wrong way.
+    smallest divisor in use. A hole is a resonant mode near the rim.
     """
     k2, k1 = _wave_numbers(m)[:, None], np.arange(n // 2 + 1)
     turn = _turns(frequency, k2) * _turns(omega, k1)
@@ -370,18 +357,14 @@ def _iterate(mean, amplitude, turn, kind, modes, steps):
     first = last_error = last = 1.0
     for step in range(steps):
         error, change, slope, twist, tails = _step(mean, amplitude, turn, kind, modes)
-        if step == 0:
-            first = error
-        if not (error < 1 and slope > 0 and twist > 0.5 and change < 1):  # NaN ends it too
-            return 3, first
-        if error > max(2 * last_error, 1e-9):
-            return 3, first
-        if tails.max() > _TAIL and change < 1e-3:
-            return 1 if tails[0] > tails[1] else 2, first
-        next_change = change * (change / last) ** 2
-        if change < _UPDATE or (change < 1e-6 and next_change < 1e-2 * _UPDATE):
-            return 0, first
-        if step > 3 and change > 0.5 * last:  # by rounding, or pushed away by modes that lack
+        first = error if step == 0 else first
+        outcome = told(error, change, slope, twist, tails.max(), last_error, last)
+        if outcome == 0 or (outcome == 1 and tails[0] > tails[1]):
+            return outcome, first
+        if outcome == 1:
+            return 2, first
+        # By rounding, or pushed away by modes that lack.
+        if outcome == 2 or (step > 3 and change > 0.5 * last):
             return 3, first
         last_error, last = error, change
     return 3, first
