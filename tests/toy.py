@@ -87,7 +87,7 @@ def workers_here():
 
 def predict(coords, settings):
     # Uneven, so that there are batches of one tile and of many.
-    return 0.3 if coords["row"][0] > 0.6 else 0.01
+    return 0.3 if coords.get("row", [0.0])[0] > 0.6 else 0.01
 
 
 def serial(plan):

@@ -254,21 +254,21 @@ def _kicks(line, y, n_kicks):
     return times
 
 
-def longest_found(lifetimes, grids, kept=KEPT, apart=0.01):
+def longest_found(lifetimes, grids, kept=KEPT, few=_FEW, apart=0.01):
     """`beam_search` on each of the grids (starts, offset), until one finds a survivor."""
     found = []
     for grid in grids:
-        found.append(beam_search(lifetimes, *grid, kept, apart))
+        found.append(beam_search(lifetimes, *grid, kept, few, apart))
         if np.isinf(found[-1][1]):
             break
     return max(found, key=lambda start: start[1])
 
 
-def beam_search(lifetimes, starts, offset, kept=KEPT, apart=0.01):
+def beam_search(lifetimes, starts, offset, kept=KEPT, few=_FEW, apart=0.01):
     """y in [0, 1/2] and lifetime of the start that lives longest; one survivor is enough.
 
     lifetimes : function, vector of y → their lifetimes in kicks, inf for a survivor. starts, offset
-    : as in GRIDS. kept : as for `longest_lived`; no more than 8 when cells are smaller than
+    : as in GRIDS. kept : as for `longest_lived`. few : no more are kept when cells are smaller than
     100·apart over T², the longest life. apart : the search ends when they are smaller than this.
     """
     cell = 0.5 / starts
@@ -285,8 +285,9 @@ def beam_search(lifetimes, starts, offset, kept=KEPT, apart=0.01):
         # then a few parents are enough.
         if np.isinf(best_time) or cell * best_time**2 < apart or cell < np.spacing(0.5):
             return best_y, best_time
-        few = cell * best_time**2 < 100 * apart
-        parents = y[np.argsort(-times, kind="stable")[: min(kept, _FEW) if few else kept]]
+        if cell * best_time**2 < 100 * apart:
+            kept = min(kept, few)
+        parents = y[np.argsort(-times, kind="stable")[:kept]]
         cell *= _SHRINK
         y = (parents[:, None] + cell * brood).ravel()
 

@@ -206,7 +206,7 @@ def _longest_on_transversal(kappa, site, ordered, n_kicks):
         def lifetimes(place, points_at=points_at):
             return _elimination_times(kappa, *points_at(place), n_kicks, True)
 
-        place, kicks = longest_found(lifetimes, _GRIDS, kept)
+        place, kicks = longest_found(lifetimes, _GRIDS, kept, kept)
         i = int(np.clip(np.searchsorted(at, place), 1, at.size - 1))
         (before, _), (after, _) = orbits[i - 1 : i + 1]
         sums = before.numerator + after.numerator, before.denominator + after.denominator
