@@ -165,7 +165,8 @@ def _files(cube, computed):
     """{key: bytes} of the cube before any tile is there, or with all values, compressed, if its
     template has them; `computed` tells by whom."""
     ours = {"config_hash": cube.config_hash, "store_format": FORMAT}
-    identity = {**computed, **cube.template.attrs, **cube.attributes, **ours}
+    labels = cube.template.attrs  # first, so that the order is the same when they are read again
+    identity = {**labels, **computed, **labels, **cube.attributes, **ours}
     # NumPy's type of text has no standard in zarr 3.
     variables = cube.template.variables
     texts = {k: v.astype(object) for k, v in variables.items() if v.dtype.kind == "U"}
