@@ -43,8 +43,15 @@ from nasm.numbers import checked, convergents, moebius, nobles_near, rational
 from nasm.orbits import rotation_number
 from nasm.symmetries import dominant_centre, halfway_nobles, ray, shorten
 
-__all__ = ["boundary", "critical_scale", "eliminates", "last_circle", "longest_lived", "remnant"]
-__all__ += ["tied"]
+__all__ = [
+    "boundary",
+    "critical_scale",
+    "eliminates",
+    "last_circle",
+    "longest_lived",
+    "remnant",
+    "tied",
+]
 __dir__ = __all__.copy
 
 _LOCATE = 1000  # steps of converse KAM in step 1 on a line,
@@ -414,8 +421,10 @@ def longest_lived(kappa, n_max):
 
 
 def remnant(kappa, n_max):
-    """Where the last circle was: x, y of the start by `longest_lived`, at the start of its period,
-    and its life in steps: floats; inf if a start survives n_max steps, and it is one of those."""
+    """Where the last circle was: the start by `longest_lived`, moved to the start of its period.
+
+    Returns x, y, steps: floats, steps inf if a start survives n_max steps, and it is one of those.
+    """
     strengths = forcing(kappa)
     found = longest_lived(strengths, n_max)
     x, y = found.x, found.y
@@ -488,8 +497,9 @@ def per_period(omega, profile, short, zero):
     one, in [0, P/2]."""
     period, ratio = profile.size, profile.size // short.size
     (*_, shift) = convergents(zero)
-    turns, part = shift.numerator, shift.denominator
-    omega = moebius(omega, ratio * part, -ratio * turns, 0, part)
+    omega = moebius(
+        omega, ratio * shift.denominator, -ratio * shift.numerator, 0, shift.denominator
+    )
     omega = moebius(omega, 1, -period * floor(float(omega) / period))
     omega = omega if float(omega) <= period / 2 else moebius(omega, -1, period)
     return min(omega, tied(omega, profile) or omega, key=lambda ω: len(ω.prefix + ω.tail))

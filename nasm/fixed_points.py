@@ -35,8 +35,14 @@ def primary_residue(kappa1, kappa2):
     kappa1, kappa2 = np.broadcast_arrays(kappa1, kappa2)
     half_sum, half_difference = (kappa1 + kappa2) / 2, (kappa1 - kappa2) / 2
     product = kappa1 * kappa2 / 4
-    sums = -half_sum - product, half_sum - product
-    return np.stack([*sums, product - half_difference, product + half_difference])
+    return np.stack(
+        [
+            -half_sum - product,
+            half_sum - product,
+            product - half_difference,
+            product + half_difference,
+        ]
+    )
 
 
 def residue(kappa, x, y):

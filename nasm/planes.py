@@ -33,10 +33,14 @@ _AXIS = re.compile(r"kappa\w*(?<!_bounds)", re.ASCII)  # which no other name in 
 _LONGEST_NAME = 60  # it stands in the names of files
 _SAME = 1e-14  # of the largest strength: rounding of cosines
 
-_FIRST, _SECOND = "strength of the first kick", "strength of the second kick"
-TWO_KICKS_AXES = {"kappa1": _FIRST, "kappa2": _SECOND}
-_MEAN, _AMPLITUDE = "mean strength κ̄", "amplitude Δκ of the strengths"
-ROTATING_AXES = {"kappa_mean": _MEAN, "kappa_amplitude": _AMPLITUDE}
+TWO_KICKS_AXES = {
+    "kappa1": "strength of the first kick",
+    "kappa2": "strength of the second kick",
+}
+ROTATING_AXES = {
+    "kappa_mean": "mean strength κ̄",
+    "kappa_amplitude": "amplitude Δκ of the strengths",
+}
 
 
 @dataclass(frozen=True)
@@ -76,7 +80,8 @@ class Plane:
             )
         if not isinstance(self.name, str) or not 0 < len(self.name) <= _LONGEST_NAME:
             raise ValueError(
-                f"name={self.name!r} must be a text of at most {_LONGEST_NAME} letters"
+                f"name={self.name!r} must be a text of at most {_LONGEST_NAME} letters, like "
+                "'two-kicks'"
             )
         axes = self.axes if isinstance(self.axes, dict) else {}
         named = [_AXIS.fullmatch(name) and isinstance(words, str) for name, words in axes.items()]

@@ -18,8 +18,17 @@ import numpy as np
 from nasm.maps import forcing, kick, unkick
 from nasm.numbers import RotationNumber, moebius, nobles_near
 
-__all__ = ["alternate", "dominant_centre", "halfway_nobles", "lengthen", "negate", "ray", "shift"]
-__all__ += ["shorten", "symmetry_lines"]
+__all__ = [
+    "alternate",
+    "dominant_centre",
+    "halfway_nobles",
+    "lengthen",
+    "negate",
+    "ray",
+    "shift",
+    "shorten",
+    "symmetry_lines",
+]
 __dir__ = __all__.copy
 
 _NEARLY = 3e-6  # of the largest strength: at 1e-4 neighbours break later

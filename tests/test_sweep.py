@@ -273,7 +273,8 @@ def test_workers_are_deaf_to_ctrl_c_from_birth_and_without_any_a_sweep_waits_for
     """The last one that needs the worker: it is sent away."""
     here, elsewhere = tmp_path / "here", tmp_path / "elsewhere"
     plan, told, processes = toy.cube(seconds=0.1), [], client().cluster
-    (nanny,), worker = processes.workers.values(), client().submit(os.getpid).result(timeout=60)
+    (nanny,) = processes.workers.values()
+    worker = client().submit(os.getpid, pure=False).result(timeout=60)
     os.kill(worker, signal.SIGKILL)
     toy.wait_until(lambda: nanny.pid not in (worker, None))  # another one begins to import
     os.kill(worker := nanny.pid, signal.SIGINT)

@@ -44,8 +44,9 @@ N_CERTIFIED = 2048  # points of the circle that is certified, on a grid four tim
 _MOST_CIRCLES = 100  # on a ray: 10 to 30 are met
 _HALVINGS = 12  # of a step, before Newton's failures are final
 _MODES = 6  # times 1/distance: enough to resolve a circle at that distance from its breakup
-_STEP = 0.3  # a circle is that much nearer than the one before, or more
 _FEWER = 4.5  # likewise, and to go on from it: of 46 certificates 3.5 lost five, 4.5 none
+_STEP = 0.3  # of the distance of a circle, to which the next one is as near, or nearer
+_SHORT = 1.8  # times the distance asked for: no circle on the way is nearer than that
 _ROUNDS = 50  # of the fixed point iteration for s_c, which needs 5 to 20
 _SPREAD = 0.8  # the error's part of the spread of estimates: 0.5 fell short on 5 of 240 rays
 _PARTS = np.array([0.85, 1.0])  # of the modes that a circle has
@@ -132,7 +133,7 @@ def certified_circle(omega, profile, breakup, distance, start=None):
         return u if newton.polish(omega, start + scale * profile, u) else None
 
     d = 0.5
-    while path and d > 1.8 * distance and (u := near(d, _FEWER / d)) is not None:
+    while path and d > _SHORT * distance and (u := near(d, _FEWER / d)) is not None:
         path.append((breakup * (1 - d), u))
         # As near as the modes up to the next resonance let the circle be.
         d = _FEWER / fourier.cut(omega, fourier.grid(omega, _FEWER / (_STEP * d)))
@@ -275,7 +276,8 @@ def _straight_way(scales, log_m, growth, delta):
 def _interpolation(x, at):
     """Weights w: w @ y is the cubic through those four of the points (x, y) around `at`, there."""
     start = min(max(np.searchsorted(x, at) - 2, 0), x.size - 4)
-    weights, four = np.zeros(x.size), range(start, start + 4)
+    weights = np.zeros(x.size)
+    four = range(start, start + 4)
     for i in four:
         weights[i] = prod((at - x[j]) / (x[i] - x[j]) for j in four if j != i)
     return weights

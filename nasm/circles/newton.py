@@ -280,7 +280,7 @@ def _iterate(kappa, angles, turn, kept, u):
     for step in range(_STEPS):
         error, change, slope, twist, tail = _chain_step(kappa, angles, turn, kept, u, workspace)
         first = error if step == 0 else first
-        outcome = told(error, change, slope, twist, tail, last_error, last)
+        outcome = step_outcome(error, change, slope, twist, tail, last_error, last)
         if outcome < 3:
             return outcome, first
         last_error, last = error, change
@@ -288,7 +288,7 @@ def _iterate(kappa, angles, turn, kept, u):
 
 
 @njit(nogil=True, error_model="numpy")
-def told(error, change, slope, twist, tail, last_error, last):
+def step_outcome(error, change, slope, twist, tail, last_error, last):
     """What a Newton step tells: 0, converged, 1, too few modes, 2, lost, or 3, go on.
 
     The update squares each time, so the last one need not be made.

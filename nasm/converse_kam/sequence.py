@@ -120,8 +120,7 @@ def longest_lived(kappa, theta, site, effort=1):
 
     grids = [(effort * starts, offset) for starts, offset in GRIDS]
     # No orbit recurs: starts that the shear of a map would not part have unlike lives, so go on.
-    kept = effort * KEPT
-    half, time = longest_found(lifetimes, grids, kept, kept, apart=0.0)
+    half, time = longest_found(lifetimes, grids, effort * KEPT, apart=0.0)
     return float(x), 2 * half, time
 
 

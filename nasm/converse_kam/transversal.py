@@ -209,8 +209,9 @@ def _longest_on_transversal(kappa, site, ordered, n_kicks):
         place, kicks = longest_found(lifetimes, _GRIDS, kept, kept)
         i = int(np.clip(np.searchsorted(at, place), 1, at.size - 1))
         (before, _), (after, _) = orbits[i - 1 : i + 1]
-        sums = before.numerator + after.numerator, before.denominator + after.denominator
-        between = Fraction(*sums)
+        between = Fraction(
+            before.numerator + after.numerator, before.denominator + after.denominator
+        )
         if np.isfinite(kicks) or between.denominator > longest:
             return points_at(place), kicks, corners
         middle = np.interp(before.denominator / between.denominator, (0, 1), corners[[i, i - 1], 0])

@@ -39,7 +39,7 @@ from nasm.arithmetic.kernels import kernel
 from nasm.arithmetic.roots import root
 from nasm.arithmetic.sine import cos2pi, sin2pi
 from nasm.checks import count, positive, real
-from nasm.circles.newton import told
+from nasm.circles.newton import step_outcome
 from nasm.critical import CriticalScale, Status
 from nasm.maps import TWO_PI, direction, forcing
 from nasm.numbers import RotationNumber
@@ -358,7 +358,7 @@ def _iterate(mean, amplitude, turn, kind, modes, steps):
     for step in range(steps):
         error, change, slope, twist, tails = _step(mean, amplitude, turn, kind, modes)
         first = error if step == 0 else first
-        outcome = told(error, change, slope, twist, tails.max(), last_error, last)
+        outcome = step_outcome(error, change, slope, twist, tails.max(), last_error, last)
         if outcome == 0 or (outcome == 1 and tails[0] > tails[1]):
             return outcome, first
         if outcome == 1:
