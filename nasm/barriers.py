@@ -398,8 +398,11 @@ class _Race:
     def precise(self, known, far):
         """The same by longer orbits, if they agree to within `far`."""
         between = known.value - far, known.value + far
-        scale = self.by_residues(known.omega, between, 3000 if self.precision > _ROUGHLY else 6000)
-        return scale if abs(scale.value - known.value) < far else known
+        for longest in (3000, 6000)[self.precision < _ROUGHLY :]:
+            scale = self.by_residues(known.omega, between, longest)
+            if abs(scale.value - known.value) < far:
+                return scale
+        return known
 
     def refine(self):
         """Ask residues for the digits of the leader, and of those that may break as late."""

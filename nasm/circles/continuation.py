@@ -19,7 +19,7 @@ That the blow-up marks the breakup is Calleja & de la Llave's criterion (Nonline
 """
 
 from itertools import chain, islice, pairwise
-from math import exp, inf, log, nan, prod, sqrt
+from math import ceil, exp, inf, log, nan, prod, sqrt
 
 import numpy as np
 
@@ -43,10 +43,8 @@ N_MAX = 16384  # points of a grid
 N_CERTIFIED = 2048  # points of the circle that is certified, on a grid four times finer
 _MOST_CIRCLES = 100  # on a ray: 10 to 30 are met
 _HALVINGS = 12  # of a step, before Newton's failures are final
-_MODES = 6  # times 1/distance: enough to resolve a circle at that distance from its breakup
-_FEWER = 4.5  # likewise, and to go on from it: of 46 certificates 3.5 lost five, 4.5 none
-_STEP = 0.3  # of the distance of a circle, to which the next one is as near, or nearer
-_SHORT = 1.8  # times the distance asked for: no circle on the way is nearer than that
+_MODES = 6  # times 1/distance: enough to resolve a circle at that distance from its breakup,
+_FEWER = 4.5  # and to go on from it: of 46 certificates 3.5 lost five, 4.5 none
 _ROUNDS = 50  # of the fixed point iteration for s_c, which needs 5 to 20
 _SPREAD = 0.8  # the error's part of the spread of estimates: 0.5 fell short on 5 of 240 rays
 _PARTS = np.array([0.85, 1.0])  # of the modes that a circle has
@@ -75,8 +73,9 @@ def critical_scale(omega, profile, tol=1e-6):
     of a shorter period it contains the depth to which the boundary falls there, as long as the
     circles met so far cannot tell. It is three times the way from the last circle where M has not
     run over Λ² yet, and a fifth of that way or more where δ is not known for the tail of ω. Without
-    an estimate, or with an error as large as the value, both are NaN; lower is what was certified
-    all the same. Status UNDECIDED where residues say that the circle is there beyond the value.
+    an estimate, or with an error as large as the value, both are NaN, as where a large quotient
+    hides the tail from all circles that have modes enough; lower is what was certified all the
+    same. Status UNDECIDED where residues say that the circle is still there beyond the value.
 
     ValueError if profile is zero or tiny or tol not positive and finite.
     """
@@ -108,8 +107,8 @@ def critical_scale(omega, profile, tol=1e-6):
 def certified_circle(omega, profile, breakup, distance, start=None):
     """A circle of ω that is certified, near a breakup that is known.
 
-    1. Circles are found at the distances 1/2, 0.15, 0.045, … of the breakup, in parts of it, or
-       nearer, with 4.5 modes per distance, as the finest structures there ask for.
+    1. Circles are found at the distances 1/2, 0.15, 0.045, … of the breakup, in parts of it, with
+       4.5 modes or more per distance, as the finest structures there ask for.
     2. The one at `distance` is certified on a finer grid, from 2.4 modes per distance if they are
        enough, or 4.2 or 6; else one a bit, or a step, further in.
 
@@ -120,11 +119,13 @@ def certified_circle(omega, profile, breakup, distance, start=None):
     start : sequence of P floats, default 0: on κ = start + s·profile.
 
     Returns scale : float, breakup·(1 - distance) or below; NaN if no circle is certified. The work
-    grows like 1/distance: 0.1 s at 10⁻⁴, 9 s and 1 GB at 10⁻⁵, where rounding sets a limit.
+    grows like 1/distance: 0.1 s at 10⁻⁴, 9 s and 1 GB at 10⁻⁵. There rounding sets a limit: next to
+    a cusp 3·10⁻⁵ may be the nearest.
     u : ndarray (P, n), its deviations; None if no circle is certified.
     """
     start, profile = segment(start, profile)
     distance = real("distance", distance, 1e-6, 0.5)
+    distances = np.geomspace(0.5, distance, 1 + max(1, ceil(log(2 * distance) / log(0.3))))
     path = _begun(omega, start)
 
     def near(d, n_modes):
@@ -132,11 +133,11 @@ def certified_circle(omega, profile, breakup, distance, start=None):
         u = newton.extrapolate(path, scale, fourier.grid(omega, n_modes))
         return u if newton.polish(omega, start + scale * profile, u) else None
 
-    d = 0.5
-    while path and d > _SHORT * distance and (u := near(d, _FEWER / d)) is not None:
+    for d in distances[:-1] if path else []:
+        u = near(d, _FEWER / d)
+        if u is None:
+            break
         path.append((breakup * (1 - d), u))
-        # As near as the modes up to the next resonance let the circle be.
-        d = _FEWER / fourier.cut(omega, fourier.grid(omega, _FEWER / (_STEP * d)))
     # Fewer modes at first: nothing goes on from this circle, and they let less rounding in.
     tries = [(distance, part) for part in (0.4, 0.7, 1.0)] + [(min(1.4 * distance, 0.5), 0.7)]
     nearest = ((breakup * (1 - d), near(d, part * _MODES / d)) for d, part in tries if path)
