@@ -19,6 +19,7 @@ from nasm.checks import sealed
 from nasm.numbers import parse
 from nasm.proofs import certificate_checker, certificates
 from nasm.proofs.certificate_checker import Refuted, check, claim
+from nasm.proofs.certificates import columns_in_hex
 
 PROOFS = {
     "transport": lambda: proofs.transport.prove((1.2, 0.3)),
@@ -40,6 +41,12 @@ COVERS = {
 @pytest.fixture(scope="module")
 def made():
     return {name: json.loads(json.dumps(proof().certificate())) for name, proof in PROOFS.items()}
+
+
+def boxes_of(certificate):
+    return np.array(
+        [np.frombuffer(bytes.fromhex(column), ">f8") for column in certificate["boxes"]]
+    ).T
 
 
 def resealed(certificate):
@@ -123,21 +130,26 @@ def test_what_a_certificate_says_is_bound_to_what_it_proves(name, changes, reaso
 def test_boxes_that_die_too_late_or_leave_a_gap_are_refused(name):
     right = json.loads(json.dumps(COVERS[name]().certificate()))
     check(right)
-    boxes, lives, kappa = (right[key] for key in ("boxes", "lives", "kappa"))
+    boxes, lives, kappa = boxes_of(right), right["lives"], right["kappa"]
     longest = max(range(len(lives)), key=lambda i: np.sum(lives[i]))
-    box, life = list(map(float.fromhex, boxes[longest])), np.array(lives[longest])
+    box, life = boxes[longest].copy(), np.array(lives[longest])
 
-    def put(key, value):
-        return {key: [*right[key][:longest], value, *right[key][longest + 1 :]]}
+    def other_life(life):
+        return {"lives": [*lives[:longest], life.tolist(), *lives[longest + 1 :]]}
 
-    changes = [put("lives", shorter.tolist()) for shorter in (life // 2, 9 * life // 10, 0 * life)]
+    def other_box(column, number):
+        rows = boxes.copy()
+        rows[longest, column] = number
+        return {"boxes": columns_in_hex(rows)}
+
+    changes = [other_life(shorter) for shorter in (life // 2, 9 * life // 10, 0 * life)]
     changes += [
-        {"boxes": boxes[part], "lives": lives[part]} for part in (slice(1, None), slice(-1))
+        {"boxes": columns_in_hex(boxes[part]), "lives": lives[part]}
+        for part in (slice(1, None), slice(-1))
     ]
-    for column in range(min(len(box), 8)):
-        moved = [*box[:column], box[column] - box[1] / 16, *box[column + 1 :]]
-        changes += [put("boxes", in_hex(*moved))] if (name, column) != ("several", 2) else []
-    changes += [put("boxes", ["nan", *boxes[longest][1:]])]
+    for column in {*range(min(len(box), 8))} - ({2} if name == "several" else set()):
+        changes += [other_box(column, box[column] - box[1] / 16)]
+    changes += [other_box(0, np.nan), {"boxes": [column[:-2] for column in right["boxes"]]}]
     weaker = [(0.85 * float.fromhex(strength)).hex() for strength in kappa]
     for k in (weaker, in_hex(*[2.0] * len(kappa)), kappa[::-1]):
         given = {} if name == "cell" else {"shortened_from": {"kappa": k}}
@@ -148,11 +160,11 @@ def test_boxes_that_die_too_late_or_leave_a_gap_are_refused(name):
         changes += [{"half_width": [(2 * float.fromhex(h)).hex() for h in right["half_width"]]}]
     if name == "several":
         slope, (x, y) = box[2], map(float.fromhex, right["points"][0])
-        changes += [put("boxes", in_hex(*box[:2], other)) for other in (slope + 0.5, slope / 3)]
-        changes += [put("lives", life[:1].tolist()), {"points": right["points"][:-1]}]
+        changes += [other_box(2, other) for other in (slope + 0.5, slope / 3)]
+        changes += [other_life(life[:1]), {"points": right["points"][:-1]}]
         changes += [{"points": [in_hex(x + 2.0**-10, y), *right["points"][1:]]}]
         # If a share could be rounded, both halves could be 0, and Q 2⁻⁵³.
-        refuted(right, put("boxes", in_hex(*box[:2], -(2.0**-53))), "a share of the site that is")
+        refuted(right, other_box(2, -(2.0**-53)), "a share of the site that is")
     for change in changes:
         refuted(right, change)
 

@@ -29,6 +29,7 @@ grid, at each of many points of a fan, with a bound of the aliases (`Grid`).
 import hashlib
 import json
 import re
+import struct
 from fractions import Fraction
 
 from flint import acb, acb_poly, arb, arb_poly, ctx, fmpq
@@ -73,7 +74,14 @@ def check(certificate):
     """The claim, which is proved, of a certificate that is genuine and right; Refuted otherwise."""
     try:
         return _checked(certificate)
-    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+    except (
+        ArithmeticError,
+        AttributeError,
+        LookupError,
+        TypeError,
+        ValueError,
+        struct.error,
+    ) as error:
         raise Refuted(f"malformed: {type(error).__name__}: {error}") from None
 
 
@@ -178,6 +186,13 @@ def exact(text):
         raise Refuted(f"{text!r} is no number") from None
 
 
+def rows(columns):
+    """Rows of exact numbers from the texts of their columns, of 16 hexadecimal digits a number."""
+    columns = [bytes.fromhex(column) for column in columns]
+    columns = [map(Fraction, struct.unpack(f">{len(data) // 8}d", data)) for data in columns]
+    return list(zip(*columns, strict=True))
+
+
 def demand(truth, complaint):
     if not truth:
         raise Refuted(complaint)
@@ -194,7 +209,7 @@ def hypothesis(certificate):
     largest = [abs(strength) + width for strength, width in zip(kappa, widths, strict=True)]
     demand(len(kappa) == 1 or (len(kappa) == 2 and min(largest) < 2), "scope")
     demand(site in range(len(kappa)) and a in (0, Fraction(1, 2)), "no symmetry line")
-    boxes = [tuple(exact(number) for number in box) for box in certificate["boxes"]]
+    boxes = rows(certificate["boxes"])
     demand(len(boxes) == len(lives), "not a life for each box")
     kappa, widths = kappa[site:] + kappa[:site], widths[site:] + widths[:site]
     if "half_width" in certificate:
@@ -226,7 +241,7 @@ def hypothesis_of_several(certificate):
     points = [tuple(exact(number) for number in point) for point in certificate["points"]]
     ends = {(2 * x).denominator * (2 * y).denominator for x, y in (points[0], points[-1])}
     demand(ends == {1} and points[0][1] != points[-1][1], "a curve that its images do not continue")
-    boxes = [tuple(exact(number) for number in box) for box in certificate["boxes"]]
+    boxes = rows(certificate["boxes"])
     lives, site = certificate["lives"], certificate["site"]
     demand(site in range(len(kappa)) and len(boxes) == len(lives), "site, or lives")
     cover([(s - delta, s + delta) for s, delta, _ in boxes], Fraction(len(points) - 1, 2))

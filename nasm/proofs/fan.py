@@ -164,6 +164,8 @@ def _proved_between(low, high, value, about):
         if modes is None:
             return BarrierProof(False, "not proved: Newton's method diverges", **about)
         moves = fan.moves(modes, unit)
+        if R > 1:
+            moves = _above_rounding(moves, Q, R)
         found = fan.verified(moves, unit)
     moves = [moves[first : first + R] for first in range(0, Q * R, R)]
     return BarrierProof(**about, n=n, unit=unit, moves=moves, **found)
@@ -193,6 +195,22 @@ def _points_across(far, n, missed):
     B = np.abs([one.kappa for one in far]).max() * (r + 1 / r) / (4 * pi)
     B *= np.exp(2 * pi * (rho + np.minimum(size, 50)))
     return max(_FEWEST, ceil(min(np.log(4 * B / (1 - 1 / r) / missed) / np.log(r))))
+
+
+def _above_rounding(moves, Q, R):
+    """C, and nothing where it is of no use, as small as the rounding of the modes by long doubles.
+
+    C falls with the sum of its degrees: where both are high, rounding is all there is.
+    """
+    sizes = np.zeros((Q * R, max(len(part) for table in moves for row in table for part in row)))
+    for total, table in zip(sizes, moves, strict=True):
+        for part in (part for row in table for part in row):
+            total[: len(part)] += np.abs(np.array(part, float))
+    rho = _STRIP * decay(sizes[0])
+    norms = sizes @ np.exp(2 * pi * rho * np.arange(sizes.shape[1]))
+    rounding = norms.reshape(Q, R)[3 * Q // 4 :, 3 * R // 4 :].max()
+    nothing = [[[], []]] * len(moves[0])
+    return [C if x > 2 * rounding else nothing for C, x in zip(moves, norms, strict=True)]
 
 
 class _Fan:

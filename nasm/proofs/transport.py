@@ -55,7 +55,7 @@ from nasm.checks import positive
 from nasm.converse_kam import transversal
 from nasm.maps import direction, forcing
 from nasm.numbers import rational
-from nasm.proofs.certificates import certificate, in_hex, rows_in_hex
+from nasm.proofs.certificates import certificate, columns_in_hex, in_hex
 from nasm.symmetries import shorten
 
 __all__ = ["Outcome", "TransportProof", "prove", "proved_upper"]
@@ -157,11 +157,11 @@ class TransportProof(Proof):
         if len(self.kappa) > 2:
             rows, lives = np.column_stack([self.boxes, self.slopes]), self.lives
             theorem = "Transport is global under several kicks"
-            fields["points"] = rows_in_hex(self.points)
+            fields["points"] = [in_hex(point) for point in self.points.tolist()]
         else:
             rows, lives, theorem = self.boxes, self.lives[:, 0], "Transport is global"
             fields["a"] = self.a
-        fields |= {"boxes": rows_in_hex(rows), "lives": lives.tolist()}
+        fields |= {"boxes": columns_in_hex(rows), "lives": lives.tolist()}
         return certificate(self, theorem, fields, self.given)
 
     @property

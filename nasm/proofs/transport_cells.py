@@ -38,7 +38,7 @@ from nasm.arithmetic.lanes import (
 from nasm.arithmetic.sine import COSINE, SINE
 from nasm.checks import floats, positive
 from nasm.maps import forcing
-from nasm.proofs.certificates import certificate, in_hex, rows_in_hex
+from nasm.proofs.certificates import certificate, columns_in_hex, in_hex
 from nasm.proofs.transport import (
     COS,
     COS_CUBIC,
@@ -100,7 +100,7 @@ class CellProof(Proof):
             "half_width": in_hex(self.half_width),
             "site": self.site,
             "a": self.a,
-            "boxes": rows_in_hex(self.boxes),
+            "boxes": columns_in_hex(self.boxes),
             "lives": self.lives.tolist(),
         }
         cell = self.kappa, self.half_width
