@@ -37,64 +37,37 @@ from pipeline.sweep.grid import Axis, parse_axis
 
 GAMMA, KAPPA, REST = parse("gamma"), (0.3, 0.4), np.zeros((2, 64))  # deviations of the rotation
 
-# Arguments that each function takes, by name; the table below makes one of them bad.
-GOOD = {
-    maps.forcing: {"kappa": KAPPA},
-    maps.step: {"kappa": KAPPA, "x": 0.0, "y": 0.0},
-    maps.rotating_forcing: {"mean": 1.0, "amplitude": 1.0, "frequency": "1/3"},
-    orbits.orbit: {"kappa": KAPPA, "x": np.zeros(2), "y": 0.0, "n": 10},
-    orbits.rotation_number: {"kappa": KAPPA, "x": 0.0, "y": 0.0, "n": 10},
-    orbits.passages: {"kappa": KAPPA, "x": 0.0, "y": 0.0, "n": 10, "box": (0, 0, 1, 1)},
-    orbits.portrait: {"kappa": KAPPA},
-    symmetries.alternate: {"kappa": KAPPA, "x": 0.0, "y": 0.0, "spacing": 1},
-    symmetries.shorten: {"forcings": [KAPPA], "omega": GAMMA},
-    fixed_points.secondary: {"kappa1": 1.0, "kappa2": 1.0},
-    numbers.moebius: {"omega": GAMMA, "a": 1, "b": 1},
-    numbers.nobles_near: {"value": 0.6, "width": 1e-3, "n": 2},
-    fourier.grid: {"omega": GAMMA, "n_modes": 1000},
-    circles.invariant_circle: {"omega": GAMMA, "kappa": KAPPA},
-    circles.newton_step: {"omega": GAMMA, "kappa": KAPPA, "u": REST},
-    continuation.critical_scale: {"omega": GAMMA, "profile": (1, 0)},
-    continuation.certified_circle: {
-        "omega": GAMMA, "profile": (1, 0), "breakup": 0.4, "distance": 0.01
-    },
-    circles.symmetries.alternate: {"circle": circles.invariant_circle(GAMMA, (0.0, 0.0))},
-    periodic.residue: {"kappa": KAPPA, "p": 1, "q": 3},
-    action.ordered_orbits: {"kappa": KAPPA, "p": 1, "q": 3},
-    periodic.critical_scale: {"omega": GAMMA, "profile": (1.0, 0.0)},
-    periodic.torus_scale: {"omega": "5/8", "frequency": "1/2", "mean": 1.0, "amplitude": 0.0},
-    flux.flux: {"omega": GAMMA, "kappa": (1.0, 0.0)},
-    flux.action_difference: {"kappa": KAPPA, "p": 1, "q": 2},
-    escape.ensemble: {"n_orbits": 5},
-    escape.escape_time: {"kappa": KAPPA, "x": 0.0, "y": 0.1, "n_max": 10},
-    escape.first_escape: {"kappas": [KAPPA], "x": np.zeros(5), "y": 0.1, "sizes": [1], "n_max": 10},
-    escape.critical_scale: {"profile": (1, 0), "n_max": 64},
-    symmetry_line.elimination_time: {"kappa": KAPPA, "y": 0.1, "n_max": 10},
-    symmetry_line.longest_lived: {"kappa": KAPPA, "n_max": 10},
-    symmetry_line.critical_scale: {"profile": (1, 0), "n_max": 100},
-    transversal.longest_lived: {"kappa": (1.2, 1.0), "n_max": 10},
-    transversal.located: {"profile": (1, 0, 0), "n_max": 30},
-    sequence.escape_time: {
-        "kappa": KAPPA, "theta": 0.1, "x": 0.0, "y": 0.1, "window": (-2, 2)
-    },
-    sequence.longest_lived: {"kappa": KAPPA, "theta": (0.1, 0.2), "site": 1},
+# Good arguments by their names, of which the table below makes one bad.
+GOOD = {"omega": GAMMA, "kappa": KAPPA, "kappas": [KAPPA], "forcings": [KAPPA]}
+GOOD |= {"profile": np.array((1, 0)), "short": np.array(KAPPA), "start": KAPPA}
+GOOD |= {"kappa1": 1.0, "kappa2": 1.0}
+GOOD |= {"mean": 1.0, "amplitude": 0.1, "frequency": 0.54, "phase": 0.0, "theta": 0.1, "gamma": 0.1}
+GOOD |= {"x": 0.0, "y": 0.1, "n": 64, "n_max": 100, "n_orbits": 5, "sizes": [1], "site": 1}
+GOOD |= {"window": (-2, 2), "box": (0, 0, 1, 1), "p": 1, "q": 3, "q_max": 100, "a": 1, "b": 1}
+GOOD |= {"u": REST, "circle": circles.invariant_circle(GAMMA, (0.0, 0.0)), "n_modes": 1000}
+GOOD |= {"zero": numbers.rational(0), "breakup": 0.4, "distance": 0.01, "width": 1e-3}
+GOOD |= {"value": 0.48, "budget": 0.1, "half_width": 2.0**-7, "lo": 0, "hi": 1, "text": "0:1:4"}
+# Functions that take others.
+OTHERS = {
+    escape.first_escape: {"x": np.zeros(5)},
+    last_torus.of_fraction: {"frequency": "1/2"},
+    orbits.orbit: {"x": np.zeros(2)},
+    periodic.torus_scale: {"omega": "5/8", "frequency": "1/2", "amplitude": 0.0},
+    proofs.transport_cells.prove_cell: {"kappa": (0.25, 0.5)},
+    self_consistent.evolve: {"x": np.zeros(3)},
     sequence.critical_scale: {"profile": np.ones(64)},
-    last_torus.of_fraction: {"frequency": "1/2", "phase": 0.0, "mean": 1.0, "amplitude": 1.0},
-    last_torus.upper_scale: {"frequency": 0.38, "mean": 1.0, "amplitude": 1.0},
-    self_consistent.evolve: {
-        "x": np.zeros(3), "y": 0.1, "gamma": 0.1, "amplitude": 0.2, "n": 5
-    },
-    barriers.critical_scale: {"profile": (1, 0)},
-    tori.invariant_torus: {"omega": 0.618, "frequency": 0.54, "mean": 0.1, "amplitude": 0.1},
-    tori.critical_scale: {"omega": 0.618, "frequency": 0.54, "mean": 0.1, "amplitude": 0.1},
-    proofs.barrier.prove: {"omega": GAMMA, "kappa": KAPPA},
-    proofs.transport_cells.prove_cell: {"kappa": (0.25, 0.5), "half_width": 2.0**-7},
-    proofs.transport.prove: {"kappa": KAPPA},
-    proofs.transport.proved_upper: {"profile": (1, 0), "value": 0.48, "budget": 0.1},
-    proofs.barrier.proved_lower: {"omega": GAMMA, "profile": (1, 0), "value": 0.48, "budget": 0.1},
-    Axis: {"lo": 0, "hi": 1, "n": 12},
-    parse_axis: {"text": "0:1:4"},
-}  # fmt: skip
+    tori.critical_scale: {"omega": 0.618},
+    tori.invariant_torus: {"omega": 0.618},
+}
+
+
+def arguments(function):
+    """Good arguments of a function, without those that have a default."""
+    parameters = inspect.signature(function).parameters.values()
+    needed = {p.name: GOOD[p.name] for p in parameters if p.default is p.empty}
+    return needed | OTHERS.get(function, {})
+
+
 ORBITS = orbits.orbit, orbits.rotation_number
 TORI = tori.invariant_torus, tori.critical_scale
 ESCAPES = escape.escape_time, escape.first_escape
@@ -252,7 +225,7 @@ CASES = [
 def test_a_bad_argument_is_refused_by_its_value_and_the_remedy(function, name, value, message):
     told = message.replace("{name}", name).replace("{value}", repr(value))
     with pytest.raises(ValueError, match=re.escape(told).replace("…", ".*")):
-        function(**GOOD[function] | {name: value})
+        function(**arguments(function) | {name: value})
 
 
 def functions_of(argument):
@@ -268,18 +241,12 @@ WITH_OMEGA = functions_of("omega") - {periodic.torus_scale, critical.no_answer}
 _barrier = proofs.barrier
 WITH_OMEGA -= {_barrier.inequalities, _barrier.turns}  # checked before
 WITH_OMEGA = {f for f in WITH_OMEGA if f.__module__ != "nasm.tori.newton"}
-OTHERS = dict.fromkeys(("kappa", "profile", "short", "start"), np.array(KAPPA))
-OTHERS |= {"u": REST, "zero": numbers.rational(0), "breakup": 1.7, "distance": 0.1, "q_max": 100}
-OTHERS |= {"value": 0.5, "budget": 1.0, "a": 1, "b": 1, "n": 64, "n_max": 64, "q": 100}
-OTHERS |= {"n_modes": 8, "half_width": 0.01}
 
 
 @pytest.mark.parametrize("omega", [0.618, "golden", Fraction(3, 5), None])
 @pytest.mark.parametrize("function", sorted(WITH_OMEGA, key=lambda f: (f.__module__, f.__name__)))
 def test_what_is_no_rotation_number_is_refused_with_the_remedy(function, omega):
-    parameters = list(inspect.signature(function).parameters.values())[1:]
-    others = [OTHERS[p.name] for p in parameters if p.default is p.empty]
     cure = {0.618: "'[0;(1)]'", "golden": "[1;4,(1)]"}.get(omega, "'gamma'")
     named = re.escape(f"omega={omega!r} is not a ") + "(?i:rotation ?number).*" + re.escape(cure)
     with pytest.raises(ValueError, match=named):
-        list(function(omega, *others))
+        list(function(**arguments(function) | {"omega": omega}))
