@@ -9,12 +9,10 @@ from pathlib import Path
 
 import pytest
 import toy
-from click.testing import CliRunner
 from distributed import Client
 from distributed.security import Security
 
 from pipeline.sweep.cluster import _LOCAL, ClusterError, connect
-from workflows import last_barrier
 
 ROOT = Path(__file__).parents[1]
 SOURCES = os.pathsep.join([str(ROOT), str(ROOT / "tests")])
@@ -68,25 +66,6 @@ def cluster(tmp_path_factory):
         for process in processes:
             process.kill()
             process.wait()
-
-
-@pytest.mark.parametrize(
-    ("content", "told"),
-    [
-        *((content, "must be tcp://HOST:PORT") for content in (None, b"[]", b"\xff\xfe")),
-        (b'{"address": "inproc://1/2"}', "must be tcp://HOST:PORT"),
-        (b'{"address": "tls://127.0.0.1:9"}', "needs TLS files"),
-    ],
-)
-def test_a_malformed_scheduler_file_is_one_clear_message(tmp_path, content, told):
-    file = tmp_path / "scheduler.json"
-    if content is not None:
-        file.write_bytes(content)
-    options = ["--out", str(tmp_path / "out"), "--scheduler", str(file)]
-    result = CliRunner().invoke(last_barrier.main, options)
-    assert result.exit_code == 2
-    assert told in result.output
-    assert not (tmp_path / "out").exists()
 
 
 def test_an_unfit_worker_computes_nothing_and_another_sweeps_over_tls(cluster, tmp_path, capfd):

@@ -108,12 +108,26 @@ def test_help_needs_no_numpy_and_so_comes_at_once():
         ("ask", "--once pyproject.toml --sequence pyproject.toml", "leave KAPPA"),
         ("ask", "--once {}/kicks.txt --prove", "needs kicks that repeat"),
         ("last_barrier", "--scheduler tcp://127.0.0.1:9 --workers 1", "leave --workers out"),
+        ("last_barrier", "--scheduler {}/nowhere.json", "must be tcp://HOST:PORT"),
+        ("last_barrier", "--scheduler {}/a.json", "must be tcp://HOST:PORT"),
+        ("last_barrier", "--scheduler {}/bytes.json", "must be tcp://HOST:PORT"),
+        ("last_barrier", "--scheduler {}/list.json", "must be tcp://HOST:PORT"),
+        ("last_barrier", "--scheduler {}/inproc.json", "must be tcp://HOST:PORT"),
+        ("last_barrier", "--scheduler {}/tls.json", "needs TLS files"),
     ],
 )
 def test_bad_input_is_one_message_and_nothing_is_computed(tmp_path, name, options, message):
-    (tmp_path / "a.json").write_text("plane")
-    (tmp_path / "kicks.txt").write_text("0.3 0.2")
-    (tmp_path / "b.json").write_text('{"name": "plane"}')
+    files = {
+        "a.json": "plane",
+        "b.json": '{"name": "plane"}',
+        "bytes.json": "\xff\xfe",
+        "inproc.json": '{"address": "inproc://1/2"}',
+        "kicks.txt": "0.3 0.2",
+        "list.json": "[]",
+        "tls.json": '{"address": "tls://127.0.0.1:9"}',
+    }
+    for file, content in files.items():
+        (tmp_path / file).write_text(content, encoding="latin-1")
     result = invoke(name, tmp_path / "out", *options.format(tmp_path).split())
     assert result.exit_code == 2
     assert message in result.output.replace("\n", " ")
