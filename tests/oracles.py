@@ -11,8 +11,9 @@ from numba import njit
 from scipy.linalg import eigvalsh_tridiagonal
 
 from nasm import periodic
-from nasm.action import Ladder
-from nasm.numbers import checked, convergents, distinct_convergents
+from nasm.circles import fourier
+from nasm.maps import step
+from nasm.numbers import checked, convergents
 
 LITERATURE = tomllib.loads(Path(__file__).with_name("literature.toml").read_text())
 KAPPA_G = LITERATURE["kappa_G"]["value"]
@@ -111,31 +112,15 @@ def sine_polynomial(n):
     return c, abs(level)
 
 
-@njit
-def _elimination_time(kappa, a, y, n_max):
-    x, v, last = a, 1.0, 1.0 + kappa[0] / 2 * math.cos(2 * math.pi * a)  # v_0, v_{-1} = v_1
-    for n in range(n_max):
-        strength = kappa[n % kappa.size]
-        v, last = (2 + strength * math.cos(2 * math.pi * x)) * v - last, v
-        if v <= 0:
-            return float(n + 1)
-        x, y = kick(strength, x - math.floor(x), y)
-    return math.inf
-
-
-def elimination_time(kappa, a, y, n_max):
-    """The kick after which v ≤ 0, for starts (a, y) before the first kick of kappa."""
-    kappa = np.asarray(kappa, dtype=float)
-    return np.array([_elimination_time(kappa, a, start, n_max) for start in y])
-
-
-def minimizing_breakup(omega, profile, q_max=6000):
-    """The CriticalScale by minimizing orbits, of which that by minimax orbits knows nothing."""
-    near = periodic.critical_scale(omega, profile, q_max)
-    start, profile, omega, _ = periodic._shortened(near.omega, profile, q_max, None)
-    ladder = Ladder(start, profile, distinct_convergents(omega, q_max))
-    given = ladder, omega, 1, near.value, 0, 0.0, 2 * near.value
-    return periodic._estimate(periodic._crossings(*given), profile)
+def invariance_error(circle):
+    """max |T∘K(θ) - K(θ + ω)|, by the map itself, on a grid that Newton's method did not use."""
+    fine = fourier.resample(circle.u, 2 * circle.u.shape[-1])
+    turn = fourier.turns(circle.omega, fine.shape[-1] // 2 + 1)
+    theta, per_kick = np.arange(fine.shape[-1]) / fine.shape[-1], float(circle.omega) / len(fine)
+    y = per_kick + fine[0] - fourier.rotate(fine[-1], turn.conj())
+    x_after, y_after = step(circle.kappa, theta + fine[0], y)
+    wanted_x = theta + float(circle.omega) + fourier.rotate(fine[0], turn)
+    return max(np.abs(x_after - wanted_x).max(), np.abs(y_after - fourier.rotate(y, turn)).max())
 
 
 def residues_fall(omega, kappa, q):

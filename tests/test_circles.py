@@ -11,24 +11,12 @@ from oracles import KAPPA_G
 from nasm import circles, orbits
 from nasm.circles import fourier, parameterization
 from nasm.critical import Status
-from nasm.maps import step
 from nasm.numbers import NAMES, RotationNumber, moebius, parse
 
 GAMMA = parse("gamma")
 LIOUVILLE = (0, 1, 10, 100, 1000, 10**4, 10**5)
 
 strengths = st.floats(-0.35, 0.35)
-
-
-def invariance_error(circle):
-    """max |T∘K(θ) - K(θ + ω)|, by the map itself, on a grid that Newton's method did not use."""
-    fine = fourier.resample(circle.u, 2 * circle.u.shape[-1])
-    turn = fourier.turns(circle.omega, fine.shape[-1] // 2 + 1)
-    theta, per_kick = np.arange(fine.shape[-1]) / fine.shape[-1], float(circle.omega) / len(fine)
-    y = per_kick + fine[0] - fourier.rotate(fine[-1], turn.conj())
-    x_after, y_after = step(circle.kappa, theta + fine[0], y)
-    wanted_x = theta + float(circle.omega) + fourier.rotate(fine[0], turn)
-    return max(np.abs(x_after - wanted_x).max(), np.abs(y_after - fourier.rotate(y, turn)).max())
 
 
 def newton_errors(newton_step, omega, kappa, u, steps):
@@ -73,7 +61,7 @@ def test_a_certified_circle_is_invariant_under_the_map_and_its_orbits_have_its_o
     assert circle.certified
     residual = circles.residual(circle.omega, circle.kappa, fourier.resample(circle.u, 512))
     assert circle.error == pytest.approx(np.abs(residual).max(), rel=0.5, abs=1e-15)
-    assert invariance_error(circle) < 10 * circle.error + 1e-14
+    assert oracles.invariance_error(circle) < 10 * circle.error + 1e-14
     x, y = circles.graph(circle)
     measured = orbits.rotation_number(kappa, x[0], y[0], 10_000)[0]
     assert measured == pytest.approx(float(circle.omega), abs=100 * circle.error + 1e-12)
@@ -111,7 +99,7 @@ def assert_same_circle(carried, kappa, omega):
     assert tuple(carried.kappa) == kappa
     assert carried.omega == omega
     assert carried.certified
-    assert invariance_error(carried) < 10 * carried.error + 1e-14
+    assert oracles.invariance_error(carried) < 10 * carried.error + 1e-14
     direct = circles.invariant_circle(omega, kappa)
     np.testing.assert_allclose(polished(carried), polished(direct), atol=1e-10)
 

@@ -3,10 +3,7 @@
 import numpy as np
 import pytest
 import xarray as xr
-from commands import succeed
 
-from nasm import escape
-from nasm.symmetries import ray
 from workflows.convergence import study as convergence
 from workflows.shared import direct
 
@@ -47,22 +44,3 @@ def test_the_diagonal_has_an_exponent_for_each_half_of_n():
     np.testing.assert_allclose(diagonal.distance[1:], 0.9 * excess[1:])
     np.testing.assert_allclose(diagonal.eta, [2.7, 3.3])
     np.testing.assert_allclose(diagonal.fit, 0.9 * excess)
-
-
-@pytest.mark.slow
-def test_a_small_run_keeps_its_cubes(tmp_path, workers):
-    out = tmp_path / "out"
-    options = ["--quick", "--n-max", "2000", "--n-orbits", "30,300"]
-    succeed("convergence", out, *options, *workers)
-    cube = xr.open_zarr(out / "escape_rays.zarr")
-    assert cube.escape_time.dims == ("ensemble", "angle", "excess")
-    here = cube.sel(angle=20).isel(excess=100)
-    kappa = np.array([here.kappa1, here.kappa2])
-    np.testing.assert_allclose(kappa, float(here.breakup * (1 + here.excess)) * ray(20.0))
-    expected = escape.first_escape(kappa, *escape.ensemble(300), [30, 300], 2000)
-    assert cube.escape_time.sel(angle=20)[:, 100].values.tolist() == expected.tolist()
-    others = xr.open_zarr(out / "convergence.zarr").load()
-    here = others.sel(angle=20).residue.dropna("q")[5:]
-    assert np.polyfit(np.log(here.q), np.log(here), 1)[0] == pytest.approx(-2.04, abs=0.1)
-    assert (others.cones_raw * others.steps < 2).where(others.cones_raw.notnull(), True).all()
-    assert (others.circles_raw * others.modes < 40).where(others.circles_raw.notnull(), True).all()

@@ -4,19 +4,16 @@ import dataclasses
 import pickle
 from fractions import Fraction
 
-import dask
 import numpy as np
 import pytest
 import xarray as xr
-from cases import thirds
 
 from nasm import barriers, numbers, proofs
 from nasm import escape as method
 from nasm.critical import Status
 from nasm.numbers import moebius
-from nasm.planes import Plane, plane_of, rotating, three_kicks, two_kicks
+from nasm.planes import Plane, rotating, three_kicks, two_kicks
 from nasm.symmetries import ray
-from pipeline import store
 from pipeline.cubes import (
     barrier,
     beyond,
@@ -80,30 +77,6 @@ def test_a_tile_has_the_variables_of_its_cube_and_each_has_a_name_and_a_unit(nam
         assert array.shape == tuple(coords[dim].size for dim in dims)
         assert np.can_cast(array.dtype, cube.template[key].dtype, "same_kind") or key == "period"
     assert 0 < job.predict(coords, cube.settings) < 60
-
-
-@pytest.mark.parametrize("name", thirds(list(JOBS)))
-def test_every_cube_goes_to_netcdf_has_one_length_of_chunks_and_says_where_its_rays_are(
-    name, tmp_path
-):
-    cube, place = JOBS[name].cube, store.place_of(tmp_path)
-    store.create(place, cube, "us")
-    there = xr.open_zarr(tmp_path / f"{cube.name}.zarr")
-    assert {dim: there.chunks[dim][0] for dim in cube.tile} == cube.tile
-    assert {*there.data_vars} == {*cube.template.data_vars}
-    assert name != "plane" or there[there.kappa1.attrs["bounds"]].dims == ("kappa1", "bound")
-    axes = [key for key in there.coords if key.startswith("kappa") and "bounds" not in key]
-    assert len(axes) == (0 if name in ("forcings", "robustness") else 2)
-    with dask.config.set(scheduler="synchronous"):  # SciPy writes no netCDF for a cluster
-        there.to_netcdf(tmp_path / "it.nc")
-    with xr.open_dataset(tmp_path / "it.nc") as back:
-        xr.testing.assert_equal(back, there)
-        assert "plane" not in back.attrs or {*plane_of(back.attrs).axes} == {*axes}
-    if name != "plane":
-        store.create(place, JOBS["plane"].cube, "us")
-        field = xr.open_zarr(tmp_path / "escape.zarr")
-        both = xr.merge([there, field.rename(escape_time="field")], join="outer")
-        assert {*both.data_vars} == {"field", *there.data_vars}
 
 
 def test_a_code_of_status_is_read_by_the_words_beside_it():

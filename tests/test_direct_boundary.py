@@ -1,4 +1,4 @@
-"""The boundary by direct iteration: of made-up escape times, and a small run."""
+"""The boundary by direct iteration: a small run."""
 
 import numpy as np
 import pytest
@@ -9,34 +9,7 @@ from nasm import escape
 from nasm.planes import two_kicks
 from nasm.symmetries import ray
 from nasm.verdict import Answer, verdict
-from workflows.figures.direct_boundary import describe
-from workflows.shared.direct import INSETS, boundary_dataset, foreseen
-
-EXCESS = np.geomspace(0.1, 0.8, 4)
-
-
-def dataset(angles, beyond):
-    """Of rays that break at scale 0.5, from the index `beyond` of EXCESS on within 50 steps."""
-    times = np.where(np.arange(4) >= np.array(beyond)[:, None], 50.0, np.inf)
-    times[:, 0] = np.nan
-    found = xr.Dataset(
-        {"escape_time": (("ensemble", "angle", "excess"), times[None])},
-        {"ensemble": [10], "angle": np.array(angles, dtype=float), "excess": EXCESS},
-        two_kicks().record,
-    )
-    barrier = found[["angle"]].assign(critical_scale=("angle", np.full(len(angles), 0.5)))
-    return boundary_dataset(found, barrier, [20, 100])
-
-
-def test_the_boundary_is_the_first_scale_from_which_on_all_escape_within_n_steps():
-    boundary = dataset([0, 30, 60, 90], [3, 2, 2, 3])
-    late, first = boundary.sel(n=100), EXCESS[[3, 2, 2, 3]]
-    np.testing.assert_allclose(late.critical_scale, 0.5 * (1 + first))
-    np.testing.assert_allclose(np.hypot(late.kappa1, late.kappa2), late.critical_scale)
-    np.testing.assert_allclose(late.resolution, 0.5 * first / 2)
-    assert boundary.sel(n=20).bias.isnull().all()
-    assert "outside it by more, " in describe(boundary)
-
+from workflows.shared.direct import INSETS, foreseen
 
 DIRECT = ["--angles", "5", "--tips", "0", "--n-orbits", "64", "--steps", "400,4000"]
 
@@ -73,6 +46,8 @@ def test_direct_iteration_closes_in_on_the_boundary_from_outside(direct):
         assert (float(r["kappa1"]), float(r["kappa2"])) == pytest.approx(kappas[1], rel=1e-5)
         inside, outside = escape.first_escape(kappas, *escape.ensemble(64), [64], 4000)[0]
         assert outside <= n < inside
+        resolution = float(here.breakup) * np.diff(here.excess)[0]
+        assert float(r["resolution"]) == pytest.approx(resolution, rel=1e-5)
 
 
 @pytest.mark.slow

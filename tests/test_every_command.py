@@ -9,9 +9,11 @@ from pathlib import Path
 import dask
 import pytest
 import xarray as xr
-from commands import follow
+from commands import follow, table
 from every_command import PROVING, SMALLEST
 
+from nasm.planes import plane_of
+from workflows.claims.rules import printed_texts
 from workflows.gallery.__main__ import EXHIBITS
 from workflows.shared.cli import commands
 
@@ -38,6 +40,7 @@ def test_without_python_flint_commands_that_prove_say_what_to_install(tmp_path):
     for name, (code, told, _) in run(tmp_path / "out", PROVING, "flint", "bokeh").items():
         assert code == (name != "work_precision"), f"{name}: {told}"
         assert code == 0 or "pip install 'nasm-transport[proof]'" in told
+        assert code == 0 or not list((tmp_path / "out" / name).glob("*"))
 
 
 def test_every_command_ends_well_and_what_it_keeps_goes_to_netcdf(tmp_path):
@@ -57,5 +60,9 @@ def test_every_command_ends_well_and_what_it_keeps_goes_to_netcdf(tmp_path):
             assert words.get("units", "1") in ("1", "degree", "s", "turn"), (path, name)
         with dask.config.set(scheduler="synchronous"):  # SciPy writes no netCDF for a cluster
             cube.to_netcdf(path.with_suffix(".nc"))
+        with xr.open_dataset(path.with_suffix(".nc"), engine="scipy") as back:
+            xr.testing.assert_equal(back, cube)
+            assert "plane" not in back.attrs or {*plane_of(back.attrs).axes} <= {*back.coords}
+    assert len(table(tmp_path / "out/claims/claims.csv")) == len(printed_texts("claims")) > 75
     for exhibit in EXHIBITS:
         follow(RECIPES / f"{exhibit.name}.py", tmp_path / "out")

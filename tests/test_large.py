@@ -1,6 +1,6 @@
 """Sweeps of many tiles.
 
-As a program, `python test_large.py OUT TILES [joined]`, it sweeps tiles that cost nothing, and
+As a program, `python test_large.py OUT TILES`, it sweeps tiles that cost nothing, and
 prints what it did, and what the driver needed for it, with dask's scheduler in the same process.
 """
 
@@ -16,15 +16,13 @@ import pytest
 import toy
 
 from pipeline import store
-from pipeline.sweep import grid
 from pipeline.sweep.cluster import connect
 from pipeline.sweep.progress import Progress
 from pipeline.sweep.sweep import sweep
 
 
-def main(out, n_tiles, *joined):
+def main(out, n_tiles):
     place, job = store.place_of(out), toy.line(int(n_tiles))
-    job = grid.joined(job) if joined else job
     with store.driving(place), connect(n_workers=2) as client:
         client()
         start = time.process_time()
@@ -66,17 +64,6 @@ def test_many_tiles_need_little_of_the_driver_also_when_interrupted(tmp_path):
     assert max(first["bytes"], second["bytes"]) < megabytes * 1e6
     # Each of the two drivers needs half a second to start.
     assert first["seconds"] + second["seconds"] < 2 * 0.5 + 2e-4 * n_tiles
-
-
-@pytest.mark.slow
-def test_a_million_tiles_are_a_few_thousand_files_and_take_a_minute(tmp_path):
-    done = report_of(start_driver(tmp_path / "out", 10**6, "joined"))
-    files = sum(path.is_file() for path in (tmp_path / "out").rglob("*"))
-    assert done["remaining"] == 0
-    assert files < 0.1 * 10**6
-    assert done["seconds"] < 10
-    assert done["bytes"] < 300e6
-    assert (store.read(store.place_of(tmp_path / "out"), "line").level == 1).all()
 
 
 if __name__ == "__main__":

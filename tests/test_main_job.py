@@ -119,6 +119,8 @@ def test_the_boundary_is_bracketed_on_every_ray_and_the_last_circle_named(finish
     assert (circles[45], circles[135]) == ("[0;1,3,(4)]", "[0;(4)]")
     assert circles[30] == circles[60] == "[0;1,2,(1)]"
     assert circles[120] == circles[150] == "[0;3,(1)]"
+    boundary = xr.open_zarr(finished / "boundary.zarr").load()
+    assert boundary.circle.values.tolist() == [r["circle"] for r in rows]
 
 
 def test_the_three_methods_are_in_order(finished):

@@ -10,8 +10,7 @@ import pytest
 from oracles import KAPPA_G
 
 import nasm
-from nasm import circles, flux, periodic
-from nasm.circles import continuation
+from nasm import periodic
 from nasm.numbers import NAMES, parse
 
 MODULES = sorted(Path(nasm.__file__).parent.rglob("[!_]*.py"))
@@ -73,37 +72,6 @@ def test_the_boundary_at_some_angles_is_the_breakup_on_their_rays():
 def test_a_rotation_number_prints_what_makes_it_again(name):
     omega = parse(name)
     assert eval(repr(omega), {"parse": parse}) == omega
-
-
-def test_methods_take_a_rotation_number_as_its_text():
-    gamma, kappa = parse("gamma"), (0.3, 0.2)
-    assert periodic.critical_scale("gamma", kappa, 400) == periodic.critical_scale(
-        gamma, kappa, 400
-    )
-    found = continuation.critical_scale("[0;(1)]", kappa, 0.1)
-    assert found == continuation.critical_scale(gamma, kappa, 0.1)
-    assert circles.invariant_circle("(gamma)/1", kappa).omega == gamma
-    assert flux.flux("gamma", (0.9, 0.9), 100).omega == gamma
-
-
-@pytest.mark.parametrize(
-    ("decimal", "noble"),
-    [
-        (0.618, "[0;(1)]"),
-        (0.6180339887498949, "[0;(1)]"),
-        (0.7236, "[0;1,2,(1)]"),
-        (-0.38, "[-1;(1)]"),
-    ],
-)
-def test_a_decimal_is_refused_with_the_simplest_noble_number_of_its_digits(decimal, noble):
-    with pytest.raises(
-        ValueError, match=r"simplest noble number with these digits is '(.*)'"
-    ) as told:
-        periodic.critical_scale(decimal, (0.3, 0.2))
-    named = parse(str(told.value).split("'")[-2])
-    assert named.tail == (1,)
-    assert str(named) == noble
-    assert abs(float(named) - decimal) <= 0.5 * 10.0 ** -len(str(abs(decimal))[2:])
 
 
 def test_a_number_is_a_forcing_of_one_kick():

@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-import oracles
 import pytest
 from cases import thirds
 from oracles import KAPPA_G, LITERATURE
@@ -103,19 +102,6 @@ def test_where_orbits_are_lost_before_they_see_the_cusp_that_is_the_reason(name,
     found = periodic.critical_scale(parse(name), ray(angle))
     assert found.status is Status.NEAR_CUSP
     assert np.isnan(found.value)
-
-
-@pytest.mark.parametrize("angle", thirds([112, 10, 30]))
-def test_minimax_and_minimizing_orbits_tell_the_same_breakup(angle):
-    for name in NAMES:
-        omega = parse(name)
-        q_max, bound = (3000, 1e-9) if omega.tail == (1,) else (6000, 1e-8)
-        one = periodic.critical_scale(omega, ray(angle), q_max)
-        other = oracles.minimizing_breakup(omega, ray(angle), q_max)
-        assert one.status is other.status is Status.OK
-        assert one.value != other.value
-        assert abs(one.value - other.value) < min(bound, one.error + other.error)
-        assert max(one.error, other.error) < 2 * bound
 
 
 def next_to_a_shorter_one(distance):

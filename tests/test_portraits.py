@@ -39,13 +39,6 @@ def test_what_is_kept_are_orbits_of_the_map_and_its_first_kick_is_kappa_1(finish
         assert distance(ends, (x[parity + 2 :: 2], y[parity + 2 :: 2])) < 1e-13
 
 
-def test_the_orbit_in_the_island_alternates_between_two(finished):
-    cube = xr.open_zarr(finished / "portraits.zarr")
-    for parity, centre in ((0, 0.0), (1, 0.5)):
-        assert distance(cube.island_x[parity::2], centre) < 0.25
-        assert distance(cube.island_y[parity::2], 0.5) < 0.1
-
-
 def test_the_four_portraits_are_images_of_one_another(finished):
     cube = xr.open_zarr(finished / "portraits_symmetry.zarr")
     forcings = [(0.5, 0.7), (-0.5, -0.7), (-0.5, 0.7), (0.5, -0.7)]

@@ -131,15 +131,6 @@ def test_certificates_of_a_store_are_kept_compared_and_checked(job, n, tmp_path,
     assert done == len(tiles) - 1
 
 
-@pytest.mark.parametrize("command", ["proved_boundary", "proved_map", "ask 0.3 0.4 --prove"])
-def test_without_python_flint_the_command_says_what_to_install(command, tmp_path, monkeypatch):
-    monkeypatch.setattr(proofs.barrier, "arb", None)
-    result = invoke(command.split()[0], tmp_path / "out", *command.split()[1:])
-    assert result.exit_code == 1
-    assert "pip install 'nasm-transport[proof]'" in result.output
-    assert not list(tmp_path.glob("out/*"))
-
-
 def test_transport_is_proved_beyond_the_boundary_alone():
     angles, low, size = np.linspace(0, 45, 7), (0.5, 0.125), 1 / 8  # CB_gt runs through it
     scales = np.array([barriers.critical_scale(ray(angle), 1e-2).value for angle in angles])

@@ -3,22 +3,11 @@
 import numpy as np
 import pytest
 import xarray as xr
-from oracles import KAPPA_G, second_variation
+from oracles import KAPPA_G
 
 from nasm import flux
-from nasm.converse_kam import sequence
 from nasm.numbers import parse
 from workflows.ramp import study
-
-
-def test_the_longest_life_ends_where_the_action_has_no_minimum_any_more():
-    """Of a segment with fixed ends, by the least eigenvalue of the Hessian."""
-    rate, site, reach = 1e-3, 25, 150
-    kappa = KAPPA_G + rate * (np.arange(-reach, reach + 1) + site)
-    x, y, life = sequence.longest_lived(kappa, 0.0, reach)
-    assert 20 < life < 40
-    before, after = (second_variation(kappa, reach, x, y, int(life) + kicks) for kicks in (-1, 1))
-    assert before > 0 >= after
 
 
 @pytest.mark.parametrize(("rate", "ratio"), [(1e-2, 1.0), (1e-3, 1.0), (1e-6, 0.77)])

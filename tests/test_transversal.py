@@ -6,12 +6,10 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from nasm import circles
-from nasm.circles import continuation
 from nasm.converse_kam import symmetry_line, transversal
-from nasm.converse_kam.transversal import located, longest_lived
+from nasm.converse_kam.transversal import longest_lived
 from nasm.maps import direction, rotating_forcing
 from nasm.numbers import parse
-from nasm.symmetries import ray
 
 FORCINGS = [(1.03,), (0.71, 0.46), (0.2, 0.5, 0.36), (0.1, 0.7, -0.3, 0.2)]
 
@@ -62,26 +60,3 @@ def test_a_certified_circle_survives_on_every_transversal_also_of_long_forcings(
     kappa = 0.255 * direction(rotating_forcing(1, 1, "2/7", 0.02))
     assert circles.invariant_circle(parse("[3;9,4,(1)]"), kappa).certified
     assert np.isinf(longest_lived(kappa, 1000).kicks)
-
-
-@pytest.mark.parametrize("shape", ["later", "reversed", "negated"])
-def test_images_of_a_forcing_have_one_breakup(shape):
-    profile = rotating_forcing(*ray(118.0), "1/3", 0.03)
-    image = {"later": np.roll(profile, 1), "reversed": profile[::-1], "negated": -profile}[shape]
-    unlike = rotating_forcing(*ray(118.0), "1/3", 0.03 + 1 / 24)
-    one, other, unlike = (located(kappa, 30)[0] for kappa in (profile, image, unlike))
-    assert abs(other / one - 1) < 0.7 / 30
-    assert abs(unlike / one - 1) > 1.4 / 30
-
-
-@pytest.mark.parametrize(("angle", "phase"), [(93.0, 0.0), (160.0, 0.02)])
-def test_where_lines_fail_transversals_lead_to_the_circle_that_breaks_last(angle, phase):
-    # Both lines of the centre meet minimizing orbits here, of first order at 93°.
-    profile = rotating_forcing(*ray(angle), "1/3", phase)
-    upper, last = located(profile, 300)
-    time = last.kicks / profile.size
-    judge = continuation.critical_scale(
-        parse("[0;2,2,3,(1)]" if angle == 93 else "[0;1,2,1,2,(1)]"), profile, 1e-5
-    )
-    assert abs(upper / (1 + 0.7 / time) - judge.value) < 0.7 / time * upper + judge.error
-    assert judge.value < upper < 1.005 * judge.value
