@@ -1,20 +1,18 @@
-"""Errors of each method against its effort, on rays whose breakup is known."""
+"""Direct iteration on rays whose breakup is known: its exponent η."""
 
 import numpy as np
-import xarray as xr
 
-from nasm import barriers, circles, periodic
-from nasm.converse_kam import symmetry_line
+from nasm import barriers
 from nasm.symmetries import ray
 from workflows.shared.direct import exponent
-from workflows.shared.tables import ANGLE, dataset, listed
+from workflows.shared.tables import dataset, listed
 
 ANGLES = (0.0, 20.0, 40.0, 45.0)
 
 
 def breakups():
-    """Find the CriticalScale of the last barrier on each ray, {angle: scale}, to judge by."""
-    return {angle: barriers.critical_scale(ray(angle), 1e-3) for angle in ANGLES}
+    """Find the scale of the last barrier's breakup on each ray, {angle: scale}, to judge by."""
+    return {angle: float(barriers.critical_scale(ray(angle), 1e-3).value) for angle in ANGLES}
 
 
 def exponents(bias):
@@ -50,37 +48,3 @@ def on_the_diagonal(bias, critical):
     attrs["source"] = "arXiv:1606.04824, Fig. 7"
     title = "Convergence of direct iteration at the cusp of the horn"
     return dataset(title, coords, variables, attrs)
-
-
-def other_methods(breakups, quick):
-    """Measure the errors of the other methods: a Dataset with dims angle and steps, q or modes."""
-    steps = 10 ** np.arange(2, 5 if quick else 6)
-    modes = 2 ** np.arange(7, 11 if quick else 14)
-    title = "Convergence of converse KAM, residues and circles"
-    words = "error in parts of the breakup"
-    rows, coords = [], {"steps": (steps, "steps N"), "modes": (modes, "grid points n")}
-    for angle, best in breakups.items():
-        found = [symmetry_line.critical_scale(ray(angle), int(n)) for n in steps]
-        raw = [scale.upper / best.value - 1 for scale in found]
-        corrected = [abs(scale.value / best.value - 1) for scale in found]
-        q, scales = periodic.crossings(best.omega, ray(angle), 2000 if quick else 20_000)
-        last = [_last_certified(best, ray(angle), int(n)) / best.value for n in modes]
-        row = {
-            "cones_raw": ("steps", raw, words),
-            "cones_corrected": ("steps", corrected, words),
-            "residue": ("q", np.abs(scales / best.value - 1), words),
-            "circles_raw": ("modes", 1 - np.array(last), words),
-        }
-        rows.append(dataset(title, coords | {"q": (q.astype(int), "period")}, row))
-    angles = xr.DataArray(list(breakups), dims="angle", name="angle", attrs=ANGLE)
-    return xr.concat(rows, angles, join="outer")
-
-
-def _last_certified(best, profile, n):
-    """Find the largest scale below the breakup, to 1% of its distance, with a certified circle."""
-    inside, outside = 0.5, 1.0
-    while outside - inside > 0.01 * (1 - inside):
-        middle = (inside + outside) / 2
-        circle = circles.invariant_circle(best.omega, middle * best.value * profile, n_max=n)
-        inside, outside = (middle, outside) if circle.certified else (inside, middle)
-    return inside * best.value

@@ -1,4 +1,4 @@
-"""Files of what is seen, pictures and tables: the browser saves them, the server writes nothing."""
+"""Tables of what is seen: the browser saves them, the server writes nothing."""
 
 import base64
 import io
@@ -6,9 +6,7 @@ import json
 
 from bokeh.models import Button, CustomJS, Div, Select
 
-from workflows.figures.explorer import draw_seen
-
-_ENDINGS = {"PNG": "png", "SVG": "svg", "CSV": "csv", "netCDF": "nc"}
+_ENDINGS = {"CSV": "csv", "netCDF": "nc"}
 
 
 def panel(state, work):
@@ -39,10 +37,8 @@ def _file(kind, name, seen, point):
         if "which" in seen:  # a row for each point of the orbits
             seen = seen[["x", "y", "which"]].assign(omega=seen.omega[seen.which])
         file.write(seen.to_dataframe().to_csv(float_format="%.12g").encode())
-    elif kind == "netCDF":  # which has numbers, texts and lists of numbers
+    else:  # netCDF has numbers, texts and lists of numbers
         words = {key: json.dumps(one) for key, one in seen.attrs.items() if isinstance(one, dict)}
         file.write(seen.assign_attrs(words).to_netcdf(engine="scipy"))
-    else:
-        draw_seen(seen).savefig(file, format=kind.lower(), dpi=200)
     name = f"{name.replace(' ', '_')}_{point[0]:g}_{point[1]:g}.{_ENDINGS[kind]}"
     return json.dumps({"name": name, "content": base64.b64encode(file.getvalue()).decode()})

@@ -1,11 +1,13 @@
 """The server of the page: Bokeh's, on loopback, for the browsers of this machine alone.
 
 One process serves all tabs and does the small work in threads; dask workers do the large work. A
-page of another site may run in the same browser. It is refused, also if its name is made to point
-at this machine; and the address of a page computes nothing until the page is connected.
+page of another site may run in the same browser. It can neither read the page nor connect to it,
+also if its name is made to point at this machine: the name and the origin would be its own. The
+address of a page computes nothing until the page is connected.
 """
 
 import logging
+import re
 import signal
 import webbrowser
 from functools import partial
@@ -20,7 +22,7 @@ from bokeh.server.tornado import BokehTornado
 from bokeh.server.util import bind_sockets
 from tornado.httpserver import HTTPServer
 from tornado.ioloop import IOLoop
-from tornado.web import OutputTransform, RequestHandler
+from tornado.routing import HostMatches, Rule, RuleRouter
 
 from nasm import escape
 from nasm.verdict import verdict
@@ -32,14 +34,6 @@ from workflows.shared.phase_space import portrait
 _HOST = "127.0.0.1"
 _NAMES = "localhost", _HOST, "[::1]"
 _LIFETIME = 10_000  # milliseconds of a page, a few of work, whose browser does not connect
-_HEADERS = {
-    # Bokeh's pages have their scripts and styles inside, and make functions of texts.
-    "Content-Security-Policy": "default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval'"
-    "; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; object-src 'none'"
-    "; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
-    "X-Frame-Options": "DENY",
-    "X-Content-Type-Options": "nosniff",
-}
 
 
 class Shared:
@@ -121,58 +115,21 @@ def serve(plane, place, port, opens, cluster):
 
 def server_of(shared, sockets, port):
     """Return the server of the page, for the event loop of this thread."""
-    web = _Web(shared, port)
-    http = HTTPServer(web)
+    web = _Web(
+        Application(FunctionHandler(partial(fill, shared=shared))),
+        extra_websocket_origins=[f"{name}:{port}" for name in _NAMES],
+        unused_session_lifetime_milliseconds=_LIFETIME,
+        check_unused_sessions_milliseconds=_LIFETIME // 10,
+    )
+    ours = HostMatches(f"({'|'.join(map(re.escape, _NAMES))})$")
+    http = HTTPServer(RuleRouter([Rule(ours, web)]))
     http.add_sockets(sockets)
     return BaseServer(IOLoop.current(), web, http)
 
 
 class _Web(BokehTornado):
-    """Bokeh's web application, which refuses what no tab of the explorer asks for."""
-
-    def __init__(self, shared, port):
-        self._hosts = [f"{name}:{port}" for name in _NAMES] + [*_NAMES] * (port == 80)
-        super().__init__(
-            Application(FunctionHandler(partial(fill, shared=shared))),
-            extra_websocket_origins=self._hosts,
-            unused_session_lifetime_milliseconds=_LIFETIME,
-            check_unused_sessions_milliseconds=_LIFETIME // 10,
-            transforms=[_Headers],
-        )
-
-    def find_handler(self, request, **_):
-        refused = self._refused(request)
-        if refused:
-            return self.get_handler_delegate(request, _Refused, {"because": refused})
-        return super().find_handler(request)
-
-    def _refused(self, request):
-        if request.host.lower() not in self._hosts:
-            return 403, f"the explorer is at http://{self._hosts[0]}/ and has no other name"
-        site, to = (request.headers.get(f"Sec-Fetch-{name}") for name in ("Site", "Dest"))
-        if site not in (None, "none", "same-origin") and to != "document":
-            return 403, "pages of other sites may link to the explorer, and no more"
-        if any(name.startswith("bokeh-") for name in request.arguments):
-            return 400, "this address is for programs; leave out what begins with bokeh-"
-        return None
+    """Bokeh's web application, whose pages begin to compute when they are connected."""
 
     def new_connection(self, protocol, socket, application_context, session):
         session.document.session_context.begin()
         return super().new_connection(protocol, socket, application_context, session)
-
-
-class _Refused(RequestHandler):
-    def initialize(self, because):
-        self._because = because
-
-    def prepare(self):
-        status, words = self._because
-        self.set_status(status)
-        self.set_header("Content-Type", "text/plain; charset=utf-8")
-        self.finish(f"{status}: {words}\n")
-
-
-class _Headers(OutputTransform):
-    def transform_first_chunk(self, status_code, headers, chunk, finishing):
-        headers.update(_HEADERS)
-        return status_code, headers, chunk

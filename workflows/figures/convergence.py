@@ -1,50 +1,35 @@
-"""Error against effort, Fig. 7 and its likes, with their captions."""
+"""Bias of direct iteration against its effort, Fig. 7 and its likes, with their captions."""
 
 import numpy as np
 from matplotlib.ticker import LogLocator
 
-from workflows.figures.style import colour_of, in_column, key, mark_gaps, names_of, panels, power
+from workflows.figures.style import colour_of, in_column, mark_gaps, names_of, panels, power
 
 
-def draw_convergence(bias, others, fits):
-    """Draw error against effort of four methods, Fig. 7 and its likes, on logarithmic axes."""
-    figure, (direct, orbits, cones, sharp) = panels(2, 2, 11, 9)
+def draw_convergence(bias, fits):
+    """Draw the bias against steps and orbits on each ray, Fig. 7 and its likes.
+
+    bias : of `direct_bias`. fits : {angle: (η, its error)}.
+    """
+    figure, (direct, orbits) = panels(1, 2, 11, 4.8)
     count, n = [int(size) for size in bias.ensemble], bias.n.values
-    for i, angle in enumerate(bias.angle.values):
-        (eta, error), here, other = fits[angle], bias.sel(angle=angle), others.sel(angle=angle)
-        label = rf"$\varphi = {angle:g}°$"
+    for i, (angle, (eta, error)) in enumerate(fits.items()):
+        here, label = bias.sel(angle=angle), rf"$\varphi = {angle:g}°$"
         label += rf": $\eta = {eta:.2f} \pm {error:.2f}$" if np.isfinite(eta) else ""
-        # Where curves coincide, all are seen: dashes, and smaller marks, in front of the first.
-        look = {"color": colour_of(i), "ls": (2 * i, (4, 4)) if i else "-"}
-        small, q = look | {"ms": 10 / (1 + i)}, other.residue.dropna("q")
         direct.plot(n, here[-1], ".", color=colour_of(i), label=label)
-        orbits.plot(bias.ensemble, (here / here.isel(ensemble=-1)).mean("n"), ".", **small)
-        cones.plot(other.steps, other.cones_raw, ".", **small)
-        cones.plot(other.steps, other.cones_corrected, "s", ms=5, mfc="none", **look)
-        sharp.plot(q.q, q, ".", **small)
-        sharp.plot(other.modes, other.circles_raw, "^", ms=9 - 4 * i, mfc="none", **look)
+        ratio = (here / here.isel(ensemble=-1)).mean("n")
+        orbits.plot(bias.ensemble, ratio, ".-", color=colour_of(i))
     middle = float(bias[-1].median())
     for slope, style in ((2.681, ":"), (3.012, "-"), (3.322, "--")):
         guide = middle * (n / np.sqrt(n[0] * n[-1])) ** (-1 / slope)
         direct.plot(n, guide, style, color="0.6", lw=1, label=rf"$\eta = {slope}$")
     mark_gaps(direct, n, bias[-1].isnull().any("angle").values)
-    mark_gaps(cones, others.steps.values, others.cones_raw.isnull().any("angle").values)
-    mark_gaps(sharp, others.modes.values, others.circles_raw.isnull().any("angle").values)
-    key(cones, {".": "upper bound", "s": "corrected for $N$"}, "s")
-    key(sharp, {".": "residue crossing, by $q$", "^": "last certified circle, by $n$"}, "^")
-    bias_of = f"Bias of $M$ orbits over that of {count[-1]}"
-    residues, periods = "Greene's residue, and certified circles", "period $q$, or grid points $n$"
-    for axes, title, x, y in (
-        (direct, f"Direct iteration, {count[-1]} orbits", "steps $N$", r"$\kappa_N/\kappa_c - 1$"),
-        (orbits, bias_of, "orbits $M$", f"bias over that of {count[-1]} orbits"),
-        (cones, "Converse KAM", "steps $N$", "relative error"),
-        (sharp, residues, periods, "relative error"),
-    ):
-        axes.set(title=title, xlabel=x, ylabel=y, xscale="log")
-        axes.set_yscale("linear" if axes is orbits else "log")
+    direct.set(xscale="log", yscale="log", xlabel="steps $N$", ylabel=r"$\kappa_N/\kappa_c - 1$")
+    direct.set_title(f"Direct iteration, {count[-1]} orbits")
+    orbits.set(xscale="log", xlabel="orbits $M$", ylabel=f"bias over that of {count[-1]} orbits")
+    orbits.set_title(f"Bias of $M$ orbits over that of {count[-1]}")
+    for axes in (direct, orbits):
         axes.grid(lw=0.3)
-        if axes in (cones, sharp):
-            axes.legend(fontsize="small", loc="lower left")
     _plain(direct.yaxis)
     if in_column():
         figure.legend(*direct.get_legend_handles_labels(), loc="outside upper center", ncols=2)
@@ -52,11 +37,11 @@ def draw_convergence(bias, others, fits):
         direct.legend(fontsize="x-small", loc="upper right")
     etas = ", ".join(f"{_fitted(*fit)} at {angle:g}°" for angle, fit in fits.items())
     return figure, (
-        f"Error against effort on rays at {', '.join(f'{angle:g}°' for angle in fits)}, in parts "
-        "of the breakup by residues. Direct iteration (above): the excess over the breakup from "
+        f"Bias against effort on rays at {', '.join(f'{angle:g}°' for angle in fits)}, in parts "
+        "of the breakup by residues: the excess over the breakup from "
         f"which on some of {count[-1]} orbits escapes within N ≤ {int(n[-1])} steps falls like "
-        f"N^(-1/η), with η = {etas}; grey: the paper's η and renormalisation's, 3.012. Below: "
-        "converse KAM, Greene's residue and certified circles."
+        f"N^(-1/η), with η = {etas}; grey: the paper's η and renormalisation's, 3.012. (b): how "
+        "much larger it is with fewer orbits."
     )
 
 

@@ -1,15 +1,12 @@
-"""How fast each method comes near the breakup: circles and residues against their work."""
+"""How far outside the breakup direct iteration sees transport, at the cusp of the horn, by N."""
 
 import matplotlib.pyplot as plt
 import xarray as xr
 
-cube = xr.open_zarr("convergence/convergence.zarr", chunks=None)
-names = {"circles_raw": "circles", "cones_raw": "converse KAM", "residue": "Greene's residue"}
-for name, label in names.items():
-    error = cube[name].isel(angle=0).dropna(cube[name].dims[1])
-    work = error[error.dims[0]]
-    plt.loglog(work, abs(error), ".-", label=f"{label}, against {work.long_name}")
-plt.title(f"one ray, at {float(cube.angle[0]):g}°")
-plt.ylabel("error, in parts of the breakup's scale")
+cube = xr.open_zarr("convergence/convergence_diagonal.zarr", chunks=None)
+plt.loglog(cube.n, cube.distance, ".", label=cube.distance.long_name)
+plt.loglog(cube.n, cube.fit, label=cube.fit.long_name)
+print(f"η = {cube.eta[0]:.2f} for small N, {cube.eta[1]:.2f} for large N")
+plt.xlabel(cube.n.long_name)
 plt.legend()
 plt.show()
