@@ -24,7 +24,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache, partial
 from itertools import chain
-from math import prod
+from math import ceil, prod
 from traceback import format_exception_only
 
 import cloudpickle
@@ -38,6 +38,7 @@ from pipeline.sweep.submit import ended
 
 _BATCH = 0.5  # seconds of predicted CPU time in a batch: long against 2 ms of scheduling,
 _SCHEDULING = 0.005  # and for each worker: the driver then schedules for less than half its time
+_PREDICTED = 10_000  # costs, at most, a millisecond each: workers wait meanwhile
 _COMMIT = 0.003  # CPU seconds to commit a tile, however cheap
 _SIGHT = 2  # seconds that a file system of several machines may take to show a file
 _ATTEMPTS_ALONE = 2  # worker deaths that condemn a tile: one may be somebody else's doing
@@ -103,9 +104,10 @@ class _Run:
     def __init__(self, client, place, job, tiles):
         self.client, self.place, self.job, self.tiles = client, place, job, tiles
         self.committed, self.failed, self.unfit = 0, {}, set()
-        parts = tile_coords(job.cube, tiles)
-        costs = (job.predict(coords, job.cube.settings) for _, coords in parts)
-        self.costs = np.fromiter(costs, float, len(tiles))
+        alike = ceil(len(tiles) / _PREDICTED)  # neighbours, which cost about the same
+        parts = tile_coords(job.cube, tiles[::alike])
+        costs = [job.predict(coords, job.cube.settings) for _, coords in parts]
+        self.costs = np.repeat(np.array(costs, float), alike)[: len(tiles)]
 
     def compute(self, batches, interrupt, progress):
         """Run the batches; return the tiles whose worker died."""
