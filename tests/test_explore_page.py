@@ -1,6 +1,5 @@
 """The explorer's page in a real browser, against what is computed here."""
 
-import os
 import re
 from contextlib import suppress
 from functools import partial
@@ -443,62 +442,3 @@ def test_no_other_machine_gets_in_and_dask_shows_nothing(served):
             dask = HTTPConnection(port.ip, port.port, timeout=5)
             dask.request("GET", path, headers={"Host": ELSEWHERE})
             assert dask.getresponse().status in (403, 404)  # no dashboard
-
-
-# What is timed begins with an event, and ends a frame after the page has changed.
-_WATCH = """() => {
-    const model = (name) => Bokeh.documents[0].get_model_by_name(name)
-    const painted = (name) => requestAnimationFrame(() => requestAnimationFrame(
-        () => { window.seen[name] ??= performance.now() - window.begun }))
-    const watch = (name, model, property, when) => model.connect(
-        model.properties[property].change, () => { if (when(model)) painted(name) })
-    const begin = () => { window.begun = performance.now(); window.seen = {} }
-    addEventListener("pointerup", begin, true)
-    addEventListener("wheel", begin, true)
-    begin()
-    watch("portrait", model("orbits"), "data", () => true)
-    watch("plane", model("times"), "data", () => true)
-    watch("pixels", model("status"), "text", ({text}) => {
-        seen.fine ||= text.includes("plane (")
-        return seen.fine && !text.includes("plane")
-    })
-    watch("verdict", model("verdict"), "text", ({text}) => text.includes("took"))
-}"""
-_LIMITS = {"page": 1.5, "portrait": 0.2, "verdict": 1.0, "plane": 0.3, "pixels": 6.0}
-
-
-@pytest.mark.benchmark
-def test_the_page_answers_as_quickly_as_it_promises(store, chromium):
-    """Medians of wall times in the browser, warm, on cores that should be quiet."""
-    times = {name: [] for name in _LIMITS}
-
-    def timed(tab, name):
-        wait(tab, "(name) => window.seen[name]", name)
-        times[name].append(tab.evaluate("(name) => window.seen[name]", name) / 1000)
-
-    with browser.server(store, "--workers", "2") as (url, _), pages(chromium, url) as page:
-        for _ in range(4):
-            tab = page("?k1=0.5&k2=0.4&n=10000")
-            wait(tab, "Bokeh.documents[0].get_model_by_name('orbits').data.pixels[0].length > 1")
-            tab.evaluate("new Promise((then) => requestAnimationFrame(() => setTimeout(then)))")
-            times["page"].append(tab.evaluate("performance.now()") / 1000)
-            ready(tab)
-        del times["page"][0]  # the workers started
-        tab.evaluate(_WATCH)
-        left, top, width, height = picture(tab, PLANE)
-        for a, b in ((0.6, 0.6), (0.65, 0.4), (0.9, 0.35), (0.3, 0.45), (0.1, 0.6)):
-            tab.mouse.click(left + a * width, top + b * height)
-            timed(tab, "portrait")
-            timed(tab, "verdict")
-            ready(tab)
-        tab.mouse.move(left + 0.9 * width, top + 0.1 * height)
-        for _ in range(3):
-            tab.mouse.wheel(0, -300)
-            timed(tab, "plane")
-            timed(tab, "pixels")
-    print(f"\nload {os.getloadavg()[0]:.1f}", end="")
-    for name, limit in _LIMITS.items():
-        found = ", ".join(f"{seconds:.2f}" for seconds in times[name])
-        print(f"\n{name:9} {np.median(times[name]):5.2f} s, at most {limit} s ({found})", end="")
-    slow = {name for name, limit in _LIMITS.items() if np.median(times[name]) > limit}
-    assert not slow

@@ -140,6 +140,16 @@ def test_next_to_a_cusp_errors_are_honest_or_there_is_no_answer(offset):
                 assert agree(one, judge)
 
 
+@pytest.mark.parametrize(("name", "angle"), [("2gamma", 135), ("2gamma+1", 45)])
+def test_the_paper_s_circles_have_a_value_at_each_other_s_cusps(name, angle):
+    # There they are circles of the standard map with the tail (8, 2), of which the default q_max
+    # knows two periods. The judge: half orbits on symmetry lines, up to 200 000, to 1.5e-11.
+    for method, bound in ((periodic.critical_scale, 1e-6), (continuation.critical_scale, 0.04)):
+        found = method(parse(name), ray(angle))
+        assert found.status is Status.OK
+        assert abs(found.value - 0.7661877257363493) <= found.error < bound
+
+
 @pytest.mark.parametrize("method", OF_A_CIRCLE)
 def test_a_rational_omega_has_no_circle(method):
     found = method(parse("3/5"), (0.6, 0.1))

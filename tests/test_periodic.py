@@ -85,15 +85,6 @@ def test_the_error_covers_the_change_with_a_longer_period_where_that_is_hard(cas
     assert found.error + better.error < bound
 
 
-@pytest.mark.parametrize(("name", "angle"), [("2gamma", 135), ("2gamma+1", 45)])
-def test_the_paper_s_circles_have_a_value_at_each_other_s_cusps(name, angle):
-    # There they are circles of the standard map with the tail (8, 2), of which the default q_max
-    # knows two periods. The judge: half orbits on symmetry lines, up to 200 000, to 1.5e-11.
-    found = periodic.critical_scale(parse(name), ray(angle))
-    assert found.status is Status.OK
-    assert abs(found.value - 0.7661877257363493) <= found.error < 1e-6
-
-
 @pytest.mark.parametrize(
     ("name", "angle"),
     [("[0;4,4,4,4,(1)]", 135 - 1e-6), ("gamma", 45 - 1e-4), ("2gamma", 44.999999)],

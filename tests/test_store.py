@@ -467,31 +467,12 @@ def test_an_error_of_ours_is_not_the_stores(on_disk, tmp_path):
 
 
 @SLOW
-def test_a_server_that_is_gone_and_wrong_credentials_are_one_message(tmp_path, monkeypatch):
-    monkeypatch.setattr(places, "PATIENCE", 1)
-    plan = toy.cube()
-    with seaweed.serving(tmp_path) as (kill, _):
-        place = store.place_of("s3://cubes/run")
-        fill(place, plan, [(0, 0)])
-        with monkeypatch.context() as patch:
-            patch.setenv("AWS_SECRET_ACCESS_KEY", "another-secret")
-            places._opened.cache_clear()
-            with pytest.raises(store.StoreFailed, match=r"^s3://cubes/run: ") as refused:
-                store.missing(place, plan)
-        places._opened.cache_clear()
-        kill()
-        with pytest.raises(store.StoreFailed, match=r"^s3://cubes/run: ") as gone:
-            store.commit(place, "toy", (1, 1), arrays(plan, (1, 1)), 1.0)
-    for failed in (refused, gone):
-        assert len(str(failed.value)) < 300
-        assert "secret" not in str(failed.value).lower()
-        assert "Signature=" not in str(failed.value)
-
-
-@SLOW
-def test_a_server_that_is_away_for_a_while_is_waited_for(tmp_path):
+def test_a_server_that_is_away_is_waited_for_and_without_it_or_credentials_there_is_one_message(
+    tmp_path, monkeypatch
+):
+    plan = toy.cube(tile=10)
     with seaweed.serving(tmp_path) as (kill, start):
-        place, plan = store.place_of("s3://cubes/run"), toy.cube(tile=10)
+        place = store.place_of("s3://cubes/run")
         fill(place, plan, [(0, 0)])
         kill()
         back = Timer(5, start)  # that takes 5 to 20 s more; ten retries, obstore's default, 2 to 8
@@ -499,6 +480,23 @@ def test_a_server_that_is_away_for_a_while_is_waited_for(tmp_path):
         assert fill(place, plan) == 1
         back.join()
         toy.assert_complete(place, plan)
+        monkeypatch.setattr(places, "PATIENCE", 1)
+        places._opened.cache_clear()
+        place = store.place_of("s3://cubes/other")
+        fill(place, plan, [(0, 0)])
+        with monkeypatch.context() as patch:
+            patch.setenv("AWS_SECRET_ACCESS_KEY", "another-secret")
+            places._opened.cache_clear()
+            with pytest.raises(store.StoreFailed, match=r"^s3://cubes/other: ") as refused:
+                store.missing(place, plan)
+        places._opened.cache_clear()
+        kill()
+        with pytest.raises(store.StoreFailed, match=r"^s3://cubes/other: ") as gone:
+            store.commit(place, "toy", (0, 1), arrays(plan, (0, 1)), 1.0)
+    for failed in (refused, gone):
+        assert len(str(failed.value)) < 300
+        assert "secret" not in str(failed.value).lower()
+        assert "Signature=" not in str(failed.value)
 
 
 URLS = "s3://user:password@bucket/run", "s3://bucket/run?key=password", "s3://bucket"

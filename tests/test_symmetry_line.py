@@ -7,7 +7,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numba import njit
 from numpy.testing import assert_array_equal
-from oracles import KAPPA_G
 
 from nasm import periodic
 from nasm.action import ordered_orbits
@@ -135,15 +134,6 @@ def test_the_last_circle_breaks_where_its_residue_says(case):
     assert found.error < 5e-5 * exact or n_max < 10_000
     assert np.isnan(found.lower)
     assert found.omega is None
-
-
-@pytest.mark.parametrize(("profile", "exact"), [((1, 0), KAPPA_G / 2), ((1, 1), KAPPA_G)])
-def test_lifetimes_grow_like_one_over_the_distance_from_the_breakup(profile, exact):
-    distances = 10.0 ** -np.arange(2, 4.6, 0.25)
-    times = [longest_lived(exact * (1 + d) * np.array(profile), 10**6)[1] for d in distances]
-    assert np.isfinite(times).all()
-    order, _ = np.polyfit(np.log(distances), np.log(times), 1)
-    assert order == pytest.approx(-1, abs=0.04)
 
 
 @pytest.mark.parametrize("degrees", [45 - 1e-1, 45 - 1e-2, 45 - 1e-3, 45 - 1e-5])

@@ -17,54 +17,41 @@ EFFORTS |= {"crossing": [30, 100, 300, 1000], "residue": [30, 100, 300, 1000]}
 EFFORTS |= {"continuation": [1e-1, 1e-2, 1e-3, 1e-4]}
 
 
-@pytest.fixture(scope="module", params=thirds([("0", "30"), ("0", "three-kicks")]))
-def measured(request):
-    """The better methods on two rays, with and without a symmetry, with small efforts."""
-    with pytest.MonkeyPatch.context() as patch:
-        for name, efforts in EFFORTS.items():
-            patch.setattr(METHODS[name], "efforts", efforts)
-        patch.setattr(measure, "timed", lambda run, *arguments: (run(*arguments), 1.0))
-        cube = measure.plan(request.param, NAMES, quick=False)
-        return measure.measure(cube.template, NAMES)
+ORDERS = {  # in the effort, within a margin
+    "converse KAM, upper bound": (-1, 0.1),
+    "residue, last crossing": (-2, 0.25),
+    "last certified circle": (-1, 0.25),
+    "last barrier, bracket": (1, 0.05),
+}
 
 
-def answer(data, name):
-    return names_of(data.method).index(name)
-
-
-def test_every_effort_is_measured(measured):
-    there = measured.effort.notnull().broadcast_like(measured.error)
-    assert (measured.cpu_seconds.notnull() == there).all()
-    assert (measured.step_seconds > 0).all()
+@pytest.mark.parametrize("rays", thirds([("0", "30"), ("0", "three-kicks")]))
+def test_errors_fall_with_effort_estimates_cover_them_and_corrected_answers_are_better(
+    rays, monkeypatch
+):
+    """Of the better methods on two rays, with and without a symmetry, with small efforts."""
+    for name, efforts in EFFORTS.items():
+        monkeypatch.setattr(METHODS[name], "efforts", efforts)
+    monkeypatch.setattr(measure, "timed", lambda run, *arguments: (run(*arguments), 1.0))
+    measured = measure.measure(measure.plan(rays, NAMES, quick=False).template, NAMES)
+    place = names_of(measured.method).index
     off = abs(float(measured.value[0]) / (KAPPA_G / 2) - 1)  # of the judge
     assert off <= float(measured.judge_error[0]) < 1e-11
-
-
-@pytest.mark.parametrize(
-    ("name", "order", "margin"),
-    [
-        ("converse KAM, upper bound", -1, 0.1),
-        ("residue, last crossing", -2, 0.25),
-        ("last certified circle", -1, 0.25),
-        ("last barrier, bracket", 1, 0.05),
-    ],
-)
-def test_errors_fall_with_effort(measured, name, order, margin):
-    found = measure.order(measured, answer(measured, name))
-    assert found == pytest.approx(order, abs=margin)
-
-
-def test_estimated_errors_cover_the_true_ones_and_corrected_answers_are_better(measured):
+    assert (measured.step_seconds > 0).all()
+    for name, (order, margin) in ORDERS.items():
+        assert measure.order(measured, place(name)) == pytest.approx(order, abs=margin)
     claimed = measured.estimated_error + 10 * measured.judge_error
     rated = claimed.notnull().any(("ray", "level"))
     assert rated.sum() == 7
     honest = (measured.error <= claimed) | measured.error.isnull()
     assert honest.isel(method=np.flatnonzero(rated)).all()
+    there = measured.effort.notnull().broadcast_like(measured.error)
+    assert (measured.cpu_seconds.notnull() == there).all()
     for raw, corrected in (
         ("converse KAM, upper bound", "converse KAM, value"),
         ("residue, last crossing", "residue, Aitken"),
     ):
-        errors = [measured.error[:, answer(measured, name)].values for name in (raw, corrected)]
+        errors = [measured.error[:, place(name)].values for name in (raw, corrected)]
         assert np.nanmax(errors[1] / errors[0]) < 0.2
 
 
