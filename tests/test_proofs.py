@@ -103,9 +103,9 @@ def test_certificates_of_a_store_are_kept_compared_and_checked(job, n, tmp_path,
         for index, coords in tiles.items():
             store.commit(place, job.cube.name, index, job.compute(coords, job.cube.settings), 1.0)
     told = succeed("verify", tmp_path, "--proofs")
-    assert f"{n} of {n} certificates checked; 0 tiles are wrong" in told
+    assert f"{n} of {n} certificates; wrong: 0 tiles" in told
     told = succeed("verify", tmp_path, "--proofs", "--longest", "0")
-    assert f"0 of {n} certificates checked; the others take" in told
+    assert f"0 of {n} certificates; the others take" in told
     path = max((tmp_path / "certificates" / job.cube.name).iterdir())
     certificates = unpacked(genuine := path.read_bytes())
     changed = json.loads(json.dumps(certificates))
@@ -123,7 +123,7 @@ def test_certificates_of_a_store_are_kept_compared_and_checked(job, n, tmp_path,
         longest = "60" if "seal" in reason else "0"  # the others are seen without a check
         result = invoke("verify", tmp_path, "--proofs", "--longest", longest)
         assert result.exit_code == 1, reason
-        assert reason in result.output.split("1 tiles are wrong\n")[1]
+        assert reason in result.output.split("wrong: 1 tile\n")[1]
     result = invoke("verify", tmp_path, "--proofs", "--longest", "0", "--repair")
     assert "repaired" in result.output
     assert not path.exists()

@@ -184,7 +184,7 @@ def test_a_series_of_sweeps_shares_one_line_of_progress_and_repeats_nothing(here
             for wanted in ({(0, 0)}, {(1, 0), (2, 0)}):
                 sweep(here, place, toy.job(), progress, wanted)
             sweep(None, place, toy.job(), progress, {(1, 0)})  # no workers are asked for
-            assert "1/1 tiles" not in report.getvalue()
+            assert "1/1 tile" not in report.getvalue()
         told = report.getvalue().splitlines()[-1]
         assert told.startswith("series: 3/3 tiles, ")
         assert "left" not in told

@@ -30,11 +30,11 @@ def main(out, store):
 
 def described(state):
     """Put the State of a cube into words."""
-    from pipeline.sweep.progress import duration
+    from pipeline.sweep.progress import duration, plural
 
     if state.damage or not state.tiles:
         return state.damage or "written whole"
-    words = f"{state.done} of {state.tiles} tiles"
+    words = f"{state.done} of {plural(state.tiles, 'tile')}"
     if state.failed:
         words += f", {state.failed} failed when last tried"
     if state.done < state.tiles and state.rate > 0:

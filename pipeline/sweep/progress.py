@@ -76,7 +76,7 @@ class Progress(AbstractContextManager):
         line = f"{self.name}: "
         more_tiles, more_seconds = map(sum, zip((0, 0), *self.foreseen.values(), strict=True))
         if tiles := self.tiles + more_tiles:
-            line += f"{self.tiles_done}/{tiles} tiles, "
+            line += f"{self.tiles_done}/{plural(tiles, 'tile')}, "
             line += f"{self.tiles_done / max(1e-9, self.shown - self.start):.1f}/s, "
         line += f"{duration(self.shown - self.start)} gone"
         if self.tiles_done < tiles and self.first:
@@ -86,6 +86,11 @@ class Progress(AbstractContextManager):
             line += f", about {duration(max(1, left))} left"
         with suppress(OSError, ValueError):  # a log that is full, or closed, does not end the sweep
             print(line.ljust(78), end=end, file=self.stream, flush=True)
+
+
+def plural(n, word, form=""):
+    """Return a number of things in words: 1 tile, 0 tiles, 12 tiles."""
+    return f"{n:{form}} {word}{'' if n == 1 else 's'}"
 
 
 def duration(seconds):

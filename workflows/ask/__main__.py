@@ -18,6 +18,7 @@ from zlib import crc32
 
 import click
 
+from pipeline.sweep.progress import plural
 from workflows.shared import cli
 from workflows.shared.verdict_words import SHOWN, name_of, sentences
 
@@ -101,7 +102,7 @@ def direct_iteration(verdict, escaping):
         x, y = escaping[0][0], escaping[1][0]
         return [
             f"Direct iteration: the orbit from (x, y) = ({x:.6g}, {y:.6g}) arrives at "
-            f"y = {escaping[1][-1]:.3g} after {escaping[0].size - 1} steps."
+            f"y = {escaping[1][-1]:.3g} after {plural(escaping[0].size - 1, 'step')}."
         ]
     if verdict.answer is not Answer.TRANSPORT:
         return []

@@ -4,6 +4,7 @@ import numpy as np
 
 from nasm import escape
 from nasm.converse_kam import sequence
+from pipeline.sweep.progress import plural
 
 _ORBITS, _STARTS = 256, 2000
 
@@ -27,7 +28,10 @@ def asked_once(kappa):
 
 def _sentences(kappa, survivor, first):
     size, kick = kappa.size, survivor.site + 1
-    kicks = f"these {size} kicks, of strengths from {kappa.min():.6g} to {kappa.max():.6g}"
+    lives = f"{plural(survivor.kicks, 'kick', 'g')} in either direction"
+    kicks = (
+        f"these {plural(size, 'kick')}, of strengths from {kappa.min():.6g} to {kappa.max():.6g}"
+    )
     place = f"(x, y) = ({survivor.x:.6g}, {survivor.y:.9g}) before kick {kick}"
     if survivor.kicks <= sequence.HORIZON:
         ends = max(1, kick - int(survivor.kicks)), min(size, survivor.site + int(survivor.kicks))
@@ -36,8 +40,8 @@ def _sentences(kappa, survivor, first):
             "Lipschitz function before each of them and after the last."
         )
         yield (
-            f"The last start to go was {place}: eliminated by {survivor.kicks:g} kicks in either "
-            f"direction, kicks {ends[0]} to {ends[1]}."
+            f"The last start to go was {place}: eliminated by {lives}, kicks {ends[0]} to "
+            f"{ends[1]}."
         )
         yield (
             "Evidence: converse KAM on the line before that kick; near to a proof, but the starts "
@@ -46,8 +50,8 @@ def _sentences(kappa, survivor, first):
     elif survivor.kicks < np.inf:
         yield (
             f"UNDECIDED for {kicks}: all starts that were found are eliminated, the last, {place}, "
-            f"by {survivor.kicks:g} kicks in either direction. Beyond {sequence.HORIZON} kicks a "
-            "search may miss starts that live longer."
+            f"by {lives}. Beyond {sequence.HORIZON} kicks a search may miss starts that live "
+            "longer."
         )
     else:
         yield (

@@ -8,9 +8,9 @@ from nasm.numbers import moebius, parse
 from nasm.symmetries import ray
 from nasm.verdict import verdict
 from pipeline.cubes.cube import fields
+from workflows.claims.circles import largest_amplitude
 from workflows.claims.map import apart, both_kicks
 from workflows.claims.rules import agrees, identity, printed, rounding
-from workflows.shared.amplitudes import amplitudes
 from workflows.shared.direct import INSETS, exponent
 from workflows.shared.rays import with_tie
 from workflows.shared.rules import graded
@@ -31,8 +31,7 @@ def boundary_claims(bias, n_max, n_orbits):
     """Judge Sec. V; `bias` is that of direct iteration at 45°, from `direct.direct_bias`."""
     gamma, mirrored = (periodic.critical_scale(parse(n), (1.0,)) for n in ("gamma", "1-gamma"))
     error = gamma.error + mirrored.error + abs(gamma.value - mirrored.value)
-    sizes = amplitudes(quick=True)
-    most = float(max(sizes["last"].max(), sizes.largest.max()))
+    most = largest_amplitude()
     return {
         "standard_map": agrees(gamma.value, error, *KAPPA_G),
         **_reductions(),

@@ -1,13 +1,18 @@
-"""Claims on Algorithm 1 and on circles carried along symmetries (Secs. VI.A to VI.C)."""
+"""Claims on Algorithm 1 and on circles carried along symmetries (Secs. VI.A to VI.C).
+
+And how large the amplitudes of circles are, which Proposition 1 assumes to be below 1 (Sec. V.B).
+"""
 
 import time
+from itertools import product
 
 import numpy as np
 
-from nasm import circles
-from nasm.circles import fourier, parameterization
+from nasm import barriers, circles
+from nasm.circles import continuation, fourier, parameterization
 from nasm.maps import kick, step, step_tangent
 from nasm.numbers import moebius, parse
+from nasm.symmetries import ray
 from workflows.claims.map import apart
 from workflows.claims.rules import identity, rounding
 from workflows.shared.rules import graded
@@ -148,3 +153,29 @@ def _carried(*cases):
     off = max(np.abs(error).max() for error in errors)
     words = "certified; largest |T∘K(θ) - K(θ + ω)|" if right else "not certified as such;"
     return identity(float(off) if right else np.inf, 1e-12, words)
+
+
+def largest_amplitude():
+    """Find the largest max y - min y of circles, before the first and the second kick.
+
+    The last circle at 0.999 of its breakup, and nobles of ω between its translates where they
+    exist. A circle and its translate by y = 1 confine an orbit to |Δy| ≤ 1 + amplitude.
+    """
+    others = ["gamma", "2gamma", "[0;2,(1)]", "[0;3,(1)]", "[0;4,(1)]", "[0;1,3,(1)]", "[0;8,(1)]"]
+    found = []
+    for profile in ray(np.linspace(0, 45, 6)):
+        best = barriers.critical_scale(profile, 1e-3)
+        _, u = continuation.certified_circle(best.omega, profile, best.value, 1e-3)
+        if u is not None:
+            found += _heights(best.omega, u)
+        for part, omega in product((0.3, 0.6, 0.8, 0.9, 0.97), map(parse, others)):
+            circle = circles.invariant_circle(omega, part * best.value * profile, n_max=512)
+            if circle.certified:
+                found += _heights(omega, circle.u)
+    return max(found)
+
+
+def _heights(omega, u):
+    """Return max y - min y before each kick: y_j = x_j - x_{j-1}."""
+    before = fourier.rotate(u[-1], fourier.turns(omega, u.shape[-1] // 2 + 1).conj())
+    return np.ptp(np.diff(np.vstack([before, u]), axis=0), axis=1).tolist()

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from pandas import DataFrame
 
+from pipeline.sweep.progress import plural
 from workflows.claims.envelope import HEADER, cells
 from workflows.shared.page import render
 from workflows.shared.rules import Verdict
@@ -16,8 +17,8 @@ def counted(claims, errata):
     found = ", ".join(f"{verdict.value}: {counts[verdict]}" for verdict in Verdict)
     shown = sum(erratum.shown for erratum in errata)
     return (
-        f"{len(claims)} claims of the paper ({found}); {shown} of {len(errata)} errata are shown "
-        "by numbers."
+        f"{plural(len(claims), 'claim')} of the paper ({found}); {shown} of {len(errata)} errata "
+        "are shown by numbers."
     )
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from nasm.numbers import nobles_near, parse
 from pipeline.cubes.barrier import boundary
 from pipeline.cubes.breakdown import by_residue
+from pipeline.sweep.progress import plural
 from workflows.explore.work import spread
 from workflows.figures.style import circle_class, circle_style, longest_arcs
 from workflows.shared.tables import ANGLE, dataset
@@ -163,8 +164,8 @@ def computed(client, rays, view):
                 own.add(ended[1])
             if late := monotonic() - shown > _PATIENCE:  # to draw the lines costs more than a ray
                 shown = monotonic()
-            yield (dict(own.known), f"{n_rays} rays") if late else None
-        yield dict(own.known), f"{n_rays} rays"
+            yield (dict(own.known), plural(n_rays, "ray")) if late else None
+        yield dict(own.known), plural(n_rays, "ray")
 
 
 def circle(client, plane, omega, view):

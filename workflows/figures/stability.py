@@ -120,21 +120,6 @@ def _draw_twist(axes, study):
     axes.set_title("Lives on the dominant line")
 
 
-def _draw_amplitudes(axes, study):
-    """Draw the amplitudes of the last circles and of others."""
-    for kick in (0, 1):
-        style = ("o-", "x")[kick]
-        label = f"last circle, kick {kick + 1}"
-        axes.plot(study.angle, study["last"].sel(kick=kick), style, color=COLOURS[0], label=label)
-    for i, part in enumerate(study.part.values[:4]):
-        label = rf"seven others at ${part:g}\,s_c$"
-        here = study.largest.sel(part=part)
-        style = {"color": COLOURS[1 + i], "ms": 4, "label": label}
-        axes.plot(study.angle, here, f"{_MARKERS[1 + i]}--", **style)
-    axes.set(xlabel=r"angle $\varphi$ (degrees)", ylabel="amplitude in $y$", ylim=(0, 0.25))
-    axes.set_title("Proposition 1 assumes amplitudes below 1")
-
-
 def _draw_missed(axes, study):
     axes.plot(study.kept, 100 * study.missed, "o-", label="searches that miss 1% of the life")
     axes.plot(study.kept, 100 * study.worst, "s--", mfc="none", label="largest part missed")
@@ -186,6 +171,5 @@ _FIGURES = {
         "fractions": _draw_fractions,
     },
     "stability_searches": {"beam": _draw_missed, "fakes": _draw_fakes, "disorder": _draw_disorder},
-    "stability_orbits": {"twist": _draw_twist, "amplitude": _draw_amplitudes},
-    "stability_tori": {"tori": _draw_tori},
+    "stability_orbits": {"twist": _draw_twist, "tori": _draw_tori},
 }

@@ -100,6 +100,7 @@ _RELEASE = (
 @cluster_options
 def main(out, full, only, release, quick, workers, scheduler, tls):
     from nasm import __version__
+    from pipeline.sweep.progress import plural
     from workflows.gallery.release import make
     from workflows.shared.page import render
     from workflows.shared.run import shared_workers
@@ -133,5 +134,6 @@ def main(out, full, only, release, quick, workers, scheduler, tls):
                 made=f"{date.today():%d %B %Y}, nasm {__version__}",
             )
     n_figures = sum(1 for _ in Path(out).glob("*/*.png"))
-    click.echo(f"\n{n_figures} figures of {len(there)} commands on one page. {counted}".rstrip())
+    parts = plural(n_figures, "figure"), plural(len(there), "command")
+    click.echo(f"\n{' of '.join(parts)} on one page. {counted}".rstrip())
     click.echo(f"page: {out}/index.html")

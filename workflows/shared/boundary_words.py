@@ -4,6 +4,7 @@ import numpy as np
 
 from nasm.planes import plane_of, two_kicks
 from nasm.symmetries import ray
+from pipeline.sweep.progress import plural
 from workflows.figures.style import arcs
 from workflows.shared.rays import named
 
@@ -35,12 +36,13 @@ def boundary_found(barrier):
             "the boundary lies between a certified circle and converse KAM, in the median "
             f"{float(width.median()):.1e} of the scale apart, at most {float(width.max()):.1e}"
         )
+    open_ = plural(int(barrier.critical_scale.isnull().sum()), "ray")
     begins = f"Global transport begins at κ = {'; '.join(places)}. " if two else ""
     return (
         f"{begins}The last circle to "
         f"break is, by share of the angle {where}: {share}"
-        f"{f', and {others} others' if others > 0 else ''}. On {barrier.angle.size} rays {apart}; "
-        f"{int(barrier.critical_scale.isnull().sum())} rays are undecided."
+        f"{', and ' + plural(others, 'other') if others > 0 else ''}. "
+        f"On {plural(barrier.angle.size, 'ray')} {apart}; undecided: {open_}."
     )
 
 
@@ -56,7 +58,7 @@ def direct_found(scale, resolution, barrier, n_orbits):
         if here.size:
             parts.append(
                 f"within {n} steps {np.median(here):.1f}% ({here.min():.1f} to {here.max():.1f}%) "
-                f"on {here.size} rays"
+                f"on {plural(here.size, 'ray')}"
             )
     where = "nowhere in this plane"
     if parts:

@@ -8,6 +8,7 @@ import numpy as np
 
 from nasm import action, manifolds, orbits
 from nasm.numbers import distinct_convergents
+from pipeline.sweep.progress import plural
 from workflows.shared.phase_space import in_box
 
 MANIFOLDS = {"unstable": manifolds.unstable, "stable": manifolds.stable}
@@ -37,7 +38,7 @@ def spreading(kappa, box):
         before, squares = squares, (y - first) ** 2
         found = {"n": [*found["n"], n], "variance": [*found["variance"], squares.mean()]}
         rates = (squares - before) / n  # from n/2 to n
-        words = f"The ensemble after {n} periods: variance {squares.mean():.4g}, "
+        words = f"The ensemble after {plural(n, 'period')}: variance {squares.mean():.4g}, "
         words += f"D = {rates.mean():.3g} ± {rates.std() / rates.size**0.5:.1g} a period."
         yield {"x": x, "y": y}, found, words
         shown *= 2

@@ -19,7 +19,7 @@ from pipeline import store
 from pipeline.cubes.cube import Cube
 from pipeline.sweep.cluster import ClusterError, connect, credentials
 from pipeline.sweep.grid import tile_coords
-from pipeline.sweep.progress import Progress, duration
+from pipeline.sweep.progress import Progress, duration, plural
 from pipeline.sweep.sweep import sweep
 from workflows.shared.output import Output
 
@@ -105,8 +105,9 @@ class Run(Output):
             click.echo(_planned("in all", tiles, files, size, seconds))
             sys.exit()
         if seconds > _LONG:
-            swept = f"{len(self.plan)} sweeps, {tiles:.0f} tiles, " if self.plan else ""
-            click.echo(f"{swept}about {duration(seconds)} of CPU time", err=True)
+            swept = plural(len(self.plan), "sweep"), plural(tiles, "tile", ".0f")
+            parts = [*swept * bool(self.plan), f"about {duration(seconds)} of CPU time"]
+            click.echo(", ".join(parts), err=True)
 
     def check(self, cube):
         """Refuse to go on if the place holds this cube with other settings; true if it is there."""
@@ -203,8 +204,9 @@ def _expected(place, job, wanted):
 
 def _planned(name, tiles, files, size, seconds):
     """Return a line of --dry-run. The commit record of a tile is a file, too."""
+    n_tiles, n_files = plural(tiles, "tile", "8.0f"), plural(files, "file", "9.0f")
     hours = f"{seconds / 3600:.2g} CPU hours"
-    return f"{name:24} {tiles:8.0f} tiles {files:9.0f} files {size:9.3g} MB {hours:>18}"
+    return f"{name:24} {n_tiles:14} {n_files:15} {size:9.3g} MB {hours:>18}"
 
 
 def _go_on(outcome):
@@ -215,10 +217,10 @@ def _go_on(outcome):
     if len(failed) > MAX_REASONS:
         click.echo(f"... and {len(failed) - MAX_REASONS} more", err=True)
     if outcome.interrupted:
-        missing = f"stopped with {outcome.remaining} tiles of this sweep missing"
+        missing = f"stopped with {plural(outcome.remaining, 'tile')} of this sweep missing"
         click.echo(f"{missing}; run the same command again to resume", err=True)
         sys.exit(130)
     if failed:
-        missing = f"{len(failed)} tiles failed and stay missing"
-        click.echo(f"{missing}; run the same command again to retry them", err=True)
+        missing = f"not computed, as they failed: {plural(len(failed), 'tile')}"
+        click.echo(f"{missing}; run the same command again to retry", err=True)
         sys.exit(1)

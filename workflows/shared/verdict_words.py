@@ -2,6 +2,8 @@
 
 from math import isfinite, log10
 
+from pipeline.sweep.progress import plural
+
 SHOWN = 8  # kicks that are named one by one
 
 
@@ -52,7 +54,8 @@ def sentences(kappa, point, verdict):
             words = f"So it is for all kicks from 0 to {int(below * 1e4) / 1e4} times as strong."
         lines.append(words)
     if verdict.steps < float("inf"):
-        lines.append(f"The longest-lived start is eliminated after {verdict.steps:g} steps.")
+        steps = plural(verdict.steps, "step", "g")
+        lines.append(f"The longest-lived start is eliminated after {steps}.")
     if verdict.evidence is not Evidence.INTEGRABLE:
         lines += _distance(boundary)
     return lines

@@ -1,10 +1,8 @@
-"""The nine studies of stability, and a sentence on each with the numbers just measured."""
+"""The eight studies of stability, and a sentence on each with the numbers just measured."""
 
 import numpy as np
 
 from workflows.figures.style import names_of
-from workflows.shared.amplitudes import amplitudes
-from workflows.shared.rules import span
 from workflows.stability import limits, searches, tori
 
 OK = 1  # of `status`, see `pipeline.cubes.cube`
@@ -69,14 +67,6 @@ def _twist(study):
     )
 
 
-def _amplitude(study):
-    return (
-        f"Amplitudes of the last circles are {span(study['last'].values, '.3f')}, those of seven "
-        f"others at most {float(study.largest.max()):.3f}, where Proposition 1 assumes less than "
-        f"1: |Δy| > {study.attrs['justified_exit']:.2f} would do as an exit."
-    )
-
-
 def _beam(study):
     return (
         "The search of converse KAM for the longest life misses 1% of it or more in these shares "
@@ -133,7 +123,6 @@ STUDIES = {
     "boundary": (limits.past_boundary, _boundary),
     "fractions": (limits.disguised_fractions, _fractions),
     "twist": (limits.beyond_the_twist, _twist),
-    "amplitude": (amplitudes, _amplitude),
     "beam": (searches.missed_survivors, _beam),
     "fakes": (searches.fake_circles, _fakes),
     "disorder": (searches.disordered_orbits, _disorder),

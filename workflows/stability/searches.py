@@ -11,7 +11,7 @@ from workflows.shared.tables import dataset
 
 
 def missed_survivors(quick):
-    """6. Count how often beam searches of converse KAM miss the longest life that any has found."""
+    """5. Count how often beam searches of converse KAM miss the longest life that any has found."""
     kept, n_max = 2 ** np.arange(6), 20_000
     random = np.random.default_rng(6)
     n_rays = 20 if quick else 150
@@ -34,7 +34,7 @@ def missed_survivors(quick):
 
 
 def fake_circles(quick):
-    """7. Measure how far past the breakup Newton's method "converges", and ask the certificate.
+    """6. Measure how far past the breakup Newton's method "converges", and ask the certificate.
 
     The naive method stops on small updates, with n points, and goes on in κ as far as it gets.
     """
@@ -80,7 +80,7 @@ def _naive_path(omega, profile, n, breakup):
 
 
 def disordered_orbits(quick):
-    """8. Start Newton's method for the orbit of 13/21 badly: see what it finds, and accepts.
+    """7. Start Newton's method for the orbit of 13/21 badly: see what it finds, and accepts.
 
     The forcing grows from inside the plane's barriers to far beyond; starts are the rotation with
     random deviations of 0.03 and 0.1 turns.

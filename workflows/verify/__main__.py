@@ -22,6 +22,7 @@ from workflows.shared.cli import command, flag, place_options, real
 @place_options
 def main(out, store, repair, proofs, longest):
     from pipeline.store import driving, verify
+    from pipeline.sweep.progress import plural
     from workflows.shared.run import cubes_of, explained
 
     n_damaged, (place, names) = 0, cubes_of(out, store)
@@ -29,7 +30,8 @@ def main(out, store, repair, proofs, longest):
         for name in names:
             damaged = list(verify(place, name, repair))
             n_damaged += len(damaged)
-            click.echo(f"{name}: {len(damaged)} tiles damaged" if damaged else f"{name}: sound")
+            words = f"{plural(len(damaged), 'tile')} damaged" if damaged else "sound"
+            click.echo(f"{name}: {words}")
             for index, what in damaged:
                 click.echo(f"  {f'tile {index}: {what}' if index else what}")
         if proofs:

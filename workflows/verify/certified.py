@@ -8,7 +8,7 @@ from nasm.proofs.certificate_checker import Refuted, check
 from pipeline import store
 from pipeline.cubes import barrier, proved_map
 from pipeline.cubes.certificates import seconds_to_check, unpacked
-from pipeline.sweep.progress import Progress, duration
+from pipeline.sweep.progress import Progress, duration, plural
 
 _CUBES = {
     "proved_barrier": barrier.uncertified,
@@ -37,8 +37,8 @@ def verify_proofs(place, longest, repair):
                 bad[index] = f"its certificates are damaged: {error}"
         costs = [seconds for of_tile in tiles.values() for seconds in of_tile]
         short = [seconds for seconds in costs if seconds <= longest]
-        words = f"{len(short)} certificates to check, about {duration(sum(short))} of CPU time"
-        click.echo(f"{name}: {words}", err=True)
+        words = f"{name}: {plural(len(short), 'certificate')} to check"
+        click.echo(f"{words}, about {duration(sum(short))} of CPU time", err=True)
         with Progress(f"{name}: certificates", sys.stderr) as progress:
             progress.begin(len(tiles), sum(short))
             for index, of_tile in tiles.items():
@@ -50,10 +50,10 @@ def verify_proofs(place, longest, repair):
                         except Refuted as reason:
                             bad[index] = f"a certificate is refuted: {reason}"
                 progress.advance(1, sum(seconds for seconds in of_tile if seconds <= longest))
-        words = f"{len(short)} of {len(costs)} certificates checked"
+        words = f"checked {len(short)} of {plural(len(costs), 'certificate')}"
         if len(short) < len(costs):
             words += f"; the others take {duration(sum(costs) - sum(short))}, see --longest"
-        click.echo(f"{name}: {words}; {len(bad)} tiles are wrong")
+        click.echo(f"{name}: {words}; wrong: {plural(len(bad), 'tile')}")
         for index, what in bad.items():
             click.echo(f"  tile {index}: {what}")
             if repair:
