@@ -330,18 +330,6 @@ def test_wrong_candidates_alone_give_no_value_but_a_true_bound(wrong, tol, monke
     assert exact < found.upper < exact * (1 + 1e-3)
 
 
-@pytest.mark.slow
-def test_a_bracket_much_wider_than_asked_for_is_told():
-    profile, tol = (1, 0.997), 1e-5
-    wide, found = critical_scale(profile, tol), critical_scale(profile, 1e-3)
-    assert (wide.status, found.status) == (Status.WIDE, Status.OK)
-    assert wide.upper - wide.lower > 2 * tol * wide.value
-    assert found.upper - found.lower <= 2e-3 * found.value
-    assert found.lower < wide.value < found.upper
-    inside, outside = first_escapes(wide, profile)
-    assert inside == np.inf > outside
-
-
 def test_where_no_circle_is_certified_so_near_to_the_breakup_that_is_told(monkeypatch):
     monkeypatch.setattr(barriers, "_certified_at", lambda *_: False)
     monkeypatch.setattr(continuation, "certified_circle", lambda _, *more: (0.997 * more[1], 0))

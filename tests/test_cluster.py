@@ -4,7 +4,6 @@ import json
 import re
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 import toy
@@ -15,14 +14,6 @@ from pipeline.sweep.cluster import _LOCAL, ClusterError, connect, credentials
 # What a worker may run before anything else, to be like one on another machine, and what is said of
 # it then; the other complaints are in `test_sweep`.
 UNFIT = "import sys; sys.modules['pipeline'] = None", "cannot run this package .*pipeline"
-
-
-def certificate(path):
-    """A certificate that is its own CA, and its key: their paths."""
-    made = Security.temporary()
-    Path(f"{path}.crt").write_text(made.tls_ca_file)
-    Path(f"{path}.key").write_text(made.tls_client_key)
-    return f"{path}.crt", f"{path}.key"
 
 
 @pytest.fixture(scope="module")
@@ -67,10 +58,11 @@ def test_a_worker_that_dies_as_it_starts_is_one_clear_error(monkeypatch):
 
 def test_tls_that_does_not_match_is_one_clear_message(cluster, tmp_path):
     _, file, (ca, _, key) = cluster
-    other, other_key = certificate(tmp_path / "other")
+    other, made = tmp_path / "other.pem", Security.temporary()
+    other.write_text(made.tls_client_key + made.tls_ca_file)
     address = json.loads(file.read_text())["address"]
     for scheduler, tls, told in (
-        (str(file), (ca, other, other_key), "scheduler answers at .* PEM files: its CA"),
+        (str(file), (ca, other, other), "scheduler answers at .* PEM files: its CA"),
         (str(file), (str(file), ca, key), "scheduler answers at .* PEM files: its CA"),
         (address.replace("tls", "tcp"), None, "scheduler answers at .* needs a tls:// address"),
         (str(file), None, "needs TLS files: CA, CERT and KEY"),

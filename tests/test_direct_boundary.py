@@ -8,8 +8,7 @@ from commands import succeed, table
 from nasm import escape
 from nasm.planes import two_kicks
 from nasm.symmetries import ray
-from nasm.verdict import Answer, verdict
-from workflows.shared.direct import INSETS, foreseen
+from workflows.shared.direct import foreseen
 
 DIRECT = ["--angles", "5", "--tips", "0", "--n-orbits", "64", "--steps", "400,4000"]
 
@@ -61,14 +60,3 @@ def test_no_more_is_iterated_than_the_boundary_needs_as_foreseen_and_as_status_s
     times = cube.escape_time.isel(ensemble=0)
     assert (np.isinf(times).sum("excess") == 1).all()
     assert (times.isel(excess=slice(0, 5)).isnull()).all()
-
-
-@pytest.mark.slow
-def test_the_orbit_of_an_inset_stays_where_a_circle_is_left(direct):
-    insets = xr.open_zarr(direct / "direct_insets.zarr").load()
-    assert (insets.visits.sum(("x", "y")) == 3_000_001).all()
-    span = (insets.highest - insets.lowest).values
-    inside, outside = (verdict(kappa).answer for kappa in INSETS[:2])
-    assert (inside, outside) == (Answer.BARRIER, Answer.TRANSPORT)
-    # Between a circle and its copy one cell further, of amplitudes below 0.2; or not.
-    assert span[0] < 1.2 < span[1]

@@ -85,16 +85,6 @@ def test_the_error_covers_the_change_with_a_longer_period_where_that_is_hard(cas
     assert found.error + better.error < bound
 
 
-@pytest.mark.parametrize(
-    ("name", "angle"),
-    [("[0;4,4,4,4,(1)]", 135 - 1e-6), ("gamma", 45 - 1e-4), ("2gamma", 44.999999)],
-)
-def test_where_orbits_are_lost_before_they_see_the_cusp_that_is_the_reason(name, angle):
-    found = periodic.critical_scale(parse(name), ray(angle))
-    assert found.status is Status.NEAR_CUSP
-    assert np.isnan(found.value)
-
-
 def next_to_a_shorter_one(distance):
     """Forcings, what they are shortened to at distance 0, and the golden circle of that as one of
     theirs."""

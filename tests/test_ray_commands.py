@@ -7,7 +7,6 @@ from commands import succeed, table
 from oracles import KAPPA_G
 
 from nasm import barriers, escape, periodic
-from nasm import flux as nasm_flux
 from nasm.numbers import parse
 from nasm.planes import Plane, plane_of, rotating
 from nasm.symmetries import ray
@@ -72,14 +71,10 @@ def test_three_kicks_are_compared_with_the_standard_map(tmp_path, workers):
     out = tmp_path / "out"
     rays = ["--angles", "3", "--tips", "0", "--tol", "1e-2"]
     succeed("three_kicks", out, *rays, "--phase", "1/24", "--phase", "0", *workers)
-    names = ("barrier_rotating_1_3", "barrier_rotating_1_3_1_24")
-    zero, cube = (xr.open_zarr(out / f"{name}.zarr") for name in names)
     expected = barriers.critical_scale(rotating("1/3", "1/24").second, 1e-2)
-    there = cube.sel(angle=90)
+    there = xr.open_zarr(out / "barrier_rotating_1_3_1_24.zarr").sel(angle=90)
     assert (float(there.lower), float(there.upper)) == (expected.lower, expected.upper)
     # κ̄ alone is the standard map, for any phase and number of kicks.
-    for still in (zero.sel(angle=0), cube.sel(angle=0)):
-        assert abs(still.critical_scale - KAPPA_G) < still.error
     for r in table(out / "three_kicks.csv", angle="180"):
         assert abs(float(r["ratio"]) - 1) < float(r["error"]) / float(r["critical_scale"])
 
@@ -111,15 +106,3 @@ def test_stretches_are_where_the_ratio_is_above_one():
     inside = np.array([0.9, 0.95, np.nan, 0.97, 0.9, 0.8])
     assert where_above(angle, inside) == "nowhere (nearest, 0.970 of it, at 30°)"
     assert where_above(angle, np.nan * inside) == "unknown"
-
-
-@pytest.mark.slow
-def test_the_flux_beyond_the_breakup_is_kept_with_its_law(tmp_path, workers):
-    succeed("flux", tmp_path, "--angle", "0", "--nearest", "1e-3", *workers)
-    cube = xr.open_zarr(tmp_path / "flux.zarr")
-    assert (cube.status == 1).all()
-    first = cube.isel(angle=0, excess=0)
-    kappa = (KAPPA_G / 2 * (1 + float(first.excess)), 0.0)
-    assert float(first.flux) == pytest.approx(nasm_flux.flux(parse("gamma"), kappa).value, rel=1e-6)
-    (law,) = table(tmp_path / "flux_law.csv")
-    assert float(law["exponent"]) == pytest.approx(3.0117, abs=1e-3)

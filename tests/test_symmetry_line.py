@@ -1,4 +1,4 @@
-"""Converse KAM against its definition, the action's second variation, and Greene's residue."""
+"""Converse KAM on symmetry lines against residues; test_transversal has its definition."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,6 @@ from numba import njit
 from numpy.testing import assert_array_equal
 
 from nasm import periodic
-from nasm.action import ordered_orbits
 from nasm.converse_kam import symmetry_line
 from nasm.converse_kam.symmetry_line import critical_scale, elimination_time, longest_lived
 from nasm.critical import Status
@@ -17,17 +16,8 @@ from nasm.numbers import parse
 from nasm.symmetries import ray
 
 # Each some per cent beyond the breakup of its last circle: lifetimes of all lengths.
-PAIRS = [(0.71, 0.46), (-0.43, 0.72), (0.15, -0.57)]
-FORCINGS = [(1.03,), *PAIRS]
+FORCINGS = [(1.03,), (0.71, 0.46), (-0.43, 0.72), (0.15, -0.57)]
 Y = (np.arange(300) + 0.5) / 600
-
-
-def on_the_line(kappa, p, q, a):
-    """y of the minimax orbit of p/q where it passes x = a, at the start of a period."""
-    x, y = ordered_orbits(kappa, p, q)[1].points()
-    ahead = (x - a + 0.5) % 1 - 0.5
-    order = np.argsort(ahead)
-    return np.interp(0, ahead[order], y[order])
 
 
 @njit
@@ -93,18 +83,6 @@ def test_times_keep_the_symmetries(kappa1, kappa2, y):
 @pytest.mark.parametrize("kappa", [(2.1,), (-5, 1), (0.3, 1e6), (2.001, 0, 2.001, 0)])
 def test_beyond_two_the_first_kick_eliminates(kappa):
     assert_array_equal(elimination_time(kappa, Y, 5), 1 / len(kappa))
-
-
-@pytest.mark.parametrize("case", thirds([((0.5, 0.0), 0.5), ((-0.4, 0.2), 0.0)]))
-def test_an_existing_circle_is_never_eliminated(case):
-    profile, a = case
-    # A start on the golden circle, to 1e-9, by its convergent 10946/17711.
-    omega, p, q = parse("gamma"), 10946, 17711
-    scale = 0.999 * periodic.critical_scale(omega, profile).value
-    kappa = scale * np.array(profile)
-    y = on_the_line(kappa, p, q, a)
-    assert elimination_time(kappa, y, 100_000) == np.inf
-    assert longest_lived(kappa, 100_000)[1] == np.inf
 
 
 # The most robust circle on a ray, by trying out nobles.

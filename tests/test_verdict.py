@@ -4,7 +4,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from cases import thirds
-from click.testing import CliRunner
+from commands import invoke
 
 from nasm import barriers, circles, orbits, periodic
 from nasm.circles import continuation
@@ -176,10 +176,6 @@ def test_a_proof_that_fails_changes_nothing_and_says_why(monkeypatch, kappa, evi
     assert "A proof was tried: not proved: " in " ".join(sentences(np.array(kappa), None, found))
 
 
-def run(*arguments):
-    return CliRunner().invoke(ask.main, [str(argument) for argument in arguments])
-
-
 @pytest.mark.usefixtures("a_second")
 @pytest.mark.parametrize(
     ("point", "told"),
@@ -197,7 +193,7 @@ def run(*arguments):
     ],
 )
 def test_the_answer_in_words_and_as_a_figure(tmp_path, point, told):
-    result = run(*point, "--out", tmp_path / "out")
+    result = invoke("ask", tmp_path / "out", *point)
     assert result.exit_code == 0, result.output + repr(result.exception)
     for words in told:
         assert words in result.output
@@ -211,9 +207,9 @@ def test_strengths_a_point_of_a_plane_and_a_file_ask_the_same(tmp_path, monkeypa
     seen = "nasm.verdict.verdict", lambda kappa, prove: kappas.append(tuple(kappa)) or found
     monkeypatch.setattr(*seen)
     (tmp_path / "period.txt").write_text("0.3, 0.2\n0.25\n")
-    asked = ["0.3", "0.2", "0.25"], ["--sequence", tmp_path / "period.txt"]
+    asked = ["0.3", "0.2", "0.25"], ["--sequence", str(tmp_path / "period.txt")]
     asked += (["0.3", "--plane", "three-kicks:0.25", "0.2"],)
-    results = [run(*words, "--out", tmp_path) for words in asked]
+    results = [invoke("ask", tmp_path, *words) for words in asked]
     told = {result.output.partition(": ")[2].partition("figures")[0] for result in results}
     assert len(told) == 1
     assert "a rotational invariant circle is left" in told.pop()
@@ -222,15 +218,16 @@ def test_strengths_a_point_of_a_plane_and_a_file_ask_the_same(tmp_path, monkeypa
 
 
 def test_kicks_that_come_once_get_an_answer_of_their_own(tmp_path):
-    np.savetxt(tmp_path / "kicks.txt", np.random.default_rng(1).uniform(1, 1.5, 70))
-    said = run("--once", tmp_path / "kicks.txt", "--out", tmp_path).output
+    kicks = str(tmp_path / "kicks.txt")
+    np.savetxt(kicks, np.random.default_rng(1).uniform(1, 1.5, 70))
+    said = invoke("ask", tmp_path, "--once", kicks).output
     assert "NO BARRIER survives these 70 kicks" in said
     assert (tmp_path / "ask_kicks.png").exists()
-    refused = run("--sequence", tmp_path / "kicks.txt", "--out", tmp_path)
+    refused = invoke("ask", tmp_path, "--sequence", kicks)
     assert refused.exit_code == 2
     assert "--once FILE" in refused.output
-    np.savetxt(tmp_path / "kicks.txt", np.full(70, 0.9))
-    said = run("--once", tmp_path / "kicks.txt", "--out", tmp_path).output
+    np.savetxt(kicks, np.full(70, 0.9))
+    said = invoke("ask", tmp_path, "--once", kicks).output
     assert "UNDECIDED for these 70 kicks" in said
 
 
