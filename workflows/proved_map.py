@@ -5,7 +5,7 @@ runs; a barrier in triangles from κ = 0 on. `nasm/proofs/README.md` has the the
 open nothing is proved, which says nothing.
 
 Three cubes and a figure of 0 <= kappa2 <= kappa1 <= 1.125 and images in OUT, with the extra
-`proof`. The defaults take less than ten minutes of CPU time.
+`proof`. The defaults take about three minutes of CPU time.
 """
 
 from workflows.shared.cli import choice, command, preset, real, sweeps
@@ -16,7 +16,7 @@ _CELLS = ["32", "64", "128", "256", "512", "1024"]
 @command()
 @choice("--cells", _CELLS, "128", "Cells per unit of strength, at the finest.")
 @real("--seconds", 0.5, 1e-3, 1e4, "CPU seconds to prove transport; then a cell is cut or left.")
-@real("--nearest", 0.1, 1e-3, 0.5, "How near proofs of barriers come to the boundary, in parts.")
+@real("--nearest", 0.09, 1e-3, 0.5, "How near proofs of barriers come to the boundary, in parts.")
 @preset("--full", "In full, more than a CPU hour", cells="512", nearest="0.03")
 @sweeps
 def main(run, cells, seconds, nearest):
