@@ -3,11 +3,14 @@
 import errno
 import heapq
 import io
+import json
 import os
 import re
 import signal
 import socket
 import ssl
+import subprocess
+import sys
 import threading
 import time
 from asyncio import CancelledError
@@ -15,6 +18,7 @@ from contextlib import suppress
 from functools import partial
 from http.client import HTTPException
 from importlib.metadata import version
+from pathlib import Path
 from types import SimpleNamespace
 from urllib.request import urlopen
 
@@ -25,7 +29,7 @@ import pytest
 import toy
 from cases import thirds
 from dask.utils import parse_timedelta
-from test_memory import glibc, kept
+from distributed.security import Security
 
 from pipeline import store
 from pipeline.sweep import cluster, submit
@@ -218,9 +222,18 @@ def test_a_tile_that_is_gone_at_the_end_is_no_success(here, tmp_path):
     toy.assert_complete(tmp_path, plan)
 
 
-@glibc
-def test_workers_keep_freed_memory(client):
-    assert client().submit(kept).result() > 120
+@pytest.mark.skipif(
+    not Path("/proc/self/statm").exists() or "CS_GNU_LIBC_VERSION" not in os.confstr_names,
+    reason="other C libraries keep memory in their own ways",
+)
+def test_workers_keep_freed_memory_and_a_program_that_imports_nasm_does_not(client):
+    assert client().submit(toy.kept_memory).result() > 120
+    program = "import toy, nasm.barriers, nasm.tori; print(toy.kept_memory())"
+    here = Path(__file__).parent
+    environment = os.environ | {"PYTHONPATH": f"{here}{os.pathsep}{here.parent}"}
+    run = [sys.executable, "-c", program]
+    said = subprocess.run(run, env=environment, capture_output=True, check=True).stdout
+    assert float(said) < 8
 
 
 def test_workers_listen_on_loopback_only_and_to_their_own_driver_alone(client):
@@ -255,6 +268,63 @@ def test_workers_listen_on_loopback_only_and_to_their_own_driver_alone(client):
     assert spoke >= 3
 
 
+def elsewhere(client, folder):
+    """The file by which dask names the client's scheduler, and the CA, certificate and key."""
+    file = folder / "scheduler.json"
+    file.write_text(json.dumps({"address": client().scheduler.address}))
+    return str(file), cluster.credentials(client(), folder)
+
+
+def test_an_unfit_worker_computes_nothing_and_another_sweeps_over_tls(client, tmp_path, capfd):
+    """By a scheduler to which this process speaks as to one of another machine."""
+    file, (ca, cert, key) = elsewhere(client, tmp_path)
+    pids, script = tmp_path / "pids", tmp_path / "preload.py"
+    script.write_text("import sys; sys.modules['pipeline'] = None")
+    places = ["--scheduler-file", file, "--local-directory", tmp_path, "--preload", script]
+    tls = ["--tls-ca-file", ca, "--tls-cert", cert, "--tls-key", key, "--host", "127.0.0.1"]
+    command = [sys.executable, "-m", "dask", "worker", "--no-nanny", "--no-dashboard", *places]
+    plan = toy.cube(seconds=0.1, pids=str(pids))
+    with (
+        connect(file, tls=(ca, cert, key)) as guest,
+        subprocess.Popen([*map(str, command), *tls], stderr=subprocess.DEVNULL) as worker,
+    ):
+        try:
+            toy.wait_until(lambda: len(guest().nthreads()) == 2)
+            outcome = toy.run(guest, tmp_path / "out", plan)
+            worker.wait(timeout=30)
+        finally:
+            worker.kill()
+    assert (outcome.failed, outcome.remaining) == ({}, 0)
+    toy.assert_complete(tmp_path / "out", plan)
+    assert str(worker.pid) not in pids.read_text().split()
+    told = r"retired: the worker tls://\S+ cannot run this package .*pipeline"
+    assert re.search(told, capfd.readouterr().err)
+
+
+def test_a_worker_that_dies_as_it_starts_is_one_clear_error(monkeypatch):
+    monkeypatch.setitem(cluster._LOCAL, "distributed.worker.preload", ["import os; os._exit(1)"])
+    told = pytest.raises(ConnectionError, match="ended while it was being started; run again")
+    with told, connect(n_workers=1) as client:
+        client()
+
+
+def test_tls_that_does_not_match_is_one_clear_message(client, tmp_path):
+    file, (ca, _, key) = elsewhere(client, tmp_path)
+    plain = client().scheduler.address.replace("tls", "tcp")
+    other, made = tmp_path / "other.pem", Security.temporary()
+    other.write_text(made.tls_client_key + made.tls_ca_file)
+    for scheduler, tls, told in (
+        (file, (ca, other, other), "scheduler answers at .* PEM files: its CA"),
+        (file, (file, ca, key), "scheduler answers at .* PEM files: its CA"),
+        (plain, None, "scheduler answers at .* needs a tls:// address"),
+        (file, None, "needs TLS files: CA, CERT and KEY"),
+        ("tcp://127.0.0.1:9", None, r"no dask scheduler answers at tcp://127\.0\.0\.1:9"),
+        ("tcp://127.0.0.1:9", (ca, ca, key), "needs TLS files: CA, CERT and KEY; others take none"),
+    ):
+        with pytest.raises(ClusterError, match=told), connect(scheduler, tls=tls) as guest:
+            guest()
+
+
 def during(out, act):
     """Start a thread that acts when the first tile is committed."""
 
@@ -271,7 +341,7 @@ def test_workers_are_deaf_to_ctrl_c_from_birth_and_without_any_a_sweep_waits_for
     client, tmp_path, monkeypatch
 ):
     """The last one that needs the worker: it is sent away."""
-    here, elsewhere = tmp_path / "here", tmp_path / "elsewhere"
+    here, there = tmp_path / "here", tmp_path / "there"
     plan, told, processes = toy.cube(seconds=0.1), [], client().cluster
     (nanny,) = processes.workers.values()
     worker = client().submit(os.getpid, pure=False).result(timeout=60)
@@ -291,10 +361,10 @@ def test_workers_are_deaf_to_ctrl_c_from_birth_and_without_any_a_sweep_waits_for
         processes.scale(1)
 
     # Of a scheduler elsewhere they are waited for, as its queue may start others.
-    leaver = during(elsewhere, come_and_go)
-    address, tls = client().scheduler.address, cluster.credentials(client(), tmp_path)
-    with connect(address, tls=tls) as guest:
-        assert toy.run(guest, elsewhere, plan).remaining == 0
+    leaver = during(there, come_and_go)
+    file, tls = elsewhere(client, tmp_path)
+    with connect(file, tls=tls) as guest:
+        assert toy.run(guest, there, plan).remaining == 0
     leaver.join()
     assert told == ["no workers are left; waiting until some join"]
     leaver = during(here, lambda: processes.scale(0))

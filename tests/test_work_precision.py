@@ -11,12 +11,14 @@ from workflows.work_precision import __main__ as command
 from workflows.work_precision import measure
 from workflows.work_precision.methods import METHODS, PROFILES, judged
 
-NAMES = ["cones", "circle", "continuation", "crossing", "residue", "barriers"]
-EFFORTS = {"cones": [100, 1000, 10_000], "circle": [64, 256, 1024], "barriers": [1e-2, 3e-3, 1e-3]}
-EFFORTS |= {"crossing": [30, 100, 300, 1000], "residue": [30, 100, 300, 1000]}
-EFFORTS |= {"continuation": [1e-1, 1e-2, 1e-3, 1e-4]}
-
-
+EFFORTS = {
+    "cones": [100, 1000, 10_000],
+    "circle": [64, 256, 1024],
+    "continuation": [1e-1, 1e-2, 1e-3, 1e-4],
+    "crossing": [30, 100, 300, 1000],
+    "residue": [30, 100, 300, 1000],
+    "barriers": [1e-2, 3e-3, 1e-3],
+}
 ORDERS = {  # in the effort, within a margin
     "converse KAM, upper bound": (-1, 0.1),
     "residue, last crossing": (-2, 0.25),
@@ -33,7 +35,7 @@ def test_errors_fall_with_effort_estimates_cover_them_and_corrected_answers_are_
     for name, efforts in EFFORTS.items():
         monkeypatch.setattr(METHODS[name], "efforts", efforts)
     monkeypatch.setattr(measure, "timed", lambda run, *arguments: (run(*arguments), 1.0))
-    measured = measure.measure(measure.plan(rays, NAMES, quick=False).template, NAMES)
+    measured = measure.measure(measure.plan(rays, [*EFFORTS], quick=False).template, [*EFFORTS])
     place = names_of(measured.method).index
     off = abs(float(measured.value[0]) / (KAPPA_G / 2) - 1)  # of the judge
     assert off <= float(measured.judge_error[0]) < 1e-11

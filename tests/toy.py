@@ -6,6 +6,7 @@ import signal
 import time
 from contextlib import contextmanager
 from dataclasses import replace
+from pathlib import Path
 
 import dask
 import numpy as np
@@ -132,6 +133,17 @@ def wait_until(condition):
     while not condition():
         assert time.monotonic() < deadline
         time.sleep(0.02)
+
+
+def kept_memory():
+    """Megabytes that this process keeps of 128 that it needed for a while."""
+
+    def resident():
+        return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+
+    before = resident()
+    np.ones(2**24).sum()
+    return (resident() - before) / 2**20
 
 
 def line(n_tiles):
