@@ -339,6 +339,16 @@ def test_the_constant_of_interpolation_is_above_lebesgues():
         assert 0.9 < largest / (1 + 2 / np.pi * np.log(n)) < 1
 
 
+def test_what_is_as_small_as_rounding_is_left_out():
+    """Whole numbers that fall with the sum of the degrees, and rounding that does not."""
+    rng, (Q, R) = np.random.default_rng(2), (12, 16)
+    largest = [4.0 ** (20 - m - n) for m, n in product(range(Q), range(R))]
+    moves = [[[[], [0, round(size) + rng.integers(-50, 50)]] for _ in range(2)] for size in largest]
+    kept = [table != [[[], []]] * 2 for table in module._above_rounding(moves, Q, R)]
+    assert min(size for size, stays in zip(largest, kept, strict=True) if stays) > 50
+    assert max(size for size, stays in zip(largest, kept, strict=True) if not stays) < 500
+
+
 def test_circles_at_the_points_have_one_phase():
     # Rounded differently, coefficients of high degrees would not decay, which bounds need.
     kappa, shape = np.array([0.3, 0.1, 0.2]), (3, 1)
