@@ -10,7 +10,6 @@ from urllib.parse import unquote
 
 import pytest
 import xarray as xr
-from browser import needed, wait
 from click.testing import CliRunner
 from commands import follow, succeed, table
 from every_command import SMALLEST
@@ -123,43 +122,3 @@ def test_a_release_is_whole_says_how_it_was_made_and_is_sound(parts, tmp_path, m
     file = tmp_path / summed[0]
     file.write_bytes(file.read_bytes() + b" ")
     assert subprocess.run(check, cwd=tmp_path, capture_output=True).returncode == 1
-
-
-@needed
-def test_the_boundary_tells_the_numbers_of_a_ray_under_the_pointer(page, chromium):
-    rows = table(page.parent / "critical_boundary/critical_boundary.csv", angle="90")
-    tab = chromium.new_page(viewport={"width": 1000, "height": 900})
-    tab.goto(page.with_name("boundary.html").as_uri())
-    wait(tab, "window.Bokeh?.documents[0]?.is_idle")
-    place = tab.evaluate("""() => {
-        const view = [...Bokeh.index.roots][0], box = view.canvas_view.el.getBoundingClientRect()
-        const {x_scale, y_scale, bbox} = view.frame
-        return [box.x + x_scale.compute(0), box.y + y_scale.compute(0.4858177)]
-    }""")
-    tab.mouse.move(*place, steps=3)
-    said = tab.get_by_text("φ = 90°").inner_text()
-    tab.close()
-    (row,) = rows
-    assert f"ω = {row['circle']}" in said
-    value, error = map(float, re.search(r"s = (\S+) ± (\S+)", said).groups())
-    assert abs(value - float(row["critical_scale"])) <= error
-    assert error == pytest.approx(float(row["error"]), rel=0.5)
-    bounds = re.search(r"a circle at (\S+), none at (\S+)", said).groups()
-    ends = [float(row[side]) for side in ("lower", "upper")]
-    assert list(map(float, bounds)) == pytest.approx(ends, rel=1e-6)
-
-
-@needed
-@pytest.mark.parametrize("width", [390, 1400])
-def test_in_a_browser_the_page_fills_the_width_and_does_not_overflow_it(page, chromium, width):
-    tab = chromium.new_page(viewport={"width": width, "height": 900})
-    tab.goto(page.as_uri())
-    content, body, columns = tab.evaluate("""() => {
-        const row = document.querySelector("tbody tr"), {documentElement, body} = document
-        const columns = new Set([...row.cells].map((cell) => cell.offsetLeft))
-        return [documentElement.scrollWidth, body.offsetWidth, columns.size]
-    }""")
-    tab.close()
-    assert content <= width
-    assert body > 0.9 * width
-    assert (columns == 1) == (width == 390)  # on a phone the cells of a row are stacked

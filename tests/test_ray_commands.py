@@ -10,7 +10,6 @@ from nasm import barriers, escape, periodic
 from nasm.numbers import parse
 from nasm.planes import Plane, plane_of, rotating
 from nasm.symmetries import ray
-from pipeline.cubes import rotating_maps
 from workflows.figures.rotating import where_above
 from workflows.rotating import VECTORS
 
@@ -41,13 +40,10 @@ def test_circle_boundaries_are_those_of_each_ray(tmp_path, workers):
 
 
 @pytest.mark.slow
-def test_rotating_maps_are_compared_with_the_standard_map(tmp_path, workers, monkeypatch):
-    breakups, out = rotating_maps.breakups, tmp_path / "out"
-    monkeypatch.setattr(rotating_maps, "breakups", lambda *given: breakups(*given[:2], 0.1))
+def test_rotating_maps_are_compared_with_the_standard_map(tmp_path, workers):
+    out = tmp_path / "out"
     effort = ["--angles", "3", "--tips", "0", "--n-max", "1000", "--n-orbits", "64"]
-    succeed("rotating", out, *effort, "--vector", VECTORS[2], "--tori", "2", *workers)
-    certified = xr.open_zarr(out / "tori.zarr").load()
-    assert (certified.lower < certified.upper).all()
+    succeed("rotating", out, *effort, "--vector", VECTORS[2], *workers)
     cell = xr.open_zarr(out / "rotating_tori.zarr").sel(angle=90).isel(frequency=0)
     expected = periodic.torus_scale(*VECTORS[2].split(","), 0.0, 1.0)
     assert float(cell.critical_scale) == float(cell.kappa_amplitude) == expected.value

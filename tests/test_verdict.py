@@ -202,19 +202,17 @@ def test_the_answer_in_words_and_as_a_figure(tmp_path, point, told):
     assert (tmp_path / f"out/{name}.txt").read_text(encoding="utf-8") in result.output
 
 
-def test_strengths_a_point_of_a_plane_and_a_file_ask_the_same(tmp_path, monkeypatch):
+def test_strengths_and_a_point_of_a_plane_ask_the_same(tmp_path, monkeypatch):
     kappas, found = [], verdict((0.3, 0.3, 0.3))
     seen = "nasm.verdict.verdict", lambda kappa, prove: kappas.append(tuple(kappa)) or found
     monkeypatch.setattr(*seen)
-    (tmp_path / "period.txt").write_text("0.3, 0.2\n0.25\n")
-    asked = ["0.3", "0.2", "0.25"], ["--sequence", str(tmp_path / "period.txt")]
-    asked += (["0.3", "--plane", "three-kicks:0.25", "0.2"],)
+    asked = ["0.3", "0.2", "0.25"], ["0.3", "--plane", "three-kicks:0.25", "0.2"]
     results = [invoke("ask", tmp_path, *words) for words in asked]
     told = {result.output.partition(": ")[2].partition("figures")[0] for result in results}
     assert len(told) == 1
     assert "a rotational invariant circle is left" in told.pop()
-    assert kappas == [(0.3, 0.2, 0.25)] * 3
-    assert len(list(tmp_path.glob("ask_*.png"))) == 3
+    assert kappas == [(0.3, 0.2, 0.25)] * 2
+    assert len(list(tmp_path.glob("ask_*.png"))) == 2
 
 
 def test_kicks_that_come_once_get_an_answer_of_their_own(tmp_path):
@@ -223,7 +221,7 @@ def test_kicks_that_come_once_get_an_answer_of_their_own(tmp_path):
     said = invoke("ask", tmp_path, "--once", kicks).output
     assert "NO BARRIER survives these 70 kicks" in said
     assert (tmp_path / "ask_kicks.png").exists()
-    refused = invoke("ask", tmp_path, "--sequence", kicks)
+    refused = invoke("ask", tmp_path, *np.loadtxt(kicks).astype(str))
     assert refused.exit_code == 2
     assert "--once FILE" in refused.output
     np.savetxt(kicks, np.full(70, 0.9))

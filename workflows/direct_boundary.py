@@ -10,8 +10,6 @@ Three cubes, a table and two figures in OUT. The defaults take some four minutes
 grows like the steps and the orbits.
 """
 
-import click
-
 from workflows.shared import cli
 
 
@@ -39,9 +37,6 @@ def main(run, steps, n_orbits, plane, angles, tips):
         known = barrier.sel(angle=spread).dropna("angle", subset=["critical_scale"])
         found = direct.inwards(run, direct.boundary_job(known, steps[-1], n_orbits))
         boundary = direct.boundary_dataset(found, known, steps)
-        for n, lost in zip(steps, boundary.bias.isnull().sum("angle").values, strict=True):
-            if lost:
-                click.echo(f"N = {n}: no boundary on {lost} rays from 1% to 100% outside", err=True)
         run.table("direct_boundary_rays", boundary)
         if plane == two_kicks():
             insets = run.keep("direct_insets", direct.insets_dataset())

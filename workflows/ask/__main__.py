@@ -4,10 +4,11 @@ The verdict of `nasm.verdict` in plain sentences, and a phase portrait with what
 circle, or an orbit that escapes. One forcing, no sweep. Kicks that come only once have no circles;
 of these `nasm.converse_kam.sequence` tells whether a family of graphs may survive them.
 
-KAPPA ... is one period of the forcing, up to 64 kicks: 0.3 0.2 0.25. Strengths are dimensionless,
--1e6 to 1e6, and may be negative: -0.69 0.525. The answer may be UNDECIDED, within a few parts in
-10^5 of the boundary; the exit code is 0 for all three. It takes about two seconds with one or two
-kicks, and the first time on a machine twenty more to compile the kernels. The portrait is in OUT.
+KAPPA ... is one period of the forcing, up to 64 kicks: 0.3 0.2 0.25, or those of a file, $(cat
+FILE). Strengths are dimensionless, -1e6 to 1e6, and may be negative: -0.69 0.525. The answer may be
+UNDECIDED, within a few parts in 10^5 of the boundary; the exit code is 0 for all three. It takes
+about two seconds with one or two kicks, and the first time on a machine twenty more to compile the
+kernels. The portrait is in OUT.
 """
 
 import os
@@ -53,24 +54,23 @@ def escaping_orbit(kappa):
     return tuple(values[: steps + 1, first] for values in orbit)
 
 
-def forcing_asked(strengths, plane, files):
+def forcing_asked(strengths, plane, once):
     """Return the strengths of the kicks, and where they are, (Plane, its two coordinates), or None.
 
     strengths : numbers of the command line, with `plane` the coordinates of a point in it; none
-    with `files`, {option: path of a file of numbers}. ValueError says what does not fit together.
+    with `once`, the path of a file of numbers. ValueError says what does not fit together.
     """
     from nasm import planes
     from nasm.maps import forcing
 
-    for option, path in files.items():
-        if strengths or plane or len(files) > 1:
-            words = "is the whole forcing; leave KAPPA, --plane and other files out"
-            raise ValueError(f"{option} FILE {words}")
-        text = Path(path).read_text(encoding="utf-8").replace(",", " ")
+    if once:
+        if strengths or plane:
+            raise ValueError("--once FILE is the whole forcing; leave KAPPA and --plane out")
+        text = Path(once).read_text(encoding="utf-8").replace(",", " ")
         try:
             return forcing(list(map(float, text.split()))), None
         except ValueError as error:
-            raise ValueError(f"{option} {path}: {error}") from None
+            raise ValueError(f"--once {once}: {error}") from None
     if plane is None:
         kappa = forcing(strengths)
         return kappa, (planes.two_kicks(), strengths) if kappa.size == 2 else None
@@ -129,16 +129,14 @@ def asked_of_period(point, prove, strengths):
 @cli.command(ignore_unknown_options=True)
 @click.argument("kappa", type=float, nargs=-1)
 @cli.point_option
-@click.option("--sequence", type=cli.FILE, help="Text file of a period of strengths, not KAPPA.")
 @click.option("--once", type=cli.FILE, help="Text file of any kicks, which do not repeat.")
 @cli.flag("--prove", "Prove the answer, as far as 20 s allow.")
 @cli.flag("--pdf", "The figure as PDF too.")
 @cli.draws
 @cli.out_option
-def main(kappa, plane, sequence, once, prove, pdf, out):
-    files = {name: path for name, path in (("--sequence", sequence), ("--once", once)) if path}
+def main(kappa, plane, once, prove, pdf, out):
     try:
-        strengths, point = forcing_asked(kappa, plane, files)
+        strengths, point = forcing_asked(kappa, plane, once)
         if once and prove:
             raise ValueError("--prove needs kicks that repeat; nothing is proved with --once")
         os.makedirs(out, exist_ok=True)
@@ -160,7 +158,7 @@ def main(kappa, plane, sequence, once, prove, pdf, out):
     from workflows.figures.style import save
 
     asked = ["ask", plane.name] if plane else ["ask"]
-    asked += [Path(path).stem for path in files.values()] or map(str, kappa[:SHOWN])
+    asked += [Path(once).stem] if once else map(str, kappa[:SHOWN])
     asked += [f"{crc32(strengths):08x}"] if len(kappa) > SHOWN else []  # of all of them
     name, kinds = re.sub("[:/,]", "-", "_".join(asked)), ("png", "pdf") if pdf else ("png",)
     try:

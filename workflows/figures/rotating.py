@@ -23,21 +23,16 @@ def draw_rotating_circles(circles, two, direct):
     )
 
 
-def draw_rotating_tori(tori, two, direct, certified):
-    """Draw the breakup of tori by the residue of long orbits, against CB_gt of T, Fig. 11.
-
-    certified : the cube `tori` of one vector.
-    """
+def draw_rotating_tori(tori, two, direct):
+    """Draw the breakup of tori by the residue of long orbits, against CB_gt of T, Fig. 11."""
     title = "Tori of rotating standard maps, and the last circle of $T$"
     figure, parts = _plane(title, two, direct, tori.critical_scale, 0.4)
     for part in parts:
         for i, vector in enumerate(tori.vector.values):
             look = {"color": colour_of(i), "ls": ("-", "--", "-.")[i % 3], "lw": 1.1}
             draw_diamond(part, tori.isel(frequency=i), label=f"torus ({vector})", **look)
-        _draw_certified(part, certified.isel(vector=0))
     outer_legend(figure, 2)
     wide = 100 * float((tori.error / tori.critical_scale).median())
-    ends = certified.isel(vector=0).sel(angle=45.0, method="nearest")
     outside = " ".join(
         f"Torus ({vector}) outside CB_gt: {where_above(tori.angle.values, sharp)}; outside the "
         f"onset: {where_above(tori.angle.values, biased)}."
@@ -49,11 +44,7 @@ def draw_rotating_tori(tori, two, direct, certified):
         "Breakup of two-dimensional tori of the rotating standard map, |R| = 1/4 of one orbit of "
         "each rotation vector, against CB_gt of T, and the onset of its transport by direct "
         f"iteration ({_effort(direct)}, {_outside(two, direct)} outside CB_gt), on rays (κ̄, Δκ) = "
-        f"s·(cos θ, sin θ). {outside} |R| = 1 is further out by {wide:.2g}% in the median. "
-        f"Triangles: on {certified.angle.size} rays and their images, the last certified torus of "
-        f"({float(ends.omega):.6g}, {float(ends.frequency):.6g}), and where converse KAM leaves no "
-        f"torus of that Ω, whatever its ω; at {float(ends.angle):g}° {float(ends.lower):.4f} and "
-        f"{float(ends.upper):.4f}."
+        f"s·(cos θ, sin θ). {outside} |R| = 1 is further out by {wide:.2g}% in the median."
     )
 
 
@@ -80,18 +71,6 @@ def _plane(title, two, direct, scale, inner):
         draw_diamond(axes, silent, label="no answer on this ray", **look)
     axes.set(xlabel=r"$\bar\kappa$", ylabel=r"$\Delta\kappa$", aspect="equal", title=title)
     return figure, parts
-
-
-def _draw_certified(axes, certified):
-    """Mark on all images of the rays where a torus is certified, and where none is left."""
-    radians = np.deg2rad(certified.angle.values)
-    radians = np.concatenate([radians, np.pi - radians, np.pi + radians, -radians])
-    for end, mark, words in (
-        (certified.lower, "^", "certified torus"),
-        (certified.upper, "v", r"no torus of that $\Omega$"),
-    ):
-        points = np.tile(end, 4) * np.array([np.cos(radians), np.sin(radians)])
-        axes.plot(*points, mark, color="black", ms=4, mfc="none", mew=0.8, label=words)
 
 
 def _effort(direct):

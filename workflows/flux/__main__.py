@@ -22,6 +22,7 @@ def main(run, angle, nearest, q_max):
     import numpy as np
 
     from nasm.planes import two_kicks
+    from pipeline.cubes import beyond
     from pipeline.cubes.barrier import last_barrier, unfolded
     from workflows.figures.flux import draw_flux
     from workflows.flux import study as flux
@@ -32,9 +33,14 @@ def main(run, angle, nearest, q_max):
     angles = np.unique(angle)
     excesses = np.geomspace(nearest, 0.5, 1 + int(8 * np.log10(0.5 / nearest)))  # eight a decade
     last = last_barrier(two_kicks(), angles, 1e-3)
-    with run.sweeping(last, later=[(flux.foreseen(angles, excesses, q_max), None)]):
-        job = flux.job(unfolded(run.sweep(last), angles), excesses, q_max)
-        fluxes = run.sweep(job).load()
+
+    def job(scales, circles):
+        return beyond.flux(two_kicks(), scales, circles, excesses, q_max)
+
+    alike = job(dict.fromkeys(angles, 1.0), dict.fromkeys(angles, "[0;(1)]"))
+    with run.sweeping(last, later=[(alike, None)]):
+        rays = unfolded(run.sweep(last), angles).to_dataframe()
+        fluxes = run.sweep(job(rays.critical_scale.to_dict(), rays.circle.to_dict())).load()
         laws = flux.laws(fluxes)
         run.table("flux", fluxes)
         run.table("flux_law", laws)

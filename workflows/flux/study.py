@@ -1,24 +1,9 @@
-"""The flux beyond the breakup, ΔW ~ (s/s_c - 1)^η: its job, and η by a fit."""
+"""The flux beyond the breakup, ΔW ~ (s/s_c - 1)^η: η by a fit."""
 
 import numpy as np
 import xarray as xr
 
-from nasm.planes import plane_of, two_kicks
-from pipeline.cubes import beyond
 from workflows.shared.rays import with_tie
-
-
-def foreseen(angles, excesses, q_max):
-    """Return a job that costs as much as that of `job`, whose circles are not yet known."""
-    golden = dict.fromkeys(angles, "[0;(1)]")
-    return beyond.flux(two_kicks(), dict.fromkeys(angles, 1.0), golden, excesses, q_max)
-
-
-def job(barrier, excesses, q_max):
-    """Return the job of the cube `flux` on the rays of a table of last barriers."""
-    rays = barrier.to_dataframe()
-    scales, circles = rays.critical_scale.to_dict(), rays.circle.to_dict()
-    return beyond.flux(plane_of(barrier.attrs), scales, circles, excesses, q_max)
 
 
 def law(excess, flux):

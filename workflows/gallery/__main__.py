@@ -41,22 +41,6 @@ def recipe(name, out):
     return script
 
 
-def standalone(out):
-    """Write OUT/boundary.html, which shows each ray's numbers; return whether it is there."""
-    cube, page = Path(out, "critical_boundary", "boundary.zarr"), Path(out, "boundary.html")
-    if cube.is_dir():
-        import xarray as xr
-
-        try:
-            from workflows.figures.standalone import boundary_page
-        except ImportError:
-            click.echo("boundary.html needs Bokeh: pip install '.[explore]'", err=True)
-        else:
-            table = xr.open_zarr(cube, chunks=None).load()
-            page.write_text(boundary_page(table), encoding="utf-8")
-    return page.exists()
-
-
 def shown(exhibit, out, quick):
     """Return what the page shows of the results of a command."""
     here, name = Path(out, exhibit.name), exhibit.name
@@ -122,14 +106,12 @@ def main(out, full, only, release, quick, workers, scheduler, tls):
             # After each of them, so that there is something to see.
             there = [exhibit for exhibit in EXHIBITS if Path(out, exhibit.name).exists()]
             claims, counted = judged(out)
-            interactive = standalone(out)
             render(
                 "gallery/page.html",
                 f"{out}/index.html",
                 sections=[shown(exhibit, out, quick) for exhibit in there],
                 claims=claims,
                 counted=counted,
-                interactive=interactive,
                 quick=quick,
                 made=f"{date.today():%d %B %Y}, nasm {__version__}",
             )

@@ -1,11 +1,11 @@
-"""The last barrier and the onset of transport in mean and amplitude, and a torus on some rays."""
+"""The last barrier, the onset of transport, and the breakup of tori, in mean and amplitude."""
 
 import matplotlib.pyplot as plt
 import xarray as xr
 
-for name, style in (("barrier", "k.-"), ("transport", "C1-"), ("tori", "C2x")):
+for name, style in (("barrier", "k.-"), ("transport", "C1-"), ("rotating_tori", "C2--")):
     cube = xr.open_zarr(f"rotating/{name}.zarr", chunks=None)
-    cube = cube.isel(vector=0) if "vector" in cube.dims else cube
+    cube = cube.isel(frequency=0) if "frequency" in cube.dims else cube
     plt.plot(cube.kappa_mean, cube.kappa_amplitude, style, label=cube.title)
 plt.xlabel("mean strength")
 plt.ylabel("amplitude")
