@@ -1,7 +1,5 @@
 """All commands: `python -m workflows` lists them, `python -m workflows NAME` runs one of them."""
 
-from importlib import import_module
-
 import click
 
 from workflows.shared.cli import COMMON, commands, main_of, version
@@ -20,7 +18,8 @@ class _Commands(click.Group):
 
     def format_commands(self, context, formatter):
         with formatter.section("Commands, each with --help"):
-            formatter.write_dl([(name, _question(name)) for name in commands()], col_max=20)
+            questions = [(name, main_of(name).help.partition("\n")[0]) for name in commands()]
+            formatter.write_dl(questions, col_max=20)
 
 
 @click.group(cls=_Commands, invoke_without_command=True, context_settings=COMMON)
@@ -34,13 +33,6 @@ def main(context):
     """
     if context.invoked_subcommand is None:
         click.echo(context.get_help())
-
-
-def _question(name):
-    """Return the first line of what the command's module says of itself."""
-    module = import_module(f"workflows.{name}")
-    module = module if module.__doc__ else import_module(f"{module.__name__}.__main__")
-    return module.__doc__.partition("\n")[0]
 
 
 if __name__ == "__main__":

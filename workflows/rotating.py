@@ -5,27 +5,24 @@ circles, CB_gt, and the onset of transport by direct iteration. Two-dimensional 
 where the residues of long orbits grow whose rotation vectors approximate theirs; `tori` certifies
 them, and has where converse KAM denies all others, whatever their ω.
 
-The paper's vector of 1705/3136 is the first of the defaults. 1/τ = 0.543689… and 1/τ + 1/τ² =
-0.839286…, τ the tribonacci constant, have the convergents of the other two; 2631 may be a misprint
-of 2632.
+The paper's vector of 1705/3136 is the first of three. 1/τ = 0.543689… and 1/τ + 1/τ² = 0.839286…,
+τ the tribonacci constant, have the convergents of the other two; 2631 may be a misprint of 2632.
 
 Four cubes, a table and two figures in OUT. The defaults take about a minute and a half on two
 cores.
 """
 
-from workflows.shared.cli import choice, command, ray_options, sweeps, whole
+from workflows.shared.cli import command, ray_options, sweeps, whole
 
 VECTORS = ("1705/3136,2631/3136", "1705/3136,2632/3136", "927/1705,1431/1705")
-_VECTOR = "Rotation vector of an orbit; may be repeated.  [default: all]"
 
 
 @command()
-@choice("--vector", VECTORS, VECTORS, _VECTOR, multiple=True)
 @ray_options(181)
 @whole("--n-max", 20_000, 64, 10**12, "Steps (periods of the forcing) of direct iteration.")
 @whole("--n-orbits", 256, 1, 10**8, "Orbits of direct iteration.")
 @sweeps
-def main(run, vector, angles, tips, n_max, n_orbits):
+def main(run, angles, tips, n_max, n_orbits):
     from nasm.planes import rotating
     from pipeline.cubes import breakdown, rotating_maps
     from pipeline.cubes.barrier import last_barrier, unfolded
@@ -37,7 +34,7 @@ def main(run, vector, angles, tips, n_max, n_orbits):
         breakdown.by_residue(plane, rays.PAPER_CIRCLES, around, q_max=6000),
         last_barrier(plane, around, 2e-4),
         breakdown.by_escape(plane, around, n_max, n_orbits),
-        rotating_maps.residues(list(dict.fromkeys(vector)), around),
+        rotating_maps.residues(VECTORS, around),
     )
     with run.sweeping(*wanted):
         circles, barrier, direct, tori = (run.sweep(job).load() for job in wanted)

@@ -128,16 +128,6 @@ def _draw_missed(axes, study):
     axes.set_title(f"Beam search of converse KAM, {study.attrs['searches']} searches")
 
 
-def _draw_fakes(axes, study):
-    for ray, label in enumerate(("standard map", "on $(1, 0.5)$")):
-        past = study.past.sel(ray=ray)
-        axes.plot(study.n, past.where(past > 0), "o-", color=COLOURS[ray], label=label)
-    passed, fakes = int(study.passed.sum() + study.polished.sum()), int(study.fakes.sum())
-    axes.set_xscale("log", base=2)
-    axes.set(yscale="log", xlabel="grid points $n$", ylabel="past the breakup")
-    axes.set_title(f"Fake circles: {fakes} believed in, {passed} certified")
-
-
 def _draw_disorder(axes, study):
     for i, name in enumerate(("lost", "right", "refused", "accepted")):
         for j, style in enumerate(("o-", "s--")):
@@ -170,6 +160,6 @@ _FIGURES = {
         "boundary": _draw_past_boundary,
         "fractions": _draw_fractions,
     },
-    "stability_searches": {"beam": _draw_missed, "fakes": _draw_fakes, "disorder": _draw_disorder},
+    "stability_searches": {"beam": _draw_missed, "disorder": _draw_disorder},
     "stability_orbits": {"twist": _draw_twist, "tori": _draw_tori},
 }

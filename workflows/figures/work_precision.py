@@ -23,14 +23,13 @@ _BETTER = ("extrapolated", "value", "blow-up", "Aitken", "proved")
 
 
 def draw_work_precision(data):
-    """Draw error against CPU time, a panel for each ray, and the time of a Newton step.
+    """Draw error against CPU time, a panel for each ray.
 
     In a column, the better answers on the first two rays. Grey: below the judge's own error.
     """
     data = data.isel(ray=slice(2)) if in_column() else data
-    n_panels = data.ray.size + (not in_column())
-    columns = min(4, n_panels)
-    figure, drawn = panels(-(-n_panels // columns), columns, 15, 7.6)
+    columns = min(3, data.ray.size)
+    figure, drawn = panels(-(-data.ray.size // columns), columns, 13, 8.4)
     for axes, i in zip(drawn, range(data.ray.size), strict=False):
         here = data.isel(ray=i)
         for method, name in enumerate(names_of(data.method)):
@@ -55,14 +54,6 @@ def draw_work_precision(data):
     outer_legend(figure, 4, handles=handles, labels=labels)
     if in_column():
         figure.set_figheight(figure.get_figheight() + 1.2)  # for the legend
-        return figure
-    steps = drawn[data.ray.size]
-    for i, name in enumerate(names_of(data.form)):
-        steps.plot(data.points, 1e6 * data.step_seconds[i], "os"[i] + "-", color="k", label=name)
-    steps.set(xscale="log", yscale="log", xlabel="points of the circle $n$", ylabel="CPU time (µs)")
-    steps.set_title("A Newton step")
-    steps.legend()
-    steps.grid(lw=0.3)
-    for axes in drawn[n_panels:]:
+    for axes in drawn[data.ray.size :]:
         axes.set_axis_off()
     return figure

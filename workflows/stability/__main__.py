@@ -1,11 +1,11 @@
-"""Where does each method stop being right? Eight small studies of failure, in three figures.
+"""Where does each method stop being right? Seven small studies of failure, in three figures.
 
 Next to the cusp at 45°, on either side of the breakup, at fractions disguised as irrational, beyond
 the end of the twist (single kicks keep theirs, which is what converse KAM needs), in the searches
 of converse KAM and of Newton's method, and for tori next to a resonance. `findings` lists the
 studies; what they found is printed, and is the caption.
 
-Eight cubes and three figures in OUT. Two to three minutes on two cores; --quick less than one.
+Seven cubes and three figures in OUT. Two to three minutes on two cores; --quick less than one.
 """
 
 import click

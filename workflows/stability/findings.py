@@ -1,4 +1,4 @@
-"""The eight studies of stability, and a sentence on each with the numbers just measured."""
+"""The seven studies of stability, and a sentence on each with the numbers just measured."""
 
 import numpy as np
 
@@ -75,15 +75,6 @@ def _beam(study):
     )
 
 
-def _fakes(study):
-    passed = int(study.passed.sum() + study.polished.sum())
-    return (
-        "Fake circles: a stop on small updates lets Newton's method go on past the breakup by "
-        f"{_shares(study.n, study.past.max('ray'))} points. Of {int(study.fakes.sum())} fakes the "
-        f"certificates pass {passed}."
-    )
-
-
 def _disorder(study):
     trials, worst = study.attrs["trials"], study.refused.max("noise")
     return (
@@ -124,7 +115,6 @@ STUDIES = {
     "fractions": (limits.disguised_fractions, _fractions),
     "twist": (limits.beyond_the_twist, _twist),
     "beam": (searches.missed_survivors, _beam),
-    "fakes": (searches.fake_circles, _fakes),
     "disorder": (searches.disordered_orbits, _disorder),
     "tori": (tori.nearly_resonant, _tori),
 }

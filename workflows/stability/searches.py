@@ -2,10 +2,8 @@
 
 import numpy as np
 
-from nasm import action, circles, periodic
+from nasm import action
 from nasm.converse_kam import symmetry_line
-from nasm.critical import Status
-from nasm.numbers import parse
 from nasm.symmetries import ray
 from workflows.shared.tables import dataset
 
@@ -33,54 +31,8 @@ def missed_survivors(quick):
     return dataset("Lives that the beam search misses", coords, variables, searches)
 
 
-def fake_circles(quick):
-    """6. Measure how far past the breakup Newton's method "converges", and ask the certificate.
-
-    The naive method stops on small updates, with n points, and goes on in κ as far as it gets.
-    """
-    gamma, profiles = parse("gamma"), ((1.0,), (1.0, 0.5))
-    points = 2 ** np.arange(4, 9 if quick else 11)
-    past, fakes, passed, polished = np.zeros((4, len(profiles), points.size))
-    for i, profile in enumerate(profiles):
-        breakup = periodic.critical_scale(gamma, profile).value
-        for j, n in enumerate(points):
-            path = _naive_path(gamma, np.array(profile), int(n), breakup)
-            believed = [(scale, u) for scale, u in path if scale > breakup]
-            past[i, j] = path[-1][0] / breakup - 1
-            fakes[i, j] = len(believed)
-            for scale, u in believed:
-                kappa = scale * np.array(profile)
-                passed[i, j] += circles.newton.certify(gamma, kappa, u)[1] is Status.OK
-                polished[i, j] += circles.newton.polished_is_circle(gamma, kappa, u)
-    dims, rays = ("ray", "n"), (range(len(profiles)), "the standard map, and (1, 0.5)")
-    variables = {
-        "past": (dims, past, "last naive convergence over the breakup, less 1"),
-        "fakes": (dims, fakes.astype(int), "circles believed in beyond the breakup"),
-        "passed": (dims, passed.astype(int), "those that pass `certify`"),
-        "polished": (dims, polished.astype(int), "those polished to circles"),
-    }
-    return dataset("Fake circles", {"ray": rays, "n": (points, "grid points")}, variables)
-
-
-def _naive_path(omega, profile, n, breakup):
-    """List (scale, u) of all circles that small updates on n points make believe in."""
-    path, step = [(0.0, np.zeros((profile.size, n)))], 0.1 * breakup
-    while step > 1e-4 * breakup and path[-1][0] < 3 * breakup:
-        target, trial = path[-1][0] + step, path[-1][1]
-        for _ in range(40):
-            before, (trial, error) = trial, circles.newton_step(omega, target * profile, trial)
-            change = np.abs(trial - before).max()
-            if change < 1e-10 or not error < 1:
-                break
-        if change < 1e-10 and error < 1:
-            path.append((target, trial))
-        else:
-            step /= 2
-    return path
-
-
 def disordered_orbits(quick):
-    """7. Start Newton's method for the orbit of 13/21 badly: see what it finds, and accepts.
+    """6. Start Newton's method for the orbit of 13/21 badly: see what it finds, and accepts.
 
     The forcing grows from inside the plane's barriers to far beyond; starts are the rotation with
     random deviations of 0.03 and 0.1 turns.

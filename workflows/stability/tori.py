@@ -17,7 +17,7 @@ _PAIRS = {  # at a distance from a resonance
 
 
 def nearly_resonant(quick):
-    """8. Break tori of pairs (ω, Ω) at a distance δ from a resonance, and look past the breakup.
+    """7. Break tori of pairs (ω, Ω) at a distance δ from a resonance, and look past the breakup.
 
     Judged by converse KAM for tori of that Ω, whatever their ω. Past its bound, tori of the first
     pair are asked for on grids of up to n points.

@@ -7,8 +7,6 @@ from time import thread_time
 import click
 import numpy as np
 
-from nasm import circles
-from nasm.circles import fourier, parameterization
 from nasm.numbers import parse
 from pipeline.cubes.cube import Cube
 from workflows.figures.style import names_of
@@ -16,8 +14,6 @@ from workflows.shared.tables import dataset, described, listed
 from workflows.work_precision.methods import JUDGE, METHODS, PROFILES, Ray, judged
 
 ACCURACIES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-8, 1e-10)
-FORMS = ("chain form", "the paper's Algorithm 1")
-POINTS = [2**k for k in range(6, 15)]
 
 
 def answers(names):
@@ -35,8 +31,6 @@ def plan(rays, names, quick):
         "ray": listed("ray", *rays),
         "method": method,
         "level": (range(max(map(len, efforts.values()))), "level of effort"),
-        "form": listed("form", *FORMS),
-        "points": (POINTS, "points of the circle"),
     }
 
     def blank(dims, long_name, units="1"):
@@ -53,7 +47,6 @@ def plan(rays, names, quick):
         "warm_up_seconds": blank(("method",), "CPU time of a first run", "s"),
         "value": blank(("ray",), "scale of the breakup that all are judged by"),
         "judge_error": blank(("ray",), "estimated relative error of value"),
-        "step_seconds": blank(("form", "points"), "CPU time of one Newton step, median", "s"),
     }
     data = dataset("Speed against accuracy of all methods", coords, variables)
     for row, (name, _) in enumerate(rows):
@@ -92,11 +85,6 @@ def measure(blank, names):
                 data.estimated_error[i, here, level] = error / ray.value
                 words = f"{on}: {name}, {METHODS[name].effort} = {effort:g}: {seconds:.3g} s"
                 click.echo(words, err=True)
-    golden, kappa = parse("gamma"), np.array([0.3, 0.5])
-    u = circles.invariant_circle(golden, kappa).u
-    for form, step in enumerate((circles.newton_step, parameterization.newton_step)):
-        seconds = [timed(step, golden, kappa, fourier.resample(u, n))[1] for n in POINTS]
-        data.step_seconds[form] = seconds
     return data
 
 
