@@ -25,8 +25,8 @@ def ranges(circles, barrier):
     from, to : angles of the first and the last ray of the run, degrees.
     circle : exact text of ω; "" where the methods left it open.
     bracket : the widest (upper - lower)/value; NaN if one is unknown.
-    short : {name: by how much that circle of the paper's six breaks before CB_gt at least, in parts
-        of CB_gt; NaN without a value}.
+    each of NAMES : by how much that circle of the paper's six breaks before CB_gt at least, in
+        parts of CB_gt; NaN without a value.
     """
     wedge, short = _shortfalls(circles, barrier)
     names, angles = wedge.circle.values, wedge.angle.values
@@ -37,7 +37,7 @@ def ranges(circles, barrier):
         ends = {"from": float(angles[start]), "to": float(angles[end - 1])}
         found = {"circle": str(names[start]), "bracket": float(bracket[start:end].max())}
         least = short.isel(angle=slice(start, end)).min("angle").values.tolist()
-        rows.append(ends | found | {"short": dict(zip(NAMES, least, strict=True))})
+        rows.append(ends | found | dict(zip(NAMES, least, strict=True)))
     return rows
 
 
@@ -57,7 +57,7 @@ def cells(row):
         " – ".join(ends),
         with_tie(row["circle"], row["from"]) if row["circle"] else "open",
         _text(row["bracket"], "{:.0e}"),
-        *(_text(short, "{:.3%}") for short in row["short"].values()),
+        *(_text(row[name], "{:.3%}") for name in NAMES),
     )
 
 
@@ -70,7 +70,7 @@ def summary(circles, barrier, rows):
     wedge, short = _shortfalls(circles, barrier)
     short = short.min("circle").values
     worst = int(np.nanargmax(short))
-    theirs = [row for row in rows if min(row["short"].values(), default=1) < 1e-8]
+    theirs = [row for row in rows if min(row[name] for name in NAMES) < 1e-8]
     tip = [row["circle"] for row in rows if row["from"] >= 40 and row["circle"]]
     cascade = list(dict.fromkeys(tip))
     return [

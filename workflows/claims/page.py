@@ -50,9 +50,8 @@ def write(run, claims, errata, rows, sentences, command):
     tables = {
         "claims": [{**vars(claim), "verdict": claim.verdict.value} for claim in claims],
         "errata": [{**vars(erratum), "shown": erratum.shown} for erratum in errata],
-        "envelope": [{**row, **row["short"]} for row in rows],
+        "envelope": rows,
     }
     for name, table in tables.items():
-        frame = DataFrame(table).drop(columns="short", errors="ignore")
-        frame.to_csv(run.path("tables", f"{name}.csv"), index=False)
+        DataFrame(table).to_csv(run.path("tables", f"{name}.csv"), index=False)
     Path(run.out, "claims.txt").write_text(f"{counted(claims, errata)}\n", encoding="utf-8")

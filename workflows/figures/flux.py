@@ -3,8 +3,7 @@
 import numpy as np
 
 from workflows.figures.style import circle_class, circle_style, in_column, mark_gaps, panels
-
-_ETA = 3.0117  # ln(αβ)/ln δ of MacKay's scaling constants, a guide for the eye
+from workflows.shared.power_law import FLUX as _ETA
 
 
 def draw_flux(fluxes, fits):
@@ -31,7 +30,7 @@ def draw_flux(fluxes, fits):
         figure.legend(loc="outside upper center", fontsize="small")
     else:
         whole.legend(fontsize="x-small")
-    divided.set(title=rf"The same, divided by $x^{{{_ETA}}}$", ylim=(0, None))
+    divided.set(title=rf"The same, divided by $x^{{{_ETA:.4f}}}$", ylim=(0, None))
     if {0.0, 45.0} <= set(fluxes.angle.values.tolist()):
         ratio = float(fits.amplitude.sel(angle=45) / fits.amplitude.sel(angle=0))
         words = (
@@ -39,7 +38,7 @@ def draw_flux(fluxes, fits):
             "of its steps (twice the area), at 0° one,\nwith $2y$ for its $y$ (half the area)"
         )
         divided.text(0.03, 0.55, words, transform=divided.transAxes, va="center", fontsize="small")
-    divided.set_ylabel(rf"$\Delta W / x^{{{_ETA}}}$")
+    divided.set_ylabel(rf"$\Delta W / x^{{{_ETA:.4f}}}$")
     for axes in (whole, divided):
         axes.set(xscale="log", xlabel=r"distance beyond the breakup, $x = s/s_c - 1$")
         axes.grid(lw=0.3)
@@ -54,5 +53,5 @@ def draw_flux(fluxes, fits):
         "action of minimax and minimizing orbits of periods up to "
         f"{fluxes.attrs['q_max']}, against the distance beyond the breakup. Fits of "
         f"ΔW = C·x^η·exp(bx + cx²) up to x = 3%: {laws} (errors of the fit alone). Renormalisation "
-        "predicts 3.01172 for noble circles."
+        f"predicts {_ETA} for noble circles."
     )

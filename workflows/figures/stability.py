@@ -3,9 +3,8 @@
 import numpy as np
 from matplotlib.ticker import NullFormatter
 
-from workflows.figures.style import COLOURS, key, line_of, names_of, panels
+from workflows.figures.style import COLOURS, MARKERS, key, line_of, names_of, panels
 
-_MARKERS = "osD^v"
 _METHODS = {
     "periodic": "Greene's residue",
     "continuation": "continuation of circles",
@@ -35,7 +34,7 @@ def _draw_near_cusp(axes, study):
     for i, name in enumerate(names_of(study.approach)):
         here, colour = study.isel(approach=i), COLOURS[i]
         off = np.maximum(here.off, 1e-14)
-        axes.plot(study.delta, off, f"{_MARKERS[i]}-", color=colour, ms=4, label=_METHODS[name])
+        axes.plot(study.delta, off, f"{MARKERS[i]}-", color=colour, ms=4, label=_METHODS[name])
         axes.plot(study.delta, here.error, "--", color=colour, lw=1)
         _mark_silent(axes, study.delta[(here.status != 1).values] * 1.2**i, colour)
     axes.set(xscale="log", yscale="log", xlabel=r"$45° - \varphi$ (degrees)")
