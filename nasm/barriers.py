@@ -163,7 +163,9 @@ def _last(start, short, tol):
             continue
         # What survives has no name: its life may only be long.
         if survives and omega is None and n_steps < n_longer <= _LONGEST:
-            survives = not race.eliminates(scale, n_longer)
+            survives = not eliminates(race.at(scale), n_longer)
+            if not survives:
+                race.eliminated.append(scale)
         if not survives:
             break
         share *= 2
@@ -289,12 +291,6 @@ class _Race:
     def at(self, scale):
         """The forcing there."""
         return self.start + scale * self.short
-
-    def eliminates(self, scale, n_max):
-        """Whether no start survives n_max steps there: then it is a scale without circles."""
-        if found := eliminates(self.at(scale), n_max):
-            self.eliminated.append(scale)
-        return found
 
     @property
     def upper(self):

@@ -246,10 +246,8 @@ def _expand_surd(r, s, t, n):
 def _shortest(prefix, tail):
     """The canonical RotationNumber: no repetition inside the tail, as short a prefix as can be."""
     if not tail:
-        value = 0
-        for a in reversed(prefix):
-            value = a + (1 / Fraction(value) if value else 0)
-        return rational(value)
+        (p, _), (q, _) = _product(prefix)
+        return rational(Fraction(p, q))
     for length in range(1, len(tail) + 1):
         if len(tail) % length == 0 and tail == tail[:length] * (len(tail) // length):
             tail = tail[:length]

@@ -10,7 +10,6 @@ breakup a cantorus may look regular for longer than the average lasts.
 """
 
 import numpy as np
-from numba import njit
 
 from nasm.arithmetic.kernels import kernel
 from nasm.checks import count, points
@@ -141,7 +140,7 @@ def _passages(kappa, x, y, n, every, left, bottom, width, height):
             u, v = u - np.floor(u), v - np.floor(v)
             if u <= width and v <= height:
                 if found == size:
-                    which, xs, ys = _doubled(which), _doubled(xs), _doubled(ys)
+                    which, xs, ys = np.append(which, which), np.append(xs, xs), np.append(ys, ys)
                     size *= 2
                 which[found], xs[found], ys[found] = i, left + u, bottom + v
                 found += 1
@@ -151,13 +150,6 @@ def _passages(kappa, x, y, n, every, left, bottom, width, height):
                 xi, yi = kick(strength, x[i], y[i])
                 x[i], y[i] = xi - np.floor(xi), yi - np.floor(yi)
     return which[:found], xs[:found], ys[:found]
-
-
-@njit(nogil=True)
-def _doubled(values):
-    longer = np.empty(2 * values.size, values.dtype)
-    longer[: values.size] = values
-    return longer
 
 
 @kernel

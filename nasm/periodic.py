@@ -13,7 +13,7 @@ R < 0. Both families break up with the circle, and know nothing of each other.
 """
 
 from dataclasses import replace
-from functools import lru_cache, partial
+from functools import partial
 from itertools import islice, pairwise
 from math import inf, log
 from operator import attrgetter
@@ -110,12 +110,6 @@ def _shortened(omega, profile, q_max, start):
     (start, profile), q_max = segment(start, profile), count("q_max", q_max, 1, MAX_PERIOD)
     (start, profile), short_omega = shorten([start, profile], omega)
     return start, profile, short_omega, q_max
-
-
-@lru_cache
-def _known(omega):
-    """Convergents of ω far beyond its prefix, as a tuple."""
-    return tuple(islice(convergents(omega), len(omega.prefix) + len(omega.tail) + 60))
 
 
 def _of_families(omega, start, profile, q_max, between=None):
@@ -221,7 +215,7 @@ def _crossings(ladder, omega, kind, near, first, least, largest):
     kind, from the fraction `first` on, near the scale `near`.
     """
     period, chains = len(omega.tail), ladder.chains
-    known = _known(omega)
+    known = list(islice(convergents(omega), len(omega.prefix) + period + 60))
     growth = known[-1].denominator / known[-1 - period].denominator
     ratio = (-1) ** period * growth**-_ORDER
     enough = max(2 * period, 3) if abs(ratio) < _STRONG else 2 * period + 2

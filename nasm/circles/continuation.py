@@ -19,7 +19,7 @@ That the blow-up marks the breakup is Calleja & de la Llave's criterion (Nonline
 """
 
 from itertools import chain, islice, pairwise
-from math import ceil, exp, inf, log, nan, prod, sqrt
+from math import ceil, exp, inf, log, nan, sqrt
 
 import numpy as np
 
@@ -278,9 +278,7 @@ def _interpolation(x, at):
     """Weights w: w @ y is the cubic through those four of the points (x, y) around `at`, there."""
     start = min(max(np.searchsorted(x, at) - 2, 0), x.size - 4)
     weights = np.zeros(x.size)
-    four = range(start, start + 4)
-    for i in four:
-        weights[i] = prod((at - x[j]) / (x[i] - x[j]) for j in four if j != i)
+    weights[start : start + 4] = newton.lagrange(x[start : start + 4], at)
     return weights
 
 

@@ -104,8 +104,7 @@ def invariant_circle(omega, kappa, n_max=4096, start=None):
         u, status = _continue_from_rotation(omega, kappa, n_max)
     if status is not Status.OK:
         return InvariantCircle(omega, kappa, u, np.nan, status)
-    error, status = certify(omega, kappa, u)
-    return InvariantCircle(omega, kappa, u, error, status)
+    return certified(omega, kappa, u)
 
 
 def settle(omega, kappa, u, n_max):
@@ -121,6 +120,12 @@ def settle(omega, kappa, u, n_max):
         if status is not Status.TOO_FEW_MODES or 2 * n > n_max:
             return u, status
         u = fourier.resample(u, 2 * n)
+
+
+def certified(omega, kappa, u):
+    """The InvariantCircle of deviations, with what `certify` says of them."""
+    error, status = certify(omega, kappa, u)
+    return InvariantCircle(omega, kappa, u, error, status)
 
 
 def certify(omega, kappa, u):
@@ -230,13 +235,17 @@ def extrapolate(path, target, n=0):
     path = path[-3:]
     n = max(n, path[-1][1].shape[-1])
     total = np.zeros((path[-1][1].shape[0], n // 2 + 1), complex)
-    for i, (scale, u) in enumerate(path):
-        others = [other for k, (other, _) in enumerate(path) if k != i]
-        weight = prod((target - other) / (scale - other) for other in others)
+    weights = lagrange([scale for scale, _ in path], target)
+    for weight, (_, u) in zip(weights, path, strict=True):
         modes = np.fft.rfft(u)
         modes *= weight * n / u.shape[-1]
         total[:, : modes.shape[-1]] += modes
     return np.fft.irfft(total, n)
+
+
+def lagrange(nodes, at):
+    """The weights of values at the nodes, all different, in Lagrange's formula for that at `at`."""
+    return [prod((at - other) / (x - other) for other in nodes if other != x) for x in nodes]
 
 
 def _deviations(u, n_sites):

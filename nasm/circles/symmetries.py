@@ -16,7 +16,8 @@ S_κ2⁻¹∘K for P = 2, one step of T earlier. Each result is certified anew.
 import numpy as np
 
 from nasm import symmetries
-from nasm.circles import fourier, newton
+from nasm.circles import fourier
+from nasm.circles.newton import certified
 from nasm.maps import TWO_PI
 from nasm.numbers import moebius
 
@@ -29,19 +30,19 @@ def repeat(circle, times):
     turn = fourier.turns(circle.omega, circle.u.shape[-1] // 2 + 1)
     u = [fourier.rotate(circle.u, turn**m) for m in range(times)]
     omega = moebius(circle.omega, times, 0)
-    return _certified(omega, np.tile(circle.kappa, times), np.concatenate(u))
+    return certified(omega, np.tile(circle.kappa, times), np.concatenate(u))
 
 
 def negate(circle):
     """κ → -κ; ω unchanged."""
     n = circle.u.shape[-1]
-    return _certified(circle.omega, -circle.kappa, np.roll(circle.u, n // 2, axis=-1))
+    return certified(circle.omega, -circle.kappa, np.roll(circle.u, n // 2, axis=-1))
 
 
 def alternate(circle):
     """κ_j → (-1)^j κ_j for even P; ω → ω + P/2."""
     kappa, _, _ = symmetries.alternate(circle.kappa, 0.0, 0.0)
-    return _certified(moebius(circle.omega, 1, kappa.size // 2), kappa, circle.u)
+    return certified(moebius(circle.omega, 1, kappa.size // 2), kappa, circle.u)
 
 
 def interleave(circle):
@@ -51,7 +52,7 @@ def interleave(circle):
     n_sites, n = circle.u.shape
     u = np.stack([circle.u, (circle.u + after) / 2], axis=1).reshape(2 * n_sites, n)
     kappa = np.stack([circle.kappa / 2, np.zeros(n_sites)], axis=1).ravel()
-    return _certified(circle.omega, kappa, u)
+    return certified(circle.omega, kappa, u)
 
 
 def shift(circle):
@@ -64,9 +65,4 @@ def shift(circle):
     # θ counts from ⟨u_0⟩ = 0: not the case by itself without a symmetry centre.
     mean = u[0].mean()
     u = fourier.rotate(u, np.exp(-1j * TWO_PI * mean * np.arange(n // 2 + 1))) - mean
-    return _certified(circle.omega, np.roll(circle.kappa, -1), u)
-
-
-def _certified(omega, kappa, u):
-    error, status = newton.certify(omega, kappa, u)
-    return newton.InvariantCircle(omega, kappa, u, error, status)
+    return certified(circle.omega, np.roll(circle.kappa, -1), u)

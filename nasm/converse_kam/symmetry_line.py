@@ -54,7 +54,7 @@ from numba import njit
 from nasm.arithmetic.kernels import kernel
 from nasm.arithmetic.lanes import LANES, copysign, fabs, fma, load, minimum, own_frame, rint, store
 from nasm.arithmetic.sine import COSINE, SINE
-from nasm.checks import count, floats
+from nasm.checks import count, points
 from nasm.critical import CriticalScale, Status, no_answer
 from nasm.escape import polynomial
 from nasm.maps import direction, forcing
@@ -108,9 +108,7 @@ def elimination_time(kappa, y, n_max):
 
     ValueError if the forcing repeats later, or an argument is out of range.
     """
-    y = floats("y", y)
-    if not np.isfinite(y).all():
-        raise ValueError("y is not finite; starts must be finite numbers")
+    _, y = points(0.0, y)
     n_max = count("n_max", n_max, 1, MAX_STEPS)
     strengths = forcing(kappa)
     kicks = _kicks(_line(strengths), y.ravel(), strengths.size * n_max)

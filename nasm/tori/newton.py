@@ -39,7 +39,7 @@ from nasm.arithmetic.kernels import kernel
 from nasm.arithmetic.roots import root
 from nasm.arithmetic.sine import cos2pi, sin2pi
 from nasm.checks import count, positive, real
-from nasm.circles.newton import step_outcome
+from nasm.circles.newton import lagrange, step_outcome
 from nasm.critical import CriticalScale, Status
 from nasm.maps import TWO_PI, direction, forcing
 from nasm.numbers import RotationNumber
@@ -230,13 +230,10 @@ def resample(u, m, n):
 
 def extrapolate(path, target):
     """Deviations at the scale `target`, through the last three of a path; see `circles.newton`."""
-    path = path[-3:]
-    total = np.zeros(path[-1][1].shape)
-    for scale, u in path:
-        others = [other for other, _ in path if other != scale]
-        weight = np.prod([(target - other) / (scale - other) for other in others])
-        total += weight * resample(u, *total.shape)
-    return total
+    scales, tori = zip(*path[-3:], strict=True)
+    weights = lagrange(scales, target)
+    shape = tori[-1].shape
+    return sum(weight * resample(u, *shape) for weight, u in zip(weights, tori, strict=True))
 
 
 def _next_torus(vector, profile, path, step, n_max):
