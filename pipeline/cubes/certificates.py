@@ -2,13 +2,23 @@
 
 import json
 import lzma
+from io import BytesIO
+from itertools import chain, repeat
 
 
 def packed(proofs):
-    """Return what a tile keeps beside its arrays: the certificates of those that are proved."""
-    certificates = [proof.certificate() for proof in proofs if proof and proof.proved]
-    text = json.dumps(certificates).encode()
-    return {"certificates": lzma.compress(text, preset=0)} if certificates else {}
+    """Return what a tile keeps beside its arrays: the certificates of those that are proved.
+
+    They are compressed one by one, as those of cells take much memory.
+    """
+    proved, data = [proof for proof in proofs if proof and proof.proved], BytesIO()
+    if not proved:
+        return {}
+    with lzma.open(data, "wt", preset=0) as file:
+        for separator, proof in zip(chain("[", repeat(",")), proved, strict=False):
+            file.write(separator + json.dumps(proof.certificate()))
+        file.write("]")
+    return {"certificates": data.getvalue()}
 
 
 def unpacked(data):
