@@ -167,9 +167,9 @@ def proved_lower(omega, profile, value, budget):
     """The largest scale s at which the circle of omega is proved to exist on the ray s·profile.
 
     Circles nearer and nearer to the breakup are proved until the time is used up: the work grows
-    like 1/distance. A proof at s says that a circle exists at exactly s·profile as rounded to
-    doubles, and nothing of smaller scales: no theorem says that a circle does not break and come
-    back on the way.
+    like the power -1.2 to -1.4 of the distance. A proof at s says that a circle exists at exactly
+    s·profile as rounded to doubles, and nothing of smaller scales: no theorem says that a circle
+    does not break and come back on the way.
 
     Parameters
     ----------
@@ -202,7 +202,7 @@ def proved_lower(omega, profile, value, budget):
         now = time.thread_time()
         if proof and proof.proved and not scale <= best:
             best, best_proof = scale, proof
-            closer = min(16, (max(until - now, 0) / (1.1 * (now - before))) ** 0.85)
+            closer = min(16, (max(until - now, 0) / (1.1 * (now - before))) ** 0.7)
             distance /= closer if closer > 1.1 else inf
         elif best_proof is None or not best_proof.proved:
             best_proof, distance = proof or None, 2 * distance
@@ -745,7 +745,7 @@ def _rounded(balls, unit):
 def grid_size(start):
     """Points for the circle's rate of decay: enough on nearly all of the rays that were tried."""
     rate = decay(np.abs(np.fft.rfft(start)).max(axis=0), 1e-6)
-    return fast_size(max(64, 2 * ceil(max(5.5, -2.05 * log(rate)) / rate)))
+    return fast_size(max(64, 2 * ceil(max(5.5, -2.2 * log(rate)) / rate)))
 
 
 def fast_size(n):

@@ -7,6 +7,7 @@ the way; up to `below` a barrier is proved to exist at every scale. What
 `nasm.barriers` finds tells only where to look.
 """
 
+import time
 from dataclasses import dataclass, field
 from math import nan
 
@@ -50,8 +51,9 @@ def critical_scale(profile, seconds=8.0):
     Parameters
     ----------
     profile : sequence of P floats, not all 0.
-    seconds : float > 0, CPU time for each of the two sides, and for the weaker kicks. How near they
-        come to the breakup depends on it and on the machine; what they say does not.
+    seconds : float > 0, CPU time for the weaker kicks, and on average for each of the two sides:
+        the upper one has half of it and still comes ten times as near. How near they come to the
+        breakup depends on it and on the machine; what they say does not.
 
     Returns
     -------
@@ -63,7 +65,9 @@ def critical_scale(profile, seconds=8.0):
     found = barriers.critical_scale(profile)
     if not found.value > 0:
         return ProvedBracket(found)
-    upper, transport = proved_upper(profile, found.value, seconds)
-    lower, barrier = proved_lower(found.omega, profile, found.value, seconds)
+    start = time.thread_time()
+    upper, transport = proved_upper(profile, found.value, seconds / 2)
+    left = 2 * seconds - (time.thread_time() - start)
+    lower, barrier = proved_lower(found.omega, profile, found.value, max(left, seconds))
     below, rays = proved_below(found.omega, profile, found.value, seconds)
     return ProvedBracket(found, lower, upper, barrier, transport, below, rays)
