@@ -7,6 +7,7 @@ import xarray as xr
 
 from nasm.planes import two_kicks
 from nasm.symmetries import ray
+from pipeline.cubes import beyond
 from pipeline.cubes.barrier import boundary
 from pipeline.cubes.proved_map import proved_map, proved_triangles
 from pipeline.cubes.rotating_maps import breakups
@@ -56,7 +57,8 @@ def test_the_proved_map_says_how_near_open_cells_are_in_plain_percents(away, sai
 
 def test_a_law_of_the_flux_that_cannot_be_fitted_is_none():
     excesses = np.geomspace(0.1, 0.5, 5)
-    cube = flux.foreseen([0.0, 30.0], excesses, 100).cube
+    circles = dict.fromkeys([0.0, 30.0], "[0;(1)]")
+    cube = beyond.flux(two_kicks(), dict.fromkeys(circles, 1.0), circles, excesses, 100).cube
     values = np.tile(1e-3 * excesses**3, (2, 1))
     filled = cube.template.assign(flux=cube.template.flux.copy(data=values), q_max=100)
     _, caption = draw_flux(filled.assign_attrs(q_max=100), flux.laws(filled))
