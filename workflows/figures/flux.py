@@ -3,34 +3,33 @@
 import numpy as np
 
 from workflows.figures.style import circle_class, circle_style, in_column, mark_gaps, panels
-from workflows.shared.power_law import FLUX as _ETA
 
 
 def draw_flux(fluxes, fits):
     """Draw the flux against the distance beyond the breakup, and divided by the power law."""
     figure, (whole, divided) = panels(1, 2, 12, 5)
-    x = fluxes.excess.values
+    x, eta = fluxes.excess.values, fits.attrs["predicted_exponent"]
     for i, angle in enumerate(fluxes.angle.values):
         flux, fit = fluxes.flux.sel(angle=angle).values, fits.sel(angle=angle)
         tie = r" (tied with $1 - \omega$)" if angle % 90 == 0 else ""
         label = rf"$\varphi = {angle:g}°$, $\omega = {circle_class(fit.circle.item())}${tie}"
         style = circle_style(fit.circle.item(), 1) | {"ms": 3.5, "lw": 1, "marker": "osD^v"[i % 5]}
         whole.plot(x, flux, label=label, **style)
-        divided.plot(x, flux / x**_ETA, **style)
+        divided.plot(x, flux / x**eta, **style)
     mark_gaps(divided, x, fluxes.flux.isnull().any("angle").values)
-    middle = np.nanmedian(fluxes.flux / fluxes.excess**_ETA)
+    middle = np.nanmedian(fluxes.flux / fluxes.excess**eta)
     fitted = fits.exponent.dropna("angle")
     law = r"$\propto x^\eta$"
     if fitted.size:
         law += rf"; fitted: $\eta = {float(fitted.median()):.4f}$ in all"
-    whole.plot(x, 3 * middle * x**_ETA, "--", color="0.5", label=law)
+    whole.plot(x, 3 * middle * x**eta, "--", color="0.5", label=law)
     whole.set(title="Flux through the last circle, broken", yscale="log")
     whole.set_ylabel(r"$\Delta W$ per step (turns $\times$ $y$)")
     if in_column():
         figure.legend(loc="outside upper center", fontsize="small")
     else:
         whole.legend(fontsize="x-small")
-    divided.set(title=rf"The same, divided by $x^{{{_ETA:.4f}}}$", ylim=(0, None))
+    divided.set(title=rf"The same, divided by $x^{{{eta:.4f}}}$", ylim=(0, None))
     if {0.0, 45.0} <= set(fluxes.angle.values.tolist()):
         ratio = float(fits.amplitude.sel(angle=45) / fits.amplitude.sel(angle=0))
         words = (
@@ -38,7 +37,7 @@ def draw_flux(fluxes, fits):
             "of its steps (twice the area), at 0° one,\nwith $2y$ for its $y$ (half the area)"
         )
         divided.text(0.03, 0.55, words, transform=divided.transAxes, va="center", fontsize="small")
-    divided.set_ylabel(rf"$\Delta W / x^{{{_ETA:.4f}}}$")
+    divided.set_ylabel(rf"$\Delta W / x^{{{eta:.4f}}}$")
     for axes in (whole, divided):
         axes.set(xscale="log", xlabel=r"distance beyond the breakup, $x = s/s_c - 1$")
         axes.grid(lw=0.3)
@@ -53,5 +52,5 @@ def draw_flux(fluxes, fits):
         "action of minimax and minimizing orbits of periods up to "
         f"{fluxes.attrs['q_max']}, against the distance beyond the breakup. Fits of "
         f"ΔW = C·x^η·exp(bx + cx²) up to x = 3%: {laws} (errors of the fit alone). Renormalisation "
-        f"predicts {_ETA} for noble circles."
+        f"predicts {eta} for noble circles."
     )

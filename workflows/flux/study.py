@@ -3,6 +3,7 @@
 import numpy as np
 import xarray as xr
 
+from workflows.shared import power_law
 from workflows.shared.rays import with_tie
 
 
@@ -33,4 +34,4 @@ def laws(fluxes):
     columns["circle"] = ("angle", circles)
     named = map(with_tie, circles, fluxes.angle.values)
     columns["circle_and_tie"] = ("angle", list(named))
-    return xr.Dataset(columns, {"angle": fluxes.angle})
+    return xr.Dataset(columns, {"angle": fluxes.angle}, {"predicted_exponent": power_law.FLUX})
