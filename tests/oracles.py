@@ -2,7 +2,7 @@
 
 import math
 import tomllib
-from itertools import chain, cycle, islice, pairwise
+from itertools import chain, cycle, islice
 from pathlib import Path
 
 import mpmath
@@ -78,38 +78,6 @@ def nearest_float(value):
     """An mpf rounded once, to double."""
     with mpmath.workprec(53):
         return float(+value)
-
-
-def sine_polynomial(n):
-    """c of the best 2πu·(1 + c_1 u² + … + c_n u²ⁿ) ≈ sin 2πu on [0, 1/4], and its largest error.
-
-    Remez exchange: solve for c and an error that is the same, ± in turn, at n + 1 nodes; move the
-    nodes to its extrema; repeat. The last node stays at 1/4, the others are zeros of the slope.
-    """
-    turn = 2 * mpmath.pi
-    quarter = mpmath.mpf(1) / 4
-
-    def error(u):
-        series = 1 + sum(c[k] * u ** (2 * k + 2) for k in range(n))
-        return turn * u * series - mpmath.sin(turn * u)
-
-    def slope(u):
-        series = sum((2 * k + 3) * c[k] * u ** (2 * k + 2) for k in range(n))
-        return turn * (1 + series - mpmath.cos(turn * u))
-
-    def zero(function, low, high):
-        return mpmath.findroot(function, (low, high), solver="anderson", verify=False)
-
-    nodes = [quarter * mpmath.cos(mpmath.pi * (n - i) / (2 * n + 2)) for i in range(n + 1)]
-    for _ in range(6):  # quadratic: 9 exact digits after the fourth, all 40 after the sixth
-        rows = [
-            [turn * u ** (2 * k + 3) for k in range(n)] + [(-1) ** i] for i, u in enumerate(nodes)
-        ]
-        *c, level = mpmath.lu_solve(rows, [mpmath.sin(turn * u) - turn * u for u in nodes])
-        zeros = [zero(error, *ends) for ends in pairwise(nodes)]
-        extrema = [zero(slope, *ends) for ends in pairwise([nodes[0] / 20, *zeros])]
-        nodes = [*extrema, quarter]
-    return c, abs(level)
 
 
 def invariance_error(circle):

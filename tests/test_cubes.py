@@ -9,7 +9,6 @@ import pytest
 import xarray as xr
 
 from nasm import barriers, numbers, proofs
-from nasm import escape as method
 from nasm.critical import Status
 from nasm.numbers import moebius
 from nasm.planes import Plane, rotating, three_kicks, two_kicks
@@ -25,7 +24,6 @@ from pipeline.cubes import (
     rotating_maps,
 )
 from pipeline.cubes.cube import NOT_COMPUTED, status_code
-from pipeline.store import tile_counts
 from pipeline.sweep.grid import Axis, tile_coords
 
 TWO, AXES = two_kicks(), (Axis(-1, 1, 6), Axis(0, 1.2, 5))
@@ -98,23 +96,6 @@ def test_the_hash_is_that_of_what_decides_the_numbers():
     assert values.chunks is not None
     retitled = plan().template.assign_attrs(title="another")
     assert dataclasses.replace(plan(), template=retitled).config_hash == plan().config_hash
-
-
-@pytest.mark.parametrize("precision", ["double", "single"])
-@pytest.mark.parametrize("plane", [TWO, Plane("mine", TWO.axes, (0, 1), (1, 1), (1, -1))])
-def test_the_tiles_of_a_plane_hold_the_escape_times_of_its_cells(plane, precision):
-    job = escape.over_plane(**PLANE | {"plane": plane, "precision": precision})
-    cube = job.cube
-    x, y = method.ensemble(40)
-    a, b = np.meshgrid(*(axis.centres for axis in AXES))
-    strengths = np.stack([a, b] if plane is TWO else [a + b, 1 + a - b], axis=-1)
-    sizes, n_max = PLANE["sizes"], PLANE["n_max"]
-    whole = method.first_escape(strengths, x, y, sizes, n_max, precision=precision)
-    indices = list(np.ndindex(*tile_counts(cube)))
-    for (row, column), coords in tile_coords(cube, np.array(indices)):
-        tile = job.compute(coords, cube.settings)
-        cells = np.s_[:, 4 * row : 4 * row + 4, 4 * column : 4 * column + 4]
-        assert np.array_equal(tile["escape_time"], whole[cells])
 
 
 @pytest.mark.parametrize(

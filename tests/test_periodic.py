@@ -122,14 +122,6 @@ def test_next_to_every_shorter_forcing_residues_give_no_answer_and_on_it_one():
         assert periodic.critical_scale(omega, profile) == replace(exact, omega=omega)
 
 
-@pytest.mark.parametrize("angle", [0, 27, 118])
-def test_crossings_converge_like_the_square_of_the_period(angle):
-    best = periodic.critical_scale(GAMMA, ray(angle), 8000).value
-    q, scales = periodic.crossings(GAMMA, ray(angle), 2000)
-    order = np.polyfit(np.log(q[7:]), np.log(np.abs(scales - best)[7:]), 1)[0]
-    assert order == pytest.approx(-2.04, abs=0.03)
-
-
 @pytest.mark.parametrize("angle", [20, 45, 70, 92.76, 117.43])
 def test_tori_break_where_longer_convergents_say(angle):
     # Consecutive convergents of one rotation vector, of the tribonacci constant.

@@ -10,7 +10,6 @@ from audit import mutant
 
 pytest.importorskip("flint")
 from flint import arb, ctx
-from test_certificates import in_hex, refuted
 
 from nasm import barriers, periodic, proofs
 from nasm.numbers import parse
@@ -369,49 +368,3 @@ def test_a_fan_whose_certificate_might_not_be_confirmed_is_left(monkeypatch):
     for _PART, proved in ((0.999 * part, False), (1.001 * part, True)):
         monkeypatch.setattr(module, "_PART", _PART)
         assert tried(GAMMA, *TRIANGLE, scales).proved == proved
-
-
-# --- certificates ---------------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def on_ray():
-    return proofs.proved_below(GAMMA, (0.7, 0.2, 0.4), 0.4, 1e-3)[1][0]
-
-
-@pytest.fixture(scope="module")
-def in_fan():
-    return proofs.proved_below(GAMMA, (0.5, 0.0), 0.75, np.inf, (0.0625, 0.125), 0.45)[1][0]
-
-
-@pytest.mark.parametrize("name", ["on_ray", "in_fan"])
-def test_a_changed_certificate_is_refused(name, request):
-    right = roundtrip(request.getfixturevalue(name))
-    low, high = map(float.fromhex, right["scales"])
-    kappa = [(0.71).hex(), *right["kappa"][1:]]
-    other, mode = "[0;3,(1)]", roundtrip(request.getfixturevalue(name))["moves"]
-    mode["numbers"][1][0][0][1][1] += 1 << 40
-    wrong = [{"scales": in_hex(low, 2 * high)}, {"moves": mode}]
-    wrong += [{key: value, "shortened_from": right["shortened_from"] | {key: value}}
-              for key, value in (("omega", other), ("kappa", kappa))]  # fmt: skip
-    for changes in wrong:
-        refuted(right, changes, "inequality")
-    refuted(right, {"scales": in_hex(high, low)}, "no part")
-
-
-def test_a_ray_proves_nothing_beside_it(on_ray):
-    # Functions that do not depend on t are no circles where the forcing does.
-    for tilt in ((0, 1e-3, 0), (1, 1, 1)):
-        refuted(roundtrip(on_ray), {"tilt": in_hex(*tilt)}, "inequality")
-
-
-def test_what_a_fan_depends_on_is_bound_to_its_certificate(in_fan):
-    right = roundtrip(in_fan)
-    assert check(right).endswith(" times ((0.5, 0.0) + t (0.0625, 0.125)), -1 <= t <= 1")
-    tilts = {(0.0625, 0.126): "inequality", (0, 0): "functions of t", (0.0625,): "no part"}
-    for tilt, reason in tilts.items():
-        refuted(right, {"tilt": in_hex(*tilt)}, reason)
-    narrow = [rows[:1] for rows in right["moves"]["numbers"]]
-    refuted(right, {"moves": right["moves"] | {"numbers": narrow}}, "inequality")
-    # (0.5, 0) is (0.5, -0), for which ω + 1 is the same circle moved by half a turn: not so beside.
-    refuted(right, {"shortened_from": right["shortened_from"] | {"omega": "[1;(1)]"}}, "omega")

@@ -73,17 +73,20 @@ def test_three_kicks_are_compared_with_the_standard_map(tmp_path, workers):
 def test_any_plane_is_swept_with_the_names_of_its_axes(tmp_path, workers):
     plane = Plane("mine", {"kappa_b": "b", "kappa_a": "a"}, (0, 0.1, 0), (1, 0, 0), (0, 1, 2))
     (tmp_path / "mine.json").write_text(plane.record["plane"])
-    axes = ["--first", "0:2:8", "--second", "-1:1:8", "--n-max", "100"]
+    axes = ["--first", "0:2:8", "--second", "-1:1:7", "--tile", "3", "--n-max", "100"]
     options = ["--plane", str(tmp_path / "mine.json"), *axes, *workers]
-    told = succeed("escape_plane", tmp_path / "out", *options)
-    assert "the plane kappa_b = 0 to 2, kappa_a = -1 to 1: " in told.replace("\n", " ")
-    cube = xr.open_zarr(tmp_path / "out/escape.zarr").load()
-    assert plane_of(cube.attrs) == plane
-    times = cube.escape_time.sel(ensemble=64).stack(cell=["kappa_b", "kappa_a"])
-    kappas = plane.forcing(times.kappa_b, times.kappa_a)
-    expected = escape.first_escape(kappas, *escape.ensemble(64), [64], 100)[0]
-    assert 6 < np.isfinite(expected).sum() < 60
-    assert (times.values == expected).all()
+    for precision in ("single", "double"):
+        out = tmp_path / precision
+        told = succeed("escape_plane", out, *options, "--precision", precision)
+        assert "the plane kappa_b = 0 to 2, kappa_a = -1 to 1: " in told.replace("\n", " ")
+        cube = xr.open_zarr(out / "escape.zarr").load()
+        assert plane_of(cube.attrs) == plane
+        times = cube.escape_time.stack(cell=["kappa_b", "kappa_a"])
+        sizes, kappas = cube.ensemble.values, plane.forcing(times.kappa_b, times.kappa_a)
+        starts = escape.ensemble(sizes[-1])
+        expected = escape.first_escape(kappas, *starts, sizes, 100, precision=precision)
+        assert 6 < np.isfinite(expected[0]).sum() < 50
+        assert np.array_equal(times, expected)
     rotating = ["--plane", "rotating:1/2", "--angles", "3", "--tol", "0.1", *workers]
     told = succeed("last_barrier", tmp_path / "half", *rotating)
     rows = table(tmp_path / "half/last_barrier.csv")

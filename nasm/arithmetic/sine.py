@@ -7,8 +7,8 @@ radians is not (libm's sin(2π·x) is wrong by 7e-10 at x = 10⁶, because 2πx 
 
 The coefficients are the polynomial whose largest *absolute* error in sin 2πu on |u| ≤ 1/4 is the
 least among those that start with exactly 1: Remez exchange in 60-digit arithmetic on the weight
-2πu, then rounded to double. Its error is 1.10e-16 before rounding; `tests/test_sine.py` finds the
-polynomial again. With the rounding of the evaluation, |error of sin2pi| ≤ 4e-16.
+2πu, then rounded to double. Its error is 1.10e-16 before rounding; `tests/test_sine.py` finds its
+extrema. With the rounding of the evaluation, |error of sin2pi| ≤ 4e-16.
 
 Both functions take floats or arrays, in plain NumPy and inside Numba kernels. sin2pi is odd and
 cos2pi even to the last bit, so that the map's reflection symmetry is not broken by rounding.
