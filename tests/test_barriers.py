@@ -108,8 +108,10 @@ def test_the_eight_rays_of_the_square_have_one_barrier():
         for side in ("lower", "upper"):
             assert getattr(found, side) == pytest.approx(getattr(expected, side), rel=1e-8)
         assert 0 <= float(found.omega) <= 1
-        omega_shift = int(two_kicks().fold(angle)[1])
-        assert mirror_images(moebius(found.omega, 1, omega_shift), 2) == last
+        for turn in (-360, 0, 360):
+            folded, omega_shift = two_kicks().fold(angle + turn)
+            assert folded == pytest.approx(38.8, abs=2e-9)
+            assert mirror_images(moebius(found.omega, 1, int(omega_shift)), 2) == last
 
 
 GENERIC = (0.3, 0.2, 0.25)

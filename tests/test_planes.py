@@ -6,15 +6,12 @@ import re
 import numpy as np
 import pytest
 from cases import thirds
-from hypothesis import assume, given, settings
-from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from nasm import planes, symmetries
+from nasm import planes
 from nasm.circles import continuation
 from nasm.maps import rotating_forcing
 from nasm.numbers import moebius, parse
-from nasm.orbits import rotation_number
 from nasm.planes import Plane
 
 AXES = {"kappa_a": "one", "kappa_b": "another"}
@@ -53,25 +50,6 @@ def test_a_plane_with_an_origin_has_no_symmetry_but_what_leaves_that_alone():
     assert Plane("off", AXES, (0.1, 0.2, 0, 0), FIRST, SECOND).symmetries == ((False, 0, 0),)
     # (κ1, κ2, 0.2) backwards is (0.2, κ2, κ1), a shift of (κ2, κ1, 0.2).
     assert planes.three_kicks(0.2).unfold(30).tolist() == [30, 60]
-
-
-@settings(max_examples=20)
-@given(angle=st.floats(-360, 720))
-def test_fold_says_where_the_symmetries_take_a_ray_and_its_circles(angle):
-    assume(min(angle % 45, -angle % 45) > 1e-6)  # on an axis or diagonal two answers are right
-    (x, y), (folded, omega_shift) = (0.1, 0.31), TWO.fold(angle)
-    kappa = z = 0.05 * TWO.ray(angle)[1], x, y
-    if kappa[0].prod() < 0:
-        z = symmetries.alternate(*z)
-    if z[0].sum() < 0:
-        z = symmetries.negate(*z)
-    if z[0][1] > z[0][0]:
-        z = symmetries.shift(*z)
-    assert 0 <= folded <= 45
-    assert np.rad2deg(np.arctan2(z[0][1], z[0][0])) == pytest.approx(folded, abs=2e-9)
-    moved = rotation_number(*z, 10_000)[0] - rotation_number(*kappa, 10_000)[0]
-    # Near a resonance ω has few digits, but more than it takes to tell whole numbers apart.
-    assert np.remainder(moved - omega_shift + 1, 2) == pytest.approx(1, abs=1e-4)
 
 
 def test_a_rotating_plane_has_the_forcings_of_the_rotating_map():

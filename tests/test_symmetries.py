@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
@@ -11,7 +11,6 @@ from nasm.orbits import orbit
 
 strengths = st.floats(-2, 2)
 coordinates = st.floats(-1, 1)
-planes = st.tuples(strengths, strengths)
 
 
 @st.composite
@@ -57,21 +56,6 @@ def test_orbits_are_carried_to_orbits_of_the_image(name, data):
     (image, *start), strengths, expected, error = IMAGES[name](z, *orbit_of_z, np.arange(n + 1))
     np.testing.assert_array_equal(image, strengths)
     assert_allclose(orbit(image, *start, n), expected, rtol=0, atol=error)
-
-
-@given(st.integers(1, 3), st.integers(0, 2), st.sampled_from((2, 4)), st.data())
-def test_alternation_of_kicks_with_idle_ones_between(spacing, first, kicks, data):
-    assume(first < spacing)
-    kappa = np.zeros(kicks * spacing)
-    kappa[first::spacing] = data.draw(st.lists(strengths, min_size=kicks, max_size=kicks))
-    x, y = data.draw(coordinates), data.draw(coordinates)
-    xs, ys = orbit(kappa, x, y, 7, 1)
-    alternated, x, y = symmetries.alternate(kappa, x, y, spacing)
-    signs = np.repeat((-1.0) ** np.arange(kicks), spacing)
-    np.testing.assert_array_equal(alternated, kappa * signs)
-    moved = xs + (np.arange(8) - (first if kappa.any() else 0)) / (2 * spacing)
-    found = orbit(alternated, x, y, 7, 1)
-    assert_allclose(found, (moved, ys + 1 / (2 * spacing)), rtol=0, atol=SHORT)
 
 
 @pytest.mark.parametrize(

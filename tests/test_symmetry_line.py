@@ -3,8 +3,6 @@
 import numpy as np
 import pytest
 from cases import thirds
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from numba import njit
 from numpy.testing import assert_array_equal
 
@@ -51,24 +49,6 @@ def test_times_count_periods():
     assert np.isfinite(kicks).sum() > 100
     for period in (2, 3):
         assert_array_equal(elimination_time((1.1,) * period, Y, 600 // period) * period, kicks)
-
-
-coordinate = st.floats(0, 0.5)
-strength = st.floats(0.2, 1.9)
-
-
-@settings(max_examples=60)
-@given(strength, strength, coordinate)
-def test_times_keep_the_symmetries(kappa1, kappa2, y):
-    y = np.round(y * 2**30) / 2**30
-    kappa = np.array([kappa1, kappa2])
-    # Ten steps: the images round differently, by as little as has not grown yet.
-    time = elimination_time(kappa, y, 10)
-    assert elimination_time(kappa[::-1], y, 10) == time
-    for image, image_y in ((kappa, y + 1), (kappa, -y), (kappa, 1 - y), (-kappa, y)):
-        assert elimination_time(image, image_y, 10) == pytest.approx(time)
-    for signs in ((1, -1), (-1, 1)):
-        assert elimination_time(kappa * signs, 0.5 - y, 10) == pytest.approx(time)
 
 
 @pytest.mark.parametrize("kappa", [(2.1,), (-5, 1), (0.3, 1e6), (2.001, 0, 2.001, 0)])

@@ -39,10 +39,18 @@ def test_a_start_is_eliminated_when_its_orbit_no_longer_minimizes_the_action(kap
 
 @pytest.mark.parametrize(
     ("kappa", "site", "a"),
-    [((1.03,), 0, 0.5), ((0.71, 0.46), 0, 0.5), ((-0.43, 0.72), 1, 0.5), ((0.1, -0.4), 1, 0)],
+    [
+        ((1.03,), 0, 0.5),
+        ((-1.03,), 0, 0),
+        ((0.71, 0.46), 0, 0.5),
+        ((-0.46, -0.71), 1, 0),
+        ((-0.43, 0.72), 1, 0.5),
+        ((0.72, -0.43), 0, 0.5),
+        ((0.1, -0.4), 1, 0),
+    ],
 )
 def test_on_a_symmetry_line_times_are_those_of_cones(kappa, site, a):
-    y = (np.arange(300) + 0.5) / 600
+    y = (np.arange(-300, 600) + 0.5) / 300
     kicks = elimination_time(kappa, site, a, y, 30 * len(kappa))
     assert_array_equal(kicks, np.rint(symmetry_line.elimination_time(kappa, y, 30) * len(kappa)))
     assert len(np.unique(kicks)) > 5
