@@ -21,7 +21,8 @@ from pipeline.sweep.sweep import sweep
 
 
 def cube(rows=10, columns=13, tile=3, **settings):
-    """Two variables over (row, column), one of them with a further dimension that is not tiled."""
+    """Two variables over (row, column), one of them with a further dimension that is not tiled; and
+    a coordinate of each cell, which is known."""
     coords = {
         "part": np.arange(2),
         "row": np.linspace(0, 1, rows),
@@ -30,6 +31,7 @@ def cube(rows=10, columns=13, tile=3, **settings):
     flat = {dim: xr.Variable(dim, coords[dim]) for dim in ("row", "column")}
     deep = {"part": xr.Variable("part", coords["part"]), **flat}
     variables = {"wave": blank(deep, "wave", 0.0), "sign": blank(flat, "sign", np.int8(0))}
+    coords["cell"] = ("row", "column"), np.arange(rows * columns).reshape(rows, columns)
     template = xr.Dataset(variables, coords, {"title": "toy"})
     return Cube("toy", template, {"row": tile, "column": tile}, settings)
 

@@ -161,27 +161,28 @@ def tile_counts(cube):
     return tuple(-(-cube.sizes[dim] // length) for dim, length in cube.tile.items())
 
 
-def _files(cube, computed):
+def _files(cube, by):
     """{key: bytes} of the cube before any tile is there, or with all values, compressed, if its
-    template has them; `computed` tells by whom."""
+    template has them; `by` tells who computed it."""
     ours = {"config_hash": cube.config_hash, "store_format": FORMAT}
     labels = cube.template.attrs  # first, so that the order is the same when they are read again
-    identity = {**labels, **computed, **labels, **cube.attributes, **ours}
+    identity = {**labels, **by, **labels, **cube.attributes, **ours}
     # NumPy's type of text has no standard in zarr 3.
     variables = cube.template.variables
     texts = {k: v.astype(object) for k, v in variables.items() if v.dtype.kind == "U"}
     groups, encoding = {"/": cube.template.assign(texts).assign_attrs(identity)}, {"/": {}}
+    computed = cube.computed
     for key, array in variables.items():
-        if cube.computed:
-            tile = {} if array.dims == (key,) else cube.tile  # indices are read whole
+        if computed:
+            tile = cube.tile if key in computed else {}  # what is known is read whole
             chunks, codecs = [tile.get(dim, n) for dim, n in array.sizes.items()], ()
         else:  # one length for each dim, in all of them
             chunks, codecs = [min(n, _CHUNK) for n in array.shape], (ZstdCodec(),)
         encoding["/"][key] = _encoding(array.dtype, chunks, *codecs)
-    if cube.computed:
+    if computed:
         (group, name), counts = COMMIT.split("/"), tile_counts(cube)
         words = {"long_name": "CPU seconds of the tile, and the CRC-32 of its data", "units": "1"}
-        words |= {"entries": list(ENTRIES), "cube": identity}
+        words |= {"entries": list(ENTRIES), "of_tiles": [*computed, COMMIT], "cube": identity}
         words["comment"] = "written last: the tile is complete if this is not NaN"
         dims, shape = (ENTRY, *(f"tile_{dim}" for dim in cube.tile)), (len(ENTRIES), *counts)
         blank = xr.Variable(dims, dask.array.full(shape, np.nan, chunks=-1), words)
@@ -192,7 +193,7 @@ def _files(cube, computed):
     with warnings.catch_warnings():
         # Zarr 3 has no standard for consolidated metadata yet; without them readers are warned.
         warnings.filterwarnings("ignore", message="Consolidated metadata")
-        tree.to_zarr(MemoryStore(files), encoding=encoding, compute=not cube.computed, **how)
+        tree.to_zarr(MemoryStore(files), encoding=encoding, compute=not computed, **how)
     return {f"{cube.name}.zarr/{key}": buffer.to_bytes() for key, buffer in files.items()}
 
 

@@ -63,13 +63,13 @@ def tile_at(arrays, index):
 
 
 def blocks(arrays, index):
-    """{name: (zarr array, where the tile's chunk is in its grid)}, of arrays whose chunks are
-    tiles."""
+    """{name: (zarr array, where the tile's chunk is in its grid)}, of its data and its record."""
     tile, found = tile_at(arrays, index), {}
-    for key, array in arrays.items():
-        dims = [dim.removeprefix("tile_") for dim in array.metadata.dimension_names]
+    # Cubes that were made earlier do not say so, and have coordinates of cells among these.
+    for key in arrays[COMMIT].metadata.attributes.get("of_tiles", arrays):
+        dims = [dim.removeprefix("tile_") for dim in arrays[key].metadata.dimension_names]
         if tile.keys() <= {*dims} and dims != [key]:
-            found[key] = array, tuple(tile.get(dim, 0) for dim in dims)
+            found[key] = arrays[key], tuple(tile.get(dim, 0) for dim in dims)
     return found
 
 
