@@ -41,7 +41,7 @@ def test_the_proved_map_says_how_near_open_cells_are_in_plain_percents(away, sai
     proved = np.where(scale > 1, 2, 1)
     if away < 1:
         proved[np.abs(scale - 1 - away) < 0.01] = 1
-    filled = cube.template.assign(proved=cube.template.proved.copy(data=proved))
+    filled = cube.filled({"proved": proved})
     (low, high, _), *rest = triangles.settings["triangles"]
     assert not rest
     sides = {
@@ -60,7 +60,7 @@ def test_a_law_of_the_flux_that_cannot_be_fitted_is_none():
     circles = dict.fromkeys([0.0, 30.0], "[0;(1)]")
     cube = beyond.flux(two_kicks(), dict.fromkeys(circles, 1.0), circles, excesses, 100).cube
     values = np.tile(1e-3 * excesses**3, (2, 1))
-    filled = cube.template.assign(flux=cube.template.flux.copy(data=values), q_max=100)
+    filled = cube.filled({"flux": values}).assign(q_max=100)
     _, caption = draw_flux(filled.assign_attrs(q_max=100), flux.laws(filled))
     assert "no fit at 30°, for lack of distances" in caption
     assert "nan" not in caption

@@ -1,9 +1,9 @@
 """What the cubes plan, and that their tiles hold what the methods answer."""
 
 import dataclasses
-import pickle
 from fractions import Fraction
 
+import cloudpickle
 import numpy as np
 import pytest
 import xarray as xr
@@ -61,7 +61,7 @@ def plan(**changes):
 )
 def test_a_tile_has_the_variables_of_its_cube_and_each_has_a_name_and_a_unit(name):
     job = JOBS[name]
-    cube = pickle.loads(pickle.dumps(job)).cube
+    cube = cloudpickle.loads(cloudpickle.dumps(job)).cube
     for variable in cube.template.variables.values():
         assert variable.attrs["long_name"]
         assert variable.dtype.kind == "U" or variable.attrs["units"] in ("1", "degree")

@@ -5,7 +5,6 @@ plane (Sec. III and `nasm.planes`), so that the rays computed stand for their im
 """
 
 import re
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -19,6 +18,11 @@ from pipeline.cubes.certificates import of_certificate, packed
 from pipeline.cubes.cube import angles_of_rays, blank, coordinate, text
 
 _N_QUOTIENTS = 32  # places for the partial quotients of a rotation number
+_PROVED = {
+    "proved_below": "scale up to which a barrier is proved to exist on all the ray",
+    "proved_lower": "scale at which a barrier is proved to exist; it says nothing of smaller ones",
+    "proved_upper": "scale at which transport is proved to be global",
+}
 
 
 def last_barrier(plane, angles, tol, name="barrier"):
@@ -28,29 +32,9 @@ def last_barrier(plane, angles, tol, name="barrier"):
     tol : float, the bracket's relative width.
     name : of the cube; another one where a store holds those of several planes.
     """
-    wedge = sorted(set(plane.fold(angles)[0].tolist()))
     seconds = 0.2 + 3.5e-5 / tol if len(plane.origin) <= 2 else 1 + 5e-4 / tol
     warm_up = partial(barriers.critical_scale, sum(plane.ray(30.0)), 0.1)
-    plan = plane.axes, {}, wedge, seconds, plane.record | {"tol": tol}, _compute, warm_up
-    job = job_on_rays(name, *plan, "The last barrier to transport")
-    template = with_last_circle(job.cube.template, {"angle": angles_of_rays(wedge)})
-    return replace(job, cube=replace(job.cube, template=template))
-
-
-def with_last_circle(template, on):
-    """Return the template of a cube with the variables of last circles, by the coordinates `on`."""
-    place = {"quotient": coordinate("quotient", range(_N_QUOTIENTS), "place of a partial quotient")}
-    zero, comment = np.int32(0), "0 behind the last one"
-    return template.assign_coords(place).assign(
-        omega=blank(on, "rotation number of the last circle, per step"),
-        quotients=blank(place | on, "partial quotients of omega", zero, comment=comment),
-        tail_length=blank(on, "partial quotients at the end that repeat", np.int8(0)),
-    )
-
-
-def named(plane):
-    """Return the name of the cube in a store of several planes, like barrier_rotating_1_3_1_60."""
-    return re.sub(r"\W+", "_", f"barrier_{plane.name}", flags=re.ASCII)
+    return _job(name, plane, angles, seconds, {"tol": tol}, _compute, warm_up)
 
 
 def proved_barrier(plane, angles, seconds):
@@ -60,20 +44,33 @@ def proved_barrier(plane, angles, seconds):
     proved bounds depend on the machine's speed; each of them holds.
     """
     plane.rays_start_at_zero("a proof")
-    job = last_barrier(plane, angles, 1e-4, "proved_barrier")
-    cube, on_ray = job.cube, {"angle": job.cube.template.angle}
-    here = "at exactly this forcing; nothing is proved by that of smaller scales"
-    template = cube.template.assign(
-        proved_below=blank(on_ray, "scale up to which a barrier is proved to exist on all the ray"),
-        proved_lower=blank(on_ray, "scale at which a barrier is proved to exist", comment=here),
-        proved_upper=blank(on_ray, "scale at which transport is proved to be global"),
-    )
-    settings = cube.settings | {"seconds": seconds}
-    cube = replace(cube, template=template, tile={"angle": 1}, settings=settings)
-    warm_up = partial(_compute_proved, {"angle": np.zeros(1)}, settings | {"seconds": 0.1})
-    return replace(
-        job, cube=cube, compute=_compute_proved, predict=_predict_proved, warm_up=warm_up
-    )
+    settings, quick = {"tol": 1e-4, "seconds": seconds}, plane.record | {"seconds": 0.1}
+    how = _compute_proved, partial(_compute_proved, {"angle": np.zeros(1)}, quick)
+    return _job("proved_barrier", plane, angles, 1 + 3 * seconds, settings, *how, _PROVED)
+
+
+def _job(name, plane, angles, seconds, settings, compute, warm_up, more=()):
+    wedge = sorted(set(plane.fold(angles)[0].tolist()))
+    on_ray = {"angle": angles_of_rays(wedge)}
+    more = last_circles(on_ray) | {key: blank(on_ray, words) for key, words in dict(more).items()}
+    how = seconds, plane.record | settings, compute, warm_up, "The last barrier to transport", more
+    return job_on_rays(name, plane.axes, {}, wedge, *how)
+
+
+def last_circles(on):
+    """Return the variables of last circles over the coordinates `on`."""
+    place = {"quotient": coordinate("quotient", range(_N_QUOTIENTS), "place of a partial quotient")}
+    zero, comment = np.int32(0), "0 behind the last one"
+    return place | {
+        "omega": blank(on, "rotation number of the last circle, per step"),
+        "quotients": blank(place | on, "partial quotients of omega", zero, comment=comment),
+        "tail_length": blank(on, "partial quotients at the end that repeat", np.int8(0)),
+    }
+
+
+def named(plane):
+    """Return the name of the cube in a store of several planes, like barrier_rotating_1_3_1_60."""
+    return re.sub(r"\W+", "_", f"barrier_{plane.name}", flags=re.ASCII)
 
 
 def boundary(angles, tol=1e-4, plane=None):
@@ -85,9 +82,8 @@ def boundary(angles, tol=1e-4, plane=None):
     """
     cube = last_barrier(plane or two_kicks(), angles, tol).cube
     coords = {dim: cube.template[dim].values for dim in cube.sizes}
-    arrays = _compute(coords, cube.settings)
-    filled = {key: cube.template[key].copy(data=values) for key, values in arrays.items()}
-    return unfolded(cube.template.assign(filled).assign_attrs(cube.attributes), angles)
+    filled = cube.filled(_compute(coords, cube.settings))
+    return unfolded(filled.assign_attrs(cube.attributes), angles)
 
 
 def unfolded(barrier, angles):
@@ -147,14 +143,10 @@ def _compute_proved(coords, settings):
     brackets = [proofs.critical_scale(profile, settings["seconds"]) for profile in profiles]
     found = [bracket.found for bracket in brackets]
     arrays = scales(found, plane.axes, coords["angle"]) | circle_arrays(found)
-    for side in ("below", "lower", "upper"):
-        arrays[f"proved_{side}"] = np.array([getattr(bracket, side) for bracket in brackets])
-    found = [proof for b in brackets for proof in (b.barrier, b.transport, *b.rays)]
-    return arrays | packed(found)
-
-
-def _predict_proved(coords, settings):
-    return (1 + 3 * settings["seconds"]) * coords["angle"].size
+    for key in _PROVED:
+        side = key.removeprefix("proved_")
+        arrays[key] = np.array([getattr(bracket, side) for bracket in brackets])
+    return arrays | packed(proof for b in brackets for proof in (b.barrier, b.transport, *b.rays))
 
 
 def uncertified(tile, certificates):
@@ -181,7 +173,7 @@ def uncertified(tile, certificates):
 
 
 def circle_arrays(found):
-    """Return the arrays of last circles, see `with_last_circle`; `found` is a list."""
+    """Return the arrays of `last_circles`; `found` is a list."""
     arrays = {"omega": np.array([s.omega and float(s.omega) for s in found], dtype=float)}
     known = [(s.omega.prefix, s.omega.tail) if s.omega else ((), ()) for s in found]
     rows = [[*prefix, *tail] for prefix, tail in known]

@@ -27,7 +27,6 @@ _SCALES = {
     "upper": ("upper", "scale at which the barrier was shown to be gone"),
 }
 _SECONDS = 3  # of CPU time in a tile, which is a file for every variable
-_TITLE = "Breakup of circles"
 _METHODS = {  # and how hard it tries, at the least
     "continuation of circles": (continuation.critical_scale, {"tol": 0.1}),
     "Greene's residue": (periodic.critical_scale, {"q_max": 10}),
@@ -59,22 +58,23 @@ def by_escape(plane, angles, n_max, n_orbits):
     return _job("transport", plane, {}, angles, seconds, settings)
 
 
-def job_on_rays(name, axes, rows, angles, seconds, settings, compute, warm_up, title=_TITLE):
+def job_on_rays(name, axes, rows, angles, seconds, settings, compute, warm_up, title, more=()):
     """Return the Job of a cube of critical scales.
 
     axes : {name: words} of the plane's coordinates; those of the breakup are coordinates here.
     rows : {name: coordinate}, that of the rows first; {} for a cube with dim (angle).
     seconds : CPU time of a ray. A tile is some rays of one row.
+    more : {name: variable} besides those of critical scales.
     """
     known = {**rows, "angle": cube.angles_of_rays(angles)}
-    variables = blank_scales(known)
+    variables = blank_scales(known) | dict(more)
     coords = known | {key: blank(known, f"{words} at the breakup") for key, words in axes.items()}
     n_rays = known["angle"].size
     tile = dict.fromkeys(variables["status"].dims, 1)
     tile["angle"] = ceil(n_rays / ceil(n_rays / max(1, int(_SECONDS / seconds))))
     labels = {"title": f"{title} of the nonautonomous standard map", "source": PAPER}
     plan = cube.Cube(name, xr.Dataset(variables, coords, labels), tile, settings | STATUS_SETTING)
-    return Job(plan, compute, partial(_per_ray, seconds), warm_up)
+    return Job(plan, compute, lambda coords, _: seconds * coords["angle"].size, warm_up)
 
 
 def blank_scales(known):
@@ -96,10 +96,6 @@ def scales(found, axes, angles):
     return arrays
 
 
-def _per_ray(seconds, coords, settings):
-    return seconds * coords["angle"].size
-
-
 def _circles(omegas):
     return {
         "circle": cube.text("circle", map(str, omegas), "exact rotation number per step"),
@@ -111,7 +107,8 @@ def _job(name, plane, rows, angles, seconds, settings):
     one = {key: row.values[:1] for key, row in rows.items()} | {"angle": np.array(angles[:1])}
     settings = plane.record | settings
     warm_up = partial(_compute, one, settings | _METHODS[settings["method"]][1])
-    return job_on_rays(name, plane.axes, rows, angles, seconds, settings, _compute, warm_up)
+    how = seconds, settings, _compute, warm_up, "Breakup of circles"
+    return job_on_rays(name, plane.axes, rows, angles, *how)
 
 
 def _compute(coords, settings):

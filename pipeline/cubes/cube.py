@@ -47,6 +47,11 @@ class Cube:
         return dict(self.template.sizes)
 
     @property
+    def tile_counts(self):
+        """The number of tiles along each tiled dimension."""
+        return tuple(-(-self.sizes[dim] // length) for dim, length in self.tile.items())
+
+    @property
     def computed(self):
         """Names of the variables that tiles fill, data or coordinates: those without values yet."""
         return [name for name, array in self.template.variables.items() if array.chunks]
@@ -55,6 +60,11 @@ class Cube:
     def attributes(self):
         """The settings as attributes of the cube in a store."""
         return plain(self.settings)
+
+    def filled(self, arrays):
+        """Return the cube as a Dataset that holds {variable: array}."""
+        values = {key: self.template[key].copy(data=array) for key, array in arrays.items()}
+        return self.template.assign(values)
 
     @cached_property
     def config_hash(self):
@@ -73,7 +83,7 @@ class Cube:
 
 @dataclass(frozen=True)
 class Job:
-    """A cube, and what computes it; workers must be able to import the functions."""
+    """A cube, and what computes it; cloudpickle brings `compute` and `warm_up` to workers."""
 
     cube: Cube
     compute: Callable  # (coords {dim: ndarray} of a tile, settings) → {variable: array}

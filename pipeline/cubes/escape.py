@@ -43,25 +43,17 @@ def over_plane(name, plane, axes, sizes, n_max, tile, precision="double"):
     return job(name, plane, sizes, coords, tiles, settings, *how)
 
 
-def composed(cube, levels, follow, field=None, level=None):
-    """Return the cube of a plane composed of levels of refinement, or its plan without values.
+def composed(cube, levels, follow):
+    """Return the plan of a plane that is composed of levels of refinement; it has the `level` of
+    each value.
 
-    cube : the plane in full at the finest level.
-    levels : int, number of levels.
+    cube : the plane in full at the finest level. levels : int, number of levels.
     follow : list of N, whose boundaries {n* ≤ N} the levels follow.
-    field : array (ensemble, second axis, first axis), the values.
-    level : int8 array (second axis, first axis), which level each value is from.
     """
-    axes, words = (
-        {d: cube.template[d] for d in cube.tile},
-        "level of refinement of the cell's value",
-    )
-    comment = "0 is the coarsest; each level halves the cells"
-    template = cube.template.assign(level=blank(axes, words, np.int8(-1), comment=comment))
-    for key, values in {} if field is None else {"escape_time": field, "level": level}.items():
-        template[key] = template[key].copy(data=values)
+    axes, words = {dim: cube.template[dim] for dim in cube.tile}, "level of refinement of the value"
+    level = blank(axes, words, np.int8(-1), comment="0 is the coarsest; each halves the cells")
     settings = {"levels": levels, "follow": follow, **cube.settings}
-    return replace(cube, template=template, settings=settings)
+    return replace(cube, template=cube.template.assign(level=level), settings=settings)
 
 
 def job(name, plane, sizes, coords, tiles, settings, title, compute, predict):

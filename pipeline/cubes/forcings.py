@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from nasm import barriers
-from pipeline.cubes.barrier import circle_arrays, exact_circles, with_last_circle
+from pipeline.cubes.barrier import circle_arrays, exact_circles, last_circles
 from pipeline.cubes.breakdown import blank_scales, scale_fields
 from pipeline.cubes.cube import PAPER, STATUS_SETTING, Cube, Job, coordinate, text
 
@@ -24,7 +24,7 @@ def last_barriers(name, forcings, parameter, tol):
     coords = labels(forcings, parameter)
     on = {"forcing": coords["forcing"]}
     attrs = {"title": "Last barriers of named forcings", "source": PAPER}
-    template = with_last_circle(xr.Dataset(blank_scales(on), coords, attrs), on)
+    template = xr.Dataset(blank_scales(on) | last_circles(on), coords, attrs)
     cube = Cube(name, template, {"forcing": 1}, {"tol": tol} | STATUS_SETTING)
     return Job(cube, _compute, _predict, partial(barriers.critical_scale, (1.0,), 0.1))
 

@@ -98,7 +98,8 @@ def proved_triangles(rays, circles, nearest):
     settings = {"triangles": found, "nearest": nearest}
     cube = Cube("proved_triangles", template, {"triangle": 1}, settings)
     warm_up = partial(proofs.proved_below, "gamma", (0.5, 0.1), 1.0, 1e-3, (0.0, 0.1))
-    return Job(cube, _compute_triangle, _predict_triangle, warm_up)
+    seconds = 1 + 7 * (0.1 / nearest) ** 1.65
+    return Job(cube, _compute_triangle, lambda *_: seconds, warm_up)
 
 
 def _compute_triangle(coords, settings):
@@ -116,10 +117,6 @@ def _compute_triangle(coords, settings):
         scale, proved = proofs.proved_below(circle, middle, value, np.inf, tilt, near)
     found = dict(zip(_CORNERS, np.array([*low, *high])[:, None], strict=True))
     return found | {"proved_below": np.array([scale])} | packed(proved)
-
-
-def _predict_triangle(coords, settings):
-    return 1 + 7 * (0.1 / settings["nearest"]) ** 1.65
 
 
 def uncertified_triangle(tile, certificates):

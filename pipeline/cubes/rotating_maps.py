@@ -17,7 +17,7 @@ from nasm.planes import ROTATING_AXES
 from nasm.symmetries import ray
 from nasm.tori import last_torus
 from pipeline.cubes.breakdown import job_on_rays, scales
-from pipeline.cubes.cube import PAPER, blank, coordinate, text
+from pipeline.cubes.cube import PAPER, angles_of_rays, blank, coordinate, text
 
 _KICKS = 8_000, 32_000  # on either side, for fractions and for others
 _PICTURE = 128, 256  # points along φ and θ
@@ -37,18 +37,17 @@ def last_barriers(fractions, n_phases, irrational, angles):
     rows = {
         "forcing": text("forcing", names, "Ω, and φ0 if Ω is a fraction, exactly"),
         "frequency": coordinate(
-            "forcing", list(map(float, frequencies)), "frequency Ω, turns of φ per kick"
+            "forcing", np.array(frequencies, float), "frequency Ω, turns of φ per kick"
         ),
-        "phase": coordinate("forcing", list(map(float, shares)), words),
+        "phase": coordinate("forcing", np.array(shares, float), words),
     }
     settings = {"kicks": list(_KICKS), "method": "converse KAM, and continuation"}
     least = {"forcing": ["1/2,0"], "angle": np.zeros(1)}, {"kicks": [400, 400]}
-    how = settings, _last_barriers, partial(_last_barriers, *least), "Last barriers"
+    on_ray = {"forcing": rows["forcing"], "angle": angles_of_rays(angles)}
+    more = {"omega": blank(on_ray, "turns per kick of what is certified at lower")}
+    how = settings, _last_barriers, partial(_last_barriers, *least), "Last barriers", more
     job = job_on_rays("frequencies", ROTATING_AXES, rows, angles, 10, *how)
-    on_ray = {"forcing": rows["forcing"], "angle": job.cube.template.angle}
-    omega = blank(on_ray, "turns per kick of what is certified at lower")
-    template = job.cube.template.assign(omega=omega)
-    return replace(job, cube=replace(job.cube, template=template), predict=_predict)
+    return replace(job, predict=_predict)
 
 
 def breakups(vectors, angles, tol):
@@ -82,7 +81,7 @@ def residues(vectors, angles):
     }
     settings = {"method": "Greene's residue of one orbit"}
     how = 0.06, settings, _residues, partial(periodic.residue, (0.1, 0.1), 1, 3)
-    return job_on_rays("rotating_tori", ROTATING_AXES, rows, angles, *how)
+    return job_on_rays("rotating_tori", ROTATING_AXES, rows, angles, *how, "Breakup of circles")
 
 
 def pictures(vector, angle, sizes):
@@ -114,17 +113,15 @@ def _name_of(vector):
 
 
 def _last_barriers(coords, settings):
-    rays = ray(coords["angle"])
-    found = [[_last(name, on, settings["kicks"]) for on in rays] for name in coords["forcing"]]
+    def last(name, profile):
+        (frequency, _, phase), kicks = name.partition(","), settings["kicks"]
+        if phase:
+            return last_torus.of_fraction(frequency, float(Fraction(phase)), *profile, kicks[0])
+        return last_torus.of_irrational(float(frequency), *profile, kicks[1])
+
+    found = [[last(name, on) for on in ray(coords["angle"])] for name in coords["forcing"]]
     arrays = scales([[scale for scale, _ in row] for row in found], ROTATING_AXES, coords["angle"])
     return arrays | {"omega": np.array([[omega for _, omega in row] for row in found])}
-
-
-def _last(name, profile, kicks):
-    frequency, _, phase = name.partition(",")
-    if phase:
-        return last_torus.of_fraction(frequency, float(Fraction(phase)), *profile, kicks[0])
-    return last_torus.of_irrational(float(frequency), *profile, kicks[1])
 
 
 def _predict(coords, settings):
@@ -135,15 +132,13 @@ def _predict(coords, settings):
 
 
 def _breakups(coords, settings):
+    def bracket(omega, frequency, profile):
+        found = tori.critical_scale(omega, frequency, *profile, settings["tol"])
+        return replace(found, upper=last_torus.upper_scale(frequency, *profile))
+
     vectors = zip(coords["omega"].tolist(), coords["frequency"].tolist(), strict=True)
-    rays, tol = ray(coords["angle"]), settings["tol"]
-    found = [[_bracket(vector, profile, tol) for profile in rays] for vector in vectors]
+    found = [[bracket(*vector, on) for on in ray(coords["angle"])] for vector in vectors]
     return scales(found, ROTATING_AXES, coords["angle"])
-
-
-def _bracket(vector, profile, tol):
-    found = tori.critical_scale(*vector, *profile, tol)
-    return replace(found, upper=last_torus.upper_scale(vector[1], *profile))
 
 
 def _residues(coords, settings):

@@ -60,10 +60,10 @@ def grid_of(plane, kappa1, kappa2, n_max, n_orbits, tile, levels, follow, precis
     return Grid(plane, (kappa1, kappa2), n_max, n_orbits, tile, levels, follow, precision)
 
 
-def planned(grid, *values):
-    """Return the cube `escape`: all cells, or composed of levels, or that with its values."""
+def planned(grid):
+    """Return the cube `escape`: all cells, or composed of levels."""
     cube = _level_job(grid, "escape", grid.levels - 1).cube
-    return escape.composed(cube, grid.levels, grid.follow, *values) if grid.levels > 1 else cube
+    return escape.composed(cube, grid.levels, grid.follow) if grid.levels > 1 else cube
 
 
 def foreseen(run, grid):
@@ -133,8 +133,10 @@ def escape_plane(run, grid):
     def compute(level, wanted):
         return run.sweep(_level_job(grid, f"escape_level{level}", level), wanted).escape_time.values
 
-    cube = planned(grid, *refine.refine(compute, partial(_is_within, grid), grid.levels, grid.tile))
-    return run.keep(cube.name, cube.template, cube.tile, **cube.settings)
+    field, level = refine.refine(compute, partial(_is_within, grid), grid.levels, grid.tile)
+    cube = planned(grid)
+    whole = cube.filled({"escape_time": field, "level": level})
+    return run.keep(cube.name, whole, cube.tile, **cube.settings)
 
 
 def boundary_table(dataset, angles, steps):
