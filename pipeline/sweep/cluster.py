@@ -39,6 +39,7 @@ _LOCAL = {
         "from nasm.arithmetic.memory import keep_freed_memory; keep_freed_memory()",
     ],
 }
+_TLS_FILES = "tls_ca_file", "tls_client_cert", "tls_client_key"
 _ADDRESS = re.compile(r"(tcp|tls)://[^/\s]+:\d+")
 
 
@@ -75,17 +76,15 @@ def connect(scheduler=None, n_workers=None, tls=None):
 
 @contextmanager
 def _local(n_workers):
-    n_workers = n_workers or CPU_COUNT
     how = {"host": "127.0.0.1", "dashboard_address": "127.0.0.1:0", "silence_logs": "CRITICAL"}
     # Tiles are small: to watch the memory costs more than they use.
-    how |= {"n_workers": n_workers, "threads_per_worker": 1, "memory_limit": 0}
+    how |= {"n_workers": n_workers or CPU_COUNT, "threads_per_worker": 1, "memory_limit": 0}
     # Dask executes what it is sent, and any user of this machine can send to loopback: a
     # certificate that lasts as long as the cluster lets only its own processes speak to it.
     how |= {"security": Security.temporary(), "scheduler_kwargs": {"dashboard": False}}
-    files, (soft, hard) = 40 + 10 * n_workers, resource.getrlimit(resource.RLIMIT_NOFILE)
-    if 0 <= soft < files:
-        with suppress(OSError, ValueError):  # fewer may do
-            resource.setrlimit(resource.RLIMIT_NOFILE, (files, hard))
+    with suppress(OSError, ValueError):  # each worker needs ten open files; fewer may do
+        _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
+        resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))
     # A Ctrl-C in the terminal reaches all its processes, and is for the driver. Workers, also those
     # that are started again, inherit the mask of the thread that dask starts here, at their birth.
     resource_tracker.ensure_running()  # it would unblock the signal as it starts with a worker
@@ -97,27 +96,19 @@ def _local(n_workers):
         raise ConnectionError(words) from None
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, mask)
-    with (
-        _closing(started) as cluster,
-        _closing(Client(cluster, set_as_default=False)) as client,
-    ):
-        yield client
-
-
-@contextmanager
-def _closing(opened):
-    """Yield it, then close it; what is too slow for that, on a busy machine, ends with us."""
+    client = Client(started, set_as_default=False)
     try:
-        yield opened
+        yield client
     finally:
-        with suppress(TimeoutError):
-            opened.close()
+        for opened in client, started:
+            with suppress(TimeoutError):  # what is too slow, on a busy machine, ends with us
+                opened.close()
 
 
 def credentials(client, folder):
     """Write what other processes need to use the client's workers: paths of CA, CERT and KEY."""
     paths = []
-    for name in ("tls_ca_file", "tls_client_cert", "tls_client_key"):
+    for name in _TLS_FILES:
         paths.append(str(Path(folder) / f"{name}.pem"))
         Path(paths[-1]).write_text(getattr(client.security, name))
     return paths
@@ -132,8 +123,7 @@ def are_starting(client):
 
 @contextmanager
 def _remote(address, tls):
-    names = "tls_ca_file", "tls_client_cert", "tls_client_key"
-    security = tls and Security(require_encryption=True, **dict(zip(names, tls, strict=True)))
+    security = tls and Security(require_encryption=True, **dict(zip(_TLS_FILES, tls, strict=True)))
     try:
         client = Client(address, security=security, timeout=5, set_as_default=False)
     except (OSError, ValueError, TypeError) as error:
