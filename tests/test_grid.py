@@ -6,7 +6,6 @@ import toy
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.store import tile_counts
 from pipeline.sweep.grid import Axis, joined, parse_axis, tile_slices
 
 lengths = st.integers(1, 40)
@@ -69,5 +68,5 @@ def test_cheap_tiles_are_joined_as_long_as_thousands_are_left(cells, predict, ti
 
 def test_a_million_tiles_that_cost_nothing_become_some_thousands():
     cube = joined(toy.line(10**6)).cube
-    assert 4096 <= tile_counts(cube)[0] <= 8192
+    assert 4096 <= cube.tile_counts[0] <= 8192
     assert joined(replace(toy.line(10**6), cube=cube)).cube == cube

@@ -99,7 +99,7 @@ def test_certificates_of_a_store_are_kept_compared_and_checked(job, n, tmp_path,
     monkeypatch.setattr(proofs.bracket, "critical_scale", easy_bracket)
     (job, tiles), place = job(), store.place_of(tmp_path)
     with store.driving(place):
-        store.create(place, job.cube, store.computed_by())
+        store.create(place, job.cube, store.COMPUTED_BY)
         for index, coords in tiles.items():
             store.commit(place, job.cube.name, index, job.compute(coords, job.cube.settings), 1.0)
     told = succeed("verify", tmp_path, "--proofs")
@@ -127,7 +127,7 @@ def test_certificates_of_a_store_are_kept_compared_and_checked(job, n, tmp_path,
     result = invoke("verify", tmp_path, "--proofs", "--longest", "0", "--repair")
     assert "repaired" in result.output
     assert not path.exists()
-    done = np.prod(store.tile_counts(job.cube)) - len(store.missing(place, job.cube))
+    done = np.prod(job.cube.tile_counts) - len(store.missing(place, job.cube))
     assert done == len(tiles) - 1
 
 

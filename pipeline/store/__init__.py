@@ -6,10 +6,10 @@ Each file appears whole or not at all. What several workers or drivers write mor
 same each time: they need no order. The store knows neither mathematics nor dask.
 """
 
-from pipeline.store.metadata import check, create, names, replace, sees, tile_counts
+from pipeline.store.look import State, free, status, verify
+from pipeline.store.metadata import check, create, names, replace, sees
 from pipeline.store.place import Place, Refused, StoreFailed, driving, explained, place_of
-from pipeline.store.provenance import computed_by
-from pipeline.store.status import State, status
+from pipeline.store.provenance import COMPUTED_BY
 from pipeline.store.tiles import (
     certificates_key,
     commit,
@@ -20,4 +20,3 @@ from pipeline.store.tiles import (
     tiles_of,
     wanted_key,
 )
-from pipeline.store.verify import free, verify

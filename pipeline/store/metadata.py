@@ -130,12 +130,12 @@ def _left_over(place, cube, computed_by):
     Returns the keys of the commit records whose data are gone. Refused unless all the others are
     of this cube and computed by the same code, by the checksums in them.
     """
-    written = np.isfinite(tiles.survey(place, cube.name, tile_counts(cube))[1])
-    if not written.any():
+    if not any(place.files(f"{cube.name}.zarr/{COMMIT}")):
         return []
-    root = _files(cube, {"computed_by": computed_by})[_key(cube.name)]
-    arrays, keys = tiles.opened(place, cube.name, json.loads(root)), []
-    for index in np.argwhere(written).tolist():
+    root, keys = _files(cube, {"computed_by": computed_by})[_key(cube.name)], []
+    arrays = tiles.opened(place, cube.name, json.loads(root))
+    written = tiles.survey(place, arrays)[1]
+    for index in np.argwhere(np.isfinite(written)).tolist():
         what = tiles.damage(place, arrays, index)
         if what and not what.endswith("is gone"):
             raise _not_ours(place, cube.name)
@@ -154,11 +154,6 @@ def _key(name):
 
 def _differing(place, files):
     return {key: data for key, data in files.items() if place.read(key) != data}
-
-
-def tile_counts(cube):
-    """The number of tiles along each tiled dimension."""
-    return tuple(-(-cube.sizes[dim] // length) for dim, length in cube.tile.items())
 
 
 def _files(cube, by):
@@ -180,7 +175,7 @@ def _files(cube, by):
             chunks, codecs = [min(n, _CHUNK) for n in array.shape], (ZstdCodec(),)
         encoding["/"][key] = _encoding(array.dtype, chunks, *codecs)
     if computed:
-        (group, name), counts = COMMIT.split("/"), tile_counts(cube)
+        (group, name), counts = COMMIT.split("/"), cube.tile_counts
         words = {"long_name": "CPU seconds of the tile, and the CRC-32 of its data", "units": "1"}
         words |= {"entries": list(ENTRIES), "of_tiles": [*computed, COMMIT], "cube": identity}
         words["comment"] = "written last: the tile is complete if this is not NaN"

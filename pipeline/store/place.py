@@ -6,7 +6,7 @@ of the driver and of each worker, and go nowhere from there.
 
 import os
 import re
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from datetime import timedelta
 from functools import lru_cache
@@ -45,10 +45,11 @@ class Place:
         return f"{self.root}/{name}.zarr"
 
     def objects(self, name=None):
-        """The obstore store of all files, or of those of one cube."""
+        """The obstore store of all files, or of those of one cube, which must be there."""
         path = self.cube(name) if name else self.root
-        if self.is_directory and not os.path.isdir(path):
-            raise FileNotFoundError(f"{path} does not exist")
+        is_there = os.path.isfile(f"{path}/zarr.json") if name else os.path.isdir(path)
+        if self.is_directory and not is_there:  # obstore would make it anew
+            raise FileNotFoundError(f"{path} does not exist, was moved, or its disk is gone")
         return _opened(path)
 
     def read(self, key):
@@ -101,18 +102,17 @@ def _opened(path):
 @contextmanager
 def driving(place):
     """Keep a second driver off a directory, which is made if need be; nothing in object stores."""
-    with ExitStack() as held:
-        if place.is_directory:
-            try:
-                os.makedirs(place.root, exist_ok=True)
-                held.enter_context(FileLock(f"{place}/.lock", timeout=0))
-            except Timeout:
-                words = "is being written by another run; wait for it, stop it, or choose another"
-                raise Refused(f"{place} {words} --out") from None
-            except OSError as e:
-                raise Refused(
-                    f"cannot write to {place}: {e.strerror}; choose another --out"
-                ) from None
+    lock = nullcontext()
+    if place.is_directory:
+        try:
+            os.makedirs(place.root, exist_ok=True)
+            lock = FileLock(f"{place}/.lock").acquire(timeout=0)
+        except Timeout:
+            words = "is being written by another run; wait for it, stop it, or choose another --out"
+            raise Refused(f"{place} {words}") from None
+        except OSError as e:
+            raise Refused(f"cannot write to {place}: {e.strerror}; choose another --out") from None
+    with lock:
         yield
 
 

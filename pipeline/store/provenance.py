@@ -16,12 +16,8 @@ _FILES = b"".join(
     path.relative_to(_PACKAGE).as_posix().encode() + path.read_bytes() for path in _MATHEMATICS
 )
 _VERSIONS = (f"{package} {version(package)}" for package in _DECIDING)
-_COMPUTED_BY = ", ".join([f"mathematics {hashlib.sha256(_FILES).hexdigest()[:12]}", *_VERSIONS])
-
-
-def computed_by():
-    """What decides the numbers of a cube besides its plan, in one line: source and libraries."""
-    return _COMPUTED_BY
+# What decides the numbers of a cube besides its plan, in one line: source and libraries.
+COMPUTED_BY = ", ".join([f"mathematics {hashlib.sha256(_FILES).hexdigest()[:12]}", *_VERSIONS])
 
 
 def provenance(computed_by):

@@ -6,7 +6,6 @@ the tile's data, its place and who computed it: a chunk of another tile or cube 
 """
 
 import json
-import os
 from contextlib import suppress
 from functools import lru_cache
 from zlib import crc32
@@ -16,7 +15,7 @@ import xarray as xr
 from zarr import Array, AsyncArray
 from zarr.storage import ObjectStore, StorePath
 
-from pipeline.store.place import Refused, StoreFailed, explained
+from pipeline.store.place import Refused, explained
 
 CERTIFICATES = "certificates"
 COMMIT = "tiles/commit"
@@ -78,17 +77,12 @@ def chunk_key(array, block):
     return f"{array.path}/{array.metadata.encode_chunk_key(block)}"
 
 
-def survey(place, name, counts=None):
+def survey(place, arrays):
     """List the commit records. Returns arrays over the tiles: whether it has one, in full length;
-    and its time in seconds, NaN if there is none.
-
-    counts : of tiles along each dimension, if the cube's metadata do not tell.
-    """
-    if counts is None:
-        counts = arrays_of(place, name)[COMMIT].shape[1:]
-    written = np.full(counts, np.nan)
+    and its time in seconds, NaN if there is none."""
+    written = np.full(arrays[COMMIT].shape[1:], np.nan)
     done = np.zeros(written.shape, dtype=bool)
-    for file in place.files(f"{name}.zarr/{COMMIT}/c"):
+    for file in place.files(f"{arrays[COMMIT].path}/c"):
         with suppress(ValueError, IndexError):  # somebody else's file
             entry, *tile = map(int, file["path"].split("/")[4:])
             if len(tile) == written.ndim and not entry:
@@ -99,9 +93,10 @@ def survey(place, name, counts=None):
 
 def missing(place, cube):
     """Indices of the tiles that are not committed, in tile order: int array (tiles, dims)."""
-    if COMMIT not in arrays_of(place, cube.name):  # written whole
+    arrays = arrays_of(place, cube.name)
+    if COMMIT not in arrays:  # written whole
         return np.empty((0, len(cube.tile)), dtype=int)
-    return np.argwhere(~survey(place, cube.name)[0])
+    return np.argwhere(~survey(place, arrays)[0])
 
 
 def is_committed(place, name, index):
@@ -122,12 +117,12 @@ def commit(place, name, index, arrays, seconds):
     chunks = {key: _fitting(key, *places[key], values) for key, values in arrays.items()}
     record = seconds, _checksum(known, index, chunks)
     chunks[COMMIT] = np.reshape(record, (len(ENTRIES), *(1 for _ in index)))
-    _stands(place, name)
-    if certificates:
-        place.write(certificates_key(name, index), certificates)
     with explained(place):
+        place.objects(name)  # its disk may be away
+        if certificates:
+            place.write(certificates_key(name, index), certificates)
         for key, values in chunks.items():
-            _stands(place, name)
+            place.objects(name)
             array, block = places[key]
             array.set_block_selection(block, values)
 
@@ -161,16 +156,6 @@ def _checksum(arrays, index, values):
     return found
 
 
-def _stands(place, name):
-    """StoreFailed if the directory of the cube is not there: obstore would make another one."""
-    if place.is_directory:
-        try:
-            os.stat(f"{place.cube(name)}/zarr.json")
-        except OSError as error:
-            words = f"was moved, or deleted, or its disk is gone ({error.strerror})"
-            raise StoreFailed(f"{place.cube(name)} {words}") from None
-
-
 def chunk(place, key, array, block):
     """Read a chunk of the array `key`; ValueError, which says what is wrong with it."""
     with explained(place):
@@ -200,7 +185,7 @@ def tiles_of(place, name):
     if COMMIT not in arrays:  # written whole
         return
     sizes = next(iter(cube.data_vars.values())).encoding["preferred_chunks"]
-    for index in map(tuple, np.argwhere(survey(place, name)[0]).tolist()):
+    for index in map(tuple, np.argwhere(survey(place, arrays)[0]).tolist()):
         places = tile_at(arrays, index).items()
         yield index, cube.isel({d: slice(i * sizes[d], (i + 1) * sizes[d]) for d, i in places})
 
@@ -209,8 +194,9 @@ def record_failure(place, name, index, reason):
     """Record why a tile failed, as one short line without control characters; return the line."""
     line = reason.strip()[:_LONGEST_REASON]
     line = "".join(character if character.isprintable() else " " for character in line)
-    _stands(place, name)
-    place.write(failure_key(name, index), line.encode(errors="replace"))
+    with explained(place):
+        place.objects(name)  # its disk may be away
+        place.write(failure_key(name, index), line.encode(errors="replace"))
     return line
 
 

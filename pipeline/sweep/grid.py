@@ -75,17 +75,15 @@ def tile_coords(cube, indices):
 
     indices : int array (tiles, tiled dims).
     """
-    sizes, whole, cut = cube.sizes, {}, {}
-    for name, array in cube.template.coords.items():
-        if name not in cube.computed:
-            # What is whole is one object for all tiles: pickle then writes it once.
-            (cut if cube.tile.keys() & {*array.dims} else whole)[name] = array.values, array.dims
-    whole = {name: values for name, (values, _) in whole.items()}
+    coords, computed = cube.template.coords, {*cube.computed}
+    known = {name: (c.values, c.dims) for name, c in coords.items() if name not in computed}
     for index in map(tuple, indices.tolist()):
-        cells, parts = tile_slices(index, sizes, cube.tile), {}
-        for name, (values, dims) in cut.items():
-            parts[name] = values[tuple(cells.get(dim, slice(None)) for dim in dims)]
-        yield index, whole | parts
+        cells, parts = tile_slices(index, cube.sizes, cube.tile), {}
+        for name, (values, dims) in known.items():
+            part = tuple(cells.get(dim, slice(None)) for dim in dims)
+            # What is whole is one object for all tiles: pickle then writes it once.
+            parts[name] = values[part] if cells.keys() & dims else values
+        yield index, parts
 
 
 def joined(job):
@@ -95,14 +93,14 @@ def joined(job):
     job, so that the command that began a cube resumes it.
     """
     while True:
-        cube, at_random = job.cube, np.random.default_rng(0)
-        tile = {dim: min(2 * n, cube.sizes[dim]) for dim, n in cube.tile.items()}
-        counts = [-(-cube.sizes[dim] // n) for dim, n in tile.items()]
+        sizes, tile = job.cube.sizes, job.cube.tile
+        doubled = {dim: min(2 * n, sizes[dim]) for dim, n in tile.items()}
+        larger = replace(job, cube=replace(job.cube, tile=doubled))
+        counts = larger.cube.tile_counts
         if prod(counts) < _ENOUGH:
             return job
-        larger = replace(job, cube=replace(cube, tile=tile))
-        sample = at_random.integers(0, counts, (_SAMPLE, len(counts)))
+        sample = np.random.default_rng(0).integers(0, counts, (_SAMPLE, len(counts)))
         coords = (of_tile for _, of_tile in tile_coords(larger.cube, sample))
-        if not max(job.predict(one, cube.settings) for one in coords) <= _LONG:
+        if not max(job.predict(one, job.cube.settings) for one in coords) <= _LONG:
             return job
         job = larger

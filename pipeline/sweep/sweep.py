@@ -34,6 +34,7 @@ from distributed import KilledWorker, get_worker
 from pipeline import store
 from pipeline.sweep.cluster import ClusterError
 from pipeline.sweep.grid import tile_coords
+from pipeline.sweep.progress import plural
 from pipeline.sweep.submit import ended
 
 _BATCH = 0.5  # seconds of predicted CPU time in a batch: long against 2 ms of scheduling,
@@ -58,9 +59,7 @@ def sweep(client, place, job, progress, wanted=None):
     """Compute the missing tiles of the job's cube into the store; returns an Outcome.
 
     client : () → distributed.Client; called only if tiles are missing. See `cluster.connect`.
-    place : Place of the store, held by `store.driving`.
-    job : Job; its cube is created in the store if it is not there.
-    progress : Progress, which tells how far it is.
+    place : Place, held by `store.driving`.
     wanted : set of tile indices, default all.
 
     store.Refused if the store holds another cube of that name, or one that other code has begun.
@@ -68,10 +67,10 @@ def sweep(client, place, job, progress, wanted=None):
     scheduler or all workers are gone; what is committed stays.
     """
     name = job.cube.name
-    store.create(place, job.cube, store.computed_by())
-    tiles = store.missing(place, job.cube)
+    store.create(place, job.cube, store.COMPUTED_BY)
+    tiles, n_tiles = store.missing(place, job.cube), prod(job.cube.tile_counts)
+    done = n_tiles - len(tiles)
     if wanted is not None:
-        done = prod(store.tile_counts(job.cube)) - len(tiles)
         tiles = tiles[[tuple(index) in wanted for index in tiles.tolist()]]
         place.write(store.wanted_key(name), str(done + len(tiles)).encode())
     if not len(tiles):
@@ -86,11 +85,9 @@ def sweep(client, place, job, progress, wanted=None):
                 index, words = tuple(tiles[tile].tolist()), "its worker died each time, also alone"
                 run.failed[index] = store.record_failure(place, name, index, words)
     if not interrupt.is_set():  # a disk was away, or somebody deletes
-        absent = np.zeros(store.tile_counts(job.cube), dtype=bool)
-        absent[*store.missing(place, job.cube).T] = True
-        absent[*np.array([*run.failed], int).reshape(-1, absent.ndim).T] = False
-        if gone := absent[*tiles.T].sum():
-            raise store.StoreFailed(f"{place.cube(name)}: {gone} tiles that were written are gone")
+        gone = done + run.committed + len(store.missing(place, job.cube)) - n_tiles
+        if gone > 0:
+            raise store.StoreFailed(f"{place.cube(name)} has lost {plural(gone, 'written tile')}")
     return Outcome(run.committed, run.failed, interrupt.is_set(), len(tiles) - run.committed)
 
 
@@ -114,7 +111,7 @@ class _Run:
         batches, suspects, cube = iter(batches), [], self.job.cube
         of_cube = self.place, cube.name, cube.config_hash, cube.settings
         functions = cloudpickle.dumps(self.job.warm_up), self.job.compute
-        work = partial(_compute_batch, *of_cube, store.computed_by(), *functions)
+        work = partial(_compute_batch, *of_cube, store.COMPUTED_BY, *functions)
         work = cloudpickle.dumps(work)
 
         def run(work, parcel):  # a nested function is sent whole: the package may be missing there
@@ -197,7 +194,7 @@ _called_once = cache(lambda warm_up: pickle.loads(warm_up)())
 
 def _complaint(place, name, config_hash, computed_by):
     """Return why this worker must not compute the cube; "" if it may."""
-    ours, theirs = store.computed_by().split(", "), computed_by.split(", ")
+    ours, theirs = store.COMPUTED_BY.split(", "), computed_by.split(", ")
     if ours != theirs:
         other = [[x for x in a if x not in b] for a, b in ((ours, theirs), (theirs, ours))]
         return f"has {' instead of '.join(map(', '.join, other))}"

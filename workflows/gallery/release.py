@@ -29,7 +29,7 @@ def make(directory, workers, quick):
 
 def _readme(quick):
     from nasm import __version__
-    from pipeline.store import computed_by
+    from pipeline.store import COMPUTED_BY
 
     parts = "".join(
         f"## {exhibit.name}\n\n{exhibit.title}.\n\n    {command_of(exhibit, quick)}\n\n"
@@ -37,7 +37,7 @@ def _readme(quick):
     )
     return f"""# Where the last barrier of the nonautonomous standard map breaks
 
-The map of arXiv:1606.04824, computed by nasm {__version__} ({computed_by()}). Each cube, a folder
+The map of arXiv:1606.04824, computed by nasm {__version__} ({COMPUTED_BY}). Each cube, a folder
 NAME.zarr, is opened by `xarray.open_zarr(path)`; its attributes say what its numbers are and who
 computed them. The tables (CSV) hold the same.
 

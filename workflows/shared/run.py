@@ -112,7 +112,7 @@ class Run(Output):
     def check(self, cube):
         """Refuse to go on if the place holds this cube with other settings; true if it is there."""
         with explained(self.place):
-            return store.check(self.place, cube, store.computed_by())
+            return store.check(self.place, cube, store.COMPUTED_BY)
 
     def sweep(self, job, wanted=None):
         """Compute the missing tiles of the job's cube, or those `wanted`; return it as a Dataset.
@@ -141,7 +141,7 @@ class Run(Output):
     def keep(self, name, dataset, tile=None, **settings):
         """Write a cube that no sweep computes, whole; return it as a Dataset."""
         cube = Cube(name, dataset, tile or {}, settings)
-        store.replace(self.place, cube, store.computed_by())
+        store.replace(self.place, cube, store.COMPUTED_BY)
         self.note("cubes", self.place.cube(name))
         return dataset.assign_attrs(settings)
 
@@ -186,7 +186,7 @@ def _expected(place, job, wanted):
     The seconds are predicted from some of the tiles. wanted : set of tiles, or None for all.
     """
     cube = job.cube
-    tiles = np.argwhere(np.ones(store.tile_counts(cube)))
+    tiles = np.argwhere(np.ones(cube.tile_counts))
     with suppress(store.Refused):  # the place does not exist, or the cube was deleted under way
         if cube.name in store.names(place):
             tiles = store.missing(place, cube)
@@ -198,7 +198,7 @@ def _expected(place, job, wanted):
         if time.thread_time() > end:
             break
     files = len(tiles) * (len(cube.computed) + 1)
-    size = cube.template.nbytes / 1e6 * len(tiles) / prod(store.tile_counts(cube))
+    size = cube.template.nbytes / 1e6 * len(tiles) / prod(cube.tile_counts)
     return len(tiles), files, size, len(tiles) * sum(costs) / max(1, len(costs))
 
 

@@ -1,0 +1,107 @@
+"""What the store tells of its cubes: how far sweeps are, and what is damaged.
+
+A tile was done when its commit record was written. One that is missing failed when it was last
+tried, if the store has the reason; otherwise it has not had its turn, or was not wanted. A tile is
+damaged if it has a record, and a chunk is gone or does not match its checksum, or the record's.
+"""
+
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from dataclasses import dataclass, field
+from functools import partial
+from math import nan
+
+import numpy as np
+
+from pipeline.store import tiles
+from pipeline.store.metadata import names
+from pipeline.store.place import Refused
+from pipeline.store.tiles import COMMIT, chunk_key
+
+RECENT = 300  # seconds before the last commit over which the rate is taken
+_TOLD = 10  # failures whose reasons are read
+_AT_ONCE = 1024  # tiles that are looked at together
+
+
+@dataclass(frozen=True)
+class State:
+    """How far one cube is."""
+
+    name: str
+    tiles: int = 0  # wanted so far; 0 for a cube that was written whole, or is damaged
+    done: int = 0  # tiles that are committed
+    failed: int = 0  # tiles that failed when they were last tried
+    reasons: dict[tuple[int, ...], str] = field(default_factory=dict)  # of the first few failures
+    rate: float = nan  # tiles per second in the last minutes before the last commit
+    damage: str = ""  # what hides the cube's state
+
+
+def status(place):
+    """Yield the State of each cube in the place; Refused if the place does not exist."""
+    tiles.forget()
+    for name in names(place):
+        try:
+            yield _state(place, name)
+        except Refused as damage:
+            yield State(name, damage=str(damage))
+
+
+def _state(place, name):
+    arrays = tiles.arrays_of(place, name)
+    if COMMIT not in arrays:
+        return State(name)
+    done, written = tiles.survey(place, arrays)
+    failed = []
+    for file in place.files(f"{name}.zarr/.failed"):
+        with suppress(ValueError, IndexError):  # somebody else's file
+            index = tuple(map(int, file["path"].rpartition("/")[2].split(".")))
+            failed += [] if done[index] else [index]
+    told = {i: place.read(tiles.failure_key(name, i)) for i in sorted(failed)[:_TOLD]}
+    reasons = {i: reason.decode(errors="replace") for i, reason in told.items()}
+    times = written[done]
+    recent = times[times >= times.max(initial=0) - RECENT]
+    span = np.ptp(recent) if recent.size else 0
+    rate = float((recent.size - 1) / span) if span > 0 else nan
+    wanted = place.read(tiles.wanted_key(name))
+    n_tiles = int(wanted) if wanted.isdigit() else done.size
+    return State(name, n_tiles, int(done.sum()), len(failed), reasons, rate)
+
+
+def verify(place, name, repair=False):
+    """Yield (index, what is wrong) for each damaged tile of the cube, in tile order.
+
+    The index () stands for metadata, coordinates, and all of a cube that was written whole: the
+    next run of its workflow writes these anew, and its tiles are looked at no sooner. With
+    `repair`, damaged tiles become missing.
+    """
+    tiles.forget()
+    try:
+        arrays = tiles.arrays_of(place, name)
+        tiled = tiles.blocks(arrays, (0,) * (arrays[COMMIT].ndim - 1)) if COMMIT in arrays else {}
+        for key in arrays.keys() - tiled.keys():
+            for block in np.ndindex(arrays[key].cdata_shape):
+                tiles.chunk(place, key, arrays[key], block)
+    except (Refused, ValueError) as what:
+        yield (), str(what)
+        return
+    if not tiled:
+        return
+    written = np.argwhere(np.isfinite(tiles.survey(place, arrays)[1]))
+    with ThreadPoolExecutor(8) as pool:  # an object store takes its time for each
+        for some in np.split(written, range(_AT_ONCE, len(written), _AT_ONCE)):
+            indices = list(map(tuple, some.tolist()))
+            found = pool.map(partial(tiles.damage, place, arrays), indices)
+            for index, what in zip(indices, found, strict=True):
+                if what and repair:
+                    free(place, name, index)
+                if what:
+                    yield index, what
+
+
+def free(place, name, index):
+    """Make a tile missing: delete its commit record first, then its data."""
+    arrays = tiles.arrays_of(place, name)
+    of_tile = tiles.blocks(arrays, index)
+    keys = [chunk_key(*of_tile.pop(COMMIT)), *(chunk_key(*at) for at in of_tile.values())]
+    for key in [*keys, tiles.failure_key(name, index), tiles.certificates_key(name, index)]:
+        place.delete(key)
