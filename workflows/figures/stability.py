@@ -1,45 +1,56 @@
-"""Figures of up to three panels on where each method stops being right."""
+"""Figures of up to three panels on where each method stops being right, with what was found."""
 
 import numpy as np
 from matplotlib.ticker import NullFormatter
 
 from workflows.figures.style import COLOURS, MARKERS, key, line_of, names_of, panels
 
-_METHODS = {
-    "periodic": "Greene's residue",
-    "continuation": "continuation of circles",
-    "cones": "converse KAM",
-    "barriers": "all together, last barrier",
-}
+_OK = 1  # of `status`, see `pipeline.cubes.cube`
 
 
 def draw_stability(studies):
-    """Draw a panel for each study: {name of the figure: (names of its studies, figure)}."""
-    drawn = {}
+    """Draw a panel for each study, {name: Dataset}: {name of the figure: (figure, caption)}.
+
+    Each panel is drawn by a function that returns a sentence with the numbers just measured.
+    """
+    drawn, numbers = {}, {part: number for number, part in enumerate(studies, 1)}
     for name, parts in _FIGURES.items():
         figure, drawn_on = panels(1, len(parts), 5 * max(len(parts), 1.5), 5.4)
+        said = []
         for axes, (part, draw) in zip(drawn_on, parts.items(), strict=True):
-            draw(axes, studies[part])
+            said.append(f"{numbers[part]}. {draw(axes, studies[part])}")
             axes.grid(lw=0.3)
             if entries := axes.get_legend_handles_labels()[0]:
                 below = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.16)}
                 where = {} if part == "boundary" else below  # whose labels are long, and top free
                 axes.legend(fontsize="small", ncols=1 + (len(entries) > 3), **where)
-        drawn[name] = parts, figure
+        drawn[name] = figure, "\n".join(said)
     return drawn
 
 
 def _draw_near_cusp(axes, study):
     """Draw the errors, the claimed ones dashed, and crosses where there is no answer."""
+    parts = []
     for i, name in enumerate(names_of(study.approach)):
         here, colour = study.isel(approach=i), COLOURS[i]
         off = np.maximum(here.off, 1e-14)
-        axes.plot(study.delta, off, f"{MARKERS[i]}-", color=colour, ms=4, label=_METHODS[name])
+        axes.plot(study.delta, off, f"{MARKERS[i]}-", color=colour, ms=4, label=name)
         axes.plot(study.delta, here.error, "--", color=colour, lw=1)
-        _mark_silent(axes, study.delta[(here.status != 1).values] * 1.2**i, colour)
+        _mark_silent(axes, study.delta[(here.status != _OK).values] * 1.2**i, colour)
+        over = float((here.off / (here.error + here.judge_error)).max())
+        parts.append(
+            f"{name} down to {_nearest(here, here.status == _OK):.0e}° (off by up to "
+            f"{float(here.off.max()):.0e}, and by {over:.2g} times what is claimed)"
+        )
     axes.set(xscale="log", yscale="log", xlabel=r"$45° - \varphi$ (degrees)")
     axes.set(ylabel="relative error", title="Near the cusp")
     key(axes, {"--": "claimed", "x": "no answer (on the axis)"})
+    return f"Towards the cusp at 45° answers come from {'; '.join(parts)}."
+
+
+def _nearest(study, holds):
+    """Return the least distance at which something holds, inf if nowhere."""
+    return study.delta.values[holds.values].min(initial=np.inf)
 
 
 def _mark_silent(axes, x, colour):
@@ -77,6 +88,26 @@ def _draw_past_boundary(axes, study):
     axes.set(xlabel="$s/s_c - 1$", ylim=(-0.5, len(claims) + 0.3))
     axes.set_title("Who says what on either side of the breakup")
 
+    beyond = study.isel(excess=np.flatnonzero(excess > 1e-12))
+    within = study.isel(excess=np.flatnonzero(excess < -1e-12))
+    gone = beyond.excess.where(np.isfinite(beyond.elimination_time).all("angle")).min()
+    regular = beyond.excess.where((beyond.digits >= 5).any("angle")).max()
+    seen, single = (
+        beyond.excess.where(np.isfinite(times).any("angle")).min()
+        for times in (beyond.escape_time, beyond.escape_time_single)
+    )
+    return (
+        f"Past the breakup {int((beyond.certified == 1).sum())} circles are certified. Converse "
+        f"KAM eliminates all starts from {_percent(gone)} beyond on, and wrongly in "
+        f"{int(np.isfinite(within.elimination_time).sum())} cases inside; a weighted Birkhoff "
+        f"average calls an orbit regular (5 digits) up to {_percent(regular)} beyond; 100 orbits "
+        "show an escape "
+        + (f"from {_percent(seen)} beyond on" if np.isfinite(seen) else "nowhere")
+        + (f" (in single precision from {_percent(single)})" if np.isfinite(single) else "")
+        + f"; in single precision {int(np.isfinite(within.escape_time_single).sum())} ensembles "
+        "leak through a circle inside."
+    )
+
 
 def _signed_power(x):
     return "0" if x == 0 else rf"${'-' if x < 0 else '+'}10^{{{np.log10(abs(x)):.0f}}}$"
@@ -103,6 +134,17 @@ def _draw_fractions(axes, study):
     axes.xaxis.set_minor_formatter(NullFormatter())
     axes.set_title(r"Fractions in disguise, $[0;1,…,1,a,(1)]$")
 
+    silent = [(study.status.isel(approach=i) != _OK).sum("q").values.tolist() for i in (0, 1)]
+    norms, judge = study.isel(approach=1), study.isel(approach=2)
+    wrong = int((abs(norms.value - judge.value) > norms.error + judge.error).sum())
+    large = ", ".join(f"{a:g}" for a in study.quotient.values)
+    return (
+        f"Fractions disguised as irrational, [0;1,…,1,a,(1)] with a = {large}: of {study.q.size} "
+        f"for each a residues refuse an answer in {', '.join(map(str, silent[0]))}, continuation "
+        f"in {', '.join(map(str, silent[1]))}; judged by longer orbits, continuation is further "
+        f"off than it claims in {wrong}."
+    )
+
 
 def _draw_twist(axes, study):
     """Draw lives on the dominant line, and where the twist ends."""
@@ -118,6 +160,15 @@ def _draw_twist(axes, study):
     key(axes, {"o": "converse KAM", "^": "escape", "--": "the twist ends"})
     axes.set_title("Lives on the dominant line")
 
+    beyond = study.isel(scale=np.flatnonzero((study.scale > 1.5).values))
+    lives = beyond.elimination_time.values
+    return (
+        "Beyond a scale of 1.5, to and past the end of the twist, converse KAM eliminates all "
+        f"starts in {np.isfinite(lives).sum()} of {lives.size} cases, within {np.max(lives):g} "
+        f"steps; {int((beyond.circle == _OK).sum())} circles are certified, though Birkhoff "
+        f"averages show up to {float(beyond.digits.max()):.0f} digits for other regular orbits."
+    )
+
 
 def _draw_missed(axes, study):
     axes.plot(study.kept, 100 * study.missed, "o-", label="searches that miss 1% of the life")
@@ -125,6 +176,12 @@ def _draw_missed(axes, study):
     axes.set_xscale("log", base=2)
     axes.set(xlabel="starts kept", ylabel="percent")
     axes.set_title(f"Beam search of converse KAM, {study.attrs['searches']} searches")
+    pairs = zip(study.kept.values.tolist(), study.missed.values, strict=True)
+    return (
+        "The search of converse KAM for the longest life misses 1% of it or more in these shares "
+        f"of {study.attrs['searches']} searches, by the number of starts it keeps (32 in use): "
+        f"{', '.join(f'{_percent(part)} with {number}' for number, part in pairs)}."
+    )
 
 
 def _draw_disorder(axes, study):
@@ -136,10 +193,18 @@ def _draw_disorder(axes, study):
     noises = " and ".join(f"{noise:g}" for noise in study.noise.values)
     axes.set(xlabel="scale $s$ of $s(1, 0.5)$", ylabel="part of starts")
     axes.set_title(f"Newton for 13/21, starts off by {noises}")
+    trials, worst = study.attrs["trials"], study.refused.max("noise")
+    return (
+        "From bad starts Newton's method ends on an orbit of another order in up to "
+        f"{_percent(worst.max())} of trials, from the scale "
+        f"{float(study.scale.where(worst > 0).min()):.2g} on; of all {trials * study.refused.size} "
+        f"the order check lets {round(float(study.accepted.sum()) * trials)} wrong ones pass."
+    )
 
 
 def _draw_tori(axes, study):
     """Draw brackets by the distance from a resonance, and crosses where nothing is certified."""
+    parts = []
     for i, name in enumerate(names_of(study.pair)):
         here, colour, place = study.isel(pair=i), COLOURS[i], study.delta * 1.15**i
         style = {"color": colour, "ms": 5}
@@ -147,10 +212,22 @@ def _draw_tori(axes, study):
         axes.plot(place, here.lower, "^", label=name, **style)
         axes.plot(place, here.upper, "v", mfc="none", **style)
         _mark_silent(axes, place[here.lower.isnull().values], colour)
+        shown, known = _nearest(here, here.lower.notnull()), _nearest(here, here.status == _OK)
+        parts.append(f"{name} down to {shown:.0e} (with a value, {known:.0e})")
     marks = {"^": "certified", "v": "no torus left", "s": "breakup", "x": "no torus (on the axis)"}
     key(axes, marks, "vs")
     axes.set(xscale="log", xlabel=r"distance $\delta$ from the resonance", ylabel="scale $s$")
     axes.set(ylim=(0, None), title="Tori next to a resonance, on 45°")
+    return (
+        f"Next to a resonance tori are certified for {'; '.join(parts)}; nearer, the status says "
+        f"why not. Of those {int((study.lower >= study.upper).sum())} are beyond what converse KAM "
+        f"leaves of their Ω; past that {int((study.past == _OK).sum())} of {study.past.size} are "
+        "certified, on any grid."
+    )
+
+
+def _percent(part):
+    return f"{100 * float(part):.2g}%"
 
 
 _FIGURES = {

@@ -48,7 +48,7 @@ def near_cusp(quick):
     value, error = scales["value"].T, scales["error"].T  # dims (found or judge, approach, delta)
     (claimed, uncertain), dims = error / value, ("approach", "delta")
     off = abs(value[0] - value[1]) / value[1]
-    approaches = listed("approach", "periodic", "continuation", "cones", "barriers")
+    approaches = "Greene's residue", "continuation of circles", "converse KAM", "all together"
     distance = deltas, described("distance 45° - φ from the cusp", "degree")
     variables = {
         "off": (dims, off, "difference to the sharpest value known, in parts of it"),
@@ -57,7 +57,8 @@ def near_cusp(quick):
         "status": outcomes(dims, scales["status"].T[0]),
     }
     title = "Distance to the cusp at 45 degrees"
-    return dataset(title, {"approach": approaches, "delta": distance}, variables)
+    coords = {"approach": listed("approach", *approaches), "delta": distance}
+    return dataset(title, coords, variables)
 
 
 def past_boundary(quick):
