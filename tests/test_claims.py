@@ -49,13 +49,12 @@ def test_an_erratum_is_shown_by_both_numbers_only():
 
 def test_wrong_equations_do_not_hold(monkeypatch):
     from workflows.claims import map as paper_map
-    from workflows.claims import symmetries
 
     monkeypatch.setattr(paper_map, "kick", lambda kappa, x, y: (x - y, y))
     wrong = [verdict for _, verdict in paper_map.map_claims().values()]
     assert wrong.count(Verdict.FAILS) >= 4
-    monkeypatch.setattr(symmetries, "closed_form", lambda kappa, x, y: np.array([x, x]))
-    assert symmetries.symmetry_claims()["sym_3"][1] is Verdict.FAILS
+    monkeypatch.setattr(paper_map, "closed_form", lambda kappa, x, y: np.array([x, x]))
+    assert paper_map.symmetry_claims()["sym_3"][1] is Verdict.FAILS
 
 
 def three_rays(ours, circle, six):
@@ -73,7 +72,7 @@ def three_rays(ours, circle, six):
 
 
 def test_the_envelope_and_the_hull_are_judged_by_the_numbers():
-    from workflows.claims.discussion import hull_claims
+    from workflows.claims.results import hull_claims
 
     horned = three_rays(np.array([0.5, 0.6, 1.4]), ["[0;(1)]"] * 3, 0.99)
     expected = [Verdict.FAILS, Verdict.HOLDS, Verdict.CAVEAT]
@@ -103,9 +102,8 @@ def exact():
     """The claims that take no sweep, and the errata."""
     from workflows.claims.circles import circle_claims
     from workflows.claims.errata import errata
-    from workflows.claims.map import map_claims
+    from workflows.claims.map import map_claims, symmetry_claims
     from workflows.claims.periodic import periodic_claims
-    from workflows.claims.symmetries import symmetry_claims
 
     found = map_claims() | symmetry_claims() | periodic_claims() | circle_claims()
     return rules.judged(found), errata()

@@ -6,18 +6,18 @@ Each is measured: by how much the printed form fails, and the corrected one.
 import numpy as np
 
 from nasm.maps import step
+from workflows.claims import map as paper
 from workflows.claims.circles import frames, golden_circle
 from workflows.claims.map import apart, both_kicks, generating_function, path_integral
 from workflows.claims.periodic import cubic_estimates
 from workflows.claims.rules import Erratum, printed_texts, rounding
-from workflows.claims.symmetries import ROBUST, ome5_deviations, omega
 
 
 def errata():
     """Measure each erratum by how far its two forms are off, and what rounding explains."""
-    circle, (kappa, x, y) = golden_circle((0.4, 0.2)), ROBUST
-    frame, before = frames(circle.omega, circle.kappa, circle.u), omega(kappa, x, y)
-    images = [omega(kappa, x + 0.5, y), omega(kappa, 1 - x, 1 - y)]
+    circle, (kappa, x, y) = golden_circle((0.4, 0.2)), paper.ROBUST
+    frame, before = frames(circle.omega, circle.kappa, circle.u), paper.omega(kappa, x, y)
+    images = [paper.omega(kappa, x + 0.5, y), paper.omega(kappa, 1 - x, 1 - y)]
     z2, *estimates = cubic_estimates(1e-3)
     integral = apart(path_integral, generating_function, 10)
     both = apart(step, both_kicks), rounding(2)
@@ -28,7 +28,7 @@ def errata():
         "kap": (apart(step, lambda kappa, *z: both_kicks(kappa[::-1], *z)), *both),
         "exact": (twice, integral, 1e-12),
         "reflected": (*(_largest(image - (2 - before)) for image in images), 1e-10),
-        "ome5": (*ome5_deviations(), 1e-10),
+        "ome5": (*paper.ome5_deviations(), 1e-10),
         "z_aprox": (*(abs(estimate - z2) for estimate in estimates), z2**1.5),
         "twist": (*(_largest(frame[s] - frame["shear"][0, 1]) for s in ("printed_s", "s")), 1e-10),
     }

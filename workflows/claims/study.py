@@ -9,14 +9,12 @@ from pipeline.cubes import breakdown, rotating_maps
 from pipeline.cubes.barrier import last_barrier, named, unfolded
 from workflows.claims.boundary import boundary_claims
 from workflows.claims.circles import circle_claims
-from workflows.claims.discussion import discussion_claims
 from workflows.claims.envelope import ranges, summary, wedge_angles
 from workflows.claims.errata import errata
-from workflows.claims.map import map_claims
+from workflows.claims.map import map_claims, symmetry_claims
 from workflows.claims.periodic import periodic_claims
-from workflows.claims.results import result_claims
+from workflows.claims.results import discussion_claims, result_claims
 from workflows.claims.rules import judged
-from workflows.claims.symmetries import symmetry_claims
 from workflows.shared import direct
 from workflows.shared.rays import PAPER_CIRCLES, by_phase, with_ratio
 
