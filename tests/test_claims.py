@@ -13,9 +13,9 @@ from workflows.claims import envelope, rules
 from workflows.claims.page import write
 from workflows.claims.rules import Erratum
 from workflows.shared.cli import main_of
-from workflows.shared.output import Output
 from workflows.shared.page import formula
 from workflows.shared.rules import Verdict, graded
+from workflows.shared.run import Run
 
 TESTS = Path(__file__).parent
 
@@ -119,7 +119,7 @@ def test_no_equation_fails_and_all_errata_are_shown(exact):
 def test_the_page_and_the_tables_hold_every_claim(exact, tmp_path):
     found, errata = exact
     circles, barrier = three_rays(np.array([0.5, 0.6, 1.4]), ["[0;(1)]"] * 3, 0.99)
-    ranges, run = envelope.ranges(circles, barrier), Output(tmp_path)
+    ranges, run = envelope.ranges(circles, barrier), Run(tmp_path, None, {}, False)
     write(run, found, errata, ranges, ["a summary"], "a command")
     page = (tmp_path / "claims.html").read_text(encoding="utf-8")
     for c in found:

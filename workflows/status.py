@@ -14,10 +14,10 @@ from workflows.shared.cli import command, place_options
 @place_options
 def main(out, store):
     from pipeline.store import status
-    from workflows.shared.run import cubes_of, explained
+    from workflows.shared.run import cubes_of
 
-    damaged, (place, _) = False, cubes_of(out, store)
-    with explained(place):
+    damaged = False
+    with cubes_of(out, store) as (place, _):
         for state in status(place):
             click.echo(f"{state.name}: {described(state)}")
             for index, reason in state.reasons.items():

@@ -1,4 +1,4 @@
-"""The run of a command: it holds the store, and sweeps; what it writes is of `output`.
+"""The run of a command: it holds the store, sweeps, and writes tables, figures and findings.
 
 Exit codes: 0 done; 1 tiles failed, or the workers are gone, or the disk or the object store failed;
 2 bad input, nothing touched; 130 stopped by Ctrl-C.
@@ -13,6 +13,7 @@ from math import prod
 from tempfile import TemporaryDirectory
 
 import click
+import matplotlib
 import numpy as np
 
 from pipeline import store
@@ -21,8 +22,10 @@ from pipeline.sweep.cluster import ClusterError, connect, credentials
 from pipeline.sweep.grid import tile_coords
 from pipeline.sweep.progress import Progress, duration, plural
 from pipeline.sweep.sweep import sweep
-from workflows.shared.output import Output
+from workflows.figures.style import save
+from workflows.shared.tables import write
 
+matplotlib.use("agg")  # no window is opened
 MAX_REASONS = 10  # failed tiles whose reasons are printed
 _PROBING = 0.3  # CPU seconds for which an estimate of a sweep's time looks at its tiles
 _LONG = 5  # CPU seconds of work that are announced
@@ -36,25 +39,27 @@ def place_of(out, url=None):
         raise click.UsageError(str(error)) from None
 
 
+@contextmanager
 def cubes_of(out, url):
-    """Return the Place of a run's cubes, and their names; a usage error if there are none."""
+    """Yield the Place of a run's cubes, and their names, as within `explained`; a usage error if
+    there are none."""
     with explained(place := place_of(out, url)):
-        if names := store.names(place):
-            return place, names
-        raise store.Refused(f"{place} holds no cubes; give the --out or --store of a run")
+        if not (names := store.names(place)):
+            raise store.Refused(f"{place} holds no cubes; give the --out or --store of a run")
+        yield place, names
 
 
-class Run(Output):
+class Run:
     """The run of one command: what it writes, and the cubes that it keeps or sweeps in its place.
 
-    out : directory of tables and figures.
+    out : directory of tables and figures; it must exist when something is written.
     place : Place of the cubes.
     cluster : arguments of `cluster.connect`.
     dry : only say what would be computed, and end.
     """
 
     def __init__(self, out, place, cluster, dry):
-        super().__init__(out)
+        self.out, self.words, self.written = out, [], {}
         self.place, self.cluster, self.dry = place, cluster, dry
         self.client, self.started = None, False
         self.plan, self.begun = {}, {}
@@ -111,8 +116,7 @@ class Run(Output):
 
     def check(self, cube):
         """Refuse to go on if the place holds this cube with other settings; true if it is there."""
-        with explained(self.place):
-            return store.check(self.place, cube, store.COMPUTED_BY)
+        return store.check(self.place, cube, store.COMPUTED_BY)
 
     def sweep(self, job, wanted=None):
         """Compute the missing tiles of the job's cube, or those `wanted`; return it as a Dataset.
@@ -131,12 +135,11 @@ class Run(Output):
     def whole(self, cube, *parts):
         """Return a cube that was kept, as a Dataset; None if it is not in the place, or if tiles
         are missing of the sweeps `parts` that it was made from. A usage error as by `check`."""
-        with explained(self.place):
-            if not self.check(cube):
-                return None
-            known = [state for state in store.status(self.place) if not state.damage]
-            done = {state.name for state in known if state.done >= state.tiles}
-            return store.read(self.place, cube.name) if done.issuperset(parts) else None
+        if not self.check(cube):
+            return None
+        known = [state for state in store.status(self.place) if not state.damage]
+        done = {state.name for state in known if state.done >= state.tiles}
+        return store.read(self.place, cube.name) if done.issuperset(parts) else None
 
     def keep(self, name, dataset, tile=None, **settings):
         """Write a cube that no sweep computes, whole; return it as a Dataset."""
@@ -144,6 +147,36 @@ class Run(Output):
         store.replace(self.place, cube, store.COMPUTED_BY)
         self.note("cubes", self.place.cube(name))
         return dataset.assign_attrs(settings)
+
+    def table(self, name, dataset):
+        """Write a Dataset as OUT/NAME.csv."""
+        write(dataset, self.path("tables", f"{name}.csv"))
+
+    def figure(self, name, figure, caption=""):
+        """Write OUT/NAME.png and .pdf, and the caption beside them; the caption is printed too."""
+        for path in save(figure, self.out, name, caption):
+            self.note("figures", path)
+        self.say(caption)
+
+    def path(self, kind, name):
+        """Return the path OUT/NAME of a file, named at the end among those of its kind."""
+        return self.note(kind, f"{self.out}/{name}")
+
+    def say(self, words):
+        """Print a finding at the end, before the paths."""
+        self.words.append(words)
+
+    def note(self, kind, path):
+        """Have the path named at the end, among those of its kind; return it."""
+        self.written.setdefault(kind, {})[path] = None  # once, in order
+        return path
+
+    def finish(self):
+        """Print what was found, and where it is."""
+        for line in "\n".join(self.words).splitlines():
+            click.echo(click.wrap_text(line, 100))
+        for kind, paths in self.written.items():
+            click.echo(f"{kind + ':':9}{', '.join(paths)}")
 
 
 @contextmanager

@@ -23,10 +23,10 @@ from workflows.shared.cli import command, flag, place_options, real
 def main(out, store, repair, proofs, longest):
     from pipeline.store import driving, verify
     from pipeline.sweep.progress import plural
-    from workflows.shared.run import cubes_of, explained
+    from workflows.shared.run import cubes_of
 
-    n_damaged, (place, names) = 0, cubes_of(out, store)
-    with explained(place), driving(place) if repair else nullcontext():
+    n_damaged = 0
+    with cubes_of(out, store) as (place, names), driving(place) if repair else nullcontext():
         for name in names:
             damaged = list(verify(place, name, repair))
             n_damaged += len(damaged)
