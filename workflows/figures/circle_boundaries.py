@@ -70,11 +70,9 @@ def draw_tips(residues, circles, barrier):
     )
 
 
-def draw_circles(axes, breakdown):
-    """Draw the curves (x, y) of each ω; and (-x, -y), where that half is left to symmetry."""
-    (x, y), whole = planes.in_plane(breakdown), planes.whole_of(breakdown)
+def draw_circles(axes, breakdown, **more):
+    """Draw the curves of each ω around the plane."""
+    (x, y), whole = planes.outline(breakdown), planes.whole_of(breakdown)
     for i, text in enumerate(breakdown.circle.values):
-        look = style.circle_style(text, whole) | {"marker": "", "lw": 1.3}
+        look = style.circle_style(text, whole) | {"marker": "", "lw": 1.3} | more
         axes.plot(x[i], y[i], label=style.omega_label(text), **look)
-        if breakdown.angle[-1] <= 180:
-            axes.plot(-x[i], -y[i], **look)

@@ -2,20 +2,18 @@
 
 import numpy as np
 
+from workflows.figures.circle_boundaries import draw_circles
 from workflows.figures.escape_plane import draw_field
 from workflows.figures.last_barrier import draw_last_barrier
-from workflows.figures.planes import in_plane, of_two_kicks, whole_of
-from workflows.figures.style import circle_style, in_column, known, omega_label, power
+from workflows.figures.planes import in_plane, of_two_kicks
+from workflows.figures.style import in_column, known, power
 
 
 def draw_critical_boundary(plane, circles, barrier):
     """Draw the escape field and CB_ω of the circles behind what `draw_last_barrier` draws."""
     figure, axes = draw_last_barrier(barrier)
     draw_field(axes, plane)
-    circles = known(circles)
-    for i, text in enumerate(circles.circle.values):
-        style = circle_style(text, whole_of(barrier)) | {"marker": "", "lw": 0.7}
-        axes.plot(*(part[i] for part in in_plane(circles)), label=omega_label(text), **style)
+    draw_circles(axes, known(circles), lw=0.7)
     ends = [(float(c.min()), float(c.max())) for c in in_plane(plane)]
     axes.set(xlim=ends[0], ylim=ends[1])
     steps = power(plane.attrs["n_max"])

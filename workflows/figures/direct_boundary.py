@@ -42,10 +42,9 @@ def draw_half_plane(boundary, barrier, insets):
         plane.annotate(f"({letter})", forcing, at, fontsize="small", zorder=5, **side)
     where = {"location": "bottom", "aspect": 40} if style.in_column() else {"aspect": 15}
     below.colorbar(shown, ax=cells, label="visits", **where)
-    columns = ("kappa1", "kappa2", "lowest", "highest")
     ranges = "; ".join(
-        f"({kappa1:g}, {kappa2:g}): {lowest:.3g} to {highest:.3g}"
-        for kappa1, kappa2, lowest, highest in insets[[*columns]].to_array().values.T
+        f"({row.kappa1:g}, {row.kappa2:g}): {row.lowest:.3g} to {row.highest:.3g}"
+        for row in insets.drop_dims(["x", "y"]).to_dataframe().itertuples()
     )
     return figure, (
         "The same in the upper half plane, and at the forcings marked there how often the orbit of "

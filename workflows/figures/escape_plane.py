@@ -37,10 +37,8 @@ def draw_escape_plane(plane, steps):
 def draw_field(axes, plane):
     """Draw the field on a log scale, cells without escape light grey; return the field."""
     field = plane.escape_time.isel(ensemble=-1).values
-    extent = []
-    for axis in (x.values for x in in_plane(plane)):
-        half = (axis[1] - axis[0]) / 2
-        extent += [axis[0] - half, axis[-1] + half]
+    ends = [plane[f"{axis.name}_bounds"].values for axis in in_plane(plane)]
+    extent = [end for of_axis in ends for end in (of_axis.min(), of_axis.max())]
     finite = np.where(np.isfinite(field), field, np.nan)
     earliest = max(1.0, np.nanmin(finite)) if np.isfinite(finite).any() else 1.0
     colours = colormaps["magma"].with_extremes(bad=style.NO_ESCAPE)

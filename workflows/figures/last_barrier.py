@@ -19,7 +19,7 @@ def draw_last_barrier(barrier):
         plane, strip, cusp = panels.values()
     whole = planes.whole_of(barrier)
     classes = np.array([style.circle_class(text, whole) for text in barrier.circle.values])
-    planes.fill_inside(plane, barrier, lw=0, zorder=0.5)
+    planes.fill_inside(plane, barrier)
     _draw_arcs(plane, barrier, classes, 3.5)
     planes.label_plane(plane, barrier)
     plane.set_title("Where the last barrier breaks")

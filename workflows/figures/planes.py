@@ -43,15 +43,26 @@ def label_plane(axes, dataset):
         axes.set_ylim(0, None)
 
 
+def outline(curve, factor=1):
+    """Return both coordinates of a curve on rays, times a factor, all around the plane.
+
+    It is closed by (-x, -y) where its rays end at 180°: that half is left to symmetry.
+    """
+    x, y = (factor * part for part in in_plane(curve))
+    if curve.angle[-1] > 180:
+        return x.values, y.values
+    return [np.concatenate([part, -part, part[..., :1]], axis=-1) for part in (x, y)]
+
+
 def fill_inside(axes, barrier, **style):
     """Fill the region where barriers are left, but around rays without an answer."""
-    axes.fill(*np.nan_to_num(in_plane(barrier)), color=INSIDE, **style)
+    axes.fill(*np.nan_to_num(outline(barrier)), facecolor=INSIDE, zorder=0.5, **style)
 
 
 def tip_of(axes, barrier, low):
     """Return an inset of two kicks' tip at 45°, framed, from `low` to 0.98 of both strengths."""
     tip, ends = axes.inset_axes([0.4, 0.05, 0.2, 0.27]), (low, 0.98)
-    fill_inside(tip, barrier, lw=0)
+    fill_inside(tip, barrier)
     tip.set(xlim=ends, ylim=ends, xticks=ends, yticks=ends, aspect="equal")
     tip.set_title("the tip, framed", fontsize="small", pad=3)
     tip.tick_params(labelsize="x-small")

@@ -29,16 +29,12 @@ def draw_proved_boundary(barrier):
     near.set(xlabel=r"angle $\varphi$ of the ray (degrees)", ylabel=r"$|s/s_c - 1|$")
     near.set_title("How far from the breakup; other angles are images")
     near.legend(loc="center", bbox_to_anchor=(0.5, 0.62))
-    return figure, _caption(barrier)
-
-
-def _caption(barrier):
     width = ((barrier.proved_upper - barrier.proved_lower) / barrier.critical_scale).values
     proved = np.isfinite(width)
     if not proved.any():
-        return "Nothing was proved on both sides of any ray; allow more --seconds."
+        return figure, "Nothing was proved on both sides of any ray; allow more --seconds."
     below = float((barrier.proved_below / barrier.critical_scale).median())
-    return (
+    return figure, (
         f"On {proved.sum()} of {width.size} rays around the plane a barrier is proved to exist at "
         "one forcing, and transport to be global at another one, in the median "
         f"{100 * np.nanmedian(width):.2g}% of the scale apart, at most "

@@ -3,7 +3,8 @@
 import numpy as np
 
 from workflows.figures.circle_boundaries import draw_circles
-from workflows.figures.style import INSIDE, colour_of, in_column, outer_legend, panels, power
+from workflows.figures.planes import fill_inside, outline
+from workflows.figures.style import colour_of, in_column, outer_legend, panels, power
 
 
 def draw_rotating_circles(circles, two, direct):
@@ -27,10 +28,11 @@ def draw_rotating_tori(tori, two, direct):
     """Draw the breakup of tori by the residue of long orbits, against CB_gt of T, Fig. 11."""
     title = "Tori of rotating standard maps, and the last circle of $T$"
     figure, parts = _plane(title, two, direct, tori.critical_scale, 0.4)
+    x, y = outline(tori.assign_attrs(two.attrs))  # in the plane of T, though of other frequencies
     for part in parts:
         for i, vector in enumerate(tori.vector.values):
             look = {"color": colour_of(i), "ls": ("-", "--", "-.")[i % 3], "lw": 1.1}
-            draw_diamond(part, tori.isel(frequency=i), label=f"torus ({vector})", **look)
+            part.plot(x[i], y[i], label=f"torus ({vector})", **look)
     outer_legend(figure, 2)
     wide = 100 * float((tori.error / tori.critical_scale).median())
     outside = " ".join(
@@ -56,19 +58,20 @@ def _plane(title, two, direct, scale, inner):
     figure, (axes,) = panels(1, 1, 7, 8.6)
     parts = axes, *_tips(axes, inner)
     for part in parts:
-        fill_diamond(part, two, r"$\mathit{CB}_{gt}$ of $T$" if part is axes else None)
+        label = r"$\mathit{CB}_{gt}$ of $T$" if part is axes else None
+        fill_inside(part, two, edgecolor="black", lw=1, label=label)
     # Next to the axes the rays are as close as the onset is uncertain: a fence of spikes.
     away = np.abs((direct.angle.values + 45) % 90 - 45)
     onset = direct.isel(angle=np.flatnonzero((away == 0) | (away > 2)))
     words = rf"transport of $T$ within ${power(direct.attrs['n_max'])}$ steps"
     look = {"color": "black", "lw": 0.6, "label": words}
-    draw_diamond(axes, onset, onset.upper / onset.critical_scale, **look)
+    axes.plot(*outline(onset, onset.upper / onset.critical_scale), **look)
     unknown = [each.isnull().any({*each.dims} - {"angle"}) for each in (scale, direct.upper)]
     angles = np.concatenate([each.angle.values[each.values] for each in unknown])
     if angles.size:
         silent = two.sel(angle=np.unique(angles), method="nearest")
         look = {"ls": "", "marker": "x", "color": "0.3", "ms": 5, "zorder": 4}
-        draw_diamond(axes, silent, label="no answer on this ray", **look)
+        axes.plot(*outline(silent), label="no answer on this ray", **look)
     axes.set(xlabel=r"$\bar\kappa$", ylabel=r"$\Delta\kappa$", aspect="equal", title=title)
     return figure, parts
 
@@ -102,17 +105,6 @@ def where_above(angle, ratio):
     return ", ".join(parts) or least
 
 
-def draw_diamond(axes, curve, factor=1, **style):
-    """Draw a boundary, times a factor, around the plane: with (κ̄, Δκ) it contains (-κ̄, -Δκ)."""
-    axes.plot(*_closed(factor * curve.kappa_mean, factor * curve.kappa_amplitude), **style)
-
-
-def fill_diamond(axes, two, label):
-    """Draw CB_gt of T, and grey inside."""
-    outline = _closed(two.kappa_mean, two.kappa_amplitude)
-    axes.fill(*outline, facecolor=INSIDE, edgecolor="black", lw=1, zorder=0.5, label=label)
-
-
 def _tips(axes, inner):
     """Return insets of the tips on both axes, from `inner` to 1; in a column there are none."""
     if in_column():
@@ -124,7 +116,3 @@ def _tips(axes, inner):
         tip.tick_params(labelsize="x-small", direction="in", pad=2)
         axes.indicate_inset_zoom(tip, edgecolor="0.4", lw=0.6)
     return right, top
-
-
-def _closed(x, y):
-    return [np.concatenate([values, -values, values[:1]]) for values in (x, y)]

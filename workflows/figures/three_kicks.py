@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from workflows.figures import style
-from workflows.figures.rotating import draw_diamond, fill_diamond, where_above
+from workflows.figures import planes, style
+from workflows.figures.rotating import where_above
 
 
 def draw_three_kicks(three, two):
@@ -20,10 +20,11 @@ def draw_three_kicks(three, two):
         left, right = figure.subfigures(1, 2, width_ratios=[1.05, 1])
     plane, strips = left.subplots(), right.subplots(len(exact), sharex=True, squeeze=False)[:, 0]
     circles = three.circle.transpose("phase", "angle").values  # κ and -κ are alike, ω is not
-    fill_diamond(plane, two, r"$\mathit{CB}_{gt}$ of $T$ ($\Omega = 1/2$)")
+    label = r"$\mathit{CB}_{gt}$ of $T$ ($\Omega = 1/2$)"
+    planes.fill_inside(plane, two, edgecolor="black", lw=1, label=label)
     for i, strip in enumerate(strips):
         curve = three.isel(phase=i)
-        draw_diamond(plane, curve, color="0.6", lw=0.6)
+        plane.plot(*planes.outline(curve), color="0.6", lw=0.6)
         for sign in (1, -1):
             points = sign * curve.kappa_mean, sign * curve.kappa_amplitude
             style.draw_points(plane, *points, circles[i], zorder=3)
