@@ -27,7 +27,7 @@ SMALLEST = {
     "patterns": "--quick --tol 0.1",
     "period_one": "--primary -4:4:20 --secondary 0:8:10",
     "portraits": "--n-orbits 2 --steps 10",
-    "ramp": "--quick --slowest 1e-3",
+    "ramp": "--quick",
     "rotating": "--angles 2 --tips 0 --n-max 64 --n-orbits 4",
     "self_consistent": "--coupling 0.5 --particles 256 --kicks 4096",
     "stability": "--quick",

@@ -243,9 +243,6 @@ def _computed(kappa, box, added, every, with_lines, shape):
         told.insert(0, f"The one added at ({x:.6g}, {y:.6g}): {orbit_words(kappa, x, y)}.")
     curves["profile"] = _rotations(kappa, box)
     for portrait in portraits(kappa, box, added, every):
-        if portrait is None:
-            yield None
-            continue
         chaotic = int(np.isnan(portrait.omega).sum())
         words = f"{portrait.sizes['orbit']} orbits, {chaotic} of them chaotic (grey)."
         yield portrait, _pixels(portrait, shape, len(added)), {**curves}, " ".join([words, *told])

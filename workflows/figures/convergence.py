@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.ticker import LogLocator
 
-from workflows.figures.style import colour_of, in_column, mark_gaps, names_of, panels, power
+from workflows.figures.style import colour_of, mark_gaps, names_of, outer_legend, panels, power
 
 
 def draw_convergence(bias, fits):
@@ -31,10 +31,7 @@ def draw_convergence(bias, fits):
     for axes in (direct, orbits):
         axes.grid(lw=0.3)
     _plain(direct.yaxis)
-    if in_column():
-        figure.legend(*direct.get_legend_handles_labels(), loc="outside upper center", ncols=2)
-    else:
-        direct.legend(fontsize="x-small", loc="upper right")
+    outer_legend(figure, 4, 2)
     etas = ", ".join(f"{_fitted(*fit)} at {angle:g}°" for angle, fit in fits.items())
     return figure, (
         f"Bias against effort on rays at {', '.join(f'{angle:g}°' for angle in fits)}, in parts "

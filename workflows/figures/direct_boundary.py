@@ -18,7 +18,17 @@ def draw_rays(boundary, barrier, last=90):
     if last == 90:
         axes.set(xlim=(0, None))
     axes.legend(loc="lower left" if last == 90 else "best")
-    return figure, describe(boundary)
+    n = ", ".join(map(str, boundary.n.values))
+    medians = boundary.bias.median("angle").values
+    biases = ", ".join(f"{100 * b:.2g}%" if np.isfinite(b) else "more" for b in medians)
+    return figure, (
+        "The boundary of global transport by direct iteration: the forcings on "
+        f"{boundary.sizes['angle']} rays from which outwards some of {boundary.n_orbits} orbits "
+        f"that start in [0, 1] × [0, 0.3] leaves -2 ≤ y ≤ 2.3 within N = {n} steps, to "
+        f"{100 * boundary.spacing:.0f}% of their distance from the line; the line is the true "
+        "boundary, bracketed between certified circles and converse KAM. They lie outside it by "
+        f"{biases} (medians over the rays)."
+    )
 
 
 def draw_half_plane(boundary, barrier, insets):
@@ -50,21 +60,6 @@ def draw_half_plane(boundary, barrier, insets):
         "The same in the upper half plane, and at the forcings marked there how often the orbit of "
         f"({insets.start[0]:g}, {insets.start[1]:g}) visits the parts of the "
         f"cell in {insets.steps} steps (white: never); its range of y, not reduced, at {ranges}."
-    )
-
-
-def describe(boundary):
-    """Describe both figures: settings and bias."""
-    n = ", ".join(map(str, boundary.n.values))
-    medians = boundary.bias.median("angle").values
-    biases = ", ".join(f"{100 * b:.2g}%" if np.isfinite(b) else "more" for b in medians)
-    return (
-        "The boundary of global transport by direct iteration: the forcings on "
-        f"{boundary.sizes['angle']} rays from which outwards some of {boundary.n_orbits} orbits "
-        f"that start in [0, 1] × [0, 0.3] leaves -2 ≤ y ≤ 2.3 within N = {n} steps, to "
-        f"{100 * boundary.spacing:.0f}% of their distance from the line; the line is the true "
-        "boundary, bracketed between certified circles and converse KAM. They lie outside it by "
-        f"{biases} (medians over the rays)."
     )
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from workflows.figures.style import circle_class, circle_style, in_column, mark_gaps, panels
+from workflows.figures.style import circle_class, circle_style, mark_gaps, outer_legend, panels
 
 
 def draw_flux(fluxes, fits):
@@ -25,10 +25,7 @@ def draw_flux(fluxes, fits):
     whole.plot(x, 3 * middle * x**eta, "--", color="0.5", label=law)
     whole.set(title="Flux through the last circle, broken", yscale="log")
     whole.set_ylabel(r"$\Delta W$ per step (turns $\times$ $y$)")
-    if in_column():
-        figure.legend(loc="outside upper center", fontsize="small")
-    else:
-        whole.legend(fontsize="x-small")
+    outer_legend(figure, 3)
     divided.set(title=rf"The same, divided by $x^{{{eta:.4f}}}$", ylim=(0, None))
     if {0.0, 45.0} <= set(fluxes.angle.values.tolist()):
         ratio = float(fits.amplitude.sel(angle=45) / fits.amplitude.sel(angle=0))

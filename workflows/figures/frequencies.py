@@ -54,14 +54,13 @@ def _cut(axes, limits, fractions):
 def _parts(cube):
     """Return {Ω: (lower, upper)} of irrational Ω, and of Fractions, with arrays over the phases."""
     limits, fractions = {}, {}
-    ends = np.stack([cube.lower, cube.upper], axis=-1)
-    for name, Ω, both in zip(cube.forcing.values, cube.frequency.values, ends, strict=True):
-        frequency, comma, _ = name.partition(",")
-        if comma:
-            fractions.setdefault(Fraction(frequency), []).append(both)
+    for Ω, here in cube.groupby("frequency"):
+        ends = np.stack([here.lower, here.upper])
+        if here.phase.isnull().all():
+            limits[Ω] = ends[:, 0]
         else:
-            limits[float(Ω)] = both
-    return limits, {Ω: np.transpose(ends) for Ω, ends in fractions.items()}
+            fractions[Fraction(Ω).limit_denominator(64)] = ends
+    return limits, fractions
 
 
 def _draw_convergents(axes, limits, fractions):

@@ -2,10 +2,9 @@
 
 import numpy as np
 from matplotlib import colormaps
-from matplotlib.cm import ScalarMappable
-from matplotlib.colors import ListedColormap, Normalize, to_hex
+from matplotlib.colors import ListedColormap, to_hex
 
-from workflows.figures.style import dots, in_column
+from workflows.figures.style import in_column
 
 CHAOTIC = "#b3b3b3"
 COLOURS = [to_hex(colour) for colour in colormaps["viridis"](np.linspace(0, 0.93, 254))]
@@ -38,14 +37,13 @@ def places(orbits):
 
 def draw_orbits(axes, orbits):
     """Draw the points of the orbits, the chaotic ones grey and behind, and a bar of the colours."""
-    x, y = orbits.x.values, orbits.y.values
-    colour = places(orbits)[orbits.which.values]
-    for place in np.unique(colour // 4):  # few artists are quick to draw
-        here = colour // 4 == place
-        colour_here = CHAOTIC if place < 0 else COLOURS[4 * place]
-        axes.plot(x[here], y[here], **dots(colour_here, 1.2))
-    low, high = ends(orbits)
-    scale = ScalarMappable(Normalize(low, high), ListedColormap(COLOURS))
+    omega = orbits.near.values[orbits.which.values]
+    order = np.argsort(np.isfinite(omega), kind="stable")
+    (low, high), size = ends(orbits), 0.6 if in_column() else 1.2
+    look = {"vmin": low, "vmax": high, "plotnonfinite": True, "rasterized": True, "linewidths": 0}
+    look["cmap"] = ListedColormap(COLOURS).with_extremes(bad=CHAOTIC)
+    x, y = orbits.x.values[order], orbits.y.values[order]
+    scale = axes.scatter(x, y, size**2, omega[order], ".", **look)
     label = rf"$\omega$ of the orbit, in $[0, {len(orbits.attrs['kappa']) / 2:g}]$; grey: chaotic"
     location = "bottom" if in_column() else "right"
     axes.figure.colorbar(scale, ax=axes, label=label, shrink=0.8, location=location)

@@ -13,7 +13,7 @@ from workflows.shared.phase_space import in_box
 
 MANIFOLDS = {"unstable": manifolds.unstable, "stable": manifolds.stable}
 _LENGTH = 8.0  # turns of all branches of a kind together
-_SIDE, _CHUNK, _MOST_PERIODS = 48, 32, 8192  # of an ensemble: starts along a side, periods
+_SIDE, _DOUBLINGS = 48, 13  # of an ensemble: starts along a side, of the number of periods
 _LOOK = 0.15  # seconds, so that one sees it spread
 _MOST_Q = 60  # of the convergents whose residues are followed
 _N_RESIDUES, PLACES = 3, 60  # places along a segment, besides its start
@@ -26,22 +26,15 @@ def spreading(kappa, box):
     left, bottom, width, height = box
     places = 0.45 + 0.1 * (np.arange(_SIDE) + 0.5) / _SIDE
     x, y = map(np.ravel, np.meshgrid(left + width * places, bottom + height * places))
-    first, n, shown, squares = y, 0, 1, np.zeros_like(y)
-    found = {"n": [], "variance": []}
-    while n < _MOST_PERIODS:
-        steps = min(_CHUNK, shown - n)
-        (_, x), (_, y) = orbits.orbit(np.tile(kappa, steps), x, y, 1)
-        n += steps
-        if n < shown:
-            yield None
-            continue
+    first, squares, found = y, 0.0, {"n": [], "variance": []}
+    for n in 2 ** np.arange(_DOUBLINGS + 1):
+        (_, x), (_, y) = orbits.orbit(np.tile(kappa, n - n // 2), x, y, 1)
         before, squares = squares, (y - first) ** 2
-        found = {"n": [*found["n"], n], "variance": [*found["variance"], squares.mean()]}
+        found = {"n": [*found["n"], int(n)], "variance": [*found["variance"], squares.mean()]}
         rates = (squares - before) / n  # from n/2 to n
         words = f"The ensemble after {plural(n, 'period')}: variance {squares.mean():.4g}, "
         words += f"D = {rates.mean():.3g} ± {rates.std() / rates.size**0.5:.1g} a period."
         yield {"x": x, "y": y}, found, words
-        shown *= 2
         sleep(_LOOK)
 
 

@@ -17,58 +17,37 @@ CELL = (0.0, -0.25, 1.0, 1.0)
 
 _ORBITS, _STEPS = 80, 600
 _AVERAGED = 2000, 10**5  # steps, the least and the most
-_TOGETHER = 10  # orbits that are averaged at once
-_KICKS = 5 * 10**5  # a chunk, of some 10 ms
-_MOST_KICKS, _MOST_POINTS = 10**8, 2 * 10**5  # a second or two; enough for a screen
+_MOST_KICKS, _ENOUGH = 10**8, 2 * 10**5  # a second or two; points for a screen
 
 
 def portrait(kappa):
     """Return the portrait of the whole cell, as the figure of `ask` has it; see `portraits`."""
-    return next(found for found in portraits(kappa, first=_STEPS) if found is not None)
+    return next(portraits(kappa, first=_STEPS))
 
 
 def portraits(kappa, box=CELL, added=(), every=None, first=1000):
-    """Yield the portrait of a box with more and more points, at once and each time it has doubled.
+    """Yield the portrait of a box with more and more points, each time with twice the steps.
 
     kappa : one period of kicks. box : as for `orbits.passages`. added : (x, y) of more starts.
     every : kicks from one point to the next, default one step. first : points of each orbit, in the
-    box or not, until it is yielded for the first time.
+    box or not, when it is yielded for the first time.
 
     A Dataset of x and y (point), which, the number of its orbit (point); start_x, start_y, omega,
     NaN if chaotic, and near (orbit): ω in [0, P/2], as ±ω and all ω + P·n are alike. ω is averaged
-    over as many steps as are drawn, 2000 to 10⁵. None now and then in between, so that it may be
-    closed.
+    over as many steps as are drawn, 2000 to 10⁵.
     """
     kappa = forcing(kappa)
     starts = np.concatenate([_starts(box), np.reshape(added, (-1, 2))]).T
-    found, state, done, shown = [], starts, 0, first
-    while True:
-        chunk = max(1, _KICKS // (starts[0].size * (every or kappa.size)))
-        steps = min(chunk, shown - done)
-        *points, state = orbits.passages(kappa, *state, steps, box, every)
-        found.append(points)
-        done += steps
-        total = sum(which.size for which, *_ in found)
+    found, state, done, over = [], starts, 0, False
+    while not over:
+        *more, state = orbits.passages(kappa, *state, done or first, box, every)
+        found.append(more)
+        done += done or first
+        omega, _ = orbits.rotation_number(kappa, *starts, int(np.clip(done, *_AVERAGED)))
+        which, x, y = map(np.concatenate, zip(*found, strict=True))
+        yield _dataset(kappa, box, starts, omega, which, x, y)
         kicks = done * starts[0].size * (every or kappa.size)
-        over = kicks > _MOST_KICKS or total > _MOST_POINTS
-        if done == shown or over:
-            omega = yield from _averages(kappa, starts, int(np.clip(done, *_AVERAGED)))
-            points = map(np.concatenate, zip(*found, strict=True))
-            yield _dataset(kappa, box, starts, omega, *points)
-            shown *= 2
-            if over:
-                return
-        else:
-            yield None
-
-
-def _averages(kappa, starts, n):
-    """Return the rotation numbers, by way of None now and then."""
-    found = []
-    for i in range(0, starts[0].size, _TOGETHER):
-        found.append(orbits.rotation_number(kappa, *starts[:, i : i + _TOGETHER], n)[0])
-        yield None
-    return np.concatenate(found)
+        over = 2 * kicks > _MOST_KICKS or which.size > _ENOUGH
 
 
 def _starts(box):
