@@ -1,6 +1,5 @@
 """What captions say where there is little to say: no nan, and percents in plain digits."""
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 import xarray as xr
@@ -19,12 +18,6 @@ from workflows.figures.tori import draw_breakups
 from workflows.flux import study as flux
 from workflows.shared.boundary_words import boundary_found, direct_found
 from workflows.shared.direct import exponent
-
-
-@pytest.fixture(autouse=True)
-def _closed():
-    yield
-    plt.close("all")
 
 
 @pytest.mark.parametrize(

@@ -4,11 +4,11 @@ For kicks that come once, the kicks and the lives of starts.
 """
 
 import numpy as np
-from matplotlib.figure import Figure
 
+from workflows.figures import style
 from workflows.figures.phase_space import draw_orbits, draw_survivor
 from workflows.figures.planes import symbols
-from workflows.figures.style import COLOURS, COLUMN, VERMILION, cell, circle_style, dots, in_column
+from workflows.figures.style import COLOURS, VERMILION, cell, dots
 
 _ESCAPING, _BREAKUP = VERMILION, COLOURS[0]
 _PLAIN = {"frameon": False, "fontsize": "small"}  # legends
@@ -24,24 +24,21 @@ def draw_verdict(kappa, point, name, verdict, orbits, longest, escaping):
     longest, escaping : (steps, x, y) of the start that lives longest, (x, y) of an orbit; or None.
     """
     bracket = verdict.boundary.lower, verdict.boundary.value, verdict.boundary.upper
-    if in_column():
-        figure = Figure(figsize=(COLUMN, 2.2 * COLUMN), layout="constrained")
+    figure = style.canvas(11, 6.2, 2.2)
+    if style.in_column():
         axes, time, where = figure.subplots(3, height_ratios=[1.8, 0.8, 1.2])
     else:
-        figure = Figure(figsize=(11, 6.2))  # places are given: a layout engine takes half a second
-        places, gaps = [["plane", "time"], ["plane", "where"]], {"hspace": 0.45, "wspace": 0.12}
-        gaps |= {"left": 0.06, "right": 0.98, "bottom": 0.08, "top": 0.88}
-        panels = figure.subplot_mosaic(places, width_ratios=[1.7, 1], gridspec_kw=gaps)
-        axes, time, where = panels.values()
+        places = [["plane", "time"], ["plane", "where"]]
+        axes, time, where = figure.subplot_mosaic(places, width_ratios=[1.7, 1]).values()
     draw_orbits(axes, orbits)
     if verdict.circle is not None:
         omega = str(verdict.boundary.omega)
-        style = circle_style(omega) | {"marker": "", "ls": "-", "lw": 1.8, "zorder": 3}
+        look = style.circle_style(omega) | {"marker": "", "ls": "-", "lw": 1.8, "zorder": 3}
         x, y = (values[:: max(1, values.size // 4096)] for values in verdict.circle)
         x, y = (x % 1)[order := np.argsort(x % 1)], cell(y)[order]
         # One point more at each end, so that the period is covered.
         x, y = np.r_[x[-1] - 1, x, x[0] + 1], np.r_[y[-1], y, y[0]]
-        axes.plot(x, y, label=rf"certified circle, $\omega = {omega}$", **style)
+        axes.plot(x, y, label=rf"certified circle, $\omega = {omega}$", **look)
     if longest is not None:
         steps, x, y = longest
         words = f"longest-lived start, {steps:g} steps: not a barrier"
@@ -116,8 +113,7 @@ def draw_once(kappa, survivor, y, lives):
     survivor : `converse_kam.sequence.Survivor`. y, lives : of starts on its line; inf for those
     that survive.
     """
-    figure = Figure(figsize=(COLUMN, 6) if in_column() else (11, 4), layout="constrained")
-    kicks, line = figure.subplots(*((2, 1) if in_column() else (1, 2)))
+    figure, (kicks, line) = style.panels(1, 2, 11, 4)
     kicks.plot(np.arange(1, kappa.size + 1), kappa, ".-", color="0.6", ms=3, lw=0.5)
     here, reach = survivor.site + 1, min(survivor.kicks, kappa.size)
     kicks.axvspan(max(1, here - reach), min(kappa.size, here + reach), color="black", alpha=0.12)

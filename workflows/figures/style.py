@@ -1,13 +1,13 @@
 """What all figures share: colours, numbers in TeX, and how a figure is saved."""
 
 import json
-import sys
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 
 import matplotlib
 import numpy as np
+from matplotlib.figure import Figure
 from pandas import Series
 
 # Blue, orange, green, sky, red, violet, indigo: 17 or more apart in CIE Lab as a deuteranope and a
@@ -72,10 +72,8 @@ def in_column():
 
 def canvas(width, height, tall):
     """Return an empty figure of that size, in a column `tall` times as high as it is wide."""
-    import matplotlib.pyplot as plt
-
     figsize = (COLUMN, tall * COLUMN) if in_column() else (width, height)
-    return plt.figure(figsize=figsize, layout="constrained")
+    return Figure(figsize=figsize, layout="constrained")
 
 
 def panels(rows, columns, width, height, stack=True, **settings):
@@ -117,8 +115,6 @@ def save(figure, out, name, caption="", kinds=("png", "pdf")):
     for path in paths:
         key = "Subject" if path.endswith("pdf") else "Description"
         figure.savefig(path, dpi=figure.dpi, metadata={key: caption})
-    if "matplotlib.pyplot" in sys.modules:  # which keeps its figures; importing it takes a while
-        sys.modules["matplotlib.pyplot"].close(figure)
     if caption:
         Path(f"{out}/{name}.txt").write_text(f"{caption}\n", encoding="utf-8")
     return paths

@@ -13,7 +13,6 @@ from math import prod
 from tempfile import TemporaryDirectory
 
 import click
-import matplotlib
 import numpy as np
 
 from pipeline import store
@@ -25,7 +24,6 @@ from pipeline.sweep.sweep import sweep
 from workflows.figures.style import save
 from workflows.shared.tables import write
 
-matplotlib.use("agg")  # no window is opened
 MAX_REASONS = 10  # failed tiles whose reasons are printed
 _PROBING = 0.3  # CPU seconds for which an estimate of a sweep's time looks at its tiles
 _LONG = 5  # CPU seconds of work that are announced
