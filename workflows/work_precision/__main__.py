@@ -31,7 +31,7 @@ def main(run, full, only, ray):
     from nasm.proofs.barrier import need_flint
     from workflows.figures.style import names_of
     from workflows.figures.work_precision import draw_work_precision
-    from workflows.work_precision.measure import fastest, measure, plan, table
+    from workflows.work_precision.measure import fastest, measure, table
 
     only = tuple(dict.fromkeys(only))
     try:
@@ -40,9 +40,8 @@ def main(run, full, only, ray):
         only = tuple(name for name in only if name != "barrier-proof")
         click.echo(f"barrier-proof is left out: {error}", err=True)
     with run.driving(len(only) * len(ray) * (15 if full else 1.5)):
-        cube = plan(list(dict.fromkeys(ray)), only, not full)
-        run.check(cube)
-        data = run.keep(cube.name, measure(cube.template, only), **cube.settings)
+        measured = measure(list(dict.fromkeys(ray)), only, not full, run.check)
+        data = run.keep("work_precision", measured)
         named = data.assign_coords({key: names_of(data[key]) for key in ("ray", "method")})
         run.table("work_precision", named[["effort", "cpu_seconds", "error", "estimated_error"]])
         path = run.path("tables", "work_precision.md")

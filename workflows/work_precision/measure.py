@@ -16,44 +16,6 @@ from workflows.work_precision.methods import JUDGE, METHODS, PROFILES, Ray, judg
 ACCURACIES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-8, 1e-10)
 
 
-def answers(names):
-    """List (name, answer) for all answers of some methods."""
-    return [(name, answer) for name in names for answer in METHODS[name].answers]
-
-
-def plan(rays, names, quick):
-    """Return the cube, nothing measured yet."""
-    efforts = {name: METHODS[name].efforts[: -1 if quick else None] for name in names}
-    rows = answers(names)
-    method = listed("method", *(answer for _, answer in rows))
-    method[1]["efforts"] = [METHODS[name].effort for name, _ in rows]
-    coords = {
-        "ray": listed("ray", *rays),
-        "method": method,
-        "level": (range(max(map(len, efforts.values()))), "level of effort"),
-    }
-
-    def blank(dims, long_name, units="1"):
-        values = np.full([len(coords[dim][0]) for dim in dims], np.nan)
-        return dims, values, described(long_name, units)
-
-    effort = "effort: steps N or n, period q, points, tolerance tol, or distance ε"
-    by_run = "ray", "method", "level"
-    variables = {
-        "effort": blank(("method", "level"), effort),
-        "cpu_seconds": blank(by_run, "CPU time of one run, median", "s"),
-        "error": blank(by_run, "relative error"),
-        "estimated_error": blank(by_run, "relative error that the method estimates"),
-        "warm_up_seconds": blank(("method",), "CPU time of a first run", "s"),
-        "value": blank(("ray",), "scale of the breakup that all are judged by"),
-        "judge_error": blank(("ray",), "estimated relative error of value"),
-    }
-    data = dataset("Speed against accuracy of all methods", coords, variables)
-    for row, (name, _) in enumerate(rows):
-        data.effort[row, : len(efforts[name])] = efforts[name]
-    return Cube("work_precision", data, {}, {"efforts": efforts, "judge_q_max": JUDGE})
-
-
 def timed(run, *arguments):
     """Return the result, and the median CPU seconds of up to five runs, in 0.2 s or one run."""
     seconds = []
@@ -64,20 +26,45 @@ def timed(run, *arguments):
     return found, median(seconds)
 
 
-def measure(blank, names):
-    """Fill the Dataset of `plan` with all numbers, and print the progress."""
-    data = blank.copy(deep=True)
-    rows = {n: [i for i, (of, _) in enumerate(answers(names)) if of == n] for n in names}
+def measure(rays, names, quick, check):
+    """Measure all numbers on rays, and print the progress: dims (ray, method, level).
+
+    check : function of the Cube that it will be, called while nothing is measured yet.
+    """
+    efforts = {name: METHODS[name].efforts[: -1 if quick else None] for name in names}
+    answers = [(name, answer) for name in names for answer in METHODS[name].answers]
+    method = listed("method", *(answer for _, answer in answers))
+    method[1]["efforts"] = [METHODS[name].effort for name, _ in answers]
+    levels = range(max(map(len, efforts.values())))
+    coords = {"ray": listed("ray", *rays), "method": method, "level": (levels, "level of effort")}
+
+    def blank(dims, long_name, units="1"):
+        values = np.full([len(coords[dim][0]) for dim in dims], nan)
+        return dims, values, described(long_name, units)
+
+    effort = "effort: steps N or n, period q, points, tolerance tol, or distance ε"
+    variables = {
+        "effort": blank(("method", "level"), effort),
+        "cpu_seconds": blank([*coords], "CPU time of one run, median", "s"),
+        "error": blank([*coords], "relative error"),
+        "estimated_error": blank([*coords], "relative error that the method estimates"),
+        "warm_up_seconds": blank(["method"], "CPU time of a first run", "s"),
+        "value": blank(["ray"], "scale of the breakup that all are judged by"),
+        "judge_error": blank(["ray"], "estimated relative error of value"),
+    }
+    title, attrs = "Speed against accuracy of all methods", {"judge_q_max": JUDGE}
+    check(Cube("work_precision", data := dataset(title, coords, variables, attrs), {}, {}))
+    rows = {name: [i for i, (of, _) in enumerate(answers) if of == name] for name in names}
     for name, here in rows.items():  # kernels that methods share are compiled by the first of them
+        data.effort[here, : len(efforts[name])] = efforts[name]
         start = thread_time()
         METHODS[name].run(Ray(PROFILES["0"], parse("gamma"), 0.48, nan), METHODS[name].efforts[0])
         data.warm_up_seconds[here] = thread_time() - start
-    for i, on in enumerate(names_of(data.ray)):
+    for i, on in enumerate(rays):
         ray = judged(on)
         data.value[i], data.judge_error[i] = ray.value, ray.error / ray.value
         for name, here in rows.items():
-            n_efforts = int(data.effort[here[0]].notnull().sum())
-            for level, effort in enumerate(METHODS[name].efforts[:n_efforts]):
+            for level, effort in enumerate(efforts[name]):
                 found, seconds = timed(METHODS[name].run, ray, effort)
                 data.cpu_seconds[i, here, level] = seconds
                 scale, error = np.transpose(found)
