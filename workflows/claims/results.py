@@ -6,6 +6,7 @@ to two kicks, and `ratio_lower`, of lower to two's upper bound.
 """
 
 import numpy as np
+from scipy.spatial import ConvexHull
 
 from nasm import escape, periodic
 from nasm.circles import continuation
@@ -129,8 +130,6 @@ def discussion_claims(circles, barrier, tori, three):
 
 
 def hull_claims(circles, barrier):
-    from scipy.spatial import ConvexHull
-
     wedge = barrier.sel(angle=slice(0, 45))
     angles = np.deg2rad(two_kicks().unfold(wedge.angle.values))
     known = np.isfinite(wedge.critical_scale.values)

@@ -89,7 +89,7 @@ class PlanePanel:
         asked = view, state.steps, state.omega, len(self.cubes)
         if asked == self.asked or not widgets.pixels_of(self.plot, _MOST_PIXELS):
             return
-        self.asked, self.fresh = asked, True
+        self.asked = asked
         self.work.progress("view")
         self.mapper.high = state.steps
         where = shared.client, state.plane
@@ -102,6 +102,7 @@ class PlanePanel:
         if state.omega:
             show = partial(self.show, "followed")
             self.lanes["circle"].submit(rays.circle, *where, state.omega, view, done=show)
+        self._show_boundary()
 
     def _show(self, view, found, block, words):
         state, shared = self.state, self.shared
@@ -116,9 +117,6 @@ class PlanePanel:
             self.lanes["boundary"].submit(rays.computed, *args, done=self._show_rays)
         self.sources["times"].data = _image(view, found.astype(np.float32))
         self.work.progress("plane", words)
-        if self.fresh:  # what is beside the escape times would keep their first picture waiting
-            self.fresh = False
-            self._show_boundary()
         if block == 1:
             self._mark()
 

@@ -61,7 +61,7 @@ class PortraitPanel:
         self.known, self.words = _NOTHING, {}  # that the box shows a part of; that are told of it
         self.plot, self.bar, self.image = _drawn(state)
         self.show = partial(widgets.show, self.plot, _MARKS)
-        self.profile = models.ColumnDataSource(name="profile")
+        self.profile = models.ColumnDataSource({"x": [], "y": []}, name="profile")
         self.message = models.Div(sizing_mode="stretch_width", min_height=22)
         names = "portrait", "last circle", "periodic orbits", "ensemble"
         self.portraits, self.traces, self.cycles, self.ensemble = map(work.latest, names)
@@ -84,10 +84,9 @@ class PortraitPanel:
         ticks, fraction = widgets.boxes(state, ORBITS, **how), widgets.field(fraction, state.seek)
         below = models.Row(ticks, added, fraction, spread)
         how, whole = {"flex-wrap": "nowrap", "gap": "0"}, {"sizing_mode": "stretch_width"}
-        place = models.Spacer(width=_BESIDE, stylesheets=[_NARROW])
-        self.pictures = models.Row(self.plot, place, styles=how, **whole)
+        pictures = models.Row(self.plot, _profile(self.plot, self.profile), styles=how, **whole)
         self.beneath = models.Column(**whole)  # of curves that are computed on wish
-        self.children = self.pictures, self.message, below, self.beneath
+        self.children = pictures, self.message, below, self.beneath
 
     def _seen(self):
         """Return the portrait with what is left of the last circle."""
@@ -117,8 +116,6 @@ class PortraitPanel:
             self.state.drawn = self.state.point
         self.image.data = _image(pixels, *self.portrait.attrs["box"])
         self.profile.data = curves.pop("profile")
-        if self.profile.document is None:
-            self.pictures.children = [self.plot, _profile(self.plot, self.profile)]
         for name, curve in curves.items():
             self.show(name, curve)
         low, high = ends(self.portrait)

@@ -8,7 +8,10 @@ from pathlib import Path
 import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 from pandas import Series
+
+from nasm.numbers import NAMES, moebius, parse
 
 # Blue, orange, green, sky, red, violet, indigo: 17 or more apart in CIE Lab as a deuteranope and a
 # protanope see them, and as far from black, white and the greys below.
@@ -42,8 +45,6 @@ def circle_style(text, whole=0):
     noble ones. ω + 1 has the colour of ω; the marker and the dash tell them apart, as they do where
     the seven colours come again.
     """
-    from nasm.numbers import parse
-
     if not text:
         return {"color": "black", "marker": "x", "ls": "-"}
     omega = parse(circle_class(text, whole))
@@ -130,8 +131,6 @@ def letter(figure):
 
 def _without_titles(figure):
     """Leave the titles to the caption, and let no text be too small to read."""
-    from matplotlib.text import Text
-
     figure.suptitle("")
     for axes in figure.axes:
         axes.set_title("")
@@ -142,8 +141,6 @@ def _without_titles(figure):
 def omega_label(text):
     """Return the continued fraction in TeX, with the paper's name if it has one, its name alone in
     a column."""
-    from nasm.numbers import NAMES, parse
-
     names = {str(parse(name)): name.replace("gamma", r"\gamma") for name in NAMES}
     if text in names:
         text = names[text] if in_column() else f"{names[text]} = {text}"
@@ -161,8 +158,6 @@ def circle_class(text, whole=1):
 
     whole : of ω and its image in the plane, P/2 if circles have one there, and else 0.
     """
-    from nasm.numbers import moebius, parse
-
     omega = parse(text) if text else None
     return text if omega is None or float(omega) >= whole / 2 else str(moebius(omega, -1, whole))
 

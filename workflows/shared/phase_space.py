@@ -9,6 +9,7 @@ from contextlib import suppress
 import numpy as np
 
 from nasm import orbits
+from nasm.action import LostError, ordered_orbits
 from nasm.maps import forcing
 from workflows.shared.tables import dataset, described
 
@@ -103,12 +104,10 @@ def periodic_orbits(kappa, fractions):
 
     family : "minimizing" or "minimax". Orbits that are not found are left out.
     """
-    from nasm.action import LostError, ordered_orbits
-
     found = []
     for fraction in fractions:
         with suppress(LostError):
-            orbits = ordered_orbits(kappa, fraction.numerator, fraction.denominator)
-            for family, orbit in zip(("minimizing", "minimax"), orbits, strict=True):
+            both = ordered_orbits(kappa, fraction.numerator, fraction.denominator)
+            for family, orbit in zip(("minimizing", "minimax"), both, strict=True):
                 found.append((fraction, family, *orbit.points(), orbit.refined_residue()))
     return found
