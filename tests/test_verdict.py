@@ -12,7 +12,7 @@ from nasm.critical import Status, no_answer
 from nasm.maps import MAX_STRENGTH
 from nasm.symmetries import ray
 from nasm.verdict import Answer, Evidence, verdict
-from workflows.ask import __main__ as ask
+from workflows.ask import period
 from workflows.shared.verdict_words import sentences
 
 _RANDOM = np.random.default_rng(5)
@@ -203,7 +203,7 @@ def test_the_answer_in_words_and_as_a_figure(tmp_path, point, told):
 
 def test_strengths_and_a_point_of_a_plane_ask_the_same(tmp_path, monkeypatch):
     kappas, found = [], verdict((0.3, 0.3, 0.3))
-    seen = "nasm.verdict.verdict", lambda kappa, prove: kappas.append(tuple(kappa)) or found
+    seen = "workflows.ask.period.verdict", lambda kappa, prove: kappas.append(tuple(kappa)) or found
     monkeypatch.setattr(*seen)
     asked = ["0.3", "0.2", "0.25"], ["0.3", "--plane", "three-kicks:0.25", "0.2"]
     results = [invoke("ask", tmp_path, *words) for words in asked]
@@ -229,7 +229,7 @@ def test_kicks_that_come_once_get_an_answer_of_their_own(tmp_path):
 
 
 def drawn(kappa):
-    return ask.drawn(np.array(kappa), None, verdict(kappa), None)
+    return period.drawn(np.array(kappa), None, verdict(kappa), None)
 
 
 def test_where_transport_is_the_verdict_dots_that_are_said_to_be_no_barrier_are_drawn_and_no_line():

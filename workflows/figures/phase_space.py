@@ -41,9 +41,9 @@ def draw_orbits(axes, orbits):
     order = np.argsort(np.isfinite(omega), kind="stable")
     (low, high), size = ends(orbits), 0.6 if in_column() else 1.2
     look = {"vmin": low, "vmax": high, "plotnonfinite": True, "rasterized": True, "linewidths": 0}
-    look["cmap"] = ListedColormap(COLOURS).with_extremes(bad=CHAOTIC)
+    look |= {"marker": ".", "cmap": ListedColormap(COLOURS).with_extremes(bad=CHAOTIC)}
     x, y = orbits.x.values[order], orbits.y.values[order]
-    scale = axes.scatter(x, y, size**2, omega[order], ".", **look)
+    scale = axes.scatter(x, y, size**2, omega[order], **look)
     label = rf"$\omega$ of the orbit, in $[0, {len(orbits.attrs['kappa']) / 2:g}]$; grey: chaotic"
     location = "bottom" if in_column() else "right"
     axes.figure.colorbar(scale, ax=axes, label=label, shrink=0.8, location=location)

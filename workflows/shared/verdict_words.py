@@ -2,6 +2,7 @@
 
 from math import isfinite, log10
 
+from nasm.verdict import Answer, Evidence
 from pipeline.sweep.progress import plural
 
 SHOWN = 8  # kicks that are named one by one
@@ -24,8 +25,6 @@ def name_of(kappa, point):
 
 def sentences(kappa, point, verdict):
     """Put the verdict into words, a list of lines."""
-    from nasm.verdict import Answer, Evidence
-
     boundary, omega = verdict.boundary, verdict.boundary.omega
     meaning, circle = {
         Answer.BARRIER: (

@@ -1,0 +1,101 @@
+"""One period of kicks: what is asked, the verdict in words, and its figure. For `workflows.ask`."""
+
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from nasm import barriers, escape, orbits, planes
+from nasm.maps import forcing
+from nasm.verdict import Answer, verdict
+from pipeline.sweep.progress import plural
+from workflows.shared.phase_space import portrait
+from workflows.shared.verdict_words import name_of, sentences
+
+_STARTS, _STEPS = 64, 10**6  # of direct iteration; it only illustrates
+_POINTS = 2**20  # of orbits among which one is looked for that escapes
+_NEAR = 0.96  # where the boundary is nearer, no orbit escapes: none did on 12 rays, 4% beyond
+_TRACED = 5000  # steps of the longest-lived start that are drawn, at most
+
+
+def escaping_orbit(kappa):
+    """Return x, y of an orbit up to its escape from the paper's window, or None.
+
+    The starts that escape first in one arithmetic are followed in another: chaos lets few of them
+    do so at the same step, but of many some do soon.
+    """
+    x, y = escape.ensemble(_STARTS)
+    times = escape.escape_time(kappa, x, y, _STEPS)
+    lo, hi = escape.PAPER_WINDOW
+    n = 4 * times.min()
+    if not np.isfinite(n):
+        return None
+    starts = np.argsort(times, kind="stable")[: max(4, int(_POINTS / n))]
+    orbit = orbits.orbit(kappa, x[starts], y[starts], int(min(n, _STEPS)))
+    escapes = np.argwhere((orbit[1] < lo) | (orbit[1] > hi))  # by steps
+    if not escapes.size:
+        return None
+    steps, first = escapes[0]
+    return tuple(values[: steps + 1, first] for values in orbit)
+
+
+def forcing_asked(strengths, plane, once):
+    """Return the strengths of the kicks, and where they are, (Plane, its two coordinates), or None.
+
+    strengths : numbers of the command line, with `plane` the coordinates of a point in it; none
+    with `once`, the path of a file of numbers. ValueError says what does not fit together.
+    """
+    if once:
+        if strengths or plane:
+            raise ValueError("--once FILE is the whole forcing; leave KAPPA and --plane out")
+        text = Path(once).read_text(encoding="utf-8").replace(",", " ")
+        try:
+            return forcing(list(map(float, text.split()))), None
+        except ValueError as error:
+            raise ValueError(f"--once {once}: {error}") from None
+    if plane is None:
+        kappa = forcing(strengths)
+        return kappa, (planes.two_kicks(), strengths) if kappa.size == 2 else None
+    if len(strengths) != 2:
+        axes = " and ".join(plane.axes)
+        raise ValueError(f"{len(strengths)} numbers; a point of {plane.name} has two, {axes}")
+    return forcing(plane.forcing(*strengths)), (plane, strengths)
+
+
+def drawn(kappa, point, verdict, escaping):
+    """Draw the portrait of the forcing; if transport is global, with the longest-lived start."""
+    from workflows.figures.ask import draw_verdict  # loading it takes as long as the verdict
+
+    longest, name = None, name_of(kappa, point)
+    if verdict.answer is Answer.TRANSPORT:
+        x, y, steps = barriers.remnant(kappa, int(min(max(1000, 2 * verdict.steps), _STEPS)))
+        longest = (steps, *orbits.orbit(kappa, x, y, int(min(steps, _TRACED))))
+    return draw_verdict(kappa, point, name, verdict, portrait(kappa), longest, escaping)
+
+
+def direct_iteration(verdict, escaping):
+    """Say what direct iteration shows: a list of lines, empty where it was not asked."""
+    if escaping is not None:
+        x, y = escaping[0][0], escaping[1][0]
+        return [
+            f"Direct iteration: the orbit from (x, y) = ({x:.6g}, {y:.6g}) arrives at "
+            f"y = {escaping[1][-1]:.3g} after {plural(escaping[0].size - 1, 'step')}."
+        ]
+    if verdict.answer is not Answer.TRANSPORT:
+        return []
+    if verdict.boundary.value > _NEAR:
+        return ["Direct iteration shows nothing: it is too slow this near the boundary."]
+    return ["Direct iteration: no orbit was found that escapes; that shows nothing."]
+
+
+def asked_of_period(strengths, point, prove):
+    """Return the verdict on one period of kicks in words, and a function that draws its figure.
+
+    point : (Plane, its two coordinates), or None. prove : bool. ValueError if the period is long.
+    """
+    found = verdict(strengths, prove)
+    transport = found.answer is Answer.TRANSPORT
+    far = not found.boundary.value > _NEAR  # NaN: not known to be near
+    escaping = escaping_orbit(strengths) if transport and far else None
+    text = sentences(strengths, point, found) + direct_iteration(found, escaping)
+    return "\n".join(text), partial(drawn, strengths, point, found, escaping)
