@@ -3,13 +3,8 @@
 import matplotlib.pyplot as plt
 import xarray as xr
 
-cube = xr.open_zarr("circle_boundaries/breakdown_residue.zarr", chunks=None)
-for omega in cube.circle.values:
-    one = cube.sel(circle=omega)
-    plt.plot(one.kappa1, one.kappa2, label=f"ω = {omega}")
-    print(f"ω = {omega} breaks last at angle {float(one.critical_scale.idxmax()):g}°")
-plt.xlabel(cube.kappa1.long_name)
-plt.ylabel(cube.kappa2.long_name)
+cube = xr.open_zarr("circle_boundaries/breakdown_residue.zarr", chunks=None).load()
+cube.plot.scatter(x="kappa1", y="kappa2", hue="circle", s=9)
+print("each breaks last at the angle:", cube.critical_scale.idxmax("angle").to_series())
 plt.gca().set_aspect("equal")
-plt.legend()
 plt.show()

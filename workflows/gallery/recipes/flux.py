@@ -5,14 +5,10 @@ import numpy as np
 import xarray as xr
 
 flux = xr.open_zarr("flux/flux.zarr", chunks=None).flux
+flux.plot.line(x="excess", hue="angle", marker=".", xscale="log", yscale="log")
 for angle in flux.angle.values:
-    one = flux.sel(angle=angle).dropna("excess")
-    near = one.where(one.excess < 0.1, drop=True)
+    near = flux.sel(angle=angle, excess=slice(0, 0.1)).dropna("excess")
     if near.size > 2:
         slope, _ = np.polyfit(np.log(near.excess), np.log(near), 1)
         print(f"{angle:g}°: exponent {slope:.3f} within 10% of the breakup")
-    plt.loglog(one.excess, one, ".-", label=f"{angle:g}°, ω = {one.circle.item()}")
-plt.xlabel("distance from the breakup, in parts of its scale")
-plt.ylabel("flux per step")
-plt.legend()
 plt.show()

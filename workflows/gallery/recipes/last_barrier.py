@@ -4,11 +4,8 @@ import matplotlib.pyplot as plt
 import xarray as xr
 
 cube = xr.open_zarr("last_barrier/boundary.zarr", chunks=None)
-bracket = (cube.upper - cube.lower) / cube.critical_scale
-plt.semilogy(cube.angle, bracket, ".", label="bracket, upper - lower")
-plt.semilogy(cube.angle, cube.error / cube.critical_scale, ".", label="estimated error")
-print(f"widest bracket {float(bracket.max()):.1e} at {float(bracket.idxmax()):g}°")
-plt.xlabel("angle (degrees)")
+parts = xr.Dataset({"bracket": cube.upper - cube.lower, "error": cube.error}) / cube.critical_scale
+parts.to_dataarray("of").plot.line(".", x="angle", hue="of", yscale="log")
 plt.ylabel("in parts of the scale")
-plt.legend()
+print(f"widest bracket {float(parts.bracket.max()):.1e} at {float(parts.bracket.idxmax()):g}°")
 plt.show()

@@ -7,9 +7,6 @@ cube = xr.open_zarr("self_consistent/self_consistent_barriers.zarr", chunks=None
 lasting = cube.coupling.where(cube.kicks == float("inf"))
 print(f"a start survives up to coupling {float(lasting.max()):g}")
 for name, marker in (("kicks", "o"), ("kicks_fitted", "x")):  # inf is not drawn
-    plt.plot(cube.coupling, cube[name], marker, label=cube[name].long_name)
-plt.yscale("log")
-plt.xlim(0, 1.05 * float(cube.coupling.max()))
-plt.xlabel(cube.coupling.long_name)
+    cube[name].plot(marker=marker, ls="", yscale="log", label=cube[name].long_name)
 plt.legend()
 plt.show()

@@ -8,8 +8,6 @@ import xarray as xr
 for path in sorted(Path("three_kicks").glob("barrier*.zarr")):
     cube = xr.open_zarr(path, chunks=None)  # one wedge of rays; symmetries give the others
     label = path.stem.removeprefix("barrier_") if "_" in path.stem else "two kicks"
-    plt.plot(cube.angle, cube.critical_scale, ".-", label=label)
-plt.xlabel("angle in the plane of mean and amplitude (degrees)")
-plt.ylabel("scale of the breakup")
+    cube.critical_scale.plot(marker=".", label=label)
 plt.legend(title="frequency and phase")
 plt.show()
