@@ -35,7 +35,8 @@ def main(run, steps, n_orbits, plane, angles, tips):
     with run.sweeping(last, later=[foreseen], seconds=10):  # of the insets, and of the figures
         barrier = unfolded(run.sweep(last), all_rays)
         known = barrier.sel(angle=spread).dropna("angle", subset=["critical_scale"])
-        found = direct.inwards(run, direct.boundary_job(known, steps[-1], n_orbits))
+        scales = known.critical_scale.to_series().to_dict()
+        found = direct.inwards(run, direct.boundary_job(plane, scales, steps[-1], n_orbits))
         boundary = direct.boundary_dataset(found, known, steps)
         run.table("direct_boundary_rays", boundary)
         if plane == two_kicks():

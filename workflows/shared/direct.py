@@ -33,14 +33,9 @@ def bias_job(scales, sizes, n_max):
     return escape_times("escape_rays", two_kicks(), scales, excesses, sizes, n_max)
 
 
-def boundary_job(barrier, n_max, n_orbits):
-    """Return the job of `direct_boundary` on the rays of `barrier`, in the plane of its attributes.
-
-    One ensemble, thirty excesses a decade from 1%.
-    """
-    scales = barrier.critical_scale.to_series().to_dict()
+def boundary_job(plane, scales, n_max, n_orbits):
+    """Return the job of `direct_boundary`: one ensemble, thirty excesses a decade from 1%."""
     excesses = np.geomspace(0.01, 1, 61)
-    plane = plane_of(barrier.attrs)
     return escape_times("direct_boundary", plane, scales, excesses, [n_orbits], n_max)
 
 
@@ -61,12 +56,10 @@ def foreseen(plane, angles, n_max, n_orbits):
 
     By the law that the bias of direct iteration falls like N^(-1/3).
     """
-    ones = xr.DataArray(np.ones(len(angles)), {"angle": angles}, name="critical_scale")
-    cube = (job := boundary_job(ones.to_dataset().assign_attrs(plane.record), n_max, n_orbits)).cube
-    steps = steps_beyond(cube.template.excess.values)
+    job = boundary_job(plane, dict.fromkeys(angles, 1.0), n_max, n_orbits)
+    steps = steps_beyond(job.cube.template.excess.values)
     first = np.flatnonzero(steps >= n_max)[-1:].sum()  # of the excesses at which none escapes
-    sizes = cube.sizes["angle"], range(int(first), cube.sizes["excess"])
-    return job, set(product(range(sizes[0]), sizes[1]))
+    return job, set(product(range(len(angles)), range(int(first), steps.size)))
 
 
 def direct_bias(cube, steps):
