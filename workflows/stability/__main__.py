@@ -18,21 +18,21 @@ from workflows.shared.cli import command, flag, writes
 @writes
 def main(run, quick):
     from workflows.figures.stability import draw_stability
-    from workflows.stability import limits, searches, tori
+    from workflows.stability import study
 
     studies = {
-        "cusp": limits.near_cusp,
-        "boundary": limits.past_boundary,
-        "fractions": limits.disguised_fractions,
-        "twist": limits.beyond_the_twist,
-        "beam": searches.missed_survivors,
-        "disorder": searches.disordered_orbits,
-        "tori": tori.nearly_resonant,
+        "cusp": study.near_cusp,
+        "boundary": study.past_boundary,
+        "fractions": study.disguised_fractions,
+        "twist": study.beyond_the_twist,
+        "beam": study.missed_survivors,
+        "disorder": study.disordered_orbits,
+        "tori": study.nearly_resonant,
     }
     found = {}
     with run.driving(40 if quick else 250):
-        for number, (name, study) in enumerate(studies.items(), 1):
+        for number, (name, compute) in enumerate(studies.items(), 1):
             click.echo(f"study {number} of {len(studies)}: {name}", err=True)
-            found[name] = run.keep(f"stability_{name}", study(quick), quick=quick)
+            found[name] = run.keep(f"stability_{name}", compute(quick), quick=quick)
         for name, drawn in draw_stability(found).items():
             run.figure(name, *drawn)

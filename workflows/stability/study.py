@@ -1,14 +1,19 @@
-"""Studies of stability: at the cusp, past the breakup, at fractions, without twist."""
+"""Studies of where each method stops being right: each returns a Dataset, smaller if `quick`.
+
+At the cusp, past the breakup, at fractions, without twist; what beam searches miss, and what
+Newton's method finds in error; tori next to a resonance, and past the end.
+"""
 
 import numpy as np
 
-from nasm import barriers, circles, escape, orbits, periodic
+from nasm import action, barriers, circles, escape, orbits, periodic, tori
 from nasm.circles import continuation
 from nasm.converse_kam import symmetry_line
 from nasm.critical import Status
 from nasm.maps import twist
 from nasm.numbers import RotationNumber, convergents, parse
 from nasm.symmetries import dominant_centre, ray
+from nasm.tori import last_torus
 from pipeline.cubes.cube import fields, status_code
 from workflows.shared.tables import ANGLE, dataset, described, listed, outcomes
 
@@ -17,6 +22,12 @@ _LIVES = {
     "elimination_time": "steps in which converse KAM eliminates all; inf: not so",
     "digits": "digits of the weighted Birkhoff average of the longest-lived",
     "escape_time": "first escape of 100 orbits, steps; inf: none",
+}
+_GOLDEN = (5**0.5 - 1) / 2
+_PAIRS = {  # at a distance from a resonance
+    "Ω = 1/3 + δ": lambda delta: (_GOLDEN, 1 / 3 + delta),
+    "2ω = Ω + δ": lambda delta: ((2**0.5 - 1 + delta) / 2, 2**0.5 - 1),
+    "13ω = 8 + δ": lambda delta: ((8 + delta) / 13, 2**0.5 - 1),
 }
 
 
@@ -167,3 +178,107 @@ def _first_escape(kappa, n_max, precision="double"):
 def _labelled_lives(dims, lives):
     named = zip(_LIVES.items(), lives, strict=True)
     return {name: (dims, values, words) for (name, words), values in named}
+
+
+def missed_survivors(quick):
+    """5. Count how often beam searches of converse KAM miss the longest life that any has found."""
+    kept, n_max = 2 ** np.arange(6), 20_000
+    random = np.random.default_rng(6)
+    n_rays = 20 if quick else 150
+    angles = np.where(random.random(n_rays) < 1 / 3, 45 - random.random(n_rays), 45)
+    angles = np.where(angles == 45, 45 * random.random(n_rays), angles)
+    lives = np.empty((kept.size, n_rays))
+    for j, (angle, x) in enumerate(zip(angles, 10 ** random.uniform(-4, -2, n_rays), strict=True)):
+        kappa = symmetry_line.critical_scale(ray(angle), 3000).value * (1 + x) * ray(angle)
+        for i, number in enumerate(kept):
+            lives[i, j] = symmetry_line.longest_lived(kappa, n_max, int(number))[1]
+    best = lives.max(axis=0)
+    known = np.isfinite(best)
+    lost = 1 - lives[:, known] / best[known]
+    coords, searches = {"kept": (kept, "starts kept at each level")}, {"searches": int(known.sum())}
+    variables = {
+        "missed": ("kept", (lost > 0.01).mean(axis=1), "part that misses 1% of a life"),
+        "worst": ("kept", lost.max(axis=1), "largest part of a life missed"),
+    }
+    return dataset("Lives that the beam search misses", coords, variables, searches)
+
+
+def disordered_orbits(quick):
+    """6. Start Newton's method for the orbit of 13/21 badly: see what it finds, and accepts.
+
+    The forcing grows from inside the plane's barriers to far beyond; starts are the rotation with
+    random deviations of 0.03 and 0.1 turns.
+    """
+    p, q, noises = 13, 21, (0.03, 0.1)
+    scales = np.linspace(0.2, 1.6, 8)
+    trials = 100 if quick else 1000
+    random = np.random.default_rng(8)
+    counts = np.zeros((4, len(noises), scales.size), int)
+    for j, scale in enumerate(scales):
+        kappa = scale * np.array([1.0, 0.5])
+        _, orbit = action.ordered_orbits(kappa, p, q)
+        theta, hop, work = orbit.chain.frame
+        least = action.total(orbit.kappa, theta, orbit.u)
+        for i, noise in enumerate(noises):
+            for _ in range(trials):
+                u = orbit.u[0] + noise * random.standard_normal(theta.size)
+                search = action.relax(orbit.kappa, theta, u, orbit.kind, 0.1 / q, 60, work)
+                change, curvature, *_, bad = search
+                if not change < 1e-7 or bad or curvature >= 0:
+                    outcome = 0
+                elif not action.is_ordered(u, hop, 1 / q):
+                    outcome = 2
+                else:  # the right one, at any of its times, has its action
+                    same = abs(action.total(orbit.kappa, theta, u) - least) < 1e-12
+                    outcome = 1 if same else 3
+                counts[outcome, i, j] += 1
+    coords = {
+        "noise": (list(noises), "rms deviation from the rotation, turns"),
+        "scale": (scales, "scale s of the forcing s·(1, 0.5)"),
+    }
+    words = {
+        "lost": "part of starts without convergence",
+        "right": "part that leads to the orbit",
+        "refused": "part that leads to another orbit, refused",
+        "accepted": "part that leads to another orbit, accepted",
+    }
+    parts = zip(words.items(), counts / trials, strict=True)
+    variables = {name: ([*coords], part, label) for (name, label), part in parts}
+    title = "Orbits that Newton's method finds from bad starts"
+    return dataset(title, coords, variables, {"trials": trials})
+
+
+def nearly_resonant(quick):
+    """7. Break tori of pairs (ω, Ω) at a distance δ from a resonance, and look past the breakup.
+
+    Judged by converse KAM for tori of that Ω, whatever their ω. Past its bound, tori of the first
+    pair are asked for on grids of up to n points.
+    """
+    deltas = np.e * 10.0 ** -np.array([2, 5, 10] if quick else range(2, 13))
+    profile, tol, kicks = ray(45), *((0.1, 1000) if quick else (0.03, 8000))
+    pairs = list(_PAIRS)[: 2 if quick else None]
+    vectors = [[_PAIRS[name](delta) for delta in deltas] for name in pairs]
+    found = [[tori.critical_scale(*vector, *profile, tol) for vector in row] for row in vectors]
+    frequencies = {Ω for row in vectors for _, Ω in row}
+    known = {Ω: last_torus.upper_scale(Ω, *profile, kicks) for Ω in frequencies}
+    upper = np.array([[known[frequency] for _, frequency in row] for row in vectors])
+    sizes, excess = 2 ** np.arange(13, 16 if quick else 19, 2), np.array([0.01, 0.1, 0.5])
+    beyond = [(1 + x) * upper[0, 0] * profile for x in excess]
+    past = [[tori.invariant_torus(*vectors[0][0], *at, int(n)) for at in beyond] for n in sizes]
+    dims = "pair", "delta"
+    numbers = fields(found, _NUMBERS)
+    coords = {
+        "pair": listed("pair", *pairs),
+        "delta": (deltas, "distance δ from the resonance"),
+        "n": (sizes, "most grid points"),
+        "excess": (excess, "scale over upper, less 1"),
+    }
+    variables = {
+        "value": (dims, numbers["value"], "breakup on the ray of 45°"),
+        "error": (dims, numbers["error"], "error that the method claims for value"),
+        "lower": (dims, numbers["lower"], "scale of the last certified torus"),
+        "upper": (dims, upper, "scale at which no torus of that Ω is left"),
+        "status": outcomes(dims, numbers["status"]),
+        "past": outcomes(("n", "excess"), fields(past, {})["status"]),
+    }
+    return dataset("Tori next to a resonance, and past their breakup", coords, variables)
