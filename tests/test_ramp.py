@@ -46,7 +46,7 @@ def test_the_rules_can_say_no(exponents, jumps, smooth, said):
     rate = 10.0 ** -np.arange(2, 7)
     lost, through = (rate**-a * (1 + 0.01 * np.array([1, -1, 1, -1, 1])) for a in exponents)
     ramp = {"lost": ("rate", lost), "escaped": ("rate", through)}
-    kind = xr.DataArray(range(8), dims="kind", attrs={"names": study.SMOOTH + study.JUMPS})
+    kind = xr.DataArray([*study.SMOOTH, *study.JUMPS], dims="kind")
     lives = xr.Dataset(coords={"kind": kind, "ripple": [0.1]}, attrs={"kicks": 3000})
     lives["life"] = lives["escaped"] = ("kind", "ripple"), 4 * [[smooth]] + 4 * [[jumps]]
     *lines, _ = study.findings(xr.Dataset(ramp, {"rate": rate}), lives).splitlines()

@@ -6,7 +6,6 @@ import xarray as xr
 from cases import thirds
 from oracles import KAPPA_G
 
-from workflows.figures.style import names_of
 from workflows.work_precision import __main__ as command
 from workflows.work_precision import measure
 from workflows.work_precision.methods import METHODS, PROFILES, judged
@@ -36,7 +35,7 @@ def test_errors_fall_with_effort_estimates_cover_them_and_corrected_answers_are_
         monkeypatch.setattr(METHODS[name], "efforts", efforts)
     monkeypatch.setattr(measure, "timed", lambda run, *arguments: (run(*arguments), 1.0))
     measured = measure.measure(rays, [*EFFORTS], quick=False, check=lambda cube: None)
-    place = names_of(measured.method).index
+    place = measured.method.values.tolist().index
     off = abs(float(measured.value[0]) / (KAPPA_G / 2) - 1)  # of the judge
     assert off <= float(measured.judge_error[0]) < 1e-11
     for name, (order, margin) in ORDERS.items():

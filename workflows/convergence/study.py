@@ -4,8 +4,9 @@ import numpy as np
 
 from nasm import barriers
 from nasm.symmetries import ray
+from pipeline.cubes.cube import text
 from workflows.shared.direct import exponent
-from workflows.shared.tables import dataset, listed
+from workflows.shared.tables import dataset
 
 ANGLES = (0.0, 20.0, 40.0, 45.0)
 
@@ -43,7 +44,7 @@ def on_the_diagonal(bias, critical):
         "eta": ("half", eta, "η of κ_N - κ_c ~ N^(-1/η)"),
         "eta_error": ("half", error, "standard error of η"),
     }
-    coords = {"n": (n, "steps N"), "half": listed("half", "small N", "large N")}
+    coords = {"n": (n, "steps N"), "half": text("half", ["small N", "large N"], "half of the N")}
     attrs = {"critical": float(kappa_c), "n_orbits": int(bias.ensemble[-1])}
     attrs["source"] = "arXiv:1606.04824, Fig. 7"
     title = "Convergence of direct iteration at the cusp of the horn"

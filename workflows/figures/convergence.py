@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.ticker import LogLocator
 
-from workflows.figures.style import colour_of, mark_gaps, names_of, outer_legend, panels, power
+from workflows.figures.style import colour_of, mark_gaps, outer_legend, panels, power
 
 
 def draw_convergence(bias, fits):
@@ -58,7 +58,7 @@ def draw_diagonal(diagonal):
     figure, (axes,) = panels(1, 1, 7, 5)
     axes.plot(diagonal.n, diagonal.distance, "ko", ms=4, mfc="none")
     etas = []
-    for half, words in enumerate(names_of(diagonal.half)):
+    for half, words in enumerate(diagonal.half.values):
         here = diagonal.isel(n=np.flatnonzero(diagonal.upper_half.values == half))
         etas.append(_fitted(float(diagonal.eta[half]), float(diagonal.eta_error[half])))
         label = rf"{words.replace('N', '$N$')}: $\eta$ = {etas[-1]}"

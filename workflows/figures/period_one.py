@@ -9,7 +9,7 @@ def draw_primary_points(primary):
     """Draw where the four primary period-one points are stable, Fig. 3."""
     figure, drawn = panels(2, 2, 8, 8.4, stack=False, sharex=True, sharey=True)
     stable = (primary.residue > 0) & (primary.residue < 1)
-    shares, points = [], primary.point.attrs["points"]
+    shares, points = [], primary.point.values
     for axes, here, point, letter in zip(drawn, stable, points, "abcd", strict=True):
         axes.contourf(primary.kappa1, primary.kappa2, here, levels=[0.5, 1.5], colors=[VERMILION])
         axes.set(title=f"$(x, y) = {point}$", aspect="equal")

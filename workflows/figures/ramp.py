@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 
-from workflows.figures.style import colour_of, key, names_of, panels
+from workflows.figures.style import colour_of, key, panels
 
 
 def draw_ramp(ramp, lives, findings):
@@ -33,7 +33,7 @@ def draw_ramp(ramp, lives, findings):
 
 
 def _draw_lives(axes, lives):
-    names, kicks = names_of(lives.kind), lives.attrs["kicks"]
+    names, kicks = lives.kind.values, lives.attrs["kicks"]
     for i, ripple in enumerate(lives.ripple.values):
         x, here = np.arange(len(names)) + 0.12 * i - 0.24, lives.sel(ripple=ripple)
         for values, end, fill in ((here.life, kicks / 2, None), (here.escaped, 20 * kicks, "none")):

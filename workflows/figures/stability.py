@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.ticker import NullFormatter
 
-from workflows.figures.style import COLOURS, MARKERS, key, line_of, names_of, panels
+from workflows.figures.style import COLOURS, MARKERS, key, line_of, panels
 
 _OK = 1  # of `status`, see `pipeline.cubes.cube`
 
@@ -31,7 +31,7 @@ def draw_stability(studies):
 def _draw_near_cusp(axes, study):
     """Draw the errors, the claimed ones dashed, and crosses where there is no answer."""
     parts = []
-    for i, name in enumerate(names_of(study.approach)):
+    for i, name in enumerate(study.approach.values):
         here, colour = study.isel(approach=i), COLOURS[i]
         off = np.maximum(here.off, 1e-14)
         axes.plot(study.delta, off, f"{MARKERS[i]}-", color=colour, ms=4, label=name)
@@ -205,7 +205,7 @@ def _draw_disorder(axes, study):
 def _draw_tori(axes, study):
     """Draw brackets by the distance from a resonance, and crosses where nothing is certified."""
     parts = []
-    for i, name in enumerate(names_of(study.pair)):
+    for i, name in enumerate(study.pair.values):
         here, colour, place = study.isel(pair=i), COLOURS[i], study.delta * 1.15**i
         style = {"color": colour, "ms": 5}
         axes.errorbar(place, here.value, here.error, fmt="s", mfc="none", lw=1, **style)

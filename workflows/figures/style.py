@@ -1,6 +1,5 @@
 """What all figures share: colours, numbers in TeX, and how a figure is saved."""
 
-import json
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
@@ -209,12 +208,6 @@ def dots(colour, size):
 def cell(y):
     """Return y mod 1 in [-1/4, 3/4), which does not cut the circles of 0 ≤ ω/P ≤ 1/2."""
     return (y + 0.25) % 1 - 0.25
-
-
-def names_of(coordinate, key="names"):
-    """Return the names that the numbers of a coordinate stand for; stores keep them as JSON."""
-    names = coordinate.attrs[key]
-    return json.loads(names) if isinstance(names, str) else names
 
 
 def of_family(cube, family):

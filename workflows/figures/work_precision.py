@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from workflows.figures.style import in_column, names_of, outer_legend, panels
+from workflows.figures.style import in_column, outer_legend, panels
 
 # Colour of a method, by how its name begins; its better answer is drawn filled, the other hollow.
 _METHOD_COLOURS = {
@@ -32,7 +32,7 @@ def draw_work_precision(data):
     figure, drawn = panels(-(-data.ray.size // columns), columns, 13, 8.4)
     for axes, i in zip(drawn, range(data.ray.size), strict=False):
         here = data.isel(ray=i)
-        for method, name in enumerate(names_of(data.method)):
+        for method, name in enumerate(data.method.values):
             colour = next(c for start, c in _METHOD_COLOURS.items() if name.startswith(start))
             better = any(word in name for word in _BETTER)
             if in_column() and not better:
@@ -44,7 +44,7 @@ def draw_work_precision(data):
         axes.axhspan(1e-16, float(here.judge_error), color="0.9")
         axes.set(xscale="log", yscale="log", ylim=(1e-14, 2))
         axes.set(xlabel="CPU time (s)", ylabel="relative error")
-        name = names_of(data.ray)[i]
+        name = here.ray.item()
         words = rf"$\varphi = {name}°$" if name.isdigit() else "three kicks, (1, 0.7, 0.3)"
         axes.text(0.5, 1.02, words, transform=axes.transAxes, ha="center")
         words = "grey: the judge's own error"

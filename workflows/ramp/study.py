@@ -7,9 +7,10 @@ from nasm.barriers import critical_scale
 from nasm.circles.continuation import UNSTABLE
 from nasm.converse_kam import sequence
 from nasm.numbers import parse
+from pipeline.cubes.cube import text
 from workflows.shared import power_law
 from workflows.shared.rules import finding, span
-from workflows.shared.tables import dataset, listed
+from workflows.shared.tables import dataset
 
 _GOLDEN = float(parse("gamma"))
 EXPONENT = np.log(_GOLDEN) / (np.log(_GOLDEN) - np.log(UNSTABLE[1,]))
@@ -73,9 +74,10 @@ def irregular(ripples, kicks):
     lives, crossed = ([list(map(found, row)) for row in kappas] for found in (life, _escape))
     dims, graphs = ("kind", "ripple"), "kicks on either side until no family of graphs is left"
     words = "kicks until one of 64 orbits is past all circles; inf if none is"
+    kind = text("kind", shapes, "forcing, f_n")
     return dataset(
         "Lives of barriers by the smoothness of the forcing",
-        {"kind": listed("kind", *shapes), "ripple": (ripples, "largest deviation, relative")},
+        {"kind": kind, "ripple": (ripples, "largest deviation, relative")},
         {
             "life": (dims, np.array(lives), f"{graphs}; inf if they last"),
             "escaped": (dims, np.array(crossed), words),
@@ -101,8 +103,7 @@ def _shapes(n):
 
 def findings(ramp, lives):
     """Judge what was foreseen; lines of text."""
-    names = lives.kind.attrs["names"]
-    jumps, smooth = (lives.isel(kind=[names.index(k) for k in kinds]) for kinds in (JUMPS, SMOOTH))
+    jumps, smooth = (lives.sel(kind=[*kinds]) for kinds in (JUMPS, SMOOTH))
     gone, through = np.isfinite(jumps.life), np.isfinite(jumps.escaped)
     lived, crossed = (span(values, ".0f") for values in (jumps.life.values, jumps.escaped.values))
     kept, kicks = np.isinf(smooth.life) & np.isinf(smooth.escaped), lives.attrs["kicks"]

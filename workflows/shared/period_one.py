@@ -4,7 +4,8 @@ import numpy as np
 
 from nasm import fixed_points
 from nasm.planes import TWO_KICKS_AXES
-from workflows.shared.tables import dataset, described
+from pipeline.cubes.cube import text
+from workflows.shared.tables import dataset
 
 _SOURCE = "arXiv:1606.04824, Sec. IV.A"
 _RESIDUE = "Greene's residue; stable if 0 < R < 1"
@@ -15,8 +16,7 @@ def primary_dataset(axis):
     kappa2, kappa1 = np.meshgrid(axis.centres, axis.centres, indexing="ij")
     points = [f"({x:g}, {y:g})" for x, y in fixed_points.PRIMARY]
     residue = fixed_points.primary_residue(kappa1, kappa2)
-    names = described("primary point (x, y)", points=points)
-    coords = {"point": (range(len(points)), names), **_plane(axis)}
+    coords = {"point": text("point", points, "primary point (x, y)"), **_plane(axis)}
     residues = {"residue": (("point", "kappa2", "kappa1"), residue, _RESIDUE)}
     source = {"source": f"{_SOURCE} and Fig. 3"}
     return dataset("Primary period-one orbits", coords, residues, source)

@@ -18,7 +18,7 @@ ANGLE = described("direction of the ray in the plane", "degree")
 def dataset(title, coords, variables, attrs=None):
     """Return a labelled Dataset.
 
-    coords : {dimension: (values, label)}, or the DataArray of another Dataset.
+    coords : {dimension: (values, label)}, or a labelled Variable, or that of another Dataset.
     variables : {name: (dims, values, label)}. attrs : more attributes of the Dataset.
 
     A label is the long name of a number without unit, or the attributes by `described`.
@@ -36,11 +36,6 @@ def strengths(dims, a, b, axes=TWO_KICKS_AXES):
     """Return the variables of a plane's axes, kappa1 and kappa2 by default, labelled."""
     named = zip(axes.items(), (a, b), strict=True)
     return {name: (dims, values, described(words)) for (name, words), values in named}
-
-
-def listed(dim, *names):
-    """Return the values and the label of a coordinate of numbers that stand for the names."""
-    return np.arange(len(names)), described(dim, names=list(names))
 
 
 def outcomes(dims, codes):

@@ -14,8 +14,8 @@ from nasm.maps import twist
 from nasm.numbers import RotationNumber, convergents, parse
 from nasm.symmetries import dominant_centre, ray
 from nasm.tori import last_torus
-from pipeline.cubes.cube import fields, status_code
-from workflows.shared.tables import ANGLE, dataset, described, listed, outcomes
+from pipeline.cubes.cube import fields, status_code, text
+from workflows.shared.tables import ANGLE, dataset, described, outcomes
 
 _NUMBERS = {"value": "value", "error": "error", "lower": "lower"}  # of a CriticalScale
 _LIVES = {
@@ -68,7 +68,7 @@ def near_cusp(quick):
         "status": outcomes(dims, scales["status"].T[0]),
     }
     title = "Distance to the cusp at 45 degrees"
-    coords = {"approach": listed("approach", *approaches), "delta": distance}
+    coords = {"approach": text("approach", approaches, "method"), "delta": distance}
     return dataset(title, coords, variables)
 
 
@@ -123,7 +123,7 @@ def disguised_fractions(quick):
     approaches = "periodic", "continuation", "longer orbits; of status: circles"
     coords = {
         "quotient": (list(large), "partial quotient a after the ones"),
-        "approach": listed("approach", *approaches),
+        "approach": text("approach", approaches, "method"),
         "q": (q, "denominator of the fraction"),
     }
     variables = {
@@ -268,7 +268,7 @@ def nearly_resonant(quick):
     dims = "pair", "delta"
     numbers = fields(found, _NUMBERS)
     coords = {
-        "pair": listed("pair", *pairs),
+        "pair": text("pair", pairs, "rotation vector"),
         "delta": (deltas, "distance δ from the resonance"),
         "n": (sizes, "most grid points"),
         "excess": (excess, "scale over upper, less 1"),

@@ -29,7 +29,6 @@ RAYS = ("45", "0", "30", "40", "120", "three-kicks")
 @writes
 def main(run, full, only, ray):
     from nasm.proofs.barrier import need_flint
-    from workflows.figures.style import names_of
     from workflows.figures.work_precision import draw_work_precision
     from workflows.work_precision.measure import fastest, measure, table
 
@@ -42,8 +41,7 @@ def main(run, full, only, ray):
     with run.driving(len(only) * len(ray) * (15 if full else 1.5)):
         measured = measure(list(dict.fromkeys(ray)), only, not full, run.check)
         data = run.keep("work_precision", measured)
-        named = data.assign_coords({key: names_of(data[key]) for key in ("ray", "method")})
-        run.table("work_precision", named[["effort", "cpu_seconds", "error", "estimated_error"]])
+        run.table("work_precision", data[["effort", "cpu_seconds", "error", "estimated_error"]])
         path = run.path("tables", "work_precision.md")
         Path(path).write_text(f"{table(data)}\n", encoding="utf-8")
         run.figure("work_precision", draw_work_precision(data), fastest(data))

@@ -6,11 +6,10 @@ from time import thread_time
 
 import click
 import numpy as np
+import xarray as xr
 
 from nasm.numbers import parse
-from pipeline.cubes.cube import Cube
-from workflows.figures.style import names_of
-from workflows.shared.tables import dataset, described, listed
+from pipeline.cubes.cube import Cube, blank, coordinate, text
 from workflows.work_precision.methods import JUDGE, METHODS, PROFILES, Ray, judged
 
 ACCURACIES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-8, 1e-10)
@@ -33,27 +32,25 @@ def measure(rays, names, quick, check):
     """
     efforts = {name: METHODS[name].efforts[: -1 if quick else None] for name in names}
     answers = [(name, answer) for name in names for answer in METHODS[name].answers]
-    method = listed("method", *(answer for _, answer in answers))
-    method[1]["efforts"] = [METHODS[name].effort for name, _ in answers]
-    levels = range(max(map(len, efforts.values())))
-    coords = {"ray": listed("ray", *rays), "method": method, "level": (levels, "level of effort")}
-
-    def blank(dims, long_name, units="1"):
-        values = np.full([len(coords[dim][0]) for dim in dims], nan)
-        return dims, values, described(long_name, units)
-
-    effort = "effort: steps N or n, period q, points, tolerance tol, or distance ε"
+    ray = text("ray", rays, "degrees, or the forcing")
+    method = text("method", (answer for _, answer in answers), "method, and what it answers")
+    level = coordinate("level", range(max(map(len, efforts.values()))), "level of effort")
+    coords = {"ray": ray, "method": method, "level": level}
+    effort = [METHODS[name].effort for name, _ in answers]
+    words = "effort: steps N or n, period q, points, tolerance tol, or distance ε"
     variables = {
-        "effort": blank(("method", "level"), effort),
-        "cpu_seconds": blank([*coords], "CPU time of one run, median", "s"),
-        "error": blank([*coords], "relative error"),
-        "estimated_error": blank([*coords], "relative error that the method estimates"),
-        "warm_up_seconds": blank(["method"], "CPU time of a first run", "s"),
-        "value": blank(["ray"], "scale of the breakup that all are judged by"),
-        "judge_error": blank(["ray"], "estimated relative error of value"),
+        "effort": blank({"method": method, "level": level}, words),
+        "effort_is": text("method", effort, "what the effort is"),
+        "cpu_seconds": blank(coords, "CPU time of one run, median", units="s"),
+        "error": blank(coords, "relative error"),
+        "estimated_error": blank(coords, "relative error that the method estimates"),
+        "warm_up_seconds": blank({"method": method}, "CPU time of a first run", units="s"),
+        "value": blank({"ray": ray}, "scale of the breakup that all are judged by"),
+        "judge_error": blank({"ray": ray}, "estimated relative error of value"),
     }
-    title, attrs = "Speed against accuracy of all methods", {"judge_q_max": JUDGE}
-    check(Cube("work_precision", data := dataset(title, coords, variables, attrs), {}, {}))
+    labels = {"title": "Speed against accuracy of all methods", "judge_q_max": JUDGE}
+    data = xr.Dataset(variables, coords, labels).compute().copy(deep=True)  # blanks share memory
+    check(Cube("work_precision", data, {}, {}))
     rows = {name: [i for i, (of, _) in enumerate(answers) if of == name] for name in names}
     for name, here in rows.items():  # kernels that methods share are compiled by the first of them
         data.effort[here, : len(efforts[name])] = efforts[name]
@@ -108,9 +105,9 @@ def fastest(data):
         seconds = seconds_for(data, accuracy)
         if np.isfinite(seconds).any():
             best = int(np.nanargmin(seconds))
-            cheapest[names_of(data.method)[best], f"{seconds[best]:.2g} s"] = accuracy
+            cheapest[data.method.values[best], f"{seconds[best]:.2g} s"] = accuracy
     parts = [f"{accuracy:.0e} by {name} in {s}" for (name, s), accuracy in cheapest.items()]
-    rays = ", ".join(f"{name}°" if name.isdigit() else name for name in names_of(data.ray))
+    rays = ", ".join(f"{name}°" if name.isdigit() else name for name in data.ray.values)
     return (
         "CPU time until the relative error of the last breakup is small on each ray on which there "
         f"is an answer, of {rays}, judged by Greene's residue to "
@@ -126,9 +123,9 @@ def table(data):
     heads = [f"{accuracy:.0e}".replace("e-0", "e-") for accuracy in ACCURACIES]
     lines = [f"| seconds for an error of | {' | '.join(heads)} | first run | error ∝ |"]
     lines.append("|---" * (len(columns) + 2) + "|")
-    for i, label in enumerate(names_of(data.method)):
+    for i, label in enumerate(data.method.values):
         cells = [f"{column[i]:.2g}" if column[i] == column[i] else "–" for column in columns]
         slope = order(data, i)
-        law = f"{names_of(data.method, 'efforts')[i]}^{slope:.2f}" if abs(slope) > 0.1 else "–"
+        law = f"{data.effort_is.values[i]}^{slope:.2f}" if abs(slope) > 0.1 else "–"
         lines.append(f"| {label} | {' | '.join(cells)} | {law} |")
     return "\n".join(lines)
