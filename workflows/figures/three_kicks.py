@@ -11,7 +11,7 @@ def draw_three_kicks(three, two):
 
     Colours are those of the last circles.
     """
-    exact = three.phase.attrs["exact"]
+    exact = three.phase.values
     heights = [1.4, 0.3 + 0.4 * len(exact)]  # of the plane and the strips in a column
     figure = style.canvas(13, 1.6 + 1.3 * max(4, len(exact)), sum(heights))
     if style.in_column():
@@ -68,5 +68,5 @@ def _sentences(three):
         f"{float(width.max()):.1e}. The map outlasts T, a certified circle of it beyond "
         "converse KAM of T:"
     )
-    for i, phase in enumerate(three.phase.attrs["exact"]):
+    for i, phase in enumerate(three.phase.values):
         yield f"φ0 = {phase}: {where_above(three.angle.values, three.ratio_lower.values[i])}."

@@ -1,13 +1,12 @@
 """Rays of planes of forcings, and what cubes say about them."""
 
-from fractions import Fraction
-
 import numpy as np
 import xarray as xr
 
 from nasm.numbers import NAMES, parse
 from nasm.planes import two_kicks
 from pipeline.cubes.barrier import tie
+from pipeline.cubes.cube import text
 from workflows.shared.tables import described
 
 PAPER_CIRCLES = sorted(map(parse, NAMES), key=float)
@@ -45,8 +44,7 @@ def named(circle, tied):
 
 def by_phase(cubes):
     """Join cubes on rays of several phases of a rotating map, {text of the phase: Dataset}."""
-    words = described("phase φ0 of the first kick, in turns", exact=list(cubes))
-    phase = xr.Variable("phase", [float(Fraction(text)) for text in cubes], words)
+    phase = text("phase", cubes, "phase φ0 of the first kick, in turns, exactly")
     return xr.concat(cubes.values(), phase, coords="all", combine_attrs="override")
 
 
