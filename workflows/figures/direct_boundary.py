@@ -82,9 +82,8 @@ def _draw_cell(axes, inset, norm):
     image = axes.imshow(visits, extent=(0, 1, 0, 1), origin="lower", cmap="Blues", norm=norm)
     axes.set(xlabel="$x$", ylabel="$y$", xticks=[0, 0.5, 1], yticks=[0, 0.5, 1])
     axes.label_outer()
-    low, high, transport = (float(inset[name]) for name in ("lowest", "highest", "transport"))
-    verdict = {0: "barrier", 1: "transport"}.get(transport, "undecided")
-    if transport == 1 and high - low < 1:
+    low, high, verdict = (inset[name].item() for name in ("lowest", "highest", "verdict"))
+    if verdict == "transport" and high - low < 1:
         verdict += f",\nbut this orbit stays\nin {low:.2f} < y < {high:.2f}"
     title = f"$({float(inset.kappa1):g}, {float(inset.kappa2):g})$: {verdict}"
     axes.set_title(title, fontsize="small", color=style.VERMILION if "but" in verdict else "black")

@@ -8,30 +8,29 @@ from workflows.shared.rays import with_tie
 
 
 def law(excess, flux):
-    """Fit flux = C·x^η·exp(bx + cx²) to the logarithms, x the excess ≤ 3%; return C and η.
+    """Fit flux = C·x^η·exp(bx + cx²) to the logarithms, x the excess ≤ 3%.
 
     The exponential is the first corrections to the law: without them η comes out 0.01 too small,
-    without c 10⁻⁵. Returns (C, η) and the standard errors of the fit; NaN for too few points.
+    without c 10⁻⁵. Returns C, η and the standard errors of the fit; NaN for too few points.
     """
     known = np.isfinite(flux) & (flux > 0) & (excess <= 0.031)
     if known.sum() < 6:
-        return np.full((2, 2), np.nan)
+        return np.full(4, np.nan)
     x, right = excess[known], np.log(flux[known])
     matrix = np.stack([np.ones_like(x), np.log(x), x, x**2], axis=1)
     found, *_ = np.linalg.lstsq(matrix, right)
     spread = np.sum((right - matrix @ found) ** 2) / (x.size - found.size)
     errors = np.sqrt(spread * np.diag(np.linalg.inv(matrix.T @ matrix)))
     amplitude = np.exp(found[0])
-    return np.array([[amplitude, found[1]], [amplitude * errors[0], errors[1]]])
+    return amplitude, found[1], amplitude * errors[0], errors[1]
 
 
 def laws(fluxes):
     """Fit `law` on each ray: a Dataset with dim (angle)."""
-    fits = np.array([law(fluxes.excess.values, row.values) for row in fluxes.flux])
-    names = ("amplitude", "exponent", "amplitude_error", "exponent_error")
-    columns = {name: ("angle", fits.reshape(-1, 4)[:, i]) for i, name in enumerate(names)}
-    circles = fluxes.circle.values.tolist()
-    columns["circle"] = ("angle", circles)
-    named = map(with_tie, circles, fluxes.angle.values)
+    fits = np.transpose([law(fluxes.excess.values, row.values) for row in fluxes.flux])
+    names = "amplitude", "exponent", "amplitude_error", "exponent_error"
+    columns = {name: ("angle", fit) for name, fit in zip(names, fits, strict=True)}
+    named = map(with_tie, fluxes.circle.values.tolist(), fluxes.angle.values)
     columns["circle_and_tie"] = ("angle", list(named))
-    return xr.Dataset(columns, {"angle": fluxes.angle}, {"predicted_exponent": power_law.FLUX})
+    coords = {"angle": fluxes.angle, "circle": fluxes.circle}
+    return xr.Dataset(columns, coords, {"predicted_exponent": power_law.FLUX})

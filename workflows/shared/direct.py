@@ -11,7 +11,7 @@ import xarray as xr
 from nasm import orbits
 from nasm.planes import plane_of, two_kicks
 from nasm.symmetries import ray
-from nasm.verdict import Answer, verdict
+from nasm.verdict import verdict
 from pipeline.cubes.beyond import escape_times, steps_beyond
 from workflows.shared import power_law
 from workflows.shared.tables import ANGLE, dataset, described, strengths
@@ -112,8 +112,6 @@ def boundary_dataset(found, barrier, steps):
 
 def insets_dataset():
     """Count the visits of one orbit to the parts of the cell; dims (forcing, y, x)."""
-    codes = {Answer.BARRIER: 0, Answer.TRANSPORT: 1, Answer.UNDECIDED: -1}
-    answers = [codes[verdict(kappa).answer] for kappa in INSETS]
     visits, lowest, highest = [], [], []
     for kappa in INSETS:
         x, y = orbits.orbit(kappa, *INSET_START, INSET_STEPS)
@@ -126,7 +124,7 @@ def insets_dataset():
     variables = {
         "visits": (("forcing", "y", "x"), np.stack(visits), "points of the orbit"),
         **strengths("forcing", *np.transpose(INSETS)),
-        "transport": ("forcing", answers, "1: global; 0: a barrier; -1: undecided"),
+        "verdict": ("forcing", [verdict(kappa).answer.name.lower() for kappa in INSETS], "verdict"),
         "lowest": ("forcing", lowest, "least y of the orbit, not reduced"),
         "highest": ("forcing", highest, "largest y of the orbit, not reduced"),
     }
