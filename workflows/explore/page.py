@@ -13,8 +13,9 @@ from workflows.explore import files, play, verdict
 from workflows.explore.plane import PlanePanel
 from workflows.explore.portrait import PortraitPanel
 from workflows.explore.state import QUERY, STEPS, State, number
-from workflows.explore.widgets import THEME, alert, field, symbols
+from workflows.explore.widgets import THEME, alert, field
 from workflows.explore.work import Work
+from workflows.figures.planes import symbols
 
 _TEMPLATE = Template((Path(__file__).parent / "page.html").read_text("utf-8"))
 _SOON = 100  # milliseconds, in which a browser has asked for the scripts of a page
@@ -68,7 +69,8 @@ def _build(document, shared, work):
 def _controls(state, wrong):
     """Fields to type the point exactly, the slider of N, and the link to what is seen."""
     shown = list(state.point)
-    fields = [TextInput(title=title, width=150) for title in symbols(state.plane)]
+    names = symbols(state.plane.axes, plain=True)
+    fields = [TextInput(title=title, width=150) for title in names]
     for i, model in enumerate(fields):
         model.update(value=repr(shown[i]), name=f"coordinate {i}")
 

@@ -18,6 +18,7 @@ from pipeline.cubes.barrier import unfolded
 from workflows.explore import rays, widgets
 from workflows.explore.field import BLOCKS, Field, View, computed, precision_of
 from workflows.explore.state import LINES
+from workflows.figures.planes import symbols
 from workflows.figures.style import INSIDE, NO_ESCAPE
 from workflows.shared.tables import dataset
 from workflows.shared.verdict_words import scale_of
@@ -144,7 +145,7 @@ class PlanePanel:
         self._tell(a, b)
 
     def _tell(self, a, b):
-        x, y = widgets.symbols(self.state.plane)
+        x, y = symbols(self.state.plane.axes, plain=True)
         words, steps = [f"{x} = {a:.6g}, {y} = {b:.6g}"], self.state.steps
         n = self.shown.at(a, b) if self.shown else np.nan
         if not np.isnan(n):
@@ -197,7 +198,7 @@ def _drawn(state):
     # Its width is that of the picture with the colours beside it.
     how = {"active_drag": None, "aspect_ratio": 1.06, "tags": ["arrows"]}
     how["name"] = "plane of forcings; arrow keys move the forcing"
-    plot = widgets.picture(state, "ab", widgets.symbols(state.plane), **how)
+    plot = widgets.picture(state, "ab", symbols(state.plane.axes, plain=True), **how)
     view, clear = _view(plot), {"high_color": "rgba(0, 0, 0, 0)", "nan_color": "rgba(0, 0, 0, 0)"}
     mapper = models.LogColorMapper(_COLOURS, low=10, high=state.steps, **clear)
     greys, sources = models.LinearColorMapper(_GREYS, low=-0.5, high=2.5, name="greys"), {}

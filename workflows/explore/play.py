@@ -4,7 +4,8 @@ import numpy as np
 from bokeh.models import Button, Column, ColumnDataSource, MultiLine, Row, Select, Span
 from bokeh.palettes import Viridis3
 
-from workflows.explore.widgets import small, symbols
+from workflows.explore.widgets import small
+from workflows.figures.planes import symbols
 from workflows.shared.instruments import PLACES, residues
 
 _RAY = "the ray"
@@ -15,7 +16,8 @@ def panel(state, work):
 
     The last circle's orbits are those of the verdict where playing begins.
     """
-    along = Select(title="Play along", options=[_RAY, *symbols(state.plane)], value=_RAY, width=110)
+    options = [_RAY, *symbols(state.plane.axes, plain=True)]
+    along = Select(title="Play along", options=options, value=_RAY, width=110)
     button = Button(label="play")
     controls = Row(along, button, styles={"align-items": "end"})
     root = Column(controls, sizing_mode="stretch_width")

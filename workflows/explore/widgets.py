@@ -11,7 +11,6 @@ from bokeh.plotting import figure
 from bokeh.themes import Theme
 
 from workflows.explore.state import ZOOM, State
-from workflows.figures import planes
 
 _SOON = 20  # milliseconds, in which the browser tells all that has changed at once
 _TOOLS = "box_zoom,pan,wheel_zoom,zoom_in,zoom_out,reset,save"
@@ -96,14 +95,6 @@ def small(title, **options):
     """Return a small figure, of curves that are computed on wish."""
     how = {"height": 150, "toolbar_location": None, "name": title}
     return figure(title=title, sizing_mode="stretch_width", tools="", **how | options)
-
-
-_SYMBOLS = {r"$\kappa_1$": "κ₁", r"$\kappa_2$": "κ₂", r"$\bar\kappa$": "κ̄", r"$\Delta\kappa$": "Δκ"}
-
-
-def symbols(plane):
-    """Return the symbols of the axes of a plane in plain text, or what they are in words."""
-    return [_SYMBOLS.get(symbol, symbol) for symbol in planes.symbols(plane.axes)]
 
 
 def sides_of(plot):

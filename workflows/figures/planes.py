@@ -6,18 +6,18 @@ from matplotlib.patches import Rectangle
 from nasm.planes import plane_of, two_kicks
 from workflows.figures.style import INSIDE
 
-# Symbols for what the planes of the paper call their axes.
+# Symbols for what the planes of the paper call their axes, in TeX and in plain text.
 _SYMBOLS = {
-    "strength of the first kick": r"$\kappa_1$",
-    "strength of the second kick": r"$\kappa_2$",
-    "mean strength κ̄": r"$\bar\kappa$",
-    "amplitude Δκ of the strengths": r"$\Delta\kappa$",
+    "strength of the first kick": (r"$\kappa_1$", "κ₁"),
+    "strength of the second kick": (r"$\kappa_2$", "κ₂"),
+    "mean strength κ̄": (r"$\bar\kappa$", "κ̄"),
+    "amplitude Δκ of the strengths": (r"$\Delta\kappa$", "Δκ"),
 }
 
 
-def symbols(axes):
+def symbols(axes, plain=False):
     """Return the symbols of the axes of a plane, {name: words}; words that have no symbol stay."""
-    return [_SYMBOLS.get(words, words) for words in axes.values()]
+    return [_SYMBOLS.get(words, (words, words))[plain] for words in axes.values()]
 
 
 def of_two_kicks(dataset):
