@@ -58,7 +58,7 @@ def lab(colour, seen_by):
 
 @pytest.mark.parametrize("seen_by", DICHROMATS)
 def test_the_colour_blind_tell_the_colours_of_circles_from_each_other_and_from_the_greys(seen_by):
-    greys = ["black", "white", style.INSIDE, style.NO_ESCAPE, style.FAINT]
+    greys = ["black", "white", style.INSIDE, style.NO_ESCAPE, "0.5"]
     pairs = [*combinations(style.COLOURS, 2), *product(style.COLOURS, greys)]
     apart = {(a, b): np.linalg.norm(lab(a, seen_by) - lab(b, seen_by)) for a, b in pairs}
     assert min(apart.values()) >= 15, min(apart, key=apart.get)

@@ -29,16 +29,14 @@ def ranges(circles, barrier):
         parts of CB_gt; NaN without a value.
     """
     wedge, short = _shortfalls(circles, barrier)
-    names, angles = wedge.circle.values, wedge.angle.values
-    bracket = ((wedge.upper - wedge.lower) / wedge.critical_scale).values
-    starts = np.flatnonzero(np.append(True, names[1:] != names[:-1]))
-    rows = []
-    for start, end in zip(starts, [*starts[1:], names.size], strict=True):
-        ends = {"from": float(angles[start]), "to": float(angles[end - 1])}
-        found = {"circle": str(names[start]), "bracket": float(bracket[start:end].max())}
-        least = short.isel(angle=slice(start, end)).min("angle").values.tolist()
-        rows.append(ends | found | dict(zip(NAMES, least, strict=True)))
-    return rows
+    table, names = short.transpose("angle", "circle").to_pandas(), wedge.circle.values
+    table = table.set_axis(NAMES, axis=1).assign(circle=names).reset_index(names="from")
+    table["to"] = table["from"]
+    table["bracket"] = ((wedge.upper - wedge.lower) / wedge.critical_scale).values
+    runs = np.cumsum(np.append(True, names[1:] != names[:-1]))
+    how = {"from": "first", "to": "last", "circle": "first"}
+    how |= {"bracket": lambda widths: widths.max(skipna=False), **dict.fromkeys(NAMES, "min")}
+    return table.groupby(runs).agg(how).to_dict("records")
 
 
 def _shortfalls(circles, barrier):

@@ -13,7 +13,8 @@ from nasm.numbers import distinct_convergents
 from nasm.verdict import Answer
 from workflows.explore import widgets
 from workflows.explore.state import ORBITS, fraction_of, orbits_of, orbits_text
-from workflows.figures.phase_space import CHAOTIC, COLOURS, STRONG, ends, places
+from workflows.figures.phase_space import CHAOTIC, COLOURS, ends, places
+from workflows.figures.style import VERMILION
 from workflows.shared.instruments import MANIFOLDS, resonance, spreading
 from workflows.shared.orbit_words import cycles_words, orbit_words
 from workflows.shared.phase_space import in_box, periodic_orbits, portraits
@@ -42,8 +43,8 @@ _MARKS = {
     "lobes": lambda: [models.Patches(**_LOBE)],
     "unstable": lambda: [models.Line(line_color=_LOBES[0], line_width=1.5)],
     "stable": lambda: [models.Line(line_color=_LOBES[1], line_width=1.5)],
-    "ensemble": lambda: [models.Scatter(size=2, fill_color=STRONG, line_color=STRONG)],
-    "circle": lambda: [models.Line(line_color=STRONG, line_width=3)],
+    "ensemble": lambda: [models.Scatter(size=2, fill_color=VERMILION, line_color=VERMILION)],
+    "circle": lambda: [models.Line(line_color=VERMILION, line_width=3)],
     "longest_lived": lambda: [models.Scatter(**_DOT)],
     "cycles": lambda: [models.Scatter(**_ORBIT)],
 }
@@ -126,7 +127,7 @@ class PortraitPanel:
         self.words |= words
         order = "last circle", "portrait", "periodic orbits", "ensemble"
         name, *rest = map(self.words.get, order)
-        colour = STRONG if self.known["circle"] else "inherit"
+        colour = VERMILION if self.known["circle"] else "inherit"
         name = name and f'<b style="color: {colour}">{name}</b>.'
         self.message.text = f'<span role="status">{" ".join(filter(None, [name, *rest]))}</span>'
 

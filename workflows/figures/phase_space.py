@@ -13,8 +13,6 @@ as pale as the page."""
 
 _SURVIVORS = 48  # points of the longest-lived start, at most
 
-STRONG = "#D55E00"  # what decides, among all of these
-
 
 def ends(orbits):
     """Return the ω of the first and the last colour: 0 and P/2, in a part of the cell what is seen.

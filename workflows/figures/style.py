@@ -17,8 +17,8 @@ from nasm.numbers import NAMES, moebius, parse
 COLOURS = ["#0072B2", "#E69F00", "#358600", "#56B4E9", "#8B0000", "#8A2BE2", "#332288"]
 VERMILION = "#D55E00"  # what stands out; the colour of no circle
 
-INSIDE, NO_ESCAPE, FAINT = "0.84", "0.95", "0.5"
-"""Greys: where a barrier is left, where none is left but nothing escapes, and of other lines."""
+INSIDE, NO_ESCAPE = "0.84", "0.95"
+"""Greys: where a barrier is left, and where none is left but nothing escapes."""
 
 MARKERS = "o^sDv"
 _DASHES = ["-", (0, (5, 1.2)), (0, (6, 1.2, 1.2, 1.2)), (0, (2, 1)), (0, (6, 1, 1, 1, 1, 1))]
