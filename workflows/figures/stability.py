@@ -63,8 +63,6 @@ def _mark_silent(axes, x, colour):
 def _draw_past_boundary(axes, study):
     """Draw what each method claims on each side of the breakup: a mark if it does, else a dot."""
     excess = study.excess.values
-    inside = np.abs(excess[excess != 0]).min()
-    place = np.sign(excess) * np.log10(np.maximum(np.abs(excess), inside / 10) / inside * 10)
     claims = (
         ("circle\ncertified", study.certified == 1, "o"),
         ("Birkhoff:\nregular,\n5 digits", study.digits >= 5, "s"),
@@ -78,11 +76,11 @@ def _draw_past_boundary(axes, study):
             here = said.sel(angle=angle).values
             for shown, marker, size in ((here, mark, 5), (~here, ".", 2)):
                 y, style = np.full(shown.sum(), row + 0.2 * i), {"ls": "", "marker": marker}
-                axes.plot(place[shown], y, color=COLOURS[i], ms=size, **style)
+                axes.plot(excess[shown], y, color=COLOURS[i], ms=size, **style)
     axes.set_yticks(range(len(claims)), [label for label, *_ in claims])
     axes.axvline(0, color="black", lw=0.8)
-    chosen = [i for i, x in enumerate(excess) if x == 0 or abs(np.log10(abs(x)) % 1) < 1e-6]
-    axes.set_xticks(place[chosen], [_signed_power(excess[i]) for i in chosen], rotation=45)
+    axes.set_xscale("symlog", linthresh=np.abs(excess[excess != 0]).min())
+    axes.tick_params(axis="x", rotation=45)
     for i, angle in enumerate(study.angle.values):
         axes.plot([], [], "o", color=COLOURS[i], label=rf"$\varphi = {angle:g}°$; dot: does not")
     axes.set(xlabel="$s/s_c - 1$", ylim=(-0.5, len(claims) + 0.3))
@@ -107,10 +105,6 @@ def _draw_past_boundary(axes, study):
         + f"; in single precision {int(np.isfinite(within.escape_time_single).sum())} ensembles "
         "leak through a circle inside."
     )
-
-
-def _signed_power(x):
-    return "0" if x == 0 else rf"${'-' if x < 0 else '+'}10^{{{np.log10(abs(x)):.0f}}}$"
 
 
 def _draw_fractions(axes, study):
