@@ -1,7 +1,6 @@
 """What figures of planes of forcings share, whatever the plane is."""
 
 import numpy as np
-from matplotlib.patches import Rectangle
 
 from nasm.planes import plane_of, two_kicks
 from workflows.figures.style import INSIDE
@@ -66,5 +65,5 @@ def tip_of(axes, barrier, low):
     tip.set(xlim=ends, ylim=ends, xticks=ends, yticks=ends, aspect="equal")
     tip.set_title("the tip, framed", fontsize="small", pad=3)
     tip.tick_params(labelsize="x-small")
-    axes.add_patch(Rectangle((low, low), 0.98 - low, 0.98 - low, fill=False, lw=0.6))
+    axes.indicate_inset_zoom(tip, edgecolor="black", lw=0.6)
     return tip

@@ -31,10 +31,8 @@ _LONG = 5  # CPU seconds of work that are announced
 
 def place_of(out, url=None):
     """Return the Place of the cubes: the URL if there is one, or else the directory `out`."""
-    try:
+    with explained(url or out):
         return store.place_of(url or out)
-    except store.Refused as error:
-        raise click.UsageError(str(error)) from None
 
 
 @contextmanager
