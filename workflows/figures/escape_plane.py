@@ -37,14 +37,12 @@ def draw_escape_plane(plane, steps):
 def draw_field(axes, plane):
     """Draw the field on a log scale, cells without escape light grey; return the field."""
     field = plane.escape_time.isel(ensemble=-1).values
-    ends = [plane[f"{axis.name}_bounds"].values for axis in in_plane(plane)]
-    extent = [end for of_axis in ends for end in (of_axis.min(), of_axis.max())]
     finite = np.where(np.isfinite(field), field, np.nan)
     earliest = max(1.0, np.nanmin(finite)) if np.isfinite(finite).any() else 1.0
     colours = colormaps["magma"].with_extremes(bad=style.NO_ESCAPE)
-    look = {"extent": extent, "origin": "lower", "interpolation": "nearest", "zorder": 0}
     norm = LogNorm(vmin=earliest, vmax=max(plane.attrs["n_max"], 1.1 * earliest))
-    image = axes.imshow(finite, norm=norm, cmap=colours, **look)
+    look = {"norm": norm, "cmap": colours, "zorder": 0, "rasterized": True}
+    image = axes.pcolormesh(*in_plane(plane), finite, **look)
     label = "first escape $n^*$ (steps); light grey: no escape"
     if "level" in plane and not style.in_column():
         times = 2 ** (plane.attrs["levels"] - 1)
