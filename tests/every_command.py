@@ -21,7 +21,7 @@ SMALLEST = {
     "direct_boundary": "--steps 100 --n-orbits 4 --angles 3 --tips 0",
     "escape_plane": PLANE,
     "flux": "--angle 0 --nearest 0.1 --q-max 100",
-    "frequencies": "--q-max 2 --also 1/3 --irrational 0.41421356237309515 --phases 2",
+    "frequencies": "--q-max 2 --frequency 1/3 --frequency 0.41421356237309515 --phases 2",
     "gallery": "--only period_one",
     "last_barrier": "--angles 2 --tips 0 --tol 0.1",
     "patterns": "--quick --tol 0.1",

@@ -23,42 +23,36 @@ IRRATIONAL = (
 ALSO = "4/25", "12/29", "8/21", "13/34"
 
 
-def parse_irrational(text):
-    """Return a float from 0 to 1/2 that is not near a fraction p/q with q ≤ 64."""
-    number = float(text)
-    near = Fraction(number).limit_denominator(64) if 0 < number < 0.5 else Fraction(number)
-    if abs(near - number) < 1e-8:
-        raise ValueError(
-            f"{number} must be between 0 and 1/2, and not next to a fraction like {near}; "
-            "fractions go to --also"
-        )
-    return number
-
-
-def parse_fraction(text):
-    """Return a Fraction from 1/64 to 1/2 with a denominator up to 64."""
+def parse_frequency(text):
+    """Return a Fraction with a denominator up to 64, or a float that is not next to one."""
     from nasm.checks import fraction
 
-    number = fraction("also", text)
-    if not 0 < number <= Fraction(1, 2) or number.denominator > 64:
-        raise ValueError(f"{text!r} must be a fraction from 1/64 to 1/2, like 8/21")
+    number = fraction("frequency", text) if "/" in text else float(text)
+    if not 0 < number <= 0.5:
+        raise ValueError(f"{text!r} must be a frequency from 0 to 1/2, like 8/21 or 0.41421356237")
+    near = Fraction(number).limit_denominator(64)
+    if "/" in text and number != near:
+        raise ValueError(f"{text} must have a denominator up to 64, like {near}")
+    if "/" not in text and abs(number - near) < 1e-8:
+        raise ValueError(f"{text} must not be next to a fraction like {near}; give that itself")
     return number
 
 
 @command()
 @whole("--q-max", 10, 2, 64, "Fractions p/q with q up to this one; 34 takes one to two CPU hours.")
-@several("--also", ALSO, parse_fraction, "P/Q", "Further fractions.")
-@several("--irrational", IRRATIONAL, parse_irrational, "OMEGA", "Frequencies from 0 to 1/2.")
+@several("--frequency", ALSO + IRRATIONAL, parse_frequency, "OMEGA", "More Ω, fractions or not.")
 @whole("--phases", 8, 2, 1000, "Phases from 0 to 1/2q of each fraction.")
 @real("--angle", 45.0, 0, 180, "Ray (κ̄, Δκ) = s·(cos, sin), in degrees.")
-@preset("--quick", "A preview", q_max=5, also=(), phases=3, irrational=IRRATIONAL[-2:-1])
+@preset("--quick", "A preview", q_max=5, frequency=IRRATIONAL[-2:-1], phases=3)
 @sweeps
-def main(run, q_max, also, irrational, phases, angle):
+def main(run, q_max, frequency, phases, angle):
     from pipeline.cubes import rotating_maps
     from workflows.figures.frequencies import draw_frequencies
 
-    inner = {Fraction(p, q) for q in range(2, q_max + 1) for p in range(1, q // 2 + 1)}
-    fractions, irrational = sorted(inner.union(also.values())), list(irrational.values())
+    given = {Fraction(p, q) for q in range(2, q_max + 1) for p in range(1, q // 2 + 1)}
+    given = sorted(given.union(frequency.values()))
+    fractions = [number for number in given if isinstance(number, Fraction)]
+    irrational = [number for number in given if isinstance(number, float)]
     job = rotating_maps.last_barriers(fractions, phases, irrational, [angle])
     with run.sweeping(job):
         cube = run.sweep(job).load()
