@@ -94,9 +94,6 @@ def computed(client, plane, view, steps, fields):
         yield *tree.picture(), "what is known"
     workers, shown, pause = client(), monotonic(), _PATIENCE
     for calls in tree.rounds():
-        if len(calls) == 1 and tree.block < BLOCKS[0]:  # sooner done than a worker is asked
-            cells, function, *args = calls.popleft()
-            tree.accept(cells, function(*args))
         for ended in spread(workers, calls) if calls else ():
             if ended is not None:
                 tree.accept(*ended)

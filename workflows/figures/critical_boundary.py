@@ -26,9 +26,6 @@ def draw_critical_boundary(plane, circles, barrier):
         style["rotation"] = np.rad2deg(np.arctan(np.ptp(y) / -np.ptp(x)))
         axes.text(x.mean(), y.mean(), f"no barrier left, but no escape in ${steps}$ steps", **style)
     title = r"Lines: $\mathit{CB}_\omega$ of single circles"
-    if in_column():
-        below = {"bbox_to_anchor": (0.45, -0.35), "fontsize": "small", "columnspacing": 1}
-        axes.legend(loc="upper center", ncols=3, title=title, **below)
-    else:
-        axes.legend(loc="upper center", ncols=3, fontsize="small", framealpha=0.9, title=title)
+    below = {"bbox_to_anchor": (0.45, -0.35), "columnspacing": 1} if in_column() else {}
+    axes.legend(loc="upper center", ncols=3, fontsize="small", framealpha=0.9, title=title, **below)
     return figure
