@@ -47,10 +47,7 @@ def shown(exhibit, out, quick):
     texts = {path.stem: path.read_text(encoding="utf-8").strip() for path in here.glob("*.txt")}
     files = sorted(path for kind in ("pdf", "csv", "html") for path in here.glob(f"*.{kind}"))
     pictures = sorted(here.glob("*.png"))
-    return {
-        "title": exhibit.title,
-        "beyond": exhibit.beyond,
-        "name": name,
+    return vars(exhibit) | {
         "command": command_of(exhibit, quick),
         "pictures": [(f"{name}/{path.name}", texts.get(path.stem, "")) for path in pictures],
         "files": [f"{name}/{path.name}" for path in files],
