@@ -74,7 +74,10 @@ class Run:
                 foreseen = {name: (n, cpu) for name, (n, _, _, cpu) in self.plan.items()}
                 with Progress("computing", sys.stderr, foreseen) as self.line:
                     yield self
-        self.finish()
+        for line in "\n".join(self.words).splitlines():
+            click.echo(click.wrap_text(line, 100))
+        for kind, paths in self.written.items():
+            click.echo(f"{kind + ':':9}{', '.join(paths)}")
 
     @contextmanager
     def sweeping(self, *jobs, later=(), seconds=0):
@@ -166,13 +169,6 @@ class Run:
         """Have the path named at the end, among those of its kind; return it."""
         self.written.setdefault(kind, {})[path] = None  # once, in order
         return path
-
-    def finish(self):
-        """Print what was found, and where it is."""
-        for line in "\n".join(self.words).splitlines():
-            click.echo(click.wrap_text(line, 100))
-        for kind, paths in self.written.items():
-            click.echo(f"{kind + ':':9}{', '.join(paths)}")
 
 
 @contextmanager
