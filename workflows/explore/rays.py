@@ -13,10 +13,11 @@ import numpy as np
 from nasm.numbers import nobles_near, parse
 from pipeline.cubes.barrier import boundary
 from pipeline.cubes.breakdown import by_residue
+from pipeline.cubes.cube import angles_of_rays
 from pipeline.sweep.progress import plural
 from workflows.explore.work import spread
 from workflows.figures.style import circle_class, circle_style, longest_arcs
-from workflows.shared.tables import ANGLE, dataset
+from workflows.shared.tables import dataset
 
 _SPACING = 2.0  # degrees, of a view around the origin
 _N_RAYS, _STRIDES = 65, (16, 8, 4, 2, 1)  # of any other view, at most; of them every 16th first
@@ -110,7 +111,7 @@ class Rays:
         columns = zip(*(self.known[angle] for angle in angles), strict=True)
         named = zip(_COLUMNS.items(), columns, strict=True)
         variables = {name: ("angle", [*values], words) for (name, words), values in named}
-        where = {"angle": (angles, ANGLE)}
+        where = {"angle": angles_of_rays(angles)}
         return dataset("Where the last circle breaks", where, variables, self.plane.record)
 
     def missing(self, view):

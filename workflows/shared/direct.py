@@ -13,8 +13,9 @@ from nasm.planes import plane_of, two_kicks
 from nasm.symmetries import ray
 from nasm.verdict import verdict
 from pipeline.cubes.beyond import escape_times, steps_beyond
+from pipeline.cubes.cube import angles_of_rays
 from workflows.shared import power_law
-from workflows.shared.tables import ANGLE, dataset, described, strengths
+from workflows.shared.tables import dataset, described, strengths
 
 INSETS = ((0.526, 0.69), (0.526, 0.73), (-0.69, 0.525), (-0.73, 0.525))
 INSET_START = (0.5, 0.44)
@@ -104,7 +105,7 @@ def boundary_dataset(found, barrier, steps):
         "resolution": (dims, spacing * bias * breakup, "spacing of the scales"),
         **strengths(dims, *np.moveaxis(scale[..., None] * ray(angle), -1, 0), plane.axes),
     }
-    coords = {"n": (steps, "steps N"), "angle": (angle, ANGLE)}
+    coords = {"n": (steps, "steps N"), "angle": angles_of_rays(angle)}
     attrs = plane.record | {"n_orbits": int(found.ensemble[0]), "spacing": spacing}
     attrs["source"] = "arXiv:1606.04824, Sec. V.B, Figs. 5 and 6"
     return dataset("Boundary of global transport by direct iteration", coords, variables, attrs)
@@ -112,21 +113,17 @@ def boundary_dataset(found, barrier, steps):
 
 def insets_dataset():
     """Count the visits of one orbit to the parts of the cell; dims (forcing, y, x)."""
-    visits, lowest, highest = [], [], []
-    for kappa in INSETS:
-        x, y = orbits.orbit(kappa, *INSET_START, INSET_STEPS)
-        cells = np.histogram2d(y % 1.0, x % 1.0, _PIXELS, [[0, 1], [0, 1]])[0]
-        visits.append(cells.astype("uint32"))
-        lowest.append(y.min())
-        highest.append(y.max())
+    found = [orbits.orbit(kappa, *INSET_START, INSET_STEPS) for kappa in INSETS]
+    square = [[0, 1], [0, 1]]
+    visits = [np.histogram2d(y % 1.0, x % 1.0, _PIXELS, square)[0] for x, y in found]
     centres = (np.arange(_PIXELS) + 0.5) / _PIXELS
     cells = {"y": (centres, "y mod 1"), "x": (centres, "x mod 1")}
     variables = {
-        "visits": (("forcing", "y", "x"), np.stack(visits), "points of the orbit"),
+        "visits": (("forcing", "y", "x"), np.array(visits, "uint32"), "points of the orbit"),
         **strengths("forcing", *np.transpose(INSETS)),
         "verdict": ("forcing", [verdict(kappa).answer.name.lower() for kappa in INSETS], "verdict"),
-        "lowest": ("forcing", lowest, "least y of the orbit, not reduced"),
-        "highest": ("forcing", highest, "largest y of the orbit, not reduced"),
+        "lowest": ("forcing", [y.min() for _, y in found], "least y of the orbit, not reduced"),
+        "highest": ("forcing", [y.max() for _, y in found], "largest y of the orbit, not reduced"),
     }
     coords = {"forcing": (range(len(INSETS)), "forcing"), **cells}
     how = {"start": list(INSET_START), "steps": INSET_STEPS, "source": "arXiv:1606.04824, Fig. 6"}

@@ -12,9 +12,6 @@ def described(long_name, units="1", **more):
     return {"long_name": long_name, "units": units, **more}
 
 
-ANGLE = described("direction of the ray in the plane", "degree")
-
-
 def dataset(title, coords, variables, attrs=None):
     """Return a labelled Dataset.
 

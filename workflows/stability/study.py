@@ -14,8 +14,8 @@ from nasm.maps import twist
 from nasm.numbers import RotationNumber, convergents, parse
 from nasm.symmetries import dominant_centre, ray
 from nasm.tori import last_torus
-from pipeline.cubes.cube import fields, status_code, text
-from workflows.shared.tables import ANGLE, dataset, described, outcomes
+from pipeline.cubes.cube import angles_of_rays, fields, status_code, text
+from workflows.shared.tables import dataset, described, outcomes
 
 _NUMBERS = {"value": "value", "error": "error", "lower": "lower"}  # of a CriticalScale
 _LIVES = {
@@ -95,7 +95,7 @@ def past_boundary(quick):
     }
     efforts = {"n_cones": n_cones, "n_escape": n_escape, "n_modes": n_modes}
     beyond = excess, "scale over that of the breakup, less 1"
-    coords = {"angle": (list(angles), ANGLE), "excess": beyond}
+    coords = {"angle": angles_of_rays(angles), "excess": beyond}
     return dataset("Distance past the breakup", coords, variables, efforts)
 
 
@@ -148,7 +148,7 @@ def beyond_the_twist(quick):
         return status_code(circle.status), least, *_lives(kappa, 2000, 2000, 2000)
 
     status, least, *lives = _over(angles, scales, answers)
-    coords = {"angle": (list(angles), ANGLE), "scale": (scales, "scale s of the forcing")}
+    coords = {"angle": angles_of_rays(angles), "scale": (scales, "scale s of the forcing")}
     variables = {
         "twist": ([*coords], least, "least ∂x'/∂y of a step"),
         **_labelled_lives([*coords], lives),
