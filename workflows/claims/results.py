@@ -27,8 +27,8 @@ _PAIRS = {
 }
 
 
-def result_claims(circles, barrier):
-    """Judge Sec. VI.D."""
+def result_claims(circles, barrier, tori, three):
+    """Judge Secs. VI.D and VII."""
     ratio = (circles.critical_scale / barrier.critical_scale).values
     allowed = ((circles.error + barrier.error) / barrier.critical_scale).values
     known = np.isfinite(ratio)
@@ -46,6 +46,10 @@ def result_claims(circles, barrier):
         **{name: _reflection(circles, *pair) for name, pair in _PAIRS.items()},
         "heuristic_1": _heuristic(circles, barrier, NAMES[4]),
         "heuristic_2": _heuristic(circles, barrier, NAMES[5]),
+        **hull_claims(circles, barrier),
+        **_rotating_map(),
+        "third": _third(three),
+        "torus": _torus(tori),
     }
 
 
@@ -117,16 +121,6 @@ def _heuristic(circles, barrier, name):
         f"short of CB_gt by up to {gap} there"
     )
     return graded(text, leads.any() and short.max() < 0.05, leads.any())
-
-
-def discussion_claims(circles, barrier, tori, three):
-    """Judge Sec. VII."""
-    return {
-        **hull_claims(circles, barrier),
-        **_rotating_map(),
-        "third": _third(three),
-        "torus": _torus(tori),
-    }
 
 
 def hull_claims(circles, barrier):

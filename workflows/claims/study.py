@@ -13,7 +13,7 @@ from workflows.claims.envelope import ranges, summary, wedge_angles
 from workflows.claims.errata import errata
 from workflows.claims.map import map_claims, symmetry_claims
 from workflows.claims.periodic import periodic_claims
-from workflows.claims.results import discussion_claims, result_claims
+from workflows.claims.results import result_claims
 from workflows.claims.rules import judged
 from workflows.shared import direct
 from workflows.shared.rays import PAPER_CIRCLES, by_phase, with_ratio
@@ -54,8 +54,7 @@ def examine(cubes, rays, n_max, n_orbits):
         **periodic_claims(),
         **boundary_claims(bias.isel(ensemble=-1, angle=0), n_max, n_orbits),
         **circle_claims(),
-        **result_claims(circles, barrier),
-        **discussion_claims(circles, barrier, tori, three),
+        **result_claims(circles, barrier, tori, three),
     }
     rows = ranges(circles, barrier)
     return judged(found), errata(), rows, summary(circles, barrier, rows)
