@@ -33,7 +33,7 @@ SMALLEST = {
     "stability": "--quick",
     "three_kicks": "--angles 2 --tips 0 --tol 0.1 --phase 0",
     "tolerance": "--quick --forcings 10 --climbs 2",
-    "tori": "--quick --vector 0.6180339887498949,0.2700907567377265 --angles 2",
+    "tori": "--quick --vector 0.6180339887498949 0.2700907567377265 --angles 2",
     "status": "",
     "verify": "",
     "explore": "--no-browser",

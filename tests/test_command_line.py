@@ -96,7 +96,7 @@ def test_help_needs_no_numpy_and_so_comes_at_once():
         ("escape_plane", "--kappa1 -1e7:1e7:4", "not finite or too large"),
         ("last_barrier", "--tol nan", "is not in the range"),
         ("three_kicks", "--phase 1/0", "phase='1/0' is not a fraction"),
-        ("tori", "--vector 0.6,0.2,0.1", "must be two numbers"),
+        ("tori", "--vector 0.6,0.2", "'--vector' requires 2 arguments"),
         ("flux", "--nearest 1e-5 --q-max 100", "too short for --nearest 1e-05; use 1000000"),
         ("frequencies", "--frequency 3/5", "must be a frequency from 0 to 1/2"),
         ("frequencies", "--frequency 20/99", "must have a denominator up to 64"),

@@ -8,26 +8,21 @@ Two cubes, a table and two figures in OUT. The defaults take some seven CPU minu
 minute.
 """
 
-from workflows.shared.cli import command, parsed, preset, real, sweeps, whole
+import click
+
+from workflows.shared.cli import command, preset, real, sweeps, whole
 
 VECTORS = (
-    "0.5436890126920764,0.8392867552141612",
-    "0.222084,0.6180339887498949",
-    "0.6180339887498949,0.2700907567377265",
+    (0.5436890126920764, 0.8392867552141612),
+    (0.222084, 0.6180339887498949),
+    (0.6180339887498949, 0.2700907567377265),
 )
-_VECTOR = "Rotation vector: turns of θ and φ per kick. May be repeated."
-
-
-def parse_vectors(texts):
-    """Return the pairs of floats of texts like 0.5437,0.8393."""
-    pairs = list(dict.fromkeys(tuple(map(float, text.split(","))) for text in texts))
-    if bad := [pair for pair in pairs if len(pair) != 2 or not all(abs(x) < 1e6 for x in pair)]:
-        raise ValueError(f"{bad[0]} must be two numbers, turns of θ and φ per kick")
-    return pairs
+_VECTOR = {"default": VECTORS, "show_default": True, "metavar": "OMEGA FREQUENCY"}
+_VECTOR["help"] = "Rotation vector: turns of θ and φ per kick. May be repeated."
 
 
 @command()
-@parsed("--vector", VECTORS, parse_vectors, "OMEGA,FREQUENCY", _VECTOR, multiple=True)
+@click.option("--vector", type=(float, float), multiple=True, **_VECTOR)
 @whole("--angles", 13, 2, 10**5, "Rays, from 0 to 90 degrees: the other sign of Δκ is another φ0.")
 @real("--tol", 1e-3, 1e-5, 0.2, "Error of the scales to aim at.")
 @real("--picture", 45.0, 0, 90, "Ray, in degrees, on which tori of the first vector are drawn.")
@@ -39,6 +34,7 @@ def main(run, vector, angles, tol, picture):
     from pipeline.cubes import rotating_maps
     from workflows.figures.tori import draw_breakups, draw_pictures
 
+    vector = list(dict.fromkeys(vector))
     job = rotating_maps.breakups(vector, np.union1d(np.linspace(0, 90, angles), picture), tol)
     with run.sweeping(job):
         breakups = run.sweep(job).load()
