@@ -65,5 +65,5 @@ def tip_of(axes, barrier, low):
     tip.set(xlim=ends, ylim=ends, xticks=ends, yticks=ends, aspect="equal")
     tip.set_title("the tip, framed", fontsize="small", pad=3)
     tip.tick_params(labelsize="x-small")
-    axes.indicate_inset_zoom(tip, edgecolor="black", lw=0.6)
+    axes.indicate_inset((low, low, 0.98 - low, 0.98 - low), edgecolor="black", alpha=1, lw=0.6)
     return tip
