@@ -17,7 +17,7 @@ from pipeline.cubes.cube import angles_of_rays
 from pipeline.sweep.progress import plural
 from workflows.explore.work import spread
 from workflows.figures.style import circle_class, circle_style, longest_arcs
-from workflows.shared.tables import dataset
+from workflows.shared.tables import columns, dataset
 
 _SPACING = 2.0  # degrees, of a view around the origin
 _N_RAYS, _STRIDES = 65, (16, 8, 4, 2, 1)  # of any other view, at most; of them every 16th first
@@ -108,11 +108,9 @@ class Rays:
         if not self.known:
             return None
         angles = sorted(self.known)
-        columns = zip(*(self.known[angle] for angle in angles), strict=True)
-        named = zip(_COLUMNS.items(), columns, strict=True)
-        variables = {name: ("angle", [*values], words) for (name, words), values in named}
-        where = {"angle": angles_of_rays(angles)}
-        return dataset("Where the last circle breaks", where, variables, self.plane.record)
+        rays = zip(*(self.known[angle] for angle in angles), strict=True)
+        found, where = columns("angle", _COLUMNS, rays), {"angle": angles_of_rays(angles)}
+        return dataset("Where the last circle breaks", where, found, self.plane.record)
 
     def missing(self, view):
         """Return the rays to compute next for a view: degrees, each for all its images.

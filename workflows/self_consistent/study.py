@@ -13,7 +13,7 @@ from nasm.converse_kam import sequence
 from nasm.maps import TWO_PI, kick, rotating_forcing
 from nasm.numbers import parse
 from nasm.self_consistent import evolve, momentum
-from workflows.shared.tables import dataset
+from workflows.shared.tables import columns, dataset
 
 AMPLITUDE, BAND = 1e-4, 0.3 / TWO_PI  # of the wave and of y at the beginning
 _SEGMENT = 1024  # kicks whose spectra are averaged
@@ -117,8 +117,7 @@ def verdicts(fields):
         fitted = sequence.longest_lived(repeated, 0.0, half // 2, _EFFORT)[2]
         row = kappa.mean(), kappa.std(), drift, float(rotation), modulation, asked[site][2]
         rows.append([*row, fitted, orbit[1].mean() % 1, float(here.escape)])
-    columns = zip(_VERDICTS.items(), zip(*rows, strict=True), strict=True)
-    variables = {name: ("coupling", [*column], words) for (name, words), column in columns}
+    variables = columns("coupling", _VERDICTS, zip(*rows, strict=True))
     for name, values in zip("xy", np.stack(orbits, axis=1) % 1, strict=True):
         words = f"{name} of the longest-lived start's orbit, from the wave's"
         variables[name] = ("coupling", "step"), values, words

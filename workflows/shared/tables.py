@@ -29,10 +29,15 @@ def dataset(title, coords, variables, attrs=None):
     return xr.Dataset(variables, coords | own, {"title": title, **(attrs or {})})
 
 
+def columns(dims, labels, values):
+    """Return variables {name: label} of the same dimensions with their values, in that order."""
+    named = zip(labels.items(), values, strict=True)
+    return {name: (dims, np.array(one), label) for (name, label), one in named}
+
+
 def strengths(dims, a, b, axes=TWO_KICKS_AXES):
     """Return the variables of a plane's axes, kappa1 and kappa2 by default, labelled."""
-    named = zip(axes.items(), (a, b), strict=True)
-    return {name: (dims, values, described(words)) for (name, words), values in named}
+    return columns(dims, axes, (a, b))
 
 
 def outcomes(dims, codes):

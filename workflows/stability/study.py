@@ -15,7 +15,7 @@ from nasm.numbers import RotationNumber, convergents, parse
 from nasm.symmetries import dominant_centre, ray
 from nasm.tori import last_torus
 from pipeline.cubes.cube import angles_of_rays, fields, status_code, text
-from workflows.shared.tables import dataset, described, outcomes
+from workflows.shared.tables import columns, dataset, described, outcomes
 
 _NUMBERS = {"value": "value", "error": "error", "lower": "lower"}  # of a CriticalScale
 _LIVES = {
@@ -91,7 +91,7 @@ def past_boundary(quick):
     variables = {
         "certified": (dims, certified.astype("int8"), words),
         "escape_time_single": (dims, single, f"{_LIVES['escape_time']}, in single precision"),
-        **_labelled_lives(dims, lives),
+        **columns(dims, _LIVES, lives),
     }
     efforts = {"n_cones": n_cones, "n_escape": n_escape, "n_modes": n_modes}
     beyond = excess, "scale over that of the breakup, less 1"
@@ -151,7 +151,7 @@ def beyond_the_twist(quick):
     coords = {"angle": angles_of_rays(angles), "scale": (scales, "scale s of the forcing")}
     variables = {
         "twist": ([*coords], least, "least ∂x'/∂y of a step"),
-        **_labelled_lives([*coords], lives),
+        **columns([*coords], _LIVES, lives),
         "circle": outcomes([*coords], status),
     }
     return dataset("Near the end of the twist and beyond", coords, variables)
@@ -173,11 +173,6 @@ def _lives(kappa, n_cones, n_average, n_escape):
 def _first_escape(kappa, n_max, precision="double"):
     starts = escape.ensemble(100)
     return escape.first_escape(kappa, *starts, [100], n_max, precision=precision)[0]
-
-
-def _labelled_lives(dims, lives):
-    named = zip(_LIVES.items(), lives, strict=True)
-    return {name: (dims, values, words) for (name, words), values in named}
 
 
 def missed_survivors(quick):
@@ -242,8 +237,7 @@ def disordered_orbits(quick):
         "refused": "part that leads to another orbit, refused",
         "accepted": "part that leads to another orbit, accepted",
     }
-    parts = zip(words.items(), counts / trials, strict=True)
-    variables = {name: ([*coords], part, label) for (name, label), part in parts}
+    variables = columns([*coords], words, counts / trials)
     title = "Orbits that Newton's method finds from bad starts"
     return dataset(title, coords, variables, {"trials": trials})
 
