@@ -35,7 +35,6 @@ def main(run, phase, angles, tips, tol):
     from pipeline.cubes.barrier import last_barrier, named, unfolded
     from workflows.figures.three_kicks import draw_three_kicks
     from workflows.shared import rays
-    from workflows.shared.tables import described
 
     around = rays.rotated_rays(angles, tips)
     planes = {text: rotating("1/3", text) for text in phase}
@@ -44,9 +43,8 @@ def main(run, phase, angles, tips, tol):
     with run.sweeping(last, *jobs.values()):
         two = unfolded(run.sweep(last).load(), around)
         kicks = {text: unfolded(run.sweep(job).load(), around) for text, job in jobs.items()}
-        three = rays.with_ratio(rays.by_phase(kicks), two.critical_scale, "two kicks")
-        for side, other in (("lower", "upper"), ("upper", "lower")):
-            ratio = (three[side] / two[other]).assign_attrs(described(f"{side} over two's {other}"))
-            three[f"ratio_{side}"] = ratio
+        three = rays.with_ratio(rays.by_phase(kicks), two.critical_scale, "that of two kicks")
+        three = rays.with_ratio(three, two.upper, "two's upper", "ratio_lower", "lower")
+        three = rays.with_ratio(three, two.lower, "two's lower", "ratio_upper", "upper")
         run.table("three_kicks", three)
         run.figure("three_kicks", *draw_three_kicks(three, two))

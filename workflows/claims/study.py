@@ -45,7 +45,7 @@ def examine(cubes, rays, n_max, n_orbits):
     # κ1, κ2 = κ̄ ± Δκ turn a ray at ψ into one at 45° - ψ, √2 times as long.
     two = unfolded(cubes["barrier"], 45 - angles)
     scale, upper = two.critical_scale.values / np.sqrt(2), two.upper.values / np.sqrt(2)
-    tori, three = (with_ratio(cube, scale, "two kicks") for cube in (tori, three))
+    tori, three = (with_ratio(cube, scale, "that of two kicks") for cube in (tori, three))
     three["ratio_lower"] = three.lower / upper
     bias = direct.direct_bias(cubes["escapes"], direct.steps_up_to(n_max))
     found = {

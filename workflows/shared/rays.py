@@ -48,7 +48,7 @@ def by_phase(cubes):
     return xr.concat(cubes.values(), phase, coords="all", combine_attrs="override")
 
 
-def with_ratio(cube, scale, of, name="ratio"):
-    """Return the cube with the ratio of its scales to `scale` on the same rays."""
-    ratio = cube.critical_scale / scale
-    return cube.assign({name: ratio.assign_attrs(described(f"critical_scale over that of {of}"))})
+def with_ratio(cube, scale, words, name="ratio", side="critical_scale"):
+    """Return the cube with the ratio of its scales to `scale`, in words, on the same rays."""
+    ratio = (cube[side] / scale).assign_attrs(described(f"{side} over {words}"))
+    return cube.assign({name: ratio})
