@@ -1,6 +1,6 @@
 """The page: one document for each tab, with its own state and its own work."""
 
-from functools import cache, partial
+from functools import partial
 from html import escape
 from pathlib import Path
 
@@ -18,52 +18,40 @@ from workflows.explore.work import Work
 from workflows.figures.planes import symbols
 
 _TEMPLATE = Template((Path(__file__).parent / "page.html").read_text("utf-8"))
-_SOON = 100  # milliseconds, in which a browser has asked for the scripts of a page
-_ROOTS = {"controls": Row, "save": Row, "status": Div, "verdict": Div}
-_ROOTS |= dict.fromkeys(("plane", "lines", "portrait"), Column)
 
 
+@without_property_validation  # which would take a fifth of the time
 def fill(document, shared):
-    """Make a page, and what is in it while the browser loads its scripts."""
+    """Make a page, which computes nothing until its browser has connected."""
     document.title = f"{shared.plane.name}: the explorer of the nonautonomous standard map"
     document.template, document.theme = _TEMPLATE, THEME
     document.js_on_event(DocumentReady, CustomJS(code="dress()"))
     work = Work(document, shared.client)
-    for name, kind in _ROOTS.items():
-        document.add_root(kind(name=name, sizing_mode="stretch_width"))
-    build = cache(partial(_build, document, shared, work))  # once
-
-    def begin():
-        build()
-        work.start()
-
-    document.add_timeout_callback(build, _SOON)
-    document.session_context.begin = partial(document.add_next_tick_callback, begin)
+    document.session_context.begin = partial(document.add_next_tick_callback, work.start)
     document.on_session_destroyed(lambda _: work.close())
-
-
-@without_property_validation  # which would take a fifth of the time
-def _build(document, shared, work):
     query = document.session_context.request.arguments  # bytes, which may spell no text
     state, wrong = State(shared.plane), ""
     try:
         state.go({name: query[name][0].decode(errors="replace") for name in QUERY if name in query})
     except ValueError as error:
         wrong = f"the address asks for what is not there: {error}"
-    roots = {root.name: root for root in document.roots}
-    _tell(roots["status"], document, work, shared)
+    status, message = Div(), Div()
+    _tell(status, document, work, shared)
     plane, portrait = PlanePanel(state, work, shared), PortraitPanel(state, work)
-    verdict.tell(roots["verdict"], state, work)
-    parts = {
-        "controls": _controls(state, wrong),
-        "plane": plane.picture,
-        "lines": [*plane.lines, play.panel(state, work)],
-        "portrait": portrait.children,
-        "save": [*verdict.copied(state), *files.panel(state, work)],
+    verdict.tell(message, state, work)
+    roots = {
+        "controls": Row(*_controls(state, wrong)),
+        "plane": Column(*plane.picture),
+        "lines": Column(*plane.lines, play.panel(state, work)),
+        "portrait": Column(*portrait.children),
+        "save": Row(*verdict.copied(state), *files.panel(state, work)),
+        "status": status,
+        "verdict": message,
     }
     with document.models.freeze():  # which would count all models again after each root
-        for name, children in parts.items():
-            roots[name].children = [*children]
+        for name, root in roots.items():
+            root.update(name=name, sizing_mode="stretch_width")
+            document.add_root(root)
 
 
 def _controls(state, wrong):
