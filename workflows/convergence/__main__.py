@@ -10,6 +10,8 @@ orbits take ten times as long.
 
 from workflows.shared.cli import command, increasing, preset, sweeps, whole
 
+ANGLES = (0.0, 20.0, 40.0, 45.0)
+
 
 @command()
 @whole("--n-max", 1_000_000, 1000, 10**9, "Steps of direct iteration.")
@@ -17,16 +19,20 @@ from workflows.shared.cli import command, increasing, preset, sweeps, whole
 @preset("--quick", "A preview", n_max=10_000)
 @sweeps
 def main(run, n_max, n_orbits):
-    from workflows.convergence import study as convergence
+    from nasm import barriers
+    from nasm.symmetries import ray
+    from workflows.convergence.study import on_the_diagonal
     from workflows.figures.convergence import draw_convergence, draw_diagonal
     from workflows.shared import direct
 
-    scales = convergence.breakups()
+    # Of the last barrier's breakup, to judge by.
+    scales = {angle: float(barriers.critical_scale(ray(angle), 1e-3).value) for angle in ANGLES}
     job = direct.bias_job(scales, n_orbits, n_max)
     with run.sweeping(job):
         bias = direct.direct_bias(run.sweep(job).load(), direct.steps_up_to(n_max))
-        diagonal = convergence.on_the_diagonal(bias, scales[45.0])
-        run.keep("convergence_diagonal", diagonal)
+        n, largest = bias.n.values, bias.isel(ensemble=-1)
+        fits = {angle: direct.exponent(n, largest.sel(angle=angle).values) for angle in ANGLES}
+        diagonal = run.keep("convergence_diagonal", on_the_diagonal(bias, scales[45.0]))
         run.table("convergence_direct", bias.to_dataset())
-        run.figure("convergence", *draw_convergence(bias, convergence.exponents(bias)))
+        run.figure("convergence", *draw_convergence(bias, fits))
         run.figure("convergence_diagonal", *draw_diagonal(diagonal))

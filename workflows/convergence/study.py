@@ -2,24 +2,9 @@
 
 import numpy as np
 
-from nasm import barriers
-from nasm.symmetries import ray
 from pipeline.cubes.cube import text
 from workflows.shared.direct import exponent
 from workflows.shared.tables import dataset
-
-ANGLES = (0.0, 20.0, 40.0, 45.0)
-
-
-def breakups():
-    """Find the scale of the last barrier's breakup on each ray, {angle: scale}, to judge by."""
-    return {angle: float(barriers.critical_scale(ray(angle), 1e-3).value) for angle in ANGLES}
-
-
-def exponents(bias):
-    """Fit η and its error on each ray, {angle: (η, error)}, for the largest ensemble."""
-    largest = bias.isel(ensemble=-1)
-    return {angle: exponent(bias.n.values, largest.sel(angle=angle).values) for angle in ANGLES}
 
 
 def on_the_diagonal(bias, critical):
