@@ -13,12 +13,6 @@ from workflows.shared.rays import with_tie
 HEADER = ("φ, degrees", "last circle, ω", "bracket, in parts", *NAMES)
 
 
-def wedge_angles(n, tips):
-    """Return n angles from 0 to 45 degrees, and `tips` more from 5 to 0.01 degrees below 45."""
-    angles = np.concatenate([np.linspace(0, 45, n), 45 - np.geomspace(5, 0.01, tips)])
-    return np.unique(angles.round(9))
-
-
 def ranges(circles, barrier):
     """List the runs of rays with the same last circle, a dict each.
 

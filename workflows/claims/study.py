@@ -9,7 +9,7 @@ from pipeline.cubes import breakdown, rotating_maps
 from pipeline.cubes.barrier import last_barrier, named, unfolded
 from workflows.claims.boundary import boundary_claims
 from workflows.claims.circles import circle_claims
-from workflows.claims.envelope import ranges, summary, wedge_angles
+from workflows.claims.envelope import ranges, summary
 from workflows.claims.errata import errata
 from workflows.claims.map import map_claims, symmetry_claims
 from workflows.claims.periodic import periodic_claims
@@ -26,7 +26,8 @@ _THREE = {text: rotating("1/3", text) for text in ("0", "1/24", "1/12")}
 def planned(angles, tips, tol, n_max, n_orbits):
     """Return the jobs of all sweeps, {name: job}, and the rays of the plane."""
     around = np.arange(0, 180 + _STEP, _STEP)
-    rays = np.unique(np.concatenate([wedge_angles(angles, tips), around]).round(9))
+    spread = np.linspace(0, 45, angles), 45 - np.geomspace(5, 0.01, tips)  # degrees below the cusp
+    rays = np.unique(np.concatenate([*spread, around]).round(9))
     cusp = {45.0: float(barriers.critical_scale(ray(45.0), 1e-3).value)}
     return {
         "barrier": last_barrier(two_kicks(), rays, tol),
