@@ -18,7 +18,7 @@ from workflows.shared.cli import command, real, sweeps, whole
 @whole("--n-orbits", 1000, 10, 10**5, "Orbits of direct iteration.")
 @sweeps
 def main(run, **size):
-    from workflows.claims.page import contradicted, counted, write
+    from workflows.claims.page import write
     from workflows.claims.study import examine, planned
 
     jobs, rays = planned(**size)
@@ -27,5 +27,3 @@ def main(run, **size):
         found = examine(cubes, rays, size["n_max"], size["n_orbits"])
         options = " ".join(f"--{name.replace('_', '-')} {n}" for name, n in size.items())
         write(run, *found, f"python -m workflows.claims {options}")
-        run.say(counted(*found[:2]))
-        run.say(contradicted(found[0]))

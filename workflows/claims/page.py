@@ -11,31 +11,21 @@ from workflows.shared.page import render
 from workflows.shared.rules import Verdict
 
 
-def counted(claims, errata):
-    """Say how many claims have which verdict, and how many errata are shown."""
-    counts = Counter(claim.verdict for claim in claims)
-    found = ", ".join(f"{verdict.value}: {counts[verdict]}" for verdict in Verdict)
-    shown = sum(erratum.shown for erratum in errata)
-    return (
-        f"{plural(len(claims), 'claim')} of the paper ({found}); {shown} of {len(errata)} errata "
-        "are shown by numbers."
-    )
-
-
-def contradicted(claims):
-    """List the claims that do not hold, with what was found instead, a line each."""
-    return "\n".join(
-        f"Does not hold ({claim.place}): {claim.statement}. Found: {claim.value}."
-        for claim in claims
-        if claim.verdict is Verdict.FAILS
-    )
-
-
 def write(run, claims, errata, rows, sentences, command):
     """Write OUT/claims.html, and claims.csv, errata.csv and envelope.csv; claims.txt counts them.
 
-    rows, sentences : of `envelope`. command : what made it.
+    rows, sentences : of `envelope`. command : what made it. What does not hold is told.
     """
+    counts, shown = Counter(claim.verdict for claim in claims), sum(each.shown for each in errata)
+    verdicts = ", ".join(f"{verdict.value}: {counts[verdict]}" for verdict in Verdict)
+    counted = (
+        f"{plural(len(claims), 'claim')} of the paper ({verdicts}); {shown} of {len(errata)} "
+        "errata are shown by numbers."
+    )
+    run.say(counted)
+    for claim in claims:
+        if claim.verdict is Verdict.FAILS:
+            run.say(f"Does not hold ({claim.place}): {claim.statement}. Found: {claim.value}.")
     render(
         "claims/page.html",
         run.path("pages", "claims.html"),
@@ -44,7 +34,7 @@ def write(run, claims, errata, rows, sentences, command):
         rows=map(cells, rows),
         sentences=sentences,
         command=command,
-        counted=counted(claims, errata),
+        counted=counted,
         header=[name.replace("gamma", "γ") for name in HEADER],
     )
     tables = {
@@ -54,4 +44,4 @@ def write(run, claims, errata, rows, sentences, command):
     }
     for name, table in tables.items():
         DataFrame(table).to_csv(run.path("tables", f"{name}.csv"), index=False)
-    Path(run.out, "claims.txt").write_text(f"{counted(claims, errata)}\n", encoding="utf-8")
+    Path(run.out, "claims.txt").write_text(f"{counted}\n", encoding="utf-8")
