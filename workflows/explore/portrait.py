@@ -239,7 +239,10 @@ def _computed(kappa, box, added, every, with_lines, shape):
             told = ["The forcing has no symmetry centre, so there are no symmetry lines."]
     for x, y in added[-1:]:
         told.insert(0, f"The one added at ({x:.6g}, {y:.6g}): {orbit_words(kappa, x, y)}.")
-    curves["profile"] = _rotations(kappa, box)
+    left, bottom, width, height = box  # ω of starts on the vertical line in its middle
+    y = bottom + height * (np.arange(_PROFILE) + 0.5) / _PROFILE
+    omega, _ = orbits.rotation_number(kappa, left + width / 2, y, 2000)
+    curves["profile"] = {"x": omega, "y": y}
     for portrait in portraits(kappa, box, added, every):
         chaotic = int(np.isnan(portrait.omega).sum())
         words = f"{portrait.sizes['orbit']} orbits, {chaotic} of them chaotic (grey)."
@@ -261,13 +264,6 @@ def _pixels(portrait, shape, n_added):
         rows = np.clip(row[here] + down - 1, 0, shape[0] - 1)
         pixels[rows, np.clip(column[here] + right - 1, 0, shape[1] - 1)] = value[here]
     return pixels
-
-
-def _rotations(kappa, box):
-    """Return ω of starts on the vertical line in the middle of the box."""
-    left, bottom, width, height = box
-    y = bottom + height * (np.arange(_PROFILE) + 0.5) / _PROFILE
-    return {"x": orbits.rotation_number(kappa, left + width / 2, y, 2000)[0], "y": y}
 
 
 def _symmetry_lines(kappa, box):

@@ -105,8 +105,12 @@ def save(figure, out, name, caption="", kinds=("png", "pdf")):
     Several panels are lettered. Returns the paths of the pictures, which carry the caption too.
     """
     letter(figure)
-    if in_column():
-        _without_titles(figure)
+    if in_column():  # titles are left to the caption, and no text is too small to read
+        figure.suptitle("")
+        for axes in figure.axes:
+            axes.set_title("")
+        for text in figure.findobj(Text):
+            text.set_fontsize(max(text.get_fontsize(), _SMALLEST))
     figure.set_dpi(300 if in_column() else 200)
     if layout := figure.get_layout_engine():
         layout.execute(figure)  # once; savefig would draw all for it, for each picture
@@ -126,15 +130,6 @@ def letter(figure):
     style = {"weight": "bold", "textcoords": "offset points", "annotation_clip": False}
     for axes, name in zip(shown, "abcdefgh" if len(shown) > 1 else "", strict=False):
         axes.annotate(f"({name})", (0, 1), (-4, 6), xycoords="axes fraction", ha="right", **style)
-
-
-def _without_titles(figure):
-    """Leave the titles to the caption, and let no text be too small to read."""
-    figure.suptitle("")
-    for axes in figure.axes:
-        axes.set_title("")
-    for text in figure.findobj(Text):
-        text.set_fontsize(max(text.get_fontsize(), _SMALLEST))
 
 
 def omega_label(text):
