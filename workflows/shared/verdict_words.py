@@ -55,20 +55,9 @@ def sentences(kappa, point, verdict):
     if verdict.steps < float("inf"):
         steps = plural(verdict.steps, "step", "g")
         lines.append(f"The longest-lived start is eliminated after {steps}.")
-    if verdict.evidence is not Evidence.INTEGRABLE:
-        lines += _distance(boundary)
-    return lines
-
-
-def scale_of(boundary):
-    """Return the scale at which the last circle breaks, with the digits that its error leaves."""
-    digits = 2 + int(min(10, max(0, log10(boundary.value / max(boundary.error, 1e-300)))))
-    return f"{boundary.value:.{digits}g}"
-
-
-def _distance(boundary):
-    """Say where the last circle breaks on the ray, in multiples of the strengths asked about."""
-    lines = []
+    if verdict.evidence is Evidence.INTEGRABLE:
+        return lines
+    # Where the last circle breaks on the ray, in multiples of the strengths asked about.
     if isfinite(boundary.value):
         lines.append(
             f"It breaks at {scale_of(boundary)} times these strengths, "
@@ -82,3 +71,9 @@ def _distance(boundary):
         words = f"At {boundary.upper:.9g} times these strengths converse KAM finds no circle at all"
         lines.append(f"{words}.")
     return lines
+
+
+def scale_of(boundary):
+    """Return the scale at which the last circle breaks, with the digits that its error leaves."""
+    digits = 2 + int(min(10, max(0, log10(boundary.value / max(boundary.error, 1e-300)))))
+    return f"{boundary.value:.{digits}g}"
