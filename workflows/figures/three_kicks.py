@@ -11,7 +11,7 @@ def draw_three_kicks(three, two):
 
     Colours are those of the last circles.
     """
-    exact = three.phase.values
+    exact, where = three.phase.values, []
     heights = [1.4, 0.3 + 0.4 * len(exact)]  # of the plane and the strips in a column
     figure = style.canvas(13, 1.6 + 1.3 * max(4, len(exact)), sum(heights))
     if style.in_column():
@@ -31,6 +31,8 @@ def draw_three_kicks(three, two):
         strip.axhline(1, color="black", lw=1)
         _draw_brackets(strip, curve)
         strip.text(0.01, 0.08, rf"$\varphi_0 = {exact[i]}$", transform=strip.transAxes)
+        above = where_above(curve.angle.values, curve.ratio_lower.values)
+        where.append(f"φ0 = {exact[i]}: {above}.")
     last = circles.ravel()  # of all rays and phases
     for text in style.longest_arcs(np.arange(last.size), last):
         plane.plot([], [], label=rf"$\omega = {text}$", **style.circle_style(text) | {"ls": ""})
@@ -40,7 +42,17 @@ def draw_three_kicks(three, two):
     strips[-1].set(xlabel=r"angle $\theta$ of the ray in the plane (degrees)", xlim=(0, 180))
     strips[-1].set_xticks(range(0, 181, 30))
     strips[0].set_title("Bracket over that of $T$; above 1 the map outlasts $T$")
-    return figure, " ".join(_sentences(three))
+    known, width = three.ratio.notnull(), (three.upper - three.lower) / three.critical_scale
+    return figure, (
+        "Boundary of global transport of rotating standard maps for several phases φ0, against "
+        "that of T (Ω = 1/2, black): in the plane of the mean strength κ̄ and the amplitude Δκ, and "
+        "as the ratio of the scales along rays (κ̄, Δκ) = s·(cos θ, sin θ), from the certified "
+        "circle to converse KAM; in colours the last circle, triangles where converse KAM alone "
+        f"has an answer. Of {known.size} rays {int(known.sum())} have a value; the bracket's width "
+        f"is {float(width.median()):.1e} of the scale in the median, at most "
+        f"{float(width.max()):.1e}. The map outlasts T, a certified circle of it beyond "
+        f"converse KAM of T: {' '.join(where)}"
+    )
 
 
 def _draw_brackets(strip, curve):
@@ -53,20 +65,3 @@ def _draw_brackets(strip, curve):
     strip.plot(angle[open_side], ends[1][open_side], "v", color="0.3", ms=4, mfc="none")
     style.mark_gaps(strip, angle, open_side & np.isnan(ends[1]))
     strip.grid(lw=0.3)
-
-
-def _sentences(three):
-    known = three.ratio.notnull()
-    width = (three.upper - three.lower) / three.critical_scale
-    yield (
-        "Boundary of global transport of rotating standard maps for several phases φ0, against "
-        "that of T (Ω = 1/2, black): in the plane of the mean strength κ̄ and the amplitude Δκ, and "
-        "as the ratio of the scales along rays (κ̄, Δκ) = s·(cos θ, sin θ), from the certified "
-        "circle to converse KAM; in colours the last circle, triangles where converse KAM alone "
-        f"has an answer. Of {known.size} rays {int(known.sum())} have a value; the bracket's width "
-        f"is {float(width.median()):.1e} of the scale in the median, at most "
-        f"{float(width.max()):.1e}. The map outlasts T, a certified circle of it beyond "
-        "converse KAM of T:"
-    )
-    for i, phase in enumerate(three.phase.values):
-        yield f"φ0 = {phase}: {where_above(three.angle.values, three.ratio_lower.values[i])}."

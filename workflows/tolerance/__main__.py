@@ -29,7 +29,9 @@ def main(run, forcings, climbs, quick):
     tried, words = study.forcings(forcings, climbs), f"{words}; the seed of a climb"
     bounds = against_constant("tolerance_random", tried, words, golden, tries=500)
     with run.sweeping(ripples, bounds, seconds=5 if quick else 100):
-        cube = study.with_loss(with_circles(run.sweep(ripples)))
+        cube = with_circles(run.sweep(ripples))
+        kept = cube.critical_scale * cube.rms / golden  # of the rms strength, against κ_G
+        cube = cube.assign(loss=1 - kept, loss_error=kept * cube.error / cube.critical_scale)
         tried, laws = run.sweep(bounds).load(), study.laws(cube)
         for name, table in {"": cube, "_laws": laws, "_random": tried}.items():
             run.table(f"tolerance{name}", table)

@@ -41,12 +41,6 @@ def forcings(n, climbs):
     return given + [("climb", i, row) for i, row in enumerate(normal)]
 
 
-def with_loss(cube):
-    """Return the cube with the part of the rms strength that the breakup loses against κ_G."""
-    kept = cube.critical_scale * cube.rms / golden()
-    return cube.assign(loss=1 - kept, loss_error=kept * cube.error / cube.critical_scale)
-
-
 def laws(cube):
     """Predict the exponent of the loss by cosine ripples of P = 2 to 8, and measure it.
 
