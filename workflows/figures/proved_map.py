@@ -30,27 +30,21 @@ def draw_proved_map(cube, triangles, barrier):
     reach = float(cube.kappa1[-1] + cube.kappa1[0])
     style = {"origin": "lower", "extent": 2 * (-reach, reach), "interpolation": "nearest"}
     axes.imshow(whole, cmap=ListedColormap([*_LEGEND.values()][:2]), vmin=0, vmax=1, **style)
-    line = np.stack([barrier.kappa1, barrier.kappa2], -1)
-    line = np.concatenate([line, line[::-1, ::-1]])
+    rays = np.stack([barrier.kappa1, barrier.kappa2], -1)
+    line = np.concatenate([rays, rays[::-1, ::-1]])
+    names = [[f"kappa{i}_{end}" for i in (1, 2)] for end in ("low", "high")]
+    far = np.array([[triangles[name].values for name in row] for row in names])
+    far = np.moveaxis(triangles.proved_below.values * far, 2, 0)
+    # The corners (n, 3, 2) of what is proved of the triangles.
+    corners = np.concatenate([np.zeros_like(far[:, :1]), far], axis=1)
     for signs in product((1, -1), repeat=2):
-        for sides, corners in product(([0, 1], [1, 0]), _far_sides(triangles)):
-            axes.fill(*(signs * corners[:, sides]).T, color=COLOURS[0], lw=0, aa=False)
+        for sides, one in product(([0, 1], [1, 0]), corners):
+            axes.fill(*(signs * one[:, sides]).T, color=COLOURS[0], lw=0, aa=False)
         axes.plot(*(signs * line).T, color="black", lw=0.8)
     axes.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$", aspect="equal")
     patches = [Patch(color=colour, label=words) for words, colour in _LEGEND.items()]
     outer_legend(figure, 3, 1, "upper", handles=patches, frameon=False, fontsize=None)
-    return figure, _caption(cube, proved, triangles, barrier)
 
-
-def _far_sides(triangles):
-    """Corners (n, 3, 2) of what is proved of the triangles."""
-    names = [[f"kappa{i}_{end}" for i in (1, 2)] for end in ("low", "high")]
-    far = np.array([[triangles[name].values for name in row] for row in names])
-    far = np.moveaxis(triangles.proved_below.values * far, 2, 0)
-    return np.concatenate([np.zeros_like(far[:, :1]), far], axis=1)
-
-
-def _caption(cube, proved, triangles, barrier):
     kappa1, kappa2 = np.meshgrid(cube.kappa1, cube.kappa2)
     angle = np.rad2deg(np.arctan2(kappa2, kappa1))
     excess = np.hypot(kappa1, kappa2) / np.interp(angle, barrier.angle, barrier.critical_scale) - 1
@@ -66,13 +60,12 @@ def _caption(cube, proved, triangles, barrier):
         )
     share = 100 * proved[there].mean()
     # How far from CB_gt the proved triangles end, on its rays.
-    rays = np.stack([barrier.kappa1, barrier.kappa2], -1)
     ends = np.zeros(len(rays))
-    for _, low, high in _far_sides(triangles):
+    for _, low, high in corners:
         at = np.linalg.solve(np.stack([low, high], 1) + 1e-300 * np.eye(2), rays.T)
         ends = np.where((at >= -1e-9).all(axis=0), np.maximum(ends, 1 / at.sum(axis=0)), ends)
     half, most, last = 100 * (1 - np.quantile(ends, [0.5, 0.05, 0]))
-    return (
+    return figure, (
         f"Transport is proved to be global for every forcing of {share:.1f}% of what is outside "
         f"CB_gt (by residues, the line), in cells down to 1/{cube.attrs['cells']}. {within} A "
         f"barrier is proved to exist in {triangles.sizes['triangle']} triangles from 0 on and "
