@@ -101,13 +101,14 @@ class Run:
 
         besides : CPU seconds of what is not swept.
         """
-        tiles, files, size, seconds = np.sum([(0,) * 4, *self.plan.values()], axis=0)
-        seconds += besides
+        total = np.sum([(0, 0, 0, besides), *self.plan.values()], axis=0)
         if self.dry:
-            for name, (n, *parts, cpu) in self.plan.items():
-                click.echo(_planned(name, n, *parts, cpu))
-            click.echo(_planned("in all", tiles, files, size, seconds))
+            for name, (tiles, files, size, seconds) in {**self.plan, "in all": total}.items():
+                n_tiles, n_files = plural(tiles, "tile", "8.0f"), plural(files, "file", "9.0f")
+                hours = f"{seconds / 3600:.2g} CPU hours"
+                click.echo(f"{name:24} {n_tiles:14} {n_files:15} {size:9.3g} MB {hours:>18}")
             sys.exit()
+        tiles, _, _, seconds = total
         if seconds > _LONG:
             swept = plural(len(self.plan), "sweep"), plural(tiles, "tile", ".0f")
             parts = [*swept * bool(self.plan), f"about {duration(seconds)} of CPU time"]
@@ -222,16 +223,9 @@ def _expected(place, job, wanted):
         costs.append(float(job.predict(coords, cube.settings)))
         if time.thread_time() > end:
             break
-    files = len(tiles) * (len(cube.computed) + 1)
+    files = len(tiles) * (len(cube.computed) + 1)  # the commit record is one, too
     size = cube.template.nbytes / 1e6 * len(tiles) / prod(cube.tile_counts)
     return len(tiles), files, size, len(tiles) * sum(costs) / max(1, len(costs))
-
-
-def _planned(name, tiles, files, size, seconds):
-    """Return a line of --dry-run. The commit record of a tile is a file, too."""
-    n_tiles, n_files = plural(tiles, "tile", "8.0f"), plural(files, "file", "9.0f")
-    hours = f"{seconds / 3600:.2g} CPU hours"
-    return f"{name:24} {n_tiles:14} {n_files:15} {size:9.3g} MB {hours:>18}"
 
 
 def _go_on(outcome):
