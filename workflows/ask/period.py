@@ -73,21 +73,6 @@ def drawn(kappa, point, verdict, escaping):
     return draw_verdict(kappa, point, name, verdict, portrait(kappa), longest, escaping)
 
 
-def direct_iteration(verdict, escaping):
-    """Say what direct iteration shows: a list of lines, empty where it was not asked."""
-    if escaping is not None:
-        x, y = escaping[0][0], escaping[1][0]
-        return [
-            f"Direct iteration: the orbit from (x, y) = ({x:.6g}, {y:.6g}) arrives at "
-            f"y = {escaping[1][-1]:.3g} after {plural(escaping[0].size - 1, 'step')}."
-        ]
-    if verdict.answer is not Answer.TRANSPORT:
-        return []
-    if verdict.boundary.value > _NEAR:
-        return ["Direct iteration shows nothing: it is too slow this near the boundary."]
-    return ["Direct iteration: no orbit was found that escapes; that shows nothing."]
-
-
 def asked_of_period(strengths, point, prove):
     """Return the verdict on one period of kicks in words, and a function that draws its figure.
 
@@ -97,5 +82,15 @@ def asked_of_period(strengths, point, prove):
     transport = found.answer is Answer.TRANSPORT
     far = not found.boundary.value > _NEAR  # NaN: not known to be near
     escaping = escaping_orbit(strengths) if transport and far else None
-    text = sentences(strengths, point, found) + direct_iteration(found, escaping)
+    text = sentences(strengths, point, found)
+    if escaping is not None:
+        (x, *_), (y, *_, last) = escaping
+        text.append(
+            f"Direct iteration: the orbit from (x, y) = ({x:.6g}, {y:.6g}) arrives at "
+            f"y = {last:.3g} after {plural(escaping[0].size - 1, 'step')}."
+        )
+    elif transport and far:
+        text.append("Direct iteration: no orbit was found that escapes; that shows nothing.")
+    elif transport:
+        text.append("Direct iteration shows nothing: it is too slow this near the boundary.")
     return "\n".join(text), partial(drawn, strengths, point, found, escaping)

@@ -121,14 +121,26 @@ class Run:
     def sweep(self, job, wanted=None):
         """Compute the missing tiles of the job's cube, or those `wanted`; return it as a Dataset.
 
-        The program ends if tiles fail, and on Ctrl-C.
+        The program ends if tiles fail, and on Ctrl-C, and says how to resume.
         """
         name = job.cube.name
         number = self.begun.setdefault(name, len(self.begun) + 1)
         self.line.go_on(f"sweep {number} of {len(self.plan)}, {name}", name)
         outcome = sweep(self.client, self.place, job, self.line, wanted)
         self.line.name = "computing"
-        _go_on(outcome)
+        failed = sorted(outcome.failed.items())
+        for index, reason in failed[:MAX_REASONS]:
+            click.echo(f"tile {index} failed: {reason}", err=True)
+        if len(failed) > MAX_REASONS:
+            click.echo(f"... and {len(failed) - MAX_REASONS} more", err=True)
+        if outcome.interrupted:
+            missing = f"stopped with {plural(outcome.remaining, 'tile')} of this sweep missing"
+            click.echo(f"{missing}; run the same command again to resume", err=True)
+            sys.exit(130)
+        if failed:
+            missing = f"not computed, as they failed: {plural(len(failed), 'tile')}"
+            click.echo(f"{missing}; run the same command again to retry", err=True)
+            sys.exit(1)
         self.note("cubes", self.place.cube(name))
         return store.read(self.place, name)
 
@@ -226,20 +238,3 @@ def _expected(place, job, wanted):
     files = len(tiles) * (len(cube.computed) + 1)  # the commit record is one, too
     size = cube.template.nbytes / 1e6 * len(tiles) / prod(cube.tile_counts)
     return len(tiles), files, size, len(tiles) * sum(costs) / max(1, len(costs))
-
-
-def _go_on(outcome):
-    """Go on after a complete sweep; after any other end the program and say how to resume."""
-    failed = sorted(outcome.failed.items())
-    for index, reason in failed[:MAX_REASONS]:
-        click.echo(f"tile {index} failed: {reason}", err=True)
-    if len(failed) > MAX_REASONS:
-        click.echo(f"... and {len(failed) - MAX_REASONS} more", err=True)
-    if outcome.interrupted:
-        missing = f"stopped with {plural(outcome.remaining, 'tile')} of this sweep missing"
-        click.echo(f"{missing}; run the same command again to resume", err=True)
-        sys.exit(130)
-    if failed:
-        missing = f"not computed, as they failed: {plural(len(failed), 'tile')}"
-        click.echo(f"{missing}; run the same command again to retry", err=True)
-        sys.exit(1)
