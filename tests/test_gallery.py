@@ -16,14 +16,14 @@ from every_command import SMALLEST
 
 import nasm
 from workflows.gallery import __main__ as gallery
-from workflows.gallery import release
+from workflows.gallery import exhibits
 from workflows.gallery.exhibits import Exhibit
 from workflows.shared.cli import main_of
 from workflows.shared.rules import Verdict
 
 
 @pytest.mark.parametrize(
-    "exhibit", gallery.EXHIBITS + release.EXHIBITS, ids=lambda exhibit: exhibit.name
+    "exhibit", gallery.EXHIBITS + exhibits.RELEASE, ids=lambda exhibit: exhibit.name
 )
 def test_the_options_of_the_preview_are_valid(exhibit):
     main = main_of(exhibit.name)
@@ -100,18 +100,18 @@ def test_every_exhibit_has_a_recipe():
     "parts", [1, pytest.param(3, marks=pytest.mark.slow)], ids=["the boundary", "all"]
 )
 def test_a_release_is_whole_says_how_it_was_made_and_is_sound(parts, tmp_path, monkeypatch):
-    monkeypatch.setattr(release, "EXHIBITS", release.EXHIBITS[:parts])
+    monkeypatch.setattr(exhibits, "RELEASE", exhibits.RELEASE[:parts])
     told = CliRunner().invoke(gallery.main, ["--release", str(tmp_path), "--quick"])
     assert told.exit_code == 0, told.output
     assert float(re.search(r"release: .*, (\S+) MB", told.output)[1]) < 10
-    check = ["sha256sum", "--check", "--quiet", "--strict", release.SUMS]
+    check = ["sha256sum", "--check", "--quiet", "--strict", exhibits.SUMS]
     assert subprocess.run(check, cwd=tmp_path, capture_output=True).returncode == 0
-    summed = [line[66:] for line in (tmp_path / release.SUMS).read_text().splitlines()]
+    summed = [line[66:] for line in (tmp_path / exhibits.SUMS).read_text().splitlines()]
     there = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*") if path.is_file()}
-    assert {*summed} == {name for name in there if not name.endswith(".lock")} - {release.SUMS}
+    assert {*summed} == {name for name in there if not name.endswith(".lock")} - {exhibits.SUMS}
     assert (parts < 3) or any(name.startswith("proved_map/certificates/") for name in summed)
     said = (tmp_path / "README.md").read_text(encoding="utf-8")
-    for exhibit in release.EXHIBITS:
+    for exhibit in exhibits.RELEASE:
         folder = tmp_path / exhibit.name
         assert "damaged" not in succeed("verify", folder)
         command = re.search(rf"python -m workflows.{exhibit.name}.*", said)[0].split()

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import click
 
-from workflows.gallery.exhibits import command_of, listed, run
+from workflows.gallery.exhibits import command_of, listed, make_release, run
 from workflows.shared.cli import choice, cluster_options, command, flag, out_option
 
 EXHIBITS = listed("exhibits.toml")
@@ -82,7 +82,6 @@ _RELEASE = (
 def main(out, full, only, release, quick, workers, scheduler, tls):
     from nasm import __version__
     from pipeline.sweep.progress import plural
-    from workflows.gallery.release import make
     from workflows.shared.page import render
     from workflows.shared.run import shared_workers
 
@@ -90,7 +89,7 @@ def main(out, full, only, release, quick, workers, scheduler, tls):
         if not release or full or only:
             raise click.UsageError("--release goes with --quick alone, and --quick with --release")
         with shared_workers(scheduler, workers, tls) as workers:
-            size = make(release, workers, quick)
+            size = make_release(release, workers, quick)
         click.echo(f"release: {release}, {size / 1e6:.1f} MB")
         return
     Path(out).mkdir(parents=True, exist_ok=True)
