@@ -40,7 +40,8 @@ def draw_frequencies(cube):
         f"{float(cube.angle):g}°: for {len(fractions)} fractions Ω, {table.phases.max()} phases "
         f"each, the last circle; for {len(limits)} irrational Ω the last torus. The bracket "
         "reaches from what is certified to converse KAM; it is "
-        f"{100 * np.nanmedian(widths):.1g}% wide in the median, and missing for {np.isnan(widths).sum()} of {widths.size}. {comparison}"
+        f"{100 * np.nanmedian(widths):.1g}% wide in the median, and missing for "
+        f"{np.isnan(widths).sum()} of {widths.size}. {comparison}"
     )
 
 
@@ -48,10 +49,9 @@ def _draw_convergents(axes, limits, fractions):
     """Draw the least scale of each convergent beside the bracket of its limit; compare in words."""
     ticks, overlap, inside, outside = [], [], [], []  # q of convergents
     for Ω, lower, upper, *_ in limits.itertuples():
-        near = {Fraction(Ω).limit_denominator(q) for q in range(2, 65)}
-        near = sorted(
-            (p_q.denominator, float(p_q)) for p_q in near if float(p_q) in fractions.index
-        )
+        convergents = {Fraction(Ω).limit_denominator(q) for q in range(2, 65)}
+        near = sorted((each.denominator, float(each)) for each in convergents)
+        near = [(q, at) for q, at in near if at in fractions.index]
         if not near:
             continue
         i = len(ticks)
