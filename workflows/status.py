@@ -14,30 +14,24 @@ from workflows.shared.cli import command, place_options
 @place_options
 def main(out, store):
     from pipeline.store import status
+    from pipeline.sweep.progress import duration, plural
     from workflows.shared.run import cubes_of
 
     damaged = False
     with cubes_of(out, store) as (place, _):
         for state in status(place):
-            click.echo(f"{state.name}: {described(state)}")
+            words = state.damage or "written whole"
+            if state.tiles and not state.damage:
+                words = f"{state.done} of {plural(state.tiles, 'tile')}"
+                if state.failed:
+                    words += f", {state.failed} failed when last tried"
+                if state.done < state.tiles and state.rate > 0:
+                    left = duration((state.tiles - state.done) / state.rate)
+                    words += f"; {state.rate:.3g} tiles/s, about {left} left at that rate"
+            click.echo(f"{state.name}: {words}")
             for index, reason in state.reasons.items():
                 click.echo(f"  tile {index} failed: {reason}")
             if state.failed > len(state.reasons):
                 click.echo(f"  ... and {state.failed - len(state.reasons)} more")
             damaged |= bool(state.damage)
     sys.exit(damaged)
-
-
-def described(state):
-    """Put the State of a cube into words."""
-    from pipeline.sweep.progress import duration, plural
-
-    if state.damage or not state.tiles:
-        return state.damage or "written whole"
-    words = f"{state.done} of {plural(state.tiles, 'tile')}"
-    if state.failed:
-        words += f", {state.failed} failed when last tried"
-    if state.done < state.tiles and state.rate > 0:
-        left = duration((state.tiles - state.done) / state.rate)
-        words += f"; {state.rate:.3g} tiles/s, about {left} left at that rate"
-    return words

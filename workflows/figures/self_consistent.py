@@ -28,11 +28,14 @@ def draw_self_consistent(fields, verdicts, settling):
     spectrum.set_title("Spectrum: the second half")
     field.legend(fontsize="small")
 
-    asked, shown = verdicts.attrs["asked"], _shown(verdicts)
+    # The strongest coupling with a survivor in the recorded field, or the first.
+    shown = max(np.flatnonzero(np.isinf(verdicts.kicks.values)), default=0)
     here, row = fields.isel(coupling=shown), verdicts.isel(coupling=shown)
+    asked = verdicts.attrs["asked"]
+    lives = f"all {asked}" if np.isinf(row.kicks) else f"{float(row.kicks):.0f}"
     particles.plot(here.x, here.y - row.drift, label="particles", **dots("0.4", 1.5))
     for cell in (-1, 0):
-        label = f"a start that lives {_kicks(row.kicks, asked)} kicks" if cell else None
+        label = f"a start that lives {lives} kicks" if cell else None
         particles.plot(row.x, row.y + cell, label=label, **dots(VERMILION, 3))
     particles.set(xlabel=r"$x - \theta$", ylabel="$y - v$", xlim=(0, 1), ylim=(-1.1, 1.1))
     particles.set_title(rf"After the last kick, $\Gamma = {float(row.coupling):g}$")
@@ -63,20 +66,8 @@ def draw_self_consistent(fields, verdicts, settling):
         folded.plot(first.x.values[where], first.y.values[where], label=words, **dots(colour, 2))
     folded.set(xlabel="$x$", ylabel="$y$", title=r"An asymptotic circle of $\kappa_n \to 0.9$")
     folded.legend(fontsize="x-small", markerscale=3)
-    return figure, _caption(fields, verdicts, settling)
 
-
-def _shown(verdicts):
-    """Return the index of the strongest coupling with a survivor in the recorded field, or 0."""
-    return max(np.flatnonzero(np.isinf(verdicts.kicks.values)), default=0)
-
-
-def _kicks(life, asked):
-    return f"all {asked}" if np.isinf(life) else f"{float(life):.0f}"
-
-
-def _caption(fields, verdicts, settling):
-    asked, couplings = verdicts.attrs["asked"], verdicts.coupling.values
+    couplings = verdicts.coupling.values
 
     def where(holds):
         if not holds.any():
@@ -89,15 +80,14 @@ def _caption(fields, verdicts, settling):
     horizon = verdicts.attrs["horizon"]
     recorded = where((verdicts.kicks <= horizon).values)
     fitted, escaped = (where(np.isfinite(verdicts[n].values)) for n in ("kicks_fitted", "escape"))
-    shown = verdicts.isel(coupling=_shown(verdicts))
     first, *_, circle = settling.area.values
-    return (
+    return figure, (
         f"The self-consistent map of {fields.attrs['particles']} particles from a band of |y| < "
         f"0.05, {fields.attrs['kicks']} kicks, at couplings Γ = {couplings[0]:g} to "
         f"{couplings[-1]:g}. Strength (a), phase (b) and spectrum (c) of the kicks; momentum is "
         f"conserved to {float(fields.momentum_change.max()):.0e}. (d): particles in the wave's "
-        f"frame, and the orbit of a start that lives {_kicks(shown.kicks, asked)} kicks, of "
-        f"{float(shown.omega):.3f} turns per kick. (e): converse KAM, followed for {asked} kicks "
+        f"frame, and the orbit of a start that lives {lives} kicks, of "
+        f"{float(row.omega):.3f} turns per kick. (e): converse KAM, followed for {asked} kicks "
         "in either direction from the middle of the second half. It rules out every family of "
         f"graphs in the recorded field {recorded}, and under κ_n = κ̄ + Δκ cos 2π(φ0 + nΩ) fitted "
         f"to it, with its mean and variance and Ω = p/q, {fitted}. Lives beyond {horizon} kicks "
