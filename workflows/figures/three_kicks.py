@@ -29,10 +29,16 @@ def draw_three_kicks(three, two):
             points = sign * curve.kappa_mean, sign * curve.kappa_amplitude
             style.draw_points(plane, *points, circles[i], zorder=3)
         strip.axhline(1, color="black", lw=1)
-        _draw_brackets(strip, curve)
+        angle, ends = curve.angle.values, (curve.ratio_lower.values, curve.ratio_upper.values)
+        shades = [style.circle_style(text)["color"] for text in circles[i]]
+        strip.vlines(angle, *ends, colors=shades, lw=2)
+        style.draw_points(strip, angle, curve.ratio, circles[i])
+        open_side = np.isnan(curve.ratio.values)
+        strip.plot(angle[open_side], ends[1][open_side], "v", color="0.3", ms=4, mfc="none")
+        style.mark_gaps(strip, angle, open_side & np.isnan(ends[1]))
+        strip.grid(lw=0.3)
         strip.text(0.01, 0.08, rf"$\varphi_0 = {exact[i]}$", transform=strip.transAxes)
-        above = where_above(curve.angle.values, curve.ratio_lower.values)
-        where.append(f"φ0 = {exact[i]}: {above}.")
+        where.append(f"φ0 = {exact[i]}: {where_above(angle, ends[0])}.")
     last = circles.ravel()  # of all rays and phases
     for text in style.longest_arcs(np.arange(last.size), last):
         plane.plot([], [], label=rf"$\omega = {text}$", **style.circle_style(text) | {"ls": ""})
@@ -53,15 +59,3 @@ def draw_three_kicks(three, two):
         f"{float(width.max()):.1e}. The map outlasts T, a certified circle of it beyond "
         f"converse KAM of T: {' '.join(where)}"
     )
-
-
-def _draw_brackets(strip, curve):
-    """Draw the brackets by angle, from the certified circle to converse KAM."""
-    angle, ends = curve.angle.values, (curve.ratio_lower.values, curve.ratio_upper.values)
-    shades = [style.circle_style(text)["color"] for text in curve.circle.values]
-    strip.vlines(angle, *ends, colors=shades, lw=2)
-    style.draw_points(strip, angle, curve.ratio, curve.circle.values)
-    open_side = np.isnan(curve.ratio.values)
-    strip.plot(angle[open_side], ends[1][open_side], "v", color="0.3", ms=4, mfc="none")
-    style.mark_gaps(strip, angle, open_side & np.isnan(ends[1]))
-    strip.grid(lw=0.3)

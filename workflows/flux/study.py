@@ -18,8 +18,8 @@ def law(excess, flux):
         return np.full(4, np.nan)
     x, right = excess[known], np.log(flux[known])
     matrix = np.stack([np.ones_like(x), np.log(x), x, x**2], axis=1)
-    found, *_ = np.linalg.lstsq(matrix, right)
-    spread = np.sum((right - matrix @ found) ** 2) / (x.size - found.size)
+    found, residual, *_ = np.linalg.lstsq(matrix, right)
+    spread = residual / (x.size - found.size)
     errors = np.sqrt(spread * np.diag(np.linalg.inv(matrix.T @ matrix)))
     amplitude = np.exp(found[0])
     return amplitude, found[1], amplitude * errors[0], errors[1]

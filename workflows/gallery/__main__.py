@@ -8,7 +8,6 @@ run in OUT: OUT/recipes has them as scripts and notebooks.
 By default a preview of everything, some ten minutes of CPU time.
 """
 
-import csv
 import json
 from datetime import date
 from pathlib import Path
@@ -56,15 +55,6 @@ def shown(exhibit, out, quick):
     }
 
 
-def judged(out):
-    """Return the claims, as rows of their table, and how many hold, in words."""
-    table, counted = (Path(out, "claims", f"claims.{kind}") for kind in ("csv", "txt"))
-    if not table.exists():
-        return [], ""
-    with table.open(encoding="utf-8", newline="") as file:
-        return list(csv.DictReader(file)), counted.read_text(encoding="utf-8").strip()
-
-
 _NAMES = [exhibit.name for exhibit in EXHIBITS]
 _RELEASE = (
     "Make in DIR, instead, what is published under a DOI: the boundary, the six circles' and the "
@@ -80,6 +70,8 @@ _RELEASE = (
 @out_option
 @cluster_options
 def main(out, full, only, release, quick, workers, scheduler, tls):
+    from pandas import read_csv
+
     from nasm import __version__
     from pipeline.sweep.progress import plural
     from workflows.shared.page import render
@@ -101,7 +93,10 @@ def main(out, full, only, release, quick, workers, scheduler, tls):
             run(exhibit, out, workers, quick)
             # After each of them, so that there is something to see.
             there = [exhibit for exhibit in EXHIBITS if Path(out, exhibit.name).exists()]
-            claims, counted = judged(out)
+            claims, counted, table = [], "", Path(out, "claims", "claims.csv")
+            if table.exists():
+                claims = read_csv(table, keep_default_na=False).to_dict("records")
+                counted = table.with_suffix(".txt").read_text(encoding="utf-8").strip()
             render(
                 "gallery/page.html",
                 f"{out}/index.html",
