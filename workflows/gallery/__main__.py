@@ -20,22 +20,21 @@ from workflows.shared.cli import choice, cluster_options, command, flag, out_opt
 EXHIBITS = listed("exhibits.toml")
 
 
-def notebook(script):
-    """Return a script as a notebook, JSON: its docstring as text, and the rest as a cell."""
+def recipe(name, out):
+    """Write the recipe of a command into OUT/recipes, as a script and as a notebook, and return it.
+
+    The notebook has its docstring as text, and the rest as a cell.
+    """
+    script = Path(__file__).with_name("recipes").joinpath(f"{name}.py").read_text(encoding="utf-8")
     _, words, code = script.split('"""', 2)
     text = {"cell_type": "markdown", "metadata": {}, "source": words}
     lines = {"cell_type": "code", "metadata": {}, "source": code.strip()}
     lines |= {"execution_count": None, "outputs": []}
     kernel = {"name": "python3", "display_name": "Python 3", "language": "python"}
     about = {"metadata": {"kernelspec": kernel}, "nbformat": 4, "nbformat_minor": 4}
-    return json.dumps({"cells": [text, lines], **about}, indent=1, ensure_ascii=False)
-
-
-def recipe(name, out):
-    """Write the recipe of a command into OUT/recipes, and return it."""
-    script = Path(__file__).with_name("recipes").joinpath(f"{name}.py").read_text(encoding="utf-8")
+    notebook = json.dumps({"cells": [text, lines], **about}, indent=1, ensure_ascii=False)
     Path(out, "recipes").mkdir(exist_ok=True)
-    for kind, text in (("py", script), ("ipynb", notebook(script))):
+    for kind, text in (("py", script), ("ipynb", notebook)):
         Path(out, "recipes", f"{name}.{kind}").write_text(text, encoding="utf-8")
     return script
 
