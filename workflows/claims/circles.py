@@ -3,8 +3,10 @@
 And how large the amplitudes of circles are, which Proposition 1 assumes to be below 1 (Sec. V.B).
 """
 
-import time
+from functools import partial
 from itertools import product
+from time import thread_time
+from timeit import repeat
 
 import numpy as np
 
@@ -92,13 +94,8 @@ def invariance(omega, kappa, u):
 
 
 def _step_seconds(omega, n):
-    u, seconds = np.zeros((2, n)), []
-    parameterization.newton_step(omega, _KAPPA, u)  # tables of the grid are made once
-    for _ in range(5):
-        begin = time.thread_time()
-        parameterization.newton_step(omega, _KAPPA, u)
-        seconds.append(time.thread_time() - begin)
-    return min(seconds)
+    step = partial(parameterization.newton_step, omega, _KAPPA, np.zeros((2, n)))
+    return min(repeat(step, timer=thread_time, number=1))  # the first makes the grid's tables
 
 
 def _symmetries():
