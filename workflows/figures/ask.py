@@ -65,7 +65,11 @@ def draw_verdict(kappa, point, name, verdict, orbits, longest, escaping):
     if point and not any(point[0].origin):
         _locate(where, *point, bracket)
     else:
-        _draw_kicks(where, kappa, bracket[1])
+        n, breakup = np.arange(kappa.size), bracket[1] * kappa
+        where.vlines(n, 0, kappa, color="black", lw=1)
+        _mark(where, (n, kappa), (n, breakup), 6)
+        where.set(xlabel="kick $n$", ylabel=r"$\kappa_n$")
+        where.xaxis.get_major_locator().set_params(integer=True)
     if point:
         for axis, sign in zip(point[0].axes, symbols(point[0].axes), strict=True):
             name = name.replace(axis, sign)
@@ -86,15 +90,6 @@ def _locate(axes, plane, point, bracket):
     xlabel, ylabel = symbols(plane.axes)
     axes.set(xlabel=xlabel, ylabel=ylabel, aspect="equal")
     axes.set(xlim=(-reach, reach), ylim=(-reach, reach))
-
-
-def _draw_kicks(axes, kappa, value):
-    """Draw the strengths of the kicks, and those at which the last circle breaks."""
-    n = np.arange(kappa.size)
-    axes.vlines(n, 0, kappa, color="black", lw=1)
-    _mark(axes, (n, kappa), (n, value * kappa), 6)
-    axes.set(xlabel="kick $n$", ylabel=r"$\kappa_n$")
-    axes.xaxis.get_major_locator().set_params(integer=True)
 
 
 def _mark(axes, forcing, breakup, size):

@@ -12,7 +12,17 @@ def draw_diffusion(law, findings):
     """Draw D over the plane, and on five rays with the last circle's flux; return a caption too."""
     figure, (plane, along) = panels(1, 2, 13, 5.8)
     _draw_plane(plane, law)
-    _draw_law(along, law)
+    for i, angle in enumerate(law.angle.values[:: max(1, law.angle.size // 4)]):
+        here, look = law.sel(angle=angle), {"color": colour_of(i)}
+        style = circle_style(here.circle.item(), 1) | look | {"ls": "", "ms": 4}
+        label = rf"$\varphi = {angle:g}°$"
+        along.errorbar(law.excess, here.diffusion, here.error, label=label, **style)
+        here.one_cantorus.dropna("excess").plot(ax=along, lw=1, **look)
+    along.plot([], [], color="0.4", lw=1, label=r"$\Delta W/m$, the last circle alone")
+    along.set(xscale="log", yscale="log", xlim=(0.04, 4), ylim=(1e-7, None))
+    along.set(xlabel=r"distance beyond the breakup, $x = s/s_c - 1$", ylabel="$D$")
+    along.set_title("From the boundary outwards")
+    along.legend(fontsize="small")
     found, error = law.diffusion.notnull(), float((law.error / law.diffusion).median())
     return figure, (
         "D = <(y_n - y_0)²>/2n of the momentum of two kicks, in squares of y a period; all "
@@ -47,17 +57,3 @@ def _draw_plane(axes, law):
     axes.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$", xlim=(0, reach), ylim=(0, reach))
     axes.set(title="Diffusion of momentum", facecolor=_UNRESOLVED, aspect="equal")
     axes.legend(loc="upper right", fontsize="small")
-
-
-def _draw_law(axes, law):
-    for i, angle in enumerate(law.angle.values[:: max(1, law.angle.size // 4)]):
-        here, look = law.sel(angle=angle), {"color": colour_of(i)}
-        style = circle_style(here.circle.item(), 1) | look | {"ls": "", "ms": 4}
-        label = rf"$\varphi = {angle:g}°$"
-        axes.errorbar(law.excess, here.diffusion, here.error, label=label, **style)
-        here.one_cantorus.dropna("excess").plot(ax=axes, lw=1, **look)
-    axes.plot([], [], color="0.4", lw=1, label=r"$\Delta W/m$, the last circle alone")
-    axes.set(xscale="log", yscale="log", xlim=(0.04, 4), ylim=(1e-7, None))
-    axes.set(xlabel=r"distance beyond the breakup, $x = s/s_c - 1$", ylabel="$D$")
-    axes.set_title("From the boundary outwards")
-    axes.legend(fontsize="small")
