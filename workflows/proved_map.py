@@ -33,9 +33,8 @@ def main(run, cells, seconds, nearest):
     need_flint()
     angles = np.linspace(0, 45, 91)
     barriers = last_barrier(two_kicks(), angles, 1e-3)
-    guess = [
-        (angle, critical_scale(ray(angle), 0.1).value) for angle in np.linspace(0, 45, 4).tolist()
-    ]
+    few = np.linspace(0, 45, 4).tolist()
+    guess = [(angle, critical_scale(ray(angle), 0.1).value) for angle in few]
     later = proved_map(guess, int(cells), seconds), proved_triangles(guess, [""] * 4, nearest)
     with run.sweeping(barriers, later=[(job, None) for job in later]):
         barrier = unfolded(run.sweep(barriers), angles)

@@ -37,9 +37,8 @@ def _shortfalls(circles, barrier):
     """Return CB_gt in the wedge, and by how much each of the six breaks before it."""
     wedge = barrier.sel(angle=slice(0, 45))
     six = circles.critical_scale.sel(circle=[str(parse(name)) for name in NAMES])
-    return wedge, 1 - six.sel(
-        angle=wedge.angle.values, method="nearest"
-    ) / wedge.critical_scale.values
+    here = six.sel(angle=wedge.angle.values, method="nearest")
+    return wedge, 1 - here / wedge.critical_scale.values
 
 
 def cells(row):

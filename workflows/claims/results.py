@@ -141,8 +141,7 @@ def hull_claims(circles, barrier):
     formed = (short <= within)[np.isfinite(short)]
     return {
         "hull": graded(
-            {"part": part[worst], "angle": wedge.angle.values[worst]},
-            np.nanmin(part) > 1 - 1e-3,
+            {"part": part[worst], "angle": wedge.angle.values[worst]}, part[worst] > 1 - 1e-3
         ),
         "envelope": graded(
             {"closed": there.sum(), "rays": there.size, "most": np.nanmax(closed)},

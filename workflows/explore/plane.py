@@ -219,9 +219,8 @@ def _image(view, values):
 def _view(plot):
     """Return what the figure shows, with about as many pixels as the browser has."""
     pixels = widgets.pixels_of(plot, _MOST_PIXELS, (_PIXELS, _PIXELS))
-    return View(
-        *widgets.sides_of(plot), tuple(BLOCKS[0] * max(2, round(n / BLOCKS[0])) for n in pixels)
-    )
+    shape = tuple(BLOCKS[0] * max(2, round(n / BLOCKS[0])) for n in pixels)
+    return View(*widgets.sides_of(plot), shape)
 
 
 def _cubes(place, plane):

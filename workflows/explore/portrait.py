@@ -16,7 +16,7 @@ from workflows.explore.state import ORBITS, fraction_of, orbits_of, orbits_text
 from workflows.figures.phase_space import CHAOTIC, COLOURS, ends, places
 from workflows.figures.style import VERMILION
 from workflows.shared.instruments import MANIFOLDS, resonance, spreading
-from workflows.shared.orbit_words import cycles_words, orbit_words
+from workflows.shared.orbit_words import orbit_words, residue_words
 from workflows.shared.phase_space import in_box, periodic_orbits, portraits
 from workflows.shared.verdict_words import name_of
 
@@ -307,7 +307,10 @@ def _cycles(kappa, omega, fraction, box):
         words = *_MARKERS[family], f"{one} ({family}), R = {residue:.4g}"
         for name, more in zip(points, (x, y, *([word] * x.size for word in words)), strict=True):
             points[name] += [*more]
-    said = "" if fraction is None else cycles_words(fraction, own)
+    said = ""
+    if fraction is not None:
+        kinds = [f"{family} orbit: {residue_words(residue)}" for _, family, _, _, residue in own]
+        said = f"{fraction}: {'; '.join(kinds) or 'its ordered orbits were not found'}."
     curves, more = ({}, "") if box is None else resonance(kappa, fraction, box)
     return {"cycles": points, **curves}, {"periodic orbits": f"{said} {more}".strip()}
 

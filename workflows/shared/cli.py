@@ -218,10 +218,8 @@ def plane_options(n_max, tile, levels, precision):
 
 def _directory(context, parameter, out):
     if "://" in out:  # the message does not repeat a URL, which may hold a password
-        raise click.UsageError(
-            "--out is a directory, for tables and figures too; only the cubes of a sweep can be "
-            "elsewhere, by --store URL"
-        )
+        words = "--out is a directory, for tables and figures too; cubes can be at a --store URL"
+        raise click.UsageError(words)
     return out
 
 

@@ -1,4 +1,4 @@
-"""What one orbit is, and which periodic orbits a fraction has, in plain sentences."""
+"""What one orbit is, in plain words."""
 
 from fractions import Fraction
 
@@ -37,9 +37,3 @@ def residue_words(residue):
         return f"residue {residue:.1g}, parabolic"
     kind = "elliptic" if 0 < residue < 1 else "hyperbolic" + " with reflection" * bool(residue >= 1)
     return f"residue {residue:.6g}, {kind}"
-
-
-def cycles_words(fraction, found):
-    """Say which ordered orbits of p/q were found; found : of `phase_space.periodic_orbits`."""
-    parts = [f"{family} orbit: {residue_words(residue)}" for _, family, _, _, residue in found]
-    return f"{fraction}: {'; '.join(parts) or 'its ordered orbits were not found'}."

@@ -17,12 +17,12 @@ def render(template, path, **values):
 
 def formula(text):
     """Set the subscripts of T_κ1κ2, x_n and R_{-½} in plain text; labels (sim_M) stay."""
-    return Markup(_SUBSCRIPT.sub(_lowered, escape(text)))
 
+    def lowered(match):
+        below = match[1] or match[2]
+        return f"<sub>{below}</sub>" if below else match[0]
 
-def _lowered(match):
-    below = match[1] or match[2]
-    return f"<sub>{below}</sub>" if below else match[0]
+    return Markup(_SUBSCRIPT.sub(lowered, escape(text)))
 
 
 _ENVIRONMENT = Environment(

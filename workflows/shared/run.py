@@ -37,8 +37,7 @@ def place_of(out, url=None):
 
 @contextmanager
 def cubes_of(out, url):
-    """Yield the Place of a run's cubes, and their names, as within `explained`; a usage error if
-    there are none."""
+    """Yield the Place of a run's cubes, and their names; a usage error if there are none."""
     with explained(place := place_of(out, url)):
         if not (names := store.names(place)):
             raise store.Refused(f"{place} holds no cubes; give the --out or --store of a run")
