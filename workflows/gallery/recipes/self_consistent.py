@@ -7,6 +7,6 @@ cube = xr.open_zarr("self_consistent/self_consistent_barriers.zarr", chunks=None
 lasting = cube.coupling.where(cube.kicks == float("inf"))
 print(f"a start survives up to coupling {float(lasting.max()):g}")
 for name, marker in (("kicks", "o"), ("kicks_fitted", "x")):  # inf is not drawn
-    cube[name].plot(marker=marker, ls="", yscale="log", label=cube[name].long_name)
+    cube[name].plot.line(marker=marker, ls="", yscale="log", label=cube[name].long_name)
 plt.legend()
 plt.show()
