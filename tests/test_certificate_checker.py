@@ -131,48 +131,6 @@ def test_residuals_of_a_circle_are_those_of_the_chain():
     assert found["epsilon"] == pytest.approx(slopes @ exact, rel=1e-9)
 
 
-def test_constants_of_a_fan_are_the_largest_in_it():
-    """n, k and p against the corner σ = t = 1, where u_j are largest; residuals against the
-    theorem's formula in floats."""
-    a, b, high, k, unit = np.array([0.3, -0.5]), np.array([0.2, -0.1]), 8.0, np.arange(9), 2.0**-40
-    moves = np.random.default_rng(3).uniform(0.5, 1, (3, 3, 2, 9)) * np.exp(-3 * k) * (k > 0) / 25
-    numbers = np.rint(moves / unit).astype(int)
-    moves, rows = numbers * unit, {"kappa": a, "tilt": b, "scales": [0.0, high]}
-    data = {key: [float(x).hex() for x in row] for key, row in rows.items()}
-    numbers = [[[[[], row] for row in rows] for rows in table] for table in numbers.tolist()]
-    data |= {"omega": "[0;(1)]", "rho": RHO.hex(), "moves": {"unit": -40, "numbers": numbers}}
-    with ctx.workprec(checker.BITS):
-        found = checker.theorem(data)[1]
-    corner = theorem(tuple(high * (a + b)), 1j * moves.sum(axis=(0, 1)))
-    assert [found[key] for key in "nk"] == pytest.approx([corner[key] for key in "nk"], rel=1e-9)
-    assert 1 <= found["p"] / corner["p"] < 1.5
-
-    theta, degrees = np.pi * (2 * np.arange(4) + 1) / 8, np.arange(3)
-    T = np.cos(degrees * theta[:, None])
-    at_points = [
-        norm_of_residuals(
-            high / 2 * (1 + np.cos(theta[p])) * (a + np.cos(theta[q]) * b),
-            1j * np.einsum("mljk,m,l->jk", moves, T[p], T[q]),
-        )
-        for p, q in product(range(4), range(4))
-    ]
-    weights = np.cos(np.arange(4)[:, None] * theta) / 2
-    weights[0] /= 2
-    Lambda, weight = np.abs(weights.sum(axis=0)).sum(), np.exp(2 * np.pi * RHO * k)
-    r = np.exp(np.arange(1, 40) / 10)
-    grown, out = (r[:, None] ** degrees + r[:, None] ** -degrees) / 2, (r + 1 / r) / 2
-    a, b, missed = np.abs(a)[:, None], np.abs(b)[:, None], []
-    for reach, axes in ((high / 2 * (1 + out) * (a + b), "rm"), (high * (a + b * out), "rl")):
-        B = 2 * np.einsum(f"mlj,{axes}->jr", moves @ weight, grown)
-        B = reach / (2 * np.pi) * np.exp(np.minimum(2 * np.pi * (RHO + B), 600))
-        missed.append((4 * B * r**-4.0 / (1 - 1 / r)).min(axis=1))
-    error = missed[0] + Lambda * (missed[1] + Lambda * np.max(at_points, axis=0))
-    assert np.min(missed) > 1e-3 * found["error"]
-    assert found["error"] == pytest.approx(error.max(), rel=1e-5)
-    slopes = 1 + 4 * np.pi * moves.sum(axis=(0, 1)) @ (k * weight)
-    assert found["epsilon"] == pytest.approx(slopes @ error, rel=1e-5)
-
-
 def test_what_a_grid_of_a_fan_misses_is_bounded_in_the_best_strip():
     f = np.array([0, 0.05, 0.02])
     with ctx.workprec(checker.BITS):
