@@ -12,8 +12,8 @@ from scipy.linalg import eigvalsh_tridiagonal
 
 from nasm import periodic
 from nasm.circles import fourier
-from nasm.maps import step
 from nasm.numbers import checked, convergents
+from workflows.claims.circles import invariance
 
 LITERATURE = tomllib.loads(Path(__file__).with_name("literature.toml").read_text())
 KAPPA_G = LITERATURE["kappa_G"]["value"]
@@ -83,12 +83,7 @@ def nearest_float(value):
 def invariance_error(circle):
     """max |T∘K(θ) - K(θ + ω)|, by the map itself, on a grid that Newton's method did not use."""
     fine = fourier.resample(circle.u, 2 * circle.u.shape[-1])
-    turn = fourier.turns(circle.omega, fine.shape[-1] // 2 + 1)
-    theta, per_kick = np.arange(fine.shape[-1]) / fine.shape[-1], float(circle.omega) / len(fine)
-    y = per_kick + fine[0] - fourier.rotate(fine[-1], turn.conj())
-    x_after, y_after = step(circle.kappa, theta + fine[0], y)
-    wanted_x = theta + float(circle.omega) + fourier.rotate(fine[0], turn)
-    return max(np.abs(x_after - wanted_x).max(), np.abs(y_after - fourier.rotate(y, turn)).max())
+    return np.abs(invariance(circle.omega, circle.kappa, fine)[2]).max()
 
 
 def residues_fall(omega, kappa, q):

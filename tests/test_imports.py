@@ -37,28 +37,23 @@ def packages(module):
     return {name.split(".")[0] for name in imports(module)}
 
 
-CHECKER = "nasm.proofs.certificate_checker"
 NASM, PIPELINE, FIGURES, WORKFLOWS = (
     [module for module in MODULES if module.startswith(package)]
     for package in ("nasm", "pipeline", "workflows.figures", "workflows.")
 )
 
 
+# The compiled kernels on disk have more than one writer; flint is of the extra `proof`.
+MORE = {"arithmetic.kernels": "filelock", "proofs.barrier": "flint", "proofs.fan": "flint"}
+
+
 @pytest.mark.parametrize("module", NASM)
-def test_nasm_knows_no_file_cluster_or_plot(module):
+def test_nasm_knows_no_file_cluster_or_plot_and_the_checker_no_code_of_the_proofs(module):
     allowed = {"nasm", "llvmlite", "numba", "numpy", "rocket_fft", "scipy"}
-    if (
-        module == "nasm.arithmetic.kernels"
-    ):  # the compiled kernels on disk have more than one writer
-        allowed.add("filelock")
-    circles = module in ("nasm.proofs.barrier", "nasm.proofs.fan")
-    if circles or module == CHECKER:  # the extra `proof`
-        allowed.add("flint")
+    allowed.add(MORE.get(module.removeprefix("nasm."), "nasm"))
+    if module == "nasm.proofs.certificate_checker":
+        allowed = {"flint"}
     assert packages(module) <= allowed | sys.stdlib_module_names
-
-
-def test_the_checker_of_certificates_shares_no_code_with_the_proofs():
-    assert packages(CHECKER) <= {"flint"} | sys.stdlib_module_names
 
 
 @pytest.mark.parametrize("module", PIPELINE)

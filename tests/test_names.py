@@ -11,7 +11,7 @@ from oracles import KAPPA_G
 
 import nasm
 from nasm import periodic
-from nasm.numbers import NAMES, parse
+from nasm.numbers import parse
 
 MODULES = sorted(Path(nasm.__file__).parent.rglob("[!_]*.py"))
 ROOMS = sorted(path.parent.name for path in Path(nasm.__file__).parent.glob("*/__init__.py"))
@@ -66,12 +66,6 @@ def test_the_verdict_is_asked_for_at_the_top_whatever_was_imported_before(import
 def test_the_boundary_at_some_angles_is_the_breakup_on_their_rays():
     found = nasm.boundary([0, 30], tol=1e-2)
     assert found == [nasm.barriers.critical_scale(p, 1e-2) for p in nasm.symmetries.ray([0, 30])]
-
-
-@pytest.mark.parametrize("name", [*NAMES, "3/5", "[-2;1,4,(2,3)]", "7"])
-def test_a_rotation_number_prints_what_makes_it_again(name):
-    omega = parse(name)
-    assert eval(repr(omega), {"parse": parse}) == omega
 
 
 def test_a_number_is_a_forcing_of_one_kick():

@@ -31,9 +31,9 @@ def test_the_paper_s_numbers_are_their_formulas():
 
 
 @given(prefix=prefixes, tail=tails)
-def test_parsing_keeps_the_value(prefix, tail):
+def test_parsing_keeps_the_value_and_a_number_prints_what_makes_it_again(prefix, tail):
     omega = parse(spell(prefix, tail))
-    assert parse(str(omega)) == omega
+    assert parse(str(omega)) == eval(repr(omega), {"parse": parse}) == omega
     with mpmath.workdps(100):
         value = oracles.continued_fraction(prefix, tail)
     assert mpmath.almosteq(exact(omega), value, rel_eps=mpmath.mpf(10) ** -90)
@@ -54,7 +54,7 @@ def test_a_fraction_is_the_last_of_its_convergents(fraction):
     assert list(convergents(omega))[-1] == fraction
     assert float(omega) == float(fraction)
     assert omega.is_rational
-    assert omega == parse(str(fraction)) == parse(str(omega))
+    assert omega == parse(str(fraction)) == parse(str(omega)) == eval(repr(omega))
 
 
 @given(prefix=prefixes)

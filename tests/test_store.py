@@ -49,21 +49,15 @@ def bucket(server):
     return store.place_of(f"s3://cubes/{uuid.uuid4().hex}/run")
 
 
-@pytest.fixture(params=["directory", pytest.param("bucket", marks=SLOW)])
-def place(request, tmp_path):
-    if request.param == "bucket":
-        return request.getfixturevalue("bucket")
-    return directory(tmp_path / "out")
-
-
 @pytest.fixture
 def on_disk(tmp_path):
-    return directory(tmp_path / "out")
+    (tmp_path / "out").mkdir()
+    return store.place_of(tmp_path / "out")
 
 
-def directory(path):
-    path.mkdir()
-    return store.place_of(path)
+@pytest.fixture(params=["on_disk", pytest.param("bucket", marks=SLOW)])
+def place(request):
+    return request.getfixturevalue(request.param)
 
 
 def arrays(plan, index):
@@ -259,14 +253,12 @@ def of_pickles(place):
         store.read(place, "toy")
 
 
-FOREIGN = [(make, "not a cube of this program") for make in (of_another_program, of_pickles)]
-
-
 @pytest.mark.filterwarnings("ignore:Failed to open Zarr store with consolidated metadata")
-@pytest.mark.parametrize(("make", "told"), [*FOREIGN, (of_an_earlier_format, "or format differ")])
-def test_a_group_of_another_program_or_version_is_refused_and_left_alone(on_disk, make, told):
+@pytest.mark.parametrize("make", [of_another_program, of_pickles, of_an_earlier_format])
+def test_a_group_of_another_program_or_version_is_refused_and_left_alone(on_disk, make):
     make(on_disk)
     before = contents(on_disk)
+    told = "or format differ" if make is of_an_earlier_format else "not a cube of this program"
     for refuse in (store.check, store.create, store.replace):
         with pytest.raises(store.Refused, match=told):
             refuse(on_disk, toy.cube(), US)
@@ -283,7 +275,7 @@ def flipped(data, i):
 def test_damaged_and_exchanged_tiles_are_found_and_after_repair_they_alone_are_missing(
     place, tmp_path
 ):
-    plan, other = toy.cube(), directory(tmp_path / "other")
+    plan, other = toy.cube(), store.place_of(tmp_path)
     fill(place, plan)
     fill(other, toy.cube(depth=2), [(3, 0)])
     chunk = get(place, "toy.zarr/wave/c/0/1/2")
@@ -431,21 +423,11 @@ def test_a_cube_written_whole_that_is_damaged_or_was_cut_off_is_written_anew(
     assert list(store.verify(on_disk, "squares")) == []
 
 
-@contextmanager
-def full_disk():
-    """Let the system write ten bytes of a file, and refuse the rest."""
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (10, before[1]))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
-
-
 def test_a_full_disk_ends_a_sweep_at_once_and_the_next_run_completes_it(here, on_disk):
-    plan = toy.cube(8, 8, tile=1)
-    with ExitStack() as disk:
-        fills = partial(disk.enter_context, full_disk())
+    plan, limits = toy.cube(8, 8, tile=1), resource.getrlimit(resource.RLIMIT_FSIZE)
+    fills = partial(resource.setrlimit, resource.RLIMIT_FSIZE, (10, limits[1]))  # bytes of a file
+    with ExitStack() as after:
+        after.callback(resource.setrlimit, resource.RLIMIT_FSIZE, limits)
         with pytest.raises(store.StoreFailed, match=f"^{on_disk}[^\n]*File too large[^\n]*$"):
             toy.watched_sweep(here, on_disk, plan, {20: fills})
     assert len(toy.COMPUTED) < 30  # it did not let 64 tiles fail in turn
