@@ -78,20 +78,33 @@ def test_of_all_short_nobles_the_last_one_is_the_barrier(angle, bound, q_max):
 PROFILES = [(1, 0.2, 0.2), ray(20), (1.8, -0.1, -0.1), ray(37), (0.2, 0.1, 1, 0.1), ray(115)]
 # Both lines of the centre meet minimizing orbits here, of first order at 93°.
 PROFILES += [rotating_forcing(*ray(93), "1/3", 0), rotating_forcing(*ray(160), "1/3", 0.02)]
+GENERIC = (0.3, 0.2, 0.25)
 CASES = [(1e-3, profile) for profile in PROFILES]
 CASES += product([1e-4, 1e-3], map(ray, [0, 36.1, 43.9, 62.5, 104, 127.7]))
+# Three kicks, and kicks that turn, have last circles of their own.
+OWN = [(1e-3, GENERIC, "[1;4,(1)]"), (1e-3, (1, 1, -1, -1), "[0;(4)]")]
+OWN += [
+    pytest.param(case, marks=pytest.mark.slow)
+    for case in (
+        (1e-4, (1, 1, -1, -1), "[0;(4)]"),
+        (1e-3, (0.3, 1, -0.3, -1), "[0;(4)]"),
+        (1e-3, (1, 1, 1, 1, -1, -1, -1, -1), "[2;(4)]"),
+    )
+]
 
 
-@pytest.mark.parametrize("case", thirds([*CASES, (2e-5, ray(24.3))]))
+@pytest.mark.parametrize("case", [*thirds([*CASES, (2e-5, ray(24.3))]), *OWN])
 def test_the_bracket_is_as_narrow_as_asked_for_and_all_methods_see_the_breakup_in_it(case):
-    tol, profile = case
+    tol, profile, *omega = case
     found = critical_scale(profile, tol)
     assert is_shown(found)
     assert found.upper - found.lower <= tol * found.value * (1 + 1e-9)
+    assert found.error < 1e-6 * found.value
     assert 0 <= float(found.omega) <= len(profile) / 2
+    assert str(found.omega) in omega or not omega
     upper, last = transversal.located(profile, 300)
     least, most = upper * (1 - np.array(transversal.EXCESS[::-1]) * len(profile) / last.kicks)
-    assert least <= found.value <= most
+    assert least <= found.value <= most or -1 in profile  # kicks that turn tell it less well
     by_norms = continuation.critical_scale(found.omega, profile, 1e-4)
     assert abs(by_norms.value - found.value) <= by_norms.error + found.error < 2e-4
     inside, outside = first_escapes(found, profile)
@@ -112,9 +125,6 @@ def test_the_eight_rays_of_the_square_have_one_barrier():
             folded, omega_shift = two_kicks().fold(angle + turn)
             assert folded == pytest.approx(38.8, abs=2e-9)
             assert mirror_images(moebius(found.omega, 1, int(omega_shift)), 2) == last
-
-
-GENERIC = (0.3, 0.2, 0.25)
 
 
 def disguised(profile, rng):
@@ -171,31 +181,6 @@ def test_next_to_a_shorter_forcing_the_value_is_no_wild_guess(profile, tol, brea
     if len(profile) == 2:  # no residue sees the cusp, which is no contradiction
         assert found.status is Status.NEAR_CUSP
         assert np.isnan([found.value, found.error]).all()
-
-
-@pytest.mark.parametrize(
-    ("profile", "omega", "tol"),
-    [
-        (GENERIC, "[1;4,(1)]", 1e-3),
-        ((1, 1, -1, -1), "[0;(4)]", 1e-3),
-        pytest.param((1, 1, -1, -1), "[0;(4)]", 1e-4, marks=pytest.mark.slow),
-        pytest.param((0.3, 1, -0.3, -1), "[0;(4)]", 1e-3, marks=pytest.mark.slow),
-        pytest.param((1, 1, 1, 1, -1, -1, -1, -1), "[2;(4)]", 1e-3, marks=pytest.mark.slow),
-    ],
-)
-def test_three_kicks_and_kicks_that_turn_have_other_last_circles(profile, omega, tol):
-    found = critical_scale(profile, tol)
-    assert is_shown(found)
-    assert found.omega == parse(omega)
-    assert found.error < 1e-6 * found.value
-    # At 10⁻⁴ an earlier search said that no circle stands here, where this one is certified.
-    distance = tol / 5
-    certified, _ = continuation.certified_circle(
-        parse(omega), np.array(profile), found.value, distance
-    )
-    assert found.upper > certified > found.lower
-    inside, outside = first_escapes(found, profile)
-    assert inside == np.inf > outside
 
 
 @pytest.mark.parametrize(
