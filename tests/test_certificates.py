@@ -124,6 +124,8 @@ FALSE = [  # a certificate, what is changed in it, and why it is refused
     ("fan", {"shortened_from": {"omega": "[1;(1)]", "kappa": in_hex(0.5, 0)}}, "omega"),
     ("fan", of_another("[0;3,(1)]", 0.5, 0), "inequality"),
     ("fan", of_another("[0;(1)]", 0.51, 0), "inequality"),
+    ("barrier", of_another("[0;1,4,4,4,4,3,(4)]", 0.4), "inequality"),
+    ("barrier", of_another("[0;1,(4)]", 0.4 * (1 + 2.0**-20)), "inequality"),
     ("ray", {"scales": in_hex(0, 1.1)}, "inequality"),
     ("ray", {"scales": in_hex(0.75, 0)}, "no part"),
     ("ray", {"tilt": in_hex(0.001)}, "several directions"),
@@ -158,14 +160,16 @@ def test_what_a_certificate_says_is_bound_to_what_it_proves(name, changes, reaso
         refuted(made[name], changes, reason)
 
 
-@pytest.mark.parametrize("name", ["ray", "fan"])
-def test_a_changed_function_of_a_circle_is_refused(name, made):
-    moves = json.loads(json.dumps(made[name]["moves"]))
+@pytest.mark.parametrize(("name", "bit"), [("barrier", -22), ("ray", -10), ("fan", -10)])
+def test_a_changed_function_of_a_circle_is_refused(name, bit, made):
+    moves = made[name]["moves"]
     narrow = [functions[:1] for functions in moves["numbers"]]  # which do not depend on t
     if name == "fan":
         refuted(made[name], {"moves": moves | {"numbers": narrow}}, "inequality")
-    moves["numbers"][1][0][0][1][1] += 1 << -10 - moves["unit"]
-    refuted(made[name], {"moves": moves}, "inequality")
+    for k in (1, 2, 5):
+        changed = json.loads(json.dumps(moves))
+        changed["numbers"][0][0][0][1][k] += 1 << bit - moves["unit"]
+        refuted(made[name], {"moves": changed}, "inequality")
 
 
 @pytest.mark.parametrize("name", COVERS)

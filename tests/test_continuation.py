@@ -34,13 +34,6 @@ def test_the_error_covers_the_difference_to_residues(tol, n, seed, part):
     assert np.mean(covered) >= part
 
 
-def test_what_is_shown_to_exist_is_certified_when_looked_at_again():
-    for name, angle in (("gamma", 20), ("2gamma", 70), ("(gamma+1)/(4gamma+5)", 130)):
-        found = continuation.critical_scale(parse(name), ray(angle), 1e-4)
-        kappa = found.lower * np.array(ray(angle))
-        assert circles.invariant_circle(found.omega, kappa, n_max=8192).certified
-
-
 def test_fineness_grows_by_the_golden_ratio_as_the_distance_shrinks_by_delta():
     delta, growth = continuation.UNSTABLE[1,], (1 + 5**0.5) / 2
     finest = []
@@ -148,6 +141,8 @@ KNOWN = [
 @pytest.mark.parametrize(("name", "profile"), KNOWN)
 def test_a_circle_is_certified_at_the_distance_asked_for_and_none_beyond_the_breakup(name, profile):
     omega = parse(name)
+    lower = continuation.critical_scale(omega, profile, 1e-4).lower * np.array(profile)
+    assert circles.invariant_circle(omega, lower, n_max=8192).certified
     breakup = periodic.critical_scale(omega, profile).value
     for distance in (0.5, 0.1, 1e-2, 1e-3):
         scale = continuation.certified_circle(omega, profile, breakup, distance)[0]
