@@ -6,7 +6,7 @@ import shutil
 import signal
 import subprocess
 import sys
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 
 import psutil
 import pytest
@@ -20,11 +20,11 @@ needed = pytest.mark.skipif(
 PATIENCE = 100_000  # milliseconds, in which kernels may have to be compiled
 
 
-@contextmanager
-def server(out, *options):
-    """Run the explorer on a free port; yield its address, and the process. Ctrl-C ends it."""
+@pytest.fixture(scope="session")
+def served(store):
+    """The address of an explorer of `store` on a free port, and its process. Ctrl-C ends it."""
     command = [sys.executable, "-m", "workflows.explore", "--port", "0", "--no-browser"]
-    command += ["--out", str(out), "--workers", "1", *options]
+    command += ["--out", str(store), "--workers", "1"]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
         try:
             told = "".join(iter(process.stderr.readline, "Ctrl-C ends it\n"))
@@ -64,13 +64,6 @@ def store(tmp_path_factory, here, workers):
 
 
 @pytest.fixture(scope="session")
-def served(store):
-    """The address of an explorer of `store`, and its process, for all tests of the session."""
-    with server(store) as running:
-        yield running
-
-
-@pytest.fixture(scope="session")
 def chromium():
     """Headless Chromium, for all tests of the session."""
     from playwright.sync_api import sync_playwright
@@ -85,12 +78,11 @@ def chromium():
 def pages(chromium, url):
     """Yield a function that opens the explorer, with a query, in a tab of a width; in the end
     close the tabs. No script may have failed."""
-    failures, contexts = [], []
+    failures = []
 
     def opened(query="", width=1400):
         view = {"width": width, "height": 900}
-        context = chromium.new_context(viewport=view, base_url=url)
-        contexts.append(context)
+        context = contexts.enter_context(chromium.new_context(viewport=view, base_url=url))
         tab = context.new_page()
         tab.set_default_timeout(PATIENCE)
         tab.on("pageerror", lambda error: failures.append(error))
@@ -99,9 +91,8 @@ def pages(chromium, url):
         wait(tab, "window.Bokeh?.documents[0]?.is_idle")
         return tab
 
-    yield opened
-    for context in contexts:
-        context.close()
+    with ExitStack() as contexts:
+        yield opened
     assert [str(failure) for failure in failures] == []
 
 
