@@ -115,17 +115,6 @@ def test_circles_are_carried_along_the_symmetries_of_two_kicks(kappa1, kappa2, n
     assert_same_circle(alternate, (kappa1, -kappa2), moebius(omega, 1, 1))
 
 
-@settings(max_examples=10)
-@given(st.floats(-0.7, 0.7))
-def test_circles_of_the_standard_map_give_those_of_the_known_limits(kappa):
-    circle = circles.invariant_circle(GAMMA, (kappa,))
-    square = circles.symmetries.repeat(circle, 2)
-    assert_same_circle(square, (kappa, kappa), parse("2gamma"))
-    assert_same_circle(circles.symmetries.interleave(circle), (kappa / 2, 0), GAMMA)
-    antidiagonal = circles.symmetries.alternate(square)
-    assert_same_circle(antidiagonal, (kappa, -kappa), parse("2gamma+1"))
-
-
 def test_a_forcing_without_symmetry_centre_is_shifted_all_the_way_round():
     circle = shifted = circles.invariant_circle(GAMMA, (0.1, 0.2, -0.25))
     for kappa in ((0.2, -0.25, 0.1), (-0.25, 0.1, 0.2), (0.1, 0.2, -0.25)):

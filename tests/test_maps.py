@@ -44,16 +44,6 @@ def test_tangent_is_the_derivative_of_step(kappa, x, y):
             assert_allclose(tangent[:, column], slope, rtol=0, atol=13 * 4 * rounding(kappa))
 
 
-def test_maps_and_tangents_take_arrays():
-    kappa, x, y = (0.3, 0.5, -0.2), np.linspace(0, 1, 4)[:, None], np.linspace(0, 1, 5)
-    xs, ys = step(kappa, x, y)
-    tangent = step_tangent(kappa, x, y)
-    assert xs.shape == ys.shape == (4, 5)
-    assert tangent.shape == (2, 2, 4, 5)
-    assert (xs[2, 3], ys[2, 3]) == step(kappa, x[2, 0], y[3])
-    assert_allclose(tangent[..., 2, 3], step_tangent(kappa, x[2, 0], y[3]), rtol=1e-15)
-
-
 @pytest.mark.parametrize(
     ("frequency", "amplitude", "phase", "strengths"),
     [

@@ -19,14 +19,6 @@ RNG = np.random.default_rng(21)
 X, Y = RNG.uniform(-0.5, 0.5, (2, 700))
 
 
-def test_phases_that_advance_by_omega_are_the_standard_map_in_a_moving_frame():
-    omega, (u, v), (x, y) = 0.1234, (X, Y), (X, Y + 0.1234)
-    for n in range(20):
-        x, y = kick(0.6, x, y, n * omega)
-        u, v = kick(0.6, u, v)
-    np.testing.assert_allclose([x - 20 * omega, y - omega], [u, v], atol=1e-12)
-
-
 def test_escapes_are_counted_in_kicks():
     kappa, theta, x, orbit = 3 + RNG.normal(size=60), RNG.normal(size=60), X, [Y]
     for strength, phase in zip(kappa, theta, strict=True):

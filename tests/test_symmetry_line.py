@@ -44,13 +44,6 @@ def test_lockstep_blocks_and_packing_do_not_change_a_time(kappa, n_starts):
         assert (times[np.isfinite(times)] > 100).any()
 
 
-def test_times_count_periods():
-    kicks = elimination_time((1.1,), Y, 600)
-    assert np.isfinite(kicks).sum() > 100
-    for period in (2, 3):
-        assert_array_equal(elimination_time((1.1,) * period, Y, 600 // period) * period, kicks)
-
-
 @pytest.mark.parametrize("kappa", [(2.1,), (-5, 1), (0.3, 1e6), (2.001, 0, 2.001, 0)])
 def test_beyond_two_the_first_kick_eliminates(kappa):
     assert_array_equal(elimination_time(kappa, Y, 5), 1 / len(kappa))
