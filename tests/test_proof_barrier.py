@@ -6,8 +6,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-
-pytest.importorskip("flint", reason="proofs need the extra `proof`")
 from audit import mutant
 from cases import thirds
 from flint import arb, ctx

@@ -2,11 +2,9 @@ import itertools
 import json
 import math
 
+import audit
 import numpy as np
 import pytest
-
-pytest.importorskip("flint")
-import audit
 from cases import thirds
 from test_proof_transport import BREAKUPS, beyond
 

@@ -7,8 +7,6 @@ from itertools import chain, pairwise, product
 import numpy as np
 import pytest
 from audit import mutant
-
-pytest.importorskip("flint")
 from flint import arb, ctx
 
 from nasm import barriers, periodic, proofs

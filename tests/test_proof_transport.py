@@ -5,20 +5,18 @@ import platform
 import re
 from fractions import Fraction
 
+import audit
 import numpy as np
 import pytest
+from cases import thirds
+from flint import arb, arb_poly, ctx, fmpq
 
-flint = pytest.importorskip("flint")
-import audit  # noqa: E402
-from cases import thirds  # noqa: E402
-from flint import arb, arb_poly, ctx, fmpq  # noqa: E402
-
-from nasm import barriers, proofs  # noqa: E402
-from nasm.arithmetic.sine import COSINE, SINE  # noqa: E402
-from nasm.converse_kam import symmetry_line  # noqa: E402
-from nasm.proofs import certificate_checker as checker  # noqa: E402
-from nasm.proofs.transport import Outcome, prove, proved_upper  # noqa: E402
-from nasm.symmetries import ray  # noqa: E402
+from nasm import barriers, proofs
+from nasm.arithmetic.sine import COSINE, SINE
+from nasm.converse_kam import symmetry_line
+from nasm.proofs import certificate_checker as checker
+from nasm.proofs.transport import Outcome, prove, proved_upper
+from nasm.symmetries import ray
 
 # Where the last circle breaks, by `barriers.critical_scale`; it judges, and enters no proof.
 BREAKUPS = {0: 0.4858177030, 20: 0.5770384095, 30: 0.7001827090, 45: 1.3740999690}

@@ -151,7 +151,6 @@ def test_without_residues_only_the_point_itself_decides(monkeypatch):
     ],
 )
 def test_a_proof_is_evidence_of_its_own(kappa, evidence):
-    pytest.importorskip("flint")
     found, sampled = verdict(kappa, prove=True), verdict(kappa)
     assert found.evidence is evidence
     assert found.proof.proved
@@ -167,7 +166,6 @@ def test_a_proof_is_evidence_of_its_own(kappa, evidence):
     ("kappa", "evidence"), [((0.3, 0.45), Evidence.CIRCLE), ((-0.75, 0.6), Evidence.CONES)]
 )
 def test_a_proof_that_fails_changes_nothing_and_says_why(monkeypatch, kappa, evidence):
-    pytest.importorskip("flint")
     monkeypatch.setattr("nasm.verdict._BUDGET", 1e-9)
     found = verdict(kappa, prove=True)
     assert found.evidence is evidence
