@@ -100,13 +100,14 @@ def test_text_is_escaped_and_subscripts_are_set():
 @pytest.fixture(scope="module")
 def exact():
     """The claims that take no sweep, and the errata."""
+    from workflows.claims.boundary import _reductions
     from workflows.claims.circles import circle_claims
     from workflows.claims.errata import errata
     from workflows.claims.map import map_claims, symmetry_claims
     from workflows.claims.periodic import periodic_claims
 
     found = map_claims() | symmetry_claims() | periodic_claims() | circle_claims()
-    return rules.judged(found), errata()
+    return rules.judged(found | _reductions()), errata()
 
 
 def test_no_equation_fails_and_all_errata_are_shown(exact):

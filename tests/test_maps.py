@@ -58,17 +58,6 @@ def test_rotating_forcing_has_the_period_of_its_frequency(frequency, amplitude, 
     assert_allclose(rotating_forcing(0.5, amplitude, frequency, phase), strengths, rtol=1e-14)
 
 
-@given(kappa=strengths, x=coordinates, y=coordinates)
-def test_one_kick_alone_is_the_standard_map_at_twice_the_strength(kappa, x, y):
-    def standard(X, Y):
-        return step([2 * kappa], X, Y)
-
-    x1, y1 = step((kappa, 0), x, y)
-    assert_allclose((x1, 2 * y1), standard(x, 2 * y), rtol=0, atol=8 * ROUNDING)
-    x1, y1 = step((0, kappa), x, y)
-    assert_allclose((x1 + y1, 2 * y1), standard(x + y, 2 * y), rtol=0, atol=8 * ROUNDING)
-
-
 def test_strengths_may_be_any_real_numbers_and_a_frequency_anything_exact():
     assert_array_equal(direction((0.0, -1e-300)), (0.0, -1e-300))
     for kappa in ([1, 2], (Fraction(1), 2.0), np.array([1, 2], np.uint8), np.float32([1, 2])):
@@ -82,8 +71,3 @@ def test_strengths_may_be_any_real_numbers_and_a_frequency_anything_exact():
 def test_rotating_forcing_of_phase_zero_is_a_palindrome_to_the_last_bit(p, q):
     strengths = rotating_forcing(0.3, 0.7, Fraction(p, q))
     assert np.array_equal(strengths[1:], strengths[:0:-1])
-
-
-@given(kappa=strengths, x=coordinates, y=coordinates)
-def test_equal_kicks_are_the_standard_map_twice(kappa, x, y):
-    assert step((kappa, kappa), x, y) == step([kappa], *step([kappa], x, y))

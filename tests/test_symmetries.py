@@ -25,37 +25,25 @@ def cases(draw, periods):
 # each of up to seven kicks.
 SHORT = 4e-15 * 4**7
 
-# A robust circle, and its rotation number to better than 1e-10.
-KAPPA, X, Y, N = (0.3, 0.2), 0.1, 0.31, 10_000
-CIRCLE = 1e-10
-
-
-# By name: the image, the strengths that it must have, its orbit from that of (x, y) on, and how far
-# that may be off.
+# Of the image: the strengths, and the orbit from that of (x, y) on.
 IMAGES = {
-    "reflect": lambda z, xs, ys, t: ((z[0], -z[1], -z[2]), z[0], (-xs, -ys), 0),
-    "translate": lambda z, xs, ys, t: (
-        (z[0], z[1] + 2, z[2] - 3), z[0], (xs + 2 - 3 * len(z[0]) * t, ys - 3), SHORT
+    symmetries.negate: lambda kappa, xs, ys, t: (-kappa, (xs + 0.5, ys)),
+    symmetries.alternate: lambda kappa, xs, ys, t: (
+        kappa * (-1.0) ** np.arange(kappa.size), (xs + kappa.size // 2 * t, ys + 0.5)
     ),
-    "negate": lambda z, xs, ys, t: (symmetries.negate(*z), -z[0], (xs + 0.5, ys), SHORT),
-    "alternate": lambda z, xs, ys, t: (
-        symmetries.alternate(*z), z[0] * (-1.0) ** np.arange(len(z[0])),
-        (xs + len(z[0]) // 2 * t, ys + 0.5), SHORT
-    ),
-    "shift": lambda z, xs, ys, t: (
-        symmetries.shift(*z), np.roll(z[0], -1), kick(z[0][0], xs, ys), SHORT
-    ),
+    symmetries.shift: lambda kappa, xs, ys, t: (np.roll(kappa, -1), kick(kappa[0], xs, ys)),
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", IMAGES)
+@pytest.mark.parametrize("carry", IMAGES)
 @given(data=st.data())
-def test_orbits_are_carried_to_orbits_of_the_image(name, data):
-    kappa, x, y, n = data.draw(cases((2, 4) if name == "alternate" else (1, 2, 3, 4, 5)))
-    z, orbit_of_z = (np.array(kappa), x, y), orbit(kappa, x, y, n)
-    (image, *start), strengths, expected, error = IMAGES[name](z, *orbit_of_z, np.arange(n + 1))
-    np.testing.assert_array_equal(image, strengths)
-    assert_allclose(orbit(image, *start, n), expected, rtol=0, atol=error)
+def test_orbits_are_carried_to_orbits_of_the_image(carry, data):
+    periods = (2, 4) if carry is symmetries.alternate else (1, 2, 3, 4, 5)
+    kappa, x, y, n = data.draw(cases(periods))
+    image, *start = carry(np.array(kappa), x, y)
+    expected = IMAGES[carry](np.array(kappa), *orbit(kappa, x, y, n), np.arange(n + 1))
+    np.testing.assert_array_equal(image, expected[0])
+    assert_allclose(orbit(image, *start, n), expected[1], rtol=0, atol=SHORT)
 
 
 @pytest.mark.parametrize(
