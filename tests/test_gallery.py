@@ -104,8 +104,7 @@ def test_a_release_is_whole_says_how_it_was_made_and_is_sound(parts, tmp_path, m
     told = CliRunner().invoke(gallery.main, ["--release", str(tmp_path), "--quick"])
     assert told.exit_code == 0, told.output
     assert float(re.search(r"release: .*, (\S+) MB", told.output)[1]) < 10
-    check = ["sha256sum", "--check", "--quiet", "--strict", exhibits.SUMS]
-    assert subprocess.run(check, cwd=tmp_path, capture_output=True).returncode == 0
+    subprocess.run(["sha256sum", "--check", "--strict", exhibits.SUMS], cwd=tmp_path, check=True)
     summed = [line[66:] for line in (tmp_path / exhibits.SUMS).read_text().splitlines()]
     there = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*") if path.is_file()}
     assert {*summed} == {name for name in there if not name.endswith(".lock")} - {exhibits.SUMS}
@@ -119,6 +118,3 @@ def test_a_release_is_whole_says_how_it_was_made_and_is_sound(parts, tmp_path, m
         assert re.search("in all +0 tiles", planned)  # the command that is named has made it
         (cube, *_) = folder.glob("*.zarr")
         assert xr.open_zarr(cube).attrs["computed_by"] in said
-    file = tmp_path / summed[0]
-    file.write_bytes(file.read_bytes() + b" ")
-    assert subprocess.run(check, cwd=tmp_path, capture_output=True).returncode == 1
