@@ -7,7 +7,6 @@ import sys
 import types
 from dataclasses import dataclass
 from functools import cache
-from itertools import pairwise
 from unittest.mock import patch
 
 import numpy as np
@@ -208,44 +207,6 @@ def audit_of_kicks(kernel, *changes):
             if not share <= 1:
                 return largest
     return largest
-
-
-def audit_of_a_box(kernel, cycle, scale, numbers, life):
-    """The shares of the bounds of ρ_n, and of what is paid, along orbits of a box.
-
-    cycle : the strengths of the kicks of a period, as the kernel takes them. After each kick the V
-    up to there are an η with Σ_k η_k(Hη)_k ≤ 0 but for its last neighbour and what is paid.
-    """
-    kick, states = in_python(kernel.functions), [kernel.state(numbers)]
-    ctx.prec = 150 + 3 * life
-    for n in range(life):
-        numbers, bad, _ = kick(*cycle[n % len(cycle)], scale, tuple(numbers))
-        states.append(kernel.state(numbers))
-        if not (bad <= 0 and states[-1]["V"] > 0):
-            break
-    shares = {"rho": 0.0, "paid": 0.0}
-    moves, steps, _ = zip(*kernel.known, strict=True)
-    for place in kernel.places:
-        start, factors, variation = states[0], kernel.factors(place), arb(0)
-        x = start["x"] + start["x_low"] + fmpq(1, 4) + combined(factors, start, moves)
-        step = start["y"] + start["y_low"] + combined(factors, start, steps)
-        # η of a cell is even about the first site, half of which counts.
-        V_before = states[1]["V"] if kernel.cells else start["V"] - start["W"]
-        half = arb(0.5 if kernel.cells else 1)
-        for n, (state, later) in enumerate(pairwise(states)):
-            rho = x - state["x"] - state["x_low"] - fmpq(1, 4)
-            rho -= combined(kernel.factors(place), state, moves)
-            bound = state["A"] * abs(state["v"]) + state["B"] * abs(state["t"])
-            shares["rho"] = max(shares["rho"], used(abs(rho - round(float(rho.mid()))), bound))
-            strength = kernel.strength(cycle[n % len(cycle)], place)
-            sine, cosine = (2 * x).sin_cos_pi()
-            V = state["V"]
-            variation += half * V * ((2 + strength * cosine) * V - V_before - later["V"])
-            shares["paid"] = max(shares["paid"], used(variation + later["paid"], later["paid"]))
-            step += strength * sine / (2 * arb.pi())
-            x, V_before, half = x + step, V, arb(1)
-            place = kernel.swapped(place)
-    return shares
 
 
 @cache

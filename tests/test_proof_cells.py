@@ -92,21 +92,6 @@ KERNEL = audit.Kernel(
 )
 
 
-def test_bounds_of_cells_hold_along_the_orbits_of_boxes():
-    """Some boxes of a cell, and boxes of (almost) one forcing."""
-    proof, shares = prove_cell(*CELLS[0]), []
-    boxes, lives = proof.boxes[::160], proof.lives[::160]
-    narrow = boxes * [1, 1, 1, 2.0**-20, 1, 2.0**-20, 1, 1, 1]
-    for box, life in zip([*boxes, *narrow], [*lives, *lives], strict=True):
-        lanes = np.zeros((proofs.transport_cells._ROWS, 1))
-        proofs.transport_cells._start(lanes, 0, proof.a - 0.25, box)
-        state, (scale, *first) = lanes[:22, 0].tolist(), lanes[22:, 0].tolist()
-        cycle = [tuple(first), (*first[2:], *first[:2])]
-        shares.append(audit.audit_of_a_box(KERNEL, cycle, scale, state, int(life)))
-    for name in ("rho", "paid"):
-        assert 0.1 < max(share[name] for share in shares) <= 1
-
-
 def test_a_kick_of_cells_allows_for_what_it_has_to_and_no_more():
     shares = audit.audit_of_kicks(KERNEL)
     assert all(0.9 < share <= 1 for share in shares.values())
