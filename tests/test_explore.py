@@ -37,9 +37,9 @@ def escapes(view, row, column, steps):
     return escape.first_escape(kappa, x, y, [x.size], steps, precision="single")[0]
 
 
-def pictures(view, steps, fields=(), plane=None):
+def pictures(view, steps, fields=()):
     """All pictures of a view with their blocks, and how many forcings were computed for them."""
-    tree, n_forcings = field.Quadtree(plane or two_kicks(), view, steps, list(fields)), 0
+    tree, n_forcings = field.Quadtree(two_kicks(), view, steps, list(fields)), 0
     found = [tree.picture()]
     for calls in tree.rounds():
         while calls:
