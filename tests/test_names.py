@@ -31,9 +31,7 @@ def test_completion_shows_the_public_names_that_a_module_defines_itself(path):
     path_within = path.relative_to(Path(nasm.__file__).parents[1]).with_suffix("")
     module = import_module(".".join(path_within.parts))
     assert set(dir(module)) == set(module.__all__) <= set(defined_in(path))
-    assert not [
-        name for name in module.__all__ if name.startswith("_") or not hasattr(module, name)
-    ]
+    assert all(hasattr(module, name) and name[0] != "_" for name in module.__all__)
 
 
 def test_all_names_at_the_top_and_in_the_rooms_are_there_and_no_other():

@@ -57,11 +57,12 @@ def test_the_proved_boundary_is_a_cube_with_both_proofs(tmp_path, workers):
     assert len(list((tmp_path / "out/certificates/proved_barrier").iterdir())) == cube.angle.size
 
 
+BREAKUPS = [(angle, 0.4858 / np.cos(np.deg2rad(angle))) for angle in (0.0, 45.0)]
+
+
 def map_of_two_tiles():
     """A job of the map, and the indices and coordinates of two tiles."""
-    job = proved_map(
-        [(angle, 0.4858 / np.cos(np.deg2rad(angle))) for angle in (0.0, 45.0)], 32, 0.1
-    )
+    job = proved_map(BREAKUPS, 32, 0.1)
     axes = {name: job.cube.template[name].values for name in ("kappa2", "kappa1")}
     tiles = {}
     for index in ((4, 24), (8, 24)):  # κ1 = 0.77, κ2 = 0.14 and 0.27
@@ -160,8 +161,7 @@ def test_triangles_fill_the_region_and_end_near_the_boundary(sagitta):
 
 
 def test_the_proved_map_is_its_own_image_on_the_diagonal():
-    rays = [(angle, 0.4858 / np.cos(np.deg2rad(angle))) for angle in (0.0, 45.0)]
-    job = proved_map(rays, 32, 1e-3)
+    job = proved_map(BREAKUPS, 32, 1e-3)
     coords = {name: job.cube.template[name].values[30:32] for name in ("kappa2", "kappa1")}
     proved = job.compute(coords, job.cube.settings)["proved"]
     assert (proved == proved.T).all()
