@@ -1,5 +1,7 @@
 """Converse KAM on symmetry lines against residues; test_transversal has its definition."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 from cases import thirds
@@ -10,7 +12,6 @@ from nasm import periodic
 from nasm.converse_kam import symmetry_line
 from nasm.converse_kam.symmetry_line import critical_scale, elimination_time, longest_lived
 from nasm.critical import Status
-from nasm.numbers import parse
 from nasm.symmetries import ray
 
 # Each some per cent beyond the breakup of its last circle: lifetimes of all lengths.
@@ -50,24 +51,16 @@ def test_beyond_two_the_first_kick_eliminates(kappa):
 
 
 # The most robust circle on a ray, by trying out nobles.
-LAST = [
-    (0, "gamma"),
-    (20, "gamma"),
-    (30, "[0;1,2,(1)]"),
-    (36, "[0;1,3,(1)]"),
-    (43, "[0;1,3,2,(1)]"),
-    (45, "2gamma"),
-]
+LAST = {0: "gamma", 20: "gamma", 30: "[0;1,2,(1)]", 36: "[0;1,3,(1)]"}
+LAST |= {43: "[0;1,3,2,(1)]", 45: "2gamma"}
+CASES = [(0, 10_000), *product(LAST, (100, 500, 3000)), (45, 10_000)]
 
 
-CASES = [(*last, n_max) for last in LAST for n_max in (100, 500, 3000)]
-
-
-@pytest.mark.parametrize("case", thirds([(0, "gamma", 10_000), *CASES, (45, "2gamma", 10_000)]))
+@pytest.mark.parametrize("case", thirds(CASES))
 def test_the_last_circle_breaks_where_its_residue_says(case):
-    degrees, omega, n_max = case
+    degrees, n_max = case
     profile = ray(degrees)
-    exact = periodic.critical_scale(parse(omega), profile).value
+    exact = periodic.critical_scale(LAST[degrees], profile).value
     found = critical_scale(profile, n_max)
     assert found.status is Status.OK
     assert abs(found.value - exact) <= found.error
