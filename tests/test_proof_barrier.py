@@ -194,10 +194,10 @@ def test_the_bound_of_small_divisors_holds_in_the_narrowest_strips():
             assert least <= float(checker.russmann(divisors, period, arb(delta)))
 
 
-@pytest.mark.parametrize(("profile", "omega", "breakup"), LAST)
-@pytest.mark.parametrize("distance", [0.3, 0.05])
-def test_circles_below_the_breakup_are_proved(profile, omega, breakup, distance):
-    omega, kappa, u = near(profile, omega, breakup, distance)
+@pytest.mark.parametrize("case", thirds([*product(LAST, (0.05, 0.3))]))
+def test_circles_below_the_breakup_are_proved(case):
+    last, distance = case
+    omega, kappa, u = near(*last, distance)
     proof = prove(omega, kappa, start=u)
     assert proof.proved, proof.why
     assert proof.kappa == tuple(kappa)
@@ -219,9 +219,9 @@ def test_any_quadratic_rotation_number_and_any_number_of_kicks_will_do(omega, ka
     assert prove(parse(omega), kappa).proved
 
 
-@pytest.mark.parametrize("n", [64, 128, 512, 2048])
-@pytest.mark.parametrize("kappa", [0.05, 0.3])
-def test_more_points_than_are_needed_do_no_harm(n, kappa):
+@pytest.mark.parametrize("case", thirds([*product((0.3, 0.05), (64, 128, 512, 2048))]))
+def test_more_points_than_are_needed_do_no_harm(case):
+    kappa, n = case
     assert prove(GAMMA, (kappa,), n=n).proved
 
 
@@ -248,10 +248,10 @@ def proofs_above(profile, omega, breakup, n, beyond):
     return [prove(omega, kappa, start=start, n=n).proved for start in (u, path[-1][1])]
 
 
-@pytest.mark.parametrize("beyond", [1e-6, 1e-4, 1e-2, 0.1])
-@pytest.mark.parametrize("case", [0, 2, 4])
-def test_above_the_breakup_nothing_is_proved(case, beyond):
-    assert not any(proofs_above(*LAST[case], 512, beyond))
+@pytest.mark.parametrize("case", thirds([*product(LAST[::2], (1e-6, 1e-4, 1e-2, 0.1))]))
+def test_above_the_breakup_nothing_is_proved(case):
+    last, beyond = case
+    assert not any(proofs_above(*last, 512, beyond))
 
 
 @pytest.mark.slow

@@ -7,6 +7,7 @@ from itertools import chain, pairwise, product
 import numpy as np
 import pytest
 from audit import mutant
+from cases import thirds
 from flint import arb, ctx
 
 from nasm import barriers, periodic, proofs
@@ -68,7 +69,7 @@ def test_intervals_are_joined_without_a_gap():
     assert proofs.covered([(1e-300, 0.2)]) == proofs.covered([]) == 0
 
 
-@pytest.mark.parametrize("beyond", [1e-3, 0.1])
+@pytest.mark.parametrize("beyond", [1e-3, pytest.param(0.1, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("profile", [(1.0,), (0.94, 0.34), (1.0, 0.5, 0.7)])
 def test_across_the_breakup_nothing_is_proved(profile, beyond):
     found = barriers.critical_scale(profile)
@@ -86,7 +87,7 @@ def tried(omega, profile, tilt, scales):
     return module._proved_between(*map(float, scales), about)
 
 
-@pytest.mark.parametrize("beyond", [1e-3, pytest.param(0.02, marks=pytest.mark.slow), 0.3])
+@pytest.mark.parametrize("beyond", thirds([0.3, 0.02, 1e-3]))
 @pytest.mark.parametrize("end", [1, pytest.param(-1, marks=pytest.mark.slow)])
 def test_across_the_breakup_at_a_side_of_the_fan_nothing_is_proved(beyond, end):
     # At t = 0 the far side is 10% before the breakup, at t = end it is beyond it.
@@ -227,7 +228,7 @@ def too_large(case, rho, bounds):
     return [key for key in largest if not bounds[key] < most[key] * largest[key]]
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("case", thirds([*CASES]))
 @pytest.mark.parametrize("program", [proved_constants, checked_constants])
 def test_constants_bound_those_of_all_forcings_of_a_fan(program, case):
     found = program(case)
@@ -263,7 +264,7 @@ WRONG = {  # a changed line: the case in which a constant is then too small
 }
 
 
-@pytest.mark.parametrize("changes", WRONG)
+@pytest.mark.parametrize("changes", thirds([*WRONG]))
 def test_a_constant_that_leaves_something_out_is_noticed(changes):
     case = WRONG[changes]
     right, wrong = (text.replace("'", '"') for text in changes)
@@ -293,7 +294,7 @@ WRONG_CHECKS = {
 }
 
 
-@pytest.mark.parametrize("changes", WRONG_CHECKS)
+@pytest.mark.parametrize("changes", thirds([*WRONG_CHECKS]))
 def test_a_check_of_a_fan_that_leaves_something_out_is_noticed(changes):
     case = WRONG_CHECKS[changes]
     assert too_small(case, *checked_constants(case, mutant(checker, changes)))
