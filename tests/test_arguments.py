@@ -212,7 +212,6 @@ BAD = [
     ((parse_axis,), "text", ["1:0:4", "1:1:4", "nan:1:4", "0:inf:4"], "the lower one first"),
 ]  # fmt: skip
 
-
 CASES = [
     (function, name, value, message)
     for functions, name, values, message in BAD

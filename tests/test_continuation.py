@@ -15,7 +15,6 @@ from nasm.symmetries import ray
 
 GAMMA = parse("gamma")
 
-
 SAMPLES = [(1e-6, 8, 20, 1)]
 SAMPLES += [pytest.param(tol, 360, 77, 0.98, marks=pytest.mark.slow) for tol in (1e-4, 1e-5, 1e-6)]
 

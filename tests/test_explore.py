@@ -205,11 +205,12 @@ def test_of_a_decimal_number_a_noble_one_is_followed_that_rounds_to_it(text):
 
 def test_an_ensemble_that_spreads_from_a_box_has_the_diffusion_of_the_whole_cell(monkeypatch):
     monkeypatch.setattr(instruments, "_LOOK", 0)
+    monkeypatch.setattr(instruments, "_SIDE", 24)
     kappa, found = np.array([4.0, 3.5]), None
     for found in filter(None, instruments.spreading(kappa, (0.0, 0.0, 0.5, 0.5))):
-        assert found[0]["x"].size == 48**2
+        assert found[0]["x"].size == 24**2
     rate, error = map(float, re.search(r"D = (\S+) ± (\S+) a period", found[2]).groups())
-    whole = diffusion.diffusion(kappa)
+    whole = diffusion.diffusion(kappa, n_max=2**15)
     assert rate == pytest.approx(whole.value, abs=4 * np.hypot(error, whole.error))
     assert error < 0.1 * rate
 
@@ -371,7 +372,6 @@ def answers(requests):
 
 WEBSOCKET = {"Connection": "Upgrade", "Upgrade": "websocket", "Sec-WebSocket-Version": "13"}
 WEBSOCKET |= {"Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ==", "Sec-WebSocket-Protocol": "bokeh"}
-
 
 ELSEWHERE = "elsewhere.example"
 SCRIPT, OTHER = "/static/js/bokeh.min.js", f"{ELSEWHERE}:{{port}}"

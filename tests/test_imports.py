@@ -42,7 +42,6 @@ NASM, PIPELINE, FIGURES, WORKFLOWS = (
     for package in ("nasm", "pipeline", "workflows.figures", "workflows.")
 )
 
-
 # The compiled kernels on disk have more than one writer; flint is of the extra `proof`.
 MORE = {"arithmetic.kernels": "filelock", "proofs.barrier": "flint", "proofs.fan": "flint"}
 

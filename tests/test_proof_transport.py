@@ -21,7 +21,6 @@ from nasm.symmetries import ray
 # Where the last circle breaks, by `barriers.critical_scale`; it judges, and enters no proof.
 BREAKUPS = {0: 0.4858177030, 20: 0.5770384095, 30: 0.7001827090, 45: 1.3740999690}
 
-
 # Without a symmetry, 4% beyond where CB_gt is by residues.
 SEVERAL = tuple(1.04 * 0.40238460723838 * np.array([1.0, 0.7, 0.3]))
 
@@ -414,7 +413,7 @@ def tried(profile, excess, checks):
     return proof
 
 
-@pytest.mark.parametrize("profile", [(1, 0.7, 0.3), (0.4, 1, 0.4), (1, 1, -1, -1)])
+@pytest.mark.parametrize("profile", thirds([(1, 0.7, 0.3), (0.4, 1, 0.4), (1, 1, -1, -1)]))
 def test_several_kicks_are_proved_beyond_their_breakup_and_not_below_it(profile):
     assert tried(profile, 0.05, True).proved
 

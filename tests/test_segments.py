@@ -13,7 +13,6 @@ from nasm.symmetries import ray
 ASYMMETRIC = np.array((1, 0.7, 0.3))
 AXIS = periodic.critical_scale("gamma", (1, 0)).value
 
-
 SEGMENTS = [((0.1, 0.5), (1.0, -0.3)), ((0.2, -0.1), (0.0, 1.0))]
 
 
