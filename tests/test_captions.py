@@ -86,6 +86,6 @@ def test_direct_iteration_that_sees_no_transport_in_the_plane_has_no_cells_to_sp
     dims = {"n": [100], "angle": [0.0, 45.0]}
     scale = xr.DataArray(np.full((1, 2), np.nan), dims, ("n", "angle"))
     barrier = xr.Dataset({"critical_scale": ("angle", [0.486, 1.374])}, {"angle": dims["angle"]})
-    said = direct_found(scale, scale, barrier, 10)
+    said = direct_found(scale.to_dataset(name="critical_scale"), barrier, 10)
     assert "nowhere in this plane" in said
     assert "nan" not in said

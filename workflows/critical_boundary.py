@@ -47,6 +47,5 @@ def main(run, plane, angles, tips, tol, **options):
         run.table("circle_boundaries", circles)
         run.table("direct_boundary", direct)
         caption = boundary_words.boundary_found(barrier)
-        scale, resolution = direct.critical_scale, direct.resolution
-        caption += "\n" + boundary_words.direct_found(scale, resolution, barrier, grid.n_orbits[-1])
+        caption += "\n" + boundary_words.direct_found(direct, barrier, grid.n_orbits[-1])
         run.figure("critical_boundary", draw_critical_boundary(field, circles, barrier), caption)

@@ -29,9 +29,8 @@ def asked_once(kappa):
 def _sentences(kappa, survivor, first):
     size, kick = kappa.size, survivor.site + 1
     lives = f"{plural(survivor.kicks, 'kick', 'g')} in either direction"
-    kicks = (
-        f"these {plural(size, 'kick')}, of strengths from {kappa.min():.6g} to {kappa.max():.6g}"
-    )
+    strengths = f"of strengths from {kappa.min():.6g} to {kappa.max():.6g}"
+    kicks = f"these {plural(size, 'kick')}, {strengths}"
     place = f"(x, y) = ({survivor.x:.6g}, {survivor.y:.9g}) before kick {kick}"
     if survivor.kicks <= sequence.HORIZON:
         ends = max(1, kick - int(survivor.kicks)), min(size, survivor.site + int(survivor.kicks))

@@ -47,8 +47,7 @@ def draw_field(axes, plane):
     if "level" in plane and not style.in_column():
         times = 2 ** (plane.attrs["levels"] - 1)
         label += f"\ncells up to {times} times wider far from the boundary"
-    where = (
-        {"location": "top", "aspect": 40} if style.in_column() else {"fraction": 0.024, "pad": 0.02}
-    )
+    beside, above = {"fraction": 0.024, "pad": 0.02}, {"location": "top", "aspect": 40}
+    where = above if style.in_column() else beside
     axes.figure.colorbar(image, ax=axes, label=label, **where)
     return field

@@ -46,11 +46,12 @@ def boundary_found(barrier):
     )
 
 
-def direct_found(scale, resolution, barrier, n_orbits):
+def direct_found(direct, barrier, n_orbits):
     """Say how far outside CB_gt direct iteration lies, for each N.
 
-    scale, resolution : DataArrays with dims (n, angle): its boundary, and the cell's width there.
+    direct : Dataset of its `critical_scale`, dims (n, angle), and the cell's width, `resolution`.
     """
+    scale = direct.critical_scale
     excess = 100 * (scale / barrier.critical_scale - 1)
     parts = []
     for n in scale.n.values.tolist():
@@ -62,7 +63,7 @@ def direct_found(scale, resolution, barrier, n_orbits):
             )
     where = "nowhere in this plane"
     if parts:
-        cell = 100 * float((resolution / scale).median())
+        cell = 100 * float((direct.resolution / scale).median())
         where = f"{'; '.join(parts)} (median; its cells are {cell:.2g}% wide"
         # By second differences, in which what changes slowly cancels; their median, which cusps do
         # not move.

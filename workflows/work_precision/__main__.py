@@ -18,14 +18,13 @@ from workflows.shared.cli import choice, command, flag, writes
 NAMES = ("direct", "direct-100", "direct-window", "direct-single", "cones", "birkhoff", "circle")
 NAMES += ("continuation", "crossing", "residue", "barriers", "transport-proof", "barrier-proof")
 RAYS = ("45", "0", "30", "40", "120", "three-kicks")
+_ALL = "may be repeated.  [default: all]"
 
 
 @command()
 @flag("--full", "The largest effort of each method too: 15 CPU minutes.")
-@choice("--only", NAMES, NAMES, "A method to measure; may be repeated.  [default: all]", True)
-@choice(
-    "--ray", RAYS, RAYS, "A ray, in degrees or three-kicks; may be repeated.  [default: all]", True
-)
+@choice("--only", NAMES, NAMES, f"A method to measure; {_ALL}", True)
+@choice("--ray", RAYS, RAYS, f"A ray, in degrees or three-kicks; {_ALL}", True)
 @writes
 def main(run, full, only, ray):
     from nasm.proofs.barrier import need_flint
