@@ -169,7 +169,7 @@ def _files(cube, by):
     computed = cube.computed
     for key, array in variables.items():
         if computed:
-            tile = cube.tile if key in computed else {}  # what is known is read whole
+            tile = {} if array.dims == (key,) else cube.tile  # indices are read whole
             chunks, codecs = [tile.get(dim, n) for dim, n in array.sizes.items()], ()
         else:  # one length for each dim, in all of them
             chunks, codecs = [min(n, _CHUNK) for n in array.shape], (ZstdCodec(),)
