@@ -17,7 +17,7 @@ _CELLS = ["32", "64", "128", "256", "512", "1024"]
 @choice("--cells", _CELLS, "128", "Cells per unit of strength, at the finest.")
 @real("--seconds", 0.5, 1e-3, 1e4, "CPU seconds to prove transport; then a cell is cut or left.")
 @real("--nearest", 0.09, 1e-3, 0.5, "How near proofs of barriers come to the boundary, in parts.")
-@preset("--full", "In full, more than a CPU hour", cells="512", nearest="0.03")
+@preset("--full", "In full, two CPU hours", cells="1024", seconds=1.0, nearest=0.01)
 @sweeps
 def main(run, cells, seconds, nearest):
     import numpy as np
