@@ -65,7 +65,6 @@ _ROUGH = 0.01  # of the value: a bracket above it that is wider says that the la
 _NEAR = 2e-5  # of the measured rotation number; neighbours that robust are further apart
 _AVERAGED = 1000  # steps
 _CANDIDATES = 3
-_LONGER = 16  # times as many steps of converse KAM, between two that were enough
 _TOO_LONG = 3000  # period of the orbits whose residues tell if a circle stands
 _LONGER_ORBITS = 10_000  # the same where a search has found no survivor
 _HALVED = 1e-4  # of the scale: between what is said to stand and what is not
@@ -75,7 +74,7 @@ _CERTIFIED = 3  # circles of the tree that are tried there
 _OUTSET = 0.93  # of a scale without circles: where the first candidates are to stand
 _BLURRED = 300  # period that sees a cusp, from which orbits up to 6000 may leave large errors
 _LONG = 30_000  # period of the orbits then
-_ROUGHLY = 1.5e-4  # precision from which orbits half as long give the digits
+_ROUGHLY = 1.5e-4  # precision from which orbits half as long as usual give the digits
 _SIMPLER = 2e-4  # of ω: a noble with a short prefix that is tried for one with a long
 _FIRST, _AT_ONCE = 1500, 3e-7  # period of orbits, and error over the scale, that need no halving
 
@@ -135,7 +134,7 @@ def _last(start, short, tol):
     # Of lives: from a start the forcing changes less than the scale.
     part = upper * np.abs(short).max() / np.abs(race.at(upper)).max()
     n_certify = min(int(1.6 / above / min(max(part, 0.1), 1)), transversal.MAX_STEPS)
-    n_longer = min(_LONGER * n_certify, transversal.MAX_STEPS)
+    n_longer = min(16 * n_certify, transversal.MAX_STEPS)
     share = above
     for _ in range(_ASKED if race.leader else 0):
         best = race.leader
@@ -389,8 +388,11 @@ class _Race:
     def precise(self, known, far):
         """The same by longer orbits, if they agree to within `far`."""
         between = known.value - far, known.value + far
-        scale = self.by_residues(known.omega, between, 6000 if self.precision < _ROUGHLY else 3000)
-        return scale if abs(scale.value - known.value) < far else known
+        for longest in (3000, 6000)[self.precision < _ROUGHLY :]:
+            scale = self.by_residues(known.omega, between, longest)
+            if abs(scale.value - known.value) < far:
+                return scale
+        return known
 
     def refine(self):
         """Ask residues for the digits of the leader, and of those that may break as late. Where
