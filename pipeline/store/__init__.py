@@ -6,7 +6,6 @@ Each file appears whole or not at all. What several workers or drivers write mor
 same each time: they need no order. The store knows neither mathematics nor dask.
 """
 
-from pipeline.store.look import State, free, status, verify
 from pipeline.store.metadata import check, create, names, replace, sees
 from pipeline.store.place import Place, Refused, StoreFailed, driving, explained, place_of
 from pipeline.store.provenance import COMPUTED_BY
@@ -20,3 +19,4 @@ from pipeline.store.tiles import (
     tiles_of,
     wanted_key,
 )
+from pipeline.store.verify import State, free, status, verify

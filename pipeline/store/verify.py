@@ -1,4 +1,4 @@
-"""What the store tells of its cubes: how far sweeps are, and what is damaged.
+"""What the store tells of its cubes: what is damaged, and how far sweeps are (`status`).
 
 A tile was done when its commit record was written. One that is missing failed when it was last
 tried, if the store has the reason; otherwise it has not had its turn, or was not wanted. A tile is
