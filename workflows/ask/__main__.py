@@ -21,6 +21,32 @@ import click
 from workflows.shared import cli
 
 
+def forcing_asked(strengths, plane, once):
+    """Return the strengths of the kicks, and where they are, (Plane, its two coordinates), or None.
+
+    strengths : numbers of the command line, with `plane` the coordinates of a point in it; none
+    with `once`, the path of a file of numbers. ValueError says what does not fit together.
+    """
+    from nasm import planes  # no kernel is needed to refuse what is asked
+    from nasm.maps import forcing
+
+    if once:
+        if strengths or plane:
+            raise ValueError("--once FILE is the whole forcing; leave KAPPA and --plane out")
+        text = Path(once).read_text(encoding="utf-8").replace(",", " ")
+        try:
+            return forcing(list(map(float, text.split()))), None
+        except ValueError as error:
+            raise ValueError(f"--once {once}: {error}") from None
+    if plane is None:
+        kappa = forcing(strengths)
+        return kappa, (planes.two_kicks(), strengths) if kappa.size == 2 else None
+    if len(strengths) != 2:
+        axes = " and ".join(plane.axes)
+        raise ValueError(f"{len(strengths)} numbers; a point of {plane.name} has two, {axes}")
+    return forcing(plane.forcing(*strengths)), (plane, strengths)
+
+
 @cli.command(ignore_unknown_options=True)
 @click.argument("kappa", type=float, nargs=-1)
 @cli.point_option
@@ -30,11 +56,6 @@ from workflows.shared import cli
 @cli.draws
 @cli.out_option
 def main(kappa, plane, once, prove, pdf, out):
-    cli.announce_kernels()
-    from workflows.ask.once import asked_once
-    from workflows.ask.period import asked_of_period, forcing_asked
-    from workflows.shared.verdict_words import SHOWN
-
     try:
         strengths, point = forcing_asked(kappa, plane, once)
         if once and prove:
@@ -44,6 +65,11 @@ def main(kappa, plane, once, prove, pdf, out):
         raise click.UsageError(str(error)) from None
     except OSError as error:
         raise click.UsageError(f"--out={out}: {error.strerror}; choose another directory") from None
+    cli.announce_kernels()
+    from workflows.ask.once import asked_once
+    from workflows.ask.period import asked_of_period
+    from workflows.shared.verdict_words import SHOWN
+
     try:
         text, draw = asked_once(strengths) if once else asked_of_period(strengths, point, prove)
     except ValueError as error:

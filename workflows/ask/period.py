@@ -1,12 +1,10 @@
-"""One period of kicks: what is asked, the verdict in words, and its figure. For `workflows.ask`."""
+"""One period of kicks: the verdict in words, and its figure. For `workflows.ask`."""
 
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 
-from nasm import barriers, escape, orbits, planes
-from nasm.maps import forcing
+from nasm import barriers, escape, orbits
 from nasm.verdict import Answer, verdict
 from pipeline.sweep.progress import plural
 from workflows.shared.phase_space import portrait
@@ -37,29 +35,6 @@ def escaping_orbit(kappa):
         return None
     steps, first = escapes[0]
     return tuple(values[: steps + 1, first] for values in orbit)
-
-
-def forcing_asked(strengths, plane, once):
-    """Return the strengths of the kicks, and where they are, (Plane, its two coordinates), or None.
-
-    strengths : numbers of the command line, with `plane` the coordinates of a point in it; none
-    with `once`, the path of a file of numbers. ValueError says what does not fit together.
-    """
-    if once:
-        if strengths or plane:
-            raise ValueError("--once FILE is the whole forcing; leave KAPPA and --plane out")
-        text = Path(once).read_text(encoding="utf-8").replace(",", " ")
-        try:
-            return forcing(list(map(float, text.split()))), None
-        except ValueError as error:
-            raise ValueError(f"--once {once}: {error}") from None
-    if plane is None:
-        kappa = forcing(strengths)
-        return kappa, (planes.two_kicks(), strengths) if kappa.size == 2 else None
-    if len(strengths) != 2:
-        axes = " and ".join(plane.axes)
-        raise ValueError(f"{len(strengths)} numbers; a point of {plane.name} has two, {axes}")
-    return forcing(plane.forcing(*strengths)), (plane, strengths)
 
 
 def drawn(kappa, point, verdict, escaping):
