@@ -7,6 +7,7 @@ import sys
 import types
 from dataclasses import dataclass
 from functools import cache
+from itertools import combinations_with_replacement
 from unittest.mock import patch
 
 import numpy as np
@@ -73,9 +74,9 @@ class Kernel:
 
     functions : the last of them is one kick; the others are what it calls. names : of the numbers
     of a state. known : of what is known of an orbit, Σ factor·displacement, for each part the names
-    of the displacement, its last difference, and its sum in Q; the factors are σ, σ² or, in cells,
-    σ, σ_0, σ_1. places : (σ,) or (σ, σ_0, σ_1) of orbits in a box. rounding : of x̂ in one kick,
-    (for |κ|, for 1).
+    of the displacement, its last difference, and its sum in Q; the factors are the parameters, then
+    their products. places : (σ,) or, in cells, (σ, σ_0, σ_1) of orbits in a box. rounding : of x̂ in
+    one kick, (for |κ|, for 1).
     """
 
     functions: tuple
@@ -86,7 +87,7 @@ class Kernel:
 
     @property
     def cells(self):
-        return len(self.known) == 3
+        return len(self.places[0]) == 3
 
     def state(self, numbers):
         """The numbers by name, as balls."""
@@ -94,11 +95,23 @@ class Kernel:
         return {"x_low": arb(0), "y_low": arb(0)} | named
 
     def factors(self, place):
-        return [arb(x) for x in place] if self.cells else [arb(place[0]), arb(place[0]) ** 2]
+        place = [arb(x) for x in place]
+        return place + [a * b for a, b in combinations_with_replacement(place, 2)]
 
     def swapped(self, parts):
         """Of a cell after a kick: the strengths have changed places."""
-        return (parts[0], parts[2], parts[1]) if self.cells else parts
+        return [parts[i] for i in (0, 2, 1, 3, 5, 4, 8, 7, 6)] if self.cells else parts
+
+    def sources(self, state, k, spread, sine, cosine):
+        """What a kick adds to the last differences, but for κ cos times the displacements."""
+        moves = [state[name] for name, *_ in self.known[: len(self.places[0])]]
+        widths = [spread if i == 1 else arb(0) for i in range(len(moves))]
+        squares, mixed = product(moves, moves), product(widths, moves)
+        pi = arb.pi()
+        return [width * sine / (2 * pi) for width in widths] + [
+            cosine * other - pi * k * sine * square
+            for square, other in zip(squares, mixed, strict=True)
+        ]
 
     def strength(self, strengths, place):
         """κ, or κ + σ_0h in cells."""
@@ -107,6 +120,12 @@ class Kernel:
     def largest(self, sums):
         """The largest of Σ factor·sum in a box."""
         return sum(map(abs, sums)) if self.cells else abs(sums[0]) + sums[1].max(arb(0))
+
+
+def product(f, g):
+    """The coefficients of the product of two linear forms, as of `factors`."""
+    pairs = combinations_with_replacement(range(len(f)), 2)
+    return [f[i] * g[j] + f[j] * g[i] if i < j else f[i] * g[i] for i, j in pairs]
 
 
 def combined(factors, state, names):
@@ -149,7 +168,7 @@ def audit_of_a_kick(kernel, kick, strengths, scale, numbers):
     defect = curved = unseen = more = arb(0)
     for place in kernel.places:
         factors, strength = kernel.factors(place), kernel.strength(strengths, place)
-        square = 0 if kernel.cells else (factors[0] * a["t"]) ** 2
+        straight = combined(factors[: len(place)], a, moves[: len(place)])
         known, added = combined(factors, a, moves), combined(factors, b, sums1)
         added -= combined(factors, a, sums)
         for sign in (1, -1):
@@ -157,23 +176,27 @@ def audit_of_a_kick(kernel, kick, strengths, scale, numbers):
             moved = known + alpha * a["v"] + beta * a["t"]
             sine_there, cosine_there = (2 * (X + moved)).sin_cos_pi()
             kicked = strength * sine_there / (2 * pi)
-            off = X + moved + Y + combined(factors, a, steps) + alpha * a["w"] + beta * a["z"]
+            off = X + moved + Y + combined(factors, a, steps) + alpha * a["w"] + beta * a[steps[0]]
             off += kicked - b["x"] - b["x_low"] - fmpq(1, 4) - combined(factors, b, moves1)
             off -= alpha * b["v"] + beta * b["t"]
             defect = defect.max(abs(off - round(float(off.mid()))))
-            line = strength * h + k * (cosine * moved - pi * sine * square)
+            line = strength * h + k * (cosine * moved - pi * sine * straight**2)
+            line += (strength - k) * cosine * straight
             curved = curved.max(abs(kicked - line))
             change = strength * cosine_there - k * cosine
             unseen = unseen.max(abs(V2 * change - added))
-            line = (strength - k) * cosine - 2 * pi * k * (sine * known + pi * cosine * square)
+            line = (strength - k) * (cosine - 2 * pi * sine * straight)
+            line -= 2 * pi * k * (sine * known + pi * cosine * straight**2)
             more = more.max(abs(change - line))
 
     # Rounding, at worst: of x̂, of the solutions here and at the next site, of cos, and of V.
-    source = spread * h if kernel.cells else -2 * pi**2 * k * h * a["t"] ** 2
     rounded = a["A"] * (abs(b["w"]) + abs(b["v"]) + abs(a["v"]))
-    rounded += a["B"] * (abs(b["z"]) + abs(b["t"]) + abs(a["t"]))
-    rounded += sum(abs(a[name]) for name in moves) + sum(abs(b[name]) for name in moves1 + steps1)
-    rounded += abs(b[steps1[1]] - source) + abs(source)
+    rounded += a["B"] * (abs(b[steps1[0]]) + abs(b["t"]) + abs(a["t"]))
+    rounded += sum(abs(a[name]) for name in moves)
+    rounded += sum(abs(b[name]) for name in (*moves1, *steps1))
+    for step, source in zip(steps1, kernel.sources(a, k, spread, sine, cosine), strict=True):
+        if source != 0:
+            rounded += abs(b[step] - source) + abs(source)
     solutions = ULP * rounded + COS_ERROR * abs(k) * E
     orbit = kernel.rounding[0] * abs(k) + kernel.rounding[1]
     worst = (curved + solutions + orbit).max(defect) * (1 + LONGEST * ULP) / wronskian
@@ -230,7 +253,7 @@ def rows(kernel, count=200):
         parts = 10 ** np.append(0, rng.uniform(-9, 0, len(kernel.known) + 1))
         parts = rng.permutation(parts)
         parts[0] = max(parts[0], 0.3)  # else a box is bad
-        parts *= rng.choice([abs(size(-18, -1)), 0.12], p=[0.95, 0.05]) / parts.sum()
+        parts *= rng.choice([abs(size(-18, -1)), 0.09, 0.12], p=[0.9, 0.05, 0.05]) / parts.sum()
         for (move, step, _), part in zip(kernel.known, parts, strict=False):
             row[move] = float(part * rng.choice([-1, 1]))
             row[step] = row[move] * rng.uniform(-3, 1)
@@ -239,12 +262,13 @@ def rows(kernel, count=200):
             row["p"] = 0.0
         row |= {"A": parts[-1] / abs(row["v"]), "B": parts[-2] / abs(row["t"])}
         row |= {"w": row["v"] * rng.uniform(-2, 2), "W": row["V"] * rng.uniform(-1, 1)}
-        wronskian = row["v"] * row["z"] - row["w"] * row["t"]
+        wronskian = row["v"] * row[kernel.known[0][1]] - row["w"] * row["t"]
         if wronskian < 0:
             row |= {name: -row[name] for name in ("v", "w")}
         scale = float(1 / abs(wronskian) * rng.choice([1.0, 1.0, 1.0, 1.002]))
+        begun = rng.choice([0, 0.5])  # sums that have begun would hide what is small
         for *_, name in kernel.known:
-            row[name] = row["V"] ** 2 * size(-8, 8) * float(rng.choice([0, 1]))
+            row[name] = row["V"] ** 2 * size(-8, 8) * float(rng.uniform() < begun)
         row["rest"] = row["V"] ** 2 * abs(size(-12, 0)) * float(rng.choice([0, 1]))
         numbers = [float(row[name]) for name in kernel.names]
         paid = kernel.names.index("paid")

@@ -1,7 +1,7 @@
 """The checker's own bounds: never below what they bound, and not twice as large either."""
 
 from fractions import Fraction
-from itertools import product
+from itertools import combinations, product
 
 import numpy as np
 import pytest
@@ -58,9 +58,10 @@ def test_the_second_variation_is_bounded_in_boxes_and_the_bounds_are_reached():
             for place in product((1, -1), repeat=3):
                 x, kappa = orbit(a, box, place, 4)
                 cosines = [k * (2 * at).cos_pi() for k, at in zip(kappa, x, strict=True)]
-                for n, (cosine, linear, quadratic, rest) in enumerate(sites):
-                    known = sum((s * t for s, t in zip(place, linear, strict=True)), cosine)
-                    off = abs(cosines[n] - known - quadratic)
+                factors = [*place, *(s * t for s, t in combinations(place, 2))]
+                for n, (cosine, signed, squares, rest) in enumerate(sites):
+                    known = sum((s * t for s, t in zip(factors, signed, strict=True)), cosine)
+                    off = abs(cosines[n] - known - sum(squares))
                     assert not off > rest + 1e-36
                     used = off / rest if i % 4 and rest > 1e-30 else 0
                     largest[n] = max(largest[n], float(used))

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cases import thirds
-from test_proof_cells import CELLS
+from test_proof_cells import cell_beyond
 from test_proof_transport import SEVERAL, beyond
 
 import nasm
@@ -31,7 +31,7 @@ PROOFS = {
 COVERS = {
     "transport": lambda: proofs.transport.prove(beyond(20, 0.1)),
     "several": lambda: proofs.transport.prove(SEVERAL),
-    "cell": lambda: proofs.transport_cells.prove_cell(*CELLS[0]),
+    "cell": lambda: proofs.transport_cells.prove_cell(*cell_beyond(20, 8, 2.0**-8)),
 }
 
 

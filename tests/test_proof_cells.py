@@ -78,15 +78,20 @@ def test_cells_outside_the_theorem_are_not_proved(kappa):
     assert prove_cell(kappa, 2.0**-7).outcome is Outcome.SCOPE
 
 
-SUMS = ("lt", "lp", "lq")
+NAMES = "t", "p", "q", "tt", "tp", "tq", "pp", "pq", "qq"  # of first and of second order
+KNOWN = [(name, f"z{name}", f"l{name}") for name in NAMES]
 KERNEL = audit.Kernel(
     functions=(
         proofs.transport.horner,
         proofs.transport_cells._trigonometry,
         proofs.transport_cells._kick,
     ),
-    names=(*"xyvwVWtz", "p", "zp", "q", "zq", "A", "B", *SUMS, "rest", "paid", "mt", "mp", "mq"),
-    known=tuple(zip("tpq", ("z", "zp", "zq"), SUMS, strict=True)),
+    names=(
+        *("x", "y", "v", "w", "V", "W"),
+        *(name for move, step, _ in KNOWN for name in (move, step)),
+        *("A", "B", *(total for *_, total in KNOWN), "rest", "paid", "mt", "mp", "mq"),
+    ),
+    known=tuple(KNOWN),
     places=((1, 1, 1), (1, -1, 1), (1, 1, -1), (1, -1, -1), (0.3, -0.9, 0.7)),
     rounding=(0.864 * 2.0**-53, 2.0**-53),
 )
@@ -97,23 +102,36 @@ def test_a_kick_of_cells_allows_for_what_it_has_to_and_no_more():
     assert all(0.9 < share <= 1 for share in shares.values())
 
 
+SUMS = " + ".join(f"fabs({total})" for *_, total in KNOWN[3:])
 CHANGES = {
     "nothing is paid": (" + due / V * UP", ""),
     "half of what is known": ("UP * (known + rest)", "UP * (0.5 * known + rest)"),
     "the start left out": ("known = fabs(lt) + ", "known = "),
     "this strength left out": ("fabs(lt) + fabs(lp) + fabs(lq)", "fabs(lt) + fabs(lq)"),
     "the other strength left out": ("fabs(lp) + fabs(lq)", "fabs(lp)"),
-    "strength without its own term": ("+ spread * c * V2", ""),
+    **{
+        f"{total} left out": (SUMS, SUMS.replace(f"fabs({total})", "0.0"))
+        for *_, total in KNOWN[3:]
+    },
+    "strength without its own term": ("+ sc * V2", ""),
     "strength moves nothing": (" + spread * h\n", "\n"),
     "strength moves the wrong way": ("fma(kc, p, zp) + spread", "fma(kc, p, zp) - spread"),
-    "cosine: square left out": (" + TWO_PI2 * fabs(c) * E2 + COS", " + COS"),
+    "start and strength: one product": ("pq2 = 2.0 * t * p", "pq2 = t * p"),
+    "this strength twice: no twist": ("turn * p2 + twist * p", "turn * p2"),
+    "start and strength: no twist": (" + twist * t\n", "\n"),
+    "both strengths: no twist": (" + twist * q\n", "\n"),
+    "a turn of the wrong sign": ("-TWO_PI2 * kc * V2", "TWO_PI2 * kc * V2"),
+    "κh'' too small": ("bend = -TWO_PI2 * k", "bend = -0.99 * TWO_PI2 * k"),
+    "a strength's product moves nothing": ("fma(sc, q, bend * pq2)", "bend * pq2"),
+    "start and strength move nothing": ("fma(sc, t, bend * tp2)", "bend * tp2"),
+    "cosine: square left out": (" + TWO_PI2 * fabs(c) * both + COS", " + COS"),
     "nothing along t": ("B = (B + defect * fabs(v)) * UP", "B = B"),
-    "defect: square left out": ("expansion = PI * sine * E2 + CUBIC", "expansion = CUBIC"),
+    "defect: square left out": ("expansion = PI * sine * both + CUBIC", "expansion = CUBIC"),
     "defect: strength left out": (" + spread * of_strength\n    defect", "\n    defect"),
     "strength: error of cos": ("COS_CUBIC * E3 + 3e-14", "COS_CUBIC * E3"),
-    "strength: sine": ("of_strength = TWO_PI * sine * E + TWO_PI2", "of_strength = TWO_PI2"),
-    "strength: square": ("sine * E + TWO_PI2 * E2 + COS_CUBIC * E3 + 3e-14", "sine * E + 3e-14"),
-    "defect: strength's cosine": ("(fabs(c) + COS) * E + PI * sine", "PI * sine"),
+    "strength: sine": ("of_strength = TWO_PI * sine * curved + TWO_PI2", "of_strength = TWO_PI2"),
+    "strength: square": ("curved + TWO_PI2 * E2 + COS_CUBIC * E3 + 3e-14", "curved + 3e-14"),
+    "defect: strength's cosine": ("fabs(c) * curved + COS * E + PI * sine", "PI * sine"),
     "orbit: half of the rounding": ("(size + 1.5) * ULP", "0.5 * (size + 1.5) * ULP"),
     "solutions: strength": ("(E1 + E + spread + spread_next)", "(E1 + E)"),
     "solutions: 0.1 for 3.1": ("solutions = 3.1 * ULP", "solutions = 0.1 * ULP"),
@@ -122,7 +140,9 @@ CHANGES = {
     "no rounding": ("(1.0 + size) * rounding", "0.0"),
     "rounding of sums": (" + 1e-15 * known", ""),
     "nothing along v": ("A = (A + defect * at) * UP", "A = A * UP"),
-    "q left out of |x - x̂|": ("E = (at + ap + aq + unknown)", "E = (at + ap + unknown)"),
+    "q left out of |x - x̂|": ("straight = at + ap + aq", "straight = at + ap"),
+    "qq left out of |x - x̂|": (" + fabs(qq) + unknown", " + unknown"),
+    "a square of one factor": ("both = curved * (E + straight)", "both = curved * E"),
     "a box of any size": ("maximum(0.0, E - _LARGEST)", "0.0"),
 }
 

@@ -31,6 +31,7 @@ import json
 import re
 import struct
 from fractions import Fraction
+from itertools import combinations_with_replacement
 
 from flint import acb, acb_poly, arb, arb_poly, ctx, fmpq
 
@@ -379,8 +380,8 @@ def summed(sites, before, first, share=1):
     is even about it, and what is in front of it is what is behind it.
     """
     eta = some_sequence(sites, before, first, share)
-    middle = rest = quadratic = arb(0)
-    linear = [arb(0)] * len(sites[0][1])
+    middle = rest = arb(0)
+    signed, squares = ([arb(0)] * len(terms) for terms in sites[0][1:3])
     for n, (terms, value) in enumerate(zip(sites, eta, strict=True)):
         half = share if n == 0 else 1  # the other half of the first site is on the other side
         square = arb(value) ** 2 * half
@@ -390,14 +391,16 @@ def summed(sites, before, first, share=1):
         elif share != 1:
             before = after
         middle += square * (2 + terms[0]) - arb(value) * (after + before) * half
-        linear = [total + square * term for total, term in zip(linear, terms[1], strict=True)]
-        quadratic += square * terms[2]
+        signed = [total + square * term for total, term in zip(signed, terms[1], strict=True)]
+        squares = [total + square * term for total, term in zip(squares, terms[2], strict=True)]
         rest += square * terms[3]
-    return middle + sum(map(upper, linear)) + positive(quadratic) + rest
+    return middle + sum(map(upper, signed)) + sum(map(positive, squares)) + rest
 
 
 def orbits(begun, strengths, aside, life):
-    """For each site balls of κ cos 2πx = [0] + Σ_j σ_j [1]_j + σ² [2] ± [3], on the box.
+    """For each site balls of κ cos 2πx = [0] + Σ f_i [1]_i + Σ σ_i² [2]_i ± [3], on the box.
+
+    f_i are the parameters σ_i, and then the products of two of them.
 
     begun : x, v and t, each in front of the first site and there. strengths : k and h of each kick,
     the first one that of the first site. aside : how far x of the second site moves with each
@@ -405,30 +408,41 @@ def orbits(begun, strengths, aside, life):
     """
     pi = arb.pi()
     (x_last, x), (v_last, v), (t_last, t) = begun
-    # By σ, σ_0 and σ_1: by the start, and by the strengths; q is by σ twice.
+    # By the parameters: the start's, and those of the strengths; and by products of two of them.
     moves_last, moves = [t_last, *(-move for move in aside)], [t] + [arb(0)] * len(aside)
-    q_last = q = arb(0)
+    pairs = list(combinations_with_replacement(range(len(moves)), 2))
+    bends_last = bends = [arb(0)] * len(pairs)
     on_v = on_t = arb(0)  # |ρ| ≤ on_v |v| + on_t |t|
     for n in range(life):
         i = n % len(strengths)
         k, width = strengths[i]
         sine, cosine = (2 * x).sin_cos_pi()
-        # ξ = x - x̂ = σt + Σ σ_i p_i + σ²q + ρ
+        # x - x̂ = ξ + Σ σ_iσ_j bends_ij + ρ, ξ = Σ σ_i moves_i
         t = moves[0]
         rho = on_v * upper(v) + on_t * upper(t)
-        others = sum(map(upper, moves[1:])) + upper(q) + rho  # ≥ |ξ - σt|
-        largest = upper(t) + others
-        squares = others * (largest + upper(t))  # ≥ |ξ² - σ²t²|
+        curved = sum(map(upper, bends)) + rho
+        straight = sum(map(upper, moves))
+        largest = straight + curved
+        squares = curved * (largest + straight)  # ≥ |(x - x̂)² - ξ²|
+        products = [moves[a] * moves[b] * (1 if a == b else 2) for a, b in pairs]
+        # σ_i of this kick's strength, times ξ.
+        mixed = [moves[a + b - 1 - i] if aside and 1 + i in (a, b) else arb(0) for a, b in pairs]
         linear = [-2 * pi * k * sine * move for move in moves]
         if aside:
             linear[1 + i] += width * cosine
+        quadratic = [
+            -2 * pi * (k * (sine * bend + pi * cosine * product) + width * sine * other)
+            for bend, product, other in zip(bends, products, mixed, strict=True)
+        ]
+        crossed = [term for term, (a, b) in zip(quadratic, pairs, strict=True) if a != b]
         yield (
             k * cosine,
-            linear,
-            -2 * pi * k * (sine * q + pi * cosine * t**2),
+            linear + crossed,
+            [term for term, (a, b) in zip(quadratic, pairs, strict=True) if a == b],
             upper(k) * (2 * pi * upper(sine) * rho + 2 * pi**2 * upper(cosine) * squares)
             + upper(k) * 4 * pi**3 / 3 * largest**3
-            + width * 2 * pi * largest * (upper(sine) + pi * largest),  # σ_i h_i (cos - cos)
+            # σ_i h_i (cos - cos), beyond σ_i h_i ξ
+            + width * 2 * pi * (upper(sine) * curved + pi * largest**2),
         )
         # What the next site of the expansion misses is spread over v and t, which also miss a
         # little; by Cramer's rule, with their Wronskian v_n t_{n+1} - v_{n+1} t_n.
@@ -437,41 +451,46 @@ def orbits(begun, strengths, aside, life):
             + 2 * pi**2 / 3 * upper(cosine) * largest**3
             + pi**3 / 3 * largest**4
         )
-        defect += width * (upper(cosine) * largest + pi * largest**2)
+        defect += width * (upper(cosine) * curved + pi * largest**2)
         slope = 2 + k * cosine
         x_next = 2 * x - x_last + k * sine / (2 * pi)
-        q_next = slope * q - q_last - pi * k * sine * t**2
         v_next = slope * v - v_last
         moves_next = [slope * move - last for move, last in zip(moves, moves_last, strict=True)]
         if aside:
             moves_next[1 + i] += width * sine / (2 * pi)
+        bends_next = [
+            slope * bend - last - pi * k * sine * product + width * cosine * other
+            for bend, last, product, other in zip(bends, bends_last, products, mixed, strict=True)
+        ]
         # Exact numbers take their place, so that balls do not grow: that is one more miss.
         x_next, missed = x_next.mid(), upper(x_next - x_next.mid())
-        defect += missed + upper(q_next - q_next.mid()) + on_v * upper(v_next - v_next.mid())
-        defect += sum(upper(move - move.mid()) for move in moves_next)
+        defect += missed + on_v * upper(v_next - v_next.mid())
+        defect += sum(upper(move - move.mid()) for move in moves_next + bends_next)
         defect += on_t * upper(moves_next[0] - moves_next[0].mid())
-        q_next, v_next, moves_next = q_next.mid(), v_next.mid(), [m.mid() for m in moves_next]
+        v_next, moves_next = v_next.mid(), [move.mid() for move in moves_next]
         wronskian = arb((v * moves_next[0] - v_next * t).abs_lower())
         on_v += defect * upper(t) / wronskian
         on_t += defect * upper(v) / wronskian
-        x, x_last, v, v_last, q, q_last = x_next, x, v_next, v, q_next, q
+        x, x_last, v, v_last = x_next, x, v_next, v
         moves, moves_last = moves_next, moves
+        bends, bends_last = [bend.mid() for bend in bends_next], bends
 
 
 def some_sequence(sites, before, first, share=1):
     """Floats η: the solution of the linear chain in the middle of the box, with payments for what Q
     may be larger by elsewhere; 0 from where it is not positive. As `summed`."""
     eta, last, paid = [first], float(arb(before).mid()), 0.0
-    linear, quadratic, rest = [0.0] * len(sites[0][1]), 0.0, 0.0
+    signed, squares = ([0.0] * len(terms) for terms in sites[0][1:3])
+    rest = 0.0
     for n, terms in enumerate(sites[:-1]):
-        cosine, second, bound = (float(terms[i].mid()) for i in (0, 2, 3))
+        cosine, bound = (float(terms[i].mid()) for i in (0, 3))
         weight = eta[n] ** 2 * (float(share) if n == 0 else 1)
-        linear = [
-            total + weight * float(term.mid()) for total, term in zip(linear, terms[1], strict=True)
-        ]
-        quadratic += weight * second
+        signed, squares = (
+            [total + weight * float(term.mid()) for total, term in zip(totals, parts, strict=True)]
+            for totals, parts in ((signed, terms[1]), (squares, terms[2]))
+        )
         rest += weight * bound
-        due = max(0.0, sum(map(abs, linear)) + max(0.0, quadratic) + rest - paid)
+        due = max(0.0, sum(map(abs, signed)) + sum(max(0.0, x) for x in squares) + rest - paid)
         paid += due
         after = 2 * eta[n] - last + cosine * eta[n] + due / eta[n]
         if not after > 0:

@@ -67,7 +67,7 @@ _PIECES = 16  # of [0, 1/2]
 _GRID = 2.0**-20  # of the ends of pieces
 _SHEARS = 2.0**-8  # of which g is a multiple
 _SMALLEST_START, _SMALLEST_STRENGTH = 2.0**-45, 2.0**-40
-_BLOCK, _STATE, _ROWS, _COLUMNS = 8, 22, 27, 9  # numbers of a box: those that change, and all
+_BLOCK, _STATE, _ROWS, _COLUMNS = 8, 40, 45, 9  # numbers of a box: those that change, and all
 _MOST_WAITING = 4096
 _KICKS, _FOUND = 200_000, 16_384  # in one call of the kernel
 
@@ -280,8 +280,8 @@ def _start(lanes, lane, x, box):
     state[3] = state[5] = abs(k0) / 2  # their last differences
     state[7], state[9], state[11] = box[1], box[6] * h0, box[7] * h1  # those of t, p, q
     # Site c counts half: half of what σ_0 adds there, h_0 cos 2πa, is taken off beforehand.
-    state[15] = 0.5 * h0 if k0 > 0 else -0.5 * h0
-    state[22], state[23:] = 1 / box[1], box[2:6]
+    state[27] = 0.5 * h0 if k0 > 0 else -0.5 * h0
+    state[40], state[41:] = 1 / box[1], box[2:6]
 
 
 @njit(nogil=True, error_model="numpy")
@@ -289,10 +289,10 @@ def _advance(lanes, events):
     """A block of kicks of all lanes, in place; the smallest V into events[0], `bad` into [1]."""
     own_frame()
     state = load_state(lanes, 0, _STATE, FEW)
-    scale = load_few(lanes, 22 * FEW)
-    k0, h0 = load_few(lanes, 23 * FEW), load_few(lanes, 24 * FEW)
-    k1, h1 = load_few(lanes, 25 * FEW), load_few(lanes, 26 * FEW)
-    smallest, worst = state[4], state[12] - state[12]  # zeros
+    scale = load_few(lanes, 40 * FEW)
+    k0, h0 = load_few(lanes, 41 * FEW), load_few(lanes, 42 * FEW)
+    k1, h1 = load_few(lanes, 43 * FEW), load_few(lanes, 44 * FEW)
+    smallest, worst = state[4], scale - scale  # zeros
     for _ in range(_BLOCK):
         state, bad = _kick(k0, h0, k1, h1, scale, state)
         smallest, worst = minimum(smallest, state[4]), worst + bad
@@ -306,12 +306,12 @@ def _advance(lanes, events):
 def _replay(lanes, lane):
     """(kicks, outcome, parameter to halve) of the lane within a block: the definition."""
     state = load_state(lanes, lane, _STATE, 1)
-    scale, k0, h0 = lanes[22, lane], lanes[23, lane], lanes[24, lane]
-    k1, h1 = lanes[25, lane], lanes[26, lane]
+    scale, k0, h0 = lanes[40, lane], lanes[41, lane], lanes[42, lane]
+    k1, h1 = lanes[43, lane], lanes[44, lane]
     for n in range(_BLOCK):
         state, bad = _kick(k0, h0, k1, h1, scale, state)
         if not bad <= 0 or state[4] <= 0:
-            most, first, second = state[19], state[20], state[21]
+            most, first, second = state[37], state[38], state[39]
             if n % 2 == 0:  # the parameters have changed places
                 first, second = second, first
             split = 0 if most >= max(first, second) else 1 if first >= second else 2
@@ -333,32 +333,49 @@ def _trigonometry(x):
 def _kick(k, spread, k_next, spread_next, scale, state):
     """One kick, of strength k ± spread, of a box, on lanes or floats; as in `transport`.
 
-    p is moved by this kick, q by the next; in what is returned they have changed places. zp, zq are
-    their last differences, lt, lp, lq the linear sums, mt, mp, mq the largest moves so far.
+    p is moved by this kick, q by the next; in what is returned they have changed places, and with
+    them tp and tq, pp and qq. zp, … are the last differences of p, …, lt, ltt, … the sums, mt, mp,
+    mq the largest moves so far.
     """
-    x, y, v, w, V, W, t, z, p, zp, q, zq, A, B, lt, lp, lq, rest, paid, mt, mp, mq = state
+    x, y, v, w, V, W, t, zt, p, zp, q, zq = state[:12]
+    tt, ztt, tp, ztp, tq, ztq, pp, zpp, pq, zpq, qq, zqq = state[12:24]
+    A, B, lt, lp, lq, ltt, ltp, ltq, lpp, lpq, lqq, rest, paid, mt, mp, mq = state[24:]
     size = fabs(k)
     back, h, c = _trigonometry(x)
     kc = k * c
+    sc = spread * c
+    bend = -TWO_PI2 * k * h  # κh''/2
 
-    # |x - x̂|, and what of it is known by its bound alone.
+    # |x - x̂|, and what of it is of second order, or known by its bound alone.
     at, ap, aq = fabs(t), fabs(p), fabs(q)
+    straight = at + ap + aq
     unknown = (A * fabs(v) + B * at) * UP
-    E = (at + ap + aq + unknown) * UP
+    curved = (fabs(tt) + fabs(tp) + fabs(tq) + fabs(pp) + fabs(pq) + fabs(qq) + unknown) * UP
+    E = (straight + curved) * UP
     E2 = E * E
     E3 = E2 * E
+    both = curved * (E + straight) * UP  # |(x - x̂)² - (σt + σ_0p + σ_1q)²|
     sine = TWO_PI * (fabs(h) + ULP) * UP
     mt, mp, mq = maximum(mt, at), maximum(mp, ap), maximum(mq, aq)
+    t2, p2, q2 = t * t, p * p, q * q
+    tp2, tq2, pq2 = 2.0 * t * p, 2.0 * t * q, 2.0 * p * q
 
     # Payment: for what Q may be larger by than in the middle, and for rounding.
     V2 = V * V
-    slope = -2.0 * TWO_PI2 * k * h * V2
+    slope, turn, twist = 2.0 * bend * V2, -TWO_PI2 * kc * V2, -2.0 * TWO_PI2 * spread * h * V2
     lt = lt + slope * t
-    lp = lp + slope * p + spread * c * V2
+    lp = lp + slope * p + sc * V2
     lq = lq + slope * q
+    ltt = ltt + slope * tt + turn * t2
+    ltp = ltp + slope * tp + turn * tp2 + twist * t
+    ltq = ltq + slope * tq + turn * tq2
+    lpp = lpp + slope * pp + turn * p2 + twist * p
+    lpq = lpq + slope * pq + turn * pq2 + twist * q
+    lqq = lqq + slope * qq + turn * q2
     known = fabs(lt) + fabs(lp) + fabs(lq)
-    change = TWO_PI * sine * unknown + TWO_PI2 * fabs(c) * E2 + COS_CUBIC * E3
-    of_strength = TWO_PI * sine * E + TWO_PI2 * E2 + COS_CUBIC * E3 + 3e-14
+    known = known + (fabs(ltt) + fabs(ltp) + fabs(ltq) + fabs(lpp) + fabs(lpq) + fabs(lqq))
+    change = TWO_PI * sine * unknown + TWO_PI2 * fabs(c) * both + COS_CUBIC * E3
+    of_strength = TWO_PI * sine * curved + TWO_PI2 * E2 + COS_CUBIC * E3 + 3e-14
     rounding = 3e-14 + 1e-12 * E
     rest = UP * (
         rest + V2 * (size * change + spread * of_strength + (1.0 + size) * rounding) + 1e-15 * known
@@ -370,14 +387,22 @@ def _kick(k, spread, k_next, spread_next, scale, state):
 
     # One kick on.
     w = fma(kc, v, w)
-    z = fma(kc, t, z)
+    zt = fma(kc, t, zt)
     zp = fma(kc, p, zp) + spread * h
     zq = fma(kc, q, zq)
-    v1, t1, p1, q1 = v + w, t + z, p + zp, q + zq
+    ztt = fma(kc, tt, ztt) + bend * t2
+    ztp = fma(kc, tp, ztp) + fma(sc, t, bend * tp2)
+    ztq = fma(kc, tq, ztq) + bend * tq2
+    zpp = fma(kc, pp, zpp) + fma(sc, p, bend * p2)
+    zpq = fma(kc, pq, zpq) + fma(sc, q, bend * pq2)
+    zqq = fma(kc, qq, zqq) + bend * q2
+    v1, t1, p1, q1 = v + w, t + zt, p + zp, q + zq
+    tt, tp, tq, pp, pq, qq = tt + ztt, tp + ztp, tq + ztq, pp + zpp, pq + zpq, qq + zqq
     # Defects: of the orbit, of its expansion, of the solutions, of the cosine.
     E1 = A * fabs(v1) + (1.0 + B) * fabs(t1) + fabs(p1) + fabs(q1)
-    expansion = PI * sine * E2 + CUBIC * fabs(c) * E3 + QUARTIC * E2 * E2
-    of_strength = (fabs(c) + COS) * E + PI * sine * E2 + CUBIC * E3 + QUARTIC * E2 * E2
+    E1 = E1 + fabs(tt) + fabs(tp) + fabs(tq) + fabs(pp) + fabs(pq) + fabs(qq)
+    expansion = PI * sine * both + CUBIC * fabs(c) * E3 + QUARTIC * E2 * E2
+    of_strength = fabs(c) * curved + COS * E + PI * sine * E2 + CUBIC * E3 + QUARTIC * E2 * E2
     solutions = 3.1 * ULP * (E1 + E + spread + spread_next) + size * (COS + 4 * ULP) * (
         E + 41.0 * E2
     )
@@ -389,12 +414,16 @@ def _kick(k, spread, k_next, spread_next, scale, state):
     B = (B + defect * fabs(v)) * UP
     bad = (
         maximum(0.0, E - _LARGEST)
-        + maximum(0.0, unknown - _KNOWN * E)
+        + maximum(0.0, curved - _KNOWN * E)
         + maximum(0.0, wronskian - _WRONSKIAN)
         + maximum(0.0, V - _HUGE)
     )
     y = fma(k, h, y)
     y = y - rint(y)
     x = y - back
-    state = (x, y, v1, w, V, W, t1, z, q1, zq, p1, zp, A, B, lt, lq, lp, rest, paid, mt, mq, mp)
+    state = (
+        *(x, y, v1, w, V, W, t1, zt, q1, zq, p1, zp),
+        *(tt, ztt, tq, ztq, tp, ztp, qq, zqq, pq, zpq, pp, zpp),
+        *(A, B, lt, lq, lp, ltt, ltq, ltp, lqq, lpq, lpp, rest, paid, mt, mq, mp),
+    )
     return state, bad
