@@ -149,6 +149,7 @@ def audit_of_a_kick(kernel, kick, strengths, scale, numbers):
     1. Along any orbit of the box the chain holds but for a defect; A and B grow by its parts.
     2. `rest` grows by what Q may be larger by and is not in the sums; and all of it is paid.
     3. A box that is too large, or has lost its Wronskian, is bad.
+    4. y, and the last differences of all solutions, change by the kick.
     """
     ctx.prec = 256
     state, bad, inner = kick(*strengths, scale, tuple(numbers))
@@ -194,18 +195,28 @@ def audit_of_a_kick(kernel, kick, strengths, scale, numbers):
     rounded += a["B"] * (abs(b[steps1[0]]) + abs(b["t"]) + abs(a["t"]))
     rounded += sum(abs(a[name]) for name in moves)
     rounded += sum(abs(b[name]) for name in (*moves1, *steps1))
-    for step, source in zip(steps1, kernel.sources(a, k, spread, sine, cosine), strict=True):
+    sources = kernel.sources(a, k, spread, sine, cosine)
+    for step, source in zip(steps1, sources, strict=True):
         if source != 0:
             rounded += abs(b[step] - source) + abs(source)
     solutions = ULP * rounded + COS_ERROR * abs(k) * E
     orbit = kernel.rounding[0] * abs(k) + kernel.rounding[1]
-    worst = (curved + solutions + orbit).max(defect) * (1 + LONGEST * ULP) / wronskian
+    strength = spread * COS_ERROR * E
+    worst = (curved + solutions + orbit + strength).max(defect) * (1 + LONGEST * ULP) / wronskian
     of_V = V2 * ((7 + 4 * abs(k)) * ULP + COS_ERROR * (abs(k) + spread))
-    of_sums = ULP * sum(abs(b[name]) for name in sums1)
+    of_sums = 3 * ULP * sum(abs(b[name]) for name in sums1)
     needed = kernel.largest([b[name] for name in sums1]) + b["rest"]
     payment = a["V"] * (b["W"] - a["W"] - k * cosine * a["V"])
     paid = a["paid"] + payment + of_V
+    # The kick has changed y and all last differences as it should.
+    turned = b["y"] + b["y_low"] - a["y"] - a["y_low"] - k * h
+    kicked = abs(turned - round(float(turned))) < 1e-15
+    changes = zip(("v", *moves), ("w", *steps), ("w", *steps1), (arb(0), *sources), strict=True)
+    for move, step, step1, source in changes:
+        size = abs(a[step]) + abs(k * a[move]) + abs(source) + (spread + E) * E
+        kicked &= abs(b[step1] - a[step] - k * cosine * a[move] - source) < 1e-12 * size
     shares = {
+        "steps": 1.0 if kicked else math.inf,
         "sine": used(abs(sine), arb(inner["sine"])),
         "solutions": used(solutions, arb(inner["solutions"])),
         "A": used(worst * abs(a["t"]), b["A"] - a["A"] + ULP * b["A"]),
@@ -233,7 +244,7 @@ def audit_of_kicks(kernel, *changes):
 
 
 @cache
-def rows(kernel, count=200):
+def rows(kernel, count=400):
     """(strengths, scale, numbers) of a kick, in which each part of the bounds is the largest now
     and then, and nearly all that is due has been paid before.
     """
@@ -252,7 +263,8 @@ def rows(kernel, count=200):
         row |= {"v": size(-1, 3), "V": abs(size(-1, 2))}
         parts = 10 ** np.append(0, rng.uniform(-9, 0, len(kernel.known) + 1))
         parts = rng.permutation(parts)
-        parts[0] = max(parts[0], 0.3)  # else a box is bad
+        parts[0] = max(parts[0], 0.5)  # else a box is bad
+        parts[len(kernel.places[0]) :] *= rng.choice([1.0, abs(size(-9, 0))])
         parts *= rng.choice([abs(size(-18, -1)), 0.09, 0.12], p=[0.9, 0.05, 0.05]) / parts.sum()
         for (move, step, _), part in zip(kernel.known, parts, strict=False):
             row[move] = float(part * rng.choice([-1, 1]))

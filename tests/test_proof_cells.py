@@ -23,7 +23,14 @@ def cell_beyond(angle, widths, size):
 CELLS = [cell_beyond(20, 4, 2.0**-6), cell_beyond(30, 8, 2.0**-7)]
 
 
-@pytest.mark.parametrize("cell", [*CELLS, (np.array([0.25, 0.75]), (2.0**-7, 2.0**-5))])
+@pytest.mark.parametrize(
+    "cell",
+    [
+        *CELLS,
+        (np.array([0.25, 0.75]), (2.0**-7, 2.0**-5)),
+        (np.array([-0.75, -0.59326171875]), 2.0**-9),
+    ],
+)
 def test_an_independent_program_checks_the_certificate_of_a_cell(cell):
     kappa, half_width = cell
     for signs in ((1, 1), (-1, 1)):
@@ -64,6 +71,18 @@ def test_a_box_is_halved_exactly_or_not_at_all(split, changes, exact):
     assert proofs.transport_cells._halve(np.zeros((4, 9)), 0, np.array(box), split) == exact
 
 
+@pytest.mark.slow
+def test_the_checker_confirms_cells_of_random_places():
+    rng, checked = np.random.default_rng(3), 0
+    while checked < 60:
+        angle, size = rng.choice([0, 20, 30]), 2.0 ** -rng.integers(6, 10)
+        cell = cell_beyond(angle, rng.uniform(0.02, 0.2) * BREAKUPS[angle] / size, size)
+        proof = prove_cell(rng.choice([1, -1], 2) * cell[0], cell[1], 0.05)
+        if proof.proved and proof.lives.sum() < 20_000:
+            checker.check(proof.certificate())
+            checked += 1
+
+
 def test_cells_with_a_circle_are_not_proved():
     for angle in (0, 20, 30):
         for widths in (-2, -0.5, 0):
@@ -97,6 +116,20 @@ KERNEL = audit.Kernel(
 )
 
 
+@pytest.mark.parametrize("a", [0, 0.5])
+@pytest.mark.parametrize("k0", [0.25, 0.0, -0.25])
+def test_half_of_what_a_strength_adds_at_the_line_is_counted_whatever_its_sign(a, k0):
+    """In a box of a wide cell the kick of the line may have another sign than in the middle."""
+    start = np.zeros((45, 16))
+    box = np.array([0.3, 2.0**-12, k0, 2.0**-8, 0.5, 2.0**-8, 0, 0, 0])
+    proofs.transport_cells._start(start, 0, a - 0.25, box)
+    state, bad = proofs.transport_cells._kick(*box[2:6], 2.0**12, tuple(start[:40, 0]))
+    after, cosine = dict(zip(KERNEL.names, state, strict=True)), math.cos(2 * math.pi * a)
+    assert bad == 0
+    assert after["lq"] == pytest.approx(2.0**-8 * cosine / 2)  # p and q have changed places
+    assert after["W"] == pytest.approx(k0 * cosine / 2 + 2.0**-8 / 2)  # with what is paid for it
+
+
 def test_a_kick_of_cells_allows_for_what_it_has_to_and_no_more():
     shares = audit.audit_of_kicks(KERNEL)
     assert all(0.9 < share <= 1 for share in shares.values())
@@ -120,6 +153,11 @@ CHANGES = {
     "this strength twice: no twist": ("turn * p2 + twist * p", "turn * p2"),
     "start and strength: no twist": (" + twist * t\n", "\n"),
     "both strengths: no twist": (" + twist * q\n", "\n"),
+    **{
+        f"{pair}: no turn": (f" + turn * {pair}2", "") for pair in ("tp", "tq", "pq", "t", "p", "q")
+    },
+    "a solution of second order stops": ("tp, ztp, qq, zqq, pq, zpq", "tp, ztp, qq, zqq, pq, 0.0"),
+    "last differences change places": ("t1, zt, q1, zq, p1, zp", "t1, zt, q1, zp, p1, zq"),
     "a turn of the wrong sign": ("-TWO_PI2 * kc * V2", "TWO_PI2 * kc * V2"),
     "κh'' too small": ("bend = -TWO_PI2 * k", "bend = -0.99 * TWO_PI2 * k"),
     "a strength's product moves nothing": ("fma(sc, q, bend * pq2)", "bend * pq2"),

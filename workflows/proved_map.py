@@ -10,14 +10,14 @@ Three cubes and a figure of 0 <= kappa2 <= kappa1 <= 1.125 and images in OUT, wi
 
 from workflows.shared.cli import choice, command, preset, real, sweeps
 
-_CELLS = ["32", "64", "128", "256", "512", "1024"]
+_CELLS = ["32", "64", "128", "256", "512", "1024", "2048", "4096"]
 
 
 @command()
-@choice("--cells", _CELLS, "128", "Cells per unit of strength, at the finest.")
-@real("--seconds", 0.5, 1e-3, 1e4, "CPU seconds to prove transport; then a cell is cut or left.")
+@choice("--cells", _CELLS, "512", "Cells per unit of strength, at the finest.")
+@real("--seconds", 0.02, 1e-3, 1e4, "CPU seconds to prove transport; then a cell is cut or left.")
 @real("--nearest", 0.09, 1e-3, 0.5, "How near proofs of barriers come to the boundary, in parts.")
-@preset("--full", "In full, two CPU hours", cells="1024", seconds=1.0, nearest=0.01)
+@preset("--full", "In full, two CPU hours", cells="2048", seconds=0.2, nearest=0.01)
 @sweeps
 def main(run, cells, seconds, nearest):
     import numpy as np
@@ -33,9 +33,9 @@ def main(run, cells, seconds, nearest):
     need_flint()
     angles = np.linspace(0, 45, 91)
     barriers = last_barrier(two_kicks(), angles, 1e-3)
-    few = np.linspace(0, 45, 4).tolist()
+    few = np.linspace(0, 45, 7).tolist()
     guess = [(angle, critical_scale(ray(angle), 0.1).value) for angle in few]
-    later = proved_map(guess, int(cells), seconds), proved_triangles(guess, [""] * 4, nearest)
+    later = proved_map(guess, int(cells), seconds), proved_triangles(guess, [""] * 7, nearest)
     with run.sweeping(barriers, later=[(job, None) for job in later]):
         barrier = unfolded(run.sweep(barriers), angles)
         known = barrier.dropna("angle", subset=["critical_scale"])

@@ -15,11 +15,11 @@ second variation along every orbit of the box is
 On a symmetry line η is even, and half of Q is summed; on a polygon both halves are, with η = 1 at
 the site of the curve, each with its own share of that site. Orbits of a box are
 
-    x_k = x̂_k + σ t_k + σ_0 p_k + σ_1 p'_k + σ² q_k + ρ_k,   |σ|, |σ_i| ≤ 1,
+    x_k = x̂_k + Σ_i σ_i ξ_ik + Σ_{i≤j} σ_iσ_j ξ_ijk + ρ_k,   |σ_i| ≤ 1,
 
-where x̂_k, t_k, … are exact numbers of 128 bits, and ρ_k is bounded with all that they miss; p
-belongs to the strengths κ_i = k_i + σ_i h_i, and is 0 for a single forcing. η is any sequence of
-floats.
+where x̂_k, ξ_ik, … are exact numbers of 128 bits, and ρ_k is bounded with all that they miss; one
+parameter is that of the start, and two, in a cell, are those of the strengths k + σ_i h. η is any
+sequence of floats.
 
 *A barrier*, under one forcing or in a fan. A function is a Laurent polynomial in z = e^{2πiφ},
 with balls for coefficients; 1/g_j' is found by sums and products of such. The sine is taken on a
@@ -400,7 +400,7 @@ def summed(sites, before, first, share=1):
 def orbits(begun, strengths, aside, life):
     """For each site balls of κ cos 2πx = [0] + Σ f_i [1]_i + Σ σ_i² [2]_i ± [3], on the box.
 
-    f_i are the parameters σ_i, and then the products of two of them.
+    f_i are the parameters σ_i, and then the products of two different ones.
 
     begun : x, v and t, each in front of the first site and there. strengths : k and h of each kick,
     the first one that of the first site. aside : how far x of the second site moves with each
@@ -451,7 +451,12 @@ def orbits(begun, strengths, aside, life):
             + 2 * pi**2 / 3 * upper(cosine) * largest**3
             + pi**3 / 3 * largest**4
         )
-        defect += width * (upper(cosine) * curved + pi * largest**2)
+        defect += width * (
+            upper(cosine) * curved
+            + pi * upper(sine) * largest**2
+            + 2 * pi**2 / 3 * largest**3
+            + pi**3 / 3 * largest**4
+        )
         slope = 2 + k * cosine
         x_next = 2 * x - x_last + k * sine / (2 * pi)
         v_next = slope * v - v_last

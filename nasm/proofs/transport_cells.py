@@ -1,16 +1,15 @@
 """A proof that transport is global for every forcing of a cell of the (κ1, κ2) plane.
 
-As `nasm.proofs.transport`, to first order, in three parameters: the start and the two strengths,
+As `nasm.proofs.transport`, to second order, in three parameters: the start and the two strengths,
 
     y = ŷ + σδ + g_0 σ_0 h_0 + g_1 σ_1 h_1,   κ_i = k_i + σ_i h_i,   |σ|, |σ_0|, |σ_1| ≤ 1,
-    x_n = x̂_n + σ t_n + σ_0 p_n + σ_1 q_n + ρ_n,   |ρ_n| ≤ A_n|v_n| + B_n|t_n|.
+    x_n = x̂_n + σ t + σ_0 p + σ_1 q + σ² tt + σσ_0 tp + σσ_1 tq + σ_0² pp + σ_0σ_1 pq + σ_1² qq + ρ,
+    |ρ_n| ≤ A_n|v_n| + B_n|t_n|.
 
 The shear g lets the starts follow an orbit of much the same rotation number as κ varies, so that p
 and q grow less. [0, 1/2] is cut into pieces, each with a shear of its own; a piece is covered for
 all κ of the cell by starts that reach Σ_i |g_i| h_i beyond its ends. A box that fails is halved
-across the parameter that has moved its orbit most. The linear sums of the three parameters are
-signed; what is quadratic in them is in the remainder. See `proofs/README.md`, "Transport is
-global".
+across the parameter that has moved its orbit most. See `proofs/README.md`, "Transport is global".
 """
 
 import time
@@ -274,13 +273,14 @@ def _start(lanes, lane, x, box):
     """The state of a box before the kick of its line."""
     state = lanes[:, lane]
     k0, h0, h1 = box[2], box[3], box[5]
+    weight = 0.5 if x > 0 else -0.5  # -cos 2πa/2
     state[:] = 0.0
     state[0], state[1] = x, box[0]
     state[2] = state[4] = 1.0  # v, V
-    state[3] = state[5] = abs(k0) / 2  # their last differences
+    state[3] = state[5] = weight * k0  # their last differences
     state[7], state[9], state[11] = box[1], box[6] * h0, box[7] * h1  # those of t, p, q
     # Site c counts half: half of what σ_0 adds there, h_0 cos 2πa, is taken off beforehand.
-    state[27] = 0.5 * h0 if k0 > 0 else -0.5 * h0
+    state[27] = weight * h0
     state[40], state[41:] = 1 / box[1], box[2:6]
 
 

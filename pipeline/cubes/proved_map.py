@@ -73,11 +73,12 @@ def uncertified(tile, certificates):
 
 
 def _predict(coords, settings):
-    """Half the time for each finest cell near CB_gt."""
+    """A twentieth of the time for each finest cell near CB_gt."""
     kappa1, kappa2 = np.meshgrid(coords["kappa1"], coords["kappa2"])
     distance = proofs.cells.distance(settings["rays"], kappa1, kappa2)
-    near = (distance < 3 / settings["cells"]) & (distance > -0.03) & (kappa2 <= kappa1)
-    return 0.01 + 0.5 * settings["seconds"] * np.count_nonzero(near)
+    size = 1 / settings["cells"]
+    near = (distance < size) & (distance > -0.012 - size) & (kappa2 <= kappa1)
+    return 0.01 + 0.05 * settings["seconds"] * np.count_nonzero(near)
 
 
 def proved_triangles(rays, circles, nearest):
@@ -98,8 +99,12 @@ def proved_triangles(rays, circles, nearest):
     settings = {"triangles": found, "nearest": nearest}
     cube = Cube("proved_triangles", template, {"triangle": 1}, settings)
     warm_up = partial(proofs.proved_below, "gamma", (0.5, 0.1), 1.0, 1e-3, (0.0, 0.1))
-    seconds = 1 + 7 * (0.1 / nearest) ** 1.65
-    return Job(cube, _compute_triangle, lambda *_: seconds, warm_up)
+    return Job(cube, _compute_triangle, lambda *_: _seconds(nearest), warm_up)
+
+
+def _seconds(nearest):
+    """What a triangle takes, about, but for those next to a cusp, where more is tried."""
+    return 1 + 7 * (0.1 / nearest) ** 1.95
 
 
 def _compute_triangle(coords, settings):
@@ -114,7 +119,8 @@ def _compute_triangle(coords, settings):
             circle, value = omega, least
     if value > 0:
         near = 0.68 * settings["nearest"]  # the last step may end a tenth before
-        scale, proved = proofs.proved_below(circle, middle, value, np.inf, tilt, near)
+        budget = 2 * _seconds(settings["nearest"])
+        scale, proved = proofs.proved_below(circle, middle, value, budget, tilt, near)
     found = dict(zip(_CORNERS, np.array([*low, *high])[:, None], strict=True))
     return found | {"proved_below": np.array([scale])} | packed(proved)
 
