@@ -1,4 +1,3 @@
-import itertools
 import json
 import math
 
@@ -10,7 +9,7 @@ from test_proof_transport import BREAKUPS, beyond
 
 from nasm import proofs
 from nasm.proofs import certificate_checker as checker
-from nasm.proofs.transport import Outcome, prove
+from nasm.proofs.transport import Outcome
 from nasm.proofs.transport_cells import prove_cell
 
 
@@ -39,13 +38,6 @@ def test_an_independent_program_checks_the_certificate_of_a_cell(cell):
         checker.check(json.loads(json.dumps(proof.certificate())))
 
 
-@pytest.mark.parametrize("cell", CELLS)
-def test_every_forcing_of_a_proved_cell_is_proved(cell):
-    kappa, half_width = cell
-    for signs in itertools.product((-1, 0, 1), repeat=2):
-        assert prove(kappa + half_width * np.array(signs)).proved
-
-
 def test_a_shear_that_is_no_number_proves_nothing(monkeypatch):
     monkeypatch.setattr(proofs.transport_cells, "_shears", lambda *_: (math.nan, math.nan))
     assert prove_cell(*CELLS[0]).outcome is Outcome.PRECISION
@@ -69,18 +61,6 @@ BOX = {"y": 0.5, "δ": 2.0**-44, "k0": 1.0, "h0": 2.0**-38, "k1": 1.0, "h1": 2.0
 def test_a_box_is_halved_exactly_or_not_at_all(split, changes, exact):
     box = [*(BOX | changes).values(), 127 / 256, 127 / 256, 0.0]
     assert proofs.transport_cells._halve(np.zeros((4, 9)), 0, np.array(box), split) == exact
-
-
-@pytest.mark.slow
-def test_the_checker_confirms_cells_of_random_places():
-    rng, checked = np.random.default_rng(3), 0
-    while checked < 60:
-        angle, size = rng.choice([0, 20, 30]), 2.0 ** -rng.integers(6, 10)
-        cell = cell_beyond(angle, rng.uniform(0.02, 0.2) * BREAKUPS[angle] / size, size)
-        proof = prove_cell(rng.choice([1, -1], 2) * cell[0], cell[1], 0.05)
-        if proof.proved and proof.lives.sum() < 20_000:
-            checker.check(proof.certificate())
-            checked += 1
 
 
 def test_cells_with_a_circle_are_not_proved():
@@ -135,27 +115,16 @@ def test_a_kick_of_cells_allows_for_what_it_has_to_and_no_more():
     assert all(0.9 < share <= 1 for share in shares.values())
 
 
-SUMS = " + ".join(f"fabs({total})" for *_, total in KNOWN[3:])
 CHANGES = {
     "nothing is paid": (" + due / V * UP", ""),
     "half of what is known": ("UP * (known + rest)", "UP * (0.5 * known + rest)"),
-    "the start left out": ("known = fabs(lt) + ", "known = "),
-    "this strength left out": ("fabs(lt) + fabs(lp) + fabs(lq)", "fabs(lt) + fabs(lq)"),
-    "the other strength left out": ("fabs(lp) + fabs(lq)", "fabs(lp)"),
-    **{
-        f"{total} left out": (SUMS, SUMS.replace(f"fabs({total})", "0.0"))
-        for *_, total in KNOWN[3:]
-    },
+    **{f"{total} left out": (f"fabs({total})", "0.0") for *_, total in KNOWN},
     "strength without its own term": ("+ sc * V2", ""),
     "strength moves nothing": (" + spread * h\n", "\n"),
     "strength moves the wrong way": ("fma(kc, p, zp) + spread", "fma(kc, p, zp) - spread"),
     "start and strength: one product": ("pq2 = 2.0 * t * p", "pq2 = t * p"),
-    "this strength twice: no twist": ("turn * p2 + twist * p", "turn * p2"),
-    "start and strength: no twist": (" + twist * t\n", "\n"),
-    "both strengths: no twist": (" + twist * q\n", "\n"),
-    **{
-        f"{pair}: no turn": (f" + turn * {pair}2", "") for pair in ("tp", "tq", "pq", "t", "p", "q")
-    },
+    **{f"no twist of {x}": (f" + twist * {x}", "") for x in "tpq"},
+    **{f"no turn of {x}": (f" + turn * {x}2", "") for x in ("t", "p", "q", "tp", "tq", "pq")},
     "a solution of second order stops": ("tp, ztp, qq, zqq, pq, zpq", "tp, ztp, qq, zqq, pq, 0.0"),
     "last differences change places": ("t1, zt, q1, zq, p1, zp", "t1, zt, q1, zp, p1, zq"),
     "a turn of the wrong sign": ("-TWO_PI2 * kc * V2", "TWO_PI2 * kc * V2"),
