@@ -117,17 +117,17 @@ class Ladder:
         }
 
     def _begun(self, n, scale):
-        """(site, u) of an orbit of fraction n to scan from: by `_climb`, or where that is lost, far
+        """(site, u) of an orbit of fraction n to scan from: by `held`, or where that is lost, far
         beyond the breakup, the minimizing one of the cantorus, by those before."""
         try:
-            return self._climb(n, scale)
+            return self.held(n, scale)
         except LostError:
             found = self._joined(n, scale, 1) if n > 1 else None
             if found is None:
                 raise
             return found.site, found.u
 
-    def _climb(self, n, scale):
+    def held(self, n, scale):
         """(site, u) of an orbit of fraction n that minimizes the action with x held at `site`."""
         if scale not in self._climbed:
             if len(self._climbed) >= _KEPT:

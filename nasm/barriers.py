@@ -230,19 +230,20 @@ def _certified_at(scale, race):
 
 
 def _is_certified(omega, kappa):
-    """Whether the circle of ω is certified under a forcing, from the sites of a long periodic orbit
-    there: no circle has to exist under weaker kicks."""
+    """Whether the circle of ω is certified under a forcing, from the sites of a long orbit there, one
+    of them held: no circle has to exist under weaker kicks."""
     fractions = [f for f in islice(convergents(omega), 60) if f.denominator < _HULL]
+    ladder = action.Ladder(kappa, 0 * kappa, fractions)
     try:
-        orbit = action.Ladder(kappa, 0 * kappa, fractions).scan(len(fractions) - 1, 0.0)[1]
+        first, u = ladder.held(len(fractions) - 1, 0.0)
     except action.LostError:
         return False
     # Deviations at each site of a period, by the phase at its start, with a mean of 0 at the first.
-    p, n_sites, site = fractions[-1].numerator, orbit.u.size, np.arange(kappa.size)[:, None]
-    hits = (np.arange(0, n_sites, kappa.size) + (site - orbit.site) % kappa.size) % n_sites
-    u = orbit.u[hits]
+    p, n_sites, site = fractions[-1].numerator, u.size, np.arange(kappa.size)[:, None]
+    hits = (np.arange(0, n_sites, kappa.size) + (site - first) % kappa.size) % n_sites
+    u = u[hits]
     mean = u[0].mean()
-    phase = (orbit.chain.theta[hits] - site * p / n_sites + mean) % 1
+    phase = (ladder.chains[-1].theta[hits] - site * p / n_sites + mean) % 1
     order = np.argsort(phase, axis=1)
     modes = np.fft.rfft(np.take_along_axis(u - mean, order, 1))[:, : _GRID // 3] / u.shape[1]
     modes = modes * np.exp(-2j * np.pi * phase.min(axis=1)[:, None] * np.arange(modes.shape[1]))

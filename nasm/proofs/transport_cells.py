@@ -281,7 +281,7 @@ def _start(lanes, lane, x, box):
     state[7], state[9], state[11] = box[1], box[6] * h0, box[7] * h1  # those of t, p, q
     # Site c counts half: half of what σ_0 adds there, h_0 cos 2πa, is taken off beforehand.
     state[27] = weight * h0
-    state[40], state[41:] = 1 / box[1], box[2:6]
+    state[_STATE], state[_STATE + 1 :] = 1 / box[1], box[2:6]
 
 
 @njit(nogil=True, error_model="numpy")
@@ -289,9 +289,9 @@ def _advance(lanes, events):
     """A block of kicks of all lanes, in place; the smallest V into events[0], `bad` into [1]."""
     own_frame()
     state = load_state(lanes, 0, _STATE, FEW)
-    scale = load_few(lanes, 40 * FEW)
-    k0, h0 = load_few(lanes, 41 * FEW), load_few(lanes, 42 * FEW)
-    k1, h1 = load_few(lanes, 43 * FEW), load_few(lanes, 44 * FEW)
+    scale = load_few(lanes, _STATE * FEW)
+    k0, h0 = load_few(lanes, (_STATE + 1) * FEW), load_few(lanes, (_STATE + 2) * FEW)
+    k1, h1 = load_few(lanes, (_STATE + 3) * FEW), load_few(lanes, (_STATE + 4) * FEW)
     smallest, worst = state[4], scale - scale  # zeros
     for _ in range(_BLOCK):
         state, bad = _kick(k0, h0, k1, h1, scale, state)
@@ -306,8 +306,7 @@ def _advance(lanes, events):
 def _replay(lanes, lane):
     """(kicks, outcome, parameter to halve) of the lane within a block: the definition."""
     state = load_state(lanes, lane, _STATE, 1)
-    scale, k0, h0 = lanes[40, lane], lanes[41, lane], lanes[42, lane]
-    k1, h1 = lanes[43, lane], lanes[44, lane]
+    scale, k0, h0, k1, h1 = lanes[_STATE:, lane]
     for n in range(_BLOCK):
         state, bad = _kick(k0, h0, k1, h1, scale, state)
         if not bad <= 0 or state[4] <= 0:
@@ -362,6 +361,7 @@ def _kick(k, spread, k_next, spread_next, scale, state):
 
     # Payment: for what Q may be larger by than in the middle, and for rounding.
     V2 = V * V
+    # What Q has of x - x̂, of its square, and of x - x̂ times this strength.
     slope, turn, twist = 2.0 * bend * V2, -TWO_PI2 * kc * V2, -2.0 * TWO_PI2 * spread * h * V2
     lt = lt + slope * t
     lp = lp + slope * p + sc * V2
