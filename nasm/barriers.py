@@ -230,8 +230,8 @@ def _certified_at(scale, race):
 
 
 def _is_certified(omega, kappa):
-    """Whether the circle of ω is certified under a forcing, from the sites of a long orbit there, one
-    of them held: no circle has to exist under weaker kicks."""
+    """Whether the circle of ω is certified under a forcing, from the sites of a long orbit there,
+    one of them held: no circle has to exist under weaker kicks."""
     fractions = [f for f in islice(convergents(omega), 60) if f.denominator < _HULL]
     ladder = action.Ladder(kappa, 0 * kappa, fractions)
     try:
