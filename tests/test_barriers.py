@@ -202,6 +202,7 @@ def test_next_to_kicks_that_turn_no_circle_breaks_beyond_upper(away, omega, q, t
         ((1, 0.35, 1, 0.35, 1), 0),
         ((1, 1, 0.8, 1, 1), 0),
         ((1, 0.45, 1), 0.5505),
+        ((1, 0.4, 1, 0.4, 1), 0.4961),  # a circle is certified at .49635
         (1 + 1.78e-4 * np.array([1, -1, -1, 1]), 0.956),  # near a cusp
     ],
     ids=str,
