@@ -61,7 +61,7 @@ _PLACES = 12  # of x_0 in a gap
 _AS_WIDE = 0.99  # of the widest gap: gaps that are equal up to rounding begin at the first site
 _NEAR = 0.3  # over q, of the largest strength: how far an orbit is followed
 _FURTHEST = 0.8  # over the longer period: a step of x_0 where orbits are joined. Of 5030 orbits
-# that some length of steps found 0.1 lost 398, going to and fro, 0.4 lost 266 and 0.8 lost 178.
+# that one length of steps or another found, 0.1 lost 398, going to and fro, 0.4 266, and 0.8 178.
 _JOINED = 300  # period from which orbits are joined from shorter ones rather than scanned for
 _HELD = 600  # sites: an orbit this short is found again from none at all
 _KEPT = 30  # scales of which orbits are kept

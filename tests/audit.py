@@ -107,9 +107,8 @@ class Kernel:
         moves = [state[name] for name, *_ in self.known[: len(self.places[0])]]
         widths = [spread if i == 1 else arb(0) for i in range(len(moves))]
         squares, mixed = product(moves, moves), product(widths, moves)
-        pi = arb.pi()
-        return [width * sine / (2 * pi) for width in widths] + [
-            cosine * other - pi * k * sine * square
+        return [width * sine / (2 * arb.pi()) for width in widths] + [
+            cosine * other - arb.pi() * k * sine * square
             for square, other in zip(squares, mixed, strict=True)
         ]
 
@@ -201,8 +200,8 @@ def audit_of_a_kick(kernel, kick, strengths, scale, numbers):
             rounded += abs(b[step] - source) + abs(source)
     solutions = ULP * rounded + COS_ERROR * abs(k) * E
     orbit = kernel.rounding[0] * abs(k) + kernel.rounding[1]
-    strength = spread * COS_ERROR * E
-    worst = (curved + solutions + orbit + strength).max(defect) * (1 + LONGEST * ULP) / wronskian
+    of_strength = spread * COS_ERROR * E
+    worst = (curved + solutions + orbit + of_strength).max(defect) * (1 + LONGEST * ULP) / wronskian
     of_V = V2 * ((7 + 4 * abs(k)) * ULP + COS_ERROR * (abs(k) + spread))
     of_sums = 3 * ULP * sum(abs(b[name]) for name in sums1)
     needed = kernel.largest([b[name] for name in sums1]) + b["rest"]
@@ -210,13 +209,13 @@ def audit_of_a_kick(kernel, kick, strengths, scale, numbers):
     paid = a["paid"] + payment + of_V
     # The kick has changed y and all last differences as it should.
     turned = b["y"] + b["y_low"] - a["y"] - a["y_low"] - k * h
-    kicked = abs(turned - round(float(turned))) < 1e-15
+    right = abs(turned - round(float(turned))) < 1e-15
     changes = zip(("v", *moves), ("w", *steps), ("w", *steps1), (arb(0), *sources), strict=True)
     for move, step, step1, source in changes:
         size = abs(a[step]) + abs(k * a[move]) + abs(source) + (spread + E) * E
-        kicked &= abs(b[step1] - a[step] - k * cosine * a[move] - source) < 1e-12 * size
+        right &= abs(b[step1] - a[step] - k * cosine * a[move] - source) < 1e-12 * size
     shares = {
-        "steps": 1.0 if kicked else math.inf,
+        "steps": 1.0 if right else math.inf,
         "sine": used(abs(sine), arb(inner["sine"])),
         "solutions": used(solutions, arb(inner["solutions"])),
         "A": used(worst * abs(a["t"]), b["A"] - a["A"] + ULP * b["A"]),

@@ -86,7 +86,7 @@ KERNEL = audit.Kernel(
         proofs.transport_cells._kick,
     ),
     names=(
-        *("x", "y", "v", "w", "V", "W"),
+        *"xyvwVW",
         *(name for move, step, _ in KNOWN for name in (move, step)),
         *("A", "B", *(total for *_, total in KNOWN), "rest", "paid", "mt", "mp", "mq"),
     ),
@@ -100,10 +100,11 @@ KERNEL = audit.Kernel(
 @pytest.mark.parametrize("k0", [0.25, 0.0, -0.25])
 def test_half_of_what_a_strength_adds_at_the_line_is_counted_whatever_its_sign(a, k0):
     """In a box of a wide cell the kick of the line may have another sign than in the middle."""
-    start = np.zeros((45, 16))
+    start = np.zeros((proofs.transport_cells._ROWS, 1))
     box = np.array([0.3, 2.0**-12, k0, 2.0**-8, 0.5, 2.0**-8, 0, 0, 0])
     proofs.transport_cells._start(start, 0, a - 0.25, box)
-    state, bad = proofs.transport_cells._kick(*box[2:6], 2.0**12, tuple(start[:40, 0]))
+    numbers = tuple(start[: len(KERNEL.names), 0])
+    state, bad = proofs.transport_cells._kick(*box[2:6], 2.0**12, numbers)
     after, cosine = dict(zip(KERNEL.names, state, strict=True)), math.cos(2 * math.pi * a)
     assert bad == 0
     assert after["lq"] == pytest.approx(2.0**-8 * cosine / 2)  # p and q have changed places

@@ -35,8 +35,8 @@ def main(run, cells, seconds, nearest):
     barriers = last_barrier(two_kicks(), angles, 1e-3)
     few = np.linspace(0, 45, 7).tolist()
     guess = [(angle, critical_scale(ray(angle), 0.1).value) for angle in few]
-    later = proved_map(guess, int(cells), seconds), proved_triangles(guess, [""] * 7, nearest)
-    with run.sweeping(barriers, later=[(job, None) for job in later]):
+    then = proved_map(guess, int(cells), seconds), proved_triangles(guess, [""] * len(few), nearest)
+    with run.sweeping(barriers, later=[(job, None) for job in then]):
         barrier = unfolded(run.sweep(barriers), angles)
         known = barrier.dropna("angle", subset=["critical_scale"])
         names = "angle", "critical_scale", "circle"
