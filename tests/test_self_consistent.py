@@ -33,7 +33,7 @@ def test_escapes_are_counted_in_kicks():
 
 def test_a_sequence_that_repeats_eliminates_as_its_period_does():
     kappa, site, omega = (0.3, 0.2, 0.25), 301, 0.271
-    expected = transversal._elimination_times(np.roll(kappa, -(site % 3)), X, Y, 300, False)
+    expected, _ = transversal.elimination(np.roll(kappa, -(site % 3)), X, Y, 300)
     assert 10 < np.isinf(expected).sum() < 650
     repeated = np.tile(kappa, 201)[:602]
     assert np.array_equal(sequence.elimination_time(repeated, 0.0, site, X, Y), expected)

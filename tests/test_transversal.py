@@ -17,7 +17,7 @@ FORCINGS = [(1.03,), (0.71, 0.46), (0.2, 0.5, 0.36), (0.1, 0.7, -0.3, 0.2)]
 def elimination_time(kappa, site, x, y, n_kicks):
     """Kicks in either direction, of starts before the kick of a site."""
     x, y = np.array(np.broadcast_arrays(x, np.atleast_1d(y)), float)
-    return transversal._elimination_times(np.roll(kappa, -site), x, y, n_kicks, False)
+    return transversal.elimination(np.roll(kappa, -site), x, y, n_kicks)[0]
 
 
 @pytest.mark.parametrize("kappa", FORCINGS)

@@ -25,7 +25,7 @@ line.
 1. Start with the orbits of ω = 0, 1, … and P/2 per period. The symmetries y → y + 1 and
    (x, y) → (-x, -y) continue this curve to all ω.
 2. The start that lives longest is on a piece between two orbits, p/q and p'/q'. Bend the piece by
-   the minimax orbit of (p + p')/(q + q').
+   the minimax orbit of (p + p')/(q + q'), at a place that is near the piece and in a wide gap.
 3. Repeat this as long as the start survives and its life can tell the difference. It leads down the
    Farey tree, to minimizing orbits that were in the way, and to the circle that breaks last.
 
@@ -35,6 +35,8 @@ strong evidence, not a proof. The choice matters: 0.5% beyond the breakup of the
 last 130 steps there, and on 15 of 20 other lines x = a starts survive 3000.
 """
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache, partial
 
@@ -49,7 +51,7 @@ from nasm.checks import count
 from nasm.converse_kam.symmetry_line import Survivor, longest_found, tangent_kick
 from nasm.maps import MAX_PERIOD, forcing, kick, segment
 
-__all__ = ["curve", "located", "longest_lived"]
+__all__ = ["Transversal", "curves", "elimination", "located", "longest_lived", "longest_period"]
 __dir__ = __all__.copy
 
 MAX_STEPS = 10**6
@@ -59,7 +61,7 @@ _EXCESS = 0.7  # mostly
 _BLOCK = 32  # kicks, about, between two looks at the starts
 _GRIDS = ((1024, 0.5), (797, 0.382))  # as of `symmetry_line`
 _KEPT = 16  # starts for each kick of a period, of which the search goes on
-_WIDE = 0.5  # of the widest gap before the kick of a site
+_NARROWEST = 1e-9  # a gap, about as wide as it is known
 _SITES = 8  # at most, whose transversals are tried
 _LONGEST = 4  # times √n_max: period of the minimax orbits up to which pieces are bent
 _SHORT = 100  # kicks: of shorter lives the shortest is sought, on the transversals of all sites
@@ -81,30 +83,59 @@ def longest_lived(kappa, n_max):
     survivor.
     """
     strengths = forcing(kappa)
-    n_kicks = strengths.size * count("n_max", n_max, 1, MAX_STEPS)
-    return _longest_lived(strengths, n_kicks, _by_strength(strengths))
+    n_max = count("n_max", n_max, 1, MAX_STEPS)
+    return _longest_lived(strengths, n_max, _by_strength(strengths))
 
 
-def curve(kappa, n_max):
-    """The transversal that was found to eliminate all starts in the fewest steps, but for a half.
+@dataclass(frozen=True)
+class Transversal:
+    """A transversal before the kick of one site; `bend` changes it.
 
-    kappa : sequence of P floats, the forcing, first kick first. n_max : int, 32 to 10⁶, steps in
+    site : int. kappa : ndarray of P floats, the forcing from that site on. orbits : list of (ω,
+    sites), minimax orbits from there on, in the order of ω. minimax : function of ω and x, sites of
+    the minimax orbit near x.
+    """
+
+    site: int
+    kappa: np.ndarray
+    orbits: list
+    minimax: Callable
+
+    @property
+    def corners(self):
+        """ndarray of shape (m, 2): x and y of the orbits before the kick of the site."""
+        return np.array([_place(*orbit) for orbit in self.orbits])
+
+    def bend(self, piece, most):
+        """Put between corners piece and piece + 1 that of their mediant p/q; whether q ≤ most."""
+        (before, x), (after, x_after) = self.orbits[piece : piece + 2]
+        p, q = before.numerator + after.numerator, before.denominator + after.denominator
+        if q > most:
+            return False
+        near = x[0] + (x_after[0] - x[0]) * after.denominator / q
+        self.orbits.insert(piece + 1, (Fraction(p, q), self.minimax(Fraction(p, q), near)))
+        return True
+
+
+def curves(kappa, n_max):
+    """Transversals on which all starts were found to be eliminated: those soon, first.
+
+    kappa : sequence of P floats, the forcing, first kick first. n_max : int, 256 to 10⁶, steps in
     either direction.
 
-    Returns (site, points): int, and ndarray of shape (m, 2), x and y of its corners before the kick
-    of that site; None if on the transversals of all sites a start survives n_max steps.
+    Yields (Transversal, kicks) until there are no more: by when all were eliminated. At most one
+    for each site.
     """
-    strengths, n_steps, n_max = forcing(kappa), 32, count("n_max", n_max, 32, MAX_STEPS)
-    ordered = cache(lambda omega: ordered_orbits(strengths, *omega.as_integer_ratio()))
+    strengths, n_max = forcing(kappa), count("n_max", n_max, 256, MAX_STEPS)
+    sites, n_steps = _by_strength(strengths), 256
     while n_steps <= n_max:
-        for site in _by_strength(strengths):
-            _, kicks, corners = _longest_on_transversal(
-                strengths, site, ordered, n_steps * strengths.size
-            )
+        for transversal in _transversals(strengths, list(sites)):
+            # Who asks will try all starts: one grid is enough.
+            _, kicks = _bent(transversal, n_steps, _GRIDS[:1], _KEPT)
             if kicks < np.inf:
-                return site, corners
-        n_steps *= 2
-    return None
+                sites.remove(transversal.site)
+                yield transversal, kicks
+        n_steps *= 4
 
 
 def located(profile, n_max, start=None):
@@ -131,7 +162,7 @@ def located(profile, n_max, start=None):
     upper, found, share = 2 / size, None, 0.15
 
     def lived(scale, n_steps):
-        return _longest_lived(start + scale * profile, n_steps * profile.size, sites)
+        return _longest_lived(start + scale * profile, n_steps, sites)
 
     if start.any():
         scales = (_AHEAD * n / size for n in range(_FARTHEST + 1))
@@ -168,17 +199,16 @@ def _by_strength(kappa):
     return np.argsort(-np.abs(kappa), kind="stable").tolist()[:_SITES]
 
 
-def _longest_lived(kappa, n_kicks, sites):
+def _longest_lived(kappa, n_steps, sites):
     """The Survivor of the transversal where the longest life is the shortest.
 
     Of transversals on which no start survives and one lives long, the first is as good as any.
     The last site that was better is put first among `sites`.
     """
-    # The transversals of all sites ask for the same orbits.
-    ordered = cache(lambda omega: ordered_orbits(kappa, *omega.as_integer_ratio()))
     best = None
-    for site in list(sites):
-        (x, y), kicks, _ = _longest_on_transversal(kappa, site, ordered, n_kicks)
+    kept = _KEPT * max(2, kappa.size)  # all ω up to P/2 are there
+    for transversal in _transversals(kappa, list(sites)):
+        site, ((x, y), kicks) = transversal.site, _bent(transversal, n_steps, _GRIDS, kept)
         if best is None or kicks < best.kicks:
             best = Survivor(site, float(x), float(y), kicks)
             sites.remove(site)
@@ -188,34 +218,38 @@ def _longest_lived(kappa, n_kicks, sites):
     return best
 
 
-def _longest_on_transversal(kappa, site, ordered, n_kicks):
-    """(x, y) of the start that lives longest on the transversal before the kick of `site`, its life
-    in kicks, and the corners; ordered : `ordered_orbits` of ω."""
-    kappa, minimax = np.roll(kappa, -site), partial(_minimax, ordered, kappa.size, site)
-    orbits = _first_orbits(kappa, minimax)
-    longest = _LONGEST * (n_kicks / kappa.size) ** 0.5
-    kept = _KEPT * max(2, kappa.size)  # all ω up to P/2 are there
+def _transversals(kappa, sites):
+    """The transversal of each site, through its first orbits."""
+    # All ask for the same orbits.
+    ordered = cache(lambda omega: ordered_orbits(kappa, *omega.as_integer_ratio()))
+    for site in sites:
+        ahead, minimax = np.roll(kappa, -site), partial(_minimax, ordered, kappa.size, site)
+        yield Transversal(site, ahead, _first_orbits(ahead, minimax), minimax)
+
+
+def _bent(transversal, n_steps, grids, kept):
+    """Bend a transversal as long as a start survives: (x, y) of the start that lives longest on it,
+    and its life in kicks."""
+    kappa = transversal.kappa
     while True:
-        at = np.array([float(omega) for omega, _ in orbits])
-        at *= 0.5 / at[-1]
-        corners = np.array([_place(*orbit) for orbit in orbits])
+        at = np.array([float(omega) for omega, _ in transversal.orbits])
+        at, corners = at * (0.5 / at[-1]), transversal.corners
 
         def points_at(place, at=at, corners=corners):
             return [np.interp(place, at, axis) for axis in corners.T]
 
         def lifetimes(place, points_at=points_at):
-            return _elimination_times(kappa, *points_at(place), n_kicks, True)
+            return elimination(kappa, *points_at(place), n_steps * kappa.size, True)[0]
 
-        place, kicks = longest_found(lifetimes, _GRIDS, kept, kept)
-        i = int(np.clip(np.searchsorted(at, place), 1, at.size - 1))
-        (before, _), (after, _) = orbits[i - 1 : i + 1]
-        between = Fraction(
-            before.numerator + after.numerator, before.denominator + after.denominator
-        )
-        if np.isfinite(kicks) or between.denominator > longest:
-            return points_at(place), kicks, corners
-        middle = np.interp(before.denominator / between.denominator, (0, 1), corners[[i, i - 1], 0])
-        orbits.insert(i, (between, minimax(between, middle)))
+        place, kicks = longest_found(lifetimes, grids, kept, kept)
+        piece = int(np.clip(np.searchsorted(at, place), 1, at.size - 1)) - 1
+        if np.isfinite(kicks) or not transversal.bend(piece, longest_period(n_steps)):
+            return points_at(place), kicks
+
+
+def longest_period(n_steps):
+    """Of the minimax orbits up to which pieces are bent, of starts that live so long: float."""
+    return _LONGEST * n_steps**0.5
 
 
 def _first_orbits(kappa, minimax):
@@ -249,8 +283,8 @@ def _place(omega, sites):
 
 
 def _minimax(ordered, period, site, omega, near):
-    """Sites of the minimax orbit of p/q before the kick of `site`, from one in a wide gap on that
-    is nearest to x = near; ordered : `ordered_orbits` of ω."""
+    """Sites of the minimax orbit of p/q before the kick of `site`, from one on that is near x =
+    near, over the width of its gap; ordered : `ordered_orbits` of ω."""
     p, q = omega.numerator, omega.denominator
     rotation = np.arange(period * q) * (p / (period * q))
     try:
@@ -259,56 +293,68 @@ def _minimax(ordered, period, site, omega, near):
         return rotation + near
     chain, starts = minimax.chain, np.arange((site - minimax.site) % period, period * q, period)
     gaps = (chain.right(minimizing.u) - minimizing.u)[starts]
-    starts = starts[gaps > _WIDE * gaps.max()]
     away = near - minimax.sites()[starts]
-    sites = rotation + chain.rolled(minimax.u, starts[np.abs(away - np.rint(away)).argmin()])
+    away = np.abs(away - np.rint(away)) / np.maximum(gaps, _NARROWEST)
+    sites = rotation + chain.rolled(minimax.u, starts[away.argmin()])
     return sites + np.rint(near - sites[0])
 
 
-def _elimination_times(kappa, x, y, n_kicks, one_is_enough):
+def elimination(kappa, x, y, n_kicks, one_is_enough=False):
     """Kicks in either direction until each start before kick 0 is eliminated, inf if more than
-    n_kicks; if one is enough, 0 of those that are not known before the first survivor."""
-    times = np.zeros(x.size)
+    n_kicks; if one is enough, 0 of those that are not known before the first survivor.
+
+    And γ: with V_0 = 1, V_{-1} = 1 - γ the solution V of the linearised chain is ≤ 0 in both
+    directions by then, as the sums of the module are ≥ 1 + κ_0 cos 2πx_0 + γ and ≥ 1 - γ.
+    """
+    times, slopes = np.zeros((2, x.size))
     length = kappa.size * -(-_BLOCK // kappa.size)
     ahead = np.resize(np.roll(kappa, -1), length)[:, None] * -np.array(SINE)
     behind = np.resize(kappa[::-1], length)[:, None] * -np.array(SINE)
-    _eliminate(float(kappa[0]), ahead, behind, x, y, n_kicks, one_is_enough, times)
-    return times
+    _eliminate(float(kappa[0]), ahead, behind, x, y, n_kicks, one_is_enough, times, slopes)
+    return times, slopes
 
 
 @njit(nogil=True)
 def _advance(ahead, behind, state):
     """A block of kicks in both directions, of 16 starts, in place."""
     own_frame()
-    x, y, v, w, p, q, u, z, total, _ = load_state(state, 0, 10, FEW)
+    x, y, v, w, p, q, u, z, total_v, total_u, _ = load_state(state, 0, 11, FEW)
     least = minimum(v, u)
     for n in range(ahead.shape[0]):
         v_before, u_before = v, u
         x, y, v, w = tangent_kick(ahead, n, x, y, v, w)
         p, q, u, z = tangent_kick(behind, n, p, q, u, z)
-        total = total + (1.0 / (v_before * v) + 1.0 / (u_before * u))
+        total_v = total_v + 1.0 / (v_before * v)
+        total_u = total_u + 1.0 / (u_before * u)
         least = minimum(minimum(v, u), least)
-    store_state(state, (x, y, v, w, p, q, u, z, total, least))
+    store_state(state, (x, y, v, w, p, q, u, z, total_v, total_u, least))
 
 
 @njit(nogil=True)
 def _replay(ahead, behind, state, lane, bound):
-    """The kick of the block, counted from 1, that eliminates the start: the definition."""
-    x, y, v, w, p, q, u, z, total = load_state(state, lane, 9, 1)
+    """The kick of the block, counted from 1, that eliminates the start: the definition. And γ."""
+    x, y, v, w, p, q, u, z, total_v, total_u = load_state(state, lane, 10, 1)
     for n in range(ahead.shape[0]):
         v_before, u_before = v, u
         x, y, v, w = tangent_kick(ahead, n, x, y, v, w)
         p, q, u, z = tangent_kick(behind, n, p, q, u, z)
-        total += 1.0 / (v_before * v) + 1.0 / (u_before * u)
-        if v <= 0 or u <= 0 or total >= bound:
-            return n + 1
-    return ahead.shape[0]
+        if v > 0:
+            total_v += 1.0 / (v_before * v)
+        if u > 0:
+            total_u += 1.0 / (u_before * u)
+        else:
+            total_u = max(total_u, bound - total_v)
+        if v <= 0:
+            total_v = max(total_v, bound - total_u)
+        if v <= 0 or u <= 0 or total_v + total_u >= bound:
+            return n + 1, 1 + (total_v - total_u - bound) / 2
+    return ahead.shape[0], 0.0
 
 
 @kernel
-def _eliminate(strength, ahead, behind, x, y, n_kicks, one_is_enough, times):
-    """`_elimination_times`; a lane whose start is done takes the next one."""
-    state, before = np.full((10, FEW), np.nan), np.empty((10, FEW))
+def _eliminate(strength, ahead, behind, x, y, n_kicks, one_is_enough, times, slopes):
+    """`elimination`; a lane whose start is done takes the next one."""
+    state, before = np.full((11, FEW), np.nan), np.empty((11, FEW))
     start, age, bound = np.full(FEW, -1), np.zeros(FEW, np.int64), np.zeros(FEW)
     following, at_work = 0, 0
     while True:
@@ -317,12 +363,12 @@ def _eliminate(strength, ahead, behind, x, y, n_kicks, one_is_enough, times):
                 i, following = following, following + 1
                 bound[lane] = 2 + strength * cos2pi(x[i])
                 if bound[lane] <= 0:
-                    times[i] = 1.0
+                    times[i], slopes[i] = 1.0, 1 - bound[lane] / 2
                     continue
                 x_ahead, y_ahead = kick(strength, x[i], y[i])
                 before_x = x[i] - y[i] - 0.25
                 state[:4, lane] = (x_ahead - 0.25, y_ahead, 1.0, 1.0)
-                state[4:9, lane] = (before_x, -y[i], 1.0, 1.0, 0.0)
+                state[4:10, lane] = (before_x, -y[i], 1.0, 1.0, 0.0, 0.0)
                 start[lane], age[lane] = i, 1
                 at_work += 1
         if at_work == 0:
@@ -333,8 +379,9 @@ def _eliminate(strength, ahead, behind, x, y, n_kicks, one_is_enough, times):
             if start[lane] < 0:
                 continue
             time = np.inf
-            if state[9, lane] <= 0 or state[8, lane] >= bound[lane]:
-                time = age[lane] + _replay(ahead, behind, before, lane, bound[lane])
+            if state[10, lane] <= 0 or state[8, lane] + state[9, lane] >= bound[lane]:
+                n, slopes[start[lane]] = _replay(ahead, behind, before, lane, bound[lane])
+                time = age[lane] + n
             age[lane] += ahead.shape[0]
             if time > n_kicks:
                 time = np.inf

@@ -300,7 +300,7 @@ def backwards(x, y, x_width, y_width, split):
 
 def steep(x_width, y_width, split):
     """The slope of v: any number that makes it no multiple of t; `split`, if it is none nearly."""
-    near = abs(y_width - split * x_width) < (abs(x_width) + abs(y_width)) / 10
+    near = abs(y_width - split * x_width) < (abs(x_width) + abs(y_width)) / 10_000
     return split + near
 
 

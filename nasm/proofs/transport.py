@@ -88,6 +88,7 @@ _BLOCK = 8  # kicks between two looks for events, or a few more: whole periods
 _STATE, _ROWS, _V = 18, 19, 6  # numbers of a box: those that change, all, and which is V
 _FIRST_EXCESS = 0.1  # s/value - 1 where `proved_upper` begins
 _KICKS = 2_000_000  # in one call of the kernel
+_CROWD = 128  # boxes, at least, that wait on a piece that is bent
 _LOOK = 2**14  # steps within which floats must eliminate all starts on a polygon
 _GRID = 2.0**26  # of its corners, whose sums and multiples in two floats are exact
 _STEEP = 1e9  # a solution that is so large does not cross zero any more
@@ -177,9 +178,10 @@ def prove(kappa, budget=10.0):
     ----------
     kappa : sequence of P floats. Shortened it must be a twist map: P = 1, P = 2 with min |κ_i| < 2,
         or P > 2 and the matrix of `_is_twist` positive definite; otherwise the outcome is SCOPE.
-    budget : float, CPU seconds to spend; for two kicks s/s_c - 1 = 10⁻³ takes some 10⁻² s, and from
-        there it takes ten times as long to come three times as near. For more kicks the search for
-        the polygon comes before it: seconds where a start survives, and nothing can be proved.
+    budget : float, CPU seconds to spend; s/s_c - 1 = 10⁻³ takes some 10⁻² s for two kicks, and .05
+        to .3 s for three or four, and from there it takes ten times as long to come three times as
+        near. For three and more the search for the polygon comes before it: seconds where a start
+        survives, and nothing can be proved.
 
     Returns
     -------
@@ -196,13 +198,11 @@ def prove(kappa, budget=10.0):
     if not _is_twist(strengths):
         return _unproved(Outcome.SCOPE, given, strengths)
     if len(strengths) > 2:
-        curve = transversal.curve(short, _LOOK)
-        if curve is None:
-            return _unproved(Outcome.PRECISION, given, strengths)
-        return _covered(given, strengths, *_closed(*curve), budget)
+        return _on_polygon(short, given, strengths, budget)
     site = int(np.argmax(np.abs(short)))
     a = 0.5 if short[site] > 0 else 0.0
-    return _covered(given, strengths, site, np.array([[a, 0.0], [a, 0.5]]), budget)
+    proof, _ = _covered(given, strengths, site, np.array([[a, 0.0], [a, 0.5]]), budget)
+    return proof
 
 
 def _unproved(outcome, given, kappa):
@@ -211,12 +211,37 @@ def _unproved(outcome, given, kappa):
     return TransportProof(outcome, given, kappa, 0, nothing, nothing, lives, np.empty(0))
 
 
-def _closed(site, points):
-    """The site and the corners on a grid, between two that are their own images."""
-    points = np.rint(points * _GRID) / _GRID
-    first, last = (np.rint(2 * point) / 2 for point in points[[0, -1]])
-    points = np.concatenate([[first], points, [last]])
-    return site, points[np.append(True, (np.diff(points, axis=0) != 0).any(axis=1))]
+def _on_polygon(kappa, given, strengths, budget):
+    """The TransportProof for three kicks and more.
+
+    A piece of the polygon is bent where more boxes wait than kicks were needed to eliminate all
+    floats; if that does not help, another polygon is tried, and in the end the last one's boxes.
+    """
+    curve, end = None, math.inf
+    for curve, kicks in transversal.curves(kappa, _LOOK):
+        end = min(end, time.thread_time() + budget)  # kernels are compiled by now
+        longest, most = transversal.longest_period(kicks / kappa.size), max(kicks, _CROWD)
+        bent = True
+        while bent:
+            points, left = _closed(curve.corners), end - time.thread_time()
+            proof, crowded = _covered(given, strengths, curve.site, points, left, most)
+            if crowded is None:
+                return proof
+            pieces, in_front = len(curve.orbits) - 1, (len(points) - len(curve.orbits)) // 2
+            bent = curve.bend(min(max(crowded - in_front, 0), pieces - 1), longest)
+    if curve is None:
+        return _unproved(Outcome.PRECISION, given, strengths)
+    left = end - time.thread_time()
+    proof, _ = _covered(given, strengths, curve.site, points, left)
+    return proof
+
+
+def _closed(corners):
+    """The corners on a grid, the ends their own images, or between two that are."""
+    ends = np.rint(2 * corners[[0, -1]]) / 2
+    if np.abs(ends - corners[[0, -1]]).max() < 1e-5:
+        corners = corners[1:-1]
+    return np.concatenate([ends[:1], np.rint(corners * _GRID) / _GRID, ends[1:]])
 
 
 def _is_twist(kappa):
@@ -276,8 +301,9 @@ def proved_upper(profile, value, budget):
     return scale, best or proof
 
 
-def _covered(given, kappa, site, points, budget):
-    """The TransportProof: boxes that fail are halved, level by level."""
+def _covered(given, kappa, site, points, budget, most=math.inf):
+    """The TransportProof: boxes that fail are halved, level by level. And the piece on which more
+    than `most` wait, if there is one, where this ends."""
     forwards = np.tile(np.roll(kappa, -site), -(-_BLOCK // len(kappa)))
     ways = [forwards, forwards[::-1].copy()] if len(kappa) > 2 else [forwards]
     boxes = np.full((_FIRST * (len(points) - 1), 2), 0.25 / _FIRST)
@@ -285,11 +311,12 @@ def _covered(given, kappa, site, points, budget):
     nothing = np.empty((0, 2)), np.empty(0)
     _followed(forwards, 0, points, *nothing, math.inf)  # the kernel is compiled before time counts
     end = time.thread_time() + budget
-    outcome, found = Outcome.PROVED, []
+    outcome, found, crowded = Outcome.PROVED, [], None
     while len(boxes):
-        slopes = np.full(len(boxes), abs(forwards[0]) / 2)
         if len(ways) > 1:
-            _split(*ways, points, boxes[:, 0], slopes)
+            slopes = _slopes(np.roll(kappa, -site), points, boxes[:, 0])
+        else:
+            slopes = np.full(len(boxes), abs(forwards[0]) / 2)
         lives = np.zeros((len(boxes), len(ways)), np.int64)
         for way, cycle in enumerate(ways):
             rest = lives[:, :way].all(axis=1)
@@ -298,7 +325,10 @@ def _covered(given, kappa, site, points, budget):
         found.append((boxes[done], lives[done], slopes[done]))
         middles, half = np.transpose(boxes[~done]) * [[1], [0.5]]
         boxes = np.transpose([[middles - half, middles + half], [half, half]]).reshape(-1, 2)
-        if len(boxes) and time.thread_time() > end:
+        waiting = np.bincount((2 * boxes[:, 0]).astype(int), minlength=1)
+        if waiting.max() > most:
+            crowded = int(waiting.argmax())
+        if len(boxes) and (crowded is not None or time.thread_time() > end):
             outcome = Outcome.BUDGET
             break
         if len(boxes) and half.min() < _SMALLEST * max(1.0, (len(points) - 1) / 16):
@@ -313,7 +343,14 @@ def _covered(given, kappa, site, points, budget):
             f"the boxes of a proof do not tile its curve, or one lives for {_LONGEST:g} kicks; "
             "please report this"
         )
-    return TransportProof(outcome, given, kappa, site, points, boxes, lives, slopes)
+    return TransportProof(outcome, given, kappa, site, points, boxes, lives, slopes), crowded
+
+
+def _slopes(kappa, points, starts):
+    """γ of each start: with it V crosses zero on both sides, in floats, if that can be."""
+    x, y = (np.interp(2 * starts, np.arange(len(points)), axis) for axis in points.T)
+    _, slopes = transversal.elimination(kappa, x, y, _LOOK * len(kappa))
+    return np.clip(np.rint(slopes * 2.0**20) / 2.0**20, -3, 1 - 2.0**-20)
 
 
 def _followed(cycle, way, points, boxes, slopes, end):
@@ -388,35 +425,6 @@ def _follow(cycle, way, points, boxes, slopes, lives, lanes, ages, here, first, 
     return first, True
 
 
-@kernel(error_model="numpy")
-def _split(forwards, backwards, points, starts, slopes):
-    """γ of each start, in floats: with it V crosses zero on both sides, if that can be.
-
-    It does forwards if V_{c+1} < Σ 1/(t_k t_{k+1}), with the solution t_c = 0, t_{c+1} = 1, and
-    likewise backwards; see `nasm.converse_kam.transversal`.
-    """
-    for i in range(len(starts)):
-        at = min(int(2 * starts[i]), len(points) - 2)
-        place = points[at] + (2 * starts[i] - at) * (points[at + 1] - points[at])
-        limits = np.array([-1 - forwards[0] * np.cos(TWO_PI * place[0]), -1.0])
-        y = np.array([place[1] + forwards[0] / TWO_PI * np.sin(TWO_PI * place[0]), place[1]])
-        x, t, z = np.array([place[0], -place[0]]) + y, np.ones(2), np.ones(2)
-        for n in range(1, _LOOK * len(forwards)):
-            for way, cycle in enumerate((forwards, backwards)):
-                k, turns, before = cycle[(n - way) % len(cycle)], TWO_PI * x[way], t[way]
-                y[way] += k / TWO_PI * np.sin(turns)
-                z[way] += k * np.cos(turns) * before
-                x[way] += y[way] - rint(x[way])
-                t[way] += z[way]
-                limits[way] += 1 / (before * t[way])
-                if t[way] <= 0:  # any γ will do on this side
-                    limits[way] = -limits[1 - way]
-            if limits[0] + limits[1] >= 0 or min(t[0], t[1]) > _STEEP:
-                break
-        slope = rint((limits[0] - limits[1]) / 2 * 2.0**20) / 2.0**20
-        slopes[i] = min(max(slope, -3.0), 1 - 2.0**-20)
-
-
 @njit(nogil=True)
 def _start(lanes, lane, points, s, delta, slope, way):
     """The state of a box before the kick of the curve's site; or, way = 1, before that of the site
@@ -428,7 +436,7 @@ def _start(lanes, lane, points, s, delta, slope, way):
     dx, dy = points[at + 1, 0] - x, points[at + 1, 1] - y
     lanes[2, lane], lanes[3, lane] = _along(y, part, dy)
     t, z, last = 2 * delta * dx, 2 * delta * dy, slope
-    if abs(z - last * t) < 0.1 * (abs(t) + abs(z)):  # v would be along the curve
+    if abs(z - last * t) < 1e-4 * (abs(t) + abs(z)):  # v would be along the curve
         last += 1
     wronskian = z - last * t
     if way:
