@@ -32,7 +32,6 @@ from nasm import (
 from nasm.circles import continuation, fourier
 from nasm.converse_kam import sequence, symmetry_line, transversal
 from nasm.numbers import parse
-from nasm.tori import last_torus
 from pipeline.sweep.grid import Axis, parse_axis
 
 GAMMA, KAPPA, REST = parse("gamma"), (0.3, 0.4), np.zeros((2, 64))  # deviations of the rotation
@@ -50,7 +49,6 @@ GOOD |= {"value": 0.48, "budget": 0.1, "half_width": 2.0**-7, "lo": 0, "hi": 1, 
 # Functions that take others.
 OTHERS = {
     escape.first_escape: {"x": np.zeros(5)},
-    last_torus.of_fraction: {"frequency": "1/2"},
     orbits.orbit: {"x": np.zeros(2)},
     periodic.torus_scale: {"omega": "5/8", "frequency": "1/2", "amplitude": 0.0},
     proofs.transport_cells.prove_cell: {"kappa": (0.25, 0.5)},
@@ -184,8 +182,8 @@ BAD = [
     ((sequence.longest_lived,), "site", [2], WHOLE + " 0 to 1"),
     ((sequence.critical_scale,), "profile", [np.ones(63)], "profile has 63 kicks; it must have 64"),
     ((sequence.critical_scale,), "tol", [1e-7, 0.2], "tol={value} must be from 1e-06"),
-    ((last_torus.of_fraction, last_torus.upper_scale), "n_kicks", [99], WHOLE + " 100 to 1000000"),
-    ((last_torus.upper_scale,), "frequency", [None, "1/3"], "frequency={value} must be a number"),
+    ((tori.of_irrational, tori.upper_scale), "n_kicks", [99], WHOLE + " 100 to 1000000"),
+    ((tori.upper_scale,), "frequency", [None, "1/3"], "frequency={value} must be a number"),
     ((sequence.longest_lived,), "effort", [0], WHOLE + " 1 to 100"),
     ((self_consistent.evolve,), "gamma", [[0.1, 0.2], nan, 1e7],
      "must be one weight, or one for each of the 3 particles"),

@@ -194,13 +194,6 @@ def test_searches_that_disagree_give_no_bound(monkeypatch):
     assert np.isnan(found.upper)
 
 
-@pytest.mark.slow
-def test_the_last_circle_of_a_fraction_is_in_its_bracket():
-    found, omega = last_torus.of_fraction("2/5", 3 / 70, *ray(45), 4000)
-    assert found.lower < 0.270686 < found.upper < 1.06 * found.lower  # `barriers`, ± 0.0005
-    assert 0 < omega < 0.5
-
-
 def test_without_an_amplitude_the_last_torus_is_the_golden_circle():
     found, omega = last_torus.of_irrational(2**0.5 - 1, 1.0, 0.0, 4000)
     assert found.lower < KAPPA_G < found.upper < 1.05 * found.lower

@@ -7,8 +7,7 @@ scale of an irrational Ω the limit of the least one, over the phases, of its co
 The default irrational numbers are [0;8,(1)], [0;5,(1)], … [0;2,(1)], [0;2,3,(1)], √5 - 2, √2 - 1,
 1 - 1/√2, π - 3, 1/e and 1 - 1/τ - 1/τ², τ the tribonacci constant.
 
-A cube, a table and a figure in OUT. The defaults take some twelve CPU minutes; --quick less than
-one.
+A cube, a table and a figure in OUT. The defaults take some 25 CPU minutes, --quick two.
 """
 
 from fractions import Fraction
@@ -20,7 +19,7 @@ IRRATIONAL = (
     *("0.21654236465910046", "0.2360679774997898", "0.276393202250021", "0.2928932188134524"),
     *("0.36787944117144233", "0.38196601125010515", "0.41421356237309515", "0.43929141899193214"),
 )
-ALSO = "4/25", "12/29", "8/21", "13/34"
+ALSO = "3/19", "7/17", "8/21"
 
 
 def parse_frequency(text):
@@ -39,11 +38,11 @@ def parse_frequency(text):
 
 
 @command()
-@whole("--q-max", 10, 2, 64, "Fractions p/q with q up to this one; 34 takes one to two CPU hours.")
+@whole("--q-max", 10, 2, 64, "Fractions p/q with q up to this one; 34 takes some six CPU hours.")
 @several("--frequency", ALSO + IRRATIONAL, parse_frequency, "OMEGA", "More Ω, fractions or not.")
-@whole("--phases", 8, 2, 1000, "Phases from 0 to 1/2q of each fraction.")
+@whole("--phases", 3, 2, 1000, "Phases from 0 to 1/2q of each fraction.")
 @real("--angle", 45.0, 0, 180, "Ray (κ̄, Δκ) = s·(cos, sin), in degrees.")
-@preset("--quick", "A preview", q_max=5, frequency=IRRATIONAL[-2:-1], phases=3)
+@preset("--quick", "A preview", q_max=5, frequency=IRRATIONAL[-2:-1])
 @sweeps
 def main(run, q_max, frequency, phases, angle):
     from pipeline.cubes import rotating_maps

@@ -25,7 +25,8 @@ line.
 1. Start with the orbits of ω = 0, 1, … and P/2 per period. The symmetries y → y + 1 and
    (x, y) → (-x, -y) continue this curve to all ω.
 2. The start that lives longest is on a piece between two orbits, p/q and p'/q'. Bend the piece by
-   the minimax orbit of (p + p')/(q + q'), at a place that is near the piece and in a wide gap.
+   the minimax orbit of (p + p')/(q + q'), where it is nearest to the piece, over the width of the
+   gap.
 3. Repeat this as long as the start survives and its life can tell the difference. It leads down the
    Farey tree, to minimizing orbits that were in the way, and to the circle that breaks last.
 
@@ -61,7 +62,7 @@ _EXCESS = 0.7  # mostly
 _BLOCK = 32  # kicks, about, between two looks at the starts
 _GRIDS = ((1024, 0.5), (797, 0.382))  # as of `symmetry_line`
 _KEPT = 16  # starts for each kick of a period, of which the search goes on
-_NARROWEST = 1e-9  # a gap, about as wide as it is known
+_NARROWEST = 1e-9  # a gap, of which no more is known than that
 _SITES = 8  # at most, whose transversals are tried
 _LONGEST = 4  # times √n_max: period of the minimax orbits up to which pieces are bent
 _SHORT = 100  # kicks: of shorter lives the shortest is sought, on the transversals of all sites
@@ -118,18 +119,16 @@ class Transversal:
 
 
 def curves(kappa, n_max):
-    """Transversals on which all starts were found to be eliminated: those soon, first.
+    """Transversals on which all starts were found to be eliminated, those of short lives first.
 
-    kappa : sequence of P floats, the forcing, first kick first. n_max : int, 256 to 10⁶, steps in
-    either direction.
+    kappa : ndarray of P floats, the forcing, first kick first. n_max : int, steps in either
+    direction.
 
-    Yields (Transversal, kicks) until there are no more: by when all were eliminated. At most one
-    for each site.
+    Yields (Transversal, kicks), at most one for each site; kicks is the longest life.
     """
-    strengths, n_max = forcing(kappa), count("n_max", n_max, 256, MAX_STEPS)
-    sites, n_steps = _by_strength(strengths), 256
+    sites, n_steps = _by_strength(kappa), 256
     while n_steps <= n_max:
-        for transversal in _transversals(strengths, list(sites)):
+        for transversal in _transversals(kappa, list(sites)):
             # Who asks will try all starts: one grid is enough.
             _, kicks = _bent(transversal, n_steps, _GRIDS[:1], _KEPT)
             if kicks < np.inf:
@@ -283,8 +282,8 @@ def _place(omega, sites):
 
 
 def _minimax(ordered, period, site, omega, near):
-    """Sites of the minimax orbit of p/q before the kick of `site`, from one on that is near x =
-    near, over the width of its gap; ordered : `ordered_orbits` of ω."""
+    """Sites of the minimax orbit of p/q before the kick of `site`, from one on that is
+    nearest to x = near, over the width of its gap; ordered : `ordered_orbits` of ω."""
     p, q = omega.numerator, omega.denominator
     rotation = np.arange(period * q) * (p / (period * q))
     try:
@@ -303,8 +302,9 @@ def elimination(kappa, x, y, n_kicks, one_is_enough=False):
     """Kicks in either direction until each start before kick 0 is eliminated, inf if more than
     n_kicks; if one is enough, 0 of those that are not known before the first survivor.
 
-    And γ: with V_0 = 1, V_{-1} = 1 - γ the solution V of the linearised chain is ≤ 0 in both
-    directions by then, as the sums of the module are ≥ 1 + κ_0 cos 2πx_0 + γ and ≥ 1 - γ.
+    And γ of each start, 0 of survivors: with V_0 = 1, V_{-1} = 1 - γ the solution V of the
+    linearised chain is ≤ 0 in both directions by then, or soon: the sums of the module are
+    ≥ 1 + κ_0 cos 2πx_0 + γ and ≥ 1 - γ, or v or u has turned negative.
     """
     times, slopes = np.zeros((2, x.size))
     length = kappa.size * -(-_BLOCK // kappa.size)
@@ -338,15 +338,9 @@ def _replay(ahead, behind, state, lane, bound):
         v_before, u_before = v, u
         x, y, v, w = tangent_kick(ahead, n, x, y, v, w)
         p, q, u, z = tangent_kick(behind, n, p, q, u, z)
-        if v > 0:
-            total_v += 1.0 / (v_before * v)
-        if u > 0:
-            total_u += 1.0 / (u_before * u)
-        else:
-            total_u = max(total_u, bound - total_v)
-        if v <= 0:
-            total_v = max(total_v, bound - total_u)
-        if v <= 0 or u <= 0 or total_v + total_u >= bound:
+        total_v = total_v + 1.0 / (v_before * v) if v > 0 else bound
+        total_u = total_u + 1.0 / (u_before * u) if u > 0 else bound
+        if total_v + total_u >= bound:
             return n + 1, 1 + (total_v - total_u - bound) / 2
     return ahead.shape[0], 0.0
 

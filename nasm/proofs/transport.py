@@ -91,7 +91,6 @@ _KICKS = 2_000_000  # in one call of the kernel
 _CROWD = 128  # boxes, at least, that wait on a piece that is bent
 _LOOK = 2**14  # steps within which floats must eliminate all starts on a polygon
 _GRID = 2.0**26  # of its corners, whose sums and multiples in two floats are exact
-_STEEP = 1e9  # a solution that is so large does not cross zero any more
 
 
 class Outcome(Enum):
@@ -178,10 +177,10 @@ def prove(kappa, budget=10.0):
     ----------
     kappa : sequence of P floats. Shortened it must be a twist map: P = 1, P = 2 with min |κ_i| < 2,
         or P > 2 and the matrix of `_is_twist` positive definite; otherwise the outcome is SCOPE.
-    budget : float, CPU seconds to spend; s/s_c - 1 = 10⁻³ takes some 10⁻² s for two kicks, and .05
-        to .3 s for three or four, and from there it takes ten times as long to come three times as
-        near. For three and more the search for the polygon comes before it: seconds where a start
-        survives, and nothing can be proved.
+    budget : float, CPU seconds to spend; s/s_c - 1 = 10⁻³ takes some 10⁻² s for two kicks, and up
+        to half a second for three or four; from there it takes ten times as long to come three
+        times as near. For three and more the search for the polygon comes before it: seconds where
+        a start survives, and nothing can be proved.
 
     Returns
     -------
@@ -194,6 +193,7 @@ def prove(kappa, budget=10.0):
     (short,), _ = shorten([kappa], rational(0))
     budget = positive("budget", budget, "seconds of computing time")
     check_arithmetic()
+    _compile()
     given, strengths = tuple(kappa.tolist()), tuple(short.tolist())
     if not _is_twist(strengths):
         return _unproved(Outcome.SCOPE, given, strengths)
@@ -215,33 +215,35 @@ def _on_polygon(kappa, given, strengths, budget):
     """The TransportProof for three kicks and more.
 
     A piece of the polygon is bent where more boxes wait than kicks were needed to eliminate all
-    floats; if that does not help, another polygon is tried, and in the end the last one's boxes.
+    floats. If that does not help, another polygon is tried, and in the end all boxes of the last.
     """
-    curve, end = None, math.inf
+    polygon, end = None, math.inf
     for curve, kicks in transversal.curves(kappa, _LOOK):
         end = min(end, time.thread_time() + budget)  # kernels are compiled by now
-        longest, most = transversal.longest_period(kicks / kappa.size), max(kicks, _CROWD)
-        bent = True
+        longest, bent = transversal.longest_period(kicks / kappa.size), True
         while bent:
-            points, left = _closed(curve.corners), end - time.thread_time()
-            proof, crowded = _covered(given, strengths, curve.site, points, left, most)
+            points, pieces = _closed(curve.corners)
+            polygon, left = (given, strengths, curve.site, points), end - time.thread_time()
+            proof, crowded = _covered(*polygon, left, max(kicks, _CROWD))
             if crowded is None:
                 return proof
-            pieces, in_front = len(curve.orbits) - 1, (len(points) - len(curve.orbits)) // 2
-            bent = curve.bend(min(max(crowded - in_front, 0), pieces - 1), longest)
-    if curve is None:
+            bent = pieces[crowded] in range(len(curve.orbits) - 1) and curve.bend(
+                pieces[crowded], longest
+            )
+    if polygon is None:
         return _unproved(Outcome.PRECISION, given, strengths)
-    left = end - time.thread_time()
-    proof, _ = _covered(given, strengths, curve.site, points, left)
+    proof, _ = _covered(*polygon, end - time.thread_time())
     return proof
 
 
 def _closed(corners):
-    """The corners on a grid, the ends their own images, or between two that are."""
-    ends = np.rint(2 * corners[[0, -1]]) / 2
-    if np.abs(ends - corners[[0, -1]]).max() < 1e-5:
-        corners = corners[1:-1]
-    return np.concatenate([ends[:1], np.rint(corners * _GRID) / _GRID, ends[1:]])
+    """The corners on a grid, between two that are their own images. And which piece of theirs each
+    one is, or the one before the first, or after the last."""
+    points = np.rint(corners * _GRID) / _GRID
+    first, last = np.rint(2 * points[[0, -1]]) / 2
+    points = np.concatenate([[first], points, [last]])
+    kept = np.append(True, (np.diff(points, axis=0) != 0).any(axis=1))
+    return points[kept], (np.flatnonzero(kept)[1:] - 2).tolist()
 
 
 def _is_twist(kappa):
@@ -303,13 +305,11 @@ def proved_upper(profile, value, budget):
 
 def _covered(given, kappa, site, points, budget, most=math.inf):
     """The TransportProof: boxes that fail are halved, level by level. And the piece on which more
-    than `most` wait, if there is one, where this ends."""
+    than `most` wait, if there is one: this ends there."""
     forwards = np.tile(np.roll(kappa, -site), -(-_BLOCK // len(kappa)))
     ways = [forwards, forwards[::-1].copy()] if len(kappa) > 2 else [forwards]
     boxes = np.full((_FIRST * (len(points) - 1), 2), 0.25 / _FIRST)
     boxes[:, 0] *= 2 * np.arange(len(boxes)) + 1
-    nothing = np.empty((0, 2)), np.empty(0)
-    _followed(forwards, 0, points, *nothing, math.inf)  # the kernel is compiled before time counts
     end = time.thread_time() + budget
     outcome, found, crowded = Outcome.PROVED, [], None
     while len(boxes):
@@ -351,6 +351,12 @@ def _slopes(kappa, points, starts):
     x, y = (np.interp(2 * starts, np.arange(len(points)), axis) for axis in points.T)
     _, slopes = transversal.elimination(kappa, x, y, _LOOK * len(kappa))
     return np.clip(np.rint(slopes * 2.0**20) / 2.0**20, -3, 1 - 2.0**-20)
+
+
+def _compile():
+    """Compile the kernel, before time counts."""
+    nothing = np.empty((0, 2))
+    _followed(np.zeros(1), 0, nothing, nothing, np.empty(0), math.inf)
 
 
 def _followed(cycle, way, points, boxes, slopes, end):

@@ -5,5 +5,5 @@ from nasm import face
 __getattr__, __dir__ = face(
     __name__,
     newton="InvariantTorus critical_scale graph invariant_torus residual",
-    last_torus="of_fraction of_irrational upper_scale",
+    last_torus="of_irrational upper_scale",
 )

@@ -12,14 +12,15 @@ from itertools import product
 import numpy as np
 import xarray as xr
 
-from nasm import periodic, tori
+from nasm import barriers, periodic, tori
+from nasm.maps import rotating_forcing
 from nasm.planes import ROTATING_AXES
 from nasm.symmetries import ray
 from nasm.tori import last_torus
 from pipeline.cubes.breakdown import job_on_rays, scales
 from pipeline.cubes.cube import PAPER, angles_of_rays, blank, coordinate, text
 
-_KICKS = 8_000, 32_000  # on either side, for fractions and for others
+_KICKS, _TOL = 32_000, 1e-3  # on either side, for irrational Ω; width of brackets, for others
 _PICTURE = 128, 256  # points along φ and θ
 
 
@@ -41,10 +42,10 @@ def last_barriers(fractions, n_phases, irrational, angles):
         ),
         "phase": coordinate("forcing", np.array(shares, float), words),
     }
-    settings = {"kicks": list(_KICKS), "method": "converse KAM, and continuation"}
-    least = {"forcing": ["1/2,0"], "angle": np.zeros(1)}, {"kicks": [400, 400]}
+    settings = {"kicks": _KICKS, "tol": _TOL, "method": "last barriers, and certified tori"}
+    least = {"forcing": ["1/3,0"], "angle": np.zeros(1)}, {"kicks": 400, "tol": 0.1}
     on_ray = {"forcing": rows["forcing"], "angle": angles_of_rays(angles)}
-    more = {"omega": blank(on_ray, "turns per kick of what is certified at lower")}
+    more = {"omega": blank(on_ray, "turns per kick of the circle, or torus")}
     how = settings, _last_barriers, partial(_last_barriers, *least), "Last barriers", more
     job = job_on_rays("frequencies", ROTATING_AXES, rows, angles, 10, *how)
     return replace(job, predict=_predict)
@@ -114,10 +115,13 @@ def _name_of(vector):
 
 def _last_barriers(coords, settings):
     def last(name, profile):
-        (frequency, _, phase), kicks = name.partition(","), settings["kicks"]
-        if phase:
-            return last_torus.of_fraction(frequency, float(Fraction(phase)), *profile, kicks[0])
-        return last_torus.of_irrational(float(frequency), *profile, kicks[1])
+        frequency, _, phase = name.partition(",")
+        if not phase:
+            return last_torus.of_irrational(float(frequency), *profile, settings["kicks"])
+        forcing = rotating_forcing(*profile, frequency, float(Fraction(phase)))
+        found = barriers.critical_scale(forcing, settings["tol"])
+        turns = np.nan if found.omega is None else float(found.omega) / forcing.size
+        return found, abs(turns - np.rint(turns))
 
     found = [[last(name, on) for on in ray(coords["angle"])] for name in coords["forcing"]]
     arrays = scales([[scale for scale, _ in row] for row in found], ROTATING_AXES, coords["angle"])
@@ -125,10 +129,10 @@ def _last_barriers(coords, settings):
 
 
 def _predict(coords, settings):
-    """Predict seconds by the period; tori take longest."""
-    name = coords["forcing"][0]
-    q = Fraction(name.split(",")[0]).denominator if "," in name else 200
-    return (0.5 + 0.15 * q) * coords["angle"].size
+    """Predict seconds by the period."""
+    frequency, _, phase = coords["forcing"][0].partition(",")
+    seconds = 1.7 * Fraction(frequency).denominator if phase else 30
+    return seconds * coords["angle"].size
 
 
 def _breakups(coords, settings):

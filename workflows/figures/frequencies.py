@@ -7,6 +7,7 @@ import numpy as np
 from workflows.figures.style import colour_of, outer_legend, panels
 
 _NUMBER = {"fontsize": "xx-small", "ha": "center"}
+_BRACKET = {"fmt": "_", "color": colour_of(0), "lw": 2, "ms": 6, "mew": 2}  # some are narrow
 _BEYOND = 1.15  # times the largest end of a bracket: what is drawn
 
 
@@ -19,8 +20,8 @@ def draw_frequencies(cube):
     of, words = r"$\Omega = p/q$, ", "bracket of the phase that breaks first"
     look = {"color": "0.8", "lw": 6, "label": rf"{of}all phases $\varphi_0$"}
     wide.vlines(fractions.index, fractions.lower, fractions.most, **look)
-    look = {"color": colour_of(0), "lw": 2, "label": f"{of}{words}"}
-    wide.vlines(fractions.index, fractions.lower, fractions.upper, **look)
+    half = (fractions.upper - fractions.lower) / 2
+    wide.errorbar(fractions.index, fractions.lower + half, half, label=f"{of}{words}", **_BRACKET)
     words = r"$\Omega$ irrational: from a certified torus (▲) to converse KAM"
     wide.vlines(limits.index, limits.lower, limits.upper, color=colour_of(1), lw=2, label=words)
     wide.plot(limits.index, limits.lower, "^", color=colour_of(1), ms=5)
@@ -34,14 +35,15 @@ def draw_frequencies(cube):
         how = {"textcoords": "offset points", "va": "top", "ha": side, "fontsize": "small"}
         wide.annotate(f"↑ {most:.2f}", (Ω, top), (x, -3), **how)
     wide.set_ylim(None, top)
-    widths = ((cube.upper - cube.lower) / cube.upper).values
+    widths = (100 * (1 - cube.lower / cube.upper)).groupby(cube.phase.isnull()).median().to_series()
+    names = {False: "fractions", True: "irrational Ω"}
+    told = ", ".join(f"{width:.2g}% for {names[kind]}" for kind, width in widths.items())
     return figure, (
         "Where the last barrier of rotating maps breaks on the ray (κ̄, Δκ) = s·(cos, sin) of "
         f"{float(cube.angle):g}°: for {len(fractions)} fractions Ω, {table.phases.max()} phases "
-        f"each, the last circle; for {len(limits)} irrational Ω the last torus. The bracket "
-        "reaches from what is certified to converse KAM; it is "
-        f"{100 * np.nanmedian(widths):.1g}% wide in the median, and missing for "
-        f"{np.isnan(widths).sum()} of {widths.size}. {comparison}"
+        f"each, the last circle; for {len(limits)} irrational Ω the last torus. Brackets reach "
+        f"from what is certified to converse KAM. Their median width is {told}; "
+        f"{int((cube.lower + cube.upper).isnull().sum())} are missing. {comparison}"
     )
 
 
@@ -59,8 +61,8 @@ def _draw_convergents(axes, limits, fractions):
         axes.fill_between([i - 0.4, i + 0.4], lower, upper, color=colour_of(1), alpha=0.5, lw=0)
         for (q, at), x in zip(near, np.linspace(-0.3, 0.3, len(near) + 2)[1:-1], strict=True):
             least, first = fractions.loc[at, ["lower", "upper"]]
-            axes.vlines(i + x, least, first, color=colour_of(0), lw=2)
-            axes.annotate(q, (i + x, first), (0, 1), textcoords="offset points", **_NUMBER)
+            axes.errorbar(i + x, (least + first) / 2, (first - least) / 2, **_BRACKET)
+            axes.annotate(q, (i + x, first), (0, 4), textcoords="offset points", **_NUMBER)
             overlap += [q] if least < upper and lower < first else []
             inside += [q] if first <= lower else []
             outside += [q] if least >= upper else []
