@@ -62,7 +62,7 @@ _EXCESS = 0.7  # mostly
 _BLOCK = 32  # kicks, about, between two looks at the starts
 _GRIDS = ((1024, 0.5), (797, 0.382))  # as of `symmetry_line`
 _KEPT = 16  # starts for each kick of a period, of which the search goes on
-_NARROWEST = 1e-9  # a gap, of which no more is known than that
+_WIDE = 0.5  # of the widest gap before the kick of a site: where corners are
 _SITES = 8  # at most, whose transversals are tried
 _LONGEST = 4  # times √n_max: period of the minimax orbits up to which pieces are bent
 _SHORT = 100  # kicks: of shorter lives the shortest is sought, on the transversals of all sites
@@ -128,7 +128,7 @@ def curves(kappa, n_max):
     """
     sites, n_steps = _by_strength(kappa), 256
     while n_steps <= n_max:
-        for transversal in _transversals(kappa, list(sites)):
+        for transversal in _transversals(kappa, list(sites), 1e-6):
             # Who asks will try all starts: one grid is enough.
             _, kicks = _bent(transversal, n_steps, _GRIDS[:1], _KEPT)
             if kicks < np.inf:
@@ -206,7 +206,7 @@ def _longest_lived(kappa, n_steps, sites):
     """
     best = None
     kept = _KEPT * max(2, kappa.size)  # all ω up to P/2 are there
-    for transversal in _transversals(kappa, list(sites)):
+    for transversal in _transversals(kappa, list(sites), _WIDE):
         site, ((x, y), kicks) = transversal.site, _bent(transversal, n_steps, _GRIDS, kept)
         if best is None or kicks < best.kicks:
             best = Survivor(site, float(x), float(y), kicks)
@@ -217,12 +217,13 @@ def _longest_lived(kappa, n_steps, sites):
     return best
 
 
-def _transversals(kappa, sites):
-    """The transversal of each site, through its first orbits."""
+def _transversals(kappa, sites, wide):
+    """The transversal of each site, through its first orbits; wide : share of the widest gap that
+    those are wider than where its corners are."""
     # All ask for the same orbits.
     ordered = cache(lambda omega: ordered_orbits(kappa, *omega.as_integer_ratio()))
     for site in sites:
-        ahead, minimax = np.roll(kappa, -site), partial(_minimax, ordered, kappa.size, site)
+        ahead, minimax = np.roll(kappa, -site), partial(_minimax, ordered, kappa.size, site, wide)
         yield Transversal(site, ahead, _first_orbits(ahead, minimax), minimax)
 
 
@@ -281,7 +282,7 @@ def _place(omega, sites):
     return sites[0], sites[0] - sites[-1] + omega.numerator
 
 
-def _minimax(ordered, period, site, omega, near):
+def _minimax(ordered, period, site, wide, omega, near):
     """Sites of the minimax orbit of p/q before the kick of `site`, from one on that is
     nearest to x = near, over the width of its gap; ordered : `ordered_orbits` of ω."""
     p, q = omega.numerator, omega.denominator
@@ -292,9 +293,10 @@ def _minimax(ordered, period, site, omega, near):
         return rotation + near
     chain, starts = minimax.chain, np.arange((site - minimax.site) % period, period * q, period)
     gaps = (chain.right(minimizing.u) - minimizing.u)[starts]
+    starts, gaps = starts[gaps > wide * gaps.max()], gaps[gaps > wide * gaps.max()]
     away = near - minimax.sites()[starts]
-    away = np.abs(away - np.rint(away)) / np.maximum(gaps, _NARROWEST)
-    sites = rotation + chain.rolled(minimax.u, starts[away.argmin()])
+    far = np.abs(away - np.rint(away)) / gaps
+    sites = rotation + chain.rolled(minimax.u, starts[far.argmin()])
     return sites + np.rint(near - sites[0])
 
 
