@@ -7,6 +7,7 @@ import cloudpickle
 import numpy as np
 import pytest
 import xarray as xr
+from oracles import KAPPA_G
 
 from nasm import barriers, numbers, proofs
 from nasm.critical import Status
@@ -75,6 +76,14 @@ def test_a_tile_has_the_variables_of_its_cube_and_each_has_a_name_and_a_unit(nam
         assert array.shape == tuple(coords[dim].size for dim in dims)
         assert np.can_cast(array.dtype, cube.template[key].dtype, "same_kind") or key == "period"
     assert 0 < job.predict(coords, cube.settings) < 60
+
+
+def test_a_fraction_of_a_rotating_map_has_its_last_barrier_and_turns_per_kick():
+    coords = {"forcing": ["1/2,0", "1/2,0.25"], "angle": np.array([45.0])}  # (√2 s, 0), (s, s)/√2
+    found = rotating_maps._last_barriers(coords, {"kicks": 400, "tol": 1e-3})
+    scales = found["critical_scale"][:, 0]
+    assert scales == pytest.approx([KAPPA_G / 8**0.5, KAPPA_G * 2**0.5], rel=1e-9)
+    assert found["omega"][:, 0] == pytest.approx([(3 - 5**0.5) / 4, (3 - 5**0.5) / 2], abs=1e-12)
 
 
 def test_a_code_of_status_is_read_by_the_words_beside_it():

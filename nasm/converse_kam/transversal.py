@@ -62,7 +62,8 @@ _EXCESS = 0.7  # mostly
 _BLOCK = 32  # kicks, about, between two looks at the starts
 _GRIDS = ((1024, 0.5), (797, 0.382))  # as of `symmetry_line`
 _KEPT = 16  # starts for each kick of a period, of which the search goes on
-_WIDE = 0.5  # of the widest gap before the kick of a site: where corners are
+_WIDE, _OPEN = 0.5, 1e-6  # of the widest gap before the kick of a site: where corners of searches
+# for survivors are, and those of polygons for proofs
 _SITES = 8  # at most, whose transversals are tried
 _LONGEST = 4  # times √n_max: period of the minimax orbits up to which pieces are bent
 _SHORT = 100  # kicks: of shorter lives the shortest is sought, on the transversals of all sites
@@ -128,7 +129,7 @@ def curves(kappa, n_max):
     """
     sites, n_steps = _by_strength(kappa), 256
     while n_steps <= n_max:
-        for transversal in _transversals(kappa, list(sites), 1e-6):
+        for transversal in _transversals(kappa, list(sites), _OPEN):
             # Who asks will try all starts: one grid is enough.
             _, kicks = _bent(transversal, n_steps, _GRIDS[:1], _KEPT)
             if kicks < np.inf:
@@ -218,8 +219,8 @@ def _longest_lived(kappa, n_steps, sites):
 
 
 def _transversals(kappa, sites, wide):
-    """The transversal of each site, through its first orbits; wide : share of the widest gap that
-    those are wider than where its corners are."""
+    """The transversal of each site, through its first orbits. Its corners are in gaps that are
+    wider than the share `wide` of the widest."""
     # All ask for the same orbits.
     ordered = cache(lambda omega: ordered_orbits(kappa, *omega.as_integer_ratio()))
     for site in sites:
@@ -283,8 +284,8 @@ def _place(omega, sites):
 
 
 def _minimax(ordered, period, site, wide, omega, near):
-    """Sites of the minimax orbit of p/q before the kick of `site`, from one on that is
-    nearest to x = near, over the width of its gap; ordered : `ordered_orbits` of ω."""
+    """Sites of the minimax orbit of p/q before the kick of `site`, from one on that is nearest to
+    x = near, over the width of its gap. ordered : `ordered_orbits` of ω. wide : as above."""
     p, q = omega.numerator, omega.denominator
     rotation = np.arange(period * q) * (p / (period * q))
     try:
@@ -293,10 +294,10 @@ def _minimax(ordered, period, site, wide, omega, near):
         return rotation + near
     chain, starts = minimax.chain, np.arange((site - minimax.site) % period, period * q, period)
     gaps = (chain.right(minimizing.u) - minimizing.u)[starts]
-    starts, gaps = starts[gaps > wide * gaps.max()], gaps[gaps > wide * gaps.max()]
-    away = near - minimax.sites()[starts]
-    far = np.abs(away - np.rint(away)) / gaps
-    sites = rotation + chain.rolled(minimax.u, starts[far.argmin()])
+    kept = gaps > wide * gaps.max()
+    away = near - minimax.sites()[starts[kept]]
+    far = np.abs(away - np.rint(away)) / gaps[kept]
+    sites = rotation + chain.rolled(minimax.u, starts[kept][far.argmin()])
     return sites + np.rint(near - sites[0])
 
 

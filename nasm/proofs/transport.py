@@ -227,9 +227,8 @@ def _on_polygon(kappa, given, strengths, budget):
             proof, crowded = _covered(*polygon, left, max(kicks, _CROWD))
             if crowded is None:
                 return proof
-            bent = pieces[crowded] in range(len(curve.orbits) - 1) and curve.bend(
-                pieces[crowded], longest
-            )
+            piece = pieces[crowded]
+            bent = 0 <= piece < len(curve.orbits) - 1 and curve.bend(piece, longest)
     if polygon is None:
         return _unproved(Outcome.PRECISION, given, strengths)
     proof, _ = _covered(*polygon, end - time.thread_time())
@@ -237,8 +236,8 @@ def _on_polygon(kappa, given, strengths, budget):
 
 
 def _closed(corners):
-    """The corners on a grid, between two that are their own images. And which piece of theirs each
-    one is, or the one before the first, or after the last."""
+    """The corners on a grid, between two that are their own images. And of each piece its number
+    among those of `corners`, which is out of their range where the piece leads to an image."""
     points = np.rint(corners * _GRID) / _GRID
     first, last = np.rint(2 * points[[0, -1]]) / 2
     points = np.concatenate([[first], points, [last]])
