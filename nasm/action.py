@@ -415,27 +415,34 @@ def _solve(force, diagonal, kind, furthest, inverse, pull):
     Returns S, G, the logarithm of the product of the pivots, and how many are not positive. After
     it `pull` is how far each site moves with x_0.
     """
-    n = force.size
+    n, half = force.size, force.size // 2
     logarithm, product, bad = 0.0, 1.0, 0
-    for j in range(1, n):
-        pivot, ends = diagonal[j], (1.0 if j == 1 else 0.0) + (1.0 if j == n - 1 else 0.0)
-        if j > 1:
-            before = inverse[j - 1]
-            pivot -= before
-            force[j] += force[j - 1] * before
-            ends += pull[j - 1] * before
-        if not pivot > _ROUNDING:
-            bad, pivot = bad + 1, 1.0
-        inverse[j], pull[j] = 1 / pivot, ends
-        product *= pivot
+    # From both ends to the middle: two chains of divisions take no longer than one.
+    ahead = behind = 0.0, 0.0, 1.0
+    for i in range(1, n - half):
+        ahead, pivot = _eliminate(i, ahead, force, diagonal, inverse, pull)
+        product, bad = product * pivot, bad + (not pivot > _ROUNDING)
+        if i < half:
+            behind, pivot = _eliminate(n - i, behind, force, diagonal, inverse, pull)
+            product, bad = product * pivot, bad + (not pivot > _ROUNDING)
         if not 1e-200 < product < 1e200:
             logarithm, product = logarithm + np.log(product), 1.0
-    logarithm += np.log(product)
-    step = along = 0.0
-    for j in range(n - 1, 0, -1):
-        step, along = (force[j] + step) * inverse[j], (pull[j] + along) * inverse[j]
-        force[j], pull[j] = step, along
     if n > 1:
+        middle, ends = n - half, (ahead[0] + behind[0], ahead[1] + behind[1], ahead[2] + behind[2])
+        (_, step, along), pivot = _eliminate(middle, ends, force, diagonal, inverse, pull)
+        logarithm, bad = logarithm + np.log(product * pivot), bad + (not pivot > _ROUNDING)
+        force[middle], pull[middle] = step, along
+        back, back_along = step, along
+        for i in range(middle - 1, 0, -1):
+            step, along = (force[i] + step) * inverse[i], (pull[i] + along) * inverse[i]
+            force[i], pull[i] = step, along
+            if i < half:
+                j = n - i
+                back, back_along = (
+                    (force[j] + back) * inverse[j],
+                    (pull[j] + back_along) * inverse[j],
+                )
+                force[j], pull[j] = back, back_along
         curvature = diagonal[0] - (pull[1] + pull[n - 1])
         left = force[0] + (force[1] + force[n - 1])
     else:
@@ -449,6 +456,16 @@ def _solve(force, diagonal, kind, furthest, inverse, pull):
     return curvature, left, logarithm, bad
 
 
+@njit(nogil=True)
+def _eliminate(j, before, force, diagonal, inverse, pull):
+    """Eliminate site j, after the one next to it, of which it has what is returned: 1/pivot, and
+    that times force and pull. Also returns the pivot."""
+    pivot = diagonal[j] - before[0]
+    force[j] += before[1]
+    pull[j], inverse[j] = before[2], 1 / pivot if pivot > _ROUNDING else 1.0
+    return (inverse[j], force[j] * inverse[j], pull[j] * inverse[j]), pivot
+
+
 @kernel
 def relax(kappa, theta, u, kind, furthest, n_steps, work):
     """Steps of `_solve`, in place, until rounding ends them.
@@ -456,16 +473,17 @@ def relax(kappa, theta, u, kind, furthest, n_steps, work):
     Returns the largest change of the last step, S, G, and the rest as `_solve`.
     """
     n, period = u.size, kappa.size
-    inverse, pull, force, diagonal = work
+    # Rows that are unpacked at once are strided to Numba, and no loop takes many of them at once.
+    inverse, pull, force, diagonal = work[0], work[1], work[2], work[3]
     largest, last, curvature, left, logarithm, bad = np.inf, np.inf, 0.0, 0.0, 0.0, 0
     stiffness = 0.0  # where the action is not convex, springs to where the sites are
     for _ in range(n_steps):
+        _sines(theta, u, force, diagonal)
         site, behind, here = 0, u[n - 1], u[0]
         for j in range(n):
-            ahead = u[j + 1] if j < n - 1 else u[0]
-            x, strength = theta[j] + here, kappa[site]
-            force[j] = (ahead - here) - (here - behind) - strength / TWO_PI * sin2pi(x)
-            diagonal[j] = 2 + strength * cos2pi(x) + (stiffness if j else 0.0)
+            ahead, strength = u[j + 1] if j < n - 1 else u[0], kappa[site]
+            force[j] = (ahead - here) - (here - behind) - strength / TWO_PI * force[j]
+            diagonal[j] = 2 + strength * diagonal[j] + (stiffness if j else 0.0)
             behind, here = here, ahead
             site = site + 1 if site < period - 1 else 0
         curvature, left, logarithm, bad = _solve(force, diagonal, kind, furthest, inverse, pull)
@@ -488,12 +506,20 @@ def relax(kappa, theta, u, kind, furthest, n_steps, work):
     return largest, curvature, left, logarithm, bad
 
 
+@njit(nogil=True)
+def _sines(theta, u, sine, cosine):
+    """sin and cos of 2πx into vectors; in a loop of its own the compiler takes many at once."""
+    for j in range(u.size):
+        x = theta[j] + u[j]
+        sine[j], cosine[j] = sin2pi(x), cos2pi(x)
+
+
 @kernel
 def _refined_residue(kappa, numerators, u, work):
     """R of the orbit that floats have found: Newton's steps with forces in double-double, then the
     trace of the product of all tangent maps in the same."""
     n, period = u.size, kappa.size
-    inverse, pull, force, diagonal = work
+    inverse, pull, force, diagonal = work[0], work[1], work[2], work[3]
     u, low, slopes, bends = u.copy(), np.zeros(n), np.empty((2, n)), np.empty(n)
     for _ in range(8):
         for j in range(n):

@@ -360,7 +360,7 @@ class _Race:
         if self.blurred(below):
             return no_answer(omega, Status.NEAR_CUSP)
         while self.stands(omega, self.upper, _LONGER_ORBITS):
-            if len(self.eliminated) == 1:
+            if len(self.eliminated) == 1 and not self.climbed(omega):
                 return no_answer(omega, Status.UNDECIDED)
             self.eliminated.remove(self.upper)
         above = self.upper
@@ -371,6 +371,18 @@ class _Race:
             below, above = (middle, above) if self.stands(omega, middle) else (below, middle)
         value, method = (below + above) / 2, "Greene's residue"
         return CriticalScale(value, above - below, np.nan, np.nan, omega, Status.OK, method)
+
+    def climbed(self, omega):
+        """Find another scale without circles, above one where a circle is certified; whether it
+        is."""
+        scale = self.upper
+        if not _is_certified(omega, self.at(scale)):
+            return False
+        while len(self.eliminated) == 1:
+            scale += np.abs(self.at(scale)).max() / np.abs(self.short).max() / _LOCATE_ANYWHERE
+            if longest_lived(self.at(scale), _LOCATE_ANYWHERE).kicks < np.inf:
+                self.eliminated.append(scale)
+        return True
 
     def halved(self, scale):
         """Whether a circle's breakup is known by halving only."""
