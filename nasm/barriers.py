@@ -57,8 +57,9 @@ __dir__ = __all__.copy
 _LOCATE = 1000  # steps of converse KAM in step 1 on a line,
 _LOCATE_ANYWHERE = 100  # and on transversals
 _WIDE = 2  # times tol: a bracket that a caller must be told of
+_CLIMB = 0.01  # of the scale, where a search for survivors was wrong: the next that is tried
 _BEYOND = 0.5  # over the steps: where, past the breakup, the longest-lived start is asked for its ω
-_STEP = 0.5  # over the longest period that was asked: the next scale below one without circles,
+_STEP = 0.2  # over the longest period that was asked: the next scale below one without circles,
 _LARGEST_STEP = 0.03  # but no further away
 _ASKED = 24  # scales at which circles are looked for above the leader
 _ROUGH = 0.01  # of the value: a bracket above it that is wider says that the last circle is unknown
@@ -186,7 +187,7 @@ def _bracketed(race, tol):
     for scale, omega in sorted(stood, key=lambda seen: -seen[0])[:_CERTIFIED]:
         if not lower >= enough and _is_certified(omega, race.at(scale)):
             lower = scale
-            if best and scale > best.value:
+            if best and scale >= best.value:
                 value, error = (scale + upper) / 2, (upper - scale) / 2
                 best = replace(best, omega=omega, value=value, error=error)
     end = best.value if best else upper
@@ -379,7 +380,7 @@ class _Race:
         if not _is_certified(omega, self.at(scale)):
             return False
         while len(self.eliminated) == 1:
-            scale += np.abs(self.at(scale)).max() / np.abs(self.short).max() / _LOCATE_ANYWHERE
+            scale += _CLIMB * np.abs(self.at(scale)).max() / np.abs(self.short).max()
             if longest_lived(self.at(scale), _LOCATE_ANYWHERE).kicks < np.inf:
                 self.eliminated.append(scale)
         return True

@@ -49,7 +49,7 @@ from nasm.arithmetic.kernels import kernel
 from nasm.arithmetic.lanes import FEW, load_state, minimum, own_frame, store_state
 from nasm.arithmetic.sine import SINE, cos2pi
 from nasm.checks import count
-from nasm.converse_kam.symmetry_line import Survivor, longest_found, tangent_kick
+from nasm.converse_kam.symmetry_line import Survivor, beam_search, longest_found, tangent_kick
 from nasm.maps import MAX_PERIOD, forcing, kick, segment
 
 __all__ = ["Transversal", "curves", "elimination", "located", "longest_lived", "longest_period"]
@@ -62,6 +62,7 @@ _EXCESS = 0.7  # mostly
 _BLOCK = 32  # kicks, about, between two looks at the starts
 _GRIDS = ((1024, 0.5), (797, 0.382))  # as of `symmetry_line`
 _KEPT = 16  # starts for each kick of a period, of which the search goes on
+_FEW = 8  # times fewer, that are tried first
 _WIDE, _OPEN = 0.5, 1e-6  # of the widest gap before the kick of a site: where corners of searches
 # for survivors are, and those of polygons for proofs
 _SITES = 8  # at most, whose transversals are tried
@@ -242,7 +243,10 @@ def _bent(transversal, n_steps, grids, kept):
         def lifetimes(place, points_at=points_at):
             return elimination(kappa, *points_at(place), n_steps * kappa.size, True)[0]
 
-        place, kicks = longest_found(lifetimes, grids, kept, kept)
+        # Few starts find a survivor mostly, if there is one.
+        place, kicks = beam_search(lifetimes, *grids[0], kept // _FEW, kept // _FEW)
+        if kicks < np.inf:
+            place, kicks = longest_found(lifetimes, grids, kept, kept)
         piece = int(np.clip(np.searchsorted(at, place), 1, at.size - 1)) - 1
         if np.isfinite(kicks) or not transversal.bend(piece, longest_period(n_steps)):
             return points_at(place), kicks
