@@ -106,9 +106,9 @@ class Ladder:
         """{1: the minimizing Orbit, -1: the minimax one} of fraction n, as by `at`, by steps 1 and
         2 at this very scale."""
         chain, (site, u) = self.chains[n], self._begun(n, scale)
-        first = _widest(chain, np.roll(u, site)) - site
+        first = _widest(chain, _around(u, -site)) - site
         site, u = (site + first) % chain.period, chain.rolled(u, first)
-        start, profile = segment = np.roll([self.start, self.profile], -site, axis=1)
+        start, profile = segment = _around(self.start, site), _around(self.profile, site)
         found, width = np.empty((2, u.size)), (chain.right(u)[0] - u[0]) / _PLACES
         residues = _scan(start + scale * profile, *chain.frame, u, width, found)
         if np.isnan(residues).any():
@@ -136,7 +136,7 @@ class Ladder:
                 del self._climbed[next(iter(self._climbed))]
             kappa = self.start + scale * self.profile
             site = int(np.abs(kappa).argmax())
-            self._climbed[scale] = np.roll(kappa, -site), site, []
+            self._climbed[scale] = _around(kappa, site), site, []
         kappa, site, orbits = self._climbed[scale]
         for chain in self.chains[len(orbits) : n + 1]:
             i = len(orbits)
@@ -249,11 +249,11 @@ class Chain:
 
     def right(self, u):
         """The next orbit to the right: the same one, at another time."""
-        return np.roll(u, -self.frame[1]) + 1 / self.q
+        return _around(u, self.frame[1]) + 1 / self.q
 
     def rolled(self, u, first):
         """The orbit from site `first` on; x_0 in [-1/2, 1/2]."""
-        u = np.roll(u, -first) + self.theta[first % self.n_sites]
+        u = _around(u, first) + self.theta[first % self.n_sites]
         return u - np.rint(u[0])
 
     def joined(self, last, one):
@@ -288,6 +288,12 @@ def ordered_orbits(kappa, p, q):
     fractions = distinct_convergents(rational(Fraction(p, q)), q)
     found = Ladder(kappa, 0 * kappa, fractions).scan(len(fractions) - 1, 0.0)
     return found[1], found[-1]
+
+
+def _around(u, first):
+    """u from place `first` on, and around to it; np.roll takes five times as long."""
+    first %= u.size
+    return np.concatenate((u[first:], u[:first]))
 
 
 def _widest(chain, u):
