@@ -14,10 +14,11 @@ is stationary. Eliminate all sites but x_0, which minimize A for a given x_0. Th
     a' = -G,    a'' = S,    R = -S Π(pivots)/4,
 
 where G is the force on x_0, S the Schur complement of the other sites in the Hessian, which is
-tridiagonal, and the pivots those of the elimination. One sweep to the end and one back gives all
-three, and Newton's step of the other sites. Of every p/q two orbits are ordered like a rotation:
-the *minimizing* one, R < 0, at the minimum of a, and the *minimax* one, R > 0, at its maximum over
-the gap between the minimizing orbit and its neighbour. As x_0 moves by ±G/|S|, one rule finds both.
+tridiagonal, and the pivots those of the elimination. One sweep from both ends to the middle and one
+back gives all three, and Newton's step of the other sites. Of every p/q two orbits are ordered like
+a rotation: the *minimizing* one, R < 0, at the minimum of a, and the *minimax* one, R > 0, at its
+maximum over the gap between the minimizing orbit and its neighbour. As x_0 moves by ±G/|S|, one
+rule finds both.
 
 1. *Climb.* With x_0 held, the orbit of each convergent of ω is that of the last one, repeated, and
    the last but one, joined end to end, up to a few of Newton's steps. So long orbits are reached at
@@ -464,8 +465,8 @@ def _solve(force, diagonal, kind, furthest, inverse, pull):
 
 @njit(nogil=True)
 def _eliminate(j, before, force, diagonal, inverse, pull):
-    """Eliminate site j, after the one next to it, of which it has what is returned: 1/pivot, and
-    that times force and pull. Also returns the pivot."""
+    """Eliminate site j, after the one next to it, `before`: 1/pivot, and that times force and pull.
+    Returns the same of site j, and the pivot."""
     pivot = diagonal[j] - before[0]
     force[j] += before[1]
     pull[j], inverse[j] = before[2], 1 / pivot if pivot > _ROUNDING else 1.0

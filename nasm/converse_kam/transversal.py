@@ -62,7 +62,7 @@ _EXCESS = 0.7  # mostly
 _BLOCK = 32  # kicks, about, between two looks at the starts
 _GRIDS = ((1024, 0.5), (797, 0.382))  # as of `symmetry_line`
 _KEPT = 16  # starts for each kick of a period, of which the search goes on
-_FEW = 8  # times fewer, that are tried first
+_AT_FIRST = 8  # times fewer, that are tried first
 _WIDE, _OPEN = 0.5, 1e-6  # of the widest gap before the kick of a site: where corners of searches
 # for survivors are, and those of polygons for proofs
 _SITES = 8  # at most, whose transversals are tried
@@ -244,7 +244,7 @@ def _bent(transversal, n_steps, grids, kept):
             return elimination(kappa, *points_at(place), n_steps * kappa.size, True)[0]
 
         # Few starts find a survivor mostly, if there is one.
-        place, kicks = beam_search(lifetimes, *grids[0], kept // _FEW, kept // _FEW)
+        place, kicks = beam_search(lifetimes, *grids[0], kept // _AT_FIRST, kept // _AT_FIRST)
         if kicks < np.inf:
             place, kicks = longest_found(lifetimes, grids, kept, kept)
         piece = int(np.clip(np.searchsorted(at, place), 1, at.size - 1)) - 1
