@@ -112,13 +112,14 @@ def critical_scale(profile, tol=1e-4, start=None):
     start, profile = segment(start, profile)
     tol = real("tol", tol, 1e-5, 0.1)
     # On κ1 = κ2 the barriers are noble for the standard map, not for two steps of it.
-    (start, short), zero = shorten([start, profile], rational(0))
-    found = _last(start, short, tol)
+    (begin, short), zero = shorten([start, profile], rational(0))
+    found = _last(begin, short, tol)
     if found.omega is None:
         return found
     if found.upper - found.lower > _WIDE * tol * found.value:
         found = replace(found, status=Status.WIDE)
-    return replace(found, omega=per_period(found.omega, profile, short, zero))
+    kappa = start + found.value * profile
+    return replace(found, omega=per_period(found.omega, kappa, short, zero))
 
 
 def _last(start, short, tol):
@@ -521,15 +522,21 @@ def per_period(omega, profile, short, zero):
 
 
 def tied(omega, profile):
-    """P/2 - ω, whose circle breaks together with that of ω if every other kick is zero; else None.
+    """P/2 - ω, if its circle breaks together with that of ω, as where every other kick is zero, or
+    under (1, 1, -1, -1); else None.
 
-    y → y + 1/2 is then a symmetry (`symmetries.alternate`), which takes ω to ω + P/2. So γ and
-    1 - γ break together on the axes of the (κ1, κ2) plane, where the paper writes γ.
+    y → y + 1/2 changes the sign of every other kick (`symmetries.alternate`) and takes ω to ω +
+    P/2. That is a symmetry if it is undone by another beginning, the other direction of time or
+    x → x + 1/2. So γ and 1 - γ break together on the axes of the (κ1, κ2) plane, where the paper
+    writes γ.
     """
     profile, omega = np.asarray(profile), checked(omega)
-    if profile.size % 2 or (profile[::2].any() and profile[1::2].any()):
-        return None
-    return moebius(omega, -1, profile.size // 2)
+    alternated = profile * (-1.0) ** np.arange(profile.size)
+    images = [
+        np.roll(kappa, n) for kappa in (alternated, alternated[::-1]) for n in range(profile.size)
+    ]
+    same = any(np.array_equal(image, sign * profile) for image in images for sign in (1, -1))
+    return moebius(omega, -1, profile.size // 2) if same and profile.size % 2 == 0 else None
 
 
 def boundary(angles, tol=1e-4):
