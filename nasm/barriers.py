@@ -62,6 +62,7 @@ _BEYOND = 0.5  # over the steps: where, past the breakup, the longest-lived star
 _STEP = 0.2  # over the longest period that was asked: the next scale below one without circles,
 _LARGEST_STEP = 0.03  # but no further away
 _ASKED = 24  # scales at which circles are looked for above the leader
+_NEXT = 2e-4  # of the value: so near above it the tree is asked however wide the bracket may be
 _BANDS = 6e-4  # of the value: error where circles break and come back. Under 38 such forcings some
 # came back in bands too narrow to be met, under three 3 to 6·10⁻⁴ above, under one 3·10⁻³.
 _ROUGH = 0.01  # of the value: a bracket above it that is wider says that the last circle is unknown
@@ -150,6 +151,9 @@ def _last(start, short, tol):
             # The nearer to a circle, the longer a start lives.
             scale, n_steps = (best.value + race.upper) / 2, n_longer
         omega, names, _ = (None, [], 0) if few else race.standing(scale)
+        if names and omega is None and share > _NEXT:
+            omega = race.standing(nearer := best.value * (1 + _NEXT))[0]
+            scale = nearer if omega else scale
         survives = omega is not None
         if survives:
             race.enter([omega], scale)
