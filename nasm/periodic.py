@@ -33,6 +33,7 @@ __dir__ = __all__.copy
 
 _METHOD = "Greene's residue"
 _LOST = 1e-12  # residues below are rounding
+_ROUNDED = 4e-17  # of the value for each period: κ_G was off by up to 2.7e-12 at period 10⁵
 _ORDER = 2.04  # crossings converge like q^-2.04
 _LONG = 100, 300, 1000  # periods of orbits that tell sheets of a boundary apart, in turn
 _SHORT = 8  # enough with two kicks or one, whose boundaries have one sheet
@@ -202,6 +203,7 @@ def _estimate(crossed, profile):
     if status is not Status.OK:
         return no_answer(None, status)
     value, error = _limit(scales, *tail)
+    error = max(error, _ROUNDED * periods[-1] * value)
     if periods[-1] < 4 * cusp:
         error *= 2
     if error * np.abs(profile).max() > 0.01:
