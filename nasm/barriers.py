@@ -41,7 +41,7 @@ from nasm.farey import circle_stands, standing
 from nasm.maps import direction, forcing, segment, unkick
 from nasm.numbers import checked, convergents, moebius, nobles_near, rational
 from nasm.orbits import rotation_number
-from nasm.symmetries import dominant_centre, halfway_nobles, ray, shorten
+from nasm.symmetries import dominant_centre, halfway_nobles, ray, relatives, shorten
 
 __all__ = [
     "boundary",
@@ -151,7 +151,7 @@ def _last(start, short, tol):
             # The nearer to a circle, the longer a start lives.
             scale, n_steps = (best.value + race.upper) / 2, n_longer
         omega, names, _ = (None, [], 0) if few else race.standing(scale)
-        if names and omega is None and share > _NEXT:
+        if not few and omega is None and share > _NEXT:
             omega = race.standing(nearer := best.value * (1 + _NEXT))[0]
             scale = nearer if omega else scale
         survives = omega is not None
@@ -534,13 +534,9 @@ def tied(omega, profile):
     x → x + 1/2. So γ and 1 - γ break together on the axes of the (κ1, κ2) plane, where the paper
     writes γ.
     """
-    profile, omega = np.asarray(profile), checked(omega)
-    alternated = profile * (-1.0) ** np.arange(profile.size)
-    images = [
-        np.roll(kappa, n) for kappa in (alternated, alternated[::-1]) for n in range(profile.size)
-    ]
-    same = any(np.array_equal(image, sign * profile) for image in images for sign in (1, -1))
-    return moebius(omega, -1, profile.size // 2) if same and profile.size % 2 == 0 else None
+    profile, omega = forcing(profile), checked(omega)
+    same = (turn for turn, (kappa,) in relatives(profile[None]) if np.array_equal(kappa, profile))
+    return moebius(omega, -1, profile.size // 2) if any(same) else None
 
 
 def boundary(angles, tol=1e-4):

@@ -400,7 +400,7 @@ def _limit(scales, period, ratio):
         value, (last, before, first) = by_ratio[-1], scales[:-4:-1]
         changes = [value - last, last - before, (before - first) * abs(ratio) ** (1 / period)]
         changes.extend(np.diff(by_ratio[-2:]))
-    return value, max(4 * np.spacing(value), *np.abs(changes))
+    return value, max(np.abs(changes))
 
 
 def _aitken(first, second, third):

@@ -24,7 +24,7 @@ import numpy as np
 
 from nasm.checks import fraction, sealed
 from nasm.maps import MAX_PERIOD, direction, forcing
-from nasm.symmetries import ray
+from nasm.symmetries import ray, relatives
 
 __all__ = ["Plane", "from_json", "parse", "rotating", "three_kicks", "two_kicks"]
 __dir__ = __all__.copy
@@ -135,7 +135,7 @@ class Plane:
             # a' = cos·a - sin·b, b' = sin·a + cos·b, with -b for b if mirrored.
             first, second = cos * here[1] + sin * here[2], cos * here[2] - sin * here[1]
             image = np.array([here[0], first, -second if mirrored else second])
-            for omega_shift, relative in _relatives(here):
+            for omega_shift, relative in relatives(here):
                 if np.abs(relative - image).max() <= _SAME * np.abs(here).max():
                     found.append((mirrored, 90 * quarters, omega_shift))
                     break
@@ -167,20 +167,6 @@ class Plane:
         is_least = images == folded
         shifts = np.where(is_least, shifts.reshape(-1, *[1] * folded.ndim), len(self.origin))
         return folded, shifts.min(axis=0)
-
-
-def _relatives(vectors):
-    """What alternation, reversal, negation and shifts make of the rows; each with its shift of ω.
-
-    Those that leave ω alone come first.
-    """
-    period = vectors.shape[1]
-    alternations = [(0, vectors)]
-    if period % 2 == 0:
-        alternations.append((period // 2, vectors * (-1.0) ** np.arange(period)))
-    for (omega_shift, form), sign, order in product(alternations, (1, -1), (1, -1)):
-        for places in range(period):
-            yield omega_shift, sign * np.roll(form[:, ::order], places, axis=1)
 
 
 def plane_of(record):

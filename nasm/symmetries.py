@@ -87,6 +87,20 @@ def ray(angle):
     return profile
 
 
+def relatives(vectors):
+    """What alternation, reversal, negation and shifts make of the rows; each with its shift of ω.
+
+    Those that leave ω alone come first.
+    """
+    period = vectors.shape[1]
+    alternations = [(0, vectors)]
+    if period % 2 == 0:
+        alternations.append((period // 2, vectors * (-1.0) ** np.arange(period)))
+    for (omega_shift, form), sign, order in product(alternations, (1, -1), (1, -1)):
+        for places in range(period):
+            yield omega_shift, sign * np.roll(form[:, ::order], places, axis=1)
+
+
 def dominant_centre(kappa):
     """The centre (site, a) whose orbits are the minimax ones, R > 0, for all ω if there is such.
 
