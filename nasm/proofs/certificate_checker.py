@@ -31,6 +31,7 @@ import json
 import re
 import struct
 from fractions import Fraction
+from functools import reduce
 from itertools import combinations_with_replacement
 
 from flint import acb, acb_poly, arb, arb_poly, ctx, fmpq
@@ -214,7 +215,9 @@ def hypothesis(certificate):
     demand(len(boxes) == len(lives), "not a life for each box")
     kappa, widths = kappa[site:] + kappa[:site], widths[site:] + widths[:site]
     if "half_width" in certificate:
-        covered = [cover_of_piece(group, kappa, widths) for group in pieces(boxes)]
+        pieces = {box[-1] for box in boxes}
+        groups = [[box for box in boxes if box[-1] == piece] for piece in pieces]
+        covered = [cover_of_piece(group, kappa, widths) for group in groups]
     else:
         covered = [(y - delta, y + delta) for y, delta in boxes]
         strengths = [number for k in kappa for number in (k, Fraction(0))]
@@ -256,12 +259,14 @@ def hypothesis_of_several(certificate):
             start + (2 * s - piece) * (end - start) for start, end in ((x, x_end), (y, y_end))
         ]
         width = 2 * delta * (x_end - x), 2 * delta * (y_end - y)
-        for half, kicks, n in zip((forwards, backwards), (ahead, ahead[::-1]), life, strict=True):
+        begun = halves(*middle, *width, split)
+        for half, kicks, n in zip(begun, (ahead, ahead[::-1]), life, strict=True):
             demand(isinstance(n, int) and n > 0, f"a life of {n!r} kicks")
             with ctx.workprec(128):
-                eta, *begun = half(*middle, *width, split)
+                eta, *orbit = [[ball(number) for number in pair] for pair in half]
                 strengths = [(ball(k), arb(0)) for k in kicks]
-                bound = summed(list(orbits(begun, strengths, [], n)), *eta)
+                sites = list(orbits(orbit, strengths, [], n))
+                bound = summed(sites, eta[0], float(half[0][1]))
             demand(bound <= 0, f"half of Q may be {bound} in the box at {float(s)}")
 
 
@@ -275,41 +280,18 @@ def is_positive(kappa):
     return True
 
 
-def forwards(x, y, x_width, y_width, split):
-    """Of the half from the curve's site on: η of the site before and of its first site; and x, v, t
-    of both. That site counts as if η before it were 1 - split."""
-    frame = steep(x_width, y_width, split)
-    return (
-        (ball(1 - split), 1.0),
-        (ball(x - y), ball(x)),
-        (ball(1 - frame), arb(1)),
-        (ball(x_width - y_width), ball(x_width)),
-    )
+def halves(x, y, x_width, y_width, split):
+    """Of the half of Q from the curve's site on, and of that from the site before on, where
+    x_{c-n} → -x_{c-n}: η, x, v and t, each of the site in front and of the first site.
 
-
-def backwards(x, y, x_width, y_width, split):
-    """The same of the half from the site before on, as x_{c-n} → -x_{c-n}; η is known there."""
-    frame = steep(x_width, y_width, split)
-    return (
-        (arb(1), float(1 - split)),
-        (ball(-x), ball(y - x)),
-        (arb(1), ball(1 - frame)),
-        (ball(-x_width), ball(y_width - x_width)),
-    )
-
-
-def steep(x_width, y_width, split):
-    """The slope of v: any number that makes it no multiple of t; `split`, if it is none nearly."""
+    The curve's site counts ahead as if η before it were 1 - split; behind, η is that there.
+    """
+    # Any slope of v will do that makes it no multiple of t: `split`, if it is none nearly.
     near = abs(y_width - split * x_width) < (abs(x_width) + abs(y_width)) / 10_000
-    return split + near
-
-
-def pieces(boxes):
-    """The boxes of a cell in groups, by their last number."""
-    groups = {}
-    for box in boxes:
-        groups.setdefault(box[-1], []).append(box)
-    return groups.values()
+    slope = split + near
+    ahead = (1 - split, 1), (x - y, x), (1 - slope, 1), (x_width - y_width, x_width)
+    behind = (1, 1 - split), (-x, y - x), (1, 1 - slope), (-x_width, y_width - x_width)
+    return ahead, behind
 
 
 def cover_of_piece(boxes, kappa, widths):
@@ -597,8 +579,8 @@ def conclusion(kappa, rho, divisors, period, errors, n, p, k):
     delta = arb("0.99") * rho / arb("4.2")
     C = russmann(divisors, period, delta) + delta
     holds, left = inequalities(kappa, delta, C, eps, n, p, k)
-    found = left | {"delta": delta, "C": C, "epsilon": eps, "error": max_of(errors)}
-    found |= {"n": max_of(n), "p": max_of(p), "k": max_of(k)}
+    found = left | {"delta": delta, "C": C, "epsilon": eps, "error": reduce(arb.max, errors)}
+    found |= {"n": reduce(arb.max, n), "p": reduce(arb.max, p), "k": reduce(arb.max, k)}
     return holds, {name: float(x.upper()) for name, x in found.items()}
 
 
@@ -614,17 +596,10 @@ def inequalities(kappa, delta, C, eps, n, p, k):
         second = k[j] * (arb("0.5") + x[j] / 6) * x[j].exp() * x[j] ** 2
         ratio += n[j] * abs(kappa[j]) / two_pi * grown * second / eps
     chi = 4 * grown * w * eps / (3 * e * arb("0.1") * delta**3)
-    room = max_of(q[j] * n[j] * n[(j + 1) % P] * (2 * chi + chi**2) for j in range(P))
-    moved = max_of((4 * y / 3).exp() - 1 for y in x)
+    room = reduce(arb.max, [q[j] * n[j] * n[(j + 1) % P] * (2 * chi + chi**2) for j in range(P)])
+    moved = reduce(arb.max, [(4 * y / 3).exp() - 1 for y in x])
     holds = eps > 0 and ratio < arb(1) / 32 and chi < eta and room < eta / grown and moved < eta
     return bool(holds), {"ratio": ratio, "chi": chi, "room": room, "moved": moved}
-
-
-def max_of(balls):
-    worst = arb(0)
-    for ball in balls:
-        worst = worst.max(ball)
-    return worst
 
 
 def theorem(data):
