@@ -712,22 +712,14 @@ class Grid:
 
     def residuals(self, kappa, u, alpha):
         """Bounds of ‖E_j‖. u : for each j the polynomial of the modes û_k, k ≥ 0."""
-        half, two_pi, sines = self.half, 2 * arb.pi(), []
+        half, two_pi, errors = self.half, 2 * arb.pi(), []
         u = [[*f.coeffs(), *[acb(0)] * (half - len(f))] for f in u]
-        for f, g in zip(u[::2], [*u[1::2], [acb(0)] * half], strict=False):  # two real functions
-            above = [a + b * acb(0, 1) for a, b in zip(f, g, strict=True)]
-            below = [a.conjugate() + b.conjugate() * acb(0, 1) for a, b in zip(f, g, strict=True)]
-            values = acb.dft([above[0], *below[1:], acb(0), *above[:0:-1]])
-            z = acb.dft([
-                acb((angle + 2 * x.real).sin_pi(), (angle + 2 * x.imag).sin_pi())
-                for angle, x in zip(self.angles, values, strict=True)
-            ])  # fmt: skip
-            both = [(z[k], z[-k].conjugate()) for k in range(half)]
-            sines.append([(x + y) / (4 * half) for x, y in both])
-            sines.append([(x - y) / acb(0, 4 * half) for x, y in both])
-        turns, errors = [acb(2 * k * alpha).exp_pi_i() for k in range(half)], []
+        turns = [acb(2 * k * alpha).exp_pi_i() for k in range(half)]
         for j, strength in enumerate(kappa):
-            rows = u[(j + 1) % len(u)], u[j - 1], u[j], sines[j], turns
+            values = acb.dft([*(x.conjugate() for x in u[j]), acb(0), *u[j][:0:-1]])
+            angles = zip(self.angles, values, strict=True)
+            sines = acb.dft([(angle + 2 * x.real).sin_pi() / (2 * half) for angle, x in angles])
+            rows = u[(j + 1) % len(u)], u[j - 1], u[j], sines[:half], turns
             E = [
                 turn * after + turn.conjugate() * before - 2 * x - strength / two_pi * sine
                 for after, before, x, sine, turn in zip(*rows, strict=True)
