@@ -14,8 +14,8 @@ What a proof rests on: FLINT's balls (python-flint, the extra `proof`), and the 
 floats only choose (ρ, ρ̂, where sums are cut, the polynomial near 1/g_j'), and any choice is sound.
 How u was found does not matter: `refined` and what follows it may do as they like.
 
-For P ≤ 2 the u_j are odd, as h_j(θ) → -h_{-j}(-θ) maps circles to circles. Then all is real, and a
-sine transform of n/2 points stands for two functions; else a complex transform of n points does.
+For P ≤ 2 the u_j are odd, as h_j(θ) → -h_{-j}(-θ) maps circles to circles. Then all is real, and
+one transform stands for two functions.
 """
 
 import time
@@ -299,7 +299,6 @@ class Grid:
         phases = [2 * alpha * k for k in range(half)]
         if self.odd:  # u_{j+1}(φ + α) + u_{j-1}(φ - α), both sites being the same
             self.turn = [2 * x.cos_pi() for x in phases]
-            self.twiddles = [acb(1 / (8 * (arb(i) / half).sin_pi()), 0.125) for i in range(1, half)]
         else:
             self.turn = [acb(x).exp_pi_i() for x in phases]
         self.angles = [arb(2 * i) / n for i in range(half if self.odd else n)]
@@ -314,52 +313,20 @@ class Grid:
         """Values of real functions at φ = i/n, i < n/2 if they are odd, else i < n."""
         rows = [row + [arb(0)] * (self.n // 2 - len(row)) for row in modes]
         if self.odd:
-            return [[2 * x for x in row] for row in self._sine_transform(rows)]
-        values = []
-        for pair in _pairs(rows):
-            a, b = pair[0], pair[-1]  # of an unpaired function too: its copy is dropped
-            x = [acb(f) + acb(0, 1) * g for f, g in zip(a, b, strict=True)]
-            back = [
-                acb(f).conjugate() + acb(0, 1) * acb(g).conjugate()
-                for f, g in zip(a, b, strict=True)
-            ]
-            z = acb.dft([x[0], *back[1:], arb(0), *x[:0:-1]])
-            values += [[v.real for v in z], [v.imag for v in z]][: len(pair)]
-        return values
+            return self._sines(rows)
+        ends = [([acb(x).conjugate() for x in row], row[:0:-1]) for row in rows]
+        return [[v.real for v in acb.dft([*low, arb(0), *high])] for low, high in ends]
 
     def modes(self, values):
         """Modes 0, …, n/2 - 1, aliased, of the real functions with these values."""
-        half = self.n // 2
-        if self.odd:
-            return [[x / half for x in row] for row in self._sine_transform(values)]
-        modes = []
-        for pair in _pairs(values):
-            z = acb.dft([acb(f, g) for f, g in zip(pair[0], pair[-1], strict=True)])
-            both = [(z[k], z[-k].conjugate()) for k in range(half)]
-            modes.append([(f + g) / (2 * self.n) for f, g in both])
-            modes.append([(f - g) / acb(0, 2 * self.n) for f, g in both])
-        return modes[: len(values)]
+        rows = self._sines(values) if self.odd else map(acb.dft, values)
+        return [[x / self.n for x in row[: self.n // 2]] for row in rows]
 
-    def _sine_transform(self, rows):
-        """Σ_k x_k sin(πki/N), i = 0, …, N - 1, of one or two rows of N reals with x_0 = 0.
-
-        With x odd and of period 2N, the transform Y of x_{2m+1} - x_{2m-1} + 2x_{2m} has as its
-        symmetric part 4 sin(πi/N) times the sum over odd k, as the other -4i times that over even.
-        """
+    def _sines(self, rows):
+        """2 Σ_k x_k sin(2πki/n), i < n/2, of one or two rows of n/2 reals with x_0 = 0."""
         x = [acb(*pair) for pair in zip(*rows, strict=True)]
-        x += [acb(0), *(-v for v in x[:0:-1])]
-        odd, even = x[1::2], x[::2]
-        y = acb.dft([
-            a - b + 2 * c for a, b, c in zip(odd, odd[-1:] + odd[:-1], even, strict=True)
-        ])  # fmt: skip
-        z = [acb(0)]
-        for t, a, b in zip(self.twiddles, y[1:], y[:0:-1], strict=True):
-            z.append(t * a + t.conjugate() * b)
-        return [[v.real for v in z], [v.imag for v in z]][: len(rows)]
-
-
-def _pairs(rows):
-    return [rows[j : j + 2] for j in range(0, len(rows), 2)]
+        y = acb.dft([*x, arb(0), *(-v for v in x[:0:-1])])[: self.n // 2]  # -i times that
+        return [[-v.imag for v in y], [v.real for v in y]][: len(rows)]
 
 
 def residual(grid, u):
@@ -731,12 +698,8 @@ def whole(row, unit):
 
 
 def _rounded(balls, unit):
-    numbers = []
-    for x in balls:
-        mantissa, exponent = (int(part) for part in x.mid().man_exp())
-        shift = exponent - unit
-        half = 1 << -shift - 1 if shift < 0 else 0
-        numbers.append(mantissa << shift if shift >= 0 else mantissa + half >> -shift)
+    scale = arb(2) ** -unit
+    numbers = [int((x * scale + 0.5).mid().floor().unique_fmpz()) for x in balls]
     while numbers and not numbers[-1]:
         numbers.pop()
     return numbers
