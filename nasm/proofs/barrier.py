@@ -21,8 +21,8 @@ one transform stands for two functions.
 import time
 from copy import copy
 from dataclasses import dataclass, field
-from functools import lru_cache
-from itertools import chain, cycle, islice
+from functools import lru_cache, reduce
+from itertools import islice
 from math import ceil, inf, log, nan, pi, sqrt
 
 import numpy as np
@@ -83,10 +83,7 @@ class BarrierProof:
     moves: list = field(default_factory=list, repr=False)
 
     def certificate(self):
-        """What another program needs to check the proof: see proofs/README.md, "Certificates".
-
-        ValueError if nothing was proved.
-        """
+        """What another program needs to check the proof; ValueError if nothing was proved."""
         fields = {
             "shortened_from": {"omega": str(self.omega), "kappa": in_hex(self.kappa)},
             "omega": str(self.short_omega),
@@ -251,24 +248,18 @@ def _omega_ball(omega, bits):
 
 @lru_cache(maxsize=64)
 def _divisors(omega):
-    """(q_n, |e^{2πiq_nω} - 1|, whether the last period bounds what follows) for n = 0, 1, ….
-
-    |q_nω - p_n| = 1/(q_n x_{n+1} + q_{n-1}), x_n = [a_n; a_{n+1}, …] from far behind to here. The
-    list ends 40 quotients or more, and a whole period, into the tail.
-    """
+    """(q_n, |e^{2πiq_nω} - 1|, whether the last period bounds what follows) for n = 0, 1, …, to 40
+    quotients or more, and a whole period, into the tail."""
     length = len(omega.tail)
     last = len(omega.prefix) + (40 // length + 2) * length
-    a = [*islice(chain(omega.prefix, cycle(omega.tail)), last + 80)]
-    x = [arb(a[-1]) + arb(0.5, 0.5)]
-    for quotient in a[-2:0:-1]:
-        x.append(quotient + 1 / x[-1])
-    x.reverse()  # x_1, x_2, …
-    found, before = [], 0
-    for n, f in enumerate(islice(convergents(omega), last)):
-        q = f.denominator
-        found.append((q, 2 * (1 / (q * x[n] + before)).sin_pi(), n >= last - length))
-        before = q
-    return found
+    found = [*islice(convergents(omega), last)]
+    bits = 2 * max(map(abs, found[-1].as_integer_ratio())).bit_length() + 64
+    with ctx.workprec(bits):
+        ball = _omega_ball(omega, bits)
+        return [
+            (f.denominator, 2 * abs((ball * f.denominator).sin_pi()), n >= last - length)
+            for n, f in enumerate(found)
+        ]
 
 
 def _russmann(omega, delta):
@@ -446,7 +437,9 @@ def verified(grids, u, E, sizes, apart, kappa, between, part=1):
     (grid, *_), two_pi = grids, 2 * arb.pi()
     bounds = [[[[x.abs_upper() for x in row] for row in t] for t in rows] for rows in (u, E)]
     largest = [np.array(rows, dtype=float).max(axis=0) for rows in bounds]
-    inverses = [near_the_inverse(grid, modes) for modes in u]
+    inverses = [
+        np.fft.rfft(1 / slopes_on_grid(as_doubles(x, grid.odd), grid.n)) / grid.n for x in u
+    ]
     chosen = best_widths(grid, *largest, np.abs(inverses[0]))
     rho, rho_hat = arb(chosen["rho"]), arb(chosen["rho_hat"])
     errors = [
@@ -466,24 +459,18 @@ def verified(grids, u, E, sizes, apart, kappa, between, part=1):
                 slope, d = slope_modes(modes[j], grid.odd), near[j, : chosen["modes"]]
                 bound = bound_of_the_inverse(slope, d, rho, grid.odd, chosen["kept"], moved)
                 of_points.append(bound)
-        p.append(max_of(of_points))
-        error = max_of([at[j] for at in errors])
+        p.append(reduce(arb.max, of_points))
+        error = reduce(arb.max, [at[j] for at in errors])
         everywhere.append(between(error, rho, [row[j] for row in norms], j))
     eps = sum(a * b for a, b in zip(n, everywhere, strict=True))
     failed, left = inequalities(grid.omega, kappa, rho, eps, n, p, k, part)
-    left |= {"error": max_of(everywhere), "n": max_of(n), "p": max_of(p), "k": max_of(k)}
+    worst = {"error": everywhere, "n": n, "p": p, "k": k}
+    left |= {key: reduce(arb.max, of_sites) for key, of_sites in worst.items()}
     # Floats above: the nearest to the upper end of a ball may be below it.
     constants = {key: float(np.nextafter(float(x.upper()), inf)) for key, x in left.items()}
     why = f"not proved: inequalities of the theorem fail: {', '.join(failed)}" if failed else ""
     found = {"proved": not failed, "why": why, "rho": float(rho), "constants": constants}
     return found | {"least": chosen["least"]}
-
-
-def max_of(balls):
-    largest = balls[0]
-    for x in balls[1:]:
-        largest = largest.max(x)
-    return largest
 
 
 def balls(moves, unit, size, odd):
@@ -657,11 +644,6 @@ def correction(turn, modes, E):
     w = w + np.cumsum(flux, axis=0) - flux
     w -= (slopes[0] * w[0]).mean(-1)[..., None]
     return np.fft.rfft(slopes * w) / n * shift.conj()
-
-
-def near_the_inverse(grid, modes):
-    """Modes of 1/g_j', about."""
-    return np.fft.rfft(1 / slopes_on_grid(as_doubles(modes, grid.odd), grid.n)) / grid.n
 
 
 def slopes_on_grid(modes, n):
