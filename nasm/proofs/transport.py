@@ -145,10 +145,7 @@ class TransportProof(Proof):
     slopes: np.ndarray = field(repr=False)
 
     def certificate(self):
-        """What another program needs to check the proof: see proofs/README.md, "Certificates".
-
-        ValueError if nothing was proved.
-        """
+        """What another program needs to check the proof; ValueError if nothing was proved."""
         fields = {
             "shortened_from": {"kappa": in_hex(self.given)},
             "kappa": in_hex(self.kappa),

@@ -90,10 +90,7 @@ class CellProof(Proof):
     lives: np.ndarray = field(repr=False)
 
     def certificate(self):
-        """What another program needs to check the proof: see proofs/README.md, "Certificates".
-
-        ValueError if nothing was proved.
-        """
+        """What another program needs to check the proof; ValueError if nothing was proved."""
         fields = {
             "kappa": in_hex(self.kappa),
             "half_width": in_hex(self.half_width),
