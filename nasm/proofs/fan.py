@@ -224,7 +224,7 @@ class _Fan:
             raise ValueError(f"low={low}, high={high}, Q={Q}, R={R} are out of range")
         self.profile, self.tilt = [arb(k) for k in profile], [arb(k) for k in tilt]
         self.shape = Q, R
-        self.middle, self.half = (arb(low) + high) / 2, (arb(high) - low) / 2
+        self.middle, self.half, self.high = (arb(low) + high) / 2, (arb(high) - low) / 2, arb(high)
         self.T = [_chebyshev(Q), _chebyshev(R)]
         grid = Grid(omega, profile, n)
         self.grids = []
@@ -254,17 +254,12 @@ class _Fan:
 
     def _product(self, A, tables):
         """Σ A_mi A'_li' tables[i, i'], A being A, A', tables of P rows of equally many balls."""
-        matrix, (Q, R) = arb_mat if self.odd else acb_mat, self.shape
-        P, size = len(tables[0]), len(tables[0][0])
-        flat = [x for table in tables for row in table for x in row]
-        first, second = (matrix(len(B), len(B), [x for row in B for x in row]) for B in A)
-        flat = (first * matrix(Q, R * P * size, flat)).entries()
-        found = []
-        for i in range(0, len(flat), R * P * size):
-            rows = (second * matrix(R, P * size, flat[i : i + R * P * size])).entries()
-            rows = [rows[k : k + size] for k in range(0, len(rows), size)]
-            found += [rows[k : k + P] for k in range(0, len(rows), P)]
-        return found
+        matrix, tables = arb_mat if self.odd else acb_mat, np.array(tables, object)
+        x = tables.reshape(*self.shape, -1)
+        for B in A:  # along the first axis, which then is the second
+            both = matrix(B) * matrix(x.reshape(len(B), -1).tolist())
+            x = np.array(both.entries(), object).reshape(x.shape).swapaxes(0, 1)
+        return x.reshape(tables.shape).tolist()
 
     def moves(self, modes, unit):
         """Whole numbers near C of the polynomial through these modes; see `BarrierProof`."""
@@ -276,7 +271,7 @@ class _Fan:
 
     def verified(self, moves, unit):
         """Try to verify the theorem for all s and t; a dict of what came out."""
-        size, kappa = max(len(part) for t in moves for row in t for part in row), []
+        size = max(len(part) for t in moves for row in t for part in row)
         C = [balls(table, unit, size, self.odd) for table in moves]
         u = self._product(self.T, C)
         E = [residual(grid, modes) for grid, modes in zip(self.grids, u, strict=True)]
@@ -284,8 +279,7 @@ class _Fan:
         # |T_m(σ) - T_m(σ_i)| for the nearest σ_i: their angles differ by π/2Q or less.
         steps = [[2 * (arb(m) / (4 * n)).sin_pi() for m in range(n)] for n in self.shape]
         apart = [a + b for a, b in product(*steps)]
-        for j in range(len(self.profile)):
-            kappa.append((self.middle + self.half) * self._largest(j))
+        kappa = [self.high * self._largest(j) for j in range(len(self.profile))]
         found = verified(self.grids, u, E, sizes, apart, kappa, self._between, _PART)
         return {key: found[key] for key in found if key != "least"}
 
@@ -296,7 +290,6 @@ class _Fan:
         """‖E_j‖ for all σ and t. What interpolation in σ, and that in t, misses of the sine is
         bounded by the ellipses whose half axes have the sum r."""
         (Q, R), two_pi, found = self.shape, 2 * arb.pi(), []
-        high = self.middle + self.half
         degrees = [*product(range(Q), range(R))]
         for axis, count in enumerate(self.shape):
             least = arb.pos_inf() if count > 1 else arb(0)  # nothing depends on t
@@ -305,7 +298,7 @@ class _Fan:
                 sums[m[axis]] += x
             for r in [arb(x) for x in np.geomspace(1.2, 40, 50)] if count > 1 else []:
                 axes = (r + 1 / r) / 2
-                s, t = (self.middle + self.half * axes, 1) if axis == 0 else (high, axes)
+                s, t = (self.middle + self.half * axes, 1) if axis == 0 else (self.high, axes)
                 size = rho + sum((r**m + r**-m) / 2 * x for m, x in enumerate(sums))
                 B = s * self._largest(j, t) / two_pi * (two_pi * size).exp()
                 bound = 4 * B * r**-count / (1 - 1 / r)
