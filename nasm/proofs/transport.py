@@ -70,7 +70,6 @@ ULP = 2.0**-53  # of rounding, relative; and a bound of the error of h = sin 2π
 ORBIT = 2.0**-66  # a bound of the error of h as a sum of two floats, and of rounding x and y
 COS = 2.1e-14  # a bound of the error of cos 2πx; the tests prove both in ball arithmetic
 UP = 1 + 1e-14  # makes up for 90 roundings of sums and products of positive numbers
-DOWN = 1 - 1e-14
 MORE = 1.0001  # makes up for `_LONGEST` roundings of a sum of positive numbers
 PI, TWO_PI, TWO_PI2 = 3.141592653589793, 6.283185307179586, 19.739208802178716
 CUBIC, QUARTIC = 6.58, 10.34  # (2π)²/6 and (2π)³/24, rounded up: remainders of h
@@ -190,7 +189,8 @@ def prove(kappa, budget=10.0):
     (short,), _ = shorten([kappa], rational(0))
     budget = positive("budget", budget, "seconds of computing time")
     check_arithmetic()
-    _compile()
+    nothing = np.empty((0, 2))
+    _followed(np.zeros(1), 0, nothing, nothing, np.empty(0), math.inf)  # before time counts
     given, strengths = tuple(kappa.tolist()), tuple(short.tolist())
     if not _is_twist(strengths):
         return _unproved(Outcome.SCOPE, given, strengths)
@@ -333,8 +333,8 @@ def _covered(given, kappa, site, points, budget, most=math.inf):
     boxes, lives, slopes = map(np.concatenate, zip(*found, strict=True))
     order = np.argsort(boxes[:, 0])
     boxes, lives, slopes = boxes[order], lives[order], slopes[order]
-    tiled = outcome is Outcome.PROVED and _tiles(boxes, len(points) / 2 - 0.5)
-    if outcome is Outcome.PROVED and not (tiled and lives.max() < _LONGEST):
+    end = len(points) / 2 - 0.5
+    if outcome is Outcome.PROVED and not (_tiles(boxes, end) and lives.max() < _LONGEST):
         raise RuntimeError(
             f"the boxes of a proof do not tile its curve, or one lives for {_LONGEST:g} kicks; "
             "please report this"
@@ -347,12 +347,6 @@ def _slopes(kappa, points, starts):
     x, y = (np.interp(2 * starts, np.arange(len(points)), axis) for axis in points.T)
     _, slopes = transversal.elimination(kappa, x, y, _LOOK * len(kappa))
     return np.clip(np.rint(slopes * 2.0**20) / 2.0**20, -3, 1 - 2.0**-20)
-
-
-def _compile():
-    """Compile the kernel, before time counts."""
-    nothing = np.empty((0, 2))
-    _followed(np.zeros(1), 0, nothing, nothing, np.empty(0), math.inf)
 
 
 def _followed(cycle, way, points, boxes, slopes, end):

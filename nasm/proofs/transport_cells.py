@@ -42,7 +42,6 @@ from nasm.proofs.transport import (
     COS,
     COS_CUBIC,
     CUBIC,
-    DOWN,
     PI,
     QUARTIC,
     TWO_PI,
@@ -69,6 +68,7 @@ _SMALLEST_START, _SMALLEST_STRENGTH = 2.0**-45, 2.0**-40
 _BLOCK, _STATE, _ROWS, _COLUMNS = 8, 40, 45, 9  # numbers of a box: those that change, and all
 _MOST_WAITING = 4096
 _KICKS, _FOUND = 200_000, 16_384  # in one call of the kernel
+DOWN = 1 - 1e-14  # as `UP`, for a sum that is subtracted
 
 
 @dataclass(frozen=True)
@@ -148,8 +148,8 @@ def prove_cell(kappa, half_width, budget=1.0):
 def _covered(kappa, half_width, a, budget):
     """Outcome, boxes and lives of the cover; the first kick is that of the line."""
     (k0, k1), (h0, h1), x = kappa, half_width, a - 0.25
-    waiting, n_waiting = np.empty((_MOST_WAITING, _COLUMNS)), 0
-    for piece in range(_PIECES)[::-1]:
+    waiting, n_waiting = np.empty((_MOST_WAITING, _COLUMNS)), _PIECES
+    for piece in range(_PIECES):
         left, right = piece / (2 * _PIECES), (piece + 1) / (2 * _PIECES)
         shears = np.array(_shears(x, (left + right) / 2, k0, k1))
         g0, g1 = (np.rint(np.clip(shears, -0.5, 0.5) / _SHEARS) * _SHEARS).tolist()
@@ -157,22 +157,16 @@ def _covered(kappa, half_width, a, budget):
         left = float(np.floor((left - margin) / _GRID)) * _GRID
         right = float(np.ceil((right + margin) / _GRID)) * _GRID
         middle, half = (left + right) / 2, (right - left) / 2
-        waiting[n_waiting] = middle, half, k0, h0, k1, h1, g0, g1, piece
-        n_waiting += 1
+        waiting[piece] = middle, half, k0, h0, k1, h1, g0, g1, piece
     lanes, boxes, ages = np.zeros((_ROWS, FEW)), np.zeros((_COLUMNS, FEW)), np.zeros(FEW, np.int64)
     found, lives = np.empty((_FOUND, _COLUMNS)), np.empty(_FOUND, np.int64)
-    all_found, all_lives = [found[:0]], [lives[:0]]
-    end, outcome = time.thread_time() + budget, Outcome.BUDGET
-    while time.thread_time() < end:
+    parts, end, done = [(found[:0], lives[:0])], time.thread_time() + budget, _UNFINISHED
+    while done == _UNFINISHED and time.thread_time() < end:
         done, n_waiting, n_found = _cover(
             x, waiting, n_waiting, lanes, boxes, ages, found, lives, _KICKS
         )
-        all_found.append(found[:n_found].copy())
-        all_lives.append(lives[:n_found].copy())
-        if done != _UNFINISHED:
-            outcome = Outcome.PROVED if done == _DONE else Outcome.PRECISION
-            break
-    return outcome, np.concatenate(all_found), np.concatenate(all_lives)
+        parts.append((found[:n_found].copy(), lives[:n_found].copy()))
+    return _OUTCOMES[done], *map(np.concatenate, zip(*parts, strict=True))
 
 
 @kernel(error_model="numpy")
@@ -198,6 +192,7 @@ def _shears(x, y, k0, k1):
 
 
 _DONE, _UNFINISHED, _TOO_SMALL = 0, 1, 2
+_OUTCOMES = Outcome.PROVED, Outcome.BUDGET, Outcome.PRECISION
 _ELIMINATED, _FAILED = 0, 1
 
 
