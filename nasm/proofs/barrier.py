@@ -135,16 +135,14 @@ def prove(omega, kappa, n=None, start=None, budget=20.0):
     about = {"omega": omega, "kappa": tuple(kappa.tolist())}
     about |= {"short_omega": short_omega, "short_kappa": tuple(short.tolist())}
     if omega.is_rational:
-        return BarrierProof(
-            False, "not proved: omega is rational, so its circles are no barriers", **about
-        )
+        why = "not proved: omega is rational, so its circles are no barriers"
+        return BarrierProof(False, why, **about)
     until = time.thread_time() + budget
     if start is None:
         circle = circles.invariant_circle(short_omega, short, 2**16)
         if not circle.certified:
-            return BarrierProof(
-                False, f"not proved: no circle was found: {circle.status.value}", **about
-            )
+            why = f"not proved: no circle was found: {circle.status.value}"
+            return BarrierProof(False, why, **about)
         start = circle.u
     else:
         start = np.asarray(start, dtype=float)
@@ -674,17 +672,14 @@ def as_doubles(rows, odd, scale=1):
 
 def whole(row, unit):
     """[re, im] of modes in whole numbers, times 2^unit."""
-    if not isinstance(row[0], acb):  # they are -ib
-        return [[], [-x for x in _rounded(row, unit)]]
-    return [_rounded([x.real for x in row], unit), _rounded([x.imag for x in row], unit)]
-
-
-def _rounded(balls, unit):
-    scale = arb(2) ** -unit
-    numbers = [int((x * scale + 0.5).mid().floor().unique_fmpz()) for x in balls]
-    while numbers and not numbers[-1]:
-        numbers.pop()
-    return numbers
+    odd, scale, found = isinstance(row[0], arb), arb(2) ** -unit, []  # odd: they are -ib
+    parts = ([], [-x for x in row]) if odd else ([x.real for x in row], [x.imag for x in row])
+    for part in parts:
+        numbers = [int((x * scale + 0.5).mid().floor().unique_fmpz()) for x in part]
+        while numbers and not numbers[-1]:
+            numbers.pop()
+        found.append(numbers)
+    return found
 
 
 def grid_size(start):

@@ -1,9 +1,7 @@
-"""Both sides of the boundary on a ray κ = s·profile, proved.
+"""Both sides of the boundary on a ray κ = s·profile, proved; between the two scales nothing is.
 
-A barrier exists at lower·profile, by the a-posteriori theorem of `nasm.proofs.barrier`; transport
-is global at upper·profile, by the one of `nasm.proofs.transport`. Between the two scales nothing is
-proved. A proof at `lower` says nothing of smaller scales, as a circle might break and come back on
-the way; up to `below` a barrier is proved to exist at every scale. What
+The lower side is by the theorem of `nasm.proofs.barrier`, at one scale, and by `nasm.proofs.fan` at
+every scale from 0 on, less far; the upper side is by the theorem of `nasm.proofs.transport`. What
 `nasm.barriers` finds tells only where to look.
 """
 

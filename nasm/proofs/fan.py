@@ -230,9 +230,8 @@ class _Fan:
         self.grids = []
         for row, across in product(*self.T):
             s, t = self.middle + self.half * row[1], across[1] if R > 1 else arb(0)
-            self.grids.append(
-                grid.under([s * (a + t * b) for a, b in zip(self.profile, self.tilt, strict=True)])
-            )
+            both = zip(self.profile, self.tilt, strict=True)
+            self.grids.append(grid.under([s * (a + t * b) for a, b in both]))
         self.odd, self.turn = grid.odd, turns(omega, grid.sites, n // 2 + 1)
 
     def circles(self, starts, epsilon=0.0):

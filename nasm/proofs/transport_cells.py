@@ -25,7 +25,6 @@ from nasm.arithmetic.lanes import (
     copysign,
     fabs,
     fma,
-    load_few,
     load_state,
     maximum,
     minimum,
@@ -280,10 +279,8 @@ def _start(lanes, lane, x, box):
 def _advance(lanes, events):
     """A block of kicks of all lanes, in place; the smallest V into events[0], `bad` into [1]."""
     own_frame()
-    state = load_state(lanes, 0, _STATE, FEW)
-    scale = load_few(lanes, _STATE * FEW)
-    k0, h0 = load_few(lanes, (_STATE + 1) * FEW), load_few(lanes, (_STATE + 2) * FEW)
-    k1, h1 = load_few(lanes, (_STATE + 3) * FEW), load_few(lanes, (_STATE + 4) * FEW)
+    rows = load_state(lanes, 0, _ROWS, FEW)
+    state, (scale, k0, h0, k1, h1) = rows[:_STATE], rows[_STATE:]
     smallest, worst = state[4], scale - scale  # zeros
     for _ in range(_BLOCK):
         state, bad = _kick(k0, h0, k1, h1, scale, state)
