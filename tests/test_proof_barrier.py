@@ -54,7 +54,7 @@ def assert_closed_sums_are_those_of_all_aliases_and_all_modes_left_out(module):
     rho, hat, n, cut = 0.01, 0.05, 64, 29
     grid = module.Grid(GAMMA, [0.7], n)
     u = [[arb(0), arb(0.01), arb(0.002)]]
-    (bound,) = module.bounds_of_the_residual(grid, u, [[arb(0)] * 32], arb(rho), arb(hat), [cut])
+    (bound,) = module.bounds_of_the_residual(grid, u, [[arb(0)] * 32], arb(rho), arb(hat), cut)
     imaginary = 2 * sum(float(a) * np.sinh(2 * np.pi * k * hat) for k, a in enumerate(u[0]))
     k, most = np.arange(-3000, 3001), np.cosh(2 * np.pi * (hat + imaginary))
     sizes = most * np.exp(-2 * np.pi * hat * np.abs(k))
@@ -333,7 +333,7 @@ def test_a_bound_outside_its_strip_is_refused():
     zero = [[arb(0)] * 8]
     for rho, cut in ((0.05, 8), (0.06, 8), (0.01, 7), (0.01, 33)):
         with pytest.raises(ValueError, match="out of range"):
-            proofs.barrier.bounds_of_the_residual(grid, zero, zero, arb(rho), arb(0.05), [cut])
+            proofs.barrier.bounds_of_the_residual(grid, zero, zero, arb(rho), arb(0.05), cut)
 
 
 @pytest.mark.slow

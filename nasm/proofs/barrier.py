@@ -350,23 +350,23 @@ def slope_modes(row, odd):
     return [arb(1), *(factor * k * x for k, x in enumerate(row[1:], 1))]
 
 
-def bounds_of_the_residual(grid, u, E, rho, rho_hat, cuts):
+def bounds_of_the_residual(grid, u, E, rho, rho_hat, cut):
     """Upper bounds of ‖E_j‖_ρ. u, E: bounds of the modes' sizes.
 
     |sin 2πg_j| ≤ M for |Im φ| ≤ ρ̂, so its modes are below M e^{-2πρ̂|k|}. Those of |k| < cut are
     taken from E, with their aliases, which are k + n, k - n, …; the others have no u_k in them.
     """
     n, two_pi, bounds = grid.n, 2 * arb.pi(), []
+    if not (max(map(len, u)) <= cut <= n // 2 and 0 < rho < rho_hat):
+        raise ValueError(f"cut={cut}, rho={rho}, rho_hat={rho_hat} are out of range")
     r, r_hat = (two_pi * rho).exp(), (two_pi * rho_hat).exp()
     q, less = r / r_hat, 1 - (-two_pi * rho_hat * n).exp()
-    for a, e, kappa, cut in zip(u, E, grid.kappa, cuts, strict=True):
-        if not (len(a) <= cut <= n // 2 and 0 < rho < rho_hat):
-            raise ValueError(f"cut={cut}, rho={rho}, rho_hat={rho_hat} are out of range")
+    aliases = 1 / (1 - q) + (two_pi * cut * (rho + rho_hat)).exp() / (r * r_hat - 1)
+    aliases *= 2 * (-two_pi * n * rho_hat).exp() / less
+    rest = 2 * (two_pi * cut * (rho - rho_hat)).exp() / (1 - q)
+    for a, e, kappa in zip(u, E, grid.kappa, strict=True):
         polynomial = arb_poly(a)
         M = (two_pi * (rho_hat + polynomial(r_hat) - polynomial(1 / r_hat))).cosh()
-        aliases = 1 / (1 - q) + (two_pi * cut * (rho + rho_hat)).exp() / (r * r_hat - 1)
-        aliases *= 2 * (-two_pi * n * rho_hat).exp() / less
-        rest = 2 * (two_pi * cut * (rho - rho_hat)).exp() / (1 - q)
         bounds.append(norm(e[:cut], rho) + abs(kappa) / two_pi * M * (aliases + rest))
     return bounds
 
@@ -429,7 +429,7 @@ def verified(grids, u, E, sizes, apart, kappa, between, part=1):
     grids, u, E : of points of the fan; modes and residuals there. sizes, apart : for each degree
     the sizes of the modes of C_jml, and how much T_mT_l moves between these points at most.
     kappa : bounds of |κ_j|. between : (error, rho, norms of the C_jml, j) → a bound of ‖E_j‖ in all
-    of the fan from one at the points. Floats choose ρ, ρ̂, the cuts and the polynomials near 1/g_j';
+    of the fan from one at the points. Floats choose ρ, ρ̂, the cut and the polynomials near 1/g_j';
     `least` is their estimate of the left side of (1).
     """
     (grid, *_), two_pi = grids, 2 * arb.pi()
@@ -441,7 +441,7 @@ def verified(grids, u, E, sizes, apart, kappa, between, part=1):
     chosen = best_widths(grid, *largest, np.abs(inverses[0]))
     rho, rho_hat = arb(chosen["rho"]), arb(chosen["rho_hat"])
     errors = [
-        bounds_of_the_residual(grid, *both, rho, rho_hat, chosen["cuts"])
+        bounds_of_the_residual(grid, *both, rho, rho_hat, chosen["cut"])
         for grid, *both in zip(grids, *bounds, strict=True)
     ]
     norms = [[norm(row, rho) for row in table] for table in sizes]  # [m][j]
@@ -487,7 +487,7 @@ def balls(moves, unit, size, odd):
 
 @np.errstate(all="ignore")
 def best_widths(grid, u, e, near):
-    """ρ, ρ̂ and the cuts that look best in floats; `least`: the left side of (1) with them."""
+    """ρ, ρ̂ and the cut that look best in floats; `least`: the left side of (1) with them."""
     n, K = grid.n, u.shape[1] - 1
     k, strength = np.arange(n // 2), np.abs(np.array(grid.kappa, dtype=float))[:, None] / (2 * pi)
     hats = decay(u.max(axis=0)) * np.geomspace(0.005, 1.25, 60)
@@ -495,16 +495,14 @@ def best_widths(grid, u, e, near):
     sizes = np.cosh(2 * pi * (hats[:, None] + imaginary)) * np.exp(-pi * n * hats)[:, None]
     best = np.argmin(np.nan_to_num(sizes.max(axis=1), nan=inf))
     hat, M = hats[best], sizes[best][:, None] * np.exp(pi * n * hats[best])
-    beyond = e[:, K + 1 :] > strength * M * np.exp(-2 * pi * hat * k[K + 1 :])
-    cuts = np.where(beyond.any(axis=1), K + 1 + beyond.argmax(axis=1), n // 2)
+    beyond = (e[:, K + 1 :] > strength * M * np.exp(-2 * pi * hat * k[K + 1 :])).all(axis=0)
+    cut = K + 1 + int(beyond.argmax()) if beyond.any() else n // 2
     near = np.where(near < 1e-13 * near.max(), 0, near)  # rounding
     trials = []
     for rho in hat * np.geomspace(0.015, 0.24, 12):
         weights = np.where(k > 0, 2, 1) * np.exp(2 * pi * rho * k)
-        errors = np.array(
-            [(row[:cut] * weights[:cut]).sum() for row, cut in zip(e, cuts, strict=True)]
-        )
-        ends = np.exp(2 * pi * cuts * (rho - hat)) + np.exp(2 * pi * (cuts * (rho + hat) - n * hat))
+        errors = e[:, :cut] @ weights[:cut]
+        ends = np.exp(2 * pi * cut * (rho - hat)) + np.exp(2 * pi * (cut * (rho + hat) - n * hat))
         errors += (strength * M)[:, 0] * ends / (pi * (hat - rho))
         slopes = 2 * pi * u * k[: K + 1] * weights[: K + 1]
         n_j = 1 + slopes.sum(axis=1)
@@ -519,7 +517,7 @@ def best_widths(grid, u, e, near):
                 "least": np.nan_to_num(float(left["ratio"].mid()), nan=inf),
                 "rho": float(rho),
                 "rho_hat": float(hat),
-                "cuts": cuts.tolist(),
+                "cut": cut,
                 "kept": _part(slopes, 1e-6),
                 "modes": _part(inverse, 1e-5),
             }
@@ -653,15 +651,15 @@ def slopes_on_grid(modes, n):
 def as_balls(modes, odd):
     """The modes as exact balls, of long doubles in two parts."""
 
-    def parts(x):
+    def exact(x):
         high = x.astype(float)
-        return high.tolist(), (x - high).astype(float).tolist()
+        low = (x - high).astype(float)
+        return [arb(a) + arb(b) for a, b in zip(high.tolist(), low.tolist(), strict=True)]
 
     if odd:
-        rows = [parts(-row.imag) for row in modes]
-        return [[arb(a) + arb(b) for a, b in zip(*row, strict=True)] for row in rows]
-    rows = [(*parts(row.real), *parts(row.imag)) for row in modes]
-    return [[acb(a, c) + acb(b, d) for a, b, c, d in zip(*row, strict=True)] for row in rows]
+        return [exact(-row.imag) for row in modes]
+    both = [zip(exact(row.real), exact(row.imag), strict=True) for row in modes]
+    return [[acb(*pair) for pair in row] for row in both]
 
 
 def as_doubles(rows, odd, scale=1):
