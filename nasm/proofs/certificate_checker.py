@@ -322,9 +322,9 @@ def tile(whole, cuboids):
         below = [cuboid for cuboid in cuboids if cuboid[axis][1] <= middle]
         above = [cuboid for cuboid in cuboids if cuboid[axis][0] >= middle]
         if below and above and len(below) + len(above) == len(cuboids):
-            halves = ((low, middle), below), ((middle, high), above)
+            parts = ((low, middle), below), ((middle, high), above)
             return all(
-                tile((*whole[:axis], ends, *whole[axis + 1 :]), half) for ends, half in halves
+                tile((*whole[:axis], ends, *whole[axis + 1 :]), part) for ends, part in parts
             )
     return False
 
