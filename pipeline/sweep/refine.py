@@ -9,6 +9,7 @@ Arrays are (…, rows, columns), with as many cells per tile side at every level
 """
 
 import numpy as np
+from scipy.ndimage import maximum_filter, minimum_filter
 
 FACTOR = 2  # cells of the next level per cell and dimension
 
@@ -51,9 +52,8 @@ def compose(levels):
 
 def boundary_cells(answers):
     """Mark the cells (rows, columns) with a neighbour, of eight, that answers differently."""
-    padded, (rows, columns) = np.pad(answers, [(0, 0), (1, 1), (1, 1)], "edge"), answers.shape[1:]
-    around = [padded[:, i : i + rows, j : j + columns] for i, j in np.ndindex(3, 3)]
-    return np.any([neighbours != answers for neighbours in around], axis=(0, 1))
+    around = {"size": (1, 3, 3), "mode": "nearest"}
+    return np.any(maximum_filter(answers, **around) != minimum_filter(answers, **around), axis=0)
 
 
 def tiles_at(cells, tile):
