@@ -4,6 +4,8 @@ import threading
 import time
 from contextlib import AbstractContextManager, suppress
 
+import numpy as np
+
 _SILENCE = 5  # seconds after which the line is shown again, whatever happens
 _PRIOR = 5  # seconds for which the workers are taken to be as fast as predicted
 
@@ -16,14 +18,13 @@ class Progress(AbstractContextManager):
     and of those that are foreseen.
 
     name : what is under way, at first. stream : where to write.
-    foreseen : {name of a sweep: (tiles, predicted CPU seconds)}.
+    foreseen : {name of a sweep: (tiles, predicted CPU seconds)}. All amounts are such pairs.
     """
 
     def __init__(self, name, stream, foreseen=()):
         self.name, self.stream, self.foreseen = name, stream, dict(foreseen)
         self.sweep, self.swept, self.workers = None, name, 1
-        self.tiles = self.tiles_done = 0
-        self.seconds = self.seconds_done = 0.0
+        self.begun, self.done = np.zeros(2), np.zeros(2)
         self.start = self.shown = time.monotonic()
         self.first = None  # when the first tiles were begun
         self.interval, self.end = (0.2, "\r") if stream.isatty() else (10.0, "\n")
@@ -37,7 +38,7 @@ class Progress(AbstractContextManager):
         self.over.set()
         self.foreseen.clear()
         self.name = self.swept
-        if self.tiles:
+        if self.begun[0]:
             self._show("\n")
 
     def go_on(self, name, sweep):
@@ -45,24 +46,22 @@ class Progress(AbstractContextManager):
         if sweep != self.sweep:
             self.foreseen.pop(self.sweep, None)  # it has ended
             self.name = self.swept
-            if self.tiles_done:
+            if self.done[0]:
                 self._show("\n")
         self.name, self.swept, self.sweep = name, name, sweep
 
     def begin(self, tiles, seconds, workers=1):
         """Add tiles to be done, and the seconds predicted for them, by so many workers."""
-        foreseen = self.foreseen.get(self.sweep, (0, 0))
-        self.foreseen[self.sweep] = max(0, foreseen[0] - tiles), max(0, foreseen[1] - seconds)
+        left = np.subtract(self.foreseen.get(self.sweep, 0), (tiles, seconds))
+        self.foreseen[self.sweep] = np.maximum(0, left)
         self.first, self.workers = self.first or time.monotonic(), workers
-        self.tiles += tiles
-        self.seconds += seconds
+        self.begun += tiles, seconds
         if self.stream.isatty():
             self._show("\r")
 
     def advance(self, tiles, seconds):
         """Count tiles as done."""
-        self.tiles_done += tiles
-        self.seconds_done += seconds
+        self.done += tiles, seconds
         if time.monotonic() - self.shown > self.interval:
             self._show(self.end)
 
@@ -73,17 +72,15 @@ class Progress(AbstractContextManager):
 
     def _show(self, end):
         self.shown = time.monotonic()
-        line = f"{self.name}: "
-        more_tiles, more_seconds = map(sum, zip((0, 0), *self.foreseen.values(), strict=True))
-        if tiles := self.tiles + more_tiles:
-            line += f"{self.tiles_done}/{plural(tiles, 'tile')}, "
-            line += f"{self.tiles_done / max(1e-9, self.shown - self.start):.1f}/s, "
-        line += f"{duration(self.shown - self.start)} gone"
-        if self.tiles_done < tiles and self.first:
-            gone = self.shown - self.first
-            speed = (self.seconds_done + _PRIOR * self.workers) / (gone + _PRIOR)
-            left = (self.seconds + more_seconds - self.seconds_done) / speed
-            line += f", about {duration(max(1, left))} left"
+        line, gone = f"{self.name}: ", self.shown - self.start
+        tiles, seconds = np.sum([self.begun, *self.foreseen.values()], axis=0)
+        done, seconds_done = self.done
+        if tiles:
+            line += f"{done:.0f}/{plural(tiles, 'tile', '.0f')}, {done / max(1e-9, gone):.1f}/s, "
+        line += f"{duration(gone)} gone"
+        if done < tiles and self.first:
+            speed = (seconds_done + _PRIOR * self.workers) / (self.shown - self.first + _PRIOR)
+            line += f", about {duration(max(1, (seconds - seconds_done) / speed))} left"
         with suppress(OSError, ValueError):  # a log that is full, or closed, does not end the sweep
             print(line.ljust(78), end=end, file=self.stream, flush=True)
 
