@@ -554,6 +554,6 @@ def test_a_tile_costs_what_zarr_costs(on_disk, capsys):
 
 def test_the_mathematics_are_the_files_of_nasm_and_of_the_cubes():
     assert f"numba {version('numba')}, " in store.COMPUTED_BY
-    files = {str(path.relative_to(ROOT)) for path in store.provenance._MATHEMATICS}
+    files = {str(path.relative_to(ROOT)) for path in store.metadata._MATHEMATICS}
     assert {"nasm/maps.py", "nasm/circles/newton.py", "pipeline/cubes/escape.py"} <= files
     assert not any(path.startswith(("pipeline/s", "workflows")) for path in files)

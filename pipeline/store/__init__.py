@@ -6,9 +6,8 @@ Each file appears whole or not at all. What several workers or drivers write mor
 same each time: they need no order. The store knows neither mathematics nor dask.
 """
 
-from pipeline.store.metadata import check, create, names, replace, sees
+from pipeline.store.metadata import COMPUTED_BY, check, create, names, replace, sees
 from pipeline.store.place import Place, Refused, StoreFailed, driving, explained, place_of
-from pipeline.store.provenance import COMPUTED_BY
 from pipeline.store.tiles import (
     certificates_key,
     commit,

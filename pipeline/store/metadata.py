@@ -5,9 +5,13 @@ it is lost, the checksums in the records of tiles tell whose they are.
 """
 
 import dataclasses
+import hashlib
 import json
 import warnings
 from contextlib import suppress
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
 
 import dask.array
 import numpy as np
@@ -15,12 +19,23 @@ import xarray as xr
 from zarr.codecs import Crc32cCodec, ZstdCodec
 from zarr.storage import MemoryStore
 
+from nasm import __version__
 from pipeline.store import tiles
 from pipeline.store.place import Refused, explained
-from pipeline.store.provenance import provenance
 from pipeline.store.tiles import COMMIT, DAMAGED, ENTRIES, ENTRY, FORMAT, missing
 
 _CHUNK = 1024  # along each dim, of cubes that are written whole
+_PACKAGE = Path(__file__).parents[2]
+_MATHEMATICS = sorted([*_PACKAGE.glob("nasm/**/*.py"), *_PACKAGE.glob("pipeline/cubes/**/*.py")])
+_DECIDING = "llvmlite", "numba", "numpy", "rocket-fft", "scipy", "xarray", "zarr"
+# Of the files as they are imported: a process that runs on while they are edited has the old ones.
+# The version of the package alone would miss an edit.
+_FILES = b"".join(
+    path.relative_to(_PACKAGE).as_posix().encode() + path.read_bytes() for path in _MATHEMATICS
+)
+_VERSIONS = (f"{package} {version(package)}" for package in _DECIDING)
+# What decides the numbers of a cube besides its plan, in one line: source and libraries.
+COMPUTED_BY = ", ".join([f"mathematics {hashlib.sha256(_FILES).hexdigest()[:12]}", *_VERSIONS])
 
 
 def names(place):
@@ -55,7 +70,7 @@ def create(place, cube, computed_by):
     tiles.forget()
     found, root = check(place, cube, computed_by), _key(cube.name)
     if not found:
-        ours = provenance(computed_by)
+        ours = _provenance(computed_by)
         for key in _left_over(place, cube, computed_by):
             place.delete(key)
         place.write(root, _files(cube, ours)[root], "create")
@@ -75,7 +90,7 @@ def replace(place, cube, computed_by):
     if found and not _differing(place, _files(cube, found)):
         return
     place.delete(_key(cube.name))
-    files = _files(cube, provenance(computed_by))
+    files = _files(cube, _provenance(computed_by))
     for key in sorted(files, key=_key(cube.name).__eq__):
         place.write(key, files[key])
 
@@ -84,6 +99,15 @@ def sees(place, name, config_hash):
     """Whether this process finds that cube in the place. A worker asks it before each batch."""
     tiles.forget()  # the cube may have been deleted and made anew
     return _attributes(place, name).get("config_hash") == config_hash
+
+
+def _provenance(computed_by):
+    """Attributes of a new cube: who computes it, which version of the package, and when."""
+    return {
+        "computed_by": computed_by,
+        "package_version": __version__,
+        "created": datetime.now(UTC).isoformat(timespec="seconds"),
+    }
 
 
 def _check_settings(place, cube):
