@@ -55,7 +55,7 @@ def test_no_more_is_iterated_than_the_boundary_needs_as_foreseen_and_as_status_s
     n = int(cube.escape_time.notnull().sum())
     assert f"direct_boundary: {n} of {n} tiles\n" in succeed("status", direct)
     job, wanted = foreseen(two_kicks(), [0.0, 45.0, 90.0, 135.0, 180.0], 4000, 64)
-    assert job.cube.sizes["angle"] == 5
+    assert job.cube.template.sizes["angle"] == 5
     assert 0.8 * n < len(wanted) < 1.2 * n
     times = cube.escape_time.isel(ensemble=0)
     assert (np.isinf(times).sum("excess") == 1).all()

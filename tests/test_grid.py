@@ -13,10 +13,10 @@ lengths = st.integers(1, 40)
 
 @given(rows=lengths, columns=lengths, height=lengths, width=lengths)
 def test_tiles_cover_every_cell_exactly_once(rows, columns, height, width):
-    sizes, tile = {"row": rows, "column": columns}, {"row": height, "column": width}
+    tile = {"row": height, "column": width}
     visits = np.zeros((rows, columns), dtype=int)
     for index in np.ndindex(-(-rows // height), -(-columns // width)):
-        slices = tile_slices(index, sizes, tile)
+        slices = tile_slices(index, tile)
         here = visits[slices["row"], slices["column"]]
         assert 1 <= here.shape[0] <= height
         assert 1 <= here.shape[1] <= width

@@ -81,8 +81,7 @@ def boundary(angles, tol=1e-4, plane=None):
     time at 1e-4, and 0.8 s at 2e-5.
     """
     cube = last_barrier(plane or two_kicks(), angles, tol).cube
-    coords = {dim: cube.template[dim].values for dim in cube.sizes}
-    filled = cube.filled(_compute(coords, cube.settings))
+    filled = cube.filled(_compute({"angle": cube.template.angle.values}, cube.settings))
     return unfolded(filled.assign_attrs(cube.attributes), angles)
 
 

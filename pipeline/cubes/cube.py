@@ -43,13 +43,9 @@ class Cube:
         object.__setattr__(self, "template", template)
 
     @property
-    def sizes(self):
-        return dict(self.template.sizes)
-
-    @property
     def tile_counts(self):
         """The number of tiles along each tiled dimension."""
-        return tuple(-(-self.sizes[dim] // length) for dim, length in self.tile.items())
+        return tuple(-(-self.template.sizes[dim] // length) for dim, length in self.tile.items())
 
     @property
     def computed(self):

@@ -64,10 +64,10 @@ def parse_axis(text):
     return Axis(lo, hi, n)
 
 
-def tile_slices(index, sizes, tile):
-    """Return {dim: slice} of the cells of one tile; the last tile of a dimension may be short."""
+def tile_slices(index, tile):
+    """Return {dim: slice} of the cells of one tile; there may be fewer cells in the last ones."""
     parts = zip(index, tile.items(), strict=True)
-    return {dim: slice(i * n, min((i + 1) * n, sizes[dim])) for i, (dim, n) in parts}
+    return {dim: slice(i * n, (i + 1) * n) for i, (dim, n) in parts}
 
 
 def tile_coords(cube, indices):
@@ -78,7 +78,7 @@ def tile_coords(cube, indices):
     coords, computed = cube.template.coords, {*cube.computed}
     known = {name: (c.values, c.dims) for name, c in coords.items() if name not in computed}
     for index in map(tuple, indices.tolist()):
-        cells, parts = tile_slices(index, cube.sizes, cube.tile), {}
+        cells, parts = tile_slices(index, cube.tile), {}
         for name, (values, dims) in known.items():
             part = tuple(cells.get(dim, slice(None)) for dim in dims)
             # What is whole is one object for all tiles: pickle then writes it once.
@@ -93,7 +93,7 @@ def joined(job):
     job, so that the command that began a cube resumes it.
     """
     while True:
-        sizes, tile = job.cube.sizes, job.cube.tile
+        sizes, tile = job.cube.template.sizes, job.cube.tile
         doubled = {dim: min(2 * n, sizes[dim]) for dim, n in tile.items()}
         larger = replace(job, cube=replace(job.cube, tile=doubled))
         counts = larger.cube.tile_counts

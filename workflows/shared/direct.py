@@ -42,8 +42,8 @@ def boundary_job(plane, scales, n_max, n_orbits):
 
 def inwards(run, job):
     """Sweep the job's cube from the largest excess inwards, on each ray to the first no-escape."""
-    rays = range(job.cube.sizes["angle"])
-    for excess in reversed(range(job.cube.sizes["excess"])):
+    rays = range(job.cube.template.sizes["angle"])
+    for excess in reversed(range(job.cube.template.sizes["excess"])):
         found = run.sweep(job, {(ray, excess) for ray in rays})
         times = found.escape_time[-1, :, excess].values
         rays = [ray for ray in rays if times[ray] <= job.cube.settings["n_max"]]
