@@ -8,7 +8,7 @@ from nasm.planes import two_kicks
 from nasm.symmetries import ray
 from pipeline.cubes import beyond
 from pipeline.cubes.barrier import boundary
-from pipeline.cubes.proved_map import proved_map, proved_triangles
+from pipeline.cubes.proved import proved_map, proved_triangles
 from pipeline.cubes.rotating_maps import breakups
 from workflows.convergence.study import on_the_diagonal
 from workflows.figures.convergence import draw_diagonal

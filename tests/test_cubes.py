@@ -20,8 +20,7 @@ from pipeline.cubes import (
     breakdown,
     escape,
     forcings,
-    proved_map,
-    robustness,
+    proved,
     rotating_maps,
 )
 from pipeline.cubes.cube import NOT_COMPUTED, status_code
@@ -43,7 +42,7 @@ JOBS = {
     "forcings": forcings.last_barriers(
         "patterns", [("signs", 3, (1, 1, -1)), ("", 0.5, (1, 1))], "P", 0.1
     ),
-    "robustness": robustness.against_constant(
+    "robustness": forcings.against_constant(
         "tolerance_random", [("climb", n, (1, n)) for n in range(20)], "seed", 0.97, tries=2
     ),
     "transport": breakdown.by_escape(rotating("1/3"), RAYS, 100, 8),
@@ -151,10 +150,10 @@ def test_the_cost_of_a_tile_is_predicted_within_its_order_of_magnitude():
 
 @pytest.mark.parametrize("halves", [(1 / 64, 1 / 64), (1 / 65, 1 / 64), (1 / 64, 1 / 65)])
 def test_a_cell_is_certified_only_by_a_certificate_that_holds_all_of_it(halves):
-    proved = ("kappa2", "kappa1"), [[proofs.cells.TRANSPORT]]
-    tile = xr.Dataset({"proved": proved}, {"kappa1": [1.0], "kappa2": [0.5]}, {"cells": 32})
+    cell = ("kappa2", "kappa1"), [[proofs.cells.TRANSPORT]]
+    tile = xr.Dataset({"proved": cell}, {"kappa1": [1.0], "kappa2": [0.5]}, {"cells": 32})
     certificate = {"kappa": [(1.0).hex(), (0.5).hex()], "half_width": [h.hex() for h in halves]}
-    told = proved_map.uncertified(tile, [certificate])
+    told = proved.uncertified_cells(tile, [certificate])
     assert told.startswith("1 cells are called proved" if min(halves) < 1 / 64 else "")
     assert bool(told) == (min(halves) < 1 / 64)
 
@@ -172,6 +171,6 @@ def test_a_triangle_is_certified_only_by_fans_that_fill_it(end, tilt):
             {"kappa": (0.5, 0.25), "tilt": (0.0, 0.25), "scales": (0.5, end)},
         )
     ]
-    told = proved_map.uncertified_triangle(tile, certificates)
+    told = proved.uncertified_triangle(tile, certificates)
     assert bool(told) == (end < 0.75 or tilt[1] < 0.25)
     assert "triangle 3" in told or not told

@@ -17,10 +17,8 @@ from nasm.numbers import parse
 from nasm.planes import two_kicks
 from nasm.symmetries import ray
 from pipeline import store
-from pipeline.cubes.barrier import proved_barrier
-from pipeline.cubes.certificates import unpacked
 from pipeline.cubes.cube import NOT_COMPUTED
-from pipeline.cubes.proved_map import proved_map, proved_triangles
+from pipeline.cubes.proved import proved_barrier, proved_map, proved_triangles, unpacked
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -22,7 +22,8 @@ def main(run, angles, seconds):
 
     from nasm.planes import two_kicks
     from nasm.proofs.barrier import need_flint
-    from pipeline.cubes.barrier import proved_barrier, unfolded
+    from pipeline.cubes.barrier import unfolded
+    from pipeline.cubes.proved import proved_barrier
     from workflows.figures.proved_boundary import draw_proved_boundary
 
     need_flint()

@@ -27,7 +27,7 @@ def main(run, cells, seconds, nearest):
     from nasm.proofs.barrier import need_flint
     from nasm.symmetries import ray
     from pipeline.cubes.barrier import last_barrier, unfolded
-    from pipeline.cubes.proved_map import proved_map, proved_triangles
+    from pipeline.cubes.proved import proved_map, proved_triangles
     from workflows.figures.proved_map import draw_proved_map
 
     need_flint()

@@ -14,15 +14,9 @@ from nasm.numbers import RotationNumber, moebius, parse
 from nasm.planes import plane_of, two_kicks
 from nasm.symmetries import ray
 from pipeline.cubes.breakdown import job_on_rays, scales
-from pipeline.cubes.certificates import of_certificate, packed
 from pipeline.cubes.cube import angles_of_rays, blank, coordinate, text
 
 _N_QUOTIENTS = 32  # places for the partial quotients of a rotation number
-_PROVED = {
-    "proved_below": "scale up to which a barrier is proved to exist on all the ray",
-    "proved_lower": "scale at which a barrier is proved to exist; it says nothing of smaller ones",
-    "proved_upper": "scale at which transport is proved to be global",
-}
 
 
 def last_barrier(plane, angles, tol, name="barrier"):
@@ -34,22 +28,14 @@ def last_barrier(plane, angles, tol, name="barrier"):
     """
     seconds = 0.2 + 3.5e-5 / tol if len(plane.origin) <= 2 else 1 + 5e-4 / tol
     warm_up = partial(barriers.critical_scale, sum(plane.ray(30.0)), 0.1)
-    return _job(name, plane, angles, seconds, {"tol": tol}, _compute, warm_up)
+    return job_of_barriers(name, plane, angles, seconds, {"tol": tol}, _compute, warm_up)
 
 
-def proved_barrier(plane, angles, seconds):
-    """Return the Job of the cube `proved_barrier`: `last_barrier`, and what is proved of each ray.
+def job_of_barriers(name, plane, angles, seconds, settings, compute, warm_up, more=()):
+    """Return the Job of a cube of last barriers; see `job_on_rays`.
 
-    angles : degrees. seconds : float, CPU time for each proof of each ray; see `nasm.proofs`. The
-    proved bounds depend on the machine's speed; each of them holds.
+    angles : as for `last_barrier`. more : {name: words} of further variables.
     """
-    plane.rays_start_at_zero("a proof")
-    settings, quick = {"tol": 1e-4, "seconds": seconds}, plane.record | {"seconds": 0.1}
-    how = _compute_proved, partial(_compute_proved, {"angle": np.zeros(1)}, quick)
-    return _job("proved_barrier", plane, angles, 1 + 3 * seconds, settings, *how, _PROVED)
-
-
-def _job(name, plane, angles, seconds, settings, compute, warm_up, more=()):
     wedge = sorted(set(plane.fold(angles)[0].tolist()))
     on_ray = {"angle": angles_of_rays(wedge)}
     more = last_circles(on_ray) | {key: blank(on_ray, words) for key, words in dict(more).items()}
@@ -94,14 +80,11 @@ def unfolded(barrier, angles):
     """
     angles, plane = np.asarray(angles, dtype=float), plane_of(barrier.attrs)
     folded, shifts = plane.fold(angles)
-    there = barrier.load().sel(angle=folded, method="nearest", tolerance=1e-8)
-    circles = exact_circles(there, shifts.tolist())
-    ties = map(partial(tie, plane), circles, angles, there.critical_scale.values)
-    table = there.drop_vars(["quotients", "tail_length", "quotient"]).assign_coords(
-        angle=angles_of_rays(angles),
-        circle=text("angle", circles, "exact rotation number of the last circle, per step"),
-        tied=text("angle", ties, "that of a circle that breaks with it"),
-    )
+    there = barrier.sel(angle=folded, method="nearest", tolerance=1e-8)
+    there = with_circles(there, shifts.tolist(), "step")
+    ties = map(partial(tie, plane), there.circle.values, angles, there.critical_scale.values)
+    tied = text("angle", ties, "that of a circle that breaks with it")
+    table = there.assign_coords(angle=angles_of_rays(angles), tied=tied)
     for name, direction in zip(plane.axes, ray(angles).T, strict=True):
         values = table.critical_scale.values * direction
         table = table.assign_coords({name: ("angle", values, barrier[name].attrs)})
@@ -110,16 +93,21 @@ def unfolded(barrier, angles):
     return table
 
 
-def exact_circles(cube, shifts):
-    """List the exact texts of the last circles' ω in a cube, or of `shift` - ω where that is not 0;
-    "" where none is named."""
-    circles = []
+def with_circles(cube, shifts=None, per="period"):
+    """Return the cube, read, with the coordinate `circle` in place of partial quotients.
+
+    It is the exact text of the last circle's ω, or of shift - ω where one of `shifts` is not 0; ""
+    where none is named.
+    """
+    circles, (dim,) = [], cube.load().tail_length.dims
+    shifts = [0] * cube.sizes[dim] if shifts is None else shifts
     entries = cube.quotients.values.T.tolist(), cube.tail_length.values.tolist(), shifts
     for quotients, length, shift in zip(*entries, strict=True):
         quotients = tuple(np.trim_zeros(quotients, "b"))
         omega = quotients and RotationNumber(quotients[:-length], quotients[-length:])
         circles.append(str(moebius(omega, -1, shift) if omega and shift else omega or ""))
-    return circles
+    circle = text(dim, circles, f"exact rotation number of the last circle, per {per}")
+    return cube.drop_vars(["quotients", "tail_length", "quotient"]).assign_coords(circle=circle)
 
 
 def tie(plane, circle, angle, scale):
@@ -132,43 +120,6 @@ def _compute(coords, settings):
     (start, profiles), tol = plane_of(settings).ray(coords["angle"]), settings["tol"]
     found = [barriers.critical_scale(profile, tol, start) for profile in profiles]
     return scales(found, plane_of(settings).axes, coords["angle"]) | circle_arrays(found)
-
-
-def _compute_proved(coords, settings):
-    from nasm import proofs  # python-flint takes a while to import, and is an extra
-
-    plane = plane_of(settings)
-    profiles = plane.ray(coords["angle"])[1]
-    brackets = [proofs.critical_scale(profile, settings["seconds"]) for profile in profiles]
-    found = [bracket.found for bracket in brackets]
-    arrays = scales(found, plane.axes, coords["angle"]) | circle_arrays(found)
-    for key in _PROVED:
-        side = key.removeprefix("proved_")
-        arrays[key] = np.array([getattr(bracket, side) for bracket in brackets])
-    return arrays | packed(proof for b in brackets for proof in (b.barrier, b.transport, *b.rays))
-
-
-def uncertified(tile, certificates):
-    """Say what a tile of `proved_barrier` calls proved without a certificate of it; else ""."""
-    from nasm.proofs.fan import covered
-
-    claimed, rays = set(), {}
-    for certificate in certificates:
-        kappa = of_certificate(certificate["shortened_from"], "kappa")
-        if "scales" in certificate:
-            rays.setdefault(kappa, []).append(of_certificate(certificate, "scales"))
-        else:
-            claimed.add((certificate["shortened_from"].get("omega"), kappa))
-    circles = exact_circles(tile.load(), [0] * tile.angle.size)
-    for i, profile in enumerate(plane_of(tile.attrs).ray(tile.angle.values)[1]):
-        here, at = tile.isel(angle=i), f"at {float(tile.angle[i]):g} degrees"
-        if float(here.proved_below) > covered(rays.get(tuple(profile.tolist()), [])):
-            return f"proved_below {at} has no certificates"
-        for side, omega in (("proved_lower", circles[i]), ("proved_upper", None)):
-            scale = float(here[side])
-            if scale > 0 and (omega, tuple((scale * profile).tolist())) not in claimed:
-                return f"{side} {at} has no certificate"
-    return ""
 
 
 def circle_arrays(found):

@@ -21,12 +21,12 @@ from workflows.shared.cli import command, flag, real, sweeps
 @real("--tol", 1e-2, 1e-5, 0.1, "Width of the bracket to aim at, relative to the scale.")
 @sweeps
 def main(run, quick, tol):
-    from pipeline.cubes.forcings import last_barriers, with_circles
+    from pipeline.cubes import barrier, forcings
     from workflows.figures.patterns import draw_patterns
     from workflows.patterns import study
 
-    job = last_barriers("patterns", study.patterns(quick), study.PARAMETER, tol)
+    job = forcings.last_barriers("patterns", study.patterns(quick), study.PARAMETER, tol)
     with run.sweeping(job):
-        cube = with_circles(run.sweep(job))
+        cube = barrier.with_circles(run.sweep(job))
         run.table("patterns", cube.assign(per_period=cube.critical_scale * cube.period))  # K_c
         run.figure("patterns", draw_patterns(cube), study.found(cube))

@@ -18,8 +18,8 @@ from workflows.shared.cli import command, flag, sweeps, whole
 @flag("--quick", "A preview: few forcings, climbs and ripples.")
 @sweeps
 def main(run, forcings, climbs, quick):
-    from pipeline.cubes.forcings import last_barriers, with_circles
-    from pipeline.cubes.robustness import against_constant
+    from pipeline.cubes.barrier import with_circles
+    from pipeline.cubes.forcings import against_constant, last_barriers
     from workflows.figures.tolerance import draw_tolerance
     from workflows.tolerance import study
 

@@ -6,14 +6,13 @@ import click
 
 from nasm.proofs.certificate_checker import Refuted, check
 from pipeline import store
-from pipeline.cubes import barrier, proved_map
-from pipeline.cubes.certificates import seconds_to_check, unpacked
+from pipeline.cubes import proved
 from pipeline.sweep.progress import Progress, duration, plural
 
 _CUBES = {
-    "proved_barrier": barrier.uncertified,
-    "proved_map": proved_map.uncertified,
-    "proved_triangles": proved_map.uncertified_triangle,
+    "proved_barrier": proved.uncertified_rays,
+    "proved_map": proved.uncertified_cells,
+    "proved_triangles": proved.uncertified_triangle,
 }
 
 
@@ -28,11 +27,11 @@ def verify_proofs(place, longest, repair):
         tiles, bad = {}, {}
         for index, tile in store.tiles_of(place, name):
             try:
-                certificates = unpacked(place.read(store.certificates_key(name, index)))
+                certificates = proved.unpacked(place.read(store.certificates_key(name, index)))
                 if what := _CUBES[name](tile, certificates):
                     bad[index] = what
                 elif certificates:
-                    tiles[index] = list(map(seconds_to_check, certificates))
+                    tiles[index] = list(map(proved.seconds_to_check, certificates))
             except (AttributeError, LookupError, TypeError, ValueError) as error:
                 bad[index] = f"its certificates are damaged: {error}"
         costs = [seconds for of_tile in tiles.values() for seconds in of_tile]
@@ -42,7 +41,7 @@ def verify_proofs(place, longest, repair):
         with Progress(f"{name}: certificates", sys.stderr) as progress:
             progress.begin(len(tiles), sum(short))
             for index, of_tile in tiles.items():
-                certificates = unpacked(place.read(store.certificates_key(name, index)))
+                certificates = proved.unpacked(place.read(store.certificates_key(name, index)))
                 for certificate, seconds in zip(certificates, of_tile, strict=True):
                     if seconds <= longest:
                         try:

@@ -1,18 +1,24 @@
-"""What is proved of forcings? Transport in cells of the (κ1, κ2) plane, a barrier in triangles.
+"""What is proved of forcings, and the certificates of it, a file for each tile.
 
-`proved_map` is a quadtree of cells, `proved_triangles` has a triangle from κ = 0 on for each tile.
-Tiles of κ2 > κ1 are not computed: they are images (arXiv:1606.04824, Sec. III).
+`proved_barrier` has proved bounds on rays, `proved_map` a quadtree of cells of the (κ1, κ2) plane
+where transport is global, `proved_triangles` a triangle from κ = 0 on for each tile, in which a
+barrier exists. See nasm/proofs/README.md.
 """
 
+import json
+import lzma
 from functools import partial
+from io import BytesIO
+from itertools import chain, repeat
 
 import numpy as np
 import xarray as xr
 
 from nasm import periodic, proofs
 from nasm.numbers import parse
-from nasm.planes import TWO_KICKS_AXES
-from pipeline.cubes.certificates import of_certificate, packed
+from nasm.planes import TWO_KICKS_AXES, plane_of
+from pipeline.cubes.barrier import circle_arrays, job_of_barriers, with_circles
+from pipeline.cubes.breakdown import scales
 from pipeline.cubes.cube import NOT_COMPUTED, Cube, Job, blank, coordinate
 
 REACH = 1.125  # of both strengths; CB_gt ends before
@@ -23,10 +29,62 @@ _STATES = {
     proofs.cells.OPEN: "open",
     proofs.cells.TRANSPORT: "transport_is_global",
 }
+_PROVED = {
+    "proved_below": "scale up to which a barrier is proved to exist on all the ray",
+    "proved_lower": "scale at which a barrier is proved to exist; it says nothing of smaller ones",
+    "proved_upper": "scale at which transport is proved to be global",
+}
+
+
+def proved_barrier(plane, angles, seconds):
+    """Return the Job of the cube `proved_barrier`: `last_barrier`, and what is proved of each ray.
+
+    angles : degrees. seconds : float, CPU time for each proof of each ray; see `nasm.proofs`. The
+    proved bounds depend on the machine's speed; each of them holds.
+    """
+    plane.rays_start_at_zero("a proof")
+    settings, quick = {"tol": 1e-4, "seconds": seconds}, plane.record | {"seconds": 0.1}
+    warm_up = partial(_compute_rays, {"angle": np.zeros(1)}, quick)
+    how = 1 + 3 * seconds, settings, _compute_rays, warm_up, _PROVED
+    return job_of_barriers("proved_barrier", plane, angles, *how)
+
+
+def _compute_rays(coords, settings):
+    plane = plane_of(settings)
+    profiles = plane.ray(coords["angle"])[1]
+    brackets = [proofs.critical_scale(profile, settings["seconds"]) for profile in profiles]
+    found = [bracket.found for bracket in brackets]
+    arrays = scales(found, plane.axes, coords["angle"]) | circle_arrays(found)
+    for key in _PROVED:
+        side = key.removeprefix("proved_")
+        arrays[key] = np.array([getattr(bracket, side) for bracket in brackets])
+    return arrays | packed(proof for b in brackets for proof in (b.barrier, b.transport, *b.rays))
+
+
+def uncertified_rays(tile, certificates):
+    """Say what a tile of `proved_barrier` calls proved without a certificate of it; else ""."""
+    claimed, rays = set(), {}
+    for certificate in certificates:
+        kappa = of_certificate(certificate["shortened_from"], "kappa")
+        if "scales" in certificate:
+            rays.setdefault(kappa, []).append(of_certificate(certificate, "scales"))
+        else:
+            claimed.add((certificate["shortened_from"].get("omega"), kappa))
+    tile = with_circles(tile)
+    for i, profile in enumerate(plane_of(tile.attrs).ray(tile.angle.values)[1]):
+        here, at = tile.isel(angle=i), f"at {float(tile.angle[i]):g} degrees"
+        if float(here.proved_below) > proofs.covered(rays.get(tuple(profile.tolist()), [])):
+            return f"proved_below {at} has no certificates"
+        for side, omega in (("proved_lower", here.circle.item()), ("proved_upper", None)):
+            scale = float(here[side])
+            if scale > 0 and (omega, tuple((scale * profile).tolist())) not in claimed:
+                return f"{side} {at} has no certificate"
+    return ""
 
 
 def proved_map(rays, cells, seconds):
-    """Return the Job of the cube `proved_map`.
+    """Return the Job of the cube `proved_map`. Tiles of κ2 > κ1 are not computed: they are images
+    (arXiv:1606.04824, Sec. III).
 
     rays : list of (angle in degrees, scale of the last breakup) from 0 to 45 degrees. They tell
     where to try. cells : finest cells per unit of κ, 16 times a power of two. seconds : CPU time
@@ -45,10 +103,10 @@ def proved_map(rays, cells, seconds):
     settings = {"rays": rays, "cells": cells, "seconds": seconds}
     cube = Cube("proved_map", template, dict.fromkeys(axes, n // _BLOCKS), settings)
     warm_up = partial(proofs.transport_cells.prove_cell, (1.0, 0.5), 2.0**-8)
-    return Job(cube, _compute, _predict, warm_up)
+    return Job(cube, _compute_cells, _predict_cells, warm_up)
 
 
-def _compute(coords, settings):
+def _compute_cells(coords, settings):
     n, size = coords["kappa1"].size, 1 / settings["cells"]
     low1, low2 = (round(coords[name][0] - size / 2, 9) for name in ("kappa1", "kappa2"))
     if low2 > low1:
@@ -60,7 +118,7 @@ def _compute(coords, settings):
     return {"proved": proved} | packed(found)
 
 
-def uncertified(tile, certificates):
+def uncertified_cells(tile, certificates):
     """Say what a tile of the cube calls proved without a certificate that claims it; else ""."""
     kappa1, kappa2 = np.meshgrid(tile.kappa1, tile.kappa2)
     found, half = np.zeros(kappa1.shape, bool), 0.5 / tile.attrs["cells"]
@@ -72,7 +130,7 @@ def uncertified(tile, certificates):
     return f"{n} cells are called proved, and no certificate claims it" if n else ""
 
 
-def _predict(coords, settings):
+def _predict_cells(coords, settings):
     """A twentieth of the time for each finest cell near CB_gt."""
     kappa1, kappa2 = np.meshgrid(coords["kappa1"], coords["kappa2"])
     distance = proofs.cells.distance(settings["rays"], kappa1, kappa2)
@@ -136,3 +194,46 @@ def uncertified_triangle(tile, certificates):
     if float(tile.proved_below) > proofs.covered(found):
         return f"triangle {int(tile.triangle)} has no certificates to where it is called proved"
     return ""
+
+
+def packed(proofs):
+    """Return what a tile keeps beside its arrays: the certificates of those that are proved.
+
+    They are compressed one by one, as those of cells take much memory.
+    """
+    proved, data = [proof for proof in proofs if proof and proof.proved], BytesIO()
+    if not proved:
+        return {}
+    with lzma.open(data, "wt", preset=0) as file:
+        for separator, proof in zip(chain("[", repeat(",")), proved, strict=False):
+            file.write(separator + json.dumps(proof.certificate()))
+        file.write("]")
+    return {"certificates": data.getvalue()}
+
+
+def unpacked(data):
+    """Return the list of certificates, objects all; ValueError if the bytes are damaged."""
+    try:
+        found = json.loads(lzma.decompress(data)) if data else []
+    except (lzma.LZMAError, EOFError, RecursionError) as error:
+        raise ValueError(str(error)) from None
+    if not (isinstance(found, list) and all(isinstance(item, dict) for item in found)):
+        raise ValueError("they are no list of objects")
+    return found
+
+
+def of_certificate(certificate, field):
+    """Return a row of numbers in a certificate as a tuple of floats."""
+    return tuple(map(float.fromhex, certificate[field]))
+
+
+def seconds_to_check(certificate):
+    """Return the CPU seconds, about, that the checker will take."""
+    if "lives" in certificate:
+        return 7e-5 * sum(certificate["lives"])
+    degrees = certificate["moves"]["numbers"]
+    first = degrees[0]
+    size, across = max(len(part) for row in first[0] for part in row), len(first)
+    nodes = len(degrees) * (across + 1 if across > 1 else 1)
+    inverses = 240 if across > 1 else 30 if "scales" in certificate else 4
+    return 1e-4 * len(first[0]) * size * (nodes + inverses)
