@@ -86,10 +86,8 @@ def unfolded(barrier, angles):
     tied = text("angle", ties, "that of a circle that breaks with it")
     table = there.assign_coords(angle=angles_of_rays(angles), tied=tied)
     for name, direction in zip(plane.axes, ray(angles).T, strict=True):
-        values = table.critical_scale.values * direction
-        table = table.assign_coords({name: ("angle", values, barrier[name].attrs)})
-    omega = np.where(shifts, shifts - table.omega, table.omega)
-    table["omega"] = table.omega.copy(data=omega)
+        table[name] = table[name].copy(data=table.critical_scale.values * direction)
+    table["omega"] = table.omega.copy(data=np.where(shifts, shifts - table.omega, table.omega))
     return table
 
 

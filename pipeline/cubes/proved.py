@@ -9,7 +9,6 @@ import json
 import lzma
 from functools import partial
 from io import BytesIO
-from itertools import chain, repeat
 
 import numpy as np
 import xarray as xr
@@ -205,8 +204,8 @@ def packed(proofs):
     if not proved:
         return {}
     with lzma.open(data, "wt", preset=0) as file:
-        for separator, proof in zip(chain("[", repeat(",")), proved, strict=False):
-            file.write(separator + json.dumps(proof.certificate()))
+        for i, proof in enumerate(proved):
+            file.write(("," if i else "[") + json.dumps(proof.certificate()))
         file.write("]")
     return {"certificates": data.getvalue()}
 
