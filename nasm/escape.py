@@ -251,22 +251,15 @@ def polynomial(c, p, v):
 
 @overload(polynomial, jit_options={"forceinline": True})
 def _polynomial_of(c, p, v):
-    def double(c, p, v):
-        s = fma(v, c[p, 7], c[p, 6])
-        s = fma(s, v, c[p, 5])
-        s = fma(s, v, c[p, 4])
-        s = fma(s, v, c[p, 3])
-        s = fma(s, v, c[p, 2])
-        s = fma(s, v, c[p, 1])
-        return fma(s, v, c[p, 0])
+    terms = len(SINE if c.dtype == types.float64 else SINGLE_SINE)
 
-    def single(c, p, v):
-        s = fma(v, c[p, 4], c[p, 3])
-        s = fma(s, v, c[p, 2])
-        s = fma(s, v, c[p, 1])
-        return fma(s, v, c[p, 0])
+    def of_terms(c, p, v):
+        s = fma(v, c[p, terms - 1], c[p, terms - 2])
+        for k in range(terms - 3, -1, -1):
+            s = fma(s, v, c[p, k])
+        return s
 
-    return double if c.dtype == types.float64 else single
+    return of_terms
 
 
 @njit(forceinline=True)

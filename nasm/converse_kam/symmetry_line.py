@@ -290,10 +290,6 @@ def beam_search(lifetimes, starts, offset, kept=KEPT, few=_FEW, apart=0.01):
         y = (parents[:, None] + cell * brood).ravel()
 
 
-# Slopes of the sine: the coefficients of cos 2πu = d(sin 2πu)/d(2πu).
-_D0, _D1, _D2, _D3, _D4, _D5, _D6, _D7 = COSINE
-
-
 @njit(forceinline=True)
 def tangent_kick(c, n, x, y, v, w):
     """Kick n, on lanes or floats; x is the shifted angle X."""
@@ -301,13 +297,9 @@ def tangent_kick(c, n, x, y, v, w):
     u = fabs(r) - 0.25
     q = u * u
     y = fma(polynomial(c, n, q), u, y)
-    d = fma(q, _D7, _D6)
-    d = fma(d, q, _D5)
-    d = fma(d, q, _D4)
-    d = fma(d, q, _D3)
-    d = fma(d, q, _D2)
-    d = fma(d, q, _D1)
-    d = fma(d, q, _D0)
+    d = fma(q, COSINE[7], COSINE[6])
+    for k in range(5, -1, -1):
+        d = fma(d, q, COSINE[k])
     w = fma(copysign(d, r) * v, c[n, 0], w)
     return r + y, y, v + w, w
 
