@@ -87,7 +87,6 @@ def _measured(momenta, part):
 @kernel
 def _iterate(c, x, y, n):
     """n periods of all orbits, a multiple of the lanes, in place."""
-    x_end, y_end, reach = np.empty(LANES), np.empty(LANES), np.empty(LANES)
+    reach = np.empty(LANES)
     for start in range(0, x.size, LANES):
-        advance(c, x, y, start, n, x_end, y_end, reach)
-        x[start : start + LANES], y[start : start + LANES] = x_end, y_end
+        advance(c, x, y, start, n, reach)
