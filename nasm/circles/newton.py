@@ -124,8 +124,7 @@ def settle(omega, kappa, u, n_max):
 
 def certified(omega, kappa, u):
     """The InvariantCircle of deviations, with what `certify` says of them."""
-    error, status = certify(omega, kappa, u)
-    return InvariantCircle(omega, kappa, u, error, status)
+    return InvariantCircle(omega, kappa, u, *certify(omega, kappa, u))
 
 
 def certify(omega, kappa, u):
@@ -181,10 +180,7 @@ def polished_is_circle(omega, kappa, u):
 
 
 def newton_step(omega, kappa, u):
-    """One step of the chain form. Returns the new u, shape (P, n), and the largest |E_j| before it.
-
-    `parameterization.newton_step` is the same step of the paper's Algorithm 1.
-    """
+    """One step of the chain form. Returns the new u, ndarray (P, n), and max |E_j| before it."""
     kappa = forcing(kappa)
     u = _deviations(u, kappa.size).copy()
     error = _chain_step(kappa, *_constants(omega, *u.shape), u, _workspace(*u.shape))[0]
@@ -197,7 +193,9 @@ def residual(omega, kappa, u):
     n_sites, n = u.shape
     turn = fourier.turns(omega, n // 2 + 1)
     before, after = fourier.rotate(u[-1], turn.conj()), fourier.rotate(u[0], turn)
-    return _residual(kappa, _angles(omega, n_sites), before, u, after)
+    sites = np.vstack([before, u, after])
+    h = np.arange(n) / n + _angles(omega, n_sites)[:, None] + u
+    return sites[2:] - 2 * u + sites[:-2] - kappa[:, None] / TWO_PI * sin2pi(h)
 
 
 def graph(circle):
@@ -309,21 +307,6 @@ def step_outcome(error, change, slope, twist, tail, last_error, last):
         return 1
     next_change = change * (change / last) ** 2
     return 0 if change < UPDATE or (change < 1e-6 and next_change < 1e-2 * UPDATE) else 3
-
-
-@kernel
-def _residual(kappa, angles, before, u, after):
-    """E_j from u_{-1}, u_0, …, u_{P-1} and u_P."""
-    n_sites, n = u.shape
-    residual = np.empty((n_sites, n))
-    for j in range(n_sites):
-        strength = kappa[j] / TWO_PI
-        behind = u[j - 1] if j > 0 else before
-        ahead = u[j + 1] if j < n_sites - 1 else after
-        for i in range(n):
-            kick = strength * sin2pi(i / n + angles[j] + u[j, i])
-            residual[j, i] = ahead[i] - 2 * u[j, i] + behind[i] - kick
-    return residual
 
 
 @kernel(error_model="numpy")
