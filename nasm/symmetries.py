@@ -202,15 +202,10 @@ def distances_to_shorter(kappa):
 
     ndarray: the largest change of a strength that it takes, in parts of the largest |κ|.
     """
-    kappas = forcing(kappa)[None]
-    size, forms = np.abs(kappas).max(), _forms(kappas)
-    found = [
-        _change(kappas, form, length) / size if size > 0 else 0.0
-        for length in _divisors(kappas.size)[:-1]
-        for spacing, form in forms
-        if not spacing or length % spacing == 0
-    ]
-    turned = _distance_to_turned(kappas[0])
+    strengths = forcing(kappa)
+    size = np.abs(strengths).max()
+    found = [change / size if size > 0 else 0.0 for change, *_ in _shorter(strengths[None])]
+    turned = _distance_to_turned(strengths)
     if _ROUNDED < turned < np.inf:
         found.append(turned)
     return np.array(found)
@@ -227,20 +222,25 @@ def _distance_to_turned(kappa):
 def _shortest(kappas):
     """The shortest period of forcings, rows of an array; the spacing m of the kicks whose signs
     must alternate for it, or 0; and the rows of that period."""
-    forms = _forms(kappas)
-    for length in _divisors(kappas.shape[1])[:-1]:
-        for spacing, form in forms:
-            if _change(kappas, form, length) == 0:
-                return length, spacing, form[:, :length]
-    return kappas.shape[1], 0, kappas
+    exact = (found for change, *found in _shorter(kappas) if change == 0)
+    return next(exact, (kappas.shape[1], 0, kappas))
 
 
-def _forms(kappas):
-    """0 and the forcings; and, for each spacing m, m and those sites m apart, with alternating
-    signs, among which the largest |κ| is."""
-    largest = int(np.abs(kappas).max(axis=0).argmax())
-    spacings = [m for m in _divisors(kappas.shape[1]) if kappas.shape[1] // m % 2 == 0]
-    return [(0, kappas)] + [(m, _alternated(kappas, m, largest % m)) for m in spacings]
+def _shorter(kappas):
+    """The change that gives forcings a shorter period, and what `_shortest` returns of each.
+
+    The change makes |κ| that of a form, and the form periodic: the forcings themselves; and, for
+    each spacing m, those sites m apart, with alternating signs, among which the largest |κ| is.
+    """
+    period, size = kappas.shape[1], np.abs(kappas)
+    largest = int(size.max(axis=0).argmax())
+    spacings = [m for m in _divisors(period) if period // m % 2 == 0]
+    forms = [(0, kappas)] + [(m, _alternated(kappas, m, largest % m)) for m in spacings]
+    for length, (spacing, form) in product(_divisors(period)[:-1], forms):
+        if spacing == 0 or length % spacing == 0:
+            periods = form.reshape(len(form), -1, length)
+            change = max(np.ptp(periods, axis=1).max(), (size - np.abs(form)).max())
+            yield change, length, spacing, form[:, :length]
 
 
 def _alternated(kappas, spacing, first):
@@ -248,13 +248,6 @@ def _alternated(kappas, spacing, first):
     form[..., first :: 2 * spacing] = kappas[..., first :: 2 * spacing]
     form[..., first + spacing :: 2 * spacing] = -kappas[..., first + spacing :: 2 * spacing]
     return form
-
-
-def _change(kappas, form, length):
-    """The largest change that makes |κ| that of the form, and the form one of that period."""
-    periods = form.reshape(len(form), -1, length)
-    between = periods.max(axis=1) - periods.min(axis=1)
-    return max(between.max(), (np.abs(kappas) - np.abs(form)).max())
 
 
 @lru_cache
