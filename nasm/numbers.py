@@ -163,20 +163,16 @@ def moebius(omega, a, b, c=0, d=1):
         if c * value + d == 0:
             raise ValueError(f"({a}ω + {b})/({c}ω + {d}) is infinite at ω = {value}")
         return rational((a * value + b) / (c * value + d))
-    # Write ω = (r + s·√n)/t with the period's own quadratic equation, then rationalise.
+    # ω = (p·x + p_last)/(q·x + q_last), where x = (r + √n)/t > 1 solves the equation of the period,
+    # q·x² + (q_last - p)·x - p_last = 0.
     (p, p_last), (q, q_last) = _product(omega.tail)
-    n = (q_last - p) ** 2 + 4 * q * p_last  # of q·x² + (q_last - p)·x - p_last = 0, x > 1
-    r, s, t = p - q_last, 1, 2 * q
+    n, r, t = (q_last - p) ** 2 + 4 * q * p_last, p - q_last, 2 * q
     (p, p_last), (q, q_last) = _product(omega.prefix)
-    top, bottom = (p * r + p_last * t, p * s), (q * r + q_last * t, q * s)  # u + v√n, over the same
-    top, bottom = (
-        (a * top[0] + b * bottom[0], a * top[1] + b * bottom[1]),
-        (c * top[0] + d * bottom[0], c * top[1] + d * bottom[1]),
-    )
-    norm = bottom[0] ** 2 - n * bottom[1] ** 2
-    r = top[0] * bottom[0] - n * top[1] * bottom[1]
-    s = top[1] * bottom[0] - top[0] * bottom[1]
-    if (image := _expand_surd(r, s, norm, n)) is None:
+    s, u = a * p + b * q, c * p + d * q
+    top, bottom = s * r + (a * p_last + b * q_last) * t, u * r + (c * p_last + d * q_last) * t
+    # Of (top + s·√n)/(bottom + u·√n) make the bottom rational.
+    image = _expand_surd(top * bottom - n * s * u, s * bottom - top * u, bottom**2 - n * u**2, n)
+    if image is None:
         raise _too_long(f"({a}ω + {b})/({c}ω + {d})")
     return image
 
@@ -248,10 +244,8 @@ def _shortest(prefix, tail):
     if not tail:
         (p, _), (q, _) = _product(prefix)
         return rational(Fraction(p, q))
-    for length in range(1, len(tail) + 1):
-        if len(tail) % length == 0 and tail == tail[:length] * (len(tail) // length):
-            tail = tail[:length]
-            break
+    sizes = range(1, len(tail) + 1)
+    tail = next(tail[:n] for n in sizes if tail == tail[:n] * (len(tail) // n))
     if not prefix:  # keep a₀ apart: it alone may be 0 or negative
         prefix, tail = tail[:1], tail[1:] + tail[:1]
     while len(prefix) > 1 and prefix[-1] == tail[-1]:
