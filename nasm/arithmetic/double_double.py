@@ -21,12 +21,8 @@ __all__ = ["add", "divided", "multiply", "pair", "sincos_2pi"]
 __dir__ = __all__.copy
 
 
-def _arctan_inverse(n):
-    return sum(Fraction((-1) ** k, (2 * k + 1) * n ** (2 * k + 1)) for k in range(40))
-
-
-# Machin: π = 16 arctan(1/5) - 4 arctan(1/239), far beyond the digits that a pair holds.
-EXACT_PI = 16 * _arctan_inverse(5) - 4 * _arctan_inverse(239)
+# To twice the digits that a pair holds.
+EXACT_PI = Fraction("3.1415926535897932384626433832795028841971693993751058209749445923")
 
 
 def pair(exact):
