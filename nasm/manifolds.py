@@ -135,15 +135,12 @@ def turnstile(kappa, p, q, above, spacing=1e-3):
         m += q
     middle = _at(most, m, long, p * (not above))
     points = [first, middle, last]
-    lobes = []
     curves = [
         _through(branch, kappa, p, q, ends, z, toward, points, spacing)
         for branch, z, toward in ((unstable, start, onward), (stable, end, -onward))
     ]
-    for i in range(2):
-        one, other = (curve[i] for curve in curves)
-        lobes.append(np.hstack([one, other[:, ::-1]]))
-    return Turnstile(action_difference(kappa, *long), tuple(lobes))
+    lobes = tuple(np.hstack([one, other[:, ::-1]]) for one, other in zip(*curves, strict=True))
+    return Turnstile(action_difference(kappa, *long), lobes)
 
 
 def _at(points, i, long, whole):
@@ -176,8 +173,6 @@ def _through(branch, kappa, p, q, ends, start, toward, points, spacing):
 
 def _neighbour(p, q, above):
     """The Farey neighbour of p/q with the least denominator, above or below it."""
-    if q == 1:
-        return Fraction(p + (1 if above else -1), 1)
-    down = pow(p, -1, q)  # p·q' - q·p' = 1, below
-    q_near = q - down if above else down
-    return Fraction((p * q_near + (1 if above else -1)) // q, q_near)
+    sign = 1 if above else -1
+    q_near = -sign * pow(p, -1, q) % q or 1  # q·p' - p·q' = sign; 1 if q = 1
+    return Fraction((p * q_near + sign) // q, q_near)

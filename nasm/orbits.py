@@ -116,10 +116,8 @@ def bump(n):
 
 @kernel
 def _orbit(kappa, x, y, n, every):
-    xs = np.empty((n + 1, x.size))
-    ys = np.empty((n + 1, x.size))
-    xs[0] = x
-    ys[0] = y
+    xs, ys = np.empty((2, n + 1, x.size))
+    xs[0], ys[0] = x, y
     for t in range(n):
         for i in range(x.size):
             xt, yt = xs[t, i], ys[t, i]
