@@ -149,17 +149,16 @@ def _negate(a):
     return (lambda a: a * -1.0) if isinstance(a, _LanesType) else None
 
 
-def _lane_pointer(context, builder, array_type, lanes, array, index):
-    data = context.make_array(array_type)(context, builder, array).data
-    return builder.bitcast(builder.gep(data, [index]), lanes.vector.as_pointer())
+def _pointer(context, builder, array_type, kind, array, index):
+    """To array[index], as `kind`: lanes, or a float."""
+    place = builder.gep(context.make_array(array_type)(context, builder, array).data, [index])
+    return place if kind in _ELEMENTS else builder.bitcast(place, kind.vector.as_pointer())
 
 
 def _load(width):
     def generate(context, builder, signature, arguments):
-        pointer = _lane_pointer(
-            context, builder, signature.args[0], signature.return_type, *arguments
-        )
-        return builder.load(pointer, align=4)
+        array_type, kind = signature.args[0], signature.return_type
+        return builder.load(_pointer(context, builder, array_type, kind, *arguments), align=4)
 
     def load(typing_context, array, index):
         return _LanesType(width, array.dtype)(array, types.intp), generate
@@ -176,17 +175,12 @@ def store(typing_context, array, index, lanes):
     """array[index : index + width] = lanes; contiguous floats of theirs, bounds not checked."""
 
     def generate(context, builder, signature, arguments):
-        pointer = _lane_pointer(
-            context, builder, signature.args[0], signature.args[2], *arguments[:2]
-        )
+        array_type, _, kind = signature.args
+        pointer = _pointer(context, builder, array_type, kind, *arguments[:2])
         builder.store(arguments[2], pointer, align=4)
         return context.get_dummy_value()
 
     return types.void(array, types.intp, lanes), generate
-
-
-def _kind(width):
-    return _LanesType(width, types.float64) if width > 1 else types.float64
 
 
 @intrinsic(prefer_literal=True)
@@ -195,16 +189,14 @@ def load_state(typing_context, array, column, n_rows, width):
 
     n_rows and width : constants; each entry is `width` lanes, or a float if that is 1.
     """
-    kind, n = _kind(width.literal_value), n_rows.literal_value
+    n, size = n_rows.literal_value, width.literal_value
+    kind = _LanesType(size, types.float64) if size > 1 else types.float64
 
     def generate(context, builder, signature, arguments):
-        data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
         values = []
         for row in range(n):
-            place = builder.add(arguments[1], ir.Constant(arguments[1].type, row * FEW))
-            pointer = builder.gep(data, [place])
-            if kind != types.float64:
-                pointer = builder.bitcast(pointer, kind.vector.as_pointer())
+            index = builder.add(arguments[1], ir.Constant(arguments[1].type, row * FEW))
+            pointer = _pointer(context, builder, array, kind, arguments[0], index)
             values.append(builder.load(pointer, align=8))
         return context.make_tuple(builder, signature.return_type, values)
 
@@ -216,12 +208,9 @@ def store_state(typing_context, array, state):
     """The first rows of an array (rows, FEW) = a tuple of FEW lanes each."""
 
     def generate(context, builder, signature, arguments):
-        array_type, state_type = signature.args
-        for row in range(state_type.count):
+        for row in range(state.count):
             index = ir.Constant(ir.IntType(64), row * FEW)
-            pointer = _lane_pointer(
-                context, builder, array_type, state_type.dtype, arguments[0], index
-            )
+            pointer = _pointer(context, builder, array, state.dtype, arguments[0], index)
             builder.store(builder.extract_value(arguments[1], row), pointer, align=8)
         return context.get_dummy_value()
 
