@@ -33,16 +33,8 @@ _BISECTIONS = 60
 def primary_residue(kappa1, kappa2):
     """Residues of the `PRIMARY` points, shape (4, *broadcast shape of kappa1 and kappa2)."""
     kappa1, kappa2 = np.broadcast_arrays(kappa1, kappa2)
-    half_sum, half_difference = (kappa1 + kappa2) / 2, (kappa1 - kappa2) / 2
-    product = kappa1 * kappa2 / 4
-    return np.stack(
-        [
-            -half_sum - product,
-            half_sum - product,
-            product - half_difference,
-            product + half_difference,
-        ]
-    )
+    mean, apart, product = (kappa1 + kappa2) / 2, (kappa1 - kappa2) / 2, kappa1 * kappa2 / 4
+    return np.stack([-mean - product, mean - product, product - apart, product + apart])
 
 
 def residue(kappa, x, y):
