@@ -13,7 +13,7 @@ from math import ceil
 import numpy as np
 
 from nasm.maps import TWO_PI
-from nasm.numbers import convergents
+from nasm.numbers import convergents, distinct_convergents
 
 __all__ = ["derivative", "resample", "rotate", "smallest_divisor", "solve_cohomology"]
 __dir__ = __all__.copy
@@ -27,11 +27,8 @@ def turns(omega, n_modes):
 
     kω mod 1 is exact for a convergent p/q of ω with q ≤ 10¹², which misses ω by less than 1/q².
     """
-    for fraction in convergents(omega):
-        if fraction.denominator > _LARGEST_DENOMINATOR:
-            break
-        p, q = fraction.numerator % fraction.denominator, fraction.denominator
-    k = np.arange(n_modes, dtype=np.int64) * p % q
+    p, q = distinct_convergents(omega, _LARGEST_DENOMINATOR)[-1].as_integer_ratio()
+    k = np.arange(n_modes, dtype=np.int64) * (p % q) % q
     values = np.exp(1j * TWO_PI * (np.where(2 * k > q, k - q, k) / q))
     values.flags.writeable = False
     return values
@@ -64,12 +61,8 @@ def cut(omega, n):
     drop the ones that it drives: the cut is then moved below it.
     """
     kept = int(_KEPT * n)
-    for fraction in convergents(omega):
-        if 0.8 * kept < fraction.denominator < kept:
-            return fraction.denominator
-        if fraction.denominator >= kept:
-            break
-    return kept
+    below = (fraction.denominator for fraction in distinct_convergents(omega, kept - 1))
+    return next((q for q in below if q > 0.8 * kept), kept)
 
 
 @lru_cache(maxsize=256)
