@@ -15,7 +15,7 @@ import numpy as np
 from nasm.maps import TWO_PI
 from nasm.numbers import convergents, distinct_convergents
 
-__all__ = ["derivative", "resample", "rotate", "smallest_divisor", "solve_cohomology"]
+__all__ = ["derivative", "resample", "rotate", "solve_cohomology"]
 __dir__ = __all__.copy
 
 _LARGEST_DENOMINATOR = 10**12  # k·p stays below 2⁶³ up to k = 9·10⁶
@@ -63,12 +63,6 @@ def cut(omega, n):
     kept = int(_KEPT * n)
     below = (fraction.denominator for fraction in distinct_convergents(omega, kept - 1))
     return next((q for q in below if q > 0.8 * kept), kept)
-
-
-@lru_cache(maxsize=256)
-def smallest_divisor(omega, n_modes):
-    """min |e^{2πikω} - 1| over 1 ≤ k < n_modes."""
-    return np.abs(turns(omega, n_modes)[1:] - 1).min()
 
 
 def rotate(f, turn):

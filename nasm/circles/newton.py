@@ -273,7 +273,7 @@ _OUTCOMES = (Status.OK, Status.TOO_FEW_MODES, Status.NO_CIRCLE)
 def _newton(omega, kappa, u):
     """Newton's method on the grid of u, in place: a Status, and the error before the first step."""
     angles, turn, kept = _constants(omega, *u.shape)
-    if fourier.smallest_divisor(omega, kept) < _DIVISOR:
+    if np.abs(turn[1:kept] - 1).min() < _DIVISOR:
         return Status.NEARLY_RATIONAL, np.nan
     outcome, error = _iterate(kappa, angles, turn, kept, u)
     return _OUTCOMES[outcome], error
