@@ -88,9 +88,11 @@ def parse(text):
         if all(a >= 1 for a in prefix + tail):
             return _shortest([int(first), *prefix], tail)
     elif match := re.fullmatch(f"({_SUM})", compact) or re.fullmatch(_RATIO, compact):
-        top, bottom = (_linear(part.strip("()")) for part in (*match.groups(), "1")[:2])
-        if bottom != (0, 0):
-            return _golden_moebius(*top, *bottom)
+        (a, b), (c, d) = (_linear(part.strip("()")) for part in (*match.groups(), "1")[:2])
+        if a * d != b * c:
+            return moebius(RotationNumber((0,), (1,)), a, b, c, d)
+        if (c, d) != (0, 0):  # no γ is left in it
+            return rational(Fraction(b, d) if d else Fraction(a, c))
     raise ValueError(
         f"{text!r} is not a rotation number; write a continued fraction like [1;4,(1)], or a ratio "
         "in the golden mean like (5gamma+6)/(4gamma+5)"
@@ -200,12 +202,6 @@ def _linear(text):
             value = int(sign + (digits or "1"))
             a, b = (a + value, b) if gamma else (a, b + value)
     return a, b
-
-
-def _golden_moebius(a, b, c, d):
-    if a * d == b * c:  # no γ left in it
-        return rational(Fraction(b, d) if d else Fraction(a, c))
-    return moebius(RotationNumber((0,), (1,)), a, b, c, d)
 
 
 def _product(quotients):
