@@ -64,10 +64,9 @@ def of_irrational(frequency, mean, amplitude, n_kicks=32_000, tol=0.01):
                 torus = newton.critical_scale(candidate, frequency, mean, amplitude, tol * upper)
                 if not torus.lower <= lower and np.isfinite(torus.lower):
                     lower, omega = torus.lower, candidate
-    if np.isnan(lower):
-        return CriticalScale(np.nan, np.nan, np.nan, upper, None, Status.UNDECIDED, _METHOD), np.nan
     value, error = (lower + upper) / 2, (upper - lower) / 2
-    return CriticalScale(value, error, lower, upper, None, Status.OK, _METHOD), omega
+    status = Status.UNDECIDED if np.isnan(lower) else Status.OK
+    return CriticalScale(value, error, lower, upper, None, status, _METHOD), omega
 
 
 def upper_scale(frequency, mean, amplitude, n_kicks=8_000):
