@@ -261,9 +261,7 @@ def _first_orbits(kappa, minimax):
     """(ω, sites) of the minimax orbits of ω = 0, 1, … and P/2; and if one end is not its own image
     under (x, y) → (-x, -y), those up to ω = P."""
     period = kappa.size
-    omegas = [Fraction(p) for p in range(period // 2 + 1)]
-    if period % 2:
-        omegas.append(Fraction(period, 2))
+    omegas = sorted({*map(Fraction, range(period // 2 + 1)), Fraction(period, 2)})
     # Where orbits are lost, far beyond the breakup, this stands for them: on the other side of the
     # kick they would be minimizing, and survive.
     orbits, before = [], 0.5 if kappa[0] > 0 else 0.0
@@ -275,7 +273,7 @@ def _first_orbits(kappa, minimax):
         max(abs(2 * x - np.rint(2 * x)), abs(2 * y - twice)) > 1e-6
         for (x, y), twice in ((_place(*orbit), twice) for orbit, twice in ends)
     ):
-        for omega, sites in orbits[-1 - (2 * omegas[-1] == period) :: -1]:
+        for omega, sites in orbits[-2::-1]:
             image = np.arange(sites.size) + (-sites if omega else sites)
             image += np.rint(orbits[-1][1][0] - image[0])
             orbits.append((period - omega, image))
