@@ -183,12 +183,6 @@ def certify(omega, frequency, mean, amplitude, u):
     return error, status if status in (Status.OK, Status.NEARLY_RATIONAL) else Status.NOT_CERTIFIED
 
 
-def newton_step(omega, frequency, mean, amplitude, u):
-    """One Newton step. Returns the new u, shape (m, n), and the largest |E| before it."""
-    u, _, error = _newton(omega, frequency, mean, amplitude, u, 1)
-    return u, error
-
-
 def residual(omega, frequency, mean, amplitude, u):
     """E on the grid of u, shape (m, n): zero on a torus."""
     m, n = u.shape
