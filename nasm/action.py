@@ -76,13 +76,14 @@ class Ladder:
     """Ordered orbits of a list of fractions on the segment of forcings κ = start + s·profile.
 
     start, profile : arrays of P floats. fractions : consecutive convergents of a number, as
-    Fractions, q increasing.
+    Fractions, q increasing. climbed : dict, {} at first, in which ladders on one segment leave each
+    other what they have climbed to.
     """
 
-    def __init__(self, start, profile, fractions):
+    def __init__(self, start, profile, fractions, climbed=None):
         self.start, self.profile = start, profile
         self.chains = [Chain(profile.size, fraction) for fraction in fractions]
-        self._climbed, self._latest = {}, {}
+        self._climbed, self._latest = {} if climbed is None else climbed, {}
         self._near = _NEAR / np.abs(profile).max(initial=1e-300)
 
     def at(self, n, scale, kind):
@@ -137,15 +138,17 @@ class Ladder:
                 del self._climbed[next(iter(self._climbed))]
             kappa = self.start + scale * self.profile
             site = int(np.abs(kappa).argmax())
-            self._climbed[scale] = _around(kappa, site), site, []
+            self._climbed[scale] = _around(kappa, site), site, {}
         kappa, site, orbits = self._climbed[scale]
-        for chain in self.chains[len(orbits) : n + 1]:
-            i = len(orbits)
+        for i, chain in enumerate(self.chains[: n + 1]):
+            if (chain.p, chain.q) in orbits:
+                continue
             held = np.full(chain.n_sites, 0.0 if kappa[0] > 0 else 0.5)
+            before = [(at, orbits[at.p, at.q]) for at in self.chains[max(i - 2, 0) : i]]
             if i > 1:
-                u = chain.joined(*zip(self.chains[i - 2 : i], orbits[-2:], strict=True))
+                u = chain.joined(*before)
             else:
-                u = np.resize(orbits[-1], chain.n_sites) if i else held.copy()
+                u = np.resize(before[0][1], chain.n_sites) if i else held.copy()
             if not _hold(kappa, *chain.frame, u):
                 if chain.n_sites > _HELD:
                     raise LostError
@@ -153,8 +156,8 @@ class Ladder:
                 for part in np.arange(1, 9) / 8:
                     if not _hold(part * kappa, *chain.frame, u):
                         raise LostError
-            orbits.append(u)
-        return site, orbits[n]
+            orbits[chain.p, chain.q] = u
+        return site, orbits[self.chains[n].p, self.chains[n].q]
 
     def _joined(self, n, scale, kind):
         last, one = (self.at(i, scale, kind) for i in (n - 2, n - 1))
@@ -271,11 +274,12 @@ class Chain:
         return np.concatenate([np.tile(u, copies) + sites * drift, end])
 
 
-def ordered_orbits(kappa, p, q):
+def ordered_orbits(kappa, p, q, climbed=None):
     """The two ordered orbits of rotation number p/q per period.
 
     kappa : sequence of P floats, the forcing, first kick first.
     p, q : ints without common factor, 1 ≤ q ≤ 10⁶.
+    climbed : dict, {} at first: where one call leaves the next what it has found on its way.
 
     Returns minimizing, minimax : Orbit, both from the same site on, in the gap that is widest
     there. Where R cannot be told from 0 both are one orbit of those that differ by rounding.
@@ -287,7 +291,7 @@ def ordered_orbits(kappa, p, q):
     if np.gcd(p, q) != 1:
         raise ValueError(f"p/q = {p}/{q} has a common factor; write it in lowest terms")
     fractions = distinct_convergents(rational(Fraction(p, q)), q)
-    found = Ladder(kappa, 0 * kappa, fractions).scan(len(fractions) - 1, 0.0)
+    found = Ladder(kappa, 0 * kappa, fractions, climbed).scan(len(fractions) - 1, 0.0)
     return found[1], found[-1]
 
 

@@ -14,6 +14,7 @@ three kicks or more survivors may be in intervals of 10⁻⁶.
 """
 
 from fractions import Fraction
+from functools import partial
 from heapq import heappop, heappush
 from itertools import count as counter
 from itertools import islice, pairwise
@@ -76,7 +77,8 @@ def standing(kappa):
         if near or longer < _FEW:
             heappush(heap, (log(product), next(order), left, right))
 
-    for pair in _first(kappa):
+    ordered = partial(ordered_orbits, kappa, climbed={})
+    for pair in _first(ordered, kappa.size):
         push(*pair)
     for _ in range(_MOST):
         if not heap:
@@ -85,7 +87,7 @@ def standing(kappa):
         if max(left.q, right.q) > _DEEPEST:
             deepest += _nobles(kappa, left, right)
             continue
-        middle = _between(kappa, left, right)
+        middle = _between(ordered, left, right)
         if middle.q > period:
             period, last = middle.q, (left, right)
         if middle.q > _LONG and max(left.residue, right.residue, middle.residue) < _FALLEN:
@@ -131,34 +133,34 @@ def _fall(residues):
     return len(residues) > 3 and residues[-1] < min(residues[-3:-1])
 
 
-def _first(kappa):
+def _first(ordered, period):
     """Pairs of neighbours that have all ω from 0 to P/2 between them."""
-    nodes = [_scanned(kappa, Fraction(p)) for p in range((kappa.size + 1) // 2 + 1)]
-    if kappa.size % 2:
-        nodes[-1] = _between(kappa, *nodes[-2:])
+    nodes = [_scanned(ordered, Fraction(p)) for p in range((period + 1) // 2 + 1)]
+    if period % 2:
+        nodes[-1] = _between(ordered, *nodes[-2:])
     return pairwise(nodes)
 
 
-def _between(kappa, left, right):
+def _between(ordered, left, right):
     (p, q), (r, s) = (node.fraction.as_integer_ratio() for node in (left, right))
     fraction = Fraction(p + r, q + s)
     if q + s <= _SCANNED:
-        found = _scanned(kappa, fraction)
+        found = _scanned(ordered, fraction)
         if found.orbit:
             return found
     if left.orbit and right.orbit:
-        chain = Chain(kappa.size, fraction)
+        chain = Chain(left.orbit.chain.period, fraction)
         for last, one in (left, right), (right, left):
             if orbit := joined(last.orbit, one.orbit, chain, -1):
                 return _node(fraction, orbit)
     if _SCANNED < q + s < _AGAIN:
-        return _scanned(kappa, fraction)
+        return _scanned(ordered, fraction)
     return _node(fraction, None)
 
 
-def _scanned(kappa, fraction):
+def _scanned(ordered, fraction):
     try:
-        return _node(fraction, ordered_orbits(kappa, *fraction.as_integer_ratio())[1])
+        return _node(fraction, ordered(*fraction.as_integer_ratio())[1])
     except LostError:
         return _node(fraction, None)
 

@@ -223,7 +223,8 @@ def _transversals(kappa, sites, wide):
     """The transversal of each site, through its first orbits. Its corners are in gaps that are
     wider than the share `wide` of the widest."""
     # All ask for the same orbits.
-    ordered = cache(lambda omega: ordered_orbits(kappa, *omega.as_integer_ratio()))
+    climbed = {}
+    ordered = cache(lambda omega: ordered_orbits(kappa, *omega.as_integer_ratio(), climbed))
     for site in sites:
         ahead, minimax = np.roll(kappa, -site), partial(_minimax, ordered, kappa.size, site, wide)
         yield Transversal(site, ahead, _first_orbits(ahead, minimax), minimax)
