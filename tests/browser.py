@@ -32,7 +32,7 @@ def served(store):
             family = psutil.Process(process.pid).children(recursive=True)
             process.send_signal(signal.SIGINT)
             _, said = process.communicate(timeout=60)
-            ended = process.returncode, said, psutil.wait_procs(family, 10)[1]
+            ended = process.returncode, said, psutil.wait_procs(family, 60)[1]
             if ended != (0, "", []):
                 raise AssertionError(f"Ctrl-C left exit code, words and processes {ended}")
         finally:
