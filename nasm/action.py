@@ -77,13 +77,14 @@ class Ladder:
 
     start, profile : arrays of P floats. fractions : consecutive convergents of a number, as
     Fractions, q increasing. climbed : dict, {} at first, in which ladders on one segment leave each
-    other what they have climbed to.
+    other what they have climbed to. known : Orbits on that segment, if there are any.
     """
 
-    def __init__(self, start, profile, fractions, climbed=None):
+    def __init__(self, start, profile, fractions, climbed=None, known=()):
         self.start, self.profile = start, profile
         self.chains = [Chain(profile.size, fraction) for fraction in fractions]
-        self._climbed, self._latest = {} if climbed is None else climbed, {}
+        self._climbed = {} if climbed is None else climbed
+        self._latest = {(orbit.chain.p, orbit.chain.q, orbit.kind): orbit for orbit in known}
         self._near = _NEAR / np.abs(profile).max(initial=1e-300)
 
     def at(self, n, scale, kind):
@@ -91,17 +92,14 @@ class Ladder:
 
         R is 0 where it cannot be told from 0. LostError if the orbit is not found.
         """
-        orbit = self._latest.get((n, kind))
-        if (
-            orbit is not None
-            and abs(scale - orbit.scale) < self._near / self.chains[n].q
-            and orbit.move(scale)
-        ):
+        p, q = self.chains[n].p, self.chains[n].q
+        orbit = self._latest.get((p, q, kind))
+        if orbit and abs(scale - orbit.scale) < self._near / q and orbit.move(scale):
             return orbit
-        found = self._joined(n, scale, kind) if self.chains[n].q > _JOINED and n > 1 else None
+        found = self._joined(n, scale, kind) if q > _JOINED and n > 1 else None
         found = {kind: found} if found else self.scan(n, scale)
         if found[kind].residue != 0:
-            self._latest.update({(n, key): orbit for key, orbit in found.items()})
+            self._latest.update({(p, q, key): orbit for key, orbit in found.items()})
         return found[kind]
 
     def scan(self, n, scale):

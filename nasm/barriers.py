@@ -271,7 +271,9 @@ def _located(start, profile):
             beyond = located.value * (1 + _BEYOND / _LOCATE) * profile
             # Lives end there at 1.2 to 1.5 steps: any larger number than 2 finds the same start.
             return located.upper, candidates(beyond, longest_lived(beyond, 2 * _LOCATE))
-    upper, found = transversal.located(profile, _LOCATE_ANYWHERE, start)
+    # From zero the tree goes on from any scale without circles: two transversals are enough.
+    n_sites = 8 if profile.size <= 2 or start.any() else 2
+    upper, found = transversal.located(profile, _LOCATE_ANYWHERE, start, n_sites)
     return upper, candidates(start + upper * profile, found) if found else []
 
 
@@ -350,7 +352,7 @@ class _Race:
                     self.leader, self.known = found, [found]
                     return
             scale *= 1 - min(max(_STEP / period, self.precision), _LARGEST_STEP)
-            if scale < 0.5 * self.upper or (self.leader and scale < self.leader.value):
+            if scale < 0.1 * self.upper or (self.leader and scale < self.leader.value):
                 return
 
     def by_residues(self, omega, between=None, q_max=6000):

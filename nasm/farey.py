@@ -34,11 +34,12 @@ _AGAIN = 300  # the same where joining fails
 _DEEPEST = 1000  # period of neighbours between which no one looks
 _LOST, _SHORT = 1.0, 60  # residue that stands for that of a lost orbit, up to a period
 _LARGEST = 1.6  # residue next to a circle that stands,
-_PRODUCTS = (30, 1.0), (100, 0.5), (300, 0.3), (inf, 0.22)
+_PRODUCTS = (10, 100.0), (30, 1.0), (100, 0.5), (300, 0.3), (inf, 0.22)
 """And product of two neighbours', up to the longer period. On the paths to the last circles of 100
 forcings of three to six kicks residues were at most 1.1, and products 0.26 from period 10 on; with
-11 kicks one residue was 1.57 at period 19, and a product 0.80."""
-_FEW = 10  # Up to that period all are followed.
+11 kicks one residue was 1.57 at period 19, and a product 0.80. Up to period 9 products were at most
+1.3, on 143 paths with up to 33 kicks, and one residue 49."""
+_FEW = 10  # Up to that period any residue may be next to one.
 _FALLEN, _LONG = 0.05, 100  # residues that small, of periods that long: ask the circle itself
 _MOST = 3000  # mediants
 _TELLING, _TOO_LONG = 60, 3000  # periods of the convergents whose residues tell if a circle stands
@@ -73,8 +74,8 @@ def standing(kappa):
     def push(left, right):
         product, longer = left.residue * right.residue, max(left.q, right.q)
         most = next(most for longest, most in _PRODUCTS if longer < longest)
-        near = max(left.residue, right.residue) < _LARGEST and product < most
-        if near or longer < _FEW:
+        near = max(left.residue, right.residue) < _LARGEST or longer < _FEW
+        if near and product < most:
             heappush(heap, (log(product), next(order), left, right))
 
     ordered = partial(ordered_orbits, kappa, climbed={})
@@ -85,7 +86,7 @@ def standing(kappa):
             break
         _, _, left, right = heappop(heap)
         if max(left.q, right.q) > _DEEPEST:
-            deepest += _nobles(kappa, left, right)
+            deepest += [(omega, (left, right)) for omega in _nobles(kappa, left, right)]
             continue
         middle = _between(ordered, left, right)
         if middle.q > period:
@@ -93,27 +94,32 @@ def standing(kappa):
         if middle.q > _LONG and max(left.residue, right.residue, middle.residue) < _FALLEN:
             longer = max(left, right, key=lambda node: node.q)
             for omega in _nobles(kappa, longer, middle):
-                if circle_stands(omega, kappa):
+                if _stands(omega, kappa, (longer, middle)):
                     return omega, [omega], period
         push(left, middle)
         push(middle, right)
-    nobles = sorted(deepest, key=lambda omega: len(omega.prefix))
-    omega = next((omega for omega in nobles if circle_stands(omega, kappa)), None)
-    return omega, nobles or _nobles(kappa, *last)[:1], period
+    deepest.sort(key=lambda found: len(found[0].prefix))
+    omega = next((omega for omega, pair in deepest if _stands(omega, kappa, pair)), None)
+    return omega, [omega for omega, _ in deepest] or _nobles(kappa, *last)[:1], period
 
 
-def circle_stands(omega, kappa, longest=_TOO_LONG):
+def _stands(omega, kappa, nodes):
+    return circle_stands(omega, kappa, known=[node.orbit for node in nodes if node.orbit])
+
+
+def circle_stands(omega, kappa, longest=_TOO_LONG, known=()):
     """Whether residues of the minimax orbits of three or more convergents of ω fall with q: the
     circle exists. False where the orbits are lost, as they are far beyond its breakup.
 
     omega : RotationNumber or its text, irrational. kappa : P floats. longest : int, their period,
-    up to which the residues fall below 0.1, or from which on they fall with each q.
+    up to which the residues fall below 0.1, or from which on they fall with each q. known : minimax
+    Orbits of convergents of ω that are known, if there are any.
     """
     kappa, omega = forcing(kappa), checked(omega)
     fractions = list(islice(convergents(omega), len(omega.prefix) + 30))
     fractions = [f for f in fractions if f.denominator < _LONGER * longest]
     first = max(len(omega.prefix) - 1, sum(f.denominator < _TELLING for f in fractions))
-    ladder, residues = Ladder(kappa, 0 * kappa, fractions), [nan]
+    ladder, residues = Ladder(kappa, 0 * kappa, fractions, known=known), [nan]
     for n in range(first, len(fractions)):
         if fractions[n].denominator >= longest and not _fall(residues):
             return False
