@@ -273,7 +273,10 @@ def rows(kernel, count=400):
             row["p"] = 0.0
         row |= {"A": parts[-1] / abs(row["v"]), "B": parts[-2] / abs(row["t"])}
         row |= {"w": row["v"] * rng.uniform(-2, 2), "W": row["V"] * rng.uniform(-1, 1)}
-        wronskian = row["v"] * row[kernel.known[0][1]] - row["w"] * row["t"]
+        step = kernel.known[0][1]
+        if rng.uniform() < 0.2:  # v and t are nearly parallel, and their Wronskian is rounded
+            row[step] = row["w"] * row["t"] / row["v"] * (1 + size(-13, -10))
+        wronskian = row["v"] * row[step] - row["w"] * row["t"]
         if wronskian < 0:
             row |= {name: -row[name] for name in ("v", "w")}
         scale = float(1 / abs(wronskian) * rng.choice([1.0, 1.0, 1.0, 1.002]))

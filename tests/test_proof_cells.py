@@ -152,6 +152,8 @@ CHANGES = {
     "qq left out of |x - x̂|": (" + fabs(qq) + unknown", " + unknown"),
     "a square of one factor": ("both = curved * (E + straight)", "both = curved * E"),
     "a box of any size": ("maximum(0.0, E - _LARGEST)", "0.0"),
+    "a Wronskian of any size": ("+ maximum(0.0, wronskian - _WRONSKIAN)", ""),
+    "a Wronskian that is not rounded": ("+ 4 * ULP * (fabs(vt)", "- 4 * ULP * (fabs(vt)"),
 }
 
 

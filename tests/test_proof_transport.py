@@ -210,6 +210,7 @@ CHANGES = {
     "error of the sine": ("fma(fabs(h), TWO_PI, 7e-16)", "fabs(h) * TWO_PI"),
     "a box of any size": ("maximum(0.0, E - _LARGEST)", "0.0"),
     "a Wronskian of any size": ("+ maximum(0.0, wronskian - _WRONSKIAN)", ""),
+    "a Wronskian that is not rounded": ("+ fabs(tv) * (4", "- fabs(tv) * (4"),
 }
 
 
