@@ -175,6 +175,7 @@ BAD = [
     ((symmetry_line.critical_scale,), "n_max", [99], WHOLE + " 100 to 1000000000"),
     ((transversal.longest_lived,), "n_max", [0, 1.5], WHOLE + " 1"),
     ((transversal.located,), "n_max", [29], WHOLE + " 30"),
+    ((transversal.located,), "n_sites", [0, 9], WHOLE + " 1 to 8"),
     ((sequence.escape_time, sequence.longest_lived), "theta", [(0.1,), nan, [0.1, inf]],
      "must be one phase, or one for each of the 2 kicks"),
     ((sequence.escape_time,), "window", [(2.0, -2.0), (nan, 2.0)],

@@ -152,15 +152,16 @@ def located(profile, n_max, start=None, n_sites=_SITES):
     start : sequence of P floats, default 0. From another one the scale is just above the first
         breakup, s ≥ 0, that steps of 0.1 of the largest strength meet; 0 if no start survives
         there, inf if one does up to 40 steps; and None.
-    n_sites : int, on how many transversals it is sought; with one it takes a quarter of the time,
-        and the scale may be some per cent higher.
+    n_sites : int, 1 to 8, on the transversals of how many sites it is sought. With two it takes
+        half the time, and the scale may be some per cent higher.
 
     ValueError if profile is zero or tiny, or longer than 64 kicks, or start of another length, or
-    n_max out of range.
+    n_max or n_sites out of range.
     """
     start, profile = segment(start, profile)
     n_max = count("n_max", n_max, 30, MAX_STEPS)
-    sites, size = _by_strength(profile)[:n_sites], np.abs(profile).max()
+    sites = _by_strength(profile)[: count("n_sites", n_sites, 1, _SITES)]
+    size = np.abs(profile).max()
     # No circle crosses x = 0 or x = 1/2 before a kick of |κ| = 2.
     upper, found, share = 2 / size, None, 0.15
 
