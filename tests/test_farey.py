@@ -16,14 +16,11 @@ def test_below_the_breakup_a_circle_stands_and_above_it_the_last_one_is_named(pr
     last = barriers.critical_scale(profile, 1e-3)
     inside, outside, far = (last.value * s * np.array(profile) for s in (0.999, 1.0002, 1.01))
     omega, _, _ = farey.standing(inside)
-    assert farey.circle_stands(omega, inside)
-    assert not farey.circle_stands(omega, outside)
+    assert [farey.circle_stands(omega, kappa) for kappa in (inside, outside)] == [True, False]
     nothing, nobles, period = farey.standing(outside)
-    assert nothing is None
     assert last.omega in nobles
-    nothing, nobles, shorter = farey.standing(far)
-    assert nothing is None
-    assert len(nobles) == 1
+    nowhere, [_], shorter = farey.standing(far)
+    assert nothing is nowhere is None
     assert shorter < period
 
 
@@ -32,8 +29,7 @@ MISSED = [((1, 0.45, 1), 0.551), (1 + 1.7084e-5 * RIPPLE, 0.9648), (1 + 1.78e-4 
 
 @pytest.mark.parametrize("case", thirds(MISSED))
 def test_circles_are_found_where_searches_miss_the_survivors(case):
-    profile, scale = case
-    kappa = scale * np.array(profile)
+    kappa = np.multiply(*case)
     omega, _, _ = farey.standing(kappa)
     assert oracles.residues_fall(omega, kappa, 3000)
     assert barriers._is_certified(omega, kappa)
