@@ -69,7 +69,7 @@ def standing(kappa):
     period : int, the longest that was needed. A circle that breaks a part δ of the scale below
         takes periods of 1/δ or so to be ruled out.
     """
-    kappa, heap, order, deepest, period, last = forcing(kappa), [], counter(), [], 1, None
+    kappa, heap, order, deepest, period = forcing(kappa), [], counter(), [], 1
 
     def push(left, right):
         product, longer = left.residue * right.residue, max(left.q, right.q)
@@ -79,8 +79,8 @@ def standing(kappa):
             heappush(heap, (log(product), next(order), left, right))
 
     ordered = partial(ordered_orbits, kappa, climbed={})
-    for pair in _first(ordered, kappa.size):
-        push(*pair)
+    for last in _first(ordered, kappa.size):
+        push(*last)
     for _ in range(_MOST):
         if not heap:
             break
