@@ -1,9 +1,9 @@
-"""The pictures of the README, drawn anew: python .readme/draw.py OUT
+"""The pictures of the README, drawn anew: python .readme/draw.py out
 
-OUT is a directory as `python -m workflows.gallery --out OUT` fills it, with the cubes of the
-commands in OUT/critical_boundary, OUT/proved_map and OUT/work_precision. A picture whose cubes are
-missing stays as it is, and the command that computes them is named. The explorer's is a photograph
-by Chromium and Playwright of its page, with what OUT/critical_boundary holds.
+The directory holds the cubes of critical_boundary, proved_map and work_precision, each in a folder
+of that name, where these commands put them without --out. A picture whose cubes are missing stays
+as it is, and the command that computes them is named. The explorer's is a photograph by Chromium
+and Playwright of its page, with what the folder critical_boundary holds.
 """
 
 import re

@@ -130,8 +130,8 @@ def test_the_page_and_the_tables_hold_every_claim(exact, tmp_path):
     for row in ranges:
         assert_holds(page, "a summary", "Made by <code>a command</code>.", *envelope.cells(row))
     assert [row["value"] for row in table(tmp_path / "claims.csv")] == [c.value for c in found]
-    assert len(table(tmp_path / "errata.csv")) == len(errata)
-    assert len(table(tmp_path / "envelope.csv")) == len(ranges)
+    assert len(table(tmp_path / "claims_errata.csv")) == len(errata)
+    assert len(table(tmp_path / "claims_envelope.csv")) == len(ranges)
 
 
 def assert_holds(page, *texts):

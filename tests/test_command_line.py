@@ -1,6 +1,8 @@
 """The command line: help comes at once; what does not fit is one message, and nothing is made."""
 
+import inspect
 import os
+import re
 import subprocess
 import sys
 import tomllib
@@ -10,9 +12,11 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 from commands import invoke
+from matplotlib.figure import Figure
 
 import nasm
 from workflows.__main__ import main as overview
+from workflows.figures import style
 from workflows.shared.cli import commands, main_of
 
 COMMANDS, ROOT = commands(), Path(__file__).parents[1]
@@ -63,6 +67,37 @@ def test_full_changes_defaults_and_what_is_given_stays():
     assert (long["steps"], long["n_orbits"]) == ([100_000, 500_000, 1_000_000], 7)
     phases = [main_of("three_kicks").make_context("it", each).params for each in ([], ["--full"])]
     assert [len(short_or_long["phase"]) for short_or_long in phases] == [3, 6]
+
+
+def test_every_command_has_a_folder_of_its_own():
+    """Whether it is run as a module, by the overview or from Python."""
+    folders = {name: main_of(name).make_context(name, ["1"] * (name == "ask")) for name in COMMANDS}
+    folders = {name: context.params["out"] for name, context in folders.items()}
+    shared = {"explore": "out/critical_boundary", "status": "out", "verify": "out"}
+    assert folders == {name: f"out/{name}" for name in COMMANDS} | shared
+    for command in (["-m", "workflows.last_barrier"], ["-m", "workflows", "last_barrier"]):
+        told = subprocess.run([sys.executable, *command, "--help"], capture_output=True, text=True)
+        assert "[default: out/last_barrier]" in told.stdout
+    told = subprocess.run([sys.executable, "-m", "workflows.ramp", "-h"], stdout=-1, text=True)
+    assert "[default: out/ramp]" in told.stdout
+
+
+def test_files_are_named_after_their_command_so_that_none_replaces_one_of_another():
+    """Of all literal names; what the others are is seen in `test_every_command`."""
+    assert not [(a, b) for a in COMMANDS for b in COMMANDS if a != b and b.startswith(a)]
+    for name in COMMANDS:
+        source = inspect.getsource(inspect.unwrap(main_of(name).callback))
+        names = re.findall(r'run\.(?:table|figure|path)\((?:"\w+", )?f?"(\w+)', source)
+        assert [file for file in names if not file.startswith(name)] == []
+
+
+def test_a_figure_for_a_column_stands_beside_the_one_for_a_screen(tmp_path):
+    style.save(Figure(), tmp_path, "name", "caption", kinds=["png"])
+    with style.column():
+        (path,) = style.save(Figure(), tmp_path, "name", "caption", kinds=["png"])
+    assert path == f"{tmp_path}/name_column.png"
+    files = ["name.png", "name.txt", "name_column.png", "name_column.txt"]
+    assert sorted(file.name for file in tmp_path.iterdir()) == files
 
 
 def test_equal_numbers_count_once():

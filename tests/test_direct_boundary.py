@@ -18,7 +18,7 @@ def direct(tmp_path_factory, workers):
     """The boundary by direct iteration on five rays: its directory."""
     out = tmp_path_factory.mktemp("direct") / "out"
     succeed("direct_boundary", out, *DIRECT, *workers)
-    for name in ("direct_boundary.png", "direct_quadrant.pdf", "direct_boundary_rays.csv"):
+    for name in ("direct_boundary.png", "direct_boundary_quadrant.pdf", "direct_boundary_rays.csv"):
         assert (out / name).exists()
     return out
 

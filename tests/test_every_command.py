@@ -49,6 +49,10 @@ def test_every_command_ends_well_and_what_it_keeps_goes_to_netcdf(tmp_path):
         assert code == (name == "explore"), f"{name}: {told}"
         assert code == 0 or "pip install '.[explore]'" in told
         assert asked == (name in PROVING), name
+    files = [path for path in tmp_path.glob("out/*/*") if path.is_file() and path.name != ".lock"]
+    for path in files:  # so that in one folder no command replaces a file of another
+        page = path.name == "index.html"  # of the gallery
+        assert page or path.name.startswith(path.parent.name), path
     cubes = [path for path in tmp_path.glob("out/*/*.zarr") if path.is_dir()]
     assert len(cubes) > 30
     for path in cubes:

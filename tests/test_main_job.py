@@ -14,11 +14,13 @@ import pytest
 import toy
 import xarray as xr
 from cases import thirds
+from click.testing import CliRunner
 from commands import invoke, snapshot, succeed, table
 from oracles import KAPPA_G
 
 from nasm.numbers import parse
 from pipeline.sweep.progress import plural
+from workflows.shared.cli import main_of
 
 QUICK = ["--n-max", "4000", "--n-orbits", "16,64", "--tile", "4"]
 PLANE = ["--kappa1", "-1.4:1.4:64", "--kappa2", "0:1.4:32"]
@@ -30,7 +32,7 @@ MAIN = [*QUICK, *PLANE, *RAYS, "--levels", "3", "--angles", "13"]
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory, workers):
     """The main job, small: its directory."""
-    out = tmp_path_factory.mktemp("main") / "out"
+    out = tmp_path_factory.mktemp("main") / "out/critical_boundary"
     output = succeed("critical_boundary", out, *MAIN, *workers)
     assert re.search(r"sweep 5 of 5, escape_level2: (\d+)/\1 tiles", output)
     for name in ("escape.zarr", "barrier.zarr", "boundary.zarr", *FILES):
@@ -91,7 +93,7 @@ def test_refinement_finds_the_boundary_of_the_full_grid(finished, dense):
 
 
 def test_the_direct_table_holds_the_boundary_along_rays(finished):
-    rows = table(finished / "direct_boundary.csv")
+    rows = table(finished / "critical_boundary_direct.csv")
     assert len(rows) == 13
     assert {r["n"] for r in rows} == {"4000"}
     assert {float(r["resolution"]) for r in rows if r["resolution"]} == {2.8 / 64}
@@ -129,9 +131,9 @@ def test_the_boundary_is_bracketed_on_every_ray_and_the_last_circle_named(finish
 def test_the_three_methods_are_in_order(finished):
     # Circles break before the last of them does, and orbits escape beyond that.
     last = {r["angle"]: r for r in table(finished / "critical_boundary.csv")}
-    for r in table(finished / "circle_boundaries.csv"):
+    for r in table(finished / "critical_boundary_circles.csv"):
         assert float(r["critical_scale"]) - float(r["error"]) < float(last[r["angle"]]["upper"])
-    for r in table(finished / "direct_boundary.csv"):
+    for r in table(finished / "critical_boundary_direct.csv"):
         assert float(last[r["angle"]]["critical_scale"]) < float(r["critical_scale"])
 
 
@@ -168,8 +170,20 @@ def test_status_and_verify_find_all_in_order_and_damage_where_it_is(tmp_path, wo
     assert np.array_equal(field(out), whole)
     for name in ("status", "verify"):
         assert invoke(name, tmp_path / "nowhere").exit_code == 2
-        empty = invoke(name, tmp_path)
+        empty = invoke(name, out / "escape.zarr/escape_time")
         assert (empty.exit_code, "holds no cubes" in empty.output) == (2, True)
+
+
+def test_status_and_verify_look_into_every_run_in_a_folder(tmp_path, dense, monkeypatch):
+    for path in ("out/one", "out/several/two"):
+        shutil.copytree(dense, tmp_path / path)
+    monkeypatch.chdir(tmp_path)
+    for name, words in {"status": "128 of 128 tiles", "verify": "sound"}.items():
+        told = CliRunner().invoke(main_of(name), ["--repair"] * (name == "verify"))
+        assert told.output == f"one/escape: {words}\nseveral/two/escape: {words}\n"
+    (tmp_path / "out/one/escape.zarr/escape_time/c/0/0/1").unlink()
+    told = CliRunner().invoke(main_of("verify"))
+    assert (told.exit_code, "one/escape: 1 tile damaged\n" in told.output) == (1, True)
 
 
 UNUSUAL = {
@@ -208,7 +222,7 @@ def notebook(finished, monkeypatch, capsys):
         cells = [cell for cell in written["cells"] if cell["cell_type"] == "code"]
         outputs = [output for cell in cells for output in cell["outputs"]]
         assert any("image/png" in output.get("data", {}) for output in outputs)
-        monkeypatch.chdir(finished.parent)  # it reads out/escape.zarr
+        monkeypatch.chdir(finished.parents[1])  # it reads the cubes in out/critical_boundary
         names = {}
         for cell in cells:
             exec("".join(cell["source"]), names)
@@ -244,7 +258,9 @@ def test_the_notebook_that_reads_cubes(finished, notebook):
     radius = np.hypot(*names["curves"].to_numpy().T)
     # Outside the last barrier, all of it, and within the direct boundary of the table.
     assert radius.min() > KAPPA_G / 2
-    direct = [float(r["critical_scale"] or 0) for r in table(finished / "direct_boundary.csv")]
+    direct = [
+        float(r["critical_scale"] or 0) for r in table(finished / "critical_boundary_direct.csv")
+    ]
     assert radius.max() < max(direct) + 0.1
     wide = field(finished).reshape(16, 2, 32, 2).min(axis=(1, 3)).repeat(2, 0).repeat(2, 1)
     differ = ((field(finished) <= 4000) != (wide <= 4000))[8:16, 32:48]

@@ -36,7 +36,7 @@ def test_circle_boundaries_are_those_of_each_ray(tmp_path, workers):
     assert [r["status"] for r in rows] == [meanings[int(i)] for i in cube.status.values.ravel()]
     assert {r["status"] for r in rows[:9]} == {"ok"}
     assert (tmp_path / "out/circle_boundaries.png").exists()
-    assert (tmp_path / "out/tips.png").exists()
+    assert (tmp_path / "out/circle_boundaries_tips.png").exists()
 
 
 @pytest.mark.slow
@@ -51,7 +51,7 @@ def test_rotating_maps_are_compared_with_the_standard_map(tmp_path, workers):
     direct = escape.critical_scale((1.0, 1.0), 1000, 64).upper
     assert float(xr.open_zarr(out / "transport.zarr").upper.sel(angle=0)) == direct
     # At 45° the second kick is off, and CB_gt is where the standard map breaks at 2·κ1 = κ_G.
-    (row,) = table(out / "tori.csv", angle="45", vector=VECTORS[2])
+    (row,) = table(out / "rotating_tori.csv", angle="45", vector=VECTORS[2])
     two = KAPPA_G / 2 / 2**0.5
     assert float(row["ratio"]) == pytest.approx(float(row["critical_scale"]) / two, rel=1e-6)
     assert float(row["ratio_direct"]) < float(row["ratio"])

@@ -53,4 +53,4 @@ def main(run, omega, plane, angles, tips, tol, q_max):
         run.table("circle_boundaries_residue", residues)
         run.figure("circle_boundaries", *draw_circle_boundaries(circles, residues, barrier))
         if plane == two_kicks():
-            run.figure("tips", *draw_tips(residues, circles, barrier))
+            run.figure("circle_boundaries_tips", *draw_tips(residues, circles, barrier))

@@ -44,8 +44,8 @@ def main(run, plane, angles, tips, tol, **options):
         for n in direct.n.values[direct.critical_scale.isnull().all("angle")]:
             click.echo(f"no ray passes into transport within {n} steps in this plane", err=True)
         run.table("critical_boundary", barrier)
-        run.table("circle_boundaries", circles)
-        run.table("direct_boundary", direct)
+        run.table("critical_boundary_circles", circles)
+        run.table("critical_boundary_direct", direct)
         caption = boundary_words.boundary_found(barrier)
         caption += "\n" + boundary_words.direct_found(direct, barrier, grid.n_orbits[-1])
         run.figure("critical_boundary", draw_critical_boundary(field, circles, barrier), caption)

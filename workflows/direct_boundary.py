@@ -41,7 +41,7 @@ def main(run, steps, n_orbits, plane, angles, tips):
         run.table("direct_boundary_rays", boundary)
         if plane == two_kicks():
             insets = run.keep("direct_insets", direct.insets_dataset())
-            run.figure("direct_quadrant", *draw_rays(boundary, barrier))
+            run.figure("direct_boundary_quadrant", *draw_rays(boundary, barrier))
             run.figure("direct_boundary", *draw_half_plane(boundary, barrier, insets))
         else:
             run.figure("direct_boundary", *draw_rays(boundary, barrier, 360))

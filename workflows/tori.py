@@ -46,4 +46,4 @@ def main(run, vector, angles, tol, picture):
             return
         drawn = rotating_maps.pictures(vector[0], picture, known * np.array([0.7, 0.95, 0.99]))
         run.keep("torus", drawn)
-        run.figure("torus", *draw_pictures(drawn))
+        run.figure("tori_pictures", *draw_pictures(drawn))

@@ -54,7 +54,7 @@ def forcing_asked(strengths, plane, once):
 @cli.flag("--prove", "Prove the answer, as far as 20 s allow.")
 @cli.flag("--pdf", "The figure as PDF too.")
 @cli.draws
-@cli.out_option
+@cli.directory("Directory of the figure.")
 def main(kappa, plane, once, prove, pdf, out):
     try:
         strengths, point = forcing_asked(kappa, plane, once)

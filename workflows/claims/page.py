@@ -12,7 +12,7 @@ from workflows.shared.rules import Verdict
 
 
 def write(run, claims, errata, rows, sentences, command):
-    """Write OUT/claims.html, and claims.csv, errata.csv and envelope.csv; claims.txt counts them.
+    """Write OUT/claims.html, its tables claims.csv and claims_*.csv; claims.txt counts them.
 
     rows, sentences : of `envelope`. command : what made it. What does not hold is told.
     """
@@ -39,8 +39,8 @@ def write(run, claims, errata, rows, sentences, command):
     )
     tables = {
         "claims": [{**vars(claim), "verdict": claim.verdict.value} for claim in claims],
-        "errata": [{**vars(erratum), "shown": erratum.shown} for erratum in errata],
-        "envelope": rows,
+        "claims_errata": [{**vars(erratum), "shown": erratum.shown} for erratum in errata],
+        "claims_envelope": rows,
     }
     for name, table in tables.items():
         DataFrame(table).to_csv(run.path("tables", f"{name}.csv"), index=False)

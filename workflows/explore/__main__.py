@@ -9,15 +9,15 @@ read, and need not exist. The rest is computed where you look. Ctrl-C ends it.
 
 import click
 
-from workflows.shared.cli import cluster_options, command, flag, out_option, plane_option, whole
+from workflows.shared.cli import cluster_options, command, directory, flag, plane_option, whole
 
 
-@command()
+@command(default_map={"out": "out/critical_boundary"})
 @plane_option
 @whole("--port", 5006, 0, 65535, "Port of the page on this machine; 0: any that is free.")
 @flag("--no-browser", "Print the address of the page; open no browser.")
 @cluster_options
-@out_option
+@directory("Directory of a run whose cubes are shown; it need not exist.")
 def main(plane, port, no_browser, out, **cluster):
     try:
         import bokeh  # noqa: F401

@@ -102,7 +102,8 @@ def outer_legend(figure, columns, in_column_columns=1, where="lower", **style):
 def save(figure, out, name, caption="", kinds=("png", "pdf")):
     """Write the figure as NAME.png and NAME.pdf, and its caption, if it has one, as NAME.txt.
 
-    Several panels are lettered. Returns the paths of the pictures, which carry the caption too.
+    Those for a column are NAME_column.png and so on. Several panels are lettered. Returns the paths
+    of the pictures, which carry the caption too.
     """
     letter(figure)
     if in_column():  # titles are left to the caption, and no text is too small to read
@@ -115,6 +116,7 @@ def save(figure, out, name, caption="", kinds=("png", "pdf")):
     if layout := figure.get_layout_engine():
         layout.execute(figure)  # once; savefig would draw all for it, for each picture
         figure.set_layout_engine(None)
+    name += "_column" * in_column()
     paths = [f"{out}/{name}.{kind}" for kind in kinds]
     for path in paths:
         key = "Subject" if path.endswith("pdf") else "Description"

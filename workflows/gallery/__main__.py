@@ -15,7 +15,7 @@ from pathlib import Path
 import click
 
 from workflows.gallery.exhibits import command_of, listed, make_release, run
-from workflows.shared.cli import choice, cluster_options, command, flag, out_option
+from workflows.shared.cli import choice, cluster_options, command, directory, flag
 
 EXHIBITS = listed("exhibits.toml")
 
@@ -61,12 +61,12 @@ _RELEASE = (
 )
 
 
-@command(default_map={"out": "gallery"})
+@command()
 @flag("--full", "The size of the paper, some four CPU hours, most of them of direct iteration.")
 @choice("--only", _NAMES, (), "A command to run; may be repeated.  [default: all]", multiple=True)
 @click.option("--release", metavar="DIR", help=_RELEASE)
 @flag("--quick", "A preview of the release: a few rays and cells.")
-@out_option
+@directory("Directory of the page, and of the commands' folders; each is resumed.")
 @cluster_options
 def main(out, full, only, release, quick, workers, scheduler, tls):
     from pandas import read_csv

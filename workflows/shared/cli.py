@@ -27,13 +27,15 @@ version = click.version_option(__version__, message="nasm %(version)s")
 def command(**settings):
     """Make a click command of a function, and run it if its module is run by `python -m`.
 
-    Its help is what its module says. Ctrl-C ends it with code 130, a lack of FLINT with 1.
+    Its help is what its module says, and --out is out/COMMAND, a folder of its own, unless
+    `settings` have another default. Ctrl-C ends it with code 130, a lack of FLINT with 1.
     """
 
     def decorate(function):
-        @click.command(
-            help=sys.modules[function.__module__].__doc__, context_settings=COMMON | settings
-        )
+        module = sys.modules[function.__module__]
+        own = {"default_map": {"out": f"out/{_name_of(Path(module.__file__))}"}}
+
+        @click.command(help=module.__doc__, context_settings=COMMON | own | settings)
         @version
         @functools.wraps(function)
         def wrapped(**options):
@@ -58,8 +60,12 @@ def command(**settings):
 def commands():
     """Return the names of all commands: each .py of `workflows`, and each package that runs."""
     here = Path(__file__).parents[1]
-    names = [path.stem for path in here.glob("[!_]*.py")]
-    return sorted(names + [path.parent.name for path in here.glob("*/__main__.py")])
+    return sorted(map(_name_of, [*here.glob("[!_]*.py"), *here.glob("*/__main__.py")]))
+
+
+def _name_of(file):
+    """Return the name of the command in a file, NAME.py or NAME/__main__.py."""
+    return file.parent.name if file.stem == "__main__" else file.stem
 
 
 def main_of(name):
@@ -226,15 +232,23 @@ def _directory(context, parameter, out):
 FILE = click.Path(exists=True, dir_okay=False)
 _WORKERS = "Worker processes on this machine.  [default: one per core]"
 _OUT = "Directory of the results; an earlier run in it is resumed."
+_RUNS = "Directory of a run, or of several: all folders in it that hold cubes."
 _STORE = """Keep the cubes in an object store, s3://BUCKET/PREFIX (or gs://, az://), or in another
 directory, not in OUT. Credentials come from the environment."""
 _SCHEDULER = """Compute on a running dask scheduler, tcp://HOST:PORT, tls://HOST:PORT or the path of
 its scheduler file, whose workers see the same files, instead of on this machine."""
 _TLS = "Certificate files for a tls:// scheduler."
 
-out_option = click.option("--out", default="out", show_default=True, callback=_directory, help=_OUT)
+
+def directory(help):
+    """Make the option --out of a command whose directory is for what `help` says."""
+    how = {"metavar": "DIR", "show_default": True, "callback": _directory, "help": help}
+    return click.option("--out", **how)
+
+
+out_option = directory(_OUT)
 store_option = click.option("--store", metavar="URL", help=_STORE)
-place_options = together(out_option, store_option)
+place_options = together(directory(_RUNS), store_option)
 cluster_options = together(
     whole("--workers", None, 1, 4096, _WORKERS),
     click.option("--scheduler", metavar="ADDRESS|FILE", help=_SCHEDULER),

@@ -36,12 +36,29 @@ def place_of(out, url=None):
 
 
 @contextmanager
-def cubes_of(out, url):
-    """Yield the Place of a run's cubes, and their names; a usage error if there are none."""
+def runs_of(out, url):
+    """Yield the Places in `out`, or at the URL, that hold cubes, by what tells their names apart.
+
+    {path below `out`, with a / at its end: Place}; the path of `out` itself is "". Of a directory
+    these are all folders in it. A usage error if there are none.
+    """
     with explained(place := place_of(out, url)):
-        if not (names := store.names(place)):
+        places = {"": place}
+        if place.is_directory:
+            places |= {f"{path}/": store.place_of(f"{place}/{path}") for path in _folders(place)}
+        runs = {path: each for path, each in places.items() if store.names(each)}
+        if not runs:
             raise store.Refused(f"{place} holds no cubes; give the --out or --store of a run")
-        yield place, names
+        yield runs
+
+
+def _folders(place):
+    """Return the paths of the folders below a directory, of cubes and in them excepted."""
+    found = []
+    for folder, below, _ in os.walk(place.root):
+        below[:] = sorted(name for name in below if not name.endswith(".zarr"))
+        found += [os.path.relpath(os.path.join(folder, name), place.root) for name in below]
+    return found
 
 
 class Run:

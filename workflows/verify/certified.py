@@ -16,11 +16,12 @@ _CUBES = {
 }
 
 
-def verify_proofs(place, longest, repair):
+def verify_proofs(path, place, longest, repair):
     """Compare the cubes with their certificates, and check these; return how many tiles are wrong.
 
-    longest : seconds; certificates that would take longer are left out, which is told. With
-    `repair`, wrong tiles become missing.
+    path : what stands before the names of the cubes.
+    longest : seconds; certificates that would take longer are left out, which is told.
+    repair : whether wrong tiles become missing.
     """
     n_bad = 0
     for name in sorted(_CUBES.keys() & set(store.names(place))):
@@ -36,9 +37,9 @@ def verify_proofs(place, longest, repair):
                 bad[index] = f"its certificates are damaged: {error}"
         costs = [seconds for of_tile in tiles.values() for seconds in of_tile]
         short = [seconds for seconds in costs if seconds <= longest]
-        words = f"{name}: {plural(len(short), 'certificate')} to check"
+        words = f"{path}{name}: {plural(len(short), 'certificate')} to check"
         click.echo(f"{words}, about {duration(sum(short))} of CPU time", err=True)
-        with Progress(f"{name}: certificates", sys.stderr) as progress:
+        with Progress(f"{path}{name}: certificates", sys.stderr) as progress:
             progress.begin(len(tiles), sum(short))
             for index, of_tile in tiles.items():
                 certificates = proved.unpacked(place.read(store.certificates_key(name, index)))
@@ -52,7 +53,7 @@ def verify_proofs(place, longest, repair):
         words = f"checked {len(short)} of {plural(len(costs), 'certificate')}"
         if len(short) < len(costs):
             words += f"; the others take {duration(sum(costs) - sum(short))}, see --longest"
-        click.echo(f"{name}: {words}; wrong: {plural(len(bad), 'tile')}")
+        click.echo(f"{path}{name}: {words}; wrong: {plural(len(bad), 'tile')}")
         for index, what in bad.items():
             click.echo(f"  tile {index}: {what}")
             if repair:
