@@ -9,6 +9,7 @@ import tomllib
 from importlib.metadata import EntryPoint
 from pathlib import Path
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 from commands import invoke
@@ -114,6 +115,32 @@ def test_help_needs_no_numpy_and_so_comes_at_once():
     assert help.stdout.count("Usage:") == len(COMMANDS)
 
 
+@pytest.mark.parametrize("name", COMMANDS)
+def test_a_mistyped_option_names_the_one_that_was_meant(name):
+    options = [each for option in main_of(name).params for each in option.opts if each[:2] == "--"]
+    known = {*options, "--help"}
+    assert len(known) > 2
+    for meant in options:
+        typos = {meant[1:], meant + "x", meant.replace(meant[3:5], meant[4:2:-1]), meant[:-1]}
+        for typed in typos - known:
+            for words in ([typed], [typed + "=1"], ["0.3", typed, "1"]):
+                result = CliRunner().invoke(main_of(name), words)
+                assert result.exit_code == 2
+                assert f"No such option '{typed}'" in result.output
+                assert meant in result.output.replace("\n", " ").partition("Did you mean")[2]
+
+
+def test_numbers_of_the_command_line_may_be_negative():
+    words = ["-0.69", "-.5", "-1e-3", "--pdf", "-2E+1", "-inf"]
+    assert main_of("ask").make_context("ask", words).params["kappa"] == (
+        -0.69,
+        -0.5,
+        -1e-3,
+        -20,
+        -np.inf,
+    )
+
+
 @pytest.mark.parametrize(
     ("name", "options", "message"),
     [
@@ -136,6 +163,8 @@ def test_help_needs_no_numpy_and_so_comes_at_once():
         ("frequencies", "--frequency 3/5", "must be a frequency from 0 to 1/2"),
         ("frequencies", "--frequency 20/99", "must have a denominator up to 64"),
         ("frequencies", "--frequency 0.4", "must not be next to a fraction like 2/5"),
+        ("ask", "", "give one to 64 strengths, e.g. ask 0.3 0.5"),
+        ("ask", "0,3 0,5", "'0,3' is not a number; write one like 0.3 or -1e-2"),
         ("ask", "1e7 0", "not finite or too large"),
         ("ask", "--plane rotating:1/3 0.3", "has two, kappa_mean and kappa_amplitude"),
         ("ask", "--plane rotating:1/100 0.3 0.2", "from 2 to 64"),

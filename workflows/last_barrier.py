@@ -1,6 +1,7 @@
 """Where does the last barrier to transport break, and which circle is it? CB_gt from both sides.
 
-Each ray has its value by Greene's residue, a certified circle below it and converse KAM above it.
+On each ray: the critical scale from Greene's residue, bracketed by a certified circle (below) and
+converse KAM (above).
 
 Two cubes, a table and a figure in OUT. The defaults take about a minute and a half on two cores.
 """

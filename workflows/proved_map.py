@@ -11,12 +11,16 @@ Three cubes and a figure of 0 <= kappa2 <= kappa1 <= 1.125 and images in OUT, wi
 from workflows.shared.cli import choice, command, preset, real, sweeps
 
 _CELLS = ["32", "64", "128", "256", "512", "1024", "2048", "4096"]
+_SECONDS = (
+    "CPU time limit per cell; a cell not proved in time is cut in four, or left open if finest."
+)
+_NEAREST = "Relative distance from the boundary at which proofs of barriers stop."
 
 
 @command()
 @choice("--cells", _CELLS, "512", "Cells per unit of strength, at the finest.")
-@real("--seconds", 0.02, 1e-3, 1e4, "CPU seconds to prove transport; then a cell is cut or left.")
-@real("--nearest", 0.09, 1e-3, 0.5, "How near proofs of barriers come to the boundary, in parts.")
+@real("--seconds", 0.02, 1e-3, 1e4, _SECONDS)
+@real("--nearest", 0.09, 1e-3, 0.5, _NEAREST)
 @preset("--full", "In full, two CPU hours", cells="2048", seconds=0.2, nearest=0.01)
 @sweeps
 def main(run, cells, seconds, nearest):

@@ -39,6 +39,8 @@ def forcing_asked(strengths, plane, once):
         except ValueError as error:
             raise ValueError(f"--once {once}: {error}") from None
     if plane is None:
+        if not strengths:
+            raise ValueError("KAPPA is missing: give one to 64 strengths, e.g. ask 0.3 0.5")
         kappa = forcing(strengths)
         return kappa, (planes.two_kicks(), strengths) if kappa.size == 2 else None
     if len(strengths) != 2:
@@ -48,7 +50,7 @@ def forcing_asked(strengths, plane, once):
 
 
 @cli.command(ignore_unknown_options=True)
-@click.argument("kappa", type=float, nargs=-1)
+@click.argument("kappa", type=cli.Strength(), nargs=-1)
 @cli.point_option
 @click.option("--once", type=cli.FILE, help="Text file of any kicks, which do not repeat.")
 @cli.flag("--prove", "Prove the answer, as far as 20 s allow.")

@@ -5,6 +5,7 @@ Heavy imports wait until the options are parsed, so that --help is fast.
 
 import functools
 import sys
+from difflib import get_close_matches
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
@@ -24,6 +25,40 @@ COMMON = {"help_option_names": ["-h", "--help"]}
 version = click.version_option(__version__, message="nasm %(version)s")
 
 
+class Strength(click.ParamType):
+    """A number of the command line, which may be negative, among options; NaN and inf are read."""
+
+    name = "number"
+
+    def convert(self, value, parameter, context):
+        try:
+            return float(value)
+        except ValueError:
+            if str(value).startswith("-"):
+                raise no_such_option(context, value) from None
+            return self.fail(f"{value!r} is not a number; write one like 0.3 or -1e-2")
+
+
+def no_such_option(context, word):
+    """Return the error of a mistyped option, which names the options nearest to it."""
+    word = word.partition("=")[0]
+    names = [name for parameter in context.command.get_params(context) for name in parameter.opts]
+    near = get_close_matches(word, [name for name in names if name.startswith("-")])
+    return click.NoSuchOption(word, possibilities=near, ctx=context)
+
+
+class _Command(click.Command):
+    """A command that names the options nearest to a mistyped one, also after a single dash."""
+
+    def parse_args(self, context, args):
+        words = [*args]
+        try:
+            return super().parse_args(context, args)
+        except click.NoSuchOption as error:  # of "-out" click has seen "-o" alone
+            whole = [word for word in words if word.startswith(error.option_name)]
+            raise no_such_option(context, [*whole, error.option_name][0]) from None
+
+
 def command(**settings):
     """Make a click command of a function, and run it if its module is run by `python -m`.
 
@@ -35,7 +70,7 @@ def command(**settings):
         module = sys.modules[function.__module__]
         own = {"default_map": {"out": f"out/{_name_of(Path(module.__file__))}"}}
 
-        @click.command(help=module.__doc__, context_settings=COMMON | own | settings)
+        @click.command(cls=_Command, help=module.__doc__, context_settings=COMMON | own | settings)
         @version
         @functools.wraps(function)
         def wrapped(**options):
@@ -198,7 +233,13 @@ def ray_options(default):
     """Make --angles and --tips, the rays that `rays.ray_angles` returns."""
     return together(
         whole("--angles", default, 2, 10**6, "Rays, from 0 to 180 degrees."),
-        whole("--tips", 8, 0, 1000, "More rays on each side of two kicks' cusps, at 45, 135 deg."),
+        whole(
+            "--tips",
+            8,
+            0,
+            1000,
+            "Extra rays on either side of the cusps at 45° and 135° (two kicks only).",
+        ),
     )
 
 
@@ -211,13 +252,13 @@ def plane_options(n_max, tile, levels, precision):
         increasing("--n-orbits", "64", 10**8, "Orbits; several: nested ensembles."),
         choice(
             *("--precision", ["double", "single"], precision),
-            "Of the arithmetic; single takes two fifths of the time, up to 10^6 steps.",
+            "Floating-point precision; single is 2.5 times faster, allowed up to 10⁶ steps.",
         ),
         whole("--tile", tile, 1, 4096, "Cells along each side of a tile, at least."),
         whole("--levels", levels, 1, 12, "Levels of refinement; 1 computes every cell."),
         increasing(
             *("--follow", None, 10**12),
-            "Refine along, and draw, the boundaries {n* <= N} of these N.  [default: n-max]",
+            "Step numbers N whose boundaries {n* ≤ N} are refined and drawn.  [default: n-max]",
         ),
     )
 
@@ -286,7 +327,7 @@ def writes(function):
 
     @draws
     @out_option
-    @flag("--dry-run", "Print the tiles, files, MB and CPU hours of the sweeps, and do nothing.")
+    @flag("--dry-run", "Estimate tiles, files, disk space and CPU time, then exit.")
     @functools.wraps(function)
     def wrapped(out, dry_run, store=None, workers=None, scheduler=None, tls=None, **options):
         if not dry_run:
