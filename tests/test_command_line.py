@@ -172,7 +172,7 @@ def test_numbers_of_the_command_line_may_be_negative():
         ("ask", "--once pyproject.toml", "could not convert"),
         ("ask", "--once {}/kicks.txt --prove", "needs kicks that repeat"),
         ("last_barrier", "--scheduler tcp://127.0.0.1:9 --workers 1", "leave --workers out"),
-        ("last_barrier", "--scheduler {}/nowhere.json", "must be tcp://HOST:PORT"),
+        ("last_barrier", "--scheduler {}/nowhere.json", "nowhere.json': no such file"),
         ("last_barrier", "--scheduler {}/a.json", "must be tcp://HOST:PORT"),
         ("last_barrier", "--scheduler {}/bytes.json", "must be tcp://HOST:PORT"),
         ("last_barrier", "--scheduler {}/list.json", "must be tcp://HOST:PORT"),
@@ -180,7 +180,10 @@ def test_numbers_of_the_command_line_may_be_negative():
         ("last_barrier", "--scheduler {}/tls.json", "needs TLS files"),
     ],
 )
-def test_bad_input_is_one_message_and_nothing_is_computed(tmp_path, name, options, message):
+def test_bad_input_is_one_message_and_nothing_is_computed(
+    tmp_path, monkeypatch, name, options, message
+):
+    monkeypatch.setattr("pipeline.sweep.cluster._FILE_PATIENCE", 0)
     files = {
         "a.json": "plane",
         "b.json": '{"name": "plane"}',

@@ -1,5 +1,6 @@
 """The sweep, on a cube that is quick to compute (toy.py), with workers and drivers that die."""
 
+import asyncio
 import errno
 import heapq
 import io
@@ -303,9 +304,81 @@ def test_an_unfit_worker_computes_nothing_and_another_sweeps_over_tls(client, tm
 
 def test_a_worker_that_dies_as_it_starts_is_one_clear_error(monkeypatch):
     monkeypatch.setitem(cluster._LOCAL, "distributed.worker.preload", ["import os; os._exit(1)"])
-    told = pytest.raises(ConnectionError, match="ended while it was being started; run again")
+    told = pytest.raises(ConnectionError, match=r"cannot be started: .*Nanny")
     with told, connect(n_workers=1) as client:
         client()
+
+
+@pytest.mark.parametrize(
+    ("lacking", "told"),
+    [
+        ("resource.getrlimit", "1 worker and their driver need about 60 open files, and 20 are"),
+        ("multiprocessing.get_context", "semaphores, in /dev/shm: .*Read-only file system"),
+        ("socket.create_connection", r"the address 127\.0\.0\.1: .*Read-only"),
+    ],
+)
+def test_a_machine_on_which_workers_would_hang_is_one_clear_error(monkeypatch, lacking, told):
+    error = OSError(errno.EROFS, os.strerror(errno.EROFS))
+    limit = (
+        (lambda _: (20, 20)) if lacking == "resource.getrlimit" else lambda *_, **__: fail(error)
+    )
+    monkeypatch.setattr(f"pipeline.sweep.cluster.{lacking}", limit)
+    monkeypatch.setattr("pipeline.sweep.cluster.resource.setrlimit", lambda *_: None)
+    with pytest.raises(ConnectionError, match=told), connect(n_workers=1) as client:
+        client()
+
+
+def test_settings_of_dask_do_not_reach_workers_of_this_machine_and_do_reach_others(client):
+    """A user's settings, of which some would hang them; what the tests have changed aside."""
+    theirs = {
+        "temporary-directory": "/proc/nowhere",
+        "distributed.worker.multiprocessing-method": "fork",
+        "distributed.worker.lifetime.duration": "1s",
+        "distributed.scheduler.idle-timeout": "1s",
+        "distributed.scheduler.worker-saturation": "much",
+        "distributed.comm.timeouts.connect": "1us",
+        "distributed.nanny.preload": ["nowhere.py"],
+    }
+    with dask.config.set(theirs):
+        with connect(n_workers=1):
+            seen = {key: dask.config.get(key) for key in theirs}
+        assert not {key for key in theirs if seen[key] == theirs[key]}
+        assert {key: dask.config.get(key) for key in theirs} == theirs
+        with connect("tcp://127.0.0.1:9"):
+            assert {key: dask.config.get(key) for key in theirs} == theirs
+
+
+def test_a_sweep_runs_in_a_thread_and_in_an_event_loop(here, tmp_path):
+    """As in a web application and in a notebook: Ctrl-C is then not for the sweep."""
+    outcomes = []
+
+    def work(out):
+        outcomes.append(toy.run(here, out, toy.cube()))
+
+    thread = threading.Thread(target=work, args=(tmp_path / "thread",))
+    thread.start()
+    thread.join()
+
+    async def main():
+        work(tmp_path / "loop")
+
+    asyncio.run(main())
+    assert [outcome.remaining for outcome in outcomes] == [0, 0]
+    toy.assert_complete(tmp_path / "thread", toy.cube())
+
+
+def test_the_file_of_a_scheduler_is_waited_for(client, tmp_path, monkeypatch):
+    file, tls = elsewhere(client, tmp_path)
+    late = tmp_path / "home" / "late.json"
+    late.parent.mkdir()
+    monkeypatch.setenv("HOME", str(late.parent))
+    threading.Timer(0.3, os.rename, (file, late)).start()
+    with connect("~/late.json", tls=tls) as guest:
+        assert guest().nthreads()
+    monkeypatch.setattr(cluster, "_FILE_PATIENCE", 0.1)
+    told = pytest.raises(ClusterError, match=f"scheduler='{file}': no such file")
+    with told, connect(file):
+        pass
 
 
 def test_tls_that_does_not_match_is_one_clear_message(client, tmp_path):

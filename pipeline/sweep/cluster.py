@@ -5,18 +5,25 @@ A scheduler elsewhere is named by its address, or by the file in which it has wr
 
 import json
 import logging
+import multiprocessing
 import re
 import resource
 import signal
+import socket
+import sys
+import time
 from contextlib import ExitStack, contextmanager, suppress
 from functools import cache
 from multiprocessing import resource_tracker
 from pathlib import Path
+from traceback import format_exception_only
 
 import dask
 from dask.system import CPU_COUNT
 from distributed import Client, LocalCluster, Status
 from distributed.security import Security
+
+from pipeline.sweep.progress import plural
 
 NO_SCHEDULER = "the dask scheduler is gone; run again to resume"
 _QUIET = {
@@ -41,6 +48,10 @@ _LOCAL = {
 }
 _TLS_FILES = "tls_ca_file", "tls_client_cert", "tls_client_key"
 _ADDRESS = re.compile(r"(tcp|tls)://[^/\s]+:\d+")
+_FILE_PATIENCE = 10  # seconds to wait for the file of a scheduler that is being started
+_GUARD = (
+    'workers import the script that starts them: put what it does below if __name__ == "__main__":'
+)
 
 
 class ClusterError(Exception):
@@ -58,8 +69,10 @@ def connect(scheduler=None, n_workers=None, tls=None):
     tls : (ca, cert, key) files, for a "tls://" address.
 
     ClusterError if the arguments do not go together, here; if the scheduler does not answer or has
-    no workers, when the function is called. ConnectionError then if a worker dies as it starts.
+    no workers, when the function is called. ConnectionError then if workers cannot be started.
     """
+    if getattr(multiprocessing.current_process(), "_inheriting", False):
+        sys.exit(_GUARD)  # a worker to be, which imports the script
     if scheduler is not None and n_workers is not None:
         raise ClusterError(f"the scheduler at {scheduler} has its own workers; leave --workers out")
     address = None if scheduler is None else _address(scheduler)
@@ -68,7 +81,11 @@ def connect(scheduler=None, n_workers=None, tls=None):
     # What they would log of processes that are gone are tracebacks; the sweep says it in words.
     for name in ("asyncio", "distributed.batched", "distributed.client"):
         logging.getLogger(name).setLevel(logging.CRITICAL)
-    settings = _QUIET | (_LOCAL if address is None else {})
+    settings = _QUIET
+    if address is None:
+        # What the user's files and environment say, of workers by fork or of timeouts, is for other
+        # clusters and may hang this one: it has dask's own defaults.
+        settings = dask.config.merge(*dask.config.defaults) | _LOCAL | _QUIET
     with dask.config.set(settings), ExitStack() as stack:
         connection = _local(n_workers) if address is None else _remote(address, tls)
         yield cache(lambda: stack.enter_context(connection))
@@ -82,18 +99,15 @@ def _local(n_workers):
     # Dask executes what it is sent, and any user of this machine can send to loopback: a
     # certificate that lasts as long as the cluster lets only its own processes speak to it.
     how |= {"security": Security.temporary(), "scheduler_kwargs": {"dashboard": False}}
-    with suppress(OSError, ValueError):  # each worker needs ten open files; fewer may do
-        _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
-        resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))
+    _check_machine(how["n_workers"])
     # A Ctrl-C in the terminal reaches all its processes, and is for the driver. Workers, also those
     # that are started again, inherit the mask of the thread that dask starts here, at their birth.
     resource_tracker.ensure_running()  # it would unblock the signal as it starts with a worker
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         started = LocalCluster(**how)
-    except RuntimeError:
-        words = "a worker process on this machine ended while it was being started; run again"
-        raise ConnectionError(words) from None
+    except Exception as error:
+        raise ConnectionError(f"workers on this machine cannot be started: {_why(error)}") from None
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, mask)
     client = Client(started, set_as_default=False)
@@ -103,6 +117,41 @@ def _local(n_workers):
         for opened in client, started:
             with suppress(TimeoutError):  # what is too slow, on a busy machine, ends with us
                 opened.close()
+
+
+def _check_machine(n_workers):
+    """ConnectionError if the machine lacks what workers need, without which they might hang."""
+    cannot = "workers on this machine cannot be started: "
+    with suppress(OSError, ValueError):
+        _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
+        resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))
+    allowed, needed = resource.getrlimit(resource.RLIMIT_NOFILE)[0], 50 + 10 * n_workers
+    if 0 <= allowed < needed:  # without a limit it is -1
+        files = f"{plural(n_workers, 'worker')} and their driver need about {needed} open files"
+        remedy = "raise the limit (ulimit -n), or use fewer --workers"
+        raise ConnectionError(f"{cannot}{files}, and {allowed} are allowed; {remedy}")
+    try:
+        multiprocessing.get_context("spawn").Lock()
+    except OSError as error:
+        raise ConnectionError(f"{cannot}they need semaphores, in /dev/shm: {error}") from None
+    try:
+        with (
+            socket.create_server(("127.0.0.1", 0)) as server,
+            socket.create_connection(server.getsockname(), timeout=10),
+        ):
+            pass
+    except OSError as error:
+        raise ConnectionError(f"{cannot}they need the address 127.0.0.1: {error}") from None
+
+
+def _why(error):
+    """Return the reason, in dask's words, why workers did not start, and how to mend a script."""
+    while (reason := error.__cause__ or error.__context__) is not None:
+        error = reason
+    words = "".join(format_exception_only(error)).strip()
+    main = sys.modules["__main__"]
+    is_script = getattr(main, "__spec__", None) is None and hasattr(main, "__file__")
+    return f"{words}. If this is a script: {_GUARD}" if is_script else words
 
 
 def credentials(client, folder):
@@ -139,11 +188,16 @@ def _remote(address, tls):
 
 
 def _address(scheduler):
-    """Return the address that `scheduler` is, or that its file holds."""
+    """Return the address that `scheduler` is, or that its file holds, which is waited for."""
     address = scheduler
     if "://" not in scheduler:
+        file, end = Path(scheduler).expanduser(), time.monotonic() + _FILE_PATIENCE
+        while not file.exists() and time.monotonic() < end:
+            time.sleep(0.1)
+        if not file.exists():
+            raise ClusterError(f"scheduler={scheduler!r}: no such file, nor is it an address")
         with suppress(OSError, ValueError, KeyError, TypeError):
-            address = json.loads(Path(scheduler).read_bytes())["address"]
+            address = json.loads(file.read_bytes())["address"]
     if not _ADDRESS.fullmatch(str(address)):
         raise ClusterError(
             f"scheduler={scheduler!r} must be tcp://HOST:PORT or tls://HOST:PORT, or the file that "

@@ -221,8 +221,14 @@ def _pack(costs, n_workers):
 
 @contextmanager
 def _draining_on_interrupt():
-    """Yield an Event that the first Ctrl-C sets; the second interrupts at once."""
+    """Yield an Event that the first Ctrl-C sets; the second interrupts at once.
+
+    Outside the main thread, or under a handler that is not of Python, nothing sets it.
+    """
     interrupt, previous = threading.Event(), signal.getsignal(signal.SIGINT)
+    if previous is None or threading.current_thread() is not threading.main_thread():
+        yield interrupt
+        return
 
     def drain(signum, frame):
         if interrupt.is_set():
