@@ -43,9 +43,8 @@ def boundary(cube):
 
 def proved_map(cube):
     barrier = unfolded(cube("barrier"), np.linspace(0, 45, 91))
-    keep(
-        draw_proved_map(cube("proved_map"), cube("proved_triangles"), barrier)[0], "proved_map", 150
-    )
+    drawn = draw_proved_map(cube("proved_map"), cube("proved_triangles"), barrier)
+    keep(drawn, "proved_map", 150)
 
 
 def work_precision(cube):
@@ -81,7 +80,8 @@ def main(out):
     ):
         place = out / name
         try:
-            draw(lambda cube, place=place: xr.open_zarr(place / f"{cube}.zarr").load())
+            with style.sheet():
+                draw(lambda cube, place=place: xr.open_zarr(place / f"{cube}.zarr").load())
         except FileNotFoundError:
             told = f"python -m workflows.{name} --out {place}"
             print(f"{place} has no cubes; {draw.__name__}.png stays as it is. They come by {told}")

@@ -11,10 +11,10 @@ from pipeline.cubes.barrier import boundary
 from pipeline.cubes.proved import proved_map, proved_triangles
 from pipeline.cubes.rotating_maps import breakups
 from workflows.convergence.study import on_the_diagonal
-from workflows.figures.convergence import draw_diagonal
-from workflows.figures.flux import draw_flux
-from workflows.figures.proved_map import draw_proved_map
-from workflows.figures.tori import draw_breakups
+from workflows.figures.convergence import diagonal_caption
+from workflows.figures.flux import flux_caption
+from workflows.figures.proved_map import proved_map_caption
+from workflows.figures.tori import breakups_caption
 from workflows.flux import study as flux
 from workflows.shared.boundary_words import boundary_found, direct_found
 from workflows.shared.direct import exponent
@@ -42,7 +42,7 @@ def test_the_proved_map_says_how_near_open_cells_are_in_plain_percents(away, sai
     }
     numbers = {key: ("triangle", [x]) for key, x in (sides | {"proved_below": 0.9}).items()}
     within = triangles.template.assign(numbers)
-    _, caption = draw_proved_map(filled.assign_attrs(cells=64), within, xr.Dataset(known))
+    caption = proved_map_caption(filled.assign_attrs(cells=64), within, xr.Dataset(known))
     assert said in caption
     assert "on half of the rays of CB_gt to 10% below it" in caption
     assert "e+0" not in caption
@@ -54,14 +54,14 @@ def test_a_law_of_the_flux_that_cannot_be_fitted_is_none():
     cube = beyond.flux(two_kicks(), dict.fromkeys(circles, 1.0), circles, excesses, 100).cube
     values = np.tile(1e-3 * excesses**3, (2, 1))
     filled = cube.filled({"flux": values}).assign(q_max=100)
-    _, caption = draw_flux(filled.assign_attrs(q_max=100), flux.laws(filled))
+    caption = flux_caption(filled.assign_attrs(q_max=100), flux.laws(filled))
     assert "no fit at 30°, for lack of distances" in caption
     assert "nan" not in caption
 
 
 def test_tori_and_boundaries_without_an_answer_have_no_error_in_percent():
     tori = breakups([(0.22, 0.618)], [30.0], 0.1).cube.template.load()
-    _, caption = draw_breakups(tori)
+    caption = breakups_caption(tori)
     assert "rays; none found" in caption
     found = boundary([0.0, 45.0], 0.1, two_kicks())
     nothing = found.assign({name: found[name] * np.nan for name in ("lower", "upper")})
@@ -77,7 +77,7 @@ def test_biases_that_are_too_few_or_do_not_fall_have_no_power_law():
         assert np.isnan(exponent(n, biases)).all()
     coords = {"ensemble": [10], "angle": [45.0], "n": n}
     bias = xr.DataArray(few[None, None], coords, ("ensemble", "angle", "n"))
-    _, caption = draw_diagonal(on_the_diagonal(bias, 1.374))
+    caption = diagonal_caption(on_the_diagonal(bias, 1.374))
     assert "η = not found for N up to" in caption
     assert "nan" not in caption
 

@@ -94,7 +94,7 @@ def test_files_are_named_after_their_command_so_that_none_replaces_one_of_anothe
 
 def test_a_figure_for_a_column_stands_beside_the_one_for_a_screen(tmp_path):
     style.save(Figure(), tmp_path, "name", "caption", kinds=["png"])
-    with style.column():
+    with style.sheet(column=True):
         (path,) = style.save(Figure(), tmp_path, "name", "caption", kinds=["png"])
     assert path == f"{tmp_path}/name_column.png"
     files = ["name.png", "name.txt", "name_column.png", "name_column.txt"]

@@ -1,10 +1,16 @@
 """Figures: the look of circles, which ω alone decides, and what all figures share."""
 
+import os
+import subprocess
+import sys
+from functools import partial
 from itertools import combinations, pairwise, product
 from pathlib import Path
 
+import matplotlib
 import numpy as np
 import pytest
+from commands import invoke
 from conftest import SAVE
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
@@ -12,8 +18,12 @@ from matplotlib.text import Text
 from PIL import Image
 
 from nasm.numbers import NAMES, parse
+from pipeline.sweep.grid import parse_axis
 from workflows.figures import style
+from workflows.figures.period_one import draw_secondary_points
 from workflows.figures.style import circle_class, circle_style
+from workflows.shared.cli import main_of
+from workflows.shared.period_one import secondary_dataset
 
 ROOT = Path(__file__).parents[1]
 
@@ -104,14 +114,14 @@ def test_a_figure_for_a_column_is_as_wide_as_one_and_has_letters_but_no_titles(
     tmp_path, monkeypatch
 ):
     monkeypatch.setattr(Figure, "savefig", SAVE)
-    with style.column():
+    with style.sheet(column=True):
         figure, drawn = style.panels(1, 2, 12, 5)
         for axes in drawn:
             axes.set_title("a title")
         figure.suptitle("another title")
         path, pdf = style.save(figure, tmp_path, "narrow", "what it shows")
     assert Path(pdf).read_bytes().startswith(b"%PDF")
-    assert (tmp_path / "narrow.txt").read_text() == "what it shows\n"
+    assert (tmp_path / "narrow_column.txt").read_text() == "what it shows\n"
     with Image.open(path) as picture:
         assert picture.info["Description"] == "what it shows"
         assert picture.width / picture.info["dpi"][0] == pytest.approx(style.COLUMN, abs=0.01)
@@ -120,3 +130,100 @@ def test_a_figure_for_a_column_is_as_wide_as_one_and_has_letters_but_no_titles(
     assert not any("title" in word for word in words)
     assert all(text.get_fontsize() >= 6.5 for text in figure.findobj(Text))
     assert not style.in_column()
+
+
+def hostile_settings():
+    """Return a value other than the default for nearly every setting of a matplotlibrc."""
+    settings = matplotlib.RcParams()
+    values = "True", "False", "7", "0.3", "7, 5", "0.2, 0.4", "tight", "png", "svg", "pdf", "red"
+    values += "none", "serif", "cm", "round", "top", "in", "left", "both", "s", "--", "42", "gray"
+    values += "1, 2, 3", "major", "center", "log", "cividis", "full", "zoom", "8.5", "a, b", "y"
+    different = {}
+    for name, default in matplotlib.rcParamsDefault.items():
+        for value in values:
+            try:
+                settings[name] = value
+            except (ValueError, RuntimeError):
+                continue
+            if settings[name] != default:
+                different[name] = value
+                break
+    return different
+
+
+def draw_under_any_matplotlibrc(out):
+    """Draw a figure with a colour bar, a legend and contours, on a page and for a column."""
+    secondary = secondary_dataset(parse_axis("0:8:40"))
+    for name, column in (("page", False), ("column", True)):
+        draw = partial(draw_secondary_points, secondary)
+        paths, reason = style.drawn(draw, out, name, "words", column=column)
+        assert len(paths) == 2, reason
+
+
+def test_no_matplotlibrc_changes_a_figure(tmp_path, monkeypatch):
+    monkeypatch.setattr(Figure, "savefig", SAVE)
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "0")  # of PDFs
+    hostile, ours, theirs = (tmp_path / name for name in ("matplotlibrc", "ours", "theirs"))
+    settings = hostile_settings()
+    assert len(settings) > 0.9 * len(matplotlib.rcParamsDefault)
+    assert {"figure.autolayout", "text.usetex", "savefig.bbox", "font.family"} <= {*settings}
+    hostile.write_text("".join(f"{name}: {value}\n" for name, value in settings.items()))
+    for out in (ours, theirs):
+        out.mkdir()
+    draw_under_any_matplotlibrc(ours)
+    script = """
+import sys
+import matplotlib
+from test_figures import draw_under_any_matplotlibrc
+changed = [name for name in matplotlib.rcParams
+           if name != "backend" and matplotlib.rcParams[name] != matplotlib.rcParamsDefault[name]]
+draw_under_any_matplotlibrc(sys.argv[1])
+print(len(changed))
+"""
+    environment = os.environ | {"MATPLOTLIBRC": str(hostile)}
+    environment["PYTHONPATH"] = str(Path(__file__).parent)
+    command = [sys.executable, "-c", script, str(theirs)]
+    ended = subprocess.run(command, env=environment, stdout=subprocess.PIPE, text=True, check=True)
+    assert int(ended.stdout) > 0.9 * len(settings)  # it was read
+    for path in ours.iterdir():
+        assert (theirs / path.name).read_bytes() == path.read_bytes(), path.name
+
+
+def test_a_figure_that_cannot_be_drawn_costs_neither_findings_nor_other_figures(
+    tmp_path, monkeypatch
+):
+    def failing(_):
+        raise RuntimeError("no layout for this\nand more")
+
+    monkeypatch.setattr("workflows.figures.period_one.draw_primary_points", failing)
+    small = "--primary", "-4:4:10", "--secondary", "0:8:10"
+    ended = invoke("period_one", tmp_path, *small)
+    assert ended.exit_code == 1
+    assert (
+        "Error: figure period_one_primary could not be drawn: no layout for this\n" in ended.output
+    )
+    first, second = (ended.output.index(words) for words in ("Strengths of", "cubes:"))
+    assert first < second < ended.output.index("figures:") < ended.output.index("Error:")
+    assert {path.name for path in tmp_path.glob("*.png")} == {"period_one_secondary.png"}
+
+
+def test_findings_are_printed_before_figures_are_drawn(tmp_path, monkeypatch, capsys):
+    said = []
+    monkeypatch.setattr(style, "save", lambda *_: said.append(capsys.readouterr().out) or [])
+    monkeypatch.setattr("workflows.figures.period_one.draw_primary_points", lambda _: None)
+    monkeypatch.setattr("workflows.figures.period_one.draw_secondary_points", lambda _: None)
+    options = ["--out", str(tmp_path), "--primary", "-4:4:10", "--secondary", "0:8:10"]
+    main_of("period_one").main(options, standalone_mode=False)
+    assert "Secondary period-one orbits" in said[0]
+    assert "cubes:" in said[0]
+
+
+def test_ask_answers_where_its_portrait_cannot_be_drawn(tmp_path, monkeypatch):
+    def failing(*_):
+        raise OSError(24, "Too many open files")
+
+    monkeypatch.setattr("workflows.figures.ask.draw_verdict", failing)
+    ended = invoke("ask", tmp_path, "0.3", "0.2")
+    assert ended.exit_code == 1
+    assert ended.output.startswith("BARRIER at")
+    assert "Error: figure ask_0.3_0.2 could not be drawn: [Errno 24] Too many" in ended.output

@@ -12,7 +12,7 @@ from nasm.converse_kam import sequence, transversal
 from nasm.maps import TWO_PI, kick
 from nasm.self_consistent import evolve
 from workflows.ask import once
-from workflows.figures.self_consistent import draw_self_consistent
+from workflows.figures.self_consistent import self_consistent_caption
 from workflows.self_consistent import study
 
 RNG = np.random.default_rng(21)
@@ -162,5 +162,5 @@ def test_momentum_is_conserved_and_weak_fields_leave_graphs_but_strong_ones_do_n
         assert (kicks[0], kicks[1] < 20) == (np.inf, True)
     np.testing.assert_allclose(settling.area, settling.area[2], rtol=1e-12)
     assert 0.05 < settling.denied.mean() < 0.2
-    caption = draw_self_consistent(fields, verdicts, settling)[1]
+    caption = self_consistent_caption(fields, verdicts, settling)
     assert "rules out every family of graphs in the recorded field from Γ = 1.3 on" in caption

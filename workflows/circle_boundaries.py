@@ -37,7 +37,7 @@ def main(run, omega, plane, angles, tips, tol, q_max):
     from nasm.planes import two_kicks
     from pipeline.cubes import breakdown
     from pipeline.cubes.barrier import last_barrier, unfolded
-    from workflows.figures.circle_boundaries import draw_circle_boundaries, draw_tips
+    from workflows.figures import circle_boundaries as figures
     from workflows.shared import rays
 
     angles = rays.ray_angles(plane, angles, tips)
@@ -51,6 +51,10 @@ def main(run, omega, plane, angles, tips, tol, q_max):
         barrier = unfolded(barrier, angles)
         run.table("circle_boundaries", circles)
         run.table("circle_boundaries_residue", residues)
-        run.figure("circle_boundaries", *draw_circle_boundaries(circles, residues, barrier))
+        draw = figures.draw_circle_boundaries
+        caption = figures.circle_boundaries_caption(circles, residues, barrier)
+        run.figure("circle_boundaries", draw, circles, barrier, caption=caption)
         if plane == two_kicks():
-            run.figure("circle_boundaries_tips", *draw_tips(residues, circles, barrier))
+            caption = figures.tips_caption(residues, circles)
+            drawn = residues, circles, barrier
+            run.figure("circle_boundaries_tips", figures.draw_tips, *drawn, caption=caption)

@@ -48,4 +48,5 @@ def main(run, plane, angles, tips, tol, **options):
         run.table("critical_boundary_direct", direct)
         caption = boundary_words.boundary_found(barrier)
         caption += "\n" + boundary_words.direct_found(direct, barrier, grid.n_orbits[-1])
-        run.figure("critical_boundary", draw_critical_boundary(field, circles, barrier), caption)
+        found = field, circles, barrier
+        run.figure("critical_boundary", draw_critical_boundary, *found, caption=caption)

@@ -25,7 +25,7 @@ def main(run, steps, n_orbits, plane, angles, tips):
 
     from nasm.planes import two_kicks
     from pipeline.cubes.barrier import last_barrier, unfolded
-    from workflows.figures.direct_boundary import draw_half_plane, draw_rays
+    from workflows.figures import direct_boundary as figures
     from workflows.shared import direct, rays
 
     all_rays = rays.ray_angles(plane, angles, tips)
@@ -39,9 +39,11 @@ def main(run, steps, n_orbits, plane, angles, tips):
         found = direct.inwards(run, direct.boundary_job(plane, scales, steps[-1], n_orbits))
         boundary = direct.boundary_dataset(found, known, steps)
         run.table("direct_boundary_rays", boundary)
+        caption, of_rays = figures.rays_caption(boundary), (figures.draw_rays, boundary, barrier)
         if plane == two_kicks():
             insets = run.keep("direct_insets", direct.insets_dataset())
-            run.figure("direct_boundary_quadrant", *draw_rays(boundary, barrier))
-            run.figure("direct_boundary", *draw_half_plane(boundary, barrier, insets))
+            run.figure("direct_boundary_quadrant", *of_rays, caption=caption)
+            half, caption = (boundary, barrier, insets), figures.half_plane_caption(insets)
+            run.figure("direct_boundary", figures.draw_half_plane, *half, caption=caption)
         else:
-            run.figure("direct_boundary", *draw_rays(boundary, barrier, 360))
+            run.figure("direct_boundary", *of_rays, 360, caption=caption)

@@ -23,4 +23,4 @@ def main(run, **options):
     grid = grid_of(**options)
     with run.sweeping(later=foreseen(run, grid)):
         field = escape_plane(run, grid)
-        run.figure("escape_plane", draw_escape_plane(field, grid.drawn), field_found(field))
+        run.figure("escape_plane", draw_escape_plane, field, grid.drawn, caption=field_found(field))

@@ -46,7 +46,7 @@ def parse_frequency(text):
 @sweeps
 def main(run, q_max, frequency, phases, angle):
     from pipeline.cubes import rotating_maps
-    from workflows.figures.frequencies import draw_frequencies
+    from workflows.figures.frequencies import draw_frequencies, frequencies_caption
 
     given = {Fraction(p, q) for q in range(2, q_max + 1) for p in range(1, q // 2 + 1)}
     given = sorted(given.union(frequency.values()))
@@ -56,4 +56,5 @@ def main(run, q_max, frequency, phases, angle):
     with run.sweeping(job):
         cube = run.sweep(job).load()
         run.table("frequencies", cube)
-        run.figure("frequencies", *draw_frequencies(cube.isel(angle=0)))
+        drawn = cube.isel(angle=0)
+        run.figure("frequencies", draw_frequencies, drawn, caption=frequencies_caption(drawn))

@@ -25,5 +25,5 @@ def main(run, plane, angles, tips, tol):
         barrier = unfolded(run.sweep(job), angles)
         barrier = run.keep("boundary", barrier, tol=tol, **plane.record)
         run.table("last_barrier", barrier)
-        figure, _ = draw_last_barrier(barrier)
-        run.figure("last_barrier", figure, boundary_words.boundary_found(barrier))
+        caption = boundary_words.boundary_found(barrier)
+        run.figure("last_barrier", draw_last_barrier, barrier, caption=caption)

@@ -15,11 +15,13 @@ from workflows.shared.cli import axis, command, writes
 @axis("--secondary", "0:8:200", "Strengths of both kicks for the secondary points.")
 @writes
 def main(run, primary, secondary):
-    from workflows.figures.period_one import draw_primary_points, draw_secondary_points
+    from workflows.figures import period_one as figures
     from workflows.shared.period_one import primary_dataset, secondary_dataset
 
     with run.driving():
         first = run.keep("period_one_primary", primary_dataset(primary))
         second = run.keep("period_one_secondary", secondary_dataset(secondary))
-        run.figure("period_one_primary", *draw_primary_points(first))
-        run.figure("period_one_secondary", *draw_secondary_points(second))
+        caption = figures.primary_caption(first)
+        run.figure("period_one_primary", figures.draw_primary_points, first, caption=caption)
+        caption = figures.secondary_caption(second)
+        run.figure("period_one_secondary", figures.draw_secondary_points, second, caption=caption)

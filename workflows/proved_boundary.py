@@ -24,7 +24,7 @@ def main(run, angles, seconds):
     from nasm.proofs.barrier import need_flint
     from pipeline.cubes.barrier import unfolded
     from pipeline.cubes.proved import proved_barrier
-    from workflows.figures.proved_boundary import draw_proved_boundary
+    from workflows.figures.proved_boundary import draw_proved_boundary, proved_boundary_caption
 
     need_flint()
     angles = np.linspace(0, 360, angles)
@@ -32,4 +32,5 @@ def main(run, angles, seconds):
     with run.sweeping(job):
         barrier = run.keep("proved_boundary", unfolded(run.sweep(job), angles))
         run.table("proved_boundary", barrier)
-        run.figure("proved_boundary", *draw_proved_boundary(barrier))
+        caption = proved_boundary_caption(barrier)
+        run.figure("proved_boundary", draw_proved_boundary, barrier, caption=caption)

@@ -32,7 +32,7 @@ def main(run, cells, seconds, nearest):
     from nasm.symmetries import ray
     from pipeline.cubes.barrier import last_barrier, unfolded
     from pipeline.cubes.proved import proved_map, proved_triangles
-    from workflows.figures.proved_map import draw_proved_map
+    from workflows.figures.proved_map import draw_proved_map, proved_map_caption
 
     need_flint()
     angles = np.linspace(0, 45, 91)
@@ -48,4 +48,5 @@ def main(run, cells, seconds, nearest):
         rays = list(zip(at, scales, strict=True))
         jobs = proved_map(rays, int(cells), seconds), proved_triangles(rays, circles, nearest)
         cubes = [run.sweep(job).load() for job in jobs]
-        run.figure("proved_map", *draw_proved_map(*cubes, barrier))
+        found = *cubes, barrier
+        run.figure("proved_map", draw_proved_map, *found, caption=proved_map_caption(*found))

@@ -26,7 +26,7 @@ def main(run, angles, tips, n_max, n_orbits):
     from nasm.planes import rotating
     from pipeline.cubes import breakdown, rotating_maps
     from pipeline.cubes.barrier import last_barrier, unfolded
-    from workflows.figures.rotating import draw_rotating_circles, draw_rotating_tori
+    from workflows.figures import rotating as figures
     from workflows.shared import rays
 
     around, plane = rays.rotated_rays(angles, tips), rotating("1/2")
@@ -42,5 +42,8 @@ def main(run, angles, tips, n_max, n_orbits):
         tori = rays.with_ratio(tori, two.critical_scale, "CB_gt of T")
         tori = rays.with_ratio(tori, direct.upper, "the onset of transport of T", "ratio_direct")
         run.table("rotating_tori", tori)
-        run.figure("rotating_circles", *draw_rotating_circles(circles, two, direct))
-        run.figure("rotating_tori", *draw_rotating_tori(tori, two, direct))
+        found = circles, two, direct
+        caption = figures.rotating_circles_caption(*found)
+        run.figure("rotating_circles", figures.draw_rotating_circles, *found, caption=caption)
+        found, caption = (tori, two, direct), figures.rotating_tori_caption(tori, two, direct)
+        run.figure("rotating_tori", figures.draw_rotating_tori, *found, caption=caption)

@@ -33,7 +33,7 @@ def parse_phase(text):
 def main(run, phase, angles, tips, tol):
     from nasm.planes import rotating
     from pipeline.cubes.barrier import last_barrier, named, unfolded
-    from workflows.figures.three_kicks import draw_three_kicks
+    from workflows.figures.three_kicks import draw_three_kicks, three_kicks_caption
     from workflows.shared import rays
 
     around = rays.rotated_rays(angles, tips)
@@ -47,4 +47,5 @@ def main(run, phase, angles, tips, tol):
         three = rays.with_ratio(three, two.upper, "two's upper", "ratio_lower", "lower")
         three = rays.with_ratio(three, two.lower, "two's lower", "ratio_upper", "upper")
         run.table("three_kicks", three)
-        run.figure("three_kicks", *draw_three_kicks(three, two))
+        caption = three_kicks_caption(three)
+        run.figure("three_kicks", draw_three_kicks, three, two, caption=caption)

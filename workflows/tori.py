@@ -32,18 +32,20 @@ def main(run, vector, angles, tol, picture):
     import numpy as np
 
     from pipeline.cubes import rotating_maps
-    from workflows.figures.tori import draw_breakups, draw_pictures
+    from workflows.figures import tori as figures
 
     vector = list(dict.fromkeys(vector))
     job = rotating_maps.breakups(vector, np.union1d(np.linspace(0, 90, angles), picture), tol)
     with run.sweeping(job):
         breakups = run.sweep(job).load()
         run.table("tori", breakups)
-        run.figure("tori", *draw_breakups(breakups))
+        caption = figures.breakups_caption(breakups)
+        run.figure("tori", figures.draw_breakups, breakups, caption=caption)
         known = float(breakups.lower.isel(vector=0).sel(angle=picture))
         if np.isnan(known):
             run.say(f"On the ray of {picture:g}° no torus of the first vector was certified.")
             return
         drawn = rotating_maps.pictures(vector[0], picture, known * np.array([0.7, 0.95, 0.99]))
         run.keep("torus", drawn)
-        run.figure("tori_pictures", *draw_pictures(drawn))
+        caption = figures.pictures_caption(drawn)
+        run.figure("tori_pictures", figures.draw_pictures, drawn, caption=caption)

@@ -55,9 +55,9 @@ def forcing_asked(strengths, plane, once):
 @click.option("--once", type=cli.FILE, help="Text file of any kicks, which do not repeat.")
 @cli.flag("--prove", "Prove the answer, as far as 20 s allow.")
 @cli.flag("--pdf", "The figure as PDF too.")
-@cli.draws
+@cli.column_option
 @cli.directory("Directory of the figure.")
-def main(kappa, plane, once, prove, pdf, out):
+def main(kappa, plane, once, prove, pdf, column, out):
     try:
         strengths, point = forcing_asked(kappa, plane, once)
         if once and prove:
@@ -78,13 +78,13 @@ def main(kappa, plane, once, prove, pdf, out):
         raise click.UsageError(f"{error}. Kicks that come once go to --once FILE") from None
     click.echo(text)
 
-    from workflows.figures.style import save
+    from workflows.figures.style import drawn
 
     asked = ["ask", plane.name] if plane else ["ask"]
     asked += [Path(once).stem] if once else map(str, kappa[:SHOWN])
     asked += [f"{crc32(strengths):08x}"] if len(kappa) > SHOWN else []  # of all of them
     name, kinds = re.sub("[:/,]", "-", "_".join(asked)), ("png", "pdf") if pdf else ("png",)
-    try:
-        click.echo(f"figures: {', '.join(save(draw(), out, name, text, kinds))}")
-    except OSError as error:
-        raise click.ClickException(f"--out={out}: {error.strerror}; no figure is kept") from None
+    paths, reason = drawn(draw, out, name, text, kinds, column)
+    if reason:
+        raise click.ClickException(reason)
+    click.echo(f"figures: {', '.join(paths)}")

@@ -22,7 +22,7 @@ def main(run, n_max, n_orbits):
     from nasm import barriers
     from nasm.symmetries import ray
     from workflows.convergence.study import on_the_diagonal
-    from workflows.figures.convergence import draw_convergence, draw_diagonal
+    from workflows.figures import convergence as figures
     from workflows.shared import direct
 
     # Of the last barrier's breakup, to judge by.
@@ -34,5 +34,7 @@ def main(run, n_max, n_orbits):
         fits = {angle: direct.exponent(n, largest.sel(angle=angle).values) for angle in ANGLES}
         diagonal = run.keep("convergence_diagonal", on_the_diagonal(bias, scales[45.0]))
         run.table("convergence_direct", bias.to_dataset())
-        run.figure("convergence", *draw_convergence(bias, fits))
-        run.figure("convergence_diagonal", *draw_diagonal(diagonal))
+        caption = figures.convergence_caption(bias, fits)
+        run.figure("convergence", figures.draw_convergence, bias, fits, caption=caption)
+        caption = figures.diagonal_caption(diagonal)
+        run.figure("convergence_diagonal", figures.draw_diagonal, diagonal, caption=caption)

@@ -22,7 +22,7 @@ def main(run, orbits, n_max, quick):
     from pipeline.cubes import beyond
     from pipeline.cubes.barrier import last_barrier, unfolded
     from workflows.diffusion import study
-    from workflows.figures.diffusion import draw_diffusion
+    from workflows.figures.diffusion import diffusion_caption, draw_diffusion
 
     n_max, plane = min(n_max, 2**18) if quick else n_max, two_kicks()
     angles = np.array([0.0, 12, 30, 45]) if quick else np.r_[0:45:2.0, 44.6, 45]
@@ -40,4 +40,5 @@ def main(run, orbits, n_max, quick):
         swept = (run.sweep(job).load() for job in jobs(scales.to_dict(), circles.to_dict()))
         law = study.law(known, *swept)
         run.table("diffusion", law)
-        run.figure("diffusion", *draw_diffusion(law, study.findings(law)))
+        caption = diffusion_caption(law, study.findings(law))
+        run.figure("diffusion", draw_diffusion, law, caption=caption)

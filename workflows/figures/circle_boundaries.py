@@ -5,13 +5,9 @@ import numpy as np
 from workflows.figures import planes, style
 
 
-def draw_circle_boundaries(breakdown, residues, barrier):
-    """Draw CB_ω of each rotation number, CB_gt behind them, Fig. 8.
-
-    breakdown : by continuation; `residues` themselves in a plane where that has no rays from zero.
-    """
+def draw_circle_boundaries(breakdown, barrier):
+    """Draw CB_ω of each rotation number, CB_gt behind them, Fig. 8."""
     figure, (axes,) = style.panels(1, 1, 10, 6.6)
-    effort = "periods up to {q_max}" if breakdown is residues else "errors of {tol:g}"
     sharp = style.known(breakdown)
     planes.fill_inside(axes, barrier, label=r"$\mathit{CB}_{gt}$")
     draw_circles(axes, sharp)
@@ -20,6 +16,16 @@ def draw_circle_boundaries(breakdown, residues, barrier):
         draw_circles(planes.tip_of(axes, barrier, 0.8), sharp)
     axes.set_title(r"Breakup of circles: $\mathit{CB}_\omega$, and of the last one")
     style.outer_legend(figure, 3, 2)
+    return figure
+
+
+def circle_boundaries_caption(breakdown, residues, barrier):
+    """Compare CB_ω with CB_gt.
+
+    breakdown : by continuation; `residues` themselves in a plane where that has no rays from zero.
+    """
+    effort = "periods up to {q_max}" if breakdown is residues else "errors of {tol:g}"
+    sharp = style.known(breakdown)
     scales = ["critical_scale", "error"]  # by residues, where there are any
     best = residues[scales].load().fillna(sharp[scales].load())
     ratio = 100 * best.critical_scale / barrier.critical_scale
@@ -31,7 +37,7 @@ def draw_circle_boundaries(breakdown, residues, barrier):
         for text, of in zip(residues.circle.values, ratio, strict=True)
     )
     how = f"{breakdown.attrs['method']}, {effort.format(**breakdown.attrs)}"
-    return figure, (
+    return (
         f"Critical boundaries of circles on {breakdown.angle.size} rays by {how}, in front of the "
         "region without global transport. Their distance from the origin in parts of that of the "
         f"last barrier: {shares}. Points beyond the last barrier by more than the errors: "
@@ -60,9 +66,13 @@ def draw_tips(residues, circles, barrier):
     handles, labels = tips[1].get_legend_handles_labels()
     style.outer_legend(figure, 4, 2, handles=handles, labels=labels)
     figure.suptitle("The tips: lines by Greene's residue, points by continuation of circles")
+    return figure
+
+
+def tips_caption(residues, circles):
     off = abs(circles.critical_scale / residues.critical_scale - 1)
     unanswered = sum(int(of.critical_scale.isnull().sum()) for of in (circles, residues))
-    return figure, (
+    return (
         "The tips of the horns: lines by Greene's residue of periods up to "
         f"{residues.attrs['q_max']}, points by continuation to {circles.attrs['tol']:g}. Relative "
         f"difference of the two: median {float(off.median()):.1g}, largest {float(off.max()):.1g}; "

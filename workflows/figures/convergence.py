@@ -1,4 +1,4 @@
-"""Bias of direct iteration against its effort, Fig. 7 and its likes, with their captions."""
+"""Bias of direct iteration against its effort, Fig. 7 and its likes, and their captions."""
 
 import numpy as np
 from matplotlib.ticker import LogLocator
@@ -32,8 +32,13 @@ def draw_convergence(bias, fits):
         axes.grid(lw=0.3)
     _plain(direct.yaxis)
     outer_legend(figure, 4, 2)
+    return figure
+
+
+def convergence_caption(bias, fits):
+    count, n = [int(size) for size in bias.ensemble], bias.n.values
     etas = ", ".join(f"{_fitted(*fit)} at {angle:g}°" for angle, fit in fits.items())
-    return figure, (
+    return (
         f"Bias against effort on rays at {', '.join(f'{angle:g}°' for angle in fits)}, in parts "
         "of the breakup by residues: the excess over the breakup from "
         f"which on some of {count[-1]} orbits escapes within N ≤ {int(n[-1])} steps falls like "
@@ -57,11 +62,10 @@ def draw_diagonal(diagonal):
     """Draw direct iteration on the diagonal in the paper's axes, with a line for each half of N."""
     figure, (axes,) = panels(1, 1, 7, 5)
     axes.plot(diagonal.n, diagonal.distance, "ko", ms=4, mfc="none")
-    etas = []
+    etas = _etas(diagonal)
     for half, words in enumerate(diagonal.half.values):
         here = diagonal.isel(n=np.flatnonzero(diagonal.upper_half.values == half))
-        etas.append(_fitted(float(diagonal.eta[half]), float(diagonal.eta_error[half])))
-        label = rf"{words.replace('N', '$N$')}: $\eta$ = {etas[-1]}"
+        label = rf"{words.replace('N', '$N$')}: $\eta$ = {etas[half]}"
         axes.plot(here.n, here.fit, "-" if half else "--", color=colour_of(half), label=label)
     mark_gaps(axes, diagonal.n.values, diagonal.distance.isnull().values)
     axes.set(xscale="log", yscale="log", xlabel="steps $N$", ylabel=r"$\kappa_N - \kappa_G$")
@@ -70,8 +74,19 @@ def draw_diagonal(diagonal):
     axes.set_title(rf"{orbits} on $(\kappa_1, \kappa_2) = (\kappa, \kappa)$")
     axes.grid(lw=0.3)
     axes.legend()
+    return figure
+
+
+def _etas(diagonal):
+    """Return η of each half of N, with its error, in words."""
+    fits = zip(diagonal.eta.values, diagonal.eta_error.values, strict=True)
+    return [_fitted(*fit) for fit in fits]
+
+
+def diagonal_caption(diagonal):
+    etas = _etas(diagonal)
     small, large = int(diagonal.n[diagonal.upper_half == 0][-1]), int(diagonal.n[-1])
-    return figure, (
+    return (
         "The boundary of global transport by direct iteration at the cusp of the horn, on (κ, κ), "
         f"less the breakup κ_G = {diagonal.critical:.9f} by residues, with {diagonal.n_orbits} "
         f"orbits; (κ_N - κ_G) ~ N^(-1/η) with η = {etas[0]} for N up to {small}, and "

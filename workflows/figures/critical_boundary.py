@@ -11,7 +11,8 @@ from workflows.figures.style import in_column, known, power
 
 def draw_critical_boundary(plane, circles, barrier):
     """Draw the escape field and CB_ω of the circles behind what `draw_last_barrier` draws."""
-    figure, axes = draw_last_barrier(barrier)
+    figure = draw_last_barrier(barrier)
+    axes = figure.axes[0]  # of the plane
     draw_field(axes, plane)
     draw_circles(axes, known(circles), lw=0.7)
     ends = [(float(c.min()), float(c.max())) for c in in_plane(plane)]

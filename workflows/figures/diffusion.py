@@ -8,8 +8,8 @@ from workflows.figures.style import INSIDE, circle_style, colour_of, panels
 _UNRESOLVED = "0.6"
 
 
-def draw_diffusion(law, findings):
-    """Draw D over the plane, and on five rays with the last circle's flux; return a caption too."""
+def draw_diffusion(law):
+    """Draw D over the plane, and on five rays with the last circle's flux."""
     figure, (plane, along) = panels(1, 2, 13, 5.8)
     _draw_plane(plane, law)
     for i, angle in enumerate(law.angle.values[:: max(1, law.angle.size // 4)]):
@@ -23,8 +23,12 @@ def draw_diffusion(law, findings):
     along.set(xlabel=r"distance beyond the breakup, $x = s/s_c - 1$", ylabel="$D$")
     along.set_title("From the boundary outwards")
     along.legend(fontsize="small")
+    return figure
+
+
+def diffusion_caption(law, findings):
     found, error = law.diffusion.notnull(), float((law.error / law.diffusion).median())
-    return figure, (
+    return (
         "D = <(y_n - y_0)²>/2n of the momentum of two kicks, in squares of y a period; all "
         "quadrants are images of this one. "
         f"{law.attrs['n_orbits']} orbits under each forcing, errors of {100 * error:.0f}% in the "

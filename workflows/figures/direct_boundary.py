@@ -1,4 +1,4 @@
-"""The boundary by direct iteration beside the true one, Figs. 5 and 6, with their captions."""
+"""The boundary by direct iteration beside the true one, Figs. 5 and 6, and their captions."""
 
 import numpy as np
 from matplotlib.colors import LogNorm
@@ -18,10 +18,14 @@ def draw_rays(boundary, barrier, last=90):
     if last == 90:
         axes.set(xlim=(0, None))
     axes.legend(loc="lower left" if last == 90 else "best")
+    return figure
+
+
+def rays_caption(boundary):
     n = ", ".join(map(str, boundary.n.values))
     medians = boundary.bias.median("angle").values
     biases = ", ".join(f"{100 * b:.2g}%" if np.isfinite(b) else "more" for b in medians)
-    return figure, (
+    return (
         "The boundary of global transport by direct iteration: the forcings on "
         f"{boundary.sizes['angle']} rays from which outwards some of {boundary.n_orbits} orbits "
         f"that start in [0, 1] × [0, 0.3] leaves -2 ≤ y ≤ 2.3 within N = {n} steps, to "
@@ -52,11 +56,15 @@ def draw_half_plane(boundary, barrier, insets):
         plane.annotate(f"({letter})", forcing, at, fontsize="small", zorder=5, **side)
     where = {"location": "bottom", "aspect": 40} if style.in_column() else {"aspect": 15}
     below.colorbar(shown, ax=cells, label="visits", **where)
+    return figure
+
+
+def half_plane_caption(insets):
     ranges = "; ".join(
         f"({row.kappa1:g}, {row.kappa2:g}): {row.lowest:.3g} to {row.highest:.3g}"
         for row in insets.drop_dims(["x", "y"]).to_dataframe().itertuples()
     )
-    return figure, (
+    return (
         "The same in the upper half plane, and at the forcings marked there how often the orbit of "
         f"({insets.start[0]:g}, {insets.start[1]:g}) visits the parts of the "
         f"cell in {insets.steps} steps (white: never); its range of y, not reduced, at {ranges}."

@@ -38,16 +38,20 @@ def draw_flux(fluxes, fits):
     for axes in (whole, divided):
         axes.set(xscale="log", xlabel=r"distance beyond the breakup, $x = s/s_c - 1$")
         axes.grid(lw=0.3)
+    return figure
+
+
+def flux_caption(fluxes, fits):
     laws = ", ".join(
         f"η = {row.exponent:.6f} ± {row.exponent_error:.0e} at {angle:g}° ({row.circle_and_tie})"
         if np.isfinite(row.exponent)
         else f"no fit at {angle:g}°, for lack of distances"
         for angle, row in fits.to_dataframe().iterrows()
     )
-    return figure, (
+    return (
         "Area that passes through the remains of the last circle in one step, the difference in "
         "action of minimax and minimizing orbits of periods up to "
         f"{fluxes.attrs['q_max']}, against the distance beyond the breakup. Fits of "
         f"ΔW = C·x^η·exp(bx + cx²) up to x = 3%: {laws} (errors of the fit alone). Renormalisation "
-        f"predicts {eta} for noble circles."
+        f"predicts {fits.attrs['predicted_exponent']} for noble circles."
     )

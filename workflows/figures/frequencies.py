@@ -13,9 +13,7 @@ _BEYOND = 1.15  # times the largest end of a bracket: what is drawn
 
 def draw_frequencies(cube):
     """Draw the scale of the last breakup against Ω, and the least one of convergents by their q."""
-    ends = {"lower": ("lower", "min"), "upper": ("upper", "min"), "most": ("upper", "max")}
-    table = cube.to_dataframe().groupby("frequency").agg(**ends, phases=("phase", "count"))
-    limits, fractions = table[table.phases == 0], table[table.phases > 0]  # NaN does not count
+    limits, fractions = _brackets(cube)
     figure, (wide, near) = panels(1, 2, 12, 5.4, sharey=True)
     of, words = r"$\Omega = p/q$, ", "bracket of the phase that breaks first"
     look = {"color": "0.8", "lw": 6, "label": rf"{of}all phases $\varphi_0$"}
@@ -27,48 +25,76 @@ def draw_frequencies(cube):
     wide.plot(limits.index, limits.lower, "^", color=colour_of(1), ms=5)
     wide.set(xlabel=r"frequency $\Omega$", ylabel="scale $s$ of the last breakup")
     outer_legend(figure, 3)
-    comparison = _draw_convergents(near, limits, fractions)
+    _draw_convergents(near, limits, fractions)
     # The axis ends above all brackets; how far phases above its end go is written there.
-    top = _BEYOND * table.upper.max()
+    top = _BEYOND * np.fmax(limits.upper.max(), fractions.upper.max())
     for Ω, most in fractions.most[fractions.most > top].items():
         side, x = ("left", 5) if np.mean(wide.get_xlim()) > Ω else ("right", -5)
         how = {"textcoords": "offset points", "va": "top", "ha": side, "fontsize": "small"}
         wide.annotate(f"↑ {most:.2f}", (Ω, top), (x, -3), **how)
     wide.set_ylim(None, top)
+    return figure
+
+
+def _brackets(cube):
+    """Return the brackets of the irrational Ω and of the fractions, two tables by Ω.
+
+    lower, upper : of the phase of a fraction that breaks first. most : the upper end of all phases.
+    """
+    ends = {"lower": ("lower", "min"), "upper": ("upper", "min"), "most": ("upper", "max")}
+    table = cube.to_dataframe().groupby("frequency").agg(**ends, phases=("phase", "count"))
+    return table[table.phases == 0], table[table.phases > 0]  # NaN does not count
+
+
+def frequencies_caption(cube):
+    limits, fractions = _brackets(cube)
     widths = (100 * (1 - cube.lower / cube.upper)).groupby(cube.phase.isnull()).median().to_series()
     names = {False: "fractions", True: "irrational Ω"}
     told = ", ".join(f"{width:.2g}% for {names[kind]}" for kind, width in widths.items())
-    return figure, (
+    return (
         "Where the last barrier of rotating maps breaks on the ray (κ̄, Δκ) = s·(cos, sin) of "
-        f"{float(cube.angle):g}°: for {len(fractions)} fractions Ω, {table.phases.max()} phases "
-        f"each, the last circle; for {len(limits)} irrational Ω the last torus. Brackets reach "
-        f"from what is certified to converse KAM. Their median width is {told}; "
-        f"{int((cube.lower + cube.upper).isnull().sum())} are missing. {comparison}"
+        f"{float(cube.angle):g}°: for {len(fractions)} fractions Ω, {fractions.phases.max()} "
+        f"phases each, the last circle; for {len(limits)} irrational Ω the last torus. Brackets "
+        f"reach from what is certified to converse KAM. Their median width is {told}; "
+        f"{int((cube.lower + cube.upper).isnull().sum())} are missing. "
+        f"{_comparison(limits, fractions)}"
     )
 
 
-def _draw_convergents(axes, limits, fractions):
-    """Draw the least scale of each convergent beside the bracket of its limit; compare in words."""
-    ticks, overlap, inside, outside = [], [], [], []  # q of convergents
+def _convergents(limits, fractions):
+    """Yield Ω, its bracket, and the brackets of its convergents, a table of the columns of
+    `fractions` by the denominator q; for each Ω of which there are any."""
     for Ω, lower, upper, *_ in limits.itertuples():
         convergents = {Fraction(Ω).limit_denominator(q) for q in range(2, 65)}
-        near = sorted((each.denominator, float(each)) for each in convergents)
-        near = [(q, at) for q, at in near if at in fractions.index]
-        if not near:
-            continue
-        i = len(ticks)
+        by_q = sorted((each.denominator, float(each)) for each in convergents)
+        known = {q: at for q, at in by_q if at in fractions.index}
+        if known:
+            yield Ω, lower, upper, fractions.loc[[*known.values()]].set_axis([*known])
+
+
+def _draw_convergents(axes, limits, fractions):
+    """Draw the least scale of each convergent beside the bracket of its limit."""
+    ticks = []
+    for i, (Ω, lower, upper, near) in enumerate(_convergents(limits, fractions)):
         ticks.append(f"{Ω:.4f}")
         axes.fill_between([i - 0.4, i + 0.4], lower, upper, color=colour_of(1), alpha=0.5, lw=0)
-        for (q, at), x in zip(near, np.linspace(-0.3, 0.3, len(near) + 2)[1:-1], strict=True):
-            least, first = fractions.loc[at, ["lower", "upper"]]
+        places = np.linspace(-0.3, 0.3, len(near) + 2)[1:-1]
+        for (q, least, first, *_), x in zip(near.itertuples(), places, strict=True):
             axes.errorbar(i + x, (least + first) / 2, (first - least) / 2, **_BRACKET)
             axes.annotate(q, (i + x, first), (0, 4), textcoords="offset points", **_NUMBER)
-            overlap += [q] if least < upper and lower < first else []
-            inside += [q] if first <= lower else []
-            outside += [q] if least >= upper else []
     axes.set(xlabel=r"irrational $\Omega$")
     axes.set_title("Beside its bracket those of its convergents, by $q$")
     axes.set_xticks(range(len(ticks)), ticks, rotation=60, fontsize="small")
+
+
+def _comparison(limits, fractions):
+    """Say how the brackets of the convergents lie to that of their limit."""
+    overlap, inside, outside = [], [], []  # q of convergents
+    for _, lower, upper, near in _convergents(limits, fractions):
+        for q, least, first, *_ in near.itertuples():
+            overlap += [q] if least < upper and lower < first else []
+            inside += [q] if first <= lower else []
+            outside += [q] if least >= upper else []
     apart = inside + outside
     longest = f", up to q = {max(apart)}" if apart else ""
     return (

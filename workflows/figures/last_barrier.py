@@ -6,10 +6,7 @@ from workflows.figures import planes, style
 
 
 def draw_last_barrier(barrier):
-    """Draw CB_gt with its tip, the last circles by angle, and two kicks' cusp or the bracket.
-
-    Returns the figure, and the axes of the plane.
-    """
+    """Draw CB_gt with its tip, the last circles by angle, and two kicks' cusp or the bracket."""
     figure = style.canvas(11, 9.4, 2)
     if style.in_column():
         plane, strip, cusp = figure.subplots(3, height_ratios=[1.5, 1, 1])
@@ -31,7 +28,7 @@ def draw_last_barrier(barrier):
     else:
         _draw_bracket(cusp, barrier)
     _draw_circle_strip(strip, barrier, classes, whole)
-    return figure, plane
+    return figure
 
 
 def _draw_arcs(axes, barrier, classes, size):

@@ -1,4 +1,4 @@
-"""Phase portraits, Figs. 1 and 2, with their captions."""
+"""Phase portraits, Figs. 1 and 2, and their captions."""
 
 from workflows.figures.style import COLOURS, VERMILION, canvas, colour_of, dots, in_column, panels
 
@@ -17,8 +17,7 @@ def draw_kicks(portraits):
     title = rf"nonautonomous map, $(\kappa_1, \kappa_2) = {_forcing(first)}$"
     _draw_cell(drawn["raw"], portraits.kick_x, portraits.kick_y, title)
     island, time = drawn["island"], drawn["time"]
-    x, y, kick = (portraits[name].values for name in ("island_x", "island_y", "kick"))
-    around = (x + 0.25) % 1 - 0.25  # x is shown around 0, where one of the islands is
+    around, y, kick = _island_orbit(portraits)
     for parity, colour, words in ((0, COLOURS[0], "even"), (1, VERMILION, "odd")):
         island.plot(around[parity::2], y[parity::2], label=words, **dots(colour, 4))
         shown = slice(parity, _KICKS_SHOWN, 2)
@@ -28,18 +27,30 @@ def draw_kicks(portraits):
     time.set_title("The orbit of (d) in time")
     if not in_column():
         island.legend(title="kicks", markerscale=3, loc="upper center", ncols=2)
-    island.set_title(rf"its orbit of $({x[0]:g}, {y[0]:g})$, zoomed in $y$")
+    island.set_title(rf"its orbit of $({around[0]:g}, {y[0]:g})$, zoomed in $y$")
     island.set(xlabel=r"$\hat x$", ylabel="$y$", xlim=(-0.25, 0.75), box_aspect=1)
     island.margins(y=0.3)
+    return figure
+
+
+def _island_orbit(portraits):
+    """Return x in [-1/4, 3/4), which is around one of the islands, y and the kicks of the orbit."""
+    x, y, kick = (portraits[name].values for name in ("island_x", "island_y", "kick"))
+    return (x + 0.25) % 1 - 0.25, y, kick
+
+
+def kicks_caption(portraits):
+    first, second = (portraits.isel(forcing=i) for i in (0, 1))
+    around, y, kick = _island_orbit(portraits)
     even, odd = abs(around[::2]).max(), abs(around[1::2] - 0.5).max()
-    return figure, (
+    return (
         f"Phase portraits of T at (κ1, κ2) = {_forcing(first)} (a) and {_forcing(second)} (b), "
         f"{portraits.orbit.size} orbits of {portraits.step.size - 1} steps from x = 0 and x = 1/2, "
         f"and of the nonautonomous map at {_forcing(first)} (c), the same starts and "
         f"{kick.size - 1} kicks, all drawn; κ1 is the first kick. (d): the orbit of "
-        f"({x[0]:g}, {y[0]:g}) under the nonautonomous map, even kicks blue, odd ones vermilion: "
-        f"the even ones stay within {even:.2f} of x = 0, in the island of (0, 1/2) of (a), the odd "
-        f"ones within {odd:.2f} of x = 1/2, in that of (1/2, 1/2) of (b)."
+        f"({around[0]:g}, {y[0]:g}) under the nonautonomous map, even kicks blue, odd ones "
+        f"vermilion: the even ones stay within {even:.2f} of x = 0, in the island of (0, 1/2) of "
+        f"(a), the odd ones within {odd:.2f} of x = 1/2, in that of (1/2, 1/2) of (b)."
     )
 
 
@@ -52,8 +63,13 @@ def draw_symmetry(portraits):
         title = rf"$(\kappa_1, \kappa_2) = {_forcing(here)}$"
         _draw_cell(axes, here.marked_x, here.marked_y, title, 3.5)
         axes.label_outer()
+    return figure
+
+
+def symmetry_caption(portraits):
+    forcings = [portraits.isel(forcing=i) for i in range(4)]
     marked = zip(portraits.marked_x[0, 0].values, portraits.marked_y[0, 0].values, strict=True)
-    return figure, (
+    return (
         f"Phase portraits of T at (κ1, κ2) = {', '.join(map(_forcing, forcings))} (a-d), "
         f"{portraits.orbit.size} orbits of {portraits.step.size - 1} steps. Panels b, c and d are "
         "panel a moved by (1/2, 0), (1/2, 1/2) and (0, 1/2). The orbits of "

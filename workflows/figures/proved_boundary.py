@@ -13,7 +13,7 @@ _SIDES = {
 
 
 def draw_proved_boundary(barrier):
-    """Draw the forcings that are proved, and how near they are; the caption has the widths."""
+    """Draw the forcings that are proved, and how near they are to the boundary."""
     figure, (plane, near) = panels(1, 2, 12, 5.4)
     direction = [barrier[name] / barrier.critical_scale for name in ("kappa1", "kappa2")]
     curve = "-" if barrier.angle.size >= _CURVE else "+"
@@ -29,12 +29,17 @@ def draw_proved_boundary(barrier):
     near.set(xlabel=r"angle $\varphi$ of the ray (degrees)", ylabel=r"$|s/s_c - 1|$")
     near.set_title("How far from the breakup; other angles are images")
     near.legend(loc="center", bbox_to_anchor=(0.5, 0.62))
+    return figure
+
+
+def proved_boundary_caption(barrier):
+    """Say how wide what is not proved is, and how near the proofs along rays come."""
     width = ((barrier.proved_upper - barrier.proved_lower) / barrier.critical_scale).values
     proved = np.isfinite(width)
     if not proved.any():
-        return figure, "Nothing was proved on both sides of any ray; allow more --seconds."
+        return "Nothing was proved on both sides of any ray; allow more --seconds."
     below = float((barrier.proved_below / barrier.critical_scale).median())
-    return figure, (
+    return (
         f"On {proved.sum()} of {width.size} rays around the plane a barrier is proved to exist at "
         "one forcing, and transport to be global at another one, in the median "
         f"{100 * np.nanmedian(width):.2g}% of the scale apart, at most "

@@ -16,27 +16,19 @@ _LEGEND = {
 
 
 def draw_proved_map(cube, triangles, barrier):
-    """Draw the four quadrants of the plane, and CB_gt by residues as a line; and the caption.
+    """Draw the four quadrants of the plane, and CB_gt by residues as a line.
 
     cube : `proved_map`; its half κ2 > κ1 is filled by reflection. triangles : `proved_triangles`.
     barrier : CB_gt from 0° to 45°.
     """
-    flags = cube.proved.attrs
-    code = flags["flag_values"][flags["flag_meanings"].split().index("transport_is_global")]
-    proved = np.triu(cube.proved.values == code)
-    proved |= proved.T
+    proved = _transport(cube)
     whole = np.block([[proved[::-1, ::-1], proved[::-1]], [proved[:, ::-1], proved]])
     figure, (axes,) = panels(1, 1, 7.5, 7.4)
     reach = float(cube.kappa1[-1] + cube.kappa1[0])
     style = {"origin": "lower", "extent": 2 * (-reach, reach), "interpolation": "nearest"}
     axes.imshow(whole, cmap=ListedColormap([*_LEGEND.values()][:2]), vmin=0, vmax=1, **style)
-    rays = np.stack([barrier.kappa1, barrier.kappa2], -1)
+    rays, corners = _rays(barrier), _corners(triangles)
     line = np.concatenate([rays, rays[::-1, ::-1]])
-    names = [[f"kappa{i}_{end}" for i in (1, 2)] for end in ("low", "high")]
-    far = np.array([[triangles[name].values for name in row] for row in names])
-    far = np.moveaxis(triangles.proved_below.values * far, 2, 0)
-    # The corners (n, 3, 2) of what is proved of the triangles.
-    corners = np.concatenate([np.zeros_like(far[:, :1]), far], axis=1)
     for signs in product((1, -1), repeat=2):
         for sides, one in product(([0, 1], [1, 0]), corners):
             axes.fill(*(signs * one[:, sides]).T, color=COLOURS[0], lw=0, aa=False)
@@ -44,7 +36,32 @@ def draw_proved_map(cube, triangles, barrier):
     axes.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$", aspect="equal")
     patches = [Patch(color=colour, label=words) for words, colour in _LEGEND.items()]
     outer_legend(figure, 3, 1, "upper", handles=patches, frameon=False, fontsize=None)
+    return figure
 
+
+def _transport(cube):
+    """Return the cells in which transport is proved, (κ2, κ1); half of them by reflection."""
+    flags = cube.proved.attrs
+    code = flags["flag_values"][flags["flag_meanings"].split().index("transport_is_global")]
+    proved = np.triu(cube.proved.values == code)
+    return proved | proved.T
+
+
+def _rays(barrier):
+    return np.stack([barrier.kappa1, barrier.kappa2], -1)
+
+
+def _corners(triangles):
+    """Return the corners (n, 3, 2) of what is proved of the triangles."""
+    names = [[f"kappa{i}_{end}" for i in (1, 2)] for end in ("low", "high")]
+    far = np.array([[triangles[name].values for name in row] for row in names])
+    far = np.moveaxis(triangles.proved_below.values * far, 2, 0)
+    return np.concatenate([np.zeros_like(far[:, :1]), far], axis=1)
+
+
+def proved_map_caption(cube, triangles, barrier):
+    """Say how near to CB_gt proofs come, on either side; the arguments are those of the figure."""
+    proved, rays = _transport(cube), _rays(barrier)
     kappa1, kappa2 = np.meshgrid(cube.kappa1, cube.kappa2)
     angle = np.rad2deg(np.arctan2(kappa2, kappa1))
     excess = np.hypot(kappa1, kappa2) / np.interp(angle, barrier.angle, barrier.critical_scale) - 1
@@ -61,11 +78,11 @@ def draw_proved_map(cube, triangles, barrier):
     share = 100 * proved[there].mean()
     # How far from CB_gt the proved triangles end, on its rays.
     ends = np.zeros(len(rays))
-    for _, low, high in corners:
+    for _, low, high in _corners(triangles):
         at = np.linalg.solve(np.stack([low, high], 1) + 1e-300 * np.eye(2), rays.T)
         ends = np.where((at >= -1e-9).all(axis=0), np.maximum(ends, 1 / at.sum(axis=0)), ends)
     half, most, last = 100 * (1 - np.quantile(ends, [0.5, 0.05, 0]))
-    return figure, (
+    return (
         f"Transport is proved to be global for every forcing of {share:.1f}% of what is outside "
         f"CB_gt (by residues, the line), in cells down to 1/{cube.attrs['cells']}. {within} A "
         f"barrier is proved to exist in {triangles.sizes['triangle']} triangles from 0 on and "

@@ -7,8 +7,8 @@ import numpy as np
 from workflows.figures.style import colour_of, key, panels
 
 
-def draw_ramp(ramp, lives, findings):
-    """Draw when graphs are lost and orbits cross, by rate and smoothness; return a caption too."""
+def draw_ramp(ramp, lives):
+    """Draw when graphs are lost and orbits cross, by rate and smoothness."""
     figure, (kicks, smooth) = panels(1, 2, 13, 5)
     rows = {"graphs": ramp.lost, "first of 64 orbits across": ramp.escaped}
     for i, (label, row) in enumerate(rows.items()):
@@ -21,7 +21,11 @@ def draw_ramp(ramp, lives, findings):
     kicks.set(xlabel=r"growth $r$ of $\kappa$ per kick", ylabel=r"kicks after $\kappa_G$")
     kicks.legend(fontsize="small")
     _draw_lives(smooth, lives)
-    return figure, (
+    return figure
+
+
+def ramp_caption(lives, findings):
+    return (
         "Kicks κ_G + r·n: the kick after κ_G by which converse KAM denies every family of graphs, "
         "by the line that does so first, and the first by which one of 64 orbits is past all "
         "circles. (b) Kicks "

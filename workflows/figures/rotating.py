@@ -14,7 +14,11 @@ def draw_rotating_circles(circles, two, direct):
     for part in parts:
         draw_circles(part, circles)
     outer_legend(figure, 2)
-    return figure, (
+    return figure
+
+
+def rotating_circles_caption(circles, two, direct):
+    return (
         f"The boundaries CB_ω of the circles {', '.join(circles.circle.values)} by Greene's "
         "residue, CB_gt (bracketed to "
         f"{float(((two.upper - two.lower) / two.critical_scale).max()):.1e}), and "
@@ -34,6 +38,10 @@ def draw_rotating_tori(tori, two, direct):
             look = {"color": colour_of(i), "ls": ("-", "--", "-.")[i % 3], "lw": 1.1}
             part.plot(x[i], y[i], label=f"torus ({vector})", **look)
     outer_legend(figure, 2)
+    return figure
+
+
+def rotating_tori_caption(tori, two, direct):
     wide = 100 * float((tori.error / tori.critical_scale).median())
     outside = " ".join(
         f"Torus ({vector}) outside CB_gt: {where_above(tori.angle.values, sharp)}; outside the "
@@ -42,7 +50,7 @@ def draw_rotating_tori(tori, two, direct):
             tori.vector.values, tori.ratio.values, tori.ratio_direct.values, strict=True
         )
     )
-    return figure, (
+    return (
         "Breakup of two-dimensional tori of the rotating standard map, |R| = 1/4 of one orbit of "
         "each rotation vector, against CB_gt of T, and the onset of its transport by direct "
         f"iteration ({_effort(direct)}, {_outside(two, direct)} outside CB_gt), on rays (κ̄, Δκ) = "

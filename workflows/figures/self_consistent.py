@@ -28,11 +28,8 @@ def draw_self_consistent(fields, verdicts, settling):
     spectrum.set_title("Spectrum: the second half")
     field.legend(fontsize="small")
 
-    # The strongest coupling with a survivor in the recorded field, or the first.
-    shown = max(np.flatnonzero(np.isinf(verdicts.kicks.values)), default=0)
-    here, row = fields.isel(coupling=shown), verdicts.isel(coupling=shown)
-    asked = verdicts.attrs["asked"]
-    lives = f"all {asked}" if np.isinf(row.kicks) else f"{float(row.kicks):.0f}"
+    asked, row = verdicts.attrs["asked"], _strongest(verdicts)
+    here, lives = fields.sel(coupling=row.coupling), _lifetime(row, asked)
     particles.plot(here.x, here.y - row.drift, label="particles", **dots("0.4", 1.5))
     for cell in (-1, 0):
         label = f"a start that lives {lives} kicks" if cell else None
@@ -66,7 +63,20 @@ def draw_self_consistent(fields, verdicts, settling):
         folded.plot(first.x.values[where], first.y.values[where], label=words, **dots(colour, 2))
     folded.set(xlabel="$x$", ylabel="$y$", title=r"An asymptotic circle of $\kappa_n \to 0.9$")
     folded.legend(fontsize="x-small", markerscale=3)
+    return figure
 
+
+def _strongest(verdicts):
+    """Return the verdict on the strongest coupling with a survivor in its field, or the first."""
+    return verdicts.isel(coupling=max(np.flatnonzero(np.isinf(verdicts.kicks.values)), default=0))
+
+
+def _lifetime(row, asked):
+    return f"all {asked}" if np.isinf(row.kicks) else f"{float(row.kicks):.0f}"
+
+
+def self_consistent_caption(fields, verdicts, settling):
+    asked, row = verdicts.attrs["asked"], _strongest(verdicts)
     couplings = verdicts.coupling.values
 
     def where(holds):
@@ -81,12 +91,12 @@ def draw_self_consistent(fields, verdicts, settling):
     recorded = where((verdicts.kicks <= horizon).values)
     fitted, escaped = (where(np.isfinite(verdicts[n].values)) for n in ("kicks_fitted", "escape"))
     first, *_, circle = settling.area.values
-    return figure, (
+    return (
         f"The self-consistent map of {fields.attrs['particles']} particles from a band of |y| < "
         f"0.05, {fields.attrs['kicks']} kicks, at couplings Γ = {couplings[0]:g} to "
         f"{couplings[-1]:g}. Strength (a), phase (b) and spectrum (c) of the kicks; momentum is "
         f"conserved to {float(fields.momentum_change.max()):.0e}. (d): particles in the wave's "
-        f"frame, and the orbit of a start that lives {lives} kicks, of "
+        f"frame, and the orbit of a start that lives {_lifetime(row, asked)} kicks, of "
         f"{float(row.omega):.3f} turns per kick. (e): converse KAM, followed for {asked} kicks "
         "in either direction from the middle of the second half. It rules out every family of "
         f"graphs in the recorded field {recorded}, and under κ_n = κ̄ + Δκ cos 2π(φ0 + nΩ) fitted "

@@ -8,43 +8,49 @@ from workflows.figures.style import COLOURS, MARKERS, key, line_of, panels
 _OK = 1  # of `status`, see `pipeline.cubes.cube`
 
 
-def draw_stability(studies):
-    """Draw a panel for each study, {name: Dataset}: {name of the figure: (figure, caption)}.
+def draw_stability(name, studies):
+    """Draw the figure of that name in FIGURES, a panel for each of its studies, {name: Dataset}."""
+    parts = FIGURES[name]
+    figure, drawn_on = panels(1, len(parts), 5 * max(len(parts), 1.5), 5.4)
+    for axes, (part, (draw, _)) in zip(drawn_on, parts.items(), strict=True):
+        draw(axes, studies[part])
+        axes.grid(lw=0.3)
+        if entries := axes.get_legend_handles_labels()[0]:
+            below = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.16)}
+            where = {} if part == "boundary" else below  # whose labels are long, and top free
+            axes.legend(fontsize="small", ncols=1 + (len(entries) > 3), **where)
+    return figure
 
-    Each panel is drawn by a function that returns a sentence with the numbers just measured.
-    """
-    drawn, numbers = {}, {part: number for number, part in enumerate(studies, 1)}
-    for name, parts in _FIGURES.items():
-        figure, drawn_on = panels(1, len(parts), 5 * max(len(parts), 1.5), 5.4)
-        said = []
-        for axes, (part, draw) in zip(drawn_on, parts.items(), strict=True):
-            said.append(f"{numbers[part]}. {draw(axes, studies[part])}")
-            axes.grid(lw=0.3)
-            if entries := axes.get_legend_handles_labels()[0]:
-                below = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.16)}
-                where = {} if part == "boundary" else below  # whose labels are long, and top free
-                axes.legend(fontsize="small", ncols=1 + (len(entries) > 3), **where)
-        drawn[name] = figure, "\n".join(said)
-    return drawn
+
+def stability_caption(name, studies):
+    """Say what the studies of a figure found, in numbered sentences."""
+    numbers = {part: number for number, part in enumerate(studies, 1)}
+    parts = FIGURES[name].items()
+    return "\n".join(f"{numbers[part]}. {words(studies[part])}" for part, (_, words) in parts)
 
 
 def _draw_near_cusp(axes, study):
     """Draw the errors, the claimed ones dashed, and crosses where there is no answer."""
-    parts = []
     for i, name in enumerate(study.approach.values):
         here, colour = study.isel(approach=i), COLOURS[i]
         off = np.maximum(here.off, 1e-14)
         axes.plot(study.delta, off, f"{MARKERS[i]}-", color=colour, ms=4, label=name)
         axes.plot(study.delta, here.error, "--", color=colour, lw=1)
         _mark_silent(axes, study.delta[(here.status != _OK).values] * 1.2**i, colour)
+    axes.set(xscale="log", yscale="log", xlabel=r"$45° - \varphi$ (degrees)")
+    axes.set(ylabel="relative error", title="Near the cusp")
+    key(axes, {"--": "claimed", "x": "no answer (on the axis)"})
+
+
+def _near_cusp(study):
+    parts = []
+    for i, name in enumerate(study.approach.values):
+        here = study.isel(approach=i)
         over = float((here.off / (here.error + here.judge_error)).max())
         parts.append(
             f"{name} down to {_nearest(here, here.status == _OK):.0e}° (off by up to "
             f"{float(here.off.max()):.0e}, and by {over:.2g} times what is claimed)"
         )
-    axes.set(xscale="log", yscale="log", xlabel=r"$45° - \varphi$ (degrees)")
-    axes.set(ylabel="relative error", title="Near the cusp")
-    key(axes, {"--": "claimed", "x": "no answer (on the axis)"})
     return f"Towards the cusp at 45° answers come from {'; '.join(parts)}."
 
 
@@ -86,6 +92,9 @@ def _draw_past_boundary(axes, study):
     axes.set(xlabel="$s/s_c - 1$", ylim=(-0.5, len(claims) + 0.3))
     axes.set_title("Who says what on either side of the breakup")
 
+
+def _past_boundary(study):
+    excess = study.excess.values
     beyond = study.isel(excess=np.flatnonzero(excess > 1e-12))
     within = study.isel(excess=np.flatnonzero(excess < -1e-12))
     gone = beyond.excess.where(np.isfinite(beyond.elimination_time).all("angle")).min()
@@ -128,6 +137,8 @@ def _draw_fractions(axes, study):
     axes.xaxis.set_minor_formatter(NullFormatter())
     axes.set_title(r"Fractions in disguise, $[0;1,…,1,a,(1)]$")
 
+
+def _fractions(study):
     silent = [(study.status.isel(approach=i) != _OK).sum("q").values.tolist() for i in (0, 1)]
     norms, judge = study.isel(approach=1), study.isel(approach=2)
     wrong = int((abs(norms.value - judge.value) > norms.error + judge.error).sum())
@@ -154,6 +165,8 @@ def _draw_twist(axes, study):
     key(axes, {"o": "converse KAM", "^": "escape", "--": "the twist ends"})
     axes.set_title("Lives on the dominant line")
 
+
+def _twist(study):
     beyond = study.isel(scale=np.flatnonzero((study.scale > 1.5).values))
     lives = beyond.elimination_time.values
     return (
@@ -170,6 +183,9 @@ def _draw_missed(axes, study):
     axes.set_xscale("log", base=2)
     axes.set(xlabel="starts kept", ylabel="percent")
     axes.set_title(f"Beam search of converse KAM, {study.attrs['searches']} searches")
+
+
+def _missed(study):
     pairs = zip(study.kept.values.tolist(), study.missed.values, strict=True)
     return (
         "The search of converse KAM for the longest life misses 1% of it or more in these shares "
@@ -187,6 +203,9 @@ def _draw_disorder(axes, study):
     noises = " and ".join(f"{noise:g}" for noise in study.noise.values)
     axes.set(xlabel="scale $s$ of $s(1, 0.5)$", ylabel="part of starts")
     axes.set_title(f"Newton for 13/21, starts off by {noises}")
+
+
+def _disorder(study):
     trials, worst = study.attrs["trials"], study.refused.max("noise")
     return (
         "From bad starts Newton's method ends on an orbit of another order in up to "
@@ -198,7 +217,6 @@ def _draw_disorder(axes, study):
 
 def _draw_tori(axes, study):
     """Draw brackets by the distance from a resonance, and crosses where nothing is certified."""
-    parts = []
     for i, name in enumerate(study.pair.values):
         here, colour, place = study.isel(pair=i), COLOURS[i], study.delta * 1.15**i
         style = {"color": colour, "ms": 5}
@@ -206,12 +224,18 @@ def _draw_tori(axes, study):
         axes.plot(place, here.lower, "^", label=name, **style)
         axes.plot(place, here.upper, "v", mfc="none", **style)
         _mark_silent(axes, place[here.lower.isnull().values], colour)
-        shown, known = _nearest(here, here.lower.notnull()), _nearest(here, here.status == _OK)
-        parts.append(f"{name} down to {shown:.0e} (with a value, {known:.0e})")
     marks = {"^": "certified", "v": "no torus left", "s": "breakup", "x": "no torus (on the axis)"}
     key(axes, marks, "vs")
     axes.set(xscale="log", xlabel=r"distance $\delta$ from the resonance", ylabel="scale $s$")
     axes.set(ylim=(0, None), title="Tori next to a resonance, on 45°")
+
+
+def _tori(study):
+    parts = []
+    for i, name in enumerate(study.pair.values):
+        here = study.isel(pair=i)
+        shown, known = _nearest(here, here.lower.notnull()), _nearest(here, here.status == _OK)
+        parts.append(f"{name} down to {shown:.0e} (with a value, {known:.0e})")
     return (
         f"Next to a resonance tori are certified for {'; '.join(parts)}; nearer, the status says "
         f"why not. Of those {int((study.lower >= study.upper).sum())} are beyond what converse KAM "
@@ -224,12 +248,16 @@ def _percent(part):
     return f"{100 * float(part):.2g}%"
 
 
-_FIGURES = {
+FIGURES = {
     "stability_boundary": {
-        "cusp": _draw_near_cusp,
-        "boundary": _draw_past_boundary,
-        "fractions": _draw_fractions,
+        "cusp": (_draw_near_cusp, _near_cusp),
+        "boundary": (_draw_past_boundary, _past_boundary),
+        "fractions": (_draw_fractions, _fractions),
     },
-    "stability_searches": {"beam": _draw_missed, "disorder": _draw_disorder},
-    "stability_orbits": {"twist": _draw_twist, "tori": _draw_tori},
+    "stability_searches": {
+        "beam": (_draw_missed, _missed),
+        "disorder": (_draw_disorder, _disorder),
+    },
+    "stability_orbits": {"twist": (_draw_twist, _twist), "tori": (_draw_tori, _tori)},
 }
+"""{name of a figure: {study: (what draws its panel, what says what was found)}}"""

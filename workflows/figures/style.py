@@ -58,11 +58,18 @@ _SMALLEST = 6.5  # points, of a text in a column
 _TALLEST = 0.65  # of the width, each of several panels in a column
 
 
+_PLAIN = {key: value for key, value in matplotlib.rcParamsDefault.items() if key != "backend"}
+_IN_COLUMN = {"font.size": 8, "axes.titlesize": 8, "legend.handlelength": 1.5}
+_IN_COLUMN["figure.figsize"] = COLUMN, 0.75 * COLUMN
+
+
 @contextmanager
-def column():
-    """Draw, and save, all figures within for a column of a journal: 8 pt and no titles."""
-    text = {"font.size": 8, "axes.titlesize": 8, "legend.handlelength": 1.5}
-    with matplotlib.rc_context({**text, "figure.figsize": (COLUMN, 0.75 * COLUMN)}):
+def sheet(column=False):
+    """Draw, and save, all figures within by matplotlib's defaults, whatever a matplotlibrc sets.
+
+    column : for a column of a journal, 8 pt and no titles.
+    """
+    with matplotlib.rc_context(_PLAIN | _IN_COLUMN if column else _PLAIN):
         yield
 
 
@@ -115,7 +122,7 @@ def save(figure, out, name, caption="", kinds=("png", "pdf")):
     figure.set_dpi(300 if in_column() else 200)
     if layout := figure.get_layout_engine():
         layout.execute(figure)  # once; savefig would draw all for it, for each picture
-        figure.set_layout_engine(None)
+        figure.set_layout_engine("none")
     name += "_column" * in_column()
     paths = [f"{out}/{name}.{kind}" for kind in kinds]
     for path in paths:
@@ -124,6 +131,19 @@ def save(figure, out, name, caption="", kinds=("png", "pdf")):
     if caption:
         Path(f"{out}/{name}.txt").write_text(f"{caption}\n", encoding="utf-8")
     return paths
+
+
+def drawn(draw, out, name, caption="", kinds=("png", "pdf"), column=False):
+    """Draw a figure by `draw()` and save it, see `save` and `sheet`.
+
+    Returns the paths, and in a line why there are none: "" if there are.
+    """
+    try:
+        with sheet(column):
+            return save(draw(), out, name, caption, kinds), ""
+    except Exception as error:  # whatever it is, it does not stop what else is to be told
+        reason = str(error).strip().partition("\n")[0] or type(error).__name__
+        return [], f"figure {name} could not be drawn: {reason}"
 
 
 def letter(figure):

@@ -11,7 +11,7 @@ def draw_three_kicks(three, two):
 
     Colours are those of the last circles.
     """
-    exact, where = three.phase.values, []
+    exact = three.phase.values
     heights = [1.4, 0.3 + 0.4 * len(exact)]  # of the plane and the strips in a column
     figure = style.canvas(13, 1.6 + 1.3 * max(4, len(exact)), sum(heights))
     if style.in_column():
@@ -38,7 +38,6 @@ def draw_three_kicks(three, two):
         style.mark_gaps(strip, angle, open_side & np.isnan(ends[1]))
         strip.grid(lw=0.3)
         strip.text(0.01, 0.08, rf"$\varphi_0 = {exact[i]}$", transform=strip.transAxes)
-        where.append(f"φ0 = {exact[i]}: {where_above(angle, ends[0])}.")
     last = circles.ravel()  # of all rays and phases
     for text in style.longest_arcs(np.arange(last.size), last):
         plane.plot([], [], label=rf"$\omega = {text}$", **style.circle_style(text) | {"ls": ""})
@@ -48,8 +47,16 @@ def draw_three_kicks(three, two):
     strips[-1].set(xlabel=r"angle $\theta$ of the ray in the plane (degrees)", xlim=(0, 180))
     strips[-1].set_xticks(range(0, 181, 30))
     strips[0].set_title("Bracket over that of $T$; above 1 the map outlasts $T$")
+    return figure
+
+
+def three_kicks_caption(three):
     known, width = three.ratio.notnull(), (three.upper - three.lower) / three.critical_scale
-    return figure, (
+    where = [
+        f"φ0 = {phase}: {where_above(three.angle.values, ratio.values)}."
+        for phase, ratio in zip(three.phase.values, three.ratio_lower, strict=True)
+    ]
+    return (
         "Boundary of global transport of rotating standard maps for several phases φ0, against "
         "that of T (Ω = 1/2, black): in the plane of the mean strength κ̄ and the amplitude Δκ, and "
         "as the ratio of the scales along rays (κ̄, Δκ) = s·(cos θ, sin θ), from the certified "

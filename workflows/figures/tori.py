@@ -22,10 +22,14 @@ def draw_breakups(breakups):
     axes.set(xlabel=r"$\bar\kappa$", ylabel=r"$\Delta\kappa$", aspect="equal")
     axes.set(xlim=(0, None), ylim=(0, None), title="Breakup of two-dimensional tori")
     axes.legend()
+    return figure
+
+
+def breakups_caption(breakups):
     wide = 100 * float((breakups.error / breakups.critical_scale).median())
     error = f"estimated error {wide:.2g}% in the median" if np.isfinite(wide) else "none found"
     n_certified = f"{int(np.isfinite(breakups.lower).sum())} of {breakups.lower.size} rays"
-    return figure, (
+    return (
         "Breakup of invariant tori of κ_n = κ̄ + Δκ cos 2π(φ0 + nΩ) on rays (κ̄, Δκ) = s·(cos θ, "
         f"sin θ), by continuation (lines, or squares of few rays; {error}), and the last torus "
         f"that is certified on each ray (dots; {n_certified}). Beyond the dotted lines, or "
@@ -44,9 +48,13 @@ def draw_pictures(torus):
     drawn[0].set_ylabel(r"$\varphi$ (turns)")
     figure.colorbar(picture, ax=drawn, label=r"$h - \theta$ (turns)")
     figure.suptitle("A torus on the way to its breakup")
+    return figure
+
+
+def pictures_caption(torus):
     known = torus.least_slope.fillna(0).values
     slopes = ", ".join(f"{slope:.3f}" if slope else "not known (no torus)" for slope in known)
-    return figure, (
+    return (
         f"The torus of rotation vector ({torus.attrs['vector']}) on the ray of "
         f"{torus.attrs['angle']:g}°: h(θ, φ) - θ at 0.7, 0.95 and 0.99 times the last scale at "
         f"which it is certified. The least slope of h along θ is {slopes}; at the breakup it is 0."

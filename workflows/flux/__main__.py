@@ -24,7 +24,7 @@ def main(run, angle, nearest, q_max):
     from nasm.planes import two_kicks
     from pipeline.cubes import beyond
     from pipeline.cubes.barrier import last_barrier, unfolded
-    from workflows.figures.flux import draw_flux
+    from workflows.figures.flux import draw_flux, flux_caption
     from workflows.flux import study as flux
 
     if q_max * nearest < 10:
@@ -44,4 +44,4 @@ def main(run, angle, nearest, q_max):
         laws = flux.laws(fluxes)
         run.table("flux", fluxes)
         run.table("flux_law", laws)
-        run.figure("flux", *draw_flux(fluxes, laws))
+        run.figure("flux", draw_flux, fluxes, laws, caption=flux_caption(fluxes, laws))

@@ -29,4 +29,4 @@ def main(run, quick, tol):
     with run.sweeping(job):
         cube = barrier.with_circles(run.sweep(job))
         run.table("patterns", cube.assign(per_period=cube.critical_scale * cube.period))  # K_c
-        run.figure("patterns", draw_patterns(cube), study.found(cube))
+        run.figure("patterns", draw_patterns, cube, caption=study.found(cube))

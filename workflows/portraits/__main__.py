@@ -15,12 +15,13 @@ from workflows.shared.cli import command, whole, writes
 @whole("--steps", 1000, 1, 100_000, "Steps of each orbit, and kicks of the nonautonomous map.")
 @writes
 def main(run, n_orbits, steps):
-    from workflows.figures.portraits import draw_kicks, draw_symmetry
+    from workflows.figures import portraits as figures
     from workflows.portraits.study import nonautonomous_dataset, symmetric_dataset
 
     size = {"n_orbits": n_orbits, "steps": steps}
     with run.driving():
         kicks = run.keep("portraits", nonautonomous_dataset(**size), **size)
         symmetric = run.keep("portraits_symmetry", symmetric_dataset(**size), **size)
-        run.figure("portraits", *draw_kicks(kicks))
-        run.figure("portraits_symmetry", *draw_symmetry(symmetric))
+        run.figure("portraits", figures.draw_kicks, kicks, caption=figures.kicks_caption(kicks))
+        caption = figures.symmetry_caption(symmetric)
+        run.figure("portraits_symmetry", figures.draw_symmetry, symmetric, caption=caption)

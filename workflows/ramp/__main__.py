@@ -19,7 +19,7 @@ from workflows.shared.cli import command, flag, writes
 def main(run, quick):
     import numpy as np
 
-    from workflows.figures.ramp import draw_ramp
+    from workflows.figures.ramp import draw_ramp, ramp_caption
     from workflows.ramp import study
 
     rates = 10 ** -np.arange(2, 4.01 if quick else 7.01, 0.25)
@@ -27,4 +27,5 @@ def main(run, quick):
     with run.driving(seconds=10 if quick else 60):
         ramp = run.keep("ramp", study.ramps(rates))
         lives = run.keep("irregular", study.irregular(ripples, kicks))
-        run.figure("ramp", *draw_ramp(ramp, lives, study.findings(ramp, lives)))
+        caption = ramp_caption(lives, study.findings(ramp, lives))
+        run.figure("ramp", draw_ramp, ramp, lives, caption=caption)

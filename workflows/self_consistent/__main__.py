@@ -22,7 +22,7 @@ _COUPLINGS = 0.2, 0.3, 0.4, *(x / 100 for x in range(45, 95, 5)), 1.0, 1.1, 1.2
 @preset("--quick", "A preview", particles=4096, kicks=8192)
 @writes
 def main(run, coupling, **size):
-    from workflows.figures.self_consistent import draw_self_consistent
+    from workflows.figures.self_consistent import draw_self_consistent, self_consistent_caption
     from workflows.self_consistent import study
 
     # Of the field, and of converse KAM.
@@ -32,4 +32,6 @@ def main(run, coupling, **size):
         verdicts = run.keep("self_consistent_barriers", study.verdicts(fields), **size)
         settling = run.keep("asymptotic_circle", study.settling())
         run.table("self_consistent", verdicts.drop_dims("step"))
-        run.figure("self_consistent", *draw_self_consistent(fields, verdicts, settling))
+        found = fields, verdicts, settling
+        caption = self_consistent_caption(*found)
+        run.figure("self_consistent", draw_self_consistent, *found, caption=caption)

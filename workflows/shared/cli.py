@@ -289,6 +289,8 @@ def directory(help):
 
 out_option = directory(_OUT)
 store_option = click.option("--store", metavar="URL", help=_STORE)
+_COLUMN = "Figures for a column of a journal: 3.4 in wide, 8 pt, without titles."
+column_option = flag("--column", _COLUMN)
 place_options = together(directory(_RUNS), store_option)
 cluster_options = together(
     whole("--workers", None, 1, 4096, _WORKERS),
@@ -306,37 +308,23 @@ def announce_kernels():
         click.echo("compiling kernels, once per machine: about 20 s", err=True)
 
 
-def draws(function):
-    """Add --column, within which the function draws and saves its figures."""
-
-    @flag("--column", "Figures for a column of a journal: 3.4 in wide, 8 pt, without titles.")
-    @functools.wraps(function)
-    def wrapped(column, **options):
-        if not column:
-            return function(**options)
-        from workflows.figures import style
-
-        with style.column():
-            return function(**options)
-
-    return wrapped
-
-
 def writes(function):
     """Add --out and --column, and pass a Run without workers on as `run`."""
 
-    @draws
+    @column_option
     @out_option
     @flag("--dry-run", "Estimate tiles, files, disk space and CPU time, then exit.")
     @functools.wraps(function)
-    def wrapped(out, dry_run, store=None, workers=None, scheduler=None, tls=None, **options):
+    def wrapped(
+        out, column, dry_run, store=None, workers=None, scheduler=None, tls=None, **options
+    ):
         if not dry_run:
             click.echo(f"loading; results go to {out}", err=True)  # the imports take seconds
         from workflows.shared.run import Run, place_of
 
         announce_kernels()
         cluster = {"n_workers": workers, "scheduler": scheduler, "tls": tls}
-        run = Run(out, place_of(out, store), cluster, dry_run)
+        run = Run(out, place_of(out, store), cluster, dry_run, column)
         try:
             return function(run=run, **options)
         except ValueError as error:

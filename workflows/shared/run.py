@@ -1,7 +1,7 @@
 """The run of a command: it holds the store, sweeps, and writes tables, figures and findings.
 
-Exit codes: 0 done; 1 tiles failed, or the workers are gone, or the disk or the object store failed;
-2 bad input, nothing touched; 130 stopped by Ctrl-C.
+Exit codes: 0 done; 1 tiles or figures failed, or the workers are gone, or the disk or the object
+store failed; 2 bad input, nothing touched; 130 stopped by Ctrl-C.
 """
 
 import os
@@ -21,7 +21,7 @@ from pipeline.sweep.cluster import ClusterError, connect, credentials
 from pipeline.sweep.grid import tile_coords
 from pipeline.sweep.progress import Progress, duration, plural
 from pipeline.sweep.sweep import sweep
-from workflows.figures.style import save
+from workflows.figures.style import drawn
 from workflows.shared.tables import write
 
 MAX_REASONS = 10  # failed tiles whose reasons are printed
@@ -68,17 +68,20 @@ class Run:
     place : Place of the cubes.
     cluster : arguments of `cluster.connect`.
     dry : only say what would be computed, and end.
+    column : draw figures for a column of a journal.
     """
 
-    def __init__(self, out, place, cluster, dry):
+    def __init__(self, out, place, cluster, dry, column=False):
         self.out, self.words, self.written = out, [], {}
+        self.figures, self.column = {}, column
         self.place, self.cluster, self.dry = place, cluster, dry
         self.client, self.started = None, False
         self.plan, self.begun = {}, {}
 
     @contextmanager
     def driving(self, seconds=0):
-        """Hold the place as its one driver; at the end print what was found, and where it is.
+        """Hold the place as its one driver; at the end print what was found, and where it is, and
+        then draw the figures.
 
         seconds : CPU time, about, of what is computed without sweeps.
         """
@@ -90,10 +93,11 @@ class Run:
                 foreseen = {name: (n, cpu) for name, (n, _, _, cpu) in self.plan.items()}
                 with Progress("computing", sys.stderr, foreseen) as self.line:
                     yield self
-        for line in "\n".join(self.words).splitlines():
-            click.echo(click.wrap_text(line, 100))
-        for kind, paths in self.written.items():
-            click.echo(f"{kind + ':':9}{', '.join(paths)}")
+                for line in "\n".join(self.words).splitlines():
+                    click.echo(click.wrap_text(line, 100))
+                for kind, paths in self.written.items():
+                    _echo_paths(kind, paths)
+                self._draw()
 
     @contextmanager
     def sweeping(self, *jobs, later=(), seconds=0):
@@ -180,11 +184,23 @@ class Run:
         """Write a Dataset as OUT/NAME.csv."""
         write(dataset, self.path("tables", f"{name}.csv"))
 
-    def figure(self, name, figure, caption=""):
-        """Write OUT/NAME.png and .pdf, and the caption beside them; the caption is printed too."""
-        for path in save(figure, self.out, name, caption):
-            self.note("figures", path)
+    def figure(self, name, draw, *data, caption=""):
+        """Have `draw(*data)` drawn at the end, as OUT/NAME.png and .pdf with the caption beside
+        them; the caption is printed before."""
+        self.figures[name] = partial(draw, *data), caption
         self.say(caption)
+
+    def _draw(self):
+        """Draw all figures, and end the program with code 1 if one cannot be drawn."""
+        paths, reasons = [], []
+        for name, (draw, caption) in self.figures.items():
+            saved, reason = drawn(draw, self.out, name, caption, column=self.column)
+            paths += saved
+            reasons += [reason] if reason else []
+        if paths:
+            _echo_paths("figures", paths)
+        if reasons:
+            raise click.ClickException("\n".join(reasons))
 
     def path(self, kind, name):
         """Return the path OUT/NAME of a file, named at the end among those of its kind."""
@@ -195,9 +211,13 @@ class Run:
         self.words.append(words)
 
     def note(self, kind, path):
-        """Have the path named at the end, among those of its kind; return it."""
+        """Have the path named after what was found, among those of its kind; return it."""
         self.written.setdefault(kind, {})[path] = None  # once, in order
         return path
+
+
+def _echo_paths(kind, paths):
+    click.echo(f"{kind + ':':9}{', '.join(paths)}")
 
 
 @contextmanager

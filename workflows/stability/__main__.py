@@ -17,7 +17,7 @@ from workflows.shared.cli import command, flag, writes
 @flag("--quick", "A preview: fewer and shorter runs of everything.")
 @writes
 def main(run, quick):
-    from workflows.figures.stability import draw_stability
+    from workflows.figures.stability import FIGURES, draw_stability, stability_caption
     from workflows.stability import study
 
     studies = {
@@ -34,5 +34,5 @@ def main(run, quick):
         for number, (name, compute) in enumerate(studies.items(), 1):
             click.echo(f"study {number} of {len(studies)}: {name}", err=True)
             found[name] = run.keep(f"stability_{name}", compute(quick), quick=quick)
-        for name, drawn in draw_stability(found).items():
-            run.figure(name, *drawn)
+        for name in FIGURES:
+            run.figure(name, draw_stability, name, found, caption=stability_caption(name, found))

@@ -35,4 +35,5 @@ def main(run, forcings, climbs, quick):
         tried, laws = run.sweep(bounds).load(), study.laws(cube)
         for name, table in {"": cube, "_laws": laws, "_random": tried}.items():
             run.table(f"tolerance{name}", table)
-        run.figure("tolerance", draw_tolerance(cube, laws, tried), study.found(cube, laws, tried))
+        found = cube, laws, tried
+        run.figure("tolerance", draw_tolerance, *found, caption=study.found(*found))

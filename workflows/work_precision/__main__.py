@@ -43,5 +43,5 @@ def main(run, full, only, ray):
         run.table("work_precision", data[["effort", "cpu_seconds", "error", "estimated_error"]])
         path = run.path("tables", "work_precision.md")
         Path(path).write_text(f"{table(data)}\n", encoding="utf-8")
-        run.figure("work_precision", draw_work_precision(data), fastest(data))
+        run.figure("work_precision", draw_work_precision, data, caption=fastest(data))
         click.echo(f"{table(data)}\n")
