@@ -51,16 +51,16 @@ class Evidence(Enum):
 
     INTEGRABLE = "without kicks, every y is a circle"
     CIRCLE = (
-        "the circle was computed for this very forcing by Newton's method, and certified on a "
-        "finer grid; that is no computer-assisted proof"
+        "the circle was computed at exactly this forcing by Newton's method and certified on a "
+        "finer grid; this is not a computer-assisted proof"
     )
     CIRCLE_BEYOND = (
         "the circle is certified further out on the ray from κ = 0, not at this forcing; that it "
-        "does not break and come back on the way is an assumption"
+        "exists all the way is an assumption"
     )
     CONES = (
-        "converse KAM eliminates all starts for this very forcing; near to a proof, but the starts "
-        "are a sample and the arithmetic is floating point"
+        "converse KAM excludes a circle through every sampled initial condition at exactly this "
+        "forcing: strong evidence, not a proof"
     )
     CIRCLE_PROVED = (
         "proved for exactly this forcing: an invariant circle exists, by the a-posteriori KAM "
@@ -79,7 +79,7 @@ class Evidence(Enum):
 class Verdict:
     """Whether a rotational invariant circle is left under the forcing kappa.
 
-    answer, evidence : what is known, and from what. UNDECIDED is no guess at either.
+    answer, evidence : what is known, and from what. UNDECIDED makes no statement about either.
     boundary : CriticalScale of the last barrier on the ray s·kappa, s = 1 being the forcing itself.
         Its omega is the circle's, if there is one; else that of the last circle that broke.
     circle : x, y of it at the start of a period, ndarrays, x on the lift, y up to an integer; None

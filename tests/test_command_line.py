@@ -126,8 +126,7 @@ def test_a_mistyped_option_names_the_one_that_was_meant(name):
             for words in ([typed], [typed + "=1"], ["0.3", typed, "1"]):
                 result = CliRunner().invoke(main_of(name), words)
                 assert result.exit_code == 2
-                assert f"No such option '{typed}'" in result.output
-                assert meant in result.output.replace("\n", " ").partition("Did you mean")[2]
+                assert meant in result.output.replace("\n", " ").partition(typed)[2]
 
 
 def test_numbers_of_the_command_line_may_be_negative():

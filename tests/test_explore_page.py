@@ -114,7 +114,7 @@ def test_orbits_have_the_colours_of_their_rotation_numbers_and_the_circle_is_cer
     on_circle = np.interp(x[there], lift[order] % 1, height[order] % 1, period=1)
     assert there.sum() > 2000
     assert abs((y[there] - on_circle + 0.5) % 1 - 0.5).max() < 1e-3  # straight lines between
-    assert f"omega = {expected.boundary.omega}" in words
+    assert f"ω = {expected.boundary.omega} =" in words
     assert "certified on a finer grid" in words
     assert re.search(r"This took \d\.\d\d s", words)
     assert f"Certified circle, ω = {expected.boundary.omega}" in told(tab, "of them chaotic")
@@ -152,7 +152,7 @@ def test_toggles_show_symmetry_lines_and_the_orbits_of_the_convergents(opened):
     ready(tab, SLOW)
     found = columns(tab, "cycles")
     x, y = np.array(found["x"]), np.array(found["y"])
-    omega = parse(re.search(r"omega = (\S+) =", words).group(1))
+    omega = parse(re.search(r"ω = (\S+) =", words).group(1))
     shown = takewhile(lambda f: f.denominator <= 34, convergents(omega))
     shown = [f for f in shown if f.denominator > 1]
     assert x.size == 2 * sum(f.denominator for f in shown)
@@ -248,9 +248,10 @@ def test_beyond_the_boundary_a_click_shows_the_start_that_lives_longest_next_to_
         .filter(({data_source}) => data_source?.name == "longest_lived")
         .map(({glyph}) => [glyph.type, glyph.fill_color.value])""")
     assert drawn == [["Scatter", "black"]]
-    assert "Not a barrier: the start that lives longest" in told(tab, "of them chaotic")
-    assert f"eliminated after {steps:g} steps" in words
-    (scale,) = re.findall(r"It breaks at (\S+) times these strengths", words)
+    lifetime = f"eliminated after {2 * steps:.0f} kicks"
+    assert f"Not a barrier: the longest-lived start, {lifetime}" in told(tab, "of them chaotic")
+    assert f"longest-lived start after {2 * steps:.0f} kicks" in words
+    (scale,) = re.findall(r"last circle breaks at (\S+) ± \S+ times these strengths", words)
     tab.get_by_text(f"beyond the boundary, which is at {scale} times these").wait_for()
     assert not columns(tab, "circle").get("x")
     assert np.mean(pixels(tab) == 1) > 0.2  # chaos

@@ -1,5 +1,8 @@
 """A verdict on one forcing: consistent with the boundary, symmetric, and never a guess."""
 
+import re
+from fractions import Fraction
+
 import numpy as np
 import pytest
 from cases import thirds
@@ -8,12 +11,13 @@ from commands import invoke
 from nasm import barriers, circles, orbits, periodic
 from nasm.circles import continuation
 from nasm.converse_kam import symmetry_line
-from nasm.critical import Status, no_answer
+from nasm.critical import CriticalScale, Status, no_answer
 from nasm.maps import MAX_STRENGTH
+from nasm.numbers import parse
 from nasm.symmetries import ray
 from nasm.verdict import Answer, Evidence, verdict
 from workflows.ask import period
-from workflows.shared.verdict_words import sentences
+from workflows.shared.verdict_words import bracket_of, sentences
 
 _RANDOM = np.random.default_rng(5)
 ANGLES = [-45.0, *_RANDOM.uniform(0, 360, 2)]
@@ -177,8 +181,11 @@ def test_a_proof_that_fails_changes_nothing_and_says_why(monkeypatch, kappa, evi
 @pytest.mark.parametrize(
     ("point", "told"),
     [
-        (("-0.69", "0.525"), ["TRANSPORT", "omega = [0;4,(1)]", "eliminates", "this near"]),
-        (("0.526", "0.69"), ["BARRIER", "omega = [0;1,3,(1)]", "certified"]),
+        (
+            ("-0.69", "0.525"),
+            ["TRANSPORT", "ω = [0;4,(1)] = [0;4,1,1,1,…]", "excludes", "this near"],
+        ),
+        (("0.526", "0.69"), ["BARRIER", "ω = [0;1,3,(1)]", "certified"]),
         (("1.5", "-1.5"), ["TRANSPORT", "Direct iteration: the orbit from"]),
         (("0", "0"), ["BARRIER", "without kicks"]),
         pytest.param(
@@ -207,7 +214,7 @@ def test_strengths_and_a_point_of_a_plane_ask_the_same(tmp_path, monkeypatch):
     results = [invoke("ask", tmp_path, *words) for words in asked]
     told = {result.output.partition(": ")[2].partition("figures")[0] for result in results}
     assert len(told) == 1
-    assert "a rotational invariant circle is left" in told.pop()
+    assert "a rotational invariant circle exists" in told.pop()
     assert kappas == [(0.3, 0.2, 0.25)] * 2
     assert len(list(tmp_path.glob("ask_*.png"))) == 2
 
@@ -224,6 +231,65 @@ def test_kicks_that_come_once_get_an_answer_of_their_own(tmp_path):
     np.savetxt(kicks, np.full(70, 0.9))
     said = invoke("ask", tmp_path, "--once", kicks).output
     assert "UNDECIDED for these 70 kicks" in said
+
+
+@pytest.mark.usefixtures("briefly")
+@pytest.mark.parametrize(
+    ("kappa", "name", "unit"),
+    [
+        ((0.9,), "kappa = 0.9", "per kick, and its images ±ω + n by"),
+        ((0.5, 0.4), "kappa = (0.5, 0.4)", "per step of 2 kicks, and its images ±ω + 2n by"),
+        (
+            (0.3, 0.2, 0.25),
+            "kappa = (0.3, 0.2, 0.25)",
+            "per step of 3 kicks, and its images ±ω + 3n by",
+        ),
+    ],
+)
+def test_an_answer_names_its_forcing_and_the_unit_of_its_rotation_number(kappa, name, unit):
+    first, circle, *_ = sentences(np.array(kappa), None, verdict(kappa))
+    assert f"BARRIER at {name}: " in first
+    assert unit in circle
+    written, repeated, value, *_ = (word.strip(",") for word in circle.split(" = ")[1:])
+    digits = [int(digit) for digit in re.findall(r"\d+", repeated)]
+    assert finite(digits) == pytest.approx(float(parse(written)), abs=0.02)
+    assert float(value.split()[0]) == pytest.approx(float(parse(written)), rel=1e-11)
+
+
+def finite(digits):
+    """The value of a continued fraction that ends."""
+    value = Fraction(digits[-1])
+    for digit in digits[-2::-1]:
+        value = digit + 1 / value
+    return float(value)
+
+
+@pytest.mark.parametrize("kappa", [(2.0,), (1.2, 0.9), (2.0, 0.0), (0.9, 0.4, 0.7, 0.4)])
+def test_lifetimes_are_whole_kicks(kappa):
+    found = verdict(kappa)
+    (line,) = [line for line in sentences(np.array(kappa), None, found) if "eliminates" in line]
+    (kicks,) = re.findall(r"after (\d+) kicks?\.", line)
+    assert int(kicks) == found.steps * len(kappa) >= 1
+    assert ("kicks" in line) == (int(kicks) > 1)
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper", "texts"),
+    [
+        (0.450120942, 0.454658451, ("0.4501", "0.4547")),
+        (1.42510154, 1.42652778, ("1.4251", "1.4266")),
+        (0.99999, 1.0000123456, ("0.99999", "1.000013")),
+        (1.0, 1.0132, ("1", "1.014")),
+        (3.0, np.inf, ("3", "")),
+        (np.nan, 0.4546584519, ("", "0.454659")),
+        (9.123456e299, 9.234567e299, ("9.12e+299", "9.24e+299")),
+        (0.25, 0.25, ("0.25", "0.25")),
+        (np.nan, np.inf, ("", "")),
+    ],
+)
+def test_a_bracket_has_the_digits_of_its_width_and_is_rounded_outwards(lower, upper, texts):
+    boundary = CriticalScale(np.nan, np.nan, lower, upper, None, Status.OK)
+    assert bracket_of(boundary) == texts
 
 
 def drawn(kappa):

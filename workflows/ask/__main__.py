@@ -1,13 +1,13 @@
 """Is transport global under this one forcing, or does a barrier stop it?
 
 The verdict of `nasm.verdict` in plain sentences, and a phase portrait with what decides: the
-circle, or an orbit that escapes. One forcing, no sweep. Kicks that come only once have no circles;
-of these `nasm.converse_kam.sequence` tells whether a family of graphs may survive them.
+circle, or an orbit that escapes. Kicks that do not repeat (--once) have no invariant circles; for
+these converse KAM shows whether a family of invariant graphs may persist.
 
 KAPPA ... is one period of the forcing, up to 64 kicks: 0.3 0.2 0.25, or those of a file, $(cat
-FILE). Strengths are dimensionless, -1e6 to 1e6, and may be negative: -0.69 0.525. The answer may be
-UNDECIDED, within a few parts in 10^5 of the boundary; the exit code is 0 for all three. It takes
-about two seconds with one or two kicks, and the first time on a machine twenty more to compile the
+FILE). Strengths are dimensionless, -1e6 to 1e6, and may be negative: -0.69 0.525. Within a few
+parts in 10⁵ of the boundary the answer is UNDECIDED; the exit code is 0 for all three answers. One
+or two kicks take about two seconds, and the first run on a machine twenty more to compile the
 kernels. The portrait is in OUT.
 """
 
@@ -52,9 +52,9 @@ def forcing_asked(strengths, plane, once):
 @cli.command(ignore_unknown_options=True)
 @click.argument("kappa", type=cli.Strength(), nargs=-1)
 @cli.point_option
-@click.option("--once", type=cli.FILE, help="Text file of any kicks, which do not repeat.")
-@cli.flag("--prove", "Prove the answer, as far as 20 s allow.")
-@cli.flag("--pdf", "The figure as PDF too.")
+@click.option("--once", type=cli.FILE, help="Text file with kicks that do not repeat.")
+@cli.flag("--prove", "Try to prove the answer, within 20 CPU seconds.")
+@cli.flag("--pdf", "Save the figure as PDF too.")
 @cli.column_option
 @cli.directory("Directory of the figure.")
 def main(kappa, plane, once, prove, pdf, column, out):

@@ -39,12 +39,12 @@ def _sentences(kappa, survivor, first):
             "Lipschitz function before each of them and after the last."
         )
         yield (
-            f"The last start to go was {place}: eliminated by {lives}, kicks {ends[0]} to "
+            f"The longest-lived start, {place}, is eliminated by {lives}, kicks {ends[0]} to "
             f"{ends[1]}."
         )
         yield (
-            "Evidence: converse KAM on the line before that kick; near to a proof, but the starts "
-            "are a sample and the arithmetic is floating point. Curves that fold are not denied."
+            "Evidence: converse KAM excludes a graph through every sampled start on the line "
+            "before that kick: strong evidence, not a proof. It does not exclude curves that fold."
         )
     elif survivor.kicks < np.inf:
         yield (

@@ -6,9 +6,8 @@ import numpy as np
 
 from nasm import barriers, escape, orbits
 from nasm.verdict import Answer, verdict
-from pipeline.sweep.progress import plural
 from workflows.shared.phase_space import portrait
-from workflows.shared.verdict_words import name_of, sentences
+from workflows.shared.verdict_words import lifetime_of, name_of, sentences, steps_of
 
 _STARTS, _STEPS = 64, 10**6  # of direct iteration; it only illustrates
 _POINTS = 2**20  # of orbits among which one is looked for that escapes
@@ -44,7 +43,8 @@ def drawn(kappa, point, verdict, escaping):
     longest, name = None, name_of(kappa, point)
     if verdict.answer is Answer.TRANSPORT:
         x, y, steps = barriers.remnant(kappa, int(min(max(1000, 2 * verdict.steps), _STEPS)))
-        longest = (steps, *orbits.orbit(kappa, x, y, int(min(steps, _TRACED))))
+        lifetime = lifetime_of(kappa, steps)
+        longest = (lifetime, *orbits.orbit(kappa, x, y, int(min(steps, _TRACED))))
     return draw_verdict(kappa, point, name, verdict, portrait(kappa), longest, escaping)
 
 
@@ -62,10 +62,10 @@ def asked_of_period(strengths, point, prove):
         (x, *_), (y, *_, last) = escaping
         text.append(
             f"Direct iteration: the orbit from (x, y) = ({x:.6g}, {y:.6g}) arrives at "
-            f"y = {last:.3g} after {plural(escaping[0].size - 1, 'step')}."
+            f"y = {last:.3g} after {steps_of(strengths, escaping[0].size - 1)}."
         )
     elif transport and far:
-        text.append("Direct iteration: no orbit was found that escapes; that shows nothing.")
+        text.append("Direct iteration: no orbit was found that escapes; this shows nothing.")
     elif transport:
-        text.append("Direct iteration shows nothing: it is too slow this near the boundary.")
+        text.append("Direct iteration is too slow this near the boundary to show anything.")
     return "\n".join(text), partial(drawn, strengths, point, found, escaping)

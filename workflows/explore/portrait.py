@@ -18,7 +18,7 @@ from workflows.figures.style import VERMILION
 from workflows.shared.instruments import MANIFOLDS, resonance, spreading
 from workflows.shared.orbit_words import orbit_words, residue_words
 from workflows.shared.phase_space import in_box, periodic_orbits, portraits
-from workflows.shared.verdict_words import name_of
+from workflows.shared.verdict_words import lifetime_of, name_of
 
 _PIXELS = 560  # along each side, until the browser tells
 _MOST_PIXELS = 1200
@@ -291,7 +291,8 @@ def _decisive(kappa, found):
     if found.answer is Answer.TRANSPORT:
         x, y, steps = barriers.remnant(kappa, max(1000, int(2 * found.steps)))
         traced = orbits.orbit(kappa, x, y, int(min(steps, _MOST_STEPS)))
-        name = f"Not a barrier: the start that lives longest, {steps:g} steps (dots)"
+        lifetime = lifetime_of(kappa, steps)
+        name = f"Not a barrier: the longest-lived start, eliminated after {lifetime} (dots)"
         return {"longest_lived": _curve(traced)}, {"last circle": name}
     return {}, {}
 

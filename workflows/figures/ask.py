@@ -21,7 +21,8 @@ def draw_verdict(kappa, point, name, verdict, orbits, longest, escaping):
 
     point : (Plane, its two coordinates), or None. name : the forcing in words.
     orbits : Dataset by `phase_space.portrait`.
-    longest, escaping : (steps, x, y) of the start that lives longest, (x, y) of an orbit; or None.
+    longest, escaping : (lifetime in words, x, y) of the longest-lived start, (x, y) of an orbit; or
+        None.
     """
     bracket = verdict.boundary.lower, verdict.boundary.value, verdict.boundary.upper
     figure = style.canvas(11, 6.2, 2.2)
@@ -40,8 +41,8 @@ def draw_verdict(kappa, point, name, verdict, orbits, longest, escaping):
         x, y = np.r_[x[-1] - 1, x, x[0] + 1], np.r_[y[-1], y, y[0]]
         axes.plot(x, y, label=rf"certified circle, $\omega = {omega}$", **look)
     if longest is not None:
-        steps, x, y = longest
-        words = f"longest-lived start, {steps:g} steps: not a barrier"
+        lifetime, x, y = longest
+        words = f"longest-lived start, {lifetime}: not a barrier"
         draw_survivor(axes, x % 1, cell(y), label=words)
     if escaping is None:
         for line, colour, words in ((0, COLOURS[0], "0"), (1, VERMILION, "1/2")):

@@ -234,10 +234,7 @@ def ray_options(default):
     return together(
         whole("--angles", default, 2, 10**6, "Rays, from 0 to 180 degrees."),
         whole(
-            "--tips",
-            8,
-            0,
-            1000,
+            *("--tips", 8, 0, 1000),
             "Extra rays on either side of the cusps at 45° and 135° (two kicks only).",
         ),
     )
