@@ -1,5 +1,6 @@
 """The command line: help comes at once; what does not fit is one message, and nothing is made."""
 
+import ast
 import inspect
 import os
 import re
@@ -29,6 +30,12 @@ def test_every_file_at_the_top_is_a_command_that_says_what_it_does(name):
     assert all(option.help for option in main_of(name).params if option.param_type_name == "option")
     told = CliRunner().invoke(main_of(name), ["--version"])
     assert (told.exit_code, told.output) == (0, f"nasm {nasm.__version__}\n")
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_a_command_is_the_last_function_of_its_file_as_it_runs_where_it_is_made(name):
+    source = inspect.getsource(inspect.getmodule(main_of(name).callback))
+    assert getattr(ast.parse(source).body[-1], "name", None) == "main"
 
 
 def test_the_overview_has_a_line_for_each_command():
@@ -164,6 +171,10 @@ def test_numbers_of_the_command_line_may_be_negative():
         ("frequencies", "--frequency 0.4", "must not be next to a fraction like 2/5"),
         ("ask", "", "give one to 64 strengths, e.g. ask 0.3 0.5"),
         ("ask", "0,3 0,5", "'0,3' is not a number; write one like 0.3 or -1e-2"),
+        ("ask", "0.3 --out=", "it is empty"),
+        ("ask", "0.3 --out=~nobody-here/x", "no such home directory is known"),
+        ("ask", "0.3 --out=s3://bucket/x", "a directory is needed"),
+        ("last_barrier", "--store=", "it is empty"),
         ("ask", "1e7 0", "not finite or too large"),
         ("ask", "--plane rotating:1/3 0.3", "has two, kappa_mean and kappa_amplitude"),
         ("ask", "--plane rotating:1/100 0.3 0.2", "from 2 to 64"),

@@ -3,9 +3,10 @@
 import click
 
 from workflows.shared.cli import COMMON, commands, main_of, version
+from workflows.shared.streams import Prepared
 
 
-class _Commands(click.Group):
+class _Commands(Prepared, click.Group):
     """The commands by their names; each is imported when it is asked for."""
 
     def list_commands(self, context):

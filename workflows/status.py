@@ -11,21 +11,6 @@ import click
 from workflows.shared.cli import command, place_options
 
 
-@command(default_map={"out": "out"})
-@place_options
-def main(out, store):
-    from pipeline.store import status
-    from workflows.shared.run import runs_of
-
-    damaged = False
-    with runs_of(out, store) as runs:
-        for path, place in runs.items():
-            for state in status(place):
-                tell(path, state)
-                damaged |= bool(state.damage)
-    sys.exit(damaged)
-
-
 def tell(path, state):
     """Print the State of a cube of the run in a folder."""
     from pipeline.sweep.progress import duration, plural
@@ -43,3 +28,18 @@ def tell(path, state):
         click.echo(f"  tile {index} failed: {reason}")
     if state.failed > len(state.reasons):
         click.echo(f"  ... and {state.failed - len(state.reasons)} more")
+
+
+@command(default_map={"out": "out"})
+@place_options
+def main(out, store):
+    from pipeline.store import status
+    from workflows.shared.run import runs_of
+
+    damaged = False
+    with runs_of(out, store) as runs:
+        for path, place in runs.items():
+            for state in status(place):
+                tell(path, state)
+                damaged |= bool(state.damage)
+    sys.exit(damaged)

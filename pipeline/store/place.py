@@ -79,7 +79,7 @@ def place_of(out):
     """Return the Place that `out` names: a directory, or s3://, gs:// or az://BUCKET/PREFIX."""
     out = str(out)
     if "://" not in out:
-        return Place(os.path.abspath(out))
+        return Place(os.path.abspath(os.path.expanduser(out)))
     if not _URL.fullmatch(out.rstrip("/")):
         # The URL is not repeated: what is wrong with it may be a password in it.
         raise Refused(

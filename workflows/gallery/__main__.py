@@ -15,7 +15,7 @@ from pathlib import Path
 import click
 
 from workflows.gallery.exhibits import command_of, listed, make_release, run
-from workflows.shared.cli import choice, cluster_options, command, directory, flag
+from workflows.shared.cli import DIRECTORY, choice, cluster_options, command, directory, flag
 
 EXHIBITS = listed("exhibits.toml")
 
@@ -64,7 +64,7 @@ _RELEASE = (
 @command()
 @flag("--full", "The size of the paper, some four CPU hours, most of them of direct iteration.")
 @choice("--only", _NAMES, (), "A command to run; may be repeated.  [default: all]", multiple=True)
-@click.option("--release", metavar="DIR", help=_RELEASE)
+@click.option("--release", metavar="DIR", type=DIRECTORY, help=_RELEASE)
 @flag("--quick", "A preview of the release: a few rays and cells.")
 @directory("Directory of the page, and of the commands' folders; each is resumed.")
 @cluster_options

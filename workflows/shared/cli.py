@@ -4,6 +4,7 @@ Heavy imports wait until the options are parsed, so that --help is fast.
 """
 
 import functools
+import os
 import sys
 from difflib import get_close_matches
 from importlib import import_module
@@ -18,8 +19,13 @@ for name in ("nasm", "pipeline"):
         words = f"the package {name} in {ours} is hidden by another one of that name, {found}"
         sys.exit(f"{words}; install this program into an environment of its own")
 
+if sys.flags.optimize:
+    words = "python -O, or PYTHONOPTIMIZE, removes checks that libraries rely on; run without it"
+    sys.exit(words)
+
 from nasm import __version__  # noqa: E402
 from nasm.arithmetic.memory import keep_freed_memory  # noqa: E402
+from workflows.shared import streams  # noqa: E402
 
 COMMON = {"help_option_names": ["-h", "--help"]}
 version = click.version_option(__version__, message="nasm %(version)s")
@@ -47,7 +53,7 @@ def no_such_option(context, word):
     return click.NoSuchOption(word, possibilities=near, ctx=context)
 
 
-class _Command(click.Command):
+class _Command(streams.Prepared, click.Command):
     """A command that names the options nearest to a mistyped one, also after a single dash."""
 
     def parse_args(self, context, args):
@@ -203,7 +209,7 @@ def _plane(text):
     try:
         if text is None or not text.endswith(".json"):
             return text and parse(text)
-        return from_json(Path(text).read_bytes())
+        return from_json(Path(_at_home(text)).read_bytes())
     except (OSError, ValueError) as error:
         raise ValueError(f"{text}: {error}") from None
 
@@ -260,14 +266,42 @@ def plane_options(n_max, tile, levels, precision):
     )
 
 
-def _directory(context, parameter, out):
-    if "://" in out:  # the message does not repeat a URL, which may hold a password
-        words = "--out is a directory, for tables and figures too; cubes can be at a --store URL"
-        raise click.UsageError(words)
-    return out
+def _at_home(path):
+    """Return the path with ~ as the home directory, which a shell leaves as it is after --out=."""
+    if (expanded := os.path.expanduser(path)).startswith("~"):
+        words = f"{path}: no such home directory is known; write ./{path} for a folder of that name"
+        raise click.BadParameter(words)
+    return expanded
 
 
-FILE = click.Path(exists=True, dir_okay=False)
+class _File(click.Path):
+    """A file that exists."""
+
+    def convert(self, value, parameter, context):
+        return super().convert(_at_home(value), parameter, context)
+
+
+class _Directory(click.ParamType):
+    """A directory, which need not exist, or a URL if that is allowed."""
+
+    name = "directory"
+
+    def __init__(self, url=False):
+        self.url = url
+
+    def convert(self, value, parameter, context):
+        if not value:
+            self.fail("it is empty, as if a variable is not set; write . for the current directory")
+        if "://" not in value:
+            return _at_home(value)
+        if not self.url:  # the message does not repeat a URL, which may hold a password
+            self.fail(
+                "a directory is needed, for tables and figures too; cubes can be at a --store"
+            )
+        return value
+
+
+FILE, DIRECTORY = _File(exists=True, dir_okay=False), _Directory()
 _WORKERS = "Worker processes on this machine.  [default: one per core]"
 _OUT = "Directory of the results; an earlier run in it is resumed."
 _RUNS = "Directory of a run, or of several: all folders in it that hold cubes."
@@ -280,12 +314,12 @@ _TLS = "Certificate files for a tls:// scheduler."
 
 def directory(help):
     """Make the option --out of a command whose directory is for what `help` says."""
-    how = {"metavar": "DIR", "show_default": True, "callback": _directory, "help": help}
+    how = {"metavar": "DIR", "show_default": True, "type": DIRECTORY, "help": help}
     return click.option("--out", **how)
 
 
 out_option = directory(_OUT)
-store_option = click.option("--store", metavar="URL", help=_STORE)
+store_option = click.option("--store", metavar="URL", type=_Directory(url=True), help=_STORE)
 _COLUMN = "Figures for a column of a journal: 3.4 in wide, 8 pt, without titles."
 column_option = flag("--column", _COLUMN)
 place_options = together(directory(_RUNS), store_option)

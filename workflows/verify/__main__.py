@@ -16,6 +16,27 @@ import click
 from workflows.shared.cli import command, flag, place_options, real
 
 
+def examine(path, place, repair, proofs, longest):
+    """Print what is damaged in the cubes of the run in a folder; return in how many tiles."""
+    from pipeline.store import driving, names, verify
+    from pipeline.sweep.progress import plural
+
+    n_damaged = 0
+    with driving(place) if repair else nullcontext():
+        for name in names(place):
+            damaged = list(verify(place, name, repair))
+            n_damaged += len(damaged)
+            words = f"{plural(len(damaged), 'tile')} damaged" if damaged else "sound"
+            click.echo(f"{path}{name}: {words}")
+            for index, what in damaged:
+                click.echo(f"  {f'tile {index}: {what}' if index else what}")
+        if proofs:
+            from workflows.verify.certified import verify_proofs
+
+            n_damaged += verify_proofs(path, place, longest, repair)
+    return n_damaged
+
+
 @command(default_map={"out": "out"})
 @flag("--repair", "Mark what is damaged as missing, to be computed again.")
 @flag("--proofs", "Check certificates too, with the extra `proof`.")
@@ -36,24 +57,3 @@ def main(out, store, repair, proofs, longest):
         again = "run again the commands that computed these cubes"
         click.echo(f"repaired: now {again}" if repair else f"add --repair, then {again}", err=True)
     sys.exit(bool(n_damaged) and not repair)
-
-
-def examine(path, place, repair, proofs, longest):
-    """Print what is damaged in the cubes of the run in a folder; return in how many tiles."""
-    from pipeline.store import driving, names, verify
-    from pipeline.sweep.progress import plural
-
-    n_damaged = 0
-    with driving(place) if repair else nullcontext():
-        for name in names(place):
-            damaged = list(verify(place, name, repair))
-            n_damaged += len(damaged)
-            words = f"{plural(len(damaged), 'tile')} damaged" if damaged else "sound"
-            click.echo(f"{path}{name}: {words}")
-            for index, what in damaged:
-                click.echo(f"  {f'tile {index}: {what}' if index else what}")
-        if proofs:
-            from workflows.verify.certified import verify_proofs
-
-            n_damaged += verify_proofs(path, place, longest, repair)
-    return n_damaged

@@ -1,0 +1,102 @@
+"""What a user's session, machine or site has set: no command trips over it, or loses a finding."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from workflows.shared.cli import commands, main_of
+
+ROOT = Path(__file__).parents[1]
+HELP = "-m", "workflows.rotating", "--help"
+
+
+def python(*words, shell="", **environment):
+    """Run Python in the project with settings of the environment, and of the shell before it."""
+    command = ["sh", "-c", f'{shell} exec "$@"', "sh", sys.executable, *map(str, words)]
+    environment = {**os.environ, **environment}
+    return subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, timeout=120)
+
+
+@pytest.mark.parametrize("encoding", ["latin-1", "cp1252", "ascii:strict", "utf-16"])
+def test_letters_that_an_encoding_lacks_are_escaped(encoding):
+    told = python(*HELP, PYTHONIOENCODING=encoding)
+    assert (told.returncode, told.stderr) == (0, b"")
+    read = told.stdout.decode("utf-8" if "ascii" in encoding else encoding)  # click's own way
+    assert "κ" in read or r"\u03ba" in read
+    assert "Options:" in read
+
+
+@pytest.mark.parametrize(
+    ("redirection", "code", "words"),
+    [
+        ("exec >&- ;", 0, ""),
+        ("exec 2>&- ;", 0, "Usage"),
+        ("exec <&- >&- 2>&- ;", 0, ""),
+        ("exec 2>/dev/full ;", 0, "Usage"),
+        ("exec >/dev/full ;", 1, "Error: standard output cannot be written: No space left"),
+    ],
+)
+def test_streams_that_are_closed_or_full_end_nothing_but_a_finding_is_not_lost_in_silence(
+    redirection, code, words
+):
+    told = python(*HELP, shell=redirection)
+    output = (told.stdout + told.stderr).decode()
+    assert told.returncode == code
+    assert words in output
+    assert bool(output) == bool(words)
+
+
+@pytest.mark.parametrize("stream", ["stdout", "stderr"])
+def test_a_reader_that_goes_away_ends_nothing(tmp_path, stream):
+    """As `| head -1` does: what comes later is done, and the exit code is that of the work."""
+    script = f"""
+import click, sys
+from workflows.shared.cli import COMMON
+from workflows.shared.streams import Prepared
+@click.command(cls=type("C", (Prepared, click.Command), {{}}))
+def main():
+    for _ in range(3):
+        click.echo("κ" * 100_000, err={stream == "stderr"})
+        print("κ" * 100_000, file=sys.{stream}, flush=True)
+    open({str(tmp_path / "kept")!r}, "w").close()
+main()
+"""
+    reader, writer = os.pipe()
+    os.close(reader)
+    streams = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, stream: writer}
+    ended = subprocess.Popen([sys.executable, "-c", script], cwd=ROOT, **streams)
+    os.close(writer)
+    output = ended.communicate(timeout=60)
+    assert (ended.returncode, *filter(None, output)) == (0,)
+    assert (tmp_path / "kept").exists()
+
+
+@pytest.mark.parametrize("flag", ["-O", "-OO"])
+def test_python_without_its_checks_is_refused_in_one_sentence(flag):
+    told = python(flag, "-m", "workflows.status")
+    assert told.returncode == 1
+    (line,) = told.stderr.decode().splitlines()
+    assert "PYTHONOPTIMIZE" in line
+
+
+@pytest.mark.parametrize("name", commands())
+def test_a_path_may_begin_with_the_home_directory(tmp_path, monkeypatch, name):
+    """A shell leaves ~ as it is after --out=, and who deletes a folder ~ deletes the home."""
+    monkeypatch.setenv("HOME", str(tmp_path))
+    plane = '{"name": "p", "axes": {"kappaa": "a", "kappab": "b"}, "origin": [0, 0], '
+    (tmp_path / "plane.json").write_text(plane + '"first": [1, 0], "second": [0, 1]}')
+    given = {"DIR": "~/x", "URL": "~/x", "FILE": "~/plane.json", "PLANE": "~/plane.json"}
+    given["CA CERT KEY"] = "~/plane.json"
+    n_paths = 0
+    for option in main_of(name).params:
+        if option.param_type_name == "option" and (path := given.get(option.make_metavar(None))):
+            read = main_of(name).make_context(name, [option.opts[0], *[path] * option.nargs])
+            value = read.params[option.name]
+            for each in value if isinstance(value, tuple) else [value]:
+                assert "~" not in str(each)
+                assert getattr(each, "name", "p") == "p" or str(each).startswith(str(tmp_path))
+            n_paths += 1
+    assert n_paths >= 1
