@@ -12,6 +12,8 @@ Below them are the methods: `converse_kam`, `periodic` (Greene's residue), `circ
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 
+from nasm import sources
+
 try:
     __version__ = version("nasm-transport")
 except PackageNotFoundError:  # a copy of the sources that is not installed

@@ -58,6 +58,21 @@ def test_the_console_script_is_the_overview():
     assert EntryPoint("", project["scripts"]["nasm-transport"], "").load() is overview
 
 
+@pytest.mark.parametrize("command", ["ask", "escape_plane"])
+def test_without_the_compiler_a_command_says_in_one_sentence_what_to_unset(command, tmp_path):
+    arguments = ["0.3"] if command == "ask" else []
+    told = subprocess.run(
+        [sys.executable, "-m", f"workflows.{command}", *arguments, f"--out={tmp_path}"],
+        env={**os.environ, "NUMBA_DISABLE_JIT": "1"},
+        capture_output=True,
+        text=True,
+    )
+    assert told.returncode == 2
+    assert told.stderr.count("Error") == 1
+    assert re.search("Error: NUMBA_DISABLE_JIT is set, but .*; unset it\n$", told.stderr)
+    assert not any(tmp_path.iterdir())
+
+
 def test_a_foreign_package_of_our_name_is_one_sentence(tmp_path):
     (tmp_path / "pipeline").mkdir()
     (tmp_path / "pipeline/__init__.py").touch()

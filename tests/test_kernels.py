@@ -1,5 +1,6 @@
 """Kernels on disk: never stale, safe with many writers, harmless where they cannot be kept."""
 
+import errno
 import os
 import shutil
 import subprocess
@@ -8,7 +9,9 @@ import time
 from pathlib import Path
 
 import pytest
+from filelock import FileLock
 from numba import config
+from numba.core.caching import IndexDataCacheFile
 
 from nasm.arithmetic import kernels
 
@@ -39,6 +42,31 @@ def turned(x):
     return sine.sin2pi(x)
 
 print(turned(0.1))
+"""
+
+# The same, after an edit of that file that this process has seen, and which is then taken back.
+EDITING = """
+import importlib, os, warnings
+from pathlib import Path
+import nasm
+file = Path(nasm.__file__).parent / "arithmetic" / "sine.py"
+if IS_IMPORTED_BEFORE:
+    from nasm.arithmetic import sine
+original, times = file.read_text(), os.stat(file)
+file.write_text(original.replace("-6.579736267392568", "-6.579736267392569 + 0.08"))
+from nasm.arithmetic import kernels, sine
+importlib.reload(sine)
+file.write_text(original)
+os.utime(file, ns=(times.st_atime_ns, times.st_mtime_ns))
+
+@kernels.kernel
+def turned(x):
+    return sine.sin2pi(x)
+
+with warnings.catch_warnings(record=True) as given:
+    warnings.simplefilter("always")
+    print(turned(0.1), turned(0), len(given))
+assert "sources of nasm have changed" in str(given[0].message)
 """
 
 
@@ -143,6 +171,74 @@ def test_an_edit_in_a_room_changes_what_a_kernel_computes(tmp_path):
         results.append(float(run.communicate(timeout=120)[0]))
     assert 1e-4 < abs(results[0] - results[1]) < 1e-3
     assert len(list((tmp_path / "cache").glob("kernels-*"))) == 2  # both versions, side by side
+
+
+@pytest.mark.parametrize("is_imported_before", [True, False])
+def test_a_process_with_edited_sources_loads_and_keeps_no_kernel_and_says_so_once(
+    is_imported_before, tmp_path
+):
+    shutil.copytree(ROOT / "nasm", tmp_path / "copy" / "nasm")
+    cache, results = tmp_path / "cache", []
+    editing = EDITING.replace("IS_IMPORTED_BEFORE", str(is_imported_before))
+    for i, program in enumerate([editing, SINE, editing, SINE]):
+        script = tmp_path / "script.py"
+        script.write_text(program)
+        run = started(script, cache=cache, source=tmp_path / "copy")
+        results.append(run.communicate(timeout=120)[0].split())
+        assert len(list(cache.rglob("*.nbc"))) == (i > 0)
+    edited, original = results[:2]
+    assert edited[1:] == ["0.0", "1"]
+    assert 1e-4 < abs(float(edited[0]) - float(original[0])) < 1e-3
+    assert results[2:] == results[:2]
+
+
+def _no_locks(*_, **__):
+    raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
+
+
+def _no_flock(*_, **__):  # what filelock 3.12 says on a file system that knows of no locks
+    raise NotImplementedError("FileSystem does not appear to support flock")
+
+
+@pytest.mark.parametrize("acquire", [_no_locks, _no_flock])
+def test_where_there_are_no_locks_kernels_are_kept_all_the_same(half, kept, monkeypatch, acquire):
+    monkeypatch.setattr(FileLock, "acquire", acquire)
+    assert [half(5.0) for _ in range(2)] == [(2.5, 0), (2.5, 1)]
+    assert half(5, 5.0) == (2.5, 2.5, 1)
+    assert half(5, 5.0) == (2.5, 2.5, 2)
+
+
+def test_two_types_that_are_kept_at_once_without_a_lock_are_in_files_of_their_own(
+    half, kept, monkeypatch
+):
+    monkeypatch.setattr(FileLock, "acquire", _no_locks)
+    save_index = IndexDataCacheFile._save_index
+
+    def save_index_after_another_process(files, overloads):
+        monkeypatch.setattr(IndexDataCacheFile, "_save_index", save_index)
+        half(5)
+        save_index(files, overloads)
+
+    monkeypatch.setattr(IndexDataCacheFile, "_save_index", save_index_after_another_process)
+    assert half(5.0) == (2.5, 0)
+    assert len(list(kept[0].glob("*.nbc"))) == 2
+
+
+def test_kernels_are_read_from_a_directory_that_cannot_be_written(half, kept, monkeypatch):
+    half(5.0)
+
+    def refuse(*_, **__):
+        raise OSError(errno.EROFS, os.strerror(errno.EROFS))
+
+    for name in ("utime", "replace", "mkdir"):
+        monkeypatch.setattr(os, name, refuse)
+    monkeypatch.setattr(FileLock, "acquire", refuse)
+    assert kept[1](kept[0].parent) == kept[0]
+    assert half(5.0, 5) == (2.5, 2.5, 1)
+    monkeypatch.setattr(os, "access", lambda path, mode: False)
+    for file in kept[0].iterdir():
+        file.unlink()
+    assert not kernels.are_missing()
 
 
 def test_a_program_that_begins_without_scipy_has_its_kernels_and_may_load_it_later():

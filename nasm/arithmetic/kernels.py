@@ -5,12 +5,15 @@
 - *Never stale.* Numba asks whether the file of a kernel has changed; but the code of other files is
   compiled into it. Here the directory's name is a digest of all sources of this package and of the
   version of rocket-fft; Numba keys by its own version, the processor and the types. So another
-  version has a directory of its own.
+  version has a directory of its own. A process whose sources have been edited or upgraded since it
+  imported them may hold code of both: it neither loads kernels nor keeps them.
 - *Many processes.* Of those that miss a kernel one compiles it, and the others wait and load it:
-  a lock is held from the miss until the kernel is kept.
+  a lock is held from the miss until the kernel is kept. Where the file system has no locks, each
+  may compile it; files are replaced whole, so none is spoilt.
 - *No harm.* Where nothing can be written or read, on a full disk, or from a damaged file, a kernel
-  is compiled as if there were no cache. Each file ends with a digest of its content: machine code
-  with one bit changed would crash every process that loads it.
+  is compiled as if there were no cache; from a directory that cannot be written kernels are read.
+  Each file ends with a digest of its content: machine code with one bit changed would crash every
+  process that loads it.
 
 The directory is in NUMBA_CACHE_DIR if that is set, else in the user's folder of caches. Only
 functions that Python calls are kernels; what they call is compiled into them (`njit` alone).
@@ -19,9 +22,11 @@ functions that Python calls are kernels; what they call is compiled into them (`
 import hashlib
 import os
 import pickle
+import secrets
 import shutil
 import sys
 import time
+import warnings
 from contextlib import suppress
 from functools import cache, partial
 from importlib import import_module
@@ -36,6 +41,8 @@ from numba.core.caching import (
     _CacheLocator,
 )
 from numba.misc.appdirs import AppDirs
+
+from nasm import sources
 
 __all__ = ["are_missing", "begin_without_scipy", "directory", "kernel"]
 __dir__ = __all__.copy
@@ -72,10 +79,8 @@ def begin_without_scipy():
 @cache
 def directory():
     """The directory of the kernels of these sources, made if need be; None if it cannot be."""
-    digest = hashlib.sha256(version("rocket-fft").encode())
-    nasm = Path(__file__).parents[1]
-    for source in sorted(nasm.rglob("*.py")):
-        digest.update(source.relative_to(nasm).as_posix().encode() + b"\0" + source.read_bytes())
+    digest = sources.digest()
+    digest.update(version("rocket-fft").encode())
     root = Path(config.CACHE_DIR or AppDirs("nasm", appauthor=False).user_cache_dir)
     path = root / f"kernels-{digest.hexdigest()[:16]}"
     with suppress(OSError):
@@ -84,13 +89,23 @@ def directory():
         for other in root.glob("kernels-" + "?" * 16):
             if other.stat().st_mtime < time.time() - _UNUSED:
                 shutil.rmtree(other, ignore_errors=True)
-        return path
-    return None
+    return path if os.path.isdir(path) else None
 
 
 def are_missing():
     """Whether kernels of these sources are still to be compiled and kept, once on this machine."""
-    return directory() is not None and not any(directory().glob("*.nbc"))
+    path = directory()
+    return path is not None and os.access(path, os.W_OK) and not any(path.glob("*.nbc"))
+
+
+@cache
+def _warn_of_changed_sources():
+    warnings.warn(
+        "the sources of nasm have changed since this process imported them; until it is started "
+        "again it compiles its kernels itself, and those that it has already stay as they are",
+        RuntimeWarning,
+        stacklevel=1,
+    )
 
 
 class _Locator(_CacheLocator):
@@ -121,6 +136,10 @@ class _Kept(CompileResultCacheImpl):
 
 class _Files(IndexDataCacheFile):
     """Numba's files of a function: an index, and one for each of its types; OSError if damaged."""
+
+    def _data_name(self, number):
+        # No number is given twice: two processes without a lock keep two types in two files.
+        return super()._data_name(secrets.randbits(64))
 
     def _dump(self, obj):
         data = super()._dump(obj)
@@ -155,25 +174,30 @@ class _Cache(FunctionCache):
         self._lock = None
 
     def load_overload(self, sig, target_context):
+        if not sources.are_unchanged():
+            _warn_of_changed_sources()
+            return None
         with suppress(Exception):  # a damaged file may raise anything when it is unpickled
             if (found := super().load_overload(sig, target_context)) is not None:
                 return found
         from filelock import FileLock  # 0.1 s to import, and mostly not needed
 
         self._lock = self._lock or FileLock(f"{self._cache_file._index_path}.lock")
-        found = None
-        with suppress(OSError):
+        with suppress(Exception):  # without the lock others may compile it too, that is all
             self._lock.acquire(timeout=_PATIENCE)
-            try:
-                found = super().load_overload(sig, target_context)
-            except Exception:
+        found = None
+        try:
+            found = super().load_overload(sig, target_context)
+        except Exception:
+            with suppress(OSError):
                 self.flush()
-            if found is not None:
-                self._lock.release()
+        if found is not None:
+            self._lock.release()
         return found
 
     def save_overload(self, sig, data):
-        if self._lock.is_locked:
+        if sources.are_unchanged():
             with suppress(OSError):
                 super().save_overload(sig, data)
+        if self._lock is not None:
             self._lock.release()

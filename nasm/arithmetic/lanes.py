@@ -10,18 +10,26 @@ auto-vectoriser. `load_few` makes narrower lanes, for a kernel of many variables
 compiles to both: a lane and the scalar code agree to the last bit, on every machine (a processor
 without fma falls back on a slow, equal, library call).
 
-These names exist inside `numba.njit` functions only.
+These names exist inside `numba.njit` functions only; so without the compiler, under
+NUMBA_DISABLE_JIT, an import of this module is an ImportError.
 """
 
 import operator
 
 from llvmlite import ir
-from numba import types
+from numba import config, types
 from numba.core import cgutils
 from numba.extending import intrinsic, models, overload, register_model
 
 __all__ = ["LANES", "load", "own_frame", "store"]
 __dir__ = __all__.copy
+
+if config.DISABLE_JIT:
+    raise ImportError(
+        "NUMBA_DISABLE_JIT is set, but orbits are advanced in vectors, which only compiled code "
+        "has; unset it",
+        name="numba",
+    )
 
 LANES = 64
 FEW = 16

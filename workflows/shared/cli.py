@@ -69,7 +69,8 @@ def command(**settings):
     """Make a click command of a function, and run it if its module is run by `python -m`.
 
     Its help is what its module says, and --out is out/COMMAND, a folder of its own, unless
-    `settings` have another default. Ctrl-C ends it with code 130, a lack of FLINT with 1.
+    `settings` have another default. Ctrl-C ends it with code 130, a lack of FLINT with 1, and one
+    of Numba's compiler with 2.
     """
 
     def decorate(function):
@@ -87,9 +88,11 @@ def command(**settings):
                 click.echo("abandoned; run the same command again to resume", err=True)
                 sys.exit(130)
             except ImportError as error:
-                if error.name != "flint":
-                    raise
-                raise click.ClickException(str(error)) from None
+                if error.name == "flint":
+                    raise click.ClickException(str(error)) from None
+                if error.name == "numba":
+                    raise click.UsageError(str(error)) from None
+                raise
 
         if function.__module__ == "__main__":
             wrapped()
