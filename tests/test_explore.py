@@ -1,14 +1,20 @@
 """The explorer without a browser: what it computes for a view, its address, whom it answers."""
 
 import asyncio
+import os
 import re
+import subprocess
+import sys
 import threading
 import time
+import urllib.request
 from concurrent.futures import ThreadPoolExecutor
 from urllib.parse import parse_qsl
 
 import numpy as np
+import psutil
 import pytest
+import toy
 from bokeh.server.util import bind_sockets
 from tornado.httpclient import AsyncHTTPClient
 
@@ -378,10 +384,12 @@ SCRIPT, OTHER = "/static/js/bokeh.min.js", f"{ELSEWHERE}:{{port}}"
 OURS = "localhost:{port}", "127.0.0.1:{port}", "[::1]:{port}", "LOCALHOST:{port}"
 REQUESTS = [  # path, headers, and the code of the answer
     *((SCRIPT, {"Host": name}, 200) for name in OURS),
-    *((SCRIPT, {"Host": name}, 404) for name in (ELSEWHERE, OTHER, "localhost.x", "10.1.2.3")),
-    *((path, {"Host": OTHER}, 404) for path in ["/", "/ws", "/metadata", "/autoload.js", "/none"]),
-    ("/ws", WEBSOCKET | {"Host": OTHER, "Origin": f"http://{OTHER}"}, 404),
+    *((SCRIPT, {"Host": name}, 403) for name in (ELSEWHERE, OTHER, "localhost.x", "10.1.2.3")),
+    *((path, {"Host": OTHER}, 403) for path in ["/", "/ws", "/metadata", "/autoload.js", "/none"]),
+    ("/none", {}, 404),
+    ("/ws", WEBSOCKET | {"Host": OTHER, "Origin": f"http://{OTHER}"}, 403),
     *(("/ws", WEBSOCKET | {"Origin": origin}, 403) for origin in (f"http://{ELSEWHERE}", "null")),
+    ("/ws", WEBSOCKET | {"Origin": "http://localhost:1"}, 403),  # a page of another server here
     ("/?k1=%ff", {}, 200),  # a page with words
     ("/?plane=%c3%28&n=%00", {}, 200),
 ]
@@ -390,6 +398,78 @@ REQUESTS = [  # path, headers, and the code of the answer
 def test_names_of_this_machine_are_answered_and_another_site_cannot_connect():
     found, _ = answers([request[:2] for request in REQUESTS])
     assert [answer.code for answer in found] == [code for *_, code in REQUESTS]
+
+
+def test_another_name_of_this_machine_is_told_where_the_page_is():
+    (refused,), _ = answers([("/?k1=0.3", {"Host": "hub.example.org:8000"})])
+    words = refused.body.decode()
+    assert "for hub.example.org:8000" in words
+    assert re.search(r"ssh -L (\d+):localhost:\1 MACHINE", words)
+    assert refused.headers["Content-Type"].startswith("text/plain")  # the name may be of any kind
+
+
+@pytest.mark.parametrize("name", ["localhost:{}", "127.0.0.1:{}", "[::1]:{}"])
+@pytest.mark.parametrize("forwarded", [True, False])
+@pytest.mark.parametrize("site", [None, "hub.example.org"])
+def test_a_page_by_any_port_that_ssh_forwards_can_connect(name, forwarded, site, monkeypatch):
+    if site:
+        monkeypatch.setenv("BOKEH_ALLOW_WS_ORIGIN", site)  # of other servers of Bokeh
+
+    async def status():
+        sockets, port = bind_sockets("127.0.0.1", 0)
+        page = server.server_of(server.Shared(two_kicks(), None, None), sockets, port)
+        reader, writer = await asyncio.open_connection("127.0.0.1", port)
+        host = name.format(9956 if forwarded else port)
+        headers = WEBSOCKET | {"Host": host, "Origin": f"http://{host}"}
+        lines = ["GET /ws HTTP/1.1", *map(": ".join, headers.items()), "", ""]
+        writer.write("\r\n".join(lines).encode())
+        line = await asyncio.wait_for(reader.readline(), 10)
+        writer.close()
+        page.stop()
+        return line
+
+    with ThreadPoolExecutor() as thread:
+        assert b" 101 " in thread.submit(asyncio.run, status()).result()
+
+
+@pytest.mark.parametrize(("browser", "opens"), [("w3m %s", False), ("{} %s", True)])
+def test_a_browser_in_the_foreground_holds_nothing_up_and_none_of_the_terminal_is_opened(
+    tmp_path, monkeypatch, browser, opens
+):
+    program = tmp_path / ("graphical" if opens else "w3m")
+    program.write_text(f'#!/bin/sh\necho "$1" > {tmp_path}/opened\nexec sleep 100\n')
+    program.chmod(0o755)
+    command = [sys.executable, "-m", "workflows.explore", "--port", "0", "--workers", "1"]
+    path = f"{tmp_path}:{os.environ['PATH']}"
+    asked = os.environ | {"BROWSER": browser.format(program), "PATH": path}
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=asked) as process:
+        try:
+            told = "".join(iter(process.stderr.readline, "Ctrl-C ends it\n"))
+            url = re.search(r"http://localhost:\d+/", told).group()
+            if opens:
+                toy.wait_until((tmp_path / "opened").exists)
+            with urllib.request.urlopen(url, timeout=60) as page:
+                assert b"Global transport" in page.read()
+            assert (tmp_path / "opened").exists() == opens
+        finally:
+            for one in psutil.Process(process.pid).children(recursive=True):
+                one.kill()
+            process.kill()
+
+
+def test_what_needs_no_kernels_does_not_wait_for_those_that_are_compiled():
+    document, found, loaded = Document(), [], threading.Event()
+    work = Work(document, None, {"verdict": loaded})
+    work.start()
+    for kernels in ("verdict", None):
+        work.latest(str(kernels), kernels).submit(
+            lambda kernels=kernels: kernels or "none", done=found.append
+        )
+    document.run(lambda: found)
+    assert found == ["none"]
+    loaded.set()
+    document.run(lambda: not work.busy)
+    assert found == ["none", "verdict"]
 
 
 def test_pages_that_are_asked_for_and_not_shown_compute_nothing():

@@ -26,7 +26,7 @@ def fill(document, shared):
     document.title = f"{shared.plane.name}: the explorer of the nonautonomous standard map"
     document.template, document.theme = _TEMPLATE, THEME
     document.js_on_event(DocumentReady, CustomJS(code="dress()"))
-    work = Work(document, shared.client)
+    work = Work(document, shared.client, shared.loaded)
     document.session_context.begin = partial(document.add_next_tick_callback, work.start)
     document.on_session_destroyed(lambda _: work.close())
     query = document.session_context.request.arguments  # bytes, which may spell no text

@@ -57,8 +57,9 @@ class PlanePanel:
         self.show = partial(widgets.show, self.plot, _MARKS)
         self.message = models.Div(sizing_mode="stretch_width", css_classes=["told"], min_height=40)
         self.legend = models.Div(sizing_mode="stretch_width")
-        self.cubes, self.shown, self.asked = [], None, None  # of OUT; on the screen; computed last
-        self.lanes = {name: work.latest(name) for name in ("cubes", "plane", "boundary", "circle")}
+        self.cubes = self.shown = self.asked = None  # of OUT; on the screen; computed last
+        lanes = {"cubes": None, "plane": None, "boundary": "verdict", "circle": "verdict"}
+        self.lanes = {name: work.latest(name, kernels) for name, kernels in lanes.items()}
         circle = widgets.field(models.AutocompleteInput(**_CIRCLE, value=state.omega), state.follow)
         ticks = models.Row(widgets.boxes(state, LINES, width=220), circle)
         self.picture, self.lines = (self.plot, self.message), (self.legend, ticks)
@@ -87,8 +88,9 @@ class PlanePanel:
     def _refresh(self):
         state, shared, view = self.state, self.shared, _view(self.plot)
         state.take(a=view.a, b=view.b)
-        asked = view, state.steps, state.omega, len(self.cubes)
-        if asked == self.asked or not widgets.pixels_of(self.plot, _MOST_PIXELS):
+        asked = view, state.steps, state.omega
+        known = self.cubes is not None and widgets.pixels_of(self.plot, _MOST_PIXELS)
+        if asked == self.asked or not known:  # what OUT holds is painted first
             return
         self.asked = asked
         self.work.progress("view")

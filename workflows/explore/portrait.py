@@ -64,8 +64,9 @@ class PortraitPanel:
         self.show = partial(widgets.show, self.plot, _MARKS)
         self.profile = models.ColumnDataSource({"x": [], "y": []}, name="profile")
         self.message = models.Div(sizing_mode="stretch_width", min_height=22)
-        names = "portrait", "last circle", "periodic orbits", "ensemble"
-        self.portraits, self.traces, self.cycles, self.ensemble = map(work.latest, names)
+        self.portraits = work.latest("portrait", "portrait")
+        names = "last circle", "periodic orbits", "ensemble"
+        self.traces, self.cycles, self.ensemble = map(work.latest, names)
         how = {"title": "Orbits added, x, y; …", "placeholder": "0.5, 0.3", "width": 260}
         self.added = models.TextInput(value=orbits_text(state.orbits), **how)
         how = {"title": "Orbits of a fraction p/q", "placeholder": "3/8", "width": 150}

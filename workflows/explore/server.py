@@ -2,16 +2,20 @@
 
 One process serves all tabs and does the small work in threads; dask workers do the large work. A
 page of another site may run in the same browser. It can neither read the page nor connect to it,
-also if its name is made to point at this machine: the name and the origin would be its own. The
-address of a page computes nothing until the page is connected.
+also if its name is made to point at this machine: a request must name this machine, by any port, as
+ssh may forward one, and come from no other page than those of that name and port. The address of a
+page computes nothing until the page is connected.
 """
 
 import logging
 import re
 import signal
 import webbrowser
+from contextlib import suppress
 from functools import partial
-from threading import Lock, Thread
+from pathlib import Path
+from threading import Event, Lock, Thread
+from urllib.parse import urlparse
 
 import click
 import dask
@@ -20,11 +24,15 @@ from bokeh.application.handlers import FunctionHandler
 from bokeh.server.server import BaseServer
 from bokeh.server.tornado import BokehTornado
 from bokeh.server.util import bind_sockets
+from bokeh.settings import settings
 from tornado.httpserver import HTTPServer
 from tornado.ioloop import IOLoop
-from tornado.routing import HostMatches, Rule, RuleRouter
+from tornado.routing import AnyMatches, HostMatches, Rule, RuleRouter
+from tornado.web import Application as WebApplication
+from tornado.web import RequestHandler
 
 from nasm import escape
+from nasm.arithmetic.kernels import are_missing
 from nasm.verdict import verdict
 from pipeline.sweep.cluster import NO_SCHEDULER, ClusterError, connect
 from workflows.explore.page import fill
@@ -33,6 +41,7 @@ from workflows.shared.phase_space import portrait
 
 _HOST = "127.0.0.1"
 _NAMES = "localhost", _HOST, "[::1]"
+_OF_THE_TERMINAL = "browsh", "carbonyl", "elinks", "links", "links2", "lynx", "w3m", "www-browser"
 _LIFETIME = 10_000  # milliseconds of a page, a few of work, whose browser does not connect
 
 
@@ -42,15 +51,22 @@ class Shared:
     plane : of forcings. place : of cubes to show, only read. rays : Rays, the boundary so far.
     fields : {(View, N): Field} that were computed to the end, the newest last.
     client : function → dask Client, which waits until it is connected.
+    loaded : {"portrait", "verdict": Event, set when the kernels for it are there, or cannot be}.
     preparing : what the page must wait for, in words; "" when all is ready.
     """
 
     def __init__(self, plane, place, client):
         self.plane, self.place, self._client = plane, place, client
         self.rays, self.fields = Rays(plane), {}
-        self.preparing, self._lock = "starting the workers", Lock()
+        self.loaded, self._lock = {name: Event() for name in _WARM_UPS}, Lock()
+        self.preparing = "starting the workers"
 
     def client(self):
+        """Return the client, once its workers have the kernels of escape times and portraits."""
+        self.loaded["portrait"].wait()
+        return self._connected()
+
+    def _connected(self):
         with self._lock:
             client = self._client()
         if client.status != "running":
@@ -58,24 +74,40 @@ class Shared:
         return client
 
     def prepare(self):
-        """Start the workers and load the kernels; in a thread."""
+        """Start the workers and load the kernels; in a thread.
+
+        They are compiled in a worker: this process has to paint what OUT holds meanwhile.
+        """
         try:
-            client = self.client()
-            self.preparing = "loading the kernels"  # or compiling, where the page does not suffer
-            client.submit(warm_up, pure=False).result()
-            warm_up()
+            client = self._connected()
+            missing = "compiling the kernels, once per machine: about 20 s"
+            self.preparing = missing if are_missing() else "loading the kernels"
+            for name, warm_up in _WARM_UPS.items():
+                client.submit(warm_up, pure=False).result()
+                warm_up()
+                self.loaded[name].set()
             self.preparing = ""
         except ClusterError as error:
             self.preparing = str(error)
         except Exception as error:  # at Ctrl-C anything
             self.preparing = f"the workers did not start: {error!r}"
+        finally:
+            for event in self.loaded.values():
+                event.set()
 
 
-def warm_up():
-    """Use every kernel once; the first time on a machine this compiles them, for half a minute."""
+def warm_up_portrait():
+    """Use the kernels of escape times and portraits once, which may compile them."""
     escape.first_escape([[0.0, 0.0]], *escape.ensemble(1), [1], 1, precision="single")
     portrait((0.3, 0.2))
+
+
+def warm_up_verdict():
+    """Use the kernels of verdicts once."""
     verdict((0.3, 0.2))
+
+
+_WARM_UPS = {"portrait": warm_up_portrait, "verdict": warm_up_verdict}  # what is seen first, first
 
 
 def serve(plane, place, port, opens, cluster):
@@ -106,25 +138,62 @@ def serve(plane, place, port, opens, cluster):
         server.start()
         url = f"http://localhost:{port}/"
         click.echo(f"the explorer is at {url}\nCtrl-C ends it", err=True)
-        if opens:
-            loop.add_callback(webbrowser.open, url)
+        if opens:  # some browsers stay in the foreground until they are closed
+            Thread(target=_open, args=[url], daemon=True).start()
         loop.start()
         server.stop()
         preparing.join(20)  # workers that are about to start would stay behind
 
 
+def _open(url):
+    """Open the page in the browser, unless that is one of the terminal, where it cannot run."""
+    with suppress(webbrowser.Error):  # there is none
+        browser = webbrowser.get()
+        if Path(getattr(browser, "name", "")).name not in _OF_THE_TERMINAL:
+            browser.open(url)
+
+
 def server_of(shared, sockets, port):
     """Return the server of the page, for the event loop of this thread."""
+    settings.allowed_ws_origin = ["*"]  # whatever the environment says: `_Ours` has looked at it
     web = _Web(
         Application(FunctionHandler(partial(fill, shared=shared))),
-        extra_websocket_origins=[f"{name}:{port}" for name in _NAMES],
+        extra_websocket_origins=["*"],
         unused_session_lifetime_milliseconds=_LIFETIME,
         check_unused_sessions_milliseconds=_LIFETIME // 10,
     )
-    ours = HostMatches(f"({'|'.join(map(re.escape, _NAMES))})$")
-    http = HTTPServer(RuleRouter([Rule(ours, web)]))
+    refusals = WebApplication([(".*", _Refusal, {"port": port})])
+    names = f"({'|'.join(map(re.escape, _NAMES))})$"
+    http = HTTPServer(RuleRouter([Rule(_Ours(names), web), Rule(AnyMatches(), refusals)]))
     http.add_sockets(sockets)
     return BaseServer(IOLoop.current(), web, http)
+
+
+class _Ours(HostMatches):
+    """Matches requests to a host of these names that come from no other page than the host's."""
+
+    def match(self, request):
+        origin = request.headers.get("Origin", f"//{request.host}")
+        same = urlparse(origin).netloc.lower() == request.host.lower()
+        return super().match(request) if same else None
+
+
+class _Refusal(RequestHandler):
+    """Says where the page is."""
+
+    def initialize(self, port):
+        self.port = port
+
+    def prepare(self):
+        self.set_status(403)
+        self.set_header("Content-Type", "text/plain; charset=utf-8")
+        self.finish(
+            f"The explorer answers on localhost only; this request is for {self.request.host}, "
+            f"from a page of {self.request.headers.get('Origin', 'no other site')}.\n"
+            f"Open http://localhost:{self.port}/ on the machine where the explorer runs. From "
+            f"another machine:\n\n    ssh -L {self.port}:localhost:{self.port} MACHINE\n\n"
+            f"and open http://localhost:{self.port}/ there.\n"
+        )
 
 
 class _Web(BokehTornado):

@@ -19,6 +19,7 @@ class Work:
 
     document : of Bokeh.
     client : function → dask Client; called in threads only, as it may wait for the workers.
+    loaded : {name of kernels: Event, set when they are loaded}.
     busy : {name of what is being computed for the page: how far that is, in words}.
     failed : {name of what could not be: why, in words}, until it is tried again.
     show : function without arguments, called whenever `busy` or `failed` changes.
@@ -26,14 +27,17 @@ class Work:
     Nothing is computed before `start` is called, nor after `close`.
     """
 
-    def __init__(self, document, client):
-        self.document, self.client = document, client
+    def __init__(self, document, client, loaded=None):
+        self.document, self.client, self.loaded = document, client, loaded or {}
         self.busy, self.failed, self.show = {}, {}, lambda: None
         self.closed, self._lanes = True, []
 
-    def latest(self, name):
-        """Return a Latest; `name` says in the page what is being computed, "portrait"."""
-        self._lanes.append(Latest(self, name))
+    def latest(self, name, kernels="verdict"):
+        """Return a Latest; `name` says in the page what is being computed, "portrait".
+
+        kernels : name of those that it waits for; None if it waits for none.
+        """
+        self._lanes.append(Latest(self, name, self.loaded.get(kernels)))
         return self._lanes[-1]
 
     def start(self):
@@ -67,8 +71,8 @@ class Work:
 class Latest:
     """Computations of one kind, of which only the last one that was asked for counts."""
 
-    def __init__(self, work, name):
-        self.work, self.name = work, name
+    def __init__(self, work, name, loaded):
+        self.work, self.name, self._loaded = work, name, loaded
         self._number, self._runs, self._waiting = 0, False, None
 
     def submit(self, function, *args, done):
@@ -102,7 +106,9 @@ class Latest:
 
     def _compute(self, number, function, args, done):
         try:
-            result = function(*args)
+            if self._loaded:
+                self._loaded.wait()
+            result = None if self.is_void(number) else function(*args)
             for value in result if isgenerator(result) else [result]:
                 if self.is_void(number):
                     break
