@@ -14,7 +14,7 @@ from nasm.numbers import RotationNumber, moebius, parse
 from nasm.planes import plane_of, two_kicks
 from nasm.symmetries import ray
 from pipeline.cubes.breakdown import job_on_rays, scales
-from pipeline.cubes.cube import angles_of_rays, blank, coordinate, text
+from pipeline.cubes.cube import NO_MEAN, angles_of_rays, blank, coordinate, text
 
 _N_QUOTIENTS = 32  # places for the partial quotients of a rotation number
 
@@ -46,11 +46,12 @@ def job_of_barriers(name, plane, angles, seconds, settings, compute, warm_up, mo
 def last_circles(on):
     """Return the variables of last circles over the coordinates `on`."""
     place = {"quotient": coordinate("quotient", range(_N_QUOTIENTS), "place of a partial quotient")}
-    zero, comment = np.int32(0), "0 behind the last one"
+    step, omega = f"jumps from circle to circle; {NO_MEAN}", "rotation number of the last circle"
+    ends, tail = f"0 behind the last one; {NO_MEAN}", "partial quotients at the end that repeat"
     return place | {
-        "omega": blank(on, "rotation number of the last circle, per step"),
-        "quotients": blank(place | on, "partial quotients of omega", zero, comment=comment),
-        "tail_length": blank(on, "partial quotients at the end that repeat", np.int8(0)),
+        "omega": blank(on, f"{omega}, per step", comment=step),
+        "quotients": blank(place | on, "partial quotients of omega", np.int32(0), comment=ends),
+        "tail_length": blank(on, tail, np.int8(0), comment=NO_MEAN),
     }
 
 
@@ -75,8 +76,8 @@ def unfolded(barrier, angles):
     """Return the cube `barrier` on rays whose images it holds: a Dataset with dim (angle).
 
     Its coordinate `circle` is the exact text of the last circle's ω in [0, P/2], "" where none is
-    named; that of P - ω is its mirror image. `tied` is that of a circle that breaks together with
-    it, as on the axes of two kicks; "" elsewhere.
+    named (NaN once it is read from a store); that of P - ω is its mirror image. `tied` is that of
+    a circle that breaks together with it, as on the axes of two kicks; "" elsewhere.
     """
     angles, plane = np.asarray(angles, dtype=float), plane_of(barrier.attrs)
     folded, shifts = plane.fold(angles)

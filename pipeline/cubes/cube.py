@@ -106,8 +106,13 @@ def coordinate(dim, values, long_name, units="1", **attrs):
 
 
 def text(dim, words, long_name):
-    """Return a variable of words along a dimension, labelled."""
-    return xr.Variable(dim, np.array(list(words), dtype=str), {"long_name": long_name})
+    """Return a variable of words along a dimension, labelled.
+
+    "" stands for no text. A reader of the store gets NaN for it, as for all that a join of two
+    cubes leaves without a value: xarray cannot join zarr's own type of text.
+    """
+    label = {"long_name": long_name, "missing_value": ""}
+    return xr.Variable(dim, np.array(list(words), dtype=str), label)
 
 
 def angles_of_rays(angles):
@@ -123,8 +128,10 @@ def blank(coords, long_name, fill=np.nan, **attrs):
 
 NOT_COMPUTED = -128  # the least int8; a lost or missing chunk of the store reads as that, too
 _STATUSES = list(Status)
+NO_MEAN = "not a quantity: do not interpolate or average it"
 # CF attributes of every variable of status, in sweeps and studies.
 FLAGS = {
+    "comment": NO_MEAN,
     "flag_values": [NOT_COMPUTED, *range(1, 1 + len(_STATUSES))],
     "flag_meanings": " ".join(["not_computed", *(status.name.lower() for status in _STATUSES)]),
 }
