@@ -31,8 +31,7 @@ PATIENCE = 100_000  # milliseconds
 def keep(figure, name, dpi):
     """Write the figure as NAME.png in true colour: no palette, which would mix colours."""
     drawn = BytesIO()
-    style.letter(figure)
-    figure.savefig(drawn, dpi=dpi)
+    figure.savefig(drawn, dpi=dpi, bbox_inches=style.finish(figure))
     Image.open(drawn).convert("RGB").save(HERE / f"{name}.png", optimize=True)
 
 

@@ -10,16 +10,20 @@ from pathlib import Path
 import matplotlib
 import numpy as np
 import pytest
+import xarray as xr
 from commands import invoke
 from conftest import SAVE
+from figure_faults import faults
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 from PIL import Image
 
 from nasm.numbers import NAMES, parse
+from nasm.planes import three_kicks as three_kicks_plane
 from pipeline.sweep.grid import parse_axis
 from workflows.figures import style
+from workflows.figures.last_barrier import draw_last_barrier
 from workflows.figures.period_one import draw_secondary_points
 from workflows.figures.style import circle_class, circle_style
 from workflows.shared.cli import main_of
@@ -85,6 +89,23 @@ def test_the_six_circles_of_the_paper_differ_in_colour_or_dash_and_the_golden_on
     looks = [circle_style(str(parse(name)), 1) for name in NAMES]
     assert len({(look["color"], look["ls"]) for look in looks}) == len(NAMES)
     assert looks[0] == {"color": style.COLOURS[0], "marker": "o", "ls": "-"}
+
+
+def test_of_any_circles_of_one_figure_no_two_look_alike_and_the_simplest_keep_their_own_look():
+    """Those of three kicks that had one colour and marker, and all of a tree of 60."""
+    alike = ["[0;1,3,(1)]", "[0;2,2,(1)]", "[1;3,(1)]"]
+    assert len({str(circle_style(text)) for text in alike}) == 1
+    tree = [f"[0;{a},{b},{c},(1)]" for a, b, c in product(range(1, 5), range(1, 6), range(2, 5))]
+    for texts in (alike, [*tree, ""], ON_THE_BOUNDARY + IN_THE_TIP):
+        styles = style.circle_styles(texts)
+        assert styles == style.circle_styles(texts[::-1])
+        assert [*styles] == sorted(texts, key=lambda text: float(parse(text)) if text else 2)
+        for what in ("marker", "ls"):
+            looks = {(look["color"], str(look[what])) for text, look in styles.items() if text}
+            assert len(looks) == len([text for text in texts if text])
+    styles = style.circle_styles([*alike, "[0;(1)]"])
+    assert styles["[0;(1)]"] == circle_style("[0;(1)]")
+    assert styles["[1;3,(1)]"] == circle_style("[1;3,(1)]")
 
 
 def test_a_circle_and_its_image_look_alike_where_they_are_images_and_differ_elsewhere():
@@ -227,3 +248,83 @@ def test_ask_answers_where_its_portrait_cannot_be_drawn(tmp_path, monkeypatch):
     assert ended.exit_code == 1
     assert ended.output.startswith("BARRIER at")
     assert "Error: figure ask_0.3_0.2 could not be drawn: [Errno 24] Too many" in ended.output
+
+
+def wrong_figure():
+    figure, (left, right) = style.panels(1, 2, 8, 3)
+    left.plot([0, 1, 2], [0, 1, 0], "o", label="one")
+    left.plot([0, 3], [0, 2], "o", clip_on=True)
+    left.set(xlim=(0, 2), ylim=(0, None))
+    left.text(1, 1, "on a point", ha="center", va="center")
+    left.text(1, 1, "twice", ha="center", va="center")
+    right.plot([0, 1], [0, 1], label="a curve")
+    right.plot([], [], label="alike", color="C0")
+    right.legend(loc="center")
+    return figure
+
+
+def test_faults_of_a_figure_are_seen():
+    with style.sheet(column=True):
+        figure = wrong_figure()
+        style.finish(figure)
+        figure.text(0.9, 0.5, "a text that is far too long for a column")
+        said = "\n".join(faults(figure))
+    for words in ("is cut by the edge", "'on a point' is printed over 'twice'", "lies on", "alike"):
+        assert words in said
+    assert "a legend lies on" in said
+    assert "markers 'o' are cut" in said
+
+
+def test_a_figure_is_saved_without_blank_strips_and_its_legend_is_close(tmp_path, monkeypatch):
+    monkeypatch.setattr(Figure, "savefig", SAVE)
+    for column in (False, True):
+        with style.sheet(column):
+            figure, (axes,) = style.panels(1, 1, 4, 9)
+            axes.plot([0, 1], [0, 1], "o", label="words")
+            axes.set(aspect="equal", xlim=(0, 1), ylim=(0, 1))
+            style.outer_legend(figure, 1)
+            (path,) = style.save(figure, tmp_path, "tall", kinds=["png"])
+        with Image.open(path) as picture:
+            inked = np.asarray(picture.convert("L")).min(axis=1) < 250
+        rows = np.flatnonzero(inked)
+        assert rows[0] < 0.03 * inked.size
+        assert rows[-1] > 0.97 * inked.size
+        assert np.diff(rows).max() < 0.08 * inked.size
+        assert faults(figure) == []
+
+
+@pytest.fixture(scope="module")
+def around():
+    """CB_gt of a plane without symmetry, with circles some of which look alike by themselves."""
+    angles = np.linspace(0, 360, 25)
+    texts = [
+        *ON_THE_BOUNDARY,
+        "[0;2,2,(1)]",
+        "[1;3,(1)]",
+        "[0;3,(1)]",
+        "[0;5,(1)]",
+        "[1;2,(1)]",
+        "",
+    ]
+    circle = np.resize(np.array(texts, dtype=object), angles.size)
+    scale = np.where(circle == "", np.nan, 0.5 + 0.1 * np.sin(3 * np.deg2rad(angles)))
+    plane = three_kicks_plane(0.15)
+    x, y = scale * np.cos(np.deg2rad(angles)), scale * np.sin(np.deg2rad(angles))
+    omega = [float(parse(text)) if text else np.nan for text in circle]
+    columns = {"circle": circle, "critical_scale": scale, "lower": 0.999 * scale, "omega": omega}
+    columns |= {"upper": 1.001 * scale} | dict(zip(plane.axes, (x, y), strict=True))
+    data = {name: ("angle", values) for name, values in columns.items()}
+    return xr.Dataset(data, {"angle": angles}, plane.record)
+
+
+@pytest.mark.parametrize("column", [False, True])
+def test_the_last_barrier_of_any_plane_names_all_circles_and_no_two_look_alike(around, column):
+    with style.sheet(column):
+        figure = draw_last_barrier(around)
+        style.finish(figure)
+        assert faults(figure) == []
+    (legend,) = figure.legends
+    named = [text.get_text() for text in legend.get_texts()]
+    shown = {text for text in around.circle.values if text}
+    assert len(named) == len(shown) + 1  # and × where there is no answer
+    assert all(any(f"{text}$" in words for words in named) for text in shown)

@@ -8,6 +8,8 @@ from oracles import KAPPA_G
 from nasm import barriers, periodic
 from nasm.numbers import parse
 from pipeline.cubes.forcings import answer, climb, labels
+from workflows.figures.tolerance import draw_tolerance
+from workflows.shared.rules import span
 from workflows.tolerance import response, study
 
 GAMMA = float(parse("gamma"))
@@ -71,17 +73,23 @@ def test_forcings_against_constant_kicks_of_the_same_strength():
     assert answer(end, KAPPA_G) < np.inf
 
 
-def said_of(measured, upper):
-    """What is found if the golden circle's loss has these exponents, and a random forcing and a
-    climb these bounds."""
+def results(measured, upper):
+    """What `study.found` and the figure take, if the golden circle's loss has these exponents, and
+    random forcings and, the last, a climb these bounds."""
     ripples = [("cosine", d, 1 + d * study.ripple(2)) for d in (1e-3, 1e-2)]
     cube = xr.Dataset(coords=labels(ripples, "")).assign(loss=("forcing", [0.02, 0.09]))
     law = {"measured": measured, "predicted": [0.64, 0.5]}
     laws = xr.Dataset({k: ("period", v) for k, v in law.items()}, {"period": [2, 3]})
     laws = laws.assign(measured_error=0.01 + 0 * laws.measured, predicted_error=0.001, orbits=9)
-    tried = xr.Dataset(coords=labels([("random", 0, [1]), ("climb", 0, [2])], ""))
+    families = (len(upper) - 1) * ["random"] + ["climb"]
+    tried = xr.Dataset(coords=labels([(family, 0, [1]) for family in families], ""))
     tried["upper"] = "forcing", study.golden() * np.array(upper)
-    return study.found(cube.assign(loss_error=0.1 * cube.loss), laws, tried)
+    tried = tried.assign_attrs(golden=study.golden())
+    return cube.assign(loss_error=0.1 * cube.loss), laws, tried
+
+
+def said_of(measured, upper):
+    return study.found(*results(measured, upper))
 
 
 def test_findings_on_ripples_are_judged_by_the_numbers():
@@ -94,3 +102,25 @@ def test_findings_on_ripples_are_judged_by_the_numbers():
     assert "holds with a caveat" in said_of([0.64, np.nan], [0.7, 0.5])
     assert "does not hold" in said_of([0.64, 0.6], [0.7, 0.5])
     assert "not decided" in said_of([np.nan, np.nan], [0.7, 0.5])
+
+
+def test_forcings_without_a_circle_at_the_strength_of_constant_kicks_are_drawn_at_it_or_below():
+    """Only one under which a barrier is left stands beyond it."""
+    for beyond in (0, 1):
+        upper = [0.7, 1.001, 1.001, *beyond * [np.inf], 1.001]
+        _, strengths = draw_tolerance(*results([0.64, 0.5], upper)).axes
+        ends = {bar: bar.get_x() + bar.get_width() for bar in strengths.patches}
+        drawn = {bar: bar.get_height() for bar, end in ends.items() if end < 1 + 1e-9}
+        assert sum(drawn.values()) == 3
+        assert sum(height for bar, height in drawn.items() if ends[bar] > 0.99) == 2
+        assert sum(bar.get_height() for bar, end in ends.items() if end > 1 + 1e-9) == beyond
+        (climbs,) = (line for line in strengths.lines if line.get_label() == "ends of climbs")
+        assert climbs.get_xdata() <= 1
+
+
+def test_what_is_not_found_and_what_is_equal_is_said_in_words():
+    said = said_of([0.64, 0.5], [0.7, 1.001])
+    assert "P = none" not in said
+    assert span(np.array([11.2, 10.8])) == "11"
+    assert span(np.array([0.1, 0.3, np.nan])) == "0.1 to 0.3"
+    assert span(np.array([np.nan])) == "unknown"

@@ -31,7 +31,7 @@ def findings(law):
     prefactor = law.prefactor.dropna("angle")
     return "\n".join([
         finding(
-            "The last circle alone resists, D = ΔW/m:",
+            "the last circle alone resists, D = ΔW/m",
             f"D is {span(ratio)} of that under {ratio.size} forcings up to twice the breakup, "
             f"and {span(first)} where it is resolved nearest to the boundary; where it is less, "
             "the cantori of other circles, which break almost together, hold back more",
@@ -40,7 +40,7 @@ def findings(law):
             ratio.size > 0,
         ),
         finding(
-            f"D ~ (s/s_c - 1)^{ETA:.3g}:",
+            f"D ~ (s/s_c - 1)^{ETA:.3g}",
             f"the exponent is {slope:.2f} ± {error:.2f} from 5% to {100 * _NEAR:.0f}%, by {rays} "
             "rays on which D is resolved there twice; that of ΔW/m has the prefactor "
             f"{span(prefactor.values)} along the boundary, largest at "

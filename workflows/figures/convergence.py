@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.ticker import LogLocator
 
-from workflows.figures.style import colour_of, mark_gaps, outer_legend, panels, power
+from workflows.figures.style import MARKERS, colour_of, mark_gaps, outer_legend, panels, power
 
 
 def draw_convergence(bias, fits):
@@ -16,14 +16,15 @@ def draw_convergence(bias, fits):
     for i, (angle, (eta, error)) in enumerate(fits.items()):
         here, label = bias.sel(angle=angle), rf"$\varphi = {angle:g}°$"
         label += rf": $\eta = {eta:.2f} \pm {error:.2f}$" if np.isfinite(eta) else ""
-        direct.plot(n, here[-1], ".", color=colour_of(i), label=label)
+        look = {"color": colour_of(i), "marker": MARKERS[i % len(MARKERS)], "ms": 3.5}
+        direct.plot(n, here[-1], ls="", label=label, **look)
         ratio = (here / here.isel(ensemble=-1)).mean("n")
-        orbits.plot(bias.ensemble, ratio, ".-", color=colour_of(i))
+        orbits.plot(bias.ensemble, ratio, **look)
     middle = float(bias[-1].median())
     for slope, style in ((2.681, ":"), (3.012, "-"), (3.322, "--")):
         guide = middle * (n / np.sqrt(n[0] * n[-1])) ** (-1 / slope)
         direct.plot(n, guide, style, color="0.6", lw=1, label=rf"$\eta = {slope}$")
-    mark_gaps(direct, n, bias[-1].isnull().any("angle").values)
+    mark_gaps(direct, n, bias[-1].isnull().any("angle").values, "no answer on some ray")
     direct.set(xscale="log", yscale="log", xlabel="steps $N$", ylabel=r"$\kappa_N/\kappa_c - 1$")
     direct.set_title(f"Direct iteration, {count[-1]} orbits")
     orbits.set(xscale="log", xlabel="orbits $M$", ylabel=f"bias over that of {count[-1]} orbits")
@@ -39,11 +40,12 @@ def convergence_caption(bias, fits):
     count, n = [int(size) for size in bias.ensemble], bias.n.values
     etas = ", ".join(f"{_fitted(*fit)} at {angle:g}°" for angle, fit in fits.items())
     return (
-        f"Bias against effort on rays at {', '.join(f'{angle:g}°' for angle in fits)}, in parts "
-        "of the breakup by residues: the excess over the breakup from "
-        f"which on some of {count[-1]} orbits escapes within N ≤ {int(n[-1])} steps falls like "
-        f"N^(-1/η), with η = {etas}; grey: the paper's η and renormalisation's, 3.012. (b): how "
-        "much larger it is with fewer orbits."
+        f"Bias against effort on rays at {', '.join(f'{angle:g}°' for angle in fits)}, relative "
+        "to the breakup by residues: the smallest excess over the breakup at which at least one "
+        f"of {count[-1]} orbits escapes within N ≤ {int(n[-1])} steps falls like N^(-1/η), with "
+        f"η = {etas} (errors of the fit alone; excesses are on a grid, and rays differ by more); "
+        "grey: the paper's η and renormalisation's, 3.012. (b): how much larger it is with fewer "
+        "orbits."
     )
 
 

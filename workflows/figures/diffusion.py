@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.colors import LogNorm
 
-from workflows.figures.style import INSIDE, circle_style, colour_of, panels
+from workflows.figures.style import INSIDE, MARKERS, colour_of, in_column, legend_below, panels
 
 _UNRESOLVED = "0.6"
 
@@ -14,7 +14,7 @@ def draw_diffusion(law):
     _draw_plane(plane, law)
     for i, angle in enumerate(law.angle.values[:: max(1, law.angle.size // 4)]):
         here, look = law.sel(angle=angle), {"color": colour_of(i)}
-        style = circle_style(here.circle.item(), 1) | look | {"ls": "", "ms": 4}
+        style = look | {"ls": "", "ms": 4, "marker": MARKERS[i]}
         label = rf"$\varphi = {angle:g}°$"
         along.errorbar(law.excess, here.diffusion, here.error, label=label, **style)
         here.one_cantorus.dropna("excess").plot(ax=along, lw=1, **look)
@@ -22,7 +22,7 @@ def draw_diffusion(law):
     along.set(xscale="log", yscale="log", xlim=(0.04, 4), ylim=(1e-7, None))
     along.set(xlabel=r"distance beyond the breakup, $x = s/s_c - 1$", ylabel="$D$")
     along.set_title("From the boundary outwards")
-    along.legend(fontsize="small")
+    legend_below(along, 3, 2)
     return figure
 
 
@@ -50,14 +50,18 @@ def _draw_plane(axes, law):
     decades, field = 10.0 ** np.arange(np.ceil(low), high), np.ma.masked_invalid(D)
     look = {"norm": LogNorm(levels[0], levels[-1]), "cmap": "inferno", "extend": "max"}
     image = axes.contourf(kappa1, kappa2, field, levels, **look)
-    axes.contour(kappa1, kappa2, field, decades, colors="white", linewidths=0.6, alpha=0.7)
-    bar = axes.figure.colorbar(image, ax=axes, fraction=0.046, pad=0.03, ticks=decades)
+    axes.contour(kappa1, kappa2, field, decades, colors="white", linewidths=0.8)
+    axes.plot(kappa1[np.isfinite(D)], kappa2[np.isfinite(D)], ".", color="white", ms=3, mec="0.3")
+    where = {"location": "top", "aspect": 40} if in_column() else {"fraction": 0.046, "pad": 0.03}
+    bar = axes.figure.colorbar(image, ax=axes, ticks=decades, **where)
     bar.set_label("$D$ (squares of $y$ a period)")
     edge = [kappa[:, 0] / (1 + law.excess.values[0]) for kappa in (kappa1, kappa2)]
-    axes.fill(*(np.append(part, 0) for part in edge), color=INSIDE)
+    axes.fill(*(np.append(part, 0) for part in edge), color=INSIDE, label="a barrier, $D = 0$")
     axes.fill([], [], color=_UNRESOLVED, label="too slow, or no $D$")
     axes.plot(*edge, color=colour_of(3), lw=1.6, label=r"$\mathit{CB}_\mathrm{gt}$")
-    axes.text(0.05 * reach, 0.06 * reach, "a barrier: $D = 0$", size="x-small")
+    powers = {"edgecolor": "0.6", "facecolor": "white", "label": "white lines: powers of 10"}
+    axes.fill([], [], **powers, lw=0.8)
+    axes.plot([], [], ".", color="white", ms=5, mec="0.3", label="computed; between, interpolated")
     axes.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$", xlim=(0, reach), ylim=(0, reach))
     axes.set(title="Diffusion of momentum", facecolor=_UNRESOLVED, aspect="equal")
-    axes.legend(loc="upper right", fontsize="small")
+    legend_below(axes, 2, 2)

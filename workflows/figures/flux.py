@@ -2,21 +2,25 @@
 
 import numpy as np
 
-from workflows.figures.style import circle_class, circle_style, mark_gaps, outer_legend, panels
+from workflows.figures.style import circle_class, circle_style, key, outer_legend, panels
 
 
 def draw_flux(fluxes, fits):
     """Draw the flux against the distance beyond the breakup, and divided by the power law."""
     figure, (whole, divided) = panels(1, 2, 12, 5)
     x, eta = fluxes.excess.values, fits.attrs["predicted_exponent"]
+    bottom = {"transform": divided.get_xaxis_transform(), "ls": "", "mfc": "none"}
     for i, angle in enumerate(fluxes.angle.values):
         flux, fit = fluxes.flux.sel(angle=angle).values, fits.sel(angle=angle)
-        tie = r" (tied with $1 - \omega$)" if angle % 90 == 0 else ""
+        tie = r" and $1 - \omega$" if angle % 90 == 0 else ""
         label = rf"$\varphi = {angle:g}°$, $\omega = {circle_class(fit.circle.item())}${tie}"
         style = circle_style(fit.circle.item(), 1) | {"ms": 3.5, "lw": 1, "marker": "osD^v"[i % 5]}
         whole.plot(x, flux, label=label, **style)
         divided.plot(x, flux / x**eta, **style)
-    mark_gaps(divided, x, fluxes.flux.isnull().any("angle").values)
+        silent = np.isnan(flux)
+        divided.plot(x[silent], np.full(silent.sum(), 0.03 * (i + 1)), **style | bottom)
+    if fluxes.flux.isnull().any():
+        key(divided, {"o": "hollow, at the bottom: no answer"}, "o")
     middle = np.nanmedian(fluxes.flux / fluxes.excess**eta)
     fitted = fits.exponent.dropna("angle")
     law = r"$\propto x^\eta$"
@@ -27,13 +31,6 @@ def draw_flux(fluxes, fits):
     whole.set_ylabel(r"$\Delta W$ per step (turns $\times$ $y$)")
     outer_legend(figure, 3)
     divided.set(title=rf"The same, divided by $x^{{{eta:.4f}}}$", ylim=(0, None))
-    if {0.0, 45.0} <= set(fluxes.angle.values.tolist()):
-        ratio = float(fits.amplitude.sel(angle=45) / fits.amplitude.sel(angle=0))
-        words = (
-            f"45° is {ratio:.3f} times 0°, as both are\nstandard maps: at 45° a step is two\n"
-            "of its steps (twice the area), at 0° one,\nwith $2y$ for its $y$ (half the area)"
-        )
-        divided.text(0.03, 0.55, words, transform=divided.transAxes, va="center", fontsize="small")
     divided.set_ylabel(rf"$\Delta W / x^{{{eta:.4f}}}$")
     for axes in (whole, divided):
         axes.set(xscale="log", xlabel=r"distance beyond the breakup, $x = s/s_c - 1$")
@@ -48,10 +45,18 @@ def flux_caption(fluxes, fits):
         else f"no fit at {angle:g}°, for lack of distances"
         for angle, row in fits.to_dataframe().iterrows()
     )
+    ratio, silent = np.nan, int(fluxes.flux.isnull().sum())
+    if {0.0, 45.0} <= set(fluxes.angle.values.tolist()):
+        ratio = float(fits.amplitude.sel(angle=45) / fits.amplitude.sel(angle=0))
+    alike = (
+        f" C at 45° is {ratio:.3f} times that at 0°, as both are standard maps: at 45° a step is "
+        "two of its steps (twice the area), at 0° it is one, with 2y for its y (half the area)."
+    )
     return (
         "Area that passes through the remains of the last circle in one step, the difference in "
         "action of minimax and minimizing orbits of periods up to "
         f"{fluxes.attrs['q_max']}, against the distance beyond the breakup. Fits of "
         f"ΔW = C·x^η·exp(bx + cx²) up to x = 3%: {laws} (errors of the fit alone). Renormalisation "
         f"predicts {fits.attrs['predicted_exponent']} for noble circles."
+        f"{alike if np.isfinite(ratio) else ''} No answer at {silent} of {fluxes.flux.size} points."
     )

@@ -17,10 +17,9 @@ def draw_patterns(cube):
     golden = style.of_family(cube, CONSTANT).critical_scale.item()
     _draw_pairs(spacing, style.of_family(cube, PAIRS), golden)
     _draw_others(others, cube)
-    at = {"transform": others.get_yaxis_transform(), "ha": "right", "va": "bottom"}
-    others.text(0.99, 1.02 * golden, r"constant kicks, $\kappa_G$", size="small", **at)
     for axes in (spacing, others):
-        axes.axhline(golden, color="0.4", lw=1, ls=":")
+        axes.axhline(golden, color="0.4", lw=1, ls=":", label=r"$\kappa_G$ of constant kicks")
+        style.legend_below(axes, 2)
     return figure
 
 
@@ -33,31 +32,28 @@ def _draw_pairs(axes, pairs, golden):
     for kind, label in enumerate(("1/P$, $P$ even", "1/P$, $P$ odd", "p/P$")):
         here, colour = np.equal(kinds, kind), style.colour_of((0, 4, 2)[kind])
         look = {"color": colour, "ms": 4.5, "label": rf"$\varepsilon = {label}"}
-        axes.plot(ε[here], K[here], "osD"[kind], **look)
-    for x, y, f in zip(ε, K, fractions, strict=True):
-        if f.numerator == 1 and f.denominator < 6:
-            axes.annotate(f"{f}", (x, y), (-6, -12), textcoords="offset points", size="small")
-    axes.text(1 / 75, golden * 1.02, r"$\kappa_G$", size="small")
+        if here.any():
+            axes.plot(ε[here], K[here], "osD"[kind], **look)
     axes.set(xscale="log", yscale="log", xlim=(1 / 80, 0.62), title="Pairs of kicks")
     axes.set(xlabel=r"spacing $\varepsilon$ of a pair, in periods", ylabel=r"$K_c$")
     axes.margins(y=0.08)
     _ticks(axes.yaxis, [1, 2, 3, 4, 6, 8])
     _ticks(axes.xaxis, [1 / 2**n for n in range(1, 7)], [f"1/{2**n}" for n in range(1, 7)])
-    axes.legend(fontsize="small")
 
 
 def _draw_others(axes, cube):
     bursts = style.of_family(cube, BURSTS).sortby("period")
     kicked = bursts.groupby((bursts.parameter * bursts.period).round().astype(int).rename("n"))
-    lines = [(family, style.of_family(cube, family)) for family in (SIGNS, FLIPS)]
+    words = {SIGNS: "one sign of $P$ flipped", FLIPS: "flipped every $M = P/2$ kicks"}
+    lines = [(words[family], style.of_family(cube, family)) for family in words]
     for i, (label, here) in enumerate([*lines, *((f"bursts of {n} kicks", x) for n, x in kicked)]):
         look = {"marker": "os^vD*P"[i % 7], "ms": 5, "lw": 1, **style.line_of(i)}
         axes.plot(here.period, here.middle, label=label, **look)
-    axes.set(yscale="log", xlabel="kicks, or places for them, in a period", ylabel=r"$\kappa_c$")
+    axes.set(yscale="log", xlabel="kicks, or places for them, in a period, $P$")
+    axes.set_ylabel(r"$\kappa_c$")
     _ticks(axes.yaxis, [0.1, 0.2, 0.5, 1])
     axes.xaxis.get_major_locator().set_params(integer=True)
     axes.set_title("Signs and bursts")
-    axes.legend(fontsize="small", loc="upper right", bbox_to_anchor=(1, 0.94))
 
 
 def _ticks(axis, values, labels=None):

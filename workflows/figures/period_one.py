@@ -1,17 +1,18 @@
 """Period-one orbits, Figs. 3 and 4."""
 
+import numpy as np
 from matplotlib.colors import LogNorm
 
-from workflows.figures.style import VERMILION, panels
+from workflows.figures.style import VERMILION, outer_legend, panels
 
 
 def draw_primary_points(primary):
     """Draw where the four primary period-one points are stable, Fig. 3."""
     figure, drawn = panels(2, 2, 8, 8.4, stack=False, sharex=True, sharey=True)
-    stable = _is_stable(primary)
-    for axes, here, point in zip(drawn, stable, primary.point.values, strict=True):
-        axes.contourf(primary.kappa1, primary.kappa2, here, levels=[0.5, 1.5], colors=[VERMILION])
+    for axes, here, point in zip(drawn, primary.residue, primary.point.values, strict=True):
+        axes.contourf(primary.kappa1, primary.kappa2, here, levels=[0, 1], colors=[VERMILION])
         axes.set(title=f"$(x, y) = {point}$", aspect="equal")
+        axes.locator_params(nbins=5, integer=True)
         axes.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$")
         axes.label_outer()
         axes.axhline(0, color="0.7", lw=0.6)
@@ -46,16 +47,37 @@ def draw_secondary_points(secondary):
     place = shown.kappa1, shown.kappa2
     image = axes.pcolormesh(*place, error, norm=LogNorm(vmin=1e-4, vmax=3), cmap="viridis")
     figure.colorbar(image, ax=axes, label=r"error of the cubic estimate of $z_*$ (radians)")
-    stable = _is_stable(shown)
+    border = np.linspace(2.01, float(shown.kappa1.max()), 1000)  # R of (1/2, 0) is 0
+    birth, ends = 2 * border / (border - 2), {"xlim": axes.get_xlim(), "ylim": axes.get_ylim()}
+    # The cells end in steps there, where the error goes to 0.
+    axes.fill_between(border, birth, ends["ylim"][1], color=image.cmap(0), lw=0, zorder=0.5)
+    axes.fill_between(border, 0, birth, color="white", lw=0, zorder=1.5)
+    axes.plot(border, birth, color="0.5", lw=1, label="where they are born")
+    axes.set(**ends)
     # Dense lines: a coarse hatch is lost in the narrow second region, κ1 = κ2 > 5.
-    axes.contourf(*place, stable, levels=[0.5, 1.5], colors="none", hatches=["//////"])
-    axes.contour(*place, stable, levels=[0.5], colors="black", linewidths=1.2)
+    square = _square_of_residue(shown)
+    axes.contourf(*place, square, levels=[0, 1], colors="none", hatches=["//////"])
+    axes.contour(*place, square, levels=[0, 1], colors="black", linewidths=1.2)
     look = {"facecolor": "none", "edgecolor": "black", "hatch": "//////"}
     axes.fill_between([], [], [], label="stable", **look)
+    axes.fill_between([], [], [], label="white: there are none", facecolor="white", edgecolor="0.7")
     axes.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$", aspect="equal")
     axes.set_title("Secondary period-one orbits next to $(1/2, 0)$")
-    axes.legend(loc="lower left")
+    outer_legend(figure, 2, 2)
     return figure
+
+
+def _square_of_residue(secondary):
+    """Return R², to be contoured; dims (kappa2, kappa1).
+
+    Where a pair of orbits is born nearer to (1/2, 0), one of them takes over: R jumps to 0, and R²
+    grows linearly from there. It is continued backwards by a cell, so that its zero is seen.
+    """
+    square = secondary.residue.values**2
+    continued = 2 * square[:, 2:-1] - square[:, 3:]
+    row, before = np.nonzero((square[:, 1:-2] > 1) & (continued < 0))
+    square[row, before + 1], square[row, before] = continued[row, before], np.nan
+    return square
 
 
 def secondary_caption(secondary):

@@ -1,6 +1,15 @@
 """Phase portraits, Figs. 1 and 2, and their captions."""
 
-from workflows.figures.style import COLOURS, VERMILION, canvas, colour_of, dots, in_column, panels
+from workflows.figures.style import (
+    COLOURS,
+    VERMILION,
+    canvas,
+    colour_of,
+    dots,
+    in_column,
+    outer_legend,
+    panels,
+)
 
 _KICKS_SHOWN = 80
 
@@ -25,11 +34,10 @@ def draw_kicks(portraits):
     time.plot(kick[:_KICKS_SHOWN], around[:_KICKS_SHOWN], color="0.75", lw=0.6, zorder=0)
     time.set(xlabel="kick $n$", ylabel=r"$\hat x_n$", ylim=(-0.25, 0.75))
     time.set_title("The orbit of (d) in time")
-    if not in_column():
-        island.legend(title="kicks", markerscale=3, loc="upper center", ncols=2)
     island.set_title(rf"its orbit of $({around[0]:g}, {y[0]:g})$, zoomed in $y$")
-    island.set(xlabel=r"$\hat x$", ylabel="$y$", xlim=(-0.25, 0.75), box_aspect=1)
-    island.margins(y=0.3)
+    island.set(xlabel=r"$\hat x$: $x$ in $[-1/4, 3/4)$", ylabel="$y$", box_aspect=1)
+    island.set(xlim=(-0.25, 0.75))
+    outer_legend(figure, 2, 2, title="(d) and (e): kicks", markerscale=3)
     return figure
 
 
@@ -63,6 +71,11 @@ def draw_symmetry(portraits):
         title = rf"$(\kappa_1, \kappa_2) = {_forcing(here)}$"
         _draw_cell(axes, here.marked_x, here.marked_y, title, 3.5)
         axes.label_outer()
+    first = portraits.isel(forcing=0, step=0)
+    for i, (x, y) in enumerate(zip(first.marked_x.values, first.marked_y.values, strict=True)):
+        drawn[0].plot([], [], label=f"orbit of $({x:g}, {y:g})$ in (a)", **dots(colour_of(i), 9))
+    figure.suptitle("One portrait moved by symmetries; orbits in colours are images of each other")
+    outer_legend(figure, 3, 2)
     return figure
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from workflows.figures.style import COLOURS, VERMILION, panels
+from workflows.figures.style import COLOURS, VERMILION, outer_legend, panels
 
 _CURVE = 90  # rays around the plane, from which on they are joined
 _SIDES = {
@@ -17,18 +17,20 @@ def draw_proved_boundary(barrier):
     figure, (plane, near) = panels(1, 2, 12, 5.4)
     direction = [barrier[name] / barrier.critical_scale for name in ("kappa1", "kappa2")]
     curve = "-" if barrier.angle.size >= _CURVE else "+"
-    plane.plot(barrier.kappa1, barrier.kappa2, curve, color="0.6", lw=0.8)
+    words = r"$\mathit{CB}_{gt}$ by residues"
+    plane.plot(barrier.kappa1, barrier.kappa2, curve, color="0.6", lw=0.8, label=words)
+    quadrant = barrier.sel(angle=slice(0, 90))
     for side, (label, colour, form) in _SIDES.items():
         scale = barrier[f"proved_{side}"]
-        plane.plot(*(scale * part for part in direction), ".", color=colour, ms=3)
-        distance = abs(scale / barrier.critical_scale - 1)
-        near.plot(barrier.angle, distance, form, color=colour, ms=3, lw=0.8, label=label)
+        plane.plot(*(scale * part for part in direction), form[0], color=colour, ms=2)
+        distance = abs(quadrant[f"proved_{side}"] / quadrant.critical_scale - 1)
+        near.plot(quadrant.angle, distance, form, color=colour, ms=3, lw=0.8, label=label)
     plane.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$", aspect="equal")
     plane.set_title("Forcings that are proved")
     near.set(yscale="log", xlim=(0, 90), xticks=range(0, 91, 15))
     near.set(xlabel=r"angle $\varphi$ of the ray (degrees)", ylabel=r"$|s/s_c - 1|$")
     near.set_title("How far from the breakup; other angles are images")
-    near.legend(loc="center", bbox_to_anchor=(0.5, 0.62))
+    outer_legend(figure, 4)
     return figure
 
 

@@ -4,34 +4,37 @@ import re
 
 import numpy as np
 
-from workflows.figures.style import colour_of, key, panels
+from workflows.figures.style import colour_of, key, legend_below, panels
 
 
 def draw_ramp(ramp, lives):
     """Draw when graphs are lost and orbits cross, by rate and smoothness."""
     figure, (kicks, smooth) = panels(1, 2, 13, 5)
-    rows = {"graphs": ramp.lost, "first of 64 orbits across": ramp.escaped}
+    rows = {
+        "no invariant graph left (converse KAM)": ramp.lost,
+        "first of 64 orbits is across": ramp.escaped,
+    }
     for i, (label, row) in enumerate(rows.items()):
         exponent, dash = ramp.attrs["exponents"][i], ("--", ":")[i]
         kicks.plot(ramp.rate, row, "o^"[i], color=colour_of(2 * i), ms=4, label=label)
         law = float((row * ramp.rate**exponent).median()) * ramp.rate**-exponent
-        words = rf"$\propto r^{{-{exponent:.3f}}}$, foreseen"
+        words = rf"$\propto r^{{-{exponent:.3f}}}$, predicted"
         kicks.plot(ramp.rate, law, dash, color="0.4", lw=0.9, label=words)
     kicks.set(xscale="log", yscale="log", title="Kicks that grow through the breakup")
     kicks.set(xlabel=r"growth $r$ of $\kappa$ per kick", ylabel=r"kicks after $\kappa_G$")
-    kicks.legend(fontsize="small")
+    legend_below(kicks, 2, 1)
     _draw_lives(smooth, lives)
     return figure
 
 
 def ramp_caption(lives, findings):
     return (
-        "Kicks κ_G + r·n: the kick after κ_G by which converse KAM denies every family of graphs, "
-        "by the line that does so first, and the first by which one of 64 orbits is past all "
-        "circles. (b) Kicks "
-        f"0.3·(1 + ripple·f_n): how long graphs last, of {lives.attrs['kicks'] // 2} kicks, and, "
-        f"hollow, when the first of 64 orbits is past all circles, of {20 * lives.attrs['kicks']}; "
-        "▲: longer than that. Graphs are denied as far as searches see, and curves that fold are "
+        "(a) Kicks κ_G + r·n: the kick after κ_G by which converse KAM leaves no family of "
+        "invariant graphs, on the line where that is soonest, and the first by which one of 64 "
+        "orbits is past all circles. (b) Kicks "
+        f"0.3·(1 + ripple·f_n): the same, filled within {lives.attrs['kicks'] // 2} kicks, and "
+        f"hollow within {20 * lives.attrs['kicks']}; triangles are lower bounds, still there at "
+        "the end of the run. Graphs are excluded as far as searches see, and curves that fold are "
         f"not; orbits that cross settle both.\n{findings}"
     )
 
@@ -46,9 +49,10 @@ def _draw_lives(axes, lives):
                 y = np.minimum(values, end)[there]
                 axes.plot(x[there], y, mark, ms=4.5, mfc=fill, color=colour_of(i))
         axes.plot([], [], "o", ms=4.5, color=colour_of(i), label=f"ripple {ripple:g}")
-    key(axes, {"o": "until an orbit is across", "^": "longer than that"}, "o")
+    key(axes, {"o": "no graph left"})
+    key(axes, {"o": "an orbit is across", "^": "triangles: still there at the end"}, "o^")
     axes.set(yscale="log", ylabel="kicks", title="Smooth forcings keep barriers")
     words = [re.sub(r"k\^(-\d)", r"$f_k\\sim k^{\1}$", name) for name in names]
     axes.set_xticks(range(len(names)), words, rotation=40, ha="right")
-    axes.legend(fontsize="small", loc="lower left")
     axes.grid(lw=0.3, axis="y")
+    legend_below(axes, 3, 2)

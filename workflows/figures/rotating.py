@@ -79,7 +79,7 @@ def _plane(title, two, direct, scale, inner):
     if angles.size:
         silent = two.sel(angle=np.unique(angles), method="nearest")
         look = {"ls": "", "marker": "x", "color": "0.3", "ms": 5, "zorder": 4}
-        axes.plot(*outline(silent), label="no answer on this ray", **look)
+        axes.plot(*outline(silent), label="a curve without an answer on this ray", **look)
     axes.set(xlabel=r"$\bar\kappa$", ylabel=r"$\Delta\kappa$", aspect="equal", title=title)
     return figure, parts
 
@@ -120,7 +120,6 @@ def _tips(axes, inner):
     right, top = axes.inset_axes([0.7, 0.7, 0.27, 0.27]), axes.inset_axes([0.06, 0.7, 0.27, 0.27])
     along, across = (inner, 1), ((inner - 1) / 2, (1 - inner) / 2)
     for tip, x, y in ((right, along, across), (top, across, along)):
-        tip.set(xlim=x, ylim=y, xticks=x, yticks=y)
-        tip.tick_params(labelsize="x-small", direction="in", pad=2)
+        tip.set(xlim=x, ylim=y, xticks=[], yticks=[])  # the frame that it is zoomed from has them
         axes.indicate_inset_zoom(tip, edgecolor="0.4", lw=0.6)
     return right, top

@@ -8,6 +8,7 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.text import Text
+from matplotlib.transforms import Bbox, ScaledTranslation, blended_transform_factory
 from pandas import Series
 
 from nasm.numbers import NAMES, moebius, parse
@@ -20,8 +21,10 @@ VERMILION = "#D55E00"  # what stands out; the colour of no circle
 INSIDE, NO_ESCAPE = "0.84", "0.95"
 """Greys: where a barrier is left, and where none is left but nothing escapes."""
 
-MARKERS = "o^sDv"
+MARKERS = "o^sDvP*<>X"
 _DASHES = ["-", (0, (5, 1.2)), (0, (6, 1.2, 1.2, 1.2)), (0, (2, 1)), (0, (6, 1, 1, 1, 1, 1))]
+_DASHES += [(0, (9, 2)), (0, (1, 1)), (0, (9, 2, 1, 2)), (0, (4, 1, 4, 3)), (0, (3, 1, 1, 1))]
+_KINDS = 5  # the markers and dashes that a circle has by itself; the others are for those alike
 
 
 def colour_of(i):
@@ -49,13 +52,44 @@ def circle_style(text, whole=0):
     omega = parse(circle_class(text, whole))
     first, *quotients = omega.prefix
     steps = sum(a - 1 for a in quotients) - sum(b - 1 for b in omega.tail)
-    kind = (first + len(quotients) + (omega.tail != (1,))) % len(MARKERS)
-    return {"color": colour_of(steps), "marker": MARKERS[kind], "ls": _DASHES[kind]}
+    return _look(steps, (first + len(quotients) + (omega.tail != (1,))) % _KINDS)
+
+
+def _look(colour, kind):
+    return {"color": colour_of(colour), "marker": MARKERS[kind], "ls": _DASHES[kind]}
+
+
+def circle_styles(circles, whole=0):
+    """Return {ω: its style} of all circles of a figure, no two alike in colour and marker, nor in
+    colour and dash.
+
+    circles : texts of ω, "" where it is not known; of a circle and its image the class is named.
+    The shortest text has the look of `circle_style`; one that would look the same has another
+    marker and dash, or else another colour. The order is that of ω.
+    """
+    own = {
+        text: circle_style(text, whole) for text in {circle_class(each, whole) for each in circles}
+    }
+    styles = {}
+    for text in sorted(own, key=lambda text: (len(text), text)):
+        if own[text] not in styles.values():
+            styles[text] = own[text]
+    free = [_look(colour, kind) for colour in range(len(COLOURS)) for kind in range(len(MARKERS))]
+    free = [look for look in free if look not in styles.values()]
+    for text in sorted(own.keys() - styles.keys()):
+        free.sort(key=lambda look: look["color"] != own[text]["color"])
+        styles[text] = free.pop(0) if free else own[text]
+    return {text: styles[text] for text in sorted(styles, key=_omega)}
+
+
+def _omega(text):
+    return float(parse(text)) if text else np.inf
 
 
 COLUMN = 3.4  # inches, the width of a column of a journal
 _SMALLEST = 6.5  # points, of a text in a column
 _TALLEST = 0.65  # of the width, each of several panels in a column
+_MARGIN = 0.04  # inches around a figure
 
 
 _PLAIN = {key: value for key, value in matplotlib.rcParamsDefault.items() if key != "backend"}
@@ -99,11 +133,39 @@ def key(axes, marks, hollow=""):
         axes.plot([], [], mark, color="0.4", mfc=inside, lw=1, label=words)
 
 
+def name_circles(axes, styles, **more):
+    """Add circles to the legend, of `circle_styles`, by their markers."""
+    for text, style in styles.items():
+        label = rf"$\omega = {text}$" if text else r"$\omega$ not known"
+        axes.plot([], [], label=label, **style | {"ls": "", "mew": 0.5} | more)
+
+
+def legend_below(axes, columns=2, in_column_columns=1, **style):
+    """Write the legend of one of several panels below it; its labels and ticks are made before."""
+    figure, columns = axes.figure, in_column_columns if in_column() else columns
+    ticks = axes.bbox.y0 - axes.xaxis.get_tightbbox().y0  # and the label, in pixels
+    below = ScaledTranslation(0, -ticks / figure.dpi - 0.05, figure.dpi_scale_trans)
+    across = figure.transFigure if in_column() else axes.transAxes
+    place = blended_transform_factory(across, axes.transAxes) + below
+    style = {"fontsize": "small", "ncols": columns, "borderaxespad": 0, **style}
+    where = {"loc": "upper center", "bbox_to_anchor": (0.5, 0), "bbox_transform": place}
+    _make_room(axes.legend(**where, **style))
+
+
 def outer_legend(figure, columns, in_column_columns=1, where="lower", **style):
     """Write the figure's legend below it, or above, in so many columns of entries."""
     columns = in_column_columns if in_column() else columns
     style = {"fontsize": "small", **style}
-    figure.legend(loc=f"outside {where} center", ncols=columns, **style)
+    _make_room(figure.legend(loc=f"outside {where} center", ncols=columns, **style))
+
+
+def _make_room(legend):
+    """Let a column be higher by its legend, so that panels are not lower for it."""
+    figure = legend.get_figure(root=True)
+    if in_column():
+        figure.set_figheight(
+            figure.get_figheight() + legend.get_window_extent().height / figure.dpi
+        )
 
 
 def save(figure, out, name, caption="", kinds=("png", "pdf")):
@@ -112,22 +174,12 @@ def save(figure, out, name, caption="", kinds=("png", "pdf")):
     Those for a column are NAME_column.png and so on. Several panels are lettered. Returns the paths
     of the pictures, which carry the caption too.
     """
-    letter(figure)
-    if in_column():  # titles are left to the caption, and no text is too small to read
-        figure.suptitle("")
-        for axes in figure.axes:
-            axes.set_title("")
-        for text in figure.findobj(Text):
-            text.set_fontsize(max(text.get_fontsize(), _SMALLEST))
-    figure.set_dpi(300 if in_column() else 200)
-    if layout := figure.get_layout_engine():
-        layout.execute(figure)  # once; savefig would draw all for it, for each picture
-        figure.set_layout_engine("none")
+    box = finish(figure)
     name += "_column" * in_column()
     paths = [f"{out}/{name}.{kind}" for kind in kinds]
     for path in paths:
         key = "Subject" if path.endswith("pdf") else "Description"
-        figure.savefig(path, dpi=figure.dpi, metadata={key: caption})
+        figure.savefig(path, dpi=figure.dpi, bbox_inches=box, metadata={key: caption})
     if caption:
         Path(f"{out}/{name}.txt").write_text(f"{caption}\n", encoding="utf-8")
     return paths
@@ -144,6 +196,67 @@ def drawn(draw, out, name, caption="", kinds=("png", "pdf"), column=False):
     except Exception as error:  # whatever it is, it does not stop what else is to be told
         reason = str(error).strip().partition("\n")[0] or type(error).__name__
         return [], f"figure {name} could not be drawn: {reason}"
+
+
+def finish(figure):
+    """Letter and lay out a figure, once, as savefig would for each picture.
+
+    Returns what is saved of it, a Bbox in inches.
+    """
+    letter(figure)
+    if in_column():  # titles are left to the caption, and no text is too small to read
+        figure.suptitle("")
+        for axes in figure.axes:
+            axes.set_title("")
+        for text in figure.findobj(Text):
+            text.set_fontsize(max(text.get_fontsize(), _SMALLEST))
+    figure.set_dpi(300 if in_column() else 200)
+    _show_whole_markers(figure)
+    if layout := figure.get_layout_engine():
+        layout.execute(figure)
+        figure.set_layout_engine("none")
+    _close_up(figure)
+    return frame(figure)
+
+
+def _show_whole_markers(figure):
+    """Let no marker be cut by an axis where all points of a line lie in what is shown."""
+    for axes in figure.axes:
+        for line in axes.lines:
+            if line.get_transform() == axes.transData and _is_within(axes, *line.get_data()):
+                line.set_clip_on(False)
+
+
+def _close_up(figure):
+    """Move outer legends to the axes, which do not fill their place if their scales are equal."""
+    boxes = [axes.get_tightbbox() for axes in figure.axes]
+    for legend in figure.legends:
+        box, gap = legend.get_window_extent(), figure.dpi / 20
+        if box.y1 <= (low := min(box.y0 for box in boxes)):
+            y, loc = low - gap, "upper center"
+        elif box.y0 >= (high := max(box.y1 for box in boxes)):
+            y, loc = high + gap, "lower center"
+        else:
+            continue
+        legend.set_loc(loc)
+        legend.set_bbox_to_anchor((0.5, y / figure.bbox.height), figure.transSubfigure)
+
+
+def frame(figure):
+    """Return what is saved of a figure that is laid out, in inches: all of it, with nothing blank
+    around it, as where axes of equal scales do not fill their place. A column keeps its width."""
+    box = figure.get_tightbbox().padded(_MARGIN)
+    return Bbox.from_extents(0, box.y0, COLUMN, box.y1) if in_column() else box
+
+
+def _is_within(axes, x, y):
+    """Whether there are points, and all of them lie in the part of the plane that is shown."""
+    shown = []
+    for values, ends in ((x, axes.get_xlim()), (y, axes.get_ylim())):
+        values = np.asarray(values, dtype=float)
+        values = values[np.isfinite(values)]
+        shown.append((values >= min(ends)) & (values <= max(ends)))
+    return all(each.size and each.all() for each in shown)
 
 
 def letter(figure):
@@ -190,22 +303,19 @@ def arcs(angle, names):
     return shares.sort_values(ascending=False, kind="stable")
 
 
-def draw_points(axes, x, y, circles, whole=0, size=3, **style):
-    """Draw points (x, y), each as `circle_style` has its circle."""
-    looks = [circle_style(text, whole) for text in circles]
-    for color, marker in dict.fromkeys((look["color"], look["marker"]) for look in looks):
-        here = [(look["color"], look["marker"]) == (color, marker) for look in looks]
-        dots = {"color": color, "marker": marker, "ls": "", "mew": 0.5, **style}
-        dots["ms"] = size / 2 if in_column() else size
+def draw_points(axes, x, y, classes, styles, size=3, **more):
+    """Draw points (x, y), each as `styles`, of `circle_styles`, has the class of its circle."""
+    for text, style in styles.items():
+        here = np.equal(classes, text)
+        dots = style | {"ls": "", "mew": 0.5, "ms": size / 2 if in_column() else size, **more}
         axes.plot(np.asarray(x)[here], np.asarray(y)[here], **dots)
 
 
-def mark_gaps(axes, x, silent):
-    """Mark by × at the bottom where a method has no answer, and say so."""
+def mark_gaps(axes, x, silent, label="no answer", color="0.3"):
+    """Mark by × at the bottom, and in the legend, where a method has no answer."""
     if np.any(silent):
         where = {"transform": axes.get_xaxis_transform(), "ls": "", "marker": "x", "ms": 5}
-        axes.plot(x[silent], np.full(np.sum(silent), 0.02), color="0.3", **where)
-        axes.text(0.01, 0.04, "×: no answer", transform=axes.transAxes, size="x-small")
+        axes.plot(x[silent], np.full(np.sum(silent), 0.03), color=color, label=label, **where)
 
 
 def power(n):

@@ -20,6 +20,7 @@ def draw_three_kicks(three, two):
         left, right = figure.subfigures(1, 2, width_ratios=[1.05, 1])
     plane, strips = left.subplots(), right.subplots(len(exact), sharex=True, squeeze=False)[:, 0]
     circles = three.circle.transpose("phase", "angle").values  # κ and -κ are alike, ω is not
+    styles = style.circle_styles(circles.ravel())
     label = r"$\mathit{CB}_{gt}$ of $T$ ($\Omega = 1/2$)"
     planes.fill_inside(plane, two, edgecolor="black", lw=1, label=label)
     for i, strip in enumerate(strips):
@@ -27,20 +28,20 @@ def draw_three_kicks(three, two):
         plane.plot(*planes.outline(curve), color="0.6", lw=0.6)
         for sign in (1, -1):
             points = sign * curve.kappa_mean, sign * curve.kappa_amplitude
-            style.draw_points(plane, *points, circles[i], zorder=3)
+            style.draw_points(plane, *points, circles[i], styles, zorder=3)
         strip.axhline(1, color="black", lw=1)
         angle, ends = curve.angle.values, (curve.ratio_lower.values, curve.ratio_upper.values)
-        shades = [style.circle_style(text)["color"] for text in circles[i]]
+        shades = [styles[text]["color"] for text in circles[i]]
         strip.vlines(angle, *ends, colors=shades, lw=2)
-        style.draw_points(strip, angle, curve.ratio, circles[i])
+        style.draw_points(strip, angle, curve.ratio, circles[i], styles)
         open_side = np.isnan(curve.ratio.values)
         strip.plot(angle[open_side], ends[1][open_side], "v", color="0.3", ms=4, mfc="none")
         style.mark_gaps(strip, angle, open_side & np.isnan(ends[1]))
         strip.grid(lw=0.3)
-        strip.text(0.01, 0.08, rf"$\varphi_0 = {exact[i]}$", transform=strip.transAxes)
-    last = circles.ravel()  # of all rays and phases
-    for text in style.longest_arcs(np.arange(last.size), last):
-        plane.plot([], [], label=rf"$\omega = {text}$", **style.circle_style(text) | {"ls": ""})
+        strip.set_ylabel(rf"$\varphi_0 = {exact[i]}$")
+    style.name_circles(plane, {text: look for text, look in styles.items() if text})
+    if three.ratio.isnull().any():
+        style.key(plane, {"v": "converse KAM alone", "x": "no answer"}, "v")
     plane.set(xlabel=r"$\bar\kappa$", ylabel=r"$\Delta\kappa$", aspect="equal")
     plane.set_title("Onset of global transport, coloured by the last circle")
     style.outer_legend(left, 4, 3)

@@ -4,6 +4,8 @@ import numpy as np
 
 from workflows.figures import style
 
+_BINS = np.linspace(0, 1, 41)  # of strengths without a barrier, over κ_G
+
 
 def draw_tolerance(cube, laws, tried):
     """Draw loss against ripple, with the laws, and `upper` of random forcings and climbs."""
@@ -31,22 +33,29 @@ def _draw_losses(axes, cube, laws):
     axes.set(xscale="log", yscale="log", title="What a ripple costs")
     axes.set_xlabel(r"ripple $d$ (rms over mean)")
     axes.set_ylabel(r"loss of threshold, $1 - s_c\,\mathrm{rms}/\kappa_G$")
-    axes.legend(fontsize="small", title="powers: renormalisation", title_fontsize="small")
+    style.legend_below(axes, 3, 2, title="powers: renormalisation", title_fontsize="small")
 
 
 def _draw_strengths(axes, tried):
     random, ends = (style.of_family(tried, family) for family in ("random", "climb"))
     upper, near = (random.upper / tried.golden).values, random.parameter.values < 0.1
-    look = {"color": [style.colour_of(3), style.colour_of(0)], "stacked": True}
-    words, bins = ["ripple below 10%", "others"], np.linspace(0, 1.025, 42)
-    axes.hist([upper[near], upper[~near]], bins, label=words, **look)
-    words = "no orbit escapes:\nconverse KAM denies circles"
-    axes.text(0.99, 0.8 * axes.get_ylim()[1], words, size="small", ha="right", va="top")
+    # Circles are looked for at 1.001 κ_G at most: one that breaks there breaks at 1 or before.
+    escaping = upper <= 1
+    kinds = {"ripple below 10%": near & escaping, "larger ripple": ~near & escaping}
+    kinds |= {"hatched: or before, by converse KAM": near & ~escaping, "": ~near & ~escaping}
+    look = {"color": 2 * [style.colour_of(3), style.colour_of(0)], "stacked": True, "ec": "white"}
+    look |= {"lw": 0.3, "hatch": ["", "", "////", "////"], "label": [*kinds]}
+    held = np.isinf(upper)
+    axes.hist([np.minimum(upper[kind & ~held], 1) for kind in kinds.values()], _BINS, **look)
+    if held.any():
+        axes.hist(np.full(held.sum(), 1.01), [1, 1.025], color="black", label="a barrier is left")
     axes.axvline(1, color="black", lw=1, label="constant kicks")
     look = {"transform": axes.get_xaxis_transform(), "clip_on": False, "ls": "", "ms": 5}
     look |= {"marker": "|", "color": style.VERMILION, "label": "ends of climbs"}
-    axes.plot(ends.upper / tried.golden, np.full(ends.upper.size, 0.02), **look)
-    axes.set(xlabel=r"rms strength without a barrier, over $\kappa_G$", xlim=(0, 1.06))
+    upper = np.minimum(ends.upper / tried.golden, 1)
+    axes.plot(upper, np.full(upper.size, -0.02), **look)
+    axes.set(xlabel=r"rms strength without a barrier, over $\kappa_G$", xlim=(0, 1.03))
     axes.set(yscale="log", ylabel="random forcings of 2 to 8 kicks")
     axes.set_title("Random forcings against constant kicks")
-    axes.legend(fontsize="small", loc="upper left")
+    axes.tick_params(axis="x", pad=6)
+    style.legend_below(axes, 3, 2)

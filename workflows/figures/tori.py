@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from workflows.figures.style import colour_of, line_of, panels
+from workflows.figures.style import colour_of, key, line_of, outer_legend, panels
 
 _CURVE = 12  # rays of a quarter plane, from which on the points are joined
 
@@ -19,21 +19,28 @@ def draw_breakups(breakups):
         axes.plot(here.kappa_mean, here.kappa_amplitude, label=label, **look)
         axes.plot(*(here.lower.values * direction), ".", color=colour, ms=4)
         axes.plot(*(here.upper.values * direction), "v" if few else ":", color=colour, lw=1, ms=4)
+    marks = "s" if few else "-", ".", "v" if few else ":"
+    words = "breakup", "last torus that is certified", r"no torus of that $\Omega$ beyond"
+    key(axes, dict(zip(marks, words, strict=True)), "s")
     axes.set(xlabel=r"$\bar\kappa$", ylabel=r"$\Delta\kappa$", aspect="equal")
     axes.set(xlim=(0, None), ylim=(0, None), title="Breakup of two-dimensional tori")
-    axes.legend()
+    outer_legend(figure, 2)
     return figure
 
 
 def breakups_caption(breakups):
     wide = 100 * float((breakups.error / breakups.critical_scale).median())
     error = f"estimated error {wide:.2g}% in the median" if np.isfinite(wide) else "none found"
-    n_certified = f"{int(np.isfinite(breakups.lower).sum())} of {breakups.lower.size} rays"
+    n_certified = f"{int(np.isfinite(breakups.lower).sum())} of {breakups.lower.size}"
+    silent = int(breakups.critical_scale.isnull().sum())
+    gaps = (
+        f"; no estimate on {silent} of {breakups.lower.size}" if np.isfinite(wide) * silent else ""
+    )
     return (
         "Breakup of invariant tori of κ_n = κ̄ + Δκ cos 2π(φ0 + nΩ) on rays (κ̄, Δκ) = s·(cos θ, "
-        f"sin θ), by continuation (lines, or squares of few rays; {error}), and the last torus "
-        f"that is certified on each ray (dots; {n_certified}). Beyond the dotted lines, or "
-        "triangles, converse KAM leaves no torus of that Ω that is a graph, whatever its ω."
+        f"sin θ), by continuation (lines, or squares of few rays; {error}{gaps}), and the last "
+        f"torus that is certified on each ray (dots; on {n_certified}). Beyond the dotted lines, "
+        "or triangles, converse KAM leaves no torus of that Ω that is a graph, whatever its ω."
     )
 
 
@@ -57,5 +64,6 @@ def pictures_caption(torus):
     return (
         f"The torus of rotation vector ({torus.attrs['vector']}) on the ray of "
         f"{torus.attrs['angle']:g}°: h(θ, φ) - θ at 0.7, 0.95 and 0.99 times the last scale at "
-        f"which it is certified. The least slope of h along θ is {slopes}; at the breakup it is 0."
+        f"which it is certified. The least slope of h along θ, positive as long as h is monotonic, "
+        f"is {slopes}."
     )

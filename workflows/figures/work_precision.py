@@ -52,8 +52,6 @@ def draw_work_precision(data):
         axes.grid(lw=0.3)
     handles, labels = drawn[0].get_legend_handles_labels()
     outer_legend(figure, 4, handles=handles, labels=labels)
-    if in_column():
-        figure.set_figheight(figure.get_figheight() + 1.2)  # for the legend
     for axes in drawn[data.ray.size :]:
         axes.set_axis_off()
     return figure

@@ -43,8 +43,8 @@ def found(cube):
         "drawn. K is in units of the period, κ in units of the time from kick to kick; with atoms "
         "K is the phase depth of a pulse times 8ω_r times that time, ω_r the recoil frequency.",
         finding(
-            "Of all pairs those 1/3 of the period apart lose their last barrier first:",
-            f"theirs is gone at {gone.item():.4g}, and circles are certified up to "
+            "pairs a third of the period apart lose their last barrier first",
+            f"theirs breaks below K = {gone.item():.4g}, and circles are certified up to "
             f"{others.min():.4g} or more for the {others.size} other spacings; to first order none "
             "of its resonances is weaker than K, and the one at p = P/2 is missing for even P",
             bool((gone < others).all()),

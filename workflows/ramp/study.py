@@ -108,10 +108,10 @@ def findings(ramp, lives):
     lived, crossed = (span(values, ".0f") for values in (jumps.life.values, jumps.escaped.values))
     kept, kicks = np.isinf(smooth.life) & np.isinf(smooth.escaped), lives.attrs["kicks"]
     return "\n".join([
-        _power("Graphs are lost", ramp.lost, EXPONENT),
-        _power("The first of 64 orbits crosses", ramp.escaped, ESCAPES),
+        _power("graphs are lost", ramp.lost, EXPONENT),
+        _power("the first of 64 orbits crosses", ramp.escaped, ESCAPES),
         finding(
-            "Smoothness in the phase decides, not quasi-periodicity:",
+            "smoothness in the phase decides, not quasi-periodicity",
             "with jumps, square or Fibonacci, as with Thue-Morse and random kicks, graphs are lost "
             f"in {lived} kicks under {int(gone.sum())} of {gone.size} forcings, orbits cross in "
             f"{crossed} under {int(through.sum())}; with coefficients like k^-2 or smaller graphs "
@@ -127,7 +127,7 @@ def findings(ramp, lives):
 def _power(claim, kicks, foreseen):
     slope, error = power_law.exponent(kicks.rate.values, kicks.values)
     return finding(
-        f"{claim} ~ r^-{foreseen:.3f} kicks after κ_G:",
+        f"{claim} ~ r^-{foreseen:.3f} kicks after κ_G",
         f"the exponent is {-slope:.3f} ± {error:.3f} in {int(np.isfinite(kicks).sum())} rates from "
         f"{float(kicks.rate.max()):.0e} to {float(kicks.rate.min()):.0e}",
         abs(slope + foreseen) < 2 * error < 0.04,

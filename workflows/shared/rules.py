@@ -22,12 +22,17 @@ def graded(text, literal, weaker=False, known=True):
 
 
 def finding(claim, measured, literal, weaker=False, known=True):
-    """Return the sentence of a claim with its verdict, see `graded`, and what was measured."""
+    """Return a claim, its verdict, see `graded`, and what was measured, in sentences."""
     _, verdict = graded(measured, literal, weaker, known)
-    return f"{claim} {verdict.value}: {measured if known else 'there is nothing to judge by'}."
+    if not known:
+        return f"Claim: {claim}. This is {verdict.value}: the run has too few values for it."
+    return f"Claim: {claim}. This {verdict.value}: {measured}."
 
 
 def span(values, form=".2g"):
-    """Say from where to where the finite ones of an array are: "0.1 to 0.3"."""
+    """Say from where to where the finite ones of an array are: "0.1 to 0.3", or "0.1"."""
     known = values[np.isfinite(values)]
-    return f"{known.min():{form}} to {known.max():{form}}" if known.size else "unknown"
+    ends = (
+        dict.fromkeys(f"{end:{form}}" for end in (known.min(), known.max())) if known.size else ()
+    )
+    return " to ".join(ends) or "unknown"

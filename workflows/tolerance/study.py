@@ -116,16 +116,17 @@ def _law(laws):
         f"{row.predicted_error:.1g}) for P = {row.Index}"
         for row in table.dropna(subset=["measured"]).itertuples()
     )
-    vague = ", ".join(map(str, table.index[~sharp & table.measured.notnull()])) or "none"
+    vague = ", ".join(map(str, table.index[~sharp & table.measured.notnull()]))
+    unsettled = f"Errors above a tenth settle nothing for P = {vague}. " if vague else ""
     others = table.orbits[table.measured.isnull()]
     long = ", ".join(f"{round(n, -3):.0f} for {period}" for period, n in others.items())
     words = (
         f"from a ripple to the next repeat of the law the loss has the exponents {said}, as "
         "measured (predicted), errors by losses, their size and larger ripples (shorter orbits). "
-        f"Errors above a tenth settle nothing for P = {vague}, and others are not measured: the "
-        f"next repeat after 1% takes orbits of some {long} periods and more"
+        f"{unsettled}Others are not measured: the next repeat after 1% takes orbits of some {long} "
+        "periods and more"
     )
-    claim = "A ripple costs what renormalisation predicts, a power of it that depends on P:"
+    claim = "a ripple costs what renormalisation predicts, a power of it that depends on P"
     return finding(claim, words, fits and sharp.all(), fits, bool(sharp.any()))
 
 
@@ -140,5 +141,5 @@ def _conjecture(tried):
         f"others, nor at the ends of {stay.sum()} climbs, from which none escapes; from the other "
         f"ends orbits do, at {ends[~stay].max(initial=0):.2f} of κ_G or less"
     )
-    claim = "Constant kicks hold a barrier longest at equal rms strength:"
+    claim = "constant kicks hold a barrier longest at equal rms strength"
     return finding(claim, words, beaten == 0, known=ends.size > 0)
