@@ -185,14 +185,16 @@ def test_the_most_expensive_tiles_come_first_and_cheap_ones_together():
 def test_a_series_of_sweeps_shares_one_line_of_progress_and_repeats_nothing(here, tmp_path):
     report, place = io.StringIO(), store.place_of(tmp_path)
     with store.driving(place):
-        with Progress("series", report) as progress:
+        with Progress("series", report, {"toy": 1.0}) as progress:
             for wanted in ({(0, 0)}, {(1, 0), (2, 0)}):
                 sweep(here, place, toy.job(), progress, wanted)
+            begun = progress.all.begun
             sweep(None, place, toy.job(), progress, {(1, 0)})  # no workers are asked for
-            assert "1/1 tile" not in report.getvalue()
-        told = report.getvalue().splitlines()[-1]
-        assert told.startswith("series: 3/3 tiles, ")
-        assert "left" not in told
+            assert progress.all.begun == begun
+        assert progress.all.done == pytest.approx(begun)
+        assert 0 < progress.all.used < progress.wall
+        (told,) = report.getvalue().splitlines()
+        assert re.match(r"series: \d+%, elapsed 0:\d\d, remaining about 0:\d\d$", told)
         with Progress("toy", Full()) as progress:
             sweep(here, place, toy.job(), progress, {(3, 0)})
         (state,) = store.status(place)

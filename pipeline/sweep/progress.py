@@ -1,88 +1,167 @@
-"""One line that tells how far sweeps are: tiles done, rate, time left by predicted cost."""
+"""How far a run is, and when it will end: one line, in predicted CPU seconds over all its sweeps.
 
+What remains is estimated from the batches of tiles that have come in:
+
+    remaining = slowness · Σ correction · CPU seconds left / workers
+
+slowness is wall time over CPU time, which other work on the machine raises. The correction of the
+sweep under way is its CPU time over what was predicted for it; that of later ones is 1. The time
+until a first worker has its kernels is in neither; each later sweep is expected to wait as long.
+"""
+
+import shutil
 import threading
 import time
 from contextlib import AbstractContextManager, suppress
+from dataclasses import dataclass
 
-import numpy as np
+_TRUST = 0.02  # part of a sweep for which its prediction counts as much as what is measured
+_LOADING = 5  # seconds: kernels that take longer to come are being compiled
+_BAR = 20  # characters
 
-_SILENCE = 5  # seconds after which the line is shown again, whatever happens
-_PRIOR = 5  # seconds for which the workers are taken to be as fast as predicted
+
+@dataclass
+class _Amounts:
+    """CPU seconds of one sweep, or of all."""
+
+    begun: float = 0.0  # predicted
+    done: float = 0.0  # predicted, of what has come in
+    used: float = 0.0  # measured, of what has come in
 
 
 class Progress(AbstractContextManager):
-    """The line of a sweep, or of a series of sweeps that go on where the last one ended.
+    """The line of a run, that of `name` at first; on a terminal with a bar, which never goes back.
 
-    On a terminal it is rewritten; in a log a new one is written every ten seconds, and after five
-    in which no tile has ended. The tiles and the time left are those of the sweeps that have begun,
-    and of those that are foreseen.
+    On a terminal it is rewritten; in a log there is a new one every ten seconds.
 
-    name : what is under way, at first. stream : where to write.
-    foreseen : {name of a sweep: (tiles, predicted CPU seconds)}. All amounts are such pairs.
+    stream : where to write; None for silence.
+    foreseen : {name of a sweep: predicted CPU seconds}.
+    after : CPU seconds of what the driver does after the sweeps.
+    clock : function () → seconds.
     """
 
-    def __init__(self, name, stream, foreseen=()):
-        self.name, self.stream, self.foreseen = name, stream, dict(foreseen)
-        self.sweep, self.swept, self.workers = None, name, 1
-        self.begun, self.done = np.zeros(2), np.zeros(2)
-        self.start = self.shown = time.monotonic()
-        self.first = None  # when the first tiles were begun
-        self.interval, self.end = (0.2, "\r") if stream.isatty() else (10.0, "\n")
-        self.over = threading.Event()
+    def __init__(self, name, stream, foreseen=(), after=0.0, clock=time.monotonic):
+        self.name, self.stream, self.clock = name, stream, clock
+        self.foreseen, self.after = dict(foreseen), after
+        self.sweep, self.workers = None, 1
+        self.all, self.current = _Amounts(), _Amounts()
+        self.wall = 0.0  # of batches, as `all.used`
+        self.warming, self.warm_up = (
+            None,
+            0.0,
+        )  # since when kernels are waited for, and how long
+        self.start = self.latest = clock()
+        self.drawn = 0.0  # part of the bar
+        self.is_terminal = stream is not None and stream.isatty()
+        self.lock, self.over = threading.RLock(), threading.Event()
 
     def __enter__(self):
-        threading.Thread(target=self._break_silence, daemon=True).start()
+        if self.stream is not None:
+            threading.Thread(target=self._keep_writing, daemon=True).start()
         return self
 
     def __exit__(self, *error):
         self.over.set()
-        self.foreseen.clear()
-        self.name = self.swept
-        if self.begun[0]:
-            self._show("\n")
+        self.hide()
+
+    def show(self, name):
+        """Write `name` as what is under way, from now on."""
+        self.name = name
+        if self.is_terminal:
+            self.write("\r")
+
+    def hide(self):
+        """End the line, so that others may write; `show` begins a new one."""
+        with self.lock:
+            if self.all.begun or self.is_terminal:
+                self.write("\n")
+            self.name = None
 
     def go_on(self, name, sweep):
-        """Count the tiles that begin next as those of the sweep; `name` is written for it."""
+        """Count what begins next as of the sweep, and show `name` for it."""
         if sweep != self.sweep:
             self.foreseen.pop(self.sweep, None)  # it has ended
-            self.name = self.swept
-            if self.done[0]:
-                self._show("\n")
-        self.name, self.swept, self.sweep = name, name, sweep
+            self.sweep, self.current = sweep, _Amounts()
+        self.show(name)
 
-    def begin(self, tiles, seconds, workers=1):
-        """Add tiles to be done, and the seconds predicted for them, by so many workers."""
-        left = np.subtract(self.foreseen.get(self.sweep, 0), (tiles, seconds))
-        self.foreseen[self.sweep] = np.maximum(0, left)
-        self.first, self.workers = self.first or time.monotonic(), workers
-        self.begun += tiles, seconds
-        if self.stream.isatty():
-            self._show("\r")
+    def begin(self, seconds, workers=1):
+        """Add tiles of so many predicted CPU seconds, by workers that have no kernels yet."""
+        self.foreseen[self.sweep] = max(0.0, self.foreseen.get(self.sweep, 0.0) - seconds)
+        self.workers, self.warming = workers, self.clock()
+        self.all.begun += seconds
+        self.current.begun += seconds
 
-    def advance(self, tiles, seconds):
-        """Count tiles as done."""
-        self.done += tiles, seconds
-        if time.monotonic() - self.shown > self.interval:
-            self._show(self.end)
+    def warmed_up(self):
+        """Note that a worker has its kernels."""
+        if self.warming is not None:
+            self.warm_up, self.warming = self.clock() - self.warming, None
 
-    def _break_silence(self):
-        while not self.over.wait(_SILENCE / 5):
-            if time.monotonic() - self.shown > _SILENCE:
-                self._show(self.end)
+    def advance(self, seconds, used, wall):
+        """Count tiles of so many predicted seconds, CPU seconds and wall seconds as done."""
+        self.warmed_up()
+        for amounts in self.all, self.current:
+            amounts.done += seconds
+            amounts.used += used
+        self.wall, self.latest = self.wall + wall, self.clock()
 
-    def _show(self, end):
-        self.shown = time.monotonic()
-        line, gone = f"{self.name}: ", self.shown - self.start
-        tiles, seconds = np.sum([self.begun, *self.foreseen.values()], axis=0)
-        done, seconds_done = self.done
-        if tiles:
-            line += f"{done:.0f}/{plural(tiles, 'tile', '.0f')}, {done / max(1e-9, gone):.1f}/s, "
-        line += f"{duration(gone)} gone"
-        if done < tiles and self.first:
-            speed = (seconds_done + _PRIOR * self.workers) / (self.shown - self.first + _PRIOR)
-            line += f", about {duration(max(1, (seconds - seconds_done) / speed))} left"
-        with suppress(OSError, ValueError):  # a log that is full, or closed, does not end the sweep
-            print(line.ljust(78), end=end, file=self.stream, flush=True)
+    def part(self):
+        """Return the part of the bar that is drawn: of predicted CPU seconds, those done."""
+        total = self.all.begun + sum(self.foreseen.values()) + self.after
+        self.drawn = max(self.drawn, self.all.done / total if total else 0.0)
+        return self.drawn
+
+    def remaining(self):
+        """Estimate the seconds until the run has ended; None until a first batch has come in."""
+        if not self.all.used:
+            return None
+        current, later = self.current, dict(self.foreseen)
+        predicted = current.begun + later.pop(self.sweep, 0.0)
+        trusted = _TRUST * predicted
+        correction = (current.used + trusted) / (current.done + trusted) if predicted else 1.0
+        left = correction * (predicted - current.done) + sum(later.values())
+        seconds = self.wall / self.all.used * (left / self.workers + self.after)
+        seconds += self.warm_up * sum(amount > 0 for amount in later.values())
+        return max(seconds - (self.clock() - self.latest), seconds / 4)
+
+    def line(self):
+        """Return what is to be written: bar, what is under way, times."""
+        now, part, name = self.clock(), self.part(), self.name
+        if self.warming is not None:
+            waited = now - self.warming
+            name += (
+                ", loading kernels"
+                if waited < _LOADING
+                else ", compiling kernels (about 20 s, once)"
+            )
+        words = [f"{part:.0%}"] * bool(self.all.begun) + [f"elapsed {minutes(now - self.start)}"]
+        if (remaining := self.remaining()) is not None:
+            words.append(f"remaining about {minutes(max(1.0, remaining))}")
+        line = f"{name}: {', '.join(words)}"
+        if not self.is_terminal:
+            return line
+        full = round(_BAR * part)
+        width = shutil.get_terminal_size().columns - 1  # a line that wraps is not rewritten
+        return f"[{'#' * full}{'-' * (_BAR - full)}] {line}"[:width].ljust(width)
+
+    def write(self, end):
+        """Write the line, if one is shown."""
+        with self.lock:
+            if self.name is not None and self.stream is not None:
+                with suppress(OSError, ValueError):  # a full disk, or a closed log, ends no run
+                    print(self.line(), end=end, file=self.stream, flush=True)
+
+    def _keep_writing(self):
+        interval, end = (0.5, "\r") if self.is_terminal else (10.0, "\n")
+        while not self.over.wait(interval):
+            self.write(end)
+
+
+def minutes(seconds):
+    """Return a time as a clock shows it: 0:29, 12:05, 1:02:03."""
+    seconds = round(seconds)
+    hours, seconds = divmod(seconds, 3600)
+    words = f"{seconds // 60:02}:{seconds % 60:02}"
+    return f"{hours}:{words}" if hours else words.removeprefix("0")
 
 
 def plural(n, word, form=""):

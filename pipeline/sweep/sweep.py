@@ -1,6 +1,7 @@
 """The sweep: compute what a cube misses, tile by tile, on a dask cluster.
 
 1. List the missing tiles. If there are any, connect to the workers and predict the cost of each.
+   The first batches are empty: with these workers load or compile their kernels.
 2. Pack cheap tiles into batches, the longer the more workers there are; submit batches, the most
    expensive first, never more than a few at a time for each worker.
 3. A worker whose versions are not the driver's, or who does not see the cube, says so instead of
@@ -40,9 +41,18 @@ from pipeline.sweep.submit import ended
 _BATCH = 0.5  # seconds of predicted CPU time in a batch: long against 2 ms of scheduling,
 _SCHEDULING = 0.005  # and for each worker: the driver then schedules for less than half its time
 _PREDICTED = 10_000  # costs, at most, a millisecond each: workers wait meanwhile
-_COMMIT = 0.003  # CPU seconds to commit a tile, however cheap
+COMMIT = 0.003  # CPU seconds to commit a tile, however cheap
 _SIGHT = 2  # seconds that a file system of several machines may take to show a file
 _ATTEMPTS_ALONE = 2  # worker deaths that condemn a tile: one may be somebody else's doing
+
+
+@dataclass(frozen=True)
+class _Report:
+    """What a worker did with a batch."""
+
+    failed: dict[tuple[int, ...], str]  # {tile index: reason}
+    used: float  # CPU seconds
+    wall: float  # seconds
 
 
 @dataclass(frozen=True)
@@ -78,8 +88,10 @@ def sweep(client, place, job, progress, wanted=None):
     client = client()
     run, n_workers = _Run(client, place, job, tiles), sum(client.nthreads().values())
     with _draining_on_interrupt() as interrupt:
-        progress.begin(len(tiles), run.costs.sum(), n_workers)
-        for tile in run.compute(_pack(run.costs, n_workers), interrupt, progress):
+        progress.begin((run.costs + COMMIT).sum(), n_workers)
+        empty = [np.array([], int)] * n_workers
+        batches = chain(empty, _pack(run.costs, n_workers))
+        for tile in run.compute(batches, interrupt, progress):
             alone = [np.array([tile])]
             if all(run.compute(alone, interrupt, progress) for _ in range(_ATTEMPTS_ALONE)):
                 index, words = tuple(tiles[tile].tolist()), "its worker died each time, also alone"
@@ -139,10 +151,12 @@ class _Run:
             elif isinstance(result, tuple):
                 self.retire(*result)
                 batches = chain([batch], batches)
+            elif len(batch):
+                self.committed += len(batch) - len(result.failed)
+                self.failed |= result.failed
+                progress.advance((self.costs[batch] + COMMIT).sum(), result.used, result.wall)
             else:
-                self.committed += len(batch) - len(result)
-                self.failed |= result
-                progress.advance(len(batch), self.costs[batch].sum())
+                progress.warmed_up()
         return suspects
 
     def fail(self, reason=None):
@@ -165,14 +179,14 @@ class _Run:
 
 
 def _compute_batch(place, name, config_hash, settings, computed_by, warm_up, compute, parcel):
-    """Compute and commit tiles on a worker: {index: what went wrong}, or (address, complaint).
+    """Compute and commit tiles on a worker; return a _Report, or (address, complaint).
 
     parcel : pickled [(index, coords)].
     """
     if complaint := _complaint(place, name, config_hash, computed_by):
         return get_worker().address, complaint
     _called_once(warm_up)
-    errors = {}
+    errors, began, used = {}, time.monotonic(), time.thread_time()
     for index, coords in pickle.loads(parcel):
         try:
             # Dask may run a task twice, e.g. when it loses touch with a worker.
@@ -185,7 +199,7 @@ def _compute_batch(place, name, config_hash, settings, computed_by, warm_up, com
         except BaseException as exception:  # dask hangs on those that are no Exception
             words = "".join(format_exception_only(exception))
             errors[index] = store.record_failure(place, name, index, words)
-    return errors
+    return _Report(errors, time.thread_time() - used, time.monotonic() - began)
 
 
 # Kernels are compiled once in each process; no tile is to be charged for it.
@@ -209,7 +223,7 @@ def _complaint(place, name, config_hash, computed_by):
 def _pack(costs, n_workers):
     """Yield batches of tiles, the most expensive first; cheap ones together."""
     order = np.argsort(-costs, kind="stable")
-    ends = np.cumsum(costs[order] + _COMMIT)
+    ends = np.cumsum(costs[order] + COMMIT)
     first = gone = 0
     while first < len(order):
         fair = (ends[-1] - gone) / max(1, n_workers)

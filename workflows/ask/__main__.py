@@ -56,8 +56,9 @@ def forcing_asked(strengths, plane, once):
 @cli.flag("--prove", "Try to prove the answer, within 20 CPU seconds.")
 @cli.flag("--pdf", "Save the figure as PDF too.")
 @cli.column_option
+@cli.quiet_option
 @cli.directory("Directory of the figure.")
-def main(kappa, plane, once, prove, pdf, column, out):
+def main(kappa, plane, once, prove, pdf, column, quiet, out):
     try:
         strengths, point = forcing_asked(kappa, plane, once)
         if once and prove:
@@ -67,7 +68,7 @@ def main(kappa, plane, once, prove, pdf, column, out):
         raise click.UsageError(str(error)) from None
     except OSError as error:
         raise click.UsageError(f"--out={out}: {error.strerror}; choose another directory") from None
-    cli.announce_kernels()
+    cli.announce_kernels(quiet)
     from workflows.ask.once import asked_once
     from workflows.ask.period import asked_of_period
     from workflows.shared.verdict_words import SHOWN

@@ -15,7 +15,15 @@ from pathlib import Path
 import click
 
 from workflows.gallery.exhibits import command_of, listed, make_release, run
-from workflows.shared.cli import DIRECTORY, choice, cluster_options, command, directory, flag
+from workflows.shared.cli import (
+    DIRECTORY,
+    choice,
+    cluster_options,
+    command,
+    directory,
+    flag,
+    quiet_option,
+)
 
 EXHIBITS = listed("exhibits.toml")
 
@@ -67,8 +75,9 @@ _RELEASE = (
 @click.option("--release", metavar="DIR", type=DIRECTORY, help=_RELEASE)
 @flag("--quick", "A preview of the release: a few rays and cells.")
 @directory("Directory of the page, and of the commands' folders; each is resumed.")
+@quiet_option
 @cluster_options
-def main(out, full, only, release, quick, workers, scheduler, tls):
+def main(out, full, only, release, quick, quiet, workers, scheduler, tls):
     from pandas import read_csv
 
     from nasm import __version__
@@ -80,7 +89,7 @@ def main(out, full, only, release, quick, workers, scheduler, tls):
         if not release or full or only:
             raise click.UsageError("--release goes with --quick alone, and --quick with --release")
         with shared_workers(scheduler, workers, tls) as workers:
-            size = make_release(release, workers, quick)
+            size = make_release(release, workers, quick, quiet)
         click.echo(f"release: {release}, {size / 1e6:.1f} MB")
         return
     Path(out).mkdir(parents=True, exist_ok=True)
@@ -88,8 +97,9 @@ def main(out, full, only, release, quick, workers, scheduler, tls):
     wanted = [exhibit for exhibit in EXHIBITS if not only or exhibit.name in only]
     with shared_workers(scheduler, workers, tls) as workers:
         for number, exhibit in enumerate(wanted, 1):
-            click.echo(f"\nexhibit {number} of {len(wanted)}", err=True, nl=False)
-            run(exhibit, out, workers, quick)
+            if not quiet:
+                click.echo(f"\nexhibit {number} of {len(wanted)}", err=True, nl=False)
+            run(exhibit, out, workers, quick, quiet)
             # After each of them, so that there is something to see.
             there = [exhibit for exhibit in EXHIBITS if Path(out, exhibit.name).exists()]
             claims, counted, table = [], "", Path(out, "claims", "claims.csv")

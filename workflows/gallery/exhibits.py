@@ -41,13 +41,15 @@ def listed(file):
     return own + [Exhibit(name, **about, beyond=True) for name, about in beyond.items()]
 
 
-def run(exhibit, out, workers, quick):
+def run(exhibit, out, workers, quick, quiet):
     """Run the command with its cubes, tables and figures in a directory of OUT."""
     main = main_of(exhibit.name)
     swept = any(option.name == "scheduler" for option in main.params)
     options = [*exhibit.options(quick), "--out", f"{out}/{exhibit.name}"]
-    click.echo(f": {exhibit.title}", err=True)
-    main.main([*options, *(workers if swept else [])], standalone_mode=False)
+    options += ["--quiet"] * quiet + [*workers] * swept
+    if not quiet:
+        click.echo(f": {exhibit.title}", err=True)
+    main.main(options, standalone_mode=False)
 
 
 def command_of(exhibit, quick):
@@ -60,10 +62,10 @@ RELEASE = listed("release.toml")
 SUMS = "SHA256SUMS"
 
 
-def make_release(directory, workers, quick):
+def make_release(directory, workers, quick, quiet):
     """Make or resume the release in a directory; return its size in bytes."""
     for exhibit in RELEASE:
-        run(exhibit, directory, workers, quick)
+        run(exhibit, directory, workers, quick, quiet)
     here = Path(directory)
     (here / "README.md").write_text(_readme(quick), encoding="utf-8")
     files = [path for path in sorted(here.rglob("*")) if path.is_file()]

@@ -333,12 +333,15 @@ cluster_options = together(
 )
 
 
-def announce_kernels():
+quiet_option = flag("--quiet", "Print findings and errors only, no progress.")
+
+
+def announce_kernels(quiet=False):
     """Load what kernels need, and say so if they have to be compiled first."""
     from nasm.arithmetic.kernels import are_missing, begin_without_scipy
 
     begin_without_scipy()
-    if are_missing():
+    if are_missing() and not quiet:
         click.echo("compiling kernels, once per machine: about 20 s", err=True)
 
 
@@ -347,18 +350,19 @@ def writes(function):
 
     @column_option
     @out_option
+    @quiet_option
     @flag("--dry-run", "Estimate tiles, files, disk space and CPU time, then exit.")
     @functools.wraps(function)
     def wrapped(
-        out, column, dry_run, store=None, workers=None, scheduler=None, tls=None, **options
+        out, column, quiet, dry_run, store=None, workers=None, scheduler=None, tls=None, **options
     ):
-        if not dry_run:
+        if not (dry_run or quiet):
             click.echo(f"loading; results go to {out}", err=True)  # the imports take seconds
         from workflows.shared.run import Run, place_of
 
-        announce_kernels()
+        announce_kernels(quiet)
         cluster = {"n_workers": workers, "scheduler": scheduler, "tls": tls}
-        run = Run(out, place_of(out, store), cluster, dry_run, column)
+        run = Run(out, place_of(out, store), cluster, dry_run, column, quiet)
         try:
             return function(run=run, **options)
         except ValueError as error:

@@ -20,13 +20,14 @@ from pipeline.cubes.cube import Cube
 from pipeline.sweep.cluster import ClusterError, connect, credentials
 from pipeline.sweep.grid import tile_coords
 from pipeline.sweep.progress import Progress, duration, plural
-from pipeline.sweep.sweep import sweep
+from pipeline.sweep.sweep import COMMIT, sweep
 from workflows.figures.style import drawn
 from workflows.shared.tables import write
 
 MAX_REASONS = 10  # failed tiles whose reasons are printed
 _PROBING = 0.3  # CPU seconds for which an estimate of a sweep's time looks at its tiles
 _LONG = 5  # CPU seconds of work that are announced
+_DRAWING = 4  # CPU seconds in which figures are drawn, about
 
 
 def place_of(out, url=None):
@@ -69,10 +70,12 @@ class Run:
     cluster : arguments of `cluster.connect`.
     dry : only say what would be computed, and end.
     column : draw figures for a column of a journal.
+    quiet : write no progress.
     """
 
-    def __init__(self, out, place, cluster, dry, column=False):
+    def __init__(self, out, place, cluster, dry, column=False, quiet=False):
         self.out, self.words, self.written = out, [], {}
+        self.quiet = quiet
         self.figures, self.column = {}, column
         self.place, self.cluster, self.dry = place, cluster, dry
         self.client, self.started = None, False
@@ -90,14 +93,17 @@ class Run:
             with store.driving(self.place):
                 self.started = True
                 os.makedirs(self.out, exist_ok=True)
-                foreseen = {name: (n, cpu) for name, (n, _, _, cpu) in self.plan.items()}
-                with Progress("computing", sys.stderr, foreseen) as self.line:
+                foreseen = {name: cpu for name, (*_, cpu) in self.plan.items()}
+                stream = None if self.quiet else sys.stderr
+                after = seconds + _DRAWING
+                with Progress("computing", stream, foreseen, after) as self.line:
                     yield self
-                for line in "\n".join(self.words).splitlines():
-                    click.echo(click.wrap_text(line, 100))
-                for kind, paths in self.written.items():
-                    _echo_paths(kind, paths)
-                self._draw()
+                    self.line.hide()
+                    for line in "\n".join(self.words).splitlines():
+                        click.echo(click.wrap_text(line, 100))
+                    for kind, paths in self.written.items():
+                        _echo_paths(kind, paths)
+                    self._draw()
 
     @contextmanager
     def sweeping(self, *jobs, later=(), seconds=0):
@@ -113,7 +119,7 @@ class Run:
             for job, wanted in [*((job, None) for job in jobs), *later]:
                 self.plan[job.cube.name] = _expected(self.place, job, wanted)
             with connect(**self.cluster) as client, self.driving(seconds):
-                self.client = partial(_announced, client, self.cluster.get("scheduler"))
+                self.client = cache(partial(self._connected, client))
                 yield self
 
     def _announce(self, besides):
@@ -132,11 +138,25 @@ class Run:
         if seconds > _LONG:
             swept = plural(len(self.plan), "sweep"), plural(tiles, "tile", ".0f")
             parts = [*swept * bool(self.plan), f"about {duration(seconds)} of CPU time"]
-            click.echo(", ".join(parts), err=True)
+            self.tell(", ".join(parts))
+
+    def tell(self, words):
+        """Print what is under way, unless this run is quiet."""
+        if not self.quiet:
+            click.echo(words, err=True)
 
     def check(self, cube):
         """Refuse to go on if the place holds this cube with other settings; true if it is there."""
         return store.check(self.place, cube, store.COMPUTED_BY)
+
+    def _connected(self, connect):
+        """Connect to the workers; show that they, and their kernels, are waited for."""
+        shown = self.line.name
+        here = self.cluster.get("scheduler") is None
+        self.line.show("starting workers on this machine" if here else "connecting to the workers")
+        client = connect()
+        self.line.show(shown)
+        return client
 
     def sweep(self, job, wanted=None):
         """Compute the missing tiles of the job's cube, or those `wanted`; return it as a Dataset.
@@ -147,7 +167,9 @@ class Run:
         number = self.begun.setdefault(name, len(self.begun) + 1)
         self.line.go_on(f"sweep {number} of {len(self.plan)}, {name}", name)
         outcome = sweep(self.client, self.place, job, self.line, wanted)
-        self.line.name = "computing"
+        self.line.show("computing")
+        if outcome.failed or outcome.interrupted:
+            self.line.hide()
         failed = sorted(outcome.failed.items())
         for index, reason in failed[:MAX_REASONS]:
             click.echo(f"tile {index} failed: {reason}", err=True)
@@ -192,11 +214,14 @@ class Run:
 
     def _draw(self):
         """Draw all figures, and end the program with code 1 if one cannot be drawn."""
+        if self.figures:
+            self.line.show("drawing figures")
         paths, reasons = [], []
         for name, (draw, caption) in self.figures.items():
             saved, reason = drawn(draw, self.out, name, caption, column=self.column)
             paths += saved
             reasons += [reason] if reason else []
+        self.line.hide()
         if paths:
             _echo_paths("figures", paths)
         if reasons:
@@ -235,14 +260,6 @@ def explained(place):
         raise click.ClickException(str(error)) from None
 
 
-@cache
-def _announced(connect, scheduler):
-    """Connect to the workers, and say that they are waited for."""
-    words = "starting workers on this machine" if scheduler is None else "connecting to the workers"
-    click.echo(words, err=True)
-    return connect()
-
-
 @contextmanager
 def shared_workers(scheduler, n_workers, tls):
     """Yield the options by which several commands, run in turn, compute on the same workers."""
@@ -273,4 +290,4 @@ def _expected(place, job, wanted):
             break
     files = len(tiles) * (len(cube.computed) + 1)  # the commit record is one, too
     size = cube.template.nbytes / 1e6 * len(tiles) / prod(cube.tile_counts)
-    return len(tiles), files, size, len(tiles) * sum(costs) / max(1, len(costs))
+    return len(tiles), files, size, len(tiles) * (sum(costs) / max(1, len(costs)) + COMMIT)

@@ -8,8 +8,6 @@ printed, and is the caption.
 Seven cubes and three figures in OUT. Two to three minutes on two cores; --quick less than one.
 """
 
-import click
-
 from workflows.shared.cli import command, flag, writes
 
 
@@ -32,7 +30,7 @@ def main(run, quick):
     found = {}
     with run.driving(40 if quick else 250):
         for number, (name, compute) in enumerate(studies.items(), 1):
-            click.echo(f"study {number} of {len(studies)}: {name}", err=True)
+            run.line.show(f"study {number} of {len(studies)}, {name}")
             found[name] = run.keep(f"stability_{name}", compute(quick), quick=quick)
         for name in FIGURES:
             run.figure(name, draw_stability, name, found, caption=stability_caption(name, found))

@@ -1,6 +1,7 @@
 """Certificates of a store: whether they are there, and whether they prove what the cubes say."""
 
 import sys
+import time
 
 import click
 
@@ -40,16 +41,19 @@ def verify_proofs(path, place, longest, repair):
         words = f"{path}{name}: {plural(len(short), 'certificate')} to check"
         click.echo(f"{words}, about {duration(sum(short))} of CPU time", err=True)
         with Progress(f"{path}{name}: certificates", sys.stderr) as progress:
-            progress.begin(len(tiles), sum(short))
+            progress.begin(sum(short))
             for index, of_tile in tiles.items():
                 certificates = proved.unpacked(place.read(store.certificates_key(name, index)))
+                used, wall = time.thread_time(), time.monotonic()
                 for certificate, seconds in zip(certificates, of_tile, strict=True):
                     if seconds <= longest:
                         try:
                             check(certificate)
                         except Refuted as reason:
                             bad[index] = f"a certificate is refuted: {reason}"
-                progress.advance(1, sum(seconds for seconds in of_tile if seconds <= longest))
+                predicted = sum(seconds for seconds in of_tile if seconds <= longest)
+                used, wall = time.thread_time() - used, time.monotonic() - wall
+                progress.advance(predicted, used, wall)
         words = f"checked {len(short)} of {plural(len(costs), 'certificate')}"
         if len(short) < len(costs):
             words += f"; the others take {duration(sum(costs) - sum(short))}, see --longest"

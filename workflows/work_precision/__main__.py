@@ -38,7 +38,7 @@ def main(run, full, only, ray):
         only = tuple(name for name in only if name != "barrier-proof")
         click.echo(f"barrier-proof is left out: {error}", err=True)
     with run.driving(len(only) * len(ray) * (15 if full else 1.5)):
-        measured = measure(list(dict.fromkeys(ray)), only, not full, run.check)
+        measured = measure(list(dict.fromkeys(ray)), only, not full, run.check, run.line.show)
         data = run.keep("work_precision", measured)
         run.table("work_precision", data[["effort", "cpu_seconds", "error", "estimated_error"]])
         path = run.path("tables", "work_precision.md")

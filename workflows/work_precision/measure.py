@@ -4,7 +4,6 @@ from math import nan
 from statistics import median
 from time import thread_time
 
-import click
 import numpy as np
 import xarray as xr
 
@@ -25,10 +24,11 @@ def timed(run, *arguments):
     return found, median(seconds)
 
 
-def measure(rays, names, quick, check):
-    """Measure all numbers on rays, and print the progress: dims (ray, method, level).
+def measure(rays, names, quick, check, show):
+    """Measure all numbers on rays: dims (ray, method, level).
 
     check : function of the Cube that it will be, called while nothing is measured yet.
+    show : function of words, called with what is being measured.
     """
     efforts = {name: METHODS[name].efforts[: -1 if quick else None] for name in names}
     answers = [(name, answer) for name in names for answer in METHODS[name].answers]
@@ -62,13 +62,12 @@ def measure(rays, names, quick, check):
         data.value[i], data.judge_error[i] = ray.value, ray.error / ray.value
         for name, here in rows.items():
             for level, effort in enumerate(efforts[name]):
+                show(f"{on}: {name}, {METHODS[name].effort} = {effort:g}")
                 found, seconds = timed(METHODS[name].run, ray, effort)
                 data.cpu_seconds[i, here, level] = seconds
                 scale, error = np.transpose(found)
                 data.error[i, here, level] = np.abs(scale / ray.value - 1)
                 data.estimated_error[i, here, level] = error / ray.value
-                words = f"{on}: {name}, {METHODS[name].effort} = {effort:g}: {seconds:.3g} s"
-                click.echo(words, err=True)
     return data
 
 
