@@ -11,22 +11,58 @@ from numbers import Integral, Real
 
 import numpy as np
 
-__all__ = ["count", "floats", "fraction", "points", "positive", "real", "sealed"]
+__all__ = [
+    "count",
+    "exact",
+    "floats",
+    "fraction",
+    "integer",
+    "points",
+    "positive",
+    "real",
+    "sealed",
+]
 __dir__ = __all__.copy
 
 MAX_DENOMINATOR = 10**6
 
 
+def _scalar(value):
+    """The number in an array without dimensions, which NumPy and xarray have for one."""
+    is_one = isinstance(value, np.ndarray) and value.ndim == 0 and not np.ma.isMaskedArray(value)
+    return value[()] if is_one else value
+
+
+def integer(value):
+    """`value` as an int, whose arithmetic does not overflow as that of NumPy's; TypeError unless it
+    is a whole number."""
+    value = _scalar(value)
+    if not isinstance(value, Integral) or isinstance(value, bool):
+        raise TypeError(f"{value!r} is not a whole number")
+    return int(value)
+
+
+def exact(value):
+    """The Fraction of ints that `value` is; raises what Fraction does if it is not exact."""
+    value = Fraction(value)
+    return Fraction(int(value.numerator), int(value.denominator))
+
+
 def count(name, value, low, high):
     """`value` as an int; ValueError unless it is a whole number from low to high."""
-    if not isinstance(value, Integral) or isinstance(value, bool) or not low <= value <= high:
+    try:
+        whole = integer(value)
+    except TypeError:
+        whole = None
+    if whole is None or not low <= whole <= high:
         raise ValueError(f"{name}={value!r} must be a whole number from {low} to {high}")
-    return int(value)
+    return whole
 
 
 def real(name, value, *ends):
     """`value` as a float; ValueError unless it is a number, and between the two ends if they are
     given. Long doubles, which floats may round, are refused."""
+    value = _scalar(value)
     if not isinstance(value, Real) or isinstance(value, bool | np.longdouble):
         raise ValueError(f"{name}={value!r} must be a number that a float holds")
     if ends and not ends[0] <= value <= ends[1]:
@@ -50,12 +86,12 @@ def floats(name, values):
     """
     try:
         given = np.asarray(values)
-        exact = given.dtype.kind in "iuf" and given.dtype.itemsize <= 8
+        rounds_none = given.dtype.kind in "iuf" and given.dtype.itemsize <= 8
         if given.dtype.kind == "O":
-            exact = all(isinstance(x, Real) and float(x) == x for x in given.ravel())
+            rounds_none = all(isinstance(x, Real) and float(x) == x for x in given.ravel())
     except (TypeError, ValueError, OverflowError):
-        exact = False
-    if not exact or np.ma.isMaskedArray(values):
+        rounds_none = False
+    if not rounds_none or _has_mask(values):
         raise ValueError(
             f"{name}={values!r} is not made of real numbers that floats hold, without a mask; "
             f"convert them before, e.g. {name}=(0.3, 0.5)"
@@ -63,19 +99,26 @@ def floats(name, values):
     return given.astype(float)
 
 
+def _has_mask(values):
+    """Whether it is a masked array, or a list with one in it, whose mask NumPy would drop."""
+    if isinstance(values, list | tuple):
+        return any(map(_has_mask, values))
+    return np.ma.isMaskedArray(values)
+
+
 def fraction(name, value):
     """`value` as an exact Fraction; ValueError unless its denominator is at most 10⁶."""
     try:
-        exact = Fraction(value)
-        float(exact)  # which 1e400 overflows
+        ratio = exact(value)
+        float(ratio)  # which 1e400 overflows
     except (TypeError, ValueError, OverflowError, ZeroDivisionError):
         raise ValueError(f"{name}={value!r} is not a fraction; write one like '1/3'") from None
-    if exact.denominator > MAX_DENOMINATOR:
+    if ratio.denominator > MAX_DENOMINATOR:
         raise ValueError(
-            f"{name}={value!r} is {exact}, whose denominator is more than {MAX_DENOMINATOR}; write "
-            f"a shorter fraction, like '{exact.limit_denominator(1000)}'"
+            f"{name}={value!r} is {ratio}, whose denominator is more than {MAX_DENOMINATOR}; write "
+            f"a shorter fraction, like '{ratio.limit_denominator(1000)}'"
         )
-    return exact
+    return ratio
 
 
 def points(x, y):

@@ -6,12 +6,14 @@ CB_gt (arXiv:1606.04824, Sec. V).
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from enum import Enum
+
+import numpy as np
 
 from nasm.numbers import RotationNumber
 
-__all__ = ["CriticalScale", "Status", "no_answer"]
+__all__ = ["CriticalScale", "Result", "Status", "no_answer"]
 __dir__ = __all__.copy
 
 
@@ -32,15 +34,32 @@ class Status(Enum):
     NOT_CERTIFIED = "Newton's method converged on one grid but not on a finer one: not a circle"
     NEARLY_RATIONAL = "omega is so near a fraction that rounding hides the difference"
     UNDECIDED = "the methods contradict each other"
-    NOT_CONVERGED = "the estimates did not settle within the effort allowed"
+    NOT_CONVERGED = "the estimates did not settle within the effort allowed; allow more of it"
     WIDE = "value and error stand, but the bracket is more than twice as wide as asked for"
     ANOMALOUS = "squares of displacements do not grow like n: accelerator modes; no diffusion"
 
     __repr__ = Enum.__str__  # short
 
 
-@dataclass(frozen=True)
-class CriticalScale:
+class Result:
+    """A dataclass of what a method found, which may hold arrays and NaN: two are equal if all that
+    they hold is, entry by entry, NaN to NaN too."""
+
+    def __eq__(self, other):
+        if type(other) is not type(self):
+            return NotImplemented
+        return all(_same(getattr(self, f.name), getattr(other, f.name)) for f in fields(self))
+
+
+def _same(a, b):
+    if isinstance(a, tuple) and isinstance(b, tuple):
+        return len(a) == len(b) and all(map(_same, a, b))
+    numeric = [isinstance(value, np.ndarray | int | float) for value in (a, b)]
+    return np.array_equal(a, b, equal_nan=True) if all(numeric) else not any(numeric) and a == b
+
+
+@dataclass(frozen=True, eq=False)
+class CriticalScale(Result):
     """What a method found out about a breakup on the ray κ = s·profile.
 
     value : best estimate of the critical s.
@@ -64,6 +83,9 @@ class CriticalScale:
     def __post_init__(self):
         for name in ("value", "error", "lower", "upper"):  # NumPy's scalars print as np.float64(…)
             object.__setattr__(self, name, float(getattr(self, name)))
+
+    def __hash__(self):
+        return hash((self.omega, self.status, self.method))
 
 
 def no_answer(omega, status, method=""):

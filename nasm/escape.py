@@ -32,6 +32,7 @@ from nasm.critical import CriticalScale, Status, no_answer
 from nasm.maps import direction, forcing
 
 __all__ = ["PAPER_WINDOW", "boundary", "critical_scale", "ensemble", "escape_time", "first_escape"]
+__all__ += ["onset_scale"]
 __dir__ = __all__.copy
 
 _METHOD = "direct iteration"
@@ -125,31 +126,66 @@ def first_escape(kappas, x, y, sizes, n_max, window=PAPER_WINDOW, precision="dou
     return times.T.reshape(sizes.size, *plane)
 
 
-def critical_scale(profile, n_max, n_orbits=1000, window=PAPER_WINDOW, precision="double"):
-    """The scale at which global transport begins on the ray κ = s·profile, by direct iteration.
+def onset_scale(profile, n_max, n_orbits=1000, window=PAPER_WINDOW, precision="double"):
+    """k_N: the scale on the ray κ = s·profile at which escapes within N steps set in.
 
-    1. Bisect for the least scale k_N with an escape within N = n_max steps, to 1e-4 of it.
-    2. The same for N/8, and extrapolate: k_N - k_c ~ N^(-1/η), η = 3.012 = ln(αβ)/ln δ from the
-       scaling constants of MacKay (Physica D 7 (1983) 283).
-    3. The same for N/64, to see what bias the law foretells from there.
+    The paper plots it. Global transport is seen there, but begins at a smaller scale, which
+    `critical_scale` estimates. Found to 10⁻⁴ by bisection, between 0 and the scale at which the
+    largest |κ| is 2: an orbit escapes at k_N, and none a step of the bisection below. Scales with
+    and without an escape interleave around k_N, the wider the fewer the steps and orbits (some 20%
+    with 50 steps of 20 orbits); this is one of the edges.
 
     profile : sequence of P floats.
-    n_max : int, 64 to 10¹², steps.
+    n_max : int, N, 1 to 10¹², steps.
     n_orbits : int, the size of `ensemble`.
     window : (lo, hi) in y, around all starts.
     precision : as for `first_escape`.
 
-    Returns CriticalScale. upper : k_N, an escape was seen there. value : extrapolated; error :
-    upper - value, the bias, plus its difference to the foretold one, for k_N is a draw. lower is
-    NaN: no escape shows nothing. omega is None. Status NO_BREAKUP if nothing escapes even where the
-    largest |κ| is 2.
+    Returns float; NaN if nothing escapes even where the largest |κ| is 2.
 
     ValueError if profile is zero or tiny or an argument out of range.
     """
-    profile = direction(profile)
+    n_max = count("n_max", n_max, 1, MAX_STEPS)
+    return _onset_scales(profile, [n_max], n_orbits, window, precision)[0]
+
+
+def critical_scale(profile, n_max, n_orbits=1000, window=PAPER_WINDOW, precision="double"):
+    """The scale at which global transport begins on the ray κ = s·profile, by direct iteration.
+
+    1. k_N, `onset_scale` for N = n_max steps.
+    2. The same for N/8, and extrapolate: k_N - k_c ~ N^(-1/η), η = 3.012 = ln(αβ)/ln δ from the
+       scaling constants of MacKay (Physica D 7 (1983) 283).
+    3. The same for N/64, to see what bias the law foretells from there.
+
+    profile, n_orbits, window, precision : as for `onset_scale`.
+    n_max : int, 64 to 10¹², steps.
+
+    Returns CriticalScale. upper : k_N, an escape was seen there. value : extrapolated; error :
+    upper - value, the bias, plus its difference to the foretold one, for k_N is a draw. lower is
+    NaN: no escape shows nothing. omega is None. Without a value, status NOT_CONVERGED where the
+    error would be as large as the value, since the law does not hold yet: more steps or orbits are
+    needed; NO_BREAKUP if nothing escapes even where the largest |κ| is 2.
+
+    ValueError if profile is zero or tiny or an argument out of range.
+    """
     n_max = count("n_max", n_max, 64, MAX_STEPS)
+    steps = n_max, n_max // 8, n_max // 64
+    upper, before, earlier = _onset_scales(profile, steps, n_orbits, window, precision)
+    if np.isnan(upper):
+        return no_answer(None, Status.NO_BREAKUP, _METHOD)
+    ratio = 8 ** (1 / _ETA)
+    bias, foretold = (before - upper) / (ratio - 1), (earlier - before) / (ratio - 1) / ratio
+    value, error, status = upper - bias, bias + abs(bias - foretold), Status.OK
+    if not error < value:  # not for NaN either, where N/64 is too few for any escape
+        value, error, status = np.nan, np.nan, Status.NOT_CONVERGED
+    return CriticalScale(value, error, np.nan, upper, None, status, _METHOD)
+
+
+def _onset_scales(profile, steps, n_orbits, window, precision):
+    """k_N of each N of `steps`, which decrease; NaN where nothing escapes."""
+    profile = direction(profile)
     x, y = ensemble(n_orbits)
-    *_, lo, hi, shift = _checked(profile, x, y, n_max, window)
+    *_, lo, hi, shift = _checked(profile, x, y, 1, window)
     if not ((lo <= y - shift) & (y - shift <= hi)).all():
         raise ValueError(
             f"window={window!r} leaves out starts of the ensemble, which would escape without a "
@@ -159,22 +195,14 @@ def critical_scale(profile, n_max, n_orbits=1000, window=PAPER_WINDOW, precision
     def escapes(scale, n):
         return first_escape(scale * profile, x, y, [x.size], n, window, precision)[0] < np.inf
 
-    def least_escaping(n, inside, outside):
+    inside, scales, furthest = 0.0, [], 2 / np.abs(profile).max()
+    for n in steps:  # what does not escape in N steps does not in fewer
+        outside = furthest if escapes(furthest, n) else np.nan
         while outside - inside > 1e-4 * outside:
             middle = (inside + outside) / 2
             inside, outside = (inside, middle) if escapes(middle, n) else (middle, outside)
-        return inside, outside
-
-    furthest = 2 / np.abs(profile).max()
-    if not escapes(furthest, n_max // 8):
-        return no_answer(None, Status.NO_BREAKUP, _METHOD)
-    inside, upper = least_escaping(n_max, 0.0, furthest)
-    _, before = least_escaping(n_max // 8, inside, furthest)
-    _, earlier = least_escaping(n_max // 64, inside, furthest)
-    ratio = 8 ** (1 / _ETA)
-    bias, foretold = (before - upper) / (ratio - 1), (earlier - before) / (ratio - 1) / ratio
-    error = bias + abs(bias - foretold)
-    return CriticalScale(upper - bias, error, np.nan, upper, None, Status.OK, _METHOD)
+        scales.append(float(outside))
+    return scales
 
 
 def boundary(escape_time, kappa1, kappa2, angles, n):

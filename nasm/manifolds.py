@@ -25,6 +25,7 @@ from math import ceil
 import numpy as np
 
 from nasm.action import LostError, ordered_orbits
+from nasm.critical import Result
 from nasm.flux import action_difference
 from nasm.maps import forcing, step_tangent
 from nasm.orbits import orbit
@@ -90,8 +91,8 @@ def stable(kappa, p, q, x, y, length, spacing=2e-3, toward=1):
     return y - x, y
 
 
-@dataclass(frozen=True)
-class Turnstile:
+@dataclass(frozen=True, eq=False)
+class Turnstile(Result):
     """What passes one edge of the resonance of p/q.
 
     area : of a lobe, in turns times y, that passes upwards in one step of T, and as much downwards.

@@ -16,9 +16,8 @@ from decimal import Decimal
 from fractions import Fraction
 from itertools import chain, cycle, takewhile
 from math import isfinite, isqrt
-from numbers import Integral
 
-from nasm.checks import count, real
+from nasm.checks import count, exact, integer, real
 
 __all__ = ["NAMES", "RotationNumber", "convergents", "moebius", "nobles_near", "parse", "rational"]
 __dir__ = __all__.copy
@@ -42,10 +41,29 @@ class RotationNumber:
 
     All partial quotients but the first are ≥ 1. Made by `parse("gamma")` or `rational`, it is in
     its shortest form, so that equal numbers compare equal.
+
+    ValueError unless they are whole numbers, of which there is one or more; NumPy's become ints,
+    as arithmetic of a fixed width would overflow.
     """
 
     prefix: tuple[int, ...]
     tail: tuple[int, ...] = ()
+
+    def __post_init__(self):
+        for name in ("prefix", "tail"):
+            quotients = getattr(self, name)
+            try:
+                exact = tuple(map(integer, quotients))
+            except TypeError:
+                exact = None
+            if exact is None or min((1, *exact[name == "prefix" :])) < 1:
+                raise ValueError(
+                    f"{name}={quotients!r} must be whole numbers, ≥ 1 after the first of a number, "
+                    "e.g. RotationNumber((0, 2), (1,))"
+                )
+            object.__setattr__(self, name, exact)
+        if not self.prefix:
+            raise ValueError("prefix=() is empty; its first entry is the integer part, e.g. (0,)")
 
     def __str__(self):
         """ "[1;4,(1)]", which `parse` reads back."""
@@ -109,7 +127,7 @@ def _too_long(text):
 
 def rational(fraction):
     """The RotationNumber of a Fraction, int, or anything that Fraction takes exactly."""
-    fraction = Fraction(fraction)
+    fraction = exact(fraction)
     p, q = fraction.numerator, fraction.denominator
     quotients = []
     while q:
@@ -128,7 +146,7 @@ def checked(omega):
             return parse(omega)
         except ValueError as error:
             raise ValueError(f"omega={error}") from None
-    if not isinstance(omega, RotationNumber) or min((1, *omega.prefix[1:], *omega.tail)) < 1:
+    if not isinstance(omega, RotationNumber):
         cure = "make one of its name or its continued fraction, e.g. 'gamma' or '[1;(4)]'"
         if isinstance(omega, float) and isfinite(omega):
             places = -Decimal(repr(float(omega))).as_tuple().exponent
@@ -155,9 +173,11 @@ def distinct_convergents(omega, q_max):
 
 def moebius(omega, a, b, c=0, d=1):
     """(a·ω + b)/(c·ω + d), exactly, for integers with ad ≠ bc; e.g. moebius(ω, -1, 2) = 2 - ω."""
-    if not all(isinstance(n, Integral) for n in (a, b, c, d)):
-        raise ValueError(f"({a}ω + {b})/({c}ω + {d}) is not exact; use whole numbers a, b, c, d")
-    a, b, c, d = int(a), int(b), int(c), int(d)  # of any length, as products need
+    try:
+        a, b, c, d = map(integer, (a, b, c, d))
+    except TypeError:
+        words = f"({a}ω + {b})/({c}ω + {d}) is not exact; use whole numbers a, b, c, d"
+        raise ValueError(words) from None
     if a * d == b * c:
         raise ValueError(f"({a}ω + {b})/({c}ω + {d}) does not depend on ω; use ad ≠ bc")
     if (omega := checked(omega)).is_rational:

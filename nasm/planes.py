@@ -14,7 +14,7 @@ trying; these, and no others, `fold` its rays.
 
 import json
 import re
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from fractions import Fraction
 from functools import cached_property, lru_cache
 from itertools import product
@@ -55,18 +55,18 @@ class Plane:
     """
 
     name: str
-    axes: dict[str, str]
+    axes: dict[str, str] = field(hash=False)
     origin: tuple[float, ...]
     first: tuple[float, ...]
     second: tuple[float, ...]
 
     def __post_init__(self):
-        for field, check in ("origin", forcing), ("first", direction), ("second", direction):
+        for name, check in ("origin", forcing), ("first", direction), ("second", direction):
             try:
-                vector = check(getattr(self, field))
+                vector = check(getattr(self, name))
             except ValueError as error:
-                raise ValueError(f"{field}: {error}") from None
-            object.__setattr__(self, field, tuple(vector.tolist()))
+                raise ValueError(f"{name}: {error}") from None
+            object.__setattr__(self, name, tuple(vector.tolist()))
         lengths = [len(vector) for vector in (self.origin, self.first, self.second)]
         if len(set(lengths)) > 1 or not 2 <= lengths[0] <= MAX_PERIOD:
             raise ValueError(

@@ -30,6 +30,7 @@ from numba import njit
 from nasm.arithmetic.kernels import kernel
 from nasm.arithmetic.sine import cos2pi, sin2pi
 from nasm.checks import count, floats, points, real
+from nasm.critical import Result
 from nasm.maps import MAX_STRENGTH, TWO_PI
 
 __all__ = ["Record", "evolve", "momentum"]
@@ -43,8 +44,8 @@ MIN_AMPLITUDE = 1e-100
 _BLOCK = 256  # particles whose terms are summed pairwise; a power of two
 
 
-@dataclass(frozen=True)
-class Record:
+@dataclass(frozen=True, eq=False)
+class Record(Result):
     """What n kicks of the self-consistent map were, and where they led.
 
     kappa, theta : ndarrays (n,), strength and phase of each kick, in turns in [-1/2, 1/2].

@@ -18,7 +18,7 @@ import numpy as np
 from nasm import barriers, circles
 from nasm.barriers import critical_scale, per_period
 from nasm.circles import continuation
-from nasm.critical import CriticalScale, Status, no_answer
+from nasm.critical import CriticalScale, Result, Status, no_answer
 from nasm.maps import MIN_SIZE, forcing
 from nasm.numbers import rational
 from nasm.symmetries import lengthen, shorten
@@ -75,8 +75,8 @@ class Evidence(Enum):
     __repr__ = Enum.__str__
 
 
-@dataclass(frozen=True)
-class Verdict:
+@dataclass(frozen=True, eq=False)
+class Verdict(Result):
     """Whether a rotational invariant circle is left under the forcing kappa.
 
     answer, evidence : what is known, and from what. UNDECIDED makes no statement about either.

@@ -242,7 +242,7 @@ def test_boundary_is_not_known_where_the_ray_enters_in_transport_or_next_to_unkn
 
 @pytest.mark.parametrize(("profile", "barrier"), [((1, 0), KAPPA_G / 2), ((1, 1), KAPPA_G)])
 def test_direct_critical_scale_is_shown_from_above(profile, barrier):
-    for n_max in (1000, 30_000):  # how the bias falls is in test_work_precision
+    for n_max in (3000, 30_000):  # how the bias falls is in test_work_precision
         found = escape.critical_scale(profile, n_max, 256)
         assert found.status is Status.OK
         x, y = ensemble(256)
@@ -253,11 +253,49 @@ def test_direct_critical_scale_is_shown_from_above(profile, barrier):
         assert abs(found.value - barrier) < found.upper - barrier
 
 
-@pytest.mark.parametrize("angle", [138.23624, 227.90566])
-def test_the_error_of_the_direct_scale_allows_for_a_lucky_draw(angle):
-    # The bias alone fell short of the difference to the residues' value, 1.3 times.
-    found, barrier = escape.critical_scale(ray(angle), 500, 100), critical_scale(ray(angle), 1e-3)
-    assert abs(found.value - barrier.value) <= found.error
+@pytest.mark.parametrize(
+    ("profile", "n_max", "n_orbits"), [(ray(46.285), 3000, 100), ((1, 0.2), 10_000, 10)]
+)
+def test_the_error_of_the_direct_scale_allows_for_a_lucky_draw(profile, n_max, n_orbits):
+    found, barrier = escape.critical_scale(profile, n_max, n_orbits), critical_scale(profile, 1e-3)
+    assert found.upper - found.value < abs(found.value - barrier.value) <= found.error
+
+
+@pytest.mark.parametrize(
+    ("profile", "n_max", "n_orbits"),
+    [((1, 0.6, 0.3), 300, 10), ((1, 0), 64, 64), ((0.2, -1, 0.5), 500, 30), ((1,), 200, 10)],
+)
+def test_before_the_law_holds_there_is_a_bound_and_no_value(profile, n_max, n_orbits):
+    found = escape.critical_scale(profile, n_max, n_orbits)
+    assert found.status is Status.NOT_CONVERGED
+    assert np.isnan([found.value, found.error, found.lower]).all()
+    assert found.upper == escape.onset_scale(profile, n_max, n_orbits)
+    assert found.upper > critical_scale(profile, 1e-2).value
+
+
+@pytest.mark.parametrize("n_max", [100, 1000, 10_000])
+def test_a_value_is_between_zero_and_the_onset_and_its_error_is_smaller(n_max):
+    rng = np.random.default_rng(n_max)
+    found = [
+        escape.critical_scale(rng.uniform(-1, 1, n_kicks), n_max, 30) for n_kicks in (1, 2, 3, 5)
+    ]
+    for answer in found:
+        if answer.status is Status.OK:
+            assert 0 < answer.error < answer.value <= answer.upper
+        else:
+            assert np.isnan(answer.value)
+    assert (n_max == 10_000) == all(answer.status is Status.OK for answer in found)
+
+
+@pytest.mark.parametrize("n", [50, 400])
+def test_at_the_onset_an_orbit_escapes_in_n_steps_and_just_below_none_does(n):
+    onset = escape.onset_scale((1, 0.3), n, 20)
+    bisections = np.ceil(np.log2(2 / (1e-4 * onset)))
+    kappas = np.multiply.outer([onset - 2 / 2**bisections, onset], (1, 0.3))
+    times = [escape_time(kappa, *ensemble(20), n).min() for kappa in kappas]
+    assert times[0] == np.inf
+    assert times[1] <= n
+    assert np.isnan(escape.onset_scale((1, 0.3), 2, 20))  # too few steps to leave the window
 
 
 def test_a_critical_scale_needs_a_window_that_orbits_leave():
@@ -265,3 +303,4 @@ def test_a_critical_scale_needs_a_window_that_orbits_leave():
     found = escape.critical_scale((1, 0), 64, 64, window=(-1e6, 1e6))
     assert found.status is Status.NO_BREAKUP
     assert np.isnan([found.value, found.error, found.upper]).all()
+    assert np.isnan(escape.onset_scale((1, 0), 64, 64, window=(-1e6, 1e6)))

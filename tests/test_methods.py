@@ -185,7 +185,7 @@ METHODS = {
     "barriers": lambda profile, size: barriers.critical_scale(profile, 1e-1),
     "cones": lambda profile, size: symmetry_line.critical_scale(profile, 300),
     "continuation": lambda profile, size: continuation.critical_scale(GAMMA, profile, 1e-4 / size),
-    "escape": lambda profile, size: escape.critical_scale(profile, 1000, 100),
+    "escape": lambda profile, size: escape.critical_scale(profile, 3000, 100),
     "periodic": lambda profile, size: periodic.critical_scale(GAMMA, profile, 300),
 }
 

@@ -172,3 +172,30 @@ def test_nobles_near_a_number_agree_with_it_and_the_shortest_come_first(value, w
         assert omega.tail == (1,)
         assert abs(exact(omega) - value) < width * (1 + 1e-6)
         assert omega.prefix == quotients_of_value[: len(omega.prefix)]
+
+
+@pytest.mark.parametrize("kind", [np.int8, np.uint8, np.int64])
+def test_quotients_of_numpy_make_the_same_number_as_ints_without_overflow(kind):
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        prefix, tail = rng.integers(1, 30, 6).tolist(), rng.integers(1, 30, 3).tolist()
+        of_ints = RotationNumber(tuple(prefix), tuple(tail))
+        of_arrays = RotationNumber(np.array(prefix, kind), np.array(tail, kind))
+        assert moebius(of_arrays, 1, 1, 2, 3) == moebius(of_ints, 1, 1, 2, 3)
+        assert list(islice(convergents(of_arrays), 40)) == list(islice(convergents(of_ints), 40))
+        assert float(of_arrays) == float(of_ints)
+        assert all(type(a) is int for a in of_arrays.prefix + of_arrays.tail)
+    ratio = rational(Fraction(kind(3), kind(8)))
+    assert ratio == parse("3/8")
+    assert all(type(a) is int for a in ratio.prefix)
+
+
+@pytest.mark.parametrize(
+    "prefix",
+    [(), (True,), (0, 2.0), (0, 0), (0, -1), "02", 3, np.ma.array([0, 2], mask=[False, True])],
+)
+def test_what_is_no_continued_fraction_is_refused_when_a_number_is_made(prefix):
+    with pytest.raises(ValueError, match="prefix="):
+        RotationNumber(prefix)
+    with pytest.raises(ValueError, match=r"tail=\(0,\) must be whole numbers, ≥ 1"):
+        RotationNumber((1,), (0,))

@@ -73,7 +73,8 @@ def test_direct_bias_falls_like_n_to_the_minus_one_third():
     found = [METHODS["direct-100"].run(ray, n) for n in steps]
     errors = [raw / ray.value - 1 for (raw, _), _ in found]
     assert np.polyfit(np.log(steps), np.log(errors), 1)[0] == pytest.approx(-1 / 3, abs=0.07)
-    for (_, (value, error)), raw in zip(found, errors, strict=True):
+    assert np.isnan(found[0][1]).all()  # 1000 steps are too few for a value by the law
+    for (_, (value, error)), raw in zip(found[1:], errors[1:], strict=True):
         assert abs(value / ray.value - 1) < raw
         assert abs(value - ray.value) < error
 

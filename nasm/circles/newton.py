@@ -36,7 +36,7 @@ from nasm.arithmetic.kernels import kernel
 from nasm.arithmetic.sine import sin2pi
 from nasm.checks import count
 from nasm.circles import fourier
-from nasm.critical import Status
+from nasm.critical import Result, Status
 from nasm.maps import TWO_PI, forcing
 from nasm.numbers import RotationNumber, checked
 
@@ -55,8 +55,8 @@ _ROUNDED = 1e-13  # of max |E_j|: less is rounding, and no step makes less of it
 _DIVISOR = 1e-5  # with smaller divisors, rounding errors of 1e-17 are larger than UPDATE in u
 
 
-@dataclass(frozen=True)
-class InvariantCircle:
+@dataclass(frozen=True, eq=False)
+class InvariantCircle(Result):
     """A circle of rotation number omega, or what Newton's method was left with.
 
     omega : RotationNumber per period.

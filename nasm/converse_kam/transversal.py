@@ -90,7 +90,7 @@ def longest_lived(kappa, n_max):
     return _longest_lived(strengths, n_max, _by_strength(strengths))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Transversal:
     """A transversal before the kick of one site; `bend` changes it.
 

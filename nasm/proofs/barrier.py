@@ -30,6 +30,7 @@ import numpy as np
 from nasm import circles
 from nasm.checks import count, positive
 from nasm.circles import continuation, fourier
+from nasm.critical import Result
 from nasm.maps import direction, forcing
 from nasm.numbers import RotationNumber, checked, convergents
 from nasm.proofs.certificates import certificate, in_hex
@@ -50,8 +51,8 @@ _SECONDS = 1e-5  # of computing, for a point and kick on a fast machine
 _ROUNDED = 46  # e^-46 is 10^-20, a bit of long doubles near 0.1
 
 
-@dataclass(frozen=True)
-class BarrierProof:
+@dataclass(frozen=True, eq=False)
+class BarrierProof(Result):
     """Whether a rotational invariant circle of omega is proved to exist under kappa; or in a fan,
     under s(kappa + t·tilt) for all s from one scale to the other and all t from -1 to 1.
 

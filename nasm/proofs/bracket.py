@@ -11,7 +11,7 @@ from math import nan
 
 from nasm import barriers
 from nasm.checks import positive
-from nasm.critical import CriticalScale
+from nasm.critical import CriticalScale, Result
 from nasm.maps import direction
 from nasm.proofs.barrier import BarrierProof, proved_lower
 from nasm.proofs.fan import proved_below
@@ -21,8 +21,8 @@ __all__ = ["ProvedBracket", "critical_scale"]
 __dir__ = __all__.copy
 
 
-@dataclass(frozen=True)
-class ProvedBracket:
+@dataclass(frozen=True, eq=False)
+class ProvedBracket(Result):
     """What is proved of a ray, and where it was looked for.
 
     found : CriticalScale by `barriers.critical_scale`, which is no proof.

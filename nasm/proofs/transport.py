@@ -53,6 +53,7 @@ from nasm.arithmetic.lanes import (
 from nasm.arithmetic.sine import COSINE
 from nasm.checks import positive
 from nasm.converse_kam import transversal
+from nasm.critical import Result
 from nasm.maps import direction, forcing
 from nasm.numbers import rational
 from nasm.proofs.certificates import certificate, columns_in_hex, in_hex
@@ -104,8 +105,8 @@ class Outcome(Enum):
     )
 
 
-@dataclass(frozen=True)
-class Proof:
+@dataclass(frozen=True, eq=False)
+class Proof(Result):
     """A proof, or what was in the way, which says nothing about circles."""
 
     outcome: Outcome
@@ -119,7 +120,7 @@ class Proof:
         return self.outcome.value
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class TransportProof(Proof):
     """The result of trying to prove that a forcing has no rotational invariant circle.
 

@@ -70,7 +70,7 @@ _KICKS, _FOUND = 200_000, 16_384  # in one call of the kernel
 DOWN = 1 - 1e-14  # as `UP`, for a sum that is subtracted
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class CellProof(Proof):
     """A proof that no rotational invariant circle exists for any forcing of a cell, or why not.
 

@@ -40,7 +40,7 @@ from nasm.arithmetic.roots import root
 from nasm.arithmetic.sine import cos2pi, sin2pi
 from nasm.checks import count, positive, real
 from nasm.circles.newton import lagrange, step_outcome
-from nasm.critical import CriticalScale, Status
+from nasm.critical import CriticalScale, Result, Status
 from nasm.maps import TWO_PI, direction, forcing
 from nasm.numbers import RotationNumber
 
@@ -66,8 +66,8 @@ _WAYS = 2  # the error, in parts of the way from the last torus: 172 of 177 had 
 _PART = 0.35  # of the way to the breakup, as it is estimated: the next step
 
 
-@dataclass(frozen=True)
-class InvariantTorus:
+@dataclass(frozen=True, eq=False)
+class InvariantTorus(Result):
     """A torus of rotation vector (omega, frequency), or what Newton's method was left with.
 
     omega, frequency : floats, turns of θ and φ per kick.

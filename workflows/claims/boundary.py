@@ -86,7 +86,7 @@ def _standard(omega):
 def _square(n_max, n_orbits):
     phi, effort = np.array([10.0, 20, 30, 40]), (max(n_max // 10, 1000), min(n_orbits, 100))
     angles = np.stack([phi, 90 - phi, 180 - phi, 90 + phi])  # with their images
-    direct = np.vectorize(lambda a: escape.critical_scale(ray(a), *effort).upper)(angles)
+    direct = np.vectorize(lambda a: escape.onset_scale(ray(a), *effort))(angles)
     exact = fields(np.vectorize(lambda a: barriers.critical_scale(ray(a), 1e-3))(angles), _SCALE)
     scale, error = exact["value"], exact["error"]
     apart, excess = np.abs(direct[::2] / direct[1::2] - 1), (direct / scale - 1).min()
@@ -126,8 +126,8 @@ def _insets(n_orbits):
     for number, point in enumerate(INSETS, 1):
         answer = verdict(point)
         excess = 1 / answer.boundary.value - 1
-        direct = escape.critical_scale(point, n_max, n_orbits)
-        width = direct.upper / answer.boundary.value - 1
+        direct = escape.onset_scale(point, n_max, n_orbits)
+        width = direct / answer.boundary.value - 1
         where = "beyond" if excess > 0 else "inside"
         text = (
             f"{answer.answer.value}: {abs(excess):.2%} {where} CB_gt on its ray, where direct "

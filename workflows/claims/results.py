@@ -88,7 +88,7 @@ def _bounds():
             exact = periodic.critical_scale(omega, profile).value
             deficit.append(1 - continuation.critical_scale(omega, profile).lower / exact)
         shown = symmetry_line.critical_scale(profile, 4000).upper
-        excess.append(escape.critical_scale(profile, 10_000, 100).upper / shown - 1)
+        excess.append(escape.onset_scale(profile, 10_000, 100) / shown - 1)
     value = {"excess": min(excess), "deficit": min(deficit)}
     return graded(value, min(value.values()) > 0)
 
