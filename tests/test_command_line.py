@@ -18,6 +18,7 @@ from matplotlib.figure import Figure
 
 import nasm
 from workflows.__main__ import main as overview
+from workflows.ask.__main__ import numbers_in
 from workflows.figures import style
 from workflows.shared.cli import commands, main_of
 
@@ -151,6 +152,13 @@ def test_a_mistyped_option_names_the_one_that_was_meant(name):
                 assert meant in result.output.replace("\n", " ").partition(typed)[2]
 
 
+@pytest.mark.parametrize(
+    "text", ["0.3 -.5\n1e-2", "\ufeff0.3\r\n-.5\r\n1e-2\r\n", "0.3, -.5,\t1e-2"]
+)
+def test_kicks_are_read_from_files_of_all_systems(text):
+    assert numbers_in(text.encode()) == [0.3, -0.5, 0.01]
+
+
 def test_numbers_of_the_command_line_may_be_negative():
     words = ["-0.69", "-.5", "-1e-3", "--pdf", "-2E+1", "-inf"]
     assert main_of("ask").make_context("ask", words).params["kappa"] == (
@@ -195,6 +203,8 @@ def test_numbers_of_the_command_line_may_be_negative():
         ("ask", "--plane rotating:1/100 0.3 0.2", "from 2 to 64"),
         ("ask", "0.3 --once pyproject.toml", "leave KAPPA"),
         ("ask", "--once pyproject.toml", "could not convert"),
+        ("ask", "--once {}/commas.txt", "-0,3 may be one number or two; write one like 0.3"),
+        ("ask", "--once {}/bytes.json", "bytes.json: not a text in UTF-8"),
         ("ask", "--once {}/kicks.txt --prove", "needs kicks that repeat"),
         ("last_barrier", "--scheduler tcp://127.0.0.1:9 --workers 1", "leave --workers out"),
         ("last_barrier", "--scheduler {}/nowhere.json", "nowhere.json': no such file"),
@@ -213,6 +223,7 @@ def test_bad_input_is_one_message_and_nothing_is_computed(
         "a.json": "plane",
         "b.json": '{"name": "plane"}',
         "bytes.json": "\xff\xfe",
+        "commas.txt": "1 0.5\n-0,3\n",
         "inproc.json": '{"address": "inproc://1/2"}',
         "kicks.txt": "0.3 0.2",
         "list.json": "[]",

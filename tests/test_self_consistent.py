@@ -5,6 +5,7 @@ from math import cos, fsum, hypot, pi, sin
 
 import numpy as np
 import pytest
+from dask.system import CPU_COUNT
 from oracles import KAPPA_G
 
 from nasm.circles import fourier
@@ -164,3 +165,18 @@ def test_momentum_is_conserved_and_weak_fields_leave_graphs_but_strong_ones_do_n
     assert 0.05 < settling.denied.mean() < 0.2
     caption = self_consistent_caption(fields, verdicts, settling)
     assert "rules out every family of graphs in the recorded field from Γ = 1.3 on" in caption
+
+
+def test_a_job_of_one_core_of_many_runs_one_thread(monkeypatch):
+    """A container or a batch job may use fewer cores than the machine has."""
+    threads = []
+
+    def executor(n):
+        threads.append(n)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("os.cpu_count", lambda: 64)
+    monkeypatch.setattr(study, "ThreadPoolExecutor", executor)
+    with pytest.raises(KeyboardInterrupt):
+        study.fields([0.5], 256, 4096)
+    assert threads == [CPU_COUNT]

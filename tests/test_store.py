@@ -4,6 +4,7 @@ Sweeps under faults are in `test_sweep` and `test_campaign`; here tiles are comm
 """
 
 import dataclasses
+import errno
 import json
 import os
 import pickle
@@ -214,6 +215,21 @@ def test_a_second_driver_of_a_directory_and_one_that_cannot_write_are_refused(on
     held = store.driving(store.place_of(tmp_path / "file"))
     with pytest.raises(store.Refused, match="cannot write"), held:
         pass
+
+
+@pytest.mark.parametrize(
+    "error",
+    [NotImplementedError("use SoftFileLock")]
+    + [OSError(number, "no locks") for number in (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS)],
+)
+def test_a_file_system_without_locks_is_written_without_one(tmp_path, monkeypatch, error):
+    def acquire(*_, **__):
+        raise error
+
+    monkeypatch.setattr("pipeline.store.place.FileLock.acquire", acquire)
+    with store.driving(place := store.place_of(tmp_path)):
+        fill(place, toy.cube())
+    toy.assert_complete(tmp_path, toy.cube())
 
 
 @pytest.mark.filterwarnings("ignore:Consolidated metadata")  # threads share their filters

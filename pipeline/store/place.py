@@ -4,6 +4,7 @@ Credentials, endpoint and region come from the environment (AWS_ACCESS_KEY_ID, A
 of the driver and of each worker, and go nowhere from there.
 """
 
+import errno
 import os
 import re
 from contextlib import contextmanager, nullcontext, suppress
@@ -16,6 +17,7 @@ from obstore.exceptions import AlreadyExistsError, BaseError
 from obstore.store import LocalStore, from_url
 
 PATIENCE = 30  # seconds for which a request is repeated while an object store does not answer
+_NO_LOCKS = errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS
 _URL = re.compile(r"(s3|gs|az)://[a-z0-9][a-z0-9._-]+(/[\w.=+-]+)+", re.ASCII)
 
 
@@ -101,17 +103,25 @@ def _opened(path):
 
 @contextmanager
 def driving(place):
-    """Keep a second driver off a directory, which is made if need be; nothing in object stores."""
+    """Keep a second driver off a directory, which is made if need be.
+
+    Nothing keeps one off an object store, or off a directory of a file system without locks: two
+    drivers then write the same bytes twice.
+    """
     lock = nullcontext()
     if place.is_directory:
         try:
             os.makedirs(place.root, exist_ok=True)
             lock = FileLock(f"{place}/.lock").acquire(timeout=0)
+        except NotImplementedError:  # a file system without locks, by filelock's word
+            pass
         except Timeout:
             words = "is being written by another run; wait for it, stop it, or choose another --out"
             raise Refused(f"{place} {words}") from None
         except OSError as e:
-            raise Refused(f"cannot write to {place}: {e.strerror}; choose another --out") from None
+            if e.errno not in _NO_LOCKS:
+                words = f"cannot write to {place}: {e.strerror}; choose another --out"
+                raise Refused(words) from None
     with lock:
         yield
 

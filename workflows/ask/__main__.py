@@ -21,6 +21,18 @@ import click
 from workflows.shared import cli
 
 
+def numbers_in(content):
+    """Return the numbers of a text file, with spaces, lines, or commas and spaces between them."""
+    try:
+        text = content.decode("utf-8-sig")  # with the mark of Windows' editors, or without
+    except UnicodeDecodeError:
+        raise ValueError("not a text in UTF-8, e.g. one in UTF-16; save it as UTF-8") from None
+    if pair := re.search(r"[-+.\d]*\d,\d[.\d]*", text):
+        words = "may be one number or two; write one like 0.3, and two like 0 3"
+        raise ValueError(f"{pair[0]} {words}")
+    return [float(number) for number in text.replace(",", " ").split()]
+
+
 def forcing_asked(strengths, plane, once):
     """Return the strengths of the kicks, and where they are, (Plane, its two coordinates), or None.
 
@@ -33,9 +45,8 @@ def forcing_asked(strengths, plane, once):
     if once:
         if strengths or plane:
             raise ValueError("--once FILE is the whole forcing; leave KAPPA and --plane out")
-        text = Path(once).read_text(encoding="utf-8").replace(",", " ")
         try:
-            return forcing(list(map(float, text.split()))), None
+            return forcing(numbers_in(Path(once).read_bytes())), None
         except ValueError as error:
             raise ValueError(f"--once {once}: {error}") from None
     if plane is None:

@@ -1,10 +1,10 @@
 """Fields of the self-consistent map, the barriers in them, and a circle that is asymptotic."""
 
-import os
 from concurrent.futures import ThreadPoolExecutor
 from fractions import Fraction
 
 import numpy as np
+from dask.system import CPU_COUNT
 from scipy.signal import welch
 
 from nasm import circles, escape
@@ -51,7 +51,7 @@ def fields(couplings, particles, kicks):
     y = BAND * (2 * y / 0.3 - 1)
 
     weights, shown = couplings / particles, (x[:_SHOWN], y[:_SHOWN], (-2 - BAND, 2 + BAND))
-    with ThreadPoolExecutor(os.cpu_count()) as threads:
+    with ThreadPoolExecutor(CPU_COUNT) as threads:  # dask's count: of what this job may use
         runs = list(threads.map(lambda weight: evolve(x, y, weight, AMPLITUDE, kicks), weights))
     kappa = np.array([run.kappa for run in runs])
     theta = np.unwrap([run.theta for run in runs], period=1)
