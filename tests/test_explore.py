@@ -19,9 +19,10 @@ from bokeh.server.util import bind_sockets
 from tornado.httpclient import AsyncHTTPClient
 
 from nasm import barriers, diffusion, escape
+from nasm.critical import CriticalScale, Status
 from nasm.numbers import parse
 from nasm.planes import rotating, three_kicks, two_kicks
-from nasm.verdict import verdict
+from nasm.verdict import Answer, Evidence, Verdict, verdict
 from workflows.explore import field, plane, rays, server
 from workflows.explore.field import Field, View
 from workflows.explore.rays import Breakup, Rays
@@ -323,6 +324,48 @@ def test_the_boundary_on_a_ray_is_known_where_the_rays_begin_without_kicks():
     state.move(*state.boundary)
     near = barriers.critical_scale(state.kappa, 1e-3)
     assert near.value == pytest.approx(1, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("answer", "value", "words"),
+    [
+        (Answer.BARRIER, 1.25, "inside the boundary, which is at 1.25 times"),
+        (Answer.TRANSPORT, 0.75, "beyond the boundary, which is at 0.75 times"),
+        (Answer.BARRIER, 1 - 1e-9, "on the boundary, or next to it"),
+        (Answer.TRANSPORT, 1 + 1e-9, "on the boundary, or next to it"),
+        (Answer.UNDECIDED, 1 - 1e-9, "not decided on which side of the boundary, which is at 1"),
+        (Answer.UNDECIDED, 1 + 1e-9, "not decided on which side of the boundary, which is at 1"),
+        (Answer.UNDECIDED, np.nan, ""),
+    ],
+)
+def test_the_side_of_the_boundary_is_that_of_the_verdict(answer, value, words):
+    boundary = CriticalScale(value, 1e-3, np.nan, np.nan, None, Status.OK)
+    said = plane.distance_of(Verdict(answer, Evidence.NONE, boundary))
+    assert said.startswith(words)
+    assert bool(said) == bool(words)
+
+
+def test_a_verdict_is_forgotten_with_its_point():
+    state, seen = State(two_kicks()), []
+    state.take(verdict=verdict(state.kappa))
+    state.on("point", lambda: seen.append(state.verdict))
+    state.move(*state.point)
+    assert state.verdict is not None
+    state.move(0.3, 0.2)
+    assert seen == [None]
+
+
+@pytest.mark.parametrize("direction", range(0, 360, 30))
+def test_the_mark_of_a_point_outside_points_towards_it(direction):
+    towards = np.exp(1j * np.deg2rad(direction))
+    mark = plane._mark_of((5 * towards.real, 10 * towards.imag), [(-1.0, 1.0), (-2.0, 2.0)])
+    assert mark["marker"] == ["triangle"]
+    x, y = mark["x"][0], mark["y"][0] / 2
+    assert 0.9 < max(abs(x), abs(y)) < 1
+    tip = 1j * np.exp(1j * mark["angle"][0])
+    there = complex(5 * towards.real - x, 5 * towards.imag - y)
+    assert tip == pytest.approx(there / abs(there))
+    assert (tip * np.conj(complex(x, y))).real > 0  # out of the view
 
 
 def test_a_link_holds_all_that_a_tab_looks_at():

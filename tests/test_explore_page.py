@@ -1,6 +1,8 @@
 """The explorer's page in a real browser, against what is computed here."""
 
 import re
+import subprocess
+import sys
 from functools import partial
 from itertools import takewhile
 from urllib.parse import parse_qs, urlparse
@@ -120,6 +122,34 @@ def test_orbits_have_the_colours_of_their_rotation_numbers_and_the_circle_is_cer
     assert f"Certified circle, ω = {expected.boundary.omega}" in told(tab, "of them chaotic")
 
 
+def test_the_page_fits_its_window_and_axes_have_labels(opened):
+    tab, _ = opened
+    at(tab)
+    for width in (1400, 900, 390):
+        tab.set_viewport_size({"width": width, "height": 900})
+        wait(tab, f"document.documentElement.scrollWidth <= {width}")
+    labels = tab.evaluate("""[...Bokeh.documents[0]._all_models.values()].filter(
+        ({type, visible}) => /Axis$/.test(type) && visible).map(({axis_label}) => axis_label)""")
+    assert len(labels) >= 6
+    assert all(labels)
+    tab.set_viewport_size({"width": 900, "height": 900})
+
+
+def test_a_point_outside_the_view_is_marked_at_the_edge(opened):
+    tab, _ = opened
+    at(tab, k1=3.0, k2=2.0)
+    tab.get_by_text("outside this picture, beyond the triangle at its edge").wait_for()
+    mark, high = columns(tab, "point"), 1.15
+    assert (mark["a"], mark["b"], mark["marker"]) == ([3.0], [2.0], ["triangle"])
+    for name in "xy":
+        assert 0.9 * high < mark[name][0] < high
+    at(tab)
+    tab.get_by_text("outside this picture").wait_for(state="detached")
+    mark = columns(tab, "point")
+    assert mark["marker"] == ["circle_cross"]
+    assert (mark["x"], mark["y"]) == (mark["a"], mark["b"])
+
+
 def test_what_is_copied_as_python_runs_and_what_is_seen_is_saved(opened, tmp_path, capsys):
     tab, _ = opened
     tab.context.grant_permissions(["clipboard-read", "clipboard-write"])
@@ -233,6 +263,8 @@ def test_beyond_the_boundary_a_click_shows_the_start_that_lives_longest_next_to_
     assert told(tab, re.compile("computing the verdict|UNDECIDED"))
     words = told(tab, "UNDECIDED at")
     assert "neither a barrier nor transport could be shown" in words
+    tab.get_by_text("not decided on which side of the boundary, which is at 1 times").wait_for()
+    assert not re.search("(inside|beyond) the boundary", tab.locator("body").inner_text())
     words = browser.click(tab, PLANE, (0.93, 0.3), partial(told, tab, "TRANSPORT at"))
     point = re.search(r"\(kappa1, kappa2\) = \(([^,]*), ([^)]*)\)", words).groups()
     kappa = np.array(point, float)
@@ -259,6 +291,13 @@ def test_beyond_the_boundary_a_click_shows_the_start_that_lives_longest_next_to_
     wait(tab, f"!location.search.includes('k1={kappa[0]}&')")
     there = [float(asked(tab)[name]) for name in ("k1", "k2")]
     assert there == pytest.approx(kappa * float(scale), rel=1e-9)
+    for label, value in zip(("κ₁", "κ₂"), there, strict=True):
+        shown = tab.get_by_label(label)
+        assert shown.evaluate("it => it.scrollWidth <= it.clientWidth")
+        shown.press("Enter")
+        assert float(shown.input_value()) == pytest.approx(value, rel=1e-9)
+    told(tab, "UNDECIDED at")
+    assert [float(asked(tab)[name]) for name in ("k1", "k2")] == there  # all digits are kept
 
 
 def test_a_click_adds_an_orbit_and_a_zoom_iterates_what_is_in_the_box(opened):
@@ -316,7 +355,8 @@ def test_the_forcing_plays_along_the_ray_and_what_is_asked_for_is_drawn(opened):
     tool.click()
     nearer = partial(wait, tab, "/[?&]a=/.test(location.search)")
     browser.drag(tab, PLANE, (0.25, 0.25), (0.5, 0.5), nearer)
-    assert columns(tab, "point") == point  # the tool had the drag
+    moved = columns(tab, "point")
+    assert [moved[name] for name in "ab"] == [point[name] for name in "ab"]  # the tool had the drag
     tool.click()
     tab.get_by_label("manifolds").uncheck()
     type_in(tab, "Orbits of a fraction", "")
@@ -399,12 +439,43 @@ def test_a_link_in_another_tab_shows_the_same(opened, chromium, served):
             assert texts[0] == texts[1] != ""
 
 
+_NEVER = """
+import sys, time
+from workflows.explore import server
+server.Shared.prepare = lambda shared: None  # neither workers nor kernels come
+from workflows.explore.__main__ import main
+main(["--port", "0", "--no-browser", "--out", sys.argv[1]])
+"""
+
+
+def test_what_out_holds_is_painted_before_there_are_workers_or_kernels(chromium, store):
+    command = [sys.executable, "-c", _NEVER, str(store)]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
+        try:
+            told = "".join(iter(process.stderr.readline, "Ctrl-C ends it\n"))
+            with pages(chromium, re.search(r"http://localhost:\d+/", told).group()) as page:
+                tab = page("?n=200")
+                for name in ("times", "ground"):
+                    values = f"Bokeh.documents[0].get_model_by_name('{name}').data.values[0]"
+                    wait(tab, f"{values}.length > 1")
+                times = np.array(columns(tab, "times")["values"][0], float)
+                assert np.isfinite(times).any()
+                assert np.isnan(times).mean() < 0.1  # the store's plane is wider
+                wait(tab, "Bokeh.documents[0].get_model_by_name('boundary')?.data.a.length > 9")
+                assert len(columns(tab, "orbits")["pixels"][0]) == 1
+        finally:
+            process.kill()
+
+
 def test_on_a_phone_panels_are_stacked_and_a_zoom_to_1e_4_shows_its_escape_times(opened):
     tab, _ = opened
     tab.set_viewport_size({"width": 390, "height": 900})
     wait(tab, "document.documentElement.scrollWidth <= 390")
     _, top, width, height = picture(tab, PLANE)
     assert width > 250
+    for label in ("κ₁", "κ₂", "N, steps"):  # next to the picture that they move
+        field = tab.get_by_label(label).bounding_box()
+        assert 0 < top - field["y"] < 250
     portrait = tab.locator(f'section[aria-label="{PORTRAIT}"]').bounding_box()
     assert portrait["y"] > top + height
     told, lines = (tab.get_by_label(name).bounding_box() for name in ("Verdict", "Lines in the"))

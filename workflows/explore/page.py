@@ -55,14 +55,19 @@ def fill(document, shared):
 
 
 def _controls(state, wrong):
-    """Fields to type the point exactly, the slider of N, and the link to what is seen."""
+    """Fields to type the point exactly, the slider of N, and the link to what is seen.
+
+    The fields show ten digits; the point keeps all of its own until another one is typed.
+    """
     shown = list(state.point)
     names = symbols(state.plane.axes, plain=True)
     fields = [TextInput(title=title, width=150) for title in names]
     for i, model in enumerate(fields):
-        model.update(value=repr(shown[i]), name=f"coordinate {i}")
+        model.update(value=_rounded(shown[i]), name=f"coordinate {i}")
 
     def typed(i, text):
+        if text == _rounded(shown[i]):
+            return
         before, shown[i] = shown[i], number(text)
         try:
             state.move(*(shown[i] if i == j else value for j, value in enumerate(state.point)))
@@ -74,7 +79,7 @@ def _controls(state, wrong):
         for i, model in enumerate(fields):
             if shown[i] != state.point[i]:  # else what is typed there, good or bad, stays
                 shown[i] = state.point[i]
-                model.value = repr(shown[i])
+                model.value = _rounded(shown[i])
 
     counts = [str(n) for n in sorted({*STEPS, state.steps})]
     title = "N, steps within which an escape counts"
@@ -97,6 +102,10 @@ def _controls(state, wrong):
     state.on("point steps a b x y omega orbits fraction show plays", tell)
     columns = [field(model, partial(typed, i)) for i, model in enumerate(fields)]
     return [*columns, leap, slider, link, message]
+
+
+def _rounded(value):
+    return repr(float(f"{value:.10g}"))
 
 
 def _tell(line, document, work, shared):

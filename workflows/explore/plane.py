@@ -13,6 +13,7 @@ from matplotlib.colors import to_hex
 
 from nasm.numbers import NAMES
 from nasm.planes import plane_of
+from nasm.verdict import Answer
 from pipeline import store
 from pipeline.cubes.barrier import unfolded
 from workflows.explore import rays, widgets
@@ -29,11 +30,13 @@ _GROUND = 256  # along each side, of the greys under the escape times: a line hi
 _KEPT = 8  # fields that are kept for all tabs, to go back to
 _STAYS = 3  # pixels that a cell of OUT may fill
 _NEAR = 1e-3  # of the boundary's scale: between rays it is not known better
+_NEXT = "on the boundary, or next to it"
 _COLOURS = Magma256[:232]  # the palest are too like the greys of no escape
 _GREYS = ["white", to_hex(INSIDE), to_hex(NO_ESCAPE)]  # not known, inside the boundary, outside
-_GREY_WORDS = {"inside": "a circle is left", "outside": "none is left, but no escape within N"}
+_GREY_WORDS = {"inside": "a circle exists", "outside": "none exists, but no escape within N"}
 _HALO = {"line_color": "white", "line_width": 5}
-_CROSS = {"x": "a", "y": "b", "size": 16, "marker": "circle_cross", "fill_alpha": 0}
+_CROSS = {"size": 16, "marker": "marker", "angle": "angle", "fill_alpha": 0}
+_MARGIN = 0.04  # of the view, in which the mark of a point outside is
 _STYLES = _HALO, {"line_color": "colour", "line_width": 2.5}
 _MARKS = {
     "boundary": lambda: [models.MultiLine(xs="a", ys="b", **style) for style in _STYLES],
@@ -143,12 +146,14 @@ class PlanePanel:
 
     def _mark(self):
         a, b = self.state.point
-        self.show("point", {"a": [a], "b": [b]})
+        self.show("point", {"a": [a], "b": [b], **_mark_of((a, b), widgets.sides_of(self.plot))})
         self._tell(a, b)
 
     def _tell(self, a, b):
         x, y = symbols(self.state.plane.axes, plain=True)
         words, steps = [f"{x} = {a:.6g}, {y} = {b:.6g}"], self.state.steps
+        if not _is_in((a, b), widgets.sides_of(self.plot)):
+            words.append("outside this picture, beyond the triangle at its edge")
         n = self.shown.at(a, b) if self.shown else np.nan
         if not np.isnan(n):
             words.append(f"n* = {n:.0f}" if n <= steps else f"n* > {steps}")
@@ -163,17 +168,15 @@ class PlanePanel:
         """Say where the boundary is: as the verdict says it, or about there from the rays."""
         state, plane = self.state, self.state.plane
         if state.verdict is not None and (a, b) == state.point and not any(plane.origin):
-            scale = state.verdict.boundary.value
-            found = scale_of(state.verdict.boundary) if isfinite(scale) else ""
-        else:
-            excess = float(self.shared.rays.excess(a, b))
-            if abs(excess) < _NEAR:
-                return "on the boundary, or next to it"
-            scale = 1 / (1 + excess) if excess > -1 else inf
-            found = f"about {scale:.3g}" if isfinite(scale) else ""
-        side = "inside" if scale > 1 else "beyond"
+            return distance_of(state.verdict)
+        excess = float(self.shared.rays.excess(a, b))
+        if abs(excess) < _NEAR:
+            return _NEXT
+        if not -1 < excess < inf:  # without kicks; or not known
+            return ""
+        side = "inside" if excess < 0 else "beyond"
         what = "these numbers" if any(plane.origin) else "these strengths"
-        return f"{side} the boundary, which is at {found} times {what}" if found else ""
+        return f"{side} the boundary, which is at about {1 / (1 + excess):.3g} times {what}"
 
     def _move(self, event):
         """Move the forcing to a click, or a drag that is no tool's."""
@@ -195,10 +198,40 @@ class PlanePanel:
         return dataset("First escape times, as shown", coords, times, settings)
 
 
+def distance_of(verdict):
+    """Say where the boundary on the ray is, on the side that the verdict says; "" if not known."""
+    if not isfinite(verdict.boundary.value):
+        return ""
+    where = f"which is at {scale_of(verdict.boundary)} times these strengths"
+    if verdict.answer is Answer.UNDECIDED:
+        return f"not decided on which side of the boundary, {where}"
+    inside = verdict.answer is Answer.BARRIER
+    if inside != (verdict.boundary.value > 1):  # by less than its error
+        return _NEXT
+    return f"{'inside' if inside else 'beyond'} the boundary, {where}"
+
+
+def _is_in(point, ends):
+    return all(low <= value <= high for value, (low, high) in zip(point, ends, strict=True))
+
+
+def _mark_of(point, ends):
+    """Return where and how a point is marked: a cross, or outside the view a triangle at its edge
+    that points towards it."""
+    if _is_in(point, ends):
+        return {"x": [point[0]], "y": [point[1]], "marker": ["circle_cross"], "angle": [0.0]}
+    low, high = np.transpose(ends)
+    size = high - low
+    at = np.clip(point, low + _MARGIN * size, high - _MARGIN * size)
+    across, up = (point - at) / size
+    angle = float(np.arctan2(up, across) - np.pi / 2)  # the triangle points up
+    return {"x": [at[0]], "y": [at[1]], "marker": ["triangle"], "angle": [angle]}
+
+
 def _drawn(state):
     """Return the figure, the colours of escape times, and {name: source} of both images."""
-    # Its width is that of the picture with the colours beside it.
-    how = {"active_drag": None, "aspect_ratio": 1.06, "tags": ["arrows"]}
+    # So that the plane is about square, with the colours beside it.
+    how = {"active_drag": None, "aspect_ratio": 1.1, "tags": ["arrows"]}
     how["name"] = "plane of forcings; arrow keys move the forcing"
     plot = widgets.picture(state, "ab", symbols(state.plane.axes, plain=True), **how)
     view, clear = _view(plot), {"high_color": "rgba(0, 0, 0, 0)", "nan_color": "rgba(0, 0, 0, 0)"}
@@ -208,8 +241,7 @@ def _drawn(state):
     for name, colours, blank in looks:
         sources[name] = models.ColumnDataSource(_image(view, np.full((1, 1), blank)), name=name)
         plot.image("values", "a", "b", "da", "db", source=sources[name], color_mapper=colours)
-    title = "n*, first escape (steps)"
-    plot.add_layout(models.ColorBar(color_mapper=mapper, title=title, width=10, padding=4), "right")
+    widgets.add_bar(plot, mapper, "n*, first escape (steps)")
     return plot, mapper, sources
 
 

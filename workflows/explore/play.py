@@ -38,10 +38,11 @@ def panel(state, work):
     def show(found):
         shades = [*Viridis3][: len(found["orbit"])]
         source = ColumnDataSource(found | {"colour": shades}, name="residues")
-        plot = small("residues of the last circle's convergents along the way", y_range=(0, 1))
+        words = f"part of the way; R of {', '.join(found['orbit'])}, to R = 1"
+        title = "residues of the last circle's convergents along the way"
+        plot = small(title, words, "R", y_range=(0, 1))
         plot.add_glyph(source, MultiLine(xs="at", ys="residue", line_color="colour", line_width=2))
         plot.add_layout(here)
-        plot.xaxis.axis_label = f"part of the way; R of {', '.join(found['orbit'])}, to R = 1"
         root.children = [controls, plot]
 
     def toggle():

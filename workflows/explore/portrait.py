@@ -159,7 +159,7 @@ class PortraitPanel:
     def _spread(self):
         """Let an ensemble spread from the middle of what is seen now."""
         logs = {"x_axis_type": "log", "y_axis_type": "log"}
-        plot = widgets.small("<(y - y₀)²> against periods", **logs)
+        plot = widgets.small("spreading of the ensemble", "step", "<(y - y₀)²>", **logs)
         source = models.ColumnDataSource({"n": [], "variance": []}, name="variance")
         plot.line("n", "variance", source=source, line_width=2)
         self.beneath.children = [plot]
@@ -193,7 +193,7 @@ class PortraitPanel:
 
 def _drawn(state):
     """Return the figure, the bar of its colours, and the source of its image."""
-    how = {"most": 1.0, "active_drag": "box_zoom", "aspect_ratio": 1.0, "name": "phase portrait"}
+    how = {"most": 1.0, "active_drag": "box_zoom", "aspect_ratio": 1.13, "name": "phase portrait"}
     plot = widgets.picture(state, "xy", ("x (turns)", "y (mod 1)"), **how)
     blank = _image(np.zeros((1, 1), np.uint8), *_box(plot))
     image = models.ColumnDataSource(blank, name="orbits")
@@ -201,18 +201,19 @@ def _drawn(state):
     mapper = models.LinearColorMapper(palette, low=-0.5, high=255.5, name="omega")
     plot.image("pixels", "x", "y", "w", "h", source=image, color_mapper=mapper)
     shades = models.LinearColorMapper(COLOURS, low=0, high=1, name="omega")
-    bar = models.ColorBar(color_mapper=shades, title=_BAR, width=10, padding=4)
-    plot.add_layout(bar, "right")
-    return plot, bar, image
+    return plot, widgets.add_bar(plot, shades, _BAR), image
 
 
 def _profile(plot, source):
     """Return the narrow figure beside the portrait: ω of the orbits on a vertical line in it."""
     how = {"width": _BESIDE, "tools": "save", "toolbar_location": "above", "x_axis_label": "ω"}
+    how["y_axis_label"] = "y (mod 1)"
     how |= {"sizing_mode": "stretch_height", "name": "rotation numbers"}
     beside = figure(y_range=plot.y_range, stylesheets=[_NARROW], **how)
+    beside.toolbar.styles = {"min-width": "60px"}  # for its only tool
     beside.xaxis[0].ticker.desired_num_ticks = 2
-    beside.yaxis.visible = beside.grid.visible = False
+    beside.yaxis.major_label_text_font_size = "0px"  # as beside it
+    beside.grid.visible = False
     beside.scatter("x", "y", source=source, size=3, color="#0072B2")
     return beside
 

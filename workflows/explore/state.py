@@ -69,7 +69,8 @@ class State:
         point = float(a), float(b)
         forcing(point)  # before it is multiplied
         forcing(self.plane.forcing(*point))
-        self.take(point=point)
+        if point != self.point:
+            self.take(point=point, verdict=None)
 
     def seek(self, fraction):
         """Show the periodic orbits of a text p/q, or none for ""; ValueError for another text."""

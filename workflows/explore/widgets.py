@@ -74,6 +74,14 @@ def picture(state, names, labels, most=ZOOM[1], **options):
     return plot
 
 
+def add_bar(plot, mapper, title):
+    """Add the bar of its colours to a figure, with a title along its middle; return the bar."""
+    bar = models.ColorBar(color_mapper=mapper, width=10, padding=4)
+    plot.add_layout(bar, "right")
+    plot.add_layout(models.Title(text=title, align="center", text_font_style="normal"), "right")
+    return bar
+
+
 def show(plot, marks, name, columns, tips=None):
     """Show columns of data by marks in a figure, made when they first have any; None clears.
 
@@ -91,9 +99,10 @@ def show(plot, marks, name, columns, tips=None):
         plot.add_tools(*[models.HoverTool(renderers=new, tooltips=tips)] * bool(tips))
 
 
-def small(title, **options):
-    """Return a small figure, of curves that are computed on wish."""
+def small(title, x_label, y_label, **options):
+    """Return a small figure, of curves that are computed on request."""
     how = {"height": 150, "toolbar_location": None, "name": title}
+    how |= {"x_axis_label": x_label, "y_axis_label": y_label}
     return figure(title=title, sizing_mode="stretch_width", tools="", **how | options)
 
 
