@@ -57,7 +57,7 @@ def test_a_dry_run_says_what_the_run_then_does_as_status_does_and_makes_nothing(
     *sweeps, _ = said
     assert sweeps == ["barrier", "breakdown", *(f"escape_level{i}" for i in range(3))]
     status = succeed("status", finished)
-    assert "escape: written whole\n" in status
+    assert "escape: complete\n" in status
     for name in sweeps:
         tiles = int((xr.open_zarr(finished / f"{name}.zarr", group="tiles").commit[0] > 0).sum())
         assert f"{name}: {tiles} of {plural(tiles, 'tile')}\n" in status

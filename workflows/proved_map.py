@@ -1,8 +1,8 @@
 """For which forcings is transport proved to be global, and for which a barrier to exist?
 
 Transport is proved in cells of the (κ1, κ2) plane, by a quadtree that is fine where the boundary
-runs; a barrier in triangles from κ = 0 on. `nasm/proofs/README.md` has the theorems. Of what is
-open nothing is proved, which says nothing.
+runs; a barrier in triangles from κ = 0 on. `nasm/proofs/README.md` has the theorems. Where the
+map is open, nothing is proved either way.
 
 Three cubes and a figure of 0 <= kappa2 <= kappa1 <= 1.125 and images in OUT, with the extra
 `proof`. The defaults take about two minutes of CPU time.

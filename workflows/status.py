@@ -15,7 +15,7 @@ def tell(path, state):
     """Print the State of a cube of the run in a folder."""
     from pipeline.sweep.progress import duration, plural
 
-    words = state.damage or "written whole"
+    words = state.damage or "complete"
     if state.tiles and not state.damage:
         words = f"{state.done} of {plural(state.tiles, 'tile')}"
         if state.failed:

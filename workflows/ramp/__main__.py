@@ -1,11 +1,12 @@
 """How fast may the kicks grow, and how regular must they be, for a barrier to last?
 
-Families of graphs, one before each kick, are what barriers are as long as circles exist. Converse
-KAM for sequences (`nasm.converse_kam.sequence`) denies them: in a ramp κ_n = κ_G + r·n through the
-breakup, and under forcings of less and less smoothness, down to random ones. It does not deny
-curves that fold: orbits that escape across them do. The exponent of slow ramps is below the one
-foreseen, as the area under the golden circle falls by 0.0073 per unit of κ meanwhile: where phases
-followed it, graphs were lost ~ r^-(0.497 ± 0.002) (21 rates from 10⁻² to 10⁻⁷).
+While circles exist, the barriers are families of invariant graphs, one before each kick. Converse
+KAM for sequences (`nasm.converse_kam.sequence`) excludes them: in a ramp κ_n = κ_G + r·n through
+the breakup, and under forcings of less and less smoothness, down to random ones. It does not
+exclude curves that fold; orbits that escape across them do. The exponent of slow ramps is below the
+predicted one, as the area under the golden circle falls by 0.0073 per unit of κ meanwhile: where
+phases followed it, graphs were excluded after ~ r^-(0.497 ± 0.002) kicks (21 rates from 10⁻² to
+10⁻⁷).
 
 Two cubes and a figure in OUT. The defaults take a minute, --quick ten seconds.
 """
