@@ -208,6 +208,23 @@ def test_toggles_show_symmetry_lines_and_the_orbits_of_the_convergents(opened):
     ready(tab, SLOW)
 
 
+_ALONE = """
+const wait = window.setTimeout
+window.setTimeout = (call, time, ...rest) => wait(call, time / 10, ...rest)
+window.WebSocket = class { close() {} }
+"""
+
+
+def test_a_page_that_cannot_connect_says_so(opened, chromium, served):
+    words = "A proxy on the way must pass WebSockets on"
+    with chromium.new_context() as context:
+        context.add_init_script(_ALONE)
+        tab = context.new_page()
+        tab.goto(served[0])
+        tab.get_by_role("alert").filter(has_text=words).wait_for()
+    assert not opened[0].get_by_text(words).is_visible()
+
+
 # What has the focus, in whichever part of the page, by the name that a screen reader says.
 _FOCUS = """() => {
     let at = document.activeElement
