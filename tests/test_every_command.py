@@ -26,8 +26,9 @@ def test_all_commands_are_run():
     assert sorted(SMALLEST) == commands()
 
 
-def run(out, names, *hidden):
-    script = [sys.executable, str(HERE / "every_command.py"), str(out), ",".join(names), *hidden]
+def run(out, names, runs, *hidden):
+    script = [str(HERE / "every_command.py"), str(out), ",".join(names), str(runs), *hidden]
+    script = [sys.executable, *script]
     ended = subprocess.run(script, stdout=subprocess.PIPE, text=True, check=True)
     found = json.loads(ended.stdout)
     assert list(found) == list(names)
@@ -37,15 +38,18 @@ def run(out, names, *hidden):
 
 
 def test_without_python_flint_commands_that_prove_say_what_to_install(tmp_path):
-    for name, (code, told, _) in run(tmp_path / "out", PROVING, "flint", "bokeh").items():
+    for name, (code, told, _) in run(tmp_path / "out", PROVING, 1, "flint", "bokeh").items():
         assert code == (name != "work_precision"), f"{name}: {told}"
         assert code == 0 or "pip install 'nasm-transport[proof]'" in told
         assert code == 0 or not list((tmp_path / "out" / name).glob("*"))
 
 
 def test_every_command_ends_well_and_what_it_keeps_goes_to_netcdf(tmp_path):
-    """Without Bokeh, which the explorer needs. Those that prove nothing do not look for FLINT."""
-    for name, (code, told, asked) in run(tmp_path / "out", SMALLEST, "bokeh").items():
+    """Without Bokeh, which the explorer needs. Those that prove nothing do not look for FLINT.
+
+    Each runs twice, and computes nothing when it runs again.
+    """
+    for name, (code, told, asked) in run(tmp_path / "out", SMALLEST, 2, "bokeh").items():
         assert code == (name == "explore"), f"{name}: {told}"
         assert code == 0 or "pip install '.[explore]'" in told
         assert asked == (name in PROVING), name

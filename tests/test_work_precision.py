@@ -34,7 +34,7 @@ def test_errors_fall_with_effort_estimates_cover_them_and_corrected_answers_are_
     for name, efforts in EFFORTS.items():
         monkeypatch.setattr(METHODS[name], "efforts", efforts)
     monkeypatch.setattr(measure, "timed", lambda run, *arguments: (run(*arguments), 1.0))
-    measured = measure.measure(rays, [*EFFORTS], quick=False, check=bool, show=bool)
+    measured = measure.measure(rays, [*EFFORTS], quick=False, show=bool)
     place = measured.method.values.tolist().index
     off = abs(float(measured.value[0]) / (KAPPA_G / 2) - 1)  # of the judge
     assert off <= float(measured.judge_error[0]) < 1e-11

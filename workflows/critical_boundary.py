@@ -25,19 +25,22 @@ from workflows.shared.cli import command, plane_option, plane_options, ray_optio
 def main(run, plane, angles, tips, tol, **options):
     from pipeline.cubes import breakdown
     from pipeline.cubes.barrier import last_barrier, unfolded
+    from pipeline.cubes.cube import untiled
     from workflows.figures.critical_boundary import draw_critical_boundary
     from workflows.shared import boundary_words, rays
     from workflows.shared.plane import boundary_table, escape_plane, foreseen, grid_of
 
-    grid, angles = grid_of(plane, **options), rays.ray_angles(plane, angles, tips)
+    grid = grid_of(plane, **options)
+    boundary = untiled("boundary", angles=angles, tips=tips, tol=tol, **plane.record)
+    angles = rays.ray_angles(plane, angles, tips)
     if any(plane.origin):
         circle_job = breakdown.by_residue(plane, rays.PAPER_CIRCLES, angles, 600)
     else:
         circle_job = breakdown.by_continuation(plane, rays.PAPER_CIRCLES, angles, tol)
     last_job = last_barrier(plane, angles, tol)
     with run.sweeping(last_job, circle_job, later=foreseen(run, grid)):
-        barrier = unfolded(run.sweep(last_job), angles)
-        barrier = run.keep("boundary", barrier, tol=tol, **plane.record)
+        swept = run.sweep(last_job)
+        barrier = run.kept(boundary, lambda: unfolded(swept, angles))
         circles = run.sweep(circle_job)
         field = escape_plane(run, grid)
         direct = boundary_table(field, angles, grid.drawn)

@@ -25,6 +25,7 @@ def main(run, steps, n_orbits, plane, angles, tips):
 
     from nasm.planes import two_kicks
     from pipeline.cubes.barrier import last_barrier, unfolded
+    from pipeline.cubes.cube import untiled
     from workflows.figures import direct_boundary as figures
     from workflows.shared import direct, rays
 
@@ -32,7 +33,8 @@ def main(run, steps, n_orbits, plane, angles, tips):
     spread = linspace(0, all_rays[-1], angles).round(9)  # it is too coarse for the tips
     last = last_barrier(plane, all_rays, 1e-4)
     foreseen = direct.foreseen(plane, spread.tolist(), steps[-1], n_orbits)
-    with run.sweeping(last, later=[foreseen], seconds=10):  # of the insets, and of the figures
+    insets = untiled("direct_insets")
+    with run.sweeping(last, later=[foreseen], studies=[(insets, 10)]):
         barrier = unfolded(run.sweep(last), all_rays)
         known = barrier.sel(angle=spread).dropna("angle", subset=["critical_scale"])
         scales = known.critical_scale.to_series().to_dict()
@@ -41,7 +43,7 @@ def main(run, steps, n_orbits, plane, angles, tips):
         run.table("direct_boundary_rays", boundary)
         caption, of_rays = figures.rays_caption(boundary), (figures.draw_rays, boundary, barrier)
         if plane == two_kicks():
-            insets = run.keep("direct_insets", direct.insets_dataset())
+            insets = run.kept(insets, direct.insets_dataset)
             run.figure("direct_boundary_quadrant", *of_rays, caption=caption)
             half, caption = (boundary, barrier, insets), figures.half_plane_caption(insets)
             run.figure("direct_boundary", figures.draw_half_plane, *half, caption=caption)

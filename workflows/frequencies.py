@@ -7,7 +7,7 @@ scale of an irrational Ω the limit of the least one, over the phases, of its co
 The default irrational numbers are [0;8,(1)], [0;5,(1)], … [0;2,(1)], [0;2,3,(1)], √5 - 2, √2 - 1,
 1 - 1/√2, π - 3, 1/e and 1 - 1/τ - 1/τ², τ the tribonacci constant.
 
-A cube, a table and a figure in OUT. The defaults take some 15 CPU minutes, --quick two.
+A cube, a table and a figure in OUT. The defaults take some 19 CPU minutes, --quick two.
 """
 
 from fractions import Fraction
@@ -38,7 +38,7 @@ def parse_frequency(text):
 
 
 @command()
-@whole("--q-max", 10, 2, 64, "Fractions p/q with q up to this one; 34 takes some six CPU hours.")
+@whole("--q-max", 8, 2, 64, "Fractions p/q with q up to this one; 34 takes some six CPU hours.")
 @several("--frequency", ALSO + IRRATIONAL, parse_frequency, "OMEGA", "More Ω, fractions or not.")
 @whole("--phases", 3, 2, 1000, "Phases from 0 to 1/2q of each fraction.")
 @real("--angle", 45.0, 0, 180, "Ray (κ̄, Δκ) = s·(cos, sin), in degrees.")

@@ -16,14 +16,16 @@ from workflows.shared.cli import command, plane_option, ray_options, real, sweep
 @sweeps
 def main(run, plane, angles, tips, tol):
     from pipeline.cubes.barrier import last_barrier, unfolded
+    from pipeline.cubes.cube import untiled
     from workflows.figures.last_barrier import draw_last_barrier
     from workflows.shared import boundary_words, rays
 
+    boundary = untiled("boundary", angles=angles, tips=tips, tol=tol, **plane.record)
     angles = rays.ray_angles(plane, angles, tips)
     job = last_barrier(plane, angles, tol)
     with run.sweeping(job):
-        barrier = unfolded(run.sweep(job), angles)
-        barrier = run.keep("boundary", barrier, tol=tol, **plane.record)
+        swept = run.sweep(job)
+        barrier = run.kept(boundary, lambda: unfolded(swept, angles))
         run.table("last_barrier", barrier)
         caption = boundary_words.boundary_found(barrier)
         run.figure("last_barrier", draw_last_barrier, barrier, caption=caption)

@@ -7,6 +7,8 @@ sweep, a few seconds.
 Two cubes and two figures in OUT.
 """
 
+from dataclasses import astuple
+
 from workflows.shared.cli import axis, command, writes
 
 
@@ -15,12 +17,15 @@ from workflows.shared.cli import axis, command, writes
 @axis("--secondary", "0:8:200", "Strengths of both kicks for the secondary points.")
 @writes
 def main(run, primary, secondary):
+    from pipeline.cubes.cube import untiled
     from workflows.figures import period_one as figures
     from workflows.shared.period_one import primary_dataset, secondary_dataset
 
     with run.driving():
-        first = run.keep("period_one_primary", primary_dataset(primary))
-        second = run.keep("period_one_secondary", secondary_dataset(secondary))
+        first = untiled("period_one_primary", axis=list(astuple(primary)))
+        first = run.kept(first, lambda: primary_dataset(primary))
+        second = untiled("period_one_secondary", axis=list(astuple(secondary)))
+        second = run.kept(second, lambda: secondary_dataset(secondary))
         caption = figures.primary_caption(first)
         run.figure("period_one_primary", figures.draw_primary_points, first, caption=caption)
         caption = figures.secondary_caption(second)

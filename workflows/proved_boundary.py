@@ -23,14 +23,17 @@ def main(run, angles, seconds):
     from nasm.planes import two_kicks
     from nasm.proofs.barrier import need_flint
     from pipeline.cubes.barrier import unfolded
+    from pipeline.cubes.cube import untiled
     from pipeline.cubes.proved import proved_barrier
     from workflows.figures.proved_boundary import draw_proved_boundary, proved_boundary_caption
 
     need_flint()
+    boundary = untiled("proved_boundary", angles=angles, seconds=seconds)
     angles = np.linspace(0, 360, angles)
     job = proved_barrier(two_kicks(), angles, seconds)
     with run.sweeping(job):
-        barrier = run.keep("proved_boundary", unfolded(run.sweep(job), angles))
+        swept = run.sweep(job)
+        barrier = run.kept(boundary, lambda: unfolded(swept, angles))
         run.table("proved_boundary", barrier)
         caption = proved_boundary_caption(barrier)
         run.figure("proved_boundary", draw_proved_boundary, barrier, caption=caption)

@@ -32,6 +32,7 @@ def main(run, vector, angles, tol, picture):
     import numpy as np
 
     from pipeline.cubes import rotating_maps
+    from pipeline.cubes.cube import untiled
     from workflows.figures import tori as figures
 
     vector = list(dict.fromkeys(vector))
@@ -45,7 +46,8 @@ def main(run, vector, angles, tol, picture):
         if np.isnan(known):
             run.say(f"On the ray of {picture:g}° no torus of the first vector was certified.")
             return
-        drawn = rotating_maps.pictures(vector[0], picture, known * np.array([0.7, 0.95, 0.99]))
-        run.keep("torus", drawn)
+        scales = [part * known for part in (0.7, 0.95, 0.99)]
+        drawn = untiled("torus", rotation_vector=list(vector[0]), angle=picture, scales=scales)
+        drawn = run.kept(drawn, lambda: rotating_maps.pictures(vector[0], picture, scales))
         caption = figures.pictures_caption(drawn)
         run.figure("tori_pictures", figures.draw_pictures, drawn, caption=caption)

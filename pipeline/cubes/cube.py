@@ -2,7 +2,8 @@
 
 A cube is a lazy xarray template (variables, dims, coordinates, units), the length of a tile along
 each tiled dimension, and the settings that decide its values. Two cubes with one `config_hash` hold
-the same numbers, whoever computes them, in whatever order.
+the same numbers, whoever computes them, in whatever order. A cube that no tiles fill, `untiled`, is
+decided by its settings alone, which are known before it is computed.
 """
 
 import hashlib
@@ -64,10 +65,10 @@ class Cube:
 
     @cached_property
     def config_hash(self):
-        """SHA-256 of coordinates, variables, tiling and settings."""
+        """SHA-256 of coordinates, variables, tiling and settings; of settings without tiles."""
         digest = hashlib.sha256()
         known, variables = self.template.coords.keys() - {*self.computed}, {}
-        for name, array in sorted(self.template.variables.items()):
+        for name, array in sorted(self.template.variables.items()) if self.tile else ():
             if name in known:
                 digest.update(name.encode() + np.ascontiguousarray(array.values).tobytes())
             else:
@@ -75,6 +76,11 @@ class Cube:
         plan = {"variables": variables, "tile": self.tile, "settings": self.settings}
         digest.update(json.dumps(plan, sort_keys=True).encode())
         return digest.hexdigest()
+
+
+def untiled(name, **settings):
+    """Return the plan of a cube without tiles, whose settings decide all that it will hold."""
+    return Cube(name, xr.Dataset(), {}, settings)
 
 
 @dataclass(frozen=True)

@@ -129,10 +129,11 @@ def _last_barriers(coords, settings):
 
 
 def _predict(coords, settings):
-    """Predict seconds by the period."""
+    """Predict seconds by the period q: measured 0.1 of q = 2, 0.6 of 3, 19 of 10; 60 if Ω is
+    irrational."""
     frequency, _, phase = coords["forcing"][0].partition(",")
-    seconds = 1.7 * Fraction(frequency).denominator if phase else 30
-    return seconds * coords["angle"].size
+    q = Fraction(frequency).denominator
+    return (min(0.02 * q**3, 1.7 * q) if phase else 60) * coords["angle"].size
 
 
 def _breakups(coords, settings):

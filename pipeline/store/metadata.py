@@ -82,12 +82,13 @@ def create(place, cube, computed_by):
 def replace(place, cube, computed_by):
     """Write a cube that is computed in full, compressed, in place of an earlier state of itself.
 
-    Nothing is written if that state is the same. The group's zarr.json is deleted first and written
-    last: until then, also after a crash, there is no such cube. Refused on other settings.
+    Nothing is written if that state is the same, and by the same code. The group's zarr.json is
+    deleted first and written last: until then, also after a crash, there is no such cube. Refused
+    on other settings.
     """
     cube = dataclasses.replace(cube, template=cube.template.compute())
     found = _check_settings(place, cube)
-    if found and not _differing(place, _files(cube, found)):
+    if found.get("computed_by") == computed_by and not _differing(place, _files(cube, found)):
         return
     place.delete(_key(cube.name))
     files = _files(cube, _provenance(computed_by))

@@ -3,7 +3,7 @@
 Claim by claim through arXiv:1606.04824: our value with its error, the verdict that a rule makes of
 it (`claims.rules`), and the command that shows it; the errata, and the envelope of all CB_ω.
 
-A page, three tables and five cubes in OUT. Some minutes on two cores; --angles 19 --tips 8 --tol
+A page, three tables and eight cubes in OUT. Some minutes on two cores; --angles 19 --tips 8 --tol
 1e-3 --n-max 20000 --n-orbits 64, one.
 """
 
@@ -18,12 +18,15 @@ from workflows.shared.cli import command, real, sweeps, whole
 @whole("--n-orbits", 1000, 10, 10**5, "Orbits of direct iteration.")
 @sweeps
 def main(run, **size):
+    from pipeline.cubes.cube import untiled
     from workflows.claims.page import write
-    from workflows.claims.study import examine, planned
+    from workflows.claims.study import envelope, examine, judgement, planned
 
-    jobs, rays = planned(**size)
-    with run.sweeping(*jobs.values(), seconds=60):  # of the claims that need no sweep
+    (jobs, rays), examined = planned(**size), untiled("claims", **size)
+    steps_and_orbits = size["n_max"], size["n_orbits"]
+    with run.sweeping(*jobs.values(), studies=[(examined, 60)]):
         cubes = {name: run.sweep(job).load() for name, job in jobs.items()}
-        found = examine(cubes, rays, size["n_max"], size["n_orbits"])
+        examined = run.kept(examined, lambda: examine(cubes, rays, *steps_and_orbits))
         options = " ".join(f"--{name.replace('_', '-')} {n}" for name, n in size.items())
-        write(run, *found, f"python -m workflows.claims {options}")
+        command = f"python -m workflows.claims {options}"
+        write(run, *judgement(examined), *envelope(cubes, rays), command)

@@ -55,18 +55,27 @@ def printed_texts(kind):
     return tomllib.loads(Path(__file__).with_name(f"{kind}.toml").read_text(encoding="utf-8"))
 
 
-def judged(found):
-    """Return the Claims of {name: (value, verdict)}, in the paper's order.
+def in_words(found):
+    """Return {name: (value in words, verdict)} of {name: (value, verdict)}, in the paper's order.
 
     A value is a text, or the numbers that the text in claims.toml is made of.
     """
-    claims = []
+    words = {}
     for name, texts in printed_texts("claims").items():
         if name in found:
             value, verdict = found[name]
             value = value if isinstance(value, str) else texts["value"].format(**value)
-            claims.append(Claim(**texts | {"value": value, "verdict": verdict}))
-    return claims
+            words[name] = value, verdict
+    return words
+
+
+def judged(words):
+    """Return the Claims of {name: (value in words, verdict)}, of `in_words`."""
+    texts = printed_texts("claims")
+    return [
+        Claim(**texts[name] | {"value": value, "verdict": verdict})
+        for name, (value, verdict) in words.items()
+    ]
 
 
 def rounding(kicks):

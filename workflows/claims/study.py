@@ -7,6 +7,7 @@ from nasm.planes import rotating, two_kicks
 from nasm.symmetries import ray
 from pipeline.cubes import breakdown, rotating_maps
 from pipeline.cubes.barrier import last_barrier, named, unfolded
+from pipeline.cubes.cube import text
 from workflows.claims.boundary import boundary_claims
 from workflows.claims.circles import circle_claims
 from workflows.claims.envelope import ranges, summary
@@ -14,13 +15,20 @@ from workflows.claims.errata import errata
 from workflows.claims.map import map_claims, symmetry_claims
 from workflows.claims.periodic import periodic_claims
 from workflows.claims.results import result_claims
-from workflows.claims.rules import judged
+from workflows.claims.rules import Erratum, in_words, judged, printed_texts
 from workflows.shared import direct
 from workflows.shared.rays import PAPER_CIRCLES, by_phase, with_ratio
+from workflows.shared.rules import Verdict
+from workflows.shared.tables import dataset
 
 _STEP = 7.5  # degrees, of rays around the half plane, so that mirror images and tori have theirs
+_OFF = {
+    "printed_off": "by how much the printed form fails",
+    "corrected_off": "by how much the corrected form fails",
+    "bound": "what rounding explains",
+}
 _TORUS = "1705/3136,2631/3136"
-_THREE = {text: rotating("1/3", text) for text in ("0", "1/24", "1/12")}
+_THREE = {phase: rotating("1/3", phase) for phase in ("0", "1/24", "1/12")}
 
 
 def planned(angles, tips, tol, n_max, n_orbits):
@@ -34,15 +42,18 @@ def planned(angles, tips, tol, n_max, n_orbits):
         "circles": breakdown.by_residue(two_kicks(), PAPER_CIRCLES, rays, q_max=6000),
         "escapes": direct.bias_job(cusp, [n_orbits], n_max),
         "tori": rotating_maps.residues([_TORUS], around),
-        **{text: last_barrier(plane, around, 1e-2, named(plane)) for text, plane in _THREE.items()},
+        **{
+            phase: last_barrier(plane, around, 1e-2, named(plane))
+            for phase, plane in _THREE.items()
+        },
     }, rays
 
 
 def examine(cubes, rays, n_max, n_orbits):
-    """Return all claims, all errata, and the ranges of the envelope with their summary."""
-    barrier, circles = unfolded(cubes["barrier"], rays), cubes["circles"]
+    """Judge all claims and measure all errata: a Dataset with dims (claim) and (erratum)."""
+    barrier = unfolded(cubes["barrier"], rays)
     tori, angles = cubes["tori"], cubes["tori"].angle.values
-    three = by_phase({text: unfolded(cubes[text], angles) for text in _THREE})
+    three = by_phase({phase: unfolded(cubes[phase], angles) for phase in _THREE})
     # κ1, κ2 = κ̄ ± Δκ turn a ray at ψ into one at 45° - ψ, √2 times as long.
     two = unfolded(cubes["barrier"], 45 - angles)
     scale, upper = two.critical_scale.values / np.sqrt(2), two.upper.values / np.sqrt(2)
@@ -55,7 +66,39 @@ def examine(cubes, rays, n_max, n_orbits):
         **periodic_claims(),
         **boundary_claims(bias.isel(ensemble=-1, angle=0), n_max, n_orbits),
         **circle_claims(),
-        **result_claims(circles, barrier, tori, three),
+        **result_claims(cubes["circles"], barrier, tori, three),
     }
-    rows = ranges(circles, barrier)
-    return judged(found), errata(), rows, summary(circles, barrier, rows)
+    claims, found_errata = in_words(found), errata()
+    values, verdicts = zip(*claims.values(), strict=True)
+    off = {name: [getattr(one, name) for one in found_errata] for name in _OFF}
+    return dataset(
+        "Claims of the paper and its errata, measured",
+        {
+            "claim": text("claim", claims, "name of the claim, as in claims.toml"),
+            "erratum": text("erratum", printed_texts("errata"), "name as in errata.toml"),
+        },
+        {
+            "value": text("claim", values, "what is found, in words"),
+            "verdict": text("claim", [verdict.value for verdict in verdicts], "verdict of a rule"),
+            **{name: ("erratum", off[name], words) for name, words in _OFF.items()},
+        },
+    )
+
+
+def judgement(examined):
+    """Return all claims and all errata of a Dataset of `examine`, with what the paper says."""
+    claims = zip(*(examined[name].values for name in ("claim", "value", "verdict")), strict=True)
+    words = {name: (value, Verdict(verdict)) for name, value, verdict in claims}
+    texts = printed_texts("errata")
+    errata = [
+        Erratum(**texts[name], **{off: float(examined[off].sel(erratum=name)) for off in _OFF})
+        for name in examined.erratum.values
+    ]
+    return judged(words), errata
+
+
+def envelope(cubes, rays):
+    """Return the ranges of the envelope, and sentences on them."""
+    both = cubes["circles"], unfolded(cubes["barrier"], rays)
+    rows = ranges(*both)
+    return rows, summary(*both, rows)

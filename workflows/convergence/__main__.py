@@ -21,6 +21,7 @@ ANGLES = (0.0, 20.0, 40.0, 45.0)
 def main(run, n_max, n_orbits):
     from nasm import barriers
     from nasm.symmetries import ray
+    from pipeline.cubes.cube import untiled
     from workflows.convergence.study import on_the_diagonal
     from workflows.figures import convergence as figures
     from workflows.shared import direct
@@ -32,7 +33,8 @@ def main(run, n_max, n_orbits):
         bias = direct.direct_bias(run.sweep(job).load(), direct.steps_up_to(n_max))
         n, largest = bias.n.values, bias.isel(ensemble=-1)
         fits = {angle: direct.exponent(n, largest.sel(angle=angle).values) for angle in ANGLES}
-        diagonal = run.keep("convergence_diagonal", on_the_diagonal(bias, scales[45.0]))
+        diagonal = untiled("convergence_diagonal", n_max=n_max, ensembles=n_orbits)
+        diagonal = run.kept(diagonal, lambda: on_the_diagonal(bias, scales[45.0]))
         run.table("convergence_direct", bias.to_dataset())
         caption = figures.convergence_caption(bias, fits)
         run.figure("convergence", figures.draw_convergence, bias, fits, caption=caption)

@@ -70,14 +70,15 @@ _RELEASE = (
 
 
 @command()
-@flag("--full", "The size of the paper, some four CPU hours, most of them of direct iteration.")
+@flag("--full", "The size of the paper, some four CPU hours; needs --yes or --scheduler.")
+@flag("--yes", "Run --full although it takes hours.")
 @choice("--only", _NAMES, (), "A command to run; may be repeated.  [default: all]", multiple=True)
 @click.option("--release", metavar="DIR", type=DIRECTORY, help=_RELEASE)
 @flag("--quick", "A preview of the release: a few rays and cells.")
 @directory("Directory of the page, and of the commands' folders; each is resumed.")
 @quiet_option
 @cluster_options
-def main(out, full, only, release, quick, quiet, workers, scheduler, tls):
+def main(out, full, yes, only, release, quick, quiet, workers, scheduler, tls):
     from pandas import read_csv
 
     from nasm import __version__
@@ -92,6 +93,9 @@ def main(out, full, only, release, quick, quiet, workers, scheduler, tls):
             size = make_release(release, workers, quick, quiet)
         click.echo(f"release: {release}, {size / 1e6:.1f} MB")
         return
+    if full and not (yes or scheduler):
+        words = "--full takes some four CPU hours; for a preview leave it out, else add --yes"
+        raise click.UsageError(words)
     Path(out).mkdir(parents=True, exist_ok=True)
     quick = not full
     wanted = [exhibit for exhibit in EXHIBITS if not only or exhibit.name in only]

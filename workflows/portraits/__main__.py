@@ -15,13 +15,15 @@ from workflows.shared.cli import command, whole, writes
 @whole("--steps", 1000, 1, 100_000, "Steps of each orbit, and kicks of the nonautonomous map.")
 @writes
 def main(run, n_orbits, steps):
+    from pipeline.cubes.cube import untiled
     from workflows.figures import portraits as figures
     from workflows.portraits.study import nonautonomous_dataset, symmetric_dataset
 
     size = {"n_orbits": n_orbits, "steps": steps}
     with run.driving():
-        kicks = run.keep("portraits", nonautonomous_dataset(**size), **size)
-        symmetric = run.keep("portraits_symmetry", symmetric_dataset(**size), **size)
+        kicks = run.kept(untiled("portraits", **size), lambda: nonautonomous_dataset(**size))
+        symmetric = untiled("portraits_symmetry", **size)
+        symmetric = run.kept(symmetric, lambda: symmetric_dataset(**size))
         run.figure("portraits", figures.draw_kicks, kicks, caption=figures.kicks_caption(kicks))
         caption = figures.symmetry_caption(symmetric)
         run.figure("portraits_symmetry", figures.draw_symmetry, symmetric, caption=caption)

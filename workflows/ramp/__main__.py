@@ -20,13 +20,16 @@ from workflows.shared.cli import command, flag, writes
 def main(run, quick):
     import numpy as np
 
+    from pipeline.cubes.cube import untiled
     from workflows.figures.ramp import draw_ramp, ramp_caption
     from workflows.ramp import study
 
     rates = 10 ** -np.arange(2, 4.01 if quick else 7.01, 0.25)
     ripples, kicks = ([0.1, 0.2, 0.4], 3000) if quick else ([0.02, 0.05, 0.1, 0.2, 0.4], 12_000)
-    with run.driving(seconds=10 if quick else 60):
-        ramp = run.keep("ramp", study.ramps(rates))
-        lives = run.keep("irregular", study.irregular(ripples, kicks))
+    ramp, lives = untiled("ramp", quick=quick), untiled("irregular", quick=quick)
+    seconds = 5 if quick else 30
+    with run.driving((ramp, seconds), (lives, seconds)):
+        ramp = run.kept(ramp, lambda: study.ramps(rates))
+        lives = run.kept(lives, lambda: study.irregular(ripples, kicks))
         caption = ramp_caption(lives, study.findings(ramp, lives))
         run.figure("ramp", draw_ramp, ramp, lives, caption=caption)

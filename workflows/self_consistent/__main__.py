@@ -22,15 +22,19 @@ _COUPLINGS = 0.2, 0.3, 0.4, *(x / 100 for x in range(45, 95, 5)), 1.0, 1.1, 1.2
 @preset("--quick", "A preview", particles=4096, kicks=8192)
 @writes
 def main(run, coupling, **size):
+    from pipeline.cubes.cube import untiled
     from workflows.figures.self_consistent import draw_self_consistent, self_consistent_caption
     from workflows.self_consistent import study
 
-    # Of the field, and of converse KAM.
-    each = 1.2e-8 * size["particles"] * size["kicks"] + 3e-4 * size["kicks"]
-    with run.driving(len(coupling) * each):
-        fields = run.keep("self_consistent", study.fields(coupling, **size), **size)
-        verdicts = run.keep("self_consistent_barriers", study.verdicts(fields), **size)
-        settling = run.keep("asymptotic_circle", study.settling())
+    settings = {"couplings": sorted({*coupling}), **size}
+    fields = untiled("self_consistent", **settings)
+    verdicts = untiled("self_consistent_barriers", **settings)
+    of_field = len(coupling) * 1.2e-8 * size["particles"] * size["kicks"]
+    of_verdicts = len(coupling) * 3e-4 * size["kicks"]
+    with run.driving((fields, of_field), (verdicts, of_verdicts)):
+        fields = run.kept(fields, lambda: study.fields(coupling, **size))
+        verdicts = run.kept(verdicts, lambda: study.verdicts(fields))
+        settling = run.kept(untiled("asymptotic_circle"), study.settling)
         run.table("self_consistent", verdicts.drop_dims("step"))
         found = fields, verdicts, settling
         caption = self_consistent_caption(*found)

@@ -241,7 +241,10 @@ def preset(name, what, **settings):
 def ray_options(default):
     """Make --angles and --tips, the rays that `rays.ray_angles` returns."""
     return together(
-        whole("--angles", default, 2, 10**6, "Rays, from 0 to 180 degrees."),
+        whole(
+            *("--angles", default, 2, 10**6),
+            "Rays, from 0 to 180 degrees, or to 360 where κ and -κ differ, as in three-kicks:0.2.",
+        ),
         whole(
             *("--tips", 8, 0, 1000),
             "Extra rays on either side of the cusps at 45° and 135° (two kicks only).",
@@ -313,6 +316,15 @@ directory, not in OUT. Credentials come from the environment."""
 _SCHEDULER = """Compute on a running dask scheduler, tcp://HOST:PORT, tls://HOST:PORT or the path of
 its scheduler file, whose workers see the same files, instead of on this machine."""
 _TLS = "Certificate files for a tls:// scheduler."
+_YES = "Run although it is predicted to take more than ten minutes, as --full does on few cores."
+# The options that make a run shorter, if they are smaller or fewer; and if they are larger.
+_SMALLER = (
+    *("--angles", "--tips", "--kappa1", "--kappa2", "--primary", "--secondary", "--cells"),
+    *("--n-max", "--steps", "--kicks", "--n-orbits", "--orbits", "--particles", "--q-max"),
+    *("--seconds", "--forcings", "--climbs", "--phases", "--phase", "--frequency", "--angle"),
+    *("--omega", "--vector", "--coupling", "--only", "--ray"),
+)
+_LARGER = "--tol", "--nearest"
 
 
 def directory(help):
@@ -336,6 +348,17 @@ cluster_options = together(
 quiet_option = flag("--quiet", "Print findings and errors only, no progress.")
 
 
+def shortening(context):
+    """Return by which of its options the run of a command takes less time, in words."""
+    names = [option.opts[0] for option in context.command.params]
+    full = "--full" in names and context.get_parameter_source("full").name == "COMMANDLINE"
+    ways = ["leave --full out"] if full else ["add --quick"] if "--quick" in names else []
+    for change, which in (("reduce", _SMALLER), ("increase", _LARGER)):
+        if found := [name for name in names if name in which]:
+            ways.append(f"{change} {' or '.join(found)}")
+    return "; ".join(ways)
+
+
 def announce_kernels(quiet=False):
     """Load what kernels need, and say so if they have to be compiled first."""
     from nasm.arithmetic.kernels import are_missing, begin_without_scipy
@@ -351,18 +374,20 @@ def writes(function):
     @column_option
     @out_option
     @quiet_option
+    @flag("--yes", _YES)
     @flag("--dry-run", "Estimate tiles, files, disk space and CPU time, then exit.")
     @functools.wraps(function)
-    def wrapped(
-        out, column, quiet, dry_run, store=None, workers=None, scheduler=None, tls=None, **options
-    ):
+    def wrapped(out, column, quiet, yes, dry_run, **options):
+        of_sweeps = "store", "workers", "scheduler", "tls"
+        store, workers, scheduler, tls = (options.pop(name, None) for name in of_sweeps)
         if not (dry_run or quiet):
             click.echo(f"loading; results go to {out}", err=True)  # the imports take seconds
         from workflows.shared.run import Run, place_of
 
         announce_kernels(quiet)
         cluster = {"n_workers": workers, "scheduler": scheduler, "tls": tls}
-        run = Run(out, place_of(out, store), cluster, dry_run, column, quiet)
+        shorter = None if yes or scheduler else shortening(click.get_current_context())
+        run = Run(out, place_of(out, store), cluster, dry_run, column, quiet, shorter)
         try:
             return function(run=run, **options)
         except ValueError as error:

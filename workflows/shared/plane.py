@@ -72,11 +72,12 @@ def foreseen(run, grid):
     They want no tiles if the run's place holds the field. Else where the levels will be refined is
     taken from a coarse look at the plane. A usage error if it holds one of other settings.
     """
-    whole = run.whole(planned(grid), *_level_names(grid))
+    field = planned(grid)
     if grid.levels == 1:
+        run.check(field)
         yield _level_job(grid, "escape", 0), None
         return
-    if whole is not None:
+    if run.holds(field, *_level_names(grid)):
         yield from ((_level_job(grid, *each), set()) for each in _level_names(grid).items())
         return
     first, asked = _level_job(grid, "escape_level0", 0), {}
@@ -125,18 +126,17 @@ def escape_plane(run, grid):
     if grid.levels == 1:
         return run.sweep(_level_job(grid, "escape", 0))
 
-    if (whole := run.whole(planned(grid), *_level_names(grid))) is not None:
-        for name in *_level_names(grid), "escape":
-            run.note("cubes", run.place.cube(name))
-        return whole
-
-    def compute(level, wanted):
+    def swept(level, wanted):
         return run.sweep(_level_job(grid, f"escape_level{level}", level), wanted).escape_time.values
 
-    field, level = refine.refine(compute, partial(_is_within, grid), grid.levels, grid.tile)
+    def compute():
+        field, level = refine.refine(swept, partial(_is_within, grid), grid.levels, grid.tile)
+        return cube.filled({"escape_time": field, "level": level})
+
     cube = planned(grid)
-    whole = cube.filled({"escape_time": field, "level": level})
-    return run.keep(cube.name, whole, cube.tile, **cube.settings)
+    for name in _level_names(grid):
+        run.note("cubes", run.place.cube(name))
+    return run.kept(cube, compute, *_level_names(grid))
 
 
 def boundary_table(dataset, angles, steps):

@@ -4,19 +4,22 @@ Exit codes: 0 done; 1 tiles or figures failed, or the workers are gone, or the d
 store failed; 2 bad input, nothing touched; 130 stopped by Ctrl-C.
 """
 
+import hashlib
 import os
 import sys
 import time
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from functools import cache, partial
 from math import prod
+from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import click
 import numpy as np
+from dask.system import CPU_COUNT
 
 from pipeline import store
-from pipeline.cubes.cube import Cube
 from pipeline.sweep.cluster import ClusterError, connect, credentials
 from pipeline.sweep.grid import tile_coords
 from pipeline.sweep.progress import Progress, duration, plural
@@ -28,6 +31,17 @@ MAX_REASONS = 10  # failed tiles whose reasons are printed
 _PROBING = 0.3  # CPU seconds for which an estimate of a sweep's time looks at its tiles
 _LONG = 5  # CPU seconds of work that are announced
 _DRAWING = 4  # CPU seconds in which figures are drawn, about
+LONGEST = 600  # seconds that a run may take if it is not said that it may take longer
+
+# What decides cubes without tiles: besides the mathematics all of this package but the figures,
+# which draw what the cubes hold.
+_FOLDER = Path(__file__).parents[1]
+_SOURCES = sorted([*_FOLDER.glob("**/*.py"), *_FOLDER.glob("**/*.toml")])
+_STUDIES = b"".join(path.read_bytes() for path in _SOURCES if path.parent.name != "figures")
+_BY = {
+    "computed_by": store.COMPUTED_BY,
+    "studied_by": f"workflows {hashlib.sha256(_STUDIES).hexdigest()[:12]}",
+}
 
 
 def place_of(out, url=None):
@@ -71,24 +85,27 @@ class Run:
     dry : only say what would be computed, and end.
     column : draw figures for a column of a journal.
     quiet : write no progress.
+    shorter : by which options it takes less time, in words: it ends before it begins if it is
+        predicted to take longer than LONGEST. None if it may.
     """
 
-    def __init__(self, out, place, cluster, dry, column=False, quiet=False):
+    def __init__(self, out, place, cluster, dry, column=False, quiet=False, shorter=None):
         self.out, self.words, self.written = out, [], {}
         self.quiet = quiet
         self.figures, self.column = {}, column
-        self.place, self.cluster, self.dry = place, cluster, dry
+        self.place, self.cluster, self.dry, self.shorter = place, cluster, dry, shorter
         self.client, self.started = None, False
         self.plan, self.begun = {}, {}
 
     @contextmanager
-    def driving(self, seconds=0):
+    def driving(self, *studies):
         """Hold the place as its one driver; at the end print what was found, and where it is, and
         then draw the figures.
 
-        seconds : CPU time, about, of what is computed without sweeps.
+        studies : what is computed without sweeps, (Cube as `kept` takes it, CPU seconds, about).
         """
         with explained(self.place):
+            seconds = sum(cost for cube, cost in studies if not self.holds(cube))
             self._announce(seconds)
             with store.driving(self.place):
                 self.started = True
@@ -106,7 +123,7 @@ class Run:
                     self._draw()
 
     @contextmanager
-    def sweeping(self, *jobs, later=(), seconds=0):
+    def sweeping(self, *jobs, later=(), studies=()):
         """As `driving`, with workers for the sweeps; refuse a place with other settings first.
 
         jobs : the Jobs of sweeps.
@@ -118,14 +135,15 @@ class Run:
                 self.check(job.cube)
             for job, wanted in [*((job, None) for job in jobs), *later]:
                 self.plan[job.cube.name] = _expected(self.place, job, wanted)
-            with connect(**self.cluster) as client, self.driving(seconds):
+            with connect(**self.cluster) as client, self.driving(*studies):
                 self.client = cache(partial(self._connected, client))
                 yield self
 
     def _announce(self, besides):
-        """Say how long it will take; end the program here if this is all that was asked for.
+        """Say how long it will take; end the program here if this is all that was asked for, or if
+        it would take too long.
 
-        besides : CPU seconds of what is not swept.
+        besides : CPU seconds of what is not swept, and so computed by one process.
         """
         total = np.sum([(0, 0, 0, besides), *self.plan.values()], axis=0)
         if self.dry:
@@ -135,6 +153,14 @@ class Run:
                 click.echo(f"{name:24} {n_tiles:14} {n_files:15} {size:9.3g} MB {hours:>18}")
             sys.exit()
         tiles, _, _, seconds = total
+        workers = self.cluster.get("n_workers") or CPU_COUNT
+        elapsed = besides + (seconds - besides) / workers
+        if self.shorter is not None and elapsed > LONGEST:
+            raise click.UsageError(
+                f"predicted to take {duration(elapsed)} on {plural(workers, 'core')}, "
+                f"{duration(seconds)} of CPU time, which is more than {duration(LONGEST)}. To "
+                f"shorten it, {self.shorter}. To run it as it is, add --yes"
+            )
         if seconds > _LONG:
             swept = plural(len(self.plan), "sweep"), plural(tiles, "tile", ".0f")
             parts = [*swept * bool(self.plan), f"about {duration(seconds)} of CPU time"]
@@ -186,21 +212,31 @@ class Run:
         self.note("cubes", self.place.cube(name))
         return store.read(self.place, name)
 
-    def whole(self, cube, *parts):
-        """Return a cube that was kept, as a Dataset; None if it is not in the place, or if tiles
-        are missing of the sweeps `parts` that it was made from. A usage error as by `check`."""
-        if not self.check(cube):
-            return None
+    def holds(self, cube, *parts):
+        """Tell whether the place holds a cube that `kept` wrote, sound, and by the code as it is.
+
+        parts : names of the sweeps that it was made from, of which no tile may be missing.
+        A usage error if the cube has other settings.
+        """
+        here = self.check(cube)
+        if any(here.get(name) != by for name, by in _BY.items()):
+            return False
         known = [state for state in store.status(self.place) if not state.damage]
         done = {state.name for state in known if state.done >= state.tiles}
-        return store.read(self.place, cube.name) if done.issuperset(parts) else None
+        return done.issuperset(parts) and not any(store.verify(self.place, cube.name))
 
-    def keep(self, name, dataset, tile=None, **settings):
-        """Write a cube that no sweep computes, whole; return it as a Dataset."""
-        cube = Cube(name, dataset, tile or {}, settings)
-        store.replace(self.place, cube, store.COMPUTED_BY)
-        self.note("cubes", self.place.cube(name))
-        return dataset.assign_attrs(settings)
+    def kept(self, cube, compute, *parts):
+        """Return a cube that no sweep computes, as a Dataset: as the place `holds` it, or else
+        computed, and written whole.
+
+        cube : its name and all settings that decide it, by `pipeline.cubes.cube.untiled`.
+        compute : () → Dataset.
+        """
+        if not self.holds(cube, *parts):
+            filled = replace(cube, template=compute().assign_attrs(studied_by=_BY["studied_by"]))
+            store.replace(self.place, filled, store.COMPUTED_BY)
+        self.note("cubes", self.place.cube(cube.name))
+        return store.read(self.place, cube.name).load()
 
     def table(self, name, dataset):
         """Write a Dataset as OUT/NAME.csv."""

@@ -8,6 +8,8 @@ printed, and is the caption.
 Seven cubes and three figures in OUT. Two to three minutes on two cores; --quick less than one.
 """
 
+from functools import partial
+
 from workflows.shared.cli import command, flag, writes
 
 
@@ -15,6 +17,7 @@ from workflows.shared.cli import command, flag, writes
 @flag("--quick", "A preview: fewer and shorter runs of everything.")
 @writes
 def main(run, quick):
+    from pipeline.cubes.cube import untiled
     from workflows.figures.stability import FIGURES, draw_stability, stability_caption
     from workflows.stability import study
 
@@ -27,10 +30,15 @@ def main(run, quick):
         "disorder": study.disordered_orbits,
         "tori": study.nearly_resonant,
     }
-    found = {}
-    with run.driving(40 if quick else 250):
-        for number, (name, compute) in enumerate(studies.items(), 1):
-            run.line.show(f"study {number} of {len(studies)}, {name}")
-            found[name] = run.keep(f"stability_{name}", compute(quick), quick=quick)
+    plans = {name: untiled(f"stability_{name}", quick=quick) for name in studies}
+    seconds = (40 if quick else 250) / len(studies)
+
+    def compute(name):
+        number = 1 + list(studies).index(name)
+        run.line.show(f"study {number} of {len(studies)}, {name}")
+        return studies[name](quick)
+
+    with run.driving(*((plan, seconds) for plan in plans.values())):
+        found = {name: run.kept(plans[name], partial(compute, name)) for name in studies}
         for name in FIGURES:
             run.figure(name, draw_stability, name, found, caption=stability_caption(name, found))

@@ -19,6 +19,7 @@ from workflows.shared.cli import command, flag, sweeps, whole
 @sweeps
 def main(run, forcings, climbs, quick):
     from pipeline.cubes.barrier import with_circles
+    from pipeline.cubes.cube import untiled
     from pipeline.cubes.forcings import against_constant, last_barriers
     from workflows.figures.tolerance import draw_tolerance
     from workflows.tolerance import study
@@ -28,11 +29,12 @@ def main(run, forcings, climbs, quick):
     ripples = last_barriers("tolerance", study.ripples(quick), words, 3e-3)
     tried, words = study.forcings(forcings, climbs), f"{words}; the seed of a climb"
     bounds = against_constant("tolerance_random", tried, words, golden, tries=500)
-    with run.sweeping(ripples, bounds, seconds=5 if quick else 100):
+    laws = untiled("tolerance_laws", quick=quick)
+    with run.sweeping(ripples, bounds, studies=[(laws, 5 if quick else 100)]):
         cube = with_circles(run.sweep(ripples))
         kept = cube.critical_scale * cube.rms / golden  # of the rms strength, against κ_G
         cube = cube.assign(loss=1 - kept, loss_error=kept * cube.error / cube.critical_scale)
-        tried, laws = run.sweep(bounds).load(), study.laws(cube)
+        tried, laws = run.sweep(bounds).load(), run.kept(laws, lambda: study.laws(cube))
         for name, table in {"": cube, "_laws": laws, "_random": tried}.items():
             run.table(f"tolerance{name}", table)
         found = cube, laws, tried

@@ -1,10 +1,10 @@
 """The forcings of `tolerance`, the law that renormalisation predicts, and what is found."""
 
 import numpy as np
-import xarray as xr
 
 from nasm import periodic
 from workflows.shared.rules import finding, span
+from workflows.shared.tables import columns, dataset
 from workflows.tolerance.response import DELTA, finer, golden, growth, modes, steps
 
 PERIODS = range(2, 9)
@@ -62,9 +62,15 @@ def laws(cube):
         smaller = (-1) ** turned * np.exp(-rates[0])
         orbits = periodic.cusp_period(golden() * (1 + smaller * 0.01 * ripple(period)))
         found.append([first, abs(first - second), *_measured(cube, period, smaller), orbits])
-    names = "predicted", "predicted_error", "measured", "measured_error", "orbits"
-    columns = {name: ("period", row) for name, row in zip(names, np.transpose(found), strict=True)}
-    return xr.Dataset(columns, {"period": PERIODS})
+    words = {
+        "predicted": "exponent of the loss that the responses predict",
+        "predicted_error": "what longer orbits changed of it",
+        "measured": "exponent of the loss, by residues",
+        "measured_error": "its error",
+        "orbits": "period of the orbits that see the next repeat of the law after a ripple of 1%",
+    }
+    title, coords = "Exponents of the loss under a ripple", {"period": (PERIODS, "period P")}
+    return dataset(title, coords, columns("period", words, np.transpose(found)))
 
 
 def _measured(cube, period, smaller):

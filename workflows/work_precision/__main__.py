@@ -28,6 +28,7 @@ _ALL = "may be repeated.  [default: all]"
 @writes
 def main(run, full, only, ray):
     from nasm.proofs.barrier import need_flint
+    from pipeline.cubes.cube import untiled
     from workflows.figures.work_precision import draw_work_precision
     from workflows.work_precision.measure import fastest, measure, table
 
@@ -37,9 +38,10 @@ def main(run, full, only, ray):
     except ImportError as error:
         only = tuple(name for name in only if name != "barrier-proof")
         click.echo(f"barrier-proof is left out: {error}", err=True)
-    with run.driving(len(only) * len(ray) * (15 if full else 1.5)):
-        measured = measure(list(dict.fromkeys(ray)), only, not full, run.check, run.line.show)
-        data = run.keep("work_precision", measured)
+    rays = list(dict.fromkeys(ray))
+    data = untiled("work_precision", rays=rays, methods=list(only), full=full)
+    with run.driving((data, len(only) * len(rays) * (15 if full else 1.5))):
+        data = run.kept(data, lambda: measure(rays, only, not full, run.line.show))
         run.table("work_precision", data[["effort", "cpu_seconds", "error", "estimated_error"]])
         path = run.path("tables", "work_precision.md")
         Path(path).write_text(f"{table(data)}\n", encoding="utf-8")

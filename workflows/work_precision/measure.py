@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from nasm.numbers import parse
-from pipeline.cubes.cube import Cube, blank, coordinate, text
+from pipeline.cubes.cube import blank, coordinate, text
 from workflows.work_precision.methods import JUDGE, METHODS, PROFILES, Ray, judged
 
 ACCURACIES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-8, 1e-10)
@@ -24,10 +24,9 @@ def timed(run, *arguments):
     return found, median(seconds)
 
 
-def measure(rays, names, quick, check, show):
+def measure(rays, names, quick, show):
     """Measure all numbers on rays: dims (ray, method, level).
 
-    check : function of the Cube that it will be, called while nothing is measured yet.
     show : function of words, called with what is being measured.
     """
     efforts = {name: METHODS[name].efforts[: -1 if quick else None] for name in names}
@@ -50,7 +49,6 @@ def measure(rays, names, quick, check, show):
     }
     labels = {"title": "Speed against accuracy of all methods", "judge_q_max": JUDGE}
     data = xr.Dataset(variables, coords, labels).compute().copy(deep=True)  # blanks share memory
-    check(Cube("work_precision", data, {}, {}))
     rows = {name: [i for i, (of, _) in enumerate(answers) if of == name] for name in names}
     for name, here in rows.items():  # kernels that methods share are compiled by the first of them
         data.effort[here, : len(efforts[name])] = efforts[name]

@@ -1,0 +1,180 @@
+"""The run of a command: what is there is not computed again, and what takes long asks for --yes."""
+
+import re
+from contextlib import contextmanager
+
+import click
+import numpy as np
+import pytest
+import toy
+import xarray as xr
+from click.testing import CliRunner
+from commands import invoke, snapshot, succeed
+from every_command import PLANE
+
+from pipeline.cubes.cube import untiled
+from workflows.shared import cli, run
+from workflows.shared.cli import commands, main_of
+
+WRITING = [
+    name for name in commands() if "--dry-run" in [each.opts[0] for each in main_of(name).params]
+]
+
+
+def started(out, **how):
+    return run.Run(out, run.place_of(out), {}, False, **how)
+
+
+@contextmanager
+def driven(out):
+    with started(out).driving() as one:
+        yield one
+
+
+class Study:
+    """A study of the squares up to n, which counts how often it is computed."""
+
+    def __init__(self):
+        self.count = 0
+
+    def __call__(self):
+        self.count += 1
+        words, ends = np.array(["first", "last"]), {"long_name": "end"}
+        squares = xr.Variable("n", np.arange(9) ** 2, {"long_name": "square"})
+        return xr.Dataset({"square": squares, "end": ("end", words, ends)}, attrs={"title": "toy"})
+
+
+@pytest.fixture
+def study():
+    return Study()
+
+
+def test_a_study_is_computed_once_and_then_read(tmp_path, study):
+    for _ in range(2):
+        with driven(tmp_path) as one:
+            found = one.kept(untiled("toy", n=9, names=["a", "b"]), study)
+        assert found.square.values.tolist() == [n**2 for n in range(9)]
+        assert found.end.values.tolist() == ["first", "last"]
+        assert (found.attrs["n"], found.attrs["title"]) == (9, "toy")
+        assert one.written["cubes"] == {f"{tmp_path}/toy.zarr": None}
+    assert study.count == 1
+    xr.testing.assert_identical(xr.open_zarr(tmp_path / "toy.zarr").load(), found)
+
+
+def test_a_study_of_other_settings_is_refused_before_it_is_computed(tmp_path, study):
+    with driven(tmp_path) as one:
+        one.kept(untiled("toy", n=9), study)
+    before = snapshot(tmp_path)
+    with pytest.raises(click.UsageError, match="n is 9, not 10"), driven(tmp_path) as one:
+        one.kept(untiled("toy", n=10), study)
+    assert (study.count, snapshot(tmp_path)) == (1, before)
+
+
+@pytest.mark.parametrize("by", ["computed_by", "studied_by"])
+def test_a_study_is_computed_again_by_other_code(tmp_path, study, monkeypatch, by):
+    with driven(tmp_path) as one:
+        one.kept(untiled("toy"), study)
+    monkeypatch.setitem(run._BY, by, "other code")
+    monkeypatch.setattr(run.store, "COMPUTED_BY", run._BY["computed_by"])
+    for _ in range(2):
+        with driven(tmp_path) as one:
+            assert one.kept(untiled("toy"), study).attrs[by] == "other code"
+    assert study.count == 2
+
+
+def test_a_study_is_computed_again_where_it_is_damaged(tmp_path, study):
+    chunk = tmp_path / "toy.zarr/square/c/0"
+    for damage in (lambda: chunk.write_bytes(b"\0" + chunk.read_bytes()[1:]), chunk.unlink):
+        with driven(tmp_path) as one:
+            one.kept(untiled("toy"), study)
+        count, whole = study.count, chunk.read_bytes()
+        damage()
+        with driven(tmp_path) as one:
+            one.kept(untiled("toy"), study)
+        assert (study.count, chunk.read_bytes()) == (count + 1, whole)
+
+
+def test_a_study_is_computed_again_while_a_sweep_that_it_was_made_from_misses_tiles(
+    here, tmp_path, study
+):
+    place = run.place_of(tmp_path)
+    toy.run(here, tmp_path, toy.cube())
+    for free in (False, True):
+        if free:
+            run.store.free(place, "toy", (0, 0))
+        with driven(tmp_path) as one:
+            one.kept(untiled("squares"), study, "toy")
+            assert one.holds(untiled("squares"), "toy") is not free
+    assert study.count == 2
+
+
+def test_what_is_kept_counts_no_time(tmp_path, study):
+    with driven(tmp_path) as one:
+        one.kept(untiled("toy"), study)
+    with started(tmp_path, shorter="").driving((untiled("toy"), 2 * run.LONGEST)):
+        pass
+    late = started(tmp_path, shorter="reduce n").driving((untiled("other"), 2 * run.LONGEST))
+    with pytest.raises(click.UsageError, match=r"20 min on .*reduce n"), late:
+        pass
+
+
+def test_a_command_without_sweeps_computes_nothing_when_it_runs_again(tmp_path, monkeypatch):
+    def refuse(*_, **__):
+        raise AssertionError("computes again what is there")
+
+    from workflows.portraits import study
+
+    options = "portraits", tmp_path, "--n-orbits", "2", "--steps", "10", "--quiet"
+    told = succeed(*options)
+    figures = {path: path.read_bytes() for path in tmp_path.glob("*.png")}
+    for name in ("nonautonomous_dataset", "symmetric_dataset"):
+        monkeypatch.setattr(study, name, refuse)
+    assert succeed(*options) == told
+    assert {path: path.read_bytes() for path in tmp_path.glob("*.png")} == figures
+    refused = invoke("portraits", tmp_path, "--n-orbits", "3", "--steps", "10")
+    assert (refused.exit_code, "n_orbits is 2, not 3" in refused.output) == (2, True)
+
+
+def test_a_run_that_takes_too_long_ends_with_code_2_unless_it_may(tmp_path, workers, monkeypatch):
+    out, options = tmp_path / "out", PLANE.split()
+    seconds = float(re.search(r"in all .* (\S+) CPU hours", dry(out, options))[1]) * 3600
+    monkeypatch.setattr(run, "LONGEST", 0.4 * seconds)
+    result = invoke("escape_plane", out, *options, "--workers", "2")
+    assert (result.exit_code, out.exists()) == (2, False)
+    assert " on 2 cores, " in result.output
+    assert "reduce --kappa1 or --kappa2 or --n-max" in result.output
+    monkeypatch.setattr(run, "LONGEST", 0.6 * seconds)  # half of them on each of two cores
+    assert invoke("escape_plane", out, *options, "--workers", "1").exit_code == 2
+    monkeypatch.setattr(run, "LONGEST", 0.0)
+    assert dry(out, options)
+    assert not out.exists()
+    succeed("escape_plane", out, *options, *workers)
+    succeed("escape_plane", out, *options)  # as nothing is left to compute
+
+
+def dry(out, options):
+    return succeed("escape_plane", out, *options, "--dry-run")
+
+
+def test_yes_lets_a_run_take_as_long_as_it_will(tmp_path, monkeypatch):
+    monkeypatch.setattr(run, "LONGEST", -1.0)
+    small = ["--primary", "-4:4:20", "--secondary", "0:8:10"]
+    assert invoke("period_one", tmp_path / "out", *small).exit_code == 2
+    succeed("period_one", tmp_path / "out", *small, "--yes")
+
+
+def test_each_command_names_options_that_shorten_it():
+    names = set()
+    for name in WRITING:
+        context = main_of(name).make_context(name, [])
+        assert cli.shortening(context)
+        names |= {option.opts[0] for option in context.command.params}
+    assert names.issuperset([*cli._SMALLER, *cli._LARGER])
+    full = main_of("proved_map").make_context("proved_map", ["--full"])
+    assert cli.shortening(full).startswith("leave --full out; reduce ")
+
+
+def test_all_the_gallery_takes_hours_and_so_must_be_said_twice(tmp_path):
+    result = CliRunner().invoke(main_of("gallery"), ["--full", "--out", str(tmp_path / "out")])
+    assert (result.exit_code, (tmp_path / "out").exists()) == (2, False)
+    assert "add --yes" in result.output
