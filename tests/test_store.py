@@ -24,6 +24,7 @@ import pytest
 import seaweed
 import toy
 import xarray as xr
+import zarr
 from cases import thirds
 from obstore.store import S3Store
 from zarr.storage import ObjectStore
@@ -229,6 +230,17 @@ def test_a_file_system_without_locks_is_written_without_one(tmp_path, monkeypatc
     monkeypatch.setattr("pipeline.store.place.FileLock.acquire", acquire)
     with store.driving(place := store.place_of(tmp_path)):
         fill(place, toy.cube())
+    toy.assert_complete(tmp_path, toy.cube())
+
+
+def test_settings_of_zarr_change_no_cube(tmp_path):
+    """Such as another pipeline of codecs, which may know files on disks alone."""
+    theirs = {"codec_pipeline.path": "nowhere.Pipeline", "default_zarr_format": 2}
+    with zarr.config.set(theirs | {"array.order": "F", "array.write_empty_chunks": False}):
+        fill(place := store.place_of(tmp_path), toy.cube())
+        read = store.read(place, "toy").load()
+        assert zarr.config.get("codec_pipeline.path") == "nowhere.Pipeline"
+    assert np.array_equal(read.wave, toy.serial(toy.cube())["wave"])
     toy.assert_complete(tmp_path, toy.cube())
 
 

@@ -21,7 +21,7 @@ from zarr.storage import MemoryStore
 
 from nasm import __version__
 from pipeline.store import tiles
-from pipeline.store.place import Refused, explained
+from pipeline.store.place import Refused, explained, usual_codecs
 from pipeline.store.tiles import COMMIT, DAMAGED, ENTRIES, ENTRY, FORMAT, missing
 
 _CHUNK = 1024  # along each dim, of cubes that are written whole
@@ -210,7 +210,7 @@ def _files(cube, by):
         encoding[f"/{group}"] = {name: _encoding(blank.dtype, [len(ENTRIES), *(1 for _ in counts)])}
     how = {"zarr_format": 3, "consolidated": True, "write_empty_chunks": True}
     files, tree = {}, xr.DataTree.from_dict(groups)
-    with warnings.catch_warnings():
+    with warnings.catch_warnings(), usual_codecs():
         # Zarr 3 has no standard for consolidated metadata yet; without them readers are warned.
         warnings.filterwarnings("ignore", message="Consolidated metadata")
         tree.to_zarr(MemoryStore(files), encoding=encoding, compute=not computed, **how)

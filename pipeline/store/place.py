@@ -15,6 +15,7 @@ from functools import lru_cache
 from filelock import FileLock, Timeout
 from obstore.exceptions import AlreadyExistsError, BaseError
 from obstore.store import LocalStore, from_url
+from zarr import config
 
 PATIENCE = 30  # seconds for which a request is repeated while an object store does not answer
 _NO_LOCKS = errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS
@@ -90,6 +91,12 @@ def place_of(out):
             "e.g. AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY"
         )
     return Place(out.rstrip("/"))
+
+
+def usual_codecs():
+    """Within this context arrays are opened with zarr's own codecs, whatever pipeline of codecs the
+    user's files or environment name; others do not know all stores."""
+    return config.set({"codec_pipeline": config.defaults[0]["codec_pipeline"]})
 
 
 @lru_cache

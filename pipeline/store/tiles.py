@@ -15,7 +15,7 @@ import xarray as xr
 from zarr import Array, AsyncArray
 from zarr.storage import ObjectStore, StorePath
 
-from pipeline.store.place import Refused, explained
+from pipeline.store.place import Refused, explained, usual_codecs
 
 CERTIFICATES = "certificates"
 COMMIT = "tiles/commit"
@@ -50,8 +50,8 @@ def opened(place, name, root):
     for key, metadata in root["consolidated_metadata"]["metadata"].items():
         if metadata["node_type"] == "array":
             path = StorePath(store, f"{name}.zarr/{key}")
-            # A tile of fill values must be stored like any other.
-            arrays[key] = Array(AsyncArray(metadata, path, {"write_empty_chunks": True}))
+            with usual_codecs():  # a tile of fill values must be stored like any other
+                arrays[key] = Array(AsyncArray(metadata, path, {"write_empty_chunks": True}))
     return arrays
 
 
@@ -215,7 +215,7 @@ def read(place, name):
 
     To read a damaged chunk is a ValueError.
     """
-    with explained(place):
+    with explained(place), usual_codecs():
         # Version 3 alone: what others wrote as version 2 may name codecs that unpickle.
         store = ObjectStore(place.objects(name), read_only=True)
         cube = xr.open_zarr(store, chunks=None, zarr_format=3)
