@@ -62,11 +62,11 @@ def explorer(out):
     ):
         told = "".join(iter(process.stderr.readline, "Ctrl-C ends it\n"))
         browser = driver.chromium.launch(executable_path=shutil.which("chromium"))
-        tab = browser.new_page(viewport={"width": 1400, "height": 1090})
+        tab = browser.new_page(viewport={"width": 1400, "height": 900})
         tab.set_default_timeout(PATIENCE)
         tab.goto(re.search(r"http://localhost:\d+/", told).group() + "?k1=0.3&k2=0.5")
         tab.get_by_text("ready", exact=True).wait_for()
-        tab.screenshot(path=HERE / "explorer.jpg", quality=80)
+        tab.screenshot(path=HERE / "explorer.jpg", quality=80, full_page=True)
         browser.close()
         process.send_signal(signal.SIGINT)
 

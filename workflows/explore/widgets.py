@@ -17,6 +17,7 @@ _TOOLS = "box_zoom,pan,wheel_zoom,zoom_in,zoom_out,reset,save"
 _LOOK = {"Toolbar": {"logo": None, "styles": {"min-width": "230px"}}}  # or one tool is hidden
 _LOOK["Axis"] = {"axis_label_text_font_style": "normal"}
 _LOOK["Row"] = {"stylesheets": [":host { flex-wrap: wrap; gap: 4px 16px }"]}  # as on a phone
+_LOOK["Figure"] = {"border_fill_color": None}  # white at first would shine through a dark one
 THEME = Theme(json={"attrs": _LOOK})
 
 
