@@ -100,3 +100,46 @@ def test_a_path_may_begin_with_the_home_directory(tmp_path, monkeypatch, name):
                 assert getattr(each, "name", "p") == "p" or str(each).startswith(str(tmp_path))
             n_paths += 1
     assert n_paths >= 1
+
+
+AXES = "--kappa1", "0:1:2", "--kappa2", "0:1:2"
+SMALL = *AXES, "--n-max", 10, "--n-orbits", 2, "--levels", 1, "--workers", 1, "--quiet"
+SESSION = """
+import locale, logging, multiprocessing, socket, warnings
+import numpy as np, xarray as xr
+np.seterr(all="raise")
+np.set_printoptions(precision=2, legacy="1.13")
+xr.set_options(keep_attrs=False, arithmetic_join="exact")
+socket.setdefaulttimeout(5)
+multiprocessing.set_start_method("fork")
+warnings.simplefilter("ignore")
+"""
+SETTINGS = {
+    "DASK_DISTRIBUTED__SCHEDULER__IDLE_TIMEOUT": "1s",
+    "DASK_DISTRIBUTED__WORKER__MULTIPROCESSING_METHOD": "fork",
+    "DASK_SCHEDULER": "processes",
+    "DASK_SCHEDULER_ADDRESS": "tcp://192.0.2.1:8786",
+    "DASK_TEMPORARY_DIRECTORY": "/proc/nowhere",
+    "MPLBACKEND": "nowhere",
+    "OMP_NUM_THREADS": "many",
+    "PYTHONIOENCODING": "latin-1",
+    "PYTHONSAFEPATH": "1",
+    "TZ": "nowhere",
+    "COLUMNS": "7",
+    "LANG": "C",
+    "ZARR_CODEC_PIPELINE__PATH": "nowhere.Pipeline",
+    "ZARR_DEFAULT_ZARR_FORMAT": "2",
+}
+
+
+@pytest.mark.slow
+def test_a_sweep_runs_under_the_settings_of_other_programs(tmp_path):
+    """All together, in a session where a site has set more."""
+    (tmp_path / "sitecustomize.py").write_text(SESSION)
+    paths = {"PYTHONPATH": f"{tmp_path}:{ROOT}"}
+    sweep = "-m", "workflows.escape_plane", *SMALL
+    told = python(*sweep, "--out", tmp_path / "run", shell="umask 077;", **SETTINGS, **paths)
+    assert (told.returncode, told.stderr) == (0, b"")
+    words = told.stdout.decode("latin-1")
+    assert r"\u03ba1 = 0 to 1" in words
+    assert f"figures: {tmp_path}/run/escape_plane.png" in words

@@ -82,6 +82,7 @@ def command(**settings):
         @functools.wraps(function)
         def wrapped(**options):
             keep_freed_memory()
+            os.environ.pop("MPLBACKEND", None)  # figures go to files; an unknown one is an error
             try:
                 return function(**options)
             except KeyboardInterrupt:
