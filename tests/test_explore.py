@@ -19,10 +19,9 @@ from bokeh.server.util import bind_sockets
 from tornado.httpclient import AsyncHTTPClient
 
 from nasm import barriers, diffusion, escape
-from nasm.critical import CriticalScale, Status
 from nasm.numbers import parse
 from nasm.planes import rotating, three_kicks, two_kicks
-from nasm.verdict import Answer, Evidence, Verdict, verdict
+from nasm.verdict import Answer, verdict
 from workflows.explore import field, plane, rays, server
 from workflows.explore.field import Field, View
 from workflows.explore.rays import Breakup, Rays
@@ -329,8 +328,11 @@ def test_the_boundary_on_a_ray_is_known_where_the_rays_begin_without_kicks():
 @pytest.mark.parametrize(
     ("answer", "value", "words"),
     [
-        (Answer.BARRIER, 1.25, "inside the boundary, which is at 1.25 times"),
-        (Answer.TRANSPORT, 0.75, "beyond the boundary, which is at 0.75 times"),
+        (Answer.BARRIER, 1.25, "inside the boundary, which is at 1.25"),
+        (Answer.TRANSPORT, 0.75, "beyond the boundary, which is at 0.75"),
+        (None, 1.25, "inside the boundary, which is at 1.25"),
+        (None, 0.75, "beyond the boundary, which is at 0.75"),
+        (None, np.inf, ""),
         (Answer.BARRIER, 1 - 1e-9, "on the boundary, or next to it"),
         (Answer.TRANSPORT, 1 + 1e-9, "on the boundary, or next to it"),
         (Answer.UNDECIDED, 1 - 1e-9, "not decided on which side of the boundary, which is at 1"),
@@ -339,8 +341,7 @@ def test_the_boundary_on_a_ray_is_known_where_the_rays_begin_without_kicks():
     ],
 )
 def test_the_side_of_the_boundary_is_that_of_the_verdict(answer, value, words):
-    boundary = CriticalScale(value, 1e-3, np.nan, np.nan, None, Status.OK)
-    said = plane.distance_of(Verdict(answer, Evidence.NONE, boundary))
+    said = plane.side_words(answer, value, f"{value:.6g}")
     assert said.startswith(words)
     assert bool(said) == bool(words)
 
@@ -432,6 +433,7 @@ REQUESTS = [  # path, headers, and the code of the answer
     ("/none", {}, 404),
     ("/ws", WEBSOCKET | {"Host": OTHER, "Origin": f"http://{OTHER}"}, 403),
     *(("/ws", WEBSOCKET | {"Origin": origin}, 403) for origin in (f"http://{ELSEWHERE}", "null")),
+    ("/ws", WEBSOCKET | {"Origin": "http://["}, 403),
     ("/ws", WEBSOCKET | {"Origin": "http://localhost:1"}, 403),  # a page of another server here
     ("/?k1=%ff", {}, 200),  # a page with words
     ("/?plane=%c3%28&n=%00", {}, 200),

@@ -152,7 +152,7 @@ class PlanePanel:
     def _tell(self, a, b):
         x, y = symbols(self.state.plane.axes, plain=True)
         words, steps = [f"{x} = {a:.6g}, {y} = {b:.6g}"], self.state.steps
-        if not _is_in((a, b), widgets.sides_of(self.plot)):
+        if (a, b) == self.state.point and not _is_in((a, b), widgets.sides_of(self.plot)):
             words.append("outside this picture, beyond the triangle at its edge")
         n = self.shown.at(a, b) if self.shown else np.nan
         if not np.isnan(n):
@@ -166,17 +166,19 @@ class PlanePanel:
 
     def _distance(self, a, b):
         """Say where the boundary is: as the verdict says it, or about there from the rays."""
-        state, plane = self.state, self.state.plane
-        if state.verdict is not None and (a, b) == state.point and not any(plane.origin):
-            return distance_of(state.verdict)
+        from_zero = not any(self.state.plane.origin)
+        verdict = self.state.verdict if (a, b) == self.state.point else None
+        if verdict is not None and from_zero:  # its ray is the plane's
+            boundary = verdict.boundary
+            words = (
+                f"{scale_of(boundary)} times these strengths" if isfinite(boundary.value) else ""
+            )
+            return side_words(verdict.answer, boundary.value, words)
         excess = float(self.shared.rays.excess(a, b))
-        if abs(excess) < _NEAR:
-            return _NEXT
-        if not -1 < excess < inf:  # without kicks; or not known
-            return ""
-        side = "inside" if excess < 0 else "beyond"
-        what = "these numbers" if any(plane.origin) else "these strengths"
-        return f"{side} the boundary, which is at about {1 / (1 + excess):.3g} times {what}"
+        scale = 1 / (1 + excess) if excess > -1 else inf
+        words = f"about {scale:.3g} times these {'strengths' if from_zero else 'numbers'}"
+        answer = verdict.answer if verdict is not None else None
+        return _NEXT if abs(excess) < _NEAR and answer is None else side_words(answer, scale, words)
 
     def _move(self, event):
         """Move the forcing to a click, or a drag that is no tool's."""
@@ -198,17 +200,19 @@ class PlanePanel:
         return dataset("First escape times, as shown", coords, times, settings)
 
 
-def distance_of(verdict):
-    """Say where the boundary on the ray is, on the side that the verdict says; "" if not known."""
-    if not isfinite(verdict.boundary.value):
+def side_words(answer, scale, where):
+    """Say where the boundary on the ray is, on the side that the verdict says; "" if not known.
+
+    answer : nasm.verdict.Answer, None if there is none. scale : of the boundary, in parts of the
+    point. where : the same in words.
+    """
+    if not isfinite(scale):
         return ""
-    where = f"which is at {scale_of(verdict.boundary)} times these strengths"
-    if verdict.answer is Answer.UNDECIDED:
-        return f"not decided on which side of the boundary, {where}"
-    inside = verdict.answer is Answer.BARRIER
-    if inside != (verdict.boundary.value > 1):  # by less than its error
+    if answer is Answer.UNDECIDED:
+        return f"not decided on which side of the boundary, which is at {where}"
+    if answer is not None and (answer is Answer.BARRIER) != (scale > 1):  # by less than its error
         return _NEXT
-    return f"{'inside' if inside else 'beyond'} the boundary, {where}"
+    return f"{'inside' if scale > 1 else 'beyond'} the boundary, which is at {where}"
 
 
 def _is_in(point, ends):

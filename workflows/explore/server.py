@@ -15,7 +15,6 @@ from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from threading import Event, Lock, Thread
-from urllib.parse import urlparse
 
 import click
 import dask
@@ -173,8 +172,8 @@ class _Ours(HostMatches):
     """Matches requests to a host of these names that come from no other page than the host's."""
 
     def match(self, request):
-        origin = request.headers.get("Origin", f"//{request.host}")
-        same = urlparse(origin).netloc.lower() == request.host.lower()
+        origin = request.headers.get("Origin", f"http://{request.host}")
+        same = origin.partition("://")[2].lower() == request.host.lower()
         return super().match(request) if same else None
 
 
