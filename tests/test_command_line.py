@@ -17,10 +17,12 @@ from commands import invoke
 from matplotlib.figure import Figure
 
 import nasm
+from nasm.planes import parse
 from workflows.__main__ import main as overview
 from workflows.ask.__main__ import numbers_in
 from workflows.figures import style
 from workflows.shared.cli import commands, main_of
+from workflows.shared.rays import ray_angles
 
 COMMANDS, ROOT = commands(), Path(__file__).parents[1]
 
@@ -122,6 +124,13 @@ def test_a_figure_for_a_column_stands_beside_the_one_for_a_screen(tmp_path):
     assert path == f"{tmp_path}/name_column.png"
     files = ["name.png", "name.txt", "name_column.png", "name_column.txt"]
     assert sorted(file.name for file in tmp_path.iterdir()) == files
+
+
+def test_angles_are_up_to_where_they_are_said_to_be():
+    help = CliRunner().invoke(main_of("last_barrier"), ["--help"], terminal_width=200).output
+    assert "from 0 to 180 degrees, or to 360 where κ and -κ differ" in help
+    reach = {name: ray_angles(parse(name), 3, 0)[-1] for name in ("two-kicks", "three-kicks:0.2")}
+    assert reach == {"two-kicks": 180, "three-kicks:0.2": 360}
 
 
 def test_equal_numbers_count_once():

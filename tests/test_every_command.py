@@ -9,13 +9,14 @@ from pathlib import Path
 import dask
 import pytest
 import xarray as xr
-from commands import follow, table
+from commands import follow, succeed, table
 from every_command import PROVING, SMALLEST
 
 from nasm.planes import plane_of
 from workflows.claims.rules import printed_texts
 from workflows.gallery.__main__ import EXHIBITS
-from workflows.shared.cli import commands
+from workflows.shared.cli import commands, main_of
+from workflows.shared.run import LONGEST
 
 HERE = Path(__file__).parent
 RECIPES = HERE.parent / "workflows" / "gallery" / "recipes"
@@ -35,6 +36,15 @@ def run(out, names, runs, *hidden):
     for name, (_, told, _) in found.items():
         assert not re.search(r"\bnan\b|Traceback", told), f"{name}: {told}"
     return found
+
+
+def test_no_command_takes_more_than_ten_minutes_on_two_cores_by_default(tmp_path):
+    for name in commands():
+        options = [option.opts[0] for option in main_of(name).params]
+        if "--dry-run" in options:
+            told = succeed(name, tmp_path / name, "--dry-run")
+            hours = float(re.search(r"in all .* (\S+) CPU hours", told)[1])
+            assert hours * 3600 / (2 if "--workers" in options else 1) < LONGEST, told
 
 
 def test_without_python_flint_commands_that_prove_say_what_to_install(tmp_path):

@@ -39,7 +39,10 @@ def parse_frequency(text):
 
 @command()
 @whole("--q-max", 8, 2, 64, "Fractions p/q with q up to this one; 34 takes some six CPU hours.")
-@several("--frequency", ALSO + IRRATIONAL, parse_frequency, "OMEGA", "More Ω, fractions or not.")
+@several(
+    *("--frequency", ALSO + IRRATIONAL, parse_frequency, "OMEGA", "More Ω, fractions or not."),
+    shown=f"{', '.join(ALSO)} and the irrational numbers above",
+)
 @whole("--phases", 3, 2, 1000, "Phases from 0 to 1/2q of each fraction.")
 @real("--angle", 45.0, 0, 180, "Ray (κ̄, Δκ) = s·(cos, sin), in degrees.")
 @preset("--quick", "A preview", q_max=5, frequency=IRRATIONAL[-2:-1])

@@ -17,7 +17,8 @@ VECTORS = (
     (0.222084, 0.6180339887498949),
     (0.6180339887498949, 0.2700907567377265),
 )
-_VECTOR = {"default": VECTORS, "show_default": True, "metavar": "OMEGA FREQUENCY"}
+_VECTOR = {"default": VECTORS, "metavar": "OMEGA FREQUENCY"}
+_VECTOR["show_default"] = "of the tribonacci constant, and two of √2 and the golden mean"
 _VECTOR["help"] = "Rotation vector: turns of θ and φ per kick. May be repeated."
 
 

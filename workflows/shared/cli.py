@@ -154,10 +154,11 @@ def flag(name, help):
     return click.option(name, is_flag=True, help=help)
 
 
-def parsed(name, default, parse, metavar, help, multiple=False):
+def parsed(name, default, parse, metavar, help, multiple=False, shown=True):
     """Make an option whose text, or tuple of texts, `parse` reads or refuses by ValueError.
 
-    name : of the option, or several with spaces between.
+    name : of the option, or several with spaces between. shown : the default in words, if it is not
+    to be written out.
     """
 
     def callback(context, parameter, text):
@@ -166,21 +167,22 @@ def parsed(name, default, parse, metavar, help, multiple=False):
         except ValueError as error:
             raise click.BadParameter(str(error)) from None
 
-    how = {"show_default": True, "metavar": metavar, "help": help, "multiple": multiple}
+    how = {"show_default": shown, "metavar": metavar, "help": help, "multiple": multiple}
     return click.option(*name.split(), default=default, callback=callback, **how)
 
 
-def several(name, default, read, metavar, help):
+def several(name, default, read, metavar, help, shown=True):
     """Make an option that may be repeated: {text: the number that it spells}, in increasing order.
 
     read : function of a text, which refuses it by ValueError. Equal numbers count once.
+    shown : as of `parsed`.
     """
 
     def parse(texts):
         numbers = {read(text): text for text in texts}
         return {numbers[number]: number for number in sorted(numbers, key=float)}
 
-    return parsed(name, default, parse, metavar, f"{help} May be repeated.", multiple=True)
+    return parsed(name, default, parse, metavar, f"{help} May be repeated.", True, shown)
 
 
 def axis(name, default, help):
