@@ -39,7 +39,7 @@ def circle_boundaries_caption(breakdown, residues, barrier):
     how = f"{breakdown.attrs['method']}, {effort.format(**breakdown.attrs)}"
     return (
         f"Critical boundaries of circles on {breakdown.angle.size} rays by {how}, in front of the "
-        "region without global transport. Their distance from the origin in parts of that of the "
+        "region without global transport. Their distance from the origin relative to that of the "
         f"last barrier: {shares}. Points beyond the last barrier by more than the errors: "
         f"{int(beyond.sum())} of {beyond.size}. Gaps: "
         f"{int(sharp.critical_scale.isnull().sum())} points without an answer to 2%."
@@ -73,7 +73,7 @@ def tips_caption(residues, circles):
     off = abs(circles.critical_scale / residues.critical_scale - 1)
     unanswered = sum(int(of.critical_scale.isnull().sum()) for of in (circles, residues))
     return (
-        "The tips of the horns: lines by Greene's residue of periods up to "
+        "The cusps: lines by Greene's residue of periods up to "
         f"{residues.attrs['q_max']}, points by continuation to {circles.attrs['tol']:g}. Relative "
         f"difference of the two: median {float(off.median()):.1g}, largest {float(off.max()):.1g}; "
         f"{unanswered} of {2 * circles.status.size} have no answer."

@@ -89,7 +89,7 @@ def diagonal_caption(diagonal):
     etas = _etas(diagonal)
     small, large = int(diagonal.n[diagonal.upper_half == 0][-1]), int(diagonal.n[-1])
     return (
-        "The boundary of global transport by direct iteration at the cusp of the horn, on (κ, κ), "
+        "The boundary of global transport by direct iteration at the cusp, on (κ, κ), "
         f"less the breakup κ_G = {diagonal.critical:.9f} by residues, with {diagonal.n_orbits} "
         f"orbits; (κ_N - κ_G) ~ N^(-1/η) with η = {etas[0]} for N up to {small}, and "
         f"{etas[1]} beyond, up to {large} (errors of the fit alone; the paper has 2.681, "

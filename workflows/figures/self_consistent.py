@@ -58,7 +58,7 @@ def draw_self_consistent(fields, verdicts, settling):
     folded.plot(later.x, later.y, color=_GREEN, lw=1, label=before)
     for where, colour, words in (
         (~denied, _BLUE, "before the first"),
-        (denied, VERMILION, "denied"),
+        (denied, VERMILION, "excluded"),
     ):
         folded.plot(first.x.values[where], first.y.values[where], label=words, **dots(colour, 2))
     folded.set(xlabel="$x$", ylabel="$y$", title=r"An asymptotic circle of $\kappa_n \to 0.9$")
@@ -106,7 +106,7 @@ def self_consistent_caption(fields, verdicts, settling):
         f"{settling.limit} + {settling.excess} e^(-n/{settling.time}) the curve in colours "
         f"converges to the golden circle of κ = {settling.limit} and bounds the same area, to "
         f"{abs(first - circle):.0e}: it is a barrier. It folds before the first kicks, and "
-        f"converse KAM denies {float(settling.denied.mean()):.0%} of it; asked before kick "
-        f"{settling.attrs['asked']}, it denies all graphs after {float(settling.kicks):.0f} kicks. "
-        "So where it finds no graphs, orbits alone show transport."
+        f"converse KAM excludes {float(settling.denied.mean()):.0%} of it; asked before kick "
+        f"{settling.attrs['asked']}, it excludes all graphs after {float(settling.kicks):.0f} "
+        "kicks. So where it finds no graphs, orbits alone show transport."
     )

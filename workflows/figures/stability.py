@@ -178,7 +178,7 @@ def _twist(study):
 
 
 def _draw_missed(axes, study):
-    axes.plot(study.kept, 100 * study.missed, "o-", label="searches that miss 1% of the life")
+    axes.plot(study.kept, 100 * study.missed, "o-", label="searches that miss 1% of the lifetime")
     axes.plot(study.kept, 100 * study.worst, "s--", mfc="none", label="largest part missed")
     axes.set_xscale("log", base=2)
     axes.set(xlabel="starts kept", ylabel="percent")
@@ -188,9 +188,9 @@ def _draw_missed(axes, study):
 def _missed(study):
     pairs = zip(study.kept.values.tolist(), study.missed.values, strict=True)
     return (
-        "The search of converse KAM for the longest life misses 1% of it or more in these shares "
-        f"of {study.attrs['searches']} searches, by the number of starts it keeps (32 in use): "
-        f"{', '.join(f'{_percent(part)} with {number}' for number, part in pairs)}."
+        "The search of converse KAM for the longest lifetime misses 1% of it or more in these "
+        f"shares of {study.attrs['searches']} searches, by the number of starts it keeps (32 in "
+        f"use): {', '.join(f'{_percent(part)} with {number}' for number, part in pairs)}."
     )
 
 

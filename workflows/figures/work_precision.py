@@ -25,7 +25,7 @@ _BETTER = ("extrapolated", "value", "blow-up", "Aitken", "proved")
 def draw_work_precision(data):
     """Draw error against CPU time, a panel for each ray.
 
-    In a column, the better answers on the first two rays. Grey: below the judge's own error.
+    In a column, the better answers on the first two rays. Grey: below the error of the reference.
     """
     data = data.isel(ray=slice(2)) if in_column() else data
     columns = min(3, data.ray.size)
@@ -47,7 +47,7 @@ def draw_work_precision(data):
         name = here.ray.item()
         words = rf"$\varphi = {name}°$" if name.isdigit() else "three kicks, (1, 0.7, 0.3)"
         axes.text(0.5, 1.02, words, transform=axes.transAxes, ha="center")
-        words = "grey: the judge's own error"
+        words = "grey: error of the reference"
         axes.text(0.97, 0.02, words, fontsize="small", transform=axes.transAxes, ha="right")
         axes.grid(lw=0.3)
     handles, labels = drawn[0].get_legend_handles_labels()

@@ -155,7 +155,7 @@ def settling():
     variables = {
         "x": (dims, xs, "x on the lift"),
         "y": (dims, ys, "y"),
-        "denied": ("point", denied.astype("int8"), "denied by converse KAM"),
+        "denied": ("point", denied.astype("int8"), "excluded by converse KAM"),
         "area": ("curve", np.mean(ys * slopes, axis=1), "area below the curve"),
         "kicks": ((), life, f"kicks that eliminate all starts on a line before kick {ASKED}"),
     }

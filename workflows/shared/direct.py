@@ -74,7 +74,7 @@ def direct_bias(cube, steps):
     bias = cube.excess.where(beyond).min("excess")
     # Where even the least excess escapes, or the largest does not, the boundary is not on the grid.
     known = beyond.any("excess") & ~beyond.all("excess")
-    words = "boundary of n* <= N, in parts of the breakup, less 1"
+    words = "boundary of n* <= N, relative to the breakup, less 1"
     return bias.where(known).rename("bias").assign_attrs(described(words))
 
 
@@ -101,7 +101,7 @@ def boundary_dataset(found, barrier, steps):
     dims = "n", "angle"
     variables = {
         "critical_scale": (dims, scale, "scale from which on some orbit escapes"),
-        "bias": (dims, bias, "critical_scale in parts of the breakup, less 1"),
+        "bias": (dims, bias, "critical_scale relative to the breakup, less 1"),
         "resolution": (dims, spacing * bias * breakup, "spacing of the scales"),
         **strengths(dims, *np.moveaxis(scale[..., None] * ray(angle), -1, 0), plane.axes),
     }

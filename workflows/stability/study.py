@@ -62,7 +62,7 @@ def near_cusp(quick):
     approaches = "Greene's residue", "continuation of circles", "converse KAM", "all together"
     distance = deltas, described("distance 45° - φ from the cusp", "degree")
     variables = {
-        "off": (dims, off, "difference to the sharpest value known, in parts of it"),
+        "off": (dims, off, "difference to the sharpest value known, relative to it"),
         "error": (dims, claimed, "error that the method claims, relative"),
         "judge_error": (dims, uncertain, "error that the sharpest method claims"),
         "status": outcomes(dims, scales["status"].T[0]),
@@ -127,7 +127,7 @@ def disguised_fractions(quick):
         "q": (q, "denominator of the fraction"),
     }
     variables = {
-        "value": ([*coords], value, "breakup, in parts of (0.3, 0.2)"),
+        "value": ([*coords], value, "breakup, relative to (0.3, 0.2)"),
         "error": ([*coords], error, "error that the method claims for value"),
         "lower": (("quotient", "q"), lower[:, 1], "last certified circle of continuation"),
         "status": outcomes([*coords], status),
@@ -192,8 +192,8 @@ def missed_survivors(quick):
     lost = 1 - lives[:, known] / best[known]
     coords, searches = {"kept": (kept, "starts kept at each level")}, {"searches": int(known.sum())}
     variables = {
-        "missed": ("kept", (lost > 0.01).mean(axis=1), "part that misses 1% of a life"),
-        "worst": ("kept", lost.max(axis=1), "largest part of a life missed"),
+        "missed": ("kept", (lost > 0.01).mean(axis=1), "part that misses 1% of a lifetime"),
+        "worst": ("kept", lost.max(axis=1), "largest part of a lifetime missed"),
     }
     return dataset("Lives that the beam search misses", coords, variables, searches)
 

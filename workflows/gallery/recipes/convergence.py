@@ -1,4 +1,4 @@
-"""How far outside the breakup direct iteration sees transport, at the cusp of the horn, by N."""
+"""How far outside the breakup direct iteration sees transport, at the cusp, by N."""
 
 import matplotlib.pyplot as plt
 import xarray as xr

@@ -6,6 +6,6 @@ import xarray as xr
 cube = xr.open_zarr("last_barrier/boundary.zarr", chunks=None)
 parts = xr.Dataset({"bracket": cube.upper - cube.lower, "error": cube.error}) / cube.critical_scale
 parts.to_dataarray("of").plot.line(".", x="angle", hue="of", yscale="log")
-plt.ylabel("in parts of the scale")
+plt.ylabel("relative to the scale")
 print(f"widest bracket {float(parts.bracket.max()):.1e} at {float(parts.bracket.idxmax()):g}°")
 plt.show()

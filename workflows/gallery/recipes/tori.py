@@ -1,4 +1,4 @@
-"""Between which scales tori of irrational frequency break: certified below, denied above."""
+"""Between which scales tori of irrational frequency break: certified below, excluded above."""
 
 import matplotlib.pyplot as plt
 import xarray as xr
