@@ -9,13 +9,15 @@ import xarray as xr
 from commands import table
 
 from nasm.numbers import NAMES, parse
+from pipeline.cubes.cube import untiled
 from workflows.claims import envelope, rules
 from workflows.claims.page import write
 from workflows.claims.rules import Erratum
+from workflows.claims.study import judgement, recorded
 from workflows.shared.cli import main_of
 from workflows.shared.page import formula
 from workflows.shared.rules import Verdict, graded
-from workflows.shared.run import Run
+from workflows.shared.run import Run, place_of
 
 TESTS = Path(__file__).parent
 
@@ -115,6 +117,16 @@ def test_no_equation_fails_and_all_errata_are_shown(exact):
     assert {claim.verdict for claim in found} == {Verdict.HOLDS, Verdict.CAVEAT}
     assert all(claim.note for claim in found if claim.verdict is Verdict.CAVEAT)
     assert all(erratum.shown for erratum in errata)
+
+
+def test_claims_and_errata_are_read_from_the_cube_as_they_were_found(exact, tmp_path):
+    found, errata = exact
+    texts = rules.printed_texts("claims")
+    names = {(text["place"], text["statement"]): name for name, text in texts.items()}
+    words = {names[each.place, each.statement]: (each.value, each.verdict) for each in found}
+    with Run(tmp_path, place_of(tmp_path), {}, False).driving() as run:
+        cube = run.kept(untiled("claims"), lambda: recorded(words, errata))
+    assert judgement(cube) == (found, errata)
 
 
 def test_the_page_and_the_tables_hold_every_claim(exact, tmp_path):

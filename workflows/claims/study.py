@@ -68,9 +68,13 @@ def examine(cubes, rays, n_max, n_orbits):
         **circle_claims(),
         **result_claims(cubes["circles"], barrier, tori, three),
     }
-    claims, found_errata = in_words(found), errata()
+    return recorded(in_words(found), errata())
+
+
+def recorded(claims, errata):
+    """Return claims, as `in_words`, and all errata as a Dataset, of which `judgement` has both."""
     values, verdicts = zip(*claims.values(), strict=True)
-    off = {name: [getattr(one, name) for one in found_errata] for name in _OFF}
+    off = {name: [getattr(one, name) for one in errata] for name in _OFF}
     return dataset(
         "Claims of the paper and its errata, measured",
         {
@@ -86,7 +90,7 @@ def examine(cubes, rays, n_max, n_orbits):
 
 
 def judgement(examined):
-    """Return all claims and all errata of a Dataset of `examine`, with what the paper says."""
+    """Return all claims and all errata of a Dataset by `recorded`, with what the paper says."""
     claims = zip(*(examined[name].values for name in ("claim", "value", "verdict")), strict=True)
     words = {name: (value, Verdict(verdict)) for name, value, verdict in claims}
     texts = printed_texts("errata")

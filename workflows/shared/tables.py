@@ -16,7 +16,8 @@ def dataset(title, coords, variables, attrs=None):
     """Return a labelled Dataset.
 
     coords : {dimension: (values, label)}, or a labelled Variable, or that of another Dataset.
-    variables : {name: (dims, values, label)}. attrs : more attributes of the Dataset.
+    variables : {name: (dims, values, label)}, or labelled Variables.
+    attrs : more attributes of the Dataset.
 
     A label is the long name of a number without unit, or the attributes by `described`.
     """
@@ -25,7 +26,10 @@ def dataset(title, coords, variables, attrs=None):
         return dims, values, described(label) if isinstance(label, str) else label
 
     own = {dim: labelled(dim, *coord) for dim, coord in coords.items() if isinstance(coord, tuple)}
-    variables = {name: labelled(*variable) for name, variable in variables.items()}
+    variables = {
+        name: variable if isinstance(variable, xr.Variable) else labelled(*variable)
+        for name, variable in variables.items()
+    }
     return xr.Dataset(variables, coords | own, {"title": title, **(attrs or {})})
 
 
