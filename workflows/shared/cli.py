@@ -32,7 +32,7 @@ version = click.version_option(__version__, message="nasm %(version)s")
 
 
 class Strength(click.ParamType):
-    """A number of the command line, which may be negative, among options; NaN and inf are read."""
+    """A number, which may be negative; what begins with a dash and is none, is an option."""
 
     name = "number"
 
@@ -42,7 +42,8 @@ class Strength(click.ParamType):
         except ValueError:
             if str(value).startswith("-"):
                 raise no_such_option(context, value) from None
-            return self.fail(f"{value!r} is not a number; write one like 0.3 or -1e-2")
+            words = f"{value!r} is not a number; write one like 0.3 or -1e-2"
+            return self.fail(words, parameter, context)
 
 
 def no_such_option(context, word):
@@ -61,8 +62,9 @@ class _Command(streams.Prepared, click.Command):
         try:
             return super().parse_args(context, args)
         except click.NoSuchOption as error:  # of "-out" click has seen "-o" alone
-            whole = [word for word in words if word.startswith(error.option_name)]
-            raise no_such_option(context, [*whole, error.option_name][0]) from None
+            typed = error.option_name
+            whole = next((word for word in words if word.startswith(typed)), typed)
+            raise no_such_option(context, whole) from None
 
 
 def command(**settings):
