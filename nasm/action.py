@@ -25,7 +25,11 @@ rule finds both.
    each forcing by itself, and where residues pass through 0 nothing is lost.
 2. *Scan.* Begin the orbit where its gap is widest, and move x_0 over that gap. The highest maximum
    of a is the minimax orbit, whichever symmetry line it is on, or on none.
-3. *Follow.* Orbits are then moved along the segment of forcings by Newton's method, and longer ones
+3. *Descend.* Where that fails, as with steep actions of several minima or maxima that are not those
+   over any one site, periods up to 100 are found by the theorem's own proof: orbits that yield to
+   the forces on their sites never cross. They come down to minima, and the pass between two of
+   these is on the border of their basins.
+4. *Follow.* Orbits are then moved along the segment of forcings by Newton's method, and longer ones
    joined from them.
 
 Deviations u are stored, so that rounding does not grow with x.
@@ -35,6 +39,7 @@ Aubry & Le Daeron, Physica D 8 (1983) 381; Mather, Comment. Math. Helv. 60 (1985
 
 from fractions import Fraction
 from functools import cached_property
+from math import inf
 
 import numpy as np
 from numba import njit
@@ -51,6 +56,9 @@ __all__ = ["Chain", "Ladder", "LostError", "Orbit", "is_ordered", "joined", "ord
 __all__ += ["relax", "total"]
 __dir__ = __all__.copy
 
+SURE_PERIOD = 100
+"""Up to this period orbits that no scan finds are found by descent."""
+
 FLAT = 1e-15
 """Slopes of the reduced action below this times √N are rounding: R cannot be told from 0."""
 
@@ -65,11 +73,30 @@ _FURTHEST = 0.8  # over the longer period: a step of x_0 where orbits are joined
 # that one length of steps or another found, 0.1 lost 398, going to and fro, 0.4 266, and 0.8 178.
 _JOINED = 300  # period from which orbits are joined from shorter ones rather than scanned for
 _HELD = 600  # sites: an orbit this short is found again from none at all
+_ASIDE = 0.05  # over q: how far sites are moved from a saddle of the action
+_DESCENT = 1000  # steps from where an orbit is left to where it rests
+_MINIMA = 20  # in a gap,
+_SAME = 1e-6  # turns apart, or they are one
 _KEPT = 30  # scales of which orbits are kept
 
 
 class LostError(Exception):
-    """An orbit was not found, or only one that is not ordered like a rotation."""
+    """The ordered orbits of a fraction were not found, or lost on the way; the text says why.
+
+    They exist under any forcing. Long ones are lost far beyond the breakup of the circles near p/q;
+    short ones ought to be found, so that their loss says nothing of circles.
+
+    period : int, q.
+    """
+
+    def __init__(self, message, period=inf):
+        super().__init__(message)
+        self.period = period
+
+    @property
+    def is_far_beyond(self):
+        """Whether the loss shows that the circles near p/q are broken, by much."""
+        return self.period > SURE_PERIOD
 
 
 class Ladder:
@@ -103,20 +130,32 @@ class Ladder:
         return found[kind]
 
     def scan(self, n, scale):
-        """{1: the minimizing Orbit, -1: the minimax one} of fraction n, as by `at`, by steps 1 and
-        2 at this very scale."""
+        """{1: the minimizing Orbit, -1: the minimax one} of fraction n, as by `at`, by steps 1 to 3
+        at this very scale."""
+        chain = self.chains[n]
+        try:
+            site, sites, residues = self._scanned(n, scale)
+        except LostError:
+            if chain.q > SURE_PERIOD:
+                raise
+            site, sites, residues = _descended(self.start + scale * self.profile, chain)
+        segment = _around(self.start, site), _around(self.profile, site)
+        return {
+            kind: Orbit(chain, segment, site, kind, *orbit, scale)
+            for kind, *orbit in zip((1, -1), sites, residues, strict=True)
+        }
+
+    def _scanned(self, n, scale):
+        """The first site, the deviations and the residues of both orbits, by steps 1 and 2."""
         chain, (site, u) = self.chains[n], self._begun(n, scale)
         first = _widest(chain, _around(u, -site)) - site
         site, u = (site + first) % chain.period, chain.rolled(u, first)
-        start, profile = segment = _around(self.start, site), _around(self.profile, site)
+        kappa = _around(self.start + scale * self.profile, site)
         found, width = np.empty((2, u.size)), (chain.right(u)[0] - u[0]) / _PLACES
-        residues = _scan(start + scale * profile, *chain.frame, u, width, found)
+        residues = _scan(kappa, *chain.frame, u, width, found)
         if np.isnan(residues).any():
-            raise LostError
-        return {
-            kind: Orbit(chain, segment, site, kind, *orbit, scale)
-            for kind, *orbit in zip((1, -1), found, residues, strict=True)
-        }
+            raise chain.lost("no minimum or no maximum of the action is in their gap")
+        return site, found, residues
 
     def _begun(self, n, scale):
         """(site, u) of an orbit of fraction n to scan from: by `held`, or where that is lost, far
@@ -148,12 +187,13 @@ class Ladder:
             else:
                 u = np.resize(before[0][1], chain.n_sites) if i else held.copy()
             if not _hold(kappa, *chain.frame, u):
+                lost = chain.lost("none is ordered with one site held")
                 if chain.n_sites > _HELD:
-                    raise LostError
+                    raise lost
                 u = held
                 for part in np.arange(1, 9) / 8:
                     if not _hold(part * kappa, *chain.frame, u):
-                        raise LostError
+                        raise lost
             orbits[chain.p, chain.q] = u
         return site, orbits[self.chains[n].p, self.chains[n].q]
 
@@ -249,6 +289,12 @@ class Chain:
     def theta(self):
         return self.frame[0]
 
+    def lost(self, reason):
+        """The LostError of these orbits."""
+        return LostError(
+            f"the ordered orbits of {self.p}/{self.q} were not found: {reason}", self.q
+        )
+
     def right(self, u):
         """The next orbit to the right: the same one, at another time."""
         return _around(u, self.frame[1]) + 1 / self.q
@@ -282,7 +328,9 @@ def ordered_orbits(kappa, p, q, climbed=None):
     Returns minimizing, minimax : Orbit, both from the same site on, in the gap that is widest
     there. Where R cannot be told from 0 both are one orbit of those that differ by rounding.
 
-    LostError if they are not found, as may be far beyond the breakup of all circles near p/q.
+    LostError if they are not found. Both exist under any forcing, and are found up to twice the
+    breakup of the last circle; far beyond the breakup of all circles near p/q, periods above 100
+    may be lost.
     """
     kappa, q = forcing(kappa), count("q", q, 1, MAX_PERIOD)
     p = count("p", p, -MAX_PERIOD * kappa.size, MAX_PERIOD * kappa.size)
@@ -291,6 +339,39 @@ def ordered_orbits(kappa, p, q, climbed=None):
     fractions = distinct_convergents(rational(Fraction(p, q)), q)
     found = Ladder(kappa, 0 * kappa, fractions, climbed).scan(len(fractions) - 1, 0.0)
     return found[1], found[-1]
+
+
+def _descended(kappa, chain):
+    """The first site, the deviations and the residues of both orbits, by step 3."""
+    theta, hop, work = chain.frame
+    # No symmetry keeps this rotation: it is not at rest on the border of two basins.
+    u = np.full(chain.n_sites, 0.3 / chain.q)
+    lost = chain.lost(f"they are not at rest after a descent of {_DESCENT} steps")
+    if not _descend(kappa, theta, work, u):
+        raise lost
+    first = _widest(chain, u)
+    kappa, u = _around(kappa, first), chain.rolled(u, first)
+    minima, passes = [u, chain.right(u)], []
+    while len(passes) < len(minima) - 1:
+        middle, n = np.empty(chain.n_sites), len(passes)
+        residue = _pass(kappa, theta, hop, work, *minima[n : n + 2], middle)
+        if residue > 0:
+            passes.append((middle, residue))
+        elif residue < 0 and len(minima) < _MINIMA:
+            minima.insert(n + 1, middle)
+        else:
+            raise lost
+    lowest, highest = (
+        int(np.argmin([sign * total(kappa, theta, u) for u in orbits]))
+        for sign, orbits in ((1, minima[:-1]), (-1, [u for u, _ in passes]))
+    )
+    minimizing, (minimax, residue) = minima[lowest], passes[highest]
+    if highest < lowest:
+        minimax = chain.right(minimax)
+    least = _settle(kappa, theta, hop, work, minimizing, 1, 0.1 / chain.q, _STEPS)
+    if np.isnan(least):
+        raise lost
+    return first % chain.period, (minimizing, minimax), (least, residue)
 
 
 def _around(u, first):
@@ -333,6 +414,9 @@ def total(kappa, theta, u):
 def _hold(kappa, theta, hop, work, u):
     """Minimize the action over all sites but x_0, in place; whether that is an ordered orbit."""
     largest, _, _, _, bad = relax(kappa, theta, u, 0, 0.0, _STEPS, work)
+    if bad and u.size <= _HELD:  # a symmetric guess stays on a saddle: no force pulls it aside
+        u[1:] += _ASIDE * kappa.size / u.size
+        largest, _, _, _, bad = relax(kappa, theta, u, 0, 0.0, _STEPS, work)
     return largest < _FOUND and bad == 0 and is_ordered(u, hop, kappa.size / u.size)
 
 
@@ -387,6 +471,98 @@ def _scan(kappa, theta, hop, work, u, width, found):
     return residues
 
 
+@njit(nogil=True)
+def _yield(kappa, theta, work, u, stiffness):
+    """A step (H + σ) Δu = force of all sites, in place; σ = stiffness.
+
+    It keeps the order of any two orbits as long as H + σ is positive definite and 2π|κ_n Δu_n| < σ.
+    Otherwise there is no step but a larger σ. Next to a minimum σ falls to 0, which is Newton's.
+
+    Returns the next σ, and the largest Δu; inf without a step.
+    """
+    inverse, pull, force, diagonal = work[0], work[1], work[2], work[3]
+    _forces(kappa, theta, u, force, diagonal)
+    diagonal += stiffness
+    curvature, _, _, bad = _solve(force, diagonal, 1, 1.0, inverse, pull)
+    largest = np.abs(force).max()
+    if bad or not curvature > 0 or TWO_PI * np.abs(kappa).max() * largest > stiffness + 1e-6:
+        return max(4 * stiffness, 1e-8), np.inf
+    u += force
+    return stiffness / 4 if stiffness > 1e-8 else 0.0, largest
+
+
+@kernel
+def _descend(kappa, theta, work, u):
+    """Let all sites yield to the forces on them, in place; whether that ends at a minimum."""
+    stiffness = 1.5 * np.abs(kappa).max()
+    for _ in range(_DESCENT):
+        used = stiffness
+        stiffness, largest = _yield(kappa, theta, work, u, stiffness)
+        if used == 0 and largest < 1e-12:
+            return True
+    return False
+
+
+@kernel
+def _saddle(kappa, theta, work, u):
+    """Newton's steps of all sites, in place, to a stationary orbit: its R if the action has one
+    negative curvature there, NaN otherwise."""
+    inverse, pull, force, diagonal = work[0], work[1], work[2], work[3]
+    for _ in range(20):
+        _forces(kappa, theta, u, force, diagonal)
+        curvature, left, logarithm, bad = _solve(force, diagonal, 0, 0.0, inverse, pull)
+        if curvature == 0:
+            break
+        force[0] = left / curvature
+        force[1:] += force[0] * pull[1:]
+        largest = np.abs(force).max()
+        if not largest < 0.1:
+            break
+        u += force
+        if largest < 1e-12:
+            one = bad + (curvature < 0) == 1
+            return np.exp(min(logarithm + np.log(abs(curvature) / 4), 600.0)) if one else np.nan
+    return np.nan
+
+
+@kernel
+def _pass(kappa, theta, hop, work, left, right, found):
+    """The pass between two minima, in `found`, and its R; or another minimum between them, and -1;
+    or NaN, if neither is found.
+
+    Orbits between them descend to the one or the other. From the border of the basins, found by
+    bisection, the way down leads past the pass.
+    """
+    low, high = left.copy(), right.copy()
+    # Not all sites at the same part of the way: the pass may be less symmetric than the minima.
+    part = 0.5 + 0.1 * np.cos(np.arange(left.size) ** 2)
+    u, close = left, 1e-4
+    while close > 1e-16:
+        while np.abs(high - low).max() > close:
+            u = low + part * (high - low)
+            found[:] = u
+            if not _descend(kappa, theta, work, found):
+                break  # it rests on the border itself
+            if np.abs(found - left).max() < _SAME:
+                low = u
+            elif np.abs(found - right).max() < _SAME:
+                high = u
+            else:
+                return -1.0
+        stiffness, way = 1.5 * np.abs(kappa).max(), u.copy()
+        for _ in range(_DESCENT):
+            found[:] = way
+            residue = _saddle(kappa, theta, work, found)
+            between = (left < found).all() and (found < right).all()
+            if residue > 0 and between and is_ordered(found, hop, kappa.size / left.size):
+                return residue
+            stiffness, largest = _yield(kappa, theta, work, way, stiffness)
+            if stiffness == 0 and largest < 1e-6:
+                break
+        close /= 1000
+    return np.nan
+
+
 @kernel
 def _follow(
     start, profile, theta, hop, work, kind, begin, end, residue, u, before, last_step
@@ -421,8 +597,8 @@ def _solve(force, diagonal, kind, furthest, inverse, pull):
     """Newton's step, in place of the forces: of all sites with x_0 held (kind = 0), or moved by
     kind·G/|S|, at most `furthest`.
 
-    Returns S, G, the logarithm of the product of the pivots, and how many are not positive. After
-    it `pull` is how far each site moves with x_0.
+    Returns S, G, ln |product of the pivots|, and how many of these are not positive. After it
+    `pull` is how far each site moves with x_0.
     """
     n, half = force.size, force.size // 2
     logarithm, product, bad = 0.0, 1.0, 0
@@ -434,12 +610,13 @@ def _solve(force, diagonal, kind, furthest, inverse, pull):
         if i < half:
             behind, pivot = _eliminate(n - i, behind, force, diagonal, inverse, pull)
             product, bad = product * pivot, bad + (not pivot > _ROUNDING)
-        if not 1e-200 < product < 1e200:
-            logarithm, product = logarithm + np.log(product), 1.0
+        if not 1e-200 < abs(product) < 1e200:
+            logarithm, product = logarithm + np.log(abs(product)), 1.0
     if n > 1:
         middle, ends = n - half, (ahead[0] + behind[0], ahead[1] + behind[1], ahead[2] + behind[2])
         (_, step, along), pivot = _eliminate(middle, ends, force, diagonal, inverse, pull)
-        logarithm, bad = logarithm + np.log(product * pivot), bad + (not pivot > _ROUNDING)
+        logarithm = logarithm + np.log(abs(product * pivot))
+        bad += not pivot > _ROUNDING
         force[middle], pull[middle] = step, along
         back, back_along = step, along
         for i in range(middle - 1, 0, -1):
@@ -471,7 +648,7 @@ def _eliminate(j, before, force, diagonal, inverse, pull):
     Returns the same of site j, and the pivot."""
     pivot = diagonal[j] - before[0]
     force[j] += before[1]
-    pull[j], inverse[j] = before[2], 1 / pivot if pivot > _ROUNDING else 1.0
+    pull[j], inverse[j] = before[2], 1 / pivot if abs(pivot) > _ROUNDING else 1.0
     return (inverse[j], force[j] * inverse[j], pull[j] * inverse[j]), pivot
 
 
@@ -481,20 +658,15 @@ def relax(kappa, theta, u, kind, furthest, n_steps, work):
 
     Returns the largest change of the last step, S, G, and the rest as `_solve`.
     """
-    n, period = u.size, kappa.size
+    n = u.size
     # Rows that are unpacked at once are strided to Numba, and no loop takes many of them at once.
     inverse, pull, force, diagonal = work[0], work[1], work[2], work[3]
     largest, last, curvature, left, logarithm, bad = np.inf, np.inf, 0.0, 0.0, 0.0, 0
     stiffness = 0.0  # where the action is not convex, springs to where the sites are
     for _ in range(n_steps):
-        _sines(theta, u, force, diagonal)
-        site, behind, here = 0, u[n - 1], u[0]
-        for j in range(n):
-            ahead, strength = u[j + 1] if j < n - 1 else u[0], kappa[site]
-            force[j] = (ahead - here) - (here - behind) - strength / TWO_PI * force[j]
-            diagonal[j] = 2 + strength * diagonal[j] + (stiffness if j else 0.0)
-            behind, here = here, ahead
-            site = site + 1 if site < period - 1 else 0
+        _forces(kappa, theta, u, force, diagonal)
+        for j in range(1, n if stiffness else 0):
+            diagonal[j] += stiffness
         curvature, left, logarithm, bad = _solve(force, diagonal, kind, furthest, inverse, pull)
         if bad:
             stiffness = max(8 * stiffness, 1e-4)
@@ -513,6 +685,20 @@ def relax(kappa, theta, u, kind, furthest, n_steps, work):
             break
         last = largest
     return largest, curvature, left, logarithm, bad
+
+
+@njit(nogil=True)
+def _forces(kappa, theta, u, force, diagonal):
+    """The force on each site, and the diagonal of the Hessian, into two vectors."""
+    n, period = u.size, kappa.size
+    _sines(theta, u, force, diagonal)
+    site, behind, here = 0, u[n - 1], u[0]
+    for j in range(n):
+        ahead, strength = u[j + 1] if j < n - 1 else u[0], kappa[site]
+        force[j] = (ahead - here) - (here - behind) - strength / TWO_PI * force[j]
+        diagonal[j] = 2 + strength * diagonal[j]
+        behind, here = here, ahead
+        site = site + 1 if site < period - 1 else 0
 
 
 @njit(nogil=True)

@@ -21,7 +21,7 @@ from itertools import islice, pairwise
 from math import inf, log, nan
 from typing import NamedTuple
 
-from nasm.action import Chain, Ladder, LostError, Orbit, joined, ordered_orbits
+from nasm.action import SURE_PERIOD, Chain, Ladder, LostError, Orbit, joined, ordered_orbits
 from nasm.maps import forcing
 from nasm.numbers import checked, convergents, moebius, parse
 from nasm.symmetries import halfway_nobles
@@ -32,7 +32,7 @@ __dir__ = __all__.copy
 _SCANNED = 20  # period up to which the highest maximum is sought, and not that next to neighbours'
 _AGAIN = 300  # the same where joining fails
 _DEEPEST = 1000  # period of neighbours between which no one looks
-_LOST, _SHORT = 1.0, 60  # residue that stands for that of a lost orbit, up to a period
+_LOST = 0.25  # stands for the residue of a short orbit that is lost: it rules out nothing
 _LARGEST = 1.6  # residue next to a circle that stands,
 _PRODUCTS = (10, 100.0), (30, 1.0), (100, 0.5), (300, 0.3), (inf, 0.22)
 """And product of two neighbours', up to the longer period. On the paths to the last circles of 100
@@ -109,7 +109,7 @@ def _stands(omega, kappa, nodes):
 
 def circle_stands(omega, kappa, longest=_TOO_LONG, known=()):
     """Whether residues of the minimax orbits of three or more convergents of ω fall with q: the
-    circle exists. False where the orbits are lost, as they are far beyond its breakup.
+    circle exists. False where long orbits are lost, as they are far beyond its breakup.
 
     omega : RotationNumber or its text, irrational. kappa : P floats. longest : int, their period,
     up to which the residues fall below 0.1, or from which on they fall with each q. known : minimax
@@ -125,8 +125,10 @@ def circle_stands(omega, kappa, longest=_TOO_LONG, known=()):
             return False
         try:
             residues.append(ladder.at(n, 0.0, -1).residue)
-        except LostError:
-            return False
+        except LostError as lost:
+            if lost.is_far_beyond:
+                return False
+            continue
         *_, before, residue = residues
         if residue > before and residue > 1.5:
             return False
@@ -172,7 +174,7 @@ def _scanned(ordered, fraction):
 
 
 def _node(fraction, orbit):
-    lost = _LOST if fraction.denominator < _SHORT else inf
+    lost = _LOST if fraction.denominator <= SURE_PERIOD else inf
     return _Node(fraction, orbit, max(orbit.residue, 1e-6) if orbit else lost)
 
 

@@ -24,7 +24,9 @@ from math import ceil
 
 import numpy as np
 
-from nasm.action import LostError, ordered_orbits
+from nasm.action import MAX_PERIOD, LostError, ordered_orbits
+from nasm.checks import count, positive, real
+from nasm.checks import points as checked_points
 from nasm.critical import Result
 from nasm.flux import action_difference
 from nasm.maps import forcing, step_tangent
@@ -34,6 +36,7 @@ __all__ = ["Turnstile", "stable", "turnstile", "unstable"]
 __dir__ = __all__.copy
 
 _BEGIN = 1e-6  # ε
+_CLOSED = 1e-10  # times the norm of DT^q: a point that comes back so near is on a periodic orbit
 _MOST = 2 * 10**5  # points of a curve
 _FAR = 36.0  # ln λ^n of the periodic orbits of a turnstile: they come as near as rounding
 _LONGEST = 20_000  # their period
@@ -44,34 +47,71 @@ def unstable(kappa, p, q, x, y, length, spacing=2e-3, toward=1):
     """One branch of the unstable manifold of a point of the minimizing p/q orbit.
 
     kappa : sequence of P floats, the forcing, first kick first.
-    p, q, x, y : the fraction, and a point of its minimizing orbit, x on the lift.
-    length : in turns, of the branch.
-    spacing : from each of its points to the next.
+    p, q, x, y : the fraction, and a point of its minimizing orbit, x on the lift: q steps of T take
+        it to (x + p, y).
+    length : in turns, of the branch, > 0.
+    spacing : from each of its points to the next, > 0.
     toward : 1 for the branch that begins to the right, -1 to the left.
 
     Returns x, y : arrays, from the point on, on the lift; shorter than asked for beyond 2·10⁵
     points.
 
-    ValueError if the point is not hyperbolic.
+    ValueError if the point is not on a p/q orbit, or not hyperbolic.
     """
-    whole = np.tile(forcing(kappa), q)
+    arguments = _checked(kappa, p, q, x, y, length, spacing, toward)
+    return _branch(*arguments)
+
+
+def stable(kappa, p, q, x, y, length, spacing=2e-3, toward=1):
+    """One branch of the stable manifold; parameters and results are those of `unstable`."""
+    kappa, p, q, x, y, *rest, toward = _checked(kappa, p, q, x, y, length, spacing, toward)
+    # In these coordinates what lies to the right along it lies to the left.
+    x, y = _branch(kappa[::-1], p, q, y - x, y, *rest, -toward)
+    return y - x, y
+
+
+def _checked(kappa, p, q, x, y, length, spacing, toward):
+    kappa, q = forcing(kappa), count("q", q, 1, MAX_PERIOD)
+    p = count("p", p, -MAX_PERIOD * kappa.size, MAX_PERIOD * kappa.size)
+    x, y = (float(one) for one in checked_points(x, y))
+    length = positive("length", length, "turns along the manifold")
+    spacing = positive("spacing", spacing, "turns from one of its points to the next")
+    if toward not in (1, -1):
+        raise ValueError(f"toward={toward!r} must be 1, to the right, or -1, to the left")
+    whole = np.tile(kappa, q)
+    (_, end_x), (_, end_y) = orbit(whole, x, y, 1)
+    apart = np.hypot(end_x - p - x, end_y - y)
+    if not apart < _CLOSED * max(1.0, np.linalg.norm(step_tangent(whole, x, y))):
+        raise ValueError(
+            f"({x}, {y}) is not on an orbit of p/q = {p}/{q}: it comes back {apart:.2g} beside "
+            f"itself; `action.ordered_orbits(kappa, {p}, {q})[0].points()` are"
+        )
+    return kappa, p, q, x, y, length, spacing, toward
+
+
+def _branch(kappa, p, q, x, y, length, spacing, toward):
+    whole = np.tile(kappa, q)
     values, vectors = np.linalg.eig(step_tangent(whole, x, y))
     largest = int(np.argmax(values.real))
     factor, (dx, dy) = values[largest].real, vectors[:, largest].real
-    if not factor > 1 + 1e-9:
-        raise ValueError(f"({x}, {y}) is not hyperbolic, with λ = {factor}; it has no manifolds")
-    dx, dy = (toward * np.sign(dx) * part for part in (dx, dy))
-    part, n = np.linspace(0, 1, 17), ceil(-np.log(_BEGIN) / np.log(factor))
+    part = np.linspace(0, 1, 17)
+    if not np.log(max(factor, 1.0)) > -np.log(_BEGIN) * part.size / _MOST:
+        raise ValueError(
+            f"({x}, {y}) is not hyperbolic, with λ = {factor}; it has no manifolds, or none that "
+            f"{_MOST} points show"
+        )
+    dx, dy = (toward * np.sign(dx) * along for along in (dx, dy))
+    n = ceil(-np.log(_BEGIN) / np.log(factor))
     while True:
         away = _BEGIN * factor**part
         xs, ys = orbit(whole, x + away * dx, y + away * dy, n)
         xs -= p * np.arange(n + 1)[:, None]
         gaps = np.hypot(np.diff(xs, axis=1), np.diff(ys, axis=1))
         so_far = np.cumsum(gaps.sum(axis=1))
-        if so_far[-1] < length:
-            n += 1
+        if so_far[-1] < length and part.size * n <= _MOST:
+            n += 1 + n // 8
             continue
-        enough = int(np.searchsorted(so_far, length)) + 1
+        enough = min(int(np.searchsorted(so_far, length)) + 1, n + 1)
         wide = (gaps[:enough] > spacing).any(axis=0)
         if not wide.any() or part.size * enough > _MOST:
             break
@@ -81,14 +121,6 @@ def unstable(kappa, p, q, x, y, length, spacing=2e-3, toward=1):
     kept = np.unique(np.floor(2 * along / spacing), return_index=True)[1]
     kept = kept[along[kept] <= length]
     return xs[kept], ys[kept]
-
-
-def stable(kappa, p, q, x, y, length, spacing=2e-3, toward=1):
-    """One branch of the stable manifold; parameters and results are those of `unstable`."""
-    back = forcing(kappa)[::-1]
-    # In these coordinates what lies to the right along it lies to the left.
-    x, y = unstable(back, p, q, y - x, y, length, spacing, -toward)
-    return y - x, y
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,23 +140,26 @@ def turnstile(kappa, p, q, above, spacing=1e-3):
 
     kappa : sequence of P floats, the forcing, first kick first.
     p, q : ints without common factor.
-    spacing : of the points of the lobes' edges, in turns.
+    spacing : of the points of the lobes' edges, in turns, from 10⁻⁵ to 0.1.
 
     LostError if the orbits that tend to the homoclinic ones are not found, or differ by rounding,
     as where R is about 0.
     """
-    kappa = forcing(kappa)
+    kappa, spacing = forcing(kappa), real("spacing", spacing, 1e-5, 0.1)
     points, _ = ordered_orbits(kappa, p, q)
     if not points.residue < 0:
-        raise LostError
+        raise LostError(f"the minimizing orbit of {p}/{q} is not hyperbolic up to rounding: R = 0")
     near = _neighbour(p, q, above)
     n = ceil(_FAR / np.arccosh(1 - 2 * points.residue))
     long = n * p + near.numerator, n * q + near.denominator
     if long[1] > _LONGEST:
-        raise LostError
+        raise LostError(
+            f"the resonance of {p}/{q} is too thin, R = {points.residue:.2g}: the orbits next to "
+            f"its homoclinic ones have periods above {_LONGEST}"
+        )
     minimizing, minimax = ordered_orbits(kappa, *long)
     if minimax.residue == 0:
-        raise LostError
+        raise LostError(f"the homoclinic orbits of {p}/{q} differ by less than rounding")
     least, most = (np.array(found.points()) for found in (minimizing, minimax))
     ends = np.array(points.points())
     apart = (least[:, :, None] - ends[:, None] + 0.5) % 1 - 0.5
@@ -163,7 +198,10 @@ def _through(branch, kappa, p, q, ends, start, toward, points, spacing):
             break
         length *= 1.5
         if length > _FURTHEST:
-            raise LostError
+            raise LostError(
+                f"the manifolds of {p}/{q} do not come within {2 * spacing} of the homoclinic "
+                f"orbits in {_FURTHEST} turns"
+            )
     at = apart.argmin(axis=0)
     pieces = []
     for (i, one), (j, other) in pairwise(zip(at, points, strict=True)):

@@ -45,7 +45,8 @@ _STRONG = 0.05  # ratio of crossings a period of the tail apart, from which it i
 
 
 def residue(kappa, p, q):
-    """Greene's residue of the minimax orbit of p/q: float; NaN if that orbit is not found.
+    """Greene's residue of the minimax orbit of p/q: float; NaN if that orbit is not found, which
+    says nothing of the circles near p/q (`action.ordered_orbits` says why).
 
     0 < R < 1 is elliptic, R > 1 hyperbolic with reflection; 0 where R cannot be told from 0. The
     minimizing orbit, R < 0, is the other one of `action.ordered_orbits`.
@@ -152,7 +153,7 @@ def _of_families(omega, start, profile, q_max, between=None):
         falls, still_falls = (
             _falls(ladder, n, n + period, found.value + sign * step) for sign in (-1, 1)
         )
-        if falls and not still_falls and not (best and best[0].error < found.error):
+        if falls and still_falls is False and not (best and best[0].error < found.error):
             best = found, crossed[0]
         if best and best[0].error < _PRECISE * best[0].value:
             break
@@ -164,12 +165,13 @@ def _residue(ladder, n, scale):
 
 
 def _falls(ladder, shorter, longer, scale):
-    """Whether the longer of two minimax orbits has the smaller residue: neither is lost, then."""
+    """Whether the longer of two minimax orbits has the smaller residue; False where orbits are lost
+    far beyond the breakup, None where one is lost that ought to be found."""
     try:
         residues = [_residue(ladder, n, scale) for n in (shorter, longer)]
-    except LostError:
-        return False
-    return residues[1] < residues[0] or residues[1] == 0
+    except LostError as lost:
+        return False if lost.is_far_beyond else None
+    return bool(residues[1] < residues[0] or residues[1] == 0)
 
 
 def _located(ladder, shorter, longer):
@@ -181,8 +183,8 @@ def _located(ladder, shorter, longer):
         try:
             least = _residue(ladder, shorter, scale)
             return least > _BROKEN and _residue(ladder, longer, scale) > least
-        except LostError:
-            return True
+        except LostError as lost:
+            return lost.is_far_beyond
 
     if ladder.start.any() and broken(0.0):
         return Status.OUTSIDE
@@ -254,8 +256,10 @@ def _crossing(ladder, shorter, longer, kind, near, crossings, least, largest):
     def excess(scale):
         try:
             residues = [abs(ladder.at(n, scale, kind).residue) for n in pair]
-        except LostError:
-            return 100.0  # far outside, as where both overflow
+        except LostError as lost:
+            if lost.is_far_beyond:
+                return 100.0  # as where both overflow
+            raise
         # Deep inside, both are lost in rounding, and not even their signs mean anything.
         if min(residues) <= _LOST:
             return -100.0
@@ -304,7 +308,7 @@ def _crossing(ladder, shorter, longer, kind, near, crossings, least, largest):
 def _logarithm(shorter, longer):
     """ln of the ratio of two residues; LostError if one is not of the family, as near a cusp."""
     if not shorter * longer > 0:
-        raise LostError
+        raise LostError(f"residues {shorter} and {longer} are of different families")
     return log(longer / shorter)
 
 
@@ -350,7 +354,7 @@ def torus_scale(omega, frequency, mean, amplitude):
 
     def excess(scale, level):
         if not all(orbit.move(scale) for orbit in orbits):
-            raise LostError
+            raise LostError(f"an orbit of {omega} cannot be followed to s = {scale}")
         return np.log(max(1e-300, *(abs(orbit.residue) for orbit in orbits)) / level)
 
     scales = []

@@ -4,8 +4,9 @@ import mpmath
 import numpy as np
 import oracles
 import pytest
+import short_orbits
 
-from nasm import action, periodic
+from nasm import action, barriers, farey, flux, periodic
 from nasm.circles import continuation
 from nasm.critical import Status
 from nasm.maps import rotating_forcing
@@ -60,3 +61,90 @@ def test_far_beyond_the_breakup_orbits_are_lost_and_have_no_residue_of_0():
     for fraction in distinct_convergents(parse("[0;1,4,1,4,(1)]"), 200)[-3:]:
         residue = periodic.residue(kappa, fraction.numerator, fraction.denominator)
         assert np.isnan(residue) or residue > 10
+
+
+@pytest.mark.parametrize(("kappa", "p", "q"), [
+    ((0.94,), 1, 6), ((0.95,), 1, 6), ((1.0,), 1, 6), ((1.02,), 1, 6), ((0.9,), 1, 8),
+    ((2.5,), 1, 2), ((0.0694, -0.6614), 1, 4), ((-0.7466, 1.0338), 1, 4), ((1.0, 1.0), 1, 3),
+    ((0.9056, 0.4656), 9, 10),
+])  # fmt: skip
+def test_short_orbits_are_found_where_a_symmetric_guess_is_on_a_saddle(kappa, p, q):
+    judged = short_orbits.on_symmetry_lines(kappa, p, q)
+    assert periodic.residue(kappa, p, q) == pytest.approx(max(judged), rel=1e-11)
+    assert flux.action_difference(kappa, p, q) > 0
+
+
+def test_the_residue_of_period_two_is_kappa_squared_over_four_and_no_call_leaves_a_trace():
+    for _ in range(2):
+        assert periodic.residue((2.5,), 1, 2) == pytest.approx(2.5**2 / 4, rel=1e-14)
+
+
+def test_a_pass_that_no_single_site_shows_is_found():
+    # Beyond R = 1 of 2/5 of the standard map, seen as two kicks, two sites fall at once: held, each
+    # leaves a negative curvature.
+    kappa, p, q = (1.1723, 1.1723), 4, 5
+    for kind, orbit in enumerate(action.ordered_orbits(kappa, p, q)):
+        assert not short_orbits.misses(orbit, kappa, p, q, kind)
+    assert 0 < orbit.refined_residue() < 1
+
+
+def _random_cases(n_profiles, kicks, n_fractions, seed):
+    """kappa, p, q up to twice the breakup of the last circle; of repeated forcings too."""
+    random = np.random.default_rng(seed)
+    for n in range(n_profiles):
+        period = kicks[n % len(kicks)]
+        profile = random.uniform(-1 if n % 2 else 0, 1, period)
+        if n % 5 == 4:
+            profile = np.resize(profile[: -(-period // 2)], period)
+        scale = barriers.critical_scale(profile, 1e-2)
+        assert scale.status is Status.OK
+        for _ in range(n_fractions):
+            q = int(random.integers(1, 13))
+            p = int(random.choice([p for p in range(period * q + 1) if np.gcd(p, q) == 1]))
+            yield random.uniform(0.2, 2.0) * scale.value * profile, p, q
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("judge", "kicks", "n_profiles", "n_fractions"), [
+    (short_orbits.on_symmetry_lines, (1, 2, 2), 21, 12),
+    (short_orbits.by_scan, (3, 4, 5, 6), 24, 11),
+])  # fmt: skip
+def test_every_short_orbit_is_found_up_to_twice_the_breakup(judge, kicks, n_profiles, n_fractions):
+    cases = list(_random_cases(n_profiles, kicks, n_fractions, 11))
+    assert len(cases) > 250
+    judged = agreed = 0
+    for kappa, p, q in cases:
+        pair = action.ordered_orbits(kappa, p, q)  # no LostError
+        if pair[1].residue == 0:
+            continue
+        for kind, orbit in enumerate(pair):
+            assert not short_orbits.misses(orbit, kappa, p, q, kind), (kappa, p, q)
+        residue = pair[1].refined_residue()
+        others = [r for r in judge(kappa, p, q) if r > 1e-3]
+        if residue > 1e-3 and others:
+            judged += 1
+            agreed += np.isclose(residue, others, rtol=1e-6).any()
+    assert judged > 0.7 * len(cases)
+    # Beyond R = 1 there may be several passes, or one on no symmetry line.
+    assert agreed > 0.95 * judged
+
+
+def test_a_lost_orbit_says_why_and_only_long_ones_say_that_circles_are_broken(monkeypatch):
+    kappa, omega = (0.3, 0.2, 0.25), parse("[1;4,(1)]")
+    assert farey.circle_stands(omega, kappa)
+    scanned = action.Ladder.scan
+
+    def losing(self, n, scale):
+        if self.chains[n].q < 100:
+            raise self.chains[n].lost("a test")
+        return scanned(self, n, scale)
+
+    monkeypatch.setattr(action.Ladder, "scan", losing)
+    with pytest.raises(action.LostError, match=r"orbits of 1/6 were not found: a test") as lost:
+        action.ordered_orbits((0.5,), 1, 6)
+    assert not lost.value.is_far_beyond
+    assert np.isnan(periodic.residue((0.5,), 1, 6))
+    assert farey.circle_stands(omega, kappa)
+    assert farey.standing(kappa)[0] is not None
+    found = periodic.critical_scale("gamma", (1.0, 0.0))
+    assert found.status is not Status.OK or found.value == pytest.approx(0.48581770302, abs=1e-9)

@@ -42,8 +42,44 @@ def test_both_lobes_of_a_turnstile_have_the_area_that_the_action_gives(kappa, p,
     assert [abs(up), abs(down)] == pytest.approx([found.area] * 2, rel=1e-3)
 
 
+@pytest.mark.parametrize("branch", [manifolds.unstable, manifolds.stable])
+@pytest.mark.parametrize(("changed", "message"), [
+    ({"toward": 0}, "toward=0 must be 1"), ({"toward": 2}, "toward=2 must be 1"),
+    ({"spacing": 0}, "spacing=0.0 must be pos"), ({"spacing": -1}, "spacing=-1.0 must be pos"),
+    ({"spacing": np.nan}, "spacing=nan must be"), ({"spacing": np.inf}, "spacing=inf must be"),
+    ({"length": -1}, "length=-1.0 must be"), ({"length": np.inf}, "length=inf must be"),
+    ({"x": 0.123}, r"\(0.123, 0.0\) is not on an orbit of p/q = 0/1: it comes back 0.1"),
+    ({"p": 1, "q": 2}, "is not on an orbit of p/q = 1/2: it comes back 1 beside itself"),
+    ({"x": np.nan}, "x is not finite"), ({"q": 0}, "q=0 must be a whole number"),
+    ({"x": 0.5}, "0.5, 0.0\\) is not hyperbolic"),
+])  # fmt: skip
+def test_arguments_of_which_no_manifold_is_are_refused(branch, changed, message):
+    good = {"kappa": (1.0,), "p": 0, "q": 1, "x": 0.0, "y": 0.0, "length": 1.0, "toward": 1}
+    assert branch(**good)[0].size > 100
+    with pytest.raises(ValueError, match=message):
+        branch(**good | changed)
+
+
+def test_a_manifold_has_an_end_however_long_it_should_be():
+    x, y = manifolds.unstable((0.3,), 0, 1, 0.0, 0.0, 1e9)
+    assert 1000 < x.size < 10**6
+    assert np.isfinite([x, y]).all()
+
+
+@pytest.mark.parametrize("spacing", [0, -1e-3, np.nan, np.inf, 1.0])
+def test_spacings_that_show_no_lobe_are_refused(spacing):
+    with pytest.raises(ValueError, match=r"spacing=.* must be from 1e-05 to 0.1"):
+        manifolds.turnstile((1.0,), 1, 6, True, spacing=spacing)
+
+
+def test_the_turnstile_of_an_orbit_that_a_symmetric_guess_misses():
+    found = manifolds.turnstile((1.0,), 1, 6, True)
+    up, down = (np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)) / 2 for x, y in found.lobes)
+    assert [abs(up), abs(down)] == pytest.approx([found.area] * 2, rel=0.02)
+
+
 def test_without_kicks_there_is_no_turnstile():
-    with pytest.raises(LostError):
+    with pytest.raises(LostError, match="of 1/2 is not hyperbolic"):
         manifolds.turnstile((0.0, 0.0), 1, 2, True)
     with pytest.raises(ValueError, match="not hyperbolic"):
-        manifolds.unstable((0.0, 0.0), 1, 2, 0.0, 0.5, 1.0)
+        manifolds.unstable((0.0, 0.0), 1, 2, 0.0, 0.25, 1.0)

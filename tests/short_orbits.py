@@ -1,0 +1,171 @@
+"""Ordered periodic orbits by brute force, to judge `nasm.action`, of which nothing is used.
+
+A chain of N = Pq sites x_j, x_{j+N} = x_j + p, is an orbit if x_{j+1} - 2x_j + x_{j-1} is the kick
+(κ_j/2π) sin 2πx_j of each site. It is ordered if at each site its q points are in the order of a
+rotation.
+"""
+
+import math
+
+import mpmath
+import numpy as np
+from numba import njit
+
+
+def residue(kappa, x):
+    """R by the product of the tangent maps, in mpmath's precision."""
+    matrix = mpmath.eye(2)
+    for strength, at in zip(kappa, x, strict=True):
+        c = mpmath.mpf(strength) * mpmath.cospi(2 * at)
+        matrix = mpmath.matrix([[1 + c, 1], [c, 1]]) * matrix
+    return float((2 - matrix[0, 0] - matrix[1, 1]) / 4)
+
+
+def is_ordered(x, period, p, q):
+    whole, rest = np.divmod(np.arange(q) * p, q)
+    for site in range(period):
+        at = (np.asarray(x[site::period], float) - whole)[np.argsort(rest)]
+        if not (np.diff(at, append=at[0] + 1) > -1e-9).all():
+            return False
+    return True
+
+
+def hessian(kappa, x):
+    matrix = np.diag(2 + kappa * np.cos(2 * np.pi * x))
+    for j in range(x.size):
+        matrix[j, (j + 1) % x.size] -= 1
+        matrix[(j + 1) % x.size, j] -= 1
+    return matrix
+
+
+def on_symmetry_lines(kappa, p, q):
+    """Residues of the ordered orbits under one or two kicks that have a point on a symmetry line,
+    to 25 digits: x_j + x_{-j} = 2c about a site, or with one kick x_j + x_{-1-j} = 2c about the
+    middle between two, where 2c = 0 or 1."""
+    n_sites, found = len(kappa) * q, []
+    centres = [(site, twice, 0) for site in range(len(kappa)) for twice in (0, 1)]
+    centres += [(0, twice, 1) for twice in (0, 1) if len(kappa) == 1]
+    for site, twice, between in centres:
+        strengths = np.resize(np.roll(kappa, -site), n_sites)
+        middle = n_sites - between
+
+        def chain(d, n, sine, pi, twice=twice, between=between, strengths=strengths):
+            before, at, x = twice / 2 - d, twice / 2 + between * d, []
+            for strength in strengths[:n]:
+                x.append(at)
+                before, at = at, 2 * at - before + strength / (2 * pi) * sine(at)
+            return x
+
+        def miss(d, *functions, chain=chain, middle=middle, twice=twice):
+            x = chain(d, (middle + 1) // 2 + 1, *functions)
+            return x[middle // 2] + x[(middle + 1) // 2] - twice - p
+
+        exact = (lambda x: mpmath.sinpi(2 * x)), mpmath.pi
+        # The half of a distance d; ordered orbits are within a turn of the rotation.
+        d = (p / n_sites + np.linspace(-0.7, 0.7, 140_001)) / (1 + between)
+        values = miss(d, lambda x: np.sin(2 * np.pi * x), np.pi)
+        for i in np.flatnonzero(values[1:] * values[:-1] <= 0):
+            with mpmath.workdps(25):
+                ends = mpmath.mpf(d[i]), mpmath.mpf(d[i + 1])
+                try:
+                    at = mpmath.findroot(lambda d: miss(d, *exact), ends, solver="anderson")  # noqa: B023
+                except ValueError:
+                    continue
+                x = chain(at, n_sites, *exact)
+                if is_ordered(x, len(kappa), p, q):
+                    found.append(residue(strengths, x))
+    return found
+
+
+@njit
+def _forces(kappa, p, x, force):
+    n = x.size
+    for j in range(n):
+        left = x[j - 1] if j else x[n - 1] - p
+        right = x[j + 1] if j < n - 1 else x[0] + p
+        force[j] = left + right - 2 * x[j] - kappa[j] / (2 * math.pi) * math.sin(2 * math.pi * x[j])
+
+
+@njit
+def _minimize_others(kappa, p, x):
+    """Minimize the action over all sites but x_0, in place: by Newton's method where it is convex,
+    and one site after the other where it is not. Whether that converges."""
+    n = x.size
+    force, inverse, step, last = np.empty(n), np.empty(n), np.empty(n), np.inf
+    for _ in range(300):
+        if n == 1:
+            return True
+        _forces(kappa, p, x, force)
+        convex, before, along = True, 0.0, 0.0
+        for j in range(1, n):
+            pivot = 2 + kappa[j] * math.cos(2 * math.pi * x[j]) - before
+            if pivot < 1e-12:
+                convex = False
+                break
+            before = inverse[j] = 1 / pivot
+            along = step[j] = (force[j] + along) * before
+        if convex:
+            for j in range(n - 2, 0, -1):
+                step[j] += step[j + 1] * inverse[j]
+            largest = np.abs(step[1:]).max()
+            x[1:] += step[1:] * min(1.0, 0.02 / max(largest, 1e-300))
+            if largest < 1e-15 * n or (largest < 1e-9 and largest > 0.5 * last):
+                return True
+            last = largest
+        else:
+            last = np.inf
+            for _ in range(50):
+                for j in range(1, n):
+                    kick = kappa[j] / (2 * math.pi) * math.sin(2 * math.pi * x[j])
+                    right = x[j + 1] if j < n - 1 else x[0] + p
+                    x[j] += (x[j - 1] + right - 2 * x[j] - kick) / (2 + abs(kappa[j]))
+    return False
+
+
+def by_scan(kappa, p, q, per_gap=20):
+    """Residues of ordered orbits: with x_0 on a dense grid, for each site of the period, the others
+    minimize the action; where the force on x_0 changes its sign Newton's method ends the search."""
+    kappa, found = np.asarray(kappa, float), []
+    for site in range(kappa.size):
+        strengths, before = np.tile(np.roll(kappa, -site), q), None
+        force = np.empty(strengths.size)
+        for x_0 in (np.arange(per_gap * q + 1) + 0.37) / (per_gap * q):
+            x = x_0 + np.arange(strengths.size) * p / strengths.size
+            if not _minimize_others(strengths, p, x) or not is_ordered(x, kappa.size, p, q):
+                before = None
+                continue
+            _forces(strengths, p, x, force)
+            if before is not None and before[1] * force[0] <= 0:
+                _polish(strengths, p, q, (before[0] + x) / 2, kappa.size, found)
+            before = x.copy(), force[0]
+    return found
+
+
+def _polish(strengths, p, q, x, period, found):
+    force, step = np.empty(x.size), np.inf
+    for _ in range(20):
+        _forces(strengths, p, x, force)
+        matrix = hessian(strengths, x)
+        if np.abs(step).max() < 1e-14 or abs(np.linalg.det(matrix)) < 1e-300:
+            break
+        step = np.linalg.solve(matrix, force)
+        x = x + step
+    index = int((np.linalg.eigvalsh(hessian(strengths, x)) < 0).sum())
+    if np.abs(step).max() < 1e-10 and index < 2 and is_ordered(x, period, p, q):
+        found.append(residue(strengths, [mpmath.mpf(at) for at in x]))
+
+
+def misses(orbit, kappa, p, q, kind):
+    """What is wrong with an Orbit, if anything: it must be at rest, in order, and have one negative
+    curvature of the action if it is a minimax orbit, else none."""
+    x, strengths = orbit.sites(), np.tile(np.roll(kappa, -orbit.site), q)
+    force = np.empty(x.size)
+    _forces(strengths, float(p), x, force)
+    curvatures = np.linalg.eigvalsh(hessian(strengths, x))
+    if np.abs(force).max() > 1e-12:
+        return f"a force of {np.abs(force).max()}"
+    if not is_ordered(x, len(kappa), p, q):
+        return "no order"
+    if np.abs(curvatures).min() > 1e-9 and (curvatures < 0).sum() != kind:
+        return f"curvatures {curvatures[:3]}"
+    return ""
