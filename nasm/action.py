@@ -25,9 +25,9 @@ rule finds both.
    each forcing by itself, and where residues pass through 0 nothing is lost.
 2. *Scan.* Begin the orbit where its gap is widest, and move x_0 over that gap. The highest maximum
    of a is the minimax orbit, whichever symmetry line it is on, or on none.
-3. *Descend.* Where that fails, as with steep actions of several minima or maxima that are not those
-   over any one site, periods up to 100 are found by the theorem's own proof: orbits that yield to
-   the forces on their sites never cross. They come down to minima, and the pass between two of
+3. *Descend.* Where that fails, as with steep actions of several minima, or with maxima that no
+   single site shows, periods up to 100 are found as it is shown that they exist: orbits that yield
+   to the forces on their sites never cross. They come down to minima, and the pass between two of
    these is on the border of their basins.
 4. *Follow.* Orbits are then moved along the segment of forcings by Newton's method, and longer ones
    joined from them.
