@@ -3,8 +3,9 @@
 RUNS is how often each of them runs, in the same folder; after the first time whatever computes
 raises an error. HIDDEN are packages that then cannot be imported, as where an extra is not
 installed. Prints a JSON object {command: [exit code, what it printed, whether it looked for
-python-flint]}, of the last run with an error if there is one. All sweeps share two workers, threads
-of this process. The explorer would run until it is stopped, if Bokeh is not hidden.
+python-flint, faults of its figures on screen and in a column]}, of the last run with an error if
+there is one. All sweeps share two workers, threads of this process. The explorer would run until it
+is stopped, if Bokeh is not hidden.
 """
 
 import json
@@ -87,8 +88,31 @@ def compute_nothing(patch, but_look):
             patch.setattr(import_module(module), name, refuse)
 
 
+def look_at_figures():
+    """Draw each figure in a column too, and return the list in which its faults are put."""
+    from figure_faults import faults
+
+    from workflows.figures import style
+
+    found, save, drawn = [], style.save, style.drawn
+
+    def looked_at(figure, out, name, *options):
+        paths = save(figure, out, name, *options)
+        kind = "in a column" if style.in_column() else "on the screen"
+        found.extend(f"{name} {kind}: {fault}" for fault in faults(figure))
+        return paths
+
+    def twice(draw, out, name, caption="", kinds=("png", "pdf"), column=False):
+        drawn(draw, out, name, caption, ["png"], not column)
+        return drawn(draw, out, name, caption, kinds, column)
+
+    style.save, style.drawn = looked_at, twice
+    return found
+
+
 def main(out, commands, runs, *hidden):
     sys.meta_path.insert(0, finder := Hidden(hidden))
+    faults = look_at_figures()
     from commands import invoke
     from toy import workers_here
 
@@ -109,7 +133,8 @@ def main(out, commands, runs, *hidden):
                 result = invoke(name, there, *shlex.split(SMALLEST[name]), *workers * sweeps)
             said = f"{result.output}{result.exception or ''}"
             asked = told[name][2] if run else "flint" in finder.asked
-            told[name] = result.exit_code, said, asked
+            told[name] = result.exit_code, said, asked, faults.copy()
+            faults.clear()
             print(name, result.exit_code, file=sys.stderr, flush=True)
     print(json.dumps(told))
 

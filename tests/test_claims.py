@@ -1,6 +1,8 @@
 """The rules must be able to say no, and the page must hold what they said."""
 
 import ast
+import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -144,6 +146,24 @@ def test_the_page_and_the_tables_hold_every_claim(exact, tmp_path):
     assert [row["value"] for row in table(tmp_path / "claims.csv")] == [c.value for c in found]
     assert len(table(tmp_path / "claims_errata.csv")) == len(errata)
     assert len(table(tmp_path / "claims_envelope.csv")) == len(ranges)
+
+
+def test_the_page_begins_with_claims_that_do_not_hold_and_has_each_command_once(exact, tmp_path):
+    found, errata = exact
+    last = replace(found[-1], verdict=Verdict.FAILS, value="the one that fails")
+    circles, barrier = three_rays(np.array([0.5, 0.6, 1.4]), ["[0;(1)]"] * 3, 0.99)
+    ranges, run = envelope.ranges(circles, barrier), Run(tmp_path, None, {}, False)
+    write(run, [*found[:-1], last], errata, ranges, [], "a command")
+    page = (tmp_path / "claims.html").read_text(encoding="utf-8")
+    claims, rest = page.split("<h2>Errata</h2>")
+    shown = re.findall('<tr class="([a-z-]+)">', claims)
+    assert len(shown) == len(found)
+    assert shown == sorted(shown, key=["does-not-hold", "holds-with-a-caveat", "holds"].index)
+    assert claims.index("the one that fails") < claims.index(formula(found[0].value))
+    assert table(tmp_path / "claims.csv")[-1]["value"] == "the one that fails"
+    for part, of in ((claims, found), (rest, errata)):
+        for command in {each.command for each in of}:
+            assert part.count(f"<code>{command}</code>") == 1
 
 
 def assert_holds(page, *texts):

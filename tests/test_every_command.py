@@ -33,7 +33,8 @@ def run(out, names, runs, *hidden):
     ended = subprocess.run(script, stdout=subprocess.PIPE, text=True, check=True)
     found = json.loads(ended.stdout)
     assert list(found) == list(names)
-    for name, (_, told, _) in found.items():
+    for name, (_, told, _, faults) in found.items():
+        assert faults == [], name
         assert not re.search(r"\bnan\b|Traceback", told), f"{name}: {told}"
     return found
 
@@ -48,7 +49,7 @@ def test_no_command_takes_more_than_ten_minutes_on_two_cores_by_default(tmp_path
 
 
 def test_without_python_flint_commands_that_prove_say_what_to_install(tmp_path):
-    for name, (code, told, _) in run(tmp_path / "out", PROVING, 1, "flint", "bokeh").items():
+    for name, (code, told, *_) in run(tmp_path / "out", PROVING, 1, "flint", "bokeh").items():
         assert code == (name != "work_precision"), f"{name}: {told}"
         assert code == 0 or "pip install 'nasm-transport[proof]'" in told
         assert code == 0 or not list((tmp_path / "out" / name).glob("*"))
@@ -59,7 +60,7 @@ def test_every_command_ends_well_and_what_it_keeps_goes_to_netcdf(tmp_path):
 
     Each runs twice, and computes nothing when it runs again.
     """
-    for name, (code, told, asked) in run(tmp_path / "out", SMALLEST, 2, "bokeh").items():
+    for name, (code, told, asked, _) in run(tmp_path / "out", SMALLEST, 2, "bokeh").items():
         assert code == (name == "explore"), f"{name}: {told}"
         assert code == 0 or "pip install '.[explore]'" in told
         assert asked == (name in PROVING), name

@@ -10,6 +10,8 @@ from workflows.claims.envelope import HEADER, cells
 from workflows.shared.page import render
 from workflows.shared.rules import Verdict
 
+_ORDER = [Verdict.FAILS, Verdict.CAVEAT, Verdict.UNDECIDED, Verdict.HOLDS]  # of the page
+
 
 def write(run, claims, errata, rows, sentences, command):
     """Write OUT/claims.html, its tables claims.csv and claims_*.csv; claims.txt counts them.
@@ -29,7 +31,7 @@ def write(run, claims, errata, rows, sentences, command):
     render(
         "claims/page.html",
         run.path("pages", "claims.html"),
-        claims=claims,
+        claims=sorted(claims, key=lambda claim: _ORDER.index(claim.verdict)),
         errata=errata,
         rows=map(cells, rows),
         sentences=sentences,

@@ -49,14 +49,14 @@ def draw_verdict(kappa, point, name, verdict, orbits, longest, escaping):
             y, near = orbits.start_y[line::2], orbits.near[line::2]
             time.plot(y, near, ".", color=colour, label=f"from $x = {words}$")
         time.set(xlabel="$y$ of the start", ylabel=r"$\omega$, if regular", xlim=(0, 1))
-        time.legend(fontsize="x-small")
+        style.legend_below(time, 2, 2)
     else:
         x, y = escaping
         size = 1 + 12 / np.sqrt(x.size)  # a few points are lost among the portrait's
         axes.plot(x % 1, cell(y), **dots(_ESCAPING, size))
         axes.plot([], [], label="orbit that escapes", **dots(_ESCAPING, 9))
         time.plot(y, color=_ESCAPING, lw=0.3, marker=".", ms=size, rasterized=True)
-        time.set(xlabel="step $n$", ylabel="$y_n$ of the orbit that escapes")
+        time.set(xlabel="step $n$", ylabel="$y_n$ as it escapes")
         time.xaxis.get_major_locator().set_params(integer=True)
     axes.set(xlim=(0, 1), ylim=(-0.25, 0.75), xlabel="$x$ (turns)", ylabel="$y$ (mod 1)")
     axes.set_aspect("equal")
@@ -115,11 +115,12 @@ def draw_once(kappa, survivor, y, lives):
     kicks.axvspan(max(1, here - reach), min(kappa.size, here + reach), color="black", alpha=0.12)
     kicks.axvline(here, color=_ESCAPING, label=f"the line is before kick {here}")
     kicks.set(xlabel="kick", ylabel=r"$\kappa_n$", title="shaded: kicks that eliminate all starts")
-    kicks.legend(fontsize="small")
+    style.legend_below(kicks)
     alive = np.isinf(lives)
     line.plot(y[~alive], lives[~alive], ".", color=_BREAKUP, ms=3)
     top = np.full(alive.sum(), 1.5 * kappa.size)
-    line.plot(y[alive], top, "^", color=_ESCAPING, ms=4, label="survives all kicks")
+    if alive.any():
+        line.plot(y[alive], top, "^", color=_ESCAPING, ms=4, label="survives all kicks")
     if survivor.kicks < np.inf:
         line.plot(survivor.y, survivor.kicks, "*", color="black", ms=10, label="last survivor")
     else:
@@ -127,5 +128,5 @@ def draw_once(kappa, survivor, y, lives):
     line.set(yscale="log", xlabel=f"$y$ of the start at $x = {survivor.x:g}$", xlim=(0, 1))
     line.set(ylabel="kicks until it is eliminated")
     if line.get_legend_handles_labels()[0]:
-        line.legend(fontsize="small")
+        style.legend_below(line)
     return figure

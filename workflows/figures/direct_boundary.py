@@ -2,6 +2,7 @@
 
 import numpy as np
 from matplotlib.colors import LogNorm
+from matplotlib.patheffects import withStroke
 
 from workflows.figures import style
 from workflows.figures.planes import in_plane, label_plane
@@ -17,7 +18,7 @@ def draw_rays(boundary, barrier, last=90):
     _draw_boundaries(axes, boundary.sel(angle=up_to), barrier.sel(angle=up_to))
     if last == 90:
         axes.set(xlim=(0, None))
-    axes.legend(loc="lower left" if last == 90 else "best")
+    style.outer_legend(figure, 4, 2)
     return figure
 
 
@@ -42,6 +43,7 @@ def draw_half_plane(boundary, barrier, insets):
     plane = above.subplots()
     _draw_boundaries(plane, boundary, barrier)
     plane.set_ylim(0, None)
+    plane.plot([], [], "*", color="black", ms=7, label="the forcings of (b) to (e)")
     style.outer_legend(above, 4, 2, fontsize=None)
     rows, columns = (2, 2) if style.in_column() else (1, 4)
     cells = below.subplots(rows, columns, sharex=True, sharey=True).ravel()
@@ -50,8 +52,9 @@ def draw_half_plane(boundary, barrier, insets):
     for axes, i, letter in zip(cells, order, "bcde", strict=True):
         shown = _draw_cell(axes, insets.isel(forcing=i), norm)
         forcing = [float(insets[name][i]) for name in ("kappa1", "kappa2")]
-        plane.plot(*forcing, "*", color="black", ms=7, zorder=5)
+        plane.plot(*forcing, "*", color="black", ms=4 if style.in_column() else 7, zorder=5)
         side = {"textcoords": "offset points", "ha": "right" if letter in "bd" else "left"}
+        side["path_effects"] = [withStroke(linewidth=2, foreground="white")]
         at = (-5 if letter in "bd" else 5, -3)  # pairs are close
         plane.annotate(f"({letter})", forcing, at, fontsize="small", zorder=5, **side)
     where = {"location": "bottom", "aspect": 40} if style.in_column() else {"aspect": 15}

@@ -6,7 +6,7 @@ import numpy as np
 
 from workflows.figures.style import colour_of, outer_legend, panels
 
-_NUMBER = {"fontsize": "xx-small", "ha": "center"}
+_NUMBER = {"fontsize": "x-small", "ha": "center"}
 _BRACKET = {"fmt": "_", "color": colour_of(0), "lw": 2, "ms": 6, "mew": 2}  # some are narrow
 _BEYOND = 1.15  # times the largest end of a bracket: what is drawn
 
@@ -20,11 +20,13 @@ def draw_frequencies(cube):
     wide.vlines(fractions.index, fractions.lower, fractions.most, **look)
     half = (fractions.upper - fractions.lower) / 2
     wide.errorbar(fractions.index, fractions.lower + half, half, label=f"{of}{words}", **_BRACKET)
-    words = r"$\Omega$ irrational: from a certified torus (▲) to converse KAM"
+    words = r"$\Omega$ irrational: up to converse KAM"
     wide.vlines(limits.index, limits.lower, limits.upper, color=colour_of(1), lw=2, label=words)
-    wide.plot(limits.index, limits.lower, "^", color=colour_of(1), ms=5)
+    look = {"color": colour_of(1), "ms": 5, "ls": "", "label": "from a certified torus"}
+    wide.plot(limits.index, limits.lower, marker="^", **look)
+    wide.set_title(r"Of fractions and irrational $\Omega$")
     wide.set(xlabel=r"frequency $\Omega$", ylabel="scale $s$ of the last breakup")
-    outer_legend(figure, 3)
+    outer_legend(figure, 2)
     _draw_convergents(near, limits, fractions)
     # The axis ends above all brackets; how far phases above its end go is written there.
     top = _BEYOND * np.fmax(limits.upper.max(), fractions.upper.max())
@@ -82,7 +84,7 @@ def _draw_convergents(axes, limits, fractions):
         for (q, least, first, *_), x in zip(near.itertuples(), places, strict=True):
             axes.errorbar(i + x, (least + first) / 2, (first - least) / 2, **_BRACKET)
             axes.annotate(q, (i + x, first), (0, 4), textcoords="offset points", **_NUMBER)
-    axes.set(xlabel=r"irrational $\Omega$")
+    axes.set(xlabel=r"irrational $\Omega$", xlim=(-0.5, max(4, len(ticks)) - 0.5))
     axes.set_title("Beside its bracket those of its convergents, by $q$")
     axes.set_xticks(range(len(ticks)), ticks, rotation=60, fontsize="small")
 

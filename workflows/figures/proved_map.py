@@ -4,6 +4,7 @@ from itertools import product
 
 import numpy as np
 from matplotlib.colors import ListedColormap
+from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from workflows.figures.style import COLOURS, outer_legend, panels
@@ -35,7 +36,8 @@ def draw_proved_map(cube, triangles, barrier):
         axes.plot(*(signs * line).T, color="black", lw=0.8)
     axes.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$", aspect="equal")
     patches = [Patch(color=colour, label=words) for words, colour in _LEGEND.items()]
-    outer_legend(figure, 3, 1, "upper", handles=patches, frameon=False, fontsize=None)
+    patches.append(Line2D([], [], color="black", lw=0.8, label=r"$\mathit{CB}_{gt}$ by residues"))
+    outer_legend(figure, 2, 1, "upper", handles=patches, frameon=False, fontsize=None)
     return figure
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from workflows.figures.style import COLOURS, VERMILION, dots, line_of, panels
+from workflows.figures.style import COLOURS, VERMILION, dots, legend_below, line_of, panels
 
 _BLUE, _, _GREEN = COLOURS[:3]
 _BEGINNING = 250  # kicks of the transient that are drawn
@@ -23,20 +23,21 @@ def draw_self_consistent(fields, verdicts, settling):
         spectrum.semilogy(here.frequency[1:], here.spectrum[1:], **look)
     field.set(xlabel="kick $n$", ylabel=r"$\kappa_n$", title="Strength: the beginning")
     phase.set(xlabel="kick $n$", ylabel=r"$\theta_n - n\,v$ (turns)")
-    phase.set_title("Phase: the second half")
+    phase.set_title("Phase less its drift $v$: the second half")
     spectrum.set(xlabel="frequency (turns per kick)", ylabel=r"power of $\kappa_n$")
     spectrum.set_title("Spectrum: the second half")
-    field.legend(fontsize="small")
+    for axes in (field, phase, spectrum):
+        legend_below(axes, 3, 3)
 
     asked, row = verdicts.attrs["asked"], _strongest(verdicts)
     here, lives = fields.sel(coupling=row.coupling), _lifetime(row, asked)
     particles.plot(here.x, here.y - row.drift, label="particles", **dots("0.4", 1.5))
     for cell in (-1, 0):
-        label = f"a start that lives {lives} kicks" if cell else None
+        label = f"a start that survives {lives} kicks" if cell else None
         particles.plot(row.x, row.y + cell, label=label, **dots(VERMILION, 3))
     particles.set(xlabel=r"$x - \theta$", ylabel="$y - v$", xlim=(0, 1), ylim=(-1.1, 1.1))
     particles.set_title(rf"After the last kick, $\Gamma = {float(row.coupling):g}$")
-    particles.legend(fontsize="x-small", loc="upper right", markerscale=3)
+    legend_below(particles, 2, 1, markerscale=3)
 
     for name, words, marker, colour in (
         ("kicks_fitted", "periodic forcing fitted to it", "s", _GREEN),
@@ -45,11 +46,12 @@ def draw_self_consistent(fields, verdicts, settling):
         kicks, held = verdicts[name].clip(max=asked), np.isinf(verdicts[name])
         barriers.plot(verdicts.coupling, kicks, f"{marker}-", c=colour, mfc="white", label=words)
         barriers.plot(verdicts.coupling[held], kicks[held], marker, c=colour)
-    barriers.plot(verdicts.coupling, verdicts.escape, "k^", label="first particle to escape")
+    if np.isfinite(verdicts.escape).any():
+        barriers.plot(verdicts.coupling, verdicts.escape, "k^", label="first particle to escape")
     barriers.axhline(asked, color="0.6", lw=0.6, ls=":")
     barriers.set(xlabel=r"coupling $\Gamma$", ylabel="kicks until no start is left", yscale="log")
     barriers.set_title("Converse KAM (filled: a start survives)")
-    barriers.legend(fontsize="small")
+    legend_below(barriers, 2, 1)
 
     first, later, circle = (settling.isel(curve=i) for i in range(3))
     denied = settling.denied.values == 1
@@ -58,11 +60,11 @@ def draw_self_consistent(fields, verdicts, settling):
     folded.plot(later.x, later.y, color=_GREEN, lw=1, label=before)
     for where, colour, words in (
         (~denied, _BLUE, "before the first"),
-        (denied, VERMILION, "excluded"),
+        (denied, VERMILION, "excluded by converse KAM"),
     ):
         folded.plot(first.x.values[where], first.y.values[where], label=words, **dots(colour, 2))
     folded.set(xlabel="$x$", ylabel="$y$", title=r"An asymptotic circle of $\kappa_n \to 0.9$")
-    folded.legend(fontsize="x-small", markerscale=3)
+    legend_below(folded, 2, 2, markerscale=3)
     return figure
 
 
@@ -94,9 +96,10 @@ def self_consistent_caption(fields, verdicts, settling):
     return (
         f"The self-consistent map of {fields.attrs['particles']} particles from a band of |y| < "
         f"0.05, {fields.attrs['kicks']} kicks, at couplings Γ = {couplings[0]:g} to "
-        f"{couplings[-1]:g}. Strength (a), phase (b) and spectrum (c) of the kicks; momentum is "
-        f"conserved to {float(fields.momentum_change.max()):.0e}. (d): particles in the wave's "
-        f"frame, and the orbit of a start that lives {_lifetime(row, asked)} kicks, of "
+        f"{couplings[-1]:g}. Strength (a), phase (b), less its mean drift v per kick, and spectrum "
+        f"(c) of the kicks; momentum is conserved to {float(fields.momentum_change.max()):.0e}. "
+        "(d): particles in the wave's frame, and the orbit of a start that survives "
+        f"{_lifetime(row, asked)} kicks, of "
         f"{float(row.omega):.3f} turns per kick. (e): converse KAM, followed for {asked} kicks "
         "in either direction from the middle of the second half. It rules out every family of "
         f"graphs in the recorded field {recorded}, and under κ_n = κ̄ + Δκ cos 2π(φ0 + nΩ) fitted "

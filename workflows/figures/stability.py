@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.ticker import NullFormatter
 
-from workflows.figures.style import COLOURS, MARKERS, key, line_of, panels
+from workflows.figures.style import COLOURS, MARKERS, key, legend_below, line_of, panels
 
 _OK = 1  # of `status`, see `pipeline.cubes.cube`
 
@@ -15,10 +15,7 @@ def draw_stability(name, studies):
     for axes, (part, (draw, _)) in zip(drawn_on, parts.items(), strict=True):
         draw(axes, studies[part])
         axes.grid(lw=0.3)
-        if entries := axes.get_legend_handles_labels()[0]:
-            below = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.16)}
-            where = {} if part == "boundary" else below  # whose labels are long, and top free
-            axes.legend(fontsize="small", ncols=1 + (len(entries) > 3), **where)
+        legend_below(axes, 2, 2)
     return figure
 
 
@@ -71,10 +68,10 @@ def _draw_past_boundary(axes, study):
     excess = study.excess.values
     claims = (
         ("circle\ncertified", study.certified == 1, "o"),
-        ("Birkhoff:\nregular,\n5 digits", study.digits >= 5, "s"),
-        ("converse\nKAM\neliminates", np.isfinite(study.elimination_time), "v"),
+        ("Birkhoff\nregular", study.digits >= 5, "s"),
+        ("converse\nKAM", np.isfinite(study.elimination_time), "v"),
         ("escape\nseen", np.isfinite(study.escape_time), "^"),
-        ("escape,\nsingle\nprecision", np.isfinite(study.escape_time_single), "<"),
+        ("escape,\nsingle", np.isfinite(study.escape_time_single), "<"),
     )
     claims = [claim for claim in claims[::-1] if claim[1].any()]
     for row, (_, said, mark) in enumerate(claims):
@@ -88,8 +85,9 @@ def _draw_past_boundary(axes, study):
     axes.set_xscale("symlog", linthresh=np.abs(excess[excess != 0]).min())
     axes.tick_params(axis="x", rotation=45)
     for i, angle in enumerate(study.angle.values):
-        axes.plot([], [], "o", color=COLOURS[i], label=rf"$\varphi = {angle:g}°$; dot: does not")
-    axes.set(xlabel="$s/s_c - 1$", ylim=(-0.5, len(claims) + 0.3))
+        axes.plot([], [], "o", color=COLOURS[i], label=rf"$\varphi = {angle:g}°$")
+    key(axes, {".": "small dots: it does not say so"})
+    axes.set(xlabel="$s/s_c - 1$", ylim=(-0.5, len(claims)))
     axes.set_title("Who says what on either side of the breakup")
 
 
@@ -163,7 +161,7 @@ def _draw_twist(axes, study):
         axes.axvline(float(end), color=colour, lw=0.8, ls="--")
     axes.set(yscale="log", xlabel="scale $s$", ylabel="steps")
     key(axes, {"o": "converse KAM", "^": "escape", "--": "the twist ends"})
-    axes.set_title("Lives on the dominant line")
+    axes.set_title("Lifetimes on the dominant line")
 
 
 def _twist(study):

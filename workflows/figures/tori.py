@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from workflows.figures.style import colour_of, key, line_of, outer_legend, panels
+from workflows.figures.style import colour_of, in_column, key, line_of, outer_legend, panels
 
 _CURVE = 12  # rays of a quarter plane, from which on the points are joined
 
@@ -46,14 +46,16 @@ def breakups_caption(breakups):
 
 def draw_pictures(torus):
     """Draw h - θ over (θ, φ) on the way to the breakup."""
-    figure, drawn = panels(1, torus.scale.size, 11, 4, stack=False, sharey=True)
+    height = 7 if in_column() else 4
+    figure, drawn = panels(1, torus.scale.size, 11, height, stack=False, sharey=True)
     reach = float(abs(torus.deviation).max())
     style = {"origin": "lower", "extent": (0, 1, 0, 1), "aspect": "auto", "cmap": "cividis"}
     for axes, (scale, here) in zip(drawn, torus.groupby("scale"), strict=True):
         picture = axes.imshow(here.squeeze().deviation, vmin=-reach, vmax=reach, **style)
         axes.set(xlabel=r"$\theta$ (turns)", title=f"$s = {scale:.5f}$", xticks=(0, 0.5, 1))
     drawn[0].set_ylabel(r"$\varphi$ (turns)")
-    figure.colorbar(picture, ax=drawn, label=r"$h - \theta$ (turns)")
+    where = {"location": "bottom", "aspect": 40} if in_column() else {}
+    figure.colorbar(picture, ax=drawn, label=r"$h - \theta$ (turns)", **where)
     figure.suptitle("A torus on the way to its breakup")
     return figure
 
