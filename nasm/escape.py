@@ -35,7 +35,7 @@ __all__ = ["PAPER_WINDOW", "boundary", "critical_scale", "ensemble", "escape_tim
 __all__ += ["onset_scale"]
 __dir__ = __all__.copy
 
-_METHOD = "direct iteration"
+METHOD = "direct iteration"
 PAPER_WINDOW = (-2.0, 2.3)
 """Sec. V.B: the starts fill 0 ≤ y ≤ 0.3, and |y_n - y_0| > 2 shows transport."""
 
@@ -172,13 +172,13 @@ def critical_scale(profile, n_max, n_orbits=1000, window=PAPER_WINDOW, precision
     steps = n_max, n_max // 8, n_max // 64
     upper, before, earlier = _onset_scales(profile, steps, n_orbits, window, precision)
     if np.isnan(upper):
-        return no_answer(None, Status.NO_BREAKUP, _METHOD)
+        return no_answer(None, Status.NO_BREAKUP, METHOD)
     ratio = 8 ** (1 / _ETA)
     bias, foretold = (before - upper) / (ratio - 1), (earlier - before) / (ratio - 1) / ratio
     value, error, status = upper - bias, bias + abs(bias - foretold), Status.OK
     if not error < value:  # not for NaN either, where N/64 is too few for any escape
         value, error, status = np.nan, np.nan, Status.NOT_CONVERGED
-    return CriticalScale(value, error, np.nan, upper, None, status, _METHOD)
+    return CriticalScale(value, error, np.nan, upper, None, status, METHOD)
 
 
 def _onset_scales(profile, steps, n_orbits, window, precision):

@@ -31,7 +31,7 @@ from nasm.symmetries import CUSP_EXPONENT, distances_to_shorter, shorten
 __all__ = ["critical_scale", "crossings", "residue", "torus_scale"]
 __dir__ = __all__.copy
 
-_METHOD = "Greene's residue"
+METHOD = "Greene's residue"
 _LOST = 1e-12  # residues below are rounding
 _ROUNDED = 4e-17  # of the value for each period: κ_G was off by up to 2.7e-12 at period 10⁵
 _ORDER = 2.04  # crossings converge like q^-2.04
@@ -87,9 +87,9 @@ def critical_scale(omega, profile, q_max=6000, start=None, between=None):
     omega = checked(omega)
     start, profile, short_omega, q_max = _shortened(omega, profile, q_max, start)
     if omega.is_rational:
-        return no_answer(omega, Status.RATIONAL, _METHOD)
+        return no_answer(omega, Status.RATIONAL, METHOD)
     found, _ = _of_families(short_omega, start, profile, q_max, between)
-    return replace(found, omega=omega, method=_METHOD)
+    return replace(found, omega=omega, method=METHOD)
 
 
 def crossings(omega, profile, q_max=6000, start=None):
@@ -364,15 +364,15 @@ def torus_scale(omega, frequency, mean, amplitude):
             while excess(reached + step, level) < 0:
                 reached += step
                 if reached > 100 * step:
-                    return no_answer(exact, Status.NO_BREAKUP, _METHOD)
+                    return no_answer(exact, Status.NO_BREAKUP, METHOD)
             scales.append(root(partial(excess, level=level), reached, reached + step))
     except (LostError, ValueError):
         if not scales:
-            return no_answer(exact, Status.DISORDERED, _METHOD)
+            return no_answer(exact, Status.DISORDERED, METHOD)
         scales.append(reached + step)
     value, one = scales
     error = max(one - value, 2 * value / chain.n_sites**0.5)
-    return CriticalScale(value, error, np.nan, np.nan, exact, Status.OK, _METHOD)
+    return CriticalScale(value, error, np.nan, np.nan, exact, Status.OK, METHOD)
 
 
 def cusp_period(kappa):

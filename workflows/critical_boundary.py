@@ -26,6 +26,7 @@ def main(run, plane, angles, tips, tol, **options):
     from pipeline.cubes import breakdown
     from pipeline.cubes.barrier import last_barrier, unfolded
     from pipeline.cubes.cube import untiled
+    from workflows.figures.circle_boundaries import circles_found
     from workflows.figures.critical_boundary import draw_critical_boundary
     from workflows.shared import boundary_words, rays
     from workflows.shared.plane import boundary_table, escape_plane, foreseen, grid_of
@@ -51,5 +52,6 @@ def main(run, plane, angles, tips, tol, **options):
         run.table("critical_boundary_direct", direct)
         caption = boundary_words.boundary_found(barrier)
         caption += "\n" + boundary_words.direct_found(direct, barrier, grid.n_orbits[-1])
+        caption += "\n" + circles_found(circles)
         found = field, circles, barrier
         run.figure("critical_boundary", draw_critical_boundary, *found, caption=caption)

@@ -46,7 +46,6 @@ _HALVINGS = 12  # of a step, before Newton's failures are final
 _MODES = 6  # times 1/distance: enough to resolve a circle at that distance from its breakup,
 _FEWER = 4.5  # and to go on from it: of 46 certificates 3.5 lost five, 4.5 none
 _ROUNDS = 50  # of the fixed point iteration for s_c, which needs 5 to 20
-_SPREAD = 0.8  # the error's part of the spread of estimates: 0.5 fell short on 5 of 240 rays
 _PARTS = np.array([0.85, 1.0])  # of the modes that a circle has
 _TWO_SCALES = 3  # the error of two scales, in parts of the way from the last circle: 2.3 was met
 _DELTA_UNKNOWN = 0.2  # the least error without δ, in parts of that way
@@ -68,8 +67,8 @@ def critical_scale(omega, profile, tol=1e-6):
     tol : float, the error to aim at.
 
     Returns CriticalScale. lower : the scale of the certified circle. upper : NaN.
-    error : 0.8 times the spread of the last estimates, or times the change made by the third scale
-    if that is larger, plus the change made by the highest modes. It may exceed tol. Near a forcing
+    error : the spread of the last estimates, or the change made by the third scale if that is
+    larger, plus the change made by the highest modes. It may exceed tol. Near a forcing
     of a shorter period it contains the depth to which the boundary falls there, as long as the
     circles met so far cannot tell. It is three times the way from the last circle where M has not
     run over Λ² yet, and a fifth of that way or more where δ is not known for the tail of ω. Without
@@ -193,9 +192,7 @@ def _walk(omega, profile, tol):
         step = min(2 * (at - path[-2][0]), part * way)
         if own_error < inf:
             values = [*values, value][-window:] if error < way else []
-            error = (
-                max(error, _SPREAD * np.ptp(values)) if len(values) == window else max(error, way)
-            )
+            error = max(error, np.ptp(values) if len(values) == window else way)
             # What the circles met so far cannot know of: 0.8 to 1.1 of it were found by residues.
             drops = value * cusps
             error += drops.max(where=drops < _DROPS * delta * way, initial=0.0)
@@ -236,7 +233,7 @@ def _estimate(omega, scales, log_m, growth, delta):
     way = value - scales[-1]
     if order == 1:
         return value, _TWO_SCALES * way
-    error = _SPREAD * abs(value - lower_order)
+    error = abs(value - lower_order)
     error += abs(value - _extrapolation(scales, most, growth, delta, order)[0])
     if omega.tail not in UNSTABLE:
         error = max(error, _DELTA_UNKNOWN * way)

@@ -3,8 +3,13 @@
 κ = origin + s·(cos angle · first + sin angle · second), see `nasm.planes`. Dims are (row, angle): a
 row is a circle or a frequency, and a cube without rows has dim (angle). arXiv:1606.04824, Sec. VI.
 Angles are in degrees.
+
+Continuation ends before the tolerance where a circle has no modes left to show its breakup: next to
+cusps, and for rotation numbers whose quotients are large. Residues of long orbits reach it there,
+and the variable `method` tells which of the two has answered.
 """
 
+from dataclasses import replace
 from functools import partial
 from math import ceil
 
@@ -13,6 +18,7 @@ import xarray as xr
 
 from nasm import escape, periodic
 from nasm.circles import continuation
+from nasm.critical import Status
 from nasm.numbers import parse
 from nasm.planes import plane_of
 from nasm.symmetries import ray
@@ -27,31 +33,62 @@ _SCALES = {
     "upper": ("upper", "scale at which the barrier was shown to be gone"),
 }
 _SECONDS = 3  # of CPU time in a tile, which is a file for every variable
-_METHODS = {  # and how hard it tries, at the least
-    "continuation of circles": (continuation.critical_scale, {"tol": 0.1}),
-    "Greene's residue": (periodic.critical_scale, {"q_max": 10}),
-    "direct iteration": (escape.critical_scale, {"n_max": 64, "n_orbits": 1}),
+_FLAG_OF = {  # CriticalScale.method: its word in the flags of the variable `method`
+    continuation.METHOD: "continuation",
+    periodic.METHOD: "residue",
+    escape.METHOD: "direct_iteration",
+}
+METHOD_FLAGS = {
+    "comment": cube.NO_MEAN,
+    "flag_values": [cube.NOT_COMPUTED, *range(1, 1 + len(_FLAG_OF))],
+    "flag_meanings": " ".join(["not_computed", *_FLAG_OF.values()]),
 }
 
 
-def by_continuation(plane, omegas, angles, tol):
+def continued_or_by_residue(omega, profile, tol, q_max):
+    """The scale at which the circle of ω breaks on the ray κ = s·profile: a CriticalScale.
+
+    By continuation, if that reaches an error of tol; else by Greene's residue of periods up to
+    q_max, unless that has no answer either or a larger error. `lower` is that of continuation: the
+    scale of a certified circle.
+    """
+    continued = continuation.critical_scale(omega, profile, tol)
+    if continued.error <= tol:
+        return continued
+    found = periodic.critical_scale(omega, profile, q_max)
+    better = found.status is Status.OK and not continued.error <= found.error
+    return replace(found, lower=continued.lower) if better else continued
+
+
+_CONTINUED = f"{continuation.METHOD}, else {periodic.METHOD}"
+_METHODS = {  # and how hard it tries, at the least
+    _CONTINUED: (continued_or_by_residue, {"tol": 0.1, "q_max": 10}),
+    periodic.METHOD: (periodic.critical_scale, {"q_max": 10}),
+    escape.METHOD: (escape.critical_scale, {"n_max": 64, "n_orbits": 1}),
+}
+
+
+def by_continuation(plane, omegas, angles, tol, q_max=6000):
     """Return the Job of the cube `breakdown`: circles of `omegas`, RotationNumbers, continued to
-    their breakdown; tol is the error to aim at. ValueError if the plane has an origin."""
-    settings = {"method": "continuation of circles", "tol": tol}
-    plane.rays_start_at_zero(settings["method"])
-    return _job("breakdown", plane, _circles(omegas), angles, 0.02, settings)
+    their breakdown, and where that does not reach the error tol, their residues up to the period
+    q_max. ValueError if the plane has an origin."""
+    plane.rays_start_at_zero(continuation.METHOD)
+    settings = {"method": _CONTINUED, "tol": tol, "q_max": q_max}
+    # A sixth of the main job's rays need residues, and nearly all of them below.
+    seconds = 0.03 if tol >= 1e-4 else 0.1
+    return _job("breakdown", plane, _circles(omegas), angles, seconds, settings)
 
 
 def by_residue(plane, omegas, angles, q_max):
     """Return the Job of the cube `breakdown_residue`: Greene's residue of periods up to q_max."""
-    settings = {"method": "Greene's residue", "q_max": q_max}
+    settings = {"method": periodic.METHOD, "q_max": q_max}
     seconds = 0.045 if len(plane.origin) <= 2 else 0.16  # two families of orbits
     return _job("breakdown_residue", plane, _circles(omegas), angles, seconds, settings)
 
 
 def by_escape(plane, angles, n_max, n_orbits):
     """Return the Job of the cube `transport`: its onset by direct iteration of n_max steps."""
-    settings = {"method": "direct iteration", "n_max": n_max, "n_orbits": n_orbits}
+    settings = {"method": escape.METHOD, "n_max": n_max, "n_orbits": n_orbits}
     plane.rays_start_at_zero(settings["method"])
     # Some runs of the whole ensemble.
     seconds = 20 * SECONDS_PER_KICK["double"] * len(plane.origin) * n_orbits * n_max
@@ -88,6 +125,14 @@ def scale_fields(found):
     return cube.fields(found, {key: field for key, (field, _) in _SCALES.items()})
 
 
+def answered_by(dataset, word):
+    """Return where the method of that word in the flags has answered, or says why not: bool."""
+    codes = dict(
+        zip(METHOD_FLAGS["flag_meanings"].split(), METHOD_FLAGS["flag_values"], strict=True)
+    )
+    return dataset.method == codes[word]
+
+
 def scales(found, axes, angles):
     """Return the arrays of critical scales `found`, nested lists, on the rays at those angles."""
     arrays = scale_fields(found)
@@ -107,7 +152,10 @@ def _job(name, plane, rows, angles, seconds, settings):
     one = {key: row.values[:1] for key, row in rows.items()} | {"angle": np.array(angles[:1])}
     settings = plane.record | settings
     warm_up = partial(_compute, one, settings | _METHODS[settings["method"]][1])
-    how = seconds, settings, _compute, warm_up, "Breakup of circles"
+    on = {**rows, "angle": cube.angles_of_rays(angles)}
+    words = "what has answered, or says why there is no answer"
+    more = {"method": blank(on, words, np.int8(0), **METHOD_FLAGS)}
+    how = seconds, settings, _compute, warm_up, "Breakup of circles", more
     return job_on_rays(name, plane.axes, rows, angles, *how)
 
 
@@ -117,4 +165,6 @@ def _compute(coords, settings):
     more = [settings[name] for name in least] + ([start] if start.any() else [])
     rows = [[parse(circle)] for circle in coords["circle"]] if "circle" in coords else [[]]
     found = [[method(*row, profile, *more) for profile in profiles] for row in rows]
-    return scales(found if "circle" in coords else found[0], plane.axes, coords["angle"])
+    found = found if "circle" in coords else found[0]
+    answers = cube.codes(found, lambda one: 1 + [*_FLAG_OF].index(one.method))
+    return scales(found, plane.axes, coords["angle"]) | {"method": answers}

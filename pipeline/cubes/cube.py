@@ -157,5 +157,9 @@ def fields(answers, names):
     """
     answers = np.array(answers, dtype=object)
     found = {name: np.vectorize(attrgetter(f), "d")(answers) for name, f in names.items()}
-    codes = np.vectorize(lambda answer: status_code(answer.status), "b")(answers)
-    return found | {"status": codes}
+    return found | {"status": codes(answers, lambda answer: status_code(answer.status))}
+
+
+def codes(answers, code_of):
+    """Return the array of the code of each answer, int8; `answers` are nested lists."""
+    return np.vectorize(code_of, "b")(np.array(answers, dtype=object))

@@ -2,18 +2,18 @@
 
 import numpy as np
 
+from pipeline.cubes.breakdown import answered_by
 from workflows.figures import planes, style
 
 
 def draw_circle_boundaries(breakdown, barrier):
     """Draw CB_ω of each rotation number, CB_gt behind them, Fig. 8."""
     figure, (axes,) = style.panels(1, 1, 10, 6.6)
-    sharp = style.known(breakdown)
     planes.fill_inside(axes, barrier, label=r"$\mathit{CB}_{gt}$")
-    draw_circles(axes, sharp)
+    draw_circles(axes, breakdown)
     planes.label_plane(axes, barrier)
     if planes.of_two_kicks(barrier) and not style.in_column():
-        draw_circles(planes.tip_of(axes, barrier, 0.8), sharp)
+        draw_circles(planes.tip_of(axes, barrier, 0.8), breakdown)
     axes.set_title(r"Breakup of circles: $\mathit{CB}_\omega$, and of the last one")
     style.outer_legend(figure, 3, 2)
     return figure
@@ -24,10 +24,8 @@ def circle_boundaries_caption(breakdown, residues, barrier):
 
     breakdown : by continuation; `residues` themselves in a plane where that has no rays from zero.
     """
-    effort = "periods up to {q_max}" if breakdown is residues else "errors of {tol:g}"
-    sharp = style.known(breakdown)
     scales = ["critical_scale", "error"]  # by residues, where there are any
-    best = residues[scales].load().fillna(sharp[scales].load())
+    best = residues[scales].load().fillna(style.known(breakdown)[scales].load())
     ratio = 100 * best.critical_scale / barrier.critical_scale
     beyond = best.critical_scale - best.error > barrier.critical_scale + barrier.error
     shares = ", ".join(
@@ -36,25 +34,47 @@ def circle_boundaries_caption(breakdown, residues, barrier):
         else f"{text}: on no ray"
         for text, of in zip(residues.circle.values, ratio, strict=True)
     )
-    how = f"{breakdown.attrs['method']}, {effort.format(**breakdown.attrs)}"
     return (
-        f"Critical boundaries of circles on {breakdown.angle.size} rays by {how}, in front of the "
-        "region without global transport. Their distance from the origin relative to that of the "
-        f"last barrier: {shares}. Points beyond the last barrier by more than the errors: "
-        f"{int(beyond.sum())} of {beyond.size}. Gaps: "
-        f"{int(sharp.critical_scale.isnull().sum())} points without an answer to 2%."
+        f"{circles_found(breakdown)} Behind them is the region without global transport. Their "
+        f"distance from the origin relative to that of the last barrier: {shares}. Points beyond "
+        f"the last barrier by more than the errors: {int(beyond.sum())} of {beyond.size}."
+    )
+
+
+def circles_found(circles):
+    """Say which method has answered on how many rays, and what is the worst error drawn."""
+    drawn, settings = style.known(circles.load()), circles.attrs
+    words = f"Greene's residue of periods up to {settings['q_max']}"
+    by = {"residue": words}
+    if "tol" in settings:
+        reached = f"continuation to an error of {settings['tol']:g}"
+        by = {"continuation": reached, "residue": f"{words}, where continuation ends before it"}
+    counts = {word: int(answered_by(drawn, word).sum()) for word in by}
+    methods = " and ".join(f"{counts[word]} points by {by[word]}" for word in by if counts[word])
+    worst = 100 * float((drawn.error / drawn.critical_scale).max())
+    missing = int(drawn.critical_scale.isnull().sum())
+    return (
+        f"CB_ω of {circles.circle.size} circles on {circles.angle.size} rays: "
+        f"{methods or 'no answer'}. "
+        + (
+            f"The largest error drawn is {worst:.1g}% of the scale. "
+            if sum(counts.values())
+            else ""
+        )
+        + f"Points left out, as their error is above 2%: {missing} of {circles.status.size}."
     )
 
 
 def draw_tips(residues, circles, barrier):
-    """Draw the tips at 45° and 135°, Fig. 9: residues as lines, circles as points, gaps as ×."""
+    """Draw the cusps at 45° and 135°, Fig. 9: residues as lines, circles where continuation has
+    answered as points, rays without an answer as ×."""
     figure, tips = style.panels(1, 2, 11, 6.8)
     silent = circles.critical_scale.isnull() | residues.critical_scale.isnull()
     gaps = barrier.sel(angle=circles.angle[silent.any("circle").values], method="nearest")
-    lines, points = style.known(residues), style.known(circles)
+    points = style.known(circles.where(answered_by(circles, "continuation")))
     for axes, sign in zip(tips, (-1, 1), strict=True):
         planes.fill_inside(axes, barrier)
-        draw_circles(axes, lines)
+        draw_circles(axes, residues)
         for i, text in enumerate(points.circle.values):
             look = style.circle_style(text, 1) | {"ls": "", "ms": 3}
             axes.plot(points.kappa1[i], points.kappa2[i], **look)
@@ -65,24 +85,27 @@ def draw_tips(residues, circles, barrier):
         axes.set_xticks(sign * np.linspace(0.75, 0.95, 3 if style.in_column() else 5).round(2))
     handles, labels = tips[1].get_legend_handles_labels()
     style.outer_legend(figure, 4, 2, handles=handles, labels=labels)
-    figure.suptitle("The tips: lines by Greene's residue, points by continuation of circles")
+    figure.suptitle("The cusps: lines by Greene's residue, points by continuation of circles")
     return figure
 
 
 def tips_caption(residues, circles):
-    off = abs(circles.critical_scale / residues.critical_scale - 1)
-    unanswered = sum(int(of.critical_scale.isnull().sum()) for of in (circles, residues))
+    """Compare the two methods where both have answered."""
+    continued = circles.where(answered_by(circles, "continuation")).critical_scale
+    off = abs(continued / residues.critical_scale - 1)
     return (
         "The cusps: lines by Greene's residue of periods up to "
-        f"{residues.attrs['q_max']}, points by continuation to {circles.attrs['tol']:g}. Relative "
-        f"difference of the two: median {float(off.median()):.1g}, largest {float(off.max()):.1g}; "
-        f"{unanswered} of {2 * circles.status.size} have no answer."
+        f"{residues.attrs['q_max']}, points by continuation to {circles.attrs['tol']:g}, on the "
+        f"{int(continued.notnull().sum())} of {circles.status.size} rays and circles where it "
+        f"reaches that. Relative difference of the two: median {float(off.median()):.1g}, largest "
+        f"{float(off.max()):.1g}. Without an answer by residues: "
+        f"{int(residues.critical_scale.isnull().sum())}."
     )
 
 
 def draw_circles(axes, breakdown, **more):
-    """Draw the curves of each ω around the plane."""
-    (x, y), whole = planes.outline(breakdown), planes.whole_of(breakdown)
+    """Draw the curves of each ω around the plane, where they are known to 2%."""
+    (x, y), whole = planes.outline(style.known(breakdown)), planes.whole_of(breakdown)
     for i, text in enumerate(breakdown.circle.values):
         look = style.circle_style(text, whole) | {"marker": "", "lw": 1.3} | more
         axes.plot(x[i], y[i], label=style.omega_label(text), **look)

@@ -6,7 +6,7 @@ from workflows.figures import planes, style
 
 
 def draw_last_barrier(barrier):
-    """Draw CB_gt with its tip, the last circles by angle, and two kicks' cusp or the bracket."""
+    """Draw CB_gt, the last circles by angle, and two kicks' cusp or the bracket."""
     figure, plane, strip, cusp = _canvas(around=barrier.angle[-1] > 180)
     whole = planes.whole_of(barrier)
     styles = style.circle_styles(barrier.circle.values, whole)
@@ -17,8 +17,6 @@ def draw_last_barrier(barrier):
     plane.set_title("Where the last barrier breaks")
     _draw_circle_strip(strip, barrier, classes, styles, whole)
     if planes.of_two_kicks(barrier):
-        if not style.in_column():
-            _draw_arcs(planes.tip_of(plane, barrier, 0.9), barrier, classes, styles)
         _draw_cusp(cusp, barrier, classes, styles)
     else:
         _draw_bracket(cusp, barrier)
@@ -79,7 +77,7 @@ def _draw_cusp(axes, barrier, classes, styles):
         label = rf"$\propto (45° - \varphi)^{{{power:.2f}}}$, fitted up to 2°"
         axes.plot(away, line, color="0.5", lw=1, label=label)
     axes.set(xscale="log", yscale="log", title="The cusp")
-    axes.set(xlabel=r"$45° - \varphi$ (degrees)", ylabel="$s$ below the tip")
+    axes.set(xlabel=r"$45° - \varphi$ (degrees)", ylabel="$s$ below the cusp")
     axes.grid(lw=0.3)
     if near.sum() > 2:
         style.legend_below(axes)

@@ -55,5 +55,6 @@ def write(dataset, path):
     for name in table:
         words = dataset[name].attrs.get("flag_meanings")
         if words is not None:
-            table[name] = table[name].map(dict(enumerate(words.split())))
+            codes = dataset[name].attrs["flag_values"]
+            table[name] = table[name].map(dict(zip(codes, words.split(), strict=True)))
     table.to_csv(path, float_format="%.12g")
