@@ -2,7 +2,8 @@
 
 Along rays of a plane of forcings, for the paper's six rotation numbers (arXiv:1606.04824, Sec. VI,
 Figs. 8 and 9) or any others, by two methods: the paper's, circles continued from zero to their
-breakdown, and Greene's residue, which is sharper, knows nothing of circles and needs no zero.
+breakdown, and Greene's residue, which is sharper, knows nothing of circles and needs no zero. The
+residue also answers where continuation does not reach the tolerance; such points are not compared.
 
 Three cubes, two tables and two figures in OUT. The defaults take a minute and a half on two cores.
 """
@@ -24,13 +25,20 @@ def parse_omega(text):
 
 
 _OMEGA = "Irrational rotation number, 2gamma+1 or [1;4,(1)]; by default the paper's six."
+_TOL = "Error to aim at; where continuation does not reach it, residues answer."
 
 
 @command()
 @several("--omega", None, parse_omega, "OMEGA", _OMEGA)
 @plane_option
 @ray_options(361)
-@real("--tol", 1e-4, 1e-7, 0.1, "Error of the continuation to aim at.")
+@real(
+    "--tol",
+    1e-4,
+    1e-7,
+    0.1,
+    "Error to aim at by continuation; residues answer where it does not reach that.",
+)
 @whole("--q-max", 6000, 10, 10**6, "Longest period of the orbits of the residue method.")
 @sweeps
 def main(run, omega, plane, angles, tips, tol, q_max):
@@ -44,7 +52,7 @@ def main(run, omega, plane, angles, tips, tol, q_max):
     omega = list(omega.values()) or rays.PAPER_CIRCLES
     wanted = [breakdown.by_residue(plane, omega, angles, q_max), last_barrier(plane, angles, 1e-3)]
     if not any(plane.origin):
-        wanted.insert(0, breakdown.by_continuation(plane, omega, angles, tol))
+        wanted.insert(0, breakdown.by_continuation(plane, omega, angles, tol, q_max))
     with run.sweeping(*wanted):
         *circles, residues, barrier = map(run.sweep, wanted)
         circles = circles[0] if circles else residues

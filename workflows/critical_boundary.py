@@ -2,8 +2,9 @@
 
 Three methods in one picture (arXiv:1606.04824, Secs. V and VI): first escape times over the plane,
 which close in on the boundary from outside like N^(-1/3); the boundaries CB_ω of the paper's six
-circles by continuation, or by Greene's residue where rays do not start at zero; and CB_gt itself,
-bracketed between a certified circle and converse KAM, with the circle that is the last to break.
+circles by continuation, and by Greene's residue where that does not reach the tolerance or rays do
+not start at zero; and CB_gt itself, bracketed between a certified circle and converse KAM, with the
+circle that is the last to break.
 
 Its cubes, three tables and a figure in OUT. The defaults take about a minute on two cores. The
 paper's size of direct iteration is --kappa1 -1.1:1.1:1024 --kappa2 0:1.1:512 --levels 5 --n-max
