@@ -1,6 +1,7 @@
 """CB_ω of each circle, and their tips, Figs. 8 and 9."""
 
 import numpy as np
+from matplotlib.lines import Line2D
 
 from pipeline.cubes.breakdown import answered_by
 from workflows.figures import planes, style
@@ -12,8 +13,6 @@ def draw_circle_boundaries(breakdown, barrier):
     planes.fill_inside(axes, barrier, label=r"$\mathit{CB}_{gt}$")
     draw_circles(axes, breakdown)
     planes.label_plane(axes, barrier)
-    if planes.of_two_kicks(barrier) and not style.in_column():
-        draw_circles(planes.tip_of(axes, barrier, 0.8), breakdown)
     axes.set_title(r"Breakup of circles: $\mathit{CB}_\omega$, and of the last one")
     style.outer_legend(figure, 3, 2)
     return figure
@@ -78,13 +77,19 @@ def draw_tips(residues, circles, barrier):
         for i, text in enumerate(points.circle.values):
             look = style.circle_style(text, 1) | {"ls": "", "ms": 3}
             axes.plot(points.kappa1[i], points.kappa2[i], **look)
-        axes.plot(gaps.kappa1, gaps.kappa2, "x", color="black", ms=5, label="no answer on this ray")
+        axes.plot(gaps.kappa1, gaps.kappa2, "x", color="black", ms=5)
         ends = sorted((sign * 0.7, sign * 1.0))
         axes.set(xlim=ends, ylim=(0.7, 1.0), aspect="equal")
         axes.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$")
-        axes.set_xticks(sign * np.linspace(0.75, 0.95, 3 if style.in_column() else 5).round(2))
-    handles, labels = tips[1].get_legend_handles_labels()
-    style.outer_legend(figure, 4, 2, handles=handles, labels=labels)
+        ticks = np.linspace(0.75, 0.95, 3 if style.in_column() else 5).round(2)
+        axes.set(xticks=sign * ticks, yticks=ticks)
+    marks = [
+        Line2D([], [], ms=4, label=style.omega_label(text), **style.circle_style(text, 1))
+        for text in points.circle.values
+    ]
+    if gaps.angle.size:
+        marks.append(Line2D([], [], ls="", marker="x", color="black", label="no answer"))
+    style.outer_legend(figure, 4, 2, handles=marks)
     figure.suptitle("The cusps: lines by Greene's residue, points by continuation of circles")
     return figure
 

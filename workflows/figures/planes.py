@@ -56,14 +56,3 @@ def outline(curve, factor=1):
 def fill_inside(axes, barrier, **style):
     """Fill the region where barriers are left, but around rays without an answer."""
     axes.fill(*np.nan_to_num(outline(barrier)), facecolor=INSIDE, zorder=0.5, **style)
-
-
-def tip_of(axes, barrier, low):
-    """Return an inset of two kicks' tip at 45°, framed, from `low` to 0.98 of both strengths."""
-    tip, ends = axes.inset_axes([0.4, 0.05, 0.2, 0.27]), (low, 0.98)
-    fill_inside(tip, barrier)
-    tip.set(xlim=ends, ylim=ends, xticks=ends, yticks=ends, aspect="equal")
-    tip.set_title("the tip, framed", fontsize="small", pad=3)
-    tip.tick_params(labelsize="x-small")
-    axes.indicate_inset((low, low, 0.98 - low, 0.98 - low), edgecolor="black", alpha=1, lw=0.6)
-    return tip
