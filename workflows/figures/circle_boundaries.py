@@ -51,16 +51,11 @@ def circles_found(circles):
     counts = {word: int(answered_by(drawn, word).sum()) for word in by}
     methods = " and ".join(f"{counts[word]} points by {by[word]}" for word in by if counts[word])
     worst = 100 * float((drawn.error / drawn.critical_scale).max())
-    missing = int(drawn.critical_scale.isnull().sum())
+    error = f"The largest error drawn is {worst:.1g}% of the scale. " if methods else ""
     return (
         f"CB_ω of {circles.circle.size} circles on {circles.angle.size} rays: "
-        f"{methods or 'no answer'}. "
-        + (
-            f"The largest error drawn is {worst:.1g}% of the scale. "
-            if sum(counts.values())
-            else ""
-        )
-        + f"Points left out, as their error is above 2%: {missing} of {circles.status.size}."
+        f"{methods or 'no answer'}. {error}Points left out, without an answer or with an error "
+        f"above 2%: {int(drawn.critical_scale.isnull().sum())} of {circles.status.size}."
     )
 
 
