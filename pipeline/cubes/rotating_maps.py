@@ -64,7 +64,7 @@ def breakups(vectors, angles, tol):
         "omega": coordinate("vector", omegas, "turns of θ per kick"),
         "frequency": coordinate("vector", frequencies, "turns of φ per kick, Ω"),
     }
-    settings, seconds = {"method": "continuation of tori", "tol": tol}, 12 if tol < 5e-3 else 3
+    settings, seconds = {"method": "continuation of tori", "tol": tol}, 12 if tol < 5e-3 else 5
     warm_up = partial(tori.invariant_torus, *vectors[0], 0.05, 0.05)
     how = seconds, settings, _breakups, warm_up, "Breakup of tori"
     return job_on_rays("tori", ROTATING_AXES, rows, angles, *how)
