@@ -161,11 +161,10 @@ def outer_legend(figure, columns, in_column_columns=1, where="lower", **style):
 
 def _make_room(legend):
     """Let a column be higher by its legend, so that panels are not lower for it."""
-    figure = legend.get_figure(root=True)
     if in_column():
-        figure.set_figheight(
-            figure.get_figheight() + legend.get_window_extent().height / figure.dpi
-        )
+        figure = legend.get_figure(root=True)
+        height = legend.get_window_extent().height / figure.dpi
+        figure.set_figheight(figure.get_figheight() + height)
 
 
 def save(figure, out, name, caption="", kinds=("png", "pdf")):
@@ -314,11 +313,11 @@ def draw_points(axes, x, y, classes, styles, size=3, **more):
         axes.plot(np.asarray(x)[here], np.asarray(y)[here], **dots)
 
 
-def mark_gaps(axes, x, silent, label="no answer", color="0.3"):
+def mark_gaps(axes, x, silent, label="no answer"):
     """Mark by × at the bottom, and in the legend, where a method has no answer."""
     if np.any(silent):
         where = {"transform": axes.get_xaxis_transform(), "ls": "", "marker": "x", "ms": 5}
-        axes.plot(x[silent], np.full(np.sum(silent), 0.03), color=color, label=label, **where)
+        axes.plot(x[silent], np.full(np.sum(silent), 0.03), color="0.3", label=label, **where)
 
 
 def power(n):
