@@ -46,10 +46,8 @@ class Progress(AbstractContextManager):
         self.sweep, self.workers = None, 1
         self.all, self.current = _Amounts(), _Amounts()
         self.wall = 0.0  # of batches, as `all.used`
-        self.warming, self.warm_up = (
-            None,
-            0.0,
-        )  # since when kernels are waited for, and how long
+        self.warming = None  # since when the kernels of a sweep are waited for
+        self.warm_up = 0.0  # seconds for which those of the latest sweep were
         self.start = self.latest = clock()
         self.drawn = 0.0  # part of the bar
         self.is_terminal = stream is not None and stream.isatty()
@@ -121,27 +119,26 @@ class Progress(AbstractContextManager):
         left = correction * (predicted - current.done) + sum(later.values())
         seconds = self.wall / self.all.used * (left / self.workers + self.after)
         seconds += self.warm_up * sum(amount > 0 for amount in later.values())
-        return max(seconds - (self.clock() - self.latest), seconds / 4)
+        since = self.clock() - self.latest
+        return max(seconds - since, seconds / 4)  # what takes longer than expected still takes long
 
     def line(self):
         """Return what is to be written: bar, what is under way, times."""
         now, part, name = self.clock(), self.part(), self.name
         if self.warming is not None:
-            waited = now - self.warming
-            name += (
-                ", loading kernels"
-                if waited < _LOADING
-                else ", compiling kernels (about 20 s, once)"
-            )
+            is_long = now - self.warming > _LOADING
+            name += ", compiling kernels (about 20 s, once)" if is_long else ", loading kernels"
         words = [f"{part:.0%}"] * bool(self.all.begun) + [f"elapsed {minutes(now - self.start)}"]
         if (remaining := self.remaining()) is not None:
             words.append(f"remaining about {minutes(max(1.0, remaining))}")
         line = f"{name}: {', '.join(words)}"
         if not self.is_terminal:
             return line
-        full = round(_BAR * part)
+        if self.all.begun:
+            full = round(_BAR * part)
+            line = f"[{'#' * full}{'-' * (_BAR - full)}] {line}"
         width = shutil.get_terminal_size().columns - 1  # a line that wraps is not rewritten
-        return f"[{'#' * full}{'-' * (_BAR - full)}] {line}"[:width].ljust(width)
+        return line[:width].ljust(width)
 
     def write(self, end):
         """Write the line, if one is shown."""
