@@ -74,8 +74,8 @@ def test_a_study_of_other_settings_is_refused_before_it_is_computed(tmp_path, st
 def test_a_study_is_computed_again_by_other_code(tmp_path, study, monkeypatch, by):
     with driven(tmp_path) as one:
         one.kept(untiled("toy"), study)
-    monkeypatch.setitem(run._BY, by, "other code")
-    monkeypatch.setattr(run.store, "COMPUTED_BY", run._BY["computed_by"])
+    monkeypatch.setitem(run._CODE, by, "other code")
+    monkeypatch.setattr(run.store, "COMPUTED_BY", run._CODE["computed_by"])
     for _ in range(2):
         with driven(tmp_path) as one:
             assert one.kept(untiled("toy"), study).attrs[by] == "other code"

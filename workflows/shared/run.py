@@ -38,7 +38,7 @@ LONGEST = 600  # seconds that a run may take if it is not said that it may take 
 _FOLDER = Path(__file__).parents[1]
 _SOURCES = sorted([*_FOLDER.glob("**/*.py"), *_FOLDER.glob("**/*.toml")])
 _STUDIES = b"".join(path.read_bytes() for path in _SOURCES if path.parent.name != "figures")
-_BY = {
+_CODE = {  # attributes of these cubes
     "computed_by": store.COMPUTED_BY,
     "studied_by": f"workflows {hashlib.sha256(_STUDIES).hexdigest()[:12]}",
 }
@@ -219,7 +219,7 @@ class Run:
         A usage error if the cube has other settings.
         """
         here = self.check(cube)
-        if any(here.get(name) != by for name, by in _BY.items()):
+        if any(here.get(name) != by for name, by in _CODE.items()):
             return False
         known = [state for state in store.status(self.place) if not state.damage]
         done = {state.name for state in known if state.done >= state.tiles}
@@ -233,7 +233,7 @@ class Run:
         compute : () → Dataset.
         """
         if not self.holds(cube, *parts):
-            filled = replace(cube, template=compute().assign_attrs(studied_by=_BY["studied_by"]))
+            filled = replace(cube, template=compute().assign_attrs(studied_by=_CODE["studied_by"]))
             store.replace(self.place, filled, store.COMPUTED_BY)
         self.note("cubes", self.place.cube(cube.name))
         return store.read(self.place, cube.name).load()
