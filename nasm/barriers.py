@@ -32,7 +32,7 @@ from math import floor
 import numpy as np
 
 from nasm import action, circles, periodic
-from nasm.checks import real
+from nasm.checks import floats, real
 from nasm.circles import continuation
 from nasm.converse_kam import symmetry_line, transversal
 from nasm.converse_kam.symmetry_line import Survivor, has_dominant_line
@@ -436,6 +436,7 @@ class _Race:
 def longest_lived(kappa, n_max):
     """The Survivor that converse KAM is longest to eliminate; its kicks are inf if on no line or
     transversal all starts are eliminated within n_max steps."""
+    kappa = forcing(kappa)
     if has_dominant_line(kappa):
         y, steps = symmetry_line.longest_lived(kappa, n_max)
         return Survivor(*dominant_centre(kappa), y, steps * kappa.size)
@@ -536,7 +537,7 @@ def tied(omega, profile):
     x → x + 1/2. So γ and 1 - γ break together on the axes of the (κ1, κ2) plane, where the paper
     writes γ.
     """
-    profile, omega = forcing(profile), checked(omega)
+    profile, omega = forcing(profile, "profile"), checked(omega)
     same = (turn for turn, (kappa,) in relatives(profile[None]) if np.array_equal(kappa, profile))
     return moebius(omega, -1, profile.size // 2) if any(same) else None
 
@@ -544,10 +545,10 @@ def tied(omega, profile):
 def boundary(angles, tol=1e-4):
     """The boundary of global transport of two kicks, ray by ray: a list of CriticalScale.
 
-    angles : sequence of floats, degrees; (κ1, κ2) = s·(cos angle, sin angle).
+    angles : float or sequence of floats, degrees; (κ1, κ2) = s·(cos angle, sin angle).
     tol : float, as for `critical_scale`: 0.25 s of CPU time a ray at 10⁻⁴, 0.8 s at 2·10⁻⁵.
     """
-    angles = np.ravel(np.asarray(angles, dtype=float))
-    if not np.isfinite(angles).all():
-        raise ValueError(f"angles={angles.tolist()} must be finite numbers, in degrees")
-    return [critical_scale(profile, tol) for profile in ray(angles)]
+    degrees = np.atleast_1d(floats("angles", angles))
+    if degrees.ndim > 1 or not np.isfinite(degrees).all():
+        raise ValueError(f"angles={angles!r} must be a list of finite numbers, in degrees")
+    return [critical_scale(profile, tol) for profile in ray(degrees)]

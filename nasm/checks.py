@@ -85,13 +85,15 @@ def floats(name, values):
     that floats would round.
     """
     try:
+        if has_mask(values):
+            raise TypeError("what is masked is no number")
         given = np.asarray(values)
-        rounds_none = given.dtype.kind in "iuf" and given.dtype.itemsize <= 8
+        holds = given.dtype.kind in "iuf" and given.dtype.itemsize <= 8
         if given.dtype.kind == "O":
-            rounds_none = all(isinstance(x, Real) and float(x) == x for x in given.ravel())
+            holds = all(isinstance(x, Real) and float(x) == x for x in given.ravel())
     except (TypeError, ValueError, OverflowError):
-        rounds_none = False
-    if not rounds_none or _has_mask(values):
+        holds = False
+    if not holds:
         raise ValueError(
             f"{name}={values!r} is not made of real numbers that floats hold, without a mask; "
             f"convert them before, e.g. {name}=(0.3, 0.5)"
@@ -99,10 +101,10 @@ def floats(name, values):
     return given.astype(float)
 
 
-def _has_mask(values):
+def has_mask(values):
     """Whether it is a masked array, or a list with one in it, whose mask NumPy would drop."""
     if isinstance(values, list | tuple):
-        return any(map(_has_mask, values))
+        return any(map(has_mask, values))
     return np.ma.isMaskedArray(values)
 
 

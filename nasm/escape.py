@@ -27,7 +27,7 @@ from numba.extending import overload
 from nasm.arithmetic.kernels import kernel
 from nasm.arithmetic.lanes import LANES, fabs, fma, load, maximum, own_frame, rint, store
 from nasm.arithmetic.sine import SINE, SINGLE_SINE
-from nasm.checks import count, floats, points
+from nasm.checks import count, floats, has_mask, points
 from nasm.critical import CriticalScale, Status, no_answer
 from nasm.maps import direction, forcing
 
@@ -105,7 +105,7 @@ def first_escape(kappas, x, y, sizes, n_max, window=PAPER_WINDOW, precision="dou
     _, x, y, n_max, lo, hi, shift = _checked(flat[0], x, y, n_max, window)
     if x.ndim != 1:
         raise ValueError(f"x and y have shape {x.shape}; nested ensembles need a vector of starts")
-    sizes = np.asarray(sizes)
+    sizes = floats("sizes", sizes) if has_mask(sizes) else np.asarray(sizes)
     ordered = sizes.ndim == 1 and sizes.size and sizes.dtype.kind in "iu"
     if not (ordered and sizes[0] >= 1 and sizes[-1] <= x.size and (sizes[1:] > sizes[:-1]).all()):
         raise ValueError(
@@ -208,24 +208,35 @@ def _onset_scales(profile, steps, n_orbits, window, precision):
 def boundary(escape_time, kappa1, kappa2, angles, n):
     """Where rays from the origin pass into {n* ≤ n}, in a field over the (κ1, κ2) plane.
 
-    escape_time : array of shape (kappa2.size, kappa1.size), first escape times; NaN: not known.
-    kappa1, kappa2 : equally spaced cell centres, at least two each.
+    escape_time : array of shape (kappa2.size, kappa1.size), first escape times; NaN or masked: not
+        known.
+    kappa1, kappa2 : equally spaced cell centres, increasing, at least two each.
     angles : array, degrees; the ray (cos, sin).
-    n : number of steps.
+    n : int, 1 to 10¹², number of steps.
 
     Returns scale : ndarray, shape of angles: the distance from the origin at which the ray passes
         from a cell without transport into one with it, for the first time; its resolution is one
         cell. NaN where it meets no such pair of cells in the plane, or transport next to an unknown
         cell.
+
+    ValueError if an argument is not made of numbers or has another shape, or centres are not
+    equally spaced.
     """
-    escape_time = np.asarray(escape_time)
-    centres = np.asarray(kappa1), np.asarray(kappa2)
-    if min(c.size for c in centres) < 2:
-        raise ValueError("kappa1 and kappa2 need at least two cells each, to tell a cell's width")
+    if np.ma.isMaskedArray(escape_time):
+        escape_time = np.where(np.ma.getmaskarray(escape_time), np.nan, escape_time.data)
+    escape_time = floats("escape_time", escape_time)
+    centres = _centres("kappa1", kappa1), _centres("kappa2", kappa2)
+    cells = centres[1].size, centres[0].size
+    if escape_time.shape != cells:
+        raise ValueError(
+            f"escape_time has shape {escape_time.shape}; with these kappa2 and kappa1 it must be "
+            f"{cells}"
+        )
+    n = count("n", n, 1, MAX_STEPS)
     first, width = np.array([(c[0], c[1] - c[0]) for c in centres]).T[:, :, None]
     ends = np.array(escape_time.shape[::-1])[:, None]
     reach = np.hypot(*(np.abs(c).max() + c[1] - c[0] for c in centres))
-    angles = np.asarray(angles, dtype=float)
+    angles = floats("angles", angles)
     scale = np.full(angles.shape, np.nan)
     for i, radians in np.ndenumerate(np.deg2rad(angles)):
         direction = np.array([[np.cos(radians)], [np.sin(radians)]])
@@ -242,6 +253,17 @@ def boundary(escape_time, kappa1, kappa2, angles, n):
     return scale
 
 
+def _centres(name, values):
+    """Equally spaced, increasing centres of cells, as a float array; ValueError otherwise."""
+    centres = floats(name, values)
+    if centres.ndim != 1 or centres.size < 2:
+        raise ValueError(f"{name}={values!r} must be at least two cells, to tell a cell's width")
+    steps = np.diff(centres)
+    if not (steps > 0).all() or np.ptp(steps) > 1e-6 * steps[0]:
+        raise ValueError(f"{name}={values!r} must increase in equal steps: the centres of cells")
+    return centres
+
+
 def _checked(kappa, x, y, n_max, window):
     """The arguments, validated, and the window moved by an integer `shift` to lie around y = 0."""
     strengths = forcing(kappa)
@@ -249,7 +271,7 @@ def _checked(kappa, x, y, n_max, window):
     if x.size == 0:
         raise ValueError("x and y are empty; an ensemble has at least one start")
     n_max = count("n_max", n_max, 1, MAX_STEPS)
-    ends = np.asarray(window, dtype=float)
+    ends = floats("window", window)
     if ends.shape != (2,) or not np.isfinite(ends).all() or not ends[0] < ends[1]:
         raise ValueError(f"window={window!r} must be two finite numbers, lower end first")
     shift = np.rint(ends.mean())

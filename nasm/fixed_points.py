@@ -18,6 +18,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from nasm.checks import floats
 from nasm.maps import TWO_PI, step_tangent
 
 __all__ = ["cubic_estimate", "primary_residue", "residue", "second2", "secondary"]
@@ -30,9 +31,18 @@ _SAMPLES = 1024  # of (0, π) in the search for sign changes
 _BISECTIONS = 60
 
 
+def _strengths(kappa1, kappa2):
+    """Both as finite float arrays of one shape; ValueError otherwise."""
+    kappa1, kappa2 = np.broadcast_arrays(floats("kappa1", kappa1), floats("kappa2", kappa2))
+    for name, values in (("kappa1", kappa1), ("kappa2", kappa2)):
+        if not np.isfinite(values).all():
+            raise ValueError(f"{name}={values!r} must be finite numbers")
+    return kappa1, kappa2
+
+
 def primary_residue(kappa1, kappa2):
     """Residues of the `PRIMARY` points, shape (4, *broadcast shape of kappa1 and kappa2)."""
-    kappa1, kappa2 = np.broadcast_arrays(kappa1, kappa2)
+    kappa1, kappa2 = _strengths(kappa1, kappa2)
     mean, apart, product = (kappa1 + kappa2) / 2, (kappa1 - kappa2) / 2, kappa1 * kappa2 / 4
     return np.stack([-mean - product, mean - product, product - apart, product + apart])
 
@@ -52,9 +62,7 @@ def secondary(kappa1, kappa2):
         the sign changes between no two of 1024 equally spaced samples.
     x, y : ndarrays, the point.
     """
-    kappa1, kappa2 = np.broadcast_arrays(*np.atleast_1d(kappa1, kappa2))
-    if not (np.isfinite(kappa1).all() and np.isfinite(kappa2).all()):
-        raise ValueError("kappa1 and kappa2 must be finite numbers")
+    kappa1, kappa2 = np.atleast_1d(*_strengths(kappa1, kappa2))
     grid = np.pi * np.arange(1, _SAMPLES) / _SAMPLES
     left, right = np.full((2, *kappa1.shape), np.nan)
     before = second2(kappa1, kappa2, grid[0])
@@ -74,12 +82,13 @@ def secondary(kappa1, kappa2):
 
 def second2(kappa1, kappa2, z):
     """The left-hand side of Eq. (38b), written in z = 2πx - π."""
+    kappa1, kappa2, z = floats("kappa1", kappa1), floats("kappa2", kappa2), floats("z", z)
     return kappa1 * np.sin(z) + kappa2 * np.sin(z - kappa1 / 2 * np.sin(z))
 
 
 def cubic_estimate(kappa1, kappa2):
     """z of the secondary point to third order, Eq. (39) corrected; NaN where it is not real."""
-    kappa1, kappa2 = np.asarray(kappa1, dtype=float), np.asarray(kappa2, dtype=float)
+    kappa1, kappa2 = _strengths(kappa1, kappa2)
     numerator = 6 * kappa1 + 6 * kappa2 - 3 * kappa1 * kappa2
     denominator = kappa1 - kappa1 * kappa2 / 2 + kappa2 * (1 - kappa1 / 2) ** 3
     with np.errstate(divide="ignore", invalid="ignore"):

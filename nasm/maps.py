@@ -12,15 +12,15 @@ Conventions
 - A *forcing* is one period of strengths, `kappa = (κ_0, …, κ_{P-1})`, first kick first. P = 2 is
   the paper's T_{κ1κ2}, with κ1 = κ_0; P = 1 is the standard map.
 - One *step* is one period, P kicks. Rotation numbers are per step.
-- The functions take and return floats or arrays that broadcast together; `kick` and `unkick` can
-  also be called inside Numba kernels.
+- The functions take numbers or arrays that broadcast together. `kick` and `unkick` can also be
+  called inside Numba kernels: they check and convert nothing.
 """
 
 import numpy as np
 from numba.extending import register_jitable
 
 from nasm.arithmetic.sine import cos2pi, sin2pi
-from nasm.checks import floats, fraction
+from nasm.checks import floats, fraction, points, real
 
 __all__ = ["forcing", "kick", "rotating_forcing", "step", "step_tangent", "twist", "unkick"]
 __dir__ = __all__.copy
@@ -55,6 +55,7 @@ def unkick(kappa, x, y, theta=0.0):
 
 def step(kappa, x, y):
     """T, Eq. (4): one period of the forcing `kappa`, first kick first. Returns x', y'."""
+    x, y = points(x, y)
     for strength in forcing(kappa):
         x, y = kick(strength, x, y)
     return x, y
@@ -62,9 +63,9 @@ def step(kappa, x, y):
 
 def step_tangent(kappa, x, y):
     """DT(x, y), shape (2, 2, *x.shape): rows (x', y'), columns (x, y); determinant 1."""
-    tangent = np.eye(2)
+    tangent, (x, y) = np.eye(2), points(x, y)
     for strength in forcing(kappa):
-        c = strength * cos2pi(np.asarray(x, dtype=float))
+        c = strength * cos2pi(x)
         one = np.ones_like(c)
         tangent = np.einsum("ij...,jk...->ik...", [[1 + c, one], [c, one]], tangent)
         x, y = kick(strength, x, y)
@@ -89,6 +90,7 @@ def rotating_forcing(mean, amplitude, frequency, phase=0.0):
     first kick is κ1. The paper's (κ2 - κ1)/2 belongs to its Eq. (2), where even n kick with κ2; the
     two forcings differ by a shift of half a period.
     """
+    mean, amplitude, phase = real("mean", mean), real("amplitude", amplitude), real("phase", phase)
     frequency = fraction("frequency", frequency)
     turns = [frequency * n % 1 for n in range(frequency.denominator)]
     # In (-1/2, 1/2], so that times n and -n get the same strength to the last bit.
@@ -99,7 +101,7 @@ def rotating_forcing(mean, amplitude, frequency, phase=0.0):
 def direction(profile):
     """`profile` of a ray κ = s·profile as a forcing; ValueError if it is zero, or so small that the
     scales of the ray are too large for floats."""
-    strengths = forcing(profile)
+    strengths = forcing(profile, "profile")
     size = np.abs(strengths).max()
     if size == 0:
         raise ValueError("profile is zero; a ray needs a direction, e.g. profile=(1, 0.5)")
@@ -117,24 +119,24 @@ def segment(start, profile):
     ValueError if they differ in length, or as for `direction`.
     """
     profile = direction(profile)
-    start = np.zeros_like(profile) if start is None else forcing(start)
+    start = np.zeros_like(profile) if start is None else forcing(start, "start")
     if start.shape != profile.shape:
         raise ValueError(f"start={start} and profile={profile} differ in length")
     return start, profile
 
 
-def forcing(kappa):
+def forcing(kappa, name="kappa"):
     """`kappa` as a float array of shape (P,), a number as (1,); ValueError if it is something else,
-    too large, or made of numbers that floats would round."""
-    strengths = np.atleast_1d(floats("kappa", kappa))
+    too large, or made of numbers that floats would round. name : of the argument, for messages."""
+    strengths = np.atleast_1d(floats(name, kappa))
     if strengths.ndim != 1 or strengths.size == 0:
         raise ValueError(
-            f"kappa={kappa!r} has shape {strengths.shape}; a forcing is a vector of P ≥ 1 "
-            "strengths, first kick first, e.g. kappa=(0.3, 0.5)"
+            f"{name}={kappa!r} has shape {strengths.shape}; a forcing is a vector of P ≥ 1 "
+            f"strengths, first kick first, e.g. {name}=(0.3, 0.5)"
         )
     if not (np.abs(strengths) <= MAX_STRENGTH).all():
         raise ValueError(
-            f"kappa={kappa!r} is not finite or too large; strengths are from -{MAX_STRENGTH:g} to "
+            f"{name}={kappa!r} is not finite or too large; strengths are from -{MAX_STRENGTH:g} to "
             f"{MAX_STRENGTH:g}"
         )
     return strengths

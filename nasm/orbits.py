@@ -12,7 +12,7 @@ breakup a cantorus may look regular for longer than the average lasts.
 import numpy as np
 
 from nasm.arithmetic.kernels import kernel
-from nasm.checks import count, points
+from nasm.checks import count, floats, points
 from nasm.maps import forcing, kick
 
 __all__ = ["orbit", "passages", "portrait", "rotation_number"]
@@ -61,7 +61,7 @@ def passages(kappa, x, y, n, box, every=None):
     """The points of the first n steps of orbits that are in a box of the cell.
 
     kappa : sequence of P floats, the forcing, first kick first.
-    x, y : float arrays of shape (m,), the starts; they count as points too.
+    x, y : floats or arrays of shape (m,), the starts; they count as points too.
     n : int, 1 to 10⁹, points of each orbit.
     box : (left, bottom, width, height), x and y of its lower left corner and its size, up to 1.
     every : int, kicks from one point to the next, as for `orbit`.
@@ -71,10 +71,13 @@ def passages(kappa, x, y, n, box, every=None):
     state : (x, y), the points after these, mod 1, from which a next call continues.
     """
     strengths = forcing(kappa)
-    x, y = points(x, y)
+    x, y = map(np.atleast_1d, points(x, y))
+    if x.ndim > 1:
+        raise ValueError(f"x and y have shape {x.shape}; passages takes a vector of starts")
     n, every = count("n", n, 1, MAX_STEPS), _stride(every, strengths)
-    left, bottom, width, height = map(float, box)
-    if not (0 < width <= 1 and 0 < height <= 1):
+    edges = floats("box", box)
+    left, bottom, width, height = edges.tolist() if edges.shape == (4,) else [np.nan] * 4
+    if not (np.isfinite([left, bottom]).all() and 0 < width <= 1 and 0 < height <= 1):
         raise ValueError(f"box={box!r} must be left, bottom, width and height, sizes up to 1")
     state = x.copy(), y.copy()
     which, xs, ys = _passages(strengths, *state, n, every, left, bottom, width, height)

@@ -22,8 +22,8 @@ from math import cos, pi, sin
 
 import numpy as np
 
-from nasm.checks import fraction, sealed
-from nasm.maps import MAX_PERIOD, direction, forcing
+from nasm.checks import floats, fraction, real, sealed
+from nasm.maps import MAX_PERIOD, MAX_STRENGTH, direction, forcing
 from nasm.symmetries import ray, relatives
 
 __all__ = ["Plane", "from_json", "parse", "rotating", "three_kicks", "two_kicks"]
@@ -117,7 +117,7 @@ class Plane:
             )
 
     def _along(self, a, b):
-        a, b = np.asarray(a, dtype=float)[..., None], np.asarray(b, dtype=float)[..., None]
+        a, b = floats("a", a)[..., None], floats("b", b)[..., None]
         return a * np.array(self.first) + b * np.array(self.second)
 
     @cached_property
@@ -147,7 +147,7 @@ class Plane:
         angle : array_like, degrees. Returns degrees in [0, 360), shape (n, *angle.shape), one for
         each of the n `symmetries`, rounded to 10⁻⁹.
         """
-        angle = np.asarray(angle, dtype=float)
+        angle = floats("angle", angle)
         images = [turn - angle if mirror else turn + angle for mirror, turn, _ in self.symmetries]
         return np.round(images, 9) % 360
 
@@ -207,7 +207,7 @@ def _cosine(turn):
 
 def three_kicks(third):
     """The plane of (κ1, κ2, third), three kicks of which the last one is fixed."""
-    third = float(forcing([third])[0])
+    third = real("third", third, -MAX_STRENGTH, MAX_STRENGTH)
     return Plane(f"three-kicks:{third}", TWO_KICKS_AXES, (0, 0, third), (1, 0, 0), (0, 1, 0))
 
 

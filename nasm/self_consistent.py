@@ -100,8 +100,9 @@ def evolve(x, y, gamma, amplitude, n, phase=0.0, detuning=0.0):
 
 
 def momentum(y, gamma, amplitude):
-    """2π Σ γ y + κ²/2, which a kick does not change."""
-    return TWO_PI * np.sum(gamma * y) + amplitude**2 / 2
+    """2π Σ γ y + κ²/2, which a kick does not change. ValueError if they are not numbers."""
+    total = np.sum(floats("gamma", gamma) * floats("y", y))
+    return TWO_PI * total + real("amplitude", amplitude) ** 2 / 2
 
 
 @njit(nogil=True, error_model="numpy")

@@ -15,6 +15,7 @@ from itertools import chain, product
 
 import numpy as np
 
+from nasm.checks import count, floats, points, real
 from nasm.maps import forcing, kick, unkick
 from nasm.numbers import RotationNumber, moebius, nobles_near
 
@@ -40,7 +41,8 @@ there by about d^0.6: it has cusps, as that of CB_gt on |κ1| = |κ2|."""
 
 def negate(kappa, x, y):
     """κ → -κ and x → x + 1/2, Eq. (20); ω unchanged."""
-    return -forcing(kappa), np.asarray(x) + 0.5, np.asarray(y)
+    x, y = points(x, y)
+    return -forcing(kappa), x + 0.5, y
 
 
 def alternate(kappa, x, y, spacing=1):
@@ -52,7 +54,8 @@ def alternate(kappa, x, y, spacing=1):
     Where only the sites c, c + m, c + 2m, … are kicked, c < m = spacing, their signs alternate, and
     (x, y) → (x - c/2m, y + 1/2m); ω → ω + P/2m, P being an even multiple of m.
     """
-    strengths = forcing(kappa)
+    strengths, (x, y) = forcing(kappa), points(x, y)
+    spacing = count("spacing", spacing, 1, strengths.size)
     first = int(np.abs(strengths).argmax()) % spacing
     form = _alternated(strengths, spacing, first)
     if strengths.size % (2 * spacing) or (np.abs(form) != np.abs(strengths)).any():
@@ -60,7 +63,7 @@ def alternate(kappa, x, y, spacing=1):
             f"kappa={kappa!r} does not kick every {spacing}th site alone, an even number of times "
             "in a period; e.g. repeat it twice"
         )
-    return form, np.asarray(x) - first / (2 * spacing), np.asarray(y) + 1 / (2 * spacing)
+    return form, x - first / (2 * spacing), y + 1 / (2 * spacing)
 
 
 def shift(kappa, x, y):
@@ -70,7 +73,7 @@ def shift(kappa, x, y):
     S_κ2⁻¹ is the same: S_κ1(z) = S_κ2⁻¹(T z), one step later. Its Eq. (28) has S_κ2 for S_κ2⁻¹.)
     """
     strengths = forcing(kappa)
-    return np.roll(strengths, -1), *kick(strengths[0], x, y)
+    return np.roll(strengths, -1), *kick(strengths[0], *points(x, y))
 
 
 def ray(angle):
@@ -78,7 +81,7 @@ def ray(angle):
 
     On the axes no strength is left over, and on the diagonals both are equal to the last bit.
     """
-    angle = np.asarray(angle, dtype=float)
+    angle = floats("angle", angle)
     radians = np.deg2rad(angle)
     profile = np.stack([np.cos(radians), np.sin(radians)], axis=-1)
     on_axis, on_diagonal = angle % 90 == 0, angle % 90 == 45
@@ -142,7 +145,7 @@ def symmetry_lines(kappa, y):
     """
     strengths = primitive(kappa)
     site, _ = dominant_centre(strengths)
-    y, lines = np.asarray(y, dtype=float), []
+    y, lines = floats("y", y), []
     other = (site + strengths.size / 2) % strengths.size
     for centre, a in product((site, other), (0.0, 0.5)):
         point = a + y * (centre % 1), y  # between two sites x_c is their mean
@@ -163,7 +166,7 @@ def shorten(forcings, omega):
     Returns forcings : list of arrays of shape (P',), P' a divisor of P. omega : RotationNumber, in
     [0, P'], to which y → y + 1 takes it.
     """
-    kappas = np.array([forcing(kappa) for kappa in forcings])
+    kappas = np.array([forcing(kappa, "forcings") for kappa in forcings])
     length, spacing, short = _shortest(kappas)
     if spacing:
         omega = moebius(omega, 1, kappas.shape[1] // (2 * spacing))
@@ -181,14 +184,15 @@ def halfway_nobles(kappa, value, width, n):
 
     kappa : ndarray (P,). value : float, ω per period. width : float > 0. n : int.
     """
-    if not _distance_to_turned(kappa) <= _NEARLY:
+    value, width, n = real("value", value), real("width", width), count("n", n, 0, 10**6)
+    if not _distance_to_turned(forcing(kappa)) <= _NEARLY:
         return []
     return [moebius(rho, 2, -1) for rho in nobles_near((value + 1) / 2, width / 2, n)]
 
 
 def lengthen(kappa, x, y):
     """(x, y) under the forcing that `shorten` makes of kappa → that orbit's (x, y) under kappa."""
-    strengths = forcing(kappa)
+    strengths, (x, y) = forcing(kappa), points(x, y)
     _, spacing, _ = _shortest(strengths[None])
     if not spacing:
         return x, y

@@ -9,6 +9,7 @@ from pkgutil import walk_packages
 
 import numpy as np
 import pytest
+from arguments import GAMMA, arguments
 from numpy import inf, nan
 
 import nasm
@@ -34,43 +35,12 @@ from nasm.converse_kam import sequence, symmetry_line, transversal
 from nasm.numbers import parse
 from pipeline.sweep.grid import Axis, parse_axis
 
-GAMMA, KAPPA, REST = parse("gamma"), (0.3, 0.4), np.zeros((2, 64))  # deviations of the rotation
-
-# Good arguments by their names, of which the table below makes one bad.
-GOOD = {"omega": GAMMA, "kappa": KAPPA, "kappas": [KAPPA], "forcings": [KAPPA]}
-GOOD |= {"profile": np.array((1, 0)), "short": np.array(KAPPA), "start": KAPPA}
-GOOD |= {"kappa1": 1.0, "kappa2": 1.0}
-GOOD |= {"mean": 1.0, "amplitude": 0.1, "frequency": 0.54, "phase": 0.0, "theta": 0.1, "gamma": 0.1}
-GOOD |= {"x": 0.0, "y": 0.1, "n": 64, "n_max": 100, "n_orbits": 5, "sizes": [1], "site": 1}
-GOOD |= {"window": (-2, 2), "box": (0, 0, 1, 1), "p": 1, "q": 3, "q_max": 100, "a": 1, "b": 1}
-GOOD |= {"u": REST, "circle": circles.invariant_circle(GAMMA, (0.0, 0.0)), "n_modes": 1000}
-GOOD |= {"zero": numbers.rational(0), "breakup": 0.4, "distance": 0.01, "width": 1e-3}
-GOOD |= {"value": 0.48, "budget": 0.1, "half_width": 2.0**-7, "lo": 0, "hi": 1, "text": "0:1:4"}
-# Functions that take others.
-OTHERS = {
-    escape.first_escape: {"x": np.zeros(5)},
-    orbits.orbit: {"x": np.zeros(2)},
-    periodic.torus_scale: {"omega": "5/8", "frequency": "1/2", "amplitude": 0.0},
-    proofs.transport_cells.prove_cell: {"kappa": (0.25, 0.5)},
-    self_consistent.evolve: {"x": np.zeros(3)},
-    sequence.critical_scale: {"profile": np.ones(64)},
-    tori.critical_scale: {"omega": 0.618},
-    tori.invariant_torus: {"omega": 0.618},
-}
-
-
-def arguments(function):
-    """Good arguments of a function, without those that have a default."""
-    parameters = inspect.signature(function).parameters.values()
-    needed = {p.name: GOOD[p.name] for p in parameters if p.default is p.empty}
-    return needed | OTHERS.get(function, {})
-
-
 ORBITS = orbits.orbit, orbits.rotation_number
 TORI = tori.invariant_torus, tori.critical_scale
 ESCAPES = escape.escape_time, escape.first_escape
 RAYS = periodic.critical_scale, escape.critical_scale, symmetry_line.critical_scale
 RAYS += transversal.located, barriers.critical_scale, continuation.critical_scale
+PERIOD_ONE = fixed_points.secondary, fixed_points.primary_residue, fixed_points.cubic_estimate
 LINES = symmetry_line.elimination_time, symmetry_line.longest_lived
 CELLS = (proofs.transport_cells.prove_cell,)
 PROOFS = *CELLS, proofs.barrier.prove, proofs.transport.prove
@@ -113,7 +83,7 @@ BAD = [
     ((symmetry_line.critical_scale,), "profile", [(0.1, 0.2, 0.3), (0.3, 0.2, 0.2, 0.3)],
      "has no dominant symmetry line, as one or two kicks have"),
     ((barriers.critical_scale,), "profile", [[1.0] + [0.5] * 63 + [0.2]], "P=65 kicks"),
-    ((barriers.critical_scale,), "profile", [()], "kappa=() has shape (0,)"),
+    ((barriers.critical_scale,), "profile", [()], "profile=() has shape (0,)"),
     ((barriers.critical_scale,), "profile", [(1, nan)], "is not finite"),
     ((barriers.critical_scale,), "tol", [9e-6, 0.2, nan], "tol={value} must be from 1e-05"),
     ((barriers.critical_scale,), "tol", ["1e-3", None], "tol={value} must be a number"),
@@ -125,6 +95,8 @@ BAD = [
     (ORBITS, "n", [2.5, -1], WHOLE),
     ((orbits.orbit, orbits.passages), "every", [0, 1.5], WHOLE + " 1 to 1000000000"),
     ((orbits.passages,), "box", [(0, 0, 0, 1), (0, 0, 1, 1.01), (0, 0, nan, 1)], "sizes up to 1"),
+    ((orbits.passages,), "box", [(0, 0, 1), (nan, 0, 1, 1), [[0, 0, 1, 1]]], "must be left"),
+    ((orbits.passages,), "x", [[[0.0]]], "passages takes a vector of starts"),
     ((orbits.rotation_number,), "n", [3], WHOLE + " 4 to 1000000000"),
     ((orbits.portrait,), "n_orbits", [0], WHOLE + " 1"),
     ((orbits.orbit,), "y", [np.zeros(3)], "do not broadcast"),
@@ -132,9 +104,11 @@ BAD = [
     ((*ORBITS, escape.escape_time, symmetry_line.elimination_time), "y", [[0.0, inf]],
      "y is not finite"),
     ((symmetries.alternate,), "kappa", [[0.3], [0.3, 0, 0.2]], "every 1th site alone"),
+    ((symmetries.alternate,), "spacing", [0, 3, 1.0], WHOLE + " 1 to 2"),
+    ((barriers.boundary,), "angles", [[[0, 45]], [nan]], "angles={value} must be a list of finite"),
     ((symmetries.alternate,), "spacing", [2], "does not kick every 2th site alone"),
     ((symmetries.shorten,), "omega", [0.618], "omega=0.618 is not a RotationNumber"),
-    ((fixed_points.secondary,), "kappa1", [nan], "must be finite"),
+    (PERIOD_ONE, "kappa1", [nan, inf], "must be finite"),
     ((numbers.moebius,), "b", [0.5], "(1ω + 0.5)/(0ω + 1) is not exact; use whole"),
     ((numbers.moebius,), "a", [0], "does not depend on ω; use ad ≠ bc"),
     ((numbers.nobles_near,), "value", [nan, inf], "value={value} must be finite"),
@@ -178,7 +152,7 @@ BAD = [
     ((transversal.located,), "n_sites", [0, 9], WHOLE + " 1 to 8"),
     ((sequence.escape_time, sequence.longest_lived), "theta", [(0.1,), nan, [0.1, inf]],
      "must be one phase, or one for each of the 2 kicks"),
-    ((sequence.escape_time,), "window", [(2.0, -2.0), (nan, 2.0)],
+    ((sequence.escape_time,), "window", [(2.0, -2.0), (nan, 2.0), 5],
      "window={value} must be (lo, hi)"),
     ((sequence.longest_lived,), "site", [2], WHOLE + " 0 to 1"),
     ((sequence.critical_scale,), "profile", [np.ones(63)], "profile has 63 kicks; it must have 64"),

@@ -1,9 +1,13 @@
 """The convergence study: its fits on made-up data, and a small run of it."""
 
+import json
+
 import numpy as np
 import pytest
 import xarray as xr
+from commands import succeed
 
+from nasm import barriers, escape, planes
 from workflows.convergence import study as convergence
 from workflows.shared import direct
 
@@ -44,3 +48,29 @@ def test_the_diagonal_has_an_exponent_for_each_half_of_n():
     np.testing.assert_allclose(diagonal.distance[1:], 0.9 * excess[1:])
     np.testing.assert_allclose(diagonal.eta, [2.7, 3.3])
     np.testing.assert_allclose(diagonal.fit, 0.9 * excess)
+
+
+PROFILE = (1.0, 0.6, 0.3)
+AXES = {"kappa_a": "strength of PROFILE", "kappa_b": "strength of the second kick"}
+PLANE = planes.Plane("of-a-profile", AXES, (0, 0, 0), PROFILE, (0, 1, 0))
+
+
+def test_breakups_are_those_of_the_rays_of_any_plane_from_zero():
+    breakups = convergence.breakups(PLANE, [0.0])
+    assert breakups == {0.0: barriers.critical_scale(PROFILE, 1e-3).value}
+    with pytest.raises(ValueError, match="needs rays from zero"):
+        convergence.breakups(planes.three_kicks(0.2), [0.0])
+
+
+@pytest.mark.slow
+def test_any_profile_is_studied_as_a_ray_of_a_plane(tmp_path, workers):
+    (tmp_path / "plane.json").write_text(json.dumps(json.loads(PLANE.record["plane"])))
+    effort = ["--angle", "0", "--n-max", "1000", "--n-orbits", "30"]
+    succeed("convergence", tmp_path, "--plane", str(tmp_path / "plane.json"), *effort, *workers)
+    cube = xr.open_zarr(tmp_path / "escape_rays.zarr").load()
+    assert not (tmp_path / "convergence_diagonal.zarr").exists()
+    breakup = barriers.critical_scale(PROFILE, 1e-3).value
+    onset = escape.onset_scale(PROFILE, 1000, 30) / breakup - 1
+    times = cube.escape_time.squeeze()
+    assert times.sel(excess=slice(1.5 * onset, None)).max() <= 1000
+    assert times.sel(excess=slice(None, onset / 1.5)).min() > 1000

@@ -304,3 +304,16 @@ def test_a_critical_scale_needs_a_window_that_orbits_leave():
     assert found.status is Status.NO_BREAKUP
     assert np.isnan([found.value, found.error, found.upper]).all()
     assert np.isnan(escape.onset_scale((1, 0), 64, 64, window=(-1e6, 1e6)))
+
+
+def test_what_is_masked_in_a_field_is_unknown_and_its_cells_must_fit():
+    times, centres = np.full((4, 4), np.inf), (np.arange(4) + 0.5) / 4
+    times[2:, 2:] = 5
+    mask = np.zeros((4, 4), bool)
+    mask[1, 1:3] = mask[2, 1] = True
+    masked = np.ma.array(times, mask=mask)
+    assert np.isnan(boundary(masked, centres, centres, [40], 10))
+    assert 0.6 < boundary(times, centres, centres, [40], 10) < 0.8
+    for wrong in (centres[::-1], centres**2, centres[:3], [0.1]):
+        with pytest.raises(ValueError, match=r"kappa2=|escape_time has shape \(4, 4\)"):
+            boundary(times, centres, wrong, [40], 10)

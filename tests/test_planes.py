@@ -80,7 +80,7 @@ GOOD = {"name": "mine", "axes": AXES, "origin": (0, 0), "first": (1, 0), "second
         ({"origin": (0, 0, 0)}, "have [3, 2, 2] strengths; they must have one"),
         (dict.fromkeys(("origin", "first", "second"), (1,) * 65), "have [65, 65, 65] strengths"),
         (dict.fromkeys(("origin", "first", "second"), (1,)), "have [1, 1, 1] strengths"),
-        ({"first": (1, np.nan)}, "first: kappa=(1, nan) is not finite"),
+        ({"first": (1, np.nan)}, "first: profile=(1, nan) is not finite"),
         ({"origin": "00"}, "origin: kappa='00' is not made of real numbers"),
         ({"name": ""}, "name='' must be a text"),
         ({"axes": {"kappa1": "one"}}, "must be two names that begin with kappa"),

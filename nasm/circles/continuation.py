@@ -123,7 +123,7 @@ def certified_circle(omega, profile, breakup, distance, start=None):
     u : ndarray (P, n), its deviations; None if no circle is certified.
     """
     start, profile = segment(start, profile)
-    distance = real("distance", distance, 1e-6, 0.5)
+    breakup, distance = real("breakup", breakup), real("distance", distance, 1e-6, 0.5)
     distances = np.geomspace(0.5, distance, 1 + max(1, ceil(log(2 * distance) / log(0.3))))
     path = _begun(omega, start)
 

@@ -34,7 +34,7 @@ from numba import njit
 
 from nasm.arithmetic.kernels import kernel
 from nasm.arithmetic.sine import sin2pi
-from nasm.checks import count
+from nasm.checks import count, floats
 from nasm.circles import fourier
 from nasm.critical import Result, Status
 from nasm.maps import TWO_PI, forcing
@@ -189,7 +189,7 @@ def newton_step(omega, kappa, u):
 
 def residual(omega, kappa, u):
     """E_j on the grid of u, shape (P, n): zero on a circle."""
-    kappa = forcing(kappa)
+    kappa, u = forcing(kappa), floats("u", u)
     n_sites, n = u.shape
     turn = fourier.turns(omega, n // 2 + 1)
     before, after = fourier.rotate(u[-1], turn.conj()), fourier.rotate(u[0], turn)
@@ -247,7 +247,7 @@ def lagrange(nodes, at):
 
 
 def _deviations(u, n_sites):
-    u = np.asarray(u, dtype=float)
+    u = floats("deviations", u)
     if u.ndim != 2 or u.shape[0] != n_sites or u.shape[1] < 16 or u.shape[1] & (u.shape[1] - 1):
         raise ValueError(
             f"deviations of shape {u.shape}; they are P={n_sites} functions on a grid of n points, "

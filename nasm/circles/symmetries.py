@@ -16,9 +16,10 @@ S_κ2⁻¹∘K for P = 2, one step of T earlier. Each result is certified anew.
 import numpy as np
 
 from nasm import symmetries
+from nasm.checks import count
 from nasm.circles import fourier
 from nasm.circles.newton import certified
-from nasm.maps import TWO_PI
+from nasm.maps import MAX_PERIOD, TWO_PI
 from nasm.numbers import moebius
 
 __all__ = ["alternate", "interleave", "negate", "repeat", "shift"]
@@ -27,6 +28,7 @@ __dir__ = __all__.copy
 
 def repeat(circle, times):
     """The circle of the same map with its forcing written out `times` times; ω → times·ω."""
+    times = count("times", times, 1, MAX_PERIOD)
     turn = fourier.turns(circle.omega, circle.u.shape[-1] // 2 + 1)
     u = [fourier.rotate(circle.u, turn**m) for m in range(times)]
     omega = moebius(circle.omega, times, 0)

@@ -67,16 +67,17 @@ def escape_time(kappa, theta, x, y, window):
     x, y : arrays that broadcast to one shape, starts before the first kick.
     window : (lo, hi), y is inside while lo ≤ y ≤ hi.
 
-    Returns ndarray of float64, shape of x: kicks, counted from 1; inf for no escape in N kicks.
+    Returns ndarray of float64, shape of x: kicks, counted from 1; 0 for a start outside, inf for no
+    escape in N kicks.
 
     ValueError if an argument is not finite, empty, or out of range; the message names it.
     """
     kappa, theta = sequence(kappa, theta)
     x, y = points(x, y)
-    lo, hi = (real("window", end) for end in window)
-    if not lo < hi:
+    ends = floats("window", window)
+    if ends.shape != (2,) or not ends[0] < ends[1]:
         raise ValueError(f"window={window!r} must be (lo, hi) with lo < hi")
-    return _escape_times(kappa, theta, x.ravel(), y.ravel(), lo, hi).reshape(x.shape)
+    return _escape_times(kappa, theta, x.ravel(), y.ravel(), *ends.tolist()).reshape(x.shape)
 
 
 def elimination_time(kappa, theta, site, x, y):
@@ -133,7 +134,7 @@ def last_survivor(kappa, theta=0.0, effort=8):
 
     kappa, theta : as for `escape_time`; effort : as for `longest_lived`.
     """
-    kappa, theta = sequence(kappa, theta)
+    (kappa, theta), effort = sequence(kappa, theta), count("effort", effort, 1, 100)
     from_middle, first = np.abs(np.arange(kappa.size) - kappa.size // 2), None
     for site in _lines(np.abs(kappa), from_middle):
         for parts in sorted({1, effort}):  # a survivor is mostly found with little effort
@@ -219,7 +220,7 @@ def asymptotic(kappa, theta, limit, x, y):
     """
     kappa, theta = sequence(kappa, theta)
     x, y = points(x, y)
-    (limit,) = forcing([limit])
+    (limit,) = forcing([limit], "limit")
     for _ in kappa:
         x, y = kick(limit, x, y)
     for strength, phase in zip(kappa[::-1], theta[::-1], strict=True):

@@ -48,7 +48,7 @@ from nasm.action import LostError, ordered_orbits
 from nasm.arithmetic.kernels import kernel
 from nasm.arithmetic.lanes import FEW, load_state, minimum, own_frame, store_state
 from nasm.arithmetic.sine import SINE, cos2pi
-from nasm.checks import count
+from nasm.checks import count, points
 from nasm.converse_kam.symmetry_line import Survivor, beam_search, longest_found, tangent_kick
 from nasm.maps import MAX_PERIOD, forcing, kick, segment
 
@@ -123,11 +123,12 @@ class Transversal:
 def curves(kappa, n_max):
     """Transversals on which all starts were found to be eliminated, those of short lives first.
 
-    kappa : ndarray of P floats, the forcing, first kick first. n_max : int, steps in either
+    kappa : sequence of P floats, the forcing, first kick first. n_max : int, steps in either
     direction.
 
     Yields (Transversal, kicks), at most one for each site; kicks is the longest life.
     """
+    kappa, n_max = forcing(kappa), count("n_max", n_max, 1, MAX_STEPS)
     sites, n_steps = _by_strength(kappa), 256
     while n_steps <= n_max:
         for transversal in _transversals(kappa, list(sites), _OPEN):
@@ -315,11 +316,15 @@ def elimination(kappa, x, y, n_kicks, one_is_enough=False):
     linearised chain is ≤ 0 in both directions by then, or soon: the sums of the module are
     ≥ 1 + κ_0 cos 2πx_0 + γ and ≥ 1 - γ, or v or u has turned negative.
     """
+    kappa, (x, y) = forcing(kappa), points(x, y)
+    n_kicks = count("n_kicks", n_kicks, 1, 10**12)
     times, slopes = np.zeros((2, x.size))
     length = kappa.size * -(-_BLOCK // kappa.size)
     ahead = np.resize(np.roll(kappa, -1), length)[:, None] * -np.array(SINE)
     behind = np.resize(kappa[::-1], length)[:, None] * -np.array(SINE)
-    _eliminate(float(kappa[0]), ahead, behind, x, y, n_kicks, one_is_enough, times, slopes)
+    _eliminate(
+        float(kappa[0]), ahead, behind, x.ravel(), y.ravel(), n_kicks, one_is_enough, times, slopes
+    )
     return times, slopes
 
 

@@ -38,7 +38,7 @@ from numba import njit
 from nasm.arithmetic.kernels import kernel
 from nasm.arithmetic.roots import root
 from nasm.arithmetic.sine import cos2pi, sin2pi
-from nasm.checks import count, positive, real
+from nasm.checks import count, floats, positive, real
 from nasm.circles.newton import lagrange, step_outcome
 from nasm.critical import CriticalScale, Result, Status
 from nasm.maps import TWO_PI, direction, forcing
@@ -111,7 +111,7 @@ def invariant_torus(omega, frequency, mean, amplitude, n_max=2**18):
 
     ValueError if an argument is not a finite number, or n_max is out of range.
     """
-    vector, kappa = _vector(omega, frequency), forcing((mean, amplitude))
+    vector, kappa = _vector(omega, frequency), forcing(_pair(mean, amplitude))
     n_max = count("n_max", n_max, FIRST[0] * FIRST[1], N_LARGEST)
     step, path, status = 1.0, [(0.0, np.zeros(FIRST))], Status.OK
     while path[-1][0] < 1.0 and status is Status.OK:
@@ -144,7 +144,7 @@ def critical_scale(omega, frequency, mean, amplitude, tol=1e-3):
 
     ValueError if the direction is zero or tiny, an argument is not finite or tol not positive.
     """
-    vector, profile = _vector(omega, frequency), direction((mean, amplitude))
+    vector, profile = _vector(omega, frequency), direction(_pair(mean, amplitude))
     tol = positive("tol", tol, "the error to aim at, e.g. tol=1e-3")
     path, value, error, status = _walk(vector, profile, tol)
     shown = (
@@ -185,7 +185,8 @@ def certify(omega, frequency, mean, amplitude, u):
 
 def residual(omega, frequency, mean, amplitude, u):
     """E on the grid of u, shape (m, n): zero on a torus."""
-    m, n = u.shape
+    (omega, frequency), (mean, amplitude) = _vector(omega, frequency), _pair(mean, amplitude)
+    m, n = (u := floats("u", u)).shape
     kappa = mean + amplitude * cos2pi(np.arange(m) / m)[:, None]
     ahead, behind = shifted(u, omega, frequency), shifted(u, -omega, -frequency)
     return ahead - 2 * u + behind - kappa / TWO_PI * sin2pi(np.arange(n) / n + u)
@@ -292,6 +293,10 @@ def _vector(omega, frequency):
             raise ValueError(f"{name}={value!r} must be finite; it counts turns per kick")
         numbers.append(number)
     return tuple(numbers)
+
+
+def _pair(mean, amplitude):
+    return real("mean", mean), real("amplitude", amplitude)
 
 
 def _wave_numbers(m):

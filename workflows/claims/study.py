@@ -40,7 +40,7 @@ def planned(angles, tips, tol, n_max, n_orbits):
     return {
         "barrier": last_barrier(two_kicks(), rays, tol),
         "circles": breakdown.by_residue(two_kicks(), PAPER_CIRCLES, rays, q_max=6000),
-        "escapes": direct.bias_job(cusp, [n_orbits], n_max),
+        "escapes": direct.bias_job(two_kicks(), cusp, [n_orbits], n_max),
         "tori": rotating_maps.residues([_TORUS], around),
         **{
             phase: last_barrier(plane, around, 1e-2, named(plane))

@@ -2,9 +2,25 @@
 
 import numpy as np
 
+from nasm import barriers
 from pipeline.cubes.cube import text
 from workflows.shared.direct import exponent
 from workflows.shared.tables import dataset
+
+
+def breakups(plane, angles):
+    """Return {angle: scale of the last barrier's breakup}, to judge by; ValueError without one."""
+    plane.rays_start_at_zero("the convergence of direct iteration")
+    scales = {}
+    for angle in angles:
+        found = barriers.critical_scale(plane.ray(angle)[1], 1e-3)
+        if np.isnan(found.value):
+            raise ValueError(
+                f"--angle {angle:g}: no breakup is known to judge by, {found.status.value}; take "
+                "another ray"
+            )
+        scales[angle] = found.value
+    return scales
 
 
 def on_the_diagonal(bias, critical):

@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from nasm import orbits
-from nasm.planes import plane_of, two_kicks
+from nasm.planes import plane_of
 from nasm.symmetries import ray
 from nasm.verdict import verdict
 from pipeline.cubes.beyond import escape_times, steps_beyond
@@ -28,10 +28,10 @@ def steps_up_to(n_max):
     return np.unique(np.rint(np.geomspace(100, n_max, 33)).astype(int))
 
 
-def bias_job(scales, sizes, n_max):
+def bias_job(plane, scales, sizes, n_max):
     """Return the job of the cube `escape_rays`: excesses from 1% to 100%, sixty a decade."""
     excesses = np.geomspace(0.01, 1, 121)
-    return escape_times("escape_rays", two_kicks(), scales, excesses, sizes, n_max)
+    return escape_times("escape_rays", plane, scales, excesses, sizes, n_max)
 
 
 def boundary_job(plane, scales, n_max, n_orbits):

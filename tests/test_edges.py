@@ -1,0 +1,155 @@
+"""The edge of nasm: every public function converts numbers of any kind, or refuses them."""
+
+import inspect
+from importlib import import_module
+from itertools import islice
+from pkgutil import walk_packages
+
+import numpy as np
+import pytest
+from arguments import GOOD, OTHERS
+
+import nasm
+from nasm import (
+    barriers,
+    critical,
+    diffusion,
+    escape,
+    fixed_points,
+    manifolds,
+    maps,
+    numbers,
+    planes,
+    proofs,
+    self_consistent,
+    tori,
+    verdict,
+)
+from nasm.circles import continuation
+from nasm.converse_kam import transversal
+
+# They take what others of nasm have made, and trust it.
+TRUSTING = ("arithmetic", "action", "checks", "circles.fourier", "circles.parameterization")
+TRUSTING += ("proofs.cells", "proofs.certificate_checker", "proofs.certificates", "proofs.fan")
+TRUSTING += ("manifolds", "sources")
+INNER = {barriers.last_circle, continuation.fineness, critical.no_answer}
+INNER |= {transversal.longest_period}
+
+MORE = {"length": 0.1, "angle": 30.0, "z": 1.0, "limit": 0.5, "times": 2}
+MORE |= {"above": True, "third": 0.25, "seconds": 0.1, "n_kicks": 100, "fraction": "1/3"}
+CENTRES = [0.25, 0.75]
+SPECIAL = {
+    escape.boundary: {"escape_time": np.ones((2, 2)), "kappa1": CENTRES, "kappa2": CENTRES},
+    manifolds.stable: {"kappa": (1.0, 0.5), "p": 0, "q": 1, "y": 0.0},
+    manifolds.unstable: {"kappa": (1.0, 0.5), "p": 0, "q": 1, "y": 0.0},
+    maps.rotating_forcing: {"frequency": "1/2"},
+    numbers.parse: {"text": "gamma"},
+    planes.parse: {"text": "two-kicks"},
+    planes.from_json: {"text": planes.two_kicks().record["plane"]},
+    planes.rotating: {"frequency": "1/2", "phase": "1/3"},
+    tori.graph: {"torus": tori.invariant_torus(0.618, 0.54, 0.0, 0.0)},
+    tori.newton.residual: {"omega": 0.618, "u": np.zeros((16, 16))},
+}
+# Products of these overflow in eight bits.
+SMALL = {
+    fixed_points.primary_residue: {"kappa1": 99, "kappa2": 98},
+    self_consistent.momentum: {"amplitude": 99, "gamma": [90, 91], "y": [90, 91]},
+    numbers.moebius: {"a": 99, "b": 98, "c": 97, "d": 95},
+}
+
+
+def faces():
+    """The public functions of all modules, by their names."""
+    for module in walk_packages(nasm.__path__, "nasm."):
+        names = getattr(import_module(module.name), "__all__", ())
+        for function in (getattr(import_module(module.name), name) for name in names):
+            inner = module.name.removeprefix("nasm.").startswith(TRUSTING) or function in INNER
+            if inspect.isfunction(function) and not inner:
+                yield f"{module.name}.{function.__name__}", function
+
+
+# Of those that compute for seconds, and of kernels, which convert nothing, only what they refuse is
+# asked; of kernels nothing.
+KERNELS = {maps.kick, maps.unkick}
+SLOW = {barriers.boundary, barriers.critical_scale, proofs.bracket.critical_scale}
+SLOW |= {proofs.barrier.proved_lower, proofs.transport.prove, proofs.transport.proved_upper}
+SLOW |= {proofs.transport_cells.prove_cell, tori.of_irrational, tori.upper_scale, verdict.verdict}
+SLOW |= {continuation.certified_circle, diffusion.diffusion}
+
+
+def good(function):
+    """Good arguments of a function, with those defaults that are numbers."""
+    special = OTHERS.get(function, {}) | SPECIAL.get(function, {})
+    parameters = inspect.signature(function).parameters.items()
+    defaults = {
+        name: p.default for name, p in parameters if isinstance(p.default, int | float | tuple)
+    }
+    needed = {name for name, p in parameters if p.default is p.empty}
+    return defaults | {n: v for n, v in {**MORE, **GOOD}.items() if n in needed} | special
+
+
+def numeric(value):
+    """Whether a value is made of numbers."""
+    try:
+        return np.asarray(value).dtype.kind in "iuf" and np.size(value) > 0
+    except ValueError:
+        return False
+
+
+CASES = [
+    pytest.param(function, name, id=f"{path}-{name}")
+    for path, function in faces()
+    for name, value in good(function).items()
+    if numeric(value) and function not in KERNELS
+]
+
+
+@pytest.mark.parametrize(("function", "name"), CASES)
+def test_a_mask_or_a_text_is_refused_and_the_argument_is_named(function, name):
+    value = np.asarray(good(function)[name])
+    mask = np.zeros(value.shape, bool)
+    mask.flat[0] = True
+    bad = [np.ma.array(value, mask=mask), value.astype(str)]
+    if value.ndim == 0:
+        bad += [np.ma.masked, str(value)]
+    else:
+        bad += [
+            [np.ma.masked, *value[1:]],
+            [np.ma.array(v, mask=m) for v, m in zip(value, mask, strict=True)],
+        ]
+    if (function, name) == (escape.boundary, "escape_time"):
+        bad = bad[1:2]  # masked there means unknown
+    for values in bad:
+        with pytest.raises(ValueError, match=f"{name}=|{name} |deviations=|ω"):
+            called(function, good(function) | {name: values})
+
+
+def kinds_of(value):
+    """The same numbers as lists, as arrays without dimensions, and of small dtypes."""
+    array = np.asarray(value)
+    yield array
+    yield array.tolist()
+    for kind in ("float32", "int8", "uint8"):
+        small = array.astype(kind) if np.abs(array).max() < 100 else array
+        if (small == array).all():
+            yield small if np.ndim(value) else small[()]
+
+
+@pytest.mark.parametrize(
+    ("function", "name"), [case for case in CASES if case.values[0] not in SLOW]
+)
+def test_numbers_of_any_kind_give_what_floats_and_ints_give_or_are_refused(function, name):
+    arguments = good(function) | SMALL.get(function, {})
+    expected = called(function, arguments)
+    for values in kinds_of(arguments[name]):
+        try:
+            found = called(function, arguments | {name: values})
+        except ValueError as error:
+            assert name in str(error)  # noqa: PT017
+        else:
+            np.testing.assert_equal(found, expected)
+
+
+def called(function, arguments):
+    result = function(**arguments)
+    return list(islice(result, 20)) if inspect.isgenerator(result) else result
