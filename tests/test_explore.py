@@ -10,6 +10,7 @@ import time
 import urllib.request
 import webbrowser
 from concurrent.futures import ThreadPoolExecutor
+from fractions import Fraction
 from types import SimpleNamespace
 from urllib.parse import parse_qsl
 
@@ -20,7 +21,7 @@ import toy
 from bokeh.server.util import bind_sockets
 from tornado.httpclient import AsyncHTTPClient
 
-from nasm import barriers, diffusion, escape
+from nasm import action, barriers, diffusion, escape
 from nasm.numbers import parse
 from nasm.planes import rotating, three_kicks, two_kicks
 from nasm.verdict import Answer, verdict
@@ -30,7 +31,7 @@ from workflows.explore.rays import Breakup, Rays
 from workflows.explore.state import State
 from workflows.explore.work import Work
 from workflows.figures.style import circle_style
-from workflows.shared import instruments
+from workflows.shared import instruments, phase_space
 from workflows.shared.orbit_words import orbit_words
 from workflows.shared.run import place_of
 
@@ -529,3 +530,27 @@ def test_pages_that_are_asked_for_and_not_shown_compute_nothing():
     assert [answer.code for answer in found] == [200] * 3
     time.sleep(0.2)  # a verdict begins a little later
     assert computed == []
+
+
+def test_orbits_that_are_not_found_are_named_and_short_ones_are_drawn(monkeypatch):
+    fraction = Fraction(1, 6)
+    found, missing = phase_space.periodic_orbits((1.0,), [fraction])
+    assert [family for _, family, *_ in found] == ["minimizing", "minimax"]
+    assert missing == []
+    curves, words = instruments.resonance((1.0,), fraction, (0.0, -0.5, 1.0, 1.0))
+    assert words.startswith("Turnstiles of 1/6: ")
+    assert len(curves["lobes"]["x"]) == 4
+
+    def losing(self, n, scale):
+        raise self.chains[n].lost("a test")
+
+    monkeypatch.setattr(action.Ladder, "scan", losing)
+    found, missing = phase_space.periodic_orbits((1.0,), [fraction])
+    assert (found, missing) == (
+        [], ["Not drawn: the ordered orbits of 1/6 were not found: a test."]
+    )  # fmt: skip
+
+
+def test_a_resonance_without_lobes_says_why():
+    _, words = instruments.resonance((0.0, 0.0), Fraction(1, 2), (0.0, -0.5, 1.0, 1.0))
+    assert "No turnstile at its upper edge: the minimizing orbit of 1/2 is not hyperbolic" in words

@@ -303,19 +303,18 @@ def _cycles(kappa, omega, fraction, box):
     """Return the points of the orbits of the convergents of ω, and of p/q; the manifolds of p/q if
     there is a box to draw them in; and words on p/q."""
     near = distinct_convergents(omega, _MOST_Q) if omega else ()
-    found = periodic_orbits(kappa, [f for f in near if f.denominator > 1])
-    own = [] if fraction is None else periodic_orbits(kappa, [fraction])
+    found, missing = periodic_orbits(kappa, [f for f in near if f.denominator > 1])
+    own, lost = periodic_orbits(kappa, [] if fraction is None else [fraction])
     points = {name: [] for name in ("x", "y", "marker", "fill", "orbit")}
     for one, family, x, y, residue in found + own:
         words = *_MARKERS[family], f"{one} ({family}), R = {residue:.4g}"
         for name, more in zip(points, (x, y, *([word] * x.size for word in words)), strict=True):
             points[name] += [*more]
-    said = ""
-    if fraction is not None:
-        kinds = [f"{family} orbit: {residue_words(residue)}" for _, family, _, _, residue in own]
-        said = f"{fraction}: {'; '.join(kinds) or 'its ordered orbits were not found'}."
+    kinds = [f"{family} orbit: {residue_words(residue)}" for _, family, _, _, residue in own]
+    said = [f"{fraction}: {'; '.join(kinds)}."] if own else []
     curves, more = ({}, "") if box is None else resonance(kappa, fraction, box)
-    return {"cycles": points, **curves}, {"periodic orbits": f"{said} {more}".strip()}
+    said = " ".join([*said, more, *missing, *lost]).strip()
+    return {"cycles": points, **curves}, {"periodic orbits": said}
 
 
 def _curve(points):

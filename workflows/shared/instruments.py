@@ -42,18 +42,25 @@ def resonance(kappa, fraction, box):
     """Return {"unstable", "stable", "lobes"} of the minimizing p/q orbit, columns {"x", "y"} of the
     curves in the box and of lists of edges; and the flux of its turnstiles in words."""
     p, q = fraction.numerator, fraction.denominator
-    lines, lobes, told = {name: [np.array([[], []])] for name in MANIFOLDS}, [], []
-    with suppress(action.LostError, ValueError):
+    lines, lobes = {name: [np.array([[], []])] for name in MANIFOLDS}, []
+    areas, reasons = [], []
+    try:
         xs, ys = action.ordered_orbits(kappa, p, q)[0].points()
         for name, toward, place in product(MANIFOLDS, (1, -1), zip(xs, ys, strict=True)):
             curve = MANIFOLDS[name](kappa, p, q, *place, _LENGTH / 2 / q, toward=toward)
             lines[name] += np.array([*in_box(box, *curve)]), np.full((2, 1), np.nan)
+    except (action.LostError, ValueError) as error:
+        reasons.append(f"No manifolds: {error}.")
     for edge in ("upper", "lower"):
-        with suppress(action.LostError):
+        try:
             found = manifolds.turnstile(kappa, p, q, edge == "upper")
-            lobes += found.lobes
-            told.append(f"{found.area:.4g} through its {edge} edge")
-    words = f"Turnstiles of {fraction}: {' and '.join(told) or 'too thin to be seen'}, a step."
+        except action.LostError as lost:
+            reasons.append(f"No turnstile at its {edge} edge: {lost}.")
+            continue
+        lobes += found.lobes
+        areas.append(f"{found.area:.4g} through its {edge} edge")
+    words = f"Turnstiles of {fraction}: {' and '.join(areas)}, a step." if areas else ""
+    words = " ".join(filter(None, [words, *dict.fromkeys(reasons)]))
     drawn = {name: dict(zip("xy", np.hstack(parts), strict=True)) for name, parts in lines.items()}
     return drawn | {"lobes": {"x": [x for x, _ in lobes], "y": [y for _, y in lobes]}}, words
 
@@ -61,7 +68,8 @@ def resonance(kappa, fraction, box):
 def residues(start, profile, omega):
     """Return {"at", "residue": lists of lists; "orbit": names} of convergents of ω along a segment.
 
-    start, profile : of the forcings start + s·profile, s from 0 to 1. Minimax orbits.
+    start, profile : of the forcings start + s·profile, s from 0 to 1. Minimax orbits; NaN
+    where one is not found.
     """
     ladder = action.Ladder(start, profile, distinct_convergents(omega, _MOST_Q))
     at, names = np.linspace(0, 1, PLACES + 1), [f"{one.p}/{one.q}" for one in ladder.chains]

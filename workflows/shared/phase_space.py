@@ -4,8 +4,6 @@ The starts are those of `orbits.portrait` in the whole cell. In a box they are s
 and only points in it are kept, so that as many are seen however small it is.
 """
 
-from contextlib import suppress
-
 import numpy as np
 
 from nasm import orbits
@@ -100,14 +98,18 @@ def in_box(box, x, y):
 
 
 def periodic_orbits(kappa, fractions):
-    """Return the ordered orbits of the fractions p/q: a list of (p/q, family, x, y, residue).
+    """Return the ordered orbits of the fractions p/q, a list of (p/q, family, x, y, residue), and a
+    list of sentences, one for each fraction whose orbits are missing, and why.
 
-    family : "minimizing" or "minimax". Orbits that are not found are left out.
+    family : "minimizing" or "minimax".
     """
-    found = []
+    found, missing = [], []
     for fraction in fractions:
-        with suppress(LostError):
+        try:
             both = ordered_orbits(kappa, fraction.numerator, fraction.denominator)
-            for family, orbit in zip(("minimizing", "minimax"), both, strict=True):
-                found.append((fraction, family, *orbit.points(), orbit.refined_residue()))
-    return found
+        except LostError as lost:
+            missing.append(f"Not drawn: {lost}.")
+            continue
+        for family, orbit in zip(("minimizing", "minimax"), both, strict=True):
+            found.append((fraction, family, *orbit.points(), orbit.refined_residue()))
+    return found, missing
