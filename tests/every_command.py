@@ -50,7 +50,7 @@ SMALLEST = {
     "work_precision": "--only barriers --only barrier-proof --ray 45",
 }
 AGAIN = [name for name in SMALLEST if name not in ("ask", "explore")]  # which keep no cubes
-LOOKING = "claims", "convergence", "proved_map"  # at some rays, less than a second, to plan sweeps
+LOOKING = "claims", "convergence", "proved_map"  # at some rays, a second or two, to plan sweeps
 COMPUTING = {
     "pipeline.store": ["replace"],
     "pipeline.sweep.sweep": ["_Run"],
