@@ -36,7 +36,7 @@ def main(run, plane, angles, tips, tol, **options):
     boundary = untiled("boundary", angles=angles, tips=tips, tol=tol, **plane.record)
     angles = rays.ray_angles(plane, angles, tips)
     if any(plane.origin):
-        circle_job = breakdown.by_residue(plane, rays.PAPER_CIRCLES, angles, 600)
+        circle_job = breakdown.by_residue(plane, rays.PAPER_CIRCLES, angles, 1500)
     else:
         circle_job = breakdown.by_continuation(plane, rays.PAPER_CIRCLES, angles, tol)
     last_job = last_barrier(plane, angles, tol)
