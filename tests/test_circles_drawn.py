@@ -131,7 +131,8 @@ def judge(found):
         if by_residue[place]:
             nearest = (continuation.certified_circle(omega, profile, value, d)[0] for d in AWAY)
             assert 0.985 * value < np.nanmax([*nearest]) < value + error, where
-            assert no_circle(omega, (1.001 * value + 2 * error) * profile), where
+            above = [(1 + d) * value + 2 * error for d in (1e-3, 3e-3)]
+            assert any(no_circle(omega, scale * profile) for scale in above), where
         else:
             judged = periodic.critical_scale(omega, profile)
             assert judged.status is Status.OK, where
