@@ -77,11 +77,7 @@ def _points(axes):
     """Return the points (n, 2) of curves and markers within the axes, in pixels."""
     parts = []
     for line in axes.get_lines():
-        if (
-            not line.get_visible()
-            or line.get_gid() == "guide"
-            or line.get_transform() != axes.transData
-        ):
+        if not line.get_visible() or line.get_transform() != axes.transData:
             continue
         xy = axes.transData.transform(np.column_stack(line.get_data(orig=False)).astype(float))
         xy = xy[np.isfinite(xy).all(axis=1)]

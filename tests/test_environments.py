@@ -136,7 +136,8 @@ SETTINGS = {
 def test_a_sweep_runs_under_the_settings_of_other_programs(tmp_path):
     """All together, in a session where a site has set more."""
     (tmp_path / "sitecustomize.py").write_text(SESSION)
-    paths = {"PYTHONPATH": f"{tmp_path}:{ROOT}"}
+    (tmp_path / "matplotlibrc").write_bytes("# größer\nfont.size: 20".encode("latin-1"))
+    paths = {"PYTHONPATH": f"{tmp_path}:{ROOT}", "MATPLOTLIBRC": f"{tmp_path}/matplotlibrc"}
     sweep = "-m", "workflows.escape_plane", *SMALL
     told = python(*sweep, "--out", tmp_path / "run", shell="umask 077;", **SETTINGS, **paths)
     assert (told.returncode, told.stderr) == (0, b"")

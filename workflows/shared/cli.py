@@ -85,6 +85,9 @@ def command(**settings):
         def wrapped(**options):
             keep_freed_memory()
             os.environ.pop("MPLBACKEND", None)  # figures go to files; an unknown one is an error
+            # The user's file may not even be text, which ends the import of matplotlib.
+            origin = Path(find_spec("matplotlib").origin)
+            os.environ["MATPLOTLIBRC"] = str(origin.parent / "mpl-data" / "matplotlibrc")
             try:
                 return function(**options)
             except KeyboardInterrupt:
