@@ -121,8 +121,11 @@ def test_on_a_terminal_one_line_is_rewritten_and_fits_it(monkeypatch):
         line.begin(4.0)
         line.advance(2.0, 2.0, 2.0)
         line.show("drawing figures")
-    *_, last = stream.getvalue().split("\r")
-    assert last.startswith("[##########----------] drawing figures: 50%, elapsed 0:0")
+        line.finish()
+    *_, drawing, done = re.split(r"[\r\n]", stream.getvalue().strip())
+    assert drawing.startswith("[##########----------] drawing figures: 50%, elapsed 0:0")
+    assert done.startswith("[####################] done: 100%, elapsed 0:0")
+    assert "remaining" not in done
     assert {len(words) for words in re.split(r"[\r\n]", stream.getvalue())} <= {0, 59}
     assert stream.getvalue().endswith("\n")
 

@@ -75,6 +75,11 @@ class Progress(AbstractContextManager):
                 self.write("\n")
             self.name = None
 
+    def finish(self):
+        """End the line: all is done."""
+        self.name, self.drawn = "done", 1.0
+        self.hide()
+
     def go_on(self, name, sweep):
         """Count what begins next as of the sweep, and show `name` for it."""
         if sweep != self.sweep:
@@ -129,7 +134,7 @@ class Progress(AbstractContextManager):
             is_long = now - self.warming > _LOADING
             name += ", compiling kernels (about 20 s, once)" if is_long else ", loading kernels"
         words = [f"{part:.0%}"] * bool(self.all.begun) + [f"elapsed {minutes(now - self.start)}"]
-        if (remaining := self.remaining()) is not None:
+        if part < 1 and (remaining := self.remaining()) is not None:
             words.append(f"remaining about {minutes(max(1.0, remaining))}")
         line = f"{name}: {', '.join(words)}"
         if not self.is_terminal:

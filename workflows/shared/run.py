@@ -257,7 +257,7 @@ class Run:
             saved, reason = drawn(draw, self.out, name, caption, column=self.column)
             paths += saved
             reasons += [reason] if reason else []
-        self.line.hide()
+        self.line.finish()
         if paths:
             _echo_paths("figures", paths)
         if reasons:
