@@ -157,6 +157,21 @@ def test_a_thread_writes_while_the_driver_is_busy(monkeypatch):
             time.sleep(0.01)
 
 
+def test_a_log_has_a_line_for_each_sweep_that_has_ended():
+    stream = io.StringIO()
+    line = Progress("run", stream, {"one": 4.0}, clock=Clock())
+    line.go_on("sweep 1 of 1, one", "one")
+    line.end_sweep()  # with no tile missing
+    assert stream.getvalue() == ""
+    line.begin(4.0)
+    line.advance(4.0, 4.0, 4.0)
+    line.end_sweep()
+    line.finish()
+    assert stream.getvalue() == (
+        "sweep 1 of 1, one: 100%, elapsed 0:00\ndone: 100%, elapsed 0:00\n"
+    )
+
+
 def test_times_are_as_on_a_clock():
     told = {0.4: "0:00", 29: "0:29", 88: "1:28", 725.2: "12:05", 3599.6: "1:00:00", 3723: "1:02:03"}
     assert {seconds: minutes(seconds) for seconds in told} == told

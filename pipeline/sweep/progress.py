@@ -32,7 +32,8 @@ class _Amounts:
 class Progress(AbstractContextManager):
     """The line of a run, that of `name` at first; on a terminal with a bar, which never goes back.
 
-    On a terminal it is rewritten; in a log there is a new one every ten seconds.
+    On a terminal it is rewritten; in a log there is a new one every ten seconds, and at the end of
+    each sweep.
 
     stream : where to write; None for silence.
     foreseen : {name of a sweep: predicted CPU seconds}.
@@ -86,6 +87,12 @@ class Progress(AbstractContextManager):
             self.foreseen.pop(self.sweep, None)  # it has ended
             self.sweep, self.current = sweep, _Amounts()
         self.show(name)
+
+    def end_sweep(self):
+        """Write a line for the sweep in a log; show that the driver computes."""
+        if self.all.begun and not self.is_terminal:
+            self.write("\n")
+        self.show("computing")
 
     def begin(self, seconds, workers=1):
         """Add tiles of so many predicted CPU seconds, by workers that have no kernels yet."""

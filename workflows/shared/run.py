@@ -193,7 +193,7 @@ class Run:
         number = self.begun.setdefault(name, len(self.begun) + 1)
         self.line.go_on(f"sweep {number} of {len(self.plan)}, {name}", name)
         outcome = sweep(self.client, self.place, job, self.line, wanted)
-        self.line.show("computing")
+        self.line.end_sweep()
         if outcome.failed or outcome.interrupted:
             self.line.hide()
         failed = sorted(outcome.failed.items())
