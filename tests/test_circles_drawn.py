@@ -15,7 +15,6 @@ from nasm.numbers import convergents, parse
 from nasm.planes import three_kicks, two_kicks
 from nasm.symmetries import dominant_centre, ray
 from pipeline.cubes import barrier, breakdown, escape
-from pipeline.cubes.breakdown import answered_by
 from pipeline.cubes.cube import status_code
 from pipeline.sweep.grid import Axis
 from workflows.figures import circle_boundaries, style
@@ -88,8 +87,8 @@ def computed(plane, circles, angles, job=breakdown.by_continuation, effort=1e-4)
 
 def test_where_continuation_does_not_reach_the_tolerance_residues_answer_and_the_point_says_so():
     found = computed(two_kicks(), ["2gamma"], [30.0, 134.722])
-    assert answered_by(found, "continuation").values.tolist() == [[True, False]]
-    assert answered_by(found, "residue").values.tolist() == [[False, True]]
+    assert style.has_flag(found.method, "continuation").values.tolist() == [[True, False]]
+    assert style.has_flag(found.method, "residue").values.tolist() == [[False, True]]
     assert (found.error <= 1e-4).all()
     assert set(found.method.attrs["flag_meanings"].split()) >= {"continuation", "residue"}
     judge(found)
@@ -98,13 +97,13 @@ def test_where_continuation_does_not_reach_the_tolerance_residues_answer_and_the
 def test_where_no_method_answers_there_is_the_status_of_the_first():
     found = computed(two_kicks(), [f"[0;2,{10**9},(1)]"], [0.0])
     assert found.status == status_code(Status.NEARLY_RATIONAL)
-    assert answered_by(found, "continuation")
+    assert style.has_flag(found.method, "continuation")
     assert found.critical_scale.isnull()
 
 
 def test_in_a_plane_with_an_origin_residues_answer_alone():
     found = computed(three_kicks(0.2), ["gamma"], [45.0], breakdown.by_residue, 100)
-    assert answered_by(found, "residue")
+    assert style.has_flag(found.method, "residue")
 
 
 @pytest.mark.slow
@@ -113,7 +112,7 @@ def test_the_main_job_s_circles_are_right_on_all_rays():
     angles = rays.ray_angles(two_kicks(), 181, 8)
     found = computed(two_kicks(), map(str, rays.PAPER_CIRCLES), angles[angles <= 90])
     assert (found.error <= 1e-4).all()
-    assert answered_by(found, "continuation").mean() > 0.7
+    assert style.has_flag(found.method, "continuation").mean() > 0.7
     judge(found)
 
 
@@ -123,7 +122,7 @@ AWAY = 1e-3, 1e-2  # where circles are certified, relative to the breakup; next 
 def judge(found):
     """Compare points by continuation with residues, and find witnesses of the others: a certified
     circle just below, and just above nowhere to go for a circle, by converse KAM."""
-    by_residue = answered_by(found, "residue").values
+    by_residue = style.has_flag(found.method, "residue").values
     for place in np.ndindex(found.critical_scale.shape):
         omega, profile = parse(found.circle.values[place[0]]), ray(found.angle.values[place[1]])
         value, error = (float(found[name].values[place]) for name in ("critical_scale", "error"))

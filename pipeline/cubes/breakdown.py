@@ -125,14 +125,6 @@ def scale_fields(found):
     return cube.fields(found, {key: field for key, (field, _) in _SCALES.items()})
 
 
-def answered_by(dataset, word):
-    """Return where the method of that word in the flags has answered, or says why not: bool."""
-    codes = dict(
-        zip(METHOD_FLAGS["flag_meanings"].split(), METHOD_FLAGS["flag_values"], strict=True)
-    )
-    return dataset.method == codes[word]
-
-
 def scales(found, axes, angles):
     """Return the arrays of critical scales `found`, nested lists, on the rays at those angles."""
     arrays = scale_fields(found)

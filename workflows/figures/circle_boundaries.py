@@ -3,7 +3,6 @@
 import numpy as np
 from matplotlib.lines import Line2D
 
-from pipeline.cubes.breakdown import answered_by
 from workflows.figures import planes, style
 
 
@@ -48,7 +47,7 @@ def circles_found(circles):
     if "tol" in settings:
         reached = f"continuation to an error of {settings['tol']:g}"
         by = {"continuation": reached, "residue": f"{words}, where continuation ends before it"}
-    counts = {word: int(answered_by(drawn, word).sum()) for word in by}
+    counts = {word: int(style.has_flag(drawn.method, word).sum()) for word in by}
     methods = " and ".join(f"{counts[word]} points by {by[word]}" for word in by if counts[word])
     worst = 100 * float((drawn.error / drawn.critical_scale).max())
     error = f"The largest error drawn is {worst:.1g}% of the scale. " if methods else ""
@@ -65,7 +64,7 @@ def draw_tips(residues, circles, barrier):
     figure, tips = style.panels(1, 2, 11, 6.8)
     silent = circles.critical_scale.isnull() | residues.critical_scale.isnull()
     gaps = barrier.sel(angle=circles.angle[silent.any("circle").values], method="nearest")
-    points = style.known(circles.where(answered_by(circles, "continuation")))
+    points = style.known(circles.where(style.has_flag(circles.method, "continuation")))
     for axes, sign in zip(tips, (-1, 1), strict=True):
         planes.fill_inside(axes, barrier)
         draw_circles(axes, residues)
@@ -91,7 +90,7 @@ def draw_tips(residues, circles, barrier):
 
 def tips_caption(residues, circles):
     """Compare the two methods where both have answered."""
-    continued = circles.where(answered_by(circles, "continuation")).critical_scale
+    continued = circles.where(style.has_flag(circles.method, "continuation")).critical_scale
     off = abs(continued / residues.critical_scale - 1)
     return (
         "The cusps: lines by Greene's residue of periods up to "

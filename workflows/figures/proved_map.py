@@ -7,7 +7,7 @@ from matplotlib.colors import ListedColormap
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from workflows.figures.style import COLOURS, outer_legend, panels
+from workflows.figures.style import COLOURS, has_flag, outer_legend, panels
 
 _LEGEND = {
     "open": "0.9",
@@ -43,9 +43,7 @@ def draw_proved_map(cube, triangles, barrier):
 
 def _transport(cube):
     """Return the cells in which transport is proved, (κ2, κ1); half of them by reflection."""
-    flags = cube.proved.attrs
-    code = flags["flag_values"][flags["flag_meanings"].split().index("transport_is_global")]
-    proved = np.triu(cube.proved.values == code)
+    proved = np.triu(has_flag(cube.proved, "transport_is_global"))
     return proved | proved.T
 
 

@@ -339,6 +339,12 @@ def cell(y):
     return (y + 0.25) % 1 - 0.25
 
 
+def has_flag(codes, meaning):
+    """Return where a variable of flags, `status` or `method`, has that meaning: bools."""
+    flags = dict(zip(codes.flag_meanings.split(), codes.flag_values, strict=True))
+    return codes == flags[meaning]
+
+
 def of_family(cube, family):
     """Return the forcings of a family, by their parameter."""
     return cube.isel(forcing=np.flatnonzero(cube.family == family)).sortby("parameter")
