@@ -160,15 +160,16 @@ def test_a_thread_writes_while_the_driver_is_busy(monkeypatch):
 def test_a_log_has_a_line_for_each_sweep_that_has_ended():
     stream = io.StringIO()
     line = Progress("run", stream, {"one": 4.0}, clock=Clock())
-    line.go_on("sweep 1 of 1, one", "one")
-    line.end_sweep()  # with no tile missing
+    line.go_on("sweep 1 of 2, complete", "complete")
+    line.end_sweep()
     assert stream.getvalue() == ""
+    line.go_on("sweep 2 of 2, one", "one")
     line.begin(4.0)
     line.advance(4.0, 4.0, 4.0)
     line.end_sweep()
     line.finish()
     assert stream.getvalue() == (
-        "sweep 1 of 1, one: 100%, elapsed 0:00\ndone: 100%, elapsed 0:00\n"
+        "sweep 2 of 2, one: 100%, elapsed 0:00\ndone: 100%, elapsed 0:00\n"
     )
 
 
