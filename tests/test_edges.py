@@ -15,10 +15,12 @@ from nasm import (
     critical,
     diffusion,
     escape,
+    farey,
     fixed_points,
     manifolds,
     maps,
     numbers,
+    periodic,
     planes,
     proofs,
     self_consistent,
@@ -75,6 +77,7 @@ SLOW = {barriers.boundary, barriers.critical_scale, proofs.bracket.critical_scal
 SLOW |= {proofs.barrier.proved_lower, proofs.transport.prove, proofs.transport.proved_upper}
 SLOW |= {proofs.transport_cells.prove_cell, tori.of_irrational, tori.upper_scale, verdict.verdict}
 SLOW |= {continuation.certified_circle, diffusion.diffusion}
+SEARCHES = {transversal.located, transversal.longest_lived, farey.standing, periodic.crossings}
 
 
 def good(function):
@@ -135,9 +138,17 @@ def kinds_of(value):
             yield small if np.ndim(value) else small[()]
 
 
-@pytest.mark.parametrize(
-    ("function", "name"), [case for case in CASES if case.values[0] not in SLOW]
-)
+def timed(case):
+    """The case, for the slow suite if the function searches."""
+    function, name = case.values
+    searches = "scale" in function.__name__ or function in SEARCHES
+    return pytest.param(function, name, id=case.id, marks=[pytest.mark.slow] if searches else [])
+
+
+ANSWERING = [timed(case) for case in CASES if case.values[0] not in SLOW]
+
+
+@pytest.mark.parametrize(("function", "name"), ANSWERING)
 def test_numbers_of_any_kind_give_what_floats_and_ints_give_or_are_refused(function, name):
     arguments = good(function) | SMALL.get(function, {})
     expected = called(function, arguments)
