@@ -1,5 +1,8 @@
 """Cubes of different rays are joined by plain xarray, and texts stay texts or are missing."""
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -84,3 +87,9 @@ def test_what_is_no_quantity_says_so(opened):
     assert np.isfinite(cube.omega.interp(angle=5.0))  # which is why the comment is needed
     for name in ("omega", "status"):
         assert "do not interpolate" in cube[name].attrs["comment"]
+
+
+def test_every_cell_of_the_notebooks_has_an_id_of_its_own():
+    for path in (Path(__file__).parents[1] / "workflows/examples").glob("*.ipynb"):
+        ids = [cell["id"] for cell in json.loads(path.read_text(encoding="utf-8"))["cells"]]
+        assert len({*ids}) == len(ids) > 3, path
