@@ -112,6 +112,7 @@ class Ladder:
         self.chains = [Chain(profile.size, fraction) for fraction in fractions]
         self._climbed = {} if climbed is None else climbed
         self._latest = {(orbit.chain.p, orbit.chain.q, orbit.kind): orbit for orbit in known}
+        self._scale, self._answers = None, {}
         self._near = _NEAR / np.abs(profile).max(initial=1e-300)
 
     def at(self, n, scale, kind):
@@ -119,6 +120,20 @@ class Ladder:
 
         R is 0 where it cannot be told from 0. LostError if the orbit is not found.
         """
+        # Each is joined from two before it, which are joined in their turn: none twice.
+        if scale != self._scale:
+            self._scale, self._answers = scale, {}
+        if (n, kind) not in self._answers:
+            try:
+                self._answers[n, kind] = self._at(n, scale, kind)
+            except LostError as lost:
+                self._answers[n, kind] = lost
+        answer = self._answers[n, kind]
+        if isinstance(answer, LostError):
+            raise answer
+        return answer
+
+    def _at(self, n, scale, kind):
         p, q = self.chains[n].p, self.chains[n].q
         orbit = self._latest.get((p, q, kind))
         if orbit and abs(scale - orbit.scale) < self._near / q and orbit.move(scale):

@@ -51,7 +51,7 @@ def on_symmetry_lines(kappa, p, q):
 
         def chain(d, n, sine, pi, twice=twice, between=between, strengths=strengths):
             before, at, x = twice / 2 - d, twice / 2 + between * d, []
-            for strength in strengths[:n]:
+            for strength in np.resize(strengths, n):
                 x.append(at)
                 before, at = at, 2 * at - before + strength / (2 * pi) * sine(at)
             return x

@@ -125,8 +125,23 @@ def test_every_short_orbit_is_found_up_to_twice_the_breakup(judge, kicks, n_prof
             judged += 1
             agreed += np.isclose(residue, others, rtol=1e-6).any()
     assert judged > 0.7 * len(cases)
-    # Beyond R = 1 there may be several passes, or one on no symmetry line.
-    assert agreed > 0.95 * judged
+    # Beyond R = 1 there may be several passes, under repeated kicks some on no symmetry line.
+    assert agreed > 0.9 * judged
+
+
+def test_no_orbit_is_joined_twice_at_a_scale(monkeypatch):
+    # Residues of 0 are not followed from scale to scale: each was joined again for each longer one.
+    joined, calls = action.joined, []
+
+    def counted(last, one, chain, kind):
+        calls.append(chain.q)
+        return joined(last, one, chain, kind)
+
+    monkeypatch.setattr(action, "joined", counted)
+    fractions = distinct_convergents(parse("gamma"), 3000)
+    ladder = action.Ladder(np.zeros(2), np.array((0.2, 0.1)), fractions)
+    assert ladder.at(len(fractions) - 1, 1.0, -1).residue < 1e-9
+    assert len(calls) == len(set(calls)) > 3
 
 
 def test_a_lost_orbit_says_why_and_only_long_ones_say_that_circles_are_broken(monkeypatch):
