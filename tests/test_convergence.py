@@ -65,12 +65,12 @@ def test_breakups_are_those_of_the_rays_of_any_plane_from_zero():
 @pytest.mark.slow
 def test_any_profile_is_studied_as_a_ray_of_a_plane(tmp_path, workers):
     (tmp_path / "plane.json").write_text(json.dumps(json.loads(PLANE.record["plane"])))
-    effort = ["--angle", "0", "--n-max", "1000", "--n-orbits", "30"]
+    effort = ["--angle", "0", "--n-max", "10000", "--n-orbits", "30"]
     succeed("convergence", tmp_path, "--plane", str(tmp_path / "plane.json"), *effort, *workers)
     cube = xr.open_zarr(tmp_path / "escape_rays.zarr").load()
     assert not (tmp_path / "convergence_diagonal.zarr").exists()
     breakup = barriers.critical_scale(PROFILE, 1e-3).value
-    onset = escape.onset_scale(PROFILE, 1000, 30) / breakup - 1
+    onset = escape.onset_scale(PROFILE, 10_000, 30) / breakup - 1
     times = cube.escape_time.squeeze()
-    assert times.sel(excess=slice(1.5 * onset, None)).max() <= 1000
-    assert times.sel(excess=slice(None, onset / 1.5)).min() > 1000
+    assert times.sel(excess=slice(1.5 * onset, None)).max() <= 10_000
+    assert times.sel(excess=slice(None, onset / 1.5)).min() > 10_000
