@@ -39,7 +39,6 @@ Aubry & Le Daeron, Physica D 8 (1983) 381; Mather, Comment. Math. Helv. 60 (1985
 
 from fractions import Fraction
 from functools import cached_property
-from math import inf
 
 import numpy as np
 from numba import njit
@@ -86,10 +85,10 @@ class LostError(Exception):
     They exist under any forcing. Long ones are lost far beyond the breakup of the circles near p/q;
     short ones ought to be found, so that their loss says nothing of circles.
 
-    period : int, q.
+    period : int, q; 0 if the loss is not that of one fraction.
     """
 
-    def __init__(self, message, period=inf):
+    def __init__(self, message, period=0):
         super().__init__(message)
         self.period = period
 
