@@ -44,7 +44,7 @@ def draw_half_plane(boundary, barrier, insets):
     _draw_boundaries(plane, boundary, barrier)
     plane.set_ylim(0, None)
     plane.plot([], [], "*", color="black", ms=7, label="the forcings of (b) to (e)")
-    style.outer_legend(above, 4, 2, fontsize=None)
+    style.outer_legend(above, 4, 1, fontsize=None)
     rows, columns = (2, 2) if style.in_column() else (1, 4)
     cells = below.subplots(rows, columns, sharex=True, sharey=True).ravel()
     norm = LogNorm(1, max(2.0, float(insets.visits.max())))
