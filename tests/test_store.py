@@ -523,7 +523,7 @@ def test_an_endpoint_that_is_no_url_is_one_message():
         store.names(store.place_of("s3://cubes/run"))
 
 
-ODD = "ünï λ #1", "100%25", "new\nline", "~", "-x[a]*?", "quote'\"a:b::c"
+ODD = "ünï λ #1", "100%25", "new\nline", "./~", "-x[a]*?", "quote'\"a:b::c"
 
 
 @pytest.mark.parametrize("name", thirds(ODD))
