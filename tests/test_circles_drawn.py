@@ -71,6 +71,13 @@ def test_no_line_and_no_point_is_drawn_where_the_error_is_above_two_percent(name
     assert [*zip(*np.nonzero(~seen), strict=True)] == [DOUBTFUL]
 
 
+def test_a_circle_and_its_image_do_not_look_alike(cubes):
+    image = cubes["circles"].assign_coords(circle=["[0;(1)]", "[0;2,(1)]"])
+    figure = circle_boundaries.draw_circle_boundaries(image, cubes["barrier"])
+    one, other = figure.axes[0].lines
+    assert (one.get_color(), one.get_linestyle()) != (other.get_color(), other.get_linestyle())
+
+
 def test_the_caption_states_the_worst_error_drawn_and_what_is_left_out(cubes):
     said = circle_boundaries.circles_found(cubes["circles"])
     assert "25 points by continuation to an error of 0.0001" in said

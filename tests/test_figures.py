@@ -179,6 +179,7 @@ def draw_under_any_matplotlibrc(out):
     assert len(paths) == 2, reason
 
 
+@pytest.mark.slow
 def test_no_matplotlibrc_changes_a_figure(tmp_path, monkeypatch):
     monkeypatch.setattr(Figure, "savefig", SAVE)
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "0")  # of PDFs

@@ -173,7 +173,7 @@ def test_an_edit_in_a_room_changes_what_a_kernel_computes(tmp_path):
     assert len(list((tmp_path / "cache").glob("kernels-*"))) == 2  # both versions, side by side
 
 
-@pytest.mark.parametrize("is_imported_before", [True, False])
+@pytest.mark.parametrize("is_imported_before", [True, pytest.param(False, marks=pytest.mark.slow)])
 def test_a_process_with_edited_sources_loads_and_keeps_no_kernel_and_says_so_once(
     is_imported_before, tmp_path
 ):

@@ -260,10 +260,10 @@ def test_workers_listen_on_loopback_only_and_to_their_own_driver_alone(client):
     spoke = 0
     for _, port in listening:
         with pytest.raises((OSError, HTTPException)):
-            urlopen(f"http://127.0.0.1:{port}/info/main/workers.html", timeout=10)
+            urlopen(f"http://127.0.0.1:{port}/info/main/workers.html", timeout=5)
         with (
             suppress(OSError),
-            socket.create_connection(("127.0.0.1", port), timeout=10) as other,
+            socket.create_connection(("127.0.0.1", port), timeout=5) as other,
             anyone.wrap_socket(other) as secret,
         ):
             spoke += 1

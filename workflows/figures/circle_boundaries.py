@@ -65,12 +65,12 @@ def draw_tips(residues, circles, barrier):
     silent = circles.critical_scale.isnull() | residues.critical_scale.isnull()
     gaps = barrier.sel(angle=circles.angle[silent.any("circle").values], method="nearest")
     points = style.known(circles.where(style.has_flag(circles.method, "continuation")))
+    looks = _looks(points.circle.values, 1)
     for axes, sign in zip(tips, (-1, 1), strict=True):
         planes.fill_inside(axes, barrier)
         draw_circles(axes, residues)
-        for i, text in enumerate(points.circle.values):
-            look = style.circle_style(text, 1) | {"ls": "", "ms": 3}
-            axes.plot(points.kappa1[i], points.kappa2[i], **look)
+        for i, look in enumerate(looks):
+            axes.plot(points.kappa1[i], points.kappa2[i], **look | {"ls": "", "ms": 3})
         axes.plot(gaps.kappa1, gaps.kappa2, "x", color="black", ms=5)
         ends = sorted((sign * 0.7, sign * 1.0))
         axes.set(xlim=ends, ylim=(0.7, 1.0), aspect="equal")
@@ -78,8 +78,8 @@ def draw_tips(residues, circles, barrier):
         ticks = np.linspace(0.75, 0.95, 3 if style.in_column() else 5).round(2)
         axes.set(xticks=sign * ticks, yticks=ticks)
     marks = [
-        Line2D([], [], ms=4, label=style.omega_label(text), **style.circle_style(text, 1))
-        for text in points.circle.values
+        Line2D([], [], ms=4, label=style.omega_label(text), **look)
+        for text, look in zip(points.circle.values, looks, strict=True)
     ]
     if gaps.angle.size:
         marks.append(Line2D([], [], ls="", marker="x", color="black", label="no answer"))
@@ -105,6 +105,16 @@ def tips_caption(residues, circles):
 def draw_circles(axes, breakdown, **more):
     """Draw the curves of each ω around the plane, where they are known to 2%."""
     (x, y), whole = planes.outline(style.known(breakdown)), planes.whole_of(breakdown)
-    for i, text in enumerate(breakdown.circle.values):
-        look = style.circle_style(text, whole) | {"marker": "", "lw": 1.3} | more
-        axes.plot(x[i], y[i], label=style.omega_label(text), **look)
+    circles = breakdown.circle.values
+    for i, (text, look) in enumerate(zip(circles, _looks(circles, whole), strict=True)):
+        how = look | {"marker": "", "lw": 1.3} | more
+        axes.plot(x[i], y[i], label=style.omega_label(text), **how)
+
+
+def _looks(circles, whole):
+    """Return the style of each circle: that of its class, unless two are of one, as images."""
+    classes = [style.circle_class(text, whole) for text in circles]
+    if len({*classes}) < len(classes):
+        whole, classes = 0, [style.circle_class(text, 0) for text in circles]
+    styles = style.circle_styles(classes, whole)
+    return [styles[text] for text in classes]
