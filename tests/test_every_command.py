@@ -21,10 +21,7 @@ from workflows.shared.run import LONGEST
 HERE = Path(__file__).parent
 RECIPES = HERE.parent / "workflows" / "gallery" / "recipes"
 pytestmark = pytest.mark.slow
-CROWDED = (
-    "critical_boundary",
-    "direct_boundary",
-)  # labels of forcings next to curves; a legend within
+CROWDED = ("direct_boundary",)  # labels of forcings next to curves
 
 
 def test_all_commands_are_run():

@@ -61,7 +61,7 @@ def circles_found(circles):
 def draw_tips(residues, circles, barrier):
     """Draw the cusps at 45° and 135°, Fig. 9: residues as lines, circles where continuation has
     answered as points, rays without an answer as ×."""
-    figure, tips = style.panels(1, 2, 11, 6.8)
+    figure, tips = style.panels(1, 2, 11, 6.2)
     silent = circles.critical_scale.isnull() | residues.critical_scale.isnull()
     gaps = barrier.sel(angle=circles.angle[silent.any("circle").values], method="nearest")
     points = style.known(circles.where(style.has_flag(circles.method, "continuation")))

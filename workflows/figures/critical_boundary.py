@@ -1,5 +1,6 @@
 """The main job's figure: three methods in one plane."""
 
+import numpy as np
 from matplotlib.patches import Patch
 
 from workflows.figures.circle_boundaries import draw_circles
@@ -15,8 +16,8 @@ def draw_critical_boundary(plane, circles, barrier):
     axes = figure.axes[0]  # of the plane
     draw_field(axes, plane)
     draw_circles(axes, circles, lw=0.7)
-    ends = [(float(c.min()), float(c.max())) for c in in_plane(plane)]
-    axes.set(xlim=ends[0], ylim=ends[1])
+    xlim, ylim = (_ends(c.values) for c in in_plane(plane))
+    axes.set(xlim=xlim, ylim=ylim)
     steps = power(plane.attrs["n_max"])
     behind = f"behind it, escape of {int(plane.ensemble[-1])} orbits within ${steps}$ steps"
     join = " " if barrier.angle[-1] <= 180 else "\n"  # of the upper half plane, which is wide
@@ -27,3 +28,9 @@ def draw_critical_boundary(plane, circles, barrier):
     lines += [Patch(facecolor=grey, edgecolor="0.5", label=words) for grey, words in greys.items()]
     outer_legend(figure, 4, 2, "upper", handles=lines, title=title)
     return figure
+
+
+def _ends(centres):
+    """Return the outer edges of the first and the last cell, up to rounding."""
+    half = float(np.ptp(centres)) / max(1, centres.size - 1) / 2
+    return round(float(centres.min()) - half, 9), round(float(centres.max()) + half, 9)
