@@ -26,7 +26,7 @@ def last_barrier(plane, angles, tol, name="barrier"):
     tol : float, the bracket's relative width.
     name : of the cube; another one where a store holds those of several planes.
     """
-    seconds = 0.2 + 3.5e-5 / tol if len(plane.origin) <= 2 else 1 + 5e-4 / tol
+    seconds = 0.1 + 1.8e-5 / tol if len(plane.origin) <= 2 else 1 + 5e-4 / tol
     warm_up = partial(barriers.critical_scale, sum(plane.ray(30.0)), 0.1)
     return job_of_barriers(name, plane, angles, seconds, {"tol": tol}, _compute, warm_up)
 
@@ -64,8 +64,8 @@ def boundary(angles, tol=1e-4, plane=None):
     """Compute CB_gt on rays at any angles: the Dataset of `unfolded`, without workers or a store.
 
     angles : degrees. tol : float, 1e-5 to 0.1, the bracket's relative width. plane : of forcings,
-    `nasm.planes.two_kicks()` by default. A ray that is no image of another one takes 0.25 s of CPU
-    time at 1e-4, and 0.8 s at 2e-5.
+    `nasm.planes.two_kicks()` by default. A ray that is no image of another one takes 0.3 s of CPU
+    time at 1e-4, and 1 s at 2e-5.
     """
     cube = last_barrier(plane or two_kicks(), angles, tol).cube
     filled = cube.filled(_compute({"angle": cube.template.angle.values}, cube.settings))

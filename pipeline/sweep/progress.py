@@ -6,7 +6,8 @@ What remains is estimated from the batches of tiles that have come in:
 
 slowness is wall time over CPU time, which other work on the machine raises. The correction of the
 sweep under way is its CPU time over what was predicted for it; that of later ones is 1. The time
-until a first worker has its kernels is in neither; each later sweep is expected to wait as long.
+until a first worker has its kernels is in neither; each later sweep is expected to wait as long,
+or for the time of loading where the first had to compile them.
 """
 
 import shutil
@@ -130,7 +131,8 @@ class Progress(AbstractContextManager):
         correction = (current.used + trusted) / (current.done + trusted) if predicted else 1.0
         left = correction * (predicted - current.done) + sum(later.values())
         seconds = self.wall / self.all.used * (left / self.workers + self.after)
-        seconds += self.warm_up * sum(amount > 0 for amount in later.values())
+        loading = min(self.warm_up, _LOADING)
+        seconds += loading * sum(amount > 0 for amount in later.values())
         since = self.clock() - self.latest
         return max(seconds - since, seconds / 4)  # what takes longer than expected still takes long
 
