@@ -24,7 +24,7 @@ SMALLEST = {
     "convergence": "--quick --n-max 1000 --n-orbits 10",
     "critical_boundary": f"{PLANE} --levels 2 --tile 2 --angles 3 --tips 0 --tol 0.1",
     "diffusion": "--quick --n-max 8192",
-    "direct_boundary": "--steps 100 --n-orbits 4 --angles 3 --tips 0",
+    "direct_boundary": "--steps 100 --n-orbits 4 --angles 19 --tips 0",
     "escape_plane": PLANE,
     "flux": "--angle 0 --nearest 0.1 --q-max 100",
     "frequencies": "--q-max 2 --frequency 1/3 --frequency 0.41421356237309515 --phases 2",

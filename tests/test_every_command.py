@@ -21,7 +21,6 @@ from workflows.shared.run import LONGEST
 HERE = Path(__file__).parent
 RECIPES = HERE.parent / "workflows" / "gallery" / "recipes"
 pytestmark = pytest.mark.slow
-CROWDED = ("direct_boundary",)  # labels of forcings next to curves
 
 
 def test_all_commands_are_run():
@@ -35,7 +34,7 @@ def run(out, names, runs, *hidden):
     found = json.loads(ended.stdout)
     assert list(found) == list(names)
     for name, (_, told, _, faults) in found.items():
-        assert faults == [] or name in CROWDED, name
+        assert faults == [], name
         assert not re.search(r"\bnan\b|Traceback", told), f"{name}: {told}"
     return found
 

@@ -62,6 +62,17 @@ def test_from_a_tenth_on_what_remains_is_within_a_third(slowness, error, later):
     assert 2 / 3 < min(ratios) <= max(ratios) < 3 / 2
 
 
+def test_what_the_driver_has_done_is_in_the_bar_and_no_longer_remains():
+    clock = Clock()
+    line = Progress("run", None, {"one": 10.0}, after=30.0, clock=clock)
+    line.go_on("one", "one")
+    line.begin(10.0)
+    line.advance(10.0, used=10.0, wall=20.0)
+    assert (line.part(), line.remaining()) == (0.25, 60.0)
+    line.studied(20.0)
+    assert (line.part(), line.remaining()) == (0.75, 20.0)
+
+
 def test_nothing_is_said_to_remain_before_the_first_tile_and_compiling_is_named():
     clock = Clock()
     line = Progress("run", io.StringIO(), {"one": 10.0}, clock=clock)

@@ -115,6 +115,14 @@ class Progress(AbstractContextManager):
             amounts.used += used
         self.wall, self.latest = self.wall + wall, self.clock()
 
+    def studied(self, seconds):
+        """Count so many predicted CPU seconds of the driver's own work as done."""
+        seconds = min(seconds, self.after)
+        self.after -= seconds
+        self.all.begun += seconds
+        self.all.done += seconds
+        self.latest = self.clock()
+
     def part(self):
         """Return the part of the bar that is drawn: of predicted CPU seconds, those done."""
         total = self.all.begun + sum(self.foreseen.values()) + self.after

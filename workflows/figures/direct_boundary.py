@@ -2,11 +2,12 @@
 
 import numpy as np
 from matplotlib.colors import LogNorm
-from matplotlib.patheffects import withStroke
 
 from workflows.figures import style
 from workflows.figures.planes import in_plane, label_plane
 
+# Where the forcings of the panels have their letters, in points: away from the line.
+_PLACES = {"b": (-5, -3), "c": (5, 3), "d": (5, -11), "e": (-5, 3)}
 # The paper's green triangles, red circles and blue squares, in colours that all can tell apart.
 _MARKS = [*zip("^osDv", np.take([*style.COLOURS, style.VERMILION], [2, 7, 0, 4, 5]), strict=True)]
 
@@ -53,9 +54,8 @@ def draw_half_plane(boundary, barrier, insets):
         shown = _draw_cell(axes, insets.isel(forcing=i), norm)
         forcing = [float(insets[name][i]) for name in ("kappa1", "kappa2")]
         plane.plot(*forcing, "*", color="black", ms=4 if style.in_column() else 7, zorder=5)
-        side = {"textcoords": "offset points", "ha": "right" if letter in "bd" else "left"}
-        side["path_effects"] = [withStroke(linewidth=2, foreground="white")]
-        at = (-5 if letter in "bd" else 5, -3)  # pairs are close
+        at = _PLACES[letter]
+        side = {"textcoords": "offset points", "ha": "right" if at[0] < 0 else "left"}
         plane.annotate(f"({letter})", forcing, at, fontsize="small", zorder=5, **side)
     where = {"location": "bottom", "aspect": 40} if style.in_column() else {"aspect": 15}
     below.colorbar(shown, ax=cells, label="visits", **where)

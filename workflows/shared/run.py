@@ -95,7 +95,7 @@ class Run:
         self.figures, self.column = {}, column
         self.place, self.cluster, self.dry, self.shorter = place, cluster, dry, shorter
         self.client, self.started = None, False
-        self.plan, self.begun = {}, {}
+        self.plan, self.begun, self.studies = {}, {}, {}
 
     @contextmanager
     def driving(self, *studies):
@@ -105,7 +105,8 @@ class Run:
         studies : what is computed without sweeps, (Cube as `kept` takes it, CPU seconds, about).
         """
         with explained(self.place):
-            seconds = sum(cost for cube, cost in studies if not self.holds(cube))
+            self.studies = {cube.name: cost for cube, cost in studies if not self.holds(cube)}
+            seconds = sum(self.studies.values())
             self._announce(seconds)
             with store.driving(self.place):
                 self.started = True
@@ -235,6 +236,7 @@ class Run:
         if not self.holds(cube, *parts):
             filled = replace(cube, template=compute().assign_attrs(studied_by=_CODE["studied_by"]))
             store.replace(self.place, filled, store.COMPUTED_BY)
+            self.line.studied(self.studies.get(cube.name, 0))
         self.note("cubes", self.place.cube(cube.name))
         return store.read(self.place, cube.name).load()
 
