@@ -67,9 +67,9 @@ def critical_scale(omega, profile, tol=1e-6):
     tol : float, the error to aim at.
 
     Returns CriticalScale. lower : the scale of the certified circle. upper : NaN.
-    error : the spread of the last estimates, or the change made by the third scale if that is
-    larger, plus the change made by the highest modes. It may exceed tol. Near a forcing
-    of a shorter period it contains the depth to which the boundary falls there, as long as the
+    error : the spread of the last estimates and their last change, or the change made by the third
+    scale if that is larger, plus the change made by the highest modes. It may exceed tol. Near a
+    forcing of a shorter period it contains the depth to which the boundary falls there, as long as the
     circles met so far cannot tell. It is three times the way from the last circle where M has not
     run over Λ² yet, and a fifth of that way or more where δ is not known for the tail of ω. Without
     an estimate, or with an error as large as the value, both are NaN, as where a large quotient
@@ -192,7 +192,8 @@ def _walk(omega, profile, tol):
         step = min(2 * (at - path[-2][0]), part * way)
         if own_error < inf:
             values = [*values, value][-window:] if error < way else []
-            error = max(error, np.ptp(values) if len(values) == window else way)
+            is_spread = len(values) == window
+            error = max(error, np.ptp(values) + abs(values[-1] - values[-2]) if is_spread else way)
             # What the circles met so far cannot know of: 0.8 to 1.1 of it were found by residues.
             drops = value * cusps
             error += drops.max(where=drops < _DROPS * delta * way, initial=0.0)
