@@ -69,12 +69,12 @@ def critical_scale(omega, profile, tol=1e-6):
     Returns CriticalScale. lower : the scale of the certified circle. upper : NaN.
     error : the spread of the last estimates and their last change, or the change made by the third
     scale if that is larger, plus the change made by the highest modes. It may exceed tol. Near a
-    forcing of a shorter period it contains the depth to which the boundary falls there, as long as the
-    circles met so far cannot tell. It is three times the way from the last circle where M has not
-    run over Λ² yet, and a fifth of that way or more where δ is not known for the tail of ω. Without
-    an estimate, or with an error as large as the value, both are NaN, as where a large quotient
-    hides the tail from all circles that have modes enough; lower is what was certified all the
-    same. Status UNDECIDED where residues say that the circle is still there beyond the value.
+    forcing of a shorter period it contains the depth to which the boundary falls there, as long as
+    the circles met so far cannot tell. It is three times the way from the last circle where M has
+    not run over Λ² yet, and a fifth of that way or more where δ is not known for the tail of ω.
+    Without an estimate, or with an error as large as the value, both are NaN, as where a large
+    quotient hides the tail from all circles that have modes enough; lower is what was certified all
+    the same. Status UNDECIDED where residues say that the circle is still there beyond the value.
 
     ValueError if profile is zero or tiny or tol not positive and finite.
     """
