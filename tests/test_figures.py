@@ -252,7 +252,7 @@ def test_ask_answers_where_its_portrait_cannot_be_drawn(tmp_path, monkeypatch):
 def wrong_figure():
     figure, (left, right) = style.panels(1, 2, 8, 3)
     left.plot([0, 1, 2], [0, 1, 0], "o", label="one")
-    left.plot([0, 3], [0, 2], "o", clip_on=True)
+    left.plot([0, 3], [0, 2], "o-")
     left.set(xlim=(0, 2), ylim=(0, None))
     left.text(1, 1, "on a point", ha="center", va="center")
     left.text(1, 1, "twice", ha="center", va="center")

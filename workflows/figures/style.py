@@ -219,10 +219,16 @@ def finish(figure):
 
 
 def _show_whole_markers(figure):
-    """Let no marker be cut by an axis where all points of a line lie in what is shown."""
+    """Let no marker be cut by an axis; points outside what is shown are dropped for that."""
     for axes in figure.axes:
         for line in axes.lines:
-            if line.get_transform() == axes.transData and _is_within(axes, *line.get_data()):
+            if line.get_transform() != axes.transData:
+                continue
+            x, y, shown = _within(axes, *line.get_data())
+            if shown.any() and line.get_linestyle() == "None":
+                line.set_data(x[shown], y[shown])
+                line.set_clip_on(False)
+            elif shown.any() and (shown | ~np.isfinite(x + y)).all():
                 line.set_clip_on(False)
 
 
@@ -248,14 +254,11 @@ def frame(figure):
     return Bbox.from_extents(0, box.y0, COLUMN, box.y1) if in_column() else box
 
 
-def _is_within(axes, x, y):
-    """Whether there are points, and all of them lie in the part of the plane that is shown."""
-    shown = []
-    for values, ends in ((x, axes.get_xlim()), (y, axes.get_ylim())):
-        values = np.asarray(values, dtype=float)
-        values = values[np.isfinite(values)]
-        shown.append((values >= min(ends)) & (values <= max(ends)))
-    return all(each.size and each.all() for each in shown)
+def _within(axes, x, y):
+    """Return the coordinates of points as floats, and which lie in the part of the plane shown."""
+    x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
+    (left, right), (low, high) = np.sort(axes.get_xlim()), np.sort(axes.get_ylim())
+    return x, y, (left <= x) & (x <= right) & (low <= y) & (y <= high)
 
 
 def letter(figure):
