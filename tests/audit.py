@@ -8,9 +8,9 @@ import types
 from dataclasses import dataclass
 from functools import cache
 from itertools import combinations_with_replacement
-from unittest.mock import patch
 
 import numpy as np
+import pytest
 from flint import arb, ctx, fmpq
 from numba import njit
 
@@ -37,7 +37,8 @@ def changed(source, changes):
 def mutant(module, *changes):
     """The module with changes of its source."""
     other = types.ModuleType("mutant")
-    with patch.dict(sys.modules, mutant=other):  # where dataclasses look for it
+    with pytest.MonkeyPatch.context() as patch:  # of one key: what is imported meanwhile stays
+        patch.setitem(sys.modules, "mutant", other)  # where dataclasses look for it
         exec(changed(inspect.getsource(module), changes), vars(other))
     return other
 

@@ -1,6 +1,7 @@
 """The flux through the last circle beyond its breakup, and how it deviates from its law."""
 
 import numpy as np
+from matplotlib.ticker import NullFormatter
 
 from workflows.figures.style import circle_class, circle_style, key, outer_legend, panels
 
@@ -34,6 +35,7 @@ def draw_flux(fluxes, fits):
     divided.set_ylabel(rf"$\Delta W / x^{{{eta:.4f}}}$")
     for axes in (whole, divided):
         axes.set(xscale="log", xlabel=r"distance beyond the breakup, $x = s/s_c - 1$")
+        axes.xaxis.set_minor_formatter(NullFormatter())
         axes.grid(lw=0.3)
     return figure
 
