@@ -38,11 +38,6 @@ _FLAG_OF = {  # CriticalScale.method: its word in the flags of the variable `met
     periodic.METHOD: "residue",
     escape.METHOD: "direct_iteration",
 }
-METHOD_FLAGS = {
-    "comment": cube.NO_MEAN,
-    "flag_values": [cube.NOT_COMPUTED, *range(1, 1 + len(_FLAG_OF))],
-    "flag_meanings": " ".join(["not_computed", *_FLAG_OF.values()]),
-}
 
 
 def continued_or_by_residue(omega, profile, tol, q_max):
@@ -74,7 +69,7 @@ def by_continuation(plane, omegas, angles, tol, q_max=6000):
     q_max. ValueError if the plane has an origin."""
     plane.rays_start_at_zero(continuation.METHOD)
     settings = {"method": _CONTINUED, "tol": tol, "q_max": q_max}
-    # A sixth of the main job's rays need residues, and nearly all of them below.
+    # A fifth of the main job's rays need residues; with a smaller tol nearly all do.
     seconds = 0.03 if tol >= 1e-4 else 0.1
     return _job("breakdown", plane, _circles(omegas), angles, seconds, settings)
 
@@ -146,7 +141,7 @@ def _job(name, plane, rows, angles, seconds, settings):
     warm_up = partial(_compute, one, settings | _METHODS[settings["method"]][1])
     on = {**rows, "angle": cube.angles_of_rays(angles)}
     words = "what has answered, or says why there is no answer"
-    more = {"method": blank(on, words, np.int8(0), **METHOD_FLAGS)}
+    more = {"method": blank(on, words, np.int8(0), **cube.flags(_FLAG_OF.values()))}
     how = seconds, settings, _compute, warm_up, "Breakup of circles", more
     return job_on_rays(name, plane.axes, rows, angles, *how)
 

@@ -135,12 +135,19 @@ def blank(coords, long_name, fill=np.nan, **attrs):
 NOT_COMPUTED = -128  # the least int8; a lost or missing chunk of the store reads as that, too
 _STATUSES = list(Status)
 NO_MEAN = "not a quantity: do not interpolate or average it"
-# CF attributes of every variable of status, in sweeps and studies.
-FLAGS = {
-    "comment": NO_MEAN,
-    "flag_values": [NOT_COMPUTED, *range(1, 1 + len(_STATUSES))],
-    "flag_meanings": " ".join(["not_computed", *(status.name.lower() for status in _STATUSES)]),
-}
+
+
+def flags(meanings):
+    """Return the CF attributes of a variable of codes: 1, 2, … for the meanings, in their order."""
+    return {
+        "comment": NO_MEAN,
+        "flag_values": [NOT_COMPUTED, *range(1, 1 + len(meanings))],
+        "flag_meanings": " ".join(["not_computed", *meanings]),
+    }
+
+
+FLAGS = flags([status.name.lower() for status in _STATUSES])
+"""Those of every variable of status, in sweeps and studies."""
 # What a code means is part of what decides the numbers.
 STATUS_SETTING = {"statuses": FLAGS["flag_meanings"].split()[1:]}
 

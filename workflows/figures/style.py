@@ -282,8 +282,12 @@ def known(breakdown):
     """Drop the points whose claimed error is beyond 2% of the scale, with their places in the
     plane, which are coordinates: gaps in the curves drawn."""
     sharp = breakdown.error < 0.02 * breakdown.critical_scale
-    places = {name: c.where(sharp) for name, c in breakdown.coords.items() if c.dims == sharp.dims}
-    return breakdown.where(sharp).assign_coords({k: c for k, c in places.items() if k != "angle"})
+    places = {
+        name: place.where(sharp)
+        for name, place in breakdown.coords.items()
+        if place.dims == sharp.dims and name not in sharp.dims
+    }
+    return breakdown.where(sharp).assign_coords(places)
 
 
 @cache

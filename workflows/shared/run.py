@@ -222,9 +222,12 @@ class Run:
         here = self.check(cube)
         if any(here.get(name) != by for name, by in _CODE.items()):
             return False
-        known = [state for state in store.status(self.place) if not state.damage]
-        done = {state.name for state in known if state.done >= state.tiles}
-        return done.issuperset(parts) and not any(store.verify(self.place, cube.name))
+        if parts:  # else the store need not be listed
+            known = [state for state in store.status(self.place) if not state.damage]
+            done = {state.name for state in known if state.done >= state.tiles}
+            if not done.issuperset(parts):
+                return False
+        return not any(store.verify(self.place, cube.name))
 
     def kept(self, cube, compute, *parts):
         """Return a cube that no sweep computes, as a Dataset: as the place `holds` it, or else
