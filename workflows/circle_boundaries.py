@@ -32,13 +32,7 @@ _TOL = "Error to aim at; where continuation does not reach it, residues answer."
 @several("--omega", None, parse_omega, "OMEGA", _OMEGA)
 @plane_option
 @ray_options(361)
-@real(
-    "--tol",
-    1e-4,
-    1e-7,
-    0.1,
-    "Error to aim at by continuation; residues answer where it does not reach that.",
-)
+@real("--tol", 1e-4, 1e-7, 0.1, _TOL)
 @whole("--q-max", 6000, 10, 10**6, "Longest period of the orbits of the residue method.")
 @sweeps
 def main(run, omega, plane, angles, tips, tol, q_max):
