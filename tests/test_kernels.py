@@ -144,6 +144,56 @@ def test_where_no_kernel_can_be_kept_it_is_compiled_and_none_is_said_to_be_missi
     assert not kernels.are_missing()
 
 
+def loosen(path, mode):
+    """Let others write the file or directory, or give it to another user."""
+    if mode is None:
+        os.chown(path, 54321, -1)
+    else:
+        os.chmod(path, path.stat().st_mode | mode)
+
+
+OTHERS = [0o020, 0o002]
+if os.geteuid() == 0:  # who may give a file to somebody else
+    OTHERS.append(None)
+
+
+@pytest.mark.parametrize("mode", OTHERS)
+def test_a_directory_of_kernels_that_others_can_write_is_not_used_which_is_said_once(
+    half, kept, mode
+):
+    directory, at = kept
+    assert directory.stat().st_mode & 0o777 == 0o700
+    half(5.0)
+    loosen(directory, mode)
+    with pytest.warns(RuntimeWarning, match="set NUMBA_CACHE_DIR") as told:
+        assert at(directory.parent) is None
+    files = {path.name for path in directory.iterdir()}
+    assert [half(5, 5.0) for _ in range(2)] == [(2.5, 2.5, 0)] * 2
+    assert len(told) == 1
+    assert {path.name for path in directory.iterdir()} == files
+    assert not kernels.are_missing()
+
+
+@pytest.mark.parametrize("mode", OTHERS)
+@pytest.mark.parametrize("suffix", ["nbc", "nbi"])
+def test_a_file_of_a_kernel_that_others_can_write_is_not_loaded(half, kept, suffix, mode):
+    half(5.0)
+    for file in kept[0].glob(f"*.{suffix}"):
+        loosen(file, mode)
+    assert half(5.0) == (2.5, 0)
+    assert half(5.0) == (2.5, 1)  # by files of our own in their place
+
+
+def test_kernels_are_written_by_this_user_alone_whatever_the_umask(half, kept):
+    umask = os.umask(0)
+    try:
+        half(5.0)
+    finally:
+        os.umask(umask)
+    modes = {file.stat().st_mode & 0o777 for file in kept[0].glob("*.nb?")}
+    assert modes == {0o600}
+
+
 def test_kernels_of_other_versions_are_deleted_when_they_are_a_month_old(kept, tmp_path):
     names = {"old": "kernels-0000000000000000", "young": "kernels-1111111111111111"}
     for name in (*names.values(), "of_others"):

@@ -13,7 +13,8 @@
 - *No harm.* Where nothing can be written or read, on a full disk, or from a damaged file, a kernel
   is compiled as if there were no cache; from a directory that cannot be written kernels are read.
   Each file ends with a digest of its content: machine code with one bit changed would crash every
-  process that loads it.
+  process that loads it. A kernel runs with the rights of who loads it: neither a directory nor a
+  file is used that belongs to somebody else than this user or root, or that others can write.
 
 The directory is in NUMBA_CACHE_DIR if that is set, else in the user's folder of caches. Only
 functions that Python calls are kernels; what they call is compiled into them (`njit` alone).
@@ -24,10 +25,11 @@ import os
 import pickle
 import secrets
 import shutil
+import stat
 import sys
 import time
 import warnings
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from functools import cache, partial
 from importlib import import_module
 from importlib.metadata import version
@@ -78,18 +80,34 @@ def begin_without_scipy():
 
 @cache
 def directory():
-    """The directory of the kernels of these sources, made if need be; None if it cannot be."""
+    """The directory of the kernels of these sources, made if need be; None if it cannot be, or if
+    others than this user can write it, which is said once."""
     digest = sources.digest()
     digest.update(version("rocket-fft").encode())
     root = Path(config.CACHE_DIR or AppDirs("nasm", appauthor=False).user_cache_dir)
     path = root / f"kernels-{digest.hexdigest()[:16]}"
     with suppress(OSError):
-        path.mkdir(parents=True, exist_ok=True)
+        path.mkdir(mode=0o700, parents=True, exist_ok=True)
         os.utime(path)
         for other in root.glob("kernels-" + "?" * 16):
             if other.stat().st_mtime < time.time() - _UNUSED:
                 shutil.rmtree(other, ignore_errors=True)
-    return path if os.path.isdir(path) else None
+    if not path.is_dir():
+        return None
+    if not _is_trusted(path.stat()):
+        warnings.warn(
+            f"compiled kernels are neither loaded from {path} nor kept there, as it belongs to "
+            "somebody else, or others can write it; set NUMBA_CACHE_DIR to a directory of your own",
+            RuntimeWarning,
+            stacklevel=2,
+        )
+        return None
+    return path
+
+
+def _is_trusted(file):
+    """Whether the file or directory with this stat is written by nobody but this user or root."""
+    return file.st_uid in (os.geteuid(), 0) and not file.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
 
 
 def are_missing():
@@ -145,6 +163,12 @@ class _Files(IndexDataCacheFile):
         data = super()._dump(obj)
         return data + hashlib.sha256(data).digest()
 
+    @contextmanager
+    def _open_for_write(self, path):
+        with super()._open_for_write(path) as file:
+            os.fchmod(file.fileno(), 0o600)  # whatever the umask is
+            yield file
+
     def _load_index(self):
         if os.path.exists(self._index_path):
             _check(self._index_path, len(pickle.dumps(self._version, protocol=-1)))
@@ -156,8 +180,12 @@ class _Files(IndexDataCacheFile):
 
 
 def _check(path, start=0):
-    """OSError unless the file from `start` on ends with the digest of what is before it."""
-    content = Path(path).read_bytes()[start:]
+    """OSError unless the file is this user's and, from `start` on, ends with the digest of what is
+    before it."""
+    with open(path, "rb") as file:
+        if not _is_trusted(os.fstat(file.fileno())):
+            raise OSError(f"others than this user can write {path}")
+        content = file.read()[start:]
     if hashlib.sha256(content[:-32]).digest() != content[-32:]:
         raise OSError(f"{path} is damaged")
 
