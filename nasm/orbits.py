@@ -9,6 +9,8 @@ regular motion from chaos, no more: an orbit in an island is regular too, and ju
 breakup a cantorus may look regular for longer than the average lasts.
 """
 
+from math import exp, log10
+
 import numpy as np
 
 from nasm.arithmetic.kernels import kernel
@@ -105,16 +107,20 @@ def rotation_number(kappa, x, y, n):
     weights = bump(n // 2 * 2), bump(n // 2)
     whole, first, second = _weighted_averages(strengths, x.ravel(), y.ravel(), *weights)
     apart = np.ptp([whole, first, second], axis=0)
-    digits = -np.log10(np.maximum(apart, max(1.5e-14, 3e-16 * n**0.5)))
+    rounding = max(1.5e-14, 3e-16 * n**0.5)
+    digits = np.array([-log10(max(difference, rounding)) for difference in apart.tolist()])
     omega = np.where(digits >= REGULAR_DIGITS, whole, np.nan)
     return omega.reshape(x.shape), digits.reshape(x.shape)
 
 
+@kernel
 def bump(n):
     """w(t/n), t = 0, …, n - 1, of sum 1; all derivatives vanish at both ends."""
-    s = np.arange(1, n) / n
-    w = np.exp(-1 / (s * (1 - s)))
-    return np.append(0.0, w / w.sum())
+    w = np.zeros(n)
+    for t in range(1, n):
+        s = t / n
+        w[t] = exp(-1 / (s * (1 - s)))
+    return w / w.sum()
 
 
 @kernel

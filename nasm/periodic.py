@@ -355,7 +355,7 @@ def torus_scale(omega, frequency, mean, amplitude):
     def excess(scale, level):
         if not all(orbit.move(scale) for orbit in orbits):
             raise LostError(f"an orbit of {omega} cannot be followed to s = {scale}")
-        return np.log(max(1e-300, *(abs(orbit.residue) for orbit in orbits)) / level)
+        return log(max(1e-300, *(abs(orbit.residue) for orbit in orbits)) / level)
 
     scales = []
     try:

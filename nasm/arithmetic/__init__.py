@@ -10,4 +10,5 @@ __getattr__, __dir__ = face(
     double_double="",
     memory="keep_freed_memory",
     roots="root",
+    reproducible="",
 )

@@ -23,6 +23,7 @@ from math import ceil, exp, inf, log, nan, sqrt
 
 import numpy as np
 
+from nasm.arithmetic.reproducible import geometric, powers
 from nasm.checks import positive, real
 from nasm.circles import fourier, newton
 from nasm.critical import CriticalScale, Status, no_answer
@@ -49,6 +50,7 @@ _ROUNDS = 50  # of the fixed point iteration for s_c, which needs 5 to 20
 _PARTS = np.array([0.85, 1.0])  # of the modes that a circle has
 _TWO_SCALES = 3  # the error of two scales, in parts of the way from the last circle: 2.3 was met
 _DELTA_UNKNOWN = 0.2  # the least error without δ, in parts of that way
+_LARGEST_POWER = 700.0  # of e that is a float
 _BEYOND = 0.005  # of the value: where residues of orbits up to 3000 look for the circle
 _DROPS = 4  # times the way from the second of three circles: up to it, a cusp's depth is unseen
 
@@ -124,7 +126,7 @@ def certified_circle(omega, profile, breakup, distance, start=None):
     """
     start, profile = segment(start, profile)
     breakup, distance = real("breakup", breakup), real("distance", distance, 1e-6, 0.5)
-    distances = np.geomspace(0.5, distance, 1 + max(1, ceil(log(2 * distance) / log(0.3))))
+    distances = geometric(0.5, distance, 1 + max(1, ceil(log(2 * distance) / log(0.3))))
     path = _begun(omega, start)
 
     def near(d, n_modes):
@@ -160,7 +162,9 @@ def fineness(u, last=-1):
     last : the highest mode that counts, or several, for an array of M; default all.
     """
     power = np.sum(np.abs(np.fft.rfft(u)) ** 2, axis=0)
-    third, second = (power * np.arange(power.size, dtype=float) ** k for k in (6, 4))
+    squares = np.arange(power.size, dtype=float) ** 2
+    second = power * squares**2
+    third = second * squares
     return TWO_PI * np.sqrt(np.cumsum(third)[last] / np.cumsum(second)[last])
 
 
@@ -171,8 +175,8 @@ def _walk(omega, profile, tol):
     part = 1 - 1 / delta if growth < 2 else 0.25
     # As many circles as s_c - s takes to shrink by δ, and M to run through its oscillation.
     window = max(3, 1 + round(log(delta) / -log(1 - part)))
-    cusps = distances_to_shorter(profile) ** CUSP_EXPONENT
-    path, finest, values = [(0.0, np.zeros((profile.size, newton.N_FIRST)))], [], []
+    cusps = powers(distances_to_shorter(profile), CUSP_EXPONENT)
+    path, logarithms, values = [(0.0, np.zeros((profile.size, newton.N_FIRST)))], [], []
     value, error, step, status = nan, inf, 0.1 / np.abs(profile).max(), Status.OK
     # Below a relative step of 1e-14 the norms cannot tell the circle from the breakup.
     while error > tol and len(path) < _MOST_CIRCLES and step > 1e-14 * path[-1][0]:
@@ -181,8 +185,9 @@ def _walk(omega, profile, tol):
             break
         path.append((at, u))
         # By 85% of the modes and by all: they differ where the last ones are not resolved.
-        finest.append(fineness(u, (_PARTS * fourier.cut(omega, u.shape[-1])).astype(int)))
-        scales, log_m = np.array([scale for scale, _ in path[1:]]), np.log(finest).T[::-1]
+        finest = fineness(u, (_PARTS * fourier.cut(omega, u.shape[-1])).astype(int))
+        logarithms.append([log(m) for m in finest])
+        scales, log_m = np.array([scale for scale, _ in path[1:]]), np.array(logarithms).T[::-1]
         found, own_error = _estimate(omega, scales, log_m, growth, delta)
         if own_error == inf and value > at:  # the estimate before still stands
             error, values = max(error, _TWO_SCALES * (value - at)), []
@@ -247,14 +252,18 @@ def _extrapolation(scales, log_m, growth, delta, order):
     The rule needs the scales at M, M/Λ, …, which are interpolated in log(s_c - s).
     """
     at = [log_m[-1] - k * log(growth) for k in range(1, order + 1)]
-    weights = np.array([_interpolation(log_m, x) for x in at])
+    starts, weights = zip(*(_interpolation(log_m, x) for x in at), strict=True)
+    weights = np.array(weights)
+    nodes = [scales[start : start + 4].tolist() for start in starts]
     value = scales[-1] + _straight_way(scales, log_m, growth, delta)
     for _ in range(_ROUNDS):
         # Beyond 10 times the last scale, or by wild weights, there is nothing to be found.
         if not scales[-1] < value < 10 * scales[-1] or np.abs(weights).sum() > 100:
             break
         guess = value
-        column = [scales[-1], *(guess - np.exp(weights @ np.log(guess - scales)))]
+        # In this order of additions on every processor, which a matrix product is not.
+        gaps = (weights * np.array([[log(guess - x) for x in row] for row in nodes])).sum(axis=1)
+        column = [scales[-1], *(guess - exp(min(gap, _LARGEST_POWER)) for gap in gaps.tolist())]
         for power in range(1, order + 1):
             lower_order = column[0]
             column = [a + (a - b) / (delta**power - 1) for a, b in pairwise(column)]
@@ -273,18 +282,16 @@ def _straight_way(scales, log_m, growth, delta):
 
 
 def _interpolation(x, at):
-    """Weights w: w @ y is the cubic through those four of the points (x, y) around `at`, there."""
-    start = min(max(np.searchsorted(x, at) - 2, 0), x.size - 4)
-    weights = np.zeros(x.size)
-    weights[start : start + 4] = newton.lagrange(x[start : start + 4], at)
-    return weights
+    """The first of four points around `at`, and the weights of their values in the cubic there."""
+    start = min(max(int(np.searchsorted(x, at)) - 2, 0), x.size - 4)
+    return start, newton.lagrange(x[start : start + 4].tolist(), at)
 
 
 def _scaling(tail):
     """Λ and δ of a tail; where δ is not known, δ = Λ, as ν is 0.987 to 1.04 for the ten tried."""
-    matrix = np.eye(2)
-    for b in tail:
-        matrix = matrix @ np.array([[b, 1.0], [1.0, 0.0]])
-    trace, determinant = np.trace(matrix), (-1) ** len(tail)
+    (a, b), (c, d) = (1.0, 0.0), (0.0, 1.0)
+    for quotient in tail:  # times the matrix [[quotient, 1], [1, 0]]
+        (a, b), (c, d) = (a * quotient + b, a), (c * quotient + d, c)
+    trace, determinant = a + d, (-1) ** len(tail)
     growth = (trace + sqrt(trace**2 - 4 * determinant)) / 2
     return growth, UNSTABLE.get(tail, growth)

@@ -40,6 +40,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache, partial
+from math import log
 
 import numpy as np
 from numba import njit
@@ -175,7 +176,7 @@ def located(profile, n_max, start=None, n_sites=_SITES):
         if not 0 < upper < np.inf:
             return upper, None
     unit = np.abs(start + upper * profile).max() / size
-    for left in range(int(np.log(n_max / 30) / np.log(4)), -1, -1):
+    for left in range(int(log(n_max / 30, 4)), -1, -1):
         n_steps, survived = n_max // 4**left, None
         while survived is None or upper - survived > _NARROW / n_steps * unit:
             scale = max(upper - share * unit, 0) if survived is None else (upper + survived) / 2

@@ -94,7 +94,8 @@ def _regular(kappa):
     times = sequence.elimination_time(kappa, 0.0, survivor.site, x, y)
     ahead, left = kappa[survivor.site :][:_AVERAGED], np.isinf(times)
     steps = np.diff(orbit(ahead, x[left], y[left], ahead.size, 1)[0], axis=0)
-    whole, half = (bump(n) @ steps[:n] for n in (len(steps), len(steps) // 2))
+    sizes = len(steps), len(steps) // 2
+    whole, half = ((bump(n)[:, None] * steps[:n]).sum(axis=0) for n in sizes)
     apart = np.abs(whole - half)
     order = [i for i in np.argsort(apart) if apart[i] < _REGULAR]
     return [abs(whole[i] - np.rint(whole[i])) for i in order]

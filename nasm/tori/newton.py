@@ -30,7 +30,8 @@ is max (h⁻¹)' = 1/min h_θ; from it `critical_scale` takes the breakup, and f
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import lru_cache
-from math import inf, isfinite, nan
+from itertools import pairwise
+from math import inf, isfinite, log, nan
 
 import numpy as np
 from numba import njit
@@ -272,14 +273,17 @@ def _walk(vector, profile, tol):
 
 def _breakup(scales, slopes):
     """Fit min h_θ = a·(s_c - s)^p through three tori; return s_c, NaN if there is no such fit."""
-    (first, second, third), steps = scales, -np.diff(np.log(slopes))
+    _, second, third = scales
+    near, far = third + 1e-9 * (third - second), third + 100 * (third - scales[0])
+    if not (near > third and all(slope > 0 for slope in slopes)):
+        return nan
+    steps = [log(before / after) for before, after in pairwise(slopes)]
 
     def excess(value):
-        gaps = np.log(value - np.array([first, second, third]))
+        gaps = [log(value - scale) for scale in scales]
         return steps[0] * (gaps[1] - gaps[2]) - steps[1] * (gaps[0] - gaps[1])
 
-    near, far = third + 1e-9 * (third - second), third + 100 * (third - first)
-    if not (steps > 0).all() or not excess(near) > 0 > excess(far):
+    if not min(steps) > 0 or not excess(near) > 0 > excess(far):
         return nan
     return root(excess, near, far)
 

@@ -3,6 +3,7 @@
 import numpy as np
 
 from nasm import barriers
+from nasm.arithmetic.reproducible import geometric
 from nasm.planes import rotating, two_kicks
 from nasm.symmetries import ray
 from pipeline.cubes import breakdown, rotating_maps
@@ -34,7 +35,7 @@ _THREE = {phase: rotating("1/3", phase) for phase in ("0", "1/24", "1/12")}
 def planned(angles, tips, tol, n_max, n_orbits):
     """Return the jobs of all sweeps, {name: job}, and the rays of the plane."""
     around = np.arange(0, 180 + _STEP, _STEP)
-    spread = np.linspace(0, 45, angles), 45 - np.geomspace(5, 0.01, tips)  # degrees below the cusp
+    spread = np.linspace(0, 45, angles), 45 - geometric(5, 0.01, tips)  # degrees below the cusp
     rays = np.unique(np.concatenate([*spread, around]).round(9))
     cusp = {45.0: float(barriers.critical_scale(ray(45.0), 1e-3).value)}
     return {

@@ -18,6 +18,7 @@ from workflows.shared.cli import command, flag, sweeps, whole
 def main(run, orbits, n_max, quick):
     import numpy as np
 
+    from nasm.arithmetic.reproducible import geometric
     from nasm.planes import two_kicks
     from pipeline.cubes import beyond
     from pipeline.cubes.barrier import last_barrier, unfolded
@@ -26,7 +27,7 @@ def main(run, orbits, n_max, quick):
 
     n_max, plane = min(n_max, 2**18) if quick else n_max, two_kicks()
     angles = np.array([0.0, 12, 30, 45]) if quick else np.r_[0:45:2.0, 44.6, 45]
-    excesses = np.geomspace(0.05, 3.2, 8 if quick else 16)
+    excesses = geometric(0.05, 3.2, 8 if quick else 16)
     last = last_barrier(plane, angles, 1e-3)
 
     def jobs(scales, circles):

@@ -8,7 +8,7 @@ Two cubes, two tables and a figure in OUT. Distances beyond the breakup go up to
 take a minute on two cores.
 """
 
-from math import ceil
+from math import ceil, log10
 
 from workflows.shared.cli import command, real, sweeps, whole
 
@@ -21,6 +21,7 @@ from workflows.shared.cli import command, real, sweeps, whole
 def main(run, angle, nearest, q_max):
     import numpy as np
 
+    from nasm.arithmetic.reproducible import geometric
     from nasm.planes import two_kicks
     from pipeline.cubes import beyond
     from pipeline.cubes.barrier import last_barrier, unfolded
@@ -31,7 +32,7 @@ def main(run, angle, nearest, q_max):
         words = f"is too short for --nearest {nearest:g}; use {ceil(10 / nearest)} or more"
         raise ValueError(f"--q-max {q_max} {words}")
     angles = np.unique(angle)
-    excesses = np.geomspace(nearest, 0.5, 1 + int(8 * np.log10(0.5 / nearest)))  # eight a decade
+    excesses = geometric(nearest, 0.5, 1 + int(8 * log10(0.5 / nearest)))  # eight a decade
     last = last_barrier(two_kicks(), angles, 1e-3)
 
     def job(scales, circles):

@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 
 from nasm import orbits
+from nasm.arithmetic.reproducible import geometric
 from nasm.planes import plane_of
 from nasm.symmetries import ray
 from nasm.verdict import verdict
@@ -30,13 +31,13 @@ def steps_up_to(n_max):
 
 def bias_job(plane, scales, sizes, n_max):
     """Return the job of the cube `escape_rays`: excesses from 1% to 100%, sixty a decade."""
-    excesses = np.geomspace(0.01, 1, 121)
+    excesses = geometric(0.01, 1, 121)
     return escape_times("escape_rays", plane, scales, excesses, sizes, n_max)
 
 
 def boundary_job(plane, scales, n_max, n_orbits):
     """Return the job of `direct_boundary`: one ensemble, thirty excesses a decade from 1%."""
-    excesses = np.geomspace(0.01, 1, 61)
+    excesses = geometric(0.01, 1, 61)
     return escape_times("direct_boundary", plane, scales, excesses, [n_orbits], n_max)
 
 

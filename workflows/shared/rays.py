@@ -3,6 +3,7 @@
 import numpy as np
 import xarray as xr
 
+from nasm.arithmetic.reproducible import geometric
 from nasm.numbers import NAMES, parse
 from nasm.planes import two_kicks
 from pipeline.cubes.barrier import tie
@@ -22,7 +23,7 @@ def ray_angles(plane, n, tips):
     spread = np.linspace(0, 180 if half else 360, n)
     if plane != two_kicks():
         return np.unique(spread.round(9))
-    away = np.append(np.geomspace(2.0, 0.02, tips), 0.0)
+    away = np.append(geometric(2.0, 0.02, tips), 0.0)
     near = np.concatenate([[45 - away, 45 + away], [135 - away, 135 + away]]).ravel()
     return np.unique(np.concatenate([spread, near]).round(9))
 
