@@ -2,7 +2,8 @@
 
 A cube is a lazy xarray template (variables, dims, coordinates, units), the length of a tile along
 each tiled dimension, and the settings that decide its values. Two cubes with one `config_hash` hold
-the same numbers, whoever computes them, in whatever order. A cube that no tiles fill, `untiled`, is
+the same numbers, whoever computes them, in whatever order; see `nasm.arithmetic.reproducible`. Only
+what is proved in the time allowed depends on the machine. A cube that no tiles fill, `untiled`, is
 decided by its settings alone, which are known before it is computed.
 """
 

@@ -3,7 +3,8 @@
 The life of a tile: missing → data chunks written → commit record written last, its CPU seconds and
 the checksum of its data. *A tile is done if its record is there*; nothing else lists what is done.
 Each file appears whole or not at all. What several workers or drivers write more than once is the
-same each time: they need no order. The store knows neither mathematics nor dask.
+same each time, but for proofs, which may take so much time: they need no order. The store knows
+neither mathematics nor dask.
 """
 
 from pipeline.store.metadata import COMPUTED_BY, check, create, names, replace, sees
