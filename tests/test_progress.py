@@ -67,6 +67,8 @@ def test_what_the_driver_has_done_is_in_the_bar_and_no_longer_remains():
     line = Progress("run", None, {"one": 10.0}, after=30.0, clock=clock)
     line.go_on("one", "one")
     line.begin(10.0)
+    line.warmed_up()
+    clock.now = 20.0
     line.advance(10.0, used=10.0, wall=20.0)
     assert (line.part(), line.remaining()) == (0.25, 60.0)
     line.studied(20.0)
@@ -86,9 +88,29 @@ def test_nothing_is_said_to_remain_before_the_first_tile_and_compiling_is_named(
     line.warmed_up()
     clock.now = 13.0
     assert line.line() == "sweep 1 of 1, one: 0%, elapsed 0:13"
-    line.advance(2.0, used=2.0, wall=4.0)
     clock.now = 15.0
-    assert line.line() == "sweep 1 of 1, one: 20%, elapsed 0:15, remaining about 0:06"
+    line.advance(2.0, used=2.0, wall=3.0)  # so the other worker has used one second, perhaps
+    clock.now = 16.0
+    assert line.line() == "sweep 1 of 1, one: 20%, elapsed 0:16, remaining about 0:07"
+
+
+def test_what_workers_wait_for_between_batches_and_sweeps_is_expected_to_go_on():
+    clock = Clock()
+    line = Progress("run", None, {"one": 20.0, "two": 20.0}, clock=clock)
+    line.go_on("one", "one")
+    line.begin(20.0)
+    line.warmed_up()
+    for _ in range(20):
+        clock.now += 2.0
+        line.advance(1.0, used=1.0, wall=1.0)
+    assert line.remaining() == pytest.approx(40.0)
+    clock.now += 10.0  # the driver looks at what has come in, and begins the next sweep
+    line.go_on("two", "two")
+    line.begin(20.0)
+    line.warmed_up()
+    clock.now += 2.0
+    line.advance(1.0, used=1.0, wall=1.0)
+    assert line.remaining() == pytest.approx(52.0 * 19 / 21)
 
 
 def test_what_remains_counts_down_while_no_tile_comes_in():
@@ -115,9 +137,12 @@ def test_the_bar_is_in_cpu_seconds_and_never_goes_back():
 
 
 def test_sweeps_that_are_foreseen_count_until_they_have_ended():
-    line = Progress("run", None, {"one": 10.0, "two": 30.0}, clock=Clock())
+    clock = Clock()
+    line = Progress("run", None, {"one": 10.0, "two": 30.0}, clock=clock)
     line.go_on("one", "one")
     line.begin(4.0)
+    line.warmed_up()
+    clock.now = 4.0
     line.advance(4.0, 4.0, 4.0)
     assert line.remaining() == pytest.approx(36.0)
     line.go_on("two", "two")  # with six seconds less than were foreseen

@@ -15,6 +15,7 @@ from nasm.planes import plane_of, two_kicks
 from nasm.symmetries import ray
 from pipeline.cubes.breakdown import job_on_rays, scales
 from pipeline.cubes.cube import NO_MEAN, angles_of_rays, blank, coordinate, text
+from pipeline.cubes.kernels import load_search, load_searches
 
 _N_QUOTIENTS = 32  # places for the partial quotients of a rotation number
 
@@ -26,8 +27,9 @@ def last_barrier(plane, angles, tol, name="barrier"):
     tol : float, the bracket's relative width.
     name : of the cube; another one where a store holds those of several planes.
     """
-    seconds = 0.1 + 1.8e-5 / tol if len(plane.origin) <= 2 else 1 + 5e-4 / tol
-    warm_up = partial(barriers.critical_scale, sum(plane.ray(30.0)), 0.1)
+    two_kicks = len(plane.origin) <= 2  # some rays of longer ones repeat after one or two
+    warm_up = partial(load_search, sum(plane.ray(30.0))) if two_kicks else load_searches
+    seconds = 0.1 + 1.8e-5 / tol if two_kicks else 1 + 5e-4 / tol
     return job_of_barriers(name, plane, angles, seconds, {"tol": tol}, _compute, warm_up)
 
 

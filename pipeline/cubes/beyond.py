@@ -15,6 +15,7 @@ from nasm.numbers import parse
 from nasm.planes import plane_of, two_kicks
 from nasm.symmetries import ray
 from pipeline.cubes import cube, escape
+from pipeline.cubes.kernels import load_orbits
 
 _TILE = {"angle": 1, "excess": 1}
 
@@ -45,8 +46,7 @@ def flux(plane, scales, circles, excesses, q_max):
         "error": cube.blank(coords, "estimated absolute error of flux"),
         "period": cube.blank(coords, "longest period of the orbits used", np.int32(0)),
     }
-    warm_up = partial(turnstiles.action_difference, (0.1, 0.1), 1, 3)
-    how = {"q_max": q_max}, _flux, _predict_flux, warm_up
+    how = {"q_max": q_max}, _flux, _predict_flux, load_orbits
     title = "Flux through the remains of the last circle"
     return _job("flux", plane, coords, variables, title, *how)
 

@@ -25,6 +25,7 @@ from nasm.symmetries import ray
 from pipeline.cubes import cube
 from pipeline.cubes.cube import FLAGS, PAPER, STATUS_SETTING, Job, blank, coordinate
 from pipeline.cubes.escape import SECONDS_PER_KICK
+from pipeline.cubes.kernels import load_orbits
 
 _SCALES = {
     "critical_scale": ("value", "scale of the breakup, best estimate"),
@@ -138,12 +139,19 @@ def _circles(omegas):
 def _job(name, plane, rows, angles, seconds, settings):
     one = {key: row.values[:1] for key, row in rows.items()} | {"angle": np.array(angles[:1])}
     settings = plane.record | settings
-    warm_up = partial(_compute, one, settings | _METHODS[settings["method"]][1])
+    warm_up = partial(_load, one, settings | _METHODS[settings["method"]][1])
     on = {**rows, "angle": cube.angles_of_rays(angles)}
     words = "what has answered, or says why there is no answer"
     more = {"method": blank(on, words, np.int8(0), **cube.flags(_FLAG_OF.values()))}
     how = seconds, settings, _compute, warm_up, "Breakup of circles", more
     return job_on_rays(name, plane.axes, rows, angles, *how)
+
+
+def _load(coords, settings):
+    """Compile the kernels of a method, by the least that it can be asked."""
+    if settings["method"] != escape.METHOD:
+        load_orbits()
+    _compute(coords, settings)
 
 
 def _compute(coords, settings):

@@ -12,8 +12,6 @@ circles under ripples of 2 to 8 kicks, 0.1% below the certificate's scale; in 30
 1000 three.
 """
 
-from functools import partial
-
 import numpy as np
 import xarray as xr
 
@@ -21,6 +19,7 @@ from nasm import barriers, escape
 from pipeline.cubes.barrier import circle_arrays, last_circles
 from pipeline.cubes.breakdown import blank_scales, scale_fields
 from pipeline.cubes.cube import PAPER, STATUS_SETTING, Cube, Job, blank, coordinate, text
+from pipeline.cubes.kernels import load_searches
 
 _KICKS = 4000  # in which an orbit may escape
 _PERIODS = 100, 300, 1_000, 10_000  # for which converse KAM is asked for a survivor
@@ -39,8 +38,7 @@ def last_barriers(name, forcings, parameter, tol):
     attrs = {"title": "Last barriers of named forcings", "source": PAPER}
     template = xr.Dataset(blank_scales(on) | last_circles(on), coords, attrs)
     cube = Cube(name, template, {"forcing": 1}, {"tol": tol} | STATUS_SETTING)
-    warm_up = partial(barriers.critical_scale, (1.0,), 0.1)
-    return Job(cube, _last_barriers, _predict_barriers, warm_up)
+    return Job(cube, _last_barriers, _predict_barriers, load_searches)
 
 
 def labels(forcings, parameter):
@@ -85,8 +83,13 @@ def against_constant(name, forcings, parameter, golden, tries):
     attrs = {"title": "Forcings against constant kicks of the same rms strength", "source": PAPER}
     settings = {"golden": golden, "kicks": _KICKS, "tries": tries}
     cube = Cube(name, xr.Dataset(upper, coords, attrs), {"forcing": 20}, settings)
-    warm_up = partial(answer, np.array([1.0, 0.9, 1.2]), 0.4)
-    return Job(cube, _against_constant, _predict_against, warm_up)
+    return Job(cube, _against_constant, _predict_against, _load)
+
+
+def _load():
+    """Compile the kernels of `answer`."""
+    load_searches()
+    answer(np.array([1.0, 0.9, 1.2]), 0.4)
 
 
 def escapes(profile, scale):

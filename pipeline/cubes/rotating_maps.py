@@ -19,6 +19,7 @@ from nasm.symmetries import ray
 from nasm.tori import last_torus
 from pipeline.cubes.breakdown import job_on_rays, scales
 from pipeline.cubes.cube import PAPER, angles_of_rays, blank, coordinate, text
+from pipeline.cubes.kernels import load_orbits, load_searches
 
 _KICKS, _TOL = 32_000, 1e-3  # on either side, for irrational Ω; width of brackets, for others
 _PICTURE = 128, 256  # points along φ and θ
@@ -43,10 +44,9 @@ def last_barriers(fractions, n_phases, irrational, angles):
         "phase": coordinate("forcing", np.array(shares, float), words),
     }
     settings = {"kicks": _KICKS, "tol": _TOL, "method": "last barriers, and certified tori"}
-    least = {"forcing": ["1/3,0"], "angle": np.zeros(1)}, {"kicks": 400, "tol": 0.1}
     on_ray = {"forcing": rows["forcing"], "angle": angles_of_rays(angles)}
     more = {"omega": blank(on_ray, "turns per kick of the circle, or torus")}
-    how = settings, _last_barriers, partial(_last_barriers, *least), "Last barriers", more
+    how = settings, _last_barriers, _load_last_barriers, "Last barriers", more
     job = job_on_rays("frequencies", ROTATING_AXES, rows, angles, 10, *how)
     return replace(job, predict=_predict)
 
@@ -65,7 +65,7 @@ def breakups(vectors, angles, tol):
         "frequency": coordinate("vector", frequencies, "turns of φ per kick, Ω"),
     }
     settings, seconds = {"method": "continuation of tori", "tol": tol}, 12 if tol < 5e-3 else 5
-    warm_up = partial(tori.invariant_torus, *vectors[0], 0.05, 0.05)
+    warm_up = partial(_load_tori, vectors[0])
     how = seconds, settings, _breakups, warm_up, "Breakup of tori"
     return job_on_rays("tori", ROTATING_AXES, rows, angles, *how)
 
@@ -81,7 +81,7 @@ def residues(vectors, angles):
         "vector": text("frequency", vectors, "turns per kick of the orbit, and Ω, exactly"),
     }
     settings = {"method": "Greene's residue of one orbit"}
-    how = 0.06, settings, _residues, partial(periodic.residue, (0.1, 0.1), 1, 3)
+    how = 0.06, settings, _residues, load_orbits
     return job_on_rays("rotating_tori", ROTATING_AXES, rows, angles, *how, "Breakup of circles")
 
 
@@ -111,6 +111,19 @@ def pictures(vector, angle, sizes):
 def _name_of(vector):
     """Return the text of a rotation vector, which keeps all digits."""
     return ",".join(map(repr, vector))
+
+
+def _load_tori(vector):
+    """Compile the kernels of tori."""
+    tori.invariant_torus(*vector, 0.05, 0.05)
+    last_torus.upper_scale(vector[1], 1.0, 0.0)
+
+
+def _load_last_barriers():
+    """Compile the kernels of last barriers, for Ω of both kinds."""
+    load_searches()
+    last_torus.of_irrational(2**0.5 - 1, 1.0, 0.0, 400)
+    tori.invariant_torus(0.618, 2**0.5 - 1, 0.05, 0.05)
 
 
 def _last_barriers(coords, settings):

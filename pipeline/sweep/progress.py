@@ -2,12 +2,13 @@
 
 What remains is estimated from the batches of tiles that have come in:
 
-    remaining = slowness · Σ correction · CPU seconds left / workers
+    remaining = pace · Σ correction · CPU seconds left
 
-slowness is wall time over CPU time, which other work on the machine raises. The correction of the
-sweep under way is its CPU time over what was predicted for it; that of later ones is 1. The time
-until a first worker has its kernels is in neither; each later sweep is expected to wait as long,
-or for the time of loading where the first had to compile them.
+The pace is wall time over the CPU time of all workers together, in the run so far: other work on
+the machine raises it, and so does what workers wait for. The correction of the sweep under way is
+its CPU time over what was predicted for it; that of later ones is 1. The time until a first worker
+has its kernels is in neither; each later sweep is expected to wait as long, or for the time of
+loading where the first had to compile them.
 """
 
 import shutil
@@ -28,6 +29,7 @@ class _Amounts:
     begun: float = 0.0  # predicted
     done: float = 0.0  # predicted, of what has come in
     used: float = 0.0  # measured, of what has come in
+    batches: int = 0
 
 
 class Progress(AbstractContextManager):
@@ -48,6 +50,7 @@ class Progress(AbstractContextManager):
         self.sweep, self.workers = None, 1
         self.all, self.current = _Amounts(), _Amounts()
         self.wall = 0.0  # of batches, as `all.used`
+        self.working = 0.0  # seconds in which workers had work
         self.warming = None  # since when the kernels of a sweep are waited for
         self.warm_up = 0.0  # seconds for which those of the latest sweep were
         self.start = self.latest = clock()
@@ -99,13 +102,16 @@ class Progress(AbstractContextManager):
         """Add tiles of so many predicted CPU seconds, by workers that have no kernels yet."""
         self.foreseen[self.sweep] = max(0.0, self.foreseen.get(self.sweep, 0.0) - seconds)
         self.workers, self.warming = workers, self.clock()
+        if self.all.batches:  # what the driver does between sweeps keeps them waiting
+            self.working += self.warming - self.latest
         self.all.begun += seconds
         self.current.begun += seconds
 
     def warmed_up(self):
         """Note that a worker has its kernels."""
         if self.warming is not None:
-            self.warm_up, self.warming = self.clock() - self.warming, None
+            self.latest = self.clock()
+            self.warm_up, self.warming = self.latest - self.warming, None
 
     def advance(self, seconds, used, wall):
         """Count tiles of so many predicted seconds, CPU seconds and wall seconds as done."""
@@ -113,7 +119,10 @@ class Progress(AbstractContextManager):
         for amounts in self.all, self.current:
             amounts.done += seconds
             amounts.used += used
-        self.wall, self.latest = self.wall + wall, self.clock()
+            amounts.batches += 1
+        before, self.latest = self.latest, self.clock()
+        self.wall += wall
+        self.working += self.latest - before
 
     def studied(self, seconds):
         """Count so many predicted CPU seconds of the driver's own work as done."""
@@ -138,7 +147,10 @@ class Progress(AbstractContextManager):
         trusted = _TRUST * predicted
         correction = (current.used + trusted) / (current.done + trusted) if predicted else 1.0
         left = correction * (predicted - current.done) + sum(later.values())
-        seconds = self.wall / self.all.used * (left / self.workers + self.after)
+        # When a batch comes in, the other workers are halfway through theirs.
+        in_flight = (self.workers - 1) / (2 * self.all.batches)
+        pace = self.working / (self.all.used * (1 + in_flight))
+        seconds = pace * left + self.wall / self.all.used * self.after
         loading = min(self.warm_up, _LOADING)
         seconds += loading * sum(amount > 0 for amount in later.values())
         since = self.clock() - self.latest
