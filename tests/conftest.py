@@ -1,13 +1,17 @@
 """What tests of commands share."""
 
 import signal
+import uuid
 from pathlib import Path
 
 import pytest
+import seaweed
 import toy
 from browser import chromium, served, store  # noqa: F401
 from hypothesis import settings
 from matplotlib.figure import Figure
+
+from pipeline.store import place_of
 
 # Ctrl-C works in the tests, and in the programs that they start, however pytest was started.
 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -48,3 +52,25 @@ def here():
 def workers(here):
     """Options by which all commands of a session compute on these workers."""
     return ["--scheduler", here().scheduler.address]
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory):
+    with seaweed.serving(tmp_path_factory.mktemp("weed")):
+        yield
+
+
+@pytest.fixture
+def bucket(server):
+    return place_of(f"s3://cubes/{uuid.uuid4().hex}/run")
+
+
+@pytest.fixture
+def on_disk(tmp_path):
+    (tmp_path / "out").mkdir()
+    return place_of(tmp_path / "out")
+
+
+@pytest.fixture(params=["on_disk", pytest.param("bucket", marks=pytest.mark.slow)])
+def place(request):
+    return request.getfixturevalue(request.param)

@@ -123,6 +123,14 @@ def test_certificates_of_a_store_are_kept_compared_and_checked(job, n, tmp_path,
         result = invoke("verify", tmp_path, "--proofs", "--longest", longest)
         assert result.exit_code == 1, reason
         assert reason in result.output.split("wrong: 1 tile\n")[1]
+        assert "1 tile damaged" in result.output  # by the checksum in its record, too
+    for file, data in (("zarr.json", b"{}"), ("digests.json", b"")):  # nothing is repaired by these
+        file = tmp_path / f"{job.cube.name}.zarr/{file}"
+        whole = file.read_bytes()
+        file.write_bytes(data)
+        result = invoke("verify", tmp_path, "--proofs", "--longest", "0", "--repair")
+        assert (result.exit_code, path.exists()) == (1, True)
+        file.write_bytes(whole)
     result = invoke("verify", tmp_path, "--proofs", "--longest", "0", "--repair")
     assert "repaired" in result.output
     assert not path.exists()

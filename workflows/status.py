@@ -13,17 +13,20 @@ from workflows.shared.cli import command, place_options
 
 def tell(path, state):
     """Print the State of a cube of the run in a folder."""
+    from pipeline.store import printable
     from pipeline.sweep.progress import duration, plural
 
     words = state.damage or "complete"
     if state.tiles and not state.damage:
         words = f"{state.done} of {plural(state.tiles, 'tile')}"
+        if state.lost:
+            words += f", {state.lost} computed and lost since"
         if state.failed:
             words += f", {state.failed} failed when last tried"
         if state.done < state.tiles and state.rate > 0:
             left = duration((state.tiles - state.done) / state.rate)
             words += f"; {state.rate:.3g} tiles/s, about {left} left at that rate"
-    click.echo(f"{path}{state.name}: {words}")
+    click.echo(printable(f"{path}{state.name}: {words}"))
     for index, reason in state.reasons.items():
         click.echo(f"  tile {index} failed: {reason}")
     if state.failed > len(state.reasons):

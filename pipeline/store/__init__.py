@@ -1,14 +1,32 @@
 """The store: each cube is a zarr group of its own, PLACE/NAME.zarr, a chunk per tile.
 
 The life of a tile: missing → data chunks written → commit record written last, its CPU seconds and
-the checksum of its data. *A tile is done if its record is there*; nothing else lists what is done.
+the checksum of its data. *A tile is done if its record and its data are there*; nothing else lists
+what is done. A copy that was made meanwhile may hold records without data: these tiles are missing.
 Each file appears whole or not at all. What several workers or drivers write more than once is the
 same each time, but for proofs, which may take so much time: they need no order. The store knows
 neither mathematics nor dask.
 """
 
-from pipeline.store.metadata import COMPUTED_BY, check, create, names, replace, sees
-from pipeline.store.place import Place, Refused, StoreFailed, driving, explained, place_of
+from pipeline.store.metadata import (
+    COMPUTED_BY,
+    changes,
+    check,
+    create,
+    has_digests,
+    names,
+    replace,
+    sees,
+)
+from pipeline.store.place import (
+    Place,
+    Refused,
+    StoreFailed,
+    driving,
+    explained,
+    place_of,
+    printable,
+)
 from pipeline.store.tiles import (
     certificates_key,
     commit,

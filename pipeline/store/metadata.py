@@ -1,7 +1,9 @@
 """Metadata of cubes: a function of the cube and of who computes it, written before any tile.
 
-Whoever puts the group's zarr.json first has made the cube; any other driver must agree with it. If
-it is lost, the checksums in the records of tiles tell whose they are.
+Whoever puts the group's zarr.json first has made the cube; any other driver must agree with it. A
+file beside it, NAME.zarr/digests.json, holds the same attributes, and a digest of each file that no
+tile fills: these show whether metadata or coordinates were changed, and whose the cube is. If they
+are lost too, the checksums in the records of tiles tell whose these are.
 """
 
 import dataclasses
@@ -22,8 +24,10 @@ from zarr.storage import MemoryStore
 from nasm import __version__
 from pipeline.store import tiles
 from pipeline.store.place import Refused, explained, usual_codecs
-from pipeline.store.tiles import COMMIT, DAMAGED, ENTRIES, ENTRY, FORMAT, missing
+from pipeline.store.tiles import COMMIT, DAMAGED, ENTRIES, ENTRY, FORMAT
 
+DIGESTS = "digests.json"
+_TOLD = 3  # files that are named where more have changed
 _CHUNK = 1024  # along each dim, of cubes that are written whole
 _PACKAGE = Path(__file__).parents[2]
 _MATHEMATICS = sorted([*_PACKAGE.glob("nasm/**/*.py"), *_PACKAGE.glob("pipeline/cubes/**/*.py")])
@@ -55,8 +59,8 @@ def check(place, cube, computed_by):
     """
     found = _check_settings(place, cube)
     if not found:
-        _left_over(place, cube, computed_by)
-    elif (theirs := found.get("computed_by")) != computed_by and len(missing(place, cube)):
+        _check_tiles(place, cube, computed_by)
+    elif (theirs := found.get("computed_by")) != computed_by and not _is_complete(place, cube):
         words = f"was computed by {theirs}; this is {computed_by}. Resume it with those versions"
         raise Refused(f"{place.cube(cube.name)} {words}, or choose another --out or --store")
     return found
@@ -71,8 +75,6 @@ def create(place, cube, computed_by):
     found, root = check(place, cube, computed_by), _key(cube.name)
     if not found:
         ours = _provenance(computed_by)
-        for key in _left_over(place, cube, computed_by):
-            place.delete(key)
         place.write(root, _files(cube, ours)[root], "create")
         found = check(place, cube, computed_by) or ours  # another driver may have been first
     for key, data in _differing(place, _files(cube, found)).items():
@@ -113,7 +115,7 @@ def _provenance(computed_by):
 
 def _check_settings(place, cube):
     """The attributes of the cube that is there, {} if there is none; Refused if it differs."""
-    found = _attributes(place, cube.name)
+    found = _noted(place, cube.name)[0] or _attributes(place, cube.name)
     if {"config_hash": cube.config_hash, "store_format": FORMAT}.items() <= found.items():
         return found
     if not found:
@@ -143,29 +145,76 @@ def _brief(setting):
 def _attributes(place, name):
     """The attributes of the cube, {} if it is not there, is damaged, or is another program's."""
     with suppress(*DAMAGED):
-        found = json.loads(place.read(_key(name)))["attributes"]
-        found.pop("coordinates", None)  # xarray's own word
-        return found if isinstance(found["config_hash"], str) else {}
+        return _parsed(place.read(_key(name)))
     return {}
 
 
-def _left_over(place, cube, computed_by):
+def _parsed(data):
+    """The cube's attributes in a zarr.json, or in what is noted beside it; one of DAMAGED."""
+    found = json.loads(data)["attributes"]
+    found.pop("coordinates", None)  # xarray's own word
+    if not isinstance(found["config_hash"], str):
+        raise TypeError
+    return found
+
+
+def _noted(place, name):
+    """What is noted beside the metadata: the cube's attributes, and {file: its digest}. Empty if
+    nothing is, as by earlier versions, or if it is damaged."""
+    with suppress(*DAMAGED):
+        data = place.read(f"{name}.zarr/{DIGESTS}")
+        return _parsed(data), dict(json.loads(data)["sha256"])
+    return {}, {}
+
+
+def has_digests(place, name):
+    """Whether digests of the cube's metadata were noted, which earlier versions did not do."""
+    return place.size(f"{name}.zarr/{DIGESTS}") > 0
+
+
+def changes(place, name):
+    """Say which files of the cube's metadata and coordinates are not as they were written, or of a
+    cube that was written whole which of all; "" if none is known to differ."""
+    if not has_digests(place, name):
+        return ""
+    digests = _noted(place, name)[1] or {DIGESTS: ""}
+    paths = [
+        path
+        for path, digest in digests.items()
+        if _digest(place.read(f"{name}.zarr/{path}")) != digest
+    ]
+    if not paths:
+        return ""
+    more = f" and {len(paths) - _TOLD} more" if len(paths) > _TOLD else ""
+    told = f"{', '.join(paths[:_TOLD])}{more} of {place.cube(name)}"
+    return f"{told}: changed or lost; run again the command that computed it, which restores them"
+
+
+def _digest(data):
+    return hashlib.sha256(data).hexdigest()
+
+
+def _check_tiles(place, cube, computed_by):
     """Look at tiles without metadata, which workers write after the cube was deleted under way.
 
-    Returns the keys of the commit records whose data are gone. Refused unless all the others are
-    of this cube and computed by the same code, by the checksums in them.
+    Refused unless all whose data are there are of this cube and computed by the same code, by the
+    checksums in their records.
     """
-    if not any(place.files(f"{cube.name}.zarr/{COMMIT}")):
-        return []
-    root, keys = _files(cube, {"computed_by": computed_by})[_key(cube.name)], []
-    arrays = tiles.opened(place, cube.name, json.loads(root))
-    written = tiles.survey(place, arrays)[1]
-    for index in np.argwhere(np.isfinite(written)).tolist():
-        what = tiles.damage(place, arrays, index)
-        if what and not what.endswith("is gone"):
-            raise _not_ours(place, cube.name)
-        keys += [tiles.chunk_key(*tiles.blocks(arrays, index)[COMMIT])] if what else []
-    return keys
+    if any(place.files(f"{cube.name}.zarr/{COMMIT}")):
+        arrays = _planned(place, cube, {"computed_by": computed_by})
+        for index in np.argwhere(tiles.survey(place, arrays)[0]).tolist():
+            if tiles.damage(place, arrays, index):
+                raise _not_ours(place, cube.name)
+
+
+def _is_complete(place, cube):
+    """Whether no tile is missing."""
+    return not cube.computed or tiles.survey(place, _planned(place, cube, {}))[0].all()
+
+
+def _planned(place, cube, by):
+    """{name: zarr array} of the cube by its plan, whatever its metadata in the store say."""
+    return tiles.opened(place, cube.name, json.loads(_files(cube, by)[_key(cube.name)]))
 
 
 def _not_ours(place, name):
@@ -214,7 +263,11 @@ def _files(cube, by):
         # Zarr 3 has no standard for consolidated metadata yet; without them readers are warned.
         warnings.filterwarnings("ignore", message="Consolidated metadata")
         tree.to_zarr(MemoryStore(files), encoding=encoding, compute=not computed, **how)
-    return {f"{cube.name}.zarr/{key}": buffer.to_bytes() for key, buffer in files.items()}
+    files = {key: buffer.to_bytes() for key, buffer in files.items()}
+    digests = {key: _digest(data) for key, data in files.items()}
+    noted = {"attributes": _parsed(files["zarr.json"]), "sha256": digests}
+    files[DIGESTS] = json.dumps(noted).encode()
+    return {f"{cube.name}.zarr/{key}": data for key, data in files.items()}
 
 
 def _encoding(dtype, chunks, *codecs):

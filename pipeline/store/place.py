@@ -19,6 +19,7 @@ from zarr import config
 
 PATIENCE = 30  # seconds for which a request is repeated while an object store does not answer
 _NO_LOCKS = errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS
+_NOT_THERE = FileNotFoundError, ValueError  # the second for a key that no file can have
 _URL = re.compile(r"(s3|gs|az)://[a-z0-9][a-z0-9._-]+(/[\w.=+-]+)+", re.ASCII)
 
 
@@ -28,6 +29,11 @@ class Refused(Exception):
 
 class StoreFailed(OSError):
     """The disk or the object store failed under way. What is committed stays."""
+
+
+def printable(text):
+    """The text in one line, without control characters, which a stranger's store may hold."""
+    return "".join(character if character.isprintable() else " " for character in text)
 
 
 @dataclass(frozen=True)
@@ -57,9 +63,15 @@ class Place:
 
     def read(self, key):
         """The bytes of a file; empty if it is missing."""
-        with explained(self), suppress(FileNotFoundError):
+        with explained(self), suppress(*_NOT_THERE):
             return bytes(self.objects().get(key).bytes())
         return b""
+
+    def size(self, key):
+        """The bytes that a file has; 0 if it is missing."""
+        with explained(self), suppress(*_NOT_THERE):
+            return self.objects().head(key)["size"]
+        return 0
 
     def write(self, key, data, mode="overwrite"):
         """Write a file, whole or not at all; with the mode "create" only if it is not there."""
@@ -73,7 +85,7 @@ class Place:
 
     def files(self, prefix):
         """Yield what the store tells of each file below the prefix: path, size, last_modified."""
-        with explained(self), suppress(FileNotFoundError):
+        with explained(self), suppress(*_NOT_THERE):
             for page in self.objects().list(prefix, chunk_size=10_000):
                 yield from page
 

@@ -6,8 +6,10 @@ the tile's data, its place and who computed it: a chunk of another tile or cube 
 """
 
 import json
+import warnings
 from contextlib import suppress
 from functools import lru_cache
+from math import prod
 from zlib import crc32
 
 import numpy as np
@@ -15,14 +17,14 @@ import xarray as xr
 from zarr import Array, AsyncArray
 from zarr.storage import ObjectStore, StorePath
 
-from pipeline.store.place import Refused, explained, usual_codecs
+from pipeline.store.place import Refused, explained, printable, usual_codecs
 
 CERTIFICATES = "certificates"
 COMMIT = "tiles/commit"
 ENTRIES = "cpu_seconds", "crc32"  # of a commit record
 ENTRY = "commit_entry"  # their dimension, the first
 FORMAT = 2  # of cubes; 1 had no checksum of a tile's data
-_RECORD_BYTES = 20  # two float64 and their checksum
+_CRC_BYTES = 4  # the checksum behind the numbers of a chunk
 _LONGEST_REASON = 500  # characters of the reason of a failure that are kept
 # What reading metadata raises that are lost, cut or changed.
 DAMAGED = AttributeError, FileNotFoundError, KeyError, RecursionError, TypeError, ValueError
@@ -63,11 +65,13 @@ def tile_at(arrays, index):
 
 def blocks(arrays, index):
     """{name: (zarr array, where the tile's chunk is in its grid)}, of its data and its record."""
-    tile, found = tile_at(arrays, index), {}
-    # Cubes that were made earlier do not say so, and have coordinates of cells among these.
+    tile, found, n_tiles = tile_at(arrays, index), {}, prod(arrays[COMMIT].cdata_shape)
+    # Cubes that were made earlier do not say so, and may have coordinates of cells, each in one
+    # chunk, beside these.
     for key in arrays[COMMIT].metadata.attributes.get("of_tiles", arrays):
         dims = [dim.removeprefix("tile_") for dim in arrays[key].metadata.dimension_names]
-        if tile.keys() <= {*dims} and dims != [key]:
+        is_tiled = prod(arrays[key].cdata_shape) == n_tiles
+        if is_tiled and tile.keys() <= {*dims} and dims != [key]:
             found[key] = arrays[key], tuple(tile.get(dim, 0) for dim in dims)
     return found
 
@@ -78,21 +82,39 @@ def chunk_key(array, block):
 
 
 def survey(place, arrays):
-    """List the commit records. Returns arrays over the tiles: whether it has one, in full length;
-    and its time in seconds, NaN if there is none."""
-    written = np.full(arrays[COMMIT].shape[1:], np.nan)
-    done = np.zeros(written.shape, dtype=bool)
-    for file in place.files(f"{arrays[COMMIT].path}/c"):
+    """List the chunks of all tiles. Returns arrays over the tiles: whether its record and all its
+    data are there, in full length; and the time of its record in seconds, NaN if there is none."""
+    counts = arrays[COMMIT].shape[1:]
+    chunked = {key: array for key, (array, _) in blocks(arrays, (0,) * len(counts)).items()}
+    # The records come first: the data of each are older, so that a tile which is committed during
+    # the listing does not seem to lack them.
+    done, written = _listed(place, chunked.pop(COMMIT))
+    for array in chunked.values():
+        done &= _listed(place, array)[0].reshape(done.shape)
+    return done.reshape(counts), written.reshape(counts)
+
+
+def _listed(place, array):
+    """List the array's chunks. Returns arrays over its grid: whether a chunk is there in full
+    length; and its time in seconds, NaN if it is not there."""
+    is_whole, times = np.zeros(array.cdata_shape, bool), np.full(array.cdata_shape, np.nan)
+    folder, n_bytes = f"{array.path}/c/", _bytes_of_chunk(array)
+    for file in place.files(folder):
         with suppress(ValueError, IndexError):  # somebody else's file
-            entry, *tile = map(int, file["path"].split("/")[4:])
-            if len(tile) == written.ndim and not entry:
-                written[*tile] = file["last_modified"].timestamp()
-                done[*tile] = file["size"] == _RECORD_BYTES
-    return done, written
+            block = tuple(map(int, file["path"].removeprefix(folder).split("/")))
+            if len(block) == array.ndim and min(block) >= 0:
+                is_whole[block] = file["size"] == n_bytes
+                times[block] = file["last_modified"].timestamp()
+    return is_whole, times
+
+
+def _bytes_of_chunk(array):
+    """The length of the file of each chunk, whether or not the array ends within it."""
+    return prod(array.chunks) * array.dtype.itemsize + _CRC_BYTES
 
 
 def missing(place, cube):
-    """Indices of the tiles that are not committed, in tile order: int array (tiles, dims)."""
+    """Indices of the tiles that are not committed, or have lost data: int array (tiles, dims)."""
     arrays = arrays_of(place, cube.name)
     if COMMIT not in arrays:  # written whole
         return np.empty((0, len(cube.tile)), dtype=int)
@@ -100,22 +122,29 @@ def missing(place, cube):
 
 
 def is_committed(place, name, index):
-    """Whether the tile has a commit record."""
-    record = place.read(f"{name}.zarr/{COMMIT}/c/0/{'/'.join(map(str, index))}")
-    return len(record) == _RECORD_BYTES
+    """Whether the tile's commit record and all its data are there, in full length."""
+    chunks = blocks(arrays_of(place, name), index)
+    record = chunks.pop(COMMIT)  # it comes first: usually it is not there
+    return all(
+        place.size(chunk_key(array, block)) == _bytes_of_chunk(array)
+        for array, block in (record, *chunks.values())
+    )
 
 
 def commit(place, name, index, arrays, seconds):
     """Write the tile's data, then its commit record: the CPU seconds that it took.
 
     arrays : of its variables; and `certificates`, bytes that are kept in a file, if there are any.
-    ValueError if an array does not have the shape and kind of numbers that the cube has.
+    ValueError if a variable is missing, or an array does not have the shape and kind of numbers
+    that the cube has.
     """
     known, arrays = arrays_of(place, name), dict(arrays)
     certificates = arrays.pop(CERTIFICATES, b"")
     places = blocks(known, index)
+    if lacking := places.keys() - arrays.keys() - {COMMIT}:
+        raise ValueError(f"the tile has no {', '.join(sorted(lacking))}")
     chunks = {key: _fitting(key, *places[key], values) for key, values in arrays.items()}
-    record = seconds, _checksum(known, index, chunks)
+    record = seconds, _checksum(known, index, chunks, certificates)
     chunks[COMMIT] = np.reshape(record, (len(ENTRIES), *(1 for _ in index)))
     with explained(place):
         place.objects(name)  # its disk may be away
@@ -146,14 +175,15 @@ def certificates_key(name, index):
     return f"{CERTIFICATES}/{name}/{'.'.join(map(str, index))}.json.xz"
 
 
-def _checksum(arrays, index, values):
-    """CRC-32 of the cube's settings, who computed it, the tile's place and {variable: values}."""
+def _checksum(arrays, index, values, certificates=b""):
+    """CRC-32 of the cube's settings, who computed it, the tile's place, {variable: values} and its
+    certificates."""
     cube = arrays[COMMIT].metadata.attributes["cube"]
     decisive = cube["config_hash"], cube["computed_by"], tile_at(arrays, index)
     found = crc32(json.dumps(decisive).encode())
     for key in sorted(values):
         found = crc32(np.ascontiguousarray(values[key]), found)
-    return found
+    return crc32(certificates, found)
 
 
 def chunk(place, key, array, block):
@@ -169,14 +199,20 @@ def chunk(place, key, array, block):
 
 
 def damage(place, arrays, index):
-    """Read the tile's chunks; return what is wrong with them, "" if nothing is."""
+    """Read the tile's chunks, and its certificates; return what is wrong with them, or ""."""
     try:
         values = {key: chunk(place, key, *at) for key, at in blocks(arrays, index).items()}
     except ValueError as error:
         return str(error)
-    if values.pop(COMMIT).flat[1] != _checksum(arrays, index, values):
-        return "its data are not those that were committed"
-    return ""
+    checksum = values.pop(COMMIT).flat[1]
+    # It is of the data alone where there are no certificates, and in tiles of earlier versions.
+    if checksum == _checksum(arrays, index, values):
+        return ""
+    name = arrays[COMMIT].path.split("/")[0].removesuffix(".zarr")
+    certificates = place.read(certificates_key(name, index))
+    if checksum == _checksum(arrays, index, values, certificates):
+        return ""
+    return "its data are not those that were committed"
 
 
 def tiles_of(place, name):
@@ -192,8 +228,7 @@ def tiles_of(place, name):
 
 def record_failure(place, name, index, reason):
     """Record why a tile failed, as one short line without control characters; return the line."""
-    line = reason.strip()[:_LONGEST_REASON]
-    line = "".join(character if character.isprintable() else " " for character in line)
+    line = printable(reason.strip()[:_LONGEST_REASON])
     with explained(place):
         place.objects(name)  # its disk may be away
         place.write(failure_key(name, index), line.encode(errors="replace"))
@@ -213,11 +248,50 @@ def failure_key(name, index):
 def read(place, name):
     """The cube as a Dataset, read lazily; its texts at once, "" where there is none.
 
-    To read a damaged chunk is a ValueError.
+    To read a damaged chunk is a ValueError. To read one that is lost is a warning; without it
+    nothing would tell that from a tile which is not yet computed.
     """
     with explained(place), usual_codecs():
         # Version 3 alone: what others wrote as version 2 may name codecs that unpickle.
-        store = ObjectStore(place.objects(name), read_only=True)
+        store = _Watched(place, name)
         cube = xr.open_zarr(store, chunks=None, zarr_format=3)
         texts = {k: v.fillna("") for k, v in cube.variables.items() if v.dtype == object}
         return cube.assign({key: text for key, text in texts.items() if key not in cube.dims})
+
+
+class _Watched(ObjectStore):
+    """The files of one cube, for zarr to read. Warns of chunks that were written and are lost."""
+
+    def __init__(self, place, name):
+        super().__init__(place.objects(name), read_only=True)
+        self.cube, self.tile_axes = place.cube(name), {}
+        with suppress(Refused):  # of an earlier format: not watched
+            self.tile_axes = _tile_axes(arrays_of(place, name))
+
+    async def get(self, key, *how, **more):
+        data = await super().get(key, *how, **more)
+        variable, _, block = key.partition("/c")
+        if data is None and variable in self.tile_axes and await self._was_written(variable, block):
+            warnings.warn(
+                f"{self.cube}: chunks of {variable} are lost, which read as not computed; run "
+                "again the command that computed it",
+                stacklevel=2,
+            )
+        return data
+
+    async def _was_written(self, variable, block):
+        """Whether the chunk's tile has a record; true of what is written before any tile."""
+        axes = self.tile_axes[variable]
+        index = [block.split("/")[1 + axis] for axis in axes]
+        return not axes or await self.exists("/".join([COMMIT, "c", "0", *index]))
+
+
+def _tile_axes(arrays):
+    """{variable: its axes along which there are tiles, in their order}, of all in a cube."""
+    found = {key: [] for key in arrays}
+    if COMMIT in arrays:
+        first = (0,) * (arrays[COMMIT].ndim - 1)
+        for key in blocks(arrays, first).keys() - {COMMIT}:
+            dims = arrays[key].metadata.dimension_names
+            found[key] = [dims.index(dim) for dim in tile_at(arrays, first)]
+    return found

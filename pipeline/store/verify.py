@@ -1,8 +1,9 @@
 """What the store tells of its cubes: what is damaged, and how far sweeps are (`status`).
 
-A tile was done when its commit record was written. One that is missing failed when it was last
-tried, if the store has the reason; otherwise it has not had its turn, or was not wanted. A tile is
-damaged if it has a record, and a chunk is gone or does not match its checksum, or the record's.
+A tile is done if its commit record and all its data are there. One that has a record alone has
+lost its data. One without a record failed when it was last tried, if the store has the reason;
+otherwise it has not had its turn, or was not wanted. A tile is damaged if it has a record, and a
+chunk is gone or does not match its checksum, or the record's.
 """
 
 from concurrent.futures import ThreadPoolExecutor
@@ -14,8 +15,8 @@ from math import nan
 import numpy as np
 
 from pipeline.store import tiles
-from pipeline.store.metadata import names
-from pipeline.store.place import Refused
+from pipeline.store.metadata import changes, has_digests, names
+from pipeline.store.place import Refused, printable
 from pipeline.store.tiles import COMMIT, chunk_key
 
 RECENT = 300  # seconds before the last commit over which the rate is taken
@@ -29,7 +30,8 @@ class State:
 
     name: str
     tiles: int = 0  # wanted so far; 0 for a cube that was written whole, or is damaged
-    done: int = 0  # tiles that are committed
+    done: int = 0  # tiles that are committed, with all their data
+    lost: int = 0  # tiles that were committed, and have lost data since
     failed: int = 0  # tiles that failed when they were last tried
     reasons: dict[tuple[int, ...], str] = field(default_factory=dict)  # of the first few failures
     rate: float = nan  # tiles per second in the last minutes before the last commit
@@ -41,9 +43,10 @@ def status(place):
     tiles.forget()
     for name in names(place):
         try:
-            yield _state(place, name)
-        except Refused as damage:
-            yield State(name, damage=str(damage))
+            damage = changes(place, name)
+            yield State(name, damage=damage) if damage else _state(place, name)
+        except Refused as refusal:
+            yield State(name, damage=str(refusal))
 
 
 def _state(place, name):
@@ -51,20 +54,21 @@ def _state(place, name):
     if COMMIT not in arrays:
         return State(name)
     done, written = tiles.survey(place, arrays)
-    failed = []
+    has_record, failed = np.isfinite(written), []
     for file in place.files(f"{name}.zarr/.failed"):
         with suppress(ValueError, IndexError):  # somebody else's file
             index = tuple(map(int, file["path"].rpartition("/")[2].split(".")))
-            failed += [] if done[index] else [index]
+            failed += [] if has_record[index] else [index]
     told = {i: place.read(tiles.failure_key(name, i)) for i in sorted(failed)[:_TOLD]}
-    reasons = {i: reason.decode(errors="replace") for i, reason in told.items()}
+    reasons = {i: printable(reason.decode(errors="replace")) for i, reason in told.items()}
     times = written[done]
     recent = times[times >= times.max(initial=0) - RECENT]
     span = np.ptp(recent) if recent.size else 0
     rate = float((recent.size - 1) / span) if span > 0 else nan
     wanted = place.read(tiles.wanted_key(name))
     n_tiles = int(wanted) if wanted.isdigit() else done.size
-    return State(name, n_tiles, int(done.sum()), len(failed), reasons, rate)
+    n_done = int(done.sum())
+    return State(name, n_tiles, n_done, int(has_record.sum()) - n_done, len(failed), reasons, rate)
 
 
 def verify(place, name, repair=False):
@@ -72,9 +76,14 @@ def verify(place, name, repair=False):
 
     The index () stands for metadata, coordinates, and all of a cube that was written whole: the
     next run of its workflow writes these anew, and its tiles are looked at no sooner. With
-    `repair`, damaged tiles become missing.
+    `repair`, damaged tiles become missing, if it is known that the metadata are as they were
+    written: by wrong ones, sound tiles look damaged. See `has_digests`.
     """
     tiles.forget()
+    if what := changes(place, name):
+        yield (), what
+        return
+    repair = repair and has_digests(place, name)
     try:
         arrays = tiles.arrays_of(place, name)
         tiled = tiles.blocks(arrays, (0,) * (arrays[COMMIT].ndim - 1)) if COMMIT in arrays else {}

@@ -293,10 +293,10 @@ def explained(place):
         with store.explained(place):
             yield
     except (store.Refused, ClusterError) as error:
-        raise click.UsageError(str(error)) from None
+        raise click.UsageError(store.printable(str(error))) from None
     except store.StoreFailed as fault:
-        again = "What is committed stays; run the same command again to resume"
-        raise click.ClickException(f"{fault}. {again}") from None
+        words = f"{fault}. What is committed stays; run the same command again to resume"
+        raise click.ClickException(store.printable(words)) from None
     except OSError as error:  # no workers, or no room for a table
         raise click.ClickException(str(error)) from None
 

@@ -18,15 +18,20 @@ _CUBES = {
 
 
 def verify_proofs(path, place, longest, repair):
-    """Compare the cubes with their certificates, and check these; return how many tiles are wrong.
+    """Compare the cubes with their certificates, and check these.
+
+    Returns how many tiles are wrong, and how many of them `repair` makes missing. A cube whose
+    metadata were changed is left out, as sound tiles look wrong by these.
 
     path : what stands before the names of the cubes.
     longest : seconds; certificates that would take longer are left out, which is told.
-    repair : whether wrong tiles become missing.
+    repair : whether wrong tiles become missing, where the metadata are known to be right.
     """
-    n_bad = 0
+    n_bad = n_repairable = 0
     for name in sorted(_CUBES.keys() & set(store.names(place))):
-        tiles, bad = {}, {}
+        if store.changes(place, name):
+            continue
+        tiles, bad, is_known = {}, {}, store.has_digests(place, name)
         for index, tile in store.tiles_of(place, name):
             try:
                 certificates = proved.unpacked(place.read(store.certificates_key(name, index)))
@@ -59,8 +64,8 @@ def verify_proofs(path, place, longest, repair):
             words += f"; the others take {duration(sum(costs) - sum(short))}, see --longest"
         click.echo(f"{path}{name}: {words}; wrong: {plural(len(bad), 'tile')}")
         for index, what in bad.items():
-            click.echo(f"  tile {index}: {what}")
-            if repair:
+            click.echo(store.printable(f"  tile {index}: {what}"))
+            if repair and is_known:
                 store.free(place, name, index)
-        n_bad += len(bad)
-    return n_bad
+        n_bad, n_repairable = n_bad + len(bad), n_repairable + len(bad) * is_known
+    return n_bad, n_repairable
