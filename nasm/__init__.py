@@ -39,7 +39,7 @@ def face(package, **modules):
 
 _ROOMS = "arithmetic circles converse_kam proofs tori"
 _MODULES = "action checks critical diffusion escape farey fixed_points flux manifolds maps orbits "
-_MODULES += "periodic planes self_consistent sources symmetries verdict"
+_MODULES += "periodic planes self_consistent sources symmetries texts verdict"
 
 __getattr__, __dir__ = face(
     __name__,

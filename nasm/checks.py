@@ -5,11 +5,14 @@ And the seal of what leaves the package to be checked elsewhere, a certificate.
 
 import hashlib
 import json
+from decimal import Decimal
 from fractions import Fraction
 from math import inf
 from numbers import Integral, Real
 
 import numpy as np
+
+from nasm.texts import FORM_OF_FRACTION, parse_fraction, shortened, shown
 
 __all__ = [
     "count",
@@ -38,13 +41,14 @@ def integer(value):
     is a whole number."""
     value = _scalar(value)
     if not isinstance(value, Integral) or isinstance(value, bool):
-        raise TypeError(f"{value!r} is not a whole number")
+        raise TypeError(f"{shown(value)} is not a whole number")
     return int(value)
 
 
 def exact(value):
-    """The Fraction of ints that `value` is; raises what Fraction does if it is not exact."""
-    value = Fraction(value)
+    """The Fraction of ints that `value` is or spells; raises what Fraction does if it is not exact,
+    and ValueError if it is too long."""
+    value = parse_fraction(str(value)) if isinstance(value, str | Decimal) else Fraction(value)
     return Fraction(int(value.numerator), int(value.denominator))
 
 
@@ -55,7 +59,7 @@ def count(name, value, low, high):
     except TypeError:
         whole = None
     if whole is None or not low <= whole <= high:
-        raise ValueError(f"{name}={value!r} must be a whole number from {low} to {high}")
+        raise ValueError(f"{name}={shown(value)} must be a whole number from {low} to {high}")
     return whole
 
 
@@ -64,9 +68,9 @@ def real(name, value, *ends):
     given. Long doubles, which floats may round, are refused."""
     value = _scalar(value)
     if not isinstance(value, Real) or isinstance(value, bool | np.longdouble):
-        raise ValueError(f"{name}={value!r} must be a number that a float holds")
+        raise ValueError(f"{name}={shown(value)} must be a number that a float holds")
     if ends and not ends[0] <= value <= ends[1]:
-        raise ValueError(f"{name}={value!r} must be from {ends[0]} to {ends[1]}")
+        raise ValueError(f"{name}={shown(value)} must be from {ends[0]} to {ends[1]}")
     return float(value)
 
 
@@ -74,7 +78,7 @@ def positive(name, value, what):
     """`value` as a finite float; ValueError unless it is a number > 0. what : it is, in words."""
     value = real(name, value)
     if not 0 < value < inf:
-        raise ValueError(f"{name}={value!r} must be positive: {what}")
+        raise ValueError(f"{name}={shown(value)} must be positive: {what}")
     return value
 
 
@@ -114,11 +118,11 @@ def fraction(name, value):
         ratio = exact(value)
         float(ratio)  # which 1e400 overflows
     except (TypeError, ValueError, OverflowError, ZeroDivisionError):
-        raise ValueError(f"{name}={value!r} is not a fraction; write one like '1/3'") from None
+        raise ValueError(f"{name}={shown(value)} is not a fraction; {FORM_OF_FRACTION}") from None
     if ratio.denominator > MAX_DENOMINATOR:
         raise ValueError(
-            f"{name}={value!r} is {ratio}, whose denominator is more than {MAX_DENOMINATOR}; write "
-            f"a shorter fraction, like '{ratio.limit_denominator(1000)}'"
+            f"{name}={shown(value)} is {shortened(str(ratio))}, whose denominator is more than "
+            f"{MAX_DENOMINATOR}; write a shorter fraction, like '{ratio.limit_denominator(1000)}'"
         )
     return ratio
 

@@ -18,6 +18,7 @@ from itertools import chain, cycle, takewhile
 from math import isfinite, isqrt
 
 from nasm.checks import count, exact, integer, real
+from nasm.texts import MAX_DIGITS, shortened, shown
 
 __all__ = ["NAMES", "RotationNumber", "convergents", "moebius", "nobles_near", "parse", "rational"]
 __dir__ = __all__.copy
@@ -25,8 +26,8 @@ __dir__ = __all__.copy
 NAMES = ("gamma", "gamma+1", "2gamma", "2gamma+1", "(5gamma+6)/(4gamma+5)", "(gamma+1)/(4gamma+5)")
 """The six rotation numbers of the paper, Sec. VI, as `parse` reads them."""
 
-MAX_DIGITS, MAX_QUOTIENTS = 100, 1000
-"""The longest integer and the longest continued fraction, prefix and one period, that are read."""
+MAX_CHARACTERS, MAX_QUOTIENTS = 10_000, 1000
+"""The longest text and the longest continued fraction, prefix and one period, that are read."""
 
 _INTEGERS = r"\d+(?:,\d+)*"
 _CONTINUED_FRACTION = rf"\[(-?\d+)(?:;({_INTEGERS})(?:,\(({_INTEGERS})\))?|;\(({_INTEGERS})\))?\]"
@@ -58,8 +59,8 @@ class RotationNumber:
                 exact = None
             if exact is None or min((1, *exact[name == "prefix" :])) < 1:
                 raise ValueError(
-                    f"{name}={quotients!r} must be whole numbers, ≥ 1 after the first of a number, "
-                    "e.g. RotationNumber((0, 2), (1,))"
+                    f"{name}={shown(quotients)} must be whole numbers, ≥ 1 after the first of a "
+                    "number, e.g. RotationNumber((0, 2), (1,))"
                 )
             object.__setattr__(self, name, exact)
         if not self.prefix:
@@ -93,11 +94,14 @@ def parse(text):
 
     Reads a continued fraction "[1;4,(1)]" (the period in parentheses), a fraction "3/5", or a
     Möbius transform of the golden mean with integer coefficients, "(5gamma+6)/(4gamma+5)".
-    ValueError, with two of these forms, for anything else, and for what exceeds `MAX_DIGITS` or
-    `MAX_QUOTIENTS`.
+    ValueError, with two of these forms, for anything else, and for what exceeds
+    `MAX_CHARACTERS`, `texts.MAX_DIGITS` or `MAX_QUOTIENTS`.
     """
-    compact = re.sub(r"\s*([-+*/;,()[\]])\s*", r"\1", str(text).strip()).replace("γ", "gamma")
-    if re.search(rf"\d{{{MAX_DIGITS + 1}}}", compact) or compact.count(",") >= MAX_QUOTIENTS:
+    if len(compact := str(text)) <= MAX_CHARACTERS:
+        compact = re.sub(r"\s+", " ", compact.strip()).replace("γ", "gamma")
+        compact = re.sub(r" ?([-+*/;,()[\]]) ?", r"\1", compact)
+    too_long = len(compact) > MAX_CHARACTERS or compact.count(",") >= MAX_QUOTIENTS
+    if too_long or re.search(rf"\d{{{MAX_DIGITS + 1}}}", compact):
         raise _too_long(compact)
     if match := re.fullmatch(_CONTINUED_FRACTION, compact):
         first, prefix, tail, tail_only = match.groups()
@@ -112,16 +116,16 @@ def parse(text):
         if (c, d) != (0, 0):  # no γ is left in it
             return rational(Fraction(b, d) if d else Fraction(a, c))
     raise ValueError(
-        f"{text!r} is not a rotation number; write a continued fraction like [1;4,(1)], or a ratio "
-        "in the golden mean like (5gamma+6)/(4gamma+5)"
+        f"{shown(text)} is not a rotation number; write a continued fraction like [1;4,(1)], or a "
+        "ratio in the golden mean like (5gamma+6)/(4gamma+5)"
     )
 
 
 def _too_long(text):
-    shown = text if len(text) <= 60 else f"{text[:40]}…, {len(text)} characters,"
     return ValueError(
-        f"{shown} is too long; write integers of at most {MAX_DIGITS} digits, and a number whose "
-        f"continued fraction has at most {MAX_QUOTIENTS} partial quotients before it repeats"
+        f"{shortened(text)} is too long; write at most {MAX_CHARACTERS} characters, integers of at "
+        f"most {MAX_DIGITS} digits, and a number whose continued fraction has at most "
+        f"{MAX_QUOTIENTS} partial quotients before it repeats"
     )
 
 

@@ -25,6 +25,7 @@ import numpy as np
 from nasm.checks import floats, fraction, real, sealed
 from nasm.maps import MAX_PERIOD, MAX_STRENGTH, direction, forcing
 from nasm.symmetries import ray, relatives
+from nasm.texts import shown
 
 __all__ = ["Plane", "from_json", "parse", "rotating", "three_kicks", "two_kicks"]
 __dir__ = __all__.copy
@@ -80,15 +81,15 @@ class Plane:
             )
         if not isinstance(self.name, str) or not 0 < len(self.name) <= _LONGEST_NAME:
             raise ValueError(
-                f"name={self.name!r} must be a text of at most {_LONGEST_NAME} letters, like "
+                f"name={shown(self.name)} must be a text of at most {_LONGEST_NAME} letters, like "
                 "'two-kicks'"
             )
         axes = self.axes if isinstance(self.axes, dict) else {}
         named = [_AXIS.fullmatch(name) and isinstance(words, str) for name, words in axes.items()]
         if len(named) != 2 or not all(named):
             raise ValueError(
-                f"axes={self.axes!r} must be two names that begin with kappa, and what they are, "
-                f"like {TWO_KICKS_AXES}"
+                f"axes={shown(self.axes)} must be two names that begin with kappa, and what they "
+                f"are, like {TWO_KICKS_AXES}"
             )
 
     @property
@@ -215,7 +216,7 @@ def three_kicks(third):
 def from_json(text):
     """The plane of a JSON object with the keys name, axes, origin, first and second; ValueError."""
     try:
-        return Plane(**json.loads(text))
+        return Plane(**json.loads(text, parse_int=float))  # an int may have thousands of digits
     except (TypeError, RecursionError):
         words = "must be a JSON object with the keys name, axes, origin, first and second"
         raise ValueError(f"a plane {words}") from None
@@ -235,6 +236,6 @@ def parse(text):
         case ["three-kicks", third]:
             return three_kicks(float(fraction("third", third)))
     raise ValueError(
-        f"{text!r} is not a plane; write two-kicks, rotating:FREQUENCY[,PHASE] like "
+        f"{shown(text)} is not a plane; write two-kicks, rotating:FREQUENCY[,PHASE] like "
         "rotating:1/3,1/48, or three-kicks:THIRD like three-kicks:0.2"
     )

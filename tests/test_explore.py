@@ -3,6 +3,8 @@
 import asyncio
 import os
 import re
+import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -402,31 +404,43 @@ def test_a_zoom_leaves_every_circle_its_colour():
     assert names[0] in legend
 
 
-def answers(requests):
-    """What a server without workers answers to (path, headers), one after the other; what it
-    computes, and its own address."""
+def with_page(ask, client=None):
+    """What `ask`, a coroutine function of the port, returns of a server without workers.
+
+    client : as of `Shared`.
+    """
 
     async def asked():
         sockets, port = bind_sockets("127.0.0.1", 0)
-        shared = server.Shared(two_kicks(), None, lambda: computed.append("something"))
-        page, client = server.server_of(shared, sockets, port), AsyncHTTPClient()
-        found = []
+        page = server.server_of(server.Shared(two_kicks(), None, client), sockets, port)
+        found = await ask(port)
+        page.stop()
+        return found
+
+    with ThreadPoolExecutor() as thread:  # in this one Playwright may have an event loop
+        return thread.submit(asyncio.run, asked()).result()
+
+
+def answers(requests):
+    """What a server without workers answers to (path, headers), one after the other; what it
+    computes."""
+
+    async def ask(port):
+        client, found = AsyncHTTPClient(), []
         for path, headers in requests:
             named = {name: text.format(port=port) for name, text in headers.items()}
             url = f"http://127.0.0.1:{port}{path}"
             found.append(await client.fetch(url, headers=named, raise_error=False))
-        page.stop()
         return found
 
     computed = []
-    with ThreadPoolExecutor() as thread:  # in this one Playwright may have an event loop
-        return thread.submit(asyncio.run, asked()).result(), computed
+    return with_page(ask, lambda: computed.append("something")), computed
 
 
 WEBSOCKET = {"Connection": "Upgrade", "Upgrade": "websocket", "Sec-WebSocket-Version": "13"}
 WEBSOCKET |= {"Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ==", "Sec-WebSocket-Protocol": "bokeh"}
 
-ELSEWHERE = "elsewhere.example"
+ELSEWHERE, FOREIGN = "elsewhere.example", ("cross-site", "same-site")
 SCRIPT, OTHER = "/static/js/bokeh.min.js", f"{ELSEWHERE}:{{port}}"
 OURS = "localhost:{port}", "127.0.0.1:{port}", "[::1]:{port}", "LOCALHOST:{port}"
 REQUESTS = [  # path, headers, and the code of the answer
@@ -440,6 +454,22 @@ REQUESTS = [  # path, headers, and the code of the answer
     ("/ws", WEBSOCKET | {"Origin": "http://localhost:1"}, 403),  # a page of another server here
     ("/?k1=%ff", {}, 200),  # a page with words
     ("/?plane=%c3%28&n=%00", {}, 200),
+    ("/?omega=0.5000000000000000000000000000000", {}, 200),
+]
+
+
+def fetch(site, what):
+    """What a browser says of a request: of whose page, and for what."""
+    return {"Sec-Fetch-Site": site, "Sec-Fetch-Dest": what}
+
+
+AUTOLOAD = "/autoload.js?bokeh-autoload-element=a"
+REQUESTS += [
+    *(("/", fetch(site, what), 403) for site in FOREIGN for what in ("image", "iframe", "empty")),
+    *((path, fetch(site, "script"), 403) for site in FOREIGN for path in (SCRIPT, AUTOLOAD)),
+    *((SCRIPT, fetch(site, "script"), 200) for site in ("same-origin", "none")),
+    *(("/?k1=0.3", fetch(site, "document"), 200) for site in ("none", "same-origin", *FOREIGN)),
+    ("/", fetch("cross-site", "document") | {"Origin": f"http://{ELSEWHERE}"}, 403),
 ]
 
 
@@ -463,9 +493,7 @@ def test_a_page_by_any_port_that_ssh_forwards_can_connect(name, forwarded, site,
     if site:
         monkeypatch.setenv("BOKEH_ALLOW_WS_ORIGIN", site)  # of other servers of Bokeh
 
-    async def status():
-        sockets, port = bind_sockets("127.0.0.1", 0)
-        page = server.server_of(server.Shared(two_kicks(), None, None), sockets, port)
+    async def status(port):
         reader, writer = await asyncio.open_connection("127.0.0.1", port)
         host = name.format(9956 if forwarded else port)
         headers = WEBSOCKET | {"Host": host, "Origin": f"http://{host}"}
@@ -473,11 +501,62 @@ def test_a_page_by_any_port_that_ssh_forwards_can_connect(name, forwarded, site,
         writer.write("\r\n".join(lines).encode())
         line = await asyncio.wait_for(reader.readline(), 10)
         writer.close()
-        page.stop()
         return line
 
-    with ThreadPoolExecutor() as thread:
-        assert b" 101 " in thread.submit(asyncio.run, status()).result()
+    assert b" 101 " in with_page(status)
+
+
+@pytest.mark.parametrize(
+    ("path", "headers"),
+    [("/", {}), (SCRIPT, {}), (AUTOLOAD, {}), ("/none", {}), ("/", {"Host": ELSEWHERE})],
+)
+def test_every_answer_tells_browsers_what_to_keep_from_other_sites(path, headers):
+    (answer,), _ = answers([(path, headers)])
+    assert "frame-ancestors 'none'" in answer.headers["Content-Security-Policy"]
+    assert "default-src 'self';" in answer.headers["Content-Security-Policy"]
+    assert answer.headers["X-Frame-Options"] == "DENY"
+    assert answer.headers["X-Content-Type-Options"] == "nosniff"
+    assert answer.headers["Referrer-Policy"] == "same-origin"
+    assert answer.headers["Cross-Origin-Resource-Policy"] == "same-origin"
+
+
+_POST = "POST / HTTP/1.1\r\nHost: localhost\r\n"
+
+
+async def said_to(port, text):
+    """The first line that the server answers to a text, as if it were slow to be sent; b"" if it
+    closes the connection."""
+    reader, writer = await asyncio.open_connection("127.0.0.1", port)
+    writer.write(text.encode())
+    line = await reader.readline()
+    writer.close()
+    return line
+
+
+def test_slow_clients_are_let_go_and_hold_nobody_up(monkeypatch):
+    monkeypatch.setattr(server, "_SLOWEST", 2)
+    slow = ["", "GET / HTTP/1.1\r\nHost: localhost\r\nX: ", f"{_POST}Content-Length: 99\r\n\r\na"]
+    slow += [f"{_POST}Transfer-Encoding: chunked\r\n\r\n63\r\na"]
+
+    async def ask(port):
+        waiting = [asyncio.create_task(said_to(port, text)) for text in 50 * slow]
+        await asyncio.sleep(0.1)
+        page = await AsyncHTTPClient().fetch(f"http://127.0.0.1:{port}{SCRIPT}")
+        return page.code, await asyncio.wait_for(asyncio.gather(*waiting), 60)
+
+    code, lines = with_page(ask)
+    assert code == 200
+    assert {*lines} == {b""}
+
+
+@pytest.mark.parametrize(
+    "body", [f"Content-Length: {10**11}\r\n\r\n", "Transfer-Encoding: chunked\r\n\r\nfffff\r\n"]
+)
+def test_what_is_sent_to_the_page_is_not_kept(body):
+    async def ask(port):
+        return await asyncio.wait_for(said_to(port, _POST + body), 60)
+
+    assert b" 400 " in with_page(ask)
 
 
 def test_a_browser_in_the_foreground_holds_nothing_up(tmp_path):
@@ -525,11 +604,89 @@ def test_what_needs_no_kernels_does_not_wait_for_those_that_are_compiled():
     assert found == ["none", "verdict"]
 
 
-def test_pages_that_are_asked_for_and_not_shown_compute_nothing():
-    found, computed = answers([("/", {})] * 3)
-    assert [answer.code for answer in found] == [200] * 3
+_EVERYTHING = "k1=0.3&k2=0.2&n=100&omega=gamma&pq=3/8&orbits=0.5,0.3&show=boundary,cycles,manifolds"
+
+
+@pytest.mark.parametrize(
+    ("path", "headers", "code"),
+    [
+        ("/", {}, 200),
+        (f"/?{_EVERYTHING}", {}, 200),
+        (f"{AUTOLOAD}&{_EVERYTHING}", {}, 200),
+        (f"/?{_EVERYTHING}", {"Cookie": "k1=0.3; =; bokeh-session-id=x"}, 200),
+        (f"/?{_EVERYTHING}", {"Cookie": "k1=\x01"}, 400),
+        (f"/?{_EVERYTHING}&bokeh-session-id=..%2f..", {}, 200),
+        (f"/?{_EVERYTHING}&bokeh-token=e30.x", {}, 500),
+        (f"/none/..%2f?{_EVERYTHING}", {}, 404),
+        (f"/?pq=1e-99999999&omega=1{60_000 * '+'}1", {}, 200),
+    ],
+)
+def test_a_page_that_is_asked_for_and_not_shown_computes_nothing(path, headers, code, monkeypatch):
+    threads = []
+    monkeypatch.setattr("workflows.explore.work.Thread", lambda **how: threads.append(how))
+    (answer,), computed = answers([(path, headers)])
+    assert answer.code == code
     time.sleep(0.2)  # a verdict begins a little later
-    assert computed == []
+    assert (computed, threads) == ([], [])
+
+
+_BLOCKED = """
+import hashlib, sys
+from workflows.explore import server
+server._GRACE = 1
+server.Shared.prepare = lambda shared: None
+def fill(document, shared):
+    print("blocked", flush=True)
+    {}
+server.fill = fill
+from workflows.explore.__main__ import main
+main(["--port", "0", "--no-browser", "--out", sys.argv[1]])
+"""
+
+
+@pytest.mark.parametrize(
+    ("number", "blocks"),
+    [
+        (signal.SIGINT, "while True: pass"),
+        (signal.SIGTERM, "10 ** 10 ** 9"),  # which never releases Python's lock
+        (signal.SIGINT, "hashlib.pbkdf2_hmac('sha256', b'', b'', 2**31 - 1)"),  # as a kernel does
+    ],
+)
+def test_a_signal_ends_the_explorer_whatever_blocks_its_loop(number, blocks, tmp_path):
+    command = [sys.executable, "-c", _BLOCKED.format(blocks), str(tmp_path)]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    with subprocess.Popen(command, **pipes) as process:
+        try:
+            told = "".join(iter(process.stderr.readline, "Ctrl-C ends it\n"))
+            port = int(re.search(r"localhost:(\d+)/", told).group(1))
+            with socket.create_connection(("127.0.0.1", port)) as browser:
+                browser.sendall(b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n")
+                assert process.stdout.readline() == "blocked\n"
+                process.send_signal(number)
+                assert process.wait(60) == -signal.SIGALRM
+        finally:
+            process.kill()
+
+
+def test_workers_are_known_to_be_started_while_kernels_are_compiled(monkeypatch):
+    compiling, ended = threading.Event(), threading.Event()
+
+    def warm_up():
+        compiling.set()
+        ended.wait(60)
+
+    done = SimpleNamespace(result=lambda: None)
+    client = SimpleNamespace(status="running", submit=lambda call, pure: done)
+    monkeypatch.setattr(server, "_WARM_UPS", {"portrait": warm_up})
+    shared = server.Shared(two_kicks(), None, lambda: client)
+    thread = threading.Thread(target=shared.prepare)
+    thread.start()
+    assert compiling.wait(60)
+    assert shared.connected.is_set()  # all that Ctrl-C waits for
+    assert not shared.loaded["portrait"].is_set()
+    ended.set()
+    thread.join()
+    assert shared.loaded["portrait"].is_set()
 
 
 def test_orbits_that_are_not_found_are_named_and_short_ones_are_drawn(monkeypatch):

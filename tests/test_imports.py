@@ -68,6 +68,7 @@ def test_commands_import_no_other_command_and_shared_rooms_none(module):
 
 
 DEFINITIONS = {f"nasm.{name}" for name in ("checks", "maps", "numbers", "planes", "symmetries")}
+DEFINITIONS.add("nasm.texts")
 
 
 @pytest.mark.parametrize("module", FIGURES)

@@ -196,7 +196,7 @@ def _address(scheduler):
             time.sleep(0.1)
         if not file.exists():
             raise ClusterError(f"scheduler={scheduler!r}: no such file, nor is it an address")
-        with suppress(OSError, ValueError, KeyError, TypeError):
+        with suppress(OSError, ValueError, KeyError, TypeError, RecursionError):
             address = json.loads(file.read_bytes())["address"]
     if not _ADDRESS.fullmatch(str(address)):
         raise ClusterError(

@@ -11,6 +11,8 @@ from math import inf, prod
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
+from nasm.texts import parse_float, parse_integer, shown
+
 MAX_CELLS = 2**20
 _ENOUGH = 4096  # tiles: with fewer, a thousand workers would not end together
 _LONG = 3  # predicted CPU seconds of a tile
@@ -57,10 +59,10 @@ def parse_axis(text):
     """Parse an Axis from "LO:HI:N"; ValueError with an example otherwise."""
     try:
         lo, hi, n = text.split(":")
-        lo, hi, n = float(lo), float(hi), int(n)
+        lo, hi, n = parse_float(lo), parse_float(hi), parse_integer(n, 0, inf)
     except ValueError:
         words = "write LO:HI:N, two numbers and a number of cells, e.g. -1:1:256"
-        raise ValueError(f"{text!r} is not an axis; {words}") from None
+        raise ValueError(f"{shown(text)} is not an axis; {words}") from None
     return Axis(lo, hi, n)
 
 

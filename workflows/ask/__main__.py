@@ -18,6 +18,7 @@ from zlib import crc32
 
 import click
 
+from nasm.texts import parse_float, shortened
 from workflows.shared import cli
 
 
@@ -27,10 +28,11 @@ def numbers_in(content):
         text = content.decode("utf-8-sig")  # with the mark of Windows' editors, or without
     except UnicodeDecodeError:
         raise ValueError("not a text in UTF-8, e.g. one in UTF-16; save it as UTF-8") from None
-    if pair := re.search(r"[-+.\d]*\d,\d[.\d]*", text):
-        words = "may be one number or two; write one like 0.3, and two like 0 3"
-        raise ValueError(f"{pair[0]} {words}")
-    return [float(number) for number in text.replace(",", " ").split()]
+    for word in text.split():
+        if re.search(r"\d,\d", word):
+            words = "may be one number or two; write one like 0.3, and two like 0 3"
+            raise ValueError(f"{shortened(word)} {words}")
+    return [parse_float(word) for word in text.replace(",", " ").split()]
 
 
 def forcing_asked(strengths, plane, once):

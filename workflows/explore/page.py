@@ -9,10 +9,11 @@ from bokeh.events import DocumentReady
 from bokeh.models import Button, CategoricalSlider, Column, CustomJS, Div, Row, TextInput
 from jinja2 import Template
 
+from nasm.texts import parse_float
 from workflows.explore import files, play, verdict
 from workflows.explore.plane import PlanePanel
 from workflows.explore.portrait import PortraitPanel
-from workflows.explore.state import QUERY, STEPS, State, number
+from workflows.explore.state import QUERY, STEPS, State
 from workflows.explore.widgets import THEME, alert, field
 from workflows.explore.work import Work
 from workflows.figures.planes import symbols
@@ -68,7 +69,7 @@ def _controls(state, wrong):
     def typed(i, text):
         if text == _rounded(shown[i]):
             return
-        before, shown[i] = shown[i], number(text)
+        before, shown[i] = shown[i], parse_float(text)
         try:
             state.move(*(shown[i] if i == j else value for j, value in enumerate(state.point)))
         except ValueError:

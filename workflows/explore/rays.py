@@ -11,6 +11,7 @@ from time import monotonic, sleep
 import numpy as np
 
 from nasm.numbers import nobles_near, parse
+from nasm.texts import parse_float, shortened
 from pipeline.cubes.barrier import boundary
 from pipeline.cubes.breakdown import by_residue
 from pipeline.cubes.cube import angles_of_rays
@@ -28,6 +29,7 @@ _WIDE = 0.2  # of a view, around whose boundary a wide bracket will do
 _ENOUGH = 8  # rays of a view, to name its circles alone
 _PATIENCE = 1.0  # seconds between two pictures
 _REST = 0.5  # seconds that a view has to rest: a ray takes up to some, and cannot be stopped
+_DECIMALS = 40  # characters of a decimal number that is read
 _GAP = 25.0  # degrees without a ray, over which no line is drawn
 
 _COLUMNS = {
@@ -189,11 +191,20 @@ def named_by(text):
     other text of an irrational number as it is, and ""; ValueError for one of a rational."""
     digits = re.fullmatch(r"[+-]?\d+\.(\d+)", text)
     if not digits and text and parse(text).is_rational:
-        raise ValueError(f"{text} is rational, and has no circle; write one like [0;2,(1)]")
+        raise ValueError(
+            f"{shortened(text)} is rational, and has no circle; write one like [0;2,(1)]"
+        )
     if not digits:
         return text, ""
-    half = 0.5 * 10.0 ** -len(digits[1])  # the number itself is rational, and may end too soon
-    noble = str(nobles_near(float(text) + 0.382 * half, 0.618 * half, 1)[0])
+    half, near = 0.5 * 10.0 ** -len(digits[1]), []
+    if len(text) <= _DECIMALS:  # the number itself is rational, and may end too soon
+        near = nobles_near(parse_float(text) + 0.382 * half, 0.618 * half, 1)
+    if not near:
+        raise ValueError(
+            f"{shortened(text)} has more digits than a noble number is found for; write at most "
+            f"15 digits, or all of the number, like [0;2,(1)]"
+        )
+    noble = str(near[0])
     return noble, f"a noble number that rounds to it: {noble}"
 
 

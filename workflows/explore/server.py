@@ -3,11 +3,13 @@
 One process serves all tabs and does the small work in threads; dask workers do the large work. A
 page of another site may run in the same browser. It can neither read the page nor connect to it,
 also if its name is made to point at this machine: a request must name this machine, by any port, as
-ssh may forward one, and come from no other page than those of that name and port. The address of a
-page computes nothing until the page is connected.
+ssh may forward one, and come from no other page than those of that name and port; a link to the
+page may stand anywhere. The address of a page computes nothing until the page is connected: until
+then its texts are only read, and `nasm.texts` limits what they spell.
 """
 
 import logging
+import os
 import re
 import signal
 import webbrowser
@@ -28,7 +30,7 @@ from tornado.httpserver import HTTPServer
 from tornado.ioloop import IOLoop
 from tornado.routing import AnyMatches, HostMatches, Rule, RuleRouter
 from tornado.web import Application as WebApplication
-from tornado.web import RequestHandler
+from tornado.web import OutputTransform, RequestHandler
 
 from nasm import escape
 from nasm.arithmetic.kernels import are_missing
@@ -42,6 +44,21 @@ _HOST = "127.0.0.1"
 _NAMES = "localhost", _HOST, "[::1]"
 _OF_THE_TERMINAL = "browsh", "carbonyl", "elinks", "links", "links2", "lynx", "w3m", "www-browser"
 _LIFETIME = 10_000  # milliseconds of a page, a few of work, whose browser does not connect
+_SLOWEST = 20  # seconds within which a request, or the next one of a connection, must be complete
+_BODY = 1000  # bytes of a request at most, after its headers: nothing is sent to the page
+_GRACE, _CLOSING = 10, 60  # seconds to end in: until the event loop stops, until workers have ended
+_POLICY = (  # Bokeh makes functions of texts, and both its page and ours hold scripts and styles
+    "default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval'; "
+    "style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; object-src 'none'; "
+    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
+_HEADERS = {
+    "Content-Security-Policy": _POLICY,
+    "X-Frame-Options": "DENY",
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+}
 
 
 class Shared:
@@ -50,13 +67,14 @@ class Shared:
     plane : of forcings. place : of cubes to show, only read. rays : Rays, the boundary so far.
     fields : {(View, N): Field} that were computed to the end, the newest last.
     client : function → dask Client, which waits until it is connected.
+    connected : Event, set when the workers are started, or cannot be.
     loaded : {"portrait", "verdict": Event, set when the kernels for it are there, or cannot be}.
     preparing : what the page must wait for, in words; "" when all is ready.
     """
 
     def __init__(self, plane, place, client):
         self.plane, self.place, self._client = plane, place, client
-        self.rays, self.fields = Rays(plane), {}
+        self.rays, self.fields, self.connected = Rays(plane), {}, Event()
         self.loaded, self._lock = {name: Event() for name in _WARM_UPS}, Lock()
         self.preparing = "starting the workers"
 
@@ -79,6 +97,7 @@ class Shared:
         """
         try:
             client = self._connected()
+            self.connected.set()
             missing = "compiling the kernels, once per machine: about 20 s"
             self.preparing = missing if are_missing() else "loading the kernels"
             for name, warm_up in _WARM_UPS.items():
@@ -91,7 +110,7 @@ class Shared:
         except Exception as error:  # at Ctrl-C anything
             self.preparing = f"the workers did not start: {error!r}"
         finally:
-            for event in self.loaded.values():
+            for event in (self.connected, *self.loaded.values()):
                 event.set()
 
 
@@ -129,19 +148,40 @@ def serve(plane, place, port, opens, cluster):
     with connect(**cluster) as client, dask.config.set(again):
         shared = Shared(plane, place, client)
         server = server_of(shared, sockets, port)
-        loop = server.io_loop
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, lambda *_: loop.add_callback_from_signal(loop.stop))
-        preparing = Thread(target=shared.prepare, daemon=True)
-        preparing.start()
+        _stop_at_signals(loop := server.io_loop)
+        Thread(target=shared.prepare, daemon=True).start()
         server.start()
         url = f"http://localhost:{port}/"
         click.echo(f"the explorer is at {url}\nCtrl-C ends it", err=True)
         if opens:  # some browsers stay in the foreground until they are closed
             Thread(target=_open, args=[url], daemon=True).start()
         loop.start()
+        signal.alarm(_CLOSING)
         server.stop()
-        preparing.join(20)  # workers that are about to start would stay behind
+        shared.connected.wait(20)  # workers that are about to start would stay behind
+    signal.alarm(0)
+
+
+def _stop_at_signals(loop):
+    """Stop the event loop at SIGINT or SIGTERM; if it is blocked, end the process `_GRACE` seconds
+    later.
+
+    Blocked by Python, this thread still calls the handler of the signal; blocked by a kernel, which
+    releases Python's lock, another thread reads of the signal from a pipe. Either sets an alarm, by
+    which the system ends the process.
+    """
+    hears, tells = os.pipe()
+    os.set_blocking(tells, False)
+    signal.set_wakeup_fd(tells)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: signal.alarm(_GRACE))
+
+    def listen():
+        while os.read(hears, 1):
+            signal.alarm(_GRACE)
+            loop.add_callback(loop.stop)
+
+    Thread(target=listen, daemon=True).start()
 
 
 def _open(url):
@@ -162,19 +202,35 @@ def server_of(shared, sockets, port):
         check_unused_sessions_milliseconds=_LIFETIME // 10,
     )
     refusals = WebApplication([(".*", _Refusal, {"port": port})])
+    for application in (web, refusals):
+        application.add_transform(_Guarded)
     names = f"({'|'.join(map(re.escape, _NAMES))})$"
-    http = HTTPServer(RuleRouter([Rule(_Ours(names), web), Rule(AnyMatches(), refusals)]))
+    router = RuleRouter([Rule(_Ours(names), web), Rule(AnyMatches(), refusals)])
+    slowest = {"idle_connection_timeout": _SLOWEST, "body_timeout": _SLOWEST}
+    http = HTTPServer(router, max_body_size=_BODY, **slowest)
     http.add_sockets(sockets)
     return BaseServer(IOLoop.current(), web, http)
 
 
 class _Ours(HostMatches):
-    """Matches requests to a host of these names that come from no other page than the host's."""
+    """Matches requests to a host of these names that come from no other page than the host's, but
+    for a link that was followed. Browsers say what a request is for."""
 
     def match(self, request):
-        origin = request.headers.get("Origin", f"http://{request.host}")
+        headers = request.headers
+        origin = headers.get("Origin", f"http://{request.host}")
         same = origin.partition("://")[2].lower() == request.host.lower()
-        return super().match(request) if same else None
+        same &= headers.get("Sec-Fetch-Site", "none") in ("none", "same-origin")
+        followed = headers.get("Sec-Fetch-Dest") == "document" and "Origin" not in headers
+        return super().match(request) if same or followed else None
+
+
+class _Guarded(OutputTransform):
+    """Adds the headers by which browsers guard the page to every answer."""
+
+    def transform_first_chunk(self, status_code, headers, chunk, finishing):
+        headers.update(_HEADERS)
+        return status_code, headers, chunk
 
 
 class _Refusal(RequestHandler):
@@ -188,7 +244,7 @@ class _Refusal(RequestHandler):
         self.set_header("Content-Type", "text/plain; charset=utf-8")
         self.finish(
             f"The explorer answers on localhost only; this request is for {self.request.host}, "
-            f"from a page of {self.request.headers.get('Origin', 'no other site')}.\n"
+            f"from a page of {self.request.headers.get('Origin', 'another site, or none')}.\n"
             f"Open http://localhost:{self.port}/ on the machine where the explorer runs. From "
             f"another machine:\n\n    ssh -L {self.port}:localhost:{self.port} MACHINE\n\n"
             f"and open http://localhost:{self.port}/ there.\n"

@@ -6,13 +6,13 @@ first: `a=0.1:0.3&b=0:0.2&omega=gamma&orbits=0.5,0.3;0.5,0.4&show=boundary,cycle
 
 from collections import defaultdict
 from contextlib import suppress
-from fractions import Fraction
 from urllib.parse import urlencode
 
 import numpy as np
 
 from nasm.maps import forcing
 from nasm.planes import two_kicks
+from nasm.texts import parse_float, parse_fraction, parse_integer, shortened, shown
 from workflows.explore.rays import named_by
 
 STEPS = [m * 10**e for e in range(2, 6) for m in (1, 2, 5)] + [10**6]
@@ -113,7 +113,9 @@ class State:
         """Take what a query {name: text} asks for; ValueError in words, with nothing changed."""
         name = query.get("plane", two_kicks().name)
         if query and name != self.plane.name:
-            raise ValueError(f"this page shows {self.plane.name}; start one with --plane {name}")
+            raise ValueError(
+                f"this page shows {self.plane.name}; start one with --plane {shortened(name)}"
+            )
         asked = State(self.plane)
         for name, (part, read, _) in _PARTS.items():
             if name in query:
@@ -125,39 +127,32 @@ class State:
         asked.follow(asked.omega)
         asked.seek(asked.fraction)
         point = zip(("k1", "k2"), self.point, strict=True)
-        asked.move(*(number(query[name]) if name in query else value for name, value in point))
+        asked.move(*(parse_float(query[name]) if name in query else value for name, value in point))
         self.take(point=asked.point, **{part: getattr(asked, part) for part, *_ in _PARTS.values()})
-
-
-def number(text):
-    """Return the float that a text spells; ValueError in words."""
-    try:
-        return float(text)
-    except ValueError:
-        raise ValueError(f"{text!r} is not a number; write one like 0.525") from None
 
 
 def fraction_of(text):
     """Return the Fraction p/q that a text spells, None for ""; ValueError in words."""
     if not text:
         return None
-    with suppress(ValueError, ZeroDivisionError):
-        found = Fraction(text)
+    with suppress(ValueError):
+        found = parse_fraction(text)
         if found.denominator <= _MOST_Q and abs(found) <= _MOST_Q:
             return found
-    raise ValueError(f"{text!r} must be a fraction like 3/8, with q up to {_MOST_Q}")
+    raise ValueError(f"{shown(text)} must be a fraction like 3/8, with q up to {_MOST_Q}")
 
 
 def orbits_of(text):
     """Return the starts ((x, y), …) that a text names; ValueError in words."""
-    found = []
-    for pair in filter(None, map(str.strip, text.split(";"))):
-        start = [number(word) for word in pair.replace(",", " ").split()]
-        if len(start) != 2 or not np.isfinite(start).all():
-            raise ValueError(f"{pair!r} must be two numbers, like 0.5, 0.3")
+    pairs, found = [*filter(None, map(str.strip, text.split(";")))], []
+    if len(pairs) > _MOST_ORBITS:
+        raise ValueError(f"{len(pairs)} orbits are too many; take {_MOST_ORBITS} or fewer")
+    for pair in pairs:
+        words = pair.replace(",", " ").split()
+        start = [parse_float(word) for word in words] if len(words) == 2 else [np.nan]
+        if not np.isfinite(start).all():
+            raise ValueError(f"{shown(pair)} must be two numbers, like 0.5, 0.3")
         found.append((start[0] % 1, start[1]))
-    if len(found) > _MOST_ORBITS:
-        raise ValueError(f"{len(found)} orbits are too many; take {_MOST_ORBITS} or fewer")
     return tuple(found)
 
 
@@ -167,16 +162,17 @@ def orbits_text(orbits):
 
 
 def _steps(text):
-    if not (text.isdecimal() and STEPS[0] <= int(text) <= STEPS[-1]):
-        raise ValueError(f"n={text!r} must be a whole number from {STEPS[0]} to {STEPS[-1]}")
-    return int(text)
+    try:
+        return parse_integer(text, STEPS[0], STEPS[-1])
+    except ValueError as error:
+        raise ValueError(f"n={error}") from None
 
 
 def _ends(text):
     low, colon, high = text.partition(":")
     if not colon:
-        raise ValueError(f"{text!r} must be a range, like 0.1:0.3")
-    return number(low), number(high)
+        raise ValueError(f"{shown(text)} must be a range, like 0.1:0.3")
+    return parse_float(low), parse_float(high)
 
 
 def _allow(ends, sizes):
@@ -188,7 +184,7 @@ def _allow(ends, sizes):
 def _names(text):
     names = frozenset(filter(None, text.split(",")))
     if not names <= {*LINES, *ORBITS}:
-        raise ValueError(f"show={text!r} must be some of {','.join([*LINES, *ORBITS])}")
+        raise ValueError(f"show={shown(text)} must be some of {','.join([*LINES, *ORBITS])}")
     return names
 
 

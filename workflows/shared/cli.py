@@ -6,6 +6,7 @@ Heavy imports wait until the options are parsed, so that --help is fast.
 import functools
 import os
 import sys
+from contextlib import suppress
 from difflib import get_close_matches
 from importlib import import_module
 from importlib.util import find_spec
@@ -25,6 +26,7 @@ if sys.flags.optimize:
 
 from nasm import __version__  # noqa: E402
 from nasm.arithmetic.memory import keep_freed_memory  # noqa: E402
+from nasm.texts import parse_float, parse_integer, shortened, shown  # noqa: E402
 from workflows.shared import streams  # noqa: E402
 
 COMMON = {"help_option_names": ["-h", "--help"]}
@@ -38,12 +40,11 @@ class Strength(click.ParamType):
 
     def convert(self, value, parameter, context):
         try:
-            return float(value)
-        except ValueError:
+            return parse_float(value)
+        except ValueError as error:
             if str(value).startswith("-"):
                 raise no_such_option(context, value) from None
-            words = f"{value!r} is not a number; write one like 0.3 or -1e-2"
-            return self.fail(words, parameter, context)
+            return self.fail(str(error), parameter, context)
 
 
 def no_such_option(context, word):
@@ -135,16 +136,28 @@ def _number(kind, name, default, low, high, help, multiple=False):
     )
 
 
+class _WholeRange(click.IntRange):
+    def convert(self, value, parameter, context):
+        try:
+            return parse_integer(str(value), self.min, self.max)
+        except ValueError as error:
+            return self.fail(str(error), parameter, context)
+
+
 class _RealRange(click.FloatRange):
-    def convert(self, value, param, ctx):
-        number = super().convert(value, param, ctx)
-        if number != number:  # click lets NaN through
-            self.fail(f"{value} is not in the range {self._describe_range()}.", param, ctx)
+    def convert(self, value, parameter, context):
+        try:
+            number = parse_float(value)
+        except ValueError as error:
+            return self.fail(str(error), parameter, context)
+        if not self.min <= number <= self.max:  # NaN neither
+            words = f"{shown(value)} must be a number from {self.min} to {self.max}"
+            self.fail(words, parameter, context)
         return number
 
 
 # Options that take a number from low to high; `multiple` lets them be repeated.
-whole = functools.partial(_number, click.IntRange)
+whole = functools.partial(_number, _WholeRange)
 real = functools.partial(_number, _RealRange)
 
 
@@ -205,11 +218,14 @@ def increasing(name, default, largest, help):
     """Make an option N[,N...], which is read as a list of increasing whole numbers, or None."""
 
     def parse(text):
-        numbers = [int(n) if n.isdecimal() else 0 for n in text.split(",")] if text else None
-        if numbers and (sorted({*numbers}) != numbers or numbers[0] < 1 or numbers[-1] > largest):
-            words = f"must be increasing whole numbers from 1 to {largest}, e.g. 100,1000"
-            raise ValueError(f"{text!r} {words}")
-        return numbers
+        if not text:
+            return None
+        with suppress(ValueError):
+            numbers = [parse_integer(n, 1, largest) for n in text.split(",")]
+            if sorted({*numbers}) == numbers:
+                return numbers
+        words = f"must be increasing whole numbers from 1 to {largest}, e.g. 100,1000"
+        raise ValueError(f"{shown(text)} {words}")
 
     return parsed(name, default, parse, "N[,N...]", help)
 
@@ -222,7 +238,7 @@ def _plane(text):
             return text and parse(text)
         return from_json(Path(_at_home(text)).read_bytes())
     except (OSError, ValueError) as error:
-        raise ValueError(f"{text}: {error}") from None
+        raise ValueError(f"{shortened(text)}: {error}") from None
 
 
 _PLANES = "two-kicks, rotating:1/3,1/48 (frequency, phase), three-kicks:0.2 or FILE.json."

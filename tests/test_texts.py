@@ -1,0 +1,139 @@
+"""Texts from anybody: each is read, or refused by one sentence, at once."""
+
+import signal
+from decimal import Decimal
+from fractions import Fraction
+from functools import partial
+
+import click
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from nasm import checks, numbers, planes, texts
+from pipeline.sweep.grid import parse_axis
+from workflows.ask.__main__ import numbers_in
+from workflows.circle_boundaries import parse_omega
+from workflows.explore.rays import named_by
+from workflows.explore.state import State, orbits_of
+from workflows.frequencies import parse_frequency
+from workflows.shared.cli import main_of
+
+DIGITS = "9" * 60_000
+
+
+@pytest.fixture(autouse=True)
+def alarm():
+    """Fail a test that hangs."""
+
+    def hangs(*_):
+        raise TimeoutError("a text takes more than 60 s")
+
+    before = signal.signal(signal.SIGALRM, hangs)
+    signal.alarm(60)
+    yield
+    signal.alarm(0)
+    signal.signal(signal.SIGALRM, before)
+
+
+def asked(name, text):
+    """Go to the address of the explorer's page that has this text."""
+    State(planes.two_kicks()).go({name: text})
+
+
+def option(command, name, text):
+    """Read an option of a command."""
+    return main_of(command).make_context(command, [f"{name}={text}"])
+
+
+FRACTION = "is not a fraction; write one like 3/8 or 0.375, with at most 100 digits"
+STORED = '{"name": "plane", "axes": {}, "origin": [%s, 0], "first": [1, 0], "second": [0, 1]}'
+
+
+@pytest.mark.parametrize(
+    ("read", "text", "words"),
+    [
+        (partial(asked, "pq"), "1e-99999999", "'1e-99999999' must be a fraction like 3/8"),
+        (partial(asked, "pq"), "1e99999999", "'1e99999999' must be a fraction like 3/8"),
+        (partial(asked, "pq"), f"1/{DIGITS}", "(60004 characters) must be a fraction like 3/8"),
+        (partial(asked, "omega"), f"1{' ' * 60_000}1", "too long; write at most 10000 characters"),
+        (partial(asked, "omega"), f"[0;{','.join(['9' * 99] * 600)}]", "too long; write at most"),
+        (partial(asked, "omega"), "0." + DIGITS, "write at most 15 digits, or"),
+        (partial(asked, "omega"), "0.5" + 30 * "0", "write at most 15 digits, or"),
+        (partial(asked, "omega"), DIGITS + ".5", "write at most 15 digits, or"),
+        (partial(asked, "n"), DIGITS, "must be a whole number from 100 to 1000000"),
+        (partial(asked, "k1"), "x" * 60_000, "is not a number; write one like 0.3"),
+        (partial(asked, "orbits"), "0,0;" * 15_000, "15000 orbits are too many"),
+        (partial(asked, "show"), DIGITS, "must be some of boundary"),
+        (partial(asked, "a"), DIGITS, "must be a range, like 0.1:0.3"),
+        (partial(asked, "plane"), DIGITS, "start one with --plane 9999"),
+        (orbits_of, f"0 {'9 ' * 60_000}", "must be two numbers, like 0.5, 0.3"),
+        (planes.parse, "rotating:1e-99999999,0", f"frequency='1e-99999999' {FRACTION}"),
+        (planes.parse, f"rotating:1/3,{DIGITS}/7", FRACTION),
+        (planes.parse, "three-kicks:1e999", f"third='1e999' {FRACTION}"),
+        (planes.parse, DIGITS, "is not a plane; write two-kicks"),
+        (planes.from_json, STORED % DIGITS, "kappa=[inf, 0.0] is not finite or too large"),
+        (planes.from_json, "[" * 60_000, "must be a JSON object with the keys name"),
+        (numbers.rational, "1e-99999999", f"'1e-99999999' {FRACTION}"),
+        (numbers.rational, Decimal("1e-99999999"), f"'1E-99999999' {FRACTION}"),
+        (named_by, f"3/{'7' * 99}", "is rational, and has no circle"),
+        (parse_omega, f"[0;{','.join(['9' * 99] * 60)}]", "is rational, so that no"),
+        (parse_frequency, "1e-99999999", "'1e-99999999' must be a frequency from 0 to 1/2"),
+        (parse_frequency, f"1/{DIGITS}", FRACTION),
+        (parse_axis, f"0:1:{DIGITS}", "is not an axis; write LO:HI:N"),
+        (partial(option, "escape_plane", "--plane"), "rotating:1e-99999999", FRACTION),
+        (
+            partial(option, "escape_plane", "--n-max"),
+            DIGITS,
+            "whole number from 1 to 1000000000000",
+        ),
+        (partial(option, "escape_plane", "--n-orbits"), DIGITS, "increasing whole numbers from 1"),
+        (partial(option, "last_barrier", "--tol"), DIGITS, "must be a number from 1e-05 to 0.1"),
+        (partial(option, "last_barrier", "--tol"), "x" * 60_000, "is not a number"),
+        (numbers_in, DIGITS.encode() + b"x", "is not a number; write one like 0.3"),
+        (numbers_in, DIGITS.encode() + b",0", "may be one number or two"),
+        (partial(checks.count, "n", low=1, high=5), 10**5000, "must be a whole number from 1 to 5"),
+    ],
+    ids=lambda value: (
+        "" if callable(value) else repr(value)[:20] if isinstance(value, str | bytes) else ""
+    ),
+)
+def test_what_is_too_long_to_compute_with_is_refused_at_once_in_one_short_sentence(
+    read, text, words
+):
+    with pytest.raises((ValueError, click.BadParameter)) as refused:
+        read(text)
+    said = str(refused.value)
+    assert words in said
+    assert len(said) < 300
+    assert "\n" not in said
+
+
+def test_numbers_of_a_file_are_read_however_long_its_words_are():
+    assert numbers_in(DIGITS.encode()) == [float("inf")]
+
+
+@given(st.fractions(max_denominator=10**30), st.sampled_from(["{}", " {}\n"]))
+def test_a_fraction_is_read_as_it_is_written(value, form):
+    assert texts.parse_fraction(form.format(value)) == value
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("-0.375", Fraction(-3, 8)),
+        (".5", Fraction(1, 2)),
+        ("3.", 3),
+        ("-1e-3", Fraction(-1, 1000)),
+        ("2.5E+2", 250),
+        ("7" * 100 + "/" + "9" * 100, Fraction(int("7" * 100), int("9" * 100))),
+    ],
+)
+def test_decimal_numbers_are_exact(text, value):
+    assert texts.parse_fraction(text) == checks.exact(text) == value
+
+
+@pytest.mark.parametrize("text", ["", "x", "nan", "inf", "1/0", "1/-2", "3 / 8", "1_0", "1e1000"])
+def test_what_is_not_a_fraction_is_refused(text):
+    with pytest.raises(ValueError, match=FRACTION):
+        texts.parse_fraction(text)
