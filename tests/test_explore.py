@@ -550,7 +550,7 @@ def test_slow_clients_are_let_go_and_hold_nobody_up(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    "body", [f"Content-Length: {10**11}\r\n\r\n", "Transfer-Encoding: chunked\r\n\r\nfffff\r\n"]
+    "body", [f"Content-Length: {10**6}\r\n\r\n", "Transfer-Encoding: chunked\r\n\r\nfffff\r\n"]
 )
 def test_what_is_sent_to_the_page_is_not_kept(body):
     async def ask(port):
