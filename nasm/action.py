@@ -53,7 +53,6 @@ from nasm.numbers import distinct_convergents, rational
 
 __all__ = ["Chain", "Ladder", "LostError", "Orbit", "is_ordered", "joined", "ordered_orbits"]
 __all__ += ["relax", "total"]
-__dir__ = __all__.copy
 
 SURE_PERIOD = 100
 """Up to this period orbits that no scan finds are found by descent."""

@@ -52,7 +52,6 @@ __all__ = [
     "remnant",
     "tied",
 ]
-__dir__ = __all__.copy
 
 _LOCATE = 1000  # steps of converse KAM in step 1 on a line,
 _LOCATE_ANYWHERE = 100  # and on transversals

@@ -25,7 +25,6 @@ __all__ = [
     "real",
     "sealed",
 ]
-__dir__ = __all__.copy
 
 MAX_DENOMINATOR = 10**6
 

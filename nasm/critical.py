@@ -14,7 +14,6 @@ import numpy as np
 from nasm.numbers import RotationNumber
 
 __all__ = ["CriticalScale", "Result", "Status", "no_answer"]
-__dir__ = __all__.copy
 
 
 class Status(Enum):

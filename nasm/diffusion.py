@@ -25,7 +25,6 @@ from nasm.escape import MAX_STEPS, advance, ensemble, kick_series
 from nasm.maps import forcing
 
 __all__ = ["Diffusion", "diffusion"]
-__dir__ = __all__.copy
 
 SHORTEST = 8192  # periods: at fewer an accelerator mode may not yet stand out
 _SPREAD = 4.0  # mean square over the longer lag from which on there is an answer

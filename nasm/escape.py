@@ -33,7 +33,6 @@ from nasm.maps import direction, forcing
 
 __all__ = ["PAPER_WINDOW", "boundary", "critical_scale", "ensemble", "escape_time", "first_escape"]
 __all__ += ["onset_scale"]
-__dir__ = __all__.copy
 
 METHOD = "direct iteration"
 PAPER_WINDOW = (-2.0, 2.3)

@@ -28,7 +28,6 @@ from nasm.numbers import checked, convergents, moebius, parse
 from nasm.symmetries import halfway_nobles
 
 __all__ = ["circle_stands", "standing"]
-__dir__ = __all__.copy
 
 _SCANNED = 20  # period up to which the highest maximum is sought, and not that next to neighbours'
 _AGAIN = 300  # the same where joining fails

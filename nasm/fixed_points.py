@@ -22,7 +22,6 @@ from nasm.checks import floats
 from nasm.maps import TWO_PI, step_tangent
 
 __all__ = ["cubic_estimate", "primary_residue", "residue", "second2", "secondary"]
-__dir__ = __all__.copy
 
 PRIMARY = ((0.0, 0.0), (0.5, 0.0), (0.0, 0.5), (0.5, 0.5))
 """x, y of the primary points I to IV; III and IV also have y = -1/2."""

@@ -35,7 +35,6 @@ from nasm.numbers import RotationNumber, checked, convergents, distinct_converge
 from nasm.symmetries import shorten
 
 __all__ = ["Flux", "action_difference", "flux"]
-__dir__ = __all__.copy
 
 _AIM, _SETTLED = 1e-6, 0.01  # change from one convergent to the next: wanted, and accepted
 

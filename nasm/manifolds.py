@@ -33,7 +33,6 @@ from nasm.maps import forcing, step_tangent
 from nasm.orbits import orbit
 
 __all__ = ["Turnstile", "stable", "turnstile", "unstable"]
-__dir__ = __all__.copy
 
 _BEGIN = 1e-6  # ε
 _CLOSED = 1e-10  # times the norm of DT^q: a point that comes back so near is on a periodic orbit

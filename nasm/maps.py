@@ -23,7 +23,6 @@ from nasm.arithmetic.sine import cos2pi, sin2pi
 from nasm.checks import floats, fraction, points, real
 
 __all__ = ["forcing", "kick", "rotating_forcing", "step", "step_tangent", "twist", "unkick"]
-__dir__ = __all__.copy
 
 TWO_PI = 2 * np.pi
 

@@ -21,7 +21,6 @@ from nasm.checks import count, exact, integer, real
 from nasm.texts import MAX_DIGITS, shortened, shown
 
 __all__ = ["NAMES", "RotationNumber", "convergents", "moebius", "nobles_near", "parse", "rational"]
-__dir__ = __all__.copy
 
 NAMES = ("gamma", "gamma+1", "2gamma", "2gamma+1", "(5gamma+6)/(4gamma+5)", "(gamma+1)/(4gamma+5)")
 """The six rotation numbers of the paper, Sec. VI, as `parse` reads them."""

@@ -18,7 +18,6 @@ from nasm.checks import count, floats, points
 from nasm.maps import forcing, kick
 
 __all__ = ["orbit", "passages", "portrait", "rotation_number"]
-__dir__ = __all__.copy
 
 MAX_STEPS = 10**9
 

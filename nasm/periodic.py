@@ -29,7 +29,6 @@ from nasm.numbers import checked, convergents, distinct_convergents, rational
 from nasm.symmetries import CUSP_EXPONENT, distances_to_shorter, shorten
 
 __all__ = ["critical_scale", "crossings", "residue", "torus_scale"]
-__dir__ = __all__.copy
 
 METHOD = "Greene's residue"
 _LOST = 1e-12  # residues below are rounding

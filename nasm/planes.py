@@ -28,7 +28,6 @@ from nasm.symmetries import ray, relatives
 from nasm.texts import shown
 
 __all__ = ["Plane", "from_json", "parse", "rotating", "three_kicks", "two_kicks"]
-__dir__ = __all__.copy
 
 _AXIS = re.compile(r"kappa\w*(?<!_bounds)", re.ASCII)  # which no other name in a cube matches
 _LONGEST_NAME = 60  # it stands in the names of files

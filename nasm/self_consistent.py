@@ -34,7 +34,6 @@ from nasm.critical import Result
 from nasm.maps import MAX_STRENGTH, TWO_PI
 
 __all__ = ["Record", "evolve", "momentum"]
-__dir__ = __all__.copy
 
 MAX_KICKS = 10**9
 

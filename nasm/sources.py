@@ -9,7 +9,6 @@ import os
 from pathlib import Path
 
 __all__ = ["are_unchanged", "digest"]
-__dir__ = __all__.copy
 
 _ROOT = Path(__file__).parent
 

@@ -30,7 +30,6 @@ __all__ = [
     "shorten",
     "symmetry_lines",
 ]
-__dir__ = __all__.copy
 
 _NEARLY = 3e-6  # of the largest strength: at 1e-4 neighbours break later
 _ROUNDED = 1e-15  # of the largest strength: sums of cosines that were meant to be opposite

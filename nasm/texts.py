@@ -9,7 +9,6 @@ from contextlib import suppress
 from fractions import Fraction
 
 __all__ = ["parse_float", "parse_fraction", "parse_integer", "shortened", "shown"]
-__dir__ = __all__.copy
 
 MAX_DIGITS = 100
 """The most digits of an integer in a text, and of a decimal number on either side of its point."""

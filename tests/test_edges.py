@@ -63,7 +63,7 @@ SMALL = {
 def faces():
     """The public functions of all modules, by their names."""
     for module in walk_packages(nasm.__path__, "nasm."):
-        names = getattr(import_module(module.name), "__all__", ())
+        names = [] if module.ispkg else getattr(import_module(module.name), "__all__", ())
         for function in (getattr(import_module(module.name), name) for name in names):
             inner = module.name.removeprefix("nasm.").startswith(TRUSTING) or function in INNER
             if inspect.isfunction(function) and not inner:
@@ -75,7 +75,7 @@ def faces():
 KERNELS = {maps.kick, maps.unkick}
 SLOW = {barriers.boundary, barriers.critical_scale, proofs.bracket.critical_scale}
 SLOW |= {proofs.barrier.proved_lower, proofs.transport.prove, proofs.transport.proved_upper}
-SLOW |= {proofs.transport_cells.prove_cell, tori.of_irrational, tori.upper_scale, verdict.verdict}
+SLOW |= {proofs.transport_cells.prove_cell, tori.of_irrational, tori.upper_scale, verdict}
 SLOW |= {continuation.certified_circle, diffusion.diffusion}
 SEARCHES = {transversal.located, transversal.longest_lived, farey.standing, periodic.crossings}
 

@@ -26,7 +26,7 @@ from tornado.httpclient import AsyncHTTPClient
 from nasm import action, barriers, diffusion, escape
 from nasm.numbers import parse
 from nasm.planes import rotating, three_kicks, two_kicks
-from nasm.verdict import Answer, verdict
+from nasm.verdicts import Answer, verdict
 from workflows.explore import field, plane, rays, server
 from workflows.explore.field import Field, View
 from workflows.explore.rays import Breakup, Rays

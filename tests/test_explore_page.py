@@ -18,7 +18,7 @@ from test_explore import escapes
 
 from nasm import barriers, maps, orbits, periodic
 from nasm.numbers import convergents, parse
-from nasm.verdict import verdict
+from nasm.verdicts import verdict
 from workflows.explore.field import View
 
 pytestmark = needed

@@ -9,7 +9,7 @@ import pytest
 from nasm import circles, critical, periodic, planes, self_consistent
 from nasm.converse_kam.transversal import Transversal
 from nasm.critical import CriticalScale, Status
-from nasm.verdict import verdict
+from nasm.verdicts import verdict
 
 MADE = {
     "verdict of a barrier": (lambda kappa: verdict((kappa,)), 0.3, 0.31),

@@ -15,7 +15,7 @@ from nasm.critical import CriticalScale, Status, no_answer
 from nasm.maps import MAX_STRENGTH
 from nasm.numbers import parse
 from nasm.symmetries import ray
-from nasm.verdict import Answer, Evidence, verdict
+from nasm.verdicts import Answer, Evidence, verdict
 from workflows.ask import period
 from workflows.shared.verdict_words import bracket_of, sentences
 
@@ -96,13 +96,13 @@ def test_next_to_a_cusp_the_points_themselves_still_decide():
 @pytest.fixture
 def a_second(monkeypatch):
     """CPU seconds for proofs; 20 would be used up to prove barriers further out on the ray."""
-    monkeypatch.setattr("nasm.verdict._BUDGET", 1.0)
+    monkeypatch.setattr("nasm.verdicts._BUDGET", 1.0)
 
 
 @pytest.fixture
 def briefly(monkeypatch):
     """Only the first look at the boundary: a verdict that is not found takes 0.2 s, not 4."""
-    monkeypatch.setattr("nasm.verdict._TOLERANCES", (1e-3,))
+    monkeypatch.setattr("nasm.verdicts._TOLERANCES", (1e-3,))
 
 
 @pytest.mark.usefixtures("briefly")
@@ -112,7 +112,7 @@ def test_without_a_certified_circle_there_is_no_barrier(monkeypatch, kappa):
         u = np.zeros((2, 64))
         return circles.InvariantCircle(omega, np.array(kappa), u, np.nan, Status.NOT_CERTIFIED)
 
-    monkeypatch.setattr(circles.newton, "invariant_circle", failing)
+    monkeypatch.setattr(circles, "invariant_circle", failing)
     monkeypatch.setattr(continuation, "certified_circle", lambda *_: (np.nan, None))
     monkeypatch.setattr(barriers, "_certified_at", lambda *_: False)  # which asks long for others
     found = verdict(kappa)
@@ -170,7 +170,7 @@ def test_a_proof_is_evidence_of_its_own(kappa, evidence):
     ("kappa", "evidence"), [((0.3, 0.45), Evidence.CIRCLE), ((-0.75, 0.6), Evidence.CONES)]
 )
 def test_a_proof_that_fails_changes_nothing_and_says_why(monkeypatch, kappa, evidence):
-    monkeypatch.setattr("nasm.verdict._BUDGET", 1e-9)
+    monkeypatch.setattr("nasm.verdicts._BUDGET", 1e-9)
     found = verdict(kappa, prove=True)
     assert found.evidence is evidence
     assert not found.proof.proved

@@ -1,14 +1,5 @@
 """What the kernels are made of: their cache on disk, vectors, the sine, double-double numbers."""
 
-from nasm import face
+import lazy_loader
 
-__getattr__, __dir__ = face(
-    __name__,
-    kernels="kernel",
-    lanes="",
-    sine="",
-    double_double="",
-    memory="keep_freed_memory",
-    roots="root",
-    reproducible="",
-)
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -18,7 +18,6 @@ from numba import njit
 from nasm.arithmetic.lanes import fma, rint
 
 __all__ = ["add", "divided", "multiply", "pair", "sincos_2pi"]
-__dir__ = __all__.copy
 
 
 # To twice the digits that a pair holds.

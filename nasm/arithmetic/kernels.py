@@ -47,7 +47,6 @@ from numba.misc.appdirs import AppDirs
 from nasm import sources
 
 __all__ = ["are_missing", "begin_without_scipy", "directory", "kernel"]
-__dir__ = __all__.copy
 
 _UNUSED = 30 * 24 * 3600  # seconds after which the kernels of another version are deleted
 _PATIENCE = 60  # seconds to wait for another process that compiles the same kernel

@@ -22,7 +22,6 @@ from numba.core import cgutils
 from numba.extending import intrinsic, models, overload, register_model
 
 __all__ = ["LANES", "load", "own_frame", "store"]
-__dir__ = __all__.copy
 
 if config.DISABLE_JIT:
     raise ImportError(

@@ -9,7 +9,6 @@ import ctypes
 from contextlib import suppress
 
 __all__ = ["keep_freed_memory"]
-__dir__ = __all__.copy
 
 _GIGABYTE = 2**30
 

@@ -11,7 +11,6 @@ FMA, and one version of the C library.
 import numpy as np
 
 __all__ = ["geometric", "powers"]
-__dir__ = __all__.copy
 
 
 def geometric(first, last, n):

@@ -6,7 +6,6 @@ for about as many values as Brent's method, whose home, scipy.optimize, takes 0.
 """
 
 __all__ = ["root"]
-__dir__ = __all__.copy
 
 _SPACING = 4e-16  # of numbers, in parts of them
 

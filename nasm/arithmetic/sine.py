@@ -18,7 +18,6 @@ import numpy as np
 from numba.extending import register_jitable
 
 __all__ = ["COSINE", "SINE", "SINGLE_SINE", "cos2pi", "sin2pi"]
-__dir__ = __all__.copy
 
 SINE = (
     1.0,

@@ -1,12 +1,5 @@
 """Invariant circles: Newton's method, the continuation to their breakup, their symmetries."""
 
-from nasm import face
+import lazy_loader
 
-__getattr__, __dir__ = face(
-    __name__,
-    newton="InvariantCircle graph invariant_circle newton_step residual",
-    continuation="",
-    fourier="",
-    parameterization="",
-    symmetries="",
-)
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

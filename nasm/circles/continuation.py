@@ -33,7 +33,6 @@ from nasm.numbers import checked, convergents
 from nasm.symmetries import CUSP_EXPONENT, distances_to_shorter, shorten
 
 __all__ = ["certified_circle", "critical_scale", "fineness"]
-__dir__ = __all__.copy
 
 METHOD = "continuation of circles"
 UNSTABLE = {(1,): 1.6279500, (2,): 2.4416, (3,): 3.344, (4,): 4.265}

@@ -16,7 +16,6 @@ from nasm.maps import TWO_PI
 from nasm.numbers import convergents, distinct_convergents
 
 __all__ = ["derivative", "resample", "rotate", "solve_cohomology"]
-__dir__ = __all__.copy
 
 _LARGEST_DENOMINATOR = 10**12  # k·p stays below 2⁶³ up to k = 9·10⁶
 

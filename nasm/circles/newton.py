@@ -41,7 +41,6 @@ from nasm.maps import TWO_PI, forcing
 from nasm.numbers import RotationNumber, checked
 
 __all__ = ["InvariantCircle", "graph", "invariant_circle", "newton_step", "residual"]
-__dir__ = __all__.copy
 
 N_FIRST = 64  # points of the first grid
 N_LARGEST = 2**16

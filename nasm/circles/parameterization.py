@@ -16,7 +16,6 @@ from nasm.maps import forcing, kick, step, step_tangent
 from nasm.numbers import checked
 
 __all__ = ["newton_step", "symplectic_frame", "twist"]
-__dir__ = __all__.copy
 
 
 def newton_step(omega, kappa, u):

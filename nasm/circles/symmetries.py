@@ -23,7 +23,6 @@ from nasm.maps import MAX_PERIOD, TWO_PI
 from nasm.numbers import moebius
 
 __all__ = ["alternate", "interleave", "negate", "repeat", "shift"]
-__dir__ = __all__.copy
 
 
 def repeat(circle, times):

@@ -4,6 +4,6 @@
 every circle crosses, for forcings without such a line; `sequence` is for kicks that do not recur.
 """
 
-from nasm import face
+import lazy_loader
 
-__getattr__, __dir__ = face(__name__, symmetry_line="", transversal="", sequence="")
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -45,7 +45,6 @@ from nasm.critical import CriticalScale, Status, no_answer
 from nasm.maps import MAX_STRENGTH, direction, forcing, kick, unkick
 
 __all__ = ["asymptotic", "critical_scale", "elimination_time", "escape_time", "last_survivor"]
-__dir__ = __all__.copy
 
 _METHOD = "converse KAM"
 HORIZON = 200

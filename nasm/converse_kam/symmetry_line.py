@@ -61,7 +61,6 @@ from nasm.maps import direction, forcing
 from nasm.symmetries import CUSP_EXPONENT, distances_to_shorter, dominant_centre, primitive
 
 __all__ = ["Survivor", "critical_scale", "elimination_time", "has_dominant_line", "longest_lived"]
-__dir__ = __all__.copy
 
 _METHOD = "converse KAM"
 MAX_STEPS = 10**9

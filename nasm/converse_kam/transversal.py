@@ -54,7 +54,6 @@ from nasm.converse_kam.symmetry_line import Survivor, beam_search, longest_found
 from nasm.maps import MAX_PERIOD, forcing, kick, segment
 
 __all__ = ["Transversal", "curves", "elimination", "located", "longest_lived", "longest_period"]
-__dir__ = __all__.copy
 
 MAX_STEPS = 10**6
 EXCESS = 0.6, 0.95  # steps: C of the law, least and largest

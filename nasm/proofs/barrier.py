@@ -37,7 +37,6 @@ from nasm.proofs.certificates import certificate, in_hex
 from nasm.symmetries import shorten
 
 __all__ = ["BarrierProof", "need_flint", "prove", "proved_lower"]
-__dir__ = __all__.copy
 
 try:
     from flint import acb, acb_poly, arb, arb_poly, ctx

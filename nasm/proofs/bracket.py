@@ -18,7 +18,6 @@ from nasm.proofs.fan import proved_below
 from nasm.proofs.transport import TransportProof, proved_upper
 
 __all__ = ["ProvedBracket", "critical_scale"]
-__dir__ = __all__.copy
 
 
 @dataclass(frozen=True, eq=False)

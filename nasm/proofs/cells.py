@@ -9,7 +9,6 @@ import numpy as np
 from nasm.proofs import transport_cells
 
 __all__ = ["distance", "proved_cells", "triangles"]
-__dir__ = __all__.copy
 
 OPEN, TRANSPORT = 1, 2  # states of a cell
 _TOO_NEAR = 0.003  # to the boundary, in parts of it: of cells that near 2 of 128 are proved in 1 s

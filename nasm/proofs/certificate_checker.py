@@ -37,7 +37,6 @@ from itertools import combinations_with_replacement
 from flint import acb, acb_poly, arb, arb_poly, ctx, fmpq
 
 __all__ = ["Refuted", "check"]
-__dir__ = __all__.copy
 
 BITS = 192
 

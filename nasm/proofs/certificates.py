@@ -3,7 +3,6 @@
 from nasm.checks import sealed
 
 __all__ = ["certificate"]
-__dir__ = __all__.copy
 
 _VERSION = 1
 # SHA-256 of each statement in proofs/README.md.

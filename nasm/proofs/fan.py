@@ -45,7 +45,6 @@ from nasm.proofs.barrier import (
 from nasm.symmetries import shorten
 
 __all__ = ["covered", "proved_below"]
-__dir__ = __all__.copy
 
 try:
     from flint import acb_mat, arb, arb_mat, ctx

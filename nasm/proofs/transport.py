@@ -60,7 +60,6 @@ from nasm.proofs.certificates import certificate, columns_in_hex, in_hex
 from nasm.symmetries import shorten
 
 __all__ = ["Outcome", "TransportProof", "prove", "proved_upper"]
-__dir__ = __all__.copy
 
 # Taylor coefficients of sin 2πu / 2πu in u²: four sums of two floats, eight floats.
 _SERIES = [(-1) ** k * (2 * EXACT_PI) ** (2 * k) / factorial(2 * k + 1) for k in range(12)]

@@ -55,7 +55,6 @@ from nasm.proofs.transport import (
 from nasm.symmetries import dominant_centre
 
 __all__ = ["CellProof", "prove_cell"]
-__dir__ = __all__.copy
 
 _LARGEST, _KNOWN, _WRONSKIAN, _HUGE = 0.1, 0.8, 1e-3, 1e100  # as in `transport`
 

@@ -25,7 +25,6 @@ from nasm.orbits import bump, orbit
 from nasm.tori import newton
 
 __all__ = ["of_irrational", "upper_scale"]
-__dir__ = __all__.copy
 
 _BELOW = 1 - np.array([0.01, 0.02, 0.03, 0.05, 0.07, 0.09, 0.12, 0.15, 0.2, 0.25, 0.3])
 _METHOD = "converse KAM, and continuation of what survives"

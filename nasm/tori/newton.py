@@ -46,7 +46,6 @@ from nasm.maps import TWO_PI, direction, forcing
 from nasm.numbers import RotationNumber
 
 __all__ = ["InvariantTorus", "critical_scale", "graph", "invariant_torus", "residual"]
-__dir__ = __all__.copy
 
 _METHOD = "continuation of tori"
 FIRST = 64, 128  # points of the first grid, along φ and θ

@@ -1,6 +1,6 @@
 """Is transport global under this one forcing, or does a barrier stop it?
 
-The verdict of `nasm.verdict` in plain sentences, and a phase portrait with what decides: the
+The answer of `nasm.verdict` in plain sentences, and a phase portrait with what decides: the
 circle, or an orbit that escapes. Kicks that do not repeat (--once) have no invariant circles; for
 these converse KAM shows whether a family of invariant graphs may persist.
 

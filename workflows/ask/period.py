@@ -5,7 +5,7 @@ from functools import partial
 import numpy as np
 
 from nasm import barriers, escape, orbits
-from nasm.verdict import Answer, verdict
+from nasm.verdicts import Answer, verdict
 from workflows.shared.phase_space import portrait
 from workflows.shared.verdict_words import lifetime_of, name_of, sentences, steps_of
 

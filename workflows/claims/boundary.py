@@ -6,7 +6,7 @@ from nasm import barriers, escape, periodic
 from nasm.maps import kick, step
 from nasm.numbers import moebius, parse
 from nasm.symmetries import ray
-from nasm.verdict import verdict
+from nasm.verdicts import verdict
 from pipeline.cubes.cube import fields
 from workflows.claims.circles import largest_amplitude
 from workflows.claims.map import apart, both_kicks

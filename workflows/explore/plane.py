@@ -13,7 +13,7 @@ from matplotlib.colors import to_hex
 
 from nasm.numbers import NAMES
 from nasm.planes import plane_of
-from nasm.verdict import Answer
+from nasm.verdicts import Answer
 from pipeline import store
 from pipeline.cubes.barrier import unfolded
 from workflows.explore import rays, widgets
@@ -203,7 +203,7 @@ class PlanePanel:
 def side_words(answer, scale, where):
     """Say where the boundary on the ray is, on the side that the verdict says; "" if not known.
 
-    answer : nasm.verdict.Answer, None if there is none. scale : of the boundary, in parts of the
+    answer : nasm.Answer, None if there is none. scale : of the boundary, in parts of the
     point. where : the same in words.
     """
     if not isfinite(scale):

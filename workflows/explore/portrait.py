@@ -10,7 +10,7 @@ from bokeh.plotting import figure
 from nasm import barriers, orbits, symmetries
 from nasm.circles import fourier
 from nasm.numbers import distinct_convergents
-from nasm.verdict import Answer
+from nasm.verdicts import Answer
 from workflows.explore import widgets
 from workflows.explore.state import ORBITS, fraction_of, orbits_of, orbits_text
 from workflows.figures.phase_space import CHAOTIC, COLOURS, ends, places

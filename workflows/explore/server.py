@@ -34,7 +34,7 @@ from tornado.web import OutputTransform, RequestHandler
 
 from nasm import escape
 from nasm.arithmetic.kernels import are_missing
-from nasm.verdict import verdict
+from nasm.verdicts import verdict
 from pipeline.sweep.cluster import NO_SCHEDULER, ClusterError, connect
 from workflows.explore.page import fill
 from workflows.explore.rays import Rays

@@ -34,7 +34,7 @@ class State:
     omega : text of the ω whose circle is followed, or "". orbits : ((x, y), …) that were added.
     fraction : text of the p/q whose periodic orbits are shown, or "".
     show : frozenset of the names in LINES and ORBITS that are shown.
-    verdict : nasm.verdict.Verdict of the point, None until it is known.
+    verdict : nasm.Verdict of the point, None until it is known.
     drawn : the point whose portrait is shown. plays : whether the point moves by itself.
     seen : {name: function → xarray.Dataset}, what each panel shows now; panels put theirs in.
     """

@@ -6,7 +6,7 @@ from html import escape
 
 from bokeh.models import Button, CustomJS, Div
 
-from nasm.verdict import verdict
+from nasm.verdicts import verdict
 from workflows.explore.work import spread
 from workflows.shared.verdict_words import sentences
 
@@ -66,7 +66,7 @@ def _python(state):
     """Return the forcing, its verdict and its portrait as a program."""
     return f"""\
 from nasm import escape, orbits
-from nasm.verdict import verdict
+from nasm.verdicts import verdict
 
 kappa = {state.kappa.tolist()}  # one period of kicks, the first one first
 found = verdict(kappa)

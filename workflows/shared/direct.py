@@ -12,7 +12,7 @@ from nasm import orbits
 from nasm.arithmetic.reproducible import geometric
 from nasm.planes import plane_of
 from nasm.symmetries import ray
-from nasm.verdict import verdict
+from nasm.verdicts import verdict
 from pipeline.cubes.beyond import escape_times, steps_beyond
 from pipeline.cubes.cube import angles_of_rays
 from workflows.shared import power_law

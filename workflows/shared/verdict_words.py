@@ -3,7 +3,7 @@
 from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal
 from math import inf, isfinite, log10
 
-from nasm.verdict import Answer, Evidence
+from nasm.verdicts import Answer, Evidence
 from pipeline.sweep.progress import plural
 
 SHOWN = 8  # kicks that are named one by one

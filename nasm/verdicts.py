@@ -2,16 +2,11 @@
 
 The boundary on the ray through the forcing tells only where to look and how hard. The answer comes
 from the forcing itself: a circle that is certified there, or no start that survives converse KAM.
-
-The module can be called as the function of its name, so that nasm.verdict(kappa) answers whatever
-was imported before.
 """
 
-import sys
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from math import inf, nan
-from types import ModuleType
 
 import numpy as np
 
@@ -24,7 +19,6 @@ from nasm.numbers import rational
 from nasm.symmetries import lengthen, shorten
 
 __all__ = ["Answer", "Evidence", "Verdict", "verdict"]
-__dir__ = __all__.copy
 
 _COARSE, _CLEAR = 1e-2, 0.05  # tolerance of a first look, with three kicks, and where it is enough
 _TOLERANCES = (1e-3, 1e-4, 2e-5)  # of the boundary, until its error tells a point from it
@@ -205,10 +199,3 @@ def _circle_under(kappa, boundary):
         omegas = barriers.candidates(beyond, barriers.longest_lived(beyond, 2 * _STEPS))
     found = (circles.invariant_circle(omega, kappa, _MOST_POINTS) for omega in omegas)
     return next((circle for circle in found if circle.certified), None)
-
-
-class _Callable(ModuleType):
-    __call__ = staticmethod(verdict)
-
-
-sys.modules[__name__].__class__ = _Callable

@@ -1,0 +1,10 @@
+from . import double_double as double_double
+from . import kernels as kernels
+from . import lanes as lanes
+from . import memory as memory
+from . import reproducible as reproducible
+from . import roots as roots
+from . import sine as sine
+from .kernels import kernel as kernel
+from .memory import keep_freed_memory as keep_freed_memory
+from .roots import root as root

@@ -1,0 +1,9 @@
+from . import last_torus as last_torus
+from . import newton as newton
+from .last_torus import of_irrational as of_irrational
+from .last_torus import upper_scale as upper_scale
+from .newton import InvariantTorus as InvariantTorus
+from .newton import critical_scale as critical_scale
+from .newton import graph as graph
+from .newton import invariant_torus as invariant_torus
+from .newton import residual as residual
