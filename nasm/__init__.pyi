@@ -22,6 +22,7 @@ from . import sources as sources
 from . import symmetries as symmetries
 from . import texts as texts
 from . import tori as tori
+from . import types as types
 from . import verdicts as verdicts
 from .barriers import boundary as boundary
 from .barriers import critical_scale as critical_scale

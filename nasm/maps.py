@@ -16,11 +16,15 @@ Conventions
   called inside Numba kernels: they check and convert nothing.
 """
 
+from fractions import Fraction
+
 import numpy as np
 from numba.extending import register_jitable
+from numpy.typing import ArrayLike
 
 from nasm.arithmetic.sine import cos2pi, sin2pi
 from nasm.checks import floats, fraction, points, real
+from nasm.types import FloatArray
 
 __all__ = ["forcing", "kick", "rotating_forcing", "step", "step_tangent", "twist", "unkick"]
 
@@ -38,30 +42,109 @@ MIN_SIZE = 1e-300
 
 
 @register_jitable
-def kick(kappa, x, y, theta=0.0):
-    """S_κ, Eq. (6): one kick of strength kappa, whose phase is theta: sin 2π(x - θ) in place of
-    sin 2πx. Returns x', y'."""
+def kick(
+    kappa: float | FloatArray,
+    x: float | FloatArray,
+    y: float | FloatArray,
+    theta: float | FloatArray = 0.0,
+) -> tuple[FloatArray, FloatArray]:
+    """Kick points once: S_κ, Eq. (6).
+
+    Parameters
+    ----------
+    kappa, x, y : floats or arrays
+        Strength of the kick, and points, in turns; x on the lift.
+    theta : float or array
+        Phase of the kick, in turns: sin 2π(x - θ) replaces sin 2πx.
+
+    Returns
+    -------
+    x, y : floats or arrays
+        The images, of the broadcast shape.
+
+    Examples
+    --------
+    >>> from nasm.maps import kick
+    >>> x, y = kick(0.5, 0.0, 0.25)
+    >>> print(x, y)
+    0.25 0.25
+    """
     y = y + kappa / TWO_PI * sin2pi(x - theta)
     return x + y, y
 
 
 @register_jitable
-def unkick(kappa, x, y, theta=0.0):
-    """S_κ⁻¹, Eq. (8). Returns the x, y that `kick` takes to the given ones."""
+def unkick(
+    kappa: float | FloatArray,
+    x: float | FloatArray,
+    y: float | FloatArray,
+    theta: float | FloatArray = 0.0,
+) -> tuple[FloatArray, FloatArray]:
+    """Undo a kick: S_κ⁻¹, Eq. (8). Parameters and results are those of `kick`.
+
+    Examples
+    --------
+    >>> from nasm.maps import unkick
+    >>> x, y = unkick(0.5, 0.25, 0.25)
+    >>> print(x, y)
+    0.0 0.25
+    """
     x = x - y
-    return x, y - kappa / TWO_PI * sin2pi(x - theta)
+    return x, y - kappa / TWO_PI * sin2pi(x - theta)  # type: ignore[return-value]
 
 
-def step(kappa, x, y):
-    """T, Eq. (4): one period of the forcing `kappa`, first kick first. Returns x', y'."""
+def step(kappa: ArrayLike, x: ArrayLike, y: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    """Map points by T, one period of the forcing, Eq. (4).
+
+    Parameters
+    ----------
+    kappa : array_like, shape (P,)
+        Strengths of the kicks, first kick first.
+    x, y : array_like
+        Points, in turns; x on the lift. Their shapes broadcast.
+
+    Returns
+    -------
+    x, y : ndarray
+        The images, of the broadcast shape.
+
+    Examples
+    --------
+    An orbit that starts at x = 0 is not kicked there; the second kick finds it at x = 1/4.
+
+    >>> from nasm.maps import step
+    >>> x, y = step((0.3, 0.5), 0.0, 0.25)
+    >>> print(f"{x:.4f} {y:.4f}")
+    0.5796 0.3296
+    """
     x, y = points(x, y)
     for strength in forcing(kappa):
         x, y = kick(strength, x, y)
     return x, y
 
 
-def step_tangent(kappa, x, y):
-    """DT(x, y), shape (2, 2, *x.shape): rows (x', y'), columns (x, y); determinant 1."""
+def step_tangent(kappa: ArrayLike, x: ArrayLike, y: ArrayLike) -> FloatArray:
+    """Compute the derivative DT of one period of the forcing; its determinant is 1.
+
+    Parameters
+    ----------
+    kappa : array_like, shape (P,)
+        Strengths of the kicks, first kick first.
+    x, y : array_like
+        Points, in turns.
+
+    Returns
+    -------
+    ndarray, shape (2, 2, *x.shape)
+        Rows are (x', y'), columns (x, y).
+
+    Examples
+    --------
+    >>> from nasm.maps import step_tangent
+    >>> step_tangent((0.0, 0.0), 0.1, 0.2)
+    array([[1., 2.],
+           [0., 1.]])
+    """
     tangent, (x, y) = np.eye(2), points(x, y)
     for strength in forcing(kappa):
         c = strength * cos2pi(x)
@@ -71,35 +154,68 @@ def step_tangent(kappa, x, y):
     return tangent
 
 
-def twist(kappa, x, y):
-    """∂x'/∂y of one step, Eq. (9); for P = 2 it is positive everywhere iff |κ2| < 2."""
+def twist(kappa: ArrayLike, x: ArrayLike, y: ArrayLike) -> FloatArray:
+    """Compute the twist ∂x'/∂y of one period of the forcing, Eq. (9).
+
+    For two kicks it is positive everywhere if and only if |κ2| < 2. Parameters are those of `step`;
+    the result has the broadcast shape of x and y.
+
+    Examples
+    --------
+    >>> from nasm.maps import twist
+    >>> twist((0.0, 1.5), [0.0, 0.5], 0.0).round(3)
+    array([3.5, 0.5])
+    """
     return step_tangent(kappa, x, y)[0, 1]
 
 
-def rotating_forcing(mean, amplitude, frequency, phase=0.0):
-    """One period of κ_n = κ̄ + Δκ cos 2π(φ0 + nΩ), the rotating standard map, Eq. (53).
+def rotating_forcing(
+    mean: float, amplitude: float, frequency: Fraction | str, phase: float = 0.0
+) -> FloatArray:
+    """Compute one period of the rotating standard map, κ_n = κ̄ + Δκ cos 2π(φ0 + nΩ), Eq. (53).
 
-    mean, amplitude : float, κ̄ and Δκ.
-    frequency : Fraction or str, Ω = p/q, an exact fraction, q ≤ 10⁶; the forcing has period P = q.
-    phase : float, φ0 in turns.
+    Parameters
+    ----------
+    mean, amplitude : float
+        κ̄ and Δκ.
+    frequency : Fraction or str
+        Ω = p/q, exactly, with q ≤ 10⁶. The forcing has P = q kicks.
+    phase : float
+        φ0, in turns.
 
-    Returns ndarray of shape (q,), first kick first.
+    Returns
+    -------
+    ndarray, shape (q,)
+        Strengths, first kick first.
 
+    Notes
+    -----
     With Ω = 1/2 and φ0 = 0 this is (κ̄ + Δκ, κ̄ - Δκ), so that Δκ = (κ1 - κ2)/2 for T_{κ1κ2}, whose
     first kick is κ1. The paper's (κ2 - κ1)/2 belongs to its Eq. (2), where even n kick with κ2; the
     two forcings differ by a shift of half a period.
+
+    Examples
+    --------
+    >>> from nasm.maps import rotating_forcing
+    >>> rotating_forcing(0.5, 0.25, "1/4")
+    array([0.75, 0.5 , 0.25, 0.5 ])
     """
     mean, amplitude, phase = real("mean", mean), real("amplitude", amplitude), real("phase", phase)
-    frequency = fraction("frequency", frequency)
-    turns = [frequency * n % 1 for n in range(frequency.denominator)]
+    exact = fraction("frequency", frequency)
+    turns = [exact * n % 1 for n in range(exact.denominator)]
     # In (-1/2, 1/2], so that times n and -n get the same strength to the last bit.
-    turns = [float(turn - 1 if 2 * turn > 1 else turn) for turn in turns]
-    return forcing(mean + amplitude * cos2pi(np.asarray(turns) + phase))
+    nearest = [float(turn - 1 if 2 * turn > 1 else turn) for turn in turns]
+    return forcing(mean + amplitude * cos2pi(np.asarray(nearest) + phase))
 
 
-def direction(profile):
-    """`profile` of a ray κ = s·profile as a forcing; ValueError if it is zero, or so small that the
-    scales of the ray are too large for floats."""
+def direction(profile: ArrayLike) -> FloatArray:
+    """Check the profile of a ray κ = s·profile, and return it as an array of shape (P,).
+
+    Raises
+    ------
+    ValueError
+        If it is zero, or so small that the scales of the ray are too large for floats.
+    """
     strengths = forcing(profile, "profile")
     size = np.abs(strengths).max()
     if size == 0:
@@ -112,10 +228,15 @@ def direction(profile):
     return strengths
 
 
-def segment(start, profile):
-    """start and profile of κ = start + s·profile, arrays of P floats; a start of None is 0.
+def segment(start: ArrayLike | None, profile: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    """Check a segment of forcings κ = start + s·profile, and return both as arrays of shape (P,).
 
-    ValueError if they differ in length, or as for `direction`.
+    A start of None is 0.
+
+    Raises
+    ------
+    ValueError
+        If they differ in length, or as for `direction`.
     """
     profile = direction(profile)
     start = np.zeros_like(profile) if start is None else forcing(start, "start")
@@ -124,9 +245,27 @@ def segment(start, profile):
     return start, profile
 
 
-def forcing(kappa, name="kappa"):
-    """`kappa` as a float array of shape (P,), a number as (1,); ValueError if it is something else,
-    too large, or made of numbers that floats would round. name : of the argument, for messages."""
+def forcing(kappa: ArrayLike, name: str = "kappa") -> FloatArray:
+    """Check a forcing, and return it as an array of shape (P,); a number is one kick.
+
+    Parameters
+    ----------
+    kappa : array_like, shape (P,)
+        Strengths of the kicks, first kick first, |κ| ≤ 10⁶.
+    name : str
+        What error messages call it.
+
+    Raises
+    ------
+    ValueError
+        If it is something else, too large, or made of numbers that floats would round.
+
+    Examples
+    --------
+    >>> from nasm.maps import forcing
+    >>> forcing(0.3)
+    array([0.3])
+    """
     strengths = np.atleast_1d(floats(name, kappa))
     if strengths.ndim != 1 or strengths.size == 0:
         raise ValueError(

@@ -67,8 +67,8 @@ def test_commands_import_no_other_command_and_shared_rooms_none(module):
     assert inside <= {"shared", "figures", own}
 
 
-DEFINITIONS = {f"nasm.{name}" for name in ("checks", "maps", "numbers", "planes", "symmetries")}
-DEFINITIONS.add("nasm.texts")
+DEFINITIONS = ["checks", "maps", "numbers", "planes", "symmetries", "texts", "types"]
+DEFINITIONS = {f"nasm.{name}" for name in DEFINITIONS}
 
 
 @pytest.mark.parametrize("module", FIGURES)

@@ -148,7 +148,7 @@ class _Locator(_CacheLocator):
 
 
 class _Kept(CompileResultCacheImpl):
-    _locator_classes = (_Locator,)
+    _locator_classes = (_Locator,)  # type: ignore[assignment]
 
 
 class _Files(IndexDataCacheFile):

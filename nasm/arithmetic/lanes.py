@@ -23,7 +23,7 @@ from numba.extending import intrinsic, models, overload, register_model
 
 __all__ = ["LANES", "load", "own_frame", "store"]
 
-if config.DISABLE_JIT:
+if config.DISABLE_JIT:  # type: ignore[attr-defined]
     raise ImportError(
         "NUMBA_DISABLE_JIT is set, but orbits are advanced in vectors, which only compiled code "
         "has; unset it",

@@ -41,7 +41,7 @@ __all__ = ["BarrierProof", "need_flint", "prove", "proved_lower"]
 try:
     from flint import acb, acb_poly, arb, arb_poly, ctx
 except ImportError:  # the extra `proof`
-    arb = None
+    arb = None  # type: ignore[assignment, misc]
 
 KEPT = 0.38  # modes of u, in parts of the grid
 _STEPS = 6  # of Newton's method in balls, of which 0 to 3 are needed

@@ -49,7 +49,7 @@ __all__ = ["covered", "proved_below"]
 try:
     from flint import acb_mat, arb, arb_mat, ctx
 except ImportError:  # the extra `proof`
-    arb = None
+    arb = None  # type: ignore[assignment, misc]
 
 _NARROWEST = 0.9  # an interval ends at this part of the way to the breakup from its start, at most
 _WIDEST = 0.5  # and at least

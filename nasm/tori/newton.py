@@ -331,8 +331,13 @@ def _constants(omega, frequency, m, n):
     return turn, kind, divisor[(kind > 0) & (kind < 4)].min()
 
 
-_OUTCOMES = (Status.OK, Status.TOO_FEW_MODES, Status.TOO_FEW_MODES, Status.NO_CIRCLE)
-_OUTCOMES += (Status.NEARLY_RATIONAL,)
+_OUTCOMES = (
+    Status.OK,
+    Status.TOO_FEW_MODES,
+    Status.TOO_FEW_MODES,
+    Status.NO_CIRCLE,
+    Status.NEARLY_RATIONAL,
+)
 _FINER = {1: (1, 2), 2: (2, 1)}  # more modes along θ, or along φ
 
 

@@ -90,8 +90,8 @@ def verify(place, name, repair=False):
         for key in arrays.keys() - tiled.keys():
             for block in np.ndindex(arrays[key].cdata_shape):
                 tiles.chunk(place, key, arrays[key], block)
-    except (Refused, ValueError) as what:
-        yield (), str(what)
+    except (Refused, ValueError) as error:
+        yield (), str(error)
         return
     if not tiled:
         return

@@ -93,8 +93,12 @@ _MARGIN = 0.04  # inches around a figure
 
 
 _PLAIN = {key: value for key, value in matplotlib.rcParamsDefault.items() if key != "backend"}
-_IN_COLUMN = {"font.size": 8, "axes.titlesize": 8, "legend.handlelength": 1.5}
-_IN_COLUMN["figure.figsize"] = COLUMN, 0.75 * COLUMN
+_IN_COLUMN = {
+    "font.size": 8,
+    "axes.titlesize": 8,
+    "legend.handlelength": 1.5,
+    "figure.figsize": (COLUMN, 0.75 * COLUMN),
+}
 
 
 @contextmanager

@@ -79,7 +79,7 @@ def sentences(kappa, point, verdict):
 
 def spelt_out(omega):
     """Return an irrational number as a continued fraction without parentheses: [0;2,1,1,1,…]."""
-    first, *rest = *omega.prefix, *omega.tail * max(2, 4 - len(omega.tail))
+    first, *rest = omega.prefix + omega.tail * max(2, 4 - len(omega.tail))
     return f"[{first};{','.join(map(str, rest))},…]"
 
 

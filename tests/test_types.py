@@ -1,0 +1,48 @@
+"""Public functions and methods say what they take and return."""
+
+import inspect
+from importlib import import_module
+from pkgutil import walk_packages
+
+import pytest
+from numba.core.dispatcher import Dispatcher
+
+import nasm
+import pipeline
+import workflows.shared
+
+# Not annotated yet.
+LATER = """nasm.action nasm.barriers nasm.circles nasm.converse_kam nasm.diffusion nasm.escape
+    nasm.farey nasm.fixed_points nasm.flux nasm.manifolds nasm.numbers nasm.orbits
+    nasm.periodic nasm.planes nasm.proofs nasm.self_consistent nasm.sources nasm.symmetries
+    nasm.tori nasm.verdicts nasm.arithmetic nasm.checks nasm.critical pipeline.cubes
+    pipeline.store pipeline.sweep workflows.shared"""
+
+
+def functions():
+    """Yield (name, function) of all public functions, and of the methods of public classes."""
+    for package in nasm, pipeline, workflows.shared:
+        for info in walk_packages(package.__path__, f"{package.__name__}."):
+            if not info.ispkg and not info.name.startswith(tuple(LATER.split())):
+                yield from public(import_module(info.name))
+
+
+def public(module):
+    for name, value in vars(module).items():
+        own = getattr(value, "__module__", None) == module.__name__
+        if name.startswith("_") or not own or isinstance(value, Dispatcher):
+            continue
+        if inspect.isclass(value):
+            for method, function in vars(value).items():
+                if inspect.isfunction(function) and not method.startswith("_"):
+                    yield f"{module.__name__}.{name}.{method}", function
+        elif inspect.isfunction(value):
+            yield f"{module.__name__}.{name}", value
+
+
+@pytest.mark.parametrize(("name", "function"), list(functions()))
+def test_a_public_function_is_annotated(name, function):
+    parameters = inspect.signature(function).parameters.values()
+    bare = [p.name for p in parameters if p.annotation is p.empty and p.name not in ("self", "cls")]
+    assert not bare
+    assert "return" in function.__annotations__
