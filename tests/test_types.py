@@ -12,11 +12,36 @@ import pipeline
 import workflows.shared
 
 # Not annotated yet.
-LATER = """nasm.action nasm.barriers nasm.circles nasm.converse_kam nasm.diffusion nasm.escape
-    nasm.farey nasm.fixed_points nasm.flux nasm.manifolds nasm.numbers nasm.orbits
-    nasm.periodic nasm.texts nasm.planes nasm.proofs nasm.self_consistent nasm.sources nasm.symmetries
-    nasm.tori nasm.verdicts nasm.arithmetic nasm.checks nasm.critical pipeline.cubes
-    pipeline.store pipeline.sweep workflows.shared"""
+LATER = """
+nasm.action
+nasm.arithmetic
+nasm.barriers
+nasm.checks
+nasm.circles
+nasm.converse_kam
+nasm.critical
+nasm.diffusion
+nasm.escape
+nasm.farey
+nasm.fixed_points
+nasm.flux
+nasm.manifolds
+nasm.numbers
+nasm.orbits
+nasm.periodic
+nasm.planes
+nasm.proofs
+nasm.self_consistent
+nasm.sources
+nasm.symmetries
+nasm.texts
+nasm.tori
+nasm.verdicts
+pipeline.cubes
+pipeline.store
+pipeline.sweep
+workflows.shared
+"""
 
 
 def functions():
