@@ -1,0 +1,93 @@
+"""What a machine or a second driver does to a run: a full disk, no memory, the same cube twice."""
+
+import io
+import resource
+import threading
+from contextlib import contextmanager
+
+import click
+import numpy as np
+import pytest
+import toy
+from test_run import Study, driven
+
+from pipeline import store
+from pipeline.cubes.cube import untiled
+from pipeline.sweep.progress import Progress
+from pipeline.sweep.sweep import sweep
+from workflows.shared import run
+
+
+@contextmanager
+def files_of_at_most(n_bytes):
+    """Let no file of this process be longer, as on a full disk."""
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (n_bytes, limits[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+
+
+@pytest.mark.parametrize("n_bytes", [20, 100, 1000])
+@pytest.mark.parametrize("is_there", [False, True])
+def test_a_study_on_a_full_disk_is_one_message_and_the_same_command_completes_it(
+    tmp_path, monkeypatch, is_there, n_bytes
+):
+    if is_there:  # of other code
+        with monkeypatch.context() as patch:
+            patch.setitem(run._CODE, "studied_by", "other code")
+            with driven(tmp_path) as one:
+                one.kept(untiled("toy"), Study())
+    told = r"File too large.*What is committed stays; run the same command again"
+    with (
+        files_of_at_most(n_bytes),
+        pytest.raises(click.ClickException, match=told) as failure,
+        driven(tmp_path) as one,
+    ):
+        one.kept(untiled("toy"), Study())
+    assert failure.value.exit_code == 1
+    assert "\n" not in failure.value.message
+    assert not (tmp_path / "toy.zarr/zarr.json").exists()  # no reader takes half of it for a cube
+    study = Study()
+    with driven(tmp_path) as one:
+        assert one.kept(untiled("toy"), study).square.values.tolist() == [n**2 for n in range(9)]
+    assert study.count == 1
+    assert list(store.verify(store.place_of(tmp_path), "toy")) == []
+    assert [path for path in tmp_path.rglob("*") if "#" in path.name] == []
+
+
+def beyond_all_memory(coords, settings):
+    if (coords["row"][0], coords["column"][0]) == (0.0, -1.0):
+        np.ones(2**50)
+    return toy.compute(coords, settings)
+
+
+def test_a_tile_for_which_memory_is_lacking_fails_alone(here, tmp_path):
+    outcome = toy.run(here, tmp_path, toy.cube(), compute=beyond_all_memory)
+    assert (outcome.committed, list(outcome.failed)) == (19, [(0, 0)])
+    assert "MemoryError: Unable to allocate" in outcome.failed[0, 0]
+    assert toy.run(here, tmp_path, toy.cube()).committed == 1
+    toy.assert_complete(tmp_path, toy.cube())
+
+
+def test_two_drivers_of_one_cube_lose_nothing(here, place):
+    """As on an object store, where no lock keeps the second one off; watched all the while."""
+    plan, job, outcomes, faults = toy.cube(tile=1), toy.job(tile=1), [], []
+
+    def drive():
+        outcomes.append(sweep(here, place, job, Progress("toy", io.StringIO())))
+
+    store.create(place, plan, store.COMPUTED_BY)
+    drivers = [threading.Thread(target=drive) for _ in range(2)]
+    for driver in drivers:
+        driver.start()
+    while any(driver.is_alive() for driver in drivers):
+        faults += store.verify(place, "toy")
+        faults += [state for state in store.status(place) if state.damage or state.lost]
+        values = store.read(place, "toy").wave.values
+        computed = np.isfinite(values)
+        assert np.array_equal(values[computed], toy.serial(plan)["wave"][computed])
+    assert faults == []
+    assert [(one.failed, one.remaining) for one in outcomes] == [({}, 0), ({}, 0)]
+    toy.assert_complete(place, plan)
