@@ -170,7 +170,12 @@ BAD = [
     ((proofs.barrier.prove,), "n", [65], "n=65 must be even"),
     ((proofs.barrier.prove,), "start", [np.zeros((1, 64)), np.zeros(64)], "are 2 functions on"),
     ((proofs.barrier.prove, proofs.barrier.proved_lower), "budget", [0, nan], "positive: seconds"),
-    ((proofs.barrier.proved_lower,), "value", [0, inf, nan], "must be positive: the scale"),
+    (
+        (proofs.barrier.proved_lower, proofs.proved_below, proofs.transport.proved_upper),
+        "value", [0, -1, 5e-324, inf, nan, True], "value={value}",
+    ),
+    ((proofs.proved_below,), "budget", [0, -1, nan], "positive: seconds"),
+    ((proofs.proved_below,), "nearest", [-1, 1.5, nan], "must be from 0 to 1"),
     ((proofs.barrier.proved_lower,), "profile", [(0, 0)], "profile is zero"),
     ((proofs.transport.prove,), "kappa", [(nan, 0.1), (inf,), (1e7,), (), "a"], "kappa={value}"),
     ((proofs.transport.prove, proofs.transport.proved_upper, proofs.transport_cells.prove_cell),

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from audit import mutant
 from cases import thirds
 from test_proof_cells import cell_beyond
 from test_proof_transport import SEVERAL, beyond
@@ -22,6 +23,7 @@ from nasm.proofs.certificates import columns_in_hex
 PROOFS = {
     "transport": lambda: proofs.transport.prove((1.2, 0.3)),
     "shortened": lambda: proofs.transport.prove((1.1, -1.1)),
+    "several": lambda: proofs.transport.prove((0.55, 0.4, 0.2)),
     "cell": lambda: proofs.transport_cells.prove_cell((0.75, 0.25), 2.0**-6),
     "barrier": lambda: proofs.barrier.prove(parse("gamma"), (0.4, -0.4)),
     "ray": lambda: proofs.proved_below(parse("gamma"), (0.4, -0.4), 1.5, 1e-3)[1][0],
@@ -62,6 +64,7 @@ def test_a_claim_is_of_the_forcing_as_it_was_given(made):
     assert {name: check(certificate) for name, certificate in made.items()} == {
         "transport": "transport is global under the forcing (1.2, 0.3)",
         "shortened": "transport is global under the forcing (1.1, -1.1)",
+        "several": "transport is global under the forcing (0.55, 0.4, 0.2)",
         "cell": "transport is global under every forcing within (0.015625, 0.015625) of "
         "(0.75, 0.25)",
         "barrier": "a rotational invariant circle of [0;(1)] exists under the forcing (0.4, -0.4)",
@@ -131,20 +134,20 @@ FALSE = [  # a certificate, what is changed in it, and why it is refused
     ("fan", {"scales": in_hex(-0.2, 0.2)}, "no part"),
     ("fan", {"tilt": in_hex(0.0625, 0.126)}, "inequality"),
     ("fan", {"tilt": in_hex(0, 0)}, "functions of t"),
-    ("fan", {"tilt": in_hex(0.125)}, "no part"),
-    ("fan", {"rho": (-0.01).hex()}, "no part"),
-    ("barrier", {"rho": (-0.07).hex()}, "no part"),
-    ("barrier", {"rho": "nan"}, "no part"),
+    ("fan", {"tilt": in_hex(0.125)}, "for each kick"),
+    ("fan", {"rho": (-0.01).hex()}, "rho is not"),
+    ("barrier", {"rho": (-0.07).hex()}, "rho is not"),
+    ("barrier", {"rho": "nan"}, "no number"),
     ("barrier", {"omega": "[0;2,-3,(1)]"}, "no quadratic irrational"),
-    ("cell", {"half_width": in_hex(2.0**-6)}, "malformed"),
-    ("barrier", {"moves": {"unit": -76, "numbers": [[]]}}, "functions of t"),
+    ("cell", {"half_width": in_hex(2.0**-6)}, "for each kick"),
+    ("barrier", {"moves": {"unit": -76, "numbers": [[]]}}, "degrees"),
     ("barrier", {"moves": {"unit": -76, "numbers": [[[[[], [0, 1]]]]]}}, "inequality"),
     ("barrier", {"moves": {"unit": -76, "numbers": [[[[[], [0, 1]]] * 2]]}}, "for a kick"),
     ("barrier", {"moves": {"unit": -76, "numbers": [[[[[], [0, 1]]]]] * 2}}, "functions of s"),
-    ("fan", {"moves": {"unit": -76, "numbers": []}}, "malformed"),
-    ("fan", {"moves": {"unit": -76, "numbers": [[], []]}}, "malformed"),
+    ("fan", {"moves": {"unit": -76, "numbers": []}}, "degrees"),
+    ("fan", {"moves": {"unit": -76, "numbers": [[], []]}}, "degrees"),
     ("fan", {"moves": {"unit": -76, "numbers": [[[[[], [1]]] * 2]]}}, "not real"),
-    ("fan", {"moves": {"unit": "nan", "numbers": [[[[[], [0, 1]]] * 2]]}}, "malformed"),
+    ("fan", {"moves": {"unit": "nan", "numbers": [[[[[], [0, 1]]] * 2]]}}, "the unit"),
 ]
 
 
@@ -241,7 +244,180 @@ def test_forcings_are_followed_to_their_shorter_forms(kappa):
     check(proofs.barrier.prove(parse("gamma"), np.array(kappa) / 10).certificate())
 
 
-FIELDS = "kappa half_width shortened_from site a boxes lives omega rho scales tilt moves"
+# --- lines of the checker that alone refuse a false certificate -----------------------------------
+
+
+def polygon_at_one_height():
+    """A curve that leads out and back: half way to the breakup all of its starts are eliminated."""
+    points = np.array([[0.5, 0.0], [0.5, 2.0**-6], [0.5, 0.0]])
+    kappa = tuple((0.5 * np.array(SEVERAL)).tolist())
+    proof, _ = proofs.transport._covered(kappa, kappa, 0, points, 10.0)
+    assert proof.proved
+    return proof.certificate()
+
+
+def box_across_a_corner():
+    """Half way to the breakup, a box of two pieces, the second of which crosses all circles."""
+    kappa, slopes = 0.5 * np.array(SEVERAL), np.array([0.25])
+    straight, whole = np.array([[0.5, 0.0], [0.5, 2.0**-8]]), np.array([[0.25, 0.25]])
+    cycle = np.tile(kappa, 3)
+    ways = cycle, cycle[::-1].copy()
+    lives = [
+        proofs.transport._followed(way, i, straight, whole, slopes, np.inf)
+        for i, way in enumerate(ways)
+    ]
+    assert np.all(lives)
+    points = np.array([[0.5, 0.0], [0.5, 2.0**-9], [0.5, 0.5]])
+    forged = proofs.transport.TransportProof(
+        *(proofs.transport.Outcome.PROVED, *[tuple(kappa.tolist())] * 2, 0, points),
+        *(np.repeat(rows, 2, axis=0) for rows in ([[0.5, 0.5]], np.transpose(lives), slopes)),
+    )
+    return forged.certificate()
+
+
+def matrix_without_an_inverse():
+    """Of (1, 1, 5) the matrix of the theorem is singular at best: nobody says what follows."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(proofs.transport, "_is_twist", lambda _: True)
+        return proofs.transport.prove((1.0, 1.0, 5.0)).certificate()
+
+
+ALONE = [  # the line, what it would be, why it refuses, and the certificate
+    ("points[0][1] != points[-1][1]", "True", "images", polygon_at_one_height),
+    ("2 * (s + delta) <= piece + 1", "True", "corner", box_across_a_corner),
+    ("if pivot <= 0:", "if pivot < 0:", "scope", matrix_without_an_inverse),
+]
+
+
+@pytest.mark.parametrize(("reason", "forge"), [row[2:] for row in ALONE])
+def test_a_false_certificate_is_refused(reason, forge):
+    with pytest.raises(Refuted, match=reason):
+        check(json.loads(json.dumps(forge())))
+
+
+@pytest.mark.parametrize(("line", "wrong", "reason", "forge"), ALONE)
+def test_a_changed_line_would_accept_it(line, wrong, reason, forge):
+    forged = json.loads(json.dumps(forge()))
+    assert mutant(certificate_checker, (line, wrong)).check(forged) == forged["claim"]
+
+
+# --- what is too large, or no number of its kind --------------------------------------------------
+
+
+def first(value):
+    """The change of a list's first item."""
+    return lambda row: [value, *row[1:]]
+
+
+def of_theorem(version):
+    return lambda theorem: theorem | {"version": version}
+
+
+def moves(**changes):
+    return lambda old: old | changes
+
+
+def given(**changes):
+    return {"shortened_from": lambda old: old | changes}
+
+
+def one_function(*parts):
+    return {"moves": moves(numbers=[[[list(parts)]]])}
+
+
+def mode(value):
+    return one_function([], [0, value])
+
+
+NOTHING = [[], []]
+MANY = [[[[], [0] * 4000]] * 2, *[[NOTHING] * 2] * 63]
+LARGE = [  # a certificate, what is changed in it, and why it is refused
+    *(("transport", {"lives": first(x)}, "from 1 to") for x in (10**9, 0, -1, 1.0, True, "9", [2])),
+    ("transport", {"lives": [10**5] * 101, "boxes": ["0" * 1616] * 2}, "in all"),
+    ("transport", {"lives": []}, "lives are no list"),
+    ("transport", {"boxes": ["0"] * 10**5}, "boxes are not 2 texts"),
+    ("transport", {"boxes": first("0" * 10**6)}, "boxes are not 2 texts"),
+    ("transport", {"kappa": in_hex(*range(65))}, "1 to 64"),
+    ("transport", {"kappa": []}, "1 to 64"),
+    ("transport", {"kappa": ["1e-99999999"]}, "is no number"),
+    ("transport", {"kappa": ["0." + "0" * 10**6]}, "24 letters"),
+    ("transport", {"kappa": ["0.5"]}, "float.hex"),
+    ("transport", {"kappa": [1.2]}, "24 letters"),
+    ("transport", {"site": True}, "site is no"),
+    ("transport", {"site": 0.0}, "site is no"),
+    ("transport", {"a": "1e-99999999"}, "a is no"),
+    ("transport", {"a": False}, "a is no"),
+    ("transport", given(kappa=in_hex(*range(1001))), "1 to 1000"),
+    *(("transport", {"theorem": of_theorem(version)}, "statement") for version in (1.0, True)),
+    ("cell", {"half_width": in_hex(*[0.1] * 65)}, "for each kick"),
+    ("several", {"points": lambda old: old * 10**5}, "can join"),
+    ("several", {"points": first(in_hex(0.5))}, "pairs"),
+    ("several", {"lives": first([1])}, "in pairs"),
+    ("several", {"lives": first([1, 10**9])}, "from 1 to"),
+    ("barrier", {"omega": f"[0;{'1' * 3000},(1)]"}, "at most 50 digits"),
+    ("barrier", {"omega": f"[0;({'1,' * 4999}1)]"}, "1 to 200"),
+    ("barrier", {"omega": "0" * 10**6}, "letters"),
+    ("barrier", given(omega=f"[0;({'1,' * 4999}1)]"), "1 to 200"),
+    ("barrier", {"rho": (1e300).hex()}, "rho is not"),
+    ("barrier", {"rho": (1.5).hex()}, "rho is not"),
+    *(("barrier", {"moves": moves(unit=x)}, "the unit") for x in (10**30, -(10**5), 1.0, True)),
+    *(("barrier", mode(x), "whole numbers") for x in (float("nan"), 1.0, True, 1 << 10001, "1")),
+    ("barrier", one_function([], [0], [0]), "two lists"),
+    ("barrier", {"moves": moves(more=1)}, "a unit and numbers"),
+    ("ray", {"moves": moves(numbers=[[[NOTHING]]] * 65)}, "degrees"),
+    ("fan", {"moves": moves(numbers=[[[NOTHING] * 2] * 65])}, "degrees"),
+    ("fan", {"moves": moves(numbers=[MANY, *[[[NOTHING] * 2] * 64] * 63])}, "too many"),
+    ("fan", {"tilt": in_hex(*range(10**4))}, "for each kick"),
+    ("fan", {"scales": in_hex(0, 1, 2)}, "2 numbers"),
+]
+
+
+@pytest.mark.parametrize(("name", "changes", "reason"), LARGE)
+def test_what_is_too_large_is_refused_before_anything_is_computed(
+    name, changes, reason, made, monkeypatch
+):
+    def computes(*_):
+        raise AssertionError("something is computed")
+
+    for name_of_step in ("claim", "shortened", "hypothesis", "hypothesis_of_several", "theorem"):
+        monkeypatch.setattr(certificate_checker, name_of_step, computes)
+    monkeypatch.setattr(certificate_checker, "product", computes)  # of continued fractions
+    changed = {
+        field: change(made[name][field]) if callable(change) else change
+        for field, change in changes.items()
+    }
+    with pytest.raises(Refuted, match=reason):
+        check(resealed(made[name] | changed))
+
+
+def test_whoever_has_the_time_has_longer_proofs_checked(made):
+    n = sum(made["transport"]["lives"])
+    with pytest.raises(Refuted, match=f"more than {n - 1} kicks in all"):
+        check(made["transport"], n - 1)
+    assert check(made["transport"], n) == made["transport"]["claim"]
+
+
+def test_orbits_that_are_lost_are_not_followed(made):
+    """Bounds grow like 4 to the power of 4^n, whose exponents would take all memory."""
+    lives = [10**5] * len(made["transport"]["lives"])
+    refuted(made["transport"], {"lives": lives}, "orbits of a box are lost")
+
+
+def test_a_circle_with_a_large_residual_is_refused_before_an_inverse_is_sought(made, monkeypatch):
+    monkeypatch.setattr(certificate_checker, "inverse", None)
+    unit, numbers = -1, [[[[[], [0, 1, 1, 1]]]]]
+    refuted(made["barrier"], {"moves": {"unit": unit, "numbers": numbers}}, "a residual that")
+
+
+def test_an_object_in_an_object_without_end_is_refused():
+    deep = {}
+    for _ in range(10**5):
+        deep = {"claim": deep}
+    with pytest.raises(Refuted, match="RecursionError"):
+        check(deep)
+
+
+FIELDS = "kappa half_width shortened_from site a points boxes lives omega rho scales tilt moves"
 MALFORMED = [
     {key: value}
     for key in f"claim theorem {FIELDS}".split()
@@ -249,7 +425,9 @@ MALFORMED = [
 ]
 
 
-@pytest.mark.parametrize("name", thirds(["ray", "cell", "fan", "transport", "barrier"]))
+@pytest.mark.parametrize(
+    "name", [*thirds(["ray", "cell", "fan", "transport", "barrier"]), "several"]
+)
 def test_what_is_malformed_is_refused_and_raises_nothing_else(name, made):
     for certificate in (None, [], {}, {"sha256": 1}, {"theorem": {}}):
         with pytest.raises(Refuted):

@@ -158,6 +158,20 @@ def test_a_cell_is_certified_only_by_a_certificate_that_holds_all_of_it(halves):
     assert bool(told) == (min(halves) < 1 / 64)
 
 
+@pytest.mark.parametrize("painted", [(0, 1), (1, 0), (0, 0)])
+def test_a_cell_beyond_the_diagonal_is_certified_by_that_of_its_image_alone(painted):
+    states = np.full((2, 2), proofs.cells.OPEN)
+    states[painted] = proofs.cells.TRANSPORT
+    centres = (np.arange(2) + 24.5) / 32
+    cells = ("kappa2", "kappa1"), states
+    tile = xr.Dataset({"proved": cells}, {"kappa1": centres, "kappa2": centres}, {"cells": 32})
+    certificate = {"kappa": [x.hex() for x in centres[::-1]], "half_width": [(1 / 64).hex()] * 2}
+    told = proved.uncertified_cells(tile, [certificate])
+    assert told.startswith("1 cells are called proved" if painted == (0, 0) else "")
+    assert bool(told) == (painted == (0, 0))
+    assert proved.uncertified_cells(tile, [])
+
+
 @pytest.mark.parametrize("end", [0.75, 0.5])
 @pytest.mark.parametrize("tilt", [(0.0, 0.25), (0.0, 0.125)])
 def test_a_triangle_is_certified_only_by_fans_that_fill_it(end, tilt):

@@ -134,6 +134,7 @@ CHANGES = {
     "start and strength move nothing": ("fma(sc, t, bend * tp2)", "bend * tp2"),
     "cosine: square left out": (" + TWO_PI2 * fabs(c) * both + COS", " + COS"),
     "nothing along t": ("B = (B + defect * fabs(v)) * UP", "B = B"),
+    "a cube of 6.57": ("CUBIC * fabs(c)", "6.57 * fabs(c)"),
     "defect: square left out": ("expansion = PI * sine * both + CUBIC", "expansion = CUBIC"),
     "defect: strength left out": (" + spread * of_strength\n    defect", "\n    defect"),
     "strength: error of cos": ("COS_CUBIC * E3 + 3e-14", "COS_CUBIC * E3"),

@@ -69,6 +69,43 @@ def test_intervals_are_joined_without_a_gap():
     assert proofs.covered([(1e-300, 0.2)]) == proofs.covered([]) == 0
 
 
+@pytest.mark.parametrize("failure", range(1, 6))
+def test_an_interval_that_fails_is_tried_again_before_the_next(failure, monkeypatch):
+    tried = []
+
+    def proof_of(low, high, value, about):
+        tried.append((low, high))
+        proved = len(tried) != failure
+        return barrier.BarrierProof(
+            proved, "" if proved else "not proved: ", **about, scales=(low, high)
+        )
+
+    monkeypatch.setattr(module, "_proved_between", proof_of)
+    below, fans = module.proved_below(GAMMA, (1.0,), 0.97, np.inf, nearest=0.01)
+    scales = [proof.scales for proof in fans]
+    assert len(tried) == len(scales) + 1
+    assert scales[0][0] == 0
+    assert all(one[1] == other[0] for one, other in pairwise(scales))
+    assert 0.9 < below == scales[-1][1] == proofs.covered(scales)
+
+
+def test_the_scale_is_that_up_to_which_the_proofs_leave_no_gap(monkeypatch):
+    def with_a_gap(low, high, value, about):
+        scales = (low + 0.1 * (low > 0.6), high)
+        return barrier.BarrierProof(True, "", **about, scales=scales)
+
+    monkeypatch.setattr(module, "_proved_between", with_a_gap)
+    below, fans = module.proved_below(GAMMA, (1.0,), 0.97, np.inf, nearest=0.01)
+    assert below == proofs.covered(proof.scales for proof in fans) < fans[-1].scales[1]
+
+
+@pytest.mark.parametrize("profile", [(1e-300, 0.0), (1e-200, 1e-210, 0.0)])
+def test_kicks_that_move_no_circle_are_proved_and_checked(profile):
+    below, fans = module.proved_below(GAMMA, profile, 0.9, 0.3)
+    assert 0.4 < below < 0.9
+    check(json.loads(json.dumps(fans[0].certificate())))
+
+
 @pytest.mark.parametrize("beyond", [1e-3, pytest.param(0.1, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("profile", [(1.0,), (0.94, 0.34), (1.0, 0.5, 0.7)])
 def test_across_the_breakup_nothing_is_proved(profile, beyond):
@@ -150,6 +187,8 @@ CASES = {
     "points": lambda: by_values(0.02, [1, -1, 1, -1]),
     "points in t": lambda: by_values(0.005, [1, -1, 1, -1], [1, -1, 1, -1], tilt=(1e-4, 0.0)),
     "steep": lambda: by_values(0.1, STEEP),
+    # Twice as steep at σ = 1 as at the points.
+    "steep between points": lambda: by_values(0.035, [1, -1, 1, -1, 1, -1, 1, 0]),
     "steep in t": lambda: by_values(0.1, [1, 1], STEEP, tilt=(1e-4, 0.0)),
     "kicks": lambda: by_values(1e-9, [1] * 8, (1,), (0.5, 0.3)),
     "kicks in t": lambda: by_values(1e-9, [1] * 8, (1,) * 4, (1e-4, 1e-4), (0.3, 0.5)),
@@ -182,9 +221,12 @@ def checked_constants(case, checker=checker, rho=0.01):
         return rho, checker.theorem(data)[1]
 
 
+NAMES = "n", "p", "k", "error", "kappa"
+
+
 @cache
 def truth(case, rho):
-    """The largest n, p, k, ‖E‖ at many σ and t, in floats, of each."""
+    """The largest n, p, k, ‖E‖ and |κ| at many σ and t, in floats, of each."""
     profile, tilt, high, (Q, R), moves = made_case(case)
     P, k = len(profile), np.fft.fftfreq(N, 1 / N)
     weight, alpha = np.exp(2 * np.pi * rho * np.abs(k)) * (np.abs(k) < 100), float(GAMMA) / P
@@ -200,7 +242,7 @@ def truth(case, rho):
         return np.abs(np.fft.fft(f)) / N @ weight
 
     angles = np.linspace(0, np.pi, 61 if R == 1 else 25), np.linspace(0, np.pi, 1 if R == 1 else 25)
-    largest, turn = dict.fromkeys(["n", "p", "k", "error"], 0.0), np.exp(2j * np.pi * k * alpha)
+    largest, turn = dict.fromkeys(NAMES, 0.0), np.exp(2j * np.pi * k * alpha)
     for theta, beside in product(*angles):
         s, t = high * (1 + np.cos(theta)) / 2, np.cos(beside)
         T = np.outer(np.cos(np.arange(Q) * theta), np.cos(np.arange(R) * beside)).ravel()
@@ -212,6 +254,7 @@ def truth(case, rho):
         E = N * np.fft.ifft(E).real - strength * np.sin(2 * np.pi * g)
         wave = np.exp(2 * np.pi * rho) * norm(np.exp(2j * np.pi * (g - np.arange(N) / N)))
         here = {"n": norm(slope), "p": norm(1 / slope), "k": wave, "error": norm(E)}
+        here["kappa"] = 2 * np.pi * np.abs(strength)
         largest = {key: max(largest[key], here[key].max()) for key in here}
     return largest
 
@@ -261,6 +304,12 @@ WRONG = {  # a changed line: the case in which a constant is then too small
     ("norm([i * x for i, x", "norm([x for i, x"): "between",
     ("[s * (a + t * b) for", "[0 * s for"): "kicks",
     ("[s * (a + t * b) for", "[s * a for"): "kicks in t",
+    (
+        "steps = [[2 * (arb(m) / (4 * n))",
+        "steps = [[2 * (arb(m) / (8 * n))",
+    ): "steep between points",
+    ("kappa = [self.high * self._largest", "kappa = [self.middle * self._largest"): "kicks",
+    ("inequalities(grid.omega, kappa, rho", "inequalities(grid.omega, grid.kappa, rho"): "kicks",
 }
 
 
@@ -291,6 +340,11 @@ WRONG_CHECKS = {
     ("p[j] = p[j].max(neumann(", "p[j] = (neumann("): "between",
     ("[s * (a + t * b) for", "[0 * s for"): "kicks",
     ("[s * (a + t * b) for", "[s * a for"): "kicks in t",
+    ("conclusion([high * x for", "conclusion([middle * x for"): "kicks",
+    (
+        "conclusion([high * x for x in largest]",
+        "conclusion([high * x for x in kappa]",
+    ): "kicks in t",
 }
 
 

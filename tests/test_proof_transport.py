@@ -4,6 +4,9 @@ import math
 import platform
 import re
 from fractions import Fraction
+from functools import partial
+from itertools import count
+from types import SimpleNamespace
 
 import audit
 import numpy as np
@@ -201,6 +204,7 @@ CHANGES = {
     "orbit: a tenth": ("(size + 1.0) * ORBIT", "(size + 1.0) * 0.1 * ORBIT"),
     "no fourth power": ("QUARTIC * E2 * E2", "0.0"),
     "half the cube": ("CUBIC * cosine", "0.5 * CUBIC * cosine"),
+    "a cube of 6.57": ("CUBIC * cosine", "6.57 * cosine"),
     "cosine: half the cube": ("COS_CUBIC * E3", "0.5 * COS_CUBIC * E3"),
     "rounding of sums": (" + 1e-15 * signed", ""),
     "square: without E": ("curved * (E + straight)", "curved * straight"),
@@ -348,6 +352,14 @@ def test_boxes_tile_the_half_line():
         assert not proofs.transport._tiles(np.delete(proof.boxes, i, axis=0))
 
 
+def test_a_polygon_begins_and_ends_where_its_images_continue_it():
+    corners = np.array([[0.5 + 2.0**-20, -(2.0**-21)], [0.3, 0.2], [0.51, 1.49]])
+    points, pieces = proofs.transport._closed(corners)
+    assert (2 * points[[0, -1]] == [[1, 0], [1, 3]]).all()
+    assert points[1:-1] == pytest.approx(corners, abs=2.0**-27)
+    assert pieces == [-1, 0, 1, 2]
+
+
 def test_boxes_of_lives_beyond_the_allowance_for_rounding_prove_nothing(monkeypatch):
     monkeypatch.setattr(proofs.transport, "_LONGEST", 5)
     with pytest.raises(RuntimeError, match="lives for 5 kicks"):
@@ -359,6 +371,35 @@ def test_boxes_of_lives_beyond_the_allowance_for_rounding_prove_nothing(monkeypa
 )
 def test_forcings_outside_the_theorem_are_not_proved(kappa):
     assert prove(kappa).outcome is Outcome.SCOPE
+
+
+def test_more_kicks_than_transversals_are_for_are_outside_the_theorem():
+    assert prove(1e-4 * np.linspace(1, 2, 65)).outcome is Outcome.SCOPE
+
+
+@pytest.mark.parametrize("kappa", [(0.0,), (0.04, 0.0), (1e-300, 5e-324, 1e-310)])
+def test_where_a_circle_is_plainly_there_nothing_is_tried(kappa, monkeypatch):
+    monkeypatch.setattr(proofs.transport, "_covered", None)
+    monkeypatch.setattr(proofs.transport.transversal, "curves", None)
+    assert prove(kappa).outcome is Outcome.WEAK
+
+
+def test_the_search_for_a_polygon_ends_with_the_budget(monkeypatch):
+    # The clock ticks whenever it is read, and there is a circle: without an end it takes minutes.
+    clock = SimpleNamespace(thread_time=partial(next, count(0, 0.1)))
+    searches, bend = proofs.transport.transversal, proofs.transport.transversal.Transversal.bend
+    bends = []
+
+    def counted(*arguments):
+        bends.append(arguments)
+        return bend(*arguments)
+
+    proofs.transport._compile_search()
+    monkeypatch.setattr(proofs.transport, "time", clock)
+    monkeypatch.setattr(searches, "time", clock)
+    monkeypatch.setattr(searches.Transversal, "bend", counted)
+    assert prove((0.3, 0.2, 0.1), budget=0.8).outcome is Outcome.BUDGET
+    assert 0 < len(bends) < 10
 
 
 @pytest.mark.parametrize("kappa", [(1e6,), (1e6, 1.9), (2.0,), (2.0, 0.0), (np.nextafter(2, 3),)])

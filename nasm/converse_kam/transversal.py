@@ -36,6 +36,8 @@ strong evidence, not a proof. The choice matters: 0.5% beyond the breakup of the
 last 130 steps there, and on 15 of 20 other lines x = a starts survive 3000.
 """
 
+import math
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
@@ -120,11 +122,11 @@ class Transversal:
         return True
 
 
-def curves(kappa, n_max):
+def curves(kappa, n_max, until=math.inf):
     """Transversals on which all starts were found to be eliminated, those of short lives first.
 
     kappa : sequence of P floats, the forcing, first kick first. n_max : int, steps in either
-    direction.
+    direction. until : float, the `time.thread_time` at which the search ends, within a bend or two.
 
     Yields (Transversal, kicks), at most one for each site; kicks is the longest life.
     """
@@ -133,7 +135,9 @@ def curves(kappa, n_max):
     while n_steps <= n_max:
         for transversal in _transversals(kappa, list(sites), _OPEN):
             # Who asks will try all starts: one grid is enough.
-            _, kicks = _bent(transversal, n_steps, _GRIDS[:1], _KEPT)
+            _, kicks = _bent(transversal, n_steps, _GRIDS[:1], _KEPT, until)
+            if time.thread_time() > until:
+                return
             if kicks < np.inf:
                 sites.remove(transversal.site)
                 yield transversal, kicks
@@ -234,9 +238,9 @@ def _transversals(kappa, sites, wide):
         yield Transversal(site, ahead, _first_orbits(ahead, minimax), minimax)
 
 
-def _bent(transversal, n_steps, grids, kept):
-    """Bend a transversal as long as a start survives: (x, y) of the start that lives longest on it,
-    and its life in kicks."""
+def _bent(transversal, n_steps, grids, kept, until=math.inf):
+    """Bend a transversal as long as a start survives, and there is time: (x, y) of the start that
+    lives longest on it, and its life in kicks."""
     kappa = transversal.kappa
     while True:
         at = np.array([float(omega) for omega, _ in transversal.orbits])
@@ -253,7 +257,8 @@ def _bent(transversal, n_steps, grids, kept):
         if kicks < np.inf:
             place, kicks = longest_found(lifetimes, grids, kept, kept)
         piece = int(np.clip(np.searchsorted(at, place), 1, at.size - 1)) - 1
-        if np.isfinite(kicks) or not transversal.bend(piece, longest_period(n_steps)):
+        done = np.isfinite(kicks) or time.thread_time() > until
+        if done or not transversal.bend(piece, longest_period(n_steps)):
             return points_at(place), kicks
 
 

@@ -28,10 +28,10 @@ from math import ceil, inf, log, nan, pi, sqrt
 import numpy as np
 
 from nasm import circles
-from nasm.checks import count, positive
+from nasm.checks import count, positive, real
 from nasm.circles import continuation, fourier
 from nasm.critical import Result
-from nasm.maps import direction, forcing
+from nasm.maps import MAX_STRENGTH, MIN_SIZE, direction, forcing
 from nasm.numbers import RotationNumber, checked, convergents
 from nasm.proofs.certificates import certificate, in_hex
 from nasm.symmetries import shorten
@@ -169,8 +169,8 @@ def proved_lower(omega, profile, value, budget):
     Parameters
     ----------
     omega : RotationNumber, irrational. profile : sequence of P floats, not all zero.
-    value : float > 0, where the circle breaks, e.g. by `periodic.critical_scale`. It says only
-        where to look.
+    value : float, 1e-300 to 1e306, where the circle breaks, e.g. by `periodic.critical_scale`. It
+        says only where to look.
     budget : float, CPU seconds to spend, as nearly as can be foreseen; 0.1 s reach 0.95 of the
         breakup, 1 s 0.99 and more, and from there the way left shrinks as the time grows.
 
@@ -183,7 +183,7 @@ def proved_lower(omega, profile, value, budget):
     ImportError without python-flint; ValueError for a bad argument.
     """
     omega, profile = checked(omega), direction(profile)
-    value = positive("value", value, "the scale at which the circle breaks")
+    value = real("value", value, MIN_SIZE, MAX_STRENGTH / MIN_SIZE)
     budget = positive("budget", budget, "seconds of computing time")
     need_flint()
     (short,), short_omega = shorten([profile], omega)
@@ -396,7 +396,8 @@ def both_sides(half, odd):
 
 
 def inequalities(omega, kappa, rho, eps, n, p, k, part=1):
-    """The names of those of the theorem's inequalities that fail, and the left sides of all.
+    """The names of those of the theorem's inequalities that fail, and the left sides of all; and
+    the largest |κ_j|, δ, C and ε.
 
     part : of the right sides, below which the left ones are asked to be; at most 1.
     """
@@ -420,7 +421,8 @@ def inequalities(omega, kappa, rho, eps, n, p, k, part=1):
     left = {"ratio": ratio, "chi": chi, "room": room, "moved": moved}
     right = {"ratio": arb(1) / 32, "chi": eta, "room": eta / (1 + eta), "moved": eta}
     failed = [name for name in left if not left[name] < part * right[name]]
-    return failed, left | {"delta": delta, "C": C, "epsilon": eps}
+    largest = reduce(arb.max, map(abs, kappa))
+    return failed, left | {"kappa": largest, "delta": delta, "C": C, "epsilon": eps}
 
 
 def verified(grids, u, E, sizes, apart, kappa, between, part=1):

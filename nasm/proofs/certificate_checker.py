@@ -24,6 +24,9 @@ sequence of floats.
 *A barrier*, under one forcing or in a fan. A function is a Laurent polynomial in z = e^{2πiφ},
 with balls for coefficients; 1/g_j' is found by sums and products of such. The sine is taken on a
 grid, at each of many points of a fan, with a bound of the aliases (`Grid`).
+
+A certificate may be anybody's. `within_limits` refuses what would take too long or too much memory
+before anything is computed from it.
 """
 
 import hashlib
@@ -39,6 +42,17 @@ from flint import acb, acb_poly, arb, arb_poly, ctx, fmpq
 __all__ = ["Refuted", "check"]
 
 BITS = 192
+
+# What is larger is refused before anything is computed.
+KICKS = 64  # of a period
+GIVEN_KICKS = 1000  # of a period of the forcing that was shortened
+LIFE = 10**5  # kicks of one box: 50 MB of memory
+LIVES = 10**7  # kicks of all boxes: a quarter of an hour
+QUOTIENTS, DIGITS = 200, 50  # of ω, and of each quotient
+DEGREES = 64  # in s, and in t
+UNIT = 10**4  # of 2^unit, either sign; and bits of the whole number of a mode
+_LOST = 1000  # turns between orbits of a box: bounds beyond grow like 4 to the power of 4^n
+MODES = 3 * 10**7  # modes of the longest function, times points of the fan, times kicks: an hour
 
 _TRANSPORT = {"kappa", "site", "boxes", "lives"}
 _BARRIER = {"kappa", "omega", "rho", "shortened_from", "moves"}
@@ -71,14 +85,19 @@ class Refuted(Exception):
     """The certificate does not prove what it says."""
 
 
-def check(certificate):
-    """The claim, which is proved, of a certificate that is genuine and right; Refuted otherwise."""
+def check(certificate, most_kicks=LIVES):
+    """The claim, which is proved, of a certificate that is genuine and right; Refuted otherwise.
+
+    most_kicks : of all boxes of a proof of transport together; more are refused unread. They take
+    about 7·10⁻⁵ s each.
+    """
     try:
-        return _checked(certificate)
+        return _checked(certificate, most_kicks)
     except (
         ArithmeticError,
         AttributeError,
         LookupError,
+        RecursionError,
         TypeError,
         ValueError,
         struct.error,
@@ -86,14 +105,16 @@ def check(certificate):
         raise Refuted(f"malformed: {type(error).__name__}: {error}") from None
 
 
-def _checked(certificate):
+def _checked(certificate, most_kicks):
     data = {key: value for key, value in certificate.items() if key != "sha256"}
     text = json.dumps(data, sort_keys=True).encode()
     demand(hashlib.sha256(text).hexdigest() == certificate.get("sha256"), "the seal is broken")
     name = data["theorem"]["name"]
     digest, fields = THEOREMS[name]
     demand(data["theorem"] == {"name": name, "version": 1, "sha256": digest}, "another statement")
+    demand(type(data["theorem"]["version"]) is int, "another statement")
     demand(data.keys() == {"claim", "theorem", *fields}, "fields are missing, or unknown")
+    within_limits(data, most_kicks)
     demand(data["claim"] == claim(data), f"what is claimed is not {claim(data)!r}")
     if "shortened_from" in data:
         shortened(data)
@@ -106,6 +127,90 @@ def _checked(certificate):
             holds, found = theorem(data)
         demand(holds, f"an inequality of the theorem fails: {found}")
     return data["claim"]
+
+
+def within_limits(data, most_kicks):
+    """Refuted unless all fields are of their kind, and none is too large to be checked."""
+    given = data.get("shortened_from", {})
+    demand(type(given) is dict, "shortened_from is no object")
+    demand(is_row(data["kappa"], KICKS), f"kappa is no list of 1 to {KICKS} numbers")
+    if given:
+        words = f"the given forcing is no list of 1 to {GIVEN_KICKS} numbers"
+        demand(is_row(given["kappa"], GIVEN_KICKS), words)
+    for field in {"half_width", "tilt"} & data.keys():
+        words = f"{field} has not a number for each kick"
+        demand(is_row(data[field], KICKS) and len(data[field]) == len(data["kappa"]), words)
+    if "boxes" in data:
+        within_limits_of_boxes(data, most_kicks)
+    else:
+        for omega in (data["omega"], given["omega"]):
+            quotients(omega)
+        within_limits_of_moves(data)
+
+
+def within_limits_of_boxes(data, most_kicks):
+    boxes, lives = data["boxes"], data["lives"]
+    several = "points" in data
+    demand(type(lives) is list and lives, "lives are no list")
+    demand(is_whole(data["site"]), "site is no whole number")
+    if several:
+        words = "lives are not in pairs, forwards and backwards"
+        demand(all(type(pair) is list and len(pair) == 2 for pair in lives), words)
+    kicks = [life for pair in lives for life in pair] if several else lives
+    words = f"lives are not whole numbers from 1 to {LIFE}"
+    demand(all(is_whole(life) and 1 <= life <= LIFE for life in kicks), words)
+    demand(sum(kicks) <= most_kicks, f"boxes live for more than {most_kicks} kicks in all")
+    columns = 3 if several else 9 if "half_width" in data else 2
+    words = f"boxes are not {columns} texts of 16 digits for each life"
+    demand(type(boxes) is list and len(boxes) == columns, words)
+    demand(all(type(column) is str and len(column) == 16 * len(lives) for column in boxes), words)
+    if several:
+        points = data["points"]
+        words = "points are not 2 or more pairs, or are more than the boxes can join"
+        demand(type(points) is list and 2 <= len(points) <= len(lives) + 1, words)
+        demand(all(is_row(point, 2) and len(point) == 2 for point in points), words)
+    else:
+        demand(type(data["a"]) in (int, float), "a is no number")
+
+
+def within_limits_of_moves(data):
+    demand(0 < exact(data["rho"]) <= 1, "rho is not from 0 to 1")
+    if "scales" in data:
+        demand(is_row(data["scales"], 2) and len(data["scales"]) == 2, "scales are not 2 numbers")
+    demand(data["moves"].keys() == {"unit", "numbers"}, "moves are not a unit and numbers")
+    unit, numbers = data["moves"]["unit"], data["moves"]["numbers"]
+    words = f"the unit is no whole number from -{UNIT} to {UNIT}"
+    demand(is_whole(unit) and abs(unit) <= UNIT, words)
+    for rows in (numbers, *numbers):
+        words = f"functions are not of 1 to {DEGREES} degrees in s, and in t"
+        demand(type(rows) is list and 1 <= len(rows) <= DEGREES, words)
+    longest = 0
+    for functions in (functions for rows in numbers for functions in rows):
+        words = "not a function for a kick"
+        demand(type(functions) is list and len(functions) == len(data["kappa"]), words)
+        words = f"a function is not two lists of whole numbers of {UNIT} bits"
+        for parts in functions:
+            demand(type(parts) is list and len(parts) == 2, words)
+            for part in parts:
+                demand(type(part) is list, words)
+                demand(all(is_whole(x) and x.bit_length() <= UNIT for x in part), words)
+                longest = max(longest, len(part))
+    points = (len(numbers) + 1) * (max(map(len, numbers)) + 1)
+    demand(longest * points * len(data["kappa"]) <= MODES, "modes are too many for their points")
+
+
+def is_whole(x):
+    """Whether it is an int; bools and floats that equal one are not."""
+    return type(x) is int
+
+
+def is_row(texts, most):
+    """Whether it is a list of 1 to `most` numbers, each a text as `float.hex` writes it."""
+    return type(texts) is list and 1 <= len(texts) <= most and all(map(is_number, texts))
+
+
+def is_number(text):
+    return exact(text) is not None
 
 
 def claim(data):
@@ -181,9 +286,13 @@ def product(quotients):
 
 
 def exact(text):
+    """The number that a text is, as `float.hex` writes it: "0.5" would be read as 5/16."""
+    demand(type(text) is str and len(text) <= 24, "a number that is no text of at most 24 letters")
     try:
-        return Fraction(*float.fromhex(text).as_integer_ratio())
-    except (TypeError, ValueError, OverflowError):
+        number = float.fromhex(text)
+        demand(number.hex() == text, f"{text!r} is not as float.hex writes it")
+        return Fraction(*number.as_integer_ratio())
+    except (ValueError, OverflowError):
         raise Refuted(f"{text!r} is no number") from None
 
 
@@ -205,7 +314,7 @@ def demand(truth, complaint):
 def hypothesis(certificate):
     """Refuted unless the hypothesis of transport's theorem holds, for a forcing or a cell."""
     kappa = [exact(strength) for strength in certificate["kappa"]]
-    widths = [exact(width) for width in certificate.get("half_width", ["0x0p0"] * len(kappa))]
+    widths = [exact(width) for width in certificate.get("half_width", [(0.0).hex()] * len(kappa))]
     site, a, lives = certificate["site"], Fraction(certificate["a"]), certificate["lives"]
     largest = [abs(strength) + width for strength, width in zip(kappa, widths, strict=True)]
     demand(len(kappa) == 1 or (len(kappa) == 2 and min(largest) < 2), "scope")
@@ -214,9 +323,10 @@ def hypothesis(certificate):
     demand(len(boxes) == len(lives), "not a life for each box")
     kappa, widths = kappa[site:] + kappa[:site], widths[site:] + widths[:site]
     if "half_width" in certificate:
-        pieces = {box[-1] for box in boxes}
-        groups = [[box for box in boxes if box[-1] == piece] for piece in pieces]
-        covered = [cover_of_piece(group, kappa, widths) for group in groups]
+        pieces = {}
+        for box in boxes:
+            pieces.setdefault(box[-1], []).append(box)
+        covered = [cover_of_piece(group, kappa, widths) for group in pieces.values()]
     else:
         covered = [(y - delta, y + delta) for y, delta in boxes]
         strengths = [number for k in kappa for number in (k, Fraction(0))]
@@ -404,6 +514,7 @@ def orbits(begun, strengths, aside, life):
         curved = sum(map(upper, bends)) + rho
         straight = sum(map(upper, moves))
         largest = straight + curved
+        demand(largest < _LOST, f"after {n} kicks orbits of a box are lost")
         squares = curved * (largest + straight)  # ≥ |(x - x̂)² - ξ²|
         products = [moves[a] * moves[b] * (1 if a == b else 2) for a, b in pairs]
         # σ_i of this kick's strength, times ξ.
@@ -537,10 +648,16 @@ def neumann(size, defect):
 
 def quotients(text):
     """The partial quotients of a text like "[0;2,(1)]": those before the period, and one period."""
+    most = QUOTIENTS * (DIGITS + 1)
+    demand(type(text) is str and len(text) <= most, f"omega is no text of at most {most} letters")
     match = re.fullmatch(r"\[((?:-?\d+;)?(?:\d+,)*)\(((?:\d+,)*\d+)\)\]", text, re.ASCII)
-    demand(match, f"{text!r} is no quadratic irrational")
-    head, tail = ([int(a) for a in re.findall(r"-?\d+", part)] for part in match.groups())
-    demand(min(head[1:] + tail) >= 1, f"{text!r} has a partial quotient below 1")
+    demand(match, f"{text[:40]!r} is no quadratic irrational")
+    parts = [re.findall(r"-?\d+", part) for part in match.groups()]
+    words = f"omega has not 1 to {QUOTIENTS} partial quotients of at most {DIGITS} digits"
+    demand(sum(map(len, parts)) <= QUOTIENTS, words)
+    demand(all(len(a.lstrip("-")) <= DIGITS for part in parts for a in part), words)
+    head, tail = ([int(a) for a in part] for part in parts)
+    demand(min(head[1:] + tail) >= 1, f"{text[:40]!r} has a partial quotient below 1")
     return head, tail
 
 
@@ -584,7 +701,7 @@ def conclusion(kappa, rho, divisors, period, errors, n, p, k):
 
 
 def inequalities(kappa, delta, C, eps, n, p, k):
-    """Whether (1), (2), (3) hold, and their left sides."""
+    """Whether (1), (2), (3) hold, and their left sides; and the largest |κ_j|."""
     P, e, two_pi, eta = len(kappa), arb(1).exp(), 2 * arb.pi(), arb("0.01")
     grown = 1 + eta
     q = [p[j] * p[(j + 1) % P] for j in range(P)]
@@ -598,7 +715,9 @@ def inequalities(kappa, delta, C, eps, n, p, k):
     room = reduce(arb.max, [q[j] * n[j] * n[(j + 1) % P] * (2 * chi + chi**2) for j in range(P)])
     moved = reduce(arb.max, [(4 * y / 3).exp() - 1 for y in x])
     holds = eps > 0 and ratio < arb(1) / 32 and chi < eta and room < eta / grown and moved < eta
-    return bool(holds), {"ratio": ratio, "chi": chi, "room": room, "moved": moved}
+    largest = reduce(arb.max, map(abs, kappa))
+    left = {"ratio": ratio, "chi": chi, "room": room, "moved": moved}
+    return bool(holds), left | {"kappa": largest}
 
 
 def theorem(data):
@@ -607,7 +726,7 @@ def theorem(data):
     u_j = Σ_ml C_jml T_m(σ) T_l(t); a polynomial of the modes k ≥ 0 stands for a real function of φ.
     """
     rho, (omega, divisors, period) = arb(float.fromhex(data["rho"])), rotation(data["omega"])
-    single = {"tilt": ["0x0p0"] * len(data["kappa"]), "scales": ["0x1p0", "0x1p0"]}
+    single = {"tilt": [(0.0).hex()] * len(data["kappa"]), "scales": [(1.0).hex()] * 2}
     kappa, tilt, (low, high) = (
         [exact(x) for x in (single | data)[key]] for key in ("kappa", "tilt", "scales")
     )
@@ -644,6 +763,7 @@ def theorem(data):
         found = grid.residuals(there, u, omega / len(kappa))
         errors = [old.max(new) for old, new in zip(errors, found, strict=True)]
     # Between these points an angle differs by π/2few or less, and T_m by 2 sin(mπ/4few).
+    demand(all(error < 1 for error in errors), "a residual that is not even below 1")
     few = 12 if long else 1, 8 if fanned else 1
     step = [[2 * (arb(min(m, 2 * f)) / (4 * f)).sin_pi() for m in range(sum(points))] for f in few]
     for *_, u in at_points(moves, few):

@@ -23,8 +23,8 @@ from math import ceil, floor, log, log2, pi, sqrt
 import numpy as np
 
 from nasm import circles
-from nasm.checks import positive, real
-from nasm.maps import direction, forcing
+from nasm.checks import real
+from nasm.maps import MAX_STRENGTH, MIN_SIZE, direction, forcing
 from nasm.numbers import checked
 from nasm.proofs.barrier import (
     BarrierProof,
@@ -73,12 +73,12 @@ def proved_below(omega, profile, value, budget, tilt=None, nearest=1e-4):
     ----------
     omega : RotationNumber or its text, for a period of the profile; irrational.
     profile : sequence of P floats, not all 0.
-    value : float > 0, where the circle breaks, e.g. by `periodic.critical_scale`; the least such
-        scale in a triangle. It says only where to look.
-    budget : float, CPU seconds to spend, as nearly as can be foreseen. With two kicks 2 s reach
+    value : float, 1e-300 to 1e306, where the circle breaks, e.g. by `periodic.critical_scale`; the
+        least such scale in a triangle. It says only where to look.
+    budget : float > 0, CPU seconds to spend, as nearly as can be foreseen. With two kicks 2 s reach
         0.97 of the breakup, 12 s 0.99, 27 s 0.996, 50 s 0.997; with three 13 s reach 0.984.
     tilt : sequence of P floats; the triangle is that of the rays profile + t·tilt, -1 ≤ t ≤ 1.
-    nearest : float, distance to the breakup, in parts of it, that is near enough.
+    nearest : float from 0 to 1, distance to the breakup, in parts of it, that is near enough.
 
     Returns
     -------
@@ -89,8 +89,10 @@ def proved_below(omega, profile, value, budget, tilt=None, nearest=1e-4):
     ImportError without python-flint; ValueError for a bad argument.
     """
     omega, profile = checked(omega), direction(profile)
-    value = positive("value", value, "the scale at which the circle breaks")
-    budget = real("budget", budget)
+    value = real("value", value, MIN_SIZE, MAX_STRENGTH / MIN_SIZE)
+    if not real("budget", budget) > 0:
+        raise ValueError(f"budget={budget!r} must be positive: seconds of computing time")
+    real("nearest", nearest, 0, 1)
     need_flint()
     short, short_omega = profile, omega
     if tilt is None:
@@ -116,7 +118,7 @@ def proved_below(omega, profile, value, budget, tilt=None, nearest=1e-4):
         else:
             part = sqrt(part)
         pace = (time.thread_time() - before) * distance
-    return reached, proofs
+    return covered(proof.scales for proof in proofs), proofs
 
 
 def covered(intervals):
@@ -201,7 +203,8 @@ def _above_rounding(moves, Q, R):
 
     C falls with the sum of its degrees: where both are high, rounding is all there is.
     """
-    sizes = np.zeros((Q * R, max(len(part) for table in moves for row in table for part in row)))
+    size = max(1, *(len(part) for table in moves for row in table for part in row))
+    sizes = np.zeros((Q * R, size))
     for total, table in zip(sizes, moves, strict=True):
         for part in (part for row in table for part in row):
             total[: len(part)] += np.abs(np.array(part, float))
@@ -269,7 +272,7 @@ class _Fan:
 
     def verified(self, moves, unit):
         """Try to verify the theorem for all s and t; a dict of what came out."""
-        size = max(len(part) for t in moves for row in t for part in row)
+        size = max(1, *(len(part) for t in moves for row in t for part in row))
         C = [balls(table, unit, size, self.odd) for table in moves]
         u = self._product(self.T, C)
         E = [residual(grid, modes) for grid, modes in zip(self.grids, u, strict=True)]

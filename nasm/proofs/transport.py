@@ -29,6 +29,7 @@ import time
 from dataclasses import dataclass, field
 from enum import Enum
 from fractions import Fraction
+from functools import cache
 from math import factorial
 
 import numpy as np
@@ -51,10 +52,10 @@ from nasm.arithmetic.lanes import (
     store_state,
 )
 from nasm.arithmetic.sine import COSINE
-from nasm.checks import positive
+from nasm.checks import positive, real
 from nasm.converse_kam import transversal
 from nasm.critical import Result
-from nasm.maps import direction, forcing
+from nasm.maps import MAX_PERIOD, MAX_STRENGTH, MIN_SIZE, direction, forcing
 from nasm.numbers import rational
 from nasm.proofs.certificates import certificate, columns_in_hex, in_hex
 from nasm.symmetries import shorten
@@ -81,6 +82,7 @@ _WRONSKIAN = 1e-3  # by which v_n t_{n+1} - v_{n+1} t_n may differ from δ
 _HUGE = 1e100  # V beyond which products may overflow
 _LONGEST = 1e11  # kicks of a box in a proof; they would take hours
 
+_WEAK = 0.1  # P Σ|κ_j|; it is 0.97 where the last circle of one kick in P breaks
 _FIRST = 16  # boxes to begin with
 _SMALLEST = 2.0**-50  # δ; up to s = 8 centres are exact down to there
 _BLOCK = 8  # kicks between two looks for events, or a few more: whole periods
@@ -100,8 +102,9 @@ class Outcome(Enum):
     PRECISION = "not proved: boxes became too small or too many; a circle may be left"
     SCOPE = (
         "not proved: the theorem needs one kick a period, two of which one is weaker than 2, or "
-        "more that are weak enough for a twist map, after shortening"
+        f"up to {MAX_PERIOD} that are weak enough for a twist map, after shortening"
     )
+    WEAK = "not proved, and not tried: kicks are so weak that a circle is plainly there"
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,18 +175,19 @@ def prove(kappa, budget=10.0):
     Parameters
     ----------
     kappa : sequence of P floats. Shortened it must be a twist map: P = 1, P = 2 with min |κ_i| < 2,
-        or P > 2 and the matrix of `_is_twist` positive definite; otherwise the outcome is SCOPE.
+        or 2 < P ≤ 64 and the matrix of `_is_twist` positive definite; otherwise the outcome is
+        SCOPE. It is WEAK, and nothing is tried, where P Σ|κ_j| < 0.1.
     budget : float, CPU seconds to spend; s/s_c - 1 = 10⁻³ takes some 10⁻² s for two kicks, and up
         to half a second for three or four; from there it takes ten times as long to come three
-        times as near. For three and more the search for the polygon comes before it: seconds where
-        a start survives, and nothing can be proved.
+        times as near. For three and more that includes the search for the polygon, whose last step
+        may take a second longer.
 
     Returns
     -------
     TransportProof. What is not proved is not disproved.
 
-    ValueError if kappa is no forcing, or has more than 64 kicks and no dominant line, or budget is
-    not positive. RuntimeError if the machine's arithmetic is not the one that the proof needs.
+    ValueError if kappa is no forcing, or budget is not positive. RuntimeError if the machine's
+    arithmetic is not the one that the proof needs.
     """
     kappa = forcing(kappa)
     (short,), _ = shorten([kappa], rational(0))
@@ -192,7 +196,9 @@ def prove(kappa, budget=10.0):
     nothing = np.empty((0, 2))
     _followed(np.zeros(1), 0, nothing, nothing, np.empty(0), math.inf)  # before time counts
     given, strengths = tuple(kappa.tolist()), tuple(short.tolist())
-    if not _is_twist(strengths):
+    if short.size * np.abs(short).sum() < _WEAK:
+        return _unproved(Outcome.WEAK, given, strengths)
+    if short.size > MAX_PERIOD or not _is_twist(strengths):
         return _unproved(Outcome.SCOPE, given, strengths)
     if len(strengths) > 2:
         return _on_polygon(short, given, strengths, budget)
@@ -214,9 +220,9 @@ def _on_polygon(kappa, given, strengths, budget):
     A piece of the polygon is bent where more boxes wait than kicks were needed to eliminate all
     floats. If that does not help, another polygon is tried, and in the end all boxes of the last.
     """
-    polygon, end = None, math.inf
-    for curve, kicks in transversal.curves(kappa, _LOOK):
-        end = min(end, time.thread_time() + budget)  # kernels are compiled by now
+    _compile_search()
+    polygon, end = None, time.thread_time() + budget
+    for curve, kicks in transversal.curves(kappa, _LOOK, end):
         longest, bent = transversal.longest_period(kicks / kappa.size), True
         while bent:
             points, pieces = _closed(curve.corners)
@@ -227,9 +233,16 @@ def _on_polygon(kappa, given, strengths, budget):
             piece = pieces[crowded]
             bent = 0 <= piece < len(curve.orbits) - 1 and curve.bend(piece, longest)
     if polygon is None:
-        return _unproved(Outcome.PRECISION, given, strengths)
+        late = time.thread_time() > end
+        return _unproved(Outcome.BUDGET if late else Outcome.PRECISION, given, strengths)
     proof, _ = _covered(*polygon, end - time.thread_time())
     return proof
+
+
+@cache
+def _compile_search():
+    """Search once where it takes no time, so that compiling its kernels does not count."""
+    next(transversal.curves((1.9, 1.8, 1.7), 256), None)
 
 
 def _closed(corners):
@@ -267,8 +280,8 @@ def proved_upper(profile, value, budget):
     Parameters
     ----------
     profile : sequence of P floats, as for `prove`.
-    value : float, where the last circle breaks, as by `barriers.critical_scale`. A bad value costs
-        time, no truth.
+    value : float, 1e-300 to 1e306, where the last circle breaks, as by `barriers.critical_scale`. A
+        bad value costs time, no truth.
     budget : float, CPU seconds in all.
 
     Returns
@@ -276,10 +289,10 @@ def proved_upper(profile, value, budget):
     scale : float, of the best proof; NaN if nothing was proved. proof : TransportProof at
     scale·profile, the last that failed if none succeeded.
 
-    ValueError as for `prove`, or if value is not positive.
+    ValueError as for `prove`, or if value is out of range.
     """
     profile = direction(profile)
-    value = positive("value", value, "the scale at which the circle breaks")
+    value = real("value", value, MIN_SIZE, MAX_STRENGTH / MIN_SIZE)
     end = time.thread_time() + positive("budget", budget, "seconds of computing time")
     best, scale, reached, failed, affordable = None, math.nan, math.inf, 0.0, 0.0
     excess = _FIRST_EXCESS

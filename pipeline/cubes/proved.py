@@ -118,13 +118,17 @@ def _compute_cells(coords, settings):
 
 
 def uncertified_cells(tile, certificates):
-    """Say what a tile of the cube calls proved without a certificate that claims it; else ""."""
+    """Say what a tile of the cube calls proved without a certificate that claims it; else "".
+
+    A cell beyond the diagonal is proved by the certificate of its image, κ1 and κ2 exchanged.
+    """
     kappa1, kappa2 = np.meshgrid(tile.kappa1, tile.kappa2)
     found, half = np.zeros(kappa1.shape, bool), 0.5 / tile.attrs["cells"]
     for certificate in certificates:
         (k1, k2), (h1, h2) = (of_certificate(certificate, f) for f in ("kappa", "half_width"))
-        found |= (np.abs(kappa1 - k1) + half <= h1) & (np.abs(kappa2 - k2) + half <= h2)
-    proved = (tile.proved == proofs.cells.TRANSPORT).values & (kappa2 <= kappa1)
+        for first, second in ((kappa1, kappa2), (kappa2, kappa1)):
+            found |= (np.abs(first - k1) + half <= h1) & (np.abs(second - k2) + half <= h2)
+    proved = (tile.proved == proofs.cells.TRANSPORT).values
     n = np.count_nonzero(proved & ~found)
     return f"{n} cells are called proved, and no certificate claims it" if n else ""
 
