@@ -1,0 +1,380 @@
+"""Judge rows of `judged_forcings.csv`: `python tests/judge_forcings.py ROW ROW ...`.
+
+Of each row that is no image of another, the script shows by methods that know nothing of the search
+for the last barrier
+
+1. a circle at `lower`: Newton's method in Fourier space converges on a finer grid (`nasm.circles`),
+   from circles that are continued on the ray, or from the sites of a long periodic orbit;
+2. no circle at `upper`, and none at some scales up to 2% above: converse KAM eliminates all starts
+   on a transversal within 10⁵ periods (`nasm.converse_kam`), or in rows of "proof" interval
+   arithmetic proves transport (`nasm.proofs.transport`);
+3. in rows of "residues", where the circle `omega` breaks: Greene's residues of the minimax orbits
+   of its convergents, which this module finds from the circle below, with code of its own. The
+   scales at which the residues of two convergents agree have the limit `value` (Aitken's
+   extrapolation; `error` is three times the larger of its last two changes).
+
+A new row is judged with `--new CLASS PROFILE OMEGA NEAR [START]`, strengths separated by spaces: of
+the circle that is said to break last, next to a scale, the script tries all three and prints the
+line. OMEGA and NEAR may come from anywhere.
+"""
+
+import sys
+from dataclasses import replace
+from math import cos, inf, isfinite, isnan, log, nan, pi, sin
+
+import numpy as np
+from judged import Row, image_row, table
+from numba import njit
+
+from nasm import circles
+from nasm.circles import continuation
+from nasm.converse_kam import symmetry_line, transversal
+from nasm.numbers import convergents, distinct_convergents, parse
+from nasm.proofs import transport
+
+STEPS = 100_000  # of converse KAM
+ABOVE = (0, 1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2, 2e-2)  # of upper: no circle there either
+NEAREST = (1e-4, 3e-4, 1e-3)  # distances below a breakup at which circles are certified
+SHORTEST, SITES = 20, 5000  # period from which on residues are compared, and kicks up to which
+HULL = 20_000  # sites of the orbit from which Newton's method starts
+
+
+def eliminated(kappa, steps=STEPS):
+    """Whether converse KAM eliminates all starts that it tries."""
+    if symmetry_line.has_dominant_line(kappa):
+        return symmetry_line.longest_lived(kappa, steps)[1] < inf
+    return transversal.longest_lived(kappa, steps).kicks < inf
+
+
+def circle_below(omega, start, profile, breakup, distance):
+    """(scale, u) of a certified circle at breakup·(1 - distance) or further in; or (nan, None)."""
+    return continuation.certified_circle(omega, profile, breakup, distance, start)
+
+
+def is_circle(omega, kappa):
+    """Whether Newton's method certifies the circle of ω, from the sites of a long orbit."""
+    u = hull(omega, kappa)
+    return u is not None and circles.invariant_circle(omega, kappa, 65_536, u).certified
+
+
+def hull(omega, kappa):
+    """Deviations (P, n) of the sites of an orbit of a long convergent, one site of which is held;
+    None if it is lost."""
+    n_kicks, strongest = kappa.size, int(np.abs(kappa).argmax())
+    kappa, chains = np.roll(kappa, -strongest), []
+    for fraction in distinct_convergents(omega, HULL // n_kicks):
+        p, q = fraction.as_integer_ratio()
+        u = np.full(q * n_kicks, 0.0 if kappa[0] > 0 else 0.5)
+        if len(chains) > 1:  # the last orbit but one, and the last as often as it takes
+            one, other = chains[-2:]
+            often = (q - one[1].size // n_kicks) // (other[1].size // n_kicks)
+            parts, turns = [], 0
+            for whole, part in [one] + often * [other]:
+                parts.append(turns + np.arange(part.size) * whole / part.size + part)
+                turns += whole
+            u = np.concatenate(parts) - np.arange(u.size) * p / u.size
+        if not hold(kappa, p, q, u)[0]:
+            return None
+        chains.append((p, u))
+    u = u.reshape(q, n_kicks).T
+    phases = np.arange(q) * p % q
+    # In the order of phases, with ⟨u_0⟩ = 0, from the first kick of the period on.
+    size, mean = 16_384, u[-strongest % n_kicks].mean()
+    modes = np.fft.rfft((u - mean)[:, np.argsort(phases)])[:, : size // 3] / u.shape[1]
+    shift = np.full(n_kicks, float(omega) * strongest / n_kicks - mean)
+    shift[:strongest] -= float(omega)
+    turns = np.exp(2j * pi * shift[:, None] * np.arange(modes.shape[1]))
+    padded = np.zeros((n_kicks, size // 2 + 1), complex)
+    padded[:, : modes.shape[1]] = np.roll(modes, strongest, axis=0) * turns
+    return np.fft.irfft(padded, size) * size
+
+
+@njit
+def hold(kappa, p, q, u):
+    """Newton's method for a chain of Pq sites x_n = np/Pq + u_n, site 0 held, in place.
+
+    Returns whether it converges, the force on site 0, and Greene's residue.
+    """
+    n_sites = kappa.size * q
+    force, inverse, curvature = np.empty(n_sites), np.empty(n_sites), np.empty(n_sites)
+    last, converged = 1e300, False
+    for _ in range(60):
+        for n in range(n_sites):
+            x = (n * p % n_sites) / n_sites + u[n]
+            strength = kappa[n % kappa.size]
+            kick = strength / (2 * pi) * sin(2 * pi * x)
+            force[n] = u[(n + 1) % n_sites] - 2 * u[n] + u[n - 1] - kick
+            curvature[n] = 2 + strength * cos(2 * pi * x)
+        before = along = 0.0
+        for n in range(1, n_sites):
+            pivot = curvature[n] - before
+            if pivot < 1e-9:
+                pivot = 1.0  # not convex here: a step downhill
+            before = inverse[n] = 1 / pivot
+            along = force[n] = (force[n] + along) * before
+        step = largest = 0.0
+        for n in range(n_sites - 1, 0, -1):
+            step = force[n] = force[n] + inverse[n] * step
+            largest = max(largest, abs(step))
+        part = 1.0 if largest < 0.3 / q else 0.3 / q / largest
+        for n in range(1, n_sites):
+            u[n] += part * force[n]
+        if largest < 1e-13 or (largest < 1e-9 and largest > 0.5 * last):
+            converged = True
+            break
+        last = largest
+    a, b, c, d = 1.0, 0.0, 0.0, 1.0  # the tangent map
+    for n in range(n_sites):
+        x = (n * p % n_sites) / n_sites + u[n]
+        slope = kappa[n % kappa.size] * cos(2 * pi * x)
+        c, d = c + slope * a, d + slope * b
+        a, b = a + c, b + d
+    at_rest = u[1 % n_sites] - 2 * u[0] + u[-1] - kappa[0] / (2 * pi) * sin(2 * pi * u[0])
+    return converged, at_rest, (2 - a - d) / 4
+
+
+class MinimaxOrbits:
+    """Minimax orbits of the convergents of a circle, on κ = start + s·profile.
+
+    u : deviations (P, n) of the circle at a scale just below its breakup. Orbits begin where the
+    circle is stretched most, and their sites there are moved over a gap; then they are followed.
+    """
+
+    def __init__(self, omega, start, profile, u):
+        self.omega, self.start, self.profile, self.u = omega, start, profile, u
+        n = u.shape[1]
+        stretch = (np.roll(u, -1, axis=1) - np.roll(u, 1, axis=1)) * n / 2
+        self.site, first = map(int, np.unravel_index(stretch.argmax(), u.shape))
+        self.phase, self.known, self.fractions = first / n, {}, []
+        for fraction in convergents(omega):
+            if profile.size * fraction.denominator > SITES:
+                break
+            self.fractions.append(fraction)
+
+    def residue(self, i, scale):
+        """R of convergent i, NaN if the orbit is not found."""
+        q, known = self.fractions[i].denominator, self.known.setdefault(i, {})
+        for below in (0, 0.05, 0.1, 0.2, 0.4, 0.8) if not known else ():
+            at = scale * (1 - below / q)
+            if found := self._sought(i, at):
+                known[at] = found
+                break
+        if not known:
+            return nan
+        at = min(known, key=lambda other: abs(other - scale))
+        while at != scale:
+            step = scale - at
+            for _ in range(6):
+                step = np.clip(step, -0.05 / q * scale, 0.05 / q * scale)
+                target = scale if step == scale - at else at + step
+                if found := self._moved(i, target, known[at][0]):
+                    break
+                step /= 3
+            else:
+                return nan
+            known[target], at = found, target
+        return known[scale][1]
+
+    def _kappa(self, scale):
+        return np.roll(self.start + scale * self.profile, -self.site)
+
+    def _moved(self, i, scale, u):
+        """The orbit next to deviations: (u, R); None if it is lost, or has R < 0."""
+        (p, q), kappa, u = self.fractions[i].as_integer_ratio(), self._kappa(scale), u.copy()
+        x_before, x = u[0], u[0] + 1e-3 / q
+        found, before, _ = hold(kappa, p, q, u)
+        u[0] = x
+        ok, force, residue = hold(kappa, p, q, u)
+        if not (found and ok and force > before):  # the action has a minimum here, no maximum
+            return None
+        for _ in range(30):
+            if abs(x - x_before) < 1e-12 / q or abs(force) < 3e-17 or force == before:
+                break
+            step = -force * (x - x_before) / (force - before)
+            if abs(step) > 0.3 / q:
+                return None
+            x_before, before, x = x, force, x + step
+            u[0] = x
+            ok, force, residue = hold(kappa, p, q, u)
+            if not ok:
+                return None
+        return (u, residue) if residue > 0 else None
+
+    def _sought(self, i, scale, places=16):
+        """The orbit at the highest maximum of the action over a gap: (u, R) or None."""
+        (p, q), kappa, n_kicks = self.fractions[i].as_integer_ratio(), self._kappa(scale), 0
+        n_kicks, n_sites = kappa.size, kappa.size * q
+        site = (np.arange(n_sites) + self.site) % n_kicks
+        period = (np.arange(n_sites) + self.site) // n_kicks
+        x, force, chains = [], [], []
+        for part in np.linspace(-0.6, 0.6, places + 1):
+            first = self.phase + part / q
+            phase, u = first + period * p % q / q, np.empty(n_sites)
+            for j in range(n_kicks):
+                grid = np.arange(self.u.shape[1]) / self.u.shape[1]
+                u[site == j] = np.interp(phase[site == j], grid, self.u[j], period=1)
+            u += first + self.site * p / n_sites
+            ok, at_rest, _ = hold(kappa, p, q, u)
+            if not ok:
+                return None
+            x, force, chains = [*x, u[0]], [*force, at_rest], [*chains, u]
+        work = [(a + b) / 2 * (y - x) for a, b, x, y in zip(force, force[1:], x, x[1:])]  # noqa: B905
+        action = np.concatenate([[0], -np.cumsum(work)])
+        maxima = [k for k in range(places) if force[k] < 0 <= force[k + 1]]
+        if not maxima:
+            return None
+        k = max(maxima, key=lambda k: max(action[k : k + 2]))
+        low, high, u = x[k], x[k + 1], chains[k].copy()
+        for _ in range(8):
+            u[0] = (low + high) / 2
+            ok, at_rest, _ = hold(kappa, p, q, u)
+            if not ok:
+                return None
+            low, high = (u[0], high) if at_rest < 0 else (low, u[0])
+        return self._moved(i, scale, u)
+
+    def agreement(self, i, later, near):
+        """The scale at which convergents i and i + later have one residue, by the secant method;
+        NaN without one."""
+        q = self.fractions[i + later].denominator
+
+        def difference(scale):
+            one, other = (self.residue(k, scale) for k in (i, i + later))
+            return log(other / one) if one > 0 and other > 0 else nan
+
+        before, scale = near, near * (1 - 0.02 / q)
+        was, is_ = difference(before), difference(scale)
+        for _ in range(12):
+            if isnan(was) or isnan(is_) or was == is_:
+                return nan
+            step = np.clip(-is_ * (scale - before) / (is_ - was), -0.5 / q * near, 0.5 / q * near)
+            if abs(step) < 1e-13 * scale or (abs(is_) < 1e-11 and abs(step) < 1e-6 / q * near):
+                return float(scale)
+            before, was, scale = scale, is_, scale + step
+            is_ = difference(scale)
+        return float(scale) if abs(scale - before) < 1e-4 / q * near else nan
+
+
+def breakup(omega, start, profile, near, tolerance=1e-5):
+    """Where residues say that a circle breaks: value, error; NaN where they do not settle."""
+    for distance in NEAREST:
+        below, u = circle_below(omega, start, profile, near, distance)
+        if u is None or below < near * (1 - 2 * distance):
+            continue
+        orbits = MinimaxOrbits(omega, start, profile, u)
+        value, error = _limit(orbits, near)
+        if error < tolerance * value:
+            return value, error
+    return nan, nan
+
+
+def _limit(orbits, near):
+    scales, later = [], len(orbits.omega.tail)
+    for i, fraction in enumerate(orbits.fractions[:-later]):
+        if fraction.denominator >= SHORTEST:
+            scale = orbits.agreement(i, later, scales[-1] if scales else near)
+            if isfinite(scale):
+                scales.append(scale)
+    if len(scales) < 3:
+        return (scales[-1], abs(scales[-1] - scales[-2])) if len(scales) == 2 else (nan, nan)
+    first, second, third = (np.array(scales[k : len(scales) - 2 + k]) for k in range(3))
+    limits = third - (third - second) ** 2 / (third - 2 * second + first)
+    if limits.size < 3:
+        return scales[-1], abs(scales[-1] - scales[-2])
+    value = float(limits[-1])
+    return value, float(max(*(3 * abs(np.diff(limits[-3:]))), 2e-9 * abs(value)))
+
+
+def doubts(row):
+    """What the methods do not confirm of a row: list of sentences."""
+    start = np.zeros(len(row.profile)) if row.start is None else np.array(row.start)
+    profile, found = np.array(row.profile), []
+    if row.method.startswith("image of "):
+        number, operations = row.method.removeprefix("image of ").split(": ")
+        expected = image_row(row.number, row.kind, table()[int(number)], operations)
+        return [] if expected == row else [f"the image is {expected.text()}"]
+    if row.method == "literature":
+        return []
+    if isfinite(row.lower):
+        omega, distance = parse(row.omega), 1 - row.lower / row.value
+        scale = nan
+        if 1e-6 <= distance <= 0.5:
+            scale, _ = circle_below(omega, start, profile, row.value, distance)
+        if not scale >= row.lower * (1 - 1e-12) and not is_circle(
+            omega, start + row.lower * profile
+        ):
+            found.append(f"no circle of {omega} is certified at lower={row.lower!r}")
+    if row.method == "proof" and not transport.prove(row.upper * profile, 300).proved:
+        found.append(f"transport is not proved at upper={row.upper!r}")
+    for above in ABOVE:
+        scale = row.upper * (1 + above)
+        if not eliminated(start + scale * profile):
+            found.append(f"a start survives {STEPS} steps at {scale!r}")
+    if row.method in ("residues", "proof"):
+        value, error = breakup(parse(row.omega), start, profile, row.value)
+        if not abs(value - row.value) <= error + row.error:
+            found.append(f"the residues' limit is {value!r} ± {error:.1g}")
+    return found
+
+
+def new_row(kind, profile, omega, near, start=None, lowers=()):
+    """A Row by all that can be shown, of a ray whose last circle is said to be `omega`, near a
+    scale. lowers : (omega, scale) where else circles may exist, best first."""
+    profile, omega = np.array(profile, float), parse(omega)
+    first = np.zeros(profile.size) if start is None else np.array(start, float)
+    value, error = breakup(omega, first, profile, near)
+    lower, upper = nan, nan
+    for excess in (5e-5, 1e-4, 2e-4, 4e-4, 1e-3, 2e-3) if isfinite(value) else ():
+        if all(eliminated(first + value * (1 + excess) * (1 + above) * profile) for above in ABOVE):
+            upper = value * (1 + excess)
+            break
+    for distance in NEAREST if isfinite(upper) else ():
+        lower, _ = circle_below(omega, first, profile, value, distance)
+        if isfinite(lower):
+            break
+    row = Row(0, kind, tuple(profile), start, value, error, lower, upper, str(omega), "residues")
+    if upper <= value * (1 + 4e-4) and isfinite(lower):
+        return row
+    return band(row, first, profile, near, lowers)
+
+
+def band(row, start, profile, near, lowers):
+    """The Row by a bracket alone."""
+    lower, omega = nan, row.omega
+    for name, scale in lowers:
+        distance, found = 1 - scale / near, nan
+        if distance >= 1e-6:
+            found, _ = circle_below(parse(name), start, profile, near, distance)
+        if not found >= scale * (1 - 1e-12) and not is_circle(parse(name), start + scale * profile):
+            continue
+        lower, omega = scale, name
+        break
+    base = np.nanmax([near, lower])
+    for excess in (1e-4, 2e-4, 3e-4, 5e-4, 7e-4, 1e-3, 1.5e-3, 2e-3, 3e-3, 5e-3, 1e-2):
+        if all(eliminated(start + base * (1 + excess) * (1 + above) * profile) for above in ABOVE):
+            upper = base * (1 + excess)
+            break
+    else:
+        upper = nan
+    value, error = (lower + upper) / 2, (upper - lower) / 2
+    return replace(
+        row, value=value, error=error, lower=lower, upper=upper, omega=str(omega), method="bracket"
+    )
+
+
+def main(arguments):
+    if arguments[:1] == ["--new"]:
+        kind, profile, omega, near, *start = arguments[1:]
+        profile, *start = (tuple(map(float, text.split())) for text in (profile, *start))
+        near = float(near)
+        lowers = [(omega, near * (1 - distance)) for distance in NEAREST]
+        print(new_row(kind, profile, omega, near, *start, lowers=lowers).text())
+        return
+    rows = table()
+    for number in map(int, arguments or rows):
+        found = doubts(rows[number])
+        print(rows[number].text(), *(found or ["confirmed"]), sep="\n    ", flush=True)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
