@@ -2,7 +2,6 @@
 
 import signal
 import uuid
-from pathlib import Path
 
 import pytest
 import seaweed
@@ -30,11 +29,9 @@ def sketches():
     Commands draw theirs in full in `test_every_command`, and `test_figures` looks at them.
     """
 
-    def save(figure, path, **how):
-        if str(path).endswith(".pdf"):
-            Path(path).touch()
-        else:
-            SAVE(figure, path, **how | {"dpi": 40})
+    def save(figure, file, **how):
+        if how["format"] != "pdf":
+            SAVE(figure, file, **how | {"dpi": 40})
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Figure, "savefig", save)

@@ -1,12 +1,12 @@
 """The page of the claims and its tables: what a reader sees of `workflows.claims`."""
 
 from collections import Counter
-from pathlib import Path
 
 from pandas import DataFrame
 
 from pipeline.sweep.progress import plural
 from workflows.claims.envelope import HEADER, cells
+from workflows.figures import files
 from workflows.shared.page import render
 from workflows.shared.rules import Verdict
 
@@ -45,5 +45,5 @@ def write(run, claims, errata, rows, sentences, command):
         "claims_envelope": rows,
     }
     for name, table in tables.items():
-        DataFrame(table).to_csv(run.path("tables", f"{name}.csv"), index=False)
-    Path(run.out, "claims.txt").write_text(f"{counted}\n", encoding="utf-8")
+        files.write(run.path("tables", f"{name}.csv"), DataFrame(table).to_csv(index=False))
+    files.write(f"{run.out}/claims.txt", f"{counted}\n")

@@ -2,7 +2,7 @@
 
 from contextlib import contextmanager
 from functools import cache
-from pathlib import Path
+from io import BytesIO
 
 import matplotlib
 import numpy as np
@@ -12,6 +12,7 @@ from matplotlib.transforms import Bbox, ScaledTranslation, blended_transform_fac
 from pandas import Series
 
 from nasm.numbers import NAMES, moebius, parse
+from workflows.figures.files import write
 
 # Blue, orange, green, sky, red, violet, indigo: 17 or more apart in CIE Lab as a deuteranope and a
 # protanope see them, and as far from black, white and the greys below.
@@ -180,11 +181,13 @@ def save(figure, out, name, caption="", kinds=("png", "pdf")):
     box = finish(figure)
     name += "_column" * in_column()
     paths = [f"{out}/{name}.{kind}" for kind in kinds]
-    for path in paths:
-        key = "Subject" if path.endswith("pdf") else "Description"
-        figure.savefig(path, dpi=figure.dpi, bbox_inches=box, metadata={key: caption})
+    for path, kind in zip(paths, kinds, strict=True):
+        key, picture = "Subject" if kind == "pdf" else "Description", BytesIO()
+        how = {"format": kind, "dpi": figure.dpi, "bbox_inches": box, "metadata": {key: caption}}
+        figure.savefig(picture, **how)
+        write(path, picture.getvalue())
     if caption:
-        Path(f"{out}/{name}.txt").write_text(f"{caption}\n", encoding="utf-8")
+        write(f"{out}/{name}.txt", f"{caption}\n")
     return paths
 
 

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import click
 
+from workflows.figures import files
 from workflows.gallery.exhibits import command_of, listed, make_release, run
 from workflows.shared.cli import (
     DIRECTORY,
@@ -43,7 +44,7 @@ def recipe(name, out):
     notebook = json.dumps({"cells": [text, lines], **about}, indent=1, ensure_ascii=False)
     Path(out, "recipes").mkdir(exist_ok=True)
     for kind, text in (("py", script), ("ipynb", notebook)):
-        Path(out, "recipes", f"{name}.{kind}").write_text(text, encoding="utf-8")
+        files.write(f"{out}/recipes/{name}.{kind}", text)
     return script
 
 
@@ -51,12 +52,12 @@ def shown(exhibit, out, quick):
     """Return what the page shows of the results of a command."""
     here, name = Path(out, exhibit.name), exhibit.name
     texts = {path.stem: path.read_text(encoding="utf-8").strip() for path in here.glob("*.txt")}
-    files = sorted(path for kind in ("pdf", "csv", "html") for path in here.glob(f"*.{kind}"))
+    others = sorted(path for kind in ("pdf", "csv", "html") for path in here.glob(f"*.{kind}"))
     pictures = sorted(here.glob("*.png"))
     return vars(exhibit) | {
         "command": command_of(exhibit, quick),
         "pictures": [(f"{name}/{path.name}", texts.get(path.stem, "")) for path in pictures],
-        "files": [f"{name}/{path.name}" for path in files],
+        "files": [f"{name}/{path.name}" for path in others],
         "cubes": [f"{name}/{path.name}" for path in sorted(here.glob("*.zarr"))],
         "recipe": recipe(name, out),
     }

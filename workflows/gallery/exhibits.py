@@ -13,6 +13,7 @@ from pathlib import Path
 
 import click
 
+from workflows.figures import files
 from workflows.shared.cli import main_of
 
 
@@ -67,13 +68,14 @@ def make_release(directory, workers, quick, quiet):
     for exhibit in RELEASE:
         run(exhibit, directory, workers, quick, quiet)
     here = Path(directory)
-    (here / "README.md").write_text(_readme(quick), encoding="utf-8")
-    files = [path for path in sorted(here.rglob("*")) if path.is_file()]
-    files = [path for path in files if path.name not in (SUMS, ".lock")]
-    digests = {path: hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
+    files.write(here / "README.md", _readme(quick))
+    paths = [path for path in sorted(here.rglob("*")) if path.is_file()]
+    paths = [path for path in paths if path.name not in (SUMS, ".lock")]
+    paths = [path for path in paths if path.suffix != files.BESIDE]  # of a run that was killed
+    digests = {path: hashlib.sha256(path.read_bytes()).hexdigest() for path in paths}
     sums = (f"{sum}  {path.relative_to(here).as_posix()}\n" for path, sum in digests.items())
-    (here / SUMS).write_text("".join(sums), encoding="utf-8")
-    return sum(path.stat().st_size for path in files)
+    files.write(here / SUMS, "".join(sums))
+    return sum(path.stat().st_size for path in paths)
 
 
 def _readme(quick):

@@ -6,13 +6,14 @@ from pathlib import Path
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
 
+from workflows.figures import files
+
 _SUBSCRIPT = re.compile(r"\(\w{2,}_\w+\)|_\{([^}]*)\}|_([κωγε½A-Za-z0-9]+)")
 
 
 def render(template, path, **values):
     """Write the page of a template, named by its path in `workflows`."""
-    page = _ENVIRONMENT.get_template(template).render(values)
-    Path(path).write_text(page, encoding="utf-8")
+    files.write(path, _ENVIRONMENT.get_template(template).render(values))
 
 
 def formula(text):

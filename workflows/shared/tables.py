@@ -5,6 +5,7 @@ import xarray as xr
 
 from nasm.planes import TWO_KICKS_AXES
 from pipeline.cubes.cube import FLAGS
+from workflows.figures import files
 
 
 def described(long_name, units="1", **more):
@@ -57,4 +58,4 @@ def write(dataset, path):
         if words is not None:
             codes = dataset[name].attrs["flag_values"]
             table[name] = table[name].map(dict(zip(codes, words.split(), strict=True)))
-    table.to_csv(path, float_format="%.12g")
+    files.write(path, table.to_csv(float_format="%.12g"))

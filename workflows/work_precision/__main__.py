@@ -9,8 +9,6 @@ Single precision serves direct iteration alone, whose error is far above roundin
 A cube, two tables and a figure in OUT. The defaults take about a minute and a half, on one core.
 """
 
-from pathlib import Path
-
 import click
 
 from workflows.shared.cli import choice, command, flag, writes
@@ -29,6 +27,7 @@ _ALL = "may be repeated.  [default: all]"
 def main(run, full, only, ray):
     from nasm.proofs.barrier import need_flint
     from pipeline.cubes.cube import untiled
+    from workflows.figures import files
     from workflows.figures.work_precision import draw_work_precision
     from workflows.work_precision.measure import fastest, measure, table
 
@@ -43,7 +42,6 @@ def main(run, full, only, ray):
     with run.driving((data, len(only) * len(rays) * (15 if full else 1.5))):
         data = run.kept(data, lambda: measure(rays, only, not full, run.line.show))
         run.table("work_precision", data[["effort", "cpu_seconds", "error", "estimated_error"]])
-        path = run.path("tables", "work_precision.md")
-        Path(path).write_text(f"{table(data)}\n", encoding="utf-8")
+        files.write(run.path("tables", "work_precision.md"), f"{table(data)}\n")
         run.figure("work_precision", draw_work_precision, data, caption=fastest(data))
         click.echo(f"{table(data)}\n")

@@ -1,0 +1,90 @@
+"""Files of commands are written whole: what kills a command spoils none of an earlier run."""
+
+import ast
+import os
+import resource
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from matplotlib.figure import Figure
+
+from workflows.figures import files, style
+from workflows.gallery.__main__ import recipe
+from workflows.shared import tables
+
+ROOT = Path(__file__).parents[1]
+TABLE = xr.Dataset({"square": ("x", np.arange(3.0) ** 2)}, {"x": np.arange(3)})
+
+
+WRITERS = {
+    "figure": lambda folder: style.save(Figure(), folder, "figure", "a caption"),
+    "table": lambda folder: tables.write(TABLE, folder / "table.csv"),
+    "recipe": lambda folder: recipe("flux", folder),
+    "text": lambda folder: files.write(folder / "text.txt", "κ"),
+    "bytes": lambda folder: files.write(folder / "bytes", b"bytes"),
+}
+
+
+class Killed(BaseException):
+    """The process was killed here."""
+
+
+def contents(folder):
+    return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+@pytest.mark.parametrize("writer", WRITERS)
+def test_a_kill_while_a_file_is_written_leaves_the_earlier_one(tmp_path, monkeypatch, writer):
+    WRITERS[writer](tmp_path)
+    for path in contents(tmp_path):
+        path.write_bytes(b"of an earlier run")
+    earlier = contents(tmp_path)
+    assert earlier
+
+    def kill(*_):
+        raise Killed
+
+    monkeypatch.setattr(os, "replace", kill)
+    with pytest.raises(Killed):
+        WRITERS[writer](tmp_path)
+    assert contents(tmp_path) == earlier
+
+
+def test_on_a_full_disk_the_earlier_file_stays_and_no_other(tmp_path):
+    files.write(tmp_path / "table.csv", "an earlier run")
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (10**5, limits[1]))
+    try:
+        with pytest.raises(OSError, match="too large"):
+            files.write(tmp_path / "table.csv", bytes(10**6))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert contents(tmp_path) == {tmp_path / "table.csv": b"an earlier run"}
+
+
+# What else writes: certificates and pictures, into the memory; the keys of a cluster, into a new
+# folder that is this user's alone.
+OTHERS = {"pipeline/cubes/proved.py", "workflows/figures/style.py"}
+OTHERS |= {"pipeline/sweep/cluster.py", "workflows/examples/job_queue.py"}
+WRITE = {"write_text", "write_bytes", "to_csv", "savefig", "to_netcdf", "open", "touch"}
+
+
+def writes(call):
+    """Whether a call opens or names a file that it writes."""
+    name = getattr(call.func, "attr", getattr(call.func, "id", ""))
+    if name == "open":
+        modes = [node.value for node in call.args[1:2] if isinstance(node, ast.Constant)]
+        return any(set(mode) & set("wax+") for mode in modes)
+    return name in WRITE and bool(call.args)
+
+
+def test_every_file_of_a_command_is_written_by_one_function():
+    found = set()
+    for folder in ("workflows", "pipeline"):
+        for path in (ROOT / folder).rglob("*.py"):
+            calls = (n for n in ast.walk(ast.parse(path.read_text())) if isinstance(n, ast.Call))
+            if any(map(writes, calls)):
+                found.add(path.relative_to(ROOT).as_posix())
+    assert found == OTHERS | {"workflows/figures/files.py"}

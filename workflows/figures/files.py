@@ -1,0 +1,22 @@
+"""How every file of a command is written: whole, or not at all."""
+
+import os
+import secrets
+from contextlib import suppress
+from pathlib import Path
+
+BESIDE = ".part"  # how the name of a file ends that is being written
+
+
+def write(path, content):
+    """Write text or bytes beside the file, and rename: after a kill or on a full disk the file of
+    an earlier run is still there, whole."""
+    path = Path(path)
+    beside = path.with_name(f".{path.name}.{secrets.token_hex(4)}{BESIDE}")
+    try:
+        beside.write_bytes(content.encode() if isinstance(content, str) else content)
+        os.replace(beside, path)
+    except BaseException:
+        with suppress(OSError):
+            beside.unlink()
+        raise
