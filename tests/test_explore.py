@@ -3,6 +3,7 @@
 import asyncio
 import os
 import re
+import shutil
 import signal
 import socket
 import subprocess
@@ -27,6 +28,7 @@ from nasm import action, barriers, diffusion, escape
 from nasm.numbers import parse
 from nasm.planes import rotating, three_kicks, two_kicks
 from nasm.verdicts import Answer, verdict
+from pipeline.store import Refused
 from workflows.explore import field, plane, rays, server
 from workflows.explore.field import Field, View
 from workflows.explore.rays import Breakup, Rays
@@ -137,8 +139,21 @@ def test_what_is_known_is_not_computed_again():
     assert n_forcings > 1000
 
 
+def test_of_a_store_that_is_refused_the_page_paints_nothing_and_says_why(store, tmp_path):
+    shutil.copytree(store / "escape.zarr", tmp_path / "escape.zarr")
+    path = tmp_path / "escape.zarr" / "zarr.json"
+    metadata = path.read_text()
+    without_plane = metadata.replace('"plane"', '"other"')
+    for changed, words in ((metadata[:-9], "are damaged"), (without_plane, "another program")):
+        path.write_text(changed)
+        opened = plane._cubes(place_of(tmp_path), two_kicks())
+        assert next(opened) == ([], None)
+        with pytest.raises(Refused, match=words):
+            next(opened)
+
+
 def test_of_a_refined_cube_escapes_of_coarse_cells_are_a_preview(store):
-    (own, preview), _ = plane._cubes(place_of(str(store)), two_kicks())
+    ((own, preview), _), *_ = plane._cubes(place_of(str(store)), two_kicks())
     view = View((-2, 2), (-2, 2), (64, 64))
     times, width = own.on(view, 300)
     assert width <= own.stays

@@ -21,6 +21,8 @@ from pipeline.cubes.breakdown import scales
 from pipeline.cubes.cube import NOT_COMPUTED, Cube, Job, blank, coordinate
 
 REACH = 1.125  # of both strengths; CB_gt ends before
+_MAX_RATIO = 100  # of certificates to their bytes when they are packed; it is 27 at most
+_MAX_WINDOW = 2**26  # bytes that unpacking may need besides; those that are packed here need 2**19
 _BLOCKS = 36  # along an axis; each is a tile
 _CORNERS = "kappa1_low", "kappa2_low", "kappa1_high", "kappa2_high"  # of a triangle
 _STATES = {
@@ -215,11 +217,20 @@ def packed(proofs):
 
 
 def unpacked(data):
-    """Return the list of certificates, objects all; ValueError if the bytes are damaged."""
+    """Return the list of certificates, objects all; ValueError if the bytes are damaged, or are
+    more than `_MAX_RATIO` times as many when they are unpacked."""
+    if not data:
+        return []
+    unpacker = lzma.LZMADecompressor(memlimit=_MAX_WINDOW)
     try:
-        found = json.loads(lzma.decompress(data)) if data else []
+        text = unpacker.decompress(data, _MAX_RATIO * len(data))
+        if not unpacker.eof:
+            raise ValueError(f"they are cut, or unpack to more than {_MAX_RATIO} times their size")
+        found = json.loads(text)
     except (lzma.LZMAError, EOFError, RecursionError) as error:
         raise ValueError(str(error)) from None
+    except MemoryError:
+        raise ValueError("there is not enough memory to read them") from None
     if not (isinstance(found, list) and all(isinstance(item, dict) for item in found)):
         raise ValueError("they are no list of objects")
     return found
@@ -231,12 +242,19 @@ def of_certificate(certificate, field):
 
 
 def seconds_to_check(certificate):
-    """Return the CPU seconds, about, that the checker will take."""
+    """Return the CPU seconds, about, that the checker will take; ValueError, or another error of
+    what is malformed, if that cannot be told, as nothing should be checked then."""
     if "lives" in certificate:
-        return 7e-5 * sum(certificate["lives"])
+        lives = certificate["lives"]
+        # Forwards and backwards of each box, or for both at once.
+        numbers = [n for each in lives for n in (each if isinstance(each, list) else [each])]
+        if not all(type(n) is int and n > 0 for n in numbers):
+            raise ValueError("a box has a lifetime that is no whole number of 1 or more")
+        return 7e-5 * sum(numbers)
     degrees = certificate["moves"]["numbers"]
-    first = degrees[0]
-    size, across = max(len(part) for row in first[0] for part in row), len(first)
+    functions = [function for across in degrees for each in across for function in each]
+    size = max(len(part) for function in functions for part in function)
+    across, n_kicks = max(map(len, degrees)), len(certificate["kappa"])
     nodes = len(degrees) * (across + 1 if across > 1 else 1)
     inverses = 240 if across > 1 else 30 if "scales" in certificate else 4
-    return 1e-4 * len(first[0]) * size * (nodes + inverses)
+    return 1e-4 * n_kicks * size * (nodes + inverses)

@@ -26,6 +26,7 @@ from pipeline.store.place import (
     explained,
     place_of,
     printable,
+    without_password,
 )
 from pipeline.store.tiles import (
     certificates_key,

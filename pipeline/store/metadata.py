@@ -23,7 +23,8 @@ from zarr.storage import MemoryStore
 
 from nasm import __version__
 from pipeline.store import tiles
-from pipeline.store.place import Refused, explained, usual_codecs
+from pipeline.store.decoding import MAX_METADATA, arrays_in, usual_codecs
+from pipeline.store.place import Refused, explained
 from pipeline.store.tiles import COMMIT, DAMAGED, ENTRIES, ENTRY, FORMAT
 
 DIGESTS = "digests.json"
@@ -121,7 +122,7 @@ def _check_settings(place, cube):
     if not found:
         for file in ("zarr.json", ".zgroup", ".zarray"):  # by another program, in zarr 3 or 2
             with suppress(ValueError, RecursionError):
-                if json.loads(place.read(f"{cube.name}.zarr/{file}")):
+                if json.loads(place.read(f"{cube.name}.zarr/{file}", MAX_METADATA)):
                     raise _not_ours(place, cube.name)
         return {}
     differences = [
@@ -137,7 +138,7 @@ def _check_settings(place, cube):
 
 
 def _brief(setting):
-    with suppress(KeyError, TypeError, ValueError):
+    with suppress(KeyError, RecursionError, TypeError, ValueError):
         return json.loads(setting)["name"]  # of a plane
     return setting
 
@@ -145,7 +146,7 @@ def _brief(setting):
 def _attributes(place, name):
     """The attributes of the cube, {} if it is not there, is damaged, or is another program's."""
     with suppress(*DAMAGED):
-        return _parsed(place.read(_key(name)))
+        return _parsed(place.read(_key(name), MAX_METADATA))
     return {}
 
 
@@ -162,7 +163,7 @@ def _noted(place, name):
     """What is noted beside the metadata: the cube's attributes, and {file: its digest}. Empty if
     nothing is, as by earlier versions, or if it is damaged."""
     with suppress(*DAMAGED):
-        data = place.read(f"{name}.zarr/{DIGESTS}")
+        data = place.read(f"{name}.zarr/{DIGESTS}", MAX_METADATA)
         return _parsed(data), dict(json.loads(data)["sha256"])
     return {}, {}
 
@@ -186,7 +187,7 @@ def changes(place, name):
     if not paths:
         return ""
     more = f" and {len(paths) - _TOLD} more" if len(paths) > _TOLD else ""
-    told = f"{', '.join(paths[:_TOLD])}{more} of {place.cube(name)}"
+    told = f"{', '.join(path[:100] for path in paths[:_TOLD])}{more} of {place.cube(name)}"
     return f"{told}: changed or lost; run again the command that computed it, which restores them"
 
 
@@ -264,6 +265,7 @@ def _files(cube, by):
         warnings.filterwarnings("ignore", message="Consolidated metadata")
         tree.to_zarr(MemoryStore(files), encoding=encoding, compute=not computed, **how)
     files = {key: buffer.to_bytes() for key, buffer in files.items()}
+    arrays_in(json.loads(files["zarr.json"]), f"the cube {cube.name}")
     digests = {key: _digest(data) for key, data in files.items()}
     noted = {"attributes": _parsed(files["zarr.json"]), "sha256": digests}
     files[DIGESTS] = json.dumps(noted).encode()

@@ -15,8 +15,8 @@ from functools import lru_cache
 from filelock import FileLock, Timeout
 from obstore.exceptions import AlreadyExistsError, BaseError
 from obstore.store import LocalStore, from_url
-from zarr import config
 
+MAX_FILE = 2**27  # bytes of a file that is read
 PATIENCE = 30  # seconds for which a request is repeated while an object store does not answer
 _NO_LOCKS = errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS
 _NOT_THERE = FileNotFoundError, ValueError  # the second for a key that no file can have
@@ -61,10 +61,13 @@ class Place:
             raise FileNotFoundError(f"{path} does not exist, was moved, or its disk is gone")
         return _opened(path)
 
-    def read(self, key):
-        """The bytes of a file; empty if it is missing."""
+    def read(self, key, most=MAX_FILE):
+        """The bytes of a file; empty if it is missing; Refused if there are more than `most`."""
         with explained(self), suppress(*_NOT_THERE):
-            return bytes(self.objects().get(key).bytes())
+            file = self.objects().get(key)
+            if (size := file.meta["size"]) > most:
+                raise Refused(f"{self}/{key} has {size} bytes, and {most} are read at most")
+            return bytes(file.bytes())
         return b""
 
     def size(self, key):
@@ -105,10 +108,9 @@ def place_of(out):
     return Place(out.rstrip("/"))
 
 
-def usual_codecs():
-    """Within this context arrays are opened with zarr's own codecs, whatever pipeline of codecs the
-    user's files or environment name; others do not know all stores."""
-    return config.set({"codec_pipeline": config.defaults[0]["codec_pipeline"]})
+def without_password(text):
+    """Return the text, whose URLs may be those of an environment, without the users in them."""
+    return re.sub(r"(?<=://)\S*@", "", text)
 
 
 @lru_cache
@@ -161,7 +163,8 @@ def explained(place):
             or (isinstance(error, FileNotFoundError | PermissionError) and error.errno is None)
         ):
             # The rest of the message and a URL's query string may contain a signature.
-            words = re.sub(r"\?\S+", "", re.split(r"[\n<]|Debug source", str(error))[0]).strip(" :")
+            words = without_password(re.split(r"[\n<]|Debug source", str(error))[0])
+            words = re.sub(r"\?\S+", "", words).strip(" :")
         else:
             raise
         raise StoreFailed(f"{place}: {words}") from None

@@ -15,9 +15,10 @@ from zlib import crc32
 import numpy as np
 import xarray as xr
 from zarr import Array, AsyncArray
-from zarr.storage import ObjectStore, StorePath
+from zarr.storage import StorePath
 
-from pipeline.store.place import Refused, explained, printable, usual_codecs
+from pipeline.store.decoding import MAX_METADATA, Files, arrays_in, usual_codecs
+from pipeline.store.place import Refused, explained, printable
 
 CERTIFICATES = "certificates"
 COMMIT = "tiles/commit"
@@ -27,17 +28,22 @@ FORMAT = 2  # of cubes; 1 had no checksum of a tile's data
 _CRC_BYTES = 4  # the checksum behind the numbers of a chunk
 _LONGEST_REASON = 500  # characters of the reason of a failure that are kept
 # What reading metadata raises that are lost, cut or changed.
-DAMAGED = AttributeError, FileNotFoundError, KeyError, RecursionError, TypeError, ValueError
+DAMAGED = ArithmeticError, AttributeError, FileNotFoundError, LookupError, RecursionError
+DAMAGED += TypeError, ValueError
 
 
 @lru_cache
 def arrays_of(place, name):
     """{name: zarr array} of the cube, kept open; Refused if its metadata are lost or not ours."""
     with suppress(*DAMAGED):
-        root = json.loads(place.read(f"{name}.zarr/zarr.json"))
+        root = json.loads(place.read(f"{name}.zarr/zarr.json", MAX_METADATA))
         if root["attributes"]["store_format"] == FORMAT:
             return opened(place, name, root)
-    raise Refused(
+    raise _damaged(place, name)
+
+
+def _damaged(place, name):
+    return Refused(
         f"the metadata of {place.cube(name)} are damaged, or another program's, or in an earlier "
         "format; run the workflow that computed it again, to have them written anew or refused"
     )
@@ -48,13 +54,30 @@ forget = arrays_of.cache_clear  # open the arrays anew when they are needed next
 
 def opened(place, name, root):
     """{name: zarr array} of a cube whose group has the zarr.json `root`, parsed."""
-    store, arrays = ObjectStore(place.objects()), {}
-    for key, metadata in root["consolidated_metadata"]["metadata"].items():
-        if metadata["node_type"] == "array":
-            path = StorePath(store, f"{name}.zarr/{key}")
-            with usual_codecs():  # a tile of fill values must be stored like any other
-                arrays[key] = Array(AsyncArray(metadata, path, {"write_empty_chunks": True}))
+    store, arrays = Files(place.objects()), {}
+    for key, metadata in arrays_in(root, place.cube(name)).items():
+        path = StorePath(store, f"{name}.zarr/{key}")
+        with usual_codecs():  # a tile of fill values must be stored like any other
+            arrays[key] = Array(AsyncArray(metadata, path, {"write_empty_chunks": True}))
+    if COMMIT in arrays:
+        _check_tiles(arrays)
     return arrays
+
+
+def _check_tiles(arrays):
+    """Raise what is in DAMAGED unless a tile has one record, and one chunk of each variable."""
+    n_entries, *counts = arrays[COMMIT].shape
+    last = tuple(n - 1 for n in counts)
+    places = blocks(arrays, last)
+    attributes = arrays[COMMIT].metadata.attributes
+    named = {COMMIT, *attributes.get("of_tiles", places)}
+    if n_entries != len(ENTRIES) or named != {*places} or len(places) < 2:
+        raise ValueError("the tiles have no records, or nothing else")
+    if not isinstance(attributes["cube"], dict):
+        raise TypeError("the records do not name their cube")
+    for key, (array, block) in places.items():
+        if array.cdata_shape != tuple(i + 1 for i in block):
+            raise ValueError(f"the chunks of {key} are not those of the tiles")
 
 
 def tile_at(arrays, index):
@@ -179,7 +202,7 @@ def _checksum(arrays, index, values, certificates=b""):
     """CRC-32 of the cube's settings, who computed it, the tile's place, {variable: values} and its
     certificates."""
     cube = arrays[COMMIT].metadata.attributes["cube"]
-    decisive = cube["config_hash"], cube["computed_by"], tile_at(arrays, index)
+    decisive = cube.get("config_hash"), cube.get("computed_by"), tile_at(arrays, index)
     found = crc32(json.dumps(decisive).encode())
     for key in sorted(values):
         found = crc32(np.ascontiguousarray(values[key]), found)
@@ -194,8 +217,10 @@ def chunk(place, key, array, block):
             return array.get_block_selection(block)
         except FileNotFoundError:
             raise ValueError(f"a chunk of {key} is gone") from None
-        except ValueError:
-            raise ValueError(f"{key} does not match its checksum") from None
+        except (*DAMAGED, MemoryError, RuntimeError) as error:
+            is_cut = "checksum" in str(error)
+            what = "does not match its checksum" if is_cut else "cannot be read"
+            raise ValueError(f"{key} {what}") from None
 
 
 def damage(place, arrays, index):
@@ -220,7 +245,8 @@ def tiles_of(place, name):
     cube, arrays = read(place, name), arrays_of(place, name)
     if COMMIT not in arrays:  # written whole
         return
-    sizes = next(iter(cube.data_vars.values())).encoding["preferred_chunks"]
+    tiled = [array for array, _ in blocks(arrays, (0,) * (arrays[COMMIT].ndim - 1)).values()]
+    sizes = {d: n for a in tiled for d, n in zip(a.metadata.dimension_names, a.chunks, strict=True)}
     for index in map(tuple, np.argwhere(survey(place, arrays)[0]).tolist()):
         places = tile_at(arrays, index).items()
         yield index, cube.isel({d: slice(i * sizes[d], (i + 1) * sizes[d]) for d, i in places})
@@ -248,18 +274,26 @@ def failure_key(name, index):
 def read(place, name):
     """The cube as a Dataset, read lazily; its texts at once, "" where there is none.
 
-    To read a damaged chunk is a ValueError. To read one that is lost is a warning; without it
-    nothing would tell that from a tile which is not yet computed.
+    Refused if its metadata are not those of a cube. To read a damaged chunk is a ValueError. To
+    read one that is lost is a warning; without it nothing would tell that from a tile which is not
+    yet computed.
     """
     with explained(place), usual_codecs():
-        # Version 3 alone: what others wrote as version 2 may name codecs that unpickle.
         store = _Watched(place, name)
-        cube = xr.open_zarr(store, chunks=None, zarr_format=3)
-        texts = {k: v.fillna("") for k, v in cube.variables.items() if v.dtype == object}
-        return cube.assign({key: text for key, text in texts.items() if key not in cube.dims})
+        try:
+            root = json.loads(place.read(f"{name}.zarr/zarr.json", MAX_METADATA))
+            arrays_in(root, place.cube(name))
+            # Of zarr 3 alone, and of no arrays but those that were looked at.
+            cube = xr.open_zarr(store, chunks=None, zarr_format=3, consolidated=True)
+            texts = {k: v.fillna("") for k, v in cube.variables.items() if v.dtype == object}
+            return cube.assign({key: text for key, text in texts.items() if key not in cube.dims})
+        except (*DAMAGED, MemoryError, RuntimeError) as error:
+            if "checksum" in str(error):  # of a chunk
+                raise
+            raise _damaged(place, name) from None
 
 
-class _Watched(ObjectStore):
+class _Watched(Files):
     """The files of one cube, for zarr to read. Warns of chunks that were written and are lost."""
 
     def __init__(self, place, name):

@@ -10,11 +10,12 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
-from math import nan
+from math import nan, prod
 
 import numpy as np
 
 from pipeline.store import tiles
+from pipeline.store.decoding import MAX_TILE
 from pipeline.store.metadata import changes, has_digests, names
 from pipeline.store.place import Refused, printable
 from pipeline.store.tiles import COMMIT, chunk_key
@@ -22,6 +23,7 @@ from pipeline.store.tiles import COMMIT, chunk_key
 RECENT = 300  # seconds before the last commit over which the rate is taken
 _TOLD = 10  # failures whose reasons are read
 _AT_ONCE = 1024  # tiles that are looked at together
+_THREADS = 8  # fewer where the tiles that they read would take more than MAX_TILE together
 
 
 @dataclass(frozen=True)
@@ -66,7 +68,7 @@ def _state(place, name):
     span = np.ptp(recent) if recent.size else 0
     rate = float((recent.size - 1) / span) if span > 0 else nan
     wanted = place.read(tiles.wanted_key(name))
-    n_tiles = int(wanted) if wanted.isdigit() else done.size
+    n_tiles = int(wanted) if wanted.isdigit() and len(wanted) < 20 else done.size
     n_done = int(done.sum())
     return State(name, n_tiles, n_done, int(has_record.sum()) - n_done, len(failed), reasons, rate)
 
@@ -80,11 +82,10 @@ def verify(place, name, repair=False):
     written: by wrong ones, sound tiles look damaged. See `has_digests`.
     """
     tiles.forget()
-    if what := changes(place, name):
-        yield (), what
-        return
-    repair = repair and has_digests(place, name)
     try:
+        if what := changes(place, name):
+            raise Refused(what)
+        repair = repair and has_digests(place, name)
         arrays = tiles.arrays_of(place, name)
         tiled = tiles.blocks(arrays, (0,) * (arrays[COMMIT].ndim - 1)) if COMMIT in arrays else {}
         for key in arrays.keys() - tiled.keys():
@@ -96,7 +97,9 @@ def verify(place, name, repair=False):
     if not tiled:
         return
     written = np.argwhere(np.isfinite(tiles.survey(place, arrays)[1]))
-    with ThreadPoolExecutor(8) as pool:  # an object store takes its time for each
+    tile_bytes = sum(array.dtype.itemsize * prod(array.chunks) for array, _ in tiled.values())
+    n_threads = max(1, min(_THREADS, MAX_TILE // tile_bytes))
+    with ThreadPoolExecutor(n_threads) as pool:  # an object store takes its time for each
         for some in np.split(written, range(_AT_ONCE, len(written), _AT_ONCE)):
             indices = list(map(tuple, some.tolist()))
             found = pool.map(partial(tiles.damage, place, arrays), indices)

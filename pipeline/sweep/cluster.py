@@ -23,6 +23,7 @@ from dask.system import CPU_COUNT
 from distributed import Client, LocalCluster, Status
 from distributed.security import Security
 
+from pipeline.store import without_password
 from pipeline.sweep.progress import plural
 
 NO_SCHEDULER = "the dask scheduler is gone; run again to resume"
@@ -47,7 +48,7 @@ _LOCAL = {
     ],
 }
 _TLS_FILES = "tls_ca_file", "tls_client_cert", "tls_client_key"
-_ADDRESS = re.compile(r"(tcp|tls)://[^/\s]+:\d+")
+_ADDRESS = re.compile(r"(tcp|tls)://[^/@\s]+:\d+")
 _FILE_PATIENCE = 10  # seconds to wait for the file of a scheduler that is being started
 _GUARD = (
     'workers import the script that starts them: put what it does below if __name__ == "__main__":'
@@ -74,7 +75,8 @@ def connect(scheduler=None, n_workers=None, tls=None):
     if getattr(multiprocessing.current_process(), "_inheriting", False):
         sys.exit(_GUARD)  # a worker to be, which imports the script
     if scheduler is not None and n_workers is not None:
-        raise ClusterError(f"the scheduler at {scheduler} has its own workers; leave --workers out")
+        words = "has its own workers; leave --workers out"
+        raise ClusterError(f"the scheduler at {without_password(scheduler)} {words}")
     address = None if scheduler is None else _address(scheduler)
     if (tls is not None) != (address or "").startswith("tls://"):
         raise ClusterError("a tls:// address needs TLS files: CA, CERT and KEY; others take none")
@@ -199,8 +201,9 @@ def _address(scheduler):
         with suppress(OSError, ValueError, KeyError, TypeError, RecursionError):
             address = json.loads(file.read_bytes())["address"]
     if not _ADDRESS.fullmatch(str(address)):
+        shown = without_password(scheduler)
         raise ClusterError(
-            f"scheduler={scheduler!r} must be tcp://HOST:PORT or tls://HOST:PORT, or the file that "
+            f"scheduler={shown!r} must be tcp://HOST:PORT or tls://HOST:PORT, or the file that "
             "`dask scheduler --scheduler-file` has written"
         )
     return address

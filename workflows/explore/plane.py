@@ -262,7 +262,21 @@ def _view(plot):
 
 
 def _cubes(place, plane):
-    """Open the cubes of OUT that are of this plane: a list of Fields, and the barrier or None."""
+    """Yield the cubes of OUT that are of this plane: a list of Fields, and the barrier or None.
+
+    Of an OUT that is refused there are none, so that the page computes all, and says why.
+    """
+    try:
+        yield _fields(place, plane)
+    except store.Refused:
+        yield [], None
+        raise
+    except (AttributeError, LookupError, TypeError, ValueError) as error:
+        yield [], None
+        raise store.Refused(f"{place} holds cubes of another program: {error!r}") from None
+
+
+def _fields(place, plane):
     try:
         names = store.names(place)
     except store.Refused:  # there is no such directory

@@ -9,6 +9,7 @@ from inspect import isgenerator
 from math import inf
 from threading import Thread
 
+from pipeline.store import Refused
 from pipeline.sweep.submit import ended
 
 _LOOK = 0.1  # seconds after which a generator yields, to be closed if it is void
@@ -64,7 +65,8 @@ class Work:
         self.show()
 
     def fail(self, name, error):
-        self.failed[name] = str(error) if isinstance(error, ValueError | OSError) else repr(error)
+        is_sentence = isinstance(error, ValueError | OSError | Refused)
+        self.failed[name] = str(error) if is_sentence else repr(error)
         self.show()
 
 

@@ -33,14 +33,18 @@ def verify_proofs(path, place, longest, repair):
         if store.changes(place, name):
             continue
         tiles, bad, is_known = {}, {}, store.has_digests(place, name)
-        for index, tile in store.tiles_of(place, name):
+        try:
+            committed = list(store.tiles_of(place, name))
+        except store.Refused:  # `verify` has said so
+            continue
+        for index, tile in committed:
             try:
                 certificates = proved.unpacked(place.read(store.certificates_key(name, index)))
                 if what := _CUBES[name](tile, certificates):
                     bad[index] = what
                 elif certificates:
                     tiles[index] = list(map(proved.seconds_to_check, certificates))
-            except (AttributeError, LookupError, TypeError, ValueError) as error:
+            except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
                 bad[index] = f"its certificates are damaged: {error}"
         costs = [seconds for of_tile in tiles.values() for seconds in of_tile]
         short = [seconds for seconds in costs if seconds <= longest]
