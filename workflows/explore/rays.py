@@ -29,7 +29,7 @@ _WIDE = 0.2  # of a view, around whose boundary a wide bracket will do
 _ENOUGH = 8  # rays of a view, to name its circles alone
 _PATIENCE = 1.0  # seconds between two pictures
 _REST = 0.5  # seconds that a view has to rest: a ray takes up to some, and cannot be stopped
-_DECIMALS = 40  # characters of a decimal number that is read
+_LARGEST, _PRECISION = 1e6, 2.0**-50  # of a rotation number that is a decimal one; relative
 _GAP = 25.0  # degrees without a ray, over which no line is drawn
 
 _COLUMNS = {
@@ -196,15 +196,12 @@ def named_by(text):
         )
     if not digits:
         return text, ""
-    half, near = 0.5 * 10.0 ** -len(digits[1]), []
-    if len(text) <= _DECIMALS:  # the number itself is rational, and may end too soon
-        near = nobles_near(parse_float(text) + 0.382 * half, 0.618 * half, 1)
-    if not near:
-        raise ValueError(
-            f"{shortened(text)} has more digits than a noble number is found for; write at most "
-            f"15 digits, or all of the number, like [0;2,(1)]"
-        )
-    noble = str(near[0])
+    value = parse_float(text)
+    if not abs(value) < _LARGEST:
+        raise ValueError(f"{shortened(text)} must be below {_LARGEST:g}; write one like 0.618")
+    half = max(0.5 * 10.0 ** -len(digits[1]), _PRECISION * max(1.0, abs(value)))
+    # The number itself is rational, and may end too soon.
+    noble = str(nobles_near(value + 0.382 * half, 0.618 * half, 1)[0])
     return noble, f"a noble number that rounds to it: {noble}"
 
 
