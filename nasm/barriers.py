@@ -39,7 +39,7 @@ from nasm.converse_kam.symmetry_line import Survivor, has_dominant_line
 from nasm.critical import CriticalScale, Status, no_answer
 from nasm.farey import circle_stands, standing
 from nasm.maps import direction, forcing, segment, unkick
-from nasm.numbers import checked, convergents, moebius, nobles_near, rational
+from nasm.numbers import as_rotation_number, convergents, moebius, nobles_near, rational
 from nasm.orbits import rotation_number
 from nasm.symmetries import dominant_centre, halfway_nobles, ray, relatives, shorten
 
@@ -536,7 +536,7 @@ def tied(omega, profile):
     x → x + 1/2. So γ and 1 - γ break together on the axes of the (κ1, κ2) plane, where the paper
     writes γ.
     """
-    profile, omega = forcing(profile, "profile"), checked(omega)
+    profile, omega = forcing(profile, "profile"), as_rotation_number(omega)
     same = (turn for turn, (kappa,) in relatives(profile[None]) if np.array_equal(kappa, profile))
     return moebius(omega, -1, profile.size // 2) if any(same) else None
 

@@ -24,7 +24,7 @@ from typing import NamedTuple
 from nasm.action import SURE_PERIOD, Chain, Ladder, LostError, Orbit, joined, ordered_orbits
 from nasm.checks import count
 from nasm.maps import forcing
-from nasm.numbers import checked, convergents, moebius, parse
+from nasm.numbers import as_rotation_number, convergents, moebius, parse
 from nasm.symmetries import halfway_nobles
 
 __all__ = ["circle_stands", "standing"]
@@ -115,7 +115,8 @@ def circle_stands(omega, kappa, longest=_TOO_LONG, known=()):
     up to which the residues fall below 0.1, or from which on they fall with each q. known : minimax
     Orbits of convergents of ω that are known, if there are any.
     """
-    kappa, omega, longest = forcing(kappa), checked(omega), count("longest", longest, 1, 10**6)
+    kappa, omega = forcing(kappa), as_rotation_number(omega)
+    longest = count("longest", longest, 1, 10**6)
     fractions = list(islice(convergents(omega), len(omega.prefix) + 30))
     fractions = [f for f in fractions if f.denominator < _LONGER * longest]
     first = max(len(omega.prefix) - 1, sum(f.denominator < _TELLING for f in fractions))

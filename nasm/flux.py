@@ -31,7 +31,12 @@ from nasm.arithmetic.sine import cos2pi, sin2pi
 from nasm.checks import count
 from nasm.critical import Status
 from nasm.maps import TWO_PI, forcing
-from nasm.numbers import RotationNumber, checked, convergents, distinct_convergents
+from nasm.numbers import (
+    RotationNumber,
+    as_rotation_number,
+    convergents,
+    distinct_convergents,
+)
 from nasm.symmetries import shorten
 
 __all__ = ["Flux", "action_difference", "flux"]
@@ -70,7 +75,7 @@ def flux(omega, kappa, q_max=30_000):
     below 1%.
     """
     kappa, q_max = forcing(kappa), count("q_max", q_max, 1, MAX_PERIOD)
-    omega = checked(omega)
+    omega = as_rotation_number(omega)
     (short,), short_omega = shorten([kappa], omega)
     if omega.is_rational:
         return Flux(np.nan, np.nan, 0, omega, Status.RATIONAL)

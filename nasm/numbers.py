@@ -2,20 +2,23 @@
 
     ω = [a₀; a₁, …, a_k, (b₁, …, b_m)]  =  a₀ + 1/(a₁ + 1/(a₂ + …)),   b₁, …, b_m repeated for ever
 
-All that matters about ω, how badly it is approximated by fractions, is in the digits that a float
-cuts off. A RotationNumber keeps a prefix and a period, so its convergents are exact to any order. A
-*noble* number is one whose period is (1): its circles are the most robust.
+What matters about ω is how badly fractions approximate it, and that depends on the digits that a
+float cuts off. A RotationNumber keeps the prefix a₀, …, a_k and the period b₁, …, b_m, so its
+convergents are exact to any order. A *noble* number has the period (1); its circles are the most
+robust.
 
-Arithmetic goes by γ = [0;(1)], the golden mean (√5 - 1)/2, as in the paper: "gamma", "2gamma+1",
+Texts may use γ = [0;(1)], the golden mean (√5 - 1)/2, as in the paper: "gamma", "2gamma+1",
 "(5gamma+6)/(4gamma+5)".
 """
 
 import re
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 from fractions import Fraction
 from itertools import chain, cycle, takewhile
 from math import isfinite, isqrt
+from numbers import Rational
 
 from nasm.checks import count, exact, integer, real
 from nasm.texts import MAX_DIGITS, shortened, shown
@@ -25,8 +28,11 @@ __all__ = ["NAMES", "RotationNumber", "convergents", "moebius", "nobles_near", "
 NAMES = ("gamma", "gamma+1", "2gamma", "2gamma+1", "(5gamma+6)/(4gamma+5)", "(gamma+1)/(4gamma+5)")
 """The six rotation numbers of the paper, Sec. VI, as `parse` reads them."""
 
-MAX_CHARACTERS, MAX_QUOTIENTS = 10_000, 1000
-"""The longest text and the longest continued fraction, prefix and one period, that are read."""
+MAX_CHARACTERS = 10_000
+"""Length of the longest text that `parse` reads."""
+
+MAX_QUOTIENTS = 1000
+"""Most partial quotients of a continued fraction, prefix and one period, read or computed."""
 
 _INTEGERS = r"\d+(?:,\d+)*"
 _CONTINUED_FRACTION = rf"\[(-?\d+)(?:;({_INTEGERS})(?:,\(({_INTEGERS})\))?|;\(({_INTEGERS})\))?\]"
@@ -37,64 +43,94 @@ _RATIO = rf"(-?{_TERM}|\({_SUM}\))/({_TERM}|\({_SUM}\))"
 
 @dataclass(frozen=True, repr=False)
 class RotationNumber:
-    """[prefix; (tail)]: partial quotients, and those that repeat for ever: () if rational.
+    """An exact rotation number [prefix; (tail)].
 
-    All partial quotients but the first are ≥ 1. Made by `parse("gamma")` or `rational`, it is in
-    its shortest form, so that equal numbers compare equal.
+    Make one by `parse` or `rational`: these return the shortest form, so that equal numbers compare
+    equal and have the same hash.
 
-    ValueError unless they are whole numbers, of which there is one or more; NumPy's become ints,
-    as arithmetic of a fixed width would overflow.
+    Parameters
+    ----------
+    prefix : sequence of int
+        Partial quotients before the period, at least one; all but the first are ≥ 1.
+    tail : sequence of int
+        The period, partial quotients ≥ 1 that repeat for ever; () if the number is rational.
+
+    Raises
+    ------
+    ValueError
+        If a partial quotient is not a whole number or too small, or prefix is empty. NumPy's
+        integers are converted to ints, whose arithmetic does not overflow.
+
+    Examples
+    --------
+    >>> from nasm.numbers import RotationNumber
+    >>> omega = RotationNumber((0, 2), (1,))
+    >>> omega, round(float(omega), 6)
+    (parse("[0;2,(1)]"), 0.381966)
     """
 
     prefix: tuple[int, ...]
     tail: tuple[int, ...] = ()
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name in ("prefix", "tail"):
             quotients = getattr(self, name)
             try:
-                exact = tuple(map(integer, quotients))
+                integers = tuple(map(integer, quotients))
             except TypeError:
-                exact = None
-            if exact is None or min((1, *exact[name == "prefix" :])) < 1:
+                integers = None
+            if integers is None or min((1, *integers[name == "prefix" :])) < 1:
                 raise ValueError(
                     f"{name}={shown(quotients)} must be whole numbers, ≥ 1 after the first of a "
                     "number, e.g. RotationNumber((0, 2), (1,))"
                 )
-            object.__setattr__(self, name, exact)
+            object.__setattr__(self, name, integers)
         if not self.prefix:
             raise ValueError("prefix=() is empty; its first entry is the integer part, e.g. (0,)")
 
-    def __str__(self):
-        """ "[1;4,(1)]", which `parse` reads back."""
+    def __str__(self) -> str:
+        """Write it as "[1;4,(1)]", which `parse` reads back."""
         periodic = f"({','.join(map(str, self.tail))})" if self.tail else ""
         parts = [*map(str, self.prefix), *([periodic] if periodic else [])]
         return f"[{';'.join([parts[0], ','.join(parts[1:])]) if parts[1:] else parts[0]}]"
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return f'parse("{self}")'
 
-    def __float__(self):
-        """The nearest float: that of two consecutive convergents that round alike."""
-        value = None
+    def __float__(self) -> float:
+        """Return the nearest float: that of two consecutive convergents that round alike."""
+        value = float("nan")
         for fraction in convergents(self):
-            last, value = value, fraction.numerator / fraction.denominator
-            if value == last:
+            previous, value = value, fraction.numerator / fraction.denominator
+            if value == previous:
                 break
         return value
 
     @property
-    def is_rational(self):
+    def is_rational(self) -> bool:
+        """True if the number is rational: no circle has it, and its convergents end."""
         return not self.tail
 
 
-def parse(text):
-    """The rotation number that `text` spells.
+def parse(text: str) -> RotationNumber:
+    """Parse a rotation number.
 
-    Reads a continued fraction "[1;4,(1)]" (the period in parentheses), a fraction "3/5", or a
-    Möbius transform of the golden mean with integer coefficients, "(5gamma+6)/(4gamma+5)".
-    ValueError, with two of these forms, for anything else, and for what exceeds
-    `MAX_CHARACTERS`, `texts.MAX_DIGITS` or `MAX_QUOTIENTS`.
+    Parameters
+    ----------
+    text : str
+        A continued fraction "[1;4,(1)]" with its period in parentheses, a fraction "3/5", or a
+        Möbius transform of the golden mean with integer coefficients, "(5gamma+6)/(4gamma+5)".
+
+    Raises
+    ------
+    ValueError
+        If it is anything else, or exceeds `MAX_CHARACTERS`, `texts.MAX_DIGITS` or `MAX_QUOTIENTS`.
+
+    Examples
+    --------
+    >>> from nasm.numbers import parse
+    >>> [str(parse(text)) for text in ("gamma", "(5gamma+6)/(4gamma+5)", "3/5")]
+    ['[0;(1)]', '[1;4,(1)]', '[0;1,1,2]']
     """
     if len(compact := str(text)) <= MAX_CHARACTERS:
         compact = re.sub(r"\s+", " ", compact.strip()).replace("γ", "gamma")
@@ -103,16 +139,16 @@ def parse(text):
     if too_long or re.search(rf"\d{{{MAX_DIGITS + 1}}}", compact):
         raise _too_long(compact)
     if match := re.fullmatch(_CONTINUED_FRACTION, compact):
-        first, prefix, tail, tail_only = match.groups()
-        prefix = [int(a) for a in (prefix or "").split(",") if a]
-        tail = [int(b) for b in (tail or tail_only or "").split(",") if b]
+        first, prefix_text, tail_text, tail_alone = match.groups()
+        prefix = [int(a) for a in (prefix_text or "").split(",") if a]
+        tail = [int(b) for b in (tail_text or tail_alone or "").split(",") if b]
         if all(a >= 1 for a in prefix + tail):
             return _shortest([int(first), *prefix], tail)
     elif match := re.fullmatch(f"({_SUM})", compact) or re.fullmatch(_RATIO, compact):
         (a, b), (c, d) = (_linear(part.strip("()")) for part in (*match.groups(), "1")[:2])
         if a * d != b * c:
             return moebius(RotationNumber((0,), (1,)), a, b, c, d)
-        if (c, d) != (0, 0):  # no γ is left in it
+        if (c, d) != (0, 0):  # γ cancels
             return rational(Fraction(b, d) if d else Fraction(a, c))
     raise ValueError(
         f"{shown(text)} is not a rotation number; write a continued fraction like [1;4,(1)], or a "
@@ -120,7 +156,7 @@ def parse(text):
     )
 
 
-def _too_long(text):
+def _too_long(text: str) -> ValueError:
     return ValueError(
         f"{shortened(text)} is too long; write at most {MAX_CHARACTERS} characters, integers of at "
         f"most {MAX_DIGITS} digits, and a number whose continued fraction has at most "
@@ -128,8 +164,20 @@ def _too_long(text):
     )
 
 
-def rational(fraction):
-    """The RotationNumber of a Fraction, int, or anything that Fraction takes exactly."""
+def rational(fraction: Rational | float | str) -> RotationNumber:
+    """Expand a fraction into its continued fraction.
+
+    Parameters
+    ----------
+    fraction : Fraction, int, float or str
+        Anything that Fraction converts exactly.
+
+    Examples
+    --------
+    >>> from nasm.numbers import rational
+    >>> rational("5/8")
+    parse("[0;1,1,1,2]")
+    """
     fraction = exact(fraction)
     p, q = fraction.numerator, fraction.denominator
     quotients = []
@@ -139,10 +187,20 @@ def rational(fraction):
     return RotationNumber(tuple(quotients))
 
 
-def checked(omega):
-    """The RotationNumber that omega is or spells; ValueError, with the remedy, for anything else.
+def as_rotation_number(omega: RotationNumber | str) -> RotationNumber:
+    """Check an argument `omega`, and return it as a RotationNumber.
 
-    A decimal is refused: what decides is in the digits that it cuts off.
+    Raises
+    ------
+    ValueError
+        If it is not a RotationNumber or the text of one. A decimal is refused, because the digits
+        that it cuts off decide; the message names the simplest noble number with its digits.
+
+    Examples
+    --------
+    >>> from nasm.numbers import as_rotation_number
+    >>> as_rotation_number("gamma")
+    parse("[0;(1)]")
     """
     if isinstance(omega, str):
         try:
@@ -159,31 +217,59 @@ def checked(omega):
     return omega
 
 
-def convergents(omega):
-    """Iterator over the convergents p_k/q_k of omega as Fractions; endless if irrational."""
-    omega = checked(omega)
+def convergents(omega: RotationNumber | str) -> Iterator[Fraction]:
+    """Iterate over the convergents p_k/q_k of ω; the iterator is endless if ω is irrational.
+
+    Examples
+    --------
+    >>> from itertools import islice
+    >>> from nasm.numbers import convergents
+    >>> [str(fraction) for fraction in islice(convergents("gamma"), 6)]
+    ['0', '1', '1/2', '2/3', '3/5', '5/8']
+    """
+    omega = as_rotation_number(omega)
     p, p_last, q, q_last = 1, 0, 0, 1
     for a in chain(omega.prefix, cycle(omega.tail)):
         p, p_last, q, q_last = a * p + p_last, p, a * q + q_last, q
         yield Fraction(p, q)
 
 
-def distinct_convergents(omega, q_max):
-    """The convergents p/q of omega with q ≤ q_max, q increasing: of two with q = 1 the second."""
+def distinct_convergents(omega: RotationNumber | str, q_max: int) -> list[Fraction]:
+    """List the convergents p/q of ω with q ≤ q_max, q increasing: of two with q = 1 the second."""
     known = takewhile(lambda f: f.denominator <= q_max, convergents(omega))
     return list({fraction.denominator: fraction for fraction in known}.values())
 
 
-def moebius(omega, a, b, c=0, d=1):
-    """(a·ω + b)/(c·ω + d), exactly, for integers with ad ≠ bc; e.g. moebius(ω, -1, 2) = 2 - ω."""
+def moebius(omega: RotationNumber | str, a: int, b: int, c: int = 0, d: int = 1) -> RotationNumber:
+    """Compute (a·ω + b)/(c·ω + d) exactly.
+
+    Parameters
+    ----------
+    omega : RotationNumber or str
+    a, b, c, d : int
+        Coefficients with ad ≠ bc.
+
+    Raises
+    ------
+    ValueError
+        If they are not whole numbers, ad = bc, the result is infinite, or its continued fraction
+        has more than `MAX_QUOTIENTS` partial quotients.
+
+    Examples
+    --------
+    >>> from nasm.numbers import moebius
+    >>> moebius("gamma", -1, 2)
+    parse("[1;2,(1)]")
+    """
     try:
         a, b, c, d = map(integer, (a, b, c, d))
     except TypeError:
-        words = f"({a}ω + {b})/({c}ω + {d}) is not exact; use whole numbers a, b, c, d"
-        raise ValueError(words) from None
+        raise ValueError(
+            f"({a}ω + {b})/({c}ω + {d}) is not exact; use whole numbers a, b, c, d"
+        ) from None
     if a * d == b * c:
         raise ValueError(f"({a}ω + {b})/({c}ω + {d}) does not depend on ω; use ad ≠ bc")
-    if (omega := checked(omega)).is_rational:
+    if (omega := as_rotation_number(omega)).is_rational:
         value = list(convergents(omega))[-1]
         if c * value + d == 0:
             raise ValueError(f"({a}ω + {b})/({c}ω + {d}) is infinite at ω = {value}")
@@ -195,17 +281,36 @@ def moebius(omega, a, b, c=0, d=1):
     (p, p_last), (q, q_last) = _product(omega.prefix)
     s, u = a * p + b * q, c * p + d * q
     top, bottom = s * r + (a * p_last + b * q_last) * t, u * r + (c * p_last + d * q_last) * t
-    # Of (top + s·√n)/(bottom + u·√n) make the bottom rational.
+    # Rationalize the denominator of (top + s·√n)/(bottom + u·√n).
     image = _expand_surd(top * bottom - n * s * u, s * bottom - top * u, bottom**2 - n * u**2, n)
     if image is None:
         raise _too_long(f"({a}ω + {b})/({c}ω + {d})")
     return image
 
 
-def nobles_near(value, width, n):
-    """Noble numbers within `width` of a float, those with the shortest prefix first; at most n.
+def nobles_near(value: float, width: float, n: int) -> list[RotationNumber]:
+    """List noble numbers close to a float.
 
     Each has the partial quotients of `value` up to some place, and ones from there on.
+
+    Parameters
+    ----------
+    value : float
+    width : float
+        Largest distance from `value`, > 0.
+    n : int
+        Most numbers to return, 0 to 10⁶.
+
+    Returns
+    -------
+    list of RotationNumber
+        Those with the shortest prefix first.
+
+    Examples
+    --------
+    >>> from nasm.numbers import nobles_near
+    >>> nobles_near(0.375, 0.1, 2)
+    [parse("[0;2,(1)]"), parse("[0;2,1,2,(1)]")]
     """
     value, width = real("value", value), real("width", width)
     n = count("n", n, 0, 10**6)
@@ -213,12 +318,12 @@ def nobles_near(value, width, n):
         raise ValueError(f"value={value} must be finite, and width={width} positive")
     quotients = list(rational(value).prefix[:30])
     nobles = (_shortest(quotients[: k + 1], [1]) for k in range(len(quotients)))
-    near = dict.fromkeys(noble for noble in nobles if abs(float(noble) - value) < width)
-    return list(near)[:n]
+    distinct = dict.fromkeys(noble for noble in nobles if abs(float(noble) - value) < width)
+    return list(distinct)[:n]
 
 
-def _linear(text):
-    """(a, b) of "a·gamma + b", a sum of terms as in _SUM."""
+def _linear(text: str) -> tuple[int, int]:
+    """Return (a, b) of "a·gamma + b", a sum of terms as in _SUM."""
     a = b = 0
     for sign, digits, gamma in re.findall(r"([+-]?)(\d*)\*?(gamma)?", text):
         if digits or gamma:
@@ -227,39 +332,40 @@ def _linear(text):
     return a, b
 
 
-def _product(quotients):
-    """The matrix ((p, p_last), (q, q_last)) of the continued fraction with these quotients."""
+def _product(quotients: Sequence[int]) -> tuple[tuple[int, int], tuple[int, int]]:
+    """Return the matrix ((p, p_last), (q, q_last)) of these partial quotients."""
     p, p_last, q, q_last = 1, 0, 0, 1
     for a in quotients:
         p, p_last, q, q_last = a * p + p_last, p, a * q + q_last, q
     return (p, p_last), (q, q_last)
 
 
-def _expand_surd(r, s, t, n):
-    """The continued fraction of (r + s·√n)/t: repeat a = floor, x → 1/(x - a) until x recurs.
+def _expand_surd(r: int, s: int, t: int, n: int) -> RotationNumber | None:
+    """Expand (r + s·√n)/t into its continued fraction: a = ⌊x⌋, x → 1/(x - a), until x recurs.
 
-    t must divide s²n - r², as it does for a root of an equation with integer coefficients. None if
-    x has not recurred after `MAX_QUOTIENTS`.
+    t must divide s²n - r², as it does for a root of an equation with integer coefficients. Return
+    None if x has not recurred after `MAX_QUOTIENTS`.
     """
     n, s = n * s * s, (1 if s > 0 else -1)
     if s < 0:
         r, t = -r, -t
     root = isqrt(n)
-    seen, quotients = {}, []
-    while (r, t) not in seen:
+    places: dict[tuple[int, int], int] = {}
+    quotients: list[int] = []
+    while (r, t) not in places:
         if len(quotients) == MAX_QUOTIENTS:
             return None
-        seen[r, t] = len(quotients)
+        places[r, t] = len(quotients)
         a = (r + root) // t if t > 0 else (r + root + 1) // t
         quotients.append(a)
         r = a * t - r
         t = (n - r * r) // t
-    start = seen[r, t]
+    start = places[r, t]
     return _shortest(quotients[:start], quotients[start:])
 
 
-def _shortest(prefix, tail):
-    """The canonical RotationNumber: no repetition inside the tail, as short a prefix as can be."""
+def _shortest(prefix: list[int], tail: list[int]) -> RotationNumber:
+    """Return the canonical RotationNumber: the shortest period, then the shortest prefix."""
     if not tail:
         (p, _), (q, _) = _product(prefix)
         return rational(Fraction(p, q))

@@ -25,7 +25,7 @@ from nasm.arithmetic.roots import root
 from nasm.checks import count, fraction
 from nasm.critical import CriticalScale, Status, no_answer
 from nasm.maps import direction, rotating_forcing, segment
-from nasm.numbers import checked, convergents, distinct_convergents, rational
+from nasm.numbers import as_rotation_number, convergents, distinct_convergents, rational
 from nasm.symmetries import CUSP_EXPONENT, distances_to_shorter, shorten
 
 __all__ = ["critical_scale", "crossings", "residue", "torus_scale"]
@@ -83,7 +83,7 @@ def critical_scale(omega, profile, q_max=6000, start=None, between=None):
 
     ValueError if profile is zero or tiny, or start is of another length.
     """
-    omega = checked(omega)
+    omega = as_rotation_number(omega)
     start, profile, short_omega, q_max = _shortened(omega, profile, q_max, start)
     if omega.is_rational:
         return no_answer(omega, Status.RATIONAL, METHOD)
@@ -100,7 +100,8 @@ def crossings(omega, profile, q_max=6000, start=None):
     Returns q, scales : ndarrays of shape (n,): the longer of the two periods, and the crossing.
     Empty where there is no answer; `critical_scale` says why.
     """
-    start, profile, short_omega, q_max = _shortened(checked(omega), profile, q_max, start)
+    omega = as_rotation_number(omega)
+    start, profile, short_omega, q_max = _shortened(omega, profile, q_max, start)
     if short_omega.is_rational:
         return np.empty((2, 0))
     return _of_families(short_omega, start, profile, q_max)[1]

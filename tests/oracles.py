@@ -12,7 +12,7 @@ from scipy.linalg import eigvalsh_tridiagonal
 
 from nasm import periodic
 from nasm.circles import fourier
-from nasm.numbers import checked, convergents
+from nasm.numbers import as_rotation_number, convergents
 from workflows.claims.circles import invariance
 
 LITERATURE = tomllib.loads(Path(__file__).with_name("literature.toml").read_text())
@@ -89,7 +89,7 @@ def invariance_error(circle):
 def residues_fall(omega, kappa, q):
     """Whether the residues of minimax orbits fall, from the first convergent of period q or longer
     to that a tail further on, by half or more: False where an orbit is not found."""
-    omega = checked(omega)
+    omega = as_rotation_number(omega)
     longer = [f for f in islice(convergents(omega), 100) if f.denominator >= q]
     pair = longer[0], longer[len(omega.tail)]
     first, last = (periodic.residue(kappa, *f.as_integer_ratio()) for f in pair)

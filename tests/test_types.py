@@ -26,7 +26,6 @@ nasm.farey
 nasm.fixed_points
 nasm.flux
 nasm.manifolds
-nasm.numbers
 nasm.orbits
 nasm.periodic
 nasm.planes

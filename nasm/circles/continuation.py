@@ -29,7 +29,7 @@ from nasm.circles import fourier, newton
 from nasm.critical import CriticalScale, Status, no_answer
 from nasm.farey import circle_stands
 from nasm.maps import TWO_PI, direction, segment
-from nasm.numbers import checked, convergents
+from nasm.numbers import as_rotation_number, convergents
 from nasm.symmetries import CUSP_EXPONENT, distances_to_shorter, shorten
 
 __all__ = ["certified_circle", "critical_scale", "fineness"]
@@ -81,7 +81,7 @@ def critical_scale(omega, profile, tol=1e-6):
     """
     profile = direction(profile)
     tol = positive("tol", tol, "the error to aim at, e.g. tol=1e-6")
-    omega = checked(omega)
+    omega = as_rotation_number(omega)
     if omega.is_rational:
         return no_answer(omega, Status.RATIONAL, METHOD)
     (short,), short_omega = shorten([profile], omega)

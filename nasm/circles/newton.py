@@ -38,7 +38,7 @@ from nasm.checks import count, floats
 from nasm.circles import fourier
 from nasm.critical import Result, Status
 from nasm.maps import TWO_PI, forcing
-from nasm.numbers import RotationNumber, checked
+from nasm.numbers import RotationNumber, as_rotation_number
 
 __all__ = ["InvariantCircle", "graph", "invariant_circle", "newton_step", "residual"]
 
@@ -95,7 +95,7 @@ def invariant_circle(omega, kappa, n_max=4096, start=None):
     floating-point arithmetic and 4n points; this is not a proof, and resonances of ω beyond those
     modes, as of a rational ω of large denominator, are not seen.
     """
-    omega, kappa = checked(omega), forcing(kappa)
+    omega, kappa = as_rotation_number(omega), forcing(kappa)
     n_max = count("n_max", n_max, N_FIRST, N_LARGEST)
     if start is not None:
         u, status = settle(omega, kappa, _deviations(start, kappa.size).copy(), n_max)
@@ -111,7 +111,7 @@ def settle(omega, kappa, u, n_max):
 
     Returns u on the grid where it converged, and OK; or what was left, and the reason.
     """
-    if checked(omega).is_rational:
+    if as_rotation_number(omega).is_rational:
         return u, Status.RATIONAL
     while True:
         status = _newton(omega, kappa, u)[0]
@@ -258,7 +258,7 @@ def _deviations(u, n_sites):
 
 
 def _angles(omega, n_sites):
-    return float(checked(omega)) * np.arange(n_sites) / n_sites
+    return float(as_rotation_number(omega)) * np.arange(n_sites) / n_sites
 
 
 @lru_cache(maxsize=16)  # of arrays as long as the grid

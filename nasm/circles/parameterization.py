@@ -13,7 +13,7 @@ import numpy as np
 
 from nasm.circles import fourier
 from nasm.maps import forcing, kick, step, step_tangent
-from nasm.numbers import checked
+from nasm.numbers import as_rotation_number
 
 __all__ = ["newton_step", "symplectic_frame", "twist"]
 
@@ -31,7 +31,7 @@ def newton_step(omega, kappa, u):
     kappa = forcing(kappa)
     n = u.shape[-1]
     turn, kept = fourier.turns(omega, n // 2 + 1), fourier.cut(omega, n)
-    rotation, theta = float(checked(omega)), np.arange(n) / n
+    rotation, theta = float(as_rotation_number(omega)), np.arange(n) / n
 
     # 1) K_0 and its error; x - θ is the periodic part of x.
     periodic = np.stack([u[0], rotation / kappa.size + u[0] - fourier.rotate(u[-1], turn.conj())])

@@ -32,7 +32,7 @@ from nasm.checks import count, positive, real
 from nasm.circles import continuation, fourier
 from nasm.critical import Result
 from nasm.maps import MAX_STRENGTH, MIN_SIZE, direction, forcing
-from nasm.numbers import RotationNumber, checked, convergents
+from nasm.numbers import RotationNumber, as_rotation_number, convergents
 from nasm.proofs.certificates import certificate, in_hex
 from nasm.symmetries import shorten
 
@@ -125,7 +125,7 @@ def prove(omega, kappa, n=None, start=None, budget=20.0):
     ImportError without python-flint. ValueError if omega is no RotationNumber, kappa is no forcing,
     or another argument is out of range.
     """
-    omega = checked(omega)
+    omega = as_rotation_number(omega)
     kappa = forcing(kappa)
     budget = positive("budget", budget, "seconds of computing time")
     if n is not None and count("n", n, 64, _LARGEST) % 2:
@@ -182,7 +182,7 @@ def proved_lower(omega, profile, value, budget):
 
     ImportError without python-flint; ValueError for a bad argument.
     """
-    omega, profile = checked(omega), direction(profile)
+    omega, profile = as_rotation_number(omega), direction(profile)
     value = real("value", value, MIN_SIZE, MAX_STRENGTH / MIN_SIZE)
     budget = positive("budget", budget, "seconds of computing time")
     need_flint()

@@ -25,7 +25,7 @@ import numpy as np
 from nasm import circles
 from nasm.checks import real
 from nasm.maps import MAX_STRENGTH, MIN_SIZE, direction, forcing
-from nasm.numbers import checked
+from nasm.numbers import as_rotation_number
 from nasm.proofs.barrier import (
     BarrierProof,
     Grid,
@@ -88,7 +88,7 @@ def proved_below(omega, profile, value, budget, tilt=None, nearest=1e-4):
 
     ImportError without python-flint; ValueError for a bad argument.
     """
-    omega, profile = checked(omega), direction(profile)
+    omega, profile = as_rotation_number(omega), direction(profile)
     value = real("value", value, MIN_SIZE, MAX_STRENGTH / MIN_SIZE)
     if not real("budget", budget) > 0:
         raise ValueError(f"budget={budget!r} must be positive: seconds of computing time")
