@@ -92,7 +92,7 @@ def test_no_pickle_of_a_store_is_executed(place, tmp_path, monkeypatch, where):
     change(place, edit)
     sentences = told(place)
     assert not (tmp_path / "executed").exists()
-    assert all("is refused, as no cube of this program is like it" in s for s in sentences)
+    assert all("is refused: " in s for s in sentences)
 
 
 def resize(array, n, chunk):
@@ -230,7 +230,7 @@ def test_the_user_in_the_address_of_a_scheduler_is_not_repeated(user):
 def test_a_cube_that_could_not_be_read_again_is_not_written(tmp_path):
     plan = toy.cube(3000, 3000, tile=3000)
     place = store.place_of(tmp_path)
-    with pytest.raises(store.Refused, match=r"the cube toy is refused.* more than 64 MB"):
+    with pytest.raises(store.Refused, match=r"^the cube toy .* tiles smaller"):
         store.create(place, plan, "mathematics 1")
     assert not any(tmp_path.iterdir())
 

@@ -43,7 +43,7 @@ def arrays_in(root, path):
     sizes = {name: prod(array["shape"]) for name, array in arrays.items()}
 
     def refuse(what):
-        raise Refused(f"{path} is refused, as no cube of this program is like it: {what}")
+        raise Refused(f"{path} is refused: {what}")
 
     if len(nodes) > _MAX_ARRAYS:
         refuse(f"it has more than {_MAX_ARRAYS} arrays")
@@ -53,7 +53,8 @@ def arrays_in(root, path):
         if what := _oddity(name, node):
             refuse(f"{_shown(name)} has {what}")
     if sum(map(_chunk_bytes, arrays.values())) > MAX_TILE:
-        refuse(f"a tile of it, one chunk of each array, takes more than {MAX_TILE >> 20} MB")
+        words = f"take more than {MAX_TILE >> 20} MB; make tiles smaller"
+        refuse(f"its tiles, one chunk of each array, {words}")
     if sum(n for name, n in sizes.items() if _dims(arrays[name]) == [name]) > MAX_CHUNKS:
         refuse(f"it has more than {MAX_CHUNKS} labels")
     if sum(n for name, n in sizes.items() if arrays[name]["data_type"] == "string") > MAX_TEXTS:
