@@ -49,7 +49,7 @@ def store(tmp_path_factory, here, workers):
     from workflows.explore.state import State
 
     out = tmp_path_factory.mktemp("explored")
-    small = "--kappa1 -2:2:64 --kappa2 -2:2:64 --n-max 300 --n-orbits 16 --levels 3 --tile 8"
+    small = "--first -2:2:64 --second -2:2:64 --n-max 300 --n-orbits 16 --levels 3 --tile 8"
     succeed("escape_plane", out, *small.split(), *workers)
     first = State(two_kicks())
     angles = Rays(first.plane).missing(View(first.a, first.b, (27, 27)))

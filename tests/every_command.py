@@ -17,37 +17,38 @@ from pathlib import Path
 
 import pytest
 
-PLANE = "--kappa1 0:1.1:8 --kappa2 0:1.1:8 --n-max 100 --n-orbits 4"
+PLANE = "--first 0:1.1:8 --second 0:1.1:8 --n-max 100 --n-orbits 4"
+RAYS = "--n-rays 2 --n-cusp-rays 0"
 SMALLEST = {
-    "circle_boundaries": "--angles 2 --tips 0 --tol 0.1 --q-max 100 --omega gamma --omega 2gamma",
-    "claims": "--angles 3 --tips 0 --tol 0.01 --n-max 10000 --n-orbits 10",
+    "circle_boundaries": f"{RAYS} --tol 0.1 --q-max 100 --omega gamma --omega 2gamma",
+    "claims": "--n-rays 3 --n-cusp-rays 0 --tol 0.01 --n-max 10000 --n-orbits 10",
     "convergence": "--quick --n-max 1000 --n-orbits 10",
-    "critical_boundary": f"{PLANE} --levels 2 --tile 2 --angles 3 --tips 0 --tol 0.1",
+    "critical_boundary": f"{PLANE} --levels 2 --tile 2 --n-rays 3 --n-cusp-rays 0 --tol 0.1",
     "diffusion": "--quick --n-max 8192",
-    "direct_boundary": "--steps 100 --n-orbits 4 --angles 19 --tips 0",
+    "direct_boundary": "--n-max 100 --n-orbits 4 --n-rays 19 --n-cusp-rays 0",
     "escape_plane": PLANE,
-    "flux": "--angle 0 --nearest 0.1 --q-max 100",
-    "frequencies": "--q-max 2 --frequency 1/3 --frequency 0.41421356237309515 --phases 2",
-    "gallery": "--only period_one",
-    "last_barrier": "--angles 2 --tips 0 --tol 0.1",
+    "flux": "--angle 0 --least-excess 0.1 --q-max 100",
+    "frequencies": "--max-denominator 2 --n-phases 2 --frequency 1/3 --frequency 0.4142135623731",
+    "gallery": "--exhibit period_one",
+    "last_barrier": f"{RAYS} --tol 0.1",
     "patterns": "--quick --tol 0.1",
     "period_one": "--primary -4:4:20 --secondary 0:8:10",
-    "portraits": "--n-orbits 2 --steps 10",
+    "portraits": "--n-orbits 2 --n-max 10",
     "ramp": "--quick",
-    "rotating": "--angles 2 --tips 0 --n-max 64 --n-orbits 4",
-    "self_consistent": "--coupling 0.5 --particles 256 --kicks 4096",
+    "rotating": "--n-rays 2 --n-cusp-rays 0 --n-max 64 --n-orbits 4",
+    "self_consistent": "--coupling 0.5 --n-particles 256 --n-max 4096",
     "stability": "--quick",
-    "three_kicks": "--angles 2 --tips 0 --tol 0.1 --phase 0",
-    "tolerance": "--quick --forcings 10 --climbs 2",
-    "tori": "--quick --vector 0.6180339887498949 0.2700907567377265 --angles 2",
+    "three_kicks": "--n-rays 2 --n-cusp-rays 0 --tol 0.1 --phase 0",
+    "tolerance": "--quick --n-forcings 10 --n-climbs 2",
+    "tori": "--quick --vector 0.6180339887498949 0.2700907567377265 --n-rays 2",
     "status": "",
     "verify": "",
     "explore": "--no-browser",
     # Those that can make proofs come last: the others are to end well before python-flint is there.
     "ask": "0.3 0.2 --prove",
-    "proved_boundary": "--angles 2 --seconds 0.1",
-    "proved_map": "--cells 32 --seconds 0.001 --nearest 0.5",
-    "work_precision": "--only barriers --only barrier-proof --ray 45",
+    "proved_boundary": "--n-rays 2 --seconds 0.1",
+    "proved_map": "--cells 32 --seconds 0.001 --distance 0.5",
+    "work_precision": "--method barriers --method barrier-proof --ray 45",
 }
 AGAIN = [name for name in SMALLEST if name not in ("ask", "explore")]  # which keep no cubes
 LOOKING = "claims", "convergence", "proved_map"  # at some rays, a second or two, to plan sweeps
@@ -102,9 +103,9 @@ def look_at_figures():
         found.extend(f"{name} {kind}: {fault}" for fault in faults(figure))
         return paths
 
-    def twice(draw, out, name, caption="", kinds=("png", "pdf"), column=False):
+    def twice(draw, out, name, caption="", column=False):
         drawn(draw, out, name, caption, ["png"], not column)
-        return drawn(draw, out, name, caption, kinds, column)
+        return drawn(draw, out, name, caption, column)
 
     style.save, style.drawn = looked_at, twice
     return found

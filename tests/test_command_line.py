@@ -90,7 +90,7 @@ def test_a_foreign_package_of_our_name_is_one_sentence(tmp_path):
 def test_full_changes_defaults_and_what_is_given_stays():
     options = ["--full", "--n-orbits", "7"]
     long = main_of("direct_boundary").make_context("it", options).params
-    assert (long["steps"], long["n_orbits"]) == ([100_000, 500_000, 1_000_000], 7)
+    assert (long["n_max"], long["n_orbits"]) == ([100_000, 500_000, 1_000_000], 7)
     phases = [main_of("three_kicks").make_context("it", each).params for each in ([], ["--full"])]
     assert [len(short_or_long["phase"]) for short_or_long in phases] == [3, 6]
 
@@ -169,7 +169,7 @@ def test_kicks_are_read_from_files_of_all_systems(text):
 
 
 def test_numbers_of_the_command_line_may_be_negative():
-    words = ["-0.69", "-.5", "-1e-3", "--pdf", "-2E+1", "-inf"]
+    words = ["-0.69", "-.5", "-1e-3", "--prove", "-2E+1", "-inf"]
     assert main_of("ask").make_context("ask", words).params["kappa"] == (
         -0.69,
         -0.5,
@@ -182,9 +182,9 @@ def test_numbers_of_the_command_line_may_be_negative():
 @pytest.mark.parametrize(
     ("name", "options", "message"),
     [
-        ("escape_plane", "--kappa1 1:0:8", "lower one first"),
+        ("escape_plane", "--first 1:0:8", "lower one first"),
         ("escape_plane", "--n-orbits 100,10", "increasing whole numbers from 1"),
-        ("critical_boundary", "--kappa1 0:1:30 --levels 3", "multiple of 4"),
+        ("critical_boundary", "--first 0:1:30 --levels 3", "multiple of 4"),
         ("escape_plane", "--follow 2000000", "must be at most n-max"),
         ("escape_plane", "--precision single --n-max 2000000", "needs --precision double"),
         ("circle_boundaries", "--omega golden", "is not a rotation number"),
@@ -193,11 +193,15 @@ def test_numbers_of_the_command_line_may_be_negative():
         ("escape_plane", "--plane nowhere.json", "nowhere.json: [Errno 2] No such file"),
         ("escape_plane", "--plane {}/a.json", "a.json: Expecting value"),
         ("escape_plane", "--plane {}/b.json", "must be a JSON object with the keys name, axes"),
-        ("escape_plane", "--kappa1 -1e7:1e7:4", "not finite or too large"),
+        ("escape_plane", "--first -1e7:1e7:4", "not finite or too large"),
         ("last_barrier", "--tol nan", "'nan' must be a number from 1e-05 to"),
         ("three_kicks", "--phase 1/0", "phase='1/0' is not a fraction"),
         ("tori", "--vector 0.6,0.2", "'--vector' requires 2 arguments"),
-        ("flux", "--nearest 1e-5 --q-max 100", "too short for --nearest 1e-05; use 1000000"),
+        (
+            "flux",
+            "--least-excess 1e-5 --q-max 100",
+            "too short for --least-excess 1e-05; use 1000000",
+        ),
         ("frequencies", "--frequency 3/5", "must be a frequency from 0 to 1/2"),
         ("frequencies", "--frequency 20/99", "must have a denominator up to 64"),
         ("frequencies", "--frequency 0.4", "must not be next to a fraction like 2/5"),
@@ -244,3 +248,20 @@ def test_bad_input_is_one_message_and_nothing_is_computed(
     assert result.exit_code == 2
     assert message in result.output.replace("\n", " ")
     assert not (tmp_path / "out").exists()
+
+
+def test_an_option_has_one_name_and_no_other_differs_from_it_by_an_s():
+    options = [option for name in commands() for option in main_of(name).params]
+    options = [option for option in options if option.name not in ("help", "kappa")]
+    assert all(len(option.opts) == 1 for option in options)
+    names = {option.opts[0] for option in options}
+    assert not names & {f"{name}s" for name in names}
+
+
+def test_an_option_of_several_commands_takes_the_same_kind_of_value():
+    kinds = {}
+    for option in (option for name in commands() for option in main_of(name).params):
+        kinds.setdefault(option.opts[0], set()).add(type(option.type).__name__)
+    several = {name for name, types in kinds.items() if len(types) > 1}
+    # Some commands take several numbers of steps or orbits, 100,1000.
+    assert several <= {"--n-max", "--n-orbits", "--out"}

@@ -10,7 +10,7 @@ from nasm.planes import two_kicks
 from nasm.symmetries import ray
 from workflows.shared.direct import foreseen
 
-DIRECT = ["--angles", "5", "--tips", "0", "--n-orbits", "64", "--steps", "400,4000"]
+DIRECT = ["--n-rays", "5", "--n-cusp-rays", "0", "--n-orbits", "64", "--n-max", "400,4000"]
 
 
 @pytest.fixture(scope="module")

@@ -102,7 +102,7 @@ def test_a_path_may_begin_with_the_home_directory(tmp_path, monkeypatch, name):
     assert n_paths >= 1
 
 
-AXES = "--kappa1", "0:1:2", "--kappa2", "0:1:2"
+AXES = "--first", "0:1:2", "--second", "0:1:2"
 SMALL = *AXES, "--n-max", 10, "--n-orbits", 2, "--levels", 1, "--workers", 1, "--quiet"
 SESSION = """
 import locale, logging, multiprocessing, socket, warnings

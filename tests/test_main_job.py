@@ -23,10 +23,10 @@ from pipeline.sweep.progress import plural
 from workflows.shared.cli import main_of
 
 QUICK = ["--n-max", "4000", "--n-orbits", "16,64", "--tile", "4"]
-PLANE = ["--kappa1", "-1.4:1.4:64", "--kappa2", "0:1.4:32"]
-RAYS = ["--tips", "0", "--tol", "0.01"]
+PLANE = ["--first", "-1.4:1.4:64", "--second", "0:1.4:32"]
+RAYS = ["--n-cusp-rays", "0", "--tol", "0.01"]
 FILES = "critical_boundary.csv", "critical_boundary.png"
-MAIN = [*QUICK, *PLANE, *RAYS, "--levels", "3", "--angles", "13"]
+MAIN = [*QUICK, *PLANE, *RAYS, "--levels", "3", "--n-rays", "13"]
 
 
 @pytest.fixture(scope="module")
@@ -155,7 +155,7 @@ def test_other_settings_are_refused_and_nothing_is_touched(finished, other, diff
 
 def test_status_and_verify_find_all_in_order_and_damage_where_it_is(tmp_path, workers):
     out = tmp_path / "out"
-    plane = ["escape_plane", out, *QUICK, "--kappa1", "0:1:8", "--kappa2", "0:1:8", *workers]
+    plane = ["escape_plane", out, *QUICK, "--first", "0:1:8", "--second", "0:1:8", *workers]
     succeed(*plane)
     assert "escape: 4 of 4 tiles\n" in succeed("status", out)
     assert "escape: sound" in succeed("verify", out)
@@ -187,10 +187,10 @@ def test_status_and_verify_look_into_every_run_in_a_folder(tmp_path, dense, monk
 
 
 UNUSUAL = {
-    "nothing escapes": "--kappa1 0:0.1:8 --kappa2 0:0.1:8",
-    "below the axis": "--kappa1 -1.1:1.1:16 --kappa2 -1.1:0:8",
-    "everything escapes": "--kappa1 3:3.1:8 --kappa2 3:3.1:8",
-    "one step": "--kappa1 0:1.1:8 --kappa2 0:1.1:8 --n-max 1",
+    "nothing escapes": "--first 0:0.1:8 --second 0:0.1:8",
+    "below the axis": "--first -1.1:1.1:16 --second -1.1:0:8",
+    "everything escapes": "--first 3:3.1:8 --second 3:3.1:8",
+    "one step": "--first 0:1.1:8 --second 0:1.1:8 --n-max 1",
 }
 
 
@@ -300,7 +300,7 @@ def test_the_example_of_a_queue_sweeps_by_its_jobs_ends_them_and_leaves_no_key(
         assert ours in edited
         edited = edited.replace(ours, theirs)
     (here / "job_queue.py").write_text(edited)
-    plane = ["--kappa1", "0:0.9:18", "--kappa2", "0:0.9:18", "--tile", "2", "--n-max", "1000"]
+    plane = ["--first", "0:0.9:18", "--second", "0:0.9:18", "--tile", "2", "--n-max", "1000"]
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "argv", ["job_queue", "escape_plane", "--out", "out", *plane])
     runpy.run_path(str(here / "job_queue.py"))

@@ -12,7 +12,7 @@ from workflows.portraits import study as portraits
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory):
     out = tmp_path_factory.mktemp("portraits") / "out"
-    succeed("portraits", out, "--n-orbits", "8", "--steps", "60")
+    succeed("portraits", out, "--n-orbits", "8", "--n-max", "60")
     assert (out / "portraits.pdf").exists()
     return out
 

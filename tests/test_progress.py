@@ -216,9 +216,9 @@ def test_times_are_as_on_a_clock():
 
 def test_a_quiet_run_writes_its_findings_and_nothing_else(tmp_path, workers):
     plane = [
-        "--kappa1",
+        "--first",
         "0:1:2",
-        "--kappa2",
+        "--second",
         "0:1:2",
         "--n-max",
         "10",

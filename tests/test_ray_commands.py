@@ -15,7 +15,7 @@ from workflows.rotating import VECTORS
 
 
 def test_circle_boundaries_are_those_of_each_ray(tmp_path, workers):
-    rays = ["--angles", "5", "--tips", "1", "--tol", "0.1"]
+    rays = ["--n-rays", "5", "--n-cusp-rays", "1", "--tol", "0.1"]
     options = [*rays, "--omega", "gamma", "--omega", "2gamma"]
     succeed("circle_boundaries", tmp_path / "out", *options, *workers)
     cube = xr.open_zarr(tmp_path / "out/breakdown_residue.zarr")
@@ -42,7 +42,7 @@ def test_circle_boundaries_are_those_of_each_ray(tmp_path, workers):
 @pytest.mark.slow
 def test_rotating_maps_are_compared_with_the_standard_map(tmp_path, workers):
     out = tmp_path / "out"
-    effort = ["--angles", "3", "--tips", "0", "--n-max", "1000", "--n-orbits", "64"]
+    effort = ["--n-rays", "3", "--n-cusp-rays", "0", "--n-max", "1000", "--n-orbits", "64"]
     succeed("rotating", out, *effort, *workers)
     cell = xr.open_zarr(out / "rotating_tori.zarr").sel(angle=90).isel(frequency=2)
     expected = periodic.torus_scale(*VECTORS[2].split(","), 0.0, 1.0)
@@ -60,7 +60,7 @@ def test_rotating_maps_are_compared_with_the_standard_map(tmp_path, workers):
 @pytest.mark.slow
 def test_three_kicks_are_compared_with_the_standard_map(tmp_path, workers):
     out = tmp_path / "out"
-    rays = ["--angles", "3", "--tips", "0", "--tol", "1e-2"]
+    rays = ["--n-rays", "3", "--n-cusp-rays", "0", "--tol", "1e-2"]
     succeed("three_kicks", out, *rays, "--phase", "1/24", "--phase", "0", *workers)
     expected = barriers.critical_scale(rotating("1/3", "1/24").second, 1e-2)
     there = xr.open_zarr(out / "barrier_rotating_1_3_1_24.zarr").sel(angle=90)
@@ -87,7 +87,7 @@ def test_any_plane_is_swept_with_the_names_of_its_axes(tmp_path, workers):
         expected = escape.first_escape(kappas, *starts, sizes, 100, precision=precision)
         assert 6 < np.isfinite(expected[0]).sum() < 50
         assert np.array_equal(times, expected)
-    rotating = ["--plane", "rotating:1/2", "--angles", "3", "--tol", "0.1", *workers]
+    rotating = ["--plane", "rotating:1/2", "--n-rays", "3", "--tol", "0.1", *workers]
     told = succeed("last_barrier", tmp_path / "half", *rotating)
     rows = table(tmp_path / "half/last_barrier.csv")
     assert [float(r["kappa_amplitude"]) for r in rows] == pytest.approx([0, KAPPA_G, 0], abs=1e-9)

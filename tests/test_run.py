@@ -124,14 +124,14 @@ def test_a_command_without_sweeps_computes_nothing_when_it_runs_again(tmp_path, 
 
     from workflows.portraits import study
 
-    options = "portraits", tmp_path, "--n-orbits", "2", "--steps", "10", "--quiet"
+    options = "portraits", tmp_path, "--n-orbits", "2", "--n-max", "10", "--quiet"
     told = succeed(*options)
     figures = {path: path.read_bytes() for path in tmp_path.glob("*.png")}
     for name in ("nonautonomous_dataset", "symmetric_dataset"):
         monkeypatch.setattr(study, name, refuse)
     assert succeed(*options) == told
     assert {path: path.read_bytes() for path in tmp_path.glob("*.png")} == figures
-    refused = invoke("portraits", tmp_path, "--n-orbits", "3", "--steps", "10")
+    refused = invoke("portraits", tmp_path, "--n-orbits", "3", "--n-max", "10")
     assert (refused.exit_code, "n_orbits is 2, not 3" in refused.output) == (2, True)
 
 
@@ -142,7 +142,7 @@ def test_a_run_that_takes_too_long_ends_with_code_2_unless_it_may(tmp_path, work
     result = invoke("escape_plane", out, *options, "--workers", "2")
     assert (result.exit_code, out.exists()) == (2, False)
     assert " on 2 cores, " in result.output
-    assert "reduce --kappa1 or --kappa2 or --n-max" in result.output
+    assert "reduce --first or --second or --n-max" in result.output
     monkeypatch.setattr(run, "LONGEST", 0.6 * seconds)  # half of them on each of two cores
     assert invoke("escape_plane", out, *options, "--workers", "1").exit_code == 2
     monkeypatch.setattr(run, "LONGEST", 0.0)

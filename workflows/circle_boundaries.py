@@ -37,14 +37,14 @@ _TOL = "Error to aim at; where continuation does not reach it, residues answer."
 @real("--tol", 1e-4, 1e-7, 0.1, _TOL)
 @whole("--q-max", 6000, 10, 10**6, "Longest period of the orbits of the residue method.")
 @sweeps
-def main(run, omega, plane, angles, tips, tol, q_max):
+def main(run, omega, plane, n_rays, n_cusp_rays, tol, q_max):
     from nasm.planes import two_kicks
     from pipeline.cubes import breakdown
     from pipeline.cubes.barrier import last_barrier, unfolded
     from workflows.figures import circle_boundaries as figures
     from workflows.shared import rays
 
-    angles = rays.ray_angles(plane, angles, tips)
+    angles = rays.ray_angles(plane, n_rays, n_cusp_rays)
     omega = list(omega.values()) or rays.PAPER_CIRCLES
     wanted = [breakdown.by_residue(plane, omega, angles, q_max), last_barrier(plane, angles, 1e-3)]
     if not any(plane.origin):

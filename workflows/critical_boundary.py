@@ -7,7 +7,7 @@ not start at zero; and CB_gt itself, bracketed between a certified circle and co
 circle that is the last to break.
 
 Its cubes, three tables and a figure in OUT. The defaults take about a minute on two cores. The
-paper's size of direct iteration is --kappa1 -1.1:1.1:1024 --kappa2 0:1.1:512 --levels 5 --n-max
+paper's size of direct iteration is --first -1.1:1.1:1024 --second 0:1.1:512 --levels 5 --n-max
 1000000 --n-orbits 10000.
 """
 
@@ -23,7 +23,7 @@ from workflows.shared.cli import command, plane_option, plane_options, ray_optio
 @ray_options(181)
 @real("--tol", 1e-4, 1e-5, 0.1, "Width of the bracket of CB_gt, and error of the CB_ω, to aim at.")
 @sweeps
-def main(run, plane, angles, tips, tol, **options):
+def main(run, plane, n_rays, n_cusp_rays, tol, **options):
     from pipeline.cubes import breakdown
     from pipeline.cubes.barrier import last_barrier, unfolded
     from pipeline.cubes.cube import untiled
@@ -33,8 +33,8 @@ def main(run, plane, angles, tips, tol, **options):
     from workflows.shared.plane import boundary_table, escape_plane, foreseen, grid_of
 
     grid = grid_of(plane, **options)
-    boundary = untiled("boundary", angles=angles, tips=tips, tol=tol, **plane.record)
-    angles = rays.ray_angles(plane, angles, tips)
+    boundary = untiled("boundary", n_rays=n_rays, n_cusp_rays=n_cusp_rays, tol=tol, **plane.record)
+    angles = rays.ray_angles(plane, n_rays, n_cusp_rays)
     if any(plane.origin):
         circle_job = breakdown.by_residue(plane, rays.PAPER_CIRCLES, angles, 1500)
     else:

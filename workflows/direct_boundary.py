@@ -14,13 +14,18 @@ from workflows.shared import cli
 
 
 @cli.command()
-@cli.increasing("--steps", "10000,50000,100000", 10**9, "Steps N, increasing.")
+@cli.increasing(
+    "--n-max",
+    "10000,50000,100000",
+    10**9,
+    "Numbers of steps N (periods of the forcing), increasing.",
+)
 @cli.whole("--n-orbits", 1000, 1, 10**8, "Orbits of the ensemble.")
 @cli.plane_option
 @cli.ray_options(181)
-@cli.preset("--full", "In full, two CPU hours", steps="100000,500000,1000000", n_orbits=10_000)
+@cli.preset("--full", "In full, two CPU hours", n_max="100000,500000,1000000", n_orbits=10_000)
 @cli.sweeps
-def main(run, steps, n_orbits, plane, angles, tips):
+def main(run, n_max, n_orbits, plane, n_rays, n_cusp_rays):
     from numpy import linspace
 
     from nasm.planes import two_kicks
@@ -29,17 +34,17 @@ def main(run, steps, n_orbits, plane, angles, tips):
     from workflows.figures import direct_boundary as figures
     from workflows.shared import direct, rays
 
-    all_rays = rays.ray_angles(plane, angles, tips)
-    spread = linspace(0, all_rays[-1], angles).round(9)  # it is too coarse for the tips
+    all_rays = rays.ray_angles(plane, n_rays, n_cusp_rays)
+    spread = linspace(0, all_rays[-1], n_rays).round(9)  # it is too coarse for the cusps
     last = last_barrier(plane, all_rays, 1e-4)
-    foreseen = direct.foreseen(plane, spread.tolist(), steps[-1], n_orbits)
+    foreseen = direct.foreseen(plane, spread.tolist(), n_max[-1], n_orbits)
     insets = untiled("direct_insets")
     with run.sweeping(last, later=[foreseen], studies=[(insets, 10)]):
         barrier = unfolded(run.sweep(last), all_rays)
         known = barrier.sel(angle=spread).dropna("angle", subset=["critical_scale"])
         scales = known.critical_scale.to_series().to_dict()
-        found = direct.inwards(run, direct.boundary_job(plane, scales, steps[-1], n_orbits))
-        boundary = direct.boundary_dataset(found, known, steps)
+        found = direct.inwards(run, direct.boundary_job(plane, scales, n_max[-1], n_orbits))
+        boundary = direct.boundary_dataset(found, known, n_max)
         run.table("direct_boundary_rays", boundary)
         caption, of_rays = figures.rays_caption(boundary), (figures.draw_rays, boundary, barrier)
         if plane == two_kicks():

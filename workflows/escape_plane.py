@@ -4,8 +4,8 @@ Direct iteration (arXiv:1606.04824, Sec. V.B, Figs. 5 and 6). One field of first
 times n* holds the boundary {n* ≤ N} of every N ≤ n_max. The plane is computed in full, or, with
 --levels above 1, coarsely at first and then finer only where a boundary runs.
 
-The cube `escape` and a figure in OUT. The paper's Fig. 5 is --kappa1 0:1:512 --kappa2 0:1:512
---levels 5 --n-max 1000000 --n-orbits 10000, and Fig. 6 the same with --kappa1 -1:1:1024.
+The cube `escape` and a figure in OUT. The paper's Fig. 5 is --first 0:1:512 --second 0:1:512
+--levels 5 --n-max 1000000 --n-orbits 10000, and Fig. 6 the same with --first -1:1:1024.
 """
 
 from workflows.shared.cli import command, plane_option, plane_options, sweeps

@@ -43,24 +43,30 @@ def parse_frequency(text):
 
 
 @command()
-@whole("--q-max", 8, 2, 64, "Fractions p/q with q up to this one; 34 takes some six CPU hours.")
+@whole(
+    "--max-denominator",
+    8,
+    2,
+    64,
+    "Fractions p/q with q up to this one; 34 takes some six CPU hours.",
+)
 @several(
     *("--frequency", ALSO + IRRATIONAL, parse_frequency, "OMEGA", "More Ω, fractions or not."),
     shown=f"{', '.join(ALSO)} and the irrational numbers above",
 )
-@whole("--phases", 3, 2, 1000, "Phases from 0 to 1/2q of each fraction.")
+@whole("--n-phases", 3, 2, 1000, "Phases from 0 to 1/2q of each fraction.")
 @real("--angle", 45.0, 0, 180, "Ray (κ̄, Δκ) = s·(cos, sin), in degrees.")
-@preset("--quick", "A preview", q_max=5, frequency=IRRATIONAL[-2:-1])
+@preset("--quick", "A preview", max_denominator=5, frequency=IRRATIONAL[-2:-1])
 @sweeps
-def main(run, q_max, frequency, phases, angle):
+def main(run, max_denominator, frequency, n_phases, angle):
     from pipeline.cubes import rotating_maps
     from workflows.figures.frequencies import draw_frequencies, frequencies_caption
 
-    given = {Fraction(p, q) for q in range(2, q_max + 1) for p in range(1, q // 2 + 1)}
+    given = {Fraction(p, q) for q in range(2, max_denominator + 1) for p in range(1, q // 2 + 1)}
     given = sorted(given.union(frequency.values()))
     fractions = [number for number in given if isinstance(number, Fraction)]
     irrational = [number for number in given if isinstance(number, float)]
-    job = rotating_maps.last_barriers(fractions, phases, irrational, [angle])
+    job = rotating_maps.last_barriers(fractions, n_phases, irrational, [angle])
     with run.sweeping(job):
         cube = run.sweep(job).load()
         run.table("frequencies", cube)

@@ -14,14 +14,14 @@ from workflows.shared.cli import command, plane_option, ray_options, real, sweep
 @ray_options(181)
 @real("--tol", 2e-5, 1e-5, 0.1, "Width of the bracket to aim at, relative to the scale.")
 @sweeps
-def main(run, plane, angles, tips, tol):
+def main(run, plane, n_rays, n_cusp_rays, tol):
     from pipeline.cubes.barrier import last_barrier, unfolded
     from pipeline.cubes.cube import untiled
     from workflows.figures.last_barrier import draw_last_barrier
     from workflows.shared import boundary_words, rays
 
-    boundary = untiled("boundary", angles=angles, tips=tips, tol=tol, **plane.record)
-    angles = rays.ray_angles(plane, angles, tips)
+    boundary = untiled("boundary", n_rays=n_rays, n_cusp_rays=n_cusp_rays, tol=tol, **plane.record)
+    angles = rays.ray_angles(plane, n_rays, n_cusp_rays)
     job = last_barrier(plane, angles, tol)
     with run.sweeping(job):
         swept = run.sweep(job)

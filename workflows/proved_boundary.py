@@ -13,11 +13,11 @@ from workflows.shared.cli import command, preset, real, sweeps, whole
 
 
 @command()
-@whole("--angles", 361, 2, 10**5, "Rays around the plane; all but an eighth are mirror images.")
+@whole("--n-rays", 361, 2, 10**5, "Rays around the plane; all but an eighth are mirror images.")
 @real("--seconds", 3.0, 0.1, 10**5, "CPU seconds for a proof; there are three on a ray.")
-@preset("--quick", "A preview", angles=41, seconds=0.5)
+@preset("--quick", "A preview", n_rays=41, seconds=0.5)
 @sweeps
-def main(run, angles, seconds):
+def main(run, n_rays, seconds):
     import numpy as np
 
     from nasm.planes import two_kicks
@@ -28,8 +28,8 @@ def main(run, angles, seconds):
     from workflows.figures.proved_boundary import draw_proved_boundary, proved_boundary_caption
 
     need_flint()
-    boundary = untiled("proved_boundary", angles=angles, seconds=seconds)
-    angles = np.linspace(0, 360, angles)
+    boundary = untiled("proved_boundary", n_rays=n_rays, seconds=seconds)
+    angles = np.linspace(0, 360, n_rays)
     job = proved_barrier(two_kicks(), angles, seconds)
     with run.sweeping(job):
         swept = run.sweep(job)

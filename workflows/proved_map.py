@@ -14,16 +14,16 @@ _CELLS = ["32", "64", "128", "256", "512", "1024", "2048", "4096"]
 _SECONDS = (
     "CPU time limit per cell; a cell not proved in time is cut in four, or left open if finest."
 )
-_NEAREST = "Relative distance from the boundary at which proofs of barriers stop."
+_DISTANCE = "Relative distance from the boundary at which proofs of barriers stop."
 
 
 @command()
 @choice("--cells", _CELLS, "512", "Cells per unit of strength, at the finest.")
 @real("--seconds", 0.02, 1e-3, 1e4, _SECONDS)
-@real("--nearest", 0.09, 1e-3, 0.5, _NEAREST)
-@preset("--full", "In full, two CPU hours", cells="2048", seconds=0.2, nearest=0.01)
+@real("--distance", 0.09, 1e-3, 0.5, _DISTANCE)
+@preset("--full", "In full, two CPU hours", cells="2048", seconds=0.2, distance=0.01)
 @sweeps
-def main(run, cells, seconds, nearest):
+def main(run, cells, seconds, distance):
     import numpy as np
 
     from nasm.barriers import critical_scale
@@ -39,14 +39,17 @@ def main(run, cells, seconds, nearest):
     barriers = last_barrier(two_kicks(), angles, 1e-3)
     few = np.linspace(0, 45, 7).tolist()
     guess = [(angle, critical_scale(ray(angle), 0.1).value) for angle in few]
-    then = proved_map(guess, int(cells), seconds), proved_triangles(guess, [""] * len(few), nearest)
+    then = (
+        proved_map(guess, int(cells), seconds),
+        proved_triangles(guess, [""] * len(few), distance),
+    )
     with run.sweeping(barriers, later=[(job, None) for job in then]):
         barrier = unfolded(run.sweep(barriers), angles)
         known = barrier.dropna("angle", subset=["critical_scale"])
         names = "angle", "critical_scale", "circle"
         at, scales, circles = (known[name].values.tolist() for name in names)
         rays = list(zip(at, scales, strict=True))
-        jobs = proved_map(rays, int(cells), seconds), proved_triangles(rays, circles, nearest)
+        jobs = proved_map(rays, int(cells), seconds), proved_triangles(rays, circles, distance)
         cubes = [run.sweep(job).load() for job in jobs]
         found = *cubes, barrier
         run.figure("proved_map", draw_proved_map, *found, caption=proved_map_caption(*found))

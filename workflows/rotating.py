@@ -22,14 +22,14 @@ VECTORS = ("1705/3136,2631/3136", "1705/3136,2632/3136", "927/1705,1431/1705")
 @whole("--n-max", 20_000, 64, 10**12, "Steps (periods of the forcing) of direct iteration.")
 @whole("--n-orbits", 256, 1, 10**8, "Orbits of direct iteration.")
 @sweeps
-def main(run, angles, tips, n_max, n_orbits):
+def main(run, n_rays, n_cusp_rays, n_max, n_orbits):
     from nasm.planes import rotating
     from pipeline.cubes import breakdown, rotating_maps
     from pipeline.cubes.barrier import last_barrier, unfolded
     from workflows.figures import rotating as figures
     from workflows.shared import rays
 
-    around, plane = rays.rotated_rays(angles, tips), rotating("1/2")
+    around, plane = rays.rotated_rays(n_rays, n_cusp_rays), rotating("1/2")
     wanted = (
         breakdown.by_residue(plane, rays.PAPER_CIRCLES, around, q_max=6000),
         last_barrier(plane, around, 2e-4),

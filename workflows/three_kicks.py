@@ -27,16 +27,16 @@ def parse_phase(text):
 @cli.command()
 @cli.several("--phase", PHASES, parse_phase, "FRACTION", "Phase φ0 of the forcing, in turns.")
 @cli.ray_options(31)
-@cli.preset("--full", "In full, most of a CPU hour", angles=61, phase=MANY)
+@cli.preset("--full", "In full, most of a CPU hour", n_rays=61, phase=MANY)
 @cli.real("--tol", 1e-3, 1e-5, 0.1, "Width of the bracket to aim at, relative to the scale.")
 @cli.sweeps
-def main(run, phase, angles, tips, tol):
+def main(run, phase, n_rays, n_cusp_rays, tol):
     from nasm.planes import rotating
     from pipeline.cubes.barrier import last_barrier, named, unfolded
     from workflows.figures.three_kicks import draw_three_kicks, three_kicks_caption
     from workflows.shared import rays
 
-    around = rays.rotated_rays(angles, tips)
+    around = rays.rotated_rays(n_rays, n_cusp_rays)
     planes = {text: rotating("1/3", text) for text in phase}
     last = last_barrier(rotating("1/2"), around, tol)
     jobs = {text: last_barrier(plane, around, tol, named(plane)) for text, plane in planes.items()}

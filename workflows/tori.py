@@ -24,12 +24,12 @@ _VECTOR["help"] = "Rotation vector: turns of θ and φ per kick. May be repeated
 
 @command()
 @click.option("--vector", type=(float, float), multiple=True, **_VECTOR)
-@whole("--angles", 13, 2, 10**5, "Rays, from 0 to 90 degrees: the other sign of Δκ is another φ0.")
+@whole("--n-rays", 13, 2, 10**5, "Rays, from 0 to 90 degrees: the other sign of Δκ is another φ0.")
 @real("--tol", 1e-3, 1e-5, 0.2, "Error of the scales to aim at.")
-@real("--picture", 45.0, 0, 90, "Ray, in degrees, on which tori of the first vector are drawn.")
-@preset("--quick", "A preview", angles=3, tol=0.05)
+@real("--picture-angle", 45.0, 0, 90, "Ray in degrees where tori of the first vector are drawn.")
+@preset("--quick", "A preview", n_rays=3, tol=0.05)
 @sweeps
-def main(run, vector, angles, tol, picture):
+def main(run, vector, n_rays, tol, picture_angle):
     import numpy as np
 
     from pipeline.cubes import rotating_maps
@@ -37,18 +37,20 @@ def main(run, vector, angles, tol, picture):
     from workflows.figures import tori as figures
 
     vector = list(dict.fromkeys(vector))
-    job = rotating_maps.breakups(vector, np.union1d(np.linspace(0, 90, angles), picture), tol)
+    job = rotating_maps.breakups(vector, np.union1d(np.linspace(0, 90, n_rays), picture_angle), tol)
     with run.sweeping(job):
         breakups = run.sweep(job).load()
         run.table("tori", breakups)
         caption = figures.breakups_caption(breakups)
         run.figure("tori", figures.draw_breakups, breakups, caption=caption)
-        known = float(breakups.lower.isel(vector=0).sel(angle=picture))
+        known = float(breakups.lower.isel(vector=0).sel(angle=picture_angle))
         if np.isnan(known):
-            run.say(f"On the ray of {picture:g}° no torus of the first vector was certified.")
+            run.say(f"On the ray of {picture_angle:g}° no torus of the first vector was certified.")
             return
         scales = [part * known for part in (0.7, 0.95, 0.99)]
-        drawn = untiled("torus", rotation_vector=list(vector[0]), angle=picture, scales=scales)
-        drawn = run.kept(drawn, lambda: rotating_maps.pictures(vector[0], picture, scales))
+        drawn = untiled(
+            "torus", rotation_vector=list(vector[0]), angle=picture_angle, scales=scales
+        )
+        drawn = run.kept(drawn, lambda: rotating_maps.pictures(vector[0], picture_angle, scales))
         caption = figures.pictures_caption(drawn)
         run.figure("tori_pictures", figures.draw_pictures, drawn, caption=caption)

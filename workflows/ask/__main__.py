@@ -67,11 +67,10 @@ def forcing_asked(strengths, plane, once):
 @cli.point_option
 @click.option("--once", type=cli.FILE, help="Text file with kicks that do not repeat.")
 @cli.flag("--prove", "Try to prove the answer, within 20 CPU seconds.")
-@cli.flag("--pdf", "Save the figure as PDF too.")
 @cli.column_option
 @cli.quiet_option
 @cli.directory("Directory of the figure.")
-def main(kappa, plane, once, prove, pdf, column, quiet, out):
+def main(kappa, plane, once, prove, column, quiet, out):
     try:
         strengths, point = forcing_asked(kappa, plane, once)
         if once and prove:
@@ -97,8 +96,7 @@ def main(kappa, plane, once, prove, pdf, column, quiet, out):
     asked = ["ask", plane.name] if plane else ["ask"]
     asked += [Path(once).stem] if once else map(str, kappa[:SHOWN])
     asked += [f"{crc32(strengths):08x}"] if len(kappa) > SHOWN else []  # of all of them
-    name, kinds = re.sub("[:/,]", "-", "_".join(asked)), ("png", "pdf") if pdf else ("png",)
-    paths, reason = drawn(draw, out, name, text, kinds, column)
+    paths, reason = drawn(draw, out, re.sub("[:/,]", "-", "_".join(asked)), text, column)
     if reason:
         raise click.ClickException(reason)
     click.echo(f"figures: {', '.join(paths)}")

@@ -3,16 +3,16 @@
 Claim by claim through arXiv:1606.04824: our value with its error, the verdict that a rule makes of
 it (`claims.rules`), and the command that shows it; the errata, and the envelope of all CB_ω.
 
-A page, three tables and eight cubes in OUT. Some minutes on two cores; --angles 19 --tips 8 --tol
-1e-3 --n-max 20000 --n-orbits 64, one.
+A page, three tables and eight cubes in OUT. Some minutes on two cores; --n-rays 19 --n-cusp-rays 8
+--tol 1e-3 --n-max 20000 --n-orbits 64, one.
 """
 
 from workflows.shared.cli import command, real, sweeps, whole
 
 
 @command()
-@whole("--angles", 91, 3, 10**5, "Rays, from 0 to 45 degrees.")
-@whole("--tips", 24, 0, 1000, "More rays below the cusp at 45 degrees, from 5 to 0.01 degrees.")
+@whole("--n-rays", 91, 3, 10**5, "Rays, from 0 to 45 degrees.")
+@whole("--n-cusp-rays", 24, 0, 1000, "More rays, 5 to 0.01 degrees below the cusp at 45.")
 @real("--tol", 1e-4, 1e-5, 0.01, "Width of the bracket of CB_gt to aim at, relative to the scale.")
 @whole("--n-max", 1_000_000, 10_000, 10**8, "Steps of direct iteration.")
 @whole("--n-orbits", 1000, 10, 10**5, "Orbits of direct iteration.")

@@ -32,10 +32,13 @@ _TORUS = "1705/3136,2631/3136"
 _THREE = {phase: rotating("1/3", phase) for phase in ("0", "1/24", "1/12")}
 
 
-def planned(angles, tips, tol, n_max, n_orbits):
+def planned(n_rays, n_cusp_rays, tol, n_max, n_orbits):
     """Return the jobs of all sweeps, {name: job}, and the rays of the plane."""
     around = np.arange(0, 180 + _STEP, _STEP)
-    spread = np.linspace(0, 45, angles), 45 - geometric(5, 0.01, tips)  # degrees below the cusp
+    spread = (
+        np.linspace(0, 45, n_rays),
+        45 - geometric(5, 0.01, n_cusp_rays),
+    )  # degrees below the cusp
     rays = np.unique(np.concatenate([*spread, around]).round(9))
     cusp = {45.0: float(barriers.critical_scale(ray(45.0), 1e-3).value)}
     return {

@@ -11,11 +11,11 @@ from workflows.shared.cli import command, flag, sweeps, whole
 
 
 @command()
-@whole("--orbits", 256, 64, 10**6, "Orbits under each forcing; error ~ ORBITS^(-1/2).")
+@whole("--n-orbits", 256, 64, 10**6, "Orbits under each forcing; error ~ N_ORBITS^(-1/2).")
 @whole("--n-max", 2**24, 2**13, 10**12, "Periods that orbits are followed, at most.")
 @flag("--quick", "A preview: 4 rays, at most 2^18 periods.")
 @sweeps
-def main(run, orbits, n_max, quick):
+def main(run, n_orbits, n_max, quick):
     import numpy as np
 
     from nasm.arithmetic.reproducible import geometric
@@ -32,7 +32,7 @@ def main(run, orbits, n_max, quick):
 
     def jobs(scales, circles):
         yield beyond.flux(plane, scales, circles, [study.NEAREST, *excesses], 30_000)
-        yield beyond.diffusion(scales, excesses, orbits, n_max)
+        yield beyond.diffusion(scales, excesses, n_orbits, n_max)
 
     later = jobs(dict.fromkeys(angles, 0.6), dict.fromkeys(angles, "[0;(1)]"))
     with run.sweeping(last, later=[(job, None) for job in later]):

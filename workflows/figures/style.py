@@ -191,14 +191,14 @@ def save(figure, out, name, caption="", kinds=("png", "pdf")):
     return paths
 
 
-def drawn(draw, out, name, caption="", kinds=("png", "pdf"), column=False):
+def drawn(draw, out, name, caption="", column=False):
     """Draw a figure by `draw()` and save it, see `save` and `sheet`.
 
     Returns the paths, and in a line why there are none: "" if there are.
     """
     try:
         with sheet(column):
-            return save(draw(), out, name, caption, kinds), ""
+            return save(draw(), out, name, caption), ""
     except Exception as error:  # whatever it is, it does not stop what else is to be told
         reason = str(error).strip().partition("\n")[0] or type(error).__name__
         return [], f"figure {name} could not be drawn: {reason}"

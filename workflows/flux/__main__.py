@@ -15,10 +15,10 @@ from workflows.shared.cli import command, real, sweeps, whole
 
 @command()
 @real("--angle", (0, 20, 30, 40, 45), 0, 180, "A ray, in degrees; may be repeated.", multiple=True)
-@real("--nearest", 1e-4, 1e-5, 0.1, "Smallest distance beyond the breakup, relative to it.")
-@whole("--q-max", 200_000, 100, 10**6, "Longest period of the orbits; 10/NEAREST or more.")
+@real("--least-excess", 1e-4, 1e-5, 0.1, "Smallest distance beyond the breakup, relative to it.")
+@whole("--q-max", 200_000, 100, 10**6, "Longest period of the orbits; 10/LEAST_EXCESS or more.")
 @sweeps
-def main(run, angle, nearest, q_max):
+def main(run, angle, least_excess, q_max):
     import numpy as np
 
     from nasm.arithmetic.reproducible import geometric
@@ -28,11 +28,13 @@ def main(run, angle, nearest, q_max):
     from workflows.figures.flux import draw_flux, flux_caption
     from workflows.flux import study as flux
 
-    if q_max * nearest < 10:
-        words = f"is too short for --nearest {nearest:g}; use {ceil(10 / nearest)} or more"
-        raise ValueError(f"--q-max {q_max} {words}")
+    if q_max * least_excess < 10:
+        least = f"--least-excess {least_excess:g}; use {ceil(10 / least_excess)} or more"
+        raise ValueError(f"--q-max {q_max} is too short for {least}")
     angles = np.unique(angle)
-    excesses = geometric(nearest, 0.5, 1 + int(8 * log10(0.5 / nearest)))  # eight a decade
+    excesses = geometric(
+        least_excess, 0.5, 1 + int(8 * log10(0.5 / least_excess))
+    )  # eight a decade
     last = last_barrier(two_kicks(), angles, 1e-3)
 
     def job(scales, circles):

@@ -73,13 +73,15 @@ _RELEASE = (
 @command()
 @flag("--full", "The size of the paper, some four CPU hours; needs --yes or --scheduler.")
 @flag("--yes", "Run --full although it takes hours.")
-@choice("--only", _NAMES, (), "A command to run; may be repeated.  [default: all]", multiple=True)
+@choice(
+    "--exhibit", _NAMES, (), "A command to run; may be repeated.  [default: all]", multiple=True
+)
 @click.option("--release", metavar="DIR", type=DIRECTORY, help=_RELEASE)
 @flag("--quick", "A preview of the release: a few rays and cells.")
 @directory("Directory of the page, and of the commands' folders; each is resumed.")
 @quiet_option
 @cluster_options
-def main(out, full, yes, only, release, quick, quiet, workers, scheduler, tls):
+def main(out, full, yes, exhibit, release, quick, quiet, workers, scheduler, tls):
     from pandas import read_csv
 
     from nasm import __version__
@@ -88,7 +90,7 @@ def main(out, full, yes, only, release, quick, quiet, workers, scheduler, tls):
     from workflows.shared.run import shared_workers
 
     if release or quick:
-        if not release or full or only:
+        if not release or full or exhibit:
             raise click.UsageError("--release goes with --quick alone, and --quick with --release")
         with shared_workers(scheduler, workers, tls) as workers:
             size = make_release(release, workers, quick, quiet)
@@ -99,14 +101,14 @@ def main(out, full, yes, only, release, quick, quiet, workers, scheduler, tls):
         raise click.UsageError(words)
     Path(out).mkdir(parents=True, exist_ok=True)
     quick = not full
-    wanted = [exhibit for exhibit in EXHIBITS if not only or exhibit.name in only]
+    wanted = [each for each in EXHIBITS if not exhibit or each.name in exhibit]
     with shared_workers(scheduler, workers, tls) as workers:
-        for number, exhibit in enumerate(wanted, 1):
+        for number, each in enumerate(wanted, 1):
             if not quiet:
                 click.echo(f"\nexhibit {number} of {len(wanted)}", err=True, nl=False)
-            run(exhibit, out, workers, quick, quiet)
+            run(each, out, workers, quick, quiet)
             # After each of them, so that there is something to see.
-            there = [exhibit for exhibit in EXHIBITS if Path(out, exhibit.name).exists()]
+            there = [each for each in EXHIBITS if Path(out, each.name).exists()]
             claims, counted, table = [], "", Path(out, "claims", "claims.csv")
             if table.exists():
                 claims = read_csv(table, keep_default_na=False).to_dict("records")
@@ -114,7 +116,7 @@ def main(out, full, yes, only, release, quick, quiet, workers, scheduler, tls):
             render(
                 "gallery/page.html",
                 f"{out}/index.html",
-                sections=[shown(exhibit, out, quick) for exhibit in there],
+                sections=[shown(each, out, quick) for each in there],
                 claims=claims,
                 counted=counted,
                 quick=quick,

@@ -12,14 +12,14 @@ from workflows.shared.cli import command, whole, writes
 
 @command()
 @whole("--n-orbits", 48, 2, 1000, "Orbits of each portrait, from the lines x = 0 and x = 1/2.")
-@whole("--steps", 1000, 1, 100_000, "Steps of each orbit, and kicks of the nonautonomous map.")
+@whole("--n-max", 1000, 1, 100_000, "Steps of each orbit, and kicks of the nonautonomous map.")
 @writes
-def main(run, n_orbits, steps):
+def main(run, n_orbits, n_max):
     from pipeline.cubes.cube import untiled
     from workflows.figures import portraits as figures
     from workflows.portraits.study import nonautonomous_dataset, symmetric_dataset
 
-    size = {"n_orbits": n_orbits, "steps": steps}
+    size = {"n_orbits": n_orbits, "n_max": n_max}
     with run.driving():
         kicks = run.kept(untiled("portraits", **size), lambda: nonautonomous_dataset(**size))
         symmetric = untiled("portraits_symmetry", **size)

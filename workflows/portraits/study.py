@@ -14,20 +14,20 @@ SYMMETRIC_FORCING = (0.5, 0.7)
 MARKED = ((0.5, 0.12), (0.5, 0.36), (0.0, 0.44))
 
 
-def nonautonomous_dataset(n_orbits, steps):
+def nonautonomous_dataset(n_orbits, n_max):
     """Iterate T_{κ1κ2}, T_{κ2κ1} and the nonautonomous map from the same starts.
 
     x, y with dims (forcing, step, orbit); kick_x, kick_y (kick, orbit); and of one orbit in an
     island island_x, island_y (kick).
     """
     forcings = np.array([FORCING, FORCING[::-1]])
-    x, y = np.stack([orbits.portrait(kappa, n_orbits, steps) for kappa in forcings], axis=1)
-    kicked = orbits.orbit(FORCING, x[0, 0], y[0, 0], steps, 1)
-    island = orbits.orbit(FORCING, *ISLAND, steps, 1)
+    x, y = np.stack([orbits.portrait(kappa, n_orbits, n_max) for kappa in forcings], axis=1)
+    kicked = orbits.orbit(FORCING, x[0, 0], y[0, 0], n_max, 1)
+    island = orbits.orbit(FORCING, *ISLAND, n_max, 1)
     coords = {
         "forcing": (range(2), "forcing"),
-        "step": (range(steps + 1), "steps of two kicks"),
-        "kick": (range(steps + 1), "kicks of the first forcing"),
+        "step": (range(n_max + 1), "steps of two kicks"),
+        "kick": (range(n_max + 1), "kicks of the first forcing"),
         "orbit": (range(n_orbits), "orbit"),
     }
     variables = (
@@ -46,7 +46,7 @@ def images(kappa, x, y):
     return [(kappa, x, y), negate(kappa, x, y), negate(*alternated), alternated]
 
 
-def symmetric_dataset(n_orbits, steps):
+def symmetric_dataset(n_orbits, n_max):
     """Iterate four symmetric forcings: x, y with dims (forcing, step, orbit), marked_x, marked_y.
 
     `difference` is how far the marked orbits are from the images of the first forcing's.
@@ -54,7 +54,7 @@ def symmetric_dataset(n_orbits, steps):
 
     def iterated(x, y):
         starts = images(SYMMETRIC_FORCING, x, y)
-        return np.stack([orbits.orbit(*start, steps) for start in starts], axis=1)
+        return np.stack([orbits.orbit(*start, n_max) for start in starts], axis=1)
 
     starts = orbits.portrait(SYMMETRIC_FORCING, n_orbits, 0)
     marked = iterated(*np.transpose(MARKED))
@@ -64,7 +64,7 @@ def symmetric_dataset(n_orbits, steps):
     words = "largest distance, mod 1, of marked orbits from the images of the first forcing's"
     coords = {
         "forcing": (range(4), "forcing"),
-        "step": (range(steps + 1), "steps of two kicks"),
+        "step": (range(n_max + 1), "steps of two kicks"),
         "orbit": (range(n_orbits), "orbit"),
         "marked": (range(len(MARKED)), "marked orbit"),
     }

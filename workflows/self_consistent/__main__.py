@@ -17,9 +17,9 @@ _COUPLINGS = 0.2, 0.3, 0.4, *(x / 100 for x in range(45, 95, 5)), 1.0, 1.1, 1.2
 
 @command()
 @real("--coupling", _COUPLINGS, 0.01, 10, "Sum of the particles' weights; may be repeated.", True)
-@whole("--particles", 65_536, 256, 10**7, "Particles, in a thin band around y = 0 at first.")
-@whole("--kicks", 16_384, 4096, 10**6, "Kicks; barriers are sought in the second half of them.")
-@preset("--quick", "A preview", particles=4096, kicks=8192)
+@whole("--n-particles", 65_536, 256, 10**7, "Particles, in a thin band around y = 0 at first.")
+@whole("--n-max", 16_384, 4096, 10**6, "Kicks; barriers are sought in the second half of them.")
+@preset("--quick", "A preview", n_particles=4096, n_max=8192)
 @writes
 def main(run, coupling, **size):
     from pipeline.cubes.cube import untiled
@@ -29,8 +29,8 @@ def main(run, coupling, **size):
     settings = {"couplings": sorted({*coupling}), **size}
     fields = untiled("self_consistent", **settings)
     verdicts = untiled("self_consistent_barriers", **settings)
-    of_field = len(coupling) * (1.2e-8 * size["particles"] + 1.2e-4) * size["kicks"]
-    of_verdicts = len(coupling) * 5e-4 * size["kicks"]
+    of_field = len(coupling) * (1.2e-8 * size["n_particles"] + 1.2e-4) * size["n_max"]
+    of_verdicts = len(coupling) * 5e-4 * size["n_max"]
     with run.driving((fields, of_field), (verdicts, of_verdicts)):
         fields = run.kept(fields, lambda: study.fields(coupling, **size))
         verdicts = run.kept(verdicts, lambda: study.verdicts(fields))

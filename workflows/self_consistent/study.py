@@ -39,7 +39,7 @@ _VERDICTS = {
 }
 
 
-def fields(couplings, particles, kicks):
+def fields(couplings, n_particles, n_max):
     """Follow the self-consistent map for each coupling: kappa, theta with dims (coupling, kick).
 
     Also spectrum (coupling, frequency) of the second half of kappa; x, y (coupling, particle) after
@@ -47,15 +47,15 @@ def fields(couplings, particles, kicks):
     first of these particles has gone 2 further than it started; inf if none has.
     """
     couplings = np.unique(couplings)
-    x, y = escape.ensemble(particles)
+    x, y = escape.ensemble(n_particles)
     y = BAND * (2 * y / 0.3 - 1)
 
-    weights, shown = couplings / particles, (x[:_SHOWN], y[:_SHOWN], (-2 - BAND, 2 + BAND))
+    weights, shown = couplings / n_particles, (x[:_SHOWN], y[:_SHOWN], (-2 - BAND, 2 + BAND))
     with ThreadPoolExecutor(CPU_COUNT) as threads:  # dask's count: of what this job may use
-        runs = list(threads.map(lambda weight: evolve(x, y, weight, AMPLITUDE, kicks), weights))
+        runs = list(threads.map(lambda weight: evolve(x, y, weight, AMPLITUDE, n_max), weights))
     kappa = np.array([run.kappa for run in runs])
     theta = np.unwrap([run.theta for run in runs], period=1)
-    frequency, spectra = welch(kappa[:, kicks // 2 :], nperseg=_SEGMENT, scaling="spectrum")
+    frequency, spectra = welch(kappa[:, n_max // 2 :], nperseg=_SEGMENT, scaling="spectrum")
     escapes = [sequence.escape_time(run.kappa, run.theta, *shown) for run in runs]
     change = [
         momentum(run.y, weight, run.kappa[-1]) - momentum(y, weight, AMPLITUDE)
@@ -68,9 +68,9 @@ def fields(couplings, particles, kicks):
     conserved = "change of 2π Σγy + κ²/2, which is conserved"
     coords = {
         "coupling": (couplings, "Γ = Σγ, sum of the weights"),
-        "kick": (range(kicks), "kick n"),
+        "kick": (range(n_max), "kick n"),
         "frequency": (frequency, "frequency in turns per kick"),
-        "particle": (range(min(particles, _SHOWN)), "particle"),
+        "particle": (range(min(n_particles, _SHOWN)), "particle"),
     }
     variables = {
         "kappa": (per_kick, kappa, "strength κ_n"),

@@ -30,6 +30,11 @@ from nasm.texts import parse_float, parse_integer, shortened, shown  # noqa: E40
 from workflows.shared import streams  # noqa: E402
 
 COMMON = {"help_option_names": ["-h", "--help"]}
+# Options that nobody needs daily.
+_ADVANCED = (
+    *("follow", "max_seconds", "n_cusp_rays", "picture_angle", "precision", "release"),
+    *("scheduler", "store", "tile", "tls", "yes"),
+)
 version = click.version_option(__version__, message="nasm %(version)s")
 
 
@@ -56,7 +61,19 @@ def no_such_option(context, word):
 
 
 class _Command(streams.Prepared, click.Command):
-    """A command that names the options nearest to a mistyped one, also after a single dash."""
+    """A command that names the options nearest to a mistyped one, also after a single dash; its
+    help shows `advanced` options last."""
+
+    def format_options(self, context, formatter):
+        shown = {"Options": [], "Advanced options": []}
+        for option in self.get_params(context):
+            if row := option.get_help_record(context):
+                heading = "Advanced options" if option.name in _ADVANCED else "Options"
+                shown[heading].append(row)
+        for heading, rows in shown.items():
+            if rows:
+                with formatter.section(heading):
+                    formatter.write_dl(rows)
 
     def parse_args(self, context, args):
         words = [*args]
@@ -263,14 +280,14 @@ def preset(name, what, **settings):
 
 
 def ray_options(default):
-    """Make --angles and --tips, the rays that `rays.ray_angles` returns."""
+    """Make --n-rays and --n-cusp-rays, the rays that `rays.ray_angles` returns."""
     return together(
         whole(
-            *("--angles", default, 2, 10**6),
+            *("--n-rays", default, 2, 10**6),
             "Rays, from 0 to 180 degrees, or to 360 where κ and -κ differ, as in three-kicks:0.2.",
         ),
         whole(
-            *("--tips", 8, 0, 1000),
+            *("--n-cusp-rays", 8, 0, 1000),
             "Extra rays on either side of the cusps at 45° and 135° (two kicks only).",
         ),
     )
@@ -279,8 +296,8 @@ def ray_options(default):
 def plane_options(n_max, tile, levels, precision):
     """Make the options of a plane of escape times, as `plane.grid_of` takes them."""
     return together(
-        axis("--kappa1 --first", "-1.1:1.1:256", "First coordinate: lower end, upper end, cells."),
-        axis("--kappa2 --second", "0:1.1:128", "Second coordinate: the same."),
+        axis("--first", "-1.1:1.1:256", "First coordinate: lower end, upper end, cells."),
+        axis("--second", "0:1.1:128", "Second coordinate: the same."),
         whole("--n-max", n_max, 1, 10**12, "Steps (periods of the forcing) of each orbit."),
         increasing("--n-orbits", "64", 10**8, "Orbits; several: nested ensembles."),
         choice(
@@ -343,12 +360,12 @@ _TLS = "Certificate files for a tls:// scheduler."
 _YES = "Run although it is predicted to take more than ten minutes, as --full does on few cores."
 # The options that make a run shorter, if they are smaller or fewer; and if they are larger.
 _SMALLER = (
-    *("--angles", "--tips", "--kappa1", "--kappa2", "--primary", "--secondary", "--cells"),
-    *("--n-max", "--steps", "--kicks", "--n-orbits", "--orbits", "--particles", "--q-max"),
-    *("--seconds", "--forcings", "--climbs", "--phases", "--phase", "--frequency", "--angle"),
-    *("--omega", "--vector", "--coupling", "--only", "--ray"),
+    *("--n-rays", "--n-cusp-rays", "--first", "--second", "--primary", "--secondary", "--cells"),
+    *("--n-max", "--n-orbits", "--n-particles", "--q-max", "--max-denominator"),
+    *("--seconds", "--n-forcings", "--n-climbs", "--n-phases", "--phase", "--frequency", "--angle"),
+    *("--omega", "--vector", "--coupling", "--method", "--ray"),
 )
-_LARGER = "--tol", "--nearest"
+_LARGER = "--tol", "--least-excess", "--distance"
 
 
 def directory(help):

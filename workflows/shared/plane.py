@@ -43,12 +43,12 @@ class Grid:
         return sorted({max(1, self.n_max // 10), max(1, self.n_max // 2), self.n_max})
 
 
-def grid_of(plane, kappa1, kappa2, n_max, n_orbits, tile, levels, follow, precision):
+def grid_of(plane, first, second, n_max, n_orbits, tile, levels, follow, precision):
     """Return the Grid of `cli.plane_options`; ValueError if they do not fit together."""
     follow = follow or [n_max]
-    for axis in kappa1, kappa2:
+    for axis in first, second:
         axis.coarsened(2 ** (levels - 1))
-    for a, b in product((kappa1.lo, kappa1.hi), (kappa2.lo, kappa2.hi)):
+    for a, b in product((first.lo, first.hi), (second.lo, second.hi)):
         forcing(plane.forcing(a, b))
     if follow[-1] > n_max:
         raise ValueError(f"--follow {follow[-1]} must be at most n-max={n_max}")
@@ -57,7 +57,7 @@ def grid_of(plane, kappa1, kappa2, n_max, n_orbits, tile, levels, follow, precis
             f"--n-max {n_max} needs --precision double: above {MAX_SINGLE_STEPS} steps the "
             "rounding of single precision carries orbits across circles"
         )
-    return Grid(plane, (kappa1, kappa2), n_max, n_orbits, tile, levels, follow, precision)
+    return Grid(plane, (first, second), n_max, n_orbits, tile, levels, follow, precision)
 
 
 def planned(grid):

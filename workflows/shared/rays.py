@@ -13,24 +13,26 @@ from workflows.shared.tables import described
 PAPER_CIRCLES = sorted(map(parse, NAMES), key=float)
 
 
-def ray_angles(plane, n, tips):
+def ray_angles(plane, n, n_cusp_rays):
     """Return n angles from 0 to 180 degrees, or to 360 in a plane where κ and -κ differ.
 
-    For two kicks 45° and 135°, too, where the boundary has cusps, and `tips` more on each side of
-    those, spaced logarithmically, from 2 to 0.02 degrees away.
+    For two kicks 45° and 135°, too, where the boundary has cusps, and `n_cusp_rays` more on each
+    side of those, spaced logarithmically, from 2 to 0.02 degrees away.
     """
     half = any(turn == 180 and not mirrored for mirrored, turn, _ in plane.symmetries)
     spread = np.linspace(0, 180 if half else 360, n)
     if plane != two_kicks():
         return np.unique(spread.round(9))
-    away = np.append(geometric(2.0, 0.02, tips), 0.0)
+    away = np.append(geometric(2.0, 0.02, n_cusp_rays), 0.0)
     near = np.concatenate([[45 - away, 45 + away], [135 - away, 135 + away]]).ravel()
     return np.unique(np.concatenate([spread, near]).round(9))
 
 
-def rotated_rays(n, tips):
+def rotated_rays(n, n_cusp_rays):
     """Return the rays of two kicks as angles θ = 45° - φ of the (κ̄, Δκ) plane."""
-    return np.unique(np.append((45 - ray_angles(two_kicks(), n, tips)) % 180, 180.0).round(9))
+    return np.unique(
+        np.append((45 - ray_angles(two_kicks(), n, n_cusp_rays)) % 180, 180.0).round(9)
+    )
 
 
 def with_tie(circle, angle):

@@ -13,21 +13,22 @@ from workflows.shared.cli import command, flag, sweeps, whole
 
 
 @command()
-@whole("--forcings", 10_000, 10, 10**6, "Random forcings to try.")
-@whole("--climbs", 1000, 2, 10**5, "Climbs to forcings that hold longer.")
+@whole("--n-forcings", 10_000, 10, 10**6, "Random forcings to try.")
+@whole("--n-climbs", 1000, 2, 10**5, "Climbs to forcings that hold longer.")
 @flag("--quick", "A preview: few forcings, climbs and ripples.")
 @sweeps
-def main(run, forcings, climbs, quick):
+def main(run, n_forcings, n_climbs, quick):
     from pipeline.cubes.barrier import with_circles
     from pipeline.cubes.cube import untiled
     from pipeline.cubes.forcings import against_constant, last_barriers
     from workflows.figures.tolerance import draw_tolerance
     from workflows.tolerance import study
 
-    forcings, climbs = (min(forcings, 400), min(climbs, 40)) if quick else (forcings, climbs)
+    if quick:
+        n_forcings, n_climbs = min(n_forcings, 400), min(n_climbs, 40)
     words, golden = "rms of the deviations, over the mean", study.golden()
     ripples = last_barriers("tolerance", study.ripples(quick), words, 3e-3)
-    tried, words = study.forcings(forcings, climbs), f"{words}; the seed of a climb"
+    tried, words = study.forcings(n_forcings, n_climbs), f"{words}; the seed of a climb"
     bounds = against_constant("tolerance_random", tried, words, golden, tries=500)
     laws = untiled("tolerance_laws", quick=quick)
     with run.sweeping(ripples, bounds, studies=[(laws, 5 if quick else 100)]):

@@ -21,17 +21,17 @@ _ALL = "may be repeated.  [default: all]"
 
 @command()
 @flag("--full", "The largest effort of each method too: 15 CPU minutes.")
-@choice("--only", NAMES, NAMES, f"A method to measure; {_ALL}", True)
+@choice("--method", NAMES, NAMES, f"A method to measure; {_ALL}", True)
 @choice("--ray", RAYS, RAYS, f"A ray, in degrees or three-kicks; {_ALL}", True)
 @writes
-def main(run, full, only, ray):
+def main(run, full, method, ray):
     from nasm.proofs.barrier import need_flint
     from pipeline.cubes.cube import untiled
     from workflows.figures import files
     from workflows.figures.work_precision import draw_work_precision
     from workflows.work_precision.measure import fastest, measure, table
 
-    only = tuple(dict.fromkeys(only))
+    only = tuple(dict.fromkeys(method))
     try:
         need_flint()
     except ImportError as error:
