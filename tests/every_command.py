@@ -46,8 +46,8 @@ SMALLEST = {
     "explore": "--no-browser",
     # Those that can make proofs come last: the others are to end well before python-flint is there.
     "ask": "0.3 0.2 --prove",
-    "proved_boundary": "--n-rays 2 --seconds 0.1",
-    "proved_map": "--cells 32 --seconds 0.001 --distance 0.5",
+    "proved_boundary": "--n-rays 2 --cpu-seconds 0.1",
+    "proved_map": "--cells 32 --cpu-seconds 0.001 --distance 0.5",
     "work_precision": "--method barriers --method barrier-proof --ray 45",
 }
 AGAIN = [name for name in SMALLEST if name not in ("ask", "explore")]  # which keep no cubes

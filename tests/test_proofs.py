@@ -46,7 +46,7 @@ def test_where_no_barrier_is_found_nothing_is_proved():
 
 
 def test_the_proved_boundary_is_a_cube_with_both_proofs(tmp_path, workers):
-    rays = ["--n-rays", "3", "--seconds", "0.2"]
+    rays = ["--n-rays", "3", "--cpu-seconds", "0.2"]
     output = succeed("proved_boundary", tmp_path / "out", *rays, *workers)
     assert "On 3 of 3 rays around the plane a barrier is proved to exist" in output
     cube = xr.open_zarr(tmp_path / "out/proved_barrier.zarr").load()
@@ -95,7 +95,7 @@ def easy_bracket(profile, seconds):
     ("job", "n"), [(map_of_two_tiles, 2), (one_triangle, 2), (rays_of_one_tile, 3)]
 )
 def test_certificates_of_a_store_are_kept_compared_and_checked(job, n, tmp_path, monkeypatch):
-    monkeypatch.setattr(proofs.bracket, "critical_scale", easy_bracket)
+    monkeypatch.setattr(proofs, "critical_scale", easy_bracket)
     (job, tiles), place = job(), store.place_of(tmp_path)
     with store.driving(place):
         store.create(place, job.cube, store.COMPUTED_BY)
@@ -103,7 +103,7 @@ def test_certificates_of_a_store_are_kept_compared_and_checked(job, n, tmp_path,
             store.commit(place, job.cube.name, index, job.compute(coords, job.cube.settings), 1.0)
     told = succeed("verify", tmp_path, "--proofs")
     assert f"{n} of {n} certificates; wrong: 0 tiles" in told
-    told = succeed("verify", tmp_path, "--proofs", "--max-seconds", "0")
+    told = succeed("verify", tmp_path, "--proofs", "--max-cpu-seconds", "0")
     assert f"0 of {n} certificates; the others take" in told
     path = max((tmp_path / "certificates" / job.cube.name).iterdir())
     certificates = unpacked(genuine := path.read_bytes())
@@ -120,7 +120,7 @@ def test_certificates_of_a_store_are_kept_compared_and_checked(job, n, tmp_path,
     for data, reason in wrong.items():
         path.write_bytes(data)
         longest = "60" if "seal" in reason else "0"  # the others are seen without a check
-        result = invoke("verify", tmp_path, "--proofs", "--max-seconds", longest)
+        result = invoke("verify", tmp_path, "--proofs", "--max-cpu-seconds", longest)
         assert result.exit_code == 1, reason
         assert reason in result.output.split("wrong: 1 tile\n")[1]
         assert "1 tile damaged" in result.output  # by the checksum in its record, too
@@ -128,10 +128,10 @@ def test_certificates_of_a_store_are_kept_compared_and_checked(job, n, tmp_path,
         file = tmp_path / f"{job.cube.name}.zarr/{file}"
         whole = file.read_bytes()
         file.write_bytes(data)
-        result = invoke("verify", tmp_path, "--proofs", "--max-seconds", "0", "--repair")
+        result = invoke("verify", tmp_path, "--proofs", "--max-cpu-seconds", "0", "--repair")
         assert (result.exit_code, path.exists()) == (1, True)
         file.write_bytes(whole)
-    result = invoke("verify", tmp_path, "--proofs", "--max-seconds", "0", "--repair")
+    result = invoke("verify", tmp_path, "--proofs", "--max-cpu-seconds", "0", "--repair")
     assert "repaired" in result.output
     assert not path.exists()
     done = np.prod(job.cube.tile_counts) - len(store.missing(place, job.cube))

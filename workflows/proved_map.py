@@ -19,11 +19,11 @@ _DISTANCE = "Relative distance from the boundary at which proofs of barriers sto
 
 @command()
 @choice("--cells", _CELLS, "512", "Cells per unit of strength, at the finest.")
-@real("--seconds", 0.02, 1e-3, 1e4, _SECONDS)
+@real("--cpu-seconds", 0.02, 1e-3, 1e4, _SECONDS)
 @real("--distance", 0.09, 1e-3, 0.5, _DISTANCE)
-@preset("--full", "In full, two CPU hours", cells="2048", seconds=0.2, distance=0.01)
+@preset("--full", "In full, two CPU hours", cells="2048", cpu_seconds=0.2, distance=0.01)
 @sweeps
-def main(run, cells, seconds, distance):
+def main(run, cells, cpu_seconds, distance):
     import numpy as np
 
     from nasm.barriers import critical_scale
@@ -40,7 +40,7 @@ def main(run, cells, seconds, distance):
     few = np.linspace(0, 45, 7).tolist()
     guess = [(angle, critical_scale(ray(angle), 0.1).value) for angle in few]
     then = (
-        proved_map(guess, int(cells), seconds),
+        proved_map(guess, int(cells), cpu_seconds),
         proved_triangles(guess, [""] * len(few), distance),
     )
     with run.sweeping(barriers, later=[(job, None) for job in then]):
@@ -49,7 +49,7 @@ def main(run, cells, seconds, distance):
         names = "angle", "critical_scale", "circle"
         at, scales, circles = (known[name].values.tolist() for name in names)
         rays = list(zip(at, scales, strict=True))
-        jobs = proved_map(rays, int(cells), seconds), proved_triangles(rays, circles, distance)
+        jobs = proved_map(rays, int(cells), cpu_seconds), proved_triangles(rays, circles, distance)
         cubes = [run.sweep(job).load() for job in jobs]
         found = *cubes, barrier
         run.figure("proved_map", draw_proved_map, *found, caption=proved_map_caption(*found))

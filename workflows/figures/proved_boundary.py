@@ -39,7 +39,7 @@ def proved_boundary_caption(barrier):
     width = ((barrier.proved_upper - barrier.proved_lower) / barrier.critical_scale).values
     proved = np.isfinite(width)
     if not proved.any():
-        return "Nothing was proved on both sides of any ray; allow more --seconds."
+        return "Nothing was proved on both sides of any ray; allow more --cpu-seconds."
     below = float((barrier.proved_below / barrier.critical_scale).median())
     return (
         f"On {proved.sum()} of {width.size} rays around the plane a barrier is proved to exist at "

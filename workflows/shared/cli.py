@@ -32,7 +32,7 @@ from workflows.shared import streams  # noqa: E402
 COMMON = {"help_option_names": ["-h", "--help"]}
 # Options that nobody needs daily.
 _ADVANCED = (
-    *("follow", "max_seconds", "n_cusp_rays", "picture_angle", "precision", "release"),
+    *("follow", "max_cpu_seconds", "n_cusp_rays", "picture_angle", "precision", "release"),
     *("scheduler", "store", "tile", "tls", "yes"),
 )
 version = click.version_option(__version__, message="nasm %(version)s")
@@ -362,7 +362,15 @@ _YES = "Run although it is predicted to take more than ten minutes, as --full do
 _SMALLER = (
     *("--n-rays", "--n-cusp-rays", "--first", "--second", "--primary", "--secondary", "--cells"),
     *("--n-max", "--n-orbits", "--n-particles", "--q-max", "--max-denominator"),
-    *("--seconds", "--n-forcings", "--n-climbs", "--n-phases", "--phase", "--frequency", "--angle"),
+    *(
+        "--cpu-seconds",
+        "--n-forcings",
+        "--n-climbs",
+        "--n-phases",
+        "--phase",
+        "--frequency",
+        "--angle",
+    ),
     *("--omega", "--vector", "--coupling", "--method", "--ray"),
 )
 _LARGER = "--tol", "--least-excess", "--distance"

@@ -55,9 +55,11 @@ def examine(path, place, repair, proofs, longest):
 @command(default_map={"out": "out"})
 @flag("--repair", "Mark what is damaged as missing, to be computed again.")
 @flag("--proofs", "Check certificates too, with the extra `proof`.")
-@real("--max-seconds", 60, 0, 1e9, "CPU seconds: certificates that take longer are not checked.")
+@real(
+    "--max-cpu-seconds", 60, 0, 1e9, "CPU seconds: certificates that take longer are not checked."
+)
 @place_options
-def main(out, store, repair, proofs, max_seconds):
+def main(out, store, repair, proofs, max_cpu_seconds):
     from workflows.shared.run import runs_of
 
     if proofs:
@@ -67,7 +69,7 @@ def main(out, store, repair, proofs, max_seconds):
     n_damaged = n_repairable = 0
     with runs_of(out, store) as runs:
         for path, place in runs.items():
-            damaged, repairable = examine(path, place, repair, proofs, max_seconds)
+            damaged, repairable = examine(path, place, repair, proofs, max_cpu_seconds)
             n_damaged, n_repairable = n_damaged + damaged, n_repairable + repairable
     n_left = n_damaged - n_repairable if repair else n_damaged
     if n_damaged:

@@ -66,7 +66,7 @@ def verify_proofs(path, place, longest, repair):
                 progress.advance(predicted, used, wall)
         words = f"checked {len(short)} of {plural(len(costs), 'certificate')}"
         if len(short) < len(costs):
-            words += f"; the others take {duration(sum(costs) - sum(short))}, see --max-seconds"
+            words += f"; the others take {duration(sum(costs) - sum(short))}, see --max-cpu-seconds"
         click.echo(f"{path}{name}: {words}; wrong: {plural(len(bad), 'tile')}")
         for index, what in bad.items():
             click.echo(store.printable(f"  tile {index}: {what}"))
