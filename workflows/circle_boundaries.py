@@ -5,7 +5,7 @@ Figs. 8 and 9) or any others, by two methods: the paper's, circles continued fro
 breakdown, and Greene's residue, which is sharper, knows nothing of circles and needs no zero. The
 residue also answers where continuation does not reach the tolerance; such points are not compared.
 
-Three cubes, two tables and two figures in OUT. The defaults take a minute and a half on two cores.
+Three cubes, two tables and two figures in OUT. The defaults take about three CPU minutes.
 """
 
 from workflows.shared.cli import command, plane_option, ray_options, real, several, sweeps, whole

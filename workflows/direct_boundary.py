@@ -6,8 +6,8 @@ first escape times are computed, thirty scales to a decade of s/s_c - 1, up to t
 without escape: escapes far out are quick, and no escape, which costs M·N orbit steps, is met once a
 ray. The insets of Fig. 6 show how often one long orbit visits each part of the cell.
 
-Three cubes, a table and two figures in OUT. The defaults take some four minutes of CPU time; it
-grows like the steps and the orbits.
+Three cubes, a table and two figures in OUT. The defaults take about three CPU minutes,
+which grow like the steps and the orbits.
 """
 
 from workflows.shared import cli

@@ -7,7 +7,7 @@ scale of an irrational Ω the limit of the least one, over the phases, of its co
 The default irrational numbers are [0;8,(1)], [0;5,(1)], … [0;2,(1)], [0;2,3,(1)], √5 - 2, √2 - 1,
 1 - 1/√2, π - 3, 1/e and 1 - 1/τ - 1/τ², τ the tribonacci constant.
 
-A cube, a table and a figure in OUT. The defaults take some 19 CPU minutes, --quick two.
+A cube, a table and a figure in OUT. The defaults take about 19 CPU minutes, --quick two.
 """
 
 from fractions import Fraction

@@ -3,7 +3,7 @@
 On each ray: the critical scale from Greene's residue, bracketed by a certified circle (below) and
 converse KAM (above).
 
-Two cubes, a table and a figure in OUT. The defaults take about a minute and a half on two cores.
+Two cubes, a table and a figure in OUT. The defaults take about a CPU minute.
 """
 
 from workflows.shared.cli import command, plane_option, ray_options, real, sweeps

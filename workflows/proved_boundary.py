@@ -4,8 +4,8 @@ On each ray a circle is proved to exist at one forcing, and transport to be glob
 beyond it; `nasm/proofs/README.md` has both theorems. Between the two nothing is proved. Further in,
 a barrier is proved to exist on all of the ray.
 
-Two cubes, a table and a figure in OUT, with the extra `proof`. The defaults take about four minutes
-on two cores, for brackets 0.10 to 0.21% wide on four rays that were tried; with --cpu-seconds 8, in
+Two cubes, a table and a figure in OUT, with the extra `proof`. The defaults take about eight CPU
+minutes, for brackets 0.10 to 0.21% wide on four rays that were tried; with --cpu-seconds 8, in
 some ten, each side is within 0.09% of the breakup on all 46.
 """
 

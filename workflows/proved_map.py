@@ -5,7 +5,7 @@ runs; a barrier in triangles from κ = 0 on. `nasm/proofs/README.md` has the the
 map is open, nothing is proved either way.
 
 Three cubes and a figure of 0 <= kappa2 <= kappa1 <= 1.125 and images in OUT, with the extra
-`proof`. The defaults take about two minutes of CPU time.
+`proof`. The defaults take about two CPU minutes.
 """
 
 from workflows.shared.cli import choice, command, preset, real, sweeps

@@ -8,8 +8,7 @@ them, and has where converse KAM denies all others, whatever their ω.
 The paper's vector of 1705/3136 is the first of three. 1/τ = 0.543689… and 1/τ + 1/τ² = 0.839286…,
 τ the tribonacci constant, have the convergents of the other two; 2631 may be a misprint of 2632.
 
-Four cubes, a table and two figures in OUT. The defaults take about a minute and a half on two
-cores.
+Four cubes, a table and two figures in OUT. The defaults take about two CPU minutes.
 """
 
 from workflows.shared.cli import command, ray_options, sweeps, whole

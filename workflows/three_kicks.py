@@ -7,8 +7,8 @@ For Ω = 1/3 it is the same for φ0 + 1/3, where the kicks start one later; for 
 reversed; for φ0 + 1/2 and -Δκ; and for -κ̄ and -Δκ. So all phases are those from 0 to 1/12, with
 both signs of Δκ; at 1/12 these are alike. In between the kicks have no symmetry centre.
 
-A cube for each phase and one of T, a table and a figure in OUT. The defaults take some five minutes
-of CPU time.
+A cube for each phase and one of T, a table and a figure in OUT. The defaults take about four CPU
+minutes.
 """
 
 from workflows.shared import cli

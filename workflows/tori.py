@@ -4,7 +4,7 @@ The barriers of kicks that never repeat (arXiv:1606.04824, Sec. VII) are tori ov
 here to their breakup by Newton's method and certified on finer grids. The default vectors are those
 of the tribonacci constant, as in the paper's Fig. 11, and of √2 and the golden mean.
 
-Two cubes, a table and two figures in OUT. The defaults take some seven CPU minutes; --quick half a
+Two cubes, a table and two figures in OUT. The defaults take about eight CPU minutes, --quick half a
 minute.
 """
 

@@ -3,7 +3,7 @@
 Claim by claim through arXiv:1606.04824: our value with its error, the verdict that a rule makes of
 it (`claims.rules`), and the command that shows it; the errata, and the envelope of all CB_ω.
 
-A page, three tables and eight cubes in OUT. Some minutes on two cores; --n-rays 19 --n-cusp-rays 8
+A page, three tables and eight cubes in OUT. About four CPU minutes; --n-rays 19 --n-cusp-rays 8
 --tol 1e-3 --n-max 20000 --n-orbits 64, one.
 """
 

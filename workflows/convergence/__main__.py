@@ -6,7 +6,7 @@ the number M of orbits. How the errors of the other methods fall is in the table
 
 A ray κ = s·profile of any period is in a plane FILE.json whose "first" is the profile, at --angle
 0. A cube and a table, and for 45 degrees of two kicks a second cube, with a figure each, in OUT.
-About two minutes on two cores; ten times the steps or orbits take ten times as long.
+About three CPU minutes; ten times the steps or orbits take ten times as long.
 """
 
 from workflows.shared.cli import command, increasing, plane_option, preset, real, sweeps, whole

@@ -4,7 +4,7 @@ D(κ1, κ2) by ensembles, with errors, on rays from CB_gt outwards; next to CB_g
 is fast enough, the flux ΔW through what is left of the last circle: were this all that resists, D
 would be ΔW/m, for m such circles in a unit of y, and fall like (s/s_c - 1)^3.01.
 
-Three cubes, a table, a figure in OUT. The defaults take six minutes of CPU time, --quick under one.
+Three cubes, a table, a figure in OUT. The defaults take about six CPU minutes, --quick one.
 """
 
 from workflows.shared.cli import command, flag, sweeps, whole

@@ -5,7 +5,7 @@ action of minimax and minimizing orbits, and grows like (s/s_c - 1)^η, η = 3.0
 arXiv:1606.04824, Sec. VII, by MacKay, Meiss & Percival, Physica D 13 (1984) 55.
 
 Two cubes, two tables and a figure in OUT. Distances beyond the breakup go up to 0.5. The defaults
-take a minute on two cores.
+take about a CPU minute.
 """
 
 from math import ceil, log10

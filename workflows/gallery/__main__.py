@@ -5,7 +5,7 @@ into a directory of its own in OUT, all on the same workers, and writes OUT/inde
 resumes by itself. Below its figures are the lines that read its cubes and draw their essence, to be
 run in OUT: OUT/recipes has them as scripts and notebooks.
 
-By default a preview of everything, some ten minutes of CPU time.
+By default a preview of everything, about ten CPU minutes.
 """
 
 import json
@@ -66,7 +66,7 @@ def shown(exhibit, out, quick):
 _NAMES = [exhibit.name for exhibit in EXHIBITS]
 _RELEASE = (
     "Make in DIR, instead, what is published under a DOI: the boundary, the six circles' and the "
-    "proved map down to 1/128, with certificates and checksums; 70 MB, ten minutes of CPU time."
+    "proved map down to 1/128, with certificates and checksums; 70 MB, ten CPU minutes."
 )
 
 

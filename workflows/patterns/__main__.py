@@ -10,7 +10,7 @@ of 2K|cos πkε|, whose orbits of period one have R = K|cos πkε|/2. Those near
 two kicks cancel, are the weakest. To second order two kicks that cancel leave K²ε/2 sin 4πx as
 ε → 0: a standard map of 2x and 2p of strength K²ε. So circles there should break at √(κ_G/ε).
 
-A cube, a table, a figure in OUT. The defaults take ten minutes of CPU time, --quick less than one.
+A cube, a table, a figure in OUT. The defaults take about ten CPU minutes, --quick one.
 """
 
 from workflows.shared.cli import command, flag, real, sweeps

@@ -8,7 +8,7 @@ predicted one, as the area under the golden circle falls by 0.0073 per unit of �
 phases followed it, graphs were excluded after ~ r^-(0.497 ± 0.002) kicks (21 rates from 10⁻² to
 10⁻⁷).
 
-Two cubes and a figure in OUT. The defaults take a minute, --quick ten seconds.
+Two cubes and a figure in OUT. The defaults take about a CPU minute, --quick ten seconds.
 """
 
 from workflows.shared.cli import command, flag, writes

@@ -6,8 +6,8 @@ KAM asks the recorded kicks for barriers, and the periodic forcing that is fitte
 a barrier that converse KAM cannot see, as it folds: the circle of a forcing that settles, pulled
 back to its beginning.
 
-Three cubes, a table and a figure in OUT. The defaults take six minutes of CPU time, with --quick
-one and a half.
+Three cubes, a table and a figure in OUT. The defaults take about six CPU minutes, --quick one and
+a half.
 """
 
 from workflows.shared.cli import command, preset, real, whole, writes

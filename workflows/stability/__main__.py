@@ -5,7 +5,7 @@ the end of the twist (single kicks keep theirs, which is what converse KAM needs
 of converse KAM and of Newton's method, and for tori next to a resonance. What they found is
 printed, and is the caption.
 
-Seven cubes and three figures in OUT. Two to three minutes on two cores; --quick less than one.
+Seven cubes and three figures in OUT. About four CPU minutes, --quick one.
 """
 
 from functools import partial

@@ -6,7 +6,7 @@ d^(ln δ/ln λ), times a function of ln d that repeats when the convergents meet
 the ripple again. The conjecture is that no forcing of the same rms strength holds a barrier longer
 than constant kicks: random ones are tried, and climbs to better ones.
 
-Cubes, tables and a figure in OUT. The defaults take ten minutes of CPU time; --quick less than one.
+Cubes, tables and a figure in OUT. The defaults take about ten CPU minutes, --quick one.
 """
 
 from workflows.shared.cli import command, flag, sweeps, whole
