@@ -108,7 +108,7 @@ class Files(ObjectStore):
             return await super().get(key, prototype, byte_range)
         try:
             file = await self.store.get_async(key)
-        except FileNotFoundError:
+        except (FileNotFoundError, IsADirectoryError, NotADirectoryError):
             return None
         if file.meta["size"] > MAX_FILE:
             raise ValueError(f"{key} has more than {MAX_FILE} bytes")
