@@ -251,18 +251,15 @@ def _extrapolation(scales, log_m, growth, delta, order):
     The rule needs the scales at M, M/Λ, …, which are interpolated in log(s_c - s).
     """
     at = [log_m[-1] - k * log(growth) for k in range(1, order + 1)]
-    starts, weights = zip(*(_interpolation(log_m, x) for x in at), strict=True)
-    weights = np.array(weights)
-    nodes = [scales[start : start + 4].tolist() for start in starts]
+    nodes = [_interpolation(scales, log_m, x) for x in at]
+    wild = sum(abs(weight) for node in nodes for weight, _ in node) > 100
     value = scales[-1] + _straight_way(scales, log_m, growth, delta)
     for _ in range(_ROUNDS):
         # Beyond 10 times the last scale, or by wild weights, there is nothing to be found.
-        if not scales[-1] < value < 10 * scales[-1] or np.abs(weights).sum() > 100:
+        if not scales[-1] < value < 10 * scales[-1] or wild:
             break
         guess = value
-        # In this order of additions on every processor, which a matrix product is not.
-        gaps = (weights * np.array([[log(guess - x) for x in row] for row in nodes])).sum(axis=1)
-        column = [scales[-1], *(guess - exp(min(gap, _LARGEST_POWER)) for gap in gaps.tolist())]
+        column = [scales[-1], *(guess - _way(node, guess) for node in nodes)]
         for power in range(1, order + 1):
             lower_order = column[0]
             column = [a + (a - b) / (delta**power - 1) for a, b in pairwise(column)]
@@ -280,10 +277,19 @@ def _straight_way(scales, log_m, growth, delta):
     return (scales[-1] - scales[-2]) * shrink / (1 - shrink) if shrink < 1 else inf
 
 
-def _interpolation(x, at):
-    """The first of four points around `at`, and the weights of their values in the cubic there."""
-    start = min(max(int(np.searchsorted(x, at)) - 2, 0), x.size - 4)
-    return start, newton.lagrange(x[start : start + 4].tolist(), at)
+def _interpolation(scales, log_m, at):
+    """Four (weight, scale) around log M = `at`, whose weighted sum is the value of the cubic."""
+    start = min(max(int(np.searchsorted(log_m, at)) - 2, 0), log_m.size - 4)
+    weights = newton.lagrange(log_m[start : start + 4].tolist(), at)
+    return list(zip(weights, scales[start : start + 4].tolist(), strict=True))
+
+
+def _way(nodes, value):
+    """s_c - s, if s_c is `value`, by interpolation of its logarithm between the nodes."""
+    logarithm = 0.0
+    for weight, scale in nodes:  # in this order on every processor, as no matrix product is
+        logarithm += weight * log(value - scale)
+    return exp(min(logarithm, _LARGEST_POWER))
 
 
 def _scaling(tail):
