@@ -54,7 +54,7 @@ def test_a_listing_while_tiles_are_committed_finds_no_record_without_data(on_dis
         patch.setattr(store.Place, "files", committing)
         done, written = store.tiles.survey(on_disk, store.tiles.arrays_of(on_disk, "toy"))
     # One listing for each array, whose records come first; no chunk is read.
-    assert listed == [f"toy.zarr/{key}/c/" for key in (COMMIT, "wave", "sign")]
+    assert listed == [f"toy.zarr/{key}/c" for key in (COMMIT, "wave", "sign")]
     assert np.argwhere(done).tolist() == np.argwhere(np.isfinite(written)).tolist() == [[0, 0]]
     (state,) = store.status(on_disk)
     assert (state.done, state.lost) == (4, 0)
@@ -77,6 +77,14 @@ def test_a_copy_that_was_made_while_a_sweep_ran_is_completed_by_the_same_command
     assert state.lost >= 10
     assert toy.watched_sweep(here, copy, plan).committed == 25 - state.done == len(toy.COMPUTED)
     toy.assert_complete(copy, plan)
+
+
+def test_of_how_many_tiles_were_wanted_nothing_is_believed_that_cannot_be(on_disk):
+    fill(on_disk, toy.cube(), [(0, 0), (1, 1), (2, 2)])
+    for noted, n_tiles in ((b"3", 3), (b"12", 12), (b"2", 20), (b"21", 20), (b"9" * 5000, 20)):
+        put(on_disk, store.wanted_key("toy"), noted)
+        (state,) = store.status(on_disk)
+        assert (state.done, state.tiles) == (3, n_tiles)
 
 
 def test_data_that_are_lost_under_way_are_missed_at_the_end(here, tmp_path):

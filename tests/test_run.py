@@ -94,17 +94,17 @@ def test_a_study_is_computed_again_where_it_is_damaged(tmp_path, study):
         assert (study.count, chunk.read_bytes()) == (count + 1, whole)
 
 
+@pytest.mark.parametrize("lost", ["tiles/commit/c/0/1/2", "sign/c/1/2"])
 def test_a_study_is_computed_again_while_a_sweep_that_it_was_made_from_misses_tiles(
-    here, tmp_path, study
+    here, tmp_path, study, lost
 ):
-    place = run.place_of(tmp_path)
     toy.run(here, tmp_path, toy.cube())
-    for free in (False, True):
-        if free:
-            run.store.free(place, "toy", (0, 0))
+    for is_complete in (True, False):
+        if not is_complete:
+            (tmp_path / "toy.zarr" / lost).unlink()
         with driven(tmp_path) as one:
             one.kept(untiled("squares"), study, "toy")
-            assert one.holds(untiled("squares"), "toy") is not free
+            assert one.holds(untiled("squares"), "toy") is is_complete
     assert study.count == 2
 
 

@@ -154,7 +154,7 @@ def test_a_tile_of_other_shape_or_kind_is_refused_and_one_of_fill_values_is_stor
 
 def test_files_of_somebody_else_are_no_tiles_whatever_their_times(on_disk):
     fill(on_disk, toy.cube())
-    for name in (".DS_Store", "0/7", "0/1/x", "x/y/z", "0/9/9", "1/2/3"):
+    for name in (".DS_Store", "0/7", "0/1/x", "x/y/z", "0/9/9", "1/2/3", "0/1/-4", "0/-3/1"):
         put(on_disk, f"toy.zarr/{COMMIT}/c/{name}", bytes(20))
     put(on_disk, f"toy.zarr/{COMMIT}/c/0/1/1", None)
     for i, key in enumerate(contents(on_disk)):  # nor do clocks count

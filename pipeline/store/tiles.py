@@ -109,26 +109,43 @@ def survey(place, arrays):
     data are there, in full length; and the time of its record in seconds, NaN if there is none."""
     counts = arrays[COMMIT].shape[1:]
     chunked = {key: array for key, (array, _) in blocks(arrays, (0,) * len(counts)).items()}
+    records = chunked.pop(COMMIT)
+    written = np.full(records.cdata_shape, np.nan)
     # The records come first: the data of each are older, so that a tile which is committed during
     # the listing does not seem to lack them.
-    done, written = _listed(place, chunked.pop(COMMIT))
+    done = _listed(place, records, written)
     for array in chunked.values():
-        done &= _listed(place, array)[0].reshape(done.shape)
+        done &= _listed(place, array).reshape(done.shape)
     return done.reshape(counts), written.reshape(counts)
 
 
-def _listed(place, array):
-    """List the array's chunks. Returns arrays over its grid: whether a chunk is there in full
-    length; and its time in seconds, NaN if it is not there."""
-    is_whole, times = np.zeros(array.cdata_shape, bool), np.full(array.cdata_shape, np.nan)
-    folder, n_bytes = f"{array.path}/c/", _bytes_of_chunk(array)
-    for file in place.files(folder):
-        with suppress(ValueError, IndexError):  # somebody else's file
-            block = tuple(map(int, file["path"].removeprefix(folder).split("/")))
-            if len(block) == array.ndim and min(block) >= 0:
-                is_whole[block] = file["size"] == n_bytes
-                times[block] = file["last_modified"].timestamp()
-    return is_whole, times
+def _listed(place, array, times=None):
+    """List the array's chunks; return an array over its grid, whether each is there in full length.
+
+    times : array over the grid, to be filled with the times of those that are there, in seconds.
+    """
+    is_whole, n_bytes = np.zeros(array.cdata_shape, bool), _bytes_of_chunk(array)
+    root, rows, (*grid, n) = f"{array.path}/c", {}, array.cdata_shape
+    for file in place.files(root):
+        # A folder holds a row of the grid. It is parsed once, as there may be a million files.
+        folder, _, last = file["path"].rpartition("/")
+        if folder not in rows:
+            rows[folder] = _index(folder.removeprefix(root).split("/")[1:], grid)
+        row = rows[folder]
+        if row is not None and last.isdecimal() and (i := int(last)) < n:
+            is_whole[*row, i] = file["size"] == n_bytes
+            if times is not None:
+                times[*row, i] = file["last_modified"].timestamp()
+    return is_whole
+
+
+def _index(texts, shape):
+    """The index that the texts spell in an array of the shape; None if they are no index of it, as
+    in somebody else's files."""
+    if len(texts) == len(shape) and all(map(str.isdecimal, texts)):
+        index = tuple(map(int, texts))
+        return index if all(i < n for i, n in zip(index, shape, strict=True)) else None
+    return None
 
 
 def _bytes_of_chunk(array):

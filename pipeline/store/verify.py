@@ -67,9 +67,11 @@ def _state(place, name):
     recent = times[times >= times.max(initial=0) - RECENT]
     span = np.ptp(recent) if recent.size else 0
     rate = float((recent.size - 1) / span) if span > 0 else nan
-    wanted = place.read(tiles.wanted_key(name))
-    n_tiles = int(wanted) if wanted.isdigit() and len(wanted) < 20 else done.size
-    n_done = int(done.sum())
+    n_done, n_tiles = int(done.sum()), done.size
+    with suppress(ValueError):  # none was noted
+        # Less than what is done was noted before, e.g. where a copy was made while a sweep ran.
+        if n_done <= (wanted := int(place.read(tiles.wanted_key(name)))) <= n_tiles:
+            n_tiles = wanted
     return State(name, n_tiles, n_done, int(has_record.sum()) - n_done, len(failed), reasons, rate)
 
 
