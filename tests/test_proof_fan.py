@@ -325,10 +325,10 @@ def test_a_constant_that_leaves_something_out_is_noticed(changes):
     assert too_small(case, *proved_constants(case, changed))
 
 
-TOTAL = "missed[0] + lebesgue[0] * (missed[1] + lebesgue[1] * errors[j])"
+TOTAL = "missed[0] + constants[0] * (missed[1] + constants[1] * errors[j])"
 WRONG_CHECKS = {
-    (TOTAL, "missed[0] + missed[1] + lebesgue[1] * errors[j]"): "points",
-    (TOTAL, "missed[0] + lebesgue[0] * (missed[1] + errors[j])"): "points in t",
+    (TOTAL, "missed[0] + missed[1] + constants[1] * errors[j]"): "points",
+    (TOTAL, "missed[0] + constants[0] * (missed[1] + errors[j])"): "points in t",
     ("defect + moved * norm(d, r)", "defect"): "steep",
     ("(step[0][m] + step[1][i])", "step[0][m]"): "steep in t",
     ("n = [1 + sum(column) for column", "n = [1 + column[0] for column"): "steep",
@@ -386,6 +386,35 @@ def test_the_constant_of_interpolation_is_above_lebesgues():
         on_the_grid = np.abs(weights @ T).sum(axis=0).max()
         largest = on_the_grid / (1 - n * theta[1] / 2)
         assert 0.9 < largest / (1 + 2 / np.pi * np.log(n)) < 1
+
+
+def test_what_interpolation_misses_is_bounded_on_the_best_ellipse():
+    (Q, R), rho, r = (6, 4), 0.01, np.geomspace(1.2, 40, 5000)[:, None]
+    m, k = np.array([*product(range(Q), range(R))]).T
+    norms = 0.05 * 0.7 ** (m + k)
+    found = fan((0.3, 0.5), (0.1, 0.2), 0.2, 1.0, (Q, R))
+    with ctx.workprec(128):
+        bound = float(found._between(arb(0), arb(rho), [arb(x) for x in norms], 1))
+
+    def missed(strength, degrees, n):
+        sizes = rho + ((r**degrees + r**-degrees) / 2 * norms).sum(axis=1)[:, None]
+        B = strength / (2 * np.pi) * np.exp(2 * np.pi * np.minimum(sizes, 100))
+        return (4 * B * r ** (-n) / (1 - 1 / r)).min()
+
+    axes = (r + 1 / r) / 2
+    along, beside = missed((0.6 + 0.4 * axes) * 0.7, m, Q), missed(0.5 + 0.2 * axes, k, R)
+    exact = (1 + 2 / np.pi * np.log(Q)) * beside + along
+    assert (1 - 1e-9) * exact <= bound < 1.05 * exact
+
+
+def test_the_checkers_constants_of_interpolation_are_lebesgues():
+    for n in range(2, checker.DEGREES + 2):
+        theta = np.linspace(0, np.pi / 2, 20 * n + 1)
+        weights = np.cos(np.outer(np.arccos(nodes(n)), np.arange(n))) * 2 / n
+        weights[:, 0] /= 2
+        on_a_grid = np.abs(weights @ np.cos(np.arange(n)[:, None] * theta)).sum(axis=0).max()
+        with ctx.workprec(checker.BITS):
+            assert 0.999 < on_a_grid / float(checker.lebesgue(n)) < 1 + 1e-12
 
 
 def test_what_is_as_small_as_rounding_is_left_out():

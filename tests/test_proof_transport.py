@@ -307,6 +307,14 @@ def test_overflow_and_nan_eliminate_nothing(row):
         assert after_a_block(row, value) == (proofs.transport._FAILED, True)
 
 
+@pytest.mark.parametrize("off", [0.998, 1.002, 1.5])
+def test_a_wronskian_that_is_a_little_off_eliminates_nothing(off):
+    start_of_scale = 1 / (1e-3 * 2 * 0.5)
+    scale = len(STATE)
+    assert after_a_block(scale, start_of_scale) == (proofs.transport._ELIMINATED, True)
+    assert after_a_block(scale, off * start_of_scale) == (proofs.transport._FAILED, True)
+
+
 @pytest.mark.parametrize(("kappa", "budget", "kicks"), [(63 / 64, 0.5, 50_000), (0.9718, 5, 10**9)])
 def test_mackay_percival_1985_and_jungreis_1991(kappa, budget, kicks):
     """No circle of the standard map at 63/64, in a millisecond, and at 0.9718."""

@@ -773,10 +773,7 @@ def theorem(data):
             with ctx.workprec(64):
                 d, defect = inverse(slope(f), r, 2 * max(map(len, totals)))
                 p[j] = p[j].max(neumann(norm(d, r), defect + moved * norm(d, r)))
-    lebesgue = [
-        sum((arb(2 * i + 1) / (4 * N)).cot_pi() for i in range(N)) / N if N > 1 else arb(1)
-        for N in points
-    ]
+    constants = [lebesgue(N) for N in points]
     largest = [abs(a) + abs(b) for a, b in zip(kappa, tilt, strict=True)]
     for j in range(len(n)):
         missed = [arb.pos_inf() if varies else arb(0) for varies in (long, fanned)]
@@ -788,8 +785,15 @@ def theorem(data):
                 B = reach[axis] / two_pi * (two_pi * (rho + sum(grown))).exp()
                 tail = 4 * B * (-points[axis] * far).exp() / (1 - (-far).exp())
                 missed[axis] = tail if tail < missed[axis] else missed[axis]
-        errors[j] = missed[0] + lebesgue[0] * (missed[1] + lebesgue[1] * errors[j])
+        errors[j] = missed[0] + constants[0] * (missed[1] + constants[1] * errors[j])
     return conclusion([high * x for x in largest], rho, divisors, period, errors, n, p, k)
+
+
+def lebesgue(n):
+    """Lebesgue's constant of interpolation at n Chebyshev points."""
+    if n == 1:
+        return arb(1)
+    return sum((arb(2 * i + 1) / (4 * n)).cot_pi() for i in range(n)) / n
 
 
 def sizes(f):

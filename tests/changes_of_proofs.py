@@ -1,0 +1,258 @@
+"""Draw changes of one token in the programs that prove, and see whether their tests notice.
+
+    python tests/changes_of_proofs.py draw 53 100   # list the first changes that a seed draws
+    python tests/changes_of_proofs.py table         # run the tests with those of a table
+    python tests/changes_of_proofs.py table 5 17    # with these, by number
+
+Changes are drawn from what a proof rests on: `PROVING`. What only chooses where to look, or speaks
+of what was found, is left out. A constant becomes another, a comparison, a sign or an operation its
+opposite, and a `demand` or a `raise` does nothing. Whether a change is unsound, so that something
+false could be called proved, is for people to say. changes_of_proofs.toml has what they said of the
+first changes of seed 53, in the order in which they were drawn, until 40 were unsound; after the
+sources have changed a seed draws others.
+
+The changed program is in the memory of a forked process, and never on disk. Tests that change lines
+themselves do not count: their tables say only that a line is another.
+"""
+
+import ast
+import linecache
+import multiprocessing
+import os
+import random
+import re
+import sys
+import tokenize
+import tomllib
+from importlib import import_module
+from importlib.machinery import PathFinder, SourceFileLoader
+from io import StringIO
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+HERE = Path(__file__).parent
+FORKED = multiprocessing.get_context("fork")
+# What tests import, but for what may be changed: once, before processes are forked.
+COMMON = "distributed", "hypothesis", "matplotlib.figure", "xarray", "flint", "nasm.barriers"
+PROOFS = HERE.parent / "nasm" / "proofs"
+# Of each module the functions on which proofs rest; None: all.
+PROVING = {
+    "certificate_checker": None,
+    "barrier": "_omega_ball _divisors _russmann Grid residual norm slope_modes "
+    "bounds_of_the_residual bound_of_the_inverse both_sides inequalities verified balls",
+    "fan": "covered _Fan _chebyshev",
+    "transport": "_closed _is_twist _is_positive _covered _followed _tiles _arithmetic_is_ieee "
+    "_follow _start _along _replay _accurate horner _next _kick",
+    "transport_cells": "prove_cell _covered _cover _halve _start _replay _trigonometry _kick",
+}
+KERNELS = "transport", "transport_cells"
+# Tests of each module, what takes little time first.
+TESTS = {
+    "certificate_checker": ("certificate_checker", "certificates", "proof_fan", "proof_barrier"),
+    "barrier": ("proof_barrier", "proof_fan", "certificates"),
+    "fan": ("proof_fan", "certificates"),
+    "transport": ("proof_transport", "certificates", "proof_cells"),
+    "transport_cells": ("proof_cells", "certificates"),
+}
+OTHERS = {
+    **{"<": (">", "<="), ">": ("<", ">="), "<=": (">=", "<"), ">=": ("<=", ">")},
+    **{"==": ("!=",), "!=": ("==",), "+": ("-",), "-": ("+",), "*": ("/",), "/": ("*",)},
+    **{"+=": ("-=",), "-=": ("+=",), "max": ("min",), "min": ("max",), "and": ("or",)},
+    **{"or": ("and",), "any": ("all",), "all": ("any",), "maximum": ("minimum",)},
+    **{"demand": ("(lambda *_: None)",), "raise": ("",), "not": ("",)},
+}
+
+
+class Change(NamedTuple):
+    """A token of a module, at a row and a column, and what takes its place."""
+
+    module: str
+    row: int
+    column: int
+    right: str
+    wrong: str
+
+    def __str__(self):
+        line = source(self.module).splitlines()[self.row - 1]
+        wrong = line[: self.column] + self.wrong + line[self.column + len(self.right) :]
+        return f"{self.module}:{self.row}\n    {line.strip()}\n    {wrong.strip()}"
+
+    def applied(self, text):
+        lines = text.splitlines(keepends=True)
+        line = lines[self.row - 1]
+        assert line[self.column :].startswith(self.right), "the sources have changed"
+        lines[self.row - 1] = (
+            line[: self.column] + self.wrong + line[self.column + len(self.right) :]
+        )
+        return "".join(lines)
+
+
+def table():
+    """The rows of changes_of_proofs.toml."""
+    return tomllib.loads((HERE / "changes_of_proofs.toml").read_text(encoding="utf-8"))["change"]
+
+
+def of_row(row):
+    """The Change of a row; LookupError if its line is not there."""
+    lines = source(row["module"]).splitlines()
+    found = [i for i, line in enumerate(lines) if line.strip() == row["right"]]
+    if len(found) < row.get("occurrence", 1):
+        raise LookupError(f"{row['right']!r} is no line: the table is out of date")
+    i = found[row.get("occurrence", 1) - 1]
+    column = len(lines[i]) - len(lines[i].lstrip())
+    return Change(row["module"], i + 1, column, row["right"], row["wrong"])
+
+
+def source(module):
+    return (PROOFS / f"{module}.py").read_text(encoding="utf-8")
+
+
+def candidates(module):
+    """All changes of what a proof rests on."""
+    text, names = source(module), PROVING[module]
+    rows = {
+        row
+        for node in ast.parse(text).body
+        if isinstance(node, ast.FunctionDef | ast.ClassDef)
+        and (names is None or node.name in names.split())
+        for row in range(node.lineno, node.end_lineno + 1)
+    }
+    for kind, right, (row, column), *_ in tokenize.generate_tokens(StringIO(text).readline):
+        if row not in rows:
+            continue
+        if kind == tokenize.NUMBER and re.fullmatch(r"\d+", right):
+            others = str(int(right) + 1), str(max(int(right) - 1, 0))
+        elif kind == tokenize.NUMBER:
+            others = f"({right} / 2)", f"({right} * 2)"
+        else:
+            others = OTHERS.get(right, ()) if kind in (tokenize.OP, tokenize.NAME) else ()
+        for wrong in others:
+            if wrong != right:
+                yield Change(module, row, column, right, wrong)
+
+
+def draw(seed, count):
+    """Changes in an order of chance, one at a place."""
+    found, places = [change for module in PROVING for change in candidates(module)], set()
+    random.Random(seed).shuffle(found)
+    chosen = []
+    for change in found:
+        if change[:3] not in places:
+            places.add(change[:3])
+            try:
+                compile(change.applied(source(change.module)), "changed", "exec")
+            except SyntaxError:  # as of x[*rows]
+                continue
+            chosen.append(change)
+    return chosen[:count]
+
+
+def noticed_by(change, seconds=3600):
+    """The test that fails with the change, "" if none does, fast or slow."""
+    ahead, behind = FORKED.Pipe(False)
+    child = FORKED.Process(target=_tested, args=(change, behind))
+    child.start()
+    behind.close()
+    try:
+        return ahead.recv() if ahead.poll(seconds) else "no answer within an hour"
+    except EOFError:
+        return "the process dies"
+    finally:
+        child.terminate()
+        child.join()
+
+
+def _tested(change, pipe):
+    """Run the tests in this process, which has not imported the module yet, until one fails."""
+    with open(os.devnull, "w") as nowhere:
+        for stream in (sys.stdout, sys.stderr):
+            os.dup2(nowhere.fileno(), stream.fileno())
+    sys.meta_path.insert(0, _Finder(change))
+    files = [str(HERE / f"test_{name}.py") for name in TESTS[change.module]]
+    first = _First()
+    options = [
+        "-x",
+        "-q",
+        "--assert=plain",
+        "-p",
+        "no:cacheprovider",
+        "-p",
+        "no:xdist",
+        "-m",
+        "not benchmark",
+    ]
+    words = "not changed_line and not leaves_something_out"
+    status = pytest.main([*options, "-o", "addopts=", "-k", words, *files], [first])
+    pipe.send(first.failed or (f"pytest ends with {status}" if status else ""))
+
+
+class _First:
+    """Of pytest: quick tests come first; and the first that fails."""
+
+    failed = ""
+
+    def pytest_collection_modifyitems(self, items):
+        audits = re.compile("a_kick|bound|constants|refused")
+        items.sort(key=lambda item: ("slow" in item.keywords, not audits.search(item.name)))
+
+    def pytest_runtest_logreport(self, report):
+        if report.failed and not self.failed:
+            self.failed = report.nodeid
+
+    def pytest_collectreport(self, report):
+        if report.failed:
+            self.failed = report.nodeid
+
+
+class _Loader(SourceFileLoader):
+    """Of a module that is changed in memory, or has kernels that others keep on disk unchanged."""
+
+    def __init__(self, name, path, change):
+        super().__init__(name, path)
+        text = Path(path).read_text(encoding="utf-8")
+        self.text = change.applied(text) if name.endswith(f".{change.module}") else text
+
+    def get_code(self, _):
+        return compile(self.text, self.path, "exec", dont_inherit=True)
+
+    def exec_module(self, module):
+        # Audits read the source: they see the changed one.
+        lines = self.text.splitlines(keepends=True)
+        linecache.cache[self.path] = len(self.text), None, lines, self.path
+        kernels = import_module("nasm.arithmetic.kernels")
+        kept, kernels.directory = kernels.directory, lambda: None
+        try:
+            super().exec_module(module)
+        finally:
+            kernels.directory = kept
+
+
+class _Finder:
+    def __init__(self, change):
+        self.change = change
+        names = KERNELS if change.module in KERNELS else (change.module,)
+        self.names = {f"nasm.proofs.{name}" for name in names}
+
+    def find_spec(self, name, path=None, target=None):
+        if name not in self.names:
+            return None
+        spec = PathFinder.find_spec(name, path, target)
+        spec.loader = _Loader(name, spec.origin, self.change)
+        return spec
+
+
+if __name__ == "__main__":
+    what, *numbers = sys.argv[1], *map(int, sys.argv[2:])
+    if what == "draw":
+        print(*(f"{i}: {change}" for i, change in enumerate(draw(*numbers))), sep="\n")
+    else:
+        for module in COMMON:
+            import_module(module)
+        assert not any(name.startswith("nasm.proofs.") for name in sys.modules)
+        for row in table():
+            if row["number"] in numbers or not (numbers or "harmless" in row):
+                change = of_row(row)
+                print(f"{row['number']}: {change}", flush=True)
+                print(f"    {noticed_by(change) or 'SURVIVES'}", flush=True)
