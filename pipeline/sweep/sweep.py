@@ -221,8 +221,12 @@ def _complaint(place, name, config_hash, computed_by):
 
 
 def _pack(costs, n_workers):
-    """Yield batches of tiles, the most expensive first; cheap ones together."""
-    order = np.argsort(-costs, kind="stable")
+    """Yield batches of tiles, the most expensive first; cheap ones together.
+
+    Tiles that are predicted to cost the same come in random order: the first are like the others.
+    """
+    shuffled = np.random.default_rng(0).permutation(costs.size)
+    order = shuffled[np.argsort(-costs[shuffled], kind="stable")]
     ends = np.cumsum(costs[order] + COMMIT)
     first = gone = 0
     while first < len(order):

@@ -30,7 +30,7 @@ from workflows.shared.tables import write
 MAX_REASONS = 10  # failed tiles whose reasons are printed
 _PROBING = 0.3  # CPU seconds for which an estimate of a sweep's time looks at its tiles
 _LONG = 5  # CPU seconds of work that are announced
-_DRAWING = 4  # CPU seconds in which findings are put into words and figures drawn, about
+_DRAWING = 3  # CPU seconds in which findings are put into words and figures drawn, about
 LONGEST = 600  # seconds that a run may take if it is not said that it may take longer
 
 # What decides cubes without tiles: besides the mathematics all of this package but the figures,
