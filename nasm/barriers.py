@@ -41,7 +41,7 @@ from nasm.farey import circle_stands, standing
 from nasm.maps import direction, forcing, segment, unkick
 from nasm.numbers import as_rotation_number, convergents, moebius, nobles_near, rational
 from nasm.orbits import rotation_number
-from nasm.symmetries import dominant_centre, halfway_nobles, ray, relatives, shorten
+from nasm.symmetries import dominant_centre, equivalent_forcings, half_shift_nobles, ray, shorten
 
 __all__ = [
     "boundary",
@@ -500,7 +500,7 @@ def candidates(kappa, start, n=_AVERAGED):
 
 
 def _nobles(kappa, *near):
-    return halfway_nobles(kappa, *near) + nobles_near(*near)
+    return half_shift_nobles(kappa, *near) + nobles_near(*near)
 
 
 def _most_robust(scales, best):
@@ -537,7 +537,8 @@ def tied(omega, profile):
     writes γ.
     """
     profile, omega = forcing(profile, "profile"), as_rotation_number(omega)
-    same = (turn for turn, (kappa,) in relatives(profile[None]) if np.array_equal(kappa, profile))
+    equivalent = equivalent_forcings(profile[None])
+    same = (turn for turn, (kappa,) in equivalent if np.array_equal(kappa, profile))
     return moebius(omega, -1, profile.size // 2) if any(same) else None
 
 

@@ -1,4 +1,4 @@
-"""The common answer of every method: at which scale does a circle, or the last one, break?
+"""The result of every method: the scale at which a circle, or the last one, breaks.
 
 On the ray κ = s·profile, s ≥ 0, the circle of rotation number ω exists for small s and breaks at
 the critical scale. The set of all critical points is the boundary CB_ω, that of the last circle
@@ -8,67 +8,142 @@ CB_gt (arXiv:1606.04824, Sec. V).
 import math
 from dataclasses import dataclass, fields
 from enum import Enum
+from html import escape
 
 import numpy as np
 
 from nasm.numbers import RotationNumber
+from nasm.texts import rounded_bracket, rounded_value
 
 __all__ = ["CriticalScale", "Result", "Status", "no_answer"]
 
 
 class Status(Enum):
-    """Why a CriticalScale has the value it has; anything but OK and WIDE comes with value NaN.
+    """Outcome of a method; each text states the reason and a cure.
 
-    Cubes store a member by its place, so a new one comes last.
+    With any other status than OK and WIDE the value is NaN.
+
+    Examples
+    --------
+    >>> from nasm.critical import Status
+    >>> print(Status.RATIONAL.value)
+    omega is rational, and no circle has it; use an irrational number, like gamma
     """
 
+    # Cubes store the place of a member: add new ones at the end.
     OK = "ok"
-    RATIONAL = "omega is rational: no circle, its convergents end"
-    OUTSIDE = "the circle is broken, or its orbits cannot be followed, at the segment's very start"
-    NO_BREAKUP = "no breakup found up to the largest scale searched"
-    NEAR_CUSP = "longest orbits do not yet tell the forcing from a shorter one, as on |κ1| = |κ2|"
-    DISORDERED = "Newton found an orbit of another kind: not ordered, or with the other sign of R"
-    NO_CIRCLE = "Newton's method finds no circle"
-    TOO_FEW_MODES = "the circle, if any, needs more modes than allowed; see barriers.last_circle"
-    NOT_CERTIFIED = "Newton's method converged on one grid but not on a finer one: not a circle"
-    NEARLY_RATIONAL = "omega is so near a fraction that rounding hides the difference"
-    UNDECIDED = "the methods contradict each other"
-    NOT_CONVERGED = "the estimates did not settle within the effort allowed; allow more of it"
-    WIDE = "value and error stand, but the bracket is more than twice as wide as asked for"
-    ANOMALOUS = "squares of displacements do not grow like n: accelerator modes; no diffusion"
+    RATIONAL = "omega is rational, and no circle has it; use an irrational number, like gamma"
+    OUTSIDE = (
+        "the circle is broken at the start of the segment, or its orbits cannot be followed from "
+        "there; start closer to zero"
+    )
+    NO_BREAKUP = (
+        "no breakup found up to the largest scale searched; try another ray or rotation number"
+    )
+    NEAR_CUSP = (
+        "the longest orbits do not distinguish the forcing from one of shorter period, as near "
+        "|κ1| = |κ2|; allow longer orbits, or take the forcing of shorter period"
+    )
+    DISORDERED = (
+        "Newton's method found an orbit of another kind: not ordered, or with the wrong sign of R; "
+        "use shorter orbits, or a method without orbits (circles.continuation, converse_kam)"
+    )
+    NO_CIRCLE = (
+        "Newton's method finds no circle; reduce the forcing, or approach it by continuation"
+    )
+    TOO_FEW_MODES = (
+        "the circle, if any, needs more modes than allowed; allow more, or use barriers.last_circle"
+    )
+    NOT_CERTIFIED = (
+        "Newton's method converged on one grid but not on a finer one, so this is not a circle; "
+        "reduce the forcing, or allow more modes"
+    )
+    NEARLY_RATIONAL = (
+        "omega is so close to a fraction that rounding hides the difference; use a number with "
+        "smaller partial quotients"
+    )
+    UNDECIDED = (
+        "the methods contradict each other; change the tolerance, or compare the methods one by one"
+    )
+    NOT_CONVERGED = (
+        "the estimates did not converge within the effort allowed; allow more of it: longer "
+        "orbits, more steps or more modes"
+    )
+    WIDE = (
+        "value and error are valid, but the bracket is more than twice as wide as requested; rely "
+        "on value and error, or accept the wider bracket"
+    )
+    ANOMALOUS = (
+        "squared displacements do not grow like n because of accelerator modes, so there is no "
+        "diffusion constant; change the forcing"
+    )
 
-    __repr__ = Enum.__str__  # short
+    __repr__ = Enum.__str__  # Status.OK, not <Status.OK: 'ok'>
 
 
+@dataclass(frozen=True, eq=False)
 class Result:
-    """A dataclass of what a method found, which may hold arrays and NaN: two are equal if all that
-    they hold is, entry by entry, NaN to NaN too."""
+    """Base class of results, dataclasses that may contain arrays and NaN.
 
-    def __eq__(self, other):
+    Two results are equal if they are of the same class and all their fields are equal, entry by
+    entry; NaN equals NaN. Results are not hashable, except those that define a hash themselves, as
+    `CriticalScale` does.
+
+    Examples
+    --------
+    >>> from nasm.critical import Status, no_answer
+    >>> no_answer(None, Status.RATIONAL) == no_answer(None, Status.RATIONAL)
+    True
+    """
+
+    def __eq__(self, other: object) -> bool:
         if type(other) is not type(self):
             return NotImplemented
         return all(_same(getattr(self, f.name), getattr(other, f.name)) for f in fields(self))
 
 
-def _same(a, b):
+def _same(a: object, b: object) -> bool:
+    """Compare two fields, NaN equal to NaN."""
     if isinstance(a, tuple) and isinstance(b, tuple):
         return len(a) == len(b) and all(map(_same, a, b))
-    numeric = [isinstance(value, np.ndarray | int | float) for value in (a, b)]
-    return np.array_equal(a, b, equal_nan=True) if all(numeric) else not any(numeric) and a == b
+    if isinstance(a, np.ndarray | int | float) and isinstance(b, np.ndarray | int | float):
+        return np.array_equal(a, b, equal_nan=True)
+    numeric = isinstance(a, np.ndarray | int | float) or isinstance(b, np.ndarray | int | float)
+    return not numeric and a == b
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class CriticalScale(Result):
-    """What a method found out about a breakup on the ray κ = s·profile.
+    """Scale s at which a circle breaks on the ray κ = s·profile.
 
-    value : best estimate of the critical s.
-    error : estimated absolute error of it.
-    lower, upper : what the method *shows*: a circle exists at lower and does not at upper; NaN
-        where it shows nothing.
-    omega : the circle's rotation number, None if the method does not name one.
-    status : OK, or why not.
-    method : what the value rests on, in words, like "Greene's residue"; without a value, what the
-        status or the bounds rest on.
+    It prints on one line, with the digits that the error leaves; notebooks show it as a table.
+    Critical scales are compared field by field, NaN equal to NaN. They are hashable, so that they
+    can be members of sets and keys.
+
+    Attributes
+    ----------
+    value : float
+        Best estimate of the critical scale; NaN if status is neither OK nor WIDE.
+    error : float
+        Estimated absolute error of it.
+    lower, upper : float
+        Bracket that the method *shows*: a circle exists at lower, and none at upper. NaN where it
+        shows nothing.
+    omega : RotationNumber or None
+        Rotation number of the circle per period; None if the method does not identify the circle.
+    status : Status
+        OK, or the reason and its cure.
+    method : str
+        What the value is based on, like "Greene's residue"; without a value, what the status or the
+        bracket is based on.
+
+    Examples
+    --------
+    >>> from nasm.critical import CriticalScale, Status
+    >>> from nasm.numbers import parse
+    >>> CriticalScale(0.9716354, 2.1e-7, 0.971543, 0.971717, parse("gamma"), Status.OK, "residues")
+    CriticalScale(0.97163540 ± 2.1e-07, bracket [0.97154, 0.97172], circle [0;(1)] = 0.618034 per
+    period, method: residues, OK)
     """
 
     value: float
@@ -79,14 +154,65 @@ class CriticalScale(Result):
     status: Status
     method: str = ""
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name in ("value", "error", "lower", "upper"):  # NumPy's scalars print as np.float64(…)
             object.__setattr__(self, name, float(getattr(self, name)))
 
-    def __hash__(self):
+    def __hash__(self) -> int:
         return hash((self.omega, self.status, self.method))
 
+    def __repr__(self) -> str:
+        lower, upper = rounded_bracket(self.lower, self.upper)
+        bracket = f"bracket [{lower}, {upper}]" if lower and upper else ""
+        parts = (
+            "no value" if math.isnan(self.value) else rounded_value(self.value, self.error),
+            bracket or (f"lower {lower}" if lower else "") or (f"upper {upper}" if upper else ""),
+            "" if self.omega is None else f"circle {_spell(self.omega, 6)}",
+            self.method and f"method: {self.method}",
+            self._outcome(),
+        )
+        return f"CriticalScale({', '.join(filter(None, parts))})"
 
-def no_answer(omega, status, method=""):
-    """The CriticalScale of a method that failed, and why."""
+    def _repr_html_(self) -> str:
+        """Return the table that a notebook shows."""
+        lower, upper = rounded_bracket(self.lower, self.upper)
+        shows = (
+            f"a circle exists at {lower}" * bool(lower),
+            f"none exists at {upper}" * bool(upper),
+        )
+        rows = {
+            "critical scale": "no value"
+            if math.isnan(self.value)
+            else rounded_value(self.value, self.error),
+            "bracket": "; ".join(filter(None, shows)),
+            "rotation number": "" if self.omega is None else _spell(self.omega, 12),
+            "method": self.method,
+            "status": self._outcome(),
+        }
+        body = (
+            f"<tr><th>{name}</th><td>{escape(text)}</td></tr>"
+            for name, text in rows.items()
+            if text
+        )
+        return f"<table>{''.join(body)}</table>"
+
+    def _outcome(self) -> str:
+        is_ok = self.status is Status.OK
+        return self.status.name if is_ok else f"{self.status.name}: {self.status.value}"
+
+
+def _spell(omega: RotationNumber, digits: int) -> str:
+    return f"{omega} = {float(omega):.{digits}g} per period"
+
+
+def no_answer(omega: RotationNumber | None, status: Status, method: str = "") -> CriticalScale:
+    """Return the CriticalScale of a method that failed: all numbers are NaN.
+
+    Examples
+    --------
+    >>> import math
+    >>> from nasm.critical import Status, no_answer
+    >>> math.isnan(no_answer(None, Status.NO_CIRCLE).value)
+    True
+    """
     return CriticalScale(math.nan, math.nan, math.nan, math.nan, omega, status, method)

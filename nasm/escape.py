@@ -4,25 +4,28 @@
 
 An escape from y_0 in [0, 0.3] through (-2, 2.3) shows global transport (Proposition 1 of
 arXiv:1606.04824, Sec. V.B), as long as every invariant circle has an amplitude below 1. The
-criterion is one-sided: n* = inf says only that nothing escaped up to n_max. The boundary
-{n* ≤ N} lies outside the true one, by a distance that falls as N^(-1/3.012) only.
+criterion is one-sided: n* = inf only means that nothing escaped up to n_max. The boundary
+{n* ≤ N} lies outside the true one, at a distance that decreases only as N^(-1/3.012).
 
-n* of one ensemble is a draw: another arithmetic finds another one of the same order.
+n* of one ensemble is a random draw: another arithmetic yields another value of the same order.
 
-The kernel advances 64 orbits in lockstep (`nasm.arithmetic.lanes`), on the angle shifted by a
+The kernel advances 64 orbits in lockstep (`nasm.arithmetic.lanes`), using the angle shifted by a
 quarter turn,
 
     X = x - 1/4,   r = X - rint X,   u = |r| - 1/4:
     y' = y - κ u·p(u²),   X' = r + y',       since sin 2πx = -sin 2πu = -2πu·p(u²)
 
-with p from `nasm.arithmetic.sine`, -κ folded into its coefficients. It tests for escapes once a
-block of steps, by the block's largest |y|; only after an alarm is the block's start replayed step
-by step, so times are exact. In single precision p has degree 4.
+with p from `nasm.arithmetic.sine`, whose coefficients are multiplied by -κ. Escapes are tested for
+once per block of steps, by the largest |y| in the block. If that is outside the window, the block
+is repeated step by step, so times are exact. In single precision p has degree 4.
 """
+
+from collections.abc import Sequence
 
 import numpy as np
 from numba import njit, types
 from numba.extending import overload
+from numpy.typing import ArrayLike
 
 from nasm.arithmetic.kernels import kernel
 from nasm.arithmetic.lanes import LANES, fabs, fma, load, maximum, own_frame, rint, store
@@ -30,32 +33,49 @@ from nasm.arithmetic.sine import SINE, SINGLE_SINE
 from nasm.checks import count, floats, has_mask, points
 from nasm.critical import CriticalScale, Status, no_answer
 from nasm.maps import direction, forcing
+from nasm.types import FloatArray
 
 __all__ = ["PAPER_WINDOW", "boundary", "critical_scale", "ensemble", "escape_time", "first_escape"]
 __all__ += ["onset_scale"]
 
 METHOD = "direct iteration"
 PAPER_WINDOW = (-2.0, 2.3)
-"""Sec. V.B: the starts fill 0 ≤ y ≤ 0.3, and |y_n - y_0| > 2 shows transport."""
+"""Window (lo, hi) of Sec. V.B: starts fill 0 ≤ y ≤ 0.3, and |y_n - y_0| > 2 shows transport."""
 
 MAX_STEPS = 10**12
-"""Largest n_max: half a day for a single block of orbits, and far below the 2⁵³ up to which
-float64 tells integers apart."""
+"""Largest n_max: half a day for a single block of orbits. Floats are exact integers up to 2⁵³."""
 
 MAX_SINGLE_STEPS = 10**6
-"""Largest n_max in single precision: a kick is rounded by 3·10⁻⁸, which adds up to 3·10⁻⁵ in y."""
+"""Largest n_max in single precision: rounding by 3·10⁻⁸ a kick adds up to 3·10⁻⁵ in y."""
 
-_ETA = 3.012  # of the bias k_N - k_c ~ N^(-1/η)
+_ETA = 3.012  # exponent of the bias, k_N - k_c ~ N^(-1/η)
 
-_BLOCK = 128  # steps between two tests for escape: fewer cost 3% in speed, more make replays longer
-_LONGEST_CHUNK = 4096  # steps between two compactions or two looks at the rest of the ensemble
+_BLOCK_STEPS = 128  # between two tests for escape: fewer are slower, more make repetitions longer
+_MAX_CHUNK_STEPS = 4096  # between two compactions of the surviving orbits
 
 
-def ensemble(n_orbits):
-    """x, y of n_orbits starts spread evenly over [0, 1] × [0, 0.3]; each prefix is spread evenly.
+def ensemble(n_orbits: int) -> tuple[FloatArray, FloatArray]:
+    """Spread starts evenly over [0, 1] × [0, 0.3]; each prefix is spread evenly too.
 
-    The additive sequence of the plastic number g (g³ = g + 1), frac(1/2 + i/g) and
-    frac(1/2 + i/g²): ensembles of all sizes are nested, and the same on every machine.
+    The additive sequence of the plastic number g (g³ = g + 1), frac(1/2 + i/g) and frac(1/2 +
+    i/g²): ensembles of all sizes are nested, and identical on every machine.
+
+    Parameters
+    ----------
+    n_orbits : int
+        1 to 10⁸.
+
+    Returns
+    -------
+    x, y : ndarray, shape (n_orbits,)
+        Starts, in turns.
+
+    Examples
+    --------
+    >>> from nasm.escape import ensemble
+    >>> x, y = ensemble(3)
+    >>> x.round(3), y.round(3)
+    (array([0.5  , 0.255, 0.01 ]), array([0.15 , 0.021, 0.192]))
     """
     n_orbits = count("n_orbits", n_orbits, 1, 10**8)
     plastic = 1.324717957244746
@@ -63,18 +83,38 @@ def ensemble(n_orbits):
     return (0.5 + i / plastic) % 1.0, 0.3 * ((0.5 + i / plastic**2) % 1.0)
 
 
-def escape_time(kappa, x, y, n_max, window=PAPER_WINDOW):
-    """First step n at which each orbit is outside the window.
+def escape_time(
+    kappa: ArrayLike, x: ArrayLike, y: ArrayLike, n_max: int, window: ArrayLike = PAPER_WINDOW
+) -> FloatArray:
+    """Compute the first step n at which each orbit is outside the window.
 
-    kappa : sequence of P floats, the forcing, first kick first.
-    x, y : arrays that broadcast to one shape, starts; x in turns.
-    n_max : int, 1 to 10¹², steps (periods of the forcing).
-    window : (lo, hi), y is inside while lo ≤ y ≤ hi.
+    Parameters
+    ----------
+    kappa : array_like, shape (P,)
+        The forcing, first kick first.
+    x, y : array_like
+        Starts, in turns. Their shapes broadcast.
+    n_max : int
+        Most steps (periods of the forcing, P kicks each), 1 to 10¹².
+    window : (lo, hi)
+        An orbit is inside while lo ≤ y ≤ hi.
 
-    Returns ndarray of float64, shape of x: n*, 0 for a start outside, inf for no escape up to
-    n_max.
+    Returns
+    -------
+    ndarray of float
+        n*, of the broadcast shape: 0 for a start outside, inf if the orbit does not escape up to
+        n_max.
 
-    ValueError if an argument is not finite, empty, or out of range; the message names it.
+    Raises
+    ------
+    ValueError
+        If an argument is not finite, empty, or out of range.
+
+    Examples
+    --------
+    >>> from nasm.escape import escape_time
+    >>> escape_time((12.0,), [0.0, 0.25, 0.25], [0.0, 0.0, 3.0], 1000)
+    array([inf,  2.,  0.])
     """
     strengths, x, y, n_max, lo, hi, shift = _checked(kappa, x, y, n_max, window)
     times = np.empty(x.size)
@@ -83,18 +123,47 @@ def escape_time(kappa, x, y, n_max, window=PAPER_WINDOW):
     return times.reshape(x.shape)
 
 
-def first_escape(kappas, x, y, sizes, n_max, window=PAPER_WINDOW, precision="double"):
-    """First escape of nested ensembles, for many forcings: the form that a sweep of the plane uses.
+def first_escape(
+    kappas: ArrayLike,
+    x: ArrayLike,
+    y: ArrayLike,
+    sizes: ArrayLike,
+    n_max: int,
+    window: ArrayLike = PAPER_WINDOW,
+    precision: str = "double",
+) -> FloatArray:
+    """Compute the first escape time of nested ensembles, for many forcings at once.
 
-    kappas : array of shape (..., P), forcings of one period P.
-    x, y : arrays of shape (M,), the starts; ensemble m is the first m of them.
-    sizes : sequence of increasing ints, 1 ≤ size ≤ M.
-    n_max, window : as for `escape_time`.
-    precision : "double" or "single", of the arithmetic: single takes two fifths of the time, and at
-        most 10⁶ steps.
+    Parameters
+    ----------
+    kappas : array_like, shape (..., P)
+        Forcings of one period.
+    x, y : array_like, shape (M,)
+        Starts, in turns; ensemble m consists of the first m of them.
+    sizes : array_like of int, shape (S,)
+        Sizes of the ensembles, increasing, from 1 to M.
+    n_max, window
+        As for `escape_time`.
+    precision : {"double", "single"}
+        Floating-point precision. "single" is 2.5 times faster and allowed up to 10⁶ steps.
 
-    Returns ndarray of float64, shape (len(sizes), ...): min n* over each ensemble, exact for every
-    size.
+    Returns
+    -------
+    ndarray of float, shape (S, ...)
+        min n* over each ensemble, exact for every size; inf if none of its orbits escapes.
+
+    Raises
+    ------
+    ValueError
+        As for `escape_time`, and if sizes are not increasing or precision is unknown.
+
+    Examples
+    --------
+    >>> from nasm.escape import ensemble, first_escape
+    >>> times = first_escape([(0.3, 0.5), (2.0, 1.5)], *ensemble(100), [10, 100], 1000)
+    >>> times < float("inf")
+    array([[False,  True],
+           [False,  True]])
     """
     kappas = floats("kappas", kappas)
     if kappas.ndim < 1:
@@ -125,47 +194,99 @@ def first_escape(kappas, x, y, sizes, n_max, window=PAPER_WINDOW, precision="dou
     return times.T.reshape(sizes.size, *plane)
 
 
-def onset_scale(profile, n_max, n_orbits=1000, window=PAPER_WINDOW, precision="double"):
-    """k_N: the scale on the ray κ = s·profile at which escapes within N steps set in.
+def onset_scale(
+    profile: ArrayLike,
+    n_max: int,
+    n_orbits: int = 1000,
+    window: ArrayLike = PAPER_WINDOW,
+    precision: str = "double",
+) -> float:
+    """Compute k_N, the scale on the ray κ = s·profile at which escapes within N steps set in.
 
-    The paper plots it. Global transport is seen there, but begins at a smaller scale, which
-    `critical_scale` estimates. Found to 10⁻⁴ by bisection, between 0 and the scale at which the
-    largest |κ| is 2: an orbit escapes at k_N, and none a step of the bisection below. Scales with
-    and without an escape interleave around k_N, the wider the fewer the steps and orbits (some 20%
-    with 50 steps of 20 orbits); this is one of the edges.
+    k_N is what the paper plots. It lies above the scale at which global transport begins, which
+    `critical_scale` estimates. It is found to a relative 10⁻⁴ by bisection between 0 and the scale
+    at which the largest |κ| is 2: an orbit escapes at k_N, and none escapes one bisection step
+    below.
 
-    profile : sequence of P floats.
-    n_max : int, N, 1 to 10¹², steps.
-    n_orbits : int, the size of `ensemble`.
-    window : (lo, hi) in y, around all starts.
-    precision : as for `first_escape`.
+    Parameters
+    ----------
+    profile : array_like, shape (P,)
+        Direction of the ray, first kick first.
+    n_max : int
+        N, 1 to 10¹² steps.
+    n_orbits : int
+        Size of the `ensemble`.
+    window : (lo, hi)
+        Window in y, which contains all starts.
+    precision : {"double", "single"}
+        As for `first_escape`.
 
-    Returns float; NaN if nothing escapes even where the largest |κ| is 2.
+    Returns
+    -------
+    float
+        NaN if nothing escapes even where the largest |κ| is 2.
 
-    ValueError if profile is zero or tiny or an argument out of range.
+    Raises
+    ------
+    ValueError
+        If profile is zero or tiny, or an argument is out of range.
+
+    Notes
+    -----
+    Scales with and without an escape interleave around k_N, in an interval that widens as steps and
+    orbits decrease (some 20% with 50 steps of 20 orbits); k_N is one of its points.
+
+    Examples
+    --------
+    >>> from nasm.escape import onset_scale
+    >>> 1.1 < onset_scale((1, 1), 1000, n_orbits=64) < 1.5
+    True
     """
     n_max = count("n_max", n_max, 1, MAX_STEPS)
     return _onset_scales(profile, [n_max], n_orbits, window, precision)[0]
 
 
-def critical_scale(profile, n_max, n_orbits=1000, window=PAPER_WINDOW, precision="double"):
-    """The scale at which global transport begins on the ray κ = s·profile, by direct iteration.
+def critical_scale(
+    profile: ArrayLike,
+    n_max: int,
+    n_orbits: int = 1000,
+    window: ArrayLike = PAPER_WINDOW,
+    precision: str = "double",
+) -> CriticalScale:
+    """Estimate the scale at which global transport begins on the ray κ = s·profile.
 
-    1. k_N, `onset_scale` for N = n_max steps.
-    2. The same for N/8, and extrapolate: k_N - k_c ~ N^(-1/η), η = 3.012 = ln(αβ)/ln δ from the
+    1. Compute k_N, the `onset_scale` for N = n_max steps.
+    2. Compute k_{N/8}, and extrapolate by k_N - k_c ~ N^(-1/η), η = 3.012 = ln(αβ)/ln δ from the
        scaling constants of MacKay (Physica D 7 (1983) 283).
-    3. The same for N/64, to see what bias the law foretells from there.
+    3. Compute k_{N/64}, and compare the bias with the one that the law predicts from there.
 
-    profile, n_orbits, window, precision : as for `onset_scale`.
-    n_max : int, 64 to 10¹², steps.
+    Parameters
+    ----------
+    profile, n_orbits, window, precision
+        As for `onset_scale`.
+    n_max : int
+        64 to 10¹² steps.
 
-    Returns CriticalScale. upper : k_N, an escape was seen there. value : extrapolated; error :
-    upper - value, the bias, plus its difference to the foretold one, for k_N is a draw. lower is
-    NaN: no escape shows nothing. omega is None. Without a value, status NOT_CONVERGED where the
-    error would be as large as the value, since the law does not hold yet: more steps or orbits are
-    needed; NO_BREAKUP if nothing escapes even where the largest |κ| is 2.
+    Returns
+    -------
+    CriticalScale
+        upper: k_N, where an escape was seen. value: extrapolated. error: upper - value, the bias,
+        plus its difference from the predicted one. lower is NaN, because no escape shows nothing.
+        omega is None. Without a value the status is NOT_CONVERGED if the error would exceed the
+        value, because the law does not hold yet (use more steps or orbits), and NO_BREAKUP if
+        nothing escapes even where the largest |κ| is 2.
 
-    ValueError if profile is zero or tiny or an argument out of range.
+    Raises
+    ------
+    ValueError
+        If profile is zero or tiny, or an argument is out of range.
+
+    Examples
+    --------
+    >>> from nasm.escape import critical_scale
+    >>> scale = critical_scale((1, 0), 1024, n_orbits=256)
+    >>> scale.value < scale.upper, scale.status
+    (True, Status.OK)
     """
     n_max = count("n_max", n_max, 64, MAX_STEPS)
     steps = n_max, n_max // 8, n_max // 64
@@ -173,15 +294,17 @@ def critical_scale(profile, n_max, n_orbits=1000, window=PAPER_WINDOW, precision
     if np.isnan(upper):
         return no_answer(None, Status.NO_BREAKUP, METHOD)
     ratio = 8 ** (1 / _ETA)
-    bias, foretold = (before - upper) / (ratio - 1), (earlier - before) / (ratio - 1) / ratio
-    value, error, status = upper - bias, bias + abs(bias - foretold), Status.OK
-    if not error < value:  # not for NaN either, where N/64 is too few for any escape
+    bias, predicted = (before - upper) / (ratio - 1), (earlier - before) / (ratio - 1) / ratio
+    value, error, status = upper - bias, bias + abs(bias - predicted), Status.OK
+    if not error < value:  # NaN too, if nothing escapes in N/64 steps
         value, error, status = np.nan, np.nan, Status.NOT_CONVERGED
     return CriticalScale(value, error, np.nan, upper, None, status, METHOD)
 
 
-def _onset_scales(profile, steps, n_orbits, window, precision):
-    """k_N of each N of `steps`, which decrease; NaN where nothing escapes."""
+def _onset_scales(
+    profile: ArrayLike, steps: Sequence[int], n_orbits: int, window: ArrayLike, precision: str
+) -> list[float]:
+    """Compute k_N for each N of `steps`, which decrease; NaN where nothing escapes."""
     profile = direction(profile)
     x, y = ensemble(n_orbits)
     *_, lo, hi, shift = _checked(profile, x, y, 1, window)
@@ -191,11 +314,11 @@ def _onset_scales(profile, steps, n_orbits, window, precision):
             "kick; it must contain y from 0 to 0.3"
         )
 
-    def escapes(scale, n):
+    def escapes(scale: float, n: int) -> bool:
         return first_escape(scale * profile, x, y, [x.size], n, window, precision)[0] < np.inf
 
     inside, scales, furthest = 0.0, [], 2 / np.abs(profile).max()
-    for n in steps:  # what does not escape in N steps does not in fewer
+    for n in steps:  # an orbit that does not escape in N steps does not escape in fewer
         outside = furthest if escapes(furthest, n) else np.nan
         while outside - inside > 1e-4 * outside:
             middle = (inside + outside) / 2
@@ -204,22 +327,41 @@ def _onset_scales(profile, steps, n_orbits, window, precision):
     return scales
 
 
-def boundary(escape_time, kappa1, kappa2, angles, n):
-    """Where rays from the origin pass into {n* ≤ n}, in a field over the (κ1, κ2) plane.
+def boundary(
+    escape_time: ArrayLike, kappa1: ArrayLike, kappa2: ArrayLike, angles: ArrayLike, n: int
+) -> FloatArray:
+    """Find where rays from the origin enter {n* ≤ n}, in a field over the (κ1, κ2) plane.
 
-    escape_time : array of shape (kappa2.size, kappa1.size), first escape times; NaN or masked: not
-        known.
-    kappa1, kappa2 : equally spaced cell centres, increasing, at least two each.
-    angles : array, degrees; the ray (cos, sin).
-    n : int, 1 to 10¹², number of steps.
+    Parameters
+    ----------
+    escape_time : array_like, shape (kappa2.size, kappa1.size)
+        First escape times; NaN or masked where they are not known.
+    kappa1, kappa2 : array_like, one-dimensional
+        Equally spaced cell centres, increasing, at least two each.
+    angles : array_like
+        Directions of the rays, in degrees.
+    n : int
+        Number of steps, 1 to 10¹².
 
-    Returns scale : ndarray, shape of angles: the distance from the origin at which the ray passes
-        from a cell without transport into one with it, for the first time; its resolution is one
-        cell. NaN where it meets no such pair of cells in the plane, or transport next to an unknown
-        cell.
+    Returns
+    -------
+    ndarray, shape of angles
+        Distance from the origin at which the ray first passes from a cell without transport into
+        one with it, to within one cell. NaN where it meets no such pair of cells in the plane, or a
+        cell with transport next to an unknown one.
 
-    ValueError if an argument is not made of numbers or has another shape, or centres are not
-    equally spaced.
+    Raises
+    ------
+    ValueError
+        If an argument is not made of numbers or has another shape, or centres are not equally
+        spaced.
+
+    Examples
+    --------
+    >>> from nasm.escape import boundary
+    >>> times = [[float("inf"), float("inf"), 7.0]]
+    >>> boundary([*times, *times], [0.5, 1.5, 2.5], [-0.5, 0.5], [0.0], 10).round(1)
+    array([1.9])
     """
     if np.ma.isMaskedArray(escape_time):
         escape_time = np.where(np.ma.getmaskarray(escape_time), np.nan, escape_time.data)
@@ -239,32 +381,39 @@ def boundary(escape_time, kappa1, kappa2, angles, n):
     scale = np.full(angles.shape, np.nan)
     for i, radians in np.ndenumerate(np.deg2rad(angles)):
         direction = np.array([[np.cos(radians)], [np.sin(radians)]])
-        # Eight samples a cell, so that the ray misses no more than a cell's corner.
+        # Eight samples a cell: the ray skips at most the corner of a cell.
         along = np.arange(0, reach, 1 / (8 * np.abs(direction / width).max()))
         cells = (along * direction - first) / width + 0.5
-        # The edges belong to the plane, whatever rounding makes of them.
+        # Keep samples that rounding moves beyond the edges.
         inside = ((cells > -1e-9) & (cells < ends + 1e-9)).all(axis=0)
         column, row = np.clip(cells[:, inside].astype(int), 0, ends - 1)
         along, times = along[inside], escape_time[row, column]
-        there = (times <= n).argmax() if times.size else 0
-        if there > 0 and times[there - 1] > n:
-            scale[i] = along[there - 1 : there + 1].mean()
+        first_in = (times <= n).argmax() if times.size else 0
+        if first_in > 0 and times[first_in - 1] > n:
+            scale[i] = along[first_in - 1 : first_in + 1].mean()
     return scale
 
 
-def _centres(name, values):
-    """Equally spaced, increasing centres of cells, as a float array; ValueError otherwise."""
+def _centres(name: str, values: ArrayLike) -> FloatArray:
+    """Check equally spaced, increasing centres of cells."""
     centres = floats(name, values)
     if centres.ndim != 1 or centres.size < 2:
-        raise ValueError(f"{name}={values!r} must be at least two cells, to tell a cell's width")
+        raise ValueError(
+            f"{name}={values!r} must be at least two cells, which define a cell's width"
+        )
     steps = np.diff(centres)
     if not (steps > 0).all() or np.ptp(steps) > 1e-6 * steps[0]:
         raise ValueError(f"{name}={values!r} must increase in equal steps: the centres of cells")
     return centres
 
 
-def _checked(kappa, x, y, n_max, window):
-    """The arguments, validated, and the window moved by an integer `shift` to lie around y = 0."""
+def _checked(
+    kappa: ArrayLike, x: ArrayLike, y: ArrayLike, n_max: int, window: ArrayLike
+) -> tuple[FloatArray, FloatArray, FloatArray, int, float, float, float]:
+    """Check the arguments, and move the window by an integer `shift` so that it lies around y = 0.
+
+    Return strengths, x, y, n_max, lo, hi, shift.
+    """
     strengths = forcing(kappa)
     x, y = points(x, y)
     if x.size == 0:
@@ -273,7 +422,7 @@ def _checked(kappa, x, y, n_max, window):
     ends = floats("window", window)
     if ends.shape != (2,) or not np.isfinite(ends).all() or not ends[0] < ends[1]:
         raise ValueError(f"window={window!r} must be two finite numbers, lower end first")
-    shift = np.rint(ends.mean())
+    shift = float(np.rint(ends.mean()))
     lo, hi = (ends - shift).tolist()
     return strengths, x, y, n_max, lo, hi, shift
 
@@ -281,15 +430,17 @@ def _checked(kappa, x, y, n_max, window):
 _PRECISIONS = {"double": (np.float64, SINE), "single": (np.float32, SINGLE_SINE)}
 
 
-def kick_series(kappas, series=SINE):
-    """The coefficients of y' = y + u·Σ c_k u²ᵏ, of -κ times those of the sine, and 1/4 after them:
-    shape (..., P, len(series) + 1)."""
+def kick_series(kappas: FloatArray, series: Sequence[float] | FloatArray = SINE) -> FloatArray:
+    """Compute the coefficients of y' = y + u·Σ c_k u²ᵏ for forcings of shape (..., P).
+
+    They are those of the sine times -κ, followed by 1/4: shape (..., P, len(series) + 1).
+    """
     quarter = np.full((*kappas.shape, 1), 0.25)
     return np.concatenate([-kappas[..., None] * np.array(series), quarter], axis=-1)
 
 
 def polynomial(c, p, v):
-    """Σ c_k vᵏ of kick p, as many terms as its precision has."""
+    """Evaluate Σ c_k vᵏ of kick p; the precision of c fixes the number of terms."""
 
 
 @overload(polynomial, jit_options={"forceinline": True})
@@ -307,7 +458,7 @@ def _polynomial_of(c, p, v):
 
 @njit(forceinline=True)
 def kick_on_lanes(c, p, x, y):
-    """Kick p, on lanes or floats; x is the shifted angle X."""
+    """Apply kick p to lanes or floats; x is the shifted angle X."""
     r = x - rint(x)
     u = fabs(r) - c[p, c.shape[1] - 1]
     y = fma(polynomial(c, p, u * u), u, y)
@@ -316,13 +467,13 @@ def kick_on_lanes(c, p, x, y):
 
 @njit(nogil=True)
 def advance(c, x, y, start, n, reach):
-    """n steps of the 64 orbits from `start` on, in place; each one's largest |y| into reach."""
+    """Advance the 64 orbits from `start` on by n steps, in place; reach gets their largest |y|."""
     own_frame()
     xs = load(x, start)
     ys = load(y, start)
     furthest = fabs(ys)
     if c.shape[0] == 2:
-        # The paper's map, unrolled: 1.3 times faster than the loop over kicks.
+        # The paper's map, unrolled: 1.3 times faster than the loop.
         for _ in range(n):
             xs, ys = kick_on_lanes(c, 0, xs, ys)
             xs, ys = kick_on_lanes(c, 1, xs, ys)
@@ -339,7 +490,7 @@ def advance(c, x, y, start, n, reach):
 
 @njit(nogil=True)
 def _replay(c, x, y, n, lo, hi):
-    """The first of steps 0, …, n at which one orbit is outside, or n + 1: the definition of n*."""
+    """Return the first of steps 0, …, n at which one orbit is outside, or n + 1."""
     for t in range(n + 1):
         if y < lo or y > hi:
             return t
@@ -348,17 +499,17 @@ def _replay(c, x, y, n, lo, hi):
     return n + 1
 
 
-# (x, y) = (0, 0) is a fixed point for every forcing: lanes parked on it never raise an alarm
-# unless the window excludes it, and then `_replay` is not asked about them.
+# (x, y) = (0, 0) is a fixed point for every forcing: parked lanes leave only a window without it,
+# and are never replayed.
 _PARK_X, _PARK_Y = -0.25, 0.0
 
 
 @kernel
 def _escape_times(c, x0, y0, n_max, lo, hi, only_first, times):
-    """n* of every orbit into `times`, inf if beyond n_max; if only the first escape counts, what is
-    later need not be found. Survivors are packed together after each chunk of time.
+    """Write n* of every orbit to `times`, inf if beyond n_max; with `only_first` orbits that escape
+    later than the first may be left at inf. Survivors are packed together after each chunk of time.
     """
-    # Copies and fills are element by element: Numba takes seconds to compile those of slices.
+    # Copy and fill element by element: Numba takes seconds to compile slices.
     orbit, size = np.empty(x0.size, np.int64), (x0.size + LANES - 1) // LANES * LANES
     x, y, last = np.empty(size, x0.dtype), np.empty(size, x0.dtype), n_max
     for i in range(size):
@@ -375,12 +526,12 @@ def _escape_times(c, x0, y0, n_max, lo, hi, only_first, times):
     alive = x0.size
     n = 0
     while n < last and alive > 0:
-        # A quarter of the steps that were taken, at least a block.
-        chunk = min(max(n // 4, _BLOCK), _LONGEST_CHUNK, last - n)
+        # A quarter of the steps so far, at least one block.
+        chunk = min(max(n // 4, _BLOCK_STEPS), _MAX_CHUNK_STEPS, last - n)
         for start in range(0, alive, LANES):
             done = 0
             while done < chunk and n + done <= last:
-                block = min(_BLOCK, chunk - done)
+                block = min(_BLOCK_STEPS, chunk - done)
                 for lane in range(LANES):
                     x_before[lane], y_before[lane] = x[start + lane], y[start + lane]
                 advance(c, x, y, start, block, reach)
@@ -405,8 +556,8 @@ def _escape_times(c, x0, y0, n_max, lo, hi, only_first, times):
 
 
 @kernel
-def _first_escapes(c, x, y, sizes, n_max, lo, hi, found):
-    """The first escape of each nested ensemble (columns) for each forcing (rows) into `found`."""
+def _first_escapes(c, x, y, sizes, n_max, lo, hi, escapes):
+    """Write the first escape of each nested ensemble (columns) for each forcing (rows)."""
     times = np.empty(x.size)
     for i in range(c.shape[0]):
         first, start = np.inf, 0
@@ -417,4 +568,4 @@ def _first_escapes(c, x, y, sizes, n_max, lo, hi, found):
                 for k in range(start, sizes[j]):
                     first = min(first, times[k])
             start = sizes[j]
-            found[i, j] = first
+            escapes[i, j] = first

@@ -25,7 +25,7 @@ from nasm.action import SURE_PERIOD, Chain, Ladder, LostError, Orbit, joined, or
 from nasm.checks import count
 from nasm.maps import forcing
 from nasm.numbers import as_rotation_number, convergents, moebius, parse
-from nasm.symmetries import halfway_nobles
+from nasm.symmetries import half_shift_nobles
 
 __all__ = ["circle_stands", "standing"]
 
@@ -181,9 +181,9 @@ def _node(fraction, orbit):
 
 def _nobles(kappa, one, other):
     """The noble whose path goes on from two neighbours in golden steps; before it one between them
-    by `halfway_nobles`."""
+    by `half_shift_nobles`."""
     (p, q), (r, s) = sorted(
         (node.fraction.as_integer_ratio() for node in (one, other)), key=lambda f: f[1]
     )
-    found = halfway_nobles(kappa, (p / q + r / s) / 2, 0.5 / (q * s), 1)
+    found = half_shift_nobles(kappa, (p / q + r / s) / 2, 0.5 / (q * s), 1)
     return [*found, moebius(_GAMMA, p, r, q, s)]

@@ -1,6 +1,6 @@
 """Period-one orbits of T_{κ1κ2}: fixed points mod 1, their residues and stability (Sec. IV).
 
-Primary points exist for all strengths: (0, 0), (1/2, 0), (0, ±1/2), (1/2, ±1/2), with the residues
+Primary points exist at all strengths: (0, 0), (1/2, 0), (0, ±1/2), (1/2, ±1/2), with the residues
 
     R = -(κ1 + κ2)/2 - κ1κ2/4,    (κ1 + κ2)/2 - κ1κ2/4,                       (period_one_r1, r2)
         (κ2 - κ1)/2 + κ1κ2/4,     (κ1 - κ2)/2 + κ1κ2/4;                       (period_one_r3, r4)
@@ -17,21 +17,23 @@ Eq. (39) has +3κ1κ2, with which z would not vanish at the pitchfork.
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from nasm.checks import floats
 from nasm.maps import TWO_PI, step_tangent
+from nasm.types import FloatArray
 
 __all__ = ["cubic_estimate", "primary_residue", "residue", "second2", "secondary"]
 
 PRIMARY = ((0.0, 0.0), (0.5, 0.0), (0.0, 0.5), (0.5, 0.5))
 """x, y of the primary points I to IV; III and IV also have y = -1/2."""
 
-_SAMPLES = 1024  # of (0, π) in the search for sign changes
-_BISECTIONS = 60
+_N_SAMPLES = 1024  # in the search for sign changes in (0, π)
+_N_BISECTIONS = 60
 
 
-def _strengths(kappa1, kappa2):
-    """Both as finite float arrays of one shape; ValueError otherwise."""
+def _strengths(kappa1: ArrayLike, kappa2: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    """Check both, and return them as float arrays of one shape."""
     kappa1, kappa2 = np.broadcast_arrays(floats("kappa1", kappa1), floats("kappa2", kappa2))
     for name, values in (("kappa1", kappa1), ("kappa2", kappa2)):
         if not np.isfinite(values).all():
@@ -39,30 +41,79 @@ def _strengths(kappa1, kappa2):
     return kappa1, kappa2
 
 
-def primary_residue(kappa1, kappa2):
-    """Residues of the `PRIMARY` points, shape (4, *broadcast shape of kappa1 and kappa2)."""
+def primary_residue(kappa1: ArrayLike, kappa2: ArrayLike) -> FloatArray:
+    """Compute the residues of the `PRIMARY` points.
+
+    Parameters
+    ----------
+    kappa1, kappa2 : array_like
+        Finite strengths. Their shapes broadcast.
+
+    Returns
+    -------
+    ndarray, shape (4, *shape)
+
+    Examples
+    --------
+    >>> from nasm.fixed_points import primary_residue
+    >>> primary_residue(0.25, 0.5).round(4)
+    array([-0.4062,  0.3438,  0.1562, -0.0938])
+    """
     kappa1, kappa2 = _strengths(kappa1, kappa2)
     mean, apart, product = (kappa1 + kappa2) / 2, (kappa1 - kappa2) / 2, kappa1 * kappa2 / 4
     return np.stack([-mean - product, mean - product, product - apart, product + apart])
 
 
-def residue(kappa, x, y):
-    """R = (2 - Tr DT(x, y))/4 of fixed points of T, Eq. (33)."""
+def residue(kappa: ArrayLike, x: ArrayLike, y: ArrayLike) -> FloatArray:
+    """Compute the residue R = (2 - Tr DT(x, y))/4 of fixed points of T, Eq. (33).
+
+    Parameters
+    ----------
+    kappa : array_like, shape (P,)
+        The forcing, first kick first.
+    x, y : array_like
+        Fixed points of one period, mod 1, in turns; they are not checked to be fixed.
+
+    Returns
+    -------
+    ndarray
+        Of the broadcast shape; the points are stable if 0 < R < 1.
+
+    Examples
+    --------
+    >>> from nasm.fixed_points import residue
+    >>> residue((0.5, 1.5), 0.5, 0.0).round(4)
+    np.float64(0.8125)
+    """
     tangent = step_tangent(kappa, x, y)
     return (2 - tangent[0, 0] - tangent[1, 1]) / 4
 
 
-def secondary(kappa1, kappa2):
-    """The secondary point next to (1/2, 0), with x > 1/2; its mirror image is (1 - x, -y).
+def secondary(kappa1: ArrayLike, kappa2: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Compute the secondary point next to (1/2, 0), with x > 1/2; its mirror image is (1 - x, -y).
 
-    kappa1, kappa2 : arrays that broadcast together, finite.
+    Parameters
+    ----------
+    kappa1, kappa2 : array_like
+        Finite strengths. Their shapes broadcast.
 
-    Returns z : ndarray, the smallest solution of Eq. (38b) in (0, π), with z = 2πx - π; NaN where
-        the sign changes between no two of 1024 equally spaced samples.
-    x, y : ndarrays, the point.
+    Returns
+    -------
+    z : ndarray, at least one-dimensional
+        The smallest solution of Eq. (38b) in (0, π), with z = 2πx - π. NaN if the sign changes
+        between no two of 1024 equally spaced samples.
+    x, y : ndarray
+        The point, in turns.
+
+    Examples
+    --------
+    >>> from nasm.fixed_points import secondary
+    >>> z, x, y = secondary(5.0, 5.0)
+    >>> print(z.round(4), x.round(4), y.round(4))
+    [1.1311] [0.68] [0.36]
     """
     kappa1, kappa2 = np.atleast_1d(*_strengths(kappa1, kappa2))
-    grid = np.pi * np.arange(1, _SAMPLES) / _SAMPLES
+    grid = np.pi * np.arange(1, _N_SAMPLES) / _N_SAMPLES
     left, right = np.full((2, *kappa1.shape), np.nan)
     before = second2(kappa1, kappa2, grid[0])
     for low, high in pairwise(grid):
@@ -71,7 +122,7 @@ def secondary(kappa1, kappa2):
         left[first], right[first] = low, high
         before = after
     sign = np.sign(second2(kappa1, kappa2, left))
-    for _ in range(_BISECTIONS):
+    for _ in range(_N_BISECTIONS):
         z = (left + right) / 2
         on_the_left = np.sign(second2(kappa1, kappa2, z)) == sign
         left, right = np.where(on_the_left, z, left), np.where(on_the_left, right, z)
@@ -79,14 +130,30 @@ def secondary(kappa1, kappa2):
     return z, x, kappa1 * np.sin(z) / (2 * TWO_PI)
 
 
-def second2(kappa1, kappa2, z):
-    """The left-hand side of Eq. (38b), written in z = 2πx - π."""
+def second2(kappa1: ArrayLike, kappa2: ArrayLike, z: ArrayLike) -> FloatArray:
+    """Evaluate the left-hand side of Eq. (38b), κ1 sin z + κ2 sin(z - (κ1/2) sin z).
+
+    Examples
+    --------
+    >>> from nasm.fixed_points import second2
+    >>> second2(0.5, 0.5, 0.0)
+    np.float64(0.0)
+    """
     kappa1, kappa2, z = floats("kappa1", kappa1), floats("kappa2", kappa2), floats("z", z)
     return kappa1 * np.sin(z) + kappa2 * np.sin(z - kappa1 / 2 * np.sin(z))
 
 
-def cubic_estimate(kappa1, kappa2):
-    """z of the secondary point to third order, Eq. (39) corrected; NaN where it is not real."""
+def cubic_estimate(kappa1: ArrayLike, kappa2: ArrayLike) -> FloatArray:
+    """Estimate z of the secondary point to third order, by Eq. (39) corrected; NaN if it is not
+    real.
+
+    Examples
+    --------
+    >>> from nasm.fixed_points import cubic_estimate, secondary
+    >>> z, x, y = secondary(4.1, 4.1)
+    >>> print(z.round(2), cubic_estimate(4.1, 4.1).round(2))
+    [0.38] 0.37
+    """
     kappa1, kappa2 = _strengths(kappa1, kappa2)
     numerator = 6 * kappa1 + 6 * kappa2 - 3 * kappa1 * kappa2
     denominator = kappa1 - kappa1 * kappa2 / 2 + kappa2 * (1 - kappa1 / 2) ** 3

@@ -6,10 +6,10 @@ The (κ1, κ2) plane of the paper is origin (0, 0), first (1, 0), second (0, 1);
 map, κ_n = κ̄ + Δκ cos 2π(φ0 + nΩ), has first (1, …, 1) and second (cos 2π(φ0 + nΩ))_n
 (arXiv:1606.04824, Eqs. (4) and (53)).
 
-Forcings that are a shift, the reversal, the negative or the alternation of one another share their
-circles up to symmetry (Sec. III and `nasm.symmetries`). Of the eight elements of the symmetry group
-of the square, those that carry every forcing of a plane to such a relative of itself are found by
-trying; these, and no others, `fold` its rays.
+Two forcings are equivalent if one is a shift, the reversal, the negative or the alternation of the
+other; they share their circles up to symmetry (Sec. III and `nasm.symmetries`). The symmetry group
+of the square has eight elements. Each is tested: those that map every forcing of the plane to an
+equivalent one are used to `fold` its rays.
 """
 
 import json
@@ -19,19 +19,22 @@ from fractions import Fraction
 from functools import cached_property, lru_cache
 from itertools import product
 from math import cos, pi, sin
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from nasm.checks import floats, fraction, real, sealed
 from nasm.maps import MAX_PERIOD, MAX_STRENGTH, direction, forcing
-from nasm.symmetries import ray, relatives
+from nasm.symmetries import equivalent_forcings, ray
 from nasm.texts import shown
+from nasm.types import FloatArray, IntArray
 
 __all__ = ["Plane", "from_json", "parse", "rotating", "three_kicks", "two_kicks"]
 
-_AXIS = re.compile(r"kappa\w*(?<!_bounds)", re.ASCII)  # which no other name in a cube matches
-_LONGEST_NAME = 60  # it stands in the names of files
-_SAME = 1e-14  # of the largest strength: rounding of cosines
+_AXIS = re.compile(r"kappa\w*(?<!_bounds)", re.ASCII)  # matched by no other name in a cube
+_MAX_NAME_LENGTH = 60  # the name is part of the names of files
+_ROUNDING = 1e-14  # of cosines, relative to the largest strength
 
 TWO_KICKS_AXES = {
     "kappa1": "strength of the first kick",
@@ -45,13 +48,31 @@ ROTATING_AXES = {
 
 @dataclass(frozen=True)
 class Plane:
-    """A plane of forcings of one period.
+    """A plane of forcings of one period, κ(a, b) = origin + a·first + b·second.
 
-    name : str.
-    axes : {name: words}, what the coordinates a and b are; their names begin with "kappa".
-    origin, first, second : P floats each, P from 2 to 64; first and second are independent.
+    Planes with equal fields are equal. They are hashable, so that they can be members of sets.
 
-    ValueError, which names the field, for anything else.
+    Parameters
+    ----------
+    name : str
+        At most 60 letters.
+    axes : dict of str to str
+        Name and description of the coordinates a and b; the names begin with "kappa".
+    origin, first, second : sequence of float, shape (P,)
+        P is from 2 to 64; first and second are linearly independent.
+
+    Raises
+    ------
+    ValueError
+        If a field is something else; the message names it.
+
+    Examples
+    --------
+    >>> from nasm.planes import Plane
+    >>> axes = {"kappa1": "kick on even sites", "kappa2": "kick on odd sites"}
+    >>> plane = Plane("four-kicks", axes, (0, 0, 0, 0), (1, 0, 1, 0), (0, 1, 0, 1))
+    >>> plane.forcing(0.3, 0.5)
+    array([0.3, 0.5, 0.3, 0.5])
     """
 
     name: str
@@ -60,7 +81,7 @@ class Plane:
     first: tuple[float, ...]
     second: tuple[float, ...]
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name, check in ("origin", forcing), ("first", direction), ("second", direction):
             try:
                 vector = check(getattr(self, name))
@@ -78,88 +99,138 @@ class Plane:
                 f"first={self.first} and second={self.second} are dependent; a plane needs two "
                 "directions"
             )
-        if not isinstance(self.name, str) or not 0 < len(self.name) <= _LONGEST_NAME:
+        if not isinstance(self.name, str) or not 0 < len(self.name) <= _MAX_NAME_LENGTH:
             raise ValueError(
-                f"name={shown(self.name)} must be a text of at most {_LONGEST_NAME} letters, like "
-                "'two-kicks'"
+                f"name={shown(self.name)} must be a text of at most {_MAX_NAME_LENGTH} letters, "
+                "like 'two-kicks'"
             )
         axes = self.axes if isinstance(self.axes, dict) else {}
-        named = [_AXIS.fullmatch(name) and isinstance(words, str) for name, words in axes.items()]
-        if len(named) != 2 or not all(named):
+        valid = [_AXIS.fullmatch(name) and isinstance(text, str) for name, text in axes.items()]
+        if len(valid) != 2 or not all(valid):
             raise ValueError(
-                f"axes={shown(self.axes)} must be two names that begin with kappa, and what they "
-                f"are, like {TWO_KICKS_AXES}"
+                f"axes={shown(self.axes)} must be two names that begin with kappa, and their "
+                f"descriptions, like {TWO_KICKS_AXES}"
             )
 
     @property
-    def record(self):
-        """What results keep: `plane`, all fields as JSON text, and digits of its SHA-256."""
+    def record(self) -> dict[str, str]:
+        """Attributes of results: `plane`, all fields as JSON text, and digits of its SHA-256."""
         fields = asdict(self)
         return {"plane": json.dumps(fields), "plane_hash": sealed(fields)["sha256"][:12]}
 
-    def forcing(self, a, b):
-        """κ(a, b), shape (*shape, P) for arrays a and b that broadcast to one shape."""
+    def forcing(self, a: ArrayLike, b: ArrayLike) -> FloatArray:
+        """Compute κ(a, b), shape (*shape, P) for a and b that broadcast to `shape`.
+
+        Examples
+        --------
+        >>> from nasm.planes import two_kicks
+        >>> two_kicks().forcing([0.1, 0.2], 0.5)
+        array([[0.1, 0.5],
+               [0.2, 0.5]])
+        """
         return np.array(self.origin) + self._along(a, b)
 
-    def ray(self, angle):
-        """The ray κ = start + s·profile in a direction: start (P,), profile (*angle.shape, P).
+    def ray(self, angle: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Compute the ray κ = start + s·profile in a direction.
 
-        angle : array_like, degrees from the axis of a to that of b.
+        Parameters
+        ----------
+        angle : array_like
+            Degrees, from the axis of a to that of b.
+
+        Returns
+        -------
+        start : ndarray, shape (P,)
+        profile : ndarray, shape (*angle.shape, P)
+
+        Examples
+        --------
+        >>> from nasm.planes import three_kicks
+        >>> start, profile = three_kicks(0.2).ray(90)
+        >>> print(start, profile)
+        [0.  0.  0.2] [0. 1. 0.]
         """
         return np.array(self.origin), self._along(*np.moveaxis(ray(angle), -1, 0))
 
-    def rays_start_at_zero(self, method):
-        """Refuse a plane with an origin, from which the method cannot follow rays; ValueError."""
+    def rays_start_at_zero(self, method: str) -> None:
+        """Raise a ValueError if the origin is not zero: `method` needs rays from zero."""
         if any(self.origin):
             raise ValueError(
                 f"plane={self.name} has the origin {self.origin}; {method} needs rays from zero: "
                 "take a plane whose origin is zero"
             )
 
-    def _along(self, a, b):
+    def _along(self, a: ArrayLike, b: ArrayLike) -> FloatArray:
         a, b = floats("a", a)[..., None], floats("b", b)[..., None]
         return a * np.array(self.first) + b * np.array(self.second)
 
     @cached_property
-    def symmetries(self):
-        """Those elements of the square's group that carry each forcing to a relative of itself.
+    def symmetries(self) -> tuple[tuple[bool, int, int], ...]:
+        """Elements of the square's group that map each forcing of the plane to an equivalent one.
 
-        Tuple of (mirrored, turn, omega_shift): the ray at `angle` is as that at turn + angle
-        degrees, turn - angle if mirrored, and its circle of ω as that of ω + omega_shift there, up
-        to the sign of ω and to multiples of P.
+        Tuple of (mirrored, turn, omega_shift): the ray at `angle` is equivalent to that at
+        turn + angle degrees, turn - angle if mirrored, and its circle of ω to that of
+        ω + omega_shift there, up to the sign of ω and multiples of P.
         """
-        here = np.array([self.origin, self.first, self.second])
-        found = []
+        vectors = np.array([self.origin, self.first, self.second])
+        elements = []
         for mirrored, quarters in product((False, True), range(4)):
             cos, sin = ((1, 0), (0, 1), (-1, 0), (0, -1))[quarters]
             # a' = cos·a - sin·b, b' = sin·a + cos·b, with -b for b if mirrored.
-            first, second = cos * here[1] + sin * here[2], cos * here[2] - sin * here[1]
-            image = np.array([here[0], first, -second if mirrored else second])
-            for omega_shift, relative in relatives(here):
-                if np.abs(relative - image).max() <= _SAME * np.abs(here).max():
-                    found.append((mirrored, 90 * quarters, omega_shift))
+            origin, a, b = vectors
+            first, second = cos * a + sin * b, cos * b - sin * a
+            image = np.array([origin, first, -second if mirrored else second])
+            for omega_shift, equivalent in equivalent_forcings(vectors):
+                if np.abs(equivalent - image).max() <= _ROUNDING * np.abs(vectors).max():
+                    elements.append((mirrored, 90 * quarters, omega_shift))
                     break
-        return tuple(found)
+        return tuple(elements)
 
-    def unfold(self, angle):
-        """The rays that share their last barrier with those at `angle`.
+    def unfold(self, angle: ArrayLike) -> FloatArray:
+        """List the rays that share their last barrier with the one at `angle`.
 
-        angle : array_like, degrees. Returns degrees in [0, 360), shape (n, *angle.shape), one for
-        each of the n `symmetries`, rounded to 10⁻⁹.
+        Parameters
+        ----------
+        angle : array_like
+            Degrees.
+
+        Returns
+        -------
+        ndarray, shape (n, *angle.shape)
+            Degrees in [0, 360), one for each of the n `symmetries`, rounded to 10⁻⁹.
+
+        Examples
+        --------
+        >>> from nasm.planes import two_kicks
+        >>> sorted(two_kicks().unfold(30).tolist())
+        [30.0, 60.0, 120.0, 150.0, 210.0, 240.0, 300.0, 330.0]
         """
         angle = floats("angle", angle)
         images = [turn - angle if mirror else turn + angle for mirror, turn, _ in self.symmetries]
         return np.round(images, 9) % 360
 
-    def fold(self, angle):
-        """The ray that stands for all that share their last barrier with the one at `angle`.
+    def fold(self, angle: ArrayLike) -> tuple[FloatArray, IntArray]:
+        """Choose one ray among all that share their last barrier with the one at `angle`.
 
-        angle : array_like, degrees.
+        Parameters
+        ----------
+        angle : array_like
+            Degrees.
 
-        Returns folded : ndarray, the least angle of `unfold`; for two kicks in [0, 45].
-        omega_shift : ndarray of int: the circle of ω on the ray at `angle` breaks at the same scale
-            as that of ω + omega_shift on the folded ray. For two kicks the mirrors κ1 → -κ1 and
-            κ2 → -κ2 add 1, Eqs. (24) to (28); the swap and -κ add nothing.
+        Returns
+        -------
+        folded : ndarray, shape of angle
+            The least angle of `unfold`, in degrees; for two kicks in [0, 45].
+        omega_shift : ndarray of int, shape of angle
+            The circle of ω on the ray at `angle` breaks at the same scale as that of
+            ω + omega_shift on the folded ray. For two kicks the mirrors κ1 → -κ1 and κ2 → -κ2 add
+            1, Eqs. (24) to (28); the swap and -κ add nothing.
+
+        Examples
+        --------
+        >>> from nasm.planes import two_kicks
+        >>> two_kicks().fold([60, 120])
+        (array([30., 30.]), array([0, 1]))
         """
         images = self.unfold(angle)
         shifts = np.array([shift for *_, shift in self.symmetries])
@@ -169,24 +240,50 @@ class Plane:
         return folded, shifts.min(axis=0)
 
 
-def plane_of(record):
-    """The plane of a `record`, or of anything that contains it, as the attributes of a cube."""
+def plane_of(record: dict[Any, Any]) -> Plane:
+    """Return the plane of a `record`, or of a dict that contains one, as the attributes of a cube.
+
+    Examples
+    --------
+    >>> from nasm.planes import plane_of, two_kicks
+    >>> plane_of(two_kicks().record) == two_kicks()
+    True
+    """
     return from_json(record["plane"])
 
 
-def two_kicks():
-    """The (κ1, κ2) plane of the paper's T_{κ1κ2}."""
+def two_kicks() -> Plane:
+    """Return the (κ1, κ2) plane of the paper's T_{κ1κ2}.
+
+    Examples
+    --------
+    >>> from nasm.planes import two_kicks
+    >>> two_kicks().first, two_kicks().second
+    ((1.0, 0.0), (0.0, 1.0))
+    """
     return Plane("two-kicks", TWO_KICKS_AXES, (0, 0), (1, 0), (0, 1))
 
 
-def rotating(frequency, phase=0):
-    """The (κ̄, Δκ) plane of κ_n = κ̄ + Δκ cos 2π(φ0 + nΩ), Eq. (53).
+def rotating(frequency: Fraction | str, phase: Fraction | str | int = 0) -> Plane:
+    """Return the (κ̄, Δκ) plane of κ_n = κ̄ + Δκ cos 2π(φ0 + nΩ), Eq. (53).
 
-    frequency : Fraction or str, Ω = p/q with 2 ≤ q ≤ 64.
-    phase : Fraction or str, φ0 in turns.
+    Parameters
+    ----------
+    frequency : Fraction or str
+        Ω = p/q with 2 ≤ q ≤ 64.
+    phase : Fraction or str
+        φ0, in turns.
 
-    Cosines that are equal, opposite, 0 or 1 are so to the last bit, so that a forcing that is
-    symmetric, or of a shorter period, is seen to be so.
+    Notes
+    -----
+    Cosines that are equal, opposite, 0 or 1 are so to the last bit. Symmetric forcings, and those
+    of a shorter period, are therefore recognized.
+
+    Examples
+    --------
+    >>> from nasm.planes import rotating
+    >>> rotating("1/4").second
+    (1.0, 0.0, -1.0, 0.0)
     """
     frequency, phase = fraction("frequency", frequency), fraction("phase", phase)
     if not 2 <= frequency.denominator <= MAX_PERIOD:
@@ -194,37 +291,61 @@ def rotating(frequency, phase=0):
     turns = [(phase + frequency * n) % 1 for n in range(frequency.denominator)]
     second = [_cosine(min(turn, 1 - turn)) for turn in turns]
     name = f"rotating:{frequency}" + (f",{phase}" if phase else "")
-    return Plane(name, ROTATING_AXES, [0] * len(turns), [1] * len(turns), second)
+    zero, one = (0.0,) * len(turns), (1.0,) * len(turns)
+    return Plane(name, ROTATING_AXES, zero, one, tuple(second))
 
 
-def _cosine(turn):
-    """cos 2πt of a Fraction from 0 to 1/2, exactly opposite at 1/2 - t."""
+def _cosine(turn: Fraction) -> float:
+    """Compute cos 2πt of a Fraction from 0 to 1/2, exactly opposite at 1/2 - t."""
     if turn > Fraction(1, 4):
         return -_cosine(Fraction(1, 2) - turn)
     rest = Fraction(1, 4) - turn
     return cos(2 * pi * turn) if turn < rest else sin(2 * pi * rest)
 
 
-def three_kicks(third):
-    """The plane of (κ1, κ2, third), three kicks of which the last one is fixed."""
+def three_kicks(third: float) -> Plane:
+    """Return the plane of (κ1, κ2, third), three kicks of which the last one is fixed.
+
+    Examples
+    --------
+    >>> from nasm.planes import three_kicks
+    >>> three_kicks(0.2).forcing(0.3, 0.5)
+    array([0.3, 0.5, 0.2])
+    """
     third = real("third", third, -MAX_STRENGTH, MAX_STRENGTH)
     return Plane(f"three-kicks:{third}", TWO_KICKS_AXES, (0, 0, third), (1, 0, 0), (0, 1, 0))
 
 
 @lru_cache
-def from_json(text):
-    """The plane of a JSON object with the keys name, axes, origin, first and second; ValueError."""
+def from_json(text: str) -> Plane:
+    """Parse the plane of a JSON object with the keys name, axes, origin, first and second.
+
+    Raises
+    ------
+    ValueError
+        If the text is anything else.
+    """
     try:
         return Plane(**json.loads(text, parse_int=float))  # an int may have thousands of digits
     except (TypeError, RecursionError):
-        words = "must be a JSON object with the keys name, axes, origin, first and second"
-        raise ValueError(f"a plane {words}") from None
+        raise ValueError(
+            "a plane must be a JSON object with the keys name, axes, origin, first and second"
+        ) from None
 
 
-def parse(text):
-    """The plane of a text: "two-kicks", "rotating:1/3", "rotating:1/3,1/48" or "three-kicks:0.2".
+def parse(text: str) -> Plane:
+    """Parse "two-kicks", "rotating:1/3", "rotating:1/3,1/48" (with a phase) or "three-kicks:0.2".
 
-    ValueError for any other text.
+    Raises
+    ------
+    ValueError
+        If the text is anything else.
+
+    Examples
+    --------
+    >>> from nasm.planes import parse
+    >>> parse("three-kicks:0.2").origin
+    (0.0, 0.0, 0.2)
     """
     name, _, numbers = text.partition(":")
     match name, *(numbers.split(",") if numbers else ()):

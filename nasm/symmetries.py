@@ -1,28 +1,31 @@
-"""How orbits, forcings and rotation numbers move under the map's symmetries (Sec. III).
+"""Symmetries of the map: their action on orbits, forcings and rotation numbers (Sec. III).
 
 A symmetry takes (κ, x, y) to (κ', x', y') such that the orbit of (x', y') under κ' is the image of
-the orbit of (x, y) under κ; each docstring says what becomes of ω. Forcings have any period P; for
+the orbit of (x, y) under κ; each docstring states the image of ω. Forcings have any period P; for
 the paper's map P = 2. Under the same κ, (-x, -y) has the rotation number -ω, Eq. (17), and
-(x + r, y + s) with whole r and s has ω + P·s, Eq. (18).
+(x + r, y + s) with integers r and s has ω + P·s, Eq. (18).
 
 The symmetries of the forcing generate the symmetry group of the square on the (κ1, κ2) plane. The
-boundary of global transport, CB_gt, has all of it. That of one circle, CB_ω, has it up to
-ω → ω + 1. `nasm.planes` finds which of them another plane of forcings has.
+boundary of global transport, CB_gt, is invariant under the whole group; that of one circle, CB_ω,
+is invariant up to ω → ω + 1. `nasm.planes` determines which of them another plane of forcings has.
 """
 
+from collections.abc import Iterator, Sequence
 from functools import lru_cache
 from itertools import chain, product
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from nasm.checks import count, floats, points, real
 from nasm.maps import forcing, kick, unkick
 from nasm.numbers import RotationNumber, moebius, nobles_near
+from nasm.types import FloatArray, OmegaLike
 
 __all__ = [
     "alternate",
     "dominant_centre",
-    "halfway_nobles",
+    "half_shift_nobles",
     "lengthen",
     "negate",
     "ray",
@@ -31,27 +34,76 @@ __all__ = [
     "symmetry_lines",
 ]
 
-_NEARLY = 3e-6  # of the largest strength: at 1e-4 neighbours break later
-_ROUNDED = 1e-15  # of the largest strength: sums of cosines that were meant to be opposite
+# Distances from κ_{j+P/2} = -κ_j, relative to the largest strength:
+_HALF_SHIFT_DISTANCE = 3e-6  # up to which half-shift nobles break last; at 1e-4 others do
+_ROUNDING_DISTANCE = 1e-15  # due to rounding of cosines
+
 CUSP_EXPONENT = 0.6
-"""At a relative distance d from a forcing of a shorter period the boundary is below what it is
-there by about d^0.6: it has cusps, as that of CB_gt on |κ1| = |κ2|."""
+"""At a relative distance d from a forcing of shorter period the boundary is lower by about d^0.6
+than at that forcing: it has cusps there, as CB_gt has on |κ1| = |κ2|."""
 
 
-def negate(kappa, x, y):
-    """κ → -κ and x → x + 1/2, Eq. (20); ω unchanged."""
+def negate(
+    kappa: ArrayLike, x: ArrayLike, y: ArrayLike
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Negate the forcing: κ → -κ and x → x + 1/2, Eq. (20); ω is unchanged.
+
+    Parameters
+    ----------
+    kappa : array_like, shape (P,)
+        The forcing, first kick first.
+    x, y : array_like
+        Points, in turns; x on the lift. Their shapes broadcast.
+
+    Returns
+    -------
+    kappa, x, y : ndarray
+        The image of the forcing, shape (P,), and those of the points, of the broadcast shape.
+
+    Examples
+    --------
+    >>> from nasm.symmetries import negate
+    >>> kappa, x, y = negate((0.3, 0.5), 0.1, 0.25)
+    >>> print(kappa, x, y)
+    [-0.3 -0.5] 0.6 0.25
+    """
     x, y = points(x, y)
     return -forcing(kappa), x + 0.5, y
 
 
-def alternate(kappa, x, y, spacing=1):
-    """κ_n → (-1)ⁿ κ_n and y → y + 1/2, for even P; ω → ω + P/2.
+def alternate(
+    kappa: ArrayLike, x: ArrayLike, y: ArrayLike, spacing: int = 1
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Alternate signs: κ_n → (-1)ⁿ κ_n and y → y + 1/2, for even P; ω → ω + P/2.
 
-    For P = 2 this is Eq. (21), (κ1, κ2) → (κ1, -κ2): each kick finds x further by one half
-    than the kick before it did.
+    For P = 2 this is Eq. (21), (κ1, κ2) → (κ1, -κ2): between kicks x advances by one half more.
 
-    Where only the sites c, c + m, c + 2m, … are kicked, c < m = spacing, their signs alternate, and
-    (x, y) → (x - c/2m, y + 1/2m); ω → ω + P/2m, P being an even multiple of m.
+    If only the sites c, c + m, c + 2m, … are kicked, c < m = `spacing`, their signs alternate, and
+    (x, y) → (x - c/2m, y + 1/2m); ω → ω + P/2m. P must be an even multiple of m.
+
+    Parameters
+    ----------
+    kappa, x, y : array_like
+        As for `negate`.
+    spacing : int
+        m, 1 to P.
+
+    Returns
+    -------
+    kappa, x, y : ndarray
+        As for `negate`.
+
+    Raises
+    ------
+    ValueError
+        If other sites are kicked, or P is not an even multiple of `spacing`.
+
+    Examples
+    --------
+    >>> from nasm.symmetries import alternate
+    >>> kappa, x, y = alternate((0.3, 0.5), 0.1, 0.25)
+    >>> print(kappa, x, y)
+    [ 0.3 -0.5] 0.1 0.75
     """
     strengths, (x, y) = forcing(kappa), points(x, y)
     spacing = count("spacing", spacing, 1, strengths.size)
@@ -65,20 +117,49 @@ def alternate(kappa, x, y, spacing=1):
     return form, x - first / (2 * spacing), y + 1 / (2 * spacing)
 
 
-def shift(kappa, x, y):
-    """(κ_0, …, κ_{P-1}) → (κ_1, …, κ_{P-1}, κ_0) and z → S_κ0(z), Eq. (7); ω unchanged.
+def shift(
+    kappa: ArrayLike, x: ArrayLike, y: ArrayLike
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Begin the period with the second kick: z → S_κ0(z), Eq. (7); ω is unchanged.
 
-    For P = 2 this swaps κ1 and κ2: S_κ1 ∘ T_{κ1κ2} = T_{κ2κ1} ∘ S_κ1. (The paper's form with
-    S_κ2⁻¹ is the same: S_κ1(z) = S_κ2⁻¹(T z), one step later. Its Eq. (28) has S_κ2 for S_κ2⁻¹.)
+    (κ_0, …, κ_{P-1}) becomes (κ_1, …, κ_{P-1}, κ_0). Parameters and results are those of `negate`.
+
+    Notes
+    -----
+    For P = 2 this swaps κ1 and κ2: S_κ1 ∘ T_{κ1κ2} = T_{κ2κ1} ∘ S_κ1. The paper's form with S_κ2⁻¹
+    is equivalent: S_κ1(z) = S_κ2⁻¹(T z), one step later. Its Eq. (28) has S_κ2 where S_κ2⁻¹ is
+    meant.
+
+    Examples
+    --------
+    >>> from nasm.symmetries import shift
+    >>> kappa, x, y = shift((0.3, 0.5), 0.0, 0.25)
+    >>> print(kappa, x, y)
+    [0.5 0.3] 0.25 0.25
     """
     strengths = forcing(kappa)
     return np.roll(strengths, -1), *kick(strengths[0], *points(x, y))
 
 
-def ray(angle):
-    """(cos, sin) of an angle in degrees, shape (*angle.shape, 2): the profile of a ray.
+def ray(angle: ArrayLike) -> FloatArray:
+    """Compute the profile (cos, sin) of rays in the plane of two strengths.
 
-    On the axes no strength is left over, and on the diagonals both are equal to the last bit.
+    Parameters
+    ----------
+    angle : array_like
+        Degrees.
+
+    Returns
+    -------
+    ndarray, shape (*angle.shape, 2)
+        On the axes one component is exactly 0; on the diagonals both are equal to the last bit.
+
+    Examples
+    --------
+    >>> from nasm.symmetries import ray
+    >>> ray([0, 30]).round(4)
+    array([[1.   , 0.   ],
+           [0.866, 0.5  ]])
     """
     angle = floats("angle", angle)
     radians = np.deg2rad(angle)
@@ -89,10 +170,10 @@ def ray(angle):
     return profile
 
 
-def relatives(vectors):
-    """What alternation, reversal, negation and shifts make of the rows; each with its shift of ω.
+def equivalent_forcings(vectors: FloatArray) -> Iterator[tuple[int, FloatArray]]:
+    """Apply all alternations, reversals, negations and shifts to the rows of `vectors`, alike.
 
-    Those that leave ω alone come first.
+    Yield (shift of ω, image of the rows); first the images for which ω is unchanged.
     """
     period = vectors.shape[1]
     alternations = [(0, vectors)]
@@ -103,12 +184,35 @@ def relatives(vectors):
             yield omega_shift, sign * np.roll(form[:, ::order], places, axis=1)
 
 
-def dominant_centre(kappa):
-    """The centre (site, a) whose orbits are the minimax ones, R > 0, for all ω if there is such.
+def dominant_centre(kappa: ArrayLike) -> tuple[float, float]:
+    """Find the symmetry centre whose orbits are the minimax ones, R > 0, for all ω if one exists.
 
-    The symmetry centre on a site with the largest |κ|, on x = 1/2 if κ > 0 there and on x = 0 if
-    κ < 0. Without one, a centre between two sites, and the sign is that of the sum of all κ. For
-    P ≥ 3 minimax orbits of other ω may have other centres. ValueError if the forcing has no centre.
+    The centre is on a site with the largest |κ|, at x = 1/2 if κ > 0 there and at x = 0 if κ < 0.
+    Without such a site it is a centre between two sites, and the sum of all κ decides on x.
+
+    Parameters
+    ----------
+    kappa : array_like, shape (P,)
+        The forcing, first kick first. For P ≥ 3 minimax orbits of different ω may have different
+        centres.
+
+    Returns
+    -------
+    site : float
+        From 0 to P - 1/2; half-integer between two sites.
+    x : float
+        0 or 1/2, in turns.
+
+    Raises
+    ------
+    ValueError
+        If the forcing does not read the same forwards and backwards from any centre.
+
+    Examples
+    --------
+    >>> from nasm.symmetries import dominant_centre
+    >>> dominant_centre((0.3, 0.5))
+    (1, 0.5)
     """
     strengths = forcing(kappa)
     # Strengths in descending order: with long forcings, only the first sites need to be tried.
@@ -124,23 +228,40 @@ def dominant_centre(kappa):
     )
 
 
-def primitive(kappa):
-    """One period of the forcing, the shortest."""
+def primitive(kappa: ArrayLike) -> FloatArray:
+    """Return the shortest period of the forcing, an array."""
     strengths = forcing(kappa)
     sizes = _divisors(strengths.size)
     return next(strengths[:n] for n in sizes if (strengths[n:] == strengths[:-n]).all())
 
 
-def symmetry_lines(kappa, y):
-    """The lines on which orbits are their own mirror images, at the start of a period.
+def symmetry_lines(kappa: ArrayLike, y: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    """Compute points of the symmetry lines: orbits through them are their own mirror images.
 
-    kappa : sequence of P floats with a symmetry centre c, the forcing, first kick first.
-    y : array; it runs along each line, whose image under y → y + 1 is a line too.
+    Parameters
+    ----------
+    kappa : array_like, shape (P,)
+        A forcing with a symmetry centre c, first kick first.
+    y : array_like
+        Parameter along each line, in turns. The image of a line under y → y + 1 is a line too.
 
-    Returns x, y : ndarrays of shape (4, *y.shape), on the lift: x_c = 0 and x_c = 1/2, followed
-    back from site c to site 0, and so at the other centre, c + P/2.
+    Returns
+    -------
+    x, y : ndarray, shape (4, *y.shape)
+        Points before the first kick, in turns, x on the lift: those of the lines x_c = 0 and x_c =
+        1/2, mapped back from site c to site 0, and those of the other centre, c + P/2.
 
-    ValueError if the forcing has no centre.
+    Raises
+    ------
+    ValueError
+        If the forcing has no centre.
+
+    Examples
+    --------
+    >>> from nasm.symmetries import symmetry_lines
+    >>> x, y = symmetry_lines((0.3, 0.5), [0.1])
+    >>> x.ravel().round(3)
+    array([-0.1,  0.4,  0. ,  0.5])
     """
     strengths = primitive(kappa)
     site, _ = dominant_centre(strengths)
@@ -154,16 +275,33 @@ def symmetry_lines(kappa, y):
     return tuple(np.stack(lines, axis=1))
 
 
-def shorten(forcings, omega):
-    """The shortest forcings with the same orbits up to symmetry, and ω per their shorter period.
+def shorten(
+    forcings: Sequence[ArrayLike] | FloatArray, omega: OmegaLike
+) -> tuple[list[FloatArray], RotationNumber]:
+    """Find the shortest forcings with the same orbits up to symmetry, and ω per their period.
 
-    On κ1 = κ2 one step is two of the standard map, at ω/2; on κ1 = -κ2 so it is up to `alternate`.
+    On κ1 = κ2 one step is two of the standard map, at ω/2. On κ1 = -κ2 the same holds up to
+    `alternate`.
 
-    forcings : sequence of forcings of one period P, which are shortened alike.
-    omega : RotationNumber per P kicks, e.g. `numbers.parse("gamma")`.
+    Parameters
+    ----------
+    forcings : sequence of array_like, shape (P,)
+        Forcings of one period, which are shortened alike.
+    omega : RotationNumber or str
+        Rotation number per P kicks.
 
-    Returns forcings : list of arrays of shape (P',), P' a divisor of P. omega : RotationNumber, in
-    [0, P'], to which y → y + 1 takes it.
+    Returns
+    -------
+    forcings : list of ndarray, shape (P',)
+        P' is a divisor of P.
+    omega : RotationNumber
+        Rotation number per P' kicks, shifted by y → y + 1 into [0, P'].
+
+    Examples
+    --------
+    >>> from nasm.symmetries import shorten
+    >>> shorten([(0.3, 0.3)], "gamma")
+    ([array([0.3])], parse("[0;3,(4)]"))
     """
     kappas = np.array([forcing(kappa, "forcings") for kappa in forcings])
     length, spacing, short = _shortest(kappas)
@@ -174,23 +312,63 @@ def shorten(forcings, omega):
     return list(short), RotationNumber((whole % length, *rest), omega.tail)
 
 
-def halfway_nobles(kappa, value, width, n):
-    """Rotation numbers near a float of which (ω + 1)/2 is noble, the simplest first; at most n.
+def half_shift_nobles(kappa: ArrayLike, value: float, width: float, n: int) -> list[RotationNumber]:
+    """List rotation numbers ω close to a float for which (ω + 1)/2 is noble.
 
-    Where κ_{j+P/2} = -κ_j, or nearly, a period is two steps of half a period and x → x + 1/2, of
-    that rotation number: under (1, 1, -1, -1) the circle of [0;(4)] = 2γ - 1 breaks last. Under
-    other forcings none.
+    Under an antiperiodic forcing, κ_{j+P/2} = -κ_j exactly or nearly, a period is two steps of half
+    a period followed by x → x + 1/2, and (ω + 1)/2 is the rotation number of one of these steps.
+    Under (1, 1, -1, -1) the circle of [0;(4)] = 2γ - 1 breaks last.
 
-    kappa : ndarray (P,). value : float, ω per period. width : float > 0. n : int.
+    Parameters
+    ----------
+    kappa : array_like, shape (P,)
+        The forcing; the list is empty if it is not antiperiodic.
+    value : float
+        ω per period.
+    width : float
+        Largest distance from `value`, > 0.
+    n : int
+        Most numbers to return.
+
+    Returns
+    -------
+    list of RotationNumber
+        Those with the shortest prefix of (ω + 1)/2 first.
+
+    Examples
+    --------
+    >>> from nasm.symmetries import half_shift_nobles
+    >>> half_shift_nobles((1, 1, -1, -1), 0.236, 1e-3, 1)
+    [parse("[0;(4)]")]
     """
     value, width, n = real("value", value), real("width", width), count("n", n, 0, 10**6)
-    if not _distance_to_turned(forcing(kappa)) <= _NEARLY:
+    if not _distance_to_antiperiodic(forcing(kappa)) <= _HALF_SHIFT_DISTANCE:
         return []
     return [moebius(rho, 2, -1) for rho in nobles_near((value + 1) / 2, width / 2, n)]
 
 
-def lengthen(kappa, x, y):
-    """(x, y) under the forcing that `shorten` makes of kappa → that orbit's (x, y) under kappa."""
+def lengthen(kappa: ArrayLike, x: ArrayLike, y: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    """Map points back from the forcing that `shorten` returns for kappa to kappa itself.
+
+    Parameters
+    ----------
+    kappa : array_like, shape (P,)
+        The forcing that was shortened.
+    x, y : array_like
+        Points of an orbit under the shortened forcing, in turns; x on the lift.
+
+    Returns
+    -------
+    x, y : ndarray
+        Those of the same orbit under kappa.
+
+    Examples
+    --------
+    >>> from nasm.symmetries import lengthen
+    >>> x, y = lengthen((0.3, -0.3), 0.1, 0.7)
+    >>> print(f"{x:.2f} {y:.2f}")
+    0.10 0.20
+    """
     strengths, (x, y) = forcing(kappa), points(x, y)
     _, spacing, _ = _shortest(strengths[None])
     if not spacing:
@@ -199,41 +377,49 @@ def lengthen(kappa, x, y):
     return x - before, y - above
 
 
-def distances_to_shorter(kappa):
-    """How far a forcing is from the forms that `shorten` shortens, one for each shorter period; and
-    from kicks that turn after half a period, see `halfway_nobles`, if it is not one of these.
+def distances_to_shorter(kappa: ArrayLike) -> FloatArray:
+    """Compute the distances of a forcing from those that `shorten` shortens.
 
-    ndarray: the largest change of a strength that it takes, in parts of the largest |κ|.
+    There is one for each shorter period, and one from antiperiodic forcings, κ_{j+P/2} = -κ_j,
+    unless kappa is one of them to rounding.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        The largest change of a strength, relative to the largest |κ|.
     """
     strengths = forcing(kappa)
     size = np.abs(strengths).max()
-    found = [change / size if size > 0 else 0.0 for change, *_ in _shorter(strengths[None])]
-    turned = _distance_to_turned(strengths)
-    if _ROUNDED < turned < np.inf:
-        found.append(turned)
-    return np.array(found)
+    distances = [change / size if size > 0 else 0.0 for change, *_ in _shorter(strengths[None])]
+    antiperiodic = _distance_to_antiperiodic(strengths)
+    if _ROUNDING_DISTANCE < antiperiodic < np.inf:
+        distances.append(antiperiodic)
+    return np.array(distances)
 
 
-def _distance_to_turned(kappa):
-    """How far it is from κ_{j+P/2} = -κ_j; inf for an odd P, and for κ = 0."""
+def _distance_to_antiperiodic(kappa: FloatArray) -> float:
+    """Compute the relative distance from κ_{j+P/2} = -κ_j; inf for an odd P, and for κ = 0."""
     size = np.abs(kappa).max()
     if kappa.size % 2 or size == 0:
         return np.inf
     return np.abs(np.roll(kappa, kappa.size // 2) + kappa).max() / size
 
 
-def _shortest(kappas):
-    """The shortest period of forcings, rows of an array; the spacing m of the kicks whose signs
-    must alternate for it, or 0; and the rows of that period."""
-    exact = (found for change, *found in _shorter(kappas) if change == 0)
+def _shortest(kappas: FloatArray) -> tuple[int, int, FloatArray]:
+    """Return the shortest period of forcings, rows of an array; the spacing m of the kicks whose
+    signs must alternate for it, or 0; and the rows of that period."""
+    exact = (
+        (length, spacing, rows) for change, length, spacing, rows in _shorter(kappas) if change == 0
+    )
     return next(exact, (kappas.shape[1], 0, kappas))
 
 
-def _shorter(kappas):
-    """The change that gives forcings a shorter period, and what `_shortest` returns of each.
+def _shorter(kappas: FloatArray) -> Iterator[tuple[float, int, int, FloatArray]]:
+    """Yield, for each shorter period, the largest change of a strength that leads to it, the
+    period, the spacing and the rows as `_shortest` returns them.
 
-    The change makes |κ| that of a form, and the form periodic: the forcings themselves; and, for
-    each spacing m, those sites m apart, with alternating signs, among which the largest |κ| is.
+    Forms of a shorter period: the forcings themselves, periodic; and, for each spacing m, the sites
+    m apart that include the largest |κ|, with alternating signs and all others 0.
     """
     period, size = kappas.shape[1], np.abs(kappas)
     largest = int(size.max(axis=0).argmax())
@@ -246,7 +432,7 @@ def _shorter(kappas):
             yield change, length, spacing, form[:, :length]
 
 
-def _alternated(kappas, spacing, first):
+def _alternated(kappas: FloatArray, spacing: int, first: int) -> FloatArray:
     form = np.zeros_like(kappas)
     form[..., first :: 2 * spacing] = kappas[..., first :: 2 * spacing]
     form[..., first + spacing :: 2 * spacing] = -kappas[..., first + spacing :: 2 * spacing]
@@ -254,5 +440,5 @@ def _alternated(kappas, spacing, first):
 
 
 @lru_cache
-def _divisors(n):
+def _divisors(n: int) -> list[int]:
     return [divisor for divisor in range(1, n + 1) if n % divisor == 0]

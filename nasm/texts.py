@@ -6,9 +6,19 @@ A text may come from anybody, and a short one can spell a number that nothing ca
 
 import re
 from contextlib import suppress
+from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal
 from fractions import Fraction
+from math import inf, isfinite
 
-__all__ = ["parse_float", "parse_fraction", "parse_integer", "shortened", "shown"]
+__all__ = [
+    "parse_float",
+    "parse_fraction",
+    "parse_integer",
+    "rounded_bracket",
+    "rounded_value",
+    "shortened",
+    "shown",
+]
 
 MAX_DIGITS = 100
 """The most digits of an integer in a text, and of a decimal number on either side of its point."""
@@ -56,3 +66,39 @@ def shown(value):
 def shortened(text):
     """`text`, or its beginning and its length."""
     return text if len(text) <= _LONGEST else f"{text[:40]}… ({len(text)} characters)"
+
+
+def rounded_value(value: float, error: float) -> str:
+    """Write a value with its error: both down to the second digit of the error.
+
+    Examples
+    --------
+    >>> from nasm.texts import rounded_value
+    >>> rounded_value(0.971635406, 2.1e-7)
+    '0.97163541 ± 2.1e-07'
+    """
+    if not (isfinite(value) and 0 < error < inf):
+        return f"{value:.15g}"
+    digits = Decimal(value).adjusted() - Decimal(error).adjusted() + 2
+    return f"{value:#.{min(max(digits, 2), 16)}g}".rstrip(".") + f" ± {error:.2g}"
+
+
+def rounded_bracket(lower: float, upper: float) -> tuple[str, str]:
+    """Write the ends of a bracket, rounded outwards to the second digit of its width.
+
+    An end that is NaN is an empty text, and the other one has six digits.
+
+    Examples
+    --------
+    >>> from nasm.texts import rounded_bracket
+    >>> rounded_bracket(0.97154321, 0.97171234)
+    ('0.97154', '0.97172')
+    """
+    known = [Decimal(end) for end in (lower, upper) if isfinite(end)]
+    width = known[-1] - known[0] or known[0] / 10**4 if known else Decimal(0)
+    unit = Decimal(1).scaleb(width.adjusted() - 1) if width else Decimal(0)
+
+    def rounded(end: float, rounding: str) -> str:
+        return f"{float(Decimal(end).quantize(unit, rounding)):.15g}" if isfinite(end) else ""
+
+    return rounded(lower, ROUND_FLOOR), rounded(upper, ROUND_CEILING)

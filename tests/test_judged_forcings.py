@@ -46,8 +46,8 @@ def test_images_follow_from_their_rows():
 def test_an_image_of_a_forcing_is_a_relative_of_it(operations):
     row = replace(next(iter(ROWS.values())), profile=(0.3, 0.1, -0.2, 0.7), start=None)
     profile, *_ = image(row, operations)
-    relatives = [form[0] for _, form in symmetries.relatives(np.array([row.profile]))]
-    assert any(np.array_equal(form, profile) for form in relatives)
+    equivalent = [form[0] for _, form in symmetries.equivalent_forcings(np.array([row.profile]))]
+    assert any(np.array_equal(form, profile) for form in equivalent)
 
 
 def test_pauses_and_repetitions_shorten_to_the_same_forcing():

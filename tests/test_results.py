@@ -9,7 +9,10 @@ import pytest
 from nasm import circles, critical, periodic, planes, self_consistent
 from nasm.converse_kam.transversal import Transversal
 from nasm.critical import CriticalScale, Status
+from nasm.numbers import parse
 from nasm.verdicts import verdict
+
+GAMMA = parse("gamma")
 
 MADE = {
     "verdict of a barrier": (lambda kappa: verdict((kappa,)), 0.3, 0.31),
@@ -44,3 +47,43 @@ def test_transversals_that_hold_arrays_are_compared_without_an_error():
     one, other = (Transversal(0, np.array([0.3, 0.2, 0.4]), [], float) for _ in range(2))
     assert one == one
     assert one != other
+
+
+def test_a_critical_scale_prints_with_the_digits_of_its_error():
+    found = CriticalScale(
+        0.97163540631, 2.13e-8, 0.9715431, 0.9717168, GAMMA, Status.OK, "residues"
+    )
+    expected = (
+        "CriticalScale(0.971635406 ± 2.1e-08, bracket [0.97154, 0.97172], "
+        "circle [0;(1)] = 0.618034 per period, method: residues, OK)"
+    )
+    assert repr(found) == str(found) == expected
+
+
+def test_a_critical_scale_without_a_value_prints_the_reason_and_the_cure():
+    text = repr(critical.no_answer(None, Status.NO_CIRCLE))
+    assert text == f"CriticalScale(no value, NO_CIRCLE: {Status.NO_CIRCLE.value})"
+    one_end = CriticalScale(np.nan, np.nan, np.nan, 1.25, None, Status.NOT_CONVERGED)
+    assert "no value, upper 1.25, NOT_CONVERGED" in repr(one_end)
+
+
+@pytest.mark.parametrize("value", [1e-300, 1e300, 0.0, -2.0, 12345.6])
+def test_critical_scales_of_any_size_print(value):
+    for error in (0.0, 1e-3, np.inf, np.nan, 1e300):
+        assert "CriticalScale(" in repr(CriticalScale(value, error, value, value, None, Status.OK))
+
+
+def test_a_notebook_shows_a_critical_scale_as_a_table():
+    html = CriticalScale(0.5, 0.01, np.nan, 0.6, GAMMA, Status.OK, "a < b")._repr_html_()
+    assert html.startswith("<table>")
+    for cell in "0.500 ± 0.01", "none exists at 0.6", "[0;(1)] = 0.61803398875 per period":
+        assert f"<td>{cell}</td>" in html
+    assert "<td>a &lt; b</td>" in html
+    assert "a circle exists" not in html
+
+
+@pytest.mark.parametrize("status", set(Status) - {Status.OK})
+def test_a_status_says_what_to_do(status):
+    reason, cure = status.value.split("; ")
+    assert reason
+    assert cure

@@ -120,5 +120,5 @@ def _diffusion(kappas, coords, settings):
 def _predict_diffusion(coords, settings):
     """Predict by the steps that forcings so far beyond the breakup need, by measurement."""
     steps = 1e4 / np.maximum(coords["excess"], 1e-3) ** 3
-    n_steps = np.clip(steps, ensembles.SHORTEST, settings["n_max"]).sum() * coords["angle"].size
+    n_steps = np.clip(steps, ensembles.MIN_PERIODS, settings["n_max"]).sum() * coords["angle"].size
     return 0.01 + 2 * escape.SECONDS_PER_KICK["double"] * settings["n_orbits"] * n_steps

@@ -1,8 +1,8 @@
 """A verdict in plain sentences."""
 
-from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal
 from math import inf, isfinite, log10
 
+from nasm.texts import rounded_bracket
 from nasm.verdicts import Answer, Evidence
 from pipeline.sweep.progress import plural
 
@@ -102,15 +102,5 @@ def scale_of(boundary):
 
 
 def bracket_of(boundary):
-    """Return the ends of the bracket as texts, "" for an end that is not known.
-
-    They are rounded outwards to two digits of the bracket's width; one end alone has six digits.
-    """
-    ends = boundary.lower, boundary.upper
-    known = [Decimal(end) for end in ends if isfinite(end)]
-    width = known[-1] - known[0] or known[0] / 10**4 if known else 0
-    unit = Decimal(1).scaleb(width.adjusted() - 1) if width else 0
-    return tuple(
-        f"{float(Decimal(end).quantize(unit, rounding)):.15g}" if isfinite(end) else ""
-        for end, rounding in zip(ends, (ROUND_FLOOR, ROUND_CEILING), strict=True)
-    )
+    """Return the ends of the bracket as texts, "" for an end that is not known."""
+    return rounded_bracket(boundary.lower, boundary.upper)
