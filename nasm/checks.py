@@ -1,6 +1,6 @@
-"""Arguments that several modules take, checked at the edge: the kernels behind it trust them.
+"""Checks of arguments: public functions check them once, and kernels rely on that.
 
-And the seal of what leaves the package to be checked elsewhere, a certificate.
+Also the checksum of certificates, which leave the package to be checked elsewhere.
 """
 
 import hashlib
@@ -8,126 +8,234 @@ import json
 from decimal import Decimal
 from fractions import Fraction
 from math import inf
-from numbers import Integral, Real
+from numbers import Integral, Rational, Real
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from nasm.texts import FORM_OF_FRACTION, parse_fraction, shortened, shown
+from nasm.texts import FORM_OF_FRACTION, abbreviate, parse_fraction, short_repr
 
 __all__ = [
     "count",
-    "exact",
+    "exact_fraction",
     "floats",
     "fraction",
     "integer",
     "points",
     "positive",
     "real",
-    "sealed",
+    "with_sha256",
 ]
 
 MAX_DENOMINATOR = 10**6
+"""Largest denominator of a fraction that is an argument."""
 
 
-def _scalar(value):
-    """The number in an array without dimensions, which NumPy and xarray have for one."""
-    is_one = isinstance(value, np.ndarray) and value.ndim == 0 and not np.ma.isMaskedArray(value)
-    return value[()] if is_one else value
+def _scalar(value: object) -> Any:
+    """Return the number in an array without dimensions, NumPy's or xarray's form of a number."""
+    if isinstance(value, np.ndarray) and value.ndim == 0 and not np.ma.isMaskedArray(value):
+        return value[()]
+    return value
 
 
-def integer(value):
-    """`value` as an int, whose arithmetic does not overflow as that of NumPy's; TypeError unless it
-    is a whole number."""
+def integer(value: object) -> int:
+    """Convert a whole number to an int, whose arithmetic does not overflow as NumPy's does.
+
+    Raises
+    ------
+    TypeError
+        If it is not a whole number.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from nasm.checks import integer
+    >>> integer(np.int8(100)) * 100
+    10000
+    """
     value = _scalar(value)
     if not isinstance(value, Integral) or isinstance(value, bool):
-        raise TypeError(f"{shown(value)} is not a whole number")
+        raise TypeError(f"{short_repr(value)} is not a whole number")
     return int(value)
 
 
-def exact(value):
-    """The Fraction of ints that `value` is or spells; raises what Fraction does if it is not exact,
-    and ValueError if it is too long."""
+def exact_fraction(value: Rational | Decimal | float | str) -> Fraction:
+    """Convert a number or its text to a Fraction of ints.
+
+    Raises
+    ------
+    ValueError
+        If it is a text that is too long, and whatever Fraction raises for what it cannot convert.
+
+    Examples
+    --------
+    >>> from nasm.checks import exact_fraction
+    >>> exact_fraction("0.375")
+    Fraction(3, 8)
+    """
     value = parse_fraction(str(value)) if isinstance(value, str | Decimal) else Fraction(value)
     return Fraction(int(value.numerator), int(value.denominator))
 
 
-def count(name, value, low, high):
-    """`value` as an int; ValueError unless it is a whole number from low to high."""
+def count(name: str, value: object, low: int, high: int) -> int:
+    """Check a whole number from low to high, and return it as an int.
+
+    Raises
+    ------
+    ValueError
+        If it is something else; the message names it.
+
+    Examples
+    --------
+    >>> from nasm.checks import count
+    >>> count("n", 3.5, 1, 10)
+    Traceback (most recent call last):
+    ValueError: n=3.5 must be a whole number from 1 to 10
+    """
     try:
         whole = integer(value)
     except TypeError:
         whole = None
     if whole is None or not low <= whole <= high:
-        raise ValueError(f"{name}={shown(value)} must be a whole number from {low} to {high}")
+        raise ValueError(f"{name}={short_repr(value)} must be a whole number from {low} to {high}")
     return whole
 
 
-def real(name, value, *ends):
-    """`value` as a float; ValueError unless it is a number, and between the two ends if they are
-    given. Long doubles, which floats may round, are refused."""
+def real(name: str, value: object, *ends: float) -> float:
+    """Check a real number, from ends[0] to ends[1] if these are passed, and return it as a float.
+
+    Raises
+    ------
+    ValueError
+        If it is something else, or a long double, which a float may round.
+
+    Examples
+    --------
+    >>> from nasm.checks import real
+    >>> real("tol", 2, 0, 1)
+    Traceback (most recent call last):
+    ValueError: tol=2 must be from 0 to 1
+    """
     value = _scalar(value)
     if not isinstance(value, Real) or isinstance(value, bool | np.longdouble):
-        raise ValueError(f"{name}={shown(value)} must be a number that a float holds")
-    if ends and not ends[0] <= value <= ends[1]:
-        raise ValueError(f"{name}={shown(value)} must be from {ends[0]} to {ends[1]}")
+        raise ValueError(f"{name}={short_repr(value)} must be a number that a float holds")
+    if ends and not ends[0] <= value <= ends[1]:  # type: ignore[operator]
+        raise ValueError(f"{name}={short_repr(value)} must be from {ends[0]} to {ends[1]}")
     return float(value)
 
 
-def positive(name, value, what):
-    """`value` as a finite float; ValueError unless it is a number > 0. what : it is, in words."""
+def positive(name: str, value: object, meaning: str) -> float:
+    """Check a finite number > 0, and return it as a float.
+
+    Parameters
+    ----------
+    name, value
+        Of the argument.
+    meaning : str
+        What it is, for the message.
+
+    Raises
+    ------
+    ValueError
+        If it is something else.
+
+    Examples
+    --------
+    >>> from nasm.checks import positive
+    >>> positive("spacing", 0, "turns from point to point")
+    Traceback (most recent call last):
+    ValueError: spacing=0.0 must be positive: turns from point to point
+    """
     value = real(name, value)
     if not 0 < value < inf:
-        raise ValueError(f"{name}={shown(value)} must be positive: {what}")
+        raise ValueError(f"{name}={short_repr(value)} must be positive: {meaning}")
     return value
 
 
-def floats(name, values):
-    """`values` as a float array; ValueError unless they are real numbers that floats hold.
+def floats(name: str, values: ArrayLike) -> NDArray[np.float64]:
+    """Check an array of real numbers that floats represent, and return it as an array of floats.
 
-    Masked arrays are refused, and long doubles and Decimals whatever their digits; so are Fractions
-    that floats would round.
+    Raises
+    ------
+    ValueError
+        If it is something else. Masked arrays, long doubles and Decimals are refused; so are
+        Fractions that floats would round.
+
+    Examples
+    --------
+    >>> from nasm.checks import floats
+    >>> floats("y", [1, 2])
+    array([1., 2.])
     """
     try:
         if has_mask(values):
-            raise TypeError("what is masked is no number")
-        given = np.asarray(values)
-        holds = given.dtype.kind in "iuf" and given.dtype.itemsize <= 8
-        if given.dtype.kind == "O":
-            holds = all(isinstance(x, Real) and float(x) == x for x in given.ravel())
+            raise TypeError("masked entries are not numbers")
+        array = np.asarray(values)
+        is_exact = array.dtype.kind in "iuf" and array.dtype.itemsize <= 8
+        if array.dtype.kind == "O":
+            is_exact = all(isinstance(x, Real) and float(x) == x for x in array.ravel())
     except (TypeError, ValueError, OverflowError):
-        holds = False
-    if not holds:
+        is_exact = False
+    if not is_exact:
         raise ValueError(
             f"{name}={values!r} is not made of real numbers that floats hold, without a mask; "
             f"convert them before, e.g. {name}=(0.3, 0.5)"
         )
-    return given.astype(float)
+    return array.astype(float)
 
 
-def has_mask(values):
-    """Whether it is a masked array, or a list with one in it, whose mask NumPy would drop."""
+def has_mask(values: object) -> bool:
+    """Return True for a masked array, or a list that contains one: NumPy would drop its mask."""
     if isinstance(values, list | tuple):
         return any(map(has_mask, values))
     return np.ma.isMaskedArray(values)
 
 
-def fraction(name, value):
-    """`value` as an exact Fraction; ValueError unless its denominator is at most 10⁶."""
+def fraction(name: str, value: Rational | Decimal | float | str) -> Fraction:
+    """Check a fraction with a denominator of at most 10⁶, and return it as an exact Fraction.
+
+    Raises
+    ------
+    ValueError
+        If it is something else.
+
+    Examples
+    --------
+    >>> from nasm.checks import fraction
+    >>> fraction("frequency", "2/6")
+    Fraction(1, 3)
+    """
     try:
-        ratio = exact(value)
-        float(ratio)  # which 1e400 overflows
+        ratio = exact_fraction(value)
+        float(ratio)  # overflows for 1e400
     except (TypeError, ValueError, OverflowError, ZeroDivisionError):
-        raise ValueError(f"{name}={shown(value)} is not a fraction; {FORM_OF_FRACTION}") from None
+        raise ValueError(
+            f"{name}={short_repr(value)} is not a fraction; {FORM_OF_FRACTION}"
+        ) from None
     if ratio.denominator > MAX_DENOMINATOR:
         raise ValueError(
-            f"{name}={shown(value)} is {shortened(str(ratio))}, whose denominator is more than "
-            f"{MAX_DENOMINATOR}; write a shorter fraction, like '{ratio.limit_denominator(1000)}'"
+            f"{name}={short_repr(value)} is {abbreviate(str(ratio))}, whose denominator is more "
+            f"than {MAX_DENOMINATOR}; write a shorter fraction, like "
+            f"'{ratio.limit_denominator(1000)}'"
         )
     return ratio
 
 
-def points(x, y):
-    """x and y as finite float arrays of one shape; ValueError otherwise."""
+def points(x: ArrayLike, y: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Check points, and return x and y as finite float arrays of one shape.
+
+    Raises
+    ------
+    ValueError
+        If they are not finite numbers, or their shapes do not broadcast.
+
+    Examples
+    --------
+    >>> from nasm.checks import points
+    >>> points([0.0, 0.5], 0.25)
+    (array([0. , 0.5]), array([0.25, 0.25]))
+    """
     x, y = floats("x", x), floats("y", y)
     try:
         x, y = np.broadcast_arrays(x, y)
@@ -141,7 +249,14 @@ def points(x, y):
     return x, y
 
 
-def sealed(certificate):
-    """`certificate`, a dict for JSON, with the SHA-256 of its text: no digit changes unnoticed."""
+def with_sha256(certificate: dict[str, Any]) -> dict[str, Any]:
+    """Add the SHA-256 of its JSON text to a certificate, so that any changed digit is noticed.
+
+    Examples
+    --------
+    >>> from nasm.checks import with_sha256
+    >>> with_sha256({"kappa": [0.5]})["sha256"][:8]
+    '5038a8fe'
+    """
     text = json.dumps(certificate, sort_keys=True).encode()
     return certificate | {"sha256": hashlib.sha256(text).hexdigest()}

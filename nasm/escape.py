@@ -439,8 +439,9 @@ def kick_series(kappas: FloatArray, series: Sequence[float] | FloatArray = SINE)
     return np.concatenate([-kappas[..., None] * np.array(series), quarter], axis=-1)
 
 
-def polynomial(c, p, v):
+def polynomial(c: FloatArray, p: int, v: FloatArray) -> FloatArray:
     """Evaluate Σ c_k vᵏ of kick p; the precision of c fixes the number of terms."""
+    raise NotImplementedError("polynomial is compiled inside kernels only")
 
 
 @overload(polynomial, jit_options={"forceinline": True})

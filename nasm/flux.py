@@ -1,7 +1,7 @@
 """The flux through a broken circle: the difference in action of two periodic orbits.
 
-Where the circle of ω is broken a cantorus is left, and orbits pass through its gaps. The area that
-passes upwards in one step of T, and as much downwards, is
+A circle that breaks leaves a cantorus, and orbits pass through its gaps. The area that passes
+upwards in one step of T, equal to that downwards, is
 
     ΔW = lim ΔW_{p/q},    ΔW_{p/q} = W(minimax orbit) - W(minimizing orbit),
 
@@ -10,23 +10,25 @@ over the convergents p/q of ω (MacKay, Meiss & Percival, Physica D 13 (1984) 55
     W = Σ_n (x_{n+1} - x_n)²/2 - (κ_n/4π²) cos 2πx_n
 
 over the Pq sites of a period. While the circle exists ΔW_{p/q} tends to 0 faster than any power of
-1/q; beyond its breakup it has a limit, which grows like (κ - κ_c)^3.01 for noble ω (MacKay's
-ln(αβ)/ln δ). The two actions share most of their digits. With d_n the distance of the minimax
-orbit's sites from the minimizing orbit's next to them, and since that one is stationary,
+1/q; beyond its breakup it has a positive limit, which grows like (κ - κ_c)^3.01 for noble ω
+(MacKay's ln(αβ)/ln δ). The two actions share most of their digits, so they are not subtracted. Let
+d_n be the distance from a site of the minimizing orbit to the next site of the minimax orbit. Since
+the minimizing orbit is stationary,
 
     ΔW_{p/q} = Σ (d_{n+1} - d_n)²/2 + (κ_n/4π²) [2 cos 2πx_n sin² πd_n
                                                   + sin 2πx_n (sin 2πd_n - 2πd_n)].
 
-It is the flux through the widest gap of the minimizing orbit. Far beyond the breakup, or next to a
-forcing of a shorter period, a cantorus may have other gaps too, which let more pass.
+This is the flux through the widest gap of the minimizing orbit. Far beyond the breakup, or next to
+a forcing of shorter period, a cantorus may have other gaps too, whose flux is larger.
 """
 
 from dataclasses import dataclass
 from itertools import islice
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from nasm.action import FLAT, MAX_PERIOD, Ladder, LostError, ordered_orbits
+from nasm.action import FLAT, MAX_PERIOD, Ladder, LostError, Orbit, ordered_orbits
 from nasm.arithmetic.sine import cos2pi, sin2pi
 from nasm.checks import count
 from nasm.critical import Status
@@ -38,20 +40,30 @@ from nasm.numbers import (
     distinct_convergents,
 )
 from nasm.symmetries import shorten
+from nasm.types import OmegaLike
 
 __all__ = ["Flux", "action_difference", "flux"]
 
-_AIM, _SETTLED = 1e-6, 0.01  # change from one convergent to the next: wanted, and accepted
+# Relative change from one convergent to the next:
+_AIM = 1e-6  # at which the search ends
+_MAX_CHANGE = 0.01  # that is accepted if it cannot be continued
 
 
 @dataclass(frozen=True)
 class Flux:
-    """The flux through the remains of the circle of ω, per step of T.
+    """Flux through the cantorus of ω, per step of T (one period of the forcing).
 
-    value : area, in turns times y; 0 to within `error` while the circle exists, NaN if status is
-        not OK.
-    error : estimated absolute error.
-    period : the longest period of the orbits used.
+    Attributes
+    ----------
+    value : float
+        Area, in turns times y: 0 to within `error` while the circle exists; NaN if status is not
+        OK.
+    error : float
+        Estimated absolute error.
+    period : int
+        Longest period of the orbits used.
+    omega : RotationNumber
+    status : Status
     """
 
     value: float
@@ -61,18 +73,38 @@ class Flux:
     status: Status
 
 
-def flux(omega, kappa, q_max=30_000):
-    """ΔW of the convergents of ω, until it changes no more or is lost in rounding.
+def flux(omega: OmegaLike, kappa: ArrayLike, q_max: int = 30_000) -> Flux:
+    """Compute ΔW of longer and longer convergents of ω, until it converges or is lost in rounding.
 
-    omega : RotationNumber or its text, irrational; e.g. "gamma".
-    kappa : sequence of P floats, the forcing, first kick first.
-    q_max : int up to 10⁶, the longest period used. 30 000 do from 10⁻³ beyond the breakup on,
-        200 000 from 10⁻⁴.
+    Parameters
+    ----------
+    omega : RotationNumber or str
+        Irrational rotation number per step, e.g. "gamma".
+    kappa : array_like, shape (P,)
+        The forcing, first kick first.
+    q_max : int
+        Longest period used, up to 10⁶. From a relative 10⁻³ beyond the breakup on 30 000 suffice,
+        from 10⁻⁴ on 200 000.
 
-    Returns Flux. error : the last change and the rounding of the sum; the changes shrink faster
-    than geometrically. Status NOT_CONVERGED next to the breakup, where orbits up to q_max do not
-    tell on which side of it kappa is, DISORDERED where longer orbits were lost before changes fell
-    below 1%.
+    Returns
+    -------
+    Flux
+        error: the last change, which bounds later ones as they shrink faster than geometrically,
+        plus the rounding of the sum. status: RATIONAL; NOT_CONVERGED next to the breakup, if orbits
+        up to q_max do not decide on which side of it kappa is; DISORDERED if longer orbits were
+        lost before changes fell below 1%.
+
+    Raises
+    ------
+    ValueError
+        If an argument is out of range.
+
+    Examples
+    --------
+    >>> from nasm.flux import flux
+    >>> beyond = flux("gamma", (1.1,))
+    >>> print(f"{beyond.value:.3g}", beyond.status)
+    3.73e-05 Status.OK
     """
     kappa, q_max = forcing(kappa), count("q_max", q_max, 1, MAX_PERIOD)
     omega = as_rotation_number(omega)
@@ -80,38 +112,52 @@ def flux(omega, kappa, q_max=30_000):
     if omega.is_rational:
         return Flux(np.nan, np.nan, 0, omega, Status.RATIONAL)
     steps = kappa.size // short.size
-    # Up to the end of the prefix these are convergents of other numbers too.
-    enough = list(islice(convergents(short_omega), len(short_omega.prefix) + 1))[-1].denominator
+    # Up to the end of the prefix they are convergents of other numbers too.
+    min_period = list(islice(convergents(short_omega), len(short_omega.prefix) + 1))[-1].denominator
     ladder = Ladder(short, 0 * short, distinct_convergents(short_omega, q_max))
     value, error, period, status = np.nan, np.inf, 0, Status.NOT_CONVERGED
-    lost = 0
+    n_lost = 0
     for n, chain in enumerate(ladder.chains):
         try:
-            longer, rounding = _difference(*(ladder.at(n, 0.0, kind) for kind in (1, -1)))
-            lost = 0
+            difference, rounding = _difference(*(ladder.at(n, 0.0, kind) for kind in (1, -1)))
+            n_lost = 0
         except LostError:
-            longer, rounding, lost = np.nan, 0.0, lost + 1
-            if lost == 1:  # longer ones may be found again
+            difference, rounding, n_lost = np.nan, 0.0, n_lost + 1
+            if n_lost == 1:  # longer ones may be found again
                 continue
-        if not longer > -rounding:  # orbits are lost, or nearer to each other than rounding
+        if not difference > -rounding:  # orbits are lost, or closer to each other than rounding
             status = Status.DISORDERED
             break
-        value, error, period = longer, abs(longer - value) + rounding, chain.q
-        if chain.q >= enough and error <= max(_AIM * value, 2 * rounding):
+        value, error, period = difference, abs(difference - value) + rounding, chain.q
+        if chain.q >= min_period and error <= max(_AIM * value, 2 * rounding):
             status = Status.OK
             break
-    if status is Status.OK or (period >= enough and error <= _SETTLED * value):
+    if status is Status.OK or (period >= min_period and error <= _MAX_CHANGE * value):
         return Flux(steps * value, steps * error, period, omega, Status.OK)
     return Flux(np.nan, np.nan, period, omega, status)
 
 
-def action_difference(kappa, p, q):
-    """ΔW_{p/q}, the area that passes through the gaps of the ordered p/q orbits in one step.
+def action_difference(kappa: ArrayLike, p: int, q: int) -> float:
+    """Compute ΔW_{p/q}, the area that passes through the gaps of the ordered p/q orbits in one
+    step.
 
-    kappa : sequence of P floats, the forcing, first kick first.
-    p, q : ints without common factor, 1 ≤ q ≤ 10⁶.
+    Parameters
+    ----------
+    kappa : array_like, shape (P,)
+        The forcing, first kick first.
+    p, q : int
+        Without common factor, 1 ≤ q ≤ 10⁶.
 
-    Returns float; NaN if one of the two orbits is not found.
+    Returns
+    -------
+    float
+        In turns times y; NaN if one of the two orbits is not found.
+
+    Examples
+    --------
+    >>> from nasm.flux import action_difference
+    >>> print(f"{action_difference((0.5,), 0, 1):.8f}")
+    0.02533030
     """
     try:
         return _difference(*ordered_orbits(kappa, p, q))[0]
@@ -119,14 +165,14 @@ def action_difference(kappa, p, q):
         return np.nan
 
 
-def _difference(minimizing, minimax):
-    """ΔW of two orbits, and how far rounding may have moved it."""
+def _difference(minimizing: Orbit, minimax: Orbit) -> tuple[float, float]:
+    """Compute ΔW of two orbits and a bound of its rounding error."""
     u, kappa = minimizing.u, np.resize(minimizing.kappa, minimizing.u.size)
-    if minimax.residue == 0:  # and the slope of the reduced action nowhere more than rounding
+    if minimax.residue == 0:  # the reduced action is flat to rounding
         return 0.0, FLAT * u.size**0.5 / minimizing.chain.q
     x, d = minimizing.chain.theta + u, minimax.u - u
     bend = 2 * cos2pi(x) * sin2pi(d / 2) ** 2 + sin2pi(x) * (sin2pi(d) - TWO_PI * d)
     terms = np.stack([(np.roll(d, -1) - d) ** 2 / 2, kappa / TWO_PI**2 * bend])
-    # The sum's own, and an ulp by which each site of the minimizing orbit misses being stationary.
+    # Of the sum, and of the minimizing orbit, whose sites are stationary to one ulp.
     rounding = np.finfo(float).eps * (np.abs(terms).sum() + np.linalg.norm(d))
     return float(terms.sum()), float(rounding)

@@ -4,25 +4,27 @@ The minimizing orbit is hyperbolic, R < 0. Along the unstable direction v of one
 
     W(t) = T^{qk}(z + ε λ^{t-k} v) - (pk, 0),    k = ⌊t⌋,    ε = 10⁻⁶,
 
-λ > 1 the eigenvalue of DT^q, is its unstable manifold up to ε² or so, since T^q draws points to it.
-T⁻¹ is T with the kicks in reversed order seen in the coordinates (y - x, y), so that the stable
+with λ > 1 the eigenvalue of DT^q, is its unstable manifold up to about ε², since T^q attracts
+points to it. T⁻¹ is T with the kicks in reversed order in the coordinates (y - x, y), so the stable
 manifold is the image of an unstable one.
 
 The manifolds of neighbouring points of the orbit cross on a homoclinic orbit that minimizes the
-action and on one that is minimax. From one point of the first to the next two lobes of equal area
-lie between them, the *turnstile*: in each step of T one passes upwards, one downwards. Both orbits
-are the limits of the periodic orbits of (np + p')/(nq + q'), with p'/q' the Farey neighbour of p/q
+action and on a minimax one. Between one point of the former and the next they enclose two lobes of
+equal area, the *turnstile*: in each step of T one passes upwards, one downwards. Both orbits are
+the limits of the periodic orbits of (np + p')/(nq + q'), with p'/q' the Farey neighbour of p/q
 above or below, so that the area is that of `flux.action_difference`.
 
 MacKay, Meiss & Percival, Physica D 13 (1984) 55; 27 (1987) 1.
 """
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import pairwise
 from math import ceil
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from nasm.action import MAX_PERIOD, LostError, ordered_orbits
 from nasm.checks import count, positive, real
@@ -31,186 +33,294 @@ from nasm.critical import Result
 from nasm.flux import action_difference
 from nasm.maps import forcing, step_tangent
 from nasm.orbits import orbit
+from nasm.types import FloatArray
 
 __all__ = ["Turnstile", "stable", "turnstile", "unstable"]
 
-_BEGIN = 1e-6  # ε
-_CLOSED = 1e-10  # times the norm of DT^q: a point that comes back so near is on a periodic orbit
-_MOST = 2 * 10**5  # points of a curve
-_FAR = 36.0  # ln λ^n of the periodic orbits of a turnstile: they come as near as rounding
-_LONGEST = 20_000  # their period
-_FURTHEST = 20.0  # turns along a manifold to its turnstile
+_EPSILON = 1e-6  # distance at which a branch begins, in turns
+_MAX_MISS = 1e-10  # relative to the norm of DT^q: by which a point of a periodic orbit returns
+MAX_POINTS = 2 * 10**5
+"""Most points of a curve."""
+
+# The homoclinic orbits of a turnstile are approximated by periodic orbits:
+_LOG_EXPANSION = 36.0  # ln λ^n, by which they agree to rounding
+_MAX_PERIOD = 20_000
+_MAX_LENGTH = 20.0  # turns along a manifold up to its turnstile
 
 
-def unstable(kappa, p, q, x, y, length, spacing=2e-3, toward=1):
-    """One branch of the unstable manifold of a point of the minimizing p/q orbit.
+def unstable(
+    kappa: ArrayLike,
+    p: int,
+    q: int,
+    x: float,
+    y: float,
+    length: float,
+    spacing: float = 2e-3,
+    toward: int = 1,
+) -> tuple[FloatArray, FloatArray]:
+    """Compute one branch of the unstable manifold of a point of the minimizing p/q orbit.
 
-    kappa : sequence of P floats, the forcing, first kick first.
-    p, q, x, y : the fraction, and a point of its minimizing orbit, x on the lift: q steps of T take
-        it to (x + p, y).
-    length : in turns, of the branch, > 0.
-    spacing : from each of its points to the next, > 0.
-    toward : 1 for the branch that begins to the right, -1 to the left.
+    Parameters
+    ----------
+    kappa : array_like, shape (P,)
+        The forcing, first kick first.
+    p, q : int
+        Without common factor, 1 ≤ q ≤ 10⁶.
+    x, y : float
+        A point of the minimizing orbit, in turns, x on the lift: q steps of T map it to (x + p, y).
+    length : float
+        Length of the branch, in turns, > 0.
+    spacing : float
+        Largest distance from each of its points to the next, in turns, > 0.
+    toward : {1, -1}
+        1 for the branch that begins to the right, -1 for that to the left.
 
-    Returns x, y : arrays, from the point on, on the lift; shorter than asked for beyond 2·10⁵
-    points.
+    Returns
+    -------
+    x, y : ndarray, shape (n,)
+        Points from (x, y) on, on the lift; a branch of more than 2·10⁵ points is cut short.
 
-    ValueError if the point is not on a p/q orbit, or not hyperbolic.
+    Raises
+    ------
+    ValueError
+        If the point is not on a p/q orbit, or not hyperbolic.
+
+    Examples
+    --------
+    >>> from nasm.manifolds import unstable
+    >>> x, y = unstable((0.5,), 0, 1, 0.0, 0.0, length=0.3, spacing=0.1)
+    >>> x.round(2)
+    array([0.  , 0.05, 0.09, 0.14, 0.18, 0.23])
     """
     arguments = _checked(kappa, p, q, x, y, length, spacing, toward)
     return _branch(*arguments)
 
 
-def stable(kappa, p, q, x, y, length, spacing=2e-3, toward=1):
-    """One branch of the stable manifold; parameters and results are those of `unstable`."""
-    kappa, p, q, x, y, *rest, toward = _checked(kappa, p, q, x, y, length, spacing, toward)
-    # In these coordinates what lies to the right along it lies to the left.
-    x, y = _branch(kappa[::-1], p, q, y - x, y, *rest, -toward)
-    return y - x, y
+def stable(
+    kappa: ArrayLike,
+    p: int,
+    q: int,
+    x: float,
+    y: float,
+    length: float,
+    spacing: float = 2e-3,
+    toward: int = 1,
+) -> tuple[FloatArray, FloatArray]:
+    """Compute one branch of the stable manifold; parameters and results are those of `unstable`.
+
+    Examples
+    --------
+    >>> from nasm.manifolds import stable
+    >>> x, y = stable((0.5,), 0, 1, 0.0, 0.0, length=0.3, spacing=0.1)
+    >>> y.round(2)
+    array([ 0.  , -0.02, -0.04, -0.07, -0.09, -0.11])
+    """
+    kappa, p, q, x, y, length, spacing, toward = _checked(
+        kappa, p, q, x, y, length, spacing, toward
+    )
+    # The coordinates (y - x, y) exchange left and right.
+    xs, ys = _branch(kappa[::-1], p, q, y - x, y, length, spacing, -toward)
+    return ys - xs, ys
 
 
-def _checked(kappa, p, q, x, y, length, spacing, toward):
+def _checked(
+    kappa: ArrayLike,
+    p: int,
+    q: int,
+    x: float,
+    y: float,
+    length: float,
+    spacing: float,
+    toward: int,
+) -> tuple[FloatArray, int, int, float, float, float, float, int]:
+    """Check the arguments of `unstable`."""
     kappa, q = forcing(kappa), count("q", q, 1, MAX_PERIOD)
     p = count("p", p, -MAX_PERIOD * kappa.size, MAX_PERIOD * kappa.size)
-    x, y = (float(one) for one in checked_points(x, y))
+    x, y = (float(coordinate) for coordinate in checked_points(x, y))
     length = positive("length", length, "turns along the manifold")
     spacing = positive("spacing", spacing, "turns from one of its points to the next")
     if toward not in (1, -1):
         raise ValueError(f"toward={toward!r} must be 1, to the right, or -1, to the left")
     whole = np.tile(kappa, q)
     (_, end_x), (_, end_y) = orbit(whole, x, y, 1)
-    apart = np.hypot(end_x - p - x, end_y - y)
-    if not apart < _CLOSED * max(1.0, np.linalg.norm(step_tangent(whole, x, y))):
+    miss = np.hypot(end_x - p - x, end_y - y)
+    if not miss < _MAX_MISS * max(1.0, float(np.linalg.norm(step_tangent(whole, x, y)))):
         raise ValueError(
-            f"({x}, {y}) is not on an orbit of p/q = {p}/{q}: it comes back {apart:.2g} beside "
-            f"itself; `action.ordered_orbits(kappa, {p}, {q})[0].points()` are"
+            f"({x}, {y}) is not on an orbit of p/q = {p}/{q}: it misses itself by {miss:.2g}; take "
+            f"a point of `action.ordered_orbits(kappa, {p}, {q})[0].points()`"
         )
     return kappa, p, q, x, y, length, spacing, toward
 
 
-def _branch(kappa, p, q, x, y, length, spacing, toward):
+def _branch(
+    kappa: FloatArray,
+    p: int,
+    q: int,
+    x: float,
+    y: float,
+    length: float,
+    spacing: float,
+    toward: int,
+) -> tuple[FloatArray, FloatArray]:
+    """Compute a branch of the unstable manifold, arguments checked."""
     whole = np.tile(kappa, q)
     values, vectors = np.linalg.eig(step_tangent(whole, x, y))
     largest = int(np.argmax(values.real))
     factor, (dx, dy) = values[largest].real, vectors[:, largest].real
     part = np.linspace(0, 1, 17)
-    if not np.log(max(factor, 1.0)) > -np.log(_BEGIN) * part.size / _MOST:
+    if not np.log(max(factor, 1.0)) > -np.log(_EPSILON) * part.size / MAX_POINTS:
         raise ValueError(
-            f"({x}, {y}) is not hyperbolic, with λ = {factor}; it has no manifolds, or none that "
-            f"{_MOST} points show"
+            f"({x}, {y}) is not hyperbolic, with λ = {factor}; it has no manifolds that "
+            f"{MAX_POINTS} points resolve: take a point of a minimizing orbit with R < 0"
         )
-    dx, dy = (toward * np.sign(dx) * along for along in (dx, dy))
-    n = ceil(-np.log(_BEGIN) / np.log(factor))
+    dx, dy = (toward * np.sign(dx) * component for component in (dx, dy))
+    n = ceil(-np.log(_EPSILON) / np.log(factor))
     while True:
-        away = _BEGIN * factor**part
-        xs, ys = orbit(whole, x + away * dx, y + away * dy, n)
+        distance = _EPSILON * factor**part
+        xs, ys = orbit(whole, x + distance * dx, y + distance * dy, n)
         xs -= p * np.arange(n + 1)[:, None]
         gaps = np.hypot(np.diff(xs, axis=1), np.diff(ys, axis=1))
-        so_far = np.cumsum(gaps.sum(axis=1))
-        if so_far[-1] < length and part.size * n <= _MOST:
+        lengths = np.cumsum(gaps.sum(axis=1))
+        if lengths[-1] < length and part.size * n <= MAX_POINTS:
             n += 1 + n // 8
             continue
-        enough = min(int(np.searchsorted(so_far, length)) + 1, n + 1)
-        wide = (gaps[:enough] > spacing).any(axis=0)
-        if not wide.any() or part.size * enough > _MOST:
+        n_images = min(int(np.searchsorted(lengths, length)) + 1, n + 1)
+        wide = (gaps[:n_images] > spacing).any(axis=0)
+        if not wide.any() or part.size * n_images > MAX_POINTS:
             break
         part = np.sort(np.concatenate([part, (part[1:] + part[:-1])[wide] / 2]))
-    xs, ys = (np.r_[z, w[:enough, :-1].ravel()] for z, w in ((x, xs), (y, ys)))
-    along = np.cumsum(np.hypot(np.diff(xs, prepend=x), np.diff(ys, prepend=y)))
-    kept = np.unique(np.floor(2 * along / spacing), return_index=True)[1]
-    kept = kept[along[kept] <= length]
-    return xs[kept], ys[kept]
+    xs, ys = (np.r_[z, w[:n_images, :-1].ravel()] for z, w in ((x, xs), (y, ys)))
+    arc = np.cumsum(np.hypot(np.diff(xs, prepend=x), np.diff(ys, prepend=y)))
+    indices = np.unique(np.floor(2 * arc / spacing), return_index=True)[1]
+    indices = indices[arc[indices] <= length]
+    return xs[indices], ys[indices]
 
 
 @dataclass(frozen=True, eq=False)
 class Turnstile(Result):
-    """What passes one edge of the resonance of p/q.
+    """Turnstile at one edge of the resonance of p/q.
 
-    area : of a lobe, in turns times y, that passes upwards in one step of T, and as much downwards.
-    lobes : two arrays (2, n), x and y of their edges on the lift.
+    Attributes
+    ----------
+    area : float
+        Area of a lobe, in turns times y: it passes upwards in one step of T, and as much downwards.
+    lobes : tuple of two ndarrays, shape (2, n)
+        x and y of their edges, on the lift.
     """
 
     area: float
-    lobes: tuple
+    lobes: tuple[FloatArray, FloatArray]
 
 
-def turnstile(kappa, p, q, above, spacing=1e-3):
-    """The turnstile of the upper (above) or lower edge of the resonance of p/q.
+def turnstile(kappa: ArrayLike, p: int, q: int, above: bool, spacing: float = 1e-3) -> Turnstile:
+    """Compute the turnstile of the upper or lower edge of the resonance of p/q.
 
-    kappa : sequence of P floats, the forcing, first kick first.
-    p, q : ints without common factor.
-    spacing : of the points of the lobes' edges, in turns, from 10⁻⁵ to 0.1.
+    Parameters
+    ----------
+    kappa : array_like, shape (P,)
+        The forcing, first kick first.
+    p, q : int
+        Without common factor.
+    above : bool
+        True for the upper edge.
+    spacing : float
+        Distance of points on the lobes' edges, in turns, from 10⁻⁵ to 0.1.
 
-    LostError if the orbits that tend to the homoclinic ones are not found, or differ by rounding,
-    as where R is about 0.
+    Raises
+    ------
+    LostError
+        If the orbits that tend to the homoclinic ones are not found, or differ by rounding only, as
+        where R is about 0.
+
+    Examples
+    --------
+    >>> from nasm.manifolds import turnstile
+    >>> upper = turnstile((0.9,), 0, 1, True, spacing=0.05)
+    >>> print(f"{upper.area:.3g}")
+    0.000383
     """
     kappa, spacing = forcing(kappa), real("spacing", spacing, 1e-5, 0.1)
-    points, _ = ordered_orbits(kappa, p, q)
-    if not points.residue < 0:
+    resonant, _ = ordered_orbits(kappa, p, q)
+    if not resonant.residue < 0:
         raise LostError(f"the minimizing orbit of {p}/{q} is not hyperbolic up to rounding: R = 0")
-    near = _neighbour(p, q, above)
-    n = ceil(_FAR / np.arccosh(1 - 2 * points.residue))
-    long = n * p + near.numerator, n * q + near.denominator
-    if long[1] > _LONGEST:
+    neighbour = _neighbour(p, q, above)
+    n = ceil(_LOG_EXPANSION / np.arccosh(1 - 2 * resonant.residue))
+    long = n * p + neighbour.numerator, n * q + neighbour.denominator
+    if long[1] > _MAX_PERIOD:
         raise LostError(
-            f"the resonance of {p}/{q} is too thin, R = {points.residue:.2g}: the orbits next to "
-            f"its homoclinic ones have periods above {_LONGEST}"
+            f"the resonance of {p}/{q} is too thin, R = {resonant.residue:.2g}: the orbits that "
+            f"approximate its homoclinic ones have periods above {_MAX_PERIOD}"
         )
     minimizing, minimax = ordered_orbits(kappa, *long)
     if minimax.residue == 0:
         raise LostError(f"the homoclinic orbits of {p}/{q} differ by less than rounding")
-    least, most = (np.array(found.points()) for found in (minimizing, minimax))
-    ends = np.array(points.points())
-    apart = (least[:, :, None] - ends[:, None] + 0.5) % 1 - 0.5
-    m = int(np.hypot(*apart).min(axis=1).argmax())
+    minimizing_points, minimax_points = (
+        np.array(orbit.points()) for orbit in (minimizing, minimax)
+    )
+    ends = np.array(resonant.points())
+    offsets = (minimizing_points[:, :, None] - ends[:, None] + 0.5) % 1 - 0.5
+    m = int(np.hypot(*offsets).min(axis=1).argmax())
     # In time: from next to a point of the p/q orbit, past the middle of a gap, to the next point.
-    start, first, last, end = (_at(least, m + j * q, long, j * p) for j in (-n // 2, 0, 1, n // 2))
+    start, first, last, end = (
+        _at(minimizing_points, m + j * q, long, j * p) for j in (-n // 2, 0, 1, n // 2)
+    )
     onward = 1 if above else -1
     if not above:  # a minimax orbit is to the right of the minimizing one
         m += q
-    middle = _at(most, m, long, p * (not above))
-    points = [first, middle, last]
-    curves = [
-        _through(branch, kappa, p, q, ends, z, toward, points, spacing)
-        for branch, z, toward in ((unstable, start, onward), (stable, end, -onward))
-    ]
-    lobes = tuple(np.hstack([one, other[:, ::-1]]) for one, other in zip(*curves, strict=True))
-    return Turnstile(action_difference(kappa, *long), lobes)
+    middle = _at(minimax_points, m, long, p * (not above))
+    crossings = [first, middle, last]
+    unstable_pieces = _pieces(unstable, kappa, p, q, ends, start, onward, crossings, spacing)
+    stable_pieces = _pieces(stable, kappa, p, q, ends, end, -onward, crossings, spacing)
+    lower, upper = (
+        np.hstack([there, back[:, ::-1]])
+        for there, back in zip(unstable_pieces, stable_pieces, strict=True)
+    )
+    return Turnstile(action_difference(kappa, *long), (lower, upper))
 
 
-def _at(points, i, long, whole):
-    """Point i of a periodic orbit of p, q = `long`, on the lift, so many turns to the left."""
+def _at(points: FloatArray, i: int, long: tuple[int, int], whole: int) -> FloatArray:
+    """Return point i of an orbit of p, q = `long`, on the lift, `whole` turns to the left."""
     turns, i = divmod(i, long[1])
     return points[:, i] + [turns * long[0] - whole, 0.0]
 
 
-def _through(branch, kappa, p, q, ends, start, toward, points, spacing):
-    """The pieces of a branch from one of three points to the next; it begins next to `start`."""
-    away = start[:, None] - ends
-    away[0] -= np.rint(away[0])
-    x, y = start - away[:, np.hypot(*away).argmin()]
+def _pieces(
+    branch: Callable[..., tuple[FloatArray, FloatArray]],
+    kappa: FloatArray,
+    p: int,
+    q: int,
+    ends: FloatArray,
+    start: FloatArray,
+    toward: int,
+    crossings: Sequence[FloatArray],
+    spacing: float,
+) -> list[FloatArray]:
+    """Return the pieces of a branch between three crossings; it begins next to `start`."""
+    offsets = start[:, None] - ends
+    offsets[0] -= np.rint(offsets[0])
+    x, y = start - offsets[:, np.hypot(*offsets).argmin()]
     length = 0.5 / q
     while True:
         curve = np.array(branch(kappa, p, q, x, y, length, spacing, toward))
-        apart = np.hypot(*(curve[:, :, None] - np.transpose(points)[:, None]))
-        if (apart.min(axis=0) < 2 * spacing).all():
+        distances = np.hypot(*(curve[:, :, None] - np.transpose(crossings)[:, None]))
+        if (distances.min(axis=0) < 2 * spacing).all():
             break
         length *= 1.5
-        if length > _FURTHEST:
+        if length > _MAX_LENGTH:
             raise LostError(
                 f"the manifolds of {p}/{q} do not come within {2 * spacing} of the homoclinic "
-                f"orbits in {_FURTHEST} turns"
+                f"orbits in {_MAX_LENGTH} turns"
             )
-    at = apart.argmin(axis=0)
+    nearest = distances.argmin(axis=0)
     pieces = []
-    for (i, one), (j, other) in pairwise(zip(at, points, strict=True)):
+    for (i, one), (j, other) in pairwise(zip(nearest, crossings, strict=True)):
         between = curve[:, i + 1 : j] if i < j else curve[:, j + 1 : i][:, ::-1]
         pieces.append(np.column_stack([one, between, other]))
     return pieces
 
 
-def _neighbour(p, q, above):
-    """The Farey neighbour of p/q with the least denominator, above or below it."""
+def _neighbour(p: int, q: int, above: bool) -> Fraction:
+    """Return the Farey neighbour of p/q with the least denominator, above or below it."""
     sign = 1 if above else -1
-    q_near = -sign * pow(p, -1, q) % q or 1  # q·p' - p·q' = sign; 1 if q = 1
-    return Fraction((p * q_near + sign) // q, q_near)
+    denominator = -sign * pow(p, -1, q) % q or 1  # q·p' - p·q' = sign; 1 if q = 1
+    return Fraction((p * denominator + sign) // q, denominator)

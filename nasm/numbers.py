@@ -20,8 +20,8 @@ from itertools import chain, cycle, takewhile
 from math import isfinite, isqrt
 from numbers import Rational
 
-from nasm.checks import count, exact, integer, real
-from nasm.texts import MAX_DIGITS, shortened, shown
+from nasm.checks import count, exact_fraction, integer, real
+from nasm.texts import MAX_DIGITS, abbreviate, short_repr
 
 __all__ = ["NAMES", "RotationNumber", "convergents", "moebius", "nobles_near", "parse", "rational"]
 
@@ -81,8 +81,8 @@ class RotationNumber:
                 integers = None
             if integers is None or min((1, *integers[name == "prefix" :])) < 1:
                 raise ValueError(
-                    f"{name}={shown(quotients)} must be whole numbers, ≥ 1 after the first of a "
-                    "number, e.g. RotationNumber((0, 2), (1,))"
+                    f"{name}={short_repr(quotients)} must be whole numbers, ≥ 1 after the first of "
+                    "a number, e.g. RotationNumber((0, 2), (1,))"
                 )
             object.__setattr__(self, name, integers)
         if not self.prefix:
@@ -151,15 +151,15 @@ def parse(text: str) -> RotationNumber:
         if (c, d) != (0, 0):  # γ cancels
             return rational(Fraction(b, d) if d else Fraction(a, c))
     raise ValueError(
-        f"{shown(text)} is not a rotation number; write a continued fraction like [1;4,(1)], or a "
-        "ratio in the golden mean like (5gamma+6)/(4gamma+5)"
+        f"{short_repr(text)} is not a rotation number; write a continued fraction like [1;4,(1)], "
+        "or a ratio in the golden mean like (5gamma+6)/(4gamma+5)"
     )
 
 
 def _too_long(text: str) -> ValueError:
     return ValueError(
-        f"{shortened(text)} is too long; write at most {MAX_CHARACTERS} characters, integers of at "
-        f"most {MAX_DIGITS} digits, and a number whose continued fraction has at most "
+        f"{abbreviate(text)} is too long; write at most {MAX_CHARACTERS} characters, integers of "
+        f"at most {MAX_DIGITS} digits, and a number whose continued fraction has at most "
         f"{MAX_QUOTIENTS} partial quotients before it repeats"
     )
 
@@ -178,7 +178,7 @@ def rational(fraction: Rational | float | str) -> RotationNumber:
     >>> rational("5/8")
     parse("[0;1,1,1,2]")
     """
-    fraction = exact(fraction)
+    fraction = exact_fraction(fraction)
     p, q = fraction.numerator, fraction.denominator
     quotients = []
     while q:

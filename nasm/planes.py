@@ -24,10 +24,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from nasm.checks import floats, fraction, real, sealed
+from nasm.checks import floats, fraction, real, with_sha256
 from nasm.maps import MAX_PERIOD, MAX_STRENGTH, direction, forcing
 from nasm.symmetries import equivalent_forcings, ray
-from nasm.texts import shown
+from nasm.texts import short_repr
 from nasm.types import FloatArray, IntArray
 
 __all__ = ["Plane", "from_json", "parse", "rotating", "three_kicks", "two_kicks"]
@@ -101,14 +101,14 @@ class Plane:
             )
         if not isinstance(self.name, str) or not 0 < len(self.name) <= _MAX_NAME_LENGTH:
             raise ValueError(
-                f"name={shown(self.name)} must be a text of at most {_MAX_NAME_LENGTH} letters, "
-                "like 'two-kicks'"
+                f"name={short_repr(self.name)} must be a text of at most {_MAX_NAME_LENGTH} "
+                "letters, like 'two-kicks'"
             )
         axes = self.axes if isinstance(self.axes, dict) else {}
         valid = [_AXIS.fullmatch(name) and isinstance(text, str) for name, text in axes.items()]
         if len(valid) != 2 or not all(valid):
             raise ValueError(
-                f"axes={shown(self.axes)} must be two names that begin with kappa, and their "
+                f"axes={short_repr(self.axes)} must be two names that begin with kappa, and their "
                 f"descriptions, like {TWO_KICKS_AXES}"
             )
 
@@ -116,7 +116,7 @@ class Plane:
     def record(self) -> dict[str, str]:
         """Attributes of results: `plane`, all fields as JSON text, and digits of its SHA-256."""
         fields = asdict(self)
-        return {"plane": json.dumps(fields), "plane_hash": sealed(fields)["sha256"][:12]}
+        return {"plane": json.dumps(fields), "plane_hash": with_sha256(fields)["sha256"][:12]}
 
     def forcing(self, a: ArrayLike, b: ArrayLike) -> FloatArray:
         """Compute κ(a, b), shape (*shape, P) for a and b that broadcast to `shape`.
@@ -356,6 +356,6 @@ def parse(text: str) -> Plane:
         case ["three-kicks", third]:
             return three_kicks(float(fraction("third", third)))
     raise ValueError(
-        f"{shown(text)} is not a plane; write two-kicks, rotating:FREQUENCY[,PHASE] like "
+        f"{short_repr(text)} is not a plane; write two-kicks, rotating:FREQUENCY[,PHASE] like "
         "rotating:1/3,1/48, or three-kicks:THIRD like three-kicks:0.2"
     )

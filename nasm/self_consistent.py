@@ -18,20 +18,22 @@ F(x, θ; p', J') = Σ_i (x_i p_i' + p_i'²/2γ_i) + (θ - Ω) J' + κ'C/4π², a
     2π Σ_i γ_i y_i + κ²/2 = constant                                             (`momentum`).
 
 With all γ = 0 the map is M standard maps, to the last bit. For η < 0 the sum in κ' cancels, and κ'
-is taken from κ²/(√(κ² + η²) - η). η and C are summed in blocks, pairwise in each, on one thread, by
-operations that IEEE 754 fixes to the last bit: results do not depend on the machine.
+is computed as κ²/(√(κ² + η²) - η). η and C are summed in blocks, pairwise in each, on one thread,
+by operations that IEEE 754 fixes to the last bit: results do not depend on the machine.
 """
 
 from dataclasses import dataclass, field
 
 import numpy as np
 from numba import njit
+from numpy.typing import ArrayLike
 
 from nasm.arithmetic.kernels import kernel
 from nasm.arithmetic.sine import cos2pi, sin2pi
 from nasm.checks import count, floats, points, real
 from nasm.critical import Result
 from nasm.maps import MAX_STRENGTH, TWO_PI
+from nasm.types import FloatArray
 
 __all__ = ["Record", "evolve", "momentum"]
 
@@ -40,39 +42,74 @@ MAX_KICKS = 10**9
 MIN_AMPLITUDE = 1e-100
 """Least amplitude to start from: κ² must not vanish."""
 
-_BLOCK = 256  # particles whose terms are summed pairwise; a power of two
+_BLOCK_SIZE = 256  # particles whose terms are summed pairwise; a power of two
 
 
 @dataclass(frozen=True, eq=False)
 class Record(Result):
-    """What n kicks of the self-consistent map were, and where they led.
+    """Strengths and phases of n kicks of the self-consistent map, and the state after them.
 
-    kappa, theta : ndarrays (n,), strength and phase of each kick, in turns in [-1/2, 1/2].
-    x, y : ndarrays (M,), the particles after the last kick, x in [-1/2, 1/2].
-    phase : float, θ after the last kick; the amplitude is kappa[-1].
+    Attributes
+    ----------
+    kappa, theta : ndarray, shape (n,)
+        Strength and phase of each kick; phases in turns, in [-1/2, 1/2].
+    x, y : ndarray, shape (M,)
+        The particles after the last kick, in turns, x in [-1/2, 1/2].
+    phase : float
+        θ after the last kick, in turns; the amplitude is kappa[-1].
     """
 
-    kappa: np.ndarray = field(repr=False)
-    theta: np.ndarray = field(repr=False)
-    x: np.ndarray = field(repr=False)
-    y: np.ndarray = field(repr=False)
+    kappa: FloatArray = field(repr=False)
+    theta: FloatArray = field(repr=False)
+    x: FloatArray = field(repr=False)
+    y: FloatArray = field(repr=False)
     phase: float
 
 
-def evolve(x, y, gamma, amplitude, n, phase=0.0, detuning=0.0):
-    """Follow n kicks of the self-consistent map.
+def evolve(
+    x: ArrayLike,
+    y: ArrayLike,
+    gamma: ArrayLike,
+    amplitude: float,
+    n: int,
+    phase: float = 0.0,
+    detuning: float = 0.0,
+) -> Record:
+    """Iterate the self-consistent map for n kicks.
 
-    x, y : arrays of one shape (M,), the particles; x in turns.
-    gamma : float or array (M,), weights γ, each from -10⁶ to 10⁶.
-    amplitude : float, κ before the first kick, 10⁻¹⁰⁰ to 10⁶.
-    n : int, 1 to 10⁹, kicks.
-    phase, detuning : floats, θ before the first kick and Ω, in turns.
+    Parameters
+    ----------
+    x, y : array_like, shape (M,)
+        The particles, in turns.
+    gamma : float or array_like, shape (M,)
+        Weights γ, each from -10⁶ to 10⁶.
+    amplitude : float
+        κ before the first kick, 10⁻¹⁰⁰ to 10⁶.
+    n : int
+        Number of kicks, 1 to 10⁹.
+    phase, detuning : float
+        θ before the first kick and Ω, in turns.
 
-    Returns Record. To go on, start from its x, y, kappa[-1] and phase: two runs are one then, bit
-    by bit.
+    Returns
+    -------
+    Record
+        To continue, start from its x, y, kappa[-1] and phase: two runs then equal one, bit by bit.
 
-    ValueError if an argument is out of range; ArithmeticError if the amplitude becomes 0, where the
-    phase is not defined.
+    Raises
+    ------
+    ValueError
+        If an argument is out of range.
+    ArithmeticError
+        If the amplitude becomes 0, where the phase is not defined.
+
+    Examples
+    --------
+    With weights 0 the map is the standard map, kicked with the amplitude.
+
+    >>> from nasm.self_consistent import evolve
+    >>> record = evolve([0.25], [0.1], 0.0, 0.5, 3)
+    >>> record.kappa, record.x.round(4)
+    (array([0.5, 0.5, 0.5]), array([-0.2055]))
     """
     x, y = (values.ravel() for values in points(x, y))
     gamma = floats("gamma", gamma)
@@ -87,7 +124,7 @@ def evolve(x, y, gamma, amplitude, n, phase=0.0, detuning=0.0):
         raise ValueError(f"phase={phase!r} and detuning={detuning!r} must be finite numbers")
     n = count("n", n, 1, MAX_KICKS)
     # Particles of weight 0 fill the last block.
-    state = np.zeros((4, -(-x.size // _BLOCK) * _BLOCK))
+    state = np.zeros((4, -(-x.size // _BLOCK_SIZE) * _BLOCK_SIZE))
     state[0, : x.size], state[1, : x.size] = x - np.rint(x), y
     state[2, : x.size] = gamma
     kappa, theta = np.empty(n), np.empty(n)
@@ -98,24 +135,44 @@ def evolve(x, y, gamma, amplitude, n, phase=0.0, detuning=0.0):
     return Record(kappa, theta, state[0, : x.size].copy(), state[1, : x.size].copy(), phase)
 
 
-def momentum(y, gamma, amplitude):
-    """2π Σ γ y + κ²/2, which a kick does not change. ValueError if they are not numbers."""
+def momentum(y: ArrayLike, gamma: ArrayLike, amplitude: float) -> float:
+    """Compute 2π Σ γ y + κ²/2, which a kick conserves.
+
+    Parameters
+    ----------
+    y, gamma : array_like
+        Momenta of the particles and weights; their shapes broadcast.
+    amplitude : float
+        κ.
+
+    Raises
+    ------
+    ValueError
+        If an argument is not made of numbers.
+
+    Examples
+    --------
+    >>> from nasm.self_consistent import evolve, momentum
+    >>> record = evolve([0.25], [0.1], 0.01, 0.5, 10)
+    >>> round(momentum([0.1], 0.01, 0.5), 6), round(momentum(record.y, 0.01, record.kappa[-1]), 6)
+    (0.131283, 0.131283)
+    """
     total = np.sum(floats("gamma", gamma) * floats("y", y))
-    return TWO_PI * total + real("amplitude", amplitude) ** 2 / 2
+    return float(TWO_PI * total + real("amplitude", amplitude) ** 2 / 2)
 
 
 @njit(nogil=True, error_model="numpy")
 def _field(x, gamma, theta, sines):
-    """Σ γ sin 2π(x - θ) and Σ γ cos 2π(x - θ); the sines are kept."""
-    first, second = np.empty(_BLOCK), np.empty(_BLOCK)
+    """Compute Σ γ sin 2π(x - θ) and Σ γ cos 2π(x - θ); write the sines to `sines`."""
+    first, second = np.empty(_BLOCK_SIZE), np.empty(_BLOCK_SIZE)
     sine, cosine = 0.0, 0.0
-    for start in range(0, x.size, _BLOCK):
-        for i in range(_BLOCK):
+    for start in range(0, x.size, _BLOCK_SIZE):
+        for i in range(_BLOCK_SIZE):
             angle = x[start + i] - theta
             sines[start + i] = sin2pi(angle)
             first[i] = gamma[start + i] * sines[start + i]
             second[i] = gamma[start + i] * cos2pi(angle)
-        half = _BLOCK // 2
+        half = _BLOCK_SIZE // 2
         while half:
             for i in range(half):
                 first[i] += first[half + i]
@@ -128,7 +185,7 @@ def _field(x, gamma, theta, sines):
 
 @kernel(error_model="numpy")
 def _evolve(x, y, gamma, sines, kappa, theta, detuning, strengths, phases):
-    """x, y after all kicks in place, their strengths and phases; returns the phase after them."""
+    """Advance x, y in place; write strengths and phases of the kicks, and return the next phase."""
     for n in range(strengths.size):
         sine, cosine = _field(x, gamma, theta, sines)
         root = np.sqrt(kappa * kappa + sine * sine)

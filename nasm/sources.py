@@ -1,21 +1,25 @@
-"""The source files of this package: their digest, and whether they still are what was imported.
+"""Source files of this package: their digest, and a check that they have not changed since import.
 
-This module is imported with the package, before all others. As long as no file has changed since,
-everything that the process has imported from here was made of the files that it finds.
+This module is imported with the package, before all others. As long as no file has changed since
+then, every module that the process has imported agrees with the files on disk.
 """
 
 import hashlib
 import os
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:  # it is hashlib's type for all its objects
+    from hashlib import _Hash
 
 __all__ = ["are_unchanged", "digest"]
 
 _ROOT = Path(__file__).parent
 
 
-def _stamps(folder):
-    """Times and sizes of the .py files in a folder and below; none of them can be set back."""
-    stamps = {}
+def _stamps(folder: str | Path) -> dict[str, tuple[int, int, int]]:
+    """Return times and sizes of the .py files in a folder and below; ctime cannot be set back."""
+    stamps: dict[str, tuple[int, int, int]] = {}
     with os.scandir(folder) as entries:
         for entry in entries:
             if entry.is_dir():
@@ -26,7 +30,7 @@ def _stamps(folder):
     return stamps
 
 
-def _current():
+def _current() -> dict[str, tuple[int, int, int]]:
     try:
         return _stamps(_ROOT)
     except OSError:  # in a zip archive, or removed
@@ -36,13 +40,27 @@ def _current():
 _AT_IMPORT = _current()
 
 
-def are_unchanged():
-    """Return whether the files, if there are any, are those that were there at the import."""
+def are_unchanged() -> bool:
+    """Return True if the files exist and are those of the time of import.
+
+    Examples
+    --------
+    >>> from nasm.sources import are_unchanged
+    >>> are_unchanged() in (True, False)
+    True
+    """
     return bool(_AT_IMPORT) and _current() == _AT_IMPORT
 
 
-def digest():
-    """Return the SHA-256 of the names and contents of all files, as a hashlib object."""
+def digest() -> "_Hash":
+    """Compute the SHA-256 of the names and contents of all files, as a hashlib object.
+
+    Examples
+    --------
+    >>> from nasm.sources import digest
+    >>> len(digest().hexdigest())
+    64
+    """
     sha = hashlib.sha256()
     for path in sorted(_ROOT.rglob("*.py")):
         sha.update(path.relative_to(_ROOT).as_posix().encode() + b"\0" + path.read_bytes())

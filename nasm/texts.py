@@ -1,7 +1,7 @@
-"""Numbers that a text spells: "0.525", "3/8", "1e-3".
+"""Numbers as text: parse "0.525", "3/8" and "1e-3", and write values with their errors.
 
-A text may come from anybody, and a short one can spell a number that nothing can compute with:
-1e-99999999 has a denominator of 10⁸ digits. So digits are counted before a number is made of them.
+Texts may come from strangers, and a short one can denote a number too large to compute with:
+1e-99999999 has a denominator of 10⁸ digits. So digits are counted before a text is converted.
 """
 
 import re
@@ -11,61 +11,105 @@ from fractions import Fraction
 from math import inf, isfinite
 
 __all__ = [
+    "abbreviate",
     "parse_float",
     "parse_fraction",
     "parse_integer",
     "rounded_bracket",
     "rounded_value",
-    "shortened",
-    "shown",
+    "short_repr",
 ]
 
 MAX_DIGITS = 100
-"""The most digits of an integer in a text, and of a decimal number on either side of its point."""
+"""Most digits of an integer in a text, and of a decimal number on either side of its point."""
 
 _DIGITS = rf"\d{{1,{MAX_DIGITS}}}"
 _DECIMAL = rf"(?:{_DIGITS}(?:\.(?:{_DIGITS})?)?|\.{_DIGITS})"
 _FRACTION = re.compile(rf"[+-]?(?:{_DIGITS}/{_DIGITS}|{_DECIMAL}(?:[eE][+-]?\d{{1,3}})?)")
 FORM_OF_FRACTION = f"write one like 3/8 or 0.375, with at most {MAX_DIGITS} digits"
-_LONGEST = 80  # of a value in a message
+_MAX_LENGTH = 80  # of a value in a message
 
 
-def parse_float(text):
-    """The float that a text spells; ValueError if it spells none."""
+def parse_float(text: str) -> float:
+    """Parse a float.
+
+    Raises
+    ------
+    ValueError
+        If the text is not a number.
+
+    Examples
+    --------
+    >>> from nasm.texts import parse_float
+    >>> parse_float("-1e-2")
+    -0.01
+    """
     try:
         return float(text)
     except ValueError:
-        raise ValueError(f"{shown(text)} is not a number; write one like 0.3 or -1e-2") from None
+        raise ValueError(
+            f"{short_repr(text)} is not a number; write one like 0.3 or -1e-2"
+        ) from None
 
 
-def parse_fraction(text):
-    """The Fraction that a text spells, "3/8", "0.375" or "3e-3"; ValueError if it spells none, or
-    one of more than `MAX_DIGITS` digits."""
+def parse_fraction(text: str) -> Fraction:
+    """Parse an exact fraction, "3/8", "0.375" or "3e-3".
+
+    Raises
+    ------
+    ValueError
+        If the text is not a fraction, or has more than `MAX_DIGITS` digits.
+
+    Examples
+    --------
+    >>> from nasm.texts import parse_fraction
+    >>> parse_fraction("0.375")
+    Fraction(3, 8)
+    """
     with suppress(ZeroDivisionError):
         if _FRACTION.fullmatch(text.strip()):
             return Fraction(text)
-    raise ValueError(f"{shown(text)} is not a fraction; {FORM_OF_FRACTION}")
+    raise ValueError(f"{short_repr(text)} is not a fraction; {FORM_OF_FRACTION}")
 
 
-def parse_integer(text, low, high):
-    """The whole number that a text of digits spells; ValueError unless it is from low to high."""
+def parse_integer(text: str, low: int, high: int) -> int:
+    """Parse a whole number in decimal digits.
+
+    Raises
+    ------
+    ValueError
+        If the text is something else, or the number is not from low to high.
+
+    Examples
+    --------
+    >>> from nasm.texts import parse_integer
+    >>> parse_integer("12", 1, 100)
+    12
+    """
     digits = text.strip()
     if digits.isdecimal() and len(digits) <= MAX_DIGITS and low <= int(digits) <= high:
         return int(digits)
-    raise ValueError(f"{shown(text)} must be a whole number from {low} to {high}")
+    raise ValueError(f"{short_repr(text)} must be a whole number from {low} to {high}")
 
 
-def shown(value):
-    """`value` as messages write it, shortened."""
+def short_repr(value: object) -> str:
+    """Return the repr of a value for a message, abbreviated.
+
+    Examples
+    --------
+    >>> from nasm.texts import short_repr
+    >>> short_repr("x" * 100)
+    "'xxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxx… (102 characters)"
+    """
     try:
-        return shortened(repr(value))
-    except ValueError:  # of an integer of more than 4300 digits, which Python does not write
+        return abbreviate(repr(value))
+    except ValueError:  # Python writes no integers of more than 4300 digits
         return "an integer of thousands of digits"
 
 
-def shortened(text):
-    """`text`, or its beginning and its length."""
-    return text if len(text) <= _LONGEST else f"{text[:40]}… ({len(text)} characters)"
+def abbreviate(text: str) -> str:
+    """Cut a text of more than 80 characters to its beginning and its length."""
+    return text if len(text) <= _MAX_LENGTH else f"{text[:40]}… ({len(text)} characters)"
 
 
 def rounded_value(value: float, error: float) -> str:

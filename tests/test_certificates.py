@@ -14,7 +14,7 @@ from test_proof_transport import SEVERAL, beyond
 
 import nasm
 from nasm import proofs
-from nasm.checks import sealed
+from nasm.checks import with_sha256
 from nasm.numbers import parse
 from nasm.proofs import certificate_checker, certificates
 from nasm.proofs.certificate_checker import Refuted, check, claim
@@ -49,7 +49,7 @@ def boxes_of(certificate):
 
 
 def resealed(certificate):
-    return sealed({key: value for key, value in certificate.items() if key != "sha256"})
+    return with_sha256({key: value for key, value in certificate.items() if key != "sha256"})
 
 
 def refuted(certificate, changes, reason=None):

@@ -135,7 +135,7 @@ def test_a_fraction_is_read_as_it_is_written(value, form):
     ],
 )
 def test_decimal_numbers_are_exact(text, value):
-    assert texts.parse_fraction(text) == checks.exact(text) == value
+    assert texts.parse_fraction(text) == checks.exact_fraction(text) == value
 
 
 @pytest.mark.parametrize("text", ["", "x", "nan", "inf", "1/0", "1/-2", "3 / 8", "1_0", "1e1000"])

@@ -16,16 +16,11 @@ LATER = """
 nasm.action
 nasm.arithmetic
 nasm.barriers
-nasm.checks
 nasm.circles
 nasm.converse_kam
 nasm.farey
-nasm.flux
-nasm.manifolds
 nasm.periodic
 nasm.proofs
-nasm.self_consistent
-nasm.sources
 nasm.tori
 nasm.verdicts
 pipeline.cubes

@@ -14,14 +14,14 @@ from workflows.shared.cli import command, plane_option, ray_options, real, sever
 def parse_omega(text):
     """Return the RotationNumber of a text; ValueError for a rational one."""
     from nasm.numbers import RotationNumber, parse
-    from nasm.texts import shortened
+    from nasm.texts import abbreviate
 
     omega = parse(text)
     if omega.is_rational:
         like = str(RotationNumber(omega.prefix, (1,)))
         raise ValueError(
-            f"{shortened(text)} is rational, so that no invariant circle has it; write an "
-            f"irrational number with a periodic continued fraction, like {shortened(like)}"
+            f"{abbreviate(text)} is rational, so that no invariant circle has it; write an "
+            f"irrational number with a periodic continued fraction, like {abbreviate(like)}"
         )
     return omega
 

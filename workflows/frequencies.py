@@ -25,19 +25,19 @@ ALSO = "3/19", "7/17", "8/21"
 def parse_frequency(text):
     """Return a Fraction with a denominator up to 64, or a float that is not next to one."""
     from nasm.checks import fraction
-    from nasm.texts import parse_float, shown
+    from nasm.texts import parse_float, short_repr
 
     number = fraction("frequency", text) if "/" in text else parse_float(text)
     if not 0 < number <= 0.5:
         raise ValueError(
-            f"{shown(text)} must be a frequency from 0 to 1/2, like 8/21 or 0.41421356237"
+            f"{short_repr(text)} must be a frequency from 0 to 1/2, like 8/21 or 0.41421356237"
         )
     near = Fraction(number).limit_denominator(64)
     if "/" in text and number != near:
-        raise ValueError(f"{shown(text)} must have a denominator up to 64, like {near}")
+        raise ValueError(f"{short_repr(text)} must have a denominator up to 64, like {near}")
     if "/" not in text and abs(number - near) < 1e-8:
         raise ValueError(
-            f"{shown(text)} must not be next to a fraction like {near}; give that itself"
+            f"{short_repr(text)} must not be next to a fraction like {near}; give that itself"
         )
     return number
 

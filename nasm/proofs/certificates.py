@@ -1,6 +1,6 @@
 """What a proof leaves for another program to check; see proofs/README.md, "Certificates"."""
 
-from nasm.checks import sealed
+from nasm.checks import with_sha256
 
 __all__ = ["certificate"]
 
@@ -39,7 +39,7 @@ def certificate(proof, theorem, fields, kappa, within=(), omega=None, scales=())
         under = f"every forcing within {_spelled(within)} of"
     what = f"a rotational invariant circle of {omega} exists" if omega else "transport is global"
     about = {"name": theorem, "version": _VERSION, "sha256": _STATEMENTS[theorem]}
-    return sealed({"claim": f"{what} under {under} {given}", "theorem": about, **fields})
+    return with_sha256({"claim": f"{what} under {under} {given}", "theorem": about, **fields})
 
 
 def in_hex(numbers):

@@ -11,7 +11,7 @@ from math import inf, prod
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from nasm.texts import parse_float, parse_integer, shown
+from nasm.texts import parse_float, parse_integer, short_repr
 
 MAX_CELLS = 2**20
 _ENOUGH = 4096  # tiles: with fewer, a thousand workers would not end together
@@ -62,7 +62,7 @@ def parse_axis(text):
         lo, hi, n = parse_float(lo), parse_float(hi), parse_integer(n, 0, inf)
     except ValueError:
         words = "write LO:HI:N, two numbers and a number of cells, e.g. -1:1:256"
-        raise ValueError(f"{shown(text)} is not an axis; {words}") from None
+        raise ValueError(f"{short_repr(text)} is not an axis; {words}") from None
     return Axis(lo, hi, n)
 
 

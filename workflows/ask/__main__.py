@@ -18,7 +18,7 @@ from zlib import crc32
 
 import click
 
-from nasm.texts import parse_float, shortened
+from nasm.texts import abbreviate, parse_float
 from workflows.shared import cli
 
 
@@ -31,7 +31,7 @@ def numbers_in(content):
     for word in text.split():
         if re.search(r"\d,\d", word):
             words = "may be one number or two; write one like 0.3, and two like 0 3"
-            raise ValueError(f"{shortened(word)} {words}")
+            raise ValueError(f"{abbreviate(word)} {words}")
     return [parse_float(word) for word in text.replace(",", " ").split()]
 
 

@@ -11,7 +11,7 @@ from time import monotonic, sleep
 import numpy as np
 
 from nasm.numbers import nobles_near, parse
-from nasm.texts import parse_float, shortened
+from nasm.texts import abbreviate, parse_float
 from pipeline.cubes.barrier import boundary
 from pipeline.cubes.breakdown import by_residue
 from pipeline.cubes.cube import angles_of_rays
@@ -192,13 +192,13 @@ def named_by(text):
     digits = re.fullmatch(r"[+-]?\d+\.(\d+)", text)
     if not digits and text and parse(text).is_rational:
         raise ValueError(
-            f"{shortened(text)} is rational, and has no circle; write one like [0;2,(1)]"
+            f"{abbreviate(text)} is rational, and has no circle; write one like [0;2,(1)]"
         )
     if not digits:
         return text, ""
     value = parse_float(text)
     if not abs(value) < _LARGEST:
-        raise ValueError(f"{shortened(text)} must be below {_LARGEST:g}; write one like 0.618")
+        raise ValueError(f"{abbreviate(text)} must be below {_LARGEST:g}; write one like 0.618")
     half = max(0.5 * 10.0 ** -len(digits[1]), _PRECISION * max(1.0, abs(value)))
     # The number itself is rational, and may end too soon.
     noble = str(nobles_near(value + 0.382 * half, 0.618 * half, 1)[0])

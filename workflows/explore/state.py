@@ -12,7 +12,7 @@ import numpy as np
 
 from nasm.maps import forcing
 from nasm.planes import two_kicks
-from nasm.texts import parse_float, parse_fraction, parse_integer, shortened, shown
+from nasm.texts import abbreviate, parse_float, parse_fraction, parse_integer, short_repr
 from workflows.explore.rays import named_by
 
 STEPS = [m * 10**e for e in range(2, 6) for m in (1, 2, 5)] + [10**6]
@@ -114,7 +114,7 @@ class State:
         name = query.get("plane", two_kicks().name)
         if query and name != self.plane.name:
             raise ValueError(
-                f"this page shows {self.plane.name}; start one with --plane {shortened(name)}"
+                f"this page shows {self.plane.name}; start one with --plane {abbreviate(name)}"
             )
         asked = State(self.plane)
         for name, (part, read, _) in _PARTS.items():
@@ -139,7 +139,7 @@ def fraction_of(text):
         found = parse_fraction(text)
         if found.denominator <= _MOST_Q and abs(found) <= _MOST_Q:
             return found
-    raise ValueError(f"{shown(text)} must be a fraction like 3/8, with q up to {_MOST_Q}")
+    raise ValueError(f"{short_repr(text)} must be a fraction like 3/8, with q up to {_MOST_Q}")
 
 
 def orbits_of(text):
@@ -151,7 +151,7 @@ def orbits_of(text):
         words = pair.replace(",", " ").split()
         start = [parse_float(word) for word in words] if len(words) == 2 else [np.nan]
         if not np.isfinite(start).all():
-            raise ValueError(f"{shown(pair)} must be two numbers, like 0.5, 0.3")
+            raise ValueError(f"{short_repr(pair)} must be two numbers, like 0.5, 0.3")
         found.append((start[0] % 1, start[1]))
     return tuple(found)
 
@@ -171,7 +171,7 @@ def _steps(text):
 def _ends(text):
     low, colon, high = text.partition(":")
     if not colon:
-        raise ValueError(f"{shown(text)} must be a range, like 0.1:0.3")
+        raise ValueError(f"{short_repr(text)} must be a range, like 0.1:0.3")
     return parse_float(low), parse_float(high)
 
 
@@ -184,7 +184,7 @@ def _allow(ends, sizes):
 def _names(text):
     names = frozenset(filter(None, text.split(",")))
     if not names <= {*LINES, *ORBITS}:
-        raise ValueError(f"show={shown(text)} must be some of {','.join([*LINES, *ORBITS])}")
+        raise ValueError(f"show={short_repr(text)} must be some of {','.join([*LINES, *ORBITS])}")
     return names
 
 

@@ -26,7 +26,7 @@ if sys.flags.optimize:
 
 from nasm import __version__  # noqa: E402
 from nasm.arithmetic.memory import keep_freed_memory  # noqa: E402
-from nasm.texts import parse_float, parse_integer, shortened, shown  # noqa: E402
+from nasm.texts import abbreviate, parse_float, parse_integer, short_repr  # noqa: E402
 from workflows.shared import streams  # noqa: E402
 
 COMMON = {"help_option_names": ["-h", "--help"]}
@@ -168,7 +168,7 @@ class _RealRange(click.FloatRange):
         except ValueError as error:
             return self.fail(str(error), parameter, context)
         if not self.min <= number <= self.max:  # NaN neither
-            words = f"{shown(value)} must be a number from {self.min} to {self.max}"
+            words = f"{short_repr(value)} must be a number from {self.min} to {self.max}"
             self.fail(words, parameter, context)
         return number
 
@@ -242,7 +242,7 @@ def increasing(name, default, largest, help):
             if sorted({*numbers}) == numbers:
                 return numbers
         words = f"must be increasing whole numbers from 1 to {largest}, e.g. 100,1000"
-        raise ValueError(f"{shown(text)} {words}")
+        raise ValueError(f"{short_repr(text)} {words}")
 
     return parsed(name, default, parse, "N[,N...]", help)
 
@@ -255,7 +255,7 @@ def _plane(text):
             return text and parse(text)
         return from_json(Path(_at_home(text)).read_bytes())
     except (OSError, ValueError) as error:
-        raise ValueError(f"{shortened(text)}: {error}") from None
+        raise ValueError(f"{abbreviate(text)}: {error}") from None
 
 
 _PLANES = "two-kicks, rotating:1/3,1/48 (frequency, phase), three-kicks:0.2 or FILE.json."
