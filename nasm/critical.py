@@ -55,7 +55,7 @@ class Status(Enum):
         "the circle, if any, needs more modes than allowed; allow more, or use barriers.last_circle"
     )
     NOT_CERTIFIED = (
-        "Newton's method converged on one grid but not on a finer one, so this is not a circle; "
+        "Newton's method converged on one grid but not on a finer one, which shows no circle; "
         "reduce the forcing, or allow more modes"
     )
     NEARLY_RATIONAL = (

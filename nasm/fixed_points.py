@@ -2,13 +2,13 @@
 
 Primary points exist at all strengths: (0, 0), (1/2, 0), (0, ±1/2), (1/2, ±1/2), with the residues
 
-    R = -(κ1 + κ2)/2 - κ1κ2/4,    (κ1 + κ2)/2 - κ1κ2/4,                       (period_one_r1, r2)
-        (κ2 - κ1)/2 + κ1κ2/4,     (κ1 - κ2)/2 + κ1κ2/4;                       (period_one_r3, r4)
+    R = -(κ1 + κ2)/2 - κ1κ2/4,    (κ1 + κ2)/2 - κ1κ2/4,
+        (κ2 - κ1)/2 + κ1κ2/4,     (κ1 - κ2)/2 + κ1κ2/4;
 
 a point is stable iff 0 < R < 1. At R = 0 the point (1/2, 0) undergoes a pitchfork, on the curve
 κ1 + κ2 = κ1κ2/2, beyond which there are secondary points x = 1/2 ± z/2π, the solutions of
 
-    κ1 sin z + κ2 sin(z - (κ1/2) sin z) = 0,     2y = (κ1/2π) sin z,          (second1, second2)
+    κ1 sin z + κ2 sin(z - (κ1/2) sin z) = 0,     2y = (κ1/2π) sin z.              (38)
 
 The cubic expansion in z gives z² = (6κ1 + 6κ2 - 3κ1κ2) / (κ1 - κ1κ2/2 + κ2(1 - κ1/2)³). The paper's
 Eq. (39) has +3κ1κ2, with which z would not vanish at the pitchfork.
@@ -23,7 +23,7 @@ from nasm.checks import floats
 from nasm.maps import TWO_PI, step_tangent
 from nasm.types import FloatArray
 
-__all__ = ["cubic_estimate", "primary_residue", "residue", "second2", "secondary"]
+__all__ = ["cubic_estimate", "primary_residue", "residue", "secondary", "secondary_equation"]
 
 PRIMARY = ((0.0, 0.0), (0.5, 0.0), (0.0, 0.5), (0.5, 0.5))
 """x, y of the primary points I to IV; III and IV also have y = -1/2."""
@@ -115,28 +115,28 @@ def secondary(kappa1: ArrayLike, kappa2: ArrayLike) -> tuple[FloatArray, FloatAr
     kappa1, kappa2 = np.atleast_1d(*_strengths(kappa1, kappa2))
     grid = np.pi * np.arange(1, _N_SAMPLES) / _N_SAMPLES
     left, right = np.full((2, *kappa1.shape), np.nan)
-    before = second2(kappa1, kappa2, grid[0])
+    before = secondary_equation(kappa1, kappa2, grid[0])
     for low, high in pairwise(grid):
-        after = second2(kappa1, kappa2, high)
+        after = secondary_equation(kappa1, kappa2, high)
         first = np.isnan(left) & (before * after < 0)
         left[first], right[first] = low, high
         before = after
-    sign = np.sign(second2(kappa1, kappa2, left))
+    sign = np.sign(secondary_equation(kappa1, kappa2, left))
     for _ in range(_N_BISECTIONS):
         z = (left + right) / 2
-        on_the_left = np.sign(second2(kappa1, kappa2, z)) == sign
+        on_the_left = np.sign(secondary_equation(kappa1, kappa2, z)) == sign
         left, right = np.where(on_the_left, z, left), np.where(on_the_left, right, z)
     x = 0.5 + z / TWO_PI
     return z, x, kappa1 * np.sin(z) / (2 * TWO_PI)
 
 
-def second2(kappa1: ArrayLike, kappa2: ArrayLike, z: ArrayLike) -> FloatArray:
+def secondary_equation(kappa1: ArrayLike, kappa2: ArrayLike, z: ArrayLike) -> FloatArray:
     """Evaluate the left-hand side of Eq. (38b), κ1 sin z + κ2 sin(z - (κ1/2) sin z).
 
     Examples
     --------
-    >>> from nasm.fixed_points import second2
-    >>> second2(0.5, 0.5, 0.0)
+    >>> from nasm.fixed_points import secondary_equation
+    >>> secondary_equation(0.5, 0.5, 0.0)
     np.float64(0.0)
     """
     kappa1, kappa2, z = floats("kappa1", kappa1), floats("kappa2", kappa2), floats("z", z)

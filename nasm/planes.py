@@ -324,6 +324,12 @@ def from_json(text: str) -> Plane:
     ------
     ValueError
         If the text is anything else.
+
+    Examples
+    --------
+    >>> from nasm.planes import from_json, two_kicks
+    >>> from_json(two_kicks().record["plane"]) == two_kicks()
+    True
     """
     try:
         return Plane(**json.loads(text, parse_int=float))  # an int may have thousands of digits

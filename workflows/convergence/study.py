@@ -16,8 +16,8 @@ def breakups(plane, angles):
         found = barriers.critical_scale(plane.ray(angle)[1], 1e-3)
         if np.isnan(found.value):
             raise ValueError(
-                f"--angle {angle:g}: no breakup is known to judge by, {found.status.value}; take "
-                "another ray"
+                f"--angle {angle:g}: the breakup is not known, so take another ray "
+                f"({found.status.value})"
             )
         scales[angle] = found.value
     return scales
