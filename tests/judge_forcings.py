@@ -5,7 +5,7 @@ for the last barrier
 
 1. a circle at `lower`: Newton's method in Fourier space converges on a finer grid (`nasm.circles`),
    from circles that are continued on the ray, or from the sites of a long periodic orbit;
-2. no circle at `upper`, and none at some scales up to 2% above: converse KAM eliminates all starts
+2. no circle at `upper`, and none at some scales up to 1% above: converse KAM eliminates all starts
    on a transversal within 10⁵ periods (`nasm.converse_kam`), or in rows of "proof" interval
    arithmetic proves transport (`nasm.proofs.transport`);
 3. in rows of "residues", where the circle `omega` breaks: Greene's residues of the minimax orbits
@@ -13,13 +13,16 @@ for the last barrier
    scales at which the residues of two convergents agree have the limit `value` (Aitken's
    extrapolation; `error` is three times the larger of its last two changes).
 
-A new row is judged with `--new CLASS PROFILE OMEGA NEAR [START]`, strengths separated by spaces: of
-the circle that is said to break last, next to a scale, the script tries all three and prints the
-line. OMEGA and NEAR may come from anywhere.
+New rows are judged with
+
+    --new CLASS PROFILE OMEGA NEAR [START]            residues of the circle OMEGA next to a scale
+    --bracket CLASS PROFILE OMEGA LOWER UPPER [START] OMEGA exists at LOWER, nothing from UPPER on
+
+with strengths separated by spaces, and printed if the methods agree. OMEGA and the scales may come
+from anywhere.
 """
 
 import sys
-from dataclasses import replace
 from math import cos, inf, isfinite, isnan, log, nan, pi, sin
 
 import numpy as np
@@ -33,10 +36,10 @@ from nasm.numbers import convergents, distinct_convergents, parse
 from nasm.proofs import transport
 
 STEPS = 100_000  # of converse KAM
-ABOVE = (0, 1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2, 2e-2)  # of upper: no circle there either
+ABOVE = (0, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2)  # of upper: no circle there either
 NEAREST = (1e-4, 3e-4, 1e-3)  # distances below a breakup at which circles are certified
-SHORTEST, SITES = 20, 5000  # period from which on residues are compared, and kicks up to which
-HULL = 20_000  # sites of the orbit from which Newton's method starts
+SHORTEST, SITES = 20, 6000  # period from which on residues are compared, and kicks up to which
+HULL = 60_000  # sites of the orbit from which Newton's method starts
 
 
 def eliminated(kappa, steps=STEPS):
@@ -202,18 +205,18 @@ class MinimaxOrbits:
 
     def _sought(self, i, scale, places=16):
         """The orbit at the highest maximum of the action over a gap: (u, R) or None."""
-        (p, q), kappa, n_kicks = self.fractions[i].as_integer_ratio(), self._kappa(scale), 0
+        (p, q), kappa = self.fractions[i].as_integer_ratio(), self._kappa(scale)
         n_kicks, n_sites = kappa.size, kappa.size * q
         site = (np.arange(n_sites) + self.site) % n_kicks
         period = (np.arange(n_sites) + self.site) // n_kicks
         x, force, chains = [], [], []
         for part in np.linspace(-0.6, 0.6, places + 1):
             first = self.phase + part / q
-            phase, u = first + period * p % q / q, np.empty(n_sites)
-            for j in range(n_kicks):
-                grid = np.arange(self.u.shape[1]) / self.u.shape[1]
-                u[site == j] = np.interp(phase[site == j], grid, self.u[j], period=1)
-            u += first + self.site * p / n_sites
+            phase = first + period * p % q / q
+            place = phase % 1 * self.u.shape[1]
+            cell = place.astype(int)
+            here, ahead = (self.u[site, n % self.u.shape[1]] for n in (cell, cell + 1))
+            u = here + (place - cell) * (ahead - here) + first + self.site * p / n_sites
             ok, at_rest, _ = hold(kappa, p, q, u)
             if not ok:
                 return None
@@ -256,16 +259,18 @@ class MinimaxOrbits:
 
 
 def breakup(omega, start, profile, near, tolerance=1e-5):
-    """Where residues say that a circle breaks: value, error; NaN where they do not settle."""
+    """Where residues say that a circle breaks next to a scale, from a certified circle below.
+
+    Returns value, error and the scale of that circle; NaN where the residues do not settle.
+    """
     for distance in NEAREST:
         below, u = circle_below(omega, start, profile, near, distance)
         if u is None or below < near * (1 - 2 * distance):
             continue
-        orbits = MinimaxOrbits(omega, start, profile, u)
-        value, error = _limit(orbits, near)
+        value, error = _limit(MinimaxOrbits(omega, start, profile, u), near)
         if error < tolerance * value:
-            return value, error
-    return nan, nan
+            return value, error, below
+    return nan, nan, nan
 
 
 def _limit(orbits, near):
@@ -285,6 +290,15 @@ def _limit(orbits, near):
     return value, float(max(*(3 * abs(np.diff(limits[-3:]))), 2e-9 * abs(value)))
 
 
+def _has_circle(omega, start, profile, scale, breakup):
+    if is_circle(omega, start + scale * profile):
+        return True
+    distance = 1 - scale / breakup
+    if not 1e-6 <= distance <= 0.5:
+        return False
+    return circle_below(omega, start, profile, breakup, distance)[0] >= scale * (1 - 1e-12)
+
+
 def doubts(row):
     """What the methods do not confirm of a row: list of sentences."""
     start = np.zeros(len(row.profile)) if row.start is None else np.array(row.start)
@@ -295,15 +309,8 @@ def doubts(row):
         return [] if expected == row else [f"the image is {expected.text()}"]
     if row.method == "literature":
         return []
-    if isfinite(row.lower):
-        omega, distance = parse(row.omega), 1 - row.lower / row.value
-        scale = nan
-        if 1e-6 <= distance <= 0.5:
-            scale, _ = circle_below(omega, start, profile, row.value, distance)
-        if not scale >= row.lower * (1 - 1e-12) and not is_circle(
-            omega, start + row.lower * profile
-        ):
-            found.append(f"no circle of {omega} is certified at lower={row.lower!r}")
+    if not _has_circle(parse(row.omega), start, profile, row.lower, row.value):
+        found.append(f"no circle of {row.omega} is certified at lower={row.lower!r}")
     if row.method == "proof" and not transport.prove(row.upper * profile, 300).proved:
         found.append(f"transport is not proved at upper={row.upper!r}")
     for above in ABOVE:
@@ -311,64 +318,47 @@ def doubts(row):
         if not eliminated(start + scale * profile):
             found.append(f"a start survives {STEPS} steps at {scale!r}")
     if row.method in ("residues", "proof"):
-        value, error = breakup(parse(row.omega), start, profile, row.value)
+        value, error, _ = breakup(parse(row.omega), start, profile, row.value)
         if not abs(value - row.value) <= error + row.error:
             found.append(f"the residues' limit is {value!r} ± {error:.1g}")
     return found
 
 
-def new_row(kind, profile, omega, near, start=None, lowers=()):
-    """A Row by all that can be shown, of a ray whose last circle is said to be `omega`, near a
-    scale. lowers : (omega, scale) where else circles may exist, best first."""
+def new_row(kind, profile, omega, near, start=None):
+    """The Row of a ray whose last circle is said to be `omega`, next to a scale; None if the
+    methods do not agree on it."""
     profile, omega = np.array(profile, float), parse(omega)
     first = np.zeros(profile.size) if start is None else np.array(start, float)
-    value, error = breakup(omega, first, profile, near)
-    lower, upper = nan, nan
-    for excess in (5e-5, 1e-4, 2e-4, 4e-4, 1e-3, 2e-3) if isfinite(value) else ():
-        if all(eliminated(first + value * (1 + excess) * (1 + above) * profile) for above in ABOVE):
-            upper = value * (1 + excess)
-            break
-    for distance in NEAREST if isfinite(upper) else ():
-        lower, _ = circle_below(omega, first, profile, value, distance)
-        if isfinite(lower):
-            break
-    row = Row(0, kind, tuple(profile), start, value, error, lower, upper, str(omega), "residues")
-    if upper <= value * (1 + 4e-4) and isfinite(lower):
-        return row
-    return band(row, first, profile, near, lowers)
+    value, error, lower = breakup(omega, first, profile, near)
+    if not lower < value:
+        return None
+    for upper in (value * (1 + excess) for excess in (5e-5, 1e-4, 2e-4, 4e-4)):
+        if all(eliminated(first + upper * (1 + above) * profile) for above in ABOVE):
+            numbers = value, error, lower, upper
+            return Row(0, kind, tuple(profile), start, *numbers, str(omega), "residues")
+    return None
 
 
-def band(row, start, profile, near, lowers):
-    """The Row by a bracket alone."""
-    lower, omega = nan, row.omega
-    for name, scale in lowers:
-        distance, found = 1 - scale / near, nan
-        if distance >= 1e-6:
-            found, _ = circle_below(parse(name), start, profile, near, distance)
-        if not found >= scale * (1 - 1e-12) and not is_circle(parse(name), start + scale * profile):
-            continue
-        lower, omega = scale, name
-        break
-    base = np.nanmax([near, lower])
-    for excess in (1e-4, 2e-4, 3e-4, 5e-4, 7e-4, 1e-3, 1.5e-3, 2e-3, 3e-3, 5e-3, 1e-2):
-        if all(eliminated(start + base * (1 + excess) * (1 + above) * profile) for above in ABOVE):
-            upper = base * (1 + excess)
-            break
-    else:
-        upper = nan
-    value, error = (lower + upper) / 2, (upper - lower) / 2
-    return replace(
-        row, value=value, error=error, lower=lower, upper=upper, omega=str(omega), method="bracket"
-    )
+def new_bracket(kind, profile, omega, lower, upper, start=None):
+    """The Row of a ray on which the circle `omega` is said to exist at `lower`, and none at
+    `upper`; None if the methods do not agree."""
+    numbers = (lower + upper) / 2, (upper - lower) / 2, lower, upper
+    row = Row(0, kind, tuple(profile), start, *numbers, omega, "bracket")
+    return None if doubts(row) else row
+
+
+def strengths(text):
+    return tuple(map(float, text.split()))
 
 
 def main(arguments):
-    if arguments[:1] == ["--new"]:
-        kind, profile, omega, near, *start = arguments[1:]
-        profile, *start = (tuple(map(float, text.split())) for text in (profile, *start))
-        near = float(near)
-        lowers = [(omega, near * (1 - distance)) for distance in NEAREST]
-        print(new_row(kind, profile, omega, near, *start, lowers=lowers).text())
+    if arguments[:1] in (["--new"], ["--bracket"]):
+        option, kind, profile, omega, *others = arguments
+        n = 1 if option == "--new" else 2
+        scales, start = map(float, others[:n]), map(strengths, others[n:])
+        judge = new_row if option == "--new" else new_bracket
+        row = judge(kind, strengths(profile), omega, *scales, *start)
+        print(row.text() if row else "the methods do not agree")
         return
     rows = table()
     for number in map(int, arguments or rows):
