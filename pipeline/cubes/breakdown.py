@@ -72,7 +72,15 @@ def by_continuation(plane, omegas, angles, tol, q_max=6000):
     settings = {"method": _CONTINUED, "tol": tol, "q_max": q_max}
     # A fifth of the main job's rays need residues; with a smaller tol nearly all do.
     seconds = 0.03 if tol >= 1e-4 else 0.1
-    return _job("breakdown", plane, _circles(omegas), angles, seconds, settings)
+    job = _job("breakdown", plane, _circles(omegas), angles, seconds, settings)
+    return replace(job, predict=partial(_predict_continuation, seconds))
+
+
+def _predict_continuation(seconds, coords, settings):
+    """Predict by the tail of ω: golden ones take half of the mean of the paper's six circles, those
+    of fours, whose breakup takes more modes to be seen, twice as much."""
+    is_golden = [parse(circle).tail == (1,) for circle in coords["circle"]]
+    return seconds * coords["angle"].size * np.where(is_golden, 0.5, 1.9).sum()
 
 
 def by_residue(plane, omegas, angles, q_max):
